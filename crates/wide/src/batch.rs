@@ -13,137 +13,45 @@ use crate::traverse::Stack;
 /// Rays of one job: few enough to balance threads, enough that choosing the instructions costs nothing.
 const CHUNK: usize = 1024;
 
-/// A query about each ray of a slice.
-pub(crate) trait BatchQuery<P: LeafPrimitive>: Sync {
-    /// The answer for one ray.
-    type Answer: Send;
+/// Traces rays through a BVH with the instructions of `S`, on one stack.
+pub(crate) struct Tracer<'a, S: Simd, P: LeafPrimitive> {
+    pub(crate) simd: S,
+    pub(crate) bvh: &'a WideBvh<P>,
+    pub(crate) stack: Stack,
+}
 
-    /// Overwrites `answer` with that of the ray of this index.
-    fn run<S: Simd>(
-        &self,
-        simd: S,
-        bvh: &WideBvh<P>,
-        index: usize,
+impl<'a, S: Simd, P: LeafPrimitive> Tracer<'a, S, P> {
+    #[inline(always)]
+    pub(crate) fn new(simd: S, bvh: &'a WideBvh<P>) -> Self {
+        Self { simd, bvh, stack: Stack::new(bvh.nodes.depth) }
+    }
+
+    /// The closest hit that the query accepts where `ORDERED`, otherwise any.
+    #[inline(always)]
+    fn best_hit<Q: Query, const ORDERED: bool>(
+        &mut self,
         ray: &Ray,
-        stack: &mut Stack,
-        answer: &mut Self::Answer,
-    );
-}
+        instance: InstanceId,
+        query: &mut Q,
+    ) -> Option<Hit> {
+        let ray = ScaledRay::new(ray)?;
+        let mut best = BestHit::<Q, ORDERED>::new(query, instance);
+        trace(self.simd, self.bvh, &ray, &mut self.stack, &mut best);
+        best.hit(&ray)
+    }
 
-/// Which hits count.
-pub(crate) trait Filter: Sync {
-    /// The filter for one ray.
-    type Query<'a>: Query
-    where
-        Self: 'a;
-
-    /// The filter for the ray of this index.
-    fn query<'a>(&'a self, index: usize, ray: &'a Ray) -> Self::Query<'a>;
-}
-
-/// Every hit counts.
-pub(crate) struct AcceptAll;
-
-impl Filter for AcceptAll {
-    type Query<'a> = ();
-
+    /// Every hit that the query accepts.
     #[inline(always)]
-    fn query(&self, _: usize, _: &Ray) {}
-}
-
-/// The hits count that a function accepts.
-pub(crate) struct Where<F>(pub(crate) F);
-
-impl<F: Fn(usize, &Ray, &Hit) -> bool + Sync> Filter for Where<F> {
-    type Query<'a>
-        = FilterQuery<'a, F>
-    where
-        F: 'a;
-
-    #[inline(always)]
-    fn query<'a>(&'a self, index: usize, ray: &'a Ray) -> FilterQuery<'a, F> {
-        FilterQuery { accepts: &self.0, index, ray }
+    fn all_hits<Q: Query>(&mut self, ray: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+        hits.clear();
+        let Some(ray) = ScaledRay::new(ray) else { return };
+        let mut all = AllHits { query, instance, hits };
+        trace(self.simd, self.bvh, &ray, &mut self.stack, &mut all);
+        all.finish(&ray);
     }
 }
 
-/// The closest hit.
-pub(crate) struct Closest<F>(pub(crate) F);
-
-impl<P: LeafPrimitive, F: Filter> BatchQuery<P> for Closest<F> {
-    type Answer = Option<Hit>;
-
-    #[inline(always)]
-    fn run<S: Simd>(
-        &self,
-        simd: S,
-        bvh: &WideBvh<P>,
-        index: usize,
-        ray: &Ray,
-        stack: &mut Stack,
-        hit: &mut Option<Hit>,
-    ) {
-        *hit = best_hit::<S, P, _, true>(simd, bvh, ray, InstanceId(0), &mut self.0.query(index, ray), stack);
-    }
-}
-
-/// Whether anything is hit.
-pub(crate) struct Occluded<F>(pub(crate) F);
-
-impl<P: LeafPrimitive, F: Filter> BatchQuery<P> for Occluded<F> {
-    type Answer = bool;
-
-    #[inline(always)]
-    fn run<S: Simd>(&self, simd: S, bvh: &WideBvh<P>, index: usize, ray: &Ray, stack: &mut Stack, occluded: &mut bool) {
-        let query = &mut self.0.query(index, ray);
-        *occluded = best_hit::<S, P, _, false>(simd, bvh, ray, InstanceId(0), query, stack).is_some();
-    }
-}
-
-/// Every hit.
-pub(crate) struct Every<F>(pub(crate) F);
-
-impl<P: LeafPrimitive, F: Filter> BatchQuery<P> for Every<F> {
-    type Answer = Vec<Hit>;
-
-    #[inline(always)]
-    fn run<S: Simd>(&self, simd: S, bvh: &WideBvh<P>, index: usize, ray: &Ray, stack: &mut Stack, hits: &mut Vec<Hit>) {
-        all_hits(simd, bvh, ray, InstanceId(0), &mut self.0.query(index, ray), stack, hits);
-    }
-}
-
-#[inline(always)]
-fn best_hit<S: Simd, P: LeafPrimitive, Q: Query, const ORDERED: bool>(
-    simd: S,
-    bvh: &WideBvh<P>,
-    ray: &Ray,
-    instance: InstanceId,
-    query: &mut Q,
-    stack: &mut Stack,
-) -> Option<Hit> {
-    let ray = ScaledRay::new(ray)?;
-    let mut best = BestHit::<Q, ORDERED>::new(query, instance);
-    trace(simd, bvh, &ray, stack, &mut best);
-    best.hit(&ray)
-}
-
-#[inline(always)]
-fn all_hits<S: Simd, P: LeafPrimitive, Q: Query>(
-    simd: S,
-    bvh: &WideBvh<P>,
-    ray: &Ray,
-    instance: InstanceId,
-    query: &mut Q,
-    stack: &mut Stack,
-    hits: &mut Vec<Hit>,
-) {
-    hits.clear();
-    let Some(ray) = ScaledRay::new(ray) else { return };
-    let mut all = AllHits { query, instance, hits };
-    trace(simd, bvh, &ray, stack, &mut all);
-    all.finish(&ray);
-}
-
-/// One ray with a query that may count: the closest hit where `ORDERED`, else any.
+/// One ray with a query that may count: the closest hit where `ORDERED`, otherwise any.
 pub(crate) struct One<'a, P: LeafPrimitive, Q, const ORDERED: bool> {
     pub(crate) bvh: &'a WideBvh<P>,
     pub(crate) ray: &'a Ray,
@@ -156,8 +64,7 @@ impl<P: LeafPrimitive, Q: Query, const ORDERED: bool> Task for One<'_, P, Q, ORD
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Option<Hit> {
-        let mut stack = Stack::new(self.bvh.nodes.depth);
-        best_hit::<S, P, Q, ORDERED>(simd, self.bvh, self.ray, self.instance, self.query, &mut stack)
+        Tracer::new(simd, self.bvh).best_hit::<Q, ORDERED>(self.ray, self.instance, self.query)
     }
 }
 
@@ -175,8 +82,54 @@ impl<P: LeafPrimitive, Q: Query> Task for AllOfOne<'_, P, Q> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) {
-        let mut stack = Stack::new(self.bvh.nodes.depth);
-        all_hits(simd, self.bvh, self.ray, self.instance, self.query, &mut stack, self.hits);
+        Tracer::new(simd, self.bvh).all_hits(self.ray, self.instance, self.query, self.hits);
+    }
+}
+
+/// A query about each ray of a slice.
+pub(crate) trait BatchQuery<P: LeafPrimitive>: Sync {
+    /// The answer for one ray.
+    type Answer: Send;
+
+    /// Overwrites `answer` with that of the ray of this index.
+    fn run<S: Simd>(&self, tracer: &mut Tracer<S, P>, index: usize, ray: &Ray, answer: &mut Self::Answer);
+}
+
+/// The closest hit that a function accepts.
+pub(crate) struct Closest<F>(pub(crate) F);
+
+impl<P: LeafPrimitive, F: Fn(usize, &Ray, &Hit) -> bool + Sync> BatchQuery<P> for Closest<F> {
+    type Answer = Option<Hit>;
+
+    #[inline(always)]
+    fn run<S: Simd>(&self, tracer: &mut Tracer<S, P>, index: usize, ray: &Ray, hit: &mut Option<Hit>) {
+        let query = &mut FilterQuery { accepts: &self.0, index, ray };
+        *hit = tracer.best_hit::<_, true>(ray, InstanceId(0), query);
+    }
+}
+
+/// Whether there is a hit that a function accepts.
+pub(crate) struct Occluded<F>(pub(crate) F);
+
+impl<P: LeafPrimitive, F: Fn(usize, &Ray, &Hit) -> bool + Sync> BatchQuery<P> for Occluded<F> {
+    type Answer = bool;
+
+    #[inline(always)]
+    fn run<S: Simd>(&self, tracer: &mut Tracer<S, P>, index: usize, ray: &Ray, occluded: &mut bool) {
+        let query = &mut FilterQuery { accepts: &self.0, index, ray };
+        *occluded = tracer.best_hit::<_, false>(ray, InstanceId(0), query).is_some();
+    }
+}
+
+/// Every hit that a function accepts.
+pub(crate) struct Every<F>(pub(crate) F);
+
+impl<P: LeafPrimitive, F: Fn(usize, &Ray, &Hit) -> bool + Sync> BatchQuery<P> for Every<F> {
+    type Answer = Vec<Hit>;
+
+    #[inline(always)]
+    fn run<S: Simd>(&self, tracer: &mut Tracer<S, P>, index: usize, ray: &Ray, hits: &mut Vec<Hit>) {
+        tracer.all_hits(ray, InstanceId(0), &mut FilterQuery { accepts: &self.0, index, ray }, hits);
     }
 }
 
@@ -195,38 +148,27 @@ impl<P: LeafPrimitive, B: BatchQuery<P>> Task for Slice<'_, P, B> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) {
-        let mut stack = Stack::new(self.bvh.nodes.depth);
+        let mut tracer = Tracer::new(simd, self.bvh);
         for (i, (ray, answer)) in self.rays.iter().zip(self.answers).enumerate() {
-            self.query.run(simd, self.bvh, self.first + i, ray, &mut stack, answer);
+            self.query.run(&mut tracer, self.first + i, ray, answer);
         }
     }
 }
 
-/// Runs a query for every ray, one after another.
+/// Runs a query for every ray: on all threads where `PARALLEL`, otherwise one after another.
 ///
 /// # Panics
 /// If the slices differ in length.
-pub(crate) fn serial<P: LeafPrimitive, B: BatchQuery<P>>(
+pub(crate) fn run<P: LeafPrimitive, B: BatchQuery<P>, const PARALLEL: bool>(
     bvh: &WideBvh<P>,
     query: &B,
     rays: &[Ray],
     answers: &mut [B::Answer],
 ) {
     assert_eq!(rays.len(), answers.len(), "rays and answers differ in number");
-    bvh.path.run(Slice { bvh, query, first: 0, rays, answers });
-}
-
-/// The same on all threads.
-///
-/// # Panics
-/// If the slices differ in length.
-pub(crate) fn parallel<P: LeafPrimitive, B: BatchQuery<P>>(
-    bvh: &WideBvh<P>,
-    query: &B,
-    rays: &[Ray],
-    answers: &mut [B::Answer],
-) {
-    assert_eq!(rays.len(), answers.len(), "rays and answers differ in number");
+    if !PARALLEL {
+        return bvh.path.run(Slice { bvh, query, first: 0, rays, answers });
+    }
     let chunks = rays.chunks(CHUNK).zip(answers.chunks_mut(CHUNK)).enumerate().collect();
     par::for_jobs(chunks, |(i, (rays, answers))| {
         bvh.path.run(Slice { bvh, query, first: i * CHUNK, rays, answers });

@@ -95,8 +95,8 @@ fn compared(costs: &Costs) -> Costs {
 /// Predicted cost of a tree that is collapsed into aligned nodes only.
 pub(crate) fn cost(tree: &Tree, aligned: &Aligned, costs: &Costs) -> f32 {
     let Some(root) = tree.root() else { return 0.0 };
-    let inner: Vec<Areas> = aligned.inner_areas.iter().map(|&a| Areas::new(a, a)).collect();
-    let leaf = |i: u32| Areas::new(aligned.leaf_areas[i as usize], f32::MAX);
+    let areas = |areas: &[f32]| -> Vec<Areas> { areas.iter().map(|&a| Areas::new(a, a)).collect() };
+    let (inner, leaf) = (areas(&aligned.inner_areas), areas(&aligned.leaf_areas));
     Plan::new(tree, &inner, &leaf, costs, false).cost(root)
 }
 

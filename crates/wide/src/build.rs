@@ -212,7 +212,6 @@ fn collapse<I: Item, U: Copy + Send>(
         frames::fit(tree, &I::fitted(sorted, *scale), *rows, &areas, &frame_config)
     });
     let (inner_areas, leaf_areas) = plan_areas(aligned, fits.as_ref());
-    let leaf_areas = |i: u32| leaf_areas[i as usize];
     let plan = Plan::new(tree, &inner_areas, &leaf_areas, &config.costs, config.oriented);
     let root_area = tree.root().map_or(1.0, |root| plan.area(root, NodeKind::Aligned));
     let chosen_cost = tree.root().map_or(0.0, |root| plan.cost(root));

@@ -64,20 +64,10 @@ pub(crate) struct Plan<'a> {
     tree: &'a Tree,
     costs: Costs,
     tables: Vec<Table>,
-    leaf_areas: &'a dyn LeafAreas,
+    /// In leaf order.
+    leaf_areas: &'a [Areas],
     /// Kinds that nodes may have.
     n_kinds: usize,
-}
-
-/// Areas of leaves by position.
-pub(crate) trait LeafAreas: Sync {
-    fn areas(&self, leaf: u32) -> Areas;
-}
-
-impl<F: Fn(u32) -> Areas + Sync> LeafAreas for F {
-    fn areas(&self, leaf: u32) -> Areas {
-        self(leaf)
-    }
 }
 
 impl<'a> Plan<'a> {
@@ -85,12 +75,12 @@ impl<'a> Plan<'a> {
     pub(crate) fn new(
         tree: &'a Tree,
         inner_areas: &[Areas],
-        leaf_areas: &'a dyn LeafAreas,
+        leaf_areas: &'a [Areas],
         costs: &Costs,
         oriented: bool,
     ) -> Self {
         let n_kinds = if oriented { KINDS } else { 1 };
-        let leaf = |position: u32| leaf_table(leaf_areas.areas(position), costs);
+        let leaf = |position: u32| leaf_table(leaf_areas[position as usize], costs);
         let unset = leaf_table(Areas::default(), costs);
         let tables = bottom_up(tree, unset, leaf, |id, node, left: &Table, right: &Table| {
             join(inner_areas[id.index()], node, left, right, costs, n_kinds)
@@ -100,7 +90,7 @@ impl<'a> Plan<'a> {
 
     fn table(&self, child: Child) -> Table {
         match child.kind() {
-            ChildKind::Leaf(position) => leaf_table(self.leaf_areas.areas(position), &self.costs),
+            ChildKind::Leaf(position) => leaf_table(self.leaf_areas[position as usize], &self.costs),
             ChildKind::Inner(id) => self.tables[id.index()],
         }
     }

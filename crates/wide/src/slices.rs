@@ -1,8 +1,14 @@
 use canted_trace::{Hit, Ray};
 
-use crate::batch::{AcceptAll, Closest, Every, Occluded, Where, parallel, serial};
+use crate::batch::{Closest, Every, Occluded, run};
 use crate::bvh::WideBvh;
 use crate::leaf::LeafPrimitive;
+
+/// Accepts every hit.
+#[inline(always)]
+fn all(_: usize, _: &Ray, _: &Hit) -> bool {
+    true
+}
 
 /// Queries of slices: the results of single rays, in order, at a lower cost per ray.
 ///
@@ -15,32 +21,32 @@ use crate::leaf::LeafPrimitive;
 impl<P: LeafPrimitive> WideBvh<P> {
     /// The closest hit of each ray.
     pub fn closest_hits(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        serial(self, &Closest(AcceptAll), rays, hits);
+        run::<_, _, false>(self, &Closest(all), rays, hits);
     }
 
     /// The closest hit of each ray, on all threads.
     pub fn par_closest_hits(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        parallel(self, &Closest(AcceptAll), rays, hits);
+        run::<_, _, true>(self, &Closest(all), rays, hits);
     }
 
     /// Whether each ray hits anything.
     pub fn occluded_many(&self, rays: &[Ray], occluded: &mut [bool]) {
-        serial(self, &Occluded(AcceptAll), rays, occluded);
+        run::<_, _, false>(self, &Occluded(all), rays, occluded);
     }
 
     /// Whether each ray hits anything, on all threads.
     pub fn par_occluded_many(&self, rays: &[Ray], occluded: &mut [bool]) {
-        parallel(self, &Occluded(AcceptAll), rays, occluded);
+        run::<_, _, true>(self, &Occluded(all), rays, occluded);
     }
 
     /// Every hit of each ray, as [`WideBvh::all_hits`] returns them.
     pub fn all_hits_many(&self, rays: &[Ray], hits: &mut [Vec<Hit>]) {
-        serial(self, &Every(AcceptAll), rays, hits);
+        run::<_, _, false>(self, &Every(all), rays, hits);
     }
 
     /// Every hit of each ray, on all threads.
     pub fn par_all_hits_many(&self, rays: &[Ray], hits: &mut [Vec<Hit>]) {
-        parallel(self, &Every(AcceptAll), rays, hits);
+        run::<_, _, true>(self, &Every(all), rays, hits);
     }
 
     /// The closest hit of each ray among those that `accepts` accepts.
@@ -50,7 +56,7 @@ impl<P: LeafPrimitive> WideBvh<P> {
         hits: &mut [Option<Hit>],
         accepts: impl Fn(usize, &Ray, &Hit) -> bool + Sync,
     ) {
-        serial(self, &Closest(Where(accepts)), rays, hits);
+        run::<_, _, false>(self, &Closest(accepts), rays, hits);
     }
 
     /// The same on all threads.
@@ -60,7 +66,7 @@ impl<P: LeafPrimitive> WideBvh<P> {
         hits: &mut [Option<Hit>],
         accepts: impl Fn(usize, &Ray, &Hit) -> bool + Sync,
     ) {
-        parallel(self, &Closest(Where(accepts)), rays, hits);
+        run::<_, _, true>(self, &Closest(accepts), rays, hits);
     }
 
     /// Whether `accepts` accepts any hit of each ray.
@@ -70,7 +76,7 @@ impl<P: LeafPrimitive> WideBvh<P> {
         occluded: &mut [bool],
         accepts: impl Fn(usize, &Ray, &Hit) -> bool + Sync,
     ) {
-        serial(self, &Occluded(Where(accepts)), rays, occluded);
+        run::<_, _, false>(self, &Occluded(accepts), rays, occluded);
     }
 
     /// The same on all threads.
@@ -80,7 +86,7 @@ impl<P: LeafPrimitive> WideBvh<P> {
         occluded: &mut [bool],
         accepts: impl Fn(usize, &Ray, &Hit) -> bool + Sync,
     ) {
-        parallel(self, &Occluded(Where(accepts)), rays, occluded);
+        run::<_, _, true>(self, &Occluded(accepts), rays, occluded);
     }
 
     /// Every hit of each ray that `accepts` accepts.
@@ -90,7 +96,7 @@ impl<P: LeafPrimitive> WideBvh<P> {
         hits: &mut [Vec<Hit>],
         accepts: impl Fn(usize, &Ray, &Hit) -> bool + Sync,
     ) {
-        serial(self, &Every(Where(accepts)), rays, hits);
+        run::<_, _, false>(self, &Every(accepts), rays, hits);
     }
 
     /// The same on all threads.
@@ -100,6 +106,6 @@ impl<P: LeafPrimitive> WideBvh<P> {
         hits: &mut [Vec<Hit>],
         accepts: impl Fn(usize, &Ray, &Hit) -> bool + Sync,
     ) {
-        parallel(self, &Every(Where(accepts)), rays, hits);
+        run::<_, _, true>(self, &Every(accepts), rays, hits);
     }
 }

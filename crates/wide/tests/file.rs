@@ -1,4 +1,4 @@
-//! Trees as bytes: what is written comes back, what is damaged does not. Forged files are tested inside the crate.
+//! BVHs as bytes: what is written is read, what is damaged is rejected. Forged files are tested inside the crate.
 
 use canted_fixtures::{self as fixtures, Mesh};
 use canted_trace::{Counts, InstanceId, MollerTrumbore, Ray, Watertight};
@@ -18,13 +18,13 @@ fn meshes() -> Vec<(&'static str, Mesh)> {
         ("identical", fixtures::identical(300)),
         ("outlier", fixtures::outlier(200)),
         ("scaffold", fixtures::scaffold_of(1, true, 4)),
-        ("turned", fixtures::coplanar_quads(500).off_axis()),
+        ("rotated", fixtures::coplanar_quads(500).off_axis()),
         ("grid", fixtures::grid(5, [30, 20])),
     ]
 }
 
 #[test]
-fn what_is_written_comes_back_bit_for_bit() {
+fn what_is_written_is_read_bit_for_bit() {
     for (name, mesh) in meshes() {
         let n_presets = if mesh.triangles.len() < 1_000 { 3 } else { 1 };
         for preset in [Preset::Balanced, Preset::Fast, Preset::Quality].into_iter().take(n_presets) {
@@ -38,9 +38,9 @@ fn what_is_written_comes_back_bit_for_bit() {
             );
             assert_eq!((back.sizes(), back.predicted()), (wide.sizes(), wide.predicted()), "{name}");
             for path in SimdPath::ALL {
-                let [wide, back] = [&wide, &back].map(|tree| tree.clone().with_path(path));
+                let [wide, back] = [&wide, &back].map(|bvh| bvh.clone().with_path(path));
                 for ray in rays(&mesh) {
-                    // The same tree: not only the same hits but the same way to them.
+                    // The same bvh: not only the same hits but the same way to them.
                     let [mut a, mut b] = [Counts::default(); 2];
                     let hit = wide.closest_hit_with(&ray, InstanceId(0), &mut a);
                     assert_eq!(back.closest_hit_with(&ray, InstanceId(0), &mut b), hit, "{name} {path:?}");
@@ -61,7 +61,7 @@ fn rays(mesh: &Mesh) -> Vec<Ray> {
 }
 
 #[test]
-fn a_file_serves_any_kernel() {
+fn a_file_can_be_read_for_any_triangle_test() {
     let mesh = fixtures::soup(2, 500);
     let config = Config::default();
     let wanted = TriangleBvh::<MollerTrumbore>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
@@ -71,7 +71,7 @@ fn a_file_serves_any_kernel() {
 }
 
 #[test]
-fn files_cut_off_anywhere_are_refused_by_length() {
+fn truncated_files_are_rejected_by_length() {
     let bytes = build(&fixtures::soup(1, 20), Preset::Fast).to_bytes();
     for n in 0..bytes.len() {
         let error = TriangleBvh::<Watertight>::from_bytes(&bytes[..n]).unwrap_err();
@@ -83,7 +83,7 @@ fn files_cut_off_anywhere_are_refused_by_length() {
 }
 
 #[test]
-fn every_changed_byte_is_seen() {
+fn every_changed_byte_is_detected() {
     let bytes = build(&fixtures::soup(1, 20), Preset::Fast).to_bytes();
     for i in 0..bytes.len() {
         for change in [1, 0x80, 0xff] {
@@ -95,7 +95,7 @@ fn every_changed_byte_is_seen() {
 }
 
 #[test]
-fn other_files_and_other_versions_are_named() {
+fn other_files_and_other_versions_are_reported() {
     let bytes = build(&fixtures::soup(1, 20), Preset::Fast).to_bytes();
     let with = |at: usize, new: &[u8]| {
         let mut bytes = bytes.clone();
@@ -107,7 +107,7 @@ fn other_files_and_other_versions_are_named() {
 }
 
 #[test]
-fn huge_counts_are_refused_before_anything_is_allocated() {
+fn huge_counts_are_rejected_before_anything_is_allocated() {
     let bytes = build(&fixtures::soup(1, 20), Preset::Fast).to_bytes();
     for at in [24, 32] {
         for count in [u64::MAX, u64::MAX / 64, 1 << 40] {
@@ -116,7 +116,7 @@ fn huge_counts_are_refused_before_anything_is_allocated() {
             assert!(matches!(TriangleBvh::<Watertight>::from_bytes(&bytes), Err(LoadError::Length { .. })));
         }
     }
-    // Triangles are not told of by the file's length: the checksum is made right, by the definition of FNV-1a.
+    // The number of triangles does not follow from the length: the checksum is corrected, by the definition of FNV-1a.
     let mut bytes = bytes;
     bytes[40..48].copy_from_slice(&(1_u64 << 40).to_le_bytes());
     let end = bytes.len() - 8;

@@ -1,4 +1,4 @@
-//! Trees with moved vertices: hits are those of every moved triangle tried, whatever the motion.
+//! Refits: hits equal those of testing every moved triangle, whatever the motion.
 
 use canted_fixtures::{self as fixtures, Hair, Mesh, SplitMix64, Strand};
 use canted_lbvh::GeometryError;
@@ -17,20 +17,20 @@ fn moved(mesh: &Mesh, motion: impl FnMut([f64; 3]) -> [f64; 3]) -> Mesh {
     Mesh { positions, triangles: mesh.triangles.clone() }
 }
 
-/// Mild and ugly motions.
+/// Small and extreme motions.
 fn motions(mesh: &Mesh) -> Vec<(&'static str, Mesh)> {
     let mut rng = SplitMix64::new(9);
     let mut random = |size: f64| {
         moved(mesh, |p| [p[0] + size * rng.signed(), p[1] + size * rng.signed(), p[2] + size * rng.signed()])
     };
-    let mut motions = vec![("shaken", random(0.02)), ("thrown about", random(3.0))];
+    let mut motions = vec![("shaken", random(0.02)), ("scattered", random(3.0))];
     motions.push(("collapsed to a point", moved(mesh, |_| [0.3, -0.7, 0.1])));
     motions.push(("collapsed to a line", moved(mesh, |[x, _, _]| [x, 0.5, 0.0])));
     motions.push(("flattened", moved(mesh, |[x, y, _]| [x, y, 0.0])));
     motions.push(("mirrored", moved(mesh, |[x, y, z]| [-x, y, z])));
     motions.push(("far away", moved(mesh, |p| p.map(|x| x + 1e7))));
     motions.push(("tiny", moved(mesh, |p| p.map(|x| 1e-6 * x))));
-    motions.push(("turned", mesh.off_axis()));
+    motions.push(("rotated", mesh.off_axis()));
     motions.push((
         "twisted",
         moved(mesh, |[x, y, z]| {
@@ -38,7 +38,7 @@ fn motions(mesh: &Mesh) -> Vec<(&'static str, Mesh)> {
             [cos * x - sin * y, sin * x + cos * y, z]
         }),
     ));
-    motions.push(("as it was", mesh.clone()));
+    motions.push(("original", mesh.clone()));
     motions
 }
 
@@ -79,7 +79,7 @@ fn brute<K: Kernel>(records: &[K::Record], ray: &Ray) -> Option<Hit> {
     best.map(|hit| Hit { t: ray.caller_t(hit.t), ..hit })
 }
 
-/// Rays of which the tree and the loop over all triangles disagree, and rays that hit.
+/// Number of rays with other results than the loop over all triangles, and of rays that hit.
 fn disagree<K: LaneKernel>(wide: &TriangleBvh<K>, mesh: &Mesh) -> (usize, usize) {
     let corners = mesh.triangles.iter().map(|t| t.map(|i| mesh.positions[i as usize]));
     let records: Vec<K::Record> = corners.map(K::record).collect();
@@ -92,7 +92,7 @@ fn disagree<K: LaneKernel>(wide: &TriangleBvh<K>, mesh: &Mesh) -> (usize, usize)
 
 fn hits_survive_motion<K: LaneKernel>() {
     for (name, mesh) in meshes() {
-        // One tree through all motions, so that each refit starts from the last one's boxes.
+        // One BVH for all motions, so that each refit starts from the boxes of the last one.
         let mut wide = build::<K>(&mesh);
         let mut n_hits = 0;
         for (motion, moved) in motions(&mesh) {
@@ -103,7 +103,7 @@ fn hits_survive_motion<K: LaneKernel>() {
             let used = moved.triangles.iter().flatten().map(|&i| moved.positions[i as usize]);
             assert_eq!(wide.aabb(), Aabb::from_points(used), "{name} {motion}");
         }
-        assert!(n_hits > 100 || mesh.triangles.len() < 2, "{name}: {n_hits} hits prove little");
+        assert!(n_hits > 100 || mesh.triangles.len() < 2, "{name}: {n_hits} hits are too few");
     }
 }
 
@@ -118,7 +118,7 @@ fn moller_trumbore_hits_survive_any_motion() {
 }
 
 #[test]
-fn a_tree_without_its_refit_would_be_noticed() {
+fn a_bvh_that_is_not_refitted_is_detected() {
     let mesh = fixtures::scaffold_of(1, true, 3);
     let wide = build::<Watertight>(&mesh);
     let (wrong, _) = disagree(&wide, &motions(&mesh)[0].1);
@@ -132,14 +132,14 @@ fn records(wide: &TriangleBvh<Watertight>) -> Vec<u8> {
 }
 
 #[test]
-fn the_same_vertices_make_the_same_tree() {
+fn the_same_vertices_give_the_same_bvh() {
     for (name, mesh) in meshes() {
         let mut wide = build::<Watertight>(&mesh);
         let built = records(&wide);
         let refit = wide.refit(&mesh.positions, &mesh.triangles).unwrap();
         assert_eq!(records(&wide), built, "{name}");
         assert_eq!((refit.drift, refit.cost_before), (1.0, refit.cost_built), "{name}");
-        // There and back again.
+        // Away and back.
         let (_, away) = &motions(&mesh)[1];
         let there = wide.refit(&away.positions, &away.triangles).unwrap();
         let back = wide.refit(&mesh.positions, &mesh.triangles).unwrap();
@@ -149,20 +149,20 @@ fn the_same_vertices_make_the_same_tree() {
 }
 
 #[test]
-fn refused_vertices_change_nothing() {
+fn rejected_vertices_change_nothing() {
     let mesh = fixtures::soup(2, 100);
     let mut wide = build::<Watertight>(&mesh);
     let before = wide.to_bytes();
     let mut bad = mesh.clone();
     bad.positions[mesh.triangles[41][1] as usize][2] = f32::INFINITY;
-    let refused = wide.refit(&bad.positions, &bad.triangles);
-    assert_eq!(refused, Err(RefitError::Geometry(GeometryError::NotFinite { triangle: PrimId(41) })));
+    let rejected = wide.refit(&bad.positions, &bad.triangles);
+    assert_eq!(rejected, Err(RefitError::Geometry(GeometryError::NotFinite { triangle: PrimId(41) })));
     let n_vertices = mesh.positions.len();
-    let refused = wide.refit(&mesh.positions[..n_vertices - 1], &mesh.triangles);
-    assert!(matches!(refused, Err(RefitError::Geometry(GeometryError::IndexOutOfRange { .. }))), "{refused:?}");
-    let refused = wide.refit(&mesh.positions, &mesh.triangles[1..]).unwrap_err();
-    assert_eq!(refused, RefitError::Count { n_primitives: 100, n_given: 99 });
-    assert_eq!(refused.to_string(), "the BVH has 100 primitives, but 99 are given");
+    let rejected = wide.refit(&mesh.positions[..n_vertices - 1], &mesh.triangles);
+    assert!(matches!(rejected, Err(RefitError::Geometry(GeometryError::IndexOutOfRange { .. }))), "{rejected:?}");
+    let rejected = wide.refit(&mesh.positions, &mesh.triangles[1..]).unwrap_err();
+    assert_eq!(rejected, RefitError::Count { n_primitives: 100, n_given: 99 });
+    assert_eq!(rejected.to_string(), "the BVH has 100 primitives, but 99 are given");
     assert_eq!(wide.to_bytes(), before);
 }
 
@@ -182,7 +182,7 @@ fn threads_change_nothing() {
 }
 
 #[test]
-fn a_refitted_tree_can_be_saved_and_keeps_its_drift() {
+fn a_refitted_bvh_can_be_saved_and_keeps_its_drift() {
     let mesh = fixtures::scaffold_of(1, true, 4);
     let motions = motions(&mesh);
     let mut wide = build::<Watertight>(&mesh);
@@ -195,7 +195,7 @@ fn a_refitted_tree_can_be_saved_and_keeps_its_drift() {
     assert_eq!((again.cost_built, again.cost_before, again.drift), (refit.cost_built, refit.cost_now, refit.drift));
 }
 
-/// Nodes and triangles that camera rays meet.
+/// Nodes and triangles that camera rays test.
 fn work(wide: &TriangleBvh<Watertight>, mesh: &Mesh) -> (f64, f64) {
     let mut counts = Counts::default();
     for ray in fixtures::object_views(mesh).iter().flat_map(|view| view.rays(48)) {
@@ -237,7 +237,7 @@ fn a_rebuild_is_advised_where_it_gains() {
         }
         assert_eq!(refit.rebuild_advised(), turns >= 1.0, "{turns}: drift {}", refit.drift);
     }
-    // Motions of the whole mesh wear nothing.
+    // Motions of the mesh as one cause no drift.
     for moved in [moved(&mesh, |p| p.map(|x| 7.0 * x)), moved(&mesh, |[x, y, z]| [x + 4.0, y, z])] {
         let mut wide = build::<Watertight>(&mesh);
         let refit = wide.refit(&moved.positions, &moved.triangles).unwrap();

@@ -32,8 +32,33 @@ fn with_features<T: Task>(simd: Avx2, task: T) -> T::Output {
     task.on(simd)
 }
 
+/// Functions of lanes that are one expression of intrinsics.
+macro_rules! lanes {
+    ($(fn $name:ident($($x:ident),*) = $value:expr;)*) => {$(
+        #[inline(always)]
+        fn $name(self, $($x: __m256),*) -> __m256 {
+            // SAFETY: the token proves AVX, AVX2 and FMA.
+            unsafe { $value }
+        }
+    )*};
+}
+
 impl Simd for Avx2 {
     type F = __m256;
+
+    lanes! {
+        fn add(a, b) = _mm256_add_ps(a, b);
+        fn sub(a, b) = _mm256_sub_ps(a, b);
+        fn mul(a, b) = _mm256_mul_ps(a, b);
+        fn div(a, b) = _mm256_div_ps(a, b);
+        fn min(a, b) = _mm256_min_ps(a, b);
+        fn max(a, b) = _mm256_max_ps(a, b);
+        fn mul_add(a, b, c) = _mm256_fmadd_ps(a, b, c);
+        fn mul_sub(a, b, c) = _mm256_fmsub_ps(a, b, c);
+        fn neg_mul_sub(a, b, c) = _mm256_fnmsub_ps(a, b, c);
+        fn abs(a) = _mm256_andnot_ps(_mm256_set1_ps(-0.0), a);
+        fn xor_sign(a, b) = _mm256_xor_ps(a, _mm256_and_ps(b, _mm256_set1_ps(-0.0)));
+    }
 
     #[inline]
     fn run<T: Task>(self, task: T) -> T::Output {
@@ -61,61 +86,6 @@ impl Simd for Avx2 {
         // SAFETY: the token proves AVX, and the array holds eight lanes.
         unsafe { _mm256_storeu_ps(out.as_mut_ptr(), a) };
         out
-    }
-    #[inline(always)]
-    fn add(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: the token proves AVX.
-        unsafe { _mm256_add_ps(a, b) }
-    }
-    #[inline(always)]
-    fn sub(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: the token proves AVX.
-        unsafe { _mm256_sub_ps(a, b) }
-    }
-    #[inline(always)]
-    fn mul(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: the token proves AVX.
-        unsafe { _mm256_mul_ps(a, b) }
-    }
-    #[inline(always)]
-    fn div(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: the token proves AVX.
-        unsafe { _mm256_div_ps(a, b) }
-    }
-    #[inline(always)]
-    fn min(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: the token proves AVX.
-        unsafe { _mm256_min_ps(a, b) }
-    }
-    #[inline(always)]
-    fn max(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: the token proves AVX.
-        unsafe { _mm256_max_ps(a, b) }
-    }
-    #[inline(always)]
-    fn mul_add(self, a: __m256, b: __m256, c: __m256) -> __m256 {
-        // SAFETY: the token proves FMA.
-        unsafe { _mm256_fmadd_ps(a, b, c) }
-    }
-    #[inline(always)]
-    fn mul_sub(self, a: __m256, b: __m256, c: __m256) -> __m256 {
-        // SAFETY: the token proves FMA.
-        unsafe { _mm256_fmsub_ps(a, b, c) }
-    }
-    #[inline(always)]
-    fn neg_mul_sub(self, a: __m256, b: __m256, c: __m256) -> __m256 {
-        // SAFETY: the token proves FMA.
-        unsafe { _mm256_fnmsub_ps(a, b, c) }
-    }
-    #[inline(always)]
-    fn abs(self, a: __m256) -> __m256 {
-        // SAFETY: the token proves AVX.
-        unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), a) }
-    }
-    #[inline(always)]
-    fn xor_sign(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: the token proves AVX.
-        unsafe { _mm256_xor_ps(a, _mm256_and_ps(b, _mm256_set1_ps(-0.0))) }
     }
     #[inline(always)]
     fn lt(self, a: __m256, b: __m256) -> u32 {

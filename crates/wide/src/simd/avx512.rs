@@ -28,73 +28,41 @@ fn with_features<T: Task>(simd: Avx512, task: T) -> T::Output {
     task.on(simd)
 }
 
+/// Functions of the AVX2 path.
+macro_rules! as_avx2 {
+    ($(fn $name:ident($($x:ident: $type:ty),*) -> $result:ty;)*) => {$(
+        #[inline(always)]
+        fn $name(self, $($x: $type),*) -> $result {
+            self.0.$name($($x),*)
+        }
+    )*};
+}
+
 impl Simd for Avx512 {
     type F = __m256;
+
+    as_avx2! {
+        fn splat(x: f32) -> __m256;
+        fn load(x: &[f32; 8]) -> __m256;
+        fn load_half(x: &[f32; 4]) -> __m256;
+        fn store(a: __m256) -> [f32; 8];
+        fn add(a: __m256, b: __m256) -> __m256;
+        fn sub(a: __m256, b: __m256) -> __m256;
+        fn mul(a: __m256, b: __m256) -> __m256;
+        fn div(a: __m256, b: __m256) -> __m256;
+        fn min(a: __m256, b: __m256) -> __m256;
+        fn max(a: __m256, b: __m256) -> __m256;
+        fn mul_add(a: __m256, b: __m256, c: __m256) -> __m256;
+        fn mul_sub(a: __m256, b: __m256, c: __m256) -> __m256;
+        fn neg_mul_sub(a: __m256, b: __m256, c: __m256) -> __m256;
+        fn abs(a: __m256) -> __m256;
+        fn xor_sign(a: __m256, b: __m256) -> __m256;
+    }
 
     #[inline]
     fn run<T: Task>(self, task: T) -> T::Output {
         // SAFETY: the token was made where the features were detected.
         unsafe { with_features(self, task) }
-    }
-    #[inline(always)]
-    fn splat(self, x: f32) -> __m256 {
-        self.0.splat(x)
-    }
-    #[inline(always)]
-    fn load(self, x: &[f32; 8]) -> __m256 {
-        self.0.load(x)
-    }
-    #[inline(always)]
-    fn load_half(self, x: &[f32; 4]) -> __m256 {
-        self.0.load_half(x)
-    }
-    #[inline(always)]
-    fn store(self, a: __m256) -> [f32; 8] {
-        self.0.store(a)
-    }
-    #[inline(always)]
-    fn add(self, a: __m256, b: __m256) -> __m256 {
-        self.0.add(a, b)
-    }
-    #[inline(always)]
-    fn sub(self, a: __m256, b: __m256) -> __m256 {
-        self.0.sub(a, b)
-    }
-    #[inline(always)]
-    fn mul(self, a: __m256, b: __m256) -> __m256 {
-        self.0.mul(a, b)
-    }
-    #[inline(always)]
-    fn div(self, a: __m256, b: __m256) -> __m256 {
-        self.0.div(a, b)
-    }
-    #[inline(always)]
-    fn mul_add(self, a: __m256, b: __m256, c: __m256) -> __m256 {
-        self.0.mul_add(a, b, c)
-    }
-    #[inline(always)]
-    fn mul_sub(self, a: __m256, b: __m256, c: __m256) -> __m256 {
-        self.0.mul_sub(a, b, c)
-    }
-    #[inline(always)]
-    fn neg_mul_sub(self, a: __m256, b: __m256, c: __m256) -> __m256 {
-        self.0.neg_mul_sub(a, b, c)
-    }
-    #[inline(always)]
-    fn min(self, a: __m256, b: __m256) -> __m256 {
-        self.0.min(a, b)
-    }
-    #[inline(always)]
-    fn max(self, a: __m256, b: __m256) -> __m256 {
-        self.0.max(a, b)
-    }
-    #[inline(always)]
-    fn abs(self, a: __m256) -> __m256 {
-        self.0.abs(a)
-    }
-    #[inline(always)]
-    fn xor_sign(self, a: __m256, b: __m256) -> __m256 {
-        self.0.xor_sign(a, b)
     }
     #[inline(always)]
     fn lt(self, a: __m256, b: __m256) -> u32 {

@@ -35,16 +35,6 @@ impl Neon {
             vaddvq_u16(vandq_u16(lanes, vld1q_u16(BITS.as_ptr())))
         })
     }
-
-    /// `a` with its sign flipped where `b` is negative.
-    #[inline(always)]
-    fn xor_signs(self, a: float32x4_t, b: float32x4_t) -> float32x4_t {
-        // SAFETY: the token proves NEON.
-        unsafe {
-            let sign = vandq_u32(vreinterpretq_u32_f32(b), vdupq_n_u32(1 << 31));
-            vreinterpretq_f32_u32(veorq_u32(vreinterpretq_u32_f32(a), sign))
-        }
-    }
 }
 
 /// Runs `task` with the instructions enabled, so that everything inlined into it may use them.
@@ -53,9 +43,42 @@ fn with_features<T: Task>(simd: Neon, task: T) -> T::Output {
     task.on(simd)
 }
 
+/// Functions of lanes, computed for lanes 0 to 3 and for lanes 4 to 7.
+macro_rules! lanes {
+    ($(fn $name:ident($($x:ident),*) = $value:expr;)*) => {$(
+        #[inline(always)]
+        fn $name(self, $($x: float32x4x2_t),*) -> float32x4x2_t {
+            let half = |$($x: float32x4_t),*| -> float32x4_t {
+                // SAFETY: the token proves NEON.
+                unsafe { $value }
+            };
+            float32x4x2_t(half($($x.0),*), half($($x.1),*))
+        }
+    )*};
+}
+
 /// Lanes 0 to 3, then 4 to 7. Products and sums are fused: `mul_add` and similar round once.
 impl Simd for Neon {
     type F = float32x4x2_t;
+
+    lanes! {
+        fn add(a, b) = vaddq_f32(a, b);
+        fn sub(a, b) = vsubq_f32(a, b);
+        fn mul(a, b) = vmulq_f32(a, b);
+        fn div(a, b) = vdivq_f32(a, b);
+        // The minimum instruction orders -0.0 before 0.0; returning `b` of equals takes a comparison and a selection.
+        fn min(a, b) = vbslq_f32(vcltq_f32(a, b), a, b);
+        fn max(a, b) = vbslq_f32(vcgtq_f32(a, b), a, b);
+        fn mul_add(a, b, c) = vfmaq_f32(c, a, b);
+        // Flipping the sign of `c` first is exact, zeros included.
+        fn mul_sub(a, b, c) = vfmaq_f32(vnegq_f32(c), a, b);
+        fn neg_mul_sub(a, b, c) = vfmsq_f32(vnegq_f32(c), a, b);
+        fn abs(a) = vabsq_f32(a);
+        fn xor_sign(a, b) = vreinterpretq_f32_u32(veorq_u32(
+            vreinterpretq_u32_f32(a),
+            vandq_u32(vreinterpretq_u32_f32(b), vdupq_n_u32(1 << 31)),
+        ));
+    }
 
     #[inline]
     fn run<T: Task>(self, task: T) -> T::Output {
@@ -87,68 +110,6 @@ impl Simd for Neon {
             vst1q_f32(out[1].as_mut_ptr(), a.1);
         }
         bytemuck::cast(out)
-    }
-    #[inline(always)]
-    fn add(self, a: float32x4x2_t, b: float32x4x2_t) -> float32x4x2_t {
-        // SAFETY: the token proves NEON.
-        unsafe { float32x4x2_t(vaddq_f32(a.0, b.0), vaddq_f32(a.1, b.1)) }
-    }
-    #[inline(always)]
-    fn sub(self, a: float32x4x2_t, b: float32x4x2_t) -> float32x4x2_t {
-        // SAFETY: the token proves NEON.
-        unsafe { float32x4x2_t(vsubq_f32(a.0, b.0), vsubq_f32(a.1, b.1)) }
-    }
-    #[inline(always)]
-    fn mul(self, a: float32x4x2_t, b: float32x4x2_t) -> float32x4x2_t {
-        // SAFETY: the token proves NEON.
-        unsafe { float32x4x2_t(vmulq_f32(a.0, b.0), vmulq_f32(a.1, b.1)) }
-    }
-    #[inline(always)]
-    fn div(self, a: float32x4x2_t, b: float32x4x2_t) -> float32x4x2_t {
-        // SAFETY: the token proves NEON.
-        unsafe { float32x4x2_t(vdivq_f32(a.0, b.0), vdivq_f32(a.1, b.1)) }
-    }
-    // The minimum instruction puts -0.0 below 0.0: to give `b` of equals takes a comparison and a choice.
-    #[inline(always)]
-    fn min(self, a: float32x4x2_t, b: float32x4x2_t) -> float32x4x2_t {
-        // SAFETY: the token proves NEON.
-        unsafe {
-            let low = vbslq_f32(vcltq_f32(a.0, b.0), a.0, b.0);
-            float32x4x2_t(low, vbslq_f32(vcltq_f32(a.1, b.1), a.1, b.1))
-        }
-    }
-    #[inline(always)]
-    fn max(self, a: float32x4x2_t, b: float32x4x2_t) -> float32x4x2_t {
-        // SAFETY: the token proves NEON.
-        unsafe {
-            let low = vbslq_f32(vcgtq_f32(a.0, b.0), a.0, b.0);
-            float32x4x2_t(low, vbslq_f32(vcgtq_f32(a.1, b.1), a.1, b.1))
-        }
-    }
-    #[inline(always)]
-    fn mul_add(self, a: float32x4x2_t, b: float32x4x2_t, c: float32x4x2_t) -> float32x4x2_t {
-        // SAFETY: the token proves NEON.
-        unsafe { float32x4x2_t(vfmaq_f32(c.0, a.0, b.0), vfmaq_f32(c.1, a.1, b.1)) }
-    }
-    // To turn the sign of `c` first is exact, zeros included, and both forms below share it.
-    #[inline(always)]
-    fn mul_sub(self, a: float32x4x2_t, b: float32x4x2_t, c: float32x4x2_t) -> float32x4x2_t {
-        // SAFETY: the token proves NEON.
-        unsafe { float32x4x2_t(vfmaq_f32(vnegq_f32(c.0), a.0, b.0), vfmaq_f32(vnegq_f32(c.1), a.1, b.1)) }
-    }
-    #[inline(always)]
-    fn neg_mul_sub(self, a: float32x4x2_t, b: float32x4x2_t, c: float32x4x2_t) -> float32x4x2_t {
-        // SAFETY: the token proves NEON.
-        unsafe { float32x4x2_t(vfmsq_f32(vnegq_f32(c.0), a.0, b.0), vfmsq_f32(vnegq_f32(c.1), a.1, b.1)) }
-    }
-    #[inline(always)]
-    fn abs(self, a: float32x4x2_t) -> float32x4x2_t {
-        // SAFETY: the token proves NEON.
-        unsafe { float32x4x2_t(vabsq_f32(a.0), vabsq_f32(a.1)) }
-    }
-    #[inline(always)]
-    fn xor_sign(self, a: float32x4x2_t, b: float32x4x2_t) -> float32x4x2_t {
-        float32x4x2_t(self.xor_signs(a.0, b.0), self.xor_signs(a.1, b.1))
     }
     #[inline(always)]
     fn lt(self, a: float32x4x2_t, b: float32x4x2_t) -> u32 {

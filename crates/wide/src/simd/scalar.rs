@@ -5,17 +5,39 @@ use super::{Simd, Task};
 pub(crate) struct Scalar;
 
 #[inline(always)]
-fn map2(a: [f32; 8], b: [f32; 8], f: impl Fn(f32, f32) -> f32) -> [f32; 8] {
-    std::array::from_fn(|i| f(a[i], b[i]))
-}
-
-#[inline(always)]
 fn mask(a: [f32; 8], b: [f32; 8], f: impl Fn(&f32, &f32) -> bool) -> u32 {
     (0..8).fold(0, |mask, i| mask | u32::from(f(&a[i], &b[i])) << i)
 }
 
+/// Functions of lanes, each computed from its operands' lanes.
+macro_rules! lanes {
+    ($(fn $name:ident($($x:ident),*) = $value:expr;)*) => {$(
+        #[inline(always)]
+        fn $name(self, $($x: [f32; 8]),*) -> [f32; 8] {
+            std::array::from_fn(|i| {
+                $(let $x = $x[i];)*
+                $value
+            })
+        }
+    )*};
+}
+
 impl Simd for Scalar {
     type F = [f32; 8];
+
+    lanes! {
+        fn add(a, b) = a + b;
+        fn sub(a, b) = a - b;
+        fn mul(a, b) = a * b;
+        fn div(a, b) = a / b;
+        fn mul_add(a, b, c) = a * b + c;
+        fn mul_sub(a, b, c) = a * b - c;
+        fn neg_mul_sub(a, b, c) = -(a * b) - c;
+        fn min(a, b) = if a < b { a } else { b };
+        fn max(a, b) = if a > b { a } else { b };
+        fn abs(a) = a.abs();
+        fn xor_sign(a, b) = f32::from_bits(a.to_bits() ^ (b.to_bits() & 0x8000_0000));
+    }
 
     #[inline]
     fn run<T: Task>(self, task: T) -> T::Output {
@@ -36,50 +58,6 @@ impl Simd for Scalar {
     #[inline(always)]
     fn store(self, a: [f32; 8]) -> [f32; 8] {
         a
-    }
-    #[inline(always)]
-    fn add(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        map2(a, b, |a, b| a + b)
-    }
-    #[inline(always)]
-    fn sub(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        map2(a, b, |a, b| a - b)
-    }
-    #[inline(always)]
-    fn mul(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        map2(a, b, |a, b| a * b)
-    }
-    #[inline(always)]
-    fn div(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        map2(a, b, |a, b| a / b)
-    }
-    #[inline(always)]
-    fn mul_add(self, a: [f32; 8], b: [f32; 8], c: [f32; 8]) -> [f32; 8] {
-        std::array::from_fn(|i| a[i] * b[i] + c[i])
-    }
-    #[inline(always)]
-    fn mul_sub(self, a: [f32; 8], b: [f32; 8], c: [f32; 8]) -> [f32; 8] {
-        std::array::from_fn(|i| a[i] * b[i] - c[i])
-    }
-    #[inline(always)]
-    fn neg_mul_sub(self, a: [f32; 8], b: [f32; 8], c: [f32; 8]) -> [f32; 8] {
-        std::array::from_fn(|i| -(a[i] * b[i]) - c[i])
-    }
-    #[inline(always)]
-    fn min(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        map2(a, b, |a, b| if a < b { a } else { b })
-    }
-    #[inline(always)]
-    fn max(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        map2(a, b, |a, b| if a > b { a } else { b })
-    }
-    #[inline(always)]
-    fn abs(self, a: [f32; 8]) -> [f32; 8] {
-        a.map(f32::abs)
-    }
-    #[inline(always)]
-    fn xor_sign(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        map2(a, b, |a, b| f32::from_bits(a.to_bits() ^ (b.to_bits() & 0x8000_0000)))
     }
     #[inline(always)]
     fn lt(self, a: [f32; 8], b: [f32; 8]) -> u32 {

@@ -1,4 +1,4 @@
-//! Boxes of the caller's: which are entered, by a walk and by a loop in `f64`.
+//! Which boxes a ray enters: by traversal, and by a loop in `f64`.
 #![expect(clippy::cast_possible_truncation, reason = "fixtures are small, and rounding is how rays are stored")]
 
 use std::collections::BTreeSet;
@@ -13,7 +13,7 @@ use crate::common::paths;
 /// Half of `f32::EPSILON`: the relative error of one rounding.
 const U: f64 = 0.5 * f32::EPSILON as f64;
 
-/// What `f64` may be off by in the loop, relative: a hundred of its roundings.
+/// Error of the loop in `f64`, relative: a hundred of its roundings.
 const F64_SLACK: f64 = 100.0 * f64::EPSILON;
 
 /// Boxes of all sizes, some flat, some points, some twice.
@@ -74,14 +74,14 @@ fn entered(boxes: &[Aabb], ray: &ScaledRay, grown: f64, slack: f64) -> BTreeSet<
     (0..).zip(boxes).filter(|(_, aabb)| enters(aabb)).map(|(number, _)| number).collect()
 }
 
-fn visited(tree: &WideBvh<Aabb>, ray: &ScaledRay, error: f64) -> BTreeSet<u32> {
+fn visited(bvh: &WideBvh<Aabb>, ray: &ScaledRay, error: f64) -> BTreeSet<u32> {
     let mut numbers = BTreeSet::new();
-    tree.traverse_ordered(ray, error, &mut (), |PrimId(number), t_max, ()| {
+    bvh.traverse_ordered(ray, error, &mut (), |PrimId(number), t_max, ()| {
         assert!(numbers.insert(number), "box {number} is entered twice");
         t_max
     });
     let mut in_any_order = BTreeSet::new();
-    tree.traverse_any(ray, error, &mut (), |PrimId(number), t_max, ()| {
+    bvh.traverse_any(ray, error, &mut (), |PrimId(number), t_max, ()| {
         in_any_order.insert(number);
         t_max
     });
@@ -90,20 +90,20 @@ fn visited(tree: &WideBvh<Aabb>, ray: &ScaledRay, error: f64) -> BTreeSet<u32> {
 }
 
 #[test]
-fn what_an_exact_ray_enters_is_entered_and_little_else() {
+fn boxes_that_an_exact_ray_enters_are_entered_and_few_others() {
     for (scale, offset) in [(1.0, 0.0), (1e-6, 0.0), (1e6, 0.0), (1.0, 1e5)] {
         let boxes = boxes(300, scale, offset);
         let reach = boxes.iter().map(Aabb::reach).fold(0.0, f32::max);
         let rays = rays(&boxes, 400, scale);
         for preset in [Preset::Fast, Preset::Quality] {
-            let tree = WideBvh::<Aabb>::build(boxes.clone(), &Config::preset(preset)).expect("sound boxes");
+            let bvh = WideBvh::<Aabb>::build(boxes.clone(), &Config::preset(preset)).expect("valid boxes");
             for path in paths() {
-                let tree = tree.clone().with_path(path);
+                let bvh = bvh.clone().with_path(path);
                 for (i, ray) in rays.iter().enumerate() {
-                    let ray = ScaledRay::new(ray).expect("a ray");
+                    let ray = ScaledRay::new(ray).expect("a valid ray");
                     let size = f64::from(ray.origin.iter().fold(reach, |all, o| all.max(o.abs())));
                     let error = [0.0, 1e-3, 1.0][i % 3] * f64::from(scale);
-                    let visited = visited(&tree, &ray, error);
+                    let visited = visited(&bvh, &ray, error);
                     let least = entered(&boxes, &ray, error * (1.0 - F64_SLACK), -F64_SLACK);
                     let lost: Vec<_> = least.difference(&visited).collect();
                     assert!(lost.is_empty(), "{scale} {offset} {}: {ray:?} does not enter {lost:?}", path.name());
@@ -117,14 +117,14 @@ fn what_an_exact_ray_enters_is_entered_and_little_else() {
     }
 }
 
-/// A stated error of zero leaves out what one of a tenth enters.
+/// With a stated error of zero, boxes are lost that one of a tenth enters.
 #[test]
-fn the_stated_error_is_what_lets_near_misses_in() {
+fn the_stated_error_admits_near_misses() {
     let boxes = boxes(300, 1.0, 0.0);
-    let tree = WideBvh::<Aabb>::build(boxes.clone(), &Config::default()).expect("sound boxes");
+    let bvh = WideBvh::<Aabb>::build(boxes.clone(), &Config::default()).expect("valid boxes");
     let lost = |error: f64| {
         let rays = rays(&boxes, 400, 1.0).into_iter().filter_map(|ray| ScaledRay::new(&ray));
-        rays.map(|ray| entered(&boxes, &ray, 0.1, -F64_SLACK).difference(&visited(&tree, &ray, error)).count())
+        rays.map(|ray| entered(&boxes, &ray, 0.1, -F64_SLACK).difference(&visited(&bvh, &ray, error)).count())
             .sum::<usize>()
     };
     assert_eq!(lost(0.1001), 0);
@@ -132,18 +132,18 @@ fn the_stated_error_is_what_lets_near_misses_in() {
 }
 
 #[test]
-fn a_walk_goes_forward_and_ends_where_it_is_told() {
+fn traversal_is_ordered_and_ends_at_the_returned_t_max() {
     let row: Vec<Aabb> = (0..100u8).map(f32::from).map(|x| Aabb { min: [x; 3], max: [x + 0.5; 3] }).collect();
-    let tree = WideBvh::<Aabb>::build(row.clone(), &Config::default()).expect("sound boxes");
-    let ray = ScaledRay::new(&Ray::new([-1.0; 3], [1.0; 3])).expect("a ray");
+    let bvh = WideBvh::<Aabb>::build(row.clone(), &Config::default()).expect("valid boxes");
+    let ray = ScaledRay::new(&Ray::new([-1.0; 3], [1.0; 3])).expect("a valid ray");
     let (mut order, mut n) = (vec![], 0);
     // Something in box 40 is hit.
-    tree.traverse_ordered(&ray, 0.0, &mut (), |PrimId(number), t_max, ()| {
+    bvh.traverse_ordered(&ray, 0.0, &mut (), |PrimId(number), t_max, ()| {
         order.push(number);
         if number == 40 { 41.25 } else { t_max }
     });
     assert_eq!(order, (0..=40).collect::<Vec<_>>());
-    tree.traverse_any(&ray, 0.0, &mut (), |_, _, ()| {
+    bvh.traverse_any(&ray, 0.0, &mut (), |_, _, ()| {
         n += 1;
         if n == 3 { -1.0 } else { 1e9 }
     });
@@ -151,15 +151,18 @@ fn a_walk_goes_forward_and_ends_where_it_is_told() {
 }
 
 #[test]
-fn unsound_boxes_are_refused_by_number() {
-    let sound = Aabb { min: [0.0; 3], max: [1.0; 3] };
-    for bad in [Aabb::EMPTY, Aabb { min: [f32::NAN; 3], ..sound }, Aabb { max: [f32::INFINITY; 3], ..sound }] {
-        let refused = WideBvh::<Aabb>::build(vec![sound, bad, sound], &Config::default()).map(|_| ());
-        assert_eq!(refused, Err(PrimitiveError::Bounds { primitive: PrimId(1) }), "{bad:?}");
+fn invalid_boxes_are_rejected_by_id() {
+    let valid = Aabb { min: [0.0; 3], max: [1.0; 3] };
+    for bad in [Aabb::EMPTY, Aabb { min: [f32::NAN; 3], ..valid }, Aabb { max: [f32::INFINITY; 3], ..valid }] {
+        let rejected = WideBvh::<Aabb>::build(vec![valid, bad, valid], &Config::default()).map(|_| ());
+        assert_eq!(rejected, Err(PrimitiveError::Bounds { primitive: PrimId(1) }), "{bad:?}");
     }
-    let none = WideBvh::<Aabb>::build(vec![], &Config::default()).expect("no box is unsound");
+    let none = WideBvh::<Aabb>::build(vec![], &Config::default()).expect("no box is invalid");
     assert!(none.aabb().is_empty());
-    none.traverse_ordered(&ScaledRay::new(&Ray::new([0.0; 3], [1.0; 3])).expect("a ray"), 1.0, &mut (), |_, _, ()| {
-        panic!("nothing can be entered")
-    });
+    none.traverse_ordered(
+        &ScaledRay::new(&Ray::new([0.0; 3], [1.0; 3])).expect("a valid ray"),
+        1.0,
+        &mut (),
+        |_, _, ()| panic!("nothing can be entered"),
+    );
 }

@@ -1,4 +1,4 @@
-//! Scenes, rays, and the oracle: every triangle tried.
+//! Scenes, rays, and the oracle: every triangle tested.
 #![expect(clippy::cast_possible_truncation, reason = "fixtures are small, and rounding is how rays are stored")]
 
 use canted_fixtures as fixtures;
@@ -7,7 +7,7 @@ use canted_obb::PrimId;
 use canted_trace::{Hit, InstanceId, Kernel, Ray, ScaledRay};
 use canted_wide::{Config, LaneKernel, Preset, SimdPath, TriangleBvh};
 
-/// Scenes on which trees and triangle tests go wrong first.
+/// Scenes on which BVHs and triangle tests fail first.
 pub(crate) fn scenes() -> Vec<(&'static str, Mesh)> {
     let hair = Hair { n_strands: 40, n_segments: 5, width: 0.004, strand: Strand::Tube };
     vec![
@@ -65,17 +65,17 @@ pub(crate) fn brute<K: Kernel<Record = [[f32; 3]; 3]>>(mesh: &Mesh, ray: &Ray) -
     hits
 }
 
-/// The mesh's tree.
+/// A BVH over the mesh.
 pub(crate) fn build<K: LaneKernel>(mesh: &Mesh, preset: Preset) -> TriangleBvh<K> {
     TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)).expect("fixtures are valid")
 }
 
-/// Paths of this machine; names those that are missing.
+/// Paths of this machine; prints those that are missing.
 pub(crate) fn paths() -> Vec<SimdPath> {
     let (there, missing): (Vec<_>, Vec<_>) = SimdPath::ALL.into_iter().partition(|path| path.is_available());
     if !missing.is_empty() {
         let names: Vec<_> = missing.iter().map(|path| path.name()).collect();
-        #[expect(clippy::print_stderr, reason = "what was not tested must be known")]
+        #[expect(clippy::print_stderr, reason = "paths that are not tested are reported")]
         {
             eprintln!("not tested, this machine has no {}", names.join(", "));
         }

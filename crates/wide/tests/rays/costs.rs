@@ -1,4 +1,4 @@
-//! Costs at their extremes: whatever they are, the tree hits what every triangle tried hits.
+//! Extreme costs: hits equal those of testing every triangle.
 
 use canted_fixtures as fixtures;
 use canted_trace::{Sphere, Watertight};
@@ -6,7 +6,7 @@ use canted_wide::{Config, Costs, NodeKind, Preset, TriangleBvh, WideBvh};
 
 use crate::common::{brute, rays};
 
-/// Default costs with one of them, or all, at each extreme; by name.
+/// Default costs with one of them, or all, at each extreme value.
 fn extremes() -> Vec<(String, Costs)> {
     let usual = Costs::default();
     let mut all = vec![];
@@ -28,7 +28,7 @@ fn extremes() -> Vec<(String, Costs)> {
 }
 
 #[test]
-fn triangles_are_hit_whatever_visits_cost() {
+fn triangles_are_hit_with_any_costs() {
     let scenes = [fixtures::soup(1, 300), fixtures::scaffold_of(1, true, 2), fixtures::identical(100)];
     for mesh in scenes {
         let rays = rays(&mesh, 10, 5);
@@ -37,8 +37,8 @@ fn triangles_are_hit_whatever_visits_cost() {
             for preset in [Preset::Balanced, Preset::Quality] {
                 for oriented in [false, true] {
                     let config = Config { costs, oriented, ..Config::preset(preset) };
-                    let tree = TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
-                    let hits: Vec<_> = rays.iter().map(|ray| tree.closest_hit(ray)).collect();
+                    let bvh = TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+                    let hits: Vec<_> = rays.iter().map(|ray| bvh.closest_hit(ray)).collect();
                     assert_eq!(hits, want, "{name}, {preset:?}, oriented {oriented}");
                 }
             }
@@ -47,35 +47,35 @@ fn triangles_are_hit_whatever_visits_cost() {
 }
 
 #[test]
-fn a_tree_of_any_costs_is_refitted_written_and_read() {
+fn a_bvh_of_any_costs_is_refitted_written_and_read() {
     let mesh = fixtures::soup(1, 300);
     for (name, costs) in extremes() {
         let config = Config { costs, ..Config::default() };
-        let mut tree = TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
-        let refit = tree.refit(&mesh.positions, &mesh.triangles).unwrap();
+        let mut bvh = TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+        let refit = bvh.refit(&mesh.positions, &mesh.triangles).unwrap();
         assert!(!refit.drift.is_nan(), "{name}: {refit:?}");
-        let bytes = tree.to_bytes();
+        let bytes = bvh.to_bytes();
         let back = TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
         assert_eq!(back.to_bytes(), bytes, "{name}");
     }
 }
 
 #[test]
-fn primitives_of_the_callers_are_hit_whatever_visits_cost() {
+fn primitives_are_hit_with_any_costs() {
     let spheres: Vec<Sphere> =
         (0..100u8).map(|i| Sphere { center: [3.0 * f32::from(i), 0.0, 0.0], radius: 1.0 }).collect();
     for (name, costs) in extremes() {
-        let tree = WideBvh::<Sphere>::build(spheres.clone(), &Config { costs, ..Config::default() }).unwrap();
+        let bvh = WideBvh::<Sphere>::build(spheres.clone(), &Config { costs, ..Config::default() }).unwrap();
         for i in 0..100u8 {
             let ray = canted_trace::Ray::new([3.0 * f32::from(i), 5.0, 0.0], [0.0, -1.0, 0.0]);
-            let hit = tree.closest_hit(&ray).map(|hit| (hit.t, hit.primitive.0));
+            let hit = bvh.closest_hit(&ray).map(|hit| (hit.t, hit.primitive.0));
             assert_eq!(hit, Some((4.0, u32::from(i))), "{name}");
         }
     }
 }
 
 #[test]
-fn an_infinite_cost_forbids_a_kind_of_node() {
+fn an_infinite_cost_disables_a_kind_of_node() {
     let mesh = fixtures::scaffold_of(1, true, 3);
     let n_nodes = |costs: Costs, oriented: bool| {
         let config = Config { costs, oriented, ..Config::default() };
@@ -88,7 +88,7 @@ fn an_infinite_cost_forbids_a_kind_of_node() {
     for infinite in [f32::INFINITY, f32::NAN] {
         assert_eq!(of(NodeKind::Aligned, n_nodes(Costs { aligned_node: infinite, ..usual }, true)), 0);
         assert_eq!(of(NodeKind::Oriented, n_nodes(Costs { oriented_node: infinite, ..usual }, true)), 0);
-        // The last kind cannot be forbidden, and its nodes are as full as ever.
+        // The last kind cannot be disabled, and its nodes are as full as before.
         assert_eq!(n_nodes(Costs { aligned_node: infinite, ..usual }, false), n_nodes(usual, false));
     }
 }

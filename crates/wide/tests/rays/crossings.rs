@@ -1,4 +1,4 @@
-//! Crossings: once for each surface, also through edges and vertices.
+//! Crossings: one for each surface, also through edges and vertices.
 #![expect(clippy::cast_possible_truncation, reason = "fixtures are small, and rounding is how rays are stored")]
 
 use canted_fixtures::{Mesh, SplitMix64};
@@ -7,20 +7,20 @@ use canted_wide::{Preset, TriangleBvh};
 
 use crate::common::{brute, build, paths};
 
-fn crossings(tree: &TriangleBvh<Watertight>, ray: &Ray) -> Vec<Hit> {
+fn crossings(bvh: &TriangleBvh<Watertight>, ray: &Ray) -> Vec<Hit> {
     let mut hits = vec![];
-    tree.crossings(ray, &mut hits);
+    bvh.crossings(ray, &mut hits);
     hits
 }
 
-/// Crossings inward less crossings outward.
+/// Crossings inward minus crossings outward.
 fn balance(hits: &[Hit]) -> i32 {
     hits.iter().map(|hit| if hit.side == Side::Front { 1 } else { -1 }).sum()
 }
 
-/// A vertex or a point of an edge of `mesh` and a ray that meets it exactly, from `distance` steps of the grid away.
+/// Rays that pass exactly through vertices or points of edges of `mesh`.
 ///
-/// Vertices must lie on multiples of 2^-10 below 8: origin, difference and shear factors are then without error.
+/// Vertices must lie on multiples of 2^-10 below 8: origin, difference and shear factors are then exact.
 fn exact_rays(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
     let mut rng = SplitMix64::new(seed);
     let steps = [-1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0];
@@ -57,20 +57,20 @@ fn closed() -> [(&'static str, Mesh); 4] {
 fn closed_meshes_are_left_as_often_as_entered() {
     for (name, mesh) in closed() {
         assert_eq!(mesh.open_edge(), None, "{name} is closed");
-        let tree = build::<Watertight>(&mesh, Preset::Balanced);
-        let (mut through_rims, mut odd) = (0, 0);
+        let bvh = build::<Watertight>(&mesh, Preset::Balanced);
+        let (mut through_edges, mut odd) = (0, 0);
         for ray in exact_rays(&mesh, 4000, 3) {
-            let hits = crossings(&tree, &ray);
+            let hits = crossings(&bvh, &ray);
             assert_eq!(balance(&hits), 0, "{name} {ray:?} {hits:?}");
             let all = brute::<Watertight>(&mesh, &ray);
-            through_rims += usize::from(all.len() > hits.len());
+            through_edges += usize::from(all.len() > hits.len());
             odd += usize::from(balance(&all) != 0);
             // Each crossing is a hit, and none twice.
             assert!(hits.iter().all(|hit| all.contains(hit)), "{name} {ray:?}");
             assert!(hits.windows(2).all(|pair| pair[0].before(&pair[1])), "{name} {ray:?}");
         }
-        // The check would fail for all hits: these rays do meet edges and vertices.
-        assert!(through_rims > 1000 && odd > 100, "{name}: {through_rims}, {odd}");
+        // The check would fail for all hits: these rays pass through edges and vertices.
+        assert!(through_edges > 1000 && odd > 100, "{name}: {through_edges}, {odd}");
     }
 }
 
@@ -78,12 +78,12 @@ fn closed_meshes_are_left_as_often_as_entered() {
 fn from_inside_a_convex_mesh_is_crossed_once() {
     let mesh = on_grid(canted_fixtures::icosphere(2));
     for path in paths() {
-        let tree = build::<Watertight>(&mesh, Preset::Quality).with_path(path);
+        let bvh = build::<Watertight>(&mesh, Preset::Quality).with_path(path);
         for vertex in &mesh.positions {
-            // From the middle through each vertex, and, from far outside, through two vertices at once.
-            let hits = crossings(&tree, &Ray::new([0.0; 3], *vertex));
+            // From the center through each vertex, and from far outside through two vertices at once.
+            let hits = crossings(&bvh, &Ray::new([0.0; 3], *vertex));
             assert_eq!((hits.len(), hits[0].t, hits[0].side), (1, 1.0, Side::Back), "{vertex:?}");
-            let hits = crossings(&tree, &Ray::new(vertex.map(|x| 3.0 * x), vertex.map(|x| -x)));
+            let hits = crossings(&bvh, &Ray::new(vertex.map(|x| 3.0 * x), vertex.map(|x| -x)));
             assert_eq!((hits.len(), hits[0].t), (2, 2.0), "{vertex:?}");
             assert_eq!([hits[0].side, hits[1].side], [Side::Front, Side::Back]);
         }
@@ -91,29 +91,29 @@ fn from_inside_a_convex_mesh_is_crossed_once() {
 }
 
 #[test]
-fn crossings_of_a_folded_mesh_are_those_of_a_ray_beside() {
+fn crossings_of_a_folded_mesh_are_those_of_a_slightly_moved_ray() {
     // Rounding an icosphere this coarsely folds and flattens it; it stays closed.
     let mut mesh = canted_fixtures::displaced_icosphere(5, 3);
     for x in mesh.positions.iter_mut().flatten() {
         *x = (*x * 4.0).round();
     }
-    let tree = build::<Watertight>(&mesh, Preset::Balanced);
+    let bvh = build::<Watertight>(&mesh, Preset::Balanced);
     let (mut touched, mut crossed) = (0, 0);
     for x in -5i8..=5 {
         for y in -5i8..=5 {
             let (x, y) = (f32::from(x), f32::from(y));
             for down in [1.0, -1.0] {
                 let at = |x: f32, y: f32| Ray::new([x, y, -16.0 * down], [0.0, 0.0, down]);
-                let hits = crossings(&tree, &at(x, y));
-                let beside = brute::<Watertight>(&mesh, &at(x + 2f32.powi(-9), y + 2f32.powi(-18)));
-                // Their places differ by less than edges do, and their primitives at edges.
+                let hits = crossings(&bvh, &at(x, y));
+                let moved = brute::<Watertight>(&mesh, &at(x + 2f32.powi(-9), y + 2f32.powi(-18)));
+                // Positions differ by less than edges do, and primitives at edges.
                 let sides = |hits: &[Hit]| hits.iter().map(|hit| hit.side == Side::Front).collect::<Vec<_>>();
                 let count = |hits: &[Hit], is_front| sides(hits).into_iter().filter(|&f| f == is_front).count();
                 for is_front in [true, false] {
-                    assert_eq!(count(&hits, is_front), count(&beside, is_front), "{x} {y} {hits:?} {beside:?}");
+                    assert_eq!(count(&hits, is_front), count(&moved, is_front), "{x} {y} {hits:?} {moved:?}");
                 }
                 crossed += usize::from(!hits.is_empty());
-                touched += usize::from(hits.is_empty() && tree.occluded(&at(x, y)));
+                touched += usize::from(hits.is_empty() && bvh.occluded(&at(x, y)));
             }
         }
     }
@@ -121,34 +121,34 @@ fn crossings_of_a_folded_mesh_are_those_of_a_ray_beside() {
 }
 
 #[test]
-fn a_plane_is_crossed_once_wherever_triangles_meet() {
+fn a_plane_is_crossed_once_where_triangles_share_edges() {
     let mesh = canted_fixtures::coplanar_quads(8);
-    let tree = build::<Watertight>(&mesh, Preset::Balanced);
+    let bvh = build::<Watertight>(&mesh, Preset::Balanced);
     for x in 0..=16u8 {
         for y in 0..=16u8 {
             let ray = Ray::new([0.5 * f32::from(x), 0.5 * f32::from(y), 3.0], [0.0, 0.0, -2.0]);
-            let hits = crossings(&tree, &ray);
-            // Of the border, the lower half belongs to the plane.
+            let hits = crossings(&bvh, &ray);
+            // The lower half of the border belongs to the plane.
             if x < 16 && y < 16 {
                 assert_eq!(hits.len(), 1, "{ray:?} {hits:?}");
-                assert_eq!(Some(hits[0]), tree.closest_hit(&ray), "the lowest primitive");
+                assert_eq!(Some(hits[0]), bvh.closest_hit(&ray), "the lowest primitive");
             } else {
-                assert_eq!((hits.len(), tree.occluded(&ray)), (0, true), "{ray:?} {hits:?}");
+                assert_eq!((hits.len(), bvh.occluded(&ray)), (0, true), "{ray:?} {hits:?}");
             }
         }
     }
 }
 
 #[test]
-fn two_layers_count_twice_and_intervals_end_where_they_say() {
+fn two_layers_count_twice_and_intervals_are_closed() {
     let one = canted_fixtures::coplanar_quads(4);
     let n = one.positions.len() as u32;
     let mut mesh = one.clone();
     mesh.positions.extend(one.positions.iter().map(|&[x, y, _]| [x, y, 1.0]));
     mesh.triangles.extend(one.triangles.iter().map(|t| t.map(|v| v + n)));
-    let tree = build::<Watertight>(&mesh, Preset::Balanced);
+    let bvh = build::<Watertight>(&mesh, Preset::Balanced);
     let ray = Ray::new([2.0, 2.0, 4.0], [0.0, 0.0, -1.0]);
-    let ts = |ray: &Ray| crossings(&tree, ray).iter().map(|hit| hit.t).collect::<Vec<_>>();
+    let ts = |ray: &Ray| crossings(&bvh, ray).iter().map(|hit| hit.t).collect::<Vec<_>>();
     assert_eq!(ts(&ray), [3.0, 4.0]);
     assert_eq!(ts(&Ray { t_max: 3.0, ..ray }), [3.0]);
     assert_eq!(ts(&Ray { t_min: 3.5, ..ray }), [4.0]);
@@ -156,6 +156,6 @@ fn two_layers_count_twice_and_intervals_end_where_they_say() {
     // Equal copies are as many surfaces.
     let mut twice = one.clone();
     twice.triangles.extend(&one.triangles);
-    let tree = build::<Watertight>(&twice, Preset::Balanced);
-    assert_eq!(crossings(&tree, &ray).len(), 2);
+    let bvh = build::<Watertight>(&twice, Preset::Balanced);
+    assert_eq!(crossings(&bvh, &ray).len(), 2);
 }

@@ -1,4 +1,4 @@
-//! Hits of the tree are those of trying every triangle, bit for bit.
+//! Hits equal those of testing every triangle, bit for bit.
 #![expect(clippy::cast_possible_truncation, reason = "fixtures are small, and rounding is how rays are stored")]
 
 use canted_obb::PrimId;
@@ -7,22 +7,22 @@ use canted_wide::{Config, LaneKernel, Preset, TriangleBvh};
 
 use crate::common::{brute, build, paths, rays, scenes};
 
-/// `K` traced against `B` tried on every triangle.
+/// `K` traced, compared with `B` tested on every triangle.
 fn equals_brute_force<K: LaneKernel, B: Kernel<Record = [[f32; 3]; 3]>>() {
     let paths = paths();
     for (name, mesh) in scenes() {
         let rays = rays(&mesh, 60, 7);
         let want: Vec<Vec<Hit>> = rays.iter().map(|ray| brute::<B>(&mesh, ray)).collect();
         for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
-            let mut tree = build::<K>(&mesh, preset);
+            let mut bvh = build::<K>(&mesh, preset);
             for &path in &paths {
-                tree = tree.with_path(path);
+                bvh = bvh.with_path(path);
                 let mut hits = vec![];
                 for (i, (ray, want)) in rays.iter().zip(&want).enumerate() {
                     let at = || format!("{name}, {preset:?}, {}, ray {i} {ray:?}", path.name());
-                    assert_eq!(tree.closest_hit(ray), want.first().copied(), "{}", at());
-                    assert_eq!(tree.occluded(ray), !want.is_empty(), "{}", at());
-                    tree.all_hits(ray, &mut hits);
+                    assert_eq!(bvh.closest_hit(ray), want.first().copied(), "{}", at());
+                    assert_eq!(bvh.occluded(ray), !want.is_empty(), "{}", at());
+                    bvh.all_hits(ray, &mut hits);
                     assert_eq!(&hits, want, "{}", at());
                 }
             }
@@ -40,14 +40,14 @@ fn moller_trumbore_hits_equal_brute_force() {
     equals_brute_force::<MollerTrumbore, MollerTrumbore>();
 }
 
-/// By contract its hits are those of Möller and Trumbore, whose record brute force can make.
+/// By contract its hits are those of Möller and Trumbore, whose records brute force can make.
 #[test]
 fn baldwin_weber_hits_equal_brute_force() {
     equals_brute_force::<BaldwinWeber, MollerTrumbore>();
 }
 
 #[test]
-fn the_rays_hit_and_miss_enough_to_tell() {
+fn enough_rays_hit_and_enough_miss() {
     for (name, mesh) in scenes() {
         let rays = rays(&mesh, 60, 7);
         let hit = rays.iter().filter(|ray| !brute::<Watertight>(&mesh, ray).is_empty()).count();
@@ -57,54 +57,54 @@ fn the_rays_hit_and_miss_enough_to_tell() {
 }
 
 #[test]
-fn an_empty_tree_misses() {
+fn an_empty_bvh_is_never_hit() {
     let mesh = canted_fixtures::Mesh::default();
     for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
-        let tree = build::<Watertight>(&mesh, preset);
+        let bvh = build::<Watertight>(&mesh, preset);
         let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0]);
-        let mut hits = tree_hits_of_one_triangle();
-        tree.all_hits(&ray, &mut hits);
-        assert_eq!((tree.closest_hit(&ray), tree.occluded(&ray), hits.len()), (None, false, 0));
-        tree.crossings(&ray, &mut hits);
+        let mut hits = hits_of_one_triangle();
+        bvh.all_hits(&ray, &mut hits);
+        assert_eq!((bvh.closest_hit(&ray), bvh.occluded(&ray), hits.len()), (None, false, 0));
+        bvh.crossings(&ray, &mut hits);
         assert!(hits.is_empty());
     }
 }
 
-fn tree_hits_of_one_triangle() -> Vec<Hit> {
+fn hits_of_one_triangle() -> Vec<Hit> {
     let mesh = canted_fixtures::identical(1);
-    let tree = build::<Watertight>(&mesh, Preset::Balanced);
+    let bvh = build::<Watertight>(&mesh, Preset::Balanced);
     let mut hits = vec![];
-    tree.all_hits(&Ray::new([0.2, 0.2, 3.0], [0.0, 0.0, -1.0]), &mut hits);
+    bvh.all_hits(&Ray::new([0.2, 0.2, 3.0], [0.0, 0.0, -1.0]), &mut hits);
     assert_eq!(hits.len(), 1);
     assert_eq!(hits[0].primitive, PrimId(0));
     hits
 }
 
 #[test]
-fn a_hundred_thousand_equal_triangles_answer_with_the_lowest() {
+fn of_a_hundred_thousand_equal_triangles_the_lowest_is_hit() {
     let mesh = canted_fixtures::identical(100_000);
     let ray = Ray::new([0.2, 0.2, 3.0], [0.0, 0.0, -1.0]);
     for preset in [Preset::Fast, Preset::Balanced] {
-        let tree = build::<Watertight>(&mesh, preset);
-        assert_eq!(tree.closest_hit(&ray).map(|hit| hit.primitive), Some(PrimId(0)), "{preset:?}");
+        let bvh = build::<Watertight>(&mesh, preset);
+        assert_eq!(bvh.closest_hit(&ray).map(|hit| hit.primitive), Some(PrimId(0)), "{preset:?}");
         let mut hits = vec![];
-        tree.all_hits(&ray, &mut hits);
+        bvh.all_hits(&ray, &mut hits);
         assert_eq!(hits.len(), 100_000, "{preset:?}");
         assert!(hits.iter().enumerate().all(|(i, hit)| hit.primitive.index() == i));
-        tree.crossings(&ray, &mut hits);
+        bvh.crossings(&ray, &mut hits);
         assert_eq!(hits.len(), 100_000, "as many surfaces, {preset:?}");
-        assert!(tree.occluded(&ray));
+        assert!(bvh.occluded(&ray));
     }
 }
 
 #[test]
-fn intervals_are_closed_whatever_their_zeros_are_called() {
+fn intervals_are_closed_for_both_zeros() {
     let mesh = canted_fixtures::coplanar_quads(4);
     for path in paths() {
-        let tree = build::<Watertight>(&mesh, Preset::Balanced).with_path(path);
+        let bvh = build::<Watertight>(&mesh, Preset::Balanced).with_path(path);
         let (start, above) = ([1.3, 2.2, 0.0], [1.3, 2.2, 2.0]);
         let down = [0.0, -0.0, -1.0];
-        let hits = |ray: Ray| tree.closest_hit(&ray).map(|hit| hit.t);
+        let hits = |ray: Ray| bvh.closest_hit(&ray).map(|hit| hit.t);
         // From the surface itself, with an interval of nothing but zeros.
         for t_min in [0.0, -0.0] {
             for t_max in [0.0, -0.0, f32::INFINITY] {
@@ -122,20 +122,20 @@ fn intervals_are_closed_whatever_their_zeros_are_called() {
 
 #[test]
 fn ties_go_to_the_lowest_primitive() {
-    // Four squares meet at whole coordinates: up to eight triangles at the same t.
+    // Four squares share each integer point: up to eight triangles at the same t.
     let mesh = canted_fixtures::coplanar_quads(9);
-    let tree = build::<Watertight>(&mesh, Preset::Quality);
+    let bvh = build::<Watertight>(&mesh, Preset::Quality);
     for x in 0..=9u8 {
         for y in 0..=9u8 {
             let ray = Ray::new([f32::from(x), f32::from(y), 1.0], [0.0, 0.0, -1.0]);
             let want = brute::<Watertight>(&mesh, &ray);
             assert!(want.iter().all(|hit| hit.t == 1.0) && !want.is_empty());
-            assert_eq!(tree.closest_hit(&ray), want.first().copied());
+            assert_eq!(bvh.closest_hit(&ray), want.first().copied());
         }
     }
 }
 
-/// A tree as spatial splits make them: triangles stand in several leaves.
+/// A binary tree as spatial splits make them: triangles are in several leaves.
 #[test]
 fn triangles_with_many_references_are_reported_once() {
     let mesh = canted_fixtures::soup(8, 300);

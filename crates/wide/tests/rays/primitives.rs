@@ -1,4 +1,4 @@
-//! Primitives of the caller's: spheres, and one that breaks its contract.
+//! Spheres, and primitives that break their contract.
 #![expect(clippy::cast_possible_truncation, reason = "fixtures are small, and rounding is how rays are stored")]
 
 use canted_fixtures::SplitMix64;
@@ -20,7 +20,7 @@ fn brute(spheres: &[Sphere], ray: &Ray) -> Vec<(f32, PrimId)> {
     hits
 }
 
-/// Spheres of all sizes around the origin, some without a radius, some equal, some that hold others.
+/// Spheres of all sizes around the origin, some without a radius, some equal, some that contain others.
 fn spheres(n: usize, scale: f32) -> Vec<Sphere> {
     let mut rng = SplitMix64::new(9);
     let mut spheres: Vec<Sphere> = (0..n)
@@ -54,7 +54,7 @@ fn rays(spheres: &[Sphere], n: usize, scale: f32) -> Vec<Ray> {
             }
             let mut ray = Ray::new(origin, direction);
             if i % 3 == 0 {
-                // Past the rim by next to nothing.
+                // Almost a tangent.
                 ray.origin[i % 2] += target.radius;
             }
             if i % 4 == 0 {
@@ -66,87 +66,87 @@ fn rays(spheres: &[Sphere], n: usize, scale: f32) -> Vec<Ray> {
 }
 
 #[test]
-fn spheres_are_hit_as_by_trying_every_one() {
+fn spheres_are_hit_as_by_testing_each() {
     for scale in [1.0, 1e-6, 1e7] {
         let spheres = spheres(300, scale);
         let rays = rays(&spheres, 600, scale);
         for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
-            let mut tree = WideBvh::<Sphere>::build(spheres.clone(), &Config::preset(preset)).expect("sound spheres");
+            let mut bvh = WideBvh::<Sphere>::build(spheres.clone(), &Config::preset(preset)).expect("valid spheres");
             for path in paths() {
-                tree = tree.with_path(path);
-                let (mut hits, mut met) = (vec![], 0);
+                bvh = bvh.with_path(path);
+                let (mut hits, mut n_hits) = (vec![], 0);
                 for ray in &rays {
                     let want = brute(&spheres, ray);
                     let brief = |hit: Hit| (hit.t, hit.primitive);
-                    assert_eq!(tree.closest_hit(ray).map(brief), want.first().copied(), "{scale} {ray:?}");
-                    assert_eq!(tree.occluded(ray), !want.is_empty(), "{scale} {ray:?}");
-                    tree.all_hits(ray, &mut hits);
+                    assert_eq!(bvh.closest_hit(ray).map(brief), want.first().copied(), "{scale} {ray:?}");
+                    assert_eq!(bvh.occluded(ray), !want.is_empty(), "{scale} {ray:?}");
+                    bvh.all_hits(ray, &mut hits);
                     assert_eq!(hits.iter().copied().map(brief).collect::<Vec<_>>(), want, "{scale} {ray:?}");
-                    met += usize::from(!want.is_empty());
+                    n_hits += usize::from(!want.is_empty());
                 }
-                assert!((200..600).contains(&met), "{met} rays hit");
+                assert!((200..600).contains(&n_hits), "{n_hits} rays hit");
             }
         }
     }
 }
 
 #[test]
-fn slices_and_borrowed_primitives_answer_alike() {
+fn slices_and_borrowed_primitives_equal_single_rays() {
     let spheres = spheres(200, 1.0);
     let rays = rays(&spheres, 1500, 1.0);
-    let tree = WideBvh::<&Sphere>::build(spheres.iter().collect(), &Config::default()).expect("sound spheres");
+    let bvh = WideBvh::<&Sphere>::build(spheres.iter().collect(), &Config::default()).expect("valid spheres");
     let n = rays.len();
-    let want: Vec<_> = rays.iter().map(|ray| tree.closest_hit(ray)).collect();
+    let want: Vec<_> = rays.iter().map(|ray| bvh.closest_hit(ray)).collect();
     let (mut hits, mut par_hits) = (vec![None; n], vec![None; n]);
-    tree.closest_hits(&rays, &mut hits);
-    tree.par_closest_hits(&rays, &mut par_hits);
+    bvh.closest_hits(&rays, &mut hits);
+    bvh.par_closest_hits(&rays, &mut par_hits);
     assert_eq!((&hits, &par_hits), (&want, &want));
     let (mut occluded, mut par_occluded) = (vec![false; n], vec![true; n]);
-    tree.occluded_many(&rays, &mut occluded);
-    tree.par_occluded_many(&rays, &mut par_occluded);
+    bvh.occluded_many(&rays, &mut occluded);
+    bvh.par_occluded_many(&rays, &mut par_occluded);
     assert_eq!(occluded, par_occluded);
     assert!(occluded.iter().zip(&want).all(|(occluded, hit)| *occluded == hit.is_some()));
     let (mut all, mut par_all) = (vec![vec![]; n], vec![vec![]; n]);
-    tree.all_hits_many(&rays, &mut all);
-    tree.par_all_hits_many(&rays, &mut par_all);
+    bvh.all_hits_many(&rays, &mut all);
+    bvh.par_all_hits_many(&rays, &mut par_all);
     assert_eq!(all, par_all);
     assert!(all.iter().zip(&want).all(|(all, first)| all.first() == first.as_ref()));
 }
 
 #[test]
-fn a_refused_entry_leaves_the_exit() {
+fn where_the_entry_is_rejected_the_exit_is_hit() {
     struct Leaving;
     impl Query for Leaving {
         fn accepts(&mut self, hit: &Hit) -> bool {
             hit.side == Side::Back
         }
     }
-    let tree =
-        WideBvh::<Sphere>::build(vec![Sphere { center: [0.0; 3], radius: 1.0 }], &Config::default()).expect("sound");
+    let bvh =
+        WideBvh::<Sphere>::build(vec![Sphere { center: [0.0; 3], radius: 1.0 }], &Config::default()).expect("valid");
     let ray = Ray::new([0.0, 0.0, -3.0], [0.0, 0.0, 0.5]);
-    assert_eq!(tree.closest_hit(&ray).map(|hit| (hit.t, hit.side)), Some((4.0, Side::Front)));
-    let left = tree.closest_hit_with(&ray, InstanceId(7), &mut Leaving);
+    assert_eq!(bvh.closest_hit(&ray).map(|hit| (hit.t, hit.side)), Some((4.0, Side::Front)));
+    let left = bvh.closest_hit_with(&ray, InstanceId(7), &mut Leaving);
     assert_eq!(left.map(|hit| (hit.t, hit.side, hit.instance)), Some((8.0, Side::Back, InstanceId(7))));
-    assert!(tree.occluded_with(&ray, InstanceId(0), &mut Leaving));
+    assert!(bvh.occluded_with(&ray, InstanceId(0), &mut Leaving));
 }
 
 #[test]
-fn unsound_bounds_are_refused_by_number() {
-    let sound = Sphere { center: [0.0; 3], radius: 1.0 };
+fn invalid_bounds_are_rejected_by_id() {
+    let valid = Sphere { center: [0.0; 3], radius: 1.0 };
     for radius in [-1.0, f32::NAN, f32::INFINITY] {
-        let primitives = vec![sound, Sphere { radius, ..sound }, sound];
-        let refused = WideBvh::<Sphere>::build(primitives, &Config::default()).map(|_| ());
-        assert_eq!(refused, Err(PrimitiveError::Bounds { primitive: PrimId(1) }), "{radius}");
+        let primitives = vec![valid, Sphere { radius, ..valid }, valid];
+        let rejected = WideBvh::<Sphere>::build(primitives, &Config::default()).map(|_| ());
+        assert_eq!(rejected, Err(PrimitiveError::Bounds { primitive: PrimId(1) }), "{radius}");
     }
-    let none = WideBvh::<Sphere>::build(vec![], &Config::default()).expect("no primitive is unsound");
+    let none = WideBvh::<Sphere>::build(vec![], &Config::default()).expect("no primitive is invalid");
     assert!(none.closest_hit(&Ray::new([0.0; 3], [1.0; 3])).is_none());
     assert!(none.aabb().is_empty());
 }
 
-/// Reports what lies outside of the interval, and nonsense.
-struct Liar(f32);
+/// Reports hits outside the interval, and NaN.
+struct WrongT(f32);
 
-impl Primitive for Liar {
+impl Primitive for WrongT {
     fn bounds(&self) -> Aabb {
         Aabb { min: [0.0; 3], max: [1.0; 3] }
     }
@@ -157,26 +157,26 @@ impl Primitive for Liar {
 }
 
 #[test]
-fn hits_outside_of_the_interval_do_not_count() {
+fn hits_outside_the_interval_are_ignored() {
     for t in [f32::NAN, f32::INFINITY, -1.0, 100.0] {
-        let tree = WideBvh::<Liar>::build(vec![Liar(t)], &Config::default()).expect("sound bounds");
+        let bvh = WideBvh::<WrongT>::build(vec![WrongT(t)], &Config::default()).expect("valid bounds");
         let ray = Ray { t_max: 50.0, ..Ray::new([0.5, 0.5, -1.0], [0.0, 0.0, 1.0]) };
-        assert_eq!(tree.closest_hit(&ray), None, "{t}");
+        assert_eq!(bvh.closest_hit(&ray), None, "{t}");
         let endless = Ray { t_max: f32::INFINITY, ..ray };
         let mut hits = vec![];
-        tree.all_hits(&endless, &mut hits);
+        bvh.all_hits(&endless, &mut hits);
         assert_eq!(hits.len(), usize::from(t == 100.0));
     }
 }
 
-/// A sphere that says it is exact, though its `t` is off by far more.
-struct Sloppy<const STATED: bool>(Sphere);
+/// A sphere whose error is larger than stated.
+struct Inexact<const STATED: bool>(Sphere);
 
-/// How far it is off, relative to `|o|∞ + ρ∞`.
-const SLOP: f32 = 1e-3;
+/// Its error, relative to `|o|∞ + ρ∞`.
+const ACTUAL_ERROR: f32 = 1e-3;
 
-impl<const STATED: bool> Primitive for Sloppy<STATED> {
-    const ERROR: f32 = if STATED { 2.0 * SLOP } else { 0.0 };
+impl<const STATED: bool> Primitive for Inexact<STATED> {
+    const ERROR: f32 = if STATED { 2.0 * ACTUAL_ERROR } else { 0.0 };
 
     fn bounds(&self) -> Aabb {
         self.0.bounds()
@@ -185,8 +185,8 @@ impl<const STATED: bool> Primitive for Sloppy<STATED> {
     fn intersect(&self, ray: &ScaledRay, t_max: f32) -> Option<PrimitiveHit> {
         let reach = |v: [f32; 3]| v.into_iter().fold(0.0f32, |a, x| a.max(x.abs()));
         let scale = reach(ray.origin) + self.bounds().reach();
-        // Grown by what it errs, so that rays which pass the bounds by hit it.
-        let grown = Sphere { radius: self.0.radius + SLOP * scale, ..self.0 };
+        // Grown by the error, so that rays which miss the bounds hit it.
+        let grown = Sphere { radius: self.0.radius + ACTUAL_ERROR * scale, ..self.0 };
         grown.intersect_surface(ray, t_max)
     }
 }
@@ -206,17 +206,17 @@ fn pads_follow_the_stated_error() {
     fn lost<const STATED: bool>() -> usize {
         let spheres = spheres(200, 1.0);
         let rays = rays(&spheres, 2000, 1.0);
-        let tree = WideBvh::<Sloppy<STATED>>::build(
-            spheres.iter().map(|&s| Sloppy::<STATED>(s)).collect(),
+        let bvh = WideBvh::<Inexact<STATED>>::build(
+            spheres.iter().map(|&s| Inexact::<STATED>(s)).collect(),
             &Config::default(),
         );
-        let tree = tree.expect("sound spheres");
+        let bvh = bvh.expect("valid spheres");
         rays.iter()
             .filter(|ray| {
                 let Some(scaled) = ScaledRay::new(ray) else { return false };
-                let tried = tree.primitives().iter().filter_map(|p| p.intersect(&scaled, scaled.t_max));
+                let tried = bvh.primitives().iter().filter_map(|p| p.intersect(&scaled, scaled.t_max));
                 let want = tried.map(|hit| scaled.caller_t(hit.t)).reduce(f32::min);
-                tree.closest_hit(ray).map(|hit| hit.t) != want
+                bvh.closest_hit(ray).map(|hit| hit.t) != want
             })
             .count()
     }

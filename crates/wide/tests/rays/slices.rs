@@ -1,4 +1,4 @@
-//! Slices answer like single rays, on any number of threads, with and without a filter.
+//! Slices equal single rays, on any number of threads, with and without a filter.
 
 use canted_fixtures::Mesh;
 use canted_trace::{Hit, MollerTrumbore, Ray, Side, Watertight};
@@ -14,7 +14,7 @@ fn scene() -> (Mesh, Vec<Ray>) {
     (mesh, rays)
 }
 
-/// Something that depends on all that a filter is told.
+/// A filter that depends on all its arguments.
 fn odd(index: usize, ray: &Ray, hit: &Hit) -> bool {
     let bits = hit.t.to_bits() ^ ray.origin[0].to_bits() ^ hit.primitive.0;
     !(index + bits as usize).is_multiple_of(3)
@@ -28,11 +28,11 @@ fn on_threads(n: usize, work: impl FnOnce() + Send) {
 fn slices_equal_single_rays() {
     fn check<K: LaneKernel>(mesh: &Mesh, rays: &[Ray]) {
         for path in paths() {
-            let tree: TriangleBvh<K> = build::<K>(mesh, Preset::Balanced).with_path(path);
-            let want: Vec<_> = rays.iter().map(|ray| tree.closest_hit(ray)).collect();
+            let bvh: TriangleBvh<K> = build::<K>(mesh, Preset::Balanced).with_path(path);
+            let want: Vec<_> = rays.iter().map(|ray| bvh.closest_hit(ray)).collect();
             let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
-            tree.closest_hits(rays, &mut hits);
-            tree.occluded_many(rays, &mut occluded);
+            bvh.closest_hits(rays, &mut hits);
+            bvh.occluded_many(rays, &mut occluded);
             assert_eq!(hits, want, "{}", path.name());
             assert!(occluded.iter().zip(&want).all(|(occluded, hit)| *occluded == hit.is_some()), "{}", path.name());
         }
@@ -45,27 +45,27 @@ fn slices_equal_single_rays() {
 #[test]
 fn threads_change_nothing() {
     let (mesh, rays) = scene();
-    let tree = build::<Watertight>(&mesh, Preset::Balanced);
+    let bvh = build::<Watertight>(&mesh, Preset::Balanced);
     let n = rays.len();
     let (mut hits, mut occluded, mut all) = (vec![None; n], vec![false; n], vec![vec![]; n]);
     let (mut hits_where, mut occluded_where) = (vec![None; n], vec![false; n]);
-    tree.closest_hits(&rays, &mut hits);
-    tree.occluded_many(&rays, &mut occluded);
-    tree.all_hits_many(&rays, &mut all);
-    tree.closest_hits_where(&rays, &mut hits_where, odd);
-    tree.occluded_many_where(&rays, &mut occluded_where, odd);
+    bvh.closest_hits(&rays, &mut hits);
+    bvh.occluded_many(&rays, &mut occluded);
+    bvh.all_hits_many(&rays, &mut all);
+    bvh.closest_hits_where(&rays, &mut hits_where, odd);
+    bvh.occluded_many_where(&rays, &mut occluded_where, odd);
     for threads in [1, 2, 7] {
         on_threads(threads, || {
-            // Old answers must be overwritten, whatever they were.
+            // Old answers must be overwritten.
             let stale = hits.iter().flatten().next().copied();
             let (mut par_hits, mut par_occluded, mut par_all) = (vec![stale; n], vec![true; n], vec![vec![]; n]);
             par_all[0].extend(stale);
-            tree.par_closest_hits(&rays, &mut par_hits);
-            tree.par_occluded_many(&rays, &mut par_occluded);
-            tree.par_all_hits_many(&rays, &mut par_all);
+            bvh.par_closest_hits(&rays, &mut par_hits);
+            bvh.par_occluded_many(&rays, &mut par_occluded);
+            bvh.par_all_hits_many(&rays, &mut par_all);
             assert_eq!((&par_hits, &par_occluded, &par_all), (&hits, &occluded, &all), "{threads} threads");
-            tree.par_closest_hits_where(&rays, &mut par_hits, odd);
-            tree.par_occluded_many_where(&rays, &mut par_occluded, odd);
+            bvh.par_closest_hits_where(&rays, &mut par_hits, odd);
+            bvh.par_occluded_many_where(&rays, &mut par_occluded, odd);
             assert_eq!((&par_hits, &par_occluded), (&hits_where, &occluded_where), "{threads} threads");
         });
     }
@@ -74,27 +74,27 @@ fn threads_change_nothing() {
 #[test]
 fn filters_choose_among_all_hits() {
     let (mesh, rays) = scene();
-    let tree = build::<Watertight>(&mesh, Preset::Quality);
+    let bvh = build::<Watertight>(&mesh, Preset::Quality);
     let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
-    tree.closest_hits_where(&rays, &mut hits, odd);
-    tree.occluded_many_where(&rays, &mut occluded, odd);
-    let (mut refused, mut passed) = (0, 0);
+    bvh.closest_hits_where(&rays, &mut hits, odd);
+    bvh.occluded_many_where(&rays, &mut occluded, odd);
+    let (mut rejected, mut passed) = (0, 0);
     for (i, ray) in rays.iter().enumerate() {
         let all = brute::<Watertight>(&mesh, ray);
         let want = all.iter().copied().find(|hit| odd(i, ray, hit));
         assert_eq!((hits[i], occluded[i]), (want, want.is_some()), "ray {i}");
-        refused += usize::from(want.is_none() && !all.is_empty());
+        rejected += usize::from(want.is_none() && !all.is_empty());
         passed += usize::from(want.is_some() && want != all.first().copied());
         let back = |_: &Ray, hit: &Hit| hit.side == Side::Back;
         let want = all.iter().copied().find(|hit| back(ray, hit));
-        assert_eq!((tree.closest_hit_where(ray, back), tree.occluded_where(ray, back)), (want, want.is_some()));
+        assert_eq!((bvh.closest_hit_where(ray, back), bvh.occluded_where(ray, back)), (want, want.is_some()));
     }
-    assert!(refused > 10 && passed > 50, "{refused} rays lost all hits, {passed} passed through some");
+    assert!(rejected > 10 && passed > 50, "{rejected} rays lost all hits, {passed} passed through some");
 }
 
 #[test]
 #[should_panic(expected = "rays and answers differ in number")]
-fn slices_of_different_length_are_refused() {
-    let tree = build::<Watertight>(&canted_fixtures::fan(3), Preset::Fast);
-    tree.par_closest_hits(&[Ray::new([0.0; 3], [1.0; 3])], &mut []);
+fn slices_of_different_length_panic() {
+    let bvh = build::<Watertight>(&canted_fixtures::fan(3), Preset::Fast);
+    bvh.par_closest_hits(&[Ray::new([0.0; 3], [1.0; 3])], &mut []);
 }
