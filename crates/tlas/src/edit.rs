@@ -2,6 +2,7 @@ use canted_obb::{Affine, Obb};
 use canted_trace::InstanceId;
 
 use crate::placement::Placement;
+use crate::top::Top;
 use crate::{Blas, Instance, InstanceError, Tlas};
 
 /// Changes in place.
@@ -88,6 +89,9 @@ impl<B: Blas> Tlas<B> {
         }
     }
 }
+
+/// What traversal needs of an instance, and its bounds in world space.
+type Placed = (Placement, Obb);
 
 /// Several changes to a [`Tlas`] that share one update of its top level.
 ///
@@ -183,7 +187,7 @@ impl<B: Blas> TlasEdit<'_, B> {
     pub fn rebuild(mut self) {
         let tlas = &mut *self.tlas;
         // A topology that cannot be indexed leaves the old one, refitted.
-        if let Ok(top) = crate::top::Top::build(&tlas.bounds, &tlas.config, tlas.path) {
+        if let Ok(top) = Top::build(&tlas.bounds, &tlas.config, tlas.path) {
             tlas.top = top;
             tlas.update_error();
             self.bounds_changed = false;
@@ -204,13 +208,13 @@ impl<B: Blas> TlasEdit<'_, B> {
     }
 
     /// Places all instances of a BVH as if `blas` were at its index.
-    fn place_all(&self, index: u32, blas: &B) -> Result<Vec<(usize, (Placement, Obb))>, InstanceError> {
+    fn place_all(&self, index: u32, blas: &B) -> Result<Vec<(usize, Placed)>, InstanceError> {
         let (bounds, hit_error) = (blas.bounds(), blas.hit_error());
         let of_blas = self.tlas.instances.iter().enumerate().filter(|(_, instance)| instance.blas == index);
         of_blas.map(|(i, instance)| Ok((i, Placement::new(i, instance, &bounds, hit_error)?))).collect()
     }
 
-    fn commit(&mut self, index: usize, (placement, bounds): (Placement, Obb)) {
+    fn commit(&mut self, index: usize, (placement, bounds): Placed) {
         self.bounds_changed |= self.tlas.bounds[index] != bounds;
         self.tlas.placements[index] = placement;
         self.tlas.bounds[index] = bounds;

@@ -70,6 +70,7 @@ fn edits_equal_a_new_tlas() {
                         edit.set_instance(InstanceId(i), placed[i as usize]).unwrap();
                     }
                     _ => {
+                        #[expect(clippy::cast_possible_truncation, reason = "test data")]
                         let scale = 0.5 + rng.unit() as f32;
                         let positions: Vec<_> = torus.positions.iter().map(|p| p.map(|x| x * scale)).collect();
                         blas[1] = blas[1].clone();

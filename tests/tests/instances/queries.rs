@@ -3,8 +3,8 @@
 use canted_fixtures::{SplitMix64, thin_box};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, Obb, PrimId};
+use canted_tests::brute;
 use canted_tests::instances::{At, ray_object};
-use canted_tests::{brute, crossings};
 use canted_tlas::{Blas, Instance, RayOptions, Tlas, TopConfig};
 use canted_trace::{Counts, HIT_ERROR, Hit, InstanceId, Kernel, Query, Ray, ScaledRay, Side, Watertight};
 use canted_wide::{Config, TriangleBvh};
@@ -13,11 +13,11 @@ use super::setup::{affine, all_rays, blas_of, build, crowd, instances, meshes};
 
 type Bvh = canted_bvh2::Bvh2<Watertight>;
 
-fn tops() -> [TopConfig; 2] {
+pub(crate) fn tops() -> [TopConfig; 2] {
     [TopConfig::default(), TopConfig::Binary(VolumeConfig { strategy: Strategy::Combined, fallback: true })]
 }
 
-fn bottom() -> Vec<Bvh> {
+pub(crate) fn bottom() -> Vec<Bvh> {
     meshes().iter().map(|mesh| build(mesh, Strategy::Dop)).collect()
 }
 
@@ -141,11 +141,11 @@ fn squashed_instances_of_flat_meshes_are_hit() {
     let bvh: Bvh = build(&plate, Strategy::Aabb);
     for top in tops() {
         let tlas = Tlas::new(vec![&bvh], &placed.map(|affine| Instance::new(0, affine)), top).unwrap();
-        for i in 0..3 {
+        for (i, affine) in placed.iter().enumerate() {
             let corners = plate.triangles.iter().map(|triangle| triangle.map(|v| plate.positions[v as usize]));
             // Without the sides of the box, which have no area.
             for corners in corners.filter(|[a, b, c]| (0..2).all(|k| a[k] != b[k] || a[k] != c[k])) {
-                let [a, b, c] = corners.map(|p| placed[i].point(p));
+                let [a, b, c] = corners.map(|p| affine.point(p));
                 let center: [f32; 3] = std::array::from_fn(|k| (a[k] + b[k] + c[k]) / 3.0);
                 let ray = Ray::new([center[0] + 0.1, center[1] - 0.2, 9.0], [-0.1, 0.2, center[2] - 9.0]);
                 let mut hits = vec![];
@@ -180,7 +180,7 @@ fn masks_hide_instances() {
 fn filters_see_every_ray_and_hit() {
     let placed = crowd();
     let rays = rays(&placed, 3);
-    let accepts = |i: usize, hit: &Hit| (hit.primitive.0 + hit.instance.0 + i as u32).is_multiple_of(3);
+    let accepts = |i: usize, hit: &Hit| ((hit.primitive.0 + hit.instance.0) as usize + i).is_multiple_of(3);
     let tlas = Tlas::new(bottom(), &instances(&placed), TopConfig::default()).unwrap();
     let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
     tlas.par_closest_hits_where(&rays, &mut hits, |i, _, hit| accepts(i, hit));
@@ -210,7 +210,7 @@ fn slices_equal_single_rays() {
     let placed = crowd();
     let rays = rays(&placed, 9);
     // More than one chunk, and not a multiple of one.
-    assert!(rays.len() > 2048 && rays.len() % 1024 != 0, "{}", rays.len());
+    assert!(rays.len() > 2048 && !rays.len().is_multiple_of(1024), "{}", rays.len());
     let tlas = Tlas::new(bottom(), &instances(&placed), TopConfig::default()).unwrap();
     let n = rays.len();
     let (mut closest, mut occluded, mut all) = (vec![None; n], vec![false; n], vec![vec![]; n]);
@@ -256,81 +256,6 @@ fn rays_see_moving_instances_at_their_time() {
             let first_alone = |_, ray: &Ray| loop_over_all(&placed[..1], ray);
             assert_eq!(first_difference(&tlas, &rays, |_, _| RayOptions { mask: 1, time }, first_alone), None);
         }
-    }
-}
-
-/// Crossings of closed meshes, counted for each instance by an independent rule.
-#[test]
-fn crossings_of_each_instance_are_counted_once() {
-    let torus = canted_fixtures::torus(10, 6);
-    let placed = crowd();
-    let build = || TriangleBvh::<Watertight>::build(&torus.positions, &torus.triangles, &Config::default()).unwrap();
-    let instances: Vec<Instance> =
-        placed.iter().enumerate().map(|(i, &affine)| Instance::new(0, affine).with_mask(1 << (i % 2))).collect();
-    // From outside at edges and vertices of the image, without an end.
-    let mut rays = vec![];
-    for (i, world_from_object) in placed.iter().enumerate() {
-        let image = |v: u32| world_from_object.point(torus.positions[v as usize]);
-        for (j, &[a, b, _]) in torus.triangles.iter().enumerate().filter(|(j, _)| (i + j) % 9 == 0) {
-            let (a, b) = (image(a), image(b));
-            let target = if j % 2 == 0 { a } else { std::array::from_fn(|k| 0.5 * (a[k] + b[k])) };
-            let size = 10.0 * world_from_object.reach(2.0) as f32;
-            let origin = [target[0] + size, target[1] - 0.5 * size, target[2] + 0.25 * size];
-            rays.push(Ray::new(origin, std::array::from_fn(|k| target[k] - origin[k])));
-        }
-    }
-    for top in tops() {
-        let tlas = Tlas::new(vec![build()], &instances, top).unwrap();
-        let (mut found, mut even, mut hits) = (vec![], vec![], vec![]);
-        let mut n_crossings = 0;
-        for ray in &rays {
-            tlas.crossings(ray, &mut found);
-            assert!(found.is_sorted_by(|a, b| a.before(b)), "{found:?}");
-            tlas.all_hits(ray, &mut hits);
-            for (i, world_from_object) in placed.iter().enumerate() {
-                let of_instance = |hits: &[Hit]| -> Vec<Hit> {
-                    hits.iter().filter(|hit| hit.instance.0 as usize == i).copied().collect()
-                };
-                let want = crossings::of_hits(&torus, &ray_object(world_from_object, ray), of_instance(&hits));
-                let got = of_instance(&found);
-                // Which of several triangles around an edge stands for the crossing may differ.
-                let places = |hits: &[Hit]| {
-                    let mut places: Vec<_> = hits.iter().map(|hit| (hit.t.to_bits(), hit.side == Side::Back)).collect();
-                    places.sort_unstable();
-                    places
-                };
-                assert_eq!(places(&got), places(&want), "instance {i}, {ray:?}");
-                let n_front = got.iter().filter(|hit| hit.side == Side::Front).count();
-                assert_eq!(2 * n_front, got.len(), "instance {i}, {ray:?}");
-            }
-            n_crossings += found.len();
-            tlas.crossings_with(ray, &RayOptions::mask(1), &mut even);
-            found.retain(|hit| hit.instance.0 % 2 == 0);
-            assert_eq!(even, found);
-        }
-        assert!(n_crossings > rays.len(), "{n_crossings} crossings of {} rays", rays.len());
-    }
-}
-
-/// Two instances in the same position are two surfaces; their hits come in pairs, the lower instance first.
-#[test]
-fn duplicates_are_hit_in_order() {
-    let placed = [Affine::IDENTITY, Affine::IDENTITY];
-    let twice = placed.map(|affine| Instance::new(0, affine));
-    let rays = all_rays(&placed[..1], 50);
-    for top in tops() {
-        let tlas = Tlas::new(bottom(), &twice, top).unwrap();
-        let mut hits = vec![];
-        let mut n_pairs = 0;
-        for ray in &rays {
-            tlas.all_hits(ray, &mut hits);
-            assert!(hits.is_sorted_by(|a, b| a.before(b)), "{hits:?}");
-            let of = |instance: u32| hits.iter().filter(move |hit| hit.instance.0 == instance);
-            assert!(of(0).map(|hit| (hit.t, hit.primitive)).eq(of(1).map(|hit| (hit.t, hit.primitive))), "{hits:?}");
-            assert_eq!(tlas.closest_hit(ray), hits.first().copied());
-            n_pairs += of(0).count();
-        }
-        assert!(n_pairs > 100, "{n_pairs}");
     }
 }
 

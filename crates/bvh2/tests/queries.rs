@@ -1,0 +1,135 @@
+//! Queries of a `Bvh2` against a loop over all triangles.
+
+use canted_bvh2::{BuildConfig, Bvh2};
+use canted_fixtures::{Grazing, Mesh, grazing, soup, torus};
+use canted_lbvh::{Strategy, VolumeConfig};
+use canted_obb::PrimId;
+use canted_trace::{Counts, Hit, InstanceId, Kernel, MollerTrumbore, Ray, ScaledRay, Watertight};
+
+fn build<K: Kernel>(mesh: &Mesh, strategy: Strategy) -> Bvh2<K> {
+    let config = BuildConfig { volumes: VolumeConfig { strategy, fallback: true }, ..BuildConfig::default() };
+    Bvh2::build(&mesh.positions, &mesh.triangles, &config).unwrap()
+}
+
+/// Two soups in the same position, so that every hit is a tie.
+fn doubled() -> Mesh {
+    let Mesh { positions, triangles } = soup(5, 120);
+    let triangles = [&triangles[..], &triangles].concat();
+    Mesh { positions, triangles }
+}
+
+fn rays(mesh: &Mesh) -> Vec<Ray> {
+    let at_edges = Grazing::ALL.into_iter().flat_map(|class| grazing(mesh, class, 200, 9));
+    at_edges
+        .enumerate()
+        .map(|(i, ray)| {
+            let (t_min, t_max) = [(0.0, f32::INFINITY), (0.0, 1.0), (0.5, f32::INFINITY)][i % 3];
+            Ray { origin: ray.origin, direction: ray.direction, t_min, t_max }
+        })
+        .collect()
+}
+
+/// Every hit: least `t` first, then lowest primitive.
+fn loop_over_all<K: Kernel>(mesh: &Mesh, ray: &Ray) -> Vec<Hit> {
+    let Some(ray) = ScaledRay::new(ray) else { return vec![] };
+    let prepared = K::prepare(&ray);
+    let records = mesh.triangles.iter().map(|t| K::record(t.map(|v| mesh.positions[v as usize])));
+    let mut hits: Vec<Hit> = (0..)
+        .map(PrimId)
+        .zip(records)
+        .filter_map(|(primitive, record)| {
+            let hit = K::intersect(&prepared, &ray, &record, ray.t_max)?;
+            let t = ray.caller_t(hit.t);
+            Some(Hit { t, u: hit.u, v: hit.v, primitive, instance: InstanceId(0), side: hit.side })
+        })
+        .collect();
+    hits.sort_by(|a, b| if a.before(b) { std::cmp::Ordering::Less } else { std::cmp::Ordering::Greater });
+    hits
+}
+
+fn agrees<K: Kernel>() {
+    for mesh in [doubled(), torus(10, 6)] {
+        let rays = rays(&mesh);
+        let n = rays.len();
+        for strategy in Strategy::ALL {
+            let bvh = build::<K>(&mesh, strategy).clone();
+            let (mut closest, mut par_closest) = (vec![None; n], vec![None; n]);
+            let (mut occluded, mut par_occluded) = (vec![false; n], vec![false; n]);
+            let (mut all, mut par_all) = (vec![vec![]; n], vec![vec![]; n]);
+            bvh.closest_hits(&rays, &mut closest);
+            bvh.par_closest_hits(&rays, &mut par_closest);
+            bvh.occluded_many(&rays, &mut occluded);
+            bvh.par_occluded_many(&rays, &mut par_occluded);
+            bvh.all_hits_many(&rays, &mut all);
+            bvh.par_all_hits_many(&rays, &mut par_all);
+            assert_eq!((&closest, &occluded, &all), (&par_closest, &par_occluded, &par_all));
+            let mut hits = vec![];
+            for (i, ray) in rays.iter().enumerate() {
+                let want = loop_over_all::<K>(&mesh, ray);
+                bvh.all_hits(ray, &mut hits);
+                assert_eq!((&hits, &all[i]), (&want, &want), "{strategy:?}, {ray:?}");
+                assert_eq!((closest[i], occluded[i]), (want.first().copied(), !want.is_empty()), "{ray:?}");
+                assert_eq!((bvh.closest_hit(ray), bvh.occluded(ray)), (closest[i], occluded[i]), "{ray:?}");
+            }
+            assert!(closest.iter().flatten().count() * 3 > n, "too few rays hit");
+        }
+    }
+}
+
+#[test]
+fn watertight_agrees_with_the_loop() {
+    agrees::<Watertight>();
+}
+
+#[test]
+fn moller_trumbore_agrees_with_the_loop() {
+    agrees::<MollerTrumbore>();
+}
+
+#[test]
+fn filters_accept_by_ray_and_hit() {
+    let mesh = doubled();
+    let rays = rays(&mesh);
+    let bvh = build::<Watertight>(&mesh, Strategy::Dop);
+    let n = rays.len();
+    let accepts = |i: usize, hit: &Hit| (hit.primitive.index() + i).is_multiple_of(2);
+    let (mut closest, mut par_closest) = (vec![None; n], vec![None; n]);
+    let (mut occluded, mut par_occluded) = (vec![false; n], vec![false; n]);
+    let (mut all, mut par_all) = (vec![vec![]; n], vec![vec![]; n]);
+    bvh.closest_hits_where(&rays, &mut closest, |i, _, hit| accepts(i, hit));
+    bvh.par_closest_hits_where(&rays, &mut par_closest, |i, _, hit| accepts(i, hit));
+    bvh.occluded_many_where(&rays, &mut occluded, |i, _, hit| accepts(i, hit));
+    bvh.par_occluded_many_where(&rays, &mut par_occluded, |i, _, hit| accepts(i, hit));
+    bvh.all_hits_many_where(&rays, &mut all, |i, _, hit| accepts(i, hit));
+    bvh.par_all_hits_many_where(&rays, &mut par_all, |i, _, hit| accepts(i, hit));
+    assert_eq!((&closest, &occluded, &all), (&par_closest, &par_occluded, &par_all));
+    for (i, ray) in rays.iter().enumerate() {
+        let mut want = loop_over_all::<Watertight>(&mesh, ray);
+        want.retain(|hit| accepts(i, hit));
+        assert_eq!((closest[i], occluded[i], &all[i]), (want.first().copied(), !want.is_empty(), &want), "{ray:?}");
+        assert_eq!(bvh.closest_hit_where(ray, |_, hit| accepts(i, hit)), closest[i]);
+        assert_eq!(bvh.occluded_where(ray, |_, hit| accepts(i, hit)), occluded[i]);
+    }
+}
+
+#[test]
+fn an_empty_bvh_is_never_hit() {
+    let bvh = build::<Watertight>(&Mesh::default(), Strategy::Combined);
+    let ray = Ray::new([0.0; 3], [1.0, 0.0, 0.0]);
+    let mut hits = vec![];
+    bvh.all_hits(&ray, &mut hits);
+    assert_eq!((bvh.closest_hit(&ray), bvh.occluded(&ray), hits.len(), bvh.n_triangles()), (None, false, 0, 0));
+}
+
+#[test]
+fn queries_count_their_tests_and_name_the_instance() {
+    let mesh = torus(10, 6);
+    let bvh = build::<Watertight>(&mesh, Strategy::Aabb);
+    let ray = rays(&mesh).into_iter().find(|ray| bvh.occluded(ray)).unwrap();
+    let mut counts = Counts::default();
+    let hit = bvh.closest_hit_with(&ray, InstanceId(7), &mut counts).unwrap();
+    assert_eq!(hit, Hit { instance: InstanceId(7), ..bvh.closest_hit(&ray).unwrap() });
+    assert!(counts.boxes > 0 && (1..120).contains(&counts.triangles), "{counts:?}");
+    let printed = format!("{bvh:?}");
+    assert!(printed.starts_with("Bvh2 { n_triangles: 120, "), "{printed}");
+}
