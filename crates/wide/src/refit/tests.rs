@@ -47,7 +47,7 @@ fn sum_is_positive(terms: &[f64]) -> bool {
 
 /// Number of boxes that do not contain all vertices below them, by exact sums of exact products.
 fn n_too_small(bvh: &TriangleBvh) -> usize {
-    let outline = outline(&bvh);
+    let outline = outline(bvh);
     let corners = Triangles::read(&outline, &bvh.leaves.halves).corners;
     let mut n = 0;
     for node in &outline.nodes {
