@@ -163,10 +163,7 @@ fn reversed_dependencies_are_detected() {
 fn restricted_and_extra_dependencies_are_detected() {
     let restricted = "restricted to other packages";
     assert_eq!(with("scene", "[dependencies]\nobvhs.workspace = true"), [format!("scene needs obvhs: {restricted}")]);
-    assert_eq!(
-        with("canted", "[dependencies.obvhs]\nversion = \"0.4\""),
-        [format!("canted needs obvhs: {restricted}")]
-    );
+    assert_eq!(with("cli", "[dependencies.obvhs]\nversion = \"0.4\""), [format!("cli needs obvhs: {restricted}")]);
     assert_eq!(
         with("obb", "[dependencies]\nserde = { version = \"1\", optional = true }"),
         ["obb needs serde: more than glam, bytemuck, rayon and libm"]

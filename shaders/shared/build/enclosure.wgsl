@@ -37,7 +37,7 @@ struct Extent {
 
 const IDENTITY = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
 
-/// Coordinates along the axes of a frame.
+/// Coordinates in a frame.
 fn along(frame: mat3x3<f32>, v: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(dot(frame[0], v), dot(frame[1], v), dot(frame[2], v));
 }

@@ -121,9 +121,9 @@ fn surfaces_facing_away_from_a_light_are_dark() {
 /// A shading normal that tilts towards a light below the triangle's horizon does not receive its light.
 #[test]
 fn light_below_the_geometric_horizon_does_not_count() {
-    let mut leaning = floor(100.0, 0.0, 0);
-    leaning.normals = Some(vec![[0.8, 0.6, 0.0]; 4]);
-    let mut plane = scene(vec![leaning], vec![grey(0.5)]);
+    let mut tilted = floor(100.0, 0.0, 0);
+    tilted.normals = Some(vec![[0.8, 0.6, 0.0]; 4]);
+    let mut plane = scene(vec![tilted], vec![grey(0.5)]);
     let lit = |plane: &canted_scene::Scene| probe(plane, [0.0, 5.0, 5.0], [0.0; 3], settings(1, 1, 1, 0))[0];
     // The shading normal has the cosine 0.8·0.995 - 0.6·0.1 = 0.736 to the light from below, and 0.856 to that from
     // above.

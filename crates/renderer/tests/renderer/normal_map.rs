@@ -173,12 +173,12 @@ fn normals_face_the_viewer_and_mirror_above_the_surface() {
 fn interpolated_normals_facing_away_fall_back_to_the_geometric_normal() {
     let mut scene = stage(TILTED, SQUARE);
     scene.materials[0].normal_texture = None;
-    let leaning = unit([0.8, 0.0, 0.6]);
+    let tilted = unit([0.8, 0.0, 0.6]);
     #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-    let normals = vec![leaning.map(|x| x as f32); 3];
+    let normals = vec![tilted.map(|x| x as f32); 3];
     scene.meshes[0].normals = Some(normals);
     let facing = surface_at(&scene, [-0.5, 0.0, -0.5]);
-    assert!(dot(cross(facing.shading_normal, leaning), cross(facing.shading_normal, leaning)).sqrt() < BOUND);
+    assert!(dot(cross(facing.shading_normal, tilted), cross(facing.shading_normal, tilted)).sqrt() < BOUND);
     let away = surface_at(&scene, [0.9, 0.0, -0.1]);
     assert_eq!(away.shading_normal, away.normal);
 }

@@ -21,14 +21,14 @@ use sample::Edges;
 
 /// How a frame for the whole mesh is searched for.
 ///
-/// Sums along the best axes, relative to those along the axes of the space: rotated architecture 0.23 of the areas and
+/// Sums along the best axes, relative to those along the coordinate axes: rotated architecture 0.23 of the areas and
 /// 0.04 of the volumes, a lattice of diagonal struts 0.98 and 0.62, many bridges in all directions 0.73 and 0.57;
 /// scans 0.87 and 0.81 or more, a terrain on a grid, which only loses by a rotation, 0.86 and 0.75.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MeshFrameConfig {
     /// Triangles that are sampled.
     pub(crate) n_sampled: u32,
-    /// A frame is returned if the boxes' areas sum to at most this part of those along the axes of the space...
+    /// A frame is returned if the boxes' areas sum to at most this part of those along the coordinate axes...
     pub(crate) max_areas: f32,
     /// ... or their volumes to at most this part.
     pub(crate) max_volumes: f32,
@@ -43,7 +43,7 @@ impl Default for MeshFrameConfig {
 /// Triangles that rank frames.
 const N_RANKING: usize = 512;
 
-/// Frames whose sum exceeds the required one by more than this part of the sum along the axes of the space are not
+/// Frames whose sum exceeds the required one by more than this part of the sum along the coordinate axes are not
 /// refined, which takes two thirds of the time: on fourteen scenes no refinement saved more than 0.013.
 const MARGIN: f64 = 0.1;
 
@@ -75,7 +75,7 @@ const FINE: [f32; 2] = [0.004, 0.000_000_5];
 /// are almost parallel the sum falls towards zero, by some part of itself each time, for thousands.
 const MAX_ITERATIONS: u32 = 16;
 
-/// Frames in which the boxes of the mesh's triangles are smaller than along the axes of the space.
+/// Frames in which the boxes of the mesh's triangles are smaller than along the coordinate axes.
 ///
 /// `edges` are two edges of each of `n` triangles.
 pub(crate) fn candidates(
@@ -95,7 +95,7 @@ pub(crate) fn candidates(
     found.into_iter().map(from_glam).collect()
 }
 
-/// The frame of the least sum, if that is at most the part `most` of the sum along the axes of the space.
+/// The frame of the least sum, if that is at most the part `most` of the sum along the coordinate axes.
 fn best(sampled: &[Edges], sum: Sum, most: f32) -> Option<[Vec3A; 3]> {
     // Twice as many as there are: small meshes are cheap, and large triangles still count more.
     let ranking = Measure::of(&sample::by_size(sampled, N_RANKING.min(2 * sampled.len())), sum);

@@ -172,7 +172,7 @@ fn a_rotated_strut_gets_a_box_along_itself() {
     let want = 1.0 * 0.02 + 0.02 * 0.01 + 0.01 * 1.0;
     let scale = f64::from(input.scale);
     assert!(f64::from(root.half_area) < 1.001 * want * scale * scale, "{}", root.half_area);
-    // Along the axes of the space it is many times as large.
+    // Along the coordinate axes it is many times as large.
     assert!(f64::from(input.inner[0]) > 10.0 * want * scale * scale);
 }
 
