@@ -25,7 +25,11 @@ impl WavefrontKernels {
     /// Compiles the kernels with the specialisation of `render/path`.
     pub(super) fn new(gpu: &Gpu, specialisation: &Specialisation) -> Result<Self, GpuError> {
         let kernel = |name: &str| gpu.kernel(name, &specialisation.of_kernel(name)?);
-        Ok(Self { generate: kernel("wave/generate")?, trace: kernel("wave/trace")?, shade: kernel("wave/shade")? })
+        Ok(Self {
+            generate: kernel("alternatives/wavefront/generate")?,
+            trace: kernel("alternatives/wavefront/trace")?,
+            shade: kernel("alternatives/wavefront/shade")?,
+        })
     }
 
     pub(super) fn all(&self) -> [&Arc<Kernel>; 3] {
