@@ -44,10 +44,10 @@ pub(crate) fn run(args: &[&str]) -> Result<bool> {
     Ok(true)
 }
 
-/// The benchmark program, with the peers where `args` request them. Cargo selects all packages, so that features and therefore
-/// compiled dependencies are those of `cargo build --release`.
+/// The benchmark program with thin LTO, as the results were recorded, and with the peers where `args` request them.
 pub(crate) fn program(args: &[&str]) -> Command {
     let mut command = cargo(&["run", "--release", "--bin", "canted-bench"]);
+    command.env("CARGO_PROFILE_RELEASE_LTO", "thin");
     if args.contains(&PEERS) {
         command.args(["--features", "canted-benches/peers"]);
     }
