@@ -21,8 +21,8 @@ struct Answer {
     to_light: vec3<f32>,
     density: f32,
     radiance: vec3<f32>,
-    reach: u32,
-    place: vec3<f32>,
+    shadow_ray: u32,
+    position: vec3<f32>,
     shape_light: u32,
     is_emission: u32,
     /// Density of the direction of the query.
@@ -49,6 +49,6 @@ fn main(id: Invocation) {
     }
     let found = light.incoming;
     answers[index] = Answer(
-        found.to_light, found.density, found.radiance, found.reach, found.place, light.shape_light, u32(light.is_emission), density,
+        found.to_light, found.density, found.radiance, found.shadow_ray, found.position, light.shape_light, u32(light.is_emission), density,
     );
 }

@@ -10,7 +10,7 @@
 // use ?mask
 
 struct Corner {
-    @builtin(position) place: vec4<f32>,
+    @builtin(position) pixel: vec4<f32>,
     @location(0) @interpolate(flat) instance: u32,
     @location(1) @interpolate(flat) primitive: u32,
 }
@@ -44,10 +44,10 @@ fn vertex(@builtin(vertex_index) number: u32, @builtin(instance_index) instance:
 
 @fragment
 fn fragment(corner: Corner) -> Texels {
-    let position = corner.place.xy - 0.5 * vec2<f32>(picture.size);
+    let position = corner.pixel.xy - 0.5 * vec2<f32>(picture.size);
     let ray = line_of(position);
     let hit = in_triangle(ray, corner.instance, corner.primitive);
-    let at = vec2<u32>(corner.place.xy);
+    let at = vec2<u32>(corner.pixel.xy);
     ray_key = derived_key(derived_key(0u, bits(picture.sampler, at.y * picture.size.x + at.x, 0u, ALPHA_DIMENSION)), 0u);
     if !accepts(hit) {
         discard;

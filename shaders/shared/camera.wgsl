@@ -30,6 +30,6 @@ fn camera_ray(one: PixelSample) -> CameraRay {
 }
 
 /// A ray with infinite `t_max`.
-fn endless(origin: vec3<f32>, direction: vec3<f32>) -> Ray {
+fn infinite_ray(origin: vec3<f32>, direction: vec3<f32>) -> Ray {
     return Ray(origin, 0.0, direction, FAR);
 }

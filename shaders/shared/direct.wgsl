@@ -37,12 +37,12 @@ fn next_shadow_ray(one: PixelSample, vertex: u32, surface: Surface, vertex_key: 
         let dimension = FIRST_LIGHT + vertex * n_lights + number;
         let incoming = incoming_light(lights[number], surface.position, square(one, dimension));
         let cosine = dot(surface.shading_normal, incoming.to_light);
-        if incoming.reach == NO_LIGHT || cosine <= 0.0 || dot(surface.normal, incoming.to_light) <= 0.0 {
+        if incoming.shadow_ray == NO_LIGHT || cosine <= 0.0 || dot(surface.normal, incoming.to_light) <= 0.0 {
             continue;
         }
         let reflected = surface.base_color * (incoming.radiance * (cosine / PI));
-        let is_near = incoming.reach == FINITE;
-        let ray = towards(surface, select(incoming.to_light, incoming.place, is_near), is_near);
+        let is_near = incoming.shadow_ray == FINITE;
+        let ray = towards(surface, select(incoming.to_light, incoming.position, is_near), is_near);
         if ray.t_max <= 0.0 {
             shadow.unshadowed += reflected;
         } else if !shape_light_occludes(ray, number) {

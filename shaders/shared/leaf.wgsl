@@ -41,14 +41,14 @@ fn leaf(word: u32) {
 
 /// Tests those of four triangles that are set in `filled`.
 fn four_triangles(at: u32, stride: u32, filled: u32) {
-    var waiting = candidates(at, stride) & filled;
-    iterations += 1u + countOneBits(waiting);
+    var pending = candidates(at, stride) & filled;
+    iterations += 1u + countOneBits(pending);
     loop {
-        if waiting == 0u {
+        if pending == 0u {
             break;
         }
-        let lane = firstTrailingBit(waiting);
-        waiting &= waiting - 1u;
+        let lane = firstTrailingBit(pending);
+        pending &= pending - 1u;
         let found = intersect_triangle(at, stride, lane);
         // `t` in the caller's units decides, as everywhere.
         if found.t >= space.t_min && found.t <= t_max {

@@ -8,7 +8,7 @@ fn through_lens(line: Ray, one: PixelSample) -> Ray {
     let shift = (point.x / picture.pixel) * picture.right + (point.y / picture.pixel) * picture.down;
     // The direction is a unit vector; its progress along the view axis is its cosine.
     let delta = line.direction * (picture.focus_distance / dot(line.direction, picture.forward));
-    return endless(line.origin + shift, normalize(delta - shift));
+    return infinite_ray(line.origin + shift, normalize(delta - shift));
 }
 
 // choice pinhole

@@ -48,9 +48,9 @@ fn enter_oriented(at: u32, half: u32, t_max: f32) -> vec4<u32> {
         let d = x * space.direction.x + (y * space.direction.y + z * space.direction.z);
         let h = quad(q + 8u) + vec4<f32>(space.oriented_pad);
         let a = guarded_reciprocals(d);
-        let middle = select(p, -p, d < vec4<f32>(0.0)) * a;
-        near = max(-(h * a) - middle, near);
-        far = min(h * a - middle, far);
+        let center = select(p, -p, d < vec4<f32>(0.0)) * a;
+        near = max(-(h * a) - center, near);
+        far = min(h * a - center, far);
     }
     return keys(near, far, half);
 }

@@ -44,7 +44,7 @@ struct Path {
     /// Radiance factor of refraction contained in the throughput; it cancels when the path leaves the body.
     compression: f32,
     /// Contribution of the shadow ray if it is unoccluded.
-    waiting: vec3<f32>,
+    pending: vec3<f32>,
     /// Number of vertices so far.
     n_vertices: u32,
     /// The ray after the shadow ray; its direction is zero if the path ends.
@@ -87,7 +87,7 @@ fn key_of(path: Path, one: PixelSample) -> u32 {
 /// Advances a path by the hit of its ray.
 fn advance(path: ptr<function, Path>, one: PixelSample, hit: Hit) {
     if (*path).stage == TO_LIGHT {
-        (*path).radiance += select(vec3(0.0), (*path).waiting, hit.instance == NONE);
+        (*path).radiance += select(vec3(0.0), (*path).pending, hit.instance == NONE);
         continue_onward(path);
         return;
     }
@@ -99,13 +99,13 @@ fn advance(path: ptr<function, Path>, one: PixelSample, hit: Hit) {
     let number = (*path).n_vertices;
     let surface = surface_at(hit, ray.direction, cone_of(*path));
     if any(surface.emission != vec3(0.0)) {
-        let density = surface_light_density(left(*path), hit.instance, hit.primitive, ray.direction);
+        let density = surface_light_density(previous_receiver(*path), hit.instance, hit.primitive, ray.direction);
         gather(path, surface.emission, density);
     }
     let vertex = vertex_of(surface);
     let receiver = Receiver(surface.position, is_transmitting(vertex.bsdf), surface.normal, surface.shading_normal);
     (*path).n_vertices += 1u;
-    let asks = !is_delta_only(vertex.bsdf) && sample_direct(path, one, surface, vertex, receiver, number);
+    let has_shadow_ray = !is_delta_only(vertex.bsdf) && sample_direct(path, one, surface, vertex, receiver, number);
     if !scatter(path, one, surface, vertex, number) {
         (*path).onward_direction = vec3(0.0);
     }
@@ -113,7 +113,7 @@ fn advance(path: ptr<function, Path>, one: PixelSample, hit: Hit) {
     (*path).transmits = u32(receiver.transmits);
     (*path).normal = receiver.normal;
     (*path).shading_normal = receiver.shading_normal;
-    if asks {
+    if has_shadow_ray {
         (*path).stage = TO_LIGHT;
     } else {
         continue_onward(path);
@@ -123,7 +123,7 @@ fn advance(path: ptr<function, Path>, one: PixelSample, hit: Hit) {
 /// Continues along the onward ray, if there is one.
 fn continue_onward(path: ptr<function, Path>) {
     let direction = (*path).onward_direction;
-    (*path).ray = endless((*path).onward_origin, direction);
+    (*path).ray = infinite_ray((*path).onward_origin, direction);
     (*path).stage = select(ONWARD, DONE, all(direction == vec3(0.0)));
 }
 
@@ -133,11 +133,11 @@ fn ends(path: ptr<function, Path>, hit: Hit) -> bool {
     let is_miss = hit.instance == NONE;
     let light_hit = intersect_shape_lights(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
     if light_hit.is_hit {
-        gather(path, light_hit.radiance, shape_light_density(left(*path), light_hit.number, ray.direction));
+        gather(path, light_hit.radiance, shape_light_density(previous_receiver(*path), light_hit.number, ray.direction));
         return true;
     }
     if is_miss {
-        gather(path, sky_radiance(ray.direction), sky_light_density(left(*path), ray.direction));
+        gather(path, sky_radiance(ray.direction), sky_light_density(previous_receiver(*path), ray.direction));
         return true;
     }
     return (*path).n_vertices > picture.bounces;
@@ -150,7 +150,7 @@ fn gather(path: ptr<function, Path>, radiance: vec3<f32>, density: f32) {
 }
 
 /// The vertex that the onward ray left.
-fn left(path: Path) -> Receiver {
+fn previous_receiver(path: Path) -> Receiver {
     return Receiver(path.position, path.transmits != 0u, path.normal, path.shading_normal);
 }
 
@@ -167,7 +167,7 @@ fn sample_direct(
     let choice = single(picture.sampler, one.pixel, one.sample, dimension(LIGHT_CHOICE, number));
     let light = sample_light(receiver, choice, square(one, dimension(LIGHT, number)));
     // At the last bounce, surface emission belongs to the vertex there.
-    if light.incoming.reach == NO_LIGHT || (light.is_emission && number == picture.bounces) {
+    if light.incoming.shadow_ray == NO_LIGHT || (light.is_emission && number == picture.bounces) {
         return false;
     }
     let found = evaluate(vertex, light.incoming.to_light);
@@ -177,15 +177,15 @@ fn sample_direct(
     // No other technique samples a light without extent.
     let density = light.incoming.density;
     let share = select(power_heuristic(density, found.density), 1.0, density == 0.0);
-    let brought = (*path).throughput * (found.value * light.incoming.radiance) * share;
-    let is_near = light.incoming.reach == FINITE;
-    let ray = towards(surface, select(light.incoming.to_light, light.incoming.place, is_near), is_near);
+    let contribution = (*path).throughput * (found.value * light.incoming.radiance) * share;
+    let is_near = light.incoming.shadow_ray == FINITE;
+    let ray = towards(surface, select(light.incoming.to_light, light.incoming.position, is_near), is_near);
     if ray.t_max <= 0.0 {
-        (*path).radiance += brought;
+        (*path).radiance += contribution;
         return false;
     }
     (*path).n_rays += 1u;
-    (*path).waiting = brought;
+    (*path).pending = contribution;
     (*path).ray = ray;
     return !shape_light_occludes(ray, light.shape_light);
 }
@@ -229,8 +229,8 @@ fn scatter(path: ptr<function, Path>, one: PixelSample, surface: Surface, vertex
 /// Russian roulette: ends the path or increases its throughput, without bias.
 fn survives(path: ptr<function, Path>, one: PixelSample, number: u32) -> bool {
     let throughput = (*path).throughput;
-    let carried = quotient(max(throughput.x, max(throughput.y, throughput.z)), (*path).compression);
-    let share = min(carried / SURVIVAL_THROUGHPUT, select(1.0 - MIN_TERMINATION, 1.0, number < MIN_TERMINATION_FROM));
+    let scale = quotient(max(throughput.x, max(throughput.y, throughput.z)), (*path).compression);
+    let share = min(scale / SURVIVAL_THROUGHPUT, select(1.0 - MIN_TERMINATION, 1.0, number < MIN_TERMINATION_FROM));
     if share < 1.0 && single(picture.sampler, one.pixel, one.sample, dimension(ROULETTE, number)) >= share {
         return false;
     }
@@ -244,8 +244,8 @@ fn power_heuristic(density: f32, other: f32) -> f32 {
     return 1.0 / (1.0 + ratio * ratio);
 }
 
-fn dimension(use_of_it: u32, number: u32) -> u32 {
-    return 1u + number * N_DIMENSIONS + use_of_it;
+fn dimension(purpose: u32, number: u32) -> u32 {
+    return 1u + number * N_DIMENSIONS + purpose;
 }
 
 fn set_cone(path: ptr<function, Path>, cone: Cone) {

@@ -55,7 +55,7 @@ fn intersect_shape_lights(ray: Ray) -> ShapeLightHit {
     for (var number = 0u; number < arrayLength(&lights); number++) {
         let crossing = shape_light_crossing(lights[number], ray);
         if crossing.t < light_hit.t || (crossing.t == light_hit.t && !light_hit.is_hit) {
-            light_hit = ShapeLightHit(true, number, select(vec3(0.0), lights[number].color, crossing.shines), crossing.t);
+            light_hit = ShapeLightHit(true, number, select(vec3(0.0), lights[number].color, crossing.emits), crossing.t);
         }
     }
     return light_hit;
@@ -66,14 +66,14 @@ fn shape_light_normal(number: u32, point: vec3<f32>) -> vec3<f32> {
     if lights[number].kind == DISK {
         return lights[number].direction;
     }
-    return normalize(point - lights[number].place);
+    return normalize(point - lights[number].position);
 }
 
 /// Closest intersection with a shape light, and whether its side emits.
 struct Crossing {
     /// Above `FAR` for a miss.
     t: f32,
-    shines: bool,
+    emits: bool,
 }
 
 const NO_CROSSING: f32 = 3.2e38;
@@ -89,7 +89,7 @@ fn shape_light_crossing(light: ListLight, ray: Ray) -> Crossing {
 /// The discriminant uses the distance from the center to the line, so small and far spheres keep precision (Haines et al.
 /// 2019).
 fn sphere_crossing(light: ListLight, ray: Ray) -> Crossing {
-    let from_center = ray.origin - light.place;
+    let from_center = ray.origin - light.position;
     let d_squared = dot(ray.direction, ray.direction);
     let closest = -dot(from_center, ray.direction) / max(d_squared, MIN_SQUARE);
     let distance = length(from_center + closest * ray.direction);
@@ -110,15 +110,15 @@ fn sphere_crossing(light: ListLight, ray: Ray) -> Crossing {
 /// Includes the edge; rays in the plane of the disk miss.
 fn disk_crossing(light: ListLight, ray: Ray) -> Crossing {
     let slope = dot(ray.direction, light.direction);
-    let height = dot(light.place - ray.origin, light.direction);
+    let height = dot(light.position - ray.origin, light.direction);
     // As quotients of absolute values, which stay in range.
     let t = quotient(abs(height), abs(slope)) * sign_of(height) * sign_of(slope);
     // A nearly parallel ray would reach the plane so far away that a long direction overflows; it misses the disk anyway.
-    let delta = abs(light.place - ray.origin);
+    let delta = abs(light.position - ray.origin);
     let length = abs(ray.direction);
     let farthest = 2.0 * (max(delta.x, max(delta.y, delta.z)) + light.extent);
     let is_near = abs(t) <= quotient(farthest, max(length.x, max(length.y, length.z)));
-    let from_center = (ray.origin + select(0.0, t, is_near) * ray.direction) - light.place;
+    let from_center = (ray.origin + select(0.0, t, is_near) * ray.direction) - light.position;
     let is_inside = is_near && dot(from_center, from_center) <= light.extent * light.extent;
     let is_within = slope != 0.0 && ray.t_min <= t && t <= ray.t_max;
     return Crossing(select(NO_CROSSING, t, is_inside && is_within), slope < 0.0);

@@ -36,7 +36,7 @@ struct SkyImage {
 /// Radiance from a direction of any length, bilinear between texel centers.
 fn sky_radiance(direction: vec3<f32>) -> vec3<f32> {
     let size = vec2(sky_image.width, sky_image.height);
-    let texels = sky_place(direction) * vec2<f32>(size) - 0.5;
+    let texels = sky_position(direction) * vec2<f32>(size) - 0.5;
     let first = floor(texels);
     let weight = texels - first;
     let corner = vec2<i32>(first);
@@ -56,7 +56,7 @@ fn sky_texel(row: u32, column: u32) -> vec3<f32> {
 }
 
 /// Image position of a direction: horizontal in 0..=1 from the left, vertical in 0..=1 from the top.
-fn sky_place(direction: vec3<f32>) -> vec2<f32> {
+fn sky_position(direction: vec3<f32>) -> vec2<f32> {
     let most = max(max(abs(direction.x), abs(direction.y)), max(abs(direction.z), 1e-30));
     let d = direction / most;
     let across = angle_of(d.x, -d.z) / TAU + 0.5 + sky_image.turn;

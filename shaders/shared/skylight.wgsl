@@ -71,7 +71,7 @@ fn sample_sky(receiver: Receiver, square: vec2<f32>) -> LightSample {
 /// Density of `sample_sky` for a unit direction.
 fn sky_density(receiver: Receiver, direction: vec3<f32>) -> f32 {
     let size = vec2(sky_image.width, sky_image.height);
-    let texel = min(vec2<u32>(sky_place(direction) * vec2<f32>(size)), size - 1u);
+    let texel = min(vec2<u32>(sky_position(direction) * vec2<f32>(size)), size - 1u);
     return sky_density_at(texel.y, texel.x);
 }
 
@@ -87,11 +87,11 @@ fn share_between(low: f32, high: f32, number: f32) -> f32 {
 }
 
 /// A cumulative sum: of rows, or of the columns whose sums start at `start`.
-fn sky_sum(is_row: bool, start: u32, place: u32) -> f32 {
+fn sky_sum(is_row: bool, start: u32, index: u32) -> f32 {
     if is_row {
-        return sky_rows[place].sum;
+        return sky_rows[index].sum;
     }
-    return sky_sums[start + place];
+    return sky_sums[start + index];
 }
 
 /// Which of `n` intervals of a cumulative sum contains a number below 1. Empty intervals are never found.

@@ -12,28 +12,29 @@ fn sample_sun(choice: f32) -> LightSample {
 // use shared/light/sample
 // use shared/invocation/iterations
 
-struct SunShare {
+/// A sun and the probability with which it is chosen.
+struct SampledSun {
     /// Index in the list of lights.
     light: u32,
-    share: f32,
+    probability: f32,
 }
 
-@group(3) @binding(9) var<storage, read> sun_shares: array<SunShare>;
+@group(3) @binding(9) var<storage, read> sampled_suns: array<SampledSun>;
 
 /// Samples the sun whose interval contains a number; the last one also covers the rounding error.
 fn sample_sun(choice: f32) -> LightSample {
-    let last = arrayLength(&sun_shares) - 1u;
+    let last = arrayLength(&sampled_suns) - 1u;
     var number = 0u;
     var rest = choice;
     loop {
         iterations += 1u;
-        if number >= last || rest < sun_shares[number].share {
+        if number >= last || rest < sampled_suns[number].probability {
             break;
         }
-        rest -= sun_shares[number].share;
+        rest -= sampled_suns[number].probability;
         number++;
     }
-    let sun = sun_shares[number];
+    let sun = sampled_suns[number];
     let incoming = incoming_light(lights[sun.light], vec3(0.0), vec2(0.0));
-    return chosen_with(sun.share, LightSample(incoming, sun.light, false));
+    return chosen_with(sun.probability, LightSample(incoming, sun.light, false));
 }

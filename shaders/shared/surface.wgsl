@@ -107,18 +107,18 @@ fn spawn_ray(surface: Surface, direction: vec3<f32>) -> Ray {
     return towards(surface, direction, false);
 }
 
-/// A ray along `goal`, or if `is_place` one that ends just before the point `goal`. Its direction then spans the whole distance
+/// A ray along `goal`, or if `is_point` one that ends just before the point `goal`. Its direction then spans the whole distance
 /// and its `t_max` is below 1, or below 0 if `goal` is too close to distinguish.
 ///
 /// The gap is the distance that rays keep from this surface, so that a surface through `goal` does not count, plus eight
 /// roundings of the distance.
-fn towards(surface: Surface, goal: vec3<f32>, is_place: bool) -> Ray {
-    let direction = select(goal, goal - surface.position, is_place);
+fn towards(surface: Surface, goal: vec3<f32>, is_point: bool) -> Ray {
+    let direction = select(goal, goal - surface.position, is_point);
     let side = with_sign(surface.offset, dot(surface.normal, direction));
     let origin = surface.position + surface.normal * side;
-    let delta = select(goal, goal - origin, is_place);
+    let delta = select(goal, goal - origin, is_point);
     let gap = surface.offset / max(size(delta), 1e-30) + 8.0 * 0x1p-23f;
-    return Ray(origin, 0.0, delta, select(FAR, 1.0 - gap, is_place));
+    return Ray(origin, 0.0, delta, select(FAR, 1.0 - gap, is_point));
 }
 
 /// Mirrors `direction` to the outer side of the triangle if shading normal and triangle disagree about it.

@@ -5,7 +5,7 @@
 fn line_of(position: vec2<f32>) -> Ray {
     let direction = picture.forward + (position.x * picture.right + position.y * picture.down);
     // At least as long as the unit vector forward, to which the other two are perpendicular.
-    return endless(picture.eye, normalize(direction));
+    return infinite_ray(picture.eye, normalize(direction));
 }
 
 /// The cone of a pixel: its spread is the root of the pixel's solid angle.
@@ -21,7 +21,7 @@ fn pixel_cone(position: vec2<f32>, sample: u32) -> Cone {
 
 /// The ray through a position in pixels relative to the center of the picture.
 fn line_of(position: vec2<f32>) -> Ray {
-    return endless(picture.eye + (position.x * picture.right + position.y * picture.down), picture.forward);
+    return infinite_ray(picture.eye + (position.x * picture.right + position.y * picture.down), picture.forward);
 }
 
 /// The cone of a pixel.

@@ -6,6 +6,7 @@
 
 mod instances {
     mod agree;
+    mod altered;
     mod crossings;
     mod edits;
     mod geometry;

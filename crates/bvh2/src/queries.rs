@@ -7,7 +7,7 @@ use crate::Bvh2;
 /// A ray with a NaN component, an infinite origin or direction, a zero direction or an empty interval never hits.
 ///
 /// Forms with `_where` count only the hits that `accepts` accepts. `accepts` must decide by its arguments alone: the
-/// order of its calls depends on the BVH, and it does not see every hit. Forms with `_with` take a [`Query`], which may
+/// order of its calls depends on the BVH, and it is not called for every hit. Forms with `_with` take a [`Query`], which may
 /// also count tests, and write `instance` into the hits.
 impl<K: Kernel> Bvh2<K> {
     /// The hit of least `t`; ties go to the lowest primitive.
@@ -124,7 +124,7 @@ impl<K: Kernel> Bvh2<K> {
     }
 }
 
-/// Whether the query accepts a hit, which it sees in the caller's units.
+/// Whether the query accepts a hit, which it receives in the caller's units.
 #[inline(always)]
 fn accepts<Q: Query>(query: &mut Q, ray: &ScaledRay, hit: &Hit) -> bool {
     query.accepts(&Hit { t: ray.caller_t(hit.t), ..*hit })

@@ -51,7 +51,7 @@ impl<K: Kernel> Bvh2<K> {
     /// let bvh = Bvh2::<Watertight>::build(&positions, &[[0, 1, 2], [3, 4, 5]], &BuildConfig::default())?;
     /// let rays = [Ray::new([0.25, 0.25, 0.0], [0.0, 0.0, 1.0]); 2];
     /// let mut hits = [None; 2];
-    /// // The second ray does not see triangle 1.
+    /// // The filter of the second ray rejects triangle 1.
     /// bvh.par_closest_hits_where(&rays, &mut hits, |index, _, hit| index == 0 || hit.primitive.0 != 1);
     /// assert_eq!(hits.map(|hit| hit.map(|hit| hit.primitive.0)), [Some(1), Some(0)]);
     /// # Ok::<(), canted_lbvh::GeometryError>(())

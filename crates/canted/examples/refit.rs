@@ -1,4 +1,4 @@
-//! Refit: a mesh deforms every frame; the BVH says when a rebuild is worth it.
+//! Refit: a mesh deforms every frame; the BVH reports when a rebuild pays off.
 #![expect(clippy::print_stdout, reason = "an example prints its results")]
 
 use canted::{Config, Preset, Ray, Triangle, WideBvh};

@@ -3,7 +3,7 @@ use crate::{Picture, digits};
 
 /// Shows one number per pixel, row by row, in false color: 0 in the darkest color, `full_scale` and above in the brightest.
 ///
-/// A picture that is large enough carries a legend in its lower left corner.
+/// A picture that is large enough has a legend in its lower left corner.
 #[must_use]
 pub fn false_color(numbers: impl Iterator<Item = u64>, [width, height]: [u32; 2], full_scale: u32) -> Picture {
     #[expect(clippy::cast_precision_loss, reason = "counts per pixel are below 2^53")]

@@ -21,7 +21,7 @@ pub(crate) struct Share {
 }
 
 impl Memory {
-    /// No limit besides the driver's.
+    /// No limit other than the driver's.
     pub(crate) fn unbounded() -> Self {
         Self(Arc::new(Bytes { taken: AtomicU64::new(0), most: AtomicU64::new(u64::MAX) }))
     }

@@ -39,7 +39,7 @@
 //! The same bits for any number of threads. [`top_down()`], [`spatial()`] and [`reinsert`] keep to a depth limit.
 //!
 //! # Cost
-//! PLOC takes linear time, the top-down builders `n log n`. Memory while building, per primitive and besides the tree: PLOC
+//! PLOC takes linear time, the top-down builders `n log n`. Memory while building, per primitive, in addition to the tree: PLOC
 //! 140 bytes, binned 64, reinsertion 68.
 //!
 //! # Features

@@ -5,7 +5,7 @@ use canted_obb::Obb;
 use canted_trace::{HIT_ERROR, Hit, InstanceId, Kernel, Query, Ray, Watertight};
 use canted_wide::{LeafPrimitive, TriangleBvh, WideBvh};
 
-/// A bottom-level BVH: anything that answers rays in its object space.
+/// A bottom-level BVH: anything that answers ray queries in its object space.
 ///
 /// Implemented by every BVH of `canted-wide` and `canted-bvh2`, and by `&B`, `Box<B>` and `Arc<B>`: several [`Tlas`](crate::Tlas) can
 /// share one BVH through an `Arc`. `instance` is written into hits and passed to the query.

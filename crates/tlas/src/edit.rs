@@ -112,7 +112,7 @@ impl<B: Blas> TlasEdit<'_, B> {
         self.set_instance(instance, Instance { world_from_object, world_from_object_close: None, ..old })
     }
 
-    /// Changes which rays see an instance.
+    /// Changes which rays test an instance.
     ///
     /// # Errors
     /// An instance that does not exist.
@@ -151,7 +151,7 @@ impl<B: Blas> TlasEdit<'_, B> {
     ///
     /// # Errors
     /// A BVH that does not exist; an instance that the new bounds move out of the range of `f32`. In the second case, or if
-    /// `change` panics, no ray sees the instances of the BVH until they are placed again: by a successful change of
+    /// `change` panics, no ray hits the instances of the BVH until they are placed again: by a successful change of
     /// the BVH or of the instance.
     ///
     /// ```

@@ -119,7 +119,7 @@ impl<B: SaveBlas> Tlas<B> {
         bytes
     }
 
-    /// The TLAS that [`Tlas::to_bytes`] wrote, with a top level built as `config` says.
+    /// The TLAS that [`Tlas::to_bytes`] wrote, with a top level built by `config`.
     ///
     /// Every byte is checked, so `bytes` may come from anywhere: a TLAS that loads cannot panic or lose a hit, as far as
     /// the same is true of its bottom-level BVHs. Takes memory in proportion to `bytes`.
@@ -128,10 +128,10 @@ impl<B: SaveBlas> Tlas<B> {
     /// The first flaw in `bytes`.
     pub fn from_bytes(bytes: &[u8], config: TopConfig) -> Result<Self, TlasLoadError<B::Error>> {
         let n_bytes = bytes.len();
-        if n_bytes < HEADER_BYTES + CHECKSUM_BYTES {
+        let Some((content, stored)) = bytes.split_last_chunk().filter(|(content, _)| content.len() >= HEADER_BYTES)
+        else {
             return Err(TlasLoadError::Length { n_bytes });
-        }
-        let (content, sum) = bytes.split_at(n_bytes - CHECKSUM_BYTES);
+        };
         let mut fields = Fields::new(content);
         // The header is complete: its length was checked.
         let magic = fields.take().unwrap_or_default();
@@ -142,9 +142,9 @@ impl<B: SaveBlas> Tlas<B> {
         if version != VERSION {
             return Err(TlasLoadError::Version { found: version });
         }
-        let computed = checksum(content);
-        if computed.to_le_bytes() != sum {
-            return Err(TlasLoadError::Checksum { computed });
+        let (stored, computed) = (u64::from_le_bytes(*stored), checksum(content));
+        if stored != computed {
+            return Err(TlasLoadError::Checksum { stored, computed });
         }
         if unused != 0 {
             return Err(TlasLoadError::Header { found: unused });

@@ -15,18 +15,18 @@ pub struct Instance {
     /// In between, every entry of the matrix is interpolated linearly, so every point of the instance moves along a
     /// straight line: during a large rotation the instance shrinks. Each interpolated map must be invertible.
     pub world_from_object_close: Option<Affine>,
-    /// Which rays see the instance: those whose mask shares a bit with this one. All bits by default.
+    /// Which rays test the instance: those whose mask shares a bit with this one. All bits by default.
     pub mask: u32,
 }
 
 impl Instance {
-    /// A static instance that every ray sees.
+    /// A static instance that every ray tests.
     #[must_use]
     pub fn new(blas: u32, world_from_object: Affine) -> Self {
         Self { blas, world_from_object, world_from_object_close: None, mask: u32::MAX }
     }
 
-    /// An instance that moves while the shutter is open, seen by every ray.
+    /// An instance that moves while the shutter is open; every ray tests it.
     #[must_use]
     pub fn moving(blas: u32, open: Affine, close: Affine) -> Self {
         Self { world_from_object_close: Some(close), ..Self::new(blas, open) }

@@ -1,13 +1,13 @@
 use canted_trace::Query;
 
-/// What a ray sees of instances: a mask and a time. Pass it to the queries that end in `_with`.
+/// The mask and the time of a ray. Pass it to the queries that end in `_with`.
 ///
 /// A query of your own sets both by [`Query::mask`] and [`Query::time`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayOptions {
-    /// The ray sees the instances whose mask shares a bit with this one. All bits by default.
+    /// The ray tests the instances whose mask shares a bit with this one. All bits by default.
     pub mask: u32,
-    /// When the ray sees moving instances: 0 as the shutter opens, 1 as it closes. Clamped to `[0, 1]`; 0 by default.
+    /// The time of moving instances: 0 as the shutter opens, 1 as it closes. Clamped to `[0, 1]`; 0 by default.
     pub time: f32,
 }
 
@@ -18,13 +18,13 @@ impl Default for RayOptions {
 }
 
 impl RayOptions {
-    /// A ray that sees the instances whose mask shares a bit with `mask`.
+    /// A ray that tests the instances whose mask shares a bit with `mask`.
     #[must_use]
     pub fn mask(mask: u32) -> Self {
         Self { mask, ..Self::default() }
     }
 
-    /// A ray that sees moving instances at `time`.
+    /// A ray that tests moving instances at `time`.
     #[must_use]
     pub fn time(time: f32) -> Self {
         Self { time, ..Self::default() }

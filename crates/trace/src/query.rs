@@ -28,9 +28,9 @@ pub trait Query {
         0.0
     }
 
-    /// Which instances the ray sees: those whose own mask shares a bit with this one.
+    /// Which instances the ray tests: those whose own mask shares a bit with this one.
     ///
-    /// Asked once for each ray, by BVHs over instances alone. A query that wraps another one must pass this on.
+    /// Called once per ray, only by BVHs over instances. A query that wraps another one must forward it.
     #[inline(always)]
     fn mask(&self) -> u32 {
         u32::MAX

@@ -51,7 +51,16 @@ impl fmt::Display for PrimitiveError {
 impl std::error::Error for PrimitiveError {}
 
 impl<K: LaneKernel> WideBvh<Triangle<K>> {
-    /// Builds a BVH over triangles.
+    /// Builds a BVH over triangles. Name the primitive, because `WideBvh::build` alone is ambiguous.
+    ///
+    /// ```
+    /// use canted_wide::{Config, Triangle, WideBvh};
+    ///
+    /// let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    /// let bvh = WideBvh::<Triangle>::build(&positions, &[[0, 1, 2]], &Config::default())?;
+    /// assert_eq!(bvh.n_primitives(), 1);
+    /// # Ok::<(), canted_lbvh::GeometryError>(())
+    /// ```
     ///
     /// # Errors
     /// More than [`MAX_TRIANGLES`](crate::MAX_TRIANGLES), before any is read, or so many that the BVH is too large; the first
@@ -70,7 +79,17 @@ impl<K: LaneKernel> WideBvh<Triangle<K>> {
 }
 
 impl<P: Primitive> WideBvh<P> {
-    /// Builds a BVH over primitives of your own.
+    /// Builds a BVH over primitives of your own. Name the primitive, because `WideBvh::build` alone is ambiguous.
+    ///
+    /// ```
+    /// use canted_trace::Sphere;
+    /// use canted_wide::{Config, WideBvh};
+    ///
+    /// let spheres = vec![Sphere { center: [0.0; 3], radius: 1.0 }, Sphere { center: [4.0, 0.0, 0.0], radius: 2.0 }];
+    /// let bvh = WideBvh::<Sphere>::build(spheres, &Config::default())?;
+    /// assert_eq!(bvh.primitives()[1].radius, 2.0);
+    /// # Ok::<(), canted_wide::PrimitiveError>(())
+    /// ```
     ///
     /// # Errors
     /// More than [`MAX_PRIMITIVES`](crate::MAX_PRIMITIVES), before any is read, or so many that the BVH is too large; the first
@@ -114,7 +133,7 @@ impl<P: Primitive> WideBvh<P> {
     }
 }
 
-/// A BVH but for what traversal needs besides.
+/// A BVH before it has what only traversal needs.
 struct Built<L> {
     nodes: Nodes,
     leaves: L,

@@ -1,4 +1,4 @@
-//! How many nodes and leaves rays visit: what traversal costs are made of, and what [`Costs`](crate::Costs) are fitted to.
+//! Numbers of nodes and leaves that rays visit; [`Costs`](crate::Costs) are fitted to them.
 
 use canted_trace::{Hit, InstanceId, Ray, ScaledRay};
 

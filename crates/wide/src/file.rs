@@ -47,7 +47,7 @@ use header::{CHECKSUM_BYTES, HEADER_BYTES, Header};
 ///
 /// This trait cannot be implemented directly.
 pub trait SavedLeaves: LeafPrimitive {
-    /// Bytes of a unit of leaves, and of a primitive that is stored besides; multiples of four.
+    /// Bytes of a unit of leaves, and of a primitive that is stored in addition; multiples of four.
     #[doc(hidden)]
     const SIZES: [usize; 2];
 
@@ -160,10 +160,11 @@ fn read(bytes: &[u8], sizes: [usize; 2]) -> Result<(Header, Nodes, [&[u8]; 2]), 
     if header.n_bytes() != bytes.len() as u64 {
         return Err(LoadError::Length { n_bytes: bytes.len(), n_expected: header.n_bytes() });
     }
-    let (content, sum) = bytes.split_at(bytes.len() - CHECKSUM_BYTES);
-    let computed = checksum(content);
-    if computed.to_le_bytes() != sum {
-        return Err(LoadError::Checksum { computed });
+    // The header was read, so there are more bytes than a checksum has.
+    let (content, stored) = bytes.split_last_chunk::<CHECKSUM_BYTES>().unwrap_or((bytes, &[0; CHECKSUM_BYTES]));
+    let (stored, computed) = (u64::from_le_bytes(*stored), checksum(content));
+    if stored != computed {
+        return Err(LoadError::Checksum { stored, computed });
     }
     let found = [header.n_unit_bytes, header.n_primitive_bytes];
     #[expect(clippy::cast_possible_truncation, reason = "sizes of small types")]

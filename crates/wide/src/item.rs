@@ -1,4 +1,4 @@
-//! Primitives as builds and refits see them: boxes along any frame, and what frames are fitted to.
+//! Primitives in the form that builds and refits use: boxes along any frame, and what frames are fitted to.
 
 use canted_lbvh::{Corners, Leaf};
 use canted_obb::{Aabb, Obb, eigen};

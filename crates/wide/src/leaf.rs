@@ -1,4 +1,4 @@
-//! What the leaves of a BVH hold, as traversal sees it.
+//! What the leaves of a BVH hold, in the form that traversal uses.
 
 use canted_obb::PrimId;
 use canted_trace::{Hit, InstanceId, ScaledRay, Side};

@@ -1,4 +1,4 @@
-//! The hierarchy of all records, found by a traversal that trusts none of them.
+//! The hierarchy of all records, found by a traversal that checks each of them.
 
 use std::ops::Range;
 

@@ -106,7 +106,7 @@ pub trait Primitive: Send + Sync {
 
     /// Mean and scatter, whose principal axes are candidates for the axes of oriented boxes; hits do not depend on them.
     ///
-    /// The default is that of the corners of the bounds, which says nothing of a single primitive's orientation. The ends
+    /// The default is that of the corners of the bounds, which does not depend on the orientation of a primitive. The ends
     /// of a long shape, or the corners of a flat one, do: [`Moments::from_points`].
     fn moments(&self) -> Moments {
         Moments::from_box_corners(&Obb::from_aabb(&self.bounds()), 1.0)

@@ -46,10 +46,10 @@ fn extent_of(frame: mat3x3<f32>, origin: vec3<f32>, content: Content) -> Extent 
     if content.is_box {
         let to_center = content.center - origin;
         let edges = sides(content);
-        let middle = along(frame, to_center);
+        let midpoint = along(frame, to_center);
         let support = abs(along(frame, edges[0])) + abs(along(frame, edges[1])) + abs(along(frame, edges[2]));
         let size = length_1(to_center) + length_1(edges[0]) + length_1(edges[1]) + length_1(edges[2]);
-        return Extent(middle - support, middle + support, size);
+        return Extent(midpoint - support, midpoint + support, size);
     }
     let a = content.columns[0] - origin;
     let b = content.columns[1] - origin;
@@ -92,18 +92,18 @@ fn box_around(frame: mat3x3<f32>, origin: vec3<f32>, extent: Extent, skew: f32) 
     // Any center is valid, because half-extents are measured from the stored value.
     let center = stored(origin + frame * (0.5 * (extent.low + extent.high)));
     let offset = center - origin;
-    let middle = along(frame, offset);
+    let midpoint = along(frame, offset);
     let pad = (12.0 * ROUNDING + 1.01 * skew) * (extent.size + length_1(offset)) + TINY;
-    return Box(center, frame, max(extent.high - middle, middle - extent.low) + pad);
+    return Box(center, frame, max(extent.high - midpoint, midpoint - extent.low) + pad);
 }
 
 /// The box form of an axis-aligned box. The difference, the product and the factor's own rounding take 3 E of the half-extent.
 /// A flat box stays flat.
 fn box_from_aabb(low: vec3<f32>, high: vec3<f32>) -> Box {
-    let middle = stored(0.5 * low + 0.5 * high);
+    let midpoint = stored(0.5 * low + 0.5 * high);
     // Compared as integers, because a small difference may be flushed to zero.
     let flat = bitcast<vec3<u32>>(low) == bitcast<vec3<u32>>(high);
-    let center = select(middle, low, flat);
+    let center = select(midpoint, low, flat);
     let half = max(high - center, center - low) * (1.0 + 4.0 * ROUNDING) + TINY;
     return Box(center, IDENTITY, select(half, vec3(0.0), flat));
 }

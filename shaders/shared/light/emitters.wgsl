@@ -31,7 +31,7 @@ struct Emitter {
 fn sample_emitter(number: u32, at: vec3<f32>, square: vec2<f32>) -> LightSample {
     let emitter = emitters[number];
     let point = sample_triangle(emitter.corner, emitter.first, emitter.second, at, square);
-    let place = emitter.corner + (point.weights.x * emitter.first + point.weights.y * emitter.second);
+    let position = emitter.corner + (point.weights.x * emitter.first + point.weights.y * emitter.second);
     let delta = (emitter.corner - at) + (point.weights.x * emitter.first + point.weights.y * emitter.second);
     if point.density <= 0.0 || dot(delta, delta) < MIN_SQUARE {
         return no_light();
@@ -44,8 +44,8 @@ fn sample_emitter(number: u32, at: vec3<f32>, square: vec2<f32>) -> LightSample 
     // The ray ends as far from the emitter as rays start from it, so that rounding never makes it end behind the emitter.
     let normal = normal_of(cross(emitter.first, emitter.second));
     let off = normal * (-sign_of(dot(normal, delta)) * emitter.slack * dot(abs(normal), vec3(1.0)));
-    let weighed = bounded(radiance * quotient(1.0, point.density));
-    return LightSample(IncomingLight(to_light, point.density, weighed, FINITE, place + off), NO_SHAPE_LIGHT, true);
+    let weighted = bounded(radiance * quotient(1.0, point.density));
+    return LightSample(IncomingLight(to_light, point.density, weighted, FINITE, position + off), NO_SHAPE_LIGHT, true);
 }
 
 /// Index of the emitter of a hit; the number of emitters if it moves, has no area or is black.

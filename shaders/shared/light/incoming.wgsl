@@ -9,7 +9,7 @@
 
 /// No light.
 const NO_LIGHT: u32 = 0u;
-/// The shadow ray ends at `place`.
+/// The shadow ray ends at `position`.
 const FINITE: u32 = 1u;
 /// The shadow ray along `to_light` is infinite.
 const INFINITE: u32 = 2u;
@@ -22,10 +22,10 @@ struct IncomingLight {
     density: f32,
     /// Radiance over density; for a light without extent, the irradiance on a surface that faces it.
     radiance: vec3<f32>,
-    /// `NO_LIGHT`, `FINITE` or `INFINITE`.
-    reach: u32,
+    /// The shadow ray: `NO_LIGHT`, `FINITE` or `INFINITE`.
+    shadow_ray: u32,
     /// Position on the light, for a finite shadow ray.
-    place: vec3<f32>,
+    position: vec3<f32>,
 }
 
 fn no_incoming_light() -> IncomingLight {
@@ -43,7 +43,7 @@ fn incoming_light(light: ListLight, at: vec3<f32>, square: vec2<f32>) -> Incomin
 }
 
 fn incoming_from_point(light: ListLight, at: vec3<f32>) -> IncomingLight {
-    let delta = light.place - at;
+    let delta = light.position - at;
     let distance_squared = dot(delta, delta);
     if distance_squared < MIN_SQUARE {
         return no_incoming_light();
@@ -57,7 +57,7 @@ fn incoming_from_point(light: ListLight, at: vec3<f32>) -> IncomingLight {
     if factor <= 0.0 {
         return no_incoming_light();
     }
-    return IncomingLight(to_light, 0.0, bounded(light.color * factor), FINITE, light.place);
+    return IncomingLight(to_light, 0.0, bounded(light.color * factor), FINITE, light.position);
 }
 
 /// Falloff of a spot light at a cosine to its axis.
@@ -85,7 +85,7 @@ fn cap_height(radius: f32, distance: f32) -> f32 {
 
 /// Samples the cone in which the point sees the sphere, uniformly in solid angle.
 fn incoming_from_sphere(light: ListLight, at: vec3<f32>, square: vec2<f32>) -> IncomingLight {
-    let delta = light.place - at;
+    let delta = light.position - at;
     let distance = length(delta);
     let height = cap_height(light.extent, distance);
     if height <= 0.0 {
@@ -99,26 +99,26 @@ fn incoming_from_sphere(light: ListLight, at: vec3<f32>, square: vec2<f32>) -> I
     let across = distance * sine;
     let half_chord = sqrt(max((light.extent - across) * (light.extent + across), 0.0));
     let to_light = basis_about(delta / distance) * vec3(sine * circle(square.y), cosine);
-    let place = at + to_light * (distance * cosine - half_chord);
+    let point = at + to_light * (distance * cosine - half_chord);
     let solid_angle = TAU * height;
-    return IncomingLight(to_light, quotient(1.0, solid_angle), bounded(light.color * solid_angle), FINITE, place);
+    return IncomingLight(to_light, quotient(1.0, solid_angle), bounded(light.color * solid_angle), FINITE, point);
 }
 
 /// Density of `incoming_from_sphere` for all directions that hit the sphere; 0 from inside.
 fn sphere_density(light: ListLight, at: vec3<f32>) -> f32 {
-    let height = cap_height(light.extent, length(light.place - at));
+    let height = cap_height(light.extent, length(light.position - at));
     return select(0.0, quotient(1.0, TAU * height), height > 0.0);
 }
 
 /// Samples a disk uniformly by area; its back does not emit.
 fn incoming_from_disk(light: ListLight, at: vec3<f32>, square: vec2<f32>) -> IncomingLight {
-    let place = light.place + basis_about(light.direction) * vec3(light.extent * uniform_disk(square), 0.0);
-    let delta = place - at;
+    let point = light.position + basis_about(light.direction) * vec3(light.extent * uniform_disk(square), 0.0);
+    let delta = point - at;
     let density = area_density(delta, light.direction, PI * light.extent * light.extent);
     if density <= 0.0 || dot(delta, light.direction) >= 0.0 {
         return no_incoming_light();
     }
-    return IncomingLight(normalize(delta), density, bounded(light.color * quotient(1.0, density)), FINITE, place);
+    return IncomingLight(normalize(delta), density, bounded(light.color * quotient(1.0, density)), FINITE, point);
 }
 
 /// Density of `incoming_from_disk` for a unit direction that hits the disk; 0 from behind.
@@ -126,7 +126,7 @@ fn disk_density(light: ListLight, at: vec3<f32>, direction: vec3<f32>) -> f32 {
     if dot(direction, light.direction) >= 0.0 {
         return 0.0;
     }
-    return plane_density(at, direction, light.place, light.direction, PI * light.extent * light.extent);
+    return plane_density(at, direction, light.position, light.direction, PI * light.extent * light.extent);
 }
 
 /// Density per steradian of a uniform point of a planar shape, from the vector to it; 0 if seen edge-on.

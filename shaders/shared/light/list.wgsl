@@ -9,7 +9,7 @@ const DISK: u32 = 4u;
 /// A listed light. Fields that its kind does not use are zero.
 struct ListLight {
     /// Position of all but a sun.
-    place: vec3<f32>,
+    position: vec3<f32>,
     kind: u32,
     /// Unit vector: direction of the light of spots and suns, normal of the emitting side of a disk.
     direction: vec3<f32>,

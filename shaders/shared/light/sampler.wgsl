@@ -7,37 +7,37 @@
 // use ?suns
 
 /// Probabilities of the first choice, the same for all points: local lights and the sky. Suns have the rest.
-struct LightShares {
+struct LightProbabilities {
     local: f32,
     sky: f32,
 }
 
-@group(3) @binding(6) var<uniform> light_shares: LightShares;
+@group(3) @binding(6) var<uniform> light_probabilities: LightProbabilities;
 
 /// Samples the light at a receiver, from a number in `[0, 1)` that chooses and a point of the unit square.
 fn sample_light(receiver: Receiver, choice: f32, square: vec2<f32>) -> LightSample {
-    if choice < light_shares.local {
-        let rest = min(choice / light_shares.local, 0.99999994);
-        return chosen_with(light_shares.local, sample_local(receiver, rest, square));
+    if choice < light_probabilities.local {
+        let rest = min(choice / light_probabilities.local, 0.99999994);
+        return chosen_with(light_probabilities.local, sample_local(receiver, rest, square));
     }
-    let rest = choice - light_shares.local;
-    if rest < light_shares.sky {
-        return chosen_with(light_shares.sky, sample_sky(receiver, square));
+    let rest = choice - light_probabilities.local;
+    if rest < light_probabilities.sky {
+        return chosen_with(light_probabilities.sky, sample_sky(receiver, square));
     }
-    return sample_sun(rest - light_shares.sky);
+    return sample_sun(rest - light_probabilities.sky);
 }
 
 /// Density of the sky in a unit direction under `sample_light`.
 fn sky_light_density(receiver: Receiver, direction: vec3<f32>) -> f32 {
-    return light_shares.sky * sky_density(receiver, direction);
+    return light_probabilities.sky * sky_density(receiver, direction);
 }
 
 /// Density of a unit direction that hits a triangle under `sample_light`.
 fn surface_light_density(receiver: Receiver, instance: u32, primitive: u32, direction: vec3<f32>) -> f32 {
-    return light_shares.local * emitter_density(receiver, instance, primitive, direction);
+    return light_probabilities.local * emitter_density(receiver, instance, primitive, direction);
 }
 
 /// Density of a unit direction that hits a shape light under `sample_light`.
 fn shape_light_density(receiver: Receiver, number: u32, direction: vec3<f32>) -> f32 {
-    return light_shares.local * shape_density(receiver, number, direction);
+    return light_probabilities.local * shape_density(receiver, number, direction);
 }

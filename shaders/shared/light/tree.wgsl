@@ -8,12 +8,12 @@
 
 /// A cluster of lights: bounding sphere, and normal cone by cosines. World space.
 struct LightNode {
-    middle: vec3<f32>,
+    center: vec3<f32>,
     radius: f32,
     /// Unit vector.
     axis: vec3<f32>,
     /// Cosine of the emission angle around a light's axis, beyond which it does not emit.
-    cos_reach: f32,
+    cos_emission: f32,
     /// Cosine and sine of the largest angle between `axis` and the axis of any light.
     spread: vec2<f32>,
     /// Positive, relative to the total of all lights.
@@ -57,16 +57,16 @@ fn angle_between(a: vec3<f32>, b: vec3<f32>) -> vec2<f32> {
 }
 
 fn light_importance(node: LightNode, receiver: Receiver) -> LightImportance {
-    let delta = receiver.position - node.middle;
+    let delta = receiver.position - node.center;
     let square = dot(delta, delta);
     let radius_squared = node.radius * node.radius;
     let distance_squared = max(max(square, radius_squared), MIN_SQUARE);
     let distance = sqrt(max(square, MIN_SQUARE));
     // Half-angle of the bounding sphere as seen by the receiver; pi from inside.
-    var ball = vec2(-1.0, 0.0);
+    var sphere = vec2(-1.0, 0.0);
     if square > radius_squared {
         let sine = node.radius / distance;
-        ball = vec2(sqrt(max((1.0 - sine) * (1.0 + sine), 0.0)), sine);
+        sphere = vec2(sqrt(max((1.0 - sine) * (1.0 + sine), 0.0)), sine);
     }
     // A light at the position of the receiver counts for all directions.
     let direction = delta / distance;
@@ -79,19 +79,19 @@ fn light_importance(node: LightNode, receiver: Receiver) -> LightImportance {
             emitted.x = abs(emitted.x);
         }
         if !receiver.transmits {
-            received = angle_minus(angle_between(receiver.normal, -direction), ball).x;
+            received = angle_minus(angle_between(receiver.normal, -direction), sphere).x;
         }
     }
-    emitted = angle_minus(angle_minus(emitted, node.spread), ball);
+    emitted = angle_minus(angle_minus(emitted, node.spread), sphere);
     // More tolerance than the rounding of the cosines, so that no light at its horizon is lost.
-    if emitted.x < node.cos_reach - 1e-6 {
+    if emitted.x < node.cos_emission - 1e-6 {
         return LightImportance(0.0, distance_squared);
     }
     return LightImportance(max(node.intensity * emitted.x, 0.0) * max(received, 0.0), distance_squared);
 }
 
 /// Probabilities of two siblings; both zero if neither has any importance.
-fn shares_of(first: u32, receiver: Receiver) -> vec2<f32> {
+fn child_probabilities(first: u32, receiver: Receiver) -> vec2<f32> {
     let a = light_importance(light_nodes[first], receiver);
     let b = light_importance(light_nodes[first + 1u], receiver);
     if a.strength <= 0.0 || b.strength <= 0.0 {
@@ -116,14 +116,14 @@ fn choose_light(receiver: Receiver, number: f32) -> Chosen {
         if first == 0u {
             break;
         }
-        let shares = shares_of(first, receiver);
+        let probabilities = child_probabilities(first, receiver);
         // The second needs a positive share: if it has none, the first has all.
-        let is_second = choice >= shares.x;
-        let share = select(shares.x, shares.y, is_second);
+        let is_second = choice >= probabilities.x;
+        let share = select(probabilities.x, probabilities.y, is_second);
         if share <= 0.0 {
             return Chosen(0u, 0.0);
         }
-        choice = clamp((choice - select(0.0, shares.x, is_second)) / share, 0.0, 0.99999994);
+        choice = clamp((choice - select(0.0, probabilities.x, is_second)) / share, 0.0, 0.99999994);
         probability *= share;
         node = first + select(0u, 1u, is_second);
     }
@@ -141,8 +141,8 @@ fn light_probability(leaf: u32, receiver: Receiver) -> f32 {
         }
         let parent = light_nodes[child].parent;
         let first = light_nodes[parent].first_child;
-        let shares = shares_of(first, receiver);
-        probability *= select(shares.x, shares.y, child != first);
+        let probabilities = child_probabilities(first, receiver);
+        probability *= select(probabilities.x, probabilities.y, child != first);
         child = parent;
     }
     return probability;

@@ -7,10 +7,11 @@ use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Aabb, Affine, Moments, Obb, PrimId};
 use canted_tests::instances::ray_object;
 use canted_tlas::{Blas, Instance, Tlas, TopConfig};
-use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray, ScaledRay, Sphere, Watertight};
+use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay, Sphere, Watertight};
 use canted_wide::{Config, Primitive, PrimitiveHit, TriangleBvh, WideBvh, bounds_of_points, extent_of_points};
 
 use super::agree::loop_over_all;
+use super::altered::Altered;
 use super::setup::{all_rays, build, crowd, instances, meshes};
 
 fn tops() -> [TopConfig; 2] {
@@ -88,27 +89,6 @@ impl Primitive for Loose {
     }
 }
 
-/// The BVH with the hit error of triangles.
-struct Understated(WideBvh<Loose>);
-
-impl Blas for Understated {
-    fn bounds(&self) -> Obb {
-        self.0.bounds()
-    }
-    fn hit_error(&self) -> f32 {
-        HIT_ERROR
-    }
-    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
-        self.0.closest_hit_with(ray_object, instance, query)
-    }
-    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
-        self.0.occluded_with(ray_object, instance, query)
-    }
-    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
-        self.0.all_hits_with(ray_object, instance, query, hits);
-    }
-}
-
 #[test]
 fn the_top_level_allows_for_the_error_of_a_shape() {
     let unit = Sphere { center: [0.0; 3], radius: 1.0 };
@@ -124,7 +104,7 @@ fn the_top_level_allows_for_the_error_of_a_shape() {
     for top in tops() {
         let tlas = Tlas::new(vec![bvh()], &[apart(0.0), apart(50.0)], top).unwrap();
         assert_eq!(tlas.closest_hit(&ray), bvh().closest_hit(&ray));
-        let lost = Tlas::new(vec![Understated(bvh())], &[apart(0.0), apart(50.0)], top).unwrap();
+        let lost = Tlas::new(vec![Altered::with_error_of_triangles(bvh())], &[apart(0.0), apart(50.0)], top).unwrap();
         assert_eq!(lost.closest_hit(&ray), None);
     }
 }

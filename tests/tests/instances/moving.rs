@@ -6,12 +6,13 @@
 use canted_bvh2::Bvh2;
 use canted_fixtures::{Rotation, SplitMix64};
 use canted_lbvh::{Strategy, VolumeConfig};
-use canted_obb::{Affine, Obb};
+use canted_obb::Affine;
 use canted_tests::instances::At;
 use canted_tlas::{Blas, Instance, InstanceError, MAX_CONDITION, Tlas, TopConfig};
-use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray, Watertight};
+use canted_trace::{Ray, Watertight};
 
 use super::agree::loop_over_all;
+use super::altered::Altered;
 use super::geometry::{check_hit, reaches};
 use super::setup::{affine, blas_of, build, meshes, rays};
 
@@ -171,38 +172,12 @@ fn times_outside_the_shutter_are_clamped() {
     }
 }
 
-/// A bottom level with a box a tenth of the correct size, and so a swept box that is too small.
-struct Shrunk(Bvh2<Watertight>);
-
-impl Blas for Shrunk {
-    fn bounds(&self) -> Obb {
-        let bounds = self.0.bounds();
-        Obb { half_extents: bounds.half_extents.map(|half| half * 0.1), ..bounds }
-    }
-
-    fn hit_error(&self) -> f32 {
-        HIT_ERROR
-    }
-
-    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
-        self.0.closest_hit_with(ray_object, instance, query)
-    }
-
-    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
-        self.0.occluded_with(ray_object, instance, query)
-    }
-
-    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
-        self.0.all_hits_with(ray_object, instance, query, hits);
-    }
-}
-
 #[test]
 fn the_check_detects_a_small_sweep_and_a_wrong_time() {
     for (name, motion) in motions() {
         let motions = [motion; 2];
         let (placed, rays) = shots(&motions, 1.0, 40, 8);
-        let shrunk = Tlas::new(bottom().into_iter().map(Shrunk).collect(), &moving(&motions), TOP).unwrap();
+        let shrunk = Tlas::new(bottom().into_iter().map(Altered::shrunk).collect(), &moving(&motions), TOP).unwrap();
         assert!(first_difference(&shrunk, &placed, &rays, 1.0).is_some(), "{name}");
         let sound = Tlas::new(bottom(), &moving(&motions), TOP).unwrap();
         assert_eq!(first_difference(&sound, &placed, &rays, 1.0), None, "{name}");

@@ -2,13 +2,14 @@
 
 use canted_fixtures::{SplitMix64, thin_box};
 use canted_lbvh::{Strategy, VolumeConfig};
-use canted_obb::{Affine, Obb, PrimId};
+use canted_obb::{Affine, PrimId};
 use canted_tests::brute;
 use canted_tests::instances::{At, ray_object};
 use canted_tlas::{Blas, Instance, RayOptions, Tlas, TopConfig};
-use canted_trace::{Counts, HIT_ERROR, Hit, InstanceId, Kernel, Query, Ray, ScaledRay, Side, Watertight};
+use canted_trace::{Counts, Hit, InstanceId, Kernel, Query, Ray, ScaledRay, Side, Watertight};
 use canted_wide::{Config, TriangleBvh};
 
+use super::altered::Altered;
 use super::setup::{affine, all_rays, blas_of, build, crowd, instances, meshes};
 
 type Bvh = canted_bvh2::Bvh2<Watertight>;
@@ -93,35 +94,12 @@ fn all_hits_equal_the_loop() {
     }
 }
 
-/// A BVH that reports bounds a tenth of their size.
-struct Shrunk(Bvh);
-
-impl Blas for Shrunk {
-    fn bounds(&self) -> Obb {
-        let bounds = self.0.bounds();
-        Obb { half_extents: bounds.half_extents.map(|half| half * 0.1), ..bounds }
-    }
-
-    fn hit_error(&self) -> f32 {
-        HIT_ERROR
-    }
-    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
-        self.0.closest_hit_with(ray_object, instance, query)
-    }
-    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
-        self.0.occluded_with(ray_object, instance, query)
-    }
-    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
-        self.0.all_hits_with(ray_object, instance, query, hits);
-    }
-}
-
 #[test]
 fn the_check_detects_lost_hits_and_wrong_masks() {
     let placed = crowd();
     let rays = rays(&placed, 4);
     for top in tops() {
-        let lost = Tlas::new(bottom().into_iter().map(Shrunk).collect(), &instances(&placed), top).unwrap();
+        let lost = Tlas::new(bottom().into_iter().map(Altered::shrunk).collect(), &instances(&placed), top).unwrap();
         assert!(first_difference(&lost, &rays, |_, _| (), |_, ray| loop_over_all(&placed, ray)).is_some());
         let mut hidden = instances(&placed);
         hidden[12].mask = 1;

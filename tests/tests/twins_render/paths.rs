@@ -153,7 +153,7 @@ fn a_bare_scene_binds_few_buffers() {
     bare.meshes.truncate(1);
     bare.instances.truncate(1);
     let expected =
-        ["bvhs", "light_shares", "materials", "nodes", "picture", "triangle_blocks", "triangles", "vertices"];
+        ["bvhs", "light_probabilities", "materials", "nodes", "picture", "triangle_blocks", "triangles", "vertices"];
     assert_eq!(bindings(&bare, &camera, Levels::One), expected);
 
     let all = bindings(&full, &camera, Levels::Two);
@@ -165,7 +165,7 @@ fn a_bare_scene_binds_few_buffers() {
         "lights",
         "placements",
         "instances",
-        "sun_shares",
+        "sampled_suns",
     ];
     assert_eq!(all.len(), expected.len() + more.len());
     assert!(more.iter().all(|name| all.iter().any(|known| known == name)), "{all:?}");

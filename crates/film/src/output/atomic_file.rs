@@ -17,7 +17,7 @@ fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
 
 /// Deletes all temporary files, for a process that is about to exit.
 ///
-/// While the returned value lives, other threads wait before they create, finish or drop an [`AtomicFile`].
+/// While the returned value exists, other threads wait before they create, finish or drop an [`AtomicFile`].
 pub fn discard_unfinished() -> Discarded {
     let files = unfinished();
     files.iter().for_each(|file| drop(fs::remove_file(file)));

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use canted_trace::ScaledRay;
 
-/// Stands for infinity in kernels.
+/// Infinity in kernels.
 pub(super) const FAR: f32 = 3e38;
 
 /// Instance of a miss.

@@ -7,13 +7,13 @@ use canted_trace::InstanceId;
 
 use crate::LightSampler;
 pub(super) use crate::light::packed::bounded;
-use crate::light::packed::{Emitter, LightNode, LightShares, SkyRow, SunShare};
+use crate::light::packed::{Emitter, LightNode, LightProbabilities, SampledSun, SkyRow};
 
 /// `ListLight` of `shared/light/list`, where each kind is documented.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(super) struct ListLight {
-    pub(super) place: [f32; 3],
+    pub(super) position: [f32; 3],
     pub(super) kind: u32,
     pub(super) direction: [f32; 3],
     pub(super) extent: f32,
@@ -25,17 +25,15 @@ impl From<&Light> for ListLight {
     fn from(light: &Light) -> Self {
         let light = match *light {
             Light::Sun { direction, irradiance } => Self { kind: 0, direction, color: irradiance, ..Self::default() },
-            Light::Point { position, intensity } => {
-                Self { kind: 1, place: position, color: intensity, ..Self::default() }
-            }
+            Light::Point { position, intensity } => Self { kind: 1, position, color: intensity, ..Self::default() },
             Light::Spot { position, direction, intensity, cos_inner, cos_outer } => {
-                Self { kind: 2, place: position, direction, color: intensity, extent: cos_inner, cos_outer }
+                Self { kind: 2, position, direction, color: intensity, extent: cos_inner, cos_outer }
             }
             Light::Sphere { center, radius, radiance } => {
-                Self { kind: 3, place: center, extent: radius, color: radiance, ..Self::default() }
+                Self { kind: 3, position: center, extent: radius, color: radiance, ..Self::default() }
             }
             Light::Disk { center, normal, radius, radiance } => {
-                Self { kind: 4, place: center, direction: normal, extent: radius, color: radiance, cos_outer: 0.0 }
+                Self { kind: 4, position: center, direction: normal, extent: radius, color: radiance, cos_outer: 0.0 }
             }
         };
         Self { color: bounded(light.color), ..light }
@@ -44,12 +42,12 @@ impl From<&Light> for ListLight {
 
 /// The buffers that the path integrator samples lights from.
 pub(super) struct SampledLights {
-    shares: Buffer<LightShares>,
+    probabilities: Buffer<LightProbabilities>,
     tree: Option<Buffer<LightNode>>,
     emitters: Option<Buffer<Emitter>>,
     /// Leaf of each listed light, if the tree has listed lights.
     leaves: Option<Buffer<u32>>,
-    suns: Option<Buffer<SunShare>>,
+    suns: Option<Buffer<SampledSun>>,
     sky: Option<(Buffer<SkyRow>, Buffer<f32>)>,
     /// Whether a constant sky is sampled.
     sky_is_sampled: bool,
@@ -69,25 +67,23 @@ impl SampledLights {
         let packed = sampler.packed(slack);
         let in_tree = packed.nodes.len().div_ceil(2) > packed.emitters.len();
         Ok(Self {
-            shares: gpu.uniform("shares of lights", &packed.shares)?,
-            tree: some(gpu, "tree of lights", &packed.nodes)?,
-            emitters: some(gpu, "triangles that emit", &packed.emitters)?,
-            leaves: some(gpu, "leaves of lights", if in_tree { &packed.leaves } else { &[] })?,
-            suns: some(gpu, "shares of suns", &packed.suns)?,
+            probabilities: gpu.uniform("light probabilities", &packed.probabilities)?,
+            tree: some(gpu, "light nodes", &packed.nodes)?,
+            emitters: some(gpu, "emitters", &packed.emitters)?,
+            leaves: some(gpu, "light leaves", if in_tree { &packed.leaves } else { &[] })?,
+            suns: some(gpu, "sampled suns", &packed.suns)?,
             sky: match &packed.sky {
-                Some((rows, sums)) => {
-                    Some((gpu.buffer("rows of the sky", rows)?, gpu.buffer("sums of the sky", sums)?))
-                }
+                Some((rows, sums)) => Some((gpu.buffer("sky rows", rows)?, gpu.buffer("sky sums", sums)?)),
                 None => None,
             },
-            sky_is_sampled: packed.shares.sky > 0.0,
+            sky_is_sampled: packed.probabilities.sky > 0.0,
             emission_is_textured: packed.emission_is_textured,
         })
     }
 
     /// The bindings of `shared/light/sampler`, except the list and the image of the environment.
     pub(super) fn bindings(&self) -> Vec<NamedBinding<'_>> {
-        let mut bound: Vec<NamedBinding<'_>> = vec![("light_shares", &self.shares)];
+        let mut bound: Vec<NamedBinding<'_>> = vec![("light_probabilities", &self.probabilities)];
         if let Some(tree) = &self.tree {
             bound.push(("light_nodes", tree));
         }
@@ -98,7 +94,7 @@ impl SampledLights {
             bound.push(("light_leaves", leaves));
         }
         if let Some(suns) = &self.suns {
-            bound.push(("sun_shares", suns));
+            bound.push(("sampled_suns", suns));
         }
         if let Some((rows, sums)) = &self.sky {
             bound.extend([("sky_rows", rows as &dyn canted_gpu::AsBinding), ("sky_sums", sums)]);

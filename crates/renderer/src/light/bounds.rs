@@ -17,7 +17,7 @@ pub(super) struct LightBounds {
     pub(super) axis: Vector,
     pub(super) spread: Angle,
     /// Cosine of the angle to a light's axis beyond which the light is black.
-    pub(super) cos_reach: f64,
+    pub(super) cos_emission: f64,
     pub(super) is_two_sided: bool,
     /// W/sr of luminance.
     pub(super) intensity: f64,
@@ -35,7 +35,7 @@ impl LightBounds {
             radius: cluster.radius_squared().sqrt(),
             axis: cone.axis,
             spread: Angle { cos, sin },
-            cos_reach: cone.reach_rad.cos(),
+            cos_emission: cone.emission_rad.cos(),
             is_two_sided: cone.is_two_sided,
             intensity,
         }
@@ -61,7 +61,7 @@ impl LightBounds {
         let cosine = dot(self.axis, direction);
         let cosine = if self.is_two_sided { cosine.abs() } else { cosine };
         let emitted = Angle::of(cosine).minus(self.spread).minus(sphere).cos;
-        if emitted < self.cos_reach {
+        if emitted < self.cos_emission {
             return 0.0;
         }
         let received = receiver.normal.map_or(1.0, |normal| Angle::of(-dot(normal, direction)).minus(sphere).cos);

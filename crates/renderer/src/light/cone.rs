@@ -12,7 +12,7 @@ pub(super) struct Cone {
     /// Maximum angle between `axis` and the axis of a light, θo in the source.
     pub(super) spread_rad: f64,
     /// Maximum angle of emission to a light's axis, θe in the source.
-    pub(super) reach_rad: f64,
+    pub(super) emission_rad: f64,
     /// Whether the lights also emit along the opposite directions.
     pub(super) is_two_sided: bool,
 }
@@ -20,16 +20,16 @@ pub(super) struct Cone {
 impl Cone {
     /// All directions.
     pub(super) const ALL: Self =
-        Self { axis: [0.0, 0.0, 1.0], spread_rad: PI, reach_rad: 0.5 * PI, is_two_sided: false };
+        Self { axis: [0.0, 0.0, 1.0], spread_rad: PI, emission_rad: 0.5 * PI, is_two_sided: false };
 
     /// A flat light: one axis, emission up to 90 degrees.
     pub(super) fn about(axis: Vector, is_two_sided: bool) -> Self {
-        Self { axis, spread_rad: 0.0, reach_rad: 0.5 * PI, is_two_sided }
+        Self { axis, spread_rad: 0.0, emission_rad: 0.5 * PI, is_two_sided }
     }
 
     /// The smallest cone that contains both, up to rounding.
     pub(super) fn union(&self, other: &Self) -> Self {
-        let reach_rad = self.reach_rad.max(other.reach_rad);
+        let emission_rad = self.emission_rad.max(other.emission_rad);
         let is_two_sided = self.is_two_sided || other.is_two_sided;
         let (wide, narrow) = if self.spread_rad >= other.spread_rad { (self, other) } else { (other, self) };
         // The axis of two-sided lights may be flipped.
@@ -38,7 +38,7 @@ impl Cone {
         let towards = scale(narrow.axis, flip);
         let between = (flip * cosine).clamp(-1.0, 1.0).acos();
         if between + narrow.spread_rad <= wide.spread_rad {
-            return Self { reach_rad, is_two_sided, ..*wide };
+            return Self { emission_rad, is_two_sided, ..*wide };
         }
         let spread_rad = 0.5 * (wide.spread_rad + between + narrow.spread_rad);
         match unit(cross(wide.axis, towards)) {
@@ -46,16 +46,16 @@ impl Cone {
                 // Rotate the wider cone's axis towards the other, in the plane of both.
                 let (s, c) = (spread_rad - wide.spread_rad).sin_cos();
                 let axis = add(scale(wide.axis, c), scale(cross(pole, wide.axis), s));
-                Self { axis: unit(axis).unwrap_or(wide.axis), spread_rad, reach_rad, is_two_sided }
+                Self { axis: unit(axis).unwrap_or(wide.axis), spread_rad, emission_rad, is_two_sided }
             }
-            _ => Self { spread_rad: PI, reach_rad, is_two_sided, ..*wide },
+            _ => Self { spread_rad: PI, emission_rad, is_two_sided, ..*wide },
         }
     }
 
     /// The orientation measure of Conty Estevez and Kulla, section 4: solid angle, weighted by the cosine beyond the
     /// spread.
     pub(super) fn measure(&self) -> f64 {
-        let (spread, outer) = (self.spread_rad, (self.spread_rad + self.reach_rad).min(PI));
+        let (spread, outer) = (self.spread_rad, (self.spread_rad + self.emission_rad).min(PI));
         let fringe =
             2.0 * outer * spread.sin() - (spread - 2.0 * outer).cos() - 2.0 * spread * spread.sin() + spread.cos();
         2.0 * PI * (1.0 - spread.cos()) + 0.5 * PI * fringe

@@ -140,7 +140,7 @@ impl Cluster {
             Light::Point { position, .. } => (position, [0.0; 3], Cone::ALL),
             Light::Spot { position, direction, cos_outer, .. } => {
                 let cone = Cone {
-                    reach_rad: f64::from(cos_outer).clamp(-1.0, 1.0).acos(),
+                    emission_rad: f64::from(cos_outer).clamp(-1.0, 1.0).acos(),
                     ..Cone::about(wide(direction), false)
                 };
                 // Beyond 90 degrees the cosine in the importance would be negative.

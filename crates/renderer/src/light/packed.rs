@@ -22,10 +22,10 @@ const NO_LEAF: u32 = u32::MAX;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct LightNode {
-    pub(crate) middle: [f32; 3],
+    pub(crate) center: [f32; 3],
     pub(crate) radius: f32,
     pub(crate) axis: [f32; 3],
-    pub(crate) cos_reach: f32,
+    pub(crate) cos_emission: f32,
     pub(crate) spread: [f32; 2],
     pub(crate) intensity: f32,
     pub(crate) is_two_sided: u32,
@@ -49,20 +49,20 @@ pub(crate) struct Emitter {
     pub(crate) slack: f32,
 }
 
-/// Selection probabilities: `LightShares` of `shared/light/sampler`.
+/// Selection probabilities: `LightProbabilities` of `shared/light/sampler`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub(crate) struct LightShares {
+pub(crate) struct LightProbabilities {
     pub(crate) local: f32,
     pub(crate) sky: f32,
 }
 
-/// A sun and its selection probability: `SunShare` of `shared/suns/list`.
+/// A sun and its selection probability: `SampledSun` of `shared/suns/list`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub(crate) struct SunShare {
+pub(crate) struct SampledSun {
     pub(crate) light: u32,
-    pub(crate) share: f32,
+    pub(crate) probability: f32,
 }
 
 /// An environment map: `SkyImage` of `shared/sky/image`.
@@ -87,13 +87,13 @@ pub(crate) struct SkyRow {
 
 /// A packed light sampler.
 pub(crate) struct PackedLights {
-    pub(crate) shares: LightShares,
+    pub(crate) probabilities: LightProbabilities,
     /// Empty without lights that have a position.
     pub(crate) nodes: Vec<LightNode>,
     pub(crate) emitters: Vec<Emitter>,
     /// Leaf of each light of the scene file.
     pub(crate) leaves: Vec<u32>,
-    pub(crate) suns: Vec<SunShare>,
+    pub(crate) suns: Vec<SampledSun>,
     /// Rows and running sums of an environment map that is importance sampled.
     pub(crate) sky: Option<(Vec<SkyRow>, Vec<f32>)>,
     /// Whether the radiance of any emitter varies over its surface.
@@ -103,14 +103,17 @@ pub(crate) struct PackedLights {
 impl LightSampler<'_> {
     /// Packs the sampler. `slack` is the ray offset of an instance per axis, on the GPU.
     pub(crate) fn packed(&self, slack: impl Fn(InstanceId) -> f32) -> PackedLights {
-        let share = |wanted: Choice| narrowed(self.kind_probability(wanted));
-        let suns = self.kinds.iter().filter_map(|&(choice, share)| match choice {
-            Choice::Sun(light) => Some(SunShare { light, share: narrowed(share) }),
+        let probability = |wanted: Choice| narrowed(self.kind_probability(wanted));
+        let suns = self.kinds.iter().filter_map(|&(choice, probability)| match choice {
+            Choice::Sun(light) => Some(SampledSun { light, probability: narrowed(probability) }),
             _ => None,
         });
         let (nodes, leaves) = self.tree.as_ref().map_or_else(Default::default, |tree| self.nodes(tree));
         PackedLights {
-            shares: LightShares { local: share(Choice::Tree), sky: share(Choice::Environment) },
+            probabilities: LightProbabilities {
+                local: probability(Choice::Tree),
+                sky: probability(Choice::Environment),
+            },
             emitters: emitters(&self.emitters, &leaves, slack),
             leaves: self
                 .tree_lights
@@ -132,10 +135,10 @@ impl LightSampler<'_> {
             let bounds = &node.bounds;
             let number = node.light as usize;
             LightNode {
-                middle: bounds.center.map(narrowed),
+                center: bounds.center.map(narrowed),
                 radius: narrowed(bounds.radius),
                 axis: bounds.axis.map(narrowed),
-                cos_reach: narrowed(bounds.cos_reach),
+                cos_emission: narrowed(bounds.cos_emission),
                 spread: [bounds.spread.cos, bounds.spread.sin].map(narrowed),
                 // Relative to the total, which fits f32; never zero, however weak the light.
                 intensity: narrowed(bounds.intensity / all).max(1e-30),

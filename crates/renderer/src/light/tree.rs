@@ -96,7 +96,7 @@ mod tests {
             let cone = match i % 4 {
                 0 | 1 => flat,
                 2 => Cone::ALL,
-                _ => Cone { reach_rad: 0.3, ..flat },
+                _ => Cone { emission_rad: 0.3, ..flat },
             };
             Cluster { min: sub(center, half), max: add(center, half), cone, intensity: 10.0 * number(i, 8) + 0.1 }
         };
@@ -173,7 +173,7 @@ mod tests {
             let towards = scale(offset, 1.0 / length(offset));
             let cosine = dot(light.cone.axis, towards);
             let cosine = if light.cone.is_two_sided { cosine.abs() } else { cosine };
-            let emits = light.cone.spread_rad == PI || cosine > light.cone.reach_rad.cos() + 1e-6;
+            let emits = light.cone.spread_rad == PI || cosine > light.cone.emission_rad.cos() + 1e-6;
             emits && receiver.normal.is_none_or(|normal| dot(normal, towards) < -1e-6)
         })
     }

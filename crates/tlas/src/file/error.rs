@@ -22,9 +22,11 @@ pub enum TlasLoadError<E> {
         /// Number of bytes.
         n_bytes: usize,
     },
-    /// The bytes are damaged.
+    /// The contents do not match the checksum in the file: it is damaged.
     Checksum {
-        /// Checksum of the bytes as they are.
+        /// Checksum in the file.
+        stored: u64,
+        /// Checksum of the contents.
         computed: u64,
     },
     /// An unused word of the header is not zero.
@@ -62,8 +64,8 @@ impl<E: fmt::Display> fmt::Display for TlasLoadError<E> {
                 write!(f, "unsupported version {found} of the TLAS format; this release reads version {VERSION}")
             }
             Self::Length { n_bytes } => write!(f, "{n_bytes} bytes do not match the counts in the file"),
-            Self::Checksum { computed } => {
-                write!(f, "damaged file: the checksum of its content is {computed:#018x}, another one is stored")
+            Self::Checksum { stored, computed } => {
+                write!(f, "checksum mismatch: the file says {stored:#018x}, its contents give {computed:#018x}")
             }
             Self::Header { found } => write!(f, "the unused word of the header is {found}, not 0"),
             Self::Motion { instance } => write!(f, "instance {instance} is neither static nor moving"),

@@ -19,7 +19,7 @@ use crate::traverse::MeshFrame;
 /// few enough that a file is checked in time proportional to its length.
 const MOST_NESTED: u64 = 4_096;
 
-/// What the header says of the records.
+/// What the header states about the records.
 pub struct Expected {
     pub(super) n_primitives: usize,
     depth: u32,

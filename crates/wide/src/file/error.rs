@@ -26,9 +26,11 @@ pub enum LoadError {
         /// Number of bytes by the header.
         n_expected: u64,
     },
-    /// Damaged.
+    /// The contents do not match the checksum in the file: it is damaged.
     Checksum {
-        /// Checksum of the bytes as they are.
+        /// Checksum in the file.
+        stored: u64,
+        /// Checksum of the contents.
         computed: u64,
     },
     /// Leaves of other primitives: the sizes by the header, in bytes, are not those of the type that is loaded.
@@ -74,7 +76,9 @@ impl fmt::Display for LoadError {
             Self::Magic { found } => write!(f, "not a BVH file: it begins with \"{}\"", found.escape_ascii()),
             Self::Version { found } => write!(f, "unsupported format version {found}; expected {VERSION}"),
             Self::Length { n_bytes, n_expected } => write!(f, "{n_bytes} bytes, expected {n_expected}"),
-            Self::Checksum { computed } => write!(f, "damaged: {computed:#018x} is not the checksum at the end"),
+            Self::Checksum { stored, computed } => {
+                write!(f, "checksum mismatch: the file says {stored:#018x}, its contents give {computed:#018x}")
+            }
             Self::Primitives { found, expected } => {
                 write!(f, "leaves and primitives of {found:?} bytes; those of the type have {expected:?}")
             }

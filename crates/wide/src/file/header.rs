@@ -33,7 +33,7 @@ pub(super) struct Header {
     pub(super) bounds: Aabb,
     pub(super) predicted: PredictedCost,
     pub(super) baseline: Baseline,
-    /// Bytes of a unit, and of a primitive that is stored besides.
+    /// Bytes of a unit, and of a primitive that is stored in addition.
     pub(super) n_unit_bytes: u32,
     pub(super) n_primitive_bytes: u32,
 }
@@ -108,7 +108,7 @@ impl Header {
         })
     }
 
-    /// Bytes of nodes, of leaves, and of primitives that are stored besides; saturates.
+    /// Bytes of nodes, of leaves, and of primitives that are stored in addition; saturates.
     pub(super) fn section_bytes(&self) -> [u64; 3] {
         let lines = self.n_lines.saturating_mul(size_of::<Line>() as u64);
         let units = self.n_units.saturating_mul(self.n_unit_bytes.into());

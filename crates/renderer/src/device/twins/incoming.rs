@@ -23,8 +23,8 @@ struct Answer {
     to_light: [f32; 3],
     density: f32,
     radiance: [f32; 3],
-    reach: u32,
-    place: [f32; 3],
+    shadow_ray: u32,
+    position: [f32; 3],
     _padding: u32,
     density_again: f32,
     _more_padding: [u32; 3],
@@ -83,7 +83,7 @@ fn surface(position: [f32; 3]) -> Surface {
 /// Vectors between points in f32 have one rounding per axis. Every formula from there is a chain of fewer than 32 roundings
 /// and quotients, with two exceptions: the cap height of a sphere has the error of its sine times the tangent, and the
 /// density of a disk seen at a slant depends on a height that is the remainder of a dot product.
-fn condition(light: &Light, at: Vector, place: Vector) -> f64 {
+fn condition(light: &Light, at: Vector, point: Vector) -> f64 {
     32.0 * match *light {
         Light::Sphere { center, radius, .. } => {
             let (d, r) = (length(sub(wide(center), at)), f64::from(radius));
@@ -91,10 +91,10 @@ fn condition(light: &Light, at: Vector, place: Vector) -> f64 {
         }
         Light::Disk { center, normal, .. } => {
             let terms = |a: Vector| (0..3).map(|k| (a[k] * f64::from(normal[k])).abs()).sum::<f64>();
-            let way = sub(place, at);
+            let delta = sub(point, at);
             // The point on the disk is rounded in absolute terms, not relative to the distance.
-            let absolute = terms(way) + terms(place) + terms(wide(center));
-            1.0 + absolute / dot(way, wide(normal)).abs() + length(place) / length(way)
+            let absolute = terms(delta) + terms(point) + terms(wide(center));
+            1.0 + absolute / dot(delta, wide(normal)).abs() + length(point) / length(delta)
         }
         _ => 1.0,
     }
@@ -109,15 +109,15 @@ fn compare(lights: &[Light], queries: &[Query], answers: &[Answer]) -> Result<[u
         let expected = IncomingLight::of(light, &surface, || query.square);
         let fail = |what: &str| Err(format!("{what}: {light:?} from {:?}: {answer:?}", query.at));
         let Some(expected) = expected else {
-            if answer.reach != 0 {
+            if answer.shadow_ray != 0 {
                 // At a discontinuity, almost no light arrives.
                 counts[1] += 1;
             }
             continue;
         };
-        let place = expected.shadow_ray.map_or(surface.position, |ray| add(wide(ray.origin), wide(ray.direction)));
-        let bound = U * condition(light, surface.position, place);
-        if answer.reach == 0 || bound > 0.1 {
+        let point = expected.shadow_ray.map_or(surface.position, |ray| add(wide(ray.origin), wide(ray.direction)));
+        let bound = U * condition(light, surface.position, point);
+        if answer.shadow_ray == 0 || bound > 0.1 {
             counts[1] += 1;
             continue;
         }
@@ -130,7 +130,7 @@ fn compare(lights: &[Light], queries: &[Query], answers: &[Answer]) -> Result<[u
             }
             _ => 0.0,
         };
-        if !are_near(answer.to_light, expected.to_light, bound.min(64.0 * U * (1.0 + length(place)))) {
+        if !are_near(answer.to_light, expected.to_light, bound.min(64.0 * U * (1.0 + length(point)))) {
             return fail("direction");
         }
         for k in 0..3 {
@@ -145,9 +145,9 @@ fn compare(lights: &[Light], queries: &[Query], answers: &[Answer]) -> Result<[u
                 return fail("density");
             }
         }
-        let span = length(place) + length(surface.position);
-        if expected.shadow_ray.is_some_and(|ray| ray.t_max < 1.0) && !are_near(answer.place, place, bound * span) {
-            return fail("place");
+        let span = length(point) + length(surface.position);
+        if expected.shadow_ray.is_some_and(|ray| ray.t_max < 1.0) && !are_near(answer.position, point, bound * span) {
+            return fail("position");
         }
     }
     Ok(counts)
@@ -194,7 +194,7 @@ fn layouts_match_the_kernel() {
         "check/incoming",
         &Specialisation::none(),
         "ListLight",
-        ListLight { place, kind, direction, extent, color, cos_outer }
+        ListLight { position, kind, direction, extent, color, cos_outer }
     );
     same_layout!("check/incoming", &Specialisation::none(), "Query", Query { at, light, square });
 }

@@ -32,8 +32,8 @@ struct Answer {
     to_light: [f32; 3],
     density: f32,
     radiance: [f32; 3],
-    reach: u32,
-    place: [f32; 3],
+    shadow_ray: u32,
+    position: [f32; 3],
     shape_light: u32,
     is_emission: u32,
     density_there: f32,
@@ -123,7 +123,7 @@ fn compare_one(sampler: &LightSampler, query: &Query, answer: &Answer) -> Result
     if (f64::from(answer.density_there) - there).abs() > bound + CHAIN * there {
         return Err(format!("density: {query:?} {answer:?} {there} {bound} {sample:?}"));
     }
-    let Some(sample) = sample else { return Ok(answer.reach == 0) };
+    let Some(sample) = sample else { return Ok(answer.shadow_ray == 0) };
     let here = numbers(&sample);
     // Directions err by roundings of 1.
     let mut bounds: [f64; 7] = std::array::from_fn(|k| CHAIN * if k < 3 { 1.0 } else { here[k].abs() });
@@ -136,7 +136,7 @@ fn compare_one(sampler: &LightSampler, query: &Query, answer: &Answer) -> Result
             _ => return Ok(false),
         }
     }
-    let is_same = answer.reach != 0
+    let is_same = answer.shadow_ray != 0
         && match sample.light {
             LightId::Environment => answer.shape_light == u32::MAX && answer.is_emission == 0,
             LightId::Light(light) => answer.shape_light == light,
@@ -213,7 +213,7 @@ fn sky() -> Environment {
 }
 
 fn scene(n_emitters: u32, lights: Vec<Light>, environment: Environment) -> Scene {
-    let place = Instance {
+    let instance = Instance {
         mesh: MeshId(0),
         world_from_object: Affine::IDENTITY,
         world_from_object_close: None,
@@ -227,7 +227,7 @@ fn scene(n_emitters: u32, lights: Vec<Light>, environment: Environment) -> Scene
     };
     Scene {
         meshes: vec![emitting(n_emitters), dark],
-        instances: vec![place, Instance { mesh: MeshId(1), ..place }],
+        instances: vec![instance, Instance { mesh: MeshId(1), ..instance }],
         materials: vec![Material { emission: [3.0, 2.0, 1.0], ..Material::default() }, Material::default()],
         lights,
         environment: Some(environment),
@@ -330,13 +330,13 @@ fn layouts_match_the_kernel() {
         kernel,
         &chosen,
         "Answer",
-        Answer { to_light, density, radiance, reach, place, shape_light, is_emission, density_there }
+        Answer { to_light, density, radiance, shadow_ray, position, shape_light, is_emission, density_there }
     );
     same_layout!(
         kernel,
         &chosen,
         "LightNode",
-        LightNode { middle, radius, axis, cos_reach, spread, intensity, is_two_sided, parent, first_child, light }
+        LightNode { center, radius, axis, cos_emission, spread, intensity, is_two_sided, parent, first_child, light }
     );
     same_layout!(
         kernel,

@@ -5,7 +5,7 @@ use crate::{AlphaMode, Material};
 
 /// Converts a material.
 ///
-/// The default is Lambertian: exporters write a gray `Ks` and some `Ns` for materials they do not know, so these alone do not
+/// The default is Lambertian: exporters write a gray `Ks` and some `Ns` for materials they do not support, so these alone do not
 /// add a specular lobe. `Pr` and `Pm` give a metallic-roughness material, `illum` 3 and 5 a mirror of color `Ks`, `illum` 4, 6,
 /// 7 and 9 glass of color `Tf` with index `Ni`; both are smooth without `Pr`. Alpha is `d`, or 1 - `Tr`; glass has none. `d`
 /// takes precedence because some exporters invert `Tr`.
