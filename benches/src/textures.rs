@@ -36,7 +36,7 @@ struct Subject {
 /// Renders all variants in turn and writes the section.
 pub(crate) fn section(out: &mut String, rounds: usize) -> Result<()> {
     out.push_str(
-        "\n## Textures\n\nSponza at 320 x 180 from its gallery; \"without\" replaces each colour texture by its mean colour, so that \
+        "\n## Textures\n\nSponza at 320 x 180 from its gallery; \"without\" replaces each color texture by its mean color, so that \
          masks, rays of `hybrid` and path lengths stay the same. The built-in scene has no texture: all its columns show one scene, \
          and \"without\" is `--lod none` once more. Microseconds of all processors per sample: the time of many samples minus that \
          of few, so that work done once per picture, such as mip levels, is not included; median (half spread); median ratio to \

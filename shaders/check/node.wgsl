@@ -16,8 +16,8 @@ fn main(id: Invocation) {
     }
     let ray = rays[index];
     // BVH 0 is the top level, which is empty here.
-    let tree = 1u + index % (arrayLength(&bvhs) - 1u);
-    let root = enter_bvh(tree, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), 0u);
+    let bvh = 1u + index % (arrayLength(&bvhs) - 1u);
+    let root = enter_bvh(bvh, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), 0u);
     var first = vec4<u32>(MISSED);
     if root != EMPTY {
         let farthest = scaled_t(ray.t_max);

@@ -16,9 +16,9 @@ fn main(id: Invocation) {
     }
     let ray = rays[index];
     // BVH 0 is the top level, which is empty here.
-    let tree = 1u + index % (arrayLength(&bvhs) - 1u);
-    let root = enter_bvh(tree, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), 0u);
-    prepare_triangles(greatest(ray.origin) + bvhs[tree].row_x.w);
+    let bvh = 1u + index % (arrayLength(&bvhs) - 1u);
+    let root = enter_bvh(bvh, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), 0u);
+    prepare_triangles(greatest(ray.origin) + bvhs[bvh].row_x.w);
     best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
     t_max = scaled_t(ray.t_max);
     if root != EMPTY {

@@ -8,7 +8,7 @@ struct Instance {
     row_y: vec4<f32>,
     row_z: vec4<f32>,
     /// Index of the BVH; index of the motion plus one, or 0 for none.
-    tree: vec4<u32>,
+    bvh: vec4<u32>,
 }
 
 @group(0) @binding(3) var<storage, read> instances: array<Instance>;
@@ -46,9 +46,9 @@ fn enter_instance(
     let origin = by_rows(inverse.rows, away);
     let direction = by_rows(inverse.rows, ray.direction);
     let spread = vec2<f32>(greatest(by_rows(inverse.sizes, far_away)), greatest(by_rows(inverse.sizes, abs(ray.direction))));
-    let tree = instances[instance].tree.x;
-    let root = enter_bvh(tree, origin, direction, ray.t_min, 2.0 * roundings * spread, instance);
-    prepare_triangles(greatest(origin) + bvhs[tree].row_x.w);
+    let bvh = instances[instance].bvh.x;
+    let root = enter_bvh(bvh, origin, direction, ray.t_min, 2.0 * roundings * spread, instance);
+    prepare_triangles(greatest(origin) + bvhs[bvh].row_x.w);
     return root;
 }
 
@@ -156,8 +156,8 @@ fn enter_instance_leaf(ray: Ray, word: u32) -> u32 {
     var away = ray.origin - open;
     var far_away = abs(away);
     var roundings = vec2<f32>(ORIGIN_ROUNDING, DIRECTION_ROUNDING);
-    if entry.tree.y != 0u {
-        let motion = entry.tree.y - 1u;
+    if entry.bvh.y != 0u {
+        let motion = entry.bvh.y - 1u;
         inverse = moving_inverse(motion);
         away = ray.origin - between(open, motions[motion].shift);
         far_away = abs(away) + 0.125 * between(abs(open), abs(motions[motion].shift));

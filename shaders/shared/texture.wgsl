@@ -103,9 +103,9 @@ fn trilinear(head: u32, uv: vec2<f32>, level: f32) -> vec4<f32> {
 fn bilinear(head: u32, level: u32, uv: vec2<f32>) -> vec4<f32> {
     let facts = images[head].y;
     let image = images[head + 1u + level];
-    let columns = neighbours(uv.x, image.y, facts & 3u);
+    let columns = neighbors(uv.x, image.y, facts & 3u);
     // `v` points up, rows go down.
-    let rows = neighbours(1.0 - uv.y, image.z, (facts >> 2u) & 3u);
+    let rows = neighbors(1.0 - uv.y, image.z, (facts >> 2u) & 3u);
     let is_srgb = (facts >> 4u) == 1u;
     let upper = image.x + rows.first * image.y;
     let lower = image.x + rows.second * image.y;
@@ -120,7 +120,7 @@ fn blend(a: vec4<f32>, b: vec4<f32>, weight: f32) -> vec4<f32> {
 }
 
 /// The two texels next to a coordinate along one axis, and the weight of the second.
-struct Neighbours {
+struct Neighbors {
     first: u32,
     second: u32,
     weight: f32,
@@ -129,7 +129,7 @@ struct Neighbours {
 const REPEAT: u32 = 0u;
 const CLAMP: u32 = 1u;
 
-fn neighbours(coordinate: f32, n: u32, wrap: u32) -> Neighbours {
+fn neighbors(coordinate: f32, n: u32, wrap: u32) -> Neighbors {
     // Reduced first, to keep the integers small.
     var reduced = coordinate - 2.0 * floor(0.5 * coordinate);
     if wrap == REPEAT {
@@ -139,7 +139,7 @@ fn neighbours(coordinate: f32, n: u32, wrap: u32) -> Neighbours {
     }
     let place = reduced * f32(n) - 0.5;
     let first = floor(place);
-    return Neighbours(wrapped(i32(first), i32(n), wrap), wrapped(i32(first) + 1, i32(n), wrap), place - first);
+    return Neighbors(wrapped(i32(first), i32(n), wrap), wrapped(i32(first) + 1, i32(n), wrap), place - first);
 }
 
 /// Index of texel `i` in a row of `n` texels under a wrap mode; `i` is at most one outside of the period.

@@ -50,8 +50,8 @@ fn times(
     }
     let traced = traced(gpu, scene, structure)?;
     let view = View::new(&camera, width, height)?;
-    let centre = |k: u32| [f64::from(k % width) + 0.5, f64::from(k / width) + 0.5];
-    let rays: Vec<Ray> = (0..width * height).map(|k| view.ray(centre(k))).collect();
+    let center = |k: u32| [f64::from(k % width) + 0.5, f64::from(k / width) + 0.5];
+    let rays: Vec<Ray> = (0..width * height).map(|k| view.ray(center(k))).collect();
     let mut cast = Duration::MAX;
     for _ in 0..3 {
         let start = Instant::now();

@@ -153,10 +153,10 @@ fn another_seed_or_a_longer_path_changes_the_picture() {
         assert!(bits(&picture(2, BASE, &settings)) != want, "{settings:?}");
     }
     // The picture is not blank: it has more than a hundred colors.
-    let mut colours = want;
-    colours.sort_unstable();
-    colours.dedup();
-    assert!(colours.len() > 100, "{} colors", colours.len());
+    let mut colors = want;
+    colors.sort_unstable();
+    colors.dedup();
+    assert!(colors.len() > 100, "{} colors", colors.len());
 }
 
 /// A pixel differs by more than rounding if one of its rays passes an edge on the other side.

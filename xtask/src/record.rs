@@ -75,7 +75,7 @@ of them from inside, half from outside towards a point inside. Meshes are unchan
 sheared and mirrored. A ray leaks if it has no closest hit or no occlusion, or if its crossings do not alternate between entering and
 leaving (leaving first from inside). The bunny's holes are closed by fans that may intersect the rest, so its
 crossings must only be balanced. Crossings are counted on the CPU; devices return first hits. Where a driver ends a traversal
-early, the CPU traces the ray; the table says how often. Runs use the release profile; tests trace fewer rays in the test profile.
+early, the CPU traces the ray; the table states how often. Runs use the release profile; tests trace fewer rays in the test profile.
 ",
 };
 

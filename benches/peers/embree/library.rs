@@ -112,7 +112,7 @@ impl Library {
     /// # Errors If the library is missing, lacks a function, or has a version other than 3 or 4.
     pub fn open(path: &Path) -> Result<Self, LoadError> {
         let complain = |error: libloading::Error| LoadError(error.to_string());
-        // SAFETY: loading runs the library's initialisers; the caller names an Embree.
+        // SAFETY: loading runs the library's initializers; the caller names an Embree.
         let code = unsafe { libloading::Library::new(path) }.map_err(complain)?;
         // SAFETY: the property's function has this signature in both versions.
         let (new_device, device_property, release_device) = unsafe {

@@ -33,8 +33,8 @@ const ITERATIONS: usize = 50;
 
 /// The costs with the least relative error; `None` if the samples do not determine them.
 ///
-/// A group is one set of rays through several BVHs of one scene. Groups differ in cache and branch behaviour, which is
-/// modelled as one speed factor per group: costs only need to rank the BVHs of one scene. Costs and factors are fitted
+/// A group is one set of rays through several BVHs of one scene. Groups differ in cache and branch behavior, which is
+/// modeled as one speed factor per group: costs only need to rank the BVHs of one scene. Costs and factors are fitted
 /// alternately.
 pub(super) fn fit(groups: &[Vec<Sample>]) -> Option<Fit> {
     let mut slowness = vec![1.0; groups.len()];

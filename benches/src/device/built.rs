@@ -99,7 +99,7 @@ fn measured(name: &str, positions: &[[f32; 3]], triangles: &[[u32; 3]], bench: &
     let mut cells = vec![name.to_owned(), corners.len().to_string(), format!("{upload:.1}")];
     let known = [passes.domain, passes.codes, passes.sort, passes.tree].into_iter().chain(passes.boxes);
     cells.extend(known.map(|ms| ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.2}"))));
-    if let Some(error) = passes.refused {
+    if let Some(error) = passes.error {
         cells.push(error.to_string());
         return Ok(filled(cells));
     }

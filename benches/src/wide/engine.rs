@@ -29,9 +29,9 @@ pub(crate) enum Owner {
 /// The guarantee of its triangle test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Promise {
-    /// Speed: rays may slip between neighbours.
+    /// Speed: rays may slip between neighbors.
     Fast,
-    /// No ray slips between neighbours.
+    /// No ray slips between neighbors.
     Watertight,
 }
 

@@ -1,4 +1,4 @@
-//! The page in a headless browser: narrow and wide, light and dark.
+//! The page in a headless browser: narrow and wide, light and dark, in two font families.
 //!
 //! A copy of the page measures itself in a frame of the given width, because browser windows have a minimum width.
 
@@ -30,13 +30,20 @@ fn browser(test: &str) -> Option<PathBuf> {
     or_skip(test, found.ok_or("no browser found"))
 }
 
-/// The problems of a page at a width and colour scheme.
-fn problems(browser: &Path, name: &str, html: &str, width: u32, is_dark: bool) -> String {
-    let folder = MADE.folder().join(format!("{name}-{width}-{is_dark}"));
+/// Families of fonts that every system has; monospaced letters are among the widest.
+const FAMILIES: [&str; 2] = ["sans-serif", "monospace"];
+
+/// The problems of a page at a width, in a color scheme and a font family.
+fn problems(browser: &Path, name: &str, html: &str, width: u32, is_dark: bool, family: &str) -> String {
+    let folder = MADE.folder().join(format!("{name}-{width}-{is_dark}-{family}"));
     fs::create_dir_all(&folder).unwrap();
-    // Forces the colour scheme, regardless of the machine's.
+    // Forces the color scheme, regardless of the machine's.
     let scheme = if is_dark { "all" } else { "not all" };
     let html = html.replace("(prefers-color-scheme: dark)", scheme);
+    assert!(html.contains("system-ui, sans-serif") && html.contains("font-family=\"sans-serif\""));
+    let html = html
+        .replace("system-ui, sans-serif", family)
+        .replace("font-family=\"sans-serif\"", &format!("font-family=\"{family}\""));
     fs::write(folder.join("page.html"), html.replace("</body>", &format!("<script>{MEASURE}</script>\n</body>")))
         .unwrap();
     let owner = format!(
@@ -61,9 +68,9 @@ fn problems(browser: &Path, name: &str, html: &str, width: u32, is_dark: bool) -
 fn the_page_is_readable_narrow_and_wide_light_and_dark() {
     let Some(browser) = browser("the_page_is_readable_narrow_and_wide_light_and_dark") else { return };
     for width in [360, 1400] {
-        for is_dark in [false, true] {
-            let result = problems(&browser, "complete", &MADE.html, width, is_dark);
-            assert!(result.ends_with(WELL), "{width} pixels, dark {is_dark}: {result}");
+        for (family, is_dark) in [(FAMILIES[0], false), (FAMILIES[0], true), (FAMILIES[1], false)] {
+            let result = problems(&browser, "complete", &MADE.html, width, is_dark, family);
+            assert!(result.ends_with(WELL), "{width} pixels, dark {is_dark}, {family}: {result}");
         }
     }
 }
@@ -76,10 +83,12 @@ fn problems_are_detected() {
         ("faint", "--soft: #4d4d4d", "--soft: #cccccc", "contrast"),
         ("lost", "<circle", "<ellipse", "points"),
         ("tiny", "font-size=\"", "font-size=\"0.1\" data-was=\"", "small"),
+        // Without its length, the longest label is wider than its plot.
+        ("long", "textLength=\"", "data-was=\"", "outside its plot"),
     ];
     for (name, from, to, word) in faults {
         assert!(MADE.html.contains(from), "{name}: '{from}' is not in the page");
-        let result = problems(&browser, name, &MADE.html.replace(from, to), 360, false);
+        let result = problems(&browser, name, &MADE.html.replace(from, to), 360, false, FAMILIES[1]);
         assert!(result.contains(word), "{name}: {result}");
     }
 }

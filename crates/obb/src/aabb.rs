@@ -110,7 +110,9 @@ impl Aabb {
         [self.min, self.max].as_flattened().iter().all(|x| x.is_finite())
     }
 
-    /// Greatest absolute coordinate; zero for the empty box.
+    /// The *reach* of the box: the greatest absolute coordinate of its points; zero for the empty box.
+    ///
+    /// Rounding errors of box and triangle tests are relative to the reach of what is tested.
     #[must_use]
     pub fn reach(&self) -> f32 {
         if self.is_empty() {

@@ -47,7 +47,8 @@ impl Affine {
         (0..3).map(|k| self.columns[..3].iter().map(|column| f64::from(column[k]).abs()).sum()).fold(0.0, f64::max)
     }
 
-    /// Bound on the absolute coordinates of the image of a point whose absolute coordinates do not exceed `reach`.
+    /// Bound on the reach ([`Aabb::reach`](crate::Aabb::reach)) of the image of points: on its absolute coordinates, if those of
+    /// the points do not exceed `reach`.
     #[must_use]
     pub fn reach(&self, reach: f32) -> f64 {
         let [x, y, z, shift] = self.columns.map(|column| column.map(|c| f64::from(c).abs()));

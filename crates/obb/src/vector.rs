@@ -71,7 +71,7 @@ pub fn length(a: Vector) -> f64 {
     sqrt(dot(a, a))
 }
 
-/// Greatest absolute component.
+/// Greatest absolute component; that of a point is its reach ([`Aabb::reach`](crate::Aabb::reach)).
 #[inline]
 #[must_use]
 pub fn reach(a: Vector) -> f64 {

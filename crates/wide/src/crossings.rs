@@ -146,7 +146,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_two_neighbours_exactly_one_sees_the_moved_ray() {
+    fn of_two_neighbors_exactly_one_sees_the_moved_ray() {
         let ends = [[0.0, 1.0], [0.0, -1.0], [-2.0, 0.0], [3.0, 0.0], [-1.0, 1.0], [1.5, -1.5]];
         for b in ends {
             for c in ends.into_iter().filter(|&c| c != b) {

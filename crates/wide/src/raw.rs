@@ -30,7 +30,7 @@ pub struct RawBvh<'a> {
     pub depth: u32,
     /// Rows of the frame that aligned nodes are aligned with.
     pub frame: [[f32; 3]; 3],
-    /// Greatest absolute coordinate of any primitive; box tests must allow for rounding relative to it.
+    /// Greatest absolute coordinate of any primitive ([`canted_obb::Aabb::reach`]); box tests must allow for rounding relative to it.
     pub reach: f32,
 }
 

@@ -160,8 +160,8 @@ fn the_raster_pass_matches_primary_rays() {
 }
 
 #[test]
-fn another_point_or_colour_is_detected() {
-    let Some(gpu) = gpu("another_point_or_colour_is_detected") else { return };
+fn another_point_or_color_is_detected() {
+    let Some(gpu) = gpu("another_point_or_color_is_detected") else { return };
     let (scene, camera) = scenes::textured();
     let n_wrong = |spoil: fn(&mut SurfaceInfo)| wrong(&gpu, &scene, &camera, Levels::One, spoil).0.len();
     assert!(n_wrong(|seen| seen.position[0] += 0.002) > 1000);

@@ -20,7 +20,7 @@ const N_DIRECTIONS: u32 = 750;
 /// Number of refined candidates.
 const N_IMPROVED: usize = 4;
 
-/// Cosine of the minimum angle between two of them, 15 degrees: three neighbours on the spiral.
+/// Cosine of the minimum angle between two of them, 15 degrees: three neighbors on the spiral.
 const MIN_SEPARATION_COS: f64 = 0.966;
 
 /// First and last step of the refinement.
@@ -76,7 +76,7 @@ fn of_edges(points: &[[f32; 3]]) -> Vec<Vector> {
         [sub(b, a), sub(c, b), sub(a, c)]
     };
     let mut edges: Vec<Vector> = points.chunks_exact(3).flat_map(sides).filter_map(unit).collect();
-    // Neighbours share an edge, in opposite directions.
+    // Neighbors share an edge, in opposite directions.
     for edge in &mut edges {
         *edge = edge.map(|x| x * edge.iter().copied().find(|&x| x != 0.0).unwrap_or(1.0).signum());
     }
@@ -145,7 +145,7 @@ fn improved(start: Found, of: &impl Fn(Vector) -> Found) -> Found {
             let (sine, cosine) = (f64::from(i) * std::f64::consts::FRAC_PI_4 + phase).sin_cos();
             std::array::from_fn(|k| a[k] + step * (cosine * b[k] + sine * third[k]))
         });
-        // Normalised each time, so that the search does not exploit a shrinking vector.
+        // Normalized each time, so that the search does not exploit a shrinking vector.
         let next = [b, third].into_iter().chain(nearby).filter_map(unit).map(of).fold(best, Found::lesser);
         if next.size < best.size * (1.0 - GAIN) {
             best = next;

@@ -48,7 +48,7 @@ const METHOD: [&str; 7] = [
     "The truth is the exact solution in fractions for the bits of the ray and the triangle. An answer is wrong if it is a hit and \
      the truth is a miss, or the reverse; triangles are closed, so rays through an edge are hits. The error of t is in units in the \
      last place of the true value, that of u and v in units of 2^-24. An f32 kernel cannot be right for all such rays: near an edge \
-     the shear of the watertight kernel moves vertices by a few roundings, equally for all neighbours, so nothing leaks. The chapter \
+     the shear of the watertight kernel moves vertices by a few roundings, equally for all neighbors, so nothing leaks. The chapter \
      on extremes lists the promises. If t is nearly zero, as with an origin on the triangle, its units are so small that their \
      number means little.",
     "Times are of one thread, one test after another; triangle records and per-ray values are computed before. All tests on the \

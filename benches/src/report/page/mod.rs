@@ -2,6 +2,7 @@
 
 mod axis;
 mod svg;
+mod text;
 
 use std::fmt::Write as _;
 
@@ -9,7 +10,7 @@ use anyhow::Result;
 
 use super::model::{Chapter, Plot, Report, Table};
 
-/// The style sheet. Plots use placeholder colours, which its rules replace.
+/// The style sheet. Plots use placeholder colors, which its rules replace.
 const STYLE: &str = include_str!("style.css");
 
 /// Renders the page.
@@ -125,7 +126,7 @@ fn rows(out: &mut String, table: &Table) {
     out.push_str("</tbody></table></div>\n");
 }
 
-/// Rules that replace the placeholder colours of plots.
+/// Rules that replace the placeholder colors of plots.
 fn placeholders() -> String {
     let mut rules = String::new();
     let mut rule = |placeholder: &str, variable: &str| {

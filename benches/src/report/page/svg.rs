@@ -1,13 +1,13 @@
-//! Plots as SVG, with colours from the page's style sheet.
+//! Plots as SVG, with colors from the page's style sheet.
 
-use anyhow::{Result, anyhow, ensure};
+use anyhow::{Context as _, Result, anyhow, ensure};
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged};
 use plotters::prelude::{ChartBuilder, Circle, DrawingArea, IntoDrawingArea, PathElement, RGBColor, SVGBackend};
 use plotters::style::{Color, IntoFont, ShapeStyle, TextStyle};
 
 use super::{
     axis::{self, Scale},
-    escaped,
+    escaped, text,
 };
 use crate::report::model::{Plot, Point, Series};
 
@@ -17,20 +17,20 @@ pub(super) const SIZES: [(&str, [u32; 2]); 2] = [("wide", [860, 420]), ("narrow"
 /// Font size of the drawing library; browsers show four fifths of it.
 const FONT_SIZE: u32 = 15;
 
-/// Placeholder colours, which the style sheet selects by value.
+/// Placeholder colors, which the style sheet selects by value.
 const INK: RGBColor = RGBColor(1, 1, 1);
 const GRID: RGBColor = RGBColor(2, 2, 2);
 
-/// Number of series colours; further series use the same colours with hollow marks.
+/// Number of series colors; further series use the same colors with hollow marks.
 pub(super) const N_COLORS: usize = 7;
 
-/// The colour index of a series, and whether its mark is hollow.
+/// The color index of a series, and whether its mark is hollow.
 pub(super) fn mark(series: usize) -> (usize, bool) {
     (series % N_COLORS, (series / N_COLORS) % 2 == 1)
 }
 
 fn color(series: usize) -> RGBColor {
-    #[expect(clippy::cast_possible_truncation, reason = "below the number of colours")]
+    #[expect(clippy::cast_possible_truncation, reason = "below the number of colors")]
     let number = mark(series).0 as u8;
     RGBColor(3, 3, 10 + number)
 }
@@ -80,12 +80,13 @@ fn shown<'a>(plot: &'a Plot, series: &'a Series) -> impl Iterator<Item = &'a Poi
 }
 
 /// Draws a plot.
-pub(super) fn svg(plot: &Plot, [width, height]: [u32; 2]) -> Result<String> {
+pub(super) fn svg(plot: &Plot, size: [u32; 2]) -> Result<String> {
+    let [width, height] = size;
     let mut out = String::new();
     let area = SVGBackend::with_string(&mut out, (width, height)).into_drawing_area();
     draw(plot, &area, width).map_err(|error| anyhow!("cannot draw '{}': {error}", plot.title))?;
     drop(area);
-    titled(plot, &out)
+    text::fitted(&titled(plot, &out)?, size).with_context(|| format!("cannot draw '{}'", plot.title))
 }
 
 /// Adds a title to each circle, which browsers show as a tooltip; the drawing library does not support titles.
@@ -128,14 +129,14 @@ fn draw(plot: &Plot, area: &DrawingArea<SVGBackend, plotters::coord::Shift>, wid
         .y_label_area_size(64)
         .build_cartesian_2d(Ticked { ticks: x.ticks(columns), scale: x }, Ticked { ticks: y.ticks(rows), scale: y })
         .map_err(|error| anyhow!("{error}"))?;
-    let text = TextStyle::from(("sans-serif", FONT_SIZE).into_font()).color(&INK);
+    let style = TextStyle::from(("sans-serif", FONT_SIZE).into_font()).color(&INK);
     chart
         .configure_mesh()
         .axis_style(INK)
         .bold_line_style(GRID)
         .light_line_style(GRID)
-        .label_style(text.clone())
-        .axis_desc_style(text)
+        .label_style(style.clone())
+        .axis_desc_style(style)
         .x_desc(&plot.x.label)
         .y_desc(&plot.y.label)
         .draw()

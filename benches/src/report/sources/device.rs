@@ -46,8 +46,8 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     for (name, model) in scenes(effort, names, chapter)? {
         let (corners, _) = canted_lbvh::triangle_corners(&model.mesh.positions, &model.mesh.triangles)?;
         let items = Items::triangles(&gpu, [&corners[..]])?;
-        let Passes { codes, tree, boxes, refused, .. } = Passes::measure(&gpu, &items, Bits::B63, runs)?;
-        chapter.skipped.extend(refused.map(|refused| format!("Some passes of {name} on the device: {refused}.")));
+        let Passes { codes, tree, boxes, error, .. } = Passes::measure(&gpu, &items, Bits::B63, runs)?;
+        chapter.skipped.extend(error.map(|error| format!("Some passes of {name} on the device: {error}.")));
         let of = |wanted: Strategy| STRATEGIES.iter().position(|&strategy| strategy == wanted).and_then(|i| boxes[i]);
         let ours = [codes, tree, of(Strategy::PcaBounded), of(Strategy::Quaternion)];
         let theirs = THEIRS.iter().find(|(scene, _)| *scene == name).map(|(_, passes)| passes);

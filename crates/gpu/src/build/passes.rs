@@ -19,7 +19,7 @@ pub struct Passes {
     /// Volumes by strategy, in the order of [`STRATEGIES`]. Oriented boxes exclude the axis-aligned boxes that they also need.
     pub boxes: [Option<f64>; STRATEGIES.len()],
     /// The first error, if any.
-    pub refused: Option<GpuError>,
+    pub error: Option<GpuError>,
 }
 
 impl Passes {
@@ -49,7 +49,7 @@ impl Passes {
             sort: min(self.sort, other.sort),
             tree: min(self.tree, other.tree),
             boxes: std::array::from_fn(|k| min(self.boxes[k], other.boxes[k])),
-            refused: self.refused.clone().or_else(|| other.refused.clone()),
+            error: self.error.clone().or_else(|| other.error.clone()),
         }
     }
 
@@ -58,7 +58,7 @@ impl Passes {
         let mut passes = Self::default();
         match passes.fill(gpu, items, bits) {
             Err(error @ (GpuError::Limit { .. } | GpuError::OutOfMemory { .. })) => {
-                passes.refused = Some(error);
+                passes.error = Some(error);
                 Ok(passes)
             }
             other => other.map(|()| passes),
@@ -100,15 +100,15 @@ mod tests {
     fn totals_include_all_stages_of_a_build() {
         let boxes = [16.0, 32.0, 64.0, 128.0, 256.0].map(Some);
         let [domain, codes, sort, tree] = [1.0, 2.0, 4.0, 8.0].map(Some);
-        let passes = Passes { domain, codes, sort, tree, boxes, refused: None };
+        let passes = Passes { domain, codes, sort, tree, boxes, error: None };
         assert_eq!(passes.total(Strategy::Aabb), Some(31.0));
         assert_eq!(passes.total(Strategy::Dop), Some(31.0 + 256.0));
         assert_eq!(passes.total(Strategy::PcaUnbounded), None);
         let faster = Passes { sort: Some(3.0), boxes: [Some(17.0); 5], ..passes.clone() };
         let least = passes.least(&faster);
         assert_eq!((least.sort, least.boxes), (Some(3.0), [16.0, 17.0, 17.0, 17.0, 17.0].map(Some)));
-        let refused = Passes { boxes: [Some(16.0), None, None, None, None], ..passes.clone() };
-        assert_eq!((refused.total(Strategy::Aabb), refused.total(Strategy::Dop)), (Some(31.0), None));
-        assert_eq!(passes.least(&refused).boxes, refused.boxes);
+        let incomplete = Passes { boxes: [Some(16.0), None, None, None, None], ..passes.clone() };
+        assert_eq!((incomplete.total(Strategy::Aabb), incomplete.total(Strategy::Dop)), (Some(31.0), None));
+        assert_eq!(passes.least(&incomplete).boxes, incomplete.boxes);
     }
 }

@@ -57,9 +57,9 @@ impl ParentLink {
 }
 
 /// Links of all BVHs, one for each line of nodes.
-pub(super) fn links(nodes: &[Quad], trees: &[BvhHeader]) -> Vec<ParentLink> {
+pub(super) fn links(nodes: &[Quad], bvhs: &[BvhHeader]) -> Vec<ParentLink> {
     let mut links = vec![ParentLink::OF_ROOT; nodes.len().div_ceil(LINE_QUADS)];
-    for &BvhHeader { words: [root, first_quad, ..], .. } in trees {
+    for &BvhHeader { words: [root, first_quad, ..], .. } in bvhs {
         let nodes = &nodes[first_quad as usize..];
         each_node(nodes, root, |word| {
             for child in 0..8 {

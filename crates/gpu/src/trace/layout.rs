@@ -63,18 +63,18 @@ pub(super) struct InstanceData {
     /// Rows of the linear part of `object_from_world`. Fourth components: the world position of the object's origin.
     rows: [[f32; 4]; 3],
     /// Index of its BVH; index of its motion plus one, or 0 for none.
-    tree: Quad,
+    bvh: Quad,
 }
 
 impl InstanceData {
     #[expect(clippy::cast_possible_truncation, reason = "the rounding is within the kernel's bound")]
-    pub(super) fn new(object_from_world: &[[f64; 4]; 3], world_from_object: &Affine, [tree, motion]: [u32; 2]) -> Self {
+    pub(super) fn new(object_from_world: &[[f64; 4]; 3], world_from_object: &Affine, [bvh, motion]: [u32; 2]) -> Self {
         let at = world_from_object.columns[3];
         let row = |k: usize| {
             let [x, y, z, _] = object_from_world[k].map(|x| x as f32);
             [x, y, z, at[k]]
         };
-        Self { rows: [row(0), row(1), row(2)], tree: [tree, motion, 0, 0] }
+        Self { rows: [row(0), row(1), row(2)], bvh: [bvh, motion, 0, 0] }
     }
 }
 
@@ -111,8 +111,8 @@ mod tests {
         let words = offset_of!(BvhHeader, words) as u32;
         assert_eq!(offsets("Bvh"), (vec![rows, rows + 16, rows + 32, words], size_of::<BvhHeader>() as u32));
         let rows = offset_of!(InstanceData, rows) as u32;
-        let tree = offset_of!(InstanceData, tree) as u32;
-        assert_eq!(offsets("Instance"), (vec![rows, rows + 16, rows + 32, tree], size_of::<InstanceData>() as u32));
+        let bvh = offset_of!(InstanceData, bvh) as u32;
+        assert_eq!(offsets("Instance"), (vec![rows, rows + 16, rows + 32, bvh], size_of::<InstanceData>() as u32));
         let of_ray = [
             offset_of!(DeviceRay, origin),
             offset_of!(DeviceRay, t_min),

@@ -36,7 +36,7 @@ const LANES: u32 = 8;
 pub struct TracedScene {
     nodes: Buffer<Quad>,
     halves: Buffer<Quad>,
-    trees: Buffer<BvhHeader>,
+    bvhs: Buffer<BvhHeader>,
     level: Level,
     traversal: Traversal,
     /// Links to parents, for traversals that need them.
@@ -60,7 +60,7 @@ enum Level {
 
 /// Instances in device memory.
 struct Instances {
-    places: Buffer<InstanceData>,
+    instances: Buffer<InstanceData>,
     /// Their indices in the order of the top-level BVH.
     order: Buffer<u32>,
     /// Motions, if any instance moves.
@@ -75,13 +75,13 @@ impl TracedScene {
     /// Coordinates above [`MAX_COORDINATE`](crate::MAX_COORDINATE), a limit of the device, or device lost.
     pub fn single_level<K: LaneKernel>(
         gpu: &Gpu,
-        tree: &TriangleBvh<K>,
+        bvh: &TriangleBvh<K>,
         first_triangles: &[u32],
     ) -> Result<Self, GpuError> {
-        let words = tree.raw();
+        let words = bvh.raw();
         check_coordinates(|| "the BVH over all instances".to_owned(), words.reach.into())?;
         let level = if first_triangles.len() > 1 {
-            Level::Flat(gpu.buffer("first triangles of instances", first_triangles)?)
+            Level::Flat(gpu.buffer("first triangles", first_triangles)?)
         } else {
             Level::One
         };
@@ -104,26 +104,26 @@ impl TracedScene {
         let outer = TopLevel::new(&words, instances)?;
         let motions = Some(&outer.motions).filter(|motions| !motions.is_empty());
         let level = Level::Two(Instances {
-            places: gpu.buffer("instances", &outer.places)?,
-            order: gpu.buffer("instances in BVH order", &outer.instances)?,
-            motions: motions.map(|motions| gpu.buffer("motions of instances", motions)).transpose()?,
+            instances: gpu.buffer("instances", &outer.instances)?,
+            order: gpu.buffer("instance order", &outer.order)?,
+            motions: motions.map(|motions| gpu.buffer("motions", motions)).transpose()?,
         });
         let deepest = words.iter().map(|(words, _)| words.depth).max().unwrap_or(0);
-        let outer_words = outer.tree.raw();
-        let trees: Vec<_> = std::iter::once((outer_words, outer.error))
+        let outer_words = outer.bvh.raw();
+        let bvhs: Vec<_> = std::iter::once((outer_words, outer.error))
             .chain(words.iter().map(|(words, _)| (*words, HitError::of_triangles(words.reach))))
             .collect();
-        Self::new(gpu, &trees, level, outer_words.depth + deepest)
+        Self::new(gpu, &bvhs, level, outer_words.depth + deepest)
     }
 
-    fn new(gpu: &Gpu, trees: &[(RawBvh<'_>, HitError)], level: Level, depth: u32) -> Result<Self, GpuError> {
+    fn new(gpu: &Gpu, bvhs: &[(RawBvh<'_>, HitError)], level: Level, depth: u32) -> Result<Self, GpuError> {
         if depth > MAX_STACK {
             return Err(too_deep(depth, MAX_STACK));
         }
-        let nodes: Vec<&[u32]> = trees.iter().map(|(words, _)| words.nodes).collect();
-        let blocks: Vec<&[u32]> = trees.iter().map(|(words, _)| words.blocks).collect();
+        let nodes: Vec<&[u32]> = bvhs.iter().map(|(words, _)| words.nodes).collect();
+        let blocks: Vec<&[u32]> = bvhs.iter().map(|(words, _)| words.blocks).collect();
         let mut start = Start::default();
-        let headers = trees.iter().map(|(words, error)| {
+        let headers = bvhs.iter().map(|(words, error)| {
             let header = BvhHeader::new(words, start, *error);
             start = start.after(words);
             header
@@ -132,12 +132,12 @@ impl TracedScene {
         let max_iterations = iteration_limit(loop_iterations(gpu, REQUESTED_ITERATIONS)?);
         Ok(Self {
             nodes: joined(gpu, "nodes", &nodes)?,
-            halves: joined(gpu, "blocks of triangles", &blocks)?,
-            trees: gpu.buffer("trees", &headers)?,
+            halves: joined(gpu, "triangle blocks", &blocks)?,
+            bvhs: gpu.buffer("bvhs", &headers)?,
             level,
             traversal: Traversal::Stack,
             links: None,
-            is_aligned: trees.iter().all(|(words, _)| is_aligned(quads(words.nodes), words.root)),
+            is_aligned: bvhs.iter().all(|(words, _)| is_aligned(quads(words.nodes), words.root)),
             depth,
             max_iterations,
         })
@@ -154,8 +154,8 @@ impl TracedScene {
         let links = match traversal {
             Traversal::Stack => None,
             Traversal::Bits | Traversal::Links => {
-                let (nodes, trees) = (gpu.read(&self.nodes)?, gpu.read(&self.trees)?);
-                Some(gpu.buffer("parent links", &links(&nodes, &trees))?)
+                let (nodes, bvhs) = (gpu.read(&self.nodes)?, gpu.read(&self.bvhs)?);
+                Some(gpu.buffer("parent links", &links(&nodes, &bvhs))?)
             }
         };
         Ok(Self { traversal, links, ..self })
@@ -175,13 +175,13 @@ impl TracedScene {
     #[must_use]
     pub fn bindings(&self) -> Vec<NamedBinding<'_>> {
         let mut bound: Vec<NamedBinding<'_>> =
-            vec![("nodes", &self.nodes), ("triangle_blocks", &self.halves), ("bvhs", &self.trees)];
+            vec![("nodes", &self.nodes), ("triangle_blocks", &self.halves), ("bvhs", &self.bvhs)];
         bound.extend(self.links.as_ref().map(|links| -> NamedBinding<'_> { ("links", links) }));
         match &self.level {
             Level::One => {}
             Level::Flat(first) => bound.push(("first_triangles", first)),
-            Level::Two(Instances { places, order, motions }) => {
-                bound.push(("instances", places));
+            Level::Two(Instances { instances, order, motions }) => {
+                bound.push(("instances", instances));
                 bound.push(("instance_order", order));
                 bound.extend(motions.as_ref().map(|motions| -> NamedBinding<'_> { ("motions", motions) }));
             }
@@ -210,12 +210,12 @@ impl TracedScene {
         let level = match &self.level {
             Level::One => 0,
             Level::Flat(first) => first.n_bytes(),
-            Level::Two(Instances { places, order, motions }) => {
-                places.n_bytes() + order.n_bytes() + motions.as_ref().map_or(0, Buffer::n_bytes)
+            Level::Two(Instances { instances, order, motions }) => {
+                instances.n_bytes() + order.n_bytes() + motions.as_ref().map_or(0, Buffer::n_bytes)
             }
         };
         let links = self.links.as_ref().map_or(0, Buffer::n_bytes);
-        self.nodes.n_bytes() + self.halves.n_bytes() + self.trees.n_bytes() + links + level
+        self.nodes.n_bytes() + self.halves.n_bytes() + self.bvhs.n_bytes() + links + level
     }
 
     /// The same scene with another iteration limit, to test incomplete traversal.
@@ -243,7 +243,7 @@ fn too_deep(depth: u32, most: u32) -> GpuError {
 
 impl Start {
     /// Start of the BVH after one with these words.
-    #[expect(clippy::cast_possible_truncation, reason = "a buffer of more than 2^32 quads is refused by its size")]
+    #[expect(clippy::cast_possible_truncation, reason = "a buffer of more than 2^32 quads is rejected by its size")]
     fn after(self, words: &RawBvh<'_>) -> Self {
         Self {
             node: self.node.wrapping_add((words.nodes.len() / 4) as u32),
@@ -286,8 +286,8 @@ mod tests {
     fn iteration_limit_is_below_the_drivers() {
         let test = "iteration_limit_is_below_the_drivers";
         let Some(gpu) = or_skip(test, Gpu::open(&Choice::Best)) else { return };
-        let tree = TriangleBvh::<Watertight>::build(&[], &[], &canted_wide::Config::default()).unwrap();
-        let scene = TracedScene::single_level(&gpu, &tree, &[0]).unwrap();
+        let bvh = TriangleBvh::<Watertight>::build(&[], &[], &canted_wide::Config::default()).unwrap();
+        let scene = TracedScene::single_level(&gpu, &bvh, &[0]).unwrap();
         let counted = loop_iterations(&gpu, 100_000).unwrap();
         let fits = if counted == 100_000 {
             scene.max_iterations == MAX_ITERATIONS

@@ -14,26 +14,26 @@ pub const MAX_CONDITION: f64 = 1024.0;
 
 /// Instances ready for upload.
 pub(super) struct TopLevel {
-    pub(super) places: Vec<InstanceData>,
+    pub(super) instances: Vec<InstanceData>,
     /// Motions of the moving instances, in order.
     pub(super) motions: Vec<MotionData>,
-    pub(super) tree: WideBvh<Aabb>,
+    pub(super) bvh: WideBvh<Aabb>,
     pub(super) error: HitError,
     /// The instance of each primitive of the BVH. Instances without triangles have none.
-    pub(super) instances: Vec<u32>,
+    pub(super) order: Vec<u32>,
 }
 
 impl TopLevel {
-    /// Places instances of meshes with these BVHs and bounds.
+    /// Packs instances of meshes with these BVHs and bounds, and builds a BVH over them.
     pub(super) fn new(meshes: &[(RawBvh<'_>, Aabb)], instances: &[Instance]) -> Result<Self, GpuError> {
         for (index, (words, _)) in meshes.iter().enumerate() {
             check_coordinates(|| format!("mesh {index}"), words.reach.into())?;
         }
-        let mut outer = Placing::default();
+        let mut packing = Packing::default();
         for (index, instance) in instances.iter().enumerate() {
-            outer.add(index, instance, meshes)?;
+            packing.add(index, instance, meshes)?;
         }
-        let Placing { places, motions, boxes, numbers, error } = outer;
+        let Packing { instances: packed, motions, boxes, numbers, error } = packing;
         let of_instance = |error| match error {
             // Meshes without triangles have no box, so boxes and instances are numbered differently.
             PrimitiveError::Bounds { primitive } => {
@@ -41,16 +41,16 @@ impl TopLevel {
             }
             PrimitiveError::TooMany { .. } => InstanceError::TooMany { n_instances: instances.len() },
         };
-        let tree = WideBvh::<Aabb>::build(boxes, &Config::preset(Preset::Fast).axis_aligned())
+        let bvh = WideBvh::<Aabb>::build(boxes, &Config::preset(Preset::Fast).axis_aligned())
             .map_err(|error| untraceable(&of_instance(error)))?;
-        let instances = tree.raw().order.iter().map(|&PrimId(box_index)| numbers[box_index as usize]).collect();
-        Ok(Self { places, motions, tree, error, instances })
+        let order = bvh.raw().order.iter().map(|&PrimId(box_index)| numbers[box_index as usize]).collect();
+        Ok(Self { instances: packed, motions, bvh, error, order })
     }
 }
 
 #[derive(Default)]
-struct Placing {
-    places: Vec<InstanceData>,
+struct Packing {
+    instances: Vec<InstanceData>,
     motions: Vec<MotionData>,
     /// World space, over all times.
     boxes: Vec<Aabb>,
@@ -59,7 +59,7 @@ struct Placing {
     error: HitError,
 }
 
-impl Placing {
+impl Packing {
     #[expect(clippy::cast_possible_truncation, reason = "instances are numbered by u32")]
     fn add(&mut self, index: usize, instance: &Instance, meshes: &[(RawBvh<'_>, Aabb)]) -> Result<(), GpuError> {
         let Some((words, bounds)) = meshes.get(instance.blas as usize) else {
@@ -89,7 +89,7 @@ impl Placing {
         self.motions.extend(motion.as_ref().map(MotionPolynomials::words));
         let number = motion.as_ref().map_or(0, |_| self.motions.len() as u32);
         // BVH 0 is the top level.
-        self.places.push(InstanceData::new(&inverse, &instance.world_from_object, [instance.blas + 1, number]));
+        self.instances.push(InstanceData::new(&inverse, &instance.world_from_object, [instance.blas + 1, number]));
         if !bounds.is_empty() {
             self.boxes.push(ends().fold(Aabb::EMPTY, |all, end| all.union(image(bounds, &end))));
             self.numbers.push(index as u32);
@@ -174,27 +174,27 @@ mod tests {
 
     #[test]
     fn too_large_coordinates_are_rejected_with_an_index() {
-        let refused = |reaches: &[f32], instances: &[Instance]| match placed(reaches, instances) {
+        let rejection = |reaches: &[f32], instances: &[Instance]| match placed(reaches, instances) {
             Ok(_) => panic!("{reaches:?} {instances:?} are placed"),
             Err(error) => error,
         };
         let of = |name: &str| {
             format!("not supported on the GPU: {name}, which has coordinates above 1e18; use --device cpu")
         };
-        assert_eq!(refused(&[1.0, 1e19], &[]), of("mesh 1"));
-        assert_eq!(refused(&[1.0], &[at(0, 1.0, 0.0), at(0, 1e19, 0.0)]), of("instance 1"));
+        assert_eq!(rejection(&[1.0, 1e19], &[]), of("mesh 1"));
+        assert_eq!(rejection(&[1.0], &[at(0, 1.0, 0.0), at(0, 1e19, 0.0)]), of("instance 1"));
         // The first instance has no box, so boxes and instances are numbered differently.
-        assert_eq!(refused(&[0.0, 1.0], &[at(0, 1.0, 0.0), at(1, 1.0, 1.0), at(1, 1.0, -2e18)]), of("instance 2"));
+        assert_eq!(rejection(&[0.0, 1.0], &[at(0, 1.0, 0.0), at(1, 1.0, 1.0), at(1, 1.0, -2e18)]), of("instance 2"));
         let leaving = Instance { world_from_object_close: Some(at(0, 1.0, 1e30).world_from_object), ..at(0, 1.0, 0.0) };
-        assert_eq!(refused(&[1.0], &[leaving]), of("instance 0"));
+        assert_eq!(rejection(&[1.0], &[leaving]), of("instance 0"));
     }
 
     #[test]
     fn largest_coordinates_are_accepted() {
         let outer = placed(&[1e18, 0.0], &[at(1, 1.0, 0.0), at(0, 1.0, 0.0), at(0, 1e-18, 9e17)]).unwrap();
-        assert_eq!(outer.places.len(), 3);
-        let mut instances = outer.instances;
-        instances.sort_unstable();
-        assert_eq!(instances, [1, 2]);
+        assert_eq!(outer.instances.len(), 3);
+        let mut order = outer.order;
+        order.sort_unstable();
+        assert_eq!(order, [1, 2]);
     }
 }

@@ -1,4 +1,4 @@
-//! The first surface of each pixel, by rasterisation instead of ray tracing.
+//! The first surface of each pixel, by rasterization instead of ray tracing.
 
 use std::time::Duration;
 
@@ -40,10 +40,10 @@ pub struct GBuffer {
 }
 
 impl<K: LaneKernel> DevicePicture<'_, K> {
-    /// Rasterises the first surface at the center of each pixel.
+    /// Rasterizes the first surface at the center of each pixel.
     ///
     /// The result is that of primary rays, except where an edge passes within 1/256 of a pixel of a center, which is the
-    /// resolution of rasterised vertices. Sphere and disk lights are not drawn. [`DevicePicture::render`] traces rays instead,
+    /// resolution of rasterized vertices. Sphere and disk lights are not drawn. [`DevicePicture::render`] traces rays instead,
     /// because its samples are distributed over each pixel.
     ///
     /// # Errors
@@ -51,7 +51,7 @@ impl<K: LaneKernel> DevicePicture<'_, K> {
     pub fn first_surfaces(&self) -> Result<GBuffer, DeviceError> {
         let view = &self.cpu.view;
         if !view.is_perspective || view.lens.is_some() {
-            return Err(DeviceError::Unsupported { what: "rasterisation with a lens or an orthographic camera" });
+            return Err(DeviceError::Unsupported { what: "rasterization with a lens or an orthographic camera" });
         }
         let chosen = picture::specialise(Specialisation::none(), view, self.settings);
         let raster = self.gpu.raster("render/gbuffer", &self.packed.specialise(chosen))?;

@@ -129,7 +129,7 @@ fn clip_ears(points: &[[f64; 2]], triangles: &mut Vec<[usize; 3]>) -> Cut {
         (next[before], prev[after]) = (after, before);
         (left, remaining, has_clipped) = (left - 1, after, true);
         reflex.is_cut_off[corner] = true;
-        // The neighbours have changed. Moving them to the back avoids fans of needles in round concave regions.
+        // The neighbors have changed. Moving them to the back avoids fans of needles in round concave regions.
         queue.push(before);
         queue.push(after);
         if test == EarTest::Any {

@@ -43,7 +43,7 @@ fn sponza() {
     let Some(scene) = load("sponza", "sponza/sponza.obj") else { return };
     let counts = SceneStats::of(&scene);
     assert_eq!(counts.n_placed_triangles, 262_267);
-    assert_eq!((counts.n_materials, counts.n_textures), (25, 27), "24 colour images and 3 masks");
+    assert_eq!((counts.n_materials, counts.n_textures), (25, 27), "24 color images and 3 masks");
     assert_eq!(scene.materials.iter().filter(|material| material.alpha_texture.is_some()).count(), 3);
     assert_eq!(counts.n_instances, 393, "381 groups, some with several materials");
     for mesh in &scene.meshes {

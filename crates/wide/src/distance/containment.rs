@@ -172,7 +172,7 @@ mod tests {
 
     /// A point on a shared edge counts for exactly one of two triangles on different sides.
     #[test]
-    fn exactly_one_neighbour_counts() {
+    fn exactly_one_neighbor_counts() {
         let points = [[0.0, 0.0], [2.0, 0.0], [1.0, 1.0], [0.0, 2.0], [-1.0, 0.5]];
         for (i, &start) in points.iter().enumerate() {
             for &end in &points[i + 1..] {

@@ -39,7 +39,7 @@ fn spheres(n: usize, scale: f32) -> Vec<Sphere> {
     spheres
 }
 
-/// From inside and outside, at centres, along tangents, from far away, bounded.
+/// From inside and outside, at centers, along tangents, from far away, bounded.
 fn rays(spheres: &[Sphere], n: usize, scale: f32) -> Vec<Ray> {
     let mut rng = SplitMix64::new(17);
     (0..n)

@@ -119,7 +119,7 @@ impl PassTimes {
                     let _ = write!(out, " {error}");
                 }
                 Ok(level) => {
-                    let Passes { domain, codes, sort, tree, boxes, refused } = &level.passes;
+                    let Passes { domain, codes, sort, tree, boxes, error } = &level.passes;
                     let text = |ms: Option<f64>| ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.2}"));
                     for ms in [level.upload, *domain, *codes, *sort, *tree] {
                         let _ = write!(out, "{:>9}", text(ms));
@@ -127,7 +127,7 @@ impl PassTimes {
                     for ms in boxes {
                         let _ = write!(out, "{:>14}", text(*ms));
                     }
-                    if let Some(error) = refused {
+                    if let Some(error) = error {
                         let _ = write!(out, "\n{:<20} {error}", "");
                     }
                 }
@@ -158,7 +158,7 @@ impl PassTimes {
 }
 
 fn level_json(level: &Level) -> Value {
-    let Passes { domain, codes, sort, tree, boxes, refused } = &level.passes;
+    let Passes { domain, codes, sort, tree, boxes, error } = &level.passes;
     let boxes: Map<String, Value> = STRATEGIES
         .into_iter()
         .zip(boxes)
@@ -171,7 +171,7 @@ fn level_json(level: &Level) -> Value {
     if let Some(ms) = level.upload {
         all["upload_ms"] = ms.into();
     }
-    if let Some(error) = refused {
+    if let Some(error) = error {
         all["error"] = error.to_string().into();
     }
     all
