@@ -21,12 +21,12 @@ fn stages_that_fit_are_timed_when_others_do_not_fit() {
     let fit = [passes.domain, passes.codes, passes.sort, passes.tree, passes.boxes[0]];
     assert!(fit.iter().all(Option::is_some) && passes.total(Strategy::Aabb).is_some(), "{passes:?}");
     assert_eq!((&passes.boxes[1..], passes.total(Strategy::Combined)), (&[None; 4][..], None));
-    match passes.refused {
+    match passes.error {
         Some(GpuError::Limit { need: 60_000, most: 49_152, .. }) => {}
         other => panic!("{other:?}"),
     }
     // A build that fits reports no error.
     let few = Items::triangles(&gpu, [&corners[..500]]).unwrap();
     let passes = Passes::measure(&gpu, &few, Bits::B63, 1).unwrap();
-    assert!(passes.refused.is_none() && passes.boxes.iter().all(Option::is_some), "{passes:?}");
+    assert!(passes.error.is_none() && passes.boxes.iter().all(Option::is_some), "{passes:?}");
 }
