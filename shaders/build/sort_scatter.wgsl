@@ -41,10 +41,10 @@ fn main(id: Invocation) {
         let key = keys_in[i];
         let value = digit_of(key);
         let cell = value * GROUP + id.local;
-        let place = destinations[value] + columns[cell];
+        let destination = destinations[value] + columns[cell];
         columns[cell] += 1u;
-        keys_out[place] = key;
-        values_out[place] = values_in[i];
+        keys_out[destination] = key;
+        values_out[destination] = values_in[i];
     }
 }
 

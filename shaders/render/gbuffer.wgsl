@@ -74,10 +74,10 @@ fn in_triangle(ray: Ray, instance: u32, primitive: u32) -> Hit {
     let along = cross(away, first);
     // Signed double area, projected along the ray.
     let area = dot(first, across);
-    let share = sign_of(area) / max(abs(area), 1e-30);
-    let u = clamp(dot(away, across) * share, 0.0, 1.0);
-    let v = clamp(dot(ray.direction, along) * share, 0.0, 1.0 - u);
-    return Hit(max(dot(second, along) * share, 0.0), u, v, primitive, instance);
+    let inverse = sign_of(area) / max(abs(area), 1e-30);
+    let u = clamp(dot(away, across) * inverse, 0.0, 1.0);
+    let v = clamp(dot(ray.direction, along) * inverse, 0.0, 1.0 - u);
+    return Hit(max(dot(second, along) * inverse, 0.0), u, v, primitive, instance);
 }
 
 /// A number in 0..=1 that decreases as `t` grows, by the order of bits without the last. Precision is relative, so far surfaces

@@ -18,6 +18,6 @@ fn emitted_by(emitter: Emitter, weights: vec2<f32>, direction: vec3<f32>) -> vec
     // Looked up at a point: a cone of zero width averages nothing.
     let line = Cone(0.0, 0.0, 0.0, false);
     let winding = normal_world(emitter.instance, triangle.normal);
-    let seen = Seen(corners, at, emitter.instance, winding, area_root(emitter.instance, triangle), direction, line);
-    return emitter.radiance * texel(materials[material].emission_slot, seen).rgb * presence(material, corners, at);
+    let lookup = TextureLookup(corners, at, emitter.instance, winding, area_root(emitter.instance, triangle), direction, line);
+    return emitter.radiance * texel(materials[material].emission_slot, lookup).rgb * presence(material, corners, at);
 }

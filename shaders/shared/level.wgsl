@@ -170,12 +170,12 @@ fn enter_instance_leaf(ray: Ray, word: u32) -> u32 {
 fn moving_inverse(motion: u32) -> Inverse {
     let weights = weights_of_time();
     // Above 2^-34, because the host rejects other motions.
-    let share = reciprocal(determinant_of(motion));
+    let inverse_determinant = reciprocal(determinant_of(motion));
     var inverse: Inverse;
     for (var k = 0u; k < 3u; k++) {
         let row = motions[motion].cofactors[k];
-        inverse.rows[k] = share * (row * weights);
-        inverse.sizes[k] = share * (mat3x3<f32>(abs(row[0]), abs(row[1]), abs(row[2])) * weights);
+        inverse.rows[k] = inverse_determinant * (row * weights);
+        inverse.sizes[k] = inverse_determinant * (mat3x3<f32>(abs(row[0]), abs(row[1]), abs(row[2])) * weights);
     }
     return inverse;
 }

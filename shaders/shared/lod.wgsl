@@ -2,18 +2,18 @@
 // Square texture footprints.
 
 /// As wide as the longer axis of the cone's footprint: `log2(√(texels per area of the triangle) · width / cosine)`.
-fn square_footprint(seen: Seen, along: mat2x2<f32>, texels: vec2<f32>) -> Footprint {
+fn square_footprint(lookup: TextureLookup, along: mat2x2<f32>, texels: vec2<f32>) -> Footprint {
     let n_texels_root = sqrt(abs(determinant(along)) * texels.x * texels.y);
-    let cosine = abs(dot(seen.winding, seen.direction));
+    let cosine = abs(dot(lookup.winding, lookup.direction));
     // The lookup clamps both ends of the range; the logarithm only needs positive arguments.
-    let width = log2(max(n_texels_root, 1e-30)) + log2(max(seen.cone.width, 1e-30));
-    return Footprint(width - log2(max(seen.area_root, 1e-30)) - log2(max(cosine, 1e-30)), vec2(0.0), 1u);
+    let width = log2(max(n_texels_root, 1e-30)) + log2(max(lookup.cone.width, 1e-30));
+    return Footprint(width - log2(max(lookup.area_root, 1e-30)) - log2(max(cosine, 1e-30)), vec2(0.0), 1u);
 }
 
 // choice none
 // Bilinear lookup at full resolution.
 
-fn footprint(seen: Seen, along: mat2x2<f32>, texels: vec2<f32>) -> Footprint {
+fn footprint(lookup: TextureLookup, along: mat2x2<f32>, texels: vec2<f32>) -> Footprint {
     return Footprint(0.0, vec2(0.0), 1u);
 }
 
@@ -21,8 +21,8 @@ fn footprint(seen: Seen, along: mat2x2<f32>, texels: vec2<f32>) -> Footprint {
 // Isotropic footprint from the ray cone.
 // use shared/lod/square
 
-fn footprint(seen: Seen, along: mat2x2<f32>, texels: vec2<f32>) -> Footprint {
-    return square_footprint(seen, along, texels);
+fn footprint(lookup: TextureLookup, along: mat2x2<f32>, texels: vec2<f32>) -> Footprint {
+    return square_footprint(lookup, along, texels);
 }
 
 // choice aniso
@@ -33,23 +33,23 @@ fn footprint(seen: Seen, along: mat2x2<f32>, texels: vec2<f32>) -> Footprint {
 /// Maximum number of lookups along the longer axis.
 const MAX_PROBES: f32 = 16.0;
 
-fn footprint(seen: Seen, along: mat2x2<f32>, texels: vec2<f32>) -> Footprint {
-    if !seen.cone.is_direct {
-        return square_footprint(seen, along, texels);
+fn footprint(lookup: TextureLookup, along: mat2x2<f32>, texels: vec2<f32>) -> Footprint {
+    if !lookup.cone.is_direct {
+        return square_footprint(lookup, along, texels);
     }
-    let cosine = dot(seen.winding, seen.direction);
-    let edge_vectors = edges(seen.vertices);
-    let scale = 1.0 / max(seen.area_root, 1e-18);
-    let first = vector_world(seen.instance, edge_vectors[0]) * scale;
-    let second = vector_world(seen.instance, edge_vectors[1]) * scale;
+    let cosine = dot(lookup.winding, lookup.direction);
+    let edge_vectors = edges(lookup.vertices);
+    let scale = 1.0 / max(lookup.area_root, 1e-18);
+    let first = vector_world(lookup.instance, edge_vectors[0]) * scale;
+    let second = vector_world(lookup.instance, edge_vectors[1]) * scale;
     // The longer axis follows the slope; at normal incidence all axes are equal.
-    let slope = unit(seen.direction - seen.winding * cosine);
+    let slope = unit(lookup.direction - lookup.winding * cosine);
     let down = select(slope, unit(first), all(slope == vec3(0.0)));
-    let long = (seen.cone.width * scale / max(abs(cosine), 1e-4)) * down;
-    let short = (seen.cone.width * scale) * cross(seen.winding, down);
+    let long = (lookup.cone.width * scale / max(abs(cosine), 1e-4)) * down;
+    let short = (lookup.cone.width * scale) * cross(lookup.winding, down);
     // Derivatives in texels along both axes, from plane coordinates by edges over the root of the area.
-    let long_texels = change(long, first, second, seen.winding, along) * texels;
-    let short_texels = change(short, first, second, seen.winding, along) * texels;
+    let long_texels = change(long, first, second, lookup.winding, along) * texels;
+    let short_texels = change(short, first, second, lookup.winding, along) * texels;
     return of_axes(long_texels, short_texels, texels);
 }
 

@@ -17,7 +17,7 @@ fn accepts(hit: Hit) -> bool {
     if materials[material].cutoff < 0.0 {
         return true;
     }
-    let share = presence(material, triangle.vertices, vec3(1.0 - hit.u - hit.v, hit.u, hit.v));
+    let opacity = presence(material, triangle.vertices, vec3(1.0 - hit.u - hit.v, hit.u, hit.v));
     // Independent of traversal order: depends only on key, instance and triangle.
-    return unit_interval(mix_bits(mix_bits(ray_key ^ hit.instance) ^ hit.primitive) >> 8u) < share;
+    return unit_interval(mix_bits(mix_bits(ray_key ^ hit.instance) ^ hit.primitive) >> 8u) < opacity;
 }

@@ -4,8 +4,8 @@
 
 fn bsdf_of(surface: Surface) -> Bsdf {
     let material = materials[surface.material];
-    let rough_metal = texel(material.rough_metal_slot, surface.seen);
-    let transmission = material.transmission * texel(material.transmission_slot, surface.seen).r;
+    let rough_metal = texel(material.rough_metal_slot, surface.lookup);
+    let transmission = material.transmission * texel(material.transmission_slot, surface.lookup).r;
     let thin_walled = material.thin_walled != 0u;
     return Bsdf(
         surface.base_color,

@@ -3,23 +3,23 @@
 // const NORMAL
 
 /// Interpolated unit normal; zero if absent.
-fn smooth_normal(seen: Seen) -> vec3<f32> {
+fn smooth_normal(lookup: TextureLookup) -> vec3<f32> {
     if NORMAL == 0u {
         return vec3(0.0);
     }
-    return normal_world(seen.instance, blend_three(seen.vertices, seen.weights, NORMAL));
+    return normal_world(lookup.instance, blend_three(lookup.vertices, lookup.weights, NORMAL));
 }
 
 /// The interpolated normal on the viewer's side; `normal` of the triangle if it faces away from the viewer.
-fn shown_smooth(blended: vec3<f32>, seen: Seen, normal: vec3<f32>) -> vec3<f32> {
+fn facing_smooth_normal(blended: vec3<f32>, lookup: TextureLookup, normal: vec3<f32>) -> vec3<f32> {
     let facing = select(blended, -blended, dot(blended, normal) < 0.0);
-    return select(normal, facing, dot(facing, seen.direction) < 0.0);
+    return select(normal, facing, dot(facing, lookup.direction) < 0.0);
 }
 
 // choice flat
 // Flat shading: the normal of the triangle.
 
-fn shading_normal(material: u32, seen: Seen, normal: vec3<f32>, is_mirrored: bool) -> vec3<f32> {
+fn shading_normal(material: u32, lookup: TextureLookup, normal: vec3<f32>, is_mirrored: bool) -> vec3<f32> {
     return normal;
 }
 
@@ -27,8 +27,8 @@ fn shading_normal(material: u32, seen: Seen, normal: vec3<f32>, is_mirrored: boo
 // Smooth shading by interpolated normals.
 // use shared/normal/vertex
 
-fn shading_normal(material: u32, seen: Seen, normal: vec3<f32>, is_mirrored: bool) -> vec3<f32> {
-    return shown_smooth(smooth_normal(seen), seen, normal);
+fn shading_normal(material: u32, lookup: TextureLookup, normal: vec3<f32>, is_mirrored: bool) -> vec3<f32> {
+    return facing_smooth_normal(smooth_normal(lookup), lookup, normal);
 }
 
 // choice mapped
@@ -36,20 +36,20 @@ fn shading_normal(material: u32, seen: Seen, normal: vec3<f32>, is_mirrored: boo
 // use shared/normal/vertex
 // const TANGENT
 
-fn shading_normal(material: u32, seen: Seen, normal: vec3<f32>, is_mirrored: bool) -> vec3<f32> {
-    let blended = smooth_normal(seen);
+fn shading_normal(material: u32, lookup: TextureLookup, normal: vec3<f32>, is_mirrored: bool) -> vec3<f32> {
+    let blended = smooth_normal(lookup);
     // Cofactors flip normals if the transform mirrors.
     let side = select(1.0, -1.0, is_mirrored);
-    let straight = side * select(blended, seen.winding, all(blended == vec3(0.0)));
-    let bent = mapped_normal(material, seen, straight, side);
-    if all(bent == vec3(0.0)) {
-        return shown_smooth(blended, seen, normal);
+    let outward = side * select(blended, lookup.winding, all(blended == vec3(0.0)));
+    let perturbed = mapped_normal(material, lookup, outward, side);
+    if all(perturbed == vec3(0.0)) {
+        return facing_smooth_normal(blended, lookup, normal);
     }
-    return lifted(select(bent, -bent, dot(straight, normal) < 0.0), normal, -seen.direction);
+    return lifted(select(perturbed, -perturbed, dot(outward, normal) < 0.0), normal, -lookup.direction);
 }
 
-/// The mapped normal for the unit normal `straight`; zero if there is no map or no tangent frame.
-fn mapped_normal(material: u32, seen: Seen, straight: vec3<f32>, side: f32) -> vec3<f32> {
+/// The mapped normal for the unit normal `outward`; zero if there is no map or no tangent frame.
+fn mapped_normal(material: u32, lookup: TextureLookup, outward: vec3<f32>, side: f32) -> vec3<f32> {
     let slot = materials[material].normal_slot;
     if slot == NO_SLOT {
         return vec3(0.0);
@@ -57,34 +57,34 @@ fn mapped_normal(material: u32, seen: Seen, straight: vec3<f32>, side: f32) -> v
     var u = vec3(0.0);
     var v = vec3(0.0);
     if TANGENT != 0u {
-        u = orthonormal(vector_world(seen.instance, blend_three(seen.vertices, seen.weights, TANGENT)), straight);
-        v = cross(straight, u) * (side * with_sign(1.0, tangent_sign(seen)));
+        u = orthonormal(vector_world(lookup.instance, blend_three(lookup.vertices, lookup.weights, TANGENT)), outward);
+        v = cross(outward, u) * (side * with_sign(1.0, tangent_sign(lookup)));
     }
     if all(u == vec3(0.0)) {
-        let changes = uv_edges(slot, seen);
-        let world = edges(seen.vertices);
-        let first = vector_world(seen.instance, world[0]);
-        let second = vector_world(seen.instance, world[1]);
+        let changes = uv_edges(slot, lookup);
+        let world = edges(lookup.vertices);
+        let first = vector_world(lookup.instance, world[0]);
+        let second = vector_world(lookup.instance, world[1]);
         // Only the sign of the determinant matters, not the lengths. If it is zero there are no gradients.
         let turn = sign(determinant(changes));
-        u = turn * orthonormal(first * changes[1].y - second * changes[0].y, straight);
+        u = turn * orthonormal(first * changes[1].y - second * changes[0].y, outward);
         let along_v = turn * (second * changes[0].x - first * changes[1].x);
-        let across = cross(straight, u);
+        let across = cross(outward, u);
         v = select(across, -across, dot(across, along_v) < 0.0);
     }
     if all(u == vec3(0.0)) {
         return vec3(0.0);
     }
-    let shown = 2.0 * texel(slot, seen).xyz - 1.0;
-    let slope = materials[material].normal_scale * shown.xy;
-    return unit(u * slope.x + v * slope.y + straight * shown.z);
+    let sampled = 2.0 * texel(slot, lookup).xyz - 1.0;
+    let slope = materials[material].normal_scale * sampled.xy;
+    return unit(u * slope.x + v * slope.y + outward * sampled.z);
 }
 
 /// Sign of the bitangent.
-fn tangent_sign(seen: Seen) -> f32 {
+fn tangent_sign(lookup: TextureLookup) -> f32 {
     let at = TANGENT + 3u;
-    let corners = seen.vertices * STRIDE + at;
-    return dot(seen.weights, vec3(vertices[corners.x], vertices[corners.y], vertices[corners.z]));
+    let corners = lookup.vertices * STRIDE + at;
+    return dot(lookup.weights, vec3(vertices[corners.x], vertices[corners.y], vertices[corners.z]));
 }
 
 /// The unit vector along `v` without its component along the unit vector `normal`.
@@ -93,16 +93,16 @@ fn orthonormal(v: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     return unit(direction - normal * dot(direction, normal));
 }
 
-/// The unit normal closest to `bent` that faces the viewer and reflects the view direction away from the surface.
-fn lifted(bent: vec3<f32>, normal: vec3<f32>, towards_viewer: vec3<f32>) -> vec3<f32> {
-    let cosine = dot(bent, towards_viewer);
+/// The unit normal closest to `perturbed` that faces the viewer and reflects the view direction away from the surface.
+fn lifted(perturbed: vec3<f32>, normal: vec3<f32>, towards_viewer: vec3<f32>) -> vec3<f32> {
+    let cosine = dot(perturbed, towards_viewer);
     if cosine <= 0.0 {
         return normal;
     }
-    let mirrored = bent * (2.0 * cosine) - towards_viewer;
+    let mirrored = perturbed * (2.0 * cosine) - towards_viewer;
     let height = dot(mirrored, normal);
     if height >= 0.0 {
-        return bent;
+        return perturbed;
     }
     let raised = unit(towards_viewer + (mirrored - normal * height));
     return select(raised, normal, all(raised == vec3(0.0)));

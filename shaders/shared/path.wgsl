@@ -145,8 +145,8 @@ fn ends(path: ptr<function, Path>, hit: Hit) -> bool {
 
 /// Adds light that the onward ray hit, weighted by the density with which light sampling finds its direction.
 fn gather(path: ptr<function, Path>, radiance: vec3<f32>, density: f32) {
-    let share = select(power_heuristic((*path).density, density), 1.0, (*path).density < 0.0);
-    (*path).radiance += (*path).throughput * radiance * share;
+    let weight = select(power_heuristic((*path).density, density), 1.0, (*path).density < 0.0);
+    (*path).radiance += (*path).throughput * radiance * weight;
 }
 
 /// The vertex that the onward ray left.
@@ -176,8 +176,8 @@ fn sample_direct(
     }
     // No other technique samples a light without extent.
     let density = light.incoming.density;
-    let share = select(power_heuristic(density, found.density), 1.0, density == 0.0);
-    let contribution = (*path).throughput * (found.value * light.incoming.radiance) * share;
+    let weight = select(power_heuristic(density, found.density), 1.0, density == 0.0);
+    let contribution = (*path).throughput * (found.value * light.incoming.radiance) * weight;
     let is_near = light.incoming.shadow_ray == FINITE;
     let ray = towards(surface, select(light.incoming.to_light, light.incoming.position, is_near), is_near);
     if ray.t_max <= 0.0 {
@@ -209,7 +209,7 @@ fn scatter(path: ptr<function, Path>, one: PixelSample, surface: Surface, vertex
         return false;
     }
     var density = found.density;
-    if vertex.is_bent && !found.is_delta {
+    if vertex.is_perturbed && !found.is_delta {
         // Both densities that lead to this direction, including that of the mirrored one.
         density = evaluate(vertex, direction).density;
     }
@@ -230,11 +230,11 @@ fn scatter(path: ptr<function, Path>, one: PixelSample, surface: Surface, vertex
 fn survives(path: ptr<function, Path>, one: PixelSample, number: u32) -> bool {
     let throughput = (*path).throughput;
     let scale = quotient(max(throughput.x, max(throughput.y, throughput.z)), (*path).compression);
-    let share = min(scale / SURVIVAL_THROUGHPUT, select(1.0 - MIN_TERMINATION, 1.0, number < MIN_TERMINATION_FROM));
-    if share < 1.0 && single(picture.sampler, one.pixel, one.sample, dimension(ROULETTE, number)) >= share {
+    let survival = min(scale / SURVIVAL_THROUGHPUT, select(1.0 - MIN_TERMINATION, 1.0, number < MIN_TERMINATION_FROM));
+    if survival < 1.0 && single(picture.sampler, one.pixel, one.sample, dimension(ROULETTE, number)) >= survival {
         return false;
     }
-    (*path).throughput /= share;
+    (*path).throughput /= survival;
     return true;
 }
 

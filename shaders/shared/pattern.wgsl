@@ -118,20 +118,20 @@ fn permuted(i: u32, n: u32, permutation: u32) -> u32 {
     let first = mix_bits(permutation);
     let second = mix_bits(permutation ^ 1u);
     let third = mix_bits(permutation ^ 2u);
-    var place = i;
+    var image = i;
     loop {
-        place = permutation_round(place, first, mask, shift);
-        place = permutation_round(place, second, mask, shift);
-        place = permutation_round(place, third, mask, shift);
-        if place < n {
+        image = permutation_round(image, first, mask, shift);
+        image = permutation_round(image, second, mask, shift);
+        image = permutation_round(image, third, mask, shift);
+        if image < n {
             break;
         }
     }
-    return (place + high_product(mix_bits(permutation ^ 3u), n)) % n;
+    return (image + high_product(mix_bits(permutation ^ 3u), n)) % n;
 }
 
 /// Addition and multiplication by an odd factor modulo 2^k, then xor of the high half into the low half: all invertible.
-fn permutation_round(place: u32, round: u32, mask: u32, shift: u32) -> u32 {
-    let mixed = ((place + round) * ((round >> 16u) | 1u)) & mask;
+fn permutation_round(value: u32, round: u32, mask: u32, shift: u32) -> u32 {
+    let mixed = ((value + round) * ((round >> 16u) | 1u)) & mask;
     return mixed ^ (mixed >> shift);
 }

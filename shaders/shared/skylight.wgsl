@@ -77,8 +77,8 @@ fn sky_density(receiver: Receiver, direction: vec3<f32>) -> f32 {
 
 fn sky_density_at(row: u32, column: u32) -> f32 {
     let first = row * (sky_image.width + 1u) + column;
-    let share = sky_rows[row + 1u].sum - sky_rows[row].sum;
-    return min(share * (sky_sums[first + 1u] - sky_sums[first]) * sky_rows[row].per_steradian, MAX_QUOTIENT);
+    let row_probability = sky_rows[row + 1u].sum - sky_rows[row].sum;
+    return min(row_probability * (sky_sums[first + 1u] - sky_sums[first]) * sky_rows[row].per_steradian, MAX_QUOTIENT);
 }
 
 /// Position of a number within an interval, as a fraction.

@@ -55,7 +55,7 @@ struct Surface {
     cone: Cone,
     material: u32,
     /// Input of texture lookups.
-    seen: Seen,
+    lookup: TextureLookup,
 }
 
 /// The surface at a hit of a ray along `direction`, of any length, with this cone at its origin.
@@ -70,24 +70,24 @@ fn surface_at(hit: Hit, direction: vec3<f32>, cone: Cone) -> Surface {
     let material = triangle.material & 0x7fffffffu;
     let arrived = grown(cone, hit.t * size(direction));
     let breadth = area_root(hit.instance, triangle);
-    let seen = Seen(triangle.vertices, weights, hit.instance, winding, breadth, unit(direction), arrived);
+    let lookup = TextureLookup(triangle.vertices, weights, hit.instance, winding, breadth, unit(direction), arrived);
     let tint = vertex_color(triangle.vertices, weights).rgb;
     return Surface(
         point_world(hit.instance, blend_positions(triangle.vertices, weights)),
         normal,
-        shading_normal(material, seen, normal, is_mirrored),
+        shading_normal(material, lookup, normal, is_mirrored),
         (dot(winding, direction) <= 0.0) != is_mirrored,
-        materials[material].base_color * texel(materials[material].base_color_slot, seen).rgb * tint,
-        materials[material].emission * texel(materials[material].emission_slot, seen).rgb,
+        materials[material].base_color * texel(materials[material].base_color_slot, lookup).rgb * tint,
+        materials[material].emission * texel(materials[material].emission_slot, lookup).rgb,
         slack_of(hit.instance) * (abs(normal.x) + abs(normal.y) + abs(normal.z)),
         arrived,
         material,
-        seen,
+        lookup,
     );
 }
 
 /// Input of texture lookups at a hit.
-struct Seen {
+struct TextureLookup {
     vertices: vec3<u32>,
     /// Barycentric weights.
     weights: vec3<f32>,

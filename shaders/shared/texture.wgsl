@@ -1,7 +1,7 @@
 // choice none
 // No textures.
 
-fn texel(slot: u32, seen: Seen) -> vec4<f32> {
+fn texel(slot: u32, lookup: TextureLookup) -> vec4<f32> {
     return vec4(1.0);
 }
 
@@ -9,7 +9,7 @@ fn texel_alpha(slot: u32, corners: vec3<u32>, weights: vec3<f32>) -> f32 {
     return 1.0;
 }
 
-fn uv_edges(slot: u32, seen: Seen) -> mat2x2<f32> {
+fn uv_edges(slot: u32, lookup: TextureLookup) -> mat2x2<f32> {
     return mat2x2(vec2(0.0), vec2(0.0));
 }
 
@@ -47,22 +47,22 @@ struct Footprint {
 @group(2) @binding(5) var<storage, read> images: array<vec4<u32>>;
 
 /// Texture value with alpha, in linear RGB or as plain numbers; ones for no texture.
-fn texel(slot: u32, seen: Seen) -> vec4<f32> {
+fn texel(slot: u32, lookup: TextureLookup) -> vec4<f32> {
     if slot == NO_SLOT {
         return vec4(1.0);
     }
     let head = slots[slot].head;
     let level_0 = images[head + 1u];
-    let seen_part = footprint(seen, uv_edges(slot, seen), vec2<f32>(level_0.yz));
-    let uv = uv_of(slot, seen.vertices, seen.weights);
+    let ellipse = footprint(lookup, uv_edges(slot, lookup), vec2<f32>(level_0.yz));
+    let uv = uv_of(slot, lookup.vertices, lookup.weights);
     let n_levels = images[head].x;
-    let level = clamp(seen_part.level, 0.0, f32(n_levels - 1u));
-    let n = f32(seen_part.n_probes);
+    let level = clamp(ellipse.level, 0.0, f32(n_levels - 1u));
+    let n = f32(ellipse.n_probes);
     var sum = vec4(0.0);
-    iterations += seen_part.n_probes;
-    for (var probe = 0u; probe < seen_part.n_probes; probe++) {
-        let place = (f32(probe) + 0.5) / n - 0.5;
-        sum += trilinear(head, uv + place * seen_part.along, level);
+    iterations += ellipse.n_probes;
+    for (var probe = 0u; probe < ellipse.n_probes; probe++) {
+        let offset = (f32(probe) + 0.5) / n - 0.5;
+        sum += trilinear(head, uv + offset * ellipse.along, level);
     }
     return sum / n;
 }
@@ -78,9 +78,9 @@ fn uv_of(slot: u32, corners: vec3<u32>, weights: vec3<f32>) -> vec2<f32> {
 }
 
 /// Changes of texture coordinates along the edges of the triangle.
-fn uv_edges(slot: u32, seen: Seen) -> mat2x2<f32> {
-    let first = uv_at(slot, seen.vertices.x);
-    return mat2x2(uv_at(slot, seen.vertices.y) - first, uv_at(slot, seen.vertices.z) - first);
+fn uv_edges(slot: u32, lookup: TextureLookup) -> mat2x2<f32> {
+    let first = uv_at(slot, lookup.vertices.x);
+    return mat2x2(uv_at(slot, lookup.vertices.y) - first, uv_at(slot, lookup.vertices.z) - first);
 }
 
 /// Texture coordinates of a vertex.
@@ -137,9 +137,9 @@ fn neighbors(coordinate: f32, n: u32, wrap: u32) -> Neighbors {
     } else if wrap == CLAMP {
         reduced = clamp(coordinate, 0.0, 1.0);
     }
-    let place = reduced * f32(n) - 0.5;
-    let first = floor(place);
-    return Neighbors(wrapped(i32(first), i32(n), wrap), wrapped(i32(first) + 1, i32(n), wrap), place - first);
+    let position = reduced * f32(n) - 0.5;
+    let first = floor(position);
+    return Neighbors(wrapped(i32(first), i32(n), wrap), wrapped(i32(first) + 1, i32(n), wrap), position - first);
 }
 
 /// Index of texel `i` in a row of `n` texels under a wrap mode; `i` is at most one outside of the period.

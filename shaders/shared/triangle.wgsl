@@ -150,15 +150,15 @@ fn intersect_triangle(at: u32, stride: u32, lane: u32) -> TriangleHit {
     }
     let m = max(greatest(from_a), max(greatest(from_b), greatest(from_c)));
     let corners = array<vec3<f32>, 3>(sheared(from_a), sheared(from_b), sheared(from_c));
-    var place = nearest_edge(corners);
-    if place.w > 2.0 * shear_error(m) + EDGE_ROUNDING * m + TINY {
-        place = inside(corners);
-        if place.w < 0.0 {
+    var nearest = nearest_edge(corners);
+    if nearest.w > 2.0 * shear_error(m) + EDGE_ROUNDING * m + TINY {
+        nearest = inside(corners);
+        if nearest.w < 0.0 {
             return TriangleHit(-1.0, vec3<f32>(0.0));
         }
     }
-    let z = place.x * corners[0].z + (place.y * corners[1].z + place.z * corners[2].z);
-    return TriangleHit(guarded_quotient(z, shear.depth), place.xyz);
+    let z = nearest.x * corners[0].z + (nearest.y * corners[1].z + nearest.z * corners[2].z);
+    return TriangleHit(guarded_quotient(z, shear.depth), nearest.xyz);
 }
 
 /// Weights of the point on an edge that is nearest to the ray, and its distance.
@@ -166,14 +166,14 @@ fn nearest_edge(corners: array<vec3<f32>, 3>) -> vec4<f32> {
     let ab = on_edge(corners[0], corners[1]);
     let bc = on_edge(corners[1], corners[2]);
     let ca = on_edge(corners[2], corners[0]);
-    var place = vec4<f32>(1.0 - ab.x, ab.x, 0.0, ab.y);
-    if bc.y < place.w {
-        place = vec4<f32>(0.0, 1.0 - bc.x, bc.x, bc.y);
+    var nearest = vec4<f32>(1.0 - ab.x, ab.x, 0.0, ab.y);
+    if bc.y < nearest.w {
+        nearest = vec4<f32>(0.0, 1.0 - bc.x, bc.x, bc.y);
     }
-    if ca.y < place.w {
-        place = vec4<f32>(ca.x, 0.0, 1.0 - ca.x, ca.y);
+    if ca.y < nearest.w {
+        nearest = vec4<f32>(ca.x, 0.0, 1.0 - ca.x, ca.y);
     }
-    return place;
+    return nearest;
 }
 
 /// The point of an edge where its longer axis is zero, or the nearest end: weight of `q`, and distance.
@@ -183,8 +183,8 @@ fn on_edge(p: vec3<f32>, q: vec3<f32>) -> vec2<f32> {
     let start = select(p.y, p.x, is_x);
     let end = select(q.y, q.x, is_x);
     let s = clamp(guarded_quotient(start, start - end), 0.0, 1.0);
-    let place = p.xy + s * (q.xy - p.xy);
-    return vec2<f32>(s, max(abs(place.x), abs(place.y)));
+    let point = p.xy + s * (q.xy - p.xy);
+    return vec2<f32>(s, max(abs(point.x), abs(point.y)));
 }
 
 /// Weights of the point where the ray crosses the triangle; the last component is negative for a miss.

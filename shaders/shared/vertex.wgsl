@@ -17,11 +17,11 @@ struct Vertex {
     /// Unit normal of the triangle.
     normal: vec3<f32>,
     /// Whether the frame's normal differs from the triangle's.
-    is_bent: bool,
+    is_perturbed: bool,
 }
 
 fn vertex_of(surface: Surface) -> Vertex {
-    let viewer = -surface.seen.direction;
+    let viewer = -surface.lookup.direction;
     // If the shading normal faces away from the viewer, the triangle's normal is used.
     let faces = dot(surface.shading_normal, viewer) > 0.0;
     let normal = select(surface.normal, surface.shading_normal, faces);
@@ -36,13 +36,13 @@ fn evaluate(vertex: Vertex, to_light: vec3<f32>) -> Evaluation {
     var sum = no_evaluation();
     // One call site, because the code is large. A direction is used as it is where triangle and frame agree on its side, and
     // mirrored otherwise.
-    for (var turn = 0u; turn < 2u; turn++) {
+    for (var i = 0u; i < 2u; i++) {
         iterations += 1u;
-        if !vertex.is_bent || local.z * height > 0.0 {
+        if !vertex.is_perturbed || local.z * height > 0.0 {
             let found = evaluate_bsdf(vertex.bsdf, vertex.outgoing, local);
             sum = Evaluation(sum.value + found.value, sum.density + found.density);
         }
-        if !vertex.is_bent {
+        if !vertex.is_perturbed {
             break;
         }
         local = in_plane_mirrored(vertex, to_light) * vertex.basis;
@@ -53,7 +53,7 @@ fn evaluate(vertex: Vertex, to_light: vec3<f32>) -> Evaluation {
 /// A sampled local direction in world space, on the same side of the triangle as in the frame.
 fn world_direction(vertex: Vertex, incident: vec3<f32>) -> vec3<f32> {
     let direction = vertex.basis * incident;
-    let agrees = !vertex.is_bent || incident.z * dot(vertex.normal, direction) >= 0.0;
+    let agrees = !vertex.is_perturbed || incident.z * dot(vertex.normal, direction) >= 0.0;
     return select(in_plane_mirrored(vertex, direction), direction, agrees);
 }
 

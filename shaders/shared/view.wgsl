@@ -10,9 +10,9 @@ fn line_of(position: vec2<f32>) -> Ray {
 
 /// The cone of a pixel: its spread is the root of the pixel's solid angle.
 fn pixel_cone(position: vec2<f32>, sample: u32) -> Cone {
-    let place = position * picture.pixel;
+    let offset = position * picture.pixel;
     // The image plane is at distance 1: the solid angle falls with the squared distance and the cosine.
-    let cosine = inverseSqrt(1.0 + dot(place, place));
+    let cosine = inverseSqrt(1.0 + dot(offset, offset));
     return cone_of_pixel(0.0, picture.pixel * cosine * sqrt(cosine), sample);
 }
 

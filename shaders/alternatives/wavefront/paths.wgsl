@@ -18,8 +18,8 @@
 var<workgroup> n_of_group: atomic<u32>;
 var<workgroup> first_of_group: u32;
 
-/// Appends `place` if `is_active`. Must be called by all invocations of a work-group.
-fn enqueue(is_active: bool, place: u32, local: u32) {
+/// Appends `path_index` if `is_active`. Must be called by all invocations of a work-group.
+fn enqueue(is_active: bool, path_index: u32, local: u32) {
     var at = 0u;
     if is_active {
         at = atomicAdd(&n_of_group, 1u);
@@ -30,6 +30,6 @@ fn enqueue(is_active: bool, place: u32, local: u32) {
     }
     workgroupBarrier();
     if is_active {
-        next_active[first_of_group + at] = place;
+        next_active[first_of_group + at] = path_index;
     }
 }

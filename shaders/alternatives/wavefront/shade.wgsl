@@ -8,14 +8,14 @@
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
     let index = invocation(id, 64u);
-    var place = 0u;
+    var path_index = 0u;
     var is_active = false;
     if index < n_active[0] {
-        place = active_paths[index];
-        let one = taken(place / 64u, place % 64u);
+        path_index = active_paths[index];
+        let one = taken(path_index / 64u, path_index % 64u);
         choose_time(one);
         let hit = hits[index];
-        var path = paths[place];
+        var path = paths[path_index];
         ray_key = key_of(path, one);
         is_incomplete = hit.instance == INCOMPLETE;
         if !is_incomplete {
@@ -23,10 +23,10 @@ fn main(id: Invocation) {
         }
         is_active = path.stage != DONE && !is_incomplete;
         if is_active {
-            paths[place] = path;
+            paths[path_index] = path;
         } else {
-            keep(place / 64u, place % 64u, path.radiance, path.n_rays);
+            keep(path_index / 64u, path_index % 64u, path.radiance, path.n_rays);
         }
     }
-    enqueue(is_active, place, id.local);
+    enqueue(is_active, path_index, id.local);
 }

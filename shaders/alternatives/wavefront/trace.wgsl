@@ -8,11 +8,11 @@
 fn main(id: Invocation) {
     let index = invocation(id, 64u);
     if index < n_active[0] {
-        let place = active_paths[index];
-        let one = taken(place / 64u, place % 64u);
+        let path_index = active_paths[index];
+        let one = taken(path_index / 64u, path_index % 64u);
         choose_time(one);
-        ray_key = key_of(paths[place], one);
-        hits[index] = traverse(paths[place].ray, paths[place].stage == TO_LIGHT);
+        ray_key = key_of(paths[path_index], one);
+        hits[index] = traverse(paths[path_index].ray, paths[path_index].stage == TO_LIGHT);
         if is_incomplete {
             hits[index].instance = INCOMPLETE;
         }

@@ -49,11 +49,11 @@ fn incoming_from_point(light: ListLight, at: vec3<f32>) -> IncomingLight {
         return no_incoming_light();
     }
     let to_light = delta / sqrt(distance_squared);
-    var share = 1.0;
+    var falloff = 1.0;
     if light.kind == SPOT {
-        share = spot_share(-dot(light.direction, to_light), light.extent, light.cos_outer);
+        falloff = spot_falloff(-dot(light.direction, to_light), light.extent, light.cos_outer);
     }
-    let factor = quotient(share, distance_squared);
+    let factor = quotient(falloff, distance_squared);
     if factor <= 0.0 {
         return no_incoming_light();
     }
@@ -61,15 +61,15 @@ fn incoming_from_point(light: ListLight, at: vec3<f32>) -> IncomingLight {
 }
 
 /// Falloff of a spot light at a cosine to its axis.
-fn spot_share(cosine: f32, cos_inner: f32, cos_outer: f32) -> f32 {
+fn spot_falloff(cosine: f32, cos_inner: f32, cos_outer: f32) -> f32 {
     if cosine >= cos_inner {
         return 1.0;
     }
     if cosine <= cos_outer {
         return 0.0;
     }
-    let share = (cosine - cos_outer) / (cos_inner - cos_outer);
-    return share * share;
+    let linear = (cosine - cos_outer) / (cos_inner - cos_outer);
+    return linear * linear;
 }
 
 /// One minus the cosine of the half-angle under which a point sees a sphere; 0 from inside.

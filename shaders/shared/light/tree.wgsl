@@ -117,14 +117,14 @@ fn choose_light(receiver: Receiver, number: f32) -> Chosen {
             break;
         }
         let probabilities = child_probabilities(first, receiver);
-        // The second needs a positive share: if it has none, the first has all.
+        // The second needs a positive probability: if it has none, the first has all.
         let is_second = choice >= probabilities.x;
-        let share = select(probabilities.x, probabilities.y, is_second);
-        if share <= 0.0 {
+        let child_probability = select(probabilities.x, probabilities.y, is_second);
+        if child_probability <= 0.0 {
             return Chosen(0u, 0.0);
         }
-        choice = clamp((choice - select(0.0, probabilities.x, is_second)) / share, 0.0, 0.99999994);
-        probability *= share;
+        choice = clamp((choice - select(0.0, probabilities.x, is_second)) / child_probability, 0.0, 0.99999994);
+        probability *= child_probability;
         node = first + select(0u, 1u, is_second);
     }
     return Chosen(light_nodes[node].light, probability);

@@ -62,8 +62,8 @@ fn direction_into(spherical: SphericalTriangle, square: vec2<f32>) -> vec3<f32> 
     let chord = third - spherical.b;
     // One minus the cosine of the arc from b.
     let height = 0.5 * dot(chord, chord);
-    let share = sqrt(square.y * (2.0 - square.y * height) / max(2.0 - height, 1e-7));
-    return normalize(spherical.b + share * chord + (height * (share - square.y)) * spherical.b);
+    let fraction = sqrt(square.y * (2.0 - square.y * height) / max(2.0 - height, 1e-7));
+    return normalize(spherical.b + fraction * chord + (height * (fraction - square.y)) * spherical.b);
 }
 
 /// Samples a triangle by solid angle, or by area where both are equivalent.
