@@ -107,6 +107,18 @@ fn other_files_and_other_versions_are_reported() {
 }
 
 #[test]
+fn a_wrong_checksum_is_reported_with_that_of_the_contents() {
+    let mut bytes = build(&fixtures::soup(1, 20), Preset::Fast).to_bytes();
+    let stored = bytes.last_chunk_mut().unwrap();
+    let expected = u64::from_le_bytes(*stored);
+    *stored = 7u64.to_le_bytes();
+    assert_eq!(
+        TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_err().to_string(),
+        format!("checksum mismatch: the file says 0x0000000000000007, its contents give {expected:#018x}")
+    );
+}
+
+#[test]
 fn huge_counts_are_rejected_before_anything_is_allocated() {
     let bytes = build(&fixtures::soup(1, 20), Preset::Fast).to_bytes();
     for at in [24, 32] {

@@ -33,12 +33,12 @@ impl Tree {
         let mut node = &self.nodes[0];
         let mut probability = 1.0;
         while let Some(children) = node.children {
-            let shares = self.shares(children, receiver)?;
+            let probabilities = self.child_probabilities(children, receiver)?;
             // A child of probability 0 is never chosen: then the other has probability 1.
-            let second = usize::from(choice >= shares[0]);
-            let before = if second == 1 { shares[0] } else { 0.0 };
-            choice = ((choice - before) / shares[second]).clamp(0.0, 1.0 - f64::EPSILON);
-            probability *= shares[second];
+            let second = usize::from(choice >= probabilities[0]);
+            let before = if second == 1 { probabilities[0] } else { 0.0 };
+            choice = ((choice - before) / probabilities[second]).clamp(0.0, 1.0 - f64::EPSILON);
+            probability *= probabilities[second];
             node = &self.nodes[children[second] as usize];
         }
         Some((node.light, probability))
@@ -49,19 +49,20 @@ impl Tree {
         let mut child = self.leaves[light as usize];
         let mut probability = 1.0;
         while let Some(parent) = self.nodes[child as usize].parent {
-            let Some((children, shares)) =
-                self.nodes[parent as usize].children.and_then(|pair| Some((pair, self.shares(pair, receiver)?)))
+            let Some((children, probabilities)) = self.nodes[parent as usize]
+                .children
+                .and_then(|pair| Some((pair, self.child_probabilities(pair, receiver)?)))
             else {
                 return 0.0;
             };
-            probability *= shares[usize::from(children[1] == child)];
+            probability *= probabilities[usize::from(children[1] == child)];
             child = parent;
         }
         probability
     }
 
     /// The probabilities of two siblings; `None` if both are 0.
-    fn shares(&self, children: [u32; 2], receiver: &Receiver) -> Option<[f64; 2]> {
+    fn child_probabilities(&self, children: [u32; 2], receiver: &Receiver) -> Option<[f64; 2]> {
         let [first, second] = children.map(|child| self.nodes[child as usize].bounds.importance(receiver));
         let sum = first + second;
         (sum > 0.0).then(|| [first / sum, second / sum])
@@ -117,8 +118,8 @@ mod tests {
         let mut lost = 0.0;
         while let Some((number, probability)) = open.pop() {
             let Some(children) = tree.nodes[number as usize].children else { continue };
-            match tree.shares(children, receiver) {
-                Some(shares) => open.extend([0, 1].map(|k| (children[k], probability * shares[k]))),
+            match tree.child_probabilities(children, receiver) {
+                Some(probabilities) => open.extend([0, 1].map(|k| (children[k], probability * probabilities[k]))),
                 None => lost += probability,
             }
         }

@@ -64,6 +64,14 @@ fn damage_is_reported() {
         assert!(load(&bytes[..position]).is_err(), "{position} bytes");
     }
     assert!(load(&[&bytes[..], &[0]].concat()).is_err());
+    let mut changed = bytes;
+    let stored = changed.last_chunk_mut().unwrap();
+    let expected = u64::from_le_bytes(*stored);
+    *stored = 7u64.to_le_bytes();
+    assert_eq!(
+        load(&changed).map(|_| ()).unwrap_err().to_string(),
+        format!("checksum mismatch: the file says 0x0000000000000007, its contents give {expected:#018x}")
+    );
 }
 
 /// With a valid checksum, every change is either found or makes another valid TLAS; none panics.
