@@ -82,6 +82,8 @@ pub(crate) fn write_slabs(rows: &mut [Row], i: usize, padded: Option<(Slabs, f64
     reason = "the half-extent is relative to the rounded center, and rounded up"
 )]
 fn center_and_half(lo: f32, hi: f32, pad: f64) -> (f32, f32) {
+    // Projections of coordinates near the end of the range may exceed it; no box holds an infinity or NaN.
+    let [lo, hi] = [lo, hi].map(|x| x.clamp(f32::MIN, f32::MAX));
     let center = (0.5 * (f64::from(lo) + f64::from(hi))) as f32;
     // Differences of f32 are exact in f64 except for a last bit, which the step upward covers; the proof of the pads covers the
     // rounding of the sum.
