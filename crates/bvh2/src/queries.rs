@@ -61,7 +61,7 @@ impl<K: Kernel> Bvh2<K> {
         let ray = ScaledRay::new(ray)?;
         let prepared = K::prepare(&ray);
         let mut best: Option<Hit> = None;
-        let slab_ray = SlabRay::new(&ray, self.pairs.reach());
+        let slab_ray = SlabRay::new(&ray, 0.0);
         self.pairs.traverse_ordered(&slab_ray, ray.t_max, query, |leaf, t_max, query| {
             query.triangles(1);
             match self.hit(&prepared, &ray, leaf, t_max, instance) {
@@ -80,7 +80,7 @@ impl<K: Kernel> Bvh2<K> {
         let Some(ray) = ScaledRay::new(ray) else { return false };
         let prepared = K::prepare(&ray);
         let mut found = false;
-        let slab_ray = SlabRay::new(&ray, self.pairs.reach());
+        let slab_ray = SlabRay::new(&ray, 0.0);
         self.pairs.traverse_any(&slab_ray, ray.t_max, query, |leaf, t_max, query| {
             query.triangles(1);
             match self.hit(&prepared, &ray, leaf, t_max, instance) {
@@ -99,7 +99,7 @@ impl<K: Kernel> Bvh2<K> {
         hits.clear();
         let Some(ray) = ScaledRay::new(ray) else { return };
         let prepared = K::prepare(&ray);
-        let slab_ray = SlabRay::new(&ray, self.pairs.reach());
+        let slab_ray = SlabRay::new(&ray, 0.0);
         self.pairs.traverse_any(&slab_ray, ray.t_max, query, |leaf, t_max, query| {
             query.triangles(1);
             let hit = self.hit(&prepared, &ray, leaf, t_max, instance);

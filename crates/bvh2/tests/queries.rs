@@ -4,7 +4,7 @@ use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{Grazing, Mesh, grazing, soup, torus};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::PrimId;
-use canted_trace::{Counts, Hit, InstanceId, Kernel, MollerTrumbore, Ray, ScaledRay, Watertight};
+use canted_trace::{Counts, Hit, InstanceId, Kernel, MollerTrumbore, Ray, ScaledRay, SlabRay, Watertight};
 
 fn build<K: Kernel>(mesh: &Mesh, strategy: Strategy) -> Bvh2<K> {
     let config = BuildConfig { volumes: VolumeConfig { strategy, fallback: true }, ..BuildConfig::default() };
@@ -132,4 +132,32 @@ fn queries_count_their_tests_and_name_the_instance() {
     assert!(counts.boxes > 0 && (1..120).contains(&counts.triangles), "{counts:?}");
     let printed = format!("{bvh:?}");
     assert!(printed.starts_with("Bvh2 { n_triangles: 120, "), "{printed}");
+}
+
+/// Boxes carry pads by their own content, so that a floor of 1e6 does not slow rays among small triangles.
+#[test]
+fn a_large_triangle_does_not_loosen_other_boxes() {
+    let small = soup(6, 3_000);
+    let far: Vec<[f32; 3]> = [[-1e6, -1e6, -9.0], [1e6, -1e6, -9.0], [0.0, 1e6, -9.0]].to_vec();
+    let mesh = small.joined(&Mesh { positions: far, triangles: vec![[0, 1, 2]] });
+    let rays: Vec<Ray> = rays(&small).into_iter().step_by(10).collect();
+    for strategy in Strategy::ALL {
+        let bvh = build::<Watertight>(&mesh, strategy);
+        let (mut local, mut global) = (Counts::default(), Counts::default());
+        for ray in &rays {
+            let hit = loop_over_all::<Watertight>(&mesh, ray).first().copied();
+            assert_eq!(bvh.closest_hit_with(ray, InstanceId(0), &mut local), hit, "{strategy:?}: {ray:?}");
+            // The same ray with pads by the reach of the whole mesh.
+            let scaled = ScaledRay::new(ray).unwrap();
+            let t_max = hit.map_or(scaled.t_max, |hit| scaled.scaled_t(hit.t));
+            let by_mesh = SlabRay::new(&scaled, bvh.pairs().reach());
+            bvh.pairs().traverse_ordered(&by_mesh, t_max, &mut global, |_, t_max, _| t_max);
+        }
+        assert!(
+            3 * local.boxes < global.boxes,
+            "{strategy:?}: {} box tests, {} by the mesh",
+            local.boxes,
+            global.boxes
+        );
+    }
 }

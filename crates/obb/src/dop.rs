@@ -52,6 +52,9 @@ pub const DIRECTIONS: [[i8; 3]; N_DIRECTIONS] = [
 /// Rounding of an extent, relative to the greatest coordinate: `3 √3 u` with `u = 2⁻²⁴`, and second-order terms.
 const EXTENT_ERROR: f64 = 6.0 / 16_777_216.0;
 
+/// Underflow of an extent: three products, each off by at most half of the least subnormal, 2⁻¹⁵⁰. Sums of subnormals are exact.
+const EXTENT_UNDERFLOW: f64 = 1.5 * f32::from_bits(1) as f64;
+
 /// Rounding in `f64` of a box's center and sides, relative to the greatest coordinate: fewer than 32 roundings.
 const F64_ERROR: f64 = 32.0 * f64::EPSILON;
 
@@ -127,7 +130,7 @@ impl Dop {
     /// The box along the frame of least area; it contains all points exactly. `None` where that frame is the identity.
     ///
     /// Tight up to the rounding of the extents: three roundings to `f32` along a unit direction err by at most
-    /// `3 √3 · 2⁻²⁴` of the greatest coordinate. The axes of a frame are integer vectors times one `f32`, so they are
+    /// `3 √3 · 2⁻²⁴` of the greatest coordinate, and by three underflows of 2⁻¹⁵⁰. The axes of a frame are integer vectors times one `f32`, so they are
     /// exactly orthogonal, and coordinates are projections over a squared length.
     #[inline]
     #[must_use]
@@ -139,7 +142,7 @@ impl Dop {
             return None;
         }
         let reach = (0..3).map(|k| self.low[k].abs().max(self.high[k].abs())).fold(0.0, f32::max);
-        let error = EXTENT_ERROR * f64::from(reach);
+        let error = EXTENT_ERROR * f64::from(reach) + EXTENT_UNDERFLOW;
         let frame = UNIT_FRAMES[best];
         let (mut center, mut sides) = ([0.0; 3], [[0.0; 3]; 3]);
         for (a, &k) in FRAMES[best].iter().enumerate() {

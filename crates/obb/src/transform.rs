@@ -32,4 +32,18 @@ impl Obb {
         enclosure.add_parallelepiped(center, sides, 4.0 * U * vector::reach(magnitude));
         enclosure.finish()
     }
+
+    /// A box with these axes that contains every point that is within `distance` of a point of this one in each coordinate.
+    ///
+    /// Axes too close to dependent are replaced by those of the coordinates.
+    #[must_use]
+    pub fn grown(&self, distance: f64) -> Self {
+        let mut enclosure = Enclosure::new(self.frame, self.center);
+        let sides = core::array::from_fn(|a| {
+            // A product of two f32 is exact in f64.
+            vector::scale(vector::to_f64(self.frame[a]), f64::from(self.half_extents[a]))
+        });
+        enclosure.add_parallelepiped(vector::to_f64(self.center), sides, distance);
+        enclosure.finish()
+    }
 }

@@ -74,3 +74,28 @@ fn empty_sets_and_ties_give_the_identity_frame() {
     assert_eq!(dop.union(&Dop::EMPTY), dop);
     assert_eq!(dop.areas().len(), N_FRAMES);
 }
+
+/// Extents of subnormal coordinates underflow; boxes contain their points anyway, decided exactly.
+#[test]
+fn boxes_of_subnormal_points_contain_them() {
+    let mut random = Random(9);
+    let mut n_oriented = 0;
+    for exponent in [-120, -124, -130, -140, -146, -148] {
+        let unit = 2.0_f64.powi(exponent);
+        for _ in 0..2_000 {
+            // Thin along a diagonal, so that the best frame is not the identity.
+            let points: Vec<[f32; 3]> = (0..4)
+                .map(|_| {
+                    let along = random.signed();
+                    [0, 1, 2].map(|_| (unit * (along + 0.05 * random.signed())) as f32)
+                })
+                .collect();
+            let Some(obb) = Dop::from_points(points.iter().copied()).best_box() else { continue };
+            n_oriented += 1;
+            for &point in &points {
+                assert!(obb.contains(point), "2^{exponent}: {obb:?} does not contain {point:?}");
+            }
+        }
+    }
+    assert!(n_oriented > 1_000, "{n_oriented}");
+}

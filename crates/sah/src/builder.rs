@@ -1,4 +1,4 @@
-use canted_lbvh::{Tree, radix};
+use canted_lbvh::{Sorted, Tree, radix};
 use canted_obb::{Aabb, PrimId};
 
 use crate::{PlocConfig, ReinsertConfig, TopDownConfig, curve::along_curve, par, ploc, reinsert, top_down};
@@ -7,8 +7,11 @@ use crate::{PlocConfig, ReinsertConfig, TopDownConfig, curve::along_curve, par, 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Builder {
     /// Radix tree over the box centers: the fastest to build, the slowest to trace.
+    ///
+    /// PLOC instead where a few distant primitives make the codes of many others equal: a radix tree would split these by
+    /// their positions in the order, not in space.
     Lbvh,
-    /// Radix tree with reinsertion.
+    /// [`Builder::Lbvh`] with reinsertion.
     Reinserted(ReinsertConfig),
     /// PLOC, optionally with reinsertion. Best for mixed large and small primitives.
     Ploc(PlocConfig, Option<ReinsertConfig>),
@@ -45,15 +48,24 @@ const CHUNK: usize = 1 << 14;
 #[must_use]
 pub fn build(boxes: &[Aabb], bounds: &Aabb, builder: &Builder) -> Tree {
     match builder {
-        Builder::Lbvh => radix(along_curve(boxes, bounds)),
-        Builder::Reinserted(config) => improved(radix(along_curve(boxes, bounds)), boxes, Some(config)),
+        Builder::Lbvh => lbvh(boxes, bounds),
+        Builder::Reinserted(config) => improved(lbvh(boxes, bounds), boxes, Some(config)),
         Builder::Ploc(config, improvement) => {
-            let sorted = along_curve(boxes, bounds);
-            let in_order = leaf_boxes(boxes, &sorted.leaves);
-            improved(ploc(sorted, &in_order, config), boxes, improvement.as_ref())
+            let (sorted, _) = along_curve(boxes, bounds);
+            improved(over_sorted(sorted, boxes, config), boxes, improvement.as_ref())
         }
         Builder::TopDown(config, improvement) => improved(top_down(boxes, config), boxes, improvement.as_ref()),
     }
+}
+
+fn lbvh(boxes: &[Aabb], bounds: &Aabb) -> Tree {
+    let (sorted, is_coarse) = along_curve(boxes, bounds);
+    if is_coarse { over_sorted(sorted, boxes, &PlocConfig::NEAR) } else { radix(sorted) }
+}
+
+fn over_sorted(sorted: Sorted, boxes: &[Aabb], config: &PlocConfig) -> Tree {
+    let in_order = leaf_boxes(boxes, &sorted.leaves);
+    ploc(sorted, &in_order, config)
 }
 
 fn improved(tree: Tree, boxes: &[Aabb], config: Option<&ReinsertConfig>) -> Tree {

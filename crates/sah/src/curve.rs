@@ -14,16 +14,21 @@ const LONG: usize = 32;
 /// A single distant primitive makes the cells so large that all others share one and stay in input order, which gives poor
 /// trees. So a long run of equal codes is sorted again by codes in the bounds of its own centers, recursively, until runs
 /// are short or centers equal.
-pub(crate) fn along_curve(boxes: &[Aabb], bounds: &Aabb) -> Sorted {
+///
+/// The codes stay those in the bounds of all boxes: the second result is whether they are too coarse for a radix tree, because
+/// a run of equal ones was split.
+pub(crate) fn along_curve(boxes: &[Aabb], bounds: &Aabb) -> (Sorted, bool) {
     let mut sorted = sort_by_code(&morton_codes_of_boxes(&Domain::new(bounds, 2, Bits::B63), boxes), Bits::B63);
+    let mut is_coarse = false;
     let mut open = long_runs(&sorted.codes, 0);
     while let Some(run) = open.pop() {
         let n = run.len();
         let codes = refine(&mut sorted.leaves[run.clone()], boxes);
+        is_coarse |= codes.first() != codes.last();
         // A run that is not split has equal centers, up to the resolution of the codes.
         open.extend(long_runs(&codes, run.start).into_iter().filter(|run| run.len() < n));
     }
-    sorted
+    (sorted, is_coarse)
 }
 
 /// Sorts primitives by codes in the bounds of their own centers; returns the codes in that order.
@@ -88,7 +93,7 @@ mod tests {
     #[test]
     fn a_distant_primitive_does_not_change_the_order_much() {
         let near = scattered(2000);
-        let without = path_length(&near, &along_curve(&near, &around(&near)).leaves);
+        let without = path_length(&near, &along_curve(&near, &around(&near)).0.leaves);
         for far in [1e4, 1e8, 1e15, 1e18] {
             let mut boxes = near.clone();
             boxes.push(Aabb { min: [far; 3], max: [far; 3] });
@@ -96,7 +101,8 @@ mod tests {
             let kept = |leaves: &[PrimId]| -> Vec<PrimId> {
                 leaves.iter().copied().filter(|leaf| leaf.index() < near.len()).collect()
             };
-            let sorted = along_curve(&boxes, &bounds);
+            let (sorted, is_coarse) = along_curve(&boxes, &bounds);
+            assert_eq!(is_coarse, far >= 1e8, "{far}");
             assert!(sorted.codes.is_sorted());
             let found = path_length(&near, &kept(&sorted.leaves));
             assert!(found < 1.5 * without, "{found} for {without} at {far}");
@@ -112,12 +118,13 @@ mod tests {
     #[test]
     fn equal_boxes_keep_their_order_and_terminate() {
         let boxes = vec![Aabb { min: [1.0; 3], max: [2.0; 3] }; 1000];
-        let sorted = along_curve(&boxes, &boxes[0]);
+        let (sorted, is_coarse) = along_curve(&boxes, &boxes[0]);
+        assert!(!is_coarse);
         assert!(sorted.leaves.iter().zip(0..).all(|(leaf, i)| leaf.0 == i));
         // Nested scales: each needs codes of its own.
         let nested: Vec<_> =
             (0..100).flat_map(|i| [2f32.powi(-i); 4]).map(|x| Aabb { min: [x; 3], max: [x; 3] }).collect();
-        let sorted = along_curve(&nested, &around(&nested));
+        let (sorted, _) = along_curve(&nested, &around(&nested));
         let coordinates: Vec<f32> = sorted.leaves.iter().map(|leaf| nested[leaf.index()].min[0]).collect();
         assert!(coordinates.is_sorted(), "{coordinates:?}");
     }

@@ -1,14 +1,15 @@
-use canted_obb::{Affine, Obb};
+use canted_obb::Affine;
 use canted_trace::InstanceId;
 
-use crate::placement::Placement;
+use crate::placement::{Bounds, Placement};
 use crate::top::Top;
 use crate::{Blas, Instance, InstanceError, Tlas};
 
 /// Changes in place.
 ///
 /// A change costs what it touches: new bounds for the instances of a changed BVH, or for a moved instance, then one refit
-/// of the top level, which takes time linear in the number of instances. [`Tlas::edit`] makes several changes with one
+/// of the top level, which takes time linear in the number of instances; it is built again instead where an instance becomes
+/// so ill-conditioned, compared with the others, that it would slow rays that do not meet it. [`Tlas::edit`] makes several changes with one
 /// refit, or rebuilds the top level. Hits do not depend on it: after any change they are those of a new [`Tlas`].
 impl<B: Blas> Tlas<B> {
     /// Starts several changes.
@@ -91,7 +92,7 @@ impl<B: Blas> Tlas<B> {
 }
 
 /// What traversal needs of an instance, and its bounds in world space.
-type Placed = (Placement, Obb);
+type Placed = (Placement, Bounds);
 
 /// Several changes to a [`Tlas`] that share one update of its top level.
 ///
@@ -189,7 +190,6 @@ impl<B: Blas> TlasEdit<'_, B> {
         // A topology that cannot be indexed leaves the old one, refitted.
         if let Ok(top) = Top::build(&tlas.bounds, &tlas.config, tlas.path) {
             tlas.top = top;
-            tlas.update_error();
             self.bounds_changed = false;
         }
     }
@@ -223,9 +223,9 @@ impl<B: Blas> TlasEdit<'_, B> {
 
 impl<B: Blas> Drop for TlasEdit<'_, B> {
     fn drop(&mut self) {
-        self.tlas.update_error();
         if self.bounds_changed {
-            self.tlas.top.refit(&self.tlas.bounds);
+            let Tlas { top, bounds, config, path, .. } = &mut *self.tlas;
+            top.refit(bounds, config, *path);
         }
     }
 }

@@ -40,9 +40,13 @@
 //!
 //! # Guarantees
 //! * **No lost hit.** Results are those of every bottom-level BVH, each with the ray in its object space. Boxes of the top
-//!   level are padded by a proven error bound, which includes the rounding of the transformed ray.
-//! * **One `t`.** Directions are not normalized, so `t` is the same number in world and object space, in units of the
-//!   caller's direction.
+//!   level are padded by a proven error bound, which includes the rounding of the transformed ray. It depends on the instance
+//!   in the box and on the ray's origin, not on the other instances.
+//! * **One `t`.** Hits have the `t` of the caller's direction, whatever its length. Below, directions are scaled by powers of two,
+//!   so a power of two on the direction changes nothing but `t`, by that factor.
+//! * **Exact order.** `t` of different instances are compared, and tested against the interval, before they are rounded to the
+//!   caller's `f32`. Where `t` leaves the normal range of `f32` it is reported as infinite, subnormal or zero, and hits in
+//!   order may have equal `t`.
 //! * **Ties** go to the lowest (instance, primitive), so results do not depend on the top level.
 //! * **Determinism.** The same input gives the same bits on any number of threads and every SIMD path.
 //! * **Invalid input is reported** with the index of the instance. Transforms may scale, shear and mirror, up to a
@@ -66,9 +70,11 @@ mod motion;
 mod options;
 mod placement;
 mod queries;
+mod rounding;
 mod slices;
 mod tlas;
 mod top;
+mod world_ray;
 
 pub use blas::{Blas, CrossingBlas};
 pub use edit::TlasEdit;

@@ -1,6 +1,11 @@
 use canted_obb::Affine;
 
 use crate::matrix::{Columns, Rows, invert, row_sum_norm};
+use crate::rounding::U64;
+
+mod bernstein;
+
+use bernstein::Interval;
 
 /// The transform of a moving instance: `M(s) = open + s·change`, for times `s` in `[0, 1]`.
 ///
@@ -26,11 +31,7 @@ impl Motion {
         self.at(within_shutter(time))
     }
 
-    /// The inverse at a time, computed in `f64`. Times are clamped to `[0, 1]`; NaN is 0.
-    ///
-    /// An entry of the transform takes three roundings; a row of their errors sums to less than 2⁻⁵⁰ of the norm of the
-    /// greater end. The condition is at most 4/3 of [`crate::MAX_CONDITION`], so the relative error of the inverse is
-    /// less than 2⁻²⁹, a thirtieth of a rounding to `f32`.
+    /// The inverse at a time, computed in `f64`. Times are clamped to `[0, 1]`; NaN is 0. [`Motion::residual`] bounds its error.
     #[inline]
     pub(crate) fn object_from_world(&self, time: f32) -> Rows {
         self.inverse(within_shutter(time))
@@ -46,34 +47,64 @@ impl Motion {
         zip(self.open, self.change, |open, change| open + time * change)
     }
 
+    /// A bound φ of `‖I - M·X‖` in the greatest-row-sum norm, for the computed inverse `X` of the linear part `M` at any time,
+    /// where `condition` is the greatest `‖M‖` times the greatest `‖M⁻¹‖` of the motion.
+    ///
+    /// Let u = 2⁻⁵³, μ the greatest entry of `M`, and `A = adj(M)`. A cofactor is a difference of two products: it is at most 2μ²,
+    /// and off by at most 3u·2μ². A row of `M·ΔA` then sums to at most `3·3·6u·μ³ = 54u·μ³`. The determinant is a sum of three
+    /// products `a·A` and off by `3·(3u·2μ³ + 6u·μ³) = 36u·μ³`. The computed inverse is `(A + ΔA)/(det + δ)` but for two more
+    /// roundings of entries of `A/det`, whose rows sum to at most `‖M⁻¹‖`: in all `‖I - M·X‖ <= 92u·μ³/|det| + 3u·‖M‖·‖M⁻¹‖` with
+    /// second order. With singular values σ, `μ <= σ₁`, and `|det| >= σ₁·σ₃²`, so `μ³/|det| <= (σ₁/σ₃)²`; as each 2-norm is at most
+    /// √3 times the row-sum norm, that is at most `9·condition²`: `832u·condition²` covers both terms. The entries of `M` take
+    /// three roundings, which is within the slack.
+    pub(crate) fn residual(condition: f64) -> f64 {
+        832.0 * U64 * condition * condition
+    }
+
     /// A bound of `‖M(s)⁻¹‖` over all times, the greatest row sum, at most 4/3 of the greatest value.
     ///
-    /// With `B = M(m)⁻¹·change` at the midpoint `m` of an interval of half-width `h`, `M(s) = M(m)·(I + (s - m)·B)`, so
-    /// `‖M(s)⁻¹‖ <= ‖M(m)⁻¹‖ / (1 - h·‖B‖)` where `h·‖B‖ < 1`. Intervals are halved until `h·‖B‖ <= 1/4`. Since
-    /// `‖B‖ <= ‖M(m)⁻¹‖·‖change‖ <= 2·MAX_CONDITION` while the norm is at most `limit`, they are never narrower than 2⁻²⁵.
+    /// Times are halved into intervals until each has a bound that is at most 4/3 of the norm at some time: [`Interval::bound`].
+    /// An interval whose bound does not come that close however narrow it is contains a time at which the map is singular
+    /// up to rounding.
     ///
     /// # Errors
     /// A time at which the norm is above `limit` or not finite, and the norm.
     pub(crate) fn norm_of_inverse(&self, limit: f64) -> Result<f64, (f64, f64)> {
-        let mut greatest = 0.0_f64;
+        self.norm_of_inverse_in(limit, &mut 0)
+    }
+
+    /// [`Motion::norm_of_inverse`], with the number of intervals that it took.
+    fn norm_of_inverse_in(&self, limit: f64, n_intervals: &mut u32) -> Result<f64, (f64, f64)> {
+        let mut least = 0.0_f64;
         for end in [0.0, 1.0] {
-            greatest = greatest.max(within(end, row_sum_norm(&self.inverse(end)), limit)?);
+            least = least.max(within(end, row_sum_norm(&self.inverse(end)), limit)?);
         }
-        // Midpoints and half-widths, exact in f64.
-        let mut waiting = vec![(0.5, 0.5)];
-        while let Some((midpoint, half)) = waiting.pop() {
-            let inverse = self.inverse(midpoint);
-            let at_midpoint = within(midpoint, row_sum_norm(&inverse), limit)?;
-            let shrink = half * row_sum_norm(&product(&inverse, &self.change));
-            if shrink <= 0.25 {
-                greatest = greatest.max(at_midpoint / (1.0 - shrink));
-            } else {
-                waiting.extend([(midpoint + 0.5 * half, 0.5 * half), (midpoint - 0.5 * half, 0.5 * half)]);
+        let mut bound = least;
+        // Ends of intervals, exact in f64.
+        let mut waiting = vec![(0.0, 1.0)];
+        while let Some((start, end)) = waiting.pop() {
+            *n_intervals += 1;
+            let of_interval = Interval::new(&self.at(start), &self.at(end)).bound();
+            if of_interval <= TIGHT * least {
+                bound = bound.max(of_interval);
+                continue;
             }
+            let midpoint = 0.5 * (start + end);
+            least = least.max(within(midpoint, row_sum_norm(&self.inverse(midpoint)), limit)?);
+            if end - start < NARROWEST {
+                return Err((midpoint, of_interval));
+            }
+            waiting.extend([(midpoint, end), (start, midpoint)]);
         }
-        Ok(greatest)
+        Ok(bound)
     }
 }
+
+/// How far a bound may exceed a norm that occurs.
+const TIGHT: f64 = 4.0 / 3.0;
+
+/// Width below which the map changes by less than 2⁻⁸ of itself: `‖M⁻¹‖·‖change‖ <= 2·MAX_CONDITION`.
+const NARROWEST: f64 = 1.0 / (1u64 << 29) as f64;
 
 /// The time of a ray, clamped to `[0, 1]`; NaN becomes 0.
 #[inline]
@@ -89,11 +120,6 @@ fn within(time: f64, norm: f64, limit: f64) -> Result<f64, (f64, f64)> {
 
 fn zip(a: Columns, b: Columns, f: impl Fn(f64, f64) -> f64) -> Columns {
     std::array::from_fn(|i| std::array::from_fn(|k| f(a[i][k], b[i][k])))
-}
-
-/// Rows of the product of the linear parts.
-fn product(rows: &Rows, columns: &Columns) -> Rows {
-    rows.map(|row| std::array::from_fn(|j| if j < 3 { (0..3).map(|k| row[k] * columns[j][k]).sum() } else { 0.0 }))
 }
 
 #[cfg(test)]

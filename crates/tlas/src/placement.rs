@@ -1,31 +1,23 @@
 use canted_obb::{Affine, Obb};
-use canted_trace::{Query, Ray, ScaledRay};
+use canted_trace::Query;
 
 use crate::matrix::{MAX_CONDITION, Rows, condition, invert, row_sum_norm};
+use crate::rounding::U;
+use crate::world_ray::{ObjectRay, WorldRay};
 use crate::{Instance, InstanceError, Motion};
 
-/// Half of `f32::EPSILON`: the relative error of one rounding.
-const U: f64 = 1.0 / 16_777_216.0;
-
 /// A bound on the error of a hit in world space, in each coordinate: `per_origin · |o|∞ + fixed`, `o` the ray's origin.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct WorldError {
-    per_origin: f64,
-    fixed: f64,
+    pub(crate) per_origin: f64,
+    pub(crate) fixed: f64,
 }
 
-impl WorldError {
-    /// A bound on both errors.
-    pub(crate) fn max(self, other: Self) -> Self {
-        Self { per_origin: self.per_origin.max(other.per_origin), fixed: self.fixed.max(other.fixed) }
-    }
-
-    /// The error of hits by this ray.
-    #[inline]
-    pub(crate) fn at(&self, ray_world: &ScaledRay) -> f64 {
-        let [x, y, z] = ray_world.origin.map(f32::abs);
-        self.per_origin * f64::from(x.max(y).max(z)) + self.fixed
-    }
+/// Bounds of an instance in world space, at all times, and how far hits may lie outside.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Bounds {
+    pub(crate) obb: Obb,
+    pub(crate) error: WorldError,
 }
 
 /// What traversal needs of an instance.
@@ -38,30 +30,34 @@ pub(crate) struct Placement {
     object_from_world: Rows,
     /// The motion of a moving instance, which replaces `object_from_world`.
     motion: Option<Box<Motion>>,
-    /// The error of hits on this instance.
-    pub(crate) error: WorldError,
 }
 
 impl Placement {
-    /// Inverts the transform and bounds the error of hits. Also returns the bounds of the instance in world space, at all
-    /// times; `bounds` and `hit_error` are those of the bottom-level BVH.
+    /// Inverts the transform and bounds the error of hits. Also returns the bounds of the instance in world space;
+    /// `bounds` and `hit_error` are those of the bottom-level BVH.
     ///
-    /// A world ray `o + t·d` is traced as the object ray `o' = fl(M⁻¹(o - c))`, `d' = fl(M⁻¹d)`: computed in `f64`, each
-    /// component rounded once, by at most `u` relative. A hit accepted at `t` lies within `e·(|o'| + ρ)` of the bounds in
+    /// A world ray `o + t·d` is traced as the object ray `o' = fl(M⁻¹(o - c))`, `d' = fl(M⁻¹d)`, but for a power of two in `d` and
+    /// `t`: computed in `f64`, each component rounded once, by at most `u` relative. A hit accepted at `t` lies within `e·(|o'| + ρ)` of the bounds in
     /// object space (all norms ∞; `e <= 1/8` the hit error, ρ the reach of the bottom-level BVH). The world point differs
     /// from the image of the object point by `M` times at most `u·|o'| + u·t|d'|`, where
     /// `t|d'| <= (1 + e)·(|o'| + ρ)`: together at most `2.2u·(|o'| + ρ)`. With `1.8u` more for `f64` rounding, the rounding
     /// of the box's corners and second-order terms, the hit lies within `‖M‖·(e + 4u)·(|o'| + ρ)` of the image of the
     /// bounds, and `|o'| <= ‖M⁻¹‖·(|o| + |c|)`.
     ///
+    /// What underflows in object space is less than 2⁻¹²⁶, with that of the hit itself: `‖M‖·2⁻¹²⁵` covers it.
+    ///
     /// For a moving instance this holds with the greatest `‖M‖`, `|c|` and `‖M⁻¹‖` of the motion. The first two occur at
-    /// an end, since norms are convex; [`Motion::norm_of_inverse`] bounds the third.
+    /// an end, since norms are convex; [`Motion::norm_of_inverse`] bounds the third. The inverse `X` of a time is computed in
+    /// `f64` from entries that are no `f32`, so that cofactors cancel, and `‖I - M·X‖` is at most the φ of
+    /// [`Motion::residual`]. It moves a hit `P` by `φ·|P - c|`, and `|P - c| <= ‖M‖·ρ` but for the errors above: `2·φ·‖M‖·ρ` is
+    /// added, and a rounding of the translation in `f64`, `4·2⁻⁵³·‖M‖·‖M⁻¹‖·|c|`, is within the `1.8u`. For a static
+    /// instance products of entries are exact, and `‖I - M·X‖` is at most `20·2⁻⁵³·‖M‖·‖M⁻¹‖ < 2⁻²⁸`, within the `1.8u`.
     pub(crate) fn new(
         index: usize,
         instance: &Instance,
         bounds: &Obb,
         hit_error: f32,
-    ) -> Result<(Self, Obb), InstanceError> {
+    ) -> Result<(Self, Bounds), InstanceError> {
         let open = &instance.world_from_object;
         // Equal transforms at both ends make a static instance.
         let close = instance.world_from_object_close.as_ref().filter(|close| *close != open);
@@ -89,22 +85,26 @@ impl Placement {
         let reach = f64::from(bounds.aabb().reach());
         let translation = greatest(&|m| m.columns[3].iter().map(|c| f64::from(c.abs())).fold(0.0, f64::max));
         let relative = f64::from(hit_error) + 4.0 * U;
+        let residual = motion.as_ref().map_or(0.0, |_| Motion::residual(condition(forward, backward)));
         let error = WorldError {
             per_origin: relative * (forward * backward),
-            fixed: relative * forward * (backward * translation + reach) + 2.0 * U * translation,
+            fixed: relative * forward * (backward * translation + reach)
+                + 2.0 * residual * forward * reach
+                + 2.0 * U * translation
+                + UNDERFLOW * forward,
         };
         let bounds_world = swept_bounds(bounds, open, close);
         if !bounds_world.aabb().is_finite() {
             return Err(InstanceError::OutOfRange { instance: index });
         }
-        let placement = Self { blas: instance.blas, mask: instance.mask, object_from_world: inverse, motion, error };
-        Ok((placement, bounds_world))
+        let placement = Self { blas: instance.blas, mask: instance.mask, object_from_world: inverse, motion };
+        Ok((placement, Bounds { obb: bounds_world, error }))
     }
 
-    /// The world ray in object space. `t` is the same number in both; `query` supplies the time if the instance moves.
+    /// The world ray in object space, up to the scaled `t_max`; `query` supplies the time if the instance moves. `None` where
+    /// its interval is empty.
     #[inline]
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is accounted for in the error")]
-    pub(crate) fn ray_object<Q: Query>(&self, ray_world: &Ray, t_max: f32, query: &Q) -> Ray {
+    pub(crate) fn ray_object<Q: Query>(&self, ray: &WorldRay, t_max: f64, query: &Q) -> Option<ObjectRay> {
         let moved;
         let rows = match &self.motion {
             None => &self.object_from_world,
@@ -113,17 +113,15 @@ impl Placement {
                 &moved
             }
         };
-        let o = ray_world.origin.map(f64::from);
-        let d = ray_world.direction.map(f64::from);
         let linear = |row: &[f64; 4], v: [f64; 3]| (row[0] * v[0] + row[1] * v[1]) + row[2] * v[2];
-        Ray {
-            origin: std::array::from_fn(|k| (linear(&rows[k], o) + rows[k][3]) as f32),
-            direction: std::array::from_fn(|k| linear(&rows[k], d) as f32),
-            t_min: ray_world.t_min,
-            t_max,
-        }
+        let origin = std::array::from_fn(|k| linear(&rows[k], ray.origin) + rows[k][3]);
+        let direction = std::array::from_fn(|k| linear(&rows[k], ray.direction));
+        ray.in_object(origin, direction, t_max)
     }
 }
+
+/// What underflow in object space moves a hit by at most, 2⁻¹²⁵.
+const UNDERFLOW: f64 = 2.0 * f32::MIN_POSITIVE as f64;
 
 /// A box around the image of `bounds` at all times between `open` and `close`.
 ///

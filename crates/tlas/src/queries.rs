@@ -1,8 +1,10 @@
 use std::cmp::Ordering;
 
-use canted_trace::{Hit, HitFilter, InstanceId, Query, Ray, ScaledRay};
+use canted_trace::{Hit, HitFilter, InstanceId, Query, Ray};
 
 use crate::blas::{Blas, CrossingBlas};
+use crate::rounding::up;
+use crate::world_ray::{ObjectRay, WorldRay};
 use crate::{RayOptions, Tlas};
 
 /// Queries of single rays.
@@ -100,38 +102,44 @@ impl<B: Blas> Tlas<B> {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn closest_hit_with<Q: Query>(&self, ray_world: &Ray, query: &mut Q) -> Option<Hit> {
-        let ray = ScaledRay::new(ray_world)?;
+        let ray = WorldRay::new(ray_world)?;
         let mask = query.mask();
-        let mut best: Option<Hit> = None;
-        self.top.traverse_ordered(&ray, self.error.at(&ray), query, |instance, t_max, query| {
+        // With its scaled `t`, which is exact.
+        let mut best: Option<(f64, Hit)> = None;
+        self.top.traverse_ordered(&ray.top, query, |instance, t_max, query| {
             let placement = &self.placements[instance.0 as usize];
             if placement.mask & mask == 0 {
                 return t_max;
             }
-            let ray_object = placement.ray_object(ray_world, best.map_or(ray_world.t_max, |best| best.t), query);
-            match self.blas[placement.blas as usize].closest_hit_with(&ray_object, instance, query) {
-                Some(hit) if best.is_none_or(|best| hit.before(&best)) => {
-                    best = Some(hit);
-                    ray.scaled_t(hit.t)
-                }
-                _ => t_max,
+            let limit = best.map_or(ray.t_max, |(t, _)| t);
+            let Some(object) = placement.ray_object(&ray, limit, query) else { return t_max };
+            let blas = &self.blas[placement.blas as usize];
+            let Some(hit) = blas.closest_hit_with(&object.ray, instance, &mut object.query(query)) else {
+                return t_max;
+            };
+            let t = object.world_t(hit.t);
+            let order = |t: f64, hit: &Hit| (t, hit.instance, hit.primitive);
+            if best.is_none_or(|(best_t, best)| order(t, &hit) < order(best_t, &best)) {
+                best = Some((t, hit));
+                return up(t);
             }
+            t_max
         });
-        best
+        best.map(|(t, hit)| Hit { t: ray.caller_t(t), ..hit })
     }
 
     /// Whether the query accepts any hit.
     pub fn occluded_with<Q: Query>(&self, ray_world: &Ray, query: &mut Q) -> bool {
-        let Some(ray) = ScaledRay::new(ray_world) else { return false };
+        let Some(ray) = WorldRay::new(ray_world) else { return false };
         let mask = query.mask();
         let mut found = false;
-        self.top.traverse_any(&ray, self.error.at(&ray), query, |instance, t_max, query| {
+        self.top.traverse_any(&ray.top, query, |instance, t_max, query| {
             let placement = &self.placements[instance.0 as usize];
             if placement.mask & mask == 0 {
                 return t_max;
             }
-            let ray_object = placement.ray_object(ray_world, ray_world.t_max, query);
-            found = self.blas[placement.blas as usize].occluded_with(&ray_object, instance, query);
+            let Some(object) = placement.ray_object(&ray, ray.t_max, query) else { return t_max };
+            found = self.blas[placement.blas as usize].occluded_with(&object.ray, instance, &mut object.query(query));
             if found { -1.0 } else { t_max }
         });
         found
@@ -139,8 +147,8 @@ impl<B: Blas> Tlas<B> {
 
     /// Every hit that the query accepts, in the order of [`Tlas::all_hits`]. Replaces the contents of `hits`.
     pub fn all_hits_with<Q: Query>(&self, ray_world: &Ray, query: &mut Q, hits: &mut Vec<Hit>) {
-        self.collect(ray_world, query, hits, |blas, ray_object, instance, query, hits| {
-            blas.all_hits_with(ray_object, instance, query, hits);
+        self.collect(ray_world, query, hits, |blas, object, instance, query, hits| {
+            blas.all_hits_with(&object.ray, instance, &mut object.query(query), hits);
         });
     }
 
@@ -150,22 +158,24 @@ impl<B: Blas> Tlas<B> {
         ray_world: &Ray,
         query: &mut Q,
         hits: &mut Vec<Hit>,
-        trace: impl Fn(&B, &Ray, InstanceId, &mut Q, &mut Vec<Hit>),
+        trace: impl Fn(&B, &ObjectRay, InstanceId, &mut Q, &mut Vec<Hit>),
     ) {
         hits.clear();
-        let Some(ray) = ScaledRay::new(ray_world) else { return };
+        let Some(ray) = WorldRay::new(ray_world) else { return };
         let mask = query.mask();
-        let mut of_instance = Vec::new();
-        self.top.traverse_any(&ray, self.error.at(&ray), query, |instance, t_max, query| {
+        let (mut of_instance, mut with_t): (Vec<Hit>, Vec<(f64, Hit)>) = (vec![], vec![]);
+        self.top.traverse_any(&ray.top, query, |instance, t_max, query| {
             let placement = &self.placements[instance.0 as usize];
-            if placement.mask & mask != 0 {
-                let ray_object = placement.ray_object(ray_world, ray_world.t_max, query);
-                trace(&self.blas[placement.blas as usize], &ray_object, instance, query, &mut of_instance);
-                hits.append(&mut of_instance);
+            if placement.mask & mask != 0
+                && let Some(object) = placement.ray_object(&ray, ray.t_max, query)
+            {
+                trace(&self.blas[placement.blas as usize], &object, instance, query, &mut of_instance);
+                with_t.extend(of_instance.drain(..).map(|hit| (object.world_t(hit.t), hit)));
             }
             t_max
         });
-        hits.sort_unstable_by(in_order);
+        with_t.sort_unstable_by(in_order);
+        hits.extend(with_t.into_iter().map(|(t, hit)| Hit { t: ray.caller_t(t), ..hit }));
     }
 }
 
@@ -206,15 +216,15 @@ impl<B: CrossingBlas> Tlas<B> {
 
     /// [`Tlas::crossings`] of the instances that a ray of this mask sees, at its time.
     pub fn crossings_with(&self, ray_world: &Ray, options: &RayOptions, crossings: &mut Vec<Hit>) {
-        self.collect(ray_world, &mut { *options }, crossings, |blas, ray_object, instance, _, crossings| {
-            blas.crossings(ray_object, instance, crossings);
+        self.collect(ray_world, &mut { *options }, crossings, |blas, object, instance, _, crossings| {
+            blas.crossings(&object.ray, instance, crossings);
         });
     }
 }
 
-/// The order of [`Tlas::all_hits`].
-fn in_order(a: &Hit, b: &Hit) -> Ordering {
+/// The order of [`Tlas::all_hits`], of hits with their scaled `t`.
+fn in_order((t_a, a): &(f64, Hit), (t_b, b): &(f64, Hit)) -> Ordering {
     // Adding zero makes -0.0 positive: the two zeros are one `t`.
-    let by_t = (a.t + 0.0).total_cmp(&(b.t + 0.0));
+    let by_t = (t_a + 0.0).total_cmp(&(t_b + 0.0));
     by_t.then((a.instance, a.primitive).cmp(&(b.instance, b.primitive)))
 }

@@ -1,9 +1,9 @@
 use std::fmt;
 
-use canted_obb::{Aabb, Obb};
+use canted_obb::Aabb;
 use canted_wide::SimdPath;
 
-use crate::placement::{Placement, WorldError};
+use crate::placement::{Bounds, Placement};
 use crate::top::{Top, TopConfig};
 use crate::{Blas, Instance, InstanceError};
 
@@ -17,14 +17,12 @@ pub struct Tlas<B: Blas> {
     pub(crate) instances: Vec<Instance>,
     /// What traversal needs of each instance.
     pub(crate) placements: Vec<Placement>,
-    /// Bounds of each instance, world space.
-    pub(crate) bounds: Vec<Obb>,
+    /// Bounds of each instance, world space, and the error of its hits.
+    pub(crate) bounds: Vec<Bounds>,
     pub(crate) top: Top,
     pub(crate) config: TopConfig,
     /// The SIMD path of the top level.
     pub(crate) path: SimdPath,
-    /// Greatest world-space error of a hit on any instance.
-    pub(crate) error: WorldError,
 }
 
 impl<B: Blas> Tlas<B> {
@@ -44,7 +42,6 @@ impl<B: Blas> Tlas<B> {
             top: Top::build(&[], &config, path)?,
             config,
             path,
-            error: WorldError::default(),
         };
         tlas.set_instances(instances)?;
         Ok(tlas)
@@ -81,20 +78,15 @@ impl<B: Blas> Tlas<B> {
         self.instances = instances.to_vec();
         self.placements = placements;
         self.bounds = bounds;
-        self.update_error();
         Ok(())
     }
 
     /// The placement and the world-space bounds of an instance.
-    pub(crate) fn place(&self, index: usize, instance: &Instance) -> Result<(Placement, Obb), InstanceError> {
+    pub(crate) fn place(&self, index: usize, instance: &Instance) -> Result<(Placement, Bounds), InstanceError> {
         let Some(blas) = self.blas.get(instance.blas as usize) else {
             return Err(InstanceError::NoSuchBlas { instance: index, blas: instance.blas });
         };
         Placement::new(index, instance, &blas.bounds(), blas.hit_error())
-    }
-
-    pub(crate) fn update_error(&mut self) {
-        self.error = self.placements.iter().fold(WorldError::default(), |error, p| error.max(p.error));
     }
 
     /// The bottom-level BVHs.

@@ -1,14 +1,24 @@
+//! The top level: instances in classes of similar error, a BVH over the boxes of each class.
+//!
+//! # Where the error of hits is
+//! A hit lies within `per_origin·|o|∞ + fixed` of its instance's bounds. `fixed` is part of the instance's box. `per_origin` is that of
+//! the transform's condition; it is multiplied by the ray's origin, so rays carry it, and all boxes of a BVH get the greatest
+//! of its instances. So instances whose `per_origin` differ much are in different BVHs, which a ray traverses one after
+//! another: one ill-conditioned instance does not loosen the boxes of the others. Transforms that scale and rotate have
+//! similar conditions, and almost all scenes one class.
+
 mod binary;
+mod class;
 mod wide;
 
 use canted_lbvh::{self as lbvh, VolumeConfig};
-use canted_obb::{Aabb, Obb};
+use canted_obb::Aabb;
 use canted_trace::{InstanceId, Query, ScaledRay};
 use canted_wide::{Config, MAX_PRIMITIVES, SimdPath};
 
 use crate::InstanceError;
-use binary::BinaryTop;
-use wide::WideTop;
+use crate::placement::Bounds;
+use class::{Class, classify};
 
 /// How the top-level BVH is built.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,78 +45,78 @@ impl TopConfig {
     }
 }
 
-/// The top-level BVH.
+/// The top-level BVHs.
 #[derive(Clone, Debug)]
-pub(crate) enum Top {
-    Wide(WideTop),
-    Binary(BinaryTop),
+pub(crate) struct Top {
+    classes: Vec<Class>,
+    aabb: Aabb,
 }
 
+/// The spread of `per_origin` in a class when it is built; in a refit four times as much is allowed.
+///
+/// Boxes are then padded by at most 16 times what the best-conditioned instance needs: less than 400 u of the ray's origin,
+/// u = 2^-24, for instances of which one is a rotation.
+const SPREAD: f64 = 16.0;
+const SPREAD_OF_REFIT: f64 = 64.0;
+
 impl Top {
-    /// Builds over `instances`, one box for each, world space.
-    pub(crate) fn build(instances: &[Obb], config: &TopConfig, path: SimdPath) -> Result<Self, InstanceError> {
-        let boxes = aabbs(instances);
-        Ok(match config {
-            TopConfig::Wide(config) => Self::Wide(WideTop::build(boxes, *config, path)?),
-            TopConfig::Binary(config) => Self::Binary(BinaryTop::build(instances, &boxes, *config)),
-        })
+    /// Builds over the bounds of instances.
+    pub(crate) fn build(bounds: &[Bounds], config: &TopConfig, path: SimdPath) -> Result<Self, InstanceError> {
+        let classes = classify(bounds, SPREAD).into_iter();
+        let classes = classes.map(|ids| Class::build(bounds, ids, config, path)).collect::<Result<_, _>>()?;
+        Ok(Self { classes, aabb: aabb_of(bounds) })
     }
 
-    /// The same BVH traced on another path, if it is wide.
+    /// The same BVHs traced on another path, if they are wide.
     pub(crate) fn with_path(self, path: SimdPath) -> Self {
-        match self {
-            Self::Wide(top) => Self::Wide(top.with_path(path)),
-            binary @ Self::Binary(_) => binary,
-        }
+        Self { classes: self.classes.into_iter().map(|class| class.with_path(path)).collect(), ..self }
     }
 
     /// Box around all instances; empty for none.
     pub(crate) fn aabb(&self) -> Aabb {
-        match self {
-            Self::Wide(top) => top.aabb(),
-            Self::Binary(top) => top.aabb(),
-        }
+        self.aabb
     }
 
     pub(crate) fn n_bytes(&self) -> usize {
-        match self {
-            Self::Wide(top) => top.n_bytes(),
-            Self::Binary(top) => top.n_bytes(),
-        }
+        self.classes.iter().map(Class::n_bytes).sum()
     }
 
-    /// New boxes for the same instances, in the same topology.
-    pub(crate) fn refit(&mut self, instances: &[Obb]) {
-        let boxes = aabbs(instances);
-        match self {
-            Self::Wide(top) => top.refit(boxes),
-            Self::Binary(top) => top.refit(instances, &boxes),
+    /// New bounds for the same instances, in the same topology; built again where the errors of a class have spread too far.
+    pub(crate) fn refit(&mut self, bounds: &[Bounds], config: &TopConfig, path: SimdPath) {
+        if self.classes.iter().any(|class| class.spread(bounds) > SPREAD_OF_REFIT)
+            && let Ok(top) = Self::build(bounds, config, path)
+        {
+            *self = top;
+            return;
         }
+        self.classes.iter_mut().for_each(|class| class.refit(bounds));
+        self.aabb = aabb_of(bounds);
     }
 
-    /// How many times the predicted traversal cost has grown since the build.
+    /// How many times the predicted traversal cost has grown since the build: the greatest growth of a class.
     pub(crate) fn drift(&self) -> f32 {
-        match self {
-            Self::Wide(top) => top.drift(),
-            Self::Binary(top) => top.drift(),
-        }
+        self.classes.iter().map(Class::drift).fold(1.0, f32::max)
     }
 
-    /// Calls `enter` with each instance whose box `ray` enters at or before `t_max`, nearer subtrees first.
+    /// Calls `enter` with each instance whose box `ray` enters at or before `t_max`, nearer subtrees of a class first.
     ///
-    /// `enter` gets the scaled `t_max` and returns the new one. The entry `t` of a box is at most that of any hit within
-    /// `error` of it, world space, and boxes with an entry `<= t_max` are visited, so `enter` sees all hits of equal `t`.
+    /// `enter` gets the scaled `t_max` and returns the new one. The entry `t` of a box is at most that of any hit on its
+    /// instance, and boxes with an entry `<= t_max` are visited, so `enter` sees all hits of equal `t`.
     #[inline]
     pub(crate) fn traverse_ordered<Q: Query>(
         &self,
         ray: &ScaledRay,
-        error: f64,
         query: &mut Q,
-        enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
+        mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
     ) {
-        match self {
-            Self::Wide(top) => top.traverse_ordered(ray, error, query, enter),
-            Self::Binary(top) => top.traverse_ordered(ray, error, query, enter),
+        let mut ray = *ray;
+        for class in &self.classes {
+            let mut t_max = ray.t_max;
+            class.traverse_ordered(&ray, query, |instance, limit, query| {
+                t_max = enter(instance, limit, query);
+                t_max
+            });
+            ray.t_max = t_max;
         }
     }
 
@@ -115,17 +125,24 @@ impl Top {
     pub(crate) fn traverse_any<Q: Query>(
         &self,
         ray: &ScaledRay,
-        error: f64,
         query: &mut Q,
-        enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
+        mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
     ) {
-        match self {
-            Self::Wide(top) => top.traverse_any(ray, error, query, enter),
-            Self::Binary(top) => top.traverse_any(ray, error, query, enter),
+        let mut ray = *ray;
+        for class in &self.classes {
+            let mut t_max = ray.t_max;
+            class.traverse_any(&ray, query, |instance, limit, query| {
+                t_max = enter(instance, limit, query);
+                t_max
+            });
+            if t_max < 0.0 {
+                return;
+            }
+            ray.t_max = t_max;
         }
     }
 }
 
-fn aabbs(instances: &[Obb]) -> Vec<Aabb> {
-    instances.iter().map(Obb::aabb).collect()
+fn aabb_of(bounds: &[Bounds]) -> Aabb {
+    bounds.iter().fold(Aabb::EMPTY, |all, bounds| all.union(bounds.obb.aabb()))
 }

@@ -19,11 +19,12 @@ pub enum Side {
 /// [`crate::SurfacePoint`] gives the position, the geometric normal and rays that continue from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Ray parameter, in units of the ray's direction.
+    /// Ray parameter, in units of the ray's direction. Infinite, subnormal or zero where the true one leaves the normal
+    /// range of `f32`; hits are compared before that: see [`ScaledRay`](crate::ScaledRay).
     pub t: f32,
-    /// Barycentric coordinate of the second vertex.
+    /// Barycentric coordinate of the second vertex, for triangles from 0 to 1.
     pub u: f32,
-    /// Barycentric coordinate of the third vertex.
+    /// Barycentric coordinate of the third vertex; `u + v` exceeds 1 by at most 2^-21.
     pub v: f32,
     /// Index of the primitive in the caller's array.
     pub primitive: PrimId,

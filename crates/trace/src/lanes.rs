@@ -1,7 +1,7 @@
 //! Constants and scalar steps that the SIMD kernels repeat lane by lane, so that one proof covers both. Not part of the
 //! stable interface.
 
-pub use crate::rounding::UNIT_ROUNDOFF;
+pub use crate::rounding::{UNIT_ROUNDOFF, lower};
 pub use crate::slab::slab_ray::{SQRT_3, reciprocal};
 pub use crate::triangle::baldwin_weber::weights as baldwin_weber_weights;
 pub use crate::triangle::filter::Weights;

@@ -27,7 +27,7 @@
 //! | [`Ray`], [`Hit`], [`Query`] | input and output of every traversal; hit filters and counters |
 //! | [`SurfacePoint`] | rays that continue from a hit without hitting the same surface again |
 //! | [`Kernel`]: [`Watertight`], [`MollerTrumbore`], [`BaldwinWeber`] | ray-triangle tests |
-//! | [`SlabRay`], [`Slabs`] | ray-box tests, axis-aligned and oriented, for a traversal |
+//! | [`SlabRay`], [`Slabs`], [`pad_aabb`] | ray-box tests, axis-aligned and oriented, for a traversal |
 //! | [`ray_aabb`], [`ray_obb`], [`Sphere`], [`segment_overlaps_aabb`] | single tests |
 //!
 //! # Guarantees
@@ -67,7 +67,7 @@ pub use hit::{Hit, InstanceId, Side};
 pub use query::{Counts, Query};
 pub use ray::{Ray, ScaledRay};
 pub use segment::segment_overlaps_aabb;
-pub use slab::{AABB_PAD, MIN_DIRECTION, SLABS_PAD, SlabRay, Slabs, ray_aabb, ray_obb};
+pub use slab::{AABB_PAD, MIN_DIRECTION, SLABS_PAD, SlabRay, Slabs, pad_aabb, ray_aabb, ray_obb};
 pub use sphere::Sphere;
 pub use surface_point::{SurfacePoint, position_error};
 pub use triangle::{

@@ -1,7 +1,11 @@
+use crate::rounding::{down, up};
+
 /// A ray `origin + t · direction` over the closed interval `t_min <= t <= t_max`.
 ///
 /// The direction may have any length except zero. It is never normalized, so `t` is the same number in every space, in
 /// units of the direction. A ray with a NaN component or a zero direction never hits.
+///
+/// `t_min` may be 0 and subnormal; a hit at exactly `t_min` or `t_max` counts, by its `t` before it is rounded to `f32`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Ray {
@@ -36,6 +40,12 @@ impl Ray {
 ///
 /// Every test takes a scaled ray: reciprocals cannot overflow, and scaling a direction by a power of two changes no bit of
 /// a result. The scaled `t` is the `t` of the original ray times that power of two.
+///
+/// # Over- and underflow of `t`
+/// Hits are compared, and tested against the interval, by their scaled `t`, which is an `f32`. The ends of the interval are
+/// rounded inward, so that a scaled `t` lies between them if and only if the original ray's `t` lies in its interval, in real
+/// arithmetic. A `t` of the original ray that leaves the range of `f32` is infinite, and one below the smallest normal number
+/// is rounded to a subnormal or zero, when the hit is reported: hits in order may then have equal `t`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScaledRay {
     /// Origin.
@@ -68,13 +78,17 @@ impl ScaledRay {
         // The power of two at or below the greatest component: its f64 bits without the mantissa.
         let to_scaled = f64::from_bits(f64::from(greatest).to_bits() & 0x7ff0_0000_0000_0000);
         let from_scaled = reciprocal_of_power(to_scaled);
-        Some(Self {
-            origin: ray.origin,
-            direction: ray.direction.map(|d| (f64::from(d) * from_scaled) as f32),
-            t_min: (f64::from(ray.t_min) * to_scaled) as f32,
-            t_max: (f64::from(ray.t_max) * to_scaled) as f32,
-            to_scaled,
-        })
+        let (t_min, t_max) = (up(f64::from(ray.t_min) * to_scaled), down(f64::from(ray.t_max) * to_scaled));
+        let direction = ray.direction.map(|d| (f64::from(d) * from_scaled) as f32);
+        // No f32 lies between both ends where they underflow.
+        (t_min <= t_max).then_some(Self { origin: ray.origin, direction, t_min, t_max, to_scaled })
+    }
+
+    /// Scaled `t` over `t` of the original ray: a power of two from 2^-149 to 2^127.
+    #[inline]
+    #[must_use]
+    pub fn scale(&self) -> f64 {
+        self.to_scaled
     }
 
     /// The scaled `t` of a `t` of the original ray.
@@ -85,7 +99,7 @@ impl ScaledRay {
         (f64::from(t) * self.to_scaled) as f32
     }
 
-    /// The `t` of the original ray of a scaled `t`.
+    /// The `t` of the original ray of a scaled `t`; infinite or subnormal where it leaves the range of normal numbers.
     #[inline]
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "a power of two: exact but for overflow and underflow")]

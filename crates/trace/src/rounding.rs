@@ -16,6 +16,15 @@ pub(crate) fn up(x: f64) -> f32 {
     -down(-x)
 }
 
+/// A finite f32 not above `x - pad` but for one f64 rounding; a plane of a padded box.
+///
+/// The f64 rounding is 2^-53 of the plane: the proofs of pads have 2^-24 to spare.
+#[inline]
+#[must_use]
+pub fn lower(x: f32, pad: f64) -> f32 {
+    down(f64::from(x) - pad).max(f32::MIN)
+}
+
 /// Nearest f32, with zero always positive, so that `-0.0` in a ray changes no bit of a result.
 #[inline]
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]

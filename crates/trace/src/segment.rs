@@ -28,7 +28,8 @@ pub fn segment_overlaps_aabb(p0: impl Into<[f32; 3]>, p1: impl Into<[f32; 3]>, a
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);
         let (length_i, length_j) = (along[i].abs(), along[j].abs());
         let faces = center[k].abs() <= extent[k] + along[k].abs() + COMPARISON_ERROR * magnitude[k];
-        let slack = COMPARISON_ERROR * (magnitude[i] * magnitude[j]);
+        // Relative to the length too, as all terms are: a short segment needs no more slack than a long one.
+        let slack = COMPARISON_ERROR * (magnitude[i] * length_j + magnitude[j] * length_i);
         let edges = normal[k].abs() <= extent[i] * length_j + extent[j] * length_i + slack;
         faces && edges
     })

@@ -32,9 +32,9 @@ pub const HIT_ERROR: f32 = 20.0 * UNIT_ROUNDOFF;
 pub struct TriangleHit {
     /// Scaled ray parameter; see [`ScaledRay::caller_t`].
     pub t: f32,
-    /// Barycentric coordinate of the second vertex, not negative.
+    /// Barycentric coordinate of the second vertex, from 0 to 1; `u + v` exceeds 1 by at most 2^-21.
     pub u: f32,
-    /// Barycentric coordinate of the third vertex, not negative.
+    /// Barycentric coordinate of the third vertex, from 0 to 1.
     pub v: f32,
     /// The side hit, by the winding of the vertices.
     pub side: Side,

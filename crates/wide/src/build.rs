@@ -16,9 +16,10 @@ use crate::leaf::LeafPrimitive;
 use crate::measure::{self, Aligned};
 use crate::par;
 use crate::primitive::Primitive;
+use crate::reach::Reaches;
 use crate::shape::Shapes;
 use crate::simd::SimdPath;
-use crate::traverse::{LaneKernel, MeshFrame};
+use crate::traverse::{BoxPads, LaneKernel, MeshFrame, Pads};
 use crate::triangle::{Blocks, Triangle};
 
 /// Primitives of one job.
@@ -66,7 +67,7 @@ impl<K: LaneKernel> WideBvh<Triangle<K>> {
     /// More than [`MAX_TRIANGLES`](crate::MAX_TRIANGLES), before any is read, or so many that the BVH is too large; the first
     /// triangle with an index out of range or a vertex that is not finite.
     pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]], config: &Config) -> Result<Self, GeometryError> {
-        Ok(over_indexed(&Limits::OF_WORDS, positions, triangles, config)?.into())
+        Ok(over_indexed(&Limits::OF_WORDS, positions, triangles, config, K::ERROR)?.into())
     }
 
     /// Collapses a binary tree of any builder; `corners` in input order and finite, `bounds` around them.
@@ -74,7 +75,7 @@ impl<K: LaneKernel> WideBvh<Triangle<K>> {
     /// # Errors
     /// Too many triangles, as for [`WideBvh::build`].
     pub fn over(tree: &Tree, corners: &[Corners], bounds: &Aabb, config: &Config) -> Result<Self, GeometryError> {
-        Ok(over_tree(tree, corners, bounds, config)?.into())
+        Ok(over_tree(tree, corners, bounds, config, K::ERROR)?.into())
     }
 }
 
@@ -113,7 +114,7 @@ impl<P: Primitive> WideBvh<P> {
         let sorted: Vec<&P> = leaves.iter().map(|leaf| items[leaf.index()]).collect();
         let write = |at: &[u32], _: usize, out: &mut [PrimId]| write_ids(at.iter().map(|&i| leaves[i as usize]), out);
         let (nodes, order, predicted) =
-            collapse(&chosen, &sorted, &config, limits, &LeafLayout::IDS, PrimId(0), &write)
+            collapse(&chosen, &sorted, &config, P::ERROR, limits, &LeafLayout::IDS, PrimId(0), &write)
                 .map_err(|TooLarge| PrimitiveError::TooMany { n_primitives })?;
         let (rows, costs) = (chosen.rows, config.costs);
         let leaves = Shapes { order, primitives };
@@ -166,26 +167,33 @@ pub(crate) fn bounds_of<P: Primitive>(primitives: &[P]) -> Result<Aabb, Primitiv
     }
 }
 
-/// Builds over indexed triangles; the same for every triangle test.
+/// Builds over indexed triangles; the same for every triangle test but for the error of its hits.
 fn over_indexed(
     limits: &Limits,
     positions: &[[f32; 3]],
     triangles: &[[u32; 3]],
     config: &Config,
+    error: f32,
 ) -> Result<Built<Blocks>, GeometryError> {
     check_number(triangles.len(), limits)?;
     let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
     let config = config.usable();
-    over_chosen(&binary::choose(&corners, &bounds, &config), &corners, &bounds, &config, limits)
+    over_chosen(&binary::choose(&corners, &bounds, &config), &corners, &bounds, &config, error, limits)
 }
 
 /// Builds over a binary tree of any builder.
-fn over_tree(tree: &Tree, corners: &[Corners], bounds: &Aabb, config: &Config) -> Result<Built<Blocks>, GeometryError> {
+fn over_tree(
+    tree: &Tree,
+    corners: &[Corners],
+    bounds: &Aabb,
+    config: &Config,
+    error: f32,
+) -> Result<Built<Blocks>, GeometryError> {
     check_number(corners.len(), &Limits::OF_WORDS)?;
     let (scale, rows) = (measure::unit_scale(bounds), Obb::IDENTITY_FRAME);
     let aligned = Aligned::of(tree, &item::boxes(corners, rows), scale);
     let chosen = Chosen { tree: tree.clone(), rows, aligned, scale };
-    over_chosen(&chosen, corners, bounds, &config.usable(), &Limits::OF_WORDS)
+    over_chosen(&chosen, corners, bounds, &config.usable(), error, &Limits::OF_WORDS)
 }
 
 /// Rejects more triangles than leaves can name.
@@ -198,6 +206,7 @@ fn over_chosen(
     corners: &[Corners],
     bounds: &Aabb,
     config: &Config,
+    error: f32,
     limits: &Limits,
 ) -> Result<Built<Blocks>, GeometryError> {
     let n_primitives = corners.len();
@@ -207,17 +216,20 @@ fn over_chosen(
         write_triangles(at.iter().map(|&i| (&sorted[i as usize], leaves[i as usize])), part, out);
     };
     let unset = Half([0; HALF_WORDS]);
-    let (nodes, halves, predicted) = collapse(chosen, &sorted, config, limits, &LeafLayout::BLOCKS, unset, &write)
-        .map_err(|TooLarge| GeometryError::TooMany { n_triangles: n_primitives })?;
+    let (nodes, halves, predicted) =
+        collapse(chosen, &sorted, config, error, limits, &LeafLayout::BLOCKS, unset, &write)
+            .map_err(|TooLarge| GeometryError::TooMany { n_triangles: n_primitives })?;
     let leaves = halves.into();
     Ok(Built { nodes, leaves, rows: chosen.rows, bounds: *bounds, n_primitives, predicted, costs: config.costs })
 }
 
-/// Finds frames, plans the collapse and writes the records; `sorted` are in leaf order.
+/// Finds frames, plans the collapse and writes the records; `sorted` are in leaf order, and `error` is that of their hits.
+#[expect(clippy::too_many_arguments, reason = "one caller for triangles, one for primitives")]
 fn collapse<I: Item, U: Copy + Send>(
     chosen: &Chosen,
     sorted: &[I],
     config: &Config,
+    error: f32,
     limits: &Limits,
     leaf_layout: &LeafLayout,
     unset: U,
@@ -239,12 +251,15 @@ fn collapse<I: Item, U: Copy + Send>(
         (Some(fits), ChildKind::Leaf(i)) => fits.leaf[i as usize].rows,
         (Some(fits), ChildKind::Inner(id)) => fits.inner[id.index()].rows,
     };
+    let reaches = Reaches::of_tree(tree, sorted, aligned, *rows);
     let source = Source {
         tree,
         leaf_boxes: &aligned.leaf_boxes,
         inner_boxes: &aligned.inner_boxes,
         frames: &frame_of,
         slabs: &|range, rows| I::slabs(&sorted[range], rows),
+        reach: &|child| reaches.of_child(child),
+        pads: BoxPads::new(Pads::of(error), &MeshFrame::new(*rows)),
     };
     let (nodes, units) = emit(&source, &plan, limits, leaf_layout, unset, write)?;
     Ok((nodes, units, PredictedCost { aligned: aligned_cost / root_area, chosen: chosen_cost / root_area }))

@@ -17,6 +17,7 @@ pub(crate) use node::{write_boxes, write_slabs};
 use crate::collapse::{Form, Plan};
 use crate::layout::{LeafLayout, Limits, Line, NodeKind, Nodes, Word};
 use crate::par;
+use crate::traverse::BoxPads;
 
 /// A wide node before it is written.
 #[derive(Clone, Debug)]
@@ -44,6 +45,9 @@ pub(crate) struct Source<'a> {
     pub(crate) frames: &'a (dyn Fn(Child) -> [[f32; 3]; 3] + Sync),
     /// The box with these rows around a range of the leaf order, rounded outward.
     pub(crate) slabs: &'a (dyn Fn(Range<usize>, [[f32; 3]; 3]) -> Slabs + Sync),
+    /// Greatest coordinates, object space, of leaves and inner nodes.
+    pub(crate) reach: &'a (dyn Fn(Child) -> f32 + Sync),
+    pub(crate) pads: BoxPads,
 }
 
 impl Source<'_> {

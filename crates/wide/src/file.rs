@@ -3,14 +3,15 @@
 //! ```text
 //! offset   bytes        content
 //! 0        8            "CANTWIDE"
-//! 8        4            version, 3
+//! 8        4            version, 4
 //! 12       4, 4, 4      root word; depth; most primitives of a leaf
 //! 24       8, 8, 8      cache lines of nodes; units of leaves; primitives
 //! 48       36           rows of the mesh frame
 //! 84       24           least and greatest coordinates
 //! 108      16, 8, 8     traversal costs; predicted costs; those before the first refit, -1 where there was none
 //! 140      4, 4         bytes of a unit: 160 of a half-block of triangles, 4 of an id; bytes of a primitive: 0 of triangles
-//! 148      12           unused, zero
+//! 148      4            error of hits that boxes are padded for, relative to the coordinates
+//! 152      8            unused, zero
 //! 160      64 a line    nodes
 //!                       units of leaves
 //!                       primitives in input order
@@ -59,9 +60,9 @@ pub trait SavedLeaves: LeafPrimitive {
     #[doc(hidden)]
     fn from_sections(units: &[u8], primitives: &[u8]) -> Self::Leaves;
 
-    /// Whether all records are those that a build makes.
+    /// Whether all records are those that a build makes; pads boxes for the hits of this type.
     #[doc(hidden)]
-    fn check(nodes: &Nodes, leaves: &Self::Leaves, expected: &Expected) -> Result<(), LoadError>;
+    fn check(nodes: &mut Nodes, leaves: &Self::Leaves, expected: &Expected) -> Result<(), LoadError>;
 }
 
 impl<K: LaneKernel> SavedLeaves for Triangle<K> {
@@ -75,7 +76,7 @@ impl<K: LaneKernel> SavedLeaves for Triangle<K> {
         words_of::<Half>(units).into()
     }
 
-    fn check(nodes: &Nodes, blocks: &Blocks, expected: &Expected) -> Result<(), LoadError> {
+    fn check(nodes: &mut Nodes, blocks: &Blocks, expected: &Expected) -> Result<(), LoadError> {
         check_triangles(nodes, &blocks.halves, expected)
     }
 }
@@ -98,7 +99,7 @@ impl<P: SavedPrimitive> SavedLeaves for P {
         Shapes { order, primitives: words_of::<P::Data>(primitives).iter().map(P::from_data).collect() }
     }
 
-    fn check(nodes: &Nodes, leaves: &Shapes<P>, expected: &Expected) -> Result<(), LoadError> {
+    fn check(nodes: &mut Nodes, leaves: &Shapes<P>, expected: &Expected) -> Result<(), LoadError> {
         check_shapes(nodes, leaves, expected)
     }
 }
@@ -107,7 +108,8 @@ impl<P: SavedLeaves> WideBvh<P> {
     /// The BVH with its primitives as bytes, for [`WideBvh::from_bytes`]: about as many as [`WideBvh::n_bytes`], the same on
     /// every machine.
     ///
-    /// The triangle test and the SIMD path are not part of them: the reader chooses both.
+    /// The triangle test and the SIMD path are not part of them: the reader chooses both. Boxes are padded for the error of the
+    /// writer's test; where the reader's differs, boxes are padded again.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let sections = P::sections(&self.leaves);
@@ -125,6 +127,7 @@ impl<P: SavedLeaves> WideBvh<P> {
             baseline: self.baseline,
             n_unit_bytes,
             n_primitive_bytes,
+            hit_error: P::ERROR,
         };
         let mut bytes = Vec::with_capacity(HEADER_BYTES + self.n_bytes() + CHECKSUM_BYTES);
         header.write(&mut bytes);
@@ -136,7 +139,7 @@ impl<P: SavedLeaves> WideBvh<P> {
         bytes
     }
 
-    /// The BVH that [`WideBvh::to_bytes`] wrote, bit for bit.
+    /// The BVH that [`WideBvh::to_bytes`] wrote, bit for bit if the triangle test is the same.
     ///
     /// `bytes` may be damaged or malicious, whatever their checksum: a BVH that is returned cannot panic, loop or overflow a
     /// stack, and finds every hit on its primitives. Needs memory in proportion to `bytes`.
@@ -144,10 +147,10 @@ impl<P: SavedLeaves> WideBvh<P> {
     /// # Errors
     /// The first thing in `bytes` that is not part of a valid BVH over these primitives.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
-        let (header, nodes, [units, primitives]) = read(bytes, P::SIZES)?;
+        let (header, mut nodes, [units, primitives]) = read(bytes, P::SIZES)?;
         let leaves = P::from_sections(units, primitives);
-        let expected = Expected::of(&header)?;
-        P::check(&nodes, &leaves, &expected)?;
+        let expected = Expected::of(&header, P::ERROR)?;
+        P::check(&mut nodes, &leaves, &expected)?;
         let Expected { n_primitives, bounds, frame, .. } = expected;
         let (predicted, baseline, path) = (header.predicted, header.baseline, SimdPath::detect());
         Ok(Self { nodes, leaves, frame, bounds, n_primitives, predicted, baseline, path })

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Reads: a BVH, its primitives after a motion. Writes: leaves and boxes. Holds: what a build holds; every box is that of
-//! the primitives now below it, in its old frame.
+//! the primitives now below it, in its old frame and with the padding that belongs to them.
 //! Source: Wald, Boulos & Shirley 2007 for when to refit and when to rebuild.
 
 mod blocks;
@@ -24,10 +24,12 @@ use crate::item::Item;
 use crate::layout::{Half, LeafLayout, Nodes};
 use crate::outline::Outline;
 use crate::primitive::Primitive;
-use crate::traverse::{LaneKernel, MeshFrame};
+use crate::reach::Reaches;
+use crate::traverse::{BoxPads, LaneKernel, MeshFrame, Pads};
 use crate::triangle::Triangle;
 
 pub(crate) use blocks::{Triangles, unused_lanes_are_zero};
+use boxes::Boxes;
 pub(crate) use boxes::{check_frame, check_row, compare, write as write_boxes};
 
 /// What a refit has done to a BVH, in predicted traversal costs of a ray that enters the box around all primitives, relative
@@ -132,6 +134,7 @@ impl<K: LaneKernel> WideBvh<Triangle<K>> {
             frame: &self.frame,
             bounds: &mut self.bounds,
             baseline: &mut self.baseline,
+            pads: BoxPads::new(Pads::of(K::ERROR), &self.frame),
         };
         refit_triangles(bvh, &mut self.leaves.halves, self.n_primitives, positions, triangles)
     }
@@ -155,6 +158,7 @@ impl<P: Primitive> WideBvh<P> {
             frame: &self.frame,
             bounds: &mut self.bounds,
             baseline: &mut self.baseline,
+            pads: BoxPads::new(Pads::of(P::ERROR), &self.frame),
         };
         let refit = update(bvh, &outline, &old, &new, bounds);
         self.leaves.primitives = primitives;
@@ -168,6 +172,7 @@ struct Target<'a> {
     frame: &'a MeshFrame,
     bounds: &'a mut Aabb,
     baseline: &'a mut Baseline,
+    pads: BoxPads,
 }
 
 /// The same for every triangle test.
@@ -193,14 +198,15 @@ fn check_number(n_primitives: usize, n_given: usize) -> Result<(), RefitError> {
 
 /// Writes the boxes of `new` items, by place.
 fn update<I: Item>(bvh: Target, outline: &Outline, old: &[I], new: &[I], bounds: Aabb) -> Refit {
-    let Target { nodes, frame, bounds: old_bounds, baseline } = bvh;
+    let Target { nodes, frame, bounds: old_bounds, baseline, pads } = bvh;
     let costs = baseline.costs;
     let cost = |nodes: &Nodes, items: &[I], bounds: &Aabb| {
-        cost::predict(outline, nodes, items.iter().map(Item::area).sum(), bounds, &costs)
+        let boxes = Boxes { nodes, reaches: &Reaches::of_outline(outline, items), pads: &pads };
+        cost::predict(outline, &boxes, items.iter().map(Item::area).sum(), bounds, &costs)
     };
     let before = cost(nodes, old, old_bounds);
     let built = *baseline.built.get_or_insert(before);
-    boxes::write(outline, new, frame, &mut nodes.lines);
+    boxes::write(outline, new, frame, &pads, &mut nodes.lines);
     *old_bounds = bounds;
     Refit::between(built, before, cost(nodes, new, &bounds))
 }

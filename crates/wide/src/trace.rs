@@ -21,7 +21,7 @@ pub(crate) fn trace<S: Simd, P: LeafPrimitive, T: HitSink<P::Shape>>(
     trace_padded(simd, bvh, const { Pads::of(P::ERROR) }, ray, stack, sink);
 }
 
-/// As [`trace`], with pads of the caller's choice, relative to the coordinates.
+/// As [`trace`], with pads of the caller's choice, relative to the origin.
 #[inline(always)]
 pub(crate) fn trace_padded<S: Simd, P: LeafPrimitive, T: HitSink<P::Shape>>(
     simd: S,
@@ -31,7 +31,7 @@ pub(crate) fn trace_padded<S: Simd, P: LeafPrimitive, T: HitSink<P::Shape>>(
     stack: &mut Stack,
     sink: &mut T,
 ) {
-    let pads = pads.along(ray, bvh.bounds.reach());
+    let pads = pads.along(ray);
     let lanes = RayLanes::new(simd, ray, &bvh.frame, &pads);
     let mut visitor = IntersectLeaves { simd, bvh, prepared: None, ray, sink };
     if T::ORDERED {
@@ -136,7 +136,7 @@ where
     #[inline(always)]
     fn on<S: Simd>(mut self, simd: S) {
         let Self { bvh, ray, error, .. } = self;
-        let pads = Pads::within(error, ray, bvh.bounds.reach());
+        let pads = Pads::within(error, ray);
         let lanes = RayLanes::new(simd, ray, &bvh.frame, &pads);
         let stack = &mut Stack::new(bvh.nodes.depth);
         walk::<S, ORDERED>(simd, &bvh.nodes, &lanes, ray.t_max, stack, &mut self);

@@ -103,7 +103,7 @@ fn other_files_and_other_versions_are_reported() {
         TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_err()
     };
     assert_eq!(with(0, b"\x7fELF").to_string(), "not a BVH file: it begins with \"\\x7fELFWIDE\"");
-    assert_eq!(with(8, &[1]).to_string(), "unsupported format version 1; expected 3");
+    assert_eq!(with(8, &[1]).to_string(), "unsupported format version 1; expected 4");
 }
 
 #[test]
@@ -139,4 +139,22 @@ fn huge_counts_are_rejected_before_anything_is_allocated() {
     bytes[end..].copy_from_slice(&sum.to_le_bytes());
     let error = TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_err();
     assert_eq!(error, LoadError::Count { n_expected: 1 << 40, n_found: 20 });
+}
+
+/// Coordinates beyond 2^62 are built with finite boxes, and saved, up to the greatest; hits are not promised there.
+#[test]
+fn coordinates_of_any_size_are_saved() {
+    for scale in [2.0_f32.powi(61), 2.0_f32.powi(64), 1e30, 0.5 * f32::MAX, f32::MAX] {
+        for mesh in [fixtures::soup(4, 60), fixtures::coplanar_quads(30).off_axis()] {
+            let [min, max] = mesh.bounds();
+            let reach = min.iter().chain(&max).fold(0.0_f32, |most, x| most.max(x.abs()));
+            let huge = mesh.placed(|p| p.map(|x| (x / reach).clamp(-1.0, 1.0) * scale));
+            for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
+                let bytes = build(&huge, preset).to_bytes();
+                let back =
+                    TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_or_else(|error| panic!("{scale}: {error}"));
+                assert_eq!(back.to_bytes(), bytes, "{scale} {preset:?}");
+            }
+        }
+    }
 }

@@ -1,6 +1,6 @@
 use canted_lbvh::{Child, ChildKind, Corners, Leaf, NodeId, Tree, Volume, Volumes};
 use canted_obb::{Aabb, Obb};
-use canted_trace::Slabs;
+use canted_trace::{Slabs, pad_aabb};
 use glam::Vec4;
 
 use super::bvh::PairBvh;
@@ -31,7 +31,7 @@ impl OrientedLeaf for Obb {
 }
 
 impl PairBvh {
-    /// Lays out `tree` with the boxes in `volumes`.
+    /// Lays out `tree` with the boxes in `volumes`, each padded by the reach of the leaves below it.
     ///
     /// `leaves` are in leaf order, `bounds` is the box around all of them.
     #[must_use]
@@ -56,7 +56,7 @@ impl PairBvh {
             aabb_pairs,
             slab_pairs: make_all(slab_ids.len(), |i| layout.slab_pair(slab_ids[i as usize])),
             root: tree.root().map(|root| layout.child_ref(root)),
-            root_slabs: Slabs::from_aabb(bounds),
+            root_slabs: Slabs::from_aabb(bounds).padded(bounds.reach()),
             bounds: Obb::from_aabb(bounds),
             reach: bounds.reach(),
             depth: tree.depth,
@@ -65,7 +65,7 @@ impl PairBvh {
             && let Volume::Obb(obb) = volumes.of(root)
         {
             bvh.bounds = *obb;
-            bvh.root_slabs = Slabs::from_obb(obb);
+            bvh.root_slabs = Slabs::from_obb(obb).padded(bounds.reach());
         }
         bvh
     }
@@ -123,7 +123,7 @@ impl<L: OrientedLeaf> Layout<'_, L> {
 
     fn aabb_pair(&self, id: u32) -> AabbPair {
         let children = self.children(id);
-        let [a, b] = children.map(|child| self.aabb(child));
+        let [a, b] = children.map(|child| self.aabb(child)).map(|aabb| pad_aabb(&aabb, aabb.reach()));
         AabbPair {
             planes: std::array::from_fn(|k| Vec4::new(a.min[k], b.min[k], a.max[k], b.max[k])),
             children: children.map(|child| self.child_ref(child)),
@@ -132,7 +132,7 @@ impl<L: OrientedLeaf> Layout<'_, L> {
 
     fn slab_pair(&self, id: u32) -> SlabPair {
         let children = self.children(id);
-        let [a, b] = children.map(|child| self.slabs(child));
+        let [a, b] = children.map(|child| self.slabs(child).padded(self.aabb(child).reach()));
         let [first, second] = children.map(|child| f32::from_bits(self.child_ref(child).0));
         SlabPair {
             rows_xy: std::array::from_fn(|k| Vec4::new(a.rows[k][0], b.rows[k][0], a.rows[k][1], b.rows[k][1])),

@@ -6,6 +6,9 @@ use super::node::{AabbPair, SlabPair};
 
 /// A binary BVH over leaves of any kind: it stores boxes and leaf positions, and reports the leaves that a ray may hit.
 ///
+/// Boxes carry the part of the padding that depends on their content, so a [`SlabRay`](canted_trace::SlabRay) needs no reach:
+/// `SlabRay::new(&ray, 0.0)`, or `SlabRay::with_error(&ray, 0.0, error)` for leaves other than triangles.
+///
 /// [`Bvh2`](crate::Bvh2) adds triangles. Pairs of two axis-aligned boxes take 64 bytes, pairs with an oriented box 128.
 #[derive(Clone, Debug)]
 pub struct PairBvh {
@@ -39,7 +42,7 @@ impl PairBvh {
         &self.bounds
     }
 
-    /// Greatest absolute coordinate of the leaves' bounds. Rounding errors are relative to it.
+    /// Greatest absolute coordinate of the leaves' bounds.
     #[must_use]
     pub fn reach(&self) -> f32 {
         self.reach

@@ -18,8 +18,9 @@ struct StackEntry {
 impl PairBvh {
     /// Calls `leaf` with the position of each leaf whose box `ray` enters at or before `t_max`, nearer subtrees first.
     ///
-    /// `t_max` is scaled, and `leaf` returns the new one. The entry `t` of a box is at most that of any hit in it, and
-    /// boxes with an entry `<= t_max` are visited, so `leaf` receives all hits of equal `t`.
+    /// `ray` is prepared with a reach of 0: the boxes are padded. `t_max` is scaled, and `leaf` returns the new one. The entry
+    /// `t` of a box is at most that of any hit in it, and boxes with an entry `<= t_max` are visited, so `leaf` receives all
+    /// hits of equal `t`.
     #[inline]
     pub fn traverse_ordered<Q: Query>(
         &self,

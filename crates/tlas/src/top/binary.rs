@@ -1,9 +1,10 @@
 use canted_bvh2::{PairBvh, PairOrder};
-use canted_lbvh::{self as lbvh, Bits, Costs, Domain, Tree, VolumeConfig};
+use canted_lbvh::{self as lbvh, Costs, Tree, VolumeConfig};
 use canted_obb::{Aabb, Obb};
-use canted_trace::{InstanceId, Query, ScaledRay, SlabRay};
+use canted_sah::Builder;
+use canted_trace::{Query, ScaledRay, SlabRay};
 
-/// A binary top level: the radix tree over the instances' boxes, with volumes of any strategy.
+/// A binary top level: the radix tree over the instances' boxes ([`Builder::Lbvh`]), with volumes of any strategy.
 #[derive(Clone, Debug)]
 pub(crate) struct BinaryTop {
     bvh: PairBvh,
@@ -26,17 +27,17 @@ struct Prediction {
 
 impl BinaryTop {
     /// Builds over `instances`, one box for each, world space.
-    pub(crate) fn build(instances: &[Obb], boxes: &[Aabb], config: VolumeConfig) -> Self {
+    pub(crate) fn build(instances: &[Obb], config: VolumeConfig) -> Self {
+        let boxes = &aabbs(instances);
         let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
-        let codes = lbvh::morton_codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), boxes);
-        let tree = lbvh::radix(lbvh::sort_by_code(&codes, Bits::B63));
+        let tree = canted_sah::build(boxes, &bounds, &Builder::Lbvh);
         let (bvh, built) = lay_out(&tree, instances, &bounds, &config);
         Self { bvh, tree, config, built, now: built }
     }
 
     /// New boxes for the same instances, in the same tree.
-    pub(crate) fn refit(&mut self, instances: &[Obb], boxes: &[Aabb]) {
-        let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
+    pub(crate) fn refit(&mut self, instances: &[Obb]) {
+        let bounds = aabbs(instances).iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
         (self.bvh, self.now) = lay_out(&self.tree, instances, &bounds, &self.config);
     }
 
@@ -46,11 +47,6 @@ impl BinaryTop {
         let growth = |now: f64, built: f64| if built > 0.0 { now / built } else { 1.0 };
         let (now, built) = (self.now, self.built);
         growth(now.per_ray, built.per_ray).max(growth(now.per_instance, built.per_instance)) as f32
-    }
-
-    /// Box around all instances; empty for none.
-    pub(crate) fn aabb(&self) -> Aabb {
-        if self.tree.leaves.is_empty() { Aabb::EMPTY } else { self.bvh.bounds().aabb() }
     }
 
     pub(crate) fn n_bytes(&self) -> usize {
@@ -65,11 +61,11 @@ impl BinaryTop {
         ray: &ScaledRay,
         error: f64,
         query: &mut Q,
-        mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
+        mut enter: impl FnMut(u32, f32, &mut Q) -> f32,
     ) {
-        let slab_ray = SlabRay::with_error(ray, self.bvh.reach(), error);
+        let slab_ray = SlabRay::with_error(ray, 0.0, error);
         self.bvh.traverse_ordered(&slab_ray, ray.t_max, query, |leaf, t_max, query| {
-            enter(InstanceId(self.tree.leaves[leaf as usize].0), t_max, query)
+            enter(self.tree.leaves[leaf as usize].0, t_max, query)
         });
     }
 
@@ -79,13 +75,17 @@ impl BinaryTop {
         ray: &ScaledRay,
         error: f64,
         query: &mut Q,
-        mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
+        mut enter: impl FnMut(u32, f32, &mut Q) -> f32,
     ) {
-        let slab_ray = SlabRay::with_error(ray, self.bvh.reach(), error);
+        let slab_ray = SlabRay::with_error(ray, 0.0, error);
         self.bvh.traverse_any(&slab_ray, ray.t_max, query, |leaf, t_max, query| {
-            enter(InstanceId(self.tree.leaves[leaf as usize].0), t_max, query)
+            enter(self.tree.leaves[leaf as usize].0, t_max, query)
         });
     }
+}
+
+fn aabbs(instances: &[Obb]) -> Vec<Aabb> {
+    instances.iter().map(Obb::aabb).collect()
 }
 
 /// Computes the volumes of `tree` and lays them out for tracing.

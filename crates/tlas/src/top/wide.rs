@@ -1,5 +1,5 @@
 use canted_obb::{Aabb, PrimId};
-use canted_trace::{InstanceId, Query, ScaledRay};
+use canted_trace::{Query, ScaledRay};
 use canted_wide::{Config, PrimitiveError, SimdPath, WideBvh};
 
 /// A wide top level: eight-wide aligned nodes over the instances' axis-aligned boxes.
@@ -30,11 +30,6 @@ impl WideTop {
         self.drift
     }
 
-    /// Box around all instances; empty for none.
-    pub(crate) fn aabb(&self) -> Aabb {
-        self.bvh.aabb()
-    }
-
     pub(crate) fn n_bytes(&self) -> usize {
         self.bvh.n_bytes()
     }
@@ -45,7 +40,7 @@ impl WideTop {
         ray: &ScaledRay,
         error: f64,
         query: &mut Q,
-        enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
+        enter: impl FnMut(u32, f32, &mut Q) -> f32,
     ) {
         self.bvh.traverse_ordered(ray, error, query, by_primitive(enter));
     }
@@ -56,13 +51,13 @@ impl WideTop {
         ray: &ScaledRay,
         error: f64,
         query: &mut Q,
-        enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
+        enter: impl FnMut(u32, f32, &mut Q) -> f32,
     ) {
         self.bvh.traverse_any(ray, error, query, by_primitive(enter));
     }
 }
 
-/// The boxes have the numbers of the instances.
-fn by_primitive<Q>(mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32) -> impl FnMut(PrimId, f32, &mut Q) -> f32 {
-    move |PrimId(number), t_max, query| enter(InstanceId(number), t_max, query)
+/// The boxes have the numbers of the class.
+fn by_primitive<Q>(mut enter: impl FnMut(u32, f32, &mut Q) -> f32) -> impl FnMut(PrimId, f32, &mut Q) -> f32 {
+    move |PrimId(number), t_max, query| enter(number, t_max, query)
 }

@@ -41,7 +41,8 @@ pub struct SlabRay {
 }
 
 impl SlabRay {
-    /// Prepares `ray` for boxes of triangles whose absolute coordinates do not exceed `reach`.
+    /// Prepares `ray` for boxes of triangles whose absolute coordinates do not exceed `reach`; 0 for boxes that carry their own
+    /// part of the padding, from [`pad_aabb`](crate::pad_aabb) and [`Slabs::padded`].
     ///
     /// The boxes themselves may extend farther. With a smaller `reach` hits may be missed.
     #[inline]
@@ -54,7 +55,8 @@ impl SlabRay {
 
     /// Prepares `ray` for boxes of primitives whose hits have an absolute error of `error` in each coordinate.
     ///
-    /// For primitives other than triangles of this space: `error` replaces `HIT_ERROR·(|o|∞ + ρ∞)` in the proof.
+    /// For primitives other than triangles of this space: `error` replaces `HIT_ERROR·(|o|∞ + ρ∞)` in the proof. `reach` as
+    /// for [`SlabRay::new`]; a padded box covers the roundings relative to its content, and more.
     #[inline]
     #[must_use]
     pub fn with_error(ray: &ScaledRay, reach: f32, error: f64) -> Self {

@@ -1,6 +1,7 @@
 use canted_obb::{Aabb, Obb};
 
-use crate::rounding::{UNIT_ROUNDOFF_F64, down, nearest, up};
+use super::SLABS_PAD;
+use crate::rounding::{UNIT_ROUNDOFF_F64, down, lower, nearest, up};
 use canted_obb::vector::{cross, dot, length, to_f64};
 
 /// A box for ray tests: all points `x` with `lo[k] <= rows[k]·x <= hi[k]`, in the space of the rays.
@@ -80,6 +81,17 @@ impl Slabs {
             return Self::empty(rows);
         }
         Self { rows, lo: lo.map(down), hi: hi.map(up) }
+    }
+
+    /// The box enlarged by the part of the padding that depends on its content, for [`SlabRay::new`](crate::SlabRay::new)
+    /// with a reach of 0.
+    ///
+    /// The planes move outward by [`SLABS_PAD`](crate::SLABS_PAD) times `reach`, the greatest absolute coordinate of the
+    /// triangles in the box. An empty box must not be padded.
+    #[must_use]
+    pub fn padded(&self, reach: f32) -> Self {
+        let pad = f64::from(SLABS_PAD) * f64::from(reach);
+        Self { rows: self.rows, lo: self.lo.map(|x| lower(x, pad)), hi: self.hi.map(|x| -lower(-x, pad)) }
     }
 
     /// Whether the box contains no point.

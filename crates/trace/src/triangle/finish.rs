@@ -51,5 +51,5 @@ pub fn finish(ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<T
         (on_ray - by_weights).abs() <= agreement
     });
     let side = if det > 0.0 { Side::Front } else { Side::Back };
-    agrees.then(|| TriangleHit { t, u: nearest(u.max(0.0)), v: nearest(v.max(0.0)), side })
+    agrees.then(|| TriangleHit { t, u: nearest(u.clamp(0.0, 1.0)), v: nearest(v.clamp(0.0, 1.0)), side })
 }

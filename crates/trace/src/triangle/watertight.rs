@@ -9,7 +9,15 @@ use canted_obb::vector::{sub, to_f64};
 ///
 /// Reads: a ray, three vertices. Writes: the hit.
 /// Holds: neighbors share vertices bit for bit, so their edge functions are each other's negatives; the sign of an
-/// edge function is exact. A ray through a shared edge or vertex hits at least one of the triangles around it.
+/// edge function is exact. A ray through a shared edge or vertex hits at least one of the triangles around it, unless all
+/// of these have no area in the sheared coordinates.
+///
+/// What that means for thin geometry: sheared vertices are off by 4u·M (below). They still form the image of the surface under
+/// one continuous map, in which triangles without area bound nothing. So a ray crosses a *closed* mesh, however thin, as often
+/// inward as outward, and every crossing is a hit. An *isolated* fan or ribbon has no other side: where it is narrower than
+/// the error, for vertices at a distance of a few times their extent about 64 ulps of the coordinates, its image may be
+/// degenerate or lie beside the ray, and the ray misses it. No test in f32 coordinates can promise more.
+///
 /// Source: Woop, Benthin, Wald 2013; instead of their fallback for zeros, every hit is computed exactly.
 ///
 /// # Steps

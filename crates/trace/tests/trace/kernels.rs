@@ -184,3 +184,50 @@ fn barycentric_coordinates_sides_and_interval_ends() {
     one_hit::<MollerTrumbore>();
     one_hit::<BaldwinWeber>();
 }
+
+/// Rays at edges and vertices: weights lie in [0, 1], and sum to at most 1 + 2^-21.
+#[test]
+fn weights_are_from_zero_to_one() {
+    let triangle = [[0.1_f32, 0.2, 0.3], [1.7, -0.4, 0.9], [-0.6, 1.1, 2.3]];
+    let mut n_hits = 0;
+    for vertex in triangle {
+        for i in 0..20_000_u16 {
+            // Within some ulps of the vertex.
+            let moved: [f32; 3] = std::array::from_fn(|k| {
+                let steps = (u32::from(i) * 7919 >> (3 * k)) % 9;
+                vertex[k] + (f32::from(u8::try_from(steps).unwrap()) - 4.0) * f32::EPSILON * vertex[k]
+            });
+            let origin = [3.0_f32, 2.0, -5.0];
+            let ray = Ray::new(origin, std::array::from_fn::<f32, 3, _>(|k| moved[k] - origin[k]));
+            let ray = ScaledRay::new(&ray).unwrap();
+            let found = [
+                MollerTrumbore::intersect(&(), &ray, &MollerTrumbore::record(triangle), ray.t_max),
+                BaldwinWeber::intersect(&(), &ray, &BaldwinWeber::record(triangle), ray.t_max),
+                Watertight::intersect(&Watertight::prepare(&ray), &ray, &Watertight::record(triangle), ray.t_max),
+            ];
+            for hit in found.into_iter().flatten() {
+                n_hits += 1;
+                assert!((0.0..=1.0).contains(&hit.u) && (0.0..=1.0).contains(&hit.v), "{hit:?}");
+                assert!(f64::from(hit.u) + f64::from(hit.v) <= 1.0 + 2.0_f64.powi(-21), "{hit:?}");
+            }
+        }
+    }
+    assert!(n_hits > 10_000, "{n_hits}");
+}
+
+/// Ends of intervals are those of the caller's ray, also where the scaled ones underflow or overflow.
+#[test]
+fn intervals_are_rounded_inward() {
+    let with = |length: f32, t_min: f32, t_max: f32| {
+        ScaledRay::new(&Ray { t_min, t_max, ..Ray::new([0.0; 3], [length, 0.0, 0.0]) })
+    };
+    let least = f32::from_bits(1);
+    // 2^-149 of a short direction is less than any f32, but not zero.
+    let ray = with(2.0_f32.powi(-10), least, f32::INFINITY).unwrap();
+    assert_eq!(ray.t_min, least);
+    assert_eq!(with(2.0_f32.powi(-10), 0.0, least).unwrap().t_max, 0.0);
+    assert_eq!(with(2.0_f32.powi(-10), least, least), None);
+    assert_eq!(with(2.0_f32.powi(100), 0.0, f32::MAX).unwrap().t_max, f32::MAX);
+    assert_eq!(with(2.0_f32.powi(100), 0.0, f32::INFINITY).unwrap().t_max, f32::INFINITY);
+    assert_eq!(with(1.5, 0.5, 2.0).unwrap().t_min, 0.5);
+}

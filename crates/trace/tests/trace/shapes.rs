@@ -139,3 +139,14 @@ fn ignoring_the_center_of_the_box_is_detected() {
     let (denied, closed) = wrong_overlaps(1000, without_centre);
     assert!(denied > 50 && closed > 0, "{denied} denied, {closed} closed");
 }
+
+/// A segment of one ulp at a distance of some ulps from a flat box: its slack is relative to its length, too.
+#[test]
+fn short_segments_do_not_overlap_boxes_that_they_miss() {
+    let ulp = f32::EPSILON;
+    let flat = Aabb { min: [1.0, 1.0, 0.0], max: [1.0, 1.0, 2.0] };
+    // It passes the edge at (1, 1) diagonally, at a distance of less than one ulp.
+    let [p0, p1] = [[1.0, 1.0 + ulp, 1.0], [1.0 + ulp, 1.0, 1.0]];
+    assert!(!segment_overlaps_aabb(p0, p1, &flat));
+    assert!(segment_overlaps_aabb([1.0, 1.0, 1.0], p1, &flat));
+}

@@ -17,7 +17,7 @@ fn many() -> Mesh {
 }
 
 fn build(mesh: &Mesh, limits: &Limits) -> Result<Built<Blocks>, GeometryError> {
-    over_indexed(limits, &mesh.positions, &mesh.triangles, &Config::default())
+    over_indexed(limits, &mesh.positions, &mesh.triangles, &Config::default(), canted_trace::HIT_ERROR)
 }
 
 fn build_boxes(boxes: &[Aabb], limits: &Limits) -> Result<WideBvh<Aabb>, PrimitiveError> {

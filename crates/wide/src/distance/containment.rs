@@ -76,7 +76,7 @@ impl<K: LaneKernel> Task for Containment<'_, K> {
         for (&point, inside) in self.points.iter().zip(self.inside) {
             *inside = false;
             let Some(ray) = ScaledRay::new(&Ray::new(point, [0.0, 0.0, 1.0])) else { continue };
-            let pads = const { Pads::of(K::ERROR) }.along(&ray, self.bvh.bounds.reach());
+            let pads = const { Pads::of(K::ERROR) }.along(&ray);
             let lanes = RayLanes::new(simd, &ray, &self.bvh.frame, &pads);
             crossings.clear();
             let mut visit = Crossed { bvh: self.bvh, point, is_on_surface: false, crossings: &mut crossings };

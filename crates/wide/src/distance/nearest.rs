@@ -145,7 +145,7 @@ where
     #[expect(clippy::cast_possible_truncation, reason = "halves of a key; a bound rounded up")]
     fn on<S: Simd>(self, simd: S) {
         let Self { bvh, point, collector } = self;
-        let lanes = PointLanes::new(simd, point, &bvh.frame, bvh.bounds.reach());
+        let lanes = PointLanes::new(simd, point, &bvh.frame);
         let mut stack = Stack::new(bvh.nodes.depth);
         let (stack, mut n_waiting) = (stack.slots(), 0);
         let mut word = bvh.nodes.root;

@@ -25,11 +25,11 @@ pub(crate) struct PointLanes<S: Simd> {
 }
 
 impl<S: Simd> PointLanes<S> {
-    /// Lanes of `point` for boxes whose coordinates do not exceed `reach`.
+    /// Lanes of `point`.
     #[inline(always)]
-    pub(crate) fn new(simd: S, point: [f32; 3], frame: &MeshFrame, reach: f32) -> Self {
+    pub(crate) fn new(simd: S, point: [f32; 3], frame: &MeshFrame) -> Self {
         let [x, y, z] = point.map(f32::abs);
-        let scale = x.max(y).max(z) + reach;
+        let scale = x.max(y).max(z);
         let pad = |roundings: f32| simd.splat(roundings * U * scale + f32::MIN_POSITIVE);
         let splat = |[x, y, z]: [f32; 3]| [simd.splat(x), simd.splat(y), simd.splat(z)];
         let (rotated, rotated_pad) =

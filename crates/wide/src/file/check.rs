@@ -13,7 +13,7 @@ use crate::outline::Outline;
 use crate::primitive::Primitive;
 use crate::refit::{self, Triangles, by_place, ids_by_place};
 use crate::shape::Shapes;
-use crate::traverse::MeshFrame;
+use crate::traverse::{BoxPads, MeshFrame, Pads};
 
 /// How many oriented boxes may hold a primitive, on average: more than the depth of any binary tree that a builder makes,
 /// few enough that a file is checked in time proportional to its length.
@@ -25,15 +25,24 @@ pub struct Expected {
     depth: u32,
     pub(super) bounds: Aabb,
     pub(super) frame: MeshFrame,
+    /// With which the file was written, and with which it is traced.
+    pads: [BoxPads; 2],
 }
 
 impl Expected {
-    pub(super) fn of(header: &Header) -> Result<Self, LoadError> {
+    pub(super) fn of(header: &Header, hit_error: f32) -> Result<Self, LoadError> {
         header.frame.iter().try_for_each(|&row| refit::check_row(row, None))?;
         let Ok(n_primitives) = usize::try_from(header.n_primitives) else {
             return Err(LoadError::Count { n_expected: header.n_primitives, n_found: 0 });
         };
-        Ok(Self { n_primitives, depth: header.depth, bounds: header.bounds, frame: MeshFrame::new(header.frame) })
+        let error = header.hit_error;
+        // Also rejects NaN.
+        if !(0.0..=0.125).contains(&error) {
+            return Err(LoadError::HitError { found: error });
+        }
+        let frame = MeshFrame::new(header.frame);
+        let pads = [error, hit_error].map(|error| BoxPads::new(Pads::of(error), &frame));
+        Ok(Self { n_primitives, depth: header.depth, bounds: header.bounds, frame, pads })
     }
 }
 
@@ -41,7 +50,7 @@ impl Expected {
 ///
 /// References reach every record once. Boxes are compared with those that a refit writes for the same primitives: it writes
 /// those of a build, so they are equal, and what is proven of built boxes holds for loaded ones.
-pub(super) fn check_triangles(nodes: &Nodes, blocks: &[Half], expected: &Expected) -> Result<(), LoadError> {
+pub(super) fn check_triangles(nodes: &mut Nodes, blocks: &[Half], expected: &Expected) -> Result<(), LoadError> {
     let outline = outline(nodes, blocks.len(), &LeafLayout::BLOCKS, expected)?;
     if let Some(leaf) = outline.leaves.iter().find(|leaf| !refit::unused_lanes_are_zero(leaf, blocks)) {
         return Err(Flaw::Lane { block: leaf.unit(&LeafLayout::BLOCKS) }.into());
@@ -58,7 +67,7 @@ pub(super) fn check_triangles(nodes: &Nodes, blocks: &[Half], expected: &Expecte
 
 /// The same for primitives of the caller.
 pub(super) fn check_shapes<P: Primitive>(
-    nodes: &Nodes,
+    nodes: &mut Nodes,
     leaves: &Shapes<P>,
     expected: &Expected,
 ) -> Result<(), LoadError> {
@@ -119,14 +128,18 @@ fn check_boxes<I: Item>(
     items: &[I],
     bounds: Aabb,
     expected: &Expected,
-    nodes: &Nodes,
+    nodes: &mut Nodes,
 ) -> Result<(), LoadError> {
     if bounds != expected.bounds {
         return Err(LoadError::Bounds { expected: expected.bounds, found: bounds });
     }
     outline.nodes.iter().try_for_each(|node| refit::check_frame(node, &nodes.lines))?;
     let mut right = nodes.lines.clone();
-    refit::write_boxes(outline, items, &expected.frame, &mut right);
+    let [written, traced] = &expected.pads;
+    refit::write_boxes(outline, items, &expected.frame, written, &mut right);
     outline.nodes.iter().try_for_each(|node| refit::compare(node, &nodes.lines, &right))?;
+    if traced != written {
+        refit::write_boxes(outline, items, &expected.frame, traced, &mut nodes.lines);
+    }
     Ok(())
 }

@@ -45,6 +45,11 @@ pub enum LoadError {
         /// The cost.
         value: f32,
     },
+    /// An error of hits, which boxes are padded for, that is negative, above 1/8 or NaN.
+    HitError {
+        /// The error.
+        found: f32,
+    },
     /// More primitives than all leaves hold.
     Count {
         /// Primitives by the header.
@@ -83,6 +88,7 @@ impl fmt::Display for LoadError {
                 write!(f, "leaves and primitives of {found:?} bytes; those of the type have {expected:?}")
             }
             Self::Cost { value } => write!(f, "cost {value} is not a number"),
+            Self::HitError { found } => write!(f, "boxes padded for an error of {found}; expected one from 0 to 1/8"),
             Self::Count { n_expected, n_found } => {
                 write!(f, "{n_expected} primitives by the header, but leaves hold {n_found}")
             }

@@ -9,13 +9,13 @@ use crate::layout::{Line, MAX_LEAF, Word};
 pub(super) const MAGIC: [u8; 8] = *b"CANTWIDE";
 
 /// Changes with what the bytes mean.
-pub(super) const VERSION: u32 = 3;
+pub(super) const VERSION: u32 = 4;
 
 /// Bytes before the first node.
 pub(super) const HEADER_BYTES: usize = 160;
 
 /// Bytes of the header that are in use.
-const USED_BYTES: usize = 148;
+const USED_BYTES: usize = 152;
 
 /// Bytes of the checksum at the end.
 pub(super) const CHECKSUM_BYTES: usize = 8;
@@ -36,6 +36,8 @@ pub(super) struct Header {
     /// Bytes of a unit, and of a primitive that is stored in addition.
     pub(super) n_unit_bytes: u32,
     pub(super) n_primitive_bytes: u32,
+    /// The error of hits for which boxes are padded.
+    pub(super) hit_error: f32,
 }
 
 /// The cost before a first refit that has not happened: costs are not negative.
@@ -63,6 +65,7 @@ impl Header {
         for size in [self.n_unit_bytes, self.n_primitive_bytes] {
             out.extend(size.to_le_bytes());
         }
+        out.extend(self.hit_error.to_le_bytes());
         out.extend([0; HEADER_BYTES - USED_BYTES]);
     }
 
@@ -88,6 +91,7 @@ impl Header {
         let [per_ray, per_primitive] = [(); 2].map(|()| fields.number());
         let built = (per_ray >= 0.0 && per_primitive >= 0.0).then_some(RayCost { per_ray, per_primitive });
         let [n_unit_bytes, n_primitive_bytes] = [(); 2].map(|()| fields.word());
+        let hit_error = fields.number();
         // Costs may be infinite: that disables a kind of node.
         if let Some(&value) = costs.iter().find(|cost| cost.is_nan()) {
             return Err(LoadError::Cost { value });
@@ -105,6 +109,7 @@ impl Header {
             baseline: Baseline { costs, built },
             n_unit_bytes,
             n_primitive_bytes,
+            hit_error,
         })
     }
 

@@ -47,9 +47,9 @@ impl SavedPrimitive for Sphere {
 /// A leaf holds one box, so [`WideBvh::traverse_ordered`](crate::WideBvh::traverse_ordered) reports the boxes that a ray enters.
 ///
 /// # Error
-/// Quotients are computed in f64 and off by some 2^-52 relative, rounding `t` adds 2^-24·S: less than 2 u of the 20 u that
-/// are stated.
+/// Quotients are computed in f64 and off by some 2^-52 relative, rounding `t` adds 2^-24·S: less than the 2 u that are stated.
 impl Primitive for Aabb {
+    const ERROR: f32 = f32::EPSILON;
     const MAX_LEAF: usize = 1;
 
     fn bounds(&self) -> Aabb {

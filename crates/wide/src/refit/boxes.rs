@@ -8,10 +8,11 @@ use canted_trace::Slabs;
 use crate::emit::{write_boxes, write_slabs};
 use crate::flaw::Flaw;
 use crate::item::{self, Item};
-use crate::layout::{Line, NodeKind, Row};
+use crate::layout::{Line, NodeKind, Nodes, Row};
 use crate::outline::{NodeOutline, Outline, Slot};
 use crate::par;
-use crate::traverse::MeshFrame;
+use crate::reach::Reaches;
+use crate::traverse::{BoxPads, MeshFrame};
 
 /// What boxes are written from.
 struct Source<'a> {
@@ -21,27 +22,26 @@ struct Source<'a> {
     /// Boxes in the mesh frame, of leaves and nodes.
     leaf_boxes: Vec<Aabb>,
     node_boxes: Vec<Aabb>,
+    reaches: Reaches,
+    pads: &'a BoxPads,
 }
 
-/// Writes the boxes of all nodes, rounded outward as a build does it; `items` are by place.
+/// Writes the boxes of all nodes, rounded outward and padded as a build does it; `items` are by place.
 ///
 /// Boxes in the mesh frame are joined bottom-up. An oriented box is tight only if it is computed from all primitives below, so
 /// each primitive is read once for each oriented box around it.
-pub(crate) fn write<I: Item>(outline: &Outline, items: &[I], frame: &MeshFrame, lines: &mut [Line]) {
+pub(crate) fn write<I: Item>(outline: &Outline, items: &[I], frame: &MeshFrame, pads: &BoxPads, lines: &mut [Line]) {
     let boxes = item::boxes(items, frame.rows);
-    write_all(outline, &boxes, &|places, rows| I::slabs(&items[places], rows), lines);
+    let slabs = |places: Range<usize>, rows| I::slabs(&items[places], rows);
+    let reaches = Reaches::of_outline(outline, items);
+    let (leaf_boxes, node_boxes) = (vec![], vec![Aabb::EMPTY; outline.nodes.len()]);
+    write_all(&boxes, Source { outline, slabs: &slabs, leaf_boxes, node_boxes, reaches, pads }, lines);
 }
 
-fn write_all(
-    outline: &Outline,
-    boxes: &[Aabb],
-    slabs: &(dyn Fn(Range<usize>, [[f32; 3]; 3]) -> Slabs + Sync),
-    lines: &mut [Line],
-) {
+fn write_all(boxes: &[Aabb], mut source: Source, lines: &mut [Line]) {
+    let outline = source.outline;
     let join = |boxes: &[Aabb]| boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
-    let leaf_boxes: Vec<Aabb> = outline.leaves.iter().map(|leaf| join(&boxes[leaf.places.clone()])).collect();
-    let node_boxes = vec![Aabb::EMPTY; outline.nodes.len()];
-    let mut source = Source { outline, slabs, leaf_boxes, node_boxes };
+    source.leaf_boxes = outline.leaves.iter().map(|leaf| join(&boxes[leaf.places.clone()])).collect();
     for (i, node) in outline.nodes.iter().enumerate().rev() {
         let children = node.slots.map(|slot| source.aligned_box(slot).unwrap_or(Aabb::EMPTY));
         source.node_boxes[i] = join(&children);
@@ -66,11 +66,15 @@ impl Source<'_> {
 
     fn write_node(&self, node: &NodeOutline, out: &mut [Line]) {
         let rows: &mut [Row] = bytemuck::cast_slice_mut(out);
+        let pad = |slot| self.pads.of(node.kind, self.reaches.of_slot(slot));
         match node.kind {
-            NodeKind::Aligned => write_boxes(&mut rows[..6], |i| self.aligned_box(node.slots[i])),
+            NodeKind::Aligned => {
+                write_boxes(&mut rows[..6], |i| Some((self.aligned_box(node.slots[i])?, pad(node.slots[i]))));
+            }
             NodeKind::Oriented => {
                 for (i, &slot) in node.slots.iter().enumerate() {
-                    write_slabs(rows, i, self.oriented_box(slot, frame_of(rows, i)).as_ref());
+                    let slabs = self.oriented_box(slot, frame_of(rows, i));
+                    write_slabs(rows, i, slabs.map(|slabs| (slabs, pad(slot))));
                 }
             }
         }
@@ -82,15 +86,28 @@ fn frame_of(rows: &[Row], i: usize) -> [[f32; 3]; 3] {
     std::array::from_fn(|k| std::array::from_fn(|axis| rows[5 * k + axis][i]))
 }
 
-/// Half of the surface area of the box of slot `i`.
-pub(crate) fn half_area(node: &NodeOutline, lines: &[Line], i: usize) -> f64 {
-    let rows = rows_of(node, lines);
-    let extents: [f64; 3] = std::array::from_fn(|k| match node.kind {
-        NodeKind::Oriented => 2.0 * f64::from(rows[5 * k + 4][i]),
-        NodeKind::Aligned => f64::from(rows[2 * k + 1][i]) - f64::from(rows[2 * k][i]),
-    });
-    let [x, y, z] = extents;
-    x * y + y * z + z * x
+/// The boxes of a BVH, and how far they were padded.
+pub(super) struct Boxes<'a> {
+    pub(super) nodes: &'a Nodes,
+    pub(super) reaches: &'a Reaches,
+    pub(super) pads: &'a BoxPads,
+}
+
+impl Boxes<'_> {
+    /// Half of the surface area of the box of slot `i` without its padding, up to the rounding of padded planes.
+    pub(super) fn half_area(&self, node: &NodeOutline, i: usize) -> f64 {
+        let rows = rows_of(node, &self.nodes.lines);
+        let pad = self.pads.of(node.kind, self.reaches.of_slot(node.slots[i]));
+        let extents: [f64; 3] = std::array::from_fn(|k| {
+            let padded = match node.kind {
+                NodeKind::Oriented => 2.0 * f64::from(rows[5 * k + 4][i]),
+                NodeKind::Aligned => f64::from(rows[2 * k + 1][i]) - f64::from(rows[2 * k][i]),
+            };
+            (padded - 2.0 * pad).max(0.0)
+        });
+        let [x, y, z] = extents;
+        x * y + y * z + z * x
+    }
 }
 
 /// Whether the rows of all frames are as short as the box tests assume.

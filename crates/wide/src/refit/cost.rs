@@ -2,16 +2,15 @@
 
 use canted_obb::Aabb;
 
-use super::boxes::half_area;
+use super::boxes::Boxes;
 use crate::costs::{Costs, RayCost};
-use crate::layout::Nodes;
 use crate::outline::{Outline, Slot};
 
-/// Predicts costs with the boxes as they are; `bounds` enclose all primitives, whose areas sum to `area`.
+/// Predicts costs with the boxes as they are, without their padding; `bounds` enclose all primitives, whose areas sum to `area`.
 ///
 /// A ray enters a convex body inside another with the probability of the ratio of their surface areas; where `bounds` have
 /// no area, every ray enters all boxes. Summed in a fixed order.
-pub(super) fn predict(outline: &Outline, nodes: &Nodes, area: f64, bounds: &Aabb, costs: &Costs) -> RayCost {
+pub(super) fn predict(outline: &Outline, boxes: &Boxes, area: f64, bounds: &Aabb, costs: &Costs) -> RayCost {
     let all = 0.5 * bounds.area();
     let probability = |area: f64| if all > 0.0 { (area / all).min(1.0) } else { 1.0 };
     let mut sum = match (outline.nodes.first(), outline.leaves.first()) {
@@ -22,7 +21,7 @@ pub(super) fn predict(outline: &Outline, nodes: &Nodes, area: f64, bounds: &Aabb
     for node in &outline.nodes {
         for (i, &slot) in node.slots.iter().enumerate() {
             if slot != Slot::Empty {
-                sum += probability(half_area(node, &nodes.lines, i)) * visit(outline, slot, costs);
+                sum += probability(boxes.half_area(node, i)) * visit(outline, slot, costs);
             }
         }
     }

@@ -1,11 +1,17 @@
-//! Rays without pads lose hits: the tests for lost hits can fail.
+//! Rays without pads lose hits, on either side: the tests for lost hits can fail.
 
-use canted_fixtures::{Grazing, Mesh};
+use canted_fixtures::{Grazing, Mesh, SplitMix64};
 use canted_trace::{InstanceId, Ray, ScaledRay};
 
 use super::*;
+use crate::layout::LeafLayout;
+use crate::outline::Outline;
+use crate::refit::{Triangles, write_boxes};
 use crate::sink::BestHit;
+use crate::traverse::BoxPads;
 use crate::{Config, SimdPath, TriangleBvh};
+
+const NONE: Pads = Pads { aligned: 0.0, rotated: 0.0, oriented: 0.0 };
 
 /// The closest hit with pads of the test's choice.
 struct Padded<'a> {
@@ -27,30 +33,96 @@ impl Task for Padded<'_> {
     }
 }
 
-/// How many rays get another hit than with the proven pads.
-fn n_different(mesh: &Mesh, config: &Config, pads: Pads, path: SimdPath) -> usize {
-    let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles, config).expect("a valid mesh").with_path(path);
+/// The BVH with boxes padded by other relative pads.
+fn with_box_pads(mut bvh: TriangleBvh, pads: Pads) -> TriangleBvh {
+    let outline = Outline::of(&bvh.nodes, bvh.leaves.halves.len(), &LeafLayout::BLOCKS).expect("a valid BVH");
+    let triangles = Triangles::read(&outline, &bvh.leaves.halves);
+    write_boxes(&outline, &triangles.corners, &bvh.frame, &BoxPads::new(pads, &bvh.frame), &mut bvh.nodes.lines);
+    bvh
+}
+
+fn build(mesh: &Mesh, config: &Config) -> TriangleBvh {
+    TriangleBvh::build(&mesh.positions, &mesh.triangles, config).expect("a valid mesh")
+}
+
+/// How many rays get another hit than with the proven pads, if rays and boxes have these.
+fn n_different(bvh: &TriangleBvh, rays: &[Ray], of_rays: Pads, of_boxes: Pads, path: SimdPath) -> usize {
+    let proven = bvh.clone().with_path(path);
+    let bvh = with_box_pads(bvh.clone(), of_boxes);
+    let is_lost = |ray: &&Ray| path.run(Padded { bvh: &bvh, pads: of_rays, ray }) != proven.closest_hit(ray);
+    rays.iter().filter(is_lost).count()
+}
+
+fn grazing(mesh: &Mesh) -> Vec<Ray> {
     let rays = Grazing::ALL.into_iter().flat_map(|class| canted_fixtures::grazing(mesh, class, 2000, 1));
-    rays.map(|ray| Ray::new(ray.origin, ray.direction))
-        .filter(|ray| path.run(Padded { bvh: &bvh, pads, ray }) != bvh.closest_hit(ray))
-        .count()
+    rays.map(|ray| Ray::new(ray.origin, ray.direction)).collect()
+}
+
+fn paths() -> impl Iterator<Item = SimdPath> {
+    SimdPath::ALL.into_iter().filter(|path| path.is_available())
 }
 
 #[test]
 fn rays_without_pads_lose_hits() {
-    let none = Pads { aligned: 0.0, rotated: 0.0, oriented: 0.0 };
     let proven = Pads::of(canted_trace::HIT_ERROR);
     let mesh = canted_fixtures::scaffold_of(1, true, 3);
     let flat = canted_fixtures::coplanar_quads(20).off_axis();
-    for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+    for path in paths() {
         for (name, mesh, config) in [
             ("aligned nodes", &flat, Config::default().axis_aligned()),
             ("oriented nodes", &flat, Config::default()),
             ("struts", &mesh, Config::default()),
         ] {
-            assert_eq!(n_different(mesh, &config, proven, path), 0, "{name}");
-            let lost = n_different(mesh, &config, none, path);
+            let (bvh, rays) = (build(mesh, &config), grazing(mesh));
+            assert_eq!(n_different(&bvh, &rays, proven, proven, path), 0, "{name}");
+            let lost = n_different(&bvh, &rays, NONE, NONE, path);
             assert!(lost > 0, "{name}, {}: no hit is lost without pads", path.name());
+        }
+    }
+}
+
+/// Rays at corners of triangles, from near them and from as far as `far`, and back.
+fn at_corners(mesh: &Mesh, far: f64, n: usize) -> Vec<Ray> {
+    let mut rng = SplitMix64::new(7);
+    let mut ray = || {
+        let target = mesh.positions[rng.below(mesh.positions.len())].map(f64::from);
+        let direction = rng.on_sphere();
+        let distance = far * rng.unit();
+        #[expect(clippy::cast_possible_truncation, reason = "test data")]
+        let [origin, direction] =
+            [std::array::from_fn(|k| (target[k] - distance * direction[k]) as f32), direction.map(|x| x as f32)];
+        Ray::new(origin, direction)
+    };
+    (0..n).map(|_| ray()).collect()
+}
+
+/// Each part of the padding is needed: that of the ray where origins are far, that of the boxes where meshes are.
+#[test]
+fn either_part_of_the_padding_alone_loses_hits() {
+    let flat = canted_fixtures::coplanar_quads(20).off_axis();
+    let away = flat.placed(|[x, y, z]| [x + 1e4, y - 3e4, z + 2e4]);
+    for config in [Config::default().axis_aligned(), Config::default()] {
+        let (near_mesh, far_mesh) = (build(&flat, &config), build(&away, &config));
+        let from_afar = at_corners(&flat, 1e6, 20_000);
+        // Shifted so that the origins are near that of the space, and the mesh is not.
+        let mut to_far: Vec<Ray> = at_corners(&away, 4e4, 40_000);
+        to_far.retain(|ray| ray.origin.iter().all(|x| x.abs() < 3e3));
+        let mut own: Vec<Ray> = (0..20_000usize)
+            .map(|i| {
+                let [x, y, z] = away.positions[i * 7 % away.positions.len()];
+                #[expect(clippy::cast_precision_loss, reason = "test data")]
+                let s = i as f32 * 1e-3;
+                Ray::new([s, -s, 0.5 * s], [x - s, y + s, z - 0.5 * s])
+            })
+            .collect();
+        own.append(&mut to_far);
+        let proven = Pads::of(<crate::Triangle as LeafPrimitive>::ERROR);
+        for path in paths() {
+            let name = path.name();
+            assert_eq!(n_different(&near_mesh, &from_afar, proven, proven, path), 0, "{name}");
+            assert_eq!(n_different(&far_mesh, &own, proven, proven, path), 0, "{name}");
+            assert!(n_different(&near_mesh, &from_afar, NONE, proven, path) > 0, "{name}: rays need no pad");
+            assert!(n_different(&far_mesh, &own, proven, NONE, path) > 0, "{name}: boxes need no pad");
         }
     }
 }

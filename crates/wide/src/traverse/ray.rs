@@ -1,9 +1,11 @@
 use canted_trace::lanes::{SQRT_3, UNIT_ROUNDOFF as U, reciprocal};
 use canted_trace::{MIN_DIRECTION, ScaledRay};
 
+use crate::layout::NodeKind;
 use crate::simd::Simd;
 
-/// By how much a ray is thickened in box tests, in units of the space, or relative to `|o|∞ + ρ∞`; derived in `traverse`.
+/// Padding of box tests, relative to `|o|∞` on the side of the ray and to the reach of the content on that of the box; or the
+/// ray's part in units of the space. Derived in `traverse`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Pads {
     /// In aligned nodes of the identity frame.
@@ -20,28 +22,53 @@ impl Pads {
         Self { aligned: error + 6.0 * U, rotated: SQRT_3 * (error + 9.0 * U), oriented: SQRT_3 * (error + 14.0 * U) }
     }
 
-    /// Relative pads in units of the space, for a ray among boxes whose coordinates do not exceed `reach`.
+    /// The ray's part of relative pads, in units of the space.
     #[inline(always)]
-    pub(crate) fn along(self, ray: &ScaledRay, reach: f32) -> Self {
+    pub(crate) fn along(self, ray: &ScaledRay) -> Self {
         let [x, y, z] = ray.origin.map(f32::abs);
-        let scale = x.max(y).max(z) + reach;
+        let scale = x.max(y).max(z);
         let pad = |relative: f32| relative * scale + f32::MIN_POSITIVE;
         Self { aligned: pad(self.aligned), rotated: pad(self.rotated), oriented: pad(self.oriented) }
     }
 
-    /// Pads in units of the space for hits within `error` of what the boxes bound, in those units.
+    /// The ray's part of the pads, in units of the space, for hits within `error` of what the boxes bound, in those units.
     ///
     /// The hit is farther by the error, so roundings are relative to `S + e` instead of `S`.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "the step upward covers the rounding")]
-    pub(crate) fn within(error: f64, ray: &ScaledRay, reach: f32) -> Self {
+    pub(crate) fn within(error: f64, ray: &ScaledRay) -> Self {
         let [x, y, z] = ray.origin.map(f32::abs);
-        let scale = f64::from(x.max(y).max(z)) + f64::from(reach) + error;
+        let scale = f64::from(x.max(y).max(z)) + error;
         let Self { aligned, rotated, oriented } = const { Self::of(0.0) };
         let pad = |roundings: f32, stretch: f32| {
             ((f64::from(stretch) * error + f64::from(roundings) * scale) as f32).next_up() + f32::MIN_POSITIVE
         };
         Self { aligned: pad(aligned, 1.0), rotated: pad(rotated, SQRT_3), oriented: pad(oriented, SQRT_3) }
+    }
+}
+
+/// The boxes' part of the padding: how far their planes move outward, relative to the reach of what is inside.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct BoxPads {
+    aligned: f64,
+    oriented: f64,
+}
+
+impl BoxPads {
+    /// For nodes in this mesh frame.
+    pub(crate) fn new(pads: Pads, frame: &MeshFrame) -> Self {
+        let aligned = if frame.is_identity { pads.aligned } else { pads.rotated };
+        Self { aligned: aligned.into(), oriented: pads.oriented.into() }
+    }
+
+    /// How far the planes of a box move in a node of this kind, if no coordinate of its content exceeds `reach`.
+    #[inline]
+    pub(crate) fn of(&self, kind: NodeKind, reach: f32) -> f64 {
+        let relative = match kind {
+            NodeKind::Aligned => self.aligned,
+            NodeKind::Oriented => self.oriented,
+        };
+        relative * f64::from(reach)
     }
 }
 
@@ -89,7 +116,7 @@ pub(crate) struct RayLanes<S: Simd> {
 }
 
 impl<S: Simd> RayLanes<S> {
-    /// The lanes of `ray`, thickened by `pads` in units of the space.
+    /// The lanes of `ray` with its part of the pads, in units of the space.
     #[inline(always)]
     pub(crate) fn new(simd: S, ray: &ScaledRay, frame: &MeshFrame, pads: &Pads) -> Self {
         let (origin, direction, pad) = if frame.is_identity {

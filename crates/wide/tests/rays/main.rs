@@ -6,5 +6,6 @@ mod common;
 mod costs;
 mod crossings;
 mod hits;
+mod local;
 mod primitives;
 mod slices;

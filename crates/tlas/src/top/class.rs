@@ -1,0 +1,193 @@
+//! Instances whose hits have similar errors, and the BVH over their boxes.
+
+use canted_obb::{Aabb, Obb};
+use canted_trace::{InstanceId, Query, ScaledRay};
+use canted_wide::SimdPath;
+
+use super::TopConfig;
+use super::binary::BinaryTop;
+use super::wide::WideTop;
+use crate::InstanceError;
+use crate::placement::Bounds;
+use crate::rounding::up;
+
+/// A BVH over some of the instances.
+#[derive(Clone, Debug)]
+pub(super) struct Class {
+    bvh: Bvh,
+    /// The instances, ascending; empty if they are all instances.
+    ids: Vec<u32>,
+    /// Error of hits relative to the ray's origin, the greatest of all instances.
+    per_origin: f64,
+}
+
+#[derive(Clone, Debug)]
+enum Bvh {
+    Wide(WideTop),
+    Binary(BinaryTop),
+}
+
+/// The instances in classes in which the greatest `per_origin` is at most `spread` times the least. At least one class; a single
+/// one is empty and stands for all instances.
+#[expect(clippy::cast_possible_truncation, reason = "fewer than 2^30 instances")]
+pub(super) fn classify(bounds: &[Bounds], spread: f64) -> Vec<Vec<u32>> {
+    let error = |i: u32| bounds[i as usize].error.per_origin;
+    let (least, greatest) = range(bounds.iter());
+    if greatest <= spread * least || bounds.is_empty() {
+        return vec![vec![]];
+    }
+    let mut order: Vec<u32> = (0..bounds.len() as u32).collect();
+    order.sort_by(|&a, &b| error(a).total_cmp(&error(b)));
+    let mut classes: Vec<Vec<u32>> = vec![];
+    let mut limit = f64::NEG_INFINITY;
+    for i in order {
+        // Negated so that NaN, which no transform has, makes a class.
+        if !(error(i) <= limit) {
+            classes.push(vec![]);
+            limit = spread * error(i);
+        }
+        classes.last_mut().expect("the first instance makes a class").push(i);
+    }
+    classes.iter_mut().for_each(|ids| ids.sort_unstable());
+    classes
+}
+
+/// Least and greatest `per_origin`.
+fn range<'a>(bounds: impl Iterator<Item = &'a Bounds>) -> (f64, f64) {
+    let errors = bounds.map(|bounds| bounds.error.per_origin);
+    errors.fold((f64::INFINITY, 0.0), |(least, greatest): (f64, f64), x| (least.min(x), greatest.max(x)))
+}
+
+impl Class {
+    /// Builds over the instances `ids`; all if there are none.
+    pub(super) fn build(
+        bounds: &[Bounds],
+        ids: Vec<u32>,
+        config: &TopConfig,
+        path: SimdPath,
+    ) -> Result<Self, InstanceError> {
+        let of_class: Vec<&Bounds> = members(&ids, bounds).collect();
+        let bvh = match config {
+            TopConfig::Wide(config) => {
+                let boxes = of_class.iter().map(|bounds| grown_aabb(bounds)).collect();
+                Bvh::Wide(WideTop::build(boxes, *config, path).map_err(|error| in_all(error.into(), &ids))?)
+            }
+            TopConfig::Binary(config) => {
+                let obbs: Vec<Obb> = of_class.iter().map(|bounds| grown_obb(bounds)).collect();
+                Bvh::Binary(BinaryTop::build(&obbs, *config))
+            }
+        };
+        let per_origin = range(of_class.into_iter()).1;
+        Ok(Self { bvh, ids, per_origin })
+    }
+
+    pub(super) fn with_path(self, path: SimdPath) -> Self {
+        let bvh = match self.bvh {
+            Bvh::Wide(top) => Bvh::Wide(top.with_path(path)),
+            binary @ Bvh::Binary(_) => binary,
+        };
+        Self { bvh, ..self }
+    }
+
+    pub(super) fn n_bytes(&self) -> usize {
+        let of_bvh = match &self.bvh {
+            Bvh::Wide(top) => top.n_bytes(),
+            Bvh::Binary(top) => top.n_bytes(),
+        };
+        of_bvh + size_of_val(&self.ids[..])
+    }
+
+    pub(super) fn drift(&self) -> f32 {
+        match &self.bvh {
+            Bvh::Wide(top) => top.drift(),
+            Bvh::Binary(top) => top.drift(),
+        }
+    }
+
+    /// The greatest `per_origin` of the class over the least, with these bounds of all instances.
+    pub(super) fn spread(&self, bounds: &[Bounds]) -> f64 {
+        let (least, greatest) = range(members(&self.ids, bounds));
+        greatest / least
+    }
+
+    /// New bounds for the same instances.
+    pub(super) fn refit(&mut self, bounds: &[Bounds]) {
+        let of_class: Vec<&Bounds> = members(&self.ids, bounds).collect();
+        match &mut self.bvh {
+            Bvh::Wide(top) => top.refit(of_class.iter().map(|bounds| grown_aabb(bounds)).collect()),
+            Bvh::Binary(top) => top.refit(&of_class.iter().map(|bounds| grown_obb(bounds)).collect::<Vec<_>>()),
+        }
+        self.per_origin = range(of_class.into_iter()).1;
+    }
+
+    /// The error of hits that boxes do not contain.
+    #[inline]
+    fn error(&self, ray: &ScaledRay) -> f64 {
+        let [x, y, z] = ray.origin.map(f32::abs);
+        self.per_origin * f64::from(x.max(y).max(z))
+    }
+
+    /// The instance of a number in the class.
+    #[inline]
+    fn instance(&self, number: u32) -> InstanceId {
+        InstanceId(if self.ids.is_empty() { number } else { self.ids[number as usize] })
+    }
+
+    #[inline]
+    pub(super) fn traverse_ordered<Q: Query>(
+        &self,
+        ray: &ScaledRay,
+        query: &mut Q,
+        mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
+    ) {
+        let enter = |number, t_max, query: &mut Q| enter(self.instance(number), t_max, query);
+        match &self.bvh {
+            Bvh::Wide(top) => top.traverse_ordered(ray, self.error(ray), query, enter),
+            Bvh::Binary(top) => top.traverse_ordered(ray, self.error(ray), query, enter),
+        }
+    }
+
+    #[inline]
+    pub(super) fn traverse_any<Q: Query>(
+        &self,
+        ray: &ScaledRay,
+        query: &mut Q,
+        mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
+    ) {
+        let enter = |number, t_max, query: &mut Q| enter(self.instance(number), t_max, query);
+        match &self.bvh {
+            Bvh::Wide(top) => top.traverse_any(ray, self.error(ray), query, enter),
+            Bvh::Binary(top) => top.traverse_any(ray, self.error(ray), query, enter),
+        }
+    }
+}
+
+/// The bounds of a class.
+fn members<'a>(ids: &'a [u32], bounds: &'a [Bounds]) -> impl Iterator<Item = &'a Bounds> {
+    let all = if ids.is_empty() { bounds } else { &[] };
+    all.iter().chain(ids.iter().map(|&id| &bounds[id as usize]))
+}
+
+/// An error about a number in a class, about an instance.
+fn in_all(error: InstanceError, ids: &[u32]) -> InstanceError {
+    match error {
+        InstanceError::OutOfRange { instance } if !ids.is_empty() => {
+            InstanceError::OutOfRange { instance: ids[instance] as usize }
+        }
+        other => other,
+    }
+}
+
+/// The axis-aligned box that contains every hit but for `per_origin`, rounded outward; planes beyond the range of `f32` are its
+/// greatest numbers.
+fn grown_aabb(Bounds { obb, error }: &Bounds) -> Aabb {
+    let Aabb { min, max } = obb.aabb();
+    // A step outward covers the rounding of the sum.
+    let grow = |x: f32| up((f64::from(x) + error.fixed).next_up()).min(f32::MAX);
+    Aabb { min: min.map(|x| -grow(-x)), max: max.map(grow) }
+}
+
+/// The same as an oriented box, or the axis-aligned one where that has less area.
+fn grown_obb(bounds: &Bounds) -> Obb {
+    bounds.obb.grown(bounds.error.fixed).or_aabb(&grown_aabb(bounds))
+}

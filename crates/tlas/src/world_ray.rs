@@ -1,0 +1,143 @@
+//! A ray on its way through instances: directions of any length, and every `t` exact.
+//!
+//! ```text
+//! caller's ray -> WorldRay: direction times a power of two -> ObjectRay: mapped, times another -> bottom-level BVH
+//! caller's t   <- rounded once, at the end                 <- an f32 times a power of two, exact in f64
+//! ```
+//!
+//! A `t` in object space is an `f32`, that of the bottom-level BVH for a direction whose greatest component lies in `[1, 2)`. In
+//! world space it is that number times a power of two, which `f64` holds exactly, as it holds both ends of the caller's
+//! interval. So hits of different instances are compared without rounding, and multiplying a direction by a power of two
+//! changes nothing but the `t` that is reported.
+//!
+//! # Exponents
+//! The power of two of the caller's direction is from 2^-149 to 2^127. That of an instance is the length of a mapped direction:
+//! as the norm of a transform is below 2^130 and at least 2^-149, and its condition at most 2^20, it is from 2^-131 to 2^172. A
+//! `t` is from 2^-149 to 2^128. So every product lies between 2^-430 and 2^430, in the range of `f64`.
+
+use canted_trace::{Hit, Query, Ray, ScaledRay};
+
+use crate::rounding::{down, power_below, reciprocal_of_power, up};
+
+/// A world-space ray whose direction is scaled by a power of two; `t` is scaled, and exact.
+pub(crate) struct WorldRay {
+    /// The ray for boxes of the top level, its interval rounded outward.
+    pub(crate) top: ScaledRay,
+    pub(crate) origin: [f64; 3],
+    pub(crate) direction: [f64; 3],
+    pub(crate) t_min: f64,
+    pub(crate) t_max: f64,
+    /// The caller's `t` over the scaled one.
+    from_scaled: f64,
+}
+
+impl WorldRay {
+    /// `None` for a ray that cannot hit, as for [`ScaledRay::new`].
+    #[inline]
+    pub(crate) fn new(ray: &Ray) -> Option<Self> {
+        // Negated to reject NaN.
+        if !(ray.t_min >= 0.0 && ray.t_min <= ray.t_max) {
+            return None;
+        }
+        let mut top = ScaledRay::new(&Ray { t_min: 0.0, t_max: f32::INFINITY, ..*ray })?;
+        let from_scaled = reciprocal_of_power(top.scale());
+        let [t_min, t_max] = [ray.t_min, ray.t_max].map(|t| f64::from(t) * top.scale());
+        top.t_min = down(t_min);
+        top.t_max = up(t_max);
+        Some(Self {
+            top,
+            origin: ray.origin.map(f64::from),
+            direction: ray.direction.map(|d| f64::from(d) * from_scaled),
+            t_min,
+            t_max,
+            from_scaled,
+        })
+    }
+
+    /// The ray from `origin` along `direction` in object space, which are those of the instance but for the length of the
+    /// direction, with hits up to the scaled `t_max`. `None` where no `f32` lies in the interval.
+    #[inline]
+    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is accounted for in the error")]
+    pub(crate) fn in_object(&self, origin: [f64; 3], direction: [f64; 3], t_max: f64) -> Option<ObjectRay> {
+        let [x, y, z] = direction.map(f64::abs);
+        let mut to_object = power_below(x.max(y).max(z));
+        let shrink = reciprocal_of_power(to_object);
+        let mut direction = direction.map(|d| (d * shrink) as f32);
+        // Rounding may reach 2; the greatest component is then 1, and none that matters loses a bit.
+        if direction.iter().any(|d| d.abs() >= 2.0) {
+            direction = direction.map(|d| 0.5 * d);
+            to_object *= 2.0;
+        }
+        // Inward: the `t` of a bottom-level BVH is an f32, so these are the same hits as in the exact interval.
+        let (t_min, t_max) = (up(self.t_min * to_object), down(t_max * to_object));
+        let ray = Ray { origin: origin.map(|o| o as f32), direction, t_min, t_max };
+        let to_world = reciprocal_of_power(to_object);
+        (t_min <= t_max).then_some(ObjectRay { ray, to_world, to_caller: to_world * self.from_scaled })
+    }
+
+    /// The caller's `t` of a scaled one, rounded.
+    #[inline]
+    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+    pub(crate) fn caller_t(&self, scaled_t: f64) -> f32 {
+        (scaled_t * self.from_scaled) as f32
+    }
+}
+
+/// A ray in the object space of an instance, with a direction whose greatest component lies in `[1, 2)`.
+pub(crate) struct ObjectRay {
+    pub(crate) ray: Ray,
+    /// Scaled world `t` over object `t`.
+    to_world: f64,
+    /// The caller's `t` over object `t`.
+    to_caller: f64,
+}
+
+impl ObjectRay {
+    /// The scaled world `t` of an object `t`, exactly.
+    #[inline]
+    pub(crate) fn world_t(&self, t: f32) -> f64 {
+        f64::from(t) * self.to_world
+    }
+
+    /// The caller's query, for hits in object space.
+    #[inline]
+    pub(crate) fn query<'a, Q: Query>(&self, query: &'a mut Q) -> InInstance<'a, Q> {
+        InInstance { query, to_caller: self.to_caller }
+    }
+}
+
+/// Passes hits with the caller's `t` on to a query.
+pub(crate) struct InInstance<'a, Q> {
+    query: &'a mut Q,
+    to_caller: f64,
+}
+
+impl<Q: Query> Query for InInstance<'_, Q> {
+    const MAY_REJECT: bool = Q::MAY_REJECT;
+
+    #[inline(always)]
+    fn boxes(&mut self, n: u32) {
+        self.query.boxes(n);
+    }
+
+    #[inline(always)]
+    fn triangles(&mut self, n: u32) {
+        self.query.triangles(n);
+    }
+
+    #[inline(always)]
+    fn time(&self) -> f32 {
+        self.query.time()
+    }
+
+    #[inline(always)]
+    fn mask(&self) -> u32 {
+        self.query.mask()
+    }
+
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+    fn accepts(&mut self, hit: &Hit) -> bool {
+        !Q::MAY_REJECT || self.query.accepts(&Hit { t: (f64::from(hit.t) * self.to_caller) as f32, ..*hit })
+    }
+}

@@ -1,0 +1,5 @@
+//! Rays through instances, compared with a loop over all instances and all triangles.
+
+mod directions;
+mod local;
+mod oracle;

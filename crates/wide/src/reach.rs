@@ -1,0 +1,61 @@
+//! How far the content of each subtree reaches: what the padding of its box is relative to.
+
+use canted_lbvh::{Child, ChildKind, Tree, bottom_up};
+use canted_obb::{Aabb, Obb};
+
+use crate::item::Item;
+use crate::measure::Aligned;
+use crate::outline::{Outline, Slot};
+use crate::par;
+
+/// Items of one job.
+const CHUNK: usize = 1 << 13;
+
+/// Greatest absolute coordinates, object space, of the bounds of all primitives below each leaf and each node.
+pub(crate) struct Reaches {
+    leaf: Vec<f32>,
+    node: Vec<f32>,
+}
+
+impl Reaches {
+    /// Of a binary tree over `sorted` items in leaf order, whose boxes along `rows` are `aligned`.
+    pub(crate) fn of_tree<I: Item>(tree: &Tree, sorted: &[I], aligned: &Aligned, rows: [[f32; 3]; 3]) -> Self {
+        if rows == Obb::IDENTITY_FRAME {
+            // The boxes are those of object space.
+            let of_boxes = |boxes: &[Aabb]| par::map(boxes, CHUNK, 0.0, Aabb::reach);
+            return Self { leaf: of_boxes(&aligned.leaf_boxes), node: of_boxes(&aligned.inner_boxes) };
+        }
+        let leaf = par::map(sorted, CHUNK, 0.0, |item| item.aabb().reach());
+        let node = bottom_up(tree, 0.0, |i| leaf[i as usize], |_, _, a: &f32, b: &f32| a.max(*b));
+        Self { leaf, node }
+    }
+
+    /// Of the leaves and nodes of a BVH; `items` are by place.
+    pub(crate) fn of_outline<I: Item>(outline: &Outline, items: &[I]) -> Self {
+        let of_items = par::map(items, CHUNK, 0.0, |item| item.aabb().reach());
+        let greatest = |reaches: &[f32]| reaches.iter().copied().fold(0.0, f32::max);
+        let leaf = outline.leaves.iter().map(|leaf| greatest(&of_items[leaf.places.clone()])).collect();
+        let mut reaches = Self { leaf, node: vec![0.0; outline.nodes.len()] };
+        for (i, node) in outline.nodes.iter().enumerate().rev() {
+            reaches.node[i] = greatest(&node.slots.map(|slot| reaches.of_slot(slot)));
+        }
+        reaches
+    }
+
+    /// Below a child of the binary tree.
+    pub(crate) fn of_child(&self, child: Child) -> f32 {
+        match child.kind() {
+            ChildKind::Leaf(place) => self.leaf[place as usize],
+            ChildKind::Inner(id) => self.node[id.index()],
+        }
+    }
+
+    /// Below a slot of a node; 0 if it is empty.
+    pub(crate) fn of_slot(&self, slot: Slot) -> f32 {
+        match slot {
+            Slot::Empty => 0.0,
+            Slot::Leaf(leaf) => self.leaf[leaf],
+            Slot::Node(node) => self.node[node],
+        }
+    }
+}

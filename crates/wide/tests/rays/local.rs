@@ -1,0 +1,131 @@
+//! Box tests depend on the ray and on what is in a box, not on what is elsewhere in the mesh.
+//!
+//! Counted, so the results are the same on every machine. Not covered: scenes where the far part is hit.
+
+use canted_fixtures::{Mesh, SplitMix64};
+use canted_trace::{Counts, InstanceId, MollerTrumbore, Ray, Watertight};
+use canted_wide::{Preset, TriangleBvh};
+
+use crate::common::{brute, build};
+
+/// By how much a far part may raise the number of box tests.
+const MOST: f64 = 1.5;
+
+#[expect(clippy::cast_possible_truncation, reason = "test data")]
+fn to_f32(v: [f64; 3]) -> [f32; 3] {
+    v.map(|x| x as f32)
+}
+
+/// `n` triangles of about `size` in a cube from `-half` to `half` around `center`.
+fn detail(n: usize, half: f64, size: f64, center: [f64; 3], seed: u64) -> Mesh {
+    let mut rng = SplitMix64::new(seed);
+    let mut mesh = Mesh { positions: vec![], triangles: vec![] };
+    for i in 0..u32::try_from(n).unwrap() {
+        let at = rng.signed3();
+        for _ in 0..3 {
+            let corner = rng.signed3();
+            mesh.positions.push(to_f32([0, 1, 2].map(|k| center[k] + half * at[k] + 0.5 * size * corner[k])));
+        }
+        mesh.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
+    }
+    mesh
+}
+
+/// Two triangles of this half-width at `z`.
+fn floor(half: f32, z: f32) -> Mesh {
+    let positions = vec![[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]];
+    Mesh { positions, triangles: vec![[0, 1, 2], [0, 2, 3]] }
+}
+
+/// Rays from a cube of this half-width around `center`, in all directions.
+fn rays(n: usize, half: f64, center: [f64; 3], seed: u64) -> Vec<Ray> {
+    let mut rng = SplitMix64::new(seed);
+    let mut ray = || {
+        let at = rng.signed3();
+        Ray::new(to_f32([0, 1, 2].map(|k| center[k] + half * at[k])), to_f32(rng.on_sphere()))
+    };
+    (0..n).map(|_| ray()).collect()
+}
+
+/// Box tests a ray, by preset, after comparing a part of the hits with the loop.
+fn n_boxes(mesh: &Mesh, rays: &[Ray], n_checked: usize) -> Vec<(Preset, f64)> {
+    let expected: Vec<_> =
+        rays[..n_checked].iter().map(|ray| brute::<Watertight>(mesh, ray).first().copied()).collect();
+    let count = |preset: Preset| {
+        let bvh = build::<Watertight>(mesh, preset);
+        let mut counts = Counts::default();
+        for (i, ray) in rays.iter().enumerate() {
+            let hit = bvh.closest_hit_with(ray, InstanceId(0), &mut counts);
+            assert!(i >= n_checked || hit == expected[i], "{preset:?}: {ray:?}: {hit:?}, {:?}", expected[i]);
+        }
+        #[expect(clippy::cast_precision_loss, reason = "a number of tests")]
+        (preset, counts.boxes as f64 / rays.len() as f64)
+    };
+    [Preset::Fast, Preset::Balanced].map(count).into()
+}
+
+/// Compares box tests of `mesh` with and without `far`.
+fn assert_local(what: &str, mesh: &Mesh, far: &Mesh, rays: &[Ray]) {
+    let alone = n_boxes(mesh, rays, 0);
+    let together = n_boxes(&mesh.joined(far), rays, 60);
+    for ((name, alone), (_, together)) in alone.iter().zip(&together) {
+        assert!(*together <= MOST * alone, "{what}, {name:?}: {together} box tests a ray instead of {alone}");
+    }
+}
+
+#[test]
+fn a_floor_of_any_size_does_not_slow_small_detail() {
+    let mesh = detail(50_000, 1.0, 0.01, [0.0; 3], 1);
+    let rays = rays(2_000, 1.0, [0.0; 3], 2);
+    for half in [1e4, 1e5, 1e6] {
+        assert_local(&format!("a floor of {half}"), &mesh, &floor(half, -1.1), &rays);
+    }
+}
+
+#[test]
+fn a_sky_does_not_slow_small_detail() {
+    let mesh = detail(50_000, 1.0, 0.01, [0.3, -0.2, 0.7], 3);
+    let sky = canted_fixtures::icosphere(2).placed(|p| p.map(|x| 1e6 * x));
+    assert_local("a sky", &mesh, &sky, &rays(2_000, 1.0, [0.3, -0.2, 0.7], 4));
+}
+
+/// Rays in the small cluster at the origin of the space, next to one of a million; and the other way round.
+#[test]
+fn clusters_of_very_different_scale_do_not_slow_each_other() {
+    let small = detail(10_000, 1e-6, 1e-8, [0.0; 3], 5);
+    let large = detail(10_000, 1e6, 1e4, [3e6, 0.0, 0.0], 6);
+    assert_local("a large cluster", &small, &large, &rays(2_000, 1e-6, [0.0; 3], 7));
+    assert_local("a small cluster", &large, &small, &rays(2_000, 1e6, [3e6, 0.0, 0.0], 8));
+}
+
+/// Boxes that a refit writes are as local as those of a build, and so are those read from a file of another triangle test.
+#[test]
+fn refitted_and_loaded_boxes_are_local() {
+    let mesh = detail(20_000, 1.0, 0.015, [0.0; 3], 9).joined(&floor(1e6, -1.1));
+    let shrunk = mesh.placed(|p| p.map(|x| 0.5 * x));
+    let rays = rays(500, 0.5, [0.0; 3], 10);
+    let mut bvh = build::<Watertight>(&mesh, Preset::Fast);
+    bvh.refit(&shrunk.positions, &shrunk.triangles).unwrap();
+    let other = build::<MollerTrumbore>(&shrunk, Preset::Fast).to_bytes();
+    let [mut built, mut refitted, mut loaded] = [Counts::default(); 3];
+    let of_build = build::<Watertight>(&shrunk, Preset::Fast);
+    let of_other = TriangleBvh::<Watertight>::from_bytes(&other).unwrap();
+    for ray in &rays {
+        let hit = of_build.closest_hit_with(ray, InstanceId(0), &mut built);
+        assert_eq!(bvh.closest_hit_with(ray, InstanceId(0), &mut refitted), hit, "{ray:?}");
+        assert_eq!(of_other.closest_hit_with(ray, InstanceId(0), &mut loaded), hit, "{ray:?}");
+    }
+    // A power of two changes no decision of the build, so that the boxes are the same bit for bit.
+    assert_eq!((refitted, loaded), (built, built));
+    assert_eq!(of_other.to_bytes(), of_build.to_bytes());
+    assert_eq!(TriangleBvh::<MollerTrumbore>::from_bytes(&of_build.to_bytes()).unwrap().to_bytes(), other);
+}
+
+/// The counter counts: a ray that misses all tests the root alone.
+#[test]
+fn a_miss_tests_one_node() {
+    let bvh = build::<Watertight>(&detail(1_000, 1.0, 0.01, [0.0; 3], 11), Preset::Fast);
+    let mut counts = Counts::default();
+    assert_eq!(bvh.closest_hit_with(&Ray::new([5.0, 0.0, 0.0], [1.0, 0.0, 0.0]), InstanceId(0), &mut counts), None);
+    assert_eq!(counts.boxes, 8);
+}
