@@ -85,7 +85,7 @@ pub(crate) fn emit<U: Copy + Send>(
         }
     };
     par::for_pieces(&together, &mut units, |leaves| unit_of(&leaves[0]), write_leaves);
-    Ok((Nodes { lines, root, depth }, units))
+    Ok((Nodes::new(lines.into(), root, depth), units))
 }
 
 impl LeafDraft {

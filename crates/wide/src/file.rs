@@ -176,7 +176,7 @@ fn read(bytes: &[u8], sizes: [usize; 2]) -> Result<(Header, Nodes, [&[u8]; 2]), 
     let [n_line_bytes, n_unit_bytes, _] = header.section_bytes().map(|n| n as usize);
     let (lines, rest) = content[HEADER_BYTES..].split_at(n_line_bytes);
     let (units, primitives) = rest.split_at(n_unit_bytes);
-    let nodes = Nodes { lines: words_of(lines), root: header.root, depth: header.depth };
+    let nodes = Nodes::new(words_of(lines).into(), header.root, header.depth);
     Ok((header, nodes, [units, primitives]))
 }
 

@@ -13,6 +13,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::records::Records;
+
 /// A cache line of two eight-lane rows; nodes start on one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C, align(64))]
@@ -207,13 +209,21 @@ impl Lane {
 /// All nodes of a BVH.
 #[derive(Clone, Debug)]
 pub struct Nodes {
-    pub(crate) lines: Vec<Line>,
+    pub(crate) lines: Records<Line>,
     pub(crate) root: Word,
+    /// Whether any node is oriented.
+    pub(crate) has_oriented: bool,
     /// Greatest number of nodes from the root to a leaf.
     pub(crate) depth: u32,
 }
 
 impl Nodes {
+    pub(crate) fn new(lines: Records<Line>, root: Word, depth: u32) -> Self {
+        let mut nodes = Self { lines, root, has_oriented: false, depth };
+        nodes.has_oriented = nodes.n_of_each_kind()[NodeKind::Oriented as usize] > 0;
+        nodes
+    }
+
     pub(crate) fn n_bytes(&self) -> usize {
         size_of_val(&self.lines[..])
     }

@@ -106,6 +106,7 @@ mod outline;
 mod primitive;
 mod queries;
 mod raw;
+mod records;
 mod refit;
 mod shape;
 mod simd;
