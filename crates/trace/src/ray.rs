@@ -91,6 +91,22 @@ impl ScaledRay {
         self.to_scaled
     }
 
+    /// A ray from what [`ScaledRay::new`] computes; `to_scaled` must be a power of two.
+    #[doc(hidden)]
+    #[inline]
+    #[must_use]
+    pub fn from_parts(origin: [f32; 3], direction: [f32; 3], [t_min, t_max]: [f32; 2], to_scaled: f64) -> Self {
+        Self { origin, direction, t_min, t_max, to_scaled }
+    }
+
+    /// Scaled `t` over `t`: an exact power of two.
+    #[doc(hidden)]
+    #[inline]
+    #[must_use]
+    pub fn to_scaled(&self) -> f64 {
+        self.to_scaled
+    }
+
     /// The scaled `t` of a `t` of the original ray.
     #[inline]
     #[must_use]

@@ -1,14 +1,14 @@
 //! Queries, ray by ray or slice by slice.
 
-use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay};
+use canted_trace::{Hit, InstanceId, Query, Ray};
 
 use crate::bvh::WideBvh;
 use crate::leaf::LeafPrimitive;
 use crate::par;
 use crate::simd::{Simd, Task};
-use crate::sink::{AllHits, BestHit, FilterQuery};
-use crate::trace::trace;
-use crate::traverse::Stack;
+use crate::sink::{AllHits, AnyHit, BestHit, FilterQuery};
+use crate::trace::{prepare, trace};
+use crate::traverse::{EightRays, Pads, Stack, TracedRay};
 
 /// Rays of one job: few enough to balance threads, enough that choosing the instructions costs nothing.
 const CHUNK: usize = 1024;
@@ -26,45 +26,70 @@ impl<'a, S: Simd, P: LeafPrimitive> Tracer<'a, S, P> {
         Self { simd, bvh, stack: Stack::new(bvh.nodes.depth) }
     }
 
-    /// The closest hit that the query accepts where `ORDERED`, otherwise any.
     #[inline(always)]
-    fn best_hit<Q: Query, const ORDERED: bool>(
-        &mut self,
-        ray: &Ray,
-        instance: InstanceId,
-        query: &mut Q,
-    ) -> Option<Hit> {
-        let ray = ScaledRay::new(ray)?;
-        let mut best = BestHit::<Q, ORDERED>::new(query, instance);
-        trace(self.simd, self.bvh, &ray, &mut self.stack, &mut best);
-        best.hit(&ray)
+    fn prepare(&self, ray: &Ray) -> Option<TracedRay> {
+        prepare(self.bvh, ray)
+    }
+
+    /// The closest hit that the query accepts.
+    #[inline(always)]
+    fn closest_hit<Q: Query>(&mut self, ray: &TracedRay, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+        let mut best = BestHit::new(query, instance);
+        trace(self.simd, self.bvh, ray, &mut self.stack, &mut best);
+        best.hit(&ray.scaled)
+    }
+
+    /// Whether the query accepts any hit.
+    #[inline(always)]
+    fn occluded<Q: Query>(&mut self, ray: &TracedRay, instance: InstanceId, query: &mut Q) -> bool {
+        let mut any = AnyHit::new(query, instance);
+        trace(self.simd, self.bvh, ray, &mut self.stack, &mut any);
+        any.found
     }
 
     /// Every hit that the query accepts.
     #[inline(always)]
-    fn all_hits<Q: Query>(&mut self, ray: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
-        hits.clear();
-        let Some(ray) = ScaledRay::new(ray) else { return };
+    fn all_hits<Q: Query>(&mut self, ray: &TracedRay, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
         let mut all = AllHits { query, instance, hits };
-        trace(self.simd, self.bvh, &ray, &mut self.stack, &mut all);
-        all.finish(&ray);
+        trace(self.simd, self.bvh, ray, &mut self.stack, &mut all);
+        all.finish(&ray.scaled);
     }
 }
 
-/// One ray with a query that may count: the closest hit where `ORDERED`, otherwise any.
-pub(crate) struct One<'a, P: LeafPrimitive, Q, const ORDERED: bool> {
+/// The closest hit of one ray with a query that may count.
+pub(crate) struct ClosestOfOne<'a, P: LeafPrimitive, Q> {
     pub(crate) bvh: &'a WideBvh<P>,
     pub(crate) ray: &'a Ray,
     pub(crate) instance: InstanceId,
     pub(crate) query: &'a mut Q,
 }
 
-impl<P: LeafPrimitive, Q: Query, const ORDERED: bool> Task for One<'_, P, Q, ORDERED> {
+impl<P: LeafPrimitive, Q: Query> Task for ClosestOfOne<'_, P, Q> {
     type Output = Option<Hit>;
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Option<Hit> {
-        Tracer::new(simd, self.bvh).best_hit::<Q, ORDERED>(self.ray, self.instance, self.query)
+        let mut tracer = Tracer::new(simd, self.bvh);
+        tracer.closest_hit(&tracer.prepare(self.ray)?, self.instance, self.query)
+    }
+}
+
+/// Whether one ray is occluded, with a query that may count.
+pub(crate) struct OccludedOne<'a, P: LeafPrimitive, Q> {
+    pub(crate) bvh: &'a WideBvh<P>,
+    pub(crate) ray: &'a Ray,
+    pub(crate) instance: InstanceId,
+    pub(crate) query: &'a mut Q,
+}
+
+impl<P: LeafPrimitive, Q: Query> Task for OccludedOne<'_, P, Q> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) -> bool {
+        let mut tracer = Tracer::new(simd, self.bvh);
+        let Some(ray) = tracer.prepare(self.ray) else { return false };
+        tracer.occluded(&ray, self.instance, self.query)
     }
 }
 
@@ -82,7 +107,11 @@ impl<P: LeafPrimitive, Q: Query> Task for AllOfOne<'_, P, Q> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) {
-        Tracer::new(simd, self.bvh).all_hits(self.ray, self.instance, self.query, self.hits);
+        self.hits.clear();
+        let mut tracer = Tracer::new(simd, self.bvh);
+        if let Some(ray) = tracer.prepare(self.ray) {
+            tracer.all_hits(&ray, self.instance, self.query, self.hits);
+        }
     }
 }
 
@@ -91,45 +120,118 @@ pub(crate) trait BatchQuery<P: LeafPrimitive>: Sync {
     /// The answer for one ray.
     type Answer: Send;
 
+    /// Overwrites `answer` with that of a ray that cannot hit.
+    fn miss(answer: &mut Self::Answer);
+
     /// Overwrites `answer` with that of the ray of this index.
-    fn run<S: Simd>(&self, tracer: &mut Tracer<S, P>, index: usize, ray: &Ray, answer: &mut Self::Answer);
+    fn run<S: Simd>(
+        &self,
+        tracer: &mut Tracer<S, P>,
+        index: usize,
+        ray: &Ray,
+        traced: &TracedRay,
+        answer: &mut Self::Answer,
+    );
 }
 
-/// The closest hit that a function accepts.
-pub(crate) struct Closest<F>(pub(crate) F);
+/// The query with which a function accepts the hits of a ray.
+pub(crate) trait Accepts: Sync {
+    type Query<'a>: Query
+    where
+        Self: 'a;
 
-impl<P: LeafPrimitive, F: Fn(usize, &Ray, &Hit) -> bool + Sync> BatchQuery<P> for Closest<F> {
+    fn query<'a>(&'a self, index: usize, ray: &'a Ray) -> Self::Query<'a>;
+}
+
+/// Accepts every hit.
+pub(crate) struct Everything;
+
+impl Accepts for Everything {
+    type Query<'a> = ();
+
+    #[inline(always)]
+    fn query(&self, _: usize, _: &Ray) {}
+}
+
+impl<F: Fn(usize, &Ray, &Hit) -> bool + Sync> Accepts for F {
+    type Query<'a>
+        = FilterQuery<'a, F>
+    where
+        F: 'a;
+
+    #[inline(always)]
+    fn query<'a>(&'a self, index: usize, ray: &'a Ray) -> FilterQuery<'a, F> {
+        FilterQuery { accepts: self, index, ray }
+    }
+}
+
+/// The closest hit that is accepted.
+pub(crate) struct Closest<A>(pub(crate) A);
+
+impl<P: LeafPrimitive, A: Accepts> BatchQuery<P> for Closest<A> {
     type Answer = Option<Hit>;
 
+    fn miss(hit: &mut Option<Hit>) {
+        *hit = None;
+    }
+
     #[inline(always)]
-    fn run<S: Simd>(&self, tracer: &mut Tracer<S, P>, index: usize, ray: &Ray, hit: &mut Option<Hit>) {
-        let query = &mut FilterQuery { accepts: &self.0, index, ray };
-        *hit = tracer.best_hit::<_, true>(ray, InstanceId(0), query);
+    fn run<S: Simd>(
+        &self,
+        tracer: &mut Tracer<S, P>,
+        index: usize,
+        ray: &Ray,
+        traced: &TracedRay,
+        hit: &mut Option<Hit>,
+    ) {
+        *hit = tracer.closest_hit(traced, InstanceId(0), &mut self.0.query(index, ray));
     }
 }
 
-/// Whether there is a hit that a function accepts.
-pub(crate) struct Occluded<F>(pub(crate) F);
+/// Whether there is a hit that is accepted.
+pub(crate) struct Occluded<A>(pub(crate) A);
 
-impl<P: LeafPrimitive, F: Fn(usize, &Ray, &Hit) -> bool + Sync> BatchQuery<P> for Occluded<F> {
+impl<P: LeafPrimitive, A: Accepts> BatchQuery<P> for Occluded<A> {
     type Answer = bool;
 
+    fn miss(occluded: &mut bool) {
+        *occluded = false;
+    }
+
     #[inline(always)]
-    fn run<S: Simd>(&self, tracer: &mut Tracer<S, P>, index: usize, ray: &Ray, occluded: &mut bool) {
-        let query = &mut FilterQuery { accepts: &self.0, index, ray };
-        *occluded = tracer.best_hit::<_, false>(ray, InstanceId(0), query).is_some();
+    fn run<S: Simd>(
+        &self,
+        tracer: &mut Tracer<S, P>,
+        index: usize,
+        ray: &Ray,
+        traced: &TracedRay,
+        occluded: &mut bool,
+    ) {
+        *occluded = tracer.occluded(traced, InstanceId(0), &mut self.0.query(index, ray));
     }
 }
 
-/// Every hit that a function accepts.
-pub(crate) struct Every<F>(pub(crate) F);
+/// Every hit that is accepted.
+pub(crate) struct Every<A>(pub(crate) A);
 
-impl<P: LeafPrimitive, F: Fn(usize, &Ray, &Hit) -> bool + Sync> BatchQuery<P> for Every<F> {
+impl<P: LeafPrimitive, A: Accepts> BatchQuery<P> for Every<A> {
     type Answer = Vec<Hit>;
 
+    fn miss(hits: &mut Vec<Hit>) {
+        hits.clear();
+    }
+
     #[inline(always)]
-    fn run<S: Simd>(&self, tracer: &mut Tracer<S, P>, index: usize, ray: &Ray, hits: &mut Vec<Hit>) {
-        tracer.all_hits(ray, InstanceId(0), &mut FilterQuery { accepts: &self.0, index, ray }, hits);
+    fn run<S: Simd>(
+        &self,
+        tracer: &mut Tracer<S, P>,
+        index: usize,
+        ray: &Ray,
+        traced: &TracedRay,
+        hits: &mut Vec<Hit>,
+    ) {
+        hits.clear();
+        tracer.all_hits(traced, InstanceId(0), &mut self.0.query(index, ray), hits);
     }
 }
 
@@ -148,9 +250,16 @@ impl<P: LeafPrimitive, B: BatchQuery<P>> Task for Slice<'_, P, B> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) {
-        let mut tracer = Tracer::new(simd, self.bvh);
-        for (i, (ray, answer)) in self.rays.iter().zip(self.answers).enumerate() {
-            self.query.run(&mut tracer, self.first + i, ray, answer);
+        let Self { bvh, query, first, rays, answers } = self;
+        let mut tracer = Tracer::new(simd, bvh);
+        for (i, (rays, answers)) in rays.chunks(8).zip(answers.chunks_mut(8)).enumerate() {
+            let eight = EightRays::new(simd, rays, &bvh.frame, const { Pads::of(P::ERROR) });
+            for (lane, (ray, answer)) in rays.iter().zip(answers).enumerate() {
+                match eight.ray(lane) {
+                    Some(traced) => query.run(&mut tracer, first + 8 * i + lane, ray, &traced, answer),
+                    None => B::miss(answer),
+                }
+            }
         }
     }
 }

@@ -7,7 +7,7 @@ use crate::layout::NodeKind;
 use crate::leaf::{HitSink, LeafPrimitive};
 use crate::simd::{Simd, Task};
 use crate::sink::BestHit;
-use crate::trace::trace;
+use crate::trace::{prepare, trace};
 use crate::traverse::Stack;
 
 /// Visits by rays that search for their closest hit.
@@ -42,9 +42,9 @@ impl<P: LeafPrimitive> Task for Counting<'_, P> {
         let mut counts = TraversalCounts::default();
         let mut stack = Stack::new(self.bvh.nodes.depth);
         for ray in self.rays {
-            let Some(ray) = ScaledRay::new(ray) else { continue };
+            let Some(ray) = prepare(self.bvh, ray) else { continue };
             let mut accept_all = ();
-            let best = BestHit::<_, true>::new(&mut accept_all, InstanceId(0));
+            let best = BestHit::new(&mut accept_all, InstanceId(0));
             trace(simd, self.bvh, &ray, &mut stack, &mut Counted { best, counts: &mut counts });
         }
         counts
@@ -53,7 +53,7 @@ impl<P: LeafPrimitive> Task for Counting<'_, P> {
 
 /// The closest hit, and what was visited to find it.
 struct Counted<'a, 'q> {
-    best: BestHit<'q, (), true>,
+    best: BestHit<'q, ()>,
     counts: &'a mut TraversalCounts,
 }
 

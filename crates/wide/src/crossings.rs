@@ -14,7 +14,7 @@ use crate::layout::NodeKind;
 use crate::leaf::HitSink;
 use crate::simd::{Simd, Task};
 use crate::sink::by_t;
-use crate::trace::trace;
+use crate::trace::{prepare, trace};
 use crate::traverse::Stack;
 use crate::triangle::TriangleBvh;
 
@@ -47,9 +47,9 @@ impl Task for Crossings<'_> {
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) {
         self.crossings.clear();
-        let Some(ray) = ScaledRay::new(self.ray) else { return };
+        let Some(ray) = prepare(self.bvh, self.ray) else { return };
         let mut stack = Stack::new(self.bvh.nodes.depth);
-        let mut sink = CrossingSink { shear: Shear::new(&ray), inner: self.crossings, on_edges: Vec::new() };
+        let mut sink = CrossingSink { shear: Shear::new(&ray.scaled), inner: self.crossings, on_edges: Vec::new() };
         trace(simd, self.bvh, &ray, &mut stack, &mut sink);
         let CrossingSink { inner, on_edges, .. } = sink;
         inner.sort_unstable_by(by_t);
@@ -57,7 +57,7 @@ impl Task for Crossings<'_> {
         inner.extend(once_each(on_edges));
         inner.sort_unstable_by(by_t);
         for hit in inner {
-            hit.t = ray.caller_t(hit.t);
+            hit.t = ray.scaled.caller_t(hit.t);
         }
     }
 }

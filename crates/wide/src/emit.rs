@@ -89,7 +89,8 @@ pub(crate) fn emit<U: Copy + Send>(
         }
     };
     par::for_pieces(&together, &mut units, |leaves| unit_of(&leaves[0]), write_leaves);
-    Ok((Nodes { lines, root, depth }, units))
+    let has_oriented = drafts.iter().any(|draft| draft.kind == NodeKind::Oriented);
+    Ok((Nodes { lines: lines.into(), root, has_oriented, depth }, units))
 }
 
 impl LeafDraft {

@@ -13,6 +13,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::records::Records;
+
 /// A cache line of two eight-lane rows; nodes start on one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C, align(64))]
@@ -207,8 +209,10 @@ impl Lane {
 /// All nodes of a BVH.
 #[derive(Clone, Debug)]
 pub struct Nodes {
-    pub(crate) lines: Vec<Line>,
+    pub(crate) lines: Records<Line>,
     pub(crate) root: Word,
+    /// Whether a node may be oriented.
+    pub(crate) has_oriented: bool,
     /// Greatest number of nodes from the root to a leaf.
     pub(crate) depth: u32,
 }

@@ -14,6 +14,11 @@ pub trait LeafPrimitive: Send + Sync + Sized {
     /// Storage of all leaves.
     #[doc(hidden)]
     type Leaves: Send + Sync;
+    /// All leaves as one traversal sees them.
+    #[doc(hidden)]
+    type View<'a>: Copy
+    where
+        Self: 'a;
     /// What a [`HitSink`] is shown of the primitive that was hit.
     #[doc(hidden)]
     type Shape;
@@ -26,12 +31,15 @@ pub trait LeafPrimitive: Send + Sync + Sized {
     const ERROR: f32;
 
     #[doc(hidden)]
+    fn view(leaves: &Self::Leaves) -> Self::View<'_>;
+
+    #[doc(hidden)]
     fn prepare<S: Simd>(simd: S, ray: &ScaledRay) -> Self::Prepared<S>;
 
     /// Passes all hits of a leaf with `t <= t_max` to `sink`. Returns what `sink` returned last, or `t_max`.
     #[doc(hidden)]
     fn intersect_leaf<S: Simd, T: HitSink<Self::Shape>>(
-        leaves: &Self::Leaves,
+        leaves: Self::View<'_>,
         simd: S,
         prepared: &Self::Prepared<S>,
         ray: &ScaledRay,
@@ -80,6 +88,15 @@ pub struct LeafData<'a> {
 pub trait HitSink<M: ?Sized> {
     /// Whether nearer subtrees must be visited first.
     const ORDERED: bool;
+
+    /// Whether every hit is accepted and the first one ends the traversal.
+    const ANY: bool = false;
+
+    /// Takes a hit that is certain but not computed, where [`HitSink::ANY`]. Returns a negative number.
+    #[inline(always)]
+    fn take_any(&mut self) -> f32 {
+        unreachable!("asked of sinks of any hit only")
+    }
 
     /// Takes a hit with `t_min <= t <= t_max`, all scaled. Returns the new `t_max`; a negative one ends the traversal.
     fn take(&mut self, ray: &ScaledRay, hit: Hit, shape: &M, t_max: f32) -> f32;

@@ -107,6 +107,7 @@ mod primitive;
 mod queries;
 mod raw;
 mod reach;
+mod records;
 mod refit;
 mod shape;
 mod simd;

@@ -1,6 +1,6 @@
 use canted_trace::{Hit, InstanceId, Query, Ray};
 
-use crate::batch::{AllOfOne, One};
+use crate::batch::{AllOfOne, ClosestOfOne, OccludedOne};
 use crate::bvh::WideBvh;
 use crate::leaf::LeafPrimitive;
 use crate::sink::FilterQuery;
@@ -54,12 +54,12 @@ impl<P: LeafPrimitive> WideBvh<P> {
 
     /// The hit of least `t` that the query accepts, as a hit on `instance`; ties go to the lowest primitive.
     pub fn closest_hit_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
-        self.path.run(One::<_, _, true> { bvh: self, ray, instance, query })
+        self.path.run(ClosestOfOne { bvh: self, ray, instance, query })
     }
 
     /// Whether the query accepts any hit.
     pub fn occluded_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> bool {
-        self.path.run(One::<_, _, false> { bvh: self, ray, instance, query }).is_some()
+        self.path.run(OccludedOne { bvh: self, ray, instance, query })
     }
 
     /// Every hit that the query accepts, as hits on `instance`. Replaces the content of `hits`.

@@ -18,6 +18,10 @@ pub struct Shapes<P> {
 
 impl<P: Primitive> LeafPrimitive for P {
     type Leaves = Shapes<P>;
+    type View<'a>
+        = &'a Shapes<P>
+    where
+        P: 'a;
     type Shape = P;
     type Prepared<S: Simd> = ();
 
@@ -25,6 +29,11 @@ impl<P: Primitive> LeafPrimitive for P {
         assert!(P::ERROR >= 0.0 && P::ERROR <= 0.125, "the proof of the pads holds for errors of at most 1/8");
         P::ERROR
     };
+
+    #[inline(always)]
+    fn view(leaves: &Shapes<P>) -> &Shapes<P> {
+        leaves
+    }
 
     #[inline(always)]
     fn prepare<S: Simd>(_: S, _: &ScaledRay) {}

@@ -7,15 +7,15 @@ use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay};
 use crate::layout::NodeKind;
 use crate::leaf::HitSink;
 
-/// Keeps the first of the hits that a query accepts or, where not `ORDERED`, any.
-pub(crate) struct BestHit<'a, Q, const ORDERED: bool> {
+/// Keeps the first of the hits that a query accepts.
+pub(crate) struct BestHit<'a, Q> {
     query: &'a mut Q,
     instance: InstanceId,
     /// `t` scaled.
     best: Option<Hit>,
 }
 
-impl<'a, Q, const ORDERED: bool> BestHit<'a, Q, ORDERED> {
+impl<'a, Q> BestHit<'a, Q> {
     #[inline(always)]
     pub(crate) fn new(query: &'a mut Q, instance: InstanceId) -> Self {
         Self { query, instance, best: None }
@@ -28,17 +28,58 @@ impl<'a, Q, const ORDERED: bool> BestHit<'a, Q, ORDERED> {
     }
 }
 
-impl<M: ?Sized, Q: Query, const ORDERED: bool> HitSink<M> for BestHit<'_, Q, ORDERED> {
-    const ORDERED: bool = ORDERED;
+impl<M: ?Sized, Q: Query> HitSink<M> for BestHit<'_, Q> {
+    const ORDERED: bool = true;
 
     #[inline(always)]
     fn take(&mut self, ray: &ScaledRay, hit: Hit, _: &M, t_max: f32) -> f32 {
         let is_first = self.best.is_none_or(|best| hit.before(&best));
         if is_first && self.query.accepts(&Hit { t: ray.caller_t(hit.t), instance: self.instance, ..hit }) {
             self.best = Some(hit);
-            return if ORDERED { hit.t } else { -1.0 };
+            return hit.t;
         }
         t_max
+    }
+
+    #[inline(always)]
+    fn primitives(&mut self, n: u32) {
+        self.query.triangles(n);
+    }
+
+    #[inline(always)]
+    fn node(&mut self, _: NodeKind) {
+        self.query.boxes(8);
+    }
+}
+
+/// Whether a query accepts any hit.
+pub(crate) struct AnyHit<'a, Q> {
+    query: &'a mut Q,
+    instance: InstanceId,
+    pub(crate) found: bool,
+}
+
+impl<'a, Q> AnyHit<'a, Q> {
+    #[inline(always)]
+    pub(crate) fn new(query: &'a mut Q, instance: InstanceId) -> Self {
+        Self { query, instance, found: false }
+    }
+}
+
+impl<M: ?Sized, Q: Query> HitSink<M> for AnyHit<'_, Q> {
+    const ORDERED: bool = false;
+    const ANY: bool = !Q::MAY_REJECT;
+
+    #[inline(always)]
+    fn take_any(&mut self) -> f32 {
+        self.found = true;
+        -1.0
+    }
+
+    #[inline(always)]
+    fn take(&mut self, ray: &ScaledRay, hit: Hit, _: &M, t_max: f32) -> f32 {
+        self.found = self.query.accepts(&Hit { t: ray.caller_t(hit.t), instance: self.instance, ..hit });
+        if self.found { -1.0 } else { t_max }
     }
 
     #[inline(always)]

@@ -1,14 +1,8 @@
 use canted_trace::{Hit, Ray};
 
-use crate::batch::{Closest, Every, Occluded, run};
+use crate::batch::{Closest, Every, Everything, Occluded, run};
 use crate::bvh::WideBvh;
 use crate::leaf::LeafPrimitive;
-
-/// Accepts every hit.
-#[inline(always)]
-fn all(_: usize, _: &Ray, _: &Hit) -> bool {
-    true
-}
 
 /// Queries of slices: the results of single rays, in order, at a lower cost per ray.
 ///
@@ -21,32 +15,32 @@ fn all(_: usize, _: &Ray, _: &Hit) -> bool {
 impl<P: LeafPrimitive> WideBvh<P> {
     /// The closest hit of each ray.
     pub fn closest_hits(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        run::<_, _, false>(self, &Closest(all), rays, hits);
+        run::<_, _, false>(self, &Closest(Everything), rays, hits);
     }
 
     /// The closest hit of each ray, on all threads.
     pub fn par_closest_hits(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        run::<_, _, true>(self, &Closest(all), rays, hits);
+        run::<_, _, true>(self, &Closest(Everything), rays, hits);
     }
 
     /// Whether each ray hits anything.
     pub fn occluded_many(&self, rays: &[Ray], occluded: &mut [bool]) {
-        run::<_, _, false>(self, &Occluded(all), rays, occluded);
+        run::<_, _, false>(self, &Occluded(Everything), rays, occluded);
     }
 
     /// Whether each ray hits anything, on all threads.
     pub fn par_occluded_many(&self, rays: &[Ray], occluded: &mut [bool]) {
-        run::<_, _, true>(self, &Occluded(all), rays, occluded);
+        run::<_, _, true>(self, &Occluded(Everything), rays, occluded);
     }
 
     /// Every hit of each ray, as [`WideBvh::all_hits`] returns them.
     pub fn all_hits_many(&self, rays: &[Ray], hits: &mut [Vec<Hit>]) {
-        run::<_, _, false>(self, &Every(all), rays, hits);
+        run::<_, _, false>(self, &Every(Everything), rays, hits);
     }
 
     /// Every hit of each ray, on all threads.
     pub fn par_all_hits_many(&self, rays: &[Ray], hits: &mut [Vec<Hit>]) {
-        run::<_, _, true>(self, &Every(all), rays, hits);
+        run::<_, _, true>(self, &Every(Everything), rays, hits);
     }
 
     /// The closest hit of each ray among those that `accepts` accepts.

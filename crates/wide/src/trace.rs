@@ -1,65 +1,63 @@
 //! One ray through one BVH, whatever its leaves hold and whatever the query.
 
 use canted_obb::PrimId;
-use canted_trace::{Query, ScaledRay};
+use canted_trace::{Query, Ray, ScaledRay};
 
 use crate::bvh::WideBvh;
 use crate::layout::NodeKind;
 use crate::leaf::{HitSink, LeafPrimitive, LeafRange};
 use crate::simd::{Simd, Task};
-use crate::traverse::{Pads, RayLanes, Stack, Visitor, walk};
+use crate::traverse::{Pads, RayLanes, RayNumbers, Stack, TracedRay, Visitor, walk};
+
+/// A ray ready for [`trace`], with the pads of the BVH's primitives; `None` where it cannot hit.
+#[inline(always)]
+pub(crate) fn prepare<P: LeafPrimitive>(bvh: &WideBvh<P>, ray: &Ray) -> Option<TracedRay> {
+    let scaled = ScaledRay::new(ray)?;
+    Some(prepare_padded(bvh, const { Pads::of(P::ERROR) }, scaled))
+}
+
+/// As [`prepare`], with pads of the caller's choice, relative to the origin.
+#[inline(always)]
+pub(crate) fn prepare_padded<P: LeafPrimitive>(bvh: &WideBvh<P>, pads: Pads, scaled: ScaledRay) -> TracedRay {
+    let pads = pads.along(&scaled);
+    let numbers = RayNumbers::new(&scaled, &bvh.frame, &pads);
+    TracedRay { scaled, numbers }
+}
 
 /// Passes all hits of `ray` to `sink`. Must be inlined where the path's instructions are enabled, like all callers of [`Simd`].
 #[inline(always)]
 pub(crate) fn trace<S: Simd, P: LeafPrimitive, T: HitSink<P::Shape>>(
     simd: S,
     bvh: &WideBvh<P>,
-    ray: &ScaledRay,
+    TracedRay { scaled, numbers }: &TracedRay,
     stack: &mut Stack,
     sink: &mut T,
 ) {
-    trace_padded(simd, bvh, const { Pads::of(P::ERROR) }, ray, stack, sink);
-}
-
-/// As [`trace`], with pads of the caller's choice, relative to the origin.
-#[inline(always)]
-pub(crate) fn trace_padded<S: Simd, P: LeafPrimitive, T: HitSink<P::Shape>>(
-    simd: S,
-    bvh: &WideBvh<P>,
-    pads: Pads,
-    ray: &ScaledRay,
-    stack: &mut Stack,
-    sink: &mut T,
-) {
-    let pads = pads.along(ray);
-    let lanes = RayLanes::new(simd, ray, &bvh.frame, &pads);
-    let mut visitor = IntersectLeaves { simd, bvh, prepared: None, ray, sink };
+    let leaves = P::view(&bvh.leaves);
+    let mut visitor =
+        IntersectLeaves::<S, P, T> { simd, leaves, prepared: P::prepare(simd, scaled), ray: scaled, sink };
+    let lanes = RayLanes::new(simd, numbers);
     if T::ORDERED {
-        walk::<S, true>(simd, &bvh.nodes, &lanes, ray.t_max, stack, &mut visitor);
+        walk::<S, true>(simd, &bvh.nodes, &lanes, scaled.t_max, stack, &mut visitor);
     } else {
-        walk::<S, false>(simd, &bvh.nodes, &lanes, ray.t_max, stack, &mut visitor);
+        walk::<S, false>(simd, &bvh.nodes, &lanes, scaled.t_max, stack, &mut visitor);
     }
 }
 
 /// Intersects the primitives of each leaf that a ray enters.
-struct IntersectLeaves<'a, S: Simd, P: LeafPrimitive, T> {
+struct IntersectLeaves<'a, S: Simd, P: LeafPrimitive + 'a, T> {
     simd: S,
-    bvh: &'a WideBvh<P>,
-    /// Made at the first leaf: many rays enter none.
-    prepared: Option<P::Prepared<S>>,
+    leaves: P::View<'a>,
+    prepared: P::Prepared<S>,
     ray: &'a ScaledRay,
     sink: &'a mut T,
 }
 
-impl<S: Simd, P: LeafPrimitive, T: HitSink<P::Shape>> Visitor for IntersectLeaves<'_, S, P, T> {
+impl<'a, S: Simd, P: LeafPrimitive + 'a, T: HitSink<P::Shape>> Visitor for IntersectLeaves<'a, S, P, T> {
     #[inline(always)]
     fn leaf(&mut self, leaf: LeafRange) -> f32 {
         self.sink.primitives(leaf.n);
-        let prepared = match &self.prepared {
-            Some(prepared) => prepared,
-            None => self.prepared.insert(P::prepare(self.simd, self.ray)),
-        };
-        P::intersect_leaf(&self.bvh.leaves, self.simd, prepared, self.ray, leaf, self.sink)
+        P::intersect_leaf(self.leaves, self.simd, &self.prepared, self.ray, leaf, self.sink)
     }
 
     #[inline(always)]
@@ -137,7 +135,7 @@ where
     fn on<S: Simd>(mut self, simd: S) {
         let Self { bvh, ray, error, .. } = self;
         let pads = Pads::within(error, ray);
-        let lanes = RayLanes::new(simd, ray, &bvh.frame, &pads);
+        let lanes = RayLanes::new(simd, &RayNumbers::new(ray, &bvh.frame, &pads));
         let stack = &mut Stack::new(bvh.nodes.depth);
         walk::<S, ORDERED>(simd, &bvh.nodes, &lanes, ray.t_max, stack, &mut self);
     }

@@ -55,6 +55,7 @@
 //! 2^62 and reciprocals up to 2^64 keep every number finite.
 
 mod block;
+mod eight;
 mod node;
 mod ray;
 mod stack;
@@ -62,6 +63,7 @@ mod walk;
 
 pub use block::LaneKernel;
 pub(crate) use block::{Block, RayTriangles};
-pub(crate) use ray::{BoxPads, MeshFrame, Pads, RayLanes};
+pub(crate) use eight::EightRays;
+pub(crate) use ray::{BoxPads, MeshFrame, Pads, RayLanes, RayNumbers, TracedRay};
 pub(crate) use stack::Stack;
 pub(crate) use walk::{Visitor, walk};

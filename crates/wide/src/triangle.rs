@@ -9,6 +9,7 @@ use canted_trace::{ScaledRay, Watertight};
 use crate::bvh::WideBvh;
 use crate::layout::{HALF_WORDS, Half, Lane, Nodes, PART_LANES, PARTS, WordKind};
 use crate::leaf::{HitSink, LeafData, LeafPrimitive, LeafRange, hit};
+use crate::records::Records;
 use crate::simd::Simd;
 use crate::traverse::{Block, LaneKernel, RayTriangles};
 
@@ -29,10 +30,16 @@ pub struct PreparedRay<S: Simd, K: LaneKernel> {
 
 impl<K: LaneKernel> LeafPrimitive for Triangle<K> {
     type Leaves = Blocks;
+    type View<'a> = &'a [Half];
     type Shape = [[f32; 3]; 3];
     type Prepared<S: Simd> = PreparedRay<S, K>;
 
     const ERROR: f32 = K::ERROR;
+
+    #[inline(always)]
+    fn view(leaves: &Blocks) -> &[Half] {
+        &leaves.halves
+    }
 
     #[inline(always)]
     fn prepare<S: Simd>(simd: S, ray: &ScaledRay) -> PreparedRay<S, K> {
@@ -41,7 +48,7 @@ impl<K: LaneKernel> LeafPrimitive for Triangle<K> {
 
     #[inline(always)]
     fn intersect_leaf<S: Simd, T: HitSink<Self::Shape>>(
-        Blocks { halves, .. }: &Blocks,
+        halves: &[Half],
         simd: S,
         prepared: &PreparedRay<S, K>,
         ray: &ScaledRay,
@@ -55,12 +62,20 @@ impl<K: LaneKernel> LeafPrimitive for Triangle<K> {
         loop {
             let block = Block::at(halves, first, n);
             let filled = if n < 8 { ((1 << n) - 1) << shift } else { 0xff };
-            let mut mask = block.candidates::<S, K>(simd, &prepared.lanes, t_max) & filled;
+            let candidates = match T::ANY {
+                true => block.candidates::<S, K, true>(simd, &prepared.lanes, t_max),
+                false => block.candidates::<S, K, false>(simd, &prepared.lanes, t_max),
+            };
+            let mut mask = candidates.mask & filled;
+            if T::ANY && candidates.sure & filled != 0 {
+                return sink.take_any();
+            }
             while mask != 0 {
                 let lane = mask.trailing_zeros() as usize;
                 mask &= mask - 1;
                 let vertices = block.vertices(lane);
-                let Some(found) = K::finish(&prepared.kernel, ray, &vertices, t_max) else { continue };
+                let sheared = candidates.sheared(simd, lane);
+                let Some(found) = K::finish(&prepared.kernel, ray, &vertices, &sheared, t_max) else { continue };
                 let found = hit(found.t, [found.u, found.v], found.side, block.primitive(lane));
                 t_max = sink.take(ray, found, &vertices, t_max);
                 if t_max < 0.0 {
@@ -123,14 +138,14 @@ impl<K: LaneKernel> WideBvh<Triangle<K>> {
 /// All triangles of a BVH.
 #[derive(Clone, Debug)]
 pub struct Blocks {
-    pub(crate) halves: Vec<Half>,
+    pub(crate) halves: Records<Half>,
     /// Of each triangle the first word, and in the lowest bit whether its rows have eight words.
     lanes: OnceLock<Vec<u32>>,
 }
 
 impl From<Vec<Half>> for Blocks {
     fn from(halves: Vec<Half>) -> Self {
-        Self { halves, lanes: OnceLock::new() }
+        Self { halves: halves.into(), lanes: OnceLock::new() }
     }
 }
 

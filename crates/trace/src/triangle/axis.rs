@@ -23,6 +23,22 @@ impl Axis {
         }
     }
 
+    /// Its index.
+    #[inline]
+    #[must_use]
+    pub fn index(self) -> usize {
+        self as usize
+    }
+
+    /// The indices of the axes, permuted cyclically so that this axis is last. From a table: rays of a slice differ in their
+    /// axis, so a branch would be mispredicted.
+    #[inline]
+    #[must_use]
+    pub fn indices(self) -> [usize; 3] {
+        const INDICES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
+        INDICES[self as usize]
+    }
+
     /// The components permuted cyclically so that this axis is last.
     #[inline]
     #[must_use]

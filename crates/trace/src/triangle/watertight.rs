@@ -52,7 +52,7 @@ impl Shear {
     #[must_use]
     pub fn new(ray: &ScaledRay) -> Self {
         let axis = Axis::from_greatest(ray.direction, f32::abs);
-        let [d_x, d_y, d_z] = axis.permute(ray.direction);
+        let [d_x, d_y, d_z] = axis.indices().map(|k| ray.direction[k]);
         Self { axis, factors: [d_x / d_z, d_y / d_z] }
     }
 
@@ -102,7 +102,22 @@ impl Kernel for Watertight {
         if mixed(edge_functions(sheared)) {
             return None;
         }
-        let [_, _, d_z] = shear.axis.permute(ray.direction);
+        Self::intersect_sheared(shear, ray, sheared, t_max)
+    }
+}
+
+impl Watertight {
+    /// The exact part of the test, for a triangle in sheared coordinates; see [`Shear::vertex`].
+    #[doc(hidden)]
+    #[inline(always)]
+    #[must_use]
+    pub fn intersect_sheared(
+        shear: &Shear,
+        ray: &ScaledRay,
+        sheared: [[f32; 3]; 3],
+        t_max: f32,
+    ) -> Option<TriangleHit> {
+        let d_z = ray.direction[shear.axis.index()];
         let (t, u, v, side) = solve(sheared.map(to_f64), f64::from(d_z))?;
         (ray.t_min <= t && t <= t_max).then_some(TriangleHit { t, u, v, side })
     }

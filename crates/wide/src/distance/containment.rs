@@ -15,7 +15,7 @@ use crate::layout::NodeKind;
 use crate::leaf::{LeafPrimitive, LeafRange};
 use crate::par;
 use crate::simd::{Simd, Task};
-use crate::traverse::{LaneKernel, Pads, RayLanes, Stack, Visitor, walk};
+use crate::traverse::{LaneKernel, Pads, RayLanes, RayNumbers, Stack, Visitor, walk};
 use crate::triangle::Triangle;
 
 /// Points of one parallel job.
@@ -77,7 +77,7 @@ impl<K: LaneKernel> Task for Containment<'_, K> {
             *inside = false;
             let Some(ray) = ScaledRay::new(&Ray::new(point, [0.0, 0.0, 1.0])) else { continue };
             let pads = const { Pads::of(K::ERROR) }.along(&ray);
-            let lanes = RayLanes::new(simd, &ray, &self.bvh.frame, &pads);
+            let lanes = RayLanes::new(simd, &RayNumbers::new(&ray, &self.bvh.frame, &pads));
             crossings.clear();
             let mut visit = Crossed { bvh: self.bvh, point, is_on_surface: false, crossings: &mut crossings };
             walk::<S, false>(simd, &self.bvh.nodes, &lanes, ray.t_max, &mut stack, &mut visit);

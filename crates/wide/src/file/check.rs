@@ -134,7 +134,7 @@ fn check_boxes<I: Item>(
         return Err(LoadError::Bounds { expected: expected.bounds, found: bounds });
     }
     outline.nodes.iter().try_for_each(|node| refit::check_frame(node, &nodes.lines))?;
-    let mut right = nodes.lines.clone();
+    let mut right = nodes.lines.to_vec();
     let [written, traced] = &expected.pads;
     refit::write_boxes(outline, items, &expected.frame, written, &mut right);
     outline.nodes.iter().try_for_each(|node| refit::compare(node, &nodes.lines, &right))?;

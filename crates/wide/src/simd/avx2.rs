@@ -4,8 +4,8 @@
 use std::arch::x86_64::{
     __m256, _CMP_LE_OQ, _CMP_LT_OQ, _mm_loadu_ps, _mm256_add_ps, _mm256_and_ps, _mm256_andnot_ps, _mm256_cmp_ps,
     _mm256_div_ps, _mm256_fmadd_ps, _mm256_fmsub_ps, _mm256_fnmsub_ps, _mm256_loadu_ps, _mm256_max_ps, _mm256_min_ps,
-    _mm256_movemask_ps, _mm256_mul_ps, _mm256_set1_ps, _mm256_storeu_ps, _mm256_sub_ps, _mm256_xor_ps,
-    _mm256_zextps128_ps256,
+    _mm256_movemask_ps, _mm256_mul_ps, _mm256_permute2f128_ps, _mm256_set1_ps, _mm256_shuffle_ps, _mm256_storeu_ps,
+    _mm256_sub_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps, _mm256_xor_ps, _mm256_zextps128_ps256,
 };
 
 use super::{Simd, Task};
@@ -56,6 +56,7 @@ impl Simd for Avx2 {
         fn mul_add(a, b, c) = _mm256_fmadd_ps(a, b, c);
         fn mul_sub(a, b, c) = _mm256_fmsub_ps(a, b, c);
         fn neg_mul_sub(a, b, c) = _mm256_fnmsub_ps(a, b, c);
+        fn power_of_two(a) = _mm256_and_ps(a, _mm256_set1_ps(f32::INFINITY));
         fn abs(a) = _mm256_andnot_ps(_mm256_set1_ps(-0.0), a);
         fn xor_sign(a, b) = _mm256_xor_ps(a, _mm256_and_ps(b, _mm256_set1_ps(-0.0)));
     }
@@ -86,6 +87,24 @@ impl Simd for Avx2 {
         // SAFETY: the token proves AVX, and the array holds eight lanes.
         unsafe { _mm256_storeu_ps(out.as_mut_ptr(), a) };
         out
+    }
+    #[inline(always)]
+    fn transpose(self, [a, b, c, d, e, f, g, h]: [__m256; 8]) -> [__m256; 8] {
+        // SAFETY: the token proves AVX.
+        unsafe {
+            let pairs = |a, b| (_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+            let ((ab0, ab2), (cd0, cd2), (ef0, ef2), (gh0, gh2)) = (pairs(a, b), pairs(c, d), pairs(e, f), pairs(g, h));
+            let low = |a, b| _mm256_shuffle_ps::<0x44>(a, b);
+            let high = |a, b| _mm256_shuffle_ps::<0xee>(a, b);
+            let first = [low(ab0, cd0), high(ab0, cd0), low(ab2, cd2), high(ab2, cd2)];
+            let last = [low(ef0, gh0), high(ef0, gh0), low(ef2, gh2), high(ef2, gh2)];
+            let join = |k: usize| {
+                let (a, b) = (first[k], last[k]);
+                (_mm256_permute2f128_ps::<0x20>(a, b), _mm256_permute2f128_ps::<0x31>(a, b))
+            };
+            let ((r0, r4), (r1, r5), (r2, r6), (r3, r7)) = (join(0), join(1), join(2), join(3));
+            [r0, r1, r2, r3, r4, r5, r6, r7]
+        }
     }
     #[inline(always)]
     fn lt(self, a: __m256, b: __m256) -> u32 {

@@ -36,6 +36,7 @@ impl Simd for Scalar {
         fn min(a, b) = if a < b { a } else { b };
         fn max(a, b) = if a > b { a } else { b };
         fn abs(a) = a.abs();
+        fn power_of_two(a) = f32::from_bits(a.to_bits() & 0x7f80_0000);
         fn xor_sign(a, b) = f32::from_bits(a.to_bits() ^ (b.to_bits() & 0x8000_0000));
     }
 
@@ -58,6 +59,10 @@ impl Simd for Scalar {
     #[inline(always)]
     fn store(self, a: [f32; 8]) -> [f32; 8] {
         a
+    }
+    #[inline(always)]
+    fn transpose(self, rows: [[f32; 8]; 8]) -> [[f32; 8]; 8] {
+        std::array::from_fn(|j| std::array::from_fn(|i| rows[i][j]))
     }
     #[inline(always)]
     fn lt(self, a: [f32; 8], b: [f32; 8]) -> u32 {

@@ -27,9 +27,10 @@ impl Task for Padded<'_> {
     fn on<S: Simd>(self, simd: S) -> Self::Output {
         let ray = ScaledRay::new(self.ray)?;
         let (query, stack) = (&mut (), &mut Stack::new(self.bvh.nodes.depth));
-        let mut best = BestHit::<_, true>::new(query, InstanceId(0));
-        trace_padded(simd, self.bvh, self.pads, &ray, stack, &mut best);
-        best.hit(&ray)
+        let mut best = BestHit::new(query, InstanceId(0));
+        let ray = prepare_padded(self.bvh, self.pads, ray);
+        trace(simd, self.bvh, &ray, stack, &mut best);
+        best.hit(&ray.scaled)
     }
 }
 

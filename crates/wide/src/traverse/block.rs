@@ -1,6 +1,6 @@
 use canted_obb::PrimId;
 use canted_trace::lanes::{UNIT_ROUNDOFF as U, WEIGHTS_ERROR, WEIGHTS_HEADROOM};
-use canted_trace::{Axis, BaldwinWeber, Kernel, MollerTrumbore, ScaledRay, Shear, TriangleHit, Watertight};
+use canted_trace::{BaldwinWeber, Kernel, MollerTrumbore, ScaledRay, Shear, TriangleHit, Watertight};
 
 use super::ray::splat3;
 use crate::layout::{HALF_WORDS, Half};
@@ -17,9 +17,15 @@ pub trait LaneKernel: Kernel + Clone + std::fmt::Debug {
     #[doc(hidden)]
     const ERROR: f32;
 
-    /// The hit on a triangle by its vertices.
+    /// The hit on a candidate: by its vertices, or by those that the filter has sheared.
     #[doc(hidden)]
-    fn finish(prepared: &Self::Prepared, ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit>;
+    fn finish(
+        prepared: &Self::Prepared,
+        ray: &ScaledRay,
+        vertices: &[[f32; 3]; 3],
+        sheared: &[[f32; 3]; 3],
+        t_max: f32,
+    ) -> Option<TriangleHit>;
 }
 
 /// The filter that runs in lanes.
@@ -37,8 +43,14 @@ impl LaneKernel for Watertight {
     const ERROR: f32 = 7.0 * U;
 
     #[inline(always)]
-    fn finish(shear: &Shear, ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
-        Self::intersect(shear, ray, vertices, t_max)
+    fn finish(
+        shear: &Shear,
+        ray: &ScaledRay,
+        _: &[[f32; 3]; 3],
+        sheared: &[[f32; 3]; 3],
+        t_max: f32,
+    ) -> Option<TriangleHit> {
+        Self::intersect_sheared(shear, ray, *sheared, t_max)
     }
 }
 
@@ -47,7 +59,13 @@ impl LaneKernel for MollerTrumbore {
     const ERROR: f32 = canted_trace::HIT_ERROR;
 
     #[inline(always)]
-    fn finish((): &(), ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
+    fn finish(
+        (): &(),
+        ray: &ScaledRay,
+        vertices: &[[f32; 3]; 3],
+        _: &[[f32; 3]; 3],
+        t_max: f32,
+    ) -> Option<TriangleHit> {
         Self::intersect(&(), ray, vertices, t_max)
     }
 }
@@ -58,7 +76,13 @@ impl LaneKernel for BaldwinWeber {
     const ERROR: f32 = canted_trace::HIT_ERROR;
 
     #[inline(always)]
-    fn finish((): &(), ray: &ScaledRay, vertices: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
+    fn finish(
+        (): &(),
+        ray: &ScaledRay,
+        vertices: &[[f32; 3]; 3],
+        _: &[[f32; 3]; 3],
+        t_max: f32,
+    ) -> Option<TriangleHit> {
         MollerTrumbore::intersect(&(), ray, vertices, t_max)
     }
 }
@@ -82,17 +106,17 @@ impl<S: Simd> RayTriangles<S> {
     #[inline(always)]
     pub(crate) fn new(simd: S, ray: &ScaledRay) -> Self {
         let shear = Shear::new(ray);
-        let axis: Axis = shear.axis();
-        let [_, _, d_z] = axis.permute(ray.direction);
+        let rows = shear.axis().indices();
+        let direction = rows.map(|k| ray.direction[k]);
         let [s_x, s_y] = shear.factors();
         Self {
-            origin: splat3(simd, axis.permute(ray.origin)),
+            origin: splat3(simd, rows.map(|k| ray.origin[k])),
             shear: [simd.splat(s_x), simd.splat(s_y)],
-            recip_z: simd.splat(1.0 / d_z),
+            recip_z: simd.splat(1.0 / direction[2]),
             zero: simd.splat(0.0),
             t_min: simd.splat(ray.t_min),
-            rows: axis.permute([0, 1, 2]),
-            direction: splat3(simd, axis.permute(ray.direction)),
+            rows,
+            direction: splat3(simd, direction),
         }
     }
 }
@@ -102,6 +126,23 @@ impl<S: Simd> RayTriangles<S> {
 pub(crate) enum Block<'a> {
     Eight(&'a [[f32; 8]; 10]),
     Four(&'a [[f32; 4]; 10]),
+}
+
+/// Lanes of a block that a ray may hit.
+pub(crate) struct Candidates<S: Simd> {
+    pub(crate) mask: u32,
+    /// Lanes that it certainly hits, where asked for.
+    pub(crate) sure: u32,
+    sheared: [[S::F; 3]; 3],
+}
+
+impl<S: Simd> Candidates<S> {
+    /// The vertices of a lane as the watertight kernel shears them.
+    #[inline(always)]
+    pub(crate) fn sheared(&self, simd: S, lane: usize) -> [[f32; 3]; 3] {
+        let [a, b, c] = self.sheared;
+        [lane_of(simd, a, lane), lane_of(simd, b, lane), lane_of(simd, c, lane)]
+    }
 }
 
 impl<'a> Block<'a> {
@@ -144,12 +185,21 @@ impl<'a> Block<'a> {
         PrimId(self.value(9, lane).to_bits())
     }
 
-    /// Lanes that `ray` may hit at `t_min <= t <= t_max`; every lane that the kernel accepts is among them.
+    /// Lanes that `ray` may hit at `t_min <= t <= t_max`; every lane that the kernel accepts is among them. With `SURE` also
+    /// the lanes that it certainly hits.
     #[inline(always)]
-    pub(crate) fn candidates<S: Simd, K: LaneKernel>(&self, simd: S, ray: &RayTriangles<S>, t_max: f32) -> u32 {
+    pub(crate) fn candidates<S: Simd, K: LaneKernel, const SURE: bool>(
+        &self,
+        simd: S,
+        ray: &RayTriangles<S>,
+        t_max: f32,
+    ) -> Candidates<S> {
         match K::TEST {
-            LaneTest::Edges => self.edges(simd, ray, t_max),
-            LaneTest::Weights => self.weights(simd, ray),
+            LaneTest::Edges => self.edges::<S, SURE>(simd, ray, t_max),
+            LaneTest::Weights => {
+                let nothing = [[ray.zero; 3]; 3];
+                Candidates { mask: self.weights(simd, ray), sure: 0, sheared: nothing }
+            }
         }
     }
 
@@ -166,8 +216,16 @@ impl<'a> Block<'a> {
     /// most 13 u·S6·Z; if the sign is wrong, `|det| + |det*| <= 5 u·S6`, and it is no more. Likewise for `t_min`. One
     /// u is for the product's rounding: 16 u cover it, with slack for second order. Where `2·S6·Z` overflows, the error
     /// is infinite and nothing is dropped; what underflows is less than the smallest normal number times all factors.
+    ///
+    /// # Sure hits
+    /// Rounding is monotonic, so edge functions that are all positive, or all negative, in f32 are so exactly: the line hits the
+    /// inside of the triangle, at an exact `t <= Z`. Let `m = min(t_max, 2Z)`. In f32 `m·det` is off by `2Z·(5 u·S6 + 1.01 u·S6)`,
+    /// `T` by 8 u·S6·Z, and their difference by one rounding of at most 3·S6·Z: in all 24 u·S6·Z. So where the computed
+    /// `m·det - T` exceeds twice the error above, 32 u·S6·Z, exactly `t < m <= t_max`. Likewise `t > t_min`: where `t_min`
+    /// exceeds 2Z, `T - 2Z·det` is not positive, so it is not sure. The kernel rounds `t` to nearest, so its own
+    /// comparisons agree. A product that overflows makes the error infinite and nothing sure.
     #[inline(always)]
-    fn edges<S: Simd>(&self, simd: S, ray: &RayTriangles<S>, t_max: f32) -> u32 {
+    fn edges<S: Simd, const SURE: bool>(&self, simd: S, ray: &RayTriangles<S>, t_max: f32) -> Candidates<S> {
         let a = self.sheared(simd, ray, 0);
         let b = self.sheared(simd, ray, 3);
         let c = self.sheared(simd, ray, 6);
@@ -179,7 +237,7 @@ impl<'a> Block<'a> {
         let greatest = simd.max(simd.max(u, v), w);
         let passing = !(simd.lt(least, ray.zero) & simd.lt(ray.zero, greatest)) & 0xff;
         if passing == 0 {
-            return 0;
+            return Candidates { mask: 0, sure: 0, sheared: [a, b, c] };
         }
         let tiny = simd.splat(f32::MIN_POSITIVE);
         let det = simd.add(simd.add(u, v), w);
@@ -196,15 +254,24 @@ impl<'a> Block<'a> {
         let (t, det) = (simd.xor_sign(t, det), simd.abs(det));
         let late = simd.lt(error, simd.sub(t, simd.mul(simd.splat(t_max), det)));
         let early = simd.lt(error, simd.sub(simd.mul(ray.t_min, det), t));
-        passing & !(late | early)
+        let mask = passing & !(late | early);
+        let mut sure = 0;
+        if SURE && mask != 0 {
+            let inside = simd.lt(ray.zero, least) | simd.lt(greatest, ray.zero);
+            let (farthest, twice) = (simd.add(reach, reach), simd.add(error, error));
+            let before_end = simd.sub(simd.mul(simd.min(simd.splat(t_max), farthest), det), t);
+            let after_start = simd.sub(t, simd.mul(simd.min(ray.t_min, farthest), det));
+            sure = mask & inside & simd.lt(twice, before_end) & simd.lt(twice, after_start);
+        }
+        Candidates { mask, sure, sheared: [a, b, c] }
     }
 
     /// The vertex whose coordinates start at `row`, as the kernel shears it.
     #[inline(always)]
     fn sheared<S: Simd>(&self, simd: S, ray: &RayTriangles<S>, row: usize) -> [S::F; 3] {
-        let x = simd.sub(self.row(simd, row + ray.rows[0]), ray.origin[0]);
-        let y = simd.sub(self.row(simd, row + ray.rows[1]), ray.origin[1]);
-        let z = simd.sub(self.row(simd, row + ray.rows[2]), ray.origin[2]);
+        let x = simd.sub(self.row(simd, row + (ray.rows[0] & 3)), ray.origin[0]);
+        let y = simd.sub(self.row(simd, row + (ray.rows[1] & 3)), ray.origin[1]);
+        let z = simd.sub(self.row(simd, row + (ray.rows[2] & 3)), ray.origin[2]);
         [simd.sub(x, simd.mul(ray.shear[0], z)), simd.sub(y, simd.mul(ray.shear[1], z)), z]
     }
 
@@ -231,8 +298,19 @@ impl<'a> Block<'a> {
     /// The vertex whose coordinates start at `row`, permuted so that the kernel's z is last.
     #[inline(always)]
     fn vertex<S: Simd>(&self, simd: S, ray: &RayTriangles<S>, row: usize) -> [S::F; 3] {
-        [self.row(simd, row + ray.rows[0]), self.row(simd, row + ray.rows[1]), self.row(simd, row + ray.rows[2])]
+        [
+            self.row(simd, row + (ray.rows[0] & 3)),
+            self.row(simd, row + (ray.rows[1] & 3)),
+            self.row(simd, row + (ray.rows[2] & 3)),
+        ]
     }
+}
+
+/// One lane of a vector.
+#[inline(always)]
+fn lane_of<S: Simd>(simd: S, [x, y, z]: [S::F; 3], lane: usize) -> [f32; 3] {
+    let lane = lane & 7;
+    [simd.store(x)[lane], simd.store(y)[lane], simd.store(z)[lane]]
 }
 
 #[inline(always)]
@@ -258,4 +336,79 @@ fn dot<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> S::F {
 #[inline(always)]
 fn norm<S: Simd>(simd: S, a: [S::F; 3]) -> S::F {
     simd.add(simd.add(simd.abs(a[0]), simd.abs(a[1])), simd.abs(a[2]))
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::SplitMix64;
+    use canted_trace::Ray;
+
+    use super::*;
+    use crate::SimdPath;
+    use crate::simd::Task;
+
+    /// Sure lanes of a block of one triangle, and whether a test without error bound is sure.
+    struct Sure<'a> {
+        ray: &'a ScaledRay,
+        vertices: &'a [[f32; 3]; 3],
+        t_max: f32,
+    }
+
+    impl Task for Sure<'_> {
+        type Output = bool;
+
+        #[inline(always)]
+        fn on<S: Simd>(self, simd: S) -> bool {
+            let mut rows = [[0.0; 8]; 10];
+            for (row, x) in rows.iter_mut().zip(self.vertices.as_flattened()) {
+                *row = [*x; 8];
+            }
+            let ray = RayTriangles::new(simd, self.ray);
+            let found = Block::Eight(&rows).candidates::<S, Watertight, true>(simd, &ray, self.t_max);
+            assert_eq!(found.sure & !found.mask, 0);
+            found.sure != 0
+        }
+    }
+
+    #[test]
+    fn sure_hits_are_hits_however_near_the_end_of_the_ray() {
+        let mut rng = SplitMix64::new(5);
+        let mut unit = || (rng.next_u64() >> 40) as f32 / (1 << 23) as f32 - 1.0;
+        let (mut n_sure, mut n_near, mut n_naive_wrong) = (0, 0, 0);
+        for round in 0..60_000 {
+            let far = [1.0, 100.0, 1e6][round % 3];
+            let offset = [unit() * far, unit() * far, unit() * far];
+            let mut point = |size: f32| [0, 1, 2].map(|k| offset[k] + size * unit());
+            let size = [1.0, 1e-3, 30.0][round / 3 % 3];
+            let (vertices, origin) = ([point(size), point(size), point(size)], point(3.0));
+            let weights = [0.2, 0.3, 0.5];
+            let target = [0, 1, 2].map(|k| (0..3).map(|i| weights[i] * vertices[i][k]).sum::<f32>());
+            let direction = [0, 1, 2].map(|k| target[k] - origin[k]);
+            let Some(mut ray) = ScaledRay::new(&Ray::new(origin, direction)) else { continue };
+            let kernel = Watertight::prepare(&ray);
+            let Some(hit) = Watertight::intersect(&kernel, &ray, &vertices, f32::INFINITY) else { continue };
+            // The ray ends, or begins, a few roundings from the hit.
+            let steps = (round % 9) as i32 - 4;
+            let at = f32::from_bits(hit.t.to_bits().saturating_add_signed(steps));
+            let (t_min, t_max) = if round % 2 == 0 { (0.0, at) } else { (at, f32::INFINITY) };
+            for (t_min, t_max) in [(t_min, t_max), (0.0, f32::INFINITY)] {
+                ray.t_min = t_min;
+                let hits = Watertight::intersect(&kernel, &ray, &vertices, t_max).is_some();
+                let [a, b, c] = vertices.map(|v| kernel.vertex(&ray, v));
+                let edge = |p: [f32; 3], q: [f32; 3]| q[0] * p[1] - q[1] * p[0];
+                let (u, v, w) = (edge(b, c), edge(c, a), edge(a, b));
+                let d_z = ray.direction[kernel.axis().index()];
+                let t = (u * a[2] + v * b[2] + w * c[2]) / ((u + v + w) * d_z);
+                n_naive_wrong += usize::from((t_min < t && t < t_max) && !hits);
+                for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+                    let sure = path.run(Sure { ray: &ray, vertices: &vertices, t_max });
+                    assert!(hits || !sure, "{ray:?} {vertices:?} {t_max} {}", path.name());
+                    n_sure += usize::from(sure);
+                    n_near += usize::from(sure && (t_min > 0.0 || t_max < f32::INFINITY));
+                }
+            }
+        }
+        assert!(n_sure > 10_000 && n_naive_wrong > 100, "{n_sure} sure, {n_naive_wrong} wrong without the bound");
+        assert_eq!(n_near, 0, "a hit at the end of the ray cannot be sure");
+    }
 }

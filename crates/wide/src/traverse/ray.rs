@@ -95,19 +95,54 @@ impl MeshFrame {
     }
 }
 
+/// What node tests need of a ray, as one number each or as a row for eight rays.
+#[derive(Clone, Copy)]
+pub(crate) struct RayNumbers<N> {
+    /// Reciprocals of the direction in the mesh frame.
+    pub(crate) recip: [N; 3],
+    /// `o⁺·r` (`o⁻·r` for negative directions): subtracted from the near planes' products.
+    pub(crate) near: [N; 3],
+    /// The same for far planes.
+    pub(crate) far: [N; 3],
+    pub(crate) t_min: N,
+    /// Origin and direction in object space.
+    pub(crate) origin: [N; 3],
+    pub(crate) direction: [N; 3],
+    pub(crate) pad_oriented: N,
+}
+
+impl RayNumbers<f32> {
+    /// The numbers of `ray`, thickened by `pads` in units of the space.
+    #[inline(always)]
+    pub(crate) fn new(ray: &ScaledRay, frame: &MeshFrame, pads: &Pads) -> Self {
+        let (origin, direction, pad) = if frame.is_identity {
+            (ray.origin, ray.direction, pads.aligned)
+        } else {
+            (frame.rotate(ray.origin), frame.rotate(ray.direction), pads.rotated)
+        };
+        let recip = direction.map(reciprocal);
+        // For a negative direction the near plane is the upper one, and the origin is lowered.
+        let (mut near, mut far) = ([0.0; 3], [0.0; 3]);
+        for k in 0..3 {
+            let toward = pad.copysign(recip[k]);
+            near[k] = (origin[k] + toward) * recip[k];
+            far[k] = (origin[k] - toward) * recip[k];
+        }
+        let Pads { oriented: pad_oriented, .. } = *pads;
+        let ScaledRay { origin, direction, t_min, .. } = *ray;
+        Self { recip, near, far, t_min, origin, direction, pad_oriented }
+    }
+}
+
 /// A ray as the node tests use it: every number in all lanes.
 #[derive(Clone, Copy)]
 pub(crate) struct RayLanes<S: Simd> {
-    /// Reciprocals of the direction in the mesh frame.
     pub(crate) recip: [S::F; 3],
-    /// `o⁺·r` (`o⁻·r` for negative directions): subtracted from the near planes' products.
     pub(crate) near: [S::F; 3],
-    /// The same for far planes.
     pub(crate) far: [S::F; 3],
     /// Whether the near plane of an axis is the upper one.
     pub(crate) flipped: [bool; 3],
     pub(crate) t_min: S::F,
-    /// Origin and direction in object space.
     pub(crate) origin: [S::F; 3],
     pub(crate) direction: [S::F; 3],
     pub(crate) pad_oriented: S::F,
@@ -118,35 +153,29 @@ pub(crate) struct RayLanes<S: Simd> {
 impl<S: Simd> RayLanes<S> {
     /// The lanes of `ray` with its part of the pads, in units of the space.
     #[inline(always)]
-    pub(crate) fn new(simd: S, ray: &ScaledRay, frame: &MeshFrame, pads: &Pads) -> Self {
-        let (origin, direction, pad) = if frame.is_identity {
-            (ray.origin, ray.direction, pads.aligned)
-        } else {
-            (frame.rotate(ray.origin), frame.rotate(ray.direction), pads.rotated)
-        };
-        let recip = direction.map(reciprocal);
-        let flipped = recip.map(|r| r < 0.0);
-        // For a negative direction the near plane is the upper one, and the origin is lowered.
-        let (mut near, mut far) = ([0.0; 3], [0.0; 3]);
-        for k in 0..3 {
-            let toward = pad.copysign(recip[k]);
-            near[k] = (origin[k] + toward) * recip[k];
-            far[k] = (origin[k] - toward) * recip[k];
-        }
+    pub(crate) fn new(simd: S, ray: &RayNumbers<f32>) -> Self {
+        let [x, y, z] = ray.recip;
         Self {
-            recip: splat3(simd, recip),
-            near: splat3(simd, near),
-            far: splat3(simd, far),
-            flipped,
+            recip: splat3(simd, ray.recip),
+            near: splat3(simd, ray.near),
+            far: splat3(simd, ray.far),
+            flipped: [x < 0.0, y < 0.0, z < 0.0],
             // Adding zero makes -0.0 positive: entries are ordered by their bits.
             t_min: simd.splat(ray.t_min + 0.0),
             origin: splat3(simd, ray.origin),
             direction: splat3(simd, ray.direction),
-            pad_oriented: simd.splat(pads.oriented),
+            pad_oriented: simd.splat(ray.pad_oriented),
             min_direction: simd.splat(MIN_DIRECTION),
             one: simd.splat(1.0),
         }
     }
+}
+
+/// A ray as traversal needs it: for leaves and for nodes.
+#[derive(Clone, Copy)]
+pub(crate) struct TracedRay {
+    pub(crate) scaled: ScaledRay,
+    pub(crate) numbers: RayNumbers<f32>,
 }
 
 /// Three numbers, each in all lanes.

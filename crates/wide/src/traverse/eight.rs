@@ -1,0 +1,264 @@
+use canted_trace::{MIN_DIRECTION, Ray, ScaledRay};
+
+use super::ray::{MeshFrame, Pads, RayNumbers, TracedRay};
+use crate::simd::Simd;
+
+/// Up to eight rays, prepared at once: each row holds one number of each.
+///
+/// The arithmetic is that of [`ScaledRay::new`], [`Pads::along`] and [`RayNumbers::new`], so every number has the same bits.
+/// Products with a power of two round as these do in `f64`: once, and only where they over- or underflow.
+pub(crate) struct EightRays {
+    /// Rays that can hit.
+    valid: u32,
+    to_scaled: [f64; 8],
+    t_max: [f32; 8],
+    numbers: RayNumbers<[f32; 8]>,
+}
+
+/// The least power of two whose reciprocal is not normal, 2^127.
+const BEYOND: f32 = f32::from_bits(254 << 23);
+
+impl EightRays {
+    /// Prepares the first eight of `rays`.
+    #[inline(always)]
+    pub(crate) fn new<S: Simd>(simd: S, rays: &[Ray], frame: &MeshFrame, pads: Pads) -> Self {
+        let mut rows = [[0.0; 8]; 8];
+        for (row, ray) in rows.iter_mut().zip(rays) {
+            let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin, ray.direction);
+            *row = [ox, oy, oz, dx, dy, dz, ray.t_min, ray.t_max];
+        }
+        let mut eight = Self::of_rows(simd, &rows, frame, pads);
+        // Rays beyond the range of the lanes, one by one; those that cannot hit have no bit.
+        let mut beyond = eight.out_of_range(simd, &rows);
+        while beyond != 0 {
+            let i = (beyond.trailing_zeros() & 7) as usize;
+            beyond &= beyond - 1;
+            if let Some(ray) = rays.get(i).and_then(ScaledRay::new) {
+                eight.set(i, &ray, &RayNumbers::new(&ray, frame, &pads.along(&ray)));
+            }
+        }
+        eight
+    }
+
+    #[inline(always)]
+    fn of_rows<S: Simd>(simd: S, rows: &[[f32; 8]; 8], frame: &MeshFrame, pads: Pads) -> Self {
+        let [a, b, c, d, e, f, g, h] = rows;
+        let lanes = [simd.load(a), simd.load(b), simd.load(c), simd.load(d)];
+        let more = [simd.load(e), simd.load(f), simd.load(g), simd.load(h)];
+        let [ox, oy, oz, dx, dy, dz, t_min, t_max] =
+            simd.transpose([lanes[0], lanes[1], lanes[2], lanes[3], more[0], more[1], more[2], more[3]]);
+        let (zero, one, largest) = (simd.splat(0.0), simd.splat(1.0), simd.splat(f32::MAX));
+        let greatest = max3(simd, simd.abs(dx), simd.abs(dy), simd.abs(dz));
+
+        // A NaN in any lane compares as false.
+        let finite_origin =
+            simd.le(simd.abs(ox), largest) & simd.le(simd.abs(oy), largest) & simd.le(simd.abs(oz), largest);
+        let finite_direction =
+            simd.le(simd.abs(dx), largest) & simd.le(simd.abs(dy), largest) & simd.le(simd.abs(dz), largest);
+        let interval = simd.le(zero, t_min) & simd.le(t_min, t_max);
+        let valid = finite_origin & finite_direction & interval & simd.lt(zero, greatest);
+
+        let power = simd.power_of_two(greatest);
+        let from_scaled = simd.div(one, power);
+        let direction = [simd.mul(dx, from_scaled), simd.mul(dy, from_scaled), simd.mul(dz, from_scaled)];
+        let scale = max3(simd, simd.abs(ox), simd.abs(oy), simd.abs(oz));
+        let origin_rows = [simd.store(ox), simd.store(oy), simd.store(oz)];
+        let direction_rows = [simd.store(direction[0]), simd.store(direction[1]), simd.store(direction[2])];
+        let (o, d, toward) = if frame.is_identity {
+            ([ox, oy, oz], direction, pad(simd, pads.aligned, scale))
+        } else {
+            let (o, d) = (rotate(frame, &origin_rows), rotate(frame, &direction_rows));
+            (load3(simd, &o), load3(simd, &d), pad(simd, pads.rotated, scale))
+        };
+        let (mut recip, mut near, mut far) = ([[0.0; 8]; 3], [[0.0; 8]; 3], [[0.0; 8]; 3]);
+        for k in 0..3 {
+            let d = simd.add(d[k], zero);
+            let r = simd.xor_sign(simd.div(one, simd.max(simd.abs(d), simd.splat(MIN_DIRECTION))), d);
+            let toward = simd.xor_sign(toward, d);
+            recip[k] = simd.store(r);
+            near[k] = simd.store(simd.mul(simd.add(o[k], toward), r));
+            far[k] = simd.store(simd.mul(simd.sub(o[k], toward), r));
+        }
+        let numbers = RayNumbers {
+            recip,
+            near,
+            far,
+            t_min: simd.store(simd.mul(t_min, power)),
+            origin: origin_rows,
+            direction: direction_rows,
+            pad_oriented: simd.store(pad(simd, pads.oriented, scale)),
+        };
+        let mut to_scaled = [0.0; 8];
+        for (to_scaled, power) in to_scaled.iter_mut().zip(simd.store(power)) {
+            *to_scaled = f64::from(power);
+        }
+        Self { valid, to_scaled, t_max: simd.store(simd.mul(t_max, power)), numbers }
+    }
+
+    /// Rays whose power of two, or its reciprocal, is not normal.
+    #[inline(always)]
+    fn out_of_range<S: Simd>(&self, simd: S, rows: &[[f32; 8]; 8]) -> u32 {
+        let mut greatest = [0.0; 8];
+        for (greatest, row) in greatest.iter_mut().zip(rows) {
+            *greatest = row[3].abs().max(row[4].abs()).max(row[5].abs());
+        }
+        let greatest = simd.load(&greatest);
+        let normal = simd.le(simd.splat(f32::MIN_POSITIVE), greatest) & simd.lt(greatest, simd.splat(BEYOND));
+        self.valid & !normal
+    }
+
+    /// Overwrites ray `i`.
+    fn set(&mut self, i: usize, ray: &ScaledRay, of: &RayNumbers<f32>) {
+        let numbers = &mut self.numbers;
+        for k in 0..3 {
+            numbers.recip[k][i] = of.recip[k];
+            numbers.near[k][i] = of.near[k];
+            numbers.far[k][i] = of.far[k];
+            numbers.origin[k][i] = of.origin[k];
+            numbers.direction[k][i] = of.direction[k];
+        }
+        numbers.t_min[i] = ray.t_min;
+        numbers.pad_oriented[i] = of.pad_oriented;
+        self.t_max[i] = ray.t_max;
+        self.to_scaled[i] = ray.to_scaled();
+    }
+
+    /// Ray `i`, one of the first eight; `None` where it cannot hit.
+    #[inline(always)]
+    pub(crate) fn ray(&self, i: usize) -> Option<TracedRay> {
+        let i = i & 7;
+        if self.valid >> i & 1 == 0 {
+            return None;
+        }
+        let RayNumbers { recip, near, far, t_min, origin, direction, pad_oriented } = &self.numbers;
+        let numbers = RayNumbers {
+            recip: [recip[0][i], recip[1][i], recip[2][i]],
+            near: [near[0][i], near[1][i], near[2][i]],
+            far: [far[0][i], far[1][i], far[2][i]],
+            t_min: t_min[i],
+            origin: [origin[0][i], origin[1][i], origin[2][i]],
+            direction: [direction[0][i], direction[1][i], direction[2][i]],
+            pad_oriented: pad_oriented[i],
+        };
+        let interval = [t_min[i], self.t_max[i]];
+        let scaled = ScaledRay::from_parts(numbers.origin, numbers.direction, interval, self.to_scaled[i]);
+        Some(TracedRay { scaled, numbers })
+    }
+}
+
+/// A relative pad in units of the space.
+#[inline(always)]
+fn pad<S: Simd>(simd: S, relative: f32, scale: S::F) -> S::F {
+    simd.add(simd.mul(simd.splat(relative), scale), simd.splat(f32::MIN_POSITIVE))
+}
+
+/// Eight vectors in the frame of a mesh.
+#[inline(always)]
+fn rotate(frame: &MeshFrame, [x, y, z]: &[[f32; 8]; 3]) -> [[f32; 8]; 3] {
+    let mut out = [[0.0; 8]; 3];
+    for i in 0..8 {
+        let v = frame.rotate([x[i], y[i], z[i]]);
+        for k in 0..3 {
+            out[k][i] = v[k];
+        }
+    }
+    out
+}
+
+#[inline(always)]
+fn load3<S: Simd>(simd: S, [x, y, z]: &[[f32; 8]; 3]) -> [S::F; 3] {
+    [simd.load(x), simd.load(y), simd.load(z)]
+}
+
+#[inline(always)]
+fn max3<S: Simd>(simd: S, x: S::F, y: S::F, z: S::F) -> S::F {
+    simd.max(simd.max(x, y), z)
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::SplitMix64;
+
+    use super::*;
+    use crate::SimdPath;
+    use crate::simd::Task;
+
+    /// Prepares rays together, and each by itself.
+    struct Both<'a> {
+        rays: &'a [Ray],
+        frame: &'a MeshFrame,
+    }
+
+    impl Task for Both<'_> {
+        type Output = [Vec<Option<TracedRay>>; 2];
+
+        #[inline(always)]
+        fn on<S: Simd>(self, simd: S) -> Self::Output {
+            let Self { rays, frame } = self;
+            let pads = Pads::of(canted_trace::HIT_ERROR);
+            let eight = EightRays::new(simd, rays, frame, pads);
+            let alone = |ray: &Ray| {
+                let scaled = ScaledRay::new(ray)?;
+                Some(TracedRay { scaled, numbers: RayNumbers::new(&scaled, frame, &pads.along(&scaled)) })
+            };
+            [(0..rays.len()).map(|i| eight.ray(i)).collect(), rays.iter().map(alone).collect()]
+        }
+    }
+
+    fn bits(ray: &TracedRay) -> Vec<u64> {
+        let TracedRay { scaled, numbers: n } = ray;
+        let rows = [n.recip, n.near, n.far, n.origin, n.direction, [n.t_min, n.pad_oriented, scaled.t_max]];
+        let scaled_rows = [scaled.origin, scaled.direction, [scaled.t_min, scaled.t_max, 0.0]];
+        let numbers = rows.iter().chain(&scaled_rows).flatten().map(|x| u64::from(x.to_bits()));
+        numbers.chain([scaled.to_scaled().to_bits()]).collect()
+    }
+
+    /// A number of any size, or one of those that need care.
+    fn number(rng: &mut SplitMix64) -> f32 {
+        const SPECIAL: [f32; 9] =
+            [0.0, -0.0, 1e-45, f32::MIN_POSITIVE, 1.0, f32::MAX, f32::INFINITY, f32::NEG_INFINITY, f32::NAN];
+        let random = rng.next_u64();
+        match random % 8 {
+            0 => SPECIAL[(random >> 8) as usize % SPECIAL.len()],
+            1..4 => f32::from_bits((random >> 16) as u32),
+            _ => (random >> 40) as f32 / 1e6 - 8.0,
+        }
+    }
+
+    #[test]
+    fn eight_rays_have_the_bits_of_single_rays() {
+        let mut rng = SplitMix64::new(1);
+        let third = MeshFrame::new([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]]);
+        let identity = MeshFrame::new(canted_obb::Obb::IDENTITY_FRAME);
+        let mut n_hitting = 0;
+        for round in 0..4000 {
+            let n = 1 + round % 8;
+            let rays: Vec<Ray> = (0..n)
+                .map(|_| {
+                    let mut v = || [(); 3].map(|()| number(&mut rng));
+                    let (origin, direction) = (v(), v());
+                    let (a, b) = (number(&mut rng).abs(), number(&mut rng).abs());
+                    let finite = |v: [f32; 3]| v.map(|x| if x.is_finite() { x } else { 3.0 });
+                    let (origin, direction) =
+                        if round % 4 == 0 { (origin, direction) } else { (finite(origin), finite(direction)) };
+                    Ray {
+                        origin,
+                        direction,
+                        t_min: a.min(b),
+                        t_max: if round % 3 == 0 { f32::INFINITY } else { a.max(b) },
+                    }
+                })
+                .collect();
+            for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+                let frame = if round % 2 == 0 { &identity } else { &third };
+                let [together, alone] = path.run(Both { rays: &rays, frame });
+                for ((ray, a), b) in rays.iter().zip(together).zip(alone) {
+                    let (a, b) = (a.as_ref().map(bits), b.as_ref().map(bits));
+                    assert_eq!(a, b, "{ray:?}, {}", path.name());
+                    n_hitting += usize::from(b.is_some());
+                }
+            }
+        }
+        assert!(n_hitting > 10_000, "only {n_hitting} rays can hit");
+    }
+}
