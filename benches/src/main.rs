@@ -11,6 +11,7 @@ mod costs;
 mod device;
 mod extremes;
 mod interleave;
+mod kinds;
 mod load;
 mod models;
 mod noise;
@@ -76,6 +77,9 @@ fn main() -> Result<()> {
     }
     if options.wants("growth") {
         wide::growing(&mut out, &options)?;
+    }
+    if options.wants("kinds") {
+        kinds::section(&mut out, &options)?;
     }
     if options.wants("costs") {
         costs::section(&mut out, &options)?;

@@ -8,8 +8,8 @@ use canted_gpu::Choice;
 use crate::{load::PEAK, wide::TRIAL};
 
 /// The sections, in the order of the report.
-const SECTIONS: [&str; 10] =
-    ["load", "build", "trace", "picture", "textures", "bias", "noise", "wide", "growth", "costs"];
+const SECTIONS: [&str; 11] =
+    ["load", "build", "trace", "picture", "textures", "bias", "noise", "wide", "growth", "kinds", "costs"];
 
 /// Sizes of the growth section; a WideBvh holds at most 2^27 triangles.
 pub(crate) const LOG2_TRIANGLES: RangeInclusive<u32> = 10..=27;
@@ -29,6 +29,8 @@ pub(crate) struct Options {
     pub(crate) is_quick: bool,
     /// Growth is measured up to 2^this triangles.
     pub(crate) max_log2: u32,
+    /// Seed of the generated kinds of scenes and their rays.
+    pub(crate) seed: u64,
 }
 
 impl Options {
@@ -42,6 +44,7 @@ impl Options {
             device: None,
             is_quick: false,
             max_log2: 22,
+            seed: 1,
         };
         while let Some(arg) = args.next() {
             let mut value = || args.next().ok_or_else(|| anyhow!("{arg} needs a value"));
@@ -57,6 +60,10 @@ impl Options {
                     options.max_log2 =
                         log2.ok_or_else(|| anyhow!("--max-log2 '{value}' is not in {LOG2_TRIANGLES:?}"))?;
                 }
+                "--seed" => {
+                    let value = value()?;
+                    options.seed = value.parse().map_err(|_| anyhow!("--seed '{value}' is not a whole number"))?;
+                }
                 "--scenes" => options.scenes = list(&value()?),
                 "--engines" => options.engines = list(&value()?),
                 "--device" => {
@@ -71,7 +78,7 @@ impl Options {
                     let sections = SECTIONS.join(", ");
                     return Err(anyhow!(
                         "unknown argument '{arg}'; use {sections}, --rounds N, --scenes A,B, --engines A,B, --device gpu|NAME, --quick, \
-                         --max-log2 N"
+                         --max-log2 N, --seed N"
                     ));
                 }
             }
@@ -133,6 +140,7 @@ mod tests {
         let options = read("wide --rounds 3 --scenes truss,bunny --engines ours,embree --quick").unwrap();
         assert_eq!((options.rounds, options.is_quick), (3, true));
         assert_eq!(options.scenes(&["grid"]), ["truss", "bunny"]);
+        assert_eq!((options.seed, read("kinds --seed 7").unwrap().seed), (1, 7));
         assert!(options.wants("wide") && !options.wants("build"));
         assert!(options.wants_engine("Embree 4.4 high") && !options.wants_engine("obvhs BVH2"));
     }
@@ -171,6 +179,7 @@ mod tests {
             ("--scenes", "--scenes"),
             ("--device", "--device"),
             ("--max-log2 9", "9"),
+            ("kinds --seed -1", "-1"),
         ] {
             assert!(read(args).unwrap_err().to_string().contains(word));
         }

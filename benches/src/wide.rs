@@ -5,7 +5,7 @@
 //! ```
 
 pub(crate) mod alternate;
-mod built;
+pub(crate) mod built;
 mod compare;
 #[cfg(feature = "peers")]
 pub(crate) mod embree;

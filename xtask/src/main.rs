@@ -29,7 +29,7 @@ const USAGE: &str = "usage: cargo xtask TASK
   tidy              check style rules that formatters and lints do not cover
   tables            fill the measured tables of README.md and docs from benches/RESULTS.md
   bench [ARGS]      run benchmarks and write benches/RESULTS.md: load, build, trace, picture, textures, bias, noise,
-                    wide, growth, costs; --rounds N, --scenes A,B, --engines A,B, --quick, --max-log2 N,
+                    wide, growth, kinds, costs; --rounds N, --scenes A,B, --engines A,B, --quick, --max-log2 N, --seed N,
                     --peers (Embree, tinybvh); --device gpu|NAME measures that adapter only
   report [ARGS]     compare all choices and write target/report; --quick, chapter names, --peers,
                     --keep (into benches/RESULTS.md and benches/report.json)

@@ -34,15 +34,11 @@ struct TwoLevels<B: Blas>(Tlas<B>, usize);
 
 impl<B: Blas> Engine for TwoLevels<B> {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.0.closest_hit(ray);
-        }
+        self.0.closest_hits(rays, hits);
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
-        for (ray, occluded) in rays.iter().zip(occluded) {
-            *occluded = self.0.occluded(ray);
-        }
+        self.0.occluded_many(rays, occluded);
     }
 
     fn n_bytes(&self) -> Option<usize> {
@@ -59,6 +55,17 @@ pub(crate) fn entries(model: &Model) -> Vec<Entry<'_>> {
     let mut entries = promising::<Watertight>(Promise::Watertight, &PRESETS, model);
     entries.extend(promising::<MollerTrumbore>(Promise::Fast, &PRESETS[..1], model));
     entries
+}
+
+/// Watertight BVHs with each preset, of two levels where the model places its meshes, the slowest build first.
+pub(crate) fn presets(model: &Model) -> Vec<Entry<'_>> {
+    let Some(placed) = &model.placed else { return promising::<Watertight>(Promise::Watertight, &PRESETS, model) };
+    let entry = |(name, preset): (&str, Preset)| {
+        let build: Build<'_> = Box::new(move |_| Ok(Box::new(wide_levels::<Watertight>(placed, preset)?)));
+        let (name, promise) = (name.to_owned(), Promise::Watertight);
+        Entry { name, owner: Owner::Ours, promise, is_placed: true, is_parallel: true, build }
+    };
+    PRESETS.map(entry).into()
 }
 
 fn promising<'a, K: LaneKernel + 'static>(
@@ -78,7 +85,7 @@ fn promising<'a, K: LaneKernel + 'static>(
     };
     let mut entries: Vec<Entry<'a>> = presets.iter().map(|&(name, preset)| entry(name, false, wide(preset))).collect();
     if let Some(placed) = &model.placed {
-        let build: Build<'a> = Box::new(|_| Ok(Box::new(wide_levels::<K>(placed)?)));
+        let build: Build<'a> = Box::new(|_| Ok(Box::new(wide_levels::<K>(placed, Preset::Quality)?)));
         entries.insert(0, entry("TLAS, WideBvh quality", true, build));
     }
     entries
@@ -100,8 +107,8 @@ pub(crate) fn two_levels<K: Kernel>(placed: &Placed) -> Result<Tlas<Bvh2<K>>> {
 }
 
 /// A WideBvh of each mesh, and a TLAS of the instances.
-fn wide_levels<K: LaneKernel>(placed: &Placed) -> Result<TwoLevels<TriangleBvh<K>>> {
-    let config = Config::preset(Preset::Quality);
+fn wide_levels<K: LaneKernel>(placed: &Placed, preset: Preset) -> Result<TwoLevels<TriangleBvh<K>>> {
+    let config = Config::preset(preset);
     let build = |mesh: &Mesh| Ok(TriangleBvh::<K>::build(&mesh.positions, &mesh.triangles, &config)?);
     let blas = placed.meshes.iter().map(build).collect::<Result<Vec<_>>>()?;
     let n_bytes = blas.iter().map(TriangleBvh::n_bytes).sum();

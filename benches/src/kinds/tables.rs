@@ -1,0 +1,256 @@
+//! The measurements as Markdown.
+//!
+//! Reads: everything measured. Writes: a row a kind and preset, geometric means, kinds below the limit, wrong hits.
+//! Holds: every ratio of rays is taken within a round, and its median over rounds is shown.
+
+use std::fmt::Write;
+
+use canted_fixtures::kinds::{Family, RayKind};
+
+use super::{
+    checked::{Difference, OURS},
+    subject::Measured,
+};
+use crate::{
+    interleave::{median, ratio},
+    options::Options,
+};
+
+/// A kind on which any kind of rays is slower than this, relative to Embree's default, is listed.
+const LIMIT: f64 = 0.9;
+/// Wrong hits that are listed of each kind and preset; the JSON lines have all.
+const N_LISTED: usize = 3;
+
+/// What was measured, kind by kind.
+#[derive(Default)]
+pub(super) struct Tables {
+    measured: Vec<Measured>,
+}
+
+/// A mode of Embree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mode {
+    Medium,
+    High,
+    Robust,
+}
+
+impl Measured {
+    fn preset(&self, i: usize) -> &str {
+        self.engines[i].0.strip_prefix(OURS).unwrap_or(&self.engines[i].0).trim_start()
+    }
+
+    /// Our engines.
+    fn ours(&self) -> impl Iterator<Item = usize> {
+        (0..self.engines.len()).filter(|&i| self.engines[i].0.starts_with(OURS))
+    }
+
+    fn embree(&self, mode: Mode) -> Option<usize> {
+        let word = match mode {
+            Mode::Medium => "medium",
+            Mode::High => "high",
+            Mode::Robust => "robust",
+        };
+        self.engines.iter().position(|(name, _)| name.starts_with("Embree") && name.ends_with(word))
+    }
+
+    /// Rays a second relative to a mode of Embree.
+    fn speed(&self, i: usize, rays: RayKind, mode: Mode) -> Option<f64> {
+        let set = self.sets.iter().find(|set| set.kind == rays)?;
+        let cpu = |engine: usize| set.seconds[engine].iter().map(|seconds| seconds.cpu).collect::<Vec<f64>>();
+        Some(ratio(&cpu(self.embree(mode)?), &cpu(i)))
+    }
+
+    /// Million rays a second.
+    #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
+    fn rate(&self, i: usize, rays: RayKind) -> Option<f64> {
+        let set = self.sets.iter().find(|set| set.kind == rays)?;
+        let cpu: Vec<f64> = set.seconds[i].iter().map(|seconds| seconds.cpu).collect();
+        Some(set.n_rays as f64 / median(&cpu) * 1e-6)
+    }
+
+    /// Build time on one or two threads relative to a mode of Embree.
+    fn build(&self, i: usize, mode: Mode, n_threads: usize) -> Option<f64> {
+        let seconds = |engine: usize| {
+            let built = self.engines[engine].1;
+            if n_threads == 2 { built.two_threads } else { Some(built.one_thread) }
+        };
+        Some(seconds(i)? / seconds(self.embree(mode)?)?)
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
+    fn bytes(&self, i: usize) -> Option<f64> {
+        Some(self.engines[i].1.n_bytes? as f64 / self.n_triangles as f64)
+    }
+
+    /// The kinds of rays that are below the limit, with their ratios.
+    fn slow(&self, i: usize) -> Vec<String> {
+        let below = |rays: RayKind| {
+            let speed = self.speed(i, rays, Mode::Medium).filter(|&speed| speed < LIMIT)?;
+            Some(format!("{} {speed:.2}", rays.name()))
+        };
+        RayKind::ALL.into_iter().filter_map(below).collect()
+    }
+
+    /// The table's row of one of our engines.
+    fn row(&self, i: usize) -> String {
+        let mut row = format!("| {} | {} | {} |", self.kind.name, self.n_triangles, self.preset(i));
+        for rays in RayKind::ALL {
+            let cell = match self.speed(i, rays, Mode::Medium) {
+                Some(speed) => format!("{speed:.2}"),
+                None => self.rate(i, rays).map_or_else(dash, |rate| format!("{rate:.2} M/s")),
+            };
+            let _ = write!(row, " {cell} |");
+        }
+        for mode in [Mode::Medium, Mode::High] {
+            let _ = write!(row, " {} |", number(self.build(i, mode, 1), 1));
+        }
+        let _ = write!(row, " {} | {} |", number(self.bytes(i), 0), self.verdict(i));
+        row
+    }
+
+    fn verdict(&self, i: usize) -> String {
+        let Some(check) = self.checks.get(i) else { return dash() };
+        match check.differences.len() {
+            0 => "yes".to_owned(),
+            n => format!("**no**, {n} of {}", check.n_looped),
+        }
+    }
+}
+
+fn dash() -> String {
+    "–".to_owned()
+}
+
+fn number(value: Option<f64>, digits: usize) -> String {
+    value.map_or_else(dash, |value| format!("{value:.digits$}"))
+}
+
+/// Progress lines of a kind.
+pub(super) fn summary(measured: &Measured) -> String {
+    let mut text = String::new();
+    for i in measured.ours() {
+        let _ = writeln!(text, "{}", measured.row(i));
+        wrong(&mut text, measured, i);
+    }
+    text
+}
+
+/// The first wrong hits of an engine.
+fn wrong(out: &mut String, measured: &Measured, i: usize) {
+    let differences = measured.checks.get(i).map_or(&[][..], |check| &check.differences);
+    for Difference { rays, index, ray, truth, found } in differences.iter().take(N_LISTED) {
+        let _ = writeln!(
+            out,
+            "* {}, {}, {} ray {index}: {ray:?}; loop {truth:?}; found {found}",
+            measured.kind.name,
+            measured.preset(i),
+            rays.name(),
+        );
+    }
+}
+
+/// Geometric mean of what is there; `None` if nothing is.
+#[expect(clippy::cast_precision_loss, reason = "at most fifty")]
+fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+    let logarithms: Vec<f64> = values.flatten().map(f64::ln).collect();
+    (!logarithms.is_empty()).then(|| (logarithms.iter().sum::<f64>() / logarithms.len() as f64).exp())
+}
+
+impl Tables {
+    /// Adds a kind.
+    pub(super) fn add(&mut self, measured: Measured) {
+        self.measured.push(measured);
+    }
+
+    /// Writes the section.
+    pub(super) fn write(&self, out: &mut String, options: &Options) {
+        let n_looped: usize =
+            self.measured.iter().map(|measured| measured.checks.first().map_or(0, |check| check.n_looped)).sum();
+        let n_rays: usize = self.measured.iter().flat_map(|measured| &measured.sets).map(|set| set.n_rays).sum();
+        let _ = write!(
+            out,
+            "\n## Generated kinds of scenes\n\nSeed {}; one thread; engines take turns every 8,192 rays, {} rounds after a warm-up. \
+             Columns camera to random: rays a second relative to Embree's default mode (medium build, not robust), thread time, \
+             median over rounds; above 1 is faster{}. Builds: wall time relative to Embree medium and high, above 1 is slower. \
+             Hits: all bits equal those of a loop over all triangles, and over all instances, on {n_looped} of {n_rays} rays: \
+             evenly chosen ones, and those on which our presets or Embree disagree.\n\n| kind | triangles | preset |",
+            options.seed,
+            options.rounds,
+            if cfg!(feature = "peers") { "" } else { "; without Embree: million rays a second" },
+        );
+        for rays in RayKind::ALL {
+            let _ = write!(out, " {} |", rays.name());
+        }
+        let _ = writeln!(out, " build / medium | build / high | B a triangle | hits equal |\n|{}", " --- |".repeat(11));
+        for measured in &self.measured {
+            for i in measured.ours() {
+                let _ = writeln!(out, "{}", measured.row(i));
+            }
+        }
+        self.means(out);
+        self.below(out);
+        self.wrongs(out);
+    }
+
+    /// Geometric means over the ordinary kinds.
+    fn means(&self, out: &mut String) {
+        let ordinary: Vec<&Measured> =
+            self.measured.iter().filter(|measured| measured.kind.family == Family::Ordinary).collect();
+        let Some(first) = ordinary.first().filter(|first| first.embree(Mode::Medium).is_some()) else { return };
+        let _ = writeln!(
+            out,
+            "\n### Geometric means over {} ordinary kinds\n\nCells of rays: relative to Embree default, in brackets to Embree \
+             robust. Builds on one thread, in brackets on two.\n\n| engine | camera | bounce | occlusion | random | least of all \
+             | build / medium | build / high | B a triangle |\n|{}",
+            ordinary.len(),
+            " --- |".repeat(9),
+        );
+        for i in 0..first.engines.len() {
+            let _ = write!(out, "| {} |", first.engines[i].0);
+            for rays in RayKind::ALL {
+                let speed = |mode| number(mean(ordinary.iter().map(|m| m.speed(i, rays, mode))), 2);
+                let _ = write!(out, " {} ({}) |", speed(Mode::Medium), speed(Mode::Robust));
+            }
+            let all =
+                ordinary.iter().flat_map(|m| RayKind::ALL.map(|rays| (m.speed(i, rays, Mode::Medium), m.kind.name)));
+            let least = all.filter_map(|(speed, name)| Some((speed?, name))).min_by(|a, b| a.0.total_cmp(&b.0));
+            let _ = write!(out, " {} |", least.map_or_else(dash, |(speed, name)| format!("{speed:.2} {name}")));
+            for mode in [Mode::Medium, Mode::High] {
+                let build = |n_threads| number(mean(ordinary.iter().map(|m| m.build(i, mode, n_threads))), 2);
+                let _ = write!(out, " {} ({}) |", build(1), build(2));
+            }
+            let _ = writeln!(out, " {} |", number(mean(ordinary.iter().map(|m| m.bytes(i))), 0));
+        }
+    }
+
+    /// The kinds that are slower than the limit.
+    fn below(&self, out: &mut String) {
+        if self.measured.iter().all(|measured| measured.embree(Mode::Medium).is_none()) {
+            return;
+        }
+        let _ = writeln!(out, "\n### Below {LIMIT} of Embree's default\n");
+        let presets: Vec<&str> = self.measured.first().map_or(vec![], |m| m.ours().map(|i| m.preset(i)).collect());
+        for (i, preset) in presets.into_iter().enumerate() {
+            let slow = self.measured.iter().filter_map(|measured| {
+                let rays = measured.slow(i);
+                (!rays.is_empty()).then(|| format!("{} ({})", measured.kind.name, rays.join(", ")))
+            });
+            let slow: Vec<String> = slow.collect();
+            let kinds = if slow.is_empty() { "none".to_owned() } else { slow.join("; ") };
+            let _ = writeln!(out, "* {preset}: {kinds}.");
+        }
+    }
+
+    fn wrongs(&self, out: &mut String) {
+        let mut list = String::new();
+        for measured in &self.measured {
+            for i in measured.ours() {
+                wrong(&mut list, measured, i);
+            }
+        }
+        if !list.is_empty() {
+            let _ = write!(out, "\n### Wrong hits\n\n{list}");
+        }
+    }
+}
