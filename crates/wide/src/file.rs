@@ -31,7 +31,7 @@ use bytemuck::Pod;
 use canted_obb::PrimId;
 
 use crate::bvh::WideBvh;
-use crate::layout::{Half, Nodes};
+use crate::layout::{Half, NodeKind, Nodes};
 use crate::leaf::LeafPrimitive;
 use crate::primitive::SavedPrimitive;
 use crate::shape::Shapes;
