@@ -12,7 +12,7 @@ pub fn bottom_up<S: Copy + Send + Sync>(
     leaf: impl Fn(u32) -> S + Sync,
     join: impl Fn(NodeId, &Node, &S, &S) -> S + Sync,
 ) -> Vec<S> {
-    let mut values = vec![unset; tree.leaves.len()];
+    let mut values = par::filled(tree.leaves.len(), unset);
     let of = |child: Child, values: &[S], base: u32| match child.kind() {
         ChildKind::Leaf(position) => leaf(position),
         ChildKind::Inner(id) => values[(id.0 - base) as usize],

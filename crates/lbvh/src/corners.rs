@@ -70,13 +70,9 @@ fn triangle_corners_at_most(
     if triangles.len() > max {
         return Err(GeometryError::TooMany { n_triangles: triangles.len() });
     }
-    let mut corners = vec![[[0.0; 3]; 3]; triangles.len()];
-    par::for_chunks(&mut corners, CHUNK, |first, out| {
-        for (out, indices) in out.iter_mut().zip(&triangles[first..]) {
-            // A missing vertex becomes NaN here; the error is found below, off the fast path.
-            *out = indices.map(|i| positions.get(i as usize).copied().unwrap_or([f32::NAN; 3]));
-        }
-    });
+    // A missing vertex becomes NaN here; the error is found below, off the fast path.
+    let vertex = |i: u32| positions.get(i as usize).copied().unwrap_or([f32::NAN; 3]);
+    let corners = par::map(triangles, CHUNK, |indices| indices.map(vertex));
     let bounds = par::map_chunks(&corners, CHUNK, |_, chunk| {
         let mut bounds = Aabb::EMPTY;
         // A sum of products with zero is NaN if and only if a coordinate is not finite.
@@ -111,13 +107,7 @@ fn first_flaw(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> GeometryError {
 /// The corners in leaf order.
 #[must_use]
 pub fn in_leaf_order(corners: &[Corners], leaves: &[PrimId]) -> Vec<Corners> {
-    let mut sorted = vec![[[0.0; 3]; 3]; leaves.len()];
-    par::for_chunks(&mut sorted, CHUNK, |first, out| {
-        for (out, leaf) in out.iter_mut().zip(&leaves[first..]) {
-            *out = corners[leaf.index()];
-        }
-    });
-    sorted
+    par::map(leaves, CHUNK, |leaf| corners[leaf.index()])
 }
 
 #[cfg(test)]

@@ -23,10 +23,7 @@ pub fn morton_codes(domain: &Domain, corners: &[Corners]) -> Vec<u64> {
 /// Morton codes of boxes by their centers: as [`morton_codes`], with `(min + max) - 2m`.
 #[must_use]
 pub fn morton_codes_of_boxes(domain: &Domain, boxes: &[Aabb]) -> Vec<u64> {
-    boxes
-        .iter()
-        .map(|b| interleave(domain.bits, std::array::from_fn(|k| domain.cell(k, b.min[k] + b.max[k]))))
-        .collect()
+    par::map(boxes, CHUNK, |b| interleave(domain.bits, std::array::from_fn(|k| domain.cell(k, b.min[k] + b.max[k]))))
 }
 
 /// Interleaves the bits of three cells, x highest.

@@ -8,6 +8,9 @@ use std::ops::Range;
 /// Items of one job in [`for_pieces`].
 const CHUNK: usize = 256;
 
+/// Fewest items of one job in [`filled`].
+const FILLED: usize = 1 << 12;
+
 /// Calls `work` for every job. Each job owns what it writes.
 pub fn for_jobs<J: Send>(jobs: Vec<J>, work: impl Fn(J) + Sync + Send) {
     #[cfg(feature = "parallel")]
@@ -49,15 +52,37 @@ pub fn map_ranges<R: Send>(n: usize, chunk: usize, work: impl Fn(Range<usize>) -
     map_jobs((0..n.div_ceil(chunk)).collect(), |i| work(i * chunk..n.min((i + 1) * chunk)))
 }
 
-/// `f` of every item, in order.
-pub fn map<I: Sync, T: Copy + Send>(items: &[I], chunk: usize, unset: T, f: impl Fn(&I) -> T + Sync + Send) -> Vec<T> {
-    let mut out = vec![unset; items.len()];
-    for_jobs(items.chunks(chunk).zip(out.chunks_mut(chunk)).collect(), |(items, out)| {
-        for (item, out) in items.iter().zip(out) {
-            *out = f(item);
-        }
-    });
-    out
+/// `f` of every item, in order; jobs of at least `chunk` items. Memory is written once, by the thread that first touches it.
+pub fn map<I: Sync, T: Send>(items: &[I], chunk: usize, f: impl Fn(&I) -> T + Sync + Send) -> Vec<T> {
+    #[cfg(feature = "parallel")]
+    {
+        use rayon::prelude::*;
+        items.par_iter().with_min_len(chunk).map(f).collect()
+    }
+    #[cfg(not(feature = "parallel"))]
+    {
+        let _ = chunk;
+        items.iter().map(f).collect()
+    }
+}
+
+/// `f` of every number below `n`, in order, as [`map`].
+pub fn from_fn<T: Send>(n: usize, chunk: usize, f: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
+    #[cfg(feature = "parallel")]
+    {
+        use rayon::prelude::*;
+        (0..n).into_par_iter().with_min_len(chunk).map(f).collect()
+    }
+    #[cfg(not(feature = "parallel"))]
+    {
+        let _ = chunk;
+        (0..n).map(f).collect()
+    }
+}
+
+/// `n` copies of `value`, written by all threads: where memory is fresh, the system clears its pages in parallel.
+pub fn filled<T: Copy + Send + Sync>(n: usize, value: T) -> Vec<T> {
+    from_fn(n, FILLED, |_| value)
 }
 
 /// Calls `write` with each item and its piece of `out`, from `start(item)` to the start of the next item.

@@ -77,5 +77,5 @@ fn improved(tree: Tree, boxes: &[Aabb], config: Option<&ReinsertConfig>) -> Tree
 
 /// The boxes in leaf order.
 fn leaf_boxes(boxes: &[Aabb], leaves: &[PrimId]) -> Vec<Aabb> {
-    par::map_chunks(leaves, CHUNK, |_, chunk| chunk.iter().map(|leaf| boxes[leaf.index()]).collect::<Vec<_>>()).concat()
+    par::map(leaves, CHUNK, |leaf| boxes[leaf.index()])
 }

@@ -1,6 +1,8 @@
 use canted_obb::Aabb;
 use glam::{Vec4, Vec4Swizzles};
 
+use crate::par;
+
 /// A box as `(min, -max)`, so that a union is two minima. The fourth lanes are not part of the box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Bounds {
@@ -86,6 +88,15 @@ impl Reference {
 
 /// Bounds of the doubled centers of all references.
 pub(crate) fn centers(references: &[Reference]) -> Bounds {
+    if references.len() < LARGE {
+        return centers_serial(references);
+    }
+    // Minima: the order does not matter.
+    let parts = par::map_chunks(references, CHUNK, |_, chunk| centers_serial(chunk));
+    parts.iter().fold(Bounds::EMPTY, |all, part| all.union(part))
+}
+
+fn centers_serial(references: &[Reference]) -> Bounds {
     let mut all = Bounds::EMPTY;
     for reference in references {
         let center = reference.center();
@@ -94,7 +105,13 @@ pub(crate) fn centers(references: &[Reference]) -> Bounds {
     all
 }
 
+/// Minimum number of items for parallel bounds, and the size of chunks.
+const LARGE: usize = 1 << 15;
+const CHUNK: usize = 1 << 13;
+
 /// The scale of the box around all boxes: [`Aabb::unit_scale`].
 pub(crate) fn unit_scale(leaf_boxes: &[Aabb]) -> Option<f32> {
-    leaf_boxes.iter().fold(Aabb::EMPTY, |all, leaf| all.union(*leaf)).unit_scale()
+    let around = |boxes: &[Aabb]| boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
+    let parts = par::map_chunks(leaf_boxes, CHUNK, |_, chunk| around(chunk));
+    around(&parts).unit_scale()
 }

@@ -19,7 +19,8 @@ use crate::{
 #[must_use]
 pub fn top_down(boxes: &[Aabb], config: &TopDownConfig) -> Tree {
     let scale = unit_scale(boxes).unwrap_or(1.0);
-    let mut references: Vec<_> = (0..).zip(boxes).map(|(i, aabb)| Reference::new(i, aabb, scale)).collect();
+    #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 primitives")]
+    let mut references = par::from_fn(boxes.len(), CHUNK, |i| Reference::new(i as u32, &boxes[i], scale));
     assemble(boxes.len(), |plot| {
         if config.split == Split::Sweep {
             return sweep(&references, config, plot, 1);
@@ -29,10 +30,22 @@ pub fn top_down(boxes: &[Aabb], config: &TopDownConfig) -> Tree {
     })
 }
 
+/// Boxes per job.
+const CHUNK: usize = 1 << 13;
+
 /// The references of a node, and scratch memory of the same size.
-struct Span<'a> {
-    references: &'a mut [Reference],
-    scratch: &'a mut [Reference],
+pub(crate) struct Span<'a> {
+    pub(crate) references: &'a mut [Reference],
+    pub(crate) scratch: &'a mut [Reference],
+}
+
+impl<'a> Span<'a> {
+    /// The first `n_left` references and the others.
+    pub(crate) fn at(self, n_left: usize) -> [Span<'a>; 2] {
+        let (left, right) = self.references.split_at_mut(n_left);
+        let (left_scratch, right_scratch) = self.scratch.split_at_mut(n_left);
+        [Span { references: left, scratch: left_scratch }, Span { references: right, scratch: right_scratch }]
+    }
 }
 
 /// Builds a subtree at `depth`; returns its height in nodes.
@@ -48,9 +61,7 @@ fn build(mut span: Span<'_>, config: &TopDownConfig, plot: Plot<'_>, depth: u32)
         return sweep_block(span.references, config, plot, depth);
     }
     let n_left = split(&mut span, config, depth);
-    let (references, scratch) = (span.references.split_at_mut(n_left), span.scratch.split_at_mut(n_left));
-    let left = Span { references: references.0, scratch: scratch.0 };
-    let right = Span { references: references.1, scratch: scratch.1 };
+    let [left, right] = span.at(n_left);
     let (left_plot, right_plot) = plot.split(n_left);
     let (build_left, build_right) =
         (|| build(left, config, left_plot, depth + 1), || build(right, config, right_plot, depth + 1));
@@ -60,7 +71,7 @@ fn build(mut span: Span<'_>, config: &TopDownConfig, plot: Plot<'_>, depth: u32)
 }
 
 /// Splits the references; returns the number on the left, never none or all.
-fn split(span: &mut Span<'_>, config: &TopDownConfig, depth: u32) -> usize {
+pub(crate) fn split(span: &mut Span<'_>, config: &TopDownConfig, depth: u32) -> usize {
     let n = span.references.len();
     let centers = centers(span.references);
     if config.must_halve(n, depth) {

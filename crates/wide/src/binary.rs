@@ -1,44 +1,150 @@
-//! Which binary tree is collapsed, and in which frame its boxes are aligned.
+//! Which binary tree is collapsed, in which frame its boxes are aligned, and whether nodes may be oriented.
+//!
+//! A tree over groups of primitives is quick to build and good for aligned nodes. Only where a sample of its subtrees shows
+//! that oriented nodes may pay, trees with a primitive per leaf are built, and frames for them.
 
-use canted_lbvh::Tree;
-use canted_obb::{Aabb, Obb};
-use canted_sah::{Builder, PlocConfig};
+use canted_lbvh::{NodeId, Tree};
+use canted_obb::{Aabb, Obb, PrimId};
+use canted_sah::{Builder, GroupConfig, Groups};
 
-use crate::collapse::{Areas, Plan};
+use crate::collapse::{ALIGNED, Areas, BOTH, Plan, Table, positive, tables};
 use crate::config::Config;
 use crate::costs::Costs;
 use crate::frames::mesh_frame::{self, MeshFrameConfig};
+use crate::frames::{self, BoxAreas, Fits, FrameConfig};
 use crate::item::{self, Item};
 use crate::measure::{self, Aligned};
+use crate::members::Members;
 use crate::par;
-
-/// A binary tree over primitives and the frame of its boxes.
-pub(crate) struct Chosen {
-    pub(crate) tree: Tree,
-    pub(crate) rows: [[f32; 3]; 3],
-    pub(crate) aligned: Aligned,
-    /// Brings the largest extent to about 1.
-    pub(crate) scale: f32,
-}
+use crate::sample;
 
 /// The mesh is rotated where the cost of a quickly built tree falls to this part.
-///
-/// Quick and full builds agree on eleven scenes with any threshold from 0.85 to 0.89.
 const MAX_ROTATED_COST: f32 = 0.87;
 
-/// The alternative builder's tree is taken at this part of the other's cost: closer to 1, the prediction is not reliable.
-///
-/// A scan just below it traces faster in the alternative tree: `benches/TRIED.md`.
-const MAX_ALTERNATIVE_COST: f32 = 0.985;
+/// Nodes may be oriented where that lowers the predicted cost to this part: closer to 1, the prediction is not reliable.
+pub(crate) const MAX_ORIENTED_COST: f32 = 0.92;
 
-/// Most primitives of a leaf where trees are compared before their frames are known.
-///
-/// Larger leaves hide what oriented boxes would separate: where one holds two struts of twelve triangles, a tree that mixes
-/// struts has a lower predicted cost and traces slower, as measured in `benches/TRIED.md`.
-const MAX_COMPARED_LEAF: usize = 16;
+/// Primitives of one job.
+const CHUNK: usize = 1 << 13;
+
+/// A binary tree over primitives, what it is collapsed by, and the costs of that.
+pub(crate) struct Chosen<I> {
+    pub(crate) tree: Tree,
+    /// `None` where each leaf is one primitive.
+    pub(crate) groups: Option<Groups>,
+    /// The primitives in leaf order.
+    pub(crate) sorted: Vec<I>,
+    /// Rows of the frame of its boxes.
+    pub(crate) rows: [[f32; 3]; 3],
+    pub(crate) aligned: Aligned,
+    /// Of collapses into aligned nodes only.
+    pub(crate) aligned_tables: Vec<Table<ALIGNED>>,
+    pub(crate) oriented: Option<Oriented>,
+}
+
+/// Frames, and the collapses that may use them.
+pub(crate) struct Oriented {
+    pub(crate) fits: Fits,
+    pub(crate) tables: Vec<Table<BOTH>>,
+}
+
+impl<I: Item> Chosen<I> {
+    /// A tree over `items` with boxes along `rows`; leaves are groups, or else primitives.
+    pub(crate) fn of(
+        (tree, groups): (Tree, Option<Groups>),
+        items: &[I],
+        boxes: &[Aabb],
+        rows: [[f32; 3]; 3],
+        scale: f32,
+        costs: &Costs,
+    ) -> Self {
+        let primitives = groups.as_ref().map_or(&tree.leaves, |groups| &groups.primitives);
+        let sorted = par::map(primitives, CHUNK, |primitive| items[primitive.index()]);
+        let aligned = match &groups {
+            Some(groups) => Aligned::of_leaves(&tree, item::boxes_of_groups(&sorted, &groups.starts, rows), scale),
+            None => Aligned::of(&tree, boxes, scale),
+        };
+        let mut chosen = Self { tree, groups, sorted, rows, aligned, aligned_tables: vec![], oriented: None };
+        chosen.aligned_tables = chosen.tables_of_aligned(costs);
+        chosen
+    }
+
+    fn tables_of_aligned(&self, costs: &Costs) -> Vec<Table<ALIGNED>> {
+        tables_of_aligned(&self.tree, self.members(), &self.aligned, costs)
+    }
+
+    /// Finds frames and plans with oriented nodes; each leaf must be one primitive.
+    fn fit(&mut self, config: &Config, scale: f32) {
+        let areas = BoxAreas { inner: &self.aligned.inner_areas, leaf: &self.aligned.leaf_areas };
+        let frame_config = FrameConfig { iterations: config.refine_iterations, ..FrameConfig::default() };
+        let fits = frames::fit(&self.tree, &I::fitted(&self.sorted, scale), self.rows, &areas, &frame_config);
+        let inner = |id: NodeId| both(self.aligned.inner_areas[id.index()], fits.inner[id.index()].half_area);
+        let leaf = |i: usize| both(self.aligned.leaf_areas[i], fits.leaf[i].half_area);
+        let tables = tables(&self.tree, self.members(), inner, leaf, &config.costs);
+        self.oriented = Some(Oriented { fits, tables });
+    }
+
+    /// The primitives of each leaf.
+    pub(crate) fn members(&self) -> Members<'_> {
+        self.groups.as_ref().map_or(Members::One, |groups| Members::Groups(&groups.starts))
+    }
+
+    /// The primitive of each place in leaf order.
+    pub(crate) fn primitives(&self) -> &[PrimId] {
+        self.groups.as_ref().map_or(&self.tree.leaves, |groups| &groups.primitives)
+    }
+
+    /// Areas of a leaf for a plan of aligned nodes.
+    pub(crate) fn aligned_leaf(&self, i: usize) -> Areas<ALIGNED> {
+        [positive(self.aligned.leaf_areas[i])]
+    }
+
+    /// Areas of a leaf for a plan of both kinds; without frames as for aligned nodes.
+    pub(crate) fn both_leaf(&self, i: usize) -> Areas<BOTH> {
+        let aligned = self.aligned.leaf_areas[i];
+        both(aligned, self.oriented.as_ref().map_or(aligned, |oriented| oriented.fits.leaf[i].half_area))
+    }
+
+    /// Predicted cost with aligned nodes only, in tests of aligned nodes times area.
+    pub(crate) fn aligned_cost(&self, costs: &Costs) -> f32 {
+        root_cost(&self.tree, self.members(), &self.aligned, &self.aligned_tables, costs)
+    }
+
+    /// The same of the cheaper of both plans.
+    fn cost(&self, costs: &Costs) -> f32 {
+        self.oriented_cost(costs).unwrap_or(f32::INFINITY).min(self.aligned_cost(costs))
+    }
+
+    /// The same where nodes may be oriented.
+    fn oriented_cost(&self, costs: &Costs) -> Option<f32> {
+        let tables = &self.oriented.as_ref()?.tables;
+        let leaf_areas = |i: usize| self.both_leaf(i);
+        let (tree, members) = (&self.tree, self.members());
+        let plan = Plan { tree, members, costs: *costs, tables, leaf_areas: &leaf_areas };
+        Some(tree.root().map_or(0.0, |root| plan.cost(root)))
+    }
+}
+
+fn tables_of_aligned(tree: &Tree, members: Members, aligned: &Aligned, costs: &Costs) -> Vec<Table<ALIGNED>> {
+    let inner = |id: NodeId| [positive(aligned.inner_areas[id.index()])];
+    tables(tree, members, inner, |i| [positive(aligned.leaf_areas[i])], costs)
+}
+
+/// Predicted cost of aligned nodes, whose tables these are.
+fn root_cost(tree: &Tree, members: Members, aligned: &Aligned, tables: &[Table<ALIGNED>], costs: &Costs) -> f32 {
+    let leaf_areas = |i: usize| [positive(aligned.leaf_areas[i])];
+    let plan = Plan { tree, members, costs: *costs, tables, leaf_areas: &leaf_areas };
+    tree.root().map_or(0.0, |root| plan.cost(root))
+}
+
+/// Areas of a box in the mesh frame and in its own.
+fn both(aligned: f32, oriented: f32) -> Areas<BOTH> {
+    let aligned = positive(aligned);
+    [aligned, positive(oriented).min(aligned)]
+}
 
 /// Builds the binary tree over `items`, which `bounds` enclose.
-pub(crate) fn choose<I: Item>(items: &[I], bounds: &Aabb, config: &Config) -> Chosen {
+pub(crate) fn choose<I: Item>(items: &[I], bounds: &Aabb, config: &Config) -> Chosen<I> {
     let scale = measure::unit_scale(bounds);
     let unrotated = item::boxes(items, Obb::IDENTITY_FRAME);
     let candidates = if config.rotate_mesh {
@@ -51,19 +157,85 @@ pub(crate) fn choose<I: Item>(items: &[I], bounds: &Aabb, config: &Config) -> Ch
         Some(rows) => (rows, boxes_along(&rows)),
         None => (Obb::IDENTITY_FRAME, unrotated),
     };
-    let (tree, aligned) = over_boxes(&boxes, scale, config);
-    Chosen { tree, rows, aligned, scale }
+    let costs = &config.costs;
+    let of = |built: (Tree, Option<Groups>)| Chosen::of(built, items, &boxes, rows, scale, costs);
+    let coarse = config.groups.map(|groups| {
+        let (tree, groups) = canted_sah::grouped(&boxes, &limited(groups, costs));
+        of((tree, Some(groups)))
+    });
+    if let Some(coarse) = coarse {
+        if !config.oriented || sample::oriented_cost(&coarse, config, scale) > sample::MAX_COST {
+            return coarse;
+        }
+        let full = full(items, &boxes, rows, scale, config);
+        return oriented_or(full, coarse, costs);
+    }
+    let full = full(items, &boxes, rows, scale, config);
+    let is_worth_it =
+        full.oriented_cost(costs).is_some_and(|cost| cost <= MAX_ORIENTED_COST * full.aligned_cost(costs));
+    Chosen { oriented: if is_worth_it { full.oriented } else { None }, ..full }
 }
 
-/// Builds the binary tree over boxes in one frame.
-fn over_boxes(boxes: &[Aabb], scale: f32, config: &Config) -> (Tree, Aligned) {
-    let first = || built(boxes, &config.builder, scale);
+/// Groups that fit into leaves.
+#[expect(clippy::cast_possible_truncation, reason = "at most 32")]
+fn limited(groups: GroupConfig, costs: &Costs) -> GroupConfig {
+    GroupConfig { max_group: groups.max_group.min(costs.max_leaf as u32), ..groups }
+}
+
+/// `full` with oriented nodes where that is worth it, else the cheaper tree with aligned ones.
+fn oriented_or<I: Item>(full: Chosen<I>, coarse: Chosen<I>, costs: &Costs) -> Chosen<I> {
+    let [of_full, of_coarse] = [&full, &coarse].map(|chosen| chosen.aligned_cost(costs));
+    if full.oriented_cost(costs).is_some_and(|cost| cost <= MAX_ORIENTED_COST * of_full.min(of_coarse)) {
+        return full;
+    }
+    if of_full < of_coarse { Chosen { oriented: None, ..full } } else { coarse }
+}
+
+/// Builds trees with a primitive per leaf, and frames where nodes may be oriented; returns the cheaper one.
+pub(crate) fn full<I: Item>(
+    items: &[I],
+    boxes: &[Aabb],
+    rows: [[f32; 3]; 3],
+    scale: f32,
+    config: &Config,
+) -> Chosen<I> {
+    let built = |builder: &Builder| {
+        let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
+        let tree = canted_sah::build(boxes, &bounds, builder);
+        let mut chosen = Chosen::of((tree, None), items, boxes, rows, scale, &config.costs);
+        if config.oriented {
+            chosen.fit(config, scale);
+        }
+        chosen
+    };
+    let first = || built(&config.builder);
     let Some(alternative) = &config.alternative_builder else { return first() };
     // Each has serial parts of its own.
-    let (first, alternative) = par::join(first, || built(boxes, alternative, scale));
-    let costs = compared(&config.costs);
-    let cost = |(tree, aligned): &(Tree, Aligned)| cost(tree, aligned, &costs);
-    if cost(&alternative) <= MAX_ALTERNATIVE_COST * cost(&first) { alternative } else { first }
+    let (first, alternative) = par::join(first, || built(alternative));
+    // Compared as they would be built: at their leaf sizes, with their frames.
+    if alternative.cost(&config.costs) < first.cost(&config.costs) { alternative } else { first }
+}
+
+/// A tree of any builder, with oriented nodes where that is worth it.
+pub(crate) fn over_tree<I: Item>(tree: Tree, items: &[I], bounds: &Aabb, config: &Config) -> Chosen<I> {
+    let (scale, rows) = (measure::unit_scale(bounds), Obb::IDENTITY_FRAME);
+    let mut chosen = Chosen::of((tree, None), items, &item::boxes(items, rows), rows, scale, &config.costs);
+    if config.oriented {
+        chosen.fit(config, scale);
+        let most = MAX_ORIENTED_COST * chosen.aligned_cost(&config.costs);
+        chosen.oriented = chosen.oriented_cost(&config.costs).filter(|&cost| cost <= most).and(chosen.oriented);
+    }
+    chosen
+}
+
+/// Predicted costs of a subset of the mesh, in a tree of its own: with aligned nodes only, and with oriented ones.
+pub(crate) fn costs_of_subset<I: Item>(items: &[I], rows: [[f32; 3]; 3], scale: f32, config: &Config) -> [f32; 2] {
+    let boxes = item::boxes(items, rows);
+    let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
+    let tree = canted_sah::build(&boxes, &bounds, &sample::BUILDER);
+    let mut chosen = Chosen::of((tree, None), items, &boxes, rows, scale, &config.costs);
+    chosen.fit(&Config { refine_iterations: 0, ..*config }, scale);
+    [chosen.aligned_cost(&config.costs), chosen.cost(&config.costs)]
 }
 
 /// The candidate in which a quickly built tree is so much cheaper that the mesh is rotated; `None` for the axes of the space.
@@ -78,31 +250,16 @@ fn rotation(
         return None;
     }
     let quick = |boxes: &[Aabb]| {
-        let (tree, aligned) = built(boxes, &Builder::Ploc(PlocConfig::NEAR, None), scale);
-        cost(&tree, &aligned, &compared(&config.costs))
+        let (tree, groups) = canted_sah::grouped(boxes, &limited(GroupConfig::FAST, &config.costs));
+        let aligned = Aligned::of_leaves(&tree, groups.boxes(boxes), scale);
+        let members = Members::Groups(&groups.starts);
+        root_cost(&tree, members, &aligned, &tables_of_aligned(&tree, members, &aligned, &config.costs), &config.costs)
     };
     let (unrotated, rotated) =
-        par::join(|| quick(unrotated), || par::map(&candidates, 1, 0.0, |rows| quick(&boxes_along(rows))));
+        par::join(|| quick(unrotated), || par::map(&candidates, 1, |rows| quick(&boxes_along(rows))));
     let (least, rows) = rotated.into_iter().zip(candidates).min_by(|a, b| a.0.total_cmp(&b.0))?;
     (least <= MAX_ROTATED_COST * unrotated).then_some(rows)
 }
 
-/// Costs by which trees are compared.
-fn compared(costs: &Costs) -> Costs {
-    Costs { max_leaf: costs.max_leaf.min(MAX_COMPARED_LEAF), ..*costs }
-}
-
-/// Predicted cost of a tree that is collapsed into aligned nodes only.
-pub(crate) fn cost(tree: &Tree, aligned: &Aligned, costs: &Costs) -> f32 {
-    let Some(root) = tree.root() else { return 0.0 };
-    let areas = |areas: &[f32]| -> Vec<Areas> { areas.iter().map(|&a| Areas::new(a, a)).collect() };
-    let (inner, leaf) = (areas(&aligned.inner_areas), areas(&aligned.leaf_areas));
-    Plan::new(tree, &inner, &leaf, costs, false).cost(root)
-}
-
-fn built(boxes: &[Aabb], builder: &Builder, scale: f32) -> (Tree, Aligned) {
-    let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
-    let tree = canted_sah::build(boxes, &bounds, builder);
-    let aligned = Aligned::of(&tree, boxes, scale);
-    (tree, aligned)
-}
+#[cfg(test)]
+mod tests;

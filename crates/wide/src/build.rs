@@ -1,19 +1,17 @@
 use std::fmt;
 
 use canted_lbvh::{self as lbvh, Child, ChildKind, Corners, GeometryError, Tree};
-use canted_obb::{Aabb, Obb, PrimId};
+use canted_obb::{Aabb, PrimId};
 
-use crate::binary::{self, Chosen};
+use crate::binary::{self, Chosen, Oriented};
 use crate::bvh::{PredictedCost, WideBvh};
-use crate::collapse::{Areas, Plan};
+use crate::collapse::Plan;
 use crate::config::Config;
 use crate::costs::{Baseline, Costs};
 use crate::emit::{Source, TooLarge, WriteLeaf, emit, write_ids, write_triangles};
-use crate::frames::{self, BoxAreas, Fit, Fits, FrameConfig};
-use crate::item::{self, Item};
+use crate::item::Item;
 use crate::layout::{HALF_WORDS, Half, LeafLayout, Limits, NodeKind, Nodes};
 use crate::leaf::LeafPrimitive;
-use crate::measure::{self, Aligned};
 use crate::par;
 use crate::primitive::Primitive;
 use crate::reach::Reaches;
@@ -110,12 +108,10 @@ impl<P: Primitive> WideBvh<P> {
         let config = Config { costs, ..*config }.usable();
         let items: Vec<&P> = primitives.iter().collect();
         let chosen = binary::choose(&items, &bounds, &config);
-        let leaves = &chosen.tree.leaves;
-        let sorted: Vec<&P> = leaves.iter().map(|leaf| items[leaf.index()]).collect();
-        let write = |at: &[u32], _: usize, out: &mut [PrimId]| write_ids(at.iter().map(|&i| leaves[i as usize]), out);
-        let (nodes, order, predicted) =
-            collapse(&chosen, &sorted, &config, P::ERROR, limits, &LeafLayout::IDS, PrimId(0), &write)
-                .map_err(|TooLarge| PrimitiveError::TooMany { n_primitives })?;
+        let ids = chosen.primitives();
+        let write = |at: &[u32], _: usize, out: &mut [PrimId]| write_ids(at.iter().map(|&i| ids[i as usize]), out);
+        let (nodes, order, predicted) = collapse(&chosen, &config.costs, P::ERROR, limits, &LeafLayout::IDS, PrimId(0), &write)
+            .map_err(|TooLarge| PrimitiveError::TooMany { n_primitives })?;
         let (rows, costs) = (chosen.rows, config.costs);
         let leaves = Shapes { order, primitives };
         Ok(Built { nodes, leaves, rows, bounds, n_primitives, predicted, costs }.into())
@@ -135,7 +131,7 @@ impl<P: Primitive> WideBvh<P> {
 }
 
 /// A BVH before it has what only traversal needs.
-struct Built<L> {
+pub(crate) struct Built<L> {
     nodes: Nodes,
     leaves: L,
     rows: [[f32; 3]; 3],
@@ -158,7 +154,7 @@ impl<P: LeafPrimitive> From<Built<P::Leaves>> for WideBvh<P> {
 /// # Errors
 /// The first whose bounds are empty or not finite.
 pub(crate) fn bounds_of<P: Primitive>(primitives: &[P]) -> Result<Aabb, PrimitiveError> {
-    let boxes = par::map(primitives, CHUNK, Aabb::EMPTY, P::bounds);
+    let boxes = par::map(primitives, CHUNK, P::bounds);
     // Negated comparisons would accept NaN.
     let is_valid = |aabb: &Aabb| (0..3).all(|k| aabb.min[k] <= aabb.max[k]) && aabb.is_finite();
     match (0..).map(PrimId).zip(&boxes).find(|(_, aabb)| !is_valid(aabb)) {
@@ -178,7 +174,7 @@ fn over_indexed(
     check_number(triangles.len(), limits)?;
     let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
     let config = config.usable();
-    over_chosen(&binary::choose(&corners, &bounds, &config), &corners, &bounds, &config, error, limits)
+    over_chosen(&binary::choose(&corners, &bounds, &config), corners.len(), &bounds, &config, error, limits)
 }
 
 /// Builds over a binary tree of any builder.
@@ -190,10 +186,9 @@ fn over_tree(
     error: f32,
 ) -> Result<Built<Blocks>, GeometryError> {
     check_number(corners.len(), &Limits::OF_WORDS)?;
-    let (scale, rows) = (measure::unit_scale(bounds), Obb::IDENTITY_FRAME);
-    let aligned = Aligned::of(tree, &item::boxes(corners, rows), scale);
-    let chosen = Chosen { tree: tree.clone(), rows, aligned, scale };
-    over_chosen(&chosen, corners, bounds, &config.usable(), error, &Limits::OF_WORDS)
+    let config = config.usable();
+    let chosen = binary::over_tree(tree.clone(), corners, bounds, &config);
+    over_chosen(&chosen, corners.len(), bounds, &config, error, &Limits::OF_WORDS)
 }
 
 /// Rejects more triangles than leaves can name.
@@ -201,59 +196,48 @@ fn check_number(n_triangles: usize, limits: &Limits) -> Result<(), GeometryError
     if n_triangles > limits.n_triangles() { Err(GeometryError::TooMany { n_triangles }) } else { Ok(()) }
 }
 
-fn over_chosen(
-    chosen: &Chosen,
-    corners: &[Corners],
+pub(crate) fn over_chosen(
+    chosen: &Chosen<Corners>,
+    n_primitives: usize,
     bounds: &Aabb,
     config: &Config,
     error: f32,
     limits: &Limits,
 ) -> Result<Built<Blocks>, GeometryError> {
-    let n_primitives = corners.len();
-    let leaves = &chosen.tree.leaves;
-    let sorted = lbvh::in_leaf_order(corners, leaves);
+    let (sorted, ids) = (&chosen.sorted, chosen.primitives());
     let write = |at: &[u32], part: usize, out: &mut [Half]| {
-        write_triangles(at.iter().map(|&i| (&sorted[i as usize], leaves[i as usize])), part, out);
+        write_triangles(at.iter().map(|&i| (&sorted[i as usize], ids[i as usize])), part, out);
     };
     let unset = Half([0; HALF_WORDS]);
-    let (nodes, halves, predicted) =
-        collapse(chosen, &sorted, config, error, limits, &LeafLayout::BLOCKS, unset, &write)
-            .map_err(|TooLarge| GeometryError::TooMany { n_triangles: n_primitives })?;
+    let (nodes, halves, predicted) = collapse(chosen, &config.costs, error, limits, &LeafLayout::BLOCKS, unset, &write)
+        .map_err(|TooLarge| GeometryError::TooMany { n_triangles: n_primitives })?;
     let leaves = halves.into();
     Ok(Built { nodes, leaves, rows: chosen.rows, bounds: *bounds, n_primitives, predicted, costs: config.costs })
 }
 
-/// Finds frames, plans the collapse and writes the records; `sorted` are in leaf order, and `error` is that of their hits.
-#[expect(clippy::too_many_arguments, reason = "one caller for triangles, one for primitives")]
-fn collapse<I: Item, U: Copy + Send>(
-    chosen: &Chosen,
-    sorted: &[I],
-    config: &Config,
+/// Writes the records of the cheapest plan; `error` is that of hits.
+fn collapse<I: Item, U: Copy + Send + Sync>(
+    chosen: &Chosen<I>,
+    costs: &Costs,
     error: f32,
     limits: &Limits,
     leaf_layout: &LeafLayout,
     unset: U,
     write: &WriteLeaf<U>,
 ) -> Result<(Nodes, Vec<U>, PredictedCost), TooLarge> {
-    let Chosen { tree, rows, aligned, scale } = chosen;
-    let aligned_cost = binary::cost(tree, aligned, &config.costs);
-    let fits = config.oriented.then(|| {
-        let areas = BoxAreas { inner: &aligned.inner_areas, leaf: &aligned.leaf_areas };
-        let frame_config = FrameConfig { iterations: config.refine_iterations, ..FrameConfig::default() };
-        frames::fit(tree, &I::fitted(sorted, *scale), *rows, &areas, &frame_config)
-    });
-    let (inner_areas, leaf_areas) = plan_areas(aligned, fits.as_ref());
-    let plan = Plan::new(tree, &inner_areas, &leaf_areas, &config.costs, config.oriented);
-    let root_area = tree.root().map_or(1.0, |root| plan.area(root, NodeKind::Aligned));
-    let chosen_cost = tree.root().map_or(0.0, |root| plan.cost(root));
-    let frame_of = |child: Child| match (&fits, child.kind()) {
+    let Chosen { tree, sorted, rows, aligned, aligned_tables, oriented, .. } = chosen;
+    let members = chosen.members();
+    let frame_of = |child: Child| match (oriented, child.kind()) {
         (None, _) => *rows,
-        (Some(fits), ChildKind::Leaf(i)) => fits.leaf[i as usize].rows,
-        (Some(fits), ChildKind::Inner(id)) => fits.inner[id.index()].rows,
+        (Some(Oriented { fits, .. }), ChildKind::Leaf(i)) => fits.leaf[i as usize].rows,
+        (Some(Oriented { fits, .. }), ChildKind::Inner(id)) => fits.inner[id.index()].rows,
     };
     let reaches = Reaches::of_tree(tree, sorted, aligned, *rows);
+    let reaches = Reaches::of_tree(tree, members, sorted, aligned, *rows);
     let source = Source {
         tree,
+        members,
+        primitives: chosen.primitives(),
         leaf_boxes: &aligned.leaf_boxes,
         inner_boxes: &aligned.inner_boxes,
         frames: &frame_of,
@@ -261,18 +245,21 @@ fn collapse<I: Item, U: Copy + Send>(
         reach: &|child| reaches.of_child(child),
         pads: BoxPads::new(Pads::of(error), &MeshFrame::new(*rows)),
     };
-    let (nodes, units) = emit(&source, &plan, limits, leaf_layout, unset, write)?;
-    Ok((nodes, units, PredictedCost { aligned: aligned_cost / root_area, chosen: chosen_cost / root_area }))
-}
-
-/// Areas of inner nodes and of leaves.
-fn plan_areas(aligned: &Aligned, fits: Option<&Fits>) -> (Vec<Areas>, Vec<Areas>) {
-    let areas = |aligned: &[f32], fits: Option<&[Fit]>| -> Vec<Areas> {
-        let oriented = |i: usize| fits.map_or(f32::MAX, |fits| fits[i].half_area);
-        aligned.iter().enumerate().map(|(i, &area)| Areas::new(area, oriented(i))).collect()
+    let (aligned_areas, both_areas) = (|i: usize| chosen.aligned_leaf(i), |i: usize| chosen.both_leaf(i));
+    let plan = Plan { tree, members, costs: *costs, tables: aligned_tables, leaf_areas: &aligned_areas };
+    let Some(root) = tree.root() else {
+        let (nodes, units) = emit(&source, &plan, limits, leaf_layout, unset, write)?;
+        return Ok((nodes, units, PredictedCost::default()));
     };
-    let inner = areas(&aligned.inner_areas, fits.map(|fits| &fits.inner[..]));
-    (inner, areas(&aligned.leaf_areas, fits.map(|fits| &fits.leaf[..])))
+    let (root_area, aligned_cost) = (plan.area(root, NodeKind::Aligned), plan.cost(root));
+    let predicted = |chosen: f32| PredictedCost { aligned: aligned_cost / root_area, chosen: chosen / root_area };
+    let Some(Oriented { tables, .. }) = oriented else {
+        let (nodes, units) = emit(&source, &plan, limits, leaf_layout, unset, write)?;
+        return Ok((nodes, units, predicted(aligned_cost)));
+    };
+    let plan = Plan { tree, members, costs: *costs, tables, leaf_areas: &both_areas };
+    let (nodes, units) = emit(&source, &plan, limits, leaf_layout, unset, write)?;
+    Ok((nodes, units, predicted(plan.cost(root))))
 }
 
 #[cfg(test)]

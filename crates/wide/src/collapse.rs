@@ -1,28 +1,27 @@
 //! Which subtrees of the binary tree become children of wide nodes, which nodes are oriented, and where leaves begin.
 
-use canted_lbvh::{Child, ChildKind, Node, Tree, bottom_up};
+use canted_lbvh::{Child, ChildKind, Node, NodeId, Tree, bottom_up};
 
 use crate::costs::Costs;
 use crate::layout::NodeKind;
+use crate::members::Members;
 
 /// Slots of a node.
 pub(crate) const WIDTH: usize = 8;
 
-/// Half surface areas of a subtree's boxes, in one unit for the whole tree.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Areas {
-    /// In the mesh frame.
-    pub(crate) aligned: f32,
-    /// In the subtree's own frame, never more.
-    pub(crate) oriented: f32,
-}
+/// Half surface areas of a subtree's boxes, in one unit for the whole tree: by [`NodeKind`], in the mesh frame and, where nodes
+/// may be oriented, in the subtree's own frame, never more.
+pub(crate) type Areas<const KINDS: usize> = [f32; KINDS];
 
-impl Areas {
-    /// Areas above zero, so that where areas are equal, the number of nodes decides.
-    pub(crate) fn new(aligned: f32, oriented: f32) -> Self {
-        let aligned = aligned.max(LEAST_AREA);
-        Self { aligned, oriented: oriented.clamp(LEAST_AREA, aligned) }
-    }
+/// Nodes are aligned only.
+pub(crate) const ALIGNED: usize = 1;
+
+/// Nodes are aligned or oriented.
+pub(crate) const BOTH: usize = NodeKind::ALL.len();
+
+/// An area above zero, so that where areas are equal, the number of nodes decides.
+pub(crate) fn positive(area: f32) -> f32 {
+    area.max(LEAST_AREA)
 }
 
 /// The area of a box without area, in units of a scene whose extent is 1.
@@ -40,57 +39,50 @@ pub(crate) enum Form {
 /// Costs of a subtree: `slots[kind][j - 1]` is the least where a parent of that kind gives it `j` slots, and
 /// `node[kind]` the least of a node of that kind that is filled with it.
 #[derive(Clone, Copy, Debug)]
-struct Table {
+pub(crate) struct Table<const KINDS: usize> {
     slots: [[f32; WIDTH - 1]; KINDS],
     node: [f32; KINDS],
-    areas: Areas,
+    areas: Areas<KINDS>,
 }
 
-const KINDS: usize = NodeKind::ALL.len();
-
-impl Areas {
-    fn of(&self, kind: usize) -> f32 {
-        if kind == 0 { self.aligned } else { self.oriented }
-    }
+/// Costs of all collapses of a binary tree, by node: what a [`Plan`] is read from.
+///
+/// Reads: a binary tree, areas of its inner nodes and, by leaf order, of its leaves. Writes: a table for each inner node.
+/// Source: the dynamic program of Wald, Benthin & Boulos 2008 in the form of Ylitie, Karras & Laine 2017, extended to
+/// choose the kind of each node.
+pub(crate) fn tables<const KINDS: usize>(
+    tree: &Tree,
+    members: Members,
+    inner_areas: impl Fn(NodeId) -> Areas<KINDS> + Sync,
+    leaf_areas: impl Fn(usize) -> Areas<KINDS> + Sync,
+    costs: &Costs,
+) -> Vec<Table<KINDS>> {
+    let leaf = |position: u32| leaf_table(leaf_areas(position as usize), members.n(position, position), costs);
+    let unset = leaf_table([0.0; KINDS], 1, costs);
+    bottom_up(tree, unset, leaf, |id, node, left: &Table<KINDS>, right: &Table<KINDS>| {
+        join(inner_areas(id), members.n(node.first, node.last), left, right, costs)
+    })
 }
 
 /// The plan of a wide BVH: costs of every subtree, from which choices follow.
 ///
-/// Reads: a binary tree, areas of its nodes and leaves. Writes: tables.
 /// Holds: the collapse of least predicted cost, among all that keep the binary tree's subtrees together.
-/// Source: the dynamic program of Wald, Benthin & Boulos 2008 in the form of Ylitie, Karras & Laine 2017, extended to
-/// choose the kind of each node.
-pub(crate) struct Plan<'a> {
-    tree: &'a Tree,
-    costs: Costs,
-    tables: Vec<Table>,
+pub(crate) struct Plan<'a, const KINDS: usize> {
+    pub(crate) tree: &'a Tree,
+    pub(crate) members: Members<'a>,
+    pub(crate) costs: Costs,
+    /// Of the tree, with the same costs and areas.
+    pub(crate) tables: &'a [Table<KINDS>],
     /// In leaf order.
-    leaf_areas: &'a [Areas],
-    /// Kinds that nodes may have.
-    n_kinds: usize,
+    pub(crate) leaf_areas: &'a (dyn Fn(usize) -> Areas<KINDS> + Sync),
 }
 
-impl<'a> Plan<'a> {
-    /// Computes the costs of all collapses of `tree`; `oriented` allows oriented nodes.
-    pub(crate) fn new(
-        tree: &'a Tree,
-        inner_areas: &[Areas],
-        leaf_areas: &'a [Areas],
-        costs: &Costs,
-        oriented: bool,
-    ) -> Self {
-        let n_kinds = if oriented { KINDS } else { 1 };
-        let leaf = |position: u32| leaf_table(leaf_areas[position as usize], costs);
-        let unset = leaf_table(Areas::default(), costs);
-        let tables = bottom_up(tree, unset, leaf, |id, node, left: &Table, right: &Table| {
-            join(inner_areas[id.index()], node, left, right, costs, n_kinds)
-        });
-        Self { tree, costs: *costs, tables, leaf_areas, n_kinds }
-    }
-
-    fn table(&self, child: Child) -> Table {
+impl<const KINDS: usize> Plan<'_, KINDS> {
+    fn table(&self, child: Child) -> Table<KINDS> {
         match child.kind() {
-            ChildKind::Leaf(position) => leaf_table(self.leaf_areas[position as usize], &self.costs),
+            ChildKind::Leaf(position) => {
+                leaf_table((self.leaf_areas)(position as usize), self.members.n(position, position), &self.costs)
+            }
             ChildKind::Inner(id) => self.tables[id.index()],
         }
     }
@@ -102,16 +94,15 @@ impl<'a> Plan<'a> {
 
     /// Area of a subtree's box in a parent of this kind.
     pub(crate) fn area(&self, child: Child, kind: NodeKind) -> f32 {
-        self.table(child).areas.of(kind as usize)
+        self.table(child).areas[kind as usize]
     }
 
     /// How a parent of this kind stores `child`.
     pub(crate) fn form(&self, child: Child, parent: NodeKind) -> Form {
         let ChildKind::Inner(id) = child.kind() else { return Form::Leaf };
         let table = &self.tables[id.index()];
-        let area = table.areas.of(parent as usize);
-        let n_leaves = self.tree.nodes[id.index()].n_leaves() as usize;
-        best_form(table, area, n_leaves, &self.costs, self.n_kinds).1
+        let node = &self.tree.nodes[id.index()];
+        best_form(table, table.areas[parent as usize], self.members.n(node.first, node.last), &self.costs).1
     }
 
     /// The subtrees that fill a node of kind `kind` over inner node `child`.
@@ -131,7 +122,7 @@ impl<'a> Plan<'a> {
         self.fill(node.right, &right, kind, slots - left_slots, out);
     }
 
-    fn fill(&self, child: Child, table: &Table, kind: usize, slots: usize, out: &mut Vec<Child>) {
+    fn fill(&self, child: Child, table: &Table<KINDS>, kind: usize, slots: usize, out: &mut Vec<Child>) {
         let costs = &table.slots[kind];
         // The fewest slots of that cost: the others would stay empty.
         let slots = (1..=slots).find(|n| costs[n - 1] <= costs[slots - 1]).unwrap_or(1);
@@ -142,22 +133,26 @@ impl<'a> Plan<'a> {
     }
 }
 
-fn leaf_table(areas: Areas, costs: &Costs) -> Table {
-    let leaf = costs.leaf_of(1);
-    Table {
-        slots: [[areas.aligned * leaf; WIDTH - 1], [areas.oriented * leaf; WIDTH - 1]],
-        node: [f32::INFINITY; KINDS],
-        areas,
-    }
+/// Of a leaf of `n` primitives.
+fn leaf_table<const KINDS: usize>(areas: Areas<KINDS>, n: usize, costs: &Costs) -> Table<KINDS> {
+    let leaf = costs.leaf_of(n);
+    Table { slots: areas.map(|area| [area * leaf; WIDTH - 1]), node: [f32::INFINITY; KINDS], areas }
 }
 
-fn join(areas: Areas, node: &Node, left: &Table, right: &Table, costs: &Costs, n_kinds: usize) -> Table {
+/// Of a node over `n` primitives.
+fn join<const KINDS: usize>(
+    areas: Areas<KINDS>,
+    n: usize,
+    left: &Table<KINDS>,
+    right: &Table<KINDS>,
+    costs: &Costs,
+) -> Table<KINDS> {
     let mut table = Table { slots: [[0.0; WIDTH - 1]; KINDS], node: [f32::INFINITY; KINDS], areas };
-    for kind in 0..n_kinds {
+    for kind in 0..KINDS {
         table.node[kind] = best_division(&left.slots[kind], &right.slots[kind], WIDTH).0;
     }
-    for kind in 0..n_kinds {
-        let alone = best_form(&table, areas.of(kind), node.n_leaves() as usize, costs, n_kinds).0;
+    for kind in 0..KINDS {
+        let alone = best_form(&table, areas[kind], n, costs).0;
         table.slots[kind][0] = alone;
         for slots in 2..WIDTH {
             let divided = best_division(&left.slots[kind], &right.slots[kind], slots).0;
@@ -167,15 +162,16 @@ fn join(areas: Areas, node: &Node, left: &Table, right: &Table, costs: &Costs, n
     table
 }
 
-/// The cheapest form of a subtree whose box has `area` in its parent; where no form has a finite cost, one that holds it.
+/// The cheapest form of a subtree of `n` primitives whose box has `area` in its parent; where no form has a finite cost, one
+/// that holds it.
 #[inline]
-fn best_form(table: &Table, area: f32, n_leaves: usize, costs: &Costs, n_kinds: usize) -> (f32, Form) {
-    let mut best = if n_leaves <= costs.max_leaf {
-        (area * costs.leaf_of(n_leaves), Form::Leaf)
+fn best_form<const KINDS: usize>(table: &Table<KINDS>, area: f32, n: usize, costs: &Costs) -> (f32, Form) {
+    let mut best = if n <= costs.max_leaf {
+        (area * costs.leaf_of(n), Form::Leaf)
     } else {
         (f32::INFINITY, Form::Node(NodeKind::Aligned))
     };
-    for (kind, below) in NodeKind::ALL.into_iter().zip(table.node).take(n_kinds) {
+    for (kind, below) in NodeKind::ALL.into_iter().zip(table.node) {
         let cost = area * costs.node(kind) + below;
         if cost < best.0 {
             best = (cost, Form::Node(kind));

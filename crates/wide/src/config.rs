@@ -1,16 +1,16 @@
-use canted_sah::{Builder, TopDownConfig};
+use canted_sah::{Builder, GroupConfig, TopDownConfig};
 
 use crate::costs::Costs;
 
 /// How much build time is spent on how fast a BVH.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum Preset {
-    /// For geometry that changes: collapses the radix tree.
+    /// For geometry that changes: a binary tree over groups of up to eight primitives.
     Fast,
-    /// Nearly the fastest traversal.
+    /// Nearly the fastest traversal: smaller groups, moved where that helps, and a mesh frame.
     #[default]
     Balanced,
-    /// The fastest traversal: builds two binary trees, collapses the better one and refines its frames.
+    /// The fastest traversal: still smaller groups; where oriented nodes may pay, the better of two binary trees.
     Quality,
 }
 
@@ -19,9 +19,12 @@ pub enum Preset {
 pub struct Config {
     /// Traversal costs, which the collapse minimizes.
     pub costs: Costs,
-    /// Builder of the binary tree that is collapsed.
+    /// Builds a binary tree over groups of primitives first, and `builder` is used only where a sample of its subtrees shows
+    /// that oriented nodes may pay; `None` for `builder` always.
+    pub groups: Option<GroupConfig>,
+    /// Builder of a binary tree with a primitive per leaf.
     pub builder: Builder,
-    /// A second builder; its tree is taken where its predicted cost is lower.
+    /// A second such builder; its tree is taken where its predicted cost is lower.
     pub alternative_builder: Option<Builder>,
     /// Whether nodes may be oriented.
     pub oriented: bool,
@@ -37,7 +40,8 @@ impl Config {
     pub fn preset(preset: Preset) -> Self {
         let fast = Self {
             costs: Costs::default(),
-            builder: Builder::Lbvh,
+            groups: Some(GroupConfig::FAST),
+            builder: Builder::TopDown(TopDownConfig::BINNED, None),
             alternative_builder: None,
             oriented: true,
             rotate_mesh: false,
@@ -45,12 +49,15 @@ impl Config {
         };
         match preset {
             Preset::Fast => fast,
-            Preset::Balanced => Self { builder: Builder::BALANCED, rotate_mesh: true, ..fast },
+            Preset::Balanced => {
+                Self { groups: Some(GroupConfig::BALANCED), builder: Builder::BALANCED, rotate_mesh: true, ..fast }
+            }
             Preset::Quality => Self {
+                groups: Some(GroupConfig::QUALITY),
                 builder: Builder::QUALITY,
                 alternative_builder: Some(Builder::TopDown(TopDownConfig::BINNED, None)),
                 rotate_mesh: true,
-                refine_iterations: 5,
+                refine_iterations: 0,
                 ..fast
             },
         }

@@ -14,8 +14,9 @@ pub(crate) use leaf::{write_ids, write_triangles};
 use node::write_node;
 pub(crate) use node::{write_boxes, write_slabs};
 
-use crate::collapse::{Form, Plan};
+use crate::collapse::{Form, Plan, WIDTH};
 use crate::layout::{LeafLayout, Limits, Line, NodeKind, Nodes, Word};
+use crate::members::Members;
 use crate::par;
 use crate::traverse::BoxPads;
 
@@ -24,7 +25,8 @@ use crate::traverse::BoxPads;
 struct NodeDraft {
     kind: NodeKind,
     line: usize,
-    children: Vec<(Child, Word)>,
+    n_children: usize,
+    children: [(Child, Word); WIDTH],
 }
 
 /// A leaf before it is written: the part of a unit that it starts with, and its primitives in leaf order.
@@ -33,28 +35,26 @@ struct LeafDraft {
     first: usize,
     start: u32,
     end: u32,
+    /// Number of different primitives.
+    n: usize,
 }
 
 /// What records are written from.
 pub(crate) struct Source<'a> {
     pub(crate) tree: &'a Tree,
+    pub(crate) members: Members<'a>,
+    /// The primitive of each place in leaf order.
+    pub(crate) primitives: &'a [PrimId],
     /// Boxes in the mesh frame, rounded outward: of leaves, and of inner nodes by their number.
     pub(crate) leaf_boxes: &'a [Aabb],
     pub(crate) inner_boxes: &'a [Aabb],
     /// Frames of leaves and inner nodes.
     pub(crate) frames: &'a (dyn Fn(Child) -> [[f32; 3]; 3] + Sync),
-    /// The box with these rows around a range of the leaf order, rounded outward.
+    /// The box with these rows around the primitives of a range of places, rounded outward.
     pub(crate) slabs: &'a (dyn Fn(Range<usize>, [[f32; 3]; 3]) -> Slabs + Sync),
     /// Greatest coordinates, object space, of leaves and inner nodes.
     pub(crate) reach: &'a (dyn Fn(Child) -> f32 + Sync),
     pub(crate) pads: BoxPads,
-}
-
-impl Source<'_> {
-    /// The primitive of each leaf.
-    fn primitives(&self) -> &[PrimId] {
-        &self.tree.leaves
-    }
 }
 
 /// A BVH has more records than its references can name.
@@ -65,9 +65,9 @@ pub(crate) struct TooLarge;
 pub(crate) type WriteLeaf<'a, U> = dyn Fn(&[u32], usize, &mut [U]) + Sync + 'a;
 
 /// Writes the wide BVH of `plan`: nodes, and units of leaves; nothing is written of one that is too large.
-pub(crate) fn emit<U: Copy + Send>(
+pub(crate) fn emit<U: Copy + Send + Sync, const KINDS: usize>(
     source: &Source,
-    plan: &Plan,
+    plan: &Plan<'_, KINDS>,
     limits: &Limits,
     leaf_layout: &LeafLayout,
     unset: U,
@@ -76,15 +76,15 @@ pub(crate) fn emit<U: Copy + Send>(
     let (drafts, leaves, root, depth) = layout(source, plan, limits, leaf_layout)?;
     let n_lines = drafts.last().map_or(0, |draft| draft.line + draft.kind.n_lines());
     let unit_of = |leaf: &LeafDraft| leaf.first / leaf_layout.n_parts;
-    let n_units = leaves.last().map_or(0, |leaf| unit_of(leaf) + leaf_layout.n_units(leaf.n(source)));
-    let mut lines = vec![Line([0; 16]); n_lines];
-    let mut units = vec![unset; n_units];
+    let n_units = leaves.last().map_or(0, |leaf| unit_of(leaf) + leaf_layout.n_units(leaf.n));
+    let mut lines = par::filled(n_lines, Line([0; 16]));
+    let mut units = par::filled(n_units, unset);
     par::for_pieces(&drafts, &mut lines, |draft| draft.line, |draft, out| write_node(source, draft, out));
     // Leaves that share a unit are written by one job.
     let together: Vec<&[LeafDraft]> = leaves.chunk_by(|a, b| unit_of(a) == unit_of(b)).collect();
     let write_leaves = |leaves: &&[LeafDraft], out: &mut [U]| {
         for leaf in *leaves {
-            let (positions, n) = distinct(source.primitives(), leaf.start, leaf.end);
+            let (positions, n) = distinct(source.primitives, leaf.start, leaf.end);
             write(&positions[..n], leaf.first % leaf_layout.n_parts, out);
         }
     };
@@ -93,20 +93,13 @@ pub(crate) fn emit<U: Copy + Send>(
     Ok((Nodes { lines: lines.into(), root, has_oriented, depth }, units))
 }
 
-impl LeafDraft {
-    /// Number of different primitives.
-    fn n(&self, source: &Source) -> usize {
-        distinct(source.primitives(), self.start, self.end).1
-    }
-}
-
-/// The leaves below a child, in leaf order.
-fn range(tree: &Tree, child: Child) -> Range<u32> {
+/// Places of the primitives below a child.
+fn range(source: &Source, child: Child) -> Range<u32> {
     match child.kind() {
-        ChildKind::Leaf(position) => position..position + 1,
+        ChildKind::Leaf(position) => source.members.range(position, position),
         ChildKind::Inner(id) => {
-            let node = &tree.nodes[id.index()];
-            node.first..node.last + 1
+            let node = &source.tree.nodes[id.index()];
+            source.members.range(node.first, node.last)
         }
     }
 }
@@ -135,9 +128,9 @@ impl Units<'_> {
 }
 
 /// Assigns a position to every node and leaf, depth first, larger children first; sorts leaves by position.
-fn layout(
+fn layout<const KINDS: usize>(
     source: &Source,
-    plan: &Plan,
+    plan: &Plan<'_, KINDS>,
     limits: &Limits,
     leaf_layout: &LeafLayout,
 ) -> Result<(Vec<NodeDraft>, Vec<LeafDraft>, Word, u32), TooLarge> {
@@ -150,15 +143,16 @@ fn layout(
     while let Some((child, parent_kind, slot, depth)) = open.pop() {
         let word = match plan.form(child, parent_kind) {
             Form::Leaf => {
-                let Range { start, end } = range(source.tree, child);
-                let (_, n) = distinct(source.primitives(), start, end);
+                let Range { start, end } = range(source, child);
+                let (_, n) = distinct(source.primitives, start, end);
                 let first = units.next(n, limits)?;
-                leaves.push(LeafDraft { first, start, end });
+                leaves.push(LeafDraft { first, start, end, n });
                 Word::leaf(first, n)
             }
             Form::Node(kind) => {
-                let mut children = plan.children(child, kind);
-                children.sort_by(|&a, &b| plan.area(b, kind).total_cmp(&plan.area(a, kind)));
+                let mut sized: Vec<(Child, f32)> =
+                    plan.children(child, kind).into_iter().map(|child| (child, plan.area(child, kind))).collect();
+                sized.sort_by(|a, b| b.1.total_cmp(&a.1));
                 let line = n_lines;
                 n_lines += kind.n_lines();
                 if n_lines > limits.n_lines {
@@ -166,10 +160,13 @@ fn layout(
                 }
                 let index = drafts.len();
                 // The stack returns the last entry first.
-                open.extend(children.iter().enumerate().rev().map(|(i, &c)| (c, kind, Some((index, i)), depth + 1)));
+                open.extend(sized.iter().enumerate().rev().map(|(i, &(c, _))| (c, kind, Some((index, i)), depth + 1)));
                 deepest = deepest.max(depth + 1);
-                let children = children.into_iter().map(|c| (c, Word::EMPTY)).collect();
-                drafts.push(NodeDraft { kind, line, children });
+                let mut children = [(child, Word::EMPTY); WIDTH];
+                for (slot, &(child, _)) in children.iter_mut().zip(&sized) {
+                    slot.0 = child;
+                }
+                drafts.push(NodeDraft { kind, line, n_children: sized.len(), children });
                 Word::node(kind, line)
             }
         };

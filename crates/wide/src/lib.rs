@@ -62,9 +62,10 @@
 //!   Stacks cannot overflow.
 //!
 //! # Cost
-//! An aligned node takes 256 bytes, an oriented one 512, four triangles 160. [`Preset::Fast`] collapses a radix tree,
-//! [`Preset::Balanced`] searches for a frame of the mesh and optimizes the binary tree, [`Preset::Quality`] builds two and
-//! refines frames. A BVH holds at most 2^27 triangles where leaves are full ([`MAX_TRIANGLES`]), 2^26 other primitives.
+//! An aligned node takes 256 bytes, an oriented one 512, four triangles 160. [`Preset::Fast`] collapses a binary
+//! tree over groups of primitives, [`Preset::Balanced`] searches for a frame of the mesh and optimizes that tree,
+//! [`Preset::Quality`] optimizes it further. Where a sample shows that oriented nodes may pay, all of them build trees with a
+//! primitive per leaf, which takes several times as long. A BVH holds at most 2^27 triangles where leaves are full ([`MAX_TRIANGLES`]), 2^26 other primitives.
 //!
 //! # Features
 //! `parallel`, on by default, builds and traces slices on all threads with `rayon`; results are identical.
@@ -72,8 +73,9 @@
 //! # How it works
 //! ```text
 //! triangles, primitives -> items                           item: boxes along any frame
-//!           -> mesh frame -> binary tree (canted-sah)      binary: dominant directions; two builders, the cheaper tree
-//!           -> frames                                      frames: bottom-up, few candidates for each subtree
+//!           -> mesh frame -> binary tree (canted-sah)      binary: dominant directions; groups of primitives
+//!           -> sample -> frames                            only where oriented nodes may pay: a primitive per leaf,
+//!                                                          bottom-up, few candidates for each subtree
 //!           -> collapse                                    dynamic programming over node kinds, by predicted cost
 //!           -> emit                                        nodes of 256 and 512 bytes, leaves
 //! rays      -> path (once a slice) -> traverse -> sink     scalar, avx2, avx512 or neon; one traversal for every query
@@ -102,6 +104,7 @@ mod item;
 mod layout;
 mod leaf;
 mod measure;
+mod members;
 mod outline;
 mod primitive;
 mod queries;
@@ -109,6 +112,7 @@ mod raw;
 mod reach;
 mod records;
 mod refit;
+mod sample;
 mod shape;
 mod simd;
 mod sink;

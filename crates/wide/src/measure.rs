@@ -33,9 +33,13 @@ pub(crate) struct Aligned {
 impl Aligned {
     /// For a tree over primitives with these boxes, in primitive order.
     pub(crate) fn of(tree: &Tree, boxes: &[Aabb], scale: f32) -> Self {
-        let leaf_boxes = par::map(&tree.leaves, CHUNK, Aabb::EMPTY, |leaf| boxes[leaf.index()]);
+        Self::of_leaves(tree, par::map(&tree.leaves, CHUNK, |leaf| boxes[leaf.index()]), scale)
+    }
+
+    /// For a tree with these boxes of leaves, in leaf order.
+    pub(crate) fn of_leaves(tree: &Tree, leaf_boxes: Vec<Aabb>, scale: f32) -> Self {
         let inner_boxes = bottom_up(tree, Aabb::EMPTY, |i| leaf_boxes[i as usize], |_, _, a, b| a.union(*b));
-        let areas = |boxes: &[Aabb]| par::map(boxes, CHUNK, 0.0, |aabb| half_area(aabb, scale));
+        let areas = |boxes: &[Aabb]| par::map(boxes, CHUNK, |aabb| half_area(aabb, scale));
         Self { leaf_areas: areas(&leaf_boxes), inner_areas: areas(&inner_boxes), leaf_boxes, inner_boxes }
     }
 }

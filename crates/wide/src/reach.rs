@@ -5,6 +5,7 @@ use canted_obb::{Aabb, Obb};
 
 use crate::item::Item;
 use crate::measure::Aligned;
+use crate::members::Members;
 use crate::outline::{Outline, Slot};
 use crate::par;
 
@@ -18,21 +19,33 @@ pub(crate) struct Reaches {
 }
 
 impl Reaches {
-    /// Of a binary tree over `sorted` items in leaf order, whose boxes along `rows` are `aligned`.
-    pub(crate) fn of_tree<I: Item>(tree: &Tree, sorted: &[I], aligned: &Aligned, rows: [[f32; 3]; 3]) -> Self {
+    /// Of a binary tree whose leaves hold `members` of the items `sorted` in leaf order; the boxes along `rows` are `aligned`.
+    pub(crate) fn of_tree<I: Item>(
+        tree: &Tree,
+        members: Members,
+        sorted: &[I],
+        aligned: &Aligned,
+        rows: [[f32; 3]; 3],
+    ) -> Self {
         if rows == Obb::IDENTITY_FRAME {
             // The boxes are those of object space.
-            let of_boxes = |boxes: &[Aabb]| par::map(boxes, CHUNK, 0.0, Aabb::reach);
+            let of_boxes = |boxes: &[Aabb]| par::map(boxes, CHUNK, Aabb::reach);
             return Self { leaf: of_boxes(&aligned.leaf_boxes), node: of_boxes(&aligned.inner_boxes) };
         }
-        let leaf = par::map(sorted, CHUNK, 0.0, |item| item.aabb().reach());
+        let of_items = par::map(sorted, CHUNK, |item| item.aabb().reach());
+        let of_leaf = |i: u32| {
+            let places = members.range(i, i);
+            of_items[places.start as usize..places.end as usize].iter().copied().fold(0.0, f32::max)
+        };
+        let n_leaves = u32::try_from(aligned.leaf_boxes.len()).expect("leaves have 32-bit numbers");
+        let leaf: Vec<f32> = (0..n_leaves).map(of_leaf).collect();
         let node = bottom_up(tree, 0.0, |i| leaf[i as usize], |_, _, a: &f32, b: &f32| a.max(*b));
         Self { leaf, node }
     }
 
     /// Of the leaves and nodes of a BVH; `items` are by place.
     pub(crate) fn of_outline<I: Item>(outline: &Outline, items: &[I]) -> Self {
-        let of_items = par::map(items, CHUNK, 0.0, |item| item.aabb().reach());
+        let of_items = par::map(items, CHUNK, |item| item.aabb().reach());
         let greatest = |reaches: &[f32]| reaches.iter().copied().fold(0.0, f32::max);
         let leaf = outline.leaves.iter().map(|leaf| greatest(&of_items[leaf.places.clone()])).collect();
         let mut reaches = Self { leaf, node: vec![0.0; outline.nodes.len()] };

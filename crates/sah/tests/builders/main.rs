@@ -2,6 +2,7 @@
 //! grids, lattices, needles, duplicates and boxes of any scale; not covered: traced rays.
 
 mod entry;
+mod grouped;
 mod inputs;
 mod spatial;
 mod top_down;

@@ -11,32 +11,34 @@ use crate::layout::{Line, NOWHERE, NodeKind, Row, Word};
 /// Writes a node's boxes and child words.
 pub(super) fn write_node(source: &Source, draft: &NodeDraft, out: &mut [Line]) {
     let rows: &mut [Row] = bytemuck::cast_slice_mut(out);
+    let children = &draft.children[..draft.n_children];
     let pad = |child: Child| source.pads.of(draft.kind, (source.reach)(child));
     let word_row = match draft.kind {
         NodeKind::Aligned => {
             write_boxes(&mut rows[..6], |i| {
-                let child = draft.children.get(i)?.0;
+                let child = children.get(i)?.0;
                 Some((aligned_box(source, child), pad(child)))
             });
             6
         }
         NodeKind::Oriented => {
             for i in 0..8 {
-                let padded = draft.children.get(i).map(|&(child, _)| (oriented_box(source, child), pad(child)));
+    let children = &draft.children[..draft.n_children];
+                let padded = children.get(i).map(|&(child, _)| (oriented_box(source, child), pad(child)));
                 write_slabs(rows, i, padded);
             }
             15
         }
     };
     for (i, slot) in rows[word_row].iter_mut().enumerate() {
-        let word = draft.children.get(i).map_or(Word::EMPTY, |&(_, word)| word);
+        let word = children.get(i).map_or(Word::EMPTY, |&(_, word)| word);
         *slot = f32::from_bits(word.0);
     }
 }
 
 /// A box around all primitives below a child, in the child's frame.
 fn oriented_box(source: &Source, child: Child) -> Slabs {
-    let range = range(source.tree, child);
+    let range = range(source, child);
     (source.slabs)(range.start as usize..range.end as usize, (source.frames)(child))
 }
 

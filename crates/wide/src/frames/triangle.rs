@@ -29,8 +29,7 @@ impl ScaledTriangle {
     /// offset of the whole scene.
     pub(crate) fn all(corners: &[Corners], scale: f32) -> Vec<Self> {
         let origin = corners.first().map_or(Vec3A::ZERO, |c| Vec3A::from_array(c[0]) * scale);
-        let unset = Self { x: Vec4::ZERO, y: Vec4::ZERO, z: Vec4::ZERO };
-        par::map(corners, CHUNK, unset, |corners| Self::of(corners.map(|p| Vec3A::from_array(p) * scale - origin)))
+        par::map(corners, CHUNK, |corners| Self::of(corners.map(|p| Vec3A::from_array(p) * scale - origin)))
     }
 
     fn of([a, b, c]: [Vec3A; 3]) -> Self {
