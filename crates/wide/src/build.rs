@@ -232,7 +232,6 @@ fn collapse<I: Item, U: Copy + Send + Sync>(
         (Some(Oriented { fits, .. }), ChildKind::Leaf(i)) => fits.leaf[i as usize].rows,
         (Some(Oriented { fits, .. }), ChildKind::Inner(id)) => fits.inner[id.index()].rows,
     };
-    let reaches = Reaches::of_tree(tree, sorted, aligned, *rows);
     let reaches = Reaches::of_tree(tree, members, sorted, aligned, *rows);
     let source = Source {
         tree,
