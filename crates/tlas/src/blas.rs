@@ -10,6 +10,9 @@ use canted_wide::{LeafPrimitive, TriangleBvh, WideBvh};
 /// Implemented by every BVH of `canted-wide` and `canted-bvh2`, and by `&B`, `Box<B>` and `Arc<B>`: several [`Tlas`](crate::Tlas) can
 /// share one BVH through an `Arc`. `instance` is written into hits and passed to the query.
 ///
+/// Rays come with directions whose greatest component lies in `[1, 2)`, and `t` is in units of these: the caller's direction, mapped
+/// and scaled by a power of two. The [`Tlas`](crate::Tlas) converts `t` of hits, and those that the query sees.
+///
 /// # Several kinds in one TLAS
 /// An enum whose methods match on the kind:
 ///

@@ -13,6 +13,9 @@ use crate::leaf::LeafPrimitive;
 /// [`RawBvh::frame`], the child words, an unused row. Oriented nodes, 16 rows: for each of three axes its x, y and z,
 /// the center and the half-extent along it; then the child words.
 ///
+/// Boxes are those of rays on the CPU: enlarged by the part of the padding that depends on their content. A tracer with pads of its
+/// own, relative to [`RawBvh::reach`], may ignore that.
+///
 /// Leaves of triangles start at half of a block of four: blocks have 40 words, nine coordinates of four triangles and their
 /// ids. While more than four triangles of a leaf remain, the next two blocks are one whose rows have eight words. Leaves of
 /// other primitives start at an index into [`RawBvh::order`].

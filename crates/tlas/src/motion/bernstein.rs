@@ -37,8 +37,7 @@ impl<'a> Interval<'a> {
         let (least, most) = determinants.iter().fold((f64::MAX, f64::MIN), |(lo, hi), &x| (lo.min(x), hi.max(x)));
         let error = DETERMINANT_ERROR * greatest * greatest * greatest;
         let determinant = least.max(-most) - error;
-        // Also true for NaN.
-        if !(determinant > 0.0) {
+        if determinant.is_nan() || determinant <= 0.0 {
             return f64::INFINITY;
         }
         let error = COFACTOR_ERROR * greatest * greatest;

@@ -41,8 +41,7 @@ pub(super) fn classify(bounds: &[Bounds], spread: f64) -> Vec<Vec<u32>> {
     let mut classes: Vec<Vec<u32>> = vec![];
     let mut limit = f64::NEG_INFINITY;
     for i in order {
-        // Negated so that NaN, which no transform has, makes a class.
-        if !(error(i) <= limit) {
+        if error(i) > limit {
             classes.push(vec![]);
             limit = spread * error(i);
         }

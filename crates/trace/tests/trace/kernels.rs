@@ -194,7 +194,7 @@ fn weights_are_from_zero_to_one() {
         for i in 0..20_000_u16 {
             // Within some ulps of the vertex.
             let moved: [f32; 3] = std::array::from_fn(|k| {
-                let steps = (u32::from(i) * 7919 >> (3 * k)) % 9;
+                let steps = ((u32::from(i) * 7919) >> (3 * k)) % 9;
                 vertex[k] + (f32::from(u8::try_from(steps).unwrap()) - 4.0) * f32::EPSILON * vertex[k]
             });
             let origin = [3.0_f32, 2.0, -5.0];

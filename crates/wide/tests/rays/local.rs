@@ -121,6 +121,44 @@ fn refitted_and_loaded_boxes_are_local() {
     assert_eq!(TriangleBvh::<MollerTrumbore>::from_bytes(&of_build.to_bytes()).unwrap().to_bytes(), other);
 }
 
+/// Rays at corners and edges of triangles, hence of boxes, with origins from close by to 1e7, in a mesh of mixed scales.
+#[test]
+fn grazing_rays_in_mixed_scales_hit_what_the_loop_hits() {
+    let near = detail(400, 1.0, 0.3, [0.0; 3], 12);
+    let tiny = detail(200, 1e-4, 5e-5, [0.7, -0.4, 0.2], 13);
+    let away = detail(200, 10.0, 3.0, [4e4, -3e4, 9e3], 14);
+    let mesh = near.joined(&tiny).joined(&away).joined(&floor(1e6, -1.0));
+    let mut rng = SplitMix64::new(15);
+    let mut ray = |i: usize| {
+        let triangle = mesh.triangles[rng.below(mesh.triangles.len())];
+        let [a, b] = [0, 1].map(|j| mesh.positions[triangle[j] as usize].map(f64::from));
+        // At a vertex, or on an edge.
+        let s = if i.is_multiple_of(2) { 0.0 } else { rng.unit() };
+        let target = [0, 1, 2].map(|k| a[k] + s * (b[k] - a[k]));
+        let (mut direction, distance) = (rng.on_sphere(), 10.0_f64.powf(9.0 * rng.unit() - 2.0));
+        if i.is_multiple_of(5) {
+            // In the plane of two faces of a box.
+            direction[i % 3] = 0.0;
+        }
+        let origin = to_f32([0, 1, 2].map(|k| target[k] - distance * direction[k]));
+        Ray::new(origin, to_f32([0, 1, 2].map(|k| target[k] - f64::from(origin[k]))))
+    };
+    let rays: Vec<Ray> = (0..6_000).map(&mut ray).collect();
+    let mut n_hits = 0;
+    for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
+        let (watertight, weights) = (build::<Watertight>(&mesh, preset), build::<MollerTrumbore>(&mesh, preset));
+        for ray in &rays {
+            let hit = brute::<Watertight>(&mesh, ray).first().copied();
+            n_hits += u32::from(hit.is_some());
+            assert_eq!(watertight.closest_hit(ray), hit, "{preset:?}: {ray:?}");
+            assert_eq!(watertight.occluded(ray), hit.is_some(), "{preset:?}: {ray:?}");
+            let hit = brute::<MollerTrumbore>(&mesh, ray).first().copied();
+            assert_eq!(weights.closest_hit(ray), hit, "{preset:?}: {ray:?}");
+        }
+    }
+    assert!(n_hits > 5_000, "{n_hits}");
+}
+
 /// The counter counts: a ray that misses all tests the root alone.
 #[test]
 fn a_miss_tests_one_node() {
