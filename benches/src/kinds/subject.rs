@@ -49,7 +49,8 @@ impl Subject {
     /// Builds every engine and traces every set, on this thread.
     pub(super) fn measure(&self, options: &Options) -> Result<Measured> {
         let entries = entries(&self.model, options);
-        let (engines, built): (Vec<_>, Vec<_>) = built::build(&entries, !options.is_quick)?.into_iter().unzip();
+        // Repeated even with `--quick`: the first build of a small scene measures the start of threads.
+        let (engines, built): (Vec<_>, Vec<_>) = built::build(&entries, true)?.into_iter().unzip();
         let sets = self.sets.iter().map(|(kind, rays)| Set::measure(*kind, rays, &engines, options.rounds)).collect();
         let engines = entries.iter().map(|entry| entry.name.clone()).zip(built).collect();
         Ok(Measured { kind: self.kind, n_triangles: self.n_triangles, engines, sets, checks: vec![] })
