@@ -21,6 +21,9 @@ use crate::sample;
 /// The mesh is rotated where the cost of a quickly built tree falls to this part.
 const MAX_ROTATED_COST: f32 = 0.87;
 
+/// Trees that show whether a rotation pays.
+const QUICK: GroupConfig = GroupConfig { improvement: None, ..GroupConfig::FAST };
+
 /// Nodes may be oriented where that lowers the predicted cost to this part: closer to 1, the prediction is not reliable.
 pub(crate) const MAX_ORIENTED_COST: f32 = 0.92;
 
@@ -250,7 +253,7 @@ fn rotation(
         return None;
     }
     let quick = |boxes: &[Aabb]| {
-        let (tree, groups) = canted_sah::grouped(boxes, &limited(GroupConfig::FAST, &config.costs));
+        let (tree, groups) = canted_sah::grouped(boxes, &limited(QUICK, &config.costs));
         let aligned = Aligned::of_leaves(&tree, groups.boxes(boxes), scale);
         let members = Members::Groups(&groups.starts);
         root_cost(&tree, members, &aligned, &tables_of_aligned(&tree, members, &aligned, &config.costs), &config.costs)

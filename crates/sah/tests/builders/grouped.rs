@@ -5,10 +5,11 @@ use canted_sah::{GroupConfig, Groups, ReinsertConfig, grouped};
 
 use crate::inputs::{boxes, checked, corners, degenerate};
 
-const CONFIGS: [GroupConfig; 5] = [
+const CONFIGS: [GroupConfig; 6] = [
     GroupConfig::FAST,
     GroupConfig::BALANCED,
     GroupConfig::QUALITY,
+    GroupConfig { bins: 16, max_group: 8, improvement: None },
     GroupConfig { bins: 2, max_group: 1, improvement: None },
     GroupConfig { bins: 64, max_group: 32, improvement: Some(ReinsertConfig::FAST) },
 ];
