@@ -110,8 +110,9 @@ impl<P: Primitive> WideBvh<P> {
         let chosen = binary::choose(&items, &bounds, &config);
         let ids = chosen.primitives();
         let write = |at: &[u32], _: usize, out: &mut [PrimId]| write_ids(at.iter().map(|&i| ids[i as usize]), out);
-        let (nodes, order, predicted) = collapse(&chosen, &config.costs, P::ERROR, limits, &LeafLayout::IDS, PrimId(0), &write)
-            .map_err(|TooLarge| PrimitiveError::TooMany { n_primitives })?;
+        let (nodes, order, predicted) =
+            collapse(&chosen, &config.costs, P::ERROR, limits, &LeafLayout::IDS, PrimId(0), &write)
+                .map_err(|TooLarge| PrimitiveError::TooMany { n_primitives })?;
         let (rows, costs) = (chosen.rows, config.costs);
         let leaves = Shapes { order, primitives };
         Ok(Built { nodes, leaves, rows, bounds, n_primitives, predicted, costs }.into())

@@ -182,8 +182,7 @@ fn read(bytes: &[u8], sizes: [usize; 2]) -> Result<(Header, Nodes, [&[u8]; 2]), 
     let (lines, rest) = content[HEADER_BYTES..].split_at(n_line_bytes);
     let (units, primitives) = rest.split_at(n_unit_bytes);
     // Kinds are counted once the nodes are known to be a tree.
-    let nodes =
-        Nodes { lines: words_of(lines).into(), root: header.root, has_oriented: true, depth: header.depth };
+    let nodes = Nodes { lines: words_of(lines).into(), root: header.root, has_oriented: true, depth: header.depth };
     Ok((header, nodes, [units, primitives]))
 }
 

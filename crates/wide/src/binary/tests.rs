@@ -86,7 +86,9 @@ impl Input {
 
     /// Nanoseconds a ray by what is visited.
     fn cost(&self, chosen: &Chosen<Corners>, config: &Config) -> f64 {
-        let built = over_chosen(chosen, self.corners.len(), &self.bounds, config, canted_trace::HIT_ERROR, &Limits::OF_WORDS).unwrap();
+        let built =
+            over_chosen(chosen, self.corners.len(), &self.bounds, config, canted_trace::HIT_ERROR, &Limits::OF_WORDS)
+                .unwrap();
         let counts = TriangleBvh::<Watertight>::from(built).traversal_counts(&self.rays);
         #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
         let visits = [counts.nodes[0], counts.nodes[1], counts.leaves, counts.blocks].map(|n| n as f64);

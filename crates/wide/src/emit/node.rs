@@ -23,7 +23,7 @@ pub(super) fn write_node(source: &Source, draft: &NodeDraft, out: &mut [Line]) {
         }
         NodeKind::Oriented => {
             for i in 0..8 {
-    let children = &draft.children[..draft.n_children];
+                let children = &draft.children[..draft.n_children];
                 let padded = children.get(i).map(|&(child, _)| (oriented_box(source, child), pad(child)));
                 write_slabs(rows, i, padded);
             }
