@@ -151,8 +151,8 @@ fn join<const KINDS: usize>(
     for kind in 0..KINDS {
         table.node[kind] = best_division(&left.slots[kind], &right.slots[kind], WIDTH).0;
     }
-    for kind in 0..KINDS {
-        let alone = best_form(&table, areas[kind], n, costs).0;
+    for (kind, &area) in areas.iter().enumerate() {
+        let alone = best_form(&table, area, n, costs).0;
         table.slots[kind][0] = alone;
         for slots in 2..WIDTH {
             let divided = best_division(&left.slots[kind], &right.slots[kind], slots).0;
