@@ -126,7 +126,7 @@ fn wide<K: LaneKernel>(
     let preset = Config::preset(preset);
     let config = match builder.map(|builder| (builder, builder.own())) {
         None => preset,
-        Some((_, Some(own))) => Config { builder: own, alternative_builder: None, ..preset },
+        Some((_, Some(own))) => Config { builder: own, alternative_builder: None, groups: None, ..preset },
         Some((external, None)) if triangles.len() > 1 => {
             let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
             let tree = external.tree(&corners, &bounds)?;
