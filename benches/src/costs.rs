@@ -138,6 +138,6 @@ mod tests {
         let options = Options::read(std::iter::empty()).expect("no options are valid options");
         let mut out = String::new();
         write(&mut out, &options, &[], &fit, &[fit]);
-        assert!(out.contains("| oriented node | 20.0 (±0.0) | 2.00 (±0.00) | 1.7 |"), "{out}");
+        assert!(out.contains("| oriented node | 20.0 (±0.0) | 2.00 (±0.00) | 2.2 |"), "{out}");
     }
 }

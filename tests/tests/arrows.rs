@@ -24,13 +24,14 @@ const ALLOWED: &[(&str, &[&str])] = &[
 
 /// Crates with few dependencies, and those that they may have.
 const MINIMAL: &[&str] = &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "tlas", "canted"];
-const MINIMAL_DEPENDENCIES: &[&str] = &["glam", "bytemuck", "rayon", "libm"];
+const MINIMAL_DEPENDENCIES: &[&str] = &["glam", "bytemuck", "rayon", "libm", "memmap2"];
 
 /// Those of them that must be optional.
 const OPTIONAL: &[&str] = &["rayon", "libm"];
 
 /// External crates restricted to some packages; tests of any package may use peers.
 const RESTRICTED: &[(&str, &[&str])] = &[
+    ("memmap2", &["wide"]),
     ("obvhs", &["renderer", "tests", "benches"]),
     ("tinybvh-rs", &["benches"]),
     ("libloading", &["benches"]),
@@ -89,7 +90,7 @@ fn violations(manifests: &BTreeMap<String, String>) -> Vec<String> {
                 }
             } else if MINIMAL.contains(&package.as_str()) && !for_tests {
                 if !MINIMAL_DEPENDENCIES.contains(&name.as_str()) {
-                    report("more than glam, bytemuck, rayon and libm");
+                    report("more than glam, bytemuck, rayon, libm and memmap2");
                 } else if OPTIONAL.contains(&name.as_str()) && !optional {
                     report(&format!("{name} must be optional"));
                 }
@@ -166,7 +167,7 @@ fn restricted_and_extra_dependencies_are_detected() {
     assert_eq!(with("cli", "[dependencies.obvhs]\nversion = \"0.4\""), [format!("cli needs obvhs: {restricted}")]);
     assert_eq!(
         with("obb", "[dependencies]\nserde = { version = \"1\", optional = true }"),
-        ["obb needs serde: more than glam, bytemuck, rayon and libm"]
+        ["obb needs serde: more than glam, bytemuck, rayon, libm and memmap2"]
     );
     assert_eq!(with("trace", "[dependencies]\nrayon.workspace = true"), ["trace needs rayon: rayon must be optional"]);
     assert_eq!(with("trace", "[dependencies.rayon]\nworkspace = true\noptional = true"), Vec::<String>::new());

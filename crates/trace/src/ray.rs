@@ -99,14 +99,6 @@ impl ScaledRay {
         Self { origin, direction, t_min, t_max, to_scaled }
     }
 
-    /// Scaled `t` over `t`: an exact power of two.
-    #[doc(hidden)]
-    #[inline]
-    #[must_use]
-    pub fn to_scaled(&self) -> f64 {
-        self.to_scaled
-    }
-
     /// The scaled `t` of a `t` of the original ray.
     #[inline]
     #[must_use]

@@ -25,7 +25,7 @@ const MAX_ROTATED_COST: f32 = 0.87;
 const QUICK: GroupConfig = GroupConfig { improvement: None, ..GroupConfig::FAST };
 
 /// Nodes may be oriented where that lowers the predicted cost to this part: closer to 1, the prediction is not reliable.
-pub(crate) const MAX_ORIENTED_COST: f32 = 0.96;
+pub(crate) const MAX_ORIENTED_COST: f32 = 0.92;
 
 /// Primitives of one job.
 const CHUNK: usize = 1 << 13;

@@ -195,13 +195,13 @@ fn a_refitted_bvh_can_be_saved_and_keeps_its_drift() {
     assert_eq!((again.cost_built, again.cost_before, again.drift), (refit.cost_built, refit.cost_now, refit.drift));
 }
 
-/// Nodes and triangles that camera rays test.
-fn work(wide: &TriangleBvh<Watertight>, mesh: &Mesh) -> (f64, f64) {
+/// Tests of camera rays: nodes, and four triangles as one more, since trees trade one for the other by the size of their leaves.
+fn work(wide: &TriangleBvh<Watertight>, mesh: &Mesh) -> f64 {
     let mut counts = Counts::default();
     for ray in fixtures::object_views(mesh).iter().flat_map(|view| view.rays(48)) {
         wide.closest_hit_with(&Ray::new(ray.origin, ray.direction), InstanceId(0), &mut counts);
     }
-    (counts.boxes as f64 / 8.0, counts.triangles as f64)
+    counts.boxes as f64 / 8.0 + counts.triangles as f64 / 4.0
 }
 
 /// About the vertical axis, by `turns` over the height of 1.
@@ -224,16 +224,11 @@ fn a_rebuild_is_advised_where_it_gains() {
         assert!(refit.drift > last, "{turns}: {}", refit.drift);
         last = refit.drift;
         let (old, new) = (work(&wide, &moved), work(&build(&moved), &moved));
-        let gain = old.0 / new.0;
+        let gain = old / new;
         if refit.rebuild_advised() {
-            let triangles = old.1 / new.1;
-            assert!(
-                gain > 1.2 && triangles > 1.5,
-                "{turns}: drift {}, nodes {gain}, triangles {triangles}",
-                refit.drift
-            );
+            assert!(gain > 1.2, "{turns}: drift {}, gain {gain}", refit.drift);
         } else {
-            assert!(gain < 1.3, "{turns}: drift {}, nodes {gain}", refit.drift);
+            assert!(gain < 1.3, "{turns}: drift {}, gain {gain}", refit.drift);
         }
         assert_eq!(refit.rebuild_advised(), turns >= 1.0, "{turns}: drift {}", refit.drift);
     }

@@ -68,7 +68,7 @@ fn motions() -> Vec<(&'static str, [Affine; 2])> {
         ("unequal growth", motion(1.0, affine(&turn, [0.5; 3], [0.0; 3]), affine(&turn, [3.0, 1.0, 8.0], [1.0; 3]))),
         ("small", motion(1.0 / 1024.0, about_z(0.0, [1.0; 3], [0.5; 3]), about_z(1.0, [2.0; 3], [0.5625; 3]))),
         ("large", motion(1024.0, about_z(0.0, [1.0; 3], [64.0; 3]), about_z(1.0, [2.0; 3], [-512.0; 3]))),
-        ("far", motion(64.0, about_z(0.0, [1.0; 3], far), about_z(1.0, [1.5; 3], beyond))),
+        ("far", motion(256.0, about_z(0.0, [1.0; 3], far), about_z(1.0, [1.5; 3], beyond))),
         ("far, mirrored", motion(1024.0, about_z(0.0, [1.0, 1.0, -1.0], far), about_z(1.5, [1.0, 1.0, -1.0], beyond))),
     ]
 }

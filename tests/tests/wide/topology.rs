@@ -83,7 +83,10 @@ fn every_builder_of_ours_loses_no_hit() {
         let variants: Vec<_> = builders
             .iter()
             .map(|&builder| {
-                (format!("{builder:?}"), Config { builder, alternative_builder: None, groups: None, ..Config::default() })
+                (
+                    format!("{builder:?}"),
+                    Config { builder, alternative_builder: None, groups: None, ..Config::default() },
+                )
             })
             .collect();
         agrees::<Watertight>(&name, &mesh, &variants, &rays);

@@ -6,7 +6,7 @@ use crate::simd::Simd;
 /// Up to eight rays, prepared at once: each row holds one number of each.
 ///
 /// The arithmetic is that of [`ScaledRay::new`], [`Pads::along`] and [`RayNumbers::new`], so every number has the same bits.
-/// Products with a power of two round as these do in `f64`: once, and only where they over- or underflow.
+/// Products of directions with a power of two round as these do in `f64`: once, and only where they over- or underflow.
 pub(crate) struct EightRays {
     /// Rays that can hit.
     valid: u32,
@@ -28,13 +28,14 @@ impl EightRays {
             *row = [ox, oy, oz, dx, dy, dz, ray.t_min, ray.t_max];
         }
         let mut eight = Self::of_rows(simd, &rows, frame, pads);
-        // Rays beyond the range of the lanes, one by one; those that cannot hit have no bit.
+        // Rays beyond the range of the lanes, one by one.
         let mut beyond = eight.out_of_range(simd, &rows);
         while beyond != 0 {
             let i = (beyond.trailing_zeros() & 7) as usize;
             beyond &= beyond - 1;
-            if let Some(ray) = rays.get(i).and_then(ScaledRay::new) {
-                eight.set(i, &ray, &RayNumbers::new(&ray, frame, &pads.along(&ray)));
+            match rays.get(i).and_then(ScaledRay::new) {
+                Some(ray) => eight.set(i, &ray, &RayNumbers::new(&ray, frame, &pads.along(&ray))),
+                None => eight.valid &= !(1 << i),
             }
         }
         eight
@@ -95,16 +96,19 @@ impl EightRays {
         Self { valid, to_scaled, t_max: simd.store(simd.mul(t_max, power)), numbers }
     }
 
-    /// Rays whose power of two, or its reciprocal, is not normal.
+    /// Rays whose power of two, or its reciprocal, is not normal, and those whose interval over- or underflows: their ends are
+    /// rounded inward.
     #[inline(always)]
     fn out_of_range<S: Simd>(&self, simd: S, rows: &[[f32; 8]; 8]) -> u32 {
-        let mut greatest = [0.0; 8];
-        for (greatest, row) in greatest.iter_mut().zip(rows) {
-            *greatest = row[3].abs().max(row[4].abs()).max(row[5].abs());
+        let [mut greatest, mut t_min, mut t_max] = [[0.0; 8]; 3];
+        for (i, row) in rows.iter().enumerate() {
+            greatest[i] = row[3].abs().max(row[4].abs()).max(row[5].abs());
+            (t_min[i], t_max[i]) = (row[6], row[7]);
         }
         let greatest = simd.load(&greatest);
         let normal = simd.le(simd.splat(f32::MIN_POSITIVE), greatest) & simd.lt(greatest, simd.splat(BEYOND));
-        self.valid & !normal
+        let interval = exact(simd, &t_min, &self.numbers.t_min) & exact(simd, &t_max, &self.t_max);
+        self.valid & !(normal & interval)
     }
 
     /// Overwrites ray `i`.
@@ -120,7 +124,7 @@ impl EightRays {
         numbers.t_min[i] = ray.t_min;
         numbers.pad_oriented[i] = of.pad_oriented;
         self.t_max[i] = ray.t_max;
-        self.to_scaled[i] = ray.to_scaled();
+        self.to_scaled[i] = ray.scale();
     }
 
     /// Ray `i`, one of the first eight; `None` where it cannot hit.
@@ -144,6 +148,16 @@ impl EightRays {
         let scaled = ScaledRay::from_parts(numbers.origin, numbers.direction, interval, self.to_scaled[i]);
         Some(TracedRay { scaled, numbers })
     }
+}
+
+/// Lanes in which the product of an end of an interval with a power of two is exact: it is normal, or the end is zero or
+/// infinite.
+#[inline(always)]
+fn exact<S: Simd>(simd: S, ends: &[f32; 8], products: &[f32; 8]) -> u32 {
+    let (end, product) = (simd.load(ends), simd.load(products));
+    let (zero, largest) = (simd.splat(0.0), simd.splat(f32::MAX));
+    let normal = simd.le(simd.splat(f32::MIN_POSITIVE), product) & simd.le(product, largest);
+    normal | simd.le(end, zero) | simd.lt(largest, end)
 }
 
 /// A relative pad in units of the space.
@@ -210,7 +224,7 @@ mod tests {
         let rows = [n.recip, n.near, n.far, n.origin, n.direction, [n.t_min, n.pad_oriented, scaled.t_max]];
         let scaled_rows = [scaled.origin, scaled.direction, [scaled.t_min, scaled.t_max, 0.0]];
         let numbers = rows.iter().chain(&scaled_rows).flatten().map(|x| u64::from(x.to_bits()));
-        numbers.chain([scaled.to_scaled().to_bits()]).collect()
+        numbers.chain([scaled.scale().to_bits()]).collect()
     }
 
     /// A number of any size, or one of those that need care.
