@@ -21,8 +21,8 @@ pub use canted_obb::{Aabb, Affine, Moments, Obb, PrimId};
 
 // Rays, hits and tests of single primitives.
 pub use canted_trace::{
-    BaldwinWeber, Convex, Counts, Hit, HitFilter, InstanceId, MollerTrumbore, Query, Ray, ScaledRay, Side, Sphere,
-    SurfacePoint, Watertight, closest_point_on_triangle,
+    BaldwinWeber, Convex, Counts, HIT_ERROR, Hit, HitFilter, InstanceId, Kernel, MollerTrumbore, Query, Ray, ScaledRay,
+    Side, Sphere, SurfacePoint, TriangleHit, TrianglePoint, Watertight, closest_point_on_triangle,
 };
 
 // BVHs over primitives.
@@ -30,9 +30,9 @@ pub use canted_bvh2::{BuildConfig as Bvh2Config, Bvh2};
 pub use canted_lbvh::{GeometryError, Strategy, VolumeConfig};
 pub use canted_sah::Builder;
 pub use canted_wide::{
-    ClosestPoint, Config, Costs, DistanceShape, LoadError, NearestPoint, NodeKind, Preset, Primitive, PrimitiveError,
-    PrimitiveHit, Refit, RefitError, SavedPrimitive, SimdPath, Triangle, TriangleBvh, WideBvh, bounds_of_points,
-    extent_of_points,
+    ClosestPoint, Config, Costs, DistanceShape, LaneKernel, LeafPrimitive, LoadError, NearestPoint, NodeKind,
+    PredictedCost, Preset, Primitive, PrimitiveError, PrimitiveHit, Refit, RefitError, SavedPrimitive, SimdPath, Sizes,
+    TraversalCounts, Triangle, TriangleBvh, WideBvh, bounds_of_points, extent_of_points,
 };
 
 // Instances.

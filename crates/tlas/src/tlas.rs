@@ -30,8 +30,8 @@ impl<B: Blas> Tlas<B> {
     ///
     /// # Errors
     /// More instances than a top-level BVH can index, before any is checked; the first instance that refers to a
-    /// bottom-level BVH that does not exist, or whose transform is not finite, too close to singular, or moves its bounds
-    /// out of the range of `f32`.
+    /// bottom-level BVH that does not exist, or whose transform is not finite, has a condition number above
+    /// [`MAX_CONDITION`](crate::MAX_CONDITION), or moves its bounds out of the range of `f32`.
     pub fn new(blas: Vec<B>, instances: &[Instance], config: TopConfig) -> Result<Self, InstanceError> {
         let path = SimdPath::detect();
         let mut tlas = Self {

@@ -23,7 +23,8 @@ use class::{Class, classify};
 /// How the top-level BVH is built.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TopConfig {
-    /// Eight-wide aligned nodes over the instances' axis-aligned boxes: the fastest to trace.
+    /// Eight-wide aligned nodes over the instances' axis-aligned boxes: the fastest to trace. `oriented` and `rotate_mesh` of
+    /// the configuration are ignored.
     Wide(Config),
     /// A binary radix tree over the instances' oriented boxes, with volumes of this strategy.
     Binary(VolumeConfig),

@@ -4,7 +4,7 @@ use crate::rounding::UNIT_ROUNDOFF_F64;
 
 /// The point of a triangle that is closest to a query point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ClosestPoint {
+pub struct TrianglePoint {
     /// Squared distance.
     pub distance_squared: f64,
     /// Weight of the second vertex.
@@ -35,19 +35,19 @@ pub const DISTANCE_ERROR: f64 = 24.0 * UNIT_ROUNDOFF_F64;
 /// assert_eq!((closest.distance_squared, closest.u, closest.v), (9.0, 0.25, 0.5));
 /// ```
 #[must_use]
-pub fn closest_point_on_triangle(point: [f32; 3], vertices: &[[f32; 3]; 3]) -> ClosestPoint {
+pub fn closest_point_on_triangle(point: [f32; 3], vertices: &[[f32; 3]; 3]) -> TrianglePoint {
     let point = to_f64(point);
     // All vectors start at the query point, which keeps differences small.
     let [a, b, c] = vertices.map(|vertex| sub(to_f64(vertex), point));
     let (ab, ac, bc) = (sub(b, a), sub(c, a), sub(c, b));
     let along = [on_edge(a, ab), on_edge(a, ac), on_edge(b, bc)];
     let edges = [[along[0], 0.0], [0.0, along[1]], [1.0 - along[2], along[2]]];
-    let mut best = ClosestPoint { distance_squared: f64::INFINITY, u: 0.0, v: 0.0 };
+    let mut best = TrianglePoint { distance_squared: f64::INFINITY, u: 0.0, v: 0.0 };
     let mut consider = |[u, v]: [f64; 2]| {
         let offset: [f64; 3] = core::array::from_fn(|k| a[k] + (u * ab[k] + v * ac[k]));
         let distance_squared = dot(offset, offset);
         if distance_squared < best.distance_squared {
-            best = ClosestPoint { distance_squared, u, v };
+            best = TrianglePoint { distance_squared, u, v };
         }
     };
     edges.into_iter().for_each(&mut consider);

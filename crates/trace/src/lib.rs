@@ -60,7 +60,7 @@ mod sphere;
 mod surface_point;
 mod triangle;
 
-pub use closest_point::{ClosestPoint, DISTANCE_ERROR, closest_point_on_triangle};
+pub use closest_point::{DISTANCE_ERROR, TrianglePoint, closest_point_on_triangle};
 pub use convex::Convex;
 pub use filter::HitFilter;
 pub use hit::{Hit, InstanceId, Side};

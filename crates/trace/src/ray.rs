@@ -3,7 +3,8 @@ use crate::rounding::{down, up};
 /// A ray `origin + t · direction` over the closed interval `t_min <= t <= t_max`.
 ///
 /// The direction may have any length except zero. It is never normalized, so `t` is the same number in every space, in
-/// units of the direction. A ray with a NaN component or a zero direction never hits.
+/// units of the direction. A ray with a NaN component, an infinite origin or direction, a zero
+/// direction, a negative `t_min` or an empty interval never hits.
 ///
 /// `t_min` may be 0 and subnormal; a hit at exactly `t_min` or `t_max` counts, by its `t` before it is rounded to `f32`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,7 +14,7 @@ pub struct Ray {
     pub origin: [f32; 3],
     /// Direction.
     pub direction: [f32; 3],
-    /// Minimum `t`, at least 0.
+    /// Minimum `t`, at least 0: a ray with a negative one never hits.
     pub t_min: f32,
     /// Maximum `t`; may be infinite.
     pub t_max: f32,

@@ -23,6 +23,10 @@ use crate::{HIT_ERROR, Hit, Ray};
 /// assert!(shadow.t_max < 1.0);
 /// ```
 ///
+/// The vertices come from the BVH that was hit (`triangle(hit.primitive)`), the reach from its bounds. Read both again after a
+/// refit. The normal is that of the front side: for a point seen from the back (`hit.side`), negate it before you choose
+/// directions around it. Rays may be shortened by a smaller `t_max`.
+///
 /// # Guarantee
 /// A ray that continues from a point does not hit the triangle that it leaves, nor any triangle of the same mesh that
 /// lies on the far side of that triangle's plane; that includes every neighbor across a convex edge. It holds for all

@@ -58,7 +58,8 @@
 //! * **Determinism.** The same input gives the same BVH and the same hits, bit for bit, on any number of threads and
 //!   every [`SimdPath`].
 //! * **Invalid input is reported.** An index out of range or a vertex that is not finite is an error with the index of the
-//!   triangle; bytes that are no valid BVH are rejected. A ray with a NaN component or a zero direction never hits.
+//!   triangle; bytes that are no valid BVH are rejected. A ray with a NaN component, an infinite origin or
+//!   direction, a zero direction or an empty interval never hits.
 //!   Stacks cannot overflow.
 //!
 //! # Cost

@@ -7,7 +7,7 @@ use crate::sink::FilterQuery;
 
 /// Queries of single rays.
 ///
-/// A ray with a zero direction, a component that is not finite, or an empty interval never hits.
+/// A ray with a NaN component, an infinite origin or direction, a zero direction or an empty interval never hits.
 impl<P: LeafPrimitive> WideBvh<P> {
     /// The hit of least `t`; ties go to the lowest primitive.
     #[must_use]

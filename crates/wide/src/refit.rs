@@ -49,7 +49,8 @@ pub struct Refit {
 }
 
 impl Refit {
-    /// Drift above which a rebuild is advised: see the table at [`WideBvh::refit`].
+    /// Drift above which a rebuild is advised: rays are then 1.2 to 3 times as slow as after one, as measured on twisted and
+    /// bent meshes.
     pub const MAX_DRIFT: f32 = 1.5;
 
     fn between(built: RayCost, before: RayCost, now: RayCost) -> Self {
