@@ -12,7 +12,6 @@ use crate::query::forward;
 use crate::{PrepareError, Tracer};
 
 /// The acceleration structure of a scene, with the triangle test `K`.
-#[expect(clippy::large_enum_variant, reason = "there is one per scene")]
 pub enum Structure<K: LaneKernel> {
     /// One BVH over the triangles of all instances, in world space.
     One(Flat<K>),

@@ -102,7 +102,7 @@ fn assert_wide(level: &Value, n_bvhs: u64, n_triangles: f64) -> &Vec<Value> {
 fn diagonal_bars_give_oriented_nodes() {
     let folder = Folder::new();
     // Dense, so that rays which enter the lattice pass many bars, and long, so that oriented boxes save most of them.
-    folder.write("lattice.obj", bars(400, 100, 300));
+    folder.write("lattice.obj", bars(400, 50, 300));
     let wide = &folder.run("stats lattice.obj --presets fast,balanced,quality --json").done().json()["wide"];
     assert!(["scalar", "avx2", "avx512", "neon"].contains(&wide["simd"].as_str().unwrap()), "{wide}");
     assert_wide(&wide["two_level"], 2, 800.0);

@@ -112,7 +112,6 @@ fn the_choice_is_close_to_the_better_one() {
             let [chosen_cost, aligned, oriented] =
                 [&chosen, &aligned, &input.oriented(&config)].map(|of| input.cost(of, &config));
             let best = aligned.min(oriented);
-            eprintln!("{preset:?} {name}: {chosen_cost:.1}, aligned {aligned:.1}, oriented {oriented:.1}");
             let most = if MISSED.contains(&name) { MAX_MISSED_LOSS } else { MAX_LOSS };
             if chosen_cost > (1.0 + most) * best {
                 worse.push((name, chosen_cost / best));

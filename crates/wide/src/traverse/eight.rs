@@ -234,7 +234,7 @@ mod tests {
         let random = rng.next_u64();
         match random % 8 {
             0 => SPECIAL[(random >> 8) as usize % SPECIAL.len()],
-            1..4 => f32::from_bits((random >> 16) as u32),
+            1..4 => f32::from_bits(u32::try_from(random >> 32).expect("the upper half")),
             _ => (random >> 40) as f32 / 1e6 - 8.0,
         }
     }

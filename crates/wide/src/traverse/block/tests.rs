@@ -48,7 +48,7 @@ fn sure_hits_are_hits_however_near_the_end_of_the_ray() {
         let kernel = Watertight::prepare(&ray);
         let Some(hit) = Watertight::intersect(&kernel, &ray, &vertices, f32::INFINITY) else { continue };
         // The ray ends, or begins, a few roundings from the hit.
-        let steps = (round % 9) as i32 - 4;
+        let steps = i32::try_from(round % 9).expect("less than nine") - 4;
         let at = f32::from_bits(hit.t.to_bits().saturating_add_signed(steps));
         let (t_min, t_max) = if round % 2 == 0 { (0.0, at) } else { (at, f32::INFINITY) };
         for (t_min, t_max) in [(t_min, t_max), (0.0, f32::INFINITY)] {
