@@ -89,8 +89,7 @@ pub(crate) fn emit<U: Copy + Send + Sync, const KINDS: usize>(
         }
     };
     par::for_pieces(&together, &mut units, |leaves| unit_of(&leaves[0]), write_leaves);
-    let has_oriented = drafts.iter().any(|draft| draft.kind == NodeKind::Oriented);
-    Ok((Nodes { lines: lines.into(), root, has_oriented, depth }, units))
+    Ok((Nodes { lines: lines.into(), root, depth }, units))
 }
 
 /// Places of the primitives below a child.

@@ -31,7 +31,7 @@ use bytemuck::Pod;
 use canted_obb::PrimId;
 
 use crate::bvh::WideBvh;
-use crate::layout::{Half, NodeKind, Nodes};
+use crate::layout::{Half, Nodes};
 use crate::leaf::LeafPrimitive;
 use crate::primitive::SavedPrimitive;
 use crate::shape::Shapes;
@@ -151,7 +151,6 @@ impl<P: SavedLeaves> WideBvh<P> {
         let leaves = P::from_sections(units, primitives);
         let expected = Expected::of(&header, P::ERROR)?;
         P::check(&mut nodes, &leaves, &expected)?;
-        nodes.has_oriented = nodes.n_of_each_kind()[NodeKind::Oriented as usize] > 0;
         let Expected { n_primitives, bounds, frame, .. } = expected;
         let (predicted, baseline, path) = (header.predicted, header.baseline, SimdPath::detect());
         Ok(Self { nodes, leaves, frame, bounds, n_primitives, predicted, baseline, path })
@@ -181,8 +180,7 @@ fn read(bytes: &[u8], sizes: [usize; 2]) -> Result<(Header, Nodes, [&[u8]; 2]), 
     let [n_line_bytes, n_unit_bytes, _] = header.section_bytes().map(|n| n as usize);
     let (lines, rest) = content[HEADER_BYTES..].split_at(n_line_bytes);
     let (units, primitives) = rest.split_at(n_unit_bytes);
-    // Kinds are counted once the nodes are known to be a tree.
-    let nodes = Nodes { lines: words_of(lines).into(), root: header.root, has_oriented: true, depth: header.depth };
+    let nodes = Nodes { lines: words_of(lines).into(), root: header.root, depth: header.depth };
     Ok((header, nodes, [units, primitives]))
 }
 

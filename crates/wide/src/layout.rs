@@ -211,8 +211,6 @@ impl Lane {
 pub struct Nodes {
     pub(crate) lines: Records<Line>,
     pub(crate) root: Word,
-    /// Whether a node may be oriented.
-    pub(crate) has_oriented: bool,
     /// Greatest number of nodes from the root to a leaf.
     pub(crate) depth: u32,
 }

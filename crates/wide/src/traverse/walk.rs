@@ -18,26 +18,8 @@ pub(crate) trait Visitor {
 /// A box is entered no later than any hit in it and is visited while that is `<= t_max`, so ties reach the leaf in every
 /// BVH.
 #[inline(always)]
-pub(crate) fn walk<S: Simd, const ORDERED: bool>(
-    simd: S,
-    nodes: &Nodes,
-    ray: &RayLanes<S>,
-    t_max: f32,
-    stack: &mut Stack,
-    visitor: &mut impl Visitor,
-) {
-    // Code for one kind alone keeps more of the ray in registers.
-    if nodes.has_oriented {
-        walk_kinds::<S, ORDERED, true>(simd, nodes, ray, t_max, stack, visitor);
-    } else {
-        walk_kinds::<S, ORDERED, false>(simd, nodes, ray, t_max, stack, visitor);
-    }
-}
-
-/// [`walk`] with oriented nodes, or without.
-#[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "halves of a key")]
-fn walk_kinds<S: Simd, const ORDERED: bool, const ORIENTED: bool>(
+pub(crate) fn walk<S: Simd, const ORDERED: bool>(
     simd: S,
     nodes: &Nodes,
     ray: &RayLanes<S>,
@@ -63,10 +45,6 @@ fn walk_kinds<S: Simd, const ORDERED: bool, const ORIENTED: bool>(
             WordKind::Node(kind, line) => {
                 visitor.node(kind);
                 Some(match kind {
-                    _ if !ORIENTED => {
-                        let rows = rows::<ALIGNED_LINES, 8>(lines, line);
-                        (enter_aligned(simd, ray, rows, t_max_lanes), words(&rows[6]))
-                    }
                     NodeKind::Aligned => {
                         let rows = rows::<ALIGNED_LINES, 8>(lines, line);
                         (enter_aligned(simd, ray, rows, t_max_lanes), words(&rows[6]))
