@@ -17,6 +17,7 @@ mod lanes;
 mod limits;
 mod merge;
 mod none;
+mod placed;
 mod promise;
 mod rotation;
 pub mod slab;
@@ -44,7 +45,7 @@ pub fn rows(effort: usize, methods: &[Method]) -> Vec<Row> {
     let placed = tracers::two_levels();
     let placed: Vec<&Method> =
         placed.iter().chain(methods.iter().filter(|method| method.guarantee == Guarantee::Peer)).collect();
-    rows.extend([instance::rows(effort, &placed), film::rows()].concat());
+    rows.extend([instance::rows(effort, &placed), placed::rows(effort), film::rows()].concat());
     rows.extend(TRACKERS.iter().flat_map(|tracker| (tracker.rows)(methods)));
     rows
 }

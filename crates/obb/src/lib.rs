@@ -65,7 +65,8 @@ mod orientation;
 mod prim;
 mod quaternion;
 pub mod rotation;
-mod round;
+#[doc(hidden)]
+pub mod round;
 mod transform;
 #[doc(hidden)]
 pub mod vector;

@@ -1,14 +1,36 @@
-//! Rounding outward, and powers of two.
+//! Rounding outward, and powers of two: shared by the crates of the workspace. Not part of the stable interface.
 
 /// Unit roundoff of `f64`, half the distance from one to the next number.
-pub(crate) const U: f64 = f64::EPSILON / 2.0;
+pub const U: f64 = f64::EPSILON / 2.0;
 
 /// Least `f32` that is at least `x`.
 #[inline]
 #[expect(clippy::cast_possible_truncation, reason = "stepped upward where the cast rounded down")]
-pub(crate) fn up(x: f64) -> f32 {
+#[must_use]
+pub fn up(x: f64) -> f32 {
     let nearest = x as f32;
     if f64::from(nearest) < x { nearest.next_up() } else { nearest }
+}
+
+/// Greatest `f32` that is at most `x`.
+#[inline]
+#[must_use]
+pub fn down(x: f64) -> f32 {
+    -up(-x)
+}
+
+/// The power of two at or below a positive normal `x`.
+#[inline]
+#[must_use]
+pub fn power_below(x: f64) -> f64 {
+    f64::from_bits(x.to_bits() & 0x7ff0_0000_0000_0000)
+}
+
+/// `1/x` of a normal power of two, exactly, by negating its exponent: cheaper than a division.
+#[inline]
+#[must_use]
+pub fn reciprocal_of_power(x: f64) -> f64 {
+    f64::from_bits(0x7fe0_0000_0000_0000 - x.to_bits())
 }
 
 /// [`up`] for `x >= 0` without a branch: the next positive float has the next bit pattern.
@@ -55,6 +77,17 @@ mod tests {
             let bound = up(x);
             assert!(f64::from(bound) >= x && f64::from(bound.next_down()) < x, "{x}");
             assert_eq!(magnitude_up(x.abs()), up(x.abs()), "{x}");
+            let bound = down(x);
+            assert!(f64::from(bound) <= x && f64::from(bound.next_up()) > x, "{x}");
+        }
+    }
+
+    #[test]
+    fn powers_of_two_are_exact() {
+        for exponent in [-1022, -300, -1, 0, 1, 64, 1022] {
+            let power = 2.0f64.powi(exponent);
+            assert_eq!((power_below(1.75 * power), power_below(power)), (power, power), "{exponent}");
+            assert_eq!(reciprocal_of_power(power) * power, 1.0, "{exponent}");
         }
     }
 

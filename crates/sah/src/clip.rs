@@ -1,5 +1,6 @@
 use canted_lbvh::Corners;
 use canted_obb::Aabb;
+use canted_obb::round::down;
 
 /// Rounding of a crossing in `f64`, relative to the greatest absolute coordinate of the edge.
 ///
@@ -47,17 +48,10 @@ fn crossing(a: [f32; 3], b: [f32; 3], axis: usize, plane: f32) -> Aabb {
         let at = from[k] + along * (to[k] - from[k]);
         let error = CROSSING_ERROR * from[k].abs().max(to[k].abs());
         // The point is between the ends, which are exact.
-        aabb.min[k] = round_down(at - error).max(a[k].min(b[k]));
-        aabb.max[k] = -round_down(-(at + error)).max(-a[k].max(b[k]));
+        aabb.min[k] = down(at - error).max(a[k].min(b[k]));
+        aabb.max[k] = -down(-(at + error)).max(-a[k].max(b[k]));
     }
     aabb
-}
-
-/// Greatest `f32` not above `x`.
-#[expect(clippy::cast_possible_truncation, reason = "rounded to nearest, then down where that was up")]
-fn round_down(x: f64) -> f32 {
-    let near = x as f32;
-    if f64::from(near) > x { near.next_down() } else { near }
 }
 
 #[cfg(test)]

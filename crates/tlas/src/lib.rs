@@ -70,7 +70,6 @@ mod motion;
 mod options;
 mod placement;
 mod queries;
-mod rounding;
 mod slices;
 mod tlas;
 mod top;

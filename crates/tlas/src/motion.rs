@@ -1,7 +1,6 @@
-use canted_obb::Affine;
+use canted_obb::{Affine, round::U as U64};
 
 use crate::matrix::{Columns, Rows, invert, row_sum_norm};
-use crate::rounding::U64;
 
 mod bernstein;
 

@@ -2,9 +2,11 @@ use canted_obb::{Affine, Obb};
 use canted_trace::Query;
 
 use crate::matrix::{MAX_CONDITION, Rows, condition, invert, row_sum_norm};
-use crate::rounding::U;
 use crate::world_ray::{ObjectRay, WorldRay};
 use crate::{Instance, InstanceError, Motion};
+
+/// Half of `f32::EPSILON`: the relative error of one rounding to `f32`.
+const U: f64 = 1.0 / 16_777_216.0;
 
 /// A bound on the error of a hit in world space, in each coordinate: `per_origin · |o|∞ + fixed`, `o` the ray's origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,7 +105,7 @@ impl Placement {
 
     /// The world ray in object space, up to the scaled `t_max`; `query` supplies the time if the instance moves. `None` where
     /// its interval is empty.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn ray_object<Q: Query>(&self, ray: &WorldRay, t_max: f64, query: &Q) -> Option<ObjectRay> {
         let moved;
         let rows = match &self.motion {

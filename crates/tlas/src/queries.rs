@@ -1,9 +1,9 @@
 use std::cmp::Ordering;
 
+use canted_obb::round::up;
 use canted_trace::{Hit, HitFilter, InstanceId, Query, Ray};
 
 use crate::blas::{Blas, CrossingBlas};
-use crate::rounding::up;
 use crate::world_ray::{ObjectRay, WorldRay};
 use crate::{RayOptions, Tlas};
 
@@ -106,7 +106,7 @@ impl<B: Blas> Tlas<B> {
         let mask = query.mask();
         // With its scaled `t`, which is exact.
         let mut best: Option<(f64, Hit)> = None;
-        self.top.traverse_ordered(&ray.top, query, |instance, t_max, query| {
+        self.top.traverse::<_, true>(&ray.top, query, |instance, t_max, query| {
             let placement = &self.placements[instance.0 as usize];
             if placement.mask & mask == 0 {
                 return t_max;
@@ -133,7 +133,7 @@ impl<B: Blas> Tlas<B> {
         let Some(ray) = WorldRay::new(ray_world) else { return false };
         let mask = query.mask();
         let mut found = false;
-        self.top.traverse_any(&ray.top, query, |instance, t_max, query| {
+        self.top.traverse::<_, false>(&ray.top, query, |instance, t_max, query| {
             let placement = &self.placements[instance.0 as usize];
             if placement.mask & mask == 0 {
                 return t_max;
@@ -164,7 +164,7 @@ impl<B: Blas> Tlas<B> {
         let Some(ray) = WorldRay::new(ray_world) else { return };
         let mask = query.mask();
         let (mut of_instance, mut with_t): (Vec<Hit>, Vec<(f64, Hit)>) = (vec![], vec![]);
-        self.top.traverse_any(&ray.top, query, |instance, t_max, query| {
+        self.top.traverse::<_, false>(&ray.top, query, |instance, t_max, query| {
             let placement = &self.placements[instance.0 as usize];
             if placement.mask & mask != 0
                 && let Some(object) = placement.ray_object(&ray, ray.t_max, query)

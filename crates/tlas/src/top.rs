@@ -99,12 +99,14 @@ impl Top {
         self.classes.iter().map(Class::drift).fold(1.0, f32::max)
     }
 
-    /// Calls `enter` with each instance whose box `ray` enters at or before `t_max`, nearer subtrees of a class first.
+    /// Calls `enter` with each instance whose box `ray` enters at or before `t_max`, nearer subtrees of a class first where
+    /// `ORDERED`.
     ///
-    /// `enter` gets the scaled `t_max` and returns the new one. The entry `t` of a box is at most that of any hit on its
-    /// instance, and boxes with an entry `<= t_max` are visited, so `enter` sees all hits of equal `t`.
+    /// `enter` gets the scaled `t_max` and returns the new one; a negative value ends the traversal. The entry `t` of a box
+    /// is at most that of any hit on its instance, and boxes with an entry `<= t_max` are visited, so `enter` receives all
+    /// hits of equal `t`.
     #[inline]
-    pub(crate) fn traverse_ordered<Q: Query>(
+    pub(crate) fn traverse<Q: Query, const ORDERED: bool>(
         &self,
         ray: &ScaledRay,
         query: &mut Q,
@@ -113,26 +115,7 @@ impl Top {
         let mut ray = *ray;
         for class in &self.classes {
             let mut t_max = ray.t_max;
-            class.traverse_ordered(&ray, query, |instance, limit, query| {
-                t_max = enter(instance, limit, query);
-                t_max
-            });
-            ray.t_max = t_max;
-        }
-    }
-
-    /// As [`Top::traverse_ordered`], in any order, until `enter` returns a `t_max` below zero.
-    #[inline]
-    pub(crate) fn traverse_any<Q: Query>(
-        &self,
-        ray: &ScaledRay,
-        query: &mut Q,
-        mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
-    ) {
-        let mut ray = *ray;
-        for class in &self.classes {
-            let mut t_max = ray.t_max;
-            class.traverse_any(&ray, query, |instance, limit, query| {
+            class.traverse::<Q, ORDERED>(&ray, query, |instance, limit, query| {
                 t_max = enter(instance, limit, query);
                 t_max
             });

@@ -15,9 +15,8 @@
 //! as the norm of a transform is below 2^130 and at least 2^-149, and its condition at most 2^20, it is from 2^-131 to 2^172. A
 //! `t` is from 2^-149 to 2^128. So every product lies between 2^-430 and 2^430, in the range of `f64`.
 
+use canted_obb::round::{down, power_below, reciprocal_of_power, up};
 use canted_trace::{Hit, Query, Ray, ScaledRay};
-
-use crate::rounding::{down, power_below, reciprocal_of_power, up};
 
 /// A world-space ray whose direction is scaled by a power of two; `t` is scaled, and exact.
 pub(crate) struct WorldRay {
@@ -33,7 +32,7 @@ pub(crate) struct WorldRay {
 
 impl WorldRay {
     /// `None` for a ray that cannot hit, as for [`ScaledRay::new`].
-    #[inline]
+    #[inline(always)]
     pub(crate) fn new(ray: &Ray) -> Option<Self> {
         // Negated to reject NaN.
         if !(ray.t_min >= 0.0 && ray.t_min <= ray.t_max) {
@@ -56,7 +55,7 @@ impl WorldRay {
 
     /// The ray from `origin` along `direction` in object space, which are those of the instance but for the length of the
     /// direction, with hits up to the scaled `t_max`. `None` where no `f32` lies in the interval.
-    #[inline]
+    #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is accounted for in the error")]
     pub(crate) fn in_object(&self, origin: [f64; 3], direction: [f64; 3], t_max: f64) -> Option<ObjectRay> {
         let [x, y, z] = direction.map(f64::abs);

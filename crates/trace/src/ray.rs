@@ -1,3 +1,5 @@
+use canted_obb::round::{power_below, reciprocal_of_power};
+
 use crate::rounding::{down, up};
 
 /// A ray `origin + t · direction` over the closed interval `t_min <= t <= t_max`.
@@ -64,7 +66,7 @@ pub struct ScaledRay {
 impl ScaledRay {
     /// Scales `ray`. `None` for a ray that cannot hit: a zero direction, a component that is not finite, or an empty
     /// interval.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "powers of two: exact but for overflow and underflow")]
     pub fn new(ray: &Ray) -> Option<Self> {
@@ -76,8 +78,12 @@ impl ScaledRay {
         if !(greatest > 0.0 && finite && origin_finite && ray.t_min >= 0.0 && ray.t_min <= ray.t_max) {
             return None;
         }
-        // The power of two at or below the greatest component: its f64 bits without the mantissa.
-        let to_scaled = f64::from_bits(f64::from(greatest).to_bits() & 0x7ff0_0000_0000_0000);
+        // As instances pass rays on: nothing to scale.
+        if (1.0..2.0).contains(&greatest) {
+            let Ray { origin, direction, t_min, t_max } = *ray;
+            return Some(Self { origin, direction, t_min, t_max, to_scaled: 1.0 });
+        }
+        let to_scaled = power_below(greatest.into());
         let from_scaled = reciprocal_of_power(to_scaled);
         let (t_min, t_max) = (up(f64::from(ray.t_min) * to_scaled), down(f64::from(ray.t_max) * to_scaled));
         let direction = ray.direction.map(|d| (f64::from(d) * from_scaled) as f32);
@@ -115,10 +121,4 @@ impl ScaledRay {
     pub fn caller_t(&self, scaled_t: f32) -> f32 {
         (f64::from(scaled_t) * reciprocal_of_power(self.to_scaled)) as f32
     }
-}
-
-/// `1/x` of a normal power of two, exactly, by negating its exponent: cheaper than a division.
-#[inline]
-fn reciprocal_of_power(x: f64) -> f64 {
-    f64::from_bits(0x7fe0_0000_0000_0000 - x.to_bits())
 }

@@ -1,20 +1,10 @@
+pub(crate) use canted_obb::round::{down, up};
+
 /// Relative error of one f32 rounding, 2^-24.
 pub const UNIT_ROUNDOFF: f32 = f32::EPSILON / 2.0;
 
 /// Relative error of one f64 rounding, 2^-53.
-pub(crate) const UNIT_ROUNDOFF_F64: f64 = f64::EPSILON / 2.0;
-
-/// Greatest f32 not above `x`.
-#[expect(clippy::cast_possible_truncation, reason = "rounded down below")]
-pub(crate) fn down(x: f64) -> f32 {
-    let nearest = x as f32;
-    if f64::from(nearest) > x { nearest.next_down() } else { nearest }
-}
-
-/// Least f32 not below `x`.
-pub(crate) fn up(x: f64) -> f32 {
-    -down(-x)
-}
+pub(crate) const UNIT_ROUNDOFF_F64: f64 = canted_obb::round::U;
 
 /// A finite f32 not above `x - pad` but for one f64 rounding; a plane of a padded box.
 ///

@@ -95,7 +95,7 @@ pub trait HitSink<M: ?Sized> {
     /// Takes a hit that is certain but not computed, where [`HitSink::ANY`]. Returns a negative number.
     #[inline(always)]
     fn take_any(&mut self) -> f32 {
-        unreachable!("asked of sinks of any hit only")
+        unreachable!("the sink needs hits")
     }
 
     /// Takes a hit with `t_min <= t <= t_max`, all scaled. Returns the new `t_max`; a negative one ends the traversal.

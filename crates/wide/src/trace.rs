@@ -29,10 +29,13 @@ pub(crate) fn prepare_padded<P: LeafPrimitive>(bvh: &WideBvh<P>, pads: Pads, sca
 pub(crate) fn trace<S: Simd, P: LeafPrimitive, T: HitSink<P::Shape>>(
     simd: S,
     bvh: &WideBvh<P>,
-    TracedRay { scaled, numbers }: &TracedRay,
+    ray: &TracedRay,
     stack: &mut Stack,
     sink: &mut T,
 ) {
+    // Two values instead of one in memory: the kernels index the direction, and what is indexed stays in memory.
+    let TracedRay { scaled, numbers } = *ray;
+    let (scaled, numbers) = (&scaled, &numbers);
     let leaves = P::view(&bvh.leaves);
     let mut visitor =
         IntersectLeaves::<S, P, T> { simd, leaves, prepared: P::prepare(simd, scaled), ray: scaled, sink };

@@ -22,17 +22,11 @@ pub struct Triangle<K = Watertight>(PhantomData<K>);
 /// A [`WideBvh`] over triangles with the triangle test `K`.
 pub type TriangleBvh<K = Watertight> = WideBvh<Triangle<K>>;
 
-/// A ray prepared for blocks of triangles, and for single triangles.
-pub struct PreparedRay<S: Simd, K: LaneKernel> {
-    lanes: RayTriangles<S>,
-    kernel: K::Prepared,
-}
-
 impl<K: LaneKernel> LeafPrimitive for Triangle<K> {
     type Leaves = Blocks;
     type View<'a> = &'a [Half];
     type Shape = [[f32; 3]; 3];
-    type Prepared<S: Simd> = PreparedRay<S, K>;
+    type Prepared<S: Simd> = RayTriangles<S>;
 
     const ERROR: f32 = K::ERROR;
 
@@ -42,15 +36,15 @@ impl<K: LaneKernel> LeafPrimitive for Triangle<K> {
     }
 
     #[inline(always)]
-    fn prepare<S: Simd>(simd: S, ray: &ScaledRay) -> PreparedRay<S, K> {
-        PreparedRay { lanes: RayTriangles::new(simd, ray), kernel: K::prepare(ray) }
+    fn prepare<S: Simd>(simd: S, ray: &ScaledRay) -> RayTriangles<S> {
+        RayTriangles::new(simd, ray)
     }
 
     #[inline(always)]
     fn intersect_leaf<S: Simd, T: HitSink<Self::Shape>>(
         halves: &[Half],
         simd: S,
-        prepared: &PreparedRay<S, K>,
+        prepared: &RayTriangles<S>,
         ray: &ScaledRay,
         leaf: LeafRange,
         sink: &mut T,
@@ -63,8 +57,8 @@ impl<K: LaneKernel> LeafPrimitive for Triangle<K> {
             let block = Block::at(halves, first, n);
             let filled = if n < 8 { ((1 << n) - 1) << shift } else { 0xff };
             let candidates = match T::ANY {
-                true => block.candidates::<S, K, true>(simd, &prepared.lanes, t_max),
-                false => block.candidates::<S, K, false>(simd, &prepared.lanes, t_max),
+                true => block.candidates::<S, K, true>(simd, prepared, t_max),
+                false => block.candidates::<S, K, false>(simd, prepared, t_max),
             };
             let mut mask = candidates.mask & filled;
             if T::ANY && candidates.sure & filled != 0 {
@@ -74,8 +68,8 @@ impl<K: LaneKernel> LeafPrimitive for Triangle<K> {
                 let lane = mask.trailing_zeros() as usize;
                 mask &= mask - 1;
                 let vertices = block.vertices(lane);
-                let sheared = candidates.sheared(simd, lane);
-                let Some(found) = K::finish(&prepared.kernel, ray, &vertices, &sheared, t_max) else { continue };
+                let found = candidates.hit::<K>(simd, prepared, ray, (lane, &vertices), t_max);
+                let Some(found) = found else { continue };
                 let found = hit(found.t, [found.u, found.v], found.side, block.primitive(lane));
                 t_max = sink.take(ray, found, &vertices, t_max);
                 if t_max < 0.0 {

@@ -5,8 +5,9 @@
 //! `P` and `Q` and averaged, and a polynomial lies between its least and its greatest coefficient (Farin 2002, chapter 5). They are
 //! computed from the maps at both ends of the interval, so that rounding is relative to the entries there.
 
+use canted_obb::round::U as U64;
+
 use crate::matrix::Columns;
-use crate::rounding::U64;
 
 /// Rounding of a determinant of three columns, and the average of three such, relative to the cube of the greatest entry: 36 of
 /// 2⁻⁵³ in the determinant (see `Motion::residual`) and four in the average of terms of at most 6.

@@ -1,5 +1,6 @@
 //! Instances whose hits have similar errors, and the BVH over their boxes.
 
+use canted_obb::round::up;
 use canted_obb::{Aabb, Obb};
 use canted_trace::{InstanceId, Query, ScaledRay};
 use canted_wide::SimdPath;
@@ -9,7 +10,6 @@ use super::binary::BinaryTop;
 use super::wide::WideTop;
 use crate::InstanceError;
 use crate::placement::Bounds;
-use crate::rounding::up;
 
 /// A BVH over some of the instances.
 #[derive(Clone, Debug)]
@@ -132,31 +132,21 @@ impl Class {
         InstanceId(if self.ids.is_empty() { number } else { self.ids[number as usize] })
     }
 
+    /// [`super::Top::traverse`] in the class.
     #[inline]
-    pub(super) fn traverse_ordered<Q: Query>(
+    pub(super) fn traverse<Q: Query, const ORDERED: bool>(
         &self,
         ray: &ScaledRay,
         query: &mut Q,
         mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
     ) {
         let enter = |number, t_max, query: &mut Q| enter(self.instance(number), t_max, query);
-        match &self.bvh {
-            Bvh::Wide(top) => top.traverse_ordered(ray, self.error(ray), query, enter),
-            Bvh::Binary(top) => top.traverse_ordered(ray, self.error(ray), query, enter),
-        }
-    }
-
-    #[inline]
-    pub(super) fn traverse_any<Q: Query>(
-        &self,
-        ray: &ScaledRay,
-        query: &mut Q,
-        mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
-    ) {
-        let enter = |number, t_max, query: &mut Q| enter(self.instance(number), t_max, query);
-        match &self.bvh {
-            Bvh::Wide(top) => top.traverse_any(ray, self.error(ray), query, enter),
-            Bvh::Binary(top) => top.traverse_any(ray, self.error(ray), query, enter),
+        let error = self.error(ray);
+        match (&self.bvh, ORDERED) {
+            (Bvh::Wide(top), true) => top.traverse_ordered(ray, error, query, enter),
+            (Bvh::Wide(top), false) => top.traverse_any(ray, error, query, enter),
+            (Bvh::Binary(top), true) => top.traverse_ordered(ray, error, query, enter),
+            (Bvh::Binary(top), false) => top.traverse_any(ray, error, query, enter),
         }
     }
 }

@@ -102,22 +102,17 @@ impl Kernel for Watertight {
         if mixed(edge_functions(sheared)) {
             return None;
         }
-        Self::intersect_sheared(shear, ray, sheared, t_max)
+        let d_z = ray.direction[shear.axis.index()];
+        Self::intersect_sheared(ray, d_z, sheared, t_max)
     }
 }
 
 impl Watertight {
-    /// The exact part of the test, for a triangle in sheared coordinates; see [`Shear::vertex`].
+    /// The exact part of the test, for a triangle in sheared coordinates ([`Shear::vertex`]); `d_z` is the direction along z.
     #[doc(hidden)]
     #[inline(always)]
     #[must_use]
-    pub fn intersect_sheared(
-        shear: &Shear,
-        ray: &ScaledRay,
-        sheared: [[f32; 3]; 3],
-        t_max: f32,
-    ) -> Option<TriangleHit> {
-        let d_z = ray.direction[shear.axis.index()];
+    pub fn intersect_sheared(ray: &ScaledRay, d_z: f32, sheared: [[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
         let (t, u, v, side) = solve(sheared.map(to_f64), f64::from(d_z))?;
         (ray.t_min <= t && t <= t_max).then_some(TriangleHit { t, u, v, side })
     }

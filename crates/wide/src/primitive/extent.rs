@@ -6,6 +6,7 @@
 //! than 4.3 u·(Σ|terms| + r·|d|), so [`EXTENT_ERROR`] covers it, its own rounding and that of its subtraction.
 
 use canted_obb::Aabb;
+use canted_obb::round::{down, up};
 
 use super::Primitive;
 
@@ -76,18 +77,6 @@ pub(crate) fn extents_within<'a, P: Primitive + 'a, const N: usize>(
         }
     }
     [lo, hi]
-}
-
-/// Least f32 that is not below `x`.
-#[expect(clippy::cast_possible_truncation, reason = "stepped upward where the cast rounded down")]
-fn up(x: f64) -> f32 {
-    let nearest = x as f32;
-    if f64::from(nearest) < x { nearest.next_up() } else { nearest }
-}
-
-/// Greatest f32 that is not above `x`.
-fn down(x: f64) -> f32 {
-    -up(-x)
 }
 
 /// An f32 that is not below the real number `a + b`.

@@ -16,80 +16,37 @@ pub trait LaneKernel: Kernel + Clone + std::fmt::Debug {
     /// How far hits may lie from their triangle, relative to `|o|∞ + ρ∞`.
     #[doc(hidden)]
     const ERROR: f32;
-
-    /// The hit on a candidate: by its vertices, or by those that the filter has sheared.
-    #[doc(hidden)]
-    fn finish(
-        prepared: &Self::Prepared,
-        ray: &ScaledRay,
-        vertices: &[[f32; 3]; 3],
-        sheared: &[[f32; 3]; 3],
-        t_max: f32,
-    ) -> Option<TriangleHit>;
 }
 
 /// The filter that runs in lanes.
 #[doc(hidden)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LaneTest {
-    /// Signs of the watertight kernel's edge functions.
+    /// Signs of the watertight kernel's edge functions; its exact part takes the vertices as the filter has sheared them.
     Edges,
-    /// Weights of Möller and Trumbore with their error bound.
+    /// Weights of Möller and Trumbore with their error bound, then their kernel.
     Weights,
 }
 
 impl LaneKernel for Watertight {
     const TEST: LaneTest = LaneTest::Edges;
     const ERROR: f32 = 7.0 * U;
-
-    #[inline(always)]
-    fn finish(
-        shear: &Shear,
-        ray: &ScaledRay,
-        _: &[[f32; 3]; 3],
-        sheared: &[[f32; 3]; 3],
-        t_max: f32,
-    ) -> Option<TriangleHit> {
-        Self::intersect_sheared(shear, ray, *sheared, t_max)
-    }
 }
 
 impl LaneKernel for MollerTrumbore {
     const TEST: LaneTest = LaneTest::Weights;
     const ERROR: f32 = canted_trace::HIT_ERROR;
-
-    #[inline(always)]
-    fn finish(
-        (): &(),
-        ray: &ScaledRay,
-        vertices: &[[f32; 3]; 3],
-        _: &[[f32; 3]; 3],
-        t_max: f32,
-    ) -> Option<TriangleHit> {
-        Self::intersect(&(), ray, vertices, t_max)
-    }
 }
 
 /// Its hits are those of Möller and Trumbore by contract, so blocks hold vertices for it too.
 impl LaneKernel for BaldwinWeber {
     const TEST: LaneTest = LaneTest::Weights;
     const ERROR: f32 = canted_trace::HIT_ERROR;
-
-    #[inline(always)]
-    fn finish(
-        (): &(),
-        ray: &ScaledRay,
-        vertices: &[[f32; 3]; 3],
-        _: &[[f32; 3]; 3],
-        t_max: f32,
-    ) -> Option<TriangleHit> {
-        MollerTrumbore::intersect(&(), ray, vertices, t_max)
-    }
 }
 
 /// What the lanes' filters need of a ray.
 #[derive(Clone, Copy)]
-pub(crate) struct RayTriangles<S: Simd> {
+pub struct RayTriangles<S: Simd> {
     /// Origin, permuted so that the kernel's z is last.
     origin: [S::F; 3],
     /// Shear factors, and the reciprocal of the direction along z.
@@ -97,6 +54,8 @@ pub(crate) struct RayTriangles<S: Simd> {
     recip_z: S::F,
     zero: S::F,
     t_min: S::F,
+    /// The direction along z.
+    d_z: f32,
     /// First row of the coordinates that are the kernel's x, y, z.
     rows: [usize; 3],
     direction: [S::F; 3],
@@ -115,6 +74,7 @@ impl<S: Simd> RayTriangles<S> {
             recip_z: simd.splat(1.0 / direction[2]),
             zero: simd.splat(0.0),
             t_min: simd.splat(ray.t_min),
+            d_z: direction[2],
             rows,
             direction: splat3(simd, direction),
         }
@@ -137,11 +97,24 @@ pub(crate) struct Candidates<S: Simd> {
 }
 
 impl<S: Simd> Candidates<S> {
-    /// The vertices of a lane as the watertight kernel shears them.
+    /// The kernel's hit on a lane with these vertices.
     #[inline(always)]
-    pub(crate) fn sheared(&self, simd: S, lane: usize) -> [[f32; 3]; 3] {
-        let [a, b, c] = self.sheared;
-        [lane_of(simd, a, lane), lane_of(simd, b, lane), lane_of(simd, c, lane)]
+    pub(crate) fn hit<K: LaneKernel>(
+        &self,
+        simd: S,
+        ray: &RayTriangles<S>,
+        scaled: &ScaledRay,
+        (lane, vertices): (usize, &[[f32; 3]; 3]),
+        t_max: f32,
+    ) -> Option<TriangleHit> {
+        match K::TEST {
+            LaneTest::Edges => {
+                let [a, b, c] = self.sheared;
+                let sheared = [lane_of(simd, a, lane), lane_of(simd, b, lane), lane_of(simd, c, lane)];
+                Watertight::intersect_sheared(scaled, ray.d_z, sheared, t_max)
+            }
+            LaneTest::Weights => MollerTrumbore::intersect(&(), scaled, vertices, t_max),
+        }
     }
 }
 

@@ -27,9 +27,8 @@ impl EightRays {
             let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin, ray.direction);
             *row = [ox, oy, oz, dx, dy, dz, ray.t_min, ray.t_max];
         }
-        let mut eight = Self::of_rows(simd, &rows, frame, pads);
+        let (mut eight, mut beyond) = Self::of_rows(simd, &rows, frame, pads);
         // Rays beyond the range of the lanes, one by one.
-        let mut beyond = eight.out_of_range(simd, &rows);
         while beyond != 0 {
             let i = (beyond.trailing_zeros() & 7) as usize;
             beyond &= beyond - 1;
@@ -41,13 +40,22 @@ impl EightRays {
         eight
     }
 
+    /// The rays of these rows, and which of them are beyond the range of the lanes: those whose power of two, or its reciprocal,
+    /// is not normal, and those whose interval over- or underflows, for its ends are rounded inward.
     #[inline(always)]
-    fn of_rows<S: Simd>(simd: S, rows: &[[f32; 8]; 8], frame: &MeshFrame, pads: Pads) -> Self {
+    fn of_rows<S: Simd>(simd: S, rows: &[[f32; 8]; 8], frame: &MeshFrame, pads: Pads) -> (Self, u32) {
         let [a, b, c, d, e, f, g, h] = rows;
-        let lanes = [simd.load(a), simd.load(b), simd.load(c), simd.load(d)];
-        let more = [simd.load(e), simd.load(f), simd.load(g), simd.load(h)];
-        let [ox, oy, oz, dx, dy, dz, t_min, t_max] =
-            simd.transpose([lanes[0], lanes[1], lanes[2], lanes[3], more[0], more[1], more[2], more[3]]);
+        let rows = [
+            simd.load(a),
+            simd.load(b),
+            simd.load(c),
+            simd.load(d),
+            simd.load(e),
+            simd.load(f),
+            simd.load(g),
+            simd.load(h),
+        ];
+        let [ox, oy, oz, dx, dy, dz, t_min, t_max] = simd.transpose(rows);
         let (zero, one, largest) = (simd.splat(0.0), simd.splat(1.0), simd.splat(f32::MAX));
         let greatest = max3(simd, simd.abs(dx), simd.abs(dy), simd.abs(dz));
 
@@ -62,6 +70,10 @@ impl EightRays {
         let power = simd.power_of_two(greatest);
         let from_scaled = simd.div(one, power);
         let direction = [simd.mul(dx, from_scaled), simd.mul(dy, from_scaled), simd.mul(dz, from_scaled)];
+        let (scaled_t_min, scaled_t_max) = (simd.mul(t_min, power), simd.mul(t_max, power));
+        let normal = simd.le(simd.splat(f32::MIN_POSITIVE), greatest) & simd.lt(greatest, simd.splat(BEYOND));
+        let beyond = valid & !(normal & exact(simd, t_min, scaled_t_min) & exact(simd, t_max, scaled_t_max));
+
         let scale = max3(simd, simd.abs(ox), simd.abs(oy), simd.abs(oz));
         let origin_rows = [simd.store(ox), simd.store(oy), simd.store(oz)];
         let direction_rows = [simd.store(direction[0]), simd.store(direction[1]), simd.store(direction[2])];
@@ -84,7 +96,7 @@ impl EightRays {
             recip,
             near,
             far,
-            t_min: simd.store(simd.mul(t_min, power)),
+            t_min: simd.store(scaled_t_min),
             origin: origin_rows,
             direction: direction_rows,
             pad_oriented: simd.store(pad(simd, pads.oriented, scale)),
@@ -93,22 +105,7 @@ impl EightRays {
         for (to_scaled, power) in to_scaled.iter_mut().zip(simd.store(power)) {
             *to_scaled = f64::from(power);
         }
-        Self { valid, to_scaled, t_max: simd.store(simd.mul(t_max, power)), numbers }
-    }
-
-    /// Rays whose power of two, or its reciprocal, is not normal, and those whose interval over- or underflows: their ends are
-    /// rounded inward.
-    #[inline(always)]
-    fn out_of_range<S: Simd>(&self, simd: S, rows: &[[f32; 8]; 8]) -> u32 {
-        let [mut greatest, mut t_min, mut t_max] = [[0.0; 8]; 3];
-        for (i, row) in rows.iter().enumerate() {
-            greatest[i] = row[3].abs().max(row[4].abs()).max(row[5].abs());
-            (t_min[i], t_max[i]) = (row[6], row[7]);
-        }
-        let greatest = simd.load(&greatest);
-        let normal = simd.le(simd.splat(f32::MIN_POSITIVE), greatest) & simd.lt(greatest, simd.splat(BEYOND));
-        let interval = exact(simd, &t_min, &self.numbers.t_min) & exact(simd, &t_max, &self.t_max);
-        self.valid & !(normal & interval)
+        (Self { valid, to_scaled, t_max: simd.store(scaled_t_max), numbers }, beyond)
     }
 
     /// Overwrites ray `i`.
@@ -153,8 +150,7 @@ impl EightRays {
 /// Lanes in which the product of an end of an interval with a power of two is exact: it is normal, or the end is zero or
 /// infinite.
 #[inline(always)]
-fn exact<S: Simd>(simd: S, ends: &[f32; 8], products: &[f32; 8]) -> u32 {
-    let (end, product) = (simd.load(ends), simd.load(products));
+fn exact<S: Simd>(simd: S, end: S::F, product: S::F) -> u32 {
     let (zero, largest) = (simd.splat(0.0), simd.splat(f32::MAX));
     let normal = simd.le(simd.splat(f32::MIN_POSITIVE), product) & simd.le(product, largest);
     normal | simd.le(end, zero) | simd.lt(largest, end)

@@ -85,14 +85,16 @@ impl MeshFrame {
     }
 
     #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "the pad covers this rounding")]
     pub(crate) fn rotate(&self, v: [f32; 3]) -> [f32; 3] {
-        let [x, y, z] = v.map(f64::from);
-        self.rows.map(|row| {
-            let [a, b, c] = row.map(f64::from);
-            (a * x + b * y + c * z) as f32
-        })
+        [along(self.rows[0], v), along(self.rows[1], v), along(self.rows[2], v)]
     }
+}
+
+/// A coordinate along a row of the frame, computed in f64 and rounded once.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "the pad covers this rounding")]
+fn along([a, b, c]: [f32; 3], [x, y, z]: [f32; 3]) -> f32 {
+    (f64::from(a) * f64::from(x) + f64::from(b) * f64::from(y) + f64::from(c) * f64::from(z)) as f32
 }
 
 /// What node tests need of a ray, as one number each or as a row for eight rays.
@@ -120,18 +122,27 @@ impl RayNumbers<f32> {
         } else {
             (frame.rotate(ray.origin), frame.rotate(ray.direction), pads.rotated)
         };
-        let recip = direction.map(reciprocal);
-        // For a negative direction the near plane is the upper one, and the origin is lowered.
-        let (mut near, mut far) = ([0.0; 3], [0.0; 3]);
-        for k in 0..3 {
-            let toward = pad.copysign(recip[k]);
-            near[k] = (origin[k] + toward) * recip[k];
-            far[k] = (origin[k] - toward) * recip[k];
-        }
+        // Component by component: arrays that loops fill stay in memory, and reading them in lanes has to wait for the stores.
+        let [x, y, z] = direction;
+        let recip = [reciprocal(x), reciprocal(y), reciprocal(z)];
+        let [[near_x, far_x], [near_y, far_y], [near_z, far_z]] = [
+            entry_and_exit(origin[0], recip[0], pad),
+            entry_and_exit(origin[1], recip[1], pad),
+            entry_and_exit(origin[2], recip[2], pad),
+        ];
+        let (near, far) = ([near_x, near_y, near_z], [far_x, far_y, far_z]);
         let Pads { oriented: pad_oriented, .. } = *pads;
         let ScaledRay { origin, direction, t_min, .. } = *ray;
         Self { recip, near, far, t_min, origin, direction, pad_oriented }
     }
+}
+
+/// The origin's part of the near and of the far plane's distance: the origin is moved toward the near plane and away from it, so
+/// for a negative direction it is lowered for the near plane, which is the upper one.
+#[inline(always)]
+fn entry_and_exit(origin: f32, recip: f32, pad: f32) -> [f32; 2] {
+    let toward = pad.copysign(recip);
+    [(origin + toward) * recip, (origin - toward) * recip]
 }
 
 /// A ray as the node tests use it: every number in all lanes.
