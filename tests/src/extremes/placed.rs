@@ -9,14 +9,13 @@ mod exact;
 use canted_fixtures::{Mesh, SplitMix64, soup};
 use canted_lbvh::VolumeConfig;
 use canted_tlas::{Instance, Tlas, TopConfig};
-use canted_trace::Ray;
+use canted_trace::{Ray, Watertight};
 use canted_wide::{Config, SimdPath, TriangleBvh};
 
 use super::{Oracle, Promise, Row, hierarchy::is_same};
 
 /// What the rows promise.
-pub const CLOSEST: &str =
-    "the least exact t of all triangles, ties to the lowest instance and primitive; occlusion agrees";
+const CLOSEST: &str = "the least exact t of all triangles, ties to the lowest instance and primitive; occlusion agrees";
 
 /// A kind of scene.
 #[derive(Clone, Copy)]
@@ -120,7 +119,7 @@ fn rays(case: &Case, meshes: &[Mesh], instances: &[Instance], n: usize, rng: &mu
 
 /// Both kinds of top level, the wide one on every available SIMD path.
 #[must_use]
-pub fn rows(effort: usize) -> Vec<Row> {
+pub(super) fn rows(effort: usize) -> Vec<Row> {
     let large = {
         let mut rng = SplitMix64::new(7);
         let positions = (0..36).map(|_| exact::affine([rng.signed3(); 4]).columns[0]).collect();
@@ -128,7 +127,8 @@ pub fn rows(effort: usize) -> Vec<Row> {
     };
     let meshes = [large, soup(26, 12)];
     let bvh = |mesh: &Mesh| {
-        TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).expect("a mesh of finite vertices")
+        TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default())
+            .expect("a mesh of finite vertices")
     };
     let mut rows = vec![];
     for (seed, case) in (200..).zip(&CASES) {

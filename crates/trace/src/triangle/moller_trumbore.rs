@@ -11,7 +11,8 @@ pub const ERROR: f32 = 17.0 * UNIT_ROUNDOFF;
 /// No intermediate value of the filter exceeds `HEADROOM·E·(S + E)`: if that is finite, nothing overflows.
 pub const HEADROOM: f32 = 4.0;
 
-/// The kernel without precomputation. Rays exactly through a shared edge may miss both triangles.
+/// The kernel without precomputation, for comparison: [`Watertight`](crate::Watertight) is faster here and closes shared edges. Rays
+/// exactly through a shared edge may miss both triangles.
 ///
 /// Reads: a ray, three vertices. Writes: the hit.
 /// Holds: reported points lie within [`HIT_ERROR`](crate::HIT_ERROR); hits have the bits of
