@@ -23,12 +23,3 @@ def answers():
     target = ROOT / "target" / "answers"
     subprocess.run([*command, "--target-dir", str(target)], cwd=ROOT, check=True)
     return target / "release" / "examples" / "answers"
-
-
-@pytest.fixture(scope="session")
-def scenes():
-    """The folder of real models: CANTED_SCENES, else ../shared/scenes."""
-    folder = Path(os.environ.get("CANTED_SCENES", ROOT.parent / "shared" / "scenes"))
-    if not folder.is_dir():
-        pytest.skip(f"there is no folder {folder} of real models (set CANTED_SCENES)")
-    return folder

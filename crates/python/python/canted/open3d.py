@@ -173,6 +173,43 @@ class RaycastingScene:
         points, shape = _points(query_points)
         return self._bvh().contains(points, threads=self._threads(nthreads)).astype(np.float32).reshape(shape)
 
+    @staticmethod
+    def create_rays_pinhole(*args, **kwargs):
+        """Rays of a pinhole camera: (height_px, width_px, 6) float32, through the centers of pixels.
+
+        create_rays_pinhole(intrinsic_matrix, extrinsic_matrix, width_px, height_px), or
+        create_rays_pinhole(fov_deg, center, eye, up, width_px, height_px).
+
+        Parameters
+        ----------
+        intrinsic_matrix : (3, 3) floats
+            Pixels from camera space.
+        extrinsic_matrix : (4, 4) floats
+            Camera space from world space.
+        fov_deg : float
+            Horizontal field of view in degrees.
+        center, eye, up : (3,) floats
+            The point that the camera looks at, its position, and the direction that is up in the picture.
+        """
+        by_matrices = ("intrinsic_matrix", "extrinsic_matrix", "width_px", "height_px")
+        by_view = ("fov_deg", "center", "eye", "up", "width_px", "height_px")
+        names = by_matrices if len(args) + len(kwargs) == 4 else by_view
+        given = {**dict(zip(names, args)), **kwargs}
+        if set(given) != set(names) or len(given) != len(args) + len(kwargs):
+            raise ValueError(f"create_rays_pinhole takes {', '.join(by_matrices)}, or {', '.join(by_view)}")
+        width, height = int(given["width_px"]), int(given["height_px"])
+        if names is by_matrices:
+            intrinsic, extrinsic = (np.asarray(_array(given[name]), np.float64) for name in names[:2])
+            if intrinsic.shape != (3, 3) or extrinsic.shape != (4, 4):
+                raise ValueError(f"the matrices have shapes {intrinsic.shape} and {extrinsic.shape}, not (3, 3) and (4, 4)")
+        else:
+            intrinsic, extrinsic = _matrices(*(given[name] for name in by_view))
+        x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+        rotation, shift = extrinsic[:3, :3], extrinsic[:3, 3]
+        directions = np.stack([x, y, np.ones_like(x)], axis=-1) @ (rotation.T @ np.linalg.inv(intrinsic)).T
+        origins = np.broadcast_to(-rotation.T @ shift, directions.shape)
+        return np.concatenate([origins, directions], axis=-1).astype(np.float32)
+
     def _bvh(self):
         """One BVH over all meshes, so that its answers are exact across them."""
         if self._built is None:
@@ -210,6 +247,19 @@ class RaycastingScene:
         length = np.linalg.norm(normal, axis=1, keepdims=True)
         normals[found] = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
         return uvs, normals
+
+
+def _matrices(fov_deg, center, eye, up, width_px, height_px):
+    """Intrinsic and extrinsic matrix of a camera that looks from eye to center; as in Open3D, rows of pixels go up."""
+    center, eye, up = (np.asarray(_array(argument), np.float64) for argument in (center, eye, up))
+    forward = (center - eye) / np.linalg.norm(center - eye)
+    left = np.cross(up, forward)
+    left = left / np.linalg.norm(left)
+    extrinsic = np.eye(4)
+    extrinsic[:3, :3] = left, np.cross(forward, left), forward
+    extrinsic[:3, 3] = -extrinsic[:3, :3] @ eye
+    focal_px = 0.5 * width_px / np.tan(0.5 * np.deg2rad(fov_deg))
+    return np.array([[focal_px, 0, 0.5 * width_px], [0, focal_px, 0.5 * height_px], [0, 0, 1]]), extrinsic
 
 
 def _array(argument):
