@@ -17,6 +17,9 @@ use crate::{
     workspace,
 };
 
+/// The manifest of the package, which is no member of the workspace.
+pub(crate) const MANIFEST: &str = "crates/python/Cargo.toml";
+
 /// Where programs of Python are looked for, and what they must answer.
 const PROGRAMS: [&str; 3] = ["python3", "python", "py"];
 const IS_RECENT: &str = "import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 9))";
@@ -27,7 +30,7 @@ const PEERS: [&str; 2] = ["embreex", "rtree"];
 
 /// Builds the wheel into `target/wheels`.
 pub(crate) fn wheel() -> Result<bool> {
-    let Some(python) = python() else { bail!("Python 3.9 or newer is not found") };
+    let Some(python) = program() else { bail!("Python 3.9 or newer is not found") };
     let environment = Environment::new(python)?;
     if !environment.pip(&["maturin"])? {
         bail!("maturin cannot be installed from the package registry");
@@ -43,7 +46,7 @@ pub(crate) fn test(count: &mut Count) -> Result<bool> {
         say(&format!("skipped the tests of the Python package: {reason}"));
         Ok(true)
     };
-    let Some(python) = python() else { return skip("Python 3.9 or newer is not found") };
+    let Some(python) = program() else { return skip("Python 3.9 or newer is not found") };
     let environment = Environment::new(python)?;
     if !environment.pip(&["maturin"])? || !environment.pip(&NEEDED)? {
         return skip("the package registry cannot be reached");
@@ -89,7 +92,7 @@ fn summary(line: &str) -> [usize; 3] {
 }
 
 /// The first program that is Python 3.9 or newer with virtual environments.
-fn python() -> Option<&'static str> {
+pub(crate) fn program() -> Option<&'static str> {
     PROGRAMS.into_iter().find(|program| {
         let mut command = Command::new(program);
         command.args(["-c", IS_RECENT]).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
@@ -140,7 +143,7 @@ impl Environment {
             // Only one wheel is there afterwards, whatever its version.
             fs::remove_dir_all(&wheels).with_context(|| format!("cannot remove {}", wheels.display()))?;
         }
-        let args = ["-m", "maturin", "build", "--release", "--quiet", "--manifest-path", "crates/python/Cargo.toml", "--out"];
+        let args = ["-m", "maturin", "build", "--release", "--quiet", "--manifest-path", MANIFEST, "--out"];
         let mut command = self.command(&args);
         command.arg(&wheels).env("CARGO_TARGET_DIR", workspace::root().join("target/python/build"));
         if !succeeds(&mut command)? {
@@ -165,7 +168,10 @@ mod tests {
     #[test]
     fn summaries_of_pytest_are_read() {
         assert_eq!(summary("143 passed, 4 warnings in 39.11s"), [143, 0, 0]);
-        assert_eq!(summary("===== 2 failed, 30 passed, 3 skipped, 1 warning, 1 error in 45.83s (0:00:45) ====="), [30, 3, 3]);
+        assert_eq!(
+            summary("===== 2 failed, 30 passed, 3 skipped, 1 warning, 1 error in 45.83s (0:00:45) ====="),
+            [30, 3, 3]
+        );
         assert_eq!(summary("2 passed, 2 errors in 1.0s"), [2, 2, 0]);
         assert_eq!(summary("ImportError while loading conftest"), [0, 0, 0]);
     }

@@ -136,11 +136,12 @@ impl Column {
     /// The argument `name`: a number, or an array of shape (n,).
     pub(crate) fn new(argument: Option<&Bound<'_, PyAny>>, name: &str, n: usize, default: f32) -> PyResult<Self> {
         let Some(argument) = argument else { return Ok(Self::One(default)) };
-        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-        if let Ok(number) = argument.extract::<f64>() {
+        let array = as_array(argument, name)?;
+        if array.ndim() == 0 {
+            let number: f64 = as_floats(&array, name)?.extract()?;
+            #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
             return Ok(Self::One(number as f32));
         }
-        let array = as_array(argument, name)?;
         let shape = array.shape();
         if shape != [n] {
             return Err(invalid(format!("{name} has shape {}; it must be one number or ({n},)", shown(shape))));

@@ -78,8 +78,7 @@ impl Hits {
     }
 
     fn points(&self, py: Python<'_>) -> PyResult<&Points> {
-        let places =
-            Places { primitive: &self.primitive, u: &self.u, v: &self.v, instance: self.instance.as_ref() };
+        let places = Places { primitive: &self.primitive, u: &self.u, v: &self.v, instance: self.instance.as_ref() };
         self.points.get_or_try_init(py, || self.surface.points(py, &places))
     }
 }

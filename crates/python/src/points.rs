@@ -7,8 +7,8 @@ use numpy::ndarray::Array2;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
-use crate::geometry::Geometry;
 use crate::error::{filled, invalid};
+use crate::geometry::Geometry;
 use crate::mesh::Mesh;
 use crate::threads::Threads;
 use crate::work::for_jobs;

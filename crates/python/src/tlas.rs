@@ -195,11 +195,7 @@ fn affine(rows: &Rows, origin: [f64; 3]) -> Affine {
     let column = |j: usize| rows.map(|row| row[j] as f32);
     let shift = rows.map(|[x, y, z, w]| {
         #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is documented")]
-        if origin == NO_ORIGIN {
-            w as f32
-        } else {
-            (x * origin[0] + y * origin[1] + z * origin[2] + w) as f32
-        }
+        if origin == NO_ORIGIN { w as f32 } else { (x * origin[0] + y * origin[1] + z * origin[2] + w) as f32 }
     });
     Affine { columns: [column(0), column(1), column(2), shift] }
 }

@@ -172,7 +172,7 @@ BAD_RAYS = [
     ((np.zeros((3, 3)), RAY), {}, "there are 3 origins, but 2 directions"),
     ((np.zeros((1, 3)), RAY), {}, "there are 1 origins, but 2 directions"),
     ((RAY, RAY), {"t_min": [0, 0, 0]}, "t_min has shape (3,); it must be one number or (2,)"),
-    ((RAY, RAY), {"t_max": "far"}, "t_max has shape (); it must be one number or (2,)"),
+    ((RAY, RAY), {"t_max": "far"}, "t_max has dtype <U3; use float32 or float64"),
     ((RAY, RAY), {"threads": -1}, "-1 is not a number of threads from 1 to 1024"),
     ((RAY, RAY), {"origin": [[0, 0, 0]]}, "origin has shape (1, 3), not (3,)"),
     ((RAY.astype(object), RAY), {}, "origins has dtype object; use float32 or float64"),
