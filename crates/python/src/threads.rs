@@ -66,12 +66,16 @@ impl Threads {
         self.pool.install(task)
     }
 
-    /// Runs `task` on every thread; on this one alone where `alone` or where the pool has one thread.
-    pub(crate) fn on_each(&self, alone: bool, task: impl Fn() + Sync) {
-        if alone || self.n == 1 {
-            task();
-        } else {
-            self.pool.broadcast(|_| task());
-        }
+    /// Number of threads.
+    pub(crate) fn n(&self) -> usize {
+        self.n
+    }
+
+    /// Runs `task` on every thread of the pool and `meanwhile` on this one; returns when all have ended.
+    pub(crate) fn on_each<R>(&self, task: impl Fn() + Send + Sync, meanwhile: impl FnOnce() -> R) -> R {
+        self.pool.in_place_scope(|scope| {
+            scope.spawn_broadcast(|_, _| task());
+            meanwhile()
+        })
     }
 }
