@@ -20,6 +20,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("gpu", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "tlas", "scene", "shaders"]),
     ("renderer", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "tlas", "scene", "film", "shaders", "gpu"]),
     ("cli", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "tlas", "scene", "film", "shaders", "gpu", "renderer"]),
+    ("python", &["canted"]),
 ];
 
 /// Crates with few dependencies, and those that they may have.

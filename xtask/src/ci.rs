@@ -12,7 +12,7 @@ use anyhow::{Context, Result, ensure};
 
 use crate::{
     command::{self, cargo, has_cargo_command, say, succeeds},
-    png, publish, test, tidy, workspace,
+    png, publish, python, test, tidy, workspace,
 };
 
 /// How a step ended.
@@ -95,11 +95,28 @@ fn if_installed(name: &str, command: &mut Command) -> Result<End> {
 }
 
 fn formatting() -> Result<End> {
-    if_installed("fmt", &mut cargo(&["fmt", "--all", "--check"]))
+    let workspace = if_installed("fmt", &mut cargo(&["fmt", "--all", "--check"]))?;
+    both(workspace, || if_installed("fmt", &mut cargo(&["fmt", "--manifest-path", python::MANIFEST, "--check"])))
+}
+
+/// The end of two checks of one kind.
+fn both(first: End, second: impl FnOnce() -> Result<End>) -> Result<End> {
+    // A second check is made also after a failure, to report everything at once.
+    let second = second()?;
+    Ok(if matches!(first, End::Passed) { second } else { first })
 }
 
 fn lints() -> Result<End> {
-    if_installed("clippy", &mut cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
+    let workspace =
+        if_installed("clippy", &mut cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))?;
+    both(workspace, || {
+        if python::program().is_none() {
+            say("skipped lints of the Python package: Python 3.9 or newer is not found");
+            return Ok(End::Passed);
+        }
+        let mut command = cargo(&["clippy", "--manifest-path", python::MANIFEST, "--all-targets"]);
+        if_installed("clippy", command.args(["--target-dir", "target/python/build", "--", "-D", "warnings"]))
+    })
 }
 
 fn documentation() -> Result<End> {

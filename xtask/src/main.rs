@@ -13,6 +13,7 @@ mod figures;
 mod fixtures;
 mod png;
 mod publish;
+mod python;
 mod record;
 mod report;
 mod tables;
@@ -26,6 +27,7 @@ const USAGE: &str = "usage: cargo xtask TASK
 
   test              run all tests; the last line counts them
   ci                run all checks: formatting, tidy, lints, documentation, features, packages, tests
+  wheel             build the Python package into target/wheels; needs Python 3.9 or newer
   tidy              check style rules that formatters and lints do not cover
   tables            fill the measured tables of README.md and docs from benches/RESULTS.md
   bench [ARGS]      run benchmarks and write benches/RESULTS.md: load, build, trace, picture, textures, bias, noise,
@@ -46,6 +48,7 @@ fn main() -> ExitCode {
     let outcome = match args[..] {
         ["test"] => test::run(),
         ["ci"] => ci::run(),
+        ["wheel"] => python::wheel(),
         ["tidy"] => tidy::run(),
         ["tables"] => tables::run(),
         ["bench", ref args @ ..] => bench::run(args),

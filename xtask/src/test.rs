@@ -1,11 +1,11 @@
-//! `cargo xtask test`: runs and counts all tests of the workspace.
+//! `cargo xtask test`: runs and counts all tests of the workspace, then those of the Python package.
 
 use anyhow::Result;
 
 use crate::{
     command::{self, say},
     count::Count,
-    driver, workspace,
+    driver, python, workspace,
 };
 
 /// Runs all tests and prints their count last. Returns whether none failed.
@@ -34,6 +34,7 @@ pub(crate) fn count() -> Result<(Count, bool)> {
         let n = count.without_device;
         say(&format!("{n} GPU tests found no device although a driver is installed: counted as one failure"));
         count.failed += 1;
+        python::test(&mut count)?;
         return Ok((count, false));
     }
     if !is_well && count.failed == 0 {
@@ -41,5 +42,6 @@ pub(crate) fn count() -> Result<(Count, bool)> {
         count.failed = 1;
         say("cargo test failed outside of any test: counted as one failure");
     }
+    let is_well = python::test(&mut count)? && is_well;
     Ok((count, is_well))
 }

@@ -1,0 +1,130 @@
+//! A BVH with its vertex indices as a file.
+//!
+//! ```text
+//! offset   bytes        content
+//! 0        8            "CANTEDPY"
+//! 8        4            version, 1
+//! 12       4, 4         triangle test and preset, by their order; the number of presets: unknown
+//! 20       4            whether there are indices
+//! 24       24           origin
+//! 48       8, 8         vertices; triangles
+//! 64       12 each      indices
+//!          8            checksum of all before: FNV-1a
+//!                       the BVH as `WideBvh::to_bytes` writes it, with a checksum of its own
+//! ```
+//!
+//! All numbers have the least byte first.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use pyo3::prelude::*;
+
+use crate::arrays::NO_ORIGIN;
+use crate::error::{invalid, of_file};
+use crate::geometry::Geometry;
+use crate::mesh::{Mesh, PRESETS, Test};
+
+const MAGIC: &[u8; 8] = b"CANTEDPY";
+const VERSION: u32 = 1;
+const HEADER_BYTES: usize = 64;
+
+/// How files of the Rust library start.
+const RUST_MAGIC: &[u8; 8] = b"CANTWIDE";
+
+/// Writes to a temporary name, then renames.
+pub(crate) fn save(path: &Path, geometry: &Geometry) -> PyResult<()> {
+    let mut name = path.as_os_str().to_owned();
+    name.push(format!(".{}.tmp", std::process::id()));
+    let temporary = PathBuf::from(name);
+    let written = fs::write(&temporary, to_bytes(geometry)).and_then(|()| fs::rename(&temporary, path));
+    written.map_err(|error| {
+        // Best effort: the first error is the one to report.
+        let _ = fs::remove_file(&temporary);
+        of_file(path, &error)
+    })
+}
+
+/// Reads a file of `save`, or of the Rust library.
+pub(crate) fn load(path: &Path) -> PyResult<Geometry> {
+    let bytes = fs::read(path).map_err(|error| of_file(path, &error))?;
+    from_bytes(&bytes).map_err(|sentence| invalid(format!("{}: {sentence}", path.display())))
+}
+
+pub(crate) fn to_bytes(geometry: &Geometry) -> Vec<u8> {
+    let mut bytes = MAGIC.to_vec();
+    let known = PRESETS.iter().position(|&(name, _)| Some(name) == geometry.preset);
+    let test = Test::ALL.iter().position(|&test| test == geometry.mesh.test());
+    let numbers = [test.unwrap_or(0), known.unwrap_or(PRESETS.len()), usize::from(geometry.triangles.is_some())];
+    bytes.extend(VERSION.to_le_bytes());
+    for number in numbers {
+        bytes.extend(u32::try_from(number).unwrap_or(u32::MAX).to_le_bytes());
+    }
+    bytes.extend(geometry.origin.iter().flat_map(|x| x.to_le_bytes()));
+    let triangles = geometry.triangles.as_ref().map_or(&[][..], |triangles| &triangles[..]);
+    for count in [geometry.n_vertices, triangles.len()] {
+        bytes.extend((count as u64).to_le_bytes());
+    }
+    bytes.extend(triangles.as_flattened().iter().flat_map(|index| index.to_le_bytes()));
+    let sum = checksum(&bytes);
+    bytes.extend(sum.to_le_bytes());
+    bytes.extend(geometry.mesh.to_bytes());
+    bytes
+}
+
+/// The BVH, or a sentence about what is wrong.
+pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Geometry, String> {
+    if bytes.starts_with(RUST_MAGIC) {
+        let mesh = Mesh::from_bytes(Test::Watertight, bytes).map_err(|error| error.to_string())?;
+        let mesh = Arc::new(mesh);
+        return Ok(Geometry { mesh, triangles: None, n_vertices: 0, origin: NO_ORIGIN, preset: None });
+    }
+    let short = || format!("the file has {} bytes and ends too early", bytes.len());
+    let (header, rest) = bytes.split_at_checked(HEADER_BYTES).ok_or_else(short)?;
+    if !header.starts_with(MAGIC) {
+        return Err("the file is not a BVH: it starts with other bytes than CANTEDPY or CANTWIDE".to_owned());
+    }
+    let words = header.as_chunks::<4>().0;
+    let word = |i: usize| u32::from_le_bytes(words[i]);
+    let doubles = header.as_chunks::<8>().0;
+    if word(2) != VERSION {
+        return Err(format!("the file has version {}; this package reads version {VERSION}", word(2)));
+    }
+    let n_index_bytes = u64::from_le_bytes(doubles[7]).checked_mul(12).and_then(|n| usize::try_from(n).ok());
+    let (indices, rest) = n_index_bytes.and_then(|n| rest.split_at_checked(n)).ok_or_else(short)?;
+    let (stored, rest) = rest.split_first_chunk::<8>().ok_or_else(short)?;
+    if u64::from_le_bytes(*stored) != checksum(&bytes[..HEADER_BYTES + indices.len()]) {
+        return Err("the file is damaged: its checksum is wrong".to_owned());
+    }
+    let test = Test::ALL.get(word(3) as usize).ok_or_else(|| format!("the file has triangle test {}", word(3)))?;
+    let mesh = Mesh::from_bytes(*test, rest).map_err(|error| error.to_string())?;
+    let origin = std::array::from_fn(|k| f64::from_le_bytes(doubles[3 + k]));
+    let n_vertices = u64::from_le_bytes(doubles[6]);
+    let triangles: Vec<[u32; 3]> =
+        indices.as_chunks::<12>().0.iter().map(|t| std::array::from_fn(|k| index(t, k))).collect();
+    let has_triangles = word(5) == 1;
+    let is_valid = origin.iter().all(|x| x.is_finite())
+        && (!has_triangles || triangles.len() == mesh.n_triangles())
+        && triangles.as_flattened().iter().all(|&index| u64::from(index) < n_vertices);
+    if !is_valid {
+        return Err("the file has an origin or vertex indices that do not belong to its BVH".to_owned());
+    }
+    Ok(Geometry {
+        mesh: Arc::new(mesh),
+        triangles: has_triangles.then(|| Arc::new(triangles)),
+        n_vertices: usize::try_from(n_vertices).map_err(|error| error.to_string())?,
+        origin,
+        preset: PRESETS.get(word(4) as usize).map(|&(name, _)| name),
+    })
+}
+
+/// An index of a triangle of twelve bytes.
+fn index(triangle: &[u8; 12], k: usize) -> u32 {
+    u32::from_le_bytes(triangle.as_chunks::<4>().0[k])
+}
+
+/// FNV-1a of 64 bits.
+fn checksum(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |sum, &byte| (sum ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
+}

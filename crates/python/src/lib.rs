@@ -1,0 +1,45 @@
+//! The Python package `canted`: BVHs over triangle meshes, ray and distance queries on NumPy arrays.
+//!
+//! ```text
+//! arrays -> rows, columns -> jobs of rays -> threads -> columns -> arrays
+//! ```
+//!
+//! | file | purpose |
+//! | --- | --- |
+//! | `arrays` | NumPy arrays of any layout as rows of three numbers, columns, indices |
+//! | `threads`, `work` | thread pools; jobs that Ctrl-C interrupts |
+//! | `mesh`, `query` | a BVH with any triangle test; queries of slices over it |
+//! | `geometry` | builds and refits |
+//! | `bvh`, `tlas`, `hits`, `nearest` | the classes of the package |
+//! | `points` | positions and normals of hits |
+//! | `file` | BVHs as files |
+//!
+//! Every query is one of the Rust library, ray by ray, so its answers are those of Rust bit for bit. Python's global lock is
+//! released during builds and queries. A panic becomes a `ValueError`.
+#![forbid(unsafe_code)]
+
+mod arrays;
+mod bvh;
+mod error;
+mod file;
+mod geometry;
+mod hits;
+mod mesh;
+mod nearest;
+mod points;
+mod query;
+mod threads;
+mod tlas;
+mod work;
+
+use pyo3::prelude::*;
+
+/// The compiled part of `canted`.
+#[pymodule(gil_used = true)]
+fn _canted(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_class::<bvh::Bvh>()?;
+    module.add_class::<tlas::Tlas>()?;
+    module.add_class::<hits::Hits>()?;
+    module.add_class::<nearest::Nearest>()
+}

@@ -1,0 +1,25 @@
+"""Programs and folders that some tests need."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+@pytest.fixture(scope="session")
+def answers():
+    """The Rust example that answers all queries: CANTED_ANSWERS, else built with cargo."""
+    given = os.environ.get("CANTED_ANSWERS")
+    if given:
+        return Path(given)
+    if shutil.which("cargo") is None:
+        pytest.skip("there is no cargo to build the example 'answers'")
+    command = ["cargo", "build", "--quiet", "--release", "--package", "canted", "--example", "answers"]
+    # A folder of its own, whatever the caller builds at the same time.
+    target = ROOT / "target" / "answers"
+    subprocess.run([*command, "--target-dir", str(target)], cwd=ROOT, check=True)
+    return target / "release" / "examples" / "answers"

@@ -1,0 +1,75 @@
+"""Files and pickles."""
+
+import copy
+import pickle
+from pathlib import Path
+
+import canted
+import meshes
+import numpy as np
+import pytest
+
+VERTICES, TRIANGLES = meshes.soup(300)
+ORIGINS, DIRECTIONS = meshes.rays(500)
+
+
+def same(a, b):
+    x, y = a.closest_hit(ORIGINS, DIRECTIONS), b.closest_hit(ORIGINS, DIRECTIONS)
+    return all((getattr(x, name) == getattr(y, name)).all() for name in ("t", "primitive", "u", "v"))
+
+
+@pytest.mark.parametrize("test", ["watertight", "moller-trumbore", "baldwin-weber"])
+def test_a_saved_bvh_is_the_same_and_can_be_refitted(tmp_path, test):
+    bvh = canted.Bvh(VERTICES, TRIANGLES, "quality", test, origin=(0.5, 0, -1))
+    for path in (tmp_path / "a.bvh", str(tmp_path / "b.bvh")):
+        bvh.save(path)
+        loaded = canted.Bvh.load(path)
+        assert loaded.stats() == bvh.stats() and same(bvh, loaded)
+        assert loaded.refit(VERTICES * 2) == bvh.refit(VERTICES * 2) and same(bvh, loaded)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.bvh", "b.bvh"]
+
+
+def test_pickle_and_copy():
+    bvh = canted.Bvh(VERTICES, TRIANGLES, "fast")
+    for other in (pickle.loads(pickle.dumps(bvh)), copy.deepcopy(bvh), copy.copy(bvh)):
+        assert other.stats() == bvh.stats() and same(bvh, other)
+
+
+def test_missing_files_are_os_errors(tmp_path):
+    with pytest.raises(FileNotFoundError, match="nothing.bvh"):
+        canted.Bvh.load(tmp_path / "nothing.bvh")
+    with pytest.raises(OSError, match="no-folder"):
+        canted.Bvh(VERTICES, TRIANGLES).save(tmp_path / "no-folder" / "x.bvh")
+    with pytest.raises(IsADirectoryError):
+        canted.Bvh.load(tmp_path)
+
+
+def test_every_damaged_file_is_a_value_error_that_names_it(tmp_path):
+    path = tmp_path / "x.bvh"
+    canted.Bvh(VERTICES[:60], TRIANGLES[:20]).save(path)
+    good = path.read_bytes()
+    random = np.random.default_rng(8)
+    damaged = [good[:n] for n in random.integers(0, len(good), 100)] + [b"", b"solid x", good + b"\0"]
+    for at in [*range(64), *random.integers(0, len(good), 300)]:
+        changed = bytearray(good)
+        changed[at] ^= 1 << random.integers(0, 8)
+        damaged.append(bytes(changed))
+    for content in damaged:
+        path.write_bytes(content)
+        with pytest.raises(ValueError, match="x.bvh: "):
+            canted.Bvh.load(path)
+
+
+def test_files_of_the_rust_library(tmp_path):
+    """They follow the vertex indices in a file of this package."""
+    path = tmp_path / "x.bvh"
+    bvh = canted.Bvh(VERTICES, TRIANGLES)
+    bvh.save(path)
+    content = path.read_bytes()
+    path.write_bytes(content[content.index(b"CANTWIDE") :])
+    loaded = canted.Bvh.load(path)
+    assert same(bvh, loaded) and loaded.stats()["preset"] is None
+    with pytest.raises(ValueError, match="a BVH from a file of the Rust library has no vertex indices"):
+        loaded.refit(VERTICES)
+    loaded.save(path)
+    assert same(bvh, canted.Bvh.load(path)) and Path(path).read_bytes() != content

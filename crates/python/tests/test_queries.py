@@ -1,0 +1,214 @@
+"""Queries against loops over all triangles."""
+
+import brute
+import canted
+import meshes
+import numpy as np
+import pytest
+
+TESTS = ["watertight", "moller-trumbore", "baldwin-weber"]
+PRESETS = ["fast", "balanced", "quality"]
+
+
+def disagreements(hits, vertices, triangles, origins, directions):
+    """Rows where hits differ from the loop, and the number of rows that the loop decides."""
+    wrong, n_decided = [], 0
+    for i, (origin, direction) in enumerate(zip(origins, directions)):
+        expected = brute.closest(vertices, triangles, origin, direction)
+        if expected is None:
+            continue
+        n_decided += 1
+        primitive, t = expected
+        is_right = hits.primitive[i] == primitive
+        if not is_right and primitive >= 0 and hits.primitive[i] >= 0:
+            # Equal triangles tie, the lowest wins; others are as near as float32 tells.
+            is_right = abs(hits.t[i] - t) <= 1e-5 * max(abs(t), 1e-6)
+        if not is_right:
+            wrong.append(i)
+    return wrong, n_decided
+
+
+@pytest.mark.parametrize("test", TESTS)
+@pytest.mark.parametrize("preset", PRESETS)
+def test_closest_hits_are_those_of_a_loop(test, preset):
+    vertices, triangles = meshes.soup(200)
+    origins, directions = meshes.rays(400)
+    hits = canted.Bvh(vertices, triangles, preset, test).closest_hit(origins, directions)
+    wrong, n_decided = disagreements(hits, vertices, triangles, origins, directions)
+    assert n_decided > 200
+    assert wrong == []
+
+
+@pytest.mark.parametrize(("scale", "offset"), [(1e-6, 0.0), (1e6, 0.0), (100.0, 1e7)])
+def test_scale_and_offset_lose_no_hit(scale, offset):
+    vertices, triangles = meshes.soup(200, scale=scale, offset=offset)
+    origins, directions = meshes.rays(300, scale=scale, offset=offset)
+    hits = canted.Bvh(vertices, triangles).closest_hit(origins, directions)
+    wrong, n_decided = disagreements(hits, vertices, triangles, origins, directions)
+    assert wrong == []
+    assert offset > 0.0 or n_decided > 150
+
+
+def test_the_loop_notices_wrong_hits():
+    vertices, triangles = meshes.soup(200)
+    origins, directions = meshes.rays(400)
+    hits = canted.Bvh(vertices, triangles).closest_hit(origins, directions)
+    hits.primitive[::3] = -1
+    wrong, _ = disagreements(hits, vertices, triangles, origins, directions)
+    assert len(wrong) > 30
+
+
+def test_columns_have_the_documented_types_and_values():
+    vertices, triangles = meshes.sphere()
+    origins, directions = meshes.rays(1000)
+    bvh = canted.Bvh(vertices, triangles)
+    hits = bvh.closest_hit(origins, directions)
+    shapes = {"t": "float32", "primitive": "int32", "u": "float32", "v": "float32", "entering": "bool", "ray": "int64"}
+    for name, dtype in shapes.items():
+        assert getattr(hits, name).shape == (1000,) and getattr(hits, name).dtype == dtype, name
+    assert hits.position.shape == hits.normal.shape == (1000, 3)
+    hit = hits.hit
+    assert 100 < hit.sum() < 1000 and len(hits) == 1000 and hits.instance is None
+    assert (hits.primitive[~hit] == -1).all() and np.isinf(hits.t[~hit]).all() and np.isnan(hits.position[~hit]).all()
+    assert (hits.ray == np.arange(1000)).all()
+    o, d = origins[hit].astype(np.float64), directions[hit].astype(np.float64)
+    reach = np.abs(o).max() + 1.0
+    along = o + hits.t[hit, None].astype(np.float64) * d
+    # A reported t and the barycentric point are both within the hit's error of one point; t itself is rounded.
+    bound = 4 * brute.HIT_ERROR * reach + 2.0**-23 * np.abs(along - o).max()
+    assert np.abs(along - hits.position[hit]).max() <= bound
+    a, b, c = (vertices[triangles[hits.primitive[hit], k]].astype(np.float64) for k in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    assert np.abs(normal - hits.normal[hit]).max() < 1e-12
+    assert ((normal * d).sum(axis=1) < 0.0)[np.abs((normal * d).sum(axis=1)) > 1e-6 * np.linalg.norm(d, axis=1)].tolist() == (
+        hits.entering[hit][np.abs((normal * d).sum(axis=1)) > 1e-6 * np.linalg.norm(d, axis=1)].tolist()
+    )
+
+
+def test_occluded_and_intervals_agree_with_closest_hits():
+    vertices, triangles = meshes.soup(300)
+    origins, directions = meshes.rays(2000)
+    bvh = canted.Bvh(vertices, triangles)
+    hits = bvh.closest_hit(origins, directions)
+    assert (bvh.occluded(origins, directions) == hits.hit).all()
+    hit = hits.hit
+    o, d, t = origins[hit], directions[hit], hits.t[hit]
+    # The interval is closed: exactly t is inside, for one number and for an array.
+    assert (bvh.closest_hit(o, d, t_min=t, t_max=t).primitive == hits.primitive[hit]).all()
+    beyond = bvh.closest_hit(o, d, t_min=np.nextafter(t, np.float32(np.inf)))
+    assert (beyond.t > t).all()
+    assert not bvh.occluded(o, d, 0.0, np.nextafter(t, np.float32(0))).any()
+    assert (bvh.closest_hit(o, d, 0.5, 0.75).t >= 0.5).all()
+
+
+@pytest.mark.parametrize("test", TESTS)
+def test_all_hits_begin_with_the_closest_and_are_sorted(test):
+    vertices, triangles = meshes.soup(300)
+    origins, directions = meshes.rays(600)
+    bvh = canted.Bvh(vertices, triangles, triangle_test=test)
+    closest, every = bvh.closest_hit(origins, directions), bvh.all_hits(origins, directions)
+    assert (np.diff(every.ray) >= 0).all()
+    assert every.hit.all()
+    for i in range(600):
+        rows = every.ray == i
+        t, primitive = every.t[rows], every.primitive[rows]
+        assert (np.diff(t) >= 0).all() and len(set(primitive.tolist())) == len(primitive)
+        assert (t[:1] == closest.t[i : i + 1][closest.hit[i : i + 1]]).all() and len(t[:1]) == closest.hit[i]
+        expected, depth = brute.intersections(vertices, triangles, origins[i], directions[i])
+        reach = np.abs(origins[i]).max() + 2.0
+        certain = (depth > 4 * brute.HIT_ERROR * reach) & (expected > 1e-3)
+        outside = (depth < -4 * brute.HIT_ERROR * reach) | (expected < -1e-3)
+        assert set(np.flatnonzero(certain)) <= set(primitive.tolist())
+        assert not set(np.flatnonzero(outside)) & set(primitive.tolist())
+
+
+@pytest.mark.parametrize("mesh", [meshes.box((-2, -1, -1), (3, 1, 2)), meshes.sphere(2)])
+def test_crossings_through_edges_and_vertices_are_balanced(mesh):
+    vertices, triangles = mesh
+    origins, directions = meshes.through_edges(vertices, triangles, 3000)
+    bvh = canted.Bvh(vertices, triangles)
+    crossings = bvh.crossings(origins, directions)
+    entering = np.bincount(crossings.ray[crossings.entering], minlength=3000)
+    leaving = np.bincount(crossings.ray[~crossings.entering], minlength=3000)
+    assert (entering == leaving).all()
+    assert entering.sum() > 1500
+    # A box is entered once at most.
+    assert entering.max() == 1 or len(triangles) > 12
+    # The same rays hit several triangles, so the test sees edges.
+    every = np.bincount(bvh.all_hits(origins, directions).ray, minlength=3000)
+    assert (every > 2).sum() > 1000
+
+
+def test_crossings_need_the_watertight_test():
+    vertices, triangles = meshes.box()
+    bvh = canted.Bvh(vertices, triangles, triangle_test="moller-trumbore")
+    with pytest.raises(ValueError, match="crossings need triangle_test='watertight'; this BVH has 'moller-trumbore'"):
+        bvh.crossings([[0, 0, 9]], [[0, 0, -1]])
+
+
+def test_containment_is_exact_on_a_box_and_that_of_solid_angles_on_a_sphere():
+    vertices, triangles = meshes.box((-1, -2, -1), (3, 2, 1))
+    grid = np.stack(np.meshgrid(*[np.arange(-3, 4, 0.5)] * 3), axis=-1).reshape(-1, 3)
+    expected = ((grid >= [-1, -2, -1]) & (grid <= [3, 2, 1])).all(axis=1)
+    bvh = canted.Bvh(vertices, triangles)
+    assert (bvh.contains(grid) == expected).all()
+    # Nested boxes alternate.
+    inner_vertices, inner_triangles = meshes.box((0, 0, 0), (0.5, 0.5, 0.5))
+    hollow = canted.Bvh(np.concatenate([vertices, inner_vertices]), np.concatenate([triangles, inner_triangles + 8]))
+    assert not hollow.contains([0.25, 0.25, 0.25])[0] and hollow.contains([0.75, 0.25, 0.25])[0]
+    vertices, triangles = meshes.sphere(2)
+    points = np.random.default_rng(3).uniform(-1.2, 1.2, (2000, 3)).astype(np.float32)
+    bvh = canted.Bvh(vertices, triangles)
+    far = bvh.nearest(points).distance > 1e-4
+    assert far.sum() > 1900
+    winding = brute.winding(vertices, triangles, points[far])
+    assert (bvh.contains(points)[far] == (winding > 0.5)).all()
+    signed = bvh.signed_distance(points)
+    assert ((signed[far] < 0) == bvh.contains(points)[far]).all()
+    assert (np.abs(signed) == bvh.nearest(points).distance).all()
+
+
+def test_nearest_points_are_those_of_a_loop():
+    vertices, triangles = meshes.soup(200)
+    points = np.random.default_rng(4).uniform(-2, 2, (500, 3)).astype(np.float32)
+    bvh = canted.Bvh(vertices, triangles)
+    found, near = bvh.nearest(points), bvh.nearest(points, max_distance=0.1)
+    assert found.distance.dtype == "float32" and found.primitive.dtype == "int32" and found.position.shape == (500, 3)
+    for i, point in enumerate(points):
+        distances = brute.nearest(vertices, triangles, point)
+        # The result is rounded to float32 once; the loop is exact to some 2^-48 of the coordinates.
+        error = 2.0**-24 * distances.min() + 1e-12
+        assert abs(found.distance[i] - distances.min()) <= error
+        assert distances[found.primitive[i]] <= distances.min() + 1e-12
+        assert abs(np.linalg.norm(found.position[i] - point) - distances.min()) <= 1e-6
+        if distances.min() > 0.1 + 1e-6:
+            assert near.primitive[i] == -1 and np.isinf(near.distance[i]) and np.isnan(near.position[i]).all()
+        elif distances.min() < 0.1 - 1e-6:
+            assert near.primitive[i] == found.primitive[i] and near.distance[i] == found.distance[i]
+
+
+@pytest.mark.parametrize("n", [4, 70000])
+def test_a_refit_answers_as_a_new_bvh(n):
+    """Also of a mesh so large that it is refitted on a copy."""
+    vertices, triangles = meshes.soup(n)
+    moved = (vertices * 1.5 + np.float32(0.25)).astype(np.float32)
+    origins, directions = meshes.rays(500)
+    bvh = canted.Bvh(vertices, triangles)
+    before = bvh.closest_hit(origins, directions)
+    report = bvh.refit(moved)
+    assert set(report) == {"cost_built", "cost_before", "cost_now", "drift", "rebuild_advised"}
+    after, new = bvh.closest_hit(origins, directions), canted.Bvh(moved, triangles).closest_hit(origins, directions)
+    for name in ("t", "primitive", "u", "v"):
+        assert (getattr(after, name) == getattr(new, name)).all()
+    # Hits from before the refit keep the mesh of then.
+    hit = before.hit
+    a, b, c = (vertices[triangles[before.primitive[hit], k]].astype(np.float64) for k in range(3))
+    u, v = before.u[hit, None].astype(np.float64), before.v[hit, None].astype(np.float64)
+    assert np.abs(before.position[hit] - (a + u * (b - a) + v * (c - a))).max(initial=0.0) < 1e-12
+    with pytest.raises(ValueError, match=f"the BVH was built over {3 * n} vertices, but {3 * n - 1} are given"):
+        bvh.refit(moved[:-1])
+    moved[3] = np.nan
+    with pytest.raises(ValueError, match="triangle 1 has a vertex that is not finite"):
+        bvh.refit(moved)
+    assert (bvh.closest_hit(origins, directions).t == after.t).all()

@@ -1,0 +1,178 @@
+//! The Python package: `cargo xtask wheel`, and its tests as a part of `cargo xtask test`.
+//!
+//! Everything is installed into a virtual environment under `target/python`. Where there is no Python 3.9 or newer, or no package
+//! registry, the tests are skipped with that reason.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+};
+
+use anyhow::{Context, Result, bail};
+
+use crate::{
+    command::{self, say, succeeds},
+    count::Count,
+    workspace,
+};
+
+/// The manifest of the package, which is no member of the workspace.
+pub(crate) const MANIFEST: &str = "crates/python/Cargo.toml";
+
+/// Where programs of Python are looked for, and what they must answer.
+const PROGRAMS: [&str; 3] = ["python3", "python", "py"];
+const IS_RECENT: &str = "import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 9))";
+
+/// What the tests need, and peers whose answers some tests record.
+const NEEDED: [&str; 3] = ["pytest", "numpy", "trimesh"];
+const PEERS: [&str; 2] = ["embreex", "rtree"];
+
+/// Builds the wheel into `target/wheels`.
+pub(crate) fn wheel() -> Result<bool> {
+    let Some(python) = program() else { bail!("Python 3.9 or newer is not found") };
+    let environment = Environment::new(python)?;
+    if !environment.pip(&["maturin"])? {
+        bail!("maturin cannot be installed from the package registry");
+    }
+    let Some(wheel) = environment.build()? else { return Ok(false) };
+    say(&format!("wrote {}", wheel.display()));
+    Ok(true)
+}
+
+/// Builds and installs the package, runs its tests and adds them to `count`. Returns whether none failed.
+pub(crate) fn test(count: &mut Count) -> Result<bool> {
+    let skip = |reason: &str| {
+        say(&format!("skipped the tests of the Python package: {reason}"));
+        Ok(true)
+    };
+    let Some(python) = program() else { return skip("Python 3.9 or newer is not found") };
+    let environment = Environment::new(python)?;
+    if !environment.pip(&["maturin"])? || !environment.pip(&NEEDED)? {
+        return skip("the package registry cannot be reached");
+    }
+    for peer in PEERS {
+        // Wheels only: a peer is not worth a compiler.
+        if !environment.pip(&["--only-binary", ":all:", peer])? {
+            say(&format!("skipped comparisons with {peer}: it cannot be installed"));
+        }
+    }
+    let Some(wheel) = environment.build()? else {
+        say("the Python package does not build: counted as one failure");
+        count.failed += 1;
+        return Ok(false);
+    };
+    let wheel = wheel.to_string_lossy().into_owned();
+    if !environment.pip(&["--no-deps", "--force-reinstall", &wheel])? {
+        bail!("{wheel} cannot be installed");
+    }
+    let mut pytest = environment.command(&["-m", "pytest", "-q", "-rs", "-p", "no:cacheprovider"]);
+    pytest.current_dir(workspace::root().join("crates/python"));
+    let mut last = String::new();
+    let is_well = command::for_each_line(&mut pytest, |line| {
+        say(line);
+        line.clone_into(&mut last);
+    })?;
+    let [passed, failed, skipped] = summary(&last);
+    count.passed += passed;
+    count.skipped += skipped;
+    // Without a summary, pytest itself has failed.
+    count.failed += if is_well { failed } else { failed.max(1) };
+    Ok(is_well)
+}
+
+/// Numbers of passed, failed and skipped tests in the last line of pytest, such as `2 failed, 30 passed, 1 error in 45.83s`.
+fn summary(line: &str) -> [usize; 3] {
+    let of = |word: &str| -> usize {
+        let parts = line.trim_matches(['=', ' ']).split(" in ").next().unwrap_or_default().split(", ");
+        let numbers = parts.filter_map(|part| part.split_once(' '));
+        numbers.filter(|(_, name)| name.starts_with(word)).filter_map(|(n, _)| n.parse::<usize>().ok()).sum()
+    };
+    [of("passed"), of("failed") + of("error"), of("skipped")]
+}
+
+/// The first program that is Python 3.9 or newer with virtual environments.
+pub(crate) fn program() -> Option<&'static str> {
+    PROGRAMS.into_iter().find(|program| {
+        let mut command = Command::new(program);
+        command.args(["-c", IS_RECENT]).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        command.status().is_ok_and(|status| status.success())
+    })
+}
+
+/// A virtual environment.
+struct Environment {
+    folder: PathBuf,
+}
+
+impl Environment {
+    /// Makes it, or takes that of an earlier run.
+    fn new(python: &str) -> Result<Self> {
+        let environment = Self { folder: workspace::root().join("target/python/venv") };
+        if !environment.program().is_file() {
+            let mut command = Command::new(python);
+            command.args(["-m", "venv"]).arg(&environment.folder).stdin(Stdio::null());
+            if !succeeds(&mut command)? {
+                bail!("{python} cannot make the virtual environment {}", environment.folder.display());
+            }
+        }
+        Ok(environment)
+    }
+
+    fn program(&self) -> PathBuf {
+        self.folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" })
+    }
+
+    /// Its Python with these arguments, in the root of the workspace.
+    fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(self.program());
+        command.args(args).current_dir(workspace::root()).stdin(Stdio::null());
+        command
+    }
+
+    /// Installs packages; whether that succeeded.
+    fn pip(&self, packages: &[&str]) -> Result<bool> {
+        let mut command = self.command(&["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]);
+        succeeds(command.args(packages))
+    }
+
+    /// Builds the wheel; its path, or `None` where it does not build.
+    fn build(&self) -> Result<Option<PathBuf>> {
+        let wheels = workspace::root().join("target/wheels");
+        if wheels.is_dir() {
+            // Only one wheel is there afterwards, whatever its version.
+            fs::remove_dir_all(&wheels).with_context(|| format!("cannot remove {}", wheels.display()))?;
+        }
+        let args = ["-m", "maturin", "build", "--release", "--quiet", "--manifest-path", MANIFEST, "--out"];
+        let mut command = self.command(&args);
+        command.arg(&wheels).env("CARGO_TARGET_DIR", workspace::root().join("target/python/build"));
+        if !succeeds(&mut command)? {
+            return Ok(None);
+        }
+        wheel_in(&wheels).map(Some)
+    }
+}
+
+/// The wheel in a folder.
+fn wheel_in(folder: &Path) -> Result<PathBuf> {
+    let entries = fs::read_dir(folder).with_context(|| format!("cannot list {}", folder.display()))?;
+    let paths = entries.filter_map(|entry| entry.ok().map(|entry| entry.path()));
+    let wheel = paths.into_iter().find(|path| path.extension().is_some_and(|extension| extension == "whl"));
+    wheel.with_context(|| format!("there is no wheel in {}", folder.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn summaries_of_pytest_are_read() {
+        assert_eq!(summary("143 passed, 4 warnings in 39.11s"), [143, 0, 0]);
+        assert_eq!(
+            summary("===== 2 failed, 30 passed, 3 skipped, 1 warning, 1 error in 45.83s (0:00:45) ====="),
+            [30, 3, 3]
+        );
+        assert_eq!(summary("2 passed, 2 errors in 1.0s"), [2, 2, 0]);
+        assert_eq!(summary("ImportError while loading conftest"), [0, 0, 0]);
+    }
+}
