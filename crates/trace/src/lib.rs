@@ -51,6 +51,7 @@ mod filter;
 mod hit;
 #[doc(hidden)]
 pub mod lanes;
+mod queries;
 mod query;
 mod ray;
 mod rounding;
