@@ -8,7 +8,7 @@ use canted_lbvh::{Corners, par};
 use canted_obb::Aabb;
 
 use crate::Config;
-use crate::extent::extent;
+use crate::extent::{PAD, extent};
 use crate::node::{Node, NodeKind, Reference};
 use crate::sweep::{Event, Fragment, Split, best_split, fragment_of, push_events, renumbered};
 
@@ -36,8 +36,14 @@ pub(crate) struct Built {
 /// Source: Wald, Havran 2006: events are sorted once and stay sorted, triangles are clipped to the cell. `O(n log n)` for the
 /// number of references. Difference: there are limits for depth and references.
 pub(crate) fn build(corners: &[Corners], config: &Config) -> Built {
+    build_padded(corners, config, PAD)
+}
+
+/// As [`build`], with a padding of triangles relative to their coordinates; with less than [`PAD`] hits are lost.
+pub(crate) fn build_padded(corners: &[Corners], config: &Config, pad: f64) -> Built {
     let everywhere = Aabb { min: [f32::MIN; 3], max: [f32::MAX; 3] };
-    let boxes = par::map(corners, CHUNK, |corners| extent(corners, &everywhere).expect("a triangle has an extent"));
+    let boxes =
+        par::map(corners, CHUNK, |corners| extent(corners, &everywhere, pad).expect("a triangle has an extent"));
     let cell = boxes.iter().fold(Aabb::EMPTY, |cell, aabb| cell.union(*aabb));
     let fragments: Vec<_> = (0..).zip(boxes).map(|(triangle, aabb)| Fragment { triangle, aabb }).collect();
     let mut events = [vec![], vec![], vec![]];
@@ -47,7 +53,7 @@ pub(crate) fn build(corners: &[Corners], config: &Config) -> Built {
     }
     let [x, y, z] = &mut events;
     par::join(|| x.sort_unstable(), || par::join(|| y.sort_unstable(), || z.sort_unstable()));
-    let builder = Builder { corners, config, depth_limit: config.depth_limit(corners.len()) };
+    let builder = Builder { corners, config, depth_limit: config.depth_limit(corners.len()), pad };
     let mut part = Part::default();
     builder.grow(&mut part, &cell, Side { fragments, events }, config.reference_limit(corners.len()), 0);
     let Part { mut nodes, references, depth } = part;
@@ -111,6 +117,7 @@ struct Builder<'a> {
     corners: &'a [Corners],
     config: &'a Config,
     depth_limit: u32,
+    pad: f64,
 }
 
 impl Builder<'_> {
@@ -171,7 +178,7 @@ impl Builder<'_> {
         let mut added: [[Vec<Event>; 3]; 2] = Default::default();
         for &triangle in &straddling {
             for ((side, added), cell) in sides.iter_mut().zip(&mut added).zip(cells) {
-                if let Some(aabb) = extent(&self.corners[triangle as usize], cell) {
+                if let Some(aabb) = extent(&self.corners[triangle as usize], cell, self.pad) {
                     push_events(added, side.fragments.len(), &aabb);
                     side.fragments.push(Fragment { triangle, aabb });
                 }

@@ -31,14 +31,14 @@ use canted_obb::{Aabb, vector::to_f64};
 use canted_trace::AABB_PAD;
 
 /// `p + ε`, relative to ρ∞.
-const PAD: f64 = AABB_PAD as f64 + 128.0 * (0.5 * f64::EPSILON);
+pub(crate) const PAD: f64 = AABB_PAD as f64 + 128.0 * (0.5 * f64::EPSILON);
 
 /// Corners of a clipped triangle. A plane adds one at most for every second corner: 3, 4, 6, 9, 13, 19, 28.
 const MAX_CORNERS: usize = 28;
 
-/// A box that contains every point of the padded triangle in `cell`; `None` if it has none there.
-pub(crate) fn extent(corners: &Corners, cell: &Aabb) -> Option<Aabb> {
-    let pad = PAD * f64::from(Aabb::from_points(*corners).reach());
+/// A box that contains every point of the padded triangle in `cell`; `None` if it has none there. `pad` is [`PAD`].
+pub(crate) fn extent(corners: &Corners, cell: &Aabb, pad: f64) -> Option<Aabb> {
+    let pad = pad * f64::from(Aabb::from_points(*corners).reach());
     let mut polygon = Polygon::new(corners);
     for axis in 0..3 {
         polygon.clip(axis, f64::from(cell.min[axis]) - pad, 1.0);

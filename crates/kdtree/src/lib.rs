@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod build;
+mod check;
 mod config;
 mod extent;
 mod kdtree;
@@ -11,6 +12,7 @@ mod queries;
 mod sweep;
 mod traverse;
 
+pub use check::{Flaw, Stats};
 pub use config::{Config, Traversal};
 pub use kdtree::KdTree;
 pub use nodes::{KdNodes, Memory};

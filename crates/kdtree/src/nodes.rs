@@ -48,7 +48,11 @@ impl KdNodes {
     /// Builds over triangles by their vertices, which must be finite.
     #[must_use]
     pub fn new(corners: &[Corners], config: &Config) -> Self {
-        let Built { nodes, references, cell, depth, n_leaves } = build(corners, config);
+        Self::from_built(build(corners, config), config)
+    }
+
+    pub(crate) fn from_built(built: Built, config: &Config) -> Self {
+        let Built { nodes, references, cell, depth, n_leaves } = built;
         Self { nodes, references, ropes: vec![], cell, depth, n_leaves, traversal: Traversal::Stack }
             .with_traversal(config.traversal)
     }

@@ -38,6 +38,8 @@
 
 pub(crate) mod ropes;
 pub(crate) mod stack;
+#[cfg(test)]
+mod tests;
 
 use canted_obb::Aabb;
 use canted_trace::{Query, SlabRay};
