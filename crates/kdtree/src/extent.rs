@@ -106,3 +106,74 @@ impl Polygon {
         Some([min, max])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::SplitMix64;
+    use canted_obb::vector::{Vector, add, cross, dot, scale, sub};
+
+    use super::*;
+
+    /// The bounds of the triangle in the cell enlarged by the padding, from all points where faces and edges of one meet the other.
+    fn meeting_points(corners: &Corners, cell: &Aabb, pad: f64) -> Option<[Vector; 2]> {
+        let (min, max) = (to_f64(cell.min).map(|x| x - pad), to_f64(cell.max).map(|x| x + pad));
+        let [a, b, c] = corners.map(to_f64);
+        let mut points = vec![a, b, c];
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            for (k, plane) in (0..3).flat_map(|k| [(k, min[k]), (k, max[k])]) {
+                let along = (plane - from[k]) / (to[k] - from[k]);
+                if (0.0..=1.0).contains(&along) {
+                    points.push(add(from, scale(sub(to, from), along)));
+                }
+            }
+        }
+        let normal = cross(sub(b, a), sub(c, a));
+        for k in 0..3 {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            for corner in 0..4 {
+                let mut p = [0.0; 3];
+                (p[i], p[j]) = ([min[i], max[i]][corner & 1], [min[j], max[j]][corner >> 1]);
+                p[k] = a[k] - (normal[i] * (p[i] - a[i]) + normal[j] * (p[j] - a[j])) / normal[k];
+                let is_left = |from: Vector, to: Vector| dot(cross(sub(to, from), sub(p, from)), normal) >= 0.0;
+                if is_left(a, b) && is_left(b, c) && is_left(c, a) {
+                    points.push(p);
+                }
+            }
+        }
+        let slack = 1e-12;
+        points.retain(|p| (0..3).all(|k| min[k] - slack <= p[k] && p[k] <= max[k] + slack));
+        let fold =
+            |pick: fn(f64, f64) -> f64| points.iter().copied().reduce(|p, q| std::array::from_fn(|k| pick(p[k], q[k])));
+        Some([fold(f64::min)?, fold(f64::max)?])
+    }
+
+    #[test]
+    fn extents_are_those_of_the_points_where_cell_and_triangle_meet() {
+        let mut rng = SplitMix64::new(5);
+        #[expect(clippy::cast_possible_truncation, reason = "any coordinates")]
+        let mut point = || [0; 3].map(|_| rng.unit() as f32 * 2.0 - 1.0);
+        let (mut n_some, mut n_smaller) = (0, 0);
+        for _ in 0..20_000 {
+            let (corners, cell) = ([point(), point(), point()], Aabb::from_points([point(), point()]));
+            let pad = PAD * f64::from(Aabb::from_points(corners).reach());
+            let found = extent(&corners, &cell, PAD);
+            let Some([min, max]) = meeting_points(&corners, &cell, pad) else {
+                assert!(found.is_none(), "{corners:?} is not in {cell:?}");
+                continue;
+            };
+            let found = found.expect("the triangle is in the cell");
+            n_some += 1;
+            for k in 0..3 {
+                // The points, padded, in the cell; 1e-12 for the oracle, one step for the result.
+                let (low, high) = ((min[k] - pad).max(cell.min[k].into()), (max[k] + pad).min(cell.max[k].into()));
+                assert!(f64::from(found.min[k]) <= low + 1e-12 && high - 1e-12 <= f64::from(found.max[k]));
+                assert!(f64::from(found.min[k].next_up()) >= low - 1e-12, "{corners:?}, {cell:?}: {found:?}");
+                assert!(f64::from(found.max[k].next_down()) <= high + 1e-12, "{corners:?}, {cell:?}: {found:?}");
+                // The bounds of the triangle, cut by the cell, are larger: splits are perfect.
+                let bounds = corners.map(|c| c[k]).into_iter().fold(f32::MAX, f32::min).max(cell.min[k]);
+                n_smaller += usize::from(found.min[k] > bounds);
+            }
+        }
+        assert!(n_some > 4_000 && n_smaller > 2_000, "{n_some} extents, {n_smaller} ends are inside");
+    }
+}

@@ -13,7 +13,7 @@ use crate::{Config, Traversal};
 pub struct Memory {
     /// Planes and leaves, 8 bytes each.
     pub nodes: usize,
-    /// Cells and ropes of leaves, 56 bytes each; none for [`Traversal::Stack`].
+    /// Cells and ropes of leaves, 64 bytes each; none for [`Traversal::Stack`].
     pub ropes: usize,
     /// Triangles of the leaves, 4 bytes each.
     pub references: usize,

@@ -37,8 +37,15 @@ impl Overlap {
 
     /// Whether a point of the padded triangle is in the box.
     pub(super) fn is_in(&self, aabb: &Aabb) -> bool {
-        let center = aabb.center();
-        let half: Vector = std::array::from_fn(|k| 0.5 * (f64::from(aabb.max[k]) - f64::from(aabb.min[k])) + self.pad);
+        // Only the part of the box near the triangle matters: rounding is then relative to the triangle, not to the box.
+        let end = |pick: fn(f64, f64) -> f64, k: usize| self.vertices.iter().map(|v| v[k]).reduce(pick).unwrap_or(0.0);
+        let min: Vector = std::array::from_fn(|k| f64::from(aabb.min[k]).max(end(f64::min, k) - self.pad));
+        let max: Vector = std::array::from_fn(|k| f64::from(aabb.max[k]).min(end(f64::max, k) + self.pad));
+        if (0..3).any(|k| min[k] > max[k]) {
+            return false;
+        }
+        let center: Vector = std::array::from_fn(|k| 0.5 * (min[k] + max[k]));
+        let half: Vector = std::array::from_fn(|k| 0.5 * (max[k] - min[k]) + self.pad);
         let relative = self.vertices.map(|v| sub(v, center));
         self.axes.iter().all(|&axis| {
             let projections = relative.map(|v| dot(axis, v));

@@ -29,9 +29,10 @@ use super::{PlaneRay, first_leaf, ordered, visit_leaf};
 use crate::KdNodes;
 use crate::node::{Node, NodeKind};
 
-/// Where a leaf leads to. Faces are numbered by axis, twice, plus one for upper faces.
+/// Where a leaf leads to. Faces are numbered by axis, twice, plus one for upper faces. One
+/// cache line.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(C)]
+#[repr(C, align(64))]
 pub(crate) struct Ropes {
     pub(crate) cell: Aabb,
     /// The smallest subtree that covers each face from outside; the root itself for a face of the root.
