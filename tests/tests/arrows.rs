@@ -12,7 +12,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("sah", &["obb", "lbvh"]),
     ("wide", &["obb", "trace", "lbvh", "sah"]),
     ("bvh2", &["obb", "trace", "lbvh", "sah"]),
-    ("kdtree", &["obb", "trace", "lbvh", "sah"]),
+    ("kdtree", &["obb", "trace", "lbvh", "sah", "bvh2"]),
     ("tlas", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "kdtree"]),
     ("canted", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "kdtree", "tlas", "scene", "gpu"]),
     ("scene", &["obb"]),

@@ -122,7 +122,7 @@ impl fmt::Display for Flaw {
 impl std::error::Error for Flaw {}
 
 impl KdNodes {
-    /// Verifies planes, references, ropes and depth against the triangles it was built over.
+    /// Verifies planes, references, ropes and depth against the triangles by the numbers that leaves refer to.
     ///
     /// Overlap is decided by separating axes in `f64`, with 2^-20 of the padding as tolerance.
     ///
@@ -169,9 +169,9 @@ impl KdNodes {
         if ropes.cell != *cell {
             return Err(Flaw::WrongCell { leaf });
         }
-        for face in 0..6 {
+        for (face, &depth) in faces.iter().enumerate() {
             let target = self.covers(cell, face);
-            if ropes.depths[face] != faces[face] || target.is_some_and(|target| ropes.targets[face] != target) {
+            if ropes.depths[face] != depth || target.is_some_and(|target| ropes.targets[face] != target) {
                 return Err(Flaw::WrongRope { leaf, face });
             }
         }

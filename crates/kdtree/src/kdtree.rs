@@ -1,7 +1,9 @@
 use std::fmt;
 
+use canted_bvh2::leaf_triangles::LeafTriangles;
+use canted_bvh2::triangle_queries;
 use canted_lbvh::{self as lbvh, GeometryError};
-use canted_obb::{Aabb, Obb};
+use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::Kernel;
 
 use crate::{Config, KdNodes, Memory, Traversal};
@@ -23,9 +25,11 @@ use crate::{Config, KdNodes, Memory, Traversal};
 /// # Ok::<(), canted_lbvh::GeometryError>(())
 /// ```
 pub struct KdTree<K: Kernel> {
-    pub(crate) nodes: KdNodes,
-    /// The triangles in the caller's order.
-    pub(crate) records: Vec<K::Record>,
+    nodes: KdNodes,
+    /// The triangles in the order in which leaves refer to them first.
+    records: Vec<K::Record>,
+    /// Their numbers in the caller's array.
+    primitives: Vec<PrimId>,
     bounds: Aabb,
 }
 
@@ -36,10 +40,15 @@ impl<K: Kernel> KdTree<K> {
     /// The first triangle with a missing vertex or a vertex that is not finite.
     pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]], config: &Config) -> Result<Self, GeometryError> {
         let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
-        let nodes = KdNodes::new(&corners, config);
+        let (nodes, primitives) = KdNodes::new(&corners, config).in_leaf_order(corners.len());
         // If a record is just the vertices, this reuses the allocation.
-        let records = corners.into_iter().map(K::record).collect();
-        Ok(Self { nodes, records, bounds })
+        let records = lbvh::in_leaf_order(&corners, &primitives).into_iter().map(K::record).collect();
+        Ok(Self { nodes, records, primitives, bounds })
+    }
+
+    #[inline(always)]
+    fn leaf_triangles(&self) -> LeafTriangles<'_, KdNodes, K> {
+        LeafTriangles { nodes: &self.nodes, records: &self.records, primitives: &self.primitives }
     }
 
     /// The same tree for another traversal.
@@ -48,10 +57,16 @@ impl<K: Kernel> KdTree<K> {
         Self { nodes: self.nodes.with_traversal(traversal), ..self }
     }
 
-    /// The planes and leaves.
+    /// The planes and leaves. They refer to positions in [`Self::primitives`].
     #[must_use]
     pub fn nodes(&self) -> &KdNodes {
         &self.nodes
+    }
+
+    /// The numbers of the triangles in the caller's array, in the order in which leaves refer to them first.
+    #[must_use]
+    pub fn primitives(&self) -> &[PrimId] {
+        &self.primitives
     }
 
     /// The bounds of all triangles; a point at the origin if there are none.
@@ -78,13 +93,21 @@ impl<K: Kernel> KdTree<K> {
     /// Memory by part.
     #[must_use]
     pub fn memory(&self) -> Memory {
-        Memory { triangles: size_of_val(&self.records[..]), ..self.nodes.memory() }
+        let triangles = size_of_val(&self.records[..]) + size_of_val(&self.primitives[..]);
+        Memory { triangles, ..self.nodes.memory() }
     }
 }
 
+triangle_queries!(KdTree);
+
 impl<K: Kernel> Clone for KdTree<K> {
     fn clone(&self) -> Self {
-        Self { nodes: self.nodes.clone(), records: self.records.clone(), bounds: self.bounds }
+        Self {
+            nodes: self.nodes.clone(),
+            records: self.records.clone(),
+            primitives: self.primitives.clone(),
+            bounds: self.bounds,
+        }
     }
 }
 

@@ -65,7 +65,6 @@ mod extent;
 mod kdtree;
 mod node;
 mod nodes;
-mod queries;
 mod sweep;
 mod traverse;
 

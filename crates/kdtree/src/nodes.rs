@@ -1,5 +1,6 @@
+use canted_bvh2::leaf_triangles::Leaves;
 use canted_lbvh::Corners;
-use canted_obb::Aabb;
+use canted_obb::{Aabb, PrimId};
 use canted_trace::{Query, SlabRay};
 
 use crate::build::{Built, build};
@@ -17,7 +18,7 @@ pub struct Memory {
     pub ropes: usize,
     /// Triangles of the leaves, 4 bytes each.
     pub references: usize,
-    /// The triangles.
+    /// The triangles and their numbers.
     pub triangles: usize,
 }
 
@@ -55,6 +56,26 @@ impl KdNodes {
         let Built { nodes, references, cell, depth, n_leaves } = built;
         Self { nodes, references, ropes: vec![], cell, depth, n_leaves, traversal: Traversal::Stack }
             .with_traversal(config.traversal)
+    }
+
+    /// Numbers the `n` triangles in the order in which leaves refer to them first; returns the old number of each.
+    ///
+    /// Leaves that are near each other then read triangles that are near each other.
+    pub(crate) fn in_leaf_order(mut self, n: usize) -> (Self, Vec<PrimId>) {
+        const UNSET: u32 = u32::MAX;
+        let (mut numbers, mut order) = (vec![UNSET; n], Vec::with_capacity(n));
+        for reference in &mut self.references {
+            let number = &mut numbers[reference.triangle() as usize];
+            if *number == UNSET {
+                #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 triangles")]
+                let next = order.len() as u32;
+                *number = next;
+                order.push(PrimId(reference.triangle()));
+            }
+            *reference = Reference::new(*number, reference.is_last());
+        }
+        assert_eq!(order.len(), n, "every triangle is in a leaf");
+        (self, order)
     }
 
     /// The same nodes for another traversal.
@@ -149,5 +170,19 @@ impl KdNodes {
             Traversal::Stack => stack::walk(self, ray, t_max, query, leaf, visit),
             Traversal::Ropes => ropes::walk(self, ray, t_max, query, leaf, visit),
         }
+    }
+}
+
+/// Leaf positions are the numbers of triangles; order and end are those of [`KdNodes::traverse`] in both cases.
+impl Leaves for KdNodes {
+    #[inline(always)]
+    fn traverse<const ORDERED: bool, Q: Query>(
+        &self,
+        ray: &SlabRay,
+        t_max: f32,
+        query: &mut Q,
+        leaf: impl FnMut(u32, f32, &mut Q) -> f32,
+    ) {
+        self.traverse(ray, t_max, query, leaf);
     }
 }

@@ -33,7 +33,6 @@ pub(crate) fn push_events(events: &mut [Vec<Event>; 3], fragment: usize, aabb: &
 }
 
 /// The fragment of an event.
-#[expect(clippy::cast_possible_truncation, reason = "30 bits")]
 pub(crate) fn fragment_of(event: Event) -> usize {
     (event & ((1 << 30) - 1)) as usize
 }
@@ -108,7 +107,6 @@ pub(crate) fn best_split(
             rest = &rest[n_here..];
             n_upper -= counts[END] + counts[FLAT];
             let n_below = n_lower + counts[FLAT];
-            #[expect(clippy::cast_possible_truncation, reason = "the upper half")]
             let plane = number_of((first >> 32) as u32);
             if min < plane && plane < max && n_below.max(1) + n_upper.max(1) <= budget {
                 let below = cap + around * (f64::from(plane) - f64::from(min));

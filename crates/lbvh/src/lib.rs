@@ -55,8 +55,6 @@ mod leaf;
 mod morton;
 #[doc(hidden)]
 pub mod par;
-#[doc(hidden)]
-pub mod per_item;
 mod radix;
 mod sort;
 mod topology;

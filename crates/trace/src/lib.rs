@@ -51,7 +51,6 @@ mod filter;
 mod hit;
 #[doc(hidden)]
 pub mod lanes;
-mod queries;
 mod query;
 mod ray;
 mod rounding;

@@ -106,7 +106,7 @@ pub(crate) fn walk<Q: Query>(
 ) {
     let (t_0, t_1) = ray.clip(tree.cell(), t_max);
     query.boxes(1);
-    if !(t_0 <= t_1) {
+    if t_0 > t_1 {
         return;
     }
     let mut next = Some((0, t_0));

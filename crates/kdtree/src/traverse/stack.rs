@@ -30,7 +30,7 @@ pub(crate) fn walk<Q: Query>(
 ) {
     let (mut t_0, mut t_1) = ray.clip(tree.cell(), t_max);
     query.boxes(1);
-    if !(t_0 <= t_1) {
+    if t_0 > t_1 {
         return;
     }
     // At most one far cell for each node above the current one is on the stack.
