@@ -65,12 +65,13 @@ impl Config {
 const MAX_LEAVES: usize = 1 << 29;
 
 impl Default for Config {
-    /// Costs measured with the watertight triangle test.
+    /// Costs at which scans, buildings, plants and lattices of 100,000 triangles were traced fastest, or nearly so with fewer
+    /// references. A step costs more than a triangle test because its branch is hard to predict.
     fn default() -> Self {
         Self {
             traversal: Traversal::Stack,
-            traversal_cost: 1.0,
-            intersection_cost: 1.5,
+            traversal_cost: 2.5,
+            intersection_cost: 1.0,
             empty_bonus: 0.2,
             max_depth: None,
             max_references: 16.0,

@@ -32,6 +32,10 @@ pub(crate) fn push_events(events: &mut [Vec<Event>; 3], fragment: usize, aabb: &
     }
 }
 
+fn kind_of(event: Event) -> usize {
+    (event >> 30 & 3) as usize
+}
+
 /// The fragment of an event.
 pub(crate) fn fragment_of(event: Event) -> usize {
     (event & ((1 << 30) - 1)) as usize
@@ -97,14 +101,13 @@ pub(crate) fn best_split(
         let (a, b) = (extent[(axis + 1) % 3], extent[(axis + 2) % 3]);
         let (cap, around) = (a * b, a + b);
         let (mut n_lower, mut n_upper) = (0, n);
-        let mut rest = events[axis].as_slice();
-        while let Some(&first) = rest.first() {
+        let mut rest = events[axis].iter().copied().peekable();
+        while let Some(first) = rest.next() {
             let mut counts = [0; 4];
-            let n_here = rest.iter().take_while(|&&event| event >> 32 == first >> 32).count();
-            for event in &rest[..n_here] {
-                counts[(event >> 30 & 3) as usize] += 1;
+            counts[kind_of(first)] = 1;
+            while let Some(event) = rest.next_if(|event| event >> 32 == first >> 32) {
+                counts[kind_of(event)] += 1;
             }
-            rest = &rest[n_here..];
             n_upper -= counts[END] + counts[FLAT];
             let n_below = n_lower + counts[FLAT];
             let plane = number_of((first >> 32) as u32);
