@@ -121,3 +121,84 @@ fn without_either_half_of_the_padding_hits_are_lost() {
         assert!(lost > 0, "{traversal:?}: triangles need no padding");
     }
 }
+
+/// Every way in which a ray and its interval can lie to a plane, in both directions and parallel to it.
+#[test]
+fn cells_are_visited_in_order_if_the_interval_reaches_them() {
+    let triangle = |x: f32| [[x, 0.0, 0.0], [x + 1.0, 1.0, 0.0], [x, 0.5, 1.0]];
+    let corners = [triangle(0.0), triangle(7.0)];
+    let tree = KdNodes::new(&corners, &Config { max_depth: Some(1), traversal_cost: 0.01, ..deep() });
+    let [(0, plane)] = tree.planes()[..] else { panic!("one plane on the first axis: {tree:?}") };
+    let (start, end) = (f64::from(tree.cell().min[0]), f64::from(tree.cell().max[0]));
+    let trees = [tree.clone().with_traversal(Traversal::Stack), tree];
+    let (mut seen, plane) = (std::collections::BTreeSet::new(), f64::from(plane));
+    for origin in [-3.0, 0.3, plane, 0.5 * (plane + end), 11.0] {
+        for direction in [4.0, 1.0, 0.0, -0.0, -1.0, -4.0] {
+            for [t_min, t_max] in [[0.0, f64::INFINITY], [0.0, 0.2], [0.5, 0.9], [1.5, 3.6], [2.7, 30.0]] {
+                #[expect(clippy::cast_possible_truncation, reason = "any numbers")]
+                let ray = Ray {
+                    origin: [origin as f32, 0.4, 0.3],
+                    direction: [direction as f32, 0.0, 1e-3],
+                    t_min: t_min as f32,
+                    t_max: (t_max as f32).min(600.0),
+                };
+                // The part of the axis that the ray covers in the root.
+                let ends = [t_min, t_max.min(600.0)].map(|t| origin + t * direction);
+                let (least, greatest) = (ends[0].min(ends[1]).max(start), ends[0].max(ends[1]).min(end));
+                let mut want = vec![];
+                if least <= greatest {
+                    want.extend((least <= plane).then_some(0));
+                    want.extend((greatest >= plane).then_some(1));
+                }
+                if direction < 0.0 {
+                    want.reverse();
+                }
+                for tree in &trees {
+                    let mut found = leaves(tree, &corners, &ray, false);
+                    if direction == 0.0 {
+                        found.sort_unstable();
+                    }
+                    assert_eq!(found, want, "{ray:?}");
+                }
+                seen.insert((want, direction > 0.0, direction < 0.0, origin < plane, origin > plane));
+            }
+        }
+    }
+    assert!(seen.len() > 20, "{} configurations", seen.len());
+}
+
+/// A hit is not always in the cell in which its triangle is met first: a walk that ends at the first leaf with a hit is wrong.
+#[test]
+fn ending_at_the_first_leaf_with_a_hit_finds_other_hits() {
+    let mesh = soup(5, 400);
+    let corners = corners(&mesh);
+    let tree = KdNodes::new(&corners, &deep());
+    let (mut n_hits, mut n_wrong) = (0, 0);
+    for ray in rays(&mesh, 200, 7).iter().filter_map(ScaledRay::new) {
+        let prepared = Watertight::prepare(&ray);
+        let leaf = std::cell::Cell::new(0);
+        // The least `t` of all leaves, and of the first leaf with a hit.
+        let (mut best, mut first): (f32, Option<(u32, f32)>) = (f32::INFINITY, None);
+        let plane_ray = PlaneRay::new(&SlabRay::new(&ray, 0.0));
+        tree.traverse_leaves(
+            &plane_ray,
+            ray.t_max,
+            &mut (),
+            |number| leaf.set(number),
+            |triangle, t_max, ()| {
+                let record = Watertight::record(corners[triangle as usize]);
+                let Some(hit) = Watertight::intersect(&prepared, &ray, &record, ray.t_max) else { return t_max };
+                best = best.min(hit.t);
+                first = match first {
+                    None => Some((leaf.get(), hit.t)),
+                    Some((number, t)) if number == leaf.get() => Some((number, t.min(hit.t))),
+                    later => later,
+                };
+                t_max
+            },
+        );
+        n_hits += usize::from(first.is_some());
+        n_wrong += usize::from(first.is_some_and(|(_, t)| t > best));
+    }
+    assert!(n_hits > 500 && n_wrong > 0, "{n_wrong} of {n_hits} are wrong");
+}

@@ -1,6 +1,7 @@
 //! The loop over all triangles, and rays that graze them.
 
 use canted_fixtures::{Grazing, Mesh, grazing, soup};
+use canted_kdtree::{Config, KdTree, Traversal};
 use canted_obb::PrimId;
 use canted_trace::{Hit, InstanceId, Kernel, Ray, ScaledRay};
 
@@ -46,4 +47,15 @@ pub(crate) fn rays(mesh: &Mesh, n: usize) -> Vec<Ray> {
             Ray { origin: ray.origin, direction: ray.direction, t_min, t_max }
         })
         .collect()
+}
+
+/// A tree traced both ways.
+pub(crate) fn both<K: Kernel>(mesh: &Mesh, config: &Config) -> [KdTree<K>; 2] {
+    let tree = KdTree::build(&mesh.positions, &mesh.triangles, config).unwrap();
+    [tree.clone().with_traversal(Traversal::Stack), tree.with_traversal(Traversal::Ropes)]
+}
+
+/// Small leaves, so that there are many planes.
+pub(crate) fn deep() -> Config {
+    Config { traversal_cost: 0.01, ..Config::default() }
 }
