@@ -27,8 +27,8 @@ pub struct Config {
     pub empty_bonus: f64,
     /// Maximum number of nodes above a leaf, up to [`Config::MAX_DEPTH`]. `None`: `8 + 1.3·log2(n)`, rounded down.
     pub max_depth: Option<u32>,
-    /// Maximum number of references and empty leaves together, relative to the number of triangles. At 1 or less no triangle
-    /// is in two leaves.
+    /// Maximum number of references and empty leaves together, relative to the number of triangles, and 2^29 in all: more
+    /// triangles than that are one leaf. At 1 or less no triangle is in two leaves.
     pub max_references: f64,
 }
 
@@ -61,7 +61,7 @@ impl Config {
     }
 }
 
-/// With as many leaves, a node's number still fits in 30 bits. More triangles than that are one leaf.
+/// With as many leaves, a node's number still fits in 30 bits.
 const MAX_LEAVES: usize = 1 << 29;
 
 impl Default for Config {

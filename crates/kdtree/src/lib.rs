@@ -12,10 +12,10 @@
 //! ```
 //!
 //! # When to use it
-//! To compare a partition of space with one of primitives: kd-trees are what older ray tracers and many papers measure. On one thread
-//! rays are faster than those of `Bvh2` of `canted-bvh2`, but the build takes ten times as long and more. Otherwise use `WideBvh` of
-//! `canted-wide`: it traces several times as many rays per second, builds faster, and supports refit, save and load. A kd-tree is
-//! rebuilt when a vertex moves.
+//! To compare a partition of space with one of primitives: kd-trees are what older ray tracers and many papers measure. Most rays are
+//! faster than those of `Bvh2` of `canted-bvh2`, but the build takes far longer. Otherwise use `WideBvh` of `canted-wide`: it traces
+//! several times as many rays per second, builds faster, and supports refit, save and load. A kd-tree is rebuilt when a vertex
+//! moves.
 //!
 //! # Stages
 //!
