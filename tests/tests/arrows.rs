@@ -12,19 +12,26 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("sah", &["obb", "lbvh"]),
     ("wide", &["obb", "trace", "lbvh", "sah"]),
     ("bvh2", &["obb", "trace", "lbvh", "sah"]),
-    ("tlas", &["obb", "trace", "lbvh", "sah", "wide", "bvh2"]),
-    ("canted", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "tlas", "scene", "gpu"]),
+    ("kdtree", &["obb", "trace", "lbvh", "sah", "bvh2"]),
+    ("tlas", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "kdtree"]),
+    ("canted", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "kdtree", "tlas", "scene", "gpu"]),
     ("scene", &["obb"]),
     ("film", &["scene"]),
     ("shaders", &[]),
-    ("gpu", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "tlas", "scene", "shaders"]),
-    ("renderer", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "tlas", "scene", "film", "shaders", "gpu"]),
-    ("cli", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "tlas", "scene", "film", "shaders", "gpu", "renderer"]),
+    ("gpu", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "kdtree", "tlas", "scene", "shaders"]),
+    ("renderer", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "kdtree", "tlas", "scene", "film", "shaders", "gpu"]),
+    (
+        "cli",
+        &[
+            "obb", "trace", "lbvh", "sah", "wide", "bvh2", "kdtree", "tlas", "scene", "film", "shaders", "gpu",
+            "renderer",
+        ],
+    ),
     ("python", &["canted"]),
 ];
 
 /// Crates with few dependencies, and those that they may have.
-const MINIMAL: &[&str] = &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "tlas", "canted"];
+const MINIMAL: &[&str] = &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "kdtree", "tlas", "canted"];
 const MINIMAL_DEPENDENCIES: &[&str] = &["glam", "bytemuck", "rayon", "libm", "memmap2"];
 
 /// Those of them that must be optional.

@@ -25,8 +25,9 @@ pub use canted_trace::{
     Side, Sphere, SurfacePoint, TriangleHit, TrianglePoint, Watertight, closest_point_on_triangle,
 };
 
-// BVHs over primitives.
+// BVHs and kd-trees over primitives.
 pub use canted_bvh2::{BuildConfig as Bvh2Config, Bvh2};
+pub use canted_kdtree::{Config as KdTreeConfig, KdTree, Memory as KdTreeMemory, Traversal as KdTraversal};
 pub use canted_lbvh::{GeometryError, Strategy, VolumeConfig};
 pub use canted_sah::Builder;
 pub use canted_wide::{

@@ -1,0 +1,188 @@
+use canted_bvh2::leaf_triangles::Leaves;
+use canted_lbvh::Corners;
+use canted_obb::{Aabb, PrimId};
+use canted_trace::{Query, SlabRay};
+
+use crate::build::{Built, build};
+use crate::node::{Node, NodeKind, Reference};
+use crate::traverse::ropes::{self, Ropes};
+use crate::traverse::{PlaneRay, stack};
+use crate::{Config, Traversal};
+
+/// Memory of the parts of a kd-tree in bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Memory {
+    /// Planes and leaves, 8 bytes each.
+    pub nodes: usize,
+    /// Cells and ropes of leaves, 64 bytes each; none for [`Traversal::Stack`].
+    pub ropes: usize,
+    /// Triangles of the leaves, 4 bytes each.
+    pub references: usize,
+    /// The triangles and their numbers.
+    pub triangles: usize,
+}
+
+impl Memory {
+    /// All parts together.
+    #[must_use]
+    pub fn total(&self) -> usize {
+        self.nodes + self.ropes + self.references + self.triangles
+    }
+}
+
+/// A kd-tree without triangles: it stores planes and the numbers of the triangles in each leaf, and reports those that a ray may hit.
+///
+/// [`KdTree`](crate::KdTree) adds the triangles.
+#[derive(Clone, Debug)]
+pub struct KdNodes {
+    pub(crate) nodes: Vec<Node>,
+    pub(crate) references: Vec<Reference>,
+    /// Empty if rays are traced with a stack.
+    pub(crate) ropes: Vec<Ropes>,
+    pub(crate) cell: Aabb,
+    pub(crate) depth: u32,
+    pub(crate) n_leaves: u32,
+    pub(crate) traversal: Traversal,
+}
+
+impl KdNodes {
+    /// Builds over triangles by their vertices, which must be finite.
+    #[must_use]
+    pub fn new(corners: &[Corners], config: &Config) -> Self {
+        Self::from_built(build(corners, config), config)
+    }
+
+    pub(crate) fn from_built(built: Built, config: &Config) -> Self {
+        let Built { nodes, references, cell, depth, n_leaves } = built;
+        Self { nodes, references, ropes: vec![], cell, depth, n_leaves, traversal: Traversal::Stack }
+            .with_traversal(config.traversal)
+    }
+
+    /// Numbers the `n` triangles in the order in which leaves refer to them first; returns the old number of each.
+    ///
+    /// Leaves that are near each other then read triangles that are near each other.
+    pub(crate) fn in_leaf_order(mut self, n: usize) -> (Self, Vec<PrimId>) {
+        const UNSET: u32 = u32::MAX;
+        let (mut numbers, mut order) = (vec![UNSET; n], Vec::with_capacity(n));
+        for reference in &mut self.references {
+            let number = &mut numbers[reference.triangle() as usize];
+            if *number == UNSET {
+                #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 triangles")]
+                let next = order.len() as u32;
+                *number = next;
+                order.push(PrimId(reference.triangle()));
+            }
+            *reference = Reference::new(*number, reference.is_last());
+        }
+        assert_eq!(order.len(), n, "every triangle is in a leaf");
+        (self, order)
+    }
+
+    /// The same nodes for another traversal.
+    #[must_use]
+    pub fn with_traversal(self, traversal: Traversal) -> Self {
+        let ropes = match traversal {
+            Traversal::Stack => vec![],
+            Traversal::Ropes => ropes::ropes(&self.nodes, &self.cell),
+        };
+        Self { ropes, traversal, ..self }
+    }
+
+    /// The cell of the root: the bounds of all triangles, each padded relative to its own coordinates. Empty for no triangle.
+    #[must_use]
+    pub fn cell(&self) -> &Aabb {
+        &self.cell
+    }
+
+    /// How rays are traced.
+    #[must_use]
+    pub fn traversal(&self) -> Traversal {
+        self.traversal
+    }
+
+    /// Greatest number of nodes above a leaf.
+    #[must_use]
+    pub fn depth(&self) -> u32 {
+        self.depth
+    }
+
+    /// Number of leaves, empty ones too; there is one plane less.
+    #[must_use]
+    pub fn n_leaves(&self) -> usize {
+        self.n_leaves as usize
+    }
+
+    /// Number of triangles in all leaves together.
+    #[must_use]
+    pub fn n_references(&self) -> usize {
+        self.references.len()
+    }
+
+    /// Axis and coordinate of every plane, depth first.
+    #[must_use]
+    pub fn planes(&self) -> Vec<(usize, f32)> {
+        let plane = |node: &Node| match node.kind() {
+            NodeKind::Inner { axis, plane, .. } => Some((axis, plane)),
+            NodeKind::Leaf { .. } => None,
+        };
+        self.nodes.iter().filter_map(plane).collect()
+    }
+
+    /// Memory of nodes, ropes and references.
+    #[must_use]
+    pub fn memory(&self) -> Memory {
+        Memory {
+            nodes: size_of_val(&self.nodes[..]),
+            ropes: size_of_val(&self.ropes[..]),
+            references: size_of_val(&self.references[..]),
+            triangles: 0,
+        }
+    }
+
+    /// Calls `visit` with the number of each triangle in the leaves that `ray` enters at or before `t_max`, nearer leaves first. A
+    /// triangle in several leaves is reported for each.
+    ///
+    /// `ray` is prepared with a reach of 0: `SlabRay::new(&ray, 0.0)`. `t_max` is scaled, and `visit` returns the new one; a
+    /// `t_max` below zero ends the walk. Every triangle with a hit at or before the last `t_max` is visited. A query counts
+    /// each plane as a box.
+    #[inline]
+    pub fn traverse<Q: Query>(
+        &self,
+        ray: &SlabRay,
+        t_max: f32,
+        query: &mut Q,
+        visit: impl FnMut(u32, f32, &mut Q) -> f32,
+    ) {
+        self.traverse_leaves(&PlaneRay::new(ray), t_max, query, |_| (), visit);
+    }
+
+    /// As [`Self::traverse`]; `leaf` receives the number of each leaf.
+    #[inline(always)]
+    pub(crate) fn traverse_leaves<Q: Query>(
+        &self,
+        ray: &PlaneRay,
+        t_max: f32,
+        query: &mut Q,
+        leaf: impl FnMut(u32),
+        visit: impl FnMut(u32, f32, &mut Q) -> f32,
+    ) {
+        match self.traversal {
+            Traversal::Stack => stack::walk(self, ray, t_max, query, leaf, visit),
+            Traversal::Ropes => ropes::walk(self, ray, t_max, query, leaf, visit),
+        }
+    }
+}
+
+/// Leaf positions are the numbers of triangles; order and end are those of [`KdNodes::traverse`] in both cases.
+impl Leaves for KdNodes {
+    #[inline(always)]
+    fn traverse<const ORDERED: bool, Q: Query>(
+        &self,
+        ray: &SlabRay,
+        t_max: f32,
+        query: &mut Q,
+        leaf: impl FnMut(u32, f32, &mut Q) -> f32,
+    ) {
+        self.traverse(ray, t_max, query, leaf);
+    }
+}

@@ -1,0 +1,149 @@
+//! Promises of the build: scale, threads, time, size.
+
+use std::time::{Duration, Instant};
+
+use canted_fixtures::kinds;
+use canted_fixtures::{Mesh, SplitMix64, equal_centroids, identical, outlier, soup};
+use canted_kdtree::{Config, KdNodes, KdTree, Traversal};
+use canted_trace::{Kernel, MollerTrumbore};
+
+type Corners = [[f32; 3]; 3];
+
+fn corners(mesh: &Mesh) -> Vec<Corners> {
+    mesh.triangles.iter().map(|t| t.map(|v| mesh.positions[v as usize])).collect()
+}
+
+#[test]
+fn every_generated_kind_passes_the_checker() {
+    for kind in kinds::all() {
+        for mesh in kind.generate(3_000, 2).meshes.iter().take(2) {
+            let corners = corners(mesh);
+            for config in
+                [Config::default(), Config { traversal: Traversal::Ropes, traversal_cost: 0.1, ..Config::default() }]
+            {
+                let tree = KdNodes::new(&corners, &config);
+                let stats = tree.check(&corners).unwrap_or_else(|flaw| panic!("{}: {flaw}", kind.name));
+                assert!(corners.len() < 500 || stats.n_leaves > 20, "{}: {stats:?}", kind.name);
+            }
+        }
+    }
+}
+
+/// Areas are relative to the node's, and pads to coordinates: a power of two changes no decision.
+#[test]
+fn scale_changes_no_decision() {
+    let mesh = soup(3, 800);
+    let nodes = |scale: f32| KdNodes::new(&corners(&mesh.placed(|p| p.map(|x| x * scale))), &Config::default());
+    let unit = nodes(1.0);
+    assert!(unit.n_leaves() > 300);
+    for exponent in [-40, -10, 10, 40] {
+        let scale = 2.0f32.powi(exponent);
+        let scaled = nodes(scale);
+        let back: Vec<_> = scaled.planes().into_iter().map(|(axis, plane)| (axis, plane / scale)).collect();
+        assert_eq!(back, unit.planes(), "2^{exponent}");
+        assert_eq!((scaled.n_references(), scaled.n_leaves()), (unit.n_references(), unit.n_leaves()));
+    }
+}
+
+#[test]
+fn threads_change_no_bit() {
+    let mesh = kinds::named("gears").unwrap().generate(20_000, 3).meshes.remove(0);
+    let corners = corners(&mesh);
+    let build = |n_threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+        pool.install(|| {
+            format!("{:?}", KdNodes::new(&corners, &Config { traversal: Traversal::Ropes, ..Config::default() }))
+        })
+    };
+    let one = build(1);
+    assert!(one.len() > 100_000);
+    for n_threads in [2, 3, 8] {
+        assert!(build(n_threads) == one, "{n_threads} threads");
+    }
+}
+
+/// Greatest time ratio for ten times the triangles: linear time gives 10, quadratic time 100.
+const LINEAR: u32 = 30;
+
+/// A scene of `n` triangles by name.
+type Kind = (&'static str, fn(u32) -> Mesh);
+
+#[test]
+fn equal_and_clustered_triangles_are_built_in_nearly_linear_time() {
+    const KINDS: [Kind; 3] = [("identical", identical), ("outlier", outlier), ("equal centroids", equal_centroids)];
+    let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    for (name, mesh) in KINDS {
+        // Small enough that other load often does not interrupt a build.
+        let meshes = [3_000, 30_000].map(|n| corners(&mesh(n)));
+        let mut least = [Duration::MAX; 2];
+        for _ in 0..100 {
+            for (least, corners) in least.iter_mut().zip(&meshes) {
+                let start = Instant::now();
+                let tree = one_thread.install(|| KdNodes::new(corners, &Config::default()));
+                *least = start.elapsed().min(*least);
+                assert!(tree.n_references() <= 16 * corners.len() && tree.depth() <= 29, "{name}");
+            }
+            if least[1] < LINEAR * least[0] {
+                break;
+            }
+        }
+        assert!(least[1] < LINEAR * least[0], "{name}: {least:?}");
+        let stats = KdNodes::new(&meshes[0], &Config::default()).check(&meshes[0]).unwrap();
+        assert_eq!(stats.n_leaves == 1, name == "identical", "{name}: {stats:?}");
+    }
+    let equal = KdNodes::new(&corners(&identical(100_000)), &Config::default());
+    assert_eq!((equal.n_leaves(), equal.n_references()), (1, 100_000));
+}
+
+/// Long needles in all directions cross many cells: the limit of references holds.
+#[test]
+fn needles_do_not_exceed_the_reference_limit() {
+    let mut rng = SplitMix64::new(8);
+    #[expect(clippy::cast_possible_truncation, reason = "any coordinates")]
+    let mut point = || [0; 3].map(|_| rng.unit() as f32);
+    let needles: Vec<Corners> = (0..3_000)
+        .map(|_| {
+            let (from, to) = (point(), point());
+            [from, to, to.map(|x| x + 1e-3)]
+        })
+        .collect();
+    for max_references in [1.0, 3.0, 16.0] {
+        let config = Config { max_references, traversal_cost: 0.0, max_depth: Some(64), ..Config::default() };
+        let stats = KdNodes::new(&needles, &config).check(&needles).unwrap();
+        #[expect(clippy::cast_precision_loss, reason = "small numbers")]
+        let limit = max_references * 3_000.0 - (stats.n_references + stats.n_empty) as f64;
+        assert!(limit >= 0.0, "{stats:?}");
+        assert!(max_references < 16.0 || stats.n_references > 9_000, "{stats:?}");
+    }
+}
+
+#[test]
+fn a_tree_passes_the_checker_in_its_own_order() {
+    let mesh = soup(6, 400);
+    let tree = KdTree::<MollerTrumbore>::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap();
+    let given = corners(&mesh);
+    let own: Vec<Corners> = tree.primitives().iter().map(|primitive| given[primitive.index()]).collect();
+    tree.nodes().check(&own).unwrap();
+    assert!(tree.nodes().check(&given).is_err());
+    let mut sorted = tree.primitives().to_vec();
+    sorted.sort_unstable();
+    assert!((0..400).eq(sorted.iter().map(|primitive| primitive.0)), "every triangle once");
+}
+
+#[test]
+fn memory_is_the_sum_of_its_parts() {
+    let mesh = soup(4, 500);
+    let build = |traversal| {
+        let config = Config { traversal, ..Config::default() };
+        KdTree::<MollerTrumbore>::build(&mesh.positions, &mesh.triangles, &config).unwrap()
+    };
+    let (stack, ropes) = (build(Traversal::Stack), build(Traversal::Ropes));
+    let memory = ropes.memory();
+    let n_leaves = ropes.nodes().n_leaves();
+    assert_eq!(memory.nodes, 8 * (2 * n_leaves - 1));
+    assert_eq!(memory.ropes, 64 * n_leaves);
+    assert_eq!(memory.references, 4 * ropes.nodes().n_references());
+    assert_eq!(memory.triangles, 500 * (size_of::<<MollerTrumbore as Kernel>::Record>() + 4));
+    assert_eq!(ropes.n_bytes(), memory.nodes + memory.ropes + memory.references + memory.triangles);
+    assert_eq!(stack.n_bytes() + memory.ropes, ropes.n_bytes());
+}
