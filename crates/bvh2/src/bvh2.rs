@@ -4,7 +4,8 @@ use canted_lbvh::{self as lbvh, Bits, Corners, Domain, GeometryError, Tree, Volu
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::Kernel;
 
-use crate::{PairBvh, PairOrder};
+use crate::leaf_triangles::LeafTriangles;
+use crate::{PairBvh, PairOrder, triangle_queries};
 
 /// How [`Bvh2::build`] and [`Bvh2::over`] build.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -18,12 +19,29 @@ pub struct BuildConfig {
 /// A binary BVH over triangles, with boxes of any volume strategy.
 ///
 /// `K` is the triangle test. Hits are those of `K` on every triangle; ties go to the lowest primitive.
+///
+/// ```
+/// use canted_bvh2::{BuildConfig, Bvh2};
+/// use canted_trace::{Ray, Watertight};
+///
+/// let positions = [[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [0.0, 1.0, 2.0], [0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
+/// let bvh = Bvh2::<Watertight>::build(&positions, &[[0, 1, 2], [3, 4, 5]], &BuildConfig::default())?;
+/// let rays = [Ray::new([0.25, 0.25, 0.0], [0.0, 0.0, 1.0]); 2];
+/// let mut all = vec![];
+/// bvh.all_hits(&rays[0], &mut all);
+/// assert_eq!(all.iter().map(|hit| (hit.t, hit.primitive.0)).collect::<Vec<_>>(), [(1.0, 1), (2.0, 0)]);
+/// let mut hits = [None; 2];
+/// // The filter of the second ray rejects triangle 1.
+/// bvh.par_closest_hits_where(&rays, &mut hits, |index, _, hit| index == 0 || hit.primitive.0 != 1);
+/// assert_eq!(hits.map(|hit| hit.map(|hit| hit.primitive.0)), [Some(1), Some(0)]);
+/// # Ok::<(), canted_lbvh::GeometryError>(())
+/// ```
 pub struct Bvh2<K: Kernel> {
-    pub(crate) pairs: PairBvh,
+    pairs: PairBvh,
     /// The triangles in leaf order.
-    pub(crate) records: Vec<K::Record>,
+    records: Vec<K::Record>,
     /// The number of the triangle of each leaf.
-    pub(crate) leaves: Vec<PrimId>,
+    leaves: Vec<PrimId>,
 }
 
 impl<K: Kernel> Bvh2<K> {
@@ -57,6 +75,11 @@ impl<K: Kernel> Bvh2<K> {
         Self { pairs, records, leaves: tree.leaves }
     }
 
+    #[inline(always)]
+    fn leaf_triangles(&self) -> LeafTriangles<'_, PairBvh, K> {
+        LeafTriangles { nodes: &self.pairs, records: &self.records, primitives: &self.leaves }
+    }
+
     /// The nodes.
     #[must_use]
     pub fn pairs(&self) -> &PairBvh {
@@ -81,6 +104,8 @@ impl<K: Kernel> Bvh2<K> {
         self.pairs.n_bytes() + size_of_val(&self.records[..]) + size_of_val(&self.leaves[..])
     }
 }
+
+triangle_queries!(Bvh2);
 
 impl<K: Kernel> Clone for Bvh2<K> {
     fn clone(&self) -> Self {

@@ -42,6 +42,8 @@
 #![forbid(unsafe_code)]
 
 mod bvh2;
+#[doc(hidden)]
+pub mod leaf_triangles;
 mod pairs;
 #[doc(hidden)]
 pub mod per_ray;
