@@ -12,8 +12,9 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("sah", &["obb", "lbvh"]),
     ("wide", &["obb", "trace", "lbvh", "sah"]),
     ("bvh2", &["obb", "trace", "lbvh", "sah"]),
-    ("tlas", &["obb", "trace", "lbvh", "sah", "wide", "bvh2"]),
-    ("canted", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "tlas", "scene", "gpu"]),
+    ("bih", &["obb", "trace", "lbvh", "bvh2"]),
+    ("tlas", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih"]),
+    ("canted", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "tlas", "scene", "gpu"]),
     ("scene", &["obb"]),
     ("film", &["scene"]),
     ("shaders", &[]),
@@ -23,7 +24,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
 ];
 
 /// Crates with few dependencies, and those that they may have.
-const MINIMAL: &[&str] = &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "tlas", "canted"];
+const MINIMAL: &[&str] = &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "tlas", "canted"];
 const MINIMAL_DEPENDENCIES: &[&str] = &["glam", "bytemuck", "rayon", "libm", "memmap2"];
 
 /// Those of them that must be optional.

@@ -45,7 +45,7 @@ impl<K: Kernel> Bih<K> {
             return Err(GeometryError::TooMany { n_triangles: triangles.len() });
         }
         let vertex = |i: u32| positions.get(i as usize).copied().unwrap_or([f32::NAN; 3]);
-        let corners = |triangle: &[u32; 3]| triangle.map(vertex);
+        let corners = |&[a, b, c]: &[u32; 3]| [vertex(a), vertex(b), vertex(c)];
         #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 triangles")]
         let items = par::from_fn(triangles.len(), CHUNK, |i| Item::of_triangle(i as u32, corners(&triangles[i])));
         let contents = par::map_chunks(&items, CHUNK, |_, chunk| Content::of(chunk));
@@ -56,7 +56,11 @@ impl<K: Kernel> Bih<K> {
         }
         let boxes = BoxBih::of_items(items, content, config);
         // The order of the triangles stays the caller's: only references are sorted, and records copied in their order.
-        let record = |primitive: &PrimId| K::record(corners(&triangles[primitive.index()]));
+        // Every index is valid by now.
+        let record = |primitive: &PrimId| {
+            let [a, b, c] = triangles[primitive.index()];
+            K::record([positions[a as usize], positions[b as usize], positions[c as usize]])
+        };
         let records = par::map(&boxes.primitives, CHUNK, record);
         Ok(Self { boxes, records })
     }

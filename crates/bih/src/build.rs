@@ -28,7 +28,7 @@ const ALWAYS_ENOUGH: u32 = 32;
 /// `pad` is the part of the padding that planes carry, relative to the reach of their content.
 pub(crate) fn build(items: &mut [Item], content: Content, config: &Config, pad: f64) -> (Vec<Node>, u32) {
     let factor = if items.len() > MAX_CLIPPED { f32::INFINITY } else { config.factor() };
-    let builder = Builder { max_leaf: config.max_leaf(), factor, pad, fork: par::n_threads() > 1 };
+    let builder = Builder { max_leaf: config.max_leaf(items.len()), factor, pad, fork: par::n_threads() > 1 };
     let mut nodes = Vec::with_capacity(2 * items.len().div_ceil(builder.max_leaf));
     let mut region = Region { space: content.bounds, visible: content.bounds, content };
     let height = builder.subtree(items, 0, &mut region, MAX_DEPTH, &mut nodes);
@@ -113,3 +113,6 @@ impl Builder {
         n.div_ceil(self.max_leaf).next_power_of_two().trailing_zeros() + 1
     }
 }
+
+#[cfg(test)]
+mod tests;

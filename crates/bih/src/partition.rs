@@ -106,13 +106,13 @@ fn along<const AXIS: usize>(items: &mut [Item], twice_split: f32) -> usize {
 
 /// The minimum in one instruction.
 #[inline(always)]
-fn least(a: f32, b: f32) -> f32 {
+pub(crate) fn least(a: f32, b: f32) -> f32 {
     if b < a { b } else { a }
 }
 
 /// The maximum in one instruction.
 #[inline(always)]
-fn greatest(a: f32, b: f32) -> f32 {
+pub(crate) fn greatest(a: f32, b: f32) -> f32 {
     if b > a { b } else { a }
 }
 

@@ -30,14 +30,16 @@ pub(crate) enum Decision {
 /// Decides for a node, and partitions its items.
 ///
 /// Reads: at least two items, their region, the tight-box factor (infinity without clip nodes).
-/// Holds: at most three passes over the items; the space contains all centers, so it can always be halved further.
+/// Holds: at most three partitions and one pass for centers; the space contains all centers, so it can always be halved further.
 /// Source: the thesis's algorithms 3 and 4, which go back to Wächter, Keller 2006. Departures:
 /// * The listing starts the left clip plane at +∞ and takes minima, and the reverse on the right, which loses geometry. Planes here
-///   are the bounds of each side, known from its parent's pass; the tight-box rule and one-sided halving read them before
-///   they touch an item. So the splits are the source's, but a retry costs nothing and leaves nothing to restore.
-/// * The source stops when the same split fails twice, which may take hundreds of passes or never happen. Here a leaf is made if
-///   and only if all centers are equal; the second time that one side is empty, centers are bounded, and later halvings need no
-///   pass.
+///   are the bounds of each side: its greatest and least coordinate.
+/// * A node knows the bounds of its content from its parent's pass. The tight-box rule, `extent · factor < visible extent`, and
+///   one-sided halving read them before they touch an item. The splits are the source's, but a retry costs no pass and
+///   leaves nothing to restore.
+/// * The source makes a leaf when the same split fails twice, after up to hundreds of passes or never. Here a leaf is made if and
+///   only if all centers are equal. When one side is empty although the content reaches over the split, centers are bounded
+///   in one pass, and later halvings read these bounds.
 pub(crate) fn decide(items: &mut [Item], region: &mut Region, factor: f32) -> Decision {
     // Twice the bounds of what the split plane must separate: first of the content, later of the centers.
     let Aabb { min, max } = region.content.bounds;
@@ -71,7 +73,11 @@ pub(crate) fn decide(items: &mut [Item], region: &mut Region, factor: f32) -> De
         }
         (twice, is_of_centers) = (twice_centers(items), true);
         if twice.iter().all(|[least, greatest]| least == greatest) {
-            return Decision::Leaf;
+            // Halving would reach the loose axes in this order.
+            let loose = (0..3).rev().filter(|&axis| is_loose(region, axis, factor));
+            let extent = |axis: usize| region.space.max[axis] - region.space.min[axis];
+            let first = loose.max_by(|&a, &b| extent(a).total_cmp(&extent(b)));
+            return first.map_or(Decision::Leaf, |axis| Decision::Clip { axis });
         }
     }
 }

@@ -39,6 +39,7 @@ use canted_trace::{Query, SlabRay};
 use crate::boxes::BoxBih;
 use crate::build::MAX_DEPTH;
 use crate::node::NodeKind;
+use crate::partition::{greatest, least};
 
 /// A subtree on the stack, and the interval in which the ray may hit it.
 #[derive(Clone, Copy)]
@@ -47,12 +48,34 @@ struct StackEntry {
     interval: [f32; 2],
 }
 
-/// What node tests need of a ray, by axis.
+/// What node tests need of a ray along one axis.
 #[derive(Clone, Copy)]
 struct AxisRay {
     recip: f32,
-    /// The origin for the upper plane, then for the lower one.
+    /// Which plane of a node the ray leaves through: 0, the upper one, if it runs forward. Also which child is nearer.
+    exit: usize,
+    /// The origins for that plane and for the other one.
     origins: [f32; 2],
+}
+
+impl AxisRay {
+    #[inline(always)]
+    fn new(ray: &SlabRay, axis: usize) -> Self {
+        let recip = ray.recip()[axis];
+        let [upper, lower] = [ray.origin_hi()[axis], ray.origin_lo()[axis]];
+        match recip > 0.0 {
+            true => Self { recip, exit: 0, origins: [upper, lower] },
+            false => Self { recip, exit: 1, origins: [lower, upper] },
+        }
+    }
+
+    /// Where the ray leaves the nearer child of a split node, or the child of a clip node; and where it enters the farther
+    /// child, or the child of a clip node.
+    #[inline(always)]
+    fn exit_and_entry(&self, planes: &[f32; 2]) -> (f32, f32) {
+        let [exit, entry] = [planes[self.exit & 1], planes[!self.exit & 1]];
+        ((exit - self.origins[0]) * self.recip, (entry - self.origins[1]) * self.recip)
+    }
 }
 
 impl BoxBih {
@@ -102,8 +125,7 @@ impl Leaves for BoxBih {
         if t0 > t1 {
             return;
         }
-        let (recip, upper, lower) = (ray.recip(), ray.origin_hi(), ray.origin_lo());
-        let axes: [AxisRay; 3] = std::array::from_fn(|k| AxisRay { recip: recip[k], origins: [upper[k], lower[k]] });
+        let axes = [0, 1, 2].map(|axis| AxisRay::new(ray, axis));
         let nodes = &self.nodes[..];
         // At most one sibling for each level above is on the stack.
         let mut stack = [StackEntry { node: 0, interval: [0.0; 2] }; MAX_DEPTH as usize];
@@ -114,14 +136,11 @@ impl Leaves for BoxBih {
             let is_open = match node.kind() {
                 NodeKind::Split { axis, second } => {
                     query.boxes(2);
-                    let AxisRay { recip, origins } = axes[axis];
-                    let [of_first, of_second] = [0, 1].map(|i| (node.planes[i] - origins[i]) * recip);
-                    // Along the axis the first child is nearer, and is left at its plane; the second is entered at its own.
-                    let forward = recip > 0.0;
-                    let (near_exit, far_entry) = if forward { (of_first, of_second) } else { (of_second, of_first) };
-                    let (near, far) = if forward { (at + 1, at + second) } else { (at + second, at + 1) };
-                    let far_start = if far_entry > t0 { far_entry } else { t0 };
-                    let near_end = if near_exit < t1 { near_exit } else { t1 };
+                    let (exit, entry) = axes[axis].exit_and_entry(&node.planes);
+                    let near_end = least(t1, exit);
+                    let far_start = greatest(t0, entry);
+                    let children = [at + 1, at + second];
+                    let (near, far) = (children[axes[axis].exit & 1], children[!axes[axis].exit & 1]);
                     if t0 <= near_end {
                         if far_start <= t1 {
                             stack[n_stacked] = StackEntry { node: far, interval: [far_start, t1] };
@@ -136,12 +155,8 @@ impl Leaves for BoxBih {
                 }
                 NodeKind::Clip { axis } => {
                     query.boxes(1);
-                    let AxisRay { recip, origins } = axes[axis];
-                    let [upper, lower] = [0, 1].map(|i| (node.planes[i] - origins[i]) * recip);
-                    let (entry, exit) = if recip > 0.0 { (lower, upper) } else { (upper, lower) };
-                    t0 = if entry > t0 { entry } else { t0 };
-                    t1 = if exit < t1 { exit } else { t1 };
-                    at += 1;
+                    let (exit, entry) = axes[axis].exit_and_entry(&node.planes);
+                    (at, t0, t1) = (at + 1, greatest(t0, entry), least(t1, exit));
                     t0 <= t1
                 }
                 NodeKind::Leaf { first, n } => {
@@ -167,7 +182,7 @@ impl Leaves for BoxBih {
                 if interval[0] <= t_max {
                     at = node;
                     [t0, t1] = interval;
-                    t1 = if t_max < t1 { t_max } else { t1 };
+                    t1 = least(t1, t_max);
                     break;
                 }
             }

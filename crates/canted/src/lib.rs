@@ -26,6 +26,7 @@ pub use canted_trace::{
 };
 
 // BVHs over primitives.
+pub use canted_bih::{Bih, BoxBih, Config as BihConfig, LeafSize, Memory as BihMemory};
 pub use canted_bvh2::{BuildConfig as Bvh2Config, Bvh2};
 pub use canted_lbvh::{GeometryError, Strategy, VolumeConfig};
 pub use canted_sah::Builder;
