@@ -24,9 +24,8 @@ fn bare(boxes: &[Aabb], config: &Config) -> BoxBih {
 }
 
 /// Boxes of whole numbers: equal ones, flat ones, points, centers on split planes.
-#[expect(clippy::cast_precision_loss, reason = "small whole numbers")]
-fn whole_numbers(seed: u64, n: usize, range: usize) -> Vec<Aabb> {
-    let mut rng = SplitMix64::new(seed);
+fn whole_numbers(seed: u16, n: usize, range: usize) -> Vec<Aabb> {
+    let mut rng = SplitMix64::new(seed.into());
     let mut boxes = vec![];
     for _ in 0..n {
         let min: [f32; 3] = std::array::from_fn(|_| rng.below(range) as f32);
@@ -119,7 +118,7 @@ fn nodes_are_those_of_the_literal_algorithm() {
     let mut n_clips = 0;
     let mut inputs =
         vec![boxes(&soup(3, 400)), boxes(&slivers(2, 300)), boxes(&torus(15, 9)), boxes(&coplanar_quads(9))];
-    inputs.extend((0..40).map(|seed| whole_numbers(seed, 60, 1 + seed as usize)));
+    inputs.extend((0..40).map(|seed| whole_numbers(seed, 60, 1 + usize::from(seed))));
     for boxes in &inputs {
         for (leaf_size, factor) in [(1, 1.3), (2, 1.0), (4, 2.0), (7, f32::INFINITY)] {
             let config = config(leaf_size, factor);
@@ -160,7 +159,8 @@ fn every_build_passes_the_checker() {
         &canted_fixtures::Hair { n_strands: 20, n_segments: 6, width: 0.0006, strand: canted_fixtures::Strand::Tube },
     );
     let meshes = [soup(1, 3_000), slivers(2, 500), outlier(500), equal_centroids(300), identical(300), thin];
-    let inputs = meshes.iter().map(boxes).chain((0..20).map(|seed| whole_numbers(seed, 200, 1 + 3 * seed as usize)));
+    let inputs =
+        meshes.iter().map(boxes).chain((0..20).map(|seed| whole_numbers(seed, 200, 1 + 3 * usize::from(seed))));
     for boxes in inputs {
         for (leaf_size, factor) in [(1, 1.3), (1, 1.0), (3, f32::INFINITY), (10, f32::NAN)] {
             let bih = BoxBih::build(&boxes, &config(leaf_size, factor)).unwrap();

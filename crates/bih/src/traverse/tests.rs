@@ -80,6 +80,7 @@ fn trace(mesh: &Mesh, rays: &[Ray]) -> Outcome {
 }
 
 #[test]
+#[expect(clippy::cast_possible_truncation, reason = "any point near the mesh")]
 fn each_half_of_the_padding_is_needed() {
     // Far content needs the padding of planes, far origins that of rays.
     // At an edge of flat content, a ray enters through one plane and leaves through another at the same point.

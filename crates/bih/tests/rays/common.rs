@@ -33,7 +33,6 @@ pub(crate) fn doubled() -> Mesh {
 }
 
 /// Triangles whose vertices are whole numbers from -4 to 4: flats, needles, points, duplicates, shared planes, both zeros.
-#[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "small whole numbers")]
 fn whole_numbers(seed: u64, n: u32) -> Mesh {
     let mut rng = SplitMix64::new(seed);
     let mut mesh = Mesh::default();

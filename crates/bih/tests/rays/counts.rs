@@ -103,7 +103,10 @@ fn larger_leaves_take_less_memory() {
     assert_eq!(bih.n_bytes(), memory.total());
 }
 
-const DEGENERATE: [(&str, fn(u32) -> Mesh); 3] =
+/// A mesh of `n` triangles by name.
+type Degenerate = (&'static str, fn(u32) -> Mesh);
+
+const DEGENERATE: [Degenerate; 3] =
     [("identical", identical), ("outlier", outlier), ("equal centroids", equal_centroids)];
 
 /// Greatest time ratio for ten times the triangles: linear time gives 10, more levels and caches add some, quadratic time gives
