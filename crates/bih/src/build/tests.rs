@@ -115,7 +115,7 @@ fn read(bih: &BoxBih) -> Vec<Literal> {
 
 #[test]
 fn nodes_are_those_of_the_literal_algorithm() {
-    let mut n_clips = 0;
+    let (mut n_clips, mut n_noticed) = (0, 0);
     let mut inputs =
         vec![boxes(&soup(3, 400)), boxes(&slivers(2, 300)), boxes(&torus(15, 9)), boxes(&coplanar_quads(9))];
     inputs.extend((0..40).map(|seed| whole_numbers(seed, 60, 1 + usize::from(seed))));
@@ -127,10 +127,13 @@ fn nodes_are_those_of_the_literal_algorithm() {
             let mut want = vec![];
             literal(boxes, &(0..).take(boxes.len()).collect::<Vec<u32>>(), bounds, bounds, &config, &mut want);
             assert_eq!(read(&bih), want);
+            // The comparison notices another configuration.
+            let other = Config { leaf_size: LeafSize::AtMost(leaf_size + 1), ..config };
+            n_noticed += usize::from(read(&bare(boxes, &other)) != want);
             n_clips += want.iter().filter(|node| matches!(node, Literal::Clip(..))).count();
         }
     }
-    assert!(n_clips > 100, "{n_clips} clip nodes");
+    assert!(n_clips > 100 && n_noticed > 100, "{n_clips} clip nodes, {n_noticed} other configurations noticed");
 }
 
 /// Some children overlap, and between some is a gap.
