@@ -1,9 +1,10 @@
-//! Everything that traces rays through a mesh, by name: binary and wide BVHs, one level and two, every SIMD path, the device.
+//! Everything that traces rays through a mesh, by name: binary and wide BVHs and BIHs, one level and two, every SIMD path, the device.
 
 mod device;
 
 use std::{cell::Cell, rc::Rc};
 
+use canted_bih::{Bih, Config as BihConfig, LeafSize};
 use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::Mesh;
 use canted_gpu::{Choice, Gpu};
@@ -96,10 +97,13 @@ pub fn ours() -> (Vec<Method>, Vec<String>) {
     let (there, lacking): (Vec<_>, Vec<_>) = SimdPath::ALL.into_iter().partition(|path| path.is_available());
     let mut missing: Vec<String> = lacking.into_iter().map(|path| path.name().to_owned()).collect();
     let mut methods = vec![
-        Method::of_one("binary aabb", |mesh| OneLevel::new(mesh, Strategy::Aabb)),
-        Method::of_one("binary dop", |mesh| OneLevel::new(mesh, Strategy::Dop)),
-        Method::of_one("binary combined", |mesh| OneLevel::new(mesh, Strategy::Combined)),
+        Method::of_one("binary aabb", |mesh| OneLevel::new(mesh, |mesh| binary(mesh, Strategy::Aabb))),
+        Method::of_one("binary dop", |mesh| OneLevel::new(mesh, |mesh| binary(mesh, Strategy::Dop))),
+        Method::of_one("binary combined", |mesh| OneLevel::new(mesh, |mesh| binary(mesh, Strategy::Combined))),
+        Method::of_one("bih", |mesh| OneLevel::new(mesh, |mesh| bih(mesh, 4))),
+        Method::of_one("bih leaf 1", |mesh| OneLevel::new(mesh, |mesh| bih(mesh, 1))),
         Method::of_two("two-level binary", |mesh| binary(mesh, Strategy::Dop)),
+        Method::of_two("two-level bih", |mesh| bih(mesh, 4)),
     ];
     for path in there {
         let name = path.name();
@@ -120,7 +124,8 @@ pub fn ours() -> (Vec<Method>, Vec<String>) {
 /// Two levels of binary and of wide BVHs, the wide ones on every available SIMD path, and on the device if there is one.
 #[must_use]
 pub fn two_levels() -> Vec<Method> {
-    let mut methods = vec![Method::of_two("binary", |mesh| binary(mesh, Strategy::Dop))];
+    let mut methods =
+        vec![Method::of_two("binary", |mesh| binary(mesh, Strategy::Dop)), Method::of_two("bih", |mesh| bih(mesh, 4))];
     for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
         let make: Make = Box::new(move |mesh, placement| {
             let tree = wide(mesh, &Config::default()).with_path(path);
@@ -141,6 +146,12 @@ fn binary(mesh: &Mesh, strategy: Strategy) -> Bvh2<Watertight> {
     Bvh2::build(&mesh.positions, &mesh.triangles, &config).expect("a mesh of finite vertices")
 }
 
+/// A BIH with leaves of this size.
+fn bih(mesh: &Mesh, leaf_size: u32) -> Bih<Watertight> {
+    let config = BihConfig { leaf_size: LeafSize::AtMost(leaf_size), ..BihConfig::default() };
+    Bih::build(&mesh.positions, &mesh.triangles, &config).expect("a mesh of finite vertices")
+}
+
 /// A wide BVH.
 fn wide(mesh: &Mesh, config: &Config) -> TriangleBvh<Watertight> {
     TriangleBvh::build(&mesh.positions, &mesh.triangles, config).expect("a mesh of finite vertices")
@@ -153,25 +164,25 @@ pub fn many_oriented() -> Config {
     Config { costs, rotate_mesh: false, ..Config::preset(Preset::Balanced) }
 }
 
-/// A binary BVH with its mesh.
-struct OneLevel {
-    blas: Bvh2<Watertight>,
+/// A structure over triangles with its mesh.
+struct OneLevel<B> {
+    blas: B,
     mesh: Mesh,
 }
 
-impl OneLevel {
-    fn new(mesh: Mesh, strategy: Strategy) -> Self {
-        Self { blas: binary(&mesh, strategy), mesh }
+impl<B: Blas> OneLevel<B> {
+    fn new(mesh: Mesh, build: impl Fn(&Mesh) -> B) -> Self {
+        Self { blas: build(&mesh), mesh }
     }
 }
 
-impl Tracer for OneLevel {
+impl<B: Blas> Tracer for OneLevel<B> {
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        rays.iter().map(|ray| self.blas.closest_hit(ray)).collect()
+        rays.iter().map(|ray| self.blas.closest_hit_with(ray, InstanceId(0), &mut ())).collect()
     }
 
     fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
-        rays.iter().map(|ray| self.blas.occluded(ray)).collect()
+        rays.iter().map(|ray| self.blas.occluded_with(ray, InstanceId(0), &mut ())).collect()
     }
 
     fn crossings(&self, ray: &Ray) -> Option<Vec<Hit>> {

@@ -12,18 +12,22 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("sah", &["obb", "lbvh"]),
     ("wide", &["obb", "trace", "lbvh", "sah"]),
     ("bvh2", &["obb", "trace", "lbvh", "sah"]),
+    ("bih", &["obb", "trace", "lbvh", "bvh2"]),
     ("kdtree", &["obb", "trace", "lbvh", "sah", "bvh2"]),
-    ("tlas", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "kdtree"]),
-    ("canted", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "kdtree", "tlas", "scene", "gpu"]),
+    ("tlas", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree"]),
+    ("canted", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "scene", "gpu"]),
     ("scene", &["obb"]),
     ("film", &["scene"]),
     ("shaders", &[]),
-    ("gpu", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "kdtree", "tlas", "scene", "shaders"]),
-    ("renderer", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "kdtree", "tlas", "scene", "film", "shaders", "gpu"]),
+    ("gpu", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "scene", "shaders"]),
+    (
+        "renderer",
+        &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "scene", "film", "shaders", "gpu"],
+    ),
     (
         "cli",
         &[
-            "obb", "trace", "lbvh", "sah", "wide", "bvh2", "kdtree", "tlas", "scene", "film", "shaders", "gpu",
+            "obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "scene", "film", "shaders", "gpu",
             "renderer",
         ],
     ),
@@ -31,7 +35,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
 ];
 
 /// Crates with few dependencies, and those that they may have.
-const MINIMAL: &[&str] = &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "kdtree", "tlas", "canted"];
+const MINIMAL: &[&str] = &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "canted"];
 const MINIMAL_DEPENDENCIES: &[&str] = &["glam", "bytemuck", "rayon", "libm", "memmap2"];
 
 /// Those of them that must be optional.

@@ -26,6 +26,7 @@ pub use canted_trace::{
 };
 
 // BVHs and kd-trees over primitives.
+pub use canted_bih::{Bih, BoxBih, Config as BihConfig, LeafSize, Memory as BihMemory};
 pub use canted_bvh2::{BuildConfig as Bvh2Config, Bvh2};
 pub use canted_kdtree::{Config as KdTreeConfig, KdTree, Memory as KdTreeMemory, Traversal as KdTraversal};
 pub use canted_lbvh::{GeometryError, Strategy, VolumeConfig};

@@ -1,5 +1,6 @@
 mod pointers;
 
+use canted_bih::Bih;
 use canted_bvh2::Bvh2;
 use canted_kdtree::KdTree;
 use canted_obb::Obb;
@@ -8,8 +9,9 @@ use canted_wide::{LeafPrimitive, TriangleBvh, WideBvh};
 
 /// A bottom-level BVH: anything that answers ray queries in its object space.
 ///
-/// Implemented by every BVH of `canted-wide` and `canted-bvh2`, by the kd-tree of `canted-kdtree`, and by `&B`, `Box<B>` and `Arc<B>`:
-/// several [`Tlas`](crate::Tlas) can share one BVH through an `Arc`. `instance` is written into hits and passed to the query.
+/// Implemented by every BVH of `canted-wide`, `canted-bvh2` and `canted-bih`, by the kd-tree of `canted-kdtree`, and by `&B`, `Box<B>`
+/// and `Arc<B>`: several [`Tlas`](crate::Tlas) can share one BVH through an `Arc`. `instance` is written into hits and passed to
+/// the query.
 ///
 /// Rays come with directions whose greatest component lies in `[1, 2)`, and `t` is in units of these: the caller's direction, mapped
 /// and scaled by a power of two. The [`Tlas`](crate::Tlas) converts `t` of hits, and those that the query sees.
@@ -103,49 +105,42 @@ pub trait CrossingBlas: Blas {
     fn crossings(&self, ray_object: &Ray, instance: InstanceId, crossings: &mut Vec<Hit>);
 }
 
-impl<K: Kernel> Blas for Bvh2<K> {
-    fn bounds(&self) -> Obb {
-        Self::bounds(self)
-    }
+/// Structures over triangles, whose own methods have the names and contracts of [`Blas`].
+macro_rules! blas_of_triangles {
+    ($bvh:ident) => {
+        impl<K: Kernel> Blas for $bvh<K> {
+            fn bounds(&self) -> Obb {
+                Self::bounds(self)
+            }
 
-    fn hit_error(&self) -> f32 {
-        HIT_ERROR
-    }
+            fn hit_error(&self) -> f32 {
+                HIT_ERROR
+            }
 
-    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
-        Self::closest_hit_with(self, ray_object, instance, query)
-    }
+            fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+                Self::closest_hit_with(self, ray_object, instance, query)
+            }
 
-    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
-        Self::occluded_with(self, ray_object, instance, query)
-    }
+            fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+                Self::occluded_with(self, ray_object, instance, query)
+            }
 
-    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
-        Self::all_hits_with(self, ray_object, instance, query, hits);
-    }
+            fn all_hits_with<Q: Query>(
+                &self,
+                ray_object: &Ray,
+                instance: InstanceId,
+                query: &mut Q,
+                hits: &mut Vec<Hit>,
+            ) {
+                Self::all_hits_with(self, ray_object, instance, query, hits);
+            }
+        }
+    };
 }
 
-impl<K: Kernel> Blas for KdTree<K> {
-    fn bounds(&self) -> Obb {
-        Self::bounds(self)
-    }
-
-    fn hit_error(&self) -> f32 {
-        HIT_ERROR
-    }
-
-    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
-        Self::closest_hit_with(self, ray_object, instance, query)
-    }
-
-    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
-        Self::occluded_with(self, ray_object, instance, query)
-    }
-
-    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
-        Self::all_hits_with(self, ray_object, instance, query, hits);
-    }
-}
+blas_of_triangles!(Bvh2);
+blas_of_triangles!(Bih);
+blas_of_triangles!(KdTree);
 
 impl<P: LeafPrimitive> Blas for WideBvh<P> {
     fn bounds(&self) -> Obb {

@@ -1,0 +1,122 @@
+use std::fmt;
+
+use canted_bvh2::leaf_triangles::LeafTriangles;
+use canted_bvh2::triangle_queries;
+use canted_lbvh::{GeometryError, MAX_PRIMITIVES, par, triangle_corners};
+use canted_obb::{Obb, PrimId};
+use canted_trace::Kernel;
+
+use crate::partition::{Content, Item};
+use crate::{BoxBih, Config, Memory};
+
+/// Triangles per job.
+const CHUNK: usize = 1 << 13;
+
+/// A bounding interval hierarchy over triangles.
+///
+/// `K` is the triangle test. Hits are those of `K` on every triangle; ties go to the lowest primitive.
+///
+/// ```
+/// use canted_bih::{Bih, Config, LeafSize};
+/// use canted_trace::{Ray, Watertight};
+///
+/// let positions = [[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [0.0, 1.0, 2.0], [0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
+/// let config = Config { leaf_size: LeafSize::AtMost(1), ..Config::default() };
+/// let bih = Bih::<Watertight>::build(&positions, &[[0, 1, 2], [3, 4, 5]], &config)?;
+/// let mut hits = vec![];
+/// bih.all_hits(&Ray::new([0.25, 0.25, 0.0], [0.0, 0.0, 1.0]), &mut hits);
+/// assert_eq!(hits.iter().map(|hit| (hit.t, hit.primitive.0)).collect::<Vec<_>>(), [(1.0, 1), (2.0, 0)]);
+/// assert_eq!(bih.memory().nodes, 3 * 16);
+/// # Ok::<(), canted_lbvh::GeometryError>(())
+/// ```
+pub struct Bih<K: Kernel> {
+    boxes: BoxBih,
+    /// The triangles in leaf order.
+    records: Vec<K::Record>,
+}
+
+impl<K: Kernel> Bih<K> {
+    /// Builds a BIH over the triangles.
+    ///
+    /// # Errors
+    /// The first triangle with a missing vertex or a vertex that is not finite.
+    pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]], config: &Config) -> Result<Self, GeometryError> {
+        if triangles.len() > MAX_PRIMITIVES {
+            return Err(GeometryError::TooMany { n_triangles: triangles.len() });
+        }
+        let vertex = |i: u32| positions.get(i as usize).copied().unwrap_or([f32::NAN; 3]);
+        let corners = |&[a, b, c]: &[u32; 3]| [vertex(a), vertex(b), vertex(c)];
+        #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 triangles")]
+        let items = par::from_fn(triangles.len(), CHUNK, |i| Item::of_triangle(i as u32, corners(&triangles[i])));
+        let contents = par::map_chunks(&items, CHUNK, |_, chunk| Content::of(chunk));
+        let content = contents.into_iter().reduce(Content::union).unwrap_or(Content::EMPTY);
+        if !content.reach.is_finite() {
+            // The error is found here, off the fast path.
+            triangle_corners(positions, triangles)?;
+        }
+        let boxes = BoxBih::of_items(items, content, config);
+        // The order of the triangles stays the caller's: only references are sorted, and records copied in their order.
+        // Every index is valid by now.
+        let record = |primitive: &PrimId| {
+            let [a, b, c] = triangles[primitive.index()];
+            K::record([positions[a as usize], positions[b as usize], positions[c as usize]])
+        };
+        let records = par::map(&boxes.primitives, CHUNK, record);
+        Ok(Self { boxes, records })
+    }
+
+    #[inline(always)]
+    fn leaf_triangles(&self) -> LeafTriangles<'_, BoxBih, K> {
+        LeafTriangles { nodes: &self.boxes, records: &self.records, primitives: &self.boxes.primitives }
+    }
+
+    /// The nodes.
+    #[must_use]
+    pub fn boxes(&self) -> &BoxBih {
+        &self.boxes
+    }
+
+    /// The box around all triangles; a point at the origin if there are none.
+    #[must_use]
+    pub fn bounds(&self) -> Obb {
+        self.boxes.bounds()
+    }
+
+    /// Number of triangles.
+    #[must_use]
+    pub fn n_triangles(&self) -> usize {
+        self.records.len()
+    }
+
+    /// Memory of nodes, references and triangles.
+    #[must_use]
+    pub fn n_bytes(&self) -> usize {
+        self.memory().total()
+    }
+
+    /// Memory of each array.
+    #[must_use]
+    pub fn memory(&self) -> Memory {
+        Memory { triangles: size_of_val(&self.records[..]), ..self.boxes.memory() }
+    }
+}
+
+triangle_queries!(Bih);
+
+impl<K: Kernel> Clone for Bih<K> {
+    fn clone(&self) -> Self {
+        Self { boxes: self.boxes.clone(), records: self.records.clone() }
+    }
+}
+
+/// Sizes and bounds, not every node.
+impl<K: Kernel> fmt::Debug for Bih<K> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Bih")
+            .field("n_triangles", &self.n_triangles())
+            .field("n_nodes", &self.boxes.n_nodes())
+            .field("depth", &self.boxes.depth())
+            .field("bounds", &self.bounds())
+            .finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,220 @@
+use std::fmt;
+
+use canted_obb::{Aabb, PrimId};
+use canted_trace::AABB_PAD;
+
+use crate::BoxBih;
+use crate::node::{NodeKind, lower_plane, upper_plane};
+
+/// Statistics of a valid BIH.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stats {
+    /// Nodes with two children.
+    pub n_splits: usize,
+    /// Nodes with one child.
+    pub n_clips: usize,
+    /// Leaves.
+    pub n_leaves: usize,
+    /// Primitives of the largest leaf.
+    pub largest_leaf: usize,
+    /// Nodes on the longest path from the root to a leaf, the leaf included.
+    pub depth: u32,
+}
+
+/// A defect of a BIH.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flaw {
+    /// A primitive is in no leaf, or in two.
+    NotOnce {
+        /// The primitive.
+        primitive: PrimId,
+    },
+    /// Leaves and references do not match: each reference is in one leaf, in order.
+    WrongReferences {
+        /// Index of the leaf.
+        node: usize,
+    },
+    /// A leaf has no primitive.
+    EmptyLeaf {
+        /// Index of the leaf.
+        node: usize,
+    },
+    /// A child is missing, or starts at another node than its parent says.
+    WrongChild {
+        /// Index of the parent; the number of nodes if there is no root.
+        node: usize,
+    },
+    /// Nodes that no path reaches.
+    Unreached {
+        /// Index of the first one.
+        node: usize,
+    },
+    /// A primitive, or its padding, is outside a plane of a node above it, or outside the root's box.
+    Escapes {
+        /// Index of the node.
+        node: usize,
+    },
+    /// The stored depth is wrong.
+    WrongDepth {
+        /// The stored depth.
+        stated: u32,
+        /// The actual depth.
+        actual: u32,
+    },
+    /// A path is longer than [`BoxBih::MAX_DEPTH`].
+    TooDeep {
+        /// Index of the first node beyond.
+        node: usize,
+    },
+}
+
+impl fmt::Display for Flaw {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotOnce { primitive } => write!(f, "primitive {primitive} is not in exactly one leaf"),
+            Self::WrongReferences { node } => write!(f, "leaf {node} does not continue the references"),
+            Self::EmptyLeaf { node } => write!(f, "leaf {node} is empty"),
+            Self::WrongChild { node } => write!(f, "a child of node {node} is not where it should be"),
+            Self::Unreached { node } => write!(f, "node {node} is not reached from the root"),
+            Self::Escapes { node } => write!(f, "a primitive below node {node} is outside its planes"),
+            Self::WrongDepth { stated, actual } => write!(f, "the stored depth is {stated}, but the depth is {actual}"),
+            Self::TooDeep { node } => write!(f, "node {node} is deeper than {}", BoxBih::MAX_DEPTH),
+        }
+    }
+}
+
+impl std::error::Error for Flaw {}
+
+/// What is below a node.
+#[derive(Clone, Copy)]
+struct Content {
+    bounds: Aabb,
+    /// The node after its subtree.
+    end: usize,
+    height: u32,
+}
+
+/// Checks a BIH over these boxes, which are in the caller's order.
+///
+/// Every primitive is in one leaf, no child is empty, every plane is at the padded bounds of what is below it or farther
+/// out, all nodes are reached once, and the depth is as stated and within [`BoxBih::MAX_DEPTH`].
+///
+/// ```
+/// use canted_bih::{BoxBih, Config, check};
+/// use canted_obb::Aabb;
+///
+/// let boxes = [0.0, 1.0, 5.0].map(|x| Aabb { min: [x, 0.0, 0.0], max: [x + 0.5, 1.0, 1.0] });
+/// let bih = BoxBih::build(&boxes, &Config::default())?;
+/// assert_eq!(check(&bih, &boxes)?.n_leaves, 1);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// The first flaw found.
+pub fn check(bih: &BoxBih, boxes: &[Aabb]) -> Result<Stats, Flaw> {
+    let mut n_uses = vec![0u32; boxes.len()];
+    for primitive in &bih.primitives {
+        *n_uses.get_mut(primitive.index()).ok_or(Flaw::NotOnce { primitive: *primitive })? += 1;
+    }
+    if let Some(primitive) = (0u32..).zip(&n_uses).find(|&(_, &n)| n != 1).map(|(i, _)| PrimId(i)) {
+        return Err(Flaw::NotOnce { primitive });
+    }
+    let mut checker = Checker { bih, boxes, stats: Stats::default(), next_reference: 0 };
+    let n_nodes = bih.nodes.len();
+    if boxes.is_empty() && n_nodes == 0 {
+        return Ok(checker.stats);
+    }
+    let root = checker.subtree(0, n_nodes, BoxBih::MAX_DEPTH)?;
+    if root.end < n_nodes {
+        return Err(Flaw::Unreached { node: root.end });
+    }
+    if checker.next_reference < boxes.len() {
+        return Err(Flaw::WrongReferences { node: n_nodes - 1 });
+    }
+    let pad = pad(&root.bounds);
+    let is_inside = |k: usize| {
+        bih.padded_bounds.min[k] <= lower_plane(root.bounds.min[k], pad)
+            && bih.padded_bounds.max[k] >= upper_plane(root.bounds.max[k], pad)
+    };
+    if !(0..3).all(is_inside) || !bih.bounds.contains_box(&root.bounds) {
+        return Err(Flaw::Escapes { node: 0 });
+    }
+    if bih.depth != root.height {
+        return Err(Flaw::WrongDepth { stated: bih.depth, actual: root.height });
+    }
+    Ok(Stats { depth: root.height, ..checker.stats })
+}
+
+struct Checker<'a> {
+    bih: &'a BoxBih,
+    boxes: &'a [Aabb],
+    stats: Stats,
+    /// Where the references of the next leaf start.
+    next_reference: usize,
+}
+
+impl Checker<'_> {
+    /// Checks the subtree at `node`, a child of `parent`. The recursion is as deep as `levels` at most.
+    fn subtree(&mut self, node: usize, parent: usize, levels: u32) -> Result<Content, Flaw> {
+        let stored = *self.bih.nodes.get(node).ok_or(Flaw::WrongChild { node: parent })?;
+        if levels == 0 {
+            return Err(Flaw::TooDeep { node });
+        }
+        let [upper, lower] = stored.planes;
+        match stored.kind() {
+            NodeKind::Leaf { first, n } => {
+                let n = n as usize;
+                if n == 0 {
+                    return Err(Flaw::EmptyLeaf { node });
+                }
+                if first as usize != self.next_reference {
+                    return Err(Flaw::WrongReferences { node });
+                }
+                let positions = self.next_reference..self.next_reference + n;
+                let primitives = self.bih.primitives.get(positions).ok_or(Flaw::WrongReferences { node })?;
+                self.next_reference += n;
+                self.stats.n_leaves += 1;
+                self.stats.largest_leaf = self.stats.largest_leaf.max(n);
+                let bounds = primitives.iter().fold(Aabb::EMPTY, |all, p| all.union(self.boxes[p.index()]));
+                Ok(Content { bounds, end: node + 1, height: 1 })
+            }
+            NodeKind::Clip { axis } => {
+                self.stats.n_clips += 1;
+                let child = self.subtree(node + 1, node, levels - 1)?;
+                if !(is_below(&child.bounds, axis, upper) && is_above(&child.bounds, axis, lower)) {
+                    return Err(Flaw::Escapes { node });
+                }
+                Ok(Content { height: child.height + 1, ..child })
+            }
+            NodeKind::Split { axis, second } => {
+                self.stats.n_splits += 1;
+                let first = self.subtree(node + 1, node, levels - 1)?;
+                if node + second as usize != first.end {
+                    return Err(Flaw::WrongChild { node });
+                }
+                let second = self.subtree(first.end, node, levels - 1)?;
+                if !(is_below(&first.bounds, axis, upper) && is_above(&second.bounds, axis, lower)) {
+                    return Err(Flaw::Escapes { node });
+                }
+                let bounds = first.bounds.union(second.bounds);
+                Ok(Content { bounds, end: second.end, height: 1 + first.height.max(second.height) })
+            }
+        }
+    }
+}
+
+/// How far planes around this content are from it at least.
+fn pad(content: &Aabb) -> f64 {
+    f64::from(AABB_PAD) * f64::from(content.reach())
+}
+
+fn is_below(content: &Aabb, axis: usize, upper: f32) -> bool {
+    upper >= upper_plane(content.max[axis], pad(content))
+}
+
+fn is_above(content: &Aabb, axis: usize, lower: f32) -> bool {
+    lower <= lower_plane(content.min[axis], pad(content))
+}
+
+#[cfg(test)]
+mod tests;
