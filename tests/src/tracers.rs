@@ -8,6 +8,7 @@ use canted_bih::{Bih, Config as BihConfig, LeafSize};
 use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::Mesh;
 use canted_gpu::{Choice, Gpu};
+use canted_kdtree::{Config as KdTreeConfig, KdTree, Traversal};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::Affine;
 use canted_tlas::{Blas, Instance, Tlas, TopConfig};
@@ -102,8 +103,11 @@ pub fn ours() -> (Vec<Method>, Vec<String>) {
         Method::of_one("binary combined", |mesh| OneLevel::new(mesh, |mesh| binary(mesh, Strategy::Combined))),
         Method::of_one("bih", |mesh| OneLevel::new(mesh, |mesh| bih(mesh, 4))),
         Method::of_one("bih leaf 1", |mesh| OneLevel::new(mesh, |mesh| bih(mesh, 1))),
+        Method::of_one("kd-tree", |mesh| OneLevel::new(mesh, |mesh| kd_tree(mesh, Traversal::Stack))),
+        Method::of_one("kd-tree ropes", |mesh| OneLevel::new(mesh, |mesh| kd_tree(mesh, Traversal::Ropes))),
         Method::of_two("two-level binary", |mesh| binary(mesh, Strategy::Dop)),
         Method::of_two("two-level bih", |mesh| bih(mesh, 4)),
+        Method::of_two("two-level kd-tree", |mesh| kd_tree(mesh, Traversal::Stack)),
     ];
     for path in there {
         let name = path.name();
@@ -126,6 +130,7 @@ pub fn ours() -> (Vec<Method>, Vec<String>) {
 pub fn two_levels() -> Vec<Method> {
     let mut methods =
         vec![Method::of_two("binary", |mesh| binary(mesh, Strategy::Dop)), Method::of_two("bih", |mesh| bih(mesh, 4))];
+    methods.push(Method::of_two("kd-tree", |mesh| kd_tree(mesh, Traversal::Stack)));
     for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
         let make: Make = Box::new(move |mesh, placement| {
             let tree = wide(mesh, &Config::default()).with_path(path);
@@ -150,6 +155,12 @@ fn binary(mesh: &Mesh, strategy: Strategy) -> Bvh2<Watertight> {
 fn bih(mesh: &Mesh, leaf_size: u32) -> Bih<Watertight> {
     let config = BihConfig { leaf_size: LeafSize::AtMost(leaf_size), ..BihConfig::default() };
     Bih::build(&mesh.positions, &mesh.triangles, &config).expect("a mesh of finite vertices")
+}
+
+/// A kd-tree.
+fn kd_tree(mesh: &Mesh, traversal: Traversal) -> KdTree<Watertight> {
+    let config = KdTreeConfig { traversal, ..KdTreeConfig::default() };
+    KdTree::build(&mesh.positions, &mesh.triangles, &config).expect("a mesh of finite vertices")
 }
 
 /// A wide BVH.
