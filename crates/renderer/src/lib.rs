@@ -53,6 +53,7 @@ mod structure;
 mod surface;
 mod texture;
 mod tracer;
+mod update;
 mod vector;
 
 pub use accel::{Accel, Builder, Bvh};
@@ -76,3 +77,4 @@ pub use structure::{Flat, Flattened, Structure, flatten};
 pub use surface::{Surface, Surfaces};
 pub use texture::{Cone, Lod};
 pub use tracer::Tracer;
+pub use update::{UpdateOptions, UpdatePolicy, Updates};

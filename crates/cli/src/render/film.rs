@@ -43,7 +43,7 @@ impl<K: LaneKernel> FilmRenderer for CpuRenderer<'_, K> {
 /// Renders the tiles that are not in `done`, with a progress bar.
 ///
 /// After Ctrl-C or a failure, the finished tiles are written to the checkpoint if there is one; else to the output file,
-/// except for parts, which must be complete to be merged.
+/// except for parts, which must be complete to be merged, and frames, which a later run makes.
 pub(super) fn render(
     renderer: &dyn FilmRenderer,
     args: &Args,
@@ -54,14 +54,16 @@ pub(super) fn render(
     let mut facts = vec![("device", json!(renderer.device()))];
     // indicatif hides the bar if standard error is not a terminal.
     let bar = ProgressBar::new(0);
-    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {elapsed} of about {duration}") {
+    if let Ok(style) = ProgressStyle::with_template("{prefix}{bar:40} {percent:>3} %  {elapsed} of about {duration}") {
         bar.set_style(style);
     }
+    bar.set_prefix(args.sequence.label.clone());
     let progress = |done: usize, all: usize| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
     };
-    let keeps_partial = settings.part.is_none() && checkpoint.is_none();
+    // A frame with black tiles would look whole to `--resume`.
+    let keeps_partial = settings.part.is_none() && checkpoint.is_none() && args.sequence.frames.is_none();
     let partial = keeps_partial.then(|| Mutex::new(Partial::new(settings.tiling())));
     let add = |tile: &Tile| {
         if let Some(partial) = &partial {
