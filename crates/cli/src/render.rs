@@ -19,7 +19,7 @@ use std::{
 
 use anyhow::{Result, anyhow};
 use canted_film::{Film, Record, write_exr, write_film, write_png};
-use canted_renderer::{Prepared, Surfaces, heatmap};
+use canted_renderer::{MipMaps, Prepared, Surfaces, heatmap};
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 use serde_json::json;
@@ -137,7 +137,9 @@ fn render<K: LaneKernel>(
     load_time: Duration,
 ) -> Result<Rendered> {
     let Setup { prepared, camera, default_light } = setup::<K>(scene, args, has_default_light)?;
-    Ok(render_picture(scene, args, machine, &prepared, &camera, default_light, load_time)?.rendered)
+    let mut rendered = render_picture(scene, args, machine, &prepared, &camera, default_light, &mut None)?.rendered;
+    rendered.facts.push(("load_seconds", json!(load_time.as_secs_f64())));
+    Ok(rendered)
 }
 
 /// A rendered picture.
@@ -147,7 +149,7 @@ struct Picture {
     trace_time: Duration,
 }
 
-/// Renders a scene that is ready.
+/// Renders a scene that is ready, with the mip maps of the frame before, if there is one; leaves those of this frame.
 #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "the CPU is the only machine"))]
 fn render_picture<K: LaneKernel>(
     scene: &Scene,
@@ -156,10 +158,10 @@ fn render_picture<K: LaneKernel>(
     prepared: &Prepared<K>,
     camera: &Camera,
     default_light: Option<f32>,
-    load_time: Duration,
+    mip_maps: &mut Option<MipMaps>,
 ) -> Result<Picture> {
     let settings = args.settings()?;
-    let mut facts = facts::of_structure(scene, prepared, load_time);
+    let mut facts = facts::of_structure(scene, prepared);
     facts.extend(default_light.map(|strength| ("default_light", json!(strength))));
     let start = Instant::now();
     let mut checkpoint = None;
@@ -172,16 +174,19 @@ fn render_picture<K: LaneKernel>(
         Output::Picture(map.picture)
     } else {
         let (structure, settings) = (&prepared.structure, &settings);
+        let surfaces = match &mip_maps {
+            Some(known) => Surfaces::with_mip_maps(scene, settings.lod, known),
+            None => Surfaces::with_lod(scene, settings.lod),
+        };
+        *mip_maps = Some(surfaces.mip_maps());
         #[cfg(feature = "gpu")]
-        let surfaces = machine.has_gpu().then(|| Surfaces::with_lod(scene, settings.lod));
-        #[cfg(feature = "gpu")]
-        let on_gpu = match &surfaces {
-            Some(surfaces) => gpu::GpuRenderer::new(machine, args, surfaces, structure, camera, settings)?,
-            None => None,
+        let on_gpu = match machine.has_gpu() {
+            true => gpu::GpuRenderer::new(machine, args, &surfaces, structure, camera, settings)?,
+            false => None,
         };
         #[cfg(not(feature = "gpu"))]
         let on_gpu: Option<CpuRenderer<K>> = None;
-        let on_cpu = CpuRenderer { scene, structure, camera, settings };
+        let on_cpu = CpuRenderer { surfaces: &surfaces, structure, camera, settings };
         let renderer: &dyn FilmRenderer = on_gpu.as_ref().map_or(&on_cpu, |on_gpu| on_gpu as &dyn FilmRenderer);
         let needs_record = settings.part.is_some() || args.samples.checkpoint.is_some();
         let record = if needs_record { args.record(scene, camera, settings, renderer.device()) } else { Record::new() };

@@ -16,7 +16,7 @@ use crate::{memory, not_needed, options::strategy_name, output};
 pub(super) type Fact = (&'static str, Value);
 
 /// Facts about the scene and its acceleration structure.
-pub(super) fn of_structure<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>, load_time: Duration) -> Vec<Fact> {
+pub(super) fn of_structure<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>) -> Vec<Fact> {
     let bvhs = prepared.structure.bottom();
     let mut facts = vec![
         ("meshes", json!(scene.meshes.len())),
@@ -26,7 +26,6 @@ pub(super) fn of_structure<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>,
         ("levels", json!(if matches!(prepared.structure, Structure::Two(_)) { 2 } else { 1 })),
         ("volumes", json!(volumes_of(bvhs))),
         ("structure_bytes", json!(prepared.structure.n_bytes())),
-        ("load_seconds", json!(load_time.as_secs_f64())),
         ("build_seconds", json!(prepared.build_time.as_secs_f64())),
     ];
     if bvhs.iter().any(|bvh| matches!(bvh, Bvh::Wide(_))) {

@@ -4,8 +4,8 @@ use std::sync::{Mutex, PoisonError};
 
 use anyhow::Result;
 use canted_film::{Film, Partial, Record, Tile, write_film};
-use canted_renderer::{Monitor, RenderError, Settings, Structure, resume};
-use canted_scene::{Camera, Scene};
+use canted_renderer::{Monitor, RenderError, Settings, Structure, Surfaces, resume_with};
+use canted_scene::Camera;
 use canted_wide::LaneKernel;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
@@ -24,7 +24,7 @@ pub(super) trait FilmRenderer {
 
 /// Renders on the CPU.
 pub(super) struct CpuRenderer<'a, K: LaneKernel> {
-    pub(super) scene: &'a Scene,
+    pub(super) surfaces: &'a Surfaces<'a>,
     pub(super) structure: &'a Structure<K>,
     pub(super) camera: &'a Camera,
     pub(super) settings: &'a Settings,
@@ -36,7 +36,7 @@ impl<K: LaneKernel> FilmRenderer for CpuRenderer<'_, K> {
     }
 
     fn render(&self, done: Vec<Tile>, monitor: &Monitor, _: &mut Vec<Fact>) -> Result<Film> {
-        Ok(resume(self.scene, self.structure, self.camera, self.settings, done, monitor)?)
+        Ok(resume_with(self.surfaces, self.structure, self.camera, self.settings, done, monitor)?)
     }
 }
 
@@ -121,7 +121,7 @@ mod tests {
 
     use anyhow::anyhow;
     use canted_film::read_picture;
-    use canted_renderer::{Prepared, StructureConfig, frame, prepare};
+    use canted_renderer::{Prepared, StructureConfig, frame, prepare, resume};
     use canted_trace::Watertight;
 
     use super::*;

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Error, Result, anyhow};
 use canted_film::Aov;
-use canted_renderer::{Prepared, RenderError, UpdateOptions, Updates, prepare};
+use canted_renderer::{MipMaps, Prepared, RenderError, UpdateOptions, Updates, prepare};
 use canted_scene::Scene;
 use canted_wide::LaneKernel;
 use serde_json::{Value, json};
@@ -98,7 +98,8 @@ struct Sequence<'a> {
 
 /// Renders the frames in order. Returns the facts of the whole sequence.
 fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source) -> Result<Vec<Fact>> {
-    let mut progress = Progress::<K> { prepared: None, updates: Updates::default(), trace_time: Duration::ZERO };
+    let mut progress =
+        Progress::<K> { prepared: None, updates: Updates::default(), trace_time: Duration::ZERO, mip_maps: None };
     let (mut facts, mut pictures) = (Vec::new(), Vec::new());
     for (done, &frame) in sequence.todo.iter().enumerate() {
         let start = Instant::now();
@@ -124,6 +125,7 @@ struct Progress<K: LaneKernel> {
     prepared: Option<Prepared<K>>,
     updates: Updates,
     trace_time: Duration,
+    mip_maps: Option<MipMaps>,
 }
 
 /// Renders and writes a frame.
@@ -158,9 +160,11 @@ fn render_frame<K: LaneKernel>(
     let mut own = Args { output: names.path(frame), ..args.clone() };
     own.sequence.label = format!("frame {frame} ({} of {}) ", done + 1, todo.len());
     let Picture { rendered, trace_time } =
-        render_picture(scene, &own, machine, prepared, &camera, default_light, load_time)?;
+        render_picture(scene, &own, machine, prepared, &camera, default_light, &mut progress.mip_maps)?;
     progress.trace_time = trace_time;
-    rendered.write(&own)
+    let mut facts = rendered.write(&own)?;
+    facts.push(("load_seconds", json!(load_time.as_secs_f64())));
+    Ok(facts)
 }
 
 /// Whether a frame may use the updated BVHs of the last one: not where the picture shows the BVH itself, and not on GPUs, whose
