@@ -4,6 +4,7 @@
 mod binary;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod motion;
 mod tables;
 mod wide;
 mod wide_tables;
@@ -64,11 +65,12 @@ fn report<'a>(name: &'a str, scene: &'a Scene, args: &Args, machine: &Machine) -
     let config = options::defaults::<StructureArgs>().config(scene);
     let prepared = prepare::<Watertight>(scene, &config)?;
     let not_needed = not_needed::json(&prepared.unused, false);
+    let motion = motion::measure(args.scene.as_deref(), args.time, args.animation.as_deref(), &config)?;
     #[cfg(feature = "gpu")]
     let gpu = gpu::measure(machine, scene, &prepared.structure)?;
     #[cfg(not(feature = "gpu"))]
     let gpu = None;
-    Ok(tables::Report { name, scene, binary, wide, not_needed, gpu })
+    Ok(tables::Report { name, scene, binary, wide, not_needed, motion, gpu })
 }
 
 /// The scale from a mesh to the world, by its first instance.

@@ -299,3 +299,22 @@ fn scene_files_name_the_animation() {
     folder.run("render scene.toml -o b.png").done();
     assert!(folder.bytes("a.png") == folder.bytes("b.png"));
 }
+
+#[test]
+fn stats_predict_when_a_rebuild_pays() {
+    let folder = folder(3.0);
+    let motion = |line: &str| folder.run(&format!("stats {line} --json --device cpu")).done().json()["motion"].clone();
+    let slide = motion("moving.gltf");
+    // One level over all triangles.
+    assert_eq!((&slide["frames"], &slide["bvhs"], &slide["changing_bvhs"]), (&8.into(), &1.into(), &1.into()));
+    assert!(slide["build_ms"].as_f64().unwrap() > 0.0 && slide["update_ms"].as_f64().unwrap() > 0.0, "{slide}");
+    assert!(slide["drift"].as_f64().unwrap() >= 1.0, "{slide}");
+    // The second animation stands still for the first half second.
+    assert_eq!(motion("moving.gltf --time 0 --animation tear")["changing_bvhs"], 0);
+    assert_eq!(motion("small.obj"), Value::Null);
+    let text = folder.run("stats moving.gltf --device cpu").done().stdout;
+    assert!(
+        text.contains("Motion, 8 frames at 24 per second: 1 of 1 BVHs") && text.contains("--update auto "),
+        "{text}"
+    );
+}
