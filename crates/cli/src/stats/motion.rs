@@ -72,7 +72,7 @@ impl Motion {
         least
     }
 
-    /// The middle one of the refits' times in milliseconds, and the last drift.
+    /// The median time of the refits in milliseconds, and the last drift.
     fn typical(&self) -> (f64, f64) {
         let mut times: Vec<f64> = self.refits.iter().map(|&(time, _)| 1e3 * time).collect();
         times.sort_by(f64::total_cmp);

@@ -1,10 +1,11 @@
 //! Refit or rebuild a BVH whose triangles have moved.
 //!
-//! Replacing a BVH is the replacement of a machine whose running costs grow with age. With the cost `B` of a build and the cost
-//! `c_i` of frame `i` after it (a refit, and the extra time of rays through boxes that have grown), the mean cost of a frame is
-//! least if the BVH is replaced at the first frame whose `c_n` exceeds the mean so far, `(B + c_1 + ... + c_(n-1)) / n`, for costs that
-//! never fall with age (Barlow & Hunter 1960). The costs are measured, except for the extra time, which is predicted: a drift of
-//! `d` makes rays through the BVH `d` times as slow, as measured for drifts up to 2.2 (`benches/TRIED.md`).
+//! Let `B` be the cost of a build, and `c_i` that of frame `i` after it: a refit, and the extra time of rays through boxes that have
+//! grown. If these costs never fall, the mean cost of a frame is least if the BVH is rebuilt at the first frame `n` whose `c_n`
+//! exceeds the mean so far, `(B + c_1 + ... + c_(n-1)) / n`: a smaller `c_n` lowers the mean, a greater one raises it.
+//! The costs are measured, except for the extra time, which is predicted: a drift of `d` makes rays through the BVH `d` times as
+//! slow, as measured for drifts up to 2.2 (`benches/TRIED.md`). All time of a frame's rays counts as traversal, so the extra time is
+//! an upper bound.
 
 /// How [`Prepared::update`](crate::Prepared::update) updates BVHs whose triangles have moved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
