@@ -43,7 +43,7 @@ impl BvhCosts {
     /// Adds a build.
     pub(crate) fn rebuilt_in(&mut self, seconds: f64) {
         // Without a refit, the drift after a build is not measured: it is trusted less and less, until one refit tries again.
-        const TRUST: f64 = 0.9;
+        const TRUST: f64 = 0.97;
         let first_drift = 1.0 + TRUST * (self.first_drift - 1.0);
         *self = Self { refit: self.refit, first_drift, ..Self::built_in(seconds) };
     }
