@@ -32,6 +32,9 @@ pub(crate) struct Args {
     /// Time in the first animation of the file [default: rest pose]
     #[arg(long, value_parser = options::number, value_name = "SECONDS", allow_hyphen_values = true)]
     time: Option<f32>,
+    /// Animation of the file, by name or by number from 0 [default: the first]
+    #[arg(long, value_name = "NAME|INDEX", requires = "time")]
+    animation: Option<String>,
     /// Rays in world space: .csv (ox,oy,oz,dx,dy,dz,tmax) or .bin (seven little-endian f32 per ray). tmax is in units of the
     /// direction's length.
     #[arg(long, value_name = "FILE")]
@@ -57,7 +60,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     output::check_distinct(&inputs.named(), &outputs)?;
     let machine = args.run.start()?;
     let rays = rays::read(&args.rays)?;
-    let scene = load::scene(Some(&args.scene), args.time)?;
+    let scene = load::scene(Some(&args.scene), args.time, args.animation.as_deref())?;
     load::check_outputs(Some(&args.scene), &scene, &outputs)?;
     output::probe(&args.hits)?;
     let (answers, seconds) = with_kernel!(args.structure.triangles, trace(&scene, &rays, args, &machine))?;

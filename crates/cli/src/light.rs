@@ -50,7 +50,23 @@ fn environment(text: &str) -> Result<EnvironmentArg, String> {
 impl LightArgs {
     /// Sets the lights of the scene. Returns whether they are the default because neither options nor file have any.
     pub(crate) fn apply(&self, scene: &mut Scene) -> Result<bool> {
-        if self.env.is_none() && self.sun.is_empty() && self.point.is_empty() && self.sphere.is_empty() {
+        scene.environment = self.environment_or(scene.environment.take())?;
+        self.apply_lights(scene)
+    }
+
+    /// The environment of the options, else the one of the scene.
+    pub(crate) fn environment_or(&self, of_scene: Option<Environment>) -> Result<Option<Environment>> {
+        if self.is_empty() { Ok(of_scene) } else { self.environment().map(Some) }
+    }
+
+    /// Whether no light is given.
+    fn is_empty(&self) -> bool {
+        self.env.is_none() && self.sun.is_empty() && self.point.is_empty() && self.sphere.is_empty()
+    }
+
+    /// [`LightArgs::apply`] to a scene that has its environment.
+    pub(crate) fn apply_lights(&self, scene: &mut Scene) -> Result<bool> {
+        if self.is_empty() {
             let emits = scene.materials.iter().any(Material::is_emissive);
             let is_dark = scene.lights.is_empty() && scene.environment.is_none() && !emits;
             if is_dark {
@@ -58,7 +74,6 @@ impl LightArgs {
             }
             return Ok(is_dark);
         }
-        scene.environment = Some(self.environment()?);
         scene.lights.clear();
         for &[x, y, z, r, g, b] in &self.sun {
             if [x, y, z] == [0.0; 3] {

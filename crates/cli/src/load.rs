@@ -48,26 +48,28 @@ fn input_of(scene: &Path) -> String {
     format!("an input of {}", scene.display())
 }
 
-/// Reads a scene, posed at a time of its animation in seconds, or makes the built-in scene. Prints each warning once.
-pub(crate) fn scene(path: Option<&Path>, time: Option<f32>) -> Result<Scene> {
+/// Reads a scene, posed at a time in seconds of an animation given by name or number, or makes the built-in scene. Prints
+/// each warning once.
+pub(crate) fn scene(path: Option<&Path>, time: Option<f32>, animation: Option<&str>) -> Result<Scene> {
     let Some(path) = path else { return Ok(canted_scene::builtin()) };
     let scene = if is_scene_file(path) {
-        check_time(path, time)?;
+        check_time(path, time, animation)?;
         scene_file(path)?.load()
     } else {
-        canted_scene::read_with(path, &ReadOptions { time })
+        canted_scene::read_with(path, &ReadOptions { time, animation: animation.map(str::to_owned) })
     };
     let scene = scene?;
     warn(&scene.warnings);
     Ok(scene)
 }
 
-/// Rejects a time for a scene file, which states the time of each asset.
-pub(crate) fn check_time(scene_file: &Path, time: Option<f32>) -> Result<()> {
-    match time {
+/// Rejects a time and an animation for a scene file, which states them for each asset.
+pub(crate) fn check_time(scene_file: &Path, time: Option<f32>, animation: Option<&str>) -> Result<()> {
+    let given = [("time", time.is_some()), ("animation", animation.is_some())];
+    match given.into_iter().find(|&(_, is_given)| is_given) {
         None => Ok(()),
-        Some(_) => Err(anyhow!(
-            "{}: --time requires a glTF file; in a scene file, set `time` in [[assets]]",
+        Some((option, _)) => Err(anyhow!(
+            "{}: --{option} requires a glTF file; in a scene file, set `{option}` in [[assets]]",
             scene_file.display()
         )),
     }

@@ -44,13 +44,16 @@ pub(crate) fn run(args: &Args, matches: &ArgMatches) -> Result<()> {
     options::use_threads(None)?;
     let mut file = match args.scene.as_deref() {
         Some(scene) if load::is_scene_file(scene) => {
-            load::check_time(scene, args.time)?;
+            load::check_time(scene, args.time, args.animation.as_deref())?;
             load::scene_file(scene)?.moved_to(path)?
         }
         scene => SceneFile::for_scene(scene, path)?,
     };
     if let Some(time) = args.time {
         file = file.with_time(time);
+    }
+    if let Some(animation) = &args.animation {
+        file = file.with_animation(animation);
     }
     if let Some((image, scale, turn_degrees)) = args.light.environment_file() {
         file = file.with_environment(image, scale, turn_degrees)?;

@@ -20,7 +20,7 @@ use clap::{
 use crate::{load, output, render};
 
 /// Options about a run: its files, devices and reports.
-const RUN_OPTIONS: [&str; 11] = [
+const RUN_OPTIONS: [&str; 16] = [
     "scene",
     "output",
     "samples",
@@ -32,10 +32,15 @@ const RUN_OPTIONS: [&str; 11] = [
     "device",
     "threads",
     "json",
+    "frames",
+    "fps",
+    "turntable",
+    "resume",
+    "update",
 ];
 
 /// Options that have their own table in a scene file.
-const OPTIONS_WITH_TABLE: [(&str, &str); 13] = [
+const OPTIONS_WITH_TABLE: [(&str, &str); 14] = [
     ("eye", "[camera]"),
     ("target", "[camera]"),
     ("up", "[camera]"),
@@ -49,6 +54,7 @@ const OPTIONS_WITH_TABLE: [(&str, &str); 13] = [
     ("point", "[[lights]]"),
     ("sphere", "[[lights]]"),
     ("time", "[[assets]]"),
+    ("animation", "[[assets]]"),
 ];
 
 /// Options without effect on a heat map, which shows camera rays through the center of the lens.

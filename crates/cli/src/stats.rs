@@ -4,6 +4,7 @@
 mod binary;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod motion;
 mod tables;
 mod wide;
 mod wide_tables;
@@ -33,6 +34,9 @@ pub(crate) struct Args {
     /// Time in the first animation of the file [default: rest pose]
     #[arg(long, value_parser = options::number, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]
     time: Option<f32>,
+    /// Animation of the file, by name or by number from 0 [default: the first]
+    #[arg(long, value_name = "NAME|INDEX", requires = "time")]
+    animation: Option<String>,
     /// Presets of the wide BVH to build, separated by commas. `quality` takes longest.
     #[arg(long, value_delimiter = ',', default_value = "balanced", value_parser = one_of(&PRESETS), value_name = "PRESETS")]
     presets: Vec<Preset>,
@@ -46,7 +50,7 @@ const DEVICE: &str = "Device whose build times and buffers are included: auto (a
 /// Builds the scene with every strategy and with presets, in one level and in two, and prints the tables.
 pub(crate) fn run(args: &Args) -> Result<()> {
     let machine = args.run.start()?;
-    let mut scene = load::scene(args.scene.as_deref(), args.time)?;
+    let mut scene = load::scene(args.scene.as_deref(), args.time, args.animation.as_deref())?;
     // Adds the default light, as `canted render` does.
     options::defaults::<LightArgs>().apply(&mut scene)?;
     let name = load::name(args.scene.as_deref());
@@ -61,11 +65,12 @@ fn report<'a>(name: &'a str, scene: &'a Scene, args: &Args, machine: &Machine) -
     let config = options::defaults::<StructureArgs>().config(scene);
     let prepared = prepare::<Watertight>(scene, &config)?;
     let not_needed = not_needed::json(&prepared.unused, false);
+    let motion = motion::measure(args.scene.as_deref(), args.time, args.animation.as_deref(), &config)?;
     #[cfg(feature = "gpu")]
     let gpu = gpu::measure(machine, scene, &prepared.structure)?;
     #[cfg(not(feature = "gpu"))]
     let gpu = None;
-    Ok(tables::Report { name, scene, binary, wide, not_needed, gpu })
+    Ok(tables::Report { name, scene, binary, wide, not_needed, motion, gpu })
 }
 
 /// The scale from a mesh to the world, by its first instance.

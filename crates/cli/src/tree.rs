@@ -34,7 +34,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let inputs = load::Inputs::of(Some(&args.scene))?;
     let outputs: [Named; 2] = [("--codes", &args.codes), ("--nodes", &args.nodes)];
     output::check_distinct(&inputs.named(), &outputs)?;
-    let scene = load::scene(Some(&args.scene), None)?;
+    let scene = load::scene(Some(&args.scene), None, None)?;
     load::check_outputs(Some(&args.scene), &scene, &outputs)?;
     output::probe(&args.codes)?;
     output::probe(&args.nodes)?;

@@ -6,7 +6,7 @@ use canted_obb::{Aabb, Obb};
 use canted_sah::TopDownConfig;
 use canted_tlas::{Blas, TopConfig};
 use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray};
-use canted_wide::{Config, LaneKernel, MAX_TRIANGLES, Preset, TriangleBvh};
+use canted_wide::{Config, LaneKernel, MAX_TRIANGLES, Preset, RefitError, TriangleBvh};
 
 use crate::PrepareError;
 
@@ -152,6 +152,24 @@ impl<K: LaneKernel> Bvh<K> {
         match self {
             Self::Wide(wide) => wide.n_bytes(),
             Self::Binary(binary, _) => binary.n_bytes(),
+        }
+    }
+
+    /// Updates the boxes to new vertices of the same triangles; returns the drift, or `None` where this kind of BVH cannot be
+    /// refitted.
+    pub(crate) fn refit(
+        &mut self,
+        positions: &[[f32; 3]],
+        triangles: &[[u32; 3]],
+    ) -> Result<Option<f32>, PrepareError> {
+        match self {
+            Self::Wide(wide) => match wide.refit(positions, triangles) {
+                Ok(refit) => Ok(Some(refit.drift)),
+                Err(RefitError::Geometry(error)) => Err(error.into()),
+                // The caller then builds a BVH over the new number of triangles.
+                Err(_) => Ok(None),
+            },
+            Self::Binary(..) => Ok(None),
         }
     }
 

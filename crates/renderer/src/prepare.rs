@@ -6,6 +6,7 @@ use canted_wide::LaneKernel;
 
 use crate::accel::{Accel, Bvh};
 use crate::structure::{Capacity, Structure};
+use crate::update::History;
 use crate::{PrepareError, light};
 
 /// How many levels of BVHs a scene gets.
@@ -44,8 +45,10 @@ pub struct Prepared<K: LaneKernel> {
     pub structure: Structure<K>,
     /// What the scene does not need.
     pub unused: Vec<UnusedFeature>,
-    /// Time to build all levels.
+    /// Time to build all levels, or of the last update.
     pub build_time: Duration,
+    /// For [`Prepared::update`].
+    pub(crate) history: History,
 }
 
 /// Triangles in world space for each one in a mesh up to which one level is faster and its memory acceptable.
@@ -60,13 +63,29 @@ pub fn prepare<K: LaneKernel>(scene: &Scene, config: &StructureConfig) -> Result
 }
 
 /// [`prepare`] with the capacity of one BVH.
-#[expect(clippy::cast_precision_loss, reason = "the counts are compared coarsely")]
 fn prepare_in<K: LaneKernel>(
     capacity: Capacity,
     scene: &Scene,
     config: &StructureConfig,
 ) -> Result<Prepared<K>, PrepareError> {
     let start = Instant::now();
+    let one = has_one_level_in(capacity, scene, config)?;
+    let structure = if one { Structure::one(scene, &config.accel)? } else { Structure::two(scene, &config.accel)? };
+    let unused = unused_features(&structure, scene, config);
+    let build_time = start.elapsed();
+    Ok(Prepared { structure, unused, build_time, history: History::new(scene, config, one, build_time) })
+}
+
+/// Whether [`prepare`] gives a scene one level.
+///
+/// # Errors
+/// One level was requested, and the scene exceeds what one BVH can index.
+pub(crate) fn has_one_level(scene: &Scene, config: &StructureConfig) -> Result<bool, PrepareError> {
+    has_one_level_in(Capacity { n_triangles: config.accel.max_triangles(), ..Capacity::MAX }, scene, config)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "the counts are compared coarsely")]
+fn has_one_level_in(capacity: Capacity, scene: &Scene, config: &StructureConfig) -> Result<bool, PrepareError> {
     let n_triangles = scene.n_placed_triangles();
     let fits = capacity.check(scene);
     let one = match config.levels {
@@ -79,18 +98,26 @@ fn prepare_in<K: LaneKernel>(
     if one {
         fits?;
     }
-    let structure = if one { Structure::one(scene, &config.accel)? } else { Structure::two(scene, &config.accel)? };
+    Ok(one)
+}
+
+/// Features that `scene` does not need in this structure.
+pub(crate) fn unused_features<K: LaneKernel>(
+    structure: &Structure<K>,
+    scene: &Scene,
+    config: &StructureConfig,
+) -> Vec<UnusedFeature> {
     let aligned = match config.accel {
         Accel::Binary { strategy: Strategy::Aabb, .. } => Some("axis-aligned boxes were requested"),
         _ if structure.bottom().iter().any(Bvh::has_oriented_nodes) => None,
         _ => Some("no gain in predicted cost"),
     };
     let one_level = match config.levels {
-        _ if !one => None,
+        _ if !matches!(structure, Structure::One(_)) => None,
         Levels::One => Some("one level was requested"),
         _ => Some("few meshes have several instances"),
     };
-    Ok(Prepared { structure, unused: unused(scene, one_level, aligned), build_time: start.elapsed() })
+    unused(scene, one_level, aligned)
 }
 
 /// Features that `scene` does not need; the reasons why it has one level and aligned nodes only, if so.

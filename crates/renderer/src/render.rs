@@ -67,8 +67,22 @@ pub fn resume<T: Tracer>(
     done: Vec<Tile>,
     monitor: &Monitor,
 ) -> Result<Film, RenderError> {
-    let surfaces = Surfaces::with_lod(scene, settings.lod);
-    let rendering = Rendering::new(scene, tracer, &surfaces, camera, settings)?;
+    resume_with(&Surfaces::with_lod(scene, settings.lod), tracer, camera, settings, done, monitor)
+}
+
+/// [`resume`] with prepared surfaces, whose [`Lod`](crate::Lod) must be that of the settings.
+///
+/// # Errors
+/// Those of [`resume`].
+pub fn resume_with<T: Tracer>(
+    surfaces: &Surfaces,
+    tracer: &T,
+    camera: &Camera,
+    settings: &Settings,
+    done: Vec<Tile>,
+    monitor: &Monitor,
+) -> Result<Film, RenderError> {
+    let rendering = Rendering::new(surfaces.scene(), tracer, surfaces, camera, settings)?;
     let schedule = Schedule::new(settings.tiling(), done, monitor)?;
     rendering.with_tiles(|tiles| {
         rayon::in_place_scope(|scope| schedule.spawn_cpu_workers(scope, tiles));

@@ -21,9 +21,9 @@ pub enum Structure<K: LaneKernel> {
 
 /// One BVH over the triangles of all instances, in world space.
 pub struct Flat<K: LaneKernel> {
-    bvh: Bvh<K>,
+    pub(crate) bvh: Bvh<K>,
     /// Index of the first triangle of each instance.
-    first: Vec<u32>,
+    pub(crate) first: Vec<u32>,
 }
 
 impl<K: LaneKernel> Flat<K> {

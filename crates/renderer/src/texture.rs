@@ -10,8 +10,12 @@ mod footprint;
 mod lookup;
 mod mip_map;
 
+use std::sync::Arc;
+
 use canted_scene::{Material, Scene, Texture, TextureId, TextureRef};
 use rayon::prelude::*;
+
+use mip_map::Reduced;
 
 pub use cone::Cone;
 pub(crate) use footprint::{Footprint, Plane};
@@ -58,9 +62,33 @@ impl<'a> Textures<'a> {
         Self { mip_maps: scene.textures.par_iter().zip(&uses).map(mip_map).collect() }
     }
 
+    /// As [`Textures::new`] with the mip levels of another frame; builds them where they are not those of such textures.
+    pub(crate) fn with_mip_maps(scene: &'a Scene, lod: Lod, known: &MipMaps) -> Self {
+        let sizes = scene.textures.iter().map(|texture| [texture.width, texture.height]);
+        if lod != known.lod || !sizes.eq(known.levels.iter().map(|(size, _)| *size)) {
+            return Self::new(scene, lod);
+        }
+        let levels = known.levels.iter().map(|(_, levels)| levels);
+        Self { mip_maps: scene.textures.iter().zip(levels).map(|(t, levels)| MipMap::with_levels(t, levels)).collect() }
+    }
+
+    /// The mip levels.
+    pub(crate) fn mip_maps(&self, lod: Lod) -> MipMaps {
+        let of_one = |mip_map: &MipMap| (mip_map.level(0).size, Arc::clone(mip_map.shared_levels()));
+        MipMaps { lod, levels: self.mip_maps.iter().map(of_one).collect() }
+    }
+
     pub(crate) fn get(&self, id: TextureId) -> &MipMap<'a> {
         &self.mip_maps[id.0 as usize]
     }
+}
+
+/// Mip levels of the textures of a scene, for later frames of the same scene.
+#[derive(Clone, Debug)]
+pub struct MipMaps {
+    lod: Lod,
+    /// Size of each texture, and its levels above 0.
+    levels: Vec<([u32; 2], Arc<Vec<Reduced>>)>,
 }
 
 /// How materials use a texture.

@@ -74,7 +74,7 @@ pub use file::{
 pub use light::Light;
 pub use material::{AlphaMode, Material, MaterialId};
 pub use mesh::{Instance, Mesh, MeshId, Part};
-pub use read::{ReadError, ReadOptions, declared_exr_samples, read, read_environment, read_with};
+pub use read::{AnimatedScene, ReadError, ReadOptions, declared_exr_samples, read, read_environment, read_with};
 pub use scene::Scene;
 pub use stats::SceneStats;
 pub use texture::{Encoding, Texture, TextureId, TextureRef, UvSet, UvTransform, Wrap};

@@ -1,5 +1,6 @@
 //! Readers for OBJ, PLY, glTF and environment maps.
 
+mod animated;
 mod environment;
 mod error;
 mod exr;
@@ -21,17 +22,21 @@ use std::path::Path;
 use crate::Scene;
 
 pub use self::exr::declared_exr_samples;
+pub use animated::AnimatedScene;
 pub use environment::read_environment;
 pub use error::ReadError;
 pub(crate) use image::decode;
 pub(crate) use text::quoted;
 
 /// Options of [`read_with`].
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadOptions {
-    /// Time in seconds at which the file's first animation poses the scene; `None` for the default pose. Times outside the
-    /// animation are clamped to it. Other animations are ignored with a warning, as they are usually alternatives.
+    /// Time in seconds at which an animation of the file poses the scene; `None` for the default pose. Times outside the
+    /// animation are clamped to it.
     pub time: Option<f32>,
+    /// Name of the animation, or its number from 0 where no animation has that name. `None` for the first animation; others
+    /// are then ignored with a warning, as they are usually alternatives.
+    pub animation: Option<String>,
 }
 
 /// Reads an OBJ (with MTL), PLY, glTF or GLB file with the buffers and images it references.
@@ -51,16 +56,25 @@ pub fn read(path: &Path) -> Result<Scene, ReadError> {
 /// # Errors
 /// As [`read`].
 pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError> {
-    let format = format_of(path)?;
-    let mut scene = match format {
-        Format::Obj => obj::parse(path, &read_file(path)?)?,
-        Format::Ply => ply::parse(path, &read_file(path)?)?,
-        Format::Gltf => return gltf::read(path, options),
-    };
-    if let Some(time) = options.time {
-        scene.warnings.push(format!("ignoring time {time}: {format:?} files have no animation"));
+    match format_of(path)? {
+        Format::Gltf => gltf::read(path, options),
+        format => {
+            let mut scene = read_static(path, &format, options)?;
+            if let Some(time) = options.time {
+                scene.warnings.push(format!("ignoring time {time}: {format:?} files have no animation"));
+            }
+            Ok(scene)
+        }
     }
-    Ok(scene)
+}
+
+/// Reads a file of a format without animations.
+fn read_static(path: &Path, format: &Format, options: &ReadOptions) -> Result<Scene, ReadError> {
+    if let Some(wanted) = &options.animation {
+        return Err(ReadError::UnknownAnimation { path: path.to_owned(), wanted: wanted.clone(), known: Vec::new() });
+    }
+    let parse = if matches!(format, Format::Obj) { obj::parse } else { ply::parse };
+    parse(path, &read_file(path)?)
 }
 
 #[derive(Debug)]

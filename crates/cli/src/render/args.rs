@@ -9,6 +9,7 @@ use canted_scene::{Camera, Scene};
 
 use super::{
     camera::{self, CameraArgs},
+    frames::FrameArgs,
     samples::SampleArgs,
 };
 use crate::{
@@ -24,9 +25,12 @@ use crate::{
 pub(crate) struct Args {
     /// Scene: OBJ, PLY, glTF, GLB, or a scene file (.toml) [default: the built-in scene]
     pub(crate) scene: Option<PathBuf>,
-    /// Time in the first animation of the file [default: rest pose]
+    /// Time in the animation of the file [default: rest pose]
     #[arg(long, value_parser = options::number, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]
     pub(crate) time: Option<f32>,
+    /// Animation of the file, by name or by number from 0 [default: the first]
+    #[arg(long, requires = "scene", value_name = "NAME|INDEX")]
+    pub(crate) animation: Option<String>,
     /// Output image: .png (sRGB) or .exr (linear).
     #[arg(short, long, default_value = "canted.png", value_name = "FILE")]
     pub(crate) output: PathBuf,
@@ -41,6 +45,8 @@ pub(crate) struct Args {
     pub(super) heatmap_scale: u32,
     #[command(flatten)]
     pub(super) run: RunArgs,
+    #[command(flatten)]
+    pub(super) sequence: FrameArgs,
     #[command(flatten)]
     pub(super) samples: SampleArgs,
     /// Random seed.

@@ -16,7 +16,7 @@ use crate::{memory, not_needed, options::strategy_name, output};
 pub(super) type Fact = (&'static str, Value);
 
 /// Facts about the scene and its acceleration structure.
-pub(super) fn of_structure<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>, load_time: Duration) -> Vec<Fact> {
+pub(super) fn of_structure<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>) -> Vec<Fact> {
     let bvhs = prepared.structure.bottom();
     let mut facts = vec![
         ("meshes", json!(scene.meshes.len())),
@@ -26,7 +26,6 @@ pub(super) fn of_structure<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>,
         ("levels", json!(if matches!(prepared.structure, Structure::Two(_)) { 2 } else { 1 })),
         ("volumes", json!(volumes_of(bvhs))),
         ("structure_bytes", json!(prepared.structure.n_bytes())),
-        ("load_seconds", json!(load_time.as_secs_f64())),
         ("build_seconds", json!(prepared.build_time.as_secs_f64())),
     ];
     if bvhs.iter().any(|bvh| matches!(bvh, Bvh::Wide(_))) {
@@ -56,6 +55,32 @@ pub(super) fn of_film(film: &Film, settings: &Settings, time: Duration) -> Vec<F
         facts.push(("mean_samples_per_pixel", json!(n_samples / n_pixels)));
     }
     facts
+}
+
+/// Facts that are sums over frames.
+const SUMS: [&str; 6] = ["load_seconds", "build_seconds", "trace_seconds", "rays", "dropped_samples", "gpu_tiles"];
+
+/// The facts of a sequence of frames and of one more: sums, or the values of the last frame.
+pub(super) fn sum(mut all: Vec<Fact>, frame: Vec<Fact>) -> Vec<Fact> {
+    for (key, value) in frame {
+        match all.iter_mut().find(|(known, _)| *known == key) {
+            Some((_, old)) if SUMS.contains(&key) => {
+                *old = match (old.as_u64(), value.as_u64()) {
+                    (Some(a), Some(b)) => json!(a + b),
+                    _ => json!(old.as_f64().unwrap_or(0.0) + value.as_f64().unwrap_or(0.0)),
+                };
+            }
+            Some((_, old)) => *old = value,
+            None => all.push((key, value)),
+        }
+    }
+    let number = |key: &str| all.iter().find(|(known, _)| *known == key).and_then(|(_, value)| value.as_f64());
+    if let (Some(rays), Some(seconds)) = (number("rays"), number("trace_seconds"))
+        && let Some((_, rate)) = all.iter_mut().find(|(key, _)| *key == "rays_per_second")
+    {
+        *rate = json!(rays / seconds);
+    }
+    all
 }
 
 /// The warning about samples that are not finite: their number, and the first pixel by column and row from the top left.

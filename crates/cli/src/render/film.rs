@@ -4,8 +4,8 @@ use std::sync::{Mutex, PoisonError};
 
 use anyhow::Result;
 use canted_film::{Film, Partial, Record, Tile, write_film};
-use canted_renderer::{Monitor, RenderError, Settings, Structure, resume};
-use canted_scene::{Camera, Scene};
+use canted_renderer::{Monitor, RenderError, Settings, Structure, Surfaces, resume_with};
+use canted_scene::Camera;
 use canted_wide::LaneKernel;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
@@ -24,7 +24,7 @@ pub(super) trait FilmRenderer {
 
 /// Renders on the CPU.
 pub(super) struct CpuRenderer<'a, K: LaneKernel> {
-    pub(super) scene: &'a Scene,
+    pub(super) surfaces: &'a Surfaces<'a>,
     pub(super) structure: &'a Structure<K>,
     pub(super) camera: &'a Camera,
     pub(super) settings: &'a Settings,
@@ -36,14 +36,14 @@ impl<K: LaneKernel> FilmRenderer for CpuRenderer<'_, K> {
     }
 
     fn render(&self, done: Vec<Tile>, monitor: &Monitor, _: &mut Vec<Fact>) -> Result<Film> {
-        Ok(resume(self.scene, self.structure, self.camera, self.settings, done, monitor)?)
+        Ok(resume_with(self.surfaces, self.structure, self.camera, self.settings, done, monitor)?)
     }
 }
 
 /// Renders the tiles that are not in `done`, with a progress bar.
 ///
 /// After Ctrl-C or a failure, the finished tiles are written to the checkpoint if there is one; else to the output file,
-/// except for parts, which must be complete to be merged.
+/// except for parts, which must be complete to be merged, and frames, which a later run makes.
 pub(super) fn render(
     renderer: &dyn FilmRenderer,
     args: &Args,
@@ -54,14 +54,16 @@ pub(super) fn render(
     let mut facts = vec![("device", json!(renderer.device()))];
     // indicatif hides the bar if standard error is not a terminal.
     let bar = ProgressBar::new(0);
-    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {elapsed} of about {duration}") {
+    if let Ok(style) = ProgressStyle::with_template("{prefix}{bar:40} {percent:>3} %  {elapsed} of about {duration}") {
         bar.set_style(style);
     }
+    bar.set_prefix(args.sequence.label.clone());
     let progress = |done: usize, all: usize| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
     };
-    let keeps_partial = settings.part.is_none() && checkpoint.is_none();
+    // A frame with black tiles would look whole to `--resume`.
+    let keeps_partial = settings.part.is_none() && checkpoint.is_none() && args.sequence.frames.is_none();
     let partial = keeps_partial.then(|| Mutex::new(Partial::new(settings.tiling())));
     let add = |tile: &Tile| {
         if let Some(partial) = &partial {
@@ -119,7 +121,7 @@ mod tests {
 
     use anyhow::anyhow;
     use canted_film::read_picture;
-    use canted_renderer::{Prepared, StructureConfig, frame, prepare};
+    use canted_renderer::{Prepared, StructureConfig, frame, prepare, resume};
     use canted_trace::Watertight;
 
     use super::*;

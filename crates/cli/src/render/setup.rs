@@ -22,12 +22,22 @@ pub(crate) fn setup<K: LaneKernel>(scene: &mut Scene, args: &Args, has_default_l
     let prepared: Prepared<K> =
         prepare(scene, &args.structure.config(scene)).map_err(|error| anyhow!("{name}: {error}"))?;
     let camera = args.camera.camera(scene, &prepared, args.size)?;
-    let settings = args.settings()?;
-    let mut default_light = None;
-    if has_default_light && args.heatmap.is_none() {
-        let strength = exposure::default_light_strength(scene, &prepared, &camera, &settings)?;
-        light::set_default(scene, strength);
-        default_light = Some(strength);
-    }
+    let default_light = scale_default_light(scene, &prepared, &camera, args, has_default_light)?;
     Ok(Setup { prepared, camera, default_light })
+}
+
+/// Scales the default light, if the scene has no other. Returns its strength.
+pub(super) fn scale_default_light<K: LaneKernel>(
+    scene: &mut Scene,
+    prepared: &Prepared<K>,
+    camera: &Camera,
+    args: &Args,
+    has_default_light: bool,
+) -> Result<Option<f32>> {
+    if !has_default_light || args.heatmap.is_some() {
+        return Ok(None);
+    }
+    let strength = exposure::default_light_strength(scene, prepared, camera, &args.settings()?)?;
+    light::set_default(scene, strength);
+    Ok(Some(strength))
 }

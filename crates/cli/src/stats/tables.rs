@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::{
     binary::{BinaryStats, Level, Passes, Row},
+    motion::Motion,
     wide::WideStats,
     wide_tables,
 };
@@ -20,6 +21,8 @@ pub(super) struct Report<'a> {
     pub(super) binary: BinaryStats,
     pub(super) wide: WideStats,
     pub(super) not_needed: Value,
+    /// Updates between frames of an animated file.
+    pub(super) motion: Option<Motion>,
     /// Measurements on a GPU as JSON and as tables.
     pub(super) gpu: Option<(Value, String)>,
 }
@@ -27,7 +30,7 @@ pub(super) struct Report<'a> {
 impl Report<'_> {
     /// One JSON object.
     pub(super) fn json(&self) -> String {
-        let Self { name, scene, binary, wide, not_needed, gpu } = self;
+        let Self { name, scene, binary, wide, not_needed, motion, gpu } = self;
         let mut all = json!({
             "scene": name,
             "meshes": scene.meshes.len(),
@@ -40,6 +43,9 @@ impl Report<'_> {
             "wide": wide_tables::json(wide),
             "not_needed": not_needed,
         });
+        if let Some(motion) = motion {
+            all["motion"] = motion.json();
+        }
         if let Some((gpu, _)) = gpu {
             all["device"] = gpu.clone();
         }
@@ -48,7 +54,7 @@ impl Report<'_> {
 
     /// Tables.
     pub(super) fn text(&self) -> String {
-        let Self { name, scene, binary, wide, not_needed, gpu } = self;
+        let Self { name, scene, binary, wide, not_needed, motion, gpu } = self;
         let mut out = String::new();
         // Writing to a String cannot fail.
         let _ = writeln!(
@@ -66,6 +72,9 @@ impl Report<'_> {
         wide_tables::text(&mut out, wide);
         passes(&mut out, binary);
         let _ = writeln!(out, "\nNot needed to render the scene: {}", not_needed::text(not_needed));
+        if let Some(motion) = motion {
+            out.push_str(&motion.text());
+        }
         if let Some((_, gpu)) = gpu {
             out.push_str(gpu);
         }

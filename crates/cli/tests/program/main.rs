@@ -7,6 +7,7 @@ mod checkpoint;
 mod compare;
 mod devices;
 mod environment;
+mod frames;
 mod gpu;
 mod inputs;
 #[cfg(unix)]

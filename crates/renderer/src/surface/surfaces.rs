@@ -8,7 +8,7 @@ use super::shading_normal::{facing, shading_normal};
 use super::texture_lookup::TextureLookup;
 use crate::placement::Placement;
 use crate::query::alpha_threshold;
-use crate::texture::{Plane, Textures, filtered_textures};
+use crate::texture::{MipMaps, Plane, Textures, filtered_textures};
 use crate::vector::{Vector, dot, length, scale, unit, wide};
 use crate::{Bsdf, Cone, Lod};
 
@@ -35,6 +35,22 @@ impl<'a> Surfaces<'a> {
     /// Prepares all instances and textures of `scene`, in the current thread pool.
     #[must_use]
     pub fn with_lod(scene: &'a Scene, lod: Lod) -> Self {
+        Self::with_textures(scene, lod, Textures::new(scene, lod))
+    }
+
+    /// As [`Surfaces::with_lod`], with the mip maps of an earlier frame of the same textures and materials.
+    #[must_use]
+    pub fn with_mip_maps(scene: &'a Scene, lod: Lod, known: &MipMaps) -> Self {
+        Self::with_textures(scene, lod, Textures::with_mip_maps(scene, lod, known))
+    }
+
+    /// The mip maps, for later frames.
+    #[must_use]
+    pub fn mip_maps(&self) -> MipMaps {
+        self.textures.mip_maps(self.lod)
+    }
+
+    fn with_textures(scene: &'a Scene, lod: Lod, textures: Textures<'a>) -> Self {
         let max_coordinates: Vec<f32> = scene.meshes.iter().map(max_coordinate).collect();
         let placements = scene
             .instances
@@ -51,7 +67,7 @@ impl<'a> Surfaces<'a> {
             .map(|instance| &scene.meshes[instance.mesh.0 as usize])
             .map(|mesh| mesh.parts.iter().any(|part| scene.materials[part.material.0 as usize].uses_alpha()))
             .collect();
-        Self { scene, placements, textures: Textures::new(scene, lod), lod, is_textured, uses_alpha }
+        Self { scene, placements, textures, lod, is_textured, uses_alpha }
     }
 
     /// The scene.

@@ -1,4 +1,4 @@
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 use canted_film::srgb;
 use canted_scene::{Encoding, Texture};
@@ -24,12 +24,12 @@ pub(crate) struct MipMap<'a> {
     pub(super) colors: &'static [f32; 256],
     /// Decodes bytes of alpha.
     pub(super) fractions: &'static [f32; 256],
-    reduced: Vec<Reduced>,
+    reduced: Arc<Vec<Reduced>>,
 }
 
 /// A mip level above 0.
 #[derive(Clone, Debug)]
-struct Reduced {
+pub(super) struct Reduced {
     size: [u32; 2],
     texels: Vec<[u8; 4]>,
 }
@@ -48,7 +48,7 @@ impl<'a> MipMap<'a> {
             Encoding::Srgb => srgb::linear(),
             Encoding::Linear => &*FRACTION,
         };
-        Self { texture, colors, fractions: &FRACTION, reduced: Vec::new() }
+        Self { texture, colors, fractions: &FRACTION, reduced: Arc::default() }
     }
 
     /// A texture with all mip levels; with `uses_alpha`, colors are weighted by alpha.
@@ -58,7 +58,7 @@ impl<'a> MipMap<'a> {
             return mip_map;
         }
         let mut size = [texture.width, texture.height];
-        let mut means: Vec<[f32; 4]> = Vec::new();
+        let (mut means, mut levels): (Vec<[f32; 4]>, _) = (Vec::new(), Vec::new());
         while size != [1, 1] {
             let (from, halved) = (size, size.map(|n| (n / 2).max(1)));
             means = if means.is_empty() {
@@ -68,9 +68,20 @@ impl<'a> MipMap<'a> {
             };
             size = halved;
             let texels = means.par_iter().with_min_len(1024).map(|&mean| mip_map.encoded(mean)).collect();
-            mip_map.reduced.push(Reduced { size, texels });
+            levels.push(Reduced { size, texels });
         }
+        mip_map.reduced = Arc::new(levels);
         mip_map
+    }
+
+    /// A texture with the mip levels that [`MipMap::shared_levels`] gave for it.
+    pub(super) fn with_levels(texture: &'a Texture, levels: &Arc<Vec<Reduced>>) -> Self {
+        Self { reduced: Arc::clone(levels), ..Self::flat(texture) }
+    }
+
+    /// The levels above 0.
+    pub(super) fn shared_levels(&self) -> &Arc<Vec<Reduced>> {
+        &self.reduced
     }
 
     /// Number of levels, including level 0.
@@ -219,7 +230,7 @@ mod tests {
     fn test_detects_level_that_is_too_bright() {
         let texture = texture(16, 16, Encoding::Linear, noise);
         let mut mip_map = MipMap::new(&texture, false);
-        for texel in &mut mip_map.reduced[1].texels {
+        for texel in &mut Arc::make_mut(&mut mip_map.reduced)[1].texels {
             texel[0] = texel[0].saturating_add(3);
         }
         assert_eq!(first_changed_level(&mip_map), Some(2));

@@ -23,3 +23,4 @@ mod sampler;
 mod sampling;
 mod surface;
 mod texture;
+mod update;

@@ -48,8 +48,11 @@ impl<'a> Assembly<'a> {
         if is_placed {
             let own = match &asset.source {
                 AssetSource::Builtin => builtin(),
-                AssetSource::File(file) => read_with(&self.file.resolve(file), &ReadOptions { time: asset.time })
-                    .map_err(|error| self.file.error_of(asset.line, "'file' in [[assets]]", error))?,
+                AssetSource::File(file) => {
+                    let options = ReadOptions { time: asset.time, animation: asset.animation.clone() };
+                    read_with(&self.file.resolve(file), &options)
+                        .map_err(|error| self.file.error_of(asset.line, "'file' in [[assets]]", error))?
+                }
             };
             self.append(asset, own)?;
         } else {

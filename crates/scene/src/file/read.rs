@@ -121,7 +121,7 @@ fn list<T>(
 }
 
 fn asset(table: Table<'_>) -> Result<Asset, ReadError> {
-    table.check_keys(&["name", "file", "builtin", "time", "material"])?;
+    table.check_keys(&["name", "file", "builtin", "time", "animation", "material"])?;
     let name = table.required("name", table.text("name")?)?.to_owned();
     let source = match (table.file("file")?, table.flag("builtin")?.unwrap_or(false)) {
         (Some(file), false) => AssetSource::File(file.to_owned()),
@@ -130,7 +130,8 @@ fn asset(table: Table<'_>) -> Result<Asset, ReadError> {
         (None, false) => table.required("file", None)?,
     };
     let time = table.number("time", Bounds::Finite)?;
-    Ok(Asset { name, source, time, material: table.text("material")?.map(str::to_owned), line: table.line() })
+    let [animation, material] = [table.text("animation")?, table.text("material")?].map(|text| text.map(str::to_owned));
+    Ok(Asset { name, source, time, animation, material, line: table.line() })
 }
 
 fn instance(table: Table<'_>) -> Result<AssetInstance, ReadError> {

@@ -74,6 +74,9 @@ fn write_asset(asset: &Asset, out: &mut TomlWriter) {
     if let Some(time) = asset.time {
         out.entry("time", &number(time), "animation time in seconds");
     }
+    if let Some(animation) = &asset.animation {
+        out.entry("animation", &quoted(animation), "name or number of the animation");
+    }
     if let Some(material) = &asset.material {
         out.entry("material", &quoted(material), "replaces all materials of the asset");
     }

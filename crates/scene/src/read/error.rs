@@ -36,6 +36,26 @@ pub enum ReadError {
         /// Name of the feature.
         feature: String,
     },
+    /// The file has no animation of this name or number.
+    UnknownAnimation {
+        /// The file.
+        path: PathBuf,
+        /// The name or number.
+        wanted: String,
+        /// Number and name of each animation that the file has.
+        known: Vec<String>,
+    },
+    /// A pose makes a vertex infinite or NaN.
+    VertexNotFinite {
+        /// The file.
+        path: PathBuf,
+        /// Number and name of the mesh.
+        mesh: String,
+        /// The vertex within the mesh: `primitive 0 vertex 12`.
+        vertex: String,
+        /// Its position.
+        position: [f32; 3],
+    },
     /// The file contains nothing to draw.
     Empty {
         /// The file.
@@ -74,6 +94,8 @@ impl ReadError {
             | Self::UnknownFormat { path }
             | Self::Malformed { path, .. }
             | Self::Unsupported { path, .. }
+            | Self::UnknownAnimation { path, .. }
+            | Self::VertexNotFinite { path, .. }
             | Self::Empty { path, .. } => path,
         }
     }
@@ -87,6 +109,15 @@ impl fmt::Display for ReadError {
             Self::UnknownFormat { .. } => format!("{file}: unsupported scene format; use OBJ, PLY, glTF or GLB"),
             Self::Malformed { location, message, .. } => format!("{file}: {location}: {message}"),
             Self::Unsupported { feature, .. } => format!("{file}: {feature} is not supported"),
+            Self::UnknownAnimation { wanted, known, .. } if known.is_empty() => {
+                format!("{file}: unknown animation '{wanted}': the file has no animation")
+            }
+            Self::UnknownAnimation { wanted, known, .. } => {
+                format!("{file}: unknown animation '{wanted}'; the file has {}", known.join(", "))
+            }
+            Self::VertexNotFinite { mesh, vertex, position: [x, y, z], .. } => {
+                format!("{file}: {mesh}: {vertex} is not finite: {x}, {y}, {z}")
+            }
             Self::Empty { reason, .. } => format!("{file}: nothing to draw: {reason}"),
         };
         f.write_str(&printable(&sentence))

@@ -47,8 +47,8 @@ impl Folder {
     }
 
     /// Canonical paths of all files resolved so far, each once.
-    pub(crate) fn into_found(self) -> Vec<PathBuf> {
-        self.found.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter().collect()
+    pub(crate) fn found(&self) -> Vec<PathBuf> {
+        self.found.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
     }
 
     /// Reads the file `name`.
@@ -99,11 +99,7 @@ mod tests {
         }
         assert_eq!(folder.read("sub\\deep.png").unwrap(), b"scene/sub/deep.png");
         let root = folder.root.clone();
-        assert_eq!(
-            folder.into_found(),
-            ["in.png", "sub/deep.png"].map(|name| root.join(name)),
-            "each file is listed once"
-        );
+        assert_eq!(folder.found(), ["in.png", "sub/deep.png"].map(|name| root.join(name)), "each file is listed once");
     }
 
     #[test]

@@ -24,6 +24,7 @@ mod matrix;
 mod mesh;
 mod nodes;
 mod pose;
+mod poses;
 mod primitive;
 #[cfg(test)]
 mod tests;
@@ -39,6 +40,8 @@ use super::warning_groups::WarningGroups;
 use super::{ReadError, ReadOptions};
 use crate::Scene;
 use document::Document;
+use nodes::Nodes;
+pub(super) use poses::Poses;
 
 /// Reads a `.gltf` or `.glb` file with its buffers and images.
 ///
@@ -50,22 +53,40 @@ use document::Document;
 /// [`ReadError`] if the geometry is invalid or there is nothing to draw.
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError> {
     let bytes = super::read_file(path)?;
-    let (mut scene, mut checks, mut grouped) = (Scene::default(), MeshChecks::default(), WarningGroups::default());
-    let mut document = Document::open(path, &bytes)?;
-    if let Some(time) = options.time {
-        animation::pose(&mut document, time, &mut grouped)?;
+    read_document(&mut Document::open(path, &bytes)?, options)
+}
+
+/// Reads everything, and poses the nodes of the document.
+fn read_document(document: &mut Document<'_>, options: &ReadOptions) -> Result<Scene, ReadError> {
+    let (mut scene, mut grouped) = (Scene::default(), WarningGroups::default());
+    let animation = options.animation.as_deref();
+    match options.time {
+        Some(time) => animation::pose(document, animation, time, &mut grouped)?,
+        None => drop(document.animation(animation)?),
     }
-    let nodes = nodes::read(&document)?;
-    material::read(&document, &mut grouped, &mut scene)?;
-    instances::read(&document, &nodes, &mut checks, &mut grouped, &mut scene)?;
-    camera::read(&document, &nodes, &mut scene)?;
-    light::read(&document, &nodes, &mut grouped, &mut scene)?;
-    document.note_extensions(&mut grouped);
-    scene.files = document.folder.into_found();
-    grouped.finish(&mut scene.warnings);
-    checks.finish(path, &mut scene)?;
-    if scene.instances.is_empty() {
-        return Err(ReadError::empty(path, "no node has a mesh and an invertible transform"));
-    }
+    let nodes = nodes::read(document)?;
+    material::read(document, &mut grouped, &mut scene)?;
+    read_geometry(document, &nodes, grouped, &mut scene)?;
+    scene.files = document.folder.found();
     Ok(scene)
+}
+
+/// Adds the meshes, instances, cameras and lights to the materials of `scene`.
+fn read_geometry(
+    document: &Document<'_>,
+    nodes: &Nodes,
+    mut grouped: WarningGroups,
+    scene: &mut Scene,
+) -> Result<(), ReadError> {
+    let mut checks = MeshChecks::default();
+    instances::read(document, nodes, &mut checks, &mut grouped, scene)?;
+    camera::read(document, nodes, scene)?;
+    light::read(document, nodes, &mut grouped, scene)?;
+    document.note_extensions(&mut grouped);
+    grouped.finish(&mut scene.warnings);
+    checks.finish(document.path(), scene)?;
+    if scene.instances.is_empty() {
+        return Err(ReadError::empty(document.path(), "no node has a mesh and an invertible transform"));
+    }
+    Ok(())
 }

@@ -50,7 +50,7 @@ fn material(path: &Path, texture: Option<&[u8]>, scene: &mut Scene) -> Material 
     let name = String::from_utf8_lossy(name);
     let bytes = Folder::of(path).map_err(|error| error.to_string()).and_then(|folder| {
         let bytes = folder.read(&name);
-        scene.files = folder.into_found();
+        scene.files = folder.found();
         bytes
     });
     match bytes.and_then(|bytes| image::decode(&name, &bytes)) {

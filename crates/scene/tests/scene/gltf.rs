@@ -149,7 +149,8 @@ fn errors_name_the_cause() {
 
 /// The scene of a real file at a time.
 fn at(folder: &Path, file: &str, time: f32) -> Scene {
-    read_with(&folder.join(file), &ReadOptions { time: Some(time) }).unwrap_or_else(|error| panic!("{error}"))
+    read_with(&folder.join(file), &ReadOptions { time: Some(time), animation: None })
+        .unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// A 2 x 1 sheet whose upper half is rotated by a joint at half height.

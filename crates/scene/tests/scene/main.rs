@@ -1,5 +1,6 @@
 //! Tests of the public API: scene files, real models, malformed files.
 
+mod animated;
 mod expect;
 mod folder;
 mod gltf;

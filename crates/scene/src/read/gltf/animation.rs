@@ -1,7 +1,7 @@
-//! Applies the first animation of a file at a given time (glTF 2.0, section 3.11).
+//! Applies an animation of a file at a given time (glTF 2.0, section 3.11).
 //!
 //! Animated values replace translation, rotation, scale and weights of nodes, so that later stages need no special cases.
-//! Multiple animations are usually alternatives (walk, run); viewers show the first by default.
+//! Multiple animations are usually alternatives (walk, run); viewers show the first by default, and so does this reader.
 
 use gltf::json::accessor::Type;
 use gltf::json::animation::{Channel, Property, Sampler};
@@ -21,27 +21,34 @@ enum Change {
     Weights(Vec<f32>),
 }
 
-/// Applies the first animation at `time` seconds, clamped to its range.
+/// Applies the animation of this name or number at `time` seconds, clamped to its range; the first one for `None`.
 ///
 /// # Errors
-/// [`ReadError::Malformed`] if the animation has invalid references or keyframes.
-pub(super) fn pose(document: &mut Document<'_>, time: f32, grouped: &mut WarningGroups) -> Result<(), ReadError> {
-    let animations = &document.root.animations;
-    let Some(animation) = animations.first() else {
+/// [`ReadError::UnknownAnimation`] if there is none, [`ReadError::Malformed`] if it has invalid references or keyframes.
+pub(super) fn pose(
+    document: &mut Document<'_>,
+    wanted: Option<&str>,
+    time: f32,
+    grouped: &mut WarningGroups,
+) -> Result<(), ReadError> {
+    let Some(number) = document.animation(wanted)? else {
         grouped.add("ignoring the time, the file has no animation", &format!("time {time}"));
         return Ok(());
     };
-    if animations.len() > 1 {
+    let animations = &document.root.animations;
+    let animation = &animations[number];
+    if animations.len() > 1 && wanted.is_none() {
         let name = animation.name.as_deref().unwrap_or_default();
         grouped.add("using only the first of several animations", &format!("animation 0 {name:?}"));
     }
-    if document.unparsed.n_channels_without_node > 0 {
-        let location = format!("animation 0, {} channels", document.unparsed.n_channels_without_node);
+    let n_without_node = document.unparsed.n_channels_without_node.get(number).copied().unwrap_or(0);
+    if n_without_node > 0 {
+        let location = format!("animation {number}, {n_without_node} channels");
         grouped.add("ignoring channels without a target node", &location);
     }
     let mut changes = Vec::new();
     for (k, channel) in animation.channels.iter().enumerate() {
-        let location = format!("animation 0 channel {k}");
+        let location = format!("animation {number} channel {k}");
         let node = channel.target.node.value();
         let has_matrix = document.get(&document.root.nodes, node, "node", &location)?.matrix.is_some();
         if has_matrix {

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
+use gltf::json::animation::Animation;
 use gltf::json::deserialize::{from_slice, from_value};
 use gltf::json::validation::USize64;
 use gltf::json::{Error, Root, Value};
@@ -47,8 +48,8 @@ pub(super) const UNSUPPORTED_TARGETS: [&str; 3] = ["TEXCOORD_0", "TEXCOORD_1", "
 /// Parts of the JSON that the `gltf` crate does not represent.
 #[derive(Default)]
 pub(super) struct UnparsedData {
-    /// Channels of the first animation without a target node.
-    pub(super) n_channels_without_node: usize,
+    /// For each animation, the number of channels without a target node.
+    pub(super) n_channels_without_node: Vec<usize>,
     /// By mesh, the morph targets that affect one of [`UNSUPPORTED_TARGETS`], with the attribute.
     pub(super) unsupported_targets: HashMap<usize, BTreeSet<(usize, &'static str)>>,
 }
@@ -61,7 +62,9 @@ pub(super) struct Document<'a> {
     pub(super) folder: Folder,
     /// Data missing in [`Document::root`].
     pub(super) unparsed: UnparsedData,
-    path: &'a Path,
+    /// Whether a pose that makes a vertex infinite or NaN is an error; else its triangles are skipped.
+    pub(super) requires_finite: bool,
+    path: Cow<'a, Path>,
     buffers: Vec<Cow<'a, [u8]>>,
 }
 
@@ -76,7 +79,8 @@ impl<'a> Document<'a> {
             return Err(ReadError::unsupported(path, format!("required extension {extension}")));
         }
         let folder = Folder::of(path).map_err(ReadError::io(path))?;
-        let mut document = Self { root, folder, unparsed, path, buffers: Vec::new() };
+        let path = Cow::Borrowed(path);
+        let mut document = Self { root, folder, unparsed, requires_finite: false, path, buffers: Vec::new() };
         document.buffers = (0..document.root.buffers.len())
             .map(|k| document.load_buffer(k, container.bin))
             .collect::<Result<_, _>>()?;
@@ -95,9 +99,47 @@ impl<'a> Document<'a> {
         }
     }
 
+    /// The same document with copies of everything it borrows.
+    pub(super) fn into_owned(self) -> Document<'static> {
+        let Self { root, folder, unparsed, requires_finite, path, buffers } = self;
+        let buffers = buffers.into_iter().map(|bytes| Cow::Owned(bytes.into_owned())).collect();
+        Document { root, folder, unparsed, requires_finite, path: Cow::Owned(path.into_owned()), buffers }
+    }
+
+    /// The index of an animation: of the first one with this name, else of this number; the first one for `None`. `None`
+    /// for a file without animations.
+    ///
+    /// # Errors
+    /// [`ReadError::UnknownAnimation`] if the file has no such animation.
+    pub(super) fn animation(&self, wanted: Option<&str>) -> Result<Option<usize>, ReadError> {
+        let animations = &self.root.animations;
+        let Some(wanted) = wanted else { return Ok((!animations.is_empty()).then_some(0)) };
+        let named = animations.iter().position(|animation| animation.name.as_deref() == Some(wanted));
+        let numbered = || wanted.parse().ok().filter(|&number: &usize| number < animations.len());
+        let unknown = || {
+            let known = animations.iter().enumerate().map(|(number, animation): (_, &Animation)| {
+                animation.name.as_ref().map_or_else(|| number.to_string(), |name| format!("{number} {name:?}"))
+            });
+            ReadError::UnknownAnimation { path: self.path.to_path_buf(), wanted: wanted.into(), known: known.collect() }
+        };
+        named.or_else(numbered).map(Some).ok_or_else(unknown)
+    }
+
+    /// The file.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// A violation of the format at `location`.
     pub(super) fn malformed(&self, location: impl Into<String>, message: impl Into<String>) -> ReadError {
-        ReadError::malformed(self.path, location, message)
+        ReadError::malformed(&self.path, location, message)
+    }
+
+    /// A vertex of a pose that is infinite or NaN.
+    pub(super) fn not_finite(&self, mesh: usize, vertex: String, position: [f32; 3]) -> ReadError {
+        let name = self.root.meshes[mesh].name.as_deref().unwrap_or_default();
+        let mesh = if name.is_empty() { format!("mesh {mesh}") } else { format!("mesh {mesh} {name:?}") };
+        ReadError::VertexNotFinite { path: self.path.to_path_buf(), mesh, vertex, position }
     }
 
     /// Looks up an index that `location` references.
@@ -173,11 +215,12 @@ fn parse(json: &[u8]) -> Result<(Root, UnparsedData), Error> {
             scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
         }
     }
+    unparsed.n_channels_without_node = vec![0; items(&value, "animations").count()];
     for (k, animation) in value.get_mut("animations").and_then(Value::as_array_mut).into_iter().flatten().enumerate() {
         if let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) {
             let n_channels = channels.len();
             channels.retain(|channel| channel.get("target").is_none_or(|target| target.get("node").is_some()));
-            unparsed.n_channels_without_node += if k == 0 { n_channels - channels.len() } else { 0 };
+            unparsed.n_channels_without_node[k] = n_channels - channels.len();
         }
     }
     for (mesh, item) in items(&value, "meshes").enumerate() {

@@ -52,6 +52,9 @@ pub(super) fn read(
             continue;
         }
         let transforms = transforms(document, nodes, k)?;
+        if document.requires_finite {
+            check_transform(document, &nodes.world_from_node[k], &meshes[mesh], mesh_index, k)?;
+        }
         // Many nodes may share the same accessors.
         n_repeated += transforms.len().saturating_sub(1);
         if n_repeated > document.max_virtual_elements() {
@@ -183,6 +186,23 @@ fn transforms(document: &Document<'_>, nodes: &Nodes, k: usize) -> Result<Vec<Op
     }
     let node_from_instance = instancing::read(document, k)?.unwrap_or_else(|| vec![Matrix::IDENTITY]);
     Ok(node_from_instance.iter().map(|inner| nodes.world_from_node[k].after(inner).rounded()).collect())
+}
+
+/// Rejects a pose whose transform moves the first vertex of a mesh out of the range of `f32`.
+fn check_transform(
+    document: &Document<'_>,
+    world_from_node: &Matrix,
+    mesh: &Mesh,
+    index: usize,
+    node: usize,
+) -> Result<(), ReadError> {
+    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+    let first = world_from_node.point(mesh.positions[0].map(f64::from)).map(|x| x as f32);
+    // Joints replace the transform of a node with a skin.
+    if document.root.nodes[node].skin.is_some() || first.iter().all(|x| x.is_finite()) {
+        return Ok(());
+    }
+    Err(document.not_finite(index, format!("vertex 0 at node {node}"), first))
 }
 
 /// Moves the used meshes into the scene in order, and renumbers the instances.

@@ -41,7 +41,14 @@ pub(super) fn read(
             }
             None => document.root.materials.len(),
         };
-        let reader = PrimitiveReader { document, pose, material: &materials[material], location: &location };
+        let reader = PrimitiveReader {
+            document,
+            pose,
+            material: &materials[material],
+            mesh: index,
+            number: k,
+            location: &location,
+        };
         let primitive_mesh = reader.read(primitive, &mut read.checks, &mut read.warnings)?;
         join(&mut read.mesh, primitive_mesh, material)
             .ok_or_else(|| document.malformed(location, "more than 2^32 vertices or triangles in a mesh"))?;

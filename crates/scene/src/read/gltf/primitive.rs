@@ -35,6 +35,9 @@ pub(super) struct PrimitiveReader<'a, 'b> {
     pub(super) document: &'a Document<'b>,
     pub(super) pose: &'a Pose<'a>,
     pub(super) material: &'a Material,
+    /// Index of the mesh, and of the primitive in it.
+    pub(super) mesh: usize,
+    pub(super) number: usize,
     /// `mesh 3 primitive 0`.
     pub(super) location: &'a str,
 }
@@ -125,6 +128,25 @@ impl PrimitiveReader<'_, '_> {
         Ok(Some(triangles))
     }
 
+    /// Rejects a pose that makes a vertex infinite or NaN; `posed` are the vertices from `first` on.
+    fn check_pose(
+        &self,
+        triangles: &[[u32; 3]],
+        positions: &MorphedAttribute<'_>,
+        first: u32,
+        posed: &[[f32; 3]],
+    ) -> Result<(), ReadError> {
+        let is_lost = |&&corner: &&u32| {
+            let is_finite = |position: [f32; 3]| position.iter().all(|x| x.is_finite());
+            !is_finite(posed[(corner - first) as usize]) && is_finite(positions.base.reals(corner as usize))
+        };
+        let lost = triangles.as_flattened().iter().filter(is_lost).min();
+        lost.map_or(Ok(()), |&vertex| {
+            let name = format!("primitive {} vertex {vertex}", self.number);
+            Err(self.document.not_finite(self.mesh, name, posed[(vertex - first) as usize]))
+        })
+    }
+
     /// Deforms the vertices, drops non-finite triangles and unused vertices. Vertices keep the order of the file.
     ///
     /// Primitives may share one large vertex list, so only the range from the smallest to the largest index is processed.
@@ -146,6 +168,9 @@ impl PrimitiveReader<'_, '_> {
             Ok(transform(vertex as usize)?.map_or(position, |transform| transform.point(position)).map(|x| x as f32))
         };
         let all = (min_index..=max_index).map(position).collect::<Result<Vec<[f32; 3]>, ReadError>>()?;
+        if self.document.requires_finite {
+            self.check_pose(&triangles, positions, min_index, &all)?;
+        }
         triangles.retain(|triangle| checks.keeps(triangle.map(|corner| all[(corner - min_index) as usize])));
 
         let mut renumbered = vec![u32::MAX; all.len()];

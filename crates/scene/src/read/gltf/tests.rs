@@ -151,7 +151,7 @@ impl File {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("test.gltf");
         fs::write(&path, self.text()).unwrap();
-        super::read(&path, &ReadOptions { time: Some(time) })
+        super::read(&path, &ReadOptions { time: Some(time), animation: None })
     }
 
     /// The scene, which must have no warnings.

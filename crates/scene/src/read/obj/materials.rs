@@ -99,7 +99,7 @@ pub(super) fn materials(
             assign(&mut scene.materials[k], role, map, texture);
         }
     }
-    scene.files = folder.into_found();
+    scene.files = folder.found();
     Ok(())
 }
 

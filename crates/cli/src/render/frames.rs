@@ -1,0 +1,225 @@
+//! `--frames`: the pictures of an animation or of a turning camera.
+//!
+//! ```text
+//! source (pose) -> prepare or update -> camera (turntable) -> picture -> file (names)
+//! ```
+
+mod args;
+mod kept;
+mod names;
+mod source;
+mod turntable;
+
+use std::time::{Duration, Instant};
+
+use anyhow::{Error, Result, anyhow};
+use canted_film::Aov;
+use canted_renderer::{MipMaps, Prepared, RenderError, UpdateOptions, Updates, prepare};
+use canted_scene::Scene;
+use canted_wide::LaneKernel;
+use serde_json::{Value, json};
+
+use super::{Args, Picture, facts, render_picture, setup};
+use crate::{
+    device::Machine,
+    load, memory,
+    options::{name_of, with_kernel},
+    output::{self, Named},
+};
+pub(crate) use args::FrameArgs;
+use args::POLICY_NAMES;
+use facts::Fact;
+use names::FrameNames;
+use source::Source;
+
+/// Renders all frames and prints the report.
+pub(super) fn run(args: &Args, [first, end]: [u32; 2], machine: &Machine) -> Result<()> {
+    let start = Instant::now();
+    let names = FrameNames::parse(&args.output)?;
+    args.sequence.check_time(end - 1)?;
+    let (inputs, checkpoint) = (args.inputs()?, args.samples.checkpoint.as_deref());
+    let others: Vec<Named> = inputs.named().into_iter().chain(checkpoint.map(|path| ("--checkpoint", path))).collect();
+    output::check_distinct(&[], &others)?;
+    let mut todo = Vec::new();
+    for frame in first..end {
+        let path = names.path(frame);
+        output::check_distinct(&others, &[("--output", &path)])?;
+        if !(args.sequence.resume && kept::is_whole(&path, args.size)?) {
+            todo.push(frame);
+        }
+    }
+    let n_kept = (end - first) as usize - todo.len();
+    let mut facts = vec![
+        ("scene", json!(load::name(args.scene.as_deref()))),
+        ("picture", json!(args.output.display().to_string())),
+        ("size", json!(args.size)),
+        ("frames", json!(format!("{first}..{end}"))),
+        ("rendered_frames", json!(todo.len())),
+        ("kept_frames", json!(n_kept)),
+    ];
+    if let Some(&frame) = todo.first() {
+        output::probe(&names.path(frame))?;
+        let source = Source::open(args, args.sequence.time(frame)).map_err(|error| in_frame(frame, error))?;
+        load::check_outputs(args.scene.as_deref(), &source.scene, &outputs_of(checkpoint))?;
+        for &frame in &todo {
+            let path = names.path(frame);
+            load::check_outputs(args.scene.as_deref(), &source.scene, &[("--output", &path)])?;
+        }
+        let load_time = start.elapsed();
+        let sequence = Sequence { args, machine, names: &names, range: [first, end], todo: &todo, load_time };
+        facts.extend(with_kernel!(args.structure.triangles, render_all(&sequence, source))?);
+    }
+    facts.extend(memory::peak_bytes().map(|bytes| ("peak_memory_bytes", json!(bytes))));
+    facts.push(("seconds", json!(start.elapsed().as_secs_f64())));
+    facts::report(&facts, args.run.json)
+}
+
+fn outputs_of(checkpoint: Option<&std::path::Path>) -> Vec<Named<'_>> {
+    checkpoint.map(|path| ("--checkpoint", path)).into_iter().collect()
+}
+
+/// An error with the number of its frame; an interruption stays one.
+fn in_frame(frame: u32, error: Error) -> Error {
+    match error.downcast_ref() {
+        Some(RenderError::Cancelled) => error,
+        _ => anyhow!("frame {frame}: {error}"),
+    }
+}
+
+/// The frames to render.
+struct Sequence<'a> {
+    args: &'a Args,
+    machine: &'a Machine,
+    names: &'a FrameNames,
+    range: [u32; 2],
+    todo: &'a [u32],
+    load_time: Duration,
+}
+
+/// Renders the frames in order. Returns the facts of the whole sequence.
+fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source) -> Result<Vec<Fact>> {
+    let mut progress =
+        Progress::<K> { prepared: None, updates: Updates::default(), trace_time: Duration::ZERO, mip_maps: None };
+    let (mut facts, mut pictures) = (Vec::new(), Vec::new());
+    for (done, &frame) in sequence.todo.iter().enumerate() {
+        let start = Instant::now();
+        let of_frame =
+            render_frame(sequence, &mut source, &mut progress, frame, done).map_err(|error| in_frame(frame, error))?;
+        facts = facts::sum(facts, of_frame);
+        pictures.push(json!({
+            "frame": frame,
+            "time": sequence.args.sequence.time(frame),
+            "picture": sequence.names.path(frame).display().to_string(),
+            "seconds": start.elapsed().as_secs_f64(),
+        }));
+    }
+    facts.extend(of_updates(sequence.args, &progress.updates));
+    if sequence.args.run.json {
+        facts.push(("pictures", Value::Array(pictures)));
+    }
+    Ok(facts)
+}
+
+/// What one frame hands to the next.
+struct Progress<K: LaneKernel> {
+    prepared: Option<Prepared<K>>,
+    updates: Updates,
+    trace_time: Duration,
+    mip_maps: Option<MipMaps>,
+}
+
+/// Renders and writes a frame.
+fn render_frame<K: LaneKernel>(
+    sequence: &Sequence,
+    source: &mut Source,
+    progress: &mut Progress<K>,
+    frame: u32,
+    done: usize,
+) -> Result<Vec<Fact>> {
+    let &Sequence { args, machine, names, range: [first, end], todo, load_time } = sequence;
+    let (start, name) = (Instant::now(), load::name(args.scene.as_deref()));
+    let has_default_light = source.pose(args, args.sequence.time(frame))?;
+    let load_time = start.elapsed() + if done == 0 { load_time } else { Duration::ZERO };
+    let scene = &mut source.scene;
+    let prepared = match progress.prepared.take() {
+        Some(mut prepared) if updates_in_place(args, machine) => {
+            let options = UpdateOptions { policy: args.sequence.update, trace_time: progress.trace_time };
+            progress.updates += prepared.update(scene, &options).map_err(|error| rejected(scene, &name, &error))?;
+            prepared
+        }
+        _ => prepare(scene, &args.structure.config(scene)).map_err(|error| rejected(scene, &name, &error))?,
+    };
+    let prepared = progress.prepared.insert(prepared);
+    let mut camera = args.camera.camera(scene, prepared, args.size)?;
+    // By the camera at rest, so that a turntable does not flicker.
+    let default_light = setup::scale_default_light(scene, prepared, &camera, args, has_default_light)?;
+    if let Some(degrees) = args.sequence.turntable {
+        let part = f64::from(frame - first) / f64::from(end - first);
+        camera = turntable::turned(camera, f64::from(degrees) * part);
+    }
+    let mut own = Args { output: names.path(frame), ..args.clone() };
+    own.sequence.label = format!("frame {frame} ({} of {}) ", done + 1, todo.len());
+    let Picture { rendered, trace_time } =
+        render_picture(scene, &own, machine, prepared, &camera, default_light, &mut progress.mip_maps)?;
+    progress.trace_time = trace_time;
+    let mut facts = rendered.write(&own)?;
+    facts.push(("load_seconds", json!(load_time.as_secs_f64())));
+    Ok(facts)
+}
+
+/// Whether a frame may use the updated BVHs of the last one: not where the picture shows the BVH itself, and not on GPUs, whose
+/// boxes and rounding may accept other hits at the edges of triangles.
+fn updates_in_place(args: &Args, machine: &Machine) -> bool {
+    #[cfg(feature = "gpu")]
+    let has_gpu = machine.has_gpu();
+    #[cfg(not(feature = "gpu"))]
+    let has_gpu = !matches!(machine, Machine::Cpu);
+    args.heatmap.is_none() && !args.samples.aovs().contains(Aov::Tests) && !has_gpu
+}
+
+/// The error of a scene that cannot be traced, with the first vertex that is not finite in world space, if there is one.
+fn rejected(scene: &Scene, name: &str, error: &canted_renderer::PrepareError) -> Error {
+    for instance in &scene.instances {
+        let mesh = &scene.meshes[instance.mesh.0 as usize];
+        let image = |position: &[f32; 3]| instance.world_from_object.point(*position);
+        let lost = mesh.positions.iter().position(|position| image(position).iter().any(|x| !x.is_finite()));
+        if let Some(vertex) = lost {
+            let [x, y, z] = image(&mesh.positions[vertex]);
+            let (mesh, number) = (&mesh.name, instance.mesh.0);
+            return anyhow!(
+                "{name}: mesh {number} {mesh:?}: vertex {vertex} is not finite in world space: {x}, {y}, {z}"
+            );
+        }
+    }
+    anyhow!("{name}: {error}")
+}
+
+/// Facts about the updates between frames.
+fn of_updates(args: &Args, updates: &Updates) -> Vec<Fact> {
+    let Updates { unchanged, refits, rebuilds, top_unchanged, top_refits, top_rebuilds, whole, .. } = *updates;
+    let milliseconds = |time: Duration, n: usize| 1e3 * time.as_secs_f64() / n.max(1) as f64;
+    let decision = match (refits, rebuilds) {
+        (0, 0) => "no BVH over triangles changed".to_owned(),
+        _ => format!(
+            "{refits} refits of {:.2} ms, {rebuilds} rebuilds of {:.2} ms, greatest drift {:.2}",
+            milliseconds(updates.refit_time, refits),
+            milliseconds(updates.rebuild_time, rebuilds),
+            updates.max_drift
+        ),
+    };
+    vec![
+        ("update", json!(name_of(POLICY_NAMES, &args.sequence.update))),
+        ("update_decision", json!(decision)),
+        ("bvhs_unchanged", json!(unchanged)),
+        ("bvh_refits", json!(refits)),
+        ("bvh_rebuilds", json!(rebuilds)),
+        ("top_unchanged", json!(top_unchanged)),
+        ("top_refits", json!(top_refits)),
+        ("top_rebuilds", json!(top_rebuilds)),
+        ("whole_updates", json!(whole)),
+        ("greatest_drift", json!(updates.max_drift)),
+        ("update_seconds", json!(updates.time.as_secs_f64())),
+        ("refit_seconds", json!(updates.refit_time.as_secs_f64())),
+        ("rebuild_seconds", json!(updates.rebuild_time.as_secs_f64())),
+    ]
+}

@@ -1,0 +1,320 @@
+//! `canted render --frames`: each frame is the picture of `--time N/FPS`, and errors leave whole frames behind.
+
+use serde_json::{Value, json};
+
+use crate::support::Folder;
+
+const QUICK: &str = "--size 40x30 --spp 2";
+
+/// A scene with a node that slides, a sail that a morph target moves, and a fixed triangle; `bad` is the last of the key
+/// values of a second animation of the sail, 0, 1, 2, ... half a second apart.
+fn moving(bad: f32) -> (Value, Vec<u8>) {
+    let lists: [&[f32]; 7] = [
+        &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+        &[0.0, 2.0],
+        &[0.0, 0.0, 0.0, 3.0, 0.5, 1.0],
+        &[0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 0.5, 0.0, 0.0],
+        &[0.0, 1.0],
+        &[0.0, 0.5, 1.0, 1.5],
+        &[0.0, 1.0, 2.0, bad],
+    ];
+    let (mut views, mut accessors, mut bytes) = (Vec::new(), Vec::new(), Vec::new());
+    for (view, list) in lists.into_iter().enumerate() {
+        let (element, width) = if [0, 2, 3].contains(&view) { ("VEC3", 3) } else { ("SCALAR", 1) };
+        views.push(json!({ "buffer": 0, "byteOffset": bytes.len(), "byteLength": 4 * list.len() }));
+        accessors
+            .push(json!({ "bufferView": view, "componentType": 5126, "type": element, "count": list.len() / width }));
+        bytes.extend(list.iter().flat_map(|x| x.to_le_bytes()));
+    }
+    let channel = |sampler: usize, node: usize, path: &str| json!({ "sampler": sampler, "target": { "node": node, "path": path } });
+    let file = json!({
+        "asset": { "version": "2.0" },
+        "buffers": [{ "byteLength": bytes.len(), "uri": "moving.bin" }],
+        "bufferViews": views,
+        "accessors": accessors,
+        "meshes": [
+            { "name": "fixed", "primitives": [{ "attributes": { "POSITION": 0 } }] },
+            { "name": "sail", "primitives": [{ "attributes": { "POSITION": 0 }, "targets": [{ "POSITION": 3 }] }] },
+        ],
+        "nodes": [
+            { "mesh": 0 },
+            { "mesh": 0, "translation": [0, 1.5, 0], "rotation": [0.1, 0.3, 0.2, 0.9] },
+            { "mesh": 1, "translation": [0, -1.5, 0.25], "weights": [0.125] },
+        ],
+        "animations": [
+            {
+                "name": "slide",
+                "channels": [channel(0, 0, "translation"), channel(1, 2, "weights")],
+                "samplers": [{ "input": 1, "output": 2 }, { "input": 1, "output": 4 }],
+            },
+            {
+                "name": "tear",
+                "channels": [channel(0, 2, "weights")],
+                "samplers": [{ "input": 5, "output": 6, "interpolation": "STEP" }],
+            },
+        ],
+    });
+    (file, bytes)
+}
+
+fn folder(bad: f32) -> Folder {
+    let (folder, (file, bytes)) = (Folder::with_small(), moving(bad));
+    folder.write("moving.gltf", file.to_string());
+    folder.write("moving.bin", bytes);
+    folder
+}
+
+/// Renders the frames `numbers` at `fps` and compares each with the picture of its time.
+#[track_caller]
+fn frames_match(folder: &Folder, options: &str, [first, end]: [u32; 2], fps: f64, extension: &str) -> Value {
+    let line = format!("render {options} --frames {first}..{end} --fps {fps} --json -o frame_%03d.{extension}");
+    let report = folder.run(&line).done();
+    for frame in first..end {
+        let name = format!("frame_{frame:03}.{extension}");
+        let single = options.replace("--update refit", "").replace("--update rebuild", "");
+        folder.run(&format!("render {single} --time {} -o single.{extension}", f64::from(frame) / fps)).done();
+        assert!(folder.bytes(&name) == folder.bytes(&format!("single.{extension}")), "{line}: frame {frame}");
+        std::fs::remove_file(folder.path(&name)).unwrap();
+    }
+    report.json()
+}
+
+#[test]
+fn frames_are_the_pictures_of_their_times() {
+    let folder = folder(3.0);
+    for options in ["", "--levels two", "--update rebuild", "--levels two --update refit", "--volumes dop --levels two"]
+    {
+        frames_match(&folder, &format!("moving.gltf {QUICK} {options}"), [3, 7], 7.0, "png");
+    }
+    let light = "--sun 0.2,-0.3,-1,3,3,3 --eye 1,1,8 --target 1,0,0";
+    for options in [
+        "--animation tear --integrator path --env 0.5,0.6,0.7",
+        "--animation 1 --samples 1..3",
+        "--aovs all",
+        "--heatmap boxes --levels two",
+    ] {
+        let quick = if options.contains("--samples") { "--size 40x30" } else { QUICK };
+        let light = if options.contains("--env") || options.contains("--heatmap") { "" } else { light };
+        let extension = if options.contains("--heatmap") { "png" } else { "exr" };
+        frames_match(&folder, &format!("moving.gltf {quick} {light} {options}"), [0, 3], 1.5, extension);
+    }
+}
+
+#[test]
+fn frames_of_real_models_are_the_pictures_of_their_times() {
+    let scenes = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/scenes");
+    let scenes = std::env::var("CANTED_SCENES").unwrap_or_else(|_| scenes.to_owned());
+    for (file, options) in [
+        ("gltf/Fox.glb", "--animation Run"),
+        ("gltf/Fox.glb", "--animation 1 --levels two --update refit"),
+        ("gltf/CesiumMan.glb", ""),
+        ("gltf/SimpleMorph.gltf", "--levels two"),
+    ] {
+        let path = format!("{scenes}/{file}");
+        if !std::path::Path::new(&path).is_file() {
+            canted_fixtures::skip::<()>(
+                "frames_of_real_models_are_the_pictures_of_their_times",
+                format_args!("missing file {path}"),
+            );
+            continue;
+        }
+        frames_match(&Folder::new(), &format!("{path} --size 40x30 --spp 1 {options}"), [0, 4], 9.0, "png");
+    }
+}
+
+/// The counters state what each update did.
+#[test]
+fn only_what_changes_is_updated() {
+    let folder = folder(3.0);
+    let counts = |options: &str| {
+        let facts = frames_match(&folder, &format!("moving.gltf {QUICK} {options}"), [0, 5], 4.0, "png");
+        ["bvhs_unchanged", "bvh_refits", "bvh_rebuilds", "top_unchanged", "top_refits", "top_rebuilds", "whole_updates"]
+            .map(|key| facts[key].as_u64().unwrap_or_else(|| panic!("{options}: {facts}")))
+    };
+    // Two meshes, of which the sail changes in each of four updates.
+    assert_eq!(counts("--levels two --update refit"), [4, 4, 0, 0, 4, 0, 0]);
+    assert_eq!(counts("--levels two --update rebuild"), [4, 0, 4, 0, 0, 4, 0]);
+    assert_eq!(counts("--levels one --update refit"), [0, 4, 0, 0, 0, 0, 0]);
+    // The steps of the second animation change two of four frames.
+    assert_eq!(counts("--levels two --update refit --animation tear"), [6, 2, 0, 2, 2, 0, 0]);
+    assert_eq!(counts("--levels one --update refit --animation tear"), [2, 2, 0, 0, 0, 0, 0]);
+    // Binary BVHs cannot be refitted.
+    assert_eq!(counts("--levels two --update refit --volumes aabb"), [4, 0, 4, 0, 4, 0, 0]);
+    // A heat map shows the BVH, which must be that of a single picture.
+    assert_eq!(counts("--levels two --heatmap boxes"), [0; 7]);
+}
+
+#[test]
+fn a_turntable_turns_the_camera_and_nothing_else() {
+    let folder = Folder::with_small();
+    let camera = |eye: &str| format!("{QUICK} --eye {eye} --target 0.5,0.5,0.5 --up 0,1,0 --sun 1,-1,-1,3,3,3");
+    let line = format!("render small.obj {} --frames 0..4 --turntable 360 --json -o t%d.png", camera("0.5,2.5,4.5"));
+    let run = folder.run(&line).done();
+    assert_eq!(run.n_warnings(), 0, "{}", run.stderr);
+    assert_eq!(run.json()["bvhs_unchanged"], 3);
+    for (frame, eye) in ["0.5,2.5,4.5", "4.5,2.5,0.5", "0.5,2.5,-3.5", "-3.5,2.5,0.5"].iter().enumerate() {
+        folder.run(&format!("render small.obj {} -o single.png", camera(eye))).done();
+        assert!(folder.bytes(&format!("t{frame}.png")) == folder.bytes("single.png"), "frame {frame}");
+    }
+    folder.run(&format!("render --frames 0..2 --turntable -90 {QUICK} -o b%d.png")).done();
+    folder.run(&format!("render {QUICK} -o single.png")).done();
+    assert!(folder.bytes("b0.png") == folder.bytes("single.png"), "the built-in scene");
+    assert!(folder.bytes("b1.png") != folder.bytes("b0.png"));
+}
+
+#[test]
+fn a_static_file_shows_one_pose_with_one_warning() {
+    let folder = Folder::with_small();
+    let run = folder.run(&format!("render small.obj --frames 0..3 {QUICK} -o f%d.png")).done();
+    assert_eq!(run.n_warnings(), 1, "{}", run.stderr);
+    assert!(run.stderr.contains("small.obj: the file has no animation"), "{}", run.stderr);
+    assert!(folder.bytes("f0.png") == folder.bytes("f2.png"));
+}
+
+#[test]
+fn a_pose_that_is_not_finite_names_frame_mesh_and_vertex() {
+    for bad in [f32::NAN, f32::INFINITY] {
+        let folder = folder(bad);
+        // Frame 6 is at 1.5 seconds, where the weight is bad: the product with an offset of zero is NaN too.
+        let line = format!("render moving.gltf {QUICK} --animation tear --fps 4 -o frame_%02d.png");
+        let named = ["frame 6: moving.gltf: mesh 1 \"sail\": primitive 0 vertex 0 is not finite: NaN, NaN, NaN"];
+        folder.run(&format!("{line} --frames 3..9")).refused(&named);
+        let whole = |numbers: &[u32]| {
+            let mut names: Vec<String> = numbers.iter().map(|n| format!("frame_{n:02}.png")).collect();
+            names.extend(["moving.bin", "moving.gltf", "small.obj"].map(str::to_owned));
+            names
+        };
+        assert_eq!(folder.names(), whole(&[3, 4, 5]));
+        let before = [3, 4, 5].map(|n| folder.bytes(&format!("frame_{n:02}.png")));
+        // The file is mended, and the run resumes.
+        let (file, bytes) = moving(3.0);
+        folder.write("moving.gltf", file.to_string());
+        folder.write("moving.bin", bytes);
+        let facts = folder.run(&format!("{line} --frames 3..9 --resume --json")).done().json();
+        assert_eq!((&facts["rendered_frames"], &facts["kept_frames"]), (&3.into(), &3.into()));
+        assert_eq!(folder.names(), whole(&[3, 4, 5, 6, 7, 8]));
+        assert_eq!([3, 4, 5].map(|n| folder.bytes(&format!("frame_{n:02}.png"))), before);
+    }
+}
+
+#[test]
+fn whole_frames_are_kept_and_others_rendered_again() {
+    let folder = folder(3.0);
+    let line = format!("render moving.gltf {QUICK} --frames 0..4 --fps 3 -o f%d.png");
+    folder.run(&line).done();
+    let all = || [0, 1, 2, 3].map(|n| folder.bytes(&format!("f{n}.png")));
+    let expected = all();
+    let half = &expected[2][..expected[2].len() / 2];
+    folder.write("f2.png", half);
+    std::fs::remove_file(folder.path("f3.png")).unwrap();
+    let kept = std::fs::metadata(folder.path("f1.png")).unwrap().modified().unwrap();
+    let run = folder.run(&format!("{line} --resume --json")).done();
+    assert_eq!((&run.json()["rendered_frames"], &run.json()["kept_frames"]), (&2.into(), &2.into()));
+    assert!(run.n_warnings() >= 1 && run.stderr.contains("f2.png"), "{}", run.stderr);
+    assert_eq!(all(), expected);
+    assert_eq!(std::fs::metadata(folder.path("f1.png")).unwrap().modified().unwrap(), kept);
+    // Nothing is left to do.
+    assert_eq!(folder.run(&format!("{line} --resume --json")).done().json()["rendered_frames"], 0);
+    // Without --resume, frames are replaced.
+    folder.write("f0.png", "old");
+    folder.run(&line).done();
+    assert_eq!(all(), expected);
+    // A picture of another size is of another sequence; no frame is touched.
+    folder.run(&line.replace("40x30", "30x40").replace("-o", "--resume -o")).refused(&["f0.png", "40 x 30", "30 x 40"]);
+    assert_eq!(all(), expected);
+}
+
+#[test]
+fn invalid_frame_options_are_one_error() {
+    let folder = folder(3.0);
+    let refused = |options: &str, words: &[&str]| {
+        let names = folder.names();
+        folder.run(&format!("render {options}")).refused(words);
+        assert_eq!(folder.names(), names, "{options}");
+    };
+    let line = "moving.gltf --size 8x8 --spp 1";
+    refused(&format!("{line} --frames 0..2 -o f.png"), &["f.png", "field", "frame_%04d.png"]);
+    refused(&format!("{line} --frames 0..2"), &["canted.png", "field"]);
+    refused(&format!("{line} --frames 0..2 -o %d_%d.png"), &["%d_%d.png", "more than one field"]);
+    refused(&format!("{line} --frames 0..2 -o %s.png"), &["%s.png", "unsupported field"]);
+    refused(&format!("{line} --frames 0..2 -o f%d.gif"), &["f%d.gif", ".gif"]);
+    refused(&format!("{line} --frames 0..2 -o no/f%d.png"), &["no/f0.png"]);
+    refused(&format!("{line} --frames 2..2 -o f%d.png"), &["2..2 is empty"]);
+    refused(&format!("{line} --frames 2 -o f%d.png"), &["A..B"]);
+    refused(&format!("{line} --frames 0..-2 -o f%d.png"), &["A..B"]);
+    refused(&format!("{line} --frames 0..2 --fps 0 -o f%d.png"), &["greater than 0"]);
+    refused(&format!("{line} --frames 0..2 --fps nan -o f%d.png"), &["greater than 0"]);
+    refused(&format!("{line} --frames 0..2 --fps 1e-300 -o f%d.png"), &["frame 1", "single precision"]);
+    refused(&format!("{line} --frames 0..2 --time 1 -o f%d.png"), &["--time"]);
+    refused(&format!("{line} --fps 3 -o f.png"), &["--frames"]);
+    refused(&format!("{line} --turntable 90 -o f.png"), &["--frames"]);
+    refused(&format!("{line} --resume -o f.png"), &["--frames"]);
+    refused(&format!("{line} --update refit -o f.png"), &["--frames"]);
+    refused(&format!("{line} --frames 0..2 --update never -o f%d.png"), &["never"]);
+    refused(&format!("{line} --animation slide -o f.png"), &["--animation requires --time or --frames"]);
+    for options in ["--time 0 -o f.png", "--frames 0..2 -o f%d.png"] {
+        refused(&format!("{line} --animation fly {options}"), &["moving.gltf", "'fly'", "0 \"slide\", 1 \"tear\""]);
+        refused(&format!("{line} --animation 2 {options}"), &["'2'", "0 \"slide\", 1 \"tear\""]);
+    }
+    refused("small.obj --animation 0 --frames 0..2 -o f%d.png", &["small.obj", "no animation"]);
+    refused("--frames 0..2 -o f%d.png", &["--turntable"]);
+    folder.write("scene.toml", "[[assets]]\nname = \"a\"\nfile = \"moving.gltf\"\n");
+    refused("scene.toml --frames 0..2 -o f%d.png", &["scene.toml", "--turntable"]);
+    refused("scene.toml --time 1 --animation tear -o f.png", &["scene.toml", "[[assets]]"]);
+}
+
+/// A frame never replaces a file that the scene is read from.
+#[test]
+fn frames_do_not_replace_inputs() {
+    let folder = folder(3.0);
+    let (mut file, _) = moving(3.0);
+    file["images"] = json!([{ "uri": "wood_1.png" }]);
+    file["textures"] = json!([{ "source": 0 }]);
+    file["materials"] = json!([{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }]);
+    file["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = json!(0);
+    file["meshes"][0]["primitives"][0]["material"] = json!(0);
+    file["accessors"]
+        .as_array_mut()
+        .unwrap()
+        .push(json!({ "bufferView": 0, "componentType": 5126, "type": "VEC2", "count": 3 }));
+    file["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = json!(7);
+    folder.write("moving.gltf", file.to_string());
+    folder.run("render small.obj --size 4x4 --spp 1 -o wood_1.png").done();
+    let before = folder.bytes("wood_1.png");
+    folder
+        .run("render moving.gltf --frames 0..3 --size 8x8 --spp 1 -o wood_%d.png")
+        .refused(&["wood_1.png", "same file"]);
+    assert!(folder.bytes("wood_1.png") == before);
+    assert!(!folder.path("wood_0.png").exists());
+}
+
+/// A scene file of an animation gives the picture of the options.
+#[test]
+fn scene_files_name_the_animation() {
+    let folder = folder(3.0);
+    let options = format!("moving.gltf {QUICK} --time 0.75 --animation tear");
+    folder.run(&format!("scene {options} -o scene.toml")).done();
+    assert!(folder.text("scene.toml").contains("animation = \"tear\""));
+    folder.run(&format!("render {options} -o a.png")).done();
+    folder.run("render scene.toml -o b.png").done();
+    assert!(folder.bytes("a.png") == folder.bytes("b.png"));
+}
+
+#[test]
+fn stats_predict_when_a_rebuild_pays() {
+    let folder = folder(3.0);
+    let motion = |line: &str| folder.run(&format!("stats {line} --json --device cpu")).done().json()["motion"].clone();
+    let slide = motion("moving.gltf");
+    // One level over all triangles.
+    assert_eq!((&slide["frames"], &slide["bvhs"], &slide["changing_bvhs"]), (&8.into(), &1.into(), &1.into()));
+    assert!(slide["build_ms"].as_f64().unwrap() > 0.0 && slide["update_ms"].as_f64().unwrap() > 0.0, "{slide}");
+    assert!(slide["drift"].as_f64().unwrap() >= 1.0, "{slide}");
+    // The second animation stands still for the first half second.
+    assert_eq!(motion("moving.gltf --time 0 --animation tear")["changing_bvhs"], 0);
+    assert_eq!(motion("small.obj"), Value::Null);
+    let text = folder.run("stats moving.gltf --device cpu").done().stdout;
+    assert!(
+        text.contains("Motion, 8 frames at 24 per second: 1 of 1 BVHs") && text.contains("--update auto "),
+        "{text}"
+    );
+}

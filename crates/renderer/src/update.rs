@@ -1,0 +1,297 @@
+//! The next frame of a scene: only what changed is updated.
+//!
+//! ```text
+//! scene -> keys of its meshes -> changed BVHs: refit or rebuild (policy) -> top level: refit or rebuild
+//! ```
+
+mod policy;
+
+use std::ops::AddAssign;
+use std::time::{Duration, Instant};
+
+use canted_film::Hash;
+use canted_scene::{Instance, Mesh, Scene};
+use canted_wide::LaneKernel;
+use rayon::prelude::*;
+
+use crate::accel::{Accel, Bvh};
+use crate::prepare::{has_one_level, prepare, unused_features};
+use crate::structure::{Flat, Structure, flatten, instances};
+use crate::{PrepareError, Prepared, StructureConfig};
+pub(crate) use policy::BvhCosts;
+pub use policy::UpdatePolicy;
+
+/// Hashes of the vertices and of the triangles of a mesh: different ones are equal with probability 2^-64.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct MeshKey {
+    positions: u64,
+    triangles: u64,
+}
+
+impl MeshKey {
+    fn of(mesh: &Mesh) -> Self {
+        let [mut positions, mut triangles] = [Hash::default(); 2];
+        positions.floats(&mesh.positions);
+        triangles.words(mesh.triangles.iter().flatten().copied());
+        Self { positions: positions.finish(), triangles: triangles.finish() }
+    }
+}
+
+/// What a [`Prepared`] was built or updated for.
+#[derive(Clone, Debug)]
+pub(crate) struct History {
+    config: StructureConfig,
+    meshes: Vec<MeshKey>,
+    instances: Vec<Instance>,
+    /// Costs of each bottom-level BVH.
+    costs: Vec<BvhCosts>,
+    /// Whether an update failed, so that the structure may be a mixture.
+    is_stale: bool,
+}
+
+impl History {
+    pub(crate) fn new(scene: &Scene, config: &StructureConfig, one_level: bool, build_time: Duration) -> Self {
+        let seconds = build_time.as_secs_f64();
+        let shares = if one_level { vec![1.0] } else { triangle_shares(scene, |_| 1) };
+        Self {
+            config: *config,
+            meshes: scene.meshes.par_iter().map(MeshKey::of).collect(),
+            instances: scene.instances.clone(),
+            costs: shares.into_iter().map(|share| BvhCosts::built_in(share * seconds)).collect(),
+            is_stale: false,
+        }
+    }
+}
+
+/// For each mesh, the fraction of all triangles that is in it, if mesh `i` counts `weight(i)` times.
+#[expect(clippy::cast_precision_loss, reason = "shares of times")]
+fn triangle_shares(scene: &Scene, weight: impl Fn(usize) -> usize) -> Vec<f64> {
+    let weighted = |(i, mesh): (usize, &Mesh)| (mesh.triangles.len() * weight(i)) as f64;
+    let all: Vec<f64> = scene.meshes.iter().enumerate().map(weighted).collect();
+    let sum = all.iter().sum::<f64>().max(1.0);
+    all.into_iter().map(|n| n / sum).collect()
+}
+
+/// How to update.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct UpdateOptions {
+    /// For BVHs whose triangles have moved.
+    pub policy: UpdatePolicy,
+    /// Time that the rays of the last frame took, by which [`UpdatePolicy::Auto`] weighs slower rays against a rebuild.
+    pub trace_time: Duration,
+}
+
+/// What one or more updates did. Every update counts each bottom-level BVH once, and the top level once if there is one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Updates {
+    /// BVHs over triangles that stayed as they were.
+    pub unchanged: usize,
+    /// BVHs over triangles that were refitted, and not rebuilt after that.
+    pub refits: usize,
+    /// BVHs over triangles that were rebuilt.
+    pub rebuilds: usize,
+    /// Updates after which the top level stayed as it was.
+    pub top_unchanged: usize,
+    /// Refits of the top level.
+    pub top_refits: usize,
+    /// Rebuilds of the top level.
+    pub top_rebuilds: usize,
+    /// Updates that prepared the whole scene again: another number of meshes, other levels, or an earlier failure.
+    pub whole: usize,
+    /// Greatest drift of a BVH that was refitted: [`canted_wide::Refit::drift`].
+    pub max_drift: f32,
+    /// Time of all updates.
+    pub time: Duration,
+    /// Time of refits of BVHs over triangles.
+    pub refit_time: Duration,
+    /// Time of rebuilds of BVHs over triangles.
+    pub rebuild_time: Duration,
+}
+
+impl AddAssign for Updates {
+    fn add_assign(&mut self, other: Self) {
+        self.unchanged += other.unchanged;
+        self.refits += other.refits;
+        self.rebuilds += other.rebuilds;
+        self.top_unchanged += other.top_unchanged;
+        self.top_refits += other.top_refits;
+        self.top_rebuilds += other.top_rebuilds;
+        self.whole += other.whole;
+        self.max_drift = self.max_drift.max(other.max_drift);
+        self.time += other.time;
+        self.refit_time += other.refit_time;
+        self.rebuild_time += other.rebuild_time;
+    }
+}
+
+impl<K: LaneKernel> Prepared<K> {
+    /// Updates to another state of the scene: usually the next frame. Hits are then those of [`prepare`] for it, bit for bit.
+    ///
+    /// Meshes, instances and levels are compared with those of the last call. A mesh whose vertices moved is refitted or rebuilt, one
+    /// with other triangles is rebuilt, and the others keep their BVH. The top level is updated where instances or their meshes
+    /// changed. In one level, the BVH over all instances is refitted or rebuilt.
+    ///
+    /// ```
+    /// use canted_renderer::{Levels, StructureConfig, UpdateOptions, prepare};
+    /// use canted_trace::Watertight;
+    ///
+    /// let mut scene = canted_scene::builtin();
+    /// let config = StructureConfig { levels: Levels::Two, ..StructureConfig::default() };
+    /// let mut prepared = prepare::<Watertight>(&scene, &config)?;
+    /// scene.instances[0].world_from_object.columns[3][1] += 0.5;
+    /// let updates = prepared.update(&scene, &UpdateOptions::default())?;
+    /// assert_eq!((updates.unchanged, updates.top_refits), (scene.meshes.len(), 1), "only the top level");
+    /// # Ok::<(), canted_renderer::PrepareError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`prepare`]. The structure may then be a mixture of both states; the next update builds it again.
+    pub fn update(&mut self, scene: &Scene, options: &UpdateOptions) -> Result<Updates, PrepareError> {
+        let start = Instant::now();
+        let keys: Vec<MeshKey> = scene.meshes.par_iter().map(MeshKey::of).collect();
+        let was_stale = std::mem::replace(&mut self.history.is_stale, true);
+        let changed = if was_stale { None } else { self.update_levels(scene, &keys, options).ok().flatten() };
+        let mut updates = match changed {
+            Some(updates) => {
+                self.unused = unused_features(&self.structure, scene, &self.history.config);
+                updates
+            }
+            None => {
+                *self = prepare(scene, &self.history.config)?;
+                let n_top = usize::from(matches!(self.structure, Structure::Two(_)));
+                Updates { rebuilds: self.structure.bottom().len(), top_rebuilds: n_top, whole: 1, ..Updates::default() }
+            }
+        };
+        let history = &mut self.history;
+        history.meshes = keys;
+        history.instances.clone_from(&scene.instances);
+        history.is_stale = false;
+        updates.time = start.elapsed();
+        self.build_time = updates.time;
+        if updates.whole > 0 {
+            updates.rebuild_time = updates.time;
+        }
+        Ok(updates)
+    }
+
+    /// Updates both levels, or the only one; `None` where the scene must be prepared again.
+    fn update_levels(
+        &mut self,
+        scene: &Scene,
+        keys: &[MeshKey],
+        options: &UpdateOptions,
+    ) -> Result<Option<Updates>, PrepareError> {
+        let Self { structure, history, .. } = self;
+        let is_one = matches!(structure, Structure::One(_));
+        if is_one != has_one_level(scene, &history.config)? || keys.len() != history.meshes.len() {
+            return Ok(None);
+        }
+        let changed: Vec<usize> = (0..keys.len()).filter(|&i| keys[i] != history.meshes[i]).collect();
+        let mut update = BvhUpdate { accel: history.config.accel, options, updates: Updates::default() };
+        match structure {
+            Structure::One(flat) => {
+                if changed.is_empty() && scene.instances == history.instances {
+                    update.updates.unchanged = 1;
+                } else {
+                    let same = |i: &Instance| (i.mesh, keys[i.mesh.0 as usize].triangles);
+                    let before = |i: &Instance| (i.mesh, history.meshes[i.mesh.0 as usize].triangles);
+                    let may_refit = scene.instances.iter().map(same).eq(history.instances.iter().map(before));
+                    let (positions, triangles, first) = flatten(scene)?;
+                    let Flat { bvh, first: old_first } = flat;
+                    update.apply(bvh, &mut history.costs[0], (&positions, &triangles), may_refit, 1.0)?;
+                    *old_first = first;
+                }
+            }
+            Structure::Two(tlas) => {
+                let n_placed = |mesh: usize| scene.instances.iter().filter(|i| i.mesh.0 as usize == mesh).count();
+                let shares = if changed.is_empty() { Vec::new() } else { triangle_shares(scene, n_placed) };
+                update.updates.unchanged = keys.len() - changed.len();
+                let mut edit = tlas.edit();
+                for &i in &changed {
+                    let (mesh, costs) = (&scene.meshes[i], &mut history.costs[i]);
+                    let may_refit = keys[i].triangles == history.meshes[i].triangles;
+                    let geometry = (&mesh.positions[..], &mesh.triangles[..]);
+                    #[expect(clippy::cast_possible_truncation, reason = "meshes are numbered by u32")]
+                    edit.update_blas(i as u32, |bvh| update.apply(bvh, costs, geometry, may_refit, shares[i]))??;
+                }
+                let new = instances(scene);
+                let is_same_number = scene.instances.len() == history.instances.len();
+                let moved: Vec<usize> = (0..new.len().min(history.instances.len()))
+                    .filter(|&i| scene.instances[i] != history.instances[i])
+                    .collect();
+                if is_same_number {
+                    for &i in &moved {
+                        #[expect(clippy::cast_possible_truncation, reason = "instances are numbered by u32")]
+                        edit.set_instance(canted_trace::InstanceId(i as u32), new[i])?;
+                    }
+                }
+                let updates = &mut update.updates;
+                if !is_same_number {
+                    drop(edit);
+                    tlas.set_instances(&new)?;
+                    updates.top_rebuilds = 1;
+                } else if moved.is_empty() && changed.is_empty() {
+                    updates.top_unchanged = 1;
+                } else if options.policy == UpdatePolicy::Rebuild {
+                    edit.rebuild();
+                    updates.top_rebuilds = 1;
+                } else {
+                    edit.refit();
+                    if options.policy == UpdatePolicy::Auto && tlas.rebuild_advised() {
+                        tlas.rebuild();
+                        updates.top_rebuilds = 1;
+                    } else {
+                        updates.top_refits = 1;
+                    }
+                }
+            }
+        }
+        Ok(Some(update.updates))
+    }
+}
+
+/// Updates of BVHs over triangles.
+struct BvhUpdate<'a> {
+    accel: Accel,
+    options: &'a UpdateOptions,
+    updates: Updates,
+}
+
+impl BvhUpdate<'_> {
+    /// Refits or rebuilds a BVH through which a fraction `share` of all rays go.
+    fn apply<K: LaneKernel>(
+        &mut self,
+        bvh: &mut Bvh<K>,
+        costs: &mut BvhCosts,
+        (positions, triangles): (&[[f32; 3]], &[[u32; 3]]),
+        may_refit: bool,
+        share: f64,
+    ) -> Result<(), PrepareError> {
+        let UpdateOptions { policy, trace_time } = *self.options;
+        let trace = share * trace_time.as_secs_f64();
+        let refits = may_refit
+            && match policy {
+                UpdatePolicy::Refit => true,
+                UpdatePolicy::Rebuild => false,
+                UpdatePolicy::Auto => !costs.predicts_rebuild(trace),
+            };
+        let mut start = Instant::now();
+        if refits && let Some(drift) = bvh.refit(positions, triangles)? {
+            let time = start.elapsed();
+            self.updates.refit_time += time;
+            self.updates.max_drift = self.updates.max_drift.max(drift);
+            let is_old = costs.refitted_in(time.as_secs_f64(), drift.into(), trace);
+            if policy == UpdatePolicy::Refit || !is_old {
+                self.updates.refits += 1;
+                return Ok(());
+            }
+            start = Instant::now();
+        }
+        *bvh = self.accel.build(positions, triangles)?;
+        let time = start.elapsed();
+        self.updates.rebuild_time += time;
+        self.updates.rebuilds += 1;
+        costs.rebuilt_in(time.as_secs_f64());
+        Ok(())
+    }
+}

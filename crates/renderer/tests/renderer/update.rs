@@ -1,0 +1,222 @@
+//! Updates of a prepared scene, against scenes that are prepared anew.
+
+use std::sync::atomic::AtomicBool;
+
+use canted_lbvh::Strategy;
+use canted_obb::Affine;
+use canted_renderer::{
+    Accel, Levels, Prepared, StructureConfig, Tracer, UpdateOptions, UpdatePolicy, Updates, prepare, render,
+};
+use canted_scene::Scene;
+use canted_trace::{Hit, Ray, Watertight};
+
+use crate::common::{camera, cuboid, grey, parallelogram, place, scene, settings, sphere};
+
+const POLICIES: [UpdatePolicy; 3] = [UpdatePolicy::Auto, UpdatePolicy::Refit, UpdatePolicy::Rebuild];
+
+fn options(policy: UpdatePolicy) -> UpdateOptions {
+    UpdateOptions { policy, trace_time: std::time::Duration::from_millis(20) }
+}
+
+fn config(levels: Levels, accel: Accel) -> StructureConfig {
+    StructureConfig { levels, accel }
+}
+
+fn prepared(scene: &Scene, config: &StructureConfig) -> Prepared<Watertight> {
+    prepare(scene, config).unwrap()
+}
+
+/// A rotation about the z axis, sheared, scaled and shifted.
+fn placed(angle: f32, shift: [f32; 3]) -> Affine {
+    let (sin, cos) = angle.sin_cos();
+    Affine { columns: [[cos, sin, 0.1], [-sin, cos, 0.0], [0.0, 0.2, 1.5], shift] }
+}
+
+/// Frame `frame`: a sphere that twists more and more, a box that stays, instances of the box that move, and flat and duplicate
+/// triangles; `offset` moves everything away from the origin.
+fn stage(frame: u16, offset: f32) -> Scene {
+    let time = 0.2 * f32::from(frame);
+    let mut ball = sphere([0.0; 3], 1.0, 3, 0);
+    for [x, y, z] in &mut ball.positions {
+        let (sin, cos) = (time * *z).sin_cos();
+        (*x, *y) = (cos * *x - sin * *y, sin * *x + cos * *y);
+    }
+    let first = ball.triangles[0];
+    ball.triangles.extend([first, first, [first[0]; 3]]);
+    ball.parts.truncate(1);
+    let cube = cuboid([-0.5; 3], [0.5, 0.25, 0.5], 0);
+    // Every other frame stays as it was.
+    let wall = parallelogram([-2.0, -2.0, -1.5 - 0.1 * f32::from(frame / 2)], [4.0, 0.0, -0.0], [0.0, 4.0, 0.5], 0);
+    let mut stage = scene(vec![ball, cube, wall], vec![grey(0.5)]);
+    stage.instances[1].world_from_object = placed(0.3, [1.5, 0.0, 0.0]);
+    stage.instances.push(place(1, placed(time, [-1.5, 0.1 * time, 0.0])));
+    stage.instances.push(place(1, placed(-time, [0.0, 1.5, time])));
+    for instance in &mut stage.instances {
+        instance.world_from_object.columns[3].iter_mut().for_each(|x| *x += offset);
+    }
+    stage.environment = Some([1.0, 0.8, 0.6].into());
+    stage
+}
+
+/// Closest hits of rays from all around, with directions of many lengths, as text with every bit.
+fn hits(structure: &impl Tracer, offset: f32) -> Vec<Option<Hit>> {
+    let mut state = 1_u32;
+    let mut number = move || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f32::from(u16::try_from(state >> 16).unwrap()) / 32768.0 - 1.0
+    };
+    let rays = (0..2000).map(|i| {
+        let origin = [(); 3].map(|()| 3.0 * number());
+        let target = [(); 3].map(|()| 1.5 * number());
+        let length = [1e-3, 1.0, 1e5][i % 3];
+        let direction = std::array::from_fn(|k| if i % 7 == k { -0.0 } else { (target[k] - origin[k]) * length });
+        Ray::new(origin.map(|x| x + offset), direction)
+    });
+    rays.map(|ray| structure.closest_hit(&ray, &mut ())).collect()
+}
+
+/// Updates through all frames, and compares hits and pictures of each with those of a new structure.
+#[track_caller]
+fn follows(config: &StructureConfig, policy: UpdatePolicy, offset: f32) -> Updates {
+    let view = camera([3.0 + offset, 2.0 + offset, 6.0 + offset], [offset; 3], 50.0);
+    let settings = settings(24, 16, 1, 1);
+    let mut updated = prepared(&stage(0, offset), config);
+    let (mut all, mut n_changed) = (Updates::default(), 0);
+    let first = hits(&updated.structure, offset);
+    for frame in 1..10 {
+        let stage = stage(frame, offset);
+        let updates = updated.update(&stage, &options(policy)).unwrap();
+        all += updates;
+        let fresh = prepared(&stage, config);
+        let (ours, theirs) = (hits(&updated.structure, offset), hits(&fresh.structure, offset));
+        assert!(ours == theirs, "{config:?}, {policy:?}, frame {frame}");
+        n_changed += u32::from(theirs != first);
+        let film =
+            |structure| render(&stage, structure, &view, &settings, &|_, _| (), &AtomicBool::new(false)).unwrap();
+        assert_eq!(film(&updated.structure), film(&fresh.structure), "{config:?}, {policy:?}, frame {frame}");
+        assert_eq!(updated.unused.len(), fresh.unused.len());
+    }
+    // The comparison can fail: a structure that is not updated has other hits.
+    assert_eq!(n_changed, 9);
+    assert!(first.iter().filter(|hit| hit.is_some()).count() > 200);
+    all
+}
+
+#[test]
+fn updated_structures_have_the_hits_and_pictures_of_new_ones() {
+    for levels in [Levels::One, Levels::Two] {
+        for policy in POLICIES {
+            for offset in [0.0, 1e4] {
+                follows(&config(levels, Accel::default()), policy, offset);
+            }
+        }
+        let binary = Accel::Binary { strategy: Strategy::Combined, builder: None };
+        let updates = follows(&config(levels, binary), UpdatePolicy::Refit, 0.0);
+        assert_eq!(updates.refits, 0, "binary BVHs cannot be refitted");
+    }
+}
+
+#[test]
+fn only_changed_meshes_are_updated() {
+    let two = config(Levels::Two, Accel::default());
+    // In nine updates the sphere changes nine times, the wall four times, the box never.
+    let refits = follows(&two, UpdatePolicy::Refit, 0.0);
+    let counts =
+        |u: &Updates| [u.unchanged, u.refits, u.rebuilds, u.top_unchanged, u.top_refits, u.top_rebuilds, u.whole];
+    assert_eq!(counts(&refits), [14, 13, 0, 0, 9, 0, 0]);
+    assert!(refits.max_drift > 1.0);
+    assert_eq!(counts(&follows(&two, UpdatePolicy::Rebuild, 0.0)), [14, 0, 13, 0, 0, 9, 0]);
+    // One level is one BVH.
+    let one = config(Levels::One, Accel::default());
+    assert_eq!(counts(&follows(&one, UpdatePolicy::Refit, 0.0)), [0, 9, 0, 0, 0, 0, 0]);
+    for config in [one, two] {
+        let mut still = prepared(&stage(3, 0.0), &config);
+        let updates = still.update(&stage(3, 0.0), &UpdateOptions::default()).unwrap();
+        let n = still.structure.bottom().len();
+        assert_eq!(counts(&updates), [n, 0, 0, usize::from(n > 1), 0, 0, 0], "nothing changed");
+    }
+    // Only instances move: the BVHs over triangles stay.
+    let mut moving = stage(3, 0.0);
+    let mut updated = prepared(&moving, &two);
+    moving.instances[2].world_from_object.columns[3][0] += 0.5;
+    let updates = updated.update(&moving, &options(UpdatePolicy::Refit)).unwrap();
+    assert_eq!(counts(&updates), [3, 0, 0, 0, 1, 0, 0]);
+    assert!(hits(&updated.structure, 0.0) == hits(&prepared(&moving, &two).structure, 0.0));
+}
+
+#[test]
+fn meshes_instances_and_triangles_may_come_and_go() {
+    let changes: [(&str, fn(&mut Scene)); 6] = [
+        ("an instance less", |scene| scene.instances.truncate(4)),
+        ("an instance more", |scene| scene.instances.push(place(1, placed(1.0, [0.0, -1.5, 0.0])))),
+        ("other triangles", |scene| scene.meshes[0].triangles.truncate(100)),
+        ("triangles in another order", |scene| scene.meshes[0].triangles.reverse()),
+        ("a mesh more", |scene| {
+            scene.meshes.push(cuboid([-1.0; 3], [0.0; 3], 0));
+            scene.instances.push(place(3, Affine::IDENTITY));
+        }),
+        ("nothing", |scene| {
+            scene.meshes.clear();
+            scene.instances.clear();
+        }),
+    ];
+    for levels in [Levels::Auto, Levels::One, Levels::Two] {
+        let config = config(levels, Accel::default());
+        let mut updated = prepared(&stage(0, 0.0), &config);
+        for (what, change) in changes {
+            for changed in [true, false] {
+                let mut stage = stage(u16::from(changed), 0.0);
+                if changed {
+                    change(&mut stage);
+                }
+                updated.update(&stage, &options(UpdatePolicy::Refit)).unwrap();
+                let fresh = prepared(&stage, &config);
+                assert!(hits(&updated.structure, 0.0) == hits(&fresh.structure, 0.0), "{levels:?}: {what}, {changed}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_failed_update_is_repaired_by_the_next() {
+    for levels in [Levels::One, Levels::Two] {
+        let config = config(levels, Accel::default());
+        let mut updated = prepared(&stage(0, 0.0), &config);
+        for bad in [f32::NAN, f32::INFINITY] {
+            let mut torn = stage(1, 0.0);
+            torn.meshes[0].positions[7][1] = bad;
+            let error = updated.update(&torn, &UpdateOptions::default()).unwrap_err();
+            assert_eq!(Some(error), prepare::<Watertight>(&torn, &config).err());
+            let updates = updated.update(&stage(2, 0.0), &UpdateOptions::default()).unwrap();
+            assert_eq!(updates.whole, 1);
+            assert!(hits(&updated.structure, 0.0) == hits(&prepared(&stage(2, 0.0), &config).structure, 0.0));
+        }
+    }
+}
+
+/// Memory after a thousand updates is that after a few.
+#[test]
+fn memory_does_not_grow() {
+    for levels in [Levels::One, Levels::Two] {
+        for policy in POLICIES {
+            let config = config(levels, Accel::default());
+            let mut updated = prepared(&stage(0, 0.0), &config);
+            let mut most = 0;
+            // Refits take place in the old memory, builds in new one.
+            let n_frames = if policy == UpdatePolicy::Refit { 1000 } else { 100 };
+            for frame in 0..n_frames {
+                updated.update(&stage(frame % 8, 0.0), &options(policy)).unwrap();
+                let n_bytes = updated.structure.n_bytes();
+                if frame < 16 {
+                    most = most.max(n_bytes);
+                }
+                // Under `Auto`, times decide in which frames the BVHs are rebuilt.
+                let bound = if policy == UpdatePolicy::Auto { 2 * most } else { most };
+                assert!(
+                    n_bytes <= bound,
+                    "{levels:?}, {policy:?}: {n_bytes} bytes after frame {frame}, at first {most}"
+                );
+            }
+        }
+    }
+}

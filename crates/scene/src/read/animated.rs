@@ -1,0 +1,64 @@
+//! A scene at many times of its animation.
+
+use std::path::Path;
+
+use super::{Format, ReadError, ReadOptions, format_of, gltf, read_static};
+use crate::Scene;
+
+/// An open file that poses its scene at any time of an animation, without reading materials and images again.
+///
+/// ```
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("triangle.ply");
+/// # std::fs::write(&path, "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+/// # property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")?;
+/// use canted_scene::{AnimatedScene, ReadOptions};
+///
+/// let (mut animated, mut scene) = AnimatedScene::open(&path, &ReadOptions::default())?;
+/// for frame in 0..3_u8 {
+///     animated.pose(f32::from(frame) / 24.0, &mut scene)?;
+/// }
+/// assert!(!animated.is_animated(), "a PLY file has no animation, so poses do not change the scene");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct AnimatedScene(Option<gltf::Poses>);
+
+impl AnimatedScene {
+    /// Reads a file as [`read_with`](super::read_with) does, but reports a pose that makes a vertex infinite or NaN, and
+    /// accepts a time for a file without animation.
+    ///
+    /// # Errors
+    /// As [`read_with`](super::read_with), and [`ReadError::VertexNotFinite`].
+    pub fn open(path: &Path, options: &ReadOptions) -> Result<(Self, Scene), ReadError> {
+        match format_of(path)? {
+            Format::Gltf => {
+                let (poses, scene) = gltf::Poses::open(path, options)?;
+                Ok((Self(poses), scene))
+            }
+            format => Ok((Self(None), read_static(path, &format, options)?)),
+        }
+    }
+
+    /// Whether the file has an animation.
+    #[must_use]
+    pub fn is_animated(&self) -> bool {
+        self.0.is_some()
+    }
+
+    /// Replaces meshes, instances, cameras and lights of `scene` by those at a time in seconds: the scene is then that of
+    /// [`read_with`](super::read_with) at this time. Its warnings are those of the pose; materials, textures and the
+    /// environment stay. Without an animation, the scene does not change.
+    ///
+    /// # Errors
+    /// [`ReadError::VertexNotFinite`], and those of [`read_with`](super::read_with). The scene then stays as it is.
+    pub fn pose(&mut self, time: f32, scene: &mut Scene) -> Result<(), ReadError> {
+        let Some(poses) = &mut self.0 else { return Ok(()) };
+        let Scene { meshes, instances, cameras, lights, warnings, .. } = poses.at(time)?;
+        scene.meshes = meshes;
+        scene.instances = instances;
+        scene.cameras = cameras;
+        scene.lights = lights;
+        scene.warnings = warnings;
+        Ok(())
+    }
+}
