@@ -93,7 +93,7 @@ fn report(answers: &[Answer], seconds: f64, args: &Args) -> Result<()> {
 /// All answers, and the seconds spent tracing.
 #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "the CPU is the only machine"))]
 fn trace<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Machine) -> Result<(Vec<Answer>, f64)> {
-    let Prepared { structure, .. } = prepare::<K>(scene, &args.structure.config(scene))
+    let Prepared { structure, .. } = prepare::<K>(scene, &args.structure.config(scene)?)
         .map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
     let on_cpu = |ray: &Ray| {
         if args.occluded {

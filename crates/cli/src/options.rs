@@ -2,6 +2,7 @@
 
 mod numbers;
 
+use anyhow::{Result, bail};
 use canted_lbvh::Strategy;
 use canted_renderer::{Accel, Builder, Levels, StructureConfig};
 use canted_scene::Scene;
@@ -48,19 +49,36 @@ pub(crate) struct StructureArgs {
     /// BVH levels. `auto` uses two levels where instancing saves memory, else one.
     #[arg(long, default_value = "auto", value_parser = one_of(&LEVELS), value_name = "LEVELS")]
     levels: Levels,
+    /// Acceleration structure: eight-wide BVH, binary BVH, bounding interval hierarchy or kd-tree [default: wide, or bvh2 with --volumes
+    /// NAME].
+    #[arg(long, value_parser = one_of(&ACCELS), value_name = "STRUCTURE")]
+    accel: Option<AccelKind>,
     /// Build effort of the wide BVH. `quality` builds slowest and traces fastest.
     #[arg(long, default_value = "balanced", value_parser = one_of(&PRESETS), value_name = "PRESET")]
     preset: Preset,
     /// Builder of the binary tree that becomes the BVH. `auto` uses the builder of the preset, or `ploc` with --volumes.
     #[arg(long, default_value = "auto", value_parser = one_of(BUILDERS), value_name = "BUILDER")]
     builder: BuilderChoice,
-    /// Bounding volumes. `auto` builds a wide BVH of axis-aligned and oriented nodes; the others build a binary BVH.
+    /// Bounding volumes. `auto` builds a wide BVH of axis-aligned and oriented nodes, or with --accel bvh2 axis-aligned boxes; the others
+    /// build a binary BVH.
     #[arg(long, default_value = "auto", value_parser = one_of(&VOLUMES), value_name = "VOLUMES")]
     volumes: Volumes,
     /// Ray-triangle intersection test.
     #[arg(long, default_value = "watertight", value_parser = one_of(&TRIANGLE_TESTS), value_name = "TEST")]
     pub(crate) triangles: TriangleTest,
 }
+
+/// Value of --accel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum AccelKind {
+    Wide,
+    Bvh2,
+    Bih,
+    KdTree,
+}
+
+const ACCELS: [(&str, AccelKind); 4] =
+    [("wide", AccelKind::Wide), ("bvh2", AccelKind::Bvh2), ("bih", AccelKind::Bih), ("kdtree", AccelKind::KdTree)];
 
 const LEVELS: [(&str, Levels); 3] = [("auto", Levels::Auto), ("one", Levels::One), ("two", Levels::Two)];
 
@@ -98,20 +116,39 @@ impl StructureArgs {
         if self.triangles != TriangleTest::Watertight {
             return Some(format!("--triangles {}", name_of(&TRIANGLE_TESTS, &self.triangles)));
         }
-        self.volumes.map(|strategy| format!("--volumes {}", strategy_name(strategy)))
+        let volumes = self.volumes.map(|strategy| format!("--volumes {}", strategy_name(strategy)));
+        let accel = self.accel.filter(|&accel| accel != AccelKind::Wide);
+        volumes.or_else(|| accel.map(|accel| format!("--accel {}", name_of(&ACCELS, &accel))))
     }
 
     /// The structure to build for a scene. Warns if it cannot have one level.
-    pub(crate) fn config(&self, scene: &Scene) -> StructureConfig {
-        let &Self { levels, preset, builder, volumes, .. } = self;
-        if levels == Levels::One && scene.has_motion() {
+    ///
+    /// # Errors
+    /// Options that contradict each other.
+    pub(crate) fn config(&self, scene: &Scene) -> Result<StructureConfig> {
+        if self.levels == Levels::One && scene.has_motion() {
             output::warn("--levels one is ignored: moving instances require two levels");
         }
-        let accel = match volumes {
-            None => Accel::Wide { preset, builder },
-            Some(strategy) => Accel::Binary { strategy, builder },
-        };
-        StructureConfig { levels, accel }
+        Ok(StructureConfig { levels: self.levels, accel: self.structure()? })
+    }
+
+    fn structure(&self) -> Result<Accel> {
+        let &Self { accel, preset, builder, volumes, .. } = self;
+        let default = if volumes.is_some() { AccelKind::Bvh2 } else { AccelKind::Wide };
+        let kind = accel.unwrap_or(default);
+        let name = name_of(&ACCELS, &kind);
+        if let Some(strategy) = volumes.filter(|_| kind != AccelKind::Bvh2) {
+            bail!("--volumes {} requires --accel bvh2, not {name}", strategy_name(strategy));
+        }
+        if let Some(builder) = builder.filter(|_| matches!(kind, AccelKind::Bih | AccelKind::KdTree)) {
+            bail!("--builder {} requires --accel wide or bvh2, not {name}", name_of(BUILDERS, &Some(builder)));
+        }
+        Ok(match kind {
+            AccelKind::Wide => Accel::Wide { preset, builder },
+            AccelKind::Bvh2 => Accel::Binary { strategy: volumes.unwrap_or(Strategy::Aabb), builder },
+            AccelKind::Bih => Accel::Bih,
+            AccelKind::KdTree => Accel::KdTree,
+        })
     }
 }
 

@@ -5,6 +5,7 @@ mod binary;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod motion;
+mod planes;
 mod tables;
 mod wide;
 mod wide_tables;
@@ -62,7 +63,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 fn report<'a>(name: &'a str, scene: &'a Scene, args: &Args, machine: &Machine) -> Result<tables::Report<'a>> {
     let binary = binary::measure(scene)?;
     let wide = wide::measure(scene, &args.presets)?;
-    let config = options::defaults::<StructureArgs>().config(scene);
+    let planes = planes::measure(scene)?;
+    let config = options::defaults::<StructureArgs>().config(scene)?;
     let prepared = prepare::<Watertight>(scene, &config)?;
     let not_needed = not_needed::json(&prepared.unused, false);
     let motion = motion::measure(args.scene.as_deref(), args.time, args.animation.as_deref(), &config)?;
@@ -70,7 +72,7 @@ fn report<'a>(name: &'a str, scene: &'a Scene, args: &Args, machine: &Machine) -
     let gpu = gpu::measure(machine, scene, &prepared.structure)?;
     #[cfg(not(feature = "gpu"))]
     let gpu = None;
-    Ok(tables::Report { name, scene, binary, wide, not_needed, motion, gpu })
+    Ok(tables::Report { name, scene, binary, wide, planes, not_needed, motion, gpu })
 }
 
 /// The scale from a mesh to the world, by its first instance.

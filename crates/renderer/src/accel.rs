@@ -1,14 +1,19 @@
 //! The BVH of one mesh: which one, and how it is built.
 
+mod bvh;
+
+use canted_bih::Bih;
 use canted_bvh2::{Bvh2, PairOrder};
+use canted_kdtree::KdTree;
 use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig};
-use canted_obb::{Aabb, Obb};
+use canted_obb::Aabb;
 use canted_sah::TopDownConfig;
-use canted_tlas::{Blas, TopConfig};
-use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray};
-use canted_wide::{Config, LaneKernel, MAX_TRIANGLES, Preset, RefitError, TriangleBvh};
+use canted_tlas::TopConfig;
+use canted_wide::{Config, LaneKernel, MAX_TRIANGLES, Preset, TriangleBvh};
 
 use crate::PrepareError;
+
+pub use bvh::Bvh;
 
 /// The acceleration structure over a mesh, and over the instances of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,6 +32,10 @@ pub enum Accel {
         /// Builder of the tree; `None` for [`Builder::Ploc`].
         builder: Option<Builder>,
     },
+    /// A bounding interval hierarchy over the triangles of a mesh, below wide nodes over instances.
+    Bih,
+    /// A SAH kd-tree over the triangles of a mesh, below wide nodes over instances.
+    KdTree,
 }
 
 impl Default for Accel {
@@ -87,7 +96,7 @@ impl Accel {
     pub(crate) fn max_triangles(&self) -> usize {
         match self {
             Self::Wide { .. } => MAX_TRIANGLES,
-            Self::Binary { .. } => lbvh::MAX_PRIMITIVES,
+            Self::Binary { .. } | Self::Bih | Self::KdTree => lbvh::MAX_PRIMITIVES,
         }
     }
 
@@ -96,6 +105,7 @@ impl Accel {
         match *self {
             Self::Wide { preset, .. } => TopConfig::Wide(Config::preset(preset)),
             Self::Binary { strategy, .. } => TopConfig::Binary(VolumeConfig { strategy, fallback: true }),
+            Self::Bih | Self::KdTree => TopConfig::Wide(Config::default()),
         }
     }
 
@@ -108,6 +118,10 @@ impl Accel {
         let (strategy, builder) = match *self {
             Self::Wide { preset, builder } => return Ok(Bvh::Wide(wide(positions, triangles, preset, builder)?)),
             Self::Binary { strategy, builder } => (strategy, builder.unwrap_or(Builder::Ploc)),
+            Self::Bih => return Ok(Bvh::Bih(Bih::build(positions, triangles, &canted_bih::Config::default())?)),
+            Self::KdTree => {
+                return Ok(Bvh::KdTree(KdTree::build(positions, triangles, &canted_kdtree::Config::default())?));
+            }
         };
         let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
         let tree = builder.tree(&corners, &bounds)?;
@@ -135,86 +149,4 @@ fn wide<K: LaneKernel>(
         Some(_) => preset,
     };
     Ok(TriangleBvh::build(positions, triangles, &config)?)
-}
-
-/// A bottom-level BVH.
-pub enum Bvh<K: LaneKernel> {
-    /// Eight-wide, with aligned and oriented nodes.
-    Wide(TriangleBvh<K>),
-    /// Binary, with volumes of one strategy.
-    Binary(Bvh2<K>, Strategy),
-}
-
-impl<K: LaneKernel> Bvh<K> {
-    /// Memory of nodes and triangles.
-    #[must_use]
-    pub fn n_bytes(&self) -> usize {
-        match self {
-            Self::Wide(wide) => wide.n_bytes(),
-            Self::Binary(binary, _) => binary.n_bytes(),
-        }
-    }
-
-    /// Updates the boxes to new vertices of the same triangles; returns the drift, or `None` where this kind of BVH cannot be
-    /// refitted.
-    pub(crate) fn refit(
-        &mut self,
-        positions: &[[f32; 3]],
-        triangles: &[[u32; 3]],
-    ) -> Result<Option<f32>, PrepareError> {
-        match self {
-            Self::Wide(wide) => match wide.refit(positions, triangles) {
-                Ok(refit) => Ok(Some(refit.drift)),
-                Err(RefitError::Geometry(error)) => Err(error.into()),
-                // The caller then builds a BVH over the new number of triangles.
-                Err(_) => Ok(None),
-            },
-            Self::Binary(..) => Ok(None),
-        }
-    }
-
-    /// Whether it has oriented nodes.
-    pub(crate) fn has_oriented_nodes(&self) -> bool {
-        match self {
-            Self::Wide(wide) => {
-                let [_, oriented] = wide.sizes().nodes;
-                oriented > 0 || wide.frame() != Obb::IDENTITY_FRAME
-            }
-            Self::Binary(_, strategy) => *strategy != Strategy::Aabb,
-        }
-    }
-}
-
-impl<K: LaneKernel> Blas for Bvh<K> {
-    fn bounds(&self) -> Obb {
-        match self {
-            Self::Wide(wide) => wide.bounds(),
-            Self::Binary(binary, _) => binary.bounds(),
-        }
-    }
-
-    fn hit_error(&self) -> f32 {
-        HIT_ERROR
-    }
-
-    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
-        match self {
-            Self::Wide(wide) => wide.closest_hit_with(ray_object, instance, query),
-            Self::Binary(binary, _) => binary.closest_hit_with(ray_object, instance, query),
-        }
-    }
-
-    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
-        match self {
-            Self::Wide(wide) => wide.occluded_with(ray_object, instance, query),
-            Self::Binary(binary, _) => binary.occluded_with(ray_object, instance, query),
-        }
-    }
-
-    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
-        match self {
-            Self::Wide(wide) => wide.all_hits_with(ray_object, instance, query, hits),
-            Self::Binary(binary, _) => binary.all_hits_with(ray_object, instance, query, hits),
-        }
-    }
 }

@@ -109,6 +109,7 @@ pub(crate) fn unused_features<K: LaneKernel>(
 ) -> Vec<UnusedFeature> {
     let aligned = match config.accel {
         Accel::Binary { strategy: Strategy::Aabb, .. } => Some("axis-aligned boxes were requested"),
+        Accel::Bih | Accel::KdTree => Some("the requested structure has none"),
         _ if structure.bottom().iter().any(Bvh::has_oriented_nodes) => None,
         _ => Some("no gain in predicted cost"),
     };

@@ -99,6 +99,8 @@ fn volumes_of<K: LaneKernel>(bvhs: &[Bvh<K>]) -> String {
     for bvh in bvhs {
         match bvh {
             Bvh::Binary(_, strategy) => return strategy_name(*strategy).to_owned(),
+            Bvh::Bih(_) => return "bounding intervals".to_owned(),
+            Bvh::KdTree(_) => return "kd-tree cells".to_owned(),
             Bvh::Wide(wide) => {
                 let of_one = wide.sizes().nodes;
                 nodes = std::array::from_fn(|i| nodes[i] + of_one[i]);

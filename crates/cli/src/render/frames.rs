@@ -147,7 +147,7 @@ fn render_frame<K: LaneKernel>(
             progress.updates += prepared.update(scene, &options).map_err(|error| rejected(scene, &name, &error))?;
             prepared
         }
-        _ => prepare(scene, &args.structure.config(scene)).map_err(|error| rejected(scene, &name, &error))?,
+        _ => prepare(scene, &args.structure.config(scene)?).map_err(|error| rejected(scene, &name, &error))?,
     };
     let prepared = progress.prepared.insert(prepared);
     let mut camera = args.camera.camera(scene, prepared, args.size)?;

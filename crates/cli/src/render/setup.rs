@@ -20,7 +20,7 @@ pub(crate) struct Setup<K: LaneKernel> {
 pub(crate) fn setup<K: LaneKernel>(scene: &mut Scene, args: &Args, has_default_light: bool) -> Result<Setup<K>> {
     let name = load::name(args.scene.as_deref());
     let prepared: Prepared<K> =
-        prepare(scene, &args.structure.config(scene)).map_err(|error| anyhow!("{name}: {error}"))?;
+        prepare(scene, &args.structure.config(scene)?).map_err(|error| anyhow!("{name}: {error}"))?;
     let camera = args.camera.camera(scene, &prepared, args.size)?;
     let default_light = scale_default_light(scene, &prepared, &camera, args, has_default_light)?;
     Ok(Setup { prepared, camera, default_light })

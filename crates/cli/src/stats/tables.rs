@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use super::{
     binary::{BinaryStats, Level, Passes, Row},
     motion::Motion,
+    planes::PlaneStats,
     wide::WideStats,
     wide_tables,
 };
@@ -20,6 +21,7 @@ pub(super) struct Report<'a> {
     pub(super) scene: &'a Scene,
     pub(super) binary: BinaryStats,
     pub(super) wide: WideStats,
+    pub(super) planes: PlaneStats,
     pub(super) not_needed: Value,
     /// Updates between frames of an animated file.
     pub(super) motion: Option<Motion>,
@@ -30,7 +32,7 @@ pub(super) struct Report<'a> {
 impl Report<'_> {
     /// One JSON object.
     pub(super) fn json(&self) -> String {
-        let Self { name, scene, binary, wide, not_needed, motion, gpu } = self;
+        let Self { name, scene, binary, wide, planes, not_needed, motion, gpu } = self;
         let mut all = json!({
             "scene": name,
             "meshes": scene.meshes.len(),
@@ -41,6 +43,7 @@ impl Report<'_> {
             "one_level": level_json(&binary.one),
             "two_level": { "bottom": level_json(&binary.bottom), "top": level_json(&binary.top) },
             "wide": wide_tables::json(wide),
+            "planes": planes.json(),
             "not_needed": not_needed,
         });
         if let Some(motion) = motion {
@@ -54,7 +57,7 @@ impl Report<'_> {
 
     /// Tables.
     pub(super) fn text(&self) -> String {
-        let Self { name, scene, binary, wide, not_needed, motion, gpu } = self;
+        let Self { name, scene, binary, wide, planes, not_needed, motion, gpu } = self;
         let mut out = String::new();
         // Writing to a String cannot fail.
         let _ = writeln!(
@@ -70,6 +73,7 @@ impl Report<'_> {
         volumes(&mut out, "two levels, bottom", &binary.bottom);
         volumes(&mut out, "two levels, top", &binary.top);
         wide_tables::text(&mut out, wide);
+        planes.text(&mut out);
         passes(&mut out, binary);
         let _ = writeln!(out, "\nNot needed to render the scene: {}", not_needed::text(not_needed));
         if let Some(motion) = motion {

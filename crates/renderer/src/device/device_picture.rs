@@ -192,7 +192,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
 /// Uploads the acceleration structure of a scene.
 ///
 /// # Errors
-/// Binary BVHs and instances that the kernels do not support; too little memory on the device.
+/// Structures other than wide BVHs and instances that the kernels do not support; too little memory on the device.
 pub fn traced_scene<K: LaneKernel>(
     gpu: &Gpu,
     scene: &Scene,
@@ -201,7 +201,9 @@ pub fn traced_scene<K: LaneKernel>(
     fn wide<K: LaneKernel>(bvh: &Bvh<K>) -> Result<&TriangleBvh<K>, DeviceError> {
         match bvh {
             Bvh::Wide(wide) => Ok(wide),
-            Bvh::Binary(..) => Err(DeviceError::Unsupported { what: "binary BVHs, which --volumes selects" }),
+            Bvh::Binary(..) | Bvh::Bih(_) | Bvh::KdTree(_) => {
+                Err(DeviceError::Unsupported { what: "structures other than wide BVHs" })
+            }
         }
     }
     Ok(match structure {
