@@ -64,6 +64,7 @@ mod partition;
 mod ploc;
 mod reference;
 mod reinsertion;
+mod runs;
 mod search;
 mod select;
 mod spatial;

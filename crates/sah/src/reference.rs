@@ -47,7 +47,7 @@ impl Bounds {
     }
 }
 
-/// A primitive with its box, moved while nodes are split: half a cache line.
+/// A run of consecutive primitives, usually one, with its box, moved while nodes are split: half a cache line.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
 pub(crate) struct Reference(Bounds);
@@ -55,16 +55,32 @@ pub(crate) struct Reference(Bounds);
 impl Reference {
     /// `primitive` with its box in units of `1 / scale`.
     ///
-    /// The fourth lane stores the index as the bits of a float: below `2^30` it is finite and less than 2, so no sum or
-    /// product of lanes is NaN.
+    /// The fourth lanes store the index and the number of primitives as the bits of floats: below `2^30` they are finite and
+    /// less than 2, so no sum or product of lanes is NaN.
     pub(crate) fn new(primitive: u32, aabb: &Aabb, scale: f32) -> Self {
         let ([x, y, z], [u, v, w]) = (aabb.min.map(|c| scale * c), aabb.max.map(|c| -scale * c));
-        Self(Bounds { low: Vec4::new(x, y, z, f32::from_bits(primitive)), high: Vec4::new(u, v, w, 0.0) })
+        let [primitive, one] = [primitive, 1].map(f32::from_bits);
+        Self(Bounds { low: Vec4::new(x, y, z, primitive), high: Vec4::new(u, v, w, one) })
     }
 
+    /// The primitives of this run and of the next, which follow them.
+    pub(crate) fn joined(&self, next: &Self) -> Self {
+        let mut joined = self.0.union(&next.0);
+        joined.low.w = self.0.low.w;
+        joined.high.w = f32::from_bits(self.n() + next.n());
+        Self(joined)
+    }
+
+    /// The first primitive.
     #[inline]
     pub(crate) fn primitive(&self) -> u32 {
         self.0.low.w.to_bits()
+    }
+
+    /// Number of primitives.
+    #[inline]
+    pub(crate) fn n(&self) -> u32 {
+        self.0.high.w.to_bits()
     }
 
     #[inline]
