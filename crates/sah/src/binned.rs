@@ -132,7 +132,7 @@ fn best_of<const AXES: usize, const N: usize>(
     }
     let mut best = Best { cost: f32::INFINITY, balance: 0, plane: None };
     for ((bounds, counts), axis) in bins.bounds.iter().zip(&bins.counts).zip(axes) {
-        best.consider(&bounds[..grid.n_bins], &counts[..grid.n_bins], axis);
+        best.consider(bounds, counts, axis);
     }
     best.plane
 }
@@ -145,10 +145,10 @@ struct Best {
 }
 
 impl Best {
-    /// Considers every plane between two bins of an axis that splits the references.
+    /// Considers every plane between two bins of an axis that splits the references. Unused bins are empty.
     #[expect(clippy::cast_precision_loss, reason = "a cost, compared with others computed the same way")]
-    fn consider(&mut self, bins: &[Bounds], counts: &[u32], axis: usize) {
-        let mut right_costs = [(0.0, 0); MAX_BINS as usize];
+    fn consider<const N: usize>(&mut self, bins: &[Bounds; N], counts: &[u32; N], axis: usize) {
+        let mut right_costs = [(0.0, 0); N];
         let (mut bounds, mut n) = (Bounds::EMPTY, 0);
         for ((bin, count), right) in bins.iter().zip(counts).zip(&mut right_costs).rev() {
             bounds = bounds.union(bin);
