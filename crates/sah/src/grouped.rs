@@ -2,18 +2,32 @@ use canted_lbvh::{Child, Node, NodeId, Task, Tree};
 use canted_obb::{Aabb, PrimId};
 
 use crate::{
-    ReinsertConfig, Split, TopDownConfig, par,
+    ReinsertConfig, Split, TopDownConfig,
+    divide::{Binned, Coded, Divide, along_curve},
+    par,
     reference::{Reference, unit_scale},
     reinsert,
     runs::runs,
-    top_down::{Span, split},
+    top_down::Span,
 };
+
+/// Where [`grouped()`] splits primitives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GroupSplit {
+    /// Between bins, at least SAH cost.
+    Binned {
+        /// Bins per axis, 2 to 64.
+        bins: u32,
+    },
+    /// Where the Morton codes of box centers differ in the highest bit: several times faster, with more area.
+    Morton,
+}
 
 /// How [`grouped()`] builds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GroupConfig {
-    /// Bins per axis, 2 to 64.
-    pub bins: u32,
+    /// Where primitives are split.
+    pub split: GroupSplit,
     /// Maximum number of primitives of a group, at least 1.
     pub max_group: u32,
     /// Consecutive primitives that stay together where their common box is small, at most; a power of two, 1 for none.
@@ -23,19 +37,22 @@ pub struct GroupConfig {
 }
 
 impl GroupConfig {
-    /// Few bins, groups that fill a block of eight; moving those takes 6 % of a build and saves up to 30 % of visits.
-    pub const FAST: Self = Self { bins: 16, max_group: 8, max_run: 2, improvement: Some(ReinsertConfig::BALANCED) };
+    /// A tree over Morton codes, for geometry that is built again for each frame.
+    pub const DYNAMIC: Self = Self { split: GroupSplit::Morton, max_group: 8, max_run: 2, improvement: None };
+
+    /// Few bins, groups that fill a block of eight; moving those takes a tenth of a build and saves up to 30 % of visits.
+    pub const FAST: Self = Self {
+        split: GroupSplit::Binned { bins: 16 },
+        max_group: 8,
+        max_run: 2,
+        improvement: Some(ReinsertConfig::BALANCED),
+    };
 
     /// Groups of two, which keep rectangles together.
-    pub const BALANCED: Self = Self { bins: 32, max_group: 2, max_run: 1, improvement: Some(ReinsertConfig::BALANCED) };
+    pub const BALANCED: Self = Self { split: GroupSplit::Binned { bins: 32 }, max_group: 2, max_run: 1, ..Self::FAST };
 
     /// The least cost.
-    pub const QUALITY: Self = Self { bins: 32, max_group: 2, max_run: 1, improvement: Some(ReinsertConfig::QUALITY) };
-
-    /// The split of nodes.
-    fn top_down(&self) -> TopDownConfig {
-        TopDownConfig { split: Split::Binned { bins: self.bins, sweep_threshold: 0 }, ..TopDownConfig::BINNED }
-    }
+    pub const QUALITY: Self = Self { improvement: Some(ReinsertConfig::QUALITY), ..Self::BALANCED };
 }
 
 /// A binary tree whose leaves are groups of primitives.
@@ -53,8 +70,8 @@ pub struct Groups {
 /// leaf.
 ///
 /// Reads: a finite box for each primitive. Writes: a tree whose leaf `i` refers to group `i`, and the groups. Holds: as for
-/// [`crate::top_down()`], with binned splits.
-/// Source: Wald 2007, with parallel subtrees.
+/// [`crate::top_down()`], with binned splits, or as for a radix tree.
+/// Source: Wald 2007, with parallel subtrees; Karras 2012 for splits by Morton codes.
 #[must_use]
 pub fn grouped(boxes: &[Aabb], config: &GroupConfig) -> (Tree, Groups) {
     let n = boxes.len();
@@ -65,11 +82,21 @@ pub fn grouped(boxes: &[Aabb], config: &GroupConfig) -> (Tree, Groups) {
     let scale = unit_scale(boxes).unwrap_or(1.0);
     let max_group = config.max_group.max(1);
     let mut references = runs(boxes, scale, config.max_run.min(max_group));
-    let mut scratch = par::filled(references.len(), references[0]);
-    let span = Span { references: &mut references, scratch: &mut scratch };
-    let max_part = MAX_PART.max(span.references.len().div_ceil(256));
-    let parts = Builder { boxes, split: config.top_down(), max_group, max_part }.divide(span, 1, false);
-    drop((references, scratch));
+    let max_part = MAX_PART.max(references.len().div_ceil(256));
+    let builder = Builder { boxes, max_group, max_part };
+    let parts = match config.split {
+        GroupSplit::Binned { bins } => {
+            let mut scratch = par::filled(references.len(), references[0]);
+            let split = Split::Binned { bins, sweep_threshold: 0 };
+            let config = TopDownConfig { split, ..TopDownConfig::BINNED };
+            let span = Span { references: &mut references, scratch: &mut scratch };
+            builder.divide(Binned { span, config: &config }, 1, false)
+        }
+        GroupSplit::Morton => {
+            let (references, codes) = along_curve(references);
+            builder.divide(Coded { references: &references, codes: &codes }, 1, false)
+        }
+    };
     let (tree, groups) = assemble(&parts, n);
     improved(tree, groups, config.improvement.as_ref())
 }
@@ -160,23 +187,21 @@ struct Parts {
 struct Builder<'a> {
     /// Of all primitives.
     boxes: &'a [Aabb],
-    split: TopDownConfig,
     max_group: u32,
     max_part: usize,
 }
 
 impl Builder<'_> {
     /// Splits until parts are small, and builds those in parallel.
-    fn divide(&self, mut span: Span<'_>, depth: u32, is_left: bool) -> Parts {
-        let n = span.references.len();
+    fn divide<S: Divide>(&self, span: S, depth: u32, is_left: bool) -> Parts {
+        let n = span.references().len();
         if n <= self.max_part {
             let mut part = Part { primitives: Vec::with_capacity(2 * n), ..Part::default() };
             part.height = self.part(span, depth, is_left, &mut part);
             let height = part.height;
             return Parts { parts: vec![part], nodes: vec![], height };
         }
-        let n_left = split(&mut span, &self.split, depth);
-        let [left, right] = span.at(n_left);
+        let [left, right] = span.divided(depth);
         let (mut left, mut right) =
             par::join(|| self.divide(left, depth + 1, true), || self.divide(right, depth + 1, false));
         let [n_left, n_right] = [&left, &right].map(|side| index(side.parts.len()));
@@ -193,11 +218,11 @@ impl Builder<'_> {
     }
 
     /// Builds a subtree on one thread; returns its height in nodes, the group included.
-    fn part(&self, mut span: Span<'_>, depth: u32, is_left: bool, part: &mut Part) -> u32 {
-        if self.is_group(span.references) {
+    fn part<S: Divide>(&self, span: S, depth: u32, is_left: bool, part: &mut Part) -> u32 {
+        if self.is_group(span.references()) {
             let before = part.primitives.len();
             let mut around = Aabb::EMPTY;
-            for run in &*span.references {
+            for run in span.references() {
                 let members = run.primitive()..run.primitive() + run.n();
                 around = members.clone().fold(around, |all, i| all.union(self.boxes[i as usize]));
                 part.primitives.extend(members.map(PrimId));
@@ -207,8 +232,7 @@ impl Builder<'_> {
             return 1;
         }
         let first = index(part.sizes.len());
-        let n_left = split(&mut span, &self.split, depth);
-        let [left, right] = span.at(n_left);
+        let [left, right] = span.divided(depth);
         let left = self.part(left, depth + 1, true, part);
         let split = index(part.sizes.len()) - 1;
         let right = self.part(right, depth + 1, false, part);

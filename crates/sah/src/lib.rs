@@ -57,6 +57,7 @@ mod candidates;
 mod clip;
 mod config;
 mod curve;
+mod divide;
 mod grouped;
 mod lanes;
 mod pairs;
@@ -73,7 +74,7 @@ mod top_down;
 
 pub use builder::{Builder, build};
 pub use config::{Axes, ReinsertConfig, Split, TopDownConfig};
-pub use grouped::{GroupConfig, Groups, grouped};
+pub use grouped::{GroupConfig, GroupSplit, Groups, grouped};
 pub use ploc::{PlocConfig, ploc};
 pub use reinsertion::reinsert;
 pub use spatial::{References, SpatialConfig, spatial};

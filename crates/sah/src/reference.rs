@@ -89,6 +89,11 @@ impl Reference {
         self.0.high.w.to_bits() - ONE
     }
 
+    /// The scaled box.
+    pub(crate) fn aabb(&self) -> Aabb {
+        Aabb { min: self.0.low.xyz().to_array(), max: (-self.0.high).xyz().to_array() }
+    }
+
     #[inline]
     pub(crate) fn bounds(&self) -> &Bounds {
         &self.0
