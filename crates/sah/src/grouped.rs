@@ -49,7 +49,7 @@ impl GroupConfig {
     };
 
     /// Groups of two, which keep rectangles together.
-    pub const BALANCED: Self = Self { split: GroupSplit::Binned { bins: 32 }, max_group: 2, max_run: 1, ..Self::FAST };
+    pub const BALANCED: Self = Self { split: GroupSplit::Binned { bins: 32 }, max_group: 2, max_run: 2, ..Self::FAST };
 
     /// The least cost.
     pub const QUALITY: Self = Self { improvement: Some(ReinsertConfig::QUALITY), ..Self::BALANCED };
