@@ -13,10 +13,13 @@ use crate::{
 /// Primitives of one job. Runs end where jobs end, whatever the number of threads.
 const CHUNK: usize = 1 << 13;
 
+/// Area of the common box of a run, relative to the sum of those of its parts, at most. At 1, a leaf that holds both parts costs
+/// rays no more than two leaves; somewhat less keeps the halves of a slanted quad apart, whose boxes hardly overlap.
+const MAX_AREA: f32 = 0.9;
+
 /// One reference for each run of at most `max_run` primitives, with boxes in units of `1 / scale`.
 ///
-/// Neighboring runs are joined, pairs first, then pairs of pairs, where the area of their common box is not more than the sum
-/// of their own areas: a leaf that holds both then costs rays no more than two leaves.
+/// Neighboring runs are joined, pairs first, then pairs of pairs, where the area of their common box is small enough.
 pub(crate) fn runs(boxes: &[Aabb], scale: f32, max_run: u32) -> Vec<Reference> {
     let of = |first: usize, boxes: &[Aabb]| -> Vec<Reference> {
         let single = |(i, aabb): (usize, &Aabb)| Reference::new(index(first + i), aabb, scale);
@@ -62,13 +65,67 @@ fn join_neighbors(runs: &mut Vec<Reference>, limit: u32) {
     runs.truncate(written);
 }
 
-/// Whether a common box has no more area than both; boxes without area never have one.
+/// Whether the common box is small enough; boxes without area are never joined.
 fn pays(a: &Bounds, b: &Bounds) -> bool {
     let sum = a.half_area() + b.half_area();
-    sum > 0.0 && a.union(b).half_area() <= sum
+    sum > 0.0 && a.union(b).half_area() <= MAX_AREA * sum
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 primitives")]
 fn index(i: usize) -> u32 {
     i as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cell(x: f32, y: f32) -> Aabb {
+        Aabb { min: [x, y, 0.0], max: [x + 1.0, y + 1.0, 0.5] }
+    }
+
+    fn lengths(boxes: &[Aabb], max_run: u32) -> Vec<u32> {
+        runs(boxes, 1.0, max_run).iter().map(Reference::n).collect()
+    }
+
+    #[test]
+    fn equal_neighbors_are_joined_and_distant_ones_are_not() {
+        let boxes = [cell(0.0, 0.0), cell(0.0, 0.0), cell(9.0, 0.0), cell(1.0, 0.0), cell(1.0, 0.0), cell(1.0, 0.0)];
+        assert_eq!(lengths(&boxes, 1), [1; 6]);
+        assert_eq!(lengths(&boxes, 2), [2, 1, 2, 1]);
+        assert_eq!(lengths(&boxes, 4), [2, 1, 3]);
+        let joined = runs(&boxes, 1.0, 4);
+        assert_eq!(joined.iter().map(Reference::primitive).collect::<Vec<_>>(), [0, 2, 3]);
+        assert_eq!(joined[2].aabb(), cell(1.0, 0.0));
+    }
+
+    /// Every primitive once, in order, in a run around it, also where jobs end.
+    #[test]
+    fn runs_partition_the_primitives() {
+        let mut state = 3u64;
+        let boxes: Vec<Aabb> = (0..3 * CHUNK + 5)
+            .map(|_| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                let at = |shift: u32| f32::from(u8::try_from(state >> shift & 3).unwrap());
+                // Points and segments among them.
+                Aabb { min: [at(40), -0.0, at(44)], max: [at(40) + at(48), 0.0, at(44) + at(52)] }
+            })
+            .collect();
+        for max_run in [1, 2, 8] {
+            let mut next = 0;
+            for run in runs(&boxes, 1.0, max_run) {
+                assert!(run.primitive() == next && (1..=max_run).contains(&run.n()));
+                next += run.n();
+                let members = run.primitive() as usize..next as usize;
+                assert_eq!(run.aabb(), around(&boxes[members]), "{max_run}");
+            }
+            assert_eq!(next as usize, boxes.len());
+        }
+        let lines: Vec<Aabb> = (0..8u8).map(|i| Aabb { min: [f32::from(i), 0.0, 0.0], max: [9.0, 0.0, 0.0] }).collect();
+        assert_eq!(lengths(&lines, 8), [1; 8], "boxes without area");
+    }
+
+    fn around(boxes: &[Aabb]) -> Aabb {
+        boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb))
+    }
 }
