@@ -14,8 +14,8 @@ use crate::{
 const CHUNK: usize = 1 << 13;
 
 /// Area of the common box of a run, relative to the sum of those of its parts, at most. At 1, a leaf that holds both parts costs
-/// rays no more than two leaves; somewhat less keeps the halves of a slanted quad apart, whose boxes hardly overlap.
-const MAX_AREA: f32 = 0.9;
+/// rays no more than two leaves; less keeps the halves of a slanted quad apart, whose boxes hardly overlap (`benches/TRIED.md`).
+const MAX_AREA: f32 = 0.75;
 
 /// One reference for each run of at most `max_run` primitives, with boxes in units of `1 / scale`.
 ///

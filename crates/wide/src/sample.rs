@@ -18,7 +18,7 @@ use crate::par;
 
 /// Frames are found for the whole mesh where the estimate is at most this part of the cost of aligned nodes. The sample does
 /// not see nodes above its subtrees, so it may miss some of the gain.
-pub(crate) const MAX_COST: f32 = 0.9;
+pub(crate) const MAX_COST: f32 = 0.91;
 
 /// Most primitives of a sampled subtree.
 const MAX_SAMPLED: usize = 256;
