@@ -95,14 +95,19 @@ fn neighbors_with_a_small_common_box_stay_together() {
         }
         of.chunks_exact(2).filter(|pair| pair[0] == pair[1]).count()
     };
-    let quads = boxes(&corners(&fixtures::grid(3, [100, 90])));
+    // Two triangles with the same box for each cell of a grid.
+    let quads: Vec<Aabb> = (0..100u8)
+        .flat_map(|x| (0..90u8).map(move |y| [f32::from(x), f32::from(y), 0.0]))
+        .map(|min| Aabb { min, max: [min[0] + 1.0, min[1] + 1.0, 0.25] })
+        .flat_map(|quad| [quad; 2])
+        .collect();
     let soup = boxes(&corners(&fixtures::soup(5, 18_000)));
     for config in [GroupConfig::DYNAMIC, GroupConfig::FAST, GroupConfig { max_group: 2, ..GroupConfig::FAST }] {
-        assert!(n_together(&quads, &config) > 8_900, "{config:?}");
+        assert_eq!(n_together(&quads, &config), 9_000, "{config:?}");
         assert!(n_together(&soup, &config) < 900, "{config:?}");
     }
-    let apart = GroupConfig { max_group: 2, max_run: 1, ..GroupConfig::DYNAMIC };
-    assert!(n_together(&quads, &apart) < 8_900, "without runs, codes separate some");
+    let apart = GroupConfig { max_group: 1, ..GroupConfig::DYNAMIC };
+    assert_eq!(n_together(&quads, &apart), 0, "groups of one");
 }
 
 /// What Morton codes cost: no more than half as much again as bins, on scans and terrain.
