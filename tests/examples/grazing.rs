@@ -100,7 +100,7 @@ struct Row {
 }
 
 fn shoot(mesh: &Mesh, oracle: &Oracle, n_rays: usize) -> Row {
-    let presets = [Preset::Fast, Preset::Balanced, Preset::Quality];
+    let presets = [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality];
     let trees: Vec<TriangleBvh<Watertight>> = presets
         .iter()
         .map(|&preset| TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)))

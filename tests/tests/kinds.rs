@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 const SIZE: usize = 2_000;
 const N_RAYS: usize = 150;
-const PRESETS: [Preset; 3] = [Preset::Fast, Preset::Balanced, Preset::Quality];
+const PRESETS: [Preset; 4] = [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality];
 
 /// A scene of either number of levels behind one query.
 enum Traced {

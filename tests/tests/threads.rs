@@ -137,7 +137,7 @@ fn volumes_and_builders_change_no_byte() {
 fn presets_change_no_byte() {
     for levels in [Levels::One, Levels::Two] {
         let want = bits(&picture(2, StructureConfig { levels, ..BASE }, &SETTINGS));
-        for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
+        for preset in [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality] {
             let structure = StructureConfig { levels, accel: Accel::Wide { preset, builder: None } };
             for n_threads in [1, 3] {
                 assert!(bits(&picture(n_threads, structure, &SETTINGS)) == want, "{structure:?}");

@@ -47,8 +47,12 @@ impl<B: Blas> Engine for TwoLevels<B> {
 }
 
 /// Presets of WideBvh, the slowest build first.
-const PRESETS: [(&str, Preset); 3] =
-    [("WideBvh quality", Preset::Quality), ("WideBvh balanced", Preset::Balanced), ("WideBvh fast", Preset::Fast)];
+const PRESETS: [(&str, Preset); 4] = [
+    ("WideBvh quality", Preset::Quality),
+    ("WideBvh balanced", Preset::Balanced),
+    ("WideBvh fast", Preset::Fast),
+    ("WideBvh dynamic", Preset::Dynamic),
+];
 
 /// Ours, for one scene: watertight with each preset, and `quality` once with the Möller-Trumbore test.
 pub(crate) fn entries(model: &Model) -> Vec<Entry<'_>> {

@@ -82,8 +82,12 @@ const ACCELS: [(&str, AccelKind); 4] =
 
 const LEVELS: [(&str, Levels); 3] = [("auto", Levels::Auto), ("one", Levels::One), ("two", Levels::Two)];
 
-pub(crate) const PRESETS: [(&str, Preset); 3] =
-    [("fast", Preset::Fast), ("balanced", Preset::Balanced), ("quality", Preset::Quality)];
+pub(crate) const PRESETS: [(&str, Preset); 4] = [
+    ("dynamic", Preset::Dynamic),
+    ("fast", Preset::Fast),
+    ("balanced", Preset::Balanced),
+    ("quality", Preset::Quality),
+];
 
 const BUILDERS: &Names<Option<Builder>> = &[
     ("auto", None),

@@ -57,7 +57,7 @@ impl Grid {
     }
 }
 
-/// Bounds and counts of the references in each of `N` bins per axis.
+/// Bounds of the references, and counts of their primitives, in each of `N` bins per axis.
 #[derive(Clone, Copy)]
 struct Bins<const AXES: usize, const N: usize> {
     bounds: [[Bounds; N]; AXES],
@@ -75,7 +75,7 @@ impl<const AXES: usize, const N: usize> Bins<AXES, N> {
                 let lane = if AXES == 3 { lane } else { axes[lane] };
                 let bin = bins[lane].to_bits() as usize % N;
                 bounds[bin] = bounds[bin].union(reference.bounds());
-                counts[bin] += 1;
+                counts[bin] += reference.n();
             }
         }
     }
@@ -97,7 +97,7 @@ const CHUNK: usize = 1 << 13;
 
 /// The plane of least SAH cost between bins of the given axes; `None` if all references share one bin on each.
 ///
-/// The cost is the area of each side times its number of references (Goldsmith & Salmon 1987, MacDonald & Booth 1990).
+/// The cost is the area of each side times its number of primitives (Goldsmith & Salmon 1987, MacDonald & Booth 1990).
 /// Ties go to the more balanced split.
 /// Source: Wald 2007.
 pub(crate) fn best_plane(references: &[Reference], grid: &Grid, axes: &[usize]) -> Option<Plane> {
@@ -132,23 +132,23 @@ fn best_of<const AXES: usize, const N: usize>(
     }
     let mut best = Best { cost: f32::INFINITY, balance: 0, plane: None };
     for ((bounds, counts), axis) in bins.bounds.iter().zip(&bins.counts).zip(axes) {
-        best.consider(&bounds[..grid.n_bins], &counts[..grid.n_bins], axis);
+        best.consider(bounds, counts, axis);
     }
     best.plane
 }
 
 struct Best {
     cost: f32,
-    /// References on the smaller side.
+    /// Primitives on the smaller side.
     balance: u32,
     plane: Option<Plane>,
 }
 
 impl Best {
-    /// Considers every plane between two bins of an axis that splits the references.
+    /// Considers every plane between two bins of an axis that splits the references. Unused bins are empty.
     #[expect(clippy::cast_precision_loss, reason = "a cost, compared with others computed the same way")]
-    fn consider(&mut self, bins: &[Bounds], counts: &[u32], axis: usize) {
-        let mut right_costs = [(0.0, 0); MAX_BINS as usize];
+    fn consider<const N: usize>(&mut self, bins: &[Bounds; N], counts: &[u32; N], axis: usize) {
+        let mut right_costs = [(0.0, 0); N];
         let (mut bounds, mut n) = (Bounds::EMPTY, 0);
         for ((bin, count), right) in bins.iter().zip(counts).zip(&mut right_costs).rev() {
             bounds = bounds.union(bin);

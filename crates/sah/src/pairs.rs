@@ -3,6 +3,9 @@ use canted_obb::Aabb;
 
 use crate::{lanes::Lanes, par};
 
+/// Nodes per job.
+const CHUNK: usize = 1 << 13;
+
 /// An inner node with the boxes of its children: one cache line.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
@@ -51,8 +54,8 @@ impl Pairs {
     /// The tree with boxes in units of `1 / scale`; at least two leaves.
     pub(crate) fn new(tree: &Tree, leaf_boxes: &[Aabb], scale: f32) -> Self {
         let unset = Pair { boxes: Lanes::UNSET, children: [Child::inner(NodeId::ROOT); 2], parent: Slot(0), height: 1 };
-        let mut pairs = vec![unset; tree.leaves.len()];
-        let mut leaf_parents = vec![Slot(0); tree.leaves.len()];
+        let mut pairs = par::filled(tree.leaves.len(), unset);
+        let mut leaf_parents = par::filled(tree.leaves.len(), Slot(0));
         let fill = |ids: &[NodeId], pairs: &mut [Pair], leaf_parents: &mut [Slot], base: u32| {
             for &id in ids {
                 let node = tree.nodes[id.index()];
@@ -145,10 +148,11 @@ impl Pairs {
     /// Sum of the half areas of all inner nodes.
     pub(crate) fn sum_of_areas(&self) -> f64 {
         let (_, nodes) = self.pairs.split_last().unwrap_or((&self.pairs[0], &[]));
-        nodes.iter().map(|pair| pair.boxes.around().exact_half_area()).sum()
+        let of = |nodes: &[Pair]| nodes.iter().map(|pair| pair.boxes.around().exact_half_area()).sum::<f64>();
+        par::map_chunks(nodes, CHUNK, |_, nodes| of(nodes)).iter().sum()
     }
 
-    /// Children of every node, the root first and parents before children; leaves by primitive.
+    /// Children of every node, in the order of a traversal that visits left children first; leaves by primitive.
     pub(crate) fn children(&self, tree: &Tree) -> Vec<[Child; 2]> {
         let mut children = Vec::with_capacity(tree.nodes.len());
         let mut stack = vec![(self.child(self.top()), None::<(usize, usize)>)];

@@ -47,7 +47,13 @@ impl Bounds {
     }
 }
 
-/// A primitive with its box, moved while nodes are split: half a cache line.
+/// The bits of the least normal float; indices below `2^30` are added to them.
+const NORMAL: u32 = 0x0080_0000;
+
+/// The bits of the float 1; numbers of primitives, far below `2^23`, are added to them.
+const ONE: u32 = 0x3f80_0000;
+
+/// A run of consecutive primitives, usually one, with its box, moved while nodes are split: half a cache line.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
 pub(crate) struct Reference(Bounds);
@@ -55,16 +61,37 @@ pub(crate) struct Reference(Bounds);
 impl Reference {
     /// `primitive` with its box in units of `1 / scale`.
     ///
-    /// The fourth lane stores the index as the bits of a float: below `2^30` it is finite and less than 2, so no sum or
-    /// product of lanes is NaN.
+    /// The fourth lanes store the index and the number of primitives in the bits of floats, which are normal and less than 4:
+    /// no sum or product of lanes is NaN, and none takes the slow path of subnormal numbers.
     pub(crate) fn new(primitive: u32, aabb: &Aabb, scale: f32) -> Self {
         let ([x, y, z], [u, v, w]) = (aabb.min.map(|c| scale * c), aabb.max.map(|c| -scale * c));
-        Self(Bounds { low: Vec4::new(x, y, z, f32::from_bits(primitive)), high: Vec4::new(u, v, w, 0.0) })
+        let (primitive, one) = (f32::from_bits(NORMAL + primitive), f32::from_bits(ONE + 1));
+        Self(Bounds { low: Vec4::new(x, y, z, primitive), high: Vec4::new(u, v, w, one) })
     }
 
+    /// The primitives of this run and of the next, which follow them.
+    pub(crate) fn joined(&self, next: &Self) -> Self {
+        let mut joined = self.0.union(&next.0);
+        joined.low.w = self.0.low.w;
+        joined.high.w = f32::from_bits(ONE + self.n() + next.n());
+        Self(joined)
+    }
+
+    /// The first primitive.
     #[inline]
     pub(crate) fn primitive(&self) -> u32 {
-        self.0.low.w.to_bits()
+        self.0.low.w.to_bits() - NORMAL
+    }
+
+    /// Number of primitives.
+    #[inline]
+    pub(crate) fn n(&self) -> u32 {
+        self.0.high.w.to_bits() - ONE
+    }
+
+    /// The scaled box.
+    pub(crate) fn aabb(&self) -> Aabb {
+        Aabb { min: self.0.low.xyz().to_array(), max: (-self.0.high).xyz().to_array() }
     }
 
     #[inline]

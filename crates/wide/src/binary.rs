@@ -3,6 +3,8 @@
 //! A tree over groups of primitives is quick to build and good for aligned nodes. Only where a sample of its subtrees shows
 //! that oriented nodes may pay, trees with a primitive per leaf are built, and frames for them.
 
+use std::ops::Range;
+
 use canted_lbvh::{NodeId, Tree};
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_sah::{Builder, GroupConfig, Groups};
@@ -31,43 +33,46 @@ pub(crate) const MAX_ORIENTED_COST: f32 = 0.92;
 const CHUNK: usize = 1 << 13;
 
 /// A binary tree over primitives, what it is collapsed by, and the costs of that.
-pub(crate) struct Chosen<I> {
+pub(crate) struct Chosen<'a, I> {
+    /// In input order.
+    pub(crate) items: &'a [I],
     pub(crate) tree: Tree,
     /// `None` where each leaf is one primitive.
     pub(crate) groups: Option<Groups>,
-    /// The primitives in leaf order.
-    pub(crate) sorted: Vec<I>,
+    /// Whether leaves may share a primitive.
+    pub(crate) is_shared: bool,
     /// Rows of the frame of its boxes.
     pub(crate) rows: [[f32; 3]; 3],
     pub(crate) aligned: Aligned,
     /// Of collapses into aligned nodes only.
     pub(crate) aligned_tables: Vec<Table<ALIGNED>>,
-    pub(crate) oriented: Option<Oriented>,
+    pub(crate) oriented: Option<Oriented<I>>,
 }
 
 /// Frames, and the collapses that may use them.
-pub(crate) struct Oriented {
+pub(crate) struct Oriented<I> {
+    /// The primitives in leaf order.
+    pub(crate) sorted: Vec<I>,
     pub(crate) fits: Fits,
     pub(crate) tables: Vec<Table<BOTH>>,
 }
 
-impl<I: Item> Chosen<I> {
+impl<'a, I: Item> Chosen<'a, I> {
     /// A tree over `items` with boxes along `rows`; leaves are groups, or else primitives.
     pub(crate) fn of(
-        (tree, groups): (Tree, Option<Groups>),
-        items: &[I],
+        (tree, mut groups): (Tree, Option<Groups>),
+        items: &'a [I],
         boxes: &[Aabb],
         rows: [[f32; 3]; 3],
         scale: f32,
         costs: &Costs,
     ) -> Self {
-        let primitives = groups.as_ref().map_or(&tree.leaves, |groups| &groups.primitives);
-        let sorted = par::map(primitives, CHUNK, |primitive| items[primitive.index()]);
-        let aligned = match &groups {
-            Some(groups) => Aligned::of_leaves(&tree, item::boxes_of_groups(&sorted, &groups.starts, rows), scale),
+        let aligned = match &mut groups {
+            Some(groups) => Aligned::of_leaves(&tree, std::mem::take(&mut groups.boxes), scale),
             None => Aligned::of(&tree, boxes, scale),
         };
-        let mut chosen = Self { tree, groups, sorted, rows, aligned, aligned_tables: vec![], oriented: None };
+        let (aligned_tables, oriented) = (vec![], None);
+        let mut chosen = Self { items, tree, groups, is_shared: false, rows, aligned, aligned_tables, oriented };
         chosen.aligned_tables = chosen.tables_of_aligned(costs);
         chosen
     }
@@ -80,11 +85,12 @@ impl<I: Item> Chosen<I> {
     fn fit(&mut self, config: &Config, scale: f32) {
         let areas = BoxAreas { inner: &self.aligned.inner_areas, leaf: &self.aligned.leaf_areas };
         let frame_config = FrameConfig { iterations: config.refine_iterations, ..FrameConfig::default() };
-        let fits = frames::fit(&self.tree, &I::fitted(&self.sorted, scale), self.rows, &areas, &frame_config);
+        let sorted = self.sorted(0..self.primitives().len());
+        let fits = frames::fit(&self.tree, &I::fitted(&sorted, scale), self.rows, &areas, &frame_config);
         let inner = |id: NodeId| both(self.aligned.inner_areas[id.index()], fits.inner[id.index()].half_area);
         let leaf = |i: usize| both(self.aligned.leaf_areas[i], fits.leaf[i].half_area);
         let tables = tables(&self.tree, self.members(), inner, leaf, &config.costs);
-        self.oriented = Some(Oriented { fits, tables });
+        self.oriented = Some(Oriented { sorted, fits, tables });
     }
 
     /// The primitives of each leaf.
@@ -95,6 +101,11 @@ impl<I: Item> Chosen<I> {
     /// The primitive of each place in leaf order.
     pub(crate) fn primitives(&self) -> &[PrimId] {
         self.groups.as_ref().map_or(&self.tree.leaves, |groups| &groups.primitives)
+    }
+
+    /// The primitives of a range of places.
+    pub(crate) fn sorted(&self, places: Range<usize>) -> Vec<I> {
+        par::map(&self.primitives()[places], CHUNK, |primitive| self.items[primitive.index()])
     }
 
     /// Areas of a leaf for a plan of aligned nodes.
@@ -147,7 +158,7 @@ fn both(aligned: f32, oriented: f32) -> Areas<BOTH> {
 }
 
 /// Builds the binary tree over `items`, which `bounds` enclose.
-pub(crate) fn choose<I: Item>(items: &[I], bounds: &Aabb, config: &Config) -> Chosen<I> {
+pub(crate) fn choose<'a, I: Item>(items: &'a [I], bounds: &Aabb, config: &Config) -> Chosen<'a, I> {
     let scale = measure::unit_scale(bounds);
     let unrotated = item::boxes(items, Obb::IDENTITY_FRAME);
     let candidates = if config.rotate_mesh {
@@ -186,7 +197,7 @@ fn limited(groups: GroupConfig, costs: &Costs) -> GroupConfig {
 }
 
 /// `full` with oriented nodes where that is worth it, else the cheaper tree with aligned ones.
-fn oriented_or<I: Item>(full: Chosen<I>, coarse: Chosen<I>, costs: &Costs) -> Chosen<I> {
+fn oriented_or<'a, I: Item>(full: Chosen<'a, I>, coarse: Chosen<'a, I>, costs: &Costs) -> Chosen<'a, I> {
     let [of_full, of_coarse] = [&full, &coarse].map(|chosen| chosen.aligned_cost(costs));
     if full.oriented_cost(costs).is_some_and(|cost| cost <= MAX_ORIENTED_COST * of_full.min(of_coarse)) {
         return full;
@@ -195,13 +206,13 @@ fn oriented_or<I: Item>(full: Chosen<I>, coarse: Chosen<I>, costs: &Costs) -> Ch
 }
 
 /// Builds trees with a primitive per leaf, and frames where nodes may be oriented; returns the cheaper one.
-pub(crate) fn full<I: Item>(
-    items: &[I],
+pub(crate) fn full<'a, I: Item>(
+    items: &'a [I],
     boxes: &[Aabb],
     rows: [[f32; 3]; 3],
     scale: f32,
     config: &Config,
-) -> Chosen<I> {
+) -> Chosen<'a, I> {
     let built = |builder: &Builder| {
         let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
         let tree = canted_sah::build(boxes, &bounds, builder);
@@ -220,9 +231,11 @@ pub(crate) fn full<I: Item>(
 }
 
 /// A tree of any builder, with oriented nodes where that is worth it.
-pub(crate) fn over_tree<I: Item>(tree: Tree, items: &[I], bounds: &Aabb, config: &Config) -> Chosen<I> {
+pub(crate) fn over_tree<'a, I: Item>(tree: Tree, items: &'a [I], bounds: &Aabb, config: &Config) -> Chosen<'a, I> {
     let (scale, rows) = (measure::unit_scale(bounds), Obb::IDENTITY_FRAME);
     let mut chosen = Chosen::of((tree, None), items, &item::boxes(items, rows), rows, scale, &config.costs);
+    // Trees with spatial splits have several references to a primitive.
+    chosen.is_shared = true;
     if config.oriented {
         chosen.fit(config, scale);
         let most = MAX_ORIENTED_COST * chosen.aligned_cost(&config.costs);
@@ -254,7 +267,7 @@ fn rotation(
     }
     let quick = |boxes: &[Aabb]| {
         let (tree, groups) = canted_sah::grouped(boxes, &limited(QUICK, &config.costs));
-        let aligned = Aligned::of_leaves(&tree, groups.boxes(boxes), scale);
+        let aligned = Aligned::of_leaves(&tree, groups.boxes, scale);
         let members = Members::Groups(&groups.starts);
         root_cost(&tree, members, &aligned, &tables_of_aligned(&tree, members, &aligned, &config.costs), &config.costs)
     };

@@ -1,4 +1,5 @@
 use std::fmt;
+use std::ops::DerefMut;
 
 use canted_lbvh::{self as lbvh, Child, ChildKind, Corners, GeometryError, Tree};
 use canted_obb::{Aabb, PrimId};
@@ -8,13 +9,14 @@ use crate::bvh::{PredictedCost, WideBvh};
 use crate::collapse::Plan;
 use crate::config::Config;
 use crate::costs::{Baseline, Costs};
-use crate::emit::{Source, TooLarge, WriteLeaf, emit, write_ids, write_triangles};
+use crate::emit::{Leaves, Source, TooLarge, emit, write_ids, write_triangles};
 use crate::item::Item;
-use crate::layout::{HALF_WORDS, Half, LeafLayout, Limits, NodeKind, Nodes};
+use crate::layout::{Half, LeafLayout, Limits, NodeKind, Nodes};
 use crate::leaf::LeafPrimitive;
 use crate::par;
 use crate::primitive::Primitive;
 use crate::reach::Reaches;
+use crate::records::Records;
 use crate::shape::Shapes;
 use crate::simd::SimdPath;
 use crate::traverse::{BoxPads, LaneKernel, MeshFrame, Pads};
@@ -110,9 +112,9 @@ impl<P: Primitive> WideBvh<P> {
         let chosen = binary::choose(&items, &bounds, &config);
         let ids = chosen.primitives();
         let write = |at: &[u32], _: usize, out: &mut [PrimId]| write_ids(at.iter().map(|&i| ids[i as usize]), out);
-        let (nodes, order, predicted) =
-            collapse(&chosen, &config.costs, P::ERROR, limits, &LeafLayout::IDS, PrimId(0), &write)
-                .map_err(|TooLarge| PrimitiveError::TooMany { n_primitives })?;
+        let leaves = Leaves { layout: &LeafLayout::IDS, units: &|n| vec![PrimId(0); n], write: &write };
+        let (nodes, order, predicted) = collapse(&chosen, &config.costs, P::ERROR, limits, &leaves)
+            .map_err(|TooLarge| PrimitiveError::TooMany { n_primitives })?;
         let (rows, costs) = (chosen.rows, config.costs);
         let leaves = Shapes { order, primitives };
         Ok(Built { nodes, leaves, rows, bounds, n_primitives, predicted, costs }.into())
@@ -198,67 +200,70 @@ fn check_number(n_triangles: usize, limits: &Limits) -> Result<(), GeometryError
 }
 
 pub(crate) fn over_chosen(
-    chosen: &Chosen<Corners>,
+    chosen: &Chosen<'_, Corners>,
     n_primitives: usize,
     bounds: &Aabb,
     config: &Config,
     error: f32,
     limits: &Limits,
 ) -> Result<Built<Blocks>, GeometryError> {
-    let (sorted, ids) = (&chosen.sorted, chosen.primitives());
+    let (items, ids) = (chosen.items, chosen.primitives());
     let write = |at: &[u32], part: usize, out: &mut [Half]| {
-        write_triangles(at.iter().map(|&i| (&sorted[i as usize], ids[i as usize])), part, out);
+        let ids = at.iter().map(|&i| ids[i as usize]);
+        write_triangles(ids.map(|id| (&items[id.index()], id)), part, out);
     };
-    let unset = Half([0; HALF_WORDS]);
-    let (nodes, halves, predicted) = collapse(chosen, &config.costs, error, limits, &LeafLayout::BLOCKS, unset, &write)
+    let leaves = Leaves { layout: &LeafLayout::BLOCKS, units: &Records::zeroed, write: &write };
+    let (nodes, halves, predicted) = collapse(chosen, &config.costs, error, limits, &leaves)
         .map_err(|TooLarge| GeometryError::TooMany { n_triangles: n_primitives })?;
     let leaves = halves.into();
     Ok(Built { nodes, leaves, rows: chosen.rows, bounds: *bounds, n_primitives, predicted, costs: config.costs })
 }
 
 /// Writes the records of the cheapest plan; `error` is that of hits.
-fn collapse<I: Item, U: Copy + Send + Sync>(
-    chosen: &Chosen<I>,
+fn collapse<I: Item, U: Send, B: DerefMut<Target = [U]>>(
+    chosen: &Chosen<'_, I>,
     costs: &Costs,
     error: f32,
     limits: &Limits,
-    leaf_layout: &LeafLayout,
-    unset: U,
-    write: &WriteLeaf<U>,
-) -> Result<(Nodes, Vec<U>, PredictedCost), TooLarge> {
-    let Chosen { tree, sorted, rows, aligned, aligned_tables, oriented, .. } = chosen;
+    leaves: &Leaves<'_, U, B>,
+) -> Result<(Nodes, B, PredictedCost), TooLarge> {
+    let Chosen { items, tree, rows, aligned, aligned_tables, oriented, .. } = chosen;
     let members = chosen.members();
     let frame_of = |child: Child| match (oriented, child.kind()) {
         (None, _) => *rows,
         (Some(Oriented { fits, .. }), ChildKind::Leaf(i)) => fits.leaf[i as usize].rows,
         (Some(Oriented { fits, .. }), ChildKind::Inner(id)) => fits.inner[id.index()].rows,
     };
-    let reaches = Reaches::of_tree(tree, members, sorted, aligned, *rows);
+    let reaches = Reaches::of_tree(tree, members, chosen.primitives(), items, aligned, *rows);
     let source = Source {
         tree,
         members,
         primitives: chosen.primitives(),
+        is_shared: chosen.is_shared,
         leaf_boxes: &aligned.leaf_boxes,
         inner_boxes: &aligned.inner_boxes,
         frames: &frame_of,
-        slabs: &|range, rows| I::slabs(&sorted[range], rows),
+        slabs: &|range, rows| {
+            let sorted = oriented.as_ref().expect("only oriented nodes have boxes of their own");
+            I::slabs(&sorted.sorted[range], rows)
+        },
         reach: &|child| reaches.of_child(child),
         pads: BoxPads::new(Pads::of(error), &MeshFrame::new(*rows)),
     };
     let (aligned_areas, both_areas) = (|i: usize| chosen.aligned_leaf(i), |i: usize| chosen.both_leaf(i));
     let plan = Plan { tree, members, costs: *costs, tables: aligned_tables, leaf_areas: &aligned_areas };
     let Some(root) = tree.root() else {
-        let (nodes, units) = emit(&source, &plan, limits, leaf_layout, unset, write)?;
+        let (nodes, units) = emit(&source, &plan, limits, leaves)?;
         return Ok((nodes, units, PredictedCost::default()));
     };
     let (root_area, aligned_cost) = (plan.area(root, NodeKind::Aligned), plan.cost(root));
     let predicted = |chosen: f32| PredictedCost { aligned: aligned_cost / root_area, chosen: chosen / root_area };
     let Some(Oriented { tables, .. }) = oriented else {
-        let (nodes, units) = emit(&source, &plan, limits, leaf_layout, unset, write)?;
+        let (nodes, units) = emit(&source, &plan, limits, leaves)?;
         return Ok((nodes, units, predicted(aligned_cost)));
     };
     let plan = Plan { tree, members, costs: *costs, tables, leaf_areas: &both_areas };
-    let (nodes, units) = emit(&source, &plan, limits, leaf_layout, unset, write)?;
+    let (nodes, units) = emit(&source, &plan, limits, leaves)?;
     Ok((nodes, units, predicted(plan.cost(root))))
 }
 

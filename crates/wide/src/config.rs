@@ -5,6 +5,8 @@ use crate::costs::Costs;
 /// How much build time is spent on how fast a BVH.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum Preset {
+    /// For geometry that is built again for each frame: a binary tree by Morton codes, aligned nodes only.
+    Dynamic,
     /// For geometry that changes: a binary tree over groups of up to eight primitives.
     Fast,
     /// Nearly the fastest traversal: smaller groups, moved where that helps, and a mesh frame.
@@ -48,6 +50,7 @@ impl Config {
             refine_iterations: 0,
         };
         match preset {
+            Preset::Dynamic => Self { groups: Some(GroupConfig::DYNAMIC), oriented: false, ..fast },
             Preset::Fast => fast,
             Preset::Balanced => {
                 Self { groups: Some(GroupConfig::BALANCED), builder: Builder::BALANCED, rotate_mesh: true, ..fast }

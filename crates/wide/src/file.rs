@@ -34,6 +34,7 @@ use crate::bvh::WideBvh;
 use crate::layout::{Half, Nodes};
 use crate::leaf::LeafPrimitive;
 use crate::primitive::SavedPrimitive;
+use crate::records::Records;
 use crate::shape::Shapes;
 use crate::simd::SimdPath;
 use crate::traverse::LaneKernel;
@@ -73,7 +74,7 @@ impl<K: LaneKernel> SavedLeaves for Triangle<K> {
     }
 
     fn from_sections(units: &[u8], _: &[u8]) -> Blocks {
-        words_of::<Half>(units).into()
+        Records::from(words_of::<Half>(units)).into()
     }
 
     fn check(nodes: &mut Nodes, blocks: &Blocks, expected: &Expected) -> Result<(), LoadError> {

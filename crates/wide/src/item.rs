@@ -44,19 +44,6 @@ pub(crate) fn boxes<I: Item>(items: &[I], rows: [[f32; 3]; 3]) -> Vec<Aabb> {
     })
 }
 
-/// Boxes along `rows` around groups of items, rounded outward; `starts` are their first items, then the number of items.
-pub(crate) fn boxes_of_groups<I: Item>(items: &[I], starts: &[u32], rows: [[f32; 3]; 3]) -> Vec<Aabb> {
-    let identity = rows == Obb::IDENTITY_FRAME;
-    par::from_fn(starts.len() - 1, CHUNK, |i| {
-        let items = &items[starts[i] as usize..starts[i + 1] as usize];
-        if identity {
-            return items.iter().fold(Aabb::EMPTY, |all, item| all.union(item.aabb()));
-        }
-        let slabs = I::slabs(items, rows);
-        Aabb { min: slabs.lo, max: slabs.hi }
-    })
-}
-
 impl Item for Corners {
     type Fitted = ScaledTriangle;
 

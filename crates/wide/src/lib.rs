@@ -63,10 +63,11 @@
 //!   Stacks cannot overflow.
 //!
 //! # Cost
-//! An aligned node takes 256 bytes, an oriented one 512, four triangles 160. [`Preset::Fast`] collapses a binary
-//! tree over groups of primitives, [`Preset::Balanced`] searches for a frame of the mesh and optimizes that tree,
-//! [`Preset::Quality`] optimizes it further. Where a sample shows that oriented nodes may pay, all of them build trees with a
-//! primitive per leaf, which takes several times as long. A BVH holds at most 2^27 triangles where leaves are full ([`MAX_TRIANGLES`]), 2^26 other primitives.
+//! An aligned node takes 256 bytes, an oriented one 512, four triangles 160. [`Preset::Dynamic`] collapses a binary tree by Morton codes over groups of primitives, [`Preset::Fast`] one by the
+//! surface area heuristic in about twice the time, [`Preset::Balanced`] searches for a frame of the mesh and uses smaller groups,
+//! [`Preset::Quality`] optimizes the tree further. Where a sample shows that oriented nodes may pay, all but the first build trees with a
+//! primitive per leaf, which takes several times as long. A build of [`Preset::Fast`] without oriented nodes takes about two and a half times the
+//! memory of its BVH. A BVH holds at most 2^27 triangles where leaves are full ([`MAX_TRIANGLES`]), 2^26 other primitives.
 //!
 //! # Features
 //! `parallel`, on by default, builds and traces slices on all threads with `rayon`; results are identical.
@@ -78,7 +79,7 @@
 //!           -> sample -> frames                            only where oriented nodes may pay: a primitive per leaf,
 //!                                                          bottom-up, few candidates for each subtree
 //!           -> collapse                                    dynamic programming over node kinds, by predicted cost
-//!           -> emit                                        nodes of 256 and 512 bytes, leaves
+//!           -> layout -> emit                              nodes of 256 and 512 bytes, leaves
 //! rays      -> path (once a slice) -> traverse -> sink     scalar, avx2, avx512 or neon; one traversal for every query
 //! moved primitives -> outline -> refit          BVH <-> file
 //! ```

@@ -1,7 +1,7 @@
 //! How far the content of each subtree reaches: what the padding of its box is relative to.
 
 use canted_lbvh::{Child, ChildKind, Tree, bottom_up};
-use canted_obb::{Aabb, Obb};
+use canted_obb::{Aabb, Obb, PrimId};
 
 use crate::item::Item;
 use crate::measure::Aligned;
@@ -19,11 +19,12 @@ pub(crate) struct Reaches {
 }
 
 impl Reaches {
-    /// Of a binary tree whose leaves hold `members` of the items `sorted` in leaf order; the boxes along `rows` are `aligned`.
+    /// Of a binary tree whose leaves hold `members` of the `primitives` in leaf order; the boxes along `rows` are `aligned`.
     pub(crate) fn of_tree<I: Item>(
         tree: &Tree,
         members: Members,
-        sorted: &[I],
+        primitives: &[PrimId],
+        items: &[I],
         aligned: &Aligned,
         rows: [[f32; 3]; 3],
     ) -> Self {
@@ -32,7 +33,7 @@ impl Reaches {
             let of_boxes = |boxes: &[Aabb]| par::map(boxes, CHUNK, Aabb::reach);
             return Self { leaf: of_boxes(&aligned.leaf_boxes), node: of_boxes(&aligned.inner_boxes) };
         }
-        let of_items = par::map(sorted, CHUNK, |item| item.aabb().reach());
+        let of_items = par::map(primitives, CHUNK, |primitive| items[primitive.index()].aabb().reach());
         let of_leaf = |i: u32| {
             let places = members.range(i, i);
             of_items[places.start as usize..places.end as usize].iter().copied().fold(0.0, f32::max)

@@ -9,7 +9,6 @@ use std::ops::{Deref, DerefMut};
 use bytemuck::Pod;
 
 /// Records of a BVH: a slice that may lie in huge pages.
-#[expect(unreachable_pub, reason = "part of `Nodes` and `Blocks`, which traits name")]
 pub struct Records<T>(Memory<T>);
 
 enum Memory<T> {
@@ -25,6 +24,17 @@ impl<T: Pod> From<Vec<T>> for Records<T> {
             return Self(Memory::Huge(pages));
         }
         Self(Memory::Heap(records))
+    }
+}
+
+impl<T: Pod> Records<T> {
+    /// `n` records of zeros. In huge pages the system clears them, by whichever thread writes to a page first.
+    pub(crate) fn zeroed(n: usize) -> Self {
+        #[cfg(target_os = "linux")]
+        if let Some(pages) = huge::Pages::zeroed(n) {
+            return Self(Memory::Huge(pages));
+        }
+        Self(Memory::Heap(vec![T::zeroed(); n]))
     }
 }
 
@@ -91,9 +101,16 @@ mod huge {
     }
 
     impl<T: Pod> Pages<T> {
-        /// A copy of `records`; `None` where they fill less than a page, or the system has no memory of this kind.
+        /// A copy of `records`; `None` as for [`Self::zeroed`].
         pub(super) fn copy_of(records: &[T]) -> Option<Self> {
-            let n_bytes = size_of_val(records);
+            let mut pages = Self::zeroed(records.len())?;
+            pages.records_mut().copy_from_slice(records);
+            Some(pages)
+        }
+
+        /// `n` records of zeros; `None` where they fill less than a page, or the system has no memory of this kind.
+        pub(super) fn zeroed(n: usize) -> Option<Self> {
+            let n_bytes = n.checked_mul(size_of::<T>())?;
             if n_bytes < PAGE {
                 return None;
             }
@@ -102,9 +119,7 @@ mod huge {
             // Only a hint: without huge pages the memory serves as well.
             let _ = memory.advise(Advice::HugePage);
             let start = memory.as_ptr().addr().next_multiple_of(PAGE) - memory.as_ptr().addr();
-            let mut pages = Self { memory, bytes: start..start + n_bytes, records: PhantomData };
-            pages.records_mut().copy_from_slice(records);
-            Some(pages)
+            Some(Self { memory, bytes: start..start + n_bytes, records: PhantomData })
         }
 
         #[inline]
@@ -129,6 +144,7 @@ mod tests {
             let lines: Vec<Line> = (0..n).map(|i| Line([i; 16])).collect();
             let mut records = Records::from(lines.clone());
             assert_eq!(*records, *lines);
+            assert_eq!(*Records::<Line>::zeroed(lines.len()), *vec![Line([0; 16]); lines.len()]);
             let before = records.clone();
             assert_eq!(before, records);
             if let Some(last) = records.last_mut() {

@@ -18,7 +18,7 @@ use crate::par;
 
 /// Frames are found for the whole mesh where the estimate is at most this part of the cost of aligned nodes. The sample does
 /// not see nodes above its subtrees, so it may miss some of the gain.
-pub(crate) const MAX_COST: f32 = 0.95;
+pub(crate) const MAX_COST: f32 = 0.91;
 
 /// Most primitives of a sampled subtree.
 const MAX_SAMPLED: usize = 256;
@@ -33,7 +33,7 @@ pub(crate) const BUILDER: Builder = Builder::TopDown(
 );
 
 /// An estimate of the cost with oriented nodes, relative to that with aligned nodes only.
-pub(crate) fn oriented_cost<I: Item>(chosen: &Chosen<I>, config: &Config, scale: f32) -> f32 {
+pub(crate) fn oriented_cost<I: Item>(chosen: &Chosen<'_, I>, config: &Config, scale: f32) -> f32 {
     let leaf_areas = |i: usize| chosen.aligned_leaf(i);
     let (tree, members) = (&chosen.tree, chosen.members());
     let plan = Plan { tree, members, costs: config.costs, tables: &chosen.aligned_tables, leaf_areas: &leaf_areas };
@@ -69,7 +69,7 @@ pub(crate) fn oriented_cost<I: Item>(chosen: &Chosen<I>, config: &Config, scale:
         .collect();
     sampled.dedup();
     let costs =
-        par::map(&sampled, 1, |&i| costs_of_subset(&chosen.sorted[range(subtrees[i].0)], chosen.rows, scale, config));
+        par::map(&sampled, 1, |&i| costs_of_subset(&chosen.sorted(range(subtrees[i].0)), chosen.rows, scale, config));
     // Expensive subtrees are sampled more often, so each counts by the part that remains.
     let remaining: f64 = costs.iter().map(|&[aligned, oriented]| f64::from(oriented / aligned)).sum();
     #[expect(clippy::cast_precision_loss, reason = "a few")]

@@ -137,9 +137,9 @@ pub struct Blocks {
     lanes: OnceLock<Vec<u32>>,
 }
 
-impl From<Vec<Half>> for Blocks {
-    fn from(halves: Vec<Half>) -> Self {
-        Self { halves: halves.into(), lanes: OnceLock::new() }
+impl From<Records<Half>> for Blocks {
+    fn from(halves: Records<Half>) -> Self {
+        Self { halves, lanes: OnceLock::new() }
     }
 }
 

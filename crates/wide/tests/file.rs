@@ -149,7 +149,7 @@ fn coordinates_of_any_size_are_saved() {
             let [min, max] = mesh.bounds();
             let reach = min.iter().chain(&max).fold(0.0_f32, |most, x| most.max(x.abs()));
             let huge = mesh.placed(|p| p.map(|x| (x / reach).clamp(-1.0, 1.0) * scale));
-            for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
+            for preset in [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality] {
                 let bytes = build(&huge, preset).to_bytes();
                 let back =
                     TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_or_else(|error| panic!("{scale}: {error}"));

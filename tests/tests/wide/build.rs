@@ -63,7 +63,7 @@ fn build_time_is_nearly_linear() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     for (name, mesh) in KINDS {
         let meshes = [mesh(2_000), mesh(20_000)];
-        for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
+        for preset in [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality] {
             let config = Config::preset(preset);
             let bound = if name == "outlier" && preset == Preset::Quality { QUADRATIC } else { LINEAR };
             let mut least = [Duration::MAX; 2];

@@ -8,16 +8,17 @@ use canted_wide::{Config, Costs, LaneKernel, NodeKind, Preset, SimdPath, Triangl
 /// A build configuration with its name for messages.
 pub(crate) type Variant = (String, Config);
 
-const PRESETS: [Preset; 3] = [Preset::Fast, Preset::Balanced, Preset::Quality];
+const PRESETS: [Preset; 4] = [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality];
 
-/// Every preset with and without oriented nodes and with and without a local mesh frame (except the fast one); then nodes of a
+/// Every preset with and without oriented nodes and with and without a local mesh frame (except those that never rotate); then nodes of a
 /// single kind.
 pub(crate) fn every_variant() -> Vec<Variant> {
     let mut variants = vec![];
     for preset in PRESETS {
         for oriented in [false, true] {
             // The search for a frame takes longest and does not depend on the builder.
-            for rotate_mesh in [false, true].into_iter().take(if preset == Preset::Fast { 1 } else { 2 }) {
+            let n_frames = if matches!(preset, Preset::Dynamic | Preset::Fast) { 1 } else { 2 };
+            for rotate_mesh in [false, true].into_iter().take(n_frames) {
                 let config = Config { oriented, rotate_mesh, ..Config::preset(preset) };
                 variants.push((format!("{preset:?}, oriented {oriented}, rotated {rotate_mesh}"), config));
             }

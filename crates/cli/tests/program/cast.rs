@@ -76,7 +76,7 @@ fn json_reports_the_number_of_hits() {
 #[test]
 fn every_preset_and_builder_matches_a_linear_scan() {
     let (folder, rays) = folder_and_rays(By::Cpu);
-    for preset in ["fast", "balanced", "quality"] {
+    for preset in ["dynamic", "fast", "balanced", "quality"] {
         for builder in BUILDERS {
             let options = format!("--preset {preset} --builder {builder}");
             folder.run(&format!("cast model.obj --rays rays.csv --hits hits.csv {options}")).done();

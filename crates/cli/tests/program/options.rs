@@ -50,7 +50,7 @@ fn invalid_values_are_rejected_with_option_and_value() {
         ("render --sphere 0,0,0,1,1,1", &["--sphere", "7 numbers"]),
         ("render --levels three", &["--levels", "three"]),
         ("render --builder embree", &[&["--builder", "embree"], BUILDERS].concat()),
-        ("render --preset best", &["--preset", "best", "fast", "balanced", "quality"]),
+        ("render --preset best", &["--preset", "best", "dynamic", "fast", "balanced", "quality"]),
         ("render --preset", &["--preset"]),
         ("cast small.obj --rays a.csv --hits b.csv --preset 3", &["--preset", "3"]),
         ("render --volumes spheres", &["--volumes", "spheres"]),

@@ -160,7 +160,7 @@ fn a_wide_node_counts_as_eight_boxes() {
     let faces = (0..64).map(|i| 4 * i + 1).map(|i| format!("f {i} {} {} {}\n", i + 1, i + 2, i + 3));
     folder.write("stack.obj", corners.chain(faces).collect::<String>());
     let camera = "--eye 1.2,1,99 --target 1.2,1,0 --up 0,1,0 --size 1x1";
-    for preset in ["fast", "balanced", "quality"] {
+    for preset in ["dynamic", "fast", "balanced", "quality"] {
         let line = format!("render stack.obj {camera} --heatmap boxes --preset {preset} --json");
         let facts = folder.run(&line).done().json();
         let [boxes, triangles] =

@@ -1,17 +1,25 @@
 use canted_fixtures as fixtures;
 use canted_lbvh::Tree;
 use canted_obb::Aabb;
-use canted_sah::{GroupConfig, Groups, ReinsertConfig, grouped};
+use canted_sah::{GroupConfig, GroupSplit, Groups, ReinsertConfig, grouped};
 
 use crate::inputs::{boxes, checked, corners, degenerate};
 
-const CONFIGS: [GroupConfig; 6] = [
+const CONFIGS: [GroupConfig; 9] = [
+    GroupConfig::DYNAMIC,
     GroupConfig::FAST,
     GroupConfig::BALANCED,
     GroupConfig::QUALITY,
-    GroupConfig { bins: 16, max_group: 8, improvement: None },
-    GroupConfig { bins: 2, max_group: 1, improvement: None },
-    GroupConfig { bins: 64, max_group: 32, improvement: Some(ReinsertConfig::FAST) },
+    GroupConfig { improvement: None, ..GroupConfig::FAST },
+    GroupConfig { max_group: 1, max_run: 4, ..GroupConfig::DYNAMIC },
+    GroupConfig { max_group: 13, max_run: 8, improvement: Some(ReinsertConfig::FAST), ..GroupConfig::DYNAMIC },
+    GroupConfig { split: GroupSplit::Binned { bins: 2 }, max_group: 1, max_run: 1, improvement: None },
+    GroupConfig {
+        split: GroupSplit::Binned { bins: 64 },
+        max_group: 32,
+        max_run: 8,
+        improvement: Some(ReinsertConfig::FAST),
+    },
 ];
 
 /// What is wrong with groups over `n` primitives below a tree.
@@ -49,9 +57,8 @@ fn every_primitive_is_in_one_group_of_a_valid_tree() {
             let (tree, groups) = grouped(&boxes, &config);
             let max_group = config.max_group as usize;
             assert_eq!(flaw(&tree, &groups, boxes.len(), max_group), None, "{name}, {config:?}");
-            let of_groups = groups.boxes(&boxes);
-            assert_eq!(of_groups, around(&groups, &boxes), "{name}, {config:?}");
-            checked(&tree, &of_groups);
+            assert_eq!(groups.boxes, around(&groups, &boxes), "{name}, {config:?}");
+            checked(&tree, &groups.boxes);
         }
     }
 }
@@ -66,9 +73,55 @@ fn the_check_sees_flaws() {
     let mut twice = groups.clone();
     twice.primitives[0] = twice.primitives[1];
     assert!(flaw(&tree, &twice, 100, 8).is_some());
-    let mut shifted = groups;
+    let mut shifted = groups.clone();
     shifted.starts[1] += 8;
     assert!(flaw(&tree, &shifted, 100, 8).is_some());
+    let mut swapped = groups;
+    swapped.boxes.swap(0, 1);
+    assert_ne!(swapped.boxes, around(&swapped, &boxes));
+}
+
+/// The two triangles of each quad are neighbors in the input, and stay so; those of a soup are not kept together.
+#[test]
+fn neighbors_with_a_small_common_box_stay_together() {
+    // Whether primitives 2i and 2i + 1 are in one group, for how many i.
+    let n_together = |boxes: &[Aabb], config: &GroupConfig| {
+        let groups = grouped(boxes, config).1;
+        let mut of = vec![0; boxes.len()];
+        for (group, ends) in groups.starts.windows(2).enumerate() {
+            for primitive in &groups.primitives[ends[0] as usize..ends[1] as usize] {
+                of[primitive.index()] = group;
+            }
+        }
+        of.chunks_exact(2).filter(|pair| pair[0] == pair[1]).count()
+    };
+    // Two triangles with the same box for each cell of a grid.
+    let quads: Vec<Aabb> = (0..100u8)
+        .flat_map(|x| (0..90u8).map(move |y| [f32::from(x), f32::from(y), 0.0]))
+        .map(|min| Aabb { min, max: [min[0] + 1.0, min[1] + 1.0, 0.25] })
+        .flat_map(|quad| [quad; 2])
+        .collect();
+    let soup = boxes(&corners(&fixtures::soup(5, 18_000)));
+    for config in [GroupConfig::DYNAMIC, GroupConfig::FAST, GroupConfig { max_group: 2, ..GroupConfig::FAST }] {
+        assert_eq!(n_together(&quads, &config), 9_000, "{config:?}");
+        assert!(n_together(&soup, &config) < 900, "{config:?}");
+    }
+    let apart = GroupConfig { max_group: 1, ..GroupConfig::DYNAMIC };
+    assert_eq!(n_together(&quads, &apart), 0, "groups of one");
+}
+
+/// What Morton codes cost: no more than half as much again as bins, on scans and terrain.
+#[test]
+fn trees_by_codes_are_close_to_trees_by_bins() {
+    for mesh in [fixtures::grid(4, [120, 100]), fixtures::displaced_icosphere(3, 5)] {
+        let boxes = boxes(&corners(&mesh));
+        let cost = |config: &GroupConfig| {
+            let (tree, groups) = grouped(&boxes, config);
+            checked(&tree, &groups.boxes).1.sah
+        };
+        let [by_codes, by_bins] = [GroupConfig::DYNAMIC, GroupConfig::FAST].map(|config| cost(&config));
+        assert!(by_bins < by_codes && by_codes < 1.5 * by_bins, "{by_codes}, {by_bins}");
+    }
 }
 
 #[test]
@@ -90,7 +143,9 @@ fn same_bits_on_any_number_of_threads() {
 #[test]
 fn groups_of_one_are_primitives() {
     let boxes = boxes(&corners(&fixtures::scaffold(1, true)));
-    let (tree, groups) = grouped(&boxes, &GroupConfig { bins: 32, max_group: 1, improvement: None });
+    let split = GroupSplit::Binned { bins: 32 };
+    let config = GroupConfig { split, max_group: 1, max_run: 1, improvement: None };
+    let (tree, groups) = grouped(&boxes, &config);
     let tree = Tree { leaves: groups.primitives, ..tree };
     let (stats, cost) = checked(&tree, &boxes);
     assert_eq!(stats.n_leaves, boxes.len());

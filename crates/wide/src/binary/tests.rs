@@ -83,13 +83,13 @@ impl Input {
     }
 
     /// With oriented nodes wherever the plan has them, in the tree for them.
-    fn oriented(&self, config: &Config) -> Chosen<Corners> {
+    fn oriented(&self, config: &Config) -> Chosen<'_, Corners> {
         let (rows, scale) = (Obb::IDENTITY_FRAME, measure::unit_scale(&self.bounds));
         full(&self.corners, &item::boxes(&self.corners, rows), rows, scale, config)
     }
 
     /// Nanoseconds a ray by what is visited.
-    fn cost(&self, chosen: &Chosen<Corners>, config: &Config) -> f64 {
+    fn cost(&self, chosen: &Chosen<'_, Corners>, config: &Config) -> f64 {
         let built =
             over_chosen(chosen, self.corners.len(), &self.bounds, config, canted_trace::HIT_ERROR, &Limits::OF_WORDS)
                 .unwrap();

@@ -3,20 +3,27 @@
 use canted_lbvh::Corners;
 use canted_obb::PrimId;
 
+use super::Source;
 use crate::layout::{Half, Lane, MAX_LEAF};
 
 /// Positions of a leaf's primitives, each primitive once, and their number: references may share one.
-pub(super) fn distinct(primitives: &[PrimId], start: u32, end: u32) -> ([u32; MAX_LEAF], usize) {
+pub(super) fn distinct(source: &Source, start: u32, end: u32) -> ([u32; MAX_LEAF], usize) {
+    let primitives = source.primitives;
     let mut positions = [0; MAX_LEAF];
     let mut n = 0;
     for position in start..end {
         let primitive = primitives[position as usize];
-        if !positions[..n].iter().any(|&p| primitives[p as usize] == primitive) {
+        if !source.is_shared || !positions[..n].iter().any(|&p| primitives[p as usize] == primitive) {
             positions[n] = position;
             n += 1;
         }
     }
     (positions, n)
+}
+
+/// Their number.
+pub(super) fn n_distinct(source: &Source, start: u32, end: u32) -> usize {
+    if source.is_shared { distinct(source, start, end).1 } else { (end - start) as usize }
 }
 
 /// Writes triangles in leaf order, and their ids, from a part of `out` on.

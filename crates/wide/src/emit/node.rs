@@ -5,11 +5,12 @@ use canted_obb::Aabb;
 use canted_trace::Slabs;
 use canted_trace::lanes::lower;
 
-use super::{NodeDraft, Source, range};
+use super::layout::NodeDraft;
+use super::{Source, range};
 use crate::layout::{Line, NOWHERE, NodeKind, Row, Word};
 
-/// Writes a node's boxes and child words.
-pub(super) fn write_node(source: &Source, draft: &NodeDraft, out: &mut [Line]) {
+/// Writes a node's boxes, and child words as `named`.
+pub(super) fn write_node(source: &Source, draft: &NodeDraft, named: &dyn Fn(Word) -> Word, out: &mut [Line]) {
     let rows: &mut [Row] = bytemuck::cast_slice_mut(out);
     let children = &draft.children[..draft.n_children];
     let pad = |child: Child| source.pads.of(draft.kind, (source.reach)(child));
@@ -31,7 +32,7 @@ pub(super) fn write_node(source: &Source, draft: &NodeDraft, out: &mut [Line]) {
         }
     };
     for (i, slot) in rows[word_row].iter_mut().enumerate() {
-        let word = children.get(i).map_or(Word::EMPTY, |&(_, word)| word);
+        let word = children.get(i).map_or(Word::EMPTY, |&(_, word)| named(word));
         *slot = f32::from_bits(word.0);
     }
 }

@@ -13,7 +13,7 @@ fn equals_brute_force<K: LaneKernel, B: Kernel<Record = [[f32; 3]; 3]>>() {
     for (name, mesh) in scenes() {
         let rays = rays(&mesh, 60, 7);
         let want: Vec<Vec<Hit>> = rays.iter().map(|ray| brute::<B>(&mesh, ray)).collect();
-        for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
+        for preset in [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality] {
             let mut bvh = build::<K>(&mesh, preset);
             for &path in &paths {
                 bvh = bvh.with_path(path);
@@ -59,7 +59,7 @@ fn enough_rays_hit_and_enough_miss() {
 #[test]
 fn an_empty_bvh_is_never_hit() {
     let mesh = canted_fixtures::Mesh::default();
-    for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
+    for preset in [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality] {
         let bvh = build::<Watertight>(&mesh, preset);
         let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0]);
         let mut hits = hits_of_one_triangle();

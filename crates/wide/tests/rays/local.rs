@@ -145,7 +145,7 @@ fn grazing_rays_in_mixed_scales_hit_what_the_loop_hits() {
     };
     let rays: Vec<Ray> = (0..6_000).map(&mut ray).collect();
     let mut n_hits = 0;
-    for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
+    for preset in [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality] {
         let (watertight, weights) = (build::<Watertight>(&mesh, preset), build::<MollerTrumbore>(&mesh, preset));
         for ray in &rays {
             let hit = brute::<Watertight>(&mesh, ray).first().copied();

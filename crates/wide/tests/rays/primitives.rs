@@ -70,7 +70,7 @@ fn spheres_are_hit_as_by_testing_each() {
     for scale in [1.0, 1e-6, 1e7] {
         let spheres = spheres(300, scale);
         let rays = rays(&spheres, 600, scale);
-        for preset in [Preset::Fast, Preset::Balanced, Preset::Quality] {
+        for preset in [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality] {
             let mut bvh = WideBvh::<Sphere>::build(spheres.clone(), &Config::preset(preset)).expect("valid spheres");
             for path in paths() {
                 bvh = bvh.with_path(path);

@@ -11,6 +11,7 @@ use crate::shape::{Capsule, loop_over_all};
 pub(crate) fn configs() -> Vec<(&'static str, Config)> {
     let costs = Costs { aligned_node: 1e6, oriented_node: 0.01, leaf: 0.0, max_leaf: 1, ..Costs::default() };
     vec![
+        ("dynamic", Config::preset(Preset::Dynamic)),
         ("fast", Config::preset(Preset::Fast)),
         ("balanced", Config::default()),
         ("quality", Config::preset(Preset::Quality)),
