@@ -144,9 +144,12 @@ fn only_changed_meshes_are_updated() {
     assert!(hits(&updated.structure, 0.0) == hits(&prepared(&moving, &two).structure, 0.0));
 }
 
+/// A change of a scene, and what it is.
+type Change = (&'static str, fn(&mut Scene));
+
 #[test]
 fn meshes_instances_and_triangles_may_come_and_go() {
-    let changes: [(&str, fn(&mut Scene)); 6] = [
+    let changes: [Change; 6] = [
         ("an instance less", |scene| scene.instances.truncate(4)),
         ("an instance more", |scene| scene.instances.push(place(1, placed(1.0, [0.0, -1.5, 0.0])))),
         ("other triangles", |scene| scene.meshes[0].triangles.truncate(100)),
