@@ -189,10 +189,16 @@ fn warn_ignored_by_heatmap(options: &ArgMatches) {
     }
 }
 
-/// Warns about a preset, which is for wide BVHs, together with volumes of a binary BVH.
+/// Warns about a preset, which is for wide BVHs, together with another structure.
 fn warn_ignored_preset(options: &ArgMatches, settings: &[Setting]) {
+    if !is_given(options, "preset") {
+        return;
+    }
     let volumes = value_of("volumes", options, settings).unwrap_or("auto");
-    if is_given(options, "preset") && volumes != "auto" {
+    let accel = value_of("accel", options, settings).unwrap_or("wide");
+    if is_given(options, "accel") && accel != "wide" {
+        output::warn(&format!("--preset has no effect on --accel {accel}"));
+    } else if volumes != "auto" {
         output::warn(&format!("--preset has no effect on the binary BVH of --volumes {volumes}"));
     }
 }
@@ -205,6 +211,10 @@ fn applies(setting: &Setting, all: &[Setting], options: &ArgMatches) -> bool {
         // `--samples` determines the number of samples, except for patterns that depend on the total.
         "spp" if is_given("samples") => value_of("sampler", options, all) == Some("stratified"),
         "ao_radius" if is_given("integrator") => value_of("integrator", options, all) == Some("hybrid"),
+        // A structure on the command line replaces that of the file.
+        "volumes" if is_given("accel") => value_of("accel", options, all) == Some("bvh2"),
+        "builder" if is_given("accel") => matches!(value_of("accel", options, all), Some("wide" | "bvh2")),
+        "accel" if is_given("volumes") => setting.value.as_deref() == Some("bvh2"),
         _ => true,
     }
 }

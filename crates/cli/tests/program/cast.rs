@@ -138,6 +138,10 @@ fn hits_are_the_same_for_all_structures() {
                 ("sah", "aabb"),
                 ("auto --preset fast", "auto"),
                 ("auto --preset quality", "auto"),
+                ("auto --preset dynamic", "auto"),
+                ("auto --accel bvh2", "auto"),
+                ("auto --accel bih", "auto"),
+                ("auto --accel kdtree", "auto"),
             ] {
                 let options =
                     format!("--triangles {triangles} --levels {levels} --builder {builder} --volumes {volumes}");

@@ -54,6 +54,7 @@ fn invalid_values_are_rejected_with_option_and_value() {
         ("render --preset", &["--preset"]),
         ("cast small.obj --rays a.csv --hits b.csv --preset 3", &["--preset", "3"]),
         ("render --volumes spheres", &["--volumes", "spheres"]),
+        ("render --accel octree", &["--accel", "octree", "wide", "bvh2", "bih", "kdtree"]),
         ("render --triangles quads", &["--triangles", "quads"]),
         ("render --heatmap rays", &["--heatmap", "rays"]),
         ("render --heatmap-scale 0", &["--heatmap-scale", "0"]),
@@ -108,6 +109,9 @@ fn options_without_effect_are_reported() {
     run("small.obj --focus 3 --aperture 0").refused(&["--focus requires a lens", "--aperture"]);
     run("small.obj --focus 3 --aperture 0.1 --spp 1").done();
     run("small.obj --env 1,1,1 --env-turn 90").refused(&["--env-turn requires an environment map"]);
+    run("small.obj --accel wide --volumes dop").refused(&["--volumes dop requires --accel bvh2, not wide"]);
+    run("small.obj --accel bih --volumes aabb").refused(&["--volumes aabb requires --accel bvh2, not bih"]);
+    run("small.obj --accel kdtree --builder sah").refused(&["--builder sah requires --accel wide or bvh2, not kdtree"]);
     let asset = "[[assets]]\nname = 'a'\nfile = 'small.obj'\n[settings]\nspp = 1\n";
     let moves = "[[instances]]\nasset = 'a'\nclose = { translation = [1, 0, 0] }\n";
     folder.write("still.toml", asset);
@@ -133,6 +137,10 @@ fn options_without_effect_are_reported() {
             "small.obj --volumes dop --preset quality --spp 1",
             "--preset has no effect on the binary BVH of --volumes dop",
         ),
+        ("small.obj --accel bvh2 --spp 1", ""),
+        ("small.obj --accel bih --preset quality --spp 1", "--preset has no effect on --accel bih"),
+        ("binary.toml --accel kdtree", ""),
+        ("binary.toml --accel wide", ""),
         ("small.obj --heatmap boxes --spp 2 --lod none --env 1,1,1", "--heatmap ignores --spp, --lod, --env"),
         ("still.toml --heatmap boxes", ""),
         ("still.toml --levels one", ""),

@@ -49,6 +49,9 @@ fn the_report_describes_the_volumes() {
     assert_eq!(fact("small.obj --levels two --preset quality", "volumes"), "wide, leaves only");
     assert_eq!(fact("small.obj --volumes aabb", "volumes"), "aabb");
     assert_eq!(fact("small.obj --volumes dop --builder sah", "volumes"), "dop");
+    assert_eq!(fact("small.obj --accel bvh2", "volumes"), "aabb");
+    assert_eq!(fact("small.obj --accel bih", "volumes"), "bounding intervals");
+    assert_eq!(fact("small.obj --accel kdtree", "volumes"), "kd-tree cells");
     assert!(["scalar", "avx2", "avx512", "neon"].contains(&fact("small.obj", "simd").as_str()));
     // The built-in scene has diagonal beams.
     for options in ["", "--preset fast", "--levels two", "--builder sah"] {
@@ -127,7 +130,15 @@ fn structures_do_not_change_a_byte() {
         "--builder sah",
         "--builder sah --volumes aabb",
         "--preset fast",
+        "--preset dynamic",
         "--preset quality --levels two",
+        "--accel wide",
+        "--accel bvh2",
+        "--accel bvh2 --volumes dop --levels two",
+        "--accel bih",
+        "--accel bih --levels two",
+        "--accel kdtree",
+        "--accel kdtree --levels two",
     ] {
         assert!(picture(options) == first, "{options}");
     }

@@ -59,6 +59,7 @@ fn unsupported_requests_are_rejected() {
     let cast = "cast small.obj --rays rays.csv --hits hits.csv --device";
     let cases = [
         (format!("{RENDER} gpu --volumes aabb"), "--volumes aabb is not supported on the GPU"),
+        (format!("{RENDER} gpu --accel kdtree"), "--accel kdtree is not supported on the GPU"),
         (format!("{RENDER} gpu --triangles baldwin-weber"), "--triangles baldwin-weber is not supported"),
         (format!("{RENDER} gpu --heatmap boxes"), "--heatmap is not supported on the GPU"),
         (format!("{RENDER} gpu").replace("small.obj", "far.obj"), "coordinates above 1e18"),
