@@ -83,6 +83,8 @@ INTERRUPTED = """
     import numpy as np
     import canted
     import meshes
+    # Programs that are started in the background ignore the signal.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     vertices, triangles = meshes.soup({n_triangles})
     origins, directions = np.tile(meshes.rays(1000)[0], (4000, 1)), np.tile(meshes.rays(1000)[1], (4000, 1))
     bvh = canted.Bvh(*meshes.soup(3000)) if "bvh." in {call!r} else None

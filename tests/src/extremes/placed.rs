@@ -63,7 +63,7 @@ const CASES: [Case; 7] = [
 /// Instances of two meshes around the origin.
 fn instances(case: &Case, rng: &mut SplitMix64) -> Vec<Instance> {
     let mut all: Vec<Instance> = vec![];
-    for i in 0..8 {
+    for blas in [0, 1, 0, 1, 0, 1, 0, 1] {
         let scale = between(rng, case.scales);
         let map = loop {
             let columns = [rng.signed3(), rng.signed3(), rng.signed3()];
@@ -77,8 +77,11 @@ fn instances(case: &Case, rng: &mut SplitMix64) -> Vec<Instance> {
                 break exact::affine([x, y, z, shift]);
             }
         };
-        let map = if case.overlaps && i % 2 == 1 { all[i - 1].world_from_object } else { map };
-        all.push(Instance::new((i % 2) as u32, map));
+        let map = match all.last() {
+            Some(last) if case.overlaps && blas == 1 => last.world_from_object,
+            _ => map,
+        };
+        all.push(Instance::new(blas, map));
     }
     if let Some(far) = case.far {
         let mut map = all[0].world_from_object;
