@@ -27,7 +27,7 @@ use hits::Answer;
 /// Options of `canted cast`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Scene: OBJ, PLY, glTF, GLB, or a scene file (.toml).
+    /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml).
     scene: PathBuf,
     /// Time in the first animation of the file [default: rest pose]
     #[arg(long, value_parser = options::number, value_name = "SECONDS", allow_hyphen_values = true)]

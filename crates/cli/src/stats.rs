@@ -30,7 +30,7 @@ use crate::{
 #[derive(clap::Args)]
 #[command(mut_arg("device", |arg| arg.help(DEVICE)))]
 pub(crate) struct Args {
-    /// Scene: OBJ, PLY, glTF, GLB, or a scene file (.toml) [default: the built-in scene]
+    /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml) [default: the built-in scene]
     scene: Option<PathBuf>,
     /// Time in the first animation of the file [default: rest pose]
     #[arg(long, value_parser = options::number, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]

@@ -16,7 +16,7 @@ use crate::{
 /// Options of `canted tree`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Scene: OBJ, PLY, glTF, GLB, or a scene file (.toml). All instances form one mesh in world space.
+    /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml). All instances form one mesh in world space.
     scene: PathBuf,
     /// Number of bits of a Morton code.
     #[arg(long, default_value = "63", value_parser = one_of(&[("30", Bits::B30), ("63", Bits::B63)]), value_name = "BITS")]

@@ -1,4 +1,4 @@
-//! Reads 3D scenes (OBJ, PLY, glTF, HDR and EXR environment maps, TOML scene files) into plain arrays.
+//! Reads 3D scenes (OBJ, PLY, STL, OFF, glTF, HDR and EXR environment maps, TOML scene files) into plain arrays.
 //!
 //! ```
 //! # let folder = tempfile::tempdir()?;
@@ -25,7 +25,7 @@
 //!
 //! | type | purpose |
 //! | --- | --- |
-//! | [`read`], [`read_with`] | OBJ with MTL, PLY, glTF and GLB files to a [`Scene`] |
+//! | [`read`], [`read_with`] | OBJ with MTL, PLY, STL, OFF, glTF and GLB files to a [`Scene`] |
 //! | [`read_environment`] | Radiance HDR and OpenEXR environment maps |
 //! | [`Scene`] | meshes, instances, materials, textures, lights, cameras, warnings |
 //! | [`SceneFile`] | TOML scene files: assets, instances, camera, lights, material changes, render settings |
@@ -44,12 +44,18 @@
 //!
 //! # Cost
 //!
-//! Memory is at most 128 bytes per byte of geometry file; image sizes are checked against the file size before decoding.
-//! Real scenes need at most 3 times the memory of the finished scene while they are read. Images decode in parallel.
+//! Memory is at most 128 bytes per byte of geometry file, decompressed if it is a gzip file, which holds at most 4 GiB; image
+//! sizes are checked against the file size before decoding. Real glTF scenes need at most 3 times the memory of the finished scene while they are read. Images decode in parallel.
 //!
 //! # Features
 //!
-//! None.
+//! All are on by default. A file that needs an absent one is an error that names the feature.
+//!
+//! | feature | purpose |
+//! | --- | --- |
+//! | `stl` | STL meshes, ASCII and binary |
+//! | `off` | OFF meshes |
+//! | `gzip` | meshes compressed by gzip, such as `model.obj.gz` |
 #![forbid(unsafe_code)]
 
 mod builtin;

@@ -1,4 +1,4 @@
-//! Readers for OBJ, PLY, glTF and environment maps.
+//! Readers for OBJ, PLY, STL, OFF, glTF and environment maps.
 
 mod animated;
 mod environment;
@@ -7,16 +7,24 @@ mod exr;
 mod folder;
 mod gltf;
 mod image;
+mod input;
 mod mesh_checks;
 mod mtl;
 mod obj;
+#[cfg(feature = "off")]
+mod off;
 mod ply;
 mod polygon;
+mod single;
+#[cfg(feature = "stl")]
+mod stl;
 mod text;
+#[cfg(feature = "off")]
+mod vertex_colors;
 mod warning_groups;
+#[cfg(feature = "stl")]
+mod weld;
 
-use std::fs::{self, File};
-use std::io::Read;
 use std::path::Path;
 
 use crate::Scene;
@@ -26,6 +34,7 @@ pub use animated::AnimatedScene;
 pub use environment::read_environment;
 pub use error::ReadError;
 pub(crate) use image::decode;
+use input::{Format, Input};
 pub(crate) use text::quoted;
 
 /// Options of [`read_with`].
@@ -39,9 +48,10 @@ pub struct ReadOptions {
     pub animation: Option<String>,
 }
 
-/// Reads an OBJ (with MTL), PLY, glTF or GLB file with the buffers and images it references.
+/// Reads an OBJ (with MTL), PLY, STL, OFF, glTF or GLB file with the buffers and images it references.
 ///
-/// The format is determined by the signature (PLY, GLB), else by the extension. Referenced files are only read from the
+/// The format is determined by the content (PLY, GLB, STL, OFF), else by the extension. Files compressed by gzip are
+/// decompressed first. Referenced files are only read from the
 /// folder of `path` and below. Repairs and skipped elements are reported in [`Scene::warnings`]. Coordinates keep the file's
 /// unit.
 ///
@@ -56,53 +66,35 @@ pub fn read(path: &Path) -> Result<Scene, ReadError> {
 /// # Errors
 /// As [`read`].
 pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError> {
-    match format_of(path)? {
-        Format::Gltf => gltf::read(path, options),
-        format => {
-            let mut scene = read_static(path, &format, options)?;
-            if let Some(time) = options.time {
-                scene.warnings.push(format!("ignoring time {time}: {format:?} files have no animation"));
-            }
-            Ok(scene)
-        }
+    let Input { format, bytes } = input::open(path)?;
+    if format == Format::Gltf {
+        return gltf::read(path, &bytes, options);
     }
+    let mut scene = read_static(path, format, &bytes, options)?;
+    if let Some(time) = options.time {
+        scene.warnings.push(format!("ignoring time {time}: {format:?} files have no animation"));
+    }
+    Ok(scene)
 }
 
-/// Reads a file of a format without animations.
-fn read_static(path: &Path, format: &Format, options: &ReadOptions) -> Result<Scene, ReadError> {
+/// Parses a file of a format without animations.
+fn read_static(path: &Path, format: Format, bytes: &[u8], options: &ReadOptions) -> Result<Scene, ReadError> {
     if let Some(wanted) = &options.animation {
         return Err(ReadError::UnknownAnimation { path: path.to_owned(), wanted: wanted.clone(), known: Vec::new() });
     }
-    let parse = if matches!(format, Format::Obj) { obj::parse } else { ply::parse };
-    parse(path, &read_file(path)?)
-}
-
-#[derive(Debug)]
-enum Format {
-    Obj,
-    Ply,
-    Gltf,
-}
-
-/// The format by signature, then by extension.
-fn format_of(path: &Path) -> Result<Format, ReadError> {
-    let io_error = ReadError::io(path);
-    let mut first = Vec::new();
-    File::open(path).map_err(&io_error)?.take(4).read_to_end(&mut first).map_err(&io_error)?;
-    let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-    match (&first[..], &extension[..]) {
-        (b"glTF", _) => Ok(Format::Gltf),
-        (b"ply\n" | b"ply\r", _) => Ok(Format::Ply),
-        (_, "gltf" | "glb") => Ok(Format::Gltf),
-        (_, "ply") => Ok(Format::Ply),
-        (_, "obj") => Ok(Format::Obj),
-        _ => Err(ReadError::UnknownFormat { path: path.to_owned() }),
+    match format {
+        Format::Obj => obj::parse(path, bytes),
+        Format::Ply => ply::parse(path, bytes),
+        #[cfg(feature = "stl")]
+        Format::Stl => stl::parse(path, bytes),
+        #[cfg(not(feature = "stl"))]
+        Format::Stl => Err(ReadError::missing_feature(path, "STL", "stl")),
+        #[cfg(feature = "off")]
+        Format::Off => off::parse(path, bytes),
+        #[cfg(not(feature = "off"))]
+        Format::Off => Err(ReadError::missing_feature(path, "OFF", "off")),
+        Format::Gltf => gltf::read(path, bytes, options),
     }
-}
-
-/// Reads all bytes of a file.
-fn read_file(path: &Path) -> Result<Vec<u8>, ReadError> {
-    fs::read(path).map_err(ReadError::io(path))
 }
 
 #[cfg(test)]

@@ -23,7 +23,7 @@ use crate::{
 #[derive(clap::Args, Clone)]
 #[command(mut_arg("device", |arg| arg.help(DEVICE)))]
 pub(crate) struct Args {
-    /// Scene: OBJ, PLY, glTF, GLB, or a scene file (.toml) [default: the built-in scene]
+    /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml) [default: the built-in scene]
     pub(crate) scene: Option<PathBuf>,
     /// Time in the animation of the file [default: rest pose]
     #[arg(long, value_parser = options::number, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]

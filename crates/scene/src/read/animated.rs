@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use super::{Format, ReadError, ReadOptions, format_of, gltf, read_static};
+use super::input::{self, Format, Input};
+use super::{ReadError, ReadOptions, gltf, read_static};
 use crate::Scene;
 
 /// An open file that poses its scene at any time of an animation, without reading materials and images again.
@@ -30,13 +31,12 @@ impl AnimatedScene {
     /// # Errors
     /// As [`read_with`](super::read_with), and [`ReadError::VertexNotFinite`].
     pub fn open(path: &Path, options: &ReadOptions) -> Result<(Self, Scene), ReadError> {
-        match format_of(path)? {
-            Format::Gltf => {
-                let (poses, scene) = gltf::Poses::open(path, options)?;
-                Ok((Self(poses), scene))
-            }
-            format => Ok((Self(None), read_static(path, &format, options)?)),
+        let Input { format, bytes } = input::open(path)?;
+        if format == Format::Gltf {
+            let (poses, scene) = gltf::Poses::open(path, &bytes, options)?;
+            return Ok((Self(poses), scene));
         }
+        Ok((Self(None), read_static(path, format, &bytes, options)?))
     }
 
     /// Whether the file has an animation.

@@ -5,6 +5,7 @@ mod hdr;
 #[cfg(test)]
 mod tests;
 
+use std::fs;
 use std::path::Path;
 
 use super::ReadError;
@@ -28,7 +29,7 @@ struct Texels {
 /// # Errors
 /// [`ReadError`] if the format is unknown, the data is truncated, or the size exceeds what the data can hold.
 pub fn read_environment(path: &Path, warnings: &mut Vec<String>) -> Result<EnvironmentImage, ReadError> {
-    parse(path, &super::read_file(path)?, warnings)
+    parse(path, &fs::read(path).map_err(ReadError::io(path))?, warnings)
 }
 
 /// Parses `bytes`; `path` is used in messages.

@@ -81,6 +81,12 @@ impl ReadError {
         Self::Unsupported { path: path.to_owned(), feature: feature.into() }
     }
 
+    /// A format whose reader is not part of this build.
+    #[cfg(not(all(feature = "stl", feature = "off", feature = "gzip")))]
+    pub(crate) fn missing_feature(path: &Path, format: &str, feature: &str) -> Self {
+        Self::unsupported(path, format!("{format} (built without the feature '{feature}')"))
+    }
+
     /// Nothing to draw.
     pub(crate) fn empty(path: &Path, reason: impl Into<String>) -> Self {
         Self::Empty { path: path.to_owned(), reason: reason.into() }
@@ -106,7 +112,9 @@ impl fmt::Display for ReadError {
         let file = self.path().display();
         let sentence = match self {
             Self::Io { source, .. } => format!("{file}: cannot read file: {source}"),
-            Self::UnknownFormat { .. } => format!("{file}: unsupported scene format; use OBJ, PLY, glTF or GLB"),
+            Self::UnknownFormat { .. } => {
+                format!("{file}: unsupported scene format; use OBJ, PLY, STL, OFF, glTF or GLB")
+            }
             Self::Malformed { location, message, .. } => format!("{file}: {location}: {message}"),
             Self::Unsupported { feature, .. } => format!("{file}: {feature} is not supported"),
             Self::UnknownAnimation { wanted, known, .. } if known.is_empty() => {

@@ -43,7 +43,7 @@ use document::Document;
 use nodes::Nodes;
 pub(super) use poses::Poses;
 
-/// Reads a `.gltf` or `.glb` file with its buffers and images.
+/// Reads the content of a `.gltf` or `.glb` file with its buffers and images.
 ///
 /// A glTF mesh becomes a [`crate::Mesh`] with one part per primitive; a node with a mesh becomes an instance, or several with
 /// `EXT_mesh_gpu_instancing`. Nodes with a skin or their own morph weights get a deformed copy of the mesh. Only the default
@@ -51,9 +51,8 @@ pub(super) use poses::Poses;
 ///
 /// # Errors
 /// [`ReadError`] if the geometry is invalid or there is nothing to draw.
-pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError> {
-    let bytes = super::read_file(path)?;
-    read_document(&mut Document::open(path, &bytes)?, options)
+pub(crate) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Scene, ReadError> {
+    read_document(&mut Document::open(path, bytes)?, options)
 }
 
 /// Reads everything, and poses the nodes of the document.

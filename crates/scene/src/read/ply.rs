@@ -12,13 +12,11 @@ mod table;
 
 use std::path::Path;
 
-use canted_obb::Affine;
-
 use self::table::Table;
 use super::folder::Folder;
 use super::mesh_checks::{MeshChecks, unit_normal, usable_uv};
-use super::{ReadError, image, text};
-use crate::{Instance, Material, MaterialId, Mesh, MeshId, Part, Scene, TextureId, TextureRef};
+use super::{ReadError, image, single, text};
+use crate::{Material, Mesh, Scene, TextureId, TextureRef};
 
 /// Parses a PLY file; `path` gives the folder of the texture and is used in messages.
 pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
@@ -32,16 +30,10 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
         scene.warnings.push("ignoring bytes after the last declared element".into());
     }
     let material = material(path, header.texture, &mut scene);
-    scene.materials.push(material);
     let mut checks = MeshChecks::default();
     let triangles = triangles(path, &table, &mut checks)?;
-    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let is_textured = !scene.textures.is_empty();
-    scene.meshes.push(mesh(name, table, triangles, is_textured));
-    let (mesh, world_from_object) = (MeshId(0), Affine::IDENTITY);
-    scene.instances.push(Instance { mesh, world_from_object, world_from_object_close: None, first_primitive: 0 });
-    checks.finish(path, &mut scene)?;
-    Ok(scene)
+    let mesh = mesh(table, triangles, !scene.textures.is_empty());
+    single::add(path, mesh, material, checks, scene)
 }
 
 /// The default material, or one with the texture of the header.
@@ -95,11 +87,10 @@ fn triangles(path: &Path, table: &Table, checks: &mut MeshChecks) -> Result<Vec<
     Ok(triangles)
 }
 
-fn mesh(name: String, table: Table, triangles: Vec<[u32; 3]>, is_textured: bool) -> Mesh {
+fn mesh(table: Table, triangles: Vec<[u32; 3]>, is_textured: bool) -> Mesh {
     let normals = table.normals.map(|normals| normals.into_iter().map(unit_normal).collect());
     let uvs = table.uvs.filter(|_| is_textured).map(|uvs| uvs.into_iter().map(usable_uv).collect());
-    let parts = vec![Part { first_triangle: 0, material: MaterialId(0) }];
-    Mesh { name, positions: table.positions, triangles, normals, uvs, parts, ..Mesh::default() }
+    Mesh { positions: table.positions, triangles, normals, uvs, ..Mesh::default() }
 }
 
 #[cfg(test)]

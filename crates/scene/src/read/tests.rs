@@ -26,6 +26,7 @@ fn flaw(scene: &Scene) -> Option<String> {
         }
         if mesh.normals.as_ref().is_some_and(|normals| normals.len() != n)
             || mesh.uvs.as_ref().is_some_and(|uvs| uvs.len() != n)
+            || mesh.colors.as_ref().is_some_and(|colors| colors.len() != n)
         {
             return Some("attributes and positions differ in number".into());
         }
@@ -109,6 +110,63 @@ proptest! {
     }
 }
 
+#[cfg(feature = "stl")]
+const STL: &str =
+    "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n";
+#[cfg(feature = "off")]
+const OFF: &str = "CNOFF\n4 2 0\n0 0 0 0 0 1 255 0 0\n1 0 0 0 0 1 0 9 0\n1 1 0 0 0 1 0 0 9\n0 1 0 0 0 1 1 1 1\n3 0 1 2\n4 0 1 2 3 9\n";
+
+/// Checks every file that differs in one byte, for some values of it.
+#[cfg(any(feature = "stl", feature = "off"))]
+fn every_changed_byte(file: &[u8], parse: impl Fn(&Path, &[u8]) -> Result<Scene, ReadError>) {
+    assert_eq!(flaw(&parse(Path::new("a"), file).unwrap()), None);
+    for at in 0..file.len() {
+        for byte in [0, b' ', b'\n', b'-', b'.', b'9', b'e', 0x7f, 0xff] {
+            let mut bytes = file.to_vec();
+            bytes[at] = byte;
+            if let Ok(scene) = parse(Path::new("a"), &bytes) {
+                assert_eq!(flaw(&scene), None, "byte {at} = {byte}");
+            }
+        }
+    }
+}
+
+#[cfg(feature = "stl")]
+#[test]
+fn changed_stl_files_give_an_error_or_a_valid_scene() {
+    every_changed_byte(STL.as_bytes(), super::stl::parse);
+    let mut binary = [vec![0; 80], vec![1, 0, 0, 0], vec![0; 12]].concat();
+    binary.extend([0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|x| x.to_le_bytes()));
+    binary.extend([0; 2]);
+    every_changed_byte(&binary, super::stl::parse);
+}
+
+#[cfg(feature = "off")]
+#[test]
+fn changed_off_files_give_an_error_or_a_valid_scene() {
+    every_changed_byte(OFF.as_bytes(), super::off::parse);
+}
+
+#[cfg(all(feature = "stl", feature = "off"))]
+#[test]
+fn stl_and_off_are_recognized_by_content_and_by_extension() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        read(&path).map(|scene| scene.n_placed_triangles())
+    };
+    for name in ["a.stl", "a.STL", "a.obj", "a"] {
+        assert_eq!(file(name, STL).unwrap(), 1, "{name}");
+    }
+    for name in ["a.off", "a.OFF", "a.obj", "a"] {
+        assert_eq!(file(name, OFF).unwrap(), 3, "{name}");
+    }
+    assert_eq!(file("b.off", &OFF["CNOFF\n".len()..]).unwrap(), 3);
+    assert!(matches!(file("c.stl", ""), Err(ReadError::Malformed { .. })));
+    assert!(matches!(file("c.off", ""), Err(ReadError::Malformed { .. })));
+}
+
 #[test]
 fn flaw_detects_each_error() {
     let spoiled = |spoil: fn(&mut Scene)| {
@@ -141,7 +199,7 @@ fn format_is_determined_by_content_then_extension() {
     assert!(matches!(file("b.ply", obj), Err(ReadError::Malformed { .. })));
     assert!(matches!(file("b.gltf", obj), Err(ReadError::Malformed { .. })));
     assert!(matches!(file("b", obj), Err(ReadError::UnknownFormat { .. })));
-    assert!(matches!(file("c.stl", ""), Err(ReadError::UnknownFormat { .. })));
+    assert!(matches!(file("c.3ds", ""), Err(ReadError::UnknownFormat { .. })));
 }
 
 #[test]
@@ -151,4 +209,42 @@ fn io_errors_contain_path_and_source() {
     assert!(std::error::Error::source(&error).is_some());
     assert_eq!(error.path(), Path::new("absent/model.obj"));
     assert!(matches!(read(Path::new(".")), Err(ReadError::Io { .. })));
+}
+
+#[cfg(feature = "gzip")]
+#[test]
+fn gzip_files_are_decompressed() {
+    use std::io::Write;
+
+    let folder = tempfile::tempdir().unwrap();
+    let compressed = |bytes: &[u8]| {
+        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+        encoder.write_all(bytes).unwrap();
+        encoder.finish().unwrap()
+    };
+    let file = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        read(&path)
+    };
+    let obj = &OBJ.as_bytes()["mtllib a.mtl\n".len()..];
+    assert_eq!(file("a.obj.gz", &compressed(obj)).unwrap().n_placed_triangles(), 3);
+    assert_eq!(file("a.OBJ.GZ", &compressed(obj)).unwrap().n_placed_triangles(), 3);
+    assert_eq!(file("a.obj", &compressed(obj)).unwrap().n_placed_triangles(), 3);
+    assert_eq!(file("a.gz", &compressed(PLY.as_bytes())).unwrap().n_placed_triangles(), 1);
+    let (a, b) = PLY.as_bytes().split_at(40);
+    assert_eq!(file("b.gz", &[compressed(a), compressed(b)].concat()).unwrap().n_placed_triangles(), 1);
+    assert!(matches!(file("c.gz", &compressed(obj)), Err(ReadError::UnknownFormat { .. })));
+    let full = compressed(PLY.as_bytes());
+    for length in 2..full.len() {
+        assert!(file("d.ply.gz", &full[..length]).is_err(), "{length} bytes");
+    }
+    for at in 2..full.len() {
+        let mut bytes = full.clone();
+        bytes[at] ^= 0x55;
+        // Bytes of the header such as the time do not matter; the checksum covers the content.
+        if let Ok(scene) = file("e.ply.gz", &bytes) {
+            assert_eq!(scene.n_placed_triangles(), 1);
+        }
+    }
 }

@@ -22,9 +22,12 @@ pub(in crate::read) struct Poses {
 impl Poses {
     /// Reads a file as [`super::read`] does, except that a pose that makes a vertex infinite or NaN is an error. Keeps what
     /// further poses need, if the file has an animation.
-    pub(in crate::read) fn open(path: &Path, options: &ReadOptions) -> Result<(Option<Self>, Scene), ReadError> {
-        let bytes = crate::read::read_file(path)?;
-        let mut document = Document::open(path, &bytes)?;
+    pub(in crate::read) fn open(
+        path: &Path,
+        bytes: &[u8],
+        options: &ReadOptions,
+    ) -> Result<(Option<Self>, Scene), ReadError> {
+        let mut document = Document::open(path, bytes)?;
         if document.animation(options.animation.as_deref())?.is_none() {
             return Ok((None, read_document(&mut document, options)?));
         }

@@ -151,7 +151,7 @@ impl File {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("test.gltf");
         fs::write(&path, self.text()).unwrap();
-        super::read(&path, &ReadOptions { time: Some(time), animation: None })
+        super::read(&path, &fs::read(&path).unwrap(), &ReadOptions { time: Some(time), animation: None })
     }
 
     /// The scene, which must have no warnings.
@@ -187,7 +187,7 @@ pub(super) fn word(length: usize) -> [u8; 4] {
 pub(super) fn read_bytes(folder: &Path, name: &str, bytes: &[u8]) -> Result<Scene, ReadError> {
     let path = folder.join(name);
     fs::write(&path, bytes).unwrap();
-    super::read(&path, &ReadOptions::default())
+    super::read(&path, &fs::read(&path).unwrap(), &ReadOptions::default())
 }
 
 #[test]
