@@ -10,6 +10,8 @@
 //! follow the phyxels around and exert no force. Source: Müller, Keiser, Nealen, Pauly, Gross and Alexa, "Point based animation of
 //! elastic, plastic and melting objects", 2004; departures are stated where they are made.
 //!
+//! The body does not collide with itself, and neither breaks nor flows.
+//!
 //! Units are meters, kilograms and seconds; y is up. All arithmetic of the simulation is `f64` and serial, so that a
 //! sequence has the same bits on every run.
 //!
