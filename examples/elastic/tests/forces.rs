@@ -39,7 +39,7 @@ fn at_rest_and_after_a_translation_no_force_is_left() {
 
 #[test]
 fn after_a_rotation_only_rounding_is_left() {
-    for (about_z, about_x) in [(1e-6, 0.0), (0.3, 0.1), (1.5707, -2.0), (3.14159, 0.7)] {
+    for (about_z, about_x) in [(1e-6, 0.0), (0.3, 0.1), (1.25, -2.0), (3.0, 0.7)] {
         let place = |stretch: f64| {
             move |rest: [f64; 3]| {
                 let image = rotated(rest, about_z, about_x).map(|x| stretch * x);

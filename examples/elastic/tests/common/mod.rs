@@ -30,7 +30,6 @@ pub(crate) struct Random(pub(crate) u64);
 impl Random {
     pub(crate) fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        #[expect(clippy::cast_possible_truncation, reason = "the upper half")]
         let upper = (self.0 >> 32) as u32;
         f64::from(upper) / f64::from(1_u32 << 31) - 1.0
     }
