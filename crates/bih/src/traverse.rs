@@ -81,8 +81,9 @@ impl AxisRay {
 impl BoxBih {
     /// Calls `leaf` with each leaf position whose box `ray` may hit at or before `t_max`, nearer subtrees first.
     ///
-    /// `ray` is prepared with a reach of 0: the planes are padded. `t_max` is scaled, and `leaf` returns the new one. `leaf`
-    /// receives every box that the ray enters at or before `t_max`, so all hits of equal `t`, and others of the same leaves.
+    /// `ray` is prepared with a reach of 0: the planes are padded. `t_max` is scaled, and `leaf` returns the new one; one below zero
+    /// ends the traversal. `leaf` receives every box that the ray enters at or before `t_max`, so all hits of equal `t`, and others
+    /// of the same leaves.
     #[inline]
     pub fn traverse_ordered<Q: Query>(
         &self,
@@ -92,18 +93,6 @@ impl BoxBih {
         leaf: impl FnMut(u32, f32, &mut Q) -> f32,
     ) {
         self.traverse::<true, Q>(ray, t_max, query, leaf);
-    }
-
-    /// As [`BoxBih::traverse_ordered`], in any order, until `leaf` returns a `t_max` below zero.
-    #[inline]
-    pub fn traverse_any<Q: Query>(
-        &self,
-        ray: &SlabRay,
-        t_max: f32,
-        query: &mut Q,
-        leaf: impl FnMut(u32, f32, &mut Q) -> f32,
-    ) {
-        self.traverse::<false, Q>(ray, t_max, query, leaf);
     }
 }
 
