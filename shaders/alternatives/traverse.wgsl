@@ -29,7 +29,7 @@ fn least(a: vec4<u32>, b: vec4<u32>) -> u32 {
 // Source: Áfra and Szirmay-Kalos, Stackless Multi-BVH Traversal for CPU, MIC and GPU Ray Tracing, 2013. Sixteen levels fit into
 // four words; the lowest eight bits belong to the current node. Pending children are tested again, with the best hit found so
 // far.
-// use shared/leaf
+// use shared/leaf/blocks
 // use ?level
 // use ?count
 // use shared/invocation/iterations
@@ -134,7 +134,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
 //
 // After returning from a child, the ray tests all children of the parent again. The next child has the smallest key above that
 // of the previous one. Keys do not depend on hits found so far, so they are the same both times.
-// use shared/leaf
+// use shared/leaf/blocks
 // use ?level
 // use ?count
 // use shared/invocation/iterations

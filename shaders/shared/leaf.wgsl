@@ -1,12 +1,9 @@
-// Triangle tests of leaves, and the best hit of a traversal.
+// The best hit of a traversal.
 // use shared/triangle
 // use ?level
 // use ?mask
 // use ?count
 // use shared/invocation/iterations
-
-/// Bits of a leaf word for its first triangle, in units of half a half-block.
-const LEAF_FIRST: u32 = 0x03ffffffu;
 
 /// Whether traversal stopped after `MAX_ITERATIONS`. The result may then not be the closest hit, or may miss.
 var<private> is_incomplete: bool;
@@ -16,6 +13,25 @@ var<private> best: Hit;
 
 /// Scaled `t` of the best hit.
 var<private> t_max: f32;
+
+/// Keeps a hit of triangle `number` of the BVH if it is the best.
+fn consider(found: TriangleHit, number: u32) {
+    // `t` in the caller's units decides, as everywhere.
+    if found.t >= space.t_min && found.t <= t_max {
+        let hit = Hit(caller_t(found.t), found.weights.y, found.weights.z, number, space.instance);
+        if before(hit, best) && accepts(placed(hit)) {
+            best = hit;
+            t_max = found.t;
+        }
+    }
+}
+
+// part blocks
+// Triangle tests of the leaves of wide BVHs.
+// use shared/triangle/blocks
+
+/// Bits of a leaf word for its first triangle, in units of half a half-block.
+const LEAF_FIRST: u32 = 0x03ffffffu;
 
 /// Tests the triangles of a leaf: blocks of eight, then one block of four. A leaf of two may use the second half of a block of
 /// four.
@@ -49,15 +65,9 @@ fn four_triangles(at: u32, stride: u32, filled: u32) {
         }
         let lane = firstTrailingBit(pending);
         pending &= pending - 1u;
-        let found = intersect_triangle(at, stride, lane);
-        // `t` in the caller's units decides, as everywhere.
-        if found.t >= space.t_min && found.t <= t_max {
-            let number = triangle_blocks[at + 9u * stride][lane];
-            let hit = Hit(caller_t(found.t), found.weights.y, found.weights.z, number, space.instance);
-            if before(hit, best) && accepts(placed(hit)) {
-                best = hit;
-                t_max = found.t;
-            }
-        }
+        let found = intersect_triangle(
+            vertex(at, stride, 0u, lane), vertex(at, stride, 1u, lane), vertex(at, stride, 2u, lane)
+        );
+        consider(found, triangle_blocks[at + 9u * stride][lane]);
     }
 }

@@ -17,6 +17,9 @@ struct Instance {
 
 const HAS_INSTANCES: bool = true;
 
+/// Bits of a leaf word of the top-level BVH for its instance.
+const LEAF_INDEX: u32 = 0x03ffffffu;
+
 /// Rounding of a direction and of an origin in object space, for an instance that does not move; see shared/level/instances.
 const DIRECTION_ROUNDING: f32 = 5.0 * ROUNDING;
 const ORIGIN_ROUNDING: f32 = 6.0 * ROUNDING;
@@ -126,7 +129,7 @@ fn placed(hit: Hit) -> Hit {
 
 /// Transforms the ray into the instance of a leaf of the top-level BVH. Returns the root of its BVH.
 fn enter_instance_leaf(ray: Ray, word: u32) -> u32 {
-    let instance = instance_order[word & LEAF_FIRST];
+    let instance = instance_order[word & LEAF_INDEX];
     let entry = instances[instance];
     let away = ray.origin - vec3<f32>(entry.row_x.w, entry.row_y.w, entry.row_z.w);
     return enter_instance(ray, instance, still_inverse(entry), away, abs(away), vec2<f32>(ORIGIN_ROUNDING, DIRECTION_ROUNDING));
@@ -149,7 +152,7 @@ const MOVING_ORIGIN_ROUNDING: f32 = 21.0 * ROUNDING;
 
 /// Transforms the ray into the instance of a leaf of the top-level BVH. Returns the root of its BVH.
 fn enter_instance_leaf(ray: Ray, word: u32) -> u32 {
-    let instance = instance_order[word & LEAF_FIRST];
+    let instance = instance_order[word & LEAF_INDEX];
     let entry = instances[instance];
     let open = vec3<f32>(entry.row_x.w, entry.row_y.w, entry.row_z.w);
     var inverse = still_inverse(entry);

@@ -20,7 +20,7 @@ fn occluded(ray: Ray) -> bool {
 // The stack has at most one entry per level: the word of a node and, in three bits each, its pending children from the nearest.
 // A pending child is tested again when the ray returns to its node, with the best hit so far. So entries need no distances.
 // use shared/node
-// use shared/leaf
+// use shared/leaf/blocks
 // use ?level
 // use ?count
 // use shared/invocation/iterations

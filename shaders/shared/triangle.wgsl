@@ -45,9 +45,6 @@ const EDGE_ROUNDING: f32 = 15.0 * ROUNDING;
 /// Smallest divisor.
 const MIN_DIVISOR: f32 = 1.1754944e-38;
 
-/// Quads of a half-block: nine coordinates of four triangles, then their indices.
-const HALF_QUADS: u32 = 10u;
-
 /// The ray prepared for triangle tests: axes that become x, y, z, and the shear.
 struct Shear {
     axes: vec3<u32>,
@@ -98,52 +95,12 @@ fn guarded_quotient(a: f32, b: f32) -> f32 {
     return select(a / b, 0.0, abs(b) < MIN_DIVISOR);
 }
 
-/// Sheared x and y of a vertex of four triangles.
-struct Four {
-    x: vec4<f32>,
-    y: vec4<f32>,
-}
-
-/// Vertex `corner` of four triangles. Rows are `stride` quads long; `at` is a quad of the first row.
-fn four(at: u32, stride: u32, corner: u32) -> Four {
-    let rows = vec3<u32>(at) + stride * (vec3<u32>(3u * corner) + shear.axes);
-    let x = bitcast<vec4<f32>>(triangle_blocks[rows.x]) - vec4<f32>(shear.origin.x);
-    let y = bitcast<vec4<f32>>(triangle_blocks[rows.y]) - vec4<f32>(shear.origin.y);
-    let z = bitcast<vec4<f32>>(triangle_blocks[rows.z]) - vec4<f32>(shear.origin.z);
-    return Four(x - shear.factors.x * z, y - shear.factors.y * z);
-}
-
-/// Bit mask of the triangles, of four, that the ray may hit.
-fn candidates(at: u32, stride: u32) -> u32 {
-    let a = four(at, stride, 0u);
-    let b = four(at, stride, 1u);
-    let c = four(at, stride, 2u);
-    let u = c.x * b.y - c.y * b.x;
-    let v = a.x * c.y - a.y * c.x;
-    let w = b.x * a.y - b.y * a.x;
-    let sum = ((abs(a.x) + abs(a.y)) + (abs(b.x) + abs(b.y))) + (abs(c.x) + abs(c.y));
-    let error = shear.apart.x * (sum + vec4<f32>(shear.apart.y)) + vec4<f32>(TINY);
-    let is_mixed = (min(u, min(v, w)) < -error) & (max(u, max(v, w)) > error);
-    let bits = select(vec4<u32>(1u, 2u, 4u, 8u), vec4<u32>(0u), is_mixed);
-    return (bits.x | bits.y) | (bits.z | bits.w);
-}
-
-/// A vertex relative to the origin, with permuted axes.
-fn vertex(at: u32, stride: u32, corner: u32, lane: u32) -> vec3<f32> {
-    let rows = vec3<u32>(at) + stride * (vec3<u32>(3u * corner) + shear.axes);
-    let bits = vec3<u32>(triangle_blocks[rows.x][lane], triangle_blocks[rows.y][lane], triangle_blocks[rows.z][lane]);
-    return bitcast<vec3<f32>>(bits) - shear.origin;
-}
-
 fn sheared(v: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(v.xy - shear.factors * v.z, v.z);
 }
 
-/// Tests one of four triangles.
-fn intersect_triangle(at: u32, stride: u32, lane: u32) -> TriangleHit {
-    let from_a = vertex(at, stride, 0u, lane);
-    let from_b = vertex(at, stride, 1u, lane);
-    let from_c = vertex(at, stride, 2u, lane);
+/// Tests a triangle by its vertices relative to the origin, with permuted axes.
+fn intersect_triangle(from_a: vec3<f32>, from_b: vec3<f32>, from_c: vec3<f32>) -> TriangleHit {
     // The CPU misses triangles with two equal vertices.
     if all(from_a == from_b) || all(from_b == from_c) || all(from_c == from_a) {
         return TriangleHit(-1.0, vec3<f32>(0.0));
@@ -216,4 +173,47 @@ fn across(p: vec3<f32>, q: vec3<f32>, r: vec3<f32>) -> vec4<f32> {
     let weight_q = (1.0 - s) * to_q;
     let weight_r = s * to_r;
     return vec4<f32>((1.0 - weight_q) - weight_r, weight_q, weight_r, 0.0);
+}
+
+// part blocks
+// Four triangles at once, from blocks of eight.
+
+/// Quads of a half-block: nine coordinates of four triangles, then their indices.
+const HALF_QUADS: u32 = 10u;
+
+/// Sheared x and y of a vertex of four triangles.
+struct Four {
+    x: vec4<f32>,
+    y: vec4<f32>,
+}
+
+/// Vertex `corner` of four triangles. Rows are `stride` quads long; `at` is a quad of the first row.
+fn four(at: u32, stride: u32, corner: u32) -> Four {
+    let rows = vec3<u32>(at) + stride * (vec3<u32>(3u * corner) + shear.axes);
+    let x = bitcast<vec4<f32>>(triangle_blocks[rows.x]) - vec4<f32>(shear.origin.x);
+    let y = bitcast<vec4<f32>>(triangle_blocks[rows.y]) - vec4<f32>(shear.origin.y);
+    let z = bitcast<vec4<f32>>(triangle_blocks[rows.z]) - vec4<f32>(shear.origin.z);
+    return Four(x - shear.factors.x * z, y - shear.factors.y * z);
+}
+
+/// Bit mask of the triangles, of four, that the ray may hit.
+fn candidates(at: u32, stride: u32) -> u32 {
+    let a = four(at, stride, 0u);
+    let b = four(at, stride, 1u);
+    let c = four(at, stride, 2u);
+    let u = c.x * b.y - c.y * b.x;
+    let v = a.x * c.y - a.y * c.x;
+    let w = b.x * a.y - b.y * a.x;
+    let sum = ((abs(a.x) + abs(a.y)) + (abs(b.x) + abs(b.y))) + (abs(c.x) + abs(c.y));
+    let error = shear.apart.x * (sum + vec4<f32>(shear.apart.y)) + vec4<f32>(TINY);
+    let is_mixed = (min(u, min(v, w)) < -error) & (max(u, max(v, w)) > error);
+    let bits = select(vec4<u32>(1u, 2u, 4u, 8u), vec4<u32>(0u), is_mixed);
+    return (bits.x | bits.y) | (bits.z | bits.w);
+}
+
+/// A vertex relative to the origin, with permuted axes.
+fn vertex(at: u32, stride: u32, corner: u32, lane: u32) -> vec3<f32> {
+    let rows = vec3<u32>(at) + stride * (vec3<u32>(3u * corner) + shear.axes);
+    let bits = vec3<u32>(triangle_blocks[rows.x][lane], triangle_blocks[rows.y][lane], triangle_blocks[rows.z][lane]);
+    return bitcast<vec3<f32>>(bits) - shear.origin;
 }

@@ -3,6 +3,7 @@
 //! Not covered here: masks (`twins_render`), rejections other than for depth, and traversals ended early (`canted-gpu`).
 
 mod twins_trace {
+    mod binary;
     mod deep;
     mod instances;
     mod meshes;

@@ -120,9 +120,17 @@ impl StructureArgs {
         if self.triangles != TriangleTest::Watertight {
             return Some(format!("--triangles {}", name_of(&TRIANGLE_TESTS, &self.triangles)));
         }
-        let volumes = self.volumes.map(|strategy| format!("--volumes {}", strategy_name(strategy)));
-        let accel = self.accel.filter(|&accel| accel != AccelKind::Wide);
-        volumes.or_else(|| accel.map(|accel| format!("--accel {}", name_of(&ACCELS, &accel))))
+        let accel = self.accel.filter(|accel| matches!(accel, AccelKind::Bih | AccelKind::KdTree));
+        if let Some(accel) = accel {
+            return Some(format!("--accel {}", name_of(&ACCELS, &accel)));
+        }
+        let is_binary = self.volumes.is_some() || self.accel == Some(AccelKind::Bvh2);
+        if self.volumes == Some(Strategy::PcaUnbounded) {
+            return Some(format!("--volumes {}", strategy_name(Strategy::PcaUnbounded)));
+        }
+        // The device builds binary BVHs itself, over a radix tree.
+        let is_other = is_binary && !matches!(self.builder, None | Some(Builder::Lbvh));
+        is_other.then(|| format!("--builder {} with a binary BVH", name_of(BUILDERS, &self.builder)))
     }
 
     /// The structure to build for a scene. Warns if it cannot have one level.

@@ -1,21 +1,23 @@
 //! Ray tracing on the device.
 //!
 //! ```text
-//! TriangleBvh, or one per mesh + instances -> TracedScene -> closest hits, occlusion; bindings of other kernels
+//! TriangleBvh, or one per mesh + instances -> upload ------------> TracedScene -> closest hits, occlusion; bindings of other kernels
+//! corners of meshes + instances            -> build on the device -^
 //! ```
-//!
-//! The device traverses the CPU's BVHs unchanged. Only the top-level BVH over instances is built here.
 
 mod alternatives;
+mod binary;
 mod cast;
 mod motion;
 
 mod coordinates;
 mod layout;
+mod level;
 mod nodes;
 mod ray;
 mod scene;
 mod top_level;
+mod wide;
 
 pub use alternatives::Traversal;
 pub use cast::Outcome;

@@ -15,10 +15,12 @@ mod picture;
 mod scene;
 mod slack;
 mod textures;
+mod traced;
 #[cfg(test)]
 mod twins;
 mod wavefront;
 
-pub use device_picture::{DevicePicture, SharedFilm, traced_scene};
+pub use device_picture::{DevicePicture, SharedFilm};
 pub use error::DeviceError;
 pub use gbuffer::{GBuffer, SurfaceInfo};
+pub use traced::traced_scene;

@@ -86,13 +86,21 @@ impl Items {
         &self.ranges
     }
 
+    /// The vertices of the triangles; none for boxes.
+    pub(crate) fn corners(&self) -> Option<&Buffer<Corners>> {
+        match &self.leaf {
+            Leaf::Triangle { corners } => Some(corners),
+            Leaf::Box { .. } => None,
+        }
+    }
+
     /// Bits of a tree index.
     pub(super) fn tree_bits(&self) -> u32 {
         count(self.ranges.len()).max(1).next_power_of_two().ilog2()
     }
 
     /// The shader part that reads these items.
-    pub(super) fn part(&self) -> Specialisation {
+    pub(crate) fn part(&self) -> Specialisation {
         let file = match self.leaf {
             Leaf::Triangle { .. } => "shared/item/triangles",
             Leaf::Box { .. } => "shared/item/boxes",
@@ -101,7 +109,7 @@ impl Items {
     }
 
     /// `more`, and the bindings of that part and of `shared/build/tree/forest`.
-    pub(super) fn bound<'a>(&'a self, more: &[NamedBinding<'a>]) -> Vec<NamedBinding<'a>> {
+    pub(crate) fn bound<'a>(&'a self, more: &[NamedBinding<'a>]) -> Vec<NamedBinding<'a>> {
         let mut bound: Vec<NamedBinding<'a>> = vec![("ranges", &self.device_ranges)];
         match &self.leaf {
             Leaf::Triangle { corners } => bound.push(("corners", corners)),

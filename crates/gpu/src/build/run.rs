@@ -55,7 +55,7 @@ impl<'a> Run<'a> {
     }
 
     /// Runs what `record` adds as part of `stage`.
-    pub(super) fn stage(
+    pub(crate) fn stage(
         &mut self,
         stage: &'static str,
         record: impl FnOnce(&mut Dispatches<'a>) -> Result<(), GpuError>,
@@ -83,7 +83,7 @@ impl<'a> Run<'a> {
 }
 
 /// The dispatches of one stage.
-pub(super) struct Dispatches<'a> {
+pub(crate) struct Dispatches<'a> {
     pub(super) gpu: &'a Gpu,
     pub(super) work: Commands<'a>,
     /// Invocations not yet submitted.
@@ -101,7 +101,7 @@ pub(super) struct Slice {
 
 impl Dispatches<'_> {
     /// One invocation for each of `n` items.
-    pub(super) fn items(&mut self, kernel: &Kernel, bound: &[NamedBinding<'_>], n: u32) -> Result<(), GpuError> {
+    pub(crate) fn items(&mut self, kernel: &Kernel, bound: &[NamedBinding<'_>], n: u32) -> Result<(), GpuError> {
         self.range(kernel, bound, [0, n])
     }
 

@@ -89,21 +89,43 @@ impl Built {
     /// # Errors
     /// The device is lost.
     pub fn roots(&self, gpu: &Gpu) -> Result<Vec<Option<Obb>>, GpuError> {
+        let nodes = |slots: &[u32]| -> Result<Vec<Obb>, GpuError> {
+            Ok(match &self.obbs {
+                Some(obbs) => gpu.read_at(obbs, slots)?,
+                None => gpu.read_at(&self.aabbs, slots)?.iter().map(Obb::from_aabb).collect(),
+            })
+        };
+        let leaves = |items: &[u32]| match &self.items.leaf {
+            Leaf::Triangle { .. } => Ok(self.leaf_aabbs(gpu, items)?.iter().map(Obb::from_aabb).collect()),
+            Leaf::Box { boxes, .. } => gpu.read_at(boxes, items),
+        };
+        self.of_roots(nodes, leaves)
+    }
+
+    /// Axis-aligned box of each tree, in its own space; empty for an empty tree.
+    pub(crate) fn root_aabbs(&self, gpu: &Gpu) -> Result<Vec<Aabb>, GpuError> {
+        let boxes = self.of_roots(|slots| gpu.read_at(&self.aabbs, slots), |items| self.leaf_aabbs(gpu, items))?;
+        Ok(boxes.into_iter().map(|root| root.unwrap_or(Aabb::EMPTY)).collect())
+    }
+
+    fn leaf_aabbs(&self, gpu: &Gpu, items: &[u32]) -> Result<Vec<Aabb>, GpuError> {
+        match &self.items.leaf {
+            Leaf::Triangle { corners } => Ok(gpu.read_at(corners, items)?.into_iter().map(Aabb::from_points).collect()),
+            Leaf::Box { aabbs, .. } => gpu.read_at(aabbs, items),
+        }
+    }
+
+    /// What `nodes` reads of the roots of trees with several items, and `leaves` of the items of trees with one.
+    fn of_roots<T>(
+        &self,
+        nodes: impl FnOnce(&[u32]) -> Result<Vec<T>, GpuError>,
+        leaves: impl FnOnce(&[u32]) -> Result<Vec<T>, GpuError>,
+    ) -> Result<Vec<Option<T>>, GpuError> {
         let of_count = |wanted: fn(u32) -> bool| -> Vec<u32> {
             self.items.ranges().iter().filter(|range| wanted(range.count)).map(|range| range.first).collect()
         };
-        let nodes = match &self.obbs {
-            Some(obbs) => gpu.read_at(obbs, &of_count(|n| n > 1))?,
-            None => gpu.read_at(&self.aabbs, &of_count(|n| n > 1))?.iter().map(Obb::from_aabb).collect(),
-        };
-        let single = of_count(|n| n == 1);
-        let leaves: Vec<Obb> = match &self.items.leaf {
-            Leaf::Triangle { corners } => {
-                gpu.read_at(corners, &single)?.into_iter().map(|c| Obb::from_aabb(&Aabb::from_points(c))).collect()
-            }
-            Leaf::Box { boxes, .. } => gpu.read_at(boxes, &single)?,
-        };
-        let (mut nodes, mut leaves) = (nodes.into_iter(), leaves.into_iter());
+        let mut nodes = nodes(&of_count(|n| n > 1))?.into_iter();
+        let mut leaves = leaves(&of_count(|n| n == 1))?.into_iter();
         let of_tree = |count: u32| match count {
             0 => None,
             1 => leaves.next(),

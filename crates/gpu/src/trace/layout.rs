@@ -54,6 +54,16 @@ impl BvhHeader {
             words: [words.root, start.node, start.block, u32::from(words.frame != Obb::IDENTITY_FRAME)],
         }
     }
+
+    /// A binary BVH with this root, over the triangles from `first_triangle` on.
+    pub(super) fn binary(root: u32, first_triangle: u32, reach: f32, error: HitError) -> Self {
+        let [x, y, z] = Obb::IDENTITY_FRAME;
+        let with = |[a, b, c]: [f32; 3], last: f32| [a, b, c, last];
+        Self {
+            rows: [with(x, reach), with(y, error.per_origin), with(z, error.fixed)],
+            words: [root, 0, first_triangle, 0],
+        }
+    }
 }
 
 /// An instance.

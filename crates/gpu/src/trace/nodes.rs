@@ -3,7 +3,7 @@
 use super::layout::Quad;
 
 /// As in `shared/node.wgsl`: the leaf bit, the empty word, the position of the node kind, and the quads of a line.
-const LEAF: u32 = 0x8000_0000;
+pub(super) const LEAF: u32 = 0x8000_0000;
 pub(super) const EMPTY: u32 = 0x7fff_ffff;
 const KIND_SHIFT: u32 = 29;
 pub(super) const LINE_QUADS: usize = 4;

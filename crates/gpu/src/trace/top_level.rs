@@ -2,7 +2,7 @@
 
 use canted_obb::{Aabb, Affine, PrimId};
 use canted_tlas::{Instance, InstanceError, row_sum_norm};
-use canted_wide::{Config, Preset, PrimitiveError, RawBvh, WideBvh};
+use canted_wide::{Config, Preset, PrimitiveError, WideBvh};
 
 use super::coordinates::check_coordinates;
 use super::layout::{HIT_ERROR, HitError, InstanceData};
@@ -12,28 +12,28 @@ use crate::GpuError;
 /// Maximum condition number of a transform: at 2^10, three of the seven digits of an f32 remain.
 pub const MAX_CONDITION: f64 = 1024.0;
 
-/// Instances ready for upload.
+/// Bounds of a mesh in object space.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MeshBounds {
+    /// The largest absolute coordinate.
+    pub(super) reach: f32,
+    /// Empty for a mesh without triangles.
+    pub(super) aabb: Aabb,
+}
+
+/// Instances with a wide BVH, ready for upload.
 pub(super) struct TopLevel {
-    pub(super) instances: Vec<InstanceData>,
-    /// Motions of the moving instances, in order.
-    pub(super) motions: Vec<MotionData>,
+    pub(super) packing: Packing,
     pub(super) bvh: WideBvh<Aabb>,
-    pub(super) error: HitError,
     /// The instance of each primitive of the BVH. Instances without triangles have none.
     pub(super) order: Vec<u32>,
 }
 
 impl TopLevel {
-    /// Packs instances of meshes with these BVHs and bounds, and builds a BVH over them.
-    pub(super) fn new(meshes: &[(RawBvh<'_>, Aabb)], instances: &[Instance]) -> Result<Self, GpuError> {
-        for (index, (words, _)) in meshes.iter().enumerate() {
-            check_coordinates(|| format!("mesh {index}"), words.reach.into())?;
-        }
-        let mut packing = Packing::default();
-        for (index, instance) in instances.iter().enumerate() {
-            packing.add(index, instance, meshes)?;
-        }
-        let Packing { instances: packed, motions, boxes, numbers, error } = packing;
+    /// Packs instances of meshes with these bounds, and builds a BVH over them.
+    pub(super) fn new(meshes: &[MeshBounds], instances: &[Instance]) -> Result<Self, GpuError> {
+        let packing = Packing::of(meshes, instances)?;
+        let numbers = &packing.numbers;
         let of_instance = |error| match error {
             // Meshes without triangles have no box, so boxes and instances are numbered differently.
             PrimitiveError::Bounds { primitive } => {
@@ -41,28 +41,43 @@ impl TopLevel {
             }
             PrimitiveError::TooMany { .. } => InstanceError::TooMany { n_instances: instances.len() },
         };
-        let bvh = WideBvh::<Aabb>::build(boxes, &Config::preset(Preset::Fast).axis_aligned())
-            .map_err(|error| untraceable(&of_instance(error)))?;
+        let config = Config::preset(Preset::Fast).axis_aligned();
+        let bvh =
+            WideBvh::<Aabb>::build(packing.boxes.clone(), &config).map_err(|error| untraceable(&of_instance(error)))?;
         let order = bvh.raw().order.iter().map(|&PrimId(box_index)| numbers[box_index as usize]).collect();
-        Ok(Self { instances: packed, motions, bvh, error, order })
+        Ok(Self { packing, bvh, order })
     }
 }
 
+/// Instances in the layout of kernels, and their boxes.
 #[derive(Default)]
-struct Packing {
-    instances: Vec<InstanceData>,
-    motions: Vec<MotionData>,
+pub(super) struct Packing {
+    pub(super) instances: Vec<InstanceData>,
+    /// Motions of the moving instances, in order.
+    pub(super) motions: Vec<MotionData>,
     /// World space, over all times.
-    boxes: Vec<Aabb>,
+    pub(super) boxes: Vec<Aabb>,
     /// Instance of each box.
-    numbers: Vec<u32>,
-    error: HitError,
+    pub(super) numbers: Vec<u32>,
+    pub(super) error: HitError,
 }
 
 impl Packing {
+    /// Packs instances of meshes with these bounds.
+    pub(super) fn of(meshes: &[MeshBounds], instances: &[Instance]) -> Result<Self, GpuError> {
+        for (index, mesh) in meshes.iter().enumerate() {
+            check_coordinates(|| format!("mesh {index}"), mesh.reach.into())?;
+        }
+        let mut packing = Self::default();
+        for (index, instance) in instances.iter().enumerate() {
+            packing.add(index, instance, meshes)?;
+        }
+        Ok(packing)
+    }
+
     #[expect(clippy::cast_possible_truncation, reason = "instances are numbered by u32")]
-    fn add(&mut self, index: usize, instance: &Instance, meshes: &[(RawBvh<'_>, Aabb)]) -> Result<(), GpuError> {
-        let Some((words, bounds)) = meshes.get(instance.blas as usize) else {
+    fn add(&mut self, index: usize, instance: &Instance, meshes: &[MeshBounds]) -> Result<(), GpuError> {
+        let Some(MeshBounds { reach: reach_object, aabb }) = meshes.get(instance.blas as usize) else {
             return Err(untraceable(&InstanceError::NoSuchBlas { instance: index, blas: instance.blas }));
         };
         if instance.mask != u32::MAX {
@@ -84,18 +99,18 @@ impl Packing {
             );
             return Err(GpuError::Unsupported { what });
         }
-        let reach = ends().map(|end| end.reach(words.reach)).fold(0.0, f64::max);
+        let reach = ends().map(|end| end.reach(*reach_object)).fold(0.0, f64::max);
         check_coordinates(|| format!("instance {index}"), reach)?;
         self.motions.extend(motion.as_ref().map(MotionPolynomials::words));
         let number = motion.as_ref().map_or(0, |_| self.motions.len() as u32);
         // BVH 0 is the top level.
         self.instances.push(InstanceData::new(&inverse, &instance.world_from_object, [instance.blas + 1, number]));
-        if !bounds.is_empty() {
-            self.boxes.push(ends().fold(Aabb::EMPTY, |all, end| all.union(image(bounds, &end))));
+        if !aabb.is_empty() {
+            self.boxes.push(ends().fold(Aabb::EMPTY, |all, end| all.union(image(aabb, &end))));
             self.numbers.push(index as u32);
             let amplified = if motion.is_some() { MOVING } else { STILL } * condition;
             let at = ends().flat_map(|end| end.columns[3]).fold(0.0, |all: f64, x| all.max(f64::from(x).abs()));
-            self.error = self.error.with(amplified, at, forward * f64::from(words.reach));
+            self.error = self.error.with(amplified, at, forward * f64::from(*reach_object));
         }
         Ok(())
     }
@@ -163,8 +178,9 @@ mod tests {
 
     fn placed(reaches: &[f32], instances: &[Instance]) -> Result<TopLevel, String> {
         let meshes: Vec<_> = reaches.iter().map(|&reach| mesh(reach)).collect();
-        let words: Vec<_> = meshes.iter().map(|mesh| (mesh.raw(), mesh.aabb())).collect();
-        TopLevel::new(&words, instances).map_err(|error| error.to_string())
+        let bounds: Vec<_> =
+            meshes.iter().map(|mesh| MeshBounds { reach: mesh.raw().reach, aabb: mesh.aabb() }).collect();
+        TopLevel::new(&bounds, instances).map_err(|error| error.to_string())
     }
 
     fn at(blas: u32, scale: f32, shift: f32) -> Instance {
@@ -192,7 +208,7 @@ mod tests {
     #[test]
     fn largest_coordinates_are_accepted() {
         let outer = placed(&[1e18, 0.0], &[at(1, 1.0, 0.0), at(0, 1.0, 0.0), at(0, 1e-18, 9e17)]).unwrap();
-        assert_eq!(outer.instances.len(), 3);
+        assert_eq!(outer.packing.instances.len(), 3);
         let mut order = outer.order;
         order.sort_unstable();
         assert_eq!(order, [1, 2]);

@@ -2,8 +2,8 @@
 
 use canted_film::{Aov, Film, Filter, Tile};
 use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, TracedScene};
-use canted_scene::{Camera, Scene};
-use canted_wide::{LaneKernel, TriangleBvh};
+use canted_scene::Camera;
+use canted_wide::LaneKernel;
 
 use super::DeviceError;
 use super::collector::{self, SampleCollector};
@@ -13,10 +13,10 @@ use super::kernels::{LightKernels, RenderKernels};
 use super::lights::{SampledLights, bounded};
 use super::picture::{self, PackedPicture};
 use super::scene::PackedScene;
+use super::traced::traced_scene;
 use super::wavefront::WavefrontKernels;
 use crate::render::{RenderTiles, Rendering, Schedule, Worker};
-use crate::structure::instances;
-use crate::{Bvh, Integrator, Lights, Monitor, Pattern, Settings, Structure, Surfaces};
+use crate::{Integrator, Lights, Monitor, Pattern, Settings, Structure, Surfaces};
 
 /// Stratified samples per pixel that kernels count in 32 bits.
 const MAX_STRATIFIED: u32 = 1 << 20;
@@ -187,32 +187,6 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         bound.extend(self.traced.bindings());
         bound
     }
-}
-
-/// Uploads the acceleration structure of a scene.
-///
-/// # Errors
-/// Structures other than wide BVHs and instances that the kernels do not support; too little memory on the device.
-pub fn traced_scene<K: LaneKernel>(
-    gpu: &Gpu,
-    scene: &Scene,
-    structure: &Structure<K>,
-) -> Result<TracedScene, DeviceError> {
-    fn wide<K: LaneKernel>(bvh: &Bvh<K>) -> Result<&TriangleBvh<K>, DeviceError> {
-        match bvh {
-            Bvh::Wide(wide) => Ok(wide),
-            Bvh::Binary(..) | Bvh::Bih(_) | Bvh::KdTree(_) => {
-                Err(DeviceError::Unsupported { what: "structures other than wide BVHs" })
-            }
-        }
-    }
-    Ok(match structure {
-        Structure::One(flat) => TracedScene::single_level(gpu, wide(flat.bvh())?, flat.first())?,
-        Structure::Two(tlas) => {
-            let meshes = tlas.blas().iter().map(wide).collect::<Result<Vec<_>, _>>()?;
-            TracedScene::two_level(gpu, &meshes, &instances(scene))?
-        }
-    })
 }
 
 /// Rejects settings that the kernels do not support.

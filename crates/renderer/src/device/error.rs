@@ -2,13 +2,15 @@ use std::fmt;
 
 use canted_gpu::GpuError;
 
-use crate::RenderError;
+use crate::{PrepareError, RenderError};
 
 /// Why a GPU cannot render a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DeviceError {
     /// No device can render it.
     Render(RenderError),
+    /// The BVH of a mesh cannot be built.
+    Prepare(PrepareError),
     /// An error of the device.
     Gpu(GpuError),
     /// The kernels do not support a feature.
@@ -22,6 +24,7 @@ impl fmt::Display for DeviceError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Render(error) => error.fmt(f),
+            Self::Prepare(error) => error.fmt(f),
             Self::Gpu(error) => error.fmt(f),
             Self::Unsupported { what } => write!(f, "GPUs do not support {what}; use --device cpu"),
         }
@@ -32,6 +35,7 @@ impl std::error::Error for DeviceError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
             Self::Render(error) => Some(error),
+            Self::Prepare(error) => Some(error),
             Self::Gpu(error) => Some(error),
             Self::Unsupported { .. } => None,
         }
@@ -41,6 +45,12 @@ impl std::error::Error for DeviceError {
 impl From<RenderError> for DeviceError {
     fn from(error: RenderError) -> Self {
         Self::Render(error)
+    }
+}
+
+impl From<PrepareError> for DeviceError {
+    fn from(error: PrepareError) -> Self {
+        Self::Prepare(error)
     }
 }
 

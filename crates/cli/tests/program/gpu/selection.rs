@@ -58,14 +58,15 @@ fn unsupported_requests_are_rejected() {
     folder.write("far.obj", crate::support::SMALL.replace("v 1 0 0", "v 2e18 0 0"));
     let cast = "cast small.obj --rays rays.csv --hits hits.csv --device";
     let cases = [
-        (format!("{RENDER} gpu --volumes aabb"), "--volumes aabb is not supported on the GPU"),
+        (format!("{RENDER} gpu --volumes pca-unbounded"), "--volumes pca-unbounded is not supported on the GPU"),
+        (format!("{RENDER} gpu --volumes aabb --builder ploc"), "--builder ploc with a binary BVH is not supported"),
         (format!("{RENDER} gpu --accel kdtree"), "--accel kdtree is not supported on the GPU"),
         (format!("{RENDER} gpu --triangles baldwin-weber"), "--triangles baldwin-weber is not supported"),
         (format!("{RENDER} gpu --heatmap boxes"), "--heatmap is not supported on the GPU"),
         (format!("{RENDER} gpu").replace("small.obj", "far.obj"), "coordinates above 1e18"),
         (format!("{RENDER} gpu --levels two").replace("small.obj", "far.obj"), "coordinates above 1e18"),
         (format!("{cast} gpu").replace("small.obj", "far.obj"), "coordinates above 1e18"),
-        (format!("{cast} gpu --volumes dop"), "--volumes dop is not supported"),
+        (format!("{cast} gpu --accel bih"), "--accel bih is not supported"),
         (format!("{cast} gpu --triangles moller-trumbore"), "--triangles moller-trumbore is not supported"),
         (format!("{cast} both"), "--device both"),
         ("stats small.obj --device both".to_owned(), "--device both"),

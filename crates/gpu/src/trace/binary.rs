@@ -1,0 +1,193 @@
+//! Binary BVHs that the device builds and traverses.
+//!
+//! ```text
+//! corners of meshes -> build::Built -> pairs        bottom levels
+//! boxes of instances -> build::Built -> pairs       top level
+//! ```
+//!
+//! Read back are the depth of the trees, which sizes the stack, and the boxes of the roots, from which the CPU places instances.
+
+use bytemuck::{Pod, Zeroable};
+use canted_lbvh::Corners;
+use canted_obb::{Aabb, Obb};
+use canted_tlas::Instance;
+
+use super::coordinates::check_coordinates;
+use super::layout::{BvhHeader, HitError, Quad};
+use super::level::{Instances, Level};
+use super::nodes::{EMPTY, LEAF};
+use super::scene::{Nodes, TracedScene};
+use super::top_level::{MeshBounds, Packing};
+use crate::build::{BuildConfig, Built, Items, Range, Run};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
+
+/// How far the center of an oriented box may lie from the origin, in units of the greatest coordinate of what it encloses; see
+/// `shared/binary/volume/obb`.
+const CENTER_REACH: f32 = 3.0;
+
+/// Binary trees in the form that rays traverse: `build/pairs`.
+pub(super) struct Pairs {
+    pairs: Buffer<Quad>,
+    /// The triangles.
+    items: Items,
+    is_oriented: bool,
+}
+
+/// `Level` of `build/pairs`.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct TargetLevel {
+    first_node: u32,
+}
+
+impl Pairs {
+    /// Converts trees, whose nodes are numbered one level after another. The first level is over triangles.
+    fn new(run: &mut Run<'_>, first: Built, second: Option<&Built>) -> Result<Self, GpuError> {
+        let gpu = run.gpu();
+        let is_oriented = first.obbs.is_some();
+        let n_nodes = first.items.len() + second.map_or(0, |built| built.items.len());
+        let quads = if is_oriented { 8 } else { 4 };
+        let pairs = gpu.zeroed("binary nodes", n_nodes as usize * quads)?;
+        put(run, &first, 0, &pairs)?;
+        if let Some(second) = second {
+            put(run, second, first.items.len(), &pairs)?;
+        }
+        Ok(Self { pairs, items: first.items, is_oriented })
+    }
+
+    pub(super) fn bindings(&self) -> Vec<NamedBinding<'_>> {
+        let mut bound: Vec<NamedBinding<'_>> = vec![("nodes", &self.pairs)];
+        bound.extend(self.items.corners().map(|corners| -> NamedBinding<'_> { ("corners", corners) }));
+        bound
+    }
+
+    pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
+        let volume = if self.is_oriented { "shared/binary/volume/obb" } else { "shared/binary/volume/aabb" };
+        chosen.part("traverse", "shared/binary/traverse/stack").part("volume", volume)
+    }
+
+    pub(super) fn n_bytes(&self) -> u64 {
+        self.pairs.n_bytes() + self.items.corners().map_or(0, Buffer::n_bytes)
+    }
+}
+
+/// Writes the nodes of a level, from `first_node` on.
+fn put(run: &mut Run<'_>, built: &Built, first_node: u32, pairs: &Buffer<Quad>) -> Result<(), GpuError> {
+    let gpu = run.gpu();
+    let level = gpu.uniform("level", &TargetLevel { first_node })?;
+    let (part, volumes): (_, NamedBinding<'_>) = match &built.obbs {
+        None => ("shared/build/pair/aabb", ("aabbs", &built.aabbs)),
+        Some(obbs) => ("shared/build/pair/obb", ("obbs", obbs)),
+    };
+    let bound = built.items.bound(&[
+        volumes,
+        ("nodes", &built.trees.nodes),
+        ("leaves", &built.leaves),
+        ("pairs", pairs),
+        ("target_level", &level),
+    ]);
+    run.stage("pairs", |dispatches| {
+        let kernel = gpu.kernel("build/pairs", &built.items.part().part("pair", part))?;
+        dispatches.items(&kernel, &bound, built.items.len())
+    })
+}
+
+impl TracedScene {
+    /// Builds, on the device, one binary BVH over the triangles of all instances, in world space. `first_triangles` are the
+    /// indices of the first triangle of each instance, in order.
+    ///
+    /// ```no_run
+    /// use canted_gpu::{Choice, Gpu, TracedScene, build::BuildConfig};
+    /// use canted_trace::Ray;
+    ///
+    /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+    /// let gpu = Gpu::open(&Choice::Best)?;
+    /// let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    /// let scene = TracedScene::build_single_level(&gpu, &[triangle], &[0], BuildConfig::default())?;
+    /// let hits = scene.closest_hits(&gpu, &[Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0])])?;
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// An unsupported strategy; coordinates above [`MAX_COORDINATE`](crate::MAX_COORDINATE); a limit of the device, or device lost.
+    pub fn build_single_level(
+        gpu: &Gpu,
+        corners: &[Corners],
+        first_triangles: &[u32],
+        config: BuildConfig,
+    ) -> Result<Self, GpuError> {
+        let mut run = Run::new(gpu);
+        let bottom = Built::new(&mut run, Items::triangles(gpu, [corners])?, config)?;
+        let bounds = mesh_bounds(gpu, &bottom)?;
+        check_coordinates(|| "the BVH over all instances".to_owned(), bounds[0].reach.into())?;
+        let depth = gpu.read(&bottom.trees.depth)?[0];
+        let pairs = Pairs::new(&mut run, bottom, None)?;
+        let headers = headers(pairs.items.ranges(), &bounds, pairs.is_oriented);
+        let level = Level::flat(gpu, first_triangles)?;
+        Self::over(gpu, Nodes::Binary(pairs), &headers, level, depth)
+    }
+
+    /// Builds, on the device, one binary BVH per mesh, and one over the instances.
+    ///
+    /// # Errors
+    /// As for [`TracedScene::build_single_level`] and [`TracedScene::two_level`].
+    pub fn build_two_level(
+        gpu: &Gpu,
+        meshes: &[&[Corners]],
+        instances: &[Instance],
+        config: BuildConfig,
+    ) -> Result<Self, GpuError> {
+        let mut run = Run::new(gpu);
+        let bottom = Built::new(&mut run, Items::triangles(gpu, meshes.iter().copied())?, config)?;
+        let bounds = mesh_bounds(gpu, &bottom)?;
+        let packing = Packing::of(&bounds, instances)?;
+        let boxes = placed_boxes(&packing, &bottom.roots(gpu)?, instances);
+        let top = Built::new(&mut run, Items::boxes(gpu, &boxes)?, config)?;
+        let depth = gpu.read(&bottom.trees.depth)?[0] + gpu.read(&top.trees.depth)?[0];
+        let n_bottom = bottom.items.len();
+        let pairs = Pairs::new(&mut run, bottom, Some(&top))?;
+        let reach = packing.boxes.iter().fold(0.0, |all: f32, of_instance| all.max(of_instance.reach()));
+        let range = Range { first: 0, count: top.items.len() };
+        let top_header = header(range, n_bottom, reach, packing.error, pairs.is_oriented);
+        let headers: Vec<BvhHeader> =
+            std::iter::once(top_header).chain(headers(pairs.items.ranges(), &bounds, pairs.is_oriented)).collect();
+        let level = Level::Two(Instances::new(gpu, &packing, &packing.numbers)?);
+        Self::over(gpu, Nodes::Binary(pairs), &headers, level, depth)
+    }
+}
+
+/// Bounds of each mesh, read back.
+fn mesh_bounds(gpu: &Gpu, bottom: &Built) -> Result<Vec<MeshBounds>, GpuError> {
+    let of_root = |aabb: Aabb| MeshBounds { reach: if aabb.is_empty() { 0.0 } else { aabb.reach() }, aabb };
+    Ok(bottom.root_aabbs(gpu)?.into_iter().map(of_root).collect())
+}
+
+/// World-space boxes of instances with triangles: the transformed root, which is oriented; all places of a moving one.
+fn placed_boxes(packing: &Packing, roots: &[Option<Obb>], instances: &[Instance]) -> Vec<Obb> {
+    let placed = |(&number, swept): (&u32, &Aabb)| {
+        let instance = &instances[number as usize];
+        match &roots[instance.blas as usize] {
+            Some(root) if instance.world_from_object_close.is_none() => root.transformed(&instance.world_from_object),
+            _ => Obb::from_aabb(swept),
+        }
+    };
+    packing.numbers.iter().zip(&packing.boxes).map(placed).collect()
+}
+
+/// Headers of the trees over triangles.
+fn headers(ranges: &[Range], bounds: &[MeshBounds], is_oriented: bool) -> Vec<BvhHeader> {
+    let of = |(range, bounds): (&Range, &MeshBounds)| {
+        header(*range, 0, bounds.reach, HitError::of_triangles(bounds.reach), is_oriented)
+    };
+    ranges.iter().zip(bounds).map(of).collect()
+}
+
+fn header(range: Range, first_node: u32, reach: f32, error: HitError, is_oriented: bool) -> BvhHeader {
+    let root = match range.count {
+        0 => EMPTY,
+        1 => LEAF | range.first,
+        _ => first_node + range.first,
+    };
+    BvhHeader::binary(root, range.first, if is_oriented { CENTER_REACH * reach } else { reach }, error)
+}

@@ -1,0 +1,168 @@
+//! Wide BVHs, built by the CPU and uploaded.
+
+use bytemuck::Pod;
+use canted_tlas::Instance;
+use canted_wide::{LaneKernel, RawBvh, TriangleBvh};
+
+use super::alternatives::{ParentLink, Traversal, links};
+use super::coordinates::check_coordinates;
+use super::layout::{BvhHeader, HitError, Quad, Start};
+use super::level::{Instances, Level};
+use super::nodes::is_aligned;
+use super::scene::{Nodes, TracedScene, check_depth, too_deep};
+use super::top_level::{MeshBounds, TopLevel};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
+
+/// Levels whose pending children fit into four words, eight bits each.
+const MAX_BIT_LEVELS: u32 = 16;
+
+/// Nodes and triangle blocks of wide BVHs.
+pub(super) struct WideNodes {
+    nodes: Buffer<Quad>,
+    halves: Buffer<Quad>,
+    traversal: Traversal,
+    /// Links to parents, for traversals that need them.
+    links: Option<Buffer<ParentLink>>,
+    /// Whether all nodes are aligned.
+    is_aligned: bool,
+}
+
+impl TracedScene {
+    /// Uploads one BVH over the triangles of all instances, in world space. `first_triangles` are the indices of the first
+    /// triangle of each instance, in order.
+    ///
+    /// # Errors
+    /// Coordinates above [`MAX_COORDINATE`](crate::MAX_COORDINATE), a limit of the device, or device lost.
+    pub fn single_level<K: LaneKernel>(
+        gpu: &Gpu,
+        bvh: &TriangleBvh<K>,
+        first_triangles: &[u32],
+    ) -> Result<Self, GpuError> {
+        let words = bvh.raw();
+        check_coordinates(|| "the BVH over all instances".to_owned(), words.reach.into())?;
+        let error = HitError::of_triangles(words.reach);
+        uploaded(gpu, &[(words, error)], Level::flat(gpu, first_triangles)?, words.depth)
+    }
+
+    /// Uploads one BVH per mesh, and builds and uploads a BVH over the instances.
+    ///
+    /// # Errors
+    /// As for [`TracedScene::single_level`], including coordinates in world space; an instance without a BVH; or a transform
+    /// that is too close to singular at any time, see
+    /// [`MotionPolynomials::norm_of_inverse`](crate::MotionPolynomials::norm_of_inverse).
+    pub fn two_level<K: LaneKernel>(
+        gpu: &Gpu,
+        meshes: &[&TriangleBvh<K>],
+        instances: &[Instance],
+    ) -> Result<Self, GpuError> {
+        let words: Vec<RawBvh<'_>> = meshes.iter().map(|mesh| mesh.raw()).collect();
+        let bounds: Vec<MeshBounds> = meshes
+            .iter()
+            .zip(&words)
+            .map(|(mesh, words)| MeshBounds { reach: words.reach, aabb: mesh.aabb() })
+            .collect();
+        let outer = TopLevel::new(&bounds, instances)?;
+        let level = Level::Two(Instances::new(gpu, &outer.packing, &outer.order)?);
+        let deepest = words.iter().map(|words| words.depth).max().unwrap_or(0);
+        let outer_words = outer.bvh.raw();
+        let bvhs: Vec<_> = std::iter::once((outer_words, outer.packing.error))
+            .chain(words.iter().map(|words| (*words, HitError::of_triangles(words.reach))))
+            .collect();
+        uploaded(gpu, &bvhs, level, outer_words.depth + deepest)
+    }
+}
+
+fn uploaded(gpu: &Gpu, bvhs: &[(RawBvh<'_>, HitError)], level: Level, depth: u32) -> Result<TracedScene, GpuError> {
+    check_depth(depth)?;
+    let nodes: Vec<&[u32]> = bvhs.iter().map(|(words, _)| words.nodes).collect();
+    let blocks: Vec<&[u32]> = bvhs.iter().map(|(words, _)| words.blocks).collect();
+    let mut start = Start::default();
+    let headers = bvhs.iter().map(|(words, error)| {
+        let header = BvhHeader::new(words, start, *error);
+        start = start.after(words);
+        header
+    });
+    let headers: Vec<BvhHeader> = headers.collect();
+    let wide = WideNodes {
+        nodes: joined(gpu, "nodes", &nodes)?,
+        halves: joined(gpu, "triangle blocks", &blocks)?,
+        traversal: Traversal::Stack,
+        links: None,
+        is_aligned: bvhs.iter().all(|(words, _)| is_aligned(quads(words.nodes), words.root)),
+    };
+    TracedScene::over(gpu, Nodes::Wide(wide), &headers, level, depth)
+}
+
+impl WideNodes {
+    pub(super) fn traversal(&self) -> Traversal {
+        self.traversal
+    }
+
+    /// Chooses a traversal for BVHs of this depth.
+    pub(super) fn set_traversal(
+        &mut self,
+        gpu: &Gpu,
+        bvhs: &Buffer<BvhHeader>,
+        traversal: Traversal,
+        depth: u32,
+    ) -> Result<(), GpuError> {
+        if traversal == Traversal::Bits && depth > MAX_BIT_LEVELS {
+            return Err(too_deep(depth, MAX_BIT_LEVELS));
+        }
+        self.links = match traversal {
+            Traversal::Stack => None,
+            Traversal::Bits | Traversal::Links => {
+                let (nodes, bvhs) = (gpu.read(&self.nodes)?, gpu.read(bvhs)?);
+                Some(gpu.buffer("parent links", &links(&nodes, &bvhs))?)
+            }
+        };
+        self.traversal = traversal;
+        Ok(())
+    }
+
+    /// Makes all links invalid.
+    pub(super) fn cut_links(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
+        let n = self.links.as_ref().map_or(0, Buffer::len);
+        self.links = Some(gpu.buffer("parent links", &vec![ParentLink::OF_ROOT; n])?);
+        Ok(())
+    }
+
+    pub(super) fn bindings(&self) -> Vec<NamedBinding<'_>> {
+        let mut bound: Vec<NamedBinding<'_>> = vec![("nodes", &self.nodes), ("triangle_blocks", &self.halves)];
+        bound.extend(self.links.as_ref().map(|links| -> NamedBinding<'_> { ("links", links) }));
+        bound
+    }
+
+    pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
+        let kinds = if self.is_aligned { "shared/node_kinds/aligned" } else { "shared/node_kinds/any" };
+        chosen.part("node_kinds", kinds).part("traverse", self.traversal.file())
+    }
+
+    pub(super) fn n_bytes(&self) -> u64 {
+        self.nodes.n_bytes() + self.halves.n_bytes() + self.links.as_ref().map_or(0, Buffer::n_bytes)
+    }
+}
+
+impl Start {
+    /// Start of the BVH after one with these words.
+    #[expect(clippy::cast_possible_truncation, reason = "a buffer of more than 2^32 quads is rejected by its size")]
+    fn after(self, words: &RawBvh<'_>) -> Self {
+        Self {
+            node: self.node.wrapping_add((words.nodes.len() / 4) as u32),
+            block: self.block.wrapping_add((words.blocks.len() / 4) as u32),
+        }
+    }
+}
+
+/// The words of all BVHs, concatenated.
+fn joined(gpu: &Gpu, what: &str, parts: &[&[u32]]) -> Result<Buffer<Quad>, GpuError> {
+    match parts {
+        [one] => gpu.buffer(what, quads(one)),
+        _ => gpu.buffer(what, &parts.iter().flat_map(|part| quads(part)).copied().collect::<Vec<Quad>>()),
+    }
+}
+
+/// Words in groups of four. Lines and blocks contain whole quads.
+fn quads<T: Pod>(words: &[T]) -> &[Quad] {
+    bytemuck::cast_slice(words)
+}

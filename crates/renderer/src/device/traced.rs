@@ -1,0 +1,67 @@
+//! The acceleration structure of a scene on a device.
+
+use canted_gpu::build::BuildConfig;
+use canted_gpu::{Gpu, TracedScene};
+use canted_lbvh::{Corners, Strategy, triangle_corners};
+use canted_scene::Scene;
+use canted_wide::{LaneKernel, TriangleBvh};
+
+use super::DeviceError;
+use crate::structure::{flatten, instances};
+use crate::{Bvh, PrepareError, Structure};
+
+/// What the device traces.
+enum Kind<'a, K: LaneKernel> {
+    /// The CPU's BVH of each mesh.
+    Wide(Vec<&'a TriangleBvh<K>>),
+    /// Binary BVHs with these volumes, which the device builds.
+    Binary(Strategy),
+}
+
+/// The acceleration structure of a scene on a device: wide BVHs are uploaded; binary ones are built there, over a radix tree.
+///
+/// # Errors
+/// Structures other than wide and binary BVHs; strategies and instances that the kernels do not support; too little memory on the
+/// device.
+pub fn traced_scene<K: LaneKernel>(
+    gpu: &Gpu,
+    scene: &Scene,
+    structure: &Structure<K>,
+) -> Result<TracedScene, DeviceError> {
+    Ok(match (kind(structure.bottom())?, structure) {
+        (Kind::Wide(meshes), Structure::One(flat)) => TracedScene::single_level(gpu, meshes[0], flat.first())?,
+        (Kind::Wide(meshes), Structure::Two(_)) => TracedScene::two_level(gpu, &meshes, &instances(scene))?,
+        (Kind::Binary(strategy), Structure::One(flat)) => {
+            let (positions, triangles, _) = flatten(scene)?;
+            let corners = corners(&positions, &triangles)?;
+            TracedScene::build_single_level(gpu, &corners, flat.first(), config(strategy))?
+        }
+        (Kind::Binary(strategy), Structure::Two(_)) => {
+            let meshes = scene.meshes.iter().map(|mesh| corners(&mesh.positions, &mesh.triangles));
+            let meshes = meshes.collect::<Result<Vec<_>, _>>()?;
+            let slices: Vec<&[Corners]> = meshes.iter().map(Vec::as_slice).collect();
+            TracedScene::build_two_level(gpu, &slices, &instances(scene), config(strategy))?
+        }
+    })
+}
+
+fn kind<K: LaneKernel>(bvhs: &[Bvh<K>]) -> Result<Kind<'_, K>, DeviceError> {
+    let mut meshes = vec![];
+    for bvh in bvhs {
+        match bvh {
+            Bvh::Wide(wide) => meshes.push(wide),
+            Bvh::Binary(_, strategy) => return Ok(Kind::Binary(*strategy)),
+            Bvh::Bih(_) => return Err(DeviceError::Unsupported { what: "a bounding interval hierarchy" }),
+            Bvh::KdTree(_) => return Err(DeviceError::Unsupported { what: "a kd-tree" }),
+        }
+    }
+    Ok(Kind::Wide(meshes))
+}
+
+fn config(strategy: Strategy) -> BuildConfig {
+    BuildConfig { strategy, ..BuildConfig::default() }
+}
+
+fn corners(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Vec<Corners>, DeviceError> {
+    Ok(triangle_corners(positions, triangles).map_err(PrepareError::Geometry)?.0)
+}

@@ -1,0 +1,132 @@
+//! Binary BVHs that the device builds: every volume strategy, one level and two.
+
+use canted_fixtures::Mesh;
+use canted_gpu::build::{BuildConfig, STRATEGIES};
+use canted_gpu::{Gpu, TracedScene};
+use canted_lbvh::{Bits, Corners, Strategy};
+use canted_obb::Affine;
+use canted_tests::{
+    closed::{baked, placements},
+    rays, scenes,
+    transforms::transforms,
+};
+use canted_tlas::{Instance, Tlas, TopConfig};
+use canted_trace::{Ray, Watertight};
+use canted_wide::{Config, TriangleBvh};
+
+use super::gpu;
+use super::reference::{Tally, World, error_of_instance, error_of_one_level};
+use super::setup::build;
+
+fn reach(mesh: &Mesh) -> f64 {
+    mesh.positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs()))
+}
+
+fn corners(mesh: &Mesh) -> Vec<Corners> {
+    mesh.triangles.iter().map(|triangle| triangle.map(|i| mesh.positions[i as usize])).collect()
+}
+
+fn config(strategy: Strategy) -> BuildConfig {
+    let bits = if strategy == Strategy::Quaternion { Bits::B30 } else { Bits::B63 };
+    BuildConfig { bits, strategy }
+}
+
+/// Compares a BVH that the device builds over `there` with the CPU's over `mesh`.
+fn compared(gpu: &Gpu, mesh: &Mesh, there: &Mesh, strategy: Strategy, rays: &[Ray]) -> Result<Tally, String> {
+    let reach = reach(mesh);
+    let world = World {
+        corners: &|_, primitive| mesh.corners(primitive as usize),
+        error: &|ray, _| error_of_one_level(ray, reach),
+    };
+    let scene = TracedScene::build_single_level(gpu, &corners(there), &[0], config(strategy)).unwrap();
+    let on_cpu = build::<Watertight>(mesh, &Config::default());
+    let mut tally = Tally::default();
+    world.check_all(gpu, &scene, rays, |ray| on_cpu.closest_hit(ray), &mut tally)?;
+    Ok(tally)
+}
+
+fn all_rays(mesh: &Mesh, n: usize) -> Vec<Ray> {
+    [rays::of_all_classes(mesh, n, 20), rays::from_inside(mesh, 2 * n, 30), rays::from_afar(mesh, 1e3, n, 40)].concat()
+}
+
+#[test]
+fn grazing_rays_lose_no_hit() {
+    let Some(gpu) = gpu("binary::grazing_rays_lose_no_hit") else { return };
+    // Each mesh with one strategy, in turn; needles, which suit oriented boxes, with all.
+    for (case, strategy) in scenes::cases().iter().zip(STRATEGIES.into_iter().cycle()) {
+        let tally = compared(&gpu, &case.mesh, &case.mesh, strategy, &all_rays(&case.mesh, 20));
+        tally.unwrap_or_else(|error| panic!("{}, {strategy:?}: {error}", case.name));
+    }
+    for case in scenes::needles() {
+        for strategy in STRATEGIES {
+            let tally = compared(&gpu, &case.mesh, &case.mesh, strategy, &all_rays(&case.mesh, 20))
+                .unwrap_or_else(|error| panic!("{}, {strategy:?}: {error}", case.name));
+            assert!(tally.n_cut == 0 && tally.n_same > 0, "{}, {strategy:?}: {tally:?}", case.name);
+        }
+    }
+}
+
+/// The comparison sees a BVH that lacks some triangles.
+#[test]
+fn missing_triangles_are_detected() {
+    let Some(gpu) = gpu("binary::missing_triangles_are_detected") else { return };
+    let mesh = scenes::shapes().remove(0).mesh;
+    for strategy in STRATEGIES {
+        let mut there = mesh.clone();
+        // Nothing hits a degenerate triangle.
+        there.triangles[7][1] = there.triangles[7][0];
+        let error = compared(&gpu, &mesh, &there, strategy, &all_rays(&mesh, 100)).expect_err("the change is not seen");
+        assert!(error.contains("lost"), "{strategy:?}: {error}");
+    }
+}
+
+#[test]
+fn rays_through_instances_lose_no_hit() {
+    let Some(gpu) = gpu("binary::rays_through_instances_lose_no_hit") else { return };
+    // The last mesh has no triangles, the one before a single one.
+    let single = Mesh { triangles: vec![[0, 1, 2]], ..scenes::room(3, 20) };
+    let empty = Mesh { triangles: vec![], ..single.clone() };
+    let meshes = [scenes::needles().remove(0).mesh, scenes::room(3, 20).off_axis(), single, empty];
+    let placed: Vec<Affine> = placements()
+        .iter()
+        .map(|placement| placement.world_from_object)
+        .chain(transforms().into_iter().map(|(_, at)| at))
+        .collect();
+    let instances: Vec<Instance> = (0..placed.len() * 2)
+        .map(|i| Instance::new(if i % 9 == 8 { 3 } else { (i % 3) as u32 }, placed[i / 2]))
+        .collect();
+    let of = |instance: u32| (&meshes[instances[instance as usize].blas as usize], &instances[instance as usize]);
+    let all_rays: Vec<Ray> = (0u32..)
+        .zip(&instances)
+        .flat_map(|(i, _)| {
+            let (mesh, instance) = of(i);
+            let seed = u64::from(i);
+            let there = baked(mesh, &instance.world_from_object);
+            if there.triangles.is_empty() {
+                return vec![];
+            }
+            [rays::of_all_classes(&there, 20, 90 + seed), rays::from_inside(&there, 40, 120 + seed)].concat()
+        })
+        .collect();
+    let corners_of = |instance: u32, primitive: u32| {
+        let (mesh, instance) = of(instance);
+        mesh.corners(primitive as usize).map(|p| instance.world_from_object.point_f64(p))
+    };
+    let error = |ray: &Ray, instance: u32| {
+        let (mesh, instance) = of(instance);
+        error_of_instance(ray, &instance.world_from_object, reach(mesh))
+    };
+    let world = World { corners: &corners_of, error: &error };
+    let bottom: Vec<TriangleBvh<Watertight>> = meshes.iter().map(|mesh| build(mesh, &Config::default())).collect();
+    let tlas = Tlas::new(bottom, &instances, TopConfig::default()).unwrap();
+    let all_corners: Vec<Vec<Corners>> = meshes.iter().map(corners).collect();
+    let slices: Vec<&[Corners]> = all_corners.iter().map(Vec::as_slice).collect();
+    for strategy in STRATEGIES {
+        let scene = TracedScene::build_two_level(&gpu, &slices, &instances, config(strategy)).unwrap();
+        let mut tally = Tally::default();
+        world
+            .check_all(&gpu, &scene, &all_rays, |ray| tlas.closest_hit(ray), &mut tally)
+            .unwrap_or_else(|error| panic!("{strategy:?}: {error}"));
+        tally.report(&format!("{strategy:?}"));
+    }
+}
