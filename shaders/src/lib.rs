@@ -22,6 +22,7 @@
 //! |---|---|
 //! | [`Specialisation`], [`assemble`] | choose the parts of a kernel; its WGSL text |
 //! | [`Shader`] | a validated kernel with bindings, work-group size and structure layouts, read by `naga` |
+//! | [`traversal_module`] | `closest_hit` and `occluded` for a kernel of your own |
 //! | [`lint`] | divergent barriers, storage barriers, operations that may produce NaN or infinity |
 //! | [`kernels`], [`FILES`] | names and texts of all files |
 //!
@@ -38,11 +39,13 @@
 mod error;
 mod files;
 mod lint;
+mod module;
 mod reflection;
 mod source;
 
 pub use error::ShaderError;
 pub use files::{FILES, kernels};
 pub use lint::lint;
+pub use module::traversal_module;
 pub use reflection::{Binding, BindingKind, Entry, Layout, MAX_STORAGE_BUFFERS, Shader, Stage};
 pub use source::{Specialisation, assemble};

@@ -1,7 +1,7 @@
 //! Every kernel with every choice for its slots: valid, free of lint findings, within the limits of every device.
 
 use canted_shaders::{
-    BindingKind, FILES, MAX_STORAGE_BUFFERS, Shader, ShaderError, Specialisation, Stage, assemble, kernels, lint,
+    BindingKind, FILES, MAX_STORAGE_BUFFERS, Shader, ShaderError, Specialisation, Stage, assemble, kernels, lint, traversal_module,
 };
 
 /// Stands in for constants that hosts set.
@@ -31,7 +31,7 @@ fn choices(kernel: &str) -> Vec<Specialisation> {
         while let Err(error) = assemble(kernel, &chosen) {
             let ShaderError::MissingChoice { what, .. } = error else { panic!("{error}") };
             // Alpha needs surfaces, which kernels that only trace do not have.
-            let only_traces = kernel.starts_with("trace/") || ["check/moving", "check/triangle"].contains(&kernel);
+            let only_traces = kernel.starts_with("trace/") || kernel == "shared/traverse" || ["check/moving", "check/triangle"].contains(&kernel);
             let mut parts = parts(&what);
             parts.retain(|part| !only_traces || part != "shared/mask/alpha");
             n_choices = n_choices.max(parts.len());
@@ -70,6 +70,36 @@ fn every_kernel_is_valid_and_within_the_limits_of_every_device() {
                 assert_eq!(names.len(), entry.bindings.len(), "{kernel}: two bindings with the same name");
             }
         }
+    }
+}
+
+/// A user's kernel with names that the module also has inside.
+const USER: &str = "
+struct Node { near: f32 }
+@group(0) @binding(0) var<storage, read> nodes: array<Ray>;
+@group(0) @binding(1) var<storage, read_write> answers: array<vec4<f32>>;
+fn greatest(x: f32) -> f32 { return x; }
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let space = Node(1.0);
+    let hit = closest_hit(nodes[id.x]);
+    let is_dark = occluded(nodes[id.x]) || is_incomplete;
+    answers[id.x] = vec4<f32>(greatest(hit.t), hit.u, f32(hit.instance == NONE), select(space.near, 0.0, is_dark));
+}
+";
+
+#[test]
+fn a_kernel_includes_the_module_of_every_structure() {
+    for chosen in choices("shared/traverse") {
+        let module = traversal_module(&chosen, 1).unwrap();
+        let text = format!("{module}{USER}");
+        let parsed = naga::front::wgsl::parse_str(&text).unwrap_or_else(|error| panic!("{}", error.emit_to_string(&text)));
+        let flags = naga::valid::ValidationFlags::all();
+        let found = naga::valid::Validator::new(flags, naga::valid::Capabilities::empty()).validate(&parsed);
+        found.unwrap_or_else(|error| panic!("{chosen:?}: {}", error.emit_to_string(&text)));
+        assert!(!module.contains("@group(0)") && module.contains("@group(1)"));
+        // Two modules, of two scenes, do collide: a kernel includes one.
+        assert!(naga::front::wgsl::parse_str(&format!("{module}{module}")).is_err());
     }
 }
 
