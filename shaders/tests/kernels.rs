@@ -1,7 +1,8 @@
 //! Every kernel with every choice for its slots: valid, free of lint findings, within the limits of every device.
 
 use canted_shaders::{
-    BindingKind, FILES, MAX_STORAGE_BUFFERS, Shader, ShaderError, Specialisation, Stage, assemble, kernels, lint, traversal_module,
+    BindingKind, FILES, MAX_STORAGE_BUFFERS, Shader, ShaderError, Specialisation, Stage, assemble, kernels, lint,
+    traversal_module,
 };
 
 /// Stands in for constants that hosts set.
@@ -31,7 +32,9 @@ fn choices(kernel: &str) -> Vec<Specialisation> {
         while let Err(error) = assemble(kernel, &chosen) {
             let ShaderError::MissingChoice { what, .. } = error else { panic!("{error}") };
             // Alpha needs surfaces, which kernels that only trace do not have.
-            let only_traces = kernel.starts_with("trace/") || kernel == "shared/traverse" || ["check/moving", "check/triangle"].contains(&kernel);
+            let only_traces = kernel.starts_with("trace/")
+                || kernel == "shared/traverse"
+                || ["check/moving", "check/triangle"].contains(&kernel);
             let mut parts = parts(&what);
             parts.retain(|part| !only_traces || part != "shared/mask/alpha");
             n_choices = n_choices.max(parts.len());
@@ -93,7 +96,8 @@ fn a_kernel_includes_the_module_of_every_structure() {
     for chosen in choices("shared/traverse") {
         let module = traversal_module(&chosen, 1).unwrap();
         let text = format!("{module}{USER}");
-        let parsed = naga::front::wgsl::parse_str(&text).unwrap_or_else(|error| panic!("{}", error.emit_to_string(&text)));
+        let parsed =
+            naga::front::wgsl::parse_str(&text).unwrap_or_else(|error| panic!("{}", error.emit_to_string(&text)));
         let flags = naga::valid::ValidationFlags::all();
         let found = naga::valid::Validator::new(flags, naga::valid::Capabilities::empty()).validate(&parsed);
         found.unwrap_or_else(|error| panic!("{chosen:?}: {}", error.emit_to_string(&text)));

@@ -121,8 +121,11 @@ fn kind(device_type: DeviceType) -> AdapterKind {
 }
 
 fn facts(adapter: &wgpu::Adapter) -> AdapterInfo {
-    let info = adapter.get_info();
-    let limits = adapter.limits();
+    facts_of(adapter.get_info(), &adapter.limits(), adapter.features())
+}
+
+/// Properties of an adapter or of a device, which may have lower limits.
+pub(crate) fn facts_of(info: wgpu::AdapterInfo, limits: &wgpu::Limits, features: wgpu::Features) -> AdapterInfo {
     AdapterInfo {
         kind: kind(info.device_type),
         backend: format!("{:?}", info.backend),
@@ -130,7 +133,7 @@ fn facts(adapter: &wgpu::Adapter) -> AdapterInfo {
         name: info.name,
         max_binding_bytes: limits.max_storage_buffer_binding_size,
         max_buffer_bytes: limits.max_buffer_size,
-        has_timestamps: adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY),
+        has_timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
     }
 }
 

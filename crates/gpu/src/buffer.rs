@@ -30,6 +30,12 @@ impl<T> Buffer<T> {
         self.len == 0
     }
 
+    /// The buffer itself, for a program's own bind groups and copies.
+    #[must_use]
+    pub fn wgpu(&self) -> &wgpu::Buffer {
+        &self.raw
+    }
+
     /// Size on the device, in bytes.
     #[must_use]
     pub fn n_bytes(&self) -> u64 {
@@ -103,8 +109,8 @@ impl Gpu {
         let no_memory = || GpuError::OutOfMemory { what: format!("{what} of {size} bytes") };
         let share = self.memory.take(size).ok_or_else(no_memory)?;
         let descriptor = BufferDescriptor { label: Some(what), size, usage, mapped_at_creation: false };
-        let raw = self.device.create_buffer(&descriptor);
-        self.check().map_err(|error| match error {
+        let raw = self.guarded(|| self.device.create_buffer(&descriptor));
+        let raw = raw.and_then(|raw| self.check().map(|()| raw)).map_err(|error| match error {
             GpuError::OutOfMemory { .. } => no_memory(),
             error => error,
         })?;

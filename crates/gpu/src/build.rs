@@ -10,6 +10,7 @@
 
 mod dop;
 mod items;
+mod mesh_buffers;
 mod passes;
 mod run;
 mod sort;
@@ -18,6 +19,8 @@ mod two_levels;
 mod volumes;
 
 pub use items::{Items, Range};
+pub(crate) use mesh_buffers::{Faults, fault};
+pub use mesh_buffers::{IndexBuffer, MeshBuffers};
 pub use passes::Passes;
 pub use run::{Run, StageTime};
 pub use sort::Sorter;
@@ -65,17 +68,31 @@ impl Built {
     /// # Errors
     /// Out of memory, device lost, or an unsupported strategy.
     pub fn new(run: &mut Run<'_>, items: Items, config: BuildConfig) -> Result<Self, GpuError> {
-        let domains = domain(run, &items, config.bits)?;
-        let codes = codes(run, &items, &domains, config.bits)?;
-        let Sorted { codes, leaves } = sort(run, &items, &codes)?;
-        let trees = tree(run, &items, &codes)?;
-        let aabbs = aabbs(run, &items, &leaves, &trees)?;
-        let obbs = match config.strategy {
-            Strategy::Aabb => None,
-            strategy => Some(obbs(run, &items, &leaves, &trees, &aabbs, strategy)?),
-        };
+        let (leaves, trees, aabbs, obbs) = over(run, &items, config)?;
         Ok(Self { items, leaves, trees, aabbs, obbs })
     }
+
+    /// Builds the trees again over the same items, whose vertices have moved.
+    pub(crate) fn rebuild(&mut self, run: &mut Run<'_>, config: BuildConfig) -> Result<(), GpuError> {
+        (self.leaves, self.trees, self.aabbs, self.obbs) = over(run, &self.items, config)?;
+        Ok(())
+    }
+}
+
+/// All that is built over items: leaves, trees, axis-aligned and oriented boxes.
+type Over = (Buffer<u32>, Trees, Buffer<Aabb>, Option<Buffer<Obb>>);
+
+fn over(run: &mut Run<'_>, items: &Items, config: BuildConfig) -> Result<Over, GpuError> {
+    let domains = domain(run, items, config.bits)?;
+    let codes = codes(run, items, &domains, config.bits)?;
+    let Sorted { codes, leaves } = sort(run, items, &codes)?;
+    let trees = tree(run, items, &codes)?;
+    let aabbs = aabbs(run, items, &leaves, &trees)?;
+    let obbs = match config.strategy {
+        Strategy::Aabb => None,
+        strategy => Some(obbs(run, items, &leaves, &trees, &aabbs, strategy)?),
+    };
+    Ok((leaves, trees, aabbs, obbs))
 }
 
 /// A count as `u32`.

@@ -24,10 +24,26 @@ pub struct PassTime {
 /// Dispatches that run in order. Each sees what the previous ones wrote.
 pub struct Commands<'a> {
     gpu: &'a Gpu,
-    encoder: CommandEncoder,
+    encoder: Encoder<'a>,
     timed: Option<Timed>,
     /// Work-groups of all dispatches so far.
     n_groups: u64,
+}
+
+/// Where commands are recorded.
+enum Encoder<'a> {
+    Own(CommandEncoder),
+    /// That of a program, which submits it.
+    Given(&'a mut CommandEncoder),
+}
+
+impl Encoder<'_> {
+    fn get(&mut self) -> &mut CommandEncoder {
+        match self {
+            Self::Own(encoder) => encoder,
+            Self::Given(encoder) => encoder,
+        }
+    }
 }
 
 struct Timed {
@@ -58,12 +74,27 @@ impl<T> AsBinding for Buffer<T> {
     }
 }
 
+impl AsBinding for wgpu::Buffer {
+    fn resource(&self) -> wgpu::BindingResource<'_> {
+        self.as_entire_binding()
+    }
+
+    fn n_bytes(&self) -> u64 {
+        self.size()
+    }
+}
+
 impl Gpu {
     /// Starts a command list.
     #[must_use]
     pub fn commands(&self) -> Commands<'_> {
         let encoder = self.device.create_command_encoder(&CommandEncoderDescriptor::default());
-        Commands { gpu: self, encoder, timed: None, n_groups: 0 }
+        Commands { gpu: self, encoder: Encoder::Own(encoder), timed: None, n_groups: 0 }
+    }
+
+    /// Records into a program's encoder, which the program submits.
+    pub(crate) fn record<'a>(&'a self, encoder: &'a mut CommandEncoder) -> Commands<'a> {
+        Commands { gpu: self, encoder: Encoder::Given(encoder), timed: None, n_groups: 0 }
     }
 
     /// Starts a command list that measures the time of each pass, if the device supports timestamps; see [`Commands::times`].
@@ -102,8 +133,10 @@ impl Commands<'_> {
                     end_of_pass_write_index: Some(first + 1),
                 }
             });
-        let mut pass =
-            self.encoder.begin_compute_pass(&ComputePassDescriptor { label: Some(&kernel.name), timestamp_writes });
+        let mut pass = self
+            .encoder
+            .get()
+            .begin_compute_pass(&ComputePassDescriptor { label: Some(&kernel.name), timestamp_writes });
         pass.set_pipeline(&kernel.pipeline);
         for (number, group) in &bind_groups {
             pass.set_bind_group(*number, group, &[]);
@@ -122,18 +155,20 @@ impl Commands<'_> {
     /// Copies all of `from` to the start of `to`.
     pub fn copy<T: Pod>(&mut self, from: &Buffer<T>, to: &Buffer<T>) {
         assert!(from.len() <= to.len(), "{} values do not fit into {}", from.len(), to.len());
-        self.encoder.copy_buffer_to_buffer(&from.raw, 0, &to.raw, 0, from.raw.size().min(to.raw.size()));
+        self.encoder.get().copy_buffer_to_buffer(&from.raw, 0, &to.raw, 0, from.raw.size().min(to.raw.size()));
     }
 
     /// Fills `buffer` with zeros.
     pub fn clear<T>(&mut self, buffer: &Buffer<T>) {
-        self.encoder.clear_buffer(&buffer.raw, 0, None);
+        self.encoder.get().clear_buffer(&buffer.raw, 0, None);
     }
 
     /// Submits the dispatches added so far, so that other programs can use the device in between.
     pub(crate) fn flush(&mut self) {
-        let next = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
-        self.gpu.queue.submit([std::mem::replace(&mut self.encoder, next).finish()]);
+        if let Encoder::Own(encoder) = &mut self.encoder {
+            let next = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
+            self.gpu.queue.submit([std::mem::replace(encoder, next).finish()]);
+        }
     }
 
     /// Submits the dispatches and waits for them.
@@ -150,7 +185,9 @@ impl Commands<'_> {
     /// The device is already known to be lost.
     pub fn submit(self) -> Result<(), GpuError> {
         self.gpu.check()?;
-        self.gpu.queue.submit([self.encoder.finish()]);
+        if let Encoder::Own(encoder) = self.encoder {
+            self.gpu.queue.submit([encoder.finish()]);
+        }
         Ok(())
     }
 
@@ -181,8 +218,9 @@ impl Commands<'_> {
     /// Submits the dispatches and waits for them. Returns for each timed dispatch the kernel, and its start and end in
     /// milliseconds since the start of the first.
     fn ends(self) -> Result<(Vec<String>, Vec<[f64; 2]>), GpuError> {
-        let Self { gpu, mut encoder, timed, .. } = self;
+        let Self { gpu, encoder, timed, .. } = self;
         gpu.check()?;
+        let Encoder::Own(mut encoder) = encoder else { return Ok((vec![], vec![])) };
         let Some(timed) = timed.filter(|timed| !timed.kernels.is_empty()) else {
             let submission = gpu.queue.submit([encoder.finish()]);
             gpu.wait(Some(submission))?;

@@ -94,6 +94,49 @@ impl Gpu {
         })
     }
 
+    /// A program's own device and queue, of the version of `wgpu` that this crate re-exports.
+    ///
+    /// The program keeps its handlers: errors that are found when buffers and kernels are made are returned, others go to the handlers.
+    /// Kernels need as many storage buffers per stage as [`GpuError::Limit`] says; seven are enough to trace one level.
+    ///
+    /// ```no_run
+    /// # fn example(device: wgpu::Device, queue: wgpu::Queue) -> Result<(), canted_gpu::GpuError> {
+    /// use canted_gpu::{Gpu, TracedScene, build::BuildConfig};
+    ///
+    /// let gpu = Gpu::from_wgpu(device, queue);
+    /// let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    /// let scene = TracedScene::build_single_level(&gpu, &[triangle], &[0], BuildConfig::default())?;
+    /// # Ok(())
+    /// # }
+    /// ```
+    #[must_use]
+    pub fn from_wgpu(device: wgpu::Device, queue: wgpu::Queue) -> Self {
+        let limits = device.limits();
+        let facts = adapter::facts_of(device.adapter_info(), &limits, device.features());
+        Self {
+            facts,
+            device,
+            queue,
+            limits,
+            stored_error: Arc::default(),
+            memory: Memory::unbounded(),
+            longest_wait: Mutex::default(),
+            kernels: Mutex::default(),
+        }
+    }
+
+    /// What `make` makes; its errors as a result, whatever handlers the device has.
+    pub(crate) fn guarded<T>(&self, make: impl FnOnce() -> T) -> Result<T, GpuError> {
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let invalid = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let made = make();
+        let errors = [pollster::block_on(invalid.pop()), pollster::block_on(memory.pop())];
+        match errors.into_iter().flatten().next() {
+            None => Ok(made),
+            Some(error) => Err(from_wgpu(&error)),
+        }
+    }
+
     /// Properties of the adapter.
     #[must_use]
     pub fn info(&self) -> &AdapterInfo {
@@ -129,7 +172,7 @@ impl Gpu {
             return Ok(kernel.clone());
         }
         self.check()?;
-        let kernel = Arc::new(Kernel::new(&self.device, &self.limits, name, chosen)?);
+        let kernel = Arc::new(self.guarded(|| Kernel::new(&self.device, &self.limits, name, chosen))??);
         self.check()?;
         kernels.insert(key, kernel.clone());
         Ok(kernel)

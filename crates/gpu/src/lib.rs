@@ -55,6 +55,7 @@ mod trace;
 
 pub use adapter::{AdapterInfo, AdapterKind, Choice, adapters};
 pub use buffer::Buffer;
+pub use build::{IndexBuffer, MeshBuffers};
 pub use canted_shaders::Specialisation;
 pub use commands::{AsBinding, Commands, NamedBinding, PassTime};
 pub use device::Gpu;
@@ -64,6 +65,7 @@ pub use kernel::Kernel;
 pub use loop_check::loop_iterations;
 pub use raster::{N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
-    DeviceHit, DeviceRay, HIT_ERROR, MAX_CONDITION, MAX_COORDINATE, MotionPolynomials, Outcome, TracedScene, Traversal,
+    BufferScene, DeviceHit, DeviceRay, HIT_ERROR, MAX_CONDITION, MAX_COORDINATE, MotionPolynomials, Outcome,
+    TracedScene, Traversal,
 };
-pub use wgpu::Limits;
+pub use wgpu::{self, Limits};

@@ -7,12 +7,14 @@
 
 mod alternatives;
 mod binary;
+mod buffers;
 mod cast;
 mod motion;
 
 mod coordinates;
 mod layout;
 mod level;
+mod module;
 mod nodes;
 mod ray;
 mod scene;
@@ -20,6 +22,7 @@ mod top_level;
 mod wide;
 
 pub use alternatives::Traversal;
+pub use buffers::BufferScene;
 pub use cast::Outcome;
 pub use coordinates::MAX_COORDINATE;
 pub use layout::HIT_ERROR;

@@ -1,5 +1,7 @@
 //! The items that trees are built over.
 
+use std::sync::Arc;
+
 use bytemuck::{Pod, Zeroable};
 use canted_lbvh::Corners;
 use canted_obb::{Aabb, Obb};
@@ -30,7 +32,7 @@ pub struct Items {
 /// The kind of an item.
 pub(super) enum Leaf {
     /// A triangle of a mesh.
-    Triangle { corners: Buffer<Corners> },
+    Triangle { corners: Arc<Buffer<Corners>> },
     /// World-space box of an instance, and its axis-aligned bounding box.
     Box { boxes: Buffer<Obb>, aabbs: Buffer<Aabb> },
 }
@@ -47,7 +49,7 @@ impl Items {
             ranges.push(Range { first: count(all.len()), count: count(corners.len()) });
             all.extend_from_slice(corners);
         }
-        let leaf = Leaf::Triangle { corners: gpu.buffer("corners", &all)? };
+        let leaf = Leaf::Triangle { corners: Arc::new(gpu.buffer("corners", &all)?) };
         Self::new(gpu, ranges, leaf)
     }
 
@@ -63,7 +65,7 @@ impl Items {
         Self::new(gpu, ranges, leaf)
     }
 
-    fn new(gpu: &Gpu, ranges: Vec<Range>, leaf: Leaf) -> Result<Self, GpuError> {
+    pub(super) fn new(gpu: &Gpu, ranges: Vec<Range>, leaf: Leaf) -> Result<Self, GpuError> {
         let n = ranges.iter().map(|range| range.count).sum();
         Ok(Self { device_ranges: gpu.buffer("ranges of trees", &ranges)?, n, ranges, leaf })
     }
@@ -87,7 +89,7 @@ impl Items {
     }
 
     /// The vertices of the triangles; none for boxes.
-    pub(crate) fn corners(&self) -> Option<&Buffer<Corners>> {
+    pub(crate) fn corners(&self) -> Option<&Arc<Buffer<Corners>>> {
         match &self.leaf {
             Leaf::Triangle { corners } => Some(corners),
             Leaf::Box { .. } => None,
@@ -112,7 +114,7 @@ impl Items {
     pub(crate) fn bound<'a>(&'a self, more: &[NamedBinding<'a>]) -> Vec<NamedBinding<'a>> {
         let mut bound: Vec<NamedBinding<'a>> = vec![("ranges", &self.device_ranges)];
         match &self.leaf {
-            Leaf::Triangle { corners } => bound.push(("corners", corners)),
+            Leaf::Triangle { corners } => bound.push(("corners", &**corners)),
             Leaf::Box { boxes, aabbs } => {
                 let both: [NamedBinding<'a>; 2] = [("item_boxes", boxes), ("item_aabbs", aabbs)];
                 bound.extend(both);

@@ -25,6 +25,8 @@ pub struct StageTime {
 /// A sequence of stages.
 pub struct Run<'a> {
     gpu: &'a Gpu,
+    /// A program's encoder, which records the stages.
+    encoder: Option<&'a mut wgpu::CommandEncoder>,
     timed: bool,
     times: Vec<StageTime>,
 }
@@ -33,13 +35,24 @@ impl<'a> Run<'a> {
     /// Submits stages without waiting.
     #[must_use]
     pub fn new(gpu: &'a Gpu) -> Self {
-        Self { gpu, timed: false, times: vec![] }
+        Self { gpu, encoder: None, timed: false, times: vec![] }
     }
 
     /// Waits for each stage and times it.
     #[must_use]
     pub fn timed(gpu: &'a Gpu) -> Self {
-        Self { gpu, timed: true, times: vec![] }
+        Self { gpu, encoder: None, timed: true, times: vec![] }
+    }
+
+    /// Records stages into `encoder`, which the program submits. Stages that read results back are then refused.
+    #[must_use]
+    pub fn recorded(gpu: &'a Gpu, encoder: &'a mut wgpu::CommandEncoder) -> Self {
+        Self { gpu, encoder: Some(encoder), timed: false, times: vec![] }
+    }
+
+    /// Whether stages are recorded, so that no result can be read back yet.
+    pub(super) fn is_recorded(&self) -> bool {
+        self.encoder.is_some()
     }
 
     /// The device.
@@ -58,9 +71,13 @@ impl<'a> Run<'a> {
     pub(crate) fn stage(
         &mut self,
         stage: &'static str,
-        record: impl FnOnce(&mut Dispatches<'a>) -> Result<(), GpuError>,
+        record: impl FnOnce(&mut Dispatches<'_>) -> Result<(), GpuError>,
     ) -> Result<(), GpuError> {
-        let work = if self.timed { self.gpu.timed_commands() } else { self.gpu.commands() };
+        let work = match &mut self.encoder {
+            Some(encoder) => self.gpu.record(encoder),
+            None if self.timed => self.gpu.timed_commands(),
+            None => self.gpu.commands(),
+        };
         let mut dispatches = Dispatches { gpu: self.gpu, work, n_waiting: 0 };
         let start = Instant::now();
         record(&mut dispatches)?;

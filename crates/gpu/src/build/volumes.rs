@@ -42,6 +42,11 @@ impl Schedule {
     /// As for [`aabbs`].
     pub(super) fn new(run: &mut Run<'_>, trees: &Trees) -> Result<Self, GpuError> {
         let gpu = run.gpu();
+        if run.is_recorded() {
+            let what =
+                "a recorded build of oriented boxes other than those of dop, which reads the height of the tree back";
+            return Err(GpuError::Unsupported { what: what.to_owned() });
+        }
         let sorter = Sorter::new(gpu)?;
         let order = sorter.sort_as("levels", run, &[(&trees.heights, HEIGHT_BITS)])?;
         let ends = gpu.zeroed::<u32>("ends of levels", HEIGHTS)?;

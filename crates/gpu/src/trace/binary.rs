@@ -7,6 +7,8 @@
 //!
 //! Read back are the depth of the trees, which sizes the stack, and the boxes of the roots, from which the CPU places instances.
 
+use std::sync::Arc;
+
 use bytemuck::{Pod, Zeroable};
 use canted_lbvh::Corners;
 use canted_obb::{Aabb, Obb};
@@ -23,13 +25,13 @@ use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
 
 /// How far the center of an oriented box may lie from the origin, in units of the greatest coordinate of what it encloses; see
 /// `shared/binary/volume/obb`.
-const CENTER_REACH: f32 = 3.0;
+pub(super) const CENTER_REACH: f32 = 3.0;
 
 /// Binary trees in the form that rays traverse: `build/pairs`.
 pub(super) struct Pairs {
     pairs: Buffer<Quad>,
-    /// The triangles.
-    items: Items,
+    /// Vertices of the triangles.
+    corners: Arc<Buffer<Corners>>,
     is_oriented: bool,
 }
 
@@ -42,23 +44,38 @@ struct TargetLevel {
 
 impl Pairs {
     /// Converts trees, whose nodes are numbered one level after another. The first level is over triangles.
-    fn new(run: &mut Run<'_>, first: Built, second: Option<&Built>) -> Result<Self, GpuError> {
+    fn new(run: &mut Run<'_>, first: &Built, second: Option<&Built>) -> Result<Self, GpuError> {
         let gpu = run.gpu();
+        let Some(corners) = first.items.corners() else {
+            return Err(GpuError::Invalid { message: "the first level is not over triangles".to_owned() });
+        };
         let is_oriented = first.obbs.is_some();
         let n_nodes = first.items.len() + second.map_or(0, |built| built.items.len());
         let quads = if is_oriented { 8 } else { 4 };
         let pairs = gpu.zeroed("binary nodes", n_nodes as usize * quads)?;
-        put(run, &first, 0, &pairs)?;
+        put(run, first, 0, &pairs)?;
         if let Some(second) = second {
             put(run, second, first.items.len(), &pairs)?;
         }
-        Ok(Self { pairs, items: first.items, is_oriented })
+        Ok(Self { pairs, corners: corners.clone(), is_oriented })
+    }
+
+    /// Converts a single level.
+    pub(super) fn over(run: &mut Run<'_>, built: &Built) -> Result<Self, GpuError> {
+        Self::new(run, built, None)
+    }
+
+    /// Converts a single level again, which has changed.
+    pub(super) fn put_again(&self, run: &mut Run<'_>, built: &Built) -> Result<(), GpuError> {
+        put(run, built, 0, &self.pairs)
+    }
+
+    pub(super) fn is_oriented(&self) -> bool {
+        self.is_oriented
     }
 
     pub(super) fn bindings(&self) -> Vec<NamedBinding<'_>> {
-        let mut bound: Vec<NamedBinding<'_>> = vec![("nodes", &self.pairs)];
-        bound.extend(self.items.corners().map(|corners| -> NamedBinding<'_> { ("corners", corners) }));
-        bound
+        vec![("nodes", &self.pairs), ("corners", &*self.corners)]
     }
 
     pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
@@ -67,7 +84,7 @@ impl Pairs {
     }
 
     pub(super) fn n_bytes(&self) -> u64 {
-        self.pairs.n_bytes() + self.items.corners().map_or(0, Buffer::n_bytes)
+        self.pairs.n_bytes() + self.corners.n_bytes()
     }
 }
 
@@ -122,8 +139,8 @@ impl TracedScene {
         let bounds = mesh_bounds(gpu, &bottom)?;
         check_coordinates(|| "the BVH over all instances".to_owned(), bounds[0].reach.into())?;
         let depth = gpu.read(&bottom.trees.depth)?[0];
-        let pairs = Pairs::new(&mut run, bottom, None)?;
-        let headers = headers(pairs.items.ranges(), &bounds, pairs.is_oriented);
+        let pairs = Pairs::over(&mut run, &bottom)?;
+        let headers = headers(bottom.items.ranges(), &bounds, pairs.is_oriented);
         let level = Level::flat(gpu, first_triangles)?;
         Self::over(gpu, Nodes::Binary(pairs), &headers, level, depth)
     }
@@ -146,12 +163,12 @@ impl TracedScene {
         let top = Built::new(&mut run, Items::boxes(gpu, &boxes)?, config)?;
         let depth = gpu.read(&bottom.trees.depth)?[0] + gpu.read(&top.trees.depth)?[0];
         let n_bottom = bottom.items.len();
-        let pairs = Pairs::new(&mut run, bottom, Some(&top))?;
+        let pairs = Pairs::new(&mut run, &bottom, Some(&top))?;
         let reach = packing.boxes.iter().fold(0.0, |all: f32, of_instance| all.max(of_instance.reach()));
         let range = Range { first: 0, count: top.items.len() };
         let top_header = header(range, n_bottom, reach, packing.error, pairs.is_oriented);
         let headers: Vec<BvhHeader> =
-            std::iter::once(top_header).chain(headers(pairs.items.ranges(), &bounds, pairs.is_oriented)).collect();
+            std::iter::once(top_header).chain(headers(bottom.items.ranges(), &bounds, pairs.is_oriented)).collect();
         let level = Level::Two(Instances::new(gpu, &packing, &packing.numbers)?);
         Self::over(gpu, Nodes::Binary(pairs), &headers, level, depth)
     }
@@ -183,7 +200,7 @@ fn headers(ranges: &[Range], bounds: &[MeshBounds], is_oriented: bool) -> Vec<Bv
     ranges.iter().zip(bounds).map(of).collect()
 }
 
-fn header(range: Range, first_node: u32, reach: f32, error: HitError, is_oriented: bool) -> BvhHeader {
+pub(super) fn header(range: Range, first_node: u32, reach: f32, error: HitError, is_oriented: bool) -> BvhHeader {
     let root = match range.count {
         0 => EMPTY,
         1 => LEAF | range.first,

@@ -79,6 +79,11 @@ impl TracedScene {
         Ok(self)
     }
 
+    /// The headers of all BVHs.
+    pub(super) fn headers(&self) -> &Buffer<BvhHeader> {
+        &self.bvhs
+    }
+
     /// The bindings of kernels that trace rays, by variable name.
     #[must_use]
     pub fn bindings(&self) -> Vec<NamedBinding<'_>> {

@@ -1,5 +1,6 @@
 //! Tests of the device, of construction and of ray tracing. Skipped without an adapter.
 
+mod buffers;
 mod build;
 mod common;
 mod device;

@@ -1,0 +1,294 @@
+//! A program's own device, buffers, encoder and kernel.
+
+use canted_fixtures::or_skip;
+use canted_gpu::build::BuildConfig;
+use canted_gpu::wgpu::util::{BufferInitDescriptor, DeviceExt};
+use canted_gpu::{
+    BufferScene, Choice, DeviceHit, DeviceRay, Gpu, GpuError, IndexBuffer, MeshBuffers, Outcome, TracedScene, wgpu,
+};
+use canted_lbvh::Strategy;
+use canted_trace::Ray;
+
+type Corners = [[f32; 3]; 3];
+
+const N: u32 = 12;
+
+/// A device that a program opened for itself; reports a skipped test if there is none.
+fn opened(test: &str) -> Option<(wgpu::Device, wgpu::Queue)> {
+    or_skip(test, Gpu::open(&Choice::Best))?;
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+    let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 12, ..wgpu::Limits::defaults() };
+    let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
+    Some(pollster::block_on(adapters[0].request_device(&descriptor)).unwrap())
+}
+
+/// Heights of a wavy floor of `N` by `N` squares at a time, as vertices.
+#[expect(clippy::cast_precision_loss, reason = "small numbers")]
+fn vertices(time: f32) -> Vec<[f32; 3]> {
+    let vertex = |i: u32| {
+        let [x, y] = [(i % (N + 1)) as f32, (i / (N + 1)) as f32];
+        [x, y, (x * 0.7 + time).sin() * (y * 0.4).cos()]
+    };
+    (0..(N + 1) * (N + 1)).map(vertex).collect()
+}
+
+fn triangles() -> Vec<[u32; 3]> {
+    let corner = (0..N).flat_map(|y| (0..N).map(move |x| y * (N + 1) + x));
+    corner.flat_map(|i| [[i, i + 1, i + N + 2], [i, i + N + 2, i + N + 1]]).collect()
+}
+
+fn corners(vertices: &[[f32; 3]]) -> Vec<Corners> {
+    triangles().iter().map(|triangle| triangle.map(|i| vertices[i as usize])).collect()
+}
+
+#[expect(clippy::cast_precision_loss, reason = "small numbers")]
+fn rays() -> Vec<Ray> {
+    let ray = |i: u32| {
+        let x = (i % 40) as f32 * 0.31 - 0.1;
+        Ray::new([x, (i / 40) as f32 * 0.47, 5.0], [0.02, -0.01, -2.0])
+    };
+    (0..1000).map(ray).collect()
+}
+
+fn buffer(device: &wgpu::Device, contents: &[u8]) -> wgpu::Buffer {
+    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+    device.create_buffer_init(&BufferInitDescriptor { label: None, contents, usage })
+}
+
+fn hits(gpu: &Gpu, scene: &TracedScene) -> Vec<Option<DeviceHit>> {
+    let answers = scene.closest_hits(gpu, &rays()).unwrap().into_iter().map(|answer| match answer {
+        Outcome::Complete(hit) => hit,
+        Outcome::Incomplete => panic!("no traversal here is long"),
+    });
+    answers.collect()
+}
+
+/// The hits of a BVH that is built over the same triangles at once.
+fn expected(gpu: &Gpu, vertices: &[[f32; 3]]) -> Vec<Option<DeviceHit>> {
+    hits(gpu, &TracedScene::build_single_level(gpu, &corners(vertices), &[0], BuildConfig::default()).unwrap())
+}
+
+#[test]
+fn buffers_of_any_layout_give_the_same_hits() {
+    let Some((device, queue)) = opened("buffers_of_any_layout_give_the_same_hits") else { return };
+    let gpu = Gpu::from_wgpu(device.clone(), queue);
+    let vertices = vertices(0.0);
+    let expected = expected(&gpu, &vertices);
+    assert!(expected.iter().flatten().count() > 500);
+    // Positions after eight other bytes, every 32.
+    let mut spread = vec![0.0_f32; 2];
+    spread.extend(vertices.iter().flat_map(|&[x, y, z]| [x, y, z, 9.0, 9.0, 9.0, 9.0, 9.0]));
+    let spread = buffer(&device, bytemuck::cast_slice(&spread));
+    let wide = buffer(&device, bytemuck::cast_slice(&triangles()));
+    let mut narrow = vec![7_u16];
+    narrow.extend(triangles().iter().flatten().map(|&i| u16::try_from(i).unwrap()));
+    narrow.push(7);
+    let narrow = buffer(&device, bytemuck::cast_slice(&narrow));
+    let soup: Vec<[f32; 3]> = corners(&vertices).into_iter().flatten().collect();
+    let soup = buffer(&device, bytemuck::cast_slice(&soup));
+    let n_triangles = 2 * N * N;
+    let mesh = MeshBuffers {
+        vertices: &spread,
+        first_byte: 8,
+        stride: 32,
+        n_vertices: (N + 1) * (N + 1),
+        indices: Some(IndexBuffer { buffer: &wide, format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
+        n_triangles,
+    };
+    let narrow = Some(IndexBuffer { buffer: &narrow, format: wgpu::IndexFormat::Uint16, first_byte: 2 });
+    let plain = MeshBuffers {
+        vertices: &soup,
+        first_byte: 0,
+        stride: 12,
+        n_vertices: 3 * n_triangles,
+        indices: None,
+        n_triangles,
+    };
+    for mesh in [mesh, MeshBuffers { indices: narrow, ..mesh }, plain] {
+        for strategy in [Strategy::Aabb, Strategy::Dop] {
+            let config = BuildConfig { strategy, ..BuildConfig::default() };
+            let scene = BufferScene::new(&gpu, &[mesh], config).unwrap();
+            assert_eq!(hits(&gpu, scene.traced()), expected, "{strategy:?}");
+        }
+    }
+    // A second mesh in the same place is another instance, and ties go to the first.
+    let scene = BufferScene::new(&gpu, &[plain, mesh], BuildConfig::default()).unwrap();
+    assert_eq!(hits(&gpu, scene.traced()), expected);
+    // Without triangles nothing is hit.
+    let none = BufferScene::new(&gpu, &[MeshBuffers { n_triangles: 0, ..mesh }], BuildConfig::default()).unwrap();
+    assert!(hits(&gpu, none.traced()).iter().all(Option::is_none));
+}
+
+#[test]
+fn recorded_rebuilds_and_refits_equal_a_fresh_build() {
+    let Some((device, queue)) = opened("recorded_rebuilds_and_refits_equal_a_fresh_build") else { return };
+    let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
+    let positions = buffer(&device, bytemuck::cast_slice(&vertices(0.0)));
+    let indices = buffer(&device, bytemuck::cast_slice(&triangles()));
+    let mesh = MeshBuffers {
+        vertices: &positions,
+        first_byte: 0,
+        stride: 12,
+        n_vertices: (N + 1) * (N + 1),
+        indices: Some(IndexBuffer { buffer: &indices, format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
+        n_triangles: 2 * N * N,
+    };
+    let mut scene = BufferScene::new(&gpu, &[mesh], BuildConfig::default()).unwrap();
+    for (frame, time) in [0.5_f32, 1.0, 40.0].into_iter().enumerate() {
+        let moved = vertices(time);
+        queue.write_buffer(&positions, 0, bytemuck::cast_slice(&moved));
+        let before = hits(&gpu, scene.traced());
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        if frame % 2 == 0 {
+            scene.rebuild(&gpu, &mut encoder, &[mesh]).unwrap();
+        } else {
+            scene.refit(&gpu, &mut encoder, &[mesh]).unwrap();
+        }
+        queue.submit([encoder.finish()]);
+        scene.check(&gpu).unwrap();
+        let expected = expected(&gpu, &moved);
+        assert_eq!(hits(&gpu, scene.traced()), expected, "frame {frame}");
+        assert_ne!(before, expected, "frame {frame}: the vertices did not move");
+    }
+}
+
+/// A program's kernel, whose names are also names of the module's inside.
+const KERNEL: &str = "
+@group(0) @binding(0) var<storage, read> nodes: array<Ray>;
+@group(0) @binding(1) var<storage, read_write> found: array<Hit>;
+fn greatest(hit: Hit) -> Hit { return hit; }
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x < arrayLength(&nodes) {
+        found[id.x] = greatest(closest_hit(nodes[id.x]));
+        if (found[id.x].instance != NONE) != occluded(nodes[id.x]) || is_incomplete {
+            found[id.x].instance = 77u;
+        }
+    }
+}
+";
+
+#[test]
+fn a_kernel_of_the_program_traces_rays() {
+    let Some((device, queue)) = opened("a_kernel_of_the_program_traces_rays") else { return };
+    let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
+    let scene = TracedScene::build_single_level(&gpu, &corners(&vertices(0.0)), &[0], BuildConfig::default()).unwrap();
+    let text = scene.module(1).unwrap() + KERNEL;
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(text.as_str().into()),
+    });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: None,
+        module: &module,
+        entry_point: Some("main"),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    });
+    let rays: Vec<DeviceRay> = rays()
+        .iter()
+        .map(|ray| DeviceRay { origin: ray.origin, t_min: 0.0, direction: ray.direction, t_max: 3e38 })
+        .collect();
+    let rays_there = gpu.buffer("rays", &rays).unwrap();
+    let found = gpu.zeroed::<DeviceHit>("hits", rays.len()).unwrap();
+    let own = device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: &pipeline.get_bind_group_layout(0),
+        entries: &[
+            wgpu::BindGroupEntry { binding: 0, resource: rays_there.wgpu().as_entire_binding() },
+            wgpu::BindGroupEntry { binding: 1, resource: found.wgpu().as_entire_binding() },
+        ],
+    });
+    let theirs = scene.bind_group(&gpu, &pipeline.get_bind_group_layout(1)).unwrap();
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+    pass.set_pipeline(&pipeline);
+    pass.set_bind_group(0, &own, &[]);
+    pass.set_bind_group(1, &theirs, &[]);
+    pass.dispatch_workgroups(u32::try_from(rays.len()).unwrap().div_ceil(64), 1, 1);
+    drop(pass);
+    queue.submit([encoder.finish()]);
+    let found: Vec<_> = gpu.read(&found).unwrap().into_iter().map(|hit| (hit.instance == 0).then_some(hit)).collect();
+    assert_eq!(found, hits(&gpu, &scene));
+}
+
+#[test]
+fn faults_are_reported_and_hit_nothing() {
+    let Some((device, queue)) = opened("faults_are_reported_and_hit_nothing") else { return };
+    let gpu = Gpu::from_wgpu(device.clone(), queue);
+    let mesh = |vertices: &[[f32; 3]], triangles: &[[u32; 3]]| {
+        let positions = buffer(&device, bytemuck::cast_slice(vertices));
+        let indices = buffer(&device, bytemuck::cast_slice(triangles));
+        (positions, indices, u32::try_from(vertices.len()).unwrap(), u32::try_from(triangles.len()).unwrap())
+    };
+    let report = |(vertices, indices, n_vertices, n_triangles): &(wgpu::Buffer, wgpu::Buffer, u32, u32)| {
+        let indices = Some(IndexBuffer { buffer: indices, format: wgpu::IndexFormat::Uint32, first_byte: 0 });
+        let mesh = MeshBuffers {
+            vertices,
+            first_byte: 0,
+            stride: 12,
+            n_vertices: *n_vertices,
+            indices,
+            n_triangles: *n_triangles,
+        };
+        let scene = BufferScene::without_check(&gpu, &[mesh], BuildConfig::default()).unwrap();
+        // No endless loop, whatever the contents.
+        let _ = hits(&gpu, scene.traced());
+        BufferScene::new(&gpu, &[mesh], BuildConfig::default()).map(|_| ()).map_err(|error| error.to_string())
+    };
+    let (good, mut bad) = (vertices(0.0), triangles());
+    assert_eq!(report(&mesh(&good, &bad)), Ok(()));
+    bad[9][1] = 1 << 30;
+    bad[7][2] = (N + 1) * (N + 1);
+    let found = report(&mesh(&good, &bad)).unwrap_err();
+    assert!(found.contains("mesh 0: triangle 7 has an index out of range"), "{found}");
+    for wrong in [f32::NAN, f32::INFINITY, -2e18] {
+        let mut vertices = good.clone();
+        vertices[triangles()[20][1] as usize][1] = wrong;
+        let found = report(&mesh(&vertices, &triangles())).unwrap_err();
+        assert!(found.contains("has a vertex that is not finite"), "{found}");
+    }
+    let everything_wrong = vec![[f32::NAN; 3]; good.len()];
+    assert!(report(&mesh(&everything_wrong, &triangles())).unwrap_err().contains("mesh 0: triangle 0 has a vertex"));
+}
+
+#[test]
+fn layouts_that_do_not_fit_are_rejected() {
+    let Some((device, queue)) = opened("layouts_that_do_not_fit_are_rejected") else { return };
+    let gpu = Gpu::from_wgpu(device.clone(), queue);
+    let vertices = buffer(&device, &[0; 36]);
+    let good =
+        MeshBuffers { vertices: &vertices, first_byte: 0, stride: 12, n_vertices: 3, indices: None, n_triangles: 1 };
+    let refused = |mesh: MeshBuffers<'_>, strategy: Strategy| match BufferScene::new(
+        &gpu,
+        &[mesh],
+        BuildConfig { strategy, ..BuildConfig::default() },
+    ) {
+        Ok(_) => panic!("{mesh:?} is accepted"),
+        Err(GpuError::Invalid { message }) => message,
+        Err(error) => error.to_string(),
+    };
+    assert!(BufferScene::new(&gpu, &[good], BuildConfig::default()).is_ok());
+    let hidden = device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: 36,
+        usage: wgpu::BufferUsages::VERTEX,
+        mapped_at_creation: false,
+    });
+    let index = |first_byte| Some(IndexBuffer { buffer: &vertices, format: wgpu::IndexFormat::Uint32, first_byte });
+    let cases = [
+        (MeshBuffers { stride: 10, ..good }, "stride 10"),
+        (MeshBuffers { first_byte: 4, ..good }, "the vertices end at byte 40 of a buffer of 36 bytes"),
+        (MeshBuffers { n_triangles: 2, ..good }, "2 triangles without indices need 6 vertices, not 3"),
+        (MeshBuffers { indices: index(28), ..good }, "the indices end at byte 40"),
+        (MeshBuffers { indices: index(2), ..good }, "must be a multiple of 4"),
+        (MeshBuffers { vertices: &hidden, ..good }, "lacks the usage STORAGE"),
+    ];
+    for (mesh, word) in cases {
+        let message = refused(mesh, Strategy::Aabb);
+        assert!(message.starts_with("mesh 0: ") && message.contains(word), "{message}");
+    }
+    assert!(refused(good, Strategy::PcaBounded).contains("PcaBounded"));
+}

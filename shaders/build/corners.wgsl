@@ -1,0 +1,76 @@
+// Vertices of the triangles of a mesh, from buffers of any layout.
+// Reads: vertices, indices.
+// Writes: nine words per triangle; faults.
+// Holds: every coordinate written is finite. A triangle with a fault becomes a point, which nothing hits.
+// use shared/build/slice
+
+struct MeshLayout {
+    /// First word of the first vertex, and words from vertex to vertex.
+    first_word: u32,
+    stride: u32,
+    n_vertices: u32,
+    /// Number of the first index in its buffer, in units of its size.
+    first_index: u32,
+    /// Bytes of an index; 0 if vertices are in order.
+    index_bytes: u32,
+    /// Number of the mesh's first triangle among all.
+    first_triangle: u32,
+}
+
+@group(0) @binding(1) var<uniform> mesh_layout: MeshLayout;
+@group(0) @binding(2) var<storage, read> mesh_vertices: array<u32>;
+@group(0) @binding(3) var<storage, read> mesh_indices: array<u32>;
+@group(0) @binding(4) var<storage, read_write> corners: array<u32>;
+/// The complement of the lowest triangle with an index out of range, and of the lowest with a coordinate that is not finite or too
+/// large; zero for none.
+@group(0) @binding(5) var<storage, read_write> faults: array<atomic<u32>>;
+
+/// Bits of the largest coordinate that kernels support, 1e18.
+const MAX_COORDINATE: u32 = 0x5d5e0b6bu;
+
+/// The vertex of a corner, numbered over all corners of the mesh.
+fn index_of(corner: u32) -> u32 {
+    let at = mesh_layout.first_index + corner;
+    switch mesh_layout.index_bytes {
+        case 0u: {
+            return corner;
+        }
+        case 2u: {
+            return (mesh_indices[at >> 1u] >> ((at & 1u) << 4u)) & 0xffffu;
+        }
+        default: {
+            return mesh_indices[at];
+        }
+    }
+}
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let triangle = slice_item(id, 64u);
+    if triangle >= slice.end {
+        return;
+    }
+    let number = mesh_layout.first_triangle + triangle;
+    var words: array<u32, 9>;
+    var is_sound = true;
+    for (var k = 0u; k < 3u; k++) {
+        let index = index_of(3u * triangle + k);
+        if index >= mesh_layout.n_vertices {
+            atomicMax(&faults[0], ~number);
+            is_sound = false;
+            continue;
+        }
+        for (var axis = 0u; axis < 3u; axis++) {
+            let word = mesh_vertices[mesh_layout.first_word + mesh_layout.stride * index + axis];
+            // As integers, because devices need not compare NaN.
+            if (word & 0x7fffffffu) > MAX_COORDINATE {
+                atomicMax(&faults[1], ~number);
+                is_sound = false;
+            }
+            words[3u * k + axis] = word;
+        }
+    }
+    for (var k = 0u; k < 9u; k++) {
+        corners[9u * number + k] = select(0u, words[k], is_sound);
+    }
+}
