@@ -22,7 +22,15 @@ fn rel_mse(folder: &Folder, a: &str, b: &str) -> f64 {
 fn a_gpu_renders_the_picture_of_the_cpu() {
     let Some(name) = adapter("a_gpu_renders_the_picture_of_the_cpu") else { return };
     let folder = Folder::with_small();
-    for options in ["--spp 16", "--spp 64 --noise 0.05", "--sampler sobol --spp 16 --filter tent"] {
+    // The last BVHs are built on the device.
+    let all_options = [
+        "--spp 16",
+        "--spp 64 --noise 0.05",
+        "--sampler sobol --spp 16 --filter tent",
+        "--volumes pca-bounded --spp 16",
+        "--volumes aabb --levels two --integrator path --spp 16",
+    ];
+    for options in all_options {
         folder.run(&format!("{RENDER} {options} -o cpu.exr --device cpu")).done();
         let run = folder.run(&format!("{RENDER} {options} -o gpu.exr --device gpu --json")).done().json();
         assert_eq!(run["device"], *name);
