@@ -1,0 +1,111 @@
+//! Ray picking in a kernel of a wgpu program: which cube, which triangle, how far?
+//!
+//! ```text
+//! cargo run --release -p wgpu-pick -- 0.1 -0.2      pointer: x and y from -1 to 1
+//! ```
+
+use std::error::Error;
+
+use canted_gpu::build::BuildConfig;
+use canted_gpu::wgpu::util::{BufferInitDescriptor, DeviceExt};
+use canted_gpu::{BufferScene, Gpu, IndexBuffer, MeshBuffers, wgpu};
+
+/// Corners of a cube by bits, with another vector behind each position, as a program's own vertices have.
+fn cube(center: [f32; 3]) -> Vec<[f32; 6]> {
+    let corner = |i: u32| {
+        let at = |k: usize| center[k] + if i >> k & 1 == 0 { -0.5 } else { 0.5 };
+        [at(0), at(1), at(2), 0.0, 1.0, 0.0]
+    };
+    (0..8).map(corner).collect()
+}
+
+const CUBE: [[u16; 3]; 12] = [
+    [0, 2, 1],
+    [1, 2, 3],
+    [4, 5, 6],
+    [5, 7, 6],
+    [0, 1, 4],
+    [1, 5, 4],
+    [2, 6, 3],
+    [3, 6, 7],
+    [0, 4, 2],
+    [2, 4, 6],
+    [1, 3, 5],
+    [3, 7, 5],
+];
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut pointer = std::env::args().skip(1).map(|word| word.parse::<f32>());
+    let (x, y) = (pointer.next().transpose()?.unwrap_or(0.0), pointer.next().transpose()?.unwrap_or(0.0));
+
+    // The program's own device, buffers and pipeline.
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))?;
+    let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 8, ..wgpu::Limits::default() };
+    let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
+    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))?;
+    let usage = wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::INDEX | wgpu::BufferUsages::STORAGE;
+    let buffer = |contents: &[u8]| device.create_buffer_init(&BufferInitDescriptor { label: None, contents, usage });
+    let cubes = [[-1.2, 0.0, 0.0], [0.0, 0.3, -1.0], [1.3, -0.2, 0.5]]
+        .map(|center| buffer(bytemuck::cast_slice(&cube(center))));
+    let indices = buffer(bytemuck::cast_slice(&CUBE));
+
+    // A BVH over the program's buffers, and its traversal in the program's kernel.
+    let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
+    let meshes = cubes.each_ref().map(|vertices| MeshBuffers {
+        vertices,
+        first_byte: 0,
+        stride: 24,
+        n_vertices: 8,
+        indices: Some(IndexBuffer { buffer: &indices, format: wgpu::IndexFormat::Uint16, first_byte: 0 }),
+        n_triangles: 12,
+    });
+    let scene = BufferScene::new(&gpu, &meshes, BuildConfig::default())?;
+    let text = scene.traced().module(1)? + include_str!("pick.wgsl");
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("pick"),
+        source: wgpu::ShaderSource::Wgsl(text.as_str().into()),
+    });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some("pick"),
+        layout: None,
+        module: &module,
+        entry_point: Some("main"),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    });
+
+    // One ray.
+    let contents: [f32; 8] = [0.0, 1.0, 6.0, x, 0.0, -0.15, -1.0, y];
+    let descriptor = BufferInitDescriptor {
+        label: None,
+        contents: bytemuck::bytes_of(&contents),
+        usage: wgpu::BufferUsages::UNIFORM,
+    };
+    let pointer = device.create_buffer_init(&descriptor);
+    let picked = gpu.zeroed::<canted_gpu::DeviceHit>("picked", 1)?;
+    let own = device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: &pipeline.get_bind_group_layout(0),
+        entries: &[
+            wgpu::BindGroupEntry { binding: 0, resource: pointer.as_entire_binding() },
+            wgpu::BindGroupEntry { binding: 1, resource: picked.wgpu().as_entire_binding() },
+        ],
+    });
+    let traversal = scene.traced().bind_group(&gpu, &pipeline.get_bind_group_layout(1))?;
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+    pass.set_pipeline(&pipeline);
+    pass.set_bind_group(0, &own, &[]);
+    pass.set_bind_group(1, &traversal, &[]);
+    pass.dispatch_workgroups(1, 1, 1);
+    drop(pass);
+    queue.submit([encoder.finish()]);
+    let hit = gpu.read(&picked)?[0];
+    if hit.instance == u32::MAX {
+        println!("nothing at ({x}, {y})");
+    } else {
+        println!("cube {}, triangle {}, at t = {}", hit.instance, hit.primitive, hit.t);
+    }
+    Ok(())
+}
