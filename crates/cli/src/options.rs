@@ -125,9 +125,6 @@ impl StructureArgs {
             return Some(format!("--accel {}", name_of(&ACCELS, &accel)));
         }
         let is_binary = self.volumes.is_some() || self.accel == Some(AccelKind::Bvh2);
-        if self.volumes == Some(Strategy::PcaUnbounded) {
-            return Some(format!("--volumes {}", strategy_name(Strategy::PcaUnbounded)));
-        }
         // The device builds binary BVHs itself, over a radix tree.
         let is_other = is_binary && !matches!(self.builder, None | Some(Builder::Lbvh));
         is_other.then(|| format!("--builder {} with a binary BVH", name_of(BUILDERS, &self.builder)))

@@ -16,6 +16,7 @@ mod run;
 mod sort;
 mod stages;
 mod two_levels;
+mod unbounded;
 mod volumes;
 
 pub use items::{Items, Range};
@@ -33,10 +34,8 @@ use canted_obb::{Aabb, Obb};
 
 use crate::{Buffer, GpuError};
 
-/// Volume strategies that the device supports; the axis-aligned one is first. `PcaUnbounded` is not supported: it measures each
-/// box with every point below the node, which takes too long on a device (Sabino 2020, 4.3).
-pub const STRATEGIES: [Strategy; 5] =
-    [Strategy::Aabb, Strategy::PcaBounded, Strategy::Quaternion, Strategy::Combined, Strategy::Dop];
+/// Volume strategies that the device supports: all of the CPU's, the axis-aligned one first.
+pub const STRATEGIES: [Strategy; 6] = Strategy::ALL;
 
 /// Build settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]

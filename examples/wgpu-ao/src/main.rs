@@ -88,10 +88,9 @@ fn pipeline(device: &wgpu::Device, text: &str) -> wgpu::ComputePipeline {
 }
 
 fn group(device: &wgpu::Device, pipeline: &wgpu::ComputePipeline, buffers: &[&wgpu::Buffer]) -> wgpu::BindGroup {
-    let entries = (0..).zip(buffers).map(|(binding, buffer)| wgpu::BindGroupEntry {
-        binding,
-        resource: buffer.as_entire_binding(),
-    });
+    let entries = (0..)
+        .zip(buffers)
+        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() });
     let entries: Vec<_> = entries.collect();
     let layout = &pipeline.get_bind_group_layout(0);
     device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })

@@ -98,16 +98,16 @@ mod tests {
 
     #[test]
     fn totals_include_all_stages_of_a_build() {
-        let boxes = [16.0, 32.0, 64.0, 128.0, 256.0].map(Some);
+        let boxes = [16.0, 32.0, 64.0, 128.0, 256.0, 512.0].map(Some);
         let [domain, codes, sort, tree] = [1.0, 2.0, 4.0, 8.0].map(Some);
         let passes = Passes { domain, codes, sort, tree, boxes, error: None };
         assert_eq!(passes.total(Strategy::Aabb), Some(31.0));
-        assert_eq!(passes.total(Strategy::Dop), Some(31.0 + 256.0));
-        assert_eq!(passes.total(Strategy::PcaUnbounded), None);
-        let faster = Passes { sort: Some(3.0), boxes: [Some(17.0); 5], ..passes.clone() };
+        assert_eq!(passes.total(Strategy::Dop), Some(31.0 + 512.0));
+        assert_eq!(passes.total(Strategy::PcaUnbounded), Some(31.0 + 32.0));
+        let faster = Passes { sort: Some(3.0), boxes: [Some(17.0); 6], ..passes.clone() };
         let least = passes.least(&faster);
-        assert_eq!((least.sort, least.boxes), (Some(3.0), [16.0, 17.0, 17.0, 17.0, 17.0].map(Some)));
-        let incomplete = Passes { boxes: [Some(16.0), None, None, None, None], ..passes.clone() };
+        assert_eq!((least.sort, least.boxes), (Some(3.0), [16.0, 17.0, 17.0, 17.0, 17.0, 17.0].map(Some)));
+        let incomplete = Passes { boxes: [Some(16.0), None, None, None, None, None], ..passes.clone() };
         assert_eq!((incomplete.total(Strategy::Aabb), incomplete.total(Strategy::Dop)), (Some(31.0), None));
         assert_eq!(passes.least(&incomplete).boxes, incomplete.boxes);
     }

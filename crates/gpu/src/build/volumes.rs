@@ -3,7 +3,7 @@
 use canted_lbvh::Strategy;
 use canted_obb::{Aabb, Obb};
 
-use super::{Items, Run, Sorter, Trees, count, dop::dop};
+use super::{Items, Run, Sorter, Trees, count, dop::dop, unbounded::unbounded};
 use crate::{Buffer, GpuError, NamedBinding, Specialisation};
 
 /// Maximum height of a tree: bits of a code, bits of a position, and the leaf.
@@ -36,6 +36,16 @@ pub(super) struct Schedule {
 }
 
 impl Schedule {
+    /// Slots by height.
+    pub(super) fn order(&self) -> &Buffer<u32> {
+        &self.order
+    }
+
+    /// The range of slots of each height.
+    pub(super) fn levels(&self) -> &[[u32; 2]] {
+        &self.levels
+    }
+
     /// Sorts the nodes by height and reads back where each height starts.
     ///
     /// # Errors
@@ -84,7 +94,8 @@ pub fn obbs(
         Strategy::Quaternion => "shared/rule/quaternion",
         Strategy::Combined => "shared/rule/combined",
         Strategy::Dop => return dop(run, items, leaves, trees, aabbs),
-        Strategy::Aabb | Strategy::PcaUnbounded => {
+        Strategy::PcaUnbounded => return unbounded(run, items, leaves, trees, aabbs),
+        Strategy::Aabb => {
             let message = format!("volume strategy {strategy:?} is not supported on the GPU");
             return Err(GpuError::Invalid { message });
         }

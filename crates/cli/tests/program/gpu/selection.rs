@@ -58,7 +58,6 @@ fn unsupported_requests_are_rejected() {
     folder.write("far.obj", crate::support::SMALL.replace("v 1 0 0", "v 2e18 0 0"));
     let cast = "cast small.obj --rays rays.csv --hits hits.csv --device";
     let cases = [
-        (format!("{RENDER} gpu --volumes pca-unbounded"), "--volumes pca-unbounded is not supported on the GPU"),
         (format!("{RENDER} gpu --volumes aabb --builder ploc"), "--builder ploc with a binary BVH is not supported"),
         (format!("{RENDER} gpu --accel kdtree"), "--accel kdtree is not supported on the GPU"),
         (format!("{RENDER} gpu --triangles baldwin-weber"), "--triangles baldwin-weber is not supported"),
