@@ -20,6 +20,12 @@
 // 2^-50 and 2^60 in size.
 // use shared/ray
 
+/// Bit of words that refer to leaves.
+const LEAF: u32 = 0x80000000u;
+
+/// A word that refers to nothing.
+const EMPTY: u32 = 0x7fffffffu;
+
 /// Upper bound of one relative rounding: 2^-23.
 const ROUNDING: f32 = 1.1920929e-7;
 

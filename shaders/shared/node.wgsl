@@ -5,12 +5,6 @@
 // use shared/bvh
 // use ?node_kinds
 
-/// Bit of words that refer to leaves.
-const LEAF: u32 = 0x80000000u;
-
-/// A word that refers to nothing.
-const EMPTY: u32 = 0x7fffffffu;
-
 /// Key of a child that the ray does not enter.
 const MISSED: u32 = 0xffffffffu;
 

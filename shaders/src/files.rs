@@ -6,6 +6,7 @@ macro_rules! files {
 
 /// Path of each file without its extension, and its text.
 pub const FILES: &[(&str, &str)] = files![
+    "alternatives/binary/traverse",
     "alternatives/traverse",
     "alternatives/wavefront/generate",
     "alternatives/wavefront/paths",
@@ -26,6 +27,7 @@ pub const FILES: &[(&str, &str)] = files![
     "build/levels",
     "build/merge",
     "build/moments",
+    "build/pair_links",
     "build/pairs",
     "build/point_boxes",
     "build/point_extents",

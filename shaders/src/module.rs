@@ -7,6 +7,9 @@ use crate::{ShaderError, Specialisation, assemble};
 /// Names that a user's kernel calls. All other names get a prefix.
 const PUBLIC: [&str; 6] = ["Ray", "Hit", "closest_hit", "occluded", "NONE", "is_incomplete"];
 
+/// Words before a declared name.
+const DECLARES: [&str; 6] = ["fn", "struct", "const", "var", "override", "alias"];
+
 /// Before all other names of the module, so that they do not collide with those of the kernel.
 const PREFIX: &str = "canted_";
 
@@ -67,10 +70,8 @@ fn declared(text: &str) -> HashSet<&str> {
                 continue;
             }
             _ if is_type => continue,
-            name if depth == 0 && ["fn", "struct", "const", "var", "override", "alias"].contains(&previous) => {
-                if !PUBLIC.contains(&name) {
-                    names.insert(name);
-                }
+            name if depth == 0 && DECLARES.contains(&previous) && !PUBLIC.contains(&name) => {
+                names.insert(name);
             }
             _ => {}
         }

@@ -23,9 +23,28 @@
 //! |---|---|
 //! | [`Gpu`], [`Choice`] | an open device; which adapter to open |
 //! | [`Buffer`], [`Kernel`], [`Commands`] | typed buffers, compiled kernels, dispatches |
-//! | [`TracedScene`] | BVHs and instances in device memory, for ray batches and for other kernels |
+//! | [`TracedScene`] | BVHs and instances in device memory, for ray batches and for kernels of your own |
+//! | [`BufferScene`], [`MeshBuffers`] | a BVH over vertex and index buffers of your own, built in your command encoder |
 //! | [`build`] | BVH construction on the device, stage by stage |
 //! | [`RasterPipeline`], [`Draw`] | raster passes into integer targets |
+//!
+//! # Buffers of a scene
+//!
+//! [`TracedScene::module`] reads these buffers. [`TracedScene::bind_group`] binds them; the layout is for programs that read them in
+//! other ways. All numbers are 32 bits wide, vectors of four are aligned to 16 bytes.
+//!
+//! | binding | content |
+//! |---|---|
+//! | 0 `nodes` | binary BVHs: inner nodes, each with two children. A child with an axis-aligned box is 32 bytes: lower ends and word, upper ends and zero. One with an oriented box is 64 bytes: three times an axis and the half-extent along it, then center and word. Wide BVHs: see [`RawBvh`](canted_wide::RawBvh) |
+//! | 1 `corners` | nine coordinates per triangle, in the order of the meshes; of wide BVHs, blocks of triangles instead |
+//! | 2 `bvhs` | 64 bytes per BVH, the top level first: three rows of the mesh's frame, whose fourth components are the greatest coordinate, the error of hits per coordinate of the origin, and the constant error; then the root's word, first node, first triangle, and whether the frame is rotated |
+//! | 3 `instances` | two levels: 64 bytes per instance: three rows of the linear part of `object_from_world`, whose fourth components are the world position of the object's origin; then the number of its BVH, and of its motion plus one |
+//! | 3 `first_triangles` | one level over several meshes: the first triangle of each |
+//! | 4 `instance_order` | two levels: the instance of each item of the top level |
+//! | 5 `motions` | two levels with moving instances |
+//!
+//! A word with the highest bit is a leaf, whose other bits are the number of its triangle, or of its item in the top level; other words
+//! are numbers of nodes. `0x7fffffff` is an empty BVH.
 //!
 //! # Guarantees
 //!

@@ -1,16 +1,11 @@
 // Binary BVHs that the device built, in the form of build/pairs. Leaves hold one triangle, and one instance in the top level.
 // use shared/traverse
 // use shared/leaf
-// use ?volume
+// use shared/binary/volume/entry
 // use ?level
 // use ?count
 // use shared/invocation/iterations
-
-/// Bit of words that refer to leaves.
-const LEAF: u32 = 0x80000000u;
-
-/// A word that refers to nothing.
-const EMPTY: u32 = 0x7fffffffu;
+// const MAX_ITERATIONS
 
 /// Vertices of all triangles, in the order of the meshes.
 @group(0) @binding(1) var<storage, read> corners: array<f32>;
@@ -34,7 +29,6 @@ fn from_origin(at: u32) -> vec3<f32> {
 // choice stack
 // Nearer children first; the others wait on a stack in private memory, at most one for each level.
 // const STACK_SIZE
-// const MAX_ITERATIONS
 
 /// The closest hit, or any hit; a miss if there is none.
 fn traverse(ray: Ray, any: bool) -> Hit {

@@ -2,7 +2,7 @@
 
 use canted_fixtures::Mesh;
 use canted_gpu::build::{BuildConfig, STRATEGIES};
-use canted_gpu::{Gpu, TracedScene};
+use canted_gpu::{Gpu, TracedScene, Traversal};
 use canted_lbvh::{Bits, Corners, Strategy};
 use canted_obb::Affine;
 use canted_tests::{
@@ -121,12 +121,37 @@ fn rays_through_instances_lose_no_hit() {
     let tlas = Tlas::new(bottom, &instances, TopConfig::default()).unwrap();
     let all_corners: Vec<Vec<Corners>> = meshes.iter().map(corners).collect();
     let slices: Vec<&[Corners]> = all_corners.iter().map(Vec::as_slice).collect();
-    for strategy in STRATEGIES {
+    let stack = STRATEGIES.map(|strategy| (strategy, Traversal::Stack));
+    let others = [Traversal::Bits, Traversal::Links]
+        .map(|traversal| [Strategy::Aabb, Strategy::Combined].map(|strategy| (strategy, traversal)));
+    for (strategy, traversal) in stack.into_iter().chain(others.into_iter().flatten()) {
         let scene = TracedScene::build_two_level(&gpu, &slices, &instances, config(strategy)).unwrap();
+        let scene = scene.with_traversal(&gpu, traversal).unwrap();
         let mut tally = Tally::default();
         world
             .check_all(&gpu, &scene, &all_rays, |ray| tlas.closest_hit(ray), &mut tally)
-            .unwrap_or_else(|error| panic!("{strategy:?}: {error}"));
-        tally.report(&format!("{strategy:?}"));
+            .unwrap_or_else(|error| panic!("{strategy:?}, {traversal:?}: {error}"));
+        tally.report(&format!("{strategy:?}, {traversal:?}"));
+    }
+}
+
+/// Every traversal gives the same hits as the stack, in one level; without links it does not.
+#[test]
+fn traversals_without_a_stack_find_the_same_hits() {
+    let Some(gpu) = gpu("binary::traversals_without_a_stack_find_the_same_hits") else { return };
+    let mesh = scenes::room(3, 40).off_axis();
+    let rays = all_rays(&mesh, 100);
+    for strategy in [Strategy::Aabb, Strategy::PcaBounded] {
+        let scene = |traversal| {
+            let scene = TracedScene::build_single_level(&gpu, &corners(&mesh), &[0], config(strategy)).unwrap();
+            scene.with_traversal(&gpu, traversal).unwrap()
+        };
+        let hits = |scene: &TracedScene| scene.closest_hits(&gpu, &rays).unwrap();
+        let expected = hits(&scene(Traversal::Stack));
+        for traversal in [Traversal::Bits, Traversal::Links] {
+            assert_eq!(hits(&scene(traversal)), expected, "{strategy:?}, {traversal:?}");
+            let cut = scene(traversal).without_parent_links(&gpu).unwrap();
+            assert_ne!(hits(&cut), expected, "{strategy:?}, {traversal:?}: the missing links are not seen");
+        }
     }
 }

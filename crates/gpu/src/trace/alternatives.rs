@@ -7,16 +7,18 @@ use super::nodes::{EMPTY, LINE_QUADS, child_word, each_node, is_node, line};
 
 /// How a ray returns to nodes with pending children. All variants find the same hits.
 ///
-/// Only [`Traversal::Stack`] is used for rendering. The others are measured alternatives (`alternatives/traverse.wgsl`);
-/// `benches/TRIED.md` has their timings on a software driver. They have not been measured on hardware.
+/// Only [`Traversal::Stack`] is used for rendering. The others are measured alternatives (`alternatives/traverse.wgsl` for wide BVHs,
+/// `alternatives/binary/traverse.wgsl` for binary ones); `benches/TRIED.md` has their timings on a software driver. They have not been
+/// measured on hardware.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Traversal {
     /// A stack in private memory.
     #[default]
     Stack,
-    /// Eight bits per level in registers, and links to parents; at most sixteen levels.
+    /// Bits in registers for each level, and links to parents: eight per level and at most sixteen levels in wide BVHs, one per level in
+    /// binary ones.
     Bits,
-    /// Links to parents, and the key of the child that the ray returns from.
+    /// Links to parents, and the child that the ray returns from.
     Links,
 }
 
@@ -39,6 +41,15 @@ impl Traversal {
             Self::Stack => "shared/traverse/stack",
             Self::Bits => "alternatives/traverse/bits",
             Self::Links => "alternatives/traverse/links",
+        }
+    }
+
+    /// The same for binary BVHs.
+    pub(super) fn binary_file(self) -> &'static str {
+        match self {
+            Self::Stack => "shared/binary/traverse/stack",
+            Self::Bits => "alternatives/binary/traverse/bits",
+            Self::Links => "alternatives/binary/traverse/links",
         }
     }
 }

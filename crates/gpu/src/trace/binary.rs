@@ -14,6 +14,7 @@ use canted_lbvh::Corners;
 use canted_obb::{Aabb, Obb};
 use canted_tlas::Instance;
 
+use super::alternatives::Traversal;
 use super::coordinates::check_coordinates;
 use super::layout::{BvhHeader, HitError, Quad};
 use super::level::{Instances, Level};
@@ -33,6 +34,10 @@ pub(super) struct Pairs {
     /// Vertices of the triangles.
     corners: Arc<Buffer<Corners>>,
     is_oriented: bool,
+    n_nodes: u32,
+    traversal: Traversal,
+    /// Links to parents, for traversals that need them.
+    links: Option<Buffer<u32>>,
 }
 
 /// `Level` of `build/pairs`.
@@ -57,7 +62,7 @@ impl Pairs {
         if let Some(second) = second {
             put(run, second, first.items.len(), &pairs)?;
         }
-        Ok(Self { pairs, corners: corners.clone(), is_oriented })
+        Ok(Self { pairs, corners: corners.clone(), is_oriented, n_nodes, traversal: Traversal::Stack, links: None })
     }
 
     /// Converts a single level.
@@ -74,17 +79,47 @@ impl Pairs {
         self.is_oriented
     }
 
+    pub(super) fn traversal(&self) -> Traversal {
+        self.traversal
+    }
+
+    /// Chooses a traversal.
+    pub(super) fn set_traversal(&mut self, gpu: &Gpu, traversal: Traversal) -> Result<(), GpuError> {
+        self.traversal = traversal;
+        self.links = None;
+        if traversal != Traversal::Stack {
+            let links = gpu.zeroed("parent links", self.n_nodes as usize)?;
+            let bound: [NamedBinding<'_>; 2] = [("pairs", &self.pairs), ("pair_links", &links)];
+            let [quads, word] = if self.is_oriented { [4, 3] } else { [2, 0] };
+            let chosen = Specialisation::none().number("QUADS", quads).number("WORD_QUAD", word);
+            Run::new(gpu).stage("links", |dispatches| {
+                let kernel = gpu.kernel("build/pair_links", &chosen)?;
+                dispatches.items(&kernel, &bound, self.n_nodes)
+            })?;
+            self.links = Some(links);
+        }
+        Ok(())
+    }
+
+    /// Makes all links invalid.
+    pub(super) fn cut_links(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
+        self.links = Some(gpu.zeroed("parent links", self.n_nodes as usize)?);
+        Ok(())
+    }
+
     pub(super) fn bindings(&self) -> Vec<NamedBinding<'_>> {
-        vec![("nodes", &self.pairs), ("corners", &*self.corners)]
+        let mut bound: Vec<NamedBinding<'_>> = vec![("nodes", &self.pairs), ("corners", &*self.corners)];
+        bound.extend(self.links.as_ref().map(|links| -> NamedBinding<'_> { ("pair_links", links) }));
+        bound
     }
 
     pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
         let volume = if self.is_oriented { "shared/binary/volume/obb" } else { "shared/binary/volume/aabb" };
-        chosen.part("traverse", "shared/binary/traverse/stack").part("volume", volume)
+        chosen.part("traverse", self.traversal.binary_file()).part("volume", volume)
     }
 
     pub(super) fn n_bytes(&self) -> u64 {
-        self.pairs.n_bytes() + self.corners.n_bytes()
+        self.pairs.n_bytes() + self.corners.n_bytes() + self.links.as_ref().map_or(0, Buffer::n_bytes)
     }
 }
 

@@ -58,12 +58,12 @@ impl TracedScene {
     /// The same scene with another traversal.
     ///
     /// # Errors
-    /// A BVH too deep for the traversal, a binary BVH, or device lost.
+    /// A BVH too deep for the traversal, or device lost.
     pub fn with_traversal(mut self, gpu: &Gpu, traversal: Traversal) -> Result<Self, GpuError> {
-        let Nodes::Wide(wide) = &mut self.nodes else {
-            return Err(GpuError::Unsupported { what: format!("traversal by {} of a binary BVH", traversal.name()) });
-        };
-        wide.set_traversal(gpu, &self.bvhs, traversal, self.depth)?;
+        match &mut self.nodes {
+            Nodes::Wide(wide) => wide.set_traversal(gpu, &self.bvhs, traversal, self.depth)?,
+            Nodes::Binary(pairs) => pairs.set_traversal(gpu, traversal)?,
+        }
         Ok(self)
     }
 
@@ -73,8 +73,9 @@ impl TracedScene {
     /// The device is lost.
     #[doc(hidden)]
     pub fn without_parent_links(mut self, gpu: &Gpu) -> Result<Self, GpuError> {
-        if let Nodes::Wide(wide) = &mut self.nodes {
-            wide.cut_links(gpu)?;
+        match &mut self.nodes {
+            Nodes::Wide(wide) => wide.cut_links(gpu)?,
+            Nodes::Binary(pairs) => pairs.cut_links(gpu)?,
         }
         Ok(self)
     }
@@ -102,7 +103,7 @@ impl TracedScene {
         let chosen = chosen.part("level", self.level.part()).number("MAX_ITERATIONS", self.max_iterations);
         let (chosen, has_stack) = match &self.nodes {
             Nodes::Wide(wide) => (wide.specialise(chosen), wide.traversal() == Traversal::Stack),
-            Nodes::Binary(pairs) => (pairs.specialise(chosen), true),
+            Nodes::Binary(pairs) => (pairs.specialise(chosen), pairs.traversal() == Traversal::Stack),
         };
         if has_stack { chosen.number("STACK_SIZE", self.depth.max(1)) } else { chosen }
     }
