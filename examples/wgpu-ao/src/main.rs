@@ -4,6 +4,8 @@
 //! cargo run --release -p wgpu-ao -- FOLDER [FRAMES]      writes FOLDER/ao_00.png, ...
 //! ```
 
+#![forbid(unsafe_code)]
+
 use std::error::Error;
 use std::path::PathBuf;
 

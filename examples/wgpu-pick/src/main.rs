@@ -4,6 +4,7 @@
 //! cargo run --release -p wgpu-pick -- 0.1 -0.2      pointer: x and y from -1 to 1
 //! ```
 
+#![forbid(unsafe_code)]
 #![expect(clippy::print_stdout, reason = "the answer is the output of the program")]
 
 use std::error::Error;

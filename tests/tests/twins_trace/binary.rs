@@ -92,9 +92,10 @@ fn rays_through_instances_lose_no_hit() {
         .map(|placement| placement.world_from_object)
         .chain(transforms().into_iter().map(|(_, at)| at))
         .collect();
-    let instances: Vec<Instance> = (0..placed.len() * 2)
-        .map(|i| Instance::new(if i % 9 == 8 { 3 } else { (i % 3) as u32 }, placed[i / 2]))
-        .collect();
+    // Two instances in each place.
+    let places = placed.iter().flat_map(|&at| [at; 2]);
+    let instances: Vec<Instance> =
+        (0..).zip(places).map(|(i, at)| Instance::new(if i % 9 == 8 { 3 } else { i % 3 }, at)).collect();
     let of = |instance: u32| (&meshes[instances[instance as usize].blas as usize], &instances[instance as usize]);
     let all_rays: Vec<Ray> = (0u32..)
         .zip(&instances)

@@ -9,7 +9,7 @@ use crate::{Buffer, GpuError, NamedBinding};
 /// The box of each inner node, by slot, along the principal axes of the surface of everything below it; the axis-aligned box if
 /// that has no more area.
 ///
-/// Frames are computed one height at a time. Then each run of leaves measures itself along the axes of every node above it, so the
+/// Frames are computed one height at a time. Then each run of leaves measures itself in the frame of every node above it, so the
 /// time is proportional to the sum of all subtree sizes, as on the CPU.
 pub(super) fn unbounded(
     run: &mut Run<'_>,
@@ -23,7 +23,7 @@ pub(super) fn unbounded(
     let n = items.len();
     let obbs = gpu.zeroed("oriented boxes", n as usize)?;
     let moments = gpu.zeroed::<[f32; 10]>("moments", n as usize)?;
-    let ends = gpu.zeroed::<[f32; 6]>("extents along the axes of nodes", n as usize)?;
+    let ends = gpu.zeroed::<[f32; 6]>("extents in the frames of nodes", n as usize)?;
     run.stage("obb", |dispatches| {
         let more: [NamedBinding<'_>; 5] = [
             ("order", schedule.order()),
