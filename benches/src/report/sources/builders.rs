@@ -5,7 +5,7 @@ use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{scaffold_nodes, scaffold_of};
 use canted_lbvh::Leaf;
 use canted_obb::Aabb;
-use canted_sah::{Axes, Builder, Split, TopDownConfig};
+use canted_sah::{Builder, TopDownConfig};
 use canted_trace::Watertight;
 
 use super::passes::one_thread;
@@ -13,12 +13,6 @@ use crate::clock;
 use crate::models::Model;
 use crate::report::{effort::Effort, samples::Samples, subjects};
 use crate::wide::sets;
-
-/// Splits a node at the midpoint of its longest axis, like a bounding interval hierarchy.
-pub(super) const MIDPOINT: (&str, Builder) = (
-    "midpoint splits",
-    Builder::TopDown(TopDownConfig { split: Split::Midpoint, axes: Axes::Longest, ..TopDownConfig::BINNED }, None),
-);
 
 /// The cheapest.
 pub(super) const RADIX: (&str, Builder) = ("radix tree", Builder::Lbvh);
