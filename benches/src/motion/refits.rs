@@ -106,7 +106,6 @@ fn of_obvhs(frames: &Frames) -> Updated<'_> {
     let mut bvh = build_bvh2_from_tris(&all, BvhBuildParams::fastest_build(), &mut Duration::default());
     let at = [0, 1].map(|frame| theirs::triangles(&frames.at(frame)));
     Updated::new("obvhs BVH2 fastest, refit", move |frame| {
-        use obvhs::Boundable;
         let triangles = &at[frame % 2];
         for i in 0..bvh.nodes.len() {
             let node = bvh.nodes[i];

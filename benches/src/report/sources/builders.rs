@@ -22,7 +22,6 @@ pub(super) const SWEPT: (&str, Builder) = ("full SAH sweep", Builder::TopDown(To
 
 /// The times of one BVH.
 pub(super) struct Took {
-    pub(super) name: &'static str,
     /// Milliseconds.
     pub(super) build: Samples,
     /// Milliseconds of all camera rays.
@@ -64,9 +63,7 @@ fn measure_here(model: &Model, builders: &[(&'static str, Builder)], effort: Eff
             }
         }
     }
-    let names = builders.iter().map(|(name, _)| *name);
-    let took = names.zip(took).map(|(name, (build, picture, n_bytes))| Took {
-        name,
+    let took = took.into_iter().map(|(build, picture, n_bytes)| Took {
         build: build.into(),
         picture: picture.into(),
         n_bytes,

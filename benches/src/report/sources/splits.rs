@@ -7,7 +7,7 @@ use canted_bvh2::{Bvh2, PairOrder};
 use canted_lbvh::{Corners, Costs, Leaf, Strategy, Tree, VolumeConfig, Volumes};
 use canted_obb::{Aabb, Obb};
 use canted_sah::{Axes, Builder, SpatialConfig, Split, TopDownConfig};
-use canted_trace::{Hit, Ray, Watertight, pad_aabb};
+use canted_trace::{Hit, Watertight, pad_aabb};
 
 use super::orders::Found;
 use super::passes::one_thread;
