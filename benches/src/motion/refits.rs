@@ -29,7 +29,8 @@ struct Frames {
 
 impl Frames {
     fn of(mesh: Mesh) -> Self {
-        let [least, greatest] = mesh.positions.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], p| [a.min(p[2]), b.max(p[2])]);
+        let [least, greatest] =
+            mesh.positions.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], p| [a.min(p[2]), b.max(p[2])]);
         let height = (greatest - least).max(f32::MIN_POSITIVE);
         let twist = |degrees: f32| {
             let turned = |&[x, y, z]: &[f32; 3]| {
@@ -112,7 +113,8 @@ fn of_obvhs(frames: &Frames) -> Updated<'_> {
             if node.is_leaf() {
                 let first = node.first_index as usize;
                 let of_leaf = &bvh.primitive_indices[first..first + node.prim_count as usize];
-                let aabb = of_leaf.iter().fold(obvhs::aabb::Aabb::INVALID, |all, &i| all.union(&triangles[i as usize].aabb()));
+                let aabb =
+                    of_leaf.iter().fold(obvhs::aabb::Aabb::INVALID, |all, &i| all.union(&triangles[i as usize].aabb()));
                 bvh.nodes[i].set_aabb(aabb);
             }
         }

@@ -142,7 +142,12 @@ pub(crate) struct Table {
 
 impl Table {
     pub(crate) fn new(title: impl Into<String>, head: &[&str]) -> Self {
-        Self { title: title.into(), says: String::new(), head: head.iter().map(|&word| word.to_owned()).collect(), rows: vec![] }
+        Self {
+            title: title.into(),
+            says: String::new(),
+            head: head.iter().map(|&word| word.to_owned()).collect(),
+            rows: vec![],
+        }
     }
 }
 

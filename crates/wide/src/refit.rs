@@ -193,9 +193,8 @@ fn refit_triangles(
     check_vertices(positions, triangles)?;
     let outline = Outline::of(bvh.nodes, blocks.len(), &LeafLayout::BLOCKS).expect("a BVH is valid");
     let rows = bvh.frame.rows;
-    let before = bvh.cost_before(&outline, || {
-        LeafContent::of_leaves(&outline, &Triangles::read(&outline, blocks).corners, &rows)
-    });
+    let before = bvh
+        .cost_before(&outline, || LeafContent::of_leaves(&outline, &Triangles::read(&outline, blocks).corners, &rows));
     let contents = blocks::replace(&outline, blocks, positions, triangles, &rows);
     let bounds = contents.iter().fold(Aabb::EMPTY, |all, content| all.union(content.bounds));
     // Only oriented boxes are computed from all triangles below.

@@ -30,8 +30,7 @@ fn parts_agree(name: &str, mesh: &Mesh, (tree, parts): (&Tree, Vec<Aabb>), rays:
     let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let wants = loop_over_all::<Watertight>(mesh, rays);
     for (variant, config) in few_variants() {
-        let mut wide =
-            TriangleBvh::<Watertight>::over_parts(tree, parts.clone(), &corners, &bounds, &config).unwrap();
+        let mut wide = TriangleBvh::<Watertight>::over_parts(tree, parts.clone(), &corners, &bounds, &config).unwrap();
         for path in paths().0 {
             let difference = first_difference(&wide.clone().with_path(path), rays, &wants);
             assert_eq!(difference, None, "parts of {name}, {variant}, {}", path.name());

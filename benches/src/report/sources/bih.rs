@@ -55,15 +55,16 @@ fn table_1(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         "Structures rebuilt for each picture (the BIH thesis's table 1)",
         &head.into_iter().chain(bytes).collect::<Vec<_>>(),
     );
-    let mut row = |[source, scene, n, structure]: [&str; 4], [build, picture]: [Samples; 2], bytes: Option<[usize; 3]>| {
-        let both = build.with(&picture, |a, b| a + b);
-        let mut cells = [source, scene, n, structure].map(Cell::text).to_vec();
-        let rate = number(1e3 / both.median());
-        cells.extend([build, picture, both].map(|samples| Cell::measured(samples, "ms")));
-        cells.push(Cell::text(rate));
-        cells.extend((0..3).map(|i| Cell::text(bytes.map_or_else(|| "–".to_owned(), |bytes| megabytes(bytes[i])))));
-        table.rows.push(cells);
-    };
+    let mut row =
+        |[source, scene, n, structure]: [&str; 4], [build, picture]: [Samples; 2], bytes: Option<[usize; 3]>| {
+            let both = build.with(&picture, |a, b| a + b);
+            let mut cells = [source, scene, n, structure].map(Cell::text).to_vec();
+            let rate = number(1e3 / both.median());
+            cells.extend([build, picture, both].map(|samples| Cell::measured(samples, "ms")));
+            cells.push(Cell::text(rate));
+            cells.extend((0..3).map(|i| Cell::text(bytes.map_or_else(|| "–".to_owned(), |bytes| megabytes(bytes[i])))));
+            table.rows.push(cells);
+        };
     let ours = OURS.iter().map(|kind| kind.name());
     let mut series: Vec<Series> = std::iter::once("BIH thesis".to_owned())
         .chain(ours)

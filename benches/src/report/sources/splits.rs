@@ -93,8 +93,17 @@ const AXES: [Axes; 3] = [Axes::Longest, Axes::Cyclic, Axes::All];
 const BINNED: Way = Way::Object(Split::Binned { bins: 32, sweep_threshold: 16 }, Axes::All);
 
 pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
-    let head =
-        ["scene", "triangles", "splits", "build", "camera rays", "diffuse rays", "SAH cost", "references per triangle", "hits"];
+    let head = [
+        "scene",
+        "triangles",
+        "splits",
+        "build",
+        "camera rays",
+        "diffuse rays",
+        "SAH cost",
+        "references per triangle",
+        "hits",
+    ];
     let mut rules = Table::new("Split rules and axis rules (Novak's 2.1 and 6.1)", &head);
     let mut tops = Table::new("A radix tree below an SAH top (Novak's 2.1, Lauterbach's hybrid)", &head);
     let mut spatial = Table::new("Spatial splits compared with object splits (Novak's 2.1)", &head);
@@ -106,7 +115,9 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         let all: Vec<Way> =
             ways.iter().copied().chain([Way::Radix, Way::SahTop, Way::Reinserted, BINNED, Way::Spatial]).collect();
         let took = one_thread(|| measure(&model, &all, effort))??;
-        let best = |of: &[Took]| of.iter().min_by(|a, b| a.rays[0].median().total_cmp(&b.rays[0].median())).map(|took| took.way.name());
+        let best = |of: &[Took]| {
+            of.iter().min_by(|a, b| a.rays[0].median().total_cmp(&b.rays[0].median())).map(|took| took.way.name())
+        };
         of_rules.push(format!("{name}: {}", best(&took[..ways.len()]).unwrap_or_default()));
         let [radix, top, reinserted, binned, split] = [0, 1, 2, 3, 4].map(|i| &took[ways.len() + i]);
         let gain = |a: &Took, b: &Took, i: usize| b.rays[i].median() / a.rays[i].median();

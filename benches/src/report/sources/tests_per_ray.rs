@@ -17,8 +17,7 @@ use crate::report::{
 };
 use crate::wide::sets;
 
-const STRATEGIES: [Strategy; 4] =
-    [Strategy::Aabb, Strategy::PcaUnbounded, Strategy::PcaBounded, Strategy::Quaternion];
+const STRATEGIES: [Strategy; 4] = [Strategy::Aabb, Strategy::PcaUnbounded, Strategy::PcaBounded, Strategy::Quaternion];
 
 /// Points of a curve.
 const STEPS: usize = 64;
@@ -32,7 +31,16 @@ struct Row {
 pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let mut table = Table::new(
         "Tests of a camera ray in one level and in two",
-        &["scene", "meshes", "structure", "boxes, one level", "boxes, two", "two over one", "triangles, one level", "triangles, two"],
+        &[
+            "scene",
+            "meshes",
+            "structure",
+            "boxes, one level",
+            "boxes, two",
+            "two over one",
+            "triangles, one level",
+            "triangles, two",
+        ],
     );
     let mut found = vec![];
     for (name, model) in scenes(effort, &["sponza"], chapter)? {
@@ -57,9 +65,15 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
             );
             found.push(format!("{} {}", row.name, number(boxes[1] / boxes[0])));
         }
-        let of = |row: &Row, level: usize| curve(format!("{}, {}", row.name, ["one level", "two levels"][level]), &row.counts[level]);
+        let of = |row: &Row, level: usize| {
+            curve(format!("{}, {}", row.name, ["one level", "two levels"][level]), &row.counts[level])
+        };
         // Figure 12: the box tests of boxes of both kinds; figure 13: of one level and two.
-        chapter.plots.push(plot("Figure 12 as a plot: axis-aligned and oriented boxes", name, rows[..STRATEGIES.len()].iter().map(|row| of(row, 0)).collect()));
+        chapter.plots.push(plot(
+            "Figure 12 as a plot: axis-aligned and oriented boxes",
+            name,
+            rows[..STRATEGIES.len()].iter().map(|row| of(row, 0)).collect(),
+        ));
         let figure_13 = [&rows[0], &rows[STRATEGIES.len()]].into_iter().flat_map(|row| [of(row, 0), of(row, 1)]);
         chapter.plots.push(plot("Figure 13 as a plot: one level and two", name, figure_13.collect()));
     }
@@ -113,7 +127,9 @@ fn rows(name: &str, model: &Model, rays: &[Ray]) -> Result<(usize, Vec<Row>)> {
         rows.push(Row { name: format!("Bvh2, radix tree, {strategy:?}"), counts: counted(&one, &two, rays) });
     }
     let config = Config::preset(Preset::Balanced);
-    let build = |positions: &[[f32; 3]], triangles: &[[u32; 3]]| TriangleBvh::<Watertight>::build(positions, triangles, &config);
+    let build = |positions: &[[f32; 3]], triangles: &[[u32; 3]]| {
+        TriangleBvh::<Watertight>::build(positions, triangles, &config)
+    };
     let one = build(&model.mesh.positions, &model.mesh.triangles)?;
     let blas = pieces.iter().map(|piece| build(&piece.positions, &piece.triangles));
     let two = Tlas::new(blas.collect::<Result<Vec<_>, _>>()?, &instances, TopConfig::Wide(config))?;

@@ -78,7 +78,12 @@ fn rate(n_rays: usize, ms: f64) -> String {
 }
 
 /// Milliseconds of builds and of all rays, all numbers of threads in turn.
-fn on_threads(mesh: &canted_fixtures::Mesh, rays: &[Ray], counts: &[usize], rounds: usize) -> Result<Vec<[Samples; 2]>> {
+fn on_threads(
+    mesh: &canted_fixtures::Mesh,
+    rays: &[Ray],
+    counts: &[usize],
+    rounds: usize,
+) -> Result<Vec<[Samples; 2]>> {
     use rayon::prelude::*;
 
     let pool = |&n: &usize| rayon::ThreadPoolBuilder::new().num_threads(n).build();
@@ -111,8 +116,7 @@ fn on_device(gpu: &Gpu, mesh: &canted_fixtures::Mesh, rays: &[Ray], effort: Effo
     let most = if gpu.info().kind == AdapterKind::Software { 1 << 14 } else { rays.len() };
     let rays = &rays[..most.min(rays.len())];
     let config = Config::preset(Preset::Balanced);
-    let (bvh, built) =
-        clock::time(|| TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config));
+    let (bvh, built) = clock::time(|| TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config));
     let bvh = bvh?;
     let (mut transfer, mut trace) = (f64::NAN, f64::NAN);
     for _ in 0..effort.pick(1, 2, 3) {

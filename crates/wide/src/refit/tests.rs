@@ -208,7 +208,10 @@ fn leaves_of_two_share_a_block() {
     let bvh = build(&quads(5));
     let outline = outline(&bvh);
     assert_eq!(outline.leaves.iter().map(|leaf| leaf.places.len()).collect::<Vec<_>>(), [2; 5]);
-    assert_eq!(outline.leaves_by_unit().iter().map(|&i| outline.leaves[i as usize].first).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+    assert_eq!(
+        outline.leaves_by_unit().iter().map(|&i| outline.leaves[i as usize].first).collect::<Vec<_>>(),
+        [0, 1, 2, 3, 4]
+    );
     assert_eq!(outline.leaves.iter().filter(|leaf| leaf.is_shared).count(), 4);
     assert_eq!(bvh.leaves.halves.len(), 3);
     for path in SimdPath::ALL {

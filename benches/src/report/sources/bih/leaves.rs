@@ -2,7 +2,11 @@
 
 use anyhow::Result;
 
-use super::super::{builders::scaffold, scenes, structures::{Kind, measure}};
+use super::super::{
+    builders::scaffold,
+    scenes,
+    structures::{Kind, measure},
+};
 use super::megabytes;
 use crate::report::{
     effort::Effort,
