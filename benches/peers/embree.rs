@@ -1,13 +1,15 @@
 //! Embree, versions 3 and 4: triangle meshes, instances, closest and any hit for single rays.
 //!
-//! `library` and `scene` contain the unsafe code of the C interface.
+//! `library`, `scene` and `moving` contain the unsafe code of the C interface.
 
 mod find;
 mod library;
+mod moving;
 mod scene;
 
 pub use find::libraries;
 pub use library::{Library, LoadError};
+pub use moving::{MovingInstances, MovingMesh, Update};
 pub use scene::{Scene, SceneError};
 
 /// A triangle mesh, object space.
@@ -31,6 +33,10 @@ pub struct Placement {
 /// Build quality.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
+    /// Morton codes, in a dynamic scene: the fastest build.
+    Low,
+    /// A mesh of a dynamic scene that is refitted when its vertices move.
+    Refit,
     /// Binned surface area heuristic: Embree's default.
     Medium,
     /// With spatial splits.

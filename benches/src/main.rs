@@ -14,6 +14,7 @@ mod interleave;
 mod kinds;
 mod load;
 mod models;
+mod motion;
 mod noise;
 mod options;
 mod picture;
@@ -56,6 +57,9 @@ fn main() -> Result<()> {
     }
     if options.wants("build") {
         build::section(&mut out, options.rounds)?;
+    }
+    if options.wants("motion") {
+        motion::section(&mut out, &options)?;
     }
     if options.wants("trace") {
         trace::section(&mut out, options.rounds)?;

@@ -8,8 +8,8 @@ use canted_gpu::Choice;
 use crate::{load::PEAK, wide::TRIAL};
 
 /// The sections, in the order of the report.
-const SECTIONS: [&str; 11] =
-    ["load", "build", "trace", "picture", "textures", "bias", "noise", "wide", "growth", "kinds", "costs"];
+const SECTIONS: [&str; 12] =
+    ["load", "build", "motion", "trace", "picture", "textures", "bias", "noise", "wide", "growth", "kinds", "costs"];
 
 /// Sizes of the growth section; a WideBvh holds at most 2^27 triangles.
 pub(crate) const LOG2_TRIANGLES: RangeInclusive<u32> = 10..=27;

@@ -21,13 +21,16 @@ const INVALID: u32 = u32::MAX;
 const TYPE_TRIANGLE: i32 = 0;
 const TYPE_INSTANCE: i32 = 121;
 const BUFFER_INDEX: i32 = 0;
-const BUFFER_VERTEX: i32 = 1;
+pub(super) const BUFFER_VERTEX: i32 = 1;
 const FORMAT_UINT3: i32 = 0x5003;
 const FORMAT_FLOAT3: i32 = 0x9003;
-const FORMAT_FLOAT3X4_COLUMN_MAJOR: i32 = 0x9234;
+pub(super) const FORMAT_FLOAT3X4_COLUMN_MAJOR: i32 = 0x9234;
+const FLAG_DYNAMIC: i32 = 1;
 const FLAG_ROBUST: i32 = 1 << 2;
+const QUALITY_LOW: i32 = 0;
 const QUALITY_MEDIUM: i32 = 1;
 const QUALITY_HIGH: i32 = 2;
+const QUALITY_REFIT: i32 = 3;
 
 /// Why a scene was not built: Embree's error code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,8 +45,8 @@ impl fmt::Display for SceneError {
 impl Error for SceneError {}
 
 /// A device and the number of bytes it has allocated.
-struct Device {
-    library: Library,
+pub(super) struct Device {
+    pub(super) library: Library,
     handle: Handle,
     n_bytes: Box<AtomicIsize>,
 }
@@ -90,9 +93,9 @@ unsafe extern "C" fn count_bytes(count: *mut c_void, bytes: isize, _after: bool)
 }
 
 /// Arrays that Embree reads in place.
-struct Buffers {
+pub(super) struct Buffers {
     /// Followed by one float, because Embree reads 16 bytes at each vertex.
-    positions: Vec<f32>,
+    pub(super) positions: Vec<f32>,
     triangles: Vec<[u32; 3]>,
 }
 
@@ -106,9 +109,9 @@ impl Buffers {
 /// A built scene.
 pub struct Scene {
     /// The scene that rays enter, then the scenes of instanced meshes.
-    scenes: Vec<Handle>,
-    device: Device,
-    _buffers: Vec<Buffers>,
+    pub(super) scenes: Vec<Handle>,
+    pub(super) device: Device,
+    pub(super) buffers: Vec<Buffers>,
 }
 
 // SAFETY: a committed scene is only read, which Embree allows from any thread; nothing here changes one afterwards.
@@ -122,7 +125,7 @@ impl Scene {
     /// # Errors If Embree reports an error.
     pub fn of_mesh(library: &Library, mesh: &Mesh<'_>, options: &Options) -> Result<Self, SceneError> {
         let device = Device::new(library, options.n_threads)?;
-        let mut scene = Self { scenes: vec![], device, _buffers: vec![Buffers::new(mesh)] };
+        let mut scene = Self { scenes: vec![], device, buffers: vec![Buffers::new(mesh)] };
         scene.start(options);
         scene.attach_mesh(0, 0, options);
         scene.commit(0)?;
@@ -142,7 +145,7 @@ impl Scene {
     ) -> Result<Self, SceneError> {
         let device = Device::new(library, options.n_threads)?;
         let buffers = meshes.iter().map(Buffers::new).collect();
-        let mut scene = Self { scenes: vec![], device, _buffers: buffers };
+        let mut scene = Self { scenes: vec![], device, buffers: buffers };
         scene.start(options);
         for mesh in 0..meshes.len() {
             scene.start(options);
@@ -209,15 +212,17 @@ impl Scene {
         // SAFETY: the device is alive; the scene is released in `drop`.
         unsafe {
             let scene = (f.new_scene)(self.device.handle);
-            (f.set_scene_flags)(scene, if options.is_robust { FLAG_ROBUST } else { 0 });
-            (f.set_scene_quality)(scene, quality);
+            let dynamic = if matches!(options.quality, Quality::Low | Quality::Refit) { FLAG_DYNAMIC } else { 0 };
+            (f.set_scene_flags)(scene, dynamic | if options.is_robust { FLAG_ROBUST } else { 0 });
+            // Only a mesh can be refitted.
+            (f.set_scene_quality)(scene, if quality == QUALITY_REFIT { QUALITY_LOW } else { quality });
             self.scenes.push(scene);
         }
     }
 
     fn attach_mesh(&self, scene: usize, mesh: usize, options: &Options) {
         let f = &self.device.library.functions;
-        let Buffers { positions, triangles } = &self._buffers[mesh];
+        let Buffers { positions, triangles } = &self.buffers[mesh];
         // SAFETY: the buffers live as long as this scene and hold what the counts say; the vertices are padded to
         // 16 bytes past the last one. The scene keeps the geometry after it is released here.
         unsafe {
@@ -257,7 +262,7 @@ impl Scene {
     }
 
     /// Builds.
-    fn commit(&self, scene: usize) -> Result<(), SceneError> {
+    pub(super) fn commit(&self, scene: usize) -> Result<(), SceneError> {
         // SAFETY: the scene is alive and nobody traces through it yet.
         unsafe { (self.device.library.functions.commit_scene)(self.scenes[scene]) };
         self.device.check()
@@ -298,6 +303,8 @@ impl RayHit {
 
 fn quality(options: &Options) -> i32 {
     match options.quality {
+        Quality::Low => QUALITY_LOW,
+        Quality::Refit => QUALITY_REFIT,
         Quality::Medium => QUALITY_MEDIUM,
         Quality::High => QUALITY_HIGH,
     }

@@ -47,7 +47,11 @@ fn section(chapter: &Chapter) -> String {
 }
 
 fn rows(out: &mut String, table: &Table) {
-    let _ = writeln!(out, "### {}\n\n| {} |", table.title, table.head.join(" | "));
+    let _ = writeln!(out, "### {}\n", table.title);
+    if !table.says.is_empty() {
+        let _ = writeln!(out, "{}\n", table.says);
+    }
+    let _ = writeln!(out, "| {} |", table.head.join(" | "));
     let _ = writeln!(out, "|{}", " --- |".repeat(table.head.len()));
     for row in &table.rows {
         let cells: Vec<String> = row.iter().map(|cell| cell.show().replace('|', "\\|")).collect();

@@ -134,13 +134,20 @@ pub(crate) struct Point {
 #[derive(Debug, Serialize)]
 pub(crate) struct Table {
     pub(crate) title: String,
+    /// What the table shows, for instance whether a source's claim holds; may be empty.
+    pub(crate) says: String,
     pub(crate) head: Vec<String>,
     pub(crate) rows: Vec<Vec<Cell>>,
 }
 
 impl Table {
     pub(crate) fn new(title: impl Into<String>, head: &[&str]) -> Self {
-        Self { title: title.into(), head: head.iter().map(|&word| word.to_owned()).collect(), rows: vec![] }
+        Self {
+            title: title.into(),
+            says: String::new(),
+            head: head.iter().map(|&word| word.to_owned()).collect(),
+            rows: vec![],
+        }
     }
 }
 

@@ -56,8 +56,8 @@ pub(crate) struct StructureArgs {
     /// Build effort of the wide BVH. `quality` builds slowest and traces fastest.
     #[arg(long, default_value = "balanced", value_parser = one_of(&PRESETS), value_name = "PRESET")]
     preset: Preset,
-    /// Builder of the binary tree that becomes the BVH. `auto` uses the builder of the preset, or `ploc` with --volumes,
-    /// on a GPU `lbvh`.
+    /// Builder of the binary tree that becomes the BVH. `auto` uses the builder of the preset, or `ploc` with --volumes, on a GPU `lbvh`;
+    /// `sbvh` is `sah` with spatial splits.
     #[arg(long, default_value = "auto", value_parser = one_of(BUILDERS), value_name = "BUILDER")]
     builder: BuilderChoice,
     /// Bounding volumes. `auto` builds a wide BVH of axis-aligned and oriented nodes, or with --accel bvh2 axis-aligned boxes; the others
@@ -93,6 +93,7 @@ pub(crate) const PRESETS: [(&str, Preset); 4] = [
 const BUILDERS: &Names<Option<Builder>> = &[
     ("auto", None),
     ("sah", Some(Builder::Sah)),
+    ("sbvh", Some(Builder::Sbvh)),
     ("ploc", Some(Builder::Ploc)),
     ("lbvh", Some(Builder::Lbvh)),
     #[cfg(feature = "baseline")]

@@ -90,10 +90,20 @@ pub fn filled<T: Copy + Send + Sync>(n: usize, value: T) -> Vec<T> {
 /// Starts must not decrease from item to item.
 pub fn for_pieces<I: Sync, T: Send>(
     items: &[I],
-    mut out: &mut [T],
+    out: &mut [T],
     start: impl Fn(&I) -> usize + Sync,
     write: impl Fn(&I, &mut [T]) + Sync,
 ) {
+    map_pieces(items, out, start, write);
+}
+
+/// As [`for_pieces`], with the result of each item, in order.
+pub fn map_pieces<I: Sync, T: Send, R: Send>(
+    items: &[I],
+    mut out: &mut [T],
+    start: impl Fn(&I) -> usize + Sync,
+    write: impl Fn(&I, &mut [T]) -> R + Sync,
+) -> Vec<R> {
     let n = out.len();
     let mut jobs = Vec::with_capacity(items.len().div_ceil(CHUNK));
     for (i, chunk) in items.chunks(CHUNK).enumerate() {
@@ -102,14 +112,16 @@ pub fn for_pieces<I: Sync, T: Send>(
         jobs.push((chunk, own, end));
         out = rest;
     }
-    for_jobs(jobs, |(chunk, mut own, end)| {
-        for (i, item) in chunk.iter().enumerate() {
+    let results = map_jobs(jobs, |(chunk, mut own, end)| {
+        let of_item = |(i, item): (usize, &I)| {
             let len = chunk.get(i + 1).map_or(end, &start) - start(item);
             let (piece, rest) = std::mem::take(&mut own).split_at_mut(len);
-            write(item, piece);
             own = rest;
-        }
+            write(item, piece)
+        };
+        chunk.iter().enumerate().map(of_item).collect::<Vec<R>>()
     });
+    results.into_iter().flatten().collect()
 }
 
 /// Results of both, computed in parallel where a thread is free.

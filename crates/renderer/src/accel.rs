@@ -6,9 +6,10 @@ use canted_bih::Bih;
 use canted_bvh2::{Bvh2, PairOrder};
 use canted_kdtree::KdTree;
 use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig};
-use canted_obb::Aabb;
-use canted_sah::TopDownConfig;
+use canted_obb::{Aabb, Obb, PrimId};
+use canted_sah::{SpatialConfig, TopDownConfig};
 use canted_tlas::TopConfig;
+use canted_trace::pad_aabb;
 use canted_wide::{Config, LaneKernel, MAX_TRIANGLES, Preset, TriangleBvh};
 
 use crate::PrepareError;
@@ -53,6 +54,8 @@ pub enum Builder {
     Lbvh,
     /// Top down by the surface area heuristic.
     Sah,
+    /// As [`Builder::Sah`], but triangles that cross a split may be in both children, each with the box of its part.
+    Sbvh,
     /// The external crate `obvhs`, of which only the tree is used.
     #[cfg(feature = "baseline")]
     Obvhs,
@@ -65,6 +68,7 @@ impl Builder {
             Self::Lbvh => Some(canted_sah::Builder::Lbvh),
             Self::Ploc => Some(canted_sah::Builder::BALANCED),
             Self::Sah => Some(canted_sah::Builder::TopDown(TopDownConfig::BINNED, None)),
+            Self::Sbvh => None,
             #[cfg(feature = "baseline")]
             Self::Obvhs => None,
         }
@@ -124,11 +128,30 @@ impl Accel {
             }
         };
         let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
-        let tree = builder.tree(&corners, &bounds)?;
+        let config = VolumeConfig { strategy, fallback: true };
+        let (tree, volumes) = if builder == Builder::Sbvh {
+            let (tree, parts) = parts(&corners);
+            // Padded by the reach of the whole triangle, to which the errors of its hits are relative.
+            let padded = |(part, leaf): (&Aabb, &PrimId)| pad_aabb(part, corners[leaf.index()].aabb().reach());
+            let leaves: Vec<Obb> = parts.iter().zip(&tree.leaves).map(|of| Obb::from_aabb(&padded(of))).collect();
+            let volumes = lbvh::volumes(&tree, &leaves, &config);
+            (tree, volumes)
+        } else {
+            let tree = builder.tree(&corners, &bounds)?;
+            let volumes = lbvh::volumes(&tree, &lbvh::in_leaf_order(&corners, &tree.leaves), &config);
+            (tree, volumes)
+        };
         let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
-        let volumes = lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
         Ok(Bvh::Binary(Bvh2::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst), strategy))
     }
+}
+
+/// A tree with spatial splits whose leaves name triangles, and the boxes of their parts in leaf order.
+fn parts(corners: &[Corners]) -> (lbvh::Tree, Vec<Aabb>) {
+    let (mut tree, references) = canted_sah::spatial(corners, &SpatialConfig::default());
+    let parts = tree.leaves.iter().map(|part| references.boxes[part.index()]).collect();
+    tree.leaves.iter_mut().for_each(|leaf| *leaf = references.primitives[leaf.index()]);
+    (tree, parts)
 }
 
 fn wide<K: LaneKernel>(
@@ -141,6 +164,11 @@ fn wide<K: LaneKernel>(
     let config = match builder.map(|builder| (builder, builder.own())) {
         None => preset,
         Some((_, Some(own))) => Config { builder: own, alternative_builder: None, groups: None, ..preset },
+        Some((Builder::Sbvh, _)) => {
+            let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
+            let (tree, parts) = parts(&corners);
+            return Ok(TriangleBvh::over_parts(&tree, parts, &corners, &bounds, &preset)?);
+        }
         Some((external, None)) if triangles.len() > 1 => {
             let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
             let tree = external.tree(&corners, &bounds)?;

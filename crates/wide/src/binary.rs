@@ -230,12 +230,24 @@ pub(crate) fn full<'a, I: Item>(
     if alternative.cost(&config.costs) < first.cost(&config.costs) { alternative } else { first }
 }
 
-/// A tree of any builder, with oriented nodes where that is worth it.
-pub(crate) fn over_tree<'a, I: Item>(tree: Tree, items: &'a [I], bounds: &Aabb, config: &Config) -> Chosen<'a, I> {
+/// A tree of any builder, with oriented nodes where that is worth it. `parts` are the boxes of the leaves, in leaf order, where they
+/// hold parts of primitives.
+pub(crate) fn over_tree<'a, I: Item>(
+    tree: Tree,
+    parts: Option<Vec<Aabb>>,
+    items: &'a [I],
+    bounds: &Aabb,
+    config: &Config,
+) -> Chosen<'a, I> {
     let (scale, rows) = (measure::unit_scale(bounds), Obb::IDENTITY_FRAME);
-    let mut chosen = Chosen::of((tree, None), items, &item::boxes(items, rows), rows, scale, &config.costs);
+    let aligned = match parts {
+        Some(parts) => Aligned::of_leaves(&tree, parts, scale),
+        None => Aligned::of(&tree, &item::boxes(items, rows), scale),
+    };
     // Trees with spatial splits have several references to a primitive.
-    chosen.is_shared = true;
+    let (groups, is_shared, aligned_tables, oriented) = (None, true, vec![], None);
+    let mut chosen = Chosen { items, tree, groups, is_shared, rows, aligned, aligned_tables, oriented };
+    chosen.aligned_tables = chosen.tables_of_aligned(&config.costs);
     if config.oriented {
         chosen.fit(config, scale);
         let most = MAX_ORIENTED_COST * chosen.aligned_cost(&config.costs);

@@ -2,7 +2,7 @@ use std::fmt;
 use std::ops::DerefMut;
 
 use canted_lbvh::{self as lbvh, Child, ChildKind, Corners, GeometryError, Tree};
-use canted_obb::{Aabb, PrimId};
+use canted_obb::{Aabb, Obb, PrimId};
 
 use crate::binary::{self, Chosen, Oriented};
 use crate::bvh::{PredictedCost, WideBvh};
@@ -75,7 +75,42 @@ impl<K: LaneKernel> WideBvh<Triangle<K>> {
     /// # Errors
     /// Too many triangles, as for [`WideBvh::build`].
     pub fn over(tree: &Tree, corners: &[Corners], bounds: &Aabb, config: &Config) -> Result<Self, GeometryError> {
-        Ok(over_tree(tree, corners, bounds, config, K::ERROR)?.into())
+        Ok(over_tree(tree, None, corners, bounds, config, K::ERROR)?.into())
+    }
+
+    /// Collapses a binary tree whose leaves are parts of triangles, as [`canted_sah::spatial()`] makes it; a leaf names its triangle, of
+    /// which it may hold a part only. `parts` are the boxes of the leaves, in leaf order; the boxes of a triangle together
+    /// contain all of its points. [`WideBvh::refit`] replaces the parts by whole triangles; only then a file of the BVH can be loaded.
+    ///
+    /// ```
+    /// use canted_lbvh::triangle_corners;
+    /// use canted_sah::{SpatialConfig, spatial};
+    /// use canted_wide::{Config, TriangleBvh};
+    ///
+    /// let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    /// let (corners, bounds) = triangle_corners(&positions, &[[0, 1, 2], [1, 2, 3]])?;
+    /// let (mut tree, references) = spatial(&corners, &SpatialConfig::default());
+    /// let parts: Vec<_> = tree.leaves.iter().map(|part| references.boxes[part.index()]).collect();
+    /// tree.leaves.iter_mut().for_each(|leaf| *leaf = references.primitives[leaf.index()]);
+    /// let bvh: TriangleBvh = TriangleBvh::over_parts(&tree, parts, &corners, &bounds, &Config::default())?;
+    /// assert_eq!(bvh.n_primitives(), 2);
+    /// # Ok::<(), canted_lbvh::GeometryError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Too many triangles, as for [`WideBvh::build`].
+    ///
+    /// # Panics
+    /// If `parts` and the leaves of the tree differ in number.
+    pub fn over_parts(
+        tree: &Tree,
+        parts: Vec<Aabb>,
+        corners: &[Corners],
+        bounds: &Aabb,
+        config: &Config,
+    ) -> Result<Self, GeometryError> {
+        assert_eq!(parts.len(), tree.leaves.len(), "each leaf has a box");
+        Ok(over_tree(tree, Some(parts), corners, bounds, config, K::ERROR)?.into())
     }
 }
 
@@ -183,6 +218,7 @@ fn over_indexed(
 /// Builds over a binary tree of any builder.
 fn over_tree(
     tree: &Tree,
+    parts: Option<Vec<Aabb>>,
     corners: &[Corners],
     bounds: &Aabb,
     config: &Config,
@@ -190,7 +226,7 @@ fn over_tree(
 ) -> Result<Built<Blocks>, GeometryError> {
     check_number(corners.len(), &Limits::OF_WORDS)?;
     let config = config.usable();
-    let chosen = binary::over_tree(tree.clone(), corners, bounds, &config);
+    let chosen = binary::over_tree(tree.clone(), parts, corners, bounds, &config);
     over_chosen(&chosen, corners.len(), bounds, &config, error, &Limits::OF_WORDS)
 }
 
@@ -234,7 +270,9 @@ fn collapse<I: Item, U: Send, B: DerefMut<Target = [U]>>(
         (Some(Oriented { fits, .. }), ChildKind::Leaf(i)) => fits.leaf[i as usize].rows,
         (Some(Oriented { fits, .. }), ChildKind::Inner(id)) => fits.inner[id.index()].rows,
     };
-    let reaches = Reaches::of_tree(tree, members, chosen.primitives(), items, aligned, *rows);
+    // The box of a part may reach less far than the triangle, to whose reach the errors of hits are relative.
+    let own_boxes = (*rows == Obb::IDENTITY_FRAME && !chosen.is_shared).then_some(aligned);
+    let reaches = Reaches::of_tree(tree, members, chosen.primitives(), items, own_boxes);
     let source = Source {
         tree,
         members,

@@ -70,11 +70,13 @@ pub(crate) struct Baseline {
     pub(crate) costs: Costs,
     /// The predicted cost before the first refit, which computes it.
     pub(crate) built: Option<RayCost>,
+    /// After the last refit; not in files.
+    pub(crate) now: Option<RayCost>,
 }
 
 impl Baseline {
     /// Of a BVH that was just built.
     pub(crate) fn new(costs: Costs) -> Self {
-        Self { costs, built: None }
+        Self { costs, built: None, now: None }
     }
 }

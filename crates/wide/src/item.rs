@@ -35,13 +35,18 @@ pub(crate) trait Item: Copy + Send + Sync {
 /// Boxes of items along `rows`, rounded outward.
 pub(crate) fn boxes<I: Item>(items: &[I], rows: [[f32; 3]; 3]) -> Vec<Aabb> {
     let identity = rows == Obb::IDENTITY_FRAME;
-    par::map(items, CHUNK, |item| {
-        if identity {
-            return item.aabb();
-        }
-        let slabs = I::slabs(std::slice::from_ref(item), rows);
-        Aabb { min: slabs.lo, max: slabs.hi }
-    })
+    par::map(items, CHUNK, |item| if identity { item.aabb() } else { rotated_box(item, &rows) })
+}
+
+/// The box of an item along `rows`, rounded outward; `bounds` is its axis-aligned box.
+#[inline]
+pub(crate) fn aligned_box<I: Item>(item: &I, bounds: &Aabb, rows: &[[f32; 3]; 3]) -> Aabb {
+    if *rows == Obb::IDENTITY_FRAME { *bounds } else { rotated_box(item, rows) }
+}
+
+fn rotated_box<I: Item>(item: &I, rows: &[[f32; 3]; 3]) -> Aabb {
+    let slabs = I::slabs(std::slice::from_ref(item), *rows);
+    Aabb { min: slabs.lo, max: slabs.hi }
 }
 
 impl Item for Corners {
@@ -107,7 +112,9 @@ impl<'a, P: Primitive> Item for &'a P {
 
 /// The principal axes of a primitive, and its extents along them.
 fn principal_box<P: Primitive>(primitive: &P) -> ([[f32; 3]; 3], [f64; 3]) {
-    let axes = primitive.moments().axes(eigen::COARSE);
+    let moments = primitive.moments();
+    let [_, xy, xz, _, yz, _] = moments.scatter;
+    let axes = if [xy, xz, yz] == [0.0; 3] { Obb::IDENTITY_FRAME } else { moments.axes(eigen::COARSE) };
     let rows = if axes.as_flattened().iter().all(|x| x.is_finite()) { axes } else { Obb::IDENTITY_FRAME };
     let [lo, hi] = extents_within(&rows, [primitive]);
     (rows, std::array::from_fn(|k| (f64::from(hi[k]) - f64::from(lo[k])).max(0.0)))

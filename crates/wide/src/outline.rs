@@ -154,10 +154,11 @@ impl Outline {
         nodes
     }
 
-    /// Leaves in the order of their units and parts.
-    pub(crate) fn leaves_by_unit(&self) -> Vec<&LeafOutline> {
-        let mut leaves: Vec<_> = self.leaves.iter().collect();
-        leaves.sort_unstable_by_key(|leaf| leaf.first);
+    /// Numbers of the leaves in the order of their units and parts.
+    pub(crate) fn leaves_by_unit(&self) -> Vec<u32> {
+        let n = u32::try_from(self.leaves.len()).expect("words name fewer leaves");
+        let mut leaves: Vec<u32> = (0..n).collect();
+        leaves.sort_unstable_by_key(|&leaf| self.leaves[leaf as usize].first);
         leaves
     }
 }

@@ -1,7 +1,7 @@
 //! How far the content of each subtree reaches: what the padding of its box is relative to.
 
 use canted_lbvh::{Child, ChildKind, Tree, bottom_up};
-use canted_obb::{Aabb, Obb, PrimId};
+use canted_obb::{Aabb, PrimId};
 
 use crate::item::Item;
 use crate::measure::Aligned;
@@ -19,17 +19,16 @@ pub(crate) struct Reaches {
 }
 
 impl Reaches {
-    /// Of a binary tree whose leaves hold `members` of the `primitives` in leaf order; the boxes along `rows` are `aligned`.
+    /// Of a binary tree whose leaves hold `members` of the `primitives` in leaf order; `boxes` are those of whole primitives in
+    /// object space, if they are known.
     pub(crate) fn of_tree<I: Item>(
         tree: &Tree,
         members: Members,
         primitives: &[PrimId],
         items: &[I],
-        aligned: &Aligned,
-        rows: [[f32; 3]; 3],
+        boxes: Option<&Aligned>,
     ) -> Self {
-        if rows == Obb::IDENTITY_FRAME {
-            // The boxes are those of object space.
+        if let Some(aligned) = boxes {
             let of_boxes = |boxes: &[Aabb]| par::map(boxes, CHUNK, Aabb::reach);
             return Self { leaf: of_boxes(&aligned.leaf_boxes), node: of_boxes(&aligned.inner_boxes) };
         }
@@ -38,20 +37,17 @@ impl Reaches {
             let places = members.range(i, i);
             of_items[places.start as usize..places.end as usize].iter().copied().fold(0.0, f32::max)
         };
-        let n_leaves = u32::try_from(aligned.leaf_boxes.len()).expect("leaves have 32-bit numbers");
+        let n_leaves = u32::try_from(tree.leaves.len()).expect("leaves have 32-bit numbers");
         let leaf: Vec<f32> = (0..n_leaves).map(of_leaf).collect();
         let node = bottom_up(tree, 0.0, |i| leaf[i as usize], |_, _, a: &f32, b: &f32| a.max(*b));
         Self { leaf, node }
     }
 
-    /// Of the leaves and nodes of a BVH; `items` are by place.
-    pub(crate) fn of_outline<I: Item>(outline: &Outline, items: &[I]) -> Self {
-        let of_items = par::map(items, CHUNK, |item| item.aabb().reach());
-        let greatest = |reaches: &[f32]| reaches.iter().copied().fold(0.0, f32::max);
-        let leaf = outline.leaves.iter().map(|leaf| greatest(&of_items[leaf.places.clone()])).collect();
+    /// Of the leaves and nodes of a BVH, from those of its leaves.
+    pub(crate) fn of_leaves(outline: &Outline, leaf: Vec<f32>) -> Self {
         let mut reaches = Self { leaf, node: vec![0.0; outline.nodes.len()] };
         for (i, node) in outline.nodes.iter().enumerate().rev() {
-            reaches.node[i] = greatest(&node.slots.map(|slot| reaches.of_slot(slot)));
+            reaches.node[i] = node.slots.map(|slot| reaches.of_slot(slot)).into_iter().fold(0.0, f32::max);
         }
         reaches
     }

@@ -1,7 +1,7 @@
 //! New boxes for primitives that have moved, in the BVH as it is.
 //!
 //! ```text
-//! records -> outline -> primitives by place -> leaves, boxes -> predicted cost
+//! records -> outline -> leaves: new vertices, contents -> boxes -> predicted cost
 //! ```
 //!
 //! Reads: a BVH, its primitives after a motion. Writes: leaves and boxes. Holds: what a build holds; every box is that of
@@ -13,23 +13,24 @@ mod boxes;
 mod cost;
 
 use std::fmt;
+use std::ops::Range;
 
-use canted_lbvh::{self as lbvh, GeometryError};
+use canted_lbvh::{self as lbvh, Corners, GeometryError};
 use canted_obb::{Aabb, PrimId};
 
 use crate::build::{PrimitiveError, bounds_of};
 use crate::bvh::WideBvh;
 use crate::costs::{Baseline, RayCost};
 use crate::item::Item;
-use crate::layout::{Half, LeafLayout, Nodes};
+use crate::layout::{Half, LeafLayout, NodeKind, Nodes};
 use crate::outline::Outline;
+use crate::par;
 use crate::primitive::Primitive;
-use crate::reach::Reaches;
 use crate::traverse::{BoxPads, LaneKernel, MeshFrame, Pads};
 use crate::triangle::Triangle;
 
 pub(crate) use blocks::{Triangles, unused_lanes_are_zero};
-use boxes::Boxes;
+use boxes::{Boxes, LeafContent, SlabsOf};
 pub(crate) use boxes::{check_frame, check_row, compare, write as write_boxes};
 
 /// What a refit has done to a BVH, in predicted traversal costs of a ray that enters the box around all primitives, relative
@@ -161,7 +162,11 @@ impl<P: Primitive> WideBvh<P> {
             baseline: &mut self.baseline,
             pads: BoxPads::new(Pads::of(P::ERROR), &self.frame),
         };
-        let refit = update(bvh, &outline, &old, &new, bounds);
+        let rows = bvh.frame.rows;
+        let before = bvh.cost_before(&outline, || LeafContent::of_leaves(&outline, &old, &rows));
+        let contents = LeafContent::of_leaves(&outline, &new, &rows);
+        let slabs = |places: Range<usize>, rows| <&P as Item>::slabs(&new[places], rows);
+        let refit = bvh.update(&outline, before, (&contents, &slabs), bounds);
         self.leaves.primitives = primitives;
         Ok(refit)
     }
@@ -185,31 +190,71 @@ fn refit_triangles(
     triangles: &[[u32; 3]],
 ) -> Result<Refit, RefitError> {
     check_number(n_triangles, triangles.len())?;
-    let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
+    check_vertices(positions, triangles)?;
     let outline = Outline::of(bvh.nodes, blocks.len(), &LeafLayout::BLOCKS).expect("a BVH is valid");
-    let old = Triangles::read(&outline, blocks);
-    let corners = lbvh::in_leaf_order(&corners, &old.ids);
-    Triangles::write(&corners, &outline, blocks);
-    Ok(update(bvh, &outline, &old.corners, &corners, bounds))
+    let rows = bvh.frame.rows;
+    let before = bvh
+        .cost_before(&outline, || LeafContent::of_leaves(&outline, &Triangles::read(&outline, blocks).corners, &rows));
+    let contents = blocks::replace(&outline, blocks, positions, triangles, &rows);
+    let bounds = contents.iter().fold(Aabb::EMPTY, |all, content| all.union(content.bounds));
+    // Only oriented boxes are computed from all triangles below.
+    let is_oriented = outline.nodes.iter().any(|node| node.kind == NodeKind::Oriented);
+    let corners = if is_oriented { Triangles::read(&outline, blocks).corners } else { vec![] };
+    let slabs = |places: Range<usize>, rows| Corners::slabs(&corners[places], rows);
+    Ok(bvh.update(&outline, before, (&contents, &slabs), bounds))
 }
 
 fn check_number(n_primitives: usize, n_given: usize) -> Result<(), RefitError> {
     if n_given == n_primitives { Ok(()) } else { Err(RefitError::Count { n_primitives, n_given }) }
 }
 
-/// Writes the boxes of `new` items, by place.
-fn update<I: Item>(bvh: Target, outline: &Outline, old: &[I], new: &[I], bounds: Aabb) -> Refit {
-    let Target { nodes, frame, bounds: old_bounds, baseline, pads } = bvh;
-    let costs = baseline.costs;
-    let cost = |nodes: &Nodes, items: &[I], bounds: &Aabb| {
-        let boxes = Boxes { nodes, reaches: &Reaches::of_outline(outline, items), pads: &pads };
-        cost::predict(outline, &boxes, items.iter().map(Item::area).sum(), bounds, &costs)
-    };
-    let before = cost(nodes, old, old_bounds);
-    let built = *baseline.built.get_or_insert(before);
-    boxes::write(outline, new, frame, &pads, &mut nodes.lines);
-    *old_bounds = bounds;
-    Refit::between(built, before, cost(nodes, new, &bounds))
+/// Vertices and triangles of one job.
+const CHUNK: usize = 1 << 14;
+
+/// Rejects the first triangle with an index out of range or a vertex that is not finite.
+fn check_vertices(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<(), GeometryError> {
+    let n_vertices = positions.len();
+    let are_inside = par::map_chunks(triangles, CHUNK, |_, chunk| {
+        (chunk.as_flattened().iter().fold(0, |most, &vertex| most.max(vertex)) as usize) < n_vertices
+    });
+    let are_finite = par::map_chunks(positions, CHUNK, |_, chunk| {
+        // A sum of products with zero is NaN if and only if a coordinate is not finite.
+        chunk.as_flattened().iter().fold(0.0, |sum: f32, x| sum + x * 0.0) == 0.0
+    });
+    if are_inside.into_iter().chain(are_finite).all(|is| is) {
+        return Ok(());
+    }
+    // A vertex that no triangle uses may be anything.
+    lbvh::triangle_corners(positions, triangles).map(drop)
+}
+
+impl Target<'_> {
+    /// The predicted cost as the BVH is, whose leaves have the contents that `old` returns.
+    fn cost_before(&self, outline: &Outline, old: impl FnOnce() -> Vec<LeafContent>) -> RayCost {
+        self.baseline.now.unwrap_or_else(|| self.cost(outline, &old(), self.bounds))
+    }
+
+    fn cost(&self, outline: &Outline, contents: &[LeafContent], bounds: &Aabb) -> RayCost {
+        let boxes = Boxes { nodes: self.nodes, reaches: &boxes::reaches(outline, contents), pads: &self.pads };
+        let area = contents.iter().map(|content| content.area).sum();
+        cost::predict(outline, &boxes, area, bounds, &self.baseline.costs)
+    }
+
+    /// Writes the boxes around the new contents of the leaves.
+    fn update(
+        self,
+        outline: &Outline,
+        before: RayCost,
+        (contents, slabs): (&[LeafContent], &SlabsOf),
+        bounds: Aabb,
+    ) -> Refit {
+        let built = *self.baseline.built.get_or_insert(before);
+        boxes::write_around(outline, contents, slabs, &self.pads, &mut self.nodes.lines);
+        let now = self.cost(outline, contents, &bounds);
+        *self.bounds = bounds;
+        self.baseline.now = Some(now);
+        Refit::between(built, before, now)
+    }
 }
 
 /// Primitives by place, of these ids.

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use canted_fixtures::{Mesh, scaffold_of, soup};
 use canted_lbvh::{Tree, triangle_corners};
+use canted_obb::Aabb;
 use canted_sah::{Builder, ReinsertConfig, SpatialConfig, TopDownConfig};
 use canted_tests::{chains::chain, rays, scenes};
 use canted_trace::{Ray, Watertight};
@@ -21,6 +22,24 @@ fn over_agrees(name: &str, mesh: &Mesh, tree: &Tree, rays: &[Ray]) {
             let difference = first_difference(&wide.clone().with_path(path), rays, &wants);
             assert_eq!(difference, None, "{name}, {variant}, {}", path.name());
         }
+    }
+}
+
+/// Collapses `tree`, whose leaves have the boxes `parts`, with every configuration; compares with the loop, before a refit and after it.
+fn parts_agree(name: &str, mesh: &Mesh, (tree, parts): (&Tree, Vec<Aabb>), rays: &[Ray]) {
+    let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
+    let wants = loop_over_all::<Watertight>(mesh, rays);
+    for (variant, config) in few_variants() {
+        let mut wide = TriangleBvh::<Watertight>::over_parts(tree, parts.clone(), &corners, &bounds, &config).unwrap();
+        for path in paths().0 {
+            let difference = first_difference(&wide.clone().with_path(path), rays, &wants);
+            assert_eq!(difference, None, "parts of {name}, {variant}, {}", path.name());
+        }
+        let whole = TriangleBvh::<Watertight>::over(tree, &corners, &bounds, &config).unwrap();
+        let [of_parts, of_whole] = [&wide, &whole].map(|bvh| bvh.predicted().aligned);
+        assert!(of_parts <= 1.001 * of_whole, "{name}, {variant}: {of_parts}, {of_whole}");
+        wide.refit(&mesh.positions, &mesh.triangles).unwrap();
+        assert_eq!(first_difference(&wide, rays, &wants), None, "refitted parts of {name}, {variant}");
     }
 }
 
@@ -113,9 +132,12 @@ fn spatial_splits_lose_no_hit() {
         let config = SpatialConfig { extra_references: 1.0, min_overlap: 0.0, ..SpatialConfig::default() };
         let (mut tree, references) = canted_sah::spatial(&corners, &config);
         n_extra += references.primitives.len() - corners.len();
-        // Leaves name references; wide BVHs bound whole triangles.
+        let parts: Vec<Aabb> = tree.leaves.iter().map(|part| references.boxes[part.index()]).collect();
+        // Leaves name references.
         tree.leaves.iter_mut().for_each(|leaf| *leaf = references.primitives[leaf.index()]);
-        over_agrees(&name, &mesh, &tree, &rays::of_all_classes(&mesh, 10, 180));
+        let rays = rays::of_all_classes(&mesh, 10, 180);
+        over_agrees(&name, &mesh, &tree, &rays);
+        parts_agree(&name, &mesh, (&tree, parts), &rays);
     }
     assert!(n_extra > 1_000, "{n_extra} splits");
 }

@@ -110,8 +110,11 @@ fn figure(out: &mut String, plot: &Plot) -> Result<()> {
 }
 
 fn rows(out: &mut String, table: &Table) {
-    let _ =
-        writeln!(out, "<h3>{}</h3>\n<div class=\"scroll\" tabindex=\"0\"><table>\n<thead><tr>", escaped(&table.title));
+    let _ = writeln!(out, "<h3>{}</h3>", escaped(&table.title));
+    if !table.says.is_empty() {
+        let _ = writeln!(out, "<p>{}</p>", escaped(&table.says));
+    }
+    out.push_str("<div class=\"scroll\" tabindex=\"0\"><table>\n<thead><tr>\n");
     for word in &table.head {
         let _ = write!(out, "<th>{}</th>", escaped(word));
     }

@@ -5,7 +5,7 @@ use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{scaffold_nodes, scaffold_of};
 use canted_lbvh::Leaf;
 use canted_obb::Aabb;
-use canted_sah::{Axes, Builder, Split, TopDownConfig};
+use canted_sah::{Builder, TopDownConfig};
 use canted_trace::Watertight;
 
 use super::passes::one_thread;
@@ -13,12 +13,6 @@ use crate::clock;
 use crate::models::Model;
 use crate::report::{effort::Effort, samples::Samples, subjects};
 use crate::wide::sets;
-
-/// Splits a node at the midpoint of its longest axis, like a bounding interval hierarchy.
-pub(super) const MIDPOINT: (&str, Builder) = (
-    "midpoint splits",
-    Builder::TopDown(TopDownConfig { split: Split::Midpoint, axes: Axes::Longest, ..TopDownConfig::BINNED }, None),
-);
 
 /// The cheapest.
 pub(super) const RADIX: (&str, Builder) = ("radix tree", Builder::Lbvh);
@@ -28,7 +22,6 @@ pub(super) const SWEPT: (&str, Builder) = ("full SAH sweep", Builder::TopDown(To
 
 /// The times of one BVH.
 pub(super) struct Took {
-    pub(super) name: &'static str,
     /// Milliseconds.
     pub(super) build: Samples,
     /// Milliseconds of all camera rays.
@@ -70,9 +63,7 @@ fn measure_here(model: &Model, builders: &[(&'static str, Builder)], effort: Eff
             }
         }
     }
-    let names = builders.iter().map(|(name, _)| *name);
-    let took = names.zip(took).map(|(name, (build, picture, n_bytes))| Took {
-        name,
+    let took = took.into_iter().map(|(build, picture, n_bytes)| Took {
         build: build.into(),
         picture: picture.into(),
         n_bytes,

@@ -81,6 +81,10 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
             ];
             table.rows.push(cells.map(Cell::text).to_vec());
         }
+        table.says = format!(
+            "{} In both levels and for all strategies, the root box of a mesh is the axis-aligned box of its triangles.",
+            found.says
+        );
         chapter.tables.push(table);
         found.compared.extend([volumes, oriented_bottom]);
     }
@@ -93,7 +97,7 @@ fn oriented_percent(sums: &TreeCost) -> f64 {
 }
 
 /// The meshes of the scene's file in world space, or the struts of a generated lattice.
-fn meshes(name: &str, model: &Model) -> Result<Vec<Mesh>> {
+pub(super) fn meshes(name: &str, model: &Model) -> Result<Vec<Mesh>> {
     let scene = if name == SPONZA { models::scene(name)? } else { None };
     Ok(match scene {
         Some(scene) => cut(canted_renderer::flatten(&scene)?),

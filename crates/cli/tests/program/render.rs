@@ -129,6 +129,8 @@ fn structures_do_not_change_a_byte() {
         "--builder auto",
         "--builder sah",
         "--builder sah --volumes aabb",
+        "--builder sbvh",
+        "--builder sbvh --accel bvh2",
         "--preset fast",
         "--preset dynamic",
         "--preset quality --levels two",

@@ -17,6 +17,7 @@ o floor\ng a\nf 1 2 3 4\no roof\ng b\nf 5 6 7\n";
 pub(crate) const BUILDERS: &[&str] = &[
     "auto",
     "sah",
+    "sbvh",
     "ploc",
     "lbvh",
     #[cfg(feature = "baseline")]

@@ -106,7 +106,7 @@ impl Header {
             frame,
             bounds: Aabb { min, max },
             predicted: PredictedCost { aligned, chosen },
-            baseline: Baseline { costs, built },
+            baseline: Baseline { costs, built, now: None },
             n_unit_bytes,
             n_primitive_bytes,
             hit_error,

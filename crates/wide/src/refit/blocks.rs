@@ -1,11 +1,12 @@
-//! Triangles of all leaves, read from their blocks and written into them.
+//! Triangles of all leaves, read from their blocks, and replaced in them.
 
 use canted_lbvh::Corners;
 use canted_obb::PrimId;
 
-use crate::layout::{HALF_WORDS, Half, Lane, LeafLayout, PART_LANES};
+use crate::layout::{HALF_WORDS, Half, Lane, LeafLayout, PART_LANES, PARTS};
 use crate::outline::{LeafOutline, Outline};
 use crate::par;
+use crate::refit::boxes::LeafContent;
 
 const LAYOUT: &LeafLayout = &LeafLayout::BLOCKS;
 
@@ -40,27 +41,49 @@ impl Triangles {
         let (corners, ids) = all.into_iter().unzip();
         Self { corners, ids }
     }
+}
 
-    /// Writes new vertices, by place, into all leaves; ids stay.
-    pub(crate) fn write(corners: &[Corners], outline: &Outline, halves: &mut [Half]) {
-        let write_leaf = |leaf: &LeafOutline, words: &mut [u32]| {
-            let corners = &corners[leaf.places.clone()];
-            for (i, corner) in corners.iter().enumerate() {
-                let lane = Lane::of(i, corners.len(), leaf.part(LAYOUT));
-                for (row, x) in corner.as_flattened().iter().enumerate() {
-                    words[lane.word(row)] = x.to_bits();
-                }
+/// Replaces the vertices of all leaves by those of `positions`; ids stay. Returns the content of each leaf.
+///
+/// Each leaf is read and written once, while it is in the cache. Every index is valid.
+pub(super) fn replace(
+    outline: &Outline,
+    halves: &mut [Half],
+    positions: &[[f32; 3]],
+    triangles: &[[u32; 3]],
+    rows: &[[f32; 3]; 3],
+) -> Vec<LeafContent> {
+    let replace_leaf = |leaf: &LeafOutline, words: &mut [u32]| {
+        let (n, part) = (leaf.places.len(), leaf.part(LAYOUT));
+        let mut content = LeafContent::EMPTY;
+        for i in 0..n {
+            let lane = Lane::of(i, n, part);
+            let corners = triangles[words[lane.word(Lane::ID_ROW)] as usize].map(|vertex| positions[vertex as usize]);
+            for (row, x) in corners.as_flattened().iter().enumerate() {
+                words[lane.word(row)] = x.to_bits();
             }
-        };
-        let leaves = outline.leaves_by_unit();
-        // Leaves that share a half-block are written by one job.
-        let together: Vec<_> = leaves.chunk_by(|a, b| a.unit(LAYOUT) == b.unit(LAYOUT)).collect();
-        let write_leaves = |leaves: &&[&LeafOutline], out: &mut [Half]| {
-            let words: &mut [u32] = bytemuck::cast_slice_mut(out);
-            leaves.iter().for_each(|leaf| write_leaf(leaf, words));
-        };
-        par::for_pieces(&together, halves, |leaves| leaves[0].unit(LAYOUT), write_leaves);
+            content.add(&corners, rows);
+        }
+        content
+    };
+    let order = outline.leaves_by_unit();
+    // Leaves that share a half-block are written by one job.
+    let unit = |&leaf: &u32| outline.leaves[leaf as usize].unit(LAYOUT);
+    let together: Vec<&[u32]> = order.chunk_by(|a, b| unit(a) == unit(b)).collect();
+    let replace_leaves = |leaves: &&[u32], out: &mut [Half]| {
+        let words: &mut [u32] = bytemuck::cast_slice_mut(out);
+        let mut contents = [LeafContent::EMPTY; PARTS];
+        for (content, &leaf) in contents.iter_mut().zip(*leaves) {
+            *content = replace_leaf(&outline.leaves[leaf as usize], words);
+        }
+        contents
+    };
+    let of_units = par::map_pieces(&together, halves, |leaves| unit(&leaves[0]), replace_leaves);
+    let mut contents = vec![LeafContent::EMPTY; outline.leaves.len()];
+    for (leaves, of_unit) in together.iter().zip(of_units) {
+        leaves.iter().zip(of_unit).for_each(|(&leaf, content)| contents[leaf as usize] = content);
     }
+    contents
 }
 
 /// Whether all words of a leaf's unused lanes are zero; lanes of a part that no leaf shares are its own.
@@ -77,6 +100,8 @@ pub(crate) fn unused_lanes_are_zero(leaf: &LeafOutline, halves: &[Half]) -> bool
 
 #[cfg(test)]
 mod tests {
+    use canted_obb::{Aabb, Obb};
+
     use super::*;
     use crate::layout::MAX_LEAF;
     use crate::traverse::Block;
@@ -105,7 +130,13 @@ mod tests {
             assert_eq!(read.ids, want.iter().map(|t| t.1).collect::<Vec<_>>(), "{n}");
             // Written and read again; only used lanes change.
             let moved: Vec<Corners> = read.corners.iter().map(|c| c.map(|p| p.map(|x| -x - 1.0))).collect();
-            Triangles::write(&moved, &outline, &mut halves);
+            let used: Vec<usize> = read.ids.iter().map(|id| id.index()).collect();
+            let mut triangles = vec![[u32::MAX; 3]; used.iter().max().unwrap() + 1];
+            for (i, &id) in (0u32..).zip(&used) {
+                triangles[id] = [3 * i, 3 * i + 1, 3 * i + 2];
+            }
+            let contents = replace(&outline, &mut halves, moved.as_flattened(), &triangles, &Obb::IDENTITY_FRAME);
+            assert_eq!(contents[0].bounds, Aabb::from_points(moved.iter().flatten().copied()));
             assert_eq!(Triangles::read(&outline, &halves), Triangles { corners: moved, ids: read.ids });
             assert_eq!(unused_lanes_are_zero(&leaf, &halves), n % 4 == 0, "{n}");
         }

@@ -17,34 +17,82 @@ use crate::traverse::{BoxPads, MeshFrame};
 /// What boxes are written from.
 struct Source<'a> {
     outline: &'a Outline,
-    /// The box with these rows around a range of places.
-    slabs: &'a (dyn Fn(Range<usize>, [[f32; 3]; 3]) -> Slabs + Sync),
-    /// Boxes in the mesh frame, of leaves and nodes.
-    leaf_boxes: Vec<Aabb>,
+    slabs: &'a SlabsOf<'a>,
+    contents: &'a [LeafContent],
+    /// Boxes of nodes in the mesh frame.
     node_boxes: Vec<Aabb>,
     reaches: Reaches,
     pads: &'a BoxPads,
 }
 
+/// The box with these rows around a range of places.
+pub(super) type SlabsOf<'a> = dyn Fn(Range<usize>, [[f32; 3]; 3]) -> Slabs + Sync + 'a;
+
+/// What the boxes around a leaf and its predicted cost depend on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LeafContent {
+    /// Object space.
+    pub(crate) bounds: Aabb,
+    /// The boxes of all items in the mesh frame, together.
+    pub(crate) aligned: Aabb,
+    /// Sum of the surface areas of all items.
+    pub(crate) area: f64,
+}
+
+impl LeafContent {
+    pub(crate) const EMPTY: Self = Self { bounds: Aabb::EMPTY, aligned: Aabb::EMPTY, area: 0.0 };
+
+    /// Adds an item; `rows` are those of the mesh frame.
+    #[inline]
+    pub(crate) fn add<I: Item>(&mut self, item: &I, rows: &[[f32; 3]; 3]) {
+        let bounds = item.aabb();
+        self.bounds = self.bounds.union(bounds);
+        let aligned = item::aligned_box(item, &bounds, rows);
+        self.aligned = self.aligned.union(aligned);
+        self.area += item.area();
+    }
+
+    /// Of each leaf; `items` are by place.
+    pub(crate) fn of_leaves<I: Item>(outline: &Outline, items: &[I], rows: &[[f32; 3]; 3]) -> Vec<Self> {
+        par::map(&outline.leaves, LEAVES, |leaf| {
+            let mut content = Self::EMPTY;
+            items[leaf.places.clone()].iter().for_each(|item| content.add(item, rows));
+            content
+        })
+    }
+}
+
+/// Fewest leaves of one job.
+const LEAVES: usize = 256;
+
+/// Greatest coordinates below leaves and nodes.
+pub(super) fn reaches(outline: &Outline, contents: &[LeafContent]) -> Reaches {
+    Reaches::of_leaves(outline, contents.iter().map(|content| content.bounds.reach()).collect())
+}
+
 /// Writes the boxes of all nodes, rounded outward and padded as a build does it; `items` are by place.
+pub(crate) fn write<I: Item>(outline: &Outline, items: &[I], frame: &MeshFrame, pads: &BoxPads, lines: &mut [Line]) {
+    let contents = LeafContent::of_leaves(outline, items, &frame.rows);
+    let slabs = |places: Range<usize>, rows| I::slabs(&items[places], rows);
+    write_around(outline, &contents, &slabs, pads, lines);
+}
+
+/// The same, from the contents of the leaves.
 ///
 /// Boxes in the mesh frame are joined bottom-up. An oriented box is tight only if it is computed from all primitives below, so
 /// each primitive is read once for each oriented box around it.
-pub(crate) fn write<I: Item>(outline: &Outline, items: &[I], frame: &MeshFrame, pads: &BoxPads, lines: &mut [Line]) {
-    let boxes = item::boxes(items, frame.rows);
-    let slabs = |places: Range<usize>, rows| I::slabs(&items[places], rows);
-    let reaches = Reaches::of_outline(outline, items);
-    let (leaf_boxes, node_boxes) = (vec![], vec![Aabb::EMPTY; outline.nodes.len()]);
-    write_all(&boxes, Source { outline, slabs: &slabs, leaf_boxes, node_boxes, reaches, pads }, lines);
-}
-
-fn write_all(boxes: &[Aabb], mut source: Source, lines: &mut [Line]) {
-    let outline = source.outline;
-    let join = |boxes: &[Aabb]| boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
-    source.leaf_boxes = outline.leaves.iter().map(|leaf| join(&boxes[leaf.places.clone()])).collect();
+pub(super) fn write_around(
+    outline: &Outline,
+    contents: &[LeafContent],
+    slabs: &SlabsOf,
+    pads: &BoxPads,
+    lines: &mut [Line],
+) {
+    let (reaches, node_boxes) = (reaches(outline, contents), vec![Aabb::EMPTY; outline.nodes.len()]);
+    let mut source = Source { outline, slabs, contents, node_boxes, reaches, pads };
     for (i, node) in outline.nodes.iter().enumerate().rev() {
         let children = node.slots.map(|slot| source.aligned_box(slot).unwrap_or(Aabb::EMPTY));
-        source.node_boxes[i] = join(&children);
+        source.node_boxes[i] = children.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
     }
     par::for_pieces(&outline.nodes_by_line(), lines, |node| node.line, |node, out| source.write_node(node, out));
 }
@@ -54,7 +102,7 @@ impl Source<'_> {
     fn aligned_box(&self, slot: Slot) -> Option<Aabb> {
         match slot {
             Slot::Empty => None,
-            Slot::Leaf(leaf) => Some(self.leaf_boxes[leaf]),
+            Slot::Leaf(leaf) => Some(self.contents[leaf].aligned),
             Slot::Node(node) => Some(self.node_boxes[node]),
         }
     }

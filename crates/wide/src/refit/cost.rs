@@ -5,6 +5,10 @@ use canted_obb::Aabb;
 use super::boxes::Boxes;
 use crate::costs::{Costs, RayCost};
 use crate::outline::{Outline, Slot};
+use crate::par;
+
+/// Nodes of one job.
+const CHUNK: usize = 1 << 10;
 
 /// Predicts costs with the boxes as they are, without their padding; `bounds` enclose all primitives, whose areas sum to `area`.
 ///
@@ -18,13 +22,18 @@ pub(super) fn predict(outline: &Outline, boxes: &Boxes, area: f64, bounds: &Aabb
         (None, Some(_)) => visit(outline, Slot::Leaf(0), costs),
         (None, None) => 0.0,
     };
-    for node in &outline.nodes {
-        for (i, &slot) in node.slots.iter().enumerate() {
-            if slot != Slot::Empty {
-                sum += probability(boxes.half_area(node, i)) * visit(outline, slot, costs);
+    let of_children = par::map_chunks(&outline.nodes, CHUNK, |_, nodes| {
+        let mut sum = 0.0;
+        for node in nodes {
+            for (i, &slot) in node.slots.iter().enumerate() {
+                if slot != Slot::Empty {
+                    sum += probability(boxes.half_area(node, i)) * visit(outline, slot, costs);
+                }
             }
         }
-    }
+        sum
+    });
+    sum += of_children.into_iter().sum::<f64>();
     let per_primitive = if area > 0.0 { sum * all / area } else { 0.0 };
     RayCost { per_ray: rounded(sum), per_primitive: rounded(per_primitive) }
 }

@@ -127,10 +127,41 @@ fn the_oracle_detects_boxes_that_are_too_small() {
     }
     // Vertices that moved without a refit.
     let mut bvh = bvh.clone();
-    let corners = Triangles::read(&outline, &bvh.leaves.halves).corners;
-    let moved: Vec<_> = corners.iter().map(|c| c.map(|p| p.map(|x| x * 1.01))).collect();
-    Triangles::write(&moved, &outline, &mut bvh.leaves.halves);
+    let moved: Vec<_> = mesh.positions.iter().map(|p| p.map(|x| x * 1.01)).collect();
+    blocks::replace(&outline, &mut bvh.leaves.halves, &moved, &mesh.triangles, &bvh.frame.rows);
     assert!(n_too_small(&bvh) > 10);
+}
+
+#[test]
+fn the_cost_is_remembered_from_refit_to_refit() {
+    for mesh in [fixtures::scaffold_of(1, true, 4), fixtures::scaffold_of(1, false, 3).off_axis()] {
+        let mut bvh = build(&mesh);
+        let first = bvh.refit(&shaken(&mesh, 0.05, 1).positions, &mesh.triangles).unwrap();
+        let mut forgetful = bvh.clone();
+        forgetful.baseline.now = None;
+        let moved = shaken(&mesh, 0.2, 2);
+        let second = bvh.refit(&moved.positions, &mesh.triangles).unwrap();
+        assert_eq!(second.cost_before, first.cost_now);
+        assert_ne!(second.cost_now, first.cost_now);
+        assert_eq!(forgetful.refit(&moved.positions, &mesh.triangles), Ok(second));
+    }
+}
+
+#[test]
+fn only_vertices_of_triangles_must_be_finite() {
+    let mesh = fixtures::soup(3, 100);
+    let mut bvh = build(&mesh);
+    let mut positions = mesh.positions.clone();
+    positions.push([f32::NAN; 3]);
+    assert!(bvh.refit(&positions, &mesh.triangles).is_ok());
+    let mut triangles = mesh.triangles.clone();
+    triangles[7][1] = u32::try_from(mesh.positions.len()).unwrap();
+    let error = GeometryError::NotFinite { triangle: PrimId(7) };
+    assert_eq!(bvh.refit(&positions, &triangles), Err(RefitError::Geometry(error)));
+    positions.pop();
+    let index = triangles[7][1];
+    let error = GeometryError::IndexOutOfRange { triangle: PrimId(7), index, n_vertices: positions.len() };
+    assert_eq!(bvh.refit(&positions, &triangles), Err(RefitError::Geometry(error)));
 }
 
 /// Records with one word changed.
@@ -177,7 +208,10 @@ fn leaves_of_two_share_a_block() {
     let bvh = build(&quads(5));
     let outline = outline(&bvh);
     assert_eq!(outline.leaves.iter().map(|leaf| leaf.places.len()).collect::<Vec<_>>(), [2; 5]);
-    assert_eq!(outline.leaves_by_unit().iter().map(|leaf| leaf.first).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+    assert_eq!(
+        outline.leaves_by_unit().iter().map(|&i| outline.leaves[i as usize].first).collect::<Vec<_>>(),
+        [0, 1, 2, 3, 4]
+    );
     assert_eq!(outline.leaves.iter().filter(|leaf| leaf.is_shared).count(), 4);
     assert_eq!(bvh.leaves.halves.len(), 3);
     for path in SimdPath::ALL {
