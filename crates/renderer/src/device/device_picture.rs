@@ -201,6 +201,7 @@ pub fn traced_scene<K: LaneKernel>(
     fn wide<K: LaneKernel>(bvh: &Bvh<K>) -> Result<&TriangleBvh<K>, DeviceError> {
         match bvh {
             Bvh::Wide(wide) => Ok(wide),
+            Bvh::Moving(_) => Err(DeviceError::Unsupported { what: "meshes that deform while the shutter is open" }),
             Bvh::Binary(..) | Bvh::Bih(_) | Bvh::KdTree(_) => {
                 Err(DeviceError::Unsupported { what: "structures other than wide BVHs" })
             }
