@@ -9,15 +9,30 @@ use rayon::prelude::*;
 /// Names and warnings are not included, because they differ between machines.
 #[must_use]
 pub fn scene_hash(scene: &Scene) -> u64 {
-    let Scene { meshes, instances, materials, textures, .. } = scene;
+    let mut hash = Hash::default();
+    hash.word(geometry_hash(scene));
+    hash.word(material_hash(scene));
+    hash.finish()
+}
+
+/// The part of [`scene_hash`] that poses change: meshes and instances.
+#[must_use]
+pub fn geometry_hash(Scene { meshes, instances, .. }: &Scene) -> u64 {
     let mut hash = Hash::default();
     for part in meshes.par_iter().map(of_mesh).collect::<Vec<_>>() {
         hash.word(part);
     }
+    hash.debug(instances);
+    hash.finish()
+}
+
+/// The part of [`scene_hash`] that all poses share: materials and textures.
+#[must_use]
+pub fn material_hash(Scene { materials, textures, .. }: &Scene) -> u64 {
+    let mut hash = Hash::default();
     for part in textures.par_iter().map(of_texture).collect::<Vec<_>>() {
         hash.word(part);
     }
-    hash.debug(instances);
     for material in materials {
         hash.debug(&Material { name: String::new(), ..material.clone() });
     }
