@@ -282,7 +282,7 @@ impl BvhUpdate<'_> {
             let time = start.elapsed();
             self.updates.refit_time += time;
             self.updates.max_drift = self.updates.max_drift.max(drift);
-            let is_old = costs.refitted_in(time.as_secs_f64(), drift.into(), trace);
+            let is_old = costs.refitted_in(time.as_secs_f64(), drift.into());
             if policy == UpdatePolicy::Refit || !is_old {
                 self.updates.refits += 1;
                 return Ok(());
@@ -293,7 +293,10 @@ impl BvhUpdate<'_> {
         let time = start.elapsed();
         self.updates.rebuild_time += time;
         self.updates.rebuilds += 1;
-        costs.rebuilt_in(time.as_secs_f64());
+        match may_refit {
+            true => costs.rebuilt_in(time.as_secs_f64()),
+            false => costs.replaced_in(time.as_secs_f64()),
+        }
         Ok(())
     }
 }
