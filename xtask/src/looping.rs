@@ -30,7 +30,8 @@ pub(crate) fn run(out: &Path, fps: &str, frames: &[&str]) -> Result<()> {
 fn read(path: &Path) -> Result<([u32; 2], Vec<u8>)> {
     let name = path.display();
     let file = File::open(path).with_context(|| format!("cannot read {name}"))?;
-    let mut reader = png::Decoder::new(BufReader::new(file)).read_info().with_context(|| format!("cannot read {name}"))?;
+    let mut reader =
+        png::Decoder::new(BufReader::new(file)).read_info().with_context(|| format!("cannot read {name}"))?;
     let mut pixels = vec![0; reader.output_buffer_size().with_context(|| format!("{name} is too large"))?];
     let info = reader.next_frame(&mut pixels).with_context(|| format!("cannot read {name}"))?;
     let is_rgb = (info.color_type, info.bit_depth) == (png::ColorType::Rgb, png::BitDepth::Eight);

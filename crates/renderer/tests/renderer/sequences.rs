@@ -22,10 +22,12 @@ const N_FRAMES: u16 = 60;
 fn rays(scene: &Scene, n: usize, seed: u64) -> Vec<Ray> {
     let bounds = scene.bounds_world();
     let mut rng = SplitMix64::new(seed);
+    let greatest = (0..3).map(|k| bounds.max[k] - bounds.min[k]).fold(0.0, f32::max);
     #[expect(clippy::cast_possible_truncation, reason = "random points")]
     let mut point = |out: f32| -> [f32; 3] {
         std::array::from_fn(|k| {
-            let size = bounds.max[k] - bounds.min[k];
+            // Rays to a flat scene start outside of its plane.
+            let size = (bounds.max[k] - bounds.min[k]).max(out * greatest);
             bounds.min[k] - out * size + (1.0 + 2.0 * out) * size * rng.unit() as f32
         })
     };
