@@ -8,10 +8,10 @@ use anyhow::{Context, Result, ensure};
 ///
 /// # Errors
 /// No frames, a frame that is no such picture, or one of another size.
-pub(crate) fn run(out: &Path, fps: &str, frames: &[&str]) -> Result<()> {
+pub(crate) fn run(out: &Path, fps: &str, frames: &[&str]) -> Result<bool> {
     let fps: u16 = fps.parse().ok().filter(|&fps| fps > 0).with_context(|| format!("{fps} is no number of frames"))?;
     let frames = frames.iter().map(|frame| read(frame.as_ref())).collect::<Result<Vec<_>>>()?;
-    let (size, _) = frames.first().context("no frames")?;
+    let &(size, _) = frames.first().context("no frames")?;
     let file = File::create(out).with_context(|| format!("cannot write {}", out.display()))?;
     let mut encoder = png::Encoder::new(BufWriter::new(file), size[0], size[1]);
     encoder.set_color(png::ColorType::Rgb);
@@ -20,10 +20,11 @@ pub(crate) fn run(out: &Path, fps: &str, frames: &[&str]) -> Result<()> {
     encoder.set_frame_delay(1, fps)?;
     let mut writer = encoder.write_header()?;
     for (i, (of_frame, pixels)) in frames.iter().enumerate() {
-        ensure!(of_frame == size, "frame {i} is {of_frame:?} pixels, the first {size:?}");
+        ensure!(*of_frame == size, "frame {i} is {of_frame:?} pixels, the first {size:?}");
         writer.write_image_data(pixels)?;
     }
-    Ok(writer.finish()?)
+    writer.finish()?;
+    Ok(true)
 }
 
 /// Size and pixels of a frame.
