@@ -11,6 +11,7 @@ mod count;
 mod driver;
 mod figures;
 mod fixtures;
+mod looping;
 mod png;
 mod publish;
 mod python;
@@ -40,6 +41,7 @@ const USAGE: &str = "usage: cargo xtask TASK
   watertight [ARGS] trace rays at edges of closed meshes and write tests/WATERTIGHT.md; --rays N [default: 100 million]
   extremes [ARGS]   test every numerical promise and write tests/EXTREMES.md; --effort N multiplies the inputs, --peers
   fuzz [ARGS]       read mutated files with every reader and write tests/FUZZ.md; --minutes N [default: 1], --seed N
+  loop OUT FPS PNG...  join frames into an animated PNG for documents
   fixtures [DIR]    write the procedural scenes as files [default: target/fixtures]";
 
 fn main() -> ExitCode {
@@ -58,6 +60,7 @@ fn main() -> ExitCode {
         ["watertight", ref args @ ..] => record::WATERTIGHT.run(args),
         ["extremes", ref args @ ..] => record::EXTREMES.run(args),
         ["fuzz", ref args @ ..] => record::FUZZ.run(args),
+        ["loop", out, fps, ref frames @ ..] => looping::run(out.as_ref(), fps, frames),
         ["fixtures"] => fixtures::run(&workspace::root().join("target/fixtures")),
         ["fixtures", dir] => fixtures::run(dir.as_ref()),
         _ => Err(anyhow::anyhow!("{USAGE}")),

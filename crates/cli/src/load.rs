@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, anyhow};
-use canted_scene::{ReadOptions, Scene, SceneFile};
+use canted_scene::{AnimatedScene, ReadOptions, Scene, SceneFile};
 
 use crate::output::{self, Named};
 
@@ -59,6 +59,21 @@ pub(crate) fn scene(path: Option<&Path>, time: Option<f32>, animation: Option<&s
         canted_scene::read_with(path, &ReadOptions { time, animation: animation.map(str::to_owned) })
     };
     let scene = scene?;
+    warn(&scene.warnings);
+    Ok(scene)
+}
+
+/// As [`scene`], for a shutter that is open between two times in seconds.
+pub(crate) fn scene_in_shutter(path: &Path, times: [f32; 2], animation: Option<&str>) -> Result<Scene> {
+    let options = ReadOptions { time: Some(times[0]), animation: animation.map(str::to_owned) };
+    let (mut animated, mut scene) = AnimatedScene::open(path, &options)?;
+    let of_file = std::mem::take(&mut scene.warnings);
+    warn(&of_file);
+    if !animated.is_animated() {
+        output::warn(&format!("{}: the file has no animation; the picture shows its rest pose", path.display()));
+    }
+    animated.pose_shutter(times, &mut scene)?;
+    scene.warnings.retain(|warning| !of_file.contains(warning));
     warn(&scene.warnings);
     Ok(scene)
 }

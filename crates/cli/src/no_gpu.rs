@@ -21,6 +21,11 @@ impl Machine {
             _ => Err(anyhow!("this program was built without GPU support; use --device cpu")),
         }
     }
+
+    /// What computes.
+    pub(crate) fn name(&self) -> String {
+        "cpu".to_owned()
+    }
 }
 
 /// Lists no adapters.

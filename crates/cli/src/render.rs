@@ -97,13 +97,18 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if args.animation.is_some() && args.time.is_none() && args.sequence.frames.is_none() {
         return Err(anyhow!("--animation requires --time or --frames"));
     }
+    args.sequence.check_shutter(args.scene.as_deref(), args.time)?;
     let machine = open_machine(args)?;
     if let Some(range) = args.sequence.frames {
         return frames::run(args, range, &machine);
     }
     output::probe(&args.output)?;
     let start = Instant::now();
-    let mut scene = load::scene(args.scene.as_deref(), args.time, args.animation.as_deref())?;
+    let (path, animation) = (args.scene.as_deref(), args.animation.as_deref());
+    let mut scene = match (path, args.time.and_then(|time| args.sequence.shutter_times(time))) {
+        (Some(path), Some(times)) => load::scene_in_shutter(path, times, animation)?,
+        _ => load::scene(path, args.time, animation)?,
+    };
     load::check_outputs(args.scene.as_deref(), &scene, &outputs)?;
     let has_default_light = args.light.apply(&mut scene)?;
     let load_time = start.elapsed();

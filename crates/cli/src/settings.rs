@@ -20,7 +20,7 @@ use clap::{
 use crate::{load, output, render};
 
 /// Options about a run: its files, devices and reports.
-const RUN_OPTIONS: [&str; 16] = [
+const RUN_OPTIONS: [&str; 17] = [
     "scene",
     "output",
     "samples",
@@ -34,6 +34,7 @@ const RUN_OPTIONS: [&str; 16] = [
     "json",
     "frames",
     "fps",
+    "shutter",
     "turntable",
     "resume",
     "update",

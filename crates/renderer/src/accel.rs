@@ -8,9 +8,10 @@ use canted_kdtree::KdTree;
 use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig};
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_sah::{SpatialConfig, TopDownConfig};
+use canted_scene::Mesh;
 use canted_tlas::TopConfig;
 use canted_trace::pad_aabb;
-use canted_wide::{Config, LaneKernel, MAX_TRIANGLES, Preset, TriangleBvh};
+use canted_wide::{Config, LaneKernel, MAX_TRIANGLES, MovingBvh, Preset, TriangleBvh};
 
 use crate::PrepareError;
 
@@ -116,9 +117,12 @@ impl Accel {
     /// Builds the BVH of a mesh.
     pub(crate) fn build<K: LaneKernel>(
         &self,
-        positions: &[[f32; 3]],
-        triangles: &[[u32; 3]],
+        Triangles { positions, close, triangles }: Triangles,
     ) -> Result<Bvh<K>, PrepareError> {
+        if let Some(close) = close {
+            let &Self::Wide { preset, .. } = self else { return Err(PrepareError::MovingTriangles) };
+            return Ok(Bvh::Moving(MovingBvh::build(positions, close, triangles, &Config::preset(preset))?));
+        }
         let (strategy, builder) = match *self {
             Self::Wide { preset, builder } => return Ok(Bvh::Wide(wide(positions, triangles, preset, builder)?)),
             Self::Binary { strategy, builder } => (strategy, builder.unwrap_or(Builder::Ploc)),
@@ -152,6 +156,21 @@ fn parts(corners: &[Corners]) -> (lbvh::Tree, Vec<Aabb>) {
     let parts = tree.leaves.iter().map(|part| references.boxes[part.index()]).collect();
     tree.leaves.iter_mut().for_each(|leaf| *leaf = references.primitives[leaf.index()]);
     (tree, parts)
+}
+
+/// The triangles of a mesh, or of all instances.
+#[derive(Clone, Copy)]
+pub(crate) struct Triangles<'a> {
+    pub(crate) positions: &'a [[f32; 3]],
+    /// Positions at shutter close, if the vertices move.
+    pub(crate) close: Option<&'a [[f32; 3]]>,
+    pub(crate) triangles: &'a [[u32; 3]],
+}
+
+impl<'a> From<&'a Mesh> for Triangles<'a> {
+    fn from(Mesh { positions, close, triangles, .. }: &'a Mesh) -> Self {
+        Self { positions, close: close.as_ref().map(|close| &close.positions[..]), triangles }
+    }
 }
 
 fn wide<K: LaneKernel>(

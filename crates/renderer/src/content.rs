@@ -1,7 +1,7 @@
 //! Hashes of scenes, so that parts of different pictures are not joined.
 
 use canted_film::Hash;
-use canted_scene::{Environment, EnvironmentImage, Material, Mesh, Scene, Texture};
+use canted_scene::{Environment, EnvironmentImage, Material, Mesh, MeshClose, Scene, Texture};
 use rayon::prelude::*;
 
 /// A hash of everything in a scene that pictures depend on, except light: equal for different scenes with probability 2⁻⁶⁴.
@@ -9,15 +9,30 @@ use rayon::prelude::*;
 /// Names and warnings are not included, because they differ between machines.
 #[must_use]
 pub fn scene_hash(scene: &Scene) -> u64 {
-    let Scene { meshes, instances, materials, textures, .. } = scene;
+    let mut hash = Hash::default();
+    hash.word(geometry_hash(scene));
+    hash.word(material_hash(scene));
+    hash.finish()
+}
+
+/// The part of [`scene_hash`] that poses change: meshes and instances.
+#[must_use]
+pub fn geometry_hash(Scene { meshes, instances, .. }: &Scene) -> u64 {
     let mut hash = Hash::default();
     for part in meshes.par_iter().map(of_mesh).collect::<Vec<_>>() {
         hash.word(part);
     }
+    hash.debug(instances);
+    hash.finish()
+}
+
+/// The part of [`scene_hash`] that all poses share: materials and textures.
+#[must_use]
+pub fn material_hash(Scene { materials, textures, .. }: &Scene) -> u64 {
+    let mut hash = Hash::default();
     for part in textures.par_iter().map(of_texture).collect::<Vec<_>>() {
         hash.word(part);
     }
-    hash.debug(instances);
     for material in materials {
         hash.debug(&Material { name: String::new(), ..material.clone() });
     }
@@ -41,7 +56,7 @@ pub fn light_hash(scene: &Scene) -> u64 {
 
 fn of_mesh(mesh: &Mesh) -> u64 {
     // Without `..`, so that a new field cannot be forgotten.
-    let Mesh { name: _, positions, triangles, normals, tangents, uvs, second_uvs, colors, parts } = mesh;
+    let Mesh { name: _, positions, triangles, normals, tangents, uvs, second_uvs, colors, parts, close } = mesh;
     let mut hash = Hash::default();
     hash.floats(positions);
     hash.words(triangles.iter().flatten().copied());
@@ -51,6 +66,11 @@ fn of_mesh(mesh: &Mesh) -> u64 {
     hash.floats(second_uvs.as_deref().unwrap_or_default());
     hash.floats(colors.as_deref().unwrap_or_default());
     hash.debug(parts);
+    if let Some(MeshClose { positions, normals, tangents }) = close {
+        hash.floats(positions);
+        hash.floats(normals.as_deref().unwrap_or_default());
+        hash.floats(tangents.as_deref().unwrap_or_default());
+    }
     hash.finish()
 }
 
@@ -71,8 +91,9 @@ mod tests {
     #[test]
     fn changes_of_the_picture_change_the_hash() {
         let scene = builtin();
-        let changes: [fn(&mut Scene); 8] = [
+        let changes: [fn(&mut Scene); 9] = [
             |scene| scene.meshes[0].positions[0][1] += 1e-3,
+            |scene| scene.meshes[0].close = Some(MeshClose { positions: vec![[0.5; 3]], ..MeshClose::default() }),
             |scene| scene.meshes[0].triangles[7].swap(0, 1),
             |scene| scene.meshes[0].triangles.swap(3, 4),
             |scene| scene.meshes[0].uvs = Some(vec![[0.5; 2]]),

@@ -12,6 +12,8 @@ pub enum PrepareError {
     Instance(InstanceError),
     /// An external builder returned invalid nodes.
     Topology(TopologyError),
+    /// A mesh deforms while the shutter is open, which only wide BVHs support.
+    MovingTriangles,
     /// The scene has more triangles or vertices than one BVH can index.
     TooMany {
         /// Triangles of all instances.
@@ -27,6 +29,9 @@ impl fmt::Display for PrepareError {
             Self::Geometry(error) => error.fmt(f),
             Self::Instance(error) => error.fmt(f),
             Self::Topology(error) => write!(f, "the external builder returned an invalid tree: {error}"),
+            Self::MovingTriangles => {
+                f.write_str("a mesh deforms while the shutter is open; use --accel wide, without --volumes")
+            }
             Self::TooMany { n_triangles, n_vertices } => {
                 write!(f, "{n_triangles} triangles with {n_vertices} vertices do not fit in one level")
             }
@@ -40,7 +45,7 @@ impl std::error::Error for PrepareError {
             Self::Geometry(error) => Some(error),
             Self::Instance(error) => Some(error),
             Self::Topology(error) => Some(error),
-            Self::TooMany { .. } => None,
+            Self::TooMany { .. } | Self::MovingTriangles => None,
         }
     }
 }

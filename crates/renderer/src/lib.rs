@@ -61,7 +61,7 @@ pub use accel::{Accel, Builder, Bvh};
 pub use baseline::obvhs_tree;
 pub use bsdf::{Bsdf, BsdfSample, Evaluation};
 pub use camera::{CameraError, View};
-pub use content::{light_hash, scene_hash};
+pub use content::{geometry_hash, light_hash, material_hash, scene_hash};
 #[cfg(feature = "gpu")]
 pub use device::{DeviceError, DevicePicture, GBuffer, SharedFilm, SurfaceInfo, traced_scene};
 pub use error::PrepareError;

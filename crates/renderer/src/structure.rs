@@ -7,7 +7,7 @@ use canted_trace::{Hit, InstanceId, Query, Ray};
 use canted_wide::LaneKernel;
 use rayon::prelude::*;
 
-use crate::accel::{Accel, Bvh};
+use crate::accel::{Accel, Bvh, Triangles};
 use crate::query::forward;
 use crate::{PrepareError, Tracer};
 
@@ -107,12 +107,13 @@ impl<K: LaneKernel> Structure<K> {
     /// Builds one BVH over the triangles of all instances.
     pub(crate) fn one(scene: &Scene, accel: &Accel) -> Result<Self, PrepareError> {
         let (positions, triangles, first) = flatten(scene)?;
-        Ok(Self::One(Flat { bvh: accel.build(&positions, &triangles)?, first }))
+        let triangles = Triangles { positions: &positions, close: None, triangles: &triangles };
+        Ok(Self::One(Flat { bvh: accel.build(triangles)?, first }))
     }
 
     /// Builds a BVH per mesh, and one over the instances.
     pub(crate) fn two(scene: &Scene, accel: &Accel) -> Result<Self, PrepareError> {
-        let meshes = scene.meshes.par_iter().map(|mesh| accel.build(&mesh.positions, &mesh.triangles));
+        let meshes = scene.meshes.par_iter().map(|mesh| accel.build(mesh.into()));
         Ok(Self::Two(Tlas::new(meshes.collect::<Result<Vec<_>, _>>()?, &instances(scene), accel.top())?))
     }
 }
@@ -140,7 +141,7 @@ impl<K: LaneKernel> Tracer for Structure<K> {
 /// A scene as one mesh in world space: positions, triangles, and the first triangle of each instance.
 pub type Flattened = (Vec<[f32; 3]>, Vec<[u32; 3]>, Vec<u32>);
 
-/// Transforms all instances into one mesh in world space; moving instances at the time the shutter opens.
+/// Transforms all instances into one mesh in world space; what moves, as the shutter opens.
 ///
 /// # Errors
 /// [`PrepareError::TooMany`], before any instance is transformed.

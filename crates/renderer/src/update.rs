@@ -14,7 +14,7 @@ use canted_scene::{Instance, Mesh, Scene};
 use canted_wide::LaneKernel;
 use rayon::prelude::*;
 
-use crate::accel::{Accel, Bvh};
+use crate::accel::{Accel, Bvh, Triangles};
 use crate::prepare::{has_one_level, prepare, unused_features};
 use crate::structure::{Flat, Structure, flatten, instances};
 use crate::{PrepareError, Prepared, StructureConfig};
@@ -32,6 +32,8 @@ impl MeshKey {
     fn of(mesh: &Mesh) -> Self {
         let [mut positions, mut triangles] = [Hash::default(); 2];
         positions.floats(&mesh.positions);
+        // The number of positions is that of the first list.
+        positions.floats(mesh.close.as_ref().map(|close| &close.positions[..]).unwrap_or_default());
         triangles.words(mesh.triangles.iter().flatten().copied());
         Self { positions: positions.finish(), triangles: triangles.finish() }
     }
@@ -198,7 +200,8 @@ impl<K: LaneKernel> Prepared<K> {
                     let may_refit = scene.instances.iter().map(same).eq(history.instances.iter().map(before));
                     let (positions, triangles, first) = flatten(scene)?;
                     let Flat { bvh, first: old_first } = flat;
-                    update.apply(bvh, &mut history.costs[0], (&positions, &triangles), may_refit, 1.0)?;
+                    let triangles = Triangles { positions: &positions, close: None, triangles: &triangles };
+                    update.apply(bvh, &mut history.costs[0], triangles, may_refit, 1.0)?;
                     *old_first = first;
                 }
             }
@@ -210,9 +213,8 @@ impl<K: LaneKernel> Prepared<K> {
                 for &i in &changed {
                     let (mesh, costs) = (&scene.meshes[i], &mut history.costs[i]);
                     let may_refit = keys[i].triangles == history.meshes[i].triangles;
-                    let geometry = (&mesh.positions[..], &mesh.triangles[..]);
                     #[expect(clippy::cast_possible_truncation, reason = "meshes are numbered by u32")]
-                    edit.update_blas(i as u32, |bvh| update.apply(bvh, costs, geometry, may_refit, shares[i]))??;
+                    edit.update_blas(i as u32, |bvh| update.apply(bvh, costs, mesh.into(), may_refit, shares[i]))??;
                 }
                 let new = instances(scene);
                 let is_same_number = scene.instances.len() == history.instances.len();
@@ -263,7 +265,7 @@ impl BvhUpdate<'_> {
         &mut self,
         bvh: &mut Bvh<K>,
         costs: &mut BvhCosts,
-        (positions, triangles): (&[[f32; 3]], &[[u32; 3]]),
+        triangles: Triangles,
         may_refit: bool,
         share: f64,
     ) -> Result<(), PrepareError> {
@@ -276,22 +278,25 @@ impl BvhUpdate<'_> {
                 UpdatePolicy::Auto => !costs.predicts_rebuild(trace),
             };
         let mut start = Instant::now();
-        if refits && let Some(drift) = bvh.refit(positions, triangles)? {
+        if refits && let Some(drift) = bvh.refit(triangles)? {
             let time = start.elapsed();
             self.updates.refit_time += time;
             self.updates.max_drift = self.updates.max_drift.max(drift);
-            let is_old = costs.refitted_in(time.as_secs_f64(), drift.into(), trace);
+            let is_old = costs.refitted_in(time.as_secs_f64(), drift.into());
             if policy == UpdatePolicy::Refit || !is_old {
                 self.updates.refits += 1;
                 return Ok(());
             }
             start = Instant::now();
         }
-        *bvh = self.accel.build(positions, triangles)?;
+        *bvh = self.accel.build(triangles)?;
         let time = start.elapsed();
         self.updates.rebuild_time += time;
         self.updates.rebuilds += 1;
-        costs.rebuilt_in(time.as_secs_f64());
+        match may_refit {
+            true => costs.rebuilt_in(time.as_secs_f64()),
+            false => costs.replaced_in(time.as_secs_f64()),
+        }
         Ok(())
     }
 }

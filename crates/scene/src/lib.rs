@@ -79,7 +79,7 @@ pub use file::{
 };
 pub use light::Light;
 pub use material::{AlphaMode, Material, MaterialId};
-pub use mesh::{Instance, Mesh, MeshId, Part};
+pub use mesh::{Instance, Mesh, MeshClose, MeshId, Part};
 pub use read::{AnimatedScene, ReadError, ReadOptions, declared_exr_samples, read, read_environment, read_with};
 pub use scene::Scene;
 pub use stats::SceneStats;

@@ -15,6 +15,17 @@ pub struct Part {
     pub material: MaterialId,
 }
 
+/// Vertices of a mesh that deforms while the shutter is open, as it closes. In between, everything is interpolated linearly.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeshClose {
+    /// As [`Mesh::positions`], and as many.
+    pub positions: Vec<[f32; 3]>,
+    /// As [`Mesh::normals`].
+    pub normals: Option<Vec<[f32; 3]>>,
+    /// As [`Mesh::tangents`].
+    pub tangents: Option<Vec<[f32; 4]>>,
+}
+
 /// An indexed triangle mesh in object space. Every index is in range and every referenced position is finite.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
@@ -37,6 +48,8 @@ pub struct Mesh {
     pub colors: Option<Vec<[f32; 4]>>,
     /// Parts in ascending order; the first starts at triangle 0.
     pub parts: Vec<Part>,
+    /// The vertices at shutter close of a mesh that deforms while the shutter is open; the lists above are those at shutter open.
+    pub close: Option<MeshClose>,
 }
 
 impl Mesh {
@@ -49,13 +62,19 @@ impl Mesh {
         }
     }
 
-    /// Positions referenced by triangles, each once.
+    /// Positions referenced by triangles, each once; those at shutter close too.
     pub(crate) fn used_positions(&self) -> Vec<[f32; 3]> {
         let mut is_used = vec![false; self.positions.len()];
         for &index in self.triangles.iter().flatten() {
             is_used[index as usize] = true;
         }
-        self.positions.iter().zip(is_used).filter_map(|(&position, is_used)| is_used.then_some(position)).collect()
+        let close = self.close.as_ref().map(|close| &close.positions);
+        let of_list = |list: &Vec<[f32; 3]>| {
+            list.iter().zip(&is_used).filter_map(|(&position, &is_used)| is_used.then_some(position)).collect()
+        };
+        let mut used: Vec<[f32; 3]> = of_list(&self.positions);
+        used.extend(close.map(of_list).unwrap_or_default());
+        used
     }
 
     /// Material of the given triangle.

@@ -15,6 +15,7 @@ mod obj;
 mod off;
 mod ply;
 mod polygon;
+mod shutter;
 mod single;
 #[cfg(feature = "stl")]
 mod stl;

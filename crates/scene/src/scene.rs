@@ -40,13 +40,17 @@ impl Scene {
         self.instances.iter().map(|instance| self.meshes[instance.mesh.0 as usize].triangles.len()).sum()
     }
 
-    /// Whether any instance moves while the shutter is open.
+    /// Whether any instance moves, or any mesh deforms, while the shutter is open.
     #[must_use]
     pub fn has_motion(&self) -> bool {
+        self.meshes.iter().any(|mesh| mesh.close.is_some()) || self.has_moving_instances()
+    }
+
+    fn has_moving_instances(&self) -> bool {
         self.instances.iter().any(|i| i.world_from_object_close.is_some_and(|close| close != i.world_from_object))
     }
 
-    /// World-space bounds of all instances; moving instances count at shutter open and shutter close.
+    /// World-space bounds of all instances; what moves counts at shutter open and shutter close.
     #[must_use]
     pub fn bounds_world(&self) -> Aabb {
         // Transforms each vertex once rather than once per triangle.

@@ -5,7 +5,7 @@ use canted_bvh2::Bvh2;
 use canted_kdtree::KdTree;
 use canted_obb::Obb;
 use canted_trace::{HIT_ERROR, Hit, InstanceId, Kernel, Query, Ray, Watertight};
-use canted_wide::{LeafPrimitive, TriangleBvh, WideBvh};
+use canted_wide::{LaneKernel, LeafPrimitive, MovingBvh, TriangleBvh, WideBvh};
 
 /// A bottom-level BVH: anything that answers ray queries in its object space.
 ///
@@ -149,6 +149,28 @@ impl<P: LeafPrimitive> Blas for WideBvh<P> {
 
     fn hit_error(&self) -> f32 {
         P::ERROR
+    }
+
+    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+        Self::closest_hit_with(self, ray_object, instance, query)
+    }
+
+    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+        Self::occluded_with(self, ray_object, instance, query)
+    }
+
+    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+        Self::all_hits_with(self, ray_object, instance, query, hits);
+    }
+}
+
+impl<K: LaneKernel> Blas for MovingBvh<K> {
+    fn bounds(&self) -> Obb {
+        Self::bounds(self)
+    }
+
+    fn hit_error(&self) -> f32 {
+        HIT_ERROR
     }
 
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {

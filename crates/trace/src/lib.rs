@@ -51,6 +51,7 @@ mod filter;
 mod hit;
 #[doc(hidden)]
 pub mod lanes;
+mod moving;
 mod query;
 mod ray;
 mod rounding;
@@ -64,6 +65,7 @@ pub use closest_point::{DISTANCE_ERROR, TrianglePoint, closest_point_on_triangle
 pub use convex::Convex;
 pub use filter::HitFilter;
 pub use hit::{Hit, InstanceId, Side};
+pub use moving::position_at;
 pub use query::{Counts, Query};
 pub use ray::{Ray, ScaledRay};
 pub use segment::segment_overlaps_aabb;

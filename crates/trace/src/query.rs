@@ -20,9 +20,9 @@ pub trait Query {
         let _ = n;
     }
 
-    /// Time of the ray for moving instances: 0 when the shutter opens, 1 when it closes; clamped to that interval.
+    /// Time of the ray for moving instances and vertices: 0 when the shutter opens, 1 when it closes; clamped to that interval.
     ///
-    /// Called for moving instances only. It must return the same value for the whole ray.
+    /// Called only where something moves. It must return the same value for the whole ray.
     #[inline(always)]
     fn time(&self) -> f32 {
         0.0

@@ -62,6 +62,16 @@ impl Machine {
         }
     }
 
+    /// What computes, where devices round differently.
+    pub(crate) fn name(&self) -> String {
+        let adapter = self.gpu().map(|gpu| gpu.info().name.clone()).unwrap_or_default();
+        match self {
+            Self::Cpu => "cpu".to_owned(),
+            Self::Both(_) => format!("cpu and {adapter}"),
+            Self::Device(_) | Self::Auto(_) => adapter,
+        }
+    }
+
     /// Whether an adapter is used.
     pub(crate) fn has_gpu(&self) -> bool {
         self.gpu().is_some()

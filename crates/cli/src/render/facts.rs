@@ -28,7 +28,7 @@ pub(super) fn of_structure<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>)
         ("structure_bytes", json!(prepared.structure.n_bytes())),
         ("build_seconds", json!(prepared.build_time.as_secs_f64())),
     ];
-    if bvhs.iter().any(|bvh| matches!(bvh, Bvh::Wide(_))) {
+    if bvhs.iter().any(|bvh| matches!(bvh, Bvh::Wide(_) | Bvh::Moving(_))) {
         facts.push(("simd", json!(SimdPath::detect().name())));
     }
     facts
@@ -96,16 +96,17 @@ pub(super) fn dropped_samples(film: &Film) -> Option<String> {
 fn volumes_of<K: LaneKernel>(bvhs: &[Bvh<K>]) -> String {
     let mut nodes = [0; NodeKind::ALL.len()];
     let mut n_rotated = 0;
+    let mut add = |of_one: [usize; NodeKind::ALL.len()], frame| {
+        nodes = std::array::from_fn(|i| nodes[i] + of_one[i]);
+        n_rotated += usize::from(frame != Obb::IDENTITY_FRAME);
+    };
     for bvh in bvhs {
         match bvh {
             Bvh::Binary(_, strategy) => return strategy_name(*strategy).to_owned(),
             Bvh::Bih(_) => return "bounding intervals".to_owned(),
             Bvh::KdTree(_) => return "kd-tree cells".to_owned(),
-            Bvh::Wide(wide) => {
-                let of_one = wide.sizes().nodes;
-                nodes = std::array::from_fn(|i| nodes[i] + of_one[i]);
-                n_rotated += usize::from(wide.frame() != Obb::IDENTITY_FRAME);
-            }
+            Bvh::Wide(wide) => add(wide.sizes().nodes, wide.frame()),
+            Bvh::Moving(moving) => add(moving.sizes().nodes, moving.frame()),
         }
     }
     let n: usize = nodes.iter().sum();

@@ -6,14 +6,18 @@
 
 mod args;
 mod kept;
+mod list;
 mod names;
 mod source;
 mod turntable;
 
-use std::time::{Duration, Instant};
+use std::{
+    path::PathBuf,
+    time::{Duration, Instant},
+};
 
 use anyhow::{Error, Result, anyhow};
-use canted_film::Aov;
+use canted_film::{Aov, Record};
 use canted_renderer::{MipMaps, Prepared, RenderError, UpdateOptions, Updates, prepare};
 use canted_scene::Scene;
 use canted_wide::LaneKernel;
@@ -29,6 +33,7 @@ use crate::{
 pub(crate) use args::FrameArgs;
 use args::POLICY_NAMES;
 use facts::Fact;
+use list::FrameList;
 use names::FrameNames;
 use source::Source;
 
@@ -40,13 +45,23 @@ pub(super) fn run(args: &Args, [first, end]: [u32; 2], machine: &Machine) -> Res
     let (inputs, checkpoint) = (args.inputs()?, args.samples.checkpoint.as_deref());
     let others: Vec<Named> = inputs.named().into_iter().chain(checkpoint.map(|path| ("--checkpoint", path))).collect();
     output::check_distinct(&[], &others)?;
-    let mut todo = Vec::new();
+    let (mut todo, mut whole) = (Vec::new(), Vec::new());
     for frame in first..end {
         let path = names.path(frame);
         output::check_distinct(&others, &[("--output", &path)])?;
-        if !(args.sequence.resume && kept::is_whole(&path, args.size)?) {
-            todo.push(frame);
-        }
+        let is_whole = args.sequence.resume && kept::is_whole(&path, args.size)?;
+        if is_whole { &mut whole } else { &mut todo }.push(frame);
+    }
+    if let Some(&frame) = todo.first() {
+        output::probe(&names.path(frame))?;
+    }
+    let time = args.sequence.time(whole.iter().chain(&todo).copied().min().unwrap_or(first));
+    let mut source = Source::open(args, time).map_err(|error| in_frame(first, error))?;
+    let mut list = FrameList::read(names.list());
+    let (shared, range) = (source.shared_record(args, machine)?, [first, end]);
+    for &frame in &whole {
+        source.pose(args, args.sequence.time(frame)).map_err(|error| in_frame(frame, error))?;
+        kept::check(&names.path(frame), &list, &kept::of_frame(&shared, args, range, frame, &source.scene))?;
     }
     let n_kept = (end - first) as usize - todo.len();
     let mut facts = vec![
@@ -57,17 +72,17 @@ pub(super) fn run(args: &Args, [first, end]: [u32; 2], machine: &Machine) -> Res
         ("rendered_frames", json!(todo.len())),
         ("kept_frames", json!(n_kept)),
     ];
-    if let Some(&frame) = todo.first() {
-        output::probe(&names.path(frame))?;
-        let source = Source::open(args, args.sequence.time(frame)).map_err(|error| in_frame(frame, error))?;
+    if !todo.is_empty() {
         load::check_outputs(args.scene.as_deref(), &source.scene, &outputs_of(checkpoint))?;
         for &frame in &todo {
             let path = names.path(frame);
             load::check_outputs(args.scene.as_deref(), &source.scene, &[("--output", &path)])?;
         }
+        let paths: Vec<PathBuf> = todo.iter().map(|&frame| names.path(frame)).collect();
+        list.forget(paths.iter().map(PathBuf::as_path))?;
         let load_time = start.elapsed();
-        let sequence = Sequence { args, machine, names: &names, range: [first, end], todo: &todo, load_time };
-        facts.extend(with_kernel!(args.structure.triangles, render_all(&sequence, source))?);
+        let sequence = Sequence { args, machine, names: &names, range, todo: &todo, shared: &shared, load_time };
+        facts.extend(with_kernel!(args.structure.triangles, render_all(&sequence, source, list))?);
     }
     facts.extend(memory::peak_bytes().map(|bytes| ("peak_memory_bytes", json!(bytes))));
     facts.push(("seconds", json!(start.elapsed().as_secs_f64())));
@@ -93,18 +108,21 @@ struct Sequence<'a> {
     names: &'a FrameNames,
     range: [u32; 2],
     todo: &'a [u32],
+    /// What the records of all frames share.
+    shared: &'a Record,
     load_time: Duration,
 }
 
 /// Renders the frames in order. Returns the facts of the whole sequence.
-fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source) -> Result<Vec<Fact>> {
+fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source, mut list: FrameList) -> Result<Vec<Fact>> {
     let mut progress =
         Progress::<K> { prepared: None, updates: Updates::default(), trace_time: Duration::ZERO, mip_maps: None };
     let (mut facts, mut pictures) = (Vec::new(), Vec::new());
     for (done, &frame) in sequence.todo.iter().enumerate() {
         let start = Instant::now();
-        let of_frame =
+        let (of_frame, record) =
             render_frame(sequence, &mut source, &mut progress, frame, done).map_err(|error| in_frame(frame, error))?;
+        list.add(&sequence.names.path(frame), record)?;
         facts = facts::sum(facts, of_frame);
         pictures.push(json!({
             "frame": frame,
@@ -128,19 +146,20 @@ struct Progress<K: LaneKernel> {
     mip_maps: Option<MipMaps>,
 }
 
-/// Renders and writes a frame.
+/// Renders and writes a frame. Returns what it was rendered with, too.
 fn render_frame<K: LaneKernel>(
     sequence: &Sequence,
     source: &mut Source,
     progress: &mut Progress<K>,
     frame: u32,
     done: usize,
-) -> Result<Vec<Fact>> {
-    let &Sequence { args, machine, names, range: [first, end], todo, load_time } = sequence;
+) -> Result<(Vec<Fact>, Record)> {
+    let &Sequence { args, machine, names, range, todo, shared, load_time } = sequence;
     let (start, name) = (Instant::now(), load::name(args.scene.as_deref()));
     let has_default_light = source.pose(args, args.sequence.time(frame))?;
     let load_time = start.elapsed() + if done == 0 { load_time } else { Duration::ZERO };
     let scene = &mut source.scene;
+    let record = kept::of_frame(shared, args, range, frame, scene);
     let prepared = match progress.prepared.take() {
         Some(mut prepared) if updates_in_place(args, machine) => {
             let options = UpdateOptions { policy: args.sequence.update, trace_time: progress.trace_time };
@@ -154,8 +173,7 @@ fn render_frame<K: LaneKernel>(
     // By the camera at rest, so that a turntable does not flicker.
     let default_light = setup::scale_default_light(scene, prepared, &camera, args, has_default_light)?;
     if let Some(degrees) = args.sequence.turntable {
-        let part = f64::from(frame - first) / f64::from(end - first);
-        camera = turntable::turned(camera, f64::from(degrees) * part);
+        camera = turntable::turned(camera, turntable::degrees(degrees, range, frame));
     }
     let mut own = Args { output: names.path(frame), ..args.clone() };
     own.sequence.label = format!("frame {frame} ({} of {}) ", done + 1, todo.len());
@@ -164,7 +182,7 @@ fn render_frame<K: LaneKernel>(
     progress.trace_time = trace_time;
     let mut facts = rendered.write(&own)?;
     facts.push(("load_seconds", json!(load_time.as_secs_f64())));
-    Ok(facts)
+    Ok((facts, record))
 }
 
 /// Whether a frame may use the updated BVHs of the last one: not where the picture shows the BVH itself, and not on GPUs, whose

@@ -71,7 +71,10 @@ fn frames_match(folder: &Folder, options: &str, [first, end]: [u32; 2], fps: f64
     let report = folder.run(&line).done();
     for frame in first..end {
         let name = format!("frame_{frame:03}.{extension}");
-        let single = options.replace("--update refit", "").replace("--update rebuild", "");
+        let mut single = options.replace("--update refit", "").replace("--update rebuild", "");
+        if single.contains("--shutter") {
+            single += &format!(" --fps {fps}");
+        }
         folder.run(&format!("render {single} --time {} -o single.{extension}", f64::from(frame) / fps)).done();
         assert!(folder.bytes(&name) == folder.bytes(&format!("single.{extension}")), "{line}: frame {frame}");
         std::fs::remove_file(folder.path(&name)).unwrap();
@@ -92,6 +95,8 @@ fn frames_are_the_pictures_of_their_times() {
         "--animation 1 --samples 1..3",
         "--aovs all",
         "--heatmap boxes --levels two",
+        "--shutter 0..0.5",
+        "--shutter -0.25..1e-3 --integrator path --aovs all",
     ] {
         let quick = if options.contains("--samples") { "--size 40x30" } else { QUICK };
         let light = if options.contains("--env") || options.contains("--heatmap") { "" } else { light };
@@ -109,6 +114,8 @@ fn frames_of_real_models_are_the_pictures_of_their_times() {
         ("gltf/Fox.glb", "--animation 1 --levels two --update refit"),
         ("gltf/CesiumMan.glb", ""),
         ("gltf/SimpleMorph.gltf", "--levels two"),
+        ("gltf/Fox.glb", "--animation Run --shutter 0..0.5"),
+        ("gltf/SimpleMorph.gltf", "--shutter -0.5..0.5 --update refit"),
     ] {
         let path = format!("{scenes}/{file}");
         if !std::path::Path::new(&path).is_file() {
@@ -181,7 +188,8 @@ fn a_pose_that_is_not_finite_names_frame_mesh_and_vertex() {
         folder.run(&format!("{line} --frames 3..9")).refused(&named);
         let whole = |numbers: &[u32]| {
             let mut names: Vec<String> = numbers.iter().map(|n| format!("frame_{n:02}.png")).collect();
-            names.extend(["moving.bin", "moving.gltf", "small.obj"].map(str::to_owned));
+            names.extend(["frame_%02d.png.frames", "moving.bin", "moving.gltf", "small.obj"].map(str::to_owned));
+            names.sort();
             names
         };
         assert_eq!(folder.names(), whole(&[3, 4, 5]));
@@ -224,6 +232,82 @@ fn whole_frames_are_kept_and_others_rendered_again() {
     assert_eq!(all(), expected);
 }
 
+/// A frame is kept only by the options, the pose and the file that it was rendered with.
+#[test]
+fn frames_of_other_options_or_scenes_are_not_kept() {
+    let folder = folder(3.0);
+    let line = format!("render moving.gltf {QUICK} --frames 0..3 --fps 3 -o f%d.png");
+    folder.run(&line).done();
+    let all = || [0, 1, 2].map(|n| folder.bytes(&format!("f{n}.png")));
+    let expected = all();
+    for (other, words) in [
+        ("--seed 7", ["f0.png", "another seed: 0, not 7"]),
+        ("--integrator path", ["f0.png", "another integrator"]),
+        ("--spp 3", ["f0.png", "another range of samples: 0..2, not 0..3"]),
+        ("--fps 4", ["f1.png", "another pose"]),
+        ("--animation tear", ["f1.png", "another pose"]),
+        ("--shutter 0..0.5", ["f0.png", "another pose"]),
+        ("--turntable 90", ["f1.png", "another turn in degrees: 0, not 30"]),
+        ("--eye 1,1,8 --target 1,0,0", ["f0.png", "another camera"]),
+        ("--sun 0.2,-0.3,-1,3,3,3", ["f0.png", "another light"]),
+        ("--env 0.5,0.6,0.7", ["f0.png", "another light"]),
+        ("--levels two", ["f0.png", "another acceleration structure"]),
+        ("--heatmap boxes", ["f0.png", "another heat map"]),
+    ] {
+        let mut line = line.clone();
+        for replaced in ["--spp 2", "--fps 3"] {
+            if other.starts_with(&replaced[..5]) {
+                line = line.replace(replaced, "");
+            }
+        }
+        folder.run(&format!("{line} --resume {other}")).refused(&words);
+        assert_eq!(all(), expected, "{other}");
+    }
+    // What does not change a pixel may differ.
+    let facts = folder.run(&format!("{line} --resume --update rebuild --threads 1 --json")).done().json();
+    assert_eq!(facts["kept_frames"], 3);
+    // More frames are added to those that exist, and the list then has them all.
+    for (end, kept) in [(5, 3), (5, 5)] {
+        let facts = folder.run(&format!("{} --resume --json", line.replace("0..3", &format!("0..{end}")))).done();
+        assert_eq!(facts.json()["kept_frames"], kept);
+    }
+    // Another picture of the same size, a scene that changed, and a list that is gone or has no such line.
+    folder.write("f0.png", &expected[1]);
+    folder.run(&format!("{line} --resume")).refused(&["f0.png", "f%d.png.frames does not state"]);
+    folder.write("f0.png", &expected[0]);
+    let (mut file, _) = moving(3.0);
+    file["nodes"][0]["translation"] = json!([0.0, 0.25, 0.0]);
+    folder.write("moving.gltf", file.to_string());
+    folder.run(&format!("{line} --resume")).refused(&["f0.png", "another pose"]);
+    folder.write("moving.gltf", moving(3.0).0.to_string());
+    folder.run(&format!("{line} --resume")).done();
+    let list = folder.text("f%d.png.frames");
+    folder.write("f%d.png.frames", &list[..list.len() / 8]);
+    folder.run(&format!("{line} --resume")).refused(&["f%d.png.frames does not state"]);
+    std::fs::remove_file(folder.path("f%d.png.frames")).unwrap();
+    folder.run(&format!("{line} --resume")).refused(&["f0.png", "remove the picture, or render without --resume"]);
+    folder.run(&line).done();
+    assert_eq!(all(), expected);
+    folder.run(&format!("{line} --resume")).done();
+}
+
+/// An open shutter changes the picture where something moves, and only there.
+#[test]
+fn the_shutter_blurs_what_moves() {
+    let folder = folder(3.0);
+    let line = format!("render moving.gltf {QUICK} --time 0.5 -o");
+    folder.run(&format!("{line} still.png")).done();
+    folder.run(&format!("{line} blurred.png --shutter 0..0.5")).done();
+    assert!(folder.bytes("still.png") != folder.bytes("blurred.png"));
+    // The second animation stands still until half a second.
+    folder.run(&format!("{} tear.png --animation tear", line.replace("0.5", "0.125"))).done();
+    folder.run(&format!("{} open.png --animation tear --shutter 0..0.5", line.replace("0.5", "0.125"))).done();
+    assert!(folder.bytes("tear.png") == folder.bytes("open.png"));
+    // A file without animation.
+    let run = folder.run(&format!("render small.obj {QUICK} --time 0.5 --shutter 0..0.5 -o small.png")).done();
+    assert!(run.n_warnings() == 1 && run.stderr.contains("has no animation"), "{}", run.stderr);
+}
+
 #[test]
 fn invalid_frame_options_are_one_error() {
     let folder = folder(3.0);
@@ -256,11 +340,19 @@ fn invalid_frame_options_are_one_error() {
         refused(&format!("{line} --animation fly {options}"), &["moving.gltf", "'fly'", "0 \"slide\", 1 \"tear\""]);
         refused(&format!("{line} --animation 2 {options}"), &["'2'", "0 \"slide\", 1 \"tear\""]);
     }
+    refused(&format!("{line} --shutter 0..0.5 -o f.png"), &["--shutter requires --time or --frames"]);
+    refused(&format!("{line} --time 1 --shutter 0.5..0.5 -o f.png"), &["0.5..0.5 is empty"]);
+    refused(&format!("{line} --time 1 --shutter 0.5 -o f.png"), &["A..B"]);
+    refused(&format!("{line} --time 1 --shutter 0..nan -o f.png"), &["A..B"]);
+    refused(&format!("{line} --time 1 --shutter 0..1e300 -o f.png"), &["--shutter", "single precision"]);
+    refused(&format!("{line} --time 0.5 --shutter 0..0.5 --accel bih -o f.png"), &["deforms", "--accel wide"]);
+    refused("--time 1 --shutter 0..0.5 -o f.png", &["SCENE"]);
     refused("small.obj --animation 0 --frames 0..2 -o f%d.png", &["small.obj", "no animation"]);
     refused("--frames 0..2 -o f%d.png", &["--turntable"]);
     folder.write("scene.toml", "[[assets]]\nname = \"a\"\nfile = \"moving.gltf\"\n");
     refused("scene.toml --frames 0..2 -o f%d.png", &["scene.toml", "--turntable"]);
     refused("scene.toml --time 1 --animation tear -o f.png", &["scene.toml", "[[assets]]"]);
+    refused("scene.toml --time 1 --shutter 0..1 -o f.png", &["scene.toml", "--shutter requires a glTF file"]);
 }
 
 /// A frame never replaces a file that the scene is read from.

@@ -5,14 +5,17 @@ use canted_lbvh::Strategy;
 use canted_obb::Obb;
 use canted_tlas::Blas;
 use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray};
-use canted_wide::{LaneKernel, RefitError, TriangleBvh};
+use canted_wide::{LaneKernel, MovingBvh, RefitError, Sizes, TriangleBvh};
 
+use super::Triangles;
 use crate::PrepareError;
 
 /// A bottom-level structure.
 pub enum Bvh<K: LaneKernel> {
     /// Eight-wide, with aligned and oriented nodes.
     Wide(TriangleBvh<K>),
+    /// As `Wide`, over triangles whose vertices move while the shutter is open.
+    Moving(MovingBvh<K>),
     /// Binary, with volumes of one strategy.
     Binary(Bvh2<K>, Strategy),
     /// A bounding interval hierarchy.
@@ -26,6 +29,7 @@ macro_rules! each {
     ($bvh:expr, $inner:ident => $result:expr) => {
         match $bvh {
             Bvh::Wide($inner) => $result,
+            Bvh::Moving($inner) => $result,
             Bvh::Binary($inner, _) => $result,
             Bvh::Bih($inner) => $result,
             Bvh::KdTree($inner) => $result,
@@ -44,31 +48,35 @@ impl<K: LaneKernel> Bvh<K> {
     /// refitted.
     pub(crate) fn refit(
         &mut self,
-        positions: &[[f32; 3]],
-        triangles: &[[u32; 3]],
+        Triangles { positions, close, triangles }: Triangles,
     ) -> Result<Option<f32>, PrepareError> {
-        match self {
-            Self::Wide(wide) => match wide.refit(positions, triangles) {
-                Ok(refit) => Ok(Some(refit.drift)),
-                Err(RefitError::Geometry(error)) => Err(error.into()),
-                // The caller then builds a BVH over the new number of triangles.
-                Err(_) => Ok(None),
-            },
-            Self::Binary(..) | Self::Bih(_) | Self::KdTree(_) => Ok(None),
+        let refit = match (self, close) {
+            (Self::Wide(wide), None) => wide.refit(positions, triangles),
+            (Self::Moving(moving), Some(close)) => moving.refit(positions, close, triangles),
+            _ => return Ok(None),
+        };
+        match refit {
+            Ok(refit) => Ok(Some(refit.drift)),
+            Err(RefitError::Geometry(error)) => Err(error.into()),
+            // The caller then builds a BVH over the new number of triangles.
+            Err(_) => Ok(None),
         }
     }
 
     /// Whether it has oriented nodes.
     pub(crate) fn has_oriented_nodes(&self) -> bool {
         match self {
-            Self::Wide(wide) => {
-                let [_, oriented] = wide.sizes().nodes;
-                oriented > 0 || wide.frame() != Obb::IDENTITY_FRAME
-            }
+            Self::Wide(wide) => is_oriented(&wide.sizes(), wide.frame()),
+            Self::Moving(moving) => is_oriented(&moving.sizes(), moving.frame()),
             Self::Binary(_, strategy) => *strategy != Strategy::Aabb,
             Self::Bih(_) | Self::KdTree(_) => false,
         }
     }
+}
+
+fn is_oriented(sizes: &Sizes, frame: [[f32; 3]; 3]) -> bool {
+    let [_, oriented] = sizes.nodes;
+    oriented > 0 || frame != Obb::IDENTITY_FRAME
 }
 
 impl<K: LaneKernel> Blas for Bvh<K> {

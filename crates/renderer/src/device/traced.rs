@@ -51,6 +51,9 @@ fn kind<K: LaneKernel>(bvhs: &[Bvh<K>]) -> Result<Kind<'_, K>, DeviceError> {
         match bvh {
             Bvh::Wide(wide) => meshes.push(wide),
             Bvh::Binary(_, strategy) => return Ok(Kind::Binary(*strategy)),
+            Bvh::Moving(_) => {
+                return Err(DeviceError::Unsupported { what: "meshes that deform while the shutter is open" });
+            }
             Bvh::Bih(_) => return Err(DeviceError::Unsupported { what: "a bounding interval hierarchy" }),
             Bvh::KdTree(_) => return Err(DeviceError::Unsupported { what: "a kd-tree" }),
         }

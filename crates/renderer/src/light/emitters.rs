@@ -13,7 +13,7 @@ use super::triangle::TriangleLight;
 use crate::vector::{Vector, add, narrow, scale, unit, wide};
 use crate::{Surface, Surfaces};
 
-/// An emissive triangle of a static instance.
+/// An emissive triangle that does not move.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Emitter {
     pub(super) instance: InstanceId,
@@ -22,9 +22,9 @@ pub(super) struct Emitter {
     pub(super) corners: [[f32; 3]; 3],
 }
 
-/// All emissive triangles of static instances, ordered by instance and primitive.
+/// All emissive triangles that do not move while the shutter is open, ordered by instance and primitive.
 ///
-/// Triangles of moving instances are not sampled, because their position depends on the time of the ray. Only BSDF
+/// Triangles of moving instances and deforming meshes are not sampled, because their position depends on the time of the ray. Only BSDF
 /// sampling finds them.
 pub(super) struct Emitters<'a> {
     surfaces: &'a Surfaces<'a>,
@@ -38,10 +38,11 @@ impl<'a> Emitters<'a> {
         let radiances = mean_radiances(scene);
         let (mut list, mut clusters) = (Vec::new(), Vec::new());
         for (number, instance) in (0..).map(InstanceId).zip(&scene.instances) {
-            if instance.world_from_object_close.is_some_and(|close| close != instance.world_from_object) {
+            let mesh = &scene.meshes[instance.mesh.0 as usize];
+            let moves = instance.world_from_object_close.is_some_and(|close| close != instance.world_from_object);
+            if moves || mesh.close.is_some() {
                 continue;
             }
-            let mesh = &scene.meshes[instance.mesh.0 as usize];
             for (i, part) in mesh.parts.iter().enumerate() {
                 let radiance = radiances[part.material.0 as usize];
                 if !(radiance > 0.0 && radiance.is_finite()) {

@@ -1,22 +1,48 @@
 use std::hint::black_box;
 
 use canted_scene::{Mesh, UvSet};
-use canted_trace::Hit;
+use canted_trace::{Hit, position_at};
 
 use crate::placement::Pose;
-use crate::vector::{Vector, cross, sub, unit};
+use crate::vector::{Vector, cross, sub, unit, wide};
 
 /// The vertices of a hit triangle, with the barycentric weights of the hit.
 pub(super) struct HitTriangle<'a> {
     pub(super) mesh: &'a Mesh,
     indices: [u32; 3],
     weights: Vector,
+    /// Shutter time of the ray.
+    time: f32,
 }
 
 impl<'a> HitTriangle<'a> {
-    pub(super) fn new(mesh: &'a Mesh, hit: &Hit) -> Self {
+    pub(super) fn new(mesh: &'a Mesh, hit: &Hit, time: f32) -> Self {
         let (u, v) = (f64::from(hit.u), f64::from(hit.v));
-        Self { mesh, indices: mesh.triangles[hit.primitive.index()], weights: [1.0 - u - v, u, v] }
+        Self { mesh, indices: mesh.triangles[hit.primitive.index()], weights: [1.0 - u - v, u, v], time }
+    }
+
+    /// The vertices as the ray hits them.
+    fn vertices(&self) -> [Vector; 3] {
+        let Mesh { positions, close, .. } = self.mesh;
+        match close {
+            None => self.gather(positions),
+            Some(close) => self.indices.map(|i| {
+                let i = i as usize;
+                wide(position_at(&positions[i], &close.positions[i], self.time))
+            }),
+        }
+    }
+
+    /// Interpolates a vertex attribute between vertices, and between both ends of the shutter where it changes.
+    pub(super) fn moving_attribute<const N: usize>(
+        &self,
+        open: &[[f32; N]],
+        close: Option<&Vec<[f32; N]>>,
+    ) -> [f64; N] {
+        let at_open = self.attribute(open);
+        let Some(close) = close else { return at_open };
+        let (at_close, time) = (self.attribute(close), f64::from(self.time));
+        std::array::from_fn(|k| (1.0 - time) * at_open[k] + time * at_close[k])
     }
 
     /// Reads the vertex attributes that every surface needs.
@@ -75,7 +101,7 @@ pub(super) struct PlacedTriangle<'a> {
 
 impl<'a> PlacedTriangle<'a> {
     pub(super) fn new(triangle: HitTriangle<'a>, pose: &'a Pose, is_mirrored: bool) -> Self {
-        let vertices @ [v0, v1, v2] = triangle.gather(&triangle.mesh.positions);
+        let vertices @ [v0, v1, v2] = triangle.vertices();
         let edges_object @ [a, b] = [sub(v1, v0), sub(v2, v0)];
         let winding = pose.normal_world(cross(a, b));
         Self { position_object: triangle.interpolate(vertices), triangle, pose, is_mirrored, edges_object, winding }
@@ -93,7 +119,8 @@ impl<'a> PlacedTriangle<'a> {
 
     /// The interpolated unit vertex normal; `None` without vertex normals.
     pub(super) fn smooth_normal(&self) -> Option<Vector> {
-        let normals = self.triangle.mesh.normals.as_ref()?;
-        unit(self.pose.normal_world(self.triangle.attribute(normals)))
+        let Mesh { normals, close, .. } = self.triangle.mesh;
+        let close = close.as_ref().and_then(|close| close.normals.as_ref());
+        unit(self.pose.normal_world(self.triangle.moving_attribute(normals.as_ref()?, close)))
     }
 }

@@ -42,6 +42,6 @@ impl Surfaces<'_> {
     }
 
     fn hit_triangle(&self, hit: &Hit) -> HitTriangle<'_> {
-        HitTriangle::new(&self.scene.meshes[self.scene.instances[hit.instance.0 as usize].mesh.0 as usize], hit)
+        HitTriangle::new(&self.scene.meshes[self.scene.instances[hit.instance.0 as usize].mesh.0 as usize], hit, 0.0)
     }
 }

@@ -22,7 +22,7 @@
 //! is lifted to the horizon, and the normal is the half vector between it and the viewer. As a normal turns away from
 //! the viewer, this tends to the geometric normal, which is therefore used for all normals that face away.
 
-use canted_scene::{Material, TextureRef};
+use canted_scene::{Material, Mesh, TextureRef};
 
 use super::hit_triangle::PlacedTriangle;
 use super::texture_lookup::TextureLookup;
@@ -79,7 +79,9 @@ fn handedness(placed: &PlacedTriangle) -> f64 {
 
 /// The tangents of the vertices.
 fn vertex_tangents(placed: &PlacedTriangle, outward: Vector) -> Option<[Vector; 2]> {
-    let [x, y, z, sign] = placed.triangle.attribute(placed.triangle.mesh.tangents.as_ref()?);
+    let Mesh { tangents, close, .. } = placed.triangle.mesh;
+    let close = close.as_ref().and_then(|close| close.tangents.as_ref());
+    let [x, y, z, sign] = placed.triangle.moving_attribute(tangents.as_ref()?, close);
     let u = orthonormal(placed.pose.vector_world([x, y, z]), outward)?;
     Some([u, scale(cross(outward, u), 1.0_f64.copysign(sign) * handedness(placed))])
 }

@@ -97,7 +97,7 @@ impl<'a> Surfaces<'a> {
     pub fn at_time(&self, hit: &Hit, direction: [f32; 3], time: f32, cone: Cone) -> Surface {
         let instance = &self.scene.instances[hit.instance.0 as usize];
         let placement = &self.placements[hit.instance.0 as usize];
-        let triangle = HitTriangle::new(&self.scene.meshes[instance.mesh.0 as usize], hit);
+        let triangle = HitTriangle::new(&self.scene.meshes[instance.mesh.0 as usize], hit, time);
         let pose = placement.pose(time);
         let placed = PlacedTriangle::new(triangle, &pose, placement.is_mirrored());
 
@@ -160,10 +160,10 @@ impl<'a> Surfaces<'a> {
         match material.alpha_mode {
             AlphaMode::Opaque => 1.0,
             AlphaMode::Mask { cutoff } => {
-                let is_opaque = self.alpha(material, &HitTriangle::new(mesh, hit)) >= cutoff;
+                let is_opaque = self.alpha(material, &HitTriangle::new(mesh, hit, 0.0)) >= cutoff;
                 if is_opaque { 1.0 } else { 0.0 }
             }
-            AlphaMode::Blend => self.alpha(material, &HitTriangle::new(mesh, hit)),
+            AlphaMode::Blend => self.alpha(material, &HitTriangle::new(mesh, hit, 0.0)),
         }
     }
 
@@ -205,7 +205,10 @@ fn bsdf(material: &Material, tint: [f32; 4], is_front: bool, texel: impl Fn(&Opt
     }
 }
 
-/// Maximum absolute coordinate of the vertices that triangles use.
+/// Maximum absolute coordinate of the vertices that triangles use, at any shutter time.
 fn max_coordinate(mesh: &Mesh) -> f32 {
-    Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize])).reach()
+    let reach = |positions: &Vec<[f32; 3]>| {
+        Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach()
+    };
+    reach(&mesh.positions).max(mesh.close.as_ref().map_or(0.0, |close| reach(&close.positions)))
 }

@@ -21,6 +21,8 @@ mod path;
 mod render;
 mod sampler;
 mod sampling;
+mod sequences;
+mod shutter;
 mod surface;
 mod texture;
 mod update;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::input::{self, Format, Input};
-use super::{ReadError, ReadOptions, gltf, read_static};
+use super::{ReadError, ReadOptions, gltf, read_static, shutter};
 use crate::Scene;
 
 /// An open file that poses its scene at any time of an animation, without reading materials and images again.
@@ -53,12 +53,43 @@ impl AnimatedScene {
     /// [`ReadError::VertexNotFinite`], and those of [`read_with`](super::read_with). The scene then stays as it is.
     pub fn pose(&mut self, time: f32, scene: &mut Scene) -> Result<(), ReadError> {
         let Some(poses) = &mut self.0 else { return Ok(()) };
-        let Scene { meshes, instances, cameras, lights, warnings, .. } = poses.at(time)?;
-        scene.meshes = meshes;
-        scene.instances = instances;
-        scene.cameras = cameras;
-        scene.lights = lights;
-        scene.warnings = warnings;
+        let posed = poses.at(time)?;
+        replace(scene, posed);
         Ok(())
     }
+
+    /// As [`AnimatedScene::pose`], for a shutter that is open between two times in seconds: meshes and instances are those of the
+    /// first time, and at shutter close those of the second. Cameras and lights stand still, as at the first time.
+    ///
+    /// ```no_run
+    /// # use canted_scene::{AnimatedScene, ReadOptions};
+    /// let (mut animated, mut scene) = AnimatedScene::open("fox.glb".as_ref(), &ReadOptions::default())?;
+    /// animated.pose_shutter([1.0, 1.02], &mut scene)?;
+    /// let n_deforming = scene.meshes.iter().filter(|mesh| mesh.close.is_some()).count();
+    /// # Ok::<(), canted_scene::ReadError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`AnimatedScene::pose`], and [`ReadError::Shutter`] where an instance or a triangle is at one of the times only, for
+    /// example because its transform is not invertible at the other.
+    pub fn pose_shutter(&mut self, times: [f32; 2], scene: &mut Scene) -> Result<(), ReadError> {
+        let Some(poses) = &mut self.0 else { return Ok(()) };
+        let [open, close] = times;
+        let mut posed = poses.at(open)?;
+        let later = poses.at(close)?;
+        let fail = |what| ReadError::Shutter { path: poses.path().to_owned(), times, what };
+        shutter::join(&mut posed, later).map_err(fail)?;
+        replace(scene, posed);
+        Ok(())
+    }
+}
+
+/// Replaces what poses change.
+fn replace(scene: &mut Scene, posed: Scene) {
+    let Scene { meshes, instances, cameras, lights, warnings, .. } = posed;
+    scene.meshes = meshes;
+    scene.instances = instances;
+    scene.cameras = cameras;
+    scene.lights = lights;
+    scene.warnings = warnings;
 }

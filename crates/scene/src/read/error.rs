@@ -56,6 +56,15 @@ pub enum ReadError {
         /// Its position.
         position: [f32; 3],
     },
+    /// Two poses of a scene cannot be the ends of one shutter.
+    Shutter {
+        /// The file.
+        path: PathBuf,
+        /// Times in seconds as the shutter opens and as it closes.
+        times: [f32; 2],
+        /// What the later pose has: `other triangles`.
+        what: &'static str,
+    },
     /// The file contains nothing to draw.
     Empty {
         /// The file.
@@ -102,6 +111,7 @@ impl ReadError {
             | Self::Unsupported { path, .. }
             | Self::UnknownAnimation { path, .. }
             | Self::VertexNotFinite { path, .. }
+            | Self::Shutter { path, .. }
             | Self::Empty { path, .. } => path,
         }
     }
@@ -125,6 +135,9 @@ impl fmt::Display for ReadError {
             }
             Self::VertexNotFinite { mesh, vertex, position: [x, y, z], .. } => {
                 format!("{file}: {mesh}: {vertex} is not finite: {x}, {y}, {z}")
+            }
+            Self::Shutter { times: [open, close], what, .. } => {
+                format!("{file}: at {close} seconds the scene has {what} than at {open}; use a shorter shutter")
             }
             Self::Empty { reason, .. } => format!("{file}: nothing to draw: {reason}"),
         };

@@ -3,7 +3,7 @@
 //! ```text
 //! bytes -> container -> document -> animation -> nodes -> camera, light
 //!          material -> texture_info -> texture
-//!          instances -> pose -> mesh -> primitive -> topology, attributes -> accessor
+//!          instances -> pose -> mesh -> primitive -> topology, attributes (normals) -> accessor
 //! ```
 //!
 //! The `gltf` crate only deserializes the JSON. It does not validate indices, ranges and the node hierarchy; they are checked
@@ -23,6 +23,7 @@ mod material;
 mod matrix;
 mod mesh;
 mod nodes;
+mod normals;
 mod pose;
 mod poses;
 mod primitive;

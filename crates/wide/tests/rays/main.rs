@@ -7,5 +7,6 @@ mod costs;
 mod crossings;
 mod hits;
 mod local;
+mod moving;
 mod primitives;
 mod slices;

@@ -3,9 +3,13 @@
 use std::path::Path;
 
 use anyhow::{Result, anyhow};
-use canted_film::read_picture;
+use canted_film::{Hash, Record, read_picture};
+use canted_renderer::{geometry_hash, light_hash, material_hash};
+use canted_scene::Scene;
 
-use crate::output;
+use super::list::FrameList;
+use super::{Args, turntable};
+use crate::{output, render::difference};
 
 /// Whether a frame exists as a whole picture of this size. Warns about a file that is no whole picture: it is rendered again.
 ///
@@ -28,4 +32,77 @@ pub(super) fn is_whole(path: &Path, [width, height]: [u32; 2]) -> Result<bool> {
             Ok(false)
         }
     }
+}
+
+/// Rejects a whole picture that was not rendered with this record.
+pub(super) fn check(path: &Path, list: &FrameList, ours: &Record) -> Result<()> {
+    let (name, remedy) = (path.display(), "remove the picture, or render without --resume");
+    let Some(theirs) = list.record_of(path) else {
+        let list = list.path().display();
+        return Err(anyhow!("{name}: {list} does not state what this picture was rendered with; {remedy}"));
+    };
+    match difference(theirs, ours) {
+        Some((what, theirs, ours)) => {
+            Err(anyhow!("{name}: rendered with another {what}: {theirs}, not {ours}; {remedy}"))
+        }
+        None => Ok(()),
+    }
+}
+
+/// What all frames share.
+pub(super) fn shared(args: &Args, scene: &mut Scene, device: String) -> Result<Record> {
+    // Without `..`, so that a new option cannot be forgotten.
+    let Args {
+        scene: _,
+        time: _,
+        animation: _,
+        output: _,
+        size: _,
+        heatmap,
+        heatmap_scale,
+        run: _,
+        sequence: _,
+        samples,
+        seed: _,
+        filter: _,
+        lod: _,
+        integrator: _,
+        bounces: _,
+        ao_radius: _,
+        camera,
+        light,
+        structure,
+    } = args;
+    let settings = args.settings()?;
+    // Lights differ between frames.
+    let lights = std::mem::take(&mut scene.lights);
+    let environment = light_hash(scene);
+    scene.lights = lights;
+    let own = [
+        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+        ("device", device),
+        ("range of samples", format!("{:?}", settings.range())),
+        ("noise", settings.noise.map_or_else(|| "none".to_owned(), |noise| noise.to_string())),
+        ("list of channels", samples.aovs().to_string()),
+        ("heat map", format!("{heatmap:?} {heatmap_scale}")),
+        ("acceleration structure", format!("{structure:?}")),
+        ("camera", format!("{camera:?}")),
+        ("light", format!("{light:?} {environment:016x}")),
+        ("material", format!("{:016x}", material_hash(scene))),
+    ];
+    Ok(own.map(|(name, value)| (name.to_owned(), value)).into_iter().chain(settings.record()).collect())
+}
+
+/// The record of a frame whose pose `scene` has.
+pub(super) fn of_frame(shared: &Record, args: &Args, [first, end]: [u32; 2], frame: u32, scene: &Scene) -> Record {
+    let mut lights = Hash::default();
+    lights.debug(&scene.lights);
+    lights.debug(&scene.cameras);
+    let degrees = args.sequence.turntable.map_or(0.0, |degrees| turntable::degrees(degrees, [first, end], frame));
+    let own = [
+        ("pose", format!("{:016x}", geometry_hash(scene))),
+        ("light or camera of the file", format!("{:016x}", lights.finish())),
+        ("turn in degrees", degrees.to_string()),
+    ];
+    shared.iter().cloned().chain(own.map(|(name, value)| (name.to_owned(), value))).collect()
 }

@@ -7,6 +7,7 @@ use anyhow::{Result, anyhow};
 /// The names of all frames.
 #[derive(Debug)]
 pub(super) struct FrameNames {
+    pattern: PathBuf,
     folder: PathBuf,
     before: String,
     /// Least number of digits.
@@ -49,7 +50,20 @@ impl FrameNames {
         }
         text.push_str(rest);
         let (before, width) = field.ok_or_else(|| fail("--frames requires a field for the frame number"))?;
-        Ok(Self { folder: path.parent().unwrap_or(Path::new("")).to_owned(), before, width, after: text })
+        Ok(Self {
+            pattern: path.to_owned(),
+            folder: path.parent().unwrap_or(Path::new("")).to_owned(),
+            before,
+            width,
+            after: text,
+        })
+    }
+
+    /// The file that lists the frames and what they were rendered with: `frame_%04d.png.frames`.
+    pub(super) fn list(&self) -> PathBuf {
+        let mut name = self.pattern.clone().into_os_string();
+        name.push(".frames");
+        name.into()
     }
 
     /// The file of a frame.

@@ -3,10 +3,11 @@
 use std::collections::BTreeSet;
 
 use anyhow::{Result, anyhow};
+use canted_film::Record;
 use canted_scene::{AnimatedScene, Environment, Light, ReadOptions, Scene};
 
-use super::super::Args;
-use crate::{load, output};
+use super::{Args, kept};
+use crate::{device::Machine, load, output};
 
 /// A scene that is posed for each frame.
 pub(super) struct Source {
@@ -55,11 +56,18 @@ impl Source {
         Ok(source)
     }
 
+    /// What the records of all frames share.
+    pub(super) fn shared_record(&mut self, args: &Args, machine: &Machine) -> Result<Record> {
+        self.scene.environment.clone_from(&self.environment);
+        kept::shared(args, &mut self.scene, machine.name())
+    }
+
     /// Sets the scene to a time in seconds. Returns whether the default light is needed.
     pub(super) fn pose(&mut self, args: &Args, time: f32) -> Result<bool> {
-        match &mut self.animated {
-            Some(animated) => animated.pose(time, &mut self.scene)?,
-            None => self.scene.lights.clone_from(&self.lights),
+        match (&mut self.animated, args.sequence.shutter_times(time)) {
+            (Some(animated), None) => animated.pose(time, &mut self.scene)?,
+            (Some(animated), Some(times)) => animated.pose_shutter(times, &mut self.scene)?,
+            (None, _) => self.scene.lights.clone_from(&self.lights),
         }
         self.warn();
         // The environment is set again, because the default light of the last frame may have replaced it.

@@ -2,6 +2,11 @@
 
 use canted_scene::Camera;
 
+/// How far the camera has turned at a frame of a range, if it turns by `degrees` in all.
+pub(super) fn degrees(degrees: f32, [first, end]: [u32; 2], frame: u32) -> f64 {
+    f64::from(degrees) * (f64::from(frame - first) / f64::from(end - first))
+}
+
 /// Turns the eye of a camera around the axis through its target along its up direction, counter-clockwise seen from the tip
 /// of that direction.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]

@@ -6,6 +6,7 @@ use gltf::json::validation::Checked;
 
 use super::accessor::{Accessor, REALS};
 use super::matrix::unit;
+use super::normals;
 use super::pose::MorphedAttribute;
 use super::primitive::{PrimitiveReader, VertexTransform};
 use crate::UvSet;
@@ -23,6 +24,8 @@ pub(super) struct Attributes<'a> {
     pub(super) n_all: usize,
     /// Indices of the used vertices in the file.
     pub(super) vertices: &'a [usize],
+    /// Indices of that list.
+    pub(super) triangles: &'a [[u32; 3]],
     pub(super) warnings: &'a mut Vec<String>,
 }
 
@@ -34,11 +37,17 @@ impl Attributes<'_> {
         let base = Accessor::open(reader.document, index, &location, Type::Vec3, REALS)?;
         let normals = MorphedAttribute::open(reader, self.primitive, base, |target| target.normals, &location)?;
         self.check_count(normals.count(), "NORMAL")?;
-        let normal = |&vertex: &usize| {
-            let normal = normals.at(vertex);
+        let positions = self.find(Semantic::Positions).unwrap_or_default();
+        let changes =
+            normals::changes(reader, self.primitive, positions, &normals.base, self.triangles, self.vertices)?;
+        let normal = |(k, &vertex): (usize, &usize)| {
+            let mut normal = normals.at(vertex);
+            if let Some(changes) = &changes {
+                normal = std::array::from_fn(|axis| normal[axis] + changes[k][axis]);
+            }
             Ok(unit(transform(vertex)?.map_or(normal, |transform| transform.normal(normal))).unwrap_or_default())
         };
-        self.vertices.iter().map(normal).collect::<Result<_, _>>().map(Some)
+        self.vertices.iter().enumerate().map(normal).collect::<Result<_, _>>().map(Some)
     }
 
     /// Unit tangents with sign, or zeros, if the material has a normal map.

@@ -38,6 +38,11 @@ impl Poses {
         Ok((Some(Self { document, rest, materials: scene.materials.clone(), animation }), scene))
     }
 
+    /// The file.
+    pub(in crate::read) fn path(&self) -> &Path {
+        self.document.path()
+    }
+
     /// The meshes, instances, cameras, lights and warnings at a time in seconds.
     pub(in crate::read) fn at(&mut self, time: f32) -> Result<Scene, ReadError> {
         let mut grouped = WarningGroups::default();

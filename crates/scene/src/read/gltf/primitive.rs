@@ -79,8 +79,14 @@ impl PrimitiveReader<'_, '_> {
         if let Some(skinning) = &skinning {
             checks.n_unweighted_vertices += vertices.iter().filter(|&&vertex| skinning.has_zero_weight(vertex)).count();
         }
-        let mut attributes =
-            Attributes { reader: self, primitive, n_all: positions.count(), vertices: &vertices, warnings };
+        let mut attributes = Attributes {
+            reader: self,
+            primitive,
+            n_all: positions.count(),
+            vertices: &vertices,
+            triangles: &primitive_mesh.triangles,
+            warnings,
+        };
         Ok(PrimitiveMesh {
             normals: attributes.normals(&transform)?,
             tangents: attributes.tangents(&transform)?,

@@ -167,3 +167,41 @@ fn unweighted_vertices_follow_the_first_joint() {
     jointless.json["skins"][0]["joints"] = json!([]);
     jointless.rejected("joint 0 of vertex 0 is not in the skin");
 }
+
+/// A roof of two triangles that a target folds along the ridge. The target stores no normals, so they follow the triangles.
+#[test]
+fn normals_of_targets_without_normals_follow_the_triangles() {
+    let flat = |seam: bool| {
+        let mut file = File::new();
+        // Two triangles on either side of the ridge x = 0; with a seam, each has its own vertices on it.
+        let [left, right] =
+            [[0.0, -1.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0]];
+        let mut down: Vec<f32> = [[0.0; 9], [0.0; 9]].concat();
+        (down[8], down[17]) = (-1.0, -1.0);
+        let positions: Vec<f32> = [left, right].concat();
+        let normals = [0.0, 0.0, 1.0].repeat(6);
+        let indices: &[u8] = if seam { &[0, 1, 2, 3, 4, 5] } else { &[0, 1, 2, 1, 0, 5] };
+        let (positions, normals) = (file.reals("VEC3", &positions), file.reals("VEC3", &normals));
+        let (down, indices) = (file.reals("VEC3", &down), file.accessor(U8, "SCALAR", indices.len(), indices));
+        file.with_node(json!([{
+            "attributes": { "POSITION": positions, "NORMAL": normals },
+            "indices": indices,
+            "targets": [{ "POSITION": down }],
+        }]))
+    };
+    for seam in [false, true] {
+        let mut file = flat(seam);
+        let normals = |file: &File| file.scene().meshes[0].normals.clone().unwrap();
+        assert!(normals(&file).iter().all(|normal| *normal == [0.0, 0.0, 1.0]), "without weight");
+        file.json["meshes"][0]["weights"] = json!([1]);
+        let folded = normals(&file);
+        let half = std::f32::consts::FRAC_1_SQRT_2;
+        let is_near = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
+        assert!(is_near(folded[0], [0.0, 0.0, 1.0]), "smooth at the ridge: {folded:?}");
+        assert!(is_near(folded[2], [-half, 0.0, half]), "{folded:?}");
+        assert!(is_near(folded[folded.len() - 1], [half, 0.0, half]), "{folded:?}");
+        // A small weight changes normals little.
+        file.json["meshes"][0]["weights"] = json!([0.001]);
+        assert!(normals(&file).iter().all(|[x, _, z]| x.abs() < 2e-3 && (z - 1.0).abs() < 1e-5));
+    }
+}
