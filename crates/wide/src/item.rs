@@ -38,13 +38,8 @@ pub(crate) fn boxes<I: Item>(items: &[I], rows: [[f32; 3]; 3]) -> Vec<Aabb> {
     par::map(items, CHUNK, |item| if identity { item.aabb() } else { rotated_box(item, &rows) })
 }
 
-/// The box of an item along `rows`, rounded outward; `bounds` is its axis-aligned box.
-#[inline]
-pub(crate) fn aligned_box<I: Item>(item: &I, bounds: &Aabb, rows: &[[f32; 3]; 3]) -> Aabb {
-    if *rows == Obb::IDENTITY_FRAME { *bounds } else { rotated_box(item, rows) }
-}
-
-fn rotated_box<I: Item>(item: &I, rows: &[[f32; 3]; 3]) -> Aabb {
+/// The box of an item along `rows`, rounded outward.
+pub(crate) fn rotated_box<I: Item>(item: &I, rows: &[[f32; 3]; 3]) -> Aabb {
     let slabs = I::slabs(std::slice::from_ref(item), *rows);
     Aabb { min: slabs.lo, max: slabs.hi }
 }

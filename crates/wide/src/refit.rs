@@ -162,9 +162,9 @@ impl<P: Primitive> WideBvh<P> {
             baseline: &mut self.baseline,
             pads: BoxPads::new(Pads::of(P::ERROR), &self.frame),
         };
-        let rows = bvh.frame.rows;
-        let before = bvh.cost_before(&outline, || LeafContent::of_leaves(&outline, &old, &rows));
-        let contents = LeafContent::of_leaves(&outline, &new, &rows);
+        let rotation = boxes::rotation(bvh.frame);
+        let before = bvh.cost_before(&outline, || LeafContent::of_leaves(&outline, &old, rotation));
+        let contents = LeafContent::of_leaves(&outline, &new, rotation);
         let slabs = |places: Range<usize>, rows| <&P as Item>::slabs(&new[places], rows);
         let refit = bvh.update(&outline, before, (&contents, &slabs), bounds);
         self.leaves.primitives = primitives;
@@ -192,10 +192,11 @@ fn refit_triangles(
     check_number(n_triangles, triangles.len())?;
     check_vertices(positions, triangles)?;
     let outline = Outline::of(bvh.nodes, blocks.len(), &LeafLayout::BLOCKS).expect("a BVH is valid");
-    let rows = bvh.frame.rows;
-    let before = bvh
-        .cost_before(&outline, || LeafContent::of_leaves(&outline, &Triangles::read(&outline, blocks).corners, &rows));
-    let contents = blocks::replace(&outline, blocks, positions, triangles, &rows);
+    let rotation = boxes::rotation(bvh.frame);
+    let before = bvh.cost_before(&outline, || {
+        LeafContent::of_leaves(&outline, &Triangles::read(&outline, blocks).corners, rotation)
+    });
+    let contents = blocks::replace(&outline, blocks, positions, triangles, rotation);
     let bounds = contents.iter().fold(Aabb::EMPTY, |all, content| all.union(content.bounds));
     // Only oriented boxes are computed from all triangles below.
     let is_oriented = outline.nodes.iter().any(|node| node.kind == NodeKind::Oriented);

@@ -3,11 +3,12 @@
 use canted_fixtures::{Mesh, soup};
 use canted_lbvh::{GeometryError, triangle_corners};
 use canted_obb::{Aabb, PrimId};
+use canted_trace::{Ray, Watertight};
 
 use super::{Built, over_indexed};
 use crate::layout::{Limits, PART_LANES, PARTS};
 use crate::triangle::Blocks;
-use crate::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, PrimitiveError, WideBvh};
+use crate::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, PrimitiveError, TriangleBvh, WideBvh};
 
 /// Enough for some nodes below the root.
 const N: usize = 300;
@@ -78,4 +79,33 @@ fn too_many_primitives_are_rejected_before_they_are_read() {
 #[test]
 fn limits_are_the_documented_ones() {
     assert_eq!([MAX_TRIANGLES, MAX_PRIMITIVES, Limits::OF_WORDS.n_lines], [27, 26, 29].map(|bits| 1 << bits));
+}
+
+#[test]
+fn parts_of_triangles_lose_no_hit_and_cost_less() {
+    let mut n_extra = 0;
+    for mesh in [soup(4, 2_000), canted_fixtures::scaffold_of(1, true, 4), canted_fixtures::scaffold_of(2, false, 4)] {
+        let whole = TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap();
+        let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
+        let spatial = canted_sah::SpatialConfig { extra_references: 1.0, min_overlap: 0.0, ..Default::default() };
+        let (mut tree, references) = canted_sah::spatial(&corners, &spatial);
+        n_extra += references.primitives.len() - corners.len();
+        let parts: Vec<Aabb> = tree.leaves.iter().map(|part| references.boxes[part.index()]).collect();
+        tree.leaves.iter_mut().for_each(|leaf| *leaf = references.primitives[leaf.index()]);
+        let config = Config { oriented: false, ..Config::default() };
+        let of_whole = TriangleBvh::<Watertight>::over(&tree, &corners, &bounds, &config).unwrap();
+        let of_parts = TriangleBvh::<Watertight>::over_parts(&tree, parts, &corners, &bounds, &config).unwrap();
+        assert!(of_parts.predicted().chosen <= 1.001 * of_whole.predicted().chosen);
+        let mut n_hits = 0;
+        for view in canted_fixtures::object_views(&mesh) {
+            for ray in view.rays(32) {
+                let ray = Ray { t_max: ray.t_max, ..Ray::new(ray.origin, ray.direction) };
+                let hit = whole.closest_hit(&ray);
+                assert_eq!(of_parts.closest_hit(&ray), hit);
+                n_hits += usize::from(hit.is_some());
+            }
+        }
+        assert!(n_hits > 100, "{n_hits}");
+    }
+    assert!(n_extra > 100, "{n_extra} splits");
 }

@@ -51,20 +51,19 @@ pub(super) fn replace(
     halves: &mut [Half],
     positions: &[[f32; 3]],
     triangles: &[[u32; 3]],
-    rows: &[[f32; 3]; 3],
+    rotation: Option<[[f32; 3]; 3]>,
 ) -> Vec<LeafContent> {
     let replace_leaf = |leaf: &LeafOutline, words: &mut [u32]| {
         let (n, part) = (leaf.places.len(), leaf.part(LAYOUT));
-        let mut content = LeafContent::EMPTY;
-        for i in 0..n {
+        let replaced = (0..n).map(|i| {
             let lane = Lane::of(i, n, part);
             let corners = triangles[words[lane.word(Lane::ID_ROW)] as usize].map(|vertex| positions[vertex as usize]);
             for (row, x) in corners.as_flattened().iter().enumerate() {
                 words[lane.word(row)] = x.to_bits();
             }
-            content.add(&corners, rows);
-        }
-        content
+            corners
+        });
+        LeafContent::of(replaced, rotation)
     };
     let order = outline.leaves_by_unit();
     // Leaves that share a half-block are written by one job.
@@ -100,7 +99,7 @@ pub(crate) fn unused_lanes_are_zero(leaf: &LeafOutline, halves: &[Half]) -> bool
 
 #[cfg(test)]
 mod tests {
-    use canted_obb::{Aabb, Obb};
+    use canted_obb::Aabb;
 
     use super::*;
     use crate::layout::MAX_LEAF;
@@ -128,16 +127,21 @@ mod tests {
             let want = traversed(&halves, n);
             assert_eq!(read.corners, want.iter().map(|t| t.0).collect::<Vec<_>>(), "{n}");
             assert_eq!(read.ids, want.iter().map(|t| t.1).collect::<Vec<_>>(), "{n}");
-            // Written and read again; only used lanes change.
-            let moved: Vec<Corners> = read.corners.iter().map(|c| c.map(|p| p.map(|x| -x - 1.0))).collect();
-            let used: Vec<usize> = read.ids.iter().map(|id| id.index()).collect();
-            let mut triangles = vec![[u32::MAX; 3]; used.iter().max().unwrap() + 1];
-            for (i, &id) in (0u32..).zip(&used) {
-                triangles[id] = [3 * i, 3 * i + 1, 3 * i + 2];
+            // Ids that are also numbers of triangles, in another order.
+            let ids: Vec<PrimId> = (0u32..).take(n).map(|i| PrimId((5 * i + 3) % 37)).collect();
+            let words: &mut [u32] = bytemuck::cast_slice_mut(&mut halves);
+            for (i, id) in ids.iter().enumerate() {
+                words[Lane::of(i, n, 0).word(Lane::ID_ROW)] = id.0;
             }
-            let contents = replace(&outline, &mut halves, moved.as_flattened(), &triangles, &Obb::IDENTITY_FRAME);
+            // Replaced and read again; only used lanes change.
+            let moved: Vec<Corners> = read.corners.iter().map(|c| c.map(|p| p.map(|x| -x - 1.0))).collect();
+            let mut triangles = [[u32::MAX; 3]; 37];
+            for (first, id) in (0u32..).step_by(3).zip(&ids) {
+                triangles[id.index()] = [first, first + 1, first + 2];
+            }
+            let contents = replace(&outline, &mut halves, moved.as_flattened(), &triangles, None);
             assert_eq!(contents[0].bounds, Aabb::from_points(moved.iter().flatten().copied()));
-            assert_eq!(Triangles::read(&outline, &halves), Triangles { corners: moved, ids: read.ids });
+            assert_eq!(Triangles::read(&outline, &halves), Triangles { corners: moved, ids });
             assert_eq!(unused_lanes_are_zero(&leaf, &halves), n % 4 == 0, "{n}");
         }
     }

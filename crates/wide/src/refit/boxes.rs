@@ -2,14 +2,14 @@
 
 use std::ops::Range;
 
-use canted_obb::Aabb;
+use canted_obb::{Aabb, Obb};
 use canted_trace::Slabs;
 
 use crate::emit::{write_boxes, write_slabs};
 use crate::flaw::Flaw;
 use crate::item::{self, Item};
 use crate::layout::{Line, NodeKind, Nodes, Row};
-use crate::outline::{NodeOutline, Outline, Slot};
+use crate::outline::{LeafOutline, NodeOutline, Outline, Slot};
 use crate::par;
 use crate::reach::Reaches;
 use crate::traverse::{BoxPads, MeshFrame};
@@ -42,24 +42,33 @@ pub(crate) struct LeafContent {
 impl LeafContent {
     pub(crate) const EMPTY: Self = Self { bounds: Aabb::EMPTY, aligned: Aabb::EMPTY, area: 0.0 };
 
-    /// Adds an item; `rows` are those of the mesh frame.
+    /// Of these items; `rotation` is that of the mesh.
     #[inline]
-    pub(crate) fn add<I: Item>(&mut self, item: &I, rows: &[[f32; 3]; 3]) {
-        let bounds = item.aabb();
-        self.bounds = self.bounds.union(bounds);
-        let aligned = item::aligned_box(item, &bounds, rows);
-        self.aligned = self.aligned.union(aligned);
-        self.area += item.area();
+    pub(crate) fn of<I: Item>(items: impl Iterator<Item = I>, rotation: Option<[[f32; 3]; 3]>) -> Self {
+        let mut content = Self::EMPTY;
+        for item in items {
+            content.bounds = content.bounds.union(item.aabb());
+            content.area += item.area();
+            if let Some(rows) = &rotation {
+                content.aligned = content.aligned.union(item::rotated_box(&item, rows));
+            }
+        }
+        if rotation.is_none() {
+            content.aligned = content.bounds;
+        }
+        content
     }
 
     /// Of each leaf; `items` are by place.
-    pub(crate) fn of_leaves<I: Item>(outline: &Outline, items: &[I], rows: &[[f32; 3]; 3]) -> Vec<Self> {
-        par::map(&outline.leaves, LEAVES, |leaf| {
-            let mut content = Self::EMPTY;
-            items[leaf.places.clone()].iter().for_each(|item| content.add(item, rows));
-            content
-        })
+    pub(crate) fn of_leaves<I: Item>(outline: &Outline, items: &[I], rotation: Option<[[f32; 3]; 3]>) -> Vec<Self> {
+        let content = |leaf: &LeafOutline| Self::of(items[leaf.places.clone()].iter().copied(), rotation);
+        par::map(&outline.leaves, LEAVES, content)
     }
+}
+
+/// The rows of a mesh frame; `None` if they are the axes of object space.
+pub(super) fn rotation(frame: &MeshFrame) -> Option<[[f32; 3]; 3]> {
+    (frame.rows != Obb::IDENTITY_FRAME).then_some(frame.rows)
 }
 
 /// Fewest leaves of one job.
@@ -72,7 +81,7 @@ pub(super) fn reaches(outline: &Outline, contents: &[LeafContent]) -> Reaches {
 
 /// Writes the boxes of all nodes, rounded outward and padded as a build does it; `items` are by place.
 pub(crate) fn write<I: Item>(outline: &Outline, items: &[I], frame: &MeshFrame, pads: &BoxPads, lines: &mut [Line]) {
-    let contents = LeafContent::of_leaves(outline, items, &frame.rows);
+    let contents = LeafContent::of_leaves(outline, items, rotation(frame));
     let slabs = |places: Range<usize>, rows| I::slabs(&items[places], rows);
     write_around(outline, &contents, &slabs, pads, lines);
 }

@@ -128,7 +128,7 @@ fn the_oracle_detects_boxes_that_are_too_small() {
     // Vertices that moved without a refit.
     let mut bvh = bvh.clone();
     let moved: Vec<_> = mesh.positions.iter().map(|p| p.map(|x| x * 1.01)).collect();
-    blocks::replace(&outline, &mut bvh.leaves.halves, &moved, &mesh.triangles, &bvh.frame.rows);
+    blocks::replace(&outline, &mut bvh.leaves.halves, &moved, &mesh.triangles, boxes::rotation(&bvh.frame));
     assert!(n_too_small(&bvh) > 10);
 }
 
