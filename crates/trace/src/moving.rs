@@ -22,8 +22,7 @@
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 pub fn position_at(open: &[f32; 3], close: &[f32; 3], time: f32) -> [f32; 3] {
-    // Negated, so that NaN is the opening.
-    if !(time > 0.0) {
+    if time.is_nan() || time <= 0.0 {
         return *open;
     }
     if time >= 1.0 {
