@@ -97,9 +97,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if args.animation.is_some() && args.time.is_none() && args.sequence.frames.is_none() {
         return Err(anyhow!("--animation requires --time or --frames"));
     }
-    let machine = open_machine(args)?;
+    check_device(args)?;
     if let Some(range) = args.sequence.frames {
-        return frames::run(args, range, &machine);
+        return frames::run(args, range);
     }
     output::probe(&args.output)?;
     let start = Instant::now();
@@ -107,6 +107,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     load::check_outputs(args.scene.as_deref(), &scene, &outputs)?;
     let has_default_light = args.light.apply(&mut scene)?;
     let load_time = start.elapsed();
+    output::detail(|| format!("scene read in {:.3} s", load_time.as_secs_f64()));
+    let machine = open_machine(args)?;
     let rendered =
         with_kernel!(args.structure.triangles, render(&mut scene, args, &machine, has_default_light, load_time))?;
     let of_render = rendered.write(args)?;
@@ -121,12 +123,17 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     facts::report(&facts, args.run.json)
 }
 
-fn open_machine(args: &Args) -> Result<Machine> {
+/// Rejects a heat map on a GPU.
+fn check_device(args: &Args) -> Result<()> {
     match (args.heatmap, &args.run.device) {
-        (None, device) => Machine::open(device),
-        (Some(_), DeviceArg::Auto | DeviceArg::Cpu) => Ok(Machine::Cpu),
+        (None, _) | (Some(_), DeviceArg::Auto | DeviceArg::Cpu) => Ok(()),
         (Some(_), _) => Err(anyhow!("--heatmap is not supported on the GPU; use --device cpu")),
     }
+}
+
+/// Opens the device, after the scene is read: an invalid scene does not wait for drivers.
+fn open_machine(args: &Args) -> Result<Machine> {
+    if args.heatmap.is_some() { Ok(Machine::Cpu) } else { Machine::open(&args.run.device, &args.structure) }
 }
 
 fn render<K: LaneKernel>(

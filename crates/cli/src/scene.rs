@@ -19,6 +19,7 @@ use crate::{
 #[derive(clap::Args)]
 #[group(skip)]
 #[command(
+    after_help = "Examples:\n  canted scene room.glb -o room.toml\n  canted scene room.toml --spp 256 --eye 0,2,5 -o better.toml",
     mut_args(settings::hide_run_option),
     mut_arg("output", |arg| arg.default_value("scene.toml").help("Output scene file: .toml"))
 )]

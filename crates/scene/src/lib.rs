@@ -75,7 +75,7 @@ pub use camera::{Camera, Lens, Projection};
 pub use environment::{Environment, EnvironmentImage};
 pub use file::{
     Asset, AssetInstance, AssetSource, EnvironmentSource, MaterialEdits, NewMaterial, Override, Placement, SceneFile,
-    Setting, closest_match,
+    Setting, closest_match, suggestion,
 };
 pub use light::Light;
 pub use material::{AlphaMode, Material, MaterialId};
@@ -84,3 +84,7 @@ pub use read::{AnimatedScene, ReadError, ReadOptions, declared_exr_samples, read
 pub use scene::Scene;
 pub use stats::SceneStats;
 pub use texture::{Encoding, Texture, TextureId, TextureRef, UvSet, UvTransform, Wrap};
+
+/// The features of this crate, and whether this build has them.
+pub const FEATURES: [(&str, bool); 3] =
+    [("stl", cfg!(feature = "stl")), ("off", cfg!(feature = "off")), ("gzip", cfg!(feature = "gzip"))];

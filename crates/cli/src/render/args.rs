@@ -22,26 +22,28 @@ use crate::{
 /// Options of `canted render`.
 #[derive(clap::Args, Clone)]
 #[command(mut_arg("device", |arg| arg.help(DEVICE)))]
+#[command(after_help = "Examples:\n  canted render helmet.glb -o helmet.png --size 1920x1080 --spp 64\n  \
+                        canted render fox.glb --frames 0..48 -o fox_%04d.png --env studio.hdr")]
 pub(crate) struct Args {
     /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml) [default: the built-in scene]
     pub(crate) scene: Option<PathBuf>,
     /// Time in the animation of the file [default: rest pose]
-    #[arg(long, value_parser = options::number, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]
+    #[arg(long, help_heading = SCENE, value_parser = options::number, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]
     pub(crate) time: Option<f32>,
     /// Animation of the file, by name or by number from 0 [default: the first]
-    #[arg(long, requires = "scene", value_name = "NAME|INDEX")]
+    #[arg(long, help_heading = SCENE, requires = "scene", value_name = "NAME|INDEX")]
     pub(crate) animation: Option<String>,
     /// Output image: .png (sRGB) or .exr (linear).
-    #[arg(short, long, default_value = "canted.png", value_name = "FILE")]
+    #[arg(short, long, help_heading = PICTURE, default_value = "canted.png", value_name = "FILE")]
     pub(crate) output: PathBuf,
     /// Image size in pixels.
-    #[arg(long, value_parser = options::size, default_value = "1280x720", value_name = "WxH", allow_hyphen_values = true)]
+    #[arg(long, help_heading = PICTURE, value_parser = options::size, default_value = "1280x720", value_name = "WxH", allow_hyphen_values = true)]
     pub(crate) size: [u32; 2],
     /// Show the number of intersection tests per camera ray instead of light.
-    #[arg(long, value_parser = one_of(&[("boxes", Measure::Boxes), ("triangles", Measure::Triangles)]), value_name = "TESTS")]
+    #[arg(long, help_heading = PICTURE, value_parser = one_of(&[("boxes", Measure::Boxes), ("triangles", Measure::Triangles)]), value_name = "TESTS")]
     pub(super) heatmap: Option<Measure>,
     /// Number of tests shown in the brightest color of the heat map; a wide node counts as eight boxes.
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..), default_value_t = 128, requires = "heatmap", value_name = "N")]
+    #[arg(long, help_heading = PICTURE, value_parser = clap::value_parser!(u32).range(1..), default_value_t = 128, requires = "heatmap", value_name = "N")]
     pub(super) heatmap_scale: u32,
     #[command(flatten)]
     pub(super) run: RunArgs,
@@ -76,7 +78,11 @@ pub(crate) struct Args {
     pub(crate) structure: StructureArgs,
 }
 
-/// Help heading of the options about the picture.
+const SCENE: &str = "Scene";
+
+const PICTURE: &str = "Picture";
+
+/// Help heading of the options about light transport.
 pub(super) const RENDERING: &str = "Rendering";
 
 const DEVICE: &str = "Compute device: auto, cpu, gpu, both (CPU and GPU share the tiles), both:NAME, or part of an adapter \

@@ -122,12 +122,15 @@ fn volumes_of<K: LaneKernel>(bvhs: &[Bvh<K>]) -> String {
     }
 }
 
-/// Prints the facts: one line each, or as one JSON object.
+/// Prints the facts: one line each, unless `-q` is given, or as one JSON object.
 pub(super) fn report(facts: &[Fact], as_json: bool) -> Result<()> {
     if as_json {
         let object: serde_json::Map<String, Value> =
             facts.iter().map(|(key, value)| ((*key).to_owned(), value.clone())).collect();
         return output::to_stdout(&Value::Object(object).to_string());
+    }
+    if output::is_quiet() {
+        return Ok(());
     }
     for (key, value) in facts {
         let text = match (*key, value) {

@@ -53,7 +53,7 @@ pub(super) fn render(
 ) -> Result<(Film, Vec<Fact>)> {
     let mut facts = vec![("device", json!(renderer.device()))];
     // indicatif hides the bar if standard error is not a terminal.
-    let bar = ProgressBar::new(0);
+    let bar = if output::is_quiet() { ProgressBar::hidden() } else { ProgressBar::new(0) };
     if let Ok(style) = ProgressStyle::with_template("{prefix}{bar:40} {percent:>3} %  {elapsed} of about {duration}") {
         bar.set_style(style);
     }

@@ -19,7 +19,7 @@ use canted_scene::Scene;
 use canted_wide::LaneKernel;
 use serde_json::{Value, json};
 
-use super::{Args, Picture, facts, render_picture, setup};
+use super::{Args, Picture, facts, open_machine, render_picture, setup};
 use crate::{
     device::Machine,
     load, memory,
@@ -33,7 +33,7 @@ use names::FrameNames;
 use source::Source;
 
 /// Renders all frames and prints the report.
-pub(super) fn run(args: &Args, [first, end]: [u32; 2], machine: &Machine) -> Result<()> {
+pub(super) fn run(args: &Args, [first, end]: [u32; 2]) -> Result<()> {
     let start = Instant::now();
     let names = FrameNames::parse(&args.output)?;
     args.sequence.check_time(end - 1)?;
@@ -66,6 +66,7 @@ pub(super) fn run(args: &Args, [first, end]: [u32; 2], machine: &Machine) -> Res
             load::check_outputs(args.scene.as_deref(), &source.scene, &[("--output", &path)])?;
         }
         let load_time = start.elapsed();
+        let machine = &open_machine(args)?;
         let sequence = Sequence { args, machine, names: &names, range: [first, end], todo: &todo, load_time };
         facts.extend(with_kernel!(args.structure.triangles, render_all(&sequence, source))?);
     }
