@@ -20,9 +20,11 @@ use clap::{
 use crate::{load, output, render, words::Words};
 
 /// Options about a run: its files, devices and reports.
-const RUN_OPTIONS: [&str; 16] = [
+const RUN_OPTIONS: [&str; 18] = [
     "scene",
     "output",
+    "crop",
+    "format",
     "samples",
     "aovs",
     "checkpoint",
@@ -40,11 +42,13 @@ const RUN_OPTIONS: [&str; 16] = [
 ];
 
 /// Options that have their own table in a scene file.
-const OPTIONS_WITH_TABLE: [(&str, &str); 14] = [
+const OPTIONS_WITH_TABLE: [(&str, &str); 16] = [
     ("eye", "[camera]"),
     ("target", "[camera]"),
     ("up", "[camera]"),
     ("fov", "[camera]"),
+    ("ortho", "[camera]"),
+    ("camera", "[camera]"),
     ("aperture", "[camera]"),
     ("focus", "[camera]"),
     ("env", "[environment]"),

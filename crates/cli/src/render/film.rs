@@ -109,7 +109,7 @@ fn write_partial(args: &Args, partial: &Partial) -> Result<()> {
     }
     match partial.film() {
         Some(film) => write_film(&args.output, &film, args.samples.aovs(), &Record::new())?,
-        None => write_picture(&args.output, partial.picture())?,
+        None => write_picture(args, partial.picture())?,
     }
     output::warn(&format!("{} contains {n_done} of {n_tiles} tiles; the others are black", args.output.display()));
     Ok(())

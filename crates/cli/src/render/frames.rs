@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Error, Result, anyhow};
 use canted_film::Aov;
-use canted_renderer::{MipMaps, Prepared, RenderError, UpdateOptions, Updates, prepare};
+use canted_renderer::{Integrator, MipMaps, Prepared, RenderError, UpdateOptions, Updates, prepare};
 use canted_scene::Scene;
 use canted_wide::LaneKernel;
 use serde_json::{Value, json};
@@ -22,6 +22,7 @@ use serde_json::{Value, json};
 use super::{Args, Picture, facts, open_machine, render_picture, setup};
 use crate::{
     device::Machine,
+    light::LightSource,
     load, memory,
     options::{name_of, with_kernel},
     output::{self, Named},
@@ -44,7 +45,7 @@ pub(super) fn run(args: &Args, [first, end]: [u32; 2]) -> Result<()> {
     for frame in first..end {
         let path = names.path(frame);
         output::check_distinct(&others, &[("--output", &path)])?;
-        if !(args.sequence.resume && kept::is_whole(&path, args.size)?) {
+        if !(args.sequence.resume && kept::is_whole(&path, args.output_size())?) {
             todo.push(frame);
         }
     }
@@ -52,7 +53,7 @@ pub(super) fn run(args: &Args, [first, end]: [u32; 2]) -> Result<()> {
     let mut facts = vec![
         ("scene", json!(load::name(args.scene.as_deref()))),
         ("picture", json!(args.output.display().to_string())),
-        ("size", json!(args.size)),
+        ("size", json!(args.output_size())),
         ("frames", json!(format!("{first}..{end}"))),
         ("rendered_frames", json!(todo.len())),
         ("kept_frames", json!(n_kept)),
@@ -100,7 +101,14 @@ struct Sequence<'a> {
 /// Renders the frames in order. Returns the facts of the whole sequence.
 fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source) -> Result<Vec<Fact>> {
     let mut progress =
-        Progress::<K> { prepared: None, updates: Updates::default(), trace_time: Duration::ZERO, mip_maps: None };
+        Progress::<K> {
+            prepared: None,
+            updates: Updates::default(),
+            trace_time: Duration::ZERO,
+            mip_maps: None,
+            emission: None,
+            integrator: None,
+        };
     let (mut facts, mut pictures) = (Vec::new(), Vec::new());
     for (done, &frame) in sequence.todo.iter().enumerate() {
         let start = Instant::now();
@@ -127,6 +135,9 @@ struct Progress<K: LaneKernel> {
     updates: Updates,
     trace_time: Duration,
     mip_maps: Option<MipMaps>,
+    /// Whether emission lights the scene.
+    emission: Option<LightSource>,
+    integrator: Option<Integrator>,
 }
 
 /// Renders and writes a frame.
@@ -139,7 +150,7 @@ fn render_frame<K: LaneKernel>(
 ) -> Result<Vec<Fact>> {
     let &Sequence { args, machine, names, range: [first, end], todo, load_time } = sequence;
     let (start, name) = (Instant::now(), load::name(args.scene.as_deref()));
-    let has_default_light = source.pose(args, args.sequence.time(frame))?;
+    let mut light = source.pose(args, args.sequence.time(frame))?;
     let load_time = start.elapsed() + if done == 0 { load_time } else { Duration::ZERO };
     let scene = &mut source.scene;
     let prepared = match progress.prepared.take() {
@@ -152,16 +163,26 @@ fn render_frame<K: LaneKernel>(
     };
     let prepared = progress.prepared.insert(prepared);
     let mut camera = args.camera.camera(scene, prepared, args.size)?;
+    let mut own = Args { output: names.path(frame), ..args.clone() };
+    // Decided once, so that a sequence does not flicker.
+    if light == LightSource::Emission {
+        light = match progress.emission {
+            Some(decided) => decided,
+            None => setup::decided(scene, prepared, &camera, args, light)?,
+        };
+        progress.emission = Some(light);
+    }
+    own.integrator = progress.integrator.or(own.integrator);
     // By the camera at rest, so that a turntable does not flicker.
-    let default_light = setup::scale_default_light(scene, prepared, &camera, args, has_default_light)?;
+    let choice = setup::choose(scene, prepared, &camera, &mut own, light)?;
+    progress.integrator = own.integrator;
     if let Some(degrees) = args.sequence.turntable {
         let part = f64::from(frame - first) / f64::from(end - first);
         camera = turntable::turned(camera, f64::from(degrees) * part);
     }
-    let mut own = Args { output: names.path(frame), ..args.clone() };
     own.sequence.label = format!("frame {frame} ({} of {}) ", done + 1, todo.len());
     let Picture { rendered, trace_time } =
-        render_picture(scene, &own, machine, prepared, &camera, default_light, &mut progress.mip_maps)?;
+        render_picture(scene, &own, machine, prepared, &camera, choice, &mut progress.mip_maps)?;
     progress.trace_time = trace_time;
     let mut facts = rendered.write(&own)?;
     facts.push(("load_seconds", json!(load_time.as_secs_f64())));

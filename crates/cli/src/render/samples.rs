@@ -64,6 +64,25 @@ impl SampleArgs {
         Ok(())
     }
 
+    /// Rejects options that need a file.
+    pub(super) fn check_stream(&self) -> Result<()> {
+        let given =
+            [("--samples", self.samples.is_some()), ("--aovs", !self.aovs.is_empty()), ("--checkpoint", self.checkpoint.is_some())];
+        match given.into_iter().find(|&(_, is_given)| is_given) {
+            None => Ok(()),
+            Some((name, _)) => Err(anyhow!("{name} requires an output file, not -")),
+        }
+    }
+
+    /// Rejects options that need the whole picture.
+    pub(super) fn check_crop(&self) -> Result<()> {
+        let given = [("--samples", self.samples.is_some()), ("--checkpoint", self.checkpoint.is_some())];
+        match given.into_iter().find(|&(_, is_given)| is_given) {
+            None => Ok(()),
+            Some((name, _)) => Err(anyhow!("{name} and --crop cannot be used together")),
+        }
+    }
+
     /// The additional channels.
     pub(super) fn aovs(&self) -> Aovs {
         self.aovs.iter().flat_map(|aovs| aovs.iter()).collect()

@@ -53,10 +53,11 @@ impl AnimatedScene {
     /// [`ReadError::VertexNotFinite`], and those of [`read_with`](super::read_with). The scene then stays as it is.
     pub fn pose(&mut self, time: f32, scene: &mut Scene) -> Result<(), ReadError> {
         let Some(poses) = &mut self.0 else { return Ok(()) };
-        let Scene { meshes, instances, cameras, lights, warnings, .. } = poses.at(time)?;
+        let Scene { meshes, instances, cameras, camera_names, lights, warnings, .. } = poses.at(time)?;
         scene.meshes = meshes;
         scene.instances = instances;
         scene.cameras = cameras;
+        scene.camera_names = camera_names;
         scene.lights = lights;
         scene.warnings = warnings;
         Ok(())

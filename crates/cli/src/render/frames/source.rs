@@ -6,7 +6,7 @@ use anyhow::{Result, anyhow};
 use canted_scene::{AnimatedScene, Environment, Light, ReadOptions, Scene};
 
 use super::super::Args;
-use crate::{load, output};
+use crate::{light, load, output};
 
 /// A scene that is posed for each frame.
 pub(super) struct Source {
@@ -55,8 +55,8 @@ impl Source {
         Ok(source)
     }
 
-    /// Sets the scene to a time in seconds. Returns whether the default light is needed.
-    pub(super) fn pose(&mut self, args: &Args, time: f32) -> Result<bool> {
+    /// Sets the scene to a time in seconds.
+    pub(super) fn pose(&mut self, args: &Args, time: f32) -> Result<light::LightSource> {
         match &mut self.animated {
             Some(animated) => animated.pose(time, &mut self.scene)?,
             None => self.scene.lights.clone_from(&self.lights),
