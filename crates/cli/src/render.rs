@@ -10,6 +10,7 @@ mod frames;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod look;
+mod passes;
 mod samples;
 mod setup;
 
@@ -53,8 +54,7 @@ impl Output {
                 Ok(write_film(&args.output, &cropped(film, args.crop), args.samples.aovs(), record)?)
             }
             Self::Film(film, _) => {
-                let picture = film.picture();
-                let picture = args.crop.map_or_else(|| picture.clone(), |[x, y, w, h]| picture.cropped([x, y], [w, h]));
+                let picture = cropped(film, args.crop).picture();
                 if let Some(warning) = exposure::darkness(&picture) {
                     output::warn(&warning);
                 }
@@ -64,6 +64,15 @@ impl Output {
             Self::Picture(picture) => write_encoded(args, picture),
         }
     }
+}
+
+/// Writes a film as it is so far.
+fn show(args: &Args, film: &Film) -> Result<()> {
+    let film = cropped(film, args.crop);
+    if film.guides().is_empty() {
+        return write_picture(args, &film.picture());
+    }
+    Ok(write_film(&args.output, &film, args.samples.aovs(), &Record::new())?)
 }
 
 /// The part of a film that is shown.
@@ -167,7 +176,11 @@ fn check_device(args: &Args) -> Result<()> {
 
 /// Opens the device, after the scene is read: an invalid scene does not wait for drivers.
 fn open_machine(args: &Args) -> Result<Machine> {
-    if args.heatmap.is_some() { Ok(Machine::Cpu) } else { Machine::open(&args.run.device, &args.structure) }
+    let has_passes = args.samples.has_passes() && args.run.device == DeviceArg::Auto;
+    if args.heatmap.is_some() || has_passes {
+        return Ok(Machine::Cpu);
+    }
+    Machine::open(&args.run.device, &args.structure)
 }
 
 fn render<K: LaneKernel>(
@@ -256,7 +269,8 @@ fn render_picture<K: LaneKernel>(
         done.extend(outside(args.crop, settings));
         let (film, of_device) = film::render(renderer, args, settings, checkpoint.as_ref(), done)?;
         facts.extend(of_device);
-        facts.extend(facts::of_film(&film, settings, start.elapsed()));
+        let of_film = facts::of_film(&film, settings, start.elapsed(), &facts);
+        facts.extend(of_film);
         if let Some(warning) = facts::dropped_samples(&film) {
             output::warn(&warning);
         }

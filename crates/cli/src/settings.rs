@@ -20,10 +20,12 @@ use clap::{
 use crate::{load, output, render, words::Words};
 
 /// Options about a run: its files, devices and reports.
-const RUN_OPTIONS: [&str; 18] = [
+const RUN_OPTIONS: [&str; 20] = [
     "scene",
     "output",
     "crop",
+    "preview",
+    "seconds",
     "format",
     "samples",
     "aovs",

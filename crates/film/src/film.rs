@@ -75,6 +75,12 @@ impl Film {
         self.part.as_ref()
     }
 
+    /// The film without the sums of single blocks.
+    #[must_use]
+    pub fn without_part(self) -> Self {
+        Self { part: None, ..self }
+    }
+
     /// Samples taken, including dropped ones.
     #[must_use]
     pub fn n_samples(&self) -> u64 {
