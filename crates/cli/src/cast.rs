@@ -71,7 +71,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if !is_stream(&args.rays) {
         inputs = inputs.and("--rays", &args.rays);
     }
-    let outputs: Vec<Named> = Some(("--hits", args.hits.as_path())).into_iter().filter(|(_, path)| !is_stream(path)).collect();
+    let outputs: Vec<Named> =
+        Some(("--hits", args.hits.as_path())).into_iter().filter(|(_, path)| !is_stream(path)).collect();
     output::check_distinct(&inputs.named(), &outputs)?;
     args.run.start()?;
     let rays = rays::read(&args.rays, args.format)?;

@@ -9,7 +9,8 @@ fn features() -> Vec<(&'static str, bool)> {
 /// The end of `canted --help`.
 pub(crate) fn help() -> String {
     let names = |is_built: bool| {
-        let names: Vec<&str> = features().iter().filter(|(_, built)| *built == is_built).map(|(name, _)| *name).collect();
+        let names: Vec<&str> =
+            features().iter().filter(|(_, built)| *built == is_built).map(|(name, _)| *name).collect();
         if names.is_empty() { "none".to_owned() } else { names.join(", ") }
     };
     format!(

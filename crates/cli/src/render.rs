@@ -149,8 +149,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let load_time = start.elapsed();
     output::detail(|| format!("scene read in {:.3} s", load_time.as_secs_f64()));
     let machine = open_machine(args)?;
-    let rendered =
-        with_kernel!(args.structure.triangles, render(&mut scene, args, &machine, source, load_time))?;
+    let rendered = with_kernel!(args.structure.triangles, render(&mut scene, args, &machine, source, load_time))?;
     let of_render = rendered.write(args)?;
     let mut facts = vec![
         ("scene", json!(load::name(args.scene.as_deref()))),

@@ -29,7 +29,9 @@ use crate::{
 /// Options of `canted stats`.
 #[derive(clap::Args)]
 #[command(mut_arg("device", |arg| arg.help(DEVICE)))]
-#[command(after_help = "Examples:\n  canted stats kitchen.glb\n  canted stats eiffel.obj --presets fast,quality --json > eiffel.json")]
+#[command(
+    after_help = "Examples:\n  canted stats kitchen.glb\n  canted stats eiffel.obj --presets fast,quality --json > eiffel.json"
+)]
 pub(crate) struct Args {
     /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml) [default: the built-in scene]
     scene: Option<PathBuf>,

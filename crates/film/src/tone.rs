@@ -132,7 +132,8 @@ impl Picture {
         const LIMIT: f32 = 10.0;
         let all = || self.pixels.iter().map(|color| srgb::luminance(color.map(f64::from))).filter(|x| x.is_finite());
         let mean = all().sum::<f64>() / self.pixels.len().max(1) as f64;
-        let (sum, n) = all().filter(|&x| x > 1e-3 * mean && x > 0.0).fold((0.0, 0), |(sum, n), x| (sum + x.ln(), n + 1));
+        let (sum, n) =
+            all().filter(|&x| x > 1e-3 * mean && x > 0.0).fold((0.0, 0), |(sum, n), x| (sum + x.ln(), n + 1));
         if n == 0 { 0.0 } else { ((GRAY.ln() - sum / f64::from(n)) / 2.0_f64.ln()) as f32 }.clamp(-LIMIT, LIMIT)
     }
 }
@@ -156,7 +157,10 @@ mod tests {
             (ToneMap::Aces, 0.18, 0.105_603),
         ] {
             let [r, g, b] = curve.map([input; 3]);
-            assert!((r - want).abs() < 2e-4 && (g - want).abs() < 2e-4 && (b - want).abs() < 2e-4, "{curve:?} {r} {g} {b}");
+            assert!(
+                (r - want).abs() < 2e-4 && (g - want).abs() < 2e-4 && (b - want).abs() < 2e-4,
+                "{curve:?} {r} {g} {b}"
+            );
         }
         // AgX maps middle gray near to middle gray.
         let [gray, ..] = ToneMap::Agx.map([0.18; 3]);

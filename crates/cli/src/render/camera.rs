@@ -55,7 +55,8 @@ impl CameraArgs {
         let index = named.or_else(|| wanted.parse().ok());
         index.and_then(|index| scene.cameras.get(index)).map(|camera| Some(*camera)).ok_or_else(|| {
             let n = scene.cameras.len();
-            let names: Vec<&str> = scene.camera_names.iter().map(|name| &name[..]).filter(|name| !name.is_empty()).collect();
+            let names: Vec<&str> =
+                scene.camera_names.iter().map(|name| &name[..]).filter(|name| !name.is_empty()).collect();
             match n {
                 0 => anyhow!("--camera {wanted}: the file has no camera"),
                 _ if names.is_empty() => anyhow!("--camera {wanted}: the file has the cameras 0 to {}", n - 1),

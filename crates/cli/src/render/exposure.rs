@@ -24,7 +24,8 @@ pub(super) fn fraction_lit_by_emission<K: LaneKernel>(
     [width, height]: [u32; 2],
 ) -> Result<f64> {
     let longest = width.max(height);
-    let [width, height] = [width, height].map(|side| (u64::from(side) * u64::from(PROBE_SIDE) / u64::from(longest)).max(1));
+    let [width, height] =
+        [width, height].map(|side| (u64::from(side) * u64::from(PROBE_SIDE) / u64::from(longest)).max(1));
     #[expect(clippy::cast_possible_truncation, reason = "at most 64")]
     let [width, height] = [width as u32, height as u32];
     let (integrator, aovs) = (Integrator::Path, Aovs::NONE.with(Aov::Depth));

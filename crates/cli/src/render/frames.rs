@@ -100,15 +100,14 @@ struct Sequence<'a> {
 
 /// Renders the frames in order. Returns the facts of the whole sequence.
 fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source) -> Result<Vec<Fact>> {
-    let mut progress =
-        Progress::<K> {
-            prepared: None,
-            updates: Updates::default(),
-            trace_time: Duration::ZERO,
-            mip_maps: None,
-            emission: None,
-            integrator: None,
-        };
+    let mut progress = Progress::<K> {
+        prepared: None,
+        updates: Updates::default(),
+        trace_time: Duration::ZERO,
+        mip_maps: None,
+        emission: None,
+        integrator: None,
+    };
     let (mut facts, mut pictures) = (Vec::new(), Vec::new());
     for (done, &frame) in sequence.todo.iter().enumerate() {
         let start = Instant::now();

@@ -74,8 +74,11 @@ impl SampleArgs {
 
     /// Rejects options that need a file.
     pub(super) fn check_stream(&self) -> Result<()> {
-        let given =
-            [("--samples", self.samples.is_some()), ("--aovs", !self.aovs.is_empty()), ("--checkpoint", self.checkpoint.is_some())];
+        let given = [
+            ("--samples", self.samples.is_some()),
+            ("--aovs", !self.aovs.is_empty()),
+            ("--checkpoint", self.checkpoint.is_some()),
+        ];
         match given.into_iter().find(|&(_, is_given)| is_given) {
             None => Ok(()),
             Some((name, _)) => Err(anyhow!("{name} requires an output file, not -")),

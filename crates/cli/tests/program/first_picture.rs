@@ -34,7 +34,10 @@ fn weak_emission_keeps_the_default_light() {
 #[test]
 fn the_integrator_follows_the_materials() {
     let folder = Folder::new();
-    folder.write("a.mtl", "newmtl mirror\nillum 3\nKs 0.9 0.9 0.9\nnewmtl lamp\nKe 5 5 5\nnewmtl plain\nKd 0.5 0.5 0.5\n");
+    folder.write(
+        "a.mtl",
+        "newmtl mirror\nillum 3\nKs 0.9 0.9 0.9\nnewmtl lamp\nKe 5 5 5\nnewmtl plain\nKd 0.5 0.5 0.5\n",
+    );
     for (material, integrator) in [("mirror", "path"), ("lamp", "path"), ("plain", "hybrid")] {
         folder.write("a.obj", format!("mtllib a.mtl\nusemtl {material}\n{SQUARE}"));
         let json = folder.run(&format!("a.obj {LINE} --json")).done().json();
@@ -104,7 +107,8 @@ fn the_up_axis_turns_camera_and_light() {
     folder.run(&format!("turned.obj {LINE} --up 0,0,1 -o up.png")).done();
     let difference = |name: &str| (mean(&folder, "small.png") - mean(&folder, name)).abs();
     assert!(difference("turned.png") < 1.0 && difference("up.png") < 1.0);
-    let [a, b] = ["small.png", "turned.png"].map(|name| image::load_from_memory(&folder.bytes(name)).unwrap().to_rgb8());
+    let [a, b] =
+        ["small.png", "turned.png"].map(|name| image::load_from_memory(&folder.bytes(name)).unwrap().to_rgb8());
     let n_far = a.pixels().zip(b.pixels()).filter(|(a, b)| a.0[0].abs_diff(b.0[0]) > 40).count();
     assert!(n_far < 64 * 48 / 50, "{n_far} pixels differ");
 }

@@ -225,7 +225,7 @@ pub(crate) mod tests {
         let gray = |x: u8| [x, x, x, 255];
         let row = into_normals(texture(&[gray(0), gray(64), gray(128), gray(64)]));
         assert_eq!(row.encoding, Encoding::Linear);
-        // Rising along u: the normal leans towards -u. At the top and at the bottom it is upright.
+        // Rising along u: the normal points towards -u. At the top and at the bottom it is upright.
         assert!(row.texels[1][0] < 100 && row.texels[3][0] > 155, "{:?}", row.texels);
         assert_eq!([row.texels[0], row.texels[2]], [[128, 128, 255, 255]; 2]);
         let normals = into_normals(texture(&[[128, 128, 255, 255], [200, 100, 220, 255]]));
