@@ -5,7 +5,10 @@ mod gpu;
 mod hits;
 mod rays;
 
-use std::{path::PathBuf, time::Instant};
+use std::{
+    path::{Path, PathBuf},
+    time::Instant,
+};
 
 use anyhow::{Result, anyhow};
 use canted_film::AtomicFile;
@@ -19,13 +22,15 @@ use serde_json::json;
 use crate::{
     device::{Machine, RunArgs},
     load,
-    options::{self, StructureArgs, with_kernel},
+    options::{self, StructureArgs, one_of, with_kernel},
     output::{self, Named},
 };
-use hits::Answer;
+use hits::{Answer, Format};
 
 /// Options of `canted cast`.
 #[derive(clap::Args)]
+#[command(after_help = "Examples:\n  canted cast bunny.ply --rays rays.csv --hits hits.csv\n  \
+                        scan | canted cast room.glb --rays - --hits - --format bin > hits.bin")]
 pub(crate) struct Args {
     /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml).
     scene: PathBuf,
@@ -37,12 +42,16 @@ pub(crate) struct Args {
     animation: Option<String>,
     /// Rays in world space: .csv (ox,oy,oz,dx,dy,dz,tmax) or .bin (seven little-endian f32 per ray). tmax is in units of the
     /// direction's length.
-    #[arg(long, value_name = "FILE")]
+    /// `-` is standard input.
+    #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
     rays: PathBuf,
     /// Output file for hits: .csv (t,prim,u,v,instance) or .bin (f32 t, i32 prim, f32 u, f32 v). t is in units of the
-    /// direction's length; prim is -1 for a miss.
-    #[arg(long, value_name = "FILE")]
+    /// direction's length; prim is -1 for a miss. `-` is standard output.
+    #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
     hits: PathBuf,
+    /// Format of rays and hits, in place of that of their file names; of `-`, csv.
+    #[arg(long, value_parser = one_of(&[("csv", Format::Csv), ("bin", Format::Bin)]), value_name = "FORMAT")]
+    format: Option<Format>,
     /// Test for occlusion only: prim is 0 for a hit and -1 for a miss.
     #[arg(long)]
     occluded: bool,
@@ -54,20 +63,41 @@ pub(crate) struct Args {
 
 /// Traces all rays.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let format = hits::Format::of(&args.hits)?;
-    let inputs = load::Inputs::of(Some(&args.scene))?.and("--rays", &args.rays);
-    let outputs: [Named; 1] = [("--hits", &args.hits)];
+    let format = Format::of(&args.hits, args.format)?;
+    if is_stream(&args.hits) && args.run.json {
+        return Err(anyhow!("--hits - and --json both write to standard output; write the hits to a file"));
+    }
+    let mut inputs = load::Inputs::of(Some(&args.scene))?;
+    if !is_stream(&args.rays) {
+        inputs = inputs.and("--rays", &args.rays);
+    }
+    let outputs: Vec<Named> =
+        Some(("--hits", args.hits.as_path())).into_iter().filter(|(_, path)| !is_stream(path)).collect();
     output::check_distinct(&inputs.named(), &outputs)?;
-    let machine = args.run.start()?;
-    let rays = rays::read(&args.rays)?;
+    args.run.start()?;
+    let rays = rays::read(&args.rays, args.format)?;
     let scene = load::scene(Some(&args.scene), args.time, args.animation.as_deref())?;
     load::check_outputs(Some(&args.scene), &scene, &outputs)?;
-    output::probe(&args.hits)?;
+    if !is_stream(&args.hits) {
+        output::probe(&args.hits)?;
+    }
+    let machine = Machine::open(&args.run.device, &args.structure)?;
     let (answers, seconds) = with_kernel!(args.structure.triangles, trace(&scene, &rays, args, &machine))?;
-    let mut out = AtomicFile::create(&args.hits)?;
-    out.write(|out| hits::write(out, format, &answers))?;
-    out.finish()?;
+    if is_stream(&args.hits) {
+        let mut bytes = Vec::new();
+        hits::write(&mut bytes, format, &answers)?;
+        output::bytes_to_stdout(&bytes)?;
+    } else {
+        let mut out = AtomicFile::create(&args.hits)?;
+        out.write(|out| hits::write(out, format, &answers))?;
+        out.finish()?;
+    }
     report(&answers, seconds, args)
+}
+
+/// Whether a path stands for standard input or output.
+fn is_stream(path: &Path) -> bool {
+    path == "-"
 }
 
 /// Reports the number of rays and the time: as a note on standard error, or as JSON on standard output.
@@ -76,7 +106,9 @@ fn report(answers: &[Answer], seconds: f64, args: &Args) -> Result<()> {
     #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
     let rate = n_rays as f64 / seconds.max(1e-9);
     if !args.run.json {
-        output::to_stderr(&format!("{n_rays} rays in {seconds:.3} s, {:.2} M rays/s", rate * 1e-6));
+        if !output::is_quiet() {
+            output::to_stderr(&format!("{n_rays} rays in {seconds:.3} s, {:.2} M rays/s", rate * 1e-6));
+        }
         return Ok(());
     }
     let n_hits = answers.iter().filter(|answer| answer.is_hit()).count();

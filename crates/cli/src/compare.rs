@@ -10,6 +10,9 @@ use crate::{options::one_of, output};
 
 /// Options of `canted compare`.
 #[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  canted compare test.png reference.png --errors errors.png\n  canted compare test.exr reference.exr --max 0.01 --flip hdr"
+)]
 pub(crate) struct Args {
     /// Test picture, PNG or EXR.
     a: PathBuf,

@@ -2,6 +2,8 @@
 
 #[cfg(feature = "gpu")]
 mod gpu;
+#[cfg(feature = "gpu")]
+mod quiet;
 
 use std::str::FromStr;
 
@@ -47,6 +49,7 @@ impl FromStr for DeviceArg {
 
 /// The options about how a command runs.
 #[derive(clap::Args, Clone)]
+#[command(next_help_heading = "Run")]
 pub(crate) struct RunArgs {
     /// Compute device: auto, cpu, gpu, or part of an adapter name (see `canted devices`). `auto` uses a hardware GPU that
     /// supports the scene, else the CPU.
@@ -61,13 +64,12 @@ pub(crate) struct RunArgs {
 }
 
 impl RunArgs {
-    /// Starts the threads and opens the device of a command that cannot share its work between CPU and GPU.
-    pub(crate) fn start(&self) -> Result<Machine> {
-        options::use_threads(self.threads)?;
+    /// Starts the threads of a command that cannot share its work between CPU and GPU.
+    pub(crate) fn start(&self) -> Result<()> {
         if matches!(self.device, DeviceArg::Both(_)) {
             return Err(anyhow!("--device both requires `canted render`; use cpu, gpu or an adapter name"));
         }
-        Machine::open(&self.device)
+        options::use_threads(self.threads)
     }
 }
 

@@ -7,6 +7,7 @@ use crate::{device, output};
 
 /// Options of `canted devices`.
 #[derive(clap::Args)]
+#[command(after_help = "Examples:\n  canted devices\n  canted devices --json")]
 pub(crate) struct Args {
     /// Print the report as JSON.
     #[arg(long)]

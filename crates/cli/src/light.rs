@@ -47,9 +47,20 @@ fn environment(text: &str) -> Result<EnvironmentArg, String> {
     Ok(EnvironmentArg::Constant(color))
 }
 
+/// Where the light of a scene comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum LightSource {
+    /// From options, or from lights or the environment of the file.
+    Given,
+    /// From surfaces that emit alone, which may be too weak to light the scene.
+    Emission,
+    /// The default light, because there is no other.
+    Default,
+}
+
 impl LightArgs {
-    /// Sets the lights of the scene. Returns whether they are the default because neither options nor file have any.
-    pub(crate) fn apply(&self, scene: &mut Scene) -> Result<bool> {
+    /// Sets the lights of the scene.
+    pub(crate) fn apply(&self, scene: &mut Scene) -> Result<LightSource> {
         scene.environment = self.environment_or(scene.environment.take())?;
         self.apply_lights(scene)
     }
@@ -65,14 +76,16 @@ impl LightArgs {
     }
 
     /// [`LightArgs::apply`] to a scene that has its environment.
-    pub(crate) fn apply_lights(&self, scene: &mut Scene) -> Result<bool> {
+    pub(crate) fn apply_lights(&self, scene: &mut Scene) -> Result<LightSource> {
         if self.is_empty() {
-            let emits = scene.materials.iter().any(Material::is_emissive);
-            let is_dark = scene.lights.is_empty() && scene.environment.is_none() && !emits;
-            if is_dark {
-                set_default(scene, 1.0);
+            if !scene.lights.is_empty() || scene.environment.is_some() {
+                return Ok(LightSource::Given);
             }
-            return Ok(is_dark);
+            if scene.materials.iter().any(Material::is_emissive) {
+                return Ok(LightSource::Emission);
+            }
+            set_default(scene, 1.0, DEFAULT_UP);
+            return Ok(LightSource::Default);
         }
         scene.lights.clear();
         for &[x, y, z, r, g, b] in &self.sun {
@@ -93,7 +106,7 @@ impl LightArgs {
             let radiance = color("--sphere", [r, g, b])?;
             scene.lights.push(Light::Sphere { center: [x, y, z], radius, radiance });
         }
-        Ok(false)
+        Ok(LightSource::Given)
     }
 
     /// The file of `--env`, the factor of its radiance and its rotation in degrees.
@@ -130,11 +143,27 @@ fn color(name: &str, color: [f32; 3]) -> Result<[f32; 3]> {
     Err(anyhow!("{name}: color {},{},{} has a negative component", color[0], color[1], color[2]))
 }
 
+/// Up where nothing else is said.
+pub(crate) const DEFAULT_UP: [f32; 3] = [0.0, 1.0, 0.0];
+
 /// Sets the default light: a blue sky and a high sun, times `strength`.
-pub(crate) fn set_default(scene: &mut Scene, strength: f32) {
+pub(crate) fn set_default(scene: &mut Scene, strength: f32, up: [f32; 3]) {
     scene.environment = Some([0.40, 0.50, 0.65].map(|c| c * strength).into());
     let irradiance = [2.0, 1.9, 1.7].map(|c| c * strength);
-    scene.lights = vec![Light::Sun { direction: unit([-0.3, -1.0, -0.2]), irradiance }];
+    scene.lights = vec![Light::Sun { direction: unit(turned([-0.3, -1.0, -0.2], up)), irradiance }];
+}
+
+/// A direction of a scene with +y up in a scene with this up direction; exact for +y and +z.
+fn turned([x, y, z]: [f32; 3], up: [f32; 3]) -> [f32; 3] {
+    match up {
+        [0.0, _, 0.0] => [x, y * up[1].signum(), z],
+        [0.0, 0.0, _] => [x, -z, y * up[2].signum()],
+        // The part across is small; only the part along matters.
+        _ => {
+            let up = unit(up);
+            std::array::from_fn(|k| y * up[k] + 0.3 * [x, 0.0, z][k])
+        }
+    }
 }
 
 /// Normalizes a nonzero vector.

@@ -7,11 +7,14 @@
 
 mod cast;
 mod compare;
+mod completions;
 mod device;
 mod devices;
+mod features;
 mod interrupt;
 mod light;
 mod load;
+mod man;
 mod memory;
 mod merge;
 #[cfg(not(feature = "gpu"))]
@@ -24,6 +27,7 @@ mod scene;
 mod settings;
 mod stats;
 mod tree;
+mod words;
 
 use std::process::ExitCode;
 
@@ -31,12 +35,25 @@ use anyhow::Result;
 use canted_renderer::RenderError;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
+use words::Words;
+
 /// Ray tracing with oriented bounding boxes.
 ///
-/// Without a subcommand, renders the built-in scene to canted.png.
+/// `canted FILE` renders a file to a picture of the same name in the current folder, `canted` alone the built-in scene to canted.png.
 #[derive(Parser)]
-#[command(name = "canted", version, args_conflicts_with_subcommands = true)]
+#[command(
+    name = "canted",
+    version,
+    override_usage = "canted [FILE] [OPTIONS of render]\n       canted <COMMAND> [OPTIONS]",
+    after_help = features::help()
+)]
 struct Cli {
+    /// Print results and errors only: no warnings, no progress, no report of `render` as text.
+    #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = "Messages", display_order = 1000)]
+    quiet: bool,
+    /// Print each stage with its time to standard error.
+    #[arg(short, long, global = true, help_heading = "Messages", display_order = 1001)]
+    verbose: bool,
     #[command(subcommand)]
     command: Option<Command>,
 }
@@ -59,13 +76,26 @@ enum Command {
     Devices(devices::Args),
     /// Merge sample ranges of one picture.
     Merge(merge::Args),
+    /// Print completions of the command line for a shell.
+    Completions(completions::Args),
+    /// Print a manual page.
+    Man(man::Args),
 }
 
 fn run() -> Result<ExitCode> {
-    let matches = settings::command_line(&Cli::command())?;
-    match Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command {
+    let words = Words::of_process(&Cli::command());
+    let matches = settings::command_line(&Cli::command(), &words)?;
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    output::set_verbosity(cli.quiet, cli.verbose);
+    match cli.command {
         None => render::run(&options::defaults())?,
-        Some(Command::Render(args)) => render::run(&args)?,
+        Some(Command::Render(mut args)) => {
+            let is_default = matches.subcommand().is_some_and(|(_, options)| !settings::is_given(options, "output"));
+            if let Some(file) = words.file().filter(|_| is_default) {
+                args.output = words::picture_of(file);
+            }
+            render::run(&args)?;
+        }
         Some(Command::Scene(args)) => scene::run(&args, &matches)?,
         Some(Command::Stats(args)) => stats::run(&args)?,
         Some(Command::Cast(args)) => cast::run(&args)?,
@@ -73,6 +103,8 @@ fn run() -> Result<ExitCode> {
         Some(Command::Compare(args)) => return compare::run(&args),
         Some(Command::Devices(args)) => devices::run(&args)?,
         Some(Command::Merge(args)) => merge::run(&args)?,
+        Some(Command::Completions(args)) => completions::run(&args, Cli::command())?,
+        Some(Command::Man(args)) => man::run(&args, Cli::command())?,
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -16,6 +16,9 @@ use crate::{
 
 /// Options of `canted merge`.
 #[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  canted merge a.exr b.exr -o whole.exr\n  canted merge part_*.exr -o whole.exr --json"
+)]
 pub(crate) struct Args {
     /// Parts written by `canted render --samples A..B -o PART.exr`, in any order.
     #[arg(required = true, value_name = "PART")]

@@ -3,7 +3,7 @@
 use anyhow::{Result, anyhow};
 use serde_json::Value;
 
-use crate::device::DeviceArg;
+use crate::{device::DeviceArg, options::StructureArgs};
 
 /// The CPU.
 pub(crate) enum Machine {
@@ -15,7 +15,7 @@ impl Machine {
     ///
     /// # Errors
     /// Any other device.
-    pub(crate) fn open(device: &DeviceArg) -> Result<Self> {
+    pub(crate) fn open(device: &DeviceArg, _: &StructureArgs) -> Result<Self> {
         match device {
             DeviceArg::Auto | DeviceArg::Cpu => Ok(Self::Cpu),
             _ => Err(anyhow!("this program was built without GPU support; use --device cpu")),

@@ -4,17 +4,49 @@ use std::{
     fs,
     io::{ErrorKind, Write},
     path::{Path, PathBuf},
+    sync::atomic::{AtomicU8, Ordering},
 };
 
 use anyhow::{Result, anyhow};
 use canted_film::{AtomicFile, FileError};
+
+/// How much is printed beside results and errors.
+static VERBOSITY: AtomicU8 = AtomicU8::new(NORMAL);
+const QUIET: u8 = 0;
+const NORMAL: u8 = 1;
+const VERBOSE: u8 = 2;
+
+/// Sets what `-q` and `-v` choose.
+pub(crate) fn set_verbosity(quiet: bool, verbose: bool) {
+    let verbosity = if quiet { QUIET } else { NORMAL + u8::from(verbose) };
+    VERBOSITY.store(verbosity, Ordering::Relaxed);
+}
+
+/// Whether only results and errors are printed.
+pub(crate) fn is_quiet() -> bool {
+    VERBOSITY.load(Ordering::Relaxed) == QUIET
+}
+
+/// Whether each stage is printed.
+pub(crate) fn is_verbose() -> bool {
+    VERBOSITY.load(Ordering::Relaxed) == VERBOSE
+}
 
 /// Writes a line to standard output. A closed pipe is not an error: the reader may stop early.
 ///
 /// # Errors
 /// Any other failure, such as a full disk.
 pub(crate) fn to_stdout(text: &str) -> Result<()> {
-    match writeln!(std::io::stdout(), "{text}") {
+    bytes_to_stdout(format!("{text}\n").as_bytes())
+}
+
+/// Writes bytes to standard output, as [`to_stdout`].
+///
+/// # Errors
+/// Any failure but a closed pipe.
+pub(crate) fn bytes_to_stdout(bytes: &[u8]) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(bytes).and_then(|()| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(anyhow!("cannot write standard output: {error}")),
         _ => Ok(()),
     }
@@ -25,9 +57,25 @@ pub(crate) fn to_stderr(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Writes a warning to standard error.
+/// Writes a warning to standard error, unless `-q` is given.
 pub(crate) fn warn(text: &str) {
-    to_stderr(&format!("warning: {text}"));
+    if !is_quiet() {
+        to_stderr(&format!("warning: {text}"));
+    }
+}
+
+/// Writes a note about what was decided to standard error, unless `-q` is given.
+pub(crate) fn note(text: &str) {
+    if !is_quiet() {
+        to_stderr(&format!("note: {text}"));
+    }
+}
+
+/// Writes a note about a stage to standard error if `-v` is given.
+pub(crate) fn detail(text: impl FnOnce() -> String) {
+    if is_verbose() {
+        to_stderr(&format!("detail: {}", text()));
+    }
 }
 
 /// Fails if a file cannot be written, before any work is done. Leaves no file behind.

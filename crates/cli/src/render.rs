@@ -9,23 +9,26 @@ mod film;
 mod frames;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod look;
+mod passes;
 mod samples;
 mod setup;
 
 use std::{
-    path::Path,
+    borrow::Cow,
     time::{Duration, Instant},
 };
 
 use anyhow::{Result, anyhow};
-use canted_film::{Film, Record, write_exr, write_film, write_png};
-use canted_renderer::{MipMaps, Prepared, Surfaces, heatmap};
+use canted_film::{Film, Format, Record, Tile, encode, write_film};
+use canted_renderer::{MipMaps, Prepared, Settings, Surfaces, heatmap};
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 use serde_json::json;
 
 use crate::{
     device::{DeviceArg, Machine},
+    light::LightSource,
     load, memory, not_needed,
     options::{self, with_kernel},
     output::{self, Named},
@@ -36,7 +39,7 @@ use checkpoint::CheckpointWriter;
 pub(crate) use checkpoint::difference;
 use facts::Fact;
 use film::{CpuRenderer, FilmRenderer};
-pub(crate) use setup::{Setup, setup};
+pub(crate) use setup::{Choice, Setup, setup};
 
 /// A rendered picture or film.
 enum Output {
@@ -48,20 +51,48 @@ impl Output {
     fn write(&self, args: &Args) -> Result<()> {
         match self {
             Self::Film(film, record) if film.part().is_some() || !film.guides().is_empty() => {
-                Ok(write_film(&args.output, film, args.samples.aovs(), record)?)
+                Ok(write_film(&args.output, &cropped(film, args.crop), args.samples.aovs(), record)?)
             }
-            Self::Film(film, _) => write_picture(&args.output, &film.picture()),
-            Self::Picture(picture) => write_picture(&args.output, picture),
+            Self::Film(film, _) => {
+                let picture = cropped(film, args.crop).picture();
+                if let Some(warning) = exposure::darkness(&picture) {
+                    output::warn(&warning);
+                }
+                write_picture(args, &picture)
+            }
+            // A heat map is a diagram: its colors are not exposed.
+            Self::Picture(picture) => write_encoded(args, picture),
         }
     }
 }
 
-fn is_exr(path: &Path) -> bool {
-    output::has_extension(path, "exr")
+/// Writes a film as it is so far.
+fn show(args: &Args, film: &Film) -> Result<()> {
+    let film = cropped(film, args.crop);
+    if film.guides().is_empty() {
+        return write_picture(args, &film.picture());
+    }
+    Ok(write_film(&args.output, &film, args.samples.aovs(), &Record::new())?)
 }
 
-fn write_picture(path: &Path, picture: &canted_film::Picture) -> Result<()> {
-    Ok(if is_exr(path) { write_exr(path, picture) } else { write_png(path, picture) }?)
+/// The part of a film that is shown.
+fn cropped(film: &Film, crop: Option<[u32; 4]>) -> Cow<'_, Film> {
+    crop.map_or(Cow::Borrowed(film), |[x, y, width, height]| Cow::Owned(film.cropped([x, y], [width, height])))
+}
+
+/// Writes a picture with the look of the options.
+fn write_picture(args: &Args, picture: &canted_film::Picture) -> Result<()> {
+    let is_linear = args.format()?.is_linear();
+    if is_linear { write_encoded(args, picture) } else { write_encoded(args, &args.look.apply(picture)) }
+}
+
+fn write_encoded(args: &Args, picture: &canted_film::Picture) -> Result<()> {
+    let format = args.format()?;
+    if args.is_stream() {
+        let bytes = encode(picture, format).map_err(|reason| anyhow!("cannot write standard output: {reason}"))?;
+        return output::bytes_to_stdout(&bytes);
+    }
+    Ok(canted_film::write_picture(&args.output, picture, format)?)
 }
 
 /// What rendering returns. The checkpoint is removed once the output is written.
@@ -86,23 +117,32 @@ impl Rendered {
 /// Renders the picture, or the pictures of all frames.
 pub(crate) fn run(args: &Args) -> Result<()> {
     options::use_threads(args.run.threads)?;
-    if !is_exr(&args.output) && !output::has_extension(&args.output, "png") {
-        return Err(output::unsupported(&args.output, ".png or .exr"));
+    let format = args.format()?;
+    args.samples.check(format == Format::Exr, args.heatmap.is_some())?;
+    if args.is_stream() {
+        args.samples.check_stream()?;
+        if args.run.json {
+            return Err(anyhow!("-o - and --json both write to standard output; write the picture to a file"));
+        }
     }
-    args.samples.check(is_exr(&args.output), args.heatmap.is_some())?;
     let checkpoint = args.samples.checkpoint.as_deref().map(|path| ("--checkpoint", path));
-    let outputs: Vec<Named> = [("--output", args.output.as_path())].into_iter().chain(checkpoint).collect();
+    let picture = [("--output", args.output.as_path())].into_iter().filter(|_| !args.is_stream());
+    let outputs: Vec<Named> = picture.chain(checkpoint).collect();
     output::check_distinct(&args.inputs()?.named(), &outputs)?;
     args.settings()?;
+    args.check_crop()?;
+    args.look.warn_ignored(format.is_linear());
     if args.animation.is_some() && args.time.is_none() && args.sequence.frames.is_none() {
         return Err(anyhow!("--animation requires --time or --frames"));
     }
     args.sequence.check_shutter(args.scene.as_deref(), args.time)?;
-    let machine = open_machine(args)?;
+    check_device(args)?;
     if let Some(range) = args.sequence.frames {
-        return frames::run(args, range, &machine);
+        return frames::run(args, range);
     }
-    output::probe(&args.output)?;
+    if !args.is_stream() {
+        output::probe(&args.output)?;
+    }
     let start = Instant::now();
     let (path, animation) = (args.scene.as_deref(), args.animation.as_deref());
     let mut scene = match (path, args.time.and_then(|time| args.sequence.shutter_times(time))) {
@@ -110,41 +150,66 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         _ => load::scene(path, args.time, animation)?,
     };
     load::check_outputs(args.scene.as_deref(), &scene, &outputs)?;
-    let has_default_light = args.light.apply(&mut scene)?;
+    let source = args.light.apply(&mut scene)?;
     let load_time = start.elapsed();
-    let rendered =
-        with_kernel!(args.structure.triangles, render(&mut scene, args, &machine, has_default_light, load_time))?;
+    output::detail(|| format!("scene read in {:.3} s", load_time.as_secs_f64()));
+    let machine = open_machine(args)?;
+    let rendered = with_kernel!(args.structure.triangles, render(&mut scene, args, &machine, source, load_time))?;
     let of_render = rendered.write(args)?;
     let mut facts = vec![
         ("scene", json!(load::name(args.scene.as_deref()))),
         ("picture", json!(args.output.display().to_string())),
-        ("size", json!(args.size)),
+        ("size", json!(args.output_size())),
     ];
     facts.extend(of_render);
     facts.extend(memory::peak_bytes().map(|bytes| ("peak_memory_bytes", json!(bytes))));
     facts.push(("seconds", json!(start.elapsed().as_secs_f64())));
+    if args.is_stream() {
+        return Ok(());
+    }
     facts::report(&facts, args.run.json)
 }
 
-fn open_machine(args: &Args) -> Result<Machine> {
+/// Rejects a heat map on a GPU.
+fn check_device(args: &Args) -> Result<()> {
     match (args.heatmap, &args.run.device) {
-        (None, device) => Machine::open(device),
-        (Some(_), DeviceArg::Auto | DeviceArg::Cpu) => Ok(Machine::Cpu),
+        (None, _) | (Some(_), DeviceArg::Auto | DeviceArg::Cpu) => Ok(()),
         (Some(_), _) => Err(anyhow!("--heatmap is not supported on the GPU; use --device cpu")),
     }
+}
+
+/// Opens the device, after the scene is read: an invalid scene does not wait for drivers.
+fn open_machine(args: &Args) -> Result<Machine> {
+    let has_passes = args.samples.has_passes() && args.run.device == DeviceArg::Auto;
+    if args.heatmap.is_some() || has_passes {
+        return Ok(Machine::Cpu);
+    }
+    Machine::open(&args.run.device, &args.structure)
 }
 
 fn render<K: LaneKernel>(
     scene: &mut Scene,
     args: &Args,
     machine: &Machine,
-    has_default_light: bool,
+    source: LightSource,
     load_time: Duration,
 ) -> Result<Rendered> {
-    let Setup { prepared, camera, default_light } = setup::<K>(scene, args, has_default_light)?;
-    let mut rendered = render_picture(scene, args, machine, &prepared, &camera, default_light, &mut None)?.rendered;
+    let mut args = args.clone();
+    let Setup { prepared, camera, choice } = setup::<K>(scene, &mut args, source)?;
+    let mut rendered = render_picture(scene, &args, machine, &prepared, &camera, choice, &mut None)?.rendered;
     rendered.facts.push(("load_seconds", json!(load_time.as_secs_f64())));
     Ok(rendered)
+}
+
+/// Empty tiles for all that a crop does not show, so that they are not rendered.
+fn outside(crop: Option<[u32; 4]>, settings: &Settings) -> Vec<Tile> {
+    let Some([left, top, width, height]) = crop else { return Vec::new() };
+    let tiling = settings.tiling();
+    let is_shown = |number: usize| {
+        let ([x, y], [columns, rows]) = (tiling.corner(number), tiling.size(number));
+        x < left + width && left < x + columns && y < top + height && top < y + rows
+    };
+    (0..tiling.n_tiles()).filter(|&number| !is_shown(number)).map(|number| tiling.tile(number)).collect()
 }
 
 /// A rendered picture.
@@ -162,12 +227,15 @@ fn render_picture<K: LaneKernel>(
     machine: &Machine,
     prepared: &Prepared<K>,
     camera: &Camera,
-    default_light: Option<f32>,
+    choice: Choice,
     mip_maps: &mut Option<MipMaps>,
 ) -> Result<Picture> {
     let settings = args.settings()?;
     let mut facts = facts::of_structure(scene, prepared);
-    facts.extend(default_light.map(|strength| ("default_light", json!(strength))));
+    facts.extend(choice.default_light.map(|strength| ("default_light", json!(strength))));
+    if args.heatmap.is_none() {
+        facts.push(("integrator_reason", json!(choice.integrator_reason)));
+    }
     let start = Instant::now();
     let mut checkpoint = None;
     let output = if let Some(measure) = args.heatmap {
@@ -202,9 +270,11 @@ fn render_picture<K: LaneKernel>(
                 CheckpointWriter::open(path.clone(), interval, &checkpoint_record(&record, settings))?;
             (checkpoint, done) = (Some(opened), tiles);
         }
+        done.extend(outside(args.crop, settings));
         let (film, of_device) = film::render(renderer, args, settings, checkpoint.as_ref(), done)?;
         facts.extend(of_device);
-        facts.extend(facts::of_film(&film, settings, start.elapsed()));
+        let of_film = facts::of_film(&film, settings, start.elapsed(), &facts);
+        facts.extend(of_film);
         if let Some(warning) = facts::dropped_samples(&film) {
             output::warn(&warning);
         }

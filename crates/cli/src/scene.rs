@@ -19,6 +19,7 @@ use crate::{
 #[derive(clap::Args)]
 #[group(skip)]
 #[command(
+    after_help = "Examples:\n  canted scene room.glb -o room.toml\n  canted scene room.toml --spp 256 --eye 0,2,5 -o better.toml",
     mut_args(settings::hide_run_option),
     mut_arg("output", |arg| arg.default_value("scene.toml").help("Output scene file: .toml"))
 )]
@@ -30,8 +31,8 @@ pub(crate) struct Args {
 /// Writes the scene file. `canted render` makes the same picture of it as of the same scene with the same options.
 pub(crate) fn run(args: &Args, matches: &ArgMatches) -> Result<()> {
     let Some((_, options)) = matches.subcommand() else { return Ok(()) };
-    let args = &args.render;
-    let path = &args.output;
+    let mut args = args.render.clone();
+    let path = &args.output.clone();
     if let Some(option) = settings::run_option(options) {
         return Err(anyhow!("{option} is not a setting of a scene; use it with `canted render`"));
     }
@@ -61,19 +62,23 @@ pub(crate) fn run(args: &Args, matches: &ArgMatches) -> Result<()> {
     let (mut scene, mut file) = file.load_explicit()?;
     load::check_outputs(args.scene.as_deref(), &scene, &outputs)?;
     load::warn(&scene.warnings);
-    with_kernel!(args.structure.triangles, set_view_and_light(&mut file, &mut scene, args))?;
+    with_kernel!(args.structure.triangles, set_view_and_light(&mut file, &mut scene, &mut args))?;
     let picture = args.settings()?;
     let sampler = format!("{:?}", picture.pattern).to_lowercase();
-    let resolved =
-        [("spp", picture.samples.to_string()), ("sampler", sampler), ("bounces", picture.bounces.to_string())];
+    let resolved = [
+        ("spp", picture.samples.to_string()),
+        ("sampler", sampler),
+        ("bounces", picture.bounces.to_string()),
+        ("integrator", format!("{:?}", picture.integrator).to_lowercase()),
+    ];
     file.settings = settings::all(options, &resolved);
-    write(&file, args)
+    write(&file, &args)
 }
 
 /// Sets the camera, the lights and the environment of the file.
-fn set_view_and_light<K: LaneKernel>(file: &mut SceneFile, scene: &mut Scene, args: &render::Args) -> Result<()> {
-    let has_default_light = args.light.apply(scene)?;
-    let Setup { camera, .. } = render::setup::<K>(scene, args, has_default_light)?;
+fn set_view_and_light<K: LaneKernel>(file: &mut SceneFile, scene: &mut Scene, args: &mut render::Args) -> Result<()> {
+    let source = args.light.apply(scene)?;
+    let Setup { camera, .. } = render::setup::<K>(scene, args, source)?;
     View::new(&camera, args.size[0], args.size[1])?;
     file.camera = Some(camera);
     file.lights = Some(scene.lights.clone());

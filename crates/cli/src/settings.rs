@@ -10,19 +10,23 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_scene::{Setting, closest_match};
+use canted_scene::{Setting, suggestion};
 use clap::{
     ArgMatches, Args as _, Command,
     error::{ContextKind, ContextValue},
     parser::ValueSource,
 };
 
-use crate::{load, output, render};
+use crate::{load, output, render, words::Words};
 
 /// Options about a run: its files, devices and reports.
-const RUN_OPTIONS: [&str; 17] = [
+const RUN_OPTIONS: [&str; 21] = [
     "scene",
     "output",
+    "crop",
+    "preview",
+    "seconds",
+    "format",
     "samples",
     "aovs",
     "checkpoint",
@@ -41,11 +45,13 @@ const RUN_OPTIONS: [&str; 17] = [
 ];
 
 /// Options that have their own table in a scene file.
-const OPTIONS_WITH_TABLE: [(&str, &str); 14] = [
+const OPTIONS_WITH_TABLE: [(&str, &str); 16] = [
     ("eye", "[camera]"),
     ("target", "[camera]"),
     ("up", "[camera]"),
     ("fov", "[camera]"),
+    ("ortho", "[camera]"),
+    ("camera", "[camera]"),
     ("aperture", "[camera]"),
     ("focus", "[camera]"),
     ("env", "[environment]"),
@@ -103,8 +109,7 @@ fn check_one(Setting { key, value, .. }: &Setting, command: &Command) -> Result<
     }
     let names: Vec<&str> = setting_options(command).map(|arg| arg.get_id().as_str()).collect();
     if !names.contains(&&key[..]) {
-        let near = closest_match(key, names).unwrap_or_default();
-        return Err(format!("unknown key '{}' in [settings]; did you mean '{near}'?", key.escape_debug()));
+        return Err(format!("unknown key '{}' in [settings]{}", key.escape_debug(), suggestion(key, names)));
     }
     let Some(value) = value else { return Ok(()) };
     let parsed = command.clone().try_get_matches_from(["render".into(), option(key, value)]);
@@ -125,8 +130,8 @@ fn flag(id: &str) -> String {
 /// The reason of a parser's error, on one line.
 fn reason(error: &clap::Error, value: &str) -> String {
     if let Some(ContextValue::Strings(words)) = error.get(ContextKind::ValidValue) {
-        let near = closest_match(value, words.iter().map(|word| &word[..])).unwrap_or_default();
-        return format!(": expected one of {}; did you mean '{near}'?", words.join(", "));
+        let near = suggestion(value, words.iter().map(|word| &word[..]));
+        return format!(": expected one of {}{near}", words.join(", "));
     }
     let source = std::error::Error::source(error);
     let kind = source.and_then(|source| source.downcast_ref::<ParseIntError>()).map(ParseIntError::kind);
@@ -141,14 +146,14 @@ fn reason(error: &clap::Error, value: &str) -> String {
 ///
 /// # Errors
 /// The scene file is unreadable, or has invalid content.
-pub(crate) fn command_line(program: &Command) -> Result<ArgMatches> {
+pub(crate) fn command_line(program: &Command, words: &Words) -> Result<ArgMatches> {
     // `-1` is a value and not an option, so that the option it belongs to reports it.
     let allow_negative = |arg: clap::Arg| {
         let takes_values = arg.get_action().takes_values();
         arg.allow_negative_numbers(takes_values)
     };
     let program = program.clone().mut_subcommands(|command| command.mut_args(allow_negative));
-    let own = program.clone().get_matches();
+    let own = program.clone().get_matches_from(words.all());
     let Some((name, options)) = own.subcommand() else { return Ok(own) };
     let path = options.try_get_one::<PathBuf>("scene").ok().flatten().filter(|path| load::is_scene_file(path));
     let mut settings = Vec::new();
@@ -165,20 +170,17 @@ pub(crate) fn command_line(program: &Command) -> Result<ArgMatches> {
     if settings.is_empty() {
         return Ok(own);
     }
-    let mut words: Vec<OsString> = std::env::args_os().collect();
-    let rest = words.split_off(words.len().min(2));
-    words.extend(
+    let words = words.with(
         settings
             .iter()
             .filter(|setting| applies(setting, &settings, options))
             .filter_map(|setting| Some(option(&setting.key, setting.value.as_deref()?))),
     );
-    words.extend(rest);
     Ok(program.mut_subcommand(name, |command| command.args_override_self(true)).get_matches_from(words))
 }
 
 /// Whether an option is on the command line.
-fn is_given(options: &ArgMatches, id: &str) -> bool {
+pub(crate) fn is_given(options: &ArgMatches, id: &str) -> bool {
     options.value_source(id) == Some(ValueSource::CommandLine)
 }
 

@@ -29,6 +29,9 @@ use crate::{
 /// Options of `canted stats`.
 #[derive(clap::Args)]
 #[command(mut_arg("device", |arg| arg.help(DEVICE)))]
+#[command(
+    after_help = "Examples:\n  canted stats kitchen.glb\n  canted stats eiffel.obj --presets fast,quality --json > eiffel.json"
+)]
 pub(crate) struct Args {
     /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml) [default: the built-in scene]
     scene: Option<PathBuf>,
@@ -50,11 +53,12 @@ const DEVICE: &str = "Device whose build times and buffers are included: auto (a
 
 /// Builds the scene with every strategy and with presets, in one level and in two, and prints the tables.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let machine = args.run.start()?;
+    args.run.start()?;
     let mut scene = load::scene(args.scene.as_deref(), args.time, args.animation.as_deref())?;
     // Adds the default light, as `canted render` does.
     options::defaults::<LightArgs>().apply(&mut scene)?;
     let name = load::name(args.scene.as_deref());
+    let machine = Machine::open(&args.run.device, &options::defaults())?;
     let report = report(&name, &scene, args, &machine).map_err(|error| anyhow!("{name}: {error}"))?;
     output::to_stdout(&if args.run.json { report.json() } else { report.text() })
 }

@@ -15,6 +15,9 @@ use crate::{
 
 /// Options of `canted tree`.
 #[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  canted tree bunny.ply --codes codes.csv --nodes nodes.csv\n  canted tree bunny.ply --bits 30 --codes codes.csv --nodes nodes.csv"
+)]
 pub(crate) struct Args {
     /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml). All instances form one mesh in world space.
     scene: PathBuf,

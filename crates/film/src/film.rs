@@ -15,6 +15,7 @@ pub use part::{JoinError, Part};
 pub use pixel::Pixel;
 
 use crate::Picture;
+use crate::picture::cropped;
 
 /// The sample sums of a picture, row 0 at the top.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,6 +75,12 @@ impl Film {
         self.part.as_ref()
     }
 
+    /// The film without the sums of single blocks.
+    #[must_use]
+    pub fn without_part(self) -> Self {
+        Self { part: None, ..self }
+    }
+
     /// Samples taken, including dropped ones.
     #[must_use]
     pub fn n_samples(&self) -> u64 {
@@ -107,6 +114,18 @@ impl Film {
         #[expect(clippy::cast_precision_loss, reason = "pixels are fewer than 2^53")]
         let n = self.pixels.len() as f64;
         (self.pixels.iter().map(Pixel::squared_error).sum::<f64>() / n).sqrt()
+    }
+
+    /// The part of the film with this top left corner and this size; the rays are those of the whole film.
+    ///
+    /// # Panics
+    /// If it exceeds the film, or the film is a part of all samples.
+    #[must_use]
+    pub fn cropped(&self, corner: [u32; 2], size: [u32; 2]) -> Self {
+        assert!(self.part.is_none(), "a part is merged whole");
+        let pixels = cropped(&self.pixels, self.width, corner, size);
+        let guides = if self.guides.is_empty() { Vec::new() } else { cropped(&self.guides, self.width, corner, size) };
+        Self::new(size[0], size[1], pixels, guides, self.n_rays)
     }
 
     /// The means as a picture.

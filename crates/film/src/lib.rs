@@ -37,6 +37,7 @@ mod partial;
 mod picture;
 pub mod srgb;
 mod tiling;
+mod tone;
 
 pub use checkpoint::Checkpoint;
 pub use compare::{CompareError, Comparison, REL_MSE_FLOOR, compare};
@@ -47,7 +48,11 @@ pub use flip::{Flip, PIXELS_PER_DEGREE, flip, flip_hdr};
 pub use hash::Hash;
 pub use heatmap::false_color;
 pub use input::read_picture;
-pub use output::{AtomicFile, Discarded, Record, discard_unfinished, read_part, write_exr, write_film, write_png};
+pub use output::{
+    AtomicFile, Discarded, Format, Record, discard_unfinished, encode, read_part, write_exr, write_film, write_picture,
+    write_png,
+};
 pub use partial::Partial;
 pub use picture::Picture;
 pub use tiling::{CELL, Sums, Tile, Tiling};
+pub use tone::ToneMap;

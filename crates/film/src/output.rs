@@ -2,21 +2,18 @@
 
 mod atomic_file;
 mod film;
+mod format;
 mod record;
 
-use std::io::Cursor;
 use std::path::Path;
 
-use exr::prelude::{
-    Blocks, Compression, Encoding, Image, Layer, LayerAttributes, LineOrder, SpecificChannels, Vec2, WritableImage,
-};
-use image::ImageEncoder;
-use image::codecs::png::PngEncoder;
+use exr::prelude::{Blocks, Compression, Encoding, LineOrder};
 
-use crate::{FileError, Picture, srgb};
+use crate::{FileError, Picture};
 pub(crate) use atomic_file::write_file;
 pub use atomic_file::{AtomicFile, Discarded, discard_unfinished};
 pub use film::{read_part, write_film};
+pub use format::{Format, encode, write_picture};
 pub use record::Record;
 pub(crate) use record::{record_from_lines, record_lines};
 
@@ -27,12 +24,7 @@ pub(crate) use record::{record_from_lines, record_lines};
 /// # Errors
 /// [`FileError`] with the file and the reason.
 pub fn write_png(path: &Path, picture: &Picture) -> Result<(), FileError> {
-    let bytes: Vec<u8> = picture.pixels.iter().flatten().map(|&x| srgb::encode(x)).collect();
-    let mut file = Vec::new();
-    PngEncoder::new(&mut file)
-        .write_image(&bytes, picture.width, picture.height, image::ExtendedColorType::Rgb8)
-        .map_err(|error| FileError::write(path, error))?;
-    write_file(path, &file)
+    write_picture(path, picture, Format::Png)
 }
 
 /// Writes `picture` as an EXR of three `f32` channels, linear RGB, losslessly compressed.
@@ -43,19 +35,7 @@ pub fn write_png(path: &Path, picture: &Picture) -> Result<(), FileError> {
 /// # Errors
 /// [`FileError`] with the file and the reason.
 pub fn write_exr(path: &Path, picture: &Picture) -> Result<(), FileError> {
-    let size = Vec2(picture.width as usize, picture.height as usize);
-    let pixel = |position: Vec2<usize>| {
-        let [r, g, b] = picture.pixels[position.1 * size.0 + position.0].map(canonical);
-        (r, g, b)
-    };
-    let layer = Layer::new(size, LayerAttributes::default(), ENCODING, SpecificChannels::rgb(pixel));
-    let mut file = Cursor::new(Vec::new());
-    Image::from_layer(layer)
-        .write()
-        .non_parallel()
-        .to_buffered(&mut file)
-        .map_err(|error| FileError::write(path, error))?;
-    write_file(path, file.get_ref())
+    write_picture(path, picture, Format::Exr)
 }
 
 /// Lossless, with lines in order so that the file does not depend on threads.

@@ -22,6 +22,16 @@ impl Picture {
         y as usize * self.width as usize + x as usize
     }
 
+    /// The part of the picture with this top left corner and this size.
+    ///
+    /// # Panics
+    /// If it exceeds the picture.
+    #[must_use]
+    pub fn cropped(&self, corner: [u32; 2], size: [u32; 2]) -> Self {
+        let pixels = cropped(&self.pixels, self.width, corner, size);
+        Self { width: size[0], height: size[1], pixels }
+    }
+
     /// Fills a rectangle given by its top left corner and its size, clipped to the picture.
     pub(crate) fn fill(&mut self, [left, top]: [u32; 2], [width, height]: [u32; 2], color: [f32; 3]) {
         for y in top..top.saturating_add(height).min(self.height) {
@@ -31,4 +41,10 @@ impl Picture {
             }
         }
     }
+}
+
+/// The values in a rectangle of a picture of `width` pixels in a row.
+pub(crate) fn cropped<T: Copy>(all: &[T], width: u32, [left, top]: [u32; 2], [columns, rows]: [u32; 2]) -> Vec<T> {
+    let row = |y: u32| y as usize * width as usize + left as usize;
+    (top..top + rows).flat_map(|y| &all[row(y)..row(y) + columns as usize]).copied().collect()
 }

@@ -35,6 +35,18 @@ pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
+/// The nearest 16-bit sRGB value of a linear value clamped to 0..=1; NaN gives 0.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=65535; NaN casts to 0")]
+pub fn encode_16(linear: f32) -> u16 {
+    (from_linear_unit(f64::from(linear).clamp(0.0, 1.0)) * 65535.0).round() as u16
+}
+
+/// The sRGB value in 0..=1 of a linear value in 0..=1.
+fn from_linear_unit(linear: f64) -> f64 {
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
 /// Steps of the table: the slope of the curve is at most 12.92, so a step has at most one value halfway between bytes.
 const STEPS: usize = 4096;
 
@@ -62,8 +74,7 @@ pub fn encode(linear: f32) -> u8 {
 /// [`encode`] by the formula.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a value in 0..=1 gives one in 0..=255")]
 fn from_linear(x: f64) -> u8 {
-    let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-    (255.0 * encoded).round() as u8
+    (255.0 * from_linear_unit(x)).round() as u8
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use canted_film::{Picture, compare, read_picture, write_exr, write_png};
+use canted_film::{Format, Picture, compare, encode, read_picture, srgb, write_exr, write_picture, write_png};
 
 /// Values that a PNG stores exactly, and some that it clamps.
 fn gradient() -> Picture {
@@ -147,4 +147,48 @@ fn files_that_are_not_pictures_are_rejected_by_name() {
         assert!(error.to_string().starts_with("cannot read ") && error.to_string().contains(name), "{error}");
     }
     assert!(read_picture(&folder.path().join("absent.png")).is_err());
+}
+
+/// Each format stores what its bits hold.
+#[test]
+fn formats_store_the_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let clamped = |x: f32| x.clamp(0.0, 1.0);
+    let picture = gradient();
+    for (name, format) in Format::ALL {
+        if format == Format::WebP && cfg!(not(feature = "webp")) {
+            assert!(encode(&picture, format).is_err());
+            continue;
+        }
+        let path = folder.path().join(format!("picture.{}", name.trim_end_matches("16")));
+        write_picture(&path, &picture, format).unwrap();
+        assert_eq!(Format::of_path(&path).unwrap() == format, format != Format::Png16, "{name}");
+        let bytes = fs::read(&path).unwrap();
+        assert_eq!(bytes, encode(&picture, format).unwrap(), "{name}");
+        let image = match format {
+            Format::Exr => continue,
+            _ => image::load_from_memory(&bytes).unwrap(),
+        };
+        assert_eq!((image.width(), image.height()), (13, 7), "{name}");
+        for (got, want) in image.to_rgb32f().pixels().zip(&picture.pixels) {
+            for (&got, &want) in got.0.iter().zip(want) {
+                let encoded = |x: f32| f64::from(srgb::encode_16(x)) / 65535.0;
+                let (got, want, bound) = match format {
+                    // Half a step of the common exponent of a color of at most 8.1.
+                    Format::Hdr => (f64::from(got), f64::from(want), 8.1 / 128.0),
+                    Format::Jpeg => (f64::from(got), encoded(clamped(want)), 0.25),
+                    Format::Png16 => (f64::from(got), encoded(clamped(want)), 1e-6),
+                    _ => (f64::from(got), encoded(clamped(want)), 0.51 / 255.0),
+                };
+                assert!((got - want).abs() <= bound, "{name}: {got} {want}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_extension_gives_the_format() {
+    let of = |name: &str| Format::of_path(std::path::Path::new(name));
+    assert_eq!(["a.PNG", "a.jpeg", "a.Jpg", "a.webp", "a.hdr", "a.exr"].map(of).map(Option::is_some), [true; 6]);
+    assert_eq!(["a.gif", "png", "a.png16", "a"].map(of), [None; 4]);
 }

@@ -7,10 +7,11 @@
 //! ```
 //!
 //! From points inside its bounding box, an interior shows front faces nearly everywhere. A closed object shows back
-//! faces, and an open one shows mostly the background.
+//! faces, and an open one shows mostly the background. A pipe or a vessel shows front faces inside and outside, and is an object.
 
 mod exterior;
 mod interior;
+mod turn;
 
 use canted_obb::{Aabb, PrimId};
 use canted_scene::{Camera, Scene};
@@ -20,33 +21,45 @@ use crate::Tracer;
 use crate::vector::{Vector, length, narrow};
 
 use exterior::fit;
-use interior::{is_interior, open_side, view};
+use interior::{is_closed_object, is_interior, open_side, view};
+use turn::Turn;
 
 /// The direction from which objects are viewed.
 const THREE_QUARTERS: Vector = [1.0, 0.6, 0.8];
 
-/// Chooses a camera for `scene` and an image whose width is `aspect` times its height. Up is +y.
+/// Chooses a camera for `scene` and an image whose width is `aspect` times its height, with +y up; see [`frame_up`].
+#[must_use]
+pub fn frame<T: Tracer>(scene: &Scene, tracer: &T, aspect: f64) -> Camera {
+    frame_up(scene, tracer, aspect, [0.0, 1.0, 0.0])
+}
+
+/// Chooses a camera for `scene` and an image whose width is `aspect` times its height. `up` is the scene's up direction, in
+/// world space; a direction without length counts as +y.
 ///
 /// Objects are viewed from direction (1, 0.6, 0.8), as large as the image allows; interiors with one open side from
 /// outside, through it; closed interiors from inside, at two fifths of their height, from the point and direction with
-/// the best view. The result does not depend on the acceleration structure.
+/// the best view. Directions are those of a scene with +y up. The result does not depend on the acceleration structure.
 #[must_use]
-pub fn frame<T: Tracer>(scene: &Scene, tracer: &T, aspect: f64) -> Camera {
-    let bounds = scene.bounds_world();
-    let probe = Probe { tracer, bounds };
-    if !is_interior(&probe) {
-        return fit(scene, bounds.center(), THREE_QUARTERS, aspect);
-    }
-    match open_side(&probe) {
-        Some(side) => fit(scene, bounds.center(), side, aspect),
-        None => view(&probe, aspect),
-    }
+pub fn frame_up<T: Tracer>(scene: &Scene, tracer: &T, aspect: f64, up: [f32; 3]) -> Camera {
+    let turn = Turn::of_up(up);
+    let bounds = turn.bounds(scene);
+    let probe = Probe { tracer, bounds, turn };
+    let framed = if is_interior(&probe) && !is_closed_object(&probe) {
+        match open_side(&probe) {
+            Some(side) => fit(scene, turn, bounds.center(), side, aspect),
+            None => view(&probe, aspect),
+        }
+    } else {
+        fit(scene, turn, bounds.center(), THREE_QUARTERS, aspect)
+    };
+    turn.camera(&framed)
 }
 
-/// Casts rays inside the bounding box of a scene.
+/// Casts rays in the bounding box of a scene whose up direction was turned to +y.
 struct Probe<'a, T> {
     tracer: &'a T,
     bounds: Aabb,
+    turn: Turn,
 }
 
 /// The closest hit of a ray.
@@ -72,7 +85,8 @@ impl<T: Tracer> Probe<'_, T> {
     }
 
     fn cast(&self, from: Vector, direction: Vector) -> RayResult {
-        match self.tracer.closest_hit(&Ray::new(narrow(from), narrow(direction)), &mut ()) {
+        let [from, towards] = [from, direction].map(|v| narrow(self.turn.to_world(v)));
+        match self.tracer.closest_hit(&Ray::new(from, towards), &mut ()) {
             None => RayResult::Miss,
             Some(Hit { side: Side::Back, .. }) => RayResult::Back,
             Some(hit) => RayResult::Front {

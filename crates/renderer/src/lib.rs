@@ -65,7 +65,7 @@ pub use content::{geometry_hash, light_hash, material_hash, scene_hash};
 #[cfg(feature = "gpu")]
 pub use device::{DeviceError, DevicePicture, GBuffer, SharedFilm, SurfaceInfo, traced_scene};
 pub use error::PrepareError;
-pub use framing::frame;
+pub use framing::{frame, frame_up};
 pub use heatmap::{Heatmap, Measure, heatmap};
 pub use light::{LightHit, LightId, LightSample, LightSampler, Lights, environment_of};
 pub use mask::Masked;

@@ -40,5 +40,6 @@ pub fn builtin() -> Scene {
         vec![Light::Sun { direction: to_f32(mesh_builder::unit([0.78, -0.40, 0.48])), irradiance: [4.6, 3.45, 2.2] }];
     scene.environment = Some([0.36, 0.50, 0.72].into());
     scene.cameras = vec![Camera::pinhole([-300.0, 40.0, 250.0], [30.0, 48.0, 0.0], [0.0, 1.0, 0.0], 42.0)];
+    scene.camera_names = vec![String::new()];
     scene
 }

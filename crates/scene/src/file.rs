@@ -22,7 +22,7 @@ mod write;
 
 use crate::{Camera, Light};
 
-pub use closest_match::closest_match;
+pub use closest_match::{closest_match, suggestion};
 pub use environment::EnvironmentSource;
 pub use material::MaterialEdits;
 pub use placement::Placement;

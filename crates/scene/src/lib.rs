@@ -56,6 +56,7 @@
 //! | `stl` | STL meshes, ASCII and binary |
 //! | `off` | OFF meshes |
 //! | `gzip` | meshes compressed by gzip, such as `model.obj.gz` |
+//! | `bmp`, `tga`, `tiff`, `webp` | textures of these formats; PNG and JPEG are always read |
 #![forbid(unsafe_code)]
 
 mod builtin;
@@ -75,7 +76,7 @@ pub use camera::{Camera, Lens, Projection};
 pub use environment::{Environment, EnvironmentImage};
 pub use file::{
     Asset, AssetInstance, AssetSource, EnvironmentSource, MaterialEdits, NewMaterial, Override, Placement, SceneFile,
-    Setting, closest_match,
+    Setting, closest_match, suggestion,
 };
 pub use light::Light;
 pub use material::{AlphaMode, Material, MaterialId};
@@ -84,3 +85,14 @@ pub use read::{AnimatedScene, ReadError, ReadOptions, declared_exr_samples, read
 pub use scene::Scene;
 pub use stats::SceneStats;
 pub use texture::{Encoding, Texture, TextureId, TextureRef, UvSet, UvTransform, Wrap};
+
+/// The features of this crate, and whether this build has them.
+pub const FEATURES: [(&str, bool); 7] = [
+    ("stl", cfg!(feature = "stl")),
+    ("off", cfg!(feature = "off")),
+    ("gzip", cfg!(feature = "gzip")),
+    ("bmp", cfg!(feature = "bmp")),
+    ("tga", cfg!(feature = "tga")),
+    ("tiff", cfg!(feature = "tiff")),
+    ("webp", cfg!(feature = "webp")),
+];

@@ -21,6 +21,8 @@ pub struct Scene {
     pub environment: Option<Environment>,
     /// Cameras in file order.
     pub cameras: Vec<Camera>,
+    /// The name of each camera, else of its node; empty without a name.
+    pub camera_names: Vec<String>,
     /// What the reader repaired or skipped, one sentence each, without repetition.
     pub warnings: Vec<String>,
     /// Files that the scene's file references and that were read: material libraries, buffers and images.

@@ -8,19 +8,24 @@ use std::{
 use anyhow::Result;
 use canted_scene::Scene;
 
+use super::is_stream;
 use crate::output;
 
-/// A file format.
-#[derive(Clone, Copy)]
+/// A file format of rays and hits.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Format {
     Csv,
     Bin,
 }
 
 impl Format {
-    /// The format of a file name.
-    pub(super) fn of(path: &Path) -> Result<Self> {
+    /// The format that `--format` names, else that of a file name; of `-`, csv.
+    pub(super) fn of(path: &Path, given: Option<Self>) -> Result<Self> {
+        if let Some(format) = given {
+            return Ok(format);
+        }
         match path {
+            _ if is_stream(path) => Ok(Self::Csv),
             _ if output::has_extension(path, "csv") => Ok(Self::Csv),
             _ if output::has_extension(path, "bin") => Ok(Self::Bin),
             _ => Err(output::unsupported(path, ".csv or .bin")),

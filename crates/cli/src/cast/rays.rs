@@ -1,24 +1,28 @@
 //! Files of rays.
 
-use std::path::Path;
+use std::{io::Read, path::Path};
 
 use anyhow::{Result, anyhow};
 use canted_trace::Ray;
 
-use crate::output::{has_extension, unsupported};
+use super::{hits::Format, is_stream};
 
 /// The columns of a row, in order.
 const COLUMNS: [&str; 7] = ["ox", "oy", "oz", "dx", "dy", "dz", "tmax"];
 
-/// Reads rays from a `.csv` or `.bin` file.
-pub(super) fn read(path: &Path) -> Result<Vec<Ray>> {
-    let name = path.display();
-    let parse = match path {
-        _ if has_extension(path, "csv") => from_csv,
-        _ if has_extension(path, "bin") => from_bin,
-        _ => return Err(unsupported(path, ".csv or .bin")),
+/// Reads rays from a `.csv` or `.bin` file, or from standard input for `-`.
+pub(super) fn read(path: &Path, format: Option<Format>) -> Result<Vec<Ray>> {
+    let parse = match Format::of(path, format)? {
+        Format::Csv => from_csv,
+        Format::Bin => from_bin,
     };
-    let bytes = std::fs::read(path).map_err(|error| anyhow!("cannot read {name}: {error}"))?;
+    let (name, bytes) = if is_stream(path) {
+        let mut bytes = Vec::new();
+        ("standard input".to_owned(), std::io::stdin().lock().read_to_end(&mut bytes).map(|_| bytes))
+    } else {
+        (path.display().to_string(), std::fs::read(path))
+    };
+    let bytes = bytes.map_err(|error| anyhow!("cannot read {name}: {error}"))?;
     parse(&bytes).map_err(|error| anyhow!("{name}: {error}"))
 }
 

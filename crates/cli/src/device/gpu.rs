@@ -5,7 +5,7 @@ use canted_gpu::{AdapterKind, Choice, Gpu, GpuError};
 use canted_renderer::DeviceError;
 use serde_json::{Value, json};
 
-use super::DeviceArg;
+use super::{DeviceArg, quiet::quietly};
 use crate::{memory, options::StructureArgs, output};
 
 /// An open compute device.
@@ -21,14 +21,16 @@ pub(crate) enum Machine {
 }
 
 impl Machine {
-    /// Opens a device. Warns about a software driver.
+    /// Opens a device. Warns about a software driver. Looks for no adapter where the CPU is the answer anyway: `auto` with
+    /// a structure that GPUs do not support, or on a machine without a hardware GPU.
     ///
     /// # Errors
     /// There is no such adapter, or it provides no device.
-    pub(crate) fn open(device: &DeviceArg) -> Result<Self> {
+    pub(crate) fn open(device: &DeviceArg, structure: &StructureArgs) -> Result<Self> {
         Ok(match device {
             DeviceArg::Cpu => Self::Cpu,
-            DeviceArg::Auto => match Gpu::open(&Choice::Hardware) {
+            DeviceArg::Auto if structure.unsupported_on_gpu().is_some() || !may_have_hardware() => Self::Cpu,
+            DeviceArg::Auto => match open_quietly(&Choice::Hardware) {
                 Ok(gpu) => Self::Auto(gpu),
                 Err(GpuError::NoAdapter { .. }) => Self::Cpu,
                 Err(error) => {
@@ -39,7 +41,7 @@ impl Machine {
             DeviceArg::Gpu => Self::Device(open_adapter(&Choice::Best)?),
             DeviceArg::Named(name) => Self::Device(open_adapter(&Choice::Named(name.clone()))?),
             DeviceArg::Both(Some(name)) => Self::Both(open_adapter(&Choice::Named(name.clone()))?),
-            DeviceArg::Both(None) => match Gpu::open(&Choice::Hardware) {
+            DeviceArg::Both(None) => match open_quietly(&Choice::Hardware) {
                 Ok(gpu) => Self::Both(gpu),
                 Err(GpuError::NoAdapter { found, .. }) if !found.is_empty() => {
                     output::warn(&format!(
@@ -112,8 +114,21 @@ pub(crate) fn named(gpu: &Gpu, error: DeviceError) -> anyhow::Error {
     }
 }
 
+/// Whether the system may have a hardware GPU. On Linux each driver of one has a device file, so that no driver is loaded
+/// where there is none.
+fn may_have_hardware() -> bool {
+    const DEVICES: [&str; 6] =
+        ["/dev/dri", "/dev/nvidiactl", "/dev/nvidia0", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0"];
+    let is_named = || ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].iter().any(|name| std::env::var_os(name).is_some());
+    !cfg!(target_os = "linux") || DEVICES.iter().any(|path| std::path::Path::new(path).exists()) || is_named()
+}
+
+fn open_quietly(choice: &Choice) -> Result<Gpu, GpuError> {
+    quietly(|| Gpu::open(choice))
+}
+
 fn open_adapter(choice: &Choice) -> Result<Gpu> {
-    let gpu = Gpu::open(choice)?;
+    let gpu = open_quietly(choice)?;
     let info = gpu.info();
     if info.kind == AdapterKind::Software {
         let name = &info.name;
@@ -132,7 +147,7 @@ fn warn_fallback(error: &anyhow::Error) {
 
 /// All adapters as JSON, preferred ones first.
 pub(crate) fn adapters() -> Vec<Value> {
-    let adapters = canted_gpu::adapters().into_iter().map(|info| {
+    let adapters = quietly(canted_gpu::adapters).into_iter().map(|info| {
         json!({
             "name": info.name, "kind": info.kind.to_string(), "backend": info.backend, "driver": info.driver,
             "is_software": info.kind == AdapterKind::Software, "max_binding_bytes": info.max_binding_bytes,

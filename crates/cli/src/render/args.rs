@@ -3,13 +3,14 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
-use canted_film::{Filter, Record};
+use canted_film::{Filter, Format, Record};
 use canted_renderer::{Integrator, Lod, Measure, Settings, light_hash, scene_hash};
-use canted_scene::{Camera, Scene};
+use canted_scene::{Camera, Material, Scene};
 
 use super::{
     camera::{self, CameraArgs},
     frames::FrameArgs,
+    look::LookArgs,
     samples::SampleArgs,
 };
 use crate::{
@@ -17,31 +18,40 @@ use crate::{
     light::LightArgs,
     load::Inputs,
     options::{self, StructureArgs, one_of},
+    output,
 };
 
 /// Options of `canted render`.
 #[derive(clap::Args, Clone)]
 #[command(mut_arg("device", |arg| arg.help(DEVICE)))]
+#[command(after_help = "Examples:\n  canted render helmet.glb -o helmet.png --size 1920x1080 --spp 64\n  \
+                        canted render fox.glb --frames 0..48 -o fox_%04d.png --env studio.hdr")]
 pub(crate) struct Args {
     /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml) [default: the built-in scene]
     pub(crate) scene: Option<PathBuf>,
     /// Time in the animation of the file [default: rest pose]
-    #[arg(long, value_parser = options::number, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]
+    #[arg(long, help_heading = SCENE, value_parser = options::number, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]
     pub(crate) time: Option<f32>,
     /// Animation of the file, by name or by number from 0 [default: the first]
-    #[arg(long, requires = "scene", value_name = "NAME|INDEX")]
+    #[arg(long, help_heading = SCENE, requires = "scene", value_name = "NAME|INDEX")]
     pub(crate) animation: Option<String>,
-    /// Output image: .png (sRGB) or .exr (linear).
-    #[arg(short, long, default_value = "canted.png", value_name = "FILE")]
+    /// Output image: .png, .jpg, .webp (sRGB), .hdr or .exr (linear); `-` is standard output.
+    #[arg(short, long, help_heading = PICTURE, default_value = "canted.png", value_name = "FILE", allow_hyphen_values = true)]
     pub(crate) output: PathBuf,
+    /// Format of the output, in place of that of its name [default: by the extension; png for -]
+    #[arg(long, help_heading = PICTURE, value_parser = one_of(&Format::ALL), value_name = "FORMAT")]
+    pub(super) format: Option<Format>,
     /// Image size in pixels.
-    #[arg(long, value_parser = options::size, default_value = "1280x720", value_name = "WxH", allow_hyphen_values = true)]
+    #[arg(long, help_heading = PICTURE, value_parser = options::size, default_value = "1280x720", value_name = "WxH", allow_hyphen_values = true)]
     pub(crate) size: [u32; 2],
+    /// Render only a part of the picture, whose output it is: left, top, width and height in pixels of the whole.
+    #[arg(long, help_heading = PICTURE, value_parser = crop, value_name = "X,Y,W,H", allow_hyphen_values = true)]
+    pub(super) crop: Option<[u32; 4]>,
     /// Show the number of intersection tests per camera ray instead of light.
-    #[arg(long, value_parser = one_of(&[("boxes", Measure::Boxes), ("triangles", Measure::Triangles)]), value_name = "TESTS")]
+    #[arg(long, help_heading = PICTURE, value_parser = one_of(&[("boxes", Measure::Boxes), ("triangles", Measure::Triangles)]), value_name = "TESTS")]
     pub(super) heatmap: Option<Measure>,
     /// Number of tests shown in the brightest color of the heat map; a wide node counts as eight boxes.
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..), default_value_t = 128, requires = "heatmap", value_name = "N")]
+    #[arg(long, help_heading = PICTURE, value_parser = clap::value_parser!(u32).range(1..), default_value_t = 128, requires = "heatmap", value_name = "N")]
     pub(super) heatmap_scale: u32,
     #[command(flatten)]
     pub(super) run: RunArgs,
@@ -58,9 +68,10 @@ pub(crate) struct Args {
     /// Texture filtering: `none` (bilinear), `cone` (isotropic ray cones) or `aniso` (anisotropic).
     #[arg(long, help_heading = RENDERING, default_value = "aniso", value_parser = one_of(&LODS), value_name = "LOD")]
     pub(super) lod: Lod,
-    /// Light transport: `hybrid` is fast and approximate, `path` is a path tracer.
-    #[arg(long, help_heading = RENDERING, default_value = "hybrid", value_parser = one_of(&INTEGRATORS), value_name = "INTEGRATOR")]
-    pub(super) integrator: Integrator,
+    /// Light transport: `hybrid` is fast and approximate, `path` is a path tracer [default: path for glossy surfaces, glass
+    /// and scenes lit by their own surfaces, else hybrid]
+    #[arg(long, help_heading = RENDERING, value_parser = one_of(&INTEGRATORS), value_name = "INTEGRATOR")]
+    pub(super) integrator: Option<Integrator>,
     /// Maximum number of bounces after the first hit [default: 2 for hybrid, 32 for path]
     #[arg(long, help_heading = RENDERING, value_parser = clap::value_parser!(u32).range(0..=4096), value_name = "N")]
     pub(super) bounces: Option<u32>,
@@ -69,6 +80,8 @@ pub(crate) struct Args {
     #[arg(long, help_heading = RENDERING, value_parser = options::radius, value_name = "LENGTH", allow_hyphen_values = true)]
     pub(super) ao_radius: Option<f32>,
     #[command(flatten)]
+    pub(super) look: LookArgs,
+    #[command(flatten)]
     pub(super) camera: CameraArgs,
     #[command(flatten)]
     pub(crate) light: LightArgs,
@@ -76,7 +89,11 @@ pub(crate) struct Args {
     pub(crate) structure: StructureArgs,
 }
 
-/// Help heading of the options about the picture.
+const SCENE: &str = "Scene";
+
+const PICTURE: &str = "Picture";
+
+/// Help heading of the options about light transport.
 pub(super) const RENDERING: &str = "Rendering";
 
 const DEVICE: &str = "Compute device: auto, cpu, gpu, both (CPU and GPU share the tiles), both:NAME, or part of an adapter \
@@ -94,7 +111,67 @@ const LODS: [(&str, Lod); 3] = [("none", Lod::None), ("cone", Lod::Cone), ("anis
 
 const INTEGRATORS: [(&str, Integrator); 2] = [("hybrid", Integrator::Hybrid), ("path", Integrator::Path)];
 
+/// Left, top, width and height of a rectangle.
+fn crop(text: &str) -> Result<[u32; 4], String> {
+    let numbers: Vec<Option<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match numbers[..] {
+        [Some(left), Some(top), Some(width), Some(height)] if width > 0 && height > 0 => Ok([left, top, width, height]),
+        _ => Err(format!("'{text}' is not X,Y,W,H: four whole numbers, of which the last two are positive")),
+    }
+}
+
 impl Args {
+    /// The format of the output.
+    ///
+    /// # Errors
+    /// An extension without a format.
+    pub(super) fn format(&self) -> Result<Format> {
+        let by_name = || if self.is_stream() { Some(Format::Png) } else { Format::of_path(&self.output) };
+        let format = self.format.or_else(by_name);
+        format.ok_or_else(|| output::unsupported(&self.output, ".png, .jpg, .webp, .hdr or .exr"))
+    }
+
+    /// Whether the output is standard output.
+    pub(super) fn is_stream(&self) -> bool {
+        self.output.as_os_str() == "-"
+    }
+
+    /// The size of the output.
+    pub(super) fn output_size(&self) -> [u32; 2] {
+        self.crop.map_or(self.size, |[.., width, height]| [width, height])
+    }
+
+    /// Rejects a crop that exceeds the picture, or goes with options that need the whole picture.
+    pub(super) fn check_crop(&self) -> Result<()> {
+        let Some([left, top, width, height]) = self.crop else { return Ok(()) };
+        let ends = [u64::from(left) + u64::from(width), u64::from(top) + u64::from(height)];
+        if ends[0] > self.size[0].into() || ends[1] > self.size[1].into() {
+            let [w, h] = self.size;
+            return Err(anyhow!("--crop {left},{top},{width},{height} exceeds the picture of {w} x {h} pixels"));
+        }
+        self.samples.check_crop()
+    }
+
+    /// Chooses the integrator unless it is given: the one that shows the materials and lights of the scene.
+    /// Returns why.
+    pub(super) fn choose_integrator(&mut self, scene: &Scene, is_lit_by_emission: bool) -> &'static str {
+        /// Reflections of rougher surfaces look like those of a diffuse one.
+        const ROUGH: f32 = 0.6;
+        let is_shiny = |m: &Material| {
+            let is_glossy = m.roughness < ROUGH || m.metallic_roughness_texture.is_some();
+            m.transmission > 0.0 || is_glossy && (m.metallic > 0.0 || m.specular > 0.0)
+        };
+        let (integrator, reason) = match self.integrator {
+            Some(given) => (given, "given"),
+            None if self.ao_radius.is_some() => (Integrator::Hybrid, "--ao-radius is given"),
+            None if is_lit_by_emission => (Integrator::Path, "surfaces light the scene"),
+            None if scene.materials.iter().any(is_shiny) => (Integrator::Path, "some surfaces reflect or transmit"),
+            None => (Integrator::Hybrid, "all surfaces are diffuse"),
+        };
+        self.integrator = Some(integrator);
+        reason
+    }
+
     /// The files that are read.
     pub(crate) fn inputs(&self) -> Result<Inputs> {
         let inputs = Inputs::of(self.scene.as_deref())?;
@@ -105,7 +182,8 @@ impl Args {
     }
 
     pub(crate) fn settings(&self) -> Result<Settings> {
-        let Self { size: [width, height], filter, lod, integrator, seed, ao_radius, .. } = *self;
+        let Self { size: [width, height], filter, lod, seed, ao_radius, .. } = *self;
+        let integrator = self.integrator.unwrap_or(Integrator::Hybrid);
         if ao_radius.is_some() && integrator != Integrator::Hybrid {
             return Err(anyhow!("--ao-radius requires --integrator hybrid"));
         }

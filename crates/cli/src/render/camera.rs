@@ -1,11 +1,11 @@
 //! The camera: from the options, else from the scene, else one that frames the scene.
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Prepared, frame};
+use canted_renderer::{Prepared, frame_up};
 use canted_scene::{Camera, Lens, Projection, Scene};
 use canted_wide::LaneKernel;
 
-use crate::options;
+use crate::options::{self, one_of};
 
 /// The camera. Missing options come from the scene.
 #[derive(clap::Args, Clone, Debug)]
@@ -17,12 +17,21 @@ pub(crate) struct CameraArgs {
     /// Point that the camera looks at, in world space.
     #[arg(long, value_parser = options::numbers::<3>, value_name = "X,Y,Z", allow_hyphen_values = true)]
     target: Option<[f32; 3]>,
-    /// Up direction in world space.
+    /// Up direction in world space. Without --eye and without a camera in the file, the scene is framed for it.
     #[arg(long, value_parser = options::numbers::<3>, value_name = "X,Y,Z", allow_hyphen_values = true)]
     up: Option<[f32; 3]>,
+    /// Up axis of the scene: `z` for files of CAD and GIS programs. Sets the view that frames the scene and the default light.
+    #[arg(long, default_value = "y", value_parser = one_of(&UP_AXES), value_name = "AXIS")]
+    up_axis: [f32; 3],
+    /// Camera of the file, by name or by number from 0 [default: the first]
+    #[arg(long, value_name = "NAME|INDEX", requires = "scene")]
+    camera: Option<String>,
     /// Vertical field of view in degrees.
     #[arg(long, value_parser = options::fov, value_name = "DEG")]
     fov: Option<f32>,
+    /// Parallel projection: height of the picture in scene units.
+    #[arg(long, value_parser = options::noise, value_name = "HEIGHT", conflicts_with = "fov")]
+    ortho: Option<f32>,
     /// Lens radius in scene units; 0 is a pinhole camera.
     #[arg(long, value_parser = options::factor, value_name = "LENGTH")]
     aperture: Option<f32>,
@@ -31,26 +40,50 @@ pub(crate) struct CameraArgs {
     focus: Option<f32>,
 }
 
+const UP_AXES: [(&str, [f32; 3]); 2] = [("y", [0.0, 1.0, 0.0]), ("z", [0.0, 0.0, 1.0])];
+
 impl CameraArgs {
+    /// Up in world space.
+    pub(super) fn up(&self) -> [f32; 3] {
+        self.up.unwrap_or(self.up_axis)
+    }
+
+    /// The camera of the file that is chosen, else its first.
+    fn of_file(&self, scene: &Scene) -> Result<Option<Camera>> {
+        let Some(wanted) = &self.camera else { return Ok(scene.cameras.first().copied()) };
+        let named = scene.camera_names.iter().position(|name| name == wanted);
+        let index = named.or_else(|| wanted.parse().ok());
+        index.and_then(|index| scene.cameras.get(index)).map(|camera| Some(*camera)).ok_or_else(|| {
+            let n = scene.cameras.len();
+            let names: Vec<&str> =
+                scene.camera_names.iter().map(|name| &name[..]).filter(|name| !name.is_empty()).collect();
+            match n {
+                0 => anyhow!("--camera {wanted}: the file has no camera"),
+                _ if names.is_empty() => anyhow!("--camera {wanted}: the file has the cameras 0 to {}", n - 1),
+                _ => anyhow!("--camera {wanted}: the file has {n} cameras: {}", names.join(", ")),
+            }
+        })
+    }
+
     /// The camera of the options, else of the file, else one that frames the scene.
     ///
     /// # Errors
-    /// A focus distance for a camera without a lens.
+    /// A focus distance for a camera without a lens, or a camera that the file does not have.
     pub(super) fn camera<K: LaneKernel>(
         &self,
         scene: &Scene,
         prepared: &Prepared<K>,
         [width, height]: [u32; 2],
     ) -> Result<Camera> {
-        let mut camera = match scene.cameras.first() {
-            Some(camera) => *camera,
-            None => frame(scene, &prepared.structure, f64::from(width) / f64::from(height)),
+        let mut camera = match self.of_file(scene)? {
+            Some(camera) => camera,
+            None => frame_up(scene, &prepared.structure, f64::from(width) / f64::from(height), self.up()),
         };
         if let Some(eye) = self.eye {
             // Without a target, the camera looks at the center of the scene.
             #[expect(clippy::cast_possible_truncation, reason = "the center of f32 bounds")]
             let center = scene.bounds_world().center().map(|x| x as f32);
-            camera = Camera { eye, target: center, up: [0.0, 1.0, 0.0], ..camera };
+            camera = Camera { eye, target: center, up: self.up_axis, ..camera };
         }
         if let Some(target) = self.target {
             camera.target = target;
@@ -60,6 +93,9 @@ impl CameraArgs {
         }
         if let Some(fov) = self.fov {
             camera.projection = Projection::Perspective { fov_degrees: fov };
+        }
+        if let Some(height) = self.ortho {
+            camera.projection = Projection::Orthographic { height };
         }
         camera.lens = self.lens(&camera);
         if self.focus.is_some() && camera.lens.is_none() {

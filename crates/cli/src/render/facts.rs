@@ -35,17 +35,20 @@ pub(super) fn of_structure<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>)
 }
 
 /// Facts about the samples.
-pub(super) fn of_film(film: &Film, settings: &Settings, time: Duration) -> Vec<Fact> {
+pub(super) fn of_film(film: &Film, settings: &Settings, time: Duration, known: &[Fact]) -> Vec<Fact> {
     #[expect(clippy::cast_precision_loss, reason = "rays and samples are fewer than 2^53")]
     let [n_rays, n_samples] = [film.n_rays(), film.n_samples()].map(|n| n as f64);
     let mut facts = vec![
-        ("samples_per_pixel", json!(settings.range().len())),
         ("integrator", json!(format!("{:?}", settings.integrator).to_lowercase())),
         ("bounces", json!(settings.bounces)),
         ("rays", json!(film.n_rays())),
         ("rays_per_second", json!(n_rays / time.as_secs_f64())),
         ("dropped_samples", json!(film.n_dropped())),
     ];
+    // A time limit decides the number.
+    if known.iter().all(|(key, _)| *key != "samples_per_pixel") {
+        facts.insert(0, ("samples_per_pixel", json!(settings.range().len())));
+    }
     if settings.part.is_some() {
         facts.push(("samples", json!(format!("{:?}", settings.range()))));
     }
@@ -123,12 +126,15 @@ fn volumes_of<K: LaneKernel>(bvhs: &[Bvh<K>]) -> String {
     }
 }
 
-/// Prints the facts: one line each, or as one JSON object.
+/// Prints the facts: one line each, unless `-q` is given, or as one JSON object.
 pub(super) fn report(facts: &[Fact], as_json: bool) -> Result<()> {
     if as_json {
         let object: serde_json::Map<String, Value> =
             facts.iter().map(|(key, value)| ((*key).to_owned(), value.clone())).collect();
         return output::to_stdout(&Value::Object(object).to_string());
+    }
+    if output::is_quiet() {
+        return Ok(());
     }
     for (key, value) in facts {
         let text = match (*key, value) {

@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use anyhow::Result;
+use anyhow::{Result, anyhow};
 use canted_film::{Film, Partial, Record, Tile, write_film};
 use canted_renderer::{Monitor, RenderError, Settings, Structure, Surfaces, resume_with};
 use canted_scene::Camera;
@@ -10,7 +10,7 @@ use canted_wide::LaneKernel;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
-use super::{Args, checkpoint::CheckpointWriter, facts::Fact, write_picture};
+use super::{Args, checkpoint::CheckpointWriter, facts::Fact, outside, passes, write_picture};
 use crate::{interrupt, output};
 
 /// Renders films on one kind of device.
@@ -20,6 +20,14 @@ pub(super) trait FilmRenderer {
 
     /// Renders the tiles that are not in `done`. Adds facts to the report.
     fn render(&self, done: Vec<Tile>, monitor: &Monitor, facts: &mut Vec<Fact>) -> Result<Film>;
+
+    /// Renders the samples of `settings`, which may differ from those of the renderer in their range only.
+    ///
+    /// # Errors
+    /// The device renders no passes.
+    fn pass(&self, _settings: &Settings, _crop: Option<[u32; 4]>, _monitor: &Monitor) -> Result<Film> {
+        Err(anyhow!("--preview and --seconds require --device cpu"))
+    }
 }
 
 /// Renders on the CPU.
@@ -38,6 +46,11 @@ impl<K: LaneKernel> FilmRenderer for CpuRenderer<'_, K> {
     fn render(&self, done: Vec<Tile>, monitor: &Monitor, _: &mut Vec<Fact>) -> Result<Film> {
         Ok(resume_with(self.surfaces, self.structure, self.camera, self.settings, done, monitor)?)
     }
+
+    fn pass(&self, settings: &Settings, crop: Option<[u32; 4]>, monitor: &Monitor) -> Result<Film> {
+        let done = outside(crop, settings);
+        Ok(resume_with(self.surfaces, self.structure, self.camera, settings, done, monitor)?)
+    }
 }
 
 /// Renders the tiles that are not in `done`, with a progress bar.
@@ -53,9 +66,16 @@ pub(super) fn render(
 ) -> Result<(Film, Vec<Fact>)> {
     let mut facts = vec![("device", json!(renderer.device()))];
     // indicatif hides the bar if standard error is not a terminal.
-    let bar = ProgressBar::new(0);
+    let bar = if output::is_quiet() { ProgressBar::hidden() } else { ProgressBar::new(0) };
     if let Ok(style) = ProgressStyle::with_template("{prefix}{bar:40} {percent:>3} %  {elapsed} of about {duration}") {
         bar.set_style(style);
+    }
+    if args.samples.has_passes() {
+        let film = passes::render(renderer, args, settings, &bar);
+        bar.finish_and_clear();
+        let (film, n_samples) = film?;
+        facts.push(("samples_per_pixel", json!(n_samples)));
+        return Ok((film, facts));
     }
     bar.set_prefix(args.sequence.label.clone());
     let progress = |done: usize, all: usize| {
@@ -109,7 +129,7 @@ fn write_partial(args: &Args, partial: &Partial) -> Result<()> {
     }
     match partial.film() {
         Some(film) => write_film(&args.output, &film, args.samples.aovs(), &Record::new())?,
-        None => write_picture(&args.output, partial.picture())?,
+        None => write_picture(args, partial.picture())?,
     }
     output::warn(&format!("{} contains {n_done} of {n_tiles} tiles; the others are black", args.output.display()));
     Ok(())
@@ -119,7 +139,6 @@ fn write_partial(args: &Args, partial: &Partial) -> Result<()> {
 mod tests {
     use std::sync::atomic::AtomicBool;
 
-    use anyhow::anyhow;
     use canted_film::read_picture;
     use canted_renderer::{Prepared, StructureConfig, frame, prepare, resume};
     use canted_trace::Watertight;

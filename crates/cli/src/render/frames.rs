@@ -18,14 +18,15 @@ use std::{
 
 use anyhow::{Error, Result, anyhow};
 use canted_film::{Aov, Record};
-use canted_renderer::{MipMaps, Prepared, RenderError, UpdateOptions, Updates, prepare};
+use canted_renderer::{Integrator, MipMaps, Prepared, RenderError, UpdateOptions, Updates, prepare};
 use canted_scene::Scene;
 use canted_wide::LaneKernel;
 use serde_json::{Value, json};
 
-use super::{Args, Picture, facts, render_picture, setup};
+use super::{Args, Picture, facts, open_machine, render_picture, setup};
 use crate::{
     device::Machine,
+    light::LightSource,
     load, memory,
     options::{name_of, with_kernel},
     output::{self, Named},
@@ -38,7 +39,7 @@ use names::FrameNames;
 use source::Source;
 
 /// Renders all frames and prints the report.
-pub(super) fn run(args: &Args, [first, end]: [u32; 2], machine: &Machine) -> Result<()> {
+pub(super) fn run(args: &Args, [first, end]: [u32; 2]) -> Result<()> {
     let start = Instant::now();
     let names = FrameNames::parse(&args.output)?;
     args.sequence.check_time(end - 1)?;
@@ -49,7 +50,7 @@ pub(super) fn run(args: &Args, [first, end]: [u32; 2], machine: &Machine) -> Res
     for frame in first..end {
         let path = names.path(frame);
         output::check_distinct(&others, &[("--output", &path)])?;
-        let is_whole = args.sequence.resume && kept::is_whole(&path, args.size)?;
+        let is_whole = args.sequence.resume && kept::is_whole(&path, args.output_size())?;
         if is_whole { &mut whole } else { &mut todo }.push(frame);
     }
     if let Some(&frame) = todo.first() {
@@ -57,6 +58,7 @@ pub(super) fn run(args: &Args, [first, end]: [u32; 2], machine: &Machine) -> Res
     }
     let time = args.sequence.time(whole.iter().chain(&todo).copied().min().unwrap_or(first));
     let mut source = Source::open(args, time).map_err(|error| in_frame(first, error))?;
+    let machine = &open_machine(args)?;
     let mut list = FrameList::read(names.list());
     let (shared, range) = (source.shared_record(args, machine)?, [first, end]);
     for &frame in &whole {
@@ -67,7 +69,7 @@ pub(super) fn run(args: &Args, [first, end]: [u32; 2], machine: &Machine) -> Res
     let mut facts = vec![
         ("scene", json!(load::name(args.scene.as_deref()))),
         ("picture", json!(args.output.display().to_string())),
-        ("size", json!(args.size)),
+        ("size", json!(args.output_size())),
         ("frames", json!(format!("{first}..{end}"))),
         ("rendered_frames", json!(todo.len())),
         ("kept_frames", json!(n_kept)),
@@ -115,8 +117,14 @@ struct Sequence<'a> {
 
 /// Renders the frames in order. Returns the facts of the whole sequence.
 fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source, mut list: FrameList) -> Result<Vec<Fact>> {
-    let mut progress =
-        Progress::<K> { prepared: None, updates: Updates::default(), trace_time: Duration::ZERO, mip_maps: None };
+    let mut progress = Progress::<K> {
+        prepared: None,
+        updates: Updates::default(),
+        trace_time: Duration::ZERO,
+        mip_maps: None,
+        emission: None,
+        integrator: None,
+    };
     let (mut facts, mut pictures) = (Vec::new(), Vec::new());
     for (done, &frame) in sequence.todo.iter().enumerate() {
         let start = Instant::now();
@@ -144,6 +152,9 @@ struct Progress<K: LaneKernel> {
     updates: Updates,
     trace_time: Duration,
     mip_maps: Option<MipMaps>,
+    /// Whether emission lights the scene.
+    emission: Option<LightSource>,
+    integrator: Option<Integrator>,
 }
 
 /// Renders and writes a frame. Returns what it was rendered with, too.
@@ -156,7 +167,7 @@ fn render_frame<K: LaneKernel>(
 ) -> Result<(Vec<Fact>, Record)> {
     let &Sequence { args, machine, names, range, todo, shared, load_time } = sequence;
     let (start, name) = (Instant::now(), load::name(args.scene.as_deref()));
-    let has_default_light = source.pose(args, args.sequence.time(frame))?;
+    let mut light = source.pose(args, args.sequence.time(frame))?;
     let load_time = start.elapsed() + if done == 0 { load_time } else { Duration::ZERO };
     let scene = &mut source.scene;
     let record = kept::of_frame(shared, args, range, frame, scene);
@@ -170,15 +181,25 @@ fn render_frame<K: LaneKernel>(
     };
     let prepared = progress.prepared.insert(prepared);
     let mut camera = args.camera.camera(scene, prepared, args.size)?;
+    let mut own = Args { output: names.path(frame), ..args.clone() };
+    // Decided once, so that a sequence does not flicker.
+    if light == LightSource::Emission {
+        light = match progress.emission {
+            Some(decided) => decided,
+            None => setup::decided(scene, prepared, &camera, args, light)?,
+        };
+        progress.emission = Some(light);
+    }
+    own.integrator = progress.integrator.or(own.integrator);
     // By the camera at rest, so that a turntable does not flicker.
-    let default_light = setup::scale_default_light(scene, prepared, &camera, args, has_default_light)?;
+    let choice = setup::choose(scene, prepared, &camera, &mut own, light)?;
+    progress.integrator = own.integrator;
     if let Some(degrees) = args.sequence.turntable {
         camera = turntable::turned(camera, turntable::degrees(degrees, range, frame));
     }
-    let mut own = Args { output: names.path(frame), ..args.clone() };
     own.sequence.label = format!("frame {frame} ({} of {}) ", done + 1, todo.len());
     let Picture { rendered, trace_time } =
-        render_picture(scene, &own, machine, prepared, &camera, default_light, &mut progress.mip_maps)?;
+        render_picture(scene, &own, machine, prepared, &camera, choice, &mut progress.mip_maps)?;
     progress.trace_time = trace_time;
     let mut facts = rendered.write(&own)?;
     facts.push(("load_seconds", json!(load_time.as_secs_f64())));

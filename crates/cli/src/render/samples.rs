@@ -33,6 +33,12 @@ pub(crate) struct SampleArgs {
     /// Stop sampling a pixel when its relative standard error falls below ERROR, e.g. 0.02.
     #[arg(long, value_parser = options::noise, value_name = "ERROR")]
     noise: Option<f32>,
+    /// Render in passes over the whole picture, and rewrite the output after each; Ctrl-C leaves the passes that are complete.
+    #[arg(long, conflicts_with_all = ["samples", "noise", "checkpoint", "frames"])]
+    pub(super) preview: bool,
+    /// Render in passes for at most this time, up to --spp samples per pixel, if it is given. One sample is always taken.
+    #[arg(long, value_parser = options::noise, value_name = "N", conflicts_with_all = ["samples", "noise", "checkpoint", "frames"])]
+    pub(super) seconds: Option<f32>,
     /// Additional EXR channels: depth, normal, shading-normal, albedo, instance, primitive, tests, or all.
     #[arg(long, value_parser = aov, value_delimiter = ',', value_name = "LIST")]
     aovs: Vec<Aovs>,
@@ -52,6 +58,8 @@ impl SampleArgs {
             ("--aovs", !self.aovs.is_empty(), true),
             ("--noise", self.noise.is_some(), false),
             ("--checkpoint", self.checkpoint.is_some(), false),
+            ("--preview", self.preview, false),
+            ("--seconds", self.seconds.is_some(), false),
         ];
         for (name, _, needs_exr) in given.into_iter().filter(|&(_, is_given, _)| is_given) {
             if is_heatmap {
@@ -64,6 +72,33 @@ impl SampleArgs {
         Ok(())
     }
 
+    /// Rejects options that need a file.
+    pub(super) fn check_stream(&self) -> Result<()> {
+        let given = [
+            ("--samples", self.samples.is_some()),
+            ("--aovs", !self.aovs.is_empty()),
+            ("--checkpoint", self.checkpoint.is_some()),
+        ];
+        match given.into_iter().find(|&(_, is_given)| is_given) {
+            None => Ok(()),
+            Some((name, _)) => Err(anyhow!("{name} requires an output file, not -")),
+        }
+    }
+
+    /// Rejects options that need the whole picture.
+    pub(super) fn check_crop(&self) -> Result<()> {
+        let given = [("--samples", self.samples.is_some()), ("--checkpoint", self.checkpoint.is_some())];
+        match given.into_iter().find(|&(_, is_given)| is_given) {
+            None => Ok(()),
+            Some((name, _)) => Err(anyhow!("{name} and --crop cannot be used together")),
+        }
+    }
+
+    /// Whether the picture is rendered in passes.
+    pub(super) fn has_passes(&self) -> bool {
+        self.preview || self.seconds.is_some()
+    }
+
     /// The additional channels.
     pub(super) fn aovs(&self) -> Aovs {
         self.aovs.iter().flat_map(|aovs| aovs.iter()).collect()
@@ -72,9 +107,10 @@ impl SampleArgs {
     /// Sets the settings about samples.
     pub(super) fn apply(&self, settings: &mut Settings) -> Result<()> {
         // Both need samples that do not depend on the total number.
-        let needs_prefix = self.samples.is_some() || self.noise.is_some();
+        let needs_prefix = self.samples.is_some() || self.noise.is_some() || self.seconds.is_some();
         let pattern = self.sampler.unwrap_or(if needs_prefix { Pattern::Sobol } else { Pattern::Stratified });
         settings.samples = match (self.samples, self.spp) {
+            (None, None) if self.seconds.is_some() => MAX_SAMPLES,
             (None, spp) => spp.unwrap_or(DEFAULT_SAMPLES),
             (Some([start, end]), Some(spp)) if pattern == Pattern::Stratified => {
                 if end > spp {

@@ -1,4 +1,4 @@
-//! What rendering starts from: the built scene, the camera and the light.
+//! What rendering starts from: the built scene, the camera, the light and the integrator.
 
 use anyhow::{Result, anyhow};
 use canted_renderer::{Prepared, prepare};
@@ -6,38 +6,77 @@ use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 
 use super::{Args, exposure};
-use crate::{light, load};
+use crate::{
+    light::{self, LightSource},
+    load, output,
+};
 
 /// A scene ready to render.
 pub(crate) struct Setup<K: LaneKernel> {
     pub(crate) prepared: Prepared<K>,
     pub(crate) camera: Camera,
-    /// Strength of the default light, if the scene has no other.
-    pub(crate) default_light: Option<f32>,
+    pub(crate) choice: Choice,
 }
 
-/// Builds the scene, chooses the camera and scales the default light, if the scene has no other.
-pub(crate) fn setup<K: LaneKernel>(scene: &mut Scene, args: &Args, has_default_light: bool) -> Result<Setup<K>> {
+/// What was decided for a scene.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Choice {
+    /// Strength of the default light, if it is used.
+    pub(crate) default_light: Option<f32>,
+    /// Why the integrator was chosen.
+    pub(crate) integrator_reason: &'static str,
+}
+
+/// Builds the scene, and chooses camera, light and integrator, which it sets in `args`.
+pub(crate) fn setup<K: LaneKernel>(scene: &mut Scene, args: &mut Args, source: LightSource) -> Result<Setup<K>> {
     let name = load::name(args.scene.as_deref());
-    let prepared: Prepared<K> =
+    let mut prepared: Prepared<K> =
         prepare(scene, &args.structure.config(scene)?).map_err(|error| anyhow!("{name}: {error}"))?;
     let camera = args.camera.camera(scene, &prepared, args.size)?;
-    let default_light = scale_default_light(scene, &prepared, &camera, args, has_default_light)?;
-    Ok(Setup { prepared, camera, default_light })
+    let source = decided(scene, &mut prepared, &camera, args, source)?;
+    let choice = choose(scene, &prepared, &camera, args, source)?;
+    Ok(Setup { prepared, camera, choice })
 }
 
-/// Scales the default light, if the scene has no other. Returns its strength.
-pub(super) fn scale_default_light<K: LaneKernel>(
+/// Whether emission alone lights the scene, decided by a small picture; if not, adds the default light and reports it.
+pub(super) fn decided<K: LaneKernel>(
+    scene: &mut Scene,
+    prepared: &mut Prepared<K>,
+    camera: &Camera,
+    args: &Args,
+    source: LightSource,
+) -> Result<LightSource> {
+    if source != LightSource::Emission || args.heatmap.is_some() {
+        return Ok(source);
+    }
+    let lit = exposure::fraction_lit_by_emission(scene, prepared, camera, args.size)?;
+    if lit >= exposure::LIT_FRACTION {
+        return Ok(source);
+    }
+    output::note(&format!(
+        "added the default light: the scene's own emission lights {:.0} % of what is seen; --env 0,0,0 renders without",
+        100.0 * lit
+    ));
+    light::set_default(scene, 1.0, args.camera.up());
+    // They were listed before there was a light.
+    prepared.unused.retain(|unused| !["listed lights", "light selection"].contains(&unused.feature));
+    Ok(LightSource::Default)
+}
+
+/// Chooses the integrator, and scales the default light if it is used.
+pub(super) fn choose<K: LaneKernel>(
     scene: &mut Scene,
     prepared: &Prepared<K>,
     camera: &Camera,
-    args: &Args,
-    has_default_light: bool,
-) -> Result<Option<f32>> {
-    if !has_default_light || args.heatmap.is_some() {
-        return Ok(None);
+    args: &mut Args,
+    source: LightSource,
+) -> Result<Choice> {
+    let integrator_reason = args.choose_integrator(scene, source == LightSource::Emission);
+    if source != LightSource::Default || args.heatmap.is_some() {
+        return Ok(Choice { default_light: None, integrator_reason });
     }
+    light::set_default(scene, 1.0, args.camera.up());
     let strength = exposure::default_light_strength(scene, prepared, camera, &args.settings()?)?;
-    light::set_default(scene, strength);
-    Ok(Some(strength))
+    light::set_default(scene, strength, args.camera.up());
+    Ok(Choice { default_light: Some(strength), integrator_reason })
 }

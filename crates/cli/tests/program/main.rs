@@ -4,9 +4,11 @@
 
 mod cast;
 mod checkpoint;
+mod command_line;
 mod compare;
 mod devices;
 mod environment;
+mod first_picture;
 mod frames;
 mod gpu;
 mod inputs;

@@ -161,9 +161,11 @@ fn unsupported_formats_are_rejected() {
     let folder = Folder::with_small();
     folder.write("rays.csv", "0,0,1,0,0,-1,9\n");
     folder
-        .run("render small.obj -o out.jpg --size 8x8")
-        .refused(&["out.jpg: unsupported format '.jpg'; use .png or .exr"]);
-    folder.run("render small.obj -o out --size 8x8").refused(&["out: unsupported format; use .png or .exr"]);
+        .run("render small.obj -o out.gif --size 8x8")
+        .refused(&["out.gif: unsupported format '.gif'; use .png, .jpg, .webp, .hdr or .exr"]);
+    folder
+        .run("render small.obj -o out --size 8x8")
+        .refused(&["out: unsupported format; use .png, .jpg, .webp, .hdr or .exr"]);
     folder.run("cast small.obj --rays rays.csv --hits hits.txt").refused(&["hits.txt", ".csv", ".bin"]);
     folder.run("cast small.obj --rays small.obj --hits hits.csv").refused(&["small.obj", ".csv", ".bin"]);
     assert_eq!(folder.names(), ["rays.csv", "small.obj"]);

@@ -1,5 +1,6 @@
 use canted_scene::{Camera, Scene};
 
+use super::turn::Turn;
 use crate::vector::{Vector, add, cross, dot, narrow, scale, sub, unit, wide};
 
 /// Vertical field of view: that of a short telephoto lens, with little distortion.
@@ -10,7 +11,7 @@ const FILL: f64 = 0.95;
 
 /// The camera that shows all vertices of a scene from `direction` (from `center` to the eye, not along y), as large as
 /// possible and centered.
-pub(super) fn fit(scene: &Scene, center: Vector, direction: Vector, aspect: f64) -> Camera {
+pub(super) fn fit(scene: &Scene, turn: Turn, center: Vector, direction: Vector, aspect: f64) -> Camera {
     const UP: Vector = [0.0, 1.0, 0.0];
     let forward = unit(scale(direction, -1.0)).unwrap_or([0.0, 0.0, -1.0]);
     let right = unit(cross(forward, UP)).unwrap_or([1.0, 0.0, 0.0]);
@@ -18,6 +19,7 @@ pub(super) fn fit(scene: &Scene, center: Vector, direction: Vector, aspect: f64)
     let slope = FILL * (0.5 * f64::from(FOV_DEGREES).to_radians()).tan();
     let (mut across, mut high) = (Extent::new(slope * aspect), Extent::new(slope));
     for_each_vertex(scene, |vertex| {
+        let vertex = turn.to_local(vertex);
         let [x, y, z] = [right, up, forward].map(|axis| dot(sub(vertex, center), axis));
         across.add([x, z]);
         high.add([y, z]);

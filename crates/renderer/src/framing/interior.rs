@@ -31,6 +31,26 @@ fn is_inside<T: Tracer>(probe: &Probe<T>, point: Vector) -> bool {
     n_front as f64 >= INTERIOR_FRACTION * f64::from(N_DIRECTIONS)
 }
 
+/// Whether nearly all rays from outside towards points inside meet front faces: a pipe or a vessel, but no room, whose
+/// walls have their fronts inside.
+pub(super) fn is_closed_object<T: Tracer>(probe: &Probe<T>) -> bool {
+    /// Fraction of the rays that meet the scene.
+    const FRONT_FRACTION: f64 = 0.9;
+    const N_RAYS: u32 = 256;
+    let distance = length(probe.bounds.extent());
+    let (mut n_front, mut n_back) = (0_u32, 0_u32);
+    for i in 0..N_RAYS {
+        let direction = fibonacci_direction(i * N_DIRECTIONS / N_RAYS);
+        let from = add(probe.point_at(quasirandom(i)), scale(direction, -2.0 * distance));
+        match probe.cast(from, direction) {
+            RayResult::Front { .. } => n_front += 1,
+            RayResult::Back => n_back += 1,
+            RayResult::Miss => {}
+        }
+    }
+    f64::from(n_front) >= FRONT_FRACTION * f64::from(n_front + n_back) && n_front > 0
+}
+
 /// Direction `i` of a spherical Fibonacci spiral.
 fn fibonacci_direction(i: u32) -> Vector {
     let height = 1.0 - f64::from(2 * i + 1) / f64::from(N_DIRECTIONS);

@@ -76,8 +76,18 @@ impl<'a> Assembly<'a> {
         let n_primitives = ends.try_fold(0, |most: u32, n| Some(most.max(n?)));
         let all = n_primitives.and_then(|n| self.n_primitives.checked_add(n)).ok_or_else(too_many)?;
 
-        let Scene { mut meshes, mut instances, mut materials, textures, lights, environment, cameras, warnings, files } =
-            own;
+        let Scene {
+            mut meshes,
+            mut instances,
+            mut materials,
+            textures,
+            lights,
+            environment,
+            cameras,
+            camera_names,
+            warnings,
+            files,
+        } = own;
         for instance in &mut instances {
             instance.mesh.0 += mesh_shift;
             instance.first_primitive += self.n_primitives;
@@ -99,6 +109,7 @@ impl<'a> Assembly<'a> {
         }
         self.scene.lights.extend(lights);
         self.scene.cameras.extend(cameras);
+        self.scene.camera_names.extend(camera_names);
         self.scene.warnings.extend(warnings);
         self.scene.files.extend(files);
         self.scene.environment = self.scene.environment.take().or(environment);

@@ -1,12 +1,32 @@
-/// The candidate with the smallest edit distance to `word`; the first one on ties.
+/// The candidate with the smallest edit distance to `word`, the first one on ties, if the distance is at most a third of
+/// the longer of the two words: more is another word, and no misspelling.
 ///
 /// ```
 /// use canted_scene::closest_match;
 ///
 /// assert_eq!(closest_match("raduis", ["axis", "radius"]), Some("radius"));
+/// assert_eq!(closest_match("diameter", ["axis", "radius"]), None);
 /// ```
 pub fn closest_match<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    candidates.into_iter().min_by_key(|candidate| distance(word, candidate))
+    let n = |text: &str| text.chars().count();
+    candidates
+        .into_iter()
+        .map(|candidate| (distance(word, candidate), candidate))
+        .min_by_key(|&(distance, _)| distance)
+        .filter(|&(distance, candidate)| 3 * distance <= n(word).max(n(candidate)))
+        .map(|(_, candidate)| candidate)
+}
+
+/// The end of a message about an unknown word: `; did you mean 'radius'?`, or nothing.
+///
+/// ```
+/// use canted_scene::suggestion;
+///
+/// assert_eq!(suggestion("raduis", ["axis", "radius"]), "; did you mean 'radius'?");
+/// assert_eq!(suggestion("diameter", ["axis", "radius"]), "");
+/// ```
+pub fn suggestion<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> String {
+    closest_match(word, candidates).map(|near| format!("; did you mean '{near}'?")).unwrap_or_default()
 }
 
 /// Levenshtein distance (Wagner and Fischer 1974).
@@ -54,7 +74,14 @@ mod tests {
 
     #[test]
     fn ties_return_the_first_candidate() {
-        assert_eq!(closest_match("x", ["ab", "y", "z"]), Some("y"));
+        assert_eq!(closest_match("box", ["table", "bow", "fox"]), Some("bow"));
         assert_eq!(closest_match("x", []), None);
+    }
+
+    #[test]
+    fn other_words_are_no_candidates() {
+        assert_eq!(closest_match("sun", ["son"]), Some("son"));
+        assert_eq!(closest_match("sun", ["fan"]), None);
+        assert_eq!(closest_match("x", ["y"]), None);
     }
 }

@@ -130,6 +130,7 @@ impl SceneFile {
         let scene = &mut assembly.scene;
         if let Some(camera) = self.camera {
             scene.cameras = vec![camera];
+            scene.camera_names = vec![String::new()];
         }
         if let Some(lights) = &self.lights {
             scene.lights.clone_from(lights);

@@ -99,9 +99,11 @@ impl SceneFile {
 /// The message for an unknown name, with the closest known one.
 pub(super) fn unknown<'a>(kind: &str, name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     let name_quoted = quoted(name.as_bytes());
-    match closest_match(name, known) {
+    let known: Vec<&str> = known.into_iter().collect();
+    match closest_match(name, known.iter().copied()) {
         Some(near) => format!("unknown {kind} {name_quoted}; did you mean {}?", quoted(near.as_bytes())),
-        None => format!("unknown {kind} {name_quoted}; none is defined"),
+        None if known.is_empty() => format!("unknown {kind} {name_quoted}; none is defined"),
+        None => format!("unknown {kind} {name_quoted}"),
     }
 }
 

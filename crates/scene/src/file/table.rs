@@ -5,7 +5,7 @@ use std::path::Path;
 
 use toml_edit::{Array, Item, TableLike, Value};
 
-use super::closest_match;
+use super::suggestion;
 use crate::{Material, ReadError};
 
 /// The text of a scene file, for error messages.
@@ -118,8 +118,9 @@ impl<'a> Table<'a> {
     /// Rejects keys that are not in `known`.
     pub(super) fn check_keys(&self, known: &[&str]) -> Result<(), ReadError> {
         let Some((key, _)) = self.items.iter().find(|(key, _)| !known.contains(key)) else { return Ok(()) };
-        let near = closest_match(key, known.iter().copied()).unwrap_or_default();
-        let message = format!("unknown key '{}' in {}; did you mean '{near}'?", key.escape_debug(), self.name);
+        let near = suggestion(key, known.iter().copied());
+        let near = if near.is_empty() { format!("; the keys are {}", known.join(", ")) } else { near };
+        let message = format!("unknown key '{}' in {}{near}", key.escape_debug(), self.name);
         Err(self.source.error(self.key_at(key), message))
     }
 
@@ -206,8 +207,8 @@ impl<'a> Table<'a> {
         let Some(text) = self.text(key)? else { return Ok(None) };
         let found = words.iter().position(|&word| word == text);
         found.map(Some).ok_or_else(|| {
-            let near = closest_match(text, words.iter().copied()).unwrap_or_default();
-            self.invalid(key, &format!("one of {}; did you mean '{near}'?", words.join(", ")))
+            let near = suggestion(text, words.iter().copied());
+            self.invalid(key, &format!("one of {}{near}", words.join(", ")))
         })
     }
 

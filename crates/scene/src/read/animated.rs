@@ -86,10 +86,11 @@ impl AnimatedScene {
 
 /// Replaces what poses change.
 fn replace(scene: &mut Scene, posed: Scene) {
-    let Scene { meshes, instances, cameras, lights, warnings, .. } = posed;
+    let Scene { meshes, instances, cameras, camera_names, lights, warnings, .. } = posed;
     scene.meshes = meshes;
     scene.instances = instances;
     scene.cameras = cameras;
+    scene.camera_names = camera_names;
     scene.lights = lights;
     scene.warnings = warnings;
 }

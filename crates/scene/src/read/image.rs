@@ -1,4 +1,5 @@
-//! PNG and JPEG textures. The content determines the format; the size is checked before allocating.
+//! Textures: PNG, JPEG and, each behind a feature, BMP, TGA, TIFF and WebP. The content determines the format, except of TGA,
+//! which has no mark; the size is checked before allocating.
 
 use std::io::Cursor;
 
@@ -18,13 +19,29 @@ const MAX_TEXELS_PER_PNG_BYTE: u64 = 1032 * 8;
 /// Upper bound of texels per byte of JPEG: a block of 64 needs at least one bit in the first scan.
 const MAX_TEXELS_PER_JPEG_BYTE: u64 = 64 * 8;
 
-/// Decodes a PNG or JPEG to 8-bit RGBA with repeat wrapping. Ignores the extension of `name`; errors do not contain it.
-pub(crate) fn decode(name: &str, bytes: &[u8]) -> Result<Texture, String> {
-    let (format, max_texels_per_byte) = match image::guess_format(bytes) {
-        Ok(ImageFormat::Png) => (ImageFormat::Png, MAX_TEXELS_PER_PNG_BYTE),
-        Ok(ImageFormat::Jpeg) => (ImageFormat::Jpeg, MAX_TEXELS_PER_JPEG_BYTE),
-        _ => return Err("unsupported image format (expected PNG or JPEG)".to_owned()),
+/// Upper bound of texels per byte of the other formats, whose run lengths and predictors have none: one color may be a few bytes.
+const MAX_TEXELS_PER_OTHER_BYTE: u64 = 1 << 16;
+
+/// The format of an image and its most texels per byte. Only TGA is known by the extension of its name.
+fn format_of(name: &str, bytes: &[u8]) -> Result<(ImageFormat, u64), String> {
+    let other = |format, feature: &str, is_built: bool| {
+        let missing = || format!("{} images require the feature '{feature}'", feature.to_uppercase());
+        if is_built { Ok((format, MAX_TEXELS_PER_OTHER_BYTE)) } else { Err(missing()) }
     };
+    match image::guess_format(bytes) {
+        Ok(ImageFormat::Png) => Ok((ImageFormat::Png, MAX_TEXELS_PER_PNG_BYTE)),
+        Ok(ImageFormat::Jpeg) => Ok((ImageFormat::Jpeg, MAX_TEXELS_PER_JPEG_BYTE)),
+        Ok(ImageFormat::Bmp) => other(ImageFormat::Bmp, "bmp", cfg!(feature = "bmp")),
+        Ok(ImageFormat::Tiff) => other(ImageFormat::Tiff, "tiff", cfg!(feature = "tiff")),
+        Ok(ImageFormat::WebP) => other(ImageFormat::WebP, "webp", cfg!(feature = "webp")),
+        _ if name.to_lowercase().ends_with(".tga") => other(ImageFormat::Tga, "tga", cfg!(feature = "tga")),
+        _ => Err("unsupported image format (expected PNG, JPEG, BMP, TGA, TIFF or WebP)".to_owned()),
+    }
+}
+
+/// Decodes an image to 8-bit RGBA with repeat wrapping. Errors do not contain `name`.
+pub(crate) fn decode(name: &str, bytes: &[u8]) -> Result<Texture, String> {
+    let (format, max_texels_per_byte) = format_of(name, bytes)?;
     // Decoder messages may span lines.
     let one_line = |error: image::ImageError| error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
@@ -55,6 +72,49 @@ pub(crate) fn into_mask(mut texture: Texture) -> Texture {
         *texel = [u8::MAX, u8::MAX, u8::MAX, alpha];
     }
     texture
+}
+
+/// Converts an image to linear values of one channel, its luminance; the others are full.
+pub(crate) fn into_channel(mut texture: Texture, channel: usize) -> Texture {
+    for texel in &mut texture.texels {
+        let value = luminance([texel[0], texel[1], texel[2]]);
+        *texel = [u8::MAX; 4];
+        texel[channel] = value;
+    }
+    Texture { encoding: Encoding::Linear, ..texture }
+}
+
+/// Two images of [`into_channel`] in one, if they have the same size.
+pub(crate) fn joined(a: &Texture, b: &Texture) -> Option<Texture> {
+    let least = |(a, b): (&[u8; 4], &[u8; 4])| std::array::from_fn(|k| a[k].min(b[k]));
+    let texels = || a.texels.iter().zip(&b.texels).map(least).collect();
+    ([a.width, a.height] == [b.width, b.height]).then(|| Texture { texels: texels(), ..a.clone() })
+}
+
+/// Converts an image of a bump statement to a normal map. Exporters write normal maps there as well, which have colors;
+/// gray images are heights.
+pub(crate) fn into_normals(texture: Texture) -> Texture {
+    /// Slope of a full difference between neighboring texels, which no file states.
+    const SLOPE: f32 = 4.0;
+    let is_gray = texture.texels.iter().all(|&[r, g, b, _]| r.abs_diff(g) < 8 && g.abs_diff(b) < 8);
+    let (width, height) = (texture.width as usize, texture.height as usize);
+    if !is_gray || width == 0 || height == 0 {
+        return Texture { encoding: Encoding::Linear, ..texture };
+    }
+    let at = |x: usize, y: usize| f32::from(texture.texels[y * width + x][1]) / 255.0;
+    let normal = |index: usize| {
+        let (x, y) = (index % width, index / width);
+        // Images repeat. Rows go down and v up.
+        let across = at((x + 1) % width, y) - at((x + width - 1) % width, y);
+        let up = at(x, (y + height - 1) % height) - at(x, (y + 1) % height);
+        let normal = [-0.5 * SLOPE * across, -0.5 * SLOPE * up, 1.0_f32];
+        let length = normal.iter().map(|c| c * c).sum::<f32>().sqrt();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 255")]
+        let [r, g, b] = normal.map(|c| (127.5 + 127.5 * c / length).round() as u8);
+        [r, g, b, u8::MAX]
+    };
+    let texels = (0..width * height).map(normal).collect();
+    Texture { texels, encoding: Encoding::Linear, ..texture }
 }
 
 /// Luma of encoded values with Rec. 709 weights; exact for gray.
@@ -136,6 +196,48 @@ pub(crate) mod tests {
     fn png_crc(bytes: &[u8]) -> u32 {
         let step = |crc: u32, _| if crc & 1 == 1 { 0xedb8_8320 ^ (crc >> 1) } else { crc >> 1 };
         !bytes.iter().fold(u32::MAX, |crc, &byte| (0..8).fold(crc ^ u32::from(byte), step))
+    }
+
+    #[test]
+    #[cfg(all(feature = "bmp", feature = "tga", feature = "tiff", feature = "webp"))]
+    fn decodes_other_formats_to_the_texels_of_png() {
+        let png = decode("", &encoded(ImageFormat::Png)).unwrap();
+        for (name, format) in [
+            ("a.png", ImageFormat::Bmp),
+            ("A.TGA", ImageFormat::Tga),
+            ("a.png", ImageFormat::Tiff),
+            ("a.png", ImageFormat::WebP),
+        ] {
+            let bytes = encoded(format);
+            let decoded = decode(name, &bytes).unwrap();
+            assert_eq!((decoded.width, decoded.height), (5, 3), "{format:?}");
+            assert!(decoded.texels == png.texels, "{format:?}");
+            for length in [0, 3, bytes.len() / 4] {
+                assert!(decode(name, &bytes[..length]).is_err(), "{format:?} of {length} bytes");
+            }
+        }
+        let error = decode("a.png", &encoded(ImageFormat::Tga)).unwrap_err();
+        assert_eq!(error, "unsupported image format (expected PNG, JPEG, BMP, TGA, TIFF or WebP)");
+    }
+
+    #[test]
+    fn heights_become_normals_and_normal_maps_stay() {
+        let gray = |x: u8| [x, x, x, 255];
+        let row = into_normals(texture(&[gray(0), gray(64), gray(128), gray(64)]));
+        assert_eq!(row.encoding, Encoding::Linear);
+        // Rising along u: the normal points towards -u. At the top and at the bottom it is upright.
+        assert!(row.texels[1][0] < 100 && row.texels[3][0] > 155, "{:?}", row.texels);
+        assert_eq!([row.texels[0], row.texels[2]], [[128, 128, 255, 255]; 2]);
+        let normals = into_normals(texture(&[[128, 128, 255, 255], [200, 100, 220, 255]]));
+        assert_eq!(normals.texels, [[128, 128, 255, 255], [200, 100, 220, 255]]);
+    }
+
+    #[test]
+    fn channels_are_joined() {
+        let one = |x: u8, channel: usize| into_channel(texture(&[[x, x, x, 255]]), channel);
+        assert_eq!(joined(&one(10, 1), &one(20, 2)).unwrap().texels, [[255, 10, 20, 255]]);
+        let wide = into_channel(texture(&[[0; 4]; 2]), 2);
+        assert!(joined(&one(10, 1), &wide).is_none());
     }
 
     #[test]

@@ -11,8 +11,8 @@ use crate::Material;
 pub(crate) use map::Map;
 
 /// Unsupported texture keys.
-const UNSUPPORTED_MAPS: &str = "bump map_bump map_Bump disp map_disp map_Disp decal map_decal refl map_refl map_Ks map_Ns map_Tr \
-                           map_Tf map_Pr map_Pm map_Ps map_Pc map_RMA map_ORM map_aniso";
+const UNSUPPORTED_MAPS: &str = "disp map_disp map_Disp decal map_decal refl map_refl map_Ks map_Ns map_Tr \
+                           map_Tf map_Ps map_Pc map_RMA map_ORM map_aniso";
 
 /// Unsupported strengths of sheen, clearcoat and anisotropy. 0 disables them, as Blender writes for every material. `Pcr` and
 /// `anisor` have no effect without them.
@@ -49,8 +49,14 @@ pub(crate) struct MtlMaterial {
     pub(crate) mask: Option<Map>,
     /// `map_Ke`.
     pub(crate) emission_map: Option<Map>,
-    /// `norm`.
+    /// `norm`, or a bump statement.
     pub(crate) normal_map: Option<Map>,
+    /// Whether `normal_map` is of `norm`, and so not of heights.
+    pub(crate) has_norm: bool,
+    /// `map_Pr`.
+    pub(crate) roughness_map: Option<Map>,
+    /// `map_Pm`.
+    pub(crate) metallic_map: Option<Map>,
     /// Unsupported keys.
     pub(crate) unsupported: Vec<&'static str>,
 }
@@ -101,7 +107,15 @@ impl MtlMaterial {
             b"map_Kd" => texture(&mut self.base_color_map, line),
             b"map_d" => texture(&mut self.mask, line),
             b"map_Ke" => texture(&mut self.emission_map, line),
-            b"norm" => texture(&mut self.normal_map, line),
+            b"norm" => {
+                self.has_norm = true;
+                texture(&mut self.normal_map, line)
+            }
+            // `norm` takes precedence.
+            b"bump" | b"map_bump" | b"map_Bump" if self.has_norm => Ok(()),
+            b"bump" | b"map_bump" | b"map_Bump" => texture(&mut self.normal_map, line),
+            b"map_Pr" => texture(&mut self.roughness_map, line),
+            b"map_Pm" => texture(&mut self.metallic_map, line),
             _ => {
                 self.note_unsupported(line);
                 Ok(())

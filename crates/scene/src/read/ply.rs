@@ -4,7 +4,8 @@
 //! bytes -> header -> body (vertices and faces, others are skipped) -> mesh
 //! ```
 //!
-//! Gives one mesh with one instance, in the file's vertex order. Texture coordinates are kept if a comment names a texture.
+//! Gives one mesh with one instance, in the file's vertex order. Texture coordinates are kept if a comment names a texture,
+//! vertex colors always. Triangle strips become triangles.
 
 mod body;
 mod header;
@@ -15,7 +16,7 @@ use std::path::Path;
 use self::table::Table;
 use super::folder::Folder;
 use super::mesh_checks::{MeshChecks, unit_normal, usable_uv};
-use super::{ReadError, image, single, text};
+use super::{ReadError, image, single, text, vertex_colors};
 use crate::{Material, Mesh, Scene, TextureId, TextureRef};
 
 /// Parses a PLY file; `path` gives the folder of the texture and is used in messages.
@@ -25,14 +26,22 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
     if table.face_ends.is_empty() {
         return Err(ReadError::empty(path, "no faces"));
     }
-    let mut scene = Scene::default();
+    let mut scene = Scene { warnings: header.warnings, ..Scene::default() };
     if !is_read_to_end {
         scene.warnings.push("ignoring bytes after the last declared element".into());
     }
-    let material = material(path, header.texture, &mut scene);
+    let mut material = material(path, header.texture, &mut scene);
     let mut checks = MeshChecks::default();
     let triangles = triangles(path, &table, &mut checks)?;
-    let mesh = mesh(table, triangles, !scene.textures.is_empty());
+    let mut table = table;
+    let colors = table.colors.take().and_then(|colors| {
+        vertex_colors::linear(colors, table.max_color).map_err(|warning| scene.warnings.push(warning)).ok()
+    });
+    if colors.is_some() {
+        // Colors are reflectances, not factors of the default gray.
+        material.base_color = [1.0; 3];
+    }
+    let mesh = Mesh { colors, ..mesh(table, triangles, !scene.textures.is_empty()) };
     single::add(path, mesh, material, checks, scene)
 }
 

@@ -2,6 +2,7 @@
 
 mod animated;
 mod expect;
+mod files;
 mod folder;
 mod gltf;
 mod models;

@@ -6,8 +6,8 @@ use anyhow::{Result, anyhow};
 use canted_film::Record;
 use canted_scene::{AnimatedScene, Environment, Light, ReadOptions, Scene};
 
-use super::{Args, kept};
-use crate::{device::Machine, load, output};
+use super::{super::Args, kept};
+use crate::{device::Machine, light, load, output};
 
 /// A scene that is posed for each frame.
 pub(super) struct Source {
@@ -62,8 +62,8 @@ impl Source {
         kept::shared(args, &mut self.scene, machine.name())
     }
 
-    /// Sets the scene to a time in seconds. Returns whether the default light is needed.
-    pub(super) fn pose(&mut self, args: &Args, time: f32) -> Result<bool> {
+    /// Sets the scene to a time in seconds.
+    pub(super) fn pose(&mut self, args: &Args, time: f32) -> Result<light::LightSource> {
         match (&mut self.animated, args.sequence.shutter_times(time)) {
             (Some(animated), None) => animated.pose(time, &mut self.scene)?,
             (Some(animated), Some(times)) => animated.pose_shutter(times, &mut self.scene)?,

@@ -16,7 +16,11 @@ pub(super) fn read(document: &Document<'_>, nodes: &Nodes, scene: &mut Scene) ->
         let Some(index) = document.root.nodes[k].camera else { continue };
         let source = document.get(&document.root.cameras, index.value(), "camera", &format!("node {k}"))?;
         match projection(source).and_then(|projection| placed(&nodes.world_from_node[k], projection)) {
-            Ok(camera) => scene.cameras.push(camera),
+            Ok(camera) => {
+                scene.cameras.push(camera);
+                let name = source.name.as_ref().or(document.root.nodes[k].name.as_ref());
+                scene.camera_names.push(name.cloned().unwrap_or_default());
+            }
             Err(why) => scene.warnings.push(format!("skipping camera {} of node {k}: {why}", index.value())),
         }
     }

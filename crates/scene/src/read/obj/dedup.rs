@@ -59,7 +59,8 @@ fn translation(original: &Mesh, copy: &Mesh) -> Option<[f32; 3]> {
     let same_surface = original.triangles == copy.triangles
         && original.parts == copy.parts
         && original.normals == copy.normals
-        && original.uvs == copy.uvs;
+        && original.uvs == copy.uvs
+        && original.colors == copy.colors;
     if !same_surface || !relative(original).eq(relative(copy)) {
         return None;
     }

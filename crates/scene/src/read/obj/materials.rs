@@ -10,7 +10,7 @@ use crate::read::folder::Folder;
 use crate::read::mtl::{self, Map, MtlMaterial};
 use crate::read::warning_groups::WarningGroups;
 use crate::read::{ReadError, image, text};
-use crate::{AlphaMode, Encoding, Material, Scene, Texture, TextureId, Wrap};
+use crate::{AlphaMode, Material, Scene, Texture, TextureId, TextureRef, Wrap};
 
 /// The material slot of a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +19,8 @@ enum Role {
     Mask,
     Emission,
     Normals,
+    Roughness,
+    Metallic,
 }
 
 /// How an image is converted.
@@ -26,7 +28,12 @@ enum Role {
 enum Content {
     Color,
     Mask,
-    Numbers,
+    /// A normal map, or heights, as statements of bumps have either.
+    Bumps,
+    /// Luminance in green.
+    Roughness,
+    /// Luminance in blue.
+    Metallic,
 }
 
 impl Role {
@@ -34,7 +41,9 @@ impl Role {
         match self {
             Self::BaseColor | Self::Emission => Content::Color,
             Self::Mask => Content::Mask,
-            Self::Normals => Content::Numbers,
+            Self::Normals => Content::Bumps,
+            Self::Roughness => Content::Roughness,
+            Self::Metallic => Content::Metallic,
         }
     }
 }
@@ -96,7 +105,7 @@ pub(super) fn materials(
     let textures = load(&requests.list, scene);
     for (k, role, map, request) in wanted {
         if let Some(texture) = textures[request] {
-            assign(&mut scene.materials[k], role, map, texture);
+            assign(scene, k, role, map, texture);
         }
     }
     scene.files = folder.found();
@@ -136,6 +145,8 @@ fn maps(source: &MtlMaterial) -> impl Iterator<Item = (&Map, Role)> {
         (source.mask.as_ref(), Role::Mask),
         (emission_map, Role::Emission),
         (source.normal_map.as_ref(), Role::Normals),
+        (source.roughness_map.as_ref(), Role::Roughness),
+        (source.metallic_map.as_ref(), Role::Metallic),
     ];
     maps.into_iter().filter_map(|(map, role)| Some((map?, role)))
 }
@@ -146,9 +157,23 @@ fn unsupported_filter(source: &MtlMaterial, material: &Material) -> Option<&'sta
     (has_effect && material.transmission == 0.0).then_some("Tf")
 }
 
-fn assign(material: &mut Material, role: Role, map: &Map, texture: TextureId) {
-    let texture = map.texture_ref(texture);
+fn assign(scene: &mut Scene, material: usize, role: Role, map: &Map, texture: TextureId) {
+    let mut texture = map.texture_ref(texture);
+    let roughness = scene.materials[material].metallic_roughness_texture;
+    if let (Role::Metallic, Some(roughness)) = (role, roughness) {
+        // Both are channels of one texture.
+        let [a, b] = [roughness.texture, texture.texture].map(|id| &scene.textures[id.0 as usize]);
+        let Some((both, id)) = image::joined(a, b).zip(u32::try_from(scene.textures.len()).ok().map(TextureId)) else {
+            let name = &scene.materials[material];
+            scene.warnings.push(texture_warning(name, &map.file, "its size differs from that of map_Pr"));
+            return;
+        };
+        scene.textures.push(both);
+        texture = TextureRef { texture: id, ..roughness };
+    }
+    let material = &mut scene.materials[material];
     match role {
+        Role::Roughness | Role::Metallic => material.metallic_roughness_texture = Some(texture),
         Role::BaseColor => material.base_color_texture = Some(texture),
         Role::Normals => {
             material.normal_texture = Some(texture);
@@ -214,7 +239,9 @@ fn decode(request: &Request) -> Result<Texture, String> {
     Ok(match request.content {
         Content::Color => texture,
         Content::Mask => image::into_mask(texture),
-        Content::Numbers => Texture { encoding: Encoding::Linear, ..texture },
+        Content::Bumps => image::into_normals(texture),
+        Content::Roughness => image::into_channel(texture, 1),
+        Content::Metallic => image::into_channel(texture, 2),
     })
 }
 

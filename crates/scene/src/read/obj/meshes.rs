@@ -14,6 +14,7 @@ use crate::{MaterialId, Mesh, Part, Scene};
 pub(super) fn meshes(
     path: &Path,
     statements: &Statements,
+    colors: Option<&[[f32; 4]]>,
     scene: &mut Scene,
     checks: &mut MeshChecks,
 ) -> Result<(), ReadError> {
@@ -27,7 +28,7 @@ pub(super) fn meshes(
         let too_many = || ReadError::unsupported(path, "more than 2^32 triangles, vertices or materials");
         let material = u32::try_from(run.material).map(MaterialId).map_err(|_| too_many())?;
         let name = String::from_utf8_lossy(run.name).into_owned();
-        let mesh = mesh(name, material, &faces, statements).ok_or_else(too_many)?;
+        let mesh = mesh(name, material, &faces, statements, colors).ok_or_else(too_many)?;
         let n_triangles = u32::try_from(faces.len()).map_err(|_| too_many())?;
         if n_triangles > 0 {
             dedup.add(mesh, first_primitive, scene).ok_or_else(too_many)?;
@@ -58,7 +59,13 @@ fn triangles(
 }
 
 /// The mesh of these triangles, with vertices numbered by first use; `None` for more than 2^32 vertices.
-fn mesh(name: String, material: MaterialId, triangles: &[[Corner; 3]], statements: &Statements) -> Option<Mesh> {
+fn mesh(
+    name: String,
+    material: MaterialId,
+    triangles: &[[Corner; 3]],
+    statements: &Statements,
+    colors: Option<&[[f32; 4]]>,
+) -> Option<Mesh> {
     let mut mesh = Mesh { name, parts: vec![Part { first_triangle: 0, material }], ..Mesh::default() };
     mesh.triangles.reserve_exact(triangles.len());
     let mut vertices = Vec::new();
@@ -84,5 +91,8 @@ fn mesh(name: String, material: MaterialId, triangles: &[[Corner; 3]], statement
             |vertex: &Corner| statements.normals.get(vertex.normal as usize).map_or([0.0; 3], |&n| unit_normal(n));
         mesh.normals = Some(vertices.iter().map(normal).collect());
     }
+    // White changes nothing.
+    let colors = colors.map(|all| vertices.iter().map(|vertex| all[vertex.position as usize]).collect::<Vec<_>>());
+    mesh.colors = colors.filter(|colors| colors.iter().any(|&color| color != [1.0; 4]));
     Some(mesh)
 }

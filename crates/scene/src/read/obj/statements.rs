@@ -5,6 +5,7 @@ use std::path::Path;
 
 use crate::read::ReadError;
 use crate::read::text::{self, Line};
+use crate::read::vertex_colors::NO_COLOR;
 
 /// Missing index in a [`Corner`].
 pub(super) const ABSENT: u32 = u32::MAX;
@@ -36,6 +37,8 @@ pub(super) struct Statements<'a> {
     /// Positions; may be NaN or infinite.
     pub(super) positions: Vec<[f32; 3]>,
     pub(super) uvs: Vec<[f32; 2]>,
+    /// The color of each position after its coordinates; empty if no position has one.
+    pub(super) colors: Vec<[f32; 3]>,
     /// Normals of any length.
     pub(super) normals: Vec<[f32; 3]>,
     /// Corners of all faces, concatenated.
@@ -49,6 +52,8 @@ pub(super) struct Statements<'a> {
     pub(super) libraries: Vec<&'a [u8]>,
     /// Skipped faces with fewer than three corners.
     pub(super) n_small_faces: usize,
+    /// What was ignored.
+    pub(super) warnings: Vec<String>,
 }
 
 impl Statements<'_> {
@@ -66,6 +71,11 @@ pub(super) fn parse<'a>(path: &Path, bytes: &'a [u8]) -> Result<Statements<'a>, 
         parser.line(&line).map_err(|message| malformed(path, line.number, message))?;
     }
     parser.check_indices(path)?;
+    parser.drop_unusable_indices();
+    let n = parser.statements.positions.len();
+    if !parser.statements.colors.is_empty() {
+        parser.statements.colors.resize(n, NO_COLOR);
+    }
     Ok(parser.statements)
 }
 
@@ -99,12 +109,19 @@ struct Parser<'a> {
     last: Option<State<'a>>,
     material_indices: HashMap<Option<&'a [u8]>, usize>,
     max_indices: [MaxIndex; 3],
+    /// Indices of texture coordinates and of normals that are out of range: how many, and the first.
+    unusable: [(usize, String); 3],
+    /// Face corners with more than three indices: how many, and the first.
+    surplus: (usize, String),
 }
 
 impl<'a> Parser<'a> {
     fn line(&mut self, line: &Line<'a>) -> Result<(), String> {
         match line.keyword {
-            b"v" => self.statements.positions.push(coordinates(line.rest, 3, "vertex")?),
+            b"v" => {
+                self.statements.positions.push(coordinates(line.rest, 3, "vertex")?);
+                self.color(line.rest);
+            }
             b"vt" => self.statements.uvs.push(coordinates(line.rest, 1, "texture coordinate")?),
             b"vn" => self.statements.normals.push(coordinates(line.rest, 3, "normal")?),
             b"f" => self.face(line)?,
@@ -115,6 +132,16 @@ impl<'a> Parser<'a> {
             _ => {}
         }
         Ok(())
+    }
+
+    /// The color of the last position: three numbers after its coordinates.
+    fn color(&mut self, rest: &[u8]) {
+        let mut words = text::words(rest).skip(3).map(text::float);
+        if let (Some(Some(r)), Some(Some(g)), Some(Some(b))) = (words.next(), words.next(), words.next()) {
+            let colors = &mut self.statements.colors;
+            colors.resize(self.statements.positions.len() - 1, NO_COLOR);
+            colors.push([r, g, b]);
+        }
     }
 
     fn face(&mut self, line: &Line) -> Result<(), String> {
@@ -161,7 +188,7 @@ impl<'a> Parser<'a> {
             }
         }
         if parts.next().is_some() {
-            return Err(format!("face corner {} has more than 3 indices", text::quoted(word)));
+            count(&mut self.surplus, || format!("line {line}: {}", text::quoted(word)));
         }
         let [position, uv, normal] = indices;
         Ok(Corner { position, uv, normal })
@@ -172,10 +199,15 @@ impl<'a> Parser<'a> {
         let what = KINDS[kind];
         let value = text::integer(part).ok_or_else(|| format!("invalid {what} index {}", text::quoted(part)))?;
         let from_one = match value {
+            0 if kind > 0 => 0,
             0 => return Err(format!("invalid {what} index 0 (indices start at 1)")),
             1.. => value,
             _ => i64::try_from(count).map_or(0, |count| count + value + 1),
         };
+        if from_one < 1 && kind > 0 {
+            count_unusable(&mut self.unusable[kind], line, value);
+            return Ok(ABSENT);
+        }
         if from_one < 1 {
             return Err(format!("relative {what} index {value} out of range ({count} defined so far)"));
         }
@@ -184,24 +216,62 @@ impl<'a> Parser<'a> {
         }
         match u32::try_from(from_one - 1) {
             Ok(index) if index != ABSENT => Ok(index),
+            // Beyond all arrays; found to be unusable at the end.
+            _ if kind > 0 => Ok(ABSENT - 1),
             _ => Err(format!("{what} index {value} exceeds 32 bits")),
         }
     }
 
-    /// Checks all indices against the complete arrays.
+    /// Checks the vertex indices against the complete array.
     fn check_indices(&self, path: &Path) -> Result<(), ReadError> {
-        let counts = [self.statements.positions.len(), self.statements.uvs.len(), self.statements.normals.len()];
-        for ((max, count), what) in self.max_indices.iter().zip(counts).zip(KINDS) {
-            if usize::try_from(max.index).is_ok_and(|index| index > count) {
-                return Err(malformed(
-                    path,
-                    max.line,
-                    format!("{what} index {} out of range ({count} defined)", max.index),
+        let (max, n) = (self.max_indices[0], self.statements.positions.len());
+        match usize::try_from(max.index) {
+            Ok(index) if index > n => {
+                Err(malformed(path, max.line, format!("vertex index {} out of range ({n} defined)", max.index)))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Drops texture coordinates and normals of corners whose indices are out of range: the geometry is sound without.
+    fn drop_unusable_indices(&mut self) {
+        let counts = [0, self.statements.uvs.len(), self.statements.normals.len()];
+        for kind in [1, 2] {
+            let (n, max) = (counts[kind], self.max_indices[kind]);
+            if usize::try_from(max.index).is_ok_and(|index| index > n) {
+                for corner in &mut self.statements.corners {
+                    let index = if kind == 1 { &mut corner.uv } else { &mut corner.normal };
+                    if *index != ABSENT && *index as usize >= n {
+                        *index = ABSENT;
+                        count_unusable(&mut self.unusable[kind], max.line, max.index);
+                    }
+                }
+            }
+            let (n_unusable, first) = &self.unusable[kind];
+            if *n_unusable > 0 {
+                let what = KINDS[kind];
+                self.statements.warnings.push(format!(
+                    "ignoring {n_unusable} {what} indices that are out of range ({n} defined), such as {first}"
                 ));
             }
         }
-        Ok(())
+        if self.surplus.0 > 0 {
+            let (n, first) = &self.surplus;
+            self.statements.warnings.push(format!("ignoring a fourth index of {n} face corners, such as {first}"));
+        }
     }
+}
+
+/// Counts an event; the first one is described.
+fn count((n, first): &mut (usize, String), describe: impl FnOnce() -> String) {
+    if *n == 0 {
+        *first = describe();
+    }
+    *n += 1;
+}
+
+fn count_unusable(unusable: &mut (usize, String), line: usize, value: i64) {
+    count(unusable, || format!("{value} in line {line}"));
 }
 
 /// The first `N` numbers of a statement; the first `n_needed` are required, the others default to 0.

@@ -15,6 +15,10 @@ pub(super) fn surface(name: String, source: &MtlMaterial) -> Material {
     let base_color = source.base_color.unwrap_or(default_color);
     let smooth = source.roughness.unwrap_or(0.0);
     let mut material = Material { base_color, emission: source.emission.unwrap_or_default(), ..plain };
+    let is_physical = source.roughness.is_some()
+        || source.metallic.is_some()
+        || source.roughness_map.is_some()
+        || source.metallic_map.is_some();
     match source.illumination {
         Some(4 | 6 | 7 | 9) => {
             material.base_color = source.filter.unwrap_or([1.0; 3]);
@@ -23,15 +27,18 @@ pub(super) fn surface(name: String, source: &MtlMaterial) -> Material {
             material.ior = source.ior.unwrap_or(material.ior);
             return material;
         }
-        Some(3 | 5) if source.metallic.is_none() => {
+        Some(3 | 5) if source.metallic.is_none() && source.metallic_map.is_none() => {
             material.base_color = source.specular.unwrap_or(base_color);
             (material.specular, material.metallic) = (1.0, 1.0);
             material.roughness = smooth;
         }
-        _ if source.roughness.is_some() || source.metallic.is_some() => {
+        _ if is_physical => {
+            // Without their number, maps are not scaled.
+            let of_map = |map: bool| map.then_some(1.0);
             material.specular = 1.0;
-            material.metallic = source.metallic.unwrap_or(0.0);
-            material.roughness = source.roughness.unwrap_or_else(|| roughness(source.shininess));
+            material.metallic = source.metallic.or(of_map(source.metallic_map.is_some())).unwrap_or(0.0);
+            let rough = source.roughness.or(of_map(source.roughness_map.is_some()));
+            material.roughness = rough.unwrap_or_else(|| roughness(source.shininess));
         }
         _ => {}
     }

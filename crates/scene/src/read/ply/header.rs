@@ -83,13 +83,18 @@ pub(super) struct Header<'a> {
     pub(super) elements: Vec<Element<'a>>,
     /// Texture from MeshLab's comment `TextureFile`.
     pub(super) texture: Option<&'a [u8]>,
+    /// Lines that were ignored.
+    pub(super) warnings: Vec<String>,
 }
+
+/// Header lines that may be ignored; with more, the file is something else.
+const MAX_IGNORED: usize = 16;
 
 /// Splits a file into header and body. Lines end with LF or CRLF.
 pub(super) fn header<'a>(path: &Path, bytes: &'a [u8]) -> Result<(Header<'a>, &'a [u8]), ReadError> {
     let mut rest = bytes;
     let mut encoding = None;
-    let mut header = Header { encoding: Encoding::Ascii, elements: Vec::new(), texture: None };
+    let mut header = Header { encoding: Encoding::Ascii, elements: Vec::new(), texture: None, warnings: Vec::new() };
     for number in 1.. {
         let Some(end) = rest.iter().position(|&byte| byte == b'\n') else { break };
         let line = rest[..end].trim_ascii();
@@ -108,8 +113,8 @@ pub(super) fn header<'a>(path: &Path, bytes: &'a [u8]) -> Result<(Header<'a>, &'
                 header.texture = Some(line[b"comment TextureFile".len()..].trim_ascii())
             }
             [b"comment", ..] => {}
-            [b"format", name, b"1.0"] => encoding = Some(encoding_named(name).map_err(malformed)?),
-            [b"element", name, count] => header.elements.push(element(&header, name, count).map_err(malformed)?),
+            [b"format", name, b"1.0", ..] => encoding = Some(encoding_named(name).map_err(malformed)?),
+            [b"element", name, count, ..] => header.elements.push(element(&header, name, count).map_err(malformed)?),
             [b"property", ref words @ ..] => {
                 let property = property(words).map_err(malformed)?;
                 let element = header
@@ -121,6 +126,10 @@ pub(super) fn header<'a>(path: &Path, bytes: &'a [u8]) -> Result<(Header<'a>, &'
             [b"end_header"] => {
                 header.encoding = encoding.ok_or_else(|| malformed("missing 'format' line".into()))?;
                 return Ok((header, rest));
+            }
+            // Some programs write comments without their keyword.
+            [word, ..] if ![&b"format"[..], b"element"].contains(&word) && header.warnings.len() < MAX_IGNORED => {
+                header.warnings.push(format!("ignoring header line {number}: {}", quoted(line)));
             }
             _ => return Err(malformed(format!("invalid statement {}", quoted(line)))),
         }
@@ -151,14 +160,14 @@ fn element<'a>(header: &Header, name: &'a [u8], count: &[u8]) -> Result<Element<
 fn property<'a>(words: &[&'a [u8]]) -> Result<Property<'a>, String> {
     let scalar = |name: &[u8]| Scalar::named(name).ok_or_else(|| format!("unknown property type {}", quoted(name)));
     match *words {
-        [b"list", count, item, name] => {
+        [b"list", count, item, name, ..] => {
             let (count, item) = (scalar(count)?, scalar(item)?);
             if !count.is_integer() {
                 return Err("a list length needs an integer type".into());
             }
             Ok(Property { name, kind: Kind::List { count, item } })
         }
-        [kind, name] => Ok(Property { name, kind: Kind::Scalar(scalar(kind)?) }),
+        [kind, name, ..] => Ok(Property { name, kind: Kind::Scalar(scalar(kind)?) }),
         _ => Err("expected a property type and a name".into()),
     }
 }

@@ -15,14 +15,21 @@ pub(super) struct Table {
     pub(super) normals: Option<Vec<[f32; 3]>>,
     /// One per position.
     pub(super) uvs: Option<Vec<[f32; 2]>>,
+    /// One per position, each value from 0 to [`Table::max_color`].
+    pub(super) colors: Option<Vec<[f32; 3]>>,
+    /// The color value of full intensity; `None` for numbers that are not integers, whose range decides.
+    pub(super) max_color: Option<f32>,
     /// Vertex indices of all faces, concatenated.
     pub(super) corners: Vec<u32>,
     /// End of each face in `corners`.
     pub(super) face_ends: Vec<usize>,
 }
 
-/// Property names of position, normal and texture coordinates.
-const VERTEX: [&[&[u8]]; 8] = [
+/// Number of entries of [`VERTEX`].
+const N_SLOTS: usize = 11;
+
+/// Property names of position, normal, texture coordinates and color.
+const VERTEX: [&[&[u8]]; N_SLOTS] = [
     &[b"x"],
     &[b"y"],
     &[b"z"],
@@ -31,6 +38,9 @@ const VERTEX: [&[&[u8]]; 8] = [
     &[b"nz"],
     &[b"u", b"s", b"texture_u", b"texture_s"],
     &[b"v", b"t", b"texture_v", b"texture_t"],
+    &[b"red", b"r", b"diffuse_red"],
+    &[b"green", b"g", b"diffuse_green"],
+    &[b"blue", b"b", b"diffuse_blue"],
 ];
 
 /// Property names of the vertex indices of a face.
@@ -49,8 +59,15 @@ pub(super) fn table(path: &Path, header: &Header, bytes: &[u8]) -> Result<(Table
             b"vertex" => {
                 let slots = vertex_slots(element).map_err(of_element)?;
                 table.reserve_vertices(n_rows, &slots);
+                table.max_color = max_color(element, &slots);
                 for row in 0..n_rows {
                     table.vertex(&mut body, element, &slots).map_err(|message| of_row(row, message))?;
+                }
+            }
+            b"tristrips" => {
+                let list = face_list(element).map_err(of_element)?;
+                for row in 0..n_rows {
+                    table.strips(&mut body, element, list).map_err(|message| of_row(row, message))?;
                 }
             }
             b"face" => {
@@ -72,7 +89,7 @@ pub(super) fn table(path: &Path, header: &Header, bytes: &[u8]) -> Result<(Table
 
 /// Index into [`VERTEX`] of each vertex property; the first of several with the same meaning is used.
 fn vertex_slots(element: &Element) -> Result<Vec<Option<usize>>, String> {
-    let mut is_taken = [false; 8];
+    let mut is_taken = [false; N_SLOTS];
     let slots = element.properties.iter().map(|property| {
         let is_scalar = matches!(property.kind, Kind::Scalar(_));
         let slot = VERTEX.iter().position(|names| is_scalar && names.contains(&property.name));
@@ -95,29 +112,43 @@ fn face_list(element: &Element) -> Result<usize, String> {
     }
 }
 
+/// The largest value of the integer type of the first color property.
+fn max_color(element: &Element, slots: &[Option<usize>]) -> Option<f32> {
+    let red = slots.iter().position(|&slot| slot == Some(8))?;
+    match element.properties[red].kind {
+        Kind::Scalar(Scalar::U8 | Scalar::I8) => Some(255.0),
+        Kind::Scalar(Scalar::U16 | Scalar::I16) => Some(65_535.0),
+        _ => None,
+    }
+}
+
 impl Table {
     fn reserve_vertices(&mut self, n: usize, slots: &[Option<usize>]) {
         let has = |needed: std::ops::Range<usize>| needed.into_iter().all(|slot| slots.contains(&Some(slot)));
         self.positions.reserve_exact(n);
         self.normals = has(3..6).then(|| Vec::with_capacity(n));
         self.uvs = has(6..8).then(|| Vec::with_capacity(n));
+        self.colors = has(8..N_SLOTS).then(|| Vec::with_capacity(n));
     }
 
     fn vertex(&mut self, body: &mut Body, element: &Element, slots: &[Option<usize>]) -> Result<(), String> {
-        let mut numbers = [0.0; 8];
+        let mut numbers = [0.0; N_SLOTS];
         for (property, slot) in element.properties.iter().zip(slots) {
             match (property.kind, slot) {
                 (Kind::Scalar(scalar), &Some(slot)) => numbers[slot] = body.float(scalar)?,
                 (kind, _) => body.skip(kind)?,
             }
         }
-        let [x, y, z, nx, ny, nz, u, v] = numbers;
+        let [x, y, z, nx, ny, nz, u, v, r, g, b] = numbers;
         self.positions.push([x, y, z]);
         if let Some(normals) = &mut self.normals {
             normals.push([nx, ny, nz]);
         }
         if let Some(uvs) = &mut self.uvs {
             uvs.push([u, v]);
+        }
+        if let Some(colors) = &mut self.colors {
+            colors.push([r, g, b]);
         }
         Ok(())
     }
@@ -130,6 +161,36 @@ impl Table {
             }
         }
         self.face_ends.push(self.corners.len());
+        Ok(())
+    }
+
+    /// Triangle strips: each index after the first two of a strip makes a triangle with the two before it, every other one
+    /// turned around; a negative index ends a strip. Triangles with a repeated index only join strips.
+    fn strips(&mut self, body: &mut Body, element: &Element, list: usize) -> Result<(), String> {
+        for (k, property) in element.properties.iter().enumerate() {
+            let (count, item) = match property.kind {
+                Kind::List { count, item } if k == list => (count, item),
+                kind => {
+                    body.skip(kind)?;
+                    continue;
+                }
+            };
+            let (mut strip, mut n_strip) = ([0_u32; 2], 0_usize);
+            for _ in 0..body.length(count, item)? {
+                let index = body.integer(item)?;
+                if index < 0 {
+                    n_strip = 0;
+                    continue;
+                }
+                let c = u32::try_from(index).map_err(|_| format!("invalid vertex index {index}"))?;
+                let [a, b] = strip;
+                if n_strip >= 2 && a != b && b != c && c != a {
+                    self.corners.extend(if n_strip.is_multiple_of(2) { [a, b, c] } else { [b, a, c] });
+                    self.face_ends.push(self.corners.len());
+                }
+                (strip, n_strip) = ([b, c], n_strip + 1);
+            }
+        }
         Ok(())
     }
 
