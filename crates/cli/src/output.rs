@@ -1,6 +1,7 @@
 //! Standard output and error, and checks of output files.
 
 use std::{
+    cell::RefCell,
     fs,
     io::{ErrorKind, Write},
     path::{Path, PathBuf},
@@ -25,9 +26,25 @@ pub(crate) fn to_stderr(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Writes a warning to standard error.
+thread_local! {
+    /// Warnings of this thread since [`collecting`] began.
+    static COLLECTED: RefCell<Option<Vec<String>>> = const { RefCell::new(None) };
+}
+
+/// Writes a warning to standard error, or collects it.
 pub(crate) fn warn(text: &str) {
-    to_stderr(&format!("warning: {text}"));
+    let is_collected = COLLECTED.with_borrow_mut(|all| all.as_mut().map(|all| all.push(text.to_owned())).is_some());
+    if !is_collected {
+        to_stderr(&format!("warning: {text}"));
+    }
+}
+
+/// Runs a function and returns its warnings instead of writing them.
+pub(crate) fn collecting<R>(run: impl FnOnce() -> R) -> (R, Vec<String>) {
+    // A thread that waits for others may take up another picture in between.
+    let outer = COLLECTED.replace(Some(Vec::new()));
+    let result = run();
+    (result, COLLECTED.replace(outer).unwrap_or_default())
 }
 
 /// Fails if a file cannot be written, before any work is done. Leaves no file behind.

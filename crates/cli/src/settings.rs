@@ -77,7 +77,7 @@ const IGNORED_BY_HEATMAP: [&str; 16] = [
     "focus",
 ];
 
-fn render_command() -> Command {
+pub(crate) fn render_command() -> Command {
     render::Args::augment_args(Command::new("render")).disable_help_flag(true)
 }
 
@@ -112,7 +112,7 @@ fn check_one(Setting { key, value, .. }: &Setting, command: &Command) -> Result<
 }
 
 /// A setting as an option.
-fn option(key: &str, value: &str) -> OsString {
+pub(crate) fn option(key: &str, value: &str) -> OsString {
     format!("{}={value}", flag(key)).into()
 }
 
@@ -166,14 +166,20 @@ pub(crate) fn command_line(program: &Command) -> Result<ArgMatches> {
     }
     let mut words: Vec<OsString> = std::env::args_os().collect();
     let rest = words.split_off(words.len().min(2));
-    words.extend(
-        settings
-            .iter()
-            .filter(|setting| applies(setting, &settings, options))
-            .filter_map(|setting| Some(option(&setting.key, setting.value.as_deref()?))),
-    );
+    words.extend(as_options(&settings, options));
     words.extend(rest);
     Ok(program.mut_subcommand(name, |command| command.args_override_self(true)).get_matches_from(words))
+}
+
+/// The settings that apply together with the options of the command line, as options.
+pub(crate) fn as_options(settings: &[Setting], options: &ArgMatches) -> Vec<OsString> {
+    let applying = settings.iter().filter(|setting| applies(setting, settings, options));
+    applying.filter_map(|setting| Some(option(&setting.key, setting.value.as_deref()?))).collect()
+}
+
+/// The options that a picture in memory can have: those that determine it, and its additional channels.
+pub(crate) fn is_of_picture(id: &str) -> bool {
+    id == "aovs" || !RUN_OPTIONS.contains(&id)
 }
 
 /// Whether an option is on the command line.
