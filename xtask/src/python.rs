@@ -52,8 +52,7 @@ pub(crate) fn wheel() -> Result<bool> {
     Ok(true)
 }
 
-/// Measures the package and its peers, writes [`RECORD`], and fills the tables that show it. `args` are passed on: the number of rays
-/// and of rounds.
+/// Measures the package and its peers, writes [`RECORD`], and fills the tables that show it. `args`: the number of rays and of rounds.
 pub(crate) fn measure(args: &[&str]) -> Result<bool> {
     let Some(python) = program() else { bail!("Python 3.9 or newer is not found") };
     let environment = Environment::new(python)?;
@@ -69,7 +68,7 @@ pub(crate) fn measure(args: &[&str]) -> Result<bool> {
     environment.install(&wheels)?;
     let scenes = std::env::var_os("CANTED_SCENES").map_or_else(|| workspace::root().join("../shared/scenes"), PathBuf::from);
     let mut script = environment.command(&["crates/python/examples/table.py"]);
-    script.arg(scenes.join("stanford/bunny.ply")).args(args);
+    script.arg(scenes.join("stanford/bunny.ply")).args(if args.is_empty() { &["1000000", "5"] } else { args });
     let mut text = String::new();
     let is_well = command::for_each_line(&mut script, |line| {
         say(line);

@@ -54,9 +54,9 @@ def render(scene=None, size=None, spp=None, *, integrator=None, seed=None, aovs=
     Raises
     ------
     ValueError
-        An unknown option, an invalid value, a damaged file. One sentence.
+        An unknown option, an invalid value, a damaged file, a scene that refers to an absent one. One sentence.
     OSError
-        A file that cannot be read.
+        The file `scene` cannot be read.
 
     Warnings of the program are Python's warnings.
     """

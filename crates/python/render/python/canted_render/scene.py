@@ -1,7 +1,6 @@
 """Scenes as dicts: the tables of a scene file, and meshes of arrays."""
 
 import json
-import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -111,7 +110,7 @@ def _value(value, name):
         return str(int(value))
     if isinstance(value, (float, np.floating)):
         # The shortest number with these bits, also of float32.
-        return str(value).replace("nan", "nan") if math.isfinite(value) else ("-inf" if value < 0 else str(float(value)))
+        return str(value)
     if hasattr(value, "__fspath__"):
         value = value.__fspath__()
     if isinstance(value, str):
