@@ -96,7 +96,9 @@ fn if_installed(name: &str, command: &mut Command) -> Result<End> {
 
 fn formatting() -> Result<End> {
     let workspace = if_installed("fmt", &mut cargo(&["fmt", "--all", "--check"]))?;
-    both(workspace, || if_installed("fmt", &mut cargo(&["fmt", "--manifest-path", python::MANIFEST, "--all", "--check"])))
+    both(workspace, || {
+        if_installed("fmt", &mut cargo(&["fmt", "--manifest-path", python::MANIFEST, "--all", "--check"]))
+    })
 }
 
 /// The end of two checks of one kind.

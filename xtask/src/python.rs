@@ -66,7 +66,8 @@ pub(crate) fn measure(args: &[&str]) -> Result<bool> {
     }
     let Some(wheels) = environment.build()? else { return Ok(false) };
     environment.install(&wheels)?;
-    let scenes = std::env::var_os("CANTED_SCENES").map_or_else(|| workspace::root().join("../shared/scenes"), PathBuf::from);
+    let scenes =
+        std::env::var_os("CANTED_SCENES").map_or_else(|| workspace::root().join("../shared/scenes"), PathBuf::from);
     let mut script = environment.command(&["crates/python/examples/table.py"]);
     script.arg(scenes.join("stanford/bunny.ply")).args(if args.is_empty() { &["1000000", "5"] } else { args });
     let mut text = String::new();

@@ -93,12 +93,14 @@ fn render<K: LaneKernel>(scene: &mut Scene, args: &Args, settings: &Settings, mo
 /// The options of the picture after the settings of the scene file, which they override.
 fn parse(file: Option<&SceneFile>, scene: Option<&Path>, options: &[(String, String)]) -> Result<Args> {
     let command = settings::render_command().args_override_self(true);
-    let known = |id: &str| command.get_arguments().any(|arg| arg.get_id().as_str() == id && settings::is_of_picture(id));
+    let known =
+        |id: &str| command.get_arguments().any(|arg| arg.get_id().as_str() == id && settings::is_of_picture(id));
     let mut words: Vec<OsString> = Vec::new();
     for (name, value) in options {
         let id = name.replace('-', "_");
         if !known(&id) {
-            let names = command.get_arguments().map(|arg| arg.get_id().as_str()).filter(|id| settings::is_of_picture(id));
+            let names =
+                command.get_arguments().map(|arg| arg.get_id().as_str()).filter(|id| settings::is_of_picture(id));
             let near = closest_match(&id, names).unwrap_or_default();
             return Err(anyhow!("unknown option '{}'; did you mean '{near}'?", name.escape_debug()));
         }
@@ -122,7 +124,8 @@ fn parse(file: Option<&SceneFile>, scene: Option<&Path>, options: &[(String, Str
 /// The error of a command line on one line, without advice about the program.
 fn sentence(error: &clap::Error) -> String {
     let text = error.to_string();
-    let lines = text.lines().map(str::trim).take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"));
+    let lines =
+        text.lines().map(str::trim).take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"));
     let line = lines.filter(|line| !line.is_empty() && !line.starts_with("tip:")).collect::<Vec<_>>().join(" ");
     line.strip_prefix("error: ").unwrap_or(&line).to_owned()
 }
@@ -162,6 +165,9 @@ mod tests {
         assert!(of_value.starts_with("invalid value 'none' for '--spp <N>'") && !of_value.contains('\n'), "{of_value}");
         let of_name = error("integrator", "pth");
         assert!(of_name.contains("[possible values: hybrid, path]") && !of_name.contains("help"), "{of_name}");
-        assert_eq!(error("ao_radius", "0"), "invalid value '0' for '--ao-radius <LENGTH>': '0' is not a length greater than zero");
+        assert_eq!(
+            error("ao_radius", "0"),
+            "invalid value '0' for '--ao-radius <LENGTH>': '0' is not a length greater than zero"
+        );
     }
 }

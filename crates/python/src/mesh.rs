@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use canted::{
-    BaldwinWeber, Blas, Config, GeometryError, HIT_ERROR, Hit, HitLists, InstanceId, LoadError, MollerTrumbore, NearestPoint,
-    Obb, PredictedCost, Preset, PrimId, Query, Ray, Refit, RefitError, SimdPath, Sizes, TriangleBvh, Watertight,
+    BaldwinWeber, Blas, Config, GeometryError, HIT_ERROR, Hit, HitLists, InstanceId, LoadError, MollerTrumbore,
+    NearestPoint, Obb, PredictedCost, Preset, PrimId, Query, Ray, Refit, RefitError, SimdPath, Sizes, TriangleBvh,
+    Watertight,
 };
 use pyo3::prelude::*;
 

@@ -47,7 +47,8 @@ fn content(MeshArrays(name, vertices, triangles, normals, uvs, colors): &MeshArr
     };
     let n = mesh.positions.len();
     let all_in_range = mesh.triangles.iter().flatten().all(|&index| (index as usize) < n);
-    let lengths = [mesh.normals.as_ref().map(Vec::len), mesh.uvs.as_ref().map(Vec::len), mesh.colors.as_ref().map(Vec::len)];
+    let lengths =
+        [mesh.normals.as_ref().map(Vec::len), mesh.uvs.as_ref().map(Vec::len), mesh.colors.as_ref().map(Vec::len)];
     if !all_in_range || lengths.into_iter().flatten().any(|length| length != n) {
         return Err(invalid(format!("mesh '{name}' has an index or a row that belongs to no vertex")));
     }

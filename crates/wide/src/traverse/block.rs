@@ -200,7 +200,12 @@ impl<'a> Block<'a> {
     /// exceeds 2Z, `T - 2Z·det` is not positive, so it is not sure. The kernel rounds `t` to nearest, so its own
     /// comparisons agree. A product that overflows makes the error infinite and nothing sure.
     #[inline(always)]
-    fn edges<S: Simd, const SURE: bool, const INSIDE: bool>(&self, simd: S, ray: &RayTriangles<S>, t_max: f32) -> Candidates<S> {
+    fn edges<S: Simd, const SURE: bool, const INSIDE: bool>(
+        &self,
+        simd: S,
+        ray: &RayTriangles<S>,
+        t_max: f32,
+    ) -> Candidates<S> {
         let a = self.sheared(simd, ray, 0);
         let b = self.sheared(simd, ray, 3);
         let c = self.sheared(simd, ray, 6);
