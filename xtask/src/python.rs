@@ -46,10 +46,14 @@ pub(crate) fn wheel() -> Result<bool> {
     }
     let Some(wheels) = environment.build()? else { return Ok(false) };
     for wheel in wheels {
-        let n_bytes = fs::metadata(&wheel).with_context(|| format!("cannot read {}", wheel.display()))?.len();
-        say(&format!("wrote {} ({} KiB)", wheel.display(), n_bytes.div_ceil(1024)));
+        say(&format!("wrote {} ({} KiB)", wheel.display(), kib(&wheel)?));
     }
     Ok(true)
+}
+
+/// The size of a file in KiB.
+fn kib(path: &Path) -> Result<u64> {
+    Ok(fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len().div_ceil(1024))
 }
 
 /// Measures the package and its peers, writes [`RECORD`], and fills the tables that show it. `args`: the number of rays and of rounds.
@@ -78,6 +82,10 @@ pub(crate) fn measure(args: &[&str]) -> Result<bool> {
     })?;
     if !is_well {
         return Ok(false);
+    }
+    for wheel in &wheels {
+        let package = wheel.file_name().unwrap_or_default().to_string_lossy();
+        text += &format!("\nWheel of {}: {} KiB.\n", package.split('-').next().unwrap_or_default(), kib(wheel)?);
     }
     fs::write(workspace::root().join(RECORD), text).with_context(|| format!("cannot write {RECORD}"))?;
     say(&format!("wrote {RECORD}"));

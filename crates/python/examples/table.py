@@ -8,6 +8,7 @@ Markdown. `cargo xtask python` runs it with 1,000,000 rays and writes the file. 
 
 import os
 import platform
+import subprocess
 import sys
 import time
 import warnings
@@ -89,7 +90,15 @@ def main(model=None, n=20_000, n_rounds=3):
     for mesh, queries in measured.items():
         for query, of in queries.items():
             print(f"| {mesh}, {query} | " + " | ".join(f"{of[name][0]:.3f}" if name in of else "" for name in engines) + " |")
+    print(f"\n`import canted`: {1e3 * import_time():.0f} ms, the least of five.")
     print(f"\nVersions: canted {canted.__version__}, trimesh {trimesh.__version__}{version('embreex')}{version('open3d')}.")
+
+
+def import_time():
+    """Seconds of `import canted` in a new process, the least of five."""
+    program = "import time; start = time.perf_counter(); import canted; print(time.perf_counter() - start)"
+    command = [sys.executable, "-c", program]
+    return min(float(subprocess.run(command, capture_output=True, check=True).stdout) for _ in range(5))
 
 
 def version(name):
