@@ -96,7 +96,9 @@ fn if_installed(name: &str, command: &mut Command) -> Result<End> {
 
 fn formatting() -> Result<End> {
     let workspace = if_installed("fmt", &mut cargo(&["fmt", "--all", "--check"]))?;
-    both(workspace, || if_installed("fmt", &mut cargo(&["fmt", "--manifest-path", python::MANIFEST, "--check"])))
+    both(workspace, || {
+        if_installed("fmt", &mut cargo(&["fmt", "--manifest-path", python::MANIFEST, "--all", "--check"]))
+    })
 }
 
 /// The end of two checks of one kind.
@@ -114,7 +116,7 @@ fn lints() -> Result<End> {
             say("skipped lints of the Python package: Python 3.9 or newer is not found");
             return Ok(End::Passed);
         }
-        let mut command = cargo(&["clippy", "--manifest-path", python::MANIFEST, "--all-targets"]);
+        let mut command = cargo(&["clippy", "--manifest-path", python::MANIFEST, "--workspace", "--all-targets"]);
         if_installed("clippy", command.args(["--target-dir", "target/python/build", "--", "-D", "warnings"]))
     })
 }

@@ -28,7 +28,8 @@ const USAGE: &str = "usage: cargo xtask TASK
 
   test              run all tests; the last line counts them
   ci                run all checks: formatting, tidy, lints, documentation, features, packages, tests
-  wheel             build the Python package into target/wheels; needs Python 3.9 or newer
+  wheel             build the Python packages into target/wheels; needs Python 3.9 or newer
+  python [RAYS [ROUNDS]]  measure the Python package and its peers into benches/PYTHON.md, and fill the tables
   tidy              check style rules that formatters and lints do not cover
   tables            fill the measured tables of README.md and docs from benches/RESULTS.md
   bench [ARGS]      run benchmarks and write benches/RESULTS.md: load, build, trace, picture, textures, bias, noise,
@@ -51,6 +52,7 @@ fn main() -> ExitCode {
         ["test"] => test::run(),
         ["ci"] => ci::run(),
         ["wheel"] => python::wheel(),
+        ["python", ref args @ ..] => python::measure(args),
         ["tidy"] => tidy::run(),
         ["tables"] => tables::run(),
         ["bench", ref args @ ..] => bench::run(args),

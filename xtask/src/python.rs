@@ -1,4 +1,4 @@
-//! The Python package: `cargo xtask wheel`, and its tests as a part of `cargo xtask test`.
+//! The Python packages: `cargo xtask wheel`, their tests as a part of `cargo xtask test`, and their measurements, `cargo xtask python`.
 //!
 //! Everything is installed into a virtual environment under `target/python`. Where there is no Python 3.9 or newer, or no package
 //! registry, the tests are skipped with that reason.
@@ -14,11 +14,17 @@ use anyhow::{Context, Result, bail};
 use crate::{
     command::{self, say, succeeds},
     count::Count,
-    workspace,
+    tables, workspace,
 };
 
 /// The manifest of the package, which is no member of the workspace.
 pub(crate) const MANIFEST: &str = "crates/python/Cargo.toml";
+
+/// The manifests of all packages: the queries, and the renderer.
+const PACKAGES: [&str; 2] = [MANIFEST, "crates/python/render/Cargo.toml"];
+
+/// What `cargo xtask python` writes.
+pub(crate) const RECORD: &str = "benches/PYTHON.md";
 
 /// Where programs of Python are looked for, and what they must answer.
 const PROGRAMS: [&str; 3] = ["python3", "python", "py"];
@@ -28,16 +34,62 @@ const IS_RECENT: &str = "import sys, venv, ensurepip; sys.exit(sys.version_info 
 const NEEDED: [&str; 3] = ["pytest", "numpy", "trimesh"];
 const PEERS: [&str; 2] = ["embreex", "rtree"];
 
-/// Builds the wheel into `target/wheels`.
+/// Peers that are measured only: large downloads.
+const MEASURED: [&str; 1] = ["open3d"];
+
+/// Builds the wheels into `target/wheels`.
 pub(crate) fn wheel() -> Result<bool> {
     let Some(python) = program() else { bail!("Python 3.9 or newer is not found") };
     let environment = Environment::new(python)?;
     if !environment.pip(&["maturin"])? {
         bail!("maturin cannot be installed from the package registry");
     }
-    let Some(wheel) = environment.build()? else { return Ok(false) };
-    say(&format!("wrote {}", wheel.display()));
+    let Some(wheels) = environment.build()? else { return Ok(false) };
+    for wheel in wheels {
+        say(&format!("wrote {} ({} KiB)", wheel.display(), kib(&wheel)?));
+    }
     Ok(true)
+}
+
+/// The size of a file in KiB.
+fn kib(path: &Path) -> Result<u64> {
+    Ok(fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len().div_ceil(1024))
+}
+
+/// Measures the package and its peers, writes [`RECORD`], and fills the tables that show it. `args`: the number of rays and of rounds.
+pub(crate) fn measure(args: &[&str]) -> Result<bool> {
+    let Some(python) = program() else { bail!("Python 3.9 or newer is not found") };
+    let environment = Environment::new(python)?;
+    if !environment.pip(&["maturin"])? || !environment.pip(&NEEDED)? {
+        bail!("the package registry cannot be reached");
+    }
+    for peer in PEERS.iter().chain(&MEASURED) {
+        if !environment.pip(&["--only-binary", ":all:", peer])? {
+            say(&format!("skipped comparisons with {peer}: it cannot be installed"));
+        }
+    }
+    let Some(wheels) = environment.build()? else { return Ok(false) };
+    environment.install(&wheels)?;
+    let scenes =
+        std::env::var_os("CANTED_SCENES").map_or_else(|| workspace::root().join("../shared/scenes"), PathBuf::from);
+    let mut script = environment.command(&["crates/python/examples/table.py"]);
+    script.arg(scenes.join("stanford/bunny.ply")).args(if args.is_empty() { &["1000000", "5"] } else { args });
+    let mut text = String::new();
+    let is_well = command::for_each_line(&mut script, |line| {
+        say(line);
+        text += line;
+        text.push('\n');
+    })?;
+    if !is_well {
+        return Ok(false);
+    }
+    for wheel in &wheels {
+        let package = wheel.file_name().unwrap_or_default().to_string_lossy();
+        text += &format!("\nWheel of {}: {} KiB.\n", package.split('-').next().unwrap_or_default(), kib(wheel)?);
+    }
+    fs::write(workspace::root().join(RECORD), text).with_context(|| format!("cannot write {RECORD}"))?;
+    say(&format!("wrote {RECORD}"));
+    tables::run()
 }
 
 /// Builds and installs the package, runs its tests and adds them to `count`. Returns whether none failed.
@@ -57,15 +109,12 @@ pub(crate) fn test(count: &mut Count) -> Result<bool> {
             say(&format!("skipped comparisons with {peer}: it cannot be installed"));
         }
     }
-    let Some(wheel) = environment.build()? else {
-        say("the Python package does not build: counted as one failure");
+    let Some(wheels) = environment.build()? else {
+        say("a Python package does not build: counted as one failure");
         count.failed += 1;
         return Ok(false);
     };
-    let wheel = wheel.to_string_lossy().into_owned();
-    if !environment.pip(&["--no-deps", "--force-reinstall", &wheel])? {
-        bail!("{wheel} cannot be installed");
-    }
+    environment.install(&wheels)?;
     let mut pytest = environment.command(&["-m", "pytest", "-q", "-rs", "-p", "no:cacheprovider"]);
     pytest.current_dir(workspace::root().join("crates/python"));
     let mut last = String::new();
@@ -136,29 +185,44 @@ impl Environment {
         succeeds(command.args(packages))
     }
 
-    /// Builds the wheel; its path, or `None` where it does not build.
-    fn build(&self) -> Result<Option<PathBuf>> {
+    /// Installs wheels.
+    fn install(&self, wheels: &[PathBuf]) -> Result<()> {
+        for wheel in wheels {
+            if !self.pip(&["--no-deps", "--force-reinstall", &wheel.to_string_lossy()])? {
+                bail!("{} cannot be installed", wheel.display());
+            }
+        }
+        Ok(())
+    }
+
+    /// Builds the wheels; their paths, or `None` where one does not build.
+    fn build(&self) -> Result<Option<Vec<PathBuf>>> {
         let wheels = workspace::root().join("target/wheels");
         if wheels.is_dir() {
-            // Only one wheel is there afterwards, whatever its version.
+            // Only these wheels are there afterwards, whatever their version.
             fs::remove_dir_all(&wheels).with_context(|| format!("cannot remove {}", wheels.display()))?;
         }
-        let args = ["-m", "maturin", "build", "--release", "--quiet", "--manifest-path", MANIFEST, "--out"];
-        let mut command = self.command(&args);
-        command.arg(&wheels).env("CARGO_TARGET_DIR", workspace::root().join("target/python/build"));
-        if !succeeds(&mut command)? {
-            return Ok(None);
+        for manifest in PACKAGES {
+            let args = ["-m", "maturin", "build", "--release", "--quiet", "--manifest-path", manifest, "--out"];
+            let mut command = self.command(&args);
+            command.arg(&wheels).env("CARGO_TARGET_DIR", workspace::root().join("target/python/build"));
+            if !succeeds(&mut command)? {
+                return Ok(None);
+            }
         }
-        wheel_in(&wheels).map(Some)
+        wheels_in(&wheels).map(Some)
     }
 }
 
-/// The wheel in a folder.
-fn wheel_in(folder: &Path) -> Result<PathBuf> {
+/// The wheels in a folder.
+fn wheels_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = fs::read_dir(folder).with_context(|| format!("cannot list {}", folder.display()))?;
     let paths = entries.filter_map(|entry| entry.ok().map(|entry| entry.path()));
-    let wheel = paths.into_iter().find(|path| path.extension().is_some_and(|extension| extension == "whl"));
-    wheel.with_context(|| format!("there is no wheel in {}", folder.display()))
+    let wheels: Vec<_> = paths.filter(|path| path.extension().is_some_and(|extension| extension == "whl")).collect();
+    if wheels.len() != PACKAGES.len() {
+        bail!("there are {} wheels in {}, not {}", wheels.len(), folder.display(), PACKAGES.len());
+    }
+    Ok(wheels)
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! `cargo xtask tables`: tables in documents whose numbers come from `benches/RESULTS.md`.
+//! `cargo xtask tables`: tables in documents whose numbers come from `benches/RESULTS.md` and `benches/PYTHON.md`.
 //!
 //! ```text
 //! <!-- measured
@@ -20,7 +20,7 @@ use std::{fs, path::Path};
 
 use anyhow::{Context, Result, anyhow};
 
-use crate::{bench::RESULTS, command::say, workspace};
+use crate::{bench::RESULTS, command::say, python::RECORD, workspace};
 
 const OPEN: &str = "<!-- measured\n";
 const CLOSE: &str = "<!-- end -->";
@@ -43,10 +43,13 @@ pub(crate) fn run() -> Result<bool> {
     Ok(true)
 }
 
-/// What `benches/RESULTS.md` holds.
+/// What `benches/RESULTS.md` and `benches/PYTHON.md` hold.
 pub(crate) fn results() -> Result<String> {
-    let path = workspace::root().join(RESULTS);
-    fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))
+    let read = |name: &str| {
+        let path = workspace::root().join(name);
+        fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))
+    };
+    Ok(read(RESULTS)? + "\n" + &read(RECORD)?)
 }
 
 /// What is wrong with the tables of a document, if anything.

@@ -32,7 +32,7 @@ pub use canted_kdtree::{Config as KdTreeConfig, KdTree, Memory as KdTreeMemory, 
 pub use canted_lbvh::{GeometryError, Strategy, VolumeConfig};
 pub use canted_sah::Builder;
 pub use canted_wide::{
-    ClosestPoint, Config, Costs, DistanceShape, LaneKernel, LeafPrimitive, LoadError, NearestPoint, NodeKind,
+    ClosestPoint, Config, Costs, DistanceShape, HitLists, LaneKernel, LeafPrimitive, LoadError, NearestPoint, NodeKind,
     PredictedCost, Preset, Primitive, PrimitiveError, PrimitiveHit, Refit, RefitError, SavedPrimitive, SimdPath, Sizes,
     TraversalCounts, Triangle, TriangleBvh, WideBvh, bounds_of_points, extent_of_points,
 };

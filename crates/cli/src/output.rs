@@ -1,6 +1,7 @@
 //! Standard output and error, and checks of output files.
 
 use std::{
+    cell::RefCell,
     fs,
     io::{ErrorKind, Write},
     path::{Path, PathBuf},
@@ -57,16 +58,26 @@ pub(crate) fn to_stderr(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Writes a warning to standard error, unless `-q` is given.
+thread_local! {
+    /// Warnings and notes of this thread since [`collecting`] began.
+    static COLLECTED: RefCell<Option<Vec<String>>> = const { RefCell::new(None) };
+}
+
+/// Whether a sentence was collected instead of being written.
+fn is_collected(text: &str) -> bool {
+    COLLECTED.with_borrow_mut(|all| all.as_mut().map(|all| all.push(text.to_owned())).is_some())
+}
+
+/// Writes a warning to standard error, unless `-q` is given, or collects it.
 pub(crate) fn warn(text: &str) {
-    if !is_quiet() {
+    if !is_collected(text) && !is_quiet() {
         to_stderr(&format!("warning: {text}"));
     }
 }
 
-/// Writes a note about what was decided to standard error, unless `-q` is given.
+/// Writes a note about what was decided to standard error, unless `-q` is given, or collects it.
 pub(crate) fn note(text: &str) {
-    if !is_quiet() {
+    if !is_collected(text) && !is_quiet() {
         to_stderr(&format!("note: {text}"));
     }
 }
@@ -76,6 +87,14 @@ pub(crate) fn detail(text: impl FnOnce() -> String) {
     if is_verbose() {
         to_stderr(&format!("detail: {}", text()));
     }
+}
+
+/// Runs a function and returns its warnings and notes instead of writing them.
+pub(crate) fn collecting<R>(run: impl FnOnce() -> R) -> (R, Vec<String>) {
+    // A thread that waits for others may take up another picture in between.
+    let outer = COLLECTED.replace(Some(Vec::new()));
+    let result = run();
+    (result, COLLECTED.replace(outer).unwrap_or_default())
 }
 
 /// Fails if a file cannot be written, before any work is done. Leaves no file behind.

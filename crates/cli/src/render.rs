@@ -38,6 +38,7 @@ use args::checkpoint_record;
 use checkpoint::CheckpointWriter;
 pub(crate) use checkpoint::difference;
 use facts::Fact;
+pub(crate) use facts::dropped_samples;
 use film::{CpuRenderer, FilmRenderer};
 pub(crate) use setup::{Choice, Setup, setup};
 

@@ -84,7 +84,7 @@ const IGNORED_BY_HEATMAP: [&str; 16] = [
     "focus",
 ];
 
-fn render_command() -> Command {
+pub(crate) fn render_command() -> Command {
     render::Args::augment_args(Command::new("render")).disable_help_flag(true)
 }
 
@@ -118,7 +118,7 @@ fn check_one(Setting { key, value, .. }: &Setting, command: &Command) -> Result<
 }
 
 /// A setting as an option.
-fn option(key: &str, value: &str) -> OsString {
+pub(crate) fn option(key: &str, value: &str) -> OsString {
     format!("{}={value}", flag(key)).into()
 }
 
@@ -170,13 +170,20 @@ pub(crate) fn command_line(program: &Command, words: &Words) -> Result<ArgMatche
     if settings.is_empty() {
         return Ok(own);
     }
-    let words = words.with(
-        settings
-            .iter()
-            .filter(|setting| applies(setting, &settings, options))
-            .filter_map(|setting| Some(option(&setting.key, setting.value.as_deref()?))),
-    );
+    let words = words.with(as_options(&settings, options));
     Ok(program.mut_subcommand(name, |command| command.args_override_self(true)).get_matches_from(words))
+}
+
+/// The settings that apply together with the options of the command line, as options.
+pub(crate) fn as_options(settings: &[Setting], options: &ArgMatches) -> Vec<OsString> {
+    let applying = settings.iter().filter(|setting| applies(setting, settings, options));
+    applying.filter_map(|setting| Some(option(&setting.key, setting.value.as_deref()?))).collect()
+}
+
+/// The options that a picture in memory can have: those that determine it, and its additional channels.
+pub(crate) fn is_of_picture(id: &str) -> bool {
+    // A film is linear: exposure and tone curve belong to the formats of files.
+    id == "aovs" || !RUN_OPTIONS.contains(&id) && !["exposure", "tone_map"].contains(&id)
 }
 
 /// Whether an option is on the command line.

@@ -6,7 +6,7 @@ mod guide;
 mod part;
 mod pixel;
 
-pub use aov::{Aov, Aovs};
+pub use aov::{Aov, AovValues, Aovs};
 pub use dyadic::Block;
 pub use dyadic::Dyadic;
 pub(crate) use dyadic::total;

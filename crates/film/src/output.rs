@@ -43,7 +43,7 @@ const ENCODING: Encoding =
     Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
 
 /// `x` with unique bits for zero and NaN.
-fn canonical(x: f32) -> f32 {
+pub(crate) fn canonical(x: f32) -> f32 {
     if x.is_nan() {
         f32::NAN
     } else {

@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use canted::{
-    BaldwinWeber, Blas, Config, GeometryError, HIT_ERROR, Hit, InstanceId, LoadError, MollerTrumbore, NearestPoint,
-    Obb, PredictedCost, Preset, PrimId, Query, Ray, Refit, RefitError, SimdPath, Sizes, TriangleBvh, Watertight,
+    BaldwinWeber, Blas, Config, GeometryError, HIT_ERROR, Hit, HitLists, InstanceId, LoadError, MollerTrumbore,
+    NearestPoint, Obb, PredictedCost, Preset, PrimId, Query, Ray, Refit, RefitError, SimdPath, Sizes, TriangleBvh,
+    Watertight,
 };
 use pyo3::prelude::*;
 
@@ -185,7 +186,8 @@ impl Blas for Mesh {
 pub(crate) trait Target: Sync {
     fn closest_hits(&self, rays: &[Ray], hits: &mut [Option<Hit>]);
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]);
-    fn all_hits(&self, rays: &[Ray], hits: &mut [Vec<Hit>]);
+    /// Calls `visit` with the hits of each ray, in order.
+    fn all_hits(&self, rays: &[Ray], visit: impl FnMut(&[Hit]));
 }
 
 impl Target for Mesh {
@@ -197,8 +199,10 @@ impl Target for Mesh {
         of_each!(self, bvh => bvh.occluded_many(rays, occluded));
     }
 
-    fn all_hits(&self, rays: &[Ray], hits: &mut [Vec<Hit>]) {
-        of_each!(self, bvh => bvh.all_hits_many(rays, hits));
+    fn all_hits(&self, rays: &[Ray], visit: impl FnMut(&[Hit])) {
+        let mut lists = HitLists::new();
+        of_each!(self, bvh => bvh.all_hits_listed(rays, &mut lists));
+        lists.of_rays().for_each(visit);
     }
 }
 
@@ -211,8 +215,10 @@ impl Target for canted::Tlas<Arc<Mesh>> {
         self.occluded_many(rays, occluded);
     }
 
-    fn all_hits(&self, rays: &[Ray], hits: &mut [Vec<Hit>]) {
-        self.all_hits_many(rays, hits);
+    fn all_hits(&self, rays: &[Ray], visit: impl FnMut(&[Hit])) {
+        let mut hits = vec![vec![]; rays.len()];
+        self.all_hits_many(rays, &mut hits);
+        hits.iter().map(Vec::as_slice).for_each(visit);
     }
 }
 
@@ -228,7 +234,9 @@ impl Target for Crossings<'_> {
         self.0.occluded_many(rays, occluded);
     }
 
-    fn all_hits(&self, rays: &[Ray], hits: &mut [Vec<Hit>]) {
-        rays.iter().zip(hits).for_each(|(ray, hits)| self.0.crossings(ray, hits));
+    fn all_hits(&self, rays: &[Ray], visit: impl FnMut(&[Hit])) {
+        let mut lists = HitLists::new();
+        self.0.crossings_listed(rays, &mut lists);
+        lists.of_rays().for_each(visit);
     }
 }

@@ -172,46 +172,54 @@ pub(crate) fn all_hits(
     has_instances: bool,
 ) -> PyResult<Columns> {
     let n_jobs = rays.len().div_ceil(RAYS_OF_LIST_JOB);
-    let mut found: Vec<Vec<(i64, Hit)>> = filled(n_jobs, vec![])?;
-    let jobs = found.iter_mut().enumerate().collect();
-    for_jobs(py, threads, jobs, |(i, found): (usize, &mut Vec<(i64, Hit)>)| {
+    let mut parts: Vec<Columns> = reserved(n_jobs)?;
+    parts.resize_with(n_jobs, Columns::default);
+    let jobs = parts.iter_mut().enumerate().collect();
+    for_jobs(py, threads, jobs, |(i, part): (usize, &mut Columns)| {
         let range = i * RAYS_OF_LIST_JOB..rays.len().min((i + 1) * RAYS_OF_LIST_JOB);
         let mut read = Vec::with_capacity(range.len());
         rays.read(range.clone(), &mut read);
-        let mut hits = vec![vec![]; range.len()];
-        target.all_hits(&read, &mut hits);
-        found.reserve_exact(hits.iter().map(Vec::len).sum());
-        for (ray, hits) in range.zip(&hits) {
+        let (mut own, mut ray) = (vec![], range.start);
+        target.all_hits(&read, |hits| {
             #[expect(clippy::cast_possible_wrap, reason = "the number of rays of an array in memory")]
-            found.extend(hits.iter().map(|&hit| (ray as i64, hit)));
-        }
+            own.extend(hits.iter().map(|_| ray as i64));
+            part.push(hits, has_instances);
+            ray += 1;
+        });
+        part.ray = Some(own);
     })?;
-    columns(&found, has_instances)
+    joined(&parts, has_instances)
 }
 
-/// Lists of hits as columns.
-fn columns(found: &[Vec<(i64, Hit)>], has_instances: bool) -> PyResult<Columns> {
-    let n = found.iter().map(Vec::len).sum();
-    let hits = || found.iter().flatten();
-    let mut columns = Columns {
-        ray: Some(reserved(n)?),
-        t: reserved(n)?,
-        primitive: reserved(n)?,
-        u: reserved(n)?,
-        v: reserved(n)?,
-        entering: reserved(n)?,
-        instance: reserved(if has_instances { n } else { 0 })?,
-    };
-    if let Some(ray) = &mut columns.ray {
-        ray.extend(hits().map(|(ray, _)| ray));
+impl Columns {
+    /// Appends hits, without their ray.
+    fn push(&mut self, hits: &[Hit], has_instances: bool) {
+        self.t.extend(hits.iter().map(|hit| hit.t));
+        self.primitive.extend(hits.iter().map(|hit| signed(hit.primitive.0)));
+        self.u.extend(hits.iter().map(|hit| hit.u));
+        self.v.extend(hits.iter().map(|hit| hit.v));
+        self.entering.extend(hits.iter().map(|hit| hit.side == Side::Front));
+        if has_instances {
+            self.instance.extend(hits.iter().map(|hit| signed(hit.instance.0)));
+        }
     }
-    columns.t.extend(hits().map(|(_, hit)| hit.t));
-    columns.primitive.extend(hits().map(|(_, hit)| signed(hit.primitive.0)));
-    columns.u.extend(hits().map(|(_, hit)| hit.u));
-    columns.v.extend(hits().map(|(_, hit)| hit.v));
-    columns.entering.extend(hits().map(|(_, hit)| hit.side == Side::Front));
-    if has_instances {
-        columns.instance.extend(hits().map(|(_, hit)| signed(hit.instance.0)));
+}
+
+/// The columns of all parts, one after another.
+fn joined(parts: &[Columns], has_instances: bool) -> PyResult<Columns> {
+    fn join<'a, T: Copy + 'a>(n: usize, parts: impl Iterator<Item = &'a [T]>) -> PyResult<Vec<T>> {
+        let mut all = reserved(n)?;
+        parts.for_each(|part| all.extend_from_slice(part));
+        Ok(all)
     }
-    Ok(columns)
+    let n = parts.iter().map(|part| part.t.len()).sum();
+    Ok(Columns {
+        ray: Some(join(n, parts.iter().filter_map(|part| part.ray.as_deref()))?),
+        t: join(n, parts.iter().map(|part| &part.t[..]))?,
+        primitive: join(n, parts.iter().map(|part| &part.primitive[..]))?,
+        u: join(n, parts.iter().map(|part| &part.u[..]))?,
+        v: join(n, parts.iter().map(|part| &part.v[..]))?,
+        entering: join(n, parts.iter().map(|part| &part.entering[..]))?,
+        instance: join(if has_instances { n } else { 0 }, parts.iter().map(|part| &part.instance[..]))?,
+    })
 }

@@ -99,6 +99,16 @@ pub(crate) fn run<T: Send + 'static>(
     threads: &Threads,
     task: impl FnOnce() -> T + Send + 'static,
 ) -> PyResult<T> {
+    run_watched(py, threads, task, |_| Ok(()))
+}
+
+/// As [`run`], and calls `watch` several times a second with Python's lock; its error abandons the task, too.
+pub(crate) fn run_watched<T: Send + 'static>(
+    py: Python<'_>,
+    threads: &Threads,
+    task: impl FnOnce() -> T + Send + 'static,
+    mut watch: impl FnMut(Python<'_>) -> PyResult<()>,
+) -> PyResult<T> {
     let (send, receive) = channel();
     let threads = threads.clone();
     let start = move || {
@@ -112,7 +122,10 @@ pub(crate) fn run<T: Send + 'static>(
     loop {
         match py.detach(wait) {
             Ok(result) => return Ok(result?),
-            Err(RecvTimeoutError::Timeout) => py.check_signals()?,
+            Err(RecvTimeoutError::Timeout) => {
+                py.check_signals()?;
+                watch(py)?;
+            }
             Err(RecvTimeoutError::Disconnected) => return Err(invalid("a thread of canted ended without a result")),
         }
     }

@@ -20,7 +20,10 @@ mod table;
 mod toml_writer;
 mod write;
 
-use crate::{Camera, Light};
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::{Camera, Light, Scene};
 
 pub use closest_match::{closest_match, suggestion};
 pub use environment::EnvironmentSource;
@@ -61,6 +64,8 @@ pub use placement::Placement;
 pub struct SceneFile {
     /// Path of the scene file; paths in it are relative to its folder.
     path: std::path::PathBuf,
+    /// Contents of assets that are not read, by name.
+    given: Vec<(String, Arc<Scene>)>,
     /// The assets.
     pub assets: Vec<Asset>,
     /// Instances of assets; `None`: one per asset, untransformed.
@@ -77,6 +82,24 @@ pub struct SceneFile {
     pub overrides: Vec<Override>,
     /// Render settings; this crate does not interpret them.
     pub settings: Vec<Setting>,
+}
+
+impl SceneFile {
+    /// The path that it was read from, or that it is to have.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Gives the asset of this name its content, instead of what its source says.
+    ///
+    /// The scene must keep the promises of [`Scene`]: indices in range, positions of triangles finite.
+    #[must_use]
+    pub fn with_asset(mut self, name: &str, content: Scene) -> Self {
+        self.given.retain(|(known, _)| known != name);
+        self.given.push((name.to_owned(), Arc::new(content)));
+        self
+    }
 }
 
 /// A model to instance.

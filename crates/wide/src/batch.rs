@@ -6,7 +6,7 @@ use crate::bvh::WideBvh;
 use crate::leaf::LeafPrimitive;
 use crate::par;
 use crate::simd::{Simd, Task};
-use crate::sink::{AllHits, AnyHit, BestHit, FilterQuery};
+use crate::sink::{AllHits, AnyHit, BestHit, FilterQuery, sort_from, to_caller};
 use crate::trace::{prepare, trace};
 use crate::traverse::{EightRays, Pads, Stack, TracedRay};
 
@@ -47,12 +47,19 @@ impl<'a, S: Simd, P: LeafPrimitive> Tracer<'a, S, P> {
         any.found
     }
 
-    /// Every hit that the query accepts.
+    /// Appends every hit that the query accepts.
     #[inline(always)]
-    fn all_hits<Q: Query>(&mut self, ray: &TracedRay, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
-        let mut all = AllHits { query, instance, hits };
-        trace(self.simd, self.bvh, ray, &mut self.stack, &mut all);
-        all.finish(&ray.scaled);
+    pub(crate) fn all_hits<Q: Query>(
+        &mut self,
+        ray: &TracedRay,
+        instance: InstanceId,
+        query: &mut Q,
+        hits: &mut Vec<Hit>,
+    ) {
+        let first = hits.len();
+        trace(self.simd, self.bvh, ray, &mut self.stack, &mut AllHits { query, instance, hits: &mut *hits });
+        sort_from(hits, first);
+        to_caller(&ray.scaled, &mut hits[first..]);
     }
 }
 

@@ -13,9 +13,9 @@ use canted_trace::{Hit, Ray, ScaledRay, Shear, Side, Watertight};
 use crate::layout::NodeKind;
 use crate::leaf::HitSink;
 use crate::simd::{Simd, Task};
-use crate::sink::by_t;
+use crate::sink::{by_t, sort_from, to_caller};
 use crate::trace::{prepare, trace};
-use crate::traverse::Stack;
+use crate::traverse::{Stack, TracedRay};
 use crate::triangle::TriangleBvh;
 
 impl TriangleBvh<Watertight> {
@@ -49,29 +49,41 @@ impl Task for Crossings<'_> {
         self.crossings.clear();
         let Some(ray) = prepare(self.bvh, self.ray) else { return };
         let mut stack = Stack::new(self.bvh.nodes.depth);
-        let mut sink = CrossingSink { shear: Shear::new(&ray.scaled), inner: self.crossings, on_edges: Vec::new() };
-        trace(simd, self.bvh, &ray, &mut stack, &mut sink);
-        let CrossingSink { inner, on_edges, .. } = sink;
-        inner.sort_unstable_by(by_t);
-        inner.dedup_by_key(|hit| (hit.t.to_bits(), hit.primitive));
-        inner.extend(once_each(on_edges));
-        inner.sort_unstable_by(by_t);
-        for hit in inner {
-            hit.t = ray.scaled.caller_t(hit.t);
-        }
+        cross(simd, self.bvh, &ray, &mut stack, &mut Vec::new(), self.crossings);
     }
+}
+
+/// Appends the crossings of a ray; `on_edges` is empty memory.
+#[inline(always)]
+pub(crate) fn cross<S: Simd>(
+    simd: S,
+    bvh: &TriangleBvh<Watertight>,
+    ray: &TracedRay,
+    stack: &mut Stack,
+    on_edges: &mut Vec<EdgeHit>,
+    crossings: &mut Vec<Hit>,
+) {
+    let first = crossings.len();
+    let mut sink = CrossingSink { inner: &mut *crossings, on_edges: &mut *on_edges };
+    trace(simd, bvh, ray, stack, &mut sink);
+    sort_from(crossings, first);
+    if !on_edges.is_empty() {
+        once_each(on_edges, crossings);
+        on_edges.clear();
+        sort_from(crossings, first);
+    }
+    to_caller(&ray.scaled, &mut crossings[first..]);
 }
 
 /// Hits inside triangles, and hits on their edges; `t` scaled.
 struct CrossingSink<'a> {
-    shear: Shear,
     inner: &'a mut Vec<Hit>,
-    on_edges: Vec<EdgeHit>,
+    on_edges: &'a mut Vec<EdgeHit>,
 }
 
 /// A hit on an edge or a vertex of its triangle.
 #[derive(Clone, Copy, Debug)]
-struct EdgeHit {
+pub(crate) struct EdgeHit {
     hit: Hit,
     /// Bits of the edge's ends, the lesser first; twice the vertex.
     ends: [[u32; 3]; 2],
@@ -81,10 +93,17 @@ struct EdgeHit {
 
 impl HitSink<[[f32; 3]; 3]> for CrossingSink<'_> {
     const ORDERED: bool = false;
+    const SPLITS: bool = true;
+
+    #[inline(always)]
+    fn take_inside(&mut self, hit: Hit, t_max: f32) -> f32 {
+        self.inner.push(hit);
+        t_max
+    }
 
     #[inline(always)]
     fn take(&mut self, ray: &ScaledRay, hit: Hit, vertices: &[[f32; 3]; 3], t_max: f32) -> f32 {
-        match edge_of_hit(&self.shear, ray, vertices) {
+        match edge_of_hit(ray, vertices) {
             None => self.inner.push(hit),
             Some((ends, counts)) => self.on_edges.push(EdgeHit { hit, ends, counts }),
         }
@@ -100,7 +119,11 @@ impl HitSink<[[f32; 3]; 3]> for CrossingSink<'_> {
 
 /// The edge or vertex that a ray passes through, of a triangle that it hits, and whether the moved ray hits the triangle;
 /// `None` for a hit inside.
-fn edge_of_hit(shear: &Shear, ray: &ScaledRay, vertices: &[[f32; 3]; 3]) -> Option<([[u32; 3]; 2], bool)> {
+///
+/// Few hits come here: the lanes' filter knows of most that they are inside, as signs of its edge functions are exact.
+#[inline(never)]
+fn edge_of_hit(ray: &ScaledRay, vertices: &[[f32; 3]; 3]) -> Option<([[u32; 3]; 2], bool)> {
+    let shear = Shear::new(ray);
     // Across the ray: the kernel's own f32 coordinates.
     let [a, b, c] = vertices.map(|v| shear.vertex(ray, v)).map(|[x, y, _]| [x, y]);
     // An edge function belongs to the opposite vertex.
@@ -128,17 +151,15 @@ fn moved_is_positive(b: [f32; 2], c: [f32; 2]) -> bool {
     if b[1] == c[1] { c[0] > b[0] } else { b[1] > c[1] }
 }
 
-/// Of the hits at one edge or vertex, as many from each side as count.
-fn once_each(mut hits: Vec<EdgeHit>) -> Vec<Hit> {
+/// Appends of the hits at one edge or vertex as many from each side as count.
+fn once_each(hits: &mut Vec<EdgeHit>, kept: &mut Vec<Hit>) {
     let is_back = |on_edge: &EdgeHit| on_edge.hit.side == Side::Back;
     hits.sort_unstable_by(|a, b| a.ends.cmp(&b.ends).then(is_back(a).cmp(&is_back(b))).then(by_t(&a.hit, &b.hit)));
     hits.dedup_by_key(|on_edge| (on_edge.hit.t.to_bits(), on_edge.hit.primitive));
-    let mut kept = Vec::new();
     for around in hits.chunk_by(|a, b| a.ends == b.ends && a.hit.side == b.hit.side) {
         let n = around.iter().filter(|on_edge| on_edge.counts).count();
         kept.extend(around[..n].iter().map(|on_edge| on_edge.hit));
     }
-    kept
 }
 
 #[cfg(test)]

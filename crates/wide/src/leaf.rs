@@ -92,6 +92,15 @@ pub trait HitSink<M: ?Sized> {
     /// Whether every hit is accepted and the first one ends the traversal.
     const ANY: bool = false;
 
+    /// Whether hits that are certainly inside of their shape go to [`HitSink::take_inside`].
+    const SPLITS: bool = false;
+
+    /// Takes a hit that is on no edge of its shape, where [`HitSink::SPLITS`]. Returns the new `t_max`.
+    #[inline(always)]
+    fn take_inside(&mut self, _: Hit, _: f32) -> f32 {
+        unreachable!("the sink takes all hits alike")
+    }
+
     /// Takes a hit that is certain but not computed, where [`HitSink::ANY`]. Returns a negative number.
     #[inline(always)]
     fn take_any(&mut self) -> f32 {

@@ -93,23 +93,42 @@ impl<M: ?Sized, Q: Query> HitSink<M> for AnyHit<'_, Q> {
     }
 }
 
-/// Keeps all hits that a query accepts, in traversal order, `t` scaled.
+/// Appends all hits that a query accepts, in traversal order, `t` scaled.
 pub(crate) struct AllHits<'a, Q> {
     pub(crate) query: &'a mut Q,
     pub(crate) instance: InstanceId,
     pub(crate) hits: &'a mut Vec<Hit>,
 }
 
-impl<Q> AllHits<'_, Q> {
-    /// Sorts the hits, removes duplicates, and converts `t` to units of the caller's direction.
-    pub(crate) fn finish(self, ray: &ScaledRay) {
-        self.hits.sort_unstable_by(by_t);
-        // Where a primitive has two references, both give the same bits.
-        self.hits.dedup_by_key(|hit| (hit.t.to_bits(), hit.primitive));
-        for hit in self.hits {
-            hit.t = ray.caller_t(hit.t);
+/// Sorts the hits from `first` on, which are those of one ray, and removes duplicates.
+#[inline(always)]
+pub(crate) fn sort_from(hits: &mut Vec<Hit>, first: usize) {
+    let own = &mut hits[first..];
+    if own.len() < 2 {
+        return;
+    }
+    own.sort_unstable_by_key(key);
+    // Where a primitive has two references, both give the same bits.
+    let mut kept = 1;
+    for i in 1..own.len() {
+        if key(&own[i]) != key(&own[kept - 1]) {
+            own[kept] = own[i];
+            kept += 1;
         }
     }
+    hits.truncate(first + kept);
+}
+
+/// Converts `t` of the hits from `first` on to units of the caller's direction.
+#[inline(always)]
+pub(crate) fn to_caller(ray: &ScaledRay, hits: &mut [Hit]) {
+    hits.iter_mut().for_each(|hit| hit.t = ray.caller_t(hit.t));
+}
+
+/// Order of hits along a ray as an integer: `t`, then primitive. No `t` is negative, and adding zero makes -0.0 positive.
+#[inline(always)]
+fn key(hit: &Hit) -> u64 {
+    u64::from((hit.t + 0.0).to_bits()) << 32 | u64::from(hit.primitive.0)
 }
 
 impl<M: ?Sized, Q: Query> HitSink<M> for AllHits<'_, Q> {
@@ -135,10 +154,9 @@ impl<M: ?Sized, Q: Query> HitSink<M> for AllHits<'_, Q> {
     }
 }
 
-/// Order of hits along a ray: `t`, then primitive. Hits hold no NaN.
+/// Order of hits along a ray: `t`, then primitive.
 pub(crate) fn by_t(a: &Hit, b: &Hit) -> Ordering {
-    // Adding zero makes -0.0 positive, so that both zeros compare equal.
-    (a.t + 0.0).total_cmp(&(b.t + 0.0)).then(a.primitive.cmp(&b.primitive))
+    key(a).cmp(&key(b))
 }
 
 /// Accepts the hits that a function accepts.

@@ -56,9 +56,10 @@ impl<K: LaneKernel> LeafPrimitive for Triangle<K> {
         loop {
             let block = Block::at(halves, first, n);
             let filled = if n < 8 { ((1 << n) - 1) << shift } else { 0xff };
-            let candidates = match T::ANY {
-                true => block.candidates::<S, K, true>(simd, prepared, t_max),
-                false => block.candidates::<S, K, false>(simd, prepared, t_max),
+            let candidates = match (T::ANY, T::SPLITS) {
+                (true, _) => block.candidates::<S, K, true, false>(simd, prepared, t_max),
+                (false, true) => block.candidates::<S, K, false, true>(simd, prepared, t_max),
+                (false, false) => block.candidates::<S, K, false, false>(simd, prepared, t_max),
             };
             let mut mask = candidates.mask & filled;
             if T::ANY && candidates.sure & filled != 0 {
@@ -71,7 +72,11 @@ impl<K: LaneKernel> LeafPrimitive for Triangle<K> {
                 let found = candidates.hit::<K>(simd, prepared, ray, (lane, &vertices), t_max);
                 let Some(found) = found else { continue };
                 let found = hit(found.t, [found.u, found.v], found.side, block.primitive(lane));
-                t_max = sink.take(ray, found, &vertices, t_max);
+                t_max = if T::SPLITS && candidates.inside >> lane & 1 == 1 {
+                    sink.take_inside(found, t_max)
+                } else {
+                    sink.take(ray, found, &vertices, t_max)
+                };
                 if t_max < 0.0 {
                     return t_max;
                 }

@@ -87,7 +87,7 @@ pub(super) fn sum(mut all: Vec<Fact>, frame: Vec<Fact>) -> Vec<Fact> {
 }
 
 /// The warning about samples that are not finite: their number, and the first pixel by column and row from the top left.
-pub(super) fn dropped_samples(film: &Film) -> Option<String> {
+pub(crate) fn dropped_samples(film: &Film) -> Option<String> {
     let [x, y] = film.first_dropped()?;
     Some(match film.n_dropped() {
         1 => format!("dropped 1 sample that was not finite, in pixel ({x}, {y})"),

@@ -2,7 +2,8 @@ use std::fmt;
 
 use exr::prelude::FlatSamples;
 
-use super::{Guide, Pixel};
+use super::{Film, Guide, Pixel};
+use crate::output::canonical;
 
 /// Arbitrary output variable: a property of the first hit of camera rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -82,6 +83,38 @@ impl Aov {
             Self::Instance | Self::Primitive => 0.0,
         };
         sum / f64::from(pixel.n_taken().max(1))
+    }
+}
+
+/// The values of an AOV, pixel by pixel; of a pixel one for each of [`Aov::channels`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum AovValues {
+    /// Numbers.
+    Numbers(Vec<f32>),
+    /// Ids; `u32::MAX` without hits.
+    Ids(Vec<u32>),
+}
+
+impl Film {
+    /// The values of an AOV, the bits that [`write_film`](crate::write_film) writes; `None` if the film was rendered without AOVs.
+    #[must_use]
+    pub fn aov(&self, aov: Aov) -> Option<AovValues> {
+        if self.guides().is_empty() {
+            return None;
+        }
+        let n = aov.channels().len();
+        let mut ids = Vec::new();
+        let mut numbers = vec![0.0; n * self.guides().len()];
+        for k in 0..n {
+            match aov.values(k, self.pixels(), self.guides()) {
+                FlatSamples::U32(values) => ids = values,
+                FlatSamples::F32(values) => {
+                    values.iter().enumerate().for_each(|(i, &x)| numbers[n * i + k] = canonical(x));
+                }
+                FlatSamples::F16(_) => unreachable!("no AOV has half precision"),
+            }
+        }
+        Some(if ids.is_empty() { AovValues::Numbers(numbers) } else { AovValues::Ids(ids) })
     }
 }
 

@@ -9,17 +9,40 @@
 (1.0, 0, [0.25, 0.5, 0.0])
 
 Every answer is that of a loop over all triangles; there is no epsilon. Bvh and Tlas answer queries. canted.trimesh and
-canted.open3d have the interfaces of these packages.
+canted.open3d have the interfaces of these packages. render makes pictures; it needs the package canted_render.
 """
 
 import importlib
 
 from ._canted import Bvh, Hits, Nearest, Tlas, __version__
 
-__all__ = ["Bvh", "Heatmap", "Hits", "Nearest", "Tlas", "__version__", "open3d", "trimesh"]
+__all__ = ["Bvh", "Heatmap", "Hits", "Nearest", "Tlas", "__version__", "open3d", "render", "trimesh"]
 
 # Loaded on first use, so that `import canted` takes milliseconds.
 _MODULES = ("open3d", "trimesh")
+
+
+def render(scene=None, size=None, spp=None, **options):
+    """A picture of a file or of a dict with meshes: an array of shape (h, w, 3), float32, linear RGB, with AOVs.
+
+    Needs the package canted_render; its function render has these parameters and more, and describes them:
+    ``help(canted_render.render)``.
+
+    Raises
+    ------
+    ImportError
+        canted_render is not installed.
+    ValueError, OSError
+        As canted_render.render.
+    """
+    try:
+        import canted_render
+    except ModuleNotFoundError as error:
+        if error.name != "canted_render":
+            raise
+        message = "canted.render needs the package canted_render; pip install ./crates/python/render in a checkout of canted"
+        raise ImportError(message, name="canted_render") from None
+    return canted_render.render(scene, size, spp, **options)
 
 
 def __getattr__(name):

@@ -1,3 +1,10 @@
+import os
+from collections.abc import Mapping
+from typing import Any, Optional, Union
+
+import numpy as np
+from numpy.typing import NDArray
+
 from . import open3d as open3d
 from . import trimesh as trimesh
 from ._canted import Bvh as Bvh
@@ -8,3 +15,10 @@ from .heatmap import Heatmap as Heatmap
 
 __version__: str
 __all__: list[str]
+
+def render(
+    scene: Union[str, os.PathLike[str], Mapping[str, Any], None] = None,
+    size: Optional[tuple[int, int]] = None,
+    spp: Optional[int] = None,
+    **options: Any,
+) -> NDArray[np.float32]: ...

@@ -25,7 +25,7 @@ class Heatmap:
     Raises
     ------
     ValueError
-        Another shape, or low above high.
+        Another shape, or low above high, or one of them not finite.
     """
 
     def __init__(self, values, low=None, high=None):
@@ -36,14 +36,17 @@ class Heatmap:
         self.values = values
         self.low = float(low if low is not None else finite.min() if finite.size else 0.0)
         self.high = float(high if high is not None else finite.max() if finite.size else 1.0)
+        if not (np.isfinite(self.low) and np.isfinite(self.high)):
+            raise ValueError(f"low is {self.low} and high is {self.high}; they must be finite")
         if not self.low <= self.high:
             raise ValueError(f"low is {self.low}, above high, {self.high}")
 
     def pixels(self):
         """The picture: (h, w, 3) uint8, sRGB."""
         found = np.isfinite(self.values)
-        span = self.high - self.low
-        share = np.clip((np.where(found, self.values, self.low) - self.low) / (span if span > 0.0 else 1.0), 0.0, 1.0)
+        # Halved, so that no difference overflows.
+        span = self.high / 2 - self.low / 2
+        share = np.clip((np.where(found, self.values, self.low) / 2 - self.low / 2) / (span if span > 0.0 else 1.0), 0.0, 1.0)
         at = share * (len(_COLORS) - 1)
         first = np.minimum(at.astype(int), len(_COLORS) - 2)
         between = (at - first)[..., None]

@@ -46,9 +46,11 @@ impl<'a> Assembly<'a> {
     pub(super) fn add(&mut self, asset: &'a Asset, is_placed: bool) -> Result<(), ReadError> {
         let first_material = self.scene.materials.len();
         if is_placed {
-            let own = match &asset.source {
-                AssetSource::Builtin => builtin(),
-                AssetSource::File(file) => {
+            let given = self.file.given.iter().find(|(name, _)| *name == asset.name);
+            let own = match (given, &asset.source) {
+                (Some((_, given)), _) => Scene::clone(given),
+                (None, AssetSource::Builtin) => builtin(),
+                (None, AssetSource::File(file)) => {
                     let options = ReadOptions { time: asset.time, animation: asset.animation.clone() };
                     read_with(&self.file.resolve(file), &options)
                         .map_err(|error| self.file.error_of(asset.line, "'file' in [[assets]]", error))?

@@ -57,6 +57,7 @@ impl SceneFile {
         root.check_keys(&KEYS)?;
         let file = Self {
             path: path.to_owned(),
+            given: Vec::new(),
             assets: list(&root, "assets", asset)?.unwrap_or_default(),
             instances: list(&root, "instances", instance)?,
             camera: root.table("camera")?.map(|table| camera::read(&table)).transpose()?,

@@ -93,6 +93,8 @@ pub(crate) struct Candidates<S: Simd> {
     pub(crate) mask: u32,
     /// Lanes that it certainly hits, where asked for.
     pub(crate) sure: u32,
+    /// Lanes whose line passes through no edge, where asked for: not all of them.
+    pub(crate) inside: u32,
     sheared: [[S::F; 3]; 3],
 }
 
@@ -159,19 +161,19 @@ impl<'a> Block<'a> {
     }
 
     /// Lanes that `ray` may hit at `t_min <= t <= t_max`; every lane that the kernel accepts is among them. With `SURE` also
-    /// the lanes that it certainly hits.
+    /// the lanes that it certainly hits, with `INSIDE` those that it certainly does not hit on an edge.
     #[inline(always)]
-    pub(crate) fn candidates<S: Simd, K: LaneKernel, const SURE: bool>(
+    pub(crate) fn candidates<S: Simd, K: LaneKernel, const SURE: bool, const INSIDE: bool>(
         &self,
         simd: S,
         ray: &RayTriangles<S>,
         t_max: f32,
     ) -> Candidates<S> {
         match K::TEST {
-            LaneTest::Edges => self.edges::<S, SURE>(simd, ray, t_max),
+            LaneTest::Edges => self.edges::<S, SURE, INSIDE>(simd, ray, t_max),
             LaneTest::Weights => {
                 let nothing = [[ray.zero; 3]; 3];
-                Candidates { mask: self.weights(simd, ray), sure: 0, sheared: nothing }
+                Candidates { mask: self.weights(simd, ray), sure: 0, inside: 0, sheared: nothing }
             }
         }
     }
@@ -198,7 +200,12 @@ impl<'a> Block<'a> {
     /// exceeds 2Z, `T - 2Z·det` is not positive, so it is not sure. The kernel rounds `t` to nearest, so its own
     /// comparisons agree. A product that overflows makes the error infinite and nothing sure.
     #[inline(always)]
-    fn edges<S: Simd, const SURE: bool>(&self, simd: S, ray: &RayTriangles<S>, t_max: f32) -> Candidates<S> {
+    fn edges<S: Simd, const SURE: bool, const INSIDE: bool>(
+        &self,
+        simd: S,
+        ray: &RayTriangles<S>,
+        t_max: f32,
+    ) -> Candidates<S> {
         let a = self.sheared(simd, ray, 0);
         let b = self.sheared(simd, ray, 3);
         let c = self.sheared(simd, ray, 6);
@@ -210,7 +217,7 @@ impl<'a> Block<'a> {
         let greatest = simd.max(simd.max(u, v), w);
         let passing = !(simd.lt(least, ray.zero) & simd.lt(ray.zero, greatest)) & 0xff;
         if passing == 0 {
-            return Candidates { mask: 0, sure: 0, sheared: [a, b, c] };
+            return Candidates { mask: 0, sure: 0, inside: 0, sheared: [a, b, c] };
         }
         let tiny = simd.splat(f32::MIN_POSITIVE);
         let det = simd.add(simd.add(u, v), w);
@@ -228,15 +235,17 @@ impl<'a> Block<'a> {
         let late = simd.lt(error, simd.sub(t, simd.mul(simd.splat(t_max), det)));
         let early = simd.lt(error, simd.sub(simd.mul(ray.t_min, det), t));
         let mask = passing & !(late | early);
-        let mut sure = 0;
+        let (mut sure, mut inside) = (0, 0);
+        if (SURE || INSIDE) && mask != 0 {
+            inside = simd.lt(ray.zero, least) | simd.lt(greatest, ray.zero);
+        }
         if SURE && mask != 0 {
-            let inside = simd.lt(ray.zero, least) | simd.lt(greatest, ray.zero);
             let (farthest, twice) = (simd.add(reach, reach), simd.add(error, error));
             let before_end = simd.sub(simd.mul(simd.min(simd.splat(t_max), farthest), det), t);
             let after_start = simd.sub(t, simd.mul(simd.min(ray.t_min, farthest), det));
             sure = mask & inside & simd.lt(twice, before_end) & simd.lt(twice, after_start);
         }
-        Candidates { mask, sure, sheared: [a, b, c] }
+        Candidates { mask, sure, inside, sheared: [a, b, c] }
     }
 
     /// The vertex whose coordinates start at `row`, as the kernel shears it.

@@ -2,7 +2,7 @@
 
 use canted_fixtures::Mesh;
 use canted_trace::{Hit, MollerTrumbore, Ray, Side, Watertight};
-use canted_wide::{LaneKernel, Preset, TriangleBvh};
+use canted_wide::{HitLists, LaneKernel, Preset, TriangleBvh};
 
 use crate::common::{brute, build, paths, rays};
 
@@ -69,6 +69,40 @@ fn threads_change_nothing() {
             assert_eq!((&par_hits, &par_occluded), (&hits_where, &occluded_where), "{threads} threads");
         });
     }
+}
+
+#[test]
+fn lists_equal_single_rays() {
+    let (mesh, mut rays) = scene();
+    rays.push(Ray::new([f32::NAN, 0.0, 0.0], [0.0, 0.0, 1.0]));
+    // Through corners, where crossings and hits differ.
+    rays.extend(mesh.triangles.iter().map(|t| {
+        let target = mesh.positions[t[0] as usize];
+        Ray::new([target[0], target[1], target[2] - 4.0], [0.0, 0.0, 1.0])
+    }));
+    for path in paths() {
+        let bvh = build::<Watertight>(&mesh, Preset::Balanced).with_path(path);
+        let (mut lists, mut hits, mut n_all) = (HitLists::new(), vec![], 0);
+        // Old answers must be overwritten.
+        bvh.all_hits_listed(&rays[..9], &mut lists);
+        bvh.all_hits_listed(&rays, &mut lists);
+        assert_eq!(lists.of_rays().count(), rays.len());
+        for (ray, own) in rays.iter().zip(lists.of_rays()) {
+            bvh.all_hits(ray, &mut hits);
+            assert_eq!(own, hits, "{ray:?} {}", path.name());
+            n_all += hits.len();
+        }
+        assert_eq!((n_all, lists.hits().len()), (lists.hits().len(), n_all));
+        bvh.crossings_listed(&rays, &mut lists);
+        for (ray, own) in rays.iter().zip(lists.of_rays()) {
+            bvh.crossings(ray, &mut hits);
+            assert_eq!(own, hits, "{ray:?} {}", path.name());
+        }
+        assert!(lists.hits().len() < n_all && lists.of_rays().count() == rays.len());
+    }
+    let mut lists = HitLists::new();
+    build::<MollerTrumbore>(&mesh, Preset::Fast).all_hits_listed(&[], &mut lists);
+    assert_eq!(lists, HitLists::default());
 }
 
 #[test]

@@ -1,0 +1,128 @@
+//! The program `canted`: renders pictures, compares bounding volumes and traces batches of rays.
+//!
+//! [`main`] is the program. [`picture()`] renders as `canted render` does, with the same options, into memory: for bindings to other
+//! languages.
+//!
+//! Each subcommand is one file. Exit codes: 0 success, 1 a comparison above its limit, 2 invalid input or options,
+//! 130 interrupted. Modules depend on each other in one direction:
+//! `settings -> {render, ...} -> {load, light, device} -> {options, output}`.
+#![forbid(unsafe_code)]
+
+mod cast;
+mod compare;
+mod completions;
+mod device;
+mod devices;
+mod features;
+mod interrupt;
+mod light;
+mod load;
+mod man;
+mod memory;
+mod merge;
+#[cfg(not(feature = "gpu"))]
+mod no_gpu;
+mod not_needed;
+mod options;
+mod output;
+mod picture;
+mod render;
+mod scene;
+mod settings;
+mod stats;
+mod tree;
+mod words;
+
+use std::process::ExitCode;
+
+use anyhow::Result;
+use canted_renderer::RenderError;
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+
+pub use picture::{Picture, Source, picture};
+use words::Words;
+
+/// Ray tracing with oriented bounding boxes.
+///
+/// `canted FILE` renders a file to a picture of the same name in the current folder, `canted` alone the built-in scene to canted.png.
+#[derive(Parser)]
+#[command(
+    name = "canted",
+    version,
+    override_usage = "canted [FILE] [OPTIONS of render]\n       canted <COMMAND> [OPTIONS]",
+    after_help = features::help()
+)]
+struct Cli {
+    /// Print results and errors only: no warnings, no progress, no report of `render` as text.
+    #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = "Messages", display_order = 1000)]
+    quiet: bool,
+    /// Print each stage with its time to standard error.
+    #[arg(short, long, global = true, help_heading = "Messages", display_order = 1001)]
+    verbose: bool,
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Render a picture.
+    Render(Box<render::Args>),
+    /// Write a scene file that contains every setting of a picture.
+    Scene(Box<scene::Args>),
+    /// Compare bounding-volume strategies.
+    Stats(stats::Args),
+    /// Trace rays from a file.
+    Cast(cast::Args),
+    /// Write Morton codes and the topology of the radix tree, for verification.
+    Tree(tree::Args),
+    /// Compare two pictures.
+    Compare(compare::Args),
+    /// List compute devices.
+    Devices(devices::Args),
+    /// Merge sample ranges of one picture.
+    Merge(merge::Args),
+    /// Print completions of the command line for a shell.
+    Completions(completions::Args),
+    /// Print a manual page.
+    Man(man::Args),
+}
+
+fn run() -> Result<ExitCode> {
+    let words = Words::of_process(&Cli::command());
+    let matches = settings::command_line(&Cli::command(), &words)?;
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    output::set_verbosity(cli.quiet, cli.verbose);
+    match cli.command {
+        None => render::run(&options::defaults())?,
+        Some(Command::Render(mut args)) => {
+            let is_default = matches.subcommand().is_some_and(|(_, options)| !settings::is_given(options, "output"));
+            if let Some(file) = words.file().filter(|_| is_default) {
+                args.output = words::picture_of(file);
+            }
+            render::run(&args)?;
+        }
+        Some(Command::Scene(args)) => scene::run(&args, &matches)?,
+        Some(Command::Stats(args)) => stats::run(&args)?,
+        Some(Command::Cast(args)) => cast::run(&args)?,
+        Some(Command::Tree(args)) => tree::run(&args)?,
+        Some(Command::Compare(args)) => return compare::run(&args),
+        Some(Command::Devices(args)) => devices::run(&args)?,
+        Some(Command::Merge(args)) => merge::run(&args)?,
+        Some(Command::Completions(args)) => completions::run(&args, Cli::command())?,
+        Some(Command::Man(args)) => man::run(&args, Cli::command())?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Runs the program with the arguments of this process. Installs handlers of signals.
+#[must_use]
+pub fn main() -> ExitCode {
+    interrupt::install_handlers();
+    run().unwrap_or_else(|error| {
+        if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) {
+            return ExitCode::from(interrupt::EXIT_CODE);
+        }
+        output::to_stderr(&format!("error: {error}"));
+        ExitCode::from(2)
+    })
+}

@@ -1,0 +1,174 @@
+//! Pictures in memory, with the options of `canted render`.
+
+use std::ffi::OsString;
+use std::path::Path;
+
+use anyhow::{Result, anyhow};
+use canted_film::{Aovs, Film};
+use canted_renderer::{Monitor, Surfaces, resume_with};
+use canted_scene::{Scene, SceneFile, closest_match};
+use canted_wide::LaneKernel;
+use clap::FromArgMatches;
+
+use crate::{
+    load,
+    options::with_kernel,
+    output,
+    render::{self, Args, Setup},
+    settings,
+};
+
+/// A rendered picture.
+#[derive(Debug)]
+pub struct Picture {
+    /// Sums of samples.
+    pub film: Film,
+    /// The additional channels that were asked for.
+    pub aovs: Aovs,
+    /// What the program would have written to standard error, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Where a scene comes from.
+#[derive(Clone, Debug)]
+pub enum Source<'a> {
+    /// The built-in scene.
+    Builtin,
+    /// Any file that `canted render` reads.
+    File(&'a Path),
+    /// A scene file in memory.
+    SceneFile(&'a SceneFile),
+}
+
+/// Renders on the CPU in the caller's thread pool: the film of `canted render` with the same options and `--device cpu`, bit for bit.
+///
+/// `options` are those of `canted render` that determine a picture, and `aovs`: the long name without dashes in front, with `_`
+/// or `-` between words, and the value. An option that may be repeated on the command line may be repeated here. Nothing is
+/// printed.
+///
+/// # Errors
+/// One sentence: an unknown option, an invalid value, a file that cannot be read, or a cancelled render.
+pub fn picture(source: &Source<'_>, options: &[(String, String)], monitor: &Monitor<'_>) -> Result<Picture> {
+    let (rendered, warnings) = output::collecting(|| film(source, options, monitor));
+    let (film, aovs) = rendered?;
+    Ok(Picture { film, aovs, warnings })
+}
+
+fn film(source: &Source<'_>, options: &[(String, String)], monitor: &Monitor<'_>) -> Result<(Film, Aovs)> {
+    let read;
+    let scene_file = match source {
+        Source::File(path) if load::is_scene_file(path) => {
+            read = load::scene_file(path)?;
+            Some(&read)
+        }
+        Source::SceneFile(file) => Some(*file),
+        _ => None,
+    };
+    let path = if let Source::File(path) = source { Some(*path) } else { None };
+    let args = parse(scene_file, path, options)?;
+    args.settings()?;
+    let mut scene = match source {
+        Source::SceneFile(file) => {
+            let scene = file.load()?;
+            load::warn(&scene.warnings);
+            scene
+        }
+        _ => load::scene(path, args.time, args.animation.as_deref())?,
+    };
+    let triangles = args.structure.triangles;
+    with_kernel!(triangles, render(&mut scene, args, monitor))
+}
+
+fn render<K: LaneKernel>(scene: &mut Scene, mut args: Args, monitor: &Monitor<'_>) -> Result<(Film, Aovs)> {
+    let source = args.light.apply(scene)?;
+    let Setup { prepared, camera, .. } = render::setup::<K>(scene, &mut args, source)?;
+    let settings = &args.settings()?;
+    let surfaces = Surfaces::with_lod(scene, settings.lod);
+    let film = resume_with(&surfaces, &prepared.structure, &camera, settings, Vec::new(), monitor)?;
+    if let Some(warning) = render::dropped_samples(&film) {
+        output::warn(&warning);
+    }
+    Ok((film, settings.aovs.clone()))
+}
+
+/// The options of the picture after the settings of the scene file, which they override.
+fn parse(file: Option<&SceneFile>, scene: Option<&Path>, options: &[(String, String)]) -> Result<Args> {
+    let command = settings::render_command().args_override_self(true);
+    let known =
+        |id: &str| command.get_arguments().any(|arg| arg.get_id().as_str() == id && settings::is_of_picture(id));
+    let mut words: Vec<OsString> = Vec::new();
+    for (name, value) in options {
+        let id = name.replace('-', "_");
+        if !known(&id) {
+            let names =
+                command.get_arguments().map(|arg| arg.get_id().as_str()).filter(|id| settings::is_of_picture(id));
+            let near = closest_match(&id, names).unwrap_or_default();
+            return Err(anyhow!("unknown option '{}'; did you mean '{near}'?", name.escape_debug()));
+        }
+        words.push(settings::option(&id, value));
+    }
+    let scene = scene.map(|path| [OsString::from("--"), path.into()]);
+    let matches = |own: Vec<OsString>| {
+        let all = [OsString::from("render")].into_iter().chain(own).chain(scene.iter().flatten().cloned());
+        command.clone().try_get_matches_from(all).map_err(|error| anyhow!("{}", sentence(&error)))
+    };
+    let mut found = matches(words.clone())?;
+    if let Some(file) = file {
+        settings::check(&file.settings, file.path())?;
+        let mut all = settings::as_options(&file.settings, &found);
+        all.extend(words);
+        found = matches(all)?;
+    }
+    Args::from_arg_matches(&found).map_err(|error| anyhow!("{}", sentence(&error)))
+}
+
+/// The error of a command line on one line, without advice about the program.
+fn sentence(error: &clap::Error) -> String {
+    let text = error.to_string();
+    let lines =
+        text.lines().map(str::trim).take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"));
+    let line = lines.filter(|line| !line.is_empty() && !line.starts_with("tip:")).collect::<Vec<_>>().join(" ");
+    line.strip_prefix("error: ").unwrap_or(&line).to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use super::*;
+
+    fn rendered(options: &[(&str, &str)]) -> Result<Picture> {
+        let options: Vec<(String, String)> = options.iter().map(|&(a, b)| (a.to_owned(), b.to_owned())).collect();
+        let cancel = AtomicBool::new(false);
+        picture(&Source::Builtin, &options, &Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &cancel })
+    }
+
+    #[test]
+    fn options_are_those_of_the_program() {
+        let small = [("size", "6x4"), ("spp", "1")];
+        let film = rendered(&small).unwrap().film;
+        assert_eq!((film.width(), film.height(), film.n_samples()), (6, 4, 24));
+        assert_ne!(rendered(&[small[0], small[1], ("seed", "7")]).unwrap().film.pixels(), film.pixels());
+        let with_aovs = rendered(&[small[0], small[1], ("aovs", "depth,normal")]).unwrap();
+        assert_eq!((with_aovs.aovs.iter().count(), with_aovs.film.guides().len()), (2, 24));
+        let suns = [("sun", "0,-1,0,1,1,1"), ("sun", "-1,-1,0,1,1,1")];
+        let lit = |suns: &[(&str, &str)]| rendered(&[&small[..], suns].concat()).unwrap().film.pixels().to_vec();
+        assert!(lit(&suns) != lit(&suns[..1]) && lit(&suns) != lit(&suns[1..]), "each of a repeated option counts");
+    }
+
+    #[test]
+    fn errors_are_sentences() {
+        let error = |name: &str, value: &str| rendered(&[(name, value)]).unwrap_err().to_string();
+        assert_eq!(error("spq", "1"), "unknown option 'spq'; did you mean 'spp'?");
+        assert!(error("output", "a.png").starts_with("unknown option 'output'"));
+        assert!(error("threads", "1").starts_with("unknown option 'threads'"));
+        let of_value = error("spp", "none");
+        assert!(of_value.starts_with("invalid value 'none' for '--spp <N>'") && !of_value.contains('\n'), "{of_value}");
+        let of_name = error("integrator", "pth");
+        assert!(of_name.contains("[possible values: hybrid, path]") && !of_name.contains("help"), "{of_name}");
+        assert_eq!(
+            error("ao_radius", "0"),
+            "invalid value '0' for '--ao-radius <LENGTH>': '0' is not a length greater than zero"
+        );
+    }
+}
