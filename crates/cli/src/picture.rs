@@ -88,7 +88,7 @@ fn render<K: LaneKernel>(scene: &mut Scene, mut args: Args, monitor: &Monitor<'_
     if let Some(warning) = render::dropped_samples(&film) {
         output::warn(&warning);
     }
-    Ok((film, settings.aovs.clone()))
+    Ok((film, settings.aovs))
 }
 
 /// The options of the picture after the settings of the scene file, which they override.

@@ -30,7 +30,7 @@ impl ToneMap {
         /// Brighter values are white under every curve, and their products stay finite.
         const MAX: f32 = 1e8;
         // `max` returns the other operand for NaN.
-        let color = radiance.map(|x| x.max(0.0).min(MAX));
+        let color = radiance.map(|x| if x > 0.0 { x.min(MAX) } else { 0.0 });
         let mapped = match self {
             Self::None => color,
             Self::Agx => agx(color),

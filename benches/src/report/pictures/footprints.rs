@@ -86,6 +86,7 @@ fn plane() -> Scene {
         textures: vec![texture],
         lights: vec![Light::Sun { direction: [0.6, -0.8, 0.0], irradiance: [2.0; 3] }],
         environment: Some([0.4, 0.5, 0.6].into()),
+        camera_names: vec![String::new()],
         cameras: vec![Camera::pinhole([0.0, 1.7, 0.0], [0.0, 0.5, 12.0], [0.0, 1.0, 0.0], 50.0)],
         warnings: vec![],
         files: vec![],

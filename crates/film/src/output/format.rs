@@ -81,7 +81,7 @@ pub fn encode(picture: &Picture, format: Format) -> Result<Vec<u8>, String> {
         Format::Jpeg => JpegEncoder::new_with_quality(&mut file, 92).write_image(&bytes(), *width, *height, Rgb8),
         Format::Hdr => {
             // `max` returns the other operand for NaN. Larger values do not fit the exponent of the format.
-            let value = |x: f32| x.max(0.0).min(1e38);
+            let value = |x: f32| if x > 0.0 { x.min(1e38) } else { 0.0 };
             let pixels: Vec<_> = pixels.iter().map(|color| image::Rgb(color.map(value))).collect();
             HdrEncoder::new(&mut file).encode(&pixels, *width as usize, *height as usize)
         }

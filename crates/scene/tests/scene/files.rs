@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::PathBuf;
 
-use canted_scene::{Environment, Scene, read};
+use canted_scene::{Scene, read};
 
 /// A row: file, outcome, triangles, materials, words of a message.
 struct Row<'a> {
@@ -124,5 +124,5 @@ fn maps_of_obj_materials_are_read() {
 fn cameras_have_names() {
     let scene = read(&folder().join("gltf/camera.gltf")).unwrap();
     assert_eq!(scene.camera_names, ["front", "flat"]);
-    assert!(matches!(scene.environment, None::<Environment>));
+    assert!(scene.environment.is_none());
 }

@@ -3,7 +3,7 @@
 use std::fs;
 
 use super::*;
-use crate::{TextureRef, Wrap, read};
+use crate::{Encoding, TextureRef, Wrap, read};
 
 /// A folder with images, `m.mtl`, and `model.obj`, which uses each of `names` once.
 struct Case {
