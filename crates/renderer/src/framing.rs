@@ -44,7 +44,7 @@ pub fn frame_up<T: Tracer>(scene: &Scene, tracer: &T, aspect: f64, up: [f32; 3])
     let turn = Turn::of_up(up);
     let bounds = turn.bounds(scene);
     let probe = Probe { tracer, bounds, turn };
-    let framed = if is_interior(&probe) && !is_closed_object(&probe) {
+    let framed = if is_interior(&probe) && !(is_plain(scene) && is_closed_object(&probe)) {
         match open_side(&probe) {
             Some(side) => fit(scene, turn, bounds.center(), side, aspect),
             None => view(&probe, aspect),
@@ -53,6 +53,12 @@ pub fn frame_up<T: Tracer>(scene: &Scene, tracer: &T, aspect: f64, up: [f32; 3])
         fit(scene, turn, bounds.center(), THREE_QUARTERS, aspect)
     };
     turn.camera(&framed)
+}
+
+/// Whether a scene has few materials, as a pipe or a vessel has; buildings, whose walls may have fronts on both sides, have many.
+fn is_plain(scene: &Scene) -> bool {
+    const MAX_PARTS: usize = 4;
+    scene.meshes.iter().map(|mesh| mesh.parts.len()).sum::<usize>() <= MAX_PARTS
 }
 
 /// Casts rays in the bounding box of a scene whose up direction was turned to +y.

@@ -64,7 +64,9 @@ fn crops_have_the_bits_of_the_whole() {
     folder.run(&format!("{line} -o crop.exr --crop 10,10,20,20 --aovs depth")).done();
     folder.run(&format!("{line} --crop 90,0,11,5")).refused(&["--crop 90,0,11,5", "100 x 70"]);
     folder.run(&format!("{line} --crop 0,0,0,5")).refused(&["--crop", "0,0,0,5"]);
-    folder.run(&format!("{line} -o a.exr --samples 0..2 --crop 0,0,5,5")).refused(&["--samples and --crop"]);
+    folder
+        .run("render small.obj --size 100x70 -o a.exr --samples 0..2 --crop 0,0,5,5")
+        .refused(&["--samples and --crop"]);
 }
 
 #[test]

@@ -156,7 +156,9 @@ fn only_what_changes_is_updated() {
 #[test]
 fn a_turntable_turns_the_camera_and_nothing_else() {
     let folder = Folder::with_small();
-    let camera = |eye: &str| format!("{QUICK} --eye {eye} --target 0.5,0.5,0.5 --up 0,1,0 --sun 1,-1,-1,3,3,3");
+    let camera = |eye: &str| {
+        format!("{QUICK} --eye {eye} --target 0.5,0.5,0.5 --up 0,1,0 --sun 1,-1,-1,3,3,3 --env 0.1,0.2,0.3")
+    };
     let line = format!("render small.obj {} --frames 0..4 --turntable 360 --json -o t%d.png", camera("0.5,2.5,4.5"));
     let run = folder.run(&line).done();
     assert_eq!(run.n_warnings(), 0, "{}", run.stderr);

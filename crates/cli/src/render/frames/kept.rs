@@ -91,7 +91,7 @@ pub(super) fn shared(args: &Args, scene: &mut Scene, device: String) -> Result<R
         ("output format", format!("{format:?}")),
         ("crop", format!("{crop:?}")),
         ("look", format!("{look:?}")),
-        ("chosen integrator", format!("{integrator:?}")),
+        ("choice of integrator", integrator.map_or_else(|| "by the scene".to_owned(), |given| format!("{given:?}"))),
         ("acceleration structure", format!("{structure:?}")),
         ("camera", format!("{camera:?}")),
         ("light", format!("{light:?} {environment:016x}")),

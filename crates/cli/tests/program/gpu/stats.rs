@@ -34,7 +34,7 @@ fn stats_report_build_times() {
             assert!(level[pass].as_f64().is_some_and(|ms| ms >= 0.0), "{pass} of {level}");
         }
         let strategies: Vec<&String> = level["volumes_ms"].as_object().unwrap().keys().collect();
-        assert_eq!(strategies, ["aabb", "combined", "dop", "pca-bounded", "quaternion"]);
+        assert_eq!(strategies, ["aabb", "combined", "dop", "pca-bounded", "pca-unbounded", "quaternion"]);
     }
     assert!(build["levels"]["one_level"]["sort_ms"].as_f64().unwrap() > 0.0, "{build}");
     assert!(build["rebuild_top_ms"].as_f64().unwrap() > 0.0, "{build}");

@@ -40,7 +40,7 @@ fn unknown_keys_suggest_the_closest() {
         "direction = [0, -2, 0]\nradius = 1",
         &["unknown key 'radius' in a light of type sun"],
     );
-    rejected("ior = 1.33", "oir = 1.33", &["unknown key 'oir' in [[materials]]", "'ior'"]);
+    rejected("ior = 1.33", "oir = 1.33", &["unknown key 'oir' in [[materials]]", " ior,"]);
     rejected("angle_degrees = 91", "angel_degrees = 91", &["unknown key 'angel_degrees' in [instances.close]"]);
     rejected("builtin = true", "built_in = true", &["'built_in'", "'builtin'"]);
 }
