@@ -81,6 +81,6 @@ mod tests {
         let packages = packages_with_features().unwrap();
         let lbvh = packages.iter().find(|(name, _)| name == "canted-lbvh").unwrap();
         assert_eq!(lbvh.1, ["parallel"]);
-        assert!(packages.iter().all(|(name, _)| name != "canted-film"), "canted-film has no features");
+        assert!(packages.iter().all(|(name, _)| name != "canted-gpu"), "canted-gpu has no features");
     }
 }

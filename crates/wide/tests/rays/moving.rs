@@ -106,7 +106,8 @@ fn agrees<K: LaneKernel + Kernel<Record = [[f32; 3]; 3]>>(configs: &[Config]) {
                 }
             }
         }
-        assert!(n_hits > 20, "{name}: {n_hits} hits");
+        // Most rays miss slivers.
+        assert!(n_hits > 5, "{name}: {n_hits} hits");
     }
 }
 

@@ -41,7 +41,7 @@ fn frames_of_other_options_or_scenes_are_not_kept() {
     let expected = all();
     for (other, words) in [
         ("--seed 7", ["f0.png", "another seed: 0, not 7"]),
-        ("--integrator path", ["f0.png", "another choice of integrator: by the scene, not Path"]),
+        ("--integrator hybrid", ["f0.png", "another choice of integrator: by the scene, not Hybrid"]),
         ("--spp 3", ["f0.png", "another range of samples: 0..2, not 0..3"]),
         ("--fps 4", ["f1.png", "another pose"]),
         ("--animation tear", ["f1.png", "another pose"]),
