@@ -64,7 +64,7 @@ pub(crate) struct BvhCosts {
 }
 
 impl BvhCosts {
-    /// Most refits that a build takes as long as, if it was measured only once: six times what meshes that were measured need.
+    /// Most refits that a build takes as long as, if it was measured only once. A scaffold of 105,000 triangles needs about ten.
     const MOST_REFITS: f64 = 64.0;
 
     /// The costs of a new BVH.
@@ -179,7 +179,10 @@ mod tests {
                                 if high < 85.0 { 1.0 + low / 2.56 } else { 1.0 + low / 2560.0 }
                             };
                             let (n_rebuilds, ours) = run(times, None, busy);
-                            assert!(rate > 0.0 || n_rebuilds == 0, "{what}: {n_rebuilds} rebuilds by noise, seed {seed}");
+                            assert!(
+                                rate > 0.0 || n_rebuilds == 0,
+                                "{what}: {n_rebuilds} rebuilds by noise, seed {seed}"
+                            );
                             assert!(ours <= 1.1 * best, "{what}: {ours} of {best} on a busy machine, seed {seed}");
                         }
                         assert!(rate > 0.0 || n_rebuilds == 0, "{what}: {n_rebuilds} rebuilds without drift");
