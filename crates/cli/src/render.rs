@@ -39,8 +39,8 @@ use checkpoint::CheckpointWriter;
 pub(crate) use checkpoint::difference;
 use facts::Fact;
 pub(crate) use facts::dropped_samples;
-pub(crate) use passes::{next as next_pass, whole as whole_film};
 use film::{CpuRenderer, FilmRenderer};
+pub(crate) use passes::{next as next_pass, whole as whole_film};
 pub(crate) use setup::{Choice, Setup, choose, decided, setup};
 
 /// A rendered picture or film.

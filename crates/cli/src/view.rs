@@ -50,7 +50,11 @@ impl clap::Args for Args {
         };
         let shared = render.get_arguments().filter(is_ours).cloned();
         let path = |name: &'static str, value: &'static str| {
-            Arg::new(name).long(name).value_name(value).value_parser(clap::value_parser!(PathBuf)).help_heading("Replay")
+            Arg::new(name)
+                .long(name)
+                .value_name(value)
+                .value_parser(clap::value_parser!(PathBuf))
+                .help_heading("Replay")
         };
         let replay = path("replay", "EVENTS.toml")
             .requires("frames")

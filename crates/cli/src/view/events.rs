@@ -13,7 +13,11 @@ pub(crate) enum Button {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Event {
     /// The pointer moved while a button was down.
-    Drag { from: [f64; 2], to: [f64; 2], button: Button },
+    Drag {
+        from: [f64; 2],
+        to: [f64; 2],
+        button: Button,
+    },
     /// The wheel turned by this many notches; positive moves towards the scene.
     Scroll(f64),
     Key(Key),

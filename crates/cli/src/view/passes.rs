@@ -74,11 +74,19 @@ impl Renderer {
         let complete = self.complete.as_ref().filter(|(of, ..)| *of == key && args.heatmap.is_none());
         if let Some((_, film, integrator)) = complete {
             let (picture, n_samples) = (shown(film, args, &job.options), samples_of(film));
-            outbox.send(Message::Frame(Frame { picture, n_samples, is_settled: true, integrator: *integrator, ..frame.clone() }));
+            outbox.send(Message::Frame(Frame {
+                picture,
+                n_samples,
+                is_settled: true,
+                integrator: *integrator,
+                ..frame.clone()
+            }));
             return Ok(());
         }
         if args.heatmap.is_some() {
-            let picture = stage.with_surfaces(args.settings()?.lod, |surfaces, traced| traced.heatmap(surfaces, &frame.camera, args))?;
+            let picture = stage.with_surfaces(args.settings()?.lod, |surfaces, traced| {
+                traced.heatmap(surfaces, &frame.camera, args)
+            })?;
             outbox.send(Message::Frame(Frame { picture, is_settled: true, ..frame.clone() }));
             return Ok(());
         }
@@ -110,7 +118,8 @@ impl Renderer {
         let n_pixels = f64::from(args.size[0]) * f64::from(args.size[1]);
         // A machine that nothing is known of gets a small picture.
         let affordable = self.pace.map_or(1.0 / 16.0, |pace| COARSE_SECONDS / (pace * n_pixels));
-        let Some(divisor) = [1, 2, 3, 4, 6, 8, 12, 16].into_iter().find(|d| affordable * f64::from(d * d) >= 1.0) else {
+        let Some(divisor) = [1, 2, 3, 4, 6, 8, 12, 16].into_iter().find(|d| affordable * f64::from(d * d) >= 1.0)
+        else {
             return self.coarse_by(16, stage, settings, &args, options, frame).map(Some);
         };
         if divisor == 1 { Ok(None) } else { self.coarse_by(divisor, stage, settings, &args, options, frame).map(Some) }
@@ -129,8 +138,8 @@ impl Renderer {
         let settings = Settings { width, height, samples: 1, part: None, noise: None, ..settings };
         // Not cancelled: a moving camera must show something.
         let cancel = AtomicBool::new(false);
-        let film =
-            stage.with_surfaces(settings.lod, |surfaces, traced| traced.film(surfaces, &frame.camera, &settings, &cancel))?;
+        let film = stage
+            .with_surfaces(settings.lod, |surfaces, traced| traced.film(surfaces, &frame.camera, &settings, &cancel))?;
         Ok(shown(&film, args, options))
     }
 
@@ -153,8 +162,9 @@ impl Renderer {
             let part = settings.noise.is_none().then_some(range);
             let of_pass = Settings { part, ..*settings };
             let start = Instant::now();
-            let film = stage
-                .with_surfaces(settings.lod, |surfaces, traced| traced.film(surfaces, &frame.camera, &of_pass, desk.cancel()));
+            let film = stage.with_surfaces(settings.lod, |surfaces, traced| {
+                traced.film(surfaces, &frame.camera, &of_pass, desk.cancel())
+            });
             let film = match film {
                 Err(error) if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) => {
                     // Clicks are answered, then the pass starts again.

@@ -83,7 +83,8 @@ fn report(number: usize, at_s: f64, path: &Path, event: &Event, session: &Sessio
     let (seen, is_click) = (session.seen.as_ref(), matches!(event, Event::Click(_)));
     let command = session.command();
     if as_json {
-        let mut fact = json!({ "event": number, "at_s": at_s, "picture": path.display().to_string(), "command": command });
+        let mut fact =
+            json!({ "event": number, "at_s": at_s, "picture": path.display().to_string(), "command": command });
         if is_click {
             fact["hit"] = seen.map_or(Value::Null, |seen| {
                 json!({

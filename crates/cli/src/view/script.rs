@@ -66,7 +66,9 @@ fn one(table: &dyn TableLike) -> Result<(f64, Event), String> {
         return Err(format!("unknown key '{}'; use at_s and one of {}", key.escape_debug(), ACTIONS.join(", ")));
     }
     let at_s = table.get("at_s").ok_or("at_s is missing: the time in seconds")?;
-    let at_s = number(at_s.as_value()).filter(|&at_s| at_s >= 0.0).ok_or_else(|| invalid("at_s", at_s, "a time of at least 0"))?;
+    let at_s = number(at_s.as_value())
+        .filter(|&at_s| at_s >= 0.0)
+        .ok_or_else(|| invalid("at_s", at_s, "a time of at least 0"))?;
     let actions: Vec<&str> = ACTIONS.into_iter().filter(|action| table.contains_key(action)).collect();
     let [action] = actions[..] else {
         return Err(match actions[..] {
@@ -198,7 +200,10 @@ mod tests {
             ("[[event]]\nat_s = 0\nclose = false", "event 1: close = false is not true"),
             ("[[event]]\nat_s = 0\nset = { spp = [1] }", "event 1: set: spp = [1]"),
             ("[[event]]\nat_s = 0\nclick = [1, 2]\nbutton = \"left\"", "event 1: button requires drag"),
-            ("[[event]]\nat_s = 0\nclose = true\n[[event]]\nat_s = 1\nkey = \"w\"", "event 2: it comes after the close"),
+            (
+                "[[event]]\nat_s = 0\nclose = true\n[[event]]\nat_s = 1\nkey = \"w\"",
+                "event 2: it comes after the close",
+            ),
         ] {
             let reason = parse(text).unwrap_err();
             assert!(reason.contains(want) && !reason.contains('\n'), "{text}: {reason}");

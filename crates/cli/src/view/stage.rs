@@ -4,7 +4,9 @@ use std::sync::atomic::AtomicBool;
 
 use anyhow::{Result, anyhow};
 use canted_film::Film;
-use canted_renderer::{Lod, Masked, MipMaps, Monitor, Prepared, Settings, Surfaces, Tracer, View, heatmap, prepare, resume_with};
+use canted_renderer::{
+    Lod, Masked, MipMaps, Monitor, Prepared, Settings, Surfaces, Tracer, View, heatmap, prepare, resume_with,
+};
 use canted_scene::{AnimatedScene, Camera, Environment, ReadOptions, Scene};
 use canted_trace::{Hit, Ray};
 use canted_wide::LaneKernel;

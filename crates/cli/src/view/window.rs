@@ -49,7 +49,10 @@ impl eframe::App for Window {
         self.session.poll();
         self.upload(context);
         let mut events = Vec::new();
-        egui::Window::new("view").default_pos([8.0, 8.0]).resizable(false).show(context, |ui| self.controls(ui, &mut events));
+        egui::Window::new("view")
+            .default_pos([8.0, 8.0])
+            .resizable(false)
+            .show(context, |ui| self.controls(ui, &mut events));
         let panel = egui::CentralPanel::default().frame(egui::Frame::NONE);
         panel.show(context, |ui| self.picture(ui, &mut events));
         if !context.wants_keyboard_input() {
@@ -155,9 +158,15 @@ impl Window {
                 }
             }
         });
-        choice(ui, "heat map", options.get("heatmap").unwrap_or("none"), &["none", "boxes", "triangles"], &mut |name| {
-            set("heatmap", name.to_owned());
-        });
+        choice(
+            ui,
+            "heat map",
+            options.get("heatmap").unwrap_or("none"),
+            &["none", "boxes", "triangles"],
+            &mut |name| {
+                set("heatmap", name.to_owned());
+            },
+        );
         let integrator = self.session.frame.as_ref().map(|frame| format!("{:?}", frame.integrator).to_lowercase());
         choice(ui, "integrator", &integrator.unwrap_or_default(), &["hybrid", "path"], &mut |name| {
             set("integrator", name.to_owned());
@@ -177,7 +186,9 @@ impl Window {
             }
         }
         ui.horizontal(|ui| {
-            for (label, key) in [("screenshot", Key::Screenshot), ("copy as command", Key::Copy), ("first view", Key::Home)] {
+            for (label, key) in
+                [("screenshot", Key::Screenshot), ("copy as command", Key::Copy), ("first view", Key::Home)]
+            {
                 if ui.button(label).clicked() {
                     events.push(Event::Key(key));
                 }

@@ -59,7 +59,10 @@ pub(super) enum Message {
     /// What is at the position of a click.
     Seen(Option<Seen>),
     /// Why a job has no picture.
-    Failed { number: u64, reason: String },
+    Failed {
+        number: u64,
+        reason: String,
+    },
     /// Warnings and notes.
     Warnings(Vec<String>),
 }

