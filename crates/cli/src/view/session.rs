@@ -86,6 +86,7 @@ impl Session {
         Ok(session)
     }
 
+    #[cfg(feature = "view")]
     pub(crate) fn options(&self) -> &Options {
         &self.options
     }
@@ -102,6 +103,7 @@ impl Session {
     }
 
     /// Takes what the thread has sent.
+    #[cfg(feature = "view")]
     pub(crate) fn poll(&mut self) {
         while let Ok(message) = self.worker.messages.try_recv() {
             self.receive(message);

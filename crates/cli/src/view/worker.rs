@@ -42,6 +42,7 @@ pub(crate) struct Frame {
     pub(crate) picture: Picture,
     pub(crate) size: [u32; 2],
     /// Samples per pixel; 0 for a coarse picture.
+    #[cfg_attr(not(feature = "view"), expect(dead_code, reason = "the window shows it"))]
     pub(crate) n_samples: u32,
     /// Whether no better picture will follow.
     pub(crate) is_settled: bool,
@@ -50,6 +51,7 @@ pub(crate) struct Frame {
     /// Distance of what is in the center of the picture.
     pub(crate) center_distance: Option<f64>,
     /// Whether the scene can be posed at times.
+    #[cfg_attr(not(feature = "view"), expect(dead_code, reason = "the window shows it"))]
     pub(crate) is_animated: bool,
 }
 
