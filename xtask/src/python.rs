@@ -76,7 +76,11 @@ pub(crate) fn measure(args: &[&str]) -> Result<bool> {
     let scenes =
         std::env::var_os("CANTED_SCENES").map_or_else(|| workspace::root().join("../shared/scenes"), PathBuf::from);
     let mut script = environment.command(&["crates/python/examples/table.py"]);
-    script.env("CANTED_RATE", rate()?).arg(scenes.join("stanford/bunny.ply")).args(if args.is_empty() { &["1000000", "5"] } else { args });
+    script.env("CANTED_RATE", rate()?).arg(scenes.join("stanford/bunny.ply")).args(if args.is_empty() {
+        &["1000000", "5"]
+    } else {
+        args
+    });
     let mut text = String::new();
     let is_well = command::for_each_line(&mut script, |line| {
         say(line);
