@@ -76,11 +76,8 @@ pub(crate) fn measure(args: &[&str]) -> Result<bool> {
     let scenes =
         std::env::var_os("CANTED_SCENES").map_or_else(|| workspace::root().join("../shared/scenes"), PathBuf::from);
     let mut script = environment.command(&["crates/python/examples/table.py"]);
-    script.env("CANTED_RATE", rate()?).arg(scenes.join("stanford/bunny.ply")).args(if args.is_empty() {
-        &["1000000", "5"]
-    } else {
-        args
-    });
+    let numbers: &[&str] = if args.is_empty() { &["1000000", "5"] } else { args };
+    script.env("CANTED_RATE", rate()?).arg(scenes.join("stanford/bunny.ply")).args(numbers);
     let mut text = String::new();
     let is_well = command::for_each_line(&mut script, |line| {
         say(line);
@@ -101,11 +98,12 @@ pub(crate) fn measure(args: &[&str]) -> Result<bool> {
 
 /// Builds the program that measures the same call in Rust, with the link time optimization of the wheel; its path.
 fn rate() -> Result<PathBuf> {
-    let mut command = cargo(&["build", "--release", "--package", "canted", "--example", "rate"]);
-    if !succeeds(command.env("CARGO_PROFILE_RELEASE_LTO", "thin"))? {
+    let folder = workspace::root().join("target");
+    let mut command = cargo(&["build", "--release", "--package", "canted", "--example", "rate", "--target-dir"]);
+    if !succeeds(command.arg(&folder).env("CARGO_PROFILE_RELEASE_LTO", "thin"))? {
         bail!("the example rate does not build");
     }
-    Ok(workspace::root().join("target/release/examples/rate"))
+    Ok(folder.join("release/examples").join(format!("rate{}", std::env::consts::EXE_SUFFIX)))
 }
 
 /// Builds and installs the package, runs its tests and adds them to `count`. Returns whether none failed.

@@ -51,7 +51,7 @@ pub(crate) enum Key {
 }
 
 /// Keys by name; those of a single character are also what a keyboard types.
-pub(crate) const KEYS: [(&str, Key); 21] = [
+pub(crate) const KEYS: [(&str, Key); 22] = [
     ("w", Key::Fly([0, 0, 1])),
     ("s", Key::Fly([0, 0, -1])),
     ("a", Key::Fly([-1, 0, 0])),
@@ -73,14 +73,12 @@ pub(crate) const KEYS: [(&str, Key); 21] = [
     ("x", Key::NextStructure),
     ("p", Key::Screenshot),
     ("c", Key::Copy),
+    ("escape", Key::Close),
 ];
 
 impl Key {
-    /// The key of this name; `escape` closes.
+    /// The key of this name.
     pub(crate) fn named(name: &str) -> Option<Self> {
-        if name.eq_ignore_ascii_case("escape") {
-            return Some(Self::Close);
-        }
         KEYS.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|&(_, key)| key)
     }
 }

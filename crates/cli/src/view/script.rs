@@ -5,7 +5,7 @@ use std::{fs, path::Path};
 use anyhow::{Result, anyhow};
 use toml_edit::{Document, Item, TableLike, Value};
 
-use super::events::{Button, Event, Key};
+use super::events::{Button, Event, KEYS, Key};
 use crate::options;
 
 /// An event at a time of the session in seconds.
@@ -92,10 +92,10 @@ fn one(table: &dyn TableLike) -> Result<(f64, Event), String> {
             Event::Drag { from: [x0, y0], to: [x1, y1], button }
         }
         "scroll" => Event::Scroll(number(item.as_value()).ok_or_else(|| invalid(action, item, "a number of notches"))?),
-        "key" => {
-            let all = "w, a, s, d, q, e, left, right, up, down, plus, minus, home, h, i, v, x, p, c or escape";
-            Event::Key(item.as_str().and_then(Key::named).ok_or_else(|| invalid(action, item, all))?)
-        }
+        "key" => Event::Key(item.as_str().and_then(Key::named).ok_or_else(|| {
+            let names: Vec<&str> = KEYS.iter().map(|&(name, _)| name).collect();
+            invalid(action, item, &format!("one of {}", names.join(", ")))
+        })?),
         "click" => Event::Click(numbers(item).ok_or_else(|| invalid(action, item, "[x, y]"))?),
         "resize" => Event::Resize(size(item).map_err(|reason| format!("resize = {}: {reason}", shown(item)))?),
         "set" => Event::Set(changes(item)?),

@@ -4,8 +4,6 @@
 //! Event -> Session (options, camera) -> job -> thread -> Frame
 //! ```
 
-use std::time::Duration;
-
 use anyhow::{Result, anyhow};
 use canted_film::Aov;
 use canted_renderer::Integrator;
@@ -128,10 +126,8 @@ impl Session {
 
     fn wait(&mut self, is_over: impl Fn(&Self) -> bool) -> Result<()> {
         while !is_over(self) {
-            match self.worker.messages.recv_timeout(Duration::from_secs(3600)) {
-                Ok(message) => self.receive(message),
-                Err(_) => return Err(anyhow!("the thread that renders has stopped")),
-            }
+            let message = self.worker.messages.recv();
+            self.receive(message.map_err(|_| anyhow!("the thread that renders has stopped"))?);
         }
         self.failure.take().map_or(Ok(()), |reason| Err(anyhow!("{reason}")))
     }
