@@ -82,7 +82,7 @@ fn main() -> ExitCode {
 }
 
 /// Checks the packages; what is wrong is said.
-fn packages() -> Result<bool> {
+fn packages() -> anyhow::Result<bool> {
     match publish::dry_run()? {
         Outcome::Well => Ok(true),
         // cargo has said it.
