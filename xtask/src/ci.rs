@@ -185,7 +185,7 @@ fn packages() -> Result<End> {
     Ok(match publish::dry_run()? {
         Outcome::Well => End::Passed,
         Outcome::Faulty(lines) => End::Because(lines),
-        Outcome::Unreachable => End::Skipped("the registry cannot be reached".to_owned()),
+        Outcome::Undecided(reason) => End::Skipped(reason.to_owned()),
     })
 }
 

@@ -87,6 +87,6 @@ fn packages() -> anyhow::Result<bool> {
         Outcome::Well => Ok(true),
         // cargo has said it.
         Outcome::Faulty(_) => Ok(false),
-        Outcome::Unreachable => anyhow::bail!("the registry cannot be reached"),
+        Outcome::Undecided(reason) => anyhow::bail!("the packages cannot be checked: {reason}"),
     }
 }

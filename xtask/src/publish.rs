@@ -16,17 +16,21 @@ use crate::{
     workspace,
 };
 
-/// What cargo says where a registry does not answer.
-const UNREACHABLE: [&str; 9] = [
-    "failed to download",
-    "failed to get",
-    "Could not resolve host",
-    "download of",
-    "network",
-    "spurious",
-    "timed out",
-    "unable to update registry",
-    "failed to query",
+const UNREACHABLE: &str = "the registry cannot be reached";
+
+/// What cargo says where the machine cannot check a package, and why.
+const UNDECIDED: [(&str, &str); 11] = [
+    ("No space left", "the disk is full"),
+    ("SIGKILL", "the compiler was killed"),
+    ("failed to download", UNREACHABLE),
+    ("failed to get", UNREACHABLE),
+    ("Could not resolve host", UNREACHABLE),
+    ("download of", UNREACHABLE),
+    ("network", UNREACHABLE),
+    ("spurious", UNREACHABLE),
+    ("timed out", UNREACHABLE),
+    ("unable to update registry", UNREACHABLE),
+    ("failed to query", UNREACHABLE),
 ];
 
 /// What was found.
@@ -34,13 +38,14 @@ pub(crate) enum Outcome {
     Well,
     /// The last lines that say why.
     Faulty(String),
-    /// The registry does not answer, which says nothing about the packages.
-    Unreachable,
+    /// Why this machine cannot say, which is no fault of the packages.
+    Undecided(&'static str),
 }
 
 /// Packages all crates without uploading them, and checks what would be uploaded.
 pub(crate) fn dry_run() -> Result<Outcome> {
-    let packages = workspace::root().join("target/package");
+    // Where `cargo publish --dry-run` leaves its files.
+    let packages = workspace::root().join("target/package/tmp-crate");
     for path in files_in(&packages)? {
         // Files of earlier versions would be checked, too.
         fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
@@ -58,14 +63,17 @@ pub(crate) fn dry_run() -> Result<Outcome> {
 /// Runs a command; how it failed, if it did.
 fn fault(mut command: Command) -> Result<Option<Outcome>> {
     let (is_well, errors) = command::with_errors(&mut command)?;
-    Ok((!is_well).then(|| {
-        if UNREACHABLE.iter().any(|words| errors.contains(words)) {
-            return Outcome::Unreachable;
-        }
-        let lines: Vec<_> = errors.lines().collect();
-        let first = lines.iter().position(|line| line.starts_with("error")).unwrap_or(0);
-        Outcome::Faulty(lines[first..].iter().take(12).copied().collect::<Vec<_>>().join("\n"))
-    }))
+    Ok((!is_well).then(|| outcome(&errors)))
+}
+
+/// What the errors of cargo mean.
+fn outcome(errors: &str) -> Outcome {
+    if let Some((_, reason)) = UNDECIDED.iter().find(|(words, _)| errors.contains(words)) {
+        return Outcome::Undecided(reason);
+    }
+    let lines: Vec<_> = errors.lines().collect();
+    let first = lines.iter().position(|line| line.starts_with("error")).unwrap_or(0);
+    Outcome::Faulty(lines[first..].iter().take(12).copied().collect::<Vec<_>>().join("\n"))
 }
 
 /// Makes a workspace of the packages in a folder; its folder.
@@ -104,4 +112,20 @@ fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
         paths.filter(|path| path.extension().is_some_and(|extension| extension == "crate")).collect();
     paths.sort();
     Ok(paths)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faults_are_told_from_what_says_nothing() {
+        let Outcome::Faulty(lines) = outcome("    Checking canted\nerror[E0433]: no crate\n --> lib.rs") else {
+            panic!("a compile error is a fault")
+        };
+        assert!(lines.starts_with("error[E0433]") && lines.ends_with("lib.rs"), "{lines}");
+        for errors in ["error: failed to download from `https://index.crates.io`", "error: No space left on device"] {
+            assert!(matches!(outcome(errors), Outcome::Undecided(_)), "{errors}");
+        }
+    }
 }

@@ -193,7 +193,7 @@ mod tests {
             ("[[event]]\nat_s = 0", "event 1: no action"),
             ("[[event]]\nat_s = 0\nkey = \"w\"\nscroll = 1", "event 1: 2 actions, scroll and key"),
             ("[[event]]\nat_s = 0\nkei = \"w\"", "event 1: unknown key 'kei'"),
-            ("[[event]]\nat_s = 0\nkey = \"z\"", "event 1: key = \"z\" is not w, a"),
+            ("[[event]]\nat_s = 0\nkey = \"z\"", "event 1: key = \"z\" is not one of w, s, a"),
             ("[[event]]\nat_s = 0\ndrag = [1, 2, 3]", "event 1: drag = [1, 2, 3] is not [x0, y0, x1, y1]"),
             ("[[event]]\nat_s = 0\nresize = [0, 4]", "event 1: resize = [0, 4]: '0' is not a positive number"),
             ("[[event]]\nat_s = 0\nresize = [99999, 99999]", "exceed the limit"),
