@@ -81,7 +81,7 @@ pub(crate) struct Args {
     pub(super) ao_radius: Option<f32>,
     /// Give back the light that rough metal, coats and glass lose between their microfacets: on or off. `off` is for
     /// comparison with renderers that scatter once; `hybrid` has no such surfaces.
-    #[arg(long, help_heading = RENDERING, default_value = "on", value_parser = one_of(&SWITCH), value_name = "on|off")]
+    #[arg(long, help_heading = RENDERING, action = clap::ArgAction::Set, default_value = "on", value_parser = one_of(&SWITCH), value_name = "on|off")]
     pub(super) energy_compensation: bool,
     #[command(flatten)]
     pub(super) look: LookArgs,
