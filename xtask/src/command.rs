@@ -39,12 +39,14 @@ pub(crate) fn succeeds(command: &mut Command) -> Result<bool> {
 pub(crate) fn with_errors(command: &mut Command) -> Result<(bool, String)> {
     let mut child =
         command.stderr(Stdio::piped()).spawn().with_context(|| format!("cannot start {}", name(command)))?;
-    let mut errors = String::new();
-    for line in BufReader::new(child.stderr.take().context("standard error is piped")?).lines() {
-        let line = line.context("cannot read standard error")?;
-        warn(&line);
-        errors += &line;
-        errors.push('\n');
+    let mut reader = BufReader::new(child.stderr.take().context("standard error is piped")?);
+    let (mut errors, mut line) = (String::new(), vec![]);
+    // Compilers may print any bytes.
+    while reader.read_until(b'\n', &mut line).context("cannot read standard error")? > 0 {
+        let text = String::from_utf8_lossy(&line);
+        warn(text.trim_end_matches(['\n', '\r']));
+        errors += &text;
+        line.clear();
     }
     Ok((child.wait()?.success(), errors))
 }

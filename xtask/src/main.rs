@@ -24,10 +24,13 @@ mod workspace;
 
 use std::process::ExitCode;
 
+use publish::Outcome;
+
 const USAGE: &str = "usage: cargo xtask TASK
 
   test              run all tests; the last line counts them
   ci                run all checks: formatting, tidy, lints, documentation, features, packages, tests
+  packages          check every package as it would be uploaded
   wheel             build the Python packages into target/wheels; needs Python 3.9 or newer
   python [RAYS [ROUNDS]]  measure the Python package and its peers into benches/PYTHON.md, and fill the tables
   tidy              check style rules that formatters and lints do not cover
@@ -51,6 +54,7 @@ fn main() -> ExitCode {
     let outcome = match args[..] {
         ["test"] => test::run(),
         ["ci"] => ci::run(),
+        ["packages"] => packages(),
         ["wheel"] => python::wheel(),
         ["python", ref args @ ..] => python::measure(args),
         ["tidy"] => tidy::run(),
@@ -74,5 +78,15 @@ fn main() -> ExitCode {
             command::warn(&format!("{error:#}"));
             ExitCode::from(2)
         }
+    }
+}
+
+/// Checks the packages; what is wrong is said.
+fn packages() -> anyhow::Result<bool> {
+    match publish::dry_run()? {
+        Outcome::Well => Ok(true),
+        // cargo has said it.
+        Outcome::Faulty(_) => Ok(false),
+        Outcome::Undecided(reason) => anyhow::bail!("the packages cannot be checked: {reason}"),
     }
 }

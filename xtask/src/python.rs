@@ -12,7 +12,7 @@ use std::{
 use anyhow::{Context, Result, bail};
 
 use crate::{
-    command::{self, say, succeeds},
+    command::{self, cargo, say, succeeds},
     count::Count,
     tables, workspace,
 };
@@ -37,6 +37,9 @@ const PEERS: [&str; 2] = ["embreex", "rtree"];
 /// Peers that are measured only: large downloads.
 const MEASURED: [&str; 1] = ["open3d"];
 
+/// Tests need no link time optimization, which takes minutes.
+const QUICK: [(&str, &str); 2] = [("CARGO_PROFILE_RELEASE_LTO", "off"), ("CARGO_PROFILE_RELEASE_CODEGEN_UNITS", "16")];
+
 /// Builds the wheels into `target/wheels`.
 pub(crate) fn wheel() -> Result<bool> {
     let Some(python) = program() else { bail!("Python 3.9 or newer is not found") };
@@ -44,7 +47,7 @@ pub(crate) fn wheel() -> Result<bool> {
     if !environment.pip(&["maturin"])? {
         bail!("maturin cannot be installed from the package registry");
     }
-    let Some(wheels) = environment.build()? else { return Ok(false) };
+    let Some(wheels) = environment.build(&[])? else { return Ok(false) };
     for wheel in wheels {
         say(&format!("wrote {} ({} KiB)", wheel.display(), kib(&wheel)?));
     }
@@ -68,12 +71,13 @@ pub(crate) fn measure(args: &[&str]) -> Result<bool> {
             say(&format!("skipped comparisons with {peer}: it cannot be installed"));
         }
     }
-    let Some(wheels) = environment.build()? else { return Ok(false) };
+    let Some(wheels) = environment.build(&[])? else { return Ok(false) };
     environment.install(&wheels)?;
     let scenes =
         std::env::var_os("CANTED_SCENES").map_or_else(|| workspace::root().join("../shared/scenes"), PathBuf::from);
     let mut script = environment.command(&["crates/python/examples/table.py"]);
-    script.arg(scenes.join("stanford/bunny.ply")).args(if args.is_empty() { &["1000000", "5"] } else { args });
+    let numbers: &[&str] = if args.is_empty() { &["1000000", "5"] } else { args };
+    script.env("CANTED_RATE", rate()?).arg(scenes.join("stanford/bunny.ply")).args(numbers);
     let mut text = String::new();
     let is_well = command::for_each_line(&mut script, |line| {
         say(line);
@@ -90,6 +94,16 @@ pub(crate) fn measure(args: &[&str]) -> Result<bool> {
     fs::write(workspace::root().join(RECORD), text).with_context(|| format!("cannot write {RECORD}"))?;
     say(&format!("wrote {RECORD}"));
     tables::run()
+}
+
+/// Builds the program that measures the same call in Rust, with the link time optimization of the wheel; its path.
+fn rate() -> Result<PathBuf> {
+    let folder = workspace::root().join("target");
+    let mut command = cargo(&["build", "--release", "--package", "canted", "--example", "rate", "--target-dir"]);
+    if !succeeds(command.arg(&folder).env("CARGO_PROFILE_RELEASE_LTO", "thin"))? {
+        bail!("the example rate does not build");
+    }
+    Ok(folder.join("release/examples").join(format!("rate{}", std::env::consts::EXE_SUFFIX)))
 }
 
 /// Builds and installs the package, runs its tests and adds them to `count`. Returns whether none failed.
@@ -109,7 +123,7 @@ pub(crate) fn test(count: &mut Count) -> Result<bool> {
             say(&format!("skipped comparisons with {peer}: it cannot be installed"));
         }
     }
-    let Some(wheels) = environment.build()? else {
+    let Some(wheels) = environment.build(&QUICK)? else {
         say("a Python package does not build: counted as one failure");
         count.failed += 1;
         return Ok(false);
@@ -195,8 +209,8 @@ impl Environment {
         Ok(())
     }
 
-    /// Builds the wheels; their paths, or `None` where one does not build.
-    fn build(&self) -> Result<Option<Vec<PathBuf>>> {
+    /// Builds the wheels; their paths, or `None` where one does not build. `variables` are added to the environment of cargo.
+    fn build(&self, variables: &[(&str, &str)]) -> Result<Option<Vec<PathBuf>>> {
         let wheels = workspace::root().join("target/wheels");
         if wheels.is_dir() {
             // Only these wheels are there afterwards, whatever their version.
@@ -206,6 +220,7 @@ impl Environment {
             let args = ["-m", "maturin", "build", "--release", "--quiet", "--manifest-path", manifest, "--out"];
             let mut command = self.command(&args);
             command.arg(&wheels).env("CARGO_TARGET_DIR", workspace::root().join("target/python/build"));
+            command.envs(variables.iter().copied());
             if !succeeds(&mut command)? {
                 return Ok(None);
             }

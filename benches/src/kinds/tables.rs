@@ -9,15 +9,18 @@ use canted_fixtures::kinds::{Family, RayKind};
 
 use super::{
     checked::{Difference, OURS},
-    subject::Measured,
+    subject::{Measured, Set},
 };
 use crate::{
     interleave::{median, ratio},
     options::Options,
+    wide::ours::{ALIGNED, BALANCED},
 };
 
 /// A kind on which any kind of rays is slower than this, relative to Embree's default, is listed.
 const LIMIT: f64 = 0.9;
+/// Rays a second that a plan must reach relative to the other.
+const PLAN_LIMIT: f64 = 0.97;
 /// Wrong hits that are listed of each kind and preset; the JSON lines have all.
 const N_LISTED: usize = 3;
 
@@ -38,6 +41,19 @@ enum Mode {
 impl Measured {
     fn preset(&self, i: usize) -> &str {
         self.engines[i].0.strip_prefix(OURS).unwrap_or(&self.engines[i].0).trim_start()
+    }
+
+    /// Our engines that are presets.
+    fn presets(&self) -> impl Iterator<Item = usize> {
+        self.ours().filter(|&i| self.engines[i].0 != ALIGNED)
+    }
+
+    /// Rays a second of `balanced` relative to the same without oriented nodes: geometric mean over the kinds of rays.
+    fn plan(&self) -> Option<f64> {
+        let engine = |name| self.engines.iter().position(|(found, _)| found == name);
+        let (chosen, aligned) = (engine(BALANCED)?, engine(ALIGNED)?);
+        let cpu = |set: &Set, engine: usize| set.seconds[engine].iter().map(|seconds| seconds.cpu).collect::<Vec<_>>();
+        mean(self.sets.iter().map(|set| Some(ratio(&cpu(set, aligned), &cpu(set, chosen)))))
     }
 
     /// Our engines.
@@ -184,12 +200,13 @@ impl Tables {
         }
         let _ = writeln!(out, " build / medium | build / high | B a triangle | hits equal |\n|{}", " --- |".repeat(11));
         for measured in &self.measured {
-            for i in measured.ours() {
+            for i in measured.presets() {
                 let _ = writeln!(out, "{}", measured.row(i));
             }
         }
         self.means(out);
         self.below(out);
+        self.plans(out);
         self.wrongs(out);
     }
 
@@ -230,7 +247,7 @@ impl Tables {
             return;
         }
         let _ = writeln!(out, "\n### Below {LIMIT} of Embree's default\n");
-        let presets: Vec<&str> = self.measured.first().map_or(vec![], |m| m.ours().map(|i| m.preset(i)).collect());
+        let presets: Vec<&str> = self.measured.first().map_or(vec![], |m| m.presets().map(|i| m.preset(i)).collect());
         for (i, preset) in presets.into_iter().enumerate() {
             let slow = self.measured.iter().filter_map(|measured| {
                 let rays = measured.slow(i);
@@ -240,6 +257,27 @@ impl Tables {
             let kinds = if slow.is_empty() { "none".to_owned() } else { slow.join("; ") };
             let _ = writeln!(out, "* {preset}: {kinds}.");
         }
+    }
+
+    /// Whether oriented nodes are used where they pay: the better of two plans is the one with them or the one without.
+    fn plans(&self, out: &mut String) {
+        let plans = self.measured.iter().filter_map(|m| Some((m.kind.name, m.plan()?)));
+        let plans: Vec<(&str, f64)> = plans.collect();
+        let Some(all) = mean(plans.iter().map(|&(_, speed)| Some(speed))) else { return };
+        let text = |chosen: Vec<&(&str, f64)>| {
+            let list: Vec<String> = chosen.iter().map(|(name, speed)| format!("{name} {speed:.2}")).collect();
+            if list.is_empty() { "none".to_owned() } else { list.join(", ") }
+        };
+        let _ = writeln!(
+            out,
+            "\n### The chosen nodes\n\nRays a second of `balanced` relative to `balanced` without oriented nodes, geometric mean over \
+             the kinds of rays. Over {} kinds: {all:.2}.\n\n* Below {PLAN_LIMIT}, where aligned nodes alone are better: {}.\n* \
+             Above {}: {}.",
+            plans.len(),
+            text(plans.iter().filter(|(_, speed)| *speed < PLAN_LIMIT).collect()),
+            number(Some(1.0 / PLAN_LIMIT), 2),
+            text(plans.iter().filter(|(_, speed)| *speed > 1.0 / PLAN_LIMIT).collect()),
+        );
     }
 
     fn wrongs(&self, out: &mut String) {

@@ -56,12 +56,8 @@ fn ours<'a>(mesh: &Mesh, frames: &'a [Vec<Affine>; 2]) -> Result<Vec<Updated<'a>
     let [mut refitted, mut rebuilt] = [tlas()?, tlas()?];
     Ok(vec![
         Updated::new("Tlas, refit", move |frame| {
-            let mut edit = refitted.edit();
-            for (i, at) in (0u32..).zip(&frames[frame % 2]) {
-                edit.set_transform(InstanceId(i), *at)?;
-            }
-            edit.refit();
-            Ok(())
+            let moved: Vec<_> = (0u32..).map(InstanceId).zip(instances(frame)).collect();
+            Ok(refitted.edit().set_each(&moved)?)
         }),
         Updated::new("Tlas, rebuild, fast", move |frame| Ok(rebuilt.set_instances(&instances(frame))?)),
     ])

@@ -46,10 +46,13 @@ impl<B: Blas> Engine for TwoLevels<B> {
     }
 }
 
+/// The name of the preset `balanced`.
+pub(crate) const BALANCED: &str = "WideBvh balanced";
+
 /// Presets of WideBvh, the slowest build first.
 const PRESETS: [(&str, Preset); 4] = [
     ("WideBvh quality", Preset::Quality),
-    ("WideBvh balanced", Preset::Balanced),
+    (BALANCED, Preset::Balanced),
     ("WideBvh fast", Preset::Fast),
     ("WideBvh dynamic", Preset::Dynamic),
 ];
@@ -61,15 +64,23 @@ pub(crate) fn entries(model: &Model) -> Vec<Entry<'_>> {
     entries
 }
 
-/// Watertight BVHs with each preset, of two levels where the model places its meshes, the slowest build first.
+/// The name of `balanced` when it may not use oriented nodes.
+pub(crate) const ALIGNED: &str = "WideBvh balanced, aligned nodes only";
+
+/// Watertight BVHs with each preset, of two levels where the model places its meshes, the slowest build first; then
+/// [`ALIGNED`].
 pub(crate) fn presets(model: &Model) -> Vec<Entry<'_>> {
-    let Some(placed) = &model.placed else { return promising::<Watertight>(Promise::Watertight, &PRESETS, model) };
-    let entry = |(name, preset): (&str, Preset)| {
-        let build: Build<'_> = Box::new(move |_| Ok(Box::new(wide_levels::<Watertight>(placed, preset)?)));
-        let (name, promise) = (name.to_owned(), Promise::Watertight);
-        Entry { name, owner: Owner::Ours, promise, is_placed: true, is_parallel: true, build }
+    let aligned = Config { oriented: false, ..Config::preset(Preset::Balanced) };
+    let configs = PRESETS.map(|(name, preset)| (name, Config::preset(preset))).into_iter().chain([(ALIGNED, aligned)]);
+    let entry = |(name, config): (&str, Config)| {
+        let build: Build<'_> = match &model.placed {
+            Some(placed) => Box::new(move |_| Ok(Box::new(wide_levels::<Watertight>(placed, config)?))),
+            None => one_level_wide::<Watertight>(&model.mesh, config),
+        };
+        let (name, promise, is_placed) = (name.to_owned(), Promise::Watertight, model.placed.is_some());
+        Entry { name, owner: Owner::Ours, promise, is_placed, is_parallel: true, build }
     };
-    PRESETS.map(entry).into()
+    configs.map(entry).collect()
 }
 
 fn promising<'a, K: LaneKernel + 'static>(
@@ -77,19 +88,14 @@ fn promising<'a, K: LaneKernel + 'static>(
     presets: &[(&str, Preset)],
     model: &'a Model,
 ) -> Vec<Entry<'a>> {
-    let mesh = &model.mesh;
     let entry = |name: &str, is_placed, build| {
         let name = name.to_owned();
         Entry { name, owner: Owner::Ours, promise, is_placed, is_parallel: true, build }
     };
-    let wide = |preset| -> Build<'a> {
-        Box::new(move |_| {
-            Ok(Box::new(TriangleBvh::<K>::build(&mesh.positions, &mesh.triangles, &Config::preset(preset))?))
-        })
-    };
+    let wide = |preset| one_level_wide::<K>(&model.mesh, Config::preset(preset));
     let mut entries: Vec<Entry<'a>> = presets.iter().map(|&(name, preset)| entry(name, false, wide(preset))).collect();
     if let Some(placed) = &model.placed {
-        let build: Build<'a> = Box::new(|_| Ok(Box::new(wide_levels::<K>(placed, Preset::Quality)?)));
+        let build: Build<'a> = Box::new(|_| Ok(Box::new(wide_levels::<K>(placed, Config::preset(Preset::Quality))?)));
         entries.insert(0, entry("TLAS, WideBvh quality", true, build));
     }
     entries
@@ -110,9 +116,13 @@ pub(crate) fn two_levels<K: Kernel>(placed: &Placed) -> Result<Tlas<Bvh2<K>>> {
     Ok(Tlas::new(blas, &placed.instances, top)?)
 }
 
+/// A WideBvh of a mesh.
+fn one_level_wide<K: LaneKernel + 'static>(mesh: &Mesh, config: Config) -> Build<'_> {
+    Box::new(move |_| Ok(Box::new(TriangleBvh::<K>::build(&mesh.positions, &mesh.triangles, &config)?)))
+}
+
 /// A WideBvh of each mesh, and a TLAS of the instances.
-fn wide_levels<K: LaneKernel>(placed: &Placed, preset: Preset) -> Result<TwoLevels<TriangleBvh<K>>> {
-    let config = Config::preset(preset);
+fn wide_levels<K: LaneKernel>(placed: &Placed, config: Config) -> Result<TwoLevels<TriangleBvh<K>>> {
     let build = |mesh: &Mesh| Ok(TriangleBvh::<K>::build(&mesh.positions, &mesh.triangles, &config)?);
     let blas = placed.meshes.iter().map(build).collect::<Result<Vec<_>>>()?;
     let n_bytes = blas.iter().map(TriangleBvh::n_bytes).sum();

@@ -2,7 +2,8 @@
 
 /// Cargo features by name, and whether this build has them.
 fn features() -> Vec<(&'static str, bool)> {
-    let own = [("gpu", cfg!(feature = "gpu")), ("baseline", cfg!(feature = "baseline"))];
+    let own =
+        [("gpu", cfg!(feature = "gpu")), ("baseline", cfg!(feature = "baseline")), ("view", cfg!(feature = "view"))];
     own.into_iter().chain(canted_scene::FEATURES.iter().copied()).collect()
 }
 

@@ -31,6 +31,7 @@ mod scene;
 mod settings;
 mod stats;
 mod tree;
+mod view;
 mod words;
 
 use std::process::ExitCode;
@@ -67,6 +68,8 @@ struct Cli {
 enum Command {
     /// Render a picture.
     Render(Box<render::Args>),
+    /// Look at a scene in a window, or replay events.
+    View(view::Args),
     /// Write a scene file that contains every setting of a picture.
     Scene(Box<scene::Args>),
     /// Compare bounding-volume strategies.
@@ -101,6 +104,7 @@ fn run() -> Result<ExitCode> {
             }
             render::run(&args)?;
         }
+        Some(Command::View(args)) => view::run(args)?,
         Some(Command::Scene(args)) => scene::run(&args, &matches)?,
         Some(Command::Stats(args)) => stats::run(&args)?,
         Some(Command::Cast(args)) => cast::run(&args)?,

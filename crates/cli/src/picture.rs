@@ -65,7 +65,7 @@ fn film(source: &Source<'_>, options: &[(String, String)], monitor: &Monitor<'_>
         _ => None,
     };
     let path = if let Source::File(path) = source { Some(*path) } else { None };
-    let args = parse(scene_file, path, options)?;
+    let args = parse(scene_file, path, options, settings::is_of_picture)?;
     args.settings()?;
     let mut scene = match source {
         Source::SceneFile(file) => {
@@ -91,17 +91,21 @@ fn render<K: LaneKernel>(scene: &mut Scene, mut args: Args, monitor: &Monitor<'_
     Ok((film, settings.aovs))
 }
 
-/// The options of the picture after the settings of the scene file, which they override.
-fn parse(file: Option<&SceneFile>, scene: Option<&Path>, options: &[(String, String)]) -> Result<Args> {
+/// The options of a picture after the settings of the scene file, which they override. `is_option` says which of the options of
+/// `canted render` there are.
+pub(crate) fn parse(
+    file: Option<&SceneFile>,
+    scene: Option<&Path>,
+    options: &[(String, String)],
+    is_option: fn(&str) -> bool,
+) -> Result<Args> {
     let command = settings::render_command().args_override_self(true);
-    let known =
-        |id: &str| command.get_arguments().any(|arg| arg.get_id().as_str() == id && settings::is_of_picture(id));
+    let known = |id: &str| command.get_arguments().any(|arg| arg.get_id().as_str() == id && is_option(id));
     let mut words: Vec<OsString> = Vec::new();
     for (name, value) in options {
         let id = name.replace('-', "_");
         if !known(&id) {
-            let names =
-                command.get_arguments().map(|arg| arg.get_id().as_str()).filter(|id| settings::is_of_picture(id));
+            let names = command.get_arguments().map(|arg| arg.get_id().as_str()).filter(|id| is_option(id));
             let near = closest_match(&id, names).unwrap_or_default();
             return Err(anyhow!("unknown option '{}'; did you mean '{near}'?", name.escape_debug()));
         }

@@ -40,7 +40,8 @@ pub(crate) use checkpoint::difference;
 use facts::Fact;
 pub(crate) use facts::dropped_samples;
 use film::{CpuRenderer, FilmRenderer};
-pub(crate) use setup::{Choice, Setup, setup};
+pub(crate) use passes::{next as next_pass, whole as whole_film};
+pub(crate) use setup::{Choice, Setup, choose, decided, setup};
 
 /// A rendered picture or film.
 enum Output {

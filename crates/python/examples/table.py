@@ -3,13 +3,15 @@
     python table.py [MODEL] [RAYS] [ROUNDS]
 
 MODEL is a scan, such as the Stanford bunny; without it, or where it is no file, a sphere takes its place. Default: 20,000 rays, 3 rounds. Prints
-Markdown. `cargo xtask python` runs it with 1,000,000 rays and writes the file. Engines that are not installed have no column.
+Markdown. `cargo xtask python` runs it with 1,000,000 rays and writes the file. Engines that are not installed have no column; the overhead
+over Rust is measured where CANTED_RATE names the built example `rate`.
 """
 
 import os
 import platform
 import subprocess
 import sys
+import tempfile
 import time
 import warnings
 
@@ -61,6 +63,51 @@ def times(mesh, n, n_rounds):
     return found
 
 
+class Rust:
+    """The Rust library in a process of its own: the example `rate` of the crate canted, whose path is in CANTED_RATE."""
+
+    def __init__(self, program, folder, mesh, rays):
+        counts = np.array([len(mesh.vertices), len(mesh.faces), len(rays[0]), 0], "<u4")
+        interval = np.broadcast_to(np.array([0, np.inf], "<f4"), (len(rays[0]), 2))
+        table = np.concatenate([*rays, interval], axis=1)
+        parts = [counts, np.asarray(mesh.vertices, "<f4"), np.asarray(mesh.faces, "<u4"), table.astype("<f4")]
+        path = os.path.join(folder, "rays")
+        with open(path, "wb") as file:
+            file.writelines(np.ascontiguousarray(part).tobytes() for part in parts)
+        self.process = subprocess.Popen([program, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def __call__(self):
+        """Seconds of one cast of all rays, and the number of rays that hit."""
+        self.process.stdin.write("\n")
+        self.process.stdin.flush()
+        seconds, n_hits = self.process.stdout.readline().split()
+        return float(seconds), int(n_hits)
+
+    def close(self):
+        """Ends the process."""
+        self.process.stdin.close()
+        self.process.wait()
+
+
+def overhead(program, mesh, n, n_rounds):
+    """Wall seconds of `closest_hit` here and of the same call of the Rust library, medians of rounds by turns."""
+    origins, directions = (array.astype(np.float32) for array in speed.rays(mesh, n))
+    bvh = canted.Bvh(mesh.vertices, mesh.faces)
+    times = []
+    with tempfile.TemporaryDirectory() as folder:
+        rust = Rust(program, folder, mesh, [origins, directions])
+        for i in range(n_rounds + 1):
+            start = time.perf_counter()
+            hits = bvh.closest_hit(origins, directions)
+            own = time.perf_counter() - start
+            seconds, n_hits = rust()
+            assert n_hits == hits.hit.sum(), f"{n_hits} rays hit in Rust, {hits.hit.sum()} in Python"
+            if i > 0:
+                times.append((own, seconds))
+        rust.close()
+    return np.median(times, axis=0)
+
+
 def main(model=None, n=20_000, n_rounds=3):
     """Prints the record."""
     warnings.simplefilter("ignore")
@@ -90,6 +137,12 @@ def main(model=None, n=20_000, n_rounds=3):
     for mesh, queries in measured.items():
         for query, of in queries.items():
             print(f"| {mesh}, {query} | " + " | ".join(f"{of[name][0]:.3f}" if name in of else "" for name in engines) + " |")
+    if program := os.environ.get("CANTED_RATE"):
+        print("\n## Python overhead\n\nSeconds of wall time of `closest_hit` and of `par_closest_hits` in Rust, by turns; medians.\n")
+        print("| mesh | Python | Rust | overhead |\n| --- | --- | --- | --- |")
+        for name, mesh in meshes.items():
+            own, rust = overhead(program, mesh, n, max(n_rounds, 9))
+            print(f"| {name} | {own:.4f} | {rust:.4f} | {100 * (own / rust - 1):+.1f} % |")
     print(f"\n`import canted`: {1e3 * import_time():.0f} ms, the least of five.")
     print(f"\nVersions: canted {canted.__version__}, trimesh {trimesh.__version__}{version('embreex')}{version('open3d')}.")
 

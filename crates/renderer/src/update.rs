@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use canted_film::Hash;
 use canted_scene::{Instance, Mesh, Scene};
+use canted_trace::InstanceId;
 use canted_wide::LaneKernel;
 use rayon::prelude::*;
 
@@ -218,14 +219,14 @@ impl<K: LaneKernel> Prepared<K> {
                 }
                 let new = instances(scene);
                 let is_same_number = scene.instances.len() == history.instances.len();
-                let moved: Vec<usize> = (0..new.len().min(history.instances.len()))
-                    .filter(|&i| scene.instances[i] != history.instances[i])
+                let both = scene.instances.iter().zip(&history.instances);
+                let moved: Vec<_> = (0_u32..)
+                    .zip(both.zip(&new))
+                    .filter(|(_, ((now, before), _))| now != before)
+                    .map(|(i, (_, &new))| (InstanceId(i), new))
                     .collect();
                 if is_same_number {
-                    for &i in &moved {
-                        #[expect(clippy::cast_possible_truncation, reason = "instances are numbered by u32")]
-                        edit.set_instance(canted_trace::InstanceId(i as u32), new[i])?;
-                    }
+                    edit.set_each(&moved)?;
                 }
                 let updates = &mut update.updates;
                 if !is_same_number {

@@ -20,7 +20,6 @@ mod single;
 #[cfg(feature = "stl")]
 mod stl;
 mod text;
-#[cfg(feature = "off")]
 mod vertex_colors;
 mod warning_groups;
 #[cfg(feature = "stl")]

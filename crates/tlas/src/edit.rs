@@ -1,7 +1,8 @@
+use canted_lbvh::par;
 use canted_obb::Affine;
 use canted_trace::InstanceId;
 
-use crate::placement::{Bounds, Placement};
+use crate::placement::{Bounds, JOB, Placement};
 use crate::top::Top;
 use crate::{Blas, Instance, InstanceError, Tlas};
 
@@ -135,6 +136,41 @@ impl<B: Blas> TlasEdit<'_, B> {
         Ok(())
     }
 
+    /// Replaces several instances, on all threads. Where one is named twice, the last counts.
+    ///
+    /// ```
+    /// use canted_obb::Affine;
+    /// use canted_tlas::{Instance, Tlas, TopConfig};
+    /// use canted_trace::{InstanceId, Ray};
+    /// use canted_wide::{Config, TriangleBvh};
+    ///
+    /// let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    /// let bvh: TriangleBvh = TriangleBvh::build(&triangle, &[[0, 1, 2]], &Config::default())?;
+    /// let [x, y, z, _] = Affine::IDENTITY.columns;
+    /// let at = |depth: f32| Instance::new(0, Affine { columns: [x, y, z, [0.0, 0.0, depth]] });
+    /// let mut tlas = Tlas::new(vec![bvh], &[at(5.0); 3], TopConfig::default())?;
+    /// tlas.edit().set_each(&[(InstanceId(2), at(3.0)), (InstanceId(0), at(4.0))])?;
+    /// let hit = tlas.closest_hit(&Ray::new([0.2, 0.2, 0.0], [0.0, 0.0, 1.0])).expect("a hit");
+    /// assert_eq!((hit.t, hit.instance), (3.0, InstanceId(2)));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`TlasEdit::set_instance`], for the first in the order given. All instances then stay as they were.
+    pub fn set_each(&mut self, changes: &[(InstanceId, Instance)]) -> Result<(), InstanceError> {
+        let placed = par::map(changes, JOB, |(id, new)| {
+            self.instance(*id)?;
+            self.tlas.place(id.0 as usize, new)
+        });
+        let placed = placed.into_iter().collect::<Result<Vec<Placed>, _>>()?;
+        for ((id, new), placed) in changes.iter().zip(placed) {
+            let index = id.0 as usize;
+            self.commit(index, placed);
+            self.tlas.instances[index] = *new;
+        }
+        Ok(())
+    }
+
     /// Replaces a bottom-level BVH and returns the old one.
     ///
     /// # Errors
@@ -211,7 +247,9 @@ impl<B: Blas> TlasEdit<'_, B> {
     fn place_all(&self, index: u32, blas: &B) -> Result<Vec<(usize, Placed)>, InstanceError> {
         let (bounds, hit_error) = (blas.bounds(), blas.hit_error());
         let of_blas = self.tlas.instances.iter().enumerate().filter(|(_, instance)| instance.blas == index);
-        of_blas.map(|(i, instance)| Ok((i, Placement::new(i, instance, &bounds, hit_error)?))).collect()
+        let of_blas: Vec<(usize, &Instance)> = of_blas.collect();
+        let place = |&(i, instance): &(usize, &Instance)| Ok((i, Placement::new(i, instance, &bounds, hit_error)?));
+        par::map(&of_blas, JOB, place).into_iter().collect()
     }
 
     fn commit(&mut self, index: usize, (placement, bounds): Placed) {

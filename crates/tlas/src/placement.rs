@@ -8,6 +8,9 @@ use crate::{Instance, InstanceError, Motion};
 /// Half of `f32::EPSILON`: the relative error of one rounding to `f32`.
 const U: f64 = 1.0 / 16_777_216.0;
 
+/// Fewest instances that one job places.
+pub(crate) const JOB: usize = 256;
+
 /// A bound on the error of a hit in world space, in each coordinate: `per_origin · |o|∞ + fixed`, `o` the ray's origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct WorldError {

@@ -1,9 +1,10 @@
 use std::fmt;
 
+use canted_lbvh::par;
 use canted_obb::Aabb;
 use canted_wide::SimdPath;
 
-use crate::placement::{Bounds, Placement};
+use crate::placement::{Bounds, JOB, Placement};
 use crate::top::{Top, TopConfig};
 use crate::{Blas, Instance, InstanceError};
 
@@ -67,13 +68,9 @@ impl<B: Blas> Tlas<B> {
         if instances.len() > max {
             return Err(InstanceError::TooMany { n_instances: instances.len() });
         }
-        let mut placements = Vec::with_capacity(instances.len());
-        let mut bounds = Vec::with_capacity(instances.len());
-        for (index, instance) in instances.iter().enumerate() {
-            let (placement, bounds_world) = self.place(index, instance)?;
-            placements.push(placement);
-            bounds.push(bounds_world);
-        }
+        let placed = par::from_fn(instances.len(), JOB, |index| self.place(index, &instances[index]));
+        let (placements, bounds): (Vec<_>, Vec<_>) =
+            placed.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
         self.top = Top::build(&bounds, &self.config, self.path)?;
         self.instances = instances.to_vec();
         self.placements = placements;

@@ -233,3 +233,29 @@ fn a_clone_is_independent() {
     let printed = format!("{tlas:?}");
     assert!(printed.starts_with("Tlas { blas: [") && printed.contains("n_instances: 0"), "{printed}");
 }
+
+/// More instances than one job places.
+#[test]
+fn many_changes_at_once_equal_a_new_tlas() {
+    for top in tops() {
+        let mut rng = SplitMix64::new(23);
+        let mut random = || Instance::new(0, random_affine(&mut rng));
+        let blas = vec![bvh(&torus(10, 6))];
+        let mut placed: Vec<Instance> = (0..1000).map(|_| random()).collect();
+        let mut tlas = Tlas::new(blas.clone(), &placed, top).unwrap();
+        let mut changes: Vec<_> = (0..900).map(|i| (InstanceId(i), random())).collect();
+        // The last change of an instance counts.
+        changes.push((InstanceId(7), random()));
+        changes.iter().for_each(|(id, new)| placed[id.0 as usize] = *new);
+        let rays = all_rays(&std::array::from_fn::<Affine, 8, _>(|i| placed[i].world_from_object), 1);
+        let before = hits(&tlas, &rays);
+        let mut bad = changes.clone();
+        (bad[500].1.blas, bad[700].0) = (3, InstanceId(4000));
+        assert_eq!(tlas.edit().set_each(&bad), Err(InstanceError::NoSuchBlas { instance: 500, blas: 3 }));
+        assert!(hits(&tlas, &rays) == before);
+        tlas.edit().set_each(&changes).unwrap();
+        assert_eq!(tlas.instances(), placed);
+        let after = hits(&tlas, &rays);
+        assert!(after == hits(&Tlas::new(blas.clone(), &placed, top).unwrap(), &rays) && after != before, "{top:?}");
+    }
+}

@@ -49,10 +49,10 @@ pub(crate) struct Args {
     pub(super) crop: Option<[u32; 4]>,
     /// Show the number of intersection tests per camera ray instead of light.
     #[arg(long, help_heading = PICTURE, value_parser = one_of(&[("boxes", Measure::Boxes), ("triangles", Measure::Triangles)]), value_name = "TESTS")]
-    pub(super) heatmap: Option<Measure>,
+    pub(crate) heatmap: Option<Measure>,
     /// Number of tests shown in the brightest color of the heat map; a wide node counts as eight boxes.
     #[arg(long, help_heading = PICTURE, value_parser = clap::value_parser!(u32).range(1..), default_value_t = 128, requires = "heatmap", value_name = "N")]
-    pub(super) heatmap_scale: u32,
+    pub(crate) heatmap_scale: u32,
     #[command(flatten)]
     pub(super) run: RunArgs,
     #[command(flatten)]
@@ -71,7 +71,7 @@ pub(crate) struct Args {
     /// Light transport: `hybrid` is fast and approximate, `path` is a path tracer [default: path for glossy surfaces, glass
     /// and scenes lit by their own surfaces, else hybrid]
     #[arg(long, help_heading = RENDERING, value_parser = one_of(&INTEGRATORS), value_name = "INTEGRATOR")]
-    pub(super) integrator: Option<Integrator>,
+    pub(crate) integrator: Option<Integrator>,
     /// Maximum number of bounces after the first hit [default: 2 for hybrid, 32 for path]
     #[arg(long, help_heading = RENDERING, value_parser = clap::value_parser!(u32).range(0..=4096), value_name = "N")]
     pub(super) bounces: Option<u32>,
@@ -84,9 +84,9 @@ pub(crate) struct Args {
     #[arg(long, help_heading = RENDERING, action = clap::ArgAction::Set, default_value = "on", value_parser = one_of(&SWITCH), value_name = "on|off")]
     pub(super) energy_compensation: bool,
     #[command(flatten)]
-    pub(super) look: LookArgs,
+    pub(crate) look: LookArgs,
     #[command(flatten)]
-    pub(super) camera: CameraArgs,
+    pub(crate) camera: CameraArgs,
     #[command(flatten)]
     pub(crate) light: LightArgs,
     #[command(flatten)]
@@ -160,7 +160,7 @@ impl Args {
 
     /// Chooses the integrator unless it is given: the one that shows the materials and lights of the scene.
     /// Returns why.
-    pub(super) fn choose_integrator(&mut self, scene: &Scene, is_lit_by_emission: bool) -> &'static str {
+    pub(crate) fn choose_integrator(&mut self, scene: &Scene, is_lit_by_emission: bool) -> &'static str {
         /// Reflections of rougher surfaces look like those of a diffuse one.
         const ROUGH: f32 = 0.6;
         let is_shiny = |m: &Material| {

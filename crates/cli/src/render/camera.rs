@@ -44,7 +44,7 @@ const UP_AXES: [(&str, [f32; 3]); 2] = [("y", [0.0, 1.0, 0.0]), ("z", [0.0, 0.0,
 
 impl CameraArgs {
     /// Up in world space.
-    pub(super) fn up(&self) -> [f32; 3] {
+    pub(crate) fn up(&self) -> [f32; 3] {
         self.up.unwrap_or(self.up_axis)
     }
 
@@ -69,14 +69,19 @@ impl CameraArgs {
     ///
     /// # Errors
     /// A focus distance for a camera without a lens, or a camera that the file does not have.
-    pub(super) fn camera<K: LaneKernel>(
+    pub(crate) fn camera<K: LaneKernel>(
         &self,
         scene: &Scene,
         prepared: &Prepared<K>,
         [width, height]: [u32; 2],
     ) -> Result<Camera> {
+        let has_projection = self.fov.is_some() || self.ortho.is_some();
         let mut camera = match self.of_file(scene)? {
             Some(camera) => camera,
+            // Nothing of the view that frames the scene would remain.
+            None if self.eye.is_some() && self.target.is_some() && has_projection => {
+                Camera::pinhole([0.0; 3], [0.0; 3], self.up_axis, 1.0)
+            }
             None => frame_up(scene, &prepared.structure, f64::from(width) / f64::from(height), self.up()),
         };
         if let Some(eye) = self.eye {

@@ -61,7 +61,7 @@ impl LookArgs {
     }
 
     /// The picture as it is encoded.
-    pub(super) fn apply(&self, picture: &Picture) -> Picture {
+    pub(crate) fn apply(&self, picture: &Picture) -> Picture {
         let stops = match self.exposure {
             None => 0.0,
             Some(Exposure::Stops(stops)) => stops,

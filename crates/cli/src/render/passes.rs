@@ -63,7 +63,7 @@ pub(super) fn render(
 
 /// The number of samples of the next pass: as many as are done, fewer where they exceed the total or the time that is left.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the samples that are done")]
-fn next(n_done: u32, n_all: u32, elapsed: Duration, budget: Option<Duration>) -> u32 {
+pub(crate) fn next(n_done: u32, n_all: u32, elapsed: Duration, budget: Option<Duration>) -> u32 {
     let n = n_done.min(n_all.saturating_sub(n_done));
     let Some(budget) = budget else { return n };
     let left = budget.saturating_sub(elapsed).as_secs_f64();
@@ -72,7 +72,7 @@ fn next(n_done: u32, n_all: u32, elapsed: Duration, budget: Option<Duration>) ->
 }
 
 /// The film of a part that starts at sample 0, as a picture in its own right.
-fn whole(settings: &Settings, part: Part, n_rays: u64) -> Result<Film> {
+pub(crate) fn whole(settings: &Settings, part: Part, n_rays: u64) -> Result<Film> {
     if part.range().start != 0 {
         return Err(anyhow!("the first pass is missing"));
     }

@@ -39,7 +39,7 @@ pub(crate) fn setup<K: LaneKernel>(scene: &mut Scene, args: &mut Args, source: L
 }
 
 /// Whether emission alone lights the scene, decided by a small picture; if not, adds the default light and reports it.
-pub(super) fn decided<K: LaneKernel>(
+pub(crate) fn decided<K: LaneKernel>(
     scene: &mut Scene,
     prepared: &mut Prepared<K>,
     camera: &Camera,
@@ -64,7 +64,7 @@ pub(super) fn decided<K: LaneKernel>(
 }
 
 /// Chooses the integrator, and scales the default light if it is used.
-pub(super) fn choose<K: LaneKernel>(
+pub(crate) fn choose<K: LaneKernel>(
     scene: &mut Scene,
     prepared: &Prepared<K>,
     camera: &Camera,

@@ -26,3 +26,4 @@ mod slurm;
 mod stats;
 mod support;
 mod tree;
+mod view;

@@ -3,12 +3,20 @@
 //! Let `B` be the cost of a build, and `c_i` that of frame `i` after it: a refit, and the extra time of rays through boxes that have
 //! grown. If these costs never fall, the mean cost of a frame is least if the BVH is rebuilt at the first frame `n` whose `c_n`
 //! exceeds the mean so far, `(B + c_1 + ... + c_(n-1)) / n`: a smaller `c_n` lowers the mean, a greater one raises it.
-//! The costs are measured, except for the extra time, which is predicted: a drift of `d` makes rays through the BVH `d` times as
-//! slow, as measured for drifts up to 2.2 (`benches/TRIED.md`). All time of a frame's rays counts as traversal, so the extra time is
-//! an upper bound.
+//! With the cost of a refit `r`, the time of a frame's rays `T` and drifts `1 + d_i`, `c_i = r + T·d_i`, and the rule is to rebuild where
+//!
+//! ```text
+//! r + T·(n·d_n - (d_1 + ... + d_(n-1))) > B
+//! ```
+//!
+//! Without drift that is `r > B`. A refit is part of what a build does, so a longer one was measured while the machine was busy:
+//! `r` is at most `B`, and noise alone never causes a rebuild. The extra time `T·d` is predicted: a drift of `1 + d` makes rays through the
+//! BVH `1 + d` times as slow, as measured for drifts up to 2.2 (`benches/TRIED.md`). All time of a frame's rays counts as traversal, so
+//! the extra time is an upper bound.
 //!
 //! A machine that does other work makes single measurements too long, never too short. So each cost is a floor, [`Floor`]: the
-//! least that was measured, which grows slowly where all measurements are greater.
+//! least that was measured, which grows slowly where all measurements are greater. A build that was measured once may be far too
+//! long: until the second one it counts as at most [`BvhCosts::MOST_REFITS`] refits.
 
 /// How [`Prepared::update`](crate::Prepared::update) updates BVHs whose triangles have moved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -30,10 +38,9 @@ impl Floor {
     /// Growth a measurement where all are greater.
     const GROWTH: f64 = 1.1;
 
-    /// Takes a measurement in, and returns the floor.
-    fn add(&mut self, seconds: f64) -> f64 {
+    /// Takes a measurement in.
+    fn add(&mut self, seconds: f64) {
         self.0 = seconds.min(Self::GROWTH * self.0);
-        self.0
     }
 }
 
@@ -41,11 +48,13 @@ impl Floor {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BvhCosts {
     build: Floor,
+    /// Builds that were measured.
+    n_builds: u32,
     refit: Floor,
     /// Rays of a frame through the BVH as it was built.
     trace: Floor,
-    /// The build, and refits and extra time since.
-    sum: f64,
+    /// Sum of the drifts above 1 of all frames since the build.
+    excess: f64,
     /// Frames since the build, that of the build included.
     n_frames: u32,
     /// Drift at the last frame and at the one before; 1 after a build.
@@ -55,11 +64,14 @@ pub(crate) struct BvhCosts {
 }
 
 impl BvhCosts {
+    /// Most refits that a build takes as long as, if it was measured only once. A scaffold of 105,000 triangles needs about ten.
+    const MOST_REFITS: f64 = 64.0;
+
     /// The costs of a new BVH.
     pub(crate) fn built_in(seconds: f64) -> Self {
         let unknown = Floor(f64::INFINITY);
         let (build, refit, trace) = (Floor(seconds), unknown, unknown);
-        Self { build, refit, trace, sum: seconds, n_frames: 1, drift: [1.0; 2], first_drift: 1.0 }
+        Self { build, n_builds: 1, refit, trace, excess: 0.0, n_frames: 1, drift: [1.0; 2], first_drift: 1.0 }
     }
 
     /// Adds a build.
@@ -67,8 +79,9 @@ impl BvhCosts {
         // Without a refit, the drift after a build is not measured: it is trusted less and less, until one refit tries again.
         const TRUST: f64 = 0.97;
         let first_drift = 1.0 + TRUST * (self.first_drift - 1.0);
-        let sum = self.build.add(seconds);
-        *self = Self { sum, n_frames: 1, drift: [1.0; 2], first_drift, ..*self };
+        self.build.add(seconds);
+        let n_builds = self.n_builds.saturating_add(1);
+        *self = Self { n_builds, excess: 0.0, n_frames: 1, drift: [1.0; 2], first_drift, ..*self };
     }
 
     /// Forgets what was measured: the triangles are others.
@@ -81,10 +94,8 @@ impl BvhCosts {
     pub(crate) fn predicts_rebuild(&mut self, trace: f64) -> bool {
         let [last, before] = self.drift;
         self.trace.add(trace / last.max(1.0));
-        // Before the first refit, its cost is not known: it is tried.
-        let refit = if self.refit.0.is_finite() { self.refit.0 } else { 0.0 };
         let next = if self.n_frames == 1 { self.first_drift } else { (2.0 * last - before).max(1.0) };
-        self.exceeds_mean(refit + self.extra(next))
+        self.is_worth_a_build(next)
     }
 
     /// Adds a refit. Returns whether to rebuild after all.
@@ -92,22 +103,22 @@ impl BvhCosts {
         if self.n_frames == 1 {
             self.first_drift = drift;
         }
-        let cost = self.refit.add(seconds) + self.extra(drift);
-        let is_old = self.exceeds_mean(cost);
-        self.sum += cost;
-        self.n_frames += 1;
+        self.refit.add(seconds);
+        let is_old = self.is_worth_a_build(drift);
+        self.excess += (drift - 1.0).max(0.0);
+        self.n_frames = self.n_frames.saturating_add(1);
         self.drift = [drift, self.drift[0]];
         is_old
     }
 
-    /// Extra seconds of a frame's rays at a drift; zero before rays were measured.
-    fn extra(&self, drift: f64) -> f64 {
-        let trace = if self.trace.0.is_finite() { self.trace.0 } else { 0.0 };
-        trace * (drift - 1.0).max(0.0)
-    }
-
-    fn exceeds_mean(&self, cost: f64) -> bool {
-        cost > self.sum / f64::from(self.n_frames)
+    /// The rule, for a next frame of this drift.
+    fn is_worth_a_build(&self, drift: f64) -> bool {
+        // What was not measured yet costs nothing: it is tried.
+        let known = |floor: Floor| if floor.0.is_finite() { floor.0 } else { 0.0 };
+        let most = if self.n_builds == 1 { Self::MOST_REFITS * self.refit.0 } else { f64::INFINITY };
+        let build = self.build.0.min(most);
+        let extra = known(self.trace) * (f64::from(self.n_frames) * (drift - 1.0).max(0.0) - self.excess);
+        known(self.refit).min(build) + extra > build
     }
 }
 
@@ -149,7 +160,6 @@ mod tests {
     /// Costs at most 5 % more than the best of all fixed periods, from rebuilds in every frame to none.
     #[test]
     fn the_policy_is_close_to_the_best_period() {
-        let mut worst = 0.0_f64;
         for build in [0.01, 0.1, 1.0] {
             for refit in [0.05, 0.2].map(|part| part * build) {
                 for rate in [0.0, 1e-4, 0.01, 0.1, 2.0] {
@@ -161,20 +171,24 @@ mod tests {
                         let what = format!("build {build}, refit {refit}, drift {rate} a frame, trace {trace}");
                         assert!(ours <= 1.05 * best, "{what}: {ours} of {best} with {n_rebuilds} rebuilds");
                         // On a busy machine, a third of the measurements take up to a hundred times as long.
-                        let mut state = 1_u32;
-                        let busy = || {
-                            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                            let [low, high] = [state >> 8 & 0xff, state >> 16 & 0xff].map(f64::from);
-                            if high < 85.0 { 1.0 + low / 2.56 } else { 1.0 + low / 2560.0 }
-                        };
-                        let (_, ours) = run(times, None, busy);
-                        worst = worst.max(ours / best);
+                        for seed in 1..=4_u32 {
+                            let mut state = seed;
+                            let busy = || {
+                                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                                let [low, high] = [state >> 8 & 0xff, state >> 16 & 0xff].map(f64::from);
+                                if high < 85.0 { 1.0 + low / 2.56 } else { 1.0 + low / 2560.0 }
+                            };
+                            let (n_rebuilds, ours) = run(times, None, busy);
+                            assert!(
+                                rate > 0.0 || n_rebuilds == 0,
+                                "{what}: {n_rebuilds} rebuilds by noise, seed {seed}"
+                            );
+                            assert!(ours <= 1.1 * best, "{what}: {ours} of {best} on a busy machine, seed {seed}");
+                        }
                         assert!(rate > 0.0 || n_rebuilds == 0, "{what}: {n_rebuilds} rebuilds without drift");
                     }
                 }
             }
         }
-        // Measured: 1.22, where nothing drifts and every measurement is of noise.
-        assert!(worst <= 1.25, "busy: {worst} times the best");
     }
 }

@@ -148,3 +148,56 @@ fn animated_models() {
         });
     }
 }
+
+/// Node 0 rotates, its child slides along it and changes its size, and a copy stands still; two seconds.
+const ARMS: &str = r#"{
+    "asset": { "version": "2.0" },
+    "buffers": [{ "byteLength": 276, "uri": "arms.bin" }],
+    "bufferViews": [
+        { "buffer": 0, "byteOffset": 0, "byteLength": 144 }, { "buffer": 0, "byteOffset": 144, "byteLength": 12 },
+        { "buffer": 0, "byteOffset": 156, "byteLength": 48 }, { "buffer": 0, "byteOffset": 204, "byteLength": 36 },
+        { "buffer": 0, "byteOffset": 240, "byteLength": 36 }
+    ],
+    "accessors": [
+        { "bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 12, "min": [0, 0, 0], "max": [2, 2, 2] },
+        { "bufferView": 1, "componentType": 5126, "type": "SCALAR", "count": 3, "min": [0], "max": [2] },
+        { "bufferView": 2, "componentType": 5126, "type": "VEC4", "count": 3 },
+        { "bufferView": 3, "componentType": 5126, "type": "VEC3", "count": 3 },
+        { "bufferView": 4, "componentType": 5126, "type": "VEC3", "count": 3 }
+    ],
+    "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+    "nodes": [{ "mesh": 0, "children": [1] }, { "mesh": 0 }, { "mesh": 0, "translation": [-1, -1, -2] }],
+    "animations": [{
+        "channels": [
+            { "sampler": 0, "target": { "node": 0, "path": "rotation" } },
+            { "sampler": 1, "target": { "node": 1, "path": "translation" } },
+            { "sampler": 2, "target": { "node": 1, "path": "scale" } }
+        ],
+        "samplers": [{ "input": 1, "output": 2 }, { "input": 1, "output": 3 }, { "input": 1, "output": 4 }]
+    }]
+}"#;
+
+#[test]
+fn animated_nodes() {
+    let corners = [[0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]];
+    let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+    let mut floats: Vec<f32> = faces.as_flattened().iter().flat_map(|&i: &usize| corners[i]).collect();
+    floats.extend([0.0, 1.0, 2.0]);
+    floats.extend([0.0, 0.0, 0.0, 1.0, 0.0, 0.6, 0.0, 0.8, 0.0, 0.6, 0.8, 0.0]);
+    floats.extend([2.0, 0.0, 0.0, 3.0, 0.0, 0.5, 1.0, 0.5, 0.0]);
+    floats.extend([1.0, 1.0, 1.0, 0.5, 1.5, 1.0, 1.0, 1.0, 2.0]);
+    let folder = std::env::temp_dir().join(format!("canted-arms-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("arms.gltf"), ARMS).unwrap();
+    std::fs::write(folder.join("arms.bin"), floats.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>()).unwrap();
+    let opened = AnimatedScene::open(&folder.join("arms.gltf"), &ReadOptions::default());
+    std::fs::remove_dir_all(&folder).unwrap();
+    let (mut animated, first) = opened.unwrap();
+    assert!(animated.is_animated());
+    follows("nodes", |frame| {
+        let mut scene = first.clone();
+        animated.pose(f32::from(frame) / 30.0, &mut scene).unwrap();
+        scene.environment = Some([1.0, 0.9, 0.8].into());
+        scene
+    });
+}

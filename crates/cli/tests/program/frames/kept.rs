@@ -75,7 +75,8 @@ fn frames_of_other_options_or_scenes_are_not_kept() {
     folder.run(&format!("{line} --resume")).refused(&["f0.png", "f%d.png.frames does not state"]);
     folder.write("f0.png", &expected[0]);
     let (mut file, _) = moving(3.0);
-    file["nodes"][0]["translation"] = json!([0.0, 0.25, 0.0]);
+    // The animation does not move this node.
+    file["nodes"][1]["translation"] = json!([0.0, 1.25, 0.0]);
     folder.write("moving.gltf", file.to_string());
     folder.run(&format!("{line} --resume")).refused(&["f0.png", "another pose"]);
     folder.write("moving.gltf", moving(3.0).0.to_string());

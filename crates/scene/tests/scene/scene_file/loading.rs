@@ -130,7 +130,8 @@ fn examples_load() {
     let mut n = 0;
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
-        if path.extension().is_some_and(|ending| ending == "toml") {
+        // The other file of this kind has events of `canted view`.
+        if path.extension().is_some_and(|ending| ending == "toml") && !path.ends_with("events.toml") {
             let scene = SceneFile::read(&path).unwrap().load().unwrap();
             assert_eq!(scene.warnings, [""; 0], "{}", path.display());
             n += 1;

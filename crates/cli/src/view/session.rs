@@ -1,0 +1,277 @@
+//! A session: a scene, the options of its picture, and a thread that renders. It has no window.
+//!
+//! ```text
+//! Event -> Session (options, camera) -> job -> thread -> Frame
+//! ```
+
+use anyhow::{Result, anyhow};
+use canted_film::Aov;
+use canted_renderer::Integrator;
+use canted_scene::Camera;
+
+use super::{
+    events::{Button, Event, Key},
+    motion::{self, Motion},
+    options::Options,
+    stage::Seen,
+    worker::{Frame, Job, Message, Worker},
+};
+use crate::output;
+
+/// Structures to compare: `--accel` and `--volumes`, which may be empty.
+pub(super) const STRUCTURES: [(&str, &str); 9] = [
+    ("wide", ""),
+    ("bvh2", "aabb"),
+    ("bvh2", "pca-unbounded"),
+    ("bvh2", "pca-bounded"),
+    ("bvh2", "quaternion"),
+    ("bvh2", "combined"),
+    ("bvh2", "dop"),
+    ("bih", ""),
+    ("kdtree", ""),
+];
+
+/// What the caller of [`Session::apply`] does after an event.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Effect {
+    None,
+    /// Put this command line into the clipboard.
+    Copy(String),
+    /// Save the picture.
+    Screenshot,
+    Close,
+}
+
+/// A scene that is looked at.
+pub(crate) struct Session {
+    options: Options,
+    /// The options at the start, with their camera.
+    start: Options,
+    worker: Worker,
+    n_jobs: u64,
+    /// The camera of the latest job, once it is known.
+    camera: Option<Camera>,
+    /// Whether the camera comes from a file, whose target may be anywhere along its axis.
+    has_file_target: bool,
+    pub(crate) frame: Option<Frame>,
+    /// The answer to the last click.
+    pub(crate) seen: Option<Seen>,
+    n_clicks: usize,
+    /// Why the latest job has no picture.
+    pub(crate) failure: Option<String>,
+}
+
+impl Session {
+    /// Starts to read and render. `wake` is called from another thread when there is something new.
+    ///
+    /// # Errors
+    /// One sentence about an invalid option.
+    pub(super) fn start(options: Options, wake: Box<dyn Fn() + Send>) -> Result<Self> {
+        let has_file_target = options.get("eye").is_none() && options.get("target").is_none();
+        let mut session = Self {
+            start: options.clone(),
+            options,
+            worker: Worker::start(wake),
+            n_jobs: 0,
+            camera: None,
+            has_file_target,
+            frame: None,
+            seen: None,
+            n_clicks: 0,
+            failure: None,
+        };
+        session.render(false);
+        Ok(session)
+    }
+
+    #[cfg(feature = "view")]
+    pub(crate) fn options(&self) -> &Options {
+        &self.options
+    }
+
+    /// The command line that renders the picture.
+    pub(crate) fn command(&self) -> String {
+        self.options.command()
+    }
+
+    /// Whether the picture of the latest options is complete, and clicks are answered.
+    pub(crate) fn is_settled(&self) -> bool {
+        let is_shown = |frame: &Frame| frame.number == self.n_jobs && frame.is_settled;
+        self.n_clicks == 0 && (self.failure.is_some() || self.frame.as_ref().is_some_and(is_shown))
+    }
+
+    /// Takes what the thread has sent.
+    #[cfg(feature = "view")]
+    pub(crate) fn poll(&mut self) {
+        while let Ok(message) = self.worker.messages.try_recv() {
+            self.receive(message);
+        }
+    }
+
+    /// Waits until the picture is settled.
+    ///
+    /// # Errors
+    /// Why there is no picture.
+    pub(super) fn settle(&mut self) -> Result<()> {
+        self.wait(Self::is_settled)
+    }
+
+    /// Waits until the camera is known.
+    ///
+    /// # Errors
+    /// Why there is no picture.
+    pub(super) fn ready(&mut self) -> Result<()> {
+        self.wait(|session| session.camera.is_some() || session.failure.is_some())
+    }
+
+    fn wait(&mut self, is_over: impl Fn(&Self) -> bool) -> Result<()> {
+        while !is_over(self) {
+            let message = self.worker.messages.recv();
+            self.receive(message.map_err(|_| anyhow!("the thread that renders has stopped"))?);
+        }
+        self.failure.take().map_or(Ok(()), |reason| Err(anyhow!("{reason}")))
+    }
+
+    fn receive(&mut self, message: Message) {
+        match message {
+            // A picture of an earlier job would show a camera of the past.
+            Message::Frame(frame) => {
+                if frame.number == self.n_jobs {
+                    self.camera = Some(frame.camera);
+                }
+                self.frame = Some(frame);
+            }
+            Message::Seen(seen) => {
+                self.n_clicks = self.n_clicks.saturating_sub(1);
+                self.seen = seen;
+            }
+            Message::Failed { number, reason } if number == self.n_jobs => self.failure = Some(reason),
+            Message::Failed { .. } => {}
+            Message::Warnings(warnings) => warnings.iter().for_each(|warning| output::warn(warning)),
+        }
+    }
+
+    /// Changes the session. Returns at once; pictures follow.
+    ///
+    /// # Errors
+    /// One sentence: an invalid option or position. The session stays as it is.
+    pub(crate) fn apply(&mut self, event: &Event) -> Result<Effect> {
+        match event {
+            &Event::Drag { from, to, button } => {
+                let by = [to[0] - from[0], to[1] - from[1]];
+                self.turn(match button {
+                    Button::Left => Motion::Orbit(by),
+                    Button::Right => Motion::Pan(by),
+                })?;
+            }
+            &Event::Scroll(notches) => self.turn(Motion::Zoom(notches))?,
+            &Event::Key(key) => return self.press(key),
+            &Event::Click(position) => {
+                let [width, height] = self.options.args()?.size;
+                let is_inside = |x: f64, side: u32| x >= 0.0 && x < f64::from(side);
+                let [x, y] = position;
+                if !is_inside(x, width) || !is_inside(y, height) {
+                    return Err(anyhow!("click [{x}, {y}] is outside the picture of {width} x {height} pixels"));
+                }
+                self.n_clicks += 1;
+                self.worker.click(position);
+            }
+            &Event::Resize([width, height]) => self.set(&[("size", format!("{width}x{height}"))])?,
+            Event::Set(changes) => {
+                self.options.set_all(changes)?;
+                // Other options may choose another camera.
+                self.camera = None;
+                self.render(false);
+            }
+            Event::Close => return Ok(Effect::Close),
+        }
+        Ok(Effect::None)
+    }
+
+    /// Sets options by name.
+    pub(crate) fn set(&mut self, changes: &[(&str, String)]) -> Result<()> {
+        let changes: Vec<_> = changes.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
+        self.apply(&Event::Set(changes)).map(drop)
+    }
+
+    fn press(&mut self, key: Key) -> Result<Effect> {
+        /// Pixels of a step that orbits, for a picture of this height.
+        const STEP: f64 = 5.0 / 180.0;
+        match key {
+            Key::Fly(signs) => self.turn(Motion::Fly(signs.map(f64::from)))?,
+            Key::Orbit([x, y]) => {
+                let rows = f64::from(self.options.args()?.size[1]);
+                self.turn(Motion::Orbit([-f64::from(x), f64::from(y)].map(|sign| sign * STEP * rows)))?;
+            }
+            Key::Zoom(sign) => self.turn(Motion::Zoom(f64::from(sign)))?,
+            Key::Home => {
+                self.options.reset_camera(&self.start);
+                self.has_file_target = self.start.get("eye").is_none() && self.start.get("target").is_none();
+                self.camera = None;
+                self.render(false);
+            }
+            Key::NextHeatmap => {
+                let next = match self.options.get("heatmap") {
+                    None => "boxes",
+                    Some("boxes") => "triangles",
+                    Some(_) => "none",
+                };
+                self.set(&[("heatmap", next.to_owned())])?;
+            }
+            Key::NextIntegrator => {
+                let is_path = self.frame.as_ref().is_some_and(|frame| frame.integrator == Integrator::Path);
+                self.set(&[("integrator", if is_path { "hybrid" } else { "path" }.to_owned())])?;
+            }
+            Key::NextChannel => {
+                let next = match self.options.aov {
+                    None => Some(0),
+                    Some(aov) => Aov::ALL.iter().position(|&known| known == aov).map(|i| i + 1),
+                };
+                let name = next.and_then(|i| Aov::ALL.get(i)).map_or("none", |aov| aov.name());
+                self.set(&[("aov", name.to_owned())])?;
+            }
+            Key::NextStructure => self.set_structure((self.structure() + 1) % STRUCTURES.len())?,
+            Key::Screenshot => return Ok(Effect::Screenshot),
+            Key::Copy => return Ok(Effect::Copy(self.command())),
+            Key::Close => return Ok(Effect::Close),
+        }
+        Ok(Effect::None)
+    }
+
+    /// Which of [`STRUCTURES`] is traced.
+    pub(crate) fn structure(&self) -> usize {
+        let (accel, volumes) = (self.options.get("accel"), self.options.get("volumes").unwrap_or_default());
+        let accel = accel.unwrap_or(if volumes.is_empty() { "wide" } else { "bvh2" });
+        STRUCTURES.iter().position(|of| *of == (accel, volumes)).unwrap_or(if accel == "bvh2" { 1 } else { 0 })
+    }
+
+    /// Traces one of [`STRUCTURES`].
+    pub(crate) fn set_structure(&mut self, number: usize) -> Result<()> {
+        let (accel, volumes) = STRUCTURES[number.min(STRUCTURES.len() - 1)];
+        self.set(&[("accel", accel.to_owned()), ("volumes", volumes.to_owned())])
+    }
+
+    /// Moves the camera; nothing happens before the first picture, or where no valid camera results.
+    fn turn(&mut self, motion: Motion) -> Result<()> {
+        let Some(mut camera) = self.camera else { return Ok(()) };
+        let args = self.options.args()?;
+        if std::mem::take(&mut self.has_file_target)
+            && let Some(distance) = self.frame.as_ref().and_then(|frame| frame.center_distance)
+        {
+            camera = motion::with_target_at(&camera, distance);
+        }
+        if let Some(moved) = motion::moved(&camera, args.camera.up(), motion, args.size[1]) {
+            self.camera = Some(moved);
+            self.options.set_camera(&moved);
+            self.render(true);
+        }
+        Ok(())
+    }
+
+    /// Starts the picture of the options.
+    fn render(&mut self, is_moving: bool) {
+        self.n_jobs += 1;
+        self.failure = None;
+        self.worker.render(Job { number: self.n_jobs, options: self.options.clone(), is_moving });
+    }
+}
