@@ -1,12 +1,13 @@
 // A layered boundary for one outgoing direction; twin of crates/renderer/src/bsdf/boundary.rs, which explains each step.
 //
-// `?transmission` handles transmitted light; it is empty in scenes without glass.
+// `?transmission` handles transmitted light; it is empty in scenes without glass. `?energy` gives back what microfacets lose.
 // use shared/numbers
 // use shared/sampling
 // use shared/scattering
 // use shared/fresnel
 // use shared/ggx
 // use ?transmission
+// use ?energy
 
 /// A material and an outgoing direction.
 struct Boundary {
@@ -17,6 +18,10 @@ struct Boundary {
     eta: f32,
     /// 0 for a mirror.
     alpha: f32,
+    /// What a metal reflects is multiplied by 1 plus this times its base color.
+    metal_gain: f32,
+    /// Factor of what a thin wall transmits.
+    transmission_gain: f32,
     diffuse_probability: f32,
 }
 
@@ -31,7 +36,8 @@ struct Facet {
 fn boundary_of(bsdf: Bsdf, outgoing: vec3<f32>) -> Boundary {
     let is_inside = bsdf.is_inside && bsdf.transmission > 0.0 && !bsdf.thin_walled;
     let eta = select(bsdf.ior, 1.0 / bsdf.ior, is_inside);
-    var boundary = Boundary(bsdf, outgoing, is_inside, eta, slope_width(bsdf.roughness), 0.0);
+    var boundary = Boundary(bsdf, outgoing, is_inside, eta, slope_width(bsdf.roughness), 0.0, 1.0, 0.0);
+    compensate(&boundary);
     boundary.diffuse_probability = share_of_base(boundary);
     return boundary;
 }
@@ -123,8 +129,9 @@ fn facet_of(boundary: Boundary, cosine_to_facet: f32) -> Facet {
     let cosine = clamp(cosine_to_facet, 0.0, 1.0);
     let layer = layer_of(boundary, cosine);
     let gloss = (1.0 - bsdf.metallic) * layer * select(1.0, bsdf.transmission, boundary.is_inside);
-    let reflected = bsdf.metallic * schlick(cosine, bsdf.base_color) + gloss;
-    let transmitted = ((1.0 - bsdf.metallic) * bsdf.transmission * (1.0 - layer)) * bsdf.base_color;
+    let metal = bsdf.metallic * schlick(cosine, bsdf.base_color) * (1.0 + bsdf.base_color * boundary.metal_gain);
+    let reflected = metal + gloss;
+    let transmitted = ((1.0 - bsdf.metallic) * bsdf.transmission * (1.0 - layer) * boundary.transmission_gain) * bsdf.base_color;
     let r = mean_of(reflected);
     let t = mean_of(transmitted);
     var probability = 1.0;
@@ -140,9 +147,8 @@ fn base_of(boundary: Boundary, incident: f32) -> vec3<f32> {
     if boundary.is_inside {
         return color;
     }
-    let passed = (1.0 - layer_of(boundary, boundary.outgoing.z)) * (1.0 - layer_of(boundary, incident));
-    // The mean is at most a third.
-    return color * passed / (1.0 - boundary.bsdf.specular * mean_below(boundary.eta));
+    let passed = (1.0 - layer_albedo(boundary, boundary.outgoing.z)) * (1.0 - layer_albedo(boundary, incident));
+    return color * passed / (1.0 - boundary.bsdf.specular * mean_reflectance(boundary));
 }
 
 /// Reflectance of the dielectric layer; total internal reflection ignores `specular`.
@@ -158,7 +164,7 @@ fn layer_of(boundary: Boundary, cosine: f32) -> f32 {
 fn share_of_base(boundary: Boundary) -> f32 {
     var passed = 1.0;
     if !boundary.is_inside {
-        passed = 1.0 - layer_of(boundary, boundary.outgoing.z);
+        passed = 1.0 - layer_albedo(boundary, boundary.outgoing.z);
     }
     let base = mean_of(diffuse_color(boundary.bsdf)) * passed;
     let facet = facet_of(boundary, boundary.outgoing.z);

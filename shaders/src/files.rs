@@ -76,6 +76,7 @@ pub const FILES: &[(&str, &str)] = files![
     "shared/count",
     "shared/direct",
     "shared/emission",
+    "shared/energy",
     "shared/filter",
     "shared/fresnel",
     "shared/ggx",

@@ -65,7 +65,7 @@ const OPTIONS_WITH_TABLE: [(&str, &str); 16] = [
 ];
 
 /// Options without effect on a heat map, which shows camera rays through the center of the lens.
-const IGNORED_BY_HEATMAP: [&str; 16] = [
+const IGNORED_BY_HEATMAP: [&str; 17] = [
     "spp",
     "sampler",
     "seed",
@@ -73,6 +73,7 @@ const IGNORED_BY_HEATMAP: [&str; 16] = [
     "lod",
     "integrator",
     "bounces",
+    "energy_compensation",
     "ao_radius",
     "env",
     "env_turn",

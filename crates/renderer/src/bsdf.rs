@@ -20,8 +20,9 @@
 //!   correct.
 //! * Seen from inside, the diffuse part of a partly transmissive boundary has no coat: `(1 - transmission)` Lambert and
 //!   `transmission` glass. Total internal reflection would otherwise count the energy of the base twice.
-//!
-//! As in glTF, multiple scattering between microfacets is lost: a rough white metal is darker than 1.
+//! * Microfacets lose the light that they scatter more than once: a rough white metal reflects a third of it. With
+//!   [`Bsdf::is_compensated`] it is given back (see `energy`), except for glass that refracts; without, the BSDF is that
+//!   of single scattering.
 //!
 //! # Radiance
 //!
@@ -30,6 +31,7 @@
 //! should factor this out of the throughput ([`Bsdf::compression`]). Thin walls have the same medium on both sides.
 
 mod boundary;
+mod energy;
 mod fresnel;
 mod ggx;
 mod vector;
@@ -57,6 +59,8 @@ pub struct Bsdf {
     pub thin_walled: bool,
     /// Whether `outgoing` is inside the medium. Only transmissive, not thin-walled materials have an inside.
     pub is_inside: bool,
+    /// Whether the light that rough boundaries lose by multiple scattering is given back.
+    pub is_compensated: bool,
 }
 
 /// Value and PDF of the BSDF for two directions, without delta lobes.
@@ -96,6 +100,7 @@ impl Bsdf {
             ior: 1.5,
             thin_walled: false,
             is_inside: false,
+            is_compensated: false,
         }
     }
 

@@ -20,6 +20,8 @@ pub(crate) struct Transport<'a, T, Q> {
     pub(crate) sampler: Sampler,
     pub(crate) lights: Lights<'a>,
     pub(crate) bounces: u32,
+    /// Whether rough surfaces are compensated for multiple scattering; `hybrid` has none.
+    pub(crate) is_compensated: bool,
     pub(crate) method: Method<'a>,
 }
 

@@ -144,7 +144,7 @@ impl<'a, T: Tracer> Rendering<'a, T> {
     }
 
     fn with_query<Q: RayKeyed + Sync, R>(&self, query: Q, then: impl FnOnce(&dyn RenderTiles) -> R) -> R {
-        let Settings { samples, bounces, seed, pattern, .. } = *self.settings;
+        let Settings { samples, bounces, seed, pattern, energy_compensation, .. } = *self.settings;
         let transport = Transport {
             tracer: self.tracer,
             surfaces: self.surfaces,
@@ -152,6 +152,7 @@ impl<'a, T: Tracer> Rendering<'a, T> {
             sampler: Sampler::new(pattern, samples, seed),
             lights: Lights::new(self.scene),
             bounces,
+            is_compensated: energy_compensation,
             method: match self.settings.integrator {
                 Integrator::Hybrid => Method::Hybrid { ao_radius: self.ao_radius },
                 Integrator::Path => Method::Path(self.light_sampler()),

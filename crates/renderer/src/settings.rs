@@ -55,6 +55,9 @@ pub struct Settings {
     pub filter: Filter,
     /// Texture filtering.
     pub lod: Lod,
+    /// Whether `path` gives back the light that rough surfaces lose by multiple scattering between their microfacets. Renderers
+    /// with single scattering give the picture without.
+    pub energy_compensation: bool,
     /// Ambient occlusion radius of the hybrid integrator in world units: occluders at this distance no longer darken. `None` for a
     /// tenth of the diagonal of the scene's bounds.
     pub ao_radius: Option<f32>,
@@ -78,6 +81,7 @@ impl Default for Settings {
             pattern: Pattern::Stratified,
             filter: Filter::BOX,
             lod: Lod::default(),
+            energy_compensation: true,
             ao_radius: None,
             tile: 32,
         }
@@ -118,6 +122,7 @@ impl Settings {
             pattern,
             filter,
             lod,
+            energy_compensation,
             ao_radius,
             tile: _,
         } = self;
@@ -135,6 +140,7 @@ impl Settings {
             ("sampler", pattern),
             ("filter", filter.to_string()),
             ("lod", format!("{lod:?}").to_lowercase()),
+            ("energy-compensation", if *energy_compensation { "on" } else { "off" }.to_owned()),
             ("ao-radius", radius),
         ]
         .map(|(name, value)| (name.to_owned(), value))

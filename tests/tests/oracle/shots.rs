@@ -206,6 +206,8 @@ impl Shot {
             pattern: Pattern::Random,
             // The other renderer samples textures at full size.
             lod: Lod::None,
+            // It scatters once between microfacets.
+            energy_compensation: false,
             ao_radius,
             ..Settings::default()
         };

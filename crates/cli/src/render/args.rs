@@ -79,6 +79,10 @@ pub(crate) struct Args {
     /// diagonal]
     #[arg(long, help_heading = RENDERING, value_parser = options::radius, value_name = "LENGTH", allow_hyphen_values = true)]
     pub(super) ao_radius: Option<f32>,
+    /// Give back the light that rough metal, coats and glass lose between their microfacets: on or off. `off` is for
+    /// comparison with renderers that scatter once; `hybrid` has no such surfaces.
+    #[arg(long, help_heading = RENDERING, action = clap::ArgAction::Set, default_value = "on", value_parser = one_of(&SWITCH), value_name = "on|off")]
+    pub(super) energy_compensation: bool,
     #[command(flatten)]
     pub(crate) look: LookArgs,
     #[command(flatten)]
@@ -108,6 +112,8 @@ const FILTERS: [(&str, Filter); 5] = [
 ];
 
 const LODS: [(&str, Lod); 3] = [("none", Lod::None), ("cone", Lod::Cone), ("aniso", Lod::Aniso)];
+
+const SWITCH: [(&str, bool); 2] = [("on", true), ("off", false)];
 
 const INTEGRATORS: [(&str, Integrator); 2] = [("hybrid", Integrator::Hybrid), ("path", Integrator::Path)];
 
@@ -182,14 +188,24 @@ impl Args {
     }
 
     pub(crate) fn settings(&self) -> Result<Settings> {
-        let Self { size: [width, height], filter, lod, seed, ao_radius, .. } = *self;
+        let Self { size: [width, height], filter, lod, seed, ao_radius, energy_compensation, .. } = *self;
         let integrator = self.integrator.unwrap_or(Integrator::Hybrid);
         if ao_radius.is_some() && integrator != Integrator::Hybrid {
             return Err(anyhow!("--ao-radius requires --integrator hybrid"));
         }
         let bounces = self.bounces.unwrap_or(integrator.bounces());
-        let mut settings =
-            Settings { width, height, integrator, filter, lod, bounces, seed, ao_radius, ..Settings::default() };
+        let mut settings = Settings {
+            width,
+            height,
+            integrator,
+            filter,
+            lod,
+            bounces,
+            seed,
+            energy_compensation,
+            ao_radius,
+            ..Settings::default()
+        };
         self.samples.apply(&mut settings)?;
         Ok(settings)
     }

@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use super::ggx::{Ggx, reflect};
 use super::vector::{dot, mean, unit};
-use super::{Bsdf, BsdfSample, Evaluation, MIN_COSINE, fresnel};
+use super::{Bsdf, BsdfSample, Evaluation, MIN_COSINE, energy, fresnel};
 use crate::sampling::cosine_hemisphere;
 
 /// The minimum difference of `eta` from 1 at which a rough boundary refracts; below, light passes straight.
@@ -22,6 +22,12 @@ pub(super) struct Boundary<'a> {
     eta: f32,
     /// `None` for a perfect mirror.
     facets: Option<Ggx>,
+    /// Whether light that the microfacets lose is given back, see `energy`.
+    compensates: bool,
+    /// What a metal reflects is multiplied by 1 plus this times its base color.
+    metal_gain: f32,
+    /// Factor of what a thin wall transmits.
+    transmission_gain: f32,
     diffuse_probability: f32,
 }
 
@@ -44,9 +50,40 @@ impl<'a> Boundary<'a> {
         let is_inside = bsdf.is_inside && bsdf.transmission > 0.0 && !bsdf.thin_walled;
         let eta = if is_inside { 1.0 / bsdf.ior } else { bsdf.ior };
         let facets = Ggx::of_roughness(bsdf.roughness);
-        let mut boundary = Self { bsdf, outgoing, is_inside, eta, facets, diffuse_probability: 0.0 };
+        let mut boundary = Self {
+            bsdf,
+            outgoing,
+            is_inside,
+            eta,
+            facets,
+            compensates: bsdf.is_compensated && facets.is_some(),
+            metal_gain: 0.0,
+            transmission_gain: 1.0,
+            diffuse_probability: 0.0,
+        };
+        if boundary.compensates {
+            boundary.compensate();
+        }
         boundary.diffuse_probability = boundary.base_probability();
         boundary
+    }
+
+    /// Sets the gains that give back what a rough boundary loses.
+    fn compensate(&mut self) {
+        /// Smaller transmittances count as this.
+        const MIN_PASSED: f32 = 1e-3;
+        let Bsdf { metallic, roughness, thin_walled, .. } = *self.bsdf;
+        if metallic == 0.0 && !thin_walled {
+            return;
+        }
+        let cosine = self.outgoing[2];
+        let albedo = energy::albedo(cosine, roughness);
+        self.metal_gain = (1.0 - albedo) / albedo;
+        if thin_walled {
+            // Facets mirror what a thin wall transmits, so that it loses as much as reflected light.
+            let coat = self.coat(energy::effective_cosine(cosine, roughness));
+            self.transmission_gain = (1.0 - albedo * coat) / (albedo * (1.0 - coat).max(MIN_PASSED));
+        }
     }
 
     /// Evaluates all lobes; the z of `incident` is not 0.
@@ -184,8 +221,9 @@ impl<'a> Boundary<'a> {
         let cosine = cosine.clamp(0.0, 1.0);
         let coat = self.coat(cosine);
         let coat_reflectance = (1.0 - metallic) * coat * if self.is_inside { transmission } else { 1.0 };
-        let reflected = base_color.map(|c| metallic * fresnel::schlick(cosine, c) + coat_reflectance);
-        let through = (1.0 - metallic) * transmission * (1.0 - coat);
+        let metal = |c| metallic * fresnel::schlick(cosine, c) * (1.0 + c * self.metal_gain);
+        let reflected = base_color.map(|c| metal(c) + coat_reflectance);
+        let through = (1.0 - metallic) * transmission * (1.0 - coat) * self.transmission_gain;
         let transmitted = base_color.map(|c| through * c);
         let (r, t) = (mean(reflected), mean(transmitted));
         Facet { reflected, transmitted, reflection_probability: if t > 0.0 { r / (r + t) } else { 1.0 } }
@@ -194,12 +232,30 @@ impl<'a> Boundary<'a> {
     /// Albedo of the diffuse base below the coat, at an incident cosine; from inside there is no coat in front of it.
     fn base(&self, incident: f32) -> [f32; 3] {
         let color = self.bsdf.diffuse_color();
-        if self.is_inside {
+        if self.is_inside || color == [0.0; 3] {
             return color;
         }
-        let transmittance = (1.0 - self.coat(self.outgoing[2])) * (1.0 - self.coat(incident));
-        let mean = 1.0 - self.bsdf.specular * fresnel::mean_below(self.eta);
+        let transmittance = (1.0 - self.coat_albedo(self.outgoing[2])) * (1.0 - self.coat_albedo(incident));
+        let mean = 1.0 - self.bsdf.specular * self.mean_reflectance();
         color.map(|c| c * transmittance / mean)
+    }
+
+    /// Part of the light from a direction that the coat as a whole reflects.
+    fn coat_albedo(&self, cosine: f32) -> f32 {
+        if !self.compensates {
+            return self.coat(cosine);
+        }
+        let roughness = self.bsdf.roughness;
+        energy::albedo(cosine, roughness) * self.coat(energy::effective_cosine(cosine, roughness))
+    }
+
+    /// Mean of the reflectance of the coat over the hemisphere, for `specular` 1.
+    fn mean_reflectance(&self) -> f32 {
+        if self.compensates {
+            energy::mean_reflectance(self.bsdf.roughness, self.eta)
+        } else {
+            fresnel::mean_below(self.eta)
+        }
     }
 
     /// Reflectance of the dielectric coat. Total internal reflection does not depend on `specular`.
@@ -211,8 +267,9 @@ impl<'a> Boundary<'a> {
     ///
     /// Lobes are sampled about in proportion to their energy, so that no sample has a weight far above 1.
     fn base_probability(&self) -> f32 {
-        let transmittance = if self.is_inside { 1.0 } else { 1.0 - self.coat(self.outgoing[2]) };
-        let base = mean(self.bsdf.diffuse_color()) * transmittance;
+        let color = mean(self.bsdf.diffuse_color());
+        let transmittance = if self.is_inside || color == 0.0 { 1.0 } else { 1.0 - self.coat_albedo(self.outgoing[2]) };
+        let base = color * transmittance;
         let facet = self.facet(self.outgoing[2]);
         let coat = mean(facet.reflected) + mean(facet.transmitted);
         // A black metal still reflects at grazing angles.

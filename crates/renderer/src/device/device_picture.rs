@@ -90,7 +90,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
             Integrator::Hybrid => ("render/hybrid", packed.specialise_hybrid(chosen), None),
             Integrator::Path => {
                 let sampled = SampledLights::new(gpu, cpu.light_sampler(), |instance| packed.slack_of(instance))?;
-                ("render/path", packed.specialise_path(chosen, &sampled), Some(sampled))
+                ("render/path", packed.specialise_path(chosen, &sampled, settings.energy_compensation), Some(sampled))
             }
         };
         let guide = || {

@@ -166,7 +166,12 @@ impl PackedScene {
     }
 
     /// Selects the parts of the path integrator.
-    pub(super) fn specialise_path(&self, chosen: Specialisation, lights: &SampledLights) -> Specialisation {
+    pub(super) fn specialise_path(
+        &self,
+        chosen: Specialisation,
+        lights: &SampledLights,
+        is_compensated: bool,
+    ) -> Specialisation {
         let chosen = lights.specialise(self.with_shape_lights(self.specialise(chosen)));
         // Textured emission reads alpha even without an alpha test.
         let chosen = if lights.needs_textured_emission() && !self.has.masks { self.with_alpha(chosen) } else { chosen };
@@ -174,7 +179,8 @@ impl PackedScene {
             return self.with_material(chosen).part("bsdf", "shared/bsdf/lambert");
         }
         let through = if self.has.glass { "shared/transmission/glass" } else { "shared/transmission/none" };
-        self.with_material(chosen).part("bsdf", "shared/bsdf/full").part("transmission", through)
+        let energy = if is_compensated { "shared/energy/compensated" } else { "shared/energy/single" };
+        self.with_material(chosen).part("bsdf", "shared/bsdf/full").part("transmission", through).part("energy", energy)
     }
 
     /// Selects the parts of the kernel that writes AOVs.

@@ -78,7 +78,8 @@ struct Vertex {
 }
 
 impl Vertex {
-    fn new(surface: Surface, ray_direction: [f32; 3]) -> Self {
+    fn new(mut surface: Surface, ray_direction: [f32; 3], is_compensated: bool) -> Self {
+        surface.bsdf.is_compensated = is_compensated;
         let viewer = unit(wide(ray_direction)).map_or([0.0, 0.0, 1.0], |v| narrow(scale(v, -1.0)));
         // If the shading normal faces away from the viewer, use the geometric normal.
         let faces = dot(surface.shading_normal, wide(viewer)) > 0.0;
@@ -167,7 +168,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
         if surface.emission != [0.0; 3] {
             accumulated.add(surface.emission, mis_weight(LightId::of_hit(&hit)));
         }
-        let vertex = &*previous.insert(Vertex::new(surface, ray.direction));
+        let vertex = &*previous.insert(Vertex::new(surface, ray.direction, self.is_compensated));
         if !vertex.bsdf().is_delta_only() {
             self.add_light(accumulated, lights, vertex, n, &query.keyed(1 + n), start);
         }

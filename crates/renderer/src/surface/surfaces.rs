@@ -202,6 +202,8 @@ fn bsdf(material: &Material, tint: [f32; 4], is_front: bool, texel: impl Fn(&Opt
         ior: material.ior,
         thin_walled: material.thin_walled,
         is_inside: !is_front && transmission > 0.0 && !material.thin_walled,
+        // A setting of the integrator.
+        is_compensated: false,
     }
 }
 

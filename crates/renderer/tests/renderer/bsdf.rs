@@ -1,7 +1,8 @@
 //! Tests of the BSDF against quadrature in `f64`, textbook formulas and sample counts.
 //!
-//! Not covered: multiple scattering between microfacets, which the model omits.
+//! All but `compensation` are about single scattering between microfacets.
 
+mod compensation;
 mod density;
 mod dielectric;
 mod energy;

@@ -29,6 +29,7 @@ const SETTINGS: Settings = Settings {
     pattern: canted_renderer::Pattern::Stratified,
     filter: canted_film::Filter::BOX,
     lod: canted_renderer::Lod::Aniso,
+    energy_compensation: true,
     ao_radius: None,
     tile: 32,
     part: None,

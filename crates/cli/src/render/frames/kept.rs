@@ -72,6 +72,7 @@ pub(super) fn shared(args: &Args, scene: &mut Scene, device: String) -> Result<R
         integrator,
         bounces: _,
         ao_radius: _,
+        energy_compensation: _,
         camera,
         light,
         structure,

@@ -43,6 +43,7 @@ impl Dice {
             ior: self.pick(&IORS, |x| 1.0 + 3.0 * x),
             thin_walled: self.number() < 0.3,
             is_inside: self.number() < 0.5,
+            is_compensated: self.number() < 0.5,
         }
     }
 
