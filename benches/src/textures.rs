@@ -218,6 +218,7 @@ mod tests {
             texels: texels.to_vec(),
             encoding,
             wrap: [Wrap::Repeat; 2],
+            magnification: canted_scene::Magnification::Linear,
         };
         let texels = [[0, 255, 188, 0], [255, 255, 188, 255]];
         assert_eq!(mean_color(&texture(Encoding::Linear, &texels)), [0.5, 1.0, 188.0 / 255.0]);

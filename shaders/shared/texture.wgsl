@@ -42,7 +42,7 @@ struct Footprint {
 }
 
 @group(2) @binding(4) var<storage, read> slots: array<Slot>;
-/// For each texture a header (number of levels; wrap modes, two bits each, then an sRGB flag), followed by its levels (first
+/// For each texture a header (number of levels; wrap modes, two bits each, then an sRGB flag and one for the nearest texel), followed by its levels (first
 /// texel, columns, rows).
 @group(2) @binding(5) var<storage, read> images: array<vec4<u32>>;
 
@@ -103,10 +103,14 @@ fn trilinear(head: u32, uv: vec2<f32>, level: f32) -> vec4<f32> {
 fn bilinear(head: u32, level: u32, uv: vec2<f32>) -> vec4<f32> {
     let facts = images[head].y;
     let image = images[head + 1u + level];
-    let columns = neighbors(uv.x, image.y, facts & 3u);
+    var columns = neighbors(uv.x, image.y, facts & 3u);
     // `v` points up, rows go down.
-    let rows = neighbors(1.0 - uv.y, image.z, (facts >> 2u) & 3u);
-    let is_srgb = (facts >> 4u) == 1u;
+    var rows = neighbors(1.0 - uv.y, image.z, (facts >> 2u) & 3u);
+    let is_srgb = ((facts >> 4u) & 1u) == 1u;
+    if (facts >> 5u) == 1u && level == 0u {
+        columns.weight = step(0.5, columns.weight);
+        rows.weight = step(0.5, rows.weight);
+    }
     let upper = image.x + rows.first * image.y;
     let lower = image.x + rows.second * image.y;
     let top = blend(decoded(upper + columns.first, is_srgb), decoded(upper + columns.second, is_srgb), columns.weight);

@@ -55,13 +55,7 @@ impl Output {
             Self::Film(film, record) if film.part().is_some() || !film.guides().is_empty() => {
                 Ok(write_film(&args.output, &cropped(film, args.crop), args.samples.aovs(), record)?)
             }
-            Self::Film(film, _) => {
-                let picture = cropped(film, args.crop).picture();
-                if let Some(warning) = exposure::darkness(&picture) {
-                    output::warn(&warning);
-                }
-                write_picture(args, &picture)
-            }
+            Self::Film(film, _) => write_picture(args, &cropped(film, args.crop).picture()),
             // A heat map is a diagram: its colors are not exposed.
             Self::Picture(picture) => write_encoded(args, picture),
         }
@@ -105,6 +99,14 @@ struct Rendered {
 }
 
 impl Rendered {
+    /// A warning about a picture that is nearly black; heat maps and parts of pictures may be.
+    fn darkness(&self, args: &Args) -> Option<String> {
+        match &self.output {
+            Output::Film(film, _) if film.part().is_none() => exposure::darkness(&cropped(film, args.crop)),
+            _ => None,
+        }
+    }
+
     /// Writes the output, then removes the checkpoint. Returns the facts.
     fn write(self, args: &Args) -> Result<Vec<Fact>> {
         let written = self.output.write(args);
@@ -157,6 +159,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     output::detail(|| format!("scene read in {:.3} s", load_time.as_secs_f64()));
     let machine = open_machine(args)?;
     let rendered = with_kernel!(args.structure.triangles, render(&mut scene, args, &machine, source, load_time))?;
+    if let Some(warning) = rendered.darkness(args) {
+        output::warn(&warning);
+    }
     let of_render = rendered.write(args)?;
     let mut facts = vec![
         ("scene", json!(load::name(args.scene.as_deref()))),

@@ -27,7 +27,7 @@ use crate::work;
 ///     Finite coordinates. Triangles use float32: float64 is rounded once, to nearest, after origin is subtracted.
 /// triangles : (m, 3) integers
 ///     Vertex indices from 0.
-/// preset : "fast", "balanced" or "quality"
+/// preset : "dynamic", "fast", "balanced" or "quality"
 ///     How much build time is spent on how fast a BVH. Answers do not depend on it.
 /// triangle_test : "watertight", "moller-trumbore" or "baldwin-weber"
 ///     Only watertight has no leaks between triangles, and crossings.

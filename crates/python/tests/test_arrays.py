@@ -151,7 +151,7 @@ BAD_BUILDS = [
     ((BOX, [[0, 1, 2], [3, -1, 0]]), {}, "triangle 1 has vertex index -1, indices start at 0"),
     ((BOX, np.array([[0, 1, 2**40]])), {}, "triangle 0 has vertex index 1099511627776, but there are 8 vertices"),
     ((BOX, np.array([[0, 1, 2**64 - 1]], np.uint64)), {}, "vertex index 18446744073709551615, but there are 8 vertices"),
-    ((BOX, BOX_TRIANGLES, "best"), {}, "preset is 'best'; use fast, balanced or quality"),
+    ((BOX, BOX_TRIANGLES, "best"), {}, "preset is 'best'; use dynamic, fast, balanced or quality"),
     ((BOX, BOX_TRIANGLES), {"triangle_test": "x"}, "triangle_test is 'x'; use watertight, moller-trumbore or baldwin-weber"),
     ((BOX, BOX_TRIANGLES), {"origin": (0, 0)}, "origin has shape (2,), not (3,)"),
     ((BOX, BOX_TRIANGLES), {"origin": (0, np.nan, 0)}, "origin [0.0, NaN, 0.0] is not finite"),

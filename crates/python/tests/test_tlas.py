@@ -74,8 +74,8 @@ def test_a_tlas_keeps_the_mesh_that_it_was_made_of():
 
 
 BAD = [
-    ([(1, np.eye(4))], "instance 0 has mesh 1, but there are 1"),
-    ([(-1, np.eye(4))], "instance 0 has mesh -1, but there are 1"),
+    ([(1, np.eye(4))], "instance 0 has BVH 1, but the list bvhs has 1"),
+    ([(-1, np.eye(4))], "instance 0 has BVH -1, but the list bvhs has 1"),
     ([(0, np.eye(4)), (0, np.eye(3))], "the matrix of instance 1 has shape (3, 3), not (4, 4)"),
     ([(0, np.eye(4)[::-1])], "the matrix of instance 0 has the last row"),
     ([(0, np.diag([1, 1, 0, 1]))], "the transform of instance 0 is too close to singular"),

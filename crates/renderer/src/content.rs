@@ -75,9 +75,9 @@ fn of_mesh(mesh: &Mesh) -> u64 {
 }
 
 fn of_texture(texture: &Texture) -> u64 {
-    let Texture { name: _, width, height, texels, encoding, wrap } = texture;
+    let Texture { name: _, width, height, texels, encoding, wrap, magnification } = texture;
     let mut hash = Hash::default();
-    hash.debug(&(width, height, encoding, wrap));
+    hash.debug(&(width, height, encoding, wrap, magnification));
     hash.words(texels.iter().map(|&texel| u32::from_le_bytes(texel)));
     hash.finish()
 }

@@ -115,13 +115,14 @@ pub(crate) fn filtered_textures(material: &Material) -> impl Iterator<Item = &Te
 #[cfg(test)]
 mod tests {
     use super::*;
-    use canted_scene::{AlphaMode, Encoding, UvSet, Wrap};
+    use canted_scene::{AlphaMode, Encoding, Magnification, UvSet, Wrap};
 
     /// The color of the coarsest mip level of a texture that is half white and half black, the black half transparent.
     fn smallest(materials: Vec<Material>) -> u8 {
         let texels = vec![[255; 4], [0; 4]];
         let (name, encoding, wrap) = (String::new(), Encoding::Linear, [Wrap::Repeat; 2]);
-        let texture = Texture { name, width: 2, height: 1, texels, encoding, wrap };
+        let texture =
+            Texture { name, width: 2, height: 1, texels, encoding, wrap, magnification: Magnification::Linear };
         let scene = Scene { textures: vec![texture], materials, ..Scene::default() };
         let textures = Textures::new(&scene, Lod::Aniso);
         let mip_map = textures.get(TextureId(0));

@@ -84,7 +84,7 @@ pub use mesh::{Instance, Mesh, MeshClose, MeshId, Part};
 pub use read::{AnimatedScene, ReadError, ReadOptions, declared_exr_samples, read, read_environment, read_with};
 pub use scene::Scene;
 pub use stats::SceneStats;
-pub use texture::{Encoding, Texture, TextureId, TextureRef, UvSet, UvTransform, Wrap};
+pub use texture::{Encoding, Magnification, Texture, TextureId, TextureRef, UvSet, UvTransform, Wrap};
 
 /// The features of this crate, and whether this build has them.
 pub const FEATURES: [(&str, bool); 7] = [

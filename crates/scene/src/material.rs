@@ -130,6 +130,16 @@ impl Material {
         self.alpha_mode != AlphaMode::Opaque
     }
 
+    /// Whether no ray hits the surface: textures and vertex colors only lower alpha.
+    #[must_use]
+    pub fn is_invisible(&self) -> bool {
+        match self.alpha_mode {
+            AlphaMode::Opaque => false,
+            AlphaMode::Mask { cutoff } => self.alpha < cutoff,
+            AlphaMode::Blend => self.alpha == 0.0,
+        }
+    }
+
     /// Whether the material emits light.
     #[must_use]
     pub fn is_emissive(&self) -> bool {

@@ -85,6 +85,7 @@ mod tests {
             texels: vec![[0; 4]; 2],
             encoding: Encoding::Srgb,
             wrap: [Wrap::Repeat; 2],
+            magnification: crate::Magnification::Linear,
         };
         let scene = Scene {
             meshes: vec![mesh],

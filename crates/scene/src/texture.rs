@@ -24,6 +24,16 @@ pub enum Encoding {
     Linear,
 }
 
+/// What a lookup between texels gives where a texel is larger than a pixel. Smaller texels are always averaged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum Magnification {
+    /// Bilinear interpolation.
+    #[default]
+    Linear,
+    /// The nearest texel.
+    Nearest,
+}
+
 /// An image of 8-bit texels, row 0 at the top (`v` = 1).
 #[derive(Clone, Debug)]
 pub struct Texture {
@@ -39,6 +49,8 @@ pub struct Texture {
     pub encoding: Encoding,
     /// Wrap mode along u and v.
     pub wrap: [Wrap; 2],
+    /// Lookup between texels.
+    pub magnification: Magnification,
 }
 
 /// A reference from a material to a texture.

@@ -48,6 +48,7 @@ pub(crate) fn texture(side: u32) -> Texture {
         texels: (0..side * side).map(texel).collect(),
         encoding: Encoding::Srgb,
         wrap: [Wrap::Repeat; 2],
+        magnification: canted_scene::Magnification::Nearest,
     }
 }
 

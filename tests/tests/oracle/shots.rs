@@ -147,8 +147,15 @@ pub(crate) fn checker() -> Shot {
     };
     let texel = |i: usize| if (i / 4 + i % 4).is_multiple_of(2) { [20, 90, 200, 255] } else { [230, 60, 30, 255] };
     let texels = (0..16).map(texel).collect();
-    let texture =
-        Texture { name: String::new(), width: 4, height: 4, texels, encoding: Encoding::Srgb, wrap: [Wrap::Repeat; 2] };
+    let texture = Texture {
+        name: String::new(),
+        width: 4,
+        height: 4,
+        texels,
+        encoding: Encoding::Srgb,
+        wrap: [Wrap::Repeat; 2],
+        magnification: canted_scene::Magnification::Linear,
+    };
     let material = Material {
         base_color: [1.0; 3],
         base_color_texture: Some(TextureRef::new(TextureId(0))),

@@ -2,8 +2,8 @@
 
 use canted_obb::Affine;
 use canted_scene::{
-    AlphaMode, Camera, Encoding, Environment, EnvironmentImage, Instance, Light, Material, MaterialId, Mesh, MeshId,
-    Part, Scene, Texture, TextureId, TextureRef, Wrap,
+    AlphaMode, Camera, Encoding, Environment, EnvironmentImage, Instance, Light, Magnification, Material, MaterialId,
+    Mesh, MeshId, Part, Scene, Texture, TextureId, TextureRef, Wrap,
 };
 
 pub(super) fn mesh(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>, material: u32) -> Mesh {
@@ -73,8 +73,9 @@ pub(super) fn sky() -> Environment {
 /// A texture of blocks of four texels; `texel` gives the bytes by column and row of the block.
 fn texture(encoding: Encoding, texel: impl Fn(u8, u8) -> [u8; 4]) -> Texture {
     let of = |i: u8| texel(i % 16 / 4, i / 16 / 4);
-    let wrap = [Wrap::Repeat, Wrap::Mirror];
-    Texture { name: "blocks".to_owned(), width: 16, height: 16, texels: (0..=255).map(of).collect(), encoding, wrap }
+    let (wrap, magnification) = ([Wrap::Repeat, Wrap::Mirror], Magnification::Linear);
+    let texels = (0..=255).map(of).collect();
+    Texture { name: "blocks".to_owned(), width: 16, height: 16, texels, encoding, wrap, magnification }
 }
 
 /// A floor with varying color, roughness and normals under a partly emissive screen with holes.
@@ -116,7 +117,10 @@ pub(super) fn textured() -> (Scene, Camera) {
         instances: vec![instance(0, tilt), instance(1, tilt), instance(2, tilt)],
         materials: vec![floor, screen, pane],
         textures: vec![
-            texture(Encoding::Srgb, |x, y| [60 * x, 60 * y, 200, 255]),
+            Texture {
+                magnification: Magnification::Nearest,
+                ..texture(Encoding::Srgb, |x, y| [60 * x, 60 * y, 200, 255])
+            },
             texture(Encoding::Linear, |x, y| [100 * (x % 2), 80 * y, 60 * x, 255]),
             texture(Encoding::Linear, |x, y| [108 + 10 * x, 108 + 10 * y, 240, 255]),
             texture(Encoding::Linear, |x, y| [0, 0, 0, 255 * ((x + y) % 2)]),

@@ -57,6 +57,7 @@ fn plane() -> Scene {
         texels: (0..SIDE * SIDE).map(texel).map(|[r, g, b, _]| [r, g, b, 255]).collect(),
         encoding: Encoding::Srgb,
         wrap: [Wrap::Repeat; 2],
+        magnification: canted_scene::Magnification::Linear,
     };
     let corners = [[-100.0, 0.0], [100.0, 0.0], [100.0, 200.0], [-100.0, 200.0f32]];
     let mesh = Mesh {

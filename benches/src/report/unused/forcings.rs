@@ -70,6 +70,7 @@ fn with_white(mut scene: Scene) -> Scene {
         texels: vec![[255; 4]],
         encoding: Encoding::Srgb,
         wrap: [Wrap::Repeat; 2],
+        magnification: canted_scene::Magnification::Linear,
     }];
     for material in &mut scene.materials {
         material.base_color_texture = Some(texture);

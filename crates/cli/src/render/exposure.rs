@@ -48,14 +48,21 @@ fn lit_fraction(film: &Film) -> f64 {
     if n_seen == 0 { 1.0 } else { f64::from(n_lit) / f64::from(n_seen) }
 }
 
-/// A warning about a picture that is nearly black.
-pub(super) fn darkness(picture: &canted_film::Picture) -> Option<String> {
+/// A warning about a picture that is nearly black. Where the film knows which pixels show geometry, the others do not count.
+pub(super) fn darkness(film: &Film) -> Option<String> {
     /// Radiance of an sRGB value of about 10, and the part of all pixels.
     const BLACK: f64 = 0.003;
     const PART: f64 = 0.98;
-    let is_black = |color: &&[f32; 3]| luminance(color.map(f64::from)) < BLACK;
+    let guides = film.guides();
+    let (mut n_seen, mut n_black) = (0_u64, 0_u64);
+    for (i, pixel) in film.pixels().iter().enumerate() {
+        if guides.get(i).is_none_or(|guide| guide.n_hits > 0) {
+            n_seen += 1;
+            n_black += u64::from(luminance(pixel.mean()) < BLACK);
+        }
+    }
     #[expect(clippy::cast_precision_loss, reason = "pixels are fewer than 2^53")]
-    let part = picture.pixels.iter().filter(is_black).count() as f64 / picture.pixels.len().max(1) as f64;
+    let part = n_black as f64 / n_seen.max(1) as f64;
     (part > PART).then(|| {
         format!("{:.1} % of the picture are black; try --exposure auto, another light or another camera", 100.0 * part)
     })

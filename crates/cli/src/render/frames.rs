@@ -124,6 +124,7 @@ fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source, mut list: 
         mip_maps: None,
         emission: None,
         integrator: None,
+        is_dark: false,
     };
     let (mut facts, mut pictures) = (Vec::new(), Vec::new());
     for (done, &frame) in sequence.todo.iter().enumerate() {
@@ -155,6 +156,8 @@ struct Progress<K: LaneKernel> {
     /// Whether emission lights the scene.
     emission: Option<LightSource>,
     integrator: Option<Integrator>,
+    /// Whether a frame was nearly black: one warning is enough.
+    is_dark: bool,
 }
 
 /// Renders and writes a frame. Returns what it was rendered with, too.
@@ -201,6 +204,12 @@ fn render_frame<K: LaneKernel>(
     let Picture { rendered, trace_time } =
         render_picture(scene, &own, machine, prepared, &camera, choice, &mut progress.mip_maps)?;
     progress.trace_time = trace_time;
+    if !progress.is_dark
+        && let Some(warning) = rendered.darkness(&own)
+    {
+        progress.is_dark = true;
+        output::warn(&format!("frame {frame}: {warning}"));
+    }
     let mut facts = rendered.write(&own)?;
     facts.push(("load_seconds", json!(load_time.as_secs_f64())));
     Ok((facts, record))

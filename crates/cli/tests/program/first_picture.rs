@@ -29,6 +29,9 @@ fn weak_emission_keeps_the_default_light() {
     assert!(strong.json()["default_light"].is_null());
     let dark = folder.run(&format!("weak.obj {LINE} --env 0,0,0")).done();
     assert!(dark.stderr.contains("% of the picture are black"), "{}", dark.stderr);
+    let sequence =
+        folder.run(&format!("render weak.obj {LINE} --env 0,0,0 --frames 0..3 --turntable 20 -o dark%d.png")).done();
+    assert_eq!(sequence.stderr.matches("% of the picture are black").count(), 1, "{}", sequence.stderr);
 }
 
 #[test]

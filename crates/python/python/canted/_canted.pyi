@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 __version__: str
 
-_Preset = Literal["fast", "balanced", "quality"]
+_Preset = Literal["dynamic", "fast", "balanced", "quality"]
 _Test = Literal["watertight", "moller-trumbore", "baldwin-weber"]
 
 class Hits:

@@ -1,7 +1,7 @@
 //! Images as kernels read them: words of a few long arrays.
 
 use canted_gpu::{Buffer, Gpu, GpuError, Specialisation};
-use canted_scene::{Encoding, Material, Scene, Texture, TextureId, TextureRef, Wrap};
+use canted_scene::{Encoding, Magnification, Material, Scene, Texture, TextureId, TextureRef, Wrap};
 
 use crate::texture::{MipMap, Textures};
 use crate::{Integrator, Lod};
@@ -88,7 +88,8 @@ impl Images {
             Wrap::Mirror => 2,
         });
         let is_srgb = u32::from(texture.encoding == Encoding::Srgb);
-        let facts = wrap_u | wrap_v << 2 | is_srgb << 4;
+        let is_nearest = u32::from(texture.magnification == Magnification::Nearest);
+        let facts = wrap_u | wrap_v << 2 | is_srgb << 4 | is_nearest << 5;
         if texture.texels.is_empty() {
             self.images.push([1, facts, 0, 0]);
             return self.add_level([1, 1], &[WHITE]);

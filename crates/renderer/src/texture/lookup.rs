@@ -1,4 +1,4 @@
-use canted_scene::Wrap;
+use canted_scene::{Magnification, Wrap};
 
 use super::Footprint;
 use super::mip_map::{Image, MipMap};
@@ -78,7 +78,11 @@ impl MipMap<'_> {
         let [wrap_u, wrap_v] = self.texture().wrap;
         let (columns, x) = neighbors(uv[0], width, wrap_u);
         let (rows, y) = neighbors(1.0 - uv[1], height, wrap_v);
-        (rows.map(|j| columns.map(|i| &texels[j * width as usize + i])), [x, y])
+        let weights = match self.texture().magnification {
+            Magnification::Nearest if level == 0 => [x, y].map(|weight| if weight < 0.5 { 0.0 } else { 1.0 }),
+            _ => [x, y],
+        };
+        (rows.map(|j| columns.map(|i| &texels[j * width as usize + i])), weights)
     }
 }
 
@@ -152,7 +156,24 @@ mod tests {
             texels: vec![texel(255), texel(0), texel(0), texel(255)],
             encoding: Encoding::Srgb,
             wrap: [wrap; 2],
+            magnification: Magnification::Linear,
         }
+    }
+
+    #[test]
+    fn nearest_texels_have_sharp_edges() {
+        let nearest = |u: f64| {
+            let texture = Texture { magnification: Magnification::Nearest, ..checker(Wrap::Repeat) };
+            let mip_map = MipMap::new(&texture, false);
+            [0.0, 0.5].map(|level| mip_map.lookup([u, 0.9], &Footprint { level, ..Footprint::POINT })[0])
+        };
+        for (u, want) in [(0.01, 1.0), (0.3, 1.0), (0.499, 1.0), (0.501, 0.0), (0.99, 0.0), (-0.01, 0.0), (1.01, 1.0)] {
+            let [near, between] = nearest(u);
+            assert_eq!(near, want, "{u}");
+            // Half of it is the mean of all texels.
+            assert!((between - (0.5 * want + 0.25)).abs() < 0.01, "{u}: {between}");
+        }
+        assert_eq!(lookup(&checker(Wrap::Repeat), [0.5, 0.75])[0], 0.5);
     }
 
     #[test]

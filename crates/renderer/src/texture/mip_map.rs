@@ -172,11 +172,12 @@ fn reduced(from: [u32; 2], to: [u32; 2], uses_alpha: bool, texel: impl Fn(usize)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use canted_scene::Wrap;
+    use canted_scene::{Magnification, Wrap};
 
     fn texture(width: u32, height: u32, encoding: Encoding, texel: impl Fn(u32) -> [u8; 4]) -> Texture {
         let texels = (0..width * height).map(texel).collect();
-        Texture { name: String::new(), width, height, texels, encoding, wrap: [Wrap::Repeat; 2] }
+        let (name, wrap, magnification) = (String::new(), [Wrap::Repeat; 2], Magnification::Linear);
+        Texture { name, width, height, texels, encoding, wrap, magnification }
     }
 
     /// Pseudorandom bytes.

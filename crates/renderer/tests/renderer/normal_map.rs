@@ -25,6 +25,7 @@ fn stage(texel: [u8; 3], uvs: [[f32; 2]; 3]) -> Scene {
         texels: vec![[r, g, b, 255]],
         encoding: Encoding::Linear,
         wrap: [Wrap::Repeat; 2],
+        magnification: canted_scene::Magnification::Linear,
     }];
     scene
 }

@@ -122,6 +122,7 @@ fn textured() -> Scene {
         texels: vec![[255, 0, 0, 255], [0, 255, 0, 0]],
         encoding: Encoding::Srgb,
         wrap: [Wrap::Clamp; 2],
+        magnification: canted_scene::Magnification::Linear,
     };
     let material = Material {
         base_color: [0.5, 0.25, 1.0],

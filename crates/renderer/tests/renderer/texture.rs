@@ -29,6 +29,7 @@ fn board() -> Scene {
         texels: (0..side * side).map(texel).collect(),
         encoding: Encoding::Srgb,
         wrap: [Wrap::Repeat; 2],
+        magnification: canted_scene::Magnification::Linear,
     };
     let half = 400.0;
     let mut plane = floor(half, 0.0, 0);
@@ -114,7 +115,8 @@ fn far_texels_do_not_flicker() {
 }
 
 fn one_texel(texel: [u8; 4], encoding: Encoding) -> Texture {
-    Texture { name: String::new(), width: 1, height: 1, texels: vec![texel], encoding, wrap: [Wrap::Clamp; 2] }
+    let (name, texels, wrap) = (String::new(), vec![texel], [Wrap::Clamp; 2]);
+    Texture { name, width: 1, height: 1, texels, encoding, wrap, magnification: canted_scene::Magnification::Linear }
 }
 
 fn only_hit() -> Hit {

@@ -5,7 +5,7 @@ use std::io::Cursor;
 
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use crate::{Encoding, Texture, Wrap};
+use crate::{Encoding, Magnification, Texture, Wrap};
 
 /// Largest number of texels: 1 GiB as RGBA.
 const MAX_TEXELS: u64 = 1 << 28;
@@ -60,7 +60,15 @@ pub(crate) fn decode(name: &str, bytes: &[u8]) -> Result<Texture, String> {
     }
     let image = DynamicImage::from_decoder(decoder).map_err(one_line)?;
     let texels = image.into_rgba8().into_raw().as_chunks().0.to_vec();
-    Ok(Texture { name: name.to_owned(), width, height, texels, encoding: Encoding::Srgb, wrap: [Wrap::Repeat; 2] })
+    Ok(Texture {
+        name: name.to_owned(),
+        width,
+        height,
+        texels,
+        encoding: Encoding::Srgb,
+        wrap: [Wrap::Repeat; 2],
+        magnification: Magnification::Linear,
+    })
 }
 
 /// Converts an image to a white alpha mask: its alpha channel if that varies, else its luminance.
@@ -153,6 +161,7 @@ pub(crate) mod tests {
             texels: texels.to_vec(),
             encoding: Encoding::Srgb,
             wrap: [Wrap::Repeat; 2],
+            magnification: Magnification::Linear,
         }
     }
 

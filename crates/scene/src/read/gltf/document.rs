@@ -250,10 +250,10 @@ pub(super) fn range(bytes: &[u8], offset: USize64, length: USize64) -> Option<&[
 fn check_version(path: &Path, root: &Root) -> Result<(), ReadError> {
     let version = &root.asset.version;
     if version.split('.').next() != Some("2") {
-        return Err(ReadError::unsupported(path, format!("glTF version {version}")));
+        return Err(ReadError::unsupported(path, format!("glTF {version}")));
     }
     match root.asset.min_version.as_deref() {
         None | Some("2.0") => Ok(()),
-        Some(least) => Err(ReadError::unsupported(path, format!("glTF version {least}"))),
+        Some(least) => Err(ReadError::unsupported(path, format!("glTF {least}"))),
     }
 }

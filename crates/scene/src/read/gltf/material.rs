@@ -59,6 +59,11 @@ impl MaterialReader<'_, '_, '_> {
             ..Material::default()
         };
         self.alpha(source, alpha, &mut material);
+        if material.is_invisible() {
+            let location =
+                source.name.as_ref().map_or_else(|| self.location.clone(), |name| format!("material {name:?}"));
+            self.grouped.add("a fully transparent material is not seen", &location);
+        }
         if is_unlit(source) {
             self.grouped.add("treating KHR_materials_unlit as emission, which illuminates the scene", &self.location);
             return Ok(unlit(material));

@@ -1,5 +1,6 @@
 //! Primitives: triangles with the vertices they use (glTF 2.0, section 3.7.2).
 
+use gltf::json::Index;
 use gltf::json::accessor::Type;
 use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
@@ -51,6 +52,7 @@ impl PrimitiveReader<'_, '_> {
         warnings: &mut Vec<String>,
     ) -> Result<PrimitiveMesh, ReadError> {
         let location = self.location;
+        self.check_compression(primitive)?;
         let find = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
         let Some(position) = find(Semantic::Positions) else {
             warnings.push(format!("skipping {location}: missing POSITION"));
@@ -95,6 +97,23 @@ impl PrimitiveReader<'_, '_> {
             colors: attributes.colors()?,
             ..primitive_mesh
         })
+    }
+
+    /// Rejects compressed geometry, which the file may not declare as required. Accessors without data would be zeros.
+    fn check_compression(&self, primitive: &Primitive) -> Result<(), ReadError> {
+        const DRACO: &str = "KHR_draco_mesh_compression";
+        let is_compressed = primitive.extensions.as_ref().is_some_and(|all| all.others.contains_key(DRACO));
+        let position = primitive.attributes.get(&Checked::Valid(Semantic::Positions)).copied();
+        let mut accessors = position.into_iter().chain(primitive.indices);
+        let has_no_data = |index: Index<_>| {
+            let accessor = self.document.root.accessors.get(index.value());
+            accessor.is_some_and(|accessor| accessor.buffer_view.is_none() && accessor.sparse.is_none())
+        };
+        if is_compressed && accessors.any(has_no_data) {
+            let what = format!("Draco compression ({DRACO}, {})", self.location);
+            return Err(ReadError::unsupported(self.document.path(), what));
+        }
+        Ok(())
     }
 
     /// Triangles with indices below `n_vertices`; `None` with a warning for points and lines.

@@ -12,7 +12,7 @@ use crate::read::ReadError;
 use crate::read::image;
 use crate::read::text::{self, printable};
 use crate::read::warning_groups::WarningGroups;
-use crate::{Encoding, Scene, Texture, TextureId, Wrap};
+use crate::{Encoding, Magnification, Scene, Texture, TextureId, Wrap};
 
 /// Textures requested by materials.
 pub(super) struct Textures<'a, 'b> {
@@ -23,7 +23,7 @@ pub(super) struct Textures<'a, 'b> {
 }
 
 /// Image index, wrap modes and encoding.
-type Key = (usize, [Wrap; 2], Encoding);
+type Key = (usize, [Wrap; 2], Magnification, Encoding);
 
 /// Value of the `gltf` crate for a texture without an image.
 const NO_SOURCE: usize = u32::MAX as usize;
@@ -77,18 +77,15 @@ impl<'a, 'b> Textures<'a, 'b> {
             return Ok(None);
         }
         let location = format!("texture {index}");
-        let wrap = match texture.sampler {
+        let (wrap, magnification) = match texture.sampler {
             Some(sampler) => {
                 let sampler = self.document.get(&root.samplers, sampler.value(), "sampler", &location)?;
-                if uses_nearest_filter(sampler) {
-                    grouped.add("ignoring filter NEAREST, using linear filtering", &location);
-                }
-                [sampler.wrap_s, sampler.wrap_t].map(wrap)
+                ([sampler.wrap_s, sampler.wrap_t].map(wrap), magnification(sampler))
             }
-            None => [Wrap::Repeat; 2],
+            None => ([Wrap::Repeat; 2], Magnification::Linear),
         };
         self.document.get(&root.images, texture.source.value(), "image", &location)?;
-        Ok(Some((texture.source.value(), wrap, encoding)))
+        Ok(Some((texture.source.value(), wrap, magnification, encoding)))
     }
 
     /// Decodes each image once, in parallel, and assigns the final texture ids to the materials.
@@ -112,12 +109,13 @@ impl<'a, 'b> Textures<'a, 'b> {
             }
         }
         let mut ids = Vec::with_capacity(self.requests.len());
-        for Request { key: (image, wrap, encoding), .. } in &self.requests {
+        for Request { key: (image, wrap, magnification, encoding), .. } in &self.requests {
             let n_left = n_uses.entry(*image).and_modify(|n| *n -= 1).or_default();
             // The last use takes the texels, so that an image used once is not copied.
             let texture = if *n_left == 0 { of_image.remove(image) } else { of_image.get(image).cloned() };
             ids.push(texture.map(|texture| {
-                scene.textures.push(Texture { wrap: *wrap, encoding: *encoding, ..texture });
+                let (wrap, magnification, encoding) = (*wrap, *magnification, *encoding);
+                scene.textures.push(Texture { wrap, magnification, encoding, ..texture });
                 scene.textures.len() - 1
             }));
         }
@@ -152,11 +150,16 @@ fn decode(document: &Document<'_>, index: usize, location: &str) -> Result<Resul
     Ok(image::decode(&name, bytes).map_err(warning))
 }
 
-/// Whether a sampler uses nearest filtering. The filter between mipmap levels is ignored.
-fn uses_nearest_filter(sampler: &Sampler) -> bool {
+/// The filter of a sampler; that of minification stands in for one that is not given.
+fn magnification(sampler: &Sampler) -> Magnification {
     use MinFilter::{Nearest, NearestMipmapLinear, NearestMipmapNearest};
-    matches!(sampler.mag_filter, Some(Checked::Valid(MagFilter::Nearest)))
-        || matches!(sampler.min_filter, Some(Checked::Valid(Nearest | NearestMipmapLinear | NearestMipmapNearest)))
+    let is_nearest = match sampler.mag_filter {
+        Some(filter) => matches!(filter, Checked::Valid(MagFilter::Nearest)),
+        None => {
+            matches!(sampler.min_filter, Some(Checked::Valid(Nearest | NearestMipmapLinear | NearestMipmapNearest)))
+        }
+    };
+    if is_nearest { Magnification::Nearest } else { Magnification::Linear }
 }
 
 /// Unknown modes repeat.

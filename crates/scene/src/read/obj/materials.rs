@@ -77,18 +77,17 @@ pub(super) fn materials(
     let mut requests = Requests { folder: &folder, list: Vec::new(), ids: HashMap::new() };
     let (mut wanted, mut grouped) = (Vec::new(), WarningGroups::default());
     for (k, &name) in names.iter().enumerate() {
-        let source = name.and_then(|name| library.get(name));
-        if let (Some(name), None) = (name, source) {
-            scene
-                .warnings
-                .push(format!("material {} not found in any library; using the default material", text::quoted(name)));
-        }
+        let source = name.and_then(|name| find(&library, name, &mut scene.warnings));
         let display_name = String::from_utf8_lossy(name.unwrap_or_default()).into_owned();
         let Some(source) = source else {
             scene.materials.push(Material { name: display_name, ..Material::default() });
             continue;
         };
         scene.materials.push(surface(display_name, source));
+        if scene.materials[k].is_invisible() {
+            let location = format!("material {}", text::quoted(name.unwrap_or_default()));
+            grouped.add("a fully transparent material is not seen", &location);
+        }
         for (map, role) in maps(source) {
             match requests.add(map, role.content(), k) {
                 Ok(request) => wanted.push((k, role, map, request)),
@@ -110,6 +109,26 @@ pub(super) fn materials(
     }
     scene.files = folder.found();
     Ok(())
+}
+
+/// The material of a name, else the first one, by name, whose name differs only in case.
+fn find<'a>(
+    library: &'a HashMap<&[u8], MtlMaterial>,
+    name: &[u8],
+    warnings: &mut Vec<String>,
+) -> Option<&'a MtlMaterial> {
+    if let Some(material) = library.get(name) {
+        return Some(material);
+    }
+    let wanted = text::quoted(name);
+    let similar = library.iter().filter(|(known, _)| known.eq_ignore_ascii_case(name)).min_by_key(|&(known, _)| known);
+    warnings.push(similar.map_or_else(
+        || format!("material {wanted} not found in any library; using the default material"),
+        |(known, _)| {
+            format!("material {wanted} not found in any library; using {}, whose case differs", text::quoted(known))
+        },
+    ));
+    similar.map(|(_, material)| material)
 }
 
 /// Names and contents of all `mtllib` files, each once. A statement is one name with spaces if that file exists, else several.

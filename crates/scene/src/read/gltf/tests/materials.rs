@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::{File, TRIANGLE};
-use crate::{AlphaMode, Scene, TextureId, TextureRef, UvSet, Wrap};
+use crate::{AlphaMode, Magnification, Scene, TextureId, TextureRef, UvSet, Wrap};
 
 /// A 2 x 1 PNG: opaque red, transparent gray.
 pub(super) fn png() -> Vec<u8> {
@@ -150,7 +150,7 @@ fn textures_with_equal_image_and_wrap_are_shared() {
 }
 
 #[test]
-fn nearest_filters_are_reported_once() {
+fn nearest_filters_are_read() {
     let with = |sampler: Value| {
         let mut file = file(textured(json!({})));
         file.push("samplers", sampler);
@@ -159,9 +159,15 @@ fn nearest_filters_are_reported_once() {
         file.push("materials", json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": 1 } } }));
         file
     };
-    with(json!({ "magFilter": 9729, "minFilter": 9987 })).scene();
-    with(json!({ "magFilter": 9728 })).warned("ignoring filter NEAREST, using linear filtering: texture 0 and 1 more");
-    with(json!({ "minFilter": 9984 })).warned("ignoring filter NEAREST");
+    for (sampler, want) in [
+        (json!({ "magFilter": 9729, "minFilter": 9984 }), Magnification::Linear),
+        (json!({ "magFilter": 9728, "minFilter": 9987 }), Magnification::Nearest),
+        (json!({ "minFilter": 9984 }), Magnification::Nearest),
+        (json!({}), Magnification::Linear),
+    ] {
+        let scene = with(sampler).scene();
+        assert!(scene.textures.iter().all(|texture| texture.magnification == want), "{want:?}");
+    }
 }
 
 #[test]
