@@ -65,7 +65,11 @@ fn reads_colors_and_reports_invalid_ones() {
         ("d -halo 0.5", plain.base_color, ""),
         ("d x", plain.base_color, "m.mtl: line 2: material 'a': ignoring d 'x': expected a number"),
         ("Ni nan", plain.base_color, "m.mtl: line 2: material 'a': ignoring Ni 'nan': expected a number"),
-        ("Tr 2", plain.base_color, "m.mtl: line 2: material 'a': clamping Tr '2' to the valid range"),
+        (
+            "Tr 2",
+            plain.base_color,
+            "m.mtl: line 2: material 'a': clamping Tr '2' to the valid range|a fully transparent material is not seen: material 'a'",
+        ),
         ("Tr 0\nd 1", plain.base_color, ""),
         ("Ns 1e30\nKs 1 1 1\nfoo", plain.base_color, ""),
     ] {
