@@ -77,6 +77,7 @@ pub const FILES: &[(&str, &str)] = files![
     "shared/direct",
     "shared/emission",
     "shared/energy",
+    "shared/exact",
     "shared/filter",
     "shared/fresnel",
     "shared/ggx",

@@ -10,6 +10,7 @@ mod twins_trace {
     mod models;
     mod moving;
     mod reference;
+    mod small;
     #[path = "../wide/setup.rs"]
     #[expect(dead_code, reason = "only the configurations are used")]
     mod setup;
