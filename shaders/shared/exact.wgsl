@@ -18,7 +18,7 @@ struct Number {
 }
 
 /// The number with this mantissa.
-fn number(mantissa: vec2<u32>, exponent: i32, is_negative: bool) -> Number {
+fn normalized(mantissa: vec2<u32>, exponent: i32, is_negative: bool) -> Number {
     let is_short = mantissa.x == 0u;
     let high = select(mantissa.x, mantissa.y, is_short);
     let low = select(mantissa.y, 0u, is_short);
@@ -35,17 +35,17 @@ fn from_f32(x: f32) -> Number {
     let bits = bitcast<u32>(x);
     let exponent = (bits >> 23u) & 0xffu;
     let mantissa = (bits & 0x7fffffu) | select(0x800000u, 0u, exponent == 0u);
-    return number(vec2<u32>(0u, mantissa), i32(max(exponent, 1u)) - 150, (bits >> 31u) != 0u);
+    return normalized(vec2<u32>(0u, mantissa), i32(max(exponent, 1u)) - 150, (bits >> 31u) != 0u);
 }
 
 /// The f64 with these bits, the lower half first.
 fn from_f64(bits: vec2<u32>) -> Number {
     let exponent = (bits.y >> 20u) & 0x7ffu;
     let high = (bits.y & 0xfffffu) | select(0x100000u, 0u, exponent == 0u);
-    return number(vec2<u32>(high, bits.x), i32(max(exponent, 1u)) - 1075, (bits.y >> 31u) != 0u);
+    return normalized(vec2<u32>(high, bits.x), i32(max(exponent, 1u)) - 1075, (bits.y >> 31u) != 0u);
 }
 
-fn negative(a: Number) -> Number {
+fn negated(a: Number) -> Number {
     return Number(a.high, a.low, a.exponent, !a.is_negative);
 }
 
@@ -77,7 +77,7 @@ fn shifted(mantissa: vec2<u32>, n: u32) -> vec2<u32> {
 }
 
 /// `a + b` of numbers of at most 63 bits, not rounded.
-fn plus(a: Number, b: Number) -> Number {
+fn added(a: Number, b: Number) -> Number {
     if a.high == 0u {
         return b;
     }
@@ -99,7 +99,7 @@ fn plus(a: Number, b: Number) -> Number {
         q = vec2<u32>(~q.x + u32(q.y == 0u), ~q.y + 1u);
     }
     let low = p.y + q.y;
-    return number(vec2<u32>(p.x + q.x + u32(low < p.y), low), long.exponent + 1, long.is_negative);
+    return normalized(vec2<u32>(p.x + q.x + u32(low < p.y), low), long.exponent + 1, long.is_negative);
 }
 
 /// The product of two words, the upper half first.
@@ -111,7 +111,7 @@ fn word_product(a: u32, b: u32) -> vec2<u32> {
 }
 
 /// `a * b`, not rounded.
-fn times(a: Number, b: Number) -> Number {
+fn multiplied(a: Number, b: Number) -> Number {
     let top = word_product(a.high, b.high);
     let left = word_product(a.high, b.low);
     let right = word_product(a.low, b.high);
@@ -125,24 +125,22 @@ fn times(a: Number, b: Number) -> Number {
     let all = third + carry;
     let high = top.x + u32(sum < left.x) + u32(third < right.x) + u32(all < carry);
     let rest = u32((second | bottom.y) != 0u);
-    return number(vec2<u32>(high, all | rest), a.exponent + b.exponent + 64, a.is_negative != b.is_negative);
+    return normalized(vec2<u32>(high, all | rest), a.exponent + b.exponent + 64, a.is_negative != b.is_negative);
 }
 
 /// `a / b` of numbers of 24 bits, not rounded. The divisor is not zero.
 fn divided(a: Number, b: Number) -> Number {
     let divisor = b.high >> 8u;
-    var rest = a.high >> 8u;
-    var quotient = 0u;
-    for (var i = 0u; i < 31u; i++) {
-        quotient <<= 1u;
-        if rest >= divisor {
-            rest -= divisor;
-            quotient |= 1u;
-        }
-        rest <<= 1u;
-    }
-    quotient |= u32(rest != 0u);
-    return number(vec2<u32>(0u, quotient), a.exponent - b.exponent - 30, a.is_negative != b.is_negative);
+    let dividend = a.high >> 8u;
+    // Four digits of seven bits, of which 27 are at least used.
+    let first = (dividend % divisor) << 7u;
+    let second = (first % divisor) << 7u;
+    let third = (second % divisor) << 7u;
+    let fourth = (third % divisor) << 7u;
+    let upper = ((dividend / divisor) << 14u) | ((first / divisor) << 7u) | (second / divisor);
+    let quotient = (upper << 14u) | ((third / divisor) << 7u) | (fourth / divisor);
+    let rest = u32(fourth % divisor != 0u);
+    return normalized(vec2<u32>(0u, quotient | rest), a.exponent - b.exponent - 28, a.is_negative != b.is_negative);
 }
 
 /// The nearest number of so many bits, at least none and at most 60; ties to even.
@@ -154,7 +152,7 @@ fn rounded(a: Number, n_bits: i32) -> Number {
     let up = u32((last & 3u) == 3u || last == 6u);
     let kept = shifted(vec2<u32>(more.x, more.y & ~3u), 2u);
     let low = kept.y + up;
-    return number(vec2<u32>(kept.x + u32(low < up), low), a.exponent + 64 - n_bits, a.is_negative);
+    return normalized(vec2<u32>(kept.x + u32(low < up), low), a.exponent + 64 - n_bits, a.is_negative);
 }
 
 /// The nearest f64.
@@ -179,6 +177,7 @@ fn as_f32(a: Number) -> Number {
 // the signs of the edge functions are exact.
 // use shared/exact/number
 // use shared/triangle
+// use shared/invocation/iterations
 
 /// The ray of the query.
 var<private> world_ray: Ray;
@@ -201,8 +200,12 @@ fn exact_ray_of(ray: Ray) -> ExactRay {
     return exact;
 }
 
+/// Loop iterations of the decision, at most.
+const EXACT_ITERATIONS: u32 = 36u;
+
 /// Whether the CPU's triangle is hit somewhere on the ray's line. The vertices have permuted axes.
 fn is_hit_on_cpu(ray: ExactRay, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
+    iterations += EXACT_ITERATIONS;
     let scaled = scaled_direction(ray.direction);
     let axes = exact_axes(scaled);
     let z = scaled[axes.z];
@@ -212,8 +215,8 @@ fn is_hit_on_cpu(ray: ExactRay, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> boo
     for (var i = 0u; i < 3u; i++) {
         let depth = from_origin_exactly(vertices[i], ray, axes.z);
         for (var k = 0u; k < 2u; k++) {
-            let shift = as_f32(times(factors[k], depth));
-            sheared[i][k] = as_f32(plus(from_origin_exactly(vertices[i], ray, axes[k]), negative(shift)));
+            let shift = as_f32(multiplied(factors[k], depth));
+            sheared[i][k] = as_f32(added(from_origin_exactly(vertices[i], ray, axes[k]), negated(shift)));
         }
     }
     var n_positive = 0u;
@@ -221,7 +224,7 @@ fn is_hit_on_cpu(ray: ExactRay, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> boo
     for (var i = 0u; i < 3u; i++) {
         let p = sheared[(i + 2u) % 3u];
         let q = sheared[(i + 1u) % 3u];
-        let edge = plus(times(p[0], q[1]), negative(times(p[1], q[0])));
+        let edge = added(multiplied(p[0], q[1]), negated(multiplied(p[1], q[0])));
         n_positive += u32(edge.high != 0u && !edge.is_negative);
         n_negative += u32(edge.high != 0u && edge.is_negative);
     }
@@ -268,5 +271,5 @@ fn from_axes(v: vec3<f32>) -> vec3<f32> {
 
 /// A coordinate of a vertex relative to the origin.
 fn from_origin_exactly(vertex: vec3<f32>, ray: ExactRay, axis: u32) -> Number {
-    return as_f32(plus(from_f32(vertex[axis]), negative(ray.origin[axis])));
+    return as_f32(added(from_f32(vertex[axis]), negated(ray.origin[axis])));
 }

@@ -51,10 +51,10 @@ fn exact_ray() -> ExactRay {
         let row = array<vec2<u32>, 3>(xy.xy, xy.zw, zw.xy);
         for (var j = 0u; j < 3u; j++) {
             let entry = from_f64(row[j]);
-            exact.origin[k] = as_f64(plus(exact.origin[k], as_f64(times(entry, ray.origin[j]))));
-            exact.direction[k] = as_f64(plus(exact.direction[k], as_f64(times(entry, ray.direction[j]))));
+            exact.origin[k] = as_f64(added(exact.origin[k], as_f64(multiplied(entry, ray.origin[j]))));
+            exact.direction[k] = as_f64(added(exact.direction[k], as_f64(multiplied(entry, ray.direction[j]))));
         }
-        exact.origin[k] = as_f32(as_f64(plus(exact.origin[k], from_f64(zw.zw))));
+        exact.origin[k] = as_f32(as_f64(added(exact.origin[k], from_f64(zw.zw))));
     }
     exact.is_known = instances[space.instance].bvh.y == 0u;
     return exact;
