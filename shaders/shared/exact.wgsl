@@ -132,7 +132,7 @@ fn multiplied(a: Number, b: Number) -> Number {
 fn divided(a: Number, b: Number) -> Number {
     let divisor = b.high >> 8u;
     let dividend = a.high >> 8u;
-    // Four digits of seven bits, of which 27 are at least used.
+    // The first digit is 0 or 1, the other four have seven bits.
     let first = (dividend % divisor) << 7u;
     let second = (first % divisor) << 7u;
     let third = (second % divisor) << 7u;
@@ -189,6 +189,21 @@ struct ExactRay {
     is_known: bool,
 }
 
+/// The same ray, prepared for triangles.
+struct ExactShear {
+    /// Axes that become x, y, z.
+    axes: vec3<u32>,
+    origin: array<Number, 3>,
+    factors: array<Number, 2>,
+    is_known: bool,
+}
+
+var<private> exact_shear: ExactShear;
+
+/// Loop iterations to prepare a ray, and to decide on a triangle, at most.
+const SHEAR_ITERATIONS: u32 = 20u;
+const EXACT_ITERATIONS: u32 = 12u;
+
 /// The CPU's ray of a BVH without a transform.
 fn exact_ray_of(ray: Ray) -> ExactRay {
     var exact: ExactRay;
@@ -200,23 +215,28 @@ fn exact_ray_of(ray: Ray) -> ExactRay {
     return exact;
 }
 
-/// Loop iterations of the decision, at most.
-const EXACT_ITERATIONS: u32 = 36u;
-
-/// Whether the CPU's triangle is hit somewhere on the ray's line. The vertices have permuted axes.
-fn is_hit_on_cpu(ray: ExactRay, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
-    iterations += EXACT_ITERATIONS;
+/// Prepares the CPU's ray for triangles.
+fn prepare_exact_shear(ray: ExactRay) {
+    iterations += SHEAR_ITERATIONS;
     let scaled = scaled_direction(ray.direction);
     let axes = exact_axes(scaled);
-    let z = scaled[axes.z];
-    let factors = array<Number, 2>(as_f32(divided(scaled[axes.x], z)), as_f32(divided(scaled[axes.y], z)));
+    exact_shear.axes = axes;
+    exact_shear.origin = ray.origin;
+    exact_shear.factors[0] = as_f32(divided(scaled[axes.x], scaled[axes.z]));
+    exact_shear.factors[1] = as_f32(divided(scaled[axes.y], scaled[axes.z]));
+    exact_shear.is_known = ray.is_known;
+}
+
+/// Whether the CPU's triangle is hit somewhere on the ray's line. The vertices have permuted axes.
+fn is_hit_on_cpu(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
+    iterations += EXACT_ITERATIONS;
     let vertices = array<vec3<f32>, 3>(from_axes(a), from_axes(b), from_axes(c));
     var sheared: array<array<Number, 2>, 3>;
     for (var i = 0u; i < 3u; i++) {
-        let depth = from_origin_exactly(vertices[i], ray, axes.z);
+        let depth = from_origin_exactly(vertices[i], exact_shear.axes.z);
         for (var k = 0u; k < 2u; k++) {
-            let shift = as_f32(multiplied(factors[k], depth));
-            sheared[i][k] = as_f32(added(from_origin_exactly(vertices[i], ray, axes[k]), negated(shift)));
+            let shift = as_f32(multiplied(exact_shear.factors[k], depth));
+            sheared[i][k] = as_f32(added(from_origin_exactly(vertices[i], exact_shear.axes[k]), negated(shift)));
         }
     }
     var n_positive = 0u;
@@ -270,6 +290,6 @@ fn from_axes(v: vec3<f32>) -> vec3<f32> {
 }
 
 /// A coordinate of a vertex relative to the origin.
-fn from_origin_exactly(vertex: vec3<f32>, ray: ExactRay, axis: u32) -> Number {
-    return as_f32(added(from_f32(vertex[axis]), negated(ray.origin[axis])));
+fn from_origin_exactly(vertex: vec3<f32>, axis: u32) -> Number {
+    return as_f32(added(from_f32(vertex[axis]), negated(exact_shear.origin[axis])));
 }

@@ -5,6 +5,7 @@
 // use ?mask
 // use ?count
 // use shared/invocation/iterations
+// const MAX_ITERATIONS
 
 /// Whether traversal stopped after `MAX_ITERATIONS`. The result may then not be the closest hit, or may miss.
 var<private> is_incomplete: bool;
@@ -28,10 +29,17 @@ fn consider(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, number: u32) {
     }
 }
 
-/// Whether the CPU hits a triangle with an edge near the ray.
+/// Whether the CPU hits a triangle with an edge near the ray, or may hit it: in an instance that moves, and where the iterations
+/// are used up.
 fn is_hit_exactly(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
-    let ray = exact_ray();
-    return !ray.is_known || is_hit_on_cpu(ray, a, b, c);
+    if iterations >= MAX_ITERATIONS {
+        return true;
+    }
+    if !is_exact {
+        prepare_exact_shear(exact_ray());
+        is_exact = true;
+    }
+    return !exact_shear.is_known || is_hit_on_cpu(a, b, c);
 }
 
 // part blocks

@@ -60,6 +60,9 @@ struct Shear {
 
 var<private> shear: Shear;
 
+/// Whether shared/exact has prepared the current ray.
+var<private> is_exact: bool;
+
 /// Hit of a triangle: scaled `t` and barycentric weights. `t` is negative for a miss.
 struct TriangleHit {
     t: f32,
@@ -82,6 +85,7 @@ fn prepare_triangles(scale: f32) {
     shear.depth = direction.z;
     shear.factors = vec2<f32>(guarded_quotient(direction.x, direction.z), guarded_quotient(direction.y, direction.z));
     let apart = shear_error(scale);
+    is_exact = false;
     shear.apart = vec2<f32>(apart + FILTER_ROUNDING * scale, 2.0 * apart);
 }
 
