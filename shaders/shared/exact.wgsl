@@ -200,9 +200,9 @@ struct ExactShear {
 
 var<private> exact_shear: ExactShear;
 
-/// Loop iterations to prepare a ray, and to decide on a triangle, at most.
-const SHEAR_ITERATIONS: u32 = 20u;
-const EXACT_ITERATIONS: u32 = 12u;
+/// Loop iterations to prepare a ray, and to decide on a triangle. Drivers that count also count the one in which a loop ends.
+const SHEAR_ITERATIONS: u32 = 27u;
+const EXACT_ITERATIONS: u32 = 17u;
 
 /// The CPU's ray of a BVH without a transform.
 fn exact_ray_of(ray: Ray) -> ExactRay {
