@@ -79,6 +79,7 @@ pub const FILES: &[(&str, &str)] = files![
     "shared/energy",
     "shared/exact",
     "shared/filter",
+    "shared/first",
     "shared/fresnel",
     "shared/ggx",
     "shared/hash",

@@ -10,10 +10,10 @@ mod twins_trace {
     mod models;
     mod moving;
     mod reference;
-    mod small;
     #[path = "../wide/setup.rs"]
     #[expect(dead_code, reason = "only the configurations are used")]
     mod setup;
+    mod small;
     mod traversals;
 
     pub(crate) use canted_tests::device::gpu;

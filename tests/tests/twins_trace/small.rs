@@ -132,9 +132,8 @@ fn small_spheres_in_two_levels_are_hit_as_on_the_cpu() {
                 let mut columns = [[0.0f32; 3]; 4];
                 for (k, column) in columns.iter_mut().take(3).enumerate() {
                     let lean = rng.on_sphere();
-                    *column = std::array::from_fn(|j| {
-                        (radius * (0.1 * lean[j] + if j == k { 1.0 } else { 0.0 })) as f32
-                    });
+                    *column =
+                        std::array::from_fn(|j| (radius * (0.1 * lean[j] + if j == k { 1.0 } else { 0.0 })) as f32);
                 }
                 columns[3] = center;
                 Instance::new(0, Affine { columns })
