@@ -135,7 +135,12 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
             return Err(DeviceError::Unsupported { what: "a wavefront of the hybrid integrator" });
         }
         let light = LightKernels::Wavefront(WavefrontKernels::new(self.gpu, &self.chosen)?);
-        Ok(Self { kernels: RenderKernels { light, ..self.kernels }, ..self })
+        Ok(self.with_kernel(light, None))
+    }
+
+    /// The same picture by another kernel, and with what that kernel reads.
+    pub(super) fn with_kernel(self, light: LightKernels, first_seen: Option<Buffer<[u32; 2]>>) -> Self {
+        Self { kernels: RenderKernels { light, ..self.kernels }, first_seen, ..self }
     }
 
     /// The buffers that the kernels bind, and their sizes in bytes.

@@ -6,7 +6,7 @@ use canted_gpu::AdapterKind;
 use canted_wide::LaneKernel;
 
 use super::dispatcher::SampleDispatcher;
-use super::kernels::{LightKernels, RenderKernels};
+use super::kernels::LightKernels;
 use super::{DeviceError, DevicePicture};
 use crate::{FirstHit, Integrator};
 
@@ -54,12 +54,12 @@ impl<K: LaneKernel> DevicePicture<'_, K> {
         let first_seen = Some(self.gpu.buffer("first hits", &seen)?);
         let chosen = self.chosen.clone().part("first", "shared/first/raster");
         let light = LightKernels::One(self.gpu.kernel("render/hybrid", &chosen)?);
-        Ok((Self { kernels: RenderKernels { light, ..self.kernels }, first_seen, ..self }, surfaces.time))
+        Ok((self.with_kernel(light, first_seen), surfaces.time))
     }
 
     /// The faster way, measured over a part of the picture.
     fn faster(self) -> Result<(Self, FirstHit), DeviceError> {
-        let traced = self.kernels.clone();
+        let traced = self.kernels.light.clone();
         let tracing = self.time_of_cells()?;
         let (rasterized, pass) = self.rasterized()?;
         let rasterizing = rasterized.time_of_cells()?;
@@ -69,7 +69,7 @@ impl<K: LaneKernel> DevicePicture<'_, K> {
         if pass.as_secs_f64() + share * rasterizing.as_secs_f64() < share * tracing.as_secs_f64() {
             return Ok((rasterized, FirstHit::Raster));
         }
-        Ok((Self { kernels: traced, first_seen: None, ..rasterized }, FirstHit::Trace))
+        Ok((rasterized.with_kernel(traced, None), FirstHit::Trace))
     }
 
     /// Columns and rows of cells.
@@ -82,10 +82,9 @@ impl<K: LaneKernel> DevicePicture<'_, K> {
         let [columns, rows] = self.cells();
         let all = columns * rows;
         let n = all.min(MEASURED_CELLS);
-        let cells: Vec<u32> = (0..n)
-            .map(|k| (u64::from(k) * u64::from(all) / u64::from(n)) as u32)
-            .map(|at| (at / columns) << 16 | at % columns)
-            .collect();
+        // Evenly spread in reading order. The row is in the upper half of a cell.
+        let step = (all / n).max(1);
+        let cells: Vec<u32> = (0..n).map(|k| k * step).map(|at| ((at / columns) << 16) | (at % columns)).collect();
         let mut dispatcher = SampleDispatcher::new(self.gpu, self.kernels.clone())?;
         let mut least = Duration::MAX;
         for round in 0..=ROUNDS {
