@@ -1,5 +1,7 @@
 //! Small things far from each other: hits are the CPU's, however small a triangle is beside its distance from the ray's origin.
 
+#![expect(clippy::cast_possible_truncation, reason = "scenes are rounded to f32, and small")]
+
 use canted_fixtures::{Mesh, SplitMix64, icosphere};
 use canted_gpu::build::BuildConfig;
 use canted_gpu::{DeviceHit, Gpu, Outcome, TracedScene};
@@ -62,7 +64,15 @@ fn spheres_and_rays(extent: f64, radius: f64, n_rays: usize) -> (Vec<[f32; 3]>, 
     (centers, rays)
 }
 
-fn placed(sphere: &Mesh, center: [f32; 3], radius: f64, all: &mut Mesh) {
+/// All spheres in one mesh.
+fn merged(centers: &[[f32; 3]], radius: f64) -> Mesh {
+    let sphere = icosphere(2);
+    let mut mesh = Mesh { positions: vec![], triangles: vec![] };
+    centers.iter().for_each(|&center| place(&sphere, center, radius, &mut mesh));
+    mesh
+}
+
+fn place(sphere: &Mesh, center: [f32; 3], radius: f64, all: &mut Mesh) {
     let first = all.positions.len() as u32;
     all.positions.extend(sphere.positions.iter().map(|p| {
         let at: [f32; 3] = std::array::from_fn(|k| (radius * f64::from(p[k]) + f64::from(center[k])) as f32);
@@ -102,11 +112,9 @@ const SCENES: [(f64, f64); 3] = [(50.0, 0.01), (1e4, 1.0), (1.0, 1e-4)];
 #[test]
 fn small_spheres_in_one_level_are_hit_as_on_the_cpu() {
     let Some(gpu) = gpu("small_spheres_in_one_level_are_hit_as_on_the_cpu") else { return };
-    let sphere = icosphere(2);
     for (extent, radius) in SCENES {
         let (centers, rays) = spheres_and_rays(extent, radius, 8000);
-        let mut mesh = Mesh { positions: vec![], triangles: vec![] };
-        centers.iter().for_each(|&center| placed(&sphere, center, radius, &mut mesh));
+        let mesh = merged(&centers, radius);
         let bvh: TriangleBvh<Watertight> = build(&mesh, &Config::default());
         let name = |kind: &str| format!("{kind}, radius {radius} in {extent}");
         let wide = TracedScene::single_level(&gpu, &bvh, &[0]).unwrap();
@@ -145,4 +153,17 @@ fn small_spheres_in_two_levels_are_hit_as_on_the_cpu() {
         let differences = answers(&gpu, &scene, &rays, radius, |ray| tlas.closest_hit(ray));
         check(&format!("two levels, radius {radius} in {extent}"), &differences);
     }
+}
+
+/// A two-hundredth more of the radius is seen.
+#[test]
+fn other_spheres_are_detected() {
+    let Some(gpu) = gpu("other_spheres_are_detected") else { return };
+    let (extent, radius) = SCENES[0];
+    let (centers, rays) = spheres_and_rays(extent, radius, 8000);
+    let on_cpu: TriangleBvh<Watertight> = build(&merged(&centers, radius), &Config::default());
+    let there: TriangleBvh<Watertight> = build(&merged(&centers, 1.005 * radius), &Config::default());
+    let scene = TracedScene::single_level(&gpu, &there, &[0]).unwrap();
+    let differences = answers(&gpu, &scene, &rays, radius, |ray| on_cpu.closest_hit(ray));
+    assert!(differences.n_invented > 20, "{differences:?}");
 }
