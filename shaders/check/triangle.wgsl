@@ -15,9 +15,10 @@ fn main(id: Invocation) {
         return;
     }
     let ray = rays[index];
+    world_ray = ray;
     // BVH 0 is the top level, which is empty here.
     let bvh = 1u + index % (arrayLength(&bvhs) - 1u);
-    let root = enter_bvh(bvh, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), 0u);
+    let root = enter_bvh(bvh, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), NONE);
     prepare_triangles(greatest(ray.origin) + bvhs[bvh].row_x.w);
     best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
     t_max = scaled_t(ray.t_max);

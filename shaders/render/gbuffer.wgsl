@@ -6,6 +6,7 @@
 // pixel center that close to an edge may fall on either side.
 // use shared/camera
 // use shared/hash/ray_key
+// use shared/first/triangle
 // use shared/surface
 // use ?mask
 
@@ -60,24 +61,6 @@ fn fragment(corner: Corner) -> Texels {
         vec4(bitcast<vec3<u32>>(surface.base_color), hit.primitive + 1u),
         falling(hit.t),
     );
-}
-
-/// Intersection of a ray with the plane of a triangle that covers the pixel, clamped to the triangle.
-fn in_triangle(ray: Ray, instance: u32, primitive: u32) -> Hit {
-    let corners = triangles[triangle_of(Hit(0.0, 0.0, 0.0, primitive, instance))].vertices;
-    let sides = edges(corners);
-    let first = vector_world(instance, sides[0]);
-    let second = vector_world(instance, sides[1]);
-    // From the first vertex to the origin of the ray.
-    let away = ray.origin - point_world(instance, position_of(corners.x));
-    let across = cross(ray.direction, second);
-    let along = cross(away, first);
-    // Signed double area, projected along the ray.
-    let area = dot(first, across);
-    let inverse = sign_of(area) / max(abs(area), 1e-30);
-    let u = clamp(dot(away, across) * inverse, 0.0, 1.0);
-    let v = clamp(dot(ray.direction, along) * inverse, 0.0, 1.0 - u);
-    return Hit(max(dot(second, along) * inverse, 0.0), u, v, primitive, instance);
 }
 
 /// A number in 0..=1 that decreases as `t` grows, by the order of bits without the last. Precision is relative, so far surfaces

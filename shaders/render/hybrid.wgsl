@@ -1,7 +1,8 @@
 // Hybrid integrator: direct light, diffuse bounces, ambient occlusion. One sample of one pixel per invocation, 8 x 8 pixels per
 // work-group. Twin of the CPU's hybrid integrator, whose documentation describes the estimate and its bias.
 //
-// `?direct` and `?shape_lights` are the listed lights, `?sky` the background, `?time` the time of rays.
+// `?direct` and `?shape_lights` are the listed lights, `?sky` the background, `?time` the time of rays, `?first` what is known of the
+// first hits.
 //
 // All rays of a path share one call site. Compilers inline functions at each call, and traversal is by far the largest.
 // use shared/invocation/index
@@ -16,6 +17,7 @@
 // use shared/picture/film
 // use ?sky
 // use ?time
+// use ?first
 
 /// Sampler dimension of the first bounce.
 const FIRST_BOUNCE: u32 = 1u;
@@ -44,6 +46,7 @@ fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
     var light = Light(vec3(0.0), 0u);
     var throughput = vec3(1.0);
     var ray = camera;
+    ray.t_max = first_reach(camera, one.pixel);
     var cone = camera_cone;
     var surface: Surface;
     // Vertices before the end of the ray.
@@ -54,8 +57,12 @@ fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
     var shadow = NO_SHADOW_RAY;
     var n_visited = 0u;
     loop {
-        light.n_rays += 1u;
         let hit = traverse(ray, shadow.exists);
+        if hit.instance == NONE && light.n_rays == 0u && ray.t_max < camera.t_max {
+            ray.t_max = camera.t_max;
+            continue;
+        }
+        light.n_rays += 1u;
         if shadow.exists {
             if hit.instance == NONE {
                 light.radiance += throughput * shadow.radiance;

@@ -1,9 +1,11 @@
 // The best hit of a traversal.
 // use shared/triangle
+// use shared/exact/triangle
 // use ?level
 // use ?mask
 // use ?count
 // use shared/invocation/iterations
+// const MAX_ITERATIONS
 
 /// Whether traversal stopped after `MAX_ITERATIONS`. The result may then not be the closest hit, or may miss.
 var<private> is_incomplete: bool;
@@ -14,16 +16,30 @@ var<private> best: Hit;
 /// Scaled `t` of the best hit.
 var<private> t_max: f32;
 
-/// Keeps a hit of triangle `number` of the BVH if it is the best.
-fn consider(found: TriangleHit, number: u32) {
+/// Tests triangle `number` of the BVH, by its vertices with permuted axes, and keeps its hit if it is the best.
+fn consider(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, number: u32) {
+    let found = intersect_triangle(a - shear.origin, b - shear.origin, c - shear.origin);
     // `t` in the caller's units decides, as everywhere.
     if found.t >= space.t_min && found.t <= t_max {
         let hit = Hit(caller_t(found.t), found.weights.y, found.weights.z, number, space.instance);
-        if before(hit, best) && accepts(placed(hit)) {
+        if before(hit, best) && (!found.is_near || is_hit_exactly(a, b, c)) && accepts(placed(hit)) {
             best = hit;
             t_max = found.t;
         }
     }
+}
+
+/// Whether the CPU hits a triangle with an edge near the ray, or may hit it: in an instance that moves, and where the iterations
+/// are used up.
+fn is_hit_exactly(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
+    if iterations >= MAX_ITERATIONS {
+        return true;
+    }
+    if !is_exact {
+        prepare_exact_shear(exact_ray());
+        is_exact = true;
+    }
+    return !exact_shear.is_known || is_hit_on_cpu(a, b, c);
 }
 
 // part blocks
@@ -58,16 +74,15 @@ fn leaf(word: u32) {
 /// Tests those of four triangles that are set in `filled`.
 fn four_triangles(at: u32, stride: u32, filled: u32) {
     var pending = candidates(at, stride) & filled;
-    iterations += 1u + countOneBits(pending);
+    // One for the block, and one in which the loop ends.
+    iterations += 2u + countOneBits(pending);
     loop {
         if pending == 0u {
             break;
         }
         let lane = firstTrailingBit(pending);
         pending &= pending - 1u;
-        let found = intersect_triangle(
-            vertex(at, stride, 0u, lane), vertex(at, stride, 1u, lane), vertex(at, stride, 2u, lane)
-        );
-        consider(found, triangle_blocks[at + 9u * stride][lane]);
+        let number = triangle_blocks[at + 9u * stride][lane];
+        consider(vertex(at, stride, 0u, lane), vertex(at, stride, 1u, lane), vertex(at, stride, 2u, lane), number);
     }
 }

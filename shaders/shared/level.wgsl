@@ -1,6 +1,6 @@
 // part instance
 // Instances, and the transform of a ray into one.
-// use shared/triangle
+// use shared/exact/triangle
 
 /// Rows of the linear part of `object_from_world`. The fourth components are the world position of the object's origin.
 struct Instance {
@@ -9,6 +9,8 @@ struct Instance {
     row_z: vec4<f32>,
     /// Index of the BVH; index of the motion plus one, or 0 for none.
     bvh: vec4<u32>,
+    /// The CPU's rows, with translations, as f64: two quads for each, lower halves first.
+    exact_rows: array<vec4<u32>, 6>,
 }
 
 @group(0) @binding(3) var<storage, read> instances: array<Instance>;
@@ -32,7 +34,30 @@ struct Inverse {
 
 /// Transforms the ray into the top-level BVH. Returns its root, or `EMPTY` for a degenerate ray.
 fn enter_top(ray: Ray) -> u32 {
+    world_ray = ray;
     return enter_bvh(0u, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), NONE);
+}
+
+/// The CPU's ray in the current instance, or outside of instances; not known if the instance moves.
+fn exact_ray() -> ExactRay {
+    let ray = exact_ray_of(world_ray);
+    if space.instance == NONE {
+        return ray;
+    }
+    var exact: ExactRay;
+    for (var k = 0u; k < 3u; k++) {
+        let xy = instances[space.instance].exact_rows[2u * k];
+        let zw = instances[space.instance].exact_rows[2u * k + 1u];
+        let row = array<vec2<u32>, 3>(xy.xy, xy.zw, zw.xy);
+        for (var j = 0u; j < 3u; j++) {
+            let entry = from_f64(row[j]);
+            exact.origin[k] = as_f64(added(exact.origin[k], as_f64(multiplied(entry, ray.origin[j]))));
+            exact.direction[k] = as_f64(added(exact.direction[k], as_f64(multiplied(entry, ray.direction[j]))));
+        }
+        exact.origin[k] = as_f32(as_f64(added(exact.origin[k], from_f64(zw.zw))));
+    }
+    exact.is_known = instances[space.instance].bvh.y == 0u;
+    return exact;
 }
 
 /// The inverse of an instance that does not move.
@@ -66,12 +91,13 @@ fn placed(hit: Hit) -> Hit {
 
 // part world
 // BVHs in world space.
-// use shared/triangle
+// use shared/exact/triangle
 
 const HAS_INSTANCES: bool = false;
 
 /// Transforms the ray into the BVH. Returns its root, or `EMPTY` for a degenerate ray.
 fn enter_top(ray: Ray) -> u32 {
+    world_ray = ray;
     let root = enter_bvh(0u, ray.origin, ray.direction, ray.t_min, vec2<f32>(0.0), 0u);
     prepare_triangles(greatest(ray.origin) + bvhs[0].row_x.w);
     return root;
@@ -79,6 +105,11 @@ fn enter_top(ray: Ray) -> u32 {
 
 fn enter_instance_leaf(ray: Ray, word: u32) -> u32 {
     return EMPTY;
+}
+
+/// The CPU's ray.
+fn exact_ray() -> ExactRay {
+    return exact_ray_of(world_ray);
 }
 
 // choice single

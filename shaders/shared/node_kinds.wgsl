@@ -15,6 +15,7 @@ fn child_word(word: u32, child: u32) -> u32 {
 // choice any
 // Aligned nodes, and oriented nodes with a frame per child.
 // use shared/node
+// use shared/invocation/iterations
 
 /// Keys of four children of a node.
 fn enter(word: u32, half: u32, t_max: f32) -> vec4<u32> {
@@ -39,6 +40,7 @@ fn child_word(word: u32, child: u32) -> u32 {
 fn enter_oriented(at: u32, half: u32, t_max: f32) -> vec4<u32> {
     var near = vec4<f32>(space.t_min);
     var far = vec4<f32>(t_max);
+    iterations += 4u;
     for (var k = 0u; k < 3u; k += 1u) {
         let q = at + 10u * k;
         let x = quad(q);

@@ -2,9 +2,11 @@
 //
 // # What is hit
 // As in `canted_trace`'s watertight test the ray becomes the z axis: `x = a_x - s_x a_z` for a vertex `a` relative to the
-// origin. That test decides by exact signs, for which WGSL has no arithmetic. Here every triangle within a bound of the ray is
-// hit, so everything that the CPU's test hits is hit here. Let E = 2^-23 bound one rounding and let M be the largest coordinate
-// of the three `a`; all sheared coordinates are at most 2 M.
+// origin. That test decides by exact signs, for which WGSL has no arithmetic. Here the signs are certain but within a bound of an
+// edge. A triangle that near is a hit for `intersect_triangle`, and shared/exact repeats the CPU's decision before the hit counts.
+// So hits are those of the CPU, with two exceptions where every triangle within the bound is hit: in an instance that moves, and if
+// all of the triangle is within the bound, as thousands of leaves of a forest are that is seen from 1e5 times their size. Let E = 2^-23
+// bound one rounding and let M be the largest coordinate of the three `a`; all sheared coordinates are at most 2 M.
 //
 // *Coordinates.* `a` errs by E, `s` by 2.5 E, product and difference by E each: 7.5 E M. The CPU's vertices may err by 5 E M,
 // with a shear along another axis. Including the error of an instance's transform (`space.drift`), the coordinates differ from
@@ -21,8 +23,9 @@
 // 4.5 E, and the other coordinate by at most `(4.5 + 2) E |p|`, because the slope of the edge is at most 1. So the test with `2
 // g + 15 E M` loses nothing.
 //
-// *Inside.* Otherwise the computed triangle contains the origin and no edge passes within 40 E M, so the line x = 0 crosses two
-// edges, above and below it. The crossings are quotients without cancellation, and so is the position between them.
+// *Inside.* Where the line x = 0 crosses two edges, above and below the origin, the crossings are quotients without cancellation,
+// and so is the position between them. If the computed triangle contains the origin and no edge passes within 40 E M, it is so,
+// and the CPU's triangle, no vertex of which is off by more than `g`, contains the origin, too.
 //
 // *Error.* The weights describe a point of the computed triangle. On an edge its distance from the ray is at most `2 g + (15 +
 // 6) E M`, of which 6 are for rounding the position and the weights, and its z errs by 3 E M; inside the values are 27 E M and
@@ -58,10 +61,15 @@ struct Shear {
 
 var<private> shear: Shear;
 
+/// Whether shared/exact has prepared the current ray.
+var<private> is_exact: bool;
+
 /// Hit of a triangle: scaled `t` and barycentric weights. `t` is negative for a miss.
 struct TriangleHit {
     t: f32,
     weights: vec3<f32>,
+    /// Whether the CPU decides: an edge is within the bound, but not the whole triangle.
+    is_near: bool,
 }
 
 /// Prepares the shear for the current ray and vertices within `scale` of its origin.
@@ -78,6 +86,7 @@ fn prepare_triangles(scale: f32) {
     shear.depth = direction.z;
     shear.factors = vec2<f32>(guarded_quotient(direction.x, direction.z), guarded_quotient(direction.y, direction.z));
     let apart = shear_error(scale);
+    is_exact = false;
     shear.apart = vec2<f32>(apart + FILTER_ROUNDING * scale, 2.0 * apart);
 }
 
@@ -99,23 +108,28 @@ fn sheared(v: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(v.xy - shear.factors * v.z, v.z);
 }
 
-/// Tests a triangle by its vertices relative to the origin, with permuted axes.
+/// Tests a triangle by its vertices relative to the origin, with permuted axes: a hit if the CPU may hit.
 fn intersect_triangle(from_a: vec3<f32>, from_b: vec3<f32>, from_c: vec3<f32>) -> TriangleHit {
     // The CPU misses triangles with two equal vertices.
     if all(from_a == from_b) || all(from_b == from_c) || all(from_c == from_a) {
-        return TriangleHit(-1.0, vec3<f32>(0.0));
+        return TriangleHit(-1.0, vec3<f32>(0.0), false);
     }
     let m = max(greatest(from_a), max(greatest(from_b), greatest(from_c)));
     let corners = array<vec3<f32>, 3>(sheared(from_a), sheared(from_b), sheared(from_c));
-    var nearest = nearest_edge(corners);
-    if nearest.w > 2.0 * shear_error(m) + EDGE_ROUNDING * m + TINY {
-        nearest = inside(corners);
-        if nearest.w < 0.0 {
-            return TriangleHit(-1.0, vec3<f32>(0.0));
+    var weights = inside(corners);
+    let nearest = nearest_edge(corners);
+    let bound = 2.0 * shear_error(m) + EDGE_ROUNDING * m + TINY;
+    let may_touch = nearest.w <= bound;
+    let sizes = max(max(abs(corners[0].xy), abs(corners[1].xy)), abs(corners[2].xy));
+    let is_near = may_touch && max(sizes.x, sizes.y) > bound;
+    if weights.w < 0.0 {
+        if !may_touch {
+            return TriangleHit(-1.0, vec3<f32>(0.0), false);
         }
+        weights = nearest;
     }
-    let z = nearest.x * corners[0].z + (nearest.y * corners[1].z + nearest.z * corners[2].z);
-    return TriangleHit(guarded_quotient(z, shear.depth), nearest.xyz);
+    let z = weights.x * corners[0].z + (weights.y * corners[1].z + weights.z * corners[2].z);
+    return TriangleHit(guarded_quotient(z, shear.depth), weights.xyz, is_near);
 }
 
 /// Weights of the point on an edge that is nearest to the ray, and its distance.
@@ -211,9 +225,9 @@ fn candidates(at: u32, stride: u32) -> u32 {
     return (bits.x | bits.y) | (bits.z | bits.w);
 }
 
-/// A vertex relative to the origin, with permuted axes.
+/// A vertex with permuted axes.
 fn vertex(at: u32, stride: u32, corner: u32, lane: u32) -> vec3<f32> {
     let rows = vec3<u32>(at) + stride * (vec3<u32>(3u * corner) + shear.axes);
     let bits = vec3<u32>(triangle_blocks[rows.x][lane], triangle_blocks[rows.y][lane], triangle_blocks[rows.z][lane]);
-    return bitcast<vec3<f32>>(bits) - shear.origin;
+    return bitcast<vec3<f32>>(bits);
 }

@@ -13,6 +13,7 @@ mod twins_trace {
     #[path = "../wide/setup.rs"]
     #[expect(dead_code, reason = "only the configurations are used")]
     mod setup;
+    mod small;
     mod traversals;
 
     pub(crate) use canted_tests::device::gpu;

@@ -21,7 +21,7 @@ use std::{
 
 use anyhow::{Result, anyhow};
 use canted_film::{Film, Format, Record, Tile, encode, write_film};
-use canted_renderer::{MipMaps, Prepared, Settings, Surfaces, heatmap};
+use canted_renderer::{FirstHit, MipMaps, Prepared, Settings, Surfaces, heatmap};
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 use serde_json::json;
@@ -266,6 +266,9 @@ fn render_picture<K: LaneKernel>(
         };
         #[cfg(not(feature = "gpu"))]
         let on_gpu: Option<CpuRenderer<K>> = None;
+        if on_gpu.is_none() && args.first_hit == FirstHit::Raster {
+            return Err(anyhow!("--first-hit raster requires a GPU, and the CPU renders this picture; see --device"));
+        }
         let on_cpu = CpuRenderer { surfaces: &surfaces, structure, camera, settings };
         let renderer: &dyn FilmRenderer = on_gpu.as_ref().map_or(&on_cpu, |on_gpu| on_gpu as &dyn FilmRenderer);
         let needs_record = settings.part.is_some() || args.samples.checkpoint.is_some();

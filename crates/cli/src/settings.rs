@@ -65,7 +65,7 @@ const OPTIONS_WITH_TABLE: [(&str, &str); 16] = [
 ];
 
 /// Options without effect on a heat map, which shows camera rays through the center of the lens.
-const IGNORED_BY_HEATMAP: [&str; 17] = [
+const IGNORED_BY_HEATMAP: [&str; 18] = [
     "spp",
     "sampler",
     "seed",
@@ -74,6 +74,7 @@ const IGNORED_BY_HEATMAP: [&str; 17] = [
     "integrator",
     "bounces",
     "energy_compensation",
+    "first_hit",
     "ao_radius",
     "env",
     "env_turn",

@@ -38,7 +38,7 @@
 //! | 0 `nodes` | binary BVHs: inner nodes, each with two children. A child with an axis-aligned box is 32 bytes: lower ends and word, upper ends and zero. One with an oriented box is 64 bytes: three times an axis and the half-extent along it, then center and word. Wide BVHs: see [`RawBvh`](canted_wide::RawBvh) |
 //! | 1 `corners` | nine coordinates per triangle, in the order of the meshes; of wide BVHs, blocks of triangles instead |
 //! | 2 `bvhs` | 64 bytes per BVH, the top level first: three rows of the mesh's frame, whose fourth components are the greatest coordinate, the error of hits per coordinate of the origin, and the constant error; then the root's word, first node, first triangle, and whether the frame is rotated |
-//! | 3 `instances` | two levels: 64 bytes per instance: three rows of the linear part of `object_from_world`, whose fourth components are the world position of the object's origin; then the number of its BVH, and of its motion plus one |
+//! | 3 `instances` | two levels: 160 bytes per instance: three rows of the linear part of `object_from_world`, whose fourth components are the world position of the object's origin; then the number of its BVH, and of its motion plus one; then the rows of `object_from_world` as `f64`, lower halves first |
 //! | 3 `first_triangles` | one level over several meshes: the first triangle of each |
 //! | 4 `instance_order` | two levels: the instance of each item of the top level |
 //! | 5 `motions` | two levels with moving instances |
@@ -48,7 +48,10 @@
 //!
 //! # Guarantees
 //!
-//! * Everything that the CPU's watertight test hits is hit here. Additional hits lie within [`HIT_ERROR`] of the ray.
+//! * A ray hits the triangles that the CPU's watertight test hits, and no others: where single precision does not decide, integers
+//!   repeat the CPU's arithmetic. Additional hits, within [`HIT_ERROR`] of the ray, are those in an instance that moves, and of
+//!   triangles that are smaller than that bound. `t` is rounded, so the closest of two hits may be the other where they differ by
+//!   less than the bound.
 //! * Morton codes, sort order and topology are the same integers as on the CPU; volumes enclose their primitives.
 //! * Work-groups exchange data between dispatches, or through atomic words that are both data and flag. No work-group waits for
 //!   another, and no subgroup size is assumed.

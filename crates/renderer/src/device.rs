@@ -6,6 +6,7 @@ mod device_picture;
 mod dispatcher;
 mod environment;
 mod error;
+mod first_hit;
 mod gbuffer;
 mod geometry;
 mod kernels;

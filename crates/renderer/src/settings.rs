@@ -26,6 +26,20 @@ impl Integrator {
     }
 }
 
+/// How the hybrid integrator finds the first hits of camera rays on a device. The picture does not depend on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FirstHit {
+    /// The faster of the others, measured before the first sample; on software drivers, which rasterize as slowly as they trace, and
+    /// where a picture cannot be rasterized, [`FirstHit::Trace`].
+    #[default]
+    Auto,
+    /// A raster pass draws what is at the center of each pixel. Rays are traced no farther than that, and again where it was not
+    /// there: samples lie beside the center, and alpha tests may reject what was drawn.
+    Raster,
+    /// Rays are traced to their end.
+    Trace,
+}
+
 /// Everything that determines a picture besides scene and camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {

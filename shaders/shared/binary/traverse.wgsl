@@ -13,17 +13,17 @@
 /// Tests the triangle of a leaf.
 fn leaf_triangle(word: u32) {
     let triangle = word & ~LEAF;
-    let a = from_origin(9u * triangle);
-    let b = from_origin(9u * triangle + 3u);
-    let c = from_origin(9u * triangle + 6u);
+    let a = vertex_at(9u * triangle);
+    let b = vertex_at(9u * triangle + 3u);
+    let c = vertex_at(9u * triangle + 6u);
     count_triangles(1u);
     // `first_half` is the first triangle of the mesh.
-    consider(intersect_triangle(a, b, c), triangle - space.first_half);
+    consider(a, b, c, triangle - space.first_half);
 }
 
-/// A vertex relative to the origin, with permuted axes.
-fn from_origin(at: u32) -> vec3<f32> {
-    return along_axes(vec3<f32>(corners[at], corners[at + 1u], corners[at + 2u])) - shear.origin;
+/// A vertex with permuted axes.
+fn vertex_at(at: u32) -> vec3<f32> {
+    return along_axes(vec3<f32>(corners[at], corners[at + 1u], corners[at + 2u]));
 }
 
 // choice stack

@@ -3,9 +3,12 @@
 //! A rasterizer snaps vertices to a grid of 1/256 of a pixel, after f32 rounding of some 2⁻²² of the picture's width. A pixel center
 //! that close to an edge may be on either side of it; elsewhere both methods give the same triangle.
 
+use std::sync::atomic::AtomicBool;
+
 use canted_gpu::Gpu;
 use canted_renderer::{
-    DevicePicture, Integrator, Levels, Lod, Masked, Prepared, Settings, Surface, SurfaceInfo, Surfaces, Tracer, View,
+    DevicePicture, FirstHit, Integrator, Levels, Lod, Masked, Monitor, Prepared, Settings, Surface, SurfaceInfo,
+    Surfaces, Tracer, View,
 };
 use canted_scene::{Camera, Scene};
 use canted_trace::{Hit, Watertight};
@@ -168,4 +171,43 @@ fn another_point_or_color_is_detected() {
     assert!(n_wrong(|seen| seen.shading_normal[1] += 0.01) > 1000);
     assert!(n_wrong(|seen| seen.albedo[2] += 0.02) > 1000);
     assert!(n_wrong(|seen| seen.primitive.0 ^= 1) > 1000);
+}
+
+/// Rays that start at what a raster pass saw give the picture of rays that are traced at once: with alpha tests, which may reject
+/// the guess, with instances that move away from it, and from inside.
+#[test]
+fn rasterized_first_hits_change_no_picture() {
+    let Some(gpu) = gpu("rasterized_first_hits_change_no_picture") else { return };
+    let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &AtomicBool::new(false) };
+    let settings = Settings { samples: 3, ..settings() };
+    for (scene, camera) in [scenes::textured(), scenes::in_motion(scenes::room())] {
+        for levels in [Levels::One, Levels::Two] {
+            let is_flat = levels == Levels::One;
+            if is_flat && scene.has_motion() {
+                continue;
+            }
+            let prepared = prepared(&scene, levels);
+            let surfaces = Surfaces::with_lod(&scene, settings.lod);
+            let film = |first_hit: FirstHit| {
+                let picture = DevicePicture::new(&gpu, &surfaces, &prepared.structure, &camera, &settings).unwrap();
+                let (picture, used) = picture.with_first_hit(first_hit).unwrap();
+                assert_eq!(used, first_hit);
+                picture.render(vec![], &monitor).unwrap()
+            };
+            assert!(film(FirstHit::Raster) == film(FirstHit::Trace), "{levels:?}");
+        }
+    }
+}
+
+#[test]
+fn first_hits_of_paths_are_not_rasterized() {
+    let Some(gpu) = gpu("first_hits_of_paths_are_not_rasterized") else { return };
+    let (scene, camera) = scenes::room();
+    let settings = Settings { integrator: Integrator::Path, ..settings() };
+    let prepared = prepared(&scene, Levels::One);
+    let surfaces = Surfaces::with_lod(&scene, settings.lod);
+    let picture = || DevicePicture::new(&gpu, &surfaces, &prepared.structure, &camera, &settings).unwrap();
+    let error = picture().with_first_hit(FirstHit::Raster).err().expect("a path is not rasterized");
+    assert!(error.to_string().contains("rasterized first hits of the path integrator"), "{error}");
+    assert_eq!(picture().with_first_hit(FirstHit::Auto).unwrap().1, FirstHit::Trace);
 }

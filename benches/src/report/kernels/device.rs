@@ -56,8 +56,8 @@ impl Device {
     ) -> Result<Tested<Answer>> {
         ensure!(trees.iter().all(|tree| tree.sizes().depth == 0), "a BVH of one triangle has a node");
         let (hits, ns) = self.tested(("check/triangle", "hits"), trees, rays, rounds)?;
-        let answer = |(ray, &[t, u, v, _, instance]): (&Ray, &[u32; 5])| {
-            let ray = ScaledRay::new(ray).filter(|_| instance != NONE)?;
+        let answer = |(ray, &[t, u, v, primitive, _]): (&Ray, &[u32; 5])| {
+            let ray = ScaledRay::new(ray).filter(|_| primitive != NONE)?;
             Some([ray.caller_t(f32::from_bits(t)), f32::from_bits(u), f32::from_bits(v)])
         };
         Ok(Tested { name: "device".to_owned(), answers: rays.iter().zip(&hits).map(answer).collect(), ns })

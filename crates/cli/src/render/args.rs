@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
 use canted_film::{Filter, Format, Record};
-use canted_renderer::{Integrator, Lod, Measure, Settings, light_hash, scene_hash};
+use canted_renderer::{FirstHit, Integrator, Lod, Measure, Settings, light_hash, scene_hash};
 use canted_scene::{Camera, Material, Scene};
 
 use super::{
@@ -83,6 +83,10 @@ pub(crate) struct Args {
     /// comparison with renderers that scatter once; `hybrid` has no such surfaces.
     #[arg(long, help_heading = RENDERING, action = clap::ArgAction::Set, default_value = "on", value_parser = one_of(&SWITCH), value_name = "on|off")]
     pub(super) energy_compensation: bool,
+    /// First hits of `hybrid` on a GPU: `raster` starts rays at what a raster pass saw, `trace` traces them, `auto` measures which is
+    /// faster. The picture is the same.
+    #[arg(long, help_heading = RENDERING, default_value = "auto", value_parser = one_of(&FIRST_HITS), value_name = "auto|raster|trace")]
+    pub(super) first_hit: FirstHit,
     #[command(flatten)]
     pub(crate) look: LookArgs,
     #[command(flatten)]
@@ -114,6 +118,10 @@ const FILTERS: [(&str, Filter); 5] = [
 const LODS: [(&str, Lod); 3] = [("none", Lod::None), ("cone", Lod::Cone), ("aniso", Lod::Aniso)];
 
 const SWITCH: [(&str, bool); 2] = [("on", true), ("off", false)];
+
+/// Names of [`FirstHit`].
+pub(super) const FIRST_HITS: [(&str, FirstHit); 3] =
+    [("auto", FirstHit::Auto), ("raster", FirstHit::Raster), ("trace", FirstHit::Trace)];
 
 const INTEGRATORS: [(&str, Integrator); 2] = [("hybrid", Integrator::Hybrid), ("path", Integrator::Path)];
 

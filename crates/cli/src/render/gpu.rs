@@ -3,14 +3,15 @@
 use anyhow::{Result, anyhow};
 use canted_film::{Film, Tile};
 use canted_gpu::Gpu;
-use canted_renderer::{DevicePicture, Monitor, Settings, SharedFilm, Structure, Surfaces};
+use canted_renderer::{DevicePicture, FirstHit, Integrator, Monitor, Settings, SharedFilm, Structure, Surfaces};
 use canted_scene::Camera;
 use canted_wide::LaneKernel;
 use serde_json::json;
 
-use super::{Args, facts::Fact, film::FilmRenderer};
+use super::{Args, args::FIRST_HITS, facts::Fact, film::FilmRenderer};
 use crate::{
     device::{Machine, named},
+    options::name_of,
     output,
 };
 
@@ -19,6 +20,8 @@ pub(super) struct GpuRenderer<'a, K: LaneKernel> {
     gpu: &'a Gpu,
     picture: DevicePicture<'a, K>,
     with_cpu: bool,
+    /// How first hits are found, where the integrator has a choice.
+    first_hit: Option<FirstHit>,
 }
 
 impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
@@ -38,9 +41,16 @@ impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
         if settings.part.is_some() && with_cpu {
             return Err(anyhow!("--samples requires one device; --device both mixes CPU and GPU rounding"));
         }
-        let ready =
-            machine.ready(&args.structure, |gpu| DevicePicture::new(gpu, surfaces, structure, camera, settings))?;
-        Ok(ready.map(|(gpu, picture)| Self { gpu, picture, with_cpu }))
+        let ready = machine.ready(&args.structure, |gpu| {
+            DevicePicture::new(gpu, surfaces, structure, camera, settings)?.with_first_hit(args.first_hit)
+        })?;
+        let has_choice = settings.integrator == Integrator::Hybrid;
+        Ok(ready.map(|(gpu, (picture, first_hit))| Self {
+            gpu,
+            picture,
+            with_cpu,
+            first_hit: has_choice.then_some(first_hit),
+        }))
     }
 }
 
@@ -52,6 +62,7 @@ impl<K: LaneKernel> FilmRenderer for GpuRenderer<'_, K> {
 
     fn render(&self, done: Vec<Tile>, monitor: &Monitor, facts: &mut Vec<Fact>) -> Result<Film> {
         let named = |error| named(self.gpu, error);
+        facts.extend(self.first_hit.map(|first_hit| ("first_hit", json!(name_of(&FIRST_HITS, &first_hit)))));
         if !self.with_cpu {
             return self.picture.render(done, monitor).map_err(named);
         }

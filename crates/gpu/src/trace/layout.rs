@@ -74,6 +74,8 @@ pub(super) struct InstanceData {
     rows: [[f32; 4]; 3],
     /// Index of its BVH; index of its motion plus one, or 0 for none.
     bvh: Quad,
+    /// Rows of `object_from_world` as on the CPU, with translations: for each entry the lower half of its f64, then the upper.
+    exact_rows: [[[u32; 2]; 4]; 3],
 }
 
 impl InstanceData {
@@ -84,7 +86,12 @@ impl InstanceData {
             let [x, y, z, _] = object_from_world[k].map(|x| x as f32);
             [x, y, z, at[k]]
         };
-        Self { rows: [row(0), row(1), row(2)], bvh: [bvh, motion, 0, 0] }
+        let words = |x: f64| [x.to_bits() as u32, (x.to_bits() >> 32) as u32];
+        Self {
+            rows: [row(0), row(1), row(2)],
+            bvh: [bvh, motion, 0, 0],
+            exact_rows: object_from_world.map(|row| row.map(words)),
+        }
     }
 }
 
@@ -122,7 +129,9 @@ mod tests {
         assert_eq!(offsets("Bvh"), (vec![rows, rows + 16, rows + 32, words], size_of::<BvhHeader>() as u32));
         let rows = offset_of!(InstanceData, rows) as u32;
         let bvh = offset_of!(InstanceData, bvh) as u32;
-        assert_eq!(offsets("Instance"), (vec![rows, rows + 16, rows + 32, bvh], size_of::<InstanceData>() as u32));
+        let exact = offset_of!(InstanceData, exact_rows) as u32;
+        let members = vec![rows, rows + 16, rows + 32, bvh, exact];
+        assert_eq!(offsets("Instance"), (members, size_of::<InstanceData>() as u32));
         let of_ray = [
             offset_of!(DeviceRay, origin),
             offset_of!(DeviceRay, t_min),

@@ -45,9 +45,11 @@ pub struct DevicePicture<'a, K: LaneKernel> {
     sampled: Option<SampledLights>,
     picture: Buffer<PackedPicture>,
     filter_table: Option<Buffer<f32>>,
-    /// The specialisation of the light kernel.
-    chosen: Specialisation,
+    /// The specialisation of the light kernel, but for how it finds first hits.
+    pub(super) chosen: Specialisation,
     pub(super) kernels: RenderKernels,
+    /// Instance and primitive at the center of each pixel, where a raster pass found them.
+    pub(super) first_seen: Option<Buffer<[u32; 2]>>,
 }
 
 impl<'a, K: LaneKernel> DevicePicture<'a, K> {
@@ -99,9 +101,27 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
             gpu.kernel("render/guide", &packed.specialise_guide(chosen))
         };
         let guide = (!settings.aovs.is_empty()).then(guide).transpose()?;
-        let kernels = RenderKernels { light: LightKernels::One(gpu.kernel(kernel, &chosen)?), guide };
+        let light = match settings.integrator {
+            Integrator::Hybrid => chosen.clone().part("first", "shared/first/trace"),
+            Integrator::Path => chosen.clone(),
+        };
+        let kernels = RenderKernels { light: LightKernels::One(gpu.kernel(kernel, &light)?), guide };
         let picture = gpu.uniform("picture", &facts)?;
-        Ok(Self { gpu, surfaces, settings, cpu, traced, packed, sky, sampled, picture, filter_table, chosen, kernels })
+        Ok(Self {
+            gpu,
+            surfaces,
+            settings,
+            cpu,
+            traced,
+            packed,
+            sky,
+            sampled,
+            picture,
+            filter_table,
+            chosen,
+            kernels,
+            first_seen: None,
+        })
     }
 
     /// Renders by a wavefront of kernels (Laine, Karras, Aila 2013): a measured alternative, see `super::wavefront`.
@@ -115,7 +135,12 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
             return Err(DeviceError::Unsupported { what: "a wavefront of the hybrid integrator" });
         }
         let light = LightKernels::Wavefront(WavefrontKernels::new(self.gpu, &self.chosen)?);
-        Ok(Self { kernels: RenderKernels { light, ..self.kernels }, ..self })
+        Ok(self.with_kernel(light, None))
+    }
+
+    /// The same picture by another kernel, and with what that kernel reads.
+    pub(super) fn with_kernel(self, light: LightKernels, first_seen: Option<Buffer<[u32; 2]>>) -> Self {
+        Self { kernels: RenderKernels { light, ..self.kernels }, first_seen, ..self }
     }
 
     /// The buffers that the kernels bind, and their sizes in bytes.
@@ -184,6 +209,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         bound.extend(self.sampled.iter().flat_map(SampledLights::bindings));
         bound.push(("picture", &self.picture));
         bound.extend(self.filter_table.as_ref().map(|table| -> NamedBinding<'_> { ("filter_table", table) }));
+        bound.extend(self.first_seen.as_ref().map(|seen| -> NamedBinding<'_> { ("first_seen", seen) }));
         bound.extend(self.traced.bindings());
         bound
     }

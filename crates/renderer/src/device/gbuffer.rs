@@ -43,8 +43,8 @@ impl<K: LaneKernel> DevicePicture<'_, K> {
     /// Rasterizes the first surface at the center of each pixel.
     ///
     /// The result is that of primary rays, except where an edge passes within 1/256 of a pixel of a center, which is the
-    /// resolution of rasterized vertices. Sphere and disk lights are not drawn. [`DevicePicture::render`] traces rays instead,
-    /// because its samples are distributed over each pixel.
+    /// resolution of rasterized vertices. Sphere and disk lights are not drawn. [`DevicePicture::render`] distributes its samples
+    /// over each pixel, so for its rays the result is a guess that shortens them: [`FirstHit::Raster`](crate::FirstHit::Raster).
     ///
     /// # Errors
     /// A camera with a lens or without perspective, a picture larger than the textures of the device, or its loss.

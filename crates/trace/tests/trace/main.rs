@@ -5,6 +5,7 @@
 mod boxes;
 mod continued_rays;
 mod exact;
+mod fans;
 mod filters;
 mod inputs;
 mod invariance;

@@ -73,6 +73,7 @@ pub(super) fn shared(args: &Args, scene: &mut Scene, device: String) -> Result<R
         bounces: _,
         ao_radius: _,
         energy_compensation: _,
+        first_hit: _,
         camera,
         light,
         structure,

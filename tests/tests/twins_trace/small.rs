@@ -1,0 +1,169 @@
+//! Small things far from each other: hits are the CPU's, however small a triangle is beside its distance from the ray's origin.
+
+#![expect(clippy::cast_possible_truncation, reason = "scenes are rounded to f32, and small")]
+
+use canted_fixtures::{Mesh, SplitMix64, icosphere};
+use canted_gpu::build::BuildConfig;
+use canted_gpu::{DeviceHit, Gpu, Outcome, TracedScene};
+use canted_lbvh::{Bits, Corners, Strategy};
+use canted_obb::Affine;
+use canted_tlas::{Instance, Tlas, TopConfig};
+use canted_trace::{Hit, Ray, Watertight};
+use canted_wide::{Config, TriangleBvh};
+
+use super::gpu;
+use super::setup::build;
+
+const N_SPHERES: usize = 400;
+
+/// Answers that differ, of so many hits on the CPU.
+#[derive(Debug, Default)]
+struct Differences {
+    n_hits: usize,
+    n_lost: usize,
+    n_invented: usize,
+    n_others: usize,
+    /// `t` off by more than a fiftieth of the radius.
+    n_off: usize,
+}
+
+impl Differences {
+    fn count(&mut self, ray: &Ray, radius: f64, cpu: Option<Hit>, device: Outcome<Option<DeviceHit>>) {
+        let Outcome::Complete(device) = device else { panic!("{ray:?} has no answer") };
+        self.n_hits += usize::from(cpu.is_some());
+        match (cpu, device) {
+            (Some(cpu), Some(device)) => {
+                self.n_others += usize::from((cpu.instance.0, cpu.primitive.0) != (device.instance, device.primitive));
+                let off = (f64::from(cpu.t) - f64::from(device.t)).abs();
+                self.n_off += usize::from(off > 0.02 * radius);
+            }
+            (Some(_), None) => self.n_lost += 1,
+            (None, Some(_)) => self.n_invented += 1,
+            (None, None) => {}
+        }
+    }
+}
+
+/// Centers of spheres in a cube of this size, and rays of unit length from one place in it toward points near them.
+fn spheres_and_rays(extent: f64, radius: f64, n_rays: usize) -> (Vec<[f32; 3]>, Vec<Ray>) {
+    let mut rng = SplitMix64::new(17);
+    let mut in_cube = || [0; 3].map(|_| ((rng.unit() - 0.5) * extent) as f32);
+    let centers: Vec<[f32; 3]> = (0..N_SPHERES).map(|_| in_cube()).collect();
+    let origin = [0.5, 0.4, 0.45].map(|x| (x * extent) as f32);
+    let mut rng = SplitMix64::new(18);
+    let rays = (0..n_rays).map(|i| {
+        let center = centers[i % N_SPHERES];
+        let beside = rng.on_sphere();
+        // Up to the silhouette and a little beyond it.
+        let reach = 1.1 * radius * rng.unit().sqrt();
+        let to: [f64; 3] = std::array::from_fn(|k| f64::from(center[k]) + reach * beside[k] - f64::from(origin[k]));
+        let length = to.iter().map(|x| x * x).sum::<f64>().sqrt();
+        Ray { origin, direction: to.map(|x| (x / length) as f32), t_min: 0.0, t_max: f32::INFINITY }
+    });
+    let rays = rays.collect();
+    (centers, rays)
+}
+
+/// All spheres in one mesh.
+fn merged(centers: &[[f32; 3]], radius: f64) -> Mesh {
+    let sphere = icosphere(2);
+    let mut mesh = Mesh { positions: vec![], triangles: vec![] };
+    centers.iter().for_each(|&center| place(&sphere, center, radius, &mut mesh));
+    mesh
+}
+
+fn place(sphere: &Mesh, center: [f32; 3], radius: f64, all: &mut Mesh) {
+    let first = all.positions.len() as u32;
+    all.positions.extend(sphere.positions.iter().map(|p| {
+        let at: [f32; 3] = std::array::from_fn(|k| (radius * f64::from(p[k]) + f64::from(center[k])) as f32);
+        at
+    }));
+    all.triangles.extend(sphere.triangles.iter().map(|triangle| triangle.map(|i| i + first)));
+}
+
+fn answers(
+    gpu: &Gpu,
+    scene: &TracedScene,
+    rays: &[Ray],
+    radius: f64,
+    on_cpu: impl Fn(&Ray) -> Option<Hit>,
+) -> Differences {
+    let mut differences = Differences::default();
+    for (ray, hit) in rays.iter().zip(scene.closest_hits(gpu, rays).unwrap()) {
+        differences.count(ray, radius, on_cpu(ray), hit);
+    }
+    differences
+}
+
+#[track_caller]
+#[expect(clippy::print_stderr, reason = "the counts are reported")]
+fn check(name: &str, differences: &Differences) {
+    eprintln!("{name}: {differences:?}");
+    let n = differences.n_hits;
+    assert!(n > 1000, "{name}: {differences:?}");
+    // The decision is the CPU's; only the choice between triangles that share an edge is that of a rounded `t`.
+    assert_eq!((differences.n_lost, differences.n_invented), (0, 0), "{name}: {differences:?}");
+    assert!(differences.n_others * 20 <= n && differences.n_off * 100 <= n, "{name}: {differences:?}");
+}
+
+/// Extents and radii: the distances are 5,000 and 10,000 times the radius.
+const SCENES: [(f64, f64); 3] = [(50.0, 0.01), (1e4, 1.0), (1.0, 1e-4)];
+
+#[test]
+fn small_spheres_in_one_level_are_hit_as_on_the_cpu() {
+    let Some(gpu) = gpu("small_spheres_in_one_level_are_hit_as_on_the_cpu") else { return };
+    for (extent, radius) in SCENES {
+        let (centers, rays) = spheres_and_rays(extent, radius, 8000);
+        let mesh = merged(&centers, radius);
+        let bvh: TriangleBvh<Watertight> = build(&mesh, &Config::default());
+        let name = |kind: &str| format!("{kind}, radius {radius} in {extent}");
+        let wide = TracedScene::single_level(&gpu, &bvh, &[0]).unwrap();
+        check(&name("wide"), &answers(&gpu, &wide, &rays, radius, |ray| bvh.closest_hit(ray)));
+        let corners: Vec<Corners> =
+            mesh.triangles.iter().map(|triangle| triangle.map(|i| mesh.positions[i as usize])).collect();
+        let config = BuildConfig { bits: Bits::B63, strategy: Strategy::Aabb };
+        let binary = TracedScene::build_single_level(&gpu, &corners, &[0], config).unwrap();
+        check(&name("built on the device"), &answers(&gpu, &binary, &rays, radius, |ray| bvh.closest_hit(ray)));
+    }
+}
+
+#[test]
+fn small_spheres_in_two_levels_are_hit_as_on_the_cpu() {
+    let Some(gpu) = gpu("small_spheres_in_two_levels_are_hit_as_on_the_cpu") else { return };
+    for (extent, radius) in SCENES {
+        let (centers, rays) = spheres_and_rays(extent, radius, 8000);
+        let mut rng = SplitMix64::new(19);
+        let instances: Vec<Instance> = centers
+            .iter()
+            .map(|&center| {
+                // Turned, stretched and mirrored in turn, so that no entry of the inverse is simple.
+                let mut columns = [[0.0f32; 3]; 4];
+                for (k, column) in columns.iter_mut().take(3).enumerate() {
+                    let lean = rng.on_sphere();
+                    *column =
+                        std::array::from_fn(|j| (radius * (0.1 * lean[j] + if j == k { 1.0 } else { 0.0 })) as f32);
+                }
+                columns[3] = center;
+                Instance::new(0, Affine { columns })
+            })
+            .collect();
+        let bvh: TriangleBvh<Watertight> = build(&icosphere(2), &Config::default());
+        let scene = TracedScene::two_level(&gpu, &[&bvh], &instances).unwrap();
+        let tlas = Tlas::new(vec![bvh], &instances, TopConfig::default()).unwrap();
+        let differences = answers(&gpu, &scene, &rays, radius, |ray| tlas.closest_hit(ray));
+        check(&format!("two levels, radius {radius} in {extent}"), &differences);
+    }
+}
+
+/// A two-hundredth more of the radius is seen.
+#[test]
+fn other_spheres_are_detected() {
+    let Some(gpu) = gpu("other_spheres_are_detected") else { return };
+    let (extent, radius) = SCENES[0];
+    let (centers, rays) = spheres_and_rays(extent, radius, 8000);
+    let on_cpu: TriangleBvh<Watertight> = build(&merged(&centers, radius), &Config::default());
+    let there: TriangleBvh<Watertight> = build(&merged(&centers, 1.005 * radius), &Config::default());
+    let scene = TracedScene::single_level(&gpu, &there, &[0]).unwrap();
+    let differences = answers(&gpu, &scene, &rays, radius, |ray| on_cpu.closest_hit(ray));
+    assert!(differences.n_invented > 20, "{differences:?}");
+}
