@@ -208,7 +208,7 @@ fn checks_versions_and_required_extensions() {
         file
     };
     with("asset", json!({ "version": "2.1" })).scene();
-    with("asset", json!({ "version": "1.0" })).rejected("version 1.0");
+    with("asset", json!({ "version": "1.0" })).rejected("glTF 1.0 is not supported");
     with("asset", json!({ "version": "2.1", "minVersion": "2.1" })).rejected("version 2.1");
     with("extensionsRequired", json!(["KHR_mesh_quantization"])).scene();
     with("extensionsRequired", json!(["KHR_draco_mesh_compression"])).rejected("KHR_draco_mesh_compression");

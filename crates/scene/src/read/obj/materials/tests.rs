@@ -65,7 +65,11 @@ fn reads_colors_and_reports_invalid_ones() {
         ("d -halo 0.5", plain.base_color, ""),
         ("d x", plain.base_color, "m.mtl: line 2: material 'a': ignoring d 'x': expected a number"),
         ("Ni nan", plain.base_color, "m.mtl: line 2: material 'a': ignoring Ni 'nan': expected a number"),
-        ("Tr 2", plain.base_color, "m.mtl: line 2: material 'a': clamping Tr '2' to the valid range"),
+        (
+            "Tr 2",
+            plain.base_color,
+            "m.mtl: line 2: material 'a': clamping Tr '2' to the valid range|a fully transparent material is not seen: material 'a'",
+        ),
         ("Tr 0\nd 1", plain.base_color, ""),
         ("Ns 1e30\nKs 1 1 1\nfoo", plain.base_color, ""),
     ] {
@@ -85,7 +89,7 @@ fn reads_colors_and_reports_invalid_ones() {
 #[test]
 fn unsupported_keys_are_reported() {
     for (lines, keys) in [
-        ("map_Ks a.png\nmap_Ns a.png\nrefl -type sphere a.png", &["map_Ks", "map_Ns", "refl"][..]),
+        ("map_Ks a.png\nmap_Ns a.png\nrefl -type sphere a.png", &["map_Ns", "refl", "map_Ks"][..]),
         ("disp a.png\ndecal a.png", &["disp", "decal"]),
         ("Pc 0.5\nPcr 0.1\nPs 1\nmap_Ps a.png\naniso 0.5\nanisor 0.1", &["Pc", "Ps", "map_Ps", "aniso"]),
         // Blender's defaults are not reported.
@@ -114,6 +118,16 @@ fn finds_images_inside_the_folder() {
             (Some(TextureId(0)), Some(TextureId(1)))
         );
     }
+}
+
+#[test]
+fn the_specular_map_colors_mirrors() {
+    let (mirror, warnings) = only("illum 3\nKd 0 0 0\nKs 0.5 0.25 1\nmap_Kd two words.png\nmap_Ks rgb.png");
+    assert_eq!((warnings, mirror.base_color, mirror.metallic), (Vec::new(), [0.5, 0.25, 1.0], 1.0));
+    assert!(mirror.base_color_texture.is_some());
+    assert_eq!(only("illum 5\nKd 0 0 0\nmap_Ks rgb.png").0.base_color, [1.0; 3], "not scaled without Ks");
+    let textures = Case::new("newmtl a\nillum 3\nmap_Kd two words.png\nmap_Ks rgb.png", &["a"]).read().textures;
+    assert_eq!(textures.iter().map(|texture| &texture.name[..]).collect::<Vec<_>>(), ["rgb.png"]);
 }
 
 #[test]
