@@ -175,7 +175,7 @@ fn unreadable_images_are_skipped() {
         ("/etc/hostname", "the path is outside the folder of the scene"),
         ("C:\\rgb.png", "the path is outside the folder of the scene"),
         ("sub", "not a regular file"),
-        ("model.obj", "unsupported image format (expected PNG, JPEG, BMP, TGA, TIFF or WebP)"),
+        ("model.obj", "unsupported image format (expected PNG, JPEG, BMP, TGA, TIFF, WebP or KTX2)"),
     ] {
         let (material, warnings) = only(&format!("Kd 0.5 0.5 0.5\nmap_Kd {file}"));
         assert_eq!(warnings, [skipping.replace("FILE", file) + reason]);

@@ -89,8 +89,8 @@ const SEED: &str = "# seed\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 2 0.5\nvt 
 
 /// Words that replace others.
 const WORDS: [&str; 22] = [
-    "0", "1", "2", "-1", "5", "6", "99", "-9", "1.5", "nan", "1e39", "x", "#", "1/1", "1/1/1", "2//1", "3/9/1", "1/0/1",
-    "-1/-1/-1", "1/1/1/1", "f", "v",
+    "0", "1", "2", "-1", "5", "6", "99", "-9", "1.5", "nan", "1e39", "x", "#", "1/1", "1/1/1", "2//1", "3/9/1",
+    "1/0/1", "-1/-1/-1", "1/1/1/1", "f", "v",
 ];
 
 /// A change: the line, the word in it, its replacement, and the kind of change.

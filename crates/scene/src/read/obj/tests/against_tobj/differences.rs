@@ -42,7 +42,8 @@ pub(super) static RULES: [Rule; 17] = [
         what: "a name after a tab, or an indented name",
         why: "ours: any white space separates words; tobj makes the keyword part of the name",
         applies: |bytes| {
-            let named = |line: &&str| ["o", "g", "usemtl", "mtllib"].contains(&line.split_whitespace().next().unwrap_or(""));
+            let named =
+                |line: &&str| ["o", "g", "usemtl", "mtllib"].contains(&line.split_whitespace().next().unwrap_or(""));
             lines(bytes).filter(named).any(|line| line.starts_with([' ', '\t']) || line.contains('\t'))
         },
         example: b"v 0 0 0\nv 1 0 0\nv 0 1 0\n  g a\nf 1 2 3\n",
@@ -64,7 +65,8 @@ pub(super) static RULES: [Rule; 17] = [
         why: "ours: the geometry is sound; the other vertices are white",
         applies: |bytes| {
             let colors = |words: &[&str]| words.iter().skip(4).filter(|word| word.parse::<f32>().is_ok()).count();
-            let vertices: Vec<_> = statements(bytes).filter(|words| words[0] == "v").map(|words| colors(&words)).collect();
+            let vertices: Vec<_> =
+                statements(bytes).filter(|words| words[0] == "v").map(|words| colors(&words)).collect();
             vertices.iter().any(|&n| n != vertices[0]) || vertices.first().is_some_and(|n| ![0, 3].contains(n))
         },
         example: b"v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
@@ -87,7 +89,9 @@ pub(super) static RULES: [Rule; 17] = [
     Rule {
         what: "an index of a texture coordinate or normal that is out of range",
         why: "ours: the geometry is sound and drawn with a warning",
-        applies: |bytes| corners(bytes).any(|(index, kind, n)| kind > 0 && index.is_some_and(|k| k == 0 || k.abs() > n)),
+        applies: |bytes| {
+            corners(bytes).any(|(index, kind, n)| kind > 0 && index.is_some_and(|k| k == 0 || k.abs() > n))
+        },
         example: b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/2 2/2 3/2\n",
     },
     Rule {
@@ -137,9 +141,9 @@ fn lines(bytes: &[u8]) -> impl Iterator<Item = &str> {
 
 /// The words of each statement.
 fn statements(bytes: &[u8]) -> impl Iterator<Item = Vec<&str>> {
-    lines(bytes).map(|line| line.split_whitespace().collect()).filter(|words: &Vec<&str>| {
-        words.first().is_some_and(|first| !first.starts_with('#'))
-    })
+    lines(bytes)
+        .map(|line| line.split_whitespace().collect())
+        .filter(|words: &Vec<&str>| words.first().is_some_and(|first| !first.starts_with('#')))
 }
 
 fn has(bytes: &[u8], keyword: &str) -> bool {

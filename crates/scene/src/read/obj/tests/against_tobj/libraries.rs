@@ -63,7 +63,9 @@ fn is_known(bytes: &[u8]) -> bool {
     let text = String::from_utf8_lossy(bytes);
     text.lines().map(|line| line.split_whitespace().collect::<Vec<_>>()).any(|words| match words.first() {
         Some(&"norm") => true,
-        Some(name) if name.starts_with("map_") || *name == "bump" => words.get(1).is_some_and(|word| word.starts_with('-')),
+        Some(name) if name.starts_with("map_") || *name == "bump" => {
+            words.get(1).is_some_and(|word| word.starts_with('-'))
+        }
         Some(&("Kd" | "Ks" | "Ke")) => words.len() > 4 || words.iter().any(|word| word.eq_ignore_ascii_case("nan")),
         Some(&("Ns" | "Ni" | "d")) => words.iter().any(|word| word.eq_ignore_ascii_case("nan")),
         _ => false,

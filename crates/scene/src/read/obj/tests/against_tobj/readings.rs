@@ -5,8 +5,8 @@ use std::path::Path;
 
 use tobj::{LoadError, LoadOptions};
 
-use crate::read::obj::statements::{self, ABSENT, Statements};
 use crate::Scene;
+use crate::read::obj::statements::{self, ABSENT, Statements};
 use crate::read::{obj, text};
 
 /// A corner: the bits of position, texture coordinate and normal.
@@ -131,7 +131,7 @@ fn their_corner(mesh: &tobj::Mesh, at: usize) -> Corner {
     let part = |numbers: &[f32], indices: &[u32], k: usize, n: usize| numbers[indices[at] as usize * n + k].to_bits();
     let uvs = (!mesh.texcoord_indices.is_empty())
         .then(|| [0, 1].map(|k| part(&mesh.texcoords, &mesh.texcoord_indices, k, 2)));
-    let normals = (!mesh.normal_indices.is_empty())
-        .then(|| [0, 1, 2].map(|k| part(&mesh.normals, &mesh.normal_indices, k, 3)));
+    let normals =
+        (!mesh.normal_indices.is_empty()).then(|| [0, 1, 2].map(|k| part(&mesh.normals, &mesh.normal_indices, k, 3)));
     Corner { position: [0, 1, 2].map(|k| part(&mesh.positions, &mesh.indices, k, 3)), uv: uvs, normal: normals }
 }
