@@ -196,7 +196,7 @@ fn dependencies() -> Result<End> {
 
 /// Runs each benchmark once, in the profile of the tests.
 fn benches() -> Result<End> {
-    succeeds(&mut cargo(&["test", "--workspace", "--bench", "stages"])).map(End::of)
+    succeeds(&mut cargo(&["test", "--workspace", "--bench", "stages", "--bench", "obj"])).map(End::of)
 }
 
 /// Renders the built-in scene with the release program.

@@ -36,7 +36,8 @@
 //! # Guarantees
 //!
 //! * No input makes a reader panic, loop forever, or read outside the folder of the file it was given. [`SceneFile`] is the
-//!   exception: its author chooses the paths.
+//!   exception: its author chooses the paths. The feature `ktx2` relies on unwinding for this: with `panic = "abort"` a
+//!   malformed KTX2 texture may end the program.
 //! * In a [`Scene`] every index is in range, every referenced position is finite, every transform is invertible, and every
 //!   texture has `width * height` texels.
 //! * What a reader repairs or skips is reported once in [`Scene::warnings`].
@@ -49,7 +50,8 @@
 //!
 //! # Features
 //!
-//! All are on by default. A file that needs an absent one is an error that names the feature.
+//! All but the last two are on by default. A mesh that needs an absent one is an error, and a texture a warning, that names
+//! the feature.
 //!
 //! | feature | purpose |
 //! | --- | --- |
@@ -57,6 +59,8 @@
 //! | `off` | OFF meshes |
 //! | `gzip` | meshes compressed by gzip, such as `model.obj.gz` |
 //! | `bmp`, `tga`, `tiff`, `webp` | textures of these formats; PNG and JPEG are always read |
+//! | `meshopt` | glTF compressed by `EXT_meshopt_compression` or `KHR_meshopt_compression`; requires a C++ compiler |
+//! | `ktx2` | KTX2 textures and `KHR_texture_basisu`: 8 bits per channel or Basis Universal, also compressed by Zstandard |
 #![forbid(unsafe_code)]
 
 mod builtin;
@@ -87,7 +91,7 @@ pub use stats::SceneStats;
 pub use texture::{Encoding, Magnification, Texture, TextureId, TextureRef, UvSet, UvTransform, Wrap};
 
 /// The features of this crate, and whether this build has them.
-pub const FEATURES: [(&str, bool); 7] = [
+pub const FEATURES: [(&str, bool); 9] = [
     ("stl", cfg!(feature = "stl")),
     ("off", cfg!(feature = "off")),
     ("gzip", cfg!(feature = "gzip")),
@@ -95,4 +99,6 @@ pub const FEATURES: [(&str, bool); 7] = [
     ("tga", cfg!(feature = "tga")),
     ("tiff", cfg!(feature = "tiff")),
     ("webp", cfg!(feature = "webp")),
+    ("meshopt", cfg!(feature = "meshopt")),
+    ("ktx2", cfg!(feature = "ktx2")),
 ];

@@ -8,6 +8,8 @@ mod folder;
 mod gltf;
 mod image;
 mod input;
+#[cfg(feature = "ktx2")]
+mod ktx2;
 mod mesh_checks;
 mod mtl;
 mod obj;

@@ -22,6 +22,7 @@ mod light;
 mod material;
 mod matrix;
 mod mesh;
+mod meshopt;
 mod nodes;
 mod normals;
 mod pose;

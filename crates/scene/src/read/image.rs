@@ -1,4 +1,4 @@
-//! Textures: PNG, JPEG and, each behind a feature, BMP, TGA, TIFF and WebP. The content determines the format, except of TGA,
+//! Textures: PNG, JPEG and, each behind a feature, BMP, TGA, TIFF, WebP and KTX2. The content determines the format, except of TGA,
 //! which has no mark; the size is checked before allocating.
 
 use std::io::Cursor;
@@ -8,10 +8,13 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use crate::{Encoding, Magnification, Texture, Wrap};
 
 /// Largest number of texels: 1 GiB as RGBA.
-const MAX_TEXELS: u64 = 1 << 28;
+pub(super) const MAX_TEXELS: u64 = 1 << 28;
 
 /// Memory limit of a decoder in bytes: all texels at 16 bits per channel.
 const MAX_DECODER_BYTES: u64 = 8 * MAX_TEXELS;
+
+/// Signature of KTX2.
+const KTX2: &[u8] = b"\xabKTX 20\xbb\r\n\x1a\n";
 
 /// Upper bound of texels per byte of PNG: deflate expands at most 1032 times, and a byte holds eight 1-bit texels.
 const MAX_TEXELS_PER_PNG_BYTE: u64 = 1032 * 8;
@@ -35,12 +38,18 @@ fn format_of(name: &str, bytes: &[u8]) -> Result<(ImageFormat, u64), String> {
         Ok(ImageFormat::Tiff) => other(ImageFormat::Tiff, "tiff", cfg!(feature = "tiff")),
         Ok(ImageFormat::WebP) => other(ImageFormat::WebP, "webp", cfg!(feature = "webp")),
         _ if name.to_lowercase().ends_with(".tga") => other(ImageFormat::Tga, "tga", cfg!(feature = "tga")),
-        _ => Err("unsupported image format (expected PNG, JPEG, BMP, TGA, TIFF or WebP)".to_owned()),
+        _ => Err("unsupported image format (expected PNG, JPEG, BMP, TGA, TIFF, WebP or KTX2)".to_owned()),
     }
 }
 
 /// Decodes an image to 8-bit RGBA with repeat wrapping. Errors do not contain `name`.
 pub(crate) fn decode(name: &str, bytes: &[u8]) -> Result<Texture, String> {
+    if bytes.starts_with(KTX2) {
+        #[cfg(feature = "ktx2")]
+        return super::ktx2::decode(name, bytes);
+        #[cfg(not(feature = "ktx2"))]
+        return Err("KTX2 images require the feature 'ktx2'".to_owned());
+    }
     let (format, max_texels_per_byte) = format_of(name, bytes)?;
     // Decoder messages may span lines.
     let one_line = |error: image::ImageError| error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
@@ -226,7 +235,7 @@ pub(crate) mod tests {
             }
         }
         let error = decode("a.png", &encoded(ImageFormat::Tga)).unwrap_err();
-        assert_eq!(error, "unsupported image format (expected PNG, JPEG, BMP, TGA, TIFF or WebP)");
+        assert_eq!(error, "unsupported image format (expected PNG, JPEG, BMP, TGA, TIFF, WebP or KTX2)");
     }
 
     #[test]

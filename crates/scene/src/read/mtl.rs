@@ -11,7 +11,7 @@ use crate::Material;
 pub(crate) use map::Map;
 
 /// Unsupported texture keys.
-const UNSUPPORTED_MAPS: &str = "disp map_disp map_Disp decal map_decal refl map_refl map_Ks map_Ns map_Tr \
+const UNSUPPORTED_MAPS: &str = "disp map_disp map_Disp decal map_decal refl map_refl map_Ns map_Tr \
                            map_Tf map_Ps map_Pc map_RMA map_ORM map_aniso";
 
 /// Unsupported strengths of sheen, clearcoat and anisotropy. 0 disables them, as Blender writes for every material. `Pcr` and
@@ -45,6 +45,8 @@ pub(crate) struct MtlMaterial {
     pub(crate) transparency: Option<f32>,
     /// `map_Kd`.
     pub(crate) base_color_map: Option<Map>,
+    /// `map_Ks`.
+    pub(crate) specular_map: Option<Map>,
     /// `map_d`.
     pub(crate) mask: Option<Map>,
     /// `map_Ke`.
@@ -101,10 +103,12 @@ impl MtlMaterial {
             b"d" => store(&mut self.opacity, number(line, 0.0..=1.0), line),
             b"Tr" => store(&mut self.transparency, number(line, 0.0..=1.0), line),
             b"illum" => {
-                self.illumination = std::str::from_utf8(line.rest).ok().and_then(|rest| rest.parse().ok());
+                let number = text::words(line.rest).next().and_then(|word| std::str::from_utf8(word).ok());
+                self.illumination = number.and_then(|number| number.parse().ok());
                 Ok(())
             }
             b"map_Kd" => texture(&mut self.base_color_map, line),
+            b"map_Ks" => texture(&mut self.specular_map, line),
             b"map_d" => texture(&mut self.mask, line),
             b"map_Ke" => texture(&mut self.emission_map, line),
             b"norm" => {

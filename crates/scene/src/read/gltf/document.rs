@@ -8,9 +8,12 @@ use gltf::json::animation::Animation;
 use gltf::json::deserialize::{from_slice, from_value};
 use gltf::json::validation::USize64;
 use gltf::json::{Error, Root, Value};
+#[cfg(feature = "meshopt")]
+use rayon::prelude::*;
 
 use super::container;
 use super::instancing;
+use super::meshopt::{self, Decompressed};
 use super::uri;
 use crate::read::ReadError;
 use crate::read::folder::Folder;
@@ -20,7 +23,9 @@ use crate::read::warning_groups::WarningGroups;
 ///
 /// Unsupported material extensions and image formats are included: ignoring them gives an approximate image but correct
 /// geometry, and a warning is reported.
-const SUPPORTED: [&str; 19] = [
+const SUPPORTED: [&str; 21] = [
+    meshopt::NAMES[0],
+    meshopt::NAMES[1],
     instancing::NAME,
     "EXT_texture_avif",
     "EXT_texture_webp",
@@ -66,6 +71,8 @@ pub(super) struct Document<'a> {
     pub(super) requires_finite: bool,
     path: Cow<'a, Path>,
     buffers: Vec<Cow<'a, [u8]>>,
+    /// By buffer view, its content if it is compressed.
+    decompressed: Vec<Option<Decompressed>>,
 }
 
 impl<'a> Document<'a> {
@@ -78,12 +85,19 @@ impl<'a> Document<'a> {
         if let Some(extension) = root.extensions_required.iter().find(|name| !SUPPORTED.contains(&name.as_str())) {
             return Err(ReadError::unsupported(path, format!("required extension {extension}")));
         }
+        #[cfg(not(feature = "meshopt"))]
+        if let Some(name) = root.extensions_required.iter().find(|name| meshopt::NAMES.contains(&name.as_str())) {
+            return Err(ReadError::missing_feature(path, name, "meshopt"));
+        }
         let folder = Folder::of(path).map_err(ReadError::io(path))?;
         let path = Cow::Borrowed(path);
-        let mut document = Self { root, folder, unparsed, requires_finite: false, path, buffers: Vec::new() };
+        let (buffers, decompressed) = (Vec::new(), Vec::new());
+        let mut document = Self { root, folder, unparsed, requires_finite: false, path, buffers, decompressed };
         document.buffers = (0..document.root.buffers.len())
             .map(|k| document.load_buffer(k, container.bin))
             .collect::<Result<_, _>>()?;
+        #[cfg(feature = "meshopt")]
+        document.decompress()?;
         Ok(document)
     }
 
@@ -101,9 +115,9 @@ impl<'a> Document<'a> {
 
     /// The same document with copies of everything it borrows.
     pub(super) fn into_owned(self) -> Document<'static> {
-        let Self { root, folder, unparsed, requires_finite, path, buffers } = self;
+        let Self { root, folder, unparsed, requires_finite, path, buffers, decompressed } = self;
         let buffers = buffers.into_iter().map(|bytes| Cow::Owned(bytes.into_owned())).collect();
-        Document { root, folder, unparsed, requires_finite, path: Cow::Owned(path.into_owned()), buffers }
+        Document { root, folder, unparsed, requires_finite, path: Cow::Owned(path.into_owned()), buffers, decompressed }
     }
 
     /// The index of an animation: of the first one with this name, else of this number; the first one for `None`. `None`
@@ -158,6 +172,9 @@ impl<'a> Document<'a> {
     /// The bytes and the stride of a buffer view.
     pub(super) fn view(&self, index: usize, location: &str) -> Result<(&[u8], Option<usize>), ReadError> {
         let view = self.get(&self.root.buffer_views, index, "buffer view", location)?;
+        if let Some(Some(decompressed)) = self.decompressed.get(index) {
+            return Ok((&decompressed.bytes, Some(decompressed.stride)));
+        }
         let location = format!("buffer view {index}");
         let buffer = self.get(&self.buffers, view.buffer.value(), "buffer", &location)?;
         let offset = view.byte_offset.unwrap_or_default();
@@ -177,9 +194,53 @@ impl<'a> Document<'a> {
         self.buffers.iter().map(|buffer| buffer.len()).sum::<usize>().max(1 << 20)
     }
 
+    /// Decompresses the buffer views that are compressed, in parallel.
+    #[cfg(feature = "meshopt")]
+    fn decompress(&mut self) -> Result<(), ReadError> {
+        let malformed = |index: usize, error: String| self.malformed(format!("buffer view {index}"), error);
+        let mut declared = Vec::with_capacity(self.root.buffer_views.len());
+        let mut n_bytes = 0_u64;
+        for (index, view) in self.root.buffer_views.iter().enumerate() {
+            let others = view.extensions.as_ref().map(|all| &all.others);
+            let extension = meshopt::extension(|name| others?.get(name));
+            let compressed = extension.map(meshopt::Compressed::read).transpose().map_err(|e| malformed(index, e))?;
+            n_bytes = n_bytes.saturating_add(compressed.as_ref().map_or(0, meshopt::Compressed::n_bytes));
+            declared.push(compressed);
+        }
+        // Views may share compressed bytes.
+        let n_stored: u64 = self.buffers.iter().map(|buffer| buffer.len() as u64).sum();
+        if n_bytes > meshopt::MAX_BYTES.min(1024 * n_stored.saturating_add(1024)) {
+            return Err(self.malformed("bufferViews", format!("{n_bytes} decompressed bytes in a file of {n_stored}")));
+        }
+        let decompressed: Result<Vec<_>, ReadError> = declared
+            .par_iter()
+            .enumerate()
+            .map(|(index, compressed)| {
+                let Some(compressed) = compressed else { return Ok(None) };
+                let location = format!("buffer view {index}");
+                let buffer = self.get(&self.buffers, compressed.buffer, "buffer", &location)?;
+                let bytes = range(buffer, USize64(compressed.offset), USize64(compressed.length));
+                let bytes = bytes.ok_or_else(|| malformed(index, "compressed bytes exceed their buffer".to_owned()))?;
+                compressed.decompress(bytes).map(Some).map_err(|error| malformed(index, error))
+            })
+            .collect();
+        self.decompressed = decompressed?;
+        Ok(())
+    }
+
     fn load_buffer(&self, index: usize, bin: Option<&'a [u8]>) -> Result<Cow<'a, [u8]>, ReadError> {
         let buffer = &self.root.buffers[index];
         let location = format!("buffer {index}");
+        let others = buffer.extensions.as_ref().map(|all| &all.others);
+        let is_fallback = meshopt::is_fallback(meshopt::extension(|name| others?.get(name)));
+        #[cfg(feature = "meshopt")]
+        if is_fallback {
+            return Ok(Cow::Borrowed(&[]));
+        }
+        #[cfg(not(feature = "meshopt"))]
+        if is_fallback && buffer.uri.is_none() {
+            return Err(ReadError::missing_feature(&self.path, meshopt::NAMES[1], "meshopt"));
+        }
         let mut bytes = match (&buffer.uri, bin) {
             (Some(uri), _) => {
                 Cow::Owned(uri::load(uri, &self.folder).map_err(|error| self.malformed(&location, error))?)

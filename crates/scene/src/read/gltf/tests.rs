@@ -6,10 +6,12 @@ mod geometry;
 mod instances;
 mod layout;
 mod materials;
+mod meshopt;
 mod mutated;
 mod nodes;
 mod pose;
 mod surfaces;
+mod texture_formats;
 mod views;
 
 use std::fs;

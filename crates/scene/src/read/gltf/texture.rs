@@ -1,6 +1,6 @@
 //! Textures: an image with a sampler. Unreadable images are skipped with a warning.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use gltf::json::texture::{MagFilter, MinFilter, Sampler, WrappingMode};
 use gltf::json::validation::Checked;
@@ -28,8 +28,14 @@ type Key = (usize, [Wrap; 2], Magnification, Encoding);
 /// Value of the `gltf` crate for a texture without an image.
 const NO_SOURCE: usize = u32::MAX as usize;
 
+/// Extensions that name an image of another format, with its feature.
+const FORMATS: [(&str, &str, bool); 2] =
+    [("KHR_texture_basisu", "ktx2", cfg!(feature = "ktx2")), ("EXT_texture_webp", "webp", cfg!(feature = "webp"))];
+
 struct Request {
     key: Key,
+    /// Image to use where that of the key cannot be read.
+    fallback: Option<usize>,
     /// The first material that uses it.
     location: String,
 }
@@ -47,12 +53,12 @@ impl<'a, 'b> Textures<'a, 'b> {
         location: &str,
         grouped: &mut WarningGroups,
     ) -> Result<Option<TextureId>, ReadError> {
-        let Some(key) = self.key(index, encoding, location, grouped)? else { return Ok(None) };
+        let Some((key, fallback)) = self.key(index, encoding, location, grouped)? else { return Ok(None) };
         let next = u32::try_from(self.requests.len())
             .map_err(|_| self.document.malformed(location, "too many textures (limit: 2^32)"))?;
         let id = *self.known.entry(key).or_insert(TextureId(next));
         if id.0 == next {
-            self.requests.push(Request { key, location: location.to_owned() });
+            self.requests.push(Request { key, fallback, location: location.to_owned() });
         }
         Ok(Some(id))
     }
@@ -63,19 +69,28 @@ impl<'a, 'b> Textures<'a, 'b> {
         encoding: Encoding,
         location: &str,
         grouped: &mut WarningGroups,
-    ) -> Result<Option<Key>, ReadError> {
+    ) -> Result<Option<(Key, Option<usize>)>, ReadError> {
         let root = &self.document.root;
         let texture = self.document.get(&root.textures, index, "texture", location)?;
-        if texture.source.value() == NO_SOURCE {
-            let extensions: Vec<&str> =
-                texture.extensions.iter().flat_map(|all| all.others.keys()).map(String::as_str).collect();
+        let others = texture.extensions.as_ref().map(|all| &all.others);
+        let better = FORMATS.iter().filter(|(.., is_built)| *is_built).find_map(|(name, ..)| {
+            others?.get(*name)?.get("source")?.as_u64().map(|image| usize::try_from(image).unwrap_or(usize::MAX))
+        });
+        let plain = Some(texture.source.value()).filter(|&image| image != NO_SOURCE);
+        let Some(image) = better.or(plain) else {
+            let missing = |name: &str| {
+                let feature = FORMATS.iter().find(|(its, _, is_built)| *its == name && !is_built);
+                feature.map_or_else(|| name.to_owned(), |(_, feature, _)| format!("{name}, feature '{feature}'"))
+            };
+            let extensions: Vec<String> =
+                others.into_iter().flat_map(|all| all.keys()).map(|name| missing(name)).collect();
             let what = match &extensions[..] {
                 [] => "skipping a texture without an image".to_owned(),
                 names => format!("skipping a texture whose image needs {} (not supported)", names.join(", ")),
             };
             grouped.add(&what, location);
             return Ok(None);
-        }
+        };
         let location = format!("texture {index}");
         let (wrap, magnification) = match texture.sampler {
             Some(sampler) => {
@@ -84,29 +99,25 @@ impl<'a, 'b> Textures<'a, 'b> {
             }
             None => ([Wrap::Repeat; 2], Magnification::Linear),
         };
-        self.document.get(&root.images, texture.source.value(), "image", &location)?;
-        Ok(Some((texture.source.value(), wrap, magnification, encoding)))
+        for image in [Some(image), plain].into_iter().flatten() {
+            self.document.get(&root.images, image, "image", &location)?;
+        }
+        Ok(Some(((image, wrap, magnification, encoding), plain.filter(|&plain| plain != image))))
     }
 
     /// Decodes each image once, in parallel, and assigns the final texture ids to the materials.
-    pub(super) fn load(self, scene: &mut Scene) -> Result<(), ReadError> {
-        let mut images: Vec<(usize, &str)> = Vec::new();
-        let mut n_uses: HashMap<usize, usize> = HashMap::new();
-        for Request { key: (image, ..), location } in &self.requests {
-            let n = n_uses.entry(*image).or_default();
-            if *n == 0 {
-                images.push((*image, location));
+    pub(super) fn load(mut self, scene: &mut Scene) -> Result<(), ReadError> {
+        let (mut of_image, mut tried) = (HashMap::new(), HashSet::new());
+        self.decode_all(&mut of_image, &mut tried, &mut scene.warnings)?;
+        for request in &mut self.requests {
+            if let Some(fallback) = request.fallback.filter(|_| !of_image.contains_key(&request.key.0)) {
+                request.key.0 = fallback;
             }
-            *n += 1;
         }
-        let decode = |&(image, location): &(usize, &str)| decode(self.document, image, location);
-        let decoded: Vec<_> = images.par_iter().map(decode).collect();
-        let mut of_image = HashMap::new();
-        for (&(image, _), decoded) in images.iter().zip(decoded) {
-            match decoded? {
-                Ok(texture) => drop(of_image.insert(image, texture)),
-                Err(warning) => scene.warnings.push(warning),
-            }
+        self.decode_all(&mut of_image, &mut tried, &mut scene.warnings)?;
+        let mut n_uses: HashMap<usize, usize> = HashMap::new();
+        for Request { key: (image, ..), .. } in &self.requests {
+            *n_uses.entry(*image).or_default() += 1;
         }
         let mut ids = Vec::with_capacity(self.requests.len());
         for Request { key: (image, wrap, magnification, encoding), .. } in &self.requests {
@@ -122,6 +133,28 @@ impl<'a, 'b> Textures<'a, 'b> {
         let id_of = |old: TextureId| ids[old.0 as usize].and_then(|id| u32::try_from(id).ok()).map(TextureId);
         for slot in scene.materials.iter_mut().flat_map(|material| material.textures_mut()) {
             *slot = slot.take().and_then(|old| Some(crate::TextureRef { texture: id_of(old.texture)?, ..old }));
+        }
+        Ok(())
+    }
+}
+
+impl Textures<'_, '_> {
+    /// Decodes the requested images that were not tried before, each once, in parallel.
+    fn decode_all(
+        &self,
+        of_image: &mut HashMap<usize, Texture>,
+        tried: &mut HashSet<usize>,
+        warnings: &mut Vec<String>,
+    ) -> Result<(), ReadError> {
+        let images = self.requests.iter().map(|request| (request.key.0, &request.location[..]));
+        let images: Vec<(usize, &str)> = images.filter(|(image, _)| tried.insert(*image)).collect();
+        let decode = |&(image, location): &(usize, &str)| decode(self.document, image, location);
+        let decoded: Vec<_> = images.par_iter().map(decode).collect();
+        for (&(image, _), decoded) in images.iter().zip(decoded) {
+            match decoded? {
+                Ok(texture) => drop(of_image.insert(image, texture)),
+                Err(warning) => warnings.push(warning),
+            }
         }
         Ok(())
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::surface::surface;
+use super::surface::{is_mirror, surface};
 use crate::read::folder::Folder;
 use crate::read::mtl::{self, Map, MtlMaterial};
 use crate::read::warning_groups::WarningGroups;
@@ -94,7 +94,8 @@ pub(super) fn materials(
                 Err(error) => scene.warnings.push(texture_warning(&scene.materials[k], &map.file, &error)),
             }
         }
-        for keyword in source.unsupported.iter().copied().chain(unsupported_filter(source, &scene.materials[k])) {
+        let others = unsupported_filter(source, &scene.materials[k]).into_iter().chain(unused_specular_map(source));
+        for keyword in source.unsupported.iter().copied().chain(others) {
             let location = format!("material {}", text::quoted(name.unwrap_or_default()));
             grouped.add(&format!("ignoring {keyword} (not supported)"), &location);
         }
@@ -156,11 +157,12 @@ fn library_files(folder: &Folder, statements: &[&[u8]], warnings: &mut Vec<Strin
     files
 }
 
-/// Textures of a material. An emission texture is skipped if `Ke` is black.
+/// Textures of a material. An emission texture is skipped if `Ke` is black. That of `map_Ks` replaces the one of `map_Kd` in mirrors.
 fn maps(source: &MtlMaterial) -> impl Iterator<Item = (&Map, Role)> {
+    let specular_map = source.specular_map.as_ref().filter(|_| is_mirror(source));
     let emission_map = source.emission_map.as_ref().filter(|_| source.emission != Some([0.0; 3]));
     let maps = [
-        (source.base_color_map.as_ref(), Role::BaseColor),
+        (specular_map.or(source.base_color_map.as_ref()), Role::BaseColor),
         (source.mask.as_ref(), Role::Mask),
         (emission_map, Role::Emission),
         (source.normal_map.as_ref(), Role::Normals),
@@ -174,6 +176,11 @@ fn maps(source: &MtlMaterial) -> impl Iterator<Item = (&Map, Role)> {
 fn unsupported_filter(source: &MtlMaterial, material: &Material) -> Option<&'static str> {
     let has_effect = source.filter.is_some_and(|filter| filter != [1.0; 3] && filter != [0.0; 3]);
     (has_effect && material.transmission == 0.0).then_some("Tf")
+}
+
+/// `map_Ks` of other materials than mirrors: they have no texture for the strength of the reflection.
+fn unused_specular_map(source: &MtlMaterial) -> Option<&'static str> {
+    (source.specular_map.is_some() && !is_mirror(source)).then_some("map_Ks")
 }
 
 fn assign(scene: &mut Scene, material: usize, role: Role, map: &Map, texture: TextureId) {

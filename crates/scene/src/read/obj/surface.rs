@@ -6,8 +6,8 @@ use crate::{AlphaMode, Material};
 /// Converts a material.
 ///
 /// The default is Lambertian: exporters write a gray `Ks` and some `Ns` for materials they do not support, so these alone do not
-/// add a specular lobe. `Pr` and `Pm` give a metallic-roughness material, `illum` 3 and 5 a mirror of color `Ks`, `illum` 4, 6,
-/// 7 and 9 glass of color `Tf` with index `Ni`; both are smooth without `Pr`. Alpha is `d`, or 1 - `Tr`; glass has none. `d`
+/// add a specular lobe. `Pr` and `Pm` give a metallic-roughness material, `illum` 3 and 5 a mirror of color `Ks` and texture
+/// `map_Ks`, `illum` 4, 6, 7 and 9 glass of color `Tf` with index `Ni`; both are smooth without `Pr`. Alpha is `d`, or 1 - `Tr`; glass has none. `d`
 /// takes precedence because some exporters invert `Tr`.
 pub(super) fn surface(name: String, source: &MtlMaterial) -> Material {
     let plain = Material { name, ..Material::default() };
@@ -27,8 +27,9 @@ pub(super) fn surface(name: String, source: &MtlMaterial) -> Material {
             material.ior = source.ior.unwrap_or(material.ior);
             return material;
         }
-        Some(3 | 5) if source.metallic.is_none() && source.metallic_map.is_none() => {
-            material.base_color = source.specular.unwrap_or(base_color);
+        _ if is_mirror(source) => {
+            let of_map = source.specular_map.as_ref().map(|_| [1.0; 3]);
+            material.base_color = source.specular.or(of_map).unwrap_or(base_color);
             (material.specular, material.metallic) = (1.0, 1.0);
             material.roughness = smooth;
         }
@@ -48,6 +49,11 @@ pub(super) fn surface(name: String, source: &MtlMaterial) -> Material {
         material.alpha_mode = AlphaMode::Blend;
     }
     material
+}
+
+/// Whether the material is a mirror of color `Ks`, which replaces `Kd`.
+pub(super) fn is_mirror(source: &MtlMaterial) -> bool {
+    matches!(source.illumination, Some(3 | 5)) && source.metallic.is_none() && source.metallic_map.is_none()
 }
 
 /// Roughness from a shininess of 1000 (1 - roughness)², as Blender writes it; 1 if absent.

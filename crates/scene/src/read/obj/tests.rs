@@ -1,5 +1,7 @@
 //! Scenes, warnings and error messages of small files.
 
+mod against_tobj;
+
 use super::*;
 use crate::SceneStats;
 

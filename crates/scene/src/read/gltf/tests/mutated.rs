@@ -66,7 +66,7 @@ fn full_featured() -> &'static File {
 }
 
 /// Whether indices are in range, positions finite, and attribute lists of equal length.
-fn is_valid(scene: &Scene) -> bool {
+pub(super) fn is_valid(scene: &Scene) -> bool {
     let meshes_are_valid = scene.meshes.iter().all(|mesh| {
         let n_vertices = mesh.positions.len();
         let corner_is_valid =

@@ -89,7 +89,7 @@ fn reads_colors_and_reports_invalid_ones() {
 #[test]
 fn unsupported_keys_are_reported() {
     for (lines, keys) in [
-        ("map_Ks a.png\nmap_Ns a.png\nrefl -type sphere a.png", &["map_Ks", "map_Ns", "refl"][..]),
+        ("map_Ks a.png\nmap_Ns a.png\nrefl -type sphere a.png", &["map_Ns", "refl", "map_Ks"][..]),
         ("disp a.png\ndecal a.png", &["disp", "decal"]),
         ("Pc 0.5\nPcr 0.1\nPs 1\nmap_Ps a.png\naniso 0.5\nanisor 0.1", &["Pc", "Ps", "map_Ps", "aniso"]),
         // Blender's defaults are not reported.
@@ -118,6 +118,16 @@ fn finds_images_inside_the_folder() {
             (Some(TextureId(0)), Some(TextureId(1)))
         );
     }
+}
+
+#[test]
+fn the_specular_map_colors_mirrors() {
+    let (mirror, warnings) = only("illum 3\nKd 0 0 0\nKs 0.5 0.25 1\nmap_Kd two words.png\nmap_Ks rgb.png");
+    assert_eq!((warnings, mirror.base_color, mirror.metallic), (Vec::new(), [0.5, 0.25, 1.0], 1.0));
+    assert!(mirror.base_color_texture.is_some());
+    assert_eq!(only("illum 5\nKd 0 0 0\nmap_Ks rgb.png").0.base_color, [1.0; 3], "not scaled without Ks");
+    let textures = Case::new("newmtl a\nillum 3\nmap_Kd two words.png\nmap_Ks rgb.png", &["a"]).read().textures;
+    assert_eq!(textures.iter().map(|texture| &texture.name[..]).collect::<Vec<_>>(), ["rgb.png"]);
 }
 
 #[test]
@@ -165,7 +175,7 @@ fn unreadable_images_are_skipped() {
         ("/etc/hostname", "the path is outside the folder of the scene"),
         ("C:\\rgb.png", "the path is outside the folder of the scene"),
         ("sub", "not a regular file"),
-        ("model.obj", "unsupported image format (expected PNG, JPEG, BMP, TGA, TIFF or WebP)"),
+        ("model.obj", "unsupported image format (expected PNG, JPEG, BMP, TGA, TIFF, WebP or KTX2)"),
     ] {
         let (material, warnings) = only(&format!("Kd 0.5 0.5 0.5\nmap_Kd {file}"));
         assert_eq!(warnings, [skipping.replace("FILE", file) + reason]);
