@@ -6,7 +6,7 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_film::{Aovs, Film, JoinError, Part, Record, read_part, write_film};
+use canted_film::{Aovs, Film, JoinError, Part, Picture, Record, read_part, write_film_as};
 use serde_json::json;
 
 use crate::{
@@ -26,6 +26,10 @@ pub(crate) struct Args {
     /// Output image, .exr. It can be merged again.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
+    /// Remove noise from the picture with a filter guided by albedo, normals and depth. The parts need channels, e.g. of --aovs albedo;
+    /// their sums are not filtered, so the output can be merged again.
+    #[arg(long)]
+    denoise: bool,
     /// Print the report as JSON.
     #[arg(long)]
     json: bool,
@@ -60,8 +64,19 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         inputs.iter().map(|input| input.path).zip(parts.iter().map(Part::range)).collect();
     let joined = Part::join(parts).map_err(|error| named(&error, &ranges))?;
     let film = Film::of_part(width, height, joined, 0);
-    write_film(&args.output, &film, first.aovs, &first.record)?;
+    let picture = if args.denoise { denoised(&film, first.path)? } else { film.picture() };
+    write_film_as(&args.output, &picture, &film, first.aovs, &first.record)?;
     report(args, &film)
+}
+
+fn denoised(film: &Film, first: &Path) -> Result<Picture> {
+    if film.guides().is_empty() {
+        return Err(anyhow!(
+            "{}: --denoise requires parts with channels; render them with --aovs albedo",
+            first.display()
+        ));
+    }
+    render::denoised_film(film, None)
 }
 
 /// Rejects parts of different pictures and states the difference.

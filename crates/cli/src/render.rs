@@ -3,6 +3,7 @@
 mod args;
 mod camera;
 mod checkpoint;
+mod denoise;
 mod exposure;
 mod facts;
 mod film;
@@ -20,7 +21,7 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_film::{Film, Format, Record, Tile, encode, write_film};
+use canted_film::{Film, Format, Record, Tile, encode, write_film_as};
 use canted_renderer::{FirstHit, MipMaps, Prepared, Settings, Surfaces, heatmap};
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
@@ -37,6 +38,7 @@ pub(crate) use args::Args;
 use args::checkpoint_record;
 use checkpoint::CheckpointWriter;
 pub(crate) use checkpoint::difference;
+pub(crate) use denoise::denoised as denoised_film;
 use facts::Fact;
 pub(crate) use facts::dropped_samples;
 use film::{CpuRenderer, FilmRenderer};
@@ -46,16 +48,14 @@ pub(crate) use setup::{Choice, Setup, choose, decided, setup};
 /// A rendered picture or film.
 enum Output {
     Picture(canted_film::Picture),
-    Film(Film, Record),
+    /// A film, and its denoised picture.
+    Film(Film, Record, Option<canted_film::Picture>),
 }
 
 impl Output {
     fn write(&self, args: &Args) -> Result<()> {
         match self {
-            Self::Film(film, record) if film.part().is_some() || !film.guides().is_empty() => {
-                Ok(write_film(&args.output, &cropped(film, args.crop), args.samples.aovs(), record)?)
-            }
-            Self::Film(film, _) => write_picture(args, &cropped(film, args.crop).picture()),
+            Self::Film(film, record, denoised) => write(args, film, denoised.as_ref(), record),
             // A heat map is a diagram: its colors are not exposed.
             Self::Picture(picture) => write_encoded(args, picture),
         }
@@ -64,11 +64,22 @@ impl Output {
 
 /// Writes a film as it is so far.
 fn show(args: &Args, film: &Film) -> Result<()> {
-    let film = cropped(film, args.crop);
-    if film.guides().is_empty() {
-        return write_picture(args, &film.picture());
+    write(args, film, denoised(args, film)?.as_ref(), &Record::new())
+}
+
+/// The denoised picture of a film, if it is requested.
+fn denoised(args: &Args, film: &Film) -> Result<Option<canted_film::Picture>> {
+    args.samples.denoise.then(|| denoise::denoised(film, args.crop)).transpose()
+}
+
+/// Writes the part of a film that is shown, or its denoised picture, and the requested channels.
+fn write(args: &Args, film: &Film, denoised: Option<&canted_film::Picture>, record: &Record) -> Result<()> {
+    let (film, aovs) = (cropped(film, args.crop), args.samples.aovs());
+    let picture = denoised.map_or_else(|| Cow::Owned(film.picture()), Cow::Borrowed);
+    if film.part().is_some() || !aovs.is_empty() {
+        return Ok(write_film_as(&args.output, &picture, &film, aovs, record)?);
     }
-    Ok(write_film(&args.output, &film, args.samples.aovs(), &Record::new())?)
+    write_picture(args, &picture)
 }
 
 /// The part of a film that is shown.
@@ -102,7 +113,7 @@ impl Rendered {
     /// A warning about a picture that is nearly black; heat maps and parts of pictures may be.
     fn darkness(&self, args: &Args) -> Option<String> {
         match &self.output {
-            Output::Film(film, _) if film.part().is_none() => exposure::darkness(&cropped(film, args.crop)),
+            Output::Film(film, ..) if film.part().is_none() => exposure::darkness(&cropped(film, args.crop)),
             _ => None,
         }
     }
@@ -208,9 +219,11 @@ fn render<K: LaneKernel>(
     Ok(rendered)
 }
 
-/// Empty tiles for all that a crop does not show, so that they are not rendered.
-fn outside(crop: Option<[u32; 4]>, settings: &Settings) -> Vec<Tile> {
-    let Some([left, top, width, height]) = crop else { return Vec::new() };
+/// Empty tiles for all that a crop does not show and the filter does not read, so that they are not rendered.
+fn outside(args: &Args, settings: &Settings) -> Vec<Tile> {
+    let Some(crop) = args.crop else { return Vec::new() };
+    let [left, top, width, height] =
+        if args.samples.denoise { denoise::with_margin(crop, args.size) } else { crop };
     let tiling = settings.tiling();
     let is_shown = |number: usize| {
         let ([x, y], [columns, rows]) = (tiling.corner(number), tiling.size(number));
@@ -280,7 +293,7 @@ fn render_picture<K: LaneKernel>(
                 CheckpointWriter::open(path.clone(), interval, &checkpoint_record(&record, settings))?;
             (checkpoint, done) = (Some(opened), tiles);
         }
-        done.extend(outside(args.crop, settings));
+        done.extend(outside(args, settings));
         let (film, of_device) = film::render(renderer, args, settings, checkpoint.as_ref(), done)?;
         facts.extend(of_device);
         let of_film = facts::of_film(&film, settings, start.elapsed(), &facts);
@@ -288,7 +301,12 @@ fn render_picture<K: LaneKernel>(
         if let Some(warning) = facts::dropped_samples(&film) {
             output::warn(&warning);
         }
-        Output::Film(film, record)
+        let start = Instant::now();
+        let denoised = denoised(args, &film)?;
+        if denoised.is_some() {
+            facts.push(("denoise_seconds", json!(start.elapsed().as_secs_f64())));
+        }
+        Output::Film(film, record, denoised)
     };
     let trace_time = start.elapsed();
     facts.push(("trace_seconds", json!(trace_time.as_secs_f64())));

@@ -20,11 +20,12 @@ use clap::{
 use crate::{load, output, render, words::Words};
 
 /// Options about a run: its files, devices and reports.
-const RUN_OPTIONS: [&str; 21] = [
+const RUN_OPTIONS: [&str; 22] = [
     "scene",
     "output",
     "crop",
     "preview",
+    "denoise",
     "seconds",
     "format",
     "samples",

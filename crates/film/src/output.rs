@@ -12,7 +12,7 @@ use exr::prelude::{Blocks, Compression, Encoding, LineOrder};
 use crate::{FileError, Picture};
 pub(crate) use atomic_file::write_file;
 pub use atomic_file::{AtomicFile, Discarded, discard_unfinished};
-pub use film::{read_part, write_film};
+pub use film::{read_part, write_film, write_film_as};
 pub use format::{Format, encode, write_picture};
 pub use record::Record;
 pub(crate) use record::{record_from_lines, record_lines};

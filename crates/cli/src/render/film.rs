@@ -3,14 +3,14 @@
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Result, anyhow};
-use canted_film::{Film, Partial, Record, Tile, write_film};
+use canted_film::{Film, Partial, Tile};
 use canted_renderer::{Monitor, RenderError, Settings, Structure, Surfaces, resume_with};
 use canted_scene::Camera;
 use canted_wide::LaneKernel;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
-use super::{Args, checkpoint::CheckpointWriter, facts::Fact, outside, passes, write_picture};
+use super::{Args, checkpoint::CheckpointWriter, facts::Fact, outside, passes, show, write_picture};
 use crate::{interrupt, output};
 
 /// Renders films on one kind of device.
@@ -25,7 +25,7 @@ pub(super) trait FilmRenderer {
     ///
     /// # Errors
     /// The device renders no passes.
-    fn pass(&self, _settings: &Settings, _crop: Option<[u32; 4]>, _monitor: &Monitor) -> Result<Film> {
+    fn pass(&self, _settings: &Settings, _args: &Args, _monitor: &Monitor) -> Result<Film> {
         Err(anyhow!("--preview and --seconds require --device cpu"))
     }
 }
@@ -47,8 +47,8 @@ impl<K: LaneKernel> FilmRenderer for CpuRenderer<'_, K> {
         Ok(resume_with(self.surfaces, self.structure, self.camera, self.settings, done, monitor)?)
     }
 
-    fn pass(&self, settings: &Settings, crop: Option<[u32; 4]>, monitor: &Monitor) -> Result<Film> {
-        let done = outside(crop, settings);
+    fn pass(&self, settings: &Settings, args: &Args, monitor: &Monitor) -> Result<Film> {
+        let done = outside(args, settings);
         Ok(resume_with(self.surfaces, self.structure, self.camera, settings, done, monitor)?)
     }
 }
@@ -128,8 +128,12 @@ fn write_partial(args: &Args, partial: &Partial) -> Result<()> {
         return Ok(());
     }
     match partial.film() {
-        Some(film) => write_film(&args.output, &film, args.samples.aovs(), &Record::new())?,
-        None => write_picture(args, partial.picture())?,
+        Some(film) => show(args, &film)?,
+        None => {
+            let picture = partial.picture();
+            let shown = args.crop.map(|[x, y, width, height]| picture.cropped([x, y], [width, height]));
+            write_picture(args, shown.as_ref().unwrap_or(picture))?;
+        }
     }
     output::warn(&format!("{} contains {n_done} of {n_tiles} tiles; the others are black", args.output.display()));
     Ok(())

@@ -35,7 +35,7 @@ pub(super) fn render(
         bar.set_prefix(format!("samples {}..{} ", range[0], range[1]));
         let monitor = Monitor { progress: &progress, finished: &|_| {}, cancel: interrupt::cancel_flag() };
         let of_pass = Settings { part: Some(range), ..*settings };
-        let film = match renderer.pass(&of_pass, args.crop, &monitor) {
+        let film = match renderer.pass(&of_pass, args, &monitor) {
             Err(error) if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) => {
                 if let Some(part) = joined {
                     let film = whole(settings, part, n_rays)?;

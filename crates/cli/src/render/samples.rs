@@ -17,6 +17,9 @@ const DEFAULT_SAMPLES: u32 = 16;
 const PATTERNS: [(&str, Pattern); 3] =
     [("random", Pattern::Random), ("stratified", Pattern::Stratified), ("sobol", Pattern::Sobol)];
 
+/// The channels that guide the filter.
+const GUIDES: [Aov; 3] = [Aov::Albedo, Aov::ShadingNormal, Aov::Depth];
+
 /// Options of `canted render` about samples.
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = RENDERING)]
@@ -42,6 +45,9 @@ pub(crate) struct SampleArgs {
     /// Additional EXR channels: depth, normal, shading-normal, albedo, instance, primitive, tests, or all.
     #[arg(long, value_parser = aov, value_delimiter = ',', value_name = "LIST")]
     aovs: Vec<Aovs>,
+    /// Remove noise with a filter guided by albedo, normals and depth; other channels are not filtered.
+    #[arg(long)]
+    pub(super) denoise: bool,
     /// Checkpoint file: continue from it if it exists, update it while rendering, remove it when the picture is written.
     #[arg(long, value_name = "FILE")]
     pub(super) checkpoint: Option<PathBuf>,
@@ -58,6 +64,7 @@ impl SampleArgs {
             ("--aovs", !self.aovs.is_empty(), true),
             ("--noise", self.noise.is_some(), false),
             ("--checkpoint", self.checkpoint.is_some(), false),
+            ("--denoise", self.denoise, false),
             ("--preview", self.preview, false),
             ("--seconds", self.seconds.is_some(), false),
         ];
@@ -68,6 +75,11 @@ impl SampleArgs {
             if needs_exr && !is_exr {
                 return Err(anyhow!("{name} requires an .exr output"));
             }
+        }
+        if self.denoise && self.samples.is_some() {
+            return Err(anyhow!(
+                "--denoise and --samples cannot be used together; render the parts with --aovs albedo and use canted merge --denoise"
+            ));
         }
         Ok(())
     }
@@ -99,7 +111,7 @@ impl SampleArgs {
         self.preview || self.seconds.is_some()
     }
 
-    /// The additional channels.
+    /// The additional channels that are written.
     pub(super) fn aovs(&self) -> Aovs {
         self.aovs.iter().flat_map(|aovs| aovs.iter()).collect()
     }
@@ -134,6 +146,9 @@ impl SampleArgs {
         settings.part = self.samples;
         settings.noise = self.noise;
         settings.aovs = self.aovs();
+        if self.denoise {
+            settings.aovs = GUIDES.into_iter().fold(settings.aovs, Aovs::with);
+        }
         Ok(())
     }
 }

@@ -19,7 +19,7 @@ use exr::prelude::{
 };
 
 use super::{ENCODING, Record, canonical, record_from_lines, record_lines, write_file};
-use crate::{Aov, Aovs, Block, FileError, Film, Guide, Hash, Part, Pixel};
+use crate::{Aov, Aovs, Block, FileError, Film, Guide, Hash, Part, Picture, Pixel};
 
 /// Name of the attribute with the record, and of the lines that describe the film.
 const RECORD: &str = "canted";
@@ -39,9 +39,27 @@ const COUNTS: [&str; 3] = ["count.summed", "count.negative", "count.dropped"];
 /// # Errors
 /// [`FileError`] with the file and the reason.
 pub fn write_film(path: &Path, film: &Film, aovs: Aovs, record: &[(String, String)]) -> Result<(), FileError> {
+    write_film_as(path, &film.picture(), film, aovs, record)
+}
+
+/// [`write_film`] with another picture in R, G, B, such as the denoised one; AOVs and sums are those of the film.
+///
+/// # Errors
+/// [`FileError`] with the file and the reason.
+///
+/// # Panics
+/// If picture and film differ in size.
+pub fn write_film_as(
+    path: &Path,
+    picture: &Picture,
+    film: &Film,
+    aovs: Aovs,
+    record: &[(String, String)],
+) -> Result<(), FileError> {
+    assert_eq!([picture.width, picture.height], [film.width(), film.height()], "the picture of this film");
     let size = Vec2(film.width() as usize, film.height() as usize);
     let named = |name: &str| LayerAttributes { layer_name: Some(Text::from(name)), ..LayerAttributes::default() };
-    let picture = AnyChannels::sort(picture_channels(film, aovs).into_iter().collect());
+    let picture = AnyChannels::sort(picture_channels(picture, film, aovs).into_iter().collect());
     let mut layers = vec![Layer::new(size, named("picture"), ENCODING, picture)];
     if let Some(part) = film.part() {
         let numbers = numbers(part);
@@ -72,8 +90,7 @@ fn channel(name: &str, samples: FlatSamples) -> AnyChannel<FlatSamples> {
     AnyChannel::new(Text::from(name), samples)
 }
 
-fn picture_channels(film: &Film, aovs: Aovs) -> Vec<AnyChannel<FlatSamples>> {
-    let picture = film.picture();
+fn picture_channels(picture: &Picture, film: &Film, aovs: Aovs) -> Vec<AnyChannel<FlatSamples>> {
     let color = |k: usize| FlatSamples::F32(picture.pixels.iter().map(|pixel| canonical(pixel[k])).collect());
     let mut channels: Vec<_> = ["R", "G", "B"].iter().enumerate().map(|(k, name)| channel(name, color(k))).collect();
     for aov in aovs.iter() {

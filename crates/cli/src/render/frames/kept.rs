@@ -89,6 +89,7 @@ pub(super) fn shared(args: &Args, scene: &mut Scene, device: String) -> Result<R
         ("range of samples", format!("{:?}", settings.range())),
         ("noise", settings.noise.map_or_else(|| "none".to_owned(), |noise| noise.to_string())),
         ("list of channels", samples.aovs().to_string()),
+        ("use of --denoise", samples.denoise.to_string()),
         ("heat map", format!("{heatmap:?} {heatmap_scale}")),
         ("output format", format!("{format:?}")),
         ("crop", format!("{crop:?}")),
