@@ -142,7 +142,12 @@ fn features() -> Result<End> {
         let needs_math = features.iter().any(|feature| feature == "libm");
         let none = (!needs_math).then_some("");
         // Windows of other systems and their toolkit take minutes; `cargo clippy -p canted-cli --features view` checks it.
-        let features = features.iter().map(String::as_str).filter(|&feature| feature != "view");
+        let has_cpp = command::output("c++", &["--version"]).is_ok();
+        if !has_cpp && features.iter().any(|feature| feature == "meshopt") {
+            say(&format!("skipped {package}, meshopt: no C++ compiler"));
+        }
+        let features = features.iter().map(String::as_str);
+        let features = features.filter(|&feature| feature != "view" && (has_cpp || feature != "meshopt"));
         for feature in none.into_iter().chain(features) {
             say(&format!("{package}, {}", if feature.is_empty() { "no feature" } else { feature }));
             // Not its tests: what they depend on turns features on again.

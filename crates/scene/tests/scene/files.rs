@@ -40,14 +40,19 @@ fn rows(table: &str) -> Vec<Row<'_>> {
 
 /// What is wrong with the outcome of a row, if anything.
 fn disagreement(row: &Row) -> Option<String> {
+    // Without the feature, the textures are skipped, and the warning names it.
+    let (expected, words) = match row.file.starts_with("ktx2/") && !cfg!(feature = "ktx2") {
+        true => ("warn", "the feature 'ktx2'"),
+        false => (row.expected, row.words),
+    };
     let result = read(&folder().join(row.file));
     let (got, messages, counts) = match &result {
         Ok(scene) if scene.warnings.is_empty() => ("load", String::new(), counts(scene)),
         Ok(scene) => ("warn", scene.warnings.join("\n"), counts(scene)),
         Err(error) => ("error", error.to_string(), [0; 2]),
     };
-    let is_right = got == row.expected && messages.contains(row.words) && counts == [row.n_triangles, row.n_materials];
-    (!is_right).then(|| format!("{}: {} expected, got {got} {counts:?} {messages}", row.file, row.expected))
+    let is_right = got == expected && messages.contains(words) && counts == [row.n_triangles, row.n_materials];
+    (!is_right).then(|| format!("{}: {expected} expected, got {got} {counts:?} {messages}", row.file))
 }
 
 fn counts(scene: &Scene) -> [usize; 2] {
