@@ -57,6 +57,7 @@ fn entered(keys: vec4<u32>) -> u32 {
 
 /// The closest hit, or any hit; a miss if there is none.
 fn traverse(ray: Ray, any: bool) -> Hit {
+    is_done = false;
     best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
     var word = enter_top(ray);
     t_max = scaled_t(ray.t_max);
@@ -74,6 +75,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
         let is_back = word == EMPTY;
         if is_back && at.word == EMPTY {
             if !(HAS_INSTANCES && is_in_instance) {
+                is_done = true;
                 break;
             }
             // Leave the instance.
@@ -113,6 +115,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
             leaf(word);
             word = EMPTY;
             if any && best.primitive != NONE {
+                is_done = true;
                 break;
             }
         } else {
@@ -123,6 +126,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
             t_max = scaled_t(best.t);
         }
     }
+    is_incomplete = is_incomplete || !is_done;
     if best.primitive == NONE {
         return miss();
     }
@@ -142,6 +146,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
 
 /// The closest hit, or any hit; a miss if there is none.
 fn traverse(ray: Ray, any: bool) -> Hit {
+    is_done = false;
     best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
     var word = enter_top(ray);
     t_max = scaled_t(ray.t_max);
@@ -158,6 +163,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
         let is_back = word == EMPTY;
         if is_back && at.word == EMPTY {
             if !(HAS_INSTANCES && is_in_instance) {
+                is_done = true;
                 break;
             }
             // Leave the instance.
@@ -192,6 +198,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
             leaf(word);
             word = EMPTY;
             if any && best.primitive != NONE {
+                is_done = true;
                 break;
             }
         } else {
@@ -202,6 +209,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
             t_max = scaled_t(best.t);
         }
     }
+    is_incomplete = is_incomplete || !is_done;
     if best.primitive == NONE {
         return miss();
     }

@@ -5,10 +5,12 @@
 // use ?mask
 // use ?count
 // use shared/invocation/iterations
-// const MAX_ITERATIONS
 
 /// Whether traversal stopped after `MAX_ITERATIONS`. The result may then not be the closest hit, or may miss.
 var<private> is_incomplete: bool;
+
+/// Whether traversal came to its end. If not, the driver ended a loop early.
+var<private> is_done: bool;
 
 /// Best hit so far. `t` is in the caller's units, the primitive is numbered by its BVH.
 var<private> best: Hit;
@@ -29,12 +31,8 @@ fn consider(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, number: u32) {
     }
 }
 
-/// Whether the CPU hits a triangle with an edge near the ray, or may hit it: in an instance that moves, and where the iterations
-/// are used up.
+/// Whether the CPU hits a triangle with an edge near the ray, or may hit it, in an instance that moves.
 fn is_hit_exactly(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
-    if iterations >= MAX_ITERATIONS {
-        return true;
-    }
     if !is_exact {
         prepare_exact_shear(exact_ray());
         is_exact = true;

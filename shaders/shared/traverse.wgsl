@@ -29,6 +29,7 @@ fn occluded(ray: Ray) -> bool {
 
 /// The closest hit, or any hit; a miss if there is none.
 fn traverse(ray: Ray, any: bool) -> Hit {
+    is_done = false;
     best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
     var word = enter_top(ray);
     t_max = scaled_t(ray.t_max);
@@ -54,6 +55,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
                 t_max = scaled_t(best.t);
             }
             if n_entries == 0u {
+                is_done = true;
                 break;
             }
             entry = stack[n_entries - 1u];
@@ -103,6 +105,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
             leaf(word);
             word = EMPTY;
             if any && best.primitive != NONE {
+                is_done = true;
                 break;
             }
         } else {
@@ -112,6 +115,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
             t_max = scaled_t(best.t);
         }
     }
+    is_incomplete = is_incomplete || !is_done;
     if best.primitive == NONE {
         return miss();
     }

@@ -4,8 +4,7 @@
 // As in `canted_trace`'s watertight test the ray becomes the z axis: `x = a_x - s_x a_z` for a vertex `a` relative to the
 // origin. That test decides by exact signs, for which WGSL has no arithmetic. Here the signs are certain but within a bound of an
 // edge. A triangle that near is a hit for `intersect_triangle`, and shared/exact repeats the CPU's decision before the hit counts.
-// So hits are those of the CPU, with two exceptions where every triangle within the bound is hit: in an instance that moves, and if
-// all of the triangle is within the bound, as thousands of leaves of a forest are that is seen from 1e5 times their size. Let E = 2^-23
+// So hits are those of the CPU, except in an instance that moves, where every triangle within the bound is hit. Let E = 2^-23
 // bound one rounding and let M be the largest coordinate of the three `a`; all sheared coordinates are at most 2 M.
 //
 // *Coordinates.* `a` errs by E, `s` by 2.5 E, product and difference by E each: 7.5 E M. The CPU's vertices may err by 5 E M,
@@ -68,7 +67,7 @@ var<private> is_exact: bool;
 struct TriangleHit {
     t: f32,
     weights: vec3<f32>,
-    /// Whether the CPU decides: an edge is within the bound, but not the whole triangle.
+    /// Whether an edge is so near that the CPU may miss.
     is_near: bool,
 }
 
@@ -118,12 +117,9 @@ fn intersect_triangle(from_a: vec3<f32>, from_b: vec3<f32>, from_c: vec3<f32>) -
     let corners = array<vec3<f32>, 3>(sheared(from_a), sheared(from_b), sheared(from_c));
     var weights = inside(corners);
     let nearest = nearest_edge(corners);
-    let bound = 2.0 * shear_error(m) + EDGE_ROUNDING * m + TINY;
-    let may_touch = nearest.w <= bound;
-    let sizes = max(max(abs(corners[0].xy), abs(corners[1].xy)), abs(corners[2].xy));
-    let is_near = may_touch && max(sizes.x, sizes.y) > bound;
+    let is_near = nearest.w <= 2.0 * shear_error(m) + EDGE_ROUNDING * m + TINY;
     if weights.w < 0.0 {
-        if !may_touch {
+        if !is_near {
             return TriangleHit(-1.0, vec3<f32>(0.0), false);
         }
         weights = nearest;

@@ -222,8 +222,7 @@ fn render<K: LaneKernel>(
 /// Empty tiles for all that a crop does not show and the filter does not read, so that they are not rendered.
 fn outside(args: &Args, settings: &Settings) -> Vec<Tile> {
     let Some(crop) = args.crop else { return Vec::new() };
-    let [left, top, width, height] =
-        if args.samples.denoise { denoise::with_margin(crop, args.size) } else { crop };
+    let [left, top, width, height] = if args.samples.denoise { denoise::with_margin(crop, args.size) } else { crop };
     let tiling = settings.tiling();
     let is_shown = |number: usize| {
         let ([x, y], [columns, rows]) = (tiling.corner(number), tiling.size(number));

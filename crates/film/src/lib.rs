@@ -50,8 +50,8 @@ pub use hash::Hash;
 pub use heatmap::false_color;
 pub use input::read_picture;
 pub use output::{
-    AtomicFile, Discarded, Format, Record, discard_unfinished, encode, read_part, write_exr, write_film,
-    write_film_as, write_picture, write_png,
+    AtomicFile, Discarded, Format, Record, discard_unfinished, encode, read_part, write_exr, write_film, write_film_as,
+    write_picture, write_png,
 };
 pub use partial::Partial;
 pub use picture::Picture;

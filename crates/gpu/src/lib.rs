@@ -49,9 +49,8 @@
 //! # Guarantees
 //!
 //! * A ray hits the triangles that the CPU's watertight test hits, and no others: where single precision does not decide, integers
-//!   repeat the CPU's arithmetic. Additional hits, within [`HIT_ERROR`] of the ray, are those in an instance that moves, and of
-//!   triangles that are smaller than that bound. `t` is rounded, so the closest of two hits may be the other where they differ by
-//!   less than the bound.
+//!   repeat the CPU's arithmetic. In an instance that moves, additional hits lie within [`HIT_ERROR`] of the ray. `t` is rounded, so
+//!   the closest of two hits may be the other where they differ by less than the bound.
 //! * Morton codes, sort order and topology are the same integers as on the CPU; volumes enclose their primitives.
 //! * Work-groups exchange data between dispatches, or through atomic words that are both data and flag. No work-group waits for
 //!   another, and no subgroup size is assumed.

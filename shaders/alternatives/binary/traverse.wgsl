@@ -12,6 +12,7 @@ fn child_quad(link: u32) -> u32 {
 
 /// The closest hit, or any hit; a miss if there is none.
 fn traverse(ray: Ray, any: bool) -> Hit {
+    is_done = false;
     best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
     forget();
     var word = enter_top(ray);
@@ -30,6 +31,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
         if word == EMPTY {
             if link == 0u {
                 if !is_in_instance || !HAS_INSTANCES {
+                    is_done = true;
                     break;
                 }
                 // Leave the instance.
@@ -38,6 +40,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
                 enter_top(ray);
                 t_max = scaled_t(best.t);
                 if link == 0u {
+                    is_done = true;
                     break;
                 }
             }
@@ -67,6 +70,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
             leaf_triangle(word);
             word = EMPTY;
             if any && best.primitive != NONE {
+                is_done = true;
                 break;
             }
         } else {
@@ -77,6 +81,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
             t_max = scaled_t(best.t);
         }
     }
+    is_incomplete = is_incomplete || !is_done;
     if best.primitive == NONE {
         return miss();
     }

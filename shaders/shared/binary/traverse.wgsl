@@ -32,6 +32,7 @@ fn vertex_at(at: u32) -> vec3<f32> {
 
 /// The closest hit, or any hit; a miss if there is none.
 fn traverse(ray: Ray, any: bool) -> Hit {
+    is_done = false;
     best = Hit(ray.t_max, 0.0, 0.0, NONE, NONE);
     var word = enter_top(ray);
     t_max = scaled_t(ray.t_max);
@@ -56,6 +57,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
                 t_max = scaled_t(best.t);
             }
             if n_entries == 0u {
+                is_done = true;
                 break;
             }
             n_entries -= 1u;
@@ -79,6 +81,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
             leaf_triangle(word);
             word = EMPTY;
             if any && best.primitive != NONE {
+                is_done = true;
                 break;
             }
         } else {
@@ -88,6 +91,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
             t_max = scaled_t(best.t);
         }
     }
+    is_incomplete = is_incomplete || !is_done;
     if best.primitive == NONE {
         return miss();
     }
