@@ -43,15 +43,15 @@ mod tone;
 pub use checkpoint::Checkpoint;
 pub use compare::{CompareError, Comparison, REL_MSE_FLOOR, compare};
 pub use file_error::FileError;
-pub use film::{Aov, AovValues, Aovs, Block, Dyadic, Film, Guide, JoinError, Part, Pixel};
+pub use film::{Aov, AovValues, Aovs, Block, Dyadic, Film, FilmBuilder, Guide, JoinError, Part, Pixel};
 pub use filter::{Filter, FilterSampler};
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip, flip_hdr};
 pub use hash::Hash;
 pub use heatmap::false_color;
 pub use input::read_picture;
 pub use output::{
-    AtomicFile, Discarded, Format, Record, discard_unfinished, encode, read_part, write_exr, write_film,
-    write_film_as, write_picture, write_png,
+    AtomicFile, Discarded, Format, Record, discard_unfinished, encode, read_part, write_exr, write_film, write_film_as,
+    write_picture, write_png,
 };
 pub use partial::Partial;
 pub use picture::Picture;

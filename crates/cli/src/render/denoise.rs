@@ -21,7 +21,8 @@ pub(super) fn with_margin([left, top, width, height]: [u32; 4], size: [u32; 2]) 
 /// # Errors
 /// A film without guides.
 pub(crate) fn denoised(film: &Film, crop: Option<[u32; 4]>) -> Result<Picture> {
-    let noisy = Noisy::of_film(film).ok_or_else(|| anyhow!("the film has no albedo, normal and depth to guide the filter"))?;
+    let noisy =
+        Noisy::of_film(film).ok_or_else(|| anyhow!("the film has no albedo, normal and depth to guide the filter"))?;
     let config = Denoise::default();
     let Some(crop) = crop else { return Ok(denoise(noisy, &config)) };
     let [left, top, width, height] = with_margin(crop, [film.width(), film.height()]);

@@ -6,6 +6,8 @@ mod cast;
 mod checkpoint;
 mod command_line;
 mod compare;
+#[cfg(unix)]
+mod denoise;
 mod devices;
 mod environment;
 mod first_picture;

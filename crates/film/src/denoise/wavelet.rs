@@ -114,7 +114,13 @@ pub(super) fn slope(features: &[Feature], size: [usize; 2], [x, y]: [usize; 2]) 
         let before = at.checked_sub(1).map(|at| depth - features[index(at)].depth);
         let after = (at + 1 < n).then(|| features[index(at + 1)].depth - depth);
         match (before, after) {
-            (Some(a), Some(b)) => if a.abs() < b.abs() { a } else { b },
+            (Some(a), Some(b)) => {
+                if a.abs() < b.abs() {
+                    a
+                } else {
+                    b
+                }
+            }
             (a, b) => a.or(b).unwrap_or(0.0),
         }
     };
