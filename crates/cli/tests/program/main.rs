@@ -16,6 +16,8 @@ mod gpu;
 mod inputs;
 #[cfg(unix)]
 mod interrupted;
+#[cfg(target_os = "linux")]
+mod memory;
 mod noise;
 mod options;
 mod outputs;
