@@ -71,6 +71,7 @@ const SETTINGS: Settings = Settings {
     lod: canted_renderer::Lod::Aniso,
     energy_compensation: true,
     ao_radius: None,
+    means_only: false,
     tile: 32,
     part: None,
     noise: None,

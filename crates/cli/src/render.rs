@@ -49,22 +49,23 @@ pub(crate) use setup::{Choice, Setup, choose, decided, setup};
 enum Output {
     Picture(canted_film::Picture),
     /// A film, and its denoised picture.
-    Film(Film, Record, Option<canted_film::Picture>),
+    Film(Box<Film>, Record, Option<canted_film::Picture>),
 }
 
 impl Output {
-    fn write(&self, args: &Args) -> Result<()> {
+    fn write(self, args: &Args) -> Result<()> {
         match self {
-            Self::Film(film, record, denoised) => write(args, film, denoised.as_ref(), record),
+            Self::Film(film, record, denoised) => write(args, *film, denoised, &record),
             // A heat map is a diagram: its colors are not exposed.
-            Self::Picture(picture) => write_encoded(args, picture),
+            Self::Picture(picture) => write_encoded(args, &picture),
         }
     }
 }
 
 /// Writes a film as it is so far.
-fn show(args: &Args, film: &Film) -> Result<()> {
-    write(args, film, denoised(args, film)?.as_ref(), &Record::new())
+fn show(args: &Args, film: Film) -> Result<()> {
+    let denoised = denoised(args, &film)?;
+    write(args, film, denoised, &Record::new())
 }
 
 /// The denoised picture of a film, if it is requested.
@@ -73,13 +74,16 @@ fn denoised(args: &Args, film: &Film) -> Result<Option<canted_film::Picture>> {
 }
 
 /// Writes the part of a film that is shown, or its denoised picture, and the requested channels.
-fn write(args: &Args, film: &Film, denoised: Option<&canted_film::Picture>, record: &Record) -> Result<()> {
-    let (film, aovs) = (cropped(film, args.crop), args.samples.aovs());
-    let picture = denoised.map_or_else(|| Cow::Owned(film.picture()), Cow::Borrowed);
+///
+/// Takes the film, so that its memory is free before the file is encoded.
+fn write(args: &Args, film: Film, denoised: Option<canted_film::Picture>, record: &Record) -> Result<()> {
+    let film = if args.crop.is_some() { cropped(&film, args.crop).into_owned() } else { film };
+    let aovs = args.samples.aovs();
     if film.part().is_some() || !aovs.is_empty() {
+        let picture = denoised.unwrap_or_else(|| film.picture());
         return Ok(write_film_as(&args.output, &picture, &film, aovs, record)?);
     }
-    write_picture(args, &picture)
+    write_picture(args, denoised.unwrap_or_else(|| film.into_picture()))
 }
 
 /// The part of a film that is shown.
@@ -88,9 +92,9 @@ fn cropped(film: &Film, crop: Option<[u32; 4]>) -> Cow<'_, Film> {
 }
 
 /// Writes a picture with the look of the options.
-fn write_picture(args: &Args, picture: &canted_film::Picture) -> Result<()> {
+fn write_picture(args: &Args, picture: canted_film::Picture) -> Result<()> {
     let is_linear = args.format()?.is_linear();
-    if is_linear { write_encoded(args, picture) } else { write_encoded(args, &args.look.apply(picture)) }
+    write_encoded(args, &if is_linear { picture } else { args.look.apply(picture) })
 }
 
 fn write_encoded(args: &Args, picture: &canted_film::Picture) -> Result<()> {
@@ -249,7 +253,7 @@ fn render_picture<K: LaneKernel>(
     choice: Choice,
     mip_maps: &mut Option<MipMaps>,
 ) -> Result<Picture> {
-    let settings = args.settings()?;
+    let settings = Settings { means_only: args.samples.needs_means_only(), ..args.settings()? };
     let mut facts = facts::of_structure(scene, prepared);
     facts.extend(choice.default_light.map(|strength| ("default_light", json!(strength))));
     if args.heatmap.is_none() {
@@ -305,7 +309,7 @@ fn render_picture<K: LaneKernel>(
         if denoised.is_some() {
             facts.push(("denoise_seconds", json!(start.elapsed().as_secs_f64())));
         }
-        Output::Film(film, record, denoised)
+        Output::Film(Box::new(film), record, denoised)
     };
     let trace_time = start.elapsed();
     facts.push(("trace_seconds", json!(trace_time.as_secs_f64())));

@@ -10,8 +10,8 @@ use std::fmt;
 use std::fs;
 use std::path::Path;
 
-use crate::output::{Record, record_from_lines, record_lines, write_file};
-use crate::{FileError, Guide, Hash, Pixel, Tile};
+use crate::output::{Record, record_from_lines, record_lines};
+use crate::{AtomicFile, FileError, Guide, Hash, Pixel, Tile};
 
 const FORMAT: &str = "canted checkpoint 2\n";
 
@@ -49,9 +49,10 @@ impl Checkpoint {
     /// # Errors
     /// [`FileError`] with the file and the reason.
     pub fn write(&self, path: &Path) -> Result<(), FileError> {
-        let mut bytes = self.bytes.clone();
-        bytes.extend(checksum(&bytes).to_le_bytes());
-        write_file(path, &bytes)
+        let end = checksum(&self.bytes).to_le_bytes();
+        let mut file = AtomicFile::create(path)?;
+        file.write(|out| out.write_all(&self.bytes).and_then(|()| out.write_all(&end)))?;
+        file.finish()
     }
 
     /// Reads a checkpoint: its record and its tiles.

@@ -19,6 +19,9 @@ mod noisy;
 mod variance;
 mod wavelet;
 
+#[cfg(test)]
+mod tests;
+
 use rayon::prelude::*;
 
 use crate::Picture;
@@ -52,7 +55,7 @@ pub struct Denoise {
 
 impl Default for Denoise {
     fn default() -> Self {
-        Self { color: 4.0, normal: 0.2, depth: 1.0, albedo: 0.2 }
+        Self { color: 2.0, normal: 0.5, depth: 1.0, albedo: 0.4 }
     }
 }
 

@@ -43,7 +43,7 @@ mod tone;
 pub use checkpoint::Checkpoint;
 pub use compare::{CompareError, Comparison, REL_MSE_FLOOR, compare};
 pub use file_error::FileError;
-pub use film::{Aov, AovValues, Aovs, Block, Dyadic, Film, Guide, JoinError, Part, Pixel};
+pub use film::{Aov, AovValues, Aovs, Block, Dyadic, Film, FilmBuilder, Guide, JoinError, Part, Pixel};
 pub use filter::{Filter, FilterSampler};
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip, flip_hdr};
 pub use hash::Hash;

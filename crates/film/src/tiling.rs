@@ -2,14 +2,14 @@
 //!
 //! ```text
 //! reads   sums of the pixels of a cell; finished tiles in any order
-//! writes  tiles; a film
+//! writes  tiles
 //! holds   the film does not depend on the size of the tiles or on the order in which they finish
 //! ```
 
 use std::ops::{Add, Range};
 
 use crate::film::total;
-use crate::{Block, Dyadic, Film, Guide, Part, Pixel};
+use crate::{Block, Dyadic, Guide, Pixel};
 
 /// Pixels along the side of a cell: the pixels of a cell stop together, whatever the size of the tiles.
 pub const CELL: u32 = 8;
@@ -55,6 +55,7 @@ pub struct Tiling {
     /// The sample range of which each block is stored.
     part: Option<Range<u32>>,
     has_guides: bool,
+    means_only: bool,
 }
 
 impl Tiling {
@@ -67,7 +68,28 @@ impl Tiling {
         let side = side.clamp(1, 1 << 16).next_multiple_of(CELL);
         let n_sums = part.clone().map_or(1, |range| Block::of(range).len());
         let [columns, rows] = size.map(|n| n.div_ceil(side));
-        Self { size, side, columns, rows, n_sums, part, has_guides }
+        Self { size, side, columns, rows, n_sums, part, has_guides, means_only: false }
+    }
+
+    /// The same tiles of a film that keeps only the mean of each pixel: 12 bytes instead of 64.
+    ///
+    /// # Panics
+    /// If the film is a part of all samples or has AOVs, which are sums.
+    #[must_use]
+    pub fn means_only(self) -> Self {
+        assert!(self.part.is_none() && !self.has_guides, "parts and AOVs are sums");
+        Self { means_only: true, ..self }
+    }
+
+    /// Whether a film of these tiles keeps only means.
+    #[must_use]
+    pub fn keeps_means_only(&self) -> bool {
+        self.means_only
+    }
+
+    /// The sample range of which each block is stored.
+    pub(crate) fn part(&self) -> Option<Range<u32>> {
+        self.part.clone()
     }
 
     /// Width and height of the picture.
@@ -156,49 +178,6 @@ impl Tiling {
         let [width, height] = self.size(tile.number).map(|n| n as usize);
         let n = width * height * self.n_sums;
         tile.pixels.len() == n && tile.guides.len() == if self.has_guides { n } else { 0 }
-    }
-
-    /// Finished tiles by number, with `None` for those that are missing.
-    ///
-    /// # Errors
-    /// The number of a tile that does not belong to this picture.
-    pub fn slots(&self, finished: Vec<Tile>) -> Result<Vec<Option<Tile>>, usize> {
-        let mut slots = vec![None; self.n_tiles()];
-        for tile in finished {
-            if !self.fits(&tile) {
-                return Err(tile.number);
-            }
-            let number = tile.number;
-            slots[number] = Some(tile);
-        }
-        Ok(slots)
-    }
-
-    /// The film of `tiles`; pixels of missing tiles have no sample.
-    ///
-    /// # Panics
-    /// If a tile does not [fit](Self::fits).
-    #[must_use]
-    pub fn film(&self, tiles: &[Tile]) -> Film {
-        let [width, height] = self.size;
-        let n = width as usize * height as usize * self.n_sums;
-        let mut pixels = vec![Pixel::default(); n];
-        let mut guides = vec![Guide::default(); if self.has_guides { n } else { 0 }];
-        for tile in tiles {
-            let run = self.size(tile.number)[0] as usize * self.n_sums;
-            for (row, first) in self.rows(tile.number).enumerate() {
-                let (row, all) = (row * run..(row + 1) * run, first * self.n_sums..first * self.n_sums + run);
-                pixels[all.clone()].copy_from_slice(&tile.pixels[row.clone()]);
-                if self.has_guides {
-                    guides[all].copy_from_slice(&tile.guides[row]);
-                }
-            }
-        }
-        let n_rays = tiles.iter().map(|tile| tile.n_rays).sum();
-        match &self.part {
-            Some(range) => Film::of_part(width, height, Part::new(range.clone(), pixels, guides), n_rays),
-            None => Film::new(width, height, pixels, guides, n_rays),
-        }
     }
 
     /// The index in the picture of the first pixel of each row of a tile.

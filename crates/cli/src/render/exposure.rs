@@ -55,10 +55,10 @@ pub(super) fn darkness(film: &Film) -> Option<String> {
     const PART: f64 = 0.98;
     let guides = film.guides();
     let (mut n_seen, mut n_black) = (0_u64, 0_u64);
-    for (i, pixel) in film.pixels().iter().enumerate() {
+    for (i, color) in film.colors().enumerate() {
         if guides.get(i).is_none_or(|guide| guide.n_hits > 0) {
             n_seen += 1;
-            n_black += u64::from(luminance(pixel.mean()) < BLACK);
+            n_black += u64::from(luminance(color.map(f64::from)) < BLACK);
         }
     }
     #[expect(clippy::cast_precision_loss, reason = "pixels are fewer than 2^53")]

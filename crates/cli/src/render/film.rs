@@ -128,11 +128,11 @@ fn write_partial(args: &Args, partial: &Partial) -> Result<()> {
         return Ok(());
     }
     match partial.film() {
-        Some(film) => show(args, &film)?,
+        Some(film) => show(args, film)?,
         None => {
             let picture = partial.picture();
             let shown = args.crop.map(|[x, y, width, height]| picture.cropped([x, y], [width, height]));
-            write_picture(args, shown.as_ref().unwrap_or(picture))?;
+            write_picture(args, shown.unwrap_or_else(|| picture.clone()))?;
         }
     }
     output::warn(&format!("{} contains {n_done} of {n_tiles} tiles; the others are black", args.output.display()));

@@ -61,7 +61,7 @@ impl LookArgs {
     }
 
     /// The picture as it is encoded.
-    pub(crate) fn apply(&self, picture: &Picture) -> Picture {
+    pub(crate) fn apply(&self, picture: Picture) -> Picture {
         let stops = match self.exposure {
             None => 0.0,
             Some(Exposure::Stops(stops)) => stops,
@@ -71,7 +71,7 @@ impl LookArgs {
                 stops
             }
         };
-        let exposed = if stops == 0.0 { picture.clone() } else { picture.exposed(stops) };
+        let exposed = if stops == 0.0 { picture } else { picture.exposed(stops) };
         if self.tone_map == ToneMap::None { exposed } else { exposed.tone_mapped(self.tone_map) }
     }
 }

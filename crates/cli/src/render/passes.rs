@@ -39,7 +39,7 @@ pub(super) fn render(
             Err(error) if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) => {
                 if let Some(part) = joined {
                     let film = whole(settings, part, n_rays)?;
-                    show(args, &film)?;
+                    show(args, film)?;
                     output::warn(&format!("the picture has {n_done} of {} samples per pixel", settings.samples));
                 }
                 return Err(error);
@@ -53,7 +53,7 @@ pub(super) fn render(
         let elapsed = start.elapsed();
         n_next = next(n_done, settings.samples, elapsed, budget);
         if args.samples.preview && n_next > 0 && !args.is_stream() {
-            show(args, &whole(settings, part.clone(), n_rays)?)?;
+            show(args, whole(settings, part.clone(), n_rays)?)?;
         }
         joined = Some(part);
     }

@@ -116,6 +116,11 @@ impl SampleArgs {
         self.aovs.iter().flat_map(|aovs| aovs.iter()).collect()
     }
 
+    /// Whether the output needs no sums of samples, only their means.
+    pub(super) fn needs_means_only(&self) -> bool {
+        !self.has_passes()
+    }
+
     /// Sets the settings about samples.
     pub(super) fn apply(&self, settings: &mut Settings) -> Result<()> {
         // Both need samples that do not depend on the total number.

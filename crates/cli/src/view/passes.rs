@@ -219,7 +219,7 @@ fn settings(args: &Args, options: &Options) -> Result<Settings> {
 fn shown(film: &Film, args: &Args, options: &Options) -> Picture {
     match options.aov {
         Some(aov) => channel::picture(film, aov),
-        None => args.look.apply(&film.picture()),
+        None => args.look.apply(film.picture()),
     }
 }
 

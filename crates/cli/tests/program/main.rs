@@ -6,6 +6,8 @@ mod cast;
 mod checkpoint;
 mod command_line;
 mod compare;
+#[cfg(unix)]
+mod denoise;
 mod devices;
 mod environment;
 mod first_picture;
@@ -14,6 +16,8 @@ mod gpu;
 mod inputs;
 #[cfg(unix)]
 mod interrupted;
+#[cfg(target_os = "linux")]
+mod memory;
 mod noise;
 mod options;
 mod outputs;

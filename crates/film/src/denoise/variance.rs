@@ -42,7 +42,7 @@ fn at(light: &[Light], features: &[Feature], size: [usize; 2], [x, y]: [usize; 2
         }
     }
     if weights > 0.0 {
-        return sum / weights;
+        return (sum / weights).max(own);
     }
     let of_channel = |k: usize| (moments[1][k] / n - (moments[0][k] / n).powi(2)).max(0.0);
     (0..3).map(of_channel).sum::<f32>() / 3.0

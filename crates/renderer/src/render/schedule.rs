@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use canted_film::{Film, Tile, Tiling};
+use canted_film::{Film, FilmBuilder, Tile, Tiling};
 
 use super::RenderTiles;
 use crate::{Monitor, RenderError};
@@ -32,7 +32,7 @@ pub(crate) struct Schedule<'a> {
 }
 
 struct State {
-    slots: Vec<Option<Tile>>,
+    film: FilmBuilder,
     /// Whether the CPU, and whether the GPU, has started each tile.
     started: Vec<[bool; 2]>,
     /// Tiles that nobody has started, in order.
@@ -45,12 +45,23 @@ struct State {
 impl<'a> Schedule<'a> {
     /// All tiles that are not in `done`.
     pub(crate) fn new(tiling: Tiling, done: Vec<Tile>, monitor: &'a Monitor<'a>) -> Result<Self, RenderError> {
-        let slots = tiling.slots(done).map_err(|number| RenderError::Tile { number })?;
-        let is_done = slots.iter().map(|slot| AtomicBool::new(slot.is_some())).collect();
-        let waiting: VecDeque<usize> = (0..slots.len()).filter(|&number| slots[number].is_none()).collect();
-        let n_done = slots.len() - waiting.len();
-        let started = vec![[false; 2]; slots.len()];
-        let state = Mutex::new(State { slots, started, waiting, n_done, n_by_device: 0 });
+        let n_tiles = tiling.n_tiles();
+        let mut film = FilmBuilder::new(tiling.clone());
+        let mut is_done = vec![false; n_tiles];
+        for tile in done {
+            if !tiling.fits(&tile) {
+                return Err(RenderError::Tile { number: tile.number });
+            }
+            // A tile that was written twice counts once.
+            if !std::mem::replace(&mut is_done[tile.number], true) {
+                film.add(&tile);
+            }
+        }
+        let waiting: VecDeque<usize> = (0..n_tiles).filter(|&number| !is_done[number]).collect();
+        let n_done = n_tiles - waiting.len();
+        let started = vec![[false; 2]; n_tiles];
+        let state = Mutex::new(State { film, started, waiting, n_done, n_by_device: 0 });
+        let is_done = is_done.into_iter().map(AtomicBool::new).collect();
         Ok(Self { tiling, monitor, is_done, state })
     }
 
@@ -73,7 +84,7 @@ impl<'a> Schedule<'a> {
     /// The next tile for a CPU thread; `None` if none is left.
     fn next_for_cpu(&self) -> Option<usize> {
         let mut state = self.state();
-        let number = state.waiting.pop_front().or_else(|| state.started_only_by(Worker::Device).next())?;
+        let number = state.waiting.pop_front().or_else(|| self.started_only_by(&state, Worker::Device).next())?;
         state.started[number][Worker::Cpu as usize] = true;
         Some(number)
     }
@@ -83,7 +94,7 @@ impl<'a> Schedule<'a> {
         let mut state = self.state();
         let mut offered: Vec<usize> = state.waiting.iter().rev().take(MAX_OFFERED).copied().collect();
         if offered.is_empty() {
-            offered = state.started_only_by(Worker::Cpu).collect();
+            offered = self.started_only_by(&state, Worker::Cpu).collect();
         } else {
             offered.truncate(count(&offered));
             let n_left = state.waiting.len() - offered.len();
@@ -112,34 +123,34 @@ impl<'a> Schedule<'a> {
         }
         (self.monitor.finished)(&tile);
         let mut state = self.state();
-        state.slots[number] = Some(tile);
+        state.film.add(&tile);
         state.n_done += 1;
         state.n_by_device += usize::from(worker == Worker::Device);
-        let (n_done, n_tiles) = (state.n_done, state.slots.len());
+        let (n_done, n_tiles) = (state.n_done, self.is_done.len());
         drop(state);
         (self.monitor.progress)(n_done, n_tiles);
     }
 
     /// The film, and the number of tiles that the GPU rendered.
     pub(crate) fn into_film(self) -> Result<(Film, usize), RenderError> {
-        let State { slots, n_by_device, .. } = self.state.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let tiles = slots.into_iter().collect::<Option<Vec<Tile>>>().ok_or(RenderError::Cancelled)?;
-        Ok((self.tiling.film(&tiles), n_by_device))
+        let State { film, n_done, n_by_device, .. } = self.state.into_inner().unwrap_or_else(PoisonError::into_inner);
+        if n_done < self.is_done.len() {
+            return Err(RenderError::Cancelled);
+        }
+        Ok((film.film(), n_by_device))
+    }
+
+    /// Unfinished tiles that only `worker` has started.
+    fn started_only_by<'s>(&'s self, state: &'s State, worker: Worker) -> impl Iterator<Item = usize> + 's {
+        let is_left = move |&number: &usize| {
+            let started = state.started[number];
+            started[worker as usize] && !started[1 - worker as usize] && !self.is_done[number].load(Ordering::Relaxed)
+        };
+        (0..self.is_done.len()).filter(is_left)
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl State {
-    /// Unfinished tiles that only `worker` has started.
-    fn started_only_by(&self, worker: Worker) -> impl Iterator<Item = usize> + '_ {
-        let is_left = move |&number: &usize| {
-            let started = self.started[number];
-            started[worker as usize] && !started[1 - worker as usize] && self.slots[number].is_none()
-        };
-        (0..self.slots.len()).filter(is_left)
     }
 }
 
