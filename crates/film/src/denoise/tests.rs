@@ -102,8 +102,8 @@ fn a_picture_without_noise_stays_within_the_bound() {
     let after = denoise(before.clone(), &Denoise::default());
     for (i, (color, light)) in after.pixels.iter().zip(&light).enumerate() {
         let brightest = light.color.into_iter().fold(0.0, f32::max);
-        for k in 0..3 {
-            let change = (color[k] / before.features[i].scale(k) - light.color[k]).abs();
+        for (k, (channel, exact)) in color.iter().zip(light.color).enumerate() {
+            let change = (channel / before.features[i].scale(k) - exact).abs();
             assert!(change <= 4e-5 * brightest, "pixel {i}: {change} of {brightest}");
         }
     }
