@@ -10,7 +10,9 @@ const PNG: [u8; 4] = [1, 2, 3, 4];
 fn file(texture: Value, image: &[u8]) -> File {
     let mut file = File::of_nodes(json!([{ "mesh": 0 }]));
     file.json["materials"] = json!([{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }]);
+    let uvs = file.reals("VEC2", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
     file.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+    file.json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = json!(uvs);
     let png = crate::read::image::tests::encoded(image::ImageFormat::Png);
     let (special, plain) = (file.view(image), file.view(&png));
     file.json["images"] =
