@@ -66,12 +66,21 @@ fn may_be_infinite(fun: MathFunction) -> bool {
     )
 }
 
+/// Whether an operator exists for integers alone.
+fn is_of_integers(op: BinaryOperator) -> bool {
+    use BinaryOperator as B;
+    matches!(op, B::And | B::ExclusiveOr | B::InclusiveOr | B::ShiftLeft | B::ShiftRight)
+}
+
 /// Whether an operand is an integer, as far as its form shows.
 fn is_integer(function: &Function, operand: naga::Handle<Expression>) -> bool {
     match &function.expressions[operand] {
         Expression::Literal(literal) => !matches!(literal, Literal::F32(_) | Literal::AbstractFloat(_)),
         Expression::As { kind, .. } => matches!(kind, naga::ScalarKind::Uint | naga::ScalarKind::Sint),
-        Expression::Binary { left, .. } => is_integer(function, *left),
+        Expression::Binary { op, left, right } => {
+            // Both operands have the same kind of number.
+            is_of_integers(*op) || is_integer(function, *left) || is_integer(function, *right)
+        }
         Expression::ArrayLength(_) => true,
         _ => false,
     }
