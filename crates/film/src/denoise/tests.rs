@@ -102,8 +102,8 @@ fn a_picture_without_noise_stays_within_the_bound() {
     let after = denoise(before.clone(), &Denoise::default());
     for (i, (color, light)) in after.pixels.iter().zip(&light).enumerate() {
         let brightest = light.color.into_iter().fold(0.0, f32::max);
-        for k in 0..3 {
-            let change = (color[k] / before.features[i].scale(k) - light.color[k]).abs();
+        for (k, x) in color.iter().enumerate() {
+            let change = (x / before.features[i].scale(k) - light.color[k]).abs();
             assert!(change <= 4e-5 * brightest, "pixel {i}: {change} of {brightest}");
         }
     }
@@ -122,8 +122,8 @@ fn a_white_furnace_stays_white() {
     );
     let features = furnace.features.clone();
     for (color, feature) in denoise(furnace, &Denoise::default()).pixels.iter().zip(&features) {
-        for k in 0..3 {
-            assert!((color[k] / feature.scale(k) - 1.0).abs() < 1e-5, "{color:?}");
+        for (k, x) in color.iter().enumerate() {
+            assert!((x / feature.scale(k) - 1.0).abs() < 1e-5, "{color:?}");
         }
     }
 }
