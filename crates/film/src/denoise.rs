@@ -9,7 +9,7 @@
 //!         color weight and its propagation from level to level are those of Schied et al. 2017 (SVGF)
 //! ```
 //!
-//! Departures from the sources, each measured in `benches/TRIED.md`: color weights compare all three channels, because equal
+//! Departures from the sources: color weights compare all three channels, because equal
 //! luminance may hide an edge; normals are compared by distance, because means of unit vectors are shorter at edges; there
 //! is no history of earlier frames.
 //!

@@ -39,12 +39,15 @@ fn rms(picture: &Picture, expected: impl Fn(usize) -> f32) -> f64 {
     (squares.sum::<f64>() / f64::from(SIDE * SIDE)).sqrt()
 }
 
+/// The error of noise on surfaces with these features; without a filter it is 0.577, the standard deviation.
+fn error_on(feature: impl Fn(u32, u32, usize) -> Feature) -> f64 {
+    rms(&denoise(noisy(|_, _, i| noise(1.0, i), feature), &Denoise::default()), |_| 1.0)
+}
+
+/// It falls to 0.23 of it.
 #[test]
 fn noise_on_a_wall_falls_to_a_quarter() {
-    let before = noisy(|_, _, i| noise(1.0, i), wall);
-    let picture = denoise(before, &Denoise::default());
-    // The noise has a standard deviation of 0.577.
-    let error = rms(&picture, |_| 1.0);
+    let error = error_on(wall);
     assert!(error < 0.577 / 4.0, "{error}");
 }
 
@@ -87,9 +90,8 @@ fn an_inclined_wall_is_filtered_like_one_that_faces_the_camera() {
         let depth = 3.0 + 0.1 * x as f32;
         Feature { normal: [0.6, 0.0, 0.8], depth, ..wall(0, 0, 0) }
     };
-    let error = rms(&denoise(noisy(|_, _, i| noise(1.0, i), inclined), &Denoise::default()), |_| 1.0);
-    // 0.131 on a wall that faces the camera, 0.147 here.
-    assert!(error < 1.2 * 0.577 / 4.0, "{error}");
+    let [inclined, facing] = [error_on(inclined), error_on(wall)];
+    assert!(inclined < 1.25 * facing, "{inclined}, {facing}");
 }
 
 /// A tap changes a channel by at most `√3 t / e` times the ratio of its weight and that of the center, where `t` is
@@ -103,8 +105,8 @@ fn a_picture_without_noise_stays_within_the_bound() {
     let after = denoise(before.clone(), &Denoise::default());
     for (i, (color, light)) in after.pixels.iter().zip(&light).enumerate() {
         let brightest = light.color.into_iter().fold(0.0, f32::max);
-        for (k, (channel, exact)) in color.iter().zip(light.color).enumerate() {
-            let change = (channel / before.features[i].scale(k) - exact).abs();
+        for (k, x) in color.iter().enumerate() {
+            let change = (x / before.features[i].scale(k) - light.color[k]).abs();
             assert!(change <= 4e-5 * brightest, "pixel {i}: {change} of {brightest}");
         }
     }
@@ -123,8 +125,8 @@ fn a_white_furnace_stays_white() {
     );
     let features = furnace.features.clone();
     for (color, feature) in denoise(furnace, &Denoise::default()).pixels.iter().zip(&features) {
-        for k in 0..3 {
-            assert!((color[k] / feature.scale(k) - 1.0).abs() < 1e-5, "{color:?}");
+        for (k, x) in color.iter().enumerate() {
+            assert!((x / feature.scale(k) - 1.0).abs() < 1e-5, "{color:?}");
         }
     }
 }
@@ -151,11 +153,11 @@ fn bad_values_stay_where_they_are() {
         assert!(color.iter().all(|x| x.is_finite()), "pixel {i}: {color:?}");
     }
     assert_eq!(picture.pixels[at(30, 10)], [0.0; 3], "a pixel without samples is black");
-    // Elsewhere the wall is as gray as before.
-    let scale = wall(0, 0, 0).scale(0);
-    let block = (72..96).flat_map(|y| (72..96).map(move |x| at(x, y)));
-    let sum: f32 = block.map(|i| picture.pixels[i][0] / scale).sum();
-    assert!((sum / (24.0 * 24.0) - 1.0).abs() < 0.1, "{sum}");
+    // Out of reach nothing changes.
+    let first = at(0, 11 + REACH as usize);
+    let without = denoise(noisy(|_, _, i| noise(1.0, i), wall), &Denoise::default());
+    assert!(picture.pixels[..first] != without.pixels[..first]);
+    assert_eq!(picture.pixels[first..], without.pixels[first..]);
 }
 
 #[test]
