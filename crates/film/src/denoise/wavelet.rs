@@ -107,7 +107,8 @@ pub(super) fn distance(p: &Feature, q: &Feature, slope: [f32; 2], offset: [isize
     normal + albedo + depth
 }
 
-/// Change of the depth from a pixel to the next one, by column and by row: the lesser of the differences to both sides, which does not cross a silhouette.
+/// Change of the depth from a pixel to the next one, by column and by row: the lesser of the differences to both sides, which does
+/// not cross a silhouette.
 pub(super) fn slope(features: &[Feature], size: [usize; 2], [x, y]: [usize; 2]) -> [f32; 2] {
     let depth = features[y * size[0] + x].depth;
     let along = |at: usize, n: usize, index: &dyn Fn(usize) -> usize| {
