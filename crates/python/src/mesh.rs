@@ -12,8 +12,12 @@ use pyo3::prelude::*;
 use crate::error::invalid;
 
 /// Values of `preset`.
-pub(crate) const PRESETS: [(&str, Preset); 4] =
-    [("dynamic", Preset::Dynamic), ("fast", Preset::Fast), ("balanced", Preset::Balanced), ("quality", Preset::Quality)];
+pub(crate) const PRESETS: [(&str, Preset); 4] = [
+    ("dynamic", Preset::Dynamic),
+    ("fast", Preset::Fast),
+    ("balanced", Preset::Balanced),
+    ("quality", Preset::Quality),
+];
 
 /// A triangle test, by its name in the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -181,7 +181,8 @@ fn index_and_matrix(i: usize, instance: &Bound<'_, PyAny>, n_meshes: usize) -> P
     };
     let number: i64 = index.extract().map_err(|_| invalid(format!("instance {i} has an index that is no integer")))?;
     let index = usize::try_from(number).ok().filter(|&index| index < n_meshes);
-    let index = index.ok_or_else(|| invalid(format!("instance {i} has BVH {number}, but the list bvhs has {n_meshes}")))?;
+    let index =
+        index.ok_or_else(|| invalid(format!("instance {i} has BVH {number}, but the list bvhs has {n_meshes}")))?;
     let [x, y, z, last] = matrix(rows, &format!("the matrix of instance {i}"))?;
     if last != [0.0, 0.0, 0.0, 1.0] {
         return Err(invalid(format!("the matrix of instance {i} has the last row {last:?}, not 0, 0, 0, 1")));
