@@ -104,7 +104,8 @@ mod decoder {
                 return Err(format!("{count} indices are no triangles"));
             }
             // Rounded up to whole blocks of 256 elements.
-            if (count as u64).div_ceil(256) * 256 > self.length.saturating_mul(max_per_byte.max(4)).saturating_add(256)
+            if (count as u64).div_ceil(256).saturating_mul(256)
+                > self.length.saturating_mul(max_per_byte.max(4)).saturating_add(256)
             {
                 return Err(format!("{count} elements from {} bytes", self.length));
             }
