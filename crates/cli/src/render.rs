@@ -22,6 +22,8 @@ use std::{
 
 use anyhow::{Result, anyhow};
 use canted_film::{Film, Format, Record, Tile, encode, write_film_as};
+#[cfg(feature = "gpu")]
+use canted_renderer::DeviceFrames;
 use canted_renderer::{FirstHit, MipMaps, Prepared, Settings, Surfaces, heatmap};
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
@@ -218,7 +220,8 @@ fn render<K: LaneKernel>(
 ) -> Result<Rendered> {
     let mut args = args.clone();
     let Setup { prepared, camera, choice } = setup::<K>(scene, &mut args, source)?;
-    let mut rendered = render_picture(scene, &args, machine, &prepared, &camera, choice, &mut None)?.rendered;
+    let mut last = LastFrame::default();
+    let mut rendered = render_picture(scene, &args, machine, &prepared, &camera, choice, &mut last)?.rendered;
     rendered.facts.push(("load_seconds", json!(load_time.as_secs_f64())));
     Ok(rendered)
 }
@@ -242,7 +245,16 @@ struct Picture {
     trace_time: Duration,
 }
 
-/// Renders a scene that is ready, with the mip maps of the frame before, if there is one; leaves those of this frame.
+/// What the picture of a frame leaves for the next one.
+#[derive(Default)]
+struct LastFrame {
+    mip_maps: Option<MipMaps>,
+    /// Only in a sequence.
+    #[cfg(feature = "gpu")]
+    device: Option<DeviceFrames>,
+}
+
+/// Renders a scene that is ready, with what the frame before left, if there is one; leaves the same of this frame.
 #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "the CPU is the only machine"))]
 fn render_picture<K: LaneKernel>(
     scene: &Scene,
@@ -251,7 +263,7 @@ fn render_picture<K: LaneKernel>(
     prepared: &Prepared<K>,
     camera: &Camera,
     choice: Choice,
-    mip_maps: &mut Option<MipMaps>,
+    last: &mut LastFrame,
 ) -> Result<Picture> {
     let settings = Settings { means_only: args.samples.needs_means_only(), ..args.settings()? };
     let mut facts = facts::of_structure(scene, prepared);
@@ -270,14 +282,14 @@ fn render_picture<K: LaneKernel>(
         Output::Picture(map.picture)
     } else {
         let (structure, settings) = (&prepared.structure, &settings);
-        let surfaces = match &mip_maps {
+        let surfaces = match &last.mip_maps {
             Some(known) => Surfaces::with_mip_maps(scene, settings.lod, known),
             None => Surfaces::with_lod(scene, settings.lod),
         };
-        *mip_maps = Some(surfaces.mip_maps());
+        last.mip_maps = Some(surfaces.mip_maps());
         #[cfg(feature = "gpu")]
         let on_gpu = match machine.has_gpu() {
-            true => gpu::GpuRenderer::new(machine, args, &surfaces, structure, camera, settings)?,
+            true => gpu::GpuRenderer::new(machine, args, &surfaces, structure, camera, settings, last.device.as_mut())?,
             false => None,
         };
         #[cfg(not(feature = "gpu"))]

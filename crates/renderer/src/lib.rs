@@ -63,7 +63,10 @@ pub use bsdf::{Bsdf, BsdfSample, Evaluation};
 pub use camera::{CameraError, View};
 pub use content::{geometry_hash, light_hash, material_hash, scene_hash};
 #[cfg(feature = "gpu")]
-pub use device::{DeviceError, DevicePicture, GBuffer, SharedFilm, SurfaceInfo, traced_scene};
+pub use device::{
+    DeviceError, DeviceFrames, DevicePicture, DeviceUpdates, GBuffer, SharedFilm, SurfaceInfo, Traced, traced_frame,
+    traced_scene,
+};
 pub use error::PrepareError;
 pub use framing::{frame, frame_up};
 pub use heatmap::{Heatmap, Measure, heatmap};

@@ -1,11 +1,10 @@
 //! Pictures rendered by a GPU, alone or together with the CPU.
 
 use canted_film::{Aov, Film, Filter, Tile};
-use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, TracedScene};
+use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
 use canted_scene::Camera;
 use canted_wide::LaneKernel;
 
-use super::DeviceError;
 use super::collector::{self, SampleCollector};
 use super::dispatcher::SampleDispatcher;
 use super::environment::DeviceSky;
@@ -13,8 +12,9 @@ use super::kernels::{LightKernels, RenderKernels};
 use super::lights::{SampledLights, bounded};
 use super::picture::{self, PackedPicture};
 use super::scene::PackedScene;
-use super::traced::traced_scene;
+use super::traced::{Traced, traced_frame, traced_scene};
 use super::wavefront::WavefrontKernels;
+use super::{DeviceError, DeviceFrames};
 use crate::render::{RenderTiles, Rendering, Schedule, Worker};
 use crate::{Integrator, Lights, Monitor, Pattern, Settings, Structure, Surfaces};
 
@@ -38,7 +38,7 @@ pub struct DevicePicture<'a, K: LaneKernel> {
     pub(super) settings: &'a Settings,
     /// The same picture on the CPU.
     pub(super) cpu: Rendering<'a, Structure<K>>,
-    traced: TracedScene,
+    traced: Traced<'a>,
     pub(super) packed: PackedScene,
     sky: DeviceSky,
     /// The lights that the path integrator samples.
@@ -64,11 +64,41 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         camera: &Camera,
         settings: &'a Settings,
     ) -> Result<Self, DeviceError> {
+        Self::made(gpu, surfaces, structure, camera, settings, None)
+    }
+
+    /// [`Self::new`] for a frame of a sequence: uploads what changed since the last one, which must be dropped before. Where the device
+    /// builds the acceleration structure, it updates that of the last frame.
+    ///
+    /// # Errors
+    /// As for [`Self::new`].
+    pub fn in_frame(
+        gpu: &'a Gpu,
+        surfaces: &'a Surfaces<'a>,
+        structure: &'a Structure<K>,
+        camera: &Camera,
+        settings: &'a Settings,
+        frames: &'a mut DeviceFrames,
+    ) -> Result<Self, DeviceError> {
+        Self::made(gpu, surfaces, structure, camera, settings, Some(frames))
+    }
+
+    fn made(
+        gpu: &'a Gpu,
+        surfaces: &'a Surfaces<'a>,
+        structure: &'a Structure<K>,
+        camera: &Camera,
+        settings: &'a Settings,
+        frames: Option<&'a mut DeviceFrames>,
+    ) -> Result<Self, DeviceError> {
         let scene = surfaces.scene();
         let cpu = Rendering::new(scene, structure, surfaces, camera, settings)?;
         collector::check_size(settings)?;
         check_supported(settings)?;
-        let traced = traced_scene(gpu, scene, structure)?;
+        let traced = match frames {
+            Some(frames) => traced_frame(gpu, scene, structure, frames)?,
+            None => Traced::Own(traced_scene(gpu, scene, structure)?),
+        };
         // AOVs show the materials of the path integrator.
         let materials = if settings.aovs.is_empty() { settings.integrator } else { Integrator::Path };
         let is_flat = matches!(structure, Structure::One(_));
@@ -80,7 +110,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         let facts = PackedPicture { ambient, slack: packed.slack, ..facts };
         let filter_table = match settings.filter {
             Filter::Box(_) => None,
-            _ => Some(gpu.buffer("filter", &filter.table())?),
+            _ => Some(gpu.read_only("filter", &filter.table())?),
         };
         let time = if scene.has_motion() { "shared/time/shutter" } else { "shared/time/still" };
         let shared = |count: &str| {
