@@ -83,7 +83,7 @@ fn uploaded(gpu: &Gpu, bvhs: &[(RawBvh<'_>, HitError)], level: Level, depth: u32
     let mut start = Start::default();
     let headers = bvhs.iter().map(|(words, error)| {
         let header = BvhHeader::new(words, start, *error);
-        start = start.after(room(gpu, words.nodes), room(gpu, words.blocks));
+        start = start.after(room(gpu, &words.nodes), room(gpu, words.blocks));
         header
     });
     let headers: Vec<BvhHeader> = headers.collect();
