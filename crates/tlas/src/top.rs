@@ -16,7 +16,7 @@ mod wide;
 use canted_lbvh::{self as lbvh, VolumeConfig};
 use canted_obb::Aabb;
 use canted_trace::{InstanceId, Query, ReferencePoint, ScaledRay};
-use canted_wide::{Config, MAX_PRIMITIVES, SimdPath};
+use canted_wide::{Config, MAX_PRIMITIVES, SimdPath, Stack};
 
 use crate::InstanceError;
 use crate::placement::Bounds;
@@ -117,12 +117,17 @@ impl Top {
         &self,
         ray: &ScaledRay,
         query: &mut Q,
+        stack: &mut Stack,
         mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
     ) {
         let mut ray = self.reference.moved_ray(ray);
+        // Almost all scenes have one class.
+        if let [class] = &self.classes[..] {
+            return class.traverse::<Q, ORDERED>(&ray, query, stack, enter);
+        }
         for class in &self.classes {
             let mut t_max = ray.t_max;
-            class.traverse::<Q, ORDERED>(&ray, query, |instance, limit, query| {
+            class.traverse::<Q, ORDERED>(&ray, query, stack, |instance, limit, query| {
                 t_max = enter(instance, limit, query);
                 t_max
             });

@@ -144,4 +144,6 @@ pub use raw::RawBvh;
 pub use refit::{Refit, RefitError};
 pub use simd::SimdPath;
 pub use traverse::LaneKernel;
+#[doc(hidden)]
+pub use traverse::Stack;
 pub use triangle::{Triangle, TriangleBvh};

@@ -4,8 +4,8 @@ use canted_kdtree::KdTree;
 use canted_lbvh::Strategy;
 use canted_obb::Obb;
 use canted_tlas::Blas;
-use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray};
-use canted_wide::{LaneKernel, MovingBvh, RefitError, Sizes, TriangleBvh};
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray, ScaledRay};
+use canted_wide::{LaneKernel, MovingBvh, RefitError, Sizes, Stack, TriangleBvh};
 
 use super::Triangles;
 use crate::PrepareError;
@@ -102,5 +102,15 @@ impl<K: LaneKernel> Blas for Bvh<K> {
 
     fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
         each!(self, bvh => bvh.all_hits_with(ray_object, instance, query, hits));
+    }
+
+    #[inline]
+    fn closest_hit_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, stack: &mut Stack) -> Option<Hit> {
+        each!(self, bvh => Blas::closest_hit_scaled(bvh, ray, instance, query, stack))
+    }
+
+    #[inline]
+    fn occluded_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, stack: &mut Stack) -> bool {
+        each!(self, bvh => Blas::occluded_scaled(bvh, ray, instance, query, stack))
     }
 }
