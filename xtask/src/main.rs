@@ -20,6 +20,7 @@ mod report;
 mod tables;
 mod test;
 mod tidy;
+mod window;
 mod workspace;
 
 use std::process::ExitCode;
@@ -33,6 +34,7 @@ const USAGE: &str = "usage: cargo xtask TASK
   packages          check every package as it would be uploaded
   wheel             build the Python packages into target/wheels; needs Python 3.9 or newer
   python [RAYS [ROUNDS]]  measure the Python package and its peers into benches/PYTHON.md, and fill the tables
+  window            build `canted view` with its window in target/view, and test it on a virtual X server; needs Xvfb, xdotool, xwd
   tidy              check style rules that formatters and lints do not cover
   tables            fill the measured tables of README.md and docs from benches/RESULTS.md
   bench [ARGS]      run benchmarks and write benches/RESULTS.md: load, build, trace, picture, textures, bias, noise,
@@ -58,6 +60,7 @@ fn main() -> ExitCode {
         ["packages"] => packages(),
         ["wheel"] => python::wheel(),
         ["python", ref args @ ..] => python::measure(args),
+        ["window"] => window::run(),
         ["tidy"] => tidy::run(),
         ["tables"] => tables::run(),
         ["bench", ref args @ ..] => bench::run(args),

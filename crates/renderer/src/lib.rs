@@ -31,6 +31,7 @@
 mod accel;
 #[cfg(feature = "baseline")]
 mod baseline;
+mod boxes;
 mod bsdf;
 mod camera;
 mod content;
@@ -59,6 +60,7 @@ mod vector;
 pub use accel::{Accel, Builder, Bvh};
 #[cfg(feature = "baseline")]
 pub use baseline::obvhs_tree;
+pub use boxes::{BoxLevel, draw_boxes};
 pub use bsdf::{Bsdf, BsdfSample, Evaluation};
 pub use camera::{CameraError, View};
 pub use content::{geometry_hash, light_hash, material_hash, scene_hash};

@@ -14,7 +14,7 @@ mod class;
 mod wide;
 
 use canted_lbvh::{self as lbvh, VolumeConfig};
-use canted_obb::Aabb;
+use canted_obb::{Aabb, Obb};
 use canted_trace::{InstanceId, Query, ReferencePoint, ScaledRay};
 use canted_wide::{Config, MAX_PRIMITIVES, SimdPath, Stack};
 
@@ -86,6 +86,11 @@ impl Top {
 
     pub(crate) fn n_bytes(&self) -> usize {
         self.classes.iter().map(Class::n_bytes).sum()
+    }
+
+    /// Calls `visit` with the box of each node and leaf.
+    pub(crate) fn each_box(&self, mut visit: impl FnMut(Obb, u32, bool)) {
+        self.classes.iter().for_each(|class| class.each_box(&mut visit));
     }
 
     /// New bounds for the same instances, in the same topology; built again where the errors of a class have spread too far.

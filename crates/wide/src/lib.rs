@@ -90,6 +90,7 @@
 
 mod batch;
 mod binary;
+mod boxes;
 mod build;
 mod bvh;
 mod collapse;

@@ -188,8 +188,23 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
     /// # Errors
     /// A tile of another picture, [`crate::RenderError::Cancelled`], or the loss of the device.
     pub fn render(&self, done: Vec<Tile>, monitor: &Monitor) -> Result<Film, DeviceError> {
-        let schedule = Schedule::new(self.settings.tiling(), done, monitor)?;
-        self.cpu.with_tiles(|tiles| self.run(&schedule, tiles))?;
+        self.render_with(self.settings, done, monitor)
+    }
+
+    /// Renders a part of the samples: the first one and one past the last, or all for `None`, whatever the settings say. Joined parts have
+    /// the bits of an undivided render.
+    ///
+    /// # Errors
+    /// As [`DevicePicture::render`]; a range that is empty, or exceeds the samples.
+    pub fn render_part(&self, part: Option<[u32; 2]>, monitor: &Monitor) -> Result<Film, DeviceError> {
+        let settings = Settings { part, ..*self.settings };
+        crate::render::check(&settings)?;
+        self.render_with(&settings, Vec::new(), monitor)
+    }
+
+    fn render_with(&self, settings: &Settings, done: Vec<Tile>, monitor: &Monitor) -> Result<Film, DeviceError> {
+        let schedule = Schedule::new(settings.tiling(), done, monitor)?;
+        self.cpu.with_tiles(|tiles| self.run(&schedule, tiles, settings))?;
         Ok(schedule.into_film()?.0)
     }
 
@@ -204,7 +219,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         let by_device = self.cpu.with_tiles(|tiles| {
             rayon::in_place_scope(|scope| {
                 schedule.spawn_cpu_workers(scope, tiles);
-                self.run(&schedule, tiles)
+                self.run(&schedule, tiles, self.settings)
             })
         });
         let (film, n_tiles_of_device) = schedule.into_film()?;
@@ -212,12 +227,12 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
     }
 
     /// Renders tiles until none is left; the CPU takes the samples that the device cannot finish.
-    fn run(&self, schedule: &Schedule, tiles: &dyn RenderTiles) -> Result<(), GpuError> {
+    fn run(&self, schedule: &Schedule, tiles: &dyn RenderTiles, settings: &Settings) -> Result<(), GpuError> {
         let weight = self.cpu.weights();
         let mut collector = SampleCollector {
             dispatcher: SampleDispatcher::new(self.gpu, self.kernels.clone())?,
             bindings: self.bindings(),
-            settings: self.settings,
+            settings,
             weight: &weight,
             tiles,
         };

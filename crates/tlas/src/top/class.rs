@@ -96,6 +96,13 @@ impl Class {
         of_bvh + size_of_val(&self.ids[..])
     }
 
+    pub(super) fn each_box(&self, visit: impl FnMut(Obb, u32, bool)) {
+        match &self.bvh {
+            Bvh::Wide(top) => top.each_box(visit),
+            Bvh::Binary(top) => top.each_box(visit),
+        }
+    }
+
     pub(super) fn drift(&self) -> f32 {
         match &self.bvh {
             Bvh::Wide(top) => top.drift(),

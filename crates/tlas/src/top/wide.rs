@@ -1,4 +1,4 @@
-use canted_obb::{Aabb, PrimId};
+use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::{Query, ScaledRay};
 use canted_wide::{Config, PrimitiveError, SimdPath, Stack, WideBvh};
 
@@ -32,6 +32,10 @@ impl WideTop {
 
     pub(crate) fn n_bytes(&self) -> usize {
         self.bvh.n_bytes()
+    }
+
+    pub(crate) fn each_box(&self, visit: impl FnMut(Obb, u32, bool)) {
+        self.bvh.each_box(visit);
     }
 
     #[inline]
