@@ -55,8 +55,26 @@ impl Gpu {
     /// # Errors
     /// As for [`Gpu::buffer`].
     pub fn read_only<T: Pod>(&self, what: &str, values: &[T]) -> Result<Buffer<T>, GpuError> {
+        self.kept_or(what, values, || self.buffer(what, values))
+    }
+
+    /// The same for a uniform buffer that holds one value.
+    ///
+    /// # Errors
+    /// As for [`Gpu::uniform`].
+    pub fn read_only_uniform<T: Pod>(&self, what: &str, value: &T) -> Result<Buffer<T>, GpuError> {
+        self.kept_or(what, std::slice::from_ref(value), || self.uniform(what, value))
+    }
+
+    /// The buffer of the last frame, updated, or one that `make` makes.
+    fn kept_or<T: Pod>(
+        &self,
+        what: &str,
+        values: &[T],
+        make: impl FnOnce() -> Result<Buffer<T>, GpuError>,
+    ) -> Result<Buffer<T>, GpuError> {
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(kept) = &mut *kept else { return self.buffer(what, values) };
+        let Some(kept) = &mut *kept else { return make() };
         self.check()?;
         let bytes: &[u8] = bytemuck::cast_slice(values);
         let hashes: Vec<u64> = bytes.chunks(CHUNK).map(hash).collect();
@@ -75,7 +93,7 @@ impl Gpu {
             old.hashes = hashes;
             return Ok(Buffer::of_parts(old.raw.clone(), values.len(), old.share.clone()));
         }
-        let buffer = self.buffer(what, values)?;
+        let buffer = make()?;
         let (raw, share) = buffer.parts();
         let new = KeptBuffer { raw, share, hashes };
         match list.get_mut(*number - 1) {

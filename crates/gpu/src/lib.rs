@@ -32,7 +32,7 @@
 //!
 //! # Buffers of a scene
 //!
-//! [`TracedScene::module`] reads these buffers, and [`TracedScene::bind_group`] binds them. [`TracedScene::bindings`] has the buffers
+//! [`TracedScene::module`] reads these buffers, and [`TracedScene::bind_group`] binds them. [`TracedScene::buffer`] has the buffers
 //! themselves, for programs that read them in other ways. All numbers are 32 bits wide, vectors of four are aligned to 16 bytes.
 //!
 //! | binding | where | content |

@@ -2,7 +2,7 @@
 
 use anyhow::{Result, anyhow};
 use canted_film::{Film, Tile};
-use canted_gpu::Gpu;
+use canted_gpu::{Gpu, Traffic};
 use canted_renderer::{
     DeviceFrames, DevicePicture, FirstHit, Integrator, Monitor, Settings, SharedFilm, Structure, Surfaces,
 };
@@ -24,6 +24,8 @@ pub(super) struct GpuRenderer<'a, K: LaneKernel> {
     with_cpu: bool,
     /// How first hits are found, where the integrator has a choice.
     first_hit: Option<FirstHit>,
+    /// What had gone to the GPU before the scene.
+    before: Traffic,
 }
 
 impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
@@ -44,6 +46,7 @@ impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
         if settings.part.is_some() && with_cpu {
             return Err(anyhow!("--samples requires one device; --device both mixes CPU and GPU rounding"));
         }
+        let before = machine.gpu().map(Gpu::traffic).unwrap_or_default();
         let ready = machine.ready(&args.structure, |gpu| {
             let picture = match frames {
                 Some(frames) => DevicePicture::in_frame(gpu, surfaces, structure, camera, settings, frames)?,
@@ -57,7 +60,16 @@ impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
             picture,
             with_cpu,
             first_hit: has_choice.then_some(first_hit),
+            before,
         }))
+    }
+}
+
+impl<K: LaneKernel> GpuRenderer<'_, K> {
+    /// What went to the GPU for this picture.
+    fn traffic(&self) -> [Fact; 2] {
+        let Traffic { uploaded_bytes, n_dispatches, .. } = self.gpu.traffic() - self.before;
+        [("gpu_uploaded_bytes", json!(uploaded_bytes)), ("gpu_dispatches", json!(n_dispatches))]
     }
 }
 
@@ -71,10 +83,13 @@ impl<K: LaneKernel> FilmRenderer for GpuRenderer<'_, K> {
         let named = |error| named(self.gpu, error);
         facts.extend(self.first_hit.map(|first_hit| ("first_hit", json!(name_of(&FIRST_HITS, &first_hit)))));
         if !self.with_cpu {
-            return self.picture.render(done, monitor).map_err(named);
+            let film = self.picture.render(done, monitor).map_err(named);
+            facts.extend(self.traffic());
+            return film;
         }
         let SharedFilm { film, n_tiles_of_device, stopped } =
             self.picture.render_with_cpu(done, monitor).map_err(named)?;
+        facts.extend(self.traffic());
         facts.push(("gpu_tiles", json!(n_tiles_of_device)));
         if let Some(error) = stopped {
             let name = &self.gpu.info().name;

@@ -110,6 +110,17 @@ impl TracedScene {
         bound
     }
 
+    /// The buffer of a variable, for a program that reads it in other ways; the front page of this crate has names and layouts. `None` for
+    /// a variable that the scene does not have.
+    #[must_use]
+    pub fn buffer(&self, variable: &str) -> Option<&wgpu::Buffer> {
+        let (_, bound) = self.bindings().into_iter().find(|(name, _)| *name == variable)?;
+        match bound.resource() {
+            wgpu::BindingResource::Buffer(binding) => Some(binding.buffer),
+            _ => None,
+        }
+    }
+
     /// `chosen` with the parts and constants for this scene. The caller still chooses the parts `mask` and `count`.
     #[must_use]
     pub fn specialise(&self, chosen: Specialisation) -> Specialisation {

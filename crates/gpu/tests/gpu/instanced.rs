@@ -188,6 +188,14 @@ fn few_instances_and_empty_scenes_are_traced() {
     let scene = InstancedScene::new(&gpu, &meshes, &one, BuildConfig::default()).unwrap();
     let found = hits(&gpu, scene.traced());
     assert_eq!(found, expected(&gpu, &vertices(0.0), &lone));
+    // A node of two children for each triangle and instance; a header for each level, each mesh and the empty BVH.
+    let n_nodes = u64::from(2 * N * N) + 4 + 1;
+    for (name, bytes) in
+        [("nodes", 64 * n_nodes), ("corners", 36 * (n_nodes - 1)), ("bvhs", 4 * 64), ("instances", 160)]
+    {
+        assert_eq!(scene.traced().buffer(name).unwrap().size(), bytes, "{name}");
+    }
+    assert!(scene.traced().buffer("motions").is_none());
     assert!(found.iter().any(Option::is_some));
     for (meshes, n_instances) in [(&meshes[..], 0), (&[], 0)] {
         let none = InstanceBuffer { n_instances, ..one };

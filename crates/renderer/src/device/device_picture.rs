@@ -136,7 +136,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
             Integrator::Path => chosen.clone(),
         };
         let kernels = RenderKernels { light: LightKernels::One(gpu.kernel(kernel, &light)?), guide };
-        let picture = gpu.uniform("picture", &facts)?;
+        let picture = gpu.read_only_uniform("picture", &facts)?;
         Ok(Self {
             gpu,
             surfaces,

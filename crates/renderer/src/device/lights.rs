@@ -67,7 +67,7 @@ impl SampledLights {
         let packed = sampler.packed(slack);
         let in_tree = packed.nodes.len().div_ceil(2) > packed.emitters.len();
         Ok(Self {
-            probabilities: gpu.uniform("light probabilities", &packed.probabilities)?,
+            probabilities: gpu.read_only_uniform("light probabilities", &packed.probabilities)?,
             tree: some(gpu, "light nodes", &packed.nodes)?,
             emitters: some(gpu, "emitters", &packed.emitters)?,
             leaves: some(gpu, "light leaves", if in_tree { &packed.leaves } else { &[] })?,
