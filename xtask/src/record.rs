@@ -46,10 +46,10 @@ presets. `t`, `u`, `v`, primitive and occlusion are compared with a reference.
 ",
 };
 
-/// Mutated files for every reader, in the test profile, which checks for overflow.
+/// Mutated files for every reader, in the test profile, which checks for overflow. Requires a C++ compiler.
 pub(crate) const FUZZ: Recorded = Recorded {
     name: "fuzz",
-    cargo: &["run", "--package", "canted-scene", "--example", "fuzz"],
+    cargo: &["run", "--package", "canted-scene", "--example", "fuzz", "--features", "meshopt,ktx2"],
     built: None,
     program: &[],
     file: "tests/FUZZ.md",

@@ -163,10 +163,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         output::probe(&args.output)?;
     }
     let start = Instant::now();
-    let (path, animation) = (args.scene.as_deref(), args.animation.as_deref());
+    let (path, options) = (args.scene.as_deref(), args.read_options(args.time));
     let mut scene = match (path, args.time.and_then(|time| args.sequence.shutter_times(time))) {
-        (Some(path), Some(times)) => load::scene_in_shutter(path, times, animation)?,
-        _ => load::scene(path, args.time, animation)?,
+        (Some(path), Some(times)) => load::scene_in_shutter(path, times, &options)?,
+        _ => load::scene_with(path, &options)?,
     };
     load::check_outputs(args.scene.as_deref(), &scene, &outputs)?;
     let source = args.light.apply(&mut scene)?;

@@ -23,7 +23,7 @@ use canted_scene::Scene;
 use canted_wide::LaneKernel;
 use serde_json::{Value, json};
 
-use super::{Args, Picture, facts, open_machine, render_picture, setup};
+use super::{Args, Picture, facts, look::LookArgs, open_machine, render_picture, setup};
 use crate::{
     device::Machine,
     light::LightSource,
@@ -124,6 +124,7 @@ fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source, mut list: 
         mip_maps: None,
         emission: None,
         integrator: None,
+        look: sequence.args.look.clone(),
         is_dark: false,
     };
     let (mut facts, mut pictures) = (Vec::new(), Vec::new());
@@ -156,6 +157,8 @@ struct Progress<K: LaneKernel> {
     /// Whether emission lights the scene.
     emission: Option<LightSource>,
     integrator: Option<Integrator>,
+    /// With the exposure that the first picture decided.
+    look: LookArgs,
     /// Whether a frame was nearly black: one warning is enough.
     is_dark: bool,
 }
@@ -194,9 +197,11 @@ fn render_frame<K: LaneKernel>(
         progress.emission = Some(light);
     }
     own.integrator = progress.integrator.or(own.integrator);
+    own.look = progress.look.clone();
     // By the camera at rest, so that a turntable does not flicker.
     let choice = setup::choose(scene, prepared, &camera, &mut own, light)?;
     progress.integrator = own.integrator;
+    progress.look = own.look.clone();
     if let Some(degrees) = args.sequence.turntable {
         camera = turntable::turned(camera, turntable::degrees(degrees, range, frame));
     }

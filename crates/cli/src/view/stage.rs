@@ -7,7 +7,7 @@ use canted_film::Film;
 use canted_renderer::{
     Lod, Masked, MipMaps, Monitor, Prepared, Settings, Surfaces, Tracer, View, heatmap, prepare, resume_with,
 };
-use canted_scene::{AnimatedScene, Camera, Environment, ReadOptions, Scene};
+use canted_scene::{AnimatedScene, Camera, Environment, Scene};
 use canted_trace::{Hit, Ray};
 use canted_wide::LaneKernel;
 
@@ -182,7 +182,7 @@ fn read(options: &Options, args: &Args) -> Result<(Scene, Option<AnimatedScene>)
     let path = options.scene().filter(|path| !load::is_scene_file(path));
     let animation = args.animation.as_deref();
     if let Some(path) = path {
-        let of_file = ReadOptions { time: args.time, animation: args.animation.clone() };
+        let of_file = args.read_options(args.time);
         let (animated, mut scene) = AnimatedScene::open(path, &of_file)?;
         if animated.is_animated() {
             load::warn(&std::mem::take(&mut scene.warnings));
