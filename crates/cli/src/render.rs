@@ -42,6 +42,7 @@ pub(crate) use denoise::denoised as denoised_film;
 use facts::Fact;
 pub(crate) use facts::dropped_samples;
 use film::{CpuRenderer, FilmRenderer};
+use look::LookArgs;
 pub(crate) use passes::{next as next_pass, whole as whole_film};
 pub(crate) use setup::{Choice, Setup, choose, decided, setup};
 
@@ -173,7 +174,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let load_time = start.elapsed();
     output::detail(|| format!("scene read in {:.3} s", load_time.as_secs_f64()));
     let machine = open_machine(args)?;
-    let rendered = with_kernel!(args.structure.triangles, render(&mut scene, args, &machine, source, load_time))?;
+    let (rendered, look) =
+        with_kernel!(args.structure.triangles, render(&mut scene, args, &machine, source, load_time))?;
+    let args = &Args { look, ..args.clone() };
     if let Some(warning) = rendered.darkness(args) {
         output::warn(&warning);
     }
@@ -215,12 +218,12 @@ fn render<K: LaneKernel>(
     machine: &Machine,
     source: LightSource,
     load_time: Duration,
-) -> Result<Rendered> {
+) -> Result<(Rendered, LookArgs)> {
     let mut args = args.clone();
     let Setup { prepared, camera, choice } = setup::<K>(scene, &mut args, source)?;
     let mut rendered = render_picture(scene, &args, machine, &prepared, &camera, choice, &mut None)?.rendered;
     rendered.facts.push(("load_seconds", json!(load_time.as_secs_f64())));
-    Ok(rendered)
+    Ok((rendered, args.look))
 }
 
 /// Empty tiles for all that a crop does not show and the filter does not read, so that they are not rendered.

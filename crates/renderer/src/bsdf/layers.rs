@@ -17,8 +17,8 @@ pub(super) struct Layers<'a> {
     outgoing: [f32; 3],
     /// Parts of the light that reach the coat and the base.
     passed: [f32; 2],
-    /// Probabilities of sampling fibers and coat; the rest is that of the base.
-    probabilities: [f32; 2],
+    /// Probabilities of sampling fibers, coat and base.
+    probabilities: [f32; 3],
 }
 
 /// The coat as a BSDF of its own: a reflection over black.
@@ -49,20 +49,20 @@ impl<'a> Layers<'a> {
         let passed = [1.0 - of_fibers, (1.0 - of_fibers) * (1.0 - of_coat)];
         let shares = [of_fibers, passed[0] * of_coat, passed[1] * mean(bsdf.albedo()).max(MIN_ALBEDO)];
         let sum: f32 = shares.iter().sum();
-        Self { base, coat, fibers, sheen, outgoing, passed, probabilities: [shares[0] / sum, shares[1] / sum] }
+        Self { base, coat, fibers, sheen, outgoing, passed, probabilities: shares.map(|share| share / sum) }
     }
 }
 
 impl Scatterer for Layers<'_> {
     fn evaluate(&self, incident: [f32; 3]) -> Evaluation {
         let [to_coat, to_base] = self.passed;
-        let [of_fibers, of_coat] = self.probabilities;
+        let [of_fibers, of_coat, of_base] = self.probabilities;
         let mut total = Evaluation::default();
         let mut add = |part: Evaluation, factor: f32, probability: f32| {
             total.value = std::array::from_fn(|k| total.value[k] + factor * part.value[k]);
             total.density += probability * part.density;
         };
-        add(self.base.evaluate(incident), to_base, 1.0 - of_fibers - of_coat);
+        add(self.base.evaluate(incident), to_base, of_base);
         if incident[2] > 0.0 {
             if let Some(coat) = &self.coat {
                 add(coat.evaluate(incident), to_coat, of_coat);
@@ -76,7 +76,7 @@ impl Scatterer for Layers<'_> {
     }
 
     fn sample(&self, square: [f32; 2], choice: f32) -> Option<Choice> {
-        let [of_fibers, of_coat] = self.probabilities;
+        let [of_fibers, of_coat, of_base] = self.probabilities;
         if choice < of_fibers {
             // Uniform: most of the sheen is near the horizon.
             let z = square[0].max(MIN_COSINE);
@@ -87,7 +87,7 @@ impl Scatterer for Layers<'_> {
         let rest = choice - of_fibers;
         let (boundary, factor, probability, rest) = match &self.coat {
             Some(coat) if rest < of_coat => (coat, self.passed[0], of_coat, rest),
-            _ => (&self.base, self.passed[1], 1.0 - of_fibers - of_coat, rest - of_coat),
+            _ => (&self.base, self.passed[1], of_base, rest - of_coat),
         };
         // Rescales the random number for the next choice.
         let choice = (rest / probability).clamp(0.0, 1.0 - f32::EPSILON);

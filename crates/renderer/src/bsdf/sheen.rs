@@ -28,7 +28,8 @@ impl Fibers {
         let sine = (half[0] * half[0] + half[1] * half[1]).sqrt().min(1.0);
         let distribution = (2.0 + self.inverse_alpha) * sine.powf(self.inverse_alpha) / TAU;
         let (o, i) = (outgoing[2], incident[2]);
-        distribution / (4.0 * (o + i - o * i)) * i
+        // The quotient of cosines is at most 1, however small they are.
+        distribution * (0.25 * i / (o + i - o * i))
     }
 
     /// The part of the light from all directions that is reflected to a direction with this cosine.
