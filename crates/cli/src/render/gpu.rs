@@ -3,7 +3,9 @@
 use anyhow::{Result, anyhow};
 use canted_film::{Film, Tile};
 use canted_gpu::Gpu;
-use canted_renderer::{DevicePicture, FirstHit, Integrator, Monitor, Settings, SharedFilm, Structure, Surfaces};
+use canted_renderer::{
+    DeviceFrames, DevicePicture, FirstHit, Integrator, Monitor, Settings, SharedFilm, Structure, Surfaces,
+};
 use canted_scene::Camera;
 use canted_wide::LaneKernel;
 use serde_json::json;
@@ -25,7 +27,7 @@ pub(super) struct GpuRenderer<'a, K: LaneKernel> {
 }
 
 impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
-    /// Uploads the scene; `None` where the CPU renders alone.
+    /// Uploads the scene, or what changed since the last of these frames; `None` where the CPU renders alone.
     ///
     /// # Errors
     /// A GPU that was requested explicitly does not support the scene or the settings.
@@ -36,13 +38,18 @@ impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
         structure: &'a Structure<K>,
         camera: &Camera,
         settings: &'a Settings,
+        frames: Option<&'a mut DeviceFrames>,
     ) -> Result<Option<Self>> {
         let with_cpu = matches!(machine, Machine::Both(_));
         if settings.part.is_some() && with_cpu {
             return Err(anyhow!("--samples requires one device; --device both mixes CPU and GPU rounding"));
         }
         let ready = machine.ready(&args.structure, |gpu| {
-            DevicePicture::new(gpu, surfaces, structure, camera, settings)?.with_first_hit(args.first_hit)
+            let picture = match frames {
+                Some(frames) => DevicePicture::in_frame(gpu, surfaces, structure, camera, settings, frames)?,
+                None => DevicePicture::new(gpu, surfaces, structure, camera, settings)?,
+            };
+            picture.with_first_hit(args.first_hit)
         })?;
         let has_choice = settings.integrator == Integrator::Hybrid;
         Ok(ready.map(|(gpu, (picture, first_hit))| Self {
