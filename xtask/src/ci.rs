@@ -40,6 +40,7 @@ const STEPS: [Step; 12] = [
     ("lints", lints),
     ("documentation", documentation),
     ("features", features),
+    ("optional readers", optional_readers),
     ("oldest compiler", oldest_compiler),
     ("wasm32", wasm),
     ("dependencies", dependencies),
@@ -157,6 +158,17 @@ fn features() -> Result<End> {
         }
     }
     Ok(End::of(is_well))
+}
+
+/// Tests the readers that are off by default; that of `meshopt` requires a C++ compiler.
+fn optional_readers() -> Result<End> {
+    let has_cpp = command::output("c++", &["--version"]).is_ok();
+    if !has_cpp {
+        say("skipped meshopt: no C++ compiler");
+    }
+    let features = if has_cpp { "meshopt,ktx2" } else { "ktx2" };
+    let args = ["test", "--package", "canted-scene", "--lib", "--test", "scene", "--features", features, "--"];
+    succeeds(cargo(&args).args(["ktx2", "meshopt", "texture_formats", "files::"])).map(End::of)
 }
 
 /// Checks the library with the oldest supported compiler, where it is installed.

@@ -62,10 +62,10 @@ within that error. Rays that the driver ended early are not answered.
 ",
 };
 
-/// Mutated files for every reader, in the test profile, which checks for overflow.
+/// Mutated files for every reader, in the test profile, which checks for overflow. Requires a C++ compiler.
 pub(crate) const FUZZ: Recorded = Recorded {
     name: "fuzz",
-    cargo: &["run", "--package", "canted-scene", "--example", "fuzz"],
+    cargo: &["run", "--package", "canted-scene", "--example", "fuzz", "--features", "meshopt,ktx2"],
     built: None,
     program: &[],
     file: "tests/FUZZ.md",

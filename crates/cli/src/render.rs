@@ -45,6 +45,7 @@ pub(crate) use denoise::denoised as denoised_film;
 use facts::Fact;
 pub(crate) use facts::dropped_samples;
 use film::{CpuRenderer, FilmRenderer};
+use look::LookArgs;
 use overlay::Overlay;
 pub(crate) use overlay::no_boxes;
 pub(crate) use passes::{next as next_pass, whole as whole_film};
@@ -184,17 +185,19 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         output::probe(&args.output)?;
     }
     let start = Instant::now();
-    let (path, animation) = (args.scene.as_deref(), args.animation.as_deref());
+    let (path, options) = (args.scene.as_deref(), args.read_options(args.time));
     let mut scene = match (path, args.time.and_then(|time| args.sequence.shutter_times(time))) {
-        (Some(path), Some(times)) => load::scene_in_shutter(path, times, animation)?,
-        _ => load::scene(path, args.time, animation)?,
+        (Some(path), Some(times)) => load::scene_in_shutter(path, times, &options)?,
+        _ => load::scene_with(path, &options)?,
     };
     load::check_outputs(args.scene.as_deref(), &scene, &outputs)?;
     let source = args.light.apply(&mut scene)?;
     let load_time = start.elapsed();
     output::detail(|| format!("scene read in {:.3} s", load_time.as_secs_f64()));
     let machine = open_machine(args)?;
-    let rendered = with_kernel!(args.structure.triangles, render(&mut scene, args, &machine, source, load_time))?;
+    let (rendered, look) =
+        with_kernel!(args.structure.triangles, render(&mut scene, args, &machine, source, load_time))?;
+    let args = &Args { look, ..args.clone() };
     if let Some(warning) = rendered.darkness(args) {
         output::warn(&warning);
     }
@@ -236,13 +239,13 @@ fn render<K: LaneKernel>(
     machine: &Machine,
     source: LightSource,
     load_time: Duration,
-) -> Result<Rendered> {
+) -> Result<(Rendered, LookArgs)> {
     let mut args = args.clone();
     let Setup { prepared, camera, choice } = setup::<K>(scene, &mut args, source)?;
     let mut last = LastFrame::default();
     let mut rendered = render_picture(scene, &args, machine, &prepared, &camera, choice, &mut last)?.rendered;
     rendered.facts.push(("load_seconds", json!(load_time.as_secs_f64())));
-    Ok(rendered)
+    Ok((rendered, args.look))
 }
 
 /// Empty tiles for all that a crop does not show and the filter does not read, so that they are not rendered.

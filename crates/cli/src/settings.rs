@@ -47,7 +47,7 @@ const RUN_OPTIONS: [&str; 23] = [
 ];
 
 /// Options that have their own table in a scene file.
-const OPTIONS_WITH_TABLE: [(&str, &str); 16] = [
+const OPTIONS_WITH_TABLE: [(&str, &str); 17] = [
     ("eye", "[camera]"),
     ("target", "[camera]"),
     ("up", "[camera]"),
@@ -64,6 +64,7 @@ const OPTIONS_WITH_TABLE: [(&str, &str); 16] = [
     ("sphere", "[[lights]]"),
     ("time", "[[assets]]"),
     ("animation", "[[assets]]"),
+    ("variant", "[[assets]]"),
 ];
 
 /// Options without effect on a heat map, which shows camera rays through the center of the lens.

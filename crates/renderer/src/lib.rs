@@ -61,7 +61,7 @@ pub use accel::{Accel, Builder, Bvh};
 #[cfg(feature = "baseline")]
 pub use baseline::obvhs_tree;
 pub use boxes::{BoxLevel, draw_boxes};
-pub use bsdf::{Bsdf, BsdfSample, Evaluation};
+pub use bsdf::{Bsdf, BsdfSample, Evaluation, Lobes};
 pub use camera::{CameraError, View};
 pub use content::{geometry_hash, light_hash, material_hash, scene_hash};
 #[cfg(feature = "gpu")]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Result, anyhow};
 use canted_film::{Filter, Format, Record};
 use canted_renderer::{BoxLevel, FirstHit, Integrator, Lod, Measure, Settings, light_hash, scene_hash};
-use canted_scene::{Camera, Material, Scene};
+use canted_scene::{Camera, Material, ReadOptions, Scene};
 
 use super::{
     camera::{self, CameraArgs},
@@ -35,6 +35,9 @@ pub(crate) struct Args {
     /// Animation of the file, by name or by number from 0 [default: the first]
     #[arg(long, help_heading = SCENE, requires = "scene", value_name = "NAME|INDEX")]
     pub(crate) animation: Option<String>,
+    /// Material variant of a glTF file, by name or by number from 0 [default: the materials of its primitives]
+    #[arg(long, help_heading = SCENE, requires = "scene", value_name = "NAME|INDEX")]
+    pub(crate) variant: Option<String>,
     /// Output image: .png, .jpg, .webp (sRGB), .hdr or .exr (linear); `-` is standard output.
     #[arg(short, long, help_heading = PICTURE, default_value = "canted.png", value_name = "FILE", allow_hyphen_values = true)]
     pub(crate) output: PathBuf,
@@ -199,6 +202,19 @@ impl Args {
         };
         self.integrator = Some(integrator);
         reason
+    }
+
+    /// Whether the exposure may be chosen: for a model without exposure, its own lights and a format that is not linear. Scene files
+    /// are made for the exposure that they have.
+    pub(super) fn needs_exposure(&self) -> bool {
+        let is_model = self.scene.as_deref().is_some_and(|path| !output::has_extension(path, "toml"));
+        let is_linear = self.format().is_ok_and(Format::is_linear);
+        is_model && !is_linear && self.look.is_unset() && self.light.is_empty()
+    }
+
+    /// How the file of the scene is read, at a time in seconds.
+    pub(crate) fn read_options(&self, time: Option<f32>) -> ReadOptions {
+        ReadOptions { time, animation: self.animation.clone(), variant: self.variant.clone() }
     }
 
     /// The files that are read.

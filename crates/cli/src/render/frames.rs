@@ -23,7 +23,7 @@ use canted_scene::Scene;
 use canted_wide::LaneKernel;
 use serde_json::{Value, json};
 
-use super::{Args, LastFrame, Picture, facts, open_machine, render_picture, setup};
+use super::{Args, LastFrame, Picture, facts, look::LookArgs, open_machine, render_picture, setup};
 #[cfg(feature = "gpu")]
 use canted_renderer::DeviceFrames;
 
@@ -131,6 +131,7 @@ fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source, mut list: 
         },
         emission: None,
         integrator: None,
+        look: sequence.args.look.clone(),
         is_dark: false,
     };
     let (mut facts, mut pictures) = (Vec::new(), Vec::new());
@@ -163,6 +164,8 @@ struct Progress<K: LaneKernel> {
     /// Whether emission lights the scene.
     emission: Option<LightSource>,
     integrator: Option<Integrator>,
+    /// With the exposure that the first picture decided.
+    look: LookArgs,
     /// Whether a frame was nearly black: one warning is enough.
     is_dark: bool,
 }
@@ -201,9 +204,11 @@ fn render_frame<K: LaneKernel>(
         progress.emission = Some(light);
     }
     own.integrator = progress.integrator.or(own.integrator);
+    own.look = progress.look.clone();
     // By the camera at rest, so that a turntable does not flicker.
     let choice = setup::choose(scene, prepared, &camera, &mut own, light)?;
     progress.integrator = own.integrator;
+    progress.look = own.look.clone();
     if let Some(degrees) = args.sequence.turntable {
         camera = turntable::turned(camera, turntable::degrees(degrees, range, frame));
     }

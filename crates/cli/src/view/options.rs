@@ -13,7 +13,7 @@ use super::device;
 use crate::{load, picture, render, settings};
 
 /// Options that determine which geometry and lights there are, besides the time.
-const OF_SCENE: [&str; 7] = ["animation", "env", "env_turn", "env_scale", "sun", "point", "sphere"];
+const OF_SCENE: [&str; 8] = ["animation", "variant", "env", "env_turn", "env_scale", "sun", "point", "sphere"];
 
 /// Options that determine the acceleration structure.
 const OF_STRUCTURE: [&str; 6] = ["levels", "accel", "preset", "builder", "volumes", "triangles"];

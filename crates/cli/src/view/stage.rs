@@ -5,7 +5,7 @@ use std::{cell::RefCell, sync::Arc, time::Instant};
 use anyhow::Result;
 use canted_obb::Obb;
 use canted_renderer::{BoxLevel, Lod, MipMaps, Surfaces, View};
-use canted_scene::{AnimatedScene, Camera, Environment, ReadOptions, Scene};
+use canted_scene::{AnimatedScene, Camera, Environment, Scene};
 
 use super::{
     frame::Seen,
@@ -163,7 +163,7 @@ fn read(options: &Options, args: &Args) -> Result<(Scene, Option<AnimatedScene>)
     let path = options.scene().filter(|path| !load::is_scene_file(path));
     let animation = args.animation.as_deref();
     if let Some(path) = path {
-        let of_file = ReadOptions { time: args.time, animation: args.animation.clone() };
+        let of_file = args.read_options(args.time);
         let (animated, mut scene) = AnimatedScene::open(path, &of_file)?;
         if animated.is_animated() {
             load::warn(&std::mem::take(&mut scene.warnings));

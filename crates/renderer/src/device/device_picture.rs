@@ -52,6 +52,9 @@ pub struct DevicePicture<'a, K: LaneKernel> {
     pub(super) first_seen: Option<Buffer<[u32; 2]>>,
 }
 
+/// What kernels lack of [`canted_scene::Lobes`].
+const LOBES: &str = "clear coats, sheen, anisotropy, thin films, colored reflections of dielectrics and absorption";
+
 impl<'a, K: LaneKernel> DevicePicture<'a, K> {
     /// Uploads what the picture needs of the scene and its acceleration structure, and compiles kernels.
     ///
@@ -101,6 +104,9 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         };
         // AOVs show the materials of the path integrator.
         let materials = if settings.aovs.is_empty() { settings.integrator } else { Integrator::Path };
+        if materials == Integrator::Path && scene.materials.iter().any(|material| material.lobes.is_some()) {
+            return Err(DeviceError::Unsupported { what: LOBES });
+        }
         let is_flat = matches!(structure, Structure::One(_));
         let packed = PackedScene::new(gpu, scene, surfaces.textures(), settings.lod, is_flat, materials)?;
         let sky = DeviceSky::new(gpu, scene)?;

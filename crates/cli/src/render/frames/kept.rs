@@ -56,6 +56,7 @@ pub(super) fn shared(args: &Args, scene: &mut Scene, device: String) -> Result<R
         scene: _,
         time: _,
         animation: _,
+        variant: _,
         output: _,
         format,
         size: _,

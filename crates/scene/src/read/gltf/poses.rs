@@ -53,7 +53,7 @@ impl Poses {
         let mut grouped = WarningGroups::default();
         self.document.root.nodes.clone_from(&self.rest);
         animation::pose(&mut self.document, self.animation.as_deref(), time, &mut grouped)?;
-        let nodes = nodes::read(&self.document)?;
+        let nodes = nodes::read(&self.document, &mut grouped)?;
         let mut scene = Scene { materials: self.materials.clone(), ..Scene::default() };
         read_geometry(&self.document, &nodes, grouped, &mut scene)?;
         Ok(scene)
