@@ -99,7 +99,12 @@ impl<K: Kernel> Bvh2<K> {
 
     #[inline(always)]
     fn leaf_triangles(&self) -> LeafTriangles<'_, PairBvh, K> {
-        LeafTriangles { nodes: &self.pairs, records: &self.records, primitives: &self.leaves, reference: self.reference }
+        LeafTriangles {
+            nodes: &self.pairs,
+            records: &self.records,
+            primitives: &self.leaves,
+            reference: self.reference,
+        }
     }
 
     /// What the nodes are relative to: a point near the triangles if these are far from the origin.

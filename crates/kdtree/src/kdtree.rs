@@ -118,12 +118,7 @@ triangle_queries!(KdTree);
 
 impl<K: Kernel> Clone for KdTree<K> {
     fn clone(&self) -> Self {
-        Self {
-            nodes: self.nodes.clone(),
-            records: self.records.clone(),
-            primitives: self.primitives.clone(),
-            ..*self
-        }
+        Self { nodes: self.nodes.clone(), records: self.records.clone(), primitives: self.primitives.clone(), ..*self }
     }
 }
 

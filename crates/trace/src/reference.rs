@@ -73,7 +73,8 @@ impl ReferencePoint {
             return Self::ORIGIN;
         }
         let centers = [1, 3, 5, 7].map(|eighth| sample[eighth * n_sampled / 8].0);
-        let candidates = centers.into_iter().chain([median(sample)]).filter_map(|center| Self::new(center.map(nearest)));
+        let candidates =
+            centers.into_iter().chain([median(sample)]).filter_map(|center| Self::new(center.map(nearest)));
         let best = candidates
             .map(|candidate| (growth(sample, candidate.0.map(f64::from)), candidate))
             .min_by(|a, b| a.0.total_cmp(&b.0));

@@ -52,7 +52,7 @@
 //!
 //! # Guarantees
 //! * **No lost hit.** Results are those of testing every primitive: the same `t`, `u`, `v` and primitive. Box tests are padded
-//!   by a proven error bound that grows with far origins; the proof is at the head of `traverse.rs`. Coordinates may
+//!   by a proven error bound that grows with the distance of a ray's origin; the proof is at the head of `traverse.rs`. Coordinates may
 //!   reach 2^62 in magnitude. With [`Watertight`](canted_trace::Watertight) a closed mesh has no leaks.
 //! * **Ties** go to the lowest primitive, so results do not depend on the builder or the preset.
 //! * **Determinism.** The same input gives the same BVH and the same hits, bit for bit, on any number of threads and
