@@ -1,4 +1,5 @@
-//! Boxes of all nodes, recomputed from the primitives below them, in the frames that the nodes have.
+//! Boxes of all nodes, computed from the outline of a BVH and its primitives: what loaded files are compared with. A refit computes
+//! them in another way.
 
 use std::ops::Range;
 
@@ -8,7 +9,7 @@ use canted_trace::Slabs;
 use crate::emit::{write_boxes, write_slabs};
 use crate::flaw::Flaw;
 use crate::item::{self, Item};
-use crate::layout::{Line, NodeKind, Nodes, Row};
+use crate::layout::{Line, NodeKind, Row};
 use crate::outline::{LeafOutline, NodeOutline, Outline, Slot};
 use crate::par;
 use crate::reach::Reaches;
@@ -26,29 +27,23 @@ struct Source<'a> {
 }
 
 /// The box with these rows around a range of places.
-pub(super) type SlabsOf<'a> = dyn Fn(Range<usize>, [[f32; 3]; 3]) -> Slabs + Sync + 'a;
+type SlabsOf<'a> = dyn Fn(Range<usize>, [[f32; 3]; 3]) -> Slabs + Sync + 'a;
 
-/// What the boxes around a leaf and its predicted cost depend on.
+/// What the boxes around a leaf depend on.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LeafContent {
+struct LeafContent {
     /// Object space.
-    pub(crate) bounds: Aabb,
+    bounds: Aabb,
     /// The boxes of all items in the mesh frame, together.
-    pub(crate) aligned: Aabb,
-    /// Sum of the surface areas of all items.
-    pub(crate) area: f64,
+    aligned: Aabb,
 }
 
 impl LeafContent {
-    pub(crate) const EMPTY: Self = Self { bounds: Aabb::EMPTY, aligned: Aabb::EMPTY, area: 0.0 };
-
     /// Of these items; `rotation` is that of the mesh.
-    #[inline]
-    pub(crate) fn of<I: Item>(items: impl Iterator<Item = I>, rotation: Option<[[f32; 3]; 3]>) -> Self {
-        let mut content = Self::EMPTY;
+    fn of<I: Item>(items: impl Iterator<Item = I>, rotation: Option<[[f32; 3]; 3]>) -> Self {
+        let mut content = Self { bounds: Aabb::EMPTY, aligned: Aabb::EMPTY };
         for item in items {
             content.bounds = content.bounds.union(item.aabb());
-            content.area += item.area();
             if let Some(rows) = &rotation {
                 content.aligned = content.aligned.union(item::rotated_box(&item, rows));
             }
@@ -60,7 +55,7 @@ impl LeafContent {
     }
 
     /// Of each leaf; `items` are by place.
-    pub(crate) fn of_leaves<I: Item>(outline: &Outline, items: &[I], rotation: Option<[[f32; 3]; 3]>) -> Vec<Self> {
+    fn of_leaves<I: Item>(outline: &Outline, items: &[I], rotation: Option<[[f32; 3]; 3]>) -> Vec<Self> {
         let content = |leaf: &LeafOutline| Self::of(items[leaf.places.clone()].iter().copied(), rotation);
         par::map(&outline.leaves, LEAVES, content)
     }
@@ -74,31 +69,16 @@ pub(super) fn rotation(frame: &MeshFrame) -> Option<[[f32; 3]; 3]> {
 /// Fewest leaves of one job.
 const LEAVES: usize = 256;
 
-/// Greatest coordinates below leaves and nodes.
-pub(super) fn reaches(outline: &Outline, contents: &[LeafContent]) -> Reaches {
-    Reaches::of_leaves(outline, contents.iter().map(|content| content.bounds.reach()).collect())
-}
-
 /// Writes the boxes of all nodes, rounded outward and padded as a build does it; `items` are by place.
-pub(crate) fn write<I: Item>(outline: &Outline, items: &[I], frame: &MeshFrame, pads: &BoxPads, lines: &mut [Line]) {
-    let contents = LeafContent::of_leaves(outline, items, rotation(frame));
-    let slabs = |places: Range<usize>, rows| I::slabs(&items[places], rows);
-    write_around(outline, &contents, &slabs, pads, lines);
-}
-
-/// The same, from the contents of the leaves.
 ///
 /// Boxes in the mesh frame are joined bottom-up. An oriented box is tight only if it is computed from all primitives below, so
 /// each primitive is read once for each oriented box around it.
-pub(super) fn write_around(
-    outline: &Outline,
-    contents: &[LeafContent],
-    slabs: &SlabsOf,
-    pads: &BoxPads,
-    lines: &mut [Line],
-) {
-    let (reaches, node_boxes) = (reaches(outline, contents), vec![Aabb::EMPTY; outline.nodes.len()]);
-    let mut source = Source { outline, slabs, contents, node_boxes, reaches, pads };
+pub(crate) fn write<I: Item>(outline: &Outline, items: &[I], frame: &MeshFrame, pads: &BoxPads, lines: &mut [Line]) {
+    let contents = &LeafContent::of_leaves(outline, items, rotation(frame));
+    let slabs = &|places: Range<usize>, rows| I::slabs(&items[places], rows);
+    let reaches = Reaches::of_leaves(outline, contents.iter().map(|content| content.bounds.reach()).collect());
+    let mut source =
+        Source { outline, slabs, contents, node_boxes: vec![Aabb::EMPTY; outline.nodes.len()], reaches, pads };
     for (i, node) in outline.nodes.iter().enumerate().rev() {
         let children = node.slots.map(|slot| source.aligned_box(slot).unwrap_or(Aabb::EMPTY));
         source.node_boxes[i] = children.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
@@ -139,32 +119,8 @@ impl Source<'_> {
 }
 
 /// The frame of the box in slot `i` of an oriented node.
-fn frame_of(rows: &[Row], i: usize) -> [[f32; 3]; 3] {
+pub(super) fn frame_of(rows: &[Row], i: usize) -> [[f32; 3]; 3] {
     std::array::from_fn(|k| std::array::from_fn(|axis| rows[5 * k + axis][i]))
-}
-
-/// The boxes of a BVH, and how far they were padded.
-pub(super) struct Boxes<'a> {
-    pub(super) nodes: &'a Nodes,
-    pub(super) reaches: &'a Reaches,
-    pub(super) pads: &'a BoxPads,
-}
-
-impl Boxes<'_> {
-    /// Half of the surface area of the box of slot `i` without its padding, up to the rounding of padded planes.
-    pub(super) fn half_area(&self, node: &NodeOutline, i: usize) -> f64 {
-        let rows = rows_of(node, &self.nodes.lines);
-        let pad = self.pads.of(node.kind, self.reaches.of_slot(node.slots[i]));
-        let extents: [f64; 3] = std::array::from_fn(|k| {
-            let padded = match node.kind {
-                NodeKind::Oriented => 2.0 * f64::from(rows[5 * k + 4][i]),
-                NodeKind::Aligned => f64::from(rows[2 * k + 1][i]) - f64::from(rows[2 * k][i]),
-            };
-            (padded - 2.0 * pad).max(0.0)
-        });
-        let [x, y, z] = extents;
-        x * y + y * z + z * x
-    }
 }
 
 /// Whether the rows of all frames are as short as the box tests assume.
