@@ -1,4 +1,4 @@
-use canted_obb::{Affine, Obb};
+use canted_obb::{Aabb, Affine, Obb};
 use canted_trace::Query;
 
 use crate::matrix::{MAX_CONDITION, Rows, condition, invert, row_sum_norm};
@@ -22,6 +22,8 @@ pub(crate) struct WorldError {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Bounds {
     pub(crate) obb: Obb,
+    /// Around `obb`.
+    pub(crate) aabb: Aabb,
     pub(crate) error: WorldError,
 }
 
@@ -99,11 +101,12 @@ impl Placement {
                 + UNDERFLOW * forward,
         };
         let bounds_world = swept_bounds(bounds, open, close);
-        if !bounds_world.aabb().is_finite() {
+        let aabb = bounds_world.aabb();
+        if !aabb.is_finite() {
             return Err(InstanceError::OutOfRange { instance: index });
         }
         let placement = Self { blas: instance.blas, mask: instance.mask, object_from_world: inverse, motion };
-        Ok((placement, Bounds { obb: bounds_world, error }))
+        Ok((placement, Bounds { obb: bounds_world, aabb, error }))
     }
 
     /// The world ray in object space, up to the scaled `t_max`; `query` supplies the time if the instance moves. `None` where

@@ -128,5 +128,5 @@ impl Top {
 }
 
 fn aabb_of(bounds: &[Bounds]) -> Aabb {
-    bounds.iter().fold(Aabb::EMPTY, |all, bounds| all.union(bounds.obb.aabb()))
+    bounds.iter().fold(Aabb::EMPTY, |all, bounds| all.union(bounds.aabb))
 }

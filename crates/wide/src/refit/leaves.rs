@@ -2,6 +2,7 @@
 
 use canted_lbvh::Corners;
 use canted_obb::{Aabb, PrimId};
+use glam::Vec3A;
 
 use super::subtree::{Content, LeafState, Leaves};
 use crate::item::{self, Item};
@@ -21,24 +22,19 @@ pub(super) struct MovedTriangles<'a> {
 impl Leaves<Corners, Half> for MovedTriangles<'_> {
     fn before(&self, units: &[Half], first: usize, n: usize, mut items: Option<&mut Vec<Corners>>) -> LeafState {
         let words: &[u32] = bytemuck::cast_slice(&units[first / PARTS..]);
-        let mut leaf = Growing::new(self.rotation);
-        for i in 0..n {
-            let lane = Lane::of(i, n, first % PARTS);
-            let mut corners = Corners::default();
-            for (row, x) in corners.as_flattened_mut().iter_mut().enumerate() {
-                *x = f32::from_bits(words[lane.word(row)]);
-            }
+        let mut leaf = GrowingTriangles::new(self.rotation);
+        for corners in triangles_of(words, first % PARTS, n) {
             leaf.add(corners);
             if let Some(items) = &mut items {
                 items.push(corners);
             }
         }
-        leaf.state()
+        leaf.state(|| triangles_of(words, first % PARTS, n))
     }
 
     fn after(&self, units: &mut [Half], first: usize, n: usize, mut items: Option<&mut Vec<Corners>>) -> LeafState {
         let (first, part) = (first / PARTS, first % PARTS);
-        let mut leaf = Growing::new(self.rotation);
+        let mut leaf = GrowingTriangles::new(self.rotation);
         let mut take = |corners| {
             leaf.add(corners);
             if let Some(items) = &mut items {
@@ -56,8 +52,20 @@ impl Leaves<Corners, Half> for MovedTriangles<'_> {
         if done < n {
             self.replace::<4>(&mut rest[..HALF_WORDS], part * PART_LANES, n - done, &mut take);
         }
-        leaf.state()
+        leaf.state(|| triangles_of(bytemuck::cast_slice(&units[first..]), part, n))
     }
+}
+
+/// The triangles of a leaf of `n`, whose words start with its first half-block.
+fn triangles_of(words: &[u32], part: usize, n: usize) -> impl Iterator<Item = Corners> {
+    (0..n).map(move |i| {
+        let lane = Lane::of(i, n, part);
+        let mut corners = Corners::default();
+        for (row, x) in corners.as_flattened_mut().iter_mut().enumerate() {
+            *x = f32::from_bits(words[lane.word(row)]);
+        }
+        corners
+    })
 }
 
 impl MovedTriangles<'_> {
@@ -104,7 +112,47 @@ impl<'a, P: Primitive> Leaves<&'a P, PrimId> for MovedPrimitives<'a, P> {
     }
 }
 
-/// A leaf as its items are added.
+/// A leaf as triangles are added, all of a vertex in one instruction.
+struct GrowingTriangles {
+    min: Vec3A,
+    max: Vec3A,
+    aligned: Aabb,
+    /// Twice the sum of the areas.
+    twice_area: f32,
+    rotation: Rotation,
+}
+
+impl GrowingTriangles {
+    fn new(rotation: Rotation) -> Self {
+        Self { min: Vec3A::INFINITY, max: Vec3A::NEG_INFINITY, aligned: Aabb::EMPTY, twice_area: 0.0, rotation }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, corners: Corners) {
+        let [a, b, c] = corners.map(Vec3A::from);
+        self.min = self.min.min(a.min(b)).min(c);
+        self.max = self.max.max(a.max(b)).max(c);
+        self.twice_area += (b - a).cross(c - a).length();
+        if let Some(rows) = &self.rotation {
+            self.aligned = self.aligned.union(item::rotated_box(&corners, rows));
+        }
+    }
+
+    /// The leaf, of whose triangles `all` are.
+    fn state<I: Iterator<Item = Corners>>(self, all: impl FnOnce() -> I) -> LeafState {
+        let bounds = Aabb { min: self.min.to_array(), max: self.max.to_array() };
+        let aligned = if self.rotation.is_some() { self.aligned } else { bounds };
+        // Squares of great and of small coordinates leave the range of f32.
+        let area = if (f32::MIN_POSITIVE..f32::INFINITY).contains(&self.twice_area) {
+            0.5 * f64::from(self.twice_area)
+        } else {
+            all().map(|corners| corners.area()).sum()
+        };
+        LeafState { content: Content { bounds, aligned }, area }
+    }
+}
+
+/// A leaf as items are added.
 struct Growing {
     bounds: Aabb,
     aligned: Aabb,
