@@ -86,6 +86,12 @@ pub trait Blas: Send + Sync {
     /// enum. The top level pads its boxes by it: if it is too small, hits are lost.
     fn hit_error(&self) -> f32;
 
+    /// Whether that holds relative to every point of object space, and not to its origin alone: with distances from the point instead of
+    /// coordinates. The top level then has smaller boxes for content that is far from the origin.
+    fn has_local_error(&self) -> bool {
+        false
+    }
+
     /// The hit of least `t` that the query accepts; ties go to the lowest primitive.
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit>;
 
@@ -115,6 +121,10 @@ macro_rules! blas_of_triangles {
 
             fn hit_error(&self) -> f32 {
                 HIT_ERROR
+            }
+
+            fn has_local_error(&self) -> bool {
+                true
             }
 
             fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
@@ -151,6 +161,10 @@ impl<P: LeafPrimitive> Blas for WideBvh<P> {
         P::ERROR
     }
 
+    fn has_local_error(&self) -> bool {
+        P::IS_LOCAL
+    }
+
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
         Self::closest_hit_with(self, ray_object, instance, query)
     }
@@ -171,6 +185,10 @@ impl<K: LaneKernel> Blas for MovingBvh<K> {
 
     fn hit_error(&self) -> f32 {
         HIT_ERROR
+    }
+
+    fn has_local_error(&self) -> bool {
+        true
     }
 
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {

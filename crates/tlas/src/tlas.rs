@@ -83,7 +83,7 @@ impl<B: Blas> Tlas<B> {
         let Some(blas) = self.blas.get(instance.blas as usize) else {
             return Err(InstanceError::NoSuchBlas { instance: index, blas: instance.blas });
         };
-        Placement::new(index, instance, &blas.bounds(), blas.hit_error())
+        Placement::new(index, instance, &blas.bounds(), (blas.hit_error(), blas.has_local_error()))
     }
 
     /// The bottom-level BVHs.

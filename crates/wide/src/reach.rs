@@ -12,7 +12,7 @@ use crate::par;
 /// Items of one job.
 const CHUNK: usize = 1 << 13;
 
-/// Greatest absolute coordinates, object space, of the bounds of all primitives below each leaf and each node.
+/// Greatest absolute coordinates, relative to the reference point, of the bounds of all primitives below each leaf and each node.
 pub(crate) struct Reaches {
     leaf: Vec<f32>,
     node: Vec<f32>,

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Reads: a BVH, its primitives after a motion. Writes: leaves and boxes. Holds: what a build holds; every box is that of
-//! the primitives now below it, in its old frame and with the padding that belongs to them.
+//! the primitives now below it, in its old frame, relative to a reference point near them, and with the padding that belongs to them.
 //! Source: Wald, Boulos & Shirley 2007 for when to refit and when to rebuild.
 
 mod above;
@@ -20,10 +20,10 @@ use std::fmt;
 use canted_lbvh::{self as lbvh, GeometryError};
 use canted_obb::{Aabb, PrimId};
 
-use crate::build::{PrimitiveError, bounds_of};
+use crate::build::{PrimitiveError, bounds_of, reference_of, reference_of_triangles};
 use crate::bvh::WideBvh;
 use crate::costs::{Baseline, RayCost};
-use crate::item::Item;
+use crate::item::{Item, Placed};
 use crate::layout::{Nodes, PARTS};
 use crate::outline::Outline;
 use crate::par;
@@ -136,13 +136,16 @@ impl<K: LaneKernel> WideBvh<Triangle<K>> {
     pub fn refit(&mut self, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Refit, RefitError> {
         check_number(self.n_primitives, triangles.len())?;
         check_vertices(positions, triangles)?;
+        let reference = reference_of_triangles(triangles.len(), |i| triangles[i].map(|v| positions[v as usize]));
+        let old = self.frame;
+        self.frame.reference = reference;
         let bvh = Target {
             nodes: &mut self.nodes,
             bounds: &mut self.bounds,
             baseline: &mut self.baseline,
-            pads: BoxPads::new(Pads::of(K::ERROR), &self.frame),
+            pads: BoxPads::new(Pads::of(K::ERROR), self.frame.is_identity),
         };
-        let leaves = MovedTriangles { positions, triangles, rotation: boxes::rotation(&self.frame) };
+        let leaves = MovedTriangles { positions, triangles, frames: [old, self.frame] };
         Ok(bvh.update(&mut self.leaves.halves, PARTS, &leaves))
     }
 }
@@ -157,15 +160,18 @@ impl<P: Primitive> WideBvh<P> {
     pub fn refit(&mut self, primitives: Vec<P>) -> Result<Refit, RefitError> {
         check_number(self.n_primitives, primitives.len())?;
         bounds_of(&primitives)?;
+        let reference = reference_of(&primitives);
+        let old_frame = self.frame;
+        self.frame.reference = reference;
         let bvh = Target {
             nodes: &mut self.nodes,
             bounds: &mut self.bounds,
             baseline: &mut self.baseline,
-            pads: BoxPads::new(Pads::of(P::ERROR), &self.frame),
+            pads: BoxPads::new(Pads::of(P::ERROR), self.frame.is_identity),
         };
         let old = std::mem::replace(&mut self.leaves.primitives, primitives);
-        let rotation = boxes::rotation(&self.frame);
-        let leaves = MovedPrimitives { old: &old, new: &self.leaves.primitives, rotation };
+        let leaves =
+            MovedPrimitives { primitives: [&old, &self.leaves.primitives], frames: [old_frame, self.frame] };
         Ok(bvh.update(&mut self.leaves.order, 1, &leaves))
     }
 }
@@ -240,9 +246,9 @@ fn finite(x: f64) -> f32 {
     x.min(f64::from(f32::MAX)) as f32
 }
 
-/// Primitives by place, of these ids.
-pub(crate) fn by_place<'a, P>(ids: &[PrimId], primitives: &'a [P]) -> Vec<&'a P> {
-    ids.iter().map(|id| &primitives[id.index()]).collect()
+/// Primitives by place, of these ids, as they are given.
+pub(crate) fn by_place<'a, P>(ids: &[PrimId], primitives: &'a [P]) -> Vec<Placed<'a, P>> {
+    ids.iter().map(|id| Placed::given(&primitives[id.index()])).collect()
 }
 
 /// The id at each place.

@@ -19,8 +19,8 @@ pub(crate) fn prepare<P: LeafPrimitive>(bvh: &WideBvh<P>, ray: &Ray) -> Option<T
 /// As [`prepare`], with pads of the caller's choice, relative to the origin.
 #[inline(always)]
 pub(crate) fn prepare_padded<P: LeafPrimitive>(bvh: &WideBvh<P>, pads: Pads, scaled: ScaledRay) -> TracedRay {
-    let pads = pads.along(&scaled);
-    let numbers = RayNumbers::new(&scaled, &bvh.frame, &pads);
+    let moved = bvh.frame.reference.moved_ray(&scaled);
+    let numbers = RayNumbers::new(&moved, &bvh.frame, &pads.along(&moved));
     TracedRay { scaled, numbers }
 }
 
@@ -137,8 +137,8 @@ where
     #[inline(always)]
     fn on<S: Simd>(mut self, simd: S) {
         let Self { bvh, ray, error, .. } = self;
-        let pads = Pads::within(error, ray);
-        let lanes = RayLanes::new(simd, &RayNumbers::new(ray, &bvh.frame, &pads));
+        let moved = bvh.frame.reference.moved_ray(ray);
+        let lanes = RayLanes::new(simd, &RayNumbers::new(&moved, &bvh.frame, &Pads::within(error, &moved)));
         let stack = &mut Stack::new(bvh.nodes.depth);
         walk::<S, ORDERED>(simd, &bvh.nodes, &lanes, ray.t_max, stack, &mut self);
     }

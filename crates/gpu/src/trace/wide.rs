@@ -41,7 +41,8 @@ impl TracedScene {
         let words = bvh.raw();
         check_coordinates(|| "the BVH over all instances".to_owned(), words.reach.into())?;
         let error = HitError::of_triangles(words.reach);
-        uploaded(gpu, &[(words, error)], Level::flat(gpu, first_triangles)?, words.depth)
+        let depth = words.depth;
+        uploaded(gpu, &[(words, error)], Level::flat(gpu, first_triangles)?, depth)
     }
 
     /// Uploads one BVH per mesh, and builds and uploads a BVH over the instances.
@@ -65,16 +66,19 @@ impl TracedScene {
         let level = Level::Two(Instances::new(gpu, &outer.packing, &outer.order)?);
         let deepest = words.iter().map(|words| words.depth).max().unwrap_or(0);
         let outer_words = outer.bvh.raw();
-        let bvhs: Vec<_> = std::iter::once((outer_words, outer.packing.error))
-            .chain(words.iter().map(|words| (*words, HitError::of_triangles(words.reach))))
-            .collect();
-        uploaded(gpu, &bvhs, level, outer_words.depth + deepest)
+        let depth = outer_words.depth + deepest;
+        let of_meshes = words.into_iter().map(|words| {
+            let error = HitError::of_triangles(words.reach);
+            (words, error)
+        });
+        let bvhs: Vec<_> = std::iter::once((outer_words, outer.packing.error)).chain(of_meshes).collect();
+        uploaded(gpu, &bvhs, level, depth)
     }
 }
 
 fn uploaded(gpu: &Gpu, bvhs: &[(RawBvh<'_>, HitError)], level: Level, depth: u32) -> Result<TracedScene, GpuError> {
     check_depth(depth)?;
-    let nodes: Vec<&[u32]> = bvhs.iter().map(|(words, _)| words.nodes).collect();
+    let nodes: Vec<&[u32]> = bvhs.iter().map(|(words, _)| &*words.nodes).collect();
     let blocks: Vec<&[u32]> = bvhs.iter().map(|(words, _)| words.blocks).collect();
     let mut start = Start::default();
     let headers = bvhs.iter().map(|(words, error)| {
@@ -88,7 +92,7 @@ fn uploaded(gpu: &Gpu, bvhs: &[(RawBvh<'_>, HitError)], level: Level, depth: u32
         halves: joined(gpu, "triangle blocks", &blocks)?,
         traversal: Traversal::Stack,
         links: None,
-        is_aligned: bvhs.iter().all(|(words, _)| is_aligned(quads(words.nodes), words.root)),
+        is_aligned: bvhs.iter().all(|(words, _)| is_aligned(quads(&words.nodes), words.root)),
     };
     TracedScene::over(gpu, Nodes::Wide(wide), &headers, level, depth)
 }

@@ -88,6 +88,10 @@ impl<K: LaneKernel> Blas for Bvh<K> {
         HIT_ERROR
     }
 
+    fn has_local_error(&self) -> bool {
+        true
+    }
+
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
         each!(self, bvh => bvh.closest_hit_with(ray_object, instance, query))
     }

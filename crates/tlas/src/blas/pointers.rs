@@ -17,6 +17,10 @@ macro_rules! forward {
                 B::hit_error(self)
             }
 
+            fn has_local_error(&self) -> bool {
+                B::has_local_error(self)
+            }
+
             fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
                 B::closest_hit_with(self, ray_object, instance, query)
             }

@@ -3,7 +3,7 @@
 use canted_fixtures::{self as fixtures, Hair, Mesh, SplitMix64};
 use canted_lbvh::{Corners, triangle_corners};
 use canted_obb::{Aabb, Obb};
-use canted_trace::{Ray, Watertight};
+use canted_trace::{Ray, ReferencePoint, Watertight};
 
 use super::{Chosen, choose, full};
 use crate::build::over_chosen;
@@ -90,9 +90,9 @@ impl Input {
 
     /// Nanoseconds a ray by what is visited.
     fn cost(&self, chosen: &Chosen<'_, Corners>, config: &Config) -> f64 {
+        let given = (ReferencePoint::ORIGIN, &self.bounds);
         let built =
-            over_chosen(chosen, self.corners.len(), &self.bounds, config, canted_trace::HIT_ERROR, &Limits::OF_WORDS)
-                .unwrap();
+            over_chosen(chosen, &self.corners, given, config, canted_trace::HIT_ERROR, &Limits::OF_WORDS).unwrap();
         let counts = TriangleBvh::<Watertight>::from(built).traversal_counts(&self.rays);
         #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
         let visits = [counts.nodes[0], counts.nodes[1], counts.leaves, counts.blocks].map(|n| n as f64);

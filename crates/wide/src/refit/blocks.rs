@@ -56,13 +56,14 @@ pub(crate) fn unused_lanes_are_zero(leaf: &LeafOutline, halves: &[Half]) -> bool
 
 #[cfg(test)]
 mod tests {
-    use canted_obb::Aabb;
+    use canted_obb::{Aabb, Obb};
+    use canted_trace::ReferencePoint;
 
     use super::*;
     use crate::layout::MAX_LEAF;
     use crate::refit::leaves::MovedTriangles;
     use crate::refit::subtree::Leaves;
-    use crate::traverse::Block;
+    use crate::traverse::{Block, MeshFrame};
 
     /// Reads a leaf as the traversal does.
     fn traversed(halves: &[Half], n: usize) -> Vec<(Corners, PrimId)> {
@@ -98,7 +99,8 @@ mod tests {
             for (first, id) in (0u32..).step_by(3).zip(&ids) {
                 triangles[id.index()] = [first, first + 1, first + 2];
             }
-            let leaves = MovedTriangles { positions: moved.as_flattened(), triangles: &triangles, rotation: None };
+            let frame = MeshFrame::new(Obb::IDENTITY_FRAME, ReferencePoint::ORIGIN);
+            let leaves = MovedTriangles { positions: moved.as_flattened(), triangles: &triangles, frames: [frame; 2] };
             let mut taken = vec![];
             let state = leaves.after(&mut halves, 0, n, Some(&mut taken));
             assert_eq!(taken, moved);

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use canted_obb::{Aabb, Obb};
+use canted_obb::Aabb;
 use canted_trace::Slabs;
 
 use crate::emit::{write_boxes, write_slabs};
@@ -20,7 +20,7 @@ struct Source<'a> {
     outline: &'a Outline,
     slabs: &'a SlabsOf<'a>,
     contents: &'a [LeafContent],
-    /// Boxes of nodes in the mesh frame.
+    /// Boxes of nodes in the mesh frame, relative to the reference point.
     node_boxes: Vec<Aabb>,
     reaches: Reaches,
     pads: &'a BoxPads,
@@ -32,51 +32,47 @@ type SlabsOf<'a> = dyn Fn(Range<usize>, [[f32; 3]; 3]) -> Slabs + Sync + 'a;
 /// What the boxes around a leaf depend on.
 #[derive(Clone, Copy, Debug)]
 struct LeafContent {
-    /// Object space.
-    bounds: Aabb,
+    /// Greatest coordinate relative to the reference point.
+    reach: f32,
     /// The boxes of all items in the mesh frame, together.
     aligned: Aabb,
 }
 
 impl LeafContent {
-    /// Of these items; `rotation` is that of the mesh.
-    fn of<I: Item>(items: impl Iterator<Item = I>, rotation: Option<[[f32; 3]; 3]>) -> Self {
-        let mut content = Self { bounds: Aabb::EMPTY, aligned: Aabb::EMPTY };
+    /// Of these items, as they are given, in this frame.
+    fn of<I: Item>(items: impl Iterator<Item = I>, frame: &MeshFrame) -> Self {
+        let (mut bounds, mut aligned) = (Aabb::EMPTY, Aabb::EMPTY);
         for item in items {
-            content.bounds = content.bounds.union(item.aabb());
-            if let Some(rows) = &rotation {
-                content.aligned = content.aligned.union(item::rotated_box(&item, rows));
+            bounds = bounds.union(item.aabb());
+            if !frame.is_identity {
+                aligned = aligned.union(item::rotated_box(&item.moved(frame.reference), &frame.rows));
             }
         }
-        if rotation.is_none() {
-            content.aligned = content.bounds;
-        }
-        content
+        // Rounding is monotonic, so this is the box of all moved items.
+        let moved = frame.reference.moved_box(&bounds);
+        Self { reach: moved.reach(), aligned: if frame.is_identity { moved } else { aligned } }
     }
 
     /// Of each leaf; `items` are by place.
-    fn of_leaves<I: Item>(outline: &Outline, items: &[I], rotation: Option<[[f32; 3]; 3]>) -> Vec<Self> {
-        let content = |leaf: &LeafOutline| Self::of(items[leaf.places.clone()].iter().copied(), rotation);
+    fn of_leaves<I: Item>(outline: &Outline, items: &[I], frame: &MeshFrame) -> Vec<Self> {
+        let content = |leaf: &LeafOutline| Self::of(items[leaf.places.clone()].iter().copied(), frame);
         par::map(&outline.leaves, LEAVES, content)
     }
-}
-
-/// The rows of a mesh frame; `None` if they are the axes of object space.
-pub(super) fn rotation(frame: &MeshFrame) -> Option<[[f32; 3]; 3]> {
-    (frame.rows != Obb::IDENTITY_FRAME).then_some(frame.rows)
 }
 
 /// Fewest leaves of one job.
 const LEAVES: usize = 256;
 
-/// Writes the boxes of all nodes, rounded outward and padded as a build does it; `items` are by place.
+/// Writes the boxes of all nodes, rounded outward and padded as a build does it; `items` are by place, as they are given.
 ///
 /// Boxes in the mesh frame are joined bottom-up. An oriented box is tight only if it is computed from all primitives below, so
 /// each primitive is read once for each oriented box around it.
 pub(crate) fn write<I: Item>(outline: &Outline, items: &[I], frame: &MeshFrame, pads: &BoxPads, lines: &mut [Line]) {
-    let contents = &LeafContent::of_leaves(outline, items, rotation(frame));
+    let contents = &LeafContent::of_leaves(outline, items, frame);
+    let moved = item::moved(items, frame.reference);
+    let items = moved.as_deref().unwrap_or(items);
     let slabs = &|places: Range<usize>, rows| I::slabs(&items[places], rows);
-    let reaches = Reaches::of_leaves(outline, contents.iter().map(|content| content.bounds.reach()).collect());
+    let reaches = Reaches::of_leaves(outline, contents.iter().map(|content| content.reach).collect());
     let mut source =
         Source { outline, slabs, contents, node_boxes: vec![Aabb::EMPTY; outline.nodes.len()], reaches, pads };
     for (i, node) in outline.nodes.iter().enumerate().rev() {

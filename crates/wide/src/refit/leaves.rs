@@ -5,28 +5,27 @@ use canted_obb::{Aabb, PrimId};
 use glam::Vec3A;
 
 use super::subtree::{Content, LeafState, Leaves};
-use crate::item::{self, Item};
+use crate::item::{self, Item, Placed};
 use crate::layout::{HALF_WORDS, Half, Lane, PART_LANES, PARTS};
 use crate::primitive::Primitive;
-
-/// Rows of the mesh frame; `None` if they are the axes of object space.
-pub(super) type Rotation = Option<[[f32; 3]; 3]>;
+use crate::traverse::MeshFrame;
 
 /// Triangles of a mesh that has moved. Every index is valid.
 pub(super) struct MovedTriangles<'a> {
     pub(super) positions: &'a [[f32; 3]],
     pub(super) triangles: &'a [[u32; 3]],
-    pub(super) rotation: Rotation,
+    /// Before and after the motion.
+    pub(super) frames: [MeshFrame; 2],
 }
 
 impl Leaves<Corners, Half> for MovedTriangles<'_> {
     fn before(&self, units: &[Half], first: usize, n: usize, mut items: Option<&mut Vec<Corners>>) -> LeafState {
         let words: &[u32] = bytemuck::cast_slice(&units[first / PARTS..]);
-        let mut leaf = GrowingTriangles::new(self.rotation);
+        let mut leaf = GrowingTriangles::new(self.frames[0]);
         for corners in triangles_of(words, first % PARTS, n) {
             leaf.add(corners);
             if let Some(items) = &mut items {
-                items.push(corners);
+                items.push(corners.moved(self.frames[0].reference));
             }
         }
         leaf.state(|| triangles_of(words, first % PARTS, n))
@@ -34,11 +33,11 @@ impl Leaves<Corners, Half> for MovedTriangles<'_> {
 
     fn after(&self, units: &mut [Half], first: usize, n: usize, mut items: Option<&mut Vec<Corners>>) -> LeafState {
         let (first, part) = (first / PARTS, first % PARTS);
-        let mut leaf = GrowingTriangles::new(self.rotation);
-        let mut take = |corners| {
+        let mut leaf = GrowingTriangles::new(self.frames[1]);
+        let mut take = |corners: Corners| {
             leaf.add(corners);
             if let Some(items) = &mut items {
-                items.push(corners);
+                items.push(corners.moved(self.frames[1].reference));
             }
         };
         let words: &mut [u32] = bytemuck::cast_slice_mut(&mut units[first..]);
@@ -86,29 +85,37 @@ impl MovedTriangles<'_> {
 
 /// Primitives of the caller before and after a motion.
 pub(super) struct MovedPrimitives<'a, P> {
-    pub(super) old: &'a [P],
-    pub(super) new: &'a [P],
-    pub(super) rotation: Rotation,
+    pub(super) primitives: [&'a [P]; 2],
+    pub(super) frames: [MeshFrame; 2],
 }
 
 impl<'a, P: Primitive> MovedPrimitives<'a, P> {
-    fn leaf(&self, primitives: &'a [P], ids: &[PrimId], items: Option<&mut Vec<&'a P>>) -> LeafState {
-        let mut leaf = Growing::new(self.rotation);
-        ids.iter().for_each(|id| leaf.add(&primitives[id.index()]));
-        if let Some(items) = items {
-            items.extend(ids.iter().map(|id| &primitives[id.index()]));
+    /// Before the motion, or after it.
+    fn leaf(&self, state: usize, ids: &[PrimId], items: Option<&mut Vec<Placed<'a, P>>>) -> LeafState {
+        let (primitives, frame) = (self.primitives[state], &self.frames[state]);
+        let (mut bounds, mut aligned, mut area) = (Aabb::EMPTY, Aabb::EMPTY, 0.0);
+        for id in ids {
+            let given = Placed::given(&primitives[id.index()]);
+            bounds = bounds.union(given.aabb());
+            area += given.area();
+            if !frame.is_identity {
+                aligned = aligned.union(item::rotated_box(&given.moved(frame.reference), &frame.rows));
+            }
         }
-        leaf.state()
+        if let Some(items) = items {
+            items.extend(ids.iter().map(|id| Placed::given(&primitives[id.index()]).moved(frame.reference)));
+        }
+        LeafState { content: Content::new(bounds, aligned, frame), area }
     }
 }
 
-impl<'a, P: Primitive> Leaves<&'a P, PrimId> for MovedPrimitives<'a, P> {
-    fn before(&self, units: &[PrimId], first: usize, n: usize, items: Option<&mut Vec<&'a P>>) -> LeafState {
-        self.leaf(self.old, &units[first..first + n], items)
+impl<'a, P: Primitive> Leaves<Placed<'a, P>, PrimId> for MovedPrimitives<'a, P> {
+    fn before(&self, units: &[PrimId], first: usize, n: usize, items: Option<&mut Vec<Placed<'a, P>>>) -> LeafState {
+        self.leaf(0, &units[first..first + n], items)
     }
 
-    fn after(&self, units: &mut [PrimId], first: usize, n: usize, items: Option<&mut Vec<&'a P>>) -> LeafState {
-        self.leaf(self.new, &units[first..first + n], items)
+    fn after(&self, units: &mut [PrimId], first: usize, n: usize, items: Option<&mut Vec<Placed<'a, P>>>) -> LeafState {
+        self.leaf(1, &units[first..first + n], items)
     }
 }
 
@@ -119,12 +126,12 @@ struct GrowingTriangles {
     aligned: Aabb,
     /// Twice the sum of the areas.
     twice_area: f32,
-    rotation: Rotation,
+    frame: MeshFrame,
 }
 
 impl GrowingTriangles {
-    fn new(rotation: Rotation) -> Self {
-        Self { min: Vec3A::INFINITY, max: Vec3A::NEG_INFINITY, aligned: Aabb::EMPTY, twice_area: 0.0, rotation }
+    fn new(frame: MeshFrame) -> Self {
+        Self { min: Vec3A::INFINITY, max: Vec3A::NEG_INFINITY, aligned: Aabb::EMPTY, twice_area: 0.0, frame }
     }
 
     #[inline(always)]
@@ -133,49 +140,21 @@ impl GrowingTriangles {
         self.min = self.min.min(a.min(b)).min(c);
         self.max = self.max.max(a.max(b)).max(c);
         self.twice_area += (b - a).cross(c - a).length();
-        if let Some(rows) = &self.rotation {
-            self.aligned = self.aligned.union(item::rotated_box(&corners, rows));
+        if !self.frame.is_identity {
+            let moved = corners.moved(self.frame.reference);
+            self.aligned = self.aligned.union(item::rotated_box(&moved, &self.frame.rows));
         }
     }
 
     /// The leaf, of whose triangles `all` are.
     fn state<I: Iterator<Item = Corners>>(self, all: impl FnOnce() -> I) -> LeafState {
         let bounds = Aabb { min: self.min.to_array(), max: self.max.to_array() };
-        let aligned = if self.rotation.is_some() { self.aligned } else { bounds };
         // Squares of great and of small coordinates leave the range of f32.
         let area = if (f32::MIN_POSITIVE..f32::INFINITY).contains(&self.twice_area) {
             0.5 * f64::from(self.twice_area)
         } else {
             all().map(|corners| corners.area()).sum()
         };
-        LeafState { content: Content { bounds, aligned }, area }
-    }
-}
-
-/// A leaf as items are added.
-struct Growing {
-    bounds: Aabb,
-    aligned: Aabb,
-    area: f64,
-    rotation: Rotation,
-}
-
-impl Growing {
-    fn new(rotation: Rotation) -> Self {
-        Self { bounds: Aabb::EMPTY, aligned: Aabb::EMPTY, area: 0.0, rotation }
-    }
-
-    #[inline(always)]
-    fn add<I: Item>(&mut self, item: I) {
-        self.bounds = self.bounds.union(item.aabb());
-        self.area += item.area();
-        if let Some(rows) = &self.rotation {
-            self.aligned = self.aligned.union(item::rotated_box(&item, rows));
-        }
-    }
-
-    fn state(self) -> LeafState {
-        let aligned = if self.rotation.is_some() { self.aligned } else { self.bounds };
-        LeafState { content: Content { bounds: self.bounds, aligned }, area: self.area }
+        LeafState { content: Content::new(bounds, self.aligned, &self.frame), area }
     }
 }

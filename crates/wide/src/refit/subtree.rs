@@ -11,22 +11,35 @@ use crate::emit::{write_boxes, write_slabs};
 use crate::item::Item;
 use crate::layout::{Line, NodeKind, Row, Word, WordKind, node_words};
 use crate::pieces::Piece;
-use crate::traverse::BoxPads;
+use crate::traverse::{BoxPads, MeshFrame};
 
 /// What the boxes around a leaf or a node depend on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Content {
     /// Object space.
     pub(super) bounds: Aabb,
-    /// The boxes of all items in the mesh frame, together.
+    /// The boxes of all items in the mesh frame, together, relative to the reference point.
     pub(super) aligned: Aabb,
+    /// Greatest coordinate relative to the reference point.
+    pub(super) reach: f32,
 }
 
 impl Content {
-    pub(super) const EMPTY: Self = Self { bounds: Aabb::EMPTY, aligned: Aabb::EMPTY };
+    pub(super) const EMPTY: Self = Self { bounds: Aabb::EMPTY, aligned: Aabb::EMPTY, reach: 0.0 };
+
+    /// Of items with these bounds; `aligned` is around them in a mesh frame that is not that of object space.
+    pub(super) fn new(bounds: Aabb, aligned: Aabb, frame: &MeshFrame) -> Self {
+        // Rounding is monotonic, so this is the box of all moved items.
+        let moved = frame.reference.moved_box(&bounds);
+        Self { bounds, aligned: if frame.is_identity { moved } else { aligned }, reach: moved.reach() }
+    }
 
     pub(super) fn union(self, other: Self) -> Self {
-        Self { bounds: self.bounds.union(other.bounds), aligned: self.aligned.union(other.aligned) }
+        Self {
+            bounds: self.bounds.union(other.bounds),
+            aligned: self.aligned.union(other.aligned),
+            reach: self.reach.max(other.reach),
+        }
     }
 }
 
@@ -57,7 +70,8 @@ pub(super) struct LeafState {
 
 /// The leaves of a BVH, in units of type `U`, and what they hold after a motion.
 pub(super) trait Leaves<I, U>: Sync {
-    /// The leaf of `n` items from a part of `units` on, before the motion; appends its items to `items`.
+    /// The leaf of `n` items from a part of `units` on, before the motion; appends its items to `items`, relative to the
+    /// reference point.
     fn before(&self, units: &[U], first: usize, n: usize, items: Option<&mut Vec<I>>) -> LeafState;
 
     /// The same after the motion, which is written.
@@ -150,7 +164,7 @@ pub(super) fn write_node(
     boxes: &[Option<ChildBox>; 8],
     pads: &BoxPads,
 ) {
-    let pad = |i: usize| children[i].as_ref().map_or(0.0, |child| pads.of(kind, child.content.bounds.reach()));
+    let pad = |i: usize| children[i].as_ref().map_or(0.0, |child| pads.of(kind, child.content.reach));
     match kind {
         NodeKind::Aligned => write_boxes(&mut rows[..6], |i| match &boxes[i] {
             Some(ChildBox::Aligned(aabb)) => Some((*aabb, pad(i))),

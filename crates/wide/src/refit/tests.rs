@@ -1,6 +1,7 @@
 //! Boxes after a refit, compared with exact sums; broken references.
 
 use canted_fixtures::{self as fixtures, Mesh, SplitMix64};
+use canted_lbvh::Corners;
 use canted_obb::Aabb;
 use canted_trace::Ray;
 
@@ -49,7 +50,9 @@ fn sum_is_positive(terms: &[f64]) -> bool {
 /// Number of boxes that do not contain all vertices below them, by exact sums of exact products.
 fn n_too_small(bvh: &TriangleBvh) -> usize {
     let outline = outline(bvh);
-    let corners = Triangles::read(&outline, &bvh.leaves.halves).corners;
+    // Boxes contain moved vertices exactly; the pads cover their rounding.
+    let moved = |corners: &Corners| corners.map(|vertex| bvh.frame.reference.moved(vertex));
+    let corners: Vec<Corners> = Triangles::read(&outline, &bvh.leaves.halves).corners.iter().map(moved).collect();
     let mut n = 0;
     for node in &outline.nodes {
         let rows: &[Row] = bytemuck::cast_slice(&bvh.nodes.lines[node.line..node.line + node.kind.n_lines()]);
@@ -129,7 +132,7 @@ fn the_oracle_detects_boxes_that_are_too_small() {
     // Vertices that moved without a refit.
     let mut bvh = bvh.clone();
     let moved: Vec<_> = mesh.positions.iter().map(|p| p.map(|x| x * 1.01)).collect();
-    let leaves = MovedTriangles { positions: &moved, triangles: &mesh.triangles, rotation: None };
+    let leaves = MovedTriangles { positions: &moved, triangles: &mesh.triangles, frames: [bvh.frame; 2] };
     for leaf in &outline.leaves {
         leaves.after(&mut bvh.leaves.halves, leaf.first, leaf.places.len(), None);
     }

@@ -5,13 +5,15 @@ use crate::simd::Simd;
 
 /// Up to eight rays, prepared at once: each row holds one number of each.
 ///
-/// The arithmetic is that of [`ScaledRay::new`], [`Pads::along`] and [`RayNumbers::new`], so every number has the same bits.
+/// The arithmetic is that of [`ScaledRay::new`], `ReferencePoint::moved_ray`, [`Pads::along`] and [`RayNumbers::new`], so every number has the same bits.
 /// Products of directions with a power of two round as these do in `f64`: once, and only where they over- or underflow.
 pub(crate) struct EightRays {
     /// Rays that can hit.
     valid: u32,
     to_scaled: [f64; 8],
     t_max: [f32; 8],
+    /// Origins as they were given.
+    origin: [[f32; 8]; 3],
     numbers: RayNumbers<[f32; 8]>,
 }
 
@@ -33,7 +35,10 @@ impl EightRays {
             let i = (beyond.trailing_zeros() & 7) as usize;
             beyond &= beyond - 1;
             match rays.get(i).and_then(ScaledRay::new) {
-                Some(ray) => eight.set(i, &ray, &RayNumbers::new(&ray, frame, &pads.along(&ray))),
+                Some(ray) => {
+                    let moved = frame.reference.moved_ray(&ray);
+                    eight.set(i, &ray, &RayNumbers::new(&moved, frame, &pads.along(&moved)));
+                }
                 None => eight.valid &= !(1 << i),
             }
         }
@@ -74,6 +79,10 @@ impl EightRays {
         let normal = simd.le(simd.splat(f32::MIN_POSITIVE), greatest) & simd.lt(greatest, simd.splat(BEYOND));
         let beyond = valid & !(normal & exact(simd, t_min, scaled_t_min) & exact(simd, t_max, scaled_t_max));
 
+        let given = [simd.store(ox), simd.store(oy), simd.store(oz)];
+        let [cx, cy, cz] = frame.reference.point();
+        let (ox, oy, oz) =
+            (simd.sub(ox, simd.splat(cx)), simd.sub(oy, simd.splat(cy)), simd.sub(oz, simd.splat(cz)));
         let scale = max3(simd, simd.abs(ox), simd.abs(oy), simd.abs(oz));
         let origin_rows = [simd.store(ox), simd.store(oy), simd.store(oz)];
         let direction_rows = [simd.store(direction[0]), simd.store(direction[1]), simd.store(direction[2])];
@@ -105,7 +114,7 @@ impl EightRays {
         for (to_scaled, power) in to_scaled.iter_mut().zip(simd.store(power)) {
             *to_scaled = f64::from(power);
         }
-        (Self { valid, to_scaled, t_max: simd.store(scaled_t_max), numbers }, beyond)
+        (Self { valid, to_scaled, t_max: simd.store(scaled_t_max), origin: given, numbers }, beyond)
     }
 
     /// Overwrites ray `i`.
@@ -116,6 +125,7 @@ impl EightRays {
             numbers.near[k][i] = of.near[k];
             numbers.far[k][i] = of.far[k];
             numbers.origin[k][i] = of.origin[k];
+            self.origin[k][i] = ray.origin[k];
             numbers.direction[k][i] = of.direction[k];
         }
         numbers.t_min[i] = ray.t_min;
@@ -142,7 +152,8 @@ impl EightRays {
             pad_oriented: pad_oriented[i],
         };
         let interval = [t_min[i], self.t_max[i]];
-        let scaled = ScaledRay::from_parts(numbers.origin, numbers.direction, interval, self.to_scaled[i]);
+        let [x, y, z] = &self.origin;
+        let scaled = ScaledRay::from_parts([x[i], y[i], z[i]], numbers.direction, interval, self.to_scaled[i]);
         Some(TracedRay { scaled, numbers })
     }
 }
@@ -188,6 +199,7 @@ fn max3<S: Simd>(simd: S, x: S::F, y: S::F, z: S::F) -> S::F {
 #[cfg(test)]
 mod tests {
     use canted_fixtures::SplitMix64;
+    use canted_trace::ReferencePoint;
 
     use super::*;
     use crate::SimdPath;
@@ -209,7 +221,8 @@ mod tests {
             let eight = EightRays::new(simd, rays, frame, pads);
             let alone = |ray: &Ray| {
                 let scaled = ScaledRay::new(ray)?;
-                Some(TracedRay { scaled, numbers: RayNumbers::new(&scaled, frame, &pads.along(&scaled)) })
+                let moved = frame.reference.moved_ray(&scaled);
+                Some(TracedRay { scaled, numbers: RayNumbers::new(&moved, frame, &pads.along(&moved)) })
             };
             [(0..rays.len()).map(|i| eight.ray(i)).collect(), rays.iter().map(alone).collect()]
         }
@@ -238,8 +251,10 @@ mod tests {
     #[test]
     fn eight_rays_have_the_bits_of_single_rays() {
         let mut rng = SplitMix64::new(1);
-        let third = MeshFrame::new([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]]);
-        let identity = MeshFrame::new(canted_obb::Obb::IDENTITY_FRAME);
+        let (origin, far) = (ReferencePoint::ORIGIN, ReferencePoint::new([1e6, -3.0, 0.1]).expect("a small point"));
+        let third = |at| MeshFrame::new([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]], at);
+        let identity = |at| MeshFrame::new(canted_obb::Obb::IDENTITY_FRAME, at);
+        let frames = [identity(origin), third(origin), identity(far), third(far)];
         let mut n_hitting = 0;
         for round in 0..4000 {
             let n = 1 + round % 8;
@@ -260,7 +275,7 @@ mod tests {
                 })
                 .collect();
             for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
-                let frame = if round % 2 == 0 { &identity } else { &third };
+                let frame = &frames[round % 4];
                 let [together, alone] = path.run(Both { rays: &rays, frame });
                 for ((ray, a), b) in rays.iter().zip(together).zip(alone) {
                     let (a, b) = (a.as_ref().map(bits), b.as_ref().map(bits));
