@@ -5,16 +5,16 @@
 mod twins_trace {
     mod binary;
     mod deep;
+    mod frames;
     mod instances;
     mod meshes;
     mod models;
     mod moving;
-    mod reference;
     #[path = "../wide/setup.rs"]
     #[expect(dead_code, reason = "only the configurations are used")]
     mod setup;
     mod small;
     mod traversals;
 
-    pub(crate) use canted_tests::device::gpu;
+    pub(crate) use canted_tests::{device::gpu, judge as reference};
 }

@@ -14,7 +14,7 @@ use crate::{
     command::{self, cargo, has_cargo_command, say, succeeds},
     png,
     publish::{self, Outcome},
-    python, test, tidy, workspace,
+    python, test, tidy, window, workspace,
 };
 
 /// How a step ended.
@@ -34,18 +34,20 @@ impl End {
 
 type Step = (&'static str, fn() -> Result<End>);
 
-const STEPS: [Step; 11] = [
+const STEPS: [Step; 12] = [
     ("formatting", formatting),
     ("tidy", || tidy::run().map(End::of)),
     ("lints", lints),
     ("documentation", documentation),
     ("features", features),
+    ("optional readers", optional_readers),
     ("oldest compiler", oldest_compiler),
     ("wasm32", wasm),
     ("dependencies", dependencies),
     ("packages", packages),
     ("benches as tests", benches),
     ("a short render", short_render),
+    ("window", window),
 ];
 
 /// Runs all steps, then the tests. Returns whether all passed.
@@ -158,6 +160,17 @@ fn features() -> Result<End> {
     Ok(End::of(is_well))
 }
 
+/// Tests the readers that are off by default; that of `meshopt` requires a C++ compiler.
+fn optional_readers() -> Result<End> {
+    let has_cpp = command::output("c++", &["--version"]).is_ok();
+    if !has_cpp {
+        say("skipped meshopt: no C++ compiler");
+    }
+    let features = if has_cpp { "meshopt,ktx2" } else { "ktx2" };
+    let args = ["test", "--package", "canted-scene", "--lib", "--test", "scene", "--features", features, "--"];
+    succeeds(cargo(&args).args(["ktx2", "meshopt", "texture_formats", "files::"])).map(End::of)
+}
+
 /// Checks the library with the oldest supported compiler, where it is installed.
 fn oldest_compiler() -> Result<End> {
     let manifest = fs::read_to_string(workspace::root().join("Cargo.toml")).context("cannot read Cargo.toml")?;
@@ -202,6 +215,14 @@ fn dependencies() -> Result<End> {
 /// Runs each benchmark once, in the profile of the tests.
 fn benches() -> Result<End> {
     succeeds(&mut cargo(&["test", "--workspace", "--bench", "stages", "--bench", "obj"])).map(End::of)
+}
+
+/// Builds and tests the window of `canted view`, where that is requested.
+fn window() -> Result<End> {
+    match window::skipped() {
+        Some(reason) => Ok(End::Skipped(reason)),
+        None => window::run().map(End::of),
+    }
 }
 
 /// Renders the built-in scene with the release program.

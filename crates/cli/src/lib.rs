@@ -25,6 +25,8 @@ mod no_gpu;
 mod not_needed;
 mod options;
 mod output;
+#[cfg(feature = "ktx2")]
+mod panics;
 mod picture;
 mod render;
 mod scene;
@@ -122,6 +124,8 @@ fn run() -> Result<ExitCode> {
 #[must_use]
 pub fn main() -> ExitCode {
     interrupt::install_handlers();
+    #[cfg(feature = "ktx2")]
+    panics::quieten();
     run().unwrap_or_else(|error| {
         if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) {
             return ExitCode::from(interrupt::EXIT_CODE);

@@ -71,7 +71,7 @@ impl LightArgs {
     }
 
     /// Whether no light is given.
-    fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.env.is_none() && self.sun.is_empty() && self.point.is_empty() && self.sphere.is_empty()
     }
 
@@ -146,11 +146,15 @@ fn color(name: &str, color: [f32; 3]) -> Result<[f32; 3]> {
 /// Up where nothing else is said.
 pub(crate) const DEFAULT_UP: [f32; 3] = [0.0, 1.0, 0.0];
 
+/// Where the light of the default sun travels, with +y up. It comes over the left shoulder of who looks along the default view, so that
+/// the three sides of a box that are seen have three shades, none of which is that of the sky.
+const SUN: [f32; 3] = [0.35, -0.75, -0.6];
+
 /// Sets the default light: a blue sky and a high sun, times `strength`.
 pub(crate) fn set_default(scene: &mut Scene, strength: f32, up: [f32; 3]) {
     scene.environment = Some([0.40, 0.50, 0.65].map(|c| c * strength).into());
     let irradiance = [2.0, 1.9, 1.7].map(|c| c * strength);
-    scene.lights = vec![Light::Sun { direction: unit(turned([-0.3, -1.0, -0.2], up)), irradiance }];
+    scene.lights = vec![Light::Sun { direction: unit(turned(SUN, up)), irradiance }];
 }
 
 /// A direction of a scene with +y up in a scene with this up direction; exact for +y and +z.
@@ -158,7 +162,7 @@ fn turned([x, y, z]: [f32; 3], up: [f32; 3]) -> [f32; 3] {
     match up {
         [0.0, _, 0.0] => [x, y * up[1].signum(), z],
         [0.0, 0.0, _] => [x, -z, y * up[2].signum()],
-        // The part across is small; only the part along matters.
+        // Any part across does.
         _ => {
             let up = unit(up);
             std::array::from_fn(|k| y * up[k] + 0.3 * [x, 0.0, z][k])

@@ -51,12 +51,17 @@ fn input_of(scene: &Path) -> String {
 /// Reads a scene, posed at a time in seconds of an animation given by name or number, or makes the built-in scene. Prints
 /// each warning once.
 pub(crate) fn scene(path: Option<&Path>, time: Option<f32>, animation: Option<&str>) -> Result<Scene> {
+    scene_with(path, &ReadOptions { time, animation: animation.map(str::to_owned), variant: None })
+}
+
+/// As [`scene`], with a material variant.
+pub(crate) fn scene_with(path: Option<&Path>, options: &ReadOptions) -> Result<Scene> {
     let Some(path) = path else { return Ok(canted_scene::builtin()) };
     let scene = if is_scene_file(path) {
-        check_time(path, time, animation)?;
+        check_asset_options(path, options)?;
         scene_file(path)?.load()
     } else {
-        canted_scene::read_with(path, &ReadOptions { time, animation: animation.map(str::to_owned) })
+        canted_scene::read_with(path, options)
     };
     let scene = scene?;
     warn(&scene.warnings);
@@ -64,8 +69,8 @@ pub(crate) fn scene(path: Option<&Path>, time: Option<f32>, animation: Option<&s
 }
 
 /// As [`scene`], for a shutter that is open between two times in seconds.
-pub(crate) fn scene_in_shutter(path: &Path, times: [f32; 2], animation: Option<&str>) -> Result<Scene> {
-    let options = ReadOptions { time: Some(times[0]), animation: animation.map(str::to_owned) };
+pub(crate) fn scene_in_shutter(path: &Path, times: [f32; 2], options: &ReadOptions) -> Result<Scene> {
+    let options = ReadOptions { time: Some(times[0]), ..options.clone() };
     let (mut animated, mut scene) = AnimatedScene::open(path, &options)?;
     let of_file = std::mem::take(&mut scene.warnings);
     warn(&of_file);
@@ -78,9 +83,10 @@ pub(crate) fn scene_in_shutter(path: &Path, times: [f32; 2], animation: Option<&
     Ok(scene)
 }
 
-/// Rejects a time and an animation for a scene file, which states them for each asset.
-pub(crate) fn check_time(scene_file: &Path, time: Option<f32>, animation: Option<&str>) -> Result<()> {
-    let given = [("time", time.is_some()), ("animation", animation.is_some())];
+/// Rejects options for a scene file, which states them for each asset.
+pub(crate) fn check_asset_options(scene_file: &Path, options: &ReadOptions) -> Result<()> {
+    let ReadOptions { time, animation, variant } = options;
+    let given = [("time", time.is_some()), ("animation", animation.is_some()), ("variant", variant.is_some())];
     match given.into_iter().find(|&(_, is_given)| is_given) {
         None => Ok(()),
         Some((option, _)) => Err(anyhow!(

@@ -73,7 +73,7 @@ fn film(source: &Source<'_>, options: &[(String, String)], monitor: &Monitor<'_>
             load::warn(&scene.warnings);
             scene
         }
-        _ => load::scene(path, args.time, args.animation.as_deref())?,
+        _ => load::scene_with(path, &args.read_options(args.time))?,
     };
     let triangles = args.structure.triangles;
     with_kernel!(triangles, render(&mut scene, args, monitor))

@@ -45,7 +45,7 @@ pub(crate) fn run(args: &Args, matches: &ArgMatches) -> Result<()> {
     options::use_threads(None)?;
     let mut file = match args.scene.as_deref() {
         Some(scene) if load::is_scene_file(scene) => {
-            load::check_time(scene, args.time, args.animation.as_deref())?;
+            load::check_asset_options(scene, &args.read_options(args.time))?;
             load::scene_file(scene)?.moved_to(path)?
         }
         scene => SceneFile::for_scene(scene, path)?,
@@ -56,6 +56,9 @@ pub(crate) fn run(args: &Args, matches: &ArgMatches) -> Result<()> {
     if let Some(animation) = &args.animation {
         file = file.with_animation(animation);
     }
+    if let Some(variant) = &args.variant {
+        file = file.with_variant(variant);
+    }
     if let Some((image, scale, turn_degrees)) = args.light.environment_file() {
         file = file.with_environment(image, scale, turn_degrees)?;
     }
@@ -65,12 +68,16 @@ pub(crate) fn run(args: &Args, matches: &ArgMatches) -> Result<()> {
     with_kernel!(args.structure.triangles, set_view_and_light(&mut file, &mut scene, &mut args))?;
     let picture = args.settings()?;
     let sampler = format!("{:?}", picture.pattern).to_lowercase();
-    let resolved = [
+    let mut resolved = vec![
         ("spp", picture.samples.to_string()),
         ("sampler", sampler),
         ("bounces", picture.bounces.to_string()),
         ("integrator", format!("{:?}", picture.integrator).to_lowercase()),
     ];
+    // Scene files have the exposure that they say.
+    if let Some(stops) = args.look.stops().filter(|stops| *stops != 0.0) {
+        resolved.push(("exposure", stops.to_string()));
+    }
     file.settings = settings::all(options, &resolved);
     write(&file, &args)
 }

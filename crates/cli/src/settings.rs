@@ -20,7 +20,7 @@ use clap::{
 use crate::{load, output, render, words::Words};
 
 /// Options about a run: its files, devices and reports.
-const RUN_OPTIONS: [&str; 22] = [
+const RUN_OPTIONS: [&str; 23] = [
     "scene",
     "output",
     "crop",
@@ -34,6 +34,7 @@ const RUN_OPTIONS: [&str; 22] = [
     "checkpoint_every",
     "heatmap",
     "heatmap_scale",
+    "boxes",
     "device",
     "threads",
     "json",
@@ -46,7 +47,7 @@ const RUN_OPTIONS: [&str; 22] = [
 ];
 
 /// Options that have their own table in a scene file.
-const OPTIONS_WITH_TABLE: [(&str, &str); 16] = [
+const OPTIONS_WITH_TABLE: [(&str, &str); 17] = [
     ("eye", "[camera]"),
     ("target", "[camera]"),
     ("up", "[camera]"),
@@ -63,6 +64,7 @@ const OPTIONS_WITH_TABLE: [(&str, &str); 16] = [
     ("sphere", "[[lights]]"),
     ("time", "[[assets]]"),
     ("animation", "[[assets]]"),
+    ("variant", "[[assets]]"),
 ];
 
 /// Options without effect on a heat map, which shows camera rays through the center of the lens.

@@ -34,9 +34,15 @@ mod boundary;
 mod energy;
 mod fresnel;
 mod ggx;
+mod layers;
+mod lobes;
+mod sheen;
+mod thin_film;
 mod vector;
 
 use boundary::{Boundary, Choice};
+use layers::Layers;
+pub use lobes::Lobes;
 
 use crate::sampling::{cosine_density, cosine_hemisphere};
 
@@ -61,6 +67,8 @@ pub struct Bsdf {
     pub is_inside: bool,
     /// Whether the light that rough boundaries lose by multiple scattering is given back.
     pub is_compensated: bool,
+    /// Further lobes; `None` for most materials.
+    pub lobes: Option<Lobes>,
 }
 
 /// Value and PDF of the BSDF for two directions, without delta lobes.
@@ -101,6 +109,7 @@ impl Bsdf {
             thin_walled: false,
             is_inside: false,
             is_compensated: false,
+            lobes: None,
         }
     }
 
@@ -116,7 +125,10 @@ impl Bsdf {
             let density = cosine_density(incident[2]);
             return Evaluation { value: self.base_color.map(|c| c * density), density };
         }
-        Boundary::new(self, outgoing).evaluate(incident)
+        match &self.lobes {
+            None => Boundary::new(self, outgoing).evaluate(incident),
+            Some(lobes) => self.with_lobes(lobes, outgoing, |scatterer, turn| scatterer.evaluate(turn.to(incident))),
+        }
     }
 
     /// Samples an incident direction, from a point of the unit square and a number in `[0, 1)` that chooses a lobe.
@@ -133,25 +145,34 @@ impl Bsdf {
             let weight = self.base_color;
             return Some(BsdfSample { incident, weight, density, is_delta: false, is_transmitted: false });
         }
-        let boundary = Boundary::new(self, outgoing);
-        let incident = match boundary.sample(square, choice)? {
-            Choice::Delta(sample) => return Some(sample),
-            Choice::Direction(incident) => incident,
-        };
-        let Evaluation { value, density } = boundary.evaluate(incident);
-        let is_transmitted = incident[2] < 0.0;
-        // Rounding may move a direction at the edge of a lobe out of it.
-        (density > 0.0).then(|| {
-            let weight = value.map(|x| x / density);
-            BsdfSample { incident, weight, density, is_delta: false, is_transmitted }
-        })
+        match &self.lobes {
+            None => Boundary::new(self, outgoing).sampled(square, choice),
+            Some(lobes) => self.with_lobes(lobes, outgoing, |scatterer, turn| {
+                let sample = scatterer.sampled(square, choice)?;
+                Some(BsdfSample { incident: turn.back(sample.incident), ..sample })
+            }),
+        }
+    }
+
+    /// Calls `then` with the layers, or with the base alone, in a frame whose x axis is the direction of anisotropy.
+    fn with_lobes<R>(&self, lobes: &Lobes, outgoing: [f32; 3], then: impl FnOnce(&dyn Scatterer, Turn) -> R) -> R {
+        let turn = Turn(if lobes.anisotropy > 0.0 { lobes.direction } else { [1.0, 0.0] });
+        let outgoing = turn.to(outgoing);
+        // From inside a solid, layers are not seen.
+        if !lobes.is_layered() || self.is_inside {
+            return then(&Boundary::new(self, outgoing), turn);
+        }
+        then(&Layers::new(self, &layers::coat_of(self, lobes), lobes, outgoing), turn)
     }
 
     /// Whether [`Self::evaluate`] is zero everywhere, so that light sampling is not needed.
     #[must_use]
     pub fn is_delta_only(&self) -> bool {
-        let is_smooth = ggx::Ggx::of_roughness(self.roughness).is_none();
-        is_smooth && self.diffuse_color().iter().all(|&c| c == 0.0)
+        let is_smooth = |roughness| ggx::Ggx::of_roughness(roughness).is_none();
+        let is_bare = self.lobes.is_none_or(|lobes| {
+            lobes.sheen_color == [0.0; 3] && (lobes.clearcoat == 0.0 || is_smooth(lobes.clearcoat_roughness))
+        });
+        is_bare && is_smooth(self.roughness) && self.diffuse_color().iter().all(|&c| c == 0.0)
     }
 
     /// Albedo for a denoiser, seen from outside along the normal, linear RGB in 0..=1.
@@ -159,6 +180,10 @@ impl Bsdf {
     /// White for clear glass and white mirrors, the tint of metals, diffuse albedo plus coat for others.
     #[must_use]
     pub fn albedo(&self) -> [f32; 3] {
+        if let Some(lobes) = &self.lobes {
+            let coat = lobes.dielectric(1.0, self.ior).map(|c| (1.0 - self.metallic) * self.specular * c);
+            return std::array::from_fn(|k| coat[k] + (1.0 - coat[k]) * self.base_color[k]);
+        }
         let coat = (1.0 - self.metallic) * self.specular * fresnel::dielectric(1.0, self.ior).unwrap_or(1.0);
         self.base_color.map(|c| coat + (1.0 - coat) * c)
     }
@@ -176,7 +201,7 @@ impl Bsdf {
 
     /// Whether there is only the diffuse lobe, so that `choice` has no effect.
     pub(crate) fn is_lambert(&self) -> bool {
-        self.metallic == 0.0 && self.specular == 0.0 && self.transmission == 0.0
+        self.metallic == 0.0 && self.specular == 0.0 && self.transmission == 0.0 && self.lobes.is_none()
     }
 
     /// Albedo of the diffuse base without the coat.
@@ -188,3 +213,41 @@ impl Bsdf {
 
 /// Smaller cosines count as the horizon: quotients of larger ones never overflow.
 const MIN_COSINE: f32 = f32::MIN_POSITIVE;
+
+/// What scatters light from one direction.
+trait Scatterer {
+    fn evaluate(&self, incident: [f32; 3]) -> Evaluation;
+
+    fn sample(&self, square: [f32; 2], choice: f32) -> Option<Choice>;
+
+    /// A sample with the weight of all lobes.
+    fn sampled(&self, square: [f32; 2], choice: f32) -> Option<BsdfSample> {
+        let incident = match self.sample(square, choice)? {
+            Choice::Delta(sample) => return Some(sample),
+            Choice::Direction(incident) => incident,
+        };
+        let Evaluation { value, density } = self.evaluate(incident);
+        let is_transmitted = incident[2] < 0.0;
+        // Rounding may move a direction at the edge of a lobe out of it.
+        (density > 0.0).then(|| {
+            let weight = value.map(|x| x / density);
+            BsdfSample { incident, weight, density, is_delta: false, is_transmitted }
+        })
+    }
+}
+
+/// A rotation about the normal, to a frame whose x axis is this unit vector.
+#[derive(Clone, Copy)]
+struct Turn([f32; 2]);
+
+impl Turn {
+    fn to(self, [x, y, z]: [f32; 3]) -> [f32; 3] {
+        let Self([c, s]) = self;
+        [c * x + s * y, c * y - s * x, z]
+    }
+
+    fn back(self, [x, y, z]: [f32; 3]) -> [f32; 3] {
+        let Self([c, s]) = self;
+        [c * x - s * y, s * x + c * y, z]
+    }
+}

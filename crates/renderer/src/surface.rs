@@ -1,4 +1,5 @@
 mod hit_triangle;
+mod lobes;
 mod prefetch;
 mod shading_normal;
 mod surfaces;
@@ -24,6 +25,8 @@ pub struct Surface {
     pub is_front: bool,
     /// The BSDF.
     pub bsdf: Bsdf,
+    /// Direction of the longer highlights of an anisotropic surface, world space, of any length.
+    pub along: Option<[f64; 3]>,
     /// Emitted radiance, the same on both sides.
     pub emission: [f32; 3],
     /// Distance from the triangle's plane at which new rays start, in world units; see [`SurfacePoint`].

@@ -110,6 +110,7 @@ pub(crate) fn filtered_textures(material: &Material) -> impl Iterator<Item = &Te
     ]
     .into_iter()
     .flatten()
+    .chain(material.lobes.iter().flat_map(|lobes| lobes.textures()))
 }
 
 #[cfg(test)]

@@ -113,6 +113,8 @@ pub struct Asset {
     pub time: Option<f32>,
     /// Name or number of the animation, see [`crate::ReadOptions::animation`].
     pub animation: Option<String>,
+    /// Name or number of the material variant, see [`crate::ReadOptions::variant`].
+    pub variant: Option<String>,
     /// Name of a new material that replaces all materials of the asset.
     pub material: Option<String>,
     /// Line in the file; 0 if not read from one.

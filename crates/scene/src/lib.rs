@@ -68,6 +68,7 @@ mod camera;
 mod environment;
 mod file;
 mod light;
+mod lobes;
 mod material;
 mod mesh;
 mod read;
@@ -83,6 +84,7 @@ pub use file::{
     Setting, closest_match, suggestion,
 };
 pub use light::Light;
+pub use lobes::Lobes;
 pub use material::{AlphaMode, Material, MaterialId};
 pub use mesh::{Instance, Mesh, MeshClose, MeshId, Part};
 pub use read::{AnimatedScene, ReadError, ReadOptions, declared_exr_samples, read, read_environment, read_with};

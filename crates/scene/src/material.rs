@@ -1,4 +1,4 @@
-use crate::TextureRef;
+use crate::{Lobes, TextureRef};
 
 /// Index of a material in [`crate::Scene::materials`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -65,6 +65,8 @@ pub struct Material {
     pub alpha: f32,
     /// Texture whose alpha channel is multiplied by `alpha`; its color channels are ignored.
     pub alpha_texture: Option<TextureRef>,
+    /// Further lobes; `None` for most materials.
+    pub lobes: Option<Box<Lobes>>,
 }
 
 impl Default for Material {
@@ -89,6 +91,7 @@ impl Default for Material {
             alpha_mode: AlphaMode::Opaque,
             alpha: 1.0,
             alpha_texture: None,
+            lobes: None,
         }
     }
 }
@@ -110,10 +113,16 @@ impl Material {
         ]
         .into_iter()
         .flatten()
+        .chain(self.lobes.iter().flat_map(|lobes| lobes.textures()))
+    }
+
+    /// The further lobes, to change them; creates them.
+    pub fn lobes_mut(&mut self) -> &mut Lobes {
+        self.lobes.get_or_insert_default()
     }
 
     /// All texture slots.
-    pub(crate) fn textures_mut(&mut self) -> [&mut Option<TextureRef>; 6] {
+    pub(crate) fn textures_mut(&mut self) -> impl Iterator<Item = &mut Option<TextureRef>> {
         [
             &mut self.base_color_texture,
             &mut self.metallic_roughness_texture,
@@ -122,6 +131,8 @@ impl Material {
             &mut self.emission_texture,
             &mut self.alpha_texture,
         ]
+        .into_iter()
+        .chain(self.lobes.iter_mut().flat_map(|lobes| lobes.textures_mut()))
     }
 
     /// Whether alpha can make parts of the surface invisible.

@@ -48,6 +48,9 @@ pub struct ReadOptions {
     /// Name of the animation, or its number from 0 where no animation has that name. `None` for the first animation; others
     /// are then ignored with a warning, as they are usually alternatives.
     pub animation: Option<String>,
+    /// Name of a material variant of a glTF file, or its number from 0 where no variant has that name. `None` for the materials of the
+    /// primitives.
+    pub variant: Option<String>,
 }
 
 /// Reads an OBJ (with MTL), PLY, STL, OFF, glTF or GLB file with the buffers and images it references.
@@ -83,6 +86,9 @@ pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError>
 fn read_static(path: &Path, format: Format, bytes: &[u8], options: &ReadOptions) -> Result<Scene, ReadError> {
     if let Some(wanted) = &options.animation {
         return Err(ReadError::UnknownAnimation { path: path.to_owned(), wanted: wanted.clone(), known: Vec::new() });
+    }
+    if let Some(wanted) = &options.variant {
+        return Err(ReadError::UnknownVariant { path: path.to_owned(), wanted: wanted.clone(), known: Vec::new() });
     }
     match format {
         Format::Obj => obj::parse(path, bytes),

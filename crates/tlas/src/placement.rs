@@ -45,16 +45,56 @@ pub(crate) struct Bounds {
     pub(crate) error: WorldError,
 }
 
-/// What traversal needs of an instance.
+/// What traversal needs of an instance: two cache lines.
 #[derive(Clone, Debug)]
+#[repr(align(64))]
 pub(crate) struct Placement {
+    /// `f64`, so only the result is rounded.
+    object_from_world: Inverse,
+    /// The motion of a moving instance, which replaces `object_from_world`.
+    motion: Option<Box<Motion>>,
     pub(crate) blas: u32,
     /// The instance's mask; zero hides an instance whose bounds are not known.
     pub(crate) mask: u32,
-    /// Rows of the inverse transform, each with its translation last. `f64`, so only the result is rounded.
-    object_from_world: Rows,
-    /// The motion of a moving instance, which replaces `object_from_world`.
-    motion: Option<Box<Motion>>,
+}
+
+const _: () = assert!(size_of::<Placement>() == 128);
+
+/// The inverse of a transform: three columns, then the translation, one after the other. Four numbers are read from the start of
+/// each, of which the last is not used.
+#[derive(Clone, Copy, Debug)]
+struct Inverse([f64; 13]);
+
+impl Inverse {
+    #[inline(always)]
+    fn new(rows: &Rows) -> Self {
+        let mut columns = [0.0; 13];
+        for k in 0..4 {
+            for (i, row) in rows.iter().enumerate() {
+                columns[3 * k + i] = row[k];
+            }
+        }
+        Self(columns)
+    }
+
+    /// The linear map of `v`. Lanes are independent, so that the compiler may use vectors of any width for the same bits.
+    #[inline(always)]
+    fn linear(&self, v: [f64; 3]) -> [f64; 4] {
+        let [x, y, z] = [self.column(0), self.column(1), self.column(2)];
+        let lane = |i: usize| (x[i] * v[0] + y[i] * v[1]) + z[i] * v[2];
+        [lane(0), lane(1), lane(2), lane(3)]
+    }
+
+    #[inline(always)]
+    fn point(&self, v: [f64; 3]) -> [f64; 4] {
+        let ([a, b, c, d], [x, y, z, w]) = (self.linear(v), self.column(3));
+        [a + x, b + y, c + z, d + w]
+    }
+
+    #[inline(always)]
+    fn column(&self, k: usize) -> [f64; 4] {
+        [self.0[3 * k], self.0[3 * k + 1], self.0[3 * k + 2], self.0[3 * k + 3]]
+    }
 }
 
 impl Placement {
@@ -139,7 +179,8 @@ impl Placement {
         if !aabb.is_finite() {
             return Err(InstanceError::OutOfRange { instance: index });
         }
-        let placement = Self { blas: instance.blas, mask: instance.mask, object_from_world: inverse, motion };
+        let placement =
+            Self { object_from_world: Inverse::new(&inverse), motion, blas: instance.blas, mask: instance.mask };
         Ok((placement, Bounds { obb: bounds_world, aabb, error }))
     }
 
@@ -148,17 +189,15 @@ impl Placement {
     #[inline(always)]
     pub(crate) fn ray_object<Q: Query>(&self, ray: &WorldRay, t_max: f64, query: &Q) -> Option<ObjectRay> {
         let moved;
-        let rows = match &self.motion {
+        let inverse = match &self.motion {
             None => &self.object_from_world,
             Some(motion) => {
-                moved = motion.object_from_world(query.time());
+                moved = Inverse::new(&motion.object_from_world(query.time()));
                 &moved
             }
         };
-        let linear = |row: &[f64; 4], v: [f64; 3]| (row[0] * v[0] + row[1] * v[1]) + row[2] * v[2];
-        let origin = std::array::from_fn(|k| linear(&rows[k], ray.origin) + rows[k][3]);
-        let direction = std::array::from_fn(|k| linear(&rows[k], ray.direction));
-        ray.in_object(origin, direction, t_max)
+        let ([ox, oy, oz, _], [dx, dy, dz, _]) = (inverse.point(ray.origin), inverse.linear(ray.direction));
+        ray.in_object([ox, oy, oz], [dx, dy, dz], t_max)
     }
 }
 

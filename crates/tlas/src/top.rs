@@ -14,9 +14,9 @@ mod class;
 mod wide;
 
 use canted_lbvh::{self as lbvh, VolumeConfig};
-use canted_obb::Aabb;
+use canted_obb::{Aabb, Obb};
 use canted_trace::{InstanceId, Query, ReferencePoint, ScaledRay};
-use canted_wide::{Config, MAX_PRIMITIVES, SimdPath};
+use canted_wide::{Config, MAX_PRIMITIVES, SimdPath, Stack};
 
 use crate::InstanceError;
 use crate::placement::Bounds;
@@ -88,6 +88,11 @@ impl Top {
         self.classes.iter().map(Class::n_bytes).sum()
     }
 
+    /// Calls `visit` with the box of each node and leaf.
+    pub(crate) fn each_box(&self, mut visit: impl FnMut(Obb, u32, bool)) {
+        self.classes.iter().for_each(|class| class.each_box(&mut visit));
+    }
+
     /// New bounds for the same instances, in the same topology; built again where the errors of a class have spread too far.
     pub(crate) fn refit(&mut self, bounds: &[Bounds], config: &TopConfig, path: SimdPath) {
         if self.classes.iter().any(|class| class.spread(bounds) > SPREAD_OF_REFIT)
@@ -117,12 +122,17 @@ impl Top {
         &self,
         ray: &ScaledRay,
         query: &mut Q,
+        stack: &mut Stack,
         mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
     ) {
         let mut ray = self.reference.moved_ray(ray);
+        // Almost all scenes have one class.
+        if let [class] = &self.classes[..] {
+            return class.traverse::<Q, ORDERED>(&ray, query, stack, enter);
+        }
         for class in &self.classes {
             let mut t_max = ray.t_max;
-            class.traverse::<Q, ORDERED>(&ray, query, |instance, limit, query| {
+            class.traverse::<Q, ORDERED>(&ray, query, stack, |instance, limit, query| {
                 t_max = enter(instance, limit, query);
                 t_max
             });

@@ -11,7 +11,7 @@ use crate::collapse::Plan;
 use crate::config::Config;
 use crate::costs::{Baseline, Costs};
 use crate::emit::{Leaves, Source, TooLarge, emit, write_ids, write_triangles};
-use crate::item::{self, Item, Placed};
+use crate::item::{self, Indexed, Item, Items, Placed};
 use crate::layout::{Half, LeafLayout, Limits, NodeKind, Nodes};
 use crate::leaf::LeafPrimitive;
 use crate::par;
@@ -19,7 +19,7 @@ use crate::primitive::Primitive;
 use crate::reach::Reaches;
 use crate::records::Records;
 use crate::shape::Shapes;
-use crate::simd::SimdPath;
+use crate::simd::Proven;
 use crate::traverse::{BoxPads, LaneKernel, MeshFrame, Pads};
 use crate::triangle::{Blocks, Triangle};
 
@@ -146,7 +146,7 @@ impl<P: Primitive> WideBvh<P> {
         let config = Config { costs, ..*config }.usable();
         let reference = reference_of(&primitives);
         let items: Vec<Placed<P>> = primitives.iter().map(|primitive| Placed { primitive, reference }).collect();
-        let chosen = binary::choose(&items, &reference.moved_box(&bounds), &config);
+        let chosen = binary::choose(&items[..], &reference.moved_box(&bounds), &config);
         let ids = chosen.primitives();
         let write = |at: &[u32], _: usize, out: &mut [PrimId]| write_ids(at.iter().map(|&i| ids[i as usize]), out);
         let leaves = Leaves { layout: &LeafLayout::IDS, units: &|n| vec![PrimId(0); n], write: &write };
@@ -184,7 +184,7 @@ pub(crate) struct Built<L> {
 impl<P: LeafPrimitive> From<Built<P::Leaves>> for WideBvh<P> {
     fn from(built: Built<P::Leaves>) -> Self {
         let Built { nodes, leaves, frame, bounds, n_primitives, predicted, costs } = built;
-        let (baseline, path) = (Baseline::new(costs), SimdPath::detect());
+        let (baseline, path) = (Baseline::new(costs), Proven::detect());
         Self { nodes, leaves, frame, bounds, n_primitives, predicted, baseline, path }
     }
 }
@@ -226,12 +226,12 @@ fn over_indexed(
     error: f32,
 ) -> Result<Built<Blocks>, GeometryError> {
     check_number(triangles.len(), limits)?;
-    let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
+    let bounds = lbvh::triangle_bounds(positions, triangles)?;
     let config = config.usable();
-    let reference = reference_of_triangles(corners.len(), |i| corners[i]);
-    let moved = item::moved(&corners, reference);
-    let chosen = binary::choose(moved.as_deref().unwrap_or(&corners), &reference.moved_box(&bounds), &config);
-    over_chosen(&chosen, &corners, (reference, &bounds), &config, error, limits)
+    let given = Indexed::given(positions, triangles);
+    let reference = reference_of_triangles(triangles.len(), |i| given.get(i));
+    let chosen = binary::choose(given.moved(reference), &reference.moved_box(&bounds), &config);
+    over_chosen(&chosen, given, (reference, &bounds), &config, error, limits)
 }
 
 /// Builds over a binary tree of any builder.
@@ -258,20 +258,20 @@ fn check_number(n_triangles: usize, limits: &Limits) -> Result<(), GeometryError
     if n_triangles > limits.n_triangles() { Err(GeometryError::TooMany { n_triangles }) } else { Ok(()) }
 }
 
-/// Writes the records of a tree over triangles, which are relative to the reference point there; `corners` are as they were given, and
+/// Writes the records of a tree over triangles, which are relative to the reference point there; `given` are as they were given, and
 /// so are `bounds`.
 pub(crate) fn over_chosen(
-    chosen: &Chosen<'_, Corners>,
-    corners: &[Corners],
+    chosen: &Chosen<impl Items<Item = Corners>>,
+    given: impl Items<Item = Corners>,
     (reference, bounds): (ReferencePoint, &Aabb),
     config: &Config,
     error: f32,
     limits: &Limits,
 ) -> Result<Built<Blocks>, GeometryError> {
-    let (n_primitives, ids) = (corners.len(), chosen.primitives());
+    let (n_primitives, ids) = (given.n(), chosen.primitives());
     let write = |at: &[u32], part: usize, out: &mut [Half]| {
         let ids = at.iter().map(|&i| ids[i as usize]);
-        write_triangles(ids.map(|id| (&corners[id.index()], id)), part, out);
+        write_triangles(ids.map(|id| (given.get(id.index()), id)), part, out);
     };
     let leaves = Leaves { layout: &LeafLayout::BLOCKS, units: &Records::zeroed, write: &write };
     let (nodes, halves, predicted) = collapse(chosen, &config.costs, error, limits, &leaves)
@@ -282,8 +282,8 @@ pub(crate) fn over_chosen(
 }
 
 /// Writes the records of the cheapest plan; `error` is that of hits.
-fn collapse<I: Item, U: Send, B: DerefMut<Target = [U]>>(
-    chosen: &Chosen<'_, I>,
+fn collapse<S: Items, U: Send, B: DerefMut<Target = [U]>>(
+    chosen: &Chosen<S>,
     costs: &Costs,
     error: f32,
     limits: &Limits,
@@ -298,7 +298,7 @@ fn collapse<I: Item, U: Send, B: DerefMut<Target = [U]>>(
     };
     // The box of a part may reach less far than the triangle, to whose reach the errors of hits are relative.
     let own_boxes = (*rows == Obb::IDENTITY_FRAME && !chosen.is_shared).then_some(aligned);
-    let reaches = Reaches::of_tree(tree, members, chosen.primitives(), items, own_boxes);
+    let reaches = Reaches::of_tree(tree, members, chosen.primitives(), *items, own_boxes);
     let source = Source {
         tree,
         members,
@@ -309,7 +309,7 @@ fn collapse<I: Item, U: Send, B: DerefMut<Target = [U]>>(
         frames: &frame_of,
         slabs: &|range, rows| {
             let sorted = oriented.as_ref().expect("only oriented nodes have boxes of their own");
-            I::slabs(&sorted.sorted[range], rows)
+            S::Item::slabs(&sorted.sorted[range], rows)
         },
         reach: &|child| reaches.of_child(child),
         pads: BoxPads::new(Pads::of(error), *rows == Obb::IDENTITY_FRAME),

@@ -37,7 +37,7 @@ use crate::leaf::LeafPrimitive;
 use crate::primitive::SavedPrimitive;
 use crate::records::Records;
 use crate::shape::Shapes;
-use crate::simd::SimdPath;
+use crate::simd::Proven;
 use crate::traverse::LaneKernel;
 use crate::triangle::{Blocks, Triangle};
 
@@ -155,7 +155,7 @@ impl<P: SavedLeaves> WideBvh<P> {
         let expected = Expected::of(&header, P::ERROR, P::IS_LOCAL)?;
         P::check(&mut nodes, &leaves, &expected)?;
         let Expected { n_primitives, bounds, frame, .. } = expected;
-        let (predicted, baseline, path) = (header.predicted, header.baseline, SimdPath::detect());
+        let (predicted, baseline, path) = (header.predicted, header.baseline, Proven::detect());
         Ok(Self { nodes, leaves, frame, bounds, n_primitives, predicted, baseline, path })
     }
 }

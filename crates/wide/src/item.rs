@@ -1,7 +1,7 @@
 //! Primitives in the form that builds and refits use: boxes along any frame, and what frames are fitted to, all relative to the
 //! reference point of the BVH.
 
-use canted_lbvh::{Corners, Leaf};
+use canted_lbvh::{Corners, Leaf, corners_of};
 use canted_obb::{Aabb, Obb, eigen};
 use canted_trace::{ReferencePoint, Slabs};
 
@@ -36,10 +36,71 @@ pub(crate) trait Item: Copy + Send + Sync {
     fn fitted(items: &[Self], scale: f32) -> Vec<Self::Fitted>;
 }
 
+/// Items by number: in an array, or made when they are needed.
+pub(crate) trait Items: Copy + Send + Sync {
+    type Item: Item;
+
+    /// Their number.
+    fn n(&self) -> usize;
+
+    fn get(&self, i: usize) -> Self::Item;
+}
+
+impl<I: Item> Items for &[I] {
+    type Item = I;
+
+    fn n(&self) -> usize {
+        self.len()
+    }
+
+    #[inline]
+    fn get(&self, i: usize) -> I {
+        self[i]
+    }
+}
+
+/// Triangles of a mesh. Their vertices in an array would take as much memory as all leaves of a BVH.
+#[derive(Clone, Copy)]
+pub(crate) struct Indexed<'a> {
+    positions: &'a [[f32; 3]],
+    triangles: &'a [[u32; 3]],
+    /// The point that vertices are relative to; `None` for the origin, where they stay as they are.
+    reference: Option<ReferencePoint>,
+}
+
+impl<'a> Indexed<'a> {
+    /// In object space itself.
+    pub(crate) fn given(positions: &'a [[f32; 3]], triangles: &'a [[u32; 3]]) -> Self {
+        Self { positions, triangles, reference: None }
+    }
+
+    /// Relative to `reference`.
+    pub(crate) fn moved(self, reference: ReferencePoint) -> Self {
+        Self { reference: (!reference.is_origin()).then_some(reference), ..self }
+    }
+}
+
+impl Items for Indexed<'_> {
+    type Item = Corners;
+
+    fn n(&self) -> usize {
+        self.triangles.len()
+    }
+
+    #[inline]
+    fn get(&self, i: usize) -> Corners {
+        let corners = corners_of(self.positions, &self.triangles[i]);
+        self.reference.map_or(corners, |reference| corners.moved(reference))
+    }
+}
+
 /// Boxes of items along `rows`, rounded outward.
-pub(crate) fn boxes<I: Item>(items: &[I], rows: [[f32; 3]; 3]) -> Vec<Aabb> {
+pub(crate) fn boxes<S: Items>(items: S, rows: [[f32; 3]; 3]) -> Vec<Aabb> {
     let identity = rows == Obb::IDENTITY_FRAME;
-    par::map(items, CHUNK, |item| if identity { item.aabb() } else { rotated_box(item, &rows) })
+    par::from_fn(items.n(), CHUNK, |i| {
+        let item = items.get(i);
+        if identity { item.aabb() } else { rotated_box(&item, &rows) }
+    })
 }
 
 /// The box of an item along `rows`, rounded outward.

@@ -179,6 +179,11 @@ impl<K: LaneKernel> MovingBvh<K> {
         self.bvh.frame()
     }
 
+    /// Calls `visit` with the box of each node and leaf, as [`WideBvh::each_box`]; a box contains its triangles at all times.
+    pub fn each_box(&self, visit: impl FnMut(Obb, u32, bool)) {
+        self.bvh.each_box(visit);
+    }
+
     /// The hit of least `t` that the query accepts at its time, as a hit on `instance`; ties go to the lowest triangle.
     pub fn closest_hit_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
         let test = Test::<K>::new(&self.bvh, ray, query)?;

@@ -75,5 +75,5 @@ pub use block::LaneKernel;
 pub(crate) use block::{Block, RayTriangles};
 pub(crate) use eight::EightRays;
 pub(crate) use ray::{BoxPads, MeshFrame, Pads, RayLanes, RayNumbers, TracedRay};
-pub(crate) use stack::Stack;
+pub use stack::Stack;
 pub(crate) use walk::{Visitor, walk};

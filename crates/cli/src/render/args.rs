@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
 use canted_film::{Filter, Format, Record};
-use canted_renderer::{FirstHit, Integrator, Lod, Measure, Settings, light_hash, scene_hash};
-use canted_scene::{Camera, Material, Scene};
+use canted_renderer::{BoxLevel, FirstHit, Integrator, Lod, Measure, Settings, light_hash, scene_hash};
+use canted_scene::{Camera, Material, ReadOptions, Scene};
 
 use super::{
     camera::{self, CameraArgs},
@@ -14,7 +14,7 @@ use super::{
     samples::SampleArgs,
 };
 use crate::{
-    device::RunArgs,
+    device::{DeviceArg, RunArgs},
     light::LightArgs,
     load::Inputs,
     options::{self, StructureArgs, one_of},
@@ -35,6 +35,9 @@ pub(crate) struct Args {
     /// Animation of the file, by name or by number from 0 [default: the first]
     #[arg(long, help_heading = SCENE, requires = "scene", value_name = "NAME|INDEX")]
     pub(crate) animation: Option<String>,
+    /// Material variant of a glTF file, by name or by number from 0 [default: the materials of its primitives]
+    #[arg(long, help_heading = SCENE, requires = "scene", value_name = "NAME|INDEX")]
+    pub(crate) variant: Option<String>,
     /// Output image: .png, .jpg, .webp (sRGB), .hdr or .exr (linear); `-` is standard output.
     #[arg(short, long, help_heading = PICTURE, default_value = "canted.png", value_name = "FILE", allow_hyphen_values = true)]
     pub(crate) output: PathBuf,
@@ -53,6 +56,10 @@ pub(crate) struct Args {
     /// Number of tests shown in the brightest color of the heat map; a wide node counts as eight boxes.
     #[arg(long, help_heading = PICTURE, value_parser = clap::value_parser!(u32).range(1..), default_value_t = 128, requires = "heatmap", value_name = "N")]
     pub(crate) heatmap_scale: u32,
+    /// Draw boxes of the acceleration structure over the picture: those of a level, 0 for the root, or of all leaves. Axis-aligned boxes are
+    /// blue, oriented ones orange.
+    #[arg(long, help_heading = PICTURE, conflicts_with = "samples", value_name = "LEVEL|leaves")]
+    pub(crate) boxes: Option<BoxLevel>,
     #[command(flatten)]
     pub(super) run: RunArgs,
     #[command(flatten)]
@@ -150,6 +157,17 @@ impl Args {
         self.output.as_os_str() == "-"
     }
 
+    /// The device.
+    pub(crate) fn device(&self) -> &DeviceArg {
+        &self.run.device
+    }
+
+    /// How a GPU finds first hits.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn first_hit(&self) -> FirstHit {
+        self.first_hit
+    }
+
     /// The size of the output.
     pub(super) fn output_size(&self) -> [u32; 2] {
         self.crop.map_or(self.size, |[.., width, height]| [width, height])
@@ -184,6 +202,19 @@ impl Args {
         };
         self.integrator = Some(integrator);
         reason
+    }
+
+    /// Whether the exposure may be chosen: for a model without exposure, its own lights and a format that is not linear. Scene files
+    /// are made for the exposure that they have.
+    pub(super) fn needs_exposure(&self) -> bool {
+        let is_model = self.scene.as_deref().is_some_and(|path| !output::has_extension(path, "toml"));
+        let is_linear = self.format().is_ok_and(Format::is_linear);
+        is_model && !is_linear && self.look.is_unset() && self.light.is_empty()
+    }
+
+    /// How the file of the scene is read, at a time in seconds.
+    pub(crate) fn read_options(&self, time: Option<f32>) -> ReadOptions {
+        ReadOptions { time, animation: self.animation.clone(), variant: self.variant.clone() }
     }
 
     /// The files that are read.

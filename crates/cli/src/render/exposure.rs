@@ -1,4 +1,4 @@
-//! Whether a scene needs the default light, and its strength.
+//! Whether a scene needs the default light, its strength, and the exposure for other light.
 
 use std::sync::atomic::AtomicBool;
 
@@ -68,7 +68,8 @@ pub(super) fn darkness(film: &Film) -> Option<String> {
     })
 }
 
-/// The factor for the default light that gives a well exposed picture: interiors lit through openings need more than 1.
+/// The factor for the default light that gives a well exposed picture: interiors lit through openings need more than 1, and white
+/// surfaces in the sun less.
 ///
 /// Measured on a small picture, because radiance is proportional to the light.
 pub(super) fn default_light_strength<K: LaneKernel>(
@@ -79,16 +80,73 @@ pub(super) fn default_light_strength<K: LaneKernel>(
 ) -> Result<f32> {
     /// Mean radiance of a well exposed picture.
     const MEAN: f64 = 0.3;
-    const LIMITS: (f64, f64) = (1.0, 32.0);
+    /// A white diffuse surface that faces the sun of strength 1 has a blue radiance of 1.19.
+    const LIMITS: (f64, f64) = (0.84, 32.0);
+    /// Part of the pixels with geometry that may be as bright as white or brighter.
+    const CLIPPED: f64 = 0.05;
+    let film = probe(scene, prepared, camera, settings)?;
+    let sum: f64 = film.pixels().iter().flat_map(|pixel| pixel.mean()).sum();
+    #[expect(clippy::cast_precision_loss, reason = "at most 64 x 64 pixels")]
+    let mean = sum / (3 * film.pixels().len()) as f64;
+    let bright = quantile(&seen(&film, |[r, g, b]| r.max(g).max(b)), 1.0 - CLIPPED);
+    // A dark interior keeps bright openings.
+    let least = (1.0 / bright.max(f64::MIN_POSITIVE)).clamp(LIMITS.0, 1.0);
+    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+    let strength = (MEAN / mean.max(f64::MIN_POSITIVE)).clamp(least, LIMITS.1) as f32;
+    Ok(strength)
+}
+
+/// Stops that show what the lights of the scene light: where most of it would be white or black; else `None`.
+pub(super) fn needed_stops<K: LaneKernel>(
+    scene: &Scene,
+    prepared: &Prepared<K>,
+    camera: &Camera,
+    settings: &Settings,
+) -> Result<Option<f32>> {
+    /// Bright and dark luminances, and the parts of the geometry that need stops where they are beyond.
+    const WHITE: f64 = 1.0;
+    const BLACK: f64 = 0.02;
+    const PART: f64 = 0.3;
+    /// Luminance that a tenth of the geometry exceeds, afterwards.
+    const BRIGHT: f64 = 0.8;
+    const LIMIT: f32 = 20.0;
+    let all = seen(&probe(scene, prepared, camera, settings)?, luminance);
+    let bright = quantile(&all, 0.9);
+    // Where nothing is lit, no exposure shows it.
+    if bright <= 0.0 || quantile(&all, 1.0 - PART) < WHITE && bright > BLACK {
+        return Ok(None);
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "a few stops")]
+    let stops = ((BRIGHT / bright).log2() as f32).clamp(-LIMIT, LIMIT);
+    // Tenths are what people give.
+    Ok(Some((10.0 * stops).round() / 10.0))
+}
+
+/// A small picture with the depth of geometry. It does not depend on the sample range, so that all parts of a picture agree.
+fn probe<K: LaneKernel>(
+    scene: &Scene,
+    prepared: &Prepared<K>,
+    camera: &Camera,
+    settings: &Settings,
+) -> Result<Film> {
     let [width, height] = [settings.width, settings.height].map(|side| side.min(PROBE_SIDE));
-    // Independent of the sample range, so that all parts of a picture have the same light.
-    let (samples, part, noise, aovs) = (16, None, None, Aovs::NONE);
+    let (samples, part, noise, aovs) = (16, None, None, Aovs::NONE.with(Aov::Depth));
     let probe = Settings { width, height, samples, part, noise, aovs, ..*settings };
     // Not cancellable: before there is a partial result, a signal ends the process.
-    let film = render(scene, &prepared.structure, camera, &probe, &|_, _| {}, &AtomicBool::new(false))?;
-    let sum: f64 = film.pixels().iter().flat_map(|pixel| pixel.mean()).sum();
-    let mean = sum / f64::from(3 * width * height);
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-    let strength = (MEAN / mean.max(f64::MIN_POSITIVE)).clamp(LIMITS.0, LIMITS.1) as f32;
-    Ok(strength)
+    Ok(render(scene, &prepared.structure, camera, &probe, &|_, _| {}, &AtomicBool::new(false))?)
+}
+
+/// A value of each pixel that shows geometry, ascending.
+fn seen(film: &Film, value: impl Fn([f64; 3]) -> f64) -> Vec<f64> {
+    let pixels = film.pixels().iter().zip(film.guides()).filter(|(_, guide)| guide.n_hits > 0);
+    let mut values: Vec<f64> = pixels.map(|(pixel, _)| value(pixel.mean())).collect();
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+/// The value that a part of ascending values does not exceed; 0 without values.
+fn quantile(values: &[f64], part: f64) -> f64 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "an index")]
+    let index = (part * values.len() as f64) as usize;
+    values.get(index.min(values.len().saturating_sub(1))).copied().unwrap_or(0.0)
 }

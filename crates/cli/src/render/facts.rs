@@ -61,8 +61,17 @@ pub(super) fn of_film(film: &Film, settings: &Settings, time: Duration, known: &
 }
 
 /// Facts that are sums over frames.
-const SUMS: [&str; 7] =
-    ["load_seconds", "build_seconds", "trace_seconds", "denoise_seconds", "rays", "dropped_samples", "gpu_tiles"];
+const SUMS: [&str; 9] = [
+    "load_seconds",
+    "build_seconds",
+    "trace_seconds",
+    "denoise_seconds",
+    "rays",
+    "dropped_samples",
+    "gpu_tiles",
+    "gpu_uploaded_bytes",
+    "gpu_dispatches",
+];
 
 /// The facts of a sequence of frames and of one more: sums, or the values of the last frame.
 pub(super) fn sum(mut all: Vec<Fact>, frame: Vec<Fact>) -> Vec<Fact> {

@@ -2,8 +2,10 @@
 
 use anyhow::{Result, anyhow};
 use canted_film::{Film, Tile};
-use canted_gpu::Gpu;
-use canted_renderer::{DevicePicture, FirstHit, Integrator, Monitor, Settings, SharedFilm, Structure, Surfaces};
+use canted_gpu::{Gpu, Traffic};
+use canted_renderer::{
+    DeviceFrames, DevicePicture, FirstHit, Integrator, Monitor, Settings, SharedFilm, Structure, Surfaces,
+};
 use canted_scene::Camera;
 use canted_wide::LaneKernel;
 use serde_json::json;
@@ -22,10 +24,12 @@ pub(super) struct GpuRenderer<'a, K: LaneKernel> {
     with_cpu: bool,
     /// How first hits are found, where the integrator has a choice.
     first_hit: Option<FirstHit>,
+    /// What had gone to the GPU before the scene.
+    before: Traffic,
 }
 
 impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
-    /// Uploads the scene; `None` where the CPU renders alone.
+    /// Uploads the scene, or what changed since the last of these frames; `None` where the CPU renders alone.
     ///
     /// # Errors
     /// A GPU that was requested explicitly does not support the scene or the settings.
@@ -36,13 +40,19 @@ impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
         structure: &'a Structure<K>,
         camera: &Camera,
         settings: &'a Settings,
+        frames: Option<&'a mut DeviceFrames>,
     ) -> Result<Option<Self>> {
         let with_cpu = matches!(machine, Machine::Both(_));
         if settings.part.is_some() && with_cpu {
             return Err(anyhow!("--samples requires one device; --device both mixes CPU and GPU rounding"));
         }
+        let before = machine.gpu().map(Gpu::traffic).unwrap_or_default();
         let ready = machine.ready(&args.structure, |gpu| {
-            DevicePicture::new(gpu, surfaces, structure, camera, settings)?.with_first_hit(args.first_hit)
+            let picture = match frames {
+                Some(frames) => DevicePicture::in_frame(gpu, surfaces, structure, camera, settings, frames)?,
+                None => DevicePicture::new(gpu, surfaces, structure, camera, settings)?,
+            };
+            picture.with_first_hit(args.first_hit)
         })?;
         let has_choice = settings.integrator == Integrator::Hybrid;
         Ok(ready.map(|(gpu, (picture, first_hit))| Self {
@@ -50,7 +60,16 @@ impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
             picture,
             with_cpu,
             first_hit: has_choice.then_some(first_hit),
+            before,
         }))
+    }
+}
+
+impl<K: LaneKernel> GpuRenderer<'_, K> {
+    /// What went to the GPU for this picture.
+    fn traffic(&self) -> [Fact; 2] {
+        let Traffic { uploaded_bytes, n_dispatches, .. } = self.gpu.traffic() - self.before;
+        [("gpu_uploaded_bytes", json!(uploaded_bytes)), ("gpu_dispatches", json!(n_dispatches))]
     }
 }
 
@@ -64,10 +83,13 @@ impl<K: LaneKernel> FilmRenderer for GpuRenderer<'_, K> {
         let named = |error| named(self.gpu, error);
         facts.extend(self.first_hit.map(|first_hit| ("first_hit", json!(name_of(&FIRST_HITS, &first_hit)))));
         if !self.with_cpu {
-            return self.picture.render(done, monitor).map_err(named);
+            let film = self.picture.render(done, monitor).map_err(named);
+            facts.extend(self.traffic());
+            return film;
         }
         let SharedFilm { film, n_tiles_of_device, stopped } =
             self.picture.render_with_cpu(done, monitor).map_err(named)?;
+        facts.extend(self.traffic());
         facts.push(("gpu_tiles", json!(n_tiles_of_device)));
         if let Some(error) = stopped {
             let name = &self.gpu.info().name;

@@ -53,6 +53,24 @@ impl FromStr for Exposure {
 }
 
 impl LookArgs {
+    /// Whether no exposure is given.
+    pub(super) fn is_unset(&self) -> bool {
+        self.exposure.is_none()
+    }
+
+    /// The number of stops, unless it depends on the picture.
+    pub(crate) fn stops(&self) -> Option<f32> {
+        match self.exposure {
+            Some(Exposure::Stops(stops)) => Some(stops),
+            _ => None,
+        }
+    }
+
+    /// Exposes by a number of stops.
+    pub(super) fn set_stops(&mut self, stops: f32) {
+        self.exposure = Some(Exposure::Stops(stops));
+    }
+
     /// Warns about options without effect on a linear format.
     pub(super) fn warn_ignored(&self, is_linear: bool) {
         if is_linear && (self.exposure.is_some() || self.tone_map != ToneMap::None) {

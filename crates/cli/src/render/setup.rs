@@ -1,7 +1,7 @@
 //! What rendering starts from: the built scene, the camera, the light and the integrator.
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Prepared, prepare};
+use canted_renderer::{Integrator, Prepared, prepare};
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 
@@ -71,12 +71,39 @@ pub(crate) fn choose<K: LaneKernel>(
     args: &mut Args,
     source: LightSource,
 ) -> Result<Choice> {
-    let integrator_reason = args.choose_integrator(scene, source == LightSource::Emission);
+    let is_free = args.integrator.is_none();
+    let mut integrator_reason = args.choose_integrator(scene, source == LightSource::Emission);
     if source != LightSource::Default || args.heatmap.is_some() {
+        if source != LightSource::Default && args.needs_exposure() {
+            expose(scene, prepared, camera, args)?;
+        }
         return Ok(Choice { default_light: None, integrator_reason });
     }
     light::set_default(scene, 1.0, args.camera.up());
-    let strength = exposure::default_light_strength(scene, prepared, camera, &args.settings()?)?;
+    let mut strength = exposure::default_light_strength(scene, prepared, camera, &args.settings()?)?;
+    if is_free && args.integrator == Some(Integrator::Path) && strength > MAX_PATH_STRENGTH {
+        args.integrator = Some(Integrator::Hybrid);
+        integrator_reason = "little of the default light gets in";
+        strength = exposure::default_light_strength(scene, prepared, camera, &args.settings()?)?;
+    }
     light::set_default(scene, strength, args.camera.up());
     Ok(Choice { default_light: Some(strength), integrator_reason })
+}
+
+/// A room that needs the default light stronger than this is dark and noisy by `path`: nearly all light comes through small openings.
+/// The ambient light of `hybrid` shows it.
+const MAX_PATH_STRENGTH: f32 = 3.0;
+
+/// Sets the exposure where the lights of the file would give a white or a black picture, and reports it.
+fn expose<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>, camera: &Camera, args: &mut Args) -> Result<()> {
+    let stops = exposure::needed_stops(scene, prepared, camera, &args.settings()?)?;
+    if let Some(stops) = stops {
+        let what = if stops < 0.0 { "white" } else { "black" };
+        output::note(&format!(
+            "--exposure {stops}: the lights of the file would leave most of the picture {what}; --exposure 0 keeps them as they are"
+        ));
+    }
+    // Also decides for later pictures of a sequence, which must not flicker.
+    args.look.set_stops(stops.unwrap_or(0.0));
+    Ok(())
 }

@@ -35,7 +35,7 @@ pub(super) fn measure(
 ) -> Result<Option<Motion>> {
     let Some(path) = path.filter(|path| !load::is_scene_file(path)) else { return Ok(None) };
     let first = time.unwrap_or(0.0);
-    let options = ReadOptions { time: Some(first), animation: animation.map(str::to_owned) };
+    let options = ReadOptions { time: Some(first), animation: animation.map(str::to_owned), variant: None };
     let (mut animated, mut scene) = AnimatedScene::open(path, &options)?;
     if !animated.is_animated() {
         return Ok(None);

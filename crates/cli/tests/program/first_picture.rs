@@ -25,7 +25,7 @@ fn weak_emission_keeps_the_default_light() {
     assert!(weak.json()["default_light"].is_number());
     assert!(mean(&folder, "weak.png") > 60.0, "{}", mean(&folder, "weak.png"));
     let strong = folder.run(&format!("strong.obj {LINE} --json")).done();
-    assert_eq!(strong.stderr, "");
+    assert!(strong.stderr.starts_with("note: --exposure -2.6: ") && strong.stderr.lines().count() == 1, "{}", strong.stderr);
     assert!(strong.json()["default_light"].is_null());
     let dark = folder.run(&format!("weak.obj {LINE} --env 0,0,0")).done();
     assert!(dark.stderr.contains("% of the picture are black"), "{}", dark.stderr);
@@ -48,6 +48,35 @@ fn the_integrator_follows_the_materials() {
         let given = folder.run(&format!("a.obj {LINE} --json --integrator hybrid")).done().json();
         assert_eq!((&given["integrator"], &given["integrator_reason"]), (&"hybrid".into(), &"given".into()));
     }
+}
+
+/// Lights in physical units would leave a white picture; linear formats, scene files and given exposures are as they are.
+#[test]
+fn the_exposure_follows_lights_of_the_file() {
+    let folder = Folder::new();
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/files/gltf/bright.gltf");
+    let exposed = folder.run(&format!("render {file} {LINE} -o a.png")).done();
+    assert!(exposed.stderr.contains("note: --exposure -9.") && exposed.stderr.contains("white"), "{}", exposed.stderr);
+    let (seen, white) = (mean(&folder, "a.png"), folder.run(&format!("render {file} {LINE} -o b.png --exposure 0")).done());
+    assert_eq!(white.stderr, "");
+    assert!(seen > 20.0 && seen + 20.0 < mean(&folder, "b.png"), "{seen} {}", mean(&folder, "b.png"));
+    assert_eq!(folder.run(&format!("render {file} {LINE} -o a.exr")).done().stderr, "");
+    folder.run(&format!("scene {file} --size 64x48 --spp 4 -o a.toml")).done();
+    let again = folder.run("render a.toml --device cpu -o c.png").done();
+    assert!(again.stderr.is_empty() && folder.bytes("c.png") == folder.bytes("a.png"), "{}", again.stderr);
+}
+
+/// White surfaces in the default light have shades.
+#[test]
+fn the_default_light_does_not_clip_white() {
+    let folder = Folder::new();
+    folder.write("white.mtl", "newmtl a\nKd 1 1 1\n");
+    // It faces the sun.
+    let square = "v -0.65 -0.97 0.83\nv 1.16 -0.12 0.83\nv 0.65 0.97 -0.83\nv -1.16 0.12 -0.83\nf 1 2 3 4\n";
+    folder.write("white.obj", format!("mtllib white.mtl\nusemtl a\n{square}"));
+    folder.run(&format!("white.obj {LINE}")).done();
+    let image = image::load_from_memory(&folder.bytes("white.png")).unwrap().to_rgb8();
+    assert!(image.pixels().all(|pixel| pixel.0 != [255; 3]));
 }
 
 /// A crop has the bits of the whole picture, at any place.

@@ -4,7 +4,7 @@ mod kept;
 
 use serde_json::{Value, json};
 
-use crate::support::Folder;
+use crate::{gpu::adapter, support::Folder};
 
 const QUICK: &str = "--size 40x30 --spp 2";
 
@@ -82,6 +82,22 @@ fn frames_match(folder: &Folder, options: &str, [first, end]: [u32; 2], fps: f64
         std::fs::remove_file(folder.path(&name)).unwrap();
     }
     report.json()
+}
+
+/// On a GPU, too, where each frame uploads what changed; binary BVHs are updated there.
+#[test]
+fn frames_of_a_gpu_are_the_pictures_of_their_times() {
+    let Some(_) = adapter("frames_of_a_gpu_are_the_pictures_of_their_times") else { return };
+    let folder = folder(3.0);
+    for options in ["--levels two", "--levels two --volumes combined --update refit", "--levels one --volumes aabb"] {
+        let options = format!("moving.gltf {QUICK} {options} --device gpu");
+        let report = frames_match(&folder, &options, [2, 5], 7.0, "exr");
+        let whole = folder.run(&format!("render {options} --time 0 --json -o single.exr")).done().json();
+        let [all, one] = [&report, &whole].map(|report| report["gpu_uploaded_bytes"].as_u64().unwrap());
+        assert!(all > one && all < 3 * one, "{options}: {all} bytes for three frames, {one} for one");
+    }
+    let options = "moving.gltf --levels two --volumes aabb --shutter 0..0.5 --integrator path --device gpu";
+    frames_match(&folder, &format!("{options} {QUICK}"), [2, 4], 7.0, "exr");
 }
 
 #[test]

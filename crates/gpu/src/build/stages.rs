@@ -56,6 +56,8 @@ pub struct Trees {
     pub heights: Buffer<u32>,
     /// Maximum depth over all trees, in nodes including the leaf; 0 without items.
     pub depth: Buffer<u32>,
+    /// Bound of the depth that follows from the number of items and the bits of their codes.
+    pub max_height: u32,
 }
 
 impl Codes {
@@ -78,6 +80,13 @@ impl Codes {
         }
         bound
     }
+}
+
+/// Greatest number of nodes between the root and a leaf, both counted: a level for each bit of a code and of a position, and no
+/// more than there are leaves.
+pub(crate) fn depth_bound(n: u32, bits: Bits) -> u32 {
+    let code = if bits == Bits::B30 { 30 } else { 63 };
+    n.min(code + n.max(1).next_power_of_two().ilog2() + 1)
 }
 
 /// `chosen` with the part for codes of this length.
@@ -173,6 +182,7 @@ pub fn tree(run: &mut Run<'_>, items: &Items, sorted: &Codes) -> Result<Trees, G
         parents: gpu.zeroed("parents", 2 * n)?,
         heights: gpu.zeroed("heights", n)?,
         depth: gpu.zeroed("depth", 1)?,
+        max_height: depth_bound(items.ranges().iter().map(|range| range.count).max().unwrap_or(0), sorted.bits()),
     };
     let mut bound = items.bound(&sorted.bound("sorted_low", "sorted_high"));
     let made: [NamedBinding<'_>; 4] =

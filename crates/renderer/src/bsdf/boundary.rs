@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use super::ggx::{Ggx, reflect};
 use super::vector::{dot, mean, unit};
-use super::{Bsdf, BsdfSample, Evaluation, MIN_COSINE, energy, fresnel};
+use super::{Bsdf, BsdfSample, Evaluation, Lobes, MIN_COSINE, Scatterer, energy, fresnel};
 use crate::sampling::cosine_hemisphere;
 
 /// The minimum difference of `eta` from 1 at which a rough boundary refracts; below, light passes straight.
@@ -29,6 +29,10 @@ pub(super) struct Boundary<'a> {
     /// Factor of what a thin wall transmits.
     transmission_gain: f32,
     diffuse_probability: f32,
+    /// Lobes that change the reflection, if any.
+    lobes: Option<&'a Lobes>,
+    /// The roughness whose losses are given back.
+    roughness: f32,
 }
 
 /// Reflection and transmission of a microfacet.
@@ -45,11 +49,36 @@ pub(super) enum Choice {
     Delta(BsdfSample),
 }
 
+impl Scatterer for Boundary<'_> {
+    /// Evaluates all lobes; the z of `incident` is not 0.
+    fn evaluate(&self, incident: [f32; 3]) -> Evaluation {
+        if incident[2] > 0.0 { self.reflected(incident) } else { self.transmitted(incident) }
+    }
+
+    /// Samples a direction from one of the lobes; `None` if the light is lost between microfacets.
+    fn sample(&self, square: [f32; 2], choice: f32) -> Option<Choice> {
+        if choice < self.diffuse_probability {
+            return Some(Choice::Direction(cosine_hemisphere(square)));
+        }
+        // Rescale the random number for the next choice.
+        let choice = (choice - self.diffuse_probability) / (1.0 - self.diffuse_probability);
+        let normal = self.facets.map_or([0.0, 0.0, 1.0], |facets| facets.sample(self.outgoing, square));
+        let facet = self.facet(dot(self.outgoing, normal));
+        if choice < facet.reflection_probability { self.reflect(&facet, normal) } else { self.transmit(&facet, normal) }
+    }
+}
+
 impl<'a> Boundary<'a> {
     pub(super) fn new(bsdf: &'a Bsdf, outgoing: [f32; 3]) -> Self {
         let is_inside = bsdf.is_inside && bsdf.transmission > 0.0 && !bsdf.thin_walled;
         let eta = if is_inside { 1.0 / bsdf.ior } else { bsdf.ior };
-        let facets = Ggx::of_roughness(bsdf.roughness);
+        let mut facets = Ggx::of_roughness(bsdf.roughness);
+        let mut roughness = bsdf.roughness;
+        if let Some(lobes) = bsdf.lobes.as_ref().filter(|lobes| lobes.anisotropy > 0.0) {
+            facets = facets.map(|facets| facets.stretched(lobes.anisotropy));
+            roughness = facets.map_or(roughness, |facets| facets.effective_roughness(outgoing));
+        }
+        let lobes = bsdf.lobes.as_ref().filter(|lobes| lobes.is_colored() && !is_inside);
         let mut boundary = Self {
             bsdf,
             outgoing,
@@ -60,6 +89,8 @@ impl<'a> Boundary<'a> {
             metal_gain: 0.0,
             transmission_gain: 1.0,
             diffuse_probability: 0.0,
+            lobes,
+            roughness,
         };
         if boundary.compensates {
             boundary.compensate();
@@ -72,23 +103,22 @@ impl<'a> Boundary<'a> {
     fn compensate(&mut self) {
         /// Smaller transmittances count as this.
         const MIN_PASSED: f32 = 1e-3;
-        let Bsdf { metallic, roughness, thin_walled, .. } = *self.bsdf;
-        if metallic == 0.0 && !thin_walled {
+        let Bsdf { metallic, thin_walled, .. } = *self.bsdf;
+        let roughness = self.roughness;
+        if metallic == 0.0 && !thin_walled && self.lobes.is_none() {
             return;
         }
         let cosine = self.outgoing[2];
-        let albedo = energy::albedo(cosine, roughness);
+        let albedo = match self.facets.filter(|facets| !facets.is_isotropic()) {
+            Some(facets) => facets.albedo(self.outgoing).max(MIN_PASSED),
+            None => energy::albedo(cosine, roughness),
+        };
         self.metal_gain = (1.0 - albedo) / albedo;
         if thin_walled {
             // Facets mirror what a thin wall transmits, so that it loses as much as reflected light.
             let coat = self.coat(energy::effective_cosine(cosine, roughness));
             self.transmission_gain = (1.0 - albedo * coat) / (albedo * (1.0 - coat).max(MIN_PASSED));
         }
-    }
-
-    /// Evaluates all lobes; the z of `incident` is not 0.
-    pub(super) fn evaluate(&self, incident: [f32; 3]) -> Evaluation {
-        if incident[2] > 0.0 { self.reflected(incident) } else { self.transmitted(incident) }
     }
 
     /// Light from the side of `outgoing`.
@@ -123,9 +153,9 @@ impl<'a> Boundary<'a> {
     fn mirrored(&self, facets: Ggx, incident: [f32; 3], part: impl Fn(&Facet) -> ([f32; 3], f32)) -> Evaluation {
         let normal = unit(std::array::from_fn(|k| self.outgoing[k] + incident[k]));
         let (color, probability) = part(&self.facet(dot(self.outgoing, normal)));
-        let area = facets.distribution(normal) * facets.masking(self.outgoing[2], incident[2]);
+        let area = facets.distribution(normal) * facets.masking(self.outgoing, incident);
         // The Jacobian is 1 over four times the cosine to the facet; the cosine cancels.
-        let density = facets.density(self.outgoing[2], normal) / 4.0;
+        let density = facets.density(self.outgoing, normal) / 4.0;
         Evaluation { value: color.map(|c| c * area), density: (1.0 - self.diffuse_probability) * probability * density }
     }
 
@@ -144,23 +174,11 @@ impl<'a> Boundary<'a> {
         let facet = self.facet(near);
         // The Jacobian of refraction; by Snell's law the absolute value of the sum is at least 1 - 1/eta.
         let jacobian = -far / (far + near / self.eta).powi(2);
-        let masking = 4.0 * near * facets.masking(self.outgoing[2], -incident[2]);
+        let masking = 4.0 * near * facets.masking(self.outgoing, incident.map(|x| -x));
         let area = facets.distribution(normal) * masking * jacobian / (self.eta * self.eta);
-        let density = near * facets.density(self.outgoing[2], normal) * jacobian;
+        let density = near * facets.density(self.outgoing, normal) * jacobian;
         let probability = (1.0 - self.diffuse_probability) * (1.0 - facet.reflection_probability);
         Evaluation { value: facet.transmitted.map(|c| c * area), density: probability * density }
-    }
-
-    /// Samples a direction from one of the lobes; `None` if the light is lost between microfacets.
-    pub(super) fn sample(&self, square: [f32; 2], choice: f32) -> Option<Choice> {
-        if choice < self.diffuse_probability {
-            return Some(Choice::Direction(cosine_hemisphere(square)));
-        }
-        // Rescale the random number for the next choice.
-        let choice = (choice - self.diffuse_probability) / (1.0 - self.diffuse_probability);
-        let normal = self.facets.map_or([0.0, 0.0, 1.0], |facets| facets.sample(self.outgoing, square));
-        let facet = self.facet(dot(self.outgoing, normal));
-        if choice < facet.reflection_probability { self.reflect(&facet, normal) } else { self.transmit(&facet, normal) }
     }
 
     fn reflect(&self, facet: &Facet, normal: [f32; 3]) -> Option<Choice> {
@@ -220,13 +238,34 @@ impl<'a> Boundary<'a> {
         // Rounding may exceed the range slightly.
         let cosine = cosine.clamp(0.0, 1.0);
         let coat = self.coat(cosine);
-        let coat_reflectance = (1.0 - metallic) * coat * if self.is_inside { transmission } else { 1.0 };
-        let metal = |c| metallic * fresnel::schlick(cosine, c) * (1.0 + c * self.metal_gain);
-        let reflected = base_color.map(|c| metal(c) + coat_reflectance);
+        let reflected = match self.lobes {
+            Some(lobes) => self.colored(lobes, cosine),
+            None => {
+                let coat_reflectance = (1.0 - metallic) * coat * if self.is_inside { transmission } else { 1.0 };
+                let metal = |c| metallic * fresnel::schlick(cosine, c) * (1.0 + c * self.metal_gain);
+                base_color.map(|c| metal(c) + coat_reflectance)
+            }
+        };
         let through = (1.0 - metallic) * transmission * (1.0 - coat) * self.transmission_gain;
         let transmitted = base_color.map(|c| through * c);
         let (r, t) = (mean(reflected), mean(transmitted));
         Facet { reflected, transmitted, reflection_probability: if t > 0.0 { r / (r + t) } else { 1.0 } }
+    }
+
+    /// Reflectance of a facet with a colored or iridescent reflection.
+    fn colored(&self, lobes: &Lobes, cosine: f32) -> [f32; 3] {
+        let Bsdf { base_color, metallic, .. } = *self.bsdf;
+        let gained = |c: f32| 1.0 + c * self.metal_gain;
+        let metal = lobes.film(cosine, base_color, base_color.map(|c| fresnel::schlick(cosine, c)));
+        let coat = self.coat_colors(lobes, cosine);
+        std::array::from_fn(|k| {
+            metallic * metal[k] * gained(base_color[k]) + (1.0 - metallic) * coat[k] * gained(coat[k])
+        })
+    }
+
+    /// Reflectance of a colored coat by channel, of smooth facets.
+    fn coat_colors(&self, lobes: &Lobes, cosine: f32) -> [f32; 3] {
+        lobes.dielectric(cosine, self.bsdf.ior).map(|c| self.bsdf.specular * c)
     }
 
     /// Albedo of the diffuse base below the coat, at an incident cosine; from inside there is no coat in front of it.
@@ -235,31 +274,43 @@ impl<'a> Boundary<'a> {
         if self.is_inside || color == [0.0; 3] {
             return color;
         }
+        if self.lobes.is_some() {
+            // There is no mean for any color: the base gets what the coat does not reflect to the viewer.
+            let passed = 1.0 - self.coat_albedo(self.outgoing[2]);
+            return color.map(|c| c * passed);
+        }
         let transmittance = (1.0 - self.coat_albedo(self.outgoing[2])) * (1.0 - self.coat_albedo(incident));
         let mean = 1.0 - self.bsdf.specular * self.mean_reflectance();
         color.map(|c| c * transmittance / mean)
     }
 
     /// Part of the light from a direction that the coat as a whole reflects.
-    fn coat_albedo(&self, cosine: f32) -> f32 {
+    pub(super) fn coat_albedo(&self, cosine: f32) -> f32 {
         if !self.compensates {
             return self.coat(cosine);
         }
-        let roughness = self.bsdf.roughness;
+        let roughness = self.roughness;
+        if self.lobes.is_some() {
+            let coat = self.coat(energy::effective_cosine(cosine, roughness));
+            return (energy::albedo(cosine, roughness) * coat * (1.0 + coat * self.metal_gain)).min(1.0);
+        }
         energy::albedo(cosine, roughness) * self.coat(energy::effective_cosine(cosine, roughness))
     }
 
     /// Mean of the reflectance of the coat over the hemisphere, for `specular` 1.
     fn mean_reflectance(&self) -> f32 {
         if self.compensates {
-            energy::mean_reflectance(self.bsdf.roughness, self.eta)
+            energy::mean_reflectance(self.roughness, self.eta)
         } else {
             fresnel::mean_below(self.eta)
         }
     }
 
-    /// Reflectance of the dielectric coat. Total internal reflection does not depend on `specular`.
+    /// Reflectance of the dielectric coat, the largest of all channels. Total internal reflection does not depend on `specular`.
     fn coat(&self, cosine: f32) -> f32 {
+        if let Some(lobes) = self.lobes {
+            return self.coat_colors(lobes, cosine).into_iter().fold(0.0, f32::max);
+        }
         fresnel::dielectric(cosine, self.eta).map_or(1.0, |reflectance| self.bsdf.specular * reflectance)
     }
 

@@ -18,7 +18,7 @@ use crate::bsdf::{Bsdf, Evaluation};
 use crate::light::{LightId, LightSampler};
 use crate::query::{RayKeyed, Timed};
 use crate::sampling::Basis;
-use crate::vector::{dot, narrow, scale, sub, unit, wide};
+use crate::vector::{dot, length, narrow, scale, sub, unit, wide};
 use crate::{Surface, Tracer};
 
 /// Sampler dimensions at each vertex, after the position in the pixel.
@@ -80,11 +80,19 @@ struct Vertex {
 impl Vertex {
     fn new(mut surface: Surface, ray_direction: [f32; 3], is_compensated: bool) -> Self {
         surface.bsdf.is_compensated = is_compensated;
+        let along = surface.along;
         let viewer = unit(wide(ray_direction)).map_or([0.0, 0.0, 1.0], |v| narrow(scale(v, -1.0)));
         // If the shading normal faces away from the viewer, use the geometric normal.
         let faces = dot(surface.shading_normal, wide(viewer)) > 0.0;
         let normal = if faces { surface.shading_normal } else { surface.normal };
         let basis = Basis::about(narrow(normal));
+        if let Some((lobes, along)) = surface.bsdf.lobes.as_mut().zip(along.and_then(unit)) {
+            let [x, y, _] = basis.coordinates(narrow(along));
+            let length = x.hypot(y);
+            if length > 0.0 {
+                lobes.direction = [x / length, y / length];
+            }
+        }
         Self { surface, basis, outgoing: basis.coordinates(viewer), is_perturbed: normal != surface.normal }
     }
 
@@ -165,6 +173,13 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
         }
         let Some(hit) = hit.filter(|_| n <= self.bounces) else { return false };
         let surface = self.surfaces.at_time(&hit, ray.direction, start.time, *cone);
+        if let Some(lobes) = surface.bsdf.lobes.filter(|_| surface.bsdf.is_inside) {
+            // Beer's law along the way through the solid.
+            #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+            let way = (f64::from(hit.t) * length(wide(ray.direction))) as f32;
+            accumulated.throughput =
+                std::array::from_fn(|k| accumulated.throughput[k] * (-lobes.absorption[k] * way).exp());
+        }
         if surface.emission != [0.0; 3] {
             accumulated.add(surface.emission, mis_weight(LightId::of_hit(&hit)));
         }

@@ -22,7 +22,7 @@
 //! is lifted to the horizon, and the normal is the half vector between it and the viewer. As a normal turns away from
 //! the viewer, this tends to the geometric normal, which is therefore used for all normals that face away.
 
-use canted_scene::{Material, Mesh, TextureRef};
+use canted_scene::{Material, Mesh, TextureRef, UvSet};
 
 use super::hit_triangle::PlacedTriangle;
 use super::texture_lookup::TextureLookup;
@@ -72,6 +72,23 @@ fn mapped(
     unit(add(add(scale(u, factor * x), scale(v, factor * y)), scale(outward, z)))
 }
 
+/// Tangents about the unit vector `normal`: those of the vertices, else the gradients of the coordinates of a texture, or of the first
+/// ones.
+pub(super) fn tangents(
+    slot: Option<&TextureRef>,
+    placed: &PlacedTriangle,
+    lookup: Option<&TextureLookup>,
+    normal: Vector,
+) -> Option<[Vector; 2]> {
+    let of_texture = || uv_tangents(slot?, lookup?, normal);
+    let of_mesh = || {
+        let [a, b, c] = placed.triangle.uvs(UvSet::First)?;
+        let edges = [b, c].map(|uv| std::array::from_fn(|k| uv[k] - a[k]));
+        gradients(edges, placed.edges_world(), normal)
+    };
+    vertex_tangents(placed, normal).or_else(of_texture).or_else(of_mesh)
+}
+
 /// -1 if the instance mirrors, which flips cross products relative to object space.
 fn handedness(placed: &PlacedTriangle) -> f64 {
     if placed.is_mirrored { -1.0 } else { 1.0 }
@@ -88,8 +105,11 @@ fn vertex_tangents(placed: &PlacedTriangle, outward: Vector) -> Option<[Vector; 
 
 /// The gradients of the texture coordinates.
 fn uv_tangents(slot: &TextureRef, lookup: &TextureLookup, outward: Vector) -> Option<[Vector; 2]> {
-    let [[a, b], [c, d]] = lookup.uv_edges(slot)?;
-    let [first, second] = lookup.plane.edges;
+    gradients(lookup.uv_edges(slot)?, lookup.plane.edges, outward)
+}
+
+/// Directions of increasing coordinates in a triangle, from the differences of coordinates and of points along its edges.
+fn gradients([[a, b], [c, d]]: [[f64; 2]; 2], [first, second]: [Vector; 2], outward: Vector) -> Option<[Vector; 2]> {
     // Only the sign of the determinant matters, not the lengths of the gradients.
     let determinant = a * d - b * c;
     if determinant == 0.0 {

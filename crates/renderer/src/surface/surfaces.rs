@@ -4,6 +4,7 @@ use canted_trace::{Hit, InstanceId};
 
 use super::Surface;
 use super::hit_triangle::{HitTriangle, PlacedTriangle};
+use super::lobes::{anisotropy, lobes};
 use super::shading_normal::{facing, shading_normal};
 use super::texture_lookup::TextureLookup;
 use crate::placement::Placement;
@@ -125,12 +126,24 @@ impl<'a> Surfaces<'a> {
         });
         let texel = |slot: &Option<TextureRef>| lookups.as_ref().map_or([1.0; 4], |all| all.texel(slot.as_ref()));
         let emission_texel = if material.is_emissive() { texel(&material.emission_texture) } else { [1.0; 4] };
+        let shading_normal = shading_normal(material, &placed, lookups.as_ref(), normal, towards_viewer);
+        let mut bsdf = bsdf(material, placed.triangle.color(), is_front, texel);
+        let mut along = None;
+        if let Some(source) = &material.lobes {
+            let (at_hit, specular) = lobes(source, texel);
+            bsdf.specular *= specular;
+            bsdf.lobes = Some(at_hit);
+            if at_hit.anisotropy > 0.0 {
+                along = anisotropy(source, &placed, lookups.as_ref(), shading_normal);
+            }
+        }
         Surface {
             position: placed.position(),
             normal,
-            shading_normal: shading_normal(material, &placed, lookups.as_ref(), normal, towards_viewer),
+            shading_normal,
             is_front,
-            bsdf: bsdf(material, placed.triangle.color(), is_front, texel),
+            bsdf,
+            along,
             emission: std::array::from_fn(|k| material.emission[k] * emission_texel[k]),
             offset: placement.offset(normal),
             cone,
@@ -204,6 +217,7 @@ fn bsdf(material: &Material, tint: [f32; 4], is_front: bool, texel: impl Fn(&Opt
         is_inside: !is_front && transmission > 0.0 && !material.thin_walled,
         // A setting of the integrator.
         is_compensated: false,
+        lobes: None,
     }
 }
 

@@ -8,6 +8,7 @@ mod dielectric;
 mod energy;
 mod extremes;
 mod ggx;
+mod lobes;
 
 use canted_renderer::sampling::Basis;
 use canted_renderer::{Bsdf, Pattern, Sampler};

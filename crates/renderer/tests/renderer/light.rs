@@ -21,6 +21,7 @@ fn receiver(position: Vector, normal: Vector) -> Surface {
         shading_normal: normal,
         is_front: true,
         bsdf: Bsdf::lambert([1.0; 3]),
+        along: None,
         emission: [0.0; 3],
         offset: 1e-6,
         cone: Cone::ZERO,

@@ -86,6 +86,7 @@ fn surface(normal: Vector, shading_normal: Vector) -> Surface {
         shading_normal,
         is_front: true,
         bsdf: Bsdf::lambert([0.5; 3]),
+        along: None,
         emission: [0.0; 3],
         offset: 1e-3,
         cone: Cone::ZERO,

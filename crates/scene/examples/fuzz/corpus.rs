@@ -1,4 +1,4 @@
-//! Seed files: small files of the scene folder, and the example scene files.
+//! Seed files: small files of the scene folder, of `tests/files`, and the example scene files.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -21,6 +21,34 @@ pub(crate) enum Kind {
     Hdr,
     Exr,
     SceneFile,
+    Stl,
+    Off,
+    Gzip,
+    Bmp,
+    Tga,
+    Tiff,
+    Webp,
+    Ktx2,
+    /// glTF compressed by `meshopt`.
+    Meshopt,
+}
+
+impl Kind {
+    /// Whether this build reads the format.
+    fn is_read(self) -> bool {
+        match self {
+            Self::Stl => cfg!(feature = "stl"),
+            Self::Off => cfg!(feature = "off"),
+            Self::Gzip => cfg!(feature = "gzip"),
+            Self::Bmp => cfg!(feature = "bmp"),
+            Self::Tga => cfg!(feature = "tga"),
+            Self::Tiff => cfg!(feature = "tiff"),
+            Self::Webp => cfg!(feature = "webp"),
+            Self::Ktx2 => cfg!(feature = "ktx2"),
+            Self::Meshopt => cfg!(feature = "meshopt"),
+            _ => true,
+        }
+    }
 }
 
 /// A seed file.
@@ -48,7 +76,9 @@ impl Corpus {
         let mut corpus = Self { entries: Vec::new(), others: Vec::new() };
         corpus.add(&root).ok()?;
         let is_empty = corpus.entries.is_empty();
-        corpus.add(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples"))).ok()?;
+        for folder in ["/../../examples", "/../../tests/files"] {
+            corpus.add(&Path::new(env!("CARGO_MANIFEST_DIR")).join(&folder[1..])).ok()?;
+        }
         (!is_empty).then_some(corpus)
     }
 
@@ -70,13 +100,27 @@ impl Corpus {
         for path in files {
             let (Ok(bytes), Ok(file)) = (fs::read(&path), path.strip_prefix(root)) else { continue };
             match kind(file) {
-                Some((kind, read_through)) if root.join(&read_through).is_file() => {
+                Some((kind, read_through)) if kind.is_read() && root.join(&read_through).is_file() => {
+                    self.entries.push(Entry { file: file.to_owned(), kind, read_through, bytes });
+                }
+                Some((kind, read_through)) if kind.is_read() && kind >= Kind::Bmp => {
+                    self.add_material(&read_through, file);
                     self.entries.push(Entry { file: file.to_owned(), kind, read_through, bytes });
                 }
                 _ => self.others.push((file.to_owned(), bytes)),
             }
         }
         Ok(())
+    }
+
+    /// Adds a triangle at `object` whose material has a texture.
+    fn add_material(&mut self, object: &Path, texture: &Path) {
+        let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let library = object.with_extension("mtl");
+        let text = format!("newmtl a\nmap_Kd {}\nmap_d {0}\n", name(texture));
+        let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\n";
+        let mesh = format!("mtllib {}\n{triangle}", name(&library));
+        self.others.extend([(library, text.into_bytes()), (object.to_owned(), mesh.into_bytes())]);
     }
 
     /// Writes all files below a folder.
@@ -104,11 +148,26 @@ fn list(folder: &Path, files: &mut Vec<PathBuf>) -> io::Result<()> {
     Ok(())
 }
 
+/// The mesh through which a texture is read.
+fn through(texture: &Path) -> PathBuf {
+    let name = texture.file_name().unwrap_or_default().to_string_lossy();
+    texture.with_file_name(format!("{name}-read.obj"))
+}
+
 /// The reader of a file, and the scene to read it through.
 fn kind(file: &Path) -> Option<(Kind, PathBuf)> {
     let ending = file.extension()?.to_str()?;
     let kind = match ending {
         "obj" => Kind::Obj,
+        "stl" => Kind::Stl,
+        "off" => Kind::Off,
+        "gz" => Kind::Gzip,
+        "bmp" => return Some((Kind::Bmp, through(file))),
+        "tga" => return Some((Kind::Tga, through(file))),
+        "tiff" => return Some((Kind::Tiff, through(file))),
+        "webp" => return Some((Kind::Webp, through(file))),
+        "ktx2" => return Some((Kind::Ktx2, through(file))),
+        "gltf" if file.starts_with("meshopt") => Kind::Meshopt,
         "ply" => Kind::Ply,
         "gltf" => Kind::Gltf,
         "glb" => Kind::Glb,

@@ -121,7 +121,7 @@ fn case(folder: &Path, entry: &Entry, bytes: &[u8], random: &mut Random) -> Resu
             Kind::SceneFile => {
                 SceneFile::read(&path).and_then(|file| file.load()).map(|scene| validity::flaw(&scene)).ok()
             }
-            _ => read_with(&folder.join(&entry.read_through), &ReadOptions { time, animation: None })
+            _ => read_with(&folder.join(&entry.read_through), &ReadOptions { time, ..ReadOptions::default() })
                 .map(|scene| validity::flaw(&scene))
                 .ok(),
         }));

@@ -51,7 +51,11 @@ impl<'a> Assembly<'a> {
                 (Some((_, given)), _) => Scene::clone(given),
                 (None, AssetSource::Builtin) => builtin(),
                 (None, AssetSource::File(file)) => {
-                    let options = ReadOptions { time: asset.time, animation: asset.animation.clone() };
+                    let options = ReadOptions {
+                        time: asset.time,
+                        animation: asset.animation.clone(),
+                        variant: asset.variant.clone(),
+                    };
                     read_with(&self.file.resolve(file), &options)
                         .map_err(|error| self.file.error_of(asset.line, "'file' in [[assets]]", error))?
                 }

@@ -22,7 +22,7 @@ impl SceneFile {
                 (stem, AssetSource::File(super::paths::relative(scene, super::paths::folder(path))?))
             }
         };
-        let asset = Asset { name, source, time: None, animation: None, material: None, line: 0 };
+        let asset = Asset { name, source, time: None, animation: None, variant: None, material: None, line: 0 };
         Ok(Self { path: path.to_owned(), assets: vec![asset], ..Self::default() })
     }
 
@@ -37,6 +37,13 @@ impl SceneFile {
     #[must_use]
     pub fn with_animation(mut self, animation: &str) -> Self {
         self.assets.iter_mut().for_each(|asset| asset.animation = Some(animation.to_owned()));
+        self
+    }
+
+    /// Gives all assets the material variant of this name or number.
+    #[must_use]
+    pub fn with_variant(mut self, variant: &str) -> Self {
+        self.assets.iter_mut().for_each(|asset| asset.variant = Some(variant.to_owned()));
         self
     }
 

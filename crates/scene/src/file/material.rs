@@ -1,6 +1,6 @@
 use super::table::{Bounds, Table};
 use super::toml_writer::{TomlWriter, number, numbers, quoted};
-use crate::{AlphaMode, Encoding, Material, ReadError, TextureId, TextureRef};
+use crate::{AlphaMode, Encoding, Lobes, Material, ReadError, TextureId, TextureRef};
 
 /// Type of a material field, with its accessor.
 #[derive(Clone, Copy)]
@@ -14,7 +14,7 @@ enum Field {
 }
 
 /// All material keys in the order in which they are applied: key, field, comment.
-const FIELDS: [(&str, Field, &str); 18] = [
+const FIELDS: [(&str, Field, &str); 29] = [
     (
         "base_color",
         Field::Color(Bounds::Fraction, |m| &mut m.base_color),
@@ -37,6 +37,33 @@ const FIELDS: [(&str, Field, &str); 18] = [
     ("normal_texture", Field::Texture(Encoding::Linear, |m| &mut m.normal_texture), ""),
     ("emission_texture", Field::Texture(Encoding::Srgb, |m| &mut m.emission_texture), ""),
     ("alpha_texture", Field::Texture(Encoding::Srgb, |m| &mut m.alpha_texture), ""),
+    (
+        "specular_color",
+        Field::Color(Bounds::NotNegative, |m| &mut m.lobes_mut().specular_color),
+        "tint of the reflection of dielectrics",
+    ),
+    ("clearcoat", Field::Number(Bounds::Fraction, |m| &mut m.lobes_mut().clearcoat), "strength of a clear coat, 0 to 1"),
+    ("clearcoat_roughness", Field::Number(Bounds::Fraction, |m| &mut m.lobes_mut().clearcoat_roughness), "0 to 1"),
+    ("sheen_color", Field::Color(Bounds::Fraction, |m| &mut m.lobes_mut().sheen_color), "color of the fibers of a cloth"),
+    ("sheen_roughness", Field::Number(Bounds::Fraction, |m| &mut m.lobes_mut().sheen_roughness), "0 to 1"),
+    ("anisotropy", Field::Number(Bounds::Fraction, |m| &mut m.lobes_mut().anisotropy), "length of highlights, 0 to 1"),
+    (
+        "anisotropy_rotation",
+        Field::Number(Bounds::Finite, |m| &mut m.lobes_mut().anisotropy_rotation),
+        "from the tangent, counter-clockwise, radians",
+    ),
+    ("iridescence", Field::Number(Bounds::Fraction, |m| &mut m.lobes_mut().iridescence), "strength of a thin film, 0 to 1"),
+    ("iridescence_ior", Field::Number(Bounds::Ior, |m| &mut m.lobes_mut().iridescence_ior), "of the film, 1 to 1000"),
+    (
+        "iridescence_thickness",
+        Field::Number(Bounds::NotNegative, |m| &mut m.lobes_mut().iridescence_thickness[1]),
+        "of the film, nanometers",
+    ),
+    (
+        "absorption",
+        Field::Color(Bounds::NotNegative, |m| &mut m.lobes_mut().absorption),
+        "inside a transmissive solid, per unit of length",
+    ),
 ];
 
 const ALPHA_MODES: [&str; 3] = ["opaque", "mask", "blend"];
@@ -110,6 +137,7 @@ impl MaterialEdits {
                 _ => {}
             }
         }
+        material.lobes = material.lobes.take().filter(|lobes| **lobes != Lobes::default());
         Ok(())
     }
 

@@ -124,7 +124,7 @@ fn list<T>(
 }
 
 fn asset(table: Table<'_>) -> Result<Asset, ReadError> {
-    table.check_keys(&["name", "file", "builtin", "time", "animation", "material"])?;
+    table.check_keys(&["name", "file", "builtin", "time", "animation", "variant", "material"])?;
     let name = table.required("name", table.text("name")?)?.to_owned();
     let source = match (table.file("file")?, table.flag("builtin")?.unwrap_or(false)) {
         (Some(file), false) => AssetSource::File(file.to_owned()),
@@ -133,8 +133,9 @@ fn asset(table: Table<'_>) -> Result<Asset, ReadError> {
         (None, false) => table.required("file", None)?,
     };
     let time = table.number("time", Bounds::Finite)?;
-    let [animation, material] = [table.text("animation")?, table.text("material")?].map(|text| text.map(str::to_owned));
-    Ok(Asset { name, source, time, animation, material, line: table.line() })
+    let texts = [table.text("animation")?, table.text("variant")?, table.text("material")?];
+    let [animation, variant, material] = texts.map(|text| text.map(str::to_owned));
+    Ok(Asset { name, source, time, animation, variant, material, line: table.line() })
 }
 
 fn instance(table: Table<'_>) -> Result<AssetInstance, ReadError> {

@@ -77,6 +77,9 @@ fn write_asset(asset: &Asset, out: &mut TomlWriter) {
     if let Some(animation) = &asset.animation {
         out.entry("animation", &quoted(animation), "name or number of the animation");
     }
+    if let Some(variant) = &asset.variant {
+        out.entry("variant", &quoted(variant), "name or number of the material variant");
+    }
     if let Some(material) = &asset.material {
         out.entry("material", &quoted(material), "replaces all materials of the asset");
     }

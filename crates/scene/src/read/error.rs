@@ -45,6 +45,15 @@ pub enum ReadError {
         /// Number and name of each animation that the file has.
         known: Vec<String>,
     },
+    /// The file has no material variant of this name or number.
+    UnknownVariant {
+        /// The file.
+        path: PathBuf,
+        /// The name or number.
+        wanted: String,
+        /// Number and name of each variant that the file has.
+        known: Vec<String>,
+    },
     /// A pose makes a vertex infinite or NaN.
     VertexNotFinite {
         /// The file.
@@ -110,6 +119,7 @@ impl ReadError {
             | Self::Malformed { path, .. }
             | Self::Unsupported { path, .. }
             | Self::UnknownAnimation { path, .. }
+            | Self::UnknownVariant { path, .. }
             | Self::VertexNotFinite { path, .. }
             | Self::Shutter { path, .. }
             | Self::Empty { path, .. } => path,
@@ -132,6 +142,12 @@ impl fmt::Display for ReadError {
             }
             Self::UnknownAnimation { wanted, known, .. } => {
                 format!("{file}: unknown animation '{wanted}'; the file has {}", known.join(", "))
+            }
+            Self::UnknownVariant { wanted, known, .. } if known.is_empty() => {
+                format!("{file}: unknown variant '{wanted}': the file has no material variant")
+            }
+            Self::UnknownVariant { wanted, known, .. } => {
+                format!("{file}: unknown variant '{wanted}'; the file has {}", known.join(", "))
             }
             Self::VertexNotFinite { mesh, vertex, position: [x, y, z], .. } => {
                 format!("{file}: {mesh}: {vertex} is not finite: {x}, {y}, {z}")

@@ -19,6 +19,7 @@ mod instances;
 mod instancing;
 mod keyframes;
 mod light;
+mod lobes;
 mod material;
 mod matrix;
 mod mesh;
@@ -34,6 +35,7 @@ mod texture;
 mod texture_info;
 mod topology;
 mod uri;
+mod variants;
 
 use std::path::Path;
 
@@ -61,11 +63,14 @@ pub(crate) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<S
 fn read_document(document: &mut Document<'_>, options: &ReadOptions) -> Result<Scene, ReadError> {
     let (mut scene, mut grouped) = (Scene::default(), WarningGroups::default());
     let animation = options.animation.as_deref();
+    if let Some(variant) = &options.variant {
+        variants::choose(document, variant)?;
+    }
     match options.time {
         Some(time) => animation::pose(document, animation, time, &mut grouped)?,
         None => drop(document.animation(animation)?),
     }
-    let nodes = nodes::read(document)?;
+    let nodes = nodes::read(document, &mut grouped)?;
     material::read(document, &mut grouped, &mut scene)?;
     read_geometry(document, &nodes, grouped, &mut scene)?;
     scene.files = document.folder.found();

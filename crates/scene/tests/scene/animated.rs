@@ -74,7 +74,7 @@ impl File {
 }
 
 fn at(time: f32, animation: Option<&str>) -> ReadOptions {
-    ReadOptions { time: Some(time), animation: animation.map(str::to_owned) }
+    ReadOptions { time: Some(time), animation: animation.map(str::to_owned), variant: None }
 }
 
 /// Everything that a pose may change, and everything that it must not.

@@ -40,18 +40,21 @@ fn rows(table: &str) -> Vec<Row<'_>> {
 
 /// What is wrong with the outcome of a row, if anything.
 fn disagreement(row: &Row) -> Option<String> {
-    // Without the feature, the textures are skipped, and the warning names it.
-    let (expected, words) = match row.file.starts_with("ktx2/") && !cfg!(feature = "ktx2") {
-        true => ("warn", "the feature 'ktx2'"),
-        false => (row.expected, row.words),
-    };
     let result = read(&folder().join(row.file));
+    // Without its feature, a texture is skipped and a mesh is refused, and the message names the feature.
+    let (expected, words, wanted) = match row.file.split_once('/') {
+        Some(("ktx2", _)) if !cfg!(feature = "ktx2") => ("warn", "eature 'ktx2'", [row.n_triangles, row.n_materials]),
+        Some(("meshopt", file)) if !cfg!(feature = "meshopt") && file != "fallback.gltf" => {
+            ("error", "the feature 'meshopt'", [0; 2])
+        }
+        _ => (row.expected, row.words, [row.n_triangles, row.n_materials]),
+    };
     let (got, messages, counts) = match &result {
         Ok(scene) if scene.warnings.is_empty() => ("load", String::new(), counts(scene)),
         Ok(scene) => ("warn", scene.warnings.join("\n"), counts(scene)),
         Err(error) => ("error", error.to_string(), [0; 2]),
     };
-    let is_right = got == expected && messages.contains(words) && counts == [row.n_triangles, row.n_materials];
+    let is_right = got == expected && messages.contains(words) && counts == wanted;
     (!is_right).then(|| format!("{}: {expected} expected, got {got} {counts:?} {messages}", row.file))
 }
 
@@ -60,7 +63,7 @@ fn counts(scene: &Scene) -> [usize; 2] {
 }
 
 #[test]
-#[cfg(all(feature = "stl", feature = "off", feature = "gzip", feature = "bmp", feature = "tga", feature = "tiff"))]
+#[cfg(all(feature = "stl", feature = "off", feature = "gzip", feature = "bmp", feature = "tga", feature = "tiff", feature = "webp"))]
 fn files_give_the_results_of_their_table() {
     let table = fs::read_to_string(folder().join("EXPECT.tsv")).unwrap();
     let rows = rows(&table);

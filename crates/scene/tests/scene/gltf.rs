@@ -149,7 +149,7 @@ fn errors_name_the_cause() {
 
 /// The scene of a real file at a time.
 fn at(folder: &Path, file: &str, time: f32) -> Scene {
-    read_with(&folder.join(file), &ReadOptions { time: Some(time), animation: None })
+    read_with(&folder.join(file), &ReadOptions { time: Some(time), ..ReadOptions::default() })
         .unwrap_or_else(|error| panic!("{error}"))
 }
 

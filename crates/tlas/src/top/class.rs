@@ -4,7 +4,7 @@ use canted_lbvh::par;
 use canted_obb::round::up;
 use canted_obb::{Aabb, Obb};
 use canted_trace::{InstanceId, Query, ReferencePoint, ScaledRay};
-use canted_wide::SimdPath;
+use canted_wide::{SimdPath, Stack};
 
 use super::TopConfig;
 use super::binary::BinaryTop;
@@ -97,6 +97,13 @@ impl Class {
         of_bvh + size_of_val(&self.ids[..])
     }
 
+    pub(super) fn each_box(&self, visit: impl FnMut(Obb, u32, bool)) {
+        match &self.bvh {
+            Bvh::Wide(top) => top.each_box(visit),
+            Bvh::Binary(top) => top.each_box(visit),
+        }
+    }
+
     pub(super) fn drift(&self) -> f32 {
         match &self.bvh {
             Bvh::Wide(top) => top.drift(),
@@ -141,13 +148,13 @@ impl Class {
         &self,
         ray: &ScaledRay,
         query: &mut Q,
+        stack: &mut Stack,
         mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
     ) {
         let enter = |number, t_max, query: &mut Q| enter(self.instance(number), t_max, query);
         let error = self.error(ray);
         match (&self.bvh, ORDERED) {
-            (Bvh::Wide(top), true) => top.traverse_ordered(ray, error, query, enter),
-            (Bvh::Wide(top), false) => top.traverse_any(ray, error, query, enter),
+            (Bvh::Wide(top), _) => top.traverse::<Q, ORDERED>(ray, error, query, stack, enter),
             (Bvh::Binary(top), true) => top.traverse_ordered(ray, error, query, enter),
             (Bvh::Binary(top), false) => top.traverse_any(ray, error, query, enter),
         }

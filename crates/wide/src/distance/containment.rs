@@ -71,7 +71,7 @@ impl<K: LaneKernel> Task for Containment<'_, K> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) {
-        let mut stack = Stack::new(self.bvh.nodes.depth);
+        let mut stack = Stack::new();
         let mut crossings = vec![];
         for (&point, inside) in self.points.iter().zip(self.inside) {
             *inside = false;

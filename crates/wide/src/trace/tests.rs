@@ -26,7 +26,7 @@ impl Task for Padded<'_> {
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Self::Output {
         let ray = ScaledRay::new(self.ray)?;
-        let (query, stack) = (&mut (), &mut Stack::new(self.bvh.nodes.depth));
+        let (query, stack) = (&mut (), &mut Stack::new());
         let mut best = BestHit::new(query, InstanceId(0));
         let ray = prepare_padded(self.bvh, self.pads, ray);
         trace(simd, self.bvh, &ray, stack, &mut best);
@@ -56,7 +56,7 @@ fn build(mesh: &Mesh, config: &Config) -> TriangleBvh {
 fn n_different(bvh: &TriangleBvh, rays: &[Ray], of_rays: Pads, of_boxes: Pads, path: SimdPath) -> usize {
     let proven = bvh.clone().with_path(path);
     let bvh = with_box_pads(bvh.clone(), of_boxes);
-    let is_lost = |ray: &&Ray| path.run(Padded { bvh: &bvh, pads: of_rays, ray }) != proven.closest_hit(ray);
+    let is_lost = |ray: &&Ray| path.proven().run(Padded { bvh: &bvh, pads: of_rays, ray }) != proven.closest_hit(ray);
     rays.iter().filter(is_lost).count()
 }
 

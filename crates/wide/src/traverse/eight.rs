@@ -10,6 +10,9 @@ use crate::simd::Simd;
 pub(crate) struct EightRays {
     /// Rays that can hit.
     valid: u32,
+    /// Rays beyond the range of the lanes: those whose power of two, or its reciprocal, is not normal, and those whose interval over- or
+    /// underflows, for its ends are rounded inward.
+    beyond: u32,
     to_scaled: [f64; 8],
     t_max: [f32; 8],
     /// Origins as they were given.
@@ -21,34 +24,54 @@ pub(crate) struct EightRays {
 const BEYOND: f32 = f32::from_bits(254 << 23);
 
 impl EightRays {
-    /// Prepares the first eight of `rays`.
+    /// No rays.
+    pub(crate) const fn new() -> Self {
+        let (zero, zeros) = ([0.0; 8], [[0.0; 8]; 3]);
+        let numbers = RayNumbers {
+            recip: zeros,
+            near: zeros,
+            far: zeros,
+            t_min: zero,
+            origin: zeros,
+            direction: zeros,
+            pad_oriented: zero,
+        };
+        Self { valid: 0, beyond: 0, to_scaled: [0.0; 8], t_max: zero, origin: zeros, numbers }
+    }
+
+    /// Prepares the first eight of `rays`, in the memory of earlier ones: copies would take as long as a node.
     #[inline(always)]
-    pub(crate) fn new<S: Simd>(simd: S, rays: &[Ray], frame: &MeshFrame, pads: Pads) -> Self {
+    pub(crate) fn prepare<S: Simd>(&mut self, simd: S, rays: &[Ray], frame: &MeshFrame, pads: Pads) {
         let mut rows = [[0.0; 8]; 8];
         for (row, ray) in rows.iter_mut().zip(rays) {
             let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin, ray.direction);
             *row = [ox, oy, oz, dx, dy, dz, ray.t_min, ray.t_max];
         }
-        let (mut eight, mut beyond) = Self::of_rows(simd, &rows, frame, pads);
-        // Rays beyond the range of the lanes, one by one.
-        while beyond != 0 {
-            let i = (beyond.trailing_zeros() & 7) as usize;
-            beyond &= beyond - 1;
+        self.set_rows(simd, &rows, frame, pads);
+        if self.beyond != 0 {
+            self.set_beyond(rays, frame, pads);
+        }
+    }
+
+    /// Prepares the rays beyond the range of the lanes, one by one.
+    #[cold]
+    fn set_beyond(&mut self, rays: &[Ray], frame: &MeshFrame, pads: Pads) {
+        while self.beyond != 0 {
+            let i = (self.beyond.trailing_zeros() & 7) as usize;
+            self.beyond &= self.beyond - 1;
             match rays.get(i).and_then(ScaledRay::new) {
                 Some(ray) => {
                     let moved = frame.reference.moved_ray(&ray);
-                    eight.set(i, &ray, &RayNumbers::new(&moved, frame, &pads.along(&moved)));
+                    self.set(i, &ray, &RayNumbers::new(&moved, frame, &pads.along(&moved)));
                 }
-                None => eight.valid &= !(1 << i),
+                None => self.valid &= !(1 << i),
             }
         }
-        eight
     }
 
-    /// The rays of these rows, and which of them are beyond the range of the lanes: those whose power of two, or its reciprocal,
-    /// is not normal, and those whose interval over- or underflows, for its ends are rounded inward.
+    /// The rays of these rows.
     #[inline(always)]
-    fn of_rows<S: Simd>(simd: S, rows: &[[f32; 8]; 8], frame: &MeshFrame, pads: Pads) -> (Self, u32) {
+    fn set_rows<S: Simd>(&mut self, simd: S, rows: &[[f32; 8]; 8], frame: &MeshFrame, pads: Pads) {
         let [a, b, c, d, e, f, g, h] = rows;
         let rows = [
             simd.load(a),
@@ -92,29 +115,24 @@ impl EightRays {
             let (o, d) = (rotate(frame, &origin_rows), rotate(frame, &direction_rows));
             (load3(simd, &o), load3(simd, &d), pad(simd, pads.rotated, scale))
         };
-        let (mut recip, mut near, mut far) = ([[0.0; 8]; 3], [[0.0; 8]; 3], [[0.0; 8]; 3]);
+        let numbers = &mut self.numbers;
         for k in 0..3 {
             let d = simd.add(d[k], zero);
             let r = simd.xor_sign(simd.div(one, simd.max(simd.abs(d), simd.splat(MIN_DIRECTION))), d);
             let toward = simd.xor_sign(toward, d);
-            recip[k] = simd.store(r);
-            near[k] = simd.store(simd.mul(simd.add(o[k], toward), r));
-            far[k] = simd.store(simd.mul(simd.sub(o[k], toward), r));
+            numbers.recip[k] = simd.store(r);
+            numbers.near[k] = simd.store(simd.mul(simd.add(o[k], toward), r));
+            numbers.far[k] = simd.store(simd.mul(simd.sub(o[k], toward), r));
         }
-        let numbers = RayNumbers {
-            recip,
-            near,
-            far,
-            t_min: simd.store(scaled_t_min),
-            origin: origin_rows,
-            direction: direction_rows,
-            pad_oriented: simd.store(pad(simd, pads.oriented, scale)),
-        };
-        let mut to_scaled = [0.0; 8];
-        for (to_scaled, power) in to_scaled.iter_mut().zip(simd.store(power)) {
+        numbers.t_min = simd.store(scaled_t_min);
+        numbers.origin = origin_rows;
+        numbers.direction = direction_rows;
+        numbers.pad_oriented = simd.store(pad(simd, pads.oriented, scale));
+        for (to_scaled, power) in self.to_scaled.iter_mut().zip(simd.store(power)) {
             *to_scaled = f64::from(power);
         }
-        (Self { valid, to_scaled, t_max: simd.store(scaled_t_max), origin: given, numbers }, beyond)
+        self.origin = given;
+        (self.valid, self.beyond, self.t_max) = (valid, beyond, simd.store(scaled_t_max));
     }
 
     /// Overwrites ray `i`.
@@ -218,7 +236,8 @@ mod tests {
         fn on<S: Simd>(self, simd: S) -> Self::Output {
             let Self { rays, frame } = self;
             let pads = Pads::of(canted_trace::HIT_ERROR);
-            let eight = EightRays::new(simd, rays, frame, pads);
+            let mut eight = EightRays::new();
+            eight.prepare(simd, rays, frame, pads);
             let alone = |ray: &Ray| {
                 let scaled = ScaledRay::new(ray)?;
                 let moved = frame.reference.moved_ray(&scaled);
@@ -276,7 +295,7 @@ mod tests {
                 .collect();
             for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
                 let frame = &frames[round % 4];
-                let [together, alone] = path.run(Both { rays: &rays, frame });
+                let [together, alone] = path.proven().run(Both { rays: &rays, frame });
                 for ((ray, a), b) in rays.iter().zip(together).zip(alone) {
                     let (a, b) = (a.as_ref().map(bits), b.as_ref().map(bits));
                     assert_eq!(a, b, "{ray:?}, {}", path.name());

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use anyhow::{Result, anyhow};
 use canted_film::Record;
-use canted_scene::{AnimatedScene, Environment, Light, ReadOptions, Scene};
+use canted_scene::{AnimatedScene, Environment, Light, Scene};
 
 use super::{super::Args, kept};
 use crate::{device::Machine, light, load, output};
@@ -28,7 +28,7 @@ impl Source {
         let (animated, scene) = match path {
             Some(path) if !load::is_scene_file(path) => {
                 // A file without animation is read in its rest pose.
-                let options = ReadOptions { time: Some(time), animation: args.animation.clone() };
+                let options = args.read_options(Some(time));
                 let (animated, scene) = AnimatedScene::open(path, &options)?;
                 if !animated.is_animated() && args.sequence.turntable.is_none() {
                     output::warn(&format!(
@@ -47,7 +47,7 @@ impl Source {
             None if args.sequence.turntable.is_none() => {
                 return Err(anyhow!("--frames of the built-in scene requires --turntable"));
             }
-            _ => (None, load::scene(path, None, args.animation.as_deref())?),
+            _ => (None, load::scene_with(path, &args.read_options(None))?),
         };
         let mut source =
             Self { animated, lights: scene.lights.clone(), environment: None, scene, warned: BTreeSet::new() };

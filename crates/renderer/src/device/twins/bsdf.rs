@@ -61,6 +61,7 @@ impl Query {
             thin_walled: self.flags & 1 != 0,
             is_inside: self.flags & 2 != 0,
             is_compensated: self.flags & COMPENSATED != 0,
+            lobes: None,
         }
     }
 

@@ -72,6 +72,7 @@ fn surface(position: [f32; 3]) -> Surface {
         shading_normal: up,
         is_front: true,
         bsdf: Bsdf::lambert([0.5; 3]),
+        along: None,
         emission: [0.0; 3],
         offset: 0.0,
         cone: Cone::ZERO,

@@ -58,6 +58,7 @@ impl Query {
             shading_normal: wide(self.shading_normal),
             is_front: true,
             bsdf: Bsdf::lambert([0.5; 3]),
+            along: None,
             emission: [0.0; 3],
             offset: 0.0,
             cone: Cone::ZERO,

@@ -13,7 +13,7 @@ const SECTORS: usize = 16;
 const N: u32 = 100_000;
 
 /// Sample counts in cells of equal angles; the last counts lost samples and delta lobes.
-fn counts(bsdf: &Bsdf, outgoing: [f32; 3]) -> Vec<f64> {
+pub(super) fn counts(bsdf: &Bsdf, outgoing: [f32; 3]) -> Vec<f64> {
     let mut counts = vec![0.0; RINGS * SECTORS + 1];
     for (square, choice) in numbers(N) {
         let scattered = bsdf.sample(outgoing, square, choice).filter(|scattered| !scattered.is_delta);
@@ -32,7 +32,7 @@ fn counts(bsdf: &Bsdf, outgoing: [f32; 3]) -> Vec<f64> {
 /// Integrals of a PDF over the same cells; the last is the remainder to 1.
 ///
 /// The points form a lattice that is skewed to the rings, because the edge of a lobe may be parallel to a ring.
-fn expected(density: impl Fn([f32; 3]) -> f32) -> Vec<f64> {
+pub(super) fn expected(density: impl Fn([f32; 3]) -> f32) -> Vec<f64> {
     const FINE: usize = 16;
     const GOLDEN: f64 = 0.618_033_988_749_895;
     let mut cells = vec![0.0; RINGS * SECTORS + 1];
@@ -49,7 +49,7 @@ fn expected(density: impl Fn([f32; 3]) -> f32) -> Vec<f64> {
 }
 
 /// Six standard deviations: false alarms are practically impossible.
-const LIMIT: f64 = 6.0;
+pub(super) const LIMIT: f64 = 6.0;
 
 #[test]
 fn samples_match_pdf() {

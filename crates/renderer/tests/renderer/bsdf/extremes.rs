@@ -1,6 +1,6 @@
 //! All inputs in range give finite results.
 
-use canted_renderer::{Bsdf, BsdfSample, Pattern, Sampler};
+use canted_renderer::{Bsdf, BsdfSample, Lobes, Pattern, Sampler};
 
 use crate::common::{dot, narrow, unit};
 
@@ -44,6 +44,24 @@ impl Dice {
             thin_walled: self.number() < 0.3,
             is_inside: self.number() < 0.5,
             is_compensated: self.number() < 0.5,
+            lobes: (self.number() < 0.5).then(|| self.lobes()),
+        }
+    }
+
+    fn lobes(&mut self) -> Lobes {
+        let angle = 7.0 * self.number();
+        Lobes {
+            specular_color: std::array::from_fn(|_| 3.0 * self.share()),
+            clearcoat: self.share(),
+            clearcoat_roughness: self.pick(&ROUGHNESS, |x| x),
+            sheen_color: std::array::from_fn(|_| self.share()),
+            sheen_roughness: self.share(),
+            anisotropy: self.share(),
+            direction: [angle.cos(), angle.sin()],
+            iridescence: self.share(),
+            iridescence_ior: self.pick(&IORS, |x| 1.0 + 3.0 * x),
+            iridescence_thickness: 1000.0 * self.share(),
+            absorption: [0.0; 3],
         }
     }
 

@@ -9,9 +9,9 @@ use super::matrix::unit;
 use super::normals;
 use super::pose::MorphedAttribute;
 use super::primitive::{PrimitiveReader, VertexTransform};
-use crate::UvSet;
 use crate::read::ReadError;
 use crate::read::mesh_checks::usable_uv;
+use crate::{Material, UvSet};
 
 /// Component types of colors; integers are normalized.
 const COLORS: &[ComponentType] = &[ComponentType::F32, ComponentType::U8, ComponentType::U16];
@@ -50,9 +50,10 @@ impl Attributes<'_> {
         self.vertices.iter().enumerate().map(normal).collect::<Result<_, _>>().map(Some)
     }
 
-    /// Unit tangents with sign, or zeros, if the material has a normal map.
+    /// Unit tangents with sign, or zeros, if the material has a normal map or is anisotropic.
     pub(super) fn tangents(&self, transform: &VertexTransform<'_>) -> Result<Option<Vec<[f32; 4]>>, ReadError> {
-        let is_used = self.reader.material.normal_texture.is_some();
+        let material = self.reader.material;
+        let is_used = material.normal_texture.is_some() || is_anisotropic(material);
         let Some(index) = self.find(Semantic::Tangents).filter(|_| is_used) else { return Ok(None) };
         let (reader, location) = (self.reader, self.location("TANGENT"));
         let base = Accessor::open(reader.document, index, &location, Type::Vec4, REALS)?;
@@ -73,7 +74,10 @@ impl Attributes<'_> {
 
     /// Texture coordinates of a set, `v` up, if a texture uses them; glTF (0, 0) if the file has none.
     pub(super) fn uvs(&mut self, set: UvSet) -> Result<Option<Vec<[f32; 2]>>, ReadError> {
-        if !self.reader.material.textures().any(|texture| texture.uv_set == set) {
+        let material = self.reader.material;
+        // Where the file has no tangents, anisotropy needs texture coordinates, if there are any.
+        let is_along = set == UvSet::First && is_anisotropic(material) && self.find(Semantic::TexCoords(0)).is_some();
+        if !is_along && !material.textures().any(|texture| texture.uv_set == set) {
             return Ok(None);
         }
         let number = match set {
@@ -138,4 +142,9 @@ impl Attributes<'_> {
 #[expect(clippy::manual_clamp, reason = "clamp keeps a NaN")]
 pub(super) fn fraction(x: f32) -> f32 {
     x.max(0.0).min(1.0)
+}
+
+/// Whether highlights depend on tangents.
+fn is_anisotropic(material: &Material) -> bool {
+    material.lobes.as_ref().is_some_and(|lobes| lobes.anisotropy > 0.0)
 }

@@ -35,7 +35,8 @@ fn split_glb<'a>(path: &Path, bytes: &'a [u8]) -> Result<Container<'a>, ReadErro
     let ends_early = |location: &str| ReadError::malformed(path, location, "unexpected end of file");
     let ([_, version, length], _) = words(bytes).ok_or_else(|| ends_early("header"))?;
     if version != 2 {
-        return Err(ReadError::unsupported(path, format!("GLB version {version}")));
+        let what = if version == 1 { "glTF 1.0".to_owned() } else { format!("GLB version {version}") };
+        return Err(ReadError::unsupported(path, what));
     }
     let glb = usize::try_from(length).ok().and_then(|length| bytes.get(..length)).ok_or_else(|| {
         ReadError::malformed(path, "header", format!("length of {length} bytes, but the file has {}", bytes.len()))

@@ -23,7 +23,7 @@ use crate::read::warning_groups::WarningGroups;
 ///
 /// Unsupported material extensions and image formats are included: ignoring them gives an approximate image but correct
 /// geometry, and a warning is reported.
-const SUPPORTED: [&str; 21] = [
+const SUPPORTED: [&str; 23] = [
     meshopt::NAMES[0],
     meshopt::NAMES[1],
     instancing::NAME,
@@ -36,10 +36,12 @@ const SUPPORTED: [&str; 21] = [
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_iridescence",
+    super::lobes::SPECULAR_GLOSSINESS,
     "KHR_materials_sheen",
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
+    super::variants::NAME,
     "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_texture_basisu",
@@ -79,8 +81,10 @@ impl<'a> Document<'a> {
     /// Parses the file and loads its buffers.
     pub(super) fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self, ReadError> {
         let container = container::split(path, bytes)?;
-        let (root, unparsed) =
-            parse(container.json).map_err(|source| ReadError::malformed(path, "json", source.to_string()))?;
+        let (root, unparsed) = parse(container.json).map_err(|source| match is_version_1(container.json) {
+            true => ReadError::unsupported(path, "glTF 1.0"),
+            false => ReadError::malformed(path, "json", source.to_string()),
+        })?;
         check_version(path, &root)?;
         if let Some(extension) = root.extensions_required.iter().find(|name| !SUPPORTED.contains(&name.as_str())) {
             return Err(ReadError::unsupported(path, format!("required extension {extension}")));
@@ -305,6 +309,16 @@ fn items<'a>(value: &'a Value, list: &str) -> impl Iterator<Item = &'a Value> {
 pub(super) fn range(bytes: &[u8], offset: USize64, length: USize64) -> Option<&[u8]> {
     let end = offset.0.checked_add(length.0)?;
     bytes.get(usize::try_from(offset.0).ok()?..usize::try_from(end).ok()?)
+}
+
+/// Whether JSON that is not glTF 2.0 is glTF 1.0, whose lists are tables. The version is optional there.
+fn is_version_1(json: &[u8]) -> bool {
+    let Ok(value) = from_slice::<Value>(json) else { return false };
+    let version = value.get("asset").and_then(|asset| asset.get("version"));
+    match version.and_then(Value::as_str) {
+        Some(version) => version.split('.').next() == Some("1"),
+        None => ["accessors", "buffers", "meshes"].iter().any(|list| value.get(list).is_some_and(Value::is_object)),
+    }
 }
 
 /// Accepts versions 2.x with a minimum version of at most 2.0.

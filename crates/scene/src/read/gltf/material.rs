@@ -8,6 +8,7 @@ use gltf::json::validation::Checked;
 
 use super::attributes::fraction;
 use super::document::Document;
+use super::lobes::SPECULAR_GLOSSINESS;
 use super::texture::Textures;
 use super::texture_info::TextureInfo;
 use crate::read::ReadError;
@@ -39,12 +40,12 @@ pub(super) fn read(document: &Document<'_>, grouped: &mut WarningGroups, scene: 
 }
 
 /// Context for reading a material.
-struct MaterialReader<'a, 'b, 'c> {
+pub(super) struct MaterialReader<'a, 'b, 'c> {
     /// `material 3`.
-    location: String,
-    textures: &'a mut Textures<'b, 'c>,
-    grouped: &'a mut WarningGroups,
-    warnings: &'a mut Vec<String>,
+    pub(super) location: String,
+    pub(super) textures: &'a mut Textures<'b, 'c>,
+    pub(super) grouped: &'a mut WarningGroups,
+    pub(super) warnings: &'a mut Vec<String>,
 }
 
 impl MaterialReader<'_, '_, '_> {
@@ -68,7 +69,11 @@ impl MaterialReader<'_, '_, '_> {
             self.grouped.add("treating KHR_materials_unlit as emission, which illuminates the scene", &self.location);
             return Ok(unlit(material));
         }
-        self.scattering(pbr, &mut material)?;
+        let others = source.extensions.as_ref().map(|extensions| &extensions.others);
+        match others.and_then(|others| others.get(SPECULAR_GLOSSINESS)) {
+            Some(other) => self.specular_glossiness(other, &mut material)?,
+            None => self.scattering(pbr, &mut material)?,
+        }
         self.normals(source, &mut material)?;
         self.emission(source, &mut material)?;
         if let Some(extensions) = &source.extensions {
@@ -133,16 +138,10 @@ impl MaterialReader<'_, '_, '_> {
         Ok(())
     }
 
-    /// Specular, ior, transmission and volume; of a volume only its existence.
+    /// Specular, ior, transmission, volume and further lobes.
     fn interface(&mut self, extensions: &Extensions, material: &mut Material) -> Result<(), ReadError> {
         if let Some(specular) = &extensions.specular {
             [material.specular] = self.fractions("specular factor", [specular.specular_factor.0]);
-            if specular.specular_texture.is_some() || specular.specular_color_texture.is_some() {
-                self.grouped.add("ignoring textures of KHR_materials_specular (not supported)", &self.location);
-            }
-            if specular.specular_color_factor.0 != [1.0; 3] {
-                self.grouped.add("ignoring the color of KHR_materials_specular (not supported)", &self.location);
-            }
         }
         if let Some(ior) = extensions.ior.as_ref().map(|ior| ior.ior.0) {
             self.ior(ior, material);
@@ -155,13 +154,8 @@ impl MaterialReader<'_, '_, '_> {
         let volume = extensions.volume.as_ref();
         let is_body = volume.is_some_and(|volume| volume.thickness_factor.0 > 0.0);
         material.thin_walled = material.transmission > 0.0 && !is_body;
-        if is_body && volume.is_some_and(|volume| volume.attenuation_distance.0.is_finite()) {
-            self.grouped.add("ignoring the attenuation of KHR_materials_volume (not supported)", &self.location);
-        }
-        for name in extensions.others.keys() {
-            self.grouped.add(&format!("ignoring {name} (not supported)"), &self.location);
-        }
-        Ok(())
+        // The older model has no others beside it.
+        if extensions.others.contains_key(SPECULAR_GLOSSINESS) { Ok(()) } else { self.lobes(extensions, material) }
     }
 
     /// 0 means total reflection (`KHR_materials_ior`), approximated by the largest index.
@@ -179,7 +173,7 @@ impl MaterialReader<'_, '_, '_> {
     }
 
     /// Factors clamped to 0..=1, with a warning.
-    fn fractions<const N: usize>(&mut self, what: &str, factors: [f32; N]) -> [f32; N] {
+    pub(super) fn fractions<const N: usize>(&mut self, what: &str, factors: [f32; N]) -> [f32; N] {
         let clamped = factors.map(fraction);
         if clamped != factors {
             self.warnings.push(format!("clamping {what} {factors:?} of {} to 0..=1", self.location));
@@ -187,15 +181,37 @@ impl MaterialReader<'_, '_, '_> {
         clamped
     }
 
-    fn colors(&mut self, info: Option<TextureInfo>) -> Result<Option<TextureRef>, ReadError> {
+    pub(super) fn colors(&mut self, info: Option<TextureInfo>) -> Result<Option<TextureRef>, ReadError> {
         self.texture(info, Encoding::Srgb)
     }
 
-    fn numbers(&mut self, info: Option<TextureInfo>) -> Result<Option<TextureRef>, ReadError> {
+    pub(super) fn numbers(&mut self, info: Option<TextureInfo>) -> Result<Option<TextureRef>, ReadError> {
         self.texture(info, Encoding::Linear)
     }
 
-    fn texture(&mut self, info: Option<TextureInfo>, encoding: Encoding) -> Result<Option<TextureRef>, ReadError> {
+    /// A roughness texture, 1 minus the glossiness of the alpha channel times `factor`.
+    pub(super) fn roughness_of(
+        &mut self,
+        info: Option<TextureInfo>,
+        factor: f32,
+    ) -> Result<Option<TextureRef>, ReadError> {
+        self.texture_with(info, Encoding::Linear, Some(factor.to_bits()))
+    }
+
+    pub(super) fn texture(
+        &mut self,
+        info: Option<TextureInfo>,
+        encoding: Encoding,
+    ) -> Result<Option<TextureRef>, ReadError> {
+        self.texture_with(info, encoding, None)
+    }
+
+    fn texture_with(
+        &mut self,
+        info: Option<TextureInfo>,
+        encoding: Encoding,
+        glossiness: Option<u32>,
+    ) -> Result<Option<TextureRef>, ReadError> {
         let Some(info) = info else { return Ok(None) };
         let uv_set = match info.uv_set() {
             Ok(uv_set) => uv_set,
@@ -208,7 +224,7 @@ impl MaterialReader<'_, '_, '_> {
             self.warnings.push(format!("skipping a texture of {}: KHR_texture_transform is not finite", self.location));
             return Ok(None);
         };
-        let texture = self.textures.request(info.texture, encoding, &self.location, self.grouped)?;
+        let texture = self.textures.request(info.texture, encoding, glossiness, &self.location, self.grouped)?;
         Ok(texture.map(|texture| TextureRef { texture, uv_set, texture_from_mesh }))
     }
 }

@@ -3,6 +3,9 @@
 use canted_obb::Affine;
 use canted_obb::vector::{cross, dot};
 
+/// Largest error of the last row of a matrix: 256 roundings of numbers around 1, as chains of products in exporters leave.
+const MAX_ROUNDING: f32 = 128.0 * f32::EPSILON;
+
 /// An affine transform as in [`Affine`]: images of the three axes and of the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Matrix {
@@ -14,11 +17,12 @@ impl Matrix {
     pub(super) const IDENTITY: Self =
         Self { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]] };
 
-    /// From a column-major 4 x 4 matrix; `None` if the last row is not `0 0 0 1`.
+    /// From a column-major 4 x 4 matrix; `None` if the last row is not `0 0 0 1` up to the roundings of a product of matrices.
     pub(super) fn from_4x4(numbers: &[f32; 16]) -> Option<Self> {
         let column = |k: usize| std::array::from_fn(|row| f64::from(numbers[4 * k + row]));
         let last_row = [numbers[3], numbers[7], numbers[11], numbers[15]];
-        (last_row == [0.0, 0.0, 0.0, 1.0]).then(|| Self { columns: std::array::from_fn(column) })
+        let is_affine = last_row.iter().zip([0.0, 0.0, 0.0, 1.0]).all(|(x, y)| (x - y).abs() <= MAX_ROUNDING);
+        is_affine.then(|| Self { columns: std::array::from_fn(column) })
     }
 
     /// Scale, then rotation by a quaternion `x y z w`, then translation.

@@ -5,6 +5,7 @@ use gltf::json::scene::Node;
 use super::document::Document;
 use super::matrix::Matrix;
 use crate::read::ReadError;
+use crate::read::warning_groups::WarningGroups;
 
 /// The nodes of a file.
 pub(super) struct Nodes {
@@ -19,8 +20,8 @@ pub(super) struct Nodes {
 /// The default scene is `scene`, else the first one; a file without scenes draws all nodes.
 ///
 /// # Errors
-/// [`ReadError::Malformed`] if an index is invalid, a node has two parents or is its own ancestor, or a root has a parent.
-pub(super) fn read(document: &Document<'_>) -> Result<Nodes, ReadError> {
+/// [`ReadError::Malformed`] if an index is invalid, or a node has two parents or is its own ancestor.
+pub(super) fn read(document: &Document<'_>, grouped: &mut WarningGroups) -> Result<Nodes, ReadError> {
     let nodes = &document.root.nodes;
     let parents = parents(document)?;
     let mut world_from_node = nodes
@@ -40,12 +41,17 @@ pub(super) fn read(document: &Document<'_>) -> Result<Nodes, ReadError> {
     }
 
     let scene_roots = match default_scene(document)? {
-        Some(scene) => scene_roots(document, scene, &parents)?,
+        Some(scene) => scene_roots(document, scene, &parents, grouped)?,
         None => roots,
     };
     let mut is_drawn = vec![false; nodes.len()];
-    scene_roots.iter().for_each(|&root| is_drawn[root] = true);
-    descend(nodes, &scene_roots, |_, child| is_drawn[child] = true);
+    let mut stack = scene_roots;
+    while let Some(node) = stack.pop() {
+        // A root may be below another.
+        if !std::mem::replace(&mut is_drawn[node], true) {
+            stack.extend(children(&nodes[node]));
+        }
+    }
     let drawn = (0..nodes.len()).filter(|&k| is_drawn[k]).collect();
     Ok(Nodes { world_from_node, drawn })
 }
@@ -99,8 +105,13 @@ fn default_scene(document: &Document<'_>) -> Result<Option<usize>, ReadError> {
     Ok(Some(scene.value()))
 }
 
-/// The distinct root nodes of a scene.
-fn scene_roots(document: &Document<'_>, scene: usize, parents: &[Option<usize>]) -> Result<Vec<usize>, ReadError> {
+/// The distinct root nodes of a scene. A root that has a parent is drawn once, placed as the parent's child.
+fn scene_roots(
+    document: &Document<'_>,
+    scene: usize,
+    parents: &[Option<usize>],
+    grouped: &mut WarningGroups,
+) -> Result<Vec<usize>, ReadError> {
     let location = format!("scene {scene}");
     let mut roots: Vec<usize> = document.root.scenes[scene].nodes.iter().map(|node| node.value()).collect();
     roots.sort_unstable();
@@ -108,7 +119,7 @@ fn scene_roots(document: &Document<'_>, scene: usize, parents: &[Option<usize>])
     for &root in &roots {
         let parent = document.get(parents, root, "node", &location)?;
         if let Some(parent) = parent {
-            return Err(document.malformed(location, format!("root node {root} is a child of node {parent}")));
+            grouped.add(&format!("placing a root of {location} as a child of its parent"), &format!("node {root} of {parent}"));
         }
     }
     Ok(roots)

@@ -43,12 +43,17 @@ impl Poses {
         self.document.path()
     }
 
+    /// First and last key time of the animation in seconds.
+    pub(in crate::read) fn time_range(&self) -> Option<[f32; 2]> {
+        animation::time_range(&self.document, self.animation.as_deref())
+    }
+
     /// The meshes, instances, cameras, lights and warnings at a time in seconds.
     pub(in crate::read) fn at(&mut self, time: f32) -> Result<Scene, ReadError> {
         let mut grouped = WarningGroups::default();
         self.document.root.nodes.clone_from(&self.rest);
         animation::pose(&mut self.document, self.animation.as_deref(), time, &mut grouped)?;
-        let nodes = nodes::read(&self.document)?;
+        let nodes = nodes::read(&self.document, &mut grouped)?;
         let mut scene = Scene { materials: self.materials.clone(), ..Scene::default() };
         read_geometry(&self.document, &nodes, grouped, &mut scene)?;
         Ok(scene)

@@ -5,6 +5,7 @@ mod attributes;
 mod geometry;
 mod instances;
 mod layout;
+mod lobes;
 mod materials;
 mod meshopt;
 mod mutated;
@@ -150,10 +151,15 @@ impl File {
 
     /// As [`File::read`], at a time.
     pub(super) fn read_at(&self, time: f32) -> Result<Scene, ReadError> {
+        self.read_with(&ReadOptions { time: Some(time), ..ReadOptions::default() })
+    }
+
+    /// As [`File::read`], with options.
+    pub(super) fn read_with(&self, options: &ReadOptions) -> Result<Scene, ReadError> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("test.gltf");
         fs::write(&path, self.text()).unwrap();
-        super::read(&path, &fs::read(&path).unwrap(), &ReadOptions { time: Some(time), animation: None })
+        super::read(&path, &fs::read(&path).unwrap(), options)
     }
 
     /// The scene, which must have no warnings.
@@ -211,6 +217,9 @@ fn checks_versions_and_required_extensions() {
     };
     with("asset", json!({ "version": "2.1" })).scene();
     with("asset", json!({ "version": "1.0" })).rejected("glTF 1.0 is not supported");
+    let mut first = with("asset", json!({}));
+    first.json["meshes"] = json!({ "a": {} });
+    first.rejected("glTF 1.0 is not supported");
     with("asset", json!({ "version": "2.1", "minVersion": "2.1" })).rejected("glTF 2.1 is not supported");
     with("extensionsRequired", json!(["KHR_mesh_quantization"])).scene();
     with("extensionsRequired", json!(["KHR_draco_mesh_compression"])).rejected("KHR_draco_mesh_compression");

@@ -22,8 +22,8 @@ pub(super) struct Textures<'a, 'b> {
     known: HashMap<Key, TextureId>,
 }
 
-/// Image index, wrap modes and encoding.
-type Key = (usize, [Wrap; 2], Magnification, Encoding);
+/// Image index, wrap modes, encoding, and the bits of a factor where roughness is made from glossiness.
+type Key = (usize, [Wrap; 2], Magnification, Encoding, Option<u32>);
 
 /// Value of the `gltf` crate for a texture without an image.
 const NO_SOURCE: usize = u32::MAX as usize;
@@ -50,10 +50,11 @@ impl<'a, 'b> Textures<'a, 'b> {
         &mut self,
         index: usize,
         encoding: Encoding,
+        glossiness: Option<u32>,
         location: &str,
         grouped: &mut WarningGroups,
     ) -> Result<Option<TextureId>, ReadError> {
-        let Some((key, fallback)) = self.key(index, encoding, location, grouped)? else { return Ok(None) };
+        let Some((key, fallback)) = self.key(index, encoding, glossiness, location, grouped)? else { return Ok(None) };
         let next = u32::try_from(self.requests.len())
             .map_err(|_| self.document.malformed(location, "too many textures (limit: 2^32)"))?;
         let id = *self.known.entry(key).or_insert(TextureId(next));
@@ -67,6 +68,7 @@ impl<'a, 'b> Textures<'a, 'b> {
         &self,
         index: usize,
         encoding: Encoding,
+        glossiness: Option<u32>,
         location: &str,
         grouped: &mut WarningGroups,
     ) -> Result<Option<(Key, Option<usize>)>, ReadError> {
@@ -102,7 +104,7 @@ impl<'a, 'b> Textures<'a, 'b> {
         for image in [Some(image), plain].into_iter().flatten() {
             self.document.get(&root.images, image, "image", &location)?;
         }
-        Ok(Some(((image, wrap, magnification, encoding), plain.filter(|&plain| plain != image))))
+        Ok(Some(((image, wrap, magnification, encoding, glossiness), plain.filter(|&plain| plain != image))))
     }
 
     /// Decodes each image once, in parallel, and assigns the final texture ids to the materials.
@@ -120,13 +122,17 @@ impl<'a, 'b> Textures<'a, 'b> {
             *n_uses.entry(*image).or_default() += 1;
         }
         let mut ids = Vec::with_capacity(self.requests.len());
-        for Request { key: (image, wrap, magnification, encoding), .. } in &self.requests {
+        for Request { key: (image, wrap, magnification, encoding, glossiness), .. } in &self.requests {
             let n_left = n_uses.entry(*image).and_modify(|n| *n -= 1).or_default();
             // The last use takes the texels, so that an image used once is not copied.
             let texture = if *n_left == 0 { of_image.remove(image) } else { of_image.get(image).cloned() };
             ids.push(texture.map(|texture| {
                 let (wrap, magnification, encoding) = (*wrap, *magnification, *encoding);
-                scene.textures.push(Texture { wrap, magnification, encoding, ..texture });
+                let mut texture = Texture { wrap, magnification, encoding, ..texture };
+                if let Some(factor) = glossiness {
+                    roughen(&mut texture.texels, f32::from_bits(*factor));
+                }
+                scene.textures.push(texture);
                 scene.textures.len() - 1
             }));
         }
@@ -181,6 +187,15 @@ fn decode(document: &Document<'_>, index: usize, location: &str) -> Result<Resul
         (None, None) => return Ok(Err(warning("neither a buffer view nor a uri".to_owned()))),
     };
     Ok(image::decode(&name, bytes).map_err(warning))
+}
+
+/// Puts 1 minus the glossiness, `factor` times alpha, into the green channel.
+fn roughen(texels: &mut [[u8; 4]], factor: f32) {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    let roughness: Vec<u8> = (0..=u8::MAX).map(|a| (255.0 - factor * f32::from(a)).round() as u8).collect();
+    for texel in texels {
+        *texel = [0, roughness[usize::from(texel[3])], 0, u8::MAX];
+    }
 }
 
 /// The filter of a sampler; that of minification stands in for one that is not given.

@@ -175,7 +175,7 @@ fn outcome(glb: &[u8]) -> Option<Scene> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mutated.glb");
     std::fs::write(&path, glb).unwrap();
-    read_with(&path, &ReadOptions { time: Some(0.5), animation: None }).ok()
+    read_with(&path, &ReadOptions { time: Some(0.5), ..ReadOptions::default() }).ok()
 }
 
 proptest! {

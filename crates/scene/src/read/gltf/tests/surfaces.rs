@@ -6,7 +6,7 @@ use super::materials::{file, textured};
 use crate::{AlphaMode, Encoding, Material, TextureId, TextureRef, UvTransform};
 
 /// The material read from a file.
-fn surface(material: Value) -> Material {
+pub(super) fn surface(material: Value) -> Material {
     file(material).scene().materials.remove(0)
 }
 
@@ -105,8 +105,10 @@ fn reads_specular_extension() {
     let specular = |specular: Value| json!({ "extensions": { "KHR_materials_specular": specular } });
     assert_eq!(surface(specular(json!({ "specularFactor": 0.25 }))).specular, 0.25);
     assert_eq!(surface(specular(json!({}))).specular, 1.0);
-    file(specular(json!({ "specularColorFactor": [1, 0, 0] }))).warned("the color of KHR_materials_specular");
-    file(specular(json!({ "specularTexture": { "index": 0 } }))).warned("textures of KHR_materials_specular");
+    let red = surface(specular(json!({ "specularColorFactor": [2, 0, 0] })));
+    assert_eq!(red.lobes.unwrap().specular_color, [2.0, 0.0, 0.0]);
+    assert!(surface(specular(json!({ "specularTexture": { "index": 0 } }))).lobes.unwrap().specular_texture.is_some());
+    file(specular(json!({ "specularColorFactor": [-1, 0, 0] }))).warned("ignoring the specular color");
 }
 
 #[test]
@@ -140,15 +142,16 @@ fn unlit_materials_become_emissive() {
 
 #[test]
 fn unsupported_extensions_are_reported_once() {
-    let mut several = file(json!({ "extensions": { "KHR_materials_sheen": {} }, "occlusionTexture": { "index": 0 } }));
-    several.push("materials", json!({ "extensions": { "KHR_materials_sheen": {}, "KHR_materials_clearcoat": {} } }));
+    let dispersion = "KHR_materials_dispersion";
+    let mut several = file(json!({ "extensions": { dispersion: {} }, "occlusionTexture": { "index": 0 } }));
+    several.push("materials", json!({ "extensions": { dispersion: {}, "KHR_materials_unheard_of": {} } }));
     let scene = several.read().unwrap();
     assert_eq!(
         scene.warnings,
         [
-            "ignoring KHR_materials_sheen (not supported): material 0 and 1 more",
+            "ignoring KHR_materials_dispersion (not supported): material 0 and 1 more",
             "ignoring occlusionTexture (not physical): material 0",
-            "ignoring KHR_materials_clearcoat (not supported): material 1",
+            "ignoring KHR_materials_unheard_of (not supported): material 1",
         ]
     );
     assert!(scene.textures.is_empty());
