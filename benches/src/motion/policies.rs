@@ -71,7 +71,8 @@ pub(super) fn table(out: &mut String, options: &Options) -> Result<()> {
             }
         }
     }
-    let _ = writeln!(out, "\n`auto` takes at most {:.3} times as long as the best fixed policy ({}).", worst.0, worst.1);
+    let _ =
+        writeln!(out, "\n`auto` takes at most {:.3} times as long as the best fixed policy ({}).", worst.0, worst.1);
     missing.iter().for_each(|name| {
         let _ = writeln!(out, "\nNot measured: {name}; the model is not available.");
     });
@@ -83,7 +84,7 @@ fn measure(sequence: &Sequence, width: u32, rounds: usize) -> Result<Vec<Took>> 
     let mut all = vec![Took::default(); POLICIES.len()];
     let rays = rays(sequence, width);
     for round in 0..rounds {
-        let first = || Ok(prepare::<Watertight>(&sequence.frames[0], &StructureConfig::default())?);
+        let first = || -> Result<_> { Ok(prepare::<Watertight>(&sequence.frames[0], &StructureConfig::default())?) };
         let mut prepared = POLICIES.iter().map(|_| first()).collect::<Result<Vec<_>>>()?;
         // The rays of the first frame.
         let mut traces: Vec<f64> = prepared.iter().map(|prepared| traced(prepared, &rays).1).collect();

@@ -22,7 +22,13 @@ pub(crate) struct Piece {
 }
 
 /// The pieces of a BVH whose records may be anywhere; a single piece where subtrees are scattered.
-pub(crate) fn of_outline(outline: &Outline, layout: &LeafLayout, root: Word, n_lines: usize, n_units: usize) -> Vec<Piece> {
+pub(crate) fn of_outline(
+    outline: &Outline,
+    layout: &LeafLayout,
+    root: Word,
+    n_lines: usize,
+    n_units: usize,
+) -> Vec<Piece> {
     let first = match (outline.nodes.first(), outline.leaves.first()) {
         (Some(_), _) => Slot::Node(0),
         (None, Some(_)) => Slot::Leaf(0),
@@ -85,9 +91,7 @@ fn of_slot(outline: &Outline, layout: &LeafLayout, slot: Slot, root: Word) -> Pi
             let end = nodes.iter().map(|node| node.line + node.kind.n_lines()).max().unwrap_or(start);
             Piece { root, lines: start..end, units: units(leaves), is_above: false }
         }
-        Slot::Leaf(leaf) => {
-            Piece { root, lines: 0..0, units: units(&outline.leaves[leaf..=leaf]), is_above: false }
-        }
+        Slot::Leaf(leaf) => Piece { root, lines: 0..0, units: units(&outline.leaves[leaf..=leaf]), is_above: false },
         Slot::Empty => unreachable!("empty slots start no piece"),
     }
 }

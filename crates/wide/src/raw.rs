@@ -121,9 +121,9 @@ mod tests {
     use canted_fixtures as fixtures;
 
     use super::*;
+    use crate::layout::LeafLayout;
     use crate::outline::Outline;
     use crate::refit::Triangles;
-    use crate::layout::LeafLayout;
     use crate::{Config, TriangleBvh};
 
     /// Every vertex is in all boxes around it, in object space.

@@ -32,9 +32,9 @@ use crate::traverse::{BoxPads, LaneKernel, Pads};
 use crate::triangle::Triangle;
 
 pub(crate) use blocks::{Triangles, unused_lanes_are_zero};
+pub(crate) use boxes::{check_frame, check_row, compare, write as write_boxes};
 use leaves::{MovedPrimitives, MovedTriangles};
 use subtree::{Leaves, Shared, State, Sums};
-pub(crate) use boxes::{check_frame, check_row, compare, write as write_boxes};
 
 /// What a refit has done to a BVH, in predicted traversal costs of a ray that enters the box around all primitives, relative
 /// to the test of an aligned node.
@@ -170,8 +170,7 @@ impl<P: Primitive> WideBvh<P> {
             pads: BoxPads::new(Pads::of(P::ERROR), self.frame.is_identity),
         };
         let old = std::mem::replace(&mut self.leaves.primitives, primitives);
-        let leaves =
-            MovedPrimitives { primitives: [&old, &self.leaves.primitives], frames: [old_frame, self.frame] };
+        let leaves = MovedPrimitives { primitives: [&old, &self.leaves.primitives], frames: [old_frame, self.frame] };
         Ok(bvh.update(&mut self.leaves.order, 1, &leaves))
     }
 }

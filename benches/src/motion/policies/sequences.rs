@@ -138,8 +138,10 @@ mod tests {
     fn every_sequence_moves_and_keeps_its_triangles() {
         for Sequence { name, frames, .. } in all(3, true).unwrap().0 {
             for (a, b) in frames.iter().zip(&frames[1..]) {
-                let triangles = |scene: &Scene| scene.meshes.iter().map(|mesh| mesh.triangles.clone()).collect::<Vec<_>>();
-                let positions = |scene: &Scene| scene.meshes.iter().map(|mesh| mesh.positions.clone()).collect::<Vec<_>>();
+                let triangles =
+                    |scene: &Scene| scene.meshes.iter().map(|mesh| mesh.triangles.clone()).collect::<Vec<_>>();
+                let positions =
+                    |scene: &Scene| scene.meshes.iter().map(|mesh| mesh.positions.clone()).collect::<Vec<_>>();
                 assert_eq!(triangles(a), triangles(b), "{name}");
                 assert!(positions(a) != positions(b) || a.instances != b.instances, "{name}");
             }

@@ -68,7 +68,9 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     table.says = format!(
         "The dissertation builds 4 to 7 times as fast on a TITAN Xp as on its CPU. This device is {}, so only the order of the passes compares: that of {} of {} \
          pairs is the same.",
-        gpu.info().kind, order.n_same, order.n_all
+        gpu.info().kind,
+        order.n_same,
+        order.n_all
     );
     chapter.tables.push(table);
     Ok(found)

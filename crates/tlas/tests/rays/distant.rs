@@ -59,7 +59,8 @@ fn every_structure_is_as_fast_at_a_distance() {
     let meshes = [near, far];
     let of = |mesh: &Mesh| (mesh.positions.clone(), mesh.triangles.clone());
     for strategy in [Strategy::Aabb, Strategy::PcaBounded, Strategy::Dop] {
-        let config = BuildConfig { volumes: VolumeConfig { strategy, ..VolumeConfig::default() }, ..BuildConfig::default() };
+        let config =
+            BuildConfig { volumes: VolumeConfig { strategy, ..VolumeConfig::default() }, ..BuildConfig::default() };
         assert_local(&format!("bvh2, {strategy:?}"), &meshes, |mesh| {
             Bvh2::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap()
         });
@@ -111,7 +112,8 @@ fn closest<K: canted_trace::Kernel>(mesh: &Mesh, ray: &Ray) -> Option<canted_tra
     for (primitive, triangle) in (0..).map(canted_obb::PrimId).zip(&mesh.triangles) {
         let record = K::record(triangle.map(|v| mesh.positions[v as usize]));
         let Some(hit) = K::intersect(&prepared, &scaled, &record, scaled.t_max) else { continue };
-        let hit = canted_trace::Hit { t: hit.t, u: hit.u, v: hit.v, primitive, instance: InstanceId(0), side: hit.side };
+        let hit =
+            canted_trace::Hit { t: hit.t, u: hit.u, v: hit.v, primitive, instance: InstanceId(0), side: hit.side };
         if best.is_none_or(|best| hit.before(&best)) {
             best = Some(hit);
         }

@@ -74,7 +74,8 @@ impl MovedTriangles<'_> {
         let rows: &mut [[u32; LANES]; Lane::ID_ROW + 1] =
             block.as_chunks_mut::<LANES>().0.try_into().expect("a block has ten rows");
         for lane in lane..lane + n {
-            let corners = self.triangles[rows[Lane::ID_ROW][lane] as usize].map(|vertex| self.positions[vertex as usize]);
+            let corners =
+                self.triangles[rows[Lane::ID_ROW][lane] as usize].map(|vertex| self.positions[vertex as usize]);
             for (row, x) in rows.iter_mut().zip(corners.as_flattened()) {
                 row[lane] = x.to_bits();
             }

@@ -219,9 +219,8 @@ pub(super) fn update<I: Item, U, L: Leaves<I, U>>(
         let line = line as usize;
         let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut lines[line..line + kind.n_lines()]);
         if let Some(before) = &mut before {
-            let children = before.children(&words, number, |first, n, items| {
-                shared.leaves.before(units, first - base, n, items)
-            });
+            let children =
+                before.children(&words, number, |first, n, items| shared.leaves.before(units, first - base, n, items));
             before.close(i, kind, rows, &words, &children, shared.costs);
         }
         let children =

@@ -38,7 +38,13 @@ impl Task for Padded<'_> {
 fn with_box_pads(mut bvh: TriangleBvh, pads: Pads) -> TriangleBvh {
     let outline = Outline::of(&bvh.nodes, bvh.leaves.halves.len(), &LeafLayout::BLOCKS).expect("a valid BVH");
     let triangles = Triangles::read(&outline, &bvh.leaves.halves);
-    write_boxes(&outline, &triangles.corners, &bvh.frame, &BoxPads::new(pads, bvh.frame.is_identity), &mut bvh.nodes.lines);
+    write_boxes(
+        &outline,
+        &triangles.corners,
+        &bvh.frame,
+        &BoxPads::new(pads, bvh.frame.is_identity),
+        &mut bvh.nodes.lines,
+    );
     bvh
 }
 
@@ -155,7 +161,8 @@ fn pads_relative_to_the_wrong_point_lose_hits() {
             // What pads relative to the origin of the space are, seen from the reference point.
             let of_origin = |x: f32| x * 10.0 / 3.3e4;
             let Pads { aligned, rotated, oriented } = proven;
-            let small = Pads { aligned: of_origin(aligned), rotated: of_origin(rotated), oriented: of_origin(oriented) };
+            let small =
+                Pads { aligned: of_origin(aligned), rotated: of_origin(rotated), oriented: of_origin(oriented) };
             assert!(n_different(&far, &rays, small, small, path) > 0, "{name}: pads of given coordinates suffice");
         }
     }

@@ -104,8 +104,7 @@ impl EightRays {
 
         let given = [simd.store(ox), simd.store(oy), simd.store(oz)];
         let [cx, cy, cz] = frame.reference.point();
-        let (ox, oy, oz) =
-            (simd.sub(ox, simd.splat(cx)), simd.sub(oy, simd.splat(cy)), simd.sub(oz, simd.splat(cz)));
+        let (ox, oy, oz) = (simd.sub(ox, simd.splat(cx)), simd.sub(oy, simd.splat(cy)), simd.sub(oz, simd.splat(cz)));
         let scale = max3(simd, simd.abs(ox), simd.abs(oy), simd.abs(oz));
         let origin_rows = [simd.store(ox), simd.store(oy), simd.store(oz)];
         let direction_rows = [simd.store(direction[0]), simd.store(direction[1]), simd.store(direction[2])];
