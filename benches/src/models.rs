@@ -58,7 +58,7 @@ const TOWER_FIELD: &str = "tower_field";
 const ROTATED: &str = "_rotated";
 
 /// Folder of real models: `CANTED_SCENES`, else `../shared/scenes` next to the workspace.
-fn folder() -> PathBuf {
+pub(crate) fn folder() -> PathBuf {
     std::env::var_os("CANTED_SCENES")
         .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes")), PathBuf::from)
 }

@@ -6,6 +6,8 @@
 
 mod builds;
 mod instances;
+mod pictures;
+mod policies;
 mod refits;
 
 use std::fmt::Write;
@@ -42,7 +44,9 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
     );
     refits::table(out, options)?;
     builds::table(out, options)?;
-    instances::table(out, options)
+    instances::table(out, options)?;
+    policies::table(out, options)?;
+    pictures::table(out, options)
 }
 
 /// Updates all for each frame, in turn; the first frame warms up.

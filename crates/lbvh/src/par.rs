@@ -22,8 +22,8 @@ pub fn for_jobs<J: Send>(jobs: Vec<J>, work: impl Fn(J) + Sync + Send) {
     jobs.into_iter().for_each(work);
 }
 
-/// Results of `work` for every job, in order.
-fn map_jobs<J: Send, R: Send>(jobs: Vec<J>, work: impl Fn(J) -> R + Sync + Send) -> Vec<R> {
+/// Results of `work` for every job, in order. Each job owns what it writes.
+pub fn map_jobs<J: Send, R: Send>(jobs: Vec<J>, work: impl Fn(J) -> R + Sync + Send) -> Vec<R> {
     #[cfg(feature = "parallel")]
     {
         use rayon::prelude::*;

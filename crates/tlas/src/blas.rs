@@ -105,14 +105,26 @@ pub trait Blas: Send + Sync {
     /// As [`Blas::closest_hit_with`], without checking and scaling the ray again, with memory for nodes that wait.
     #[doc(hidden)]
     #[inline]
-    fn closest_hit_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, _stack: &mut Stack) -> Option<Hit> {
+    fn closest_hit_scaled<Q: Query>(
+        &self,
+        ray: &ScaledRay,
+        instance: InstanceId,
+        query: &mut Q,
+        _stack: &mut Stack,
+    ) -> Option<Hit> {
         self.closest_hit_with(&ray.to_ray(), instance, query)
     }
 
     /// As [`Blas::occluded_with`], without checking and scaling the ray again, with memory for nodes that wait.
     #[doc(hidden)]
     #[inline]
-    fn occluded_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, _stack: &mut Stack) -> bool {
+    fn occluded_scaled<Q: Query>(
+        &self,
+        ray: &ScaledRay,
+        instance: InstanceId,
+        query: &mut Q,
+        _stack: &mut Stack,
+    ) -> bool {
         self.occluded_with(&ray.to_ray(), instance, query)
     }
 }
@@ -192,12 +204,24 @@ impl<P: LeafPrimitive> Blas for WideBvh<P> {
     }
 
     #[inline]
-    fn closest_hit_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, stack: &mut Stack) -> Option<Hit> {
+    fn closest_hit_scaled<Q: Query>(
+        &self,
+        ray: &ScaledRay,
+        instance: InstanceId,
+        query: &mut Q,
+        stack: &mut Stack,
+    ) -> Option<Hit> {
         Self::closest_hit_scaled(self, ray, instance, query, stack)
     }
 
     #[inline]
-    fn occluded_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, stack: &mut Stack) -> bool {
+    fn occluded_scaled<Q: Query>(
+        &self,
+        ray: &ScaledRay,
+        instance: InstanceId,
+        query: &mut Q,
+        stack: &mut Stack,
+    ) -> bool {
         Self::occluded_scaled(self, ray, instance, query, stack)
     }
 }

@@ -162,10 +162,12 @@ impl<B: Blas> TlasEdit<'_, B> {
             self.instance(*id)?;
             self.tlas.place(id.0 as usize, new)
         });
-        let placed = placed.into_iter().collect::<Result<Vec<Placed>, _>>()?;
+        if let Some(Err(error)) = placed.iter().find(|placed| placed.is_err()) {
+            return Err(*error);
+        }
         for ((id, new), placed) in changes.iter().zip(placed) {
             let index = id.0 as usize;
-            self.commit(index, placed);
+            self.commit(index, placed?);
             self.tlas.instances[index] = *new;
         }
         Ok(())

@@ -40,6 +40,8 @@ const F64_ROUNDINGS: f64 = 1.0 / (1_u64 << 26) as f64;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Bounds {
     pub(crate) obb: Obb,
+    /// Around `obb`.
+    pub(crate) aabb: Aabb,
     pub(crate) error: WorldError,
 }
 
@@ -173,12 +175,13 @@ impl Placement {
             centers,
         };
         let bounds_world = swept_bounds(bounds, open, close);
-        if !bounds_world.aabb().is_finite() {
+        let aabb = bounds_world.aabb();
+        if !aabb.is_finite() {
             return Err(InstanceError::OutOfRange { instance: index });
         }
         let placement =
             Self { object_from_world: Inverse::new(&inverse), motion, blas: instance.blas, mask: instance.mask };
-        Ok((placement, Bounds { obb: bounds_world, error }))
+        Ok((placement, Bounds { obb: bounds_world, aabb, error }))
     }
 
     /// The world ray in object space, up to the scaled `t_max`; `query` supplies the time if the instance moves. `None` where

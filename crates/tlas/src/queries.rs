@@ -115,12 +115,7 @@ impl<B: Blas> Tlas<B> {
 
     /// [`Tlas::closest_hit_with`] on the stacks of earlier rays.
     #[inline]
-    pub(crate) fn closest_hit_on<Q: Query>(
-        &self,
-        stacks: &mut Stacks,
-        ray_world: &Ray,
-        query: &mut Q,
-    ) -> Option<Hit> {
+    pub(crate) fn closest_hit_on<Q: Query>(&self, stacks: &mut Stacks, ray_world: &Ray, query: &mut Q) -> Option<Hit> {
         let ray = WorldRay::new(ray_world)?;
         let Stacks { top, bottom } = stacks;
         let mask = query.mask();

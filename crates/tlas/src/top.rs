@@ -146,9 +146,9 @@ impl Top {
 
 /// A point near the instances.
 fn reference_of(bounds: &[Bounds]) -> ReferencePoint {
-    ReferencePoint::near(bounds.len(), |i| bounds[i].obb.aabb())
+    ReferencePoint::near(bounds.len(), |i| bounds[i].aabb)
 }
 
 fn aabb_of(bounds: &[Bounds]) -> Aabb {
-    bounds.iter().fold(Aabb::EMPTY, |all, bounds| all.union(bounds.obb.aabb()))
+    bounds.iter().fold(Aabb::EMPTY, |all, bounds| all.union(bounds.aabb))
 }

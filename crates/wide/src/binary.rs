@@ -205,13 +205,7 @@ fn oriented_or<S: Items>(full: Chosen<S>, coarse: Chosen<S>, costs: &Costs) -> C
 }
 
 /// Builds trees with a primitive per leaf, and frames where nodes may be oriented; returns the cheaper one.
-pub(crate) fn full<S: Items>(
-    items: S,
-    boxes: &[Aabb],
-    rows: [[f32; 3]; 3],
-    scale: f32,
-    config: &Config,
-) -> Chosen<S> {
+pub(crate) fn full<S: Items>(items: S, boxes: &[Aabb], rows: [[f32; 3]; 3], scale: f32, config: &Config) -> Chosen<S> {
     let built = |builder: &Builder| {
         let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
         let tree = canted_sah::build(boxes, &bounds, builder);

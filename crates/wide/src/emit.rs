@@ -17,7 +17,7 @@ use node::write_node;
 pub(crate) use node::{write_boxes, write_slabs};
 
 use crate::collapse::Plan;
-use crate::layout::{LeafLayout, Limits, Line, Nodes, Word};
+use crate::layout::{LeafLayout, Limits, Line, NodeKind, Nodes, Word};
 use crate::members::Members;
 use crate::par;
 use crate::records::Records;
@@ -76,7 +76,10 @@ pub(crate) fn emit<U: Send, B: DerefMut<Target = [U]>, const KINDS: usize>(
         jobs.push((piece, own_lines, own_units));
     }
     par::for_jobs(jobs, |(piece, lines, units)| write_piece(source, leaves, piece, lines, units));
-    Ok((Nodes { lines, root: layout.root.unwrap_or(Word::EMPTY), depth: layout.depth }, units))
+    let has_oriented = layout.pieces.iter().flat_map(|piece| &piece.nodes).any(|node| node.kind == NodeKind::Oriented);
+    let (root, depth) = (layout.root.unwrap_or(Word::EMPTY), layout.depth);
+    let pieces = layout.pieces.iter().map(|piece| piece.of_memory(leaves.layout)).collect();
+    Ok((Nodes { lines, root, depth, has_oriented, pieces }, units))
 }
 
 /// Writes the nodes and leaves of a piece into its own memory.

@@ -183,7 +183,9 @@ fn read(bytes: &[u8], sizes: [usize; 2]) -> Result<(Header, Nodes, [&[u8]; 2]), 
     let [n_line_bytes, n_unit_bytes, _] = header.section_bytes().map(|n| n as usize);
     let (lines, rest) = content[HEADER_BYTES..].split_at(n_line_bytes);
     let (units, primitives) = rest.split_at(n_unit_bytes);
-    let nodes = Nodes { lines: words_of(lines).into(), root: header.root, depth: header.depth };
+    // What the outline of the checked records gives is added then.
+    let (has_oriented, pieces) = (false, vec![]);
+    let nodes = Nodes { lines: words_of(lines).into(), root: header.root, depth: header.depth, has_oriented, pieces };
     Ok((header, nodes, [units, primitives]))
 }
 

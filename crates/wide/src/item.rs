@@ -210,7 +210,12 @@ impl<'a, P: Primitive> Item for Placed<'a, P> {
 fn principal_box<P: Primitive>(primitive: &P) -> ([[f32; 3]; 3], [f64; 3]) {
     let moments = primitive.moments();
     let [_, xy, xz, _, yz, _] = moments.scatter;
-    let axes = if [xy, xz, yz] == [0.0; 3] { Obb::IDENTITY_FRAME } else { moments.axes(eigen::COARSE) };
+    if [xy, xz, yz] == [0.0; 3] {
+        let Aabb { min, max } = primitive.bounds();
+        let extent = |k: usize| (f64::from(max[k]) - f64::from(min[k])).max(0.0);
+        return (Obb::IDENTITY_FRAME, std::array::from_fn(extent));
+    }
+    let axes = moments.axes(eigen::COARSE);
     let rows = if axes.as_flattened().iter().all(|x| x.is_finite()) { axes } else { Obb::IDENTITY_FRAME };
     let [lo, hi] = extents_within(&rows, [Placed::given(primitive)]);
     (rows, std::array::from_fn(|k| (f64::from(hi[k]) - f64::from(lo[k])).max(0.0)))

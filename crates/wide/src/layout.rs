@@ -13,6 +13,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::pieces::Piece;
 use crate::records::Records;
 
 /// A cache line of two eight-lane rows; nodes start on one.
@@ -213,6 +214,10 @@ pub struct Nodes {
     pub(crate) root: Word,
     /// Greatest number of nodes from the root to a leaf.
     pub(crate) depth: u32,
+    /// Whether any node is oriented.
+    pub(crate) has_oriented: bool,
+    /// Parts of nodes and leaves that threads can change on their own.
+    pub(crate) pieces: Vec<Piece>,
 }
 
 impl Nodes {

@@ -81,7 +81,7 @@
 //!           -> collapse                                    dynamic programming over node kinds, by predicted cost
 //!           -> layout -> emit                              nodes of 256 and 512 bytes, leaves
 //! rays      -> path (once a slice) -> traverse -> sink     scalar, avx2, avx512 or neon; one traversal for every query
-//! moved primitives -> outline -> refit          BVH <-> file
+//! moved primitives -> pieces -> refit           BVH <-> file
 //! ```
 //!
 //! Sources: Woop et al. 2014 for nodes with a frame for each child, which they use for curves; Ylitie et al. 2017 for the
@@ -111,6 +111,7 @@ mod measure;
 mod members;
 mod moving;
 mod outline;
+mod pieces;
 mod primitive;
 mod queries;
 mod raw;

@@ -153,14 +153,6 @@ impl Outline {
         nodes.sort_unstable_by_key(|node| node.line);
         nodes
     }
-
-    /// Numbers of the leaves in the order of their units and parts.
-    pub(crate) fn leaves_by_unit(&self) -> Vec<u32> {
-        let n = u32::try_from(self.leaves.len()).expect("words name fewer leaves");
-        let mut leaves: Vec<u32> = (0..n).collect();
-        leaves.sort_unstable_by_key(|&leaf| self.leaves[leaf as usize].first);
-        leaves
-    }
 }
 
 /// Which units of an array belong to a record.

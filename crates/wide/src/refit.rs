@@ -1,37 +1,40 @@
 //! New boxes for primitives that have moved, in the BVH as it is.
 //!
 //! ```text
-//! records -> outline -> leaves: new vertices, contents -> boxes -> predicted cost
+//! pieces of memory, each on a thread: leaves (new vertices, contents) -> boxes, sums      subtree
+//! pieces -> nodes above them -> predicted cost                                            above
 //! ```
 //!
 //! Reads: a BVH, its primitives after a motion. Writes: leaves and boxes. Holds: what a build holds; every box is that of
 //! the primitives now below it, in its old frame, relative to a reference point near them, and with the padding that belongs to them.
 //! Source: Wald, Boulos & Shirley 2007 for when to refit and when to rebuild.
 
+mod above;
 mod blocks;
 mod boxes;
-mod cost;
+mod leaves;
+mod subtree;
 
 use std::fmt;
-use std::ops::Range;
 
-use canted_lbvh::{self as lbvh, Corners, GeometryError};
+use canted_lbvh::{self as lbvh, GeometryError};
 use canted_obb::{Aabb, PrimId};
 
 use crate::build::{PrimitiveError, bounds_of, reference_of, reference_of_triangles};
 use crate::bvh::WideBvh;
 use crate::costs::{Baseline, RayCost};
-use crate::item::{self, Item, Placed};
-use crate::layout::{Half, LeafLayout, NodeKind, Nodes};
+use crate::item::{Item, Placed};
+use crate::layout::{Nodes, PARTS};
 use crate::outline::Outline;
 use crate::par;
 use crate::primitive::Primitive;
-use crate::traverse::{BoxPads, LaneKernel, MeshFrame, Pads};
+use crate::traverse::{BoxPads, LaneKernel, Pads};
 use crate::triangle::Triangle;
 
 pub(crate) use blocks::{Triangles, unused_lanes_are_zero};
-use boxes::{Boxes, LeafContent, SlabsOf};
 pub(crate) use boxes::{check_frame, check_row, compare, write as write_boxes};
+use leaves::{MovedPrimitives, MovedTriangles};
+use subtree::{Leaves, Shared, State, Sums};
 
 /// What a refit has done to a BVH, in predicted traversal costs of a ray that enters the box around all primitives, relative
 /// to the test of an aligned node.
@@ -131,14 +134,19 @@ impl<K: LaneKernel> WideBvh<Triangle<K>> {
     /// Another number of triangles, or the first triangle with an index out of range or a vertex that is not finite. The BVH
     /// is then unchanged.
     pub fn refit(&mut self, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Refit, RefitError> {
+        check_number(self.n_primitives, triangles.len())?;
+        check_vertices(positions, triangles)?;
+        let reference = reference_of_triangles(triangles.len(), |i| triangles[i].map(|v| positions[v as usize]));
+        let old = self.frame;
+        self.frame.reference = reference;
         let bvh = Target {
             nodes: &mut self.nodes,
-            pads: BoxPads::new(Pads::of(K::ERROR), self.frame.is_identity),
-            frame: &mut self.frame,
             bounds: &mut self.bounds,
             baseline: &mut self.baseline,
+            pads: BoxPads::new(Pads::of(K::ERROR), self.frame.is_identity),
         };
-        refit_triangles(bvh, &mut self.leaves.halves, self.n_primitives, positions, triangles)
+        let leaves = MovedTriangles { positions, triangles, frames: [old, self.frame] };
+        Ok(bvh.update(&mut self.leaves.halves, PARTS, &leaves))
     }
 }
 
@@ -151,61 +159,28 @@ impl<P: Primitive> WideBvh<P> {
     /// Another number of primitives, or the first whose bounds are empty or not finite. The BVH is then unchanged.
     pub fn refit(&mut self, primitives: Vec<P>) -> Result<Refit, RefitError> {
         check_number(self.n_primitives, primitives.len())?;
-        let bounds = bounds_of(&primitives)?;
-        let outline = Outline::of(&self.nodes, self.leaves.order.len(), &LeafLayout::IDS).expect("a BVH is valid");
-        let ids = ids_by_place(&outline, &self.leaves.order);
-        let (old, new) = (by_place(&ids, &self.leaves.primitives), by_place(&ids, &primitives));
+        bounds_of(&primitives)?;
+        let reference = reference_of(&primitives);
+        let old_frame = self.frame;
+        self.frame.reference = reference;
         let bvh = Target {
             nodes: &mut self.nodes,
-            pads: BoxPads::new(Pads::of(P::ERROR), self.frame.is_identity),
-            frame: &mut self.frame,
             bounds: &mut self.bounds,
             baseline: &mut self.baseline,
+            pads: BoxPads::new(Pads::of(P::ERROR), self.frame.is_identity),
         };
-        let before = bvh.cost_before(&outline, |frame| LeafContent::of_leaves(&outline, &old, frame));
-        bvh.frame.reference = reference_of(&primitives);
-        let contents = LeafContent::of_leaves(&outline, &new, bvh.frame);
-        let moved = item::moved(&new, bvh.frame.reference);
-        let new = moved.as_deref().unwrap_or(&new);
-        let slabs = |places: Range<usize>, rows| Placed::slabs(&new[places], rows);
-        let refit = bvh.update(&outline, before, (&contents, &slabs), bounds);
-        self.leaves.primitives = primitives;
-        Ok(refit)
+        let old = std::mem::replace(&mut self.leaves.primitives, primitives);
+        let leaves = MovedPrimitives { primitives: [&old, &self.leaves.primitives], frames: [old_frame, self.frame] };
+        Ok(bvh.update(&mut self.leaves.order, 1, &leaves))
     }
 }
 
-/// The parts of a BVH that a refit changes, and the frame.
+/// The parts of a BVH that a refit changes.
 struct Target<'a> {
     nodes: &'a mut Nodes,
-    frame: &'a mut MeshFrame,
     bounds: &'a mut Aabb,
     baseline: &'a mut Baseline,
     pads: BoxPads,
-}
-
-/// The same for every triangle test.
-fn refit_triangles(
-    bvh: Target,
-    blocks: &mut [Half],
-    n_triangles: usize,
-    positions: &[[f32; 3]],
-    triangles: &[[u32; 3]],
-) -> Result<Refit, RefitError> {
-    check_number(n_triangles, triangles.len())?;
-    check_vertices(positions, triangles)?;
-    let outline = Outline::of(bvh.nodes, blocks.len(), &LeafLayout::BLOCKS).expect("a BVH is valid");
-    let before = bvh.cost_before(&outline, |frame| {
-        LeafContent::of_leaves(&outline, &Triangles::read(&outline, blocks).corners, frame)
-    });
-    bvh.frame.reference = reference_of_triangles(n_triangles, |i| triangles[i].map(|v| positions[v as usize]));
-    let contents = blocks::replace(&outline, blocks, positions, triangles, bvh.frame);
-    let bounds = contents.iter().fold(Aabb::EMPTY, |all, content| all.union(content.bounds));
-    // Only oriented boxes are computed from all triangles below.
-    let is_oriented = outline.nodes.iter().any(|node| node.kind == NodeKind::Oriented);
-    let corners = if is_oriented { Triangles::read(&outline, blocks).corners } else { vec![] };
-    let corners = item::moved(&corners, bvh.frame.reference).unwrap_or(corners);
-    let slabs = |places: Range<usize>, rows| Corners::slabs(&corners[places], rows);
-    Ok(bvh.update(&outline, before, (&contents, &slabs), bounds))
 }
 
 fn check_number(n_primitives: usize, n_given: usize) -> Result<(), RefitError> {
@@ -233,32 +208,41 @@ fn check_vertices(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<(), 
 }
 
 impl Target<'_> {
-    /// The predicted cost as the BVH is, whose leaves have the contents that `old` returns.
-    fn cost_before(&self, outline: &Outline, old: impl FnOnce(&MeshFrame) -> Vec<LeafContent>) -> RayCost {
-        self.baseline.now.unwrap_or_else(|| self.cost(outline, &old(self.frame), self.bounds))
-    }
-
-    fn cost(&self, outline: &Outline, contents: &[LeafContent], bounds: &Aabb) -> RayCost {
-        let boxes = Boxes { nodes: self.nodes, reaches: &boxes::reaches(outline, contents), pads: &self.pads };
-        let area = contents.iter().map(|content| content.area).sum();
-        cost::predict(outline, &boxes, area, bounds, &self.baseline.costs)
-    }
-
-    /// Writes the boxes around the new contents of the leaves.
-    fn update(
-        self,
-        outline: &Outline,
-        before: RayCost,
-        (contents, slabs): (&[LeafContent], &SlabsOf),
-        bounds: Aabb,
-    ) -> Refit {
-        let built = *self.baseline.built.get_or_insert(before);
-        boxes::write_around(outline, contents, slabs, &self.pads, &mut self.nodes.lines);
-        let now = self.cost(outline, contents, &bounds);
-        *self.bounds = bounds;
-        self.baseline.now = Some(now);
+    /// Writes the boxes around what the leaves in `units`, of `n_parts` each, hold after the motion.
+    fn update<I: Item, U: Send>(self, units: &mut [U], n_parts: usize, leaves: &impl Leaves<I, U>) -> Refit {
+        let Self { nodes, bounds, baseline, pads } = self;
+        let is_oriented = nodes.has_oriented;
+        let measures_before = baseline.now.is_none();
+        let costs = baseline.costs;
+        let shared = Shared { leaves, pads: &pads, costs: &costs, n_parts, is_oriented, measures_before };
+        let (after, before) = above::update(nodes, units, &shared);
+        let visit = subtree::visit(nodes.root, &costs);
+        let before = baseline.now.unwrap_or_else(|| predicted(before.as_ref(), visit, bounds));
+        let built = *baseline.built.get_or_insert(before);
+        *bounds = after.as_ref().map_or(Aabb::EMPTY, |state| state.content.bounds);
+        let now = predicted(after.as_ref(), visit, bounds);
+        baseline.now = Some(now);
         Refit::between(built, before, now)
     }
+}
+
+/// The predicted cost of a BVH whose root costs `visit`; `bounds` enclose all primitives.
+///
+/// A ray enters a convex body inside another with the probability of the ratio of their surface areas. Where `bounds` have no
+/// area, every ray enters all boxes. In a mesh frame that is not that of `bounds`, the boxes of a few nodes near the root may have
+/// a greater area, and count for it.
+fn predicted<I>(state: Option<&State<I>>, visit: f64, bounds: &Aabb) -> RayCost {
+    let Sums { area, weighted, visits } = state.map_or_else(Sums::default, |state| state.sums);
+    let all = 0.5 * bounds.area();
+    let per_ray = visit + if all > 0.0 { weighted / all } else { visits };
+    let per_primitive = if area > 0.0 { per_ray * all / area } else { 0.0 };
+    RayCost { per_ray: finite(per_ray), per_primitive: finite(per_primitive) }
+}
+
+/// A prediction in `f32`, finite.
+#[expect(clippy::cast_possible_truncation, reason = "a prediction, clamped")]
+fn finite(x: f64) -> f32 {
+    x.min(f64::from(f32::MAX)) as f32
 }
 
 /// Primitives by place, of these ids, as they are given.

@@ -7,7 +7,7 @@ use canted_gpu::{
 };
 use canted_lbvh::{Bits, Strategy};
 
-use super::orders::Found;
+use super::orders::{Found, Pairs};
 use super::scenes;
 use crate::report::{
     effort::Effort,
@@ -64,6 +64,14 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
             ]);
         }
     }
+    let order = Pairs::of(&found.compared);
+    table.says = format!(
+        "The dissertation builds 4 to 7 times as fast on a TITAN Xp as on its CPU. This device is {}, so only the order of the passes compares: that of {} of {} \
+         pairs is the same.",
+        gpu.info().kind,
+        order.n_same,
+        order.n_all
+    );
     chapter.tables.push(table);
     Ok(found)
 }

@@ -79,6 +79,11 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         Cell::text(&exponents[1]),
         Cell::text("Silva: 'quadratic' and 'much more linear', without numbers"),
     ]);
+    table.says = format!(
+        "Silva calls the time without a hierarchy quadratic. It is not: with every triangle tested, the time of a ray grows as their number to the power {}, with \
+         a BVH to the power {}.",
+        exponents[0], exponents[1]
+    );
     chapter.tables.push(table);
     let series = NAMES.into_iter().zip(points).map(|(name, points)| Series {
         name: name.to_owned(),

@@ -28,7 +28,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         &["scene", "path", "camera ray", "over scalar"],
     );
     let mut says = String::new();
-    let mut series = vec![];
+    let (mut series, mut gains) = (vec![], vec![]);
     for (name, model) in scenes(effort, effort.pick(&[][..], &["truss"], &["truss", "bunny", "sponza"]), chapter)? {
         let mesh = &model.mesh;
         let paths: Vec<SimdPath> = SimdPath::ALL.into_iter().filter(|path| path.is_available()).collect();
@@ -51,6 +51,9 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
             #[expect(clippy::cast_precision_loss, reason = "paths are few")]
             let place = i as f64;
             points.push(Point { label: format!("{path:?}"), x: place.into(), y: ns[i].clone() });
+            if i > 0 {
+                gains.push(format!("{name} {path:?} {}", number(gain)));
+            }
             if i + 1 == paths.len() && says.is_empty() {
                 let name_of_path = format!("{path:?}");
                 let finding = faster((&name_of_path, &ns[i]), ("the scalar path", &ns[0]));
@@ -60,6 +63,10 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         let order = paths.iter().map(|path| format!("{path:?}")).collect::<Vec<_>>().join(", ");
         series.push(Series { name: format!("{name}: {order}"), points, is_joined: true });
     }
+    table.says = format!(
+        "Silva's four lanes gain 1.32 on triangles and 1.5 on boxes alone. Here, eight lanes of whole rays gain, relative to the scalar path: {}.",
+        gains.join(", ")
+    );
     for (what, path, gain) in THEIRS {
         table.rows.push([what, path, "–", gain].map(Cell::text).to_vec());
     }

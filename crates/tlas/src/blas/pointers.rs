@@ -41,12 +41,24 @@ macro_rules! forward {
             }
 
             #[inline]
-            fn closest_hit_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, stack: &mut Stack) -> Option<Hit> {
+            fn closest_hit_scaled<Q: Query>(
+                &self,
+                ray: &ScaledRay,
+                instance: InstanceId,
+                query: &mut Q,
+                stack: &mut Stack,
+            ) -> Option<Hit> {
                 B::closest_hit_scaled(self, ray, instance, query, stack)
             }
 
             #[inline]
-            fn occluded_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, stack: &mut Stack) -> bool {
+            fn occluded_scaled<Q: Query>(
+                &self,
+                ray: &ScaledRay,
+                instance: InstanceId,
+                query: &mut Q,
+                stack: &mut Stack,
+            ) -> bool {
                 B::occluded_scaled(self, ray, instance, query, stack)
             }
         }

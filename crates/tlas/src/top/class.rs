@@ -1,5 +1,6 @@
 //! Instances whose hits have similar errors, and the BVH over their boxes.
 
+use canted_lbvh::par;
 use canted_obb::round::up;
 use canted_obb::{Aabb, Obb};
 use canted_trace::{InstanceId, Query, ReferencePoint, ScaledRay};
@@ -9,7 +10,7 @@ use super::TopConfig;
 use super::binary::BinaryTop;
 use super::wide::WideTop;
 use crate::InstanceError;
-use crate::placement::Bounds;
+use crate::placement::{Bounds, JOB};
 
 /// A BVH over some of the instances.
 #[derive(Clone, Debug)]
@@ -68,11 +69,11 @@ impl Class {
         let of_class: Vec<&Bounds> = members(&ids, bounds).collect();
         let bvh = match config {
             TopConfig::Wide(config) => {
-                let boxes = of_class.iter().map(|bounds| grown_aabb(bounds, reference)).collect();
+                let boxes = par::map(&of_class, JOB, |bounds| grown_aabb(bounds, reference));
                 Bvh::Wide(WideTop::build(boxes, *config, path).map_err(|error| in_all(error.into(), &ids))?)
             }
             TopConfig::Binary(config) => {
-                let obbs: Vec<Obb> = of_class.iter().map(|bounds| grown_obb(bounds, reference)).collect();
+                let obbs: Vec<Obb> = par::map(&of_class, JOB, |bounds| grown_obb(bounds, reference));
                 Bvh::Binary(BinaryTop::build(&obbs, *config))
             }
         };
@@ -120,10 +121,8 @@ impl Class {
     pub(super) fn refit(&mut self, bounds: &[Bounds], reference: ReferencePoint) {
         let of_class: Vec<&Bounds> = members(&self.ids, bounds).collect();
         match &mut self.bvh {
-            Bvh::Wide(top) => top.refit(of_class.iter().map(|bounds| grown_aabb(bounds, reference)).collect()),
-            Bvh::Binary(top) => {
-                top.refit(&of_class.iter().map(|bounds| grown_obb(bounds, reference)).collect::<Vec<_>>());
-            }
+            Bvh::Wide(top) => top.refit(par::map(&of_class, JOB, |bounds| grown_aabb(bounds, reference))),
+            Bvh::Binary(top) => top.refit(&par::map(&of_class, JOB, |bounds| grown_obb(bounds, reference))),
         }
         self.per_origin = range(of_class.into_iter()).1;
     }
@@ -180,8 +179,8 @@ fn in_all(error: InstanceError, ids: &[u32]) -> InstanceError {
 
 /// The axis-aligned box that contains every hit but for `per_origin`, relative to `reference` and rounded outward; planes beyond the
 /// range of `f32` are its greatest numbers.
-fn grown_aabb(Bounds { obb, error }: &Bounds, reference: ReferencePoint) -> Aabb {
-    let (Aabb { min, max }, fixed) = (obb.aabb(), error.fixed(reference));
+fn grown_aabb(Bounds { aabb: Aabb { min, max }, error, .. }: &Bounds, reference: ReferencePoint) -> Aabb {
+    let fixed = error.fixed(reference);
     // Steps outward cover the roundings of both sums.
     let grow = |x: f32, reference: f32| {
         let moved = (f64::from(x) - f64::from(reference)).next_up();

@@ -9,9 +9,7 @@ use super::{Source, TooLarge, range};
 use crate::collapse::{Form, Plan, WIDTH};
 use crate::layout::{LeafLayout, Limits, NodeKind, Word, WordKind};
 use crate::par;
-
-/// Most primitives of a subtree that one thread lays out and writes.
-const MAX_SUBTREE: u32 = 1 << 12;
+use crate::pieces::{self, MAX_SUBTREE};
 
 /// A wide node before it is written.
 #[derive(Clone, Debug)]
@@ -100,7 +98,7 @@ pub(super) fn layout<const KINDS: usize>(
     while let Some(waiting) = open.pop() {
         let form = plan.form(waiting.child, waiting.parent);
         match form {
-            Form::Node(kind) if range(source, waiting.child).len() > MAX_SUBTREE as usize => {
+            Form::Node(kind) if range(source, waiting.child).len() > MAX_SUBTREE => {
                 let draft = draft(plan, waiting.child, kind, 0);
                 push_children(&mut open, &draft, above.len(), waiting.depth + 1);
                 above.push((waiting, Some(draft)));
@@ -205,6 +203,17 @@ impl Piece {
     pub(super) fn word(&self, word: Word) -> Word {
         // A single node refers to other pieces, whose words are final.
         if self.is_above() { word } else { self.base.word(word) }
+    }
+
+    /// Where it is in memory.
+    pub(super) fn of_memory(&self, leaf_layout: &LeafLayout) -> pieces::Piece {
+        let (line, unit) = (self.base.line, self.base.part / leaf_layout.n_parts);
+        pieces::Piece {
+            root: self.base.word(self.root),
+            lines: line..line + self.n_lines,
+            units: unit..unit + self.n_units,
+            is_above: self.is_above(),
+        }
     }
 
     /// Whether this is a node above all subtrees.

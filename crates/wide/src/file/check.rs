@@ -11,6 +11,7 @@ use crate::flaw::Flaw;
 use crate::item::Item;
 use crate::layout::{Half, LeafLayout, NodeKind, Nodes};
 use crate::outline::Outline;
+use crate::pieces;
 use crate::primitive::Primitive;
 use crate::refit::{self, Triangles, by_place, ids_by_place};
 use crate::shape::Shapes;
@@ -85,7 +86,8 @@ pub(super) fn check_shapes<P: Primitive>(
     check_boxes(&outline, &by_place(&ids, &leaves.primitives), bounds, expected, nodes)
 }
 
-fn outline(nodes: &Nodes, n_units: usize, layout: &LeafLayout, expected: &Expected) -> Result<Outline, LoadError> {
+/// The outline of the records; completes `nodes` by it.
+fn outline(nodes: &mut Nodes, n_units: usize, layout: &LeafLayout, expected: &Expected) -> Result<Outline, LoadError> {
     let outline = Outline::of(nodes, n_units, layout)?;
     if outline.depth != expected.depth {
         return Err(LoadError::Depth { expected: expected.depth, found: outline.depth });
@@ -96,6 +98,8 @@ fn outline(nodes: &Nodes, n_units: usize, layout: &LeafLayout, expected: &Expect
     if n_inside > most {
         return Err(Flaw::Nested { n_inside, most }.into());
     }
+    nodes.has_oriented = outline.nodes.iter().any(|node| node.kind == NodeKind::Oriented);
+    nodes.pieces = pieces::of_outline(&outline, layout, nodes.root, nodes.lines.len(), n_units);
     Ok(outline)
 }
 

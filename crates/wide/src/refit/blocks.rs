@@ -1,13 +1,11 @@
-//! Triangles of all leaves, read from their blocks, and replaced in them.
+//! Triangles of all leaves, read from their blocks.
 
 use canted_lbvh::Corners;
 use canted_obb::PrimId;
 
-use crate::layout::{HALF_WORDS, Half, Lane, LeafLayout, PART_LANES, PARTS};
+use crate::layout::{HALF_WORDS, Half, Lane, LeafLayout, PART_LANES};
 use crate::outline::{LeafOutline, Outline};
 use crate::par;
-use crate::refit::boxes::LeafContent;
-use crate::traverse::MeshFrame;
 
 const LAYOUT: &LeafLayout = &LeafLayout::BLOCKS;
 
@@ -44,48 +42,6 @@ impl Triangles {
     }
 }
 
-/// Replaces the vertices of all leaves by those of `positions`; ids stay. Returns the content of each leaf.
-///
-/// Each leaf is read and written once, while it is in the cache. Every index is valid.
-pub(super) fn replace(
-    outline: &Outline,
-    halves: &mut [Half],
-    positions: &[[f32; 3]],
-    triangles: &[[u32; 3]],
-    frame: &MeshFrame,
-) -> Vec<LeafContent> {
-    let replace_leaf = |leaf: &LeafOutline, words: &mut [u32]| {
-        let (n, part) = (leaf.places.len(), leaf.part(LAYOUT));
-        let replaced = (0..n).map(|i| {
-            let lane = Lane::of(i, n, part);
-            let corners = triangles[words[lane.word(Lane::ID_ROW)] as usize].map(|vertex| positions[vertex as usize]);
-            for (row, x) in corners.as_flattened().iter().enumerate() {
-                words[lane.word(row)] = x.to_bits();
-            }
-            corners
-        });
-        LeafContent::of(replaced, frame)
-    };
-    let order = outline.leaves_by_unit();
-    // Leaves that share a half-block are written by one job.
-    let unit = |&leaf: &u32| outline.leaves[leaf as usize].unit(LAYOUT);
-    let together: Vec<&[u32]> = order.chunk_by(|a, b| unit(a) == unit(b)).collect();
-    let replace_leaves = |leaves: &&[u32], out: &mut [Half]| {
-        let words: &mut [u32] = bytemuck::cast_slice_mut(out);
-        let mut contents = [LeafContent::EMPTY; PARTS];
-        for (content, &leaf) in contents.iter_mut().zip(*leaves) {
-            *content = replace_leaf(&outline.leaves[leaf as usize], words);
-        }
-        contents
-    };
-    let of_units = par::map_pieces(&together, halves, |leaves| unit(&leaves[0]), replace_leaves);
-    let mut contents = vec![LeafContent::EMPTY; outline.leaves.len()];
-    for (leaves, of_unit) in together.iter().zip(of_units) {
-        leaves.iter().zip(of_unit).for_each(|(&leaf, content)| contents[leaf as usize] = content);
-    }
-    contents
-}
-
 /// Whether all words of a leaf's unused lanes are zero; lanes of a part that no leaf shares are its own.
 pub(crate) fn unused_lanes_are_zero(leaf: &LeafOutline, halves: &[Half]) -> bool {
     let (n, first) = (leaf.places.len(), leaf.unit(LAYOUT));
@@ -105,7 +61,9 @@ mod tests {
 
     use super::*;
     use crate::layout::MAX_LEAF;
-    use crate::traverse::Block;
+    use crate::refit::leaves::MovedTriangles;
+    use crate::refit::subtree::Leaves;
+    use crate::traverse::{Block, MeshFrame};
 
     /// Reads a leaf as the traversal does.
     fn traversed(halves: &[Half], n: usize) -> Vec<(Corners, PrimId)> {
@@ -142,8 +100,12 @@ mod tests {
                 triangles[id.index()] = [first, first + 1, first + 2];
             }
             let frame = MeshFrame::new(Obb::IDENTITY_FRAME, ReferencePoint::ORIGIN);
-            let contents = replace(&outline, &mut halves, moved.as_flattened(), &triangles, &frame);
-            assert_eq!(contents[0].bounds, Aabb::from_points(moved.iter().flatten().copied()));
+            let leaves = MovedTriangles { positions: moved.as_flattened(), triangles: &triangles, frames: [frame; 2] };
+            let mut taken = vec![];
+            let state = leaves.after(&mut halves, 0, n, Some(&mut taken));
+            assert_eq!(taken, moved);
+            assert_eq!(state.content.bounds, leaves.before(&halves, 0, n, None).content.bounds);
+            assert_eq!(state.content.bounds, Aabb::from_points(moved.iter().flatten().copied()));
             assert_eq!(Triangles::read(&outline, &halves), Triangles { corners: moved, ids });
             assert_eq!(unused_lanes_are_zero(&leaf, &halves), n % 4 == 0, "{n}");
         }

@@ -1,4 +1,5 @@
-//! Boxes of all nodes, recomputed from the primitives below them, in the frames that the nodes have.
+//! Boxes of all nodes, computed from the outline of a BVH and its primitives: what loaded files are compared with. A refit computes
+//! them in another way.
 
 use std::ops::Range;
 
@@ -8,7 +9,7 @@ use canted_trace::Slabs;
 use crate::emit::{write_boxes, write_slabs};
 use crate::flaw::Flaw;
 use crate::item::{self, Item};
-use crate::layout::{Line, NodeKind, Nodes, Row};
+use crate::layout::{Line, NodeKind, Row};
 use crate::outline::{LeafOutline, NodeOutline, Outline, Slot};
 use crate::par;
 use crate::reach::Reaches;
@@ -26,47 +27,34 @@ struct Source<'a> {
 }
 
 /// The box with these rows around a range of places.
-pub(super) type SlabsOf<'a> = dyn Fn(Range<usize>, [[f32; 3]; 3]) -> Slabs + Sync + 'a;
+type SlabsOf<'a> = dyn Fn(Range<usize>, [[f32; 3]; 3]) -> Slabs + Sync + 'a;
 
-/// What the boxes around a leaf and its predicted cost depend on.
+/// What the boxes around a leaf depend on.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LeafContent {
-    /// Object space.
-    pub(crate) bounds: Aabb,
+struct LeafContent {
     /// Greatest coordinate relative to the reference point.
-    pub(crate) reach: f32,
+    reach: f32,
     /// The boxes of all items in the mesh frame, together.
-    pub(crate) aligned: Aabb,
-    /// Sum of the surface areas of all items.
-    pub(crate) area: f64,
+    aligned: Aabb,
 }
 
 impl LeafContent {
-    pub(crate) const EMPTY: Self = Self { bounds: Aabb::EMPTY, reach: 0.0, aligned: Aabb::EMPTY, area: 0.0 };
-
     /// Of these items, as they are given, in this frame.
-    #[inline]
-    pub(crate) fn of<I: Item>(items: impl Iterator<Item = I>, frame: &MeshFrame) -> Self {
-        let mut content = Self::EMPTY;
+    fn of<I: Item>(items: impl Iterator<Item = I>, frame: &MeshFrame) -> Self {
+        let (mut bounds, mut aligned) = (Aabb::EMPTY, Aabb::EMPTY);
         for item in items {
-            content.bounds = content.bounds.union(item.aabb());
-            content.area += item.area();
+            bounds = bounds.union(item.aabb());
             if !frame.is_identity {
-                let moved = item.moved(frame.reference);
-                content.aligned = content.aligned.union(item::rotated_box(&moved, &frame.rows));
+                aligned = aligned.union(item::rotated_box(&item.moved(frame.reference), &frame.rows));
             }
         }
         // Rounding is monotonic, so this is the box of all moved items.
-        let moved = frame.reference.moved_box(&content.bounds);
-        content.reach = moved.reach();
-        if frame.is_identity {
-            content.aligned = moved;
-        }
-        content
+        let moved = frame.reference.moved_box(&bounds);
+        Self { reach: moved.reach(), aligned: if frame.is_identity { moved } else { aligned } }
     }
 
     /// Of each leaf; `items` are by place.
-    pub(crate) fn of_leaves<I: Item>(outline: &Outline, items: &[I], frame: &MeshFrame) -> Vec<Self> {
+    fn of_leaves<I: Item>(outline: &Outline, items: &[I], frame: &MeshFrame) -> Vec<Self> {
         let content = |leaf: &LeafOutline| Self::of(items[leaf.places.clone()].iter().copied(), frame);
         par::map(&outline.leaves, LEAVES, content)
     }
@@ -75,33 +63,18 @@ impl LeafContent {
 /// Fewest leaves of one job.
 const LEAVES: usize = 256;
 
-/// Greatest coordinates below leaves and nodes.
-pub(super) fn reaches(outline: &Outline, contents: &[LeafContent]) -> Reaches {
-    Reaches::of_leaves(outline, contents.iter().map(|content| content.reach).collect())
-}
-
 /// Writes the boxes of all nodes, rounded outward and padded as a build does it; `items` are by place, as they are given.
-pub(crate) fn write<I: Item>(outline: &Outline, items: &[I], frame: &MeshFrame, pads: &BoxPads, lines: &mut [Line]) {
-    let contents = LeafContent::of_leaves(outline, items, frame);
-    let moved = item::moved(items, frame.reference);
-    let items = moved.as_deref().unwrap_or(items);
-    let slabs = |places: Range<usize>, rows| I::slabs(&items[places], rows);
-    write_around(outline, &contents, &slabs, pads, lines);
-}
-
-/// The same, from the contents of the leaves.
 ///
 /// Boxes in the mesh frame are joined bottom-up. An oriented box is tight only if it is computed from all primitives below, so
 /// each primitive is read once for each oriented box around it.
-pub(super) fn write_around(
-    outline: &Outline,
-    contents: &[LeafContent],
-    slabs: &SlabsOf,
-    pads: &BoxPads,
-    lines: &mut [Line],
-) {
-    let (reaches, node_boxes) = (reaches(outline, contents), vec![Aabb::EMPTY; outline.nodes.len()]);
-    let mut source = Source { outline, slabs, contents, node_boxes, reaches, pads };
+pub(crate) fn write<I: Item>(outline: &Outline, items: &[I], frame: &MeshFrame, pads: &BoxPads, lines: &mut [Line]) {
+    let contents = &LeafContent::of_leaves(outline, items, frame);
+    let moved = item::moved(items, frame.reference);
+    let items = moved.as_deref().unwrap_or(items);
+    let slabs = &|places: Range<usize>, rows| I::slabs(&items[places], rows);
+    let reaches = Reaches::of_leaves(outline, contents.iter().map(|content| content.reach).collect());
+    let mut source =
+        Source { outline, slabs, contents, node_boxes: vec![Aabb::EMPTY; outline.nodes.len()], reaches, pads };
     for (i, node) in outline.nodes.iter().enumerate().rev() {
         let children = node.slots.map(|slot| source.aligned_box(slot).unwrap_or(Aabb::EMPTY));
         source.node_boxes[i] = children.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
@@ -142,32 +115,8 @@ impl Source<'_> {
 }
 
 /// The frame of the box in slot `i` of an oriented node.
-fn frame_of(rows: &[Row], i: usize) -> [[f32; 3]; 3] {
+pub(super) fn frame_of(rows: &[Row], i: usize) -> [[f32; 3]; 3] {
     std::array::from_fn(|k| std::array::from_fn(|axis| rows[5 * k + axis][i]))
-}
-
-/// The boxes of a BVH, and how far they were padded.
-pub(super) struct Boxes<'a> {
-    pub(super) nodes: &'a Nodes,
-    pub(super) reaches: &'a Reaches,
-    pub(super) pads: &'a BoxPads,
-}
-
-impl Boxes<'_> {
-    /// Half of the surface area of the box of slot `i` without its padding, up to the rounding of padded planes.
-    pub(super) fn half_area(&self, node: &NodeOutline, i: usize) -> f64 {
-        let rows = rows_of(node, &self.nodes.lines);
-        let pad = self.pads.of(node.kind, self.reaches.of_slot(node.slots[i]));
-        let extents: [f64; 3] = std::array::from_fn(|k| {
-            let padded = match node.kind {
-                NodeKind::Oriented => 2.0 * f64::from(rows[5 * k + 4][i]),
-                NodeKind::Aligned => f64::from(rows[2 * k + 1][i]) - f64::from(rows[2 * k][i]),
-            };
-            (padded - 2.0 * pad).max(0.0)
-        });
-        let [x, y, z] = extents;
-        x * y + y * z + z * x
-    }
 }
 
 /// Whether the rows of all frames are as short as the box tests assume.

@@ -1,11 +1,13 @@
 //! Boxes after a refit, compared with exact sums; broken references.
 
 use canted_fixtures::{self as fixtures, Mesh, SplitMix64};
+use canted_lbvh::Corners;
 use canted_obb::Aabb;
 use canted_trace::Ray;
 
 use super::*;
-use crate::layout::{NodeKind, PARTS, Row, Word, node_words};
+use crate::layout::{LeafLayout, NodeKind, Row, Word, node_words};
+use crate::pieces::{Piece, of_outline};
 use crate::{Config, Flaw, SimdPath, TriangleBvh};
 
 fn build(mesh: &Mesh) -> TriangleBvh {
@@ -130,7 +132,10 @@ fn the_oracle_detects_boxes_that_are_too_small() {
     // Vertices that moved without a refit.
     let mut bvh = bvh.clone();
     let moved: Vec<_> = mesh.positions.iter().map(|p| p.map(|x| x * 1.01)).collect();
-    blocks::replace(&outline, &mut bvh.leaves.halves, &moved, &mesh.triangles, &bvh.frame);
+    let leaves = MovedTriangles { positions: &moved, triangles: &mesh.triangles, frames: [bvh.frame; 2] };
+    for leaf in &outline.leaves {
+        leaves.after(&mut bvh.leaves.halves, leaf.first, leaf.places.len(), None);
+    }
     assert!(n_too_small(&bvh) > 10);
 }
 
@@ -210,10 +215,9 @@ fn leaves_of_two_share_a_block() {
     let bvh = build(&quads(5));
     let outline = outline(&bvh);
     assert_eq!(outline.leaves.iter().map(|leaf| leaf.places.len()).collect::<Vec<_>>(), [2; 5]);
-    assert_eq!(
-        outline.leaves_by_unit().iter().map(|&i| outline.leaves[i as usize].first).collect::<Vec<_>>(),
-        [0, 1, 2, 3, 4]
-    );
+    let mut firsts: Vec<usize> = outline.leaves.iter().map(|leaf| leaf.first).collect();
+    firsts.sort_unstable();
+    assert_eq!(firsts, [0, 1, 2, 3, 4]);
     assert_eq!(outline.leaves.iter().filter(|leaf| leaf.is_shared).count(), 4);
     assert_eq!(bvh.leaves.halves.len(), 3);
     for path in SimdPath::ALL {
@@ -237,4 +241,30 @@ fn parts_of_blocks_are_reached_once() {
     assert_eq!(flaw(slot_of(4), Word::leaf(5, 2)), Some(Flaw::Unreached { unit: "part of a block", at: 4 }));
     assert_eq!(flaw(slot_of(4), Word::leaf(5, 3)), Some(Flaw::Word { word: Word::leaf(5, 3).0 }));
     assert_eq!(flaw(slot_of(0), Word::leaf(0, 3)), Some(Flaw::Twice { unit: "part of a block", at: 1 }));
+}
+
+/// A build states its pieces; those of a loaded BVH are found again. Where records are scattered, one piece has the same boxes.
+#[test]
+fn pieces_are_found_again_and_change_no_box() {
+    let large = fixtures::scaffold_of(1, true, 8);
+    assert!(large.triangles.len() > 4 * crate::pieces::MAX_SUBTREE);
+    for mesh in [large, fixtures::soup(2, 20_000), fixtures::soup(1, 3), quads(5), quads(1)] {
+        let bvh = build(&mesh);
+        let (n_lines, n_units) = (bvh.nodes.lines.len(), bvh.leaves.halves.len());
+        let found = of_outline(&outline(&bvh), &LeafLayout::BLOCKS, bvh.nodes.root, n_lines, n_units);
+        assert_eq!(found, bvh.nodes.pieces);
+        assert_eq!(found.len() > 1, mesh.triangles.len() > crate::pieces::MAX_SUBTREE);
+        let moved = shaken(&mesh, 0.05, 1).positions;
+        let refitted = |pieces| {
+            let mut bvh = bvh.clone();
+            bvh.nodes.pieces = pieces;
+            let refit = bvh.refit(&moved, &mesh.triangles).unwrap();
+            (bvh, refit)
+        };
+        let whole = Piece { root: bvh.nodes.root, lines: 0..n_lines, units: 0..n_units, is_above: false };
+        let ((many, of_many), (one, of_one)) = (refitted(found), refitted(vec![whole]));
+        assert!(many.nodes.lines == one.nodes.lines && many.leaves.halves == one.leaves.halves);
+        assert_eq!(many.bounds, one.bounds);
+        assert!((of_many.drift - of_one.drift).abs() <= 1e-6 * of_one.drift, "{of_many:?}, {of_one:?}");
+    }
 }

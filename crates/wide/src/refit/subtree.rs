@@ -1,0 +1,330 @@
+//! New boxes in one piece of a BVH, bottom-up.
+
+use std::ops::Range;
+
+use canted_obb::Aabb;
+use canted_trace::Slabs;
+
+use super::boxes::frame_of;
+use crate::costs::Costs;
+use crate::emit::{write_boxes, write_slabs};
+use crate::item::Item;
+use crate::layout::{Line, NodeKind, Row, Word, WordKind, node_words};
+use crate::pieces::Piece;
+use crate::traverse::{BoxPads, MeshFrame};
+
+/// What the boxes around a leaf or a node depend on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Content {
+    /// Object space.
+    pub(super) bounds: Aabb,
+    /// The boxes of all items in the mesh frame, together, relative to the reference point.
+    pub(super) aligned: Aabb,
+    /// Greatest coordinate relative to the reference point.
+    pub(super) reach: f32,
+}
+
+impl Content {
+    pub(super) const EMPTY: Self = Self { bounds: Aabb::EMPTY, aligned: Aabb::EMPTY, reach: 0.0 };
+
+    /// Of items with these bounds; `aligned` is around them in a mesh frame that is not that of object space.
+    pub(super) fn new(bounds: Aabb, aligned: Aabb, frame: &MeshFrame) -> Self {
+        // Rounding is monotonic, so this is the box of all moved items.
+        let moved = frame.reference.moved_box(&bounds);
+        Self { bounds, aligned: if frame.is_identity { moved } else { aligned }, reach: moved.reach() }
+    }
+
+    pub(super) fn union(self, other: Self) -> Self {
+        Self {
+            bounds: self.bounds.union(other.bounds),
+            aligned: self.aligned.union(other.aligned),
+            reach: self.reach.max(other.reach),
+        }
+    }
+}
+
+/// What the predicted cost is computed from; sums of pieces add up.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sums {
+    /// Surface areas of all items.
+    pub(super) area: f64,
+    /// Over all children of nodes: half of the area of the box, times the cost of a visit.
+    pub(super) weighted: f64,
+    /// Costs of a visit to every child.
+    pub(super) visits: f64,
+}
+
+impl Sums {
+    pub(super) fn add(&mut self, other: Self) {
+        self.area += other.area;
+        self.weighted += other.weighted;
+        self.visits += other.visits;
+    }
+}
+
+/// A leaf as it is, or as it was.
+pub(super) struct LeafState {
+    pub(super) content: Content,
+    pub(super) area: f64,
+}
+
+/// The leaves of a BVH, in units of type `U`, and what they hold after a motion.
+pub(super) trait Leaves<I, U>: Sync {
+    /// The leaf of `n` items from a part of `units` on, before the motion; appends its items to `items`, relative to the
+    /// reference point.
+    fn before(&self, units: &[U], first: usize, n: usize, items: Option<&mut Vec<I>>) -> LeafState;
+
+    /// The same after the motion, which is written.
+    fn after(&self, units: &mut [U], first: usize, n: usize, items: Option<&mut Vec<I>>) -> LeafState;
+}
+
+/// What all pieces of a refit share.
+pub(super) struct Shared<'a, L> {
+    pub(super) leaves: &'a L,
+    pub(super) pads: &'a BoxPads,
+    pub(super) costs: &'a Costs,
+    /// Parts of a unit.
+    pub(super) n_parts: usize,
+    /// Whether oriented boxes are computed from all items below.
+    pub(super) is_oriented: bool,
+    /// Whether the state before the motion is measured, too.
+    pub(super) measures_before: bool,
+}
+
+/// A piece before or after the motion.
+#[derive(Debug)]
+pub(super) struct State<I> {
+    /// Of the whole piece.
+    pub(super) content: Content,
+    pub(super) sums: Sums,
+    /// All items, where oriented boxes need them.
+    pub(super) items: Vec<I>,
+}
+
+/// A child of a node.
+#[derive(Clone, Debug)]
+pub(super) struct Child {
+    pub(super) content: Content,
+    /// Of the items, or of the pieces below.
+    pub(super) below: Range<usize>,
+}
+
+/// The box of a child before it is padded.
+pub(super) enum ChildBox {
+    Aligned(Aabb),
+    Oriented(Slabs),
+}
+
+impl ChildBox {
+    fn half_area(&self) -> f64 {
+        let (lo, hi) = match self {
+            Self::Aligned(aabb) => (aabb.min, aabb.max),
+            Self::Oriented(slabs) => (slabs.lo, slabs.hi),
+        };
+        let [x, y, z]: [f64; 3] = std::array::from_fn(|k| (f64::from(hi[k]) - f64::from(lo[k])).max(0.0));
+        x * y + y * z + z * x
+    }
+}
+
+/// The children of a node, empty slots last or between.
+pub(super) type Children = [Option<Child>; 8];
+
+/// The boxes of all children; `slabs` computes oriented ones.
+pub(super) fn boxes_of(
+    kind: NodeKind,
+    rows: &[Row],
+    children: &Children,
+    slabs: impl Fn(&Child, [[f32; 3]; 3]) -> Slabs,
+) -> [Option<ChildBox>; 8] {
+    std::array::from_fn(|i| {
+        let child = children[i].as_ref()?;
+        Some(match kind {
+            NodeKind::Aligned => ChildBox::Aligned(child.content.aligned),
+            NodeKind::Oriented => ChildBox::Oriented(slabs(child, frame_of(rows, i))),
+        })
+    })
+}
+
+/// Adds the boxes of a node to its sums.
+pub(super) fn add_boxes(sums: &mut Sums, boxes: &[Option<ChildBox>; 8], words: &[Word; 8], costs: &Costs) {
+    for (child, &word) in boxes.iter().zip(words) {
+        if let Some(child) = child {
+            let visit = visit(word, costs);
+            sums.weighted += visit * child.half_area();
+            sums.visits += visit;
+        }
+    }
+}
+
+/// Writes padded boxes into the rows of a node.
+pub(super) fn write_node(
+    kind: NodeKind,
+    rows: &mut [Row],
+    children: &Children,
+    boxes: &[Option<ChildBox>; 8],
+    pads: &BoxPads,
+) {
+    let pad = |i: usize| children[i].as_ref().map_or(0.0, |child| pads.of(kind, child.content.reach));
+    match kind {
+        NodeKind::Aligned => write_boxes(&mut rows[..6], |i| match &boxes[i] {
+            Some(ChildBox::Aligned(aabb)) => Some((*aabb, pad(i))),
+            _ => None,
+        }),
+        NodeKind::Oriented => {
+            for (i, child) in boxes.iter().enumerate() {
+                let slabs = match child {
+                    Some(ChildBox::Oriented(slabs)) => Some((*slabs, pad(i))),
+                    _ => None,
+                };
+                write_slabs(rows, i, slabs);
+            }
+        }
+    }
+}
+
+/// Cost of a visit to what a word names.
+pub(super) fn visit(word: Word, costs: &Costs) -> f64 {
+    match word.kind() {
+        WordKind::Empty => 0.0,
+        WordKind::Node(kind, _) => f64::from(costs.node(kind)),
+        WordKind::Leaf { n, .. } => f64::from(costs.leaf) + f64::from(costs.block) * f64::from(n.div_ceil(8)),
+    }
+}
+
+/// A node of the piece, and the line that it starts with, relative to the piece.
+#[derive(Clone, Copy)]
+struct Node {
+    kind: NodeKind,
+    line: u32,
+}
+
+/// Updates a piece that owns `lines` and `units`. Returns its state after the motion, and before it where that is measured.
+pub(super) fn update<I: Item, U, L: Leaves<I, U>>(
+    piece: &Piece,
+    lines: &mut [Line],
+    units: &mut [U],
+    shared: &Shared<L>,
+) -> (State<I>, Option<State<I>>) {
+    let nodes = nodes_of(piece, lines);
+    let (mut after, mut before) =
+        (Side::new(nodes.len(), shared), shared.measures_before.then(|| Side::new(nodes.len(), shared)));
+    let base = shared.n_parts * piece.units.start;
+    let mut numbers = vec![0; lines.len().div_ceil(NodeKind::Aligned.n_lines())];
+    for (i, node) in nodes.iter().enumerate() {
+        numbers[slot_of(node.line as usize)] = i;
+    }
+    let number = |line: u32| numbers[slot_of(line as usize - piece.lines.start)];
+    for (i, &Node { kind, line }) in nodes.iter().enumerate().rev() {
+        let words = *node_words(lines, kind, line);
+        let line = line as usize;
+        let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut lines[line..line + kind.n_lines()]);
+        if let Some(before) = &mut before {
+            let children =
+                before.children(&words, number, |first, n, items| shared.leaves.before(units, first - base, n, items));
+            before.close(i, kind, rows, &words, &children, shared.costs);
+        }
+        let children =
+            after.children(&words, number, |first, n, items| shared.leaves.after(units, first - base, n, items));
+        let boxes = after.close(i, kind, rows, &words, &children, shared.costs);
+        write_node(kind, rows, &children, &boxes, shared.pads);
+    }
+    if let WordKind::Leaf { first, n } = piece.root.kind() {
+        let (first, n) = (first as usize - base, n as usize);
+        if let Some(before) = &mut before {
+            let leaf = shared.leaves.before(units, first, n, before.items.as_mut());
+            before.set_root(leaf);
+        }
+        let leaf = shared.leaves.after(units, first, n, after.items.as_mut());
+        after.set_root(leaf);
+    }
+    (after.state(), before.map(Side::state))
+}
+
+/// All nodes, parents before children.
+fn nodes_of(piece: &Piece, lines: &[Line]) -> Vec<Node> {
+    let (mut nodes, mut open) = (Vec::with_capacity(lines.len() / NodeKind::Aligned.n_lines()), vec![piece.root]);
+    while let Some(word) = open.pop() {
+        if let WordKind::Node(kind, line) = word.kind() {
+            #[expect(clippy::cast_possible_truncation, reason = "lines of words fit 29 bits")]
+            let line = line - piece.lines.start as u32;
+            nodes.push(Node { kind, line });
+            open.extend(node_words(lines, kind, line).iter().rev());
+        }
+    }
+    nodes
+}
+
+/// Distinguishes the nodes that start at different lines.
+fn slot_of(line: usize) -> usize {
+    line / NodeKind::Aligned.n_lines()
+}
+
+/// The state of a piece as it grows, last node first.
+struct Side<I> {
+    /// Contents of nodes by number, and their items.
+    nodes: Vec<Option<Child>>,
+    root: Content,
+    sums: Sums,
+    items: Option<Vec<I>>,
+}
+
+impl<I: Item> Side<I> {
+    fn new<L>(n_nodes: usize, shared: &Shared<L>) -> Self {
+        let items = shared.is_oriented.then(Vec::new);
+        Self { nodes: vec![None; n_nodes], root: Content::EMPTY, sums: Sums::default(), items }
+    }
+
+    fn set_root(&mut self, leaf: LeafState) {
+        self.root = leaf.content;
+        self.sums.area += leaf.area;
+    }
+
+    /// The children that the words name: nodes were closed before, leaves are read.
+    fn children(
+        &mut self,
+        words: &[Word; 8],
+        number: impl Fn(u32) -> usize,
+        mut leaf: impl FnMut(usize, usize, Option<&mut Vec<I>>) -> LeafState,
+    ) -> Children {
+        words.map(|word| match word.kind() {
+            WordKind::Empty => None,
+            WordKind::Node(_, line) => self.nodes[number(line)].clone(),
+            WordKind::Leaf { first, n } => {
+                let start = self.n_items();
+                let LeafState { content, area } = leaf(first as usize, n as usize, self.items.as_mut());
+                self.sums.area += area;
+                Some(Child { content, below: start..self.n_items() })
+            }
+        })
+    }
+
+    fn n_items(&self) -> usize {
+        self.items.as_ref().map_or(0, Vec::len)
+    }
+
+    /// Adds a node whose children are known; returns their boxes.
+    fn close(
+        &mut self,
+        number: usize,
+        kind: NodeKind,
+        rows: &[Row],
+        words: &[Word; 8],
+        children: &Children,
+        costs: &Costs,
+    ) -> [Option<ChildBox>; 8] {
+        let items = self.items.as_deref().unwrap_or_default();
+        let boxes = boxes_of(kind, rows, children, |child, rows| I::slabs(&items[child.below.clone()], rows));
+        add_boxes(&mut self.sums, &boxes, words, costs);
+        let all = children.iter().flatten();
+        let content = all.clone().fold(Content::EMPTY, |content, child| content.union(child.content));
+        // Nodes below were closed one after another, just before this one.
+        let start = all.map(|child| child.below.start).min().unwrap_or(0);
+        self.nodes[number] = Some(Child { content, below: start..self.n_items() });
+        self.root = content;
+        boxes
+    }
+
+    fn state(self) -> State<I> {
+        State { content: self.root, sums: self.sums, items: self.items.unwrap_or_default() }
+    }
+}
