@@ -27,7 +27,7 @@ mod tests {
 
     #[test]
     fn only_panics_of_these_crates_are_silent() {
-        for file in ["/home/a/registry/src/index/ktx2-0.5.0/src/lib.rs", "C:\\src\\basisu-0.1.0\\src\\etc1s.rs"] {
+        for file in ["/registry/src/index/ktx2-0.5.0/src/lib.rs", "C:\\src\\basisu-0.1.0\\src\\etc1s.rs"] {
             assert!(is_caught(file), "{file}");
         }
         for file in ["crates/scene/src/read/ktx2.rs", "/src/index/png-0.17/src/lib.rs", "library/core/src/option.rs"] {

@@ -206,7 +206,7 @@ impl Args {
 
     /// Whether the exposure may be chosen: for a model without exposure, its own lights and a format that is not linear. Scene files
     /// are made for the exposure that they have.
-    pub(super) fn needs_exposure(&self) -> bool {
+    pub(crate) fn needs_exposure(&self) -> bool {
         let is_model = self.scene.as_deref().is_some_and(|path| !output::has_extension(path, "toml"));
         let is_linear = self.format().is_ok_and(Format::is_linear);
         is_model && !is_linear && self.look.is_unset() && self.light.is_empty()

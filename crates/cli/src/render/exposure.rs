@@ -123,12 +123,7 @@ pub(super) fn needed_stops<K: LaneKernel>(
 }
 
 /// A small picture with the depth of geometry. It does not depend on the sample range, so that all parts of a picture agree.
-fn probe<K: LaneKernel>(
-    scene: &Scene,
-    prepared: &Prepared<K>,
-    camera: &Camera,
-    settings: &Settings,
-) -> Result<Film> {
+fn probe<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>, camera: &Camera, settings: &Settings) -> Result<Film> {
     let [width, height] = [settings.width, settings.height].map(|side| side.min(PROBE_SIDE));
     let (samples, part, noise, aovs) = (16, None, None, Aovs::NONE.with(Aov::Depth));
     let probe = Settings { width, height, samples, part, noise, aovs, ..*settings };
@@ -146,7 +141,12 @@ fn seen(film: &Film, value: impl Fn([f64; 3]) -> f64) -> Vec<f64> {
 
 /// The value that a part of ascending values does not exceed; 0 without values.
 fn quantile(values: &[f64], part: f64) -> f64 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "an index")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "an index"
+    )]
     let index = (part * values.len() as f64) as usize;
     values.get(index.min(values.len().saturating_sub(1))).copied().unwrap_or(0.0)
 }

@@ -66,9 +66,9 @@ impl LookArgs {
         }
     }
 
-    /// Exposes by a number of stops.
-    pub(super) fn set_stops(&mut self, stops: f32) {
-        self.exposure = Some(Exposure::Stops(stops));
+    /// Exposes by a number of stops; `None` for no given exposure.
+    pub(crate) fn set_stops(&mut self, stops: Option<f32>) {
+        self.exposure = stops.map(Exposure::Stops);
     }
 
     /// Warns about options without effect on a linear format.

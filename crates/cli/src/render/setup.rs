@@ -104,6 +104,6 @@ fn expose<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>, camera: &Camera,
         ));
     }
     // Also decides for later pictures of a sequence, which must not flicker.
-    args.look.set_stops(stops.unwrap_or(0.0));
+    args.look.set_stops(Some(stops.unwrap_or(0.0)));
     Ok(())
 }

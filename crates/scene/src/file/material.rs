@@ -42,9 +42,17 @@ const FIELDS: [(&str, Field, &str); 29] = [
         Field::Color(Bounds::NotNegative, |m| &mut m.lobes_mut().specular_color),
         "tint of the reflection of dielectrics",
     ),
-    ("clearcoat", Field::Number(Bounds::Fraction, |m| &mut m.lobes_mut().clearcoat), "strength of a clear coat, 0 to 1"),
+    (
+        "clearcoat",
+        Field::Number(Bounds::Fraction, |m| &mut m.lobes_mut().clearcoat),
+        "strength of a clear coat, 0 to 1",
+    ),
     ("clearcoat_roughness", Field::Number(Bounds::Fraction, |m| &mut m.lobes_mut().clearcoat_roughness), "0 to 1"),
-    ("sheen_color", Field::Color(Bounds::Fraction, |m| &mut m.lobes_mut().sheen_color), "color of the fibers of a cloth"),
+    (
+        "sheen_color",
+        Field::Color(Bounds::Fraction, |m| &mut m.lobes_mut().sheen_color),
+        "color of the fibers of a cloth",
+    ),
     ("sheen_roughness", Field::Number(Bounds::Fraction, |m| &mut m.lobes_mut().sheen_roughness), "0 to 1"),
     ("anisotropy", Field::Number(Bounds::Fraction, |m| &mut m.lobes_mut().anisotropy), "length of highlights, 0 to 1"),
     (
@@ -52,7 +60,11 @@ const FIELDS: [(&str, Field, &str); 29] = [
         Field::Number(Bounds::Finite, |m| &mut m.lobes_mut().anisotropy_rotation),
         "from the tangent, counter-clockwise, radians",
     ),
-    ("iridescence", Field::Number(Bounds::Fraction, |m| &mut m.lobes_mut().iridescence), "strength of a thin film, 0 to 1"),
+    (
+        "iridescence",
+        Field::Number(Bounds::Fraction, |m| &mut m.lobes_mut().iridescence),
+        "strength of a thin film, 0 to 1",
+    ),
     ("iridescence_ior", Field::Number(Bounds::Ior, |m| &mut m.lobes_mut().iridescence_ior), "of the film, 1 to 1000"),
     (
         "iridescence_thickness",

@@ -63,7 +63,15 @@ fn counts(scene: &Scene) -> [usize; 2] {
 }
 
 #[test]
-#[cfg(all(feature = "stl", feature = "off", feature = "gzip", feature = "bmp", feature = "tga", feature = "tiff", feature = "webp"))]
+#[cfg(all(
+    feature = "stl",
+    feature = "off",
+    feature = "gzip",
+    feature = "bmp",
+    feature = "tga",
+    feature = "tiff",
+    feature = "webp"
+))]
 fn files_give_the_results_of_their_table() {
     let table = fs::read_to_string(folder().join("EXPECT.tsv")).unwrap();
     let rows = rows(&table);

@@ -164,7 +164,8 @@ fn coats_reflect_in_the_mirrored_direction() {
 #[test]
 fn solids_absorb() {
     let lobes = Some(Box::new(Factors { absorption: [0.0, 0.5, 2.0], ..Factors::default() }));
-    let glass = Material { base_color: [1.0; 3], roughness: 0.0, transmission: 1.0, ior: 1.0, lobes, ..Material::default() };
+    let glass =
+        Material { base_color: [1.0; 3], roughness: 0.0, transmission: 1.0, ior: 1.0, lobes, ..Material::default() };
     let mut ball = scene(vec![sphere([0.0; 3], 1.0, 5, 0)], vec![glass]);
     ball.environment = Some([1.0; 3].into());
     let settings = Settings { integrator: Integrator::Path, ..settings(1, 1, 16, 8) };

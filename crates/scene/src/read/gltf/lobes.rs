@@ -125,8 +125,8 @@ impl MaterialReader<'_, '_, '_> {
         }
         [lobes.iridescence] = self.fractions("iridescence factor", [factor]);
         let ior = number(source, "iridescenceIor", 1.3);
-        let thickness =
-            [("Minimum", 100.0), ("Maximum", 400.0)].map(|(which, x)| number(source, &format!("iridescenceThickness{which}"), x));
+        let thickness = [("Minimum", 100.0), ("Maximum", 400.0)]
+            .map(|(which, x)| number(source, &format!("iridescenceThickness{which}"), x));
         if !(1.0..=Material::MAX_IOR).contains(&ior) || !thickness.iter().all(|x| x.is_finite() && *x >= 0.0) {
             self.warnings.push(format!("ignoring the film of {}: ior {ior}, thickness {thickness:?}", self.location));
             lobes.iridescence = 0.0;

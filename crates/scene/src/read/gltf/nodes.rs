@@ -119,7 +119,10 @@ fn scene_roots(
     for &root in &roots {
         let parent = document.get(parents, root, "node", &location)?;
         if let Some(parent) = parent {
-            grouped.add(&format!("placing a root of {location} as a child of its parent"), &format!("node {root} of {parent}"));
+            grouped.add(
+                &format!("placing a root of {location} as a child of its parent"),
+                &format!("node {root} of {parent}"),
+            );
         }
     }
     Ok(roots)

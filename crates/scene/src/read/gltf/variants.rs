@@ -26,7 +26,8 @@ pub(super) fn choose(document: &mut Document<'_>, wanted: &str) -> Result<(), Re
         return Err(ReadError::UnknownVariant { path: document.path().to_owned(), wanted: wanted.to_owned(), known });
     };
     for primitive in document.root.meshes.iter_mut().flat_map(|mesh| &mut mesh.primitives) {
-        let mappings = primitive.extensions.as_ref().and_then(|extensions| extensions.others.get(NAME)?.get("mappings"));
+        let mappings =
+            primitive.extensions.as_ref().and_then(|extensions| extensions.others.get(NAME)?.get("mappings"));
         let named = |mapping: &&Value| {
             let variants = mapping.get("variants").and_then(Value::as_array);
             variants.into_iter().flatten().any(|number| number.as_u64() == Some(variant as u64))

@@ -23,8 +23,12 @@ fn reads_lobes() {
     assert_eq!(sheen.map(|s| (s.sheen_color, s.sheen_roughness)), Some(([1.0, 0.5, 0.0], 0.5)));
     let along = lobes("KHR_materials_anisotropy", json!({ "anisotropyStrength": 0.5, "anisotropyRotation": 1 }));
     assert_eq!(along.map(|a| (a.anisotropy, a.anisotropy_rotation)), Some((0.5, 1.0)));
-    let film = lobes("KHR_materials_iridescence", json!({ "iridescenceFactor": 1, "iridescenceThicknessMaximum": 500 }));
-    assert_eq!(film.map(|f| (f.iridescence, f.iridescence_ior, f.iridescence_thickness)), Some((1.0, 1.3, [100.0, 500.0])));
+    let film =
+        lobes("KHR_materials_iridescence", json!({ "iridescenceFactor": 1, "iridescenceThicknessMaximum": 500 }));
+    assert_eq!(
+        film.map(|f| (f.iridescence, f.iridescence_ior, f.iridescence_thickness)),
+        Some((1.0, 1.3, [100.0, 500.0]))
+    );
     let solid = json!({ "thicknessFactor": 1, "attenuationDistance": 2, "attenuationColor": [1, 0.5, 0.25] });
     let [r, g, b] = lobes("KHR_materials_volume", solid).unwrap().absorption;
     let half = 0.5 * 2.0_f32.ln();
@@ -43,7 +47,8 @@ fn reads_lobes() {
 #[test]
 fn reads_specular_and_glossiness() {
     let name = "KHR_materials_pbrSpecularGlossiness";
-    let factors = json!({ "diffuseFactor": [0.5, 0.25, 0, 1], "specularFactor": [0.5, 0.5, 1], "glossinessFactor": 0.75 });
+    let factors =
+        json!({ "diffuseFactor": [0.5, 0.25, 0, 1], "specularFactor": [0.5, 0.5, 1], "glossinessFactor": 0.75 });
     let plain = surface(json!({ "extensions": { name: factors } }));
     assert_eq!((plain.base_color, plain.metallic, plain.roughness), ([0.5, 0.25, 0.0], 0.0, 0.25));
     assert_eq!((plain.specular, plain.ior), (1.0, Material::MAX_IOR));

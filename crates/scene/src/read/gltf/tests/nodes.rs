@@ -138,7 +138,10 @@ fn reads_mirroring_and_shearing_matrices() {
     assert_eq!(placed.columns, [[1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, -2.0], [7.0, 8.0, 9.0]]);
     assert!(placed.determinant() < 0.0, "mirrored");
     let rounded = json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0.99999994]);
-    assert_eq!(File::of_nodes(json!([{ "mesh": 0, "matrix": rounded }])).scene().instances[0].world_from_object, canted_obb::Affine::IDENTITY);
+    assert_eq!(
+        File::of_nodes(json!([{ "mesh": 0, "matrix": rounded }])).scene().instances[0].world_from_object,
+        canted_obb::Affine::IDENTITY
+    );
     let projective = json!([1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
     File::of_nodes(json!([{ "mesh": 0, "matrix": projective }])).rejected("node 0: the last row of its matrix");
 }
@@ -207,7 +210,8 @@ fn only_the_default_scene_is_read() {
     file.json["scene"] = json!(0);
     file.rejected("nothing to draw");
     file.json["scene"] = json!(1);
-    let placed = |scene: &Scene| scene.instances.iter().map(|i| i.world_from_object.columns[3][0]).collect::<Vec<f32>>();
+    let placed =
+        |scene: &Scene| scene.instances.iter().map(|i| i.world_from_object.columns[3][0]).collect::<Vec<f32>>();
     assert_eq!(placed(&file.warned("placing a root of scene 1 as a child of its parent: node 2 of 1")), [5.0]);
     file.json["scenes"] = json!([{}, { "nodes": [2, 1] }]);
     assert_eq!(placed(&file.warned("a child of its parent")), [2.0, 5.0], "once");
