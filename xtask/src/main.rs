@@ -5,6 +5,7 @@
 
 mod agree;
 mod bench;
+mod browser;
 mod ci;
 mod command;
 mod count;
@@ -35,6 +36,7 @@ const USAGE: &str = "usage: cargo xtask TASK
   wheel             build the Python packages into target/wheels; needs Python 3.9 or newer
   python [RAYS [ROUNDS]]  measure the Python package and its peers into benches/PYTHON.md, and fill the tables
   window            build `canted view` with its window in target/view, and test it on a virtual X server; needs Xvfb, xdotool, xwd
+  browser           build the example page into target/browser/page and serve it
   tidy              check style rules that formatters and lints do not cover
   tables            fill the measured tables of README.md and docs from benches/RESULTS.md
   bench [ARGS]      run benchmarks and write benches/RESULTS.md: load, build, trace, picture, textures, bias, noise,
@@ -61,6 +63,7 @@ fn main() -> ExitCode {
         ["wheel"] => python::wheel(),
         ["python", ref args @ ..] => python::measure(args),
         ["window"] => window::run(),
+        ["browser"] => browser::run(),
         ["tidy"] => tidy::run(),
         ["tables"] => tables::run(),
         ["bench", ref args @ ..] => bench::run(args),
