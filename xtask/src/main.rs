@@ -41,7 +41,7 @@ const USAGE: &str = "usage: cargo xtask TASK
   tables            fill the measured tables of README.md and docs from benches/RESULTS.md
   bench [ARGS]      run benchmarks and write benches/RESULTS.md: load, build, trace, picture, textures, bias, noise,
                     wide, growth, kinds, costs; --rounds N, --scenes A,B, --engines A,B, --quick, --max-log2 N, --seed N,
-                    --peers (Embree, tinybvh); --device gpu|NAME measures that adapter only
+                    --peers (Embree, tinybvh); --device gpu|NAME measures that adapter only, beside the CPU
   report [ARGS]     compare all choices and write target/report; --quick, chapter names, --peers,
                     --keep (into benches/RESULTS.md and benches/report.json)
   agree A B         compare two report.json, e.g. of a quick and a full run, within their spreads
