@@ -66,6 +66,14 @@ pub(crate) fn run() -> Result<bool> {
     serve::forever(&listener, &page)
 }
 
+/// Runs the page in headless Chromium and prints the count.
+pub(crate) fn test_alone() -> Result<bool> {
+    let mut count = Count::default();
+    let is_well = test(&mut count)?;
+    say(&count.to_string());
+    Ok(is_well)
+}
+
 /// Runs the page in headless Chromium and adds its tests to `count`. Returns whether none failed.
 pub(crate) fn test(count: &mut Count) -> Result<bool> {
     let mut skip = |reason: &str| {

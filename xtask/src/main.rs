@@ -36,7 +36,7 @@ const USAGE: &str = "usage: cargo xtask TASK
   wheel             build the Python packages into target/wheels; needs Python 3.9 or newer
   python [RAYS [ROUNDS]]  measure the Python package and its peers into benches/PYTHON.md, and fill the tables
   window            build `canted view` with its window in target/view, and test it on a virtual X server; needs Xvfb, xdotool, xwd
-  browser           build the example page into target/browser/page and serve it
+  browser [test]    build the example page into target/browser/page and serve it, or run it in headless Chromium
   tidy              check style rules that formatters and lints do not cover
   tables            fill the measured tables of README.md and docs from benches/RESULTS.md
   bench [ARGS]      run benchmarks and write benches/RESULTS.md: load, build, trace, picture, textures, bias, noise,
@@ -64,6 +64,7 @@ fn main() -> ExitCode {
         ["python", ref args @ ..] => python::measure(args),
         ["window"] => window::run(),
         ["browser"] => browser::run(),
+        ["browser", "test"] => browser::test_alone(),
         ["tidy"] => tidy::run(),
         ["tables"] => tables::run(),
         ["bench", ref args @ ..] => bench::run(args),
