@@ -85,7 +85,7 @@ pub(crate) fn test(count: &mut Count) -> Result<bool> {
         return skip(&format!("the target {TARGET} is not installed"));
     }
     let Some(program) = program() else { return skip("Chromium is not found") };
-    if !succeeds(&mut cargo(&["fetch", "--locked", "--manifest-path", MANIFEST]))? {
+    if !succeeds(&mut cargo(&["fetch", "--manifest-path", MANIFEST]))? {
         return skip("the package registry cannot be reached");
     }
     let Some(page) = build()? else {
@@ -121,7 +121,7 @@ fn build() -> Result<Option<PathBuf>> {
     let (target, page) = (folder.join("build"), folder.join("page"));
     let with_target = |args: &[&str]| {
         let mut command = cargo(args);
-        command.args(["--locked", "--manifest-path", MANIFEST, "--target-dir"]).arg(&target);
+        command.args(["--manifest-path", MANIFEST, "--target-dir"]).arg(&target);
         command
     };
     if !succeeds(with_target(&["build", "--release", "--package", "browser"]).args(["--target", TARGET]))? {
