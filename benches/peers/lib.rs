@@ -1,8 +1,9 @@
-//! Peers in other languages, for the benches: bindings that are loaded while the program runs.
+//! Peers of the benches that need unsafe code: bindings that are loaded while the program runs, and experimental features of `wgpu`.
 //!
 //! Nothing is linked: without a library, or without the feature `peers`, everything builds and reports what is missing.
-//! The one module of the benches that holds unsafe code is `embree`.
-#![cfg(feature = "peers")]
+//! The modules of the benches that hold unsafe code are `embree` and `ray_queries`.
 #![deny(unsafe_code)]
 
+#[cfg(feature = "peers")]
 pub mod embree;
+pub mod ray_queries;

@@ -1,10 +1,15 @@
 //! Benchmarks of the device that `--device` names: build, sort, rays, pictures, also compared with the CPU.
 
+mod bandwidth;
+mod binary;
 mod both;
 mod built;
+mod differing;
 mod first;
+mod frames;
 mod handed;
 mod picture;
+mod queries;
 mod rays;
 mod sorted;
 
@@ -13,6 +18,7 @@ use std::fmt::Write;
 use anyhow::Result;
 use canted_gpu::{AdapterKind, Choice, Gpu};
 
+use self::bandwidth::Bandwidth;
 use crate::options::Options;
 
 /// Input sizes: software drivers get small inputs, which only show that everything works.
@@ -46,6 +52,7 @@ struct Bench {
     scale: &'static Scale,
     /// Number of runs; the minimum counts.
     rounds: usize,
+    bandwidth: Bandwidth,
 }
 
 /// Measures the device and writes a section with its name.
@@ -67,13 +74,19 @@ pub(crate) fn section(out: &mut String, choice: &Choice, options: &Options) -> R
         );
     }
     let scale = if is_software || options.is_quick { &SMALL } else { &FULL };
-    let bench = Bench { gpu, scale, rounds: options.rounds };
+    let bandwidth = Bandwidth::measure(&gpu, options.rounds)?;
+    let bench = Bench { gpu, scale, rounds: options.rounds, bandwidth };
+    bandwidth::section(out, &bench)?;
     built::section(out, &bench)?;
     sorted::section(out, &bench)?;
+    frames::section(out, &bench)?;
     handed::section(out, &bench)?;
     rays::section(out, &bench)?;
     rays::traversals(out, &bench)?;
+    binary::section(out, &bench)?;
+    queries::section(out, &bench)?;
     picture::section(out, &bench)?;
     both::section(out, &bench)?;
+    differing::section(out, &bench)?;
     first::section(out, choice)
 }

@@ -41,6 +41,7 @@ pub const FILES: &[(&str, &str)] = files![
     "build/tree",
     "build/tree_indices",
     "check/bsdf",
+    "check/copy",
     "check/incoming",
     "check/light",
     "check/loops",

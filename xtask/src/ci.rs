@@ -11,6 +11,7 @@ use std::{
 use anyhow::{Context, Result, ensure};
 
 use crate::{
+    browser,
     command::{self, cargo, has_cargo_command, say, succeeds},
     png,
     publish::{self, Outcome},
@@ -34,7 +35,7 @@ impl End {
 
 type Step = (&'static str, fn() -> Result<End>);
 
-const STEPS: [Step; 12] = [
+const STEPS: [Step; 13] = [
     ("formatting", formatting),
     ("tidy", || tidy::run().map(End::of)),
     ("lints", lints),
@@ -103,10 +104,11 @@ fn if_installed(name: &str, command: &mut Command) -> Result<End> {
 }
 
 fn formatting() -> Result<End> {
-    let workspace = if_installed("fmt", &mut cargo(&["fmt", "--all", "--check"]))?;
-    both(workspace, || {
-        if_installed("fmt", &mut cargo(&["fmt", "--manifest-path", python::MANIFEST, "--all", "--check"]))
-    })
+    let mut end = if_installed("fmt", &mut cargo(&["fmt", "--all", "--check"]))?;
+    for manifest in [python::MANIFEST, browser::MANIFEST] {
+        end = both(end, || if_installed("fmt", &mut cargo(&["fmt", "--manifest-path", manifest, "--all", "--check"])))?;
+    }
+    Ok(end)
 }
 
 /// The end of two checks of one kind.
@@ -187,15 +189,15 @@ fn oldest_compiler() -> Result<End> {
     succeeds(&mut command).map(End::of)
 }
 
-/// Checks the library for browsers, where the target is installed.
+/// Checks the library and the device's crate for browsers, where the target is installed.
 fn wasm() -> Result<End> {
-    const TARGET: &str = "wasm32-unknown-unknown";
-    let root = command::output("rustc", &["--print", "sysroot"])?;
-    if !std::path::Path::new(root.trim()).join("lib/rustlib").join(TARGET).is_dir() {
+    use browser::TARGET;
+    if !browser::has_target()? {
         return Ok(End::Skipped(format!("the target {TARGET} is not installed")));
     }
-    let args = ["check", "--package", "canted", "--no-default-features", "--target", TARGET];
-    succeeds(&mut cargo(&args)).map(End::of)
+    let library = ["check", "--package", "canted", "--no-default-features", "--target", TARGET];
+    let device = ["check", "--package", "canted-gpu", "--target", TARGET];
+    Ok(End::of(succeeds(&mut cargo(&library))? && succeeds(&mut cargo(&device))?))
 }
 
 /// Checks every package as `cargo publish` would upload it.

@@ -5,6 +5,7 @@
 
 mod agree;
 mod bench;
+mod browser;
 mod ci;
 mod command;
 mod count;
@@ -35,11 +36,12 @@ const USAGE: &str = "usage: cargo xtask TASK
   wheel             build the Python packages into target/wheels; needs Python 3.9 or newer
   python [RAYS [ROUNDS]]  measure the Python package and its peers into benches/PYTHON.md, and fill the tables
   window            build `canted view` with its window in target/view, and test it on a virtual X server; needs Xvfb, xdotool, xwd
+  browser [test]    build the example page into target/browser/page and serve it, or run it in headless Chromium
   tidy              check style rules that formatters and lints do not cover
   tables            fill the measured tables of README.md and docs from benches/RESULTS.md
   bench [ARGS]      run benchmarks and write benches/RESULTS.md: load, build, trace, picture, textures, bias, noise,
                     wide, growth, kinds, costs; --rounds N, --scenes A,B, --engines A,B, --quick, --max-log2 N, --seed N,
-                    --peers (Embree, tinybvh); --device gpu|NAME measures that adapter only
+                    --peers (Embree, tinybvh); --device gpu|NAME measures that adapter only, beside the CPU
   report [ARGS]     compare all choices and write target/report; --quick, chapter names, --peers,
                     --keep (into benches/RESULTS.md and benches/report.json)
   agree A B         compare two report.json, e.g. of a quick and a full run, within their spreads
@@ -61,6 +63,8 @@ fn main() -> ExitCode {
         ["wheel"] => python::wheel(),
         ["python", ref args @ ..] => python::measure(args),
         ["window"] => window::run(),
+        ["browser"] => browser::run(),
+        ["browser", "test"] => browser::test_alone(),
         ["tidy"] => tidy::run(),
         ["tables"] => tables::run(),
         ["bench", ref args @ ..] => bench::run(args),

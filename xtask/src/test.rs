@@ -1,8 +1,9 @@
-//! `cargo xtask test`: runs and counts all tests of the workspace, then those of the Python package.
+//! `cargo xtask test`: runs and counts all tests of the workspace, then those of the Python package and of the example in a browser.
 
 use anyhow::Result;
 
 use crate::{
+    browser,
     command::{self, say},
     count::Count,
     driver, python, workspace,
@@ -35,6 +36,7 @@ pub(crate) fn count() -> Result<(Count, bool)> {
         say(&format!("{n} GPU tests found no device although a driver is installed: counted as one failure"));
         count.failed += 1;
         python::test(&mut count)?;
+        browser::test(&mut count)?;
         return Ok((count, false));
     }
     if !is_well && count.failed == 0 {
@@ -43,5 +45,6 @@ pub(crate) fn count() -> Result<(Count, bool)> {
         say("cargo test failed outside of any test: counted as one failure");
     }
     let is_well = python::test(&mut count)? && is_well;
+    let is_well = browser::test(&mut count)? && is_well;
     Ok((count, is_well))
 }

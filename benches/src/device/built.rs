@@ -10,7 +10,10 @@ use canted_gpu::{
 use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Strategy, VolumeConfig};
 use canted_obb::Aabb;
 
-use super::Bench;
+use super::{
+    Bench,
+    bandwidth::{bytes, least},
+};
 use crate::models;
 
 /// Columns before those of strategies.
@@ -35,7 +38,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
          uploading them. Complete: a build from uploaded corners, including submissions and waiting. CPU: a build of the same \
          volumes from gathered corners on {} threads. Both are wall times, minimum of {} runs after a warm-up. Then the CPU's time \
          over the device's: without the upload, and with gathering and upload counted for the device and gathering for the CPU. In \
-         italics the dissertation's table 5 on a TITAN Xp, whose sort ran on the CPU.\n",
+         italics the time that bandwidth allows, and the dissertation's table 5 on a TITAN Xp, whose sort ran on the CPU.\n",
         rayon::current_num_threads(),
         bench.rounds
     );
@@ -48,6 +51,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
             continue;
         };
         out.push_str(&row(&measured(name, &model.mesh.positions, &model.mesh.triangles, bench)?));
+        out.push_str(&row(&expected(name, model.mesh.triangles.len(), bench)));
         if let Some((_, theirs)) = DISSERTATION.iter().find(|(known, _)| known == name) {
             out.push_str(&row(&dissertation(name, *theirs)));
         }
@@ -163,27 +167,30 @@ fn on_cpu(corners: &[Corners], bounds: &Aabb, strategy: Strategy) {
 
 /// The dissertation's times in our columns.
 fn dissertation(name: &str, [codes, sort, nodes, bounded, quaternion]: [f64; 5]) -> Vec<String> {
-    let mut cells = filled(vec![format!("*{name}, 2020*")]);
-    let columns = heads();
     let theirs =
         [("codes", codes), ("sort", sort), ("nodes", nodes), ("PcaBounded", bounded), ("Quaternion", quaternion)];
-    for (cell, column) in cells.iter_mut().zip(&columns) {
-        if let Some((_, ms)) = theirs.iter().find(|(name, _)| name == column) {
-            *cell = format!("*{ms}*");
+    in_italics(&format!("{name}, 2020"), &theirs.map(|(column, ms)| (column.to_owned(), format!("{ms}"))))
+}
+
+/// The times that the device's bandwidth allows.
+fn expected(name: &str, n_triangles: usize, bench: &Bench) -> Vec<String> {
+    let passes = [("domain", bytes::DOMAIN), ("codes", bytes::CODES), ("sort", bytes::SORT), ("nodes", bytes::NODES)];
+    let passes = passes.map(|(column, bytes_each)| (column.to_owned(), bytes_each));
+    let boxes = STRATEGIES.map(|strategy| (format!("{strategy:?}"), bytes::boxes(strategy)));
+    let ms = |bytes_each| format!("{:.2}", bench.bandwidth.milliseconds(bytes_each, n_triangles));
+    let all: Vec<_> = passes.into_iter().chain(boxes).map(|(column, bytes_each)| (column, ms(bytes_each))).collect();
+    in_italics(&format!("{name}, expected"), &all)
+}
+
+/// A row with these values in the columns of these names.
+fn in_italics(name: &str, values: &[(String, String)]) -> Vec<String> {
+    let mut cells = filled(vec![format!("*{name}*")]);
+    for (cell, column) in cells.iter_mut().zip(heads()) {
+        if let Some((_, value)) = values.iter().find(|(name, _)| *name == column) {
+            *cell = format!("*{value}*");
         }
     }
     cells
-}
-
-/// The minimum wall time in milliseconds of several runs after a warm-up.
-fn least(rounds: usize, mut work: impl FnMut() -> Result<()>) -> Result<f64> {
-    let mut once = || -> Result<f64> {
-        let start = Instant::now();
-        work()?;
-        Ok(milliseconds(start))
-    };
-    once()?;
-    (0..rounds).try_fold(f64::MAX, |least, _| Ok(least.min(once()?)))
 }
 
 fn milliseconds(start: Instant) -> f64 {

@@ -2,7 +2,7 @@
 
 use wgpu::{Backends, DeviceType, Instance, InstanceDescriptor};
 
-use crate::GpuError;
+use crate::{GpuError, wait::block_on};
 
 /// Properties of an adapter, available before it is opened.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -11,7 +11,7 @@ pub struct AdapterInfo {
     pub name: String,
     /// Kind of adapter.
     pub kind: AdapterKind,
-    /// Graphics API: `Vulkan`, `Metal` or `Dx12`.
+    /// Graphics API: `Vulkan`, `Metal`, `Dx12`, or `BrowserWebGpu`.
     pub backend: String,
     /// Driver name and version, if reported.
     pub driver: String,
@@ -71,20 +71,26 @@ impl std::fmt::Display for Choice {
     }
 }
 
-const BACKENDS: Backends = Backends::VULKAN.union(Backends::METAL).union(Backends::DX12);
+const BACKENDS: Backends =
+    Backends::VULKAN.union(Backends::METAL).union(Backends::DX12).union(Backends::BROWSER_WEBGPU);
 
 /// Share of the reported memory budget that buffers may use.
 const MEMORY_PERCENT: u8 = 95;
 
-/// All adapters in order of preference; empty if no driver is installed.
+/// All adapters in order of preference; empty if no driver is installed, and in browsers: see [`adapters_async`].
 #[must_use]
 pub fn adapters() -> Vec<AdapterInfo> {
-    listed().iter().map(facts).collect()
+    block_on(async { Ok(adapters_async().await) }).unwrap_or_default()
+}
+
+/// All adapters in order of preference; empty if no driver is installed. A browser offers one at most.
+pub async fn adapters_async() -> Vec<AdapterInfo> {
+    listed().await.iter().map(facts).collect()
 }
 
 /// The chosen adapter and its properties.
-pub(crate) fn choose(choice: &Choice) -> Result<(wgpu::Adapter, AdapterInfo), GpuError> {
-    let all = listed();
+pub(crate) async fn choose(choice: &Choice) -> Result<(wgpu::Adapter, AdapterInfo), GpuError> {
+    let all = listed().await;
     let found = all.iter().map(|adapter| adapter.get_info().name).collect();
     let fits = |facts: &AdapterInfo| match choice {
         Choice::Best => true,
@@ -100,12 +106,12 @@ pub(crate) fn choose(choice: &Choice) -> Result<(wgpu::Adapter, AdapterInfo), Gp
         .ok_or_else(|| GpuError::NoAdapter { wanted: choice.to_string(), found })
 }
 
-fn listed() -> Vec<wgpu::Adapter> {
+async fn listed() -> Vec<wgpu::Adapter> {
     let mut descriptor = InstanceDescriptor::new_without_display_handle();
     descriptor.backends = BACKENDS;
     // If the driver reports a memory budget, exceeding it is an error rather than an out-of-memory kill by the system.
     descriptor.memory_budget_thresholds.for_resource_creation = Some(MEMORY_PERCENT);
-    let mut all = pollster::block_on(Instance::new(descriptor).enumerate_adapters(BACKENDS));
+    let mut all = Instance::new(descriptor).enumerate_adapters(BACKENDS).await;
     all.sort_by_key(|adapter| kind(adapter.get_info().device_type));
     all
 }
@@ -143,7 +149,7 @@ mod tests {
 
     #[test]
     fn a_missing_adapter_is_reported() {
-        let error = choose(&Choice::Named("no such adapter".to_owned())).unwrap_err().to_string();
+        let error = block_on(choose(&Choice::Named("no such adapter".to_owned()))).unwrap_err().to_string();
         assert!(error.starts_with("no adapter for device 'no such adapter'"), "{error}");
     }
 

@@ -1,14 +1,12 @@
 //! Typed buffers.
 
-use std::{
-    marker::PhantomData,
-    sync::{Arc, mpsc},
-};
+use std::{marker::PhantomData, sync::Arc};
 
 use bytemuck::Pod;
 use wgpu::{BufferDescriptor, BufferUsages, MapMode};
 
 use crate::memory::Share;
+use crate::wait::{block_on, slot};
 use crate::{Gpu, GpuError};
 
 /// A device buffer of `len` values of `T`. Never empty on the device, because an empty binding is invalid.
@@ -150,7 +148,7 @@ impl Gpu {
     ///
     /// # Errors
     /// As for [`Gpu::read`].
-    pub(crate) fn read_at<T: Pod>(&self, buffer: &Buffer<T>, at: &[u32]) -> Result<Vec<T>, GpuError> {
+    pub(crate) async fn read_at<T: Pod>(&self, buffer: &Buffer<T>, at: &[u32]) -> Result<Vec<T>, GpuError> {
         let gathered = self.zeroed::<T>("gathered values", at.len())?;
         let size = size_of::<T>() as u64;
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -158,7 +156,7 @@ impl Gpu {
             encoder.copy_buffer_to_buffer(&buffer.raw, u64::from(from) * size, &gathered.raw, to * size, size);
         }
         self.queue.submit([encoder.finish()]);
-        self.read(&gathered)
+        self.read_async(&gathered).await
     }
 
     /// Reads back all values of `buffer`, after all submitted work.
@@ -166,7 +164,15 @@ impl Gpu {
     /// # Errors
     /// The device is lost or does not finish.
     pub fn read<T: Pod>(&self, buffer: &Buffer<T>) -> Result<Vec<T>, GpuError> {
-        self.read_first(buffer, buffer.len)
+        block_on(self.read_async(buffer))
+    }
+
+    /// [`Gpu::read`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`Gpu::read`].
+    pub async fn read_async<T: Pod>(&self, buffer: &Buffer<T>) -> Result<Vec<T>, GpuError> {
+        self.read_first_async(buffer, buffer.len).await
     }
 
     /// Reads back at most `len` values of `buffer`, after all submitted work.
@@ -174,6 +180,14 @@ impl Gpu {
     /// # Errors
     /// As for [`Gpu::read`].
     pub fn read_first<T: Pod>(&self, buffer: &Buffer<T>, len: usize) -> Result<Vec<T>, GpuError> {
+        block_on(self.read_first_async(buffer, len))
+    }
+
+    /// [`Gpu::read_first`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`Gpu::read`].
+    pub async fn read_first_async<T: Pod>(&self, buffer: &Buffer<T>, len: usize) -> Result<Vec<T>, GpuError> {
         let n_bytes = buffer.len.min(len) * size_of::<T>();
         if n_bytes == 0 {
             return Ok(vec![]);
@@ -186,16 +200,13 @@ impl Gpu {
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.copy_buffer_to_buffer(&buffer.raw, 0, &staging, 0, size);
         let submission = self.queue.submit([encoder.finish()]);
-        let (send, receive) = mpsc::channel();
-        staging.map_async(MapMode::Read, .., move |result| {
-            // The receiver is dropped only after a failed wait.
-            let _ = send.send(result);
-        });
-        self.wait(Some(submission))?;
-        match receive.recv() {
-            Ok(Ok(())) => {}
-            Ok(Err(error)) => return Err(GpuError::Lost { message: error.to_string() }),
-            Err(error) => return Err(GpuError::Lost { message: error.to_string() }),
+        let (mapped, result) = slot();
+        staging.map_async(MapMode::Read, .., move |result| mapped.send(result));
+        self.wait(submission).await?;
+        match result.receive().await {
+            Some(Ok(())) => {}
+            Some(Err(error)) => return Err(GpuError::Lost { message: error.to_string() }),
+            None => return Err(GpuError::Lost { message: "a buffer is never mapped".to_owned() }),
         }
         let view = staging.get_mapped_range(..).map_err(|error| GpuError::Lost { message: error.to_string() })?;
         Ok(bytemuck::pod_collect_to_vec(&view[..n_bytes]))

@@ -33,12 +33,12 @@ pub use sort::Sorter;
 pub(crate) use stages::depth_bound;
 pub use stages::{Codes, Grid, Node, Sorted, Trees, codes, domain, sort, tree};
 pub use two_levels::TwoLevels;
-pub use volumes::{aabbs, obbs};
+pub use volumes::{aabbs, obbs, obbs_async};
 
 use canted_lbvh::{Bits, Strategy};
 use canted_obb::{Aabb, Obb};
 
-use crate::{Buffer, GpuError};
+use crate::{Buffer, GpuError, wait::block_on};
 
 /// Volume strategies that the device supports: all of the CPU's, the axis-aligned one first.
 pub const STRATEGIES: [Strategy; 6] = Strategy::ALL;
@@ -73,13 +73,22 @@ impl Built {
     /// # Errors
     /// Out of memory, device lost, or an unsupported strategy.
     pub fn new(run: &mut Run<'_>, items: Items, config: BuildConfig) -> Result<Self, GpuError> {
-        let (leaves, trees, aabbs, obbs) = over(run, &items, config)?;
+        block_on(Self::new_async(run, items, config))
+    }
+
+    /// [`Built::new`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`Built::new`].
+    pub async fn new_async(run: &mut Run<'_>, items: Items, config: BuildConfig) -> Result<Self, GpuError> {
+        let (leaves, trees, aabbs, obbs) = over(run, &items, config).await?;
         Ok(Self { items, leaves, trees, aabbs, obbs })
     }
 
     /// Builds the trees again over the same items, whose vertices have moved.
     pub(crate) fn rebuild(&mut self, run: &mut Run<'_>, config: BuildConfig) -> Result<(), GpuError> {
-        (self.leaves, self.trees, self.aabbs, self.obbs) = over(run, &self.items, config)?;
+        // What is recorded reads nothing back.
+        (self.leaves, self.trees, self.aabbs, self.obbs) = block_on(over(run, &self.items, config))?;
         Ok(())
     }
 
@@ -96,7 +105,7 @@ impl Built {
 /// All that is built over items: leaves, trees, axis-aligned and oriented boxes.
 type Over = (Buffer<u32>, Trees, Buffer<Aabb>, Option<Buffer<Obb>>);
 
-fn over(run: &mut Run<'_>, items: &Items, config: BuildConfig) -> Result<Over, GpuError> {
+async fn over(run: &mut Run<'_>, items: &Items, config: BuildConfig) -> Result<Over, GpuError> {
     let domains = domain(run, items, config.bits)?;
     let codes = codes(run, items, &domains, config.bits)?;
     let Sorted { codes, leaves } = sort(run, items, &codes)?;
@@ -104,7 +113,7 @@ fn over(run: &mut Run<'_>, items: &Items, config: BuildConfig) -> Result<Over, G
     let aabbs = aabbs(run, items, &leaves, &trees)?;
     let obbs = match config.strategy {
         Strategy::Aabb => None,
-        strategy => Some(obbs(run, items, &leaves, &trees, &aabbs, strategy)?),
+        strategy => Some(obbs_async(run, items, &leaves, &trees, &aabbs, strategy).await?),
     };
     Ok((leaves, trees, aabbs, obbs))
 }

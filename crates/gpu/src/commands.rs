@@ -7,7 +7,7 @@ use wgpu::{
     ComputePassDescriptor, ComputePassTimestampWrites, QuerySet, QuerySetDescriptor, QueryType,
 };
 
-use crate::{Buffer, Gpu, GpuError, Kernel};
+use crate::{Buffer, Gpu, GpuError, Kernel, wait::block_on};
 
 /// Maximum number of timed passes per submission. Each uses two queries of the 4,096 that a query set may have.
 const MAX_TIMED: u32 = 2_048;
@@ -251,7 +251,15 @@ impl Commands<'_> {
     /// # Errors
     /// The device is lost, does not finish, or rejects a dispatch.
     pub fn run(self) -> Result<(), GpuError> {
-        self.times().map(drop)
+        block_on(self.run_async())
+    }
+
+    /// [`Commands::run`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`Commands::run`].
+    pub async fn run_async(self) -> Result<(), GpuError> {
+        self.times_async().await.map(drop)
     }
 
     /// Submits the dispatches without waiting.
@@ -271,7 +279,15 @@ impl Commands<'_> {
     /// # Errors
     /// As for [`Commands::run`].
     pub fn times(self) -> Result<Vec<PassTime>, GpuError> {
-        let (kernels, ends) = self.ends()?;
+        block_on(self.times_async())
+    }
+
+    /// [`Commands::times`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`Commands::run`].
+    pub async fn times_async(self) -> Result<Vec<PassTime>, GpuError> {
+        let (kernels, ends) = self.ends().await?;
         Ok(kernels
             .into_iter()
             .zip(ends)
@@ -285,20 +301,20 @@ impl Commands<'_> {
     /// # Errors
     /// As for [`Commands::run`].
     pub(crate) fn span(self) -> Result<f64, GpuError> {
-        let (_, ends) = self.ends()?;
+        let (_, ends) = block_on(self.ends())?;
         let begin = ends.iter().map(|[begin, _]| *begin).fold(f64::INFINITY, f64::min);
         Ok(ends.iter().map(|[_, end]| end - begin).fold(0.0, f64::max))
     }
 
     /// Submits the dispatches and waits for them. Returns for each timed dispatch the kernel, and its start and end in
     /// milliseconds since the start of the first.
-    fn ends(self) -> Result<(Vec<String>, Vec<[f64; 2]>), GpuError> {
+    async fn ends(self) -> Result<(Vec<String>, Vec<[f64; 2]>), GpuError> {
         let Self { gpu, encoder, timed, .. } = self;
         gpu.check()?;
         let Encoder::Own(mut encoder) = encoder else { return Ok((vec![], vec![])) };
         let Some(timed) = timed.filter(|timed| !timed.kernels.is_empty()) else {
             let submission = gpu.queue.submit([encoder.finish()]);
-            gpu.wait(Some(submission))?;
+            gpu.wait(submission).await?;
             return Ok((vec![], vec![]));
         };
         let n_queries = 2 * timed.kernels.len();
@@ -306,7 +322,7 @@ impl Commands<'_> {
         #[expect(clippy::cast_possible_truncation, reason = "at most 2·MAX_TIMED")]
         encoder.resolve_query_set(&timed.queries, 0..n_queries as u32, &ticks.raw, 0);
         gpu.queue.submit([encoder.finish()]);
-        let ticks = gpu.read(&ticks)?;
+        let ticks = gpu.read_async(&ticks).await?;
         let milliseconds_each = f64::from(gpu.queue.get_timestamp_period()) * 1e-6;
         #[expect(clippy::cast_precision_loss, reason = "a difference of ticks")]
         let since_first = |tick: u64| tick.saturating_sub(ticks[0]) as f64 * milliseconds_each;

@@ -3,28 +3,18 @@
 use std::{
     collections::HashMap,
     sync::{Arc, Mutex, OnceLock, PoisonError},
-    time::{Duration, Instant},
 };
 
 use canted_shaders::MAX_STORAGE_BUFFERS;
-use wgpu::{DeviceDescriptor, ExperimentalFeatures, Features, Limits, MemoryHints, PollType, SubmissionIndex, Trace};
+use wgpu::{DeviceDescriptor, ExperimentalFeatures, Features, Limits, MemoryHints, SubmissionIndex, Trace};
 
 use crate::kept::KeptBuffers;
 use crate::memory::Memory;
+#[cfg(not(target_family = "wasm"))]
+use crate::patience::Patience;
 use crate::traffic::Counters;
-use crate::{AdapterInfo, AdapterKind, Choice, GpuError, Kernel, Specialisation, adapter};
-
-/// Time after which a device counts as hung. A submission should take about 100 ms, and operating systems reset GPUs after
-/// about 2 to 10 seconds.
-const TIMEOUT: Duration = Duration::from_secs(60);
-
-/// The same for software drivers, which no system resets. They share the processor with other programs, and the first
-/// submission includes shader compilation.
-const SOFTWARE_TIMEOUT: Duration = Duration::from_secs(600);
-
-/// A wait may take this many times as long as the longest previous one. Dispatches grow at most fourfold, and the time per item
-/// varies by about as much.
-const MAX_GROWTH: u32 = 16;
+use crate::wait::block_on;
+use crate::{AdapterInfo, Choice, GpuError, Kernel, Specialisation, adapter};
 
 /// An open device with its queue and compiled kernels.
 ///
@@ -36,8 +26,8 @@ pub struct Gpu {
     limits: Limits,
     stored_error: Arc<Mutex<Option<GpuError>>>,
     pub(crate) memory: Memory,
-    /// The longest successful wait.
-    longest_wait: Mutex<Duration>,
+    #[cfg(not(target_family = "wasm"))]
+    patience: Patience,
     kernels: Mutex<HashMap<String, Arc<Kernel>>>,
     pub(crate) kept: Mutex<Option<KeptBuffers>>,
     pub(crate) counters: Counters,
@@ -51,7 +41,15 @@ impl Gpu {
     /// # Errors
     /// No matching adapter, or the adapter provides no device.
     pub fn open(choice: &Choice) -> Result<Self, GpuError> {
-        Self::with_limits(choice, |limits| limits)
+        block_on(Self::open_async(choice))
+    }
+
+    /// [`Gpu::open`] for browsers, whose adapters have no choice but [`Choice::Best`].
+    ///
+    /// # Errors
+    /// As for [`Gpu::open`].
+    pub async fn open_async(choice: &Choice) -> Result<Self, GpuError> {
+        Self::with_limits_async(choice, |limits| limits).await
     }
 
     /// Opens an adapter with limits reduced by `lower`, to emulate weaker devices.
@@ -59,7 +57,11 @@ impl Gpu {
     /// # Errors
     /// As for [`Gpu::open`].
     pub fn with_limits(choice: &Choice, lower: impl FnOnce(Limits) -> Limits) -> Result<Self, GpuError> {
-        let (adapter, facts) = adapter::choose(choice)?;
+        block_on(Self::with_limits_async(choice, lower))
+    }
+
+    async fn with_limits_async(choice: &Choice, lower: impl FnOnce(Limits) -> Limits) -> Result<Self, GpuError> {
+        let (adapter, facts) = adapter::choose(choice).await?;
         // Default limits, raised only where the kernels need it. A device grants no more than was requested.
         let most = adapter.limits();
         let limits = lower(Limits {
@@ -70,15 +72,17 @@ impl Gpu {
             max_color_attachment_bytes_per_sample: most.max_color_attachment_bytes_per_sample.min(64),
             ..Limits::defaults()
         });
-        let (device, queue) = pollster::block_on(adapter.request_device(&DeviceDescriptor {
+        let descriptor = DeviceDescriptor {
             label: Some("canted"),
             required_features: adapter.features() & Features::TIMESTAMP_QUERY,
             required_limits: limits.clone(),
             experimental_features: ExperimentalFeatures::disabled(),
             memory_hints: MemoryHints::Performance,
             trace: Trace::Off,
-        }))
-        .map_err(|error| GpuError::Refused { adapter: facts.name.clone(), message: error.to_string() })?;
+        };
+        let opened = adapter.request_device(&descriptor).await;
+        let (device, queue) =
+            opened.map_err(|error| GpuError::Refused { adapter: facts.name.clone(), message: error.to_string() })?;
         let stored_error = Arc::new(Mutex::new(None));
         let (late, lost) = (stored_error.clone(), stored_error.clone());
         // Without a handler, uncaptured errors panic.
@@ -95,7 +99,8 @@ impl Gpu {
             limits,
             stored_error,
             memory: Memory::unbounded(),
-            longest_wait: Mutex::default(),
+            #[cfg(not(target_family = "wasm"))]
+            patience: Patience::default(),
             kernels: Mutex::default(),
             kept: Mutex::default(),
             counters: Counters::default(),
@@ -130,7 +135,8 @@ impl Gpu {
             limits,
             stored_error: Arc::default(),
             memory: Memory::unbounded(),
-            longest_wait: Mutex::default(),
+            #[cfg(not(target_family = "wasm"))]
+            patience: Patience::default(),
             kernels: Mutex::default(),
             kept: Mutex::default(),
             counters: Counters::default(),
@@ -151,15 +157,33 @@ impl Gpu {
     }
 
     /// What `make` makes; its errors as a result, whatever handlers the device has.
+    ///
+    /// A browser reports errors later: a device that this crate opened returns them with the next call, that of a program passes
+    /// them to the program's handlers.
     pub(crate) fn guarded<T>(&self, make: impl FnOnce() -> T) -> Result<T, GpuError> {
+        if cfg!(target_family = "wasm") {
+            return Ok(make());
+        }
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let invalid = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let made = make();
-        let errors = [pollster::block_on(invalid.pop()), pollster::block_on(memory.pop())];
+        let errors = block_on(async { Ok([invalid.pop().await, memory.pop().await]) })?;
         match errors.into_iter().flatten().next() {
             None => Ok(made),
             Some(error) => Err(from_wgpu(&error)),
         }
+    }
+
+    /// The device itself, for a program's own buffers, pipelines and encoders.
+    #[must_use]
+    pub fn device(&self) -> &wgpu::Device {
+        &self.device
+    }
+
+    /// The queue of the device.
+    #[must_use]
+    pub fn queue(&self) -> &wgpu::Queue {
+        &self.queue
     }
 
     /// Properties of the adapter.
@@ -222,25 +246,34 @@ impl Gpu {
     /// # Errors
     /// The device is lost or does not finish.
     pub fn finish(&self) -> Result<(), GpuError> {
-        // Buffer writes are executed with the next submission.
-        let written = self.queue.submit([]);
-        self.wait(Some(written))
+        block_on(self.finish_async())
     }
 
-    /// Waits for a submission, or for all of them.
-    pub(crate) fn wait(&self, submission: Option<SubmissionIndex>) -> Result<(), GpuError> {
-        let longest = || self.longest_wait.lock().unwrap_or_else(PoisonError::into_inner);
-        let timeout = timeout(self.facts.kind, *longest());
-        let start = Instant::now();
-        match self.device.poll(PollType::Wait { submission_index: submission, timeout: Some(timeout) }) {
-            Ok(_) => {
-                let mut longest = longest();
-                *longest = start.elapsed().max(*longest);
-                self.check()
-            }
-            Err(wgpu::PollError::Timeout) => Err(GpuError::TimedOut { seconds: timeout.as_secs() }),
-            Err(error) => Err(GpuError::Invalid { message: error.to_string() }),
-        }
+    /// [`Gpu::finish`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`Gpu::finish`].
+    pub async fn finish_async(&self) -> Result<(), GpuError> {
+        // Buffer writes are executed with the next submission.
+        let written = self.queue.submit([]);
+        self.wait(written).await
+    }
+
+    /// Waits for a submission.
+    #[cfg(not(target_family = "wasm"))]
+    #[expect(clippy::unused_async, reason = "it waits in browsers")]
+    pub(crate) async fn wait(&self, submission: SubmissionIndex) -> Result<(), GpuError> {
+        self.patience.wait(&self.device, submission, self.facts.kind)?;
+        self.check()
+    }
+
+    /// Waits for all submissions so far. Browsers reset devices that hang.
+    #[cfg(target_family = "wasm")]
+    pub(crate) async fn wait(&self, _: SubmissionIndex) -> Result<(), GpuError> {
+        let (done, finished) = crate::wait::slot();
+        self.queue.on_submitted_work_done(move || done.send(()));
+        finished.receive().await;
+        self.check()
     }
 
     /// Simulates the loss of the device, to test error handling.
@@ -249,12 +282,6 @@ impl Gpu {
         keep(&self.stored_error, GpuError::Lost { message: "destroyed by its owner".to_owned() });
         self.device.destroy();
     }
-}
-
-/// How long to wait for a submission, given the longest previous wait.
-fn timeout(kind: AdapterKind, longest: Duration) -> Duration {
-    let least = if kind == AdapterKind::Software { SOFTWARE_TIMEOUT } else { TIMEOUT };
-    least.max(MAX_GROWTH * longest)
 }
 
 fn keep(stored_error: &Mutex<Option<GpuError>>, error: GpuError) {
@@ -269,18 +296,5 @@ fn from_wgpu(error: &wgpu::Error) -> GpuError {
     match error {
         wgpu::Error::OutOfMemory { source } => GpuError::OutOfMemory { what: source.to_string() },
         error => GpuError::Invalid { message: error.to_string().replace('\n', " ") },
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn timeout_grows_with_the_longest_wait() {
-        let seconds = Duration::from_secs;
-        assert_eq!(timeout(AdapterKind::Discrete, seconds(0)), seconds(60));
-        assert_eq!(timeout(AdapterKind::Discrete, seconds(30)), seconds(480));
-        assert_eq!(timeout(AdapterKind::Software, seconds(1)), seconds(600));
     }
 }

@@ -45,6 +45,8 @@ pub enum GpuError {
         /// Seconds waited.
         seconds: u64,
     },
+    /// A call that waits, in a browser, where nothing may block.
+    Blocking,
     /// A scene that the kernels do not support.
     Unsupported {
         /// What is not supported.
@@ -78,6 +80,7 @@ impl std::fmt::Display for GpuError {
             }
             Self::Lost { message } => write!(f, "device lost: {message}"),
             Self::TimedOut { seconds } => write!(f, "the device did not finish within {seconds} s"),
+            Self::Blocking => f.write_str("a browser cannot wait for the device; use the async form of the call"),
             Self::Unsupported { what } => write!(f, "not supported on the GPU: {what}; use --device cpu"),
             Self::Shader(error) => error.fmt(f),
             Self::Invalid { message } => write!(f, "the device rejected a command: {message}"),

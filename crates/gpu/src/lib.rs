@@ -76,8 +76,17 @@
 //!   another, and no subgroup size is assumed.
 //! * Without an adapter [`Gpu::open`] returns an error. A software driver counts as an adapter.
 //!
-//! Tested and measured on Mesa's software driver (llvmpipe) only; no hardware GPU has been measured yet. Vulkan, Metal and DX12
-//! are enabled in `wgpu`. Requires up to 28 storage buffers per shader stage
+//! # In browsers
+//!
+//! The crate compiles for `wasm32-unknown-unknown` and uses WebGPU there. Nothing may block in a browser, so every call that waits for the
+//! device has a form that ends in `_async`: [`Gpu::open_async`], [`TracedScene::build_two_level_async`],
+//! [`TracedScene::closest_hits_async`], [`Gpu::read_async`]. The other form returns [`GpuError::Blocking`] there where it would have to
+//! wait; what is recorded into an encoder does not. Outside of browsers, the futures are ready when they are polled first, and any executor
+//! runs them. Errors of the device arrive with a later call. Stages are not timed. The example `browser` is a page that builds and traces
+//! the built-in scene.
+//!
+//! Tested and measured on the software drivers of Mesa (llvmpipe) and, in a browser, of Chromium (SwiftShader) only; no hardware GPU has
+//! been measured yet. Vulkan, Metal and DX12 are enabled in `wgpu`, and WebGPU in browsers. Requires up to 28 storage buffers per shader stage
 //! ([`canted_shaders::MAX_STORAGE_BUFFERS`]), depending on the scene.
 #![forbid(unsafe_code)]
 
@@ -94,11 +103,14 @@ mod kept;
 mod kernel;
 mod loop_check;
 mod memory;
+#[cfg(not(target_family = "wasm"))]
+mod patience;
 mod raster;
 mod trace;
 mod traffic;
+mod wait;
 
-pub use adapter::{AdapterInfo, AdapterKind, Choice, adapters};
+pub use adapter::{AdapterInfo, AdapterKind, Choice, adapters, adapters_async};
 pub use buffer::Buffer;
 pub use build::{DeviceInstance, IndexBuffer, InstanceBuffer, MeshBuffers, NOT_PLACED};
 pub use canted_shaders::Specialisation;
@@ -107,7 +119,7 @@ pub use device::Gpu;
 pub use draw_batches::Draw;
 pub use error::GpuError;
 pub use kernel::Kernel;
-pub use loop_check::loop_iterations;
+pub use loop_check::{loop_iterations, loop_iterations_async};
 pub use raster::{N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
     BufferScene, DeviceHit, DeviceRay, HIT_ERROR, InstancedScene, MAX_CONDITION, MAX_COORDINATE, MotionPolynomials,

@@ -2,14 +2,14 @@
 
 use canted_shaders::Specialisation;
 
-use crate::{Gpu, GpuError};
+use crate::{Gpu, GpuError, wait::block_on};
 
 /// The number for [`LONG_LOOP`], which is counted once per device.
-pub(crate) fn longest_loop(gpu: &Gpu) -> Result<u32, GpuError> {
+pub(crate) async fn longest_loop(gpu: &Gpu) -> Result<u32, GpuError> {
     if let Some(&counted) = gpu.longest_loop.get() {
         return Ok(counted);
     }
-    let counted = loop_iterations(gpu, LONG_LOOP)?;
+    let counted = loop_iterations_async(gpu, LONG_LOOP).await?;
     Ok(*gpu.longest_loop.get_or_init(|| counted))
 }
 
@@ -24,11 +24,19 @@ pub(crate) const LONG_LOOP: u32 = 100_000;
 /// # Errors
 /// The device is lost or does not finish.
 pub fn loop_iterations(gpu: &Gpu, wanted: u32) -> Result<u32, GpuError> {
+    block_on(loop_iterations_async(gpu, wanted))
+}
+
+/// [`loop_iterations`] for browsers.
+///
+/// # Errors
+/// As for [`loop_iterations`].
+pub async fn loop_iterations_async(gpu: &Gpu, wanted: u32) -> Result<u32, GpuError> {
     let kernel = gpu.kernel("check/loops", &Specialisation::none())?;
     let parameters = gpu.uniform("loop check", &[wanted, 0, 0, 0])?;
     let counted = gpu.zeroed::<u32>("loop iterations", 1)?;
     let mut commands = gpu.commands();
     commands.dispatch(&kernel, &[("wanted", &parameters), ("counted", &counted)], kernel.groups(1))?;
-    commands.run()?;
-    Ok(gpu.read(&counted)?[0])
+    commands.run_async().await?;
+    Ok(gpu.read_async(&counted).await?[0])
 }

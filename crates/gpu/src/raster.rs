@@ -1,18 +1,19 @@
 //! Raster passes with vertex pulling, into integer render targets.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use canted_shaders::{Binding, Shader, Specialisation};
 use wgpu::{
     BindGroup, Color, CompareFunction, DepthStencilState, Extent3d, FragmentState, LoadOp, MultisampleState,
     Operations, PipelineCompilationOptions, PrimitiveState, RenderPassColorAttachment,
     RenderPassDepthStencilAttachment, RenderPassDescriptor, RenderPipelineDescriptor, ShaderModuleDescriptor,
-    ShaderSource, StoreOp, Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView,
-    VertexState,
+    ShaderSource, StoreOp, SubmissionIndex, Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages,
+    TextureView, VertexState,
 };
 
 use crate::commands::bind_groups;
 use crate::draw_batches::{Draw, DrawBatches};
+use crate::wait::{Instant, block_on};
 use crate::{Buffer, Gpu, GpuError, NamedBinding};
 
 /// Number of render targets.
@@ -108,6 +109,20 @@ impl Gpu {
         [width, height]: [u32; 2],
         draws: &[Draw],
     ) -> Result<RasterOutput, GpuError> {
+        block_on(self.draw_async(raster, bound, [width, height], draws))
+    }
+
+    /// [`Gpu::draw`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`Gpu::draw`].
+    pub async fn draw_async(
+        &self,
+        raster: &RasterPipeline,
+        bound: &[NamedBinding<'_>],
+        [width, height]: [u32; 2],
+        draws: &[Draw],
+    ) -> Result<RasterOutput, GpuError> {
         let most = self.limits().max_texture_dimension_2d;
         let need = width.max(height);
         if need > most {
@@ -129,7 +144,7 @@ impl Gpu {
         let mut is_first = true;
         loop {
             let begin = Instant::now();
-            self.draw_batch(raster, &groups, &views, &depth, &batch, is_first)?;
+            self.wait(self.draw_batch(raster, &groups, &views, &depth, &batch, is_first)).await?;
             batches.adapt(begin.elapsed());
             is_first = false;
             let Some(next) = batches.next() else { break };
@@ -138,7 +153,7 @@ impl Gpu {
         let time = start.elapsed();
         let mut targets = [const { vec![] }; N_TARGETS];
         for (texels, color) in targets.iter_mut().zip(&colors) {
-            *texels = self.texels(color, size)?;
+            *texels = self.texels(color, size).await?;
         }
         Ok(RasterOutput { targets, time })
     }
@@ -152,7 +167,7 @@ impl Gpu {
         depth: &TextureView,
         draws: &[Draw],
         is_first: bool,
-    ) -> Result<(), GpuError> {
+    ) -> SubmissionIndex {
         let mut encoder = self.device.create_command_encoder(&Default::default());
         let load = if is_first { LoadOp::Clear(Color::TRANSPARENT) } else { LoadOp::Load };
         let ops = Operations { load, store: StoreOp::Store };
@@ -179,8 +194,7 @@ impl Gpu {
             pass.draw(draw.vertices.clone(), draw.instances.clone());
         }
         drop(pass);
-        let submission = self.queue.submit([encoder.finish()]);
-        self.wait(Some(submission))
+        self.queue.submit([encoder.finish()])
     }
 
     fn targets(&self, size: Extent3d) -> [Texture; N_TARGETS] {
@@ -201,7 +215,7 @@ impl Gpu {
     }
 
     /// Reads back all texels of a target.
-    fn texels(&self, target: &Texture, size: Extent3d) -> Result<Vec<[u32; 4]>, GpuError> {
+    async fn texels(&self, target: &Texture, size: Extent3d) -> Result<Vec<[u32; 4]>, GpuError> {
         let row_bytes = (16 * size.width).next_multiple_of(ROW_BYTES);
         let row = row_bytes as usize / 16;
         let copied: Buffer<[u32; 4]> = self.zeroed("texels of a target", row * size.height as usize)?;
@@ -210,7 +224,7 @@ impl Gpu {
         let to = wgpu::TexelCopyBufferInfo { buffer: &copied.raw, layout };
         encoder.copy_texture_to_buffer(target.as_image_copy(), to, size);
         self.queue.submit([encoder.finish()]);
-        let texels = self.read(&copied)?;
+        let texels = self.read_async(&copied).await?;
         Ok(texels.chunks_exact(row).flat_map(|texels| &texels[..size.width as usize]).copied().collect())
     }
 }

@@ -1,9 +1,8 @@
 //! Stages as sequences of short dispatches, optionally timed.
 
-use std::time::Instant;
-
 use bytemuck::{Pod, Zeroable};
 
+use crate::wait::Instant;
 use crate::{AdapterKind, Commands, Gpu, GpuError, Kernel, NamedBinding};
 
 /// Maximum number of invocations per submission and per dispatch: about 100 ms on a software driver, less on hardware.
@@ -38,7 +37,7 @@ impl<'a> Run<'a> {
         Self { gpu, encoder: None, timed: false, times: vec![] }
     }
 
-    /// Waits for each stage and times it.
+    /// Waits for each stage and times it; not in browsers.
     #[must_use]
     pub fn timed(gpu: &'a Gpu) -> Self {
         Self { gpu, encoder: None, timed: true, times: vec![] }

@@ -35,7 +35,7 @@ impl Schedule {
     ///
     /// # Errors
     /// Out of memory, or device lost.
-    pub(super) fn new(run: &mut Run<'_>, trees: &Trees) -> Result<Self, GpuError> {
+    pub(super) async fn new(run: &mut Run<'_>, trees: &Trees) -> Result<Self, GpuError> {
         let gpu = run.gpu();
         let sorter = Sorter::new(gpu)?;
         let order = sorter.sort_as("levels", run, &[(&trees.heights, HEIGHT_BITS)])?;
@@ -45,8 +45,11 @@ impl Schedule {
             let kernel = gpu.kernel("build/levels", &Specialisation::none())?;
             dispatches.items(&kernel, &bound, count(order.len()))
         })?;
-        let levels =
-            if run.is_recorded() { Levels::there(run, trees, &ends)? } else { Levels::known(&gpu.read(&ends)?) };
+        let levels = if run.is_recorded() {
+            Levels::there(run, trees, &ends)?
+        } else {
+            Levels::known(&gpu.read_async(&ends).await?)
+        };
         Ok(Self { order, levels })
     }
 

@@ -4,7 +4,7 @@ use canted_obb::{Aabb, Obb};
 use canted_tlas::{Instance, InstanceError};
 
 use super::{BuildConfig, Built, Items, Run, items::Leaf};
-use crate::{Gpu, GpuError};
+use crate::{Gpu, GpuError, wait::block_on};
 
 /// A two-level hierarchy in device memory.
 ///
@@ -32,8 +32,21 @@ impl TwoLevels {
         instances: &[Instance],
         config: BuildConfig,
     ) -> Result<Self, GpuError> {
-        let roots = bottom.roots(run.gpu())?;
-        let (top, instances) = top(run, &roots, instances, config)?;
+        block_on(Self::new_async(run, bottom, instances, config))
+    }
+
+    /// [`TwoLevels::new`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`TwoLevels::new`].
+    pub async fn new_async(
+        run: &mut Run<'_>,
+        bottom: Built,
+        instances: &[Instance],
+        config: BuildConfig,
+    ) -> Result<Self, GpuError> {
+        let roots = bottom.roots_async(run.gpu()).await?;
+        let (top, instances) = top(run, &roots, instances, config).await?;
         Ok(Self { bottom, top, instances, roots, config })
     }
 
@@ -42,13 +55,21 @@ impl TwoLevels {
     /// # Errors
     /// As for [`TwoLevels::new`]; the previous instances then remain.
     pub fn place(&mut self, run: &mut Run<'_>, instances: &[Instance]) -> Result<(), GpuError> {
-        (self.top, self.instances) = top(run, &self.roots, instances, self.config)?;
+        block_on(self.place_async(run, instances))
+    }
+
+    /// [`TwoLevels::place`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`TwoLevels::place`].
+    pub async fn place_async(&mut self, run: &mut Run<'_>, instances: &[Instance]) -> Result<(), GpuError> {
+        (self.top, self.instances) = top(run, &self.roots, instances, self.config).await?;
         Ok(())
     }
 }
 
 /// The tree over the boxes of instances, and the instance of each box.
-fn top(
+async fn top(
     run: &mut Run<'_>,
     roots: &[Option<Obb>],
     instances: &[Instance],
@@ -62,7 +83,7 @@ fn top(
         }
     }
     let items = Items::boxes(run.gpu(), &boxes)?;
-    Ok((Built::new(run, items, config)?, numbers))
+    Ok((Built::new_async(run, items, config).await?, numbers))
 }
 
 /// World-space box of an instance; `None` if its mesh has no triangles.
@@ -89,49 +110,56 @@ impl Built {
     /// # Errors
     /// The device is lost.
     pub fn roots(&self, gpu: &Gpu) -> Result<Vec<Option<Obb>>, GpuError> {
-        let nodes = |slots: &[u32]| -> Result<Vec<Obb>, GpuError> {
-            Ok(match &self.obbs {
-                Some(obbs) => gpu.read_at(obbs, slots)?,
-                None => gpu.read_at(&self.aabbs, slots)?.iter().map(Obb::from_aabb).collect(),
-            })
+        block_on(self.roots_async(gpu))
+    }
+
+    /// [`Built::roots`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`Built::roots`].
+    pub async fn roots_async(&self, gpu: &Gpu) -> Result<Vec<Option<Obb>>, GpuError> {
+        let nodes = match &self.obbs {
+            Some(obbs) => gpu.read_at(obbs, &self.firsts(|n| n > 1)).await?,
+            None => gpu.read_at(&self.aabbs, &self.firsts(|n| n > 1)).await?.iter().map(Obb::from_aabb).collect(),
         };
-        let leaves = |items: &[u32]| match &self.items.leaf {
-            Leaf::Triangle { .. } => Ok(self.leaf_aabbs(gpu, items)?.iter().map(Obb::from_aabb).collect()),
-            Leaf::Box { boxes, .. } => gpu.read_at(boxes, items),
+        let single = self.firsts(|n| n == 1);
+        let leaves = match &self.items.leaf {
+            Leaf::Triangle { .. } => self.leaf_aabbs(gpu, &single).await?.iter().map(Obb::from_aabb).collect(),
+            Leaf::Box { boxes, .. } => gpu.read_at(boxes, &single).await?,
         };
-        self.of_roots(nodes, leaves)
+        Ok(self.of_roots(nodes, leaves))
     }
 
     /// Axis-aligned box of each tree, in its own space; empty for an empty tree.
-    pub(crate) fn root_aabbs(&self, gpu: &Gpu) -> Result<Vec<Aabb>, GpuError> {
-        let boxes = self.of_roots(|slots| gpu.read_at(&self.aabbs, slots), |items| self.leaf_aabbs(gpu, items))?;
-        Ok(boxes.into_iter().map(|root| root.unwrap_or(Aabb::EMPTY)).collect())
+    pub(crate) async fn root_aabbs(&self, gpu: &Gpu) -> Result<Vec<Aabb>, GpuError> {
+        let nodes = gpu.read_at(&self.aabbs, &self.firsts(|n| n > 1)).await?;
+        let leaves = self.leaf_aabbs(gpu, &self.firsts(|n| n == 1)).await?;
+        Ok(self.of_roots(nodes, leaves).into_iter().map(|root| root.unwrap_or(Aabb::EMPTY)).collect())
     }
 
-    fn leaf_aabbs(&self, gpu: &Gpu, items: &[u32]) -> Result<Vec<Aabb>, GpuError> {
+    async fn leaf_aabbs(&self, gpu: &Gpu, items: &[u32]) -> Result<Vec<Aabb>, GpuError> {
         match &self.items.leaf {
-            Leaf::Triangle { corners } => Ok(gpu.read_at(corners, items)?.into_iter().map(Aabb::from_points).collect()),
-            Leaf::Box { aabbs, .. } => gpu.read_at(aabbs, items),
+            Leaf::Triangle { corners } => {
+                Ok(gpu.read_at(corners, items).await?.into_iter().map(Aabb::from_points).collect())
+            }
+            Leaf::Box { aabbs, .. } => gpu.read_at(aabbs, items).await,
         }
     }
 
-    /// What `nodes` reads of the roots of trees with several items, and `leaves` of the items of trees with one.
-    fn of_roots<T>(
-        &self,
-        nodes: impl FnOnce(&[u32]) -> Result<Vec<T>, GpuError>,
-        leaves: impl FnOnce(&[u32]) -> Result<Vec<T>, GpuError>,
-    ) -> Result<Vec<Option<T>>, GpuError> {
-        let of_count = |wanted: fn(u32) -> bool| -> Vec<u32> {
-            self.items.ranges().iter().filter(|range| wanted(range.count)).map(|range| range.first).collect()
-        };
-        let mut nodes = nodes(&of_count(|n| n > 1))?.into_iter();
-        let mut leaves = leaves(&of_count(|n| n == 1))?.into_iter();
+    /// The first item of each tree with such a number of items. It is the slot of the root, too.
+    fn firsts(&self, wanted: fn(u32) -> bool) -> Vec<u32> {
+        self.items.ranges().iter().filter(|range| wanted(range.count)).map(|range| range.first).collect()
+    }
+
+    /// One value for each tree: from `nodes` for trees with several items, from `leaves` for trees with one.
+    fn of_roots<T>(&self, nodes: Vec<T>, leaves: Vec<T>) -> Vec<Option<T>> {
+        let (mut nodes, mut leaves) = (nodes.into_iter(), leaves.into_iter());
         let of_tree = |count: u32| match count {
             0 => None,
             1 => leaves.next(),
             _ => nodes.next(),
         };
-        Ok(self.items.ranges().iter().map(|range| range.count).map(of_tree).collect())
+        self.items.ranges().iter().map(|range| range.count).map(of_tree).collect()
     }
 }
 

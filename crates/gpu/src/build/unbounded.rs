@@ -11,7 +11,7 @@ use crate::{Buffer, GpuError, NamedBinding};
 ///
 /// Frames are computed one height at a time. Then each run of leaves measures itself in the frame of every node above it, so the
 /// time is proportional to the sum of all subtree sizes, as on the CPU.
-pub(super) fn unbounded(
+pub(super) async fn unbounded(
     run: &mut Run<'_>,
     items: &Items,
     leaves: &Buffer<u32>,
@@ -19,7 +19,7 @@ pub(super) fn unbounded(
     aabbs: &Buffer<Aabb>,
 ) -> Result<Buffer<Obb>, GpuError> {
     let gpu = run.gpu();
-    let schedule = Schedule::new(run, trees)?;
+    let schedule = Schedule::new(run, trees).await?;
     let n = items.len();
     let obbs = gpu.zeroed("oriented boxes", n as usize)?;
     let moments = gpu.zeroed::<[f32; 10]>("moments", n as usize)?;

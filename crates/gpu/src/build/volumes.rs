@@ -4,7 +4,7 @@ use canted_lbvh::Strategy;
 use canted_obb::{Aabb, Obb};
 
 use super::{Items, Run, Trees, dop::dop, schedule::Schedule, unbounded::unbounded};
-use crate::{Buffer, GpuError};
+use crate::{Buffer, GpuError, wait::block_on};
 
 /// The axis-aligned box of each inner node, by slot.
 ///
@@ -33,19 +33,34 @@ pub fn obbs(
     aabbs: &Buffer<Aabb>,
     strategy: Strategy,
 ) -> Result<Buffer<Obb>, GpuError> {
+    block_on(obbs_async(run, items, leaves, trees, aabbs, strategy))
+}
+
+/// [`obbs`] for browsers.
+///
+/// # Errors
+/// As for [`obbs`].
+pub async fn obbs_async(
+    run: &mut Run<'_>,
+    items: &Items,
+    leaves: &Buffer<u32>,
+    trees: &Trees,
+    aabbs: &Buffer<Aabb>,
+    strategy: Strategy,
+) -> Result<Buffer<Obb>, GpuError> {
     let rule = match strategy {
         Strategy::PcaBounded => "shared/rule/pca_bounded",
         Strategy::Quaternion => "shared/rule/quaternion",
         Strategy::Combined => "shared/rule/combined",
         Strategy::Dop => return dop(run, items, leaves, trees, aabbs),
-        Strategy::PcaUnbounded => return unbounded(run, items, leaves, trees, aabbs),
+        Strategy::PcaUnbounded => return unbounded(run, items, leaves, trees, aabbs).await,
         Strategy::Aabb => {
             let message = format!("volume strategy {strategy:?} is not supported on the GPU");
             return Err(GpuError::Invalid { message });
         }
     };
     let gpu = run.gpu();
-    let schedule = Schedule::new(run, trees)?;
+    let schedule = Schedule::new(run, trees).await?;
     let obbs = gpu.zeroed("oriented boxes", items.len() as usize)?;
     let bound = items.bound(&[
         ("order", &schedule.order),

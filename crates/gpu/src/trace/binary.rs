@@ -22,7 +22,7 @@ use super::nodes::{EMPTY, LEAF};
 use super::scene::{Nodes, TracedScene};
 use super::top_level::{MeshBounds, Packing};
 use crate::build::{BuildConfig, Built, Items, Range, Run};
-use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, wait::block_on};
 
 /// How far the center of an oriented box may lie from the origin, in units of the greatest coordinate of what it encloses; see
 /// `shared/binary/volume/obb`.
@@ -181,15 +181,28 @@ impl TracedScene {
         first_triangles: &[u32],
         config: BuildConfig,
     ) -> Result<Self, GpuError> {
+        block_on(Self::build_single_level_async(gpu, corners, first_triangles, config))
+    }
+
+    /// [`TracedScene::build_single_level`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`TracedScene::build_single_level`].
+    pub async fn build_single_level_async(
+        gpu: &Gpu,
+        corners: &[Corners],
+        first_triangles: &[u32],
+        config: BuildConfig,
+    ) -> Result<Self, GpuError> {
         let mut run = Run::new(gpu);
-        let bottom = Built::new(&mut run, Items::triangles(gpu, [corners])?, config)?;
-        let bounds = mesh_bounds(gpu, &bottom)?;
+        let bottom = Built::new_async(&mut run, Items::triangles(gpu, [corners])?, config).await?;
+        let bounds = mesh_bounds(gpu, &bottom).await?;
         check_coordinates(|| "the BVH over all instances".to_owned(), bounds[0].reach.into())?;
-        let depth = gpu.read(&bottom.trees.depth)?[0];
+        let depth = gpu.read_async(&bottom.trees.depth).await?[0];
         let pairs = Pairs::over(&mut run, &bottom)?;
         let headers = headers(bottom.items.ranges(), &bounds, pairs.is_oriented);
         let level = Level::flat(gpu, first_triangles)?;
-        Self::over(gpu, Nodes::Binary(pairs), &headers, level, depth)
+        Self::over(gpu, Nodes::Binary(pairs), &headers, level, depth).await
     }
 
     /// Builds, on the device, one binary BVH per mesh, and one over the instances.
@@ -202,13 +215,26 @@ impl TracedScene {
         instances: &[Instance],
         config: BuildConfig,
     ) -> Result<Self, GpuError> {
+        block_on(Self::build_two_level_async(gpu, meshes, instances, config))
+    }
+
+    /// [`TracedScene::build_two_level`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`TracedScene::build_two_level`].
+    pub async fn build_two_level_async(
+        gpu: &Gpu,
+        meshes: &[&[Corners]],
+        instances: &[Instance],
+        config: BuildConfig,
+    ) -> Result<Self, GpuError> {
         let mut run = Run::new(gpu);
-        let bottom = Built::new(&mut run, Items::triangles(gpu, meshes.iter().copied())?, config)?;
-        let bounds = mesh_bounds(gpu, &bottom)?;
+        let bottom = Built::new_async(&mut run, Items::triangles(gpu, meshes.iter().copied())?, config).await?;
+        let bounds = mesh_bounds(gpu, &bottom).await?;
         let packing = Packing::of(&bounds, instances)?;
-        let boxes = placed_boxes(&packing, &bottom.roots(gpu)?, instances);
-        let top = Built::new(&mut run, Items::boxes(gpu, &boxes)?, config)?;
-        let depth = gpu.read(&bottom.trees.depth)?[0] + gpu.read(&top.trees.depth)?[0];
+        let boxes = placed_boxes(&packing, &bottom.roots_async(gpu).await?, instances);
+        let top = Built::new_async(&mut run, Items::boxes(gpu, &boxes)?, config).await?;
+        let depth = gpu.read_async(&bottom.trees.depth).await?[0] + gpu.read_async(&top.trees.depth).await?[0];
         let n_bottom = bottom.items.len();
         let pairs = Pairs::new(&mut run, &bottom, Some(&top))?;
         let reach = packing.boxes.iter().fold(0.0, |all: f32, of_instance| all.max(of_instance.reach()));
@@ -217,14 +243,14 @@ impl TracedScene {
         let headers: Vec<BvhHeader> =
             std::iter::once(top_header).chain(headers(bottom.items.ranges(), &bounds, pairs.is_oriented)).collect();
         let level = Level::Two(Instances::new(gpu, &packing, &packing.numbers)?);
-        Self::over(gpu, Nodes::Binary(pairs), &headers, level, depth)
+        Self::over(gpu, Nodes::Binary(pairs), &headers, level, depth).await
     }
 }
 
 /// Bounds of each mesh, read back.
-fn mesh_bounds(gpu: &Gpu, bottom: &Built) -> Result<Vec<MeshBounds>, GpuError> {
+async fn mesh_bounds(gpu: &Gpu, bottom: &Built) -> Result<Vec<MeshBounds>, GpuError> {
     let of_root = |aabb: Aabb| MeshBounds { reach: if aabb.is_empty() { 0.0 } else { aabb.reach() }, aabb };
-    Ok(bottom.root_aabbs(gpu)?.into_iter().map(of_root).collect())
+    Ok(bottom.root_aabbs(gpu).await?.into_iter().map(of_root).collect())
 }
 
 /// World-space boxes of instances with triangles: the transformed root, which is oriented; all places of a moving one.

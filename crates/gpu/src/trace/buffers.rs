@@ -13,7 +13,7 @@ use super::layout::HitError;
 use super::level::Level;
 use super::scene::{Nodes, TracedScene};
 use crate::build::{BuildConfig, Built, Faults, Items, MeshBuffers, Run, depth_bound, fault, refit_aabbs};
-use crate::{Gpu, GpuError};
+use crate::{Gpu, GpuError, wait::block_on};
 
 /// A binary BVH over the triangles of meshes in a program's own buffers, in world space. Meshes are numbered as instances.
 ///
@@ -56,8 +56,16 @@ impl BufferScene {
     /// A buffer without the usage `STORAGE`, too short, or with an odd layout; a triangle with an index out of range or a vertex that is
     /// not finite or has coordinates above 1e18, by mesh and number; a limit of the device, or device lost.
     pub fn new(gpu: &Gpu, meshes: &[MeshBuffers<'_>], config: BuildConfig) -> Result<Self, GpuError> {
-        let scene = Self::without_check(gpu, meshes, config)?;
-        scene.check(gpu)?;
+        block_on(Self::new_async(gpu, meshes, config))
+    }
+
+    /// [`BufferScene::new`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`BufferScene::new`].
+    pub async fn new_async(gpu: &Gpu, meshes: &[MeshBuffers<'_>], config: BuildConfig) -> Result<Self, GpuError> {
+        let scene = Self::without_check_async(gpu, meshes, config).await?;
+        scene.check_async(gpu).await?;
         Ok(scene)
     }
 
@@ -66,12 +74,24 @@ impl BufferScene {
     /// # Errors
     /// As for [`BufferScene::new`], except for triangles with faults.
     pub fn without_check(gpu: &Gpu, meshes: &[MeshBuffers<'_>], config: BuildConfig) -> Result<Self, GpuError> {
+        block_on(Self::without_check_async(gpu, meshes, config))
+    }
+
+    /// [`BufferScene::without_check`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`BufferScene::without_check`].
+    pub async fn without_check_async(
+        gpu: &Gpu,
+        meshes: &[MeshBuffers<'_>],
+        config: BuildConfig,
+    ) -> Result<Self, GpuError> {
         let mut run = Run::new(gpu);
         let faults = gpu.zeroed("faults", 2 * meshes.len())?;
         let items = Items::of_buffers(&run, meshes)?;
         items.gather(&mut run, meshes, &faults)?;
         let n = items.len();
-        let built = Built::new(&mut run, items, config)?;
+        let built = Built::new_async(&mut run, items, config).await?;
         let pairs = Pairs::over(&mut run, &built)?;
         let mut n_before = 0;
         let firsts = meshes.iter().map(|mesh| {
@@ -82,7 +102,8 @@ impl BufferScene {
         let firsts: Vec<u32> = firsts.collect();
         let header = header(built.items.ranges()[0], 0, 0.0, HitError::of_triangles(0.0), pairs.is_oriented());
         let level = Level::flat(gpu, &firsts)?;
-        let traced = TracedScene::over(gpu, Nodes::Binary(pairs), &[header], level, depth_bound(n, config.bits))?;
+        let depth = depth_bound(n, config.bits);
+        let traced = TracedScene::over(gpu, Nodes::Binary(pairs), &[header], level, depth).await?;
         let scene =
             Self { traced, built, faults, n_triangles: meshes.iter().map(|mesh| mesh.n_triangles).collect(), config };
         scene.put_header(&mut run)?;
@@ -130,7 +151,15 @@ impl BufferScene {
     /// # Errors
     /// A triangle with an index out of range or a bad vertex, by mesh and number; device lost.
     pub fn check(&self, gpu: &Gpu) -> Result<(), GpuError> {
-        match fault(&gpu.read(&self.faults)?) {
+        block_on(self.check_async(gpu))
+    }
+
+    /// [`BufferScene::check`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`BufferScene::check`].
+    pub async fn check_async(&self, gpu: &Gpu) -> Result<(), GpuError> {
+        match fault(&gpu.read_async(&self.faults).await?) {
             None => Ok(()),
             Some(message) => Err(GpuError::Invalid { message }),
         }

@@ -1,12 +1,13 @@
 //! Batches of rays.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use bytemuck::Pod;
 use canted_trace::{Ray, ScaledRay};
 
 use super::ray::{DeviceHit, DeviceRay, INCOMPLETE, NONE};
 use super::scene::TracedScene;
+use crate::wait::{Instant, block_on};
 use crate::{Gpu, GpuError, Kernel, Specialisation};
 
 /// Result of a ray.
@@ -31,6 +32,18 @@ impl TracedScene {
     /// # Errors
     /// The device is lost or does not finish.
     pub fn closest_hits(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<Option<DeviceHit>>>, GpuError> {
+        block_on(self.closest_hits_async(gpu, rays))
+    }
+
+    /// [`TracedScene::closest_hits`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`TracedScene::closest_hits`].
+    pub async fn closest_hits_async(
+        &self,
+        gpu: &Gpu,
+        rays: &[Ray],
+    ) -> Result<Vec<Outcome<Option<DeviceHit>>>, GpuError> {
         let kernel = self.kernel(gpu, "trace/closest")?;
         let mut answers = Vec::with_capacity(rays.len());
         self.in_slices(gpu, &kernel, "hits", rays, |slice, hits: Vec<DeviceHit>| {
@@ -39,7 +52,8 @@ impl TracedScene {
                 (NONE, _) | (_, None) => Outcome::Complete(None),
                 (_, Some(ray)) => Outcome::Complete(Some(DeviceHit { t: ray.caller_t(hit.t), ..hit })),
             }));
-        })?;
+        })
+        .await?;
         Ok(answers)
     }
 
@@ -48,6 +62,14 @@ impl TracedScene {
     /// # Errors
     /// As for [`TracedScene::closest_hits`].
     pub fn occluded(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<bool>>, GpuError> {
+        block_on(self.occluded_async(gpu, rays))
+    }
+
+    /// [`TracedScene::occluded`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`TracedScene::closest_hits`].
+    pub async fn occluded_async(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<bool>>, GpuError> {
         let kernel = self.kernel(gpu, "trace/occluded")?;
         let mut answers = Vec::with_capacity(rays.len());
         self.in_slices(gpu, &kernel, "found", rays, |_, found: Vec<u32>| {
@@ -56,7 +78,8 @@ impl TracedScene {
                     |&found| if found == INCOMPLETE { Outcome::Incomplete } else { Outcome::Complete(found == 1) },
                 ),
             );
-        })?;
+        })
+        .await?;
         Ok(answers)
     }
 
@@ -66,7 +89,7 @@ impl TracedScene {
     }
 
     /// Traces rays in slices whose size adapts to the measured time, and passes the results to `take`.
-    fn in_slices<T: Pod>(
+    async fn in_slices<T: Pod>(
         &self,
         gpu: &Gpu,
         kernel: &Kernel,
@@ -82,7 +105,7 @@ impl TracedScene {
             let device_rays: Vec<DeviceRay> =
                 scaled.iter().map(|ray| ray.as_ref().map_or(DeviceRay::NOTHING, DeviceRay::scaled)).collect();
             let start = Instant::now();
-            let answers = self.slice(gpu, kernel, into, &device_rays)?;
+            let answers = self.slice(gpu, kernel, into, &device_rays).await?;
             take(&scaled, answers);
             n = next_size(n, start.elapsed()).min(most);
             waiting = rest;
@@ -90,7 +113,13 @@ impl TracedScene {
         Ok(())
     }
 
-    fn slice<T: Pod>(&self, gpu: &Gpu, kernel: &Kernel, into: &str, rays: &[DeviceRay]) -> Result<Vec<T>, GpuError> {
+    async fn slice<T: Pod>(
+        &self,
+        gpu: &Gpu,
+        kernel: &Kernel,
+        into: &str,
+        rays: &[DeviceRay],
+    ) -> Result<Vec<T>, GpuError> {
         let rays_there = gpu.buffer("rays", rays)?;
         let answers = gpu.zeroed::<T>("answers", rays.len())?;
         let mut bound = self.bindings();
@@ -99,8 +128,8 @@ impl TracedScene {
         let mut commands = gpu.commands();
         let n_rays = u32::try_from(rays.len()).unwrap_or(u32::MAX);
         commands.dispatch(kernel, &bound, kernel.groups(n_rays))?;
-        commands.run()?;
-        gpu.read(&answers)
+        commands.run_async().await?;
+        gpu.read_async(&answers).await
     }
 }
 

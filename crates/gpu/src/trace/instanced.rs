@@ -19,7 +19,7 @@ use crate::build::{
     BuildConfig, Built, Faults, InstanceBuffer, Items, MeshBoxes, MeshBuffers, N_INSTANCE_FAULTS, Range, Run,
     depth_bound, fault, instance_fault, refit_aabbs,
 };
-use crate::{Buffer, Gpu, GpuError};
+use crate::{Buffer, Gpu, GpuError, wait::block_on};
 
 /// Binary BVHs over meshes in a program's own buffers, and one over instances of them, whose transforms are in a buffer, too.
 ///
@@ -69,8 +69,21 @@ impl InstancedScene {
         instances: &InstanceBuffer<'_>,
         config: BuildConfig,
     ) -> Result<Self, GpuError> {
-        let scene = Self::without_check(gpu, meshes, instances, config)?;
-        scene.check(gpu)?;
+        block_on(Self::new_async(gpu, meshes, instances, config))
+    }
+
+    /// [`InstancedScene::new`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`InstancedScene::new`].
+    pub async fn new_async(
+        gpu: &Gpu,
+        meshes: &[MeshBuffers<'_>],
+        instances: &InstanceBuffer<'_>,
+        config: BuildConfig,
+    ) -> Result<Self, GpuError> {
+        let scene = Self::without_check_async(gpu, meshes, instances, config).await?;
+        scene.check_async(gpu).await?;
         Ok(scene)
     }
 
@@ -85,19 +98,32 @@ impl InstancedScene {
         instances: &InstanceBuffer<'_>,
         config: BuildConfig,
     ) -> Result<Self, GpuError> {
+        block_on(Self::without_check_async(gpu, meshes, instances, config))
+    }
+
+    /// [`InstancedScene::without_check`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`InstancedScene::without_check`].
+    pub async fn without_check_async(
+        gpu: &Gpu,
+        meshes: &[MeshBuffers<'_>],
+        instances: &InstanceBuffer<'_>,
+        config: BuildConfig,
+    ) -> Result<Self, GpuError> {
         let mut run = Run::new(gpu);
         let faults = gpu.zeroed("faults", 2 * meshes.len())?;
         let items = Items::trees_of_buffers(&run, meshes)?;
         items.gather(&mut run, meshes, &faults)?;
-        let bottom = Built::new(&mut run, items, config)?;
+        let bottom = Built::new_async(&mut run, items, config).await?;
         let top_items = Items::unplaced(gpu, instances.n_instances)?;
-        let top = Built::new(&mut run, top_items, top_config(config))?;
+        let top = Built::new_async(&mut run, top_items, top_config(config)).await?;
         let pairs = Pairs::new(&mut run, &bottom, Some(&top))?;
         let headers = first_headers(&bottom, &top);
         let level = Level::Two(Instances::unplaced(gpu, instances.n_instances)?);
         let deepest = meshes.iter().map(|mesh| depth_bound(mesh.n_triangles, config.bits)).max().unwrap_or(0);
         let depth = deepest + depth_bound(instances.n_instances, TOP_BITS);
-        let traced = TracedScene::over(gpu, Nodes::Binary(pairs), &headers, level, depth)?;
+        let traced = TracedScene::over(gpu, Nodes::Binary(pairs), &headers, level, depth).await?;
         let boxes = gpu.zeroed("boxes of meshes", meshes.len())?;
         let instance_faults = gpu.zeroed("faults of instances", N_INSTANCE_FAULTS)?;
         let mut scene = Self { traced, bottom, top, boxes, faults, instance_faults, config };
@@ -185,8 +211,16 @@ impl InstancedScene {
     /// A triangle with an index out of range or a bad vertex, by mesh and number; an instance of no mesh or with a bad transform, by
     /// number; device lost.
     pub fn check(&self, gpu: &Gpu) -> Result<(), GpuError> {
-        let of_meshes = fault(&gpu.read(&self.faults)?);
-        let of_instances = instance_fault(&gpu.read(&self.instance_faults)?, self.boxes.len());
+        block_on(self.check_async(gpu))
+    }
+
+    /// [`InstancedScene::check`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`InstancedScene::check`].
+    pub async fn check_async(&self, gpu: &Gpu) -> Result<(), GpuError> {
+        let of_meshes = fault(&gpu.read_async(&self.faults).await?);
+        let of_instances = instance_fault(&gpu.read_async(&self.instance_faults).await?, self.boxes.len());
         match of_meshes.or(of_instances) {
             None => Ok(()),
             Some(message) => Err(GpuError::Invalid { message }),

@@ -6,7 +6,7 @@ use super::layout::BvhHeader;
 use super::level::Level;
 use super::wide::WideNodes;
 use crate::loop_check::{LONG_LOOP, longest_loop};
-use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, wait::block_on};
 
 /// Maximum stack size. Wide BVHs have about ten levels, binary ones about thirty.
 const MAX_STACK: u32 = 128;
@@ -44,7 +44,7 @@ pub(super) enum Nodes {
 
 impl TracedScene {
     /// A scene whose BVHs have these headers.
-    pub(super) fn over(
+    pub(super) async fn over(
         gpu: &Gpu,
         nodes: Nodes,
         headers: &[BvhHeader],
@@ -54,7 +54,7 @@ impl TracedScene {
         check_depth(depth)?;
         // A stack of another size is another kernel.
         let depth = if gpu.keeps_buffers() { depth.next_multiple_of(DEPTH_STEP).min(MAX_STACK) } else { depth };
-        let max_iterations = iteration_limit(longest_loop(gpu)?);
+        let max_iterations = iteration_limit(longest_loop(gpu).await?);
         let bvhs = match nodes {
             Nodes::Wide(_) => gpu.read_only("bvhs", headers)?,
             // The device may write these.
@@ -67,9 +67,17 @@ impl TracedScene {
     ///
     /// # Errors
     /// A BVH too deep for the traversal, or device lost.
-    pub fn with_traversal(mut self, gpu: &Gpu, traversal: Traversal) -> Result<Self, GpuError> {
+    pub fn with_traversal(self, gpu: &Gpu, traversal: Traversal) -> Result<Self, GpuError> {
+        block_on(self.with_traversal_async(gpu, traversal))
+    }
+
+    /// [`TracedScene::with_traversal`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`TracedScene::with_traversal`].
+    pub async fn with_traversal_async(mut self, gpu: &Gpu, traversal: Traversal) -> Result<Self, GpuError> {
         match &mut self.nodes {
-            Nodes::Wide(wide) => wide.set_traversal(gpu, &self.bvhs, traversal, self.depth)?,
+            Nodes::Wide(wide) => wide.set_traversal(gpu, &self.bvhs, traversal, self.depth).await?,
             Nodes::Binary(pairs) => pairs.set_traversal(gpu, traversal)?,
         }
         Ok(self)
@@ -178,7 +186,7 @@ mod tests {
     use canted_wide::TriangleBvh;
 
     use super::*;
-    use crate::{Choice, loop_iterations};
+    use crate::Choice;
 
     #[test]
     fn iteration_limit_is_shared_by_the_lanes_of_a_vector() {
@@ -195,7 +203,7 @@ mod tests {
         let Some(gpu) = or_skip(test, Gpu::open(&Choice::Best)) else { return };
         let bvh = TriangleBvh::<Watertight>::build(&[], &[], &canted_wide::Config::default()).unwrap();
         let scene = TracedScene::single_level(&gpu, &bvh, &[0]).unwrap();
-        let counted = loop_iterations(&gpu, 100_000).unwrap();
+        let counted = crate::loop_iterations(&gpu, 100_000).unwrap();
         let fits = if counted == 100_000 {
             scene.max_iterations == MAX_ITERATIONS
         } else {

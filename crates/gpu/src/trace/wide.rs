@@ -11,7 +11,7 @@ use super::level::{Instances, Level};
 use super::nodes::{LINE_QUADS, is_aligned};
 use super::scene::{Nodes, TracedScene, check_depth, too_deep};
 use super::top_level::{MeshBounds, TopLevel};
-use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, wait::block_on};
 
 /// Levels whose pending children fit into four words, eight bits each.
 const MAX_BIT_LEVELS: u32 = 16;
@@ -38,11 +38,23 @@ impl TracedScene {
         bvh: &TriangleBvh<K>,
         first_triangles: &[u32],
     ) -> Result<Self, GpuError> {
+        block_on(Self::single_level_async(gpu, bvh, first_triangles))
+    }
+
+    /// [`TracedScene::single_level`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`TracedScene::single_level`].
+    pub async fn single_level_async<K: LaneKernel>(
+        gpu: &Gpu,
+        bvh: &TriangleBvh<K>,
+        first_triangles: &[u32],
+    ) -> Result<Self, GpuError> {
         let words = bvh.raw();
         check_coordinates(|| "the BVH over all instances".to_owned(), words.reach.into())?;
         let error = HitError::of_triangles(words.reach);
         let depth = words.depth;
-        uploaded(gpu, &[(words, error)], Level::flat(gpu, first_triangles)?, depth)
+        uploaded(gpu, &[(words, error)], Level::flat(gpu, first_triangles)?, depth).await
     }
 
     /// Uploads one BVH per mesh, and builds and uploads a BVH over the instances.
@@ -52,6 +64,18 @@ impl TracedScene {
     /// that is too close to singular at any time, see
     /// [`MotionPolynomials::norm_of_inverse`](crate::MotionPolynomials::norm_of_inverse).
     pub fn two_level<K: LaneKernel>(
+        gpu: &Gpu,
+        meshes: &[&TriangleBvh<K>],
+        instances: &[Instance],
+    ) -> Result<Self, GpuError> {
+        block_on(Self::two_level_async(gpu, meshes, instances))
+    }
+
+    /// [`TracedScene::two_level`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`TracedScene::two_level`].
+    pub async fn two_level_async<K: LaneKernel>(
         gpu: &Gpu,
         meshes: &[&TriangleBvh<K>],
         instances: &[Instance],
@@ -72,11 +96,16 @@ impl TracedScene {
             (words, error)
         });
         let bvhs: Vec<_> = std::iter::once((outer_words, outer.packing.error)).chain(of_meshes).collect();
-        uploaded(gpu, &bvhs, level, depth)
+        uploaded(gpu, &bvhs, level, depth).await
     }
 }
 
-fn uploaded(gpu: &Gpu, bvhs: &[(RawBvh<'_>, HitError)], level: Level, depth: u32) -> Result<TracedScene, GpuError> {
+async fn uploaded(
+    gpu: &Gpu,
+    bvhs: &[(RawBvh<'_>, HitError)],
+    level: Level,
+    depth: u32,
+) -> Result<TracedScene, GpuError> {
     check_depth(depth)?;
     let nodes: Vec<&[u32]> = bvhs.iter().map(|(words, _)| &*words.nodes).collect();
     let blocks: Vec<&[u32]> = bvhs.iter().map(|(words, _)| words.blocks).collect();
@@ -94,7 +123,7 @@ fn uploaded(gpu: &Gpu, bvhs: &[(RawBvh<'_>, HitError)], level: Level, depth: u32
         links: None,
         is_aligned: bvhs.iter().all(|(words, _)| is_aligned(quads(&words.nodes), words.root)),
     };
-    TracedScene::over(gpu, Nodes::Wide(wide), &headers, level, depth)
+    TracedScene::over(gpu, Nodes::Wide(wide), &headers, level, depth).await
 }
 
 impl WideNodes {
@@ -103,7 +132,7 @@ impl WideNodes {
     }
 
     /// Chooses a traversal for BVHs of this depth.
-    pub(super) fn set_traversal(
+    pub(super) async fn set_traversal(
         &mut self,
         gpu: &Gpu,
         bvhs: &Buffer<BvhHeader>,
@@ -116,7 +145,7 @@ impl WideNodes {
         self.links = match traversal {
             Traversal::Stack => None,
             Traversal::Bits | Traversal::Links => {
-                let (nodes, bvhs) = (gpu.read(&self.nodes)?, gpu.read(bvhs)?);
+                let (nodes, bvhs) = (gpu.read_async(&self.nodes).await?, gpu.read_async(bvhs).await?);
                 Some(gpu.buffer("parent links", &links(&nodes, &bvhs))?)
             }
         };
