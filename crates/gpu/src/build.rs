@@ -12,22 +12,27 @@ mod dop;
 mod items;
 mod mesh_buffers;
 mod passes;
+mod ploc;
+mod prefix;
 mod run;
 mod sort;
 mod stages;
 mod two_levels;
 mod unbounded;
 mod volumes;
+mod wide;
 
 pub use items::{Items, Range};
 pub(crate) use mesh_buffers::{Faults, fault};
 pub use mesh_buffers::{IndexBuffer, MeshBuffers};
 pub use passes::Passes;
+pub use ploc::ploc;
 pub use run::{Run, StageTime};
 pub use sort::Sorter;
 pub use stages::{Codes, Grid, Node, Sorted, Trees, codes, domain, sort, tree};
 pub use two_levels::TwoLevels;
 pub use volumes::{aabbs, obbs};
+pub use wide::{MAX_LEAF, WideLevel, WideTrees};
 
 use canted_lbvh::{Bits, Strategy};
 use canted_obb::{Aabb, Obb};
@@ -43,6 +48,27 @@ pub struct BuildConfig {
     /// Length of the Morton codes.
     pub bits: Bits,
     /// How the volumes of inner nodes are computed.
+    pub strategy: Strategy,
+}
+
+/// How the topology of a tree is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Topology {
+    /// The radix tree over the Morton codes: the quickest build, which can be recorded.
+    #[default]
+    Radix,
+    /// Locally-ordered clustering ([`ploc`]): less traversal cost.
+    Ploc,
+}
+
+/// How wide BVHs are built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct WideConfig {
+    /// Length of the Morton codes.
+    pub bits: Bits,
+    /// The topology of the binary trees over triangles.
+    pub topology: Topology,
+    /// The boxes of oriented nodes, which are chosen where they lower the predicted cost. [`Strategy::Aabb`]: no oriented nodes.
     pub strategy: Strategy,
 }
 
@@ -67,13 +93,26 @@ impl Built {
     /// # Errors
     /// Out of memory, device lost, or an unsupported strategy.
     pub fn new(run: &mut Run<'_>, items: Items, config: BuildConfig) -> Result<Self, GpuError> {
-        let (leaves, trees, aabbs, obbs) = over(run, &items, config)?;
+        Self::with_topology(run, items, config, Topology::Radix)
+    }
+
+    /// The same with another topology.
+    ///
+    /// # Errors
+    /// As for [`Built::new`].
+    pub fn with_topology(
+        run: &mut Run<'_>,
+        items: Items,
+        config: BuildConfig,
+        topology: Topology,
+    ) -> Result<Self, GpuError> {
+        let (leaves, trees, aabbs, obbs) = over(run, &items, config, topology)?;
         Ok(Self { items, leaves, trees, aabbs, obbs })
     }
 
     /// Builds the trees again over the same items, whose vertices have moved.
     pub(crate) fn rebuild(&mut self, run: &mut Run<'_>, config: BuildConfig) -> Result<(), GpuError> {
-        (self.leaves, self.trees, self.aabbs, self.obbs) = over(run, &self.items, config)?;
+        (self.leaves, self.trees, self.aabbs, self.obbs) = over(run, &self.items, config, Topology::Radix)?;
         Ok(())
     }
 }
@@ -81,11 +120,14 @@ impl Built {
 /// All that is built over items: leaves, trees, axis-aligned and oriented boxes.
 type Over = (Buffer<u32>, Trees, Buffer<Aabb>, Option<Buffer<Obb>>);
 
-fn over(run: &mut Run<'_>, items: &Items, config: BuildConfig) -> Result<Over, GpuError> {
+fn over(run: &mut Run<'_>, items: &Items, config: BuildConfig, topology: Topology) -> Result<Over, GpuError> {
     let domains = domain(run, items, config.bits)?;
     let codes = codes(run, items, &domains, config.bits)?;
     let Sorted { codes, leaves } = sort(run, items, &codes)?;
-    let trees = tree(run, items, &codes)?;
+    let (leaves, trees) = match topology {
+        Topology::Radix => (leaves, tree(run, items, &codes)?),
+        Topology::Ploc => ploc(run, items, &leaves)?,
+    };
     let aabbs = aabbs(run, items, &leaves, &trees)?;
     let obbs = match config.strategy {
         Strategy::Aabb => None,

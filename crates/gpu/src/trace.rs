@@ -8,6 +8,7 @@
 mod alternatives;
 mod binary;
 mod buffers;
+mod built_wide;
 mod cast;
 mod motion;
 
