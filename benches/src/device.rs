@@ -7,6 +7,7 @@ mod handed;
 mod picture;
 mod rays;
 mod sorted;
+mod structures;
 
 use std::fmt::Write;
 
@@ -71,6 +72,7 @@ pub(crate) fn section(out: &mut String, choice: &Choice, options: &Options) -> R
     built::section(out, &bench)?;
     sorted::section(out, &bench)?;
     handed::section(out, &bench)?;
+    structures::section(out, &bench)?;
     rays::section(out, &bench)?;
     rays::traversals(out, &bench)?;
     picture::section(out, &bench)?;

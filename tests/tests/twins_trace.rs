@@ -4,11 +4,13 @@
 
 mod twins_trace {
     mod binary;
+    mod built_wide;
     mod deep;
     mod instances;
     mod meshes;
     mod models;
     mod moving;
+    mod placed;
     mod reference;
     #[path = "../wide/setup.rs"]
     #[expect(dead_code, reason = "only the configurations are used")]

@@ -101,12 +101,12 @@ pub(super) fn traversals(out: &mut String, bench: &Bench) -> Result<()> {
     Ok(())
 }
 
-fn build(model: &Model, config: &Config) -> Result<TriangleBvh<Watertight>> {
+pub(super) fn build(model: &Model, config: &Config) -> Result<TriangleBvh<Watertight>> {
     Ok(TriangleBvh::build(&model.mesh.positions, &model.mesh.triangles, config)?)
 }
 
 /// Rays of each kind: camera rays in squares, then rays from their hits.
-fn sets(model: &Model, tree: &TriangleBvh<Watertight>, bench: &Bench) -> [Vec<Ray>; 3] {
+pub(super) fn sets(model: &Model, tree: &TriangleBvh<Watertight>, bench: &Bench) -> [Vec<Ray>; 3] {
     let camera = sets::camera(model, bench.scale.resolution);
     let mut hits = vec![None; camera.len()];
     tree.par_closest_hits(&camera, &mut hits);
@@ -127,7 +127,7 @@ fn in_squares(rays: &[Ray], side: usize) -> Vec<Ray> {
 }
 
 /// The time of casting rays.
-struct Cast {
+pub(super) struct Cast {
     milliseconds: f64,
     n_cut: usize,
 }
@@ -135,13 +135,13 @@ struct Cast {
 impl Cast {
     /// Million rays a second.
     #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
-    fn rate(&self, n_rays: usize) -> f64 {
+    pub(super) fn rate(&self, n_rays: usize) -> f64 {
         n_rays as f64 / (1e3 * self.milliseconds)
     }
 }
 
 /// Casts all rays several times; the minimum time counts.
-fn cast(bench: &Bench, traced: &TracedScene, kind: Kind, rays: &[Ray]) -> Result<Cast, GpuError> {
+pub(super) fn cast(bench: &Bench, traced: &TracedScene, kind: Kind, rays: &[Ray]) -> Result<Cast, GpuError> {
     let gpu = &bench.gpu;
     let slices = rays
         .chunks(SLICE)

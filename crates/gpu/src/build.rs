@@ -3,6 +3,7 @@
 //! ```text
 //! vertices of all meshes -> Items -> domain -> codes -> sort -> tree -> volumes       bottom levels
 //! root boxes, instances  -> Items -> the same stages                                  top level
+//! both                                                   -> wide nodes, triangle blocks
 //! ```
 //!
 //! All trees of a level share the same dispatches. Their items are stored one tree after another, and the index of the tree is

@@ -24,4 +24,4 @@ mod wavefront;
 pub use device_picture::{DevicePicture, SharedFilm};
 pub use error::DeviceError;
 pub use gbuffer::{GBuffer, SurfaceInfo};
-pub use traced::traced_scene;
+pub use traced::{built_scene, traced_scene};

@@ -63,7 +63,7 @@ pub use bsdf::{Bsdf, BsdfSample, Evaluation};
 pub use camera::{CameraError, View};
 pub use content::{geometry_hash, light_hash, material_hash, scene_hash};
 #[cfg(feature = "gpu")]
-pub use device::{DeviceError, DevicePicture, GBuffer, SharedFilm, SurfaceInfo, traced_scene};
+pub use device::{DeviceError, DevicePicture, GBuffer, SharedFilm, SurfaceInfo, built_scene, traced_scene};
 pub use error::PrepareError;
 pub use framing::{frame, frame_up};
 pub use heatmap::{Heatmap, Measure, heatmap};

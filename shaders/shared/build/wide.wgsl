@@ -1,7 +1,7 @@
 // Which subtrees of a binary tree become the children of a wide node.
 //
-// The child with the largest box is replaced by its two children until there are eight, or only leaves. A subtree of at most `MAX_LEAF`
-// items is a leaf.
+// The child with the largest box is replaced by its two children until there are eight, or only leaves. A subtree of at most
+// `MAX_LEAF` items is a leaf.
 // Holds: areas round alike on all devices, so that the choice is that of the CPU.
 // Source: Wald, Benthin and Boulos 2008.
 // use shared/build/slice

@@ -1,8 +1,8 @@
 //! Trees of locally-ordered clustering compared with the CPU's.
 
 use canted_fixtures::{Mesh, soup};
-use canted_gpu::build::{BuildConfig, Built, Run, Topology};
 use canted_gpu::Gpu;
+use canted_gpu::build::{BuildConfig, Built, Run, Topology};
 use canted_lbvh::Bits;
 use canted_obb::Aabb;
 use canted_sah::{PlocConfig, ploc};

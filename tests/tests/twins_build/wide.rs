@@ -60,7 +60,9 @@ impl Boxed<'_> {
             };
             let open = (0..children.len()).filter(|&i| self.range(children[i]).1 > MAX_LEAF);
             // The first of equals.
-            let Some(i) = open.reduce(|best, i| if area(children[i]) > area(children[best]) { i } else { best }) else { break };
+            let Some(i) = open.reduce(|best, i| if area(children[i]) > area(children[best]) { i } else { best }) else {
+                break;
+            };
             let ChildKind::Inner(id) = children[i].kind() else { unreachable!("leaves are not opened") };
             let opened = &self.tree.nodes[id.index()];
             children[i] = opened.left;
@@ -177,7 +179,8 @@ fn compared(gpu: &Gpu, there: &[Twin], twins: &[Twin], bits: Bits) -> Result<(),
         return Err(format!("depth: {} for {depth}", wide.levels[0].depth));
     }
     for (index, (twin, &root)) in twins.iter().zip(&wide.levels[0].roots).enumerate() {
-        check(&Wide { nodes: &nodes, blocks: &blocks, root }, &twin.items).map_err(|error| format!("tree {index}: {error}"))?;
+        check(&Wide { nodes: &nodes, blocks: &blocks, root }, &twin.items)
+            .map_err(|error| format!("tree {index}: {error}"))?;
     }
     Ok(())
 }

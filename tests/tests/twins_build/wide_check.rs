@@ -21,7 +21,8 @@ enum Volume {
     Oriented([[f32; 5]; 3]),
 }
 
-/// Checks that each triangle is in one leaf, with its corners, and inside of all boxes above it. Returns the number of oriented nodes.
+/// Checks that each triangle is in one leaf, with its corners, and inside of all boxes above it. Returns the number of oriented
+/// nodes.
 ///
 /// # Errors
 /// The first flaw.
@@ -115,7 +116,8 @@ fn leaf(blocks: &[[u32; 4]], word: u32) -> Result<Vec<(u32, Corners)>, String> {
     let (n, part) = ((word >> 26 & 31) as usize + 1, (word & 0x03ff_ffff) as usize);
     let words = blocks.as_flattened();
     let triangle = |i: usize| {
-        let (at, step) = if i / 8 * 8 + 4 >= n { (i / 4 * 40 + part % 2 * 2 + i % 4, 4) } else { (i / 8 * 80 + i % 8, 8) };
+        let (at, step) =
+            if i / 8 * 8 + 4 >= n { (i / 4 * 40 + part % 2 * 2 + i % 4, 4) } else { (i / 8 * 80 + i % 8, 8) };
         let word = |row: usize| words.get(part / 2 * 40 + at + row * step).copied();
         let row = |row: usize| word(row).map(f32::from_bits);
         let point = |k: usize| Some([row(3 * k)?, row(3 * k + 1)?, row(3 * k + 2)?]);

@@ -3,7 +3,9 @@
 use anyhow::{Result, anyhow};
 use canted_film::{Film, Tile};
 use canted_gpu::Gpu;
-use canted_renderer::{DevicePicture, FirstHit, Integrator, Monitor, Settings, SharedFilm, Structure, Surfaces};
+use canted_renderer::{
+    DevicePicture, FirstHit, Integrator, Monitor, Settings, SharedFilm, Structure, Surfaces, built_scene,
+};
 use canted_scene::Camera;
 use canted_wide::LaneKernel;
 use serde_json::json;
@@ -41,8 +43,16 @@ impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
         if settings.part.is_some() && with_cpu {
             return Err(anyhow!("--samples requires one device; --device both mixes CPU and GPU rounding"));
         }
+        let wide = args.structure.built_on_gpu();
+        let built = wide.map(|wide| anyhow::Ok((args.structure.config(surfaces.scene())?, wide))).transpose()?;
         let ready = machine.ready(&args.structure, |gpu| {
-            DevicePicture::new(gpu, surfaces, structure, camera, settings)?.with_first_hit(args.first_hit)
+            let picture = match &built {
+                Some((config, wide)) => DevicePicture::over(gpu, surfaces, structure, camera, settings, |scene| {
+                    built_scene(gpu, scene, config, *wide)
+                })?,
+                None => DevicePicture::new(gpu, surfaces, structure, camera, settings)?,
+            };
+            picture.with_first_hit(args.first_hit)
         })?;
         let has_choice = settings.integrator == Integrator::Hybrid;
         Ok(ready.map(|(gpu, (picture, first_hit))| Self {

@@ -16,7 +16,7 @@ use crate::{Buffer, GpuError, Specialisation};
 /// Clusters of a tree that a work-group merges on its own.
 const GROUP: u32 = 256;
 
-/// As [`PlocConfig::NEAR`](https://docs.rs/canted-sah): search radius, and first iterations with a small one.
+/// Search radius, and first iterations with a small one, as in `PlocConfig::NEAR` of `canted-sah`.
 const RADIUS: u32 = 14;
 const N_NEAR: u32 = 3;
 
@@ -60,8 +60,8 @@ struct Clusters {
     links: Buffer<u32>,
 }
 
-/// Builds a tree for each range of `items` by locally-ordered clustering. `leaves` are the items in the order of the Morton codes. Returns the
-/// items in the order of the leaves, and the trees. The topology is that of `canted_sah`'s `ploc`.
+/// Builds a tree for each range of `items` by locally-ordered clustering. `leaves` are the items in the order of the Morton
+/// codes. Returns the items in the order of the leaves, and the trees. The topology is that of `canted_sah`'s `ploc`.
 ///
 /// # Errors
 /// A recorded build, because the number of clusters is read back; out of memory, or device lost.

@@ -4,13 +4,13 @@ use super::run::Dispatches;
 use super::sort::{Digit, GROUP, KEYS_EACH, tiled};
 use crate::{Buffer, GpuError, NamedBinding};
 
-/// Writes the sum of the values before each of the first `n` values, and to the first element of the returned buffer the sum of all.
+/// Writes the sum of the values before each of the first `n` values.
 pub(super) fn prefix_sums(
     dispatches: &mut Dispatches<'_>,
     values: &Buffer<u32>,
     prefixes: &Buffer<u32>,
     n: u32,
-) -> Result<Buffer<u32>, GpuError> {
+) -> Result<(), GpuError> {
     let gpu = dispatches.gpu;
     let n_tiles = n.div_ceil(GROUP * KEYS_EACH);
     let counts = gpu.zeroed::<u32>("sums of tiles", n_tiles as usize)?;
@@ -23,6 +23,5 @@ pub(super) fn prefix_sums(
         // One row of sums.
         dispatches.work.dispatch(&*gpu.kernel("build/sort_scan", &tiled())?, &bound, [1, 1, 1])?;
     }
-    dispatches.tiles(&*gpu.kernel("build/tile_prefixes", &tiled())?, &bound, n_tiles)?;
-    Ok(totals)
+    dispatches.tiles(&*gpu.kernel("build/tile_prefixes", &tiled())?, &bound, n_tiles)
 }

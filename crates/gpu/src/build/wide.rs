@@ -5,9 +5,9 @@
 //!       -> leaves of several triangles ----------------------------> blocks
 //! ```
 //!
-//! A wide node is opened by area: the child with the largest box is replaced by its two children until there are eight. The order in memory
-//! follows the binary tree, so equal input gives equal words. A node is oriented where the boxes of its children, if they have oriented ones,
-//! lower the predicted cost.
+//! A wide node is opened by area: the child with the largest box is replaced by its two children until there are eight. The order
+//! in memory follows the binary tree, so equal input gives equal words. A node is oriented where the boxes of its children, if
+//! they have oriented ones, lower the predicted cost.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -35,7 +35,8 @@ const MAX_LEVELS: u32 = 128;
 const EMPTY: u32 = 0x7fff_ffff;
 const LEAF: u32 = 0x8000_0000;
 
-/// Eight-wide BVHs in device memory, in the layout of [`RawBvh`](canted_wide::RawBvh): those over triangles, then that over instances.
+/// Eight-wide BVHs in device memory, in the layout of [`RawBvh`](canted_wide::RawBvh): those over triangles, then that over
+/// instances.
 pub struct WideTrees {
     /// Nodes, in quads of words.
     pub nodes: Buffer<[u32; 4]>,
@@ -75,14 +76,18 @@ struct TargetLevel {
 }
 
 impl WideTrees {
-    /// Collapses the trees over triangles in `bottom`, and the tree over boxes of instances in `top`. Nodes over triangles are aligned, or
-    /// oriented where `bottom` has oriented boxes; those over instances are aligned. Between dispatches only the number of nodes of each level is
-    /// read back, to know the depth.
+    /// Collapses the trees over triangles in `bottom`, and the tree over boxes of instances in `top`. Nodes over triangles are
+    /// aligned, or oriented where `bottom` has oriented boxes; those over instances are aligned. Between dispatches only the
+    /// number of nodes of each level is read back, to know the depth.
     ///
-    /// # Errors
-    /// Trees over boxes as `bottom`, more than 2^26 triangles, a BVH of more than 128 levels, a limit of the device, or device lost.
+    /// # Errors Trees over boxes as `bottom`, more than 2^26 triangles, a BVH of more than 128 levels, a limit of the device, or
+    /// device lost.
     pub fn new(run: &mut Run<'_>, bottom: &Built, top: Option<&Built>) -> Result<Self, GpuError> {
         let gpu = run.gpu();
+        if run.is_recorded() {
+            let what = "a recorded build of wide BVHs, which reads the number of nodes back".to_owned();
+            return Err(GpuError::Unsupported { what });
+        }
         if bottom.items.corners().is_none() {
             return Err(GpuError::Invalid { message: "the first level is not over triangles".to_owned() });
         }
@@ -141,8 +146,9 @@ impl Kinds {
 
 /// Most wide nodes over trees with these ranges.
 ///
-/// A node that is not full has leaves only and more than `max_leaf` items of its own. With `E` of those and `F` full ones over `n` items, 7 F is
-/// less than the number of other nodes and leaves: `7 F < E + n - (max_leaf + 1) E`, and `E <= n / (max_leaf + 1)`.
+/// A node that is not full has leaves only and more than `max_leaf` items of its own. With `E` of those and `F` full ones over
+/// `n` items, 7 F is less than the number of other nodes and leaves: `7 F < E + n - (max_leaf + 1) E`, and `E <= n / (max_leaf +
+/// 1)`.
 fn capacity(ranges: &[Range], max_leaf: u32) -> u32 {
     let n = ranges.iter().map(|range| u64::from(range.count)).sum::<u64>();
     let most_not_full = n / u64::from(max_leaf + 1);
@@ -231,7 +237,8 @@ fn find(run: &mut Run<'_>, built: &Built, kinds: Kinds, units: &Buffer<u32>) -> 
         return Ok(0);
     }
     let first = gpu.buffer("roots", &first)?;
-    let queues: [Buffer<u32>; 2] = [gpu.zeroed("wide nodes of a level", most as usize)?, gpu.zeroed("wide nodes of a level", most as usize)?];
+    let queues: [Buffer<u32>; 2] =
+        [gpu.zeroed("wide nodes of a level", most as usize)?, gpu.zeroed("wide nodes of a level", most as usize)?];
     let counts = gpu.zeroed::<u32>("wide nodes of levels", MAX_LEVELS as usize + 1)?;
     let kind = if is_oriented { "shared/build/wide_kind/oriented" } else { "shared/build/wide_kind/aligned" };
     let chosen = Specialisation::none().number("MAX_LEAF", max_leaf).part("wide_kind", kind);

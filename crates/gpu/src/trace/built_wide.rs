@@ -64,9 +64,8 @@ impl TracedScene {
         let reach = packing.boxes.iter().fold(0.0, |all: f32, of_instance| all.max(of_instance.reach()));
         let [below, above] = [&trees.levels[0], &trees.levels[1]];
         let top_header = BvhHeader::wide(above.roots[0], above.first_quad, reach, packing.error);
-        let of_mesh = |(&root, bounds): (&u32, &MeshBounds)| {
-            header(root, below.first_quad, bounds.reach, trees.is_oriented)
-        };
+        let of_mesh =
+            |(&root, bounds): (&u32, &MeshBounds)| header(root, below.first_quad, bounds.reach, trees.is_oriented);
         let headers: Vec<BvhHeader> =
             std::iter::once(top_header).chain(below.roots.iter().zip(&bounds).map(of_mesh)).collect();
         let depth = below.depth + above.depth;

@@ -14,7 +14,7 @@ type Corners = [[f32; 3]; 3];
 const N: u32 = 12;
 
 /// A device that a program opened for itself; reports a skipped test if there is none.
-fn opened(test: &str) -> Option<(wgpu::Device, wgpu::Queue)> {
+pub(crate) fn opened(test: &str) -> Option<(wgpu::Device, wgpu::Queue)> {
     or_skip(test, Gpu::open(&Choice::Best))?;
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));

@@ -2,7 +2,7 @@
 
 use canted_film::{Aov, Film, Filter, Tile};
 use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, TracedScene};
-use canted_scene::Camera;
+use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 
 use super::DeviceError;
@@ -64,11 +64,27 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         camera: &Camera,
         settings: &'a Settings,
     ) -> Result<Self, DeviceError> {
+        Self::over(gpu, surfaces, structure, camera, settings, |scene| traced_scene(gpu, scene, structure))
+    }
+
+    /// The same with other BVHs on the device, in as many levels as `structure`: those that `make` returns for the scene, such as
+    /// [`built_scene`](crate::built_scene).
+    ///
+    /// # Errors
+    /// As for [`DevicePicture::new`], and those of `make`.
+    pub fn over(
+        gpu: &'a Gpu,
+        surfaces: &'a Surfaces<'a>,
+        structure: &'a Structure<K>,
+        camera: &Camera,
+        settings: &'a Settings,
+        make: impl FnOnce(&Scene) -> Result<TracedScene, DeviceError>,
+    ) -> Result<Self, DeviceError> {
         let scene = surfaces.scene();
         let cpu = Rendering::new(scene, structure, surfaces, camera, settings)?;
         collector::check_size(settings)?;
         check_supported(settings)?;
-        let traced = traced_scene(gpu, scene, structure)?;
+        let traced = make(scene)?;
         // AOVs show the materials of the path integrator.
         let materials = if settings.aovs.is_empty() { settings.integrator } else { Integrator::Path };
         let is_flat = matches!(structure, Structure::One(_));
