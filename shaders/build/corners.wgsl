@@ -15,14 +15,16 @@ struct MeshLayout {
     index_bytes: u32,
     /// Number of the mesh's first triangle among all.
     first_triangle: u32,
+    /// Number of the mesh's first word in `faults`.
+    first_fault: u32,
 }
 
 @group(0) @binding(1) var<uniform> mesh_layout: MeshLayout;
 @group(0) @binding(2) var<storage, read> mesh_vertices: array<u32>;
 @group(0) @binding(3) var<storage, read> mesh_indices: array<u32>;
 @group(0) @binding(4) var<storage, read_write> corners: array<u32>;
-/// The complement of the lowest triangle with an index out of range, and of the lowest with a coordinate that is not finite or too
-/// large; zero for none.
+/// Two words for each mesh: the complement of its lowest triangle with an index out of range, and of its lowest with a coordinate that is
+/// not finite or too large; zero for none.
 @group(0) @binding(5) var<storage, read_write> faults: array<atomic<u32>>;
 
 /// Bits of the largest coordinate that kernels support, 1e18.
@@ -56,7 +58,7 @@ fn main(id: Invocation) {
     for (var k = 0u; k < 3u; k++) {
         let index = index_of(3u * triangle + k);
         if index >= mesh_layout.n_vertices {
-            atomicMax(&faults[0], ~number);
+            atomicMax(&faults[mesh_layout.first_fault], ~triangle);
             is_sound = false;
             continue;
         }
@@ -64,7 +66,7 @@ fn main(id: Invocation) {
             let word = mesh_vertices[mesh_layout.first_word + mesh_layout.stride * index + axis];
             // As integers, because devices need not compare NaN.
             if (word & 0x7fffffffu) > MAX_COORDINATE {
-                atomicMax(&faults[1], ~number);
+                atomicMax(&faults[mesh_layout.first_fault + 1u], ~triangle);
                 is_sound = false;
             }
             words[3u * k + axis] = word;

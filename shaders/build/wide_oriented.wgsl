@@ -1,6 +1,7 @@
 // Wide nodes with a frame for each child, in the layout of shared/node_kinds.
 //
-// # Half-extents A slab as in shared/build/pair/obb holds all points of the box, about the box's center. The node stores the
+// # Half-extents
+// A slab as in shared/build/pair/obb holds all points of the box, about the box's center. The node stores the
 // coordinate of the center along the axis, a dot product that errs by 3 E of its absolute terms, less than 4 E as computed; the
 // half-extent grows by as much.
 // Reads: binary tree, oriented boxes, triangles, the order of wide nodes.

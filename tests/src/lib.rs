@@ -13,6 +13,7 @@ pub mod extremes;
 pub mod fractions;
 pub mod holes;
 pub mod instances;
+pub mod judge;
 pub mod leaks;
 pub mod models;
 pub mod rays;

@@ -2,6 +2,7 @@
 
 mod twins_render {
     mod compared;
+    mod frames;
     mod guides;
     mod models;
     mod paths;

@@ -6,17 +6,17 @@ mod twins_trace {
     mod binary;
     mod built_wide;
     mod deep;
+    mod frames;
     mod instances;
     mod meshes;
     mod models;
     mod moving;
     mod placed;
-    mod reference;
     #[path = "../wide/setup.rs"]
     #[expect(dead_code, reason = "only the configurations are used")]
     mod setup;
     mod small;
     mod traversals;
 
-    pub(crate) use canted_tests::device::gpu;
+    pub(crate) use canted_tests::{device::gpu, judge as reference};
 }

@@ -14,7 +14,7 @@ use crate::{
     command::{self, cargo, has_cargo_command, say, succeeds},
     png,
     publish::{self, Outcome},
-    python, test, tidy, workspace,
+    python, test, tidy, window, workspace,
 };
 
 /// How a step ended.
@@ -34,7 +34,7 @@ impl End {
 
 type Step = (&'static str, fn() -> Result<End>);
 
-const STEPS: [Step; 11] = [
+const STEPS: [Step; 12] = [
     ("formatting", formatting),
     ("tidy", || tidy::run().map(End::of)),
     ("lints", lints),
@@ -46,6 +46,7 @@ const STEPS: [Step; 11] = [
     ("packages", packages),
     ("benches as tests", benches),
     ("a short render", short_render),
+    ("window", window),
 ];
 
 /// Runs all steps, then the tests. Returns whether all passed.
@@ -202,6 +203,14 @@ fn dependencies() -> Result<End> {
 /// Runs each benchmark once, in the profile of the tests.
 fn benches() -> Result<End> {
     succeeds(&mut cargo(&["test", "--workspace", "--bench", "stages", "--bench", "obj"])).map(End::of)
+}
+
+/// Builds and tests the window of `canted view`, where that is requested.
+fn window() -> Result<End> {
+    match window::skipped() {
+        Some(reason) => Ok(End::Skipped(reason)),
+        None => window::run().map(End::of),
+    }
 }
 
 /// Renders the built-in scene with the release program.

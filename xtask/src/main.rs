@@ -20,6 +20,7 @@ mod report;
 mod tables;
 mod test;
 mod tidy;
+mod window;
 mod workspace;
 
 use std::process::ExitCode;
@@ -33,6 +34,7 @@ const USAGE: &str = "usage: cargo xtask TASK
   packages          check every package as it would be uploaded
   wheel             build the Python packages into target/wheels; needs Python 3.9 or newer
   python [RAYS [ROUNDS]]  measure the Python package and its peers into benches/PYTHON.md, and fill the tables
+  window            build `canted view` with its window in target/view, and test it on a virtual X server; needs Xvfb, xdotool, xwd
   tidy              check style rules that formatters and lints do not cover
   tables            fill the measured tables of README.md and docs from benches/RESULTS.md
   bench [ARGS]      run benchmarks and write benches/RESULTS.md: load, build, trace, picture, textures, bias, noise,
@@ -42,6 +44,7 @@ const USAGE: &str = "usage: cargo xtask TASK
                     --keep (into benches/RESULTS.md and benches/report.json)
   agree A B         compare two report.json, e.g. of a quick and a full run, within their spreads
   grazing [ARGS]    trace grazing rays and write tests/GRAZING.md; --rays N [default: 10 million]
+  grazing-device [ARGS]  trace them on a device and write tests/GRAZING_DEVICE.md; --rays N for each strategy [default: 1 million]
   watertight [ARGS] trace rays at edges of closed meshes and write tests/WATERTIGHT.md; --rays N [default: 100 million]
   extremes [ARGS]   test every numerical promise and write tests/EXTREMES.md; --effort N multiplies the inputs, --peers
   fuzz [ARGS]       read mutated files with every reader and write tests/FUZZ.md; --minutes N [default: 1], --seed N
@@ -57,12 +60,14 @@ fn main() -> ExitCode {
         ["packages"] => packages(),
         ["wheel"] => python::wheel(),
         ["python", ref args @ ..] => python::measure(args),
+        ["window"] => window::run(),
         ["tidy"] => tidy::run(),
         ["tables"] => tables::run(),
         ["bench", ref args @ ..] => bench::run(args),
         ["report", ref args @ ..] => report::run(args),
         ["agree", a, b] => agree::run(a.as_ref(), b.as_ref()),
         ["grazing", ref args @ ..] => record::GRAZING.run(args),
+        ["grazing-device", ref args @ ..] => record::GRAZING_DEVICE.run(args),
         ["watertight", ref args @ ..] => record::WATERTIGHT.run(args),
         ["extremes", ref args @ ..] => record::EXTREMES.run(args),
         ["fuzz", ref args @ ..] => record::FUZZ.run(args),

@@ -46,6 +46,22 @@ presets. `t`, `u`, `v`, primitive and occlusion are compared with a reference.
 ",
 };
 
+/// The same through BVHs that a device builds.
+pub(crate) const GRAZING_DEVICE: Recorded = Recorded {
+    name: "grazing-device",
+    cargo: GRAZING.cargo,
+    built: None,
+    program: &["--device"],
+    file: "tests/GRAZING_DEVICE.md",
+    preamble: "# Grazing rays on a device
+
+Written by `cargo xtask grazing-device [--rays N]`; do not edit. The rays are those of `tests/GRAZING.md`. Each is traced through a binary
+BVH that the device builds with each volume strategy, one level, recorded as in a program's own encoder. A hit of the CPU's reference
+is lost if the device finds nothing, or something behind it that is not within the stated error of the ray. Other triangles are ties
+within that error. Rays that the driver ended early are not answered.
+",
+};
+
 /// Mutated files for every reader, in the test profile, which checks for overflow.
 pub(crate) const FUZZ: Recorded = Recorded {
     name: "fuzz",
@@ -152,6 +168,7 @@ mod tests {
     fn pages_have_title_facts_and_table() {
         for (run, title) in [
             (GRAZING, "# Grazing rays\n"),
+            (GRAZING_DEVICE, "# Grazing rays on a device\n"),
             (FUZZ, "# Mutated files\n"),
             (WATERTIGHT, "# Closed meshes\n"),
             (EXTREMES, "# Extremes\n"),

@@ -3,8 +3,8 @@ use std::fmt;
 use canted_bvh2::leaf_triangles::LeafTriangles;
 use canted_bvh2::triangle_queries;
 use canted_lbvh::{GeometryError, MAX_PRIMITIVES, par, triangle_corners};
-use canted_obb::{Obb, PrimId};
-use canted_trace::Kernel;
+use canted_obb::{Aabb, Obb, PrimId};
+use canted_trace::{Kernel, ReferencePoint};
 
 use crate::partition::{Content, Item};
 use crate::{BoxBih, Config, Memory};
@@ -33,6 +33,10 @@ pub struct Bih<K: Kernel> {
     boxes: BoxBih,
     /// The triangles in leaf order.
     records: Vec<K::Record>,
+    /// What the boxes are relative to; triangles are in object space.
+    reference: ReferencePoint,
+    /// Of all triangles, object space.
+    bounds: Aabb,
 }
 
 impl<K: Kernel> Bih<K> {
@@ -46,14 +50,20 @@ impl<K: Kernel> Bih<K> {
         }
         let vertex = |i: u32| positions.get(i as usize).copied().unwrap_or([f32::NAN; 3]);
         let corners = |&[a, b, c]: &[u32; 3]| [vertex(a), vertex(b), vertex(c)];
+        let reference = ReferencePoint::near(triangles.len(), |i| Aabb::from_points(corners(&triangles[i])));
+        let moved = |triangle: &[u32; 3]| corners(triangle).map(|vertex| reference.moved(vertex));
         #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 triangles")]
-        let items = par::from_fn(triangles.len(), CHUNK, |i| Item::of_triangle(i as u32, corners(&triangles[i])));
+        let items = par::from_fn(triangles.len(), CHUNK, |i| Item::of_triangle(i as u32, moved(&triangles[i])));
         let contents = par::map_chunks(&items, CHUNK, |_, chunk| Content::of(chunk));
         let content = contents.into_iter().reduce(Content::union).unwrap_or(Content::EMPTY);
         if !content.reach.is_finite() {
             // The error is found here, off the fast path.
             triangle_corners(positions, triangles)?;
         }
+        let bounds = match reference.is_origin() {
+            true => content.bounds,
+            false => Aabb::from_points(triangles.iter().flat_map(corners)),
+        };
         let boxes = BoxBih::of_items(items, content, config);
         // The order of the triangles stays the caller's: only references are sorted, and records copied in their order.
         // Every index is valid by now.
@@ -62,15 +72,22 @@ impl<K: Kernel> Bih<K> {
             K::record([positions[a as usize], positions[b as usize], positions[c as usize]])
         };
         let records = par::map(&boxes.primitives, CHUNK, record);
-        Ok(Self { boxes, records })
+        Ok(Self { boxes, records, reference, bounds })
     }
 
     #[inline(always)]
     fn leaf_triangles(&self) -> LeafTriangles<'_, BoxBih, K> {
-        LeafTriangles { nodes: &self.boxes, records: &self.records, primitives: &self.boxes.primitives }
+        let (nodes, records, primitives) = (&self.boxes, &self.records[..], &self.boxes.primitives[..]);
+        LeafTriangles { nodes, records, primitives, reference: self.reference }
     }
 
-    /// The nodes.
+    /// What the nodes are relative to: a point near the triangles if these are far from the origin.
+    #[must_use]
+    pub fn reference(&self) -> ReferencePoint {
+        self.reference
+    }
+
+    /// The nodes, relative to [`Bih::reference`].
     #[must_use]
     pub fn boxes(&self) -> &BoxBih {
         &self.boxes
@@ -79,7 +96,10 @@ impl<K: Kernel> Bih<K> {
     /// The box around all triangles; a point at the origin if there are none.
     #[must_use]
     pub fn bounds(&self) -> Obb {
-        self.boxes.bounds()
+        match self.bounds.is_empty() {
+            true => Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [0.0; 3] },
+            false => Obb::from_aabb(&self.bounds),
+        }
     }
 
     /// Number of triangles.
@@ -105,7 +125,7 @@ triangle_queries!(Bih);
 
 impl<K: Kernel> Clone for Bih<K> {
     fn clone(&self) -> Self {
-        Self { boxes: self.boxes.clone(), records: self.records.clone() }
+        Self { boxes: self.boxes.clone(), records: self.records.clone(), ..*self }
     }
 }
 

@@ -63,6 +63,7 @@ mod boxes;
 mod build;
 mod check;
 mod config;
+mod each_box;
 mod node;
 mod partition;
 mod split;

@@ -3,10 +3,10 @@
 //! # No lost hit
 //! A plane bounds its child on one side, as a plane of an axis-aligned box does, so the proof is that of
 //! `trace/src/slab.rs`, plane by plane. Let u = 2^-24, ρ∞ the greatest coordinate of the triangles *below this child*, and
-//! `S = |o|∞ + ρ∞`. A hit that a kernel reports at `t` lies within `e = HIT_ERROR·S` of its triangle in each coordinate: its
-//! point `P = o + t·d` satisfies `P_k <= max_k + e` and `P_k >= min_k - e` for the content of the child, with `t <= S + e`.
+//! `S = |o|∞ + ρ∞`. All coordinates are relative to the reference point of the BIH, so a hit that a kernel reports at `t` lies
+//! within `e = (HIT_ERROR + u)·S` of its triangle in each coordinate ([`canted_trace::ReferencePoint`]): its point `P = o + t·d` satisfies `P_k <= max_k + e` and `P_k >= min_k - e` for the content of the child, with `t <= S + e`.
 //!
-//! *Who carries the padding.* Let `c` be [`AABB_PAD`](canted_trace::AABB_PAD) `= HIT_ERROR + 5 u`. The build stores the upper plane
+//! *Who carries the padding.* Let `c` be [`AABB_PAD`](canted_trace::AABB_PAD) `= HIT_ERROR + 6 u`. The build stores the upper plane
 //! `h⁺ >= max_k + c·ρ∞` and the lower plane `l⁻ <= min_k - c·ρ∞`, rounded outward. The ray carries `o⁺ = fl(o + c·|o|∞)`, from
 //! which lower planes are hit, and `o⁻ = fl(o - c·|o|∞)`, from which upper ones are.
 //!

@@ -1,11 +1,14 @@
 use std::fmt;
 
-use canted_lbvh::{self as lbvh, Bits, Corners, Domain, GeometryError, Tree, Volumes};
+use canted_lbvh::{self as lbvh, Bits, Corners, Domain, GeometryError, Tree, Volumes, par};
 use canted_obb::{Aabb, Obb, PrimId};
-use canted_trace::Kernel;
+use canted_trace::{Kernel, ReferencePoint};
 
 use crate::leaf_triangles::LeafTriangles;
 use crate::{PairBvh, PairOrder, triangle_queries};
+
+/// Triangles of one job.
+const CHUNK: usize = 1 << 13;
 
 /// How [`Bvh2::build`] and [`Bvh2::over`] build.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -42,6 +45,10 @@ pub struct Bvh2<K: Kernel> {
     records: Vec<K::Record>,
     /// The number of the triangle of each leaf.
     leaves: Vec<PrimId>,
+    /// What the nodes are relative to; triangles are in object space.
+    reference: ReferencePoint,
+    /// The box of the root, object space.
+    bounds: Obb,
 }
 
 impl<K: Kernel> Bvh2<K> {
@@ -53,34 +60,55 @@ impl<K: Kernel> Bvh2<K> {
         let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
         let codes = lbvh::morton_codes(&Domain::new(&bounds, 3, config.bits), &corners);
         let tree = lbvh::radix(lbvh::sort_by_code(&codes, config.bits));
-        let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
-        let volumes = lbvh::volumes(&tree, &sorted, &config.volumes);
-        Ok(Self::new(tree, &volumes, sorted, &bounds, PairOrder::Numbered))
+        Ok(Self::in_order(tree, &corners, &bounds, config, PairOrder::Numbered))
     }
 
     /// Builds over the tree of another builder. `corners` are in the caller's order.
     #[must_use]
     pub fn over(tree: Tree, corners: &[Corners], bounds: &Aabb, config: &BuildConfig) -> Self {
+        Self::in_order(tree, corners, bounds, config, PairOrder::DepthFirst)
+    }
+
+    /// Computes the volumes, relative to a point near the triangles.
+    fn in_order(tree: Tree, corners: &[Corners], bounds: &Aabb, config: &BuildConfig, pair_order: PairOrder) -> Self {
         let sorted = lbvh::in_leaf_order(corners, &tree.leaves);
-        let volumes = lbvh::volumes(&tree, &sorted, &config.volumes);
-        Self::new(tree, &volumes, sorted, bounds, PairOrder::DepthFirst)
+        let reference = ReferencePoint::near(corners.len(), |i| Aabb::from_points(corners[i]));
+        if reference.is_origin() {
+            let volumes = lbvh::volumes(&tree, &sorted, &config.volumes);
+            return Self::new(tree, &volumes, sorted, bounds, pair_order);
+        }
+        let moved = par::map(&sorted, CHUNK, |corners| corners.map(|vertex| reference.moved(vertex)));
+        let volumes = lbvh::volumes(&tree, &moved, &config.volumes);
+        let pairs = PairBvh::new(&tree, &volumes, &moved, &reference.moved_box(bounds), pair_order);
+        let records = sorted.into_iter().map(K::record).collect();
+        Self { pairs, records, leaves: tree.leaves, reference, bounds: Obb::from_aabb(bounds) }
     }
 
     /// Combines the results of the build stages. `sorted` are the corners in leaf order.
+    ///
+    /// Boxes are relative to the origin. [`Bvh2::build`] and [`Bvh2::over`] take a point near the triangles instead, so that meshes far from
+    /// the origin are traced as fast.
     #[must_use]
     pub fn new(tree: Tree, volumes: &Volumes, sorted: Vec<Corners>, bounds: &Aabb, pair_order: PairOrder) -> Self {
         let pairs = PairBvh::new(&tree, volumes, &sorted, bounds, pair_order);
         // If a record is just the vertices, this reuses the allocation.
         let records = sorted.into_iter().map(K::record).collect();
-        Self { pairs, records, leaves: tree.leaves }
+        let (reference, bounds) = (ReferencePoint::ORIGIN, *pairs.bounds());
+        Self { pairs, records, leaves: tree.leaves, reference, bounds }
     }
 
     #[inline(always)]
     fn leaf_triangles(&self) -> LeafTriangles<'_, PairBvh, K> {
-        LeafTriangles { nodes: &self.pairs, records: &self.records, primitives: &self.leaves }
+        LeafTriangles { nodes: &self.pairs, records: &self.records, primitives: &self.leaves, reference: self.reference }
     }
 
-    /// The nodes.
+    /// What the nodes are relative to: a point near the triangles if these are far from the origin.
+    #[must_use]
+    pub fn reference(&self) -> ReferencePoint {
+        self.reference
+    }
+
+    /// The nodes, relative to [`Bvh2::reference`].
     #[must_use]
     pub fn pairs(&self) -> &PairBvh {
         &self.pairs
@@ -89,7 +117,7 @@ impl<K: Kernel> Bvh2<K> {
     /// The box of the root.
     #[must_use]
     pub fn bounds(&self) -> Obb {
-        *self.pairs.bounds()
+        self.bounds
     }
 
     /// Number of triangles.
@@ -109,7 +137,9 @@ triangle_queries!(Bvh2);
 
 impl<K: Kernel> Clone for Bvh2<K> {
     fn clone(&self) -> Self {
-        Self { pairs: self.pairs.clone(), records: self.records.clone(), leaves: self.leaves.clone() }
+        let Self { reference, bounds, .. } = *self;
+        let (pairs, records, leaves) = (self.pairs.clone(), self.records.clone(), self.leaves.clone());
+        Self { pairs, records, leaves, reference, bounds }
     }
 }
 
@@ -120,7 +150,7 @@ impl<K: Kernel> fmt::Debug for Bvh2<K> {
             .field("n_triangles", &self.n_triangles())
             .field("n_pairs", &self.pairs.n_pairs())
             .field("depth", &self.pairs.depth())
-            .field("bounds", self.pairs.bounds())
+            .field("bounds", &self.bounds)
             .finish_non_exhaustive()
     }
 }

@@ -2,7 +2,7 @@
 //! interface.
 
 use canted_obb::PrimId;
-use canted_trace::{Hit, InstanceId, Kernel, Query, Ray, ScaledRay, SlabRay};
+use canted_trace::{Hit, InstanceId, Kernel, Query, Ray, ReferencePoint, ScaledRay, SlabRay};
 
 use crate::PairBvh;
 
@@ -47,6 +47,8 @@ pub struct LeafTriangles<'a, N, K: Kernel> {
     pub records: &'a [K::Record],
     /// Its number in the caller's array. Two positions may refer to the same triangle.
     pub primitives: &'a [PrimId],
+    /// What the nodes are relative to; triangles are in object space.
+    pub reference: ReferencePoint,
 }
 
 impl<N: Leaves, K: Kernel> LeafTriangles<'_, N, K> {
@@ -56,7 +58,7 @@ impl<N: Leaves, K: Kernel> LeafTriangles<'_, N, K> {
         let ray = ScaledRay::new(ray)?;
         let prepared = K::prepare(&ray);
         let mut best: Option<Hit> = None;
-        let slab_ray = SlabRay::new(&ray, 0.0);
+        let slab_ray = self.slab_ray(&ray);
         self.nodes.traverse::<true, Q>(&slab_ray, ray.t_max, query, |leaf, t_max, query| {
             query.triangles(1);
             match self.hit(&prepared, &ray, leaf, t_max, instance) {
@@ -76,7 +78,7 @@ impl<N: Leaves, K: Kernel> LeafTriangles<'_, N, K> {
         let Some(ray) = ScaledRay::new(ray) else { return false };
         let prepared = K::prepare(&ray);
         let mut found = false;
-        let slab_ray = SlabRay::new(&ray, 0.0);
+        let slab_ray = self.slab_ray(&ray);
         self.nodes.traverse::<false, Q>(&slab_ray, ray.t_max, query, |leaf, t_max, query| {
             query.triangles(1);
             match self.hit(&prepared, &ray, leaf, t_max, instance) {
@@ -96,7 +98,7 @@ impl<N: Leaves, K: Kernel> LeafTriangles<'_, N, K> {
         hits.clear();
         let Some(ray) = ScaledRay::new(ray) else { return };
         let prepared = K::prepare(&ray);
-        let slab_ray = SlabRay::new(&ray, 0.0);
+        let slab_ray = self.slab_ray(&ray);
         self.nodes.traverse::<false, Q>(&slab_ray, ray.t_max, query, |leaf, t_max, query| {
             query.triangles(1);
             let hit = self.hit(&prepared, &ray, leaf, t_max, instance);
@@ -110,6 +112,12 @@ impl<N: Leaves, K: Kernel> LeafTriangles<'_, N, K> {
         for hit in hits {
             hit.t = ray.caller_t(hit.t);
         }
+    }
+
+    /// The ray for the nodes.
+    #[inline(always)]
+    fn slab_ray(&self, ray: &ScaledRay) -> SlabRay {
+        SlabRay::new(&self.reference.moved_ray(ray), 0.0)
     }
 
     /// The hit at a leaf position, `t` scaled, whether or not the query accepts it.

@@ -1,5 +1,6 @@
 //! A binary BVH over any leaves: one node holds the boxes of two siblings, so one step tests both.
 
+mod boxes;
 mod build;
 mod bvh;
 mod child;

@@ -22,9 +22,23 @@ pub fn serial<'r, T>(rays: &'r [Ray], results: &mut [T], mut trace: impl FnMut(u
 /// # Panics
 /// If the slices differ in length.
 pub fn parallel<'r, T: Send>(rays: &'r [Ray], results: &mut [T], trace: impl Fn(usize, &'r Ray, &mut T) + Sync + Send) {
+    parallel_with(rays, results, || (), |(), index, ray, result| trace(index, ray, result));
+}
+
+/// As [`parallel`], with memory that several rays use in turn.
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn parallel_with<'r, T: Send, M>(
+    rays: &'r [Ray],
+    results: &mut [T],
+    memory: impl Fn() -> M + Sync + Send,
+    trace: impl Fn(&mut M, usize, &'r Ray, &mut T) + Sync + Send,
+) {
     assert_eq!(rays.len(), results.len(), "one result for each ray");
     let chunks = rays.chunks(CHUNK).zip(results.chunks_mut(CHUNK)).enumerate().collect();
     par::for_jobs(chunks, |(i, (rays, results))| {
-        serial(rays, results, |index, ray, result| trace(i * CHUNK + index, ray, result));
+        let mut memory = memory();
+        serial(rays, results, |index, ray, result| trace(&mut memory, i * CHUNK + index, ray, result));
     });
 }

@@ -11,6 +11,7 @@ mod frames;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod look;
+mod overlay;
 mod passes;
 mod samples;
 mod setup;
@@ -22,6 +23,8 @@ use std::{
 
 use anyhow::{Result, anyhow};
 use canted_film::{Film, Format, Record, Tile, encode, write_film_as};
+#[cfg(feature = "gpu")]
+use canted_renderer::DeviceFrames;
 use canted_renderer::{FirstHit, MipMaps, Prepared, Settings, Surfaces, heatmap};
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
@@ -42,6 +45,8 @@ pub(crate) use denoise::denoised as denoised_film;
 use facts::Fact;
 pub(crate) use facts::dropped_samples;
 use film::{CpuRenderer, FilmRenderer};
+use overlay::Overlay;
+pub(crate) use overlay::no_boxes;
 pub(crate) use passes::{next as next_pass, whole as whole_film};
 pub(crate) use setup::{Choice, Setup, choose, decided, setup};
 
@@ -53,11 +58,11 @@ enum Output {
 }
 
 impl Output {
-    fn write(self, args: &Args) -> Result<()> {
+    fn write(self, args: &Args, overlay: Option<&Overlay>) -> Result<()> {
         match self {
-            Self::Film(film, record, denoised) => write(args, *film, denoised, &record),
+            Self::Film(film, record, denoised) => write(args, *film, denoised, &record, overlay),
             // A heat map is a diagram: its colors are not exposed.
-            Self::Picture(picture) => write_encoded(args, &picture),
+            Self::Picture(picture) => write_encoded(args, picture, overlay),
         }
     }
 }
@@ -65,7 +70,7 @@ impl Output {
 /// Writes a film as it is so far.
 fn show(args: &Args, film: Film) -> Result<()> {
     let denoised = denoised(args, &film)?;
-    write(args, film, denoised, &Record::new())
+    write(args, film, denoised, &Record::new(), None)
 }
 
 /// The denoised picture of a film, if it is requested.
@@ -76,14 +81,28 @@ fn denoised(args: &Args, film: &Film) -> Result<Option<canted_film::Picture>> {
 /// Writes the part of a film that is shown, or its denoised picture, and the requested channels.
 ///
 /// Takes the film, so that its memory is free before the file is encoded.
-fn write(args: &Args, film: Film, denoised: Option<canted_film::Picture>, record: &Record) -> Result<()> {
+fn write(
+    args: &Args,
+    film: Film,
+    denoised: Option<canted_film::Picture>,
+    record: &Record,
+    overlay: Option<&Overlay>,
+) -> Result<()> {
     let film = if args.crop.is_some() { cropped(&film, args.crop).into_owned() } else { film };
     let aovs = args.samples.aovs();
     if film.part().is_some() || !aovs.is_empty() {
-        let picture = denoised.unwrap_or_else(|| film.picture());
+        let mut picture = denoised.unwrap_or_else(|| film.picture());
+        draw(args, &mut picture, overlay);
         return Ok(write_film_as(&args.output, &picture, &film, aovs, record)?);
     }
-    write_picture(args, denoised.unwrap_or_else(|| film.into_picture()))
+    write_picture(args, denoised.unwrap_or_else(|| film.into_picture()), overlay)
+}
+
+/// Draws boxes over the part of a picture that is shown.
+fn draw(args: &Args, picture: &mut canted_film::Picture, overlay: Option<&Overlay>) {
+    if let Some(overlay) = overlay {
+        overlay.draw(picture, args.crop.map_or([0, 0], |[left, top, ..]| [left, top]));
+    }
 }
 
 /// The part of a film that is shown.
@@ -92,18 +111,19 @@ fn cropped(film: &Film, crop: Option<[u32; 4]>) -> Cow<'_, Film> {
 }
 
 /// Writes a picture with the look of the options.
-fn write_picture(args: &Args, picture: canted_film::Picture) -> Result<()> {
+fn write_picture(args: &Args, picture: canted_film::Picture, overlay: Option<&Overlay>) -> Result<()> {
     let is_linear = args.format()?.is_linear();
-    write_encoded(args, &if is_linear { picture } else { args.look.apply(picture) })
+    write_encoded(args, if is_linear { picture } else { args.look.apply(picture) }, overlay)
 }
 
-fn write_encoded(args: &Args, picture: &canted_film::Picture) -> Result<()> {
+fn write_encoded(args: &Args, mut picture: canted_film::Picture, overlay: Option<&Overlay>) -> Result<()> {
+    draw(args, &mut picture, overlay);
     let format = args.format()?;
     if args.is_stream() {
-        let bytes = encode(picture, format).map_err(|reason| anyhow!("cannot write standard output: {reason}"))?;
+        let bytes = encode(&picture, format).map_err(|reason| anyhow!("cannot write standard output: {reason}"))?;
         return output::bytes_to_stdout(&bytes);
     }
-    Ok(canted_film::write_picture(&args.output, picture, format)?)
+    Ok(canted_film::write_picture(&args.output, &picture, format)?)
 }
 
 /// What rendering returns. The checkpoint is removed once the output is written.
@@ -111,6 +131,7 @@ struct Rendered {
     output: Output,
     facts: Vec<Fact>,
     checkpoint: Option<CheckpointWriter>,
+    overlay: Option<Overlay>,
 }
 
 impl Rendered {
@@ -124,7 +145,7 @@ impl Rendered {
 
     /// Writes the output, then removes the checkpoint. Returns the facts.
     fn write(self, args: &Args) -> Result<Vec<Fact>> {
-        let written = self.output.write(args);
+        let written = self.output.write(args, self.overlay.as_ref());
         if let Some(checkpoint) = self.checkpoint {
             // If the output cannot be written, the next run continues from the checkpoint.
             if written.is_ok() { checkpoint.remove()? } else { checkpoint.save() }
@@ -218,7 +239,8 @@ fn render<K: LaneKernel>(
 ) -> Result<Rendered> {
     let mut args = args.clone();
     let Setup { prepared, camera, choice } = setup::<K>(scene, &mut args, source)?;
-    let mut rendered = render_picture(scene, &args, machine, &prepared, &camera, choice, &mut None)?.rendered;
+    let mut last = LastFrame::default();
+    let mut rendered = render_picture(scene, &args, machine, &prepared, &camera, choice, &mut last)?.rendered;
     rendered.facts.push(("load_seconds", json!(load_time.as_secs_f64())));
     Ok(rendered)
 }
@@ -242,7 +264,16 @@ struct Picture {
     trace_time: Duration,
 }
 
-/// Renders a scene that is ready, with the mip maps of the frame before, if there is one; leaves those of this frame.
+/// What the picture of a frame leaves for the next one.
+#[derive(Default)]
+struct LastFrame {
+    mip_maps: Option<MipMaps>,
+    /// Only in a sequence.
+    #[cfg(feature = "gpu")]
+    device: Option<DeviceFrames>,
+}
+
+/// Renders a scene that is ready, with what the frame before left, if there is one; leaves the same of this frame.
 #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "the CPU is the only machine"))]
 fn render_picture<K: LaneKernel>(
     scene: &Scene,
@@ -251,7 +282,7 @@ fn render_picture<K: LaneKernel>(
     prepared: &Prepared<K>,
     camera: &Camera,
     choice: Choice,
-    mip_maps: &mut Option<MipMaps>,
+    last: &mut LastFrame,
 ) -> Result<Picture> {
     let settings = Settings { means_only: args.samples.needs_means_only(), ..args.settings()? };
     let mut facts = facts::of_structure(scene, prepared);
@@ -270,14 +301,14 @@ fn render_picture<K: LaneKernel>(
         Output::Picture(map.picture)
     } else {
         let (structure, settings) = (&prepared.structure, &settings);
-        let surfaces = match &mip_maps {
+        let surfaces = match &last.mip_maps {
             Some(known) => Surfaces::with_mip_maps(scene, settings.lod, known),
             None => Surfaces::with_lod(scene, settings.lod),
         };
-        *mip_maps = Some(surfaces.mip_maps());
+        last.mip_maps = Some(surfaces.mip_maps());
         #[cfg(feature = "gpu")]
         let on_gpu = match machine.has_gpu() {
-            true => gpu::GpuRenderer::new(machine, args, &surfaces, structure, camera, settings)?,
+            true => gpu::GpuRenderer::new(machine, args, &surfaces, structure, camera, settings, last.device.as_mut())?,
             false => None,
         };
         #[cfg(not(feature = "gpu"))]
@@ -312,8 +343,9 @@ fn render_picture<K: LaneKernel>(
         Output::Film(Box::new(film), record, denoised)
     };
     let trace_time = start.elapsed();
+    let overlay = Overlay::new(args, &prepared.structure, camera)?;
     facts.push(("trace_seconds", json!(trace_time.as_secs_f64())));
     facts.push(("threads", json!(rayon::current_num_threads())));
     facts.push(("not_needed", not_needed::json(&prepared.unused, args.heatmap.is_some())));
-    Ok(Picture { rendered: Rendered { output, facts, checkpoint }, trace_time })
+    Ok(Picture { rendered: Rendered { output, facts, checkpoint, overlay }, trace_time })
 }

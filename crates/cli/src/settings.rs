@@ -20,7 +20,7 @@ use clap::{
 use crate::{load, output, render, words::Words};
 
 /// Options about a run: its files, devices and reports.
-const RUN_OPTIONS: [&str; 22] = [
+const RUN_OPTIONS: [&str; 23] = [
     "scene",
     "output",
     "crop",
@@ -34,6 +34,7 @@ const RUN_OPTIONS: [&str; 22] = [
     "checkpoint_every",
     "heatmap",
     "heatmap_scale",
+    "boxes",
     "device",
     "threads",
     "json",

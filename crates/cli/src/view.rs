@@ -1,18 +1,22 @@
 //! `canted view`: a scene to look at, in a window or by recorded events.
 //!
 //! ```text
-//! window | script -> events -> session -> worker -> passes -> stage
+//! window | script -> events -> session -> worker -> passes (coarse, refine) -> stage -> traced -> device
 //! ```
 
 mod channel;
+mod device;
 mod events;
+mod frame;
 mod motion;
 mod options;
 mod passes;
+mod refine;
 mod replay;
 mod script;
 mod session;
 mod stage;
+mod traced;
 #[cfg(feature = "view")]
 mod window;
 mod worker;
@@ -38,7 +42,10 @@ pub(crate) struct Args {
 
 const EXAMPLES: &str = "Examples:\n  canted view helmet.glb --size 960x540\n  canted view --replay events.toml --frames pictures\n\n\
     Drag to orbit, with the right button to pan; scroll to zoom; w a s d q e to fly; home for the first view.\n\
-    Keys: h heat map, i integrator, v channel, x structure, p screenshot, c copy as command.";
+    Keys: h heat map, i integrator, v channel, x structure, b boxes, p screenshot, c copy as command.";
+
+const DEVICE: &str = "Compute device: cpu, gpu, auto, or part of an adapter name (see `canted devices`). The CPU renders coarse pictures, \
+                      heat maps and what the device does not support";
 
 /// Not derived: the options are some of those of [`crate::render::Args`].
 impl clap::Args for Args {
@@ -48,7 +55,10 @@ impl clap::Args for Args {
             let id = arg.get_id().as_str();
             options::is_option(id) || ["scene", "threads", "json", "time", "animation"].contains(&id)
         };
-        let shared = render.get_arguments().filter(is_ours).cloned();
+        let shared = render.get_arguments().filter(is_ours).cloned().map(|arg| match arg.get_id().as_str() {
+            "device" => arg.default_value("cpu").help(DEVICE),
+            _ => arg,
+        });
         let path = |name: &'static str, value: &'static str| {
             Arg::new(name)
                 .long(name)

@@ -1,6 +1,9 @@
 //! Typed buffers.
 
-use std::{marker::PhantomData, sync::mpsc};
+use std::{
+    marker::PhantomData,
+    sync::{Arc, mpsc},
+};
 
 use bytemuck::Pod;
 use wgpu::{BufferDescriptor, BufferUsages, MapMode};
@@ -14,7 +17,7 @@ pub struct Buffer<T> {
     len: usize,
     values: PhantomData<T>,
     /// Releases the memory when the buffer is dropped.
-    _share: Share,
+    share: Arc<Share>,
 }
 
 impl<T> Buffer<T> {
@@ -41,6 +44,16 @@ impl<T> Buffer<T> {
     pub fn n_bytes(&self) -> u64 {
         self.raw.size()
     }
+
+    /// A buffer of `len` values and its share of the memory.
+    pub(crate) fn of_parts(raw: wgpu::Buffer, len: usize, share: Arc<Share>) -> Self {
+        Self { raw, len, values: PhantomData, share }
+    }
+
+    /// The buffer and its share of the memory.
+    pub(crate) fn parts(&self) -> (wgpu::Buffer, Arc<Share>) {
+        (self.raw.clone(), self.share.clone())
+    }
 }
 
 impl Gpu {
@@ -51,7 +64,7 @@ impl Gpu {
     pub fn buffer<T: Pod>(&self, what: &str, values: &[T]) -> Result<Buffer<T>, GpuError> {
         let buffer = self.zeroed(what, values.len())?;
         if !values.is_empty() {
-            self.queue.write_buffer(&buffer.raw, 0, bytemuck::cast_slice(values));
+            self.upload(&buffer.raw, 0, bytemuck::cast_slice(values));
         }
         Ok(buffer)
     }
@@ -73,14 +86,26 @@ impl Gpu {
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let most = self.limits().max_uniform_buffer_binding_size;
         let buffer = self.allocate(what, 1, usage, most, "bytes in a uniform binding")?;
-        self.queue.write_buffer(&buffer.raw, 0, bytemuck::bytes_of(value));
+        self.upload(&buffer.raw, 0, bytemuck::bytes_of(value));
         Ok(buffer)
+    }
+
+    /// Creates a buffer of `len` zeros that kernels write, and later kernels read as uniforms.
+    pub(crate) fn uniforms<T: Pod>(&self, what: &str, len: usize) -> Result<Buffer<T>, GpuError> {
+        let usage = BufferUsages::STORAGE | BufferUsages::UNIFORM;
+        self.allocate(what, len, usage, self.limits().max_storage_buffer_binding_size, "bytes in a storage binding")
+    }
+
+    /// Creates a buffer of `len` zeros that kernels write, and that sizes later dispatches.
+    pub(crate) fn indirect<T: Pod>(&self, what: &str, len: usize) -> Result<Buffer<T>, GpuError> {
+        let usage = BufferUsages::STORAGE | BufferUsages::INDIRECT;
+        self.allocate(what, len, usage, self.limits().max_storage_buffer_binding_size, "bytes in a storage binding")
     }
 
     /// Overwrites the first values of `buffer`. Takes effect before the next submission.
     pub fn write<T: Pod>(&self, buffer: &Buffer<T>, values: &[T]) {
         assert!(values.len() <= buffer.len, "a buffer of {} takes no {} values", buffer.len, values.len());
-        self.queue.write_buffer(&buffer.raw, 0, bytemuck::cast_slice(values));
+        self.upload(&buffer.raw, 0, bytemuck::cast_slice(values));
     }
 
     /// A buffer for resolved timestamp queries.
@@ -98,8 +123,7 @@ impl Gpu {
         limit: &'static str,
     ) -> Result<Buffer<T>, GpuError> {
         self.check()?;
-        // Sizes are multiples of a word. An empty buffer still has one word.
-        let size = (len * size_of::<T>()).max(size_of::<T>().max(4)).next_multiple_of(4) as u64;
+        let size = Self::n_bytes_of::<T>(len);
         let most = most.min(self.limits().max_buffer_size);
         if size > most {
             let remedy = "use a smaller scene or --device cpu";
@@ -114,7 +138,12 @@ impl Gpu {
             GpuError::OutOfMemory { .. } => no_memory(),
             error => error,
         })?;
-        Ok(Buffer { raw, len, values: PhantomData, _share: share })
+        Ok(Buffer::of_parts(raw, len, Arc::new(share)))
+    }
+
+    /// Size of a buffer in bytes. Sizes are multiples of a word. An empty buffer still has one word.
+    pub(crate) fn n_bytes_of<T>(len: usize) -> u64 {
+        (len * size_of::<T>()).max(size_of::<T>().max(4)).next_multiple_of(4) as u64
     }
 
     /// Reads back the values of `buffer` at the given indices, after all submitted work. For a few values of a large buffer.

@@ -9,13 +9,16 @@
 //! All trees of a level share the same dispatches. Their items are stored one tree after another, and the index of the tree is
 //! the most significant word of the sort key.
 
+mod adopt;
 mod dop;
 mod items;
 mod mesh_buffers;
 mod passes;
+mod place;
 mod ploc;
 mod prefix;
 mod run;
+mod schedule;
 mod sort;
 mod stages;
 mod two_levels;
@@ -27,9 +30,12 @@ pub use items::{Items, Range};
 pub(crate) use mesh_buffers::{Faults, fault};
 pub use mesh_buffers::{IndexBuffer, MeshBuffers};
 pub use passes::Passes;
+pub use place::{DeviceInstance, InstanceBuffer, NOT_PLACED};
+pub(crate) use place::{MeshBoxes, N_INSTANCE_FAULTS, Scales, instance_fault};
 pub use ploc::ploc;
 pub use run::{Run, StageTime};
 pub use sort::Sorter;
+pub(crate) use stages::depth_bound;
 pub use stages::{Codes, Grid, Node, Sorted, Trees, codes, domain, sort, tree};
 pub use two_levels::TwoLevels;
 pub use volumes::{aabbs, obbs};
@@ -116,6 +122,15 @@ impl Built {
         (self.leaves, self.trees, self.aabbs, self.obbs) = over(run, &self.items, config, Topology::Radix)?;
         Ok(())
     }
+
+    /// Computes oriented boxes again, if there are any, after the axis-aligned ones.
+    pub(crate) fn refit_obbs(&mut self, run: &mut Run<'_>, config: BuildConfig) -> Result<(), GpuError> {
+        let Self { items, leaves, trees, aabbs, obbs: old } = self;
+        if config.strategy != Strategy::Aabb {
+            *old = Some(obbs(run, items, leaves, trees, aabbs, config.strategy)?);
+        }
+        Ok(())
+    }
 }
 
 /// All that is built over items: leaves, trees, axis-aligned and oriented boxes.
@@ -137,8 +152,20 @@ fn over(run: &mut Run<'_>, items: &Items, config: BuildConfig, topology: Topolog
     Ok((leaves, trees, aabbs, obbs))
 }
 
+/// Computes the axis-aligned boxes of the inner nodes over the items from `range[0]` to before `range[1]`, whole trees, again.
+pub(crate) fn refit_aabbs(run: &mut Run<'_>, built: &Built, [first, end]: [u32; 2]) -> Result<(), GpuError> {
+    let gpu = run.gpu();
+    let Built { items, leaves, trees, aabbs, .. } = built;
+    let bound = items.bound(&[("parents", &trees.parents), ("leaves", leaves), ("ends", aabbs)]);
+    run.stage("aabb", |dispatches| {
+        dispatches.work.clear_range(aabbs, first, end - first);
+        let kernel = gpu.kernel("build/aabbs", &items.part())?;
+        dispatches.range(&kernel, &bound, [first, end])
+    })
+}
+
 /// A count as `u32`.
 #[expect(clippy::cast_possible_truncation, reason = "bindings hold fewer than 2^32 values")]
-fn count(n: usize) -> u32 {
+pub(crate) fn count(n: usize) -> u32 {
     n as u32
 }

@@ -54,6 +54,24 @@ struct Timed {
 /// A resource and the name of the shader variable it is bound to.
 pub type NamedBinding<'a> = (&'a str, &'a dyn AsBinding);
 
+/// A part of a buffer.
+pub(crate) struct Slot<'a> {
+    pub(crate) buffer: &'a wgpu::Buffer,
+    pub(crate) first_byte: u64,
+    pub(crate) n_bytes: u64,
+}
+
+impl AsBinding for Slot<'_> {
+    fn resource(&self) -> wgpu::BindingResource<'_> {
+        let size = std::num::NonZeroU64::new(self.n_bytes);
+        wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer: self.buffer, offset: self.first_byte, size })
+    }
+
+    fn n_bytes(&self) -> u64 {
+        self.n_bytes
+    }
+}
+
 /// A resource that can be bound to a shader variable.
 pub trait AsBinding {
     /// The whole resource.
@@ -92,6 +110,22 @@ impl Gpu {
         Commands { gpu: self, encoder: Encoder::Own(encoder), timed: None, n_groups: 0 }
     }
 
+    /// A new encoder, for [`BufferScene`](crate::BufferScene) and [`InstancedScene`](crate::InstancedScene).
+    #[must_use]
+    pub fn encoder(&self) -> CommandEncoder {
+        self.device.create_command_encoder(&CommandEncoderDescriptor::default())
+    }
+
+    /// Submits what was recorded, without waiting.
+    ///
+    /// # Errors
+    /// The device is already known to be lost.
+    pub fn submit(&self, encoder: CommandEncoder) -> Result<(), GpuError> {
+        self.check()?;
+        self.queue.submit([encoder.finish()]);
+        Ok(())
+    }
+
     /// Records into a program's encoder, which the program submits.
     pub(crate) fn record<'a>(&'a self, encoder: &'a mut CommandEncoder) -> Commands<'a> {
         Commands { gpu: self, encoder: Encoder::Given(encoder), timed: None, n_groups: 0 }
@@ -119,6 +153,31 @@ impl Commands<'_> {
         if groups.contains(&0) {
             return Ok(());
         }
+        self.n_groups += groups.map(u64::from).iter().product::<u64>();
+        self.record_pass(kernel, bound, |pass| {
+            let [x, y, z] = groups;
+            pass.dispatch_workgroups(x, y, z);
+        })
+    }
+
+    /// Adds a dispatch of as many work-groups as entry `number` of `groups` says when it runs.
+    pub(crate) fn dispatch_indirect(
+        &mut self,
+        kernel: &Kernel,
+        bound: &[NamedBinding<'_>],
+        groups: &Buffer<[u32; 3]>,
+        number: u32,
+    ) -> Result<(), GpuError> {
+        self.record_pass(kernel, bound, |pass| pass.dispatch_workgroups_indirect(&groups.raw, 12 * u64::from(number)))
+    }
+
+    /// Adds a pass of one dispatch.
+    fn record_pass(
+        &mut self,
+        kernel: &Kernel,
+        bound: &[NamedBinding<'_>],
+        dispatch: impl FnOnce(&mut wgpu::ComputePass<'_>),
+    ) -> Result<(), GpuError> {
         let bind_groups = bind_groups(self.gpu, &kernel.name, kernel.bindings(), bound, |number| {
             kernel.pipeline.get_bind_group_layout(number)
         })?;
@@ -141,9 +200,8 @@ impl Commands<'_> {
         for (number, group) in &bind_groups {
             pass.set_bind_group(*number, group, &[]);
         }
-        let [x, y, z] = groups;
-        pass.dispatch_workgroups(x, y, z);
-        self.n_groups += groups.map(u64::from).iter().product::<u64>();
+        dispatch(&mut pass);
+        self.gpu.counters.add_dispatch();
         Ok(())
     }
 
@@ -156,6 +214,23 @@ impl Commands<'_> {
     pub fn copy<T: Pod>(&mut self, from: &Buffer<T>, to: &Buffer<T>) {
         assert!(from.len() <= to.len(), "{} values do not fit into {}", from.len(), to.len());
         self.encoder.get().copy_buffer_to_buffer(&from.raw, 0, &to.raw, 0, from.raw.size().min(to.raw.size()));
+    }
+
+    /// Copies `n` values.
+    pub(crate) fn copy_range<T>(&mut self, (from, first): (&Buffer<T>, u32), (to, at): (&Buffer<T>, u32), n: u32) {
+        let bytes = |n: u32| u64::from(n) * size_of::<T>() as u64;
+        self.encoder.get().copy_buffer_to_buffer(&from.raw, bytes(first), &to.raw, bytes(at), bytes(n));
+    }
+
+    /// Fills `n` values with zeros.
+    pub(crate) fn clear_range<T>(&mut self, buffer: &Buffer<T>, first: u32, n: u32) {
+        let bytes = |n: u32| u64::from(n) * size_of::<T>() as u64;
+        self.encoder.get().clear_buffer(&buffer.raw, bytes(first), Some(bytes(n)));
+    }
+
+    /// Sets a word of a buffer of any type to zero.
+    pub(crate) fn clear_word<T>(&mut self, buffer: &Buffer<T>, word: u32) {
+        self.encoder.get().clear_buffer(&buffer.raw, 4 * u64::from(word), Some(4));
     }
 
     /// Fills `buffer` with zeros.

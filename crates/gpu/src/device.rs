@@ -2,14 +2,16 @@
 
 use std::{
     collections::HashMap,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex, OnceLock, PoisonError},
     time::{Duration, Instant},
 };
 
 use canted_shaders::MAX_STORAGE_BUFFERS;
 use wgpu::{DeviceDescriptor, ExperimentalFeatures, Features, Limits, MemoryHints, PollType, SubmissionIndex, Trace};
 
+use crate::kept::KeptBuffers;
 use crate::memory::Memory;
+use crate::traffic::Counters;
 use crate::{AdapterInfo, AdapterKind, Choice, GpuError, Kernel, Specialisation, adapter};
 
 /// Time after which a device counts as hung. A submission should take about 100 ms, and operating systems reset GPUs after
@@ -37,6 +39,10 @@ pub struct Gpu {
     /// The longest successful wait.
     longest_wait: Mutex<Duration>,
     kernels: Mutex<HashMap<String, Arc<Kernel>>>,
+    pub(crate) kept: Mutex<Option<KeptBuffers>>,
+    pub(crate) counters: Counters,
+    /// See [`crate::loop_check`].
+    pub(crate) longest_loop: OnceLock<u32>,
 }
 
 impl Gpu {
@@ -91,12 +97,16 @@ impl Gpu {
             memory: Memory::unbounded(),
             longest_wait: Mutex::default(),
             kernels: Mutex::default(),
+            kept: Mutex::default(),
+            counters: Counters::default(),
+            longest_loop: OnceLock::new(),
         })
     }
 
     /// A program's own device and queue, of the version of `wgpu` that this crate re-exports.
     ///
     /// The program keeps its handlers: errors that are found when buffers and kernels are made are returned, others go to the handlers.
+    /// For the loss of the device, see [`Gpu::lost_handler`].
     /// Kernels need as many storage buffers per stage as [`GpuError::Limit`] says; seven are enough to trace one level.
     ///
     /// ```no_run
@@ -122,6 +132,21 @@ impl Gpu {
             memory: Memory::unbounded(),
             longest_wait: Mutex::default(),
             kernels: Mutex::default(),
+            kept: Mutex::default(),
+            counters: Counters::default(),
+            longest_loop: OnceLock::new(),
+        }
+    }
+
+    /// A handler of lost devices, for [`wgpu::Device::set_device_lost_callback`] or to be called from a program's own one. After the
+    /// device has reported its loss to it, every call returns [`GpuError::Lost`].
+    ///
+    /// [`Gpu::open`] sets one; a device of a program's own has the program's.
+    pub fn lost_handler(&self) -> impl Fn(wgpu::DeviceLostReason, String) + Send + Sync + 'static {
+        let lost = self.stored_error.clone();
+        move |reason, message| {
+            let message = if message.is_empty() { format!("{reason:?}") } else { message };
+            keep(&lost, GpuError::Lost { message });
         }
     }
 

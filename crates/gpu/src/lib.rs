@@ -25,26 +25,46 @@
 //! | [`Buffer`], [`Kernel`], [`Commands`] | typed buffers, compiled kernels, dispatches |
 //! | [`TracedScene`] | BVHs and instances in device memory, built there or uploaded, for ray batches and for kernels of your own |
 //! | [`BufferScene`], [`MeshBuffers`] | a BVH over vertex and index buffers of your own, built in your command encoder |
+//! | [`InstancedScene`], [`InstanceBuffer`] | the same with instances, whose transforms are in a buffer of your own |
 //! | [`build`] | BVH construction on the device, stage by stage |
 //! | [`RasterPipeline`], [`Draw`] | raster passes into integer targets |
+//! | [`Traffic`] | counters of uploaded bytes and dispatches |
 //!
 //! # Buffers of a scene
 //!
-//! [`TracedScene::module`] reads these buffers. [`TracedScene::bind_group`] binds them; the layout is for programs that read them in
-//! other ways. All numbers are 32 bits wide, vectors of four are aligned to 16 bytes.
+//! [`TracedScene::module`] reads these buffers, and [`TracedScene::bind_group`] binds them. [`TracedScene::bindings`] has the buffers
+//! themselves, for programs that read them in other ways. All numbers are 32 bits wide, vectors of four are aligned to 16 bytes.
 //!
-//! | binding | content |
-//! |---|---|
-//! | 0 `nodes` | binary BVHs: inner nodes, each with two children. A child with an axis-aligned box is 32 bytes: lower ends and word, upper ends and zero. One with an oriented box is 64 bytes: three times an axis and the half-extent along it, then center and word. Wide BVHs: see [`RawBvh`](canted_wide::RawBvh) |
-//! | 1 `corners` | nine coordinates per triangle, in the order of the meshes; of wide BVHs, blocks of triangles instead |
-//! | 2 `bvhs` | 64 bytes per BVH, the top level first: three rows of the mesh's frame, whose fourth components are the greatest coordinate, the error of hits per coordinate of the origin, and the constant error; then the root's word, first node, first triangle, and whether the frame is rotated |
-//! | 3 `instances` | two levels: 160 bytes per instance: three rows of the linear part of `object_from_world`, whose fourth components are the world position of the object's origin; then the number of its BVH, and of its motion plus one; then the rows of `object_from_world` as `f64`, lower halves first |
-//! | 3 `first_triangles` | one level over several meshes: the first triangle of each |
-//! | 4 `instance_order` | two levels: the instance of each item of the top level |
-//! | 5 `motions` | two levels with moving instances |
+//! | binding | where | content |
+//! |---|---|---|
+//! | 0 `nodes` | always | nodes of all BVHs, see below |
+//! | 1 `corners` | binary BVHs | nine coordinates per triangle, in the order of the meshes |
+//! | 1 `triangle_blocks` | wide BVHs | triangles, four at a time: nine rows of four coordinates, and their four numbers |
+//! | 2 `bvhs` | always | a `Bvh` for each BVH, the top level first |
+//! | 3 `instances` | two levels | an `Instance` for each |
+//! | 3 `first_triangles` | one level over several meshes | the number of the first triangle of each |
+//! | 4 `instance_order` | two levels | the instance of each item of the top level |
+//! | 5 `motions` | two levels with moving instances | a `Motion` for each of these |
 //!
-//! A word with the highest bit is a leaf, whose other bits are the number of its triangle, or of its item in the top level; other words
-//! are numbers of nodes. `0x7fffffff` is an empty BVH.
+//! | structure | bytes | members and their offsets |
+//! |---|---|---|
+//! | `Bvh` | 64 | `row_x` 0, `row_y` 16, `row_z` 32, `words` 48 |
+//! | `Instance` | 160 | `row_x` 0, `row_y` 16, `row_z` 32, `bvh` 48, `exact_rows` 64 |
+//! | `Motion` | 224 | `cofactors` 0, `determinant` 144, `x` 160, `y` 176, `z` 192, `shift` 208 |
+//! | `Ray` | 32 | `origin` 0, `t_min` 12, `direction` 16, `t_max` 28 |
+//! | `Hit` | 20 | `t` 0, `u` 4, `v` 8, `primitive` 12, `instance` 16 |
+//!
+//! * `Bvh`: rows of the mesh's frame, whose fourth components are the greatest coordinate, the error of hits per coordinate of the origin,
+//!   and the constant error; then the root's word, the first quad of its nodes (0 in binary BVHs), the first triangle or the first quad
+//!   of its blocks, and whether the frame is rotated.
+//! * `Instance`: rows of the linear part of `object_from_world`, whose fourth components are the world position of the object's origin; the
+//!   number of its BVH, and of its motion plus one; the rows of `object_from_world` as `f64`, translations last, lower halves first.
+//! * A binary node is two children. A child with an axis-aligned box is 32 bytes: lower ends and word, upper ends and zero. One with an
+//!   oriented box is 64 bytes: three times an axis and the half-extent along it, then center and word. A word with the highest bit is a leaf,
+//!   whose other bits are the number of its triangle in `corners`, or of its item in the top level; other words are numbers of nodes.
+//! * A wide node is rows of eight numbers, one per child: 256 bytes with axis-aligned boxes, 512 with oriented ones. Rows and words are those
+//!   of [`RawBvh`](canted_wide::RawBvh).
+//! * `0x7fffffff` is the root of an empty BVH.
 //!
 //! # Guarantees
 //!
@@ -67,17 +87,21 @@ mod buffer;
 pub mod build;
 mod commands;
 mod device;
+#[cfg(test)]
+mod docs;
 mod draw_batches;
 mod error;
+mod kept;
 mod kernel;
 mod loop_check;
 mod memory;
 mod raster;
 mod trace;
+mod traffic;
 
 pub use adapter::{AdapterInfo, AdapterKind, Choice, adapters};
 pub use buffer::Buffer;
-pub use build::{IndexBuffer, MeshBuffers};
+pub use build::{DeviceInstance, IndexBuffer, InstanceBuffer, MeshBuffers, NOT_PLACED};
 pub use canted_shaders::Specialisation;
 pub use commands::{AsBinding, Commands, NamedBinding, PassTime};
 pub use device::Gpu;
@@ -87,7 +111,8 @@ pub use kernel::Kernel;
 pub use loop_check::loop_iterations;
 pub use raster::{N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
-    BufferScene, DeviceHit, DeviceRay, HIT_ERROR, MAX_CONDITION, MAX_COORDINATE, MotionPolynomials, Outcome,
-    TracedScene, Traversal,
+    BufferScene, DeviceHit, DeviceRay, HIT_ERROR, InstancedScene, MAX_CONDITION, MAX_COORDINATE, MotionPolynomials,
+    Outcome, TracedScene, Traversal,
 };
+pub use traffic::Traffic;
 pub use wgpu::{self, Limits};

@@ -13,6 +13,8 @@ mod cast;
 mod motion;
 
 mod coordinates;
+mod headers;
+mod instanced;
 mod layout;
 mod level;
 mod module;
@@ -26,6 +28,7 @@ pub use alternatives::Traversal;
 pub use buffers::BufferScene;
 pub use cast::Outcome;
 pub use coordinates::MAX_COORDINATE;
+pub use instanced::InstancedScene;
 pub use layout::HIT_ERROR;
 pub use motion::MotionPolynomials;
 pub use ray::{DeviceHit, DeviceRay};

@@ -2,9 +2,9 @@ use std::fmt;
 
 use canted_bvh2::leaf_triangles::LeafTriangles;
 use canted_bvh2::triangle_queries;
-use canted_lbvh::{self as lbvh, GeometryError};
+use canted_lbvh::{self as lbvh, GeometryError, par};
 use canted_obb::{Aabb, Obb, PrimId};
-use canted_trace::Kernel;
+use canted_trace::{Kernel, ReferencePoint};
 
 use crate::{Config, KdNodes, Memory, Traversal};
 
@@ -31,7 +31,12 @@ pub struct KdTree<K: Kernel> {
     /// Their numbers in the caller's array.
     primitives: Vec<PrimId>,
     bounds: Aabb,
+    /// What the nodes are relative to; triangles are in object space.
+    reference: ReferencePoint,
 }
+
+/// Triangles of one job.
+const CHUNK: usize = 1 << 13;
 
 impl<K: Kernel> KdTree<K> {
     /// Builds over indexed triangles.
@@ -40,15 +45,20 @@ impl<K: Kernel> KdTree<K> {
     /// The first triangle with a missing vertex or a vertex that is not finite.
     pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]], config: &Config) -> Result<Self, GeometryError> {
         let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
-        let (nodes, primitives) = KdNodes::new(&corners, config).in_leaf_order(corners.len());
+        let reference = ReferencePoint::near(corners.len(), |i| Aabb::from_points(corners[i]));
+        let moved = |corners: &lbvh::Corners| corners.map(|vertex| reference.moved(vertex));
+        let moved = (!reference.is_origin()).then(|| par::map(&corners, CHUNK, moved));
+        let nodes = KdNodes::new(moved.as_deref().unwrap_or(&corners), config);
+        let (nodes, primitives) = nodes.in_leaf_order(corners.len());
         // If a record is just the vertices, this reuses the allocation.
         let records = lbvh::in_leaf_order(&corners, &primitives).into_iter().map(K::record).collect();
-        Ok(Self { nodes, records, primitives, bounds })
+        Ok(Self { nodes, records, primitives, bounds, reference })
     }
 
     #[inline(always)]
     fn leaf_triangles(&self) -> LeafTriangles<'_, KdNodes, K> {
-        LeafTriangles { nodes: &self.nodes, records: &self.records, primitives: &self.primitives }
+        let (nodes, records, primitives) = (&self.nodes, &self.records[..], &self.primitives[..]);
+        LeafTriangles { nodes, records, primitives, reference: self.reference }
     }
 
     /// The same tree for another traversal.
@@ -57,7 +67,13 @@ impl<K: Kernel> KdTree<K> {
         Self { nodes: self.nodes.with_traversal(traversal), ..self }
     }
 
-    /// The planes and leaves. They refer to positions in [`Self::primitives`].
+    /// What the planes are relative to: a point near the triangles if these are far from the origin.
+    #[must_use]
+    pub fn reference(&self) -> ReferencePoint {
+        self.reference
+    }
+
+    /// The planes and leaves, relative to [`KdTree::reference`]. They refer to positions in [`Self::primitives`].
     #[must_use]
     pub fn nodes(&self) -> &KdNodes {
         &self.nodes
@@ -106,7 +122,7 @@ impl<K: Kernel> Clone for KdTree<K> {
             nodes: self.nodes.clone(),
             records: self.records.clone(),
             primitives: self.primitives.clone(),
-            bounds: self.bounds,
+            ..*self
         }
     }
 }

@@ -59,6 +59,7 @@
 #![forbid(unsafe_code)]
 
 mod build;
+mod cells;
 mod check;
 mod config;
 mod extent;

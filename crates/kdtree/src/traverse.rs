@@ -1,8 +1,8 @@
 //! Rays through cells and leaves.
 //!
 //! # No lost hit
-//! Let a kernel report a hit of a triangle at `t`, and let `x` be a point of the triangle within `HIT_ERROR·(|o|∞ + ρ∞)` of
-//! `P = o + t·d`. [`canted_trace::SlabRay`] is proven to enter, on every axis, the box `[x - p, x + p]` with `p = AABB_PAD·ρ∞`
+//! Let a kernel report a hit of a triangle at `t`. All coordinates are relative to the reference point of the tree, so there is a point
+//! `x` of the triangle within `(HIT_ERROR + 2^-24)·(|o|∞ + ρ∞)` of `P = o + t·d` ([`canted_trace::ReferencePoint`]). [`canted_trace::SlabRay`] is proven to enter, on every axis, the box `[x - p, x + p]` with `p = AABB_PAD·ρ∞`
 //! at most at `t`, and to leave it at `t` or later: the first part of the padding is that of the box, the second is carried by the
 //! ray.
 //!

@@ -70,23 +70,47 @@ fn triangle_corners_at_most(
     if triangles.len() > max {
         return Err(GeometryError::TooMany { n_triangles: triangles.len() });
     }
-    // A missing vertex becomes NaN here; the error is found below, off the fast path.
-    let vertex = |i: u32| positions.get(i as usize).copied().unwrap_or([f32::NAN; 3]);
-    let corners = par::map(triangles, CHUNK, |indices| indices.map(vertex));
-    let bounds = par::map_chunks(&corners, CHUNK, |_, chunk| {
-        let mut bounds = Aabb::EMPTY;
-        // A sum of products with zero is NaN if and only if a coordinate is not finite.
-        let mut zero_or_nan = 0.0f32;
-        for &corner in chunk.iter().flatten() {
-            bounds.grow(corner);
-            zero_or_nan += corner[0] * 0.0 + corner[1] * 0.0 + corner[2] * 0.0;
-        }
-        (bounds, zero_or_nan == 0.0)
-    });
-    if bounds.iter().any(|&(_, finite)| !finite) {
-        return Err(first_flaw(positions, triangles));
+    let corners = par::map(triangles, CHUNK, |triangle| corners_of(positions, triangle));
+    let bounds = par::map_chunks(&corners, CHUNK, |_, chunk| finite_bounds(chunk.iter().copied()));
+    Ok((corners, joined(&bounds).ok_or_else(|| first_flaw(positions, triangles))?))
+}
+
+/// The bounding box of indexed triangles, with the errors of [`triangle_corners`], without their vertices.
+///
+/// # Errors
+/// As [`triangle_corners`].
+pub fn triangle_bounds(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Aabb, GeometryError> {
+    if triangles.len() > MAX_PRIMITIVES {
+        return Err(GeometryError::TooMany { n_triangles: triangles.len() });
     }
-    Ok((corners, bounds.into_iter().fold(Aabb::EMPTY, |all, (chunk, _)| all.union(chunk))))
+    let bounds = par::map_chunks(triangles, CHUNK, |_, chunk| {
+        finite_bounds(chunk.iter().map(|triangle| corners_of(positions, triangle)))
+    });
+    joined(&bounds).ok_or_else(|| first_flaw(positions, triangles))
+}
+
+/// The vertices of a triangle; NaN for those that are missing, so that errors are found off the fast path.
+#[inline]
+#[must_use]
+pub fn corners_of(positions: &[[f32; 3]], triangle: &[u32; 3]) -> Corners {
+    triangle.map(|i| positions.get(i as usize).copied().unwrap_or([f32::NAN; 3]))
+}
+
+/// The box around triangles; `None` where a coordinate is not finite.
+fn finite_bounds(triangles: impl Iterator<Item = Corners>) -> Option<Aabb> {
+    let mut bounds = Aabb::EMPTY;
+    // A sum of products with zero is NaN if and only if a coordinate is not finite.
+    let mut zero_or_nan = 0.0f32;
+    for corner in triangles.flatten() {
+        bounds.grow(corner);
+        zero_or_nan += corner[0] * 0.0 + corner[1] * 0.0 + corner[2] * 0.0;
+    }
+    (zero_or_nan == 0.0).then_some(bounds)
+}
+
+/// The box around boxes; `None` where one is missing.
+fn joined(boxes: &[Option<Aabb>]) -> Option<Aabb> {
+    boxes.iter().try_fold(Aabb::EMPTY, |all, aabb| Some(all.union((*aabb)?)))
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "at most MAX_PRIMITIVES triangles")]

@@ -64,7 +64,9 @@ mod volumes;
 
 pub use bottom_up::bottom_up;
 pub use check::{Flaw, Stats, check};
-pub use corners::{Corners, GeometryError, MAX_PRIMITIVES, in_leaf_order, triangle_corners};
+pub use corners::{
+    Corners, GeometryError, MAX_PRIMITIVES, corners_of, in_leaf_order, triangle_bounds, triangle_corners,
+};
 pub use cost::{Costs, TreeCost, tree_cost};
 pub use domain::{Bits, Domain};
 pub use leaf::Leaf;

@@ -36,6 +36,28 @@ impl Obb {
         Self { center, frame: Self::IDENTITY_FRAME, half_extents: half }
     }
 
+    /// The box of all points `p` with `lower[k] <= rows[k] · p <= upper[k]`, up to the rounding of center, axes and half-extents; `None`
+    /// where the rows are dependent, or an interval is empty or not finite.
+    #[must_use]
+    pub fn from_slabs(rows: [[f32; 3]; 3], lower: [f32; 3], upper: [f32; 3]) -> Option<Self> {
+        let rows = rows.map(vector::to_f64);
+        // Axis k is perpendicular to the other two rows, and advances by one along its own.
+        let cofactors = core::array::from_fn::<Vector, 3, _>(|k| vector::cross(rows[(k + 1) % 3], rows[(k + 2) % 3]));
+        let determinant = vector::dot(rows[0], cofactors[0]);
+        let axes = cofactors.map(|axis| vector::scale(axis, 1.0 / determinant));
+        let intervals: [[f64; 2]; 3] =
+            core::array::from_fn(|k| [lower[k], upper[k]].map(|plane| 0.5 * f64::from(plane)));
+        let center = (0..3).fold([0.0; 3], |sum: Vector, k| {
+            let [below, above] = intervals[k];
+            vector::add(sum, vector::scale(axes[k], below + above))
+        });
+        let half_extents = vector::to_f32(intervals.map(|[below, above]| above - below));
+        let obb = Self { center: vector::to_f32(center), frame: axes.map(vector::to_f32), half_extents };
+        let is_finite = obb.center.iter().chain(obb.frame.iter().flatten()).all(|x| x.is_finite());
+        let is_extent = |x: &f32| *x >= 0.0 && x.is_finite();
+        (is_finite && obb.half_extents.iter().all(is_extent)).then_some(obb)
+    }
+
     /// This box, or the axis-aligned box `content` where that has no more area.
     ///
     /// `content` bounds what the box contains, not the corners of the box (Sabino 2020, 3.5, but by area, since flat

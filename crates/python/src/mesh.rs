@@ -173,6 +173,10 @@ impl Blas for Mesh {
         HIT_ERROR
     }
 
+    fn has_local_error(&self) -> bool {
+        true
+    }
+
     fn closest_hit_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
         of_each!(self, bvh => bvh.closest_hit_with(ray, instance, query))
     }

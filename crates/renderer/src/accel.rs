@@ -3,7 +3,7 @@
 mod bvh;
 
 use canted_bih::Bih;
-use canted_bvh2::{Bvh2, PairOrder};
+use canted_bvh2::{BuildConfig, Bvh2, PairOrder};
 use canted_kdtree::KdTree;
 use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig};
 use canted_obb::{Aabb, Obb, PrimId};
@@ -133,16 +133,16 @@ impl Accel {
         };
         let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
         let config = VolumeConfig { strategy, fallback: true };
-        let (tree, volumes) = if builder == Builder::Sbvh {
+        if builder != Builder::Sbvh {
+            let config = BuildConfig { volumes: config, ..BuildConfig::default() };
+            return Ok(Bvh::Binary(Bvh2::over(builder.tree(&corners, &bounds)?, &corners, &bounds, &config), strategy));
+        }
+        let (tree, volumes) = {
             let (tree, parts) = parts(&corners);
             // Padded by the reach of the whole triangle, to which the errors of its hits are relative.
             let padded = |(part, leaf): (&Aabb, &PrimId)| pad_aabb(part, corners[leaf.index()].aabb().reach());
             let leaves: Vec<Obb> = parts.iter().zip(&tree.leaves).map(|of| Obb::from_aabb(&padded(of))).collect();
             let volumes = lbvh::volumes(&tree, &leaves, &config);
-            (tree, volumes)
-        } else {
-            let tree = builder.tree(&corners, &bounds)?;
-            let volumes = lbvh::volumes(&tree, &lbvh::in_leaf_order(&corners, &tree.leaves), &config);
             (tree, volumes)
         };
         let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);

@@ -134,6 +134,20 @@ impl View {
         Cone::of_pixel(0.0, pixel * cosine * cosine.sqrt(), sample)
     }
 
+    /// Image size in pixels.
+    pub(crate) fn size(&self) -> [f64; 2] {
+        self.size
+    }
+
+    /// The image position in pixels of a world-space point at this depth; the depth is 1 for an orthographic view, whatever it is.
+    pub(crate) fn position(&self, point: Vector, depth: f64) -> [f64; 2] {
+        let offset = sub(point, self.eye);
+        // `right` and `down` are perpendicular and as long as a pixel.
+        let pixel_squared = dot(self.right, self.right);
+        let along = |axis: Vector, size: f64| dot(offset, axis) / (pixel_squared * depth) + 0.5 * size;
+        [along(self.right, self.size[0]), along(self.down, self.size[1])]
+    }
+
     /// Depth of a world-space point along the view direction, as compositing tools define it.
     #[must_use]
     pub fn depth(&self, point: [f64; 3]) -> f64 {

@@ -7,6 +7,7 @@ mod dispatcher;
 mod environment;
 mod error;
 mod first_hit;
+mod frames;
 mod gbuffer;
 mod geometry;
 mod kernels;
@@ -23,5 +24,6 @@ mod wavefront;
 
 pub use device_picture::{DevicePicture, SharedFilm};
 pub use error::DeviceError;
+pub use frames::{DeviceFrames, DeviceUpdates};
 pub use gbuffer::{GBuffer, SurfaceInfo};
-pub use traced::{built_scene, traced_scene};
+pub use traced::{Traced, built_scene, traced_frame, traced_scene};

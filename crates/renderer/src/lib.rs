@@ -31,6 +31,7 @@
 mod accel;
 #[cfg(feature = "baseline")]
 mod baseline;
+mod boxes;
 mod bsdf;
 mod camera;
 mod content;
@@ -59,11 +60,15 @@ mod vector;
 pub use accel::{Accel, Builder, Bvh};
 #[cfg(feature = "baseline")]
 pub use baseline::obvhs_tree;
+pub use boxes::{BoxLevel, draw_boxes};
 pub use bsdf::{Bsdf, BsdfSample, Evaluation};
 pub use camera::{CameraError, View};
 pub use content::{geometry_hash, light_hash, material_hash, scene_hash};
 #[cfg(feature = "gpu")]
-pub use device::{DeviceError, DevicePicture, GBuffer, SharedFilm, SurfaceInfo, built_scene, traced_scene};
+pub use device::{
+    DeviceError, DeviceFrames, DevicePicture, DeviceUpdates, GBuffer, SharedFilm, SurfaceInfo, Traced, built_scene,
+    traced_frame, traced_scene,
+};
 pub use error::PrepareError;
 pub use framing::{frame, frame_up};
 pub use heatmap::{Heatmap, Measure, heatmap};

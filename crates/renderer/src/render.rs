@@ -184,7 +184,7 @@ fn ao_radius(scene: &Scene, settings: &Settings) -> f64 {
 }
 
 /// Rejects settings that no picture can have.
-fn check(settings: &Settings) -> Result<(), RenderError> {
+pub(crate) fn check(settings: &Settings) -> Result<(), RenderError> {
     let Settings { width, height, samples, ao_radius, part, noise, .. } = *settings;
     // Pixels are numbered in 32 bits.
     if u64::from(width) * u64::from(height) > u64::from(u32::MAX) || width == 0 || height == 0 {

@@ -1,7 +1,7 @@
 //! The acceleration structure of a scene, in one level or two.
 
-use canted_obb::PrimId;
-use canted_scene::Scene;
+use canted_obb::{Affine, PrimId};
+use canted_scene::{Mesh, Scene};
 use canted_tlas::{Blas, Instance, Tlas};
 use canted_trace::{Hit, InstanceId, Query, Ray};
 use canted_wide::LaneKernel;
@@ -106,6 +106,14 @@ impl<K: LaneKernel> Structure<K> {
 
     /// Builds one BVH over the triangles of all instances.
     pub(crate) fn one(scene: &Scene, accel: &Accel) -> Result<Self, PrepareError> {
+        // A mesh that stays where it is needs no copy.
+        if let [instance] = &scene.instances[..]
+            && instance.world_from_object == Affine::IDENTITY
+        {
+            let Mesh { positions, triangles, .. } = &scene.meshes[instance.mesh.0 as usize];
+            let triangles = Triangles { positions, close: None, triangles };
+            return Ok(Self::One(Flat { bvh: accel.build(triangles)?, first: vec![0] }));
+        }
         let (positions, triangles, first) = flatten(scene)?;
         let triangles = Triangles { positions: &positions, close: None, triangles: &triangles };
         Ok(Self::One(Flat { bvh: accel.build(triangles)?, first }))

@@ -81,24 +81,31 @@ pub fn grouped(boxes: &[Aabb], config: &GroupConfig) -> (Tree, Groups) {
     }
     let scale = unit_scale(boxes).unwrap_or(1.0);
     let max_group = config.max_group.max(1);
-    let mut references = runs(boxes, scale, config.max_run.min(max_group));
+    let references = runs(boxes, scale, config.max_run.min(max_group));
     let max_part = MAX_PART.max(references.len().div_ceil(256));
     let builder = Builder { boxes, max_group, max_part };
-    let parts = match config.split {
-        GroupSplit::Binned { bins } => {
-            let mut scratch = par::filled(references.len(), references[0]);
-            let split = Split::Binned { bins, sweep_threshold: 0 };
-            let config = TopDownConfig { split, ..TopDownConfig::BINNED };
-            let span = Span { references: &mut references, scratch: &mut scratch };
-            builder.divide(Binned { span, config: &config }, 1, false)
-        }
-        GroupSplit::Morton => {
-            let (references, codes) = along_curve(references);
-            builder.divide(Coded { references: &references, codes: &codes }, 1, false)
-        }
-    };
-    let (tree, groups) = assemble(&parts, n);
+    // References are freed before parts are joined, and parts before groups move: each takes as much memory as a BVH.
+    let (tree, groups) = assemble(builder.parts(references, config.split), n);
     improved(tree, groups, config.improvement.as_ref())
+}
+
+impl Builder<'_> {
+    /// The parts of the tree over these runs.
+    fn parts(&self, mut references: Vec<Reference>, split: GroupSplit) -> Parts {
+        match split {
+            GroupSplit::Binned { bins } => {
+                let mut scratch = par::filled(references.len(), references[0]);
+                let split = Split::Binned { bins, sweep_threshold: 0 };
+                let config = TopDownConfig { split, ..TopDownConfig::BINNED };
+                let span = Span { references: &mut references, scratch: &mut scratch };
+                self.divide(Binned { span, config: &config }, 1, false)
+            }
+            GroupSplit::Morton => {
+                let (references, codes) = along_curve(references);
+                self.divide(Coded { references: &references, codes: &codes }, 1, false)
+            }
+        }
+    }
 }
 
 /// Moves groups where that saves area; renumbers them in leaf order.
@@ -253,8 +260,8 @@ fn index(n: usize) -> u32 {
 }
 
 /// The tree over the groups of all parts, and the groups, of `n` primitives.
-fn assemble(parts: &Parts, n: usize) -> (Tree, Groups) {
-    let n_groups: usize = parts.parts.iter().map(|part| part.sizes.len()).sum();
+fn assemble(Parts { parts, nodes: above, height }: Parts, n: usize) -> (Tree, Groups) {
+    let n_groups: usize = parts.iter().map(|part| part.sizes.len()).sum();
     let unset = Node { left: Child::leaf(0), right: Child::leaf(0), first: 0, last: 0 };
     let mut nodes = vec![unset; n_groups];
     let mut bottom_up = vec![NodeId(0); n_groups - 1];
@@ -265,7 +272,7 @@ fn assemble(parts: &Parts, n: usize) -> (Tree, Groups) {
     let (mut primitives_left, mut boxes_left) = (&mut primitives[..], &mut boxes[..]);
     let (mut jobs, mut tasks, mut ends) = (vec![], vec![], vec![]);
     let (mut base, mut n_done, mut start) = (0, 0, 0);
-    for part in &parts.parts {
+    for part in &parts {
         let n = part.sizes.len();
         let (own_nodes, rest) = nodes_left.split_at_mut(n);
         let (own_order, order_rest) = order_left.split_at_mut(n - 1);
@@ -280,7 +287,7 @@ fn assemble(parts: &Parts, n: usize) -> (Tree, Groups) {
         start += index(part.primitives.len());
         ends.push(base);
     }
-    for (raw, slot) in parts.nodes.iter().zip(order_left) {
+    for (raw, slot) in above.iter().zip(order_left) {
         // Bounds between parts are bounds between groups.
         let first = raw.first.checked_sub(1).map_or(0, |before| ends[before as usize]);
         *slot = raw.node(first, ends[raw.split as usize] - 1, ends[raw.last as usize] - 1).0;
@@ -298,12 +305,12 @@ fn assemble(parts: &Parts, n: usize) -> (Tree, Groups) {
             *slot = start;
         }
     });
-    for raw in &parts.nodes {
+    for raw in &above {
         let first = raw.first.checked_sub(1).map_or(0, |before| ends[before as usize]);
         let (id, node) = raw.node(first, ends[raw.split as usize] - 1, ends[raw.last as usize] - 1);
         nodes[id.index()] = node;
     }
     nodes.pop();
     let leaves = (0..index(n_groups)).map(PrimId).collect();
-    (Tree { nodes, leaves, bottom_up, tasks, depth: parts.height }, Groups { primitives, starts, boxes })
+    (Tree { nodes, leaves, bottom_up, tasks, depth: height }, Groups { primitives, starts, boxes })
 }

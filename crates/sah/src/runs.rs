@@ -29,6 +29,7 @@ pub(crate) fn runs(boxes: &[Aabb], scale: f32, max_run: u32) -> Vec<Reference> {
             join_neighbors(&mut runs, limit);
             limit *= 2;
         }
+        runs.shrink_to_fit();
         runs
     };
     let parts = par::map_chunks(boxes, CHUNK, of);

@@ -4,8 +4,8 @@ use canted_bih::Bih;
 use canted_bvh2::Bvh2;
 use canted_kdtree::KdTree;
 use canted_obb::Obb;
-use canted_trace::{HIT_ERROR, Hit, InstanceId, Kernel, Query, Ray, Watertight};
-use canted_wide::{LaneKernel, LeafPrimitive, MovingBvh, TriangleBvh, WideBvh};
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Kernel, Query, Ray, ScaledRay, Watertight};
+use canted_wide::{LaneKernel, LeafPrimitive, MovingBvh, Stack, TriangleBvh, WideBvh};
 
 /// A bottom-level BVH: anything that answers ray queries in its object space.
 ///
@@ -86,6 +86,12 @@ pub trait Blas: Send + Sync {
     /// enum. The top level pads its boxes by it: if it is too small, hits are lost.
     fn hit_error(&self) -> f32;
 
+    /// Whether that holds relative to every point of object space, and not to its origin alone: with distances from the point instead of
+    /// coordinates. The top level then has smaller boxes for content that is far from the origin.
+    fn has_local_error(&self) -> bool {
+        false
+    }
+
     /// The hit of least `t` that the query accepts; ties go to the lowest primitive.
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit>;
 
@@ -95,6 +101,20 @@ pub trait Blas: Send + Sync {
     /// Every hit that the query accepts, each once: least `t` first, then lowest primitive. Replaces the contents of
     /// `hits`.
     fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>);
+
+    /// As [`Blas::closest_hit_with`], without checking and scaling the ray again, with memory for nodes that wait.
+    #[doc(hidden)]
+    #[inline]
+    fn closest_hit_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, _stack: &mut Stack) -> Option<Hit> {
+        self.closest_hit_with(&ray.to_ray(), instance, query)
+    }
+
+    /// As [`Blas::occluded_with`], without checking and scaling the ray again, with memory for nodes that wait.
+    #[doc(hidden)]
+    #[inline]
+    fn occluded_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, _stack: &mut Stack) -> bool {
+        self.occluded_with(&ray.to_ray(), instance, query)
+    }
 }
 
 /// A bottom-level BVH that counts how often a ray crosses its surfaces.
@@ -115,6 +135,10 @@ macro_rules! blas_of_triangles {
 
             fn hit_error(&self) -> f32 {
                 HIT_ERROR
+            }
+
+            fn has_local_error(&self) -> bool {
+                true
             }
 
             fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
@@ -151,6 +175,10 @@ impl<P: LeafPrimitive> Blas for WideBvh<P> {
         P::ERROR
     }
 
+    fn has_local_error(&self) -> bool {
+        P::IS_LOCAL
+    }
+
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
         Self::closest_hit_with(self, ray_object, instance, query)
     }
@@ -162,6 +190,16 @@ impl<P: LeafPrimitive> Blas for WideBvh<P> {
     fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
         Self::all_hits_with(self, ray_object, instance, query, hits);
     }
+
+    #[inline]
+    fn closest_hit_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, stack: &mut Stack) -> Option<Hit> {
+        Self::closest_hit_scaled(self, ray, instance, query, stack)
+    }
+
+    #[inline]
+    fn occluded_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, stack: &mut Stack) -> bool {
+        Self::occluded_scaled(self, ray, instance, query, stack)
+    }
 }
 
 impl<K: LaneKernel> Blas for MovingBvh<K> {
@@ -171,6 +209,10 @@ impl<K: LaneKernel> Blas for MovingBvh<K> {
 
     fn hit_error(&self) -> f32 {
         HIT_ERROR
+    }
+
+    fn has_local_error(&self) -> bool {
+        true
     }
 
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {

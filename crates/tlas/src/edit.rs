@@ -245,7 +245,7 @@ impl<B: Blas> TlasEdit<'_, B> {
 
     /// Places all instances of a BVH as if `blas` were at its index.
     fn place_all(&self, index: u32, blas: &B) -> Result<Vec<(usize, Placed)>, InstanceError> {
-        let (bounds, hit_error) = (blas.bounds(), blas.hit_error());
+        let (bounds, hit_error) = (blas.bounds(), (blas.hit_error(), blas.has_local_error()));
         let of_blas = self.tlas.instances.iter().enumerate().filter(|(_, instance)| instance.blas == index);
         let of_blas: Vec<(usize, &Instance)> = of_blas.collect();
         let place = |&(i, instance): &(usize, &Instance)| Ok((i, Placement::new(i, instance, &bounds, hit_error)?));

@@ -1,5 +1,6 @@
-use canted_obb::{Affine, Obb};
-use canted_trace::Query;
+use canted_obb::round::{down, up};
+use canted_obb::{Aabb, Affine, Obb, vector};
+use canted_trace::{Query, ReferencePoint};
 
 use crate::matrix::{MAX_CONDITION, Rows, condition, invert, row_sum_norm};
 use crate::world_ray::{ObjectRay, WorldRay};
@@ -11,12 +12,29 @@ const U: f64 = 1.0 / 16_777_216.0;
 /// Fewest instances that one job places.
 pub(crate) const JOB: usize = 256;
 
-/// A bound on the error of a hit in world space, in each coordinate: `per_origin · |o|∞ + fixed`, `o` the ray's origin.
+/// A bound on the error of a hit in world space, in each coordinate: `per_origin · |o - r|∞ + fixed(r)`, `o` the ray's origin, for every
+/// point `r`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct WorldError {
     pub(crate) per_origin: f64,
-    pub(crate) fixed: f64,
+    /// What does not depend on `r`.
+    constant: f64,
+    /// Contains the image of the center of the bounds at all times.
+    centers: Aabb,
 }
+
+impl WorldError {
+    /// See the type.
+    pub(crate) fn fixed(&self, r: ReferencePoint) -> f64 {
+        let reach = vector::reach(vector::to_f64(r.point()));
+        let from_center = f64::from(r.moved_box(&self.centers).reach().next_up());
+        self.constant + self.per_origin * (from_center + F64_ROUNDINGS * reach)
+    }
+}
+
+/// Roundings of `f64` in what a condition multiplies, relative to `per_origin`: fewer than 32 of 2^-53, and `per_origin` is at least
+/// 2^-22 of the condition.
+const F64_ROUNDINGS: f64 = 1.0 / (1_u64 << 26) as f64;
 
 /// Bounds of an instance in world space, at all times, and how far hits may lie outside.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,29 +43,76 @@ pub(crate) struct Bounds {
     pub(crate) error: WorldError,
 }
 
-/// What traversal needs of an instance.
+/// What traversal needs of an instance: two cache lines.
 #[derive(Clone, Debug)]
+#[repr(align(64))]
 pub(crate) struct Placement {
+    /// `f64`, so only the result is rounded.
+    object_from_world: Inverse,
+    /// The motion of a moving instance, which replaces `object_from_world`.
+    motion: Option<Box<Motion>>,
     pub(crate) blas: u32,
     /// The instance's mask; zero hides an instance whose bounds are not known.
     pub(crate) mask: u32,
-    /// Rows of the inverse transform, each with its translation last. `f64`, so only the result is rounded.
-    object_from_world: Rows,
-    /// The motion of a moving instance, which replaces `object_from_world`.
-    motion: Option<Box<Motion>>,
+}
+
+const _: () = assert!(size_of::<Placement>() == 128);
+
+/// The inverse of a transform: three columns, then the translation, one after the other. Four numbers are read from the start of
+/// each, of which the last is not used.
+#[derive(Clone, Copy, Debug)]
+struct Inverse([f64; 13]);
+
+impl Inverse {
+    #[inline(always)]
+    fn new(rows: &Rows) -> Self {
+        let mut columns = [0.0; 13];
+        for k in 0..4 {
+            for (i, row) in rows.iter().enumerate() {
+                columns[3 * k + i] = row[k];
+            }
+        }
+        Self(columns)
+    }
+
+    /// The linear map of `v`. Lanes are independent, so that the compiler may use vectors of any width for the same bits.
+    #[inline(always)]
+    fn linear(&self, v: [f64; 3]) -> [f64; 4] {
+        let [x, y, z] = [self.column(0), self.column(1), self.column(2)];
+        let lane = |i: usize| (x[i] * v[0] + y[i] * v[1]) + z[i] * v[2];
+        [lane(0), lane(1), lane(2), lane(3)]
+    }
+
+    #[inline(always)]
+    fn point(&self, v: [f64; 3]) -> [f64; 4] {
+        let ([a, b, c, d], [x, y, z, w]) = (self.linear(v), self.column(3));
+        [a + x, b + y, c + z, d + w]
+    }
+
+    #[inline(always)]
+    fn column(&self, k: usize) -> [f64; 4] {
+        [self.0[3 * k], self.0[3 * k + 1], self.0[3 * k + 2], self.0[3 * k + 3]]
+    }
 }
 
 impl Placement {
     /// Inverts the transform and bounds the error of hits. Also returns the bounds of the instance in world space;
-    /// `bounds` and `hit_error` are those of the bottom-level BVH.
+    /// `bounds` and `hit_error` are those of the bottom-level BVH, and whether that is local.
     ///
     /// A world ray `o + t·d` is traced as the object ray `o' = fl(M⁻¹(o - c))`, `d' = fl(M⁻¹d)`, but for a power of two in `d` and
     /// `t`: computed in `f64`, each component rounded once, by at most `u` relative. A hit accepted at `t` lies within `e·(|o'| + ρ)` of the bounds in
     /// object space (all norms ∞; `e <= 1/8` the hit error, ρ the reach of the bottom-level BVH). The world point differs
     /// from the image of the object point by `M` times at most `u·|o'| + u·t|d'|`, where
-    /// `t|d'| <= (1 + e)·(|o'| + ρ)`: together at most `2.2u·(|o'| + ρ)`. With `1.8u` more for `f64` rounding, the rounding
-    /// of the box's corners and second-order terms, the hit lies within `‖M‖·(e + 4u)·(|o'| + ρ)` of the image of the
-    /// bounds, and `|o'| <= ‖M⁻¹‖·(|o| + |c|)`.
+    /// `t|d'| <= (1 + e)·(|o'| + ρ)`: together at most `2.2u·(|o'| + ρ)`. With `1.8u` more for `f64` rounding
+    /// and second-order terms, the hit lies within `‖M‖·(e + 4u)·(|o'| + ρ)` of the image of the
+    /// bounds, and `|o'| <= ‖M⁻¹‖·(|o - r| + |r - c|)` for every point `r`.
+    ///
+    /// Where the hit error is relative to the distance of ray and content (`is_local`, [`Blas::has_local_error`](crate::Blas::has_local_error)), the part
+    /// of `e` and of `t|d'|` is relative to the center `q` of the bounds, whose image is `m`: `|o' - q| <= ‖M⁻¹‖·(|o - r| + |r - m|)`, and ρ the
+    /// greatest distance from `q`. Only the rounding of `o'` remains, `u·|o'| <= u·(|o' - q| + |q|)`. Otherwise `q` is the origin
+    /// of object space, and `m = c`.
+    ///
+    /// What `f64` rounds is relative to `‖M‖·‖M⁻¹‖·(|o| + |c|)` and does not become less: 2^-26 of `per_origin` covers it.
     ///
     /// What underflows in object space is less than 2⁻¹²⁶, with that of the hit itself: `‖M‖·2⁻¹²⁵` covers it.
     ///
@@ -61,7 +126,7 @@ impl Placement {
         index: usize,
         instance: &Instance,
         bounds: &Obb,
-        hit_error: f32,
+        (hit_error, is_local): (f32, bool),
     ) -> Result<(Self, Bounds), InstanceError> {
         let open = &instance.world_from_object;
         // Equal transforms at both ends make a static instance.
@@ -87,22 +152,32 @@ impl Placement {
                 InstanceError::IllConditionedAt { instance: index, time, condition: condition(forward, backward) }
             })?,
         };
-        let reach = f64::from(bounds.aabb().reach());
+        let aabb = bounds.aabb();
+        let reach = f64::from(aabb.reach());
+        let center = if is_local && !aabb.is_empty() { aabb.center() } else { [0.0; 3] };
+        let from_center = |x: [f32; 3]| vector::reach(vector::sub(vector::to_f64(x), center));
+        let spread = if aabb.is_empty() { 0.0 } else { from_center(aabb.min).max(from_center(aabb.max)) };
+        let centers = matrices().map(|matrix| matrix.point_f64(center)).fold(Aabb::EMPTY, |all, at| {
+            all.union(Aabb { min: at.map(|x| down(x.next_down())), max: at.map(|x| up(x.next_up())) })
+        });
         let translation = greatest(&|m| m.columns[3].iter().map(|c| f64::from(c.abs())).fold(0.0, f64::max));
         let relative = f64::from(hit_error) + 4.0 * U;
         let residual = motion.as_ref().map_or(0.0, |_| Motion::residual(condition(forward, backward)));
         let error = WorldError {
             per_origin: relative * (forward * backward),
-            fixed: relative * forward * (backward * translation + reach)
+            constant: relative * forward * spread
+                + 2.0 * U * forward * vector::reach(center)
                 + 2.0 * residual * forward * reach
-                + 2.0 * U * translation
+                + (2.0 * U + relative * forward * backward * F64_ROUNDINGS) * translation
                 + UNDERFLOW * forward,
+            centers,
         };
         let bounds_world = swept_bounds(bounds, open, close);
         if !bounds_world.aabb().is_finite() {
             return Err(InstanceError::OutOfRange { instance: index });
         }
-        let placement = Self { blas: instance.blas, mask: instance.mask, object_from_world: inverse, motion };
+        let placement =
+            Self { object_from_world: Inverse::new(&inverse), motion, blas: instance.blas, mask: instance.mask };
         Ok((placement, Bounds { obb: bounds_world, error }))
     }
 
@@ -111,17 +186,15 @@ impl Placement {
     #[inline(always)]
     pub(crate) fn ray_object<Q: Query>(&self, ray: &WorldRay, t_max: f64, query: &Q) -> Option<ObjectRay> {
         let moved;
-        let rows = match &self.motion {
+        let inverse = match &self.motion {
             None => &self.object_from_world,
             Some(motion) => {
-                moved = motion.object_from_world(query.time());
+                moved = Inverse::new(&motion.object_from_world(query.time()));
                 &moved
             }
         };
-        let linear = |row: &[f64; 4], v: [f64; 3]| (row[0] * v[0] + row[1] * v[1]) + row[2] * v[2];
-        let origin = std::array::from_fn(|k| linear(&rows[k], ray.origin) + rows[k][3]);
-        let direction = std::array::from_fn(|k| linear(&rows[k], ray.direction));
-        ray.in_object(origin, direction, t_max)
+        let ([ox, oy, oz, _], [dx, dy, dz, _]) = (inverse.point(ray.origin), inverse.linear(ray.direction));
+        ray.in_object([ox, oy, oz], [dx, dy, dz], t_max)
     }
 }
 

@@ -2,10 +2,18 @@ use std::cmp::Ordering;
 
 use canted_obb::round::up;
 use canted_trace::{Hit, HitFilter, InstanceId, Query, Ray};
+use canted_wide::Stack;
 
 use crate::blas::{Blas, CrossingBlas};
 use crate::world_ray::{ObjectRay, WorldRay};
 use crate::{RayOptions, Tlas};
+
+/// Memory for nodes that wait: of the top level, and of all bottom-level BVHs in turn.
+#[derive(Default)]
+pub(crate) struct Stacks {
+    top: Stack,
+    bottom: Stack,
+}
 
 /// Queries of single rays.
 ///
@@ -102,11 +110,23 @@ impl<B: Blas> Tlas<B> {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn closest_hit_with<Q: Query>(&self, ray_world: &Ray, query: &mut Q) -> Option<Hit> {
+        self.closest_hit_on(&mut Stacks::default(), ray_world, query)
+    }
+
+    /// [`Tlas::closest_hit_with`] on the stacks of earlier rays.
+    #[inline]
+    pub(crate) fn closest_hit_on<Q: Query>(
+        &self,
+        stacks: &mut Stacks,
+        ray_world: &Ray,
+        query: &mut Q,
+    ) -> Option<Hit> {
         let ray = WorldRay::new(ray_world)?;
+        let Stacks { top, bottom } = stacks;
         let mask = query.mask();
         // With its scaled `t`, which is exact.
         let mut best: Option<(f64, Hit)> = None;
-        self.top.traverse::<_, true>(&ray.top, query, |instance, t_max, query| {
+        self.top.traverse::<_, true>(&ray.top, query, top, |instance, t_max, query| {
             let placement = &self.placements[instance.0 as usize];
             if placement.mask & mask == 0 {
                 return t_max;
@@ -114,7 +134,7 @@ impl<B: Blas> Tlas<B> {
             let limit = best.map_or(ray.t_max, |(t, _)| t);
             let Some(object) = placement.ray_object(&ray, limit, query) else { return t_max };
             let blas = &self.blas[placement.blas as usize];
-            let Some(hit) = blas.closest_hit_with(&object.ray, instance, &mut object.query(query)) else {
+            let Some(hit) = blas.closest_hit_scaled(&object.ray, instance, &mut object.query(query), bottom) else {
                 return t_max;
             };
             let t = object.world_t(hit.t);
@@ -130,16 +150,24 @@ impl<B: Blas> Tlas<B> {
 
     /// Whether the query accepts any hit.
     pub fn occluded_with<Q: Query>(&self, ray_world: &Ray, query: &mut Q) -> bool {
+        self.occluded_on(&mut Stacks::default(), ray_world, query)
+    }
+
+    /// [`Tlas::occluded_with`] on the stacks of earlier rays.
+    #[inline]
+    pub(crate) fn occluded_on<Q: Query>(&self, stacks: &mut Stacks, ray_world: &Ray, query: &mut Q) -> bool {
         let Some(ray) = WorldRay::new(ray_world) else { return false };
+        let Stacks { top, bottom } = stacks;
         let mask = query.mask();
         let mut found = false;
-        self.top.traverse::<_, false>(&ray.top, query, |instance, t_max, query| {
+        self.top.traverse::<_, false>(&ray.top, query, top, |instance, t_max, query| {
             let placement = &self.placements[instance.0 as usize];
             if placement.mask & mask == 0 {
                 return t_max;
             }
             let Some(object) = placement.ray_object(&ray, ray.t_max, query) else { return t_max };
-            found = self.blas[placement.blas as usize].occluded_with(&object.ray, instance, &mut object.query(query));
+            let blas = &self.blas[placement.blas as usize];
+            found = blas.occluded_scaled(&object.ray, instance, &mut object.query(query), bottom);
             if found { -1.0 } else { t_max }
         });
         found
@@ -148,7 +176,7 @@ impl<B: Blas> Tlas<B> {
     /// Every hit that the query accepts, in the order of [`Tlas::all_hits`]. Replaces the contents of `hits`.
     pub fn all_hits_with<Q: Query>(&self, ray_world: &Ray, query: &mut Q, hits: &mut Vec<Hit>) {
         self.collect(ray_world, query, hits, |blas, object, instance, query, hits| {
-            blas.all_hits_with(&object.ray, instance, &mut object.query(query), hits);
+            blas.all_hits_with(&object.ray.to_ray(), instance, &mut object.query(query), hits);
         });
     }
 
@@ -164,7 +192,7 @@ impl<B: Blas> Tlas<B> {
         let Some(ray) = WorldRay::new(ray_world) else { return };
         let mask = query.mask();
         let (mut of_instance, mut with_t): (Vec<Hit>, Vec<(f64, Hit)>) = (vec![], vec![]);
-        self.top.traverse::<_, false>(&ray.top, query, |instance, t_max, query| {
+        self.top.traverse::<_, false>(&ray.top, query, &mut Stack::new(), |instance, t_max, query| {
             let placement = &self.placements[instance.0 as usize];
             if placement.mask & mask != 0
                 && let Some(object) = placement.ray_object(&ray, ray.t_max, query)
@@ -217,7 +245,7 @@ impl<B: CrossingBlas> Tlas<B> {
     /// [`Tlas::crossings`] of the instances that a ray of this mask sees, at its time.
     pub fn crossings_with(&self, ray_world: &Ray, options: &RayOptions, crossings: &mut Vec<Hit>) {
         self.collect(ray_world, &mut { *options }, crossings, |blas, object, instance, _, crossings| {
-            blas.crossings(&object.ray, instance, crossings);
+            blas.crossings(&object.ray.to_ray(), instance, crossings);
         });
     }
 }

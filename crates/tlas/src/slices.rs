@@ -1,6 +1,7 @@
-use canted_bvh2::per_ray::{parallel, serial};
+use canted_bvh2::per_ray::{parallel, parallel_with, serial};
 use canted_trace::{Hit, HitFilter, Query, Ray};
 
+use crate::queries::Stacks;
 use crate::{Blas, Tlas};
 
 /// Queries of slices: the results of single rays, in order.
@@ -135,7 +136,8 @@ impl<B: Blas> Tlas<B> {
         hits: &mut [Option<Hit>],
         query: impl Fn(usize, &'r Ray) -> Q,
     ) {
-        serial(rays, hits, |i, ray, hit| *hit = self.closest_hit_with(ray, &mut query(i, ray)));
+        let mut stacks = Stacks::default();
+        serial(rays, hits, |i, ray, hit| *hit = self.closest_hit_on(&mut stacks, ray, &mut query(i, ray)));
     }
 
     /// As [`Tlas::closest_hits_with`], on all threads.
@@ -145,7 +147,9 @@ impl<B: Blas> Tlas<B> {
         hits: &mut [Option<Hit>],
         query: impl Fn(usize, &'r Ray) -> Q + Sync,
     ) {
-        parallel(rays, hits, |i, ray, hit| *hit = self.closest_hit_with(ray, &mut query(i, ray)));
+        parallel_with(rays, hits, Stacks::default, |stacks, i, ray, hit| {
+            *hit = self.closest_hit_on(stacks, ray, &mut query(i, ray));
+        });
     }
 
     /// Whether each ray hits anything that its query accepts.
@@ -155,7 +159,8 @@ impl<B: Blas> Tlas<B> {
         occluded: &mut [bool],
         query: impl Fn(usize, &'r Ray) -> Q,
     ) {
-        serial(rays, occluded, |i, ray, out| *out = self.occluded_with(ray, &mut query(i, ray)));
+        let mut stacks = Stacks::default();
+        serial(rays, occluded, |i, ray, out| *out = self.occluded_on(&mut stacks, ray, &mut query(i, ray)));
     }
 
     /// As [`Tlas::occluded_many_with`], on all threads.
@@ -165,7 +170,9 @@ impl<B: Blas> Tlas<B> {
         occluded: &mut [bool],
         query: impl Fn(usize, &'r Ray) -> Q + Sync,
     ) {
-        parallel(rays, occluded, |i, ray, out| *out = self.occluded_with(ray, &mut query(i, ray)));
+        parallel_with(rays, occluded, Stacks::default, |stacks, i, ray, out| {
+            *out = self.occluded_on(stacks, ray, &mut query(i, ray));
+        });
     }
 
     /// Every hit of each ray that its query accepts, in the order of [`Tlas::all_hits`].

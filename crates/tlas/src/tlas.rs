@@ -1,7 +1,7 @@
 use std::fmt;
 
 use canted_lbvh::par;
-use canted_obb::Aabb;
+use canted_obb::{Aabb, Obb};
 use canted_wide::SimdPath;
 
 use crate::placement::{Bounds, JOB, Placement};
@@ -83,7 +83,7 @@ impl<B: Blas> Tlas<B> {
         let Some(blas) = self.blas.get(instance.blas as usize) else {
             return Err(InstanceError::NoSuchBlas { instance: index, blas: instance.blas });
         };
-        Placement::new(index, instance, &blas.bounds(), blas.hit_error())
+        Placement::new(index, instance, &blas.bounds(), (blas.hit_error(), blas.has_local_error()))
     }
 
     /// The bottom-level BVHs.
@@ -120,6 +120,12 @@ impl<B: Blas> Tlas<B> {
     #[must_use]
     pub fn aabb(&self) -> Aabb {
         self.top.aabb()
+    }
+
+    /// Calls `visit` with the box of each node and leaf of the top level, world space: the box, its level, 0 for a root, and whether it
+    /// is a leaf, which holds the bounds of one or a few instances. Instances of very different condition are below roots of their own.
+    pub fn each_box(&self, visit: impl FnMut(Obb, u32, bool)) {
+        self.top.each_box(visit);
     }
 
     /// Memory of the top level and of the instances, without the bottom-level BVHs.

@@ -1,7 +1,9 @@
 //! The top level: instances in classes of similar error, a BVH over the boxes of each class.
 //!
 //! # Where the error of hits is
-//! A hit lies within `per_origin·|o|∞ + fixed` of its instance's bounds. `fixed` is part of the instance's box. `per_origin` is that of
+//! A hit lies within `per_origin·|o - r|∞ + fixed(r)` of its instance's bounds, for every point `r`. Boxes are relative to a reference
+//! point `r` near the instances, and so are the origins of rays: a cluster of instances far from the origin is traced as one near it.
+//! `fixed` is part of the instance's box. `per_origin` is that of
 //! the transform's condition; it is multiplied by the ray's origin, so rays carry it, and all boxes of a BVH get the greatest
 //! of its instances. So instances whose `per_origin` differ much are in different BVHs, which a ray traverses one after
 //! another: one ill-conditioned instance does not loosen the boxes of the others. Transforms that scale and rotate have
@@ -12,9 +14,9 @@ mod class;
 mod wide;
 
 use canted_lbvh::{self as lbvh, VolumeConfig};
-use canted_obb::Aabb;
-use canted_trace::{InstanceId, Query, ScaledRay};
-use canted_wide::{Config, MAX_PRIMITIVES, SimdPath};
+use canted_obb::{Aabb, Obb};
+use canted_trace::{InstanceId, Query, ReferencePoint, ScaledRay};
+use canted_wide::{Config, MAX_PRIMITIVES, SimdPath, Stack};
 
 use crate::InstanceError;
 use crate::placement::Bounds;
@@ -50,7 +52,10 @@ impl TopConfig {
 #[derive(Clone, Debug)]
 pub(crate) struct Top {
     classes: Vec<Class>,
+    /// World space.
     aabb: Aabb,
+    /// What the boxes of the classes are relative to.
+    reference: ReferencePoint,
 }
 
 /// The spread of `per_origin` in a class when it is built; in a refit four times as much is allowed.
@@ -64,8 +69,9 @@ impl Top {
     /// Builds over the bounds of instances.
     pub(crate) fn build(bounds: &[Bounds], config: &TopConfig, path: SimdPath) -> Result<Self, InstanceError> {
         let classes = classify(bounds, SPREAD).into_iter();
-        let classes = classes.map(|ids| Class::build(bounds, ids, config, path)).collect::<Result<_, _>>()?;
-        Ok(Self { classes, aabb: aabb_of(bounds) })
+        let reference = reference_of(bounds);
+        let of_class = |ids| Class::build((bounds, reference), ids, config, path);
+        Ok(Self { classes: classes.map(of_class).collect::<Result<_, _>>()?, aabb: aabb_of(bounds), reference })
     }
 
     /// The same BVHs traced on another path, if they are wide.
@@ -82,6 +88,11 @@ impl Top {
         self.classes.iter().map(Class::n_bytes).sum()
     }
 
+    /// Calls `visit` with the box of each node and leaf.
+    pub(crate) fn each_box(&self, mut visit: impl FnMut(Obb, u32, bool)) {
+        self.classes.iter().for_each(|class| class.each_box(&mut visit));
+    }
+
     /// New bounds for the same instances, in the same topology; built again where the errors of a class have spread too far.
     pub(crate) fn refit(&mut self, bounds: &[Bounds], config: &TopConfig, path: SimdPath) {
         if self.classes.iter().any(|class| class.spread(bounds) > SPREAD_OF_REFIT)
@@ -90,7 +101,8 @@ impl Top {
             *self = top;
             return;
         }
-        self.classes.iter_mut().for_each(|class| class.refit(bounds));
+        self.reference = reference_of(bounds);
+        self.classes.iter_mut().for_each(|class| class.refit(bounds, self.reference));
         self.aabb = aabb_of(bounds);
     }
 
@@ -110,12 +122,17 @@ impl Top {
         &self,
         ray: &ScaledRay,
         query: &mut Q,
+        stack: &mut Stack,
         mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
     ) {
-        let mut ray = *ray;
+        let mut ray = self.reference.moved_ray(ray);
+        // Almost all scenes have one class.
+        if let [class] = &self.classes[..] {
+            return class.traverse::<Q, ORDERED>(&ray, query, stack, enter);
+        }
         for class in &self.classes {
             let mut t_max = ray.t_max;
-            class.traverse::<Q, ORDERED>(&ray, query, |instance, limit, query| {
+            class.traverse::<Q, ORDERED>(&ray, query, stack, |instance, limit, query| {
                 t_max = enter(instance, limit, query);
                 t_max
             });
@@ -125,6 +142,11 @@ impl Top {
             ray.t_max = t_max;
         }
     }
+}
+
+/// A point near the instances.
+fn reference_of(bounds: &[Bounds]) -> ReferencePoint {
+    ReferencePoint::near(bounds.len(), |i| bounds[i].obb.aabb())
 }
 
 fn aabb_of(bounds: &[Bounds]) -> Aabb {

@@ -54,24 +54,27 @@ impl WorldRay {
     }
 
     /// The ray from `origin` along `direction` in object space, which are those of the instance but for the length of the
-    /// direction, with hits up to the scaled `t_max`. `None` where no `f32` lies in the interval.
+    /// direction, with hits up to the scaled `t_max`. `None` where no `f32` lies in the interval, or the origin is beyond the range.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is accounted for in the error")]
     pub(crate) fn in_object(&self, origin: [f64; 3], direction: [f64; 3], t_max: f64) -> Option<ObjectRay> {
         let [x, y, z] = direction.map(f64::abs);
-        let mut to_object = power_below(x.max(y).max(z));
-        let shrink = reciprocal_of_power(to_object);
-        let mut direction = direction.map(|d| (d * shrink) as f32);
-        // Rounding may reach 2; the greatest component is then 1, and none that matters loses a bit.
-        if direction.iter().any(|d| d.abs() >= 2.0) {
-            direction = direction.map(|d| 0.5 * d);
+        let greatest = x.max(y).max(z);
+        let mut to_object = power_below(greatest);
+        // Rounding may reach 2; the greatest component is then 1.
+        if (greatest * reciprocal_of_power(to_object)) as f32 >= 2.0 {
             to_object *= 2.0;
         }
+        let to_world = reciprocal_of_power(to_object);
+        let (origin, direction) = (origin.map(|o| o as f32), direction.map(|d| (d * to_world) as f32));
         // Inward: the `t` of a bottom-level BVH is an f32, so these are the same hits as in the exact interval.
         let (t_min, t_max) = (up(self.t_min * to_object), down(t_max * to_object));
-        let ray = Ray { origin: origin.map(|o| o as f32), direction, t_min, t_max };
-        let to_world = reciprocal_of_power(to_object);
-        (t_min <= t_max).then_some(ObjectRay { ray, to_world, to_caller: to_world * self.from_scaled })
+        let [x, y, z] = origin.map(f32::is_finite);
+        if !((t_min <= t_max) & x & y & z) {
+            return None;
+        }
+        let ray = ScaledRay::from_parts(origin, direction, [t_min, t_max], 1.0);
+        Some(ObjectRay { ray, to_world, to_caller: to_world * self.from_scaled })
     }
 
     /// The caller's `t` of a scaled one, rounded.
@@ -82,9 +85,9 @@ impl WorldRay {
     }
 }
 
-/// A ray in the object space of an instance, with a direction whose greatest component lies in `[1, 2)`.
+/// A ray in the object space of an instance, with a direction whose greatest component lies in `[1, 2)`, as the caller's.
 pub(crate) struct ObjectRay {
-    pub(crate) ray: Ray,
+    pub(crate) ray: ScaledRay,
     /// Scaled world `t` over object `t`.
     to_world: f64,
     /// The caller's `t` over object `t`.

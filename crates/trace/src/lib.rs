@@ -28,6 +28,7 @@
 //! | [`SurfacePoint`] | rays that continue from a hit without hitting the same surface again |
 //! | [`Kernel`]: [`Watertight`], [`MollerTrumbore`], [`BaldwinWeber`] | ray-triangle tests |
 //! | [`SlabRay`], [`Slabs`], [`pad_aabb`] | ray-box tests, axis-aligned and oriented, for a traversal |
+//! | [`ReferencePoint`] | boxes near a mesh that is far from the origin |
 //! | [`ray_aabb`], [`ray_obb`], [`Sphere`], [`segment_overlaps_aabb`] | single tests |
 //!
 //! # Guarantees
@@ -54,6 +55,7 @@ pub mod lanes;
 mod moving;
 mod query;
 mod ray;
+mod reference;
 mod rounding;
 mod segment;
 mod slab;
@@ -68,6 +70,7 @@ pub use hit::{Hit, InstanceId, Side};
 pub use moving::position_at;
 pub use query::{Counts, Query};
 pub use ray::{Ray, ScaledRay};
+pub use reference::ReferencePoint;
 pub use segment::segment_overlaps_aabb;
 pub use slab::{AABB_PAD, MIN_DIRECTION, SLABS_PAD, SlabRay, Slabs, pad_aabb, ray_aabb, ray_obb};
 pub use sphere::Sphere;

@@ -106,6 +106,14 @@ impl ScaledRay {
         Self { origin, direction, t_min, t_max, to_scaled }
     }
 
+    /// The ray along the scaled direction, whose `t` is the scaled one.
+    #[inline]
+    #[must_use]
+    pub fn to_ray(&self) -> Ray {
+        let Self { origin, direction, t_min, t_max, .. } = *self;
+        Ray { origin, direction, t_min, t_max }
+    }
+
     /// The scaled `t` of a `t` of the original ray.
     #[inline]
     #[must_use]

@@ -12,15 +12,16 @@
 //! boxes, so a large triangle does not loosen the boxes of small ones.
 //!
 //! # Proof
-//! Let u = 2^-24 and `S = |o|∞ + ρ∞`. `P = o + t·d` lies within `e = HIT_ERROR·S` of the triangle in each coordinate,
-//! and `t·|d|∞ <= |P - o|∞ <= S + e`. The greatest `|d_k|` lies in [1, 2), so also `t <= S + e`.
+//! Let u = 2^-24 and `S = |o|∞ + ρ∞`. `P = o + t·d` lies within `e` of the triangle in each coordinate. All coordinates may be relative to a
+//! [`ReferencePoint`](crate::ReferencePoint): then `e = (HIT_ERROR + u)·S`, and else `HIT_ERROR·S`. So
+//! `t·|d|∞ <= |P - o|∞ <= S + e`. The greatest `|d_k|` lies in [1, 2), so also `t <= S + e`.
 //!
 //! *Axis-aligned boxes.* `P_k >= lo - e`. A component `|d_k|` below 2^-64 is replaced by ±2^-64, which moves `P_k` by at
 //! most 2^-63·t. Let `c` be [`AABB_PAD`] and `lo⁻ <= lo - c·ρ∞` the stored plane. It is hit at
 //! `fl(fl(lo⁻ - o⁺)·fl(1/d))` with `o⁺ = fl(o + c·|o|∞)`; let `d > 0` and `x = (lo⁻ - o⁺)/d`, exactly. If `x <= 0`, so is the
 //! computed value, and `t >= t_min >= 0` is no smaller. Otherwise `0 < lo⁻ - o⁺ <= lo - o <= S`, and three roundings exceed
 //! `x` by at most 3.01 u·S/d. So the computed value is at most `t` if `(lo - lo⁻) + (o⁺ - o) >= e + 3.01 u·S + 2^-62·S`. The
-//! left side is at least `c·S` less the rounding of `o⁺`, at most u·S, so `c = HIT_ERROR + 5u` suffices, with nearly u·S to
+//! left side is at least `c·S` less the rounding of `o⁺`, at most u·S, so `c = HIT_ERROR + 6u` suffices, with nearly u·S to
 //! spare for the roundings of `c·|o|∞` and `c·ρ∞` and all second-order terms. The upper plane is hit from
 //! `o⁻ = fl(o - c·|o|∞)`: its exact `t` is greater by as much, and three roundings of a distance of at most `(1 + c)·S` leave
 //! it above. For `d < 0` the planes swap roles. `lo⁻ - o⁺ < hi⁺ - o⁻`, so the smaller of the two values is always the entry.
@@ -30,7 +31,7 @@
 //! `row·P >= lo - √3·e`. The projected ray is `o' = fl(row·o)` and `d' = fl(row·d)`, three roundings each: at `t` it is
 //! off by at most `√3·(3u·|o|∞ + 3u·t·|d|∞) <= √3·6u·S`. The sign of `d'`, or a `d'` of zero, does not matter: only the
 //! position at `t` enters. The moved origin `o' ± ε` costs √3·u·S, the planes' three roundings √3·3.01 u·S as above, for
-//! `0 < lo⁻ - o'⁺` means `lo⁻ - o'⁺ <= √3·S`. So `√3·(HIT_ERROR + 11u)·S` suffices for both parts together, again with u to
+//! `0 < lo⁻ - o'⁺` means `lo⁻ - o'⁺ <= √3·S`. So `√3·(HIT_ERROR + 12u)·S` suffices for both parts together, again with u to
 //! spare: [`SLABS_PAD`].
 //!
 //! Underflow loses a few 2^-149 in position; the smallest normal number is added to every pad of a ray, and padded planes
@@ -64,7 +65,7 @@ pub fn pad_aabb(aabb: &Aabb, reach: f32) -> Aabb {
 /// certain miss, an empty box, or an invalid ray.
 ///
 /// Conservative: every representable `t` of the interval whose point lies in the box is between the two. The box is
-/// enlarged by up to 25 u = 1.5e-6 times the greatest coordinates of box and origin.
+/// enlarged by up to 26 u = 1.6e-6 times the greatest coordinates of box and origin.
 #[must_use]
 pub fn ray_aabb(ray: &Ray, aabb: &Aabb) -> Option<(f32, f32)> {
     if aabb.is_empty() {

@@ -20,9 +20,10 @@ use crate::rounding::UNIT_ROUNDOFF;
 use crate::{ScaledRay, Side};
 
 /// Maximum distance of a reported point from the exact triangle: each coordinate of `o + t·d`, in real arithmetic with
-/// the reported `t`, is within `HIT_ERROR·(|o|∞ + ρ∞) + 2^-127` of some point of the triangle.
+/// the reported `t`, is within `HIT_ERROR·M + 2^-127` of some point of the triangle.
 ///
-/// `|o|∞` and `ρ∞` are the greatest absolute coordinates of the ray's origin and of the vertices. With u = 2^-24 the
+/// `M` is the greatest `|v - o|∞` of the vertices `v` and the ray's origin `o`: the error does not depend on where both are
+/// in their space. For every point `c` it is at most `|o - c|∞ + ρ∞`, ρ∞ the greatest `|v - c|∞`. With u = 2^-24 the
 /// watertight kernel needs 6.1 u (proof at [`Watertight`]), the other two 18.1 u (proof at `finish`); the rest
 /// allows the caller one more rounding of the point.
 pub const HIT_ERROR: f32 = 20.0 * UNIT_ROUNDOFF;

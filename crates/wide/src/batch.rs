@@ -1,6 +1,6 @@
 //! Queries, ray by ray or slice by slice.
 
-use canted_trace::{Hit, InstanceId, Query, Ray};
+use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay};
 
 use crate::bvh::WideBvh;
 use crate::leaf::LeafPrimitive;
@@ -17,25 +17,25 @@ const CHUNK: usize = 1024;
 pub(crate) struct Tracer<'a, S: Simd, P: LeafPrimitive> {
     pub(crate) simd: S,
     pub(crate) bvh: &'a WideBvh<P>,
-    pub(crate) stack: Stack,
+    pub(crate) stack: &'a mut Stack,
 }
 
 impl<'a, S: Simd, P: LeafPrimitive> Tracer<'a, S, P> {
     #[inline(always)]
-    pub(crate) fn new(simd: S, bvh: &'a WideBvh<P>) -> Self {
-        Self { simd, bvh, stack: Stack::new(bvh.nodes.depth) }
+    pub(crate) fn new(simd: S, bvh: &'a WideBvh<P>, stack: &'a mut Stack) -> Self {
+        Self { simd, bvh, stack }
     }
 
     #[inline(always)]
-    fn prepare(&self, ray: &Ray) -> Option<TracedRay> {
-        prepare(self.bvh, ray)
+    fn prepare(&self, ray: &ScaledRay) -> TracedRay {
+        prepare(self.bvh, *ray)
     }
 
     /// The closest hit that the query accepts.
     #[inline(always)]
     fn closest_hit<Q: Query>(&mut self, ray: &TracedRay, instance: InstanceId, query: &mut Q) -> Option<Hit> {
         let mut best = BestHit::new(query, instance);
-        trace(self.simd, self.bvh, ray, &mut self.stack, &mut best);
+        trace(self.simd, self.bvh, ray, self.stack, &mut best);
         best.hit(&ray.scaled)
     }
 
@@ -43,7 +43,7 @@ impl<'a, S: Simd, P: LeafPrimitive> Tracer<'a, S, P> {
     #[inline(always)]
     fn occluded<Q: Query>(&mut self, ray: &TracedRay, instance: InstanceId, query: &mut Q) -> bool {
         let mut any = AnyHit::new(query, instance);
-        trace(self.simd, self.bvh, ray, &mut self.stack, &mut any);
+        trace(self.simd, self.bvh, ray, self.stack, &mut any);
         any.found
     }
 
@@ -57,7 +57,7 @@ impl<'a, S: Simd, P: LeafPrimitive> Tracer<'a, S, P> {
         hits: &mut Vec<Hit>,
     ) {
         let first = hits.len();
-        trace(self.simd, self.bvh, ray, &mut self.stack, &mut AllHits { query, instance, hits: &mut *hits });
+        trace(self.simd, self.bvh, ray, self.stack, &mut AllHits { query, instance, hits: &mut *hits });
         sort_from(hits, first);
         to_caller(&ray.scaled, &mut hits[first..]);
     }
@@ -66,7 +66,8 @@ impl<'a, S: Simd, P: LeafPrimitive> Tracer<'a, S, P> {
 /// The closest hit of one ray with a query that may count.
 pub(crate) struct ClosestOfOne<'a, P: LeafPrimitive, Q> {
     pub(crate) bvh: &'a WideBvh<P>,
-    pub(crate) ray: &'a Ray,
+    pub(crate) stack: &'a mut Stack,
+    pub(crate) ray: &'a ScaledRay,
     pub(crate) instance: InstanceId,
     pub(crate) query: &'a mut Q,
 }
@@ -76,15 +77,16 @@ impl<P: LeafPrimitive, Q: Query> Task for ClosestOfOne<'_, P, Q> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Option<Hit> {
-        let mut tracer = Tracer::new(simd, self.bvh);
-        tracer.closest_hit(&tracer.prepare(self.ray)?, self.instance, self.query)
+        let mut tracer = Tracer::new(simd, self.bvh, self.stack);
+        tracer.closest_hit(&tracer.prepare(self.ray), self.instance, self.query)
     }
 }
 
 /// Whether one ray is occluded, with a query that may count.
 pub(crate) struct OccludedOne<'a, P: LeafPrimitive, Q> {
     pub(crate) bvh: &'a WideBvh<P>,
-    pub(crate) ray: &'a Ray,
+    pub(crate) stack: &'a mut Stack,
+    pub(crate) ray: &'a ScaledRay,
     pub(crate) instance: InstanceId,
     pub(crate) query: &'a mut Q,
 }
@@ -94,16 +96,15 @@ impl<P: LeafPrimitive, Q: Query> Task for OccludedOne<'_, P, Q> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> bool {
-        let mut tracer = Tracer::new(simd, self.bvh);
-        let Some(ray) = tracer.prepare(self.ray) else { return false };
-        tracer.occluded(&ray, self.instance, self.query)
+        let mut tracer = Tracer::new(simd, self.bvh, self.stack);
+        tracer.occluded(&tracer.prepare(self.ray), self.instance, self.query)
     }
 }
 
 /// All hits of one ray with a query that may count.
 pub(crate) struct AllOfOne<'a, P: LeafPrimitive, Q> {
     pub(crate) bvh: &'a WideBvh<P>,
-    pub(crate) ray: &'a Ray,
+    pub(crate) ray: &'a ScaledRay,
     pub(crate) instance: InstanceId,
     pub(crate) query: &'a mut Q,
     pub(crate) hits: &'a mut Vec<Hit>,
@@ -114,11 +115,9 @@ impl<P: LeafPrimitive, Q: Query> Task for AllOfOne<'_, P, Q> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) {
-        self.hits.clear();
-        let mut tracer = Tracer::new(simd, self.bvh);
-        if let Some(ray) = tracer.prepare(self.ray) {
-            tracer.all_hits(&ray, self.instance, self.query, self.hits);
-        }
+        let mut stack = Stack::new();
+        let mut tracer = Tracer::new(simd, self.bvh, &mut stack);
+        tracer.all_hits(&tracer.prepare(self.ray), self.instance, self.query, self.hits);
     }
 }
 
@@ -258,9 +257,11 @@ impl<P: LeafPrimitive, B: BatchQuery<P>> Task for Slice<'_, P, B> {
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) {
         let Self { bvh, query, first, rays, answers } = self;
-        let mut tracer = Tracer::new(simd, bvh);
+        let mut stack = Stack::new();
+        let mut tracer = Tracer::new(simd, bvh, &mut stack);
+        let mut eight = EightRays::new();
         for (i, (rays, answers)) in rays.chunks(8).zip(answers.chunks_mut(8)).enumerate() {
-            let eight = EightRays::new(simd, rays, &bvh.frame, const { Pads::of(P::ERROR) });
+            eight.prepare(simd, rays, &bvh.frame, const { Pads::of(P::ERROR) });
             for (lane, (ray, answer)) in rays.iter().zip(answers).enumerate() {
                 match eight.ray(lane) {
                     Some(traced) => query.run(&mut tracer, first + 8 * i + lane, ray, &traced, answer),

@@ -14,7 +14,7 @@ use crate::config::Config;
 use crate::costs::Costs;
 use crate::frames::mesh_frame::{self, MeshFrameConfig};
 use crate::frames::{self, BoxAreas, Fits, FrameConfig};
-use crate::item::{self, Item};
+use crate::item::{self, Item, Items};
 use crate::measure::{self, Aligned};
 use crate::members::Members;
 use crate::par;
@@ -33,9 +33,9 @@ pub(crate) const MAX_ORIENTED_COST: f32 = 0.92;
 const CHUNK: usize = 1 << 13;
 
 /// A binary tree over primitives, what it is collapsed by, and the costs of that.
-pub(crate) struct Chosen<'a, I> {
+pub(crate) struct Chosen<S: Items> {
     /// In input order.
-    pub(crate) items: &'a [I],
+    pub(crate) items: S,
     pub(crate) tree: Tree,
     /// `None` where each leaf is one primitive.
     pub(crate) groups: Option<Groups>,
@@ -46,7 +46,7 @@ pub(crate) struct Chosen<'a, I> {
     pub(crate) aligned: Aligned,
     /// Of collapses into aligned nodes only.
     pub(crate) aligned_tables: Vec<Table<ALIGNED>>,
-    pub(crate) oriented: Option<Oriented<I>>,
+    pub(crate) oriented: Option<Oriented<S::Item>>,
 }
 
 /// Frames, and the collapses that may use them.
@@ -57,11 +57,11 @@ pub(crate) struct Oriented<I> {
     pub(crate) tables: Vec<Table<BOTH>>,
 }
 
-impl<'a, I: Item> Chosen<'a, I> {
+impl<S: Items> Chosen<S> {
     /// A tree over `items` with boxes along `rows`; leaves are groups, or else primitives.
     pub(crate) fn of(
         (tree, mut groups): (Tree, Option<Groups>),
-        items: &'a [I],
+        items: S,
         boxes: &[Aabb],
         rows: [[f32; 3]; 3],
         scale: f32,
@@ -86,7 +86,7 @@ impl<'a, I: Item> Chosen<'a, I> {
         let areas = BoxAreas { inner: &self.aligned.inner_areas, leaf: &self.aligned.leaf_areas };
         let frame_config = FrameConfig { iterations: config.refine_iterations, ..FrameConfig::default() };
         let sorted = self.sorted(0..self.primitives().len());
-        let fits = frames::fit(&self.tree, &I::fitted(&sorted, scale), self.rows, &areas, &frame_config);
+        let fits = frames::fit(&self.tree, &S::Item::fitted(&sorted, scale), self.rows, &areas, &frame_config);
         let inner = |id: NodeId| both(self.aligned.inner_areas[id.index()], fits.inner[id.index()].half_area);
         let leaf = |i: usize| both(self.aligned.leaf_areas[i], fits.leaf[i].half_area);
         let tables = tables(&self.tree, self.members(), inner, leaf, &config.costs);
@@ -104,8 +104,8 @@ impl<'a, I: Item> Chosen<'a, I> {
     }
 
     /// The primitives of a range of places.
-    pub(crate) fn sorted(&self, places: Range<usize>) -> Vec<I> {
-        par::map(&self.primitives()[places], CHUNK, |primitive| self.items[primitive.index()])
+    pub(crate) fn sorted(&self, places: Range<usize>) -> Vec<S::Item> {
+        par::map(&self.primitives()[places], CHUNK, |primitive| self.items.get(primitive.index()))
     }
 
     /// Areas of a leaf for a plan of aligned nodes.
@@ -158,11 +158,11 @@ fn both(aligned: f32, oriented: f32) -> Areas<BOTH> {
 }
 
 /// Builds the binary tree over `items`, which `bounds` enclose.
-pub(crate) fn choose<'a, I: Item>(items: &'a [I], bounds: &Aabb, config: &Config) -> Chosen<'a, I> {
+pub(crate) fn choose<S: Items>(items: S, bounds: &Aabb, config: &Config) -> Chosen<S> {
     let scale = measure::unit_scale(bounds);
     let unrotated = item::boxes(items, Obb::IDENTITY_FRAME);
     let candidates = if config.rotate_mesh {
-        mesh_frame::candidates(items.len(), &|i| items[i].edges(), &MeshFrameConfig::default())
+        mesh_frame::candidates(items.n(), &|i| items.get(i).edges(), &MeshFrameConfig::default())
     } else {
         vec![]
     };
@@ -172,16 +172,15 @@ pub(crate) fn choose<'a, I: Item>(items: &'a [I], bounds: &Aabb, config: &Config
         None => (Obb::IDENTITY_FRAME, unrotated),
     };
     let costs = &config.costs;
-    let of = |built: (Tree, Option<Groups>)| Chosen::of(built, items, &boxes, rows, scale, costs);
-    let coarse = config.groups.map(|groups| {
+    if let Some(groups) = config.groups {
         let (tree, groups) = canted_sah::grouped(&boxes, &limited(groups, costs));
-        of((tree, Some(groups)))
-    });
-    if let Some(coarse) = coarse {
+        // Made again in the few cases that need them: they take half the memory of a BVH.
+        drop(boxes);
+        let coarse = Chosen::of((tree, Some(groups)), items, &[], rows, scale, costs);
         if !config.oriented || sample::oriented_cost(&coarse, config, scale) > sample::MAX_COST {
             return coarse;
         }
-        let full = full(items, &boxes, rows, scale, config);
+        let full = full(items, &boxes_along(&rows), rows, scale, config);
         return oriented_or(full, coarse, costs);
     }
     let full = full(items, &boxes, rows, scale, config);
@@ -197,7 +196,7 @@ fn limited(groups: GroupConfig, costs: &Costs) -> GroupConfig {
 }
 
 /// `full` with oriented nodes where that is worth it, else the cheaper tree with aligned ones.
-fn oriented_or<'a, I: Item>(full: Chosen<'a, I>, coarse: Chosen<'a, I>, costs: &Costs) -> Chosen<'a, I> {
+fn oriented_or<S: Items>(full: Chosen<S>, coarse: Chosen<S>, costs: &Costs) -> Chosen<S> {
     let [of_full, of_coarse] = [&full, &coarse].map(|chosen| chosen.aligned_cost(costs));
     if full.oriented_cost(costs).is_some_and(|cost| cost <= MAX_ORIENTED_COST * of_full.min(of_coarse)) {
         return full;
@@ -206,13 +205,13 @@ fn oriented_or<'a, I: Item>(full: Chosen<'a, I>, coarse: Chosen<'a, I>, costs: &
 }
 
 /// Builds trees with a primitive per leaf, and frames where nodes may be oriented; returns the cheaper one.
-pub(crate) fn full<'a, I: Item>(
-    items: &'a [I],
+pub(crate) fn full<S: Items>(
+    items: S,
     boxes: &[Aabb],
     rows: [[f32; 3]; 3],
     scale: f32,
     config: &Config,
-) -> Chosen<'a, I> {
+) -> Chosen<S> {
     let built = |builder: &Builder| {
         let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
         let tree = canted_sah::build(boxes, &bounds, builder);
@@ -232,13 +231,13 @@ pub(crate) fn full<'a, I: Item>(
 
 /// A tree of any builder, with oriented nodes where that is worth it. `parts` are the boxes of the leaves, in leaf order, where they
 /// hold parts of primitives.
-pub(crate) fn over_tree<'a, I: Item>(
+pub(crate) fn over_tree<S: Items>(
     tree: Tree,
     parts: Option<Vec<Aabb>>,
-    items: &'a [I],
+    items: S,
     bounds: &Aabb,
     config: &Config,
-) -> Chosen<'a, I> {
+) -> Chosen<S> {
     let (scale, rows) = (measure::unit_scale(bounds), Obb::IDENTITY_FRAME);
     let aligned = match parts {
         Some(parts) => Aligned::of_leaves(&tree, parts, scale),

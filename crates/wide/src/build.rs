@@ -3,6 +3,7 @@ use std::ops::DerefMut;
 
 use canted_lbvh::{self as lbvh, Child, ChildKind, Corners, GeometryError, Tree};
 use canted_obb::{Aabb, Obb, PrimId};
+use canted_trace::ReferencePoint;
 
 use crate::binary::{self, Chosen, Oriented};
 use crate::bvh::{PredictedCost, WideBvh};
@@ -10,7 +11,7 @@ use crate::collapse::Plan;
 use crate::config::Config;
 use crate::costs::{Baseline, Costs};
 use crate::emit::{Leaves, Source, TooLarge, emit, write_ids, write_triangles};
-use crate::item::Item;
+use crate::item::{self, Indexed, Item, Items, Placed};
 use crate::layout::{Half, LeafLayout, Limits, NodeKind, Nodes};
 use crate::leaf::LeafPrimitive;
 use crate::par;
@@ -18,7 +19,7 @@ use crate::primitive::Primitive;
 use crate::reach::Reaches;
 use crate::records::Records;
 use crate::shape::Shapes;
-use crate::simd::SimdPath;
+use crate::simd::Proven;
 use crate::traverse::{BoxPads, LaneKernel, MeshFrame, Pads};
 use crate::triangle::{Blocks, Triangle};
 
@@ -143,16 +144,17 @@ impl<P: Primitive> WideBvh<P> {
         let bounds = bounds_of(&primitives)?;
         let costs = Costs { max_leaf: config.costs.max_leaf.min(P::MAX_LEAF), ..config.costs };
         let config = Config { costs, ..*config }.usable();
-        let items: Vec<&P> = primitives.iter().collect();
-        let chosen = binary::choose(&items, &bounds, &config);
+        let reference = reference_of(&primitives);
+        let items: Vec<Placed<P>> = primitives.iter().map(|primitive| Placed { primitive, reference }).collect();
+        let chosen = binary::choose(&items[..], &reference.moved_box(&bounds), &config);
         let ids = chosen.primitives();
         let write = |at: &[u32], _: usize, out: &mut [PrimId]| write_ids(at.iter().map(|&i| ids[i as usize]), out);
         let leaves = Leaves { layout: &LeafLayout::IDS, units: &|n| vec![PrimId(0); n], write: &write };
         let (nodes, order, predicted) = collapse(&chosen, &config.costs, P::ERROR, limits, &leaves)
             .map_err(|TooLarge| PrimitiveError::TooMany { n_primitives })?;
-        let (rows, costs) = (chosen.rows, config.costs);
+        let (frame, costs) = (MeshFrame::new(chosen.rows, reference), config.costs);
         let leaves = Shapes { order, primitives };
-        Ok(Built { nodes, leaves, rows, bounds, n_primitives, predicted, costs }.into())
+        Ok(Built { nodes, leaves, frame, bounds, n_primitives, predicted, costs }.into())
     }
 
     /// The primitives in input order.
@@ -172,7 +174,7 @@ impl<P: Primitive> WideBvh<P> {
 pub(crate) struct Built<L> {
     nodes: Nodes,
     leaves: L,
-    rows: [[f32; 3]; 3],
+    frame: MeshFrame,
     bounds: Aabb,
     n_primitives: usize,
     predicted: PredictedCost,
@@ -181,8 +183,8 @@ pub(crate) struct Built<L> {
 
 impl<P: LeafPrimitive> From<Built<P::Leaves>> for WideBvh<P> {
     fn from(built: Built<P::Leaves>) -> Self {
-        let Built { nodes, leaves, rows, bounds, n_primitives, predicted, costs } = built;
-        let (frame, baseline, path) = (MeshFrame::new(rows), Baseline::new(costs), SimdPath::detect());
+        let Built { nodes, leaves, frame, bounds, n_primitives, predicted, costs } = built;
+        let (baseline, path) = (Baseline::new(costs), Proven::detect());
         Self { nodes, leaves, frame, bounds, n_primitives, predicted, baseline, path }
     }
 }
@@ -201,6 +203,20 @@ pub(crate) fn bounds_of<P: Primitive>(primitives: &[P]) -> Result<Aabb, Primitiv
     }
 }
 
+/// The point that boxes of these primitives are relative to; the origin of their space where their hits have errors relative to it.
+pub(crate) fn reference_of<P: Primitive>(primitives: &[P]) -> ReferencePoint {
+    if P::IS_LOCAL {
+        ReferencePoint::near(primitives.len(), |i| primitives[i].bounds())
+    } else {
+        ReferencePoint::ORIGIN
+    }
+}
+
+/// The same of triangles.
+pub(crate) fn reference_of_triangles(n: usize, corners: impl Fn(usize) -> Corners) -> ReferencePoint {
+    ReferencePoint::near(n, |i| Aabb::from_points(corners(i)))
+}
+
 /// Builds over indexed triangles; the same for every triangle test but for the error of its hits.
 fn over_indexed(
     limits: &Limits,
@@ -210,9 +226,12 @@ fn over_indexed(
     error: f32,
 ) -> Result<Built<Blocks>, GeometryError> {
     check_number(triangles.len(), limits)?;
-    let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
+    let bounds = lbvh::triangle_bounds(positions, triangles)?;
     let config = config.usable();
-    over_chosen(&binary::choose(&corners, &bounds, &config), corners.len(), &bounds, &config, error, limits)
+    let given = Indexed::given(positions, triangles);
+    let reference = reference_of_triangles(triangles.len(), |i| given.get(i));
+    let chosen = binary::choose(given.moved(reference), &reference.moved_box(&bounds), &config);
+    over_chosen(&chosen, given, (reference, &bounds), &config, error, limits)
 }
 
 /// Builds over a binary tree of any builder.
@@ -226,8 +245,12 @@ fn over_tree(
 ) -> Result<Built<Blocks>, GeometryError> {
     check_number(corners.len(), &Limits::OF_WORDS)?;
     let config = config.usable();
-    let chosen = binary::over_tree(tree.clone(), parts, corners, bounds, &config);
-    over_chosen(&chosen, corners.len(), bounds, &config, error, &Limits::OF_WORDS)
+    let reference = reference_of_triangles(corners.len(), |i| corners[i]);
+    let moved = item::moved(corners, reference);
+    let parts = parts.map(|parts| parts.iter().map(|part| reference.moved_box(part)).collect());
+    let items = moved.as_deref().unwrap_or(corners);
+    let chosen = binary::over_tree(tree.clone(), parts, items, &reference.moved_box(bounds), &config);
+    over_chosen(&chosen, corners, (reference, bounds), &config, error, &Limits::OF_WORDS)
 }
 
 /// Rejects more triangles than leaves can name.
@@ -235,29 +258,32 @@ fn check_number(n_triangles: usize, limits: &Limits) -> Result<(), GeometryError
     if n_triangles > limits.n_triangles() { Err(GeometryError::TooMany { n_triangles }) } else { Ok(()) }
 }
 
+/// Writes the records of a tree over triangles, which are relative to the reference point there; `given` are as they were given, and
+/// so are `bounds`.
 pub(crate) fn over_chosen(
-    chosen: &Chosen<'_, Corners>,
-    n_primitives: usize,
-    bounds: &Aabb,
+    chosen: &Chosen<impl Items<Item = Corners>>,
+    given: impl Items<Item = Corners>,
+    (reference, bounds): (ReferencePoint, &Aabb),
     config: &Config,
     error: f32,
     limits: &Limits,
 ) -> Result<Built<Blocks>, GeometryError> {
-    let (items, ids) = (chosen.items, chosen.primitives());
+    let (n_primitives, ids) = (given.n(), chosen.primitives());
     let write = |at: &[u32], part: usize, out: &mut [Half]| {
         let ids = at.iter().map(|&i| ids[i as usize]);
-        write_triangles(ids.map(|id| (&items[id.index()], id)), part, out);
+        write_triangles(ids.map(|id| (given.get(id.index()), id)), part, out);
     };
     let leaves = Leaves { layout: &LeafLayout::BLOCKS, units: &Records::zeroed, write: &write };
     let (nodes, halves, predicted) = collapse(chosen, &config.costs, error, limits, &leaves)
         .map_err(|TooLarge| GeometryError::TooMany { n_triangles: n_primitives })?;
     let leaves = halves.into();
-    Ok(Built { nodes, leaves, rows: chosen.rows, bounds: *bounds, n_primitives, predicted, costs: config.costs })
+    let frame = MeshFrame::new(chosen.rows, reference);
+    Ok(Built { nodes, leaves, frame, bounds: *bounds, n_primitives, predicted, costs: config.costs })
 }
 
 /// Writes the records of the cheapest plan; `error` is that of hits.
-fn collapse<I: Item, U: Send, B: DerefMut<Target = [U]>>(
-    chosen: &Chosen<'_, I>,
+fn collapse<S: Items, U: Send, B: DerefMut<Target = [U]>>(
+    chosen: &Chosen<S>,
     costs: &Costs,
     error: f32,
     limits: &Limits,
@@ -272,7 +298,7 @@ fn collapse<I: Item, U: Send, B: DerefMut<Target = [U]>>(
     };
     // The box of a part may reach less far than the triangle, to whose reach the errors of hits are relative.
     let own_boxes = (*rows == Obb::IDENTITY_FRAME && !chosen.is_shared).then_some(aligned);
-    let reaches = Reaches::of_tree(tree, members, chosen.primitives(), items, own_boxes);
+    let reaches = Reaches::of_tree(tree, members, chosen.primitives(), *items, own_boxes);
     let source = Source {
         tree,
         members,
@@ -283,10 +309,10 @@ fn collapse<I: Item, U: Send, B: DerefMut<Target = [U]>>(
         frames: &frame_of,
         slabs: &|range, rows| {
             let sorted = oriented.as_ref().expect("only oriented nodes have boxes of their own");
-            I::slabs(&sorted.sorted[range], rows)
+            S::Item::slabs(&sorted.sorted[range], rows)
         },
         reach: &|child| reaches.of_child(child),
-        pads: BoxPads::new(Pads::of(error), &MeshFrame::new(*rows)),
+        pads: BoxPads::new(Pads::of(error), *rows == Obb::IDENTITY_FRAME),
     };
     let (aligned_areas, both_areas) = (|i: usize| chosen.aligned_leaf(i), |i: usize| chosen.both_leaf(i));
     let plan = Plan { tree, members, costs: *costs, tables: aligned_tables, leaf_areas: &aligned_areas };

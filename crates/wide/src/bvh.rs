@@ -3,7 +3,7 @@ use canted_obb::{Aabb, Obb};
 use crate::costs::Baseline;
 use crate::layout::Nodes;
 use crate::leaf::LeafPrimitive;
-use crate::simd::SimdPath;
+use crate::simd::{Proven, SimdPath};
 use crate::traverse::MeshFrame;
 
 /// A BVH of eight-wide nodes over primitives `P`: triangles ([`TriangleBvh`](crate::TriangleBvh)), spheres, boxes, or any
@@ -21,7 +21,7 @@ pub struct WideBvh<P: LeafPrimitive> {
     pub(crate) n_primitives: usize,
     pub(crate) predicted: PredictedCost,
     pub(crate) baseline: Baseline,
-    pub(crate) path: SimdPath,
+    pub(crate) path: Proven,
 }
 
 /// Predicted cost of a ray that enters the root, in tests of aligned nodes.
@@ -50,14 +50,14 @@ impl<P: LeafPrimitive> WideBvh<P> {
     /// The same BVH traced with other instructions; with [`SimdPath::Scalar`] where this machine lacks them.
     #[must_use]
     pub fn with_path(mut self, path: SimdPath) -> Self {
-        self.path = if path.is_available() { path } else { SimdPath::Scalar };
+        self.path = path.proven();
         self
     }
 
     /// The instructions that rays are traced with.
     #[must_use]
     pub fn path(&self) -> SimdPath {
-        self.path
+        self.path.path()
     }
 
     /// Axis-aligned box around all primitives, object space; empty for none.

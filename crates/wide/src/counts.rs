@@ -40,9 +40,10 @@ impl<P: LeafPrimitive> Task for Counting<'_, P> {
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> TraversalCounts {
         let mut counts = TraversalCounts::default();
-        let mut stack = Stack::new(self.bvh.nodes.depth);
+        let mut stack = Stack::new();
         for ray in self.rays {
-            let Some(ray) = prepare(self.bvh, ray) else { continue };
+            let Some(scaled) = ScaledRay::new(ray) else { continue };
+            let ray = prepare(self.bvh, scaled);
             let mut accept_all = ();
             let best = BestHit::new(&mut accept_all, InstanceId(0));
             trace(simd, self.bvh, &ray, &mut stack, &mut Counted { best, counts: &mut counts });

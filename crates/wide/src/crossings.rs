@@ -47,8 +47,9 @@ impl Task for Crossings<'_> {
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) {
         self.crossings.clear();
-        let Some(ray) = prepare(self.bvh, self.ray) else { return };
-        let mut stack = Stack::new(self.bvh.nodes.depth);
+        let Some(scaled) = ScaledRay::new(self.ray) else { return };
+        let ray = prepare(self.bvh, scaled);
+        let mut stack = Stack::new();
         cross(simd, self.bvh, &ray, &mut stack, &mut Vec::new(), self.crossings);
     }
 }

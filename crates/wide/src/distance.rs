@@ -8,8 +8,8 @@
 //!
 //! # No lost primitive
 //! A child is skipped only if its lower bound exceeds what is searched for; so a lower bound must not exceed the distance of
-//! anything below. Let u = 2^-24, `S = |p|∞ + ρ∞` with ρ∞ the greatest coordinate below a box, and `R` the rows of a box
-//! `lo <= R·x <= hi`. A point `x` in the box and the query point `p` differ by `v` with `|R·v| >= g` per row, `g` the gaps of `R·p`
+//! anything below. Let u = 2^-24, `S = |p|∞ + ρ∞` with ρ∞ the greatest coordinate below a box, all relative to the
+//! reference point of the BVH (below), and `R` the rows of a box `lo <= R·x <= hi`. A point `x` in the box and the query point `p` differ by `v` with `|R·v| >= g` per row, `g` the gaps of `R·p`
 //! from the interval. So `|v|² >= |g|² / ‖R‖²`, and `‖R‖² <= ‖R·Rᵀ‖∞ <= L² + s` with `L` the greatest length of a row, at most
 //! 1 + 2^-22, and `s` the sum of the rows' absolute products: almost orthogonal rows lose almost nothing, and a loaded file
 //! with other rows loses time, not primitives.
@@ -17,9 +17,11 @@
 //! *Gaps.* Aligned nodes in the identity frame take one rounding of `lo - p`, at most u·S. In a rotated mesh frame `R·p` is
 //! computed in f64 and rounded once: √3·u·S more. An oriented node computes `row·p - c` with four roundings of terms whose
 //! absolute sum is at most 2·√3·S, and subtracts `h` with two more: of the terms in ρ∞, `c` takes one rounding, and the two
-//! subtractions add at most 2·2·√3 u·ρ∞, in all 5·√3 u·ρ∞. Boxes are stored with planes moved outward by at least 6 u·ρ∞, 9·√3 u·ρ∞ and
-//! 14·√3 u·ρ∞ (`traverse`), which covers all terms in ρ∞ with more than u·ρ∞ to spare for second order. For those in `|p|∞`
-//! [`PointLanes`] subtracts pads of 2 u·|p|∞, 4·√3 u·|p|∞ and 16·√3 u·|p|∞.
+//! subtractions add at most 2·2·√3 u·ρ∞, in all 5·√3 u·ρ∞. Boxes are stored with planes moved outward by at least 7 u·ρ∞, 10·√3 u·ρ∞ and
+//! 15·√3 u·ρ∞ (`traverse`), which covers all terms in ρ∞ with more than u·ρ∞ to spare for second order. For those in `|p|∞`
+//! [`PointLanes`] subtracts pads of 3 u·|p|∞, 5·√3 u·|p|∞ and 17·√3 u·|p|∞.
+//! *Moved coordinates.* `p` and `x` are rounded when they are made relative to the reference point (`ReferencePoint`), by u·|p|∞ and u·ρ∞ per
+//! coordinate: along a row √3·u·S more, where rows are not those of the identity. The planes have as much more for ρ∞, the point for `|p|∞`.
 //! *Squares.* Products, sums, `s` and the quotient take fewer than 16 roundings: [`SHRINK`] is 1 - 2^-19.
 //! Distances of primitives are computed in f64 and fall short of the true ones by less than 2^-48·S, which the pads cover,
 //! too. What underflows makes a bound smaller; what overflows is replaced by the greatest number.

@@ -38,7 +38,7 @@ pub(crate) struct Source<'a> {
     pub(crate) frames: &'a (dyn Fn(Child) -> [[f32; 3]; 3] + Sync),
     /// The box with these rows around the primitives of a range of places, rounded outward.
     pub(crate) slabs: &'a (dyn Fn(Range<usize>, [[f32; 3]; 3]) -> Slabs + Sync),
-    /// Greatest coordinates, object space, of leaves and inner nodes.
+    /// Greatest coordinates relative to the reference point, of leaves and inner nodes.
     pub(crate) reach: &'a (dyn Fn(Child) -> f32 + Sync),
     pub(crate) pads: BoxPads,
 }

@@ -3,7 +3,7 @@
 //! ```text
 //! offset   bytes        content
 //! 0        8            "CANTWIDE"
-//! 8        4            version, 4
+//! 8        4            version, 5
 //! 12       4, 4, 4      root word; depth; most primitives of a leaf
 //! 24       8, 8, 8      cache lines of nodes; units of leaves; primitives
 //! 48       36           rows of the mesh frame
@@ -11,8 +11,9 @@
 //! 108      16, 8, 8     traversal costs; predicted costs; those before the first refit, -1 where there was none
 //! 140      4, 4         bytes of a unit: 160 of a half-block of triangles, 4 of an id; bytes of a primitive: 0 of triangles
 //! 148      4            error of hits that boxes are padded for, relative to the coordinates
-//! 152      8            unused, zero
-//! 160      64 a line    nodes
+//! 152      12           reference point, which boxes are relative to
+//! 164      12           unused, zero
+//! 176      64 a line    nodes
 //!                       units of leaves
 //!                       primitives in input order
 //!          8            checksum of all before
@@ -36,7 +37,7 @@ use crate::leaf::LeafPrimitive;
 use crate::primitive::SavedPrimitive;
 use crate::records::Records;
 use crate::shape::Shapes;
-use crate::simd::SimdPath;
+use crate::simd::Proven;
 use crate::traverse::LaneKernel;
 use crate::triangle::{Blocks, Triangle};
 
@@ -123,6 +124,7 @@ impl<P: SavedLeaves> WideBvh<P> {
             root: self.nodes.root,
             depth: self.nodes.depth,
             frame: self.frame.rows,
+            reference: self.frame.reference.point(),
             bounds: self.bounds,
             predicted: self.predicted,
             baseline: self.baseline,
@@ -150,10 +152,10 @@ impl<P: SavedLeaves> WideBvh<P> {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
         let (header, mut nodes, [units, primitives]) = read(bytes, P::SIZES)?;
         let leaves = P::from_sections(units, primitives);
-        let expected = Expected::of(&header, P::ERROR)?;
+        let expected = Expected::of(&header, P::ERROR, P::IS_LOCAL)?;
         P::check(&mut nodes, &leaves, &expected)?;
         let Expected { n_primitives, bounds, frame, .. } = expected;
-        let (predicted, baseline, path) = (header.predicted, header.baseline, SimdPath::detect());
+        let (predicted, baseline, path) = (header.predicted, header.baseline, Proven::detect());
         Ok(Self { nodes, leaves, frame, bounds, n_primitives, predicted, baseline, path })
     }
 }

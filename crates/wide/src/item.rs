@@ -1,8 +1,9 @@
-//! Primitives in the form that builds and refits use: boxes along any frame, and what frames are fitted to.
+//! Primitives in the form that builds and refits use: boxes along any frame, and what frames are fitted to, all relative to the
+//! reference point of the BVH.
 
-use canted_lbvh::{Corners, Leaf};
+use canted_lbvh::{Corners, Leaf, corners_of};
 use canted_obb::{Aabb, Obb, eigen};
-use canted_trace::Slabs;
+use canted_trace::{ReferencePoint, Slabs};
 
 use crate::frames::{Fitted, ScaledShape, ScaledTriangle};
 use crate::par;
@@ -11,10 +12,13 @@ use crate::primitive::{Primitive, extents_within};
 /// Items of one job.
 const CHUNK: usize = 1 << 13;
 
-/// The vertices of a triangle, or a reference to a primitive of the caller.
+/// The vertices of a triangle, or a primitive of the caller.
 pub(crate) trait Item: Copy + Send + Sync {
     /// Scaled, as frames are fitted to it.
     type Fitted: Fitted;
+
+    /// Relative to this point of object space; the item is not moved yet.
+    fn moved(self, reference: ReferencePoint) -> Self;
 
     /// Axis-aligned box, object space.
     fn aabb(&self) -> Aabb;
@@ -32,10 +36,71 @@ pub(crate) trait Item: Copy + Send + Sync {
     fn fitted(items: &[Self], scale: f32) -> Vec<Self::Fitted>;
 }
 
+/// Items by number: in an array, or made when they are needed.
+pub(crate) trait Items: Copy + Send + Sync {
+    type Item: Item;
+
+    /// Their number.
+    fn n(&self) -> usize;
+
+    fn get(&self, i: usize) -> Self::Item;
+}
+
+impl<I: Item> Items for &[I] {
+    type Item = I;
+
+    fn n(&self) -> usize {
+        self.len()
+    }
+
+    #[inline]
+    fn get(&self, i: usize) -> I {
+        self[i]
+    }
+}
+
+/// Triangles of a mesh. Their vertices in an array would take as much memory as all leaves of a BVH.
+#[derive(Clone, Copy)]
+pub(crate) struct Indexed<'a> {
+    positions: &'a [[f32; 3]],
+    triangles: &'a [[u32; 3]],
+    /// The point that vertices are relative to; `None` for the origin, where they stay as they are.
+    reference: Option<ReferencePoint>,
+}
+
+impl<'a> Indexed<'a> {
+    /// In object space itself.
+    pub(crate) fn given(positions: &'a [[f32; 3]], triangles: &'a [[u32; 3]]) -> Self {
+        Self { positions, triangles, reference: None }
+    }
+
+    /// Relative to `reference`.
+    pub(crate) fn moved(self, reference: ReferencePoint) -> Self {
+        Self { reference: (!reference.is_origin()).then_some(reference), ..self }
+    }
+}
+
+impl Items for Indexed<'_> {
+    type Item = Corners;
+
+    fn n(&self) -> usize {
+        self.triangles.len()
+    }
+
+    #[inline]
+    fn get(&self, i: usize) -> Corners {
+        let corners = corners_of(self.positions, &self.triangles[i]);
+        self.reference.map_or(corners, |reference| corners.moved(reference))
+    }
+}
+
 /// Boxes of items along `rows`, rounded outward.
-pub(crate) fn boxes<I: Item>(items: &[I], rows: [[f32; 3]; 3]) -> Vec<Aabb> {
+pub(crate) fn boxes<S: Items>(items: S, rows: [[f32; 3]; 3]) -> Vec<Aabb> {
     let identity = rows == Obb::IDENTITY_FRAME;
-    par::map(items, CHUNK, |item| if identity { item.aabb() } else { rotated_box(item, &rows) })
+    par::from_fn(items.n(), CHUNK, |i| {
+        let item = items.get(i);
+        if identity { item.aabb() } else { rotated_box(&item, &rows) }
+    })
 }
 
 /// The box of an item along `rows`, rounded outward.
@@ -44,8 +109,40 @@ pub(crate) fn rotated_box<I: Item>(item: &I, rows: &[[f32; 3]; 3]) -> Aabb {
     Aabb { min: slabs.lo, max: slabs.hi }
 }
 
+/// A primitive of the caller, relative to a point of object space.
+#[derive(Debug)]
+pub(crate) struct Placed<'a, P> {
+    pub(crate) primitive: &'a P,
+    pub(crate) reference: ReferencePoint,
+}
+
+impl<P> Copy for Placed<'_, P> {}
+
+impl<P> Clone for Placed<'_, P> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<'a, P> Placed<'a, P> {
+    /// In object space itself.
+    pub(crate) fn given(primitive: &'a P) -> Self {
+        Self { primitive, reference: ReferencePoint::ORIGIN }
+    }
+}
+
+/// The items relative to `reference`; `None` where that is how they are given.
+pub(crate) fn moved<I: Item>(items: &[I], reference: ReferencePoint) -> Option<Vec<I>> {
+    (!reference.is_origin()).then(|| par::map(items, CHUNK, |item| item.moved(reference)))
+}
+
 impl Item for Corners {
     type Fitted = ScaledTriangle;
+
+    #[inline]
+    fn moved(self, reference: ReferencePoint) -> Self {
+        self.map(|vertex| reference.moved(vertex))
+    }
 
     fn aabb(&self) -> Aabb {
         Leaf::aabb(self)
@@ -75,11 +172,15 @@ impl Item for Corners {
     }
 }
 
-impl<'a, P: Primitive> Item for &'a P {
+impl<'a, P: Primitive> Item for Placed<'a, P> {
     type Fitted = ScaledShape<'a, P>;
 
+    fn moved(self, reference: ReferencePoint) -> Self {
+        Self { reference, ..self }
+    }
+
     fn aabb(&self) -> Aabb {
-        self.bounds()
+        self.reference.moved_box(&self.primitive.bounds())
     }
 
     fn slabs(items: &[Self], rows: [[f32; 3]; 3]) -> Slabs {
@@ -89,19 +190,19 @@ impl<'a, P: Primitive> Item for &'a P {
 
     /// The two longest edges of the box along its principal axes.
     fn edges(&self) -> [[f64; 3]; 2] {
-        let (rows, extents) = principal_box(*self);
+        let (rows, extents) = principal_box(self.primitive);
         let mut order = [0, 1, 2];
         order.sort_by(|&a: &usize, &b: &usize| extents[b].total_cmp(&extents[a]));
         [order[0], order[1]].map(|k| rows[k].map(|x| f64::from(x) * extents[k]))
     }
 
     fn area(&self) -> f64 {
-        let [x, y, z] = principal_box(*self).1;
+        let [x, y, z] = principal_box(self.primitive).1;
         x * y + y * z + z * x
     }
 
     fn fitted(items: &[Self], scale: f32) -> Vec<ScaledShape<'a, P>> {
-        items.iter().map(|&primitive| ScaledShape { primitive, scale }).collect()
+        items.iter().map(|&placed| ScaledShape { placed, scale }).collect()
     }
 }
 
@@ -111,6 +212,6 @@ fn principal_box<P: Primitive>(primitive: &P) -> ([[f32; 3]; 3], [f64; 3]) {
     let [_, xy, xz, _, yz, _] = moments.scatter;
     let axes = if [xy, xz, yz] == [0.0; 3] { Obb::IDENTITY_FRAME } else { moments.axes(eigen::COARSE) };
     let rows = if axes.as_flattened().iter().all(|x| x.is_finite()) { axes } else { Obb::IDENTITY_FRAME };
-    let [lo, hi] = extents_within(&rows, [primitive]);
+    let [lo, hi] = extents_within(&rows, [Placed::given(primitive)]);
     (rows, std::array::from_fn(|k| (f64::from(hi[k]) - f64::from(lo[k])).max(0.0)))
 }

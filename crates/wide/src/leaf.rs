@@ -30,6 +30,10 @@ pub trait LeafPrimitive: Send + Sync + Sized {
     #[doc(hidden)]
     const ERROR: f32;
 
+    /// Whether that holds relative to every point of the space; see [`Primitive::IS_LOCAL`](crate::Primitive::IS_LOCAL).
+    #[doc(hidden)]
+    const IS_LOCAL: bool;
+
     #[doc(hidden)]
     fn view(leaves: &Self::Leaves) -> Self::View<'_>;
 

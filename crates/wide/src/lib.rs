@@ -90,6 +90,7 @@
 
 mod batch;
 mod binary;
+mod boxes;
 mod build;
 mod bvh;
 mod collapse;
@@ -144,4 +145,6 @@ pub use raw::RawBvh;
 pub use refit::{Refit, RefitError};
 pub use simd::SimdPath;
 pub use traverse::LaneKernel;
+#[doc(hidden)]
+pub use traverse::Stack;
 pub use triangle::{Triangle, TriangleBvh};

@@ -7,7 +7,7 @@ use crate::bvh::WideBvh;
 use crate::crossings::{EdgeHit, cross};
 use crate::leaf::LeafPrimitive;
 use crate::simd::{Simd, Task};
-use crate::traverse::{EightRays, Pads, TracedRay};
+use crate::traverse::{EightRays, Pads, Stack, TracedRay};
 use crate::triangle::{Triangle, TriangleBvh};
 
 /// The hits of a slice of rays, one ray after another, in memory that is used again.
@@ -76,7 +76,7 @@ struct Crossings {
 impl ListQuery<Triangle<Watertight>> for Crossings {
     #[inline(always)]
     fn run<S: Simd>(&mut self, tracer: &mut Tracer<S, Triangle<Watertight>>, ray: &TracedRay, hits: &mut Vec<Hit>) {
-        cross(tracer.simd, tracer.bvh, ray, &mut tracer.stack, &mut self.on_edges, hits);
+        cross(tracer.simd, tracer.bvh, ray, tracer.stack, &mut self.on_edges, hits);
     }
 }
 
@@ -96,9 +96,11 @@ impl<P: LeafPrimitive, Q: ListQuery<P>> Task for Listed<'_, P, Q> {
         lists.hits.clear();
         lists.ends.clear();
         lists.ends.reserve(rays.len());
-        let mut tracer = Tracer::new(simd, bvh);
+        let mut stack = Stack::new();
+        let mut tracer = Tracer::new(simd, bvh, &mut stack);
+        let mut eight = EightRays::new();
         for rays in rays.chunks(8) {
-            let eight = EightRays::new(simd, rays, &bvh.frame, const { Pads::of(P::ERROR) });
+            eight.prepare(simd, rays, &bvh.frame, const { Pads::of(P::ERROR) });
             for lane in 0..rays.len() {
                 if let Some(traced) = eight.ray(lane) {
                     query.run(&mut tracer, &traced, &mut lists.hits);

@@ -14,8 +14,9 @@
 //! its ends ([`position_at`]), so within 2^-23·r of it in any direction, as √3·(2^-24 + 2^-50) < 2^-23. [`MovingTriangle`] reports
 //! the extents of all points this close to its six ends; they contain the convex hull, and so the triangle at every time. Its
 //! bounds hold the six ends alone, because no coordinate leaves the interval between them. A hit at a time lies within
-//! `HIT_ERROR·(|o|∞ + ρ∞)` of the triangle at that time, ρ∞ the reach of the six ends: this is the contract of
-//! [`Primitive`], whose proof is in `traverse`. The boxes are padded for their part of it, and the ray carries `HIT_ERROR·|o|∞`.
+//! `HIT_ERROR·(|o|∞ + ρ∞)` of the triangle at that time, ρ∞ the reach of the six ends, both relative to any point: this is the contract of
+//! a local [`Primitive`], whose proof is in `traverse`. The boxes are padded for their part of it, and the ray carries `HIT_ERROR·|o|∞`,
+//! relative to the reference point of the BVH.
 
 use std::marker::PhantomData;
 
@@ -50,6 +51,7 @@ impl MovingTriangle {
 }
 
 impl Primitive for MovingTriangle {
+    const IS_LOCAL: bool = true;
     const MAX_LEAF: usize = 4;
 
     fn bounds(&self) -> Aabb {
@@ -177,6 +179,11 @@ impl<K: LaneKernel> MovingBvh<K> {
         self.bvh.frame()
     }
 
+    /// Calls `visit` with the box of each node and leaf, as [`WideBvh::each_box`]; a box contains its triangles at all times.
+    pub fn each_box(&self, visit: impl FnMut(Obb, u32, bool)) {
+        self.bvh.each_box(visit);
+    }
+
     /// The hit of least `t` that the query accepts at its time, as a hit on `instance`; ties go to the lowest triangle.
     pub fn closest_hit_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
         let test = Test::<K>::new(&self.bvh, ray, query)?;
@@ -247,7 +254,8 @@ impl<'a, K: Kernel> Test<'a, K> {
     /// `None` for a ray that cannot hit.
     fn new(bvh: &'a WideBvh<MovingTriangle>, ray: &Ray, query: &impl Query) -> Option<Self> {
         let ray = ScaledRay::new(ray)?;
-        let reach = ray.origin.into_iter().fold(0.0, |reach: f32, x| reach.max(x.abs()));
+        let moved = bvh.frame.reference.moved(ray.origin);
+        let reach = moved.into_iter().fold(0.0, |reach: f32, x| reach.max(x.abs()));
         let error = f64::from(HIT_ERROR) * f64::from(reach);
         Some(Self { triangles: bvh.primitives(), prepared: K::prepare(&ray), ray, time: query.time(), error })
     }

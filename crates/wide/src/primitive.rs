@@ -88,6 +88,11 @@ pub trait Primitive: Send + Sync {
     /// A `t` computed in f64 and rounded once needs 2^-24. If the stated error is too small, hits are lost.
     const ERROR: f32 = HIT_ERROR;
 
+    /// Whether [`Primitive::ERROR`] is relative to the greatest `|x - o|∞` of the points `x` of the bounds instead, which is smaller: the
+    /// error then does not depend on where ray and primitive are in their space. So it is if the test subtracts the origin
+    /// first. Boxes are then relative to a point near the primitives, so that those far from the origin are traced as fast.
+    const IS_LOCAL: bool = false;
+
     /// Most primitives of a leaf, at most 32. Primitives of a leaf are tested one by one, boxes eight at a time: the more
     /// expensive the test, the fewer.
     const MAX_LEAF: usize = 2;
@@ -119,6 +124,7 @@ pub trait Primitive: Send + Sync {
 
 impl<P: Primitive> Primitive for &P {
     const ERROR: f32 = P::ERROR;
+    const IS_LOCAL: bool = P::IS_LOCAL;
     const MAX_LEAF: usize = P::MAX_LEAF;
 
     fn bounds(&self) -> Aabb {

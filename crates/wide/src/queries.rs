@@ -1,9 +1,10 @@
-use canted_trace::{Hit, InstanceId, Query, Ray};
+use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay};
 
 use crate::batch::{AllOfOne, ClosestOfOne, OccludedOne};
 use crate::bvh::WideBvh;
 use crate::leaf::LeafPrimitive;
 use crate::sink::FilterQuery;
+use crate::traverse::Stack;
 
 /// Queries of single rays.
 ///
@@ -54,18 +55,47 @@ impl<P: LeafPrimitive> WideBvh<P> {
 
     /// The hit of least `t` that the query accepts, as a hit on `instance`; ties go to the lowest primitive.
     pub fn closest_hit_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
-        self.path.run(ClosestOfOne { bvh: self, ray, instance, query })
+        self.closest_hit_scaled(&ScaledRay::new(ray)?, instance, query, &mut Stack::new())
     }
 
     /// Whether the query accepts any hit.
     pub fn occluded_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q) -> bool {
-        self.path.run(OccludedOne { bvh: self, ray, instance, query })
+        ScaledRay::new(ray).is_some_and(|ray| self.occluded_scaled(&ray, instance, query, &mut Stack::new()))
     }
 
     /// Every hit that the query accepts, as hits on `instance`. Replaces the content of `hits`.
     ///
     /// The query may see a hit twice.
     pub fn all_hits_with<Q: Query>(&self, ray: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
-        self.path.run(AllOfOne { bvh: self, ray, instance, query, hits });
+        hits.clear();
+        if let Some(ray) = &ScaledRay::new(ray) {
+            self.path.run(AllOfOne { bvh: self, ray, instance, query, hits });
+        }
+    }
+
+    /// As [`WideBvh::closest_hit_with`], of a ray that a TLAS has scaled and checked; `t` of the hit is that of the original ray.
+    #[doc(hidden)]
+    #[inline]
+    pub fn closest_hit_scaled<Q: Query>(
+        &self,
+        ray: &ScaledRay,
+        instance: InstanceId,
+        query: &mut Q,
+        stack: &mut Stack,
+    ) -> Option<Hit> {
+        self.path.run(ClosestOfOne { bvh: self, stack, ray, instance, query })
+    }
+
+    /// As [`WideBvh::occluded_with`], of a ray that a TLAS has scaled and checked.
+    #[doc(hidden)]
+    #[inline]
+    pub fn occluded_scaled<Q: Query>(
+        &self,
+        ray: &ScaledRay,
+        instance: InstanceId,
+        query: &mut Q,
+        stack: &mut Stack,
+    ) -> bool {
+        self.path.run(OccludedOne { bvh: self, stack, ray, instance, query })
     }
 }

@@ -3,7 +3,7 @@
 use canted_lbvh::{Child, ChildKind, Tree, bottom_up};
 use canted_obb::{Aabb, PrimId};
 
-use crate::item::Item;
+use crate::item::{Item, Items};
 use crate::measure::Aligned;
 use crate::members::Members;
 use crate::outline::{Outline, Slot};
@@ -12,7 +12,7 @@ use crate::par;
 /// Items of one job.
 const CHUNK: usize = 1 << 13;
 
-/// Greatest absolute coordinates, object space, of the bounds of all primitives below each leaf and each node.
+/// Greatest absolute coordinates, relative to the reference point, of the bounds of all primitives below each leaf and each node.
 pub(crate) struct Reaches {
     leaf: Vec<f32>,
     node: Vec<f32>,
@@ -21,18 +21,18 @@ pub(crate) struct Reaches {
 impl Reaches {
     /// Of a binary tree whose leaves hold `members` of the `primitives` in leaf order; `boxes` are those of whole primitives in
     /// object space, if they are known.
-    pub(crate) fn of_tree<I: Item>(
+    pub(crate) fn of_tree<S: Items>(
         tree: &Tree,
         members: Members,
         primitives: &[PrimId],
-        items: &[I],
+        items: S,
         boxes: Option<&Aligned>,
     ) -> Self {
         if let Some(aligned) = boxes {
             let of_boxes = |boxes: &[Aabb]| par::map(boxes, CHUNK, Aabb::reach);
             return Self { leaf: of_boxes(&aligned.leaf_boxes), node: of_boxes(&aligned.inner_boxes) };
         }
-        let of_items = par::map(primitives, CHUNK, |primitive| items[primitive.index()].aabb().reach());
+        let of_items = par::map(primitives, CHUNK, |primitive| items.get(primitive.index()).aabb().reach());
         let of_leaf = |i: u32| {
             let places = members.range(i, i);
             of_items[places.start as usize..places.end as usize].iter().copied().fold(0.0, f32::max)

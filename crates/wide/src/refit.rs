@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Reads: a BVH, its primitives after a motion. Writes: leaves and boxes. Holds: what a build holds; every box is that of
-//! the primitives now below it, in its old frame and with the padding that belongs to them.
+//! the primitives now below it, in its old frame, relative to a reference point near them, and with the padding that belongs to them.
 //! Source: Wald, Boulos & Shirley 2007 for when to refit and when to rebuild.
 
 mod blocks;
@@ -18,10 +18,10 @@ use std::ops::Range;
 use canted_lbvh::{self as lbvh, Corners, GeometryError};
 use canted_obb::{Aabb, PrimId};
 
-use crate::build::{PrimitiveError, bounds_of};
+use crate::build::{PrimitiveError, bounds_of, reference_of, reference_of_triangles};
 use crate::bvh::WideBvh;
 use crate::costs::{Baseline, RayCost};
-use crate::item::Item;
+use crate::item::{self, Item, Placed};
 use crate::layout::{Half, LeafLayout, NodeKind, Nodes};
 use crate::outline::Outline;
 use crate::par;
@@ -133,10 +133,10 @@ impl<K: LaneKernel> WideBvh<Triangle<K>> {
     pub fn refit(&mut self, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Refit, RefitError> {
         let bvh = Target {
             nodes: &mut self.nodes,
-            frame: &self.frame,
+            pads: BoxPads::new(Pads::of(K::ERROR), self.frame.is_identity),
+            frame: &mut self.frame,
             bounds: &mut self.bounds,
             baseline: &mut self.baseline,
-            pads: BoxPads::new(Pads::of(K::ERROR), &self.frame),
         };
         refit_triangles(bvh, &mut self.leaves.halves, self.n_primitives, positions, triangles)
     }
@@ -157,15 +157,17 @@ impl<P: Primitive> WideBvh<P> {
         let (old, new) = (by_place(&ids, &self.leaves.primitives), by_place(&ids, &primitives));
         let bvh = Target {
             nodes: &mut self.nodes,
-            frame: &self.frame,
+            pads: BoxPads::new(Pads::of(P::ERROR), self.frame.is_identity),
+            frame: &mut self.frame,
             bounds: &mut self.bounds,
             baseline: &mut self.baseline,
-            pads: BoxPads::new(Pads::of(P::ERROR), &self.frame),
         };
-        let rotation = boxes::rotation(bvh.frame);
-        let before = bvh.cost_before(&outline, || LeafContent::of_leaves(&outline, &old, rotation));
-        let contents = LeafContent::of_leaves(&outline, &new, rotation);
-        let slabs = |places: Range<usize>, rows| <&P as Item>::slabs(&new[places], rows);
+        let before = bvh.cost_before(&outline, |frame| LeafContent::of_leaves(&outline, &old, frame));
+        bvh.frame.reference = reference_of(&primitives);
+        let contents = LeafContent::of_leaves(&outline, &new, bvh.frame);
+        let moved = item::moved(&new, bvh.frame.reference);
+        let new = moved.as_deref().unwrap_or(&new);
+        let slabs = |places: Range<usize>, rows| Placed::slabs(&new[places], rows);
         let refit = bvh.update(&outline, before, (&contents, &slabs), bounds);
         self.leaves.primitives = primitives;
         Ok(refit)
@@ -175,7 +177,7 @@ impl<P: Primitive> WideBvh<P> {
 /// The parts of a BVH that a refit changes, and the frame.
 struct Target<'a> {
     nodes: &'a mut Nodes,
-    frame: &'a MeshFrame,
+    frame: &'a mut MeshFrame,
     bounds: &'a mut Aabb,
     baseline: &'a mut Baseline,
     pads: BoxPads,
@@ -192,15 +194,16 @@ fn refit_triangles(
     check_number(n_triangles, triangles.len())?;
     check_vertices(positions, triangles)?;
     let outline = Outline::of(bvh.nodes, blocks.len(), &LeafLayout::BLOCKS).expect("a BVH is valid");
-    let rotation = boxes::rotation(bvh.frame);
-    let before = bvh.cost_before(&outline, || {
-        LeafContent::of_leaves(&outline, &Triangles::read(&outline, blocks).corners, rotation)
+    let before = bvh.cost_before(&outline, |frame| {
+        LeafContent::of_leaves(&outline, &Triangles::read(&outline, blocks).corners, frame)
     });
-    let contents = blocks::replace(&outline, blocks, positions, triangles, rotation);
+    bvh.frame.reference = reference_of_triangles(n_triangles, |i| triangles[i].map(|v| positions[v as usize]));
+    let contents = blocks::replace(&outline, blocks, positions, triangles, bvh.frame);
     let bounds = contents.iter().fold(Aabb::EMPTY, |all, content| all.union(content.bounds));
     // Only oriented boxes are computed from all triangles below.
     let is_oriented = outline.nodes.iter().any(|node| node.kind == NodeKind::Oriented);
     let corners = if is_oriented { Triangles::read(&outline, blocks).corners } else { vec![] };
+    let corners = item::moved(&corners, bvh.frame.reference).unwrap_or(corners);
     let slabs = |places: Range<usize>, rows| Corners::slabs(&corners[places], rows);
     Ok(bvh.update(&outline, before, (&contents, &slabs), bounds))
 }
@@ -231,8 +234,8 @@ fn check_vertices(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<(), 
 
 impl Target<'_> {
     /// The predicted cost as the BVH is, whose leaves have the contents that `old` returns.
-    fn cost_before(&self, outline: &Outline, old: impl FnOnce() -> Vec<LeafContent>) -> RayCost {
-        self.baseline.now.unwrap_or_else(|| self.cost(outline, &old(), self.bounds))
+    fn cost_before(&self, outline: &Outline, old: impl FnOnce(&MeshFrame) -> Vec<LeafContent>) -> RayCost {
+        self.baseline.now.unwrap_or_else(|| self.cost(outline, &old(self.frame), self.bounds))
     }
 
     fn cost(&self, outline: &Outline, contents: &[LeafContent], bounds: &Aabb) -> RayCost {
@@ -258,9 +261,9 @@ impl Target<'_> {
     }
 }
 
-/// Primitives by place, of these ids.
-pub(crate) fn by_place<'a, P>(ids: &[PrimId], primitives: &'a [P]) -> Vec<&'a P> {
-    ids.iter().map(|id| &primitives[id.index()]).collect()
+/// Primitives by place, of these ids, as they are given.
+pub(crate) fn by_place<'a, P>(ids: &[PrimId], primitives: &'a [P]) -> Vec<Placed<'a, P>> {
+    ids.iter().map(|id| Placed::given(&primitives[id.index()])).collect()
 }
 
 /// The id at each place.

@@ -13,7 +13,7 @@ use canted_sah::{Axes, Builder, Split, TopDownConfig};
 use crate::binary::{Chosen, costs_of_subset};
 use crate::collapse::Plan;
 use crate::config::Config;
-use crate::item::Item;
+use crate::item::Items;
 use crate::par;
 
 /// Frames are found for the whole mesh where the estimate is at most this part of the cost of aligned nodes. The sample does
@@ -33,7 +33,7 @@ pub(crate) const BUILDER: Builder = Builder::TopDown(
 );
 
 /// An estimate of the cost with oriented nodes, relative to that with aligned nodes only.
-pub(crate) fn oriented_cost<I: Item>(chosen: &Chosen<'_, I>, config: &Config, scale: f32) -> f32 {
+pub(crate) fn oriented_cost<S: Items>(chosen: &Chosen<S>, config: &Config, scale: f32) -> f32 {
     let leaf_areas = |i: usize| chosen.aligned_leaf(i);
     let (tree, members) = (&chosen.tree, chosen.members());
     let plan = Plan { tree, members, costs: config.costs, tables: &chosen.aligned_tables, leaf_areas: &leaf_areas };

@@ -29,6 +29,7 @@ impl<P: Primitive> LeafPrimitive for P {
         assert!(P::ERROR >= 0.0 && P::ERROR <= 0.125, "the proof of the pads holds for errors of at most 1/8");
         P::ERROR
     };
+    const IS_LOCAL: bool = P::IS_LOCAL;
 
     #[inline(always)]
     fn view(leaves: &Shapes<P>) -> &Shapes<P> {

@@ -22,6 +22,7 @@ pub(crate) use avx2::Avx2;
 pub(crate) use avx512::Avx512;
 #[cfg(target_arch = "aarch64")]
 pub(crate) use neon::Neon;
+pub(crate) use path::Proven;
 pub use path::SimdPath;
 pub(crate) use scalar::Scalar;
 

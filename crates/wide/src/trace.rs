@@ -1,7 +1,7 @@
 //! One ray through one BVH, whatever its leaves hold and whatever the query.
 
 use canted_obb::PrimId;
-use canted_trace::{Query, Ray, ScaledRay};
+use canted_trace::{Query, ScaledRay};
 
 use crate::bvh::WideBvh;
 use crate::layout::NodeKind;
@@ -9,18 +9,17 @@ use crate::leaf::{HitSink, LeafPrimitive, LeafRange};
 use crate::simd::{Simd, Task};
 use crate::traverse::{Pads, RayLanes, RayNumbers, Stack, TracedRay, Visitor, walk};
 
-/// A ray ready for [`trace`], with the pads of the BVH's primitives; `None` where it cannot hit.
+/// A ray ready for [`trace`], with the pads of the BVH's primitives.
 #[inline(always)]
-pub(crate) fn prepare<P: LeafPrimitive>(bvh: &WideBvh<P>, ray: &Ray) -> Option<TracedRay> {
-    let scaled = ScaledRay::new(ray)?;
-    Some(prepare_padded(bvh, const { Pads::of(P::ERROR) }, scaled))
+pub(crate) fn prepare<P: LeafPrimitive>(bvh: &WideBvh<P>, scaled: ScaledRay) -> TracedRay {
+    prepare_padded(bvh, const { Pads::of(P::ERROR) }, scaled)
 }
 
 /// As [`prepare`], with pads of the caller's choice, relative to the origin.
 #[inline(always)]
 pub(crate) fn prepare_padded<P: LeafPrimitive>(bvh: &WideBvh<P>, pads: Pads, scaled: ScaledRay) -> TracedRay {
-    let pads = pads.along(&scaled);
-    let numbers = RayNumbers::new(&scaled, &bvh.frame, &pads);
+    let moved = bvh.frame.reference.moved_ray(&scaled);
+    let numbers = RayNumbers::new(&moved, &bvh.frame, &pads.along(&moved));
     TracedRay { scaled, numbers }
 }
 
@@ -102,7 +101,7 @@ impl<P: LeafPrimitive> WideBvh<P> {
         query: &mut Q,
         visit: impl FnMut(PrimId, f32, &mut Q) -> f32,
     ) {
-        self.path.run(VisitLeaves::<_, _, _, true> { bvh: self, ray, error, query, visit });
+        self.traverse_with::<_, true>(ray, error, query, &mut Stack::new(), visit);
     }
 
     /// As [`WideBvh::traverse_ordered`], in any order: for queries that end at the first hit.
@@ -113,7 +112,21 @@ impl<P: LeafPrimitive> WideBvh<P> {
         query: &mut Q,
         visit: impl FnMut(PrimId, f32, &mut Q) -> f32,
     ) {
-        self.path.run(VisitLeaves::<_, _, _, false> { bvh: self, ray, error, query, visit });
+        self.traverse_with::<_, false>(ray, error, query, &mut Stack::new(), visit);
+    }
+
+    /// As [`WideBvh::traverse_ordered`] where `ORDERED`, else as [`WideBvh::traverse_any`], with memory for nodes that wait.
+    #[doc(hidden)]
+    #[inline]
+    pub fn traverse_with<Q: Query, const ORDERED: bool>(
+        &self,
+        ray: &ScaledRay,
+        error: f64,
+        query: &mut Q,
+        stack: &mut Stack,
+        visit: impl FnMut(PrimId, f32, &mut Q) -> f32,
+    ) {
+        self.path.run(VisitLeaves::<_, _, _, ORDERED> { bvh: self, ray, error, query, stack: Some(stack), visit });
     }
 }
 
@@ -123,6 +136,8 @@ struct VisitLeaves<'a, P: LeafPrimitive, Q, F, const ORDERED: bool> {
     ray: &'a ScaledRay,
     error: f64,
     query: &'a mut Q,
+    /// Taken by the traversal.
+    stack: Option<&'a mut Stack>,
     visit: F,
 }
 
@@ -137,9 +152,9 @@ where
     #[inline(always)]
     fn on<S: Simd>(mut self, simd: S) {
         let Self { bvh, ray, error, .. } = self;
-        let pads = Pads::within(error, ray);
-        let lanes = RayLanes::new(simd, &RayNumbers::new(ray, &bvh.frame, &pads));
-        let stack = &mut Stack::new(bvh.nodes.depth);
+        let moved = bvh.frame.reference.moved_ray(ray);
+        let lanes = RayLanes::new(simd, &RayNumbers::new(&moved, &bvh.frame, &Pads::within(error, &moved)));
+        let Some(stack) = self.stack.take() else { return };
         walk::<S, ORDERED>(simd, &bvh.nodes, &lanes, ray.t_max, stack, &mut self);
     }
 }

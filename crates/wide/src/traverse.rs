@@ -5,11 +5,19 @@
 //! ```
 //!
 //! # No lost hit
-//! The promise is that of `canted_trace`'s boxes. Let u = 2^-24. For a box around a subtree, let ρ∞ be the greatest coordinate of
+//! The promise is that of `canted_trace`'s boxes. Let u = 2^-24.
+//!
+//! *Where coordinates start.* Boxes are relative to a reference point of the BVH, near its primitives, and so is the origin of a ray before it is
+//! tested against boxes; leaves test the ray and the primitives as they were given. By the proof at [`canted_trace::ReferencePoint`], what is
+//! proven for moved rays, primitives and an ERROR that is larger by u holds for them as they were given. So all that follows is about
+//! moved coordinates. It does not matter for the proof which point that is: a build and a refit take one that makes pads small. Primitives
+//! whose hits have errors relative to the origin of their space ([`Primitive::IS_LOCAL`](crate::Primitive::IS_LOCAL)) keep that.
+//!
+//! For a box around a subtree, let ρ∞ be the greatest coordinate of
 //! the bounds of the primitives *in this subtree*, its reach, and `S = |o|∞ + ρ∞`. A hit that is reported at `t` lies within
 //! `e = ERROR·S`, in each coordinate, of a point `x` of its primitive, so `t·|d|∞ <= S + e`. ERROR is that of the triangle test,
-//! 7 u for the watertight one, which needs 6.1, otherwise `HIT_ERROR`; other primitives state an error of their own, at
-//! most 1/8. Each box test enters a box around the primitive, at an entry of at most `t`.
+//! 7 u for the watertight one, which needs 6.1, otherwise `HIT_ERROR`, and u for moved coordinates; other primitives state an error of
+//! their own, at most 1/8. Each box test enters a box around the primitive, at an entry of at most `t`.
 //!
 //! *Who carries the padding.* A pad is `c·S` for a constant `c`, so it is split: the build and every refit move the planes of a
 //! box outward by `c·ρ∞` ([`BoxPads`]), rounded outward, and the ray adds `c·|o|∞` ([`Pads`]). The padding of a box thus depends
@@ -24,8 +32,9 @@
 //!
 //! *Second order.* Displacements below are sums of terms `u·x` with `x` one of `|lo|`, `|o⁺|`, `t·d`, `h'`. Each exceeds its share of S
 //! by at most `(c + u)·S`: `|lo|` and `h'` by the padding of the box, `|o⁺|` by that of the ray, `t·d` by `e <= c·S`. With c - ERROR of
-//! at most 25 u and ERROR <= 1/8 that is at most `4.02 u·S/8` and terms of u² for aligned nodes, times √3 where rows are not
-//! those of the identity: within the 0.98 u·S that every pad has to spare. So is the rounding of `c·|o|∞` in f32, and that of a
+//! at most 25 u and ERROR <= 1/8 that is at most `4.02 u·S/8` and terms of u² for aligned nodes, and `u·S/8` for moved coordinates, times
+//! √3 where rows are not those of the identity: within what every pad has to spare, 0.98 u·S for aligned nodes of the identity frame and
+//! more than 1.9·√3 u·S for others. So is the rounding of `c·|o|∞` in f32, and that of a
 //! padded plane in f64.
 //!
 //! *Aligned nodes, identity frame.* A plane is crossed at `fl(lo·r + c)` with `r = fl(1/d)`, `c = fl(-o⁺·r)`, `o⁺ = fl(o + δ)`,
@@ -52,7 +61,8 @@
 //! ERROR of at least 0, covers the roundings relative to ρ∞.
 //!
 //! Underflow loses a few 2^-149 in position; the smallest normal number is added to every pad of a ray. Coordinates up to
-//! 2^62 and reciprocals up to 2^64 keep every number finite.
+//! 2^62, reference points up to 2^60 and reciprocals up to 2^64 keep every number finite: moved coordinates stay below 1.25·2^62, their
+//! differences below 2^64, and their products below 2^128.
 
 mod block;
 mod eight;
@@ -65,5 +75,5 @@ pub use block::LaneKernel;
 pub(crate) use block::{Block, RayTriangles};
 pub(crate) use eight::EightRays;
 pub(crate) use ray::{BoxPads, MeshFrame, Pads, RayLanes, RayNumbers, TracedRay};
-pub(crate) use stack::Stack;
+pub use stack::Stack;
 pub(crate) use walk::{Visitor, walk};

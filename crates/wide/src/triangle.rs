@@ -29,6 +29,7 @@ impl<K: LaneKernel> LeafPrimitive for Triangle<K> {
     type Prepared<S: Simd> = RayTriangles<S>;
 
     const ERROR: f32 = K::ERROR;
+    const IS_LOCAL: bool = true;
 
     #[inline(always)]
     fn view(leaves: &Blocks) -> &[Half] {

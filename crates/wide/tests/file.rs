@@ -103,7 +103,7 @@ fn other_files_and_other_versions_are_reported() {
         TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_err()
     };
     assert_eq!(with(0, b"\x7fELF").to_string(), "not a BVH file: it begins with \"\\x7fELFWIDE\"");
-    assert_eq!(with(8, &[1]).to_string(), "unsupported format version 1; expected 4");
+    assert_eq!(with(8, &[1]).to_string(), "unsupported format version 1; expected 5");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Ray picking in a kernel of a wgpu program: which cube, which triangle, how far?
+//! Ray picking in a kernel of a wgpu program: which cube, which triangle, how far? The cubes are instances of one mesh.
 //!
 //! ```text
 //! cargo run --release -p wgpu-pick -- 0.1 -0.2      pointer: x and y from -1 to 1
@@ -11,15 +11,23 @@ use std::error::Error;
 
 use canted_gpu::build::BuildConfig;
 use canted_gpu::wgpu::util::{BufferInitDescriptor, DeviceExt};
-use canted_gpu::{BufferScene, Gpu, IndexBuffer, MeshBuffers, wgpu};
+use canted_gpu::{Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers, wgpu};
 
 /// Corners of a cube by bits, with another vector behind each position, as a program's own vertices have.
-fn cube(center: [f32; 3]) -> Vec<[f32; 6]> {
+fn cube() -> Vec<[f32; 6]> {
     let corner = |i: u32| {
-        let at = |k: usize| center[k] + if i >> k & 1 == 0 { -0.5 } else { 0.5 };
+        let at = |k: u32| if i >> k & 1 == 0 { -0.5 } else { 0.5 };
         [at(0), at(1), at(2), 0.0, 1.0, 0.0]
     };
     (0..8).map(corner).collect()
+}
+
+/// An instance as the program draws it: rows of its transform, the number of its mesh.
+fn placed([x, y, z]: [f32; 3], size: f32) -> [u32; 13] {
+    let rows = [[size, 0.0, 0.0, x], [0.0, size, 0.0, y], [0.0, 0.0, size, z]].map(|row| row.map(f32::to_bits));
+    let mut words = [0; 13];
+    words[..12].copy_from_slice(rows.as_flattened());
+    words
 }
 
 const CUBE: [[u16; 3]; 12] = [
@@ -49,21 +57,23 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))?;
     let usage = wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::INDEX | wgpu::BufferUsages::STORAGE;
     let buffer = |contents: &[u8]| device.create_buffer_init(&BufferInitDescriptor { label: None, contents, usage });
-    let cubes = [[-1.2, 0.0, 0.0], [0.0, 0.3, -1.0], [1.3, -0.2, 0.5]]
-        .map(|center| buffer(bytemuck::cast_slice(&cube(center))));
+    let vertices = buffer(bytemuck::cast_slice(&cube()));
     let indices = buffer(bytemuck::cast_slice(&CUBE));
+    let cubes = [placed([-1.2, 0.0, 0.0], 1.0), placed([0.0, 0.3, -1.0], 1.5), placed([1.3, -0.2, 0.5], 0.8)];
+    let transforms = buffer(bytemuck::cast_slice(&cubes));
 
     // A BVH over the program's buffers, and its traversal in the program's kernel.
     let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
-    let meshes = cubes.each_ref().map(|vertices| MeshBuffers {
-        vertices,
+    let mesh = MeshBuffers {
+        vertices: &vertices,
         first_byte: 0,
         stride: 24,
         n_vertices: 8,
         indices: Some(IndexBuffer { buffer: &indices, format: wgpu::IndexFormat::Uint16, first_byte: 0 }),
         n_triangles: 12,
-    });
-    let scene = BufferScene::new(&gpu, &meshes, BuildConfig::default())?;
+    };
+    let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 52, n_instances: 3 };
+    let scene = InstancedScene::new(&gpu, &[mesh], &instances, BuildConfig::default())?;
     let text = scene.traced().module(1)? + include_str!("pick.wgsl");
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("pick"),

@@ -1,6 +1,7 @@
 // Clusters of leaves along the Morton curve, which are merged pair by pair into a tree.
 //
-// # The same tree as on the CPU A cluster's partner is the one within the radius whose union with it has the least area; of
+// # The same tree as on the CPU
+// A cluster's partner is the one within the radius whose union with it has the least area; of
 // equals the one whose position differs in lower bits. Clusters that are each other's partner are merged, at the position of the
 // first. Areas round alike on all devices, so partners are those of `canted_sah`'s `ploc`.
 //

@@ -1,6 +1,7 @@
 // Oriented boxes as slabs.
 //
-// # Half-extents A point of the box is `c + F q` with `|q_j| <= h_j`, for any columns F: boxes of instances may be scaled and
+// # Half-extents
+// A point of the box is `c + F q` with `|q_j| <= h_j`, for any columns F: boxes of instances may be scaled and
 // skewed. Along an axis w, the stored unit vector along a column, it lies within the sum of `|w F_j| h_j`. With E = 2^-23, a dot
 // product errs by 3 E of its absolute terms, less than 4 E as computed; the sum and the products with h_j take four more
 // roundings, and 6 E covers these.

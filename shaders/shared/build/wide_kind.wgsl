@@ -12,7 +12,8 @@ fn kind_of(slot: u32, children: Children) -> u32 {
     return ALIGNED;
 }
 
-// choice oriented A node is oriented where that lowers the predicted cost: what its test costs more, for rays that enter its own
+// choice oriented
+// A node is oriented where that lowers the predicted cost: what its test costs more, for rays that enter its own
 // box, is less than what the smaller boxes of its children save. Costs are those of `canted_wide::Costs`.
 // use shared/build/tree/forest
 // use shared/item/triangles

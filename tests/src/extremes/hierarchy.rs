@@ -56,6 +56,7 @@ fn cases(effort: usize) -> Vec<Case> {
     add("denormal coordinates", base.placed(|p| p.map(|x| x * 1e-40)));
     add("at 1e7, size 5e3", base.placed(|p| p.map(|x| x * 5e3 + 1e7)));
     add("at 1e7 along x, 1e-3 across", base.placed(|p| [p[0] * 20.0 + 1e7, p[1] * 1e-3, p[2] * 1e-3]));
+    add("at 1e6, size 300, one part at the origin", base.placed(|p| p.map(|x| x * 300.0 - 1e6)).joined(&soup(25, 1)));
     add("1e7 long, 1e-3 thick", base.placed(|p| [p[0] * 1e7, p[1] * 1e7, p[2] * 1e-3]));
     let (tiny, huge) = (soup(22, 30).placed(|p| p.map(|x| x * 1e-6)), soup(23, 30).placed(|p| p.map(|x| x * 1e6)));
     add("scale ratio 1e12 in one mesh", tiny.joined(&huge));

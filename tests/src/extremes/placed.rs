@@ -27,15 +27,17 @@ struct Case {
     lengths: [f64; 2],
     /// Distance of the last instance from the others, where it is far away.
     far: Option<f64>,
+    /// Distance of all instances from the origin of the world.
+    away: f64,
     /// Whether instances repeat each other's transform, and rays have short and odd intervals.
     overlaps: bool,
     odd_intervals: bool,
 }
 
 const ORDINARY: Case =
-    Case { name: "", scales: [0.0; 2], lengths: [0.0; 2], far: None, overlaps: false, odd_intervals: false };
+    Case { name: "", scales: [0.0; 2], lengths: [0.0; 2], far: None, away: 0.0, overlaps: false, odd_intervals: false };
 
-const CASES: [Case; 7] = [
+const CASES: [Case; 9] = [
     Case { name: "scaled by 1e-6, directions of 1e-40 to 1e38", scales: [-6.0; 2], lengths: [-40.0, 38.0], ..ORDINARY },
     Case { name: "scaled by 1e6, directions of 1e-40 to 1e38", scales: [6.0; 2], lengths: [-40.0, 38.0], ..ORDINARY },
     Case { name: "scales of 1e-6 to 1e6 in one scene", scales: [-6.0, 6.0], lengths: [-3.0, 3.0], ..ORDINARY },
@@ -58,6 +60,15 @@ const CASES: [Case; 7] = [
         lengths: [-40.0, 38.0],
         ..ORDINARY
     },
+    Case { name: "all instances at 1e6", away: 1e6, scales: [1.0, 3.0], ..ORDINARY },
+    Case {
+        name: "all instances at 1e6, overlapping, one at 1e8",
+        away: 1e6,
+        far: Some(1e8),
+        scales: [1.0, 3.0],
+        overlaps: true,
+        ..ORDINARY
+    },
 ];
 
 /// Instances of two meshes around the origin.
@@ -72,7 +83,8 @@ fn instances(case: &Case, rng: &mut SplitMix64) -> Vec<Instance> {
                 + a[1] * (b[2] * c[0] - b[0] * c[2])
                 + a[2] * (b[0] * c[1] - b[1] * c[0]);
             if volume.abs() > 0.1 {
-                let shift = rng.signed3().map(|x| 0.3 * scale * x);
+                let [x, y, z] = rng.signed3().map(|x| 0.3 * scale * x);
+                let shift = [x + case.away, y - case.away, z];
                 let [x, y, z] = columns.map(|column| column.map(|x| x * scale));
                 break exact::affine([x, y, z, shift]);
             }

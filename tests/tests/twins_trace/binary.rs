@@ -2,11 +2,14 @@
 
 use canted_fixtures::Mesh;
 use canted_gpu::build::{BuildConfig, STRATEGIES};
-use canted_gpu::{Gpu, TracedScene, Traversal};
+use canted_gpu::{
+    Buffer, BufferScene, DeviceInstance, Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers, TracedScene,
+    Traversal, wgpu,
+};
 use canted_lbvh::{Bits, Corners, Strategy};
 use canted_tests::{rays, scenes};
 use canted_trace::{Ray, Watertight};
-use canted_wide::Config;
+use canted_wide::{Config, TriangleBvh};
 
 use super::gpu;
 use super::placed::Placed;
@@ -28,16 +31,50 @@ fn config(strategy: Strategy) -> BuildConfig {
 
 /// Compares a BVH that the device builds over `there` with the CPU's over `mesh`.
 fn compared(gpu: &Gpu, mesh: &Mesh, there: &Mesh, strategy: Strategy, rays: &[Ray]) -> Result<Tally, String> {
+    compared_with(mesh, |world, on_cpu, tally| {
+        let scene = TracedScene::build_single_level(gpu, &corners(there), &[0], config(strategy)).unwrap();
+        world.check_all(gpu, &scene, rays, |ray| on_cpu.closest_hit(ray), tally)
+    })
+}
+
+/// Compares with the CPU's BVH over `mesh`.
+fn compared_with(
+    mesh: &Mesh,
+    check: impl FnOnce(&World<'_>, &TriangleBvh<Watertight>, &mut Tally) -> Result<(), String>,
+) -> Result<Tally, String> {
     let reach = reach(mesh);
     let world = World {
         corners: &|_, primitive| mesh.corners(primitive as usize),
         error: &|ray, _| error_of_one_level(ray, reach),
     };
-    let scene = TracedScene::build_single_level(gpu, &corners(there), &[0], config(strategy)).unwrap();
-    let on_cpu = build::<Watertight>(mesh, &Config::default());
     let mut tally = Tally::default();
-    world.check_all(gpu, &scene, rays, |ray| on_cpu.closest_hit(ray), &mut tally)?;
+    check(&world, &build::<Watertight>(mesh, &Config::default()), &mut tally)?;
     Ok(tally)
+}
+
+/// Meshes in buffers on the device.
+struct Buffers(Vec<(Buffer<[f32; 3]>, Buffer<[u32; 3]>)>);
+
+impl Buffers {
+    fn new(gpu: &Gpu, meshes: &[Mesh]) -> Self {
+        let of = |mesh: &Mesh| {
+            (gpu.buffer("positions", &mesh.positions).unwrap(), gpu.buffer("indices", &mesh.triangles).unwrap())
+        };
+        Self(meshes.iter().map(of).collect())
+    }
+
+    fn meshes<'a>(&'a self) -> Vec<MeshBuffers<'a>> {
+        let count = |n: usize| u32::try_from(n).unwrap();
+        let mesh = |(positions, triangles): &'a (Buffer<[f32; 3]>, Buffer<[u32; 3]>)| MeshBuffers {
+            vertices: positions.wgpu(),
+            first_byte: 0,
+            stride: 12,
+            n_vertices: count(positions.len()),
+            indices: Some(IndexBuffer { buffer: triangles.wgpu(), format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
+            n_triangles: count(triangles.len()),
+        };
+        self.0.iter().map(mesh).collect()
+    }
 }
 
 pub(super) fn all_rays(mesh: &Mesh, n: usize) -> Vec<Ray> {
@@ -54,9 +91,18 @@ fn grazing_rays_lose_no_hit() {
     }
     for case in scenes::needles() {
         for strategy in STRATEGIES {
-            let tally = compared(&gpu, &case.mesh, &case.mesh, strategy, &all_rays(&case.mesh, 20))
+            let rays = all_rays(&case.mesh, 20);
+            let tally = compared(&gpu, &case.mesh, &case.mesh, strategy, &rays)
                 .unwrap_or_else(|error| panic!("{}, {strategy:?}: {error}", case.name));
             assert!(tally.n_cut == 0 && tally.n_same > 0, "{}, {strategy:?}: {tally:?}", case.name);
+            // The same triangles in buffers, without reading anything back.
+            let recorded = compared_with(&case.mesh, |world, on_cpu, tally| {
+                let buffers = Buffers::new(&gpu, std::slice::from_ref(&case.mesh));
+                let scene = BufferScene::new(&gpu, &buffers.meshes(), config(strategy)).unwrap();
+                world.check_all(&gpu, scene.traced(), &rays, |ray| on_cpu.closest_hit(ray), tally)
+            });
+            let recorded = recorded.unwrap_or_else(|error| panic!("{}, recorded {strategy:?}: {error}", case.name));
+            assert_eq!(recorded, tally, "{}, {strategy:?}", case.name);
         }
     }
 }
@@ -87,6 +133,20 @@ fn rays_through_instances_lose_no_hit() {
             .with(|meshes, instances| TracedScene::build_two_level(&gpu, meshes, instances, config(strategy)).unwrap());
         let scene = scene.with_traversal(&gpu, traversal).unwrap();
         placed.check(&gpu, &scene, &format!("{strategy:?}, {traversal:?}"));
+    }
+    // The same in buffers: instances are placed on the device, and nothing is read back.
+    let buffers = Buffers::new(&gpu, placed.meshes());
+    let transforms: Vec<DeviceInstance> = placed
+        .instances()
+        .iter()
+        .map(|instance| DeviceInstance::new(instance.blas, &instance.world_from_object))
+        .collect();
+    let n_instances = u32::try_from(transforms.len()).unwrap();
+    let transforms = gpu.buffer("transforms", &transforms).unwrap();
+    let instances = InstanceBuffer { buffer: transforms.wgpu(), first_byte: 0, stride: 64, n_instances };
+    for strategy in STRATEGIES {
+        let scene = InstancedScene::new(&gpu, &buffers.meshes(), &instances, config(strategy)).unwrap();
+        placed.check(&gpu, scene.traced(), &format!("recorded {strategy:?}"));
     }
 }
 

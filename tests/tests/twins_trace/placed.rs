@@ -55,6 +55,14 @@ impl Placed {
         Self { meshes, instances, tlas, rays }
     }
 
+    pub(super) fn meshes(&self) -> &[Mesh] {
+        &self.meshes
+    }
+
+    pub(super) fn instances(&self) -> &[Instance] {
+        &self.instances
+    }
+
     /// Calls `make` with the triangles of all meshes, and the instances.
     pub(super) fn with<T>(&self, make: impl FnOnce(&[&[Corners]], &[Instance]) -> T) -> T {
         let all_corners: Vec<Vec<Corners>> = self.meshes.iter().map(corners).collect();

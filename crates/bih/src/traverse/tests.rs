@@ -6,7 +6,7 @@ use crate::{Config, LeafSize};
 use canted_bvh2::leaf_triangles::LeafTriangles;
 use canted_fixtures::{Grazing, Mesh, coplanar_quads, grazing, soup};
 use canted_obb::{Aabb, PrimId};
-use canted_trace::{AABB_PAD, InstanceId, Kernel, Ray, ScaledRay, Watertight};
+use canted_trace::{AABB_PAD, InstanceId, Kernel, Ray, ReferencePoint, ScaledRay, Watertight};
 
 /// A traversal whose rays carry no padding.
 struct WithoutRayPads<'a>(&'a BoxBih, Ray);
@@ -54,8 +54,9 @@ fn trace(mesh: &Mesh, rays: &[Ray]) -> Outcome {
         primitives: &[PrimId],
         ray: &Ray,
     ) -> usize {
-        let mut hits = vec![];
-        LeafTriangles::<N, Watertight> { nodes, records, primitives }.all_hits(ray, InstanceId(0), &mut (), &mut hits);
+        let (mut hits, reference) = (vec![], ReferencePoint::ORIGIN);
+        let triangles = LeafTriangles::<N, Watertight> { nodes, records, primitives, reference };
+        triangles.all_hits(ray, InstanceId(0), &mut (), &mut hits);
         hits.len()
     }
     let mut outcome = Outcome { n_hits: 0, n_lost: [0; 3] };

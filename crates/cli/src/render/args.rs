@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
 use canted_film::{Filter, Format, Record};
-use canted_renderer::{FirstHit, Integrator, Lod, Measure, Settings, light_hash, scene_hash};
+use canted_renderer::{BoxLevel, FirstHit, Integrator, Lod, Measure, Settings, light_hash, scene_hash};
 use canted_scene::{Camera, Material, Scene};
 
 use super::{
@@ -14,7 +14,7 @@ use super::{
     samples::SampleArgs,
 };
 use crate::{
-    device::RunArgs,
+    device::{DeviceArg, RunArgs},
     light::LightArgs,
     load::Inputs,
     options::{self, StructureArgs, one_of},
@@ -53,6 +53,10 @@ pub(crate) struct Args {
     /// Number of tests shown in the brightest color of the heat map; a wide node counts as eight boxes.
     #[arg(long, help_heading = PICTURE, value_parser = clap::value_parser!(u32).range(1..), default_value_t = 128, requires = "heatmap", value_name = "N")]
     pub(crate) heatmap_scale: u32,
+    /// Draw boxes of the acceleration structure over the picture: those of a level, 0 for the root, or of all leaves. Axis-aligned boxes are
+    /// blue, oriented ones orange.
+    #[arg(long, help_heading = PICTURE, conflicts_with = "samples", value_name = "LEVEL|leaves")]
+    pub(crate) boxes: Option<BoxLevel>,
     #[command(flatten)]
     pub(super) run: RunArgs,
     #[command(flatten)]
@@ -148,6 +152,17 @@ impl Args {
     /// Whether the output is standard output.
     pub(super) fn is_stream(&self) -> bool {
         self.output.as_os_str() == "-"
+    }
+
+    /// The device.
+    pub(crate) fn device(&self) -> &DeviceArg {
+        &self.run.device
+    }
+
+    /// How a GPU finds first hits.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn first_hit(&self) -> FirstHit {
+        self.first_hit
     }
 
     /// The size of the output.

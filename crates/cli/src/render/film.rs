@@ -132,7 +132,7 @@ fn write_partial(args: &Args, partial: &Partial) -> Result<()> {
         None => {
             let picture = partial.picture();
             let shown = args.crop.map(|[x, y, width, height]| picture.cropped([x, y], [width, height]));
-            write_picture(args, shown.unwrap_or_else(|| picture.clone()))?;
+            write_picture(args, shown.unwrap_or_else(|| picture.clone()), None)?;
         }
     }
     output::warn(&format!("{} contains {n_done} of {n_tiles} tiles; the others are black", args.output.display()));

@@ -18,12 +18,15 @@ use std::{
 
 use anyhow::{Error, Result, anyhow};
 use canted_film::{Aov, Record};
-use canted_renderer::{Integrator, MipMaps, Prepared, RenderError, UpdateOptions, Updates, prepare};
+use canted_renderer::{Integrator, Prepared, RenderError, UpdateOptions, Updates, prepare};
 use canted_scene::Scene;
 use canted_wide::LaneKernel;
 use serde_json::{Value, json};
 
-use super::{Args, Picture, facts, open_machine, render_picture, setup};
+use super::{Args, LastFrame, Picture, facts, open_machine, render_picture, setup};
+#[cfg(feature = "gpu")]
+use canted_renderer::DeviceFrames;
+
 use crate::{
     device::Machine,
     light::LightSource,
@@ -121,7 +124,11 @@ fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source, mut list: 
         prepared: None,
         updates: Updates::default(),
         trace_time: Duration::ZERO,
-        mip_maps: None,
+        last: LastFrame {
+            #[cfg(feature = "gpu")]
+            device: sequence.machine.has_gpu().then(|| DeviceFrames::new(sequence.args.sequence.update)),
+            ..LastFrame::default()
+        },
         emission: None,
         integrator: None,
         is_dark: false,
@@ -152,7 +159,7 @@ struct Progress<K: LaneKernel> {
     prepared: Option<Prepared<K>>,
     updates: Updates,
     trace_time: Duration,
-    mip_maps: Option<MipMaps>,
+    last: LastFrame,
     /// Whether emission lights the scene.
     emission: Option<LightSource>,
     integrator: Option<Integrator>,
@@ -175,7 +182,7 @@ fn render_frame<K: LaneKernel>(
     let scene = &mut source.scene;
     let record = kept::of_frame(shared, args, range, frame, scene);
     let prepared = match progress.prepared.take() {
-        Some(mut prepared) if updates_in_place(args, machine) => {
+        Some(mut prepared) if updates_in_place(args) => {
             let options = UpdateOptions { policy: args.sequence.update, trace_time: progress.trace_time };
             progress.updates += prepared.update(scene, &options).map_err(|error| rejected(scene, &name, &error))?;
             prepared
@@ -202,7 +209,7 @@ fn render_frame<K: LaneKernel>(
     }
     own.sequence.label = format!("frame {frame} ({} of {}) ", done + 1, todo.len());
     let Picture { rendered, trace_time } =
-        render_picture(scene, &own, machine, prepared, &camera, choice, &mut progress.mip_maps)?;
+        render_picture(scene, &own, machine, prepared, &camera, choice, &mut progress.last)?;
     progress.trace_time = trace_time;
     if !progress.is_dark
         && let Some(warning) = rendered.darkness(&own)
@@ -215,14 +222,9 @@ fn render_frame<K: LaneKernel>(
     Ok((facts, record))
 }
 
-/// Whether a frame may use the updated BVHs of the last one: not where the picture shows the BVH itself, and not on GPUs, whose
-/// boxes and rounding may accept other hits at the edges of triangles.
-fn updates_in_place(args: &Args, machine: &Machine) -> bool {
-    #[cfg(feature = "gpu")]
-    let has_gpu = machine.has_gpu();
-    #[cfg(not(feature = "gpu"))]
-    let has_gpu = !matches!(machine, Machine::Cpu);
-    args.heatmap.is_none() && !args.samples.aovs().contains(Aov::Tests) && !has_gpu
+/// Whether a frame may use the updated BVHs of the last one: not where the picture shows the BVH itself.
+fn updates_in_place(args: &Args) -> bool {
+    args.heatmap.is_none() && !args.samples.aovs().contains(Aov::Tests)
 }
 
 /// The error of a scene that cannot be traced, with the first vertex that is not finite in world space, if there is one.

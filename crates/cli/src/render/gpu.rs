@@ -4,9 +4,9 @@ use anyhow::{Result, anyhow};
 use canted_film::{Film, Tile};
 use canted_gpu::Gpu;
 use canted_renderer::{
-    DevicePicture, FirstHit, Integrator, Monitor, Settings, SharedFilm, Structure, Surfaces, built_scene,
+    DeviceFrames, DevicePicture, FirstHit, Integrator, Monitor, Settings, SharedFilm, Structure, Surfaces, built_scene,
 };
-use canted_scene::Camera;
+use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 use serde_json::json;
 
@@ -27,7 +27,7 @@ pub(super) struct GpuRenderer<'a, K: LaneKernel> {
 }
 
 impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
-    /// Uploads the scene; `None` where the CPU renders alone.
+    /// Uploads the scene, or what changed since the last of these frames; `None` where the CPU renders alone.
     ///
     /// # Errors
     /// A GPU that was requested explicitly does not support the scene or the settings.
@@ -38,6 +38,7 @@ impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
         structure: &'a Structure<K>,
         camera: &Camera,
         settings: &'a Settings,
+        frames: Option<&'a mut DeviceFrames>,
     ) -> Result<Option<Self>> {
         let with_cpu = matches!(machine, Machine::Both(_));
         if settings.part.is_some() && with_cpu {
@@ -46,11 +47,13 @@ impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
         let wide = args.structure.built_on_gpu();
         let built = wide.map(|wide| anyhow::Ok((args.structure.config(surfaces.scene())?, wide))).transpose()?;
         let ready = machine.ready(&args.structure, |gpu| {
-            let picture = match &built {
-                Some((config, wide)) => DevicePicture::over(gpu, surfaces, structure, camera, settings, |scene| {
-                    built_scene(gpu, scene, config, *wide)
-                })?,
-                None => DevicePicture::new(gpu, surfaces, structure, camera, settings)?,
+            let picture = match (frames, &built) {
+                (Some(frames), _) => DevicePicture::in_frame(gpu, surfaces, structure, camera, settings, frames)?,
+                (None, Some((config, wide))) => {
+                    let make = |scene: &Scene| built_scene(gpu, scene, config, *wide);
+                    DevicePicture::over(gpu, surfaces, structure, camera, settings, make)?
+                }
+                (None, None) => DevicePicture::new(gpu, surfaces, structure, camera, settings)?,
             };
             picture.with_first_hit(args.first_hit)
         })?;

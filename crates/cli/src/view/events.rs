@@ -45,13 +45,14 @@ pub(crate) enum Key {
     NextIntegrator,
     NextChannel,
     NextStructure,
+    NextBoxes,
     Screenshot,
     Copy,
     Close,
 }
 
 /// Keys by name; those of a single character are also what a keyboard types.
-pub(crate) const KEYS: [(&str, Key); 22] = [
+pub(crate) const KEYS: [(&str, Key); 23] = [
     ("w", Key::Fly([0, 0, 1])),
     ("s", Key::Fly([0, 0, -1])),
     ("a", Key::Fly([-1, 0, 0])),
@@ -71,6 +72,7 @@ pub(crate) const KEYS: [(&str, Key); 22] = [
     ("i", Key::NextIntegrator),
     ("v", Key::NextChannel),
     ("x", Key::NextStructure),
+    ("b", Key::NextBoxes),
     ("p", Key::Screenshot),
     ("c", Key::Copy),
     ("escape", Key::Close),

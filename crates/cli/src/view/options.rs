@@ -9,6 +9,7 @@ use anyhow::Result;
 use canted_film::Aov;
 use canted_scene::{Camera, Lens, Projection, SceneFile};
 
+use super::device;
 use crate::{load, picture, render, settings};
 
 /// Options that determine which geometry and lights there are, besides the time.
@@ -18,14 +19,18 @@ const OF_SCENE: [&str; 7] = ["animation", "env", "env_turn", "env_scale", "sun",
 const OF_STRUCTURE: [&str; 6] = ["levels", "accel", "preset", "builder", "volumes", "triangles"];
 
 /// Options that apply to a finished film.
-const OF_LOOK: [&str; 2] = ["exposure", "tone_map"];
+const OF_LOOK: [&str; 3] = ["exposure", "tone_map", "boxes"];
+
+/// Options that choose a camera where neither eye nor target is given.
+const OF_FRAMING: [&str; 4] = ["size", "camera", "up_axis", "animation"];
 
 /// Options that a moving camera sets.
 const OF_CAMERA: [&str; 7] = ["eye", "target", "up", "fov", "ortho", "aperture", "focus"];
 
 /// Whether `canted view` has an option of `canted render`.
 pub(super) fn is_option(id: &str) -> bool {
-    settings::is_of_picture(id) && id != "aovs" || OF_LOOK.contains(&id) || ["heatmap", "heatmap_scale"].contains(&id)
+    let is_more = || OF_LOOK.contains(&id) || ["heatmap", "heatmap_scale", "device"].contains(&id);
+    settings::is_of_picture(id) && id != "aovs" || is_more()
 }
 
 /// The scene and the options of a picture, by name in the order in which they were set.
@@ -47,7 +52,7 @@ impl Options {
     pub(super) fn new(scene: Option<PathBuf>, words: Vec<(String, String)>) -> Result<Self> {
         let file = scene.as_deref().filter(|path| load::is_scene_file(path)).map(load::scene_file).transpose()?;
         let options = Self { scene, file, words, aov: None };
-        options.args()?;
+        device::check(&options.args()?)?;
         Ok(options)
     }
 
@@ -70,18 +75,20 @@ impl Options {
     }
 
     /// Sets options, or none of them if one is unknown or has an invalid value. Beside the options of a picture there is `aov`, a channel
-    /// or `none`. `heatmap` may be `none`.
+    /// or `none`. `heatmap` and `boxes` may be `none`.
     pub(super) fn set_all(&mut self, changes: &[(String, String)]) -> Result<()> {
         let mut changed = self.clone();
         for (name, value) in changes {
             match (&name.replace('-', "_")[..], &value[..]) {
                 ("aov", "" | "none") => changed.aov = None,
                 ("aov", _) => changed.aov = Some(channel(value)?),
-                ("heatmap", "none") => changed.set("heatmap", ""),
+                ("heatmap" | "boxes", "none") => changed.set(&name.replace('-', "_"), ""),
                 (id, _) => changed.set(id, value),
             }
         }
-        changed.args()?.settings()?;
+        let args = changed.args()?;
+        args.settings()?;
+        device::check(&args)?;
         *self = changed;
         Ok(())
     }
@@ -103,6 +110,15 @@ impl Options {
         }
     }
 
+    /// Whether options leave the camera as it is.
+    pub(super) fn keep_camera(&self, changes: &[(String, String)]) -> bool {
+        let is_framed = self.get("eye").is_none() || self.get("target").is_none();
+        changes.iter().all(|(name, _)| {
+            let id = &name.replace('-', "_")[..];
+            !OF_CAMERA.contains(&id) && !(is_framed && OF_FRAMING.contains(&id))
+        })
+    }
+
     /// Gives the options of the camera the values that they have in `start`.
     pub(super) fn reset_camera(&mut self, start: &Self) {
         for id in OF_CAMERA {
@@ -115,10 +131,12 @@ impl Options {
         picture::parse(self.file.as_ref(), self.scene.as_deref(), &self.effective(), is_option)
     }
 
-    /// The options without the scale of a heat map that is not shown.
+    /// The options without the scale of a heat map that is not shown. The device is the CPU unless another one is given.
     fn effective(&self) -> Vec<(String, String)> {
         let has_heatmap = self.get("heatmap").is_some();
-        self.words.iter().filter(|(name, _)| has_heatmap || name != "heatmap_scale").cloned().collect()
+        let device = ("device".to_owned(), "cpu".to_owned());
+        let default = [device].into_iter().filter(|_| self.get("device").is_none());
+        default.chain(self.words.iter().filter(|(name, _)| has_heatmap || name != "heatmap_scale").cloned()).collect()
     }
 
     /// What determines meshes and lights.
@@ -143,16 +161,16 @@ impl Options {
         })
     }
 
-    /// The command line that renders this picture, for a POSIX shell. A channel is written as it is, to an EXR.
-    pub(super) fn command(&self) -> String {
+    /// The command line that renders this picture on a device, for a POSIX shell. A channel is written as it is, to an EXR.
+    pub(super) fn command(&self, device: &str) -> String {
         let mut line = "canted render".to_owned();
         if let Some(scene) = &self.scene {
             let path = scene.display().to_string();
             let path = if path.starts_with('-') { format!("./{path}") } else { path };
             line += &format!(" {}", quoted(&path));
         }
-        line += " --device=cpu";
-        for (id, value) in self.effective() {
+        line += &format!(" --device={}", quoted(device));
+        for (id, value) in self.effective().into_iter().filter(|(id, _)| id != "device") {
             line += &format!(" --{}={}", id.replace('_', "-"), quoted(&value));
         }
         match self.aov {
@@ -194,13 +212,16 @@ mod tests {
         let mut options = Options::new(None, vec![("spp".to_owned(), "4".to_owned())]).unwrap();
         let change = |name: &str, value: &str| (name.to_owned(), value.to_owned());
         options.set_all(&[change("tone-map", "agx"), change("spp", "2"), change("aov", "depth")]).unwrap();
-        assert_eq!(options.command(), "canted render --device=cpu --tone-map=agx --spp=2 --aovs=depth -o canted.exr");
-        let before = options.command();
+        assert_eq!(
+            options.command("cpu"),
+            "canted render --device=cpu --tone-map=agx --spp=2 --aovs=depth -o canted.exr"
+        );
+        let before = options.command("cpu");
         for wrong in [change("spp", "x"), change("spq", "1"), change("output", "a.png"), change("aov", "z")] {
             assert!(options.set_all(&[change("seed", "1"), wrong.clone()]).is_err(), "{wrong:?}");
         }
-        assert_eq!(options.command(), before);
+        assert_eq!(options.command("cpu"), before);
         options.set_all(&[change("spp", ""), change("aov", "none"), change("tone_map", "")]).unwrap();
-        assert_eq!(options.command(), "canted render --device=cpu -o canted.png");
+        assert_eq!(options.command("cpu"), "canted render --device=cpu -o canted.png");
     }
 }

@@ -1,24 +1,30 @@
 //! The pictures of a job: coarse, then pass by pass.
 
 use std::{
-    sync::atomic::AtomicBool,
+    sync::{Arc, atomic::AtomicBool},
     time::{Duration, Instant},
 };
 
-use anyhow::{Result, anyhow};
-use canted_film::{Aovs, Film, Part, Picture};
-use canted_renderer::{Integrator, RenderError, Settings};
+use anyhow::Result;
+use canted_film::{Aovs, Film, Picture};
+use canted_obb::Obb;
+use canted_renderer::{Integrator, Settings, draw_boxes};
+use canted_scene::Camera;
 
 use super::{
     channel,
+    device::Device,
+    frame::{Frame, Seen, View},
     options::Options,
+    refine::{self, Refined},
     stage::Stage,
-    worker::{Desk, Frame, Job, Latest, Message, Outbox},
+    traced::Shot,
+    worker::{Desk, Job, Message, Outbox},
 };
-use crate::render::{self, Args, next_pass, whole_film};
+use crate::render::{self, Args};
 
 /// Time that a coarse picture may take.
-const COARSE_SECONDS: f64 = 0.05;
+const COARSE_SECONDS: f64 = 0.04;
 
 /// How long the better picture of a moving camera waits for another position.
 const REST: Duration = Duration::from_millis(150);
@@ -26,37 +32,51 @@ const REST: Duration = Duration::from_millis(150);
 /// Renders jobs, and keeps what the next one can use.
 #[derive(Default)]
 pub(super) struct Renderer {
-    latest: Latest,
-    /// Seconds for a sample of a pixel.
+    /// The stage, camera and size of the latest job.
+    latest: Option<(Stage, Camera, [u32; 2])>,
+    device: Device,
+    /// Seconds that the CPU takes for a sample of a pixel.
     pace: Option<f64>,
     /// The last complete film, and what determines it.
-    complete: Option<(String, Film, Integrator)>,
+    complete: Option<(String, Refined)>,
 }
 
 impl Renderer {
     /// Renders a job until it is settled or another one comes.
-    pub(super) fn serve(&mut self, job: Job, desk: &Desk, outbox: &Outbox) -> Result<()> {
+    pub(super) fn serve(&mut self, job: &Job, desk: &Desk, outbox: &Outbox) -> Result<()> {
         let mut args = job.options.args()?;
-        args.settings()?;
+        let n_samples = args.settings()?.samples;
         let mut stage = match self.latest.take() {
             Some((stage, ..)) => stage.followed(&job.options, &args)?,
             None => Stage::open(&job.options, &args)?,
         };
-        let camera = stage.traced.camera(&stage.scene, &args)?;
-        let center = args.size.map(|side| 0.5 * f64::from(side));
-        let center_distance = stage.seen_at(&camera, args.size, center).map(|seen| f64::from(seen.t));
-        let frame = Frame {
-            number: job.number,
-            picture: Picture::filled(1, 1, [0.0; 3]),
-            size: args.size,
-            n_samples: 0,
-            is_settled: false,
-            camera,
-            integrator: Integrator::Hybrid,
-            center_distance,
-            is_animated: stage.is_animated,
+        let camera = match stage.traced.camera(&stage.scene, &args) {
+            Ok(camera) => camera,
+            Err(error) => {
+                let camera = Camera::pinhole([0.0; 3], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], 45.0);
+                self.latest = Some((stage, camera, args.size));
+                return Err(error);
+            }
         };
-        let result = self.render(&mut stage, &job, &mut args, &frame, desk, outbox);
+        let center = args.size.map(|side| 0.5 * f64::from(side));
+        let view = View {
+            number: job.number,
+            size: args.size,
+            n_samples,
+            is_moving: job.is_moving,
+            camera,
+            is_file_camera: !stage.scene.cameras.is_empty(),
+            integrator: Integrator::Hybrid,
+            device: "cpu".to_owned(),
+            center_distance: stage.seen_at(&camera, args.size, center).map(|seen| f64::from(seen.t)),
+            time_range: stage.time_range,
+            n_levels: stage.traced.n_levels(),
+            ready: stage.ready,
+        };
+        let result = self.render(&mut stage, job, &mut args, &view, desk, outbox);
+        if result.is_err() {
+            self.device.reset();
+        }
         self.latest = Some((stage, camera, args.size));
         result
     }
@@ -66,146 +86,100 @@ impl Renderer {
         stage: &mut Stage,
         job: &Job,
         args: &mut Args,
-        frame: &Frame,
+        view: &View,
         desk: &Desk,
         outbox: &Outbox,
     ) -> Result<()> {
+        let shown = Shown::new(stage, args, &job.options, view.camera)?;
+        let send = |view: View, picture: Picture, n_samples: u32, is_settled: bool| {
+            outbox.send(Message::Frame(Frame::new(view, shown.with_boxes(picture), n_samples, is_settled)));
+        };
         let key = job.options.film_key();
-        let complete = self.complete.as_ref().filter(|(of, ..)| *of == key && args.heatmap.is_none());
-        if let Some((_, film, integrator)) = complete {
-            let (picture, n_samples) = (shown(film, args, &job.options), samples_of(film));
-            outbox.send(Message::Frame(Frame {
-                picture,
-                n_samples,
-                is_settled: true,
-                integrator: *integrator,
-                ..frame.clone()
-            }));
+        if let Some((of, refined)) = &self.complete
+            && *of == key
+            && args.heatmap.is_none()
+        {
+            let view = refined.view(view);
+            send(view, shown.picture(&refined.film, args), refined.n_samples(), true);
             return Ok(());
         }
         if args.heatmap.is_some() {
-            let picture = stage.with_surfaces(args.settings()?.lod, |surfaces, traced| {
-                traced.heatmap(surfaces, &frame.camera, args)
-            })?;
-            outbox.send(Message::Frame(Frame { picture, is_settled: true, ..frame.clone() }));
+            let picture = stage
+                .with_surfaces(args.settings()?.lod, |surfaces, traced| traced.heatmap(surfaces, &view.camera, args))?;
+            send(view.clone(), picture, 0, true);
             return Ok(());
         }
-        if let Some(picture) = self.coarse(stage, args, &job.options, frame)? {
-            outbox.send(Message::Frame(Frame { picture, ..frame.clone() }));
+        if let Some(film) = self.coarse(stage, args, &job.options, &view.camera)? {
+            send(view.clone(), shown.picture(&film, args), 0, false);
         }
         if desk.is_followed_within(if job.is_moving { REST } else { Duration::ZERO }) {
             return Ok(());
         }
-        stage.choose(&frame.camera, args)?;
+        stage.choose(&view.camera, args)?;
+        self.device.choose(args);
         let settings = settings(args, &job.options)?;
-        let frame = Frame { integrator: settings.integrator, ..frame.clone() };
-        let film = self.refine(stage, job, args, &settings, &frame, desk, outbox)?;
-        let (picture, n_samples) = (shown(&film, args, &job.options), samples_of(&film));
-        if let Some(warning) = render::dropped_samples(&film) {
+        let stage = &*stage;
+        let refined = stage.with_surfaces(settings.lod, |surfaces, traced| {
+            let shot = Shot { surfaces, camera: &view.camera, args, settings: &settings };
+            let send = |refined: &Refined| {
+                let view = refined.view(view);
+                send(view, shown.picture(&refined.film, args), refined.n_samples(), false);
+            };
+            let answer = |position| outbox.send(Message::Seen(stage.seen_at(&view.camera, view.size, position)));
+            refine::refined(traced, &shot, &self.device, desk, &send, &answer)
+        })?;
+        if refined.device == "cpu" {
+            self.pace = Some(refined.seconds_per_sample);
+        }
+        if let Some(warning) = render::dropped_samples(&refined.film) {
             crate::output::warn(&warning);
         }
-        self.complete = Some((key, film, settings.integrator));
-        outbox.send(Message::Frame(Frame { picture, n_samples, is_settled: true, ..frame }));
+        send(refined.view(view), shown.picture(&refined.film, args), refined.n_samples(), true);
+        self.complete = Some((key, refined));
         Ok(())
     }
 
-    /// A picture of one sample in each of so few pixels that it takes no longer than [`COARSE_SECONDS`]; `None` where the first pass
-    /// is as fast.
-    fn coarse(&self, stage: &mut Stage, args: &Args, options: &Options, frame: &Frame) -> Result<Option<Picture>> {
+    /// A film of one sample in each of so few pixels that it takes no longer than [`COARSE_SECONDS`] on the CPU; `None` where the first
+    /// pass is as fast.
+    fn coarse(&mut self, stage: &Stage, args: &Args, options: &Options, camera: &Camera) -> Result<Option<Film>> {
+        const LARGEST: u32 = 16;
         let mut args = args.clone();
         stage.choose_integrator(&mut args);
         let settings = settings(&args, options)?;
         let n_pixels = f64::from(args.size[0]) * f64::from(args.size[1]);
         // A machine that nothing is known of gets a small picture.
-        let affordable = self.pace.map_or(1.0 / 16.0, |pace| COARSE_SECONDS / (pace * n_pixels));
-        let Some(divisor) = [1, 2, 3, 4, 6, 8, 12, 16].into_iter().find(|d| affordable * f64::from(d * d) >= 1.0)
-        else {
-            return self.coarse_by(16, stage, settings, &args, options, frame).map(Some);
-        };
-        if divisor == 1 { Ok(None) } else { self.coarse_by(divisor, stage, settings, &args, options, frame).map(Some) }
-    }
-
-    fn coarse_by(
-        &self,
-        divisor: u32,
-        stage: &mut Stage,
-        settings: Settings,
-        args: &Args,
-        options: &Options,
-        frame: &Frame,
-    ) -> Result<Picture> {
+        let affordable = self.pace.map_or(0.0, |pace| COARSE_SECONDS / (pace * n_pixels));
+        let divisors = [1, 2, 3, 4, 6, 8, 12, LARGEST];
+        let divisor = divisors.into_iter().find(|d| affordable * f64::from(d * d) >= 1.0).unwrap_or(LARGEST);
+        if divisor == 1 {
+            return Ok(None);
+        }
         let [width, height] = args.size.map(|side| side.div_ceil(divisor));
         let settings = Settings { width, height, samples: 1, part: None, noise: None, ..settings };
-        // Not cancelled: a moving camera must show something.
-        let cancel = AtomicBool::new(false);
-        let film = stage
-            .with_surfaces(settings.lod, |surfaces, traced| traced.film(surfaces, &frame.camera, &settings, &cancel))?;
-        Ok(shown(&film, args, options))
-    }
-
-    /// All samples, with a picture after each pass. The film has the bits of `canted render`.
-    #[expect(clippy::too_many_arguments, reason = "the state of a job, and where it comes from and goes")]
-    fn refine(
-        &mut self,
-        stage: &mut Stage,
-        job: &Job,
-        args: &Args,
-        settings: &Settings,
-        frame: &Frame,
-        desk: &Desk,
-        outbox: &Outbox,
-    ) -> Result<Film> {
-        let (mut joined, mut n_rays, mut n_done, mut n_next) = (None, 0, 0, 1);
-        loop {
-            let range = [n_done, n_done + n_next];
-            // Adaptive sampling is not divided into passes.
-            let part = settings.noise.is_none().then_some(range);
-            let of_pass = Settings { part, ..*settings };
-            let start = Instant::now();
-            let film = stage.with_surfaces(settings.lod, |surfaces, traced| {
-                traced.film(surfaces, &frame.camera, &of_pass, desk.cancel())
-            });
-            let film = match film {
-                Err(error) if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) => {
-                    // Clicks are answered, then the pass starts again.
-                    let Some(clicks) = desk.clicks() else { return Err(error) };
-                    answer(stage, frame, clicks, outbox);
-                    continue;
-                }
-                film => film?,
-            };
-            if part.is_none() {
-                return Ok(film);
-            }
-            let n_pixels = f64::from(settings.width) * f64::from(settings.height);
-            self.pace = Some(start.elapsed().as_secs_f64() / (n_pixels * f64::from(n_next)));
-            n_rays += film.n_rays();
-            let parts = joined.take().into_iter().chain(film.part().cloned()).collect();
-            let part = Part::join(parts).map_err(|error| anyhow!("{error}"))?;
-            n_done = range[1];
-            n_next = next_pass(n_done, settings.samples, Duration::ZERO, None);
-            let film = whole_film(settings, part.clone(), n_rays)?;
-            if n_next == 0 {
-                return Ok(film);
-            }
-            let picture = shown(&film, args, &job.options);
-            outbox.send(Message::Frame(Frame { picture, n_samples: n_done, ..frame.clone() }));
-            joined = Some(part);
-        }
+        let start = Instant::now();
+        let film = stage.with_surfaces(settings.lod, |surfaces, traced| {
+            let shot = Shot { surfaces, camera, args: &args, settings: &settings };
+            let mut film = None;
+            traced.with_passes(&shot, &Device::default(), &mut |passes| {
+                // Not cancelled: a moving camera must show something.
+                film = Some(passes.film(&settings, &AtomicBool::new(false))?);
+                Ok(())
+            })?;
+            anyhow::Ok(film)
+        })?;
+        // The first tiles of a picture also fill the caches, so one measurement is not the truth.
+        let pace = start.elapsed().as_secs_f64() / (f64::from(width) * f64::from(height));
+        self.pace = Some(self.pace.map_or(pace, |known| 0.5 * (known + pace)));
+        Ok(film)
     }
 
     /// Reports what is at positions of the latest picture.
     pub(super) fn answer(&self, clicks: Vec<[f64; 2]>, outbox: &Outbox) {
         for position in clicks {
-            let seen = self.latest.as_ref().and_then(|(stage, camera, size)| stage.seen_at(camera, *size, position));
+            let at = |(stage, camera, size): &(Stage, Camera, [u32; 2])| stage.seen_at(camera, *size, position);
+            let seen: Option<Seen> = self.latest.as_ref().and_then(at);
             outbox.send(Message::Seen(seen));
         }
-    }
-}
-
-fn answer(stage: &Stage, frame: &Frame, clicks: Vec<[f64; 2]>, outbox: &Outbox) {
-    for position in clicks {
-        outbox.send(Message::Seen(stage.seen_at(&frame.camera, frame.size, position)));
     }
 }
 
@@ -215,16 +189,49 @@ fn settings(args: &Args, options: &Options) -> Result<Settings> {
     Ok(Settings { aovs, ..args.settings()? })
 }
 
-/// The picture of a film: a channel, or light with exposure and tone curve.
-fn shown(film: &Film, args: &Args, options: &Options) -> Picture {
-    match options.aov {
-        Some(aov) => channel::picture(film, aov),
-        None => args.look.apply(film.picture()),
+/// How films are shown: as light or as a channel, with or without boxes.
+struct Shown {
+    aov: Option<canted_film::Aov>,
+    size: [u32; 2],
+    boxes: Option<(canted_renderer::View, Arc<Vec<Obb>>)>,
+}
+
+impl Shown {
+    fn new(stage: &mut Stage, args: &Args, options: &Options, camera: Camera) -> Result<Self> {
+        let [width, height] = args.size;
+        let view = canted_renderer::View::new(&camera, width, height);
+        let boxes = args.boxes.map(|level| anyhow::Ok((view?, stage.boxes(level)))).transpose()?;
+        Ok(Self { aov: options.aov, size: args.size, boxes })
+    }
+
+    /// The picture of a film: a channel, or light with exposure and tone curve.
+    fn picture(&self, film: &Film, args: &Args) -> Picture {
+        match self.aov {
+            Some(aov) => channel::picture(film, aov),
+            None => args.look.apply(film.picture()),
+        }
+    }
+
+    /// The picture with the boxes that are shown, in full size: lines of a coarse picture would be too wide.
+    fn with_boxes(&self, picture: Picture) -> Picture {
+        let Some((view, boxes)) = &self.boxes else { return picture };
+        let mut whole = enlarged(picture, self.size);
+        draw_boxes(&mut whole, [0, 0], view, boxes);
+        whole
     }
 }
 
-/// Samples of each pixel, on average.
-fn samples_of(film: &Film) -> u32 {
-    let n_pixels = u64::from(film.width()) * u64::from(film.height());
-    u32::try_from(film.n_samples() / n_pixels.max(1)).unwrap_or(u32::MAX)
+/// A picture of this size from a smaller one, whose pixels it repeats.
+fn enlarged(picture: Picture, [width, height]: [u32; 2]) -> Picture {
+    if [picture.width, picture.height] == [width, height] {
+        return picture;
+    }
+    let source = |at: u32, n: u32, of: u32| u64::from(at) * u64::from(of) / u64::from(n.max(1));
+    #[expect(clippy::cast_possible_truncation, reason = "less than the side of the picture")]
+    let pixel = |x: u32, y: u32| {
+        let [column, row] = [source(x, width, picture.width), source(y, height, picture.height)].map(|i| i as u32);
+        picture.pixels[picture.index(column, row)]
+    };
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pixel(x, y)).collect();
+    Picture { width, height, pixels }
 }

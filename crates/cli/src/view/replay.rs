@@ -8,10 +8,10 @@ use serde_json::{Value, json};
 
 use super::{
     events::Event,
+    frame::Seen,
     options::Options,
     script::{self, Timed},
     session::{Effect, Session},
-    stage::Seen,
 };
 use crate::output;
 
@@ -56,7 +56,7 @@ pub(super) fn run(options: Options, events: &Path, folder: &Path, as_json: bool)
 }
 
 /// Writes the picture as `canted render` does.
-pub(super) fn save(session: &Session, path: &Path) -> Result<()> {
+fn save(session: &Session, path: &Path) -> Result<()> {
     let frame = session.frame.as_ref().ok_or_else(|| anyhow!("there is no picture yet"))?;
     Ok(canted_film::write_picture(path, &frame.picture, Format::Png)?)
 }
@@ -68,15 +68,24 @@ pub(super) fn new_screenshot(folder: &Path) -> std::path::PathBuf {
     (1..).map(name).find(|path| !path.exists()).unwrap_or_else(|| name(0))
 }
 
+/// What is at the position of a click: names and values.
+pub(super) fn rows(seen: &Seen) -> Vec<(&'static str, String)> {
+    let Seen { instance, primitive, t, barycentric: [u, v], texture, mesh, material } = seen;
+    let mut rows = vec![
+        ("instance", instance.to_string()),
+        ("primitive", primitive.to_string()),
+        ("t", t.to_string()),
+        ("barycentric", format!("{u} {v}")),
+    ];
+    rows.extend(texture.map(|[u, v]| ("uv", format!("{u} {v}"))));
+    rows.extend([("mesh", format!("{mesh:?}")), ("material", format!("{material:?}"))]);
+    rows
+}
+
 /// What is at the position of a click, on one line.
-pub(super) fn described(seen: Option<&Seen>) -> String {
-    let Some(Seen { instance, primitive, t, barycentric: [u, v], texture, mesh, material }) = seen else {
-        return "nothing".to_owned();
-    };
-    let texture = texture.map(|[u, v]| format!(", uv {u} {v}")).unwrap_or_default();
-    format!(
-        "instance {instance}, primitive {primitive}, t {t}, barycentric {u} {v}{texture}, mesh {mesh:?}, material {material:?}"
-    )
+fn described(seen: Option<&Seen>) -> String {
+    let Some(seen) = seen else { return "nothing".to_owned() };
+    rows(seen).into_iter().map(|(name, value)| format!("{name} {value}")).collect::<Vec<_>>().join(", ")
 }
 
 fn report(number: usize, at_s: f64, path: &Path, event: &Event, session: &Session, as_json: bool) -> Result<()> {

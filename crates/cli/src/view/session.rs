@@ -11,10 +11,10 @@ use canted_scene::Camera;
 
 use super::{
     events::{Button, Event, Key},
+    frame::{Frame, Seen},
     motion::{self, Motion},
     options::Options,
-    stage::Seen,
-    worker::{Frame, Job, Message, Worker},
+    worker::{Job, Message, Worker},
 };
 use crate::output;
 
@@ -56,9 +56,14 @@ pub(crate) struct Session {
     pub(crate) frame: Option<Frame>,
     /// The answer to the last click.
     pub(crate) seen: Option<Seen>,
+    /// Whether there was a click and its answer.
+    #[cfg_attr(not(feature = "view"), expect(dead_code, reason = "the window shows it"))]
+    pub(crate) is_answered: bool,
     n_clicks: usize,
     /// Why the latest job has no picture.
     pub(crate) failure: Option<String>,
+    /// All warnings and notes.
+    pub(crate) warnings: Vec<String>,
 }
 
 impl Session {
@@ -77,8 +82,10 @@ impl Session {
             has_file_target,
             frame: None,
             seen: None,
+            is_answered: false,
             n_clicks: 0,
             failure: None,
+            warnings: Vec::new(),
         };
         session.render(false);
         Ok(session)
@@ -89,14 +96,16 @@ impl Session {
         &self.options
     }
 
-    /// The command line that renders the picture.
+    /// The command line that renders the picture, on the device that rendered it.
     pub(crate) fn command(&self) -> String {
-        self.options.command()
+        let current = self.frame.as_ref().filter(|frame| frame.view.number == self.n_jobs);
+        let device = current.map(|frame| &frame.view.device[..]);
+        self.options.command(device.or(self.options.get("device")).unwrap_or("cpu"))
     }
 
     /// Whether the picture of the latest options is complete, and clicks are answered.
     pub(crate) fn is_settled(&self) -> bool {
-        let is_shown = |frame: &Frame| frame.number == self.n_jobs && frame.is_settled;
+        let is_shown = |frame: &Frame| frame.view.number == self.n_jobs && frame.is_settled;
         self.n_clicks == 0 && (self.failure.is_some() || self.frame.as_ref().is_some_and(is_shown))
     }
 
@@ -136,18 +145,22 @@ impl Session {
         match message {
             // A picture of an earlier job would show a camera of the past.
             Message::Frame(frame) => {
-                if frame.number == self.n_jobs {
-                    self.camera = Some(frame.camera);
+                if frame.view.number == self.n_jobs {
+                    self.camera = Some(frame.view.camera);
                 }
                 self.frame = Some(frame);
             }
             Message::Seen(seen) => {
                 self.n_clicks = self.n_clicks.saturating_sub(1);
                 self.seen = seen;
+                self.is_answered = true;
             }
             Message::Failed { number, reason } if number == self.n_jobs => self.failure = Some(reason),
             Message::Failed { .. } => {}
-            Message::Warnings(warnings) => warnings.iter().for_each(|warning| output::warn(warning)),
+            Message::Warnings(warnings) => {
+                warnings.iter().for_each(|warning| output::warn(warning));
+                self.warnings.extend(warnings);
+            }
         }
     }
 
@@ -178,10 +191,19 @@ impl Session {
             }
             &Event::Resize([width, height]) => self.set(&[("size", format!("{width}x{height}"))])?,
             Event::Set(changes) => {
-                self.options.set_all(changes)?;
-                // Other options may choose another camera.
-                self.camera = None;
-                self.render(false);
+                let is_time = changes.iter().all(|(name, _)| name == "time");
+                let mut changed = self.options.clone();
+                // A view that frames the scene would move with each pose.
+                let framed = self.frame.as_ref().filter(|frame| is_time && !frame.view.is_file_camera);
+                if let Some(camera) = self.camera.filter(|_| framed.is_some()) {
+                    changed.set_camera(&camera);
+                }
+                changed.set_all(changes)?;
+                if !changed.keep_camera(changes) {
+                    self.camera = None;
+                }
+                self.options = changed;
+                self.render(is_time);
             }
             Event::Close => return Ok(Effect::Close),
         }
@@ -219,7 +241,7 @@ impl Session {
                 self.set(&[("heatmap", next.to_owned())])?;
             }
             Key::NextIntegrator => {
-                let is_path = self.frame.as_ref().is_some_and(|frame| frame.integrator == Integrator::Path);
+                let is_path = self.frame.as_ref().is_some_and(|frame| frame.view.integrator == Integrator::Path);
                 self.set(&[("integrator", if is_path { "hybrid" } else { "path" }.to_owned())])?;
             }
             Key::NextChannel => {
@@ -231,6 +253,18 @@ impl Session {
                 self.set(&[("aov", name.to_owned())])?;
             }
             Key::NextStructure => self.set_structure((self.structure() + 1) % STRUCTURES.len())?,
+            Key::NextBoxes => {
+                let n_levels = self.frame.as_ref().map_or(0, |frame| frame.view.n_levels);
+                let next = match self.options.get("boxes") {
+                    None => "0".to_owned(),
+                    Some("leaves") => "none".to_owned(),
+                    Some(level) => match level.parse::<u32>() {
+                        Ok(level) if level + 1 < n_levels => (level + 1).to_string(),
+                        _ => "leaves".to_owned(),
+                    },
+                };
+                self.set(&[("boxes", next)])?;
+            }
             Key::Screenshot => return Ok(Effect::Screenshot),
             Key::Copy => return Ok(Effect::Copy(self.command())),
             Key::Close => return Ok(Effect::Close),
@@ -256,7 +290,7 @@ impl Session {
         let Some(mut camera) = self.camera else { return Ok(()) };
         let args = self.options.args()?;
         if std::mem::take(&mut self.has_file_target)
-            && let Some(distance) = self.frame.as_ref().and_then(|frame| frame.center_distance)
+            && let Some(distance) = self.frame.as_ref().and_then(|frame| frame.view.center_distance)
         {
             camera = motion::with_target_at(&camera, distance);
         }

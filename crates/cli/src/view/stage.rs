@@ -1,72 +1,31 @@
 //! What a session renders from: the scene at a time, its structure, its light.
 
-use std::sync::atomic::AtomicBool;
+use std::{cell::RefCell, sync::Arc, time::Instant};
 
-use anyhow::{Result, anyhow};
-use canted_film::Film;
-use canted_renderer::{
-    Lod, Masked, MipMaps, Monitor, Prepared, Settings, Surfaces, Tracer, View, heatmap, prepare, resume_with,
-};
+use anyhow::Result;
+use canted_obb::Obb;
+use canted_renderer::{BoxLevel, Lod, MipMaps, Surfaces, View};
 use canted_scene::{AnimatedScene, Camera, Environment, ReadOptions, Scene};
-use canted_trace::{Hit, Ray};
-use canted_wide::LaneKernel;
 
-use super::options::Options;
+use super::{
+    frame::Seen,
+    options::Options,
+    traced::{Traced, traced},
+};
 use crate::{
     light::LightSource,
     load,
-    options::with_kernel,
     render::{self, Args},
 };
-
-/// A structure of any kernel.
-pub(super) trait Traced {
-    fn camera(&self, scene: &Scene, args: &Args) -> Result<Camera>;
-    /// Decides light and integrator as `canted render` does.
-    fn choose(&mut self, scene: &mut Scene, camera: &Camera, args: &mut Args, source: LightSource) -> Result<()>;
-    fn film(&self, surfaces: &Surfaces, camera: &Camera, settings: &Settings, cancel: &AtomicBool) -> Result<Film>;
-    fn heatmap(&self, surfaces: &Surfaces, camera: &Camera, args: &Args) -> Result<canted_film::Picture>;
-    fn hit(&self, surfaces: &Surfaces, ray: &Ray) -> Option<Hit>;
-}
-
-impl<K: LaneKernel> Traced for Prepared<K> {
-    fn camera(&self, scene: &Scene, args: &Args) -> Result<Camera> {
-        args.camera.camera(scene, self, args.size)
-    }
-
-    fn choose(&mut self, scene: &mut Scene, camera: &Camera, args: &mut Args, source: LightSource) -> Result<()> {
-        let source = render::decided(scene, self, camera, args, source)?;
-        render::choose(scene, self, camera, args, source).map(drop)
-    }
-
-    fn film(&self, surfaces: &Surfaces, camera: &Camera, settings: &Settings, cancel: &AtomicBool) -> Result<Film> {
-        let monitor = Monitor { progress: &|_, _| {}, finished: &|_| {}, cancel };
-        Ok(resume_with(surfaces, &self.structure, camera, settings, Vec::new(), &monitor)?)
-    }
-
-    fn heatmap(&self, surfaces: &Surfaces, camera: &Camera, args: &Args) -> Result<canted_film::Picture> {
-        let measure = args.heatmap.ok_or_else(|| anyhow!("no heat map is shown"))?;
-        Ok(heatmap(surfaces, &self.structure, camera, args.size, measure, args.heatmap_scale)?.picture)
-    }
-
-    fn hit(&self, surfaces: &Surfaces, ray: &Ray) -> Option<Hit> {
-        self.structure.closest_hit(ray, &mut Masked::new(surfaces, ()))
-    }
-}
-
-fn build<K: LaneKernel + 'static>(scene: &Scene, args: &Args) -> Result<Box<dyn Traced>> {
-    let name = load::name(args.scene.as_deref());
-    let prepared: Prepared<K> =
-        prepare(scene, &args.structure.config(scene)?).map_err(|error| anyhow!("{name}: {error}"))?;
-    Ok(Box::new(prepared))
-}
 
 /// A scene that is ready to render, and what it was made from.
 pub(super) struct Stage {
     pub(super) scene: Scene,
     pub(super) traced: Box<dyn Traced>,
-    /// Whether the file has an animation.
-    pub(super) is_animated: bool,
+    /// First and last time of the animation in seconds, if the file has one.
+    pub(super) time_range: Option<[f32; 2]>,
+    /// When scene and structure were ready.
+    pub(super) ready: Instant,
     animated: Option<AnimatedScene>,
     /// The environment that the options or the file set.
     environment: Option<Environment>,
@@ -74,7 +33,8 @@ pub(super) struct Stage {
     scene_key: String,
     structure_key: String,
     time: Option<f32>,
-    mip_maps: Option<(Lod, MipMaps)>,
+    mip_maps: RefCell<Option<(Lod, MipMaps)>>,
+    boxes: Option<(BoxLevel, Arc<Vec<Obb>>)>,
 }
 
 impl Stage {
@@ -83,18 +43,20 @@ impl Stage {
         let (mut scene, animated) = read(options, args)?;
         let source = args.light.apply(&mut scene)?;
         let environment = scene.environment.clone().filter(|_| source == LightSource::Given);
-        let traced = with_kernel!(args.structure.triangles, build(&scene, args))?;
+        let traced = traced(&scene, args)?;
         Ok(Self {
-            is_animated: animated.is_some(),
             scene,
             traced,
+            time_range: animated.as_ref().and_then(AnimatedScene::time_range),
+            ready: Instant::now(),
             animated,
             environment,
             source,
             scene_key: options.scene_key(),
             structure_key: options.structure_key(),
             time: args.time,
-            mip_maps: None,
+            mip_maps: RefCell::default(),
+            boxes: None,
         })
     }
 
@@ -106,8 +68,14 @@ impl Stage {
             (true, false, Some(time)) if self.animated.is_some() => self.posed(args, time)?,
             _ => return Self::open(options, args),
         };
-        if next.structure_key != options.structure_key() || next.time != args.time {
-            next.traced = with_kernel!(args.structure.triangles, build(&next.scene, args))?;
+        let has_other_structure = next.structure_key != options.structure_key();
+        if has_other_structure {
+            next.traced = traced(&next.scene, args)?;
+        } else if next.time != args.time {
+            next.traced.update(&next.scene)?;
+        }
+        if has_other_structure || next.time != args.time {
+            next.boxes = None;
         }
         next.structure_key = options.structure_key();
         next.time = args.time;
@@ -142,14 +110,27 @@ impl Stage {
     }
 
     /// Calls `then` with the surfaces of the scene.
-    pub(super) fn with_surfaces<R>(&mut self, lod: Lod, then: impl FnOnce(&Surfaces, &dyn Traced) -> R) -> R {
+    pub(super) fn with_surfaces<R>(&self, lod: Lod, then: impl FnOnce(&Surfaces, &dyn Traced) -> R) -> R {
         let known = self.mip_maps.take().filter(|(of, _)| *of == lod);
         let surfaces = match &known {
             Some((_, known)) => Surfaces::with_mip_maps(&self.scene, lod, known),
             None => Surfaces::with_lod(&self.scene, lod),
         };
-        self.mip_maps = Some((lod, surfaces.mip_maps()));
+        self.mip_maps.replace(Some((lod, surfaces.mip_maps())));
         then(&surfaces, &*self.traced)
+    }
+
+    /// The boxes of a level. Warns where there are none.
+    pub(super) fn boxes(&mut self, level: BoxLevel) -> Arc<Vec<Obb>> {
+        if let Some((_, boxes)) = self.boxes.as_ref().filter(|(of, _)| *of == level) {
+            return Arc::clone(boxes);
+        }
+        let boxes = Arc::new(self.traced.boxes(level));
+        if boxes.is_empty() {
+            crate::output::warn(&render::no_boxes(level, self.traced.n_levels()));
+        }
+        self.boxes = Some((level, Arc::clone(&boxes)));
+        boxes
     }
 
     /// What a camera sees at a position in pixels.
@@ -195,20 +176,4 @@ fn read(options: &Options, args: &Args) -> Result<(Scene, Option<AnimatedScene>)
     }
     // Reports options that do not apply to the file.
     Ok((load::scene(options.scene(), args.time, animation)?, None))
-}
-
-/// What is at a position of the picture.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Seen {
-    pub(crate) instance: u32,
-    /// Triangle of the mesh.
-    pub(crate) primitive: u32,
-    /// Distance from the camera in world units.
-    pub(crate) t: f32,
-    /// Weights of the second and third vertex.
-    pub(crate) barycentric: [f32; 2],
-    /// Texture coordinates, if the mesh has some.
-    pub(crate) texture: Option<[f32; 2]>,
-    pub(crate) mesh: String,
-    pub(crate) material: String,
 }

@@ -9,18 +9,15 @@ use std::{
         atomic::{AtomicBool, Ordering},
         mpsc::{self, Receiver, Sender},
     },
-    thread::JoinHandle,
     time::Duration,
 };
 
-use canted_film::Picture;
-use canted_renderer::{Integrator, RenderError};
-use canted_scene::Camera;
+use canted_renderer::RenderError;
 
 use super::{
+    frame::{Frame, Seen},
     options::Options,
     passes,
-    stage::{Seen, Stage},
 };
 use crate::output;
 
@@ -32,27 +29,6 @@ pub(super) struct Job {
     pub(super) options: Options,
     /// Whether another job will follow soon.
     pub(super) is_moving: bool,
-}
-
-/// A picture of a job: coarse, after some passes, or final.
-#[derive(Clone, Debug)]
-pub(crate) struct Frame {
-    pub(crate) number: u64,
-    /// As it is encoded; a coarse picture is smaller than `size`.
-    pub(crate) picture: Picture,
-    pub(crate) size: [u32; 2],
-    /// Samples per pixel; 0 for a coarse picture.
-    #[cfg_attr(not(feature = "view"), expect(dead_code, reason = "the window shows it"))]
-    pub(crate) n_samples: u32,
-    /// Whether no better picture will follow.
-    pub(crate) is_settled: bool,
-    pub(crate) camera: Camera,
-    pub(crate) integrator: Integrator,
-    /// Distance of what is in the center of the picture.
-    pub(crate) center_distance: Option<f64>,
-    /// Whether the scene can be posed at times.
-    #[cfg_attr(not(feature = "view"), expect(dead_code, reason = "the window shows it"))]
-    pub(crate) is_animated: bool,
 }
 
 /// What the thread reports.
@@ -155,17 +131,25 @@ impl Outbox {
 pub(super) struct Worker {
     desk: Arc<Desk>,
     pub(super) messages: Receiver<Message>,
-    thread: Option<JoinHandle<()>>,
+    /// Disconnected once the thread has ended.
+    ended: Receiver<()>,
 }
+
+/// How long a session that closes waits for its thread. One that still reads a file or builds a structure ends with the program.
+const LONGEST_END: Duration = Duration::from_millis(300);
 
 impl Worker {
     /// Starts the thread, which calls `wake` after each message.
     pub(super) fn start(wake: Box<dyn Fn() + Send>) -> Self {
         let (sender, messages) = mpsc::channel();
+        let (alive, ended) = mpsc::channel();
         let desk = Arc::new(Desk::default());
         let of_thread = Arc::clone(&desk);
-        let thread = std::thread::spawn(move || work(&of_thread, &Outbox { sender, wake }));
-        Self { desk, messages, thread: Some(thread) }
+        std::thread::spawn(move || {
+            let _alive = alive;
+            work(&of_thread, &Outbox { sender, wake });
+        });
+        Self { desk, messages, ended }
     }
 
     /// Replaces the job that waits, and cancels the one that runs.
@@ -182,9 +166,7 @@ impl Worker {
 impl Drop for Worker {
     fn drop(&mut self) {
         self.desk.post(|inbox| inbox.is_closed = true);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        let _ = self.ended.recv_timeout(LONGEST_END);
     }
 }
 
@@ -196,7 +178,7 @@ fn work(desk: &Desk, outbox: &Outbox) {
         let (_, warnings) = output::collecting(|| {
             if let Some(job) = job {
                 let number = job.number;
-                if let Err(error) = renderer.serve(job, desk, outbox) {
+                if let Err(error) = renderer.serve(&job, desk, outbox) {
                     let is_cancelled = matches!(error.downcast_ref(), Some(RenderError::Cancelled));
                     if !is_cancelled {
                         outbox.send(Message::Failed { number, reason: error.to_string() });
@@ -212,6 +194,3 @@ fn work(desk: &Desk, outbox: &Outbox) {
         }
     }
 }
-
-/// The stage and the camera of the latest job.
-pub(super) type Latest = Option<(Stage, Camera, [u32; 2])>;

@@ -31,3 +31,5 @@ mod stats;
 mod support;
 mod tree;
 mod view;
+#[cfg(all(feature = "view", target_os = "linux"))]
+mod window;

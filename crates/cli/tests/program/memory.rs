@@ -22,3 +22,47 @@ fn a_plain_picture_keeps_means_and_not_sums() {
     let sums = bytes_per_pixel(&folder, "--noise 1");
     assert!(sums > 60.0, "{sums} bytes per pixel");
 }
+
+/// A PLY file of a rough field of `side` by `side` vertices.
+fn field(folder: &Folder, name: &str, side: u32) {
+    let n_triangles = 2 * (side - 1) * (side - 1);
+    let mut bytes = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
+         element face {n_triangles}\nproperty list uchar int vertex_indices\nend_header\n",
+        side * side
+    )
+    .into_bytes();
+    let mut state = 1u32;
+    for i in 0..side * side {
+        state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+        let height = f32::from((state >> 24) as u8) / 256.0;
+        for x in [(i / side) as f32, (i % side) as f32, height] {
+            bytes.extend(x.to_le_bytes());
+        }
+    }
+    for i in (0..side - 1).flat_map(|x| (0..side - 1).map(move |y| x * side + y)) {
+        for triangle in [[i, i + side, i + side + 1], [i, i + side + 1, i + 1]] {
+            bytes.push(3);
+            bytes.extend(triangle.into_iter().flat_map(u32::to_le_bytes));
+        }
+    }
+    folder.write(name, bytes);
+}
+
+/// Reading, building and tracing a large mesh take at most three times its BVH, with the mesh itself, whatever the preset.
+#[test]
+fn a_large_mesh_takes_at_most_three_times_its_bvh() {
+    let folder = Folder::new();
+    field(&folder, "small.ply", 100);
+    field(&folder, "large.ply", 700);
+    for preset in ["dynamic", "fast", "balanced", "quality"] {
+        let [(small, small_bvh), (large, large_bvh)] = ["small.ply", "large.ply"].map(|name| {
+            let options = format!("--device cpu --spp 1 --size 16x16 --preset {preset} -o a.png --json");
+            let report = folder.run(&format!("render {name} {options}")).done().json();
+            let number = |key: &str| report[key].as_f64().unwrap();
+            (number("peak_memory_bytes"), number("structure_bytes"))
+        });
+        let ratio = (large - small) / (large_bvh - small_bvh);
+        assert!(ratio < 3.0, "{preset}: {ratio} times");
+    }
+}

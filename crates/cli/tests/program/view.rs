@@ -6,6 +6,22 @@ use crate::support::Folder;
 
 const LINE: &str = "view small.obj --size 64x48 --spp 4 --replay events.toml --frames out";
 
+/// A triangle that rises by 1 within a second. The buffer holds three vertices, two times and two translations.
+const RISING: &str = r#"{
+  "asset": { "version": "2.0" },
+  "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
+  "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+  "animations": [{ "channels": [{ "sampler": 0, "target": { "node": 0, "path": "translation" } }],
+                   "samplers": [{ "input": 1, "output": 2 }] }],
+  "buffers": [{ "byteLength": 68, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAAAAAAAgD8AAAAAAAAAAAAAAAAAAAAAAACAPwAAAAA=" }],
+  "bufferViews": [{ "buffer": 0, "byteOffset": 0, "byteLength": 36 }, { "buffer": 0, "byteOffset": 36, "byteLength": 8 },
+                  { "buffer": 0, "byteOffset": 44, "byteLength": 24 }],
+  "accessors": [
+    { "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0] },
+    { "bufferView": 1, "componentType": 5126, "count": 2, "type": "SCALAR", "min": [0], "max": [1] },
+    { "bufferView": 2, "componentType": 5126, "count": 2, "type": "VEC3" }]
+}"#;
+
 /// Replays events; returns the report, a line for each event.
 #[track_caller]
 fn replayed(folder: &Folder, line: &str, events: &[&str]) -> Vec<Value> {
@@ -39,6 +55,9 @@ fn pictures_are_those_of_their_commands() {
         "set = { heatmap = \"none\", ortho = \"3\", fov = \"\" }",
         "scroll = -1.5",
         "key = \"x\"",
+        "key = \"b\"",
+        "set = { boxes = \"leaves\", volumes = \"pca-bounded\", accel = \"bvh2\" }",
+        "set = { boxes = \"none\", volumes = \"\", accel = \"kdtree\" }",
         "set = { sun = \"0,-1,0,3,3,3\", triangles = \"moller-trumbore\" }",
         "key = \"home\"",
         "set = { noise = 0.05 }",
@@ -53,12 +72,13 @@ fn pictures_are_those_of_their_commands() {
         assert!(folder.bytes(&name) == folder.bytes("render.png"), "{event}: {fact}");
         pictures.push(folder.bytes(&name));
     }
-    for (i, event) in events.iter().enumerate().take(10).skip(1) {
-        assert!(pictures[i] != pictures[i - 1], "{event} changes nothing");
+    // A structure changes no picture.
+    for i in (1..10).chain(11..14) {
+        assert!(pictures[i] != pictures[i - 1], "{} changes nothing", events[i]);
     }
     let size = image::load_from_memory(&pictures[4]).unwrap();
     assert_eq!((size.width(), size.height()), (50, 40));
-    assert!(pictures[13] == pictures[14], "the picture stays when the window closes");
+    assert!(pictures[16] == pictures[17], "the picture stays when the window closes");
 }
 
 /// A session that is replayed again gives the same bits, and its first view is that of `canted render`.
@@ -95,6 +115,56 @@ fn clicks_and_channels_show_what_is_there() {
     assert!(words(&facts[2]).ends_with("--aovs=depth"), "{}", facts[2]);
     let pictures: Vec<_> = (1..=5).map(|i| folder.bytes(&format!("out/event_00{i}.png"))).collect();
     assert!(pictures[1] != pictures[2] && pictures[2] != pictures[3] && pictures[1] == pictures[4]);
+}
+
+/// Passes on a GPU have the bits of `canted render` there; what the device does not support, the CPU renders, and the command says so.
+#[test]
+fn sessions_on_a_gpu_are_those_of_render() {
+    if crate::gpu::adapter("sessions_on_a_gpu_are_those_of_render").is_none() {
+        return;
+    }
+    let folder = Folder::with_small();
+    let events = [
+        "set = { device = \"gpu\" }",
+        "drag = [10, 10, 30, 15]",
+        "set = { integrator = \"path\" }",
+        "set = { accel = \"bih\" }",
+        "set = { accel = \"wide\", heatmap = \"boxes\" }",
+        "set = { heatmap = \"none\", noise = 0.05 }",
+    ];
+    let facts = replayed(&folder, LINE, &events);
+    let devices = ["gpu", "gpu", "gpu", "cpu", "cpu", "gpu"];
+    for (i, (fact, device)) in facts.iter().zip(devices).enumerate() {
+        let words = words(fact);
+        assert!(words.contains(&format!("--device={device} ")), "{words}");
+        folder.run(&format!("{words} -o render.png -q")).done();
+        assert!(folder.bytes(&format!("out/event_00{}.png", i + 1)) == folder.bytes("render.png"), "{words}");
+    }
+    let run = folder.run(&format!("{LINE} --device gpu --accel bih")).done();
+    assert!(run.stderr.contains("the CPU renders: --accel bih is not supported on the GPU"), "{}", run.stderr);
+    folder.run(&format!("{LINE} --device both")).refused(&["--device both requires `canted render`"]);
+    folder.run(&format!("{LINE} --device none-such")).done();
+}
+
+/// Animations keep the view while their time changes.
+#[test]
+fn times_keep_the_view() {
+    let folder = Folder::new();
+    folder.write("rise.gltf", RISING);
+    let line = "view rise.gltf --size 48x32 --spp 2 --replay events.toml --frames out";
+    let events =
+        ["key = \"c\"", "set = { time = 0.5 }", "set = { time = 1 }", "set = { time = 7 }", "set = { time = \"\" }"];
+    let facts = replayed(&folder, line, &events);
+    let pictures: Vec<_> = (1..=5).map(|i| folder.bytes(&format!("out/event_00{i}.png"))).collect();
+    for (i, fact) in facts.iter().enumerate() {
+        folder.run(&format!("{} -o render.png -q", words(fact))).done();
+        assert!(pictures[i] == folder.bytes("render.png"), "{fact}");
+    }
+    let eye = |fact: &Value| words(fact).split(" --eye=").nth(1).map(|rest| rest.split(' ').next().unwrap().to_owned());
+    assert!(eye(&facts[1]).is_some() && eye(&facts[1]) == eye(&facts[3]), "{} {}", facts[1], facts[3]);
+    assert!(pictures[0] != pictures[1] && pictures[1] != pictures[2]);
+    assert!(pictures[2] == pictures[3], "poses after the end are that of the end");
+    assert!(pictures[4] == pictures[0], "the rest pose, in the same view");
 }
 
 /// A time that a file does not have is reported as `canted render` reports it.

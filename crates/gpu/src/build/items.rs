@@ -65,6 +65,12 @@ impl Items {
         Self::new(gpu, ranges, leaf)
     }
 
+    /// Boxes of `n` instances in one tree, which are not computed yet; see [`super::place`].
+    pub(crate) fn unplaced(gpu: &Gpu, n: u32) -> Result<Self, GpuError> {
+        let (boxes, aabbs) = (gpu.zeroed("boxes", n as usize)?, gpu.zeroed("axis-aligned boxes of items", n as usize)?);
+        Self::new(gpu, vec![Range { first: 0, count: n }], Leaf::Box { boxes, aabbs })
+    }
+
     pub(super) fn new(gpu: &Gpu, ranges: Vec<Range>, leaf: Leaf) -> Result<Self, GpuError> {
         let n = ranges.iter().map(|range| range.count).sum();
         Ok(Self { device_ranges: gpu.buffer("ranges of trees", &ranges)?, n, ranges, leaf })

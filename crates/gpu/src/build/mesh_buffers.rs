@@ -7,7 +7,7 @@ use wgpu::{BufferUsages, IndexFormat};
 
 use super::items::Leaf;
 use super::{Items, Range, Run};
-use crate::{Buffer, GpuError, NamedBinding, Specialisation};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
 
 /// A mesh whose vertices and indices are in device buffers of a program's own. The buffers must have the usage `STORAGE`.
 #[derive(Clone, Copy, Debug)]
@@ -47,20 +47,29 @@ struct MeshLayout {
     first_index: u32,
     index_bytes: u32,
     first_triangle: u32,
+    first_fault: u32,
 }
 
-/// The complement of the lowest triangle with each kind of fault; 0 for none.
+/// For each mesh the complement of its lowest triangle with each of two kinds of fault; 0 for none.
 pub(crate) type Faults = Buffer<u32>;
 
 impl Items {
     /// The triangles of all meshes in one tree, still without vertices; see [`Items::gather`].
     pub(crate) fn of_buffers(run: &Run<'_>, meshes: &[MeshBuffers<'_>]) -> Result<Self, GpuError> {
-        let count = meshes.iter().map(|mesh| u64::from(mesh.n_triangles)).sum::<u64>();
-        let count = u32::try_from(count).map_err(|_| GpuError::Unsupported {
-            what: format!("a BVH over {count} triangles, more than 4294967295"),
-        })?;
-        let corners = Arc::new(run.gpu().zeroed("corners", count as usize)?);
-        Self::new(run.gpu(), vec![Range { first: 0, count }], Leaf::Triangle { corners })
+        let count = ranges(meshes)?.last().map_or(0, |last| last.first + last.count);
+        Self::unknown_triangles(run.gpu(), vec![Range { first: 0, count }])
+    }
+
+    /// The triangles of each mesh in a tree of its own, still without vertices; see [`Items::gather`].
+    pub(crate) fn trees_of_buffers(run: &Run<'_>, meshes: &[MeshBuffers<'_>]) -> Result<Self, GpuError> {
+        Self::unknown_triangles(run.gpu(), ranges(meshes)?)
+    }
+
+    /// Triangles without vertices.
+    pub(super) fn unknown_triangles(gpu: &Gpu, ranges: Vec<Range>) -> Result<Self, GpuError> {
+        let n = ranges.last().map_or(0, |last| last.first + last.count);
+        let corners = Arc::new(gpu.zeroed("corners", n as usize)?);
+        Self::new(gpu, ranges, Leaf::Triangle { corners })
     }
 
     /// Copies the vertices of all triangles, and reports faults.
@@ -70,63 +79,70 @@ impl Items {
         meshes: &[MeshBuffers<'_>],
         faults: &Faults,
     ) -> Result<(), GpuError> {
+        let ranges = ranges(meshes)?;
+        (0..)
+            .zip(meshes)
+            .zip(ranges)
+            .try_for_each(|((number, mesh), range)| self.gather_mesh(run, mesh, number, range.first, faults))
+    }
+
+    /// Copies the vertices of a mesh, whose triangles start at `first_triangle`, and reports its faults.
+    pub(crate) fn gather_mesh(
+        &self,
+        run: &mut Run<'_>,
+        mesh: &MeshBuffers<'_>,
+        number: u32,
+        first_triangle: u32,
+        faults: &Faults,
+    ) -> Result<(), GpuError> {
         let gpu = run.gpu();
         let Some(corners) = self.corners() else { return Ok(()) };
-        let layouts = layouts(meshes)?;
+        let layout =
+            layout(mesh).map_err(|message| GpuError::Invalid { message: format!("mesh {number}: {message}") })?;
+        let layout = MeshLayout { first_triangle, first_fault: 2 * number, ..layout };
         run.stage("corners", |dispatches| {
-            dispatches.work.clear(faults);
+            dispatches.work.clear_range(faults, 2 * number, 2);
             let kernel = gpu.kernel("build/corners", &Specialisation::none())?;
-            for (mesh, layout) in meshes.iter().zip(&layouts) {
-                let uniform = gpu.uniform("mesh layout", layout)?;
-                let indices = mesh.indices.map_or(mesh.vertices, |indices| indices.buffer);
-                let bound: [NamedBinding<'_>; 5] = [
-                    ("mesh_layout", &uniform),
-                    ("mesh_vertices", mesh.vertices),
-                    ("mesh_indices", indices),
-                    ("corners", &**corners),
-                    ("faults", faults),
-                ];
-                dispatches.items(&kernel, &bound, mesh.n_triangles)?;
-            }
-            Ok(())
+            let uniform = gpu.uniform("mesh layout", &layout)?;
+            let indices = mesh.indices.map_or(mesh.vertices, |indices| indices.buffer);
+            let bound: [NamedBinding<'_>; 5] = [
+                ("mesh_layout", &uniform),
+                ("mesh_vertices", mesh.vertices),
+                ("mesh_indices", indices),
+                ("corners", &**corners),
+                ("faults", faults),
+            ];
+            dispatches.items(&kernel, &bound, mesh.n_triangles)
         })
     }
 }
 
 /// The first fault that a build found, as a sentence.
-pub(crate) fn fault(faults: &[u32], meshes: &[u32]) -> Option<String> {
-    let place = |word: u32| {
-        let mut triangle = !word;
-        for (mesh, &n_triangles) in meshes.iter().enumerate() {
-            if triangle < n_triangles {
-                return format!("mesh {mesh}: triangle {triangle}");
-            }
-            triangle -= n_triangles;
-        }
-        format!("triangle {triangle}")
-    };
-    match faults {
-        [index, _] if *index != 0 => Some(format!("{} has an index out of range", place(*index))),
-        [_, vertex] if *vertex != 0 => {
-            Some(format!("{} has a vertex that is not finite or has coordinates above 1e18", place(*vertex)))
-        }
+pub(crate) fn fault(faults: &[u32]) -> Option<String> {
+    faults.chunks_exact(2).enumerate().find_map(|(mesh, words)| match *words {
+        [index, _] if index != 0 => Some(format!("mesh {mesh}: triangle {} has an index out of range", !index)),
+        [_, vertex] if vertex != 0 => Some(format!(
+            "mesh {mesh}: triangle {} has a vertex that is not finite or has coordinates above 1e18",
+            !vertex
+        )),
         _ => None,
-    }
+    })
 }
 
-/// Layouts of meshes, checked against the sizes of their buffers.
-fn layouts(meshes: &[MeshBuffers<'_>]) -> Result<Vec<MeshLayout>, GpuError> {
-    let mut first_triangle = 0;
-    let layout = |(number, mesh): (usize, &MeshBuffers<'_>)| {
-        let layout = layout(mesh, first_triangle)
-            .map_err(|message| GpuError::Invalid { message: format!("mesh {number}: {message}") });
-        first_triangle += mesh.n_triangles;
-        layout
+/// The triangles of each mesh among all.
+fn ranges(meshes: &[MeshBuffers<'_>]) -> Result<Vec<Range>, GpuError> {
+    let mut first = 0_u32;
+    let range = |mesh: &MeshBuffers<'_>| {
+        let range = Range { first, count: mesh.n_triangles };
+        first = first.checked_add(mesh.n_triangles)?;
+        Some(range)
     };
-    meshes.iter().enumerate().map(layout).collect()
+    let ranges: Option<Vec<Range>> = meshes.iter().map(range).collect();
+    ranges.ok_or_else(|| GpuError::Unsupported { what: "meshes with more than 4294967295 triangles".to_owned() })
 }
 
-fn layout(mesh: &MeshBuffers<'_>, first_triangle: u32) -> Result<MeshLayout, String> {
+/// The layout of a mesh, checked against the sizes of its buffers.
+fn layout(mesh: &MeshBuffers<'_>) -> Result<MeshLayout, String> {
     let &MeshBuffers { vertices, first_byte, stride, n_vertices, indices, n_triangles } = mesh;
     if stride % 4 != 0 || stride < 12 || first_byte % 4 != 0 {
         return Err(format!(
@@ -157,11 +173,12 @@ fn layout(mesh: &MeshBuffers<'_>, first_triangle: u32) -> Result<MeshLayout, Str
         n_vertices,
         first_index: word(first_index)?,
         index_bytes: word(index_bytes)?,
-        first_triangle,
+        first_triangle: 0,
+        first_fault: 0,
     })
 }
 
-fn check_buffer(what: &str, buffer: &wgpu::Buffer, end: u64) -> Result<(), String> {
+pub(super) fn check_buffer(what: &str, buffer: &wgpu::Buffer, end: u64) -> Result<(), String> {
     if !buffer.usage().contains(BufferUsages::STORAGE) {
         return Err(format!("the buffer of the {what} lacks the usage STORAGE"));
     }
@@ -177,9 +194,9 @@ mod tests {
 
     #[test]
     fn faults_name_mesh_and_triangle() {
-        assert_eq!(fault(&[0, 0], &[3]), None);
-        assert_eq!(fault(&[!4, 0], &[3, 5]).unwrap(), "mesh 1: triangle 1 has an index out of range");
-        let vertex = fault(&[0, !2], &[3, 5]).unwrap();
+        assert_eq!(fault(&[0, 0]), None);
+        assert_eq!(fault(&[0, 0, !1, 0]).unwrap(), "mesh 1: triangle 1 has an index out of range");
+        let vertex = fault(&[0, !2, !0, 0]).unwrap();
         assert_eq!(vertex, "mesh 0: triangle 2 has a vertex that is not finite or has coordinates above 1e18");
     }
 }

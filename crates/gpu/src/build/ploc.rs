@@ -26,6 +26,9 @@ const AT_ONCE: u32 = 3;
 /// Most iterations: of two, one merges at least a sixteenth.
 const MAX_ITERATIONS: u32 = 1 << 10;
 
+/// Greatest height of a tree whose nodes are sorted by height, as oriented boxes are computed.
+const MAX_HEIGHT: u32 = 127;
+
 /// `Cluster` of `shared/build/ploc.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
@@ -64,7 +67,8 @@ struct Clusters {
 /// codes. Returns the items in the order of the leaves, and the trees. The topology is that of `canted_sah`'s `ploc`.
 ///
 /// # Errors
-/// A recorded build, because the number of clusters is read back; out of memory, or device lost.
+/// A recorded build, because the number of clusters is read back; a tree of more than 127 levels, as degenerate input may give; out of
+/// memory, or device lost.
 pub fn ploc(run: &mut Run<'_>, items: &Items, leaves: &Buffer<u32>) -> Result<(Buffer<u32>, Trees), GpuError> {
     if run.is_recorded() {
         let what = "a recorded build by clustering, which reads the number of clusters back".to_owned();
@@ -191,7 +195,7 @@ impl Clusters {
     ) -> Result<(Buffer<u32>, Trees), GpuError> {
         let gpu = run.gpu();
         let n = self.n as usize;
-        let trees = Trees::empty(gpu, n)?;
+        let trees = Trees::empty(gpu, n, MAX_HEIGHT)?;
         let leaves_out = gpu.zeroed("leaves", n)?;
         let firsts = gpu.zeroed::<u32>("first leaves", n)?;
         let bound = items.bound(&[
@@ -208,6 +212,12 @@ impl Clusters {
             dispatches.items(&*gpu.kernel("build/ploc_nodes", &Specialisation::none())?, &bound, self.n)
         })?;
         depths(run, items, &trees)?;
+        let depth = gpu.read(&trees.depth)?[0];
+        if depth > MAX_HEIGHT {
+            return Err(GpuError::Unsupported {
+                what: format!("a clustered tree of {depth} levels, more than {MAX_HEIGHT}"),
+            });
+        }
         Ok((leaves_out, trees))
     }
 }

@@ -102,7 +102,7 @@ impl<'a> Run<'a> {
 /// The dispatches of one stage.
 pub(crate) struct Dispatches<'a> {
     pub(super) gpu: &'a Gpu,
-    pub(super) work: Commands<'a>,
+    pub(crate) work: Commands<'a>,
     /// Invocations not yet submitted.
     n_waiting: u32,
 }
@@ -123,7 +123,7 @@ impl Dispatches<'_> {
     }
 
     /// One invocation for each item of a range.
-    pub(super) fn range(
+    pub(crate) fn range(
         &mut self,
         kernel: &Kernel,
         bound: &[NamedBinding<'_>],

@@ -56,12 +56,15 @@ pub struct Trees {
     pub heights: Buffer<u32>,
     /// Maximum depth over all trees, in nodes including the leaf; 0 without items.
     pub depth: Buffer<u32>,
+    /// Bound of the depth that follows from the number of items and the bits of their codes.
+    pub max_height: u32,
 }
 
 impl Trees {
     /// Trees over `n` items, still without nodes.
-    pub(super) fn empty(gpu: &Gpu, n: usize) -> Result<Self, GpuError> {
+    pub(super) fn empty(gpu: &Gpu, n: usize, max_height: u32) -> Result<Self, GpuError> {
         Ok(Self {
+            max_height,
             nodes: gpu.zeroed("nodes", n)?,
             parents: gpu.zeroed("parents", 2 * n)?,
             heights: gpu.zeroed("heights", n)?,
@@ -90,6 +93,13 @@ impl Codes {
         }
         bound
     }
+}
+
+/// Greatest number of nodes between the root and a leaf, both counted: a level for each bit of a code and of a position, and no
+/// more than there are leaves.
+pub(crate) fn depth_bound(n: u32, bits: Bits) -> u32 {
+    let code = if bits == Bits::B30 { 30 } else { 63 };
+    n.min(code + n.max(1).next_power_of_two().ilog2() + 1)
 }
 
 /// `chosen` with the part for codes of this length.
@@ -180,7 +190,8 @@ fn trees_of(run: &mut Run<'_>, items: &Items) -> Result<Buffer<u32>, GpuError> {
 pub fn tree(run: &mut Run<'_>, items: &Items, sorted: &Codes) -> Result<Trees, GpuError> {
     let gpu = run.gpu();
     let n = items.len() as usize;
-    let trees = Trees::empty(gpu, n)?;
+    let most = items.ranges().iter().map(|range| range.count).max().unwrap_or(0);
+    let trees = Trees::empty(gpu, n, depth_bound(most, sorted.bits()))?;
     let mut bound = items.bound(&sorted.bound("sorted_low", "sorted_high"));
     let made: [NamedBinding<'_>; 2] = [("nodes", &trees.nodes), ("parents", &trees.parents)];
     bound.extend(made);

@@ -2,7 +2,7 @@
 
 use canted_obb::{Aabb, Obb};
 
-use super::volumes::Schedule;
+use super::schedule::Schedule;
 use super::{Items, Run, Trees};
 use crate::{Buffer, GpuError, NamedBinding};
 
@@ -26,7 +26,7 @@ pub(super) fn unbounded(
     let ends = gpu.zeroed::<[f32; 6]>("extents in the frames of nodes", n as usize)?;
     run.stage("obb", |dispatches| {
         let more: [NamedBinding<'_>; 5] = [
-            ("order", schedule.order()),
+            ("order", &schedule.order),
             ("nodes", &trees.nodes),
             ("leaves", leaves),
             ("obbs", &obbs),
@@ -34,7 +34,7 @@ pub(super) fn unbounded(
         ];
         let bound = items.bound(&more);
         let kernel = gpu.kernel("build/moments", &items.part())?;
-        schedule.levels().iter().try_for_each(|&level| dispatches.range(&kernel, &bound, level))?;
+        schedule.dispatch(dispatches, &kernel, &bound)?;
         let more: [NamedBinding<'_>; 5] = [
             ("parents", &trees.parents),
             ("nodes", &trees.nodes),

@@ -49,7 +49,7 @@ struct TargetLevel {
 
 impl Pairs {
     /// Converts trees, whose nodes are numbered one level after another. The first level is over triangles.
-    fn new(run: &mut Run<'_>, first: &Built, second: Option<&Built>) -> Result<Self, GpuError> {
+    pub(super) fn new(run: &mut Run<'_>, first: &Built, second: Option<&Built>) -> Result<Self, GpuError> {
         let gpu = run.gpu();
         let Some(corners) = first.items.corners() else {
             return Err(GpuError::Invalid { message: "the first level is not over triangles".to_owned() });
@@ -58,9 +58,9 @@ impl Pairs {
         let n_nodes = first.items.len() + second.map_or(0, |built| built.items.len());
         let quads = if is_oriented { 8 } else { 4 };
         let pairs = gpu.zeroed("binary nodes", n_nodes as usize * quads)?;
-        put(run, first, 0, &pairs)?;
+        put(run, first, 0, &pairs, [0, first.items.len()])?;
         if let Some(second) = second {
-            put(run, second, first.items.len(), &pairs)?;
+            put(run, second, first.items.len(), &pairs, [0, second.items.len()])?;
         }
         Ok(Self { pairs, corners: corners.clone(), is_oriented, n_nodes, traversal: Traversal::Stack, links: None })
     }
@@ -70,9 +70,15 @@ impl Pairs {
         Self::new(run, built, None)
     }
 
-    /// Converts a single level again, which has changed.
-    pub(super) fn put_again(&self, run: &mut Run<'_>, built: &Built) -> Result<(), GpuError> {
-        put(run, built, 0, &self.pairs)
+    /// Converts items of a level again, which have changed: whole trees. The level starts at `first_node`.
+    pub(super) fn put_again(
+        &self,
+        run: &mut Run<'_>,
+        built: &Built,
+        first_node: u32,
+        items: [u32; 2],
+    ) -> Result<(), GpuError> {
+        put(run, built, first_node, &self.pairs, items)
     }
 
     pub(super) fn is_oriented(&self) -> bool {
@@ -123,8 +129,14 @@ impl Pairs {
     }
 }
 
-/// Writes the nodes of a level, from `first_node` on.
-fn put(run: &mut Run<'_>, built: &Built, first_node: u32, pairs: &Buffer<Quad>) -> Result<(), GpuError> {
+/// Writes the nodes of a range of a level, which starts at `first_node`.
+fn put(
+    run: &mut Run<'_>,
+    built: &Built,
+    first_node: u32,
+    pairs: &Buffer<Quad>,
+    items: [u32; 2],
+) -> Result<(), GpuError> {
     let gpu = run.gpu();
     let level = gpu.uniform("level", &TargetLevel { first_node })?;
     let (part, volumes): (_, NamedBinding<'_>) = match &built.obbs {
@@ -140,7 +152,7 @@ fn put(run: &mut Run<'_>, built: &Built, first_node: u32, pairs: &Buffer<Quad>) 
     ]);
     run.stage("pairs", |dispatches| {
         let kernel = gpu.kernel("build/pairs", &built.items.part().part("pair", part))?;
-        dispatches.items(&kernel, &bound, built.items.len())
+        dispatches.range(&kernel, &bound, items)
     })
 }
 

@@ -7,15 +7,13 @@
 //!
 //! Nothing is read back: the depth of the tree is bounded by the bits of its codes and positions.
 
-use bytemuck::{Pod, Zeroable};
-use canted_lbvh::{Bits, Strategy};
-
-use super::binary::{CENTER_REACH, Pairs, header};
-use super::layout::{BvhHeader, HIT_ERROR, HitError};
+use super::binary::{Pairs, header};
+use super::headers::put_headers;
+use super::layout::HitError;
 use super::level::Level;
 use super::scene::{Nodes, TracedScene};
-use crate::build::{BuildConfig, Built, Faults, Items, MeshBuffers, Run, aabbs, fault};
-use crate::{Gpu, GpuError, NamedBinding};
+use crate::build::{BuildConfig, Built, Faults, Items, MeshBuffers, Run, depth_bound, fault, refit_aabbs};
+use crate::{Gpu, GpuError};
 
 /// A binary BVH over the triangles of meshes in a program's own buffers, in world space. Meshes are numbered as instances.
 ///
@@ -51,21 +49,12 @@ pub struct BufferScene {
     config: BuildConfig,
 }
 
-/// `HeaderScale` of `build/headers`.
-#[derive(Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct HeaderScale {
-    reach: f32,
-    error: f32,
-}
-
 impl BufferScene {
     /// Builds a BVH, waits for it and checks the buffers.
     ///
     /// # Errors
     /// A buffer without the usage `STORAGE`, too short, or with an odd layout; a triangle with an index out of range or a vertex that is
-    /// not finite or has coordinates above 1e18, by mesh and number; strategies other than [`Strategy::Aabb`] and [`Strategy::Dop`],
-    /// whose builds read results back; a limit of the device, or device lost.
+    /// not finite or has coordinates above 1e18, by mesh and number; a limit of the device, or device lost.
     pub fn new(gpu: &Gpu, meshes: &[MeshBuffers<'_>], config: BuildConfig) -> Result<Self, GpuError> {
         let scene = Self::without_check(gpu, meshes, config)?;
         scene.check(gpu)?;
@@ -77,12 +66,8 @@ impl BufferScene {
     /// # Errors
     /// As for [`BufferScene::new`], except for triangles with faults.
     pub fn without_check(gpu: &Gpu, meshes: &[MeshBuffers<'_>], config: BuildConfig) -> Result<Self, GpuError> {
-        if !matches!(config.strategy, Strategy::Aabb | Strategy::Dop) {
-            let what = format!("recorded builds with volumes {:?}, which read results back", config.strategy);
-            return Err(GpuError::Unsupported { what });
-        }
         let mut run = Run::new(gpu);
-        let faults = gpu.zeroed("faults", 2)?;
+        let faults = gpu.zeroed("faults", 2 * meshes.len())?;
         let items = Items::of_buffers(&run, meshes)?;
         items.gather(&mut run, meshes, &faults)?;
         let n = items.len();
@@ -125,7 +110,7 @@ impl BufferScene {
     /// deforms. The bindings of [`BufferScene::traced`] stay valid.
     ///
     /// # Errors
-    /// As for [`BufferScene::rebuild`]; a strategy other than [`Strategy::Aabb`].
+    /// As for [`BufferScene::rebuild`].
     pub fn refit(
         &mut self,
         gpu: &Gpu,
@@ -133,12 +118,10 @@ impl BufferScene {
         meshes: &[MeshBuffers<'_>],
     ) -> Result<(), GpuError> {
         self.check_counts(meshes)?;
-        if self.config.strategy != Strategy::Aabb {
-            return Err(GpuError::Unsupported { what: "a refit of oriented boxes".to_owned() });
-        }
         let mut run = Run::recorded(gpu, encoder);
         self.built.items.gather(&mut run, meshes, &self.faults)?;
-        self.built.aabbs = aabbs(&mut run, &self.built.items, &self.built.leaves, &self.built.trees)?;
+        refit_aabbs(&mut run, &self.built, [0, self.built.items.len()])?;
+        self.built.refit_obbs(&mut run, self.config)?;
         self.put(&mut run)
     }
 
@@ -147,7 +130,7 @@ impl BufferScene {
     /// # Errors
     /// A triangle with an index out of range or a bad vertex, by mesh and number; device lost.
     pub fn check(&self, gpu: &Gpu) -> Result<(), GpuError> {
-        match fault(&gpu.read(&self.faults)?, &self.n_triangles) {
+        match fault(&gpu.read(&self.faults)?) {
             None => Ok(()),
             Some(message) => Err(GpuError::Invalid { message }),
         }
@@ -161,40 +144,26 @@ impl BufferScene {
 
     fn check_counts(&self, meshes: &[MeshBuffers<'_>]) -> Result<(), GpuError> {
         let found: Vec<u32> = meshes.iter().map(|mesh| mesh.n_triangles).collect();
-        if found == self.n_triangles {
-            return Ok(());
-        }
-        let message =
-            format!("the meshes have {found:?} triangles, and had {:?} when they were built", self.n_triangles);
-        Err(GpuError::Invalid { message })
+        check_same_counts(&found, &self.n_triangles)
     }
 
     fn put(&self, run: &mut Run<'_>) -> Result<(), GpuError> {
         if let Nodes::Binary(pairs) = &self.traced.nodes {
-            pairs.put_again(run, &self.built)?;
+            pairs.put_again(run, &self.built, 0, [0, self.built.items.len()])?;
         }
         self.put_header(run)
     }
 
     fn put_header(&self, run: &mut Run<'_>) -> Result<(), GpuError> {
-        let gpu = run.gpu();
-        let reach = if self.built.obbs.is_some() { CENTER_REACH } else { 1.0 };
-        let scale = gpu.uniform("scale of headers", &HeaderScale { reach, error: HIT_ERROR })?;
-        let more: [NamedBinding<'_>; 3] =
-            [("aabbs", &self.built.aabbs), ("headers", self.traced.headers()), ("header_scale", &scale)];
-        let bound = self.built.items.bound(&more);
-        run.stage("headers", |dispatches| {
-            let kernel = gpu.kernel("build/headers", &self.built.items.part())?;
-            dispatches.items(&kernel, &bound, 1)
-        })
+        put_headers(run, &self.built, &self.traced, 0, [0, 1])
     }
 }
 
-/// Greatest number of nodes between the root and a leaf, both counted: a level for each bit of a code and of a position.
-fn depth_bound(n: u32, bits: Bits) -> u32 {
-    let code = if bits == Bits::B30 { 30 } else { 63 };
-    code + n.max(1).next_power_of_two().ilog2() + 1
+/// Rejects meshes with other numbers of triangles than before.
+pub(super) fn check_same_counts(found: &[u32], before: &[u32]) -> Result<(), GpuError> {
+    if found == before {
+        return Ok(());
+    }
+    let message = format!("the meshes have {found:?} triangles, and had {before:?} when they were built");
+    Err(GpuError::Invalid { message })
 }
-
-// The kernel writes four quads per header.
-const _: () = assert!(size_of::<BvhHeader>() == 64);

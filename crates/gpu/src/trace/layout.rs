@@ -98,6 +98,15 @@ impl InstanceData {
             exact_rows: object_from_world.map(|row| row.map(words)),
         }
     }
+
+    /// Whether all numbers are the same, apart from the signs of zeros.
+    #[cfg(test)]
+    pub(super) fn is_same(&self, other: &Self) -> bool {
+        let exact = |data: &Self| {
+            data.exact_rows.map(|row| row.map(|[low, high]| f64::from_bits(u64::from(high) << 32 | u64::from(low))))
+        };
+        self.rows == other.rows && self.bvh == other.bvh && exact(self) == exact(other)
+    }
 }
 
 #[cfg(test)]

@@ -29,10 +29,25 @@ impl Instances {
     pub(super) fn new(gpu: &Gpu, packing: &Packing, order: &[u32]) -> Result<Self, GpuError> {
         let motions = Some(&packing.motions).filter(|motions| !motions.is_empty());
         Ok(Self {
-            instances: gpu.buffer("instances", &packing.instances)?,
-            order: gpu.buffer("instance order", order)?,
-            motions: motions.map(|motions| gpu.buffer("motions", motions)).transpose()?,
+            instances: gpu.read_only("instances", &packing.instances)?,
+            order: gpu.read_only("instance order", order)?,
+            motions: motions.map(|motions| gpu.read_only("motions", motions)).transpose()?,
         })
+    }
+
+    /// `n` instances in order, which the device places; see [`Items::place`](crate::build::Items).
+    pub(super) fn unplaced(gpu: &Gpu, n: u32) -> Result<Self, GpuError> {
+        let order: Vec<u32> = (0..n).collect();
+        Ok(Self {
+            instances: gpu.zeroed("instances", n as usize)?,
+            order: gpu.buffer("instance order", &order)?,
+            motions: None,
+        })
+    }
+
+    /// The instances as rays read them.
+    pub(super) fn data(&self) -> &Buffer<InstanceData> {
+        &self.instances
     }
 }
 
@@ -41,7 +56,7 @@ impl Level {
     pub(super) fn flat(gpu: &Gpu, first_triangles: &[u32]) -> Result<Self, GpuError> {
         Ok(match first_triangles {
             [] | [_] => Self::One,
-            _ => Self::Flat(gpu.buffer("first triangles", first_triangles)?),
+            _ => Self::Flat(gpu.read_only("first triangles", first_triangles)?),
         })
     }
 

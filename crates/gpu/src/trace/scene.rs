@@ -5,13 +5,14 @@ use super::binary::Pairs;
 use super::layout::BvhHeader;
 use super::level::Level;
 use super::wide::WideNodes;
-use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, loop_iterations};
+use crate::loop_check::{LONG_LOOP, longest_loop};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
 
 /// Maximum stack size. Wide BVHs have about ten levels, binary ones about thirty.
 const MAX_STACK: u32 = 128;
 
-/// Iterations requested to detect drivers that end loops early.
-const REQUESTED_ITERATIONS: u32 = 100_000;
+/// In a sequence of frames, stacks have a multiple of so many entries.
+const DEPTH_STEP: u32 = 8;
 
 /// Iteration limit of an invocation on other drivers: about a second on the slowest devices, far more than rays need.
 const MAX_ITERATIONS: u32 = 1 << 18;
@@ -51,8 +52,15 @@ impl TracedScene {
         depth: u32,
     ) -> Result<Self, GpuError> {
         check_depth(depth)?;
-        let max_iterations = iteration_limit(loop_iterations(gpu, REQUESTED_ITERATIONS)?);
-        Ok(Self { nodes, bvhs: gpu.buffer("bvhs", headers)?, level, depth, max_iterations })
+        // A stack of another size is another kernel.
+        let depth = if gpu.keeps_buffers() { depth.next_multiple_of(DEPTH_STEP).min(MAX_STACK) } else { depth };
+        let max_iterations = iteration_limit(longest_loop(gpu)?);
+        let bvhs = match nodes {
+            Nodes::Wide(_) => gpu.read_only("bvhs", headers)?,
+            // The device may write these.
+            Nodes::Binary(_) => gpu.buffer("bvhs", headers)?,
+        };
+        Ok(Self { nodes, bvhs, level, depth, max_iterations })
     }
 
     /// The same scene with another traversal.
@@ -83,6 +91,11 @@ impl TracedScene {
     /// The headers of all BVHs.
     pub(super) fn headers(&self) -> &Buffer<BvhHeader> {
         &self.bvhs
+    }
+
+    /// What is above the BVHs of meshes.
+    pub(super) fn level(&self) -> &Level {
+        &self.level
     }
 
     /// The bindings of kernels that trace rays, by variable name.
@@ -126,10 +139,10 @@ impl TracedScene {
     }
 }
 
-/// Iteration limit on a driver that ended a loop of `REQUESTED_ITERATIONS` after `counted` iterations. A sixteenth is left for
+/// Iteration limit on a driver that ended a loop of `LONG_LOOP` after `counted` iterations. A sixteenth is left for
 /// the leaf in which an invocation reaches the limit.
 fn iteration_limit(counted: u32) -> u32 {
-    if counted < REQUESTED_ITERATIONS { counted / LANES / 16 * 15 } else { MAX_ITERATIONS }
+    if counted < LONG_LOOP { counted / LANES / 16 * 15 } else { MAX_ITERATIONS }
 }
 
 /// Rejects BVHs that are too deep for a stack.
@@ -154,14 +167,14 @@ mod tests {
     use canted_wide::TriangleBvh;
 
     use super::*;
-    use crate::Choice;
+    use crate::{Choice, loop_iterations};
 
     #[test]
     fn iteration_limit_is_shared_by_the_lanes_of_a_vector() {
         assert_eq!(iteration_limit(65_535), 7_665);
-        assert_eq!(iteration_limit(REQUESTED_ITERATIONS - 1), (REQUESTED_ITERATIONS - 1) / LANES / 16 * 15);
+        assert_eq!(iteration_limit(LONG_LOOP - 1), (LONG_LOOP - 1) / LANES / 16 * 15);
         assert_eq!([iteration_limit(0), iteration_limit(LANES - 1)], [0, 0]);
-        assert_eq!(iteration_limit(REQUESTED_ITERATIONS), MAX_ITERATIONS);
+        assert_eq!(iteration_limit(LONG_LOOP), MAX_ITERATIONS);
     }
 
     /// On every driver the iteration limit ends traversal before the driver would.

@@ -8,7 +8,7 @@ use super::alternatives::{ParentLink, Traversal, links};
 use super::coordinates::check_coordinates;
 use super::layout::{BvhHeader, HitError, Quad, Start};
 use super::level::{Instances, Level};
-use super::nodes::is_aligned;
+use super::nodes::{LINE_QUADS, is_aligned};
 use super::scene::{Nodes, TracedScene, check_depth, too_deep};
 use super::top_level::{MeshBounds, TopLevel};
 use crate::build::WideTrees;
@@ -42,7 +42,8 @@ impl TracedScene {
         let words = bvh.raw();
         check_coordinates(|| "the BVH over all instances".to_owned(), words.reach.into())?;
         let error = HitError::of_triangles(words.reach);
-        uploaded(gpu, &[(words, error)], Level::flat(gpu, first_triangles)?, words.depth)
+        let depth = words.depth;
+        uploaded(gpu, &[(words, error)], Level::flat(gpu, first_triangles)?, depth)
     }
 
     /// Uploads one BVH per mesh, and builds and uploads a BVH over the instances.
@@ -66,21 +67,24 @@ impl TracedScene {
         let level = Level::Two(Instances::new(gpu, &outer.packing, &outer.order)?);
         let deepest = words.iter().map(|words| words.depth).max().unwrap_or(0);
         let outer_words = outer.bvh.raw();
-        let bvhs: Vec<_> = std::iter::once((outer_words, outer.packing.error))
-            .chain(words.iter().map(|words| (*words, HitError::of_triangles(words.reach))))
-            .collect();
-        uploaded(gpu, &bvhs, level, outer_words.depth + deepest)
+        let depth = outer_words.depth + deepest;
+        let of_meshes = words.into_iter().map(|words| {
+            let error = HitError::of_triangles(words.reach);
+            (words, error)
+        });
+        let bvhs: Vec<_> = std::iter::once((outer_words, outer.packing.error)).chain(of_meshes).collect();
+        uploaded(gpu, &bvhs, level, depth)
     }
 }
 
 fn uploaded(gpu: &Gpu, bvhs: &[(RawBvh<'_>, HitError)], level: Level, depth: u32) -> Result<TracedScene, GpuError> {
     check_depth(depth)?;
-    let nodes: Vec<&[u32]> = bvhs.iter().map(|(words, _)| words.nodes).collect();
+    let nodes: Vec<&[u32]> = bvhs.iter().map(|(words, _)| &*words.nodes).collect();
     let blocks: Vec<&[u32]> = bvhs.iter().map(|(words, _)| words.blocks).collect();
     let mut start = Start::default();
     let headers = bvhs.iter().map(|(words, error)| {
         let header = BvhHeader::new(words, start, *error);
-        start = start.after(words);
+        start = start.after(room(gpu, &words.nodes), room(gpu, words.blocks));
         header
     });
     let headers: Vec<BvhHeader> = headers.collect();
@@ -89,7 +93,7 @@ fn uploaded(gpu: &Gpu, bvhs: &[(RawBvh<'_>, HitError)], level: Level, depth: u32
         halves: joined(gpu, "triangle blocks", &blocks)?,
         traversal: Traversal::Stack,
         links: None,
-        is_aligned: bvhs.iter().all(|(words, _)| is_aligned(quads(words.nodes), words.root)),
+        is_aligned: bvhs.iter().all(|(words, _)| is_aligned(quads(&words.nodes), words.root)),
     };
     TracedScene::over(gpu, Nodes::Wide(wide), &headers, level, depth)
 }
@@ -151,22 +155,32 @@ impl WideNodes {
 }
 
 impl Start {
-    /// Start of the BVH after one with these words.
+    /// Start of the BVH after one with so many quads of nodes and of blocks.
     #[expect(clippy::cast_possible_truncation, reason = "a buffer of more than 2^32 quads is rejected by its size")]
-    fn after(self, words: &RawBvh<'_>) -> Self {
-        Self {
-            node: self.node.wrapping_add((words.nodes.len() / 4) as u32),
-            block: self.block.wrapping_add((words.blocks.len() / 4) as u32),
-        }
+    fn after(self, nodes: usize, blocks: usize) -> Self {
+        Self { node: self.node.wrapping_add(nodes as u32), block: self.block.wrapping_add(blocks as u32) }
     }
 }
 
-/// The words of all BVHs, concatenated.
+/// Quads that a BVH with these words gets: in a sequence of frames some more than it has, so that those after it stay in their places
+/// while it changes.
+fn room(gpu: &Gpu, words: &[u32]) -> usize {
+    let n = quads(words).len();
+    if gpu.keeps_buffers() { n.next_multiple_of((n.next_power_of_two() / 8).max(LINE_QUADS)) } else { n }
+}
+
+/// The words of all BVHs, each in its room.
 fn joined(gpu: &Gpu, what: &str, parts: &[&[u32]]) -> Result<Buffer<Quad>, GpuError> {
-    match parts {
-        [one] => gpu.buffer(what, quads(one)),
-        _ => gpu.buffer(what, &parts.iter().flat_map(|part| quads(part)).copied().collect::<Vec<Quad>>()),
+    if let ([one], false) = (parts, gpu.keeps_buffers()) {
+        return gpu.buffer(what, quads(one));
     }
+    let mut all: Vec<Quad> = Vec::with_capacity(parts.iter().map(|part| room(gpu, part)).sum());
+    for part in parts {
+        let end = all.len() + room(gpu, part);
+        all.extend_from_slice(quads(part));
+        all.resize(end, Quad::default());
+    }
+    gpu.read_only(what, &all)
 }
 
 /// Words in groups of four. Lines and blocks contain whole quads.

@@ -4,4 +4,5 @@ mod buffers;
 mod build;
 mod common;
 mod device;
+mod instanced;
 mod trace;

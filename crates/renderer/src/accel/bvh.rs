@@ -4,8 +4,8 @@ use canted_kdtree::KdTree;
 use canted_lbvh::Strategy;
 use canted_obb::Obb;
 use canted_tlas::Blas;
-use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray};
-use canted_wide::{LaneKernel, MovingBvh, RefitError, Sizes, TriangleBvh};
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray, ScaledRay};
+use canted_wide::{LaneKernel, MovingBvh, RefitError, Sizes, Stack, TriangleBvh};
 
 use super::Triangles;
 use crate::PrepareError;
@@ -63,6 +63,17 @@ impl<K: LaneKernel> Bvh<K> {
         }
     }
 
+    /// Calls `visit` with the box of each node and leaf, object space: the box, its level, 0 for the root, and whether it is a leaf.
+    pub fn each_box(&self, visit: impl FnMut(Obb, u32, bool)) {
+        match self {
+            Self::Wide(bvh) => bvh.each_box(visit),
+            Self::Moving(bvh) => bvh.each_box(visit),
+            Self::Binary(bvh, _) => bvh.pairs().each_box(visit),
+            Self::Bih(bih) => bih.boxes().each_box(visit),
+            Self::KdTree(tree) => tree.nodes().each_box(visit),
+        }
+    }
+
     /// Whether it has oriented nodes.
     pub(crate) fn has_oriented_nodes(&self) -> bool {
         match self {
@@ -88,6 +99,10 @@ impl<K: LaneKernel> Blas for Bvh<K> {
         HIT_ERROR
     }
 
+    fn has_local_error(&self) -> bool {
+        true
+    }
+
     fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
         each!(self, bvh => bvh.closest_hit_with(ray_object, instance, query))
     }
@@ -98,5 +113,15 @@ impl<K: LaneKernel> Blas for Bvh<K> {
 
     fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
         each!(self, bvh => bvh.all_hits_with(ray_object, instance, query, hits));
+    }
+
+    #[inline]
+    fn closest_hit_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, stack: &mut Stack) -> Option<Hit> {
+        each!(self, bvh => Blas::closest_hit_scaled(bvh, ray, instance, query, stack))
+    }
+
+    #[inline]
+    fn occluded_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, stack: &mut Stack) -> bool {
+        each!(self, bvh => Blas::occluded_scaled(bvh, ray, instance, query, stack))
     }
 }

@@ -5,7 +5,6 @@ use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, TracedScen
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 
-use super::DeviceError;
 use super::collector::{self, SampleCollector};
 use super::dispatcher::SampleDispatcher;
 use super::environment::DeviceSky;
@@ -13,8 +12,9 @@ use super::kernels::{LightKernels, RenderKernels};
 use super::lights::{SampledLights, bounded};
 use super::picture::{self, PackedPicture};
 use super::scene::PackedScene;
-use super::traced::traced_scene;
+use super::traced::{Traced, traced_frame, traced_scene};
 use super::wavefront::WavefrontKernels;
+use super::{DeviceError, DeviceFrames};
 use crate::render::{RenderTiles, Rendering, Schedule, Worker};
 use crate::{Integrator, Lights, Monitor, Pattern, Settings, Structure, Surfaces};
 
@@ -38,7 +38,7 @@ pub struct DevicePicture<'a, K: LaneKernel> {
     pub(super) settings: &'a Settings,
     /// The same picture on the CPU.
     pub(super) cpu: Rendering<'a, Structure<K>>,
-    traced: TracedScene,
+    traced: Traced<'a>,
     pub(super) packed: PackedScene,
     sky: DeviceSky,
     /// The lights that the path integrator samples.
@@ -80,6 +80,33 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         settings: &'a Settings,
         make: impl FnOnce(&Scene) -> Result<TracedScene, DeviceError>,
     ) -> Result<Self, DeviceError> {
+        Self::made(gpu, surfaces, structure, camera, settings, |scene| Ok(Traced::Own(make(scene)?)))
+    }
+
+    /// [`Self::new`] for a frame of a sequence: uploads what changed since the last one, which must be dropped before. Where the device
+    /// builds the acceleration structure, it updates that of the last frame.
+    ///
+    /// # Errors
+    /// As for [`Self::new`].
+    pub fn in_frame(
+        gpu: &'a Gpu,
+        surfaces: &'a Surfaces<'a>,
+        structure: &'a Structure<K>,
+        camera: &Camera,
+        settings: &'a Settings,
+        frames: &'a mut DeviceFrames,
+    ) -> Result<Self, DeviceError> {
+        Self::made(gpu, surfaces, structure, camera, settings, |scene| traced_frame(gpu, scene, structure, frames))
+    }
+
+    fn made(
+        gpu: &'a Gpu,
+        surfaces: &'a Surfaces<'a>,
+        structure: &'a Structure<K>,
+        camera: &Camera,
+        settings: &'a Settings,
+        make: impl FnOnce(&Scene) -> Result<Traced<'a>, DeviceError>,
+    ) -> Result<Self, DeviceError> {
         let scene = surfaces.scene();
         let cpu = Rendering::new(scene, structure, surfaces, camera, settings)?;
         collector::check_size(settings)?;
@@ -96,7 +123,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         let facts = PackedPicture { ambient, slack: packed.slack, ..facts };
         let filter_table = match settings.filter {
             Filter::Box(_) => None,
-            _ => Some(gpu.buffer("filter", &filter.table())?),
+            _ => Some(gpu.read_only("filter", &filter.table())?),
         };
         let time = if scene.has_motion() { "shared/time/shutter" } else { "shared/time/still" };
         let shared = |count: &str| {
@@ -174,8 +201,23 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
     /// # Errors
     /// A tile of another picture, [`crate::RenderError::Cancelled`], or the loss of the device.
     pub fn render(&self, done: Vec<Tile>, monitor: &Monitor) -> Result<Film, DeviceError> {
-        let schedule = Schedule::new(self.settings.tiling(), done, monitor)?;
-        self.cpu.with_tiles(|tiles| self.run(&schedule, tiles))?;
+        self.render_with(self.settings, done, monitor)
+    }
+
+    /// Renders a part of the samples: the first one and one past the last, or all for `None`, whatever the settings say. Joined parts have
+    /// the bits of an undivided render.
+    ///
+    /// # Errors
+    /// As [`DevicePicture::render`]; a range that is empty, or exceeds the samples.
+    pub fn render_part(&self, part: Option<[u32; 2]>, monitor: &Monitor) -> Result<Film, DeviceError> {
+        let settings = Settings { part, ..*self.settings };
+        crate::render::check(&settings)?;
+        self.render_with(&settings, Vec::new(), monitor)
+    }
+
+    fn render_with(&self, settings: &Settings, done: Vec<Tile>, monitor: &Monitor) -> Result<Film, DeviceError> {
+        let schedule = Schedule::new(settings.tiling(), done, monitor)?;
+        self.cpu.with_tiles(|tiles| self.run(&schedule, tiles, settings))?;
         Ok(schedule.into_film()?.0)
     }
 
@@ -190,7 +232,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         let by_device = self.cpu.with_tiles(|tiles| {
             rayon::in_place_scope(|scope| {
                 schedule.spawn_cpu_workers(scope, tiles);
-                self.run(&schedule, tiles)
+                self.run(&schedule, tiles, self.settings)
             })
         });
         let (film, n_tiles_of_device) = schedule.into_film()?;
@@ -198,12 +240,12 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
     }
 
     /// Renders tiles until none is left; the CPU takes the samples that the device cannot finish.
-    fn run(&self, schedule: &Schedule, tiles: &dyn RenderTiles) -> Result<(), GpuError> {
+    fn run(&self, schedule: &Schedule, tiles: &dyn RenderTiles, settings: &Settings) -> Result<(), GpuError> {
         let weight = self.cpu.weights();
         let mut collector = SampleCollector {
             dispatcher: SampleDispatcher::new(self.gpu, self.kernels.clone())?,
             bindings: self.bindings(),
-            settings: self.settings,
+            settings,
             weight: &weight,
             tiles,
         };

@@ -28,7 +28,7 @@ impl DeviceSky {
             Environment::Constant(_) => return Ok(Self::Constant),
         };
         let texels: Vec<f32> = image.texels.iter().flat_map(|texel| bounded(*texel)).collect();
-        let texels = gpu.buffer("texels of the environment", &texels)?;
+        let texels = gpu.read_only("texels of the environment", &texels)?;
         Ok(Self::Image(gpu.uniform("environment", &sky_image(image))?, texels))
     }
 

@@ -73,7 +73,7 @@ impl SampledLights {
             leaves: some(gpu, "light leaves", if in_tree { &packed.leaves } else { &[] })?,
             suns: some(gpu, "sampled suns", &packed.suns)?,
             sky: match &packed.sky {
-                Some((rows, sums)) => Some((gpu.buffer("sky rows", rows)?, gpu.buffer("sky sums", sums)?)),
+                Some((rows, sums)) => Some((gpu.read_only("sky rows", rows)?, gpu.read_only("sky sums", sums)?)),
                 None => None,
             },
             sky_is_sampled: packed.probabilities.sky > 0.0,
@@ -132,5 +132,5 @@ impl SampledLights {
 
 /// A buffer, unless it would be empty.
 fn some<T: Pod>(gpu: &Gpu, what: &str, values: &[T]) -> Result<Option<Buffer<T>>, GpuError> {
-    if values.is_empty() { Ok(None) } else { gpu.buffer(what, values).map(Some) }
+    if values.is_empty() { Ok(None) } else { gpu.read_only(what, values).map(Some) }
 }

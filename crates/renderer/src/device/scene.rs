@@ -73,8 +73,8 @@ impl PackedScene {
         };
         let (firsts, placements) = match &geometry.placed {
             Placed::One => (None, None),
-            Placed::Flat(firsts) => (Some(gpu.buffer("first triangles", firsts)?), None),
-            Placed::Instances(placements) => (None, Some(gpu.buffer("instances", placements)?)),
+            Placed::Flat(firsts) => (Some(gpu.read_only("first triangles", firsts)?), None),
+            Placed::Instances(placements) => (None, Some(gpu.read_only("placements", placements)?)),
         };
         let has = Has {
             instances: placements.is_some(),
@@ -90,16 +90,16 @@ impl PackedScene {
         let images = match &images {
             None => None,
             Some(images) => {
-                let slots = gpu.buffer("texture slots", &materials.slots)?;
-                Some((slots, gpu.buffer("images", &images.images)?, images.upload(gpu)?))
+                let slots = gpu.read_only("texture slots", &materials.slots)?;
+                Some((slots, gpu.read_only("images", &images.images)?, images.upload(gpu)?))
             }
         };
         let lights: Vec<ListLight> = scene.lights.iter().map(ListLight::from).collect();
-        let lights = if lights.is_empty() { None } else { Some(gpu.buffer("lights", &lights)?) };
+        let lights = if lights.is_empty() { None } else { Some(gpu.read_only("lights", &lights)?) };
         Ok(Self {
-            materials: gpu.buffer("materials", &materials.packed)?,
-            triangles: gpu.buffer("triangles", &geometry.triangles)?,
-            vertices: gpu.buffer("vertices", &geometry.vertices)?,
+            materials: gpu.read_only("materials", &materials.packed)?,
+            triangles: gpu.read_only("triangles", &geometry.triangles)?,
+            vertices: gpu.read_only("vertices", &geometry.vertices)?,
             firsts,
             placements,
             images,

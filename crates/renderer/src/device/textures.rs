@@ -128,7 +128,7 @@ impl Images {
             });
         }
         let n = if chunks.len() == 1 { 1 } else { MAX_BINDINGS };
-        let chunk = |k: usize| gpu.buffer("texels", chunks.get(k).copied().unwrap_or_default());
+        let chunk = |k: usize| gpu.read_only("texels", chunks.get(k).copied().unwrap_or_default());
         Ok(Texels { bindings: (0..n).map(chunk).collect::<Result<_, _>>()?, per_binding })
     }
 }

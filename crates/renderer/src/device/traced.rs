@@ -1,12 +1,14 @@
 //! The acceleration structure of a scene on a device.
 
+use std::ops::Deref;
+
 use canted_gpu::build::{BuildConfig, WideConfig};
 use canted_gpu::{Gpu, TracedScene};
 use canted_lbvh::{Corners, Strategy, triangle_corners};
 use canted_scene::Scene;
 use canted_wide::{LaneKernel, TriangleBvh};
 
-use super::DeviceError;
+use super::{DeviceError, DeviceFrames};
 use crate::prepare::has_one_level;
 use crate::structure::{flatten, instances};
 use crate::{Bvh, PrepareError, Structure, StructureConfig};
@@ -31,7 +33,54 @@ pub fn traced_scene<K: LaneKernel>(
     scene: &Scene,
     structure: &Structure<K>,
 ) -> Result<TracedScene, DeviceError> {
-    Ok(match (kind(structure.bottom())?, structure) {
+    uploaded(gpu, scene, structure, kind(structure.bottom())?)
+}
+
+/// A structure that a picture owns, or one that the frames of a sequence share.
+pub enum Traced<'a> {
+    /// For one picture.
+    Own(TracedScene),
+    /// Updated from frame to frame.
+    Shared(&'a TracedScene),
+}
+
+impl Deref for Traced<'_> {
+    type Target = TracedScene;
+
+    fn deref(&self) -> &TracedScene {
+        match self {
+            Self::Own(traced) => traced,
+            Self::Shared(traced) => traced,
+        }
+    }
+}
+
+/// The acceleration structure of a frame of a sequence, after that of the last frame is dropped: what changed is uploaded. Binary BVHs over
+/// things that stand still while the shutter is open are those of the last frame, updated on the device.
+///
+/// # Errors
+/// As for [`traced_scene`].
+pub fn traced_frame<'a, K: LaneKernel>(
+    gpu: &Gpu,
+    scene: &Scene,
+    structure: &Structure<K>,
+    frames: &'a mut DeviceFrames,
+) -> Result<Traced<'a>, DeviceError> {
+    gpu.start_frame();
+    let is_flat = matches!(structure, Structure::One(_));
+    Ok(match kind(structure.bottom())? {
+        Kind::Binary(strategy) if !scene.has_motion() => Traced::Shared(frames.binary(gpu, scene, strategy, is_flat)?),
+        kind => Traced::Own(uploaded(gpu, scene, structure, kind)?),
+    })
+}
+
+fn uploaded<K: LaneKernel>(
+    gpu: &Gpu,
+    scene: &Scene,
+    structure: &Structure<K>,
+    kind: Kind<'_, K>,
+) -> Result<TracedScene, DeviceError> {
+    Ok(match (kind, structure) {
         (Kind::Wide(meshes), Structure::One(flat)) => TracedScene::single_level(gpu, meshes[0], flat.first())?,
         (Kind::Wide(meshes), Structure::Two(_)) => TracedScene::two_level(gpu, &meshes, &instances(scene))?,
         (Kind::Binary(strategy), Structure::One(flat)) => {

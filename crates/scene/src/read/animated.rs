@@ -45,6 +45,22 @@ impl AnimatedScene {
         self.0.is_some()
     }
 
+    /// First and last key time in seconds of the animation that is shown; `None` without an animation, or where it has no valid
+    /// keyframe. Poses outside are those of the nearer end.
+    ///
+    /// ```no_run
+    /// # use canted_scene::{AnimatedScene, ReadOptions};
+    /// let (animated, _) = AnimatedScene::open("fox.glb".as_ref(), &ReadOptions::default())?;
+    /// if let Some([first, last]) = animated.time_range() {
+    ///     println!("it moves for {} seconds", last - first);
+    /// }
+    /// # Ok::<(), canted_scene::ReadError>(())
+    /// ```
+    #[must_use]
+    pub fn time_range(&self) -> Option<[f32; 2]> {
+        self.0.as_ref()?.time_range()
+    }
+
     /// Replaces meshes, instances, cameras and lights of `scene` by those at a time in seconds: the scene is then that of
     /// [`read_with`](super::read_with) at this time. Its warnings are those of the pose; materials, textures and the
     /// environment stay. Without an animation, the scene does not change.

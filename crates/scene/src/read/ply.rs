@@ -8,11 +8,13 @@
 //! vertex colors always. Triangle strips become triangles.
 
 mod body;
+mod faces;
 mod header;
 mod table;
 
 use std::path::Path;
 
+use self::faces::Faces;
 use self::table::Table;
 use super::folder::Folder;
 use super::mesh_checks::{MeshChecks, unit_normal, usable_uv};
@@ -23,7 +25,7 @@ use crate::{Material, Mesh, Scene, TextureId, TextureRef};
 pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
     let (header, body) = header::header(path, bytes)?;
     let (table, is_read_to_end) = table::table(path, &header, body)?;
-    if table.face_ends.is_empty() {
+    if table.faces.is_empty() {
         return Err(ReadError::empty(path, "no faces"));
     }
     let mut scene = Scene { warnings: header.warnings, ..Scene::default() };
@@ -32,8 +34,8 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
     }
     let mut material = material(path, header.texture, &mut scene);
     let mut checks = MeshChecks::default();
-    let triangles = triangles(path, &table, &mut checks)?;
     let mut table = table;
+    let triangles = triangles(path, &table.positions, std::mem::take(&mut table.faces), &mut checks)?;
     let colors = table.colors.take().and_then(|colors| {
         vertex_colors::linear(colors, table.max_color).map_err(|warning| scene.warnings.push(warning)).ok()
     });
@@ -70,25 +72,39 @@ fn material(path: &Path, texture: Option<&[u8]>, scene: &mut Scene) -> Material 
     }
 }
 
-/// Triangulates the faces in file order and checks vertex indices.
-fn triangles(path: &Path, table: &Table, checks: &mut MeshChecks) -> Result<Vec<[u32; 3]>, ReadError> {
-    let mut triangles = Vec::with_capacity(table.face_ends.len());
+/// Triangulates the faces in file order and checks vertex indices. Where all are triangles, the result is in their memory.
+fn triangles(
+    path: &Path,
+    positions: &[[f32; 3]],
+    faces: Faces,
+    checks: &mut MeshChecks,
+) -> Result<Vec<[u32; 3]>, ReadError> {
+    let position = |face: usize, index: u32| {
+        positions.get(index as usize).copied().ok_or_else(|| {
+            let message = format!("vertex index {index} out of range ({} vertices)", positions.len());
+            ReadError::malformed(path, format!("face {face}"), message)
+        })
+    };
+    let polygons = match faces.into_triangles() {
+        Ok(mut triangles) => {
+            for (face, &index) in triangles.iter().enumerate().flat_map(|(face, t)| t.iter().map(move |i| (face, i))) {
+                position(face, index)?;
+            }
+            triangles.retain(|triangle| checks.keeps(triangle.map(|index| positions[index as usize])));
+            return Ok(triangles);
+        }
+        Err(polygons) => polygons,
+    };
+    let mut triangles = Vec::with_capacity(polygons.len());
     let (mut corners, mut cuts) = (Vec::new(), Vec::new());
-    let mut start = 0;
-    for (face, &end) in table.face_ends.iter().enumerate() {
-        let indices = &table.corners[start..end];
-        start = end;
+    for (face, indices) in polygons.iter().enumerate() {
         if indices.len() < 3 {
             checks.n_small_faces += 1;
             continue;
         }
         corners.clear();
         for &index in indices {
-            let position = table.positions.get(index as usize).ok_or_else(|| {
-                let message = format!("vertex index {index} out of range ({} vertices)", table.positions.len());
-                ReadError::malformed(path, format!("face {face}"), message)
-            })?;
-            corners.push(*position);
+            corners.push(position(face, index)?);
         }
         checks.triangulate(&corners, &mut cuts);
         triangles.extend(cuts.iter().map(|cut| cut.map(|k| indices[k])));

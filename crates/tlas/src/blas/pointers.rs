@@ -1,7 +1,8 @@
 use std::sync::Arc;
 
 use canted_obb::Obb;
-use canted_trace::{Hit, InstanceId, Query, Ray};
+use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay};
+use canted_wide::Stack;
 
 use super::{Blas, CrossingBlas};
 
@@ -15,6 +16,10 @@ macro_rules! forward {
 
             fn hit_error(&self) -> f32 {
                 B::hit_error(self)
+            }
+
+            fn has_local_error(&self) -> bool {
+                B::has_local_error(self)
             }
 
             fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
@@ -33,6 +38,16 @@ macro_rules! forward {
                 hits: &mut Vec<Hit>,
             ) {
                 B::all_hits_with(self, ray_object, instance, query, hits);
+            }
+
+            #[inline]
+            fn closest_hit_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, stack: &mut Stack) -> Option<Hit> {
+                B::closest_hit_scaled(self, ray, instance, query, stack)
+            }
+
+            #[inline]
+            fn occluded_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, stack: &mut Stack) -> bool {
+                B::occluded_scaled(self, ray, instance, query, stack)
             }
         }
 

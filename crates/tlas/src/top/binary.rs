@@ -55,6 +55,10 @@ impl BinaryTop {
         self.bvh.n_bytes() + tree + size_of_val(&tasks[..])
     }
 
+    pub(crate) fn each_box(&self, visit: impl FnMut(Obb, u32, bool)) {
+        self.bvh.each_box(visit);
+    }
+
     #[inline]
     pub(crate) fn traverse_ordered<Q: Query>(
         &self,

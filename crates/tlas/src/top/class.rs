@@ -2,8 +2,8 @@
 
 use canted_obb::round::up;
 use canted_obb::{Aabb, Obb};
-use canted_trace::{InstanceId, Query, ScaledRay};
-use canted_wide::SimdPath;
+use canted_trace::{InstanceId, Query, ReferencePoint, ScaledRay};
+use canted_wide::{SimdPath, Stack};
 
 use super::TopConfig;
 use super::binary::BinaryTop;
@@ -58,9 +58,9 @@ fn range<'a>(bounds: impl Iterator<Item = &'a Bounds>) -> (f64, f64) {
 }
 
 impl Class {
-    /// Builds over the instances `ids`; all if there are none.
+    /// Builds over the instances `ids`, all if there are none; boxes are relative to `reference`.
     pub(super) fn build(
-        bounds: &[Bounds],
+        (bounds, reference): (&[Bounds], ReferencePoint),
         ids: Vec<u32>,
         config: &TopConfig,
         path: SimdPath,
@@ -68,11 +68,11 @@ impl Class {
         let of_class: Vec<&Bounds> = members(&ids, bounds).collect();
         let bvh = match config {
             TopConfig::Wide(config) => {
-                let boxes = of_class.iter().map(|bounds| grown_aabb(bounds)).collect();
+                let boxes = of_class.iter().map(|bounds| grown_aabb(bounds, reference)).collect();
                 Bvh::Wide(WideTop::build(boxes, *config, path).map_err(|error| in_all(error.into(), &ids))?)
             }
             TopConfig::Binary(config) => {
-                let obbs: Vec<Obb> = of_class.iter().map(|bounds| grown_obb(bounds)).collect();
+                let obbs: Vec<Obb> = of_class.iter().map(|bounds| grown_obb(bounds, reference)).collect();
                 Bvh::Binary(BinaryTop::build(&obbs, *config))
             }
         };
@@ -96,6 +96,13 @@ impl Class {
         of_bvh + size_of_val(&self.ids[..])
     }
 
+    pub(super) fn each_box(&self, visit: impl FnMut(Obb, u32, bool)) {
+        match &self.bvh {
+            Bvh::Wide(top) => top.each_box(visit),
+            Bvh::Binary(top) => top.each_box(visit),
+        }
+    }
+
     pub(super) fn drift(&self) -> f32 {
         match &self.bvh {
             Bvh::Wide(top) => top.drift(),
@@ -110,20 +117,24 @@ impl Class {
     }
 
     /// New bounds for the same instances.
-    pub(super) fn refit(&mut self, bounds: &[Bounds]) {
+    pub(super) fn refit(&mut self, bounds: &[Bounds], reference: ReferencePoint) {
         let of_class: Vec<&Bounds> = members(&self.ids, bounds).collect();
         match &mut self.bvh {
-            Bvh::Wide(top) => top.refit(of_class.iter().map(|bounds| grown_aabb(bounds)).collect()),
-            Bvh::Binary(top) => top.refit(&of_class.iter().map(|bounds| grown_obb(bounds)).collect::<Vec<_>>()),
+            Bvh::Wide(top) => top.refit(of_class.iter().map(|bounds| grown_aabb(bounds, reference)).collect()),
+            Bvh::Binary(top) => {
+                top.refit(&of_class.iter().map(|bounds| grown_obb(bounds, reference)).collect::<Vec<_>>());
+            }
         }
         self.per_origin = range(of_class.into_iter()).1;
     }
 
-    /// The error of hits that boxes do not contain.
+    /// The error of hits that boxes do not contain, of a ray relative to the reference point. Its origin was rounded, by 2^-24 of it, which
+    /// moves the hit by as much.
     #[inline]
     fn error(&self, ray: &ScaledRay) -> f64 {
+        const ROUNDING: f64 = ReferencePoint::ROUNDING as f64;
         let [x, y, z] = ray.origin.map(f32::abs);
-        self.per_origin * f64::from(x.max(y).max(z))
+        (self.per_origin * (1.0 + 2.0 * ROUNDING) + ROUNDING) * f64::from(x.max(y).max(z))
     }
 
     /// The instance of a number in the class.
@@ -132,19 +143,19 @@ impl Class {
         InstanceId(if self.ids.is_empty() { number } else { self.ids[number as usize] })
     }
 
-    /// [`super::Top::traverse`] in the class.
+    /// [`super::Top::traverse`] in the class; the ray is relative to the reference point.
     #[inline]
     pub(super) fn traverse<Q: Query, const ORDERED: bool>(
         &self,
         ray: &ScaledRay,
         query: &mut Q,
+        stack: &mut Stack,
         mut enter: impl FnMut(InstanceId, f32, &mut Q) -> f32,
     ) {
         let enter = |number, t_max, query: &mut Q| enter(self.instance(number), t_max, query);
         let error = self.error(ray);
         match (&self.bvh, ORDERED) {
-            (Bvh::Wide(top), true) => top.traverse_ordered(ray, error, query, enter),
-            (Bvh::Wide(top), false) => top.traverse_any(ray, error, query, enter),
+            (Bvh::Wide(top), _) => top.traverse::<Q, ORDERED>(ray, error, query, stack, enter),
             (Bvh::Binary(top), true) => top.traverse_ordered(ray, error, query, enter),
             (Bvh::Binary(top), false) => top.traverse_any(ray, error, query, enter),
         }
@@ -167,16 +178,27 @@ fn in_all(error: InstanceError, ids: &[u32]) -> InstanceError {
     }
 }
 
-/// The axis-aligned box that contains every hit but for `per_origin`, rounded outward; planes beyond the range of `f32` are its
-/// greatest numbers.
-fn grown_aabb(Bounds { obb, error }: &Bounds) -> Aabb {
-    let Aabb { min, max } = obb.aabb();
-    // A step outward covers the rounding of the sum.
-    let grow = |x: f32| up((f64::from(x) + error.fixed).next_up()).min(f32::MAX);
-    Aabb { min: min.map(|x| -grow(-x)), max: max.map(grow) }
+/// The axis-aligned box that contains every hit but for `per_origin`, relative to `reference` and rounded outward; planes beyond the
+/// range of `f32` are its greatest numbers.
+fn grown_aabb(Bounds { obb, error }: &Bounds, reference: ReferencePoint) -> Aabb {
+    let (Aabb { min, max }, fixed) = (obb.aabb(), error.fixed(reference));
+    // Steps outward cover the roundings of both sums.
+    let grow = |x: f32, reference: f32| {
+        let moved = (f64::from(x) - f64::from(reference)).next_up();
+        up((moved + fixed).next_up()).min(f32::MAX)
+    };
+    let at = reference.point();
+    Aabb { min: [0, 1, 2].map(|k| -grow(-min[k], -at[k])), max: [0, 1, 2].map(|k| grow(max[k], at[k])) }
 }
 
 /// The same as an oriented box, or the axis-aligned one where that has less area.
-fn grown_obb(bounds: &Bounds) -> Obb {
-    bounds.obb.grown(bounds.error.fixed).or_aabb(&grown_aabb(bounds))
+fn grown_obb(bounds: &Bounds, reference: ReferencePoint) -> Obb {
+    let center = reference.moved(bounds.obb.center);
+    // The rounding of the center: a difference of two f32 is exact in f64 but for its last bit.
+    let rounding = (0..3).fold(0.0, |most: f64, k| {
+        let exact = f64::from(bounds.obb.center[k]) - f64::from(reference.point()[k]);
+        most.max((exact - f64::from(center[k])).abs() + exact.abs() * f64::EPSILON)
+    });
+    let moved = Obb { center, ..bounds.obb };
+    moved.grown(bounds.error.fixed(reference) + rounding).or_aabb(&grown_aabb(bounds, reference))
 }

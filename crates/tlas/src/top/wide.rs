@@ -1,6 +1,6 @@
-use canted_obb::{Aabb, PrimId};
+use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::{Query, ScaledRay};
-use canted_wide::{Config, PrimitiveError, SimdPath, WideBvh};
+use canted_wide::{Config, PrimitiveError, SimdPath, Stack, WideBvh};
 
 /// A wide top level: eight-wide aligned nodes over the instances' axis-aligned boxes.
 #[derive(Clone, Debug)]
@@ -34,30 +34,21 @@ impl WideTop {
         self.bvh.n_bytes()
     }
 
+    pub(crate) fn each_box(&self, visit: impl FnMut(Obb, u32, bool)) {
+        self.bvh.each_box(visit);
+    }
+
     #[inline]
-    pub(crate) fn traverse_ordered<Q: Query>(
+    pub(crate) fn traverse<Q: Query, const ORDERED: bool>(
         &self,
         ray: &ScaledRay,
         error: f64,
         query: &mut Q,
-        enter: impl FnMut(u32, f32, &mut Q) -> f32,
+        stack: &mut Stack,
+        mut enter: impl FnMut(u32, f32, &mut Q) -> f32,
     ) {
-        self.bvh.traverse_ordered(ray, error, query, by_primitive(enter));
+        // The boxes have the numbers of the class.
+        let visit = |PrimId(number): PrimId, t_max: f32, query: &mut Q| enter(number, t_max, query);
+        self.bvh.traverse_with::<Q, ORDERED>(ray, error, query, stack, visit);
     }
-
-    #[inline]
-    pub(crate) fn traverse_any<Q: Query>(
-        &self,
-        ray: &ScaledRay,
-        error: f64,
-        query: &mut Q,
-        enter: impl FnMut(u32, f32, &mut Q) -> f32,
-    ) {
-        self.bvh.traverse_any(ray, error, query, by_primitive(enter));
-    }
-}
-
-/// The boxes have the numbers of the class.
-fn by_primitive<Q>(mut enter: impl FnMut(u32, f32, &mut Q) -> f32) -> impl FnMut(PrimId, f32, &mut Q) -> f32 {
-    move |PrimId(number), t_max, query| enter(number, t_max, query)
 }

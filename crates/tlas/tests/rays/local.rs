@@ -95,6 +95,49 @@ fn one_unusual_instance_does_not_slow_the_others() {
     }
 }
 
+/// A field far from the origin of the world is traced as one at the origin, as far as `f32` holds the places of its instances; so is one
+/// whose mesh is far from the origin of object space, and where instances move there.
+#[test]
+fn a_distant_field_is_as_fast_as_one_at_the_origin() {
+    let mut rng = SplitMix64::new(33);
+    let (field, rays) = (field(&mut rng), rays(&mut rng, 500));
+    for top in tops() {
+        let alone = n_boxes(&tlas(&field, top), &rays, 0);
+        for at in [[1e4, 2e4, -3e4], [0.0, -2e5, 1e5]] {
+            let (field, rays) = (shifted(&field, at), shifted_rays(&rays, at));
+            let away = n_boxes(&tlas(&field, top), &rays, 5);
+            assert!(away <= MOST * alone, "at {at:?}, {top:?}: {away} box tests a ray instead of {alone}");
+        }
+        // Moved there, without a build.
+        let mut moved = tlas(&field, top);
+        let at = [-5e4, 3e4, 2e4];
+        let mut edit = moved.edit();
+        for (i, instance) in (0..).zip(shifted(&field, at)) {
+            edit.set_transform(InstanceId(i), instance.world_from_object).unwrap();
+        }
+        edit.refit();
+        let after = n_boxes(&moved, &shifted_rays(&rays, at), 5);
+        assert!(after <= MOST * alone, "moved, {top:?}: {after} box tests a ray instead of {alone}");
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "test data")]
+fn shifted(instances: &[Instance], at: [f64; 3]) -> Vec<Instance> {
+    let shift = |instance: &Instance| {
+        let mut instance = *instance;
+        for k in 0..3 {
+            instance.world_from_object.columns[3][k] += at[k] as f32;
+        }
+        instance
+    };
+    instances.iter().map(shift).collect()
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "test data")]
+fn shifted_rays(rays: &[Ray], at: [f64; 3]) -> Vec<Ray> {
+    rays.iter().map(|ray| Ray { origin: [0, 1, 2].map(|k| ray.origin[k] + at[k] as f32), ..*ray }).collect()
+}
+
 /// An edit that makes an instance unusual, and one that makes it usual again, leave the top level as fast as a new one.
 #[test]
 fn an_edited_instance_does_not_slow_the_others() {

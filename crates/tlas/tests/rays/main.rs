@@ -1,5 +1,6 @@
 //! Rays through instances, compared with a loop over all instances and all triangles.
 
 mod directions;
+mod distant;
 mod local;
 mod oracle;

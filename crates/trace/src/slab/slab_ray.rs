@@ -7,8 +7,9 @@ use canted_obb::vector::{dot, to_f64};
 
 /// Padding of axis-aligned boxes, relative to `|o|∞ + ρ∞`.
 ///
-/// The error of hits, one rounding of the moved origin, three of a plane's `t`, and one for second-order terms.
-pub const AABB_PAD: f32 = HIT_ERROR + 5.0 * UNIT_ROUNDOFF;
+/// The error of hits, one rounding of coordinates relative to a [`ReferencePoint`](crate::ReferencePoint), one of the moved origin,
+/// three of a plane's `t`, and one for second-order terms.
+pub const AABB_PAD: f32 = HIT_ERROR + 6.0 * UNIT_ROUNDOFF;
 
 /// Square root of three, rounded up: the greatest sum of absolute components of a unit vector.
 pub const SQRT_3: f32 = 1.732_050_9;
@@ -17,7 +18,7 @@ pub const SQRT_3: f32 = 1.732_050_9;
 ///
 /// As [`AABB_PAD`], with three roundings each for the projected origin and direction, along a row whose components sum
 /// to √3 at most.
-pub const SLABS_PAD: f32 = SQRT_3 * (HIT_ERROR + 11.0 * UNIT_ROUNDOFF);
+pub const SLABS_PAD: f32 = SQRT_3 * (HIT_ERROR + 12.0 * UNIT_ROUNDOFF);
 
 /// Minimum absolute component of a direction in a box test, 2^-64; smaller components, and zero, are replaced by it.
 ///

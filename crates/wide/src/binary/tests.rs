@@ -3,7 +3,7 @@
 use canted_fixtures::{self as fixtures, Hair, Mesh, SplitMix64};
 use canted_lbvh::{Corners, triangle_corners};
 use canted_obb::{Aabb, Obb};
-use canted_trace::{Ray, Watertight};
+use canted_trace::{Ray, ReferencePoint, Watertight};
 
 use super::{Chosen, choose, full};
 use crate::build::over_chosen;
@@ -83,16 +83,16 @@ impl Input {
     }
 
     /// With oriented nodes wherever the plan has them, in the tree for them.
-    fn oriented(&self, config: &Config) -> Chosen<'_, Corners> {
+    fn oriented(&self, config: &Config) -> Chosen<&[Corners]> {
         let (rows, scale) = (Obb::IDENTITY_FRAME, measure::unit_scale(&self.bounds));
-        full(&self.corners, &item::boxes(&self.corners, rows), rows, scale, config)
+        full(&self.corners[..], &item::boxes(&self.corners[..], rows), rows, scale, config)
     }
 
     /// Nanoseconds a ray by what is visited.
-    fn cost(&self, chosen: &Chosen<'_, Corners>, config: &Config) -> f64 {
+    fn cost(&self, chosen: &Chosen<&[Corners]>, config: &Config) -> f64 {
+        let given = (ReferencePoint::ORIGIN, &self.bounds);
         let built =
-            over_chosen(chosen, self.corners.len(), &self.bounds, config, canted_trace::HIT_ERROR, &Limits::OF_WORDS)
-                .unwrap();
+            over_chosen(chosen, &self.corners[..], given, config, canted_trace::HIT_ERROR, &Limits::OF_WORDS).unwrap();
         let counts = TriangleBvh::<Watertight>::from(built).traversal_counts(&self.rays);
         #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
         let visits = [counts.nodes[0], counts.nodes[1], counts.leaves, counts.blocks].map(|n| n as f64);
@@ -107,8 +107,8 @@ fn the_choice_is_close_to_the_better_one() {
         let (mut n_oriented, mut worst_of_either, mut worse) = (0, [0.0f64; 2], vec![]);
         for (name, mesh) in scenes() {
             let input = Input::of(&mesh);
-            let chosen = choose(&input.corners, &input.bounds, &config);
-            let aligned = choose(&input.corners, &input.bounds, &config.axis_aligned());
+            let chosen = choose(&input.corners[..], &input.bounds, &config);
+            let aligned = choose(&input.corners[..], &input.bounds, &config.axis_aligned());
             let [chosen_cost, aligned, oriented] =
                 [&chosen, &aligned, &input.oriented(&config)].map(|of| input.cost(of, &config));
             let best = aligned.min(oriented);

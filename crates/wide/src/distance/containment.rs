@@ -71,13 +71,14 @@ impl<K: LaneKernel> Task for Containment<'_, K> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) {
-        let mut stack = Stack::new(self.bvh.nodes.depth);
+        let mut stack = Stack::new();
         let mut crossings = vec![];
         for (&point, inside) in self.points.iter().zip(self.inside) {
             *inside = false;
             let Some(ray) = ScaledRay::new(&Ray::new(point, [0.0, 0.0, 1.0])) else { continue };
-            let pads = const { Pads::of(K::ERROR) }.along(&ray);
-            let lanes = RayLanes::new(simd, &RayNumbers::new(&ray, &self.bvh.frame, &pads));
+            let moved = self.bvh.frame.reference.moved_ray(&ray);
+            let pads = const { Pads::of(K::ERROR) }.along(&moved);
+            let lanes = RayLanes::new(simd, &RayNumbers::new(&moved, &self.bvh.frame, &pads));
             crossings.clear();
             let mut visit = Crossed { bvh: self.bvh, point, is_on_surface: false, crossings: &mut crossings };
             walk::<S, false>(simd, &self.bvh.nodes, &lanes, ray.t_max, &mut stack, &mut visit);

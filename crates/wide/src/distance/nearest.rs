@@ -146,8 +146,8 @@ where
     fn on<S: Simd>(self, simd: S) {
         let Self { bvh, point, collector } = self;
         let lanes = PointLanes::new(simd, point, &bvh.frame);
-        let mut stack = Stack::new(bvh.nodes.depth);
-        let (stack, mut n_waiting) = (stack.slots(), 0);
+        let mut stack = Stack::new();
+        let (stack, mut n_waiting) = (stack.slots(bvh.nodes.depth), 0);
         let mut word = bvh.nodes.root;
         loop {
             match word.kind() {

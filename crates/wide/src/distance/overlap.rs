@@ -1,6 +1,6 @@
 //! All primitives that overlap a region.
 
-use canted_obb::vector::dot;
+use canted_obb::vector::{dot, to_f64};
 use canted_obb::{Obb, PrimId};
 use canted_trace::Convex;
 
@@ -47,8 +47,9 @@ where
                 WordKind::Node(kind, line) => {
                     let words = *node_words(&self.nodes.lines, kind, line);
                     let boxes = boxes(&self.nodes.lines, kind, line, self.frame.rows);
+                    let reference = to_f64(self.frame.reference.point());
                     for (word, (rows, lo, hi)) in words.into_iter().zip(boxes) {
-                        if word != Word::EMPTY && may_overlap(region, rows, lo, hi) {
+                        if word != Word::EMPTY && may_overlap(region, reference, rows, lo, hi) {
                             waiting.push(word);
                         }
                     }
@@ -89,19 +90,20 @@ fn boxes(lines: &[Line], kind: NodeKind, line: u32, frame: [[f32; 3]; 3]) -> [Bo
     })
 }
 
-/// Whether a box `lo <= rows·x <= hi` may share a point with the region.
+/// Whether a box `lo <= rows·(x - reference) <= hi` may share a point with the region.
 ///
 /// It looks for gaps only along axes that the tests of primitives use too, with more slack: so answers do not depend on
 /// the BVH. With R·Rᵀ = I + E and ‖E‖ <= 1/4 the transposed rows are the inverse up to 1.2·‖E‖; the length of a vector is at most √3
-/// times its greatest component.
-fn may_overlap(region: &Convex, rows: [[f32; 3]; 3], lo: [f64; 3], hi: [f64; 3]) -> bool {
+/// times its greatest component. If they share a point, no coordinate of the reference exceeds the region's magnitude and √3 times the
+/// box's reach together, so [`CORNER_ERROR`] covers its projection in f64.
+fn may_overlap(region: &Convex, reference: [f64; 3], rows: [[f32; 3]; 3], lo: [f64; 3], hi: [f64; 3]) -> bool {
     let rows = rows.map(|row| row.map(f64::from));
     let reach = lo.iter().chain(&hi).fold(region.magnitude(), |most, x| most.max(x.abs()));
     let skew = 3.0 * (0..3).map(|k| deviation(rows, k)).sum::<f64>() + CORNER_ERROR;
     skew > 0.25
         || region.axes().iter().all(|&axis| {
             let length = axis.iter().map(|x| x.abs()).sum::<f64>();
-            let (mut center, mut radius) = (0.0, skew * length * reach);
+            let (mut center, mut radius) = (dot(reference, axis), skew * length * reach);
             for k in 0..3 {
                 let along = dot(rows[k], axis);
                 center += 0.5 * (lo[k] + hi[k]) * along;

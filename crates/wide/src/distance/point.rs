@@ -10,12 +10,12 @@ const SHRINK: f32 = 1.0 - 32.0 * U;
 /// A query point in all lanes.
 #[derive(Clone, Copy)]
 pub(crate) struct PointLanes<S: Simd> {
-    /// In the mesh frame.
+    /// In the mesh frame, relative to the reference point.
     rotated: [S::F; 3],
     rotated_pad: S::F,
     /// Scale of squared bounds in the mesh frame.
     rotated_scale: S::F,
-    /// In object space.
+    /// In object space, relative to the reference point.
     point: [S::F; 3],
     oriented_pad: S::F,
     shrink: S::F,
@@ -28,12 +28,13 @@ impl<S: Simd> PointLanes<S> {
     /// Lanes of `point`.
     #[inline(always)]
     pub(crate) fn new(simd: S, point: [f32; 3], frame: &MeshFrame) -> Self {
+        let point = frame.reference.moved(point);
         let [x, y, z] = point.map(f32::abs);
         let scale = x.max(y).max(z);
         let pad = |roundings: f32| simd.splat(roundings * U * scale + f32::MIN_POSITIVE);
         let splat = |[x, y, z]: [f32; 3]| [simd.splat(x), simd.splat(y), simd.splat(z)];
         let (rotated, rotated_pad) =
-            if frame.is_identity { (point, pad(2.0)) } else { (frame.rotate(point), pad(4.0 * SQRT_3)) };
+            if frame.is_identity { (point, pad(3.0)) } else { (frame.rotate(point), pad(5.0 * SQRT_3)) };
         let [a, b, c] = frame.rows;
         let skew = dot(a, b).abs() + dot(b, c).abs() + dot(c, a).abs();
         Self {
@@ -41,7 +42,7 @@ impl<S: Simd> PointLanes<S> {
             rotated_pad,
             rotated_scale: simd.splat(SHRINK / (1.0 + skew)),
             point: splat(point),
-            oriented_pad: pad(16.0 * SQRT_3),
+            oriented_pad: pad(17.0 * SQRT_3),
             shrink: simd.splat(SHRINK),
             zero: simd.splat(0.0),
             one: simd.splat(1.0),

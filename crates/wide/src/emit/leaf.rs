@@ -27,8 +27,8 @@ pub(super) fn n_distinct(source: &Source, start: u32, end: u32) -> usize {
 }
 
 /// Writes triangles in leaf order, and their ids, from a part of `out` on.
-pub(crate) fn write_triangles<'a>(
-    triangles: impl ExactSizeIterator<Item = (&'a Corners, PrimId)>,
+pub(crate) fn write_triangles(
+    triangles: impl ExactSizeIterator<Item = (Corners, PrimId)>,
     part: usize,
     out: &mut [Half],
 ) {

@@ -2,6 +2,7 @@
 
 use canted_lbvh::Corners;
 use canted_obb::{Aabb, PrimId};
+use canted_trace::ReferencePoint;
 
 use super::error::LoadError;
 use super::header::Header;
@@ -30,7 +31,8 @@ pub struct Expected {
 }
 
 impl Expected {
-    pub(super) fn of(header: &Header, hit_error: f32) -> Result<Self, LoadError> {
+    /// `hit_error` is that of the primitives, `is_local` whether it holds relative to every point.
+    pub(super) fn of(header: &Header, hit_error: f32, is_local: bool) -> Result<Self, LoadError> {
         header.frame.iter().try_for_each(|&row| refit::check_row(row, None))?;
         let Ok(n_primitives) = usize::try_from(header.n_primitives) else {
             return Err(LoadError::Count { n_expected: header.n_primitives, n_found: 0 });
@@ -40,8 +42,9 @@ impl Expected {
         if !(0.0..=0.125).contains(&error) {
             return Err(LoadError::HitError { found: error });
         }
-        let frame = MeshFrame::new(header.frame);
-        let pads = [error, hit_error].map(|error| BoxPads::new(Pads::of(error), &frame));
+        let reference = ReferencePoint::new(header.reference).filter(|reference| is_local || reference.is_origin());
+        let frame = MeshFrame::new(header.frame, reference.ok_or(LoadError::Reference { found: header.reference })?);
+        let pads = [error, hit_error].map(|error| BoxPads::new(Pads::of(error), frame.is_identity));
         Ok(Self { n_primitives, depth: header.depth, bounds: header.bounds, frame, pads })
     }
 }

@@ -50,6 +50,12 @@ pub enum LoadError {
         /// The error.
         found: f32,
     },
+    /// A reference point that boxes cannot be relative to: beyond [`ReferencePoint::MAX`](canted_trace::ReferencePoint::MAX), or not the origin
+    /// where hits have errors relative to it.
+    Reference {
+        /// The point.
+        found: [f32; 3],
+    },
     /// More primitives than all leaves hold.
     Count {
         /// Primitives by the header.
@@ -89,6 +95,7 @@ impl fmt::Display for LoadError {
             }
             Self::Cost { value } => write!(f, "cost {value} is not a number"),
             Self::HitError { found } => write!(f, "boxes padded for an error of {found}; expected one from 0 to 1/8"),
+            Self::Reference { found } => write!(f, "boxes cannot be relative to the point {found:?}"),
             Self::Count { n_expected, n_found } => {
                 write!(f, "{n_expected} primitives by the header, but leaves hold {n_found}")
             }

@@ -9,13 +9,13 @@ use crate::layout::{Line, MAX_LEAF, Word};
 pub(super) const MAGIC: [u8; 8] = *b"CANTWIDE";
 
 /// Changes with what the bytes mean.
-pub(super) const VERSION: u32 = 4;
+pub(super) const VERSION: u32 = 5;
 
 /// Bytes before the first node.
-pub(super) const HEADER_BYTES: usize = 160;
+pub(super) const HEADER_BYTES: usize = 176;
 
 /// Bytes of the header that are in use.
-const USED_BYTES: usize = 152;
+const USED_BYTES: usize = 164;
 
 /// Bytes of the checksum at the end.
 pub(super) const CHECKSUM_BYTES: usize = 8;
@@ -38,6 +38,8 @@ pub(super) struct Header {
     pub(super) n_primitive_bytes: u32,
     /// The error of hits for which boxes are padded.
     pub(super) hit_error: f32,
+    /// The point that boxes are relative to.
+    pub(super) reference: [f32; 3],
 }
 
 /// The cost before a first refit that has not happened: costs are not negative.
@@ -65,7 +67,9 @@ impl Header {
         for size in [self.n_unit_bytes, self.n_primitive_bytes] {
             out.extend(size.to_le_bytes());
         }
-        out.extend(self.hit_error.to_le_bytes());
+        for number in [self.hit_error].iter().chain(&self.reference) {
+            out.extend(number.to_le_bytes());
+        }
         out.extend([0; HEADER_BYTES - USED_BYTES]);
     }
 
@@ -92,6 +96,7 @@ impl Header {
         let built = (per_ray >= 0.0 && per_primitive >= 0.0).then_some(RayCost { per_ray, per_primitive });
         let [n_unit_bytes, n_primitive_bytes] = [(); 2].map(|()| fields.word());
         let hit_error = fields.number();
+        let reference = [(); 3].map(|()| fields.number());
         // Costs may be infinite: that disables a kind of node.
         if let Some(&value) = costs.iter().find(|cost| cost.is_nan()) {
             return Err(LoadError::Cost { value });
@@ -110,6 +115,7 @@ impl Header {
             n_unit_bytes,
             n_primitive_bytes,
             hit_error,
+            reference,
         })
     }
 

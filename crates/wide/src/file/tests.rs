@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use canted_fixtures::{self as fixtures, Mesh, SplitMix64};
 use canted_obb::PrimId;
-use canted_trace::{Hit, InstanceId, Kernel, Ray, ScaledRay, Watertight};
+use canted_trace::{Hit, InstanceId, Kernel, Ray, ReferencePoint, ScaledRay, Watertight};
 
 use super::*;
 use crate::layout::{LeafLayout, NodeKind};
@@ -184,6 +184,13 @@ fn triangles_are_checked_by_id_and_vertex() {
     assert!(matches!(load(&larger), Err(LoadError::Bounds { .. })));
     let longer = forged(&bvh, |bvh| bvh.frame.rows[1][1] = 1.1);
     assert!(matches!(load(&longer), Err(LoadError::Flaw(Flaw::Row { line: None, .. }))));
+    let beyond = forged(&bvh, |bvh| bvh.frame.reference = ReferencePoint::new([1.0, 0.0, 0.0]).unwrap());
+    assert!(matches!(load(&beyond), Err(LoadError::Flaw(Flaw::Box { .. }))));
+    let mut bytes = bvh.to_bytes();
+    for x in [f32::NAN, 2.0 * ReferencePoint::MAX] {
+        bytes[152..156].copy_from_slice(&x.to_le_bytes());
+        assert!(matches!(load(&signed(bytes.clone())), Err(LoadError::Reference { .. })));
+    }
     let costless = forged(&bvh, |bvh| bvh.baseline.costs.leaf = f32::NAN);
     assert!(matches!(load(&costless), Err(LoadError::Cost { .. })));
 }

@@ -5,19 +5,20 @@ use glam::Vec3A;
 
 use super::fitted::Fitted;
 use super::vector::to_glam;
+use crate::item::Placed;
 use crate::primitive::{Primitive, extents_within};
 
 /// A primitive and the scale of the scene.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub(crate) struct ScaledShape<'a, P> {
-    pub(crate) primitive: &'a P,
+    pub(crate) placed: Placed<'a, P>,
     pub(crate) scale: f32,
 }
 
 impl<P: Primitive> Fitted for ScaledShape<'_, P> {
     /// Moments that are not finite or have a negative weight count as none.
     fn moments(&self) -> Moments {
-        let moments = self.primitive.moments();
+        let moments = self.placed.primitive.moments();
         let mut numbers = moments.mean.iter().chain(&moments.scatter).chain([&moments.weight]);
         if numbers.all(|x| x.is_finite()) && moments.weight >= 0.0 { moments } else { Moments::EMPTY }
     }
@@ -33,7 +34,7 @@ impl<P: Primitive> Fitted for ScaledShape<'_, P> {
 
     fn extents<const N: usize>(shapes: &[Self], stride: usize, rows: &[Vec3A; N]) -> [f32; N] {
         let Some(first) = shapes.first() else { return [0.0; N] };
-        let primitives = shapes.iter().step_by(stride).map(|shape| shape.primitive);
+        let primitives = shapes.iter().step_by(stride).map(|shape| shape.placed);
         let [lo, hi] = extents_within(&rows.map(|row| row.to_array()), primitives);
         std::array::from_fn(|k| (hi[k] - lo[k]) * first.scale)
     }

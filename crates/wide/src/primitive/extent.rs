@@ -7,8 +7,10 @@
 
 use canted_obb::Aabb;
 use canted_obb::round::{down, up};
+use canted_trace::ReferencePoint;
 
 use super::Primitive;
+use crate::item::Placed;
 
 /// See the module.
 const EXTENT_ERROR: f64 = 4.0 * f64::EPSILON;
@@ -61,22 +63,36 @@ pub fn bounds_of_points(points: impl IntoIterator<Item = [f32; 3]>, radius: f32)
 /// primitive.
 ///
 /// Each interval is the intersection of the primitive's own with that of its bounds: where a primitive reports NaN or too
-/// wide an interval, that of its bounds remains. So no projection exceeds those of the bounds, as the proof requires.
+/// wide an interval, that of its bounds remains. So no projection exceeds those of the bounds, as the proof requires. Relative to a
+/// reference point, bounds are rounded to nearest ([`ReferencePoint::ROUNDING`](canted_trace::ReferencePoint::ROUNDING)), own intervals outward.
 pub(crate) fn extents_within<'a, P: Primitive + 'a, const N: usize>(
     rows: &[[f32; 3]; N],
-    primitives: impl IntoIterator<Item = &'a P>,
+    primitives: impl IntoIterator<Item = Placed<'a, P>>,
 ) -> [[f32; N]; 2] {
     let (mut lo, mut hi) = ([f32::MAX; N], [f32::MIN; N]);
-    for primitive in primitives {
-        let bounds = primitive.bounds();
+    for Placed { primitive, reference } in primitives {
+        let bounds = reference.moved_box(&primitive.bounds());
         for k in 0..N {
-            let (own, of_bounds) = (primitive.extent_along(rows[k]), extent_of_box(&bounds, rows[k]));
+            let own = moved_extent(primitive.extent_along(rows[k]), rows[k], reference);
+            let of_bounds = extent_of_box(&bounds, rows[k]);
             // The minimum or maximum of NaN and a number is the number.
             lo[k] = lo[k].min(of_bounds[0].max(own[0]));
             hi[k] = hi[k].max(of_bounds[1].min(own[1]));
         }
     }
     [lo, hi]
+}
+
+/// An interval along `direction`, relative to a point; rounded outward.
+fn moved_extent([lo, hi]: [f32; 2], direction: [f32; 3], reference: ReferencePoint) -> [f32; 2] {
+    if reference.is_origin() {
+        return [lo, hi];
+    }
+    let terms: [f64; 3] = std::array::from_fn(|k| f64::from(direction[k]) * f64::from(reference.point()[k]));
+    let at = terms[0] + terms[1] + terms[2];
+    let (lo, hi) = (f64::from(lo), f64::from(hi));
+    let error = EXTENT_ERROR * (terms[0].abs() + terms[1].abs() + terms[2].abs() + lo.abs().max(hi.abs()));
+    [down(lo - at - error), up(hi - at + error)]
 }
 
 /// An f32 that is not below the real number `a + b`.

@@ -8,11 +8,13 @@ use super::{Primitive, PrimitiveHit, SavedPrimitive, bounds_of_points, extent_of
 /// Front where the ray enters, back where it leaves; surface coordinates are 0.
 ///
 /// # Error
-/// Let u = 2^-24 and `S = |o|∞ + ρ∞`, which bounds the radius and all coordinates. The roots are computed in f64: an
-/// error of some 2^-50·S in the vector from the center to the line moves the point from the sphere by as much; one of
+/// Let u = 2^-24 and `S` the greatest `|x - o|∞` of points of the bounds, which exceeds the radius. The roots are computed in f64 from
+/// the difference of center and origin: an error of some 2^-50·S in the vector from the center to the line moves the point from the sphere by as much; one of
 /// the chord's square, of some 2^-50 relative, moves it along the line and from the sphere by less. Rounding `t` adds
 /// u·S: 1.1 u of the 20 u that are stated.
 impl Primitive for Sphere {
+    const IS_LOCAL: bool = true;
+
     fn bounds(&self) -> Aabb {
         bounds_of_points([self.center], self.radius)
     }
@@ -47,9 +49,11 @@ impl SavedPrimitive for Sphere {
 /// A leaf holds one box, so [`WideBvh::traverse_ordered`](crate::WideBvh::traverse_ordered) reports the boxes that a ray enters.
 ///
 /// # Error
-/// Quotients are computed in f64 and off by some 2^-52 relative, rounding `t` adds 2^-24·S: less than the 2 u that are stated.
+/// Quotients of differences are computed in f64 and off by some 2^-52 relative, rounding `t` adds 2^-24·S, with S the greatest
+/// `|x - o|∞` of points of the box: less than the 2 u that are stated.
 impl Primitive for Aabb {
     const ERROR: f32 = f32::EPSILON;
+    const IS_LOCAL: bool = true;
     const MAX_LEAF: usize = 1;
 
     fn bounds(&self) -> Aabb {

@@ -7,6 +7,7 @@ use crate::layout::{HALF_WORDS, Half, Lane, LeafLayout, PART_LANES, PARTS};
 use crate::outline::{LeafOutline, Outline};
 use crate::par;
 use crate::refit::boxes::LeafContent;
+use crate::traverse::MeshFrame;
 
 const LAYOUT: &LeafLayout = &LeafLayout::BLOCKS;
 
@@ -51,7 +52,7 @@ pub(super) fn replace(
     halves: &mut [Half],
     positions: &[[f32; 3]],
     triangles: &[[u32; 3]],
-    rotation: Option<[[f32; 3]; 3]>,
+    frame: &MeshFrame,
 ) -> Vec<LeafContent> {
     let replace_leaf = |leaf: &LeafOutline, words: &mut [u32]| {
         let (n, part) = (leaf.places.len(), leaf.part(LAYOUT));
@@ -63,7 +64,7 @@ pub(super) fn replace(
             }
             corners
         });
-        LeafContent::of(replaced, rotation)
+        LeafContent::of(replaced, frame)
     };
     let order = outline.leaves_by_unit();
     // Leaves that share a half-block are written by one job.
@@ -99,7 +100,8 @@ pub(crate) fn unused_lanes_are_zero(leaf: &LeafOutline, halves: &[Half]) -> bool
 
 #[cfg(test)]
 mod tests {
-    use canted_obb::Aabb;
+    use canted_obb::{Aabb, Obb};
+    use canted_trace::ReferencePoint;
 
     use super::*;
     use crate::layout::MAX_LEAF;
@@ -139,7 +141,8 @@ mod tests {
             for (first, id) in (0u32..).step_by(3).zip(&ids) {
                 triangles[id.index()] = [first, first + 1, first + 2];
             }
-            let contents = replace(&outline, &mut halves, moved.as_flattened(), &triangles, None);
+            let frame = MeshFrame::new(Obb::IDENTITY_FRAME, ReferencePoint::ORIGIN);
+            let contents = replace(&outline, &mut halves, moved.as_flattened(), &triangles, &frame);
             assert_eq!(contents[0].bounds, Aabb::from_points(moved.iter().flatten().copied()));
             assert_eq!(Triangles::read(&outline, &halves), Triangles { corners: moved, ids });
             assert_eq!(unused_lanes_are_zero(&leaf, &halves), n % 4 == 0, "{n}");

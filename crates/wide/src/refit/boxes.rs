@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use canted_obb::{Aabb, Obb};
+use canted_obb::Aabb;
 use canted_trace::Slabs;
 
 use crate::emit::{write_boxes, write_slabs};
@@ -19,7 +19,7 @@ struct Source<'a> {
     outline: &'a Outline,
     slabs: &'a SlabsOf<'a>,
     contents: &'a [LeafContent],
-    /// Boxes of nodes in the mesh frame.
+    /// Boxes of nodes in the mesh frame, relative to the reference point.
     node_boxes: Vec<Aabb>,
     reaches: Reaches,
     pads: &'a BoxPads,
@@ -33,6 +33,8 @@ pub(super) type SlabsOf<'a> = dyn Fn(Range<usize>, [[f32; 3]; 3]) -> Slabs + Syn
 pub(crate) struct LeafContent {
     /// Object space.
     pub(crate) bounds: Aabb,
+    /// Greatest coordinate relative to the reference point.
+    pub(crate) reach: f32,
     /// The boxes of all items in the mesh frame, together.
     pub(crate) aligned: Aabb,
     /// Sum of the surface areas of all items.
@@ -40,35 +42,34 @@ pub(crate) struct LeafContent {
 }
 
 impl LeafContent {
-    pub(crate) const EMPTY: Self = Self { bounds: Aabb::EMPTY, aligned: Aabb::EMPTY, area: 0.0 };
+    pub(crate) const EMPTY: Self = Self { bounds: Aabb::EMPTY, reach: 0.0, aligned: Aabb::EMPTY, area: 0.0 };
 
-    /// Of these items; `rotation` is that of the mesh.
+    /// Of these items, as they are given, in this frame.
     #[inline]
-    pub(crate) fn of<I: Item>(items: impl Iterator<Item = I>, rotation: Option<[[f32; 3]; 3]>) -> Self {
+    pub(crate) fn of<I: Item>(items: impl Iterator<Item = I>, frame: &MeshFrame) -> Self {
         let mut content = Self::EMPTY;
         for item in items {
             content.bounds = content.bounds.union(item.aabb());
             content.area += item.area();
-            if let Some(rows) = &rotation {
-                content.aligned = content.aligned.union(item::rotated_box(&item, rows));
+            if !frame.is_identity {
+                let moved = item.moved(frame.reference);
+                content.aligned = content.aligned.union(item::rotated_box(&moved, &frame.rows));
             }
         }
-        if rotation.is_none() {
-            content.aligned = content.bounds;
+        // Rounding is monotonic, so this is the box of all moved items.
+        let moved = frame.reference.moved_box(&content.bounds);
+        content.reach = moved.reach();
+        if frame.is_identity {
+            content.aligned = moved;
         }
         content
     }
 
     /// Of each leaf; `items` are by place.
-    pub(crate) fn of_leaves<I: Item>(outline: &Outline, items: &[I], rotation: Option<[[f32; 3]; 3]>) -> Vec<Self> {
-        let content = |leaf: &LeafOutline| Self::of(items[leaf.places.clone()].iter().copied(), rotation);
+    pub(crate) fn of_leaves<I: Item>(outline: &Outline, items: &[I], frame: &MeshFrame) -> Vec<Self> {
+        let content = |leaf: &LeafOutline| Self::of(items[leaf.places.clone()].iter().copied(), frame);
         par::map(&outline.leaves, LEAVES, content)
     }
-}
-
-/// The rows of a mesh frame; `None` if they are the axes of object space.
-pub(super) fn rotation(frame: &MeshFrame) -> Option<[[f32; 3]; 3]> {
-    (frame.rows != Obb::IDENTITY_FRAME).then_some(frame.rows)
 }
 
 /// Fewest leaves of one job.
@@ -76,12 +77,14 @@ const LEAVES: usize = 256;
 
 /// Greatest coordinates below leaves and nodes.
 pub(super) fn reaches(outline: &Outline, contents: &[LeafContent]) -> Reaches {
-    Reaches::of_leaves(outline, contents.iter().map(|content| content.bounds.reach()).collect())
+    Reaches::of_leaves(outline, contents.iter().map(|content| content.reach).collect())
 }
 
-/// Writes the boxes of all nodes, rounded outward and padded as a build does it; `items` are by place.
+/// Writes the boxes of all nodes, rounded outward and padded as a build does it; `items` are by place, as they are given.
 pub(crate) fn write<I: Item>(outline: &Outline, items: &[I], frame: &MeshFrame, pads: &BoxPads, lines: &mut [Line]) {
-    let contents = LeafContent::of_leaves(outline, items, rotation(frame));
+    let contents = LeafContent::of_leaves(outline, items, frame);
+    let moved = item::moved(items, frame.reference);
+    let items = moved.as_deref().unwrap_or(items);
     let slabs = |places: Range<usize>, rows| I::slabs(&items[places], rows);
     write_around(outline, &contents, &slabs, pads, lines);
 }

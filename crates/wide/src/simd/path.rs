@@ -52,30 +52,68 @@ impl SimdPath {
         }
     }
 
-    /// Runs `task` on this path, or on the scalar one where the machine lacks it.
+    /// The proof that this machine has the instructions, or that of the scalar path.
+    pub(crate) fn proven(self) -> Proven {
+        match self {
+            Self::Scalar => None,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => super::Avx2::new().map(Proven::Avx2),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => super::Avx512::new().map(Proven::Avx512),
+            #[cfg(not(target_arch = "x86_64"))]
+            Self::Avx2 | Self::Avx512 => None,
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon => super::Neon::new().map(Proven::Neon),
+            #[cfg(not(target_arch = "aarch64"))]
+            Self::Neon => None,
+        }
+        .unwrap_or(Proven::Scalar)
+    }
+}
+
+/// A path that this machine has. A ray may take less time than asking for the instructions, so a BVH asks once.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Proven {
+    Scalar,
+    #[cfg(target_arch = "x86_64")]
+    Avx2(super::Avx2),
+    #[cfg(target_arch = "x86_64")]
+    Avx512(super::Avx512),
+    #[cfg(target_arch = "aarch64")]
+    Neon(super::Neon),
+}
+
+impl Proven {
+    /// The fastest path of this machine.
+    pub(crate) fn detect() -> Self {
+        SimdPath::detect().proven()
+    }
+
+    /// Its name.
+    pub(crate) fn path(self) -> SimdPath {
+        match self {
+            Self::Scalar => SimdPath::Scalar,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(_) => SimdPath::Avx2,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(_) => SimdPath::Avx512,
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon(_) => SimdPath::Neon,
+        }
+    }
+
+    /// Runs `task` on this path.
     #[inline]
     pub(crate) fn run<T: super::Task>(self, task: T) -> T::Output {
         use super::Simd;
-        #[cfg(target_arch = "x86_64")]
         match self {
-            Self::Avx512 => {
-                if let Some(simd) = super::Avx512::new() {
-                    return simd.run(task);
-                }
-            }
-            Self::Avx2 => {
-                if let Some(simd) = super::Avx2::new() {
-                    return simd.run(task);
-                }
-            }
-            Self::Scalar | Self::Neon => {}
+            Self::Scalar => super::Scalar.run(task),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(simd) => simd.run(task),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(simd) => simd.run(task),
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon(simd) => simd.run(task),
         }
-        #[cfg(target_arch = "aarch64")]
-        if self == Self::Neon
-            && let Some(simd) = super::Neon::new()
-        {
-            return simd.run(task);
-        }
-        super::Scalar.run(task)
     }
 }

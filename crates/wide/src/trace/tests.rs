@@ -1,7 +1,7 @@
 //! Rays without pads lose hits, on either side: the tests for lost hits can fail.
 
 use canted_fixtures::{Grazing, Mesh, SplitMix64};
-use canted_trace::{InstanceId, Ray, ScaledRay};
+use canted_trace::{InstanceId, Ray, ReferencePoint, ScaledRay};
 
 use super::*;
 use crate::layout::LeafLayout;
@@ -26,7 +26,7 @@ impl Task for Padded<'_> {
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Self::Output {
         let ray = ScaledRay::new(self.ray)?;
-        let (query, stack) = (&mut (), &mut Stack::new(self.bvh.nodes.depth));
+        let (query, stack) = (&mut (), &mut Stack::new());
         let mut best = BestHit::new(query, InstanceId(0));
         let ray = prepare_padded(self.bvh, self.pads, ray);
         trace(simd, self.bvh, &ray, stack, &mut best);
@@ -38,8 +38,14 @@ impl Task for Padded<'_> {
 fn with_box_pads(mut bvh: TriangleBvh, pads: Pads) -> TriangleBvh {
     let outline = Outline::of(&bvh.nodes, bvh.leaves.halves.len(), &LeafLayout::BLOCKS).expect("a valid BVH");
     let triangles = Triangles::read(&outline, &bvh.leaves.halves);
-    write_boxes(&outline, &triangles.corners, &bvh.frame, &BoxPads::new(pads, &bvh.frame), &mut bvh.nodes.lines);
+    write_boxes(&outline, &triangles.corners, &bvh.frame, &BoxPads::new(pads, bvh.frame.is_identity), &mut bvh.nodes.lines);
     bvh
+}
+
+/// The BVH with boxes relative to another point, padded as proven.
+fn relative_to(mut bvh: TriangleBvh, point: [f32; 3]) -> TriangleBvh {
+    bvh.frame.reference = ReferencePoint::new(point).expect("a small point");
+    with_box_pads(bvh, Pads::of(<crate::Triangle as LeafPrimitive>::ERROR))
 }
 
 fn build(mesh: &Mesh, config: &Config) -> TriangleBvh {
@@ -50,7 +56,7 @@ fn build(mesh: &Mesh, config: &Config) -> TriangleBvh {
 fn n_different(bvh: &TriangleBvh, rays: &[Ray], of_rays: Pads, of_boxes: Pads, path: SimdPath) -> usize {
     let proven = bvh.clone().with_path(path);
     let bvh = with_box_pads(bvh.clone(), of_boxes);
-    let is_lost = |ray: &&Ray| path.run(Padded { bvh: &bvh, pads: of_rays, ray }) != proven.closest_hit(ray);
+    let is_lost = |ray: &&Ray| path.proven().run(Padded { bvh: &bvh, pads: of_rays, ray }) != proven.closest_hit(ray);
     rays.iter().filter(is_lost).count()
 }
 
@@ -103,7 +109,8 @@ fn either_part_of_the_padding_alone_loses_hits() {
     let flat = canted_fixtures::coplanar_quads(20).off_axis();
     let away = flat.placed(|[x, y, z]| [x + 1e4, y - 3e4, z + 2e4]);
     for config in [Config::default().axis_aligned(), Config::default()] {
-        let (near_mesh, far_mesh) = (build(&flat, &config), build(&away, &config));
+        let near_mesh = build(&flat, &config);
+        let far_mesh = relative_to(build(&away, &config), [0.0; 3]);
         let from_afar = at_corners(&flat, 1e6, 20_000);
         // Shifted so that the origins are near that of the space, and the mesh is not.
         let mut to_far: Vec<Ray> = at_corners(&away, 4e4, 40_000);
@@ -126,4 +133,41 @@ fn either_part_of_the_padding_alone_loses_hits() {
             assert!(n_different(&far_mesh, &own, proven, NONE, path) > 0, "{name}: boxes need no pad");
         }
     }
+}
+
+/// Pads are relative to the reference point: where it is far from both, those of the coordinates as they were given lose hits. A point
+/// nearby needs smaller pads and loses nothing.
+#[test]
+fn pads_relative_to_the_wrong_point_lose_hits() {
+    let flat = canted_fixtures::coplanar_quads(20).off_axis();
+    let rays = at_corners(&flat, 10.0, 20_000);
+    let proven = Pads::of(<crate::Triangle as LeafPrimitive>::ERROR);
+    for config in [Config::default().axis_aligned(), Config::default()] {
+        let near = build(&flat, &config);
+        let far = relative_to(near.clone(), [2.1e4, -3.3e4, 1.7e4]);
+        for path in paths() {
+            let name = path.name();
+            let hits = |bvh: &TriangleBvh| rays.iter().map(|ray| bvh.closest_hit(ray)).collect::<Vec<_>>();
+            assert_eq!(hits(&far.clone().with_path(path)), hits(&near), "{name}");
+            assert_eq!(n_different(&far, &rays, proven, proven, path), 0, "{name}");
+            // Both parts are of one size here, so that either suffices for these rays, but no pad at all does not.
+            assert!(n_different(&far, &rays, NONE, NONE, path) > 0, "{name}: no pad is needed");
+            // What pads relative to the origin of the space are, seen from the reference point.
+            let of_origin = |x: f32| x * 10.0 / 3.3e4;
+            let Pads { aligned, rotated, oriented } = proven;
+            let small = Pads { aligned: of_origin(aligned), rotated: of_origin(rotated), oriented: of_origin(oriented) };
+            assert!(n_different(&far, &rays, small, small, path) > 0, "{name}: pads of given coordinates suffice");
+        }
+    }
+}
+
+/// A mesh far from the origin is as it would be there, up to rounding: boxes are relative to a point inside, and pads as small.
+#[test]
+fn far_meshes_have_a_reference_point_inside() {
+    let mesh = canted_fixtures::icosphere(4);
+    let away = mesh.placed(|[x, y, z]| [x + 1e4, y - 3e4, z + 2e4]);
+    let (near, far) = (build(&mesh, &Config::default()), build(&away, &Config::default()));
+    assert!(near.frame.reference.is_origin());
+    let [x, y, z] = far.frame.reference.point();
+    assert!((x - 1e4).abs() <= 1.0 && (y + 3e4).abs() <= 1.0 && (z - 2e4).abs() <= 1.0, "{x} {y} {z}");
 }

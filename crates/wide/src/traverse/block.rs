@@ -13,7 +13,7 @@ pub trait LaneKernel: Kernel + Clone + std::fmt::Debug {
     #[doc(hidden)]
     const TEST: LaneTest;
 
-    /// How far hits may lie from their triangle, relative to `|o|∞ + ρ∞`.
+    /// How far hits may lie from their triangle, relative to the greatest `|v - o|∞` of its vertices and the ray's origin.
     #[doc(hidden)]
     const ERROR: f32;
 }

@@ -1,11 +1,11 @@
 use canted_trace::lanes::{SQRT_3, UNIT_ROUNDOFF as U, reciprocal};
-use canted_trace::{MIN_DIRECTION, ScaledRay};
+use canted_trace::{MIN_DIRECTION, ReferencePoint, ScaledRay};
 
 use crate::layout::NodeKind;
 use crate::simd::Simd;
 
-/// Padding of box tests, relative to `|o|∞` on the side of the ray and to the reach of the content on that of the box; or the
-/// ray's part in units of the space. Derived in `traverse`.
+/// Padding of box tests, relative to `|o|∞` on the side of the ray and to the reach of the content on that of the box, both from the
+/// reference point; or the ray's part in units of the space. Derived in `traverse`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Pads {
     /// In aligned nodes of the identity frame.
@@ -19,10 +19,11 @@ pub(crate) struct Pads {
 impl Pads {
     /// Relative pads for hits that lie within `error·(|o|∞ + ρ∞)` of what the boxes bound, in each coordinate.
     pub(crate) const fn of(error: f32) -> Self {
+        let error = error + ReferencePoint::ROUNDING;
         Self { aligned: error + 6.0 * U, rotated: SQRT_3 * (error + 9.0 * U), oriented: SQRT_3 * (error + 14.0 * U) }
     }
 
-    /// The ray's part of relative pads, in units of the space.
+    /// The ray's part of relative pads, in units of the space; `ray` is relative to the reference point.
     #[inline(always)]
     pub(crate) fn along(self, ray: &ScaledRay) -> Self {
         let [x, y, z] = ray.origin.map(f32::abs);
@@ -31,7 +32,8 @@ impl Pads {
         Self { aligned: pad(self.aligned), rotated: pad(self.rotated), oriented: pad(self.oriented) }
     }
 
-    /// The ray's part of the pads, in units of the space, for hits within `error` of what the boxes bound, in those units.
+    /// The ray's part of the pads, in units of the space, for hits within `error` of what the boxes bound, in those units; `ray` is
+    /// relative to the reference point.
     ///
     /// The hit is farther by the error, so roundings are relative to `S + e` instead of `S`.
     #[inline(always)]
@@ -55,9 +57,9 @@ pub(crate) struct BoxPads {
 }
 
 impl BoxPads {
-    /// For nodes in this mesh frame.
-    pub(crate) fn new(pads: Pads, frame: &MeshFrame) -> Self {
-        let aligned = if frame.is_identity { pads.aligned } else { pads.rotated };
+    /// For nodes in a mesh frame that is the identity or another.
+    pub(crate) fn new(pads: Pads, is_identity: bool) -> Self {
+        let aligned = if is_identity { pads.aligned } else { pads.rotated };
         Self { aligned: aligned.into(), oriented: pads.oriented.into() }
     }
 
@@ -72,16 +74,17 @@ impl BoxPads {
     }
 }
 
-/// The frame of aligned nodes: rows across their planes.
+/// The coordinates that boxes are in: relative to a reference point, and for aligned nodes along rows across their planes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MeshFrame {
     pub(crate) rows: [[f32; 3]; 3],
     pub(crate) is_identity: bool,
+    pub(crate) reference: ReferencePoint,
 }
 
 impl MeshFrame {
-    pub(crate) fn new(rows: [[f32; 3]; 3]) -> Self {
-        Self { rows, is_identity: rows == canted_obb::Obb::IDENTITY_FRAME }
+    pub(crate) fn new(rows: [[f32; 3]; 3], reference: ReferencePoint) -> Self {
+        Self { rows, is_identity: rows == canted_obb::Obb::IDENTITY_FRAME, reference }
     }
 
     #[inline(always)]
@@ -107,14 +110,14 @@ pub(crate) struct RayNumbers<N> {
     /// The same for far planes.
     pub(crate) far: [N; 3],
     pub(crate) t_min: N,
-    /// Origin and direction in object space.
+    /// Origin, relative to the reference point, and direction in object space.
     pub(crate) origin: [N; 3],
     pub(crate) direction: [N; 3],
     pub(crate) pad_oriented: N,
 }
 
 impl RayNumbers<f32> {
-    /// The numbers of `ray`, thickened by `pads` in units of the space.
+    /// The numbers of `ray`, which is relative to the reference point, thickened by `pads` in units of the space.
     #[inline(always)]
     pub(crate) fn new(ray: &ScaledRay, frame: &MeshFrame, pads: &Pads) -> Self {
         let (origin, direction, pad) = if frame.is_identity {

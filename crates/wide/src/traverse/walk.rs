@@ -27,9 +27,9 @@ pub(crate) fn walk<S: Simd, const ORDERED: bool>(
     stack: &mut Stack,
     visitor: &mut impl Visitor,
 ) {
-    let Nodes { lines, root, .. } = nodes;
+    let Nodes { lines, root, depth } = nodes;
     let lines: &[Line] = lines;
-    let stack = stack.slots();
+    let stack = stack.slots(*depth);
     let mut waiting = 0;
     let mut word = *root;
     loop {

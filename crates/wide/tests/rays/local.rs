@@ -98,6 +98,54 @@ fn clusters_of_very_different_scale_do_not_slow_each_other() {
     assert_local("a small cluster", &large, &small, &rays(2_000, 1e6, [3e6, 0.0, 0.0], 8));
 }
 
+/// A mesh far from the origin needs as many box tests as the same mesh at the origin, as far as `f32` can hold it: a distance of 1e7 is
+/// 600 times the resolution of its coordinates away from losing it.
+#[test]
+fn a_distant_mesh_is_as_fast_as_one_at_the_origin() {
+    for (size, distances) in [(0.02, &[1e4, 1e5][..]), (20.0, &[1e6, 1e7])] {
+        let half = 50.0 * size;
+        let mesh = detail(20_000, half, size, [0.0; 3], 20);
+        let alone = n_boxes(&mesh, &rays(1_000, half, [0.0; 3], 21), 0);
+        for &distance in distances {
+            for direction in [[1.0, 0.0, 0.0], [-0.7, 0.3, 1.0]] {
+                let center = direction.map(|x| distance * x);
+                let away = n_boxes(&detail(20_000, half, size, center, 20), &rays(1_000, half, center, 21), 60);
+                for ((name, alone), (_, away)) in alone.iter().zip(&away) {
+                    let what = format!("{size} at {distance}, {name:?}");
+                    assert!(*away <= MOST * alone, "{what}: {away} box tests a ray instead of {alone}");
+                }
+            }
+        }
+    }
+}
+
+/// A distant mesh with a floor that reaches the origin, and one that a refit moves there and back.
+#[test]
+fn a_distant_mesh_may_have_distant_parts_and_move() {
+    let (near, far) = ([0.0; 3], [3e5, -2e5, 1e4]);
+    let [mesh, away] = [near, far].map(|center| detail(20_000, 1.0, 0.05, center, 22));
+    let [rays_near, rays_far] = [near, far].map(|center| rays(1_000, 1.0, center, 23));
+    assert_local("a floor from afar to the origin", &away, &floor(1e6, 1e4 - 1.1), &rays_far);
+
+    let mut bvh = build::<Watertight>(&mesh, Preset::Fast);
+    let count = |bvh: &TriangleBvh, mesh: &Mesh, rays: &[Ray]| {
+        let mut counts = Counts::default();
+        for (i, ray) in rays.iter().enumerate() {
+            let hit = bvh.closest_hit_with(ray, InstanceId(0), &mut counts);
+            assert!(i > 30 || hit == brute::<Watertight>(mesh, ray).first().copied(), "{ray:?}");
+        }
+        counts.boxes
+    };
+    let before = count(&bvh, &mesh, &rays_near);
+    for (mesh, rays) in [(&away, &rays_far), (&mesh, &rays_near)] {
+        bvh.refit(&mesh.positions, &mesh.triangles).unwrap();
+        let after = count(&bvh, mesh, rays);
+        assert!(2 * after <= 3 * before, "{after} box tests instead of {before}");
+        let loaded = TriangleBvh::<Watertight>::from_bytes(&bvh.to_bytes()).unwrap();
+        assert_eq!(count(&loaded, mesh, rays), after);
+    }
+}
+
 /// Boxes that a refit writes are as local as those of a build, and so are those read from a file of another triangle test.
 #[test]
 fn refitted_and_loaded_boxes_are_local() {

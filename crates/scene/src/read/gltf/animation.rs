@@ -9,7 +9,7 @@ use gltf::json::scene::{Node, UnitQuaternion};
 use gltf::json::validation::Checked;
 
 use super::document::Document;
-use super::keyframes::Keyframes;
+use super::keyframes::{self, Keyframes};
 use crate::read::ReadError;
 use crate::read::warning_groups::WarningGroups;
 
@@ -64,6 +64,17 @@ pub(super) fn pose(
         apply(&mut document.root.nodes[node], change);
     }
     Ok(())
+}
+
+/// First and last key time in seconds of the channels of the animation of this name or number; the first one for `None`. Channels that
+/// are malformed, which posing reports, are skipped.
+pub(super) fn time_range(document: &Document<'_>, wanted: Option<&str>) -> Option<[f32; 2]> {
+    let animation = &document.root.animations[document.animation(wanted).ok()??];
+    let times = animation.channels.iter().filter_map(|channel| {
+        let sampler = animation.samplers.get(channel.sampler.value())?;
+        keyframes::times(document, sampler, "").ok()
+    });
+    times.map(|times| [times[0], times[times.len() - 1]]).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
 }
 
 /// The value of a channel at `time`; `None` for an unsupported target.

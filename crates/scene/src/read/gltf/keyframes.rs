@@ -24,6 +24,19 @@ enum KeyPosition {
     Between { key: usize, part: f64, seconds: f64 },
 }
 
+/// The key times of a sampler in seconds, ascending; at least one.
+pub(super) fn times(document: &Document<'_>, sampler: &Sampler, location: &str) -> Result<Vec<f32>, ReadError> {
+    let input = Accessor::open(document, sampler.input.value(), location, Type::Scalar, &[ComponentType::F32])?;
+    let times: Vec<f32> = (0..input.count).map(|k| input.reals::<1>(k)[0]).collect();
+    if times.is_empty() || !times.iter().all(|time| time.is_finite()) {
+        return Err(document.malformed(location, "key times are missing or not finite"));
+    }
+    if let Some(pair) = times.windows(2).find(|pair| pair[0] >= pair[1]) {
+        return Err(document.malformed(location, format!("key time {} after {} is not ascending", pair[1], pair[0])));
+    }
+    Ok(times)
+}
+
 impl<'a> Keyframes<'a> {
     /// Opens the accessors of a sampler with values of the given type.
     pub(super) fn open(
@@ -35,16 +48,7 @@ impl<'a> Keyframes<'a> {
         let Checked::Valid(interpolation) = sampler.interpolation else {
             return Err(document.malformed(location, "unknown interpolation"));
         };
-        let input = Accessor::open(document, sampler.input.value(), location, Type::Scalar, &[ComponentType::F32])?;
-        let times: Vec<f32> = (0..input.count).map(|k| input.reals::<1>(k)[0]).collect();
-        if times.is_empty() || !times.iter().all(|time| time.is_finite()) {
-            return Err(document.malformed(location, "key times are missing or not finite"));
-        }
-        if let Some(pair) = times.windows(2).find(|pair| pair[0] >= pair[1]) {
-            return Err(
-                document.malformed(location, format!("key time {} after {} is not ascending", pair[1], pair[0]))
-            );
-        }
+        let times = times(document, sampler, location)?;
         let values = Accessor::open(document, sampler.output.value(), location, element, REALS)?;
         let keyframes = Self { times, values, interpolation };
         let needed = keyframes.times.len() * keyframes.n_parts();

@@ -43,6 +43,11 @@ impl Poses {
         self.document.path()
     }
 
+    /// First and last key time of the animation in seconds.
+    pub(in crate::read) fn time_range(&self) -> Option<[f32; 2]> {
+        animation::time_range(&self.document, self.animation.as_deref())
+    }
+
     /// The meshes, instances, cameras, lights and warnings at a time in seconds.
     pub(in crate::read) fn at(&mut self, time: f32) -> Result<Scene, ReadError> {
         let mut grouped = WarningGroups::default();

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::body::Body;
+use super::faces::Faces;
 use super::header::{Element, Header, Kind, Scalar};
 use crate::read::ReadError;
 use crate::read::text::quoted;
@@ -19,10 +20,7 @@ pub(super) struct Table {
     pub(super) colors: Option<Vec<[f32; 3]>>,
     /// The color value of full intensity; `None` for numbers that are not integers, whose range decides.
     pub(super) max_color: Option<f32>,
-    /// Vertex indices of all faces, concatenated.
-    pub(super) corners: Vec<u32>,
-    /// End of each face in `corners`.
-    pub(super) face_ends: Vec<usize>,
+    pub(super) faces: Faces,
 }
 
 /// Number of entries of [`VERTEX`].
@@ -72,8 +70,10 @@ pub(super) fn table(path: &Path, header: &Header, bytes: &[u8]) -> Result<(Table
             }
             b"face" => {
                 let list = face_list(element).map_err(of_element)?;
+                table.faces.reserve(n_rows);
+                let mut face = Vec::new();
                 for row in 0..n_rows {
-                    table.face(&mut body, element, list).map_err(|message| of_row(row, message))?;
+                    table.face(&mut body, element, list, &mut face).map_err(|message| of_row(row, message))?;
                 }
             }
             _ => {
@@ -153,14 +153,22 @@ impl Table {
         Ok(())
     }
 
-    fn face(&mut self, body: &mut Body, element: &Element, list: usize) -> Result<(), String> {
+    /// Reads a face; `face` is memory.
+    fn face(
+        &mut self,
+        body: &mut Body,
+        element: &Element,
+        list: usize,
+        face: &mut Vec<u32>,
+    ) -> Result<(), String> {
+        face.clear();
         for (k, property) in element.properties.iter().enumerate() {
             match property.kind {
-                Kind::List { count, item } if k == list => self.corners(body, count, item)?,
+                Kind::List { count, item } if k == list => corners(body, count, item, face)?,
                 kind => body.skip(kind)?,
             }
         }
-        self.face_ends.push(self.corners.len());
+        self.faces.push(face);
         Ok(())
     }
 
@@ -185,20 +193,20 @@ impl Table {
                 let c = u32::try_from(index).map_err(|_| format!("invalid vertex index {index}"))?;
                 let [a, b] = strip;
                 if n_strip >= 2 && a != b && b != c && c != a {
-                    self.corners.extend(if n_strip.is_multiple_of(2) { [a, b, c] } else { [b, a, c] });
-                    self.face_ends.push(self.corners.len());
+                    self.faces.push(&if n_strip.is_multiple_of(2) { [a, b, c] } else { [b, a, c] });
                 }
                 (strip, n_strip) = ([b, c], n_strip + 1);
             }
         }
         Ok(())
     }
+}
 
-    fn corners(&mut self, body: &mut Body, count: Scalar, item: Scalar) -> Result<(), String> {
-        for _ in 0..body.length(count, item)? {
-            let index = body.integer(item)?;
-            self.corners.push(u32::try_from(index).map_err(|_| format!("invalid vertex index {index}"))?);
-        }
-        Ok(())
+/// Appends the vertex indices of a face.
+fn corners(body: &mut Body, count: Scalar, item: Scalar, face: &mut Vec<u32>) -> Result<(), String> {
+    for _ in 0..body.length(count, item)? {
+        let index = body.integer(item)?;
+        face.push(u32::try_from(index).map_err(|_| format!("invalid vertex index {index}"))?);
     }
+    Ok(())
 }

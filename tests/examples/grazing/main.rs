@@ -1,6 +1,7 @@
 //! Traces millions of grazing rays through wide BVHs and compares every answer bit for bit.
 //!
-//! `cargo xtask grazing [--rays N]` runs it and records the table. The reference is the loop over all triangles for small scenes,
+//! `cargo xtask grazing [--rays N]` runs it and records the table. `cargo xtask grazing-device [--rays N]` runs it with `--device`: BVHs that
+//! a device builds, with every volume strategy, and their answers judged as `canted_tests::judge` describes. The reference is the loop over all triangles for small scenes,
 //! and for large ones the binary BVH with axis-aligned boxes, which the tests compare with the loop. The number of rays determines
 //! the rays on every machine. Exits with 1 if an answer differs.
 #![forbid(unsafe_code)]
@@ -17,6 +18,8 @@ use canted_tests::{brute, rays, scenes};
 use canted_trace::{Hit, Ray, Watertight};
 use canted_wide::{Config, Preset, TriangleBvh};
 use rayon::prelude::*;
+
+mod on_device;
 
 /// Default of `--rays`.
 const N_RAYS: usize = 10_000_000;
@@ -125,16 +128,23 @@ fn shoot(mesh: &Mesh, oracle: &Oracle, n_rays: usize) -> Row {
 
 fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    let n_rays = match &args[..] {
-        [] => Some(N_RAYS),
+    let (is_on_device, args) = match &args[..] {
+        [first, rest @ ..] if first == "--device" => (true, rest),
+        all => (false, all),
+    };
+    let n_rays = match args {
+        [] => Some(if is_on_device { on_device::N_RAYS } else { N_RAYS }),
         [name, n] if name == "--rays" => n.parse().ok(),
         _ => None,
     };
     let mut out = std::io::stdout().lock();
     let Some(n_rays) = n_rays else {
-        let _ = writeln!(std::io::stderr(), "usage: grazing [--rays N]");
+        let _ = writeln!(std::io::stderr(), "usage: grazing [--device] [--rays N]");
         return ExitCode::from(2);
     };
+    if is_on_device {
+        return on_device::run(&mut out, &scenes(), n_rays);
+    }
     let scenes = scenes();
     let mut sums = [0; 3];
     let mut lines = vec!["| scene | triangles | reference | rays | hits | differing answers |".to_owned()];

@@ -6,37 +6,38 @@
 //! lies between and does.
 
 use canted_gpu::{DeviceHit, Gpu, HIT_ERROR, Outcome, TracedScene};
-pub(crate) use canted_tests::instances::device_hit_error as error_of_instance;
-use canted_tests::{distance::distance, instances::SQRT_3};
 use canted_trace::{Hit, Ray};
+
+pub use crate::instances::device_hit_error as error_of_instance;
+use crate::{distance::distance, instances::SQRT_3};
 
 type Corners = [[f64; 3]; 3];
 
 /// Triangle positions and error bounds.
-pub(crate) struct World<'a> {
+pub struct World<'a> {
     /// World-space corners of a triangle of an instance.
-    pub(crate) corners: &'a dyn Fn(u32, u32) -> Corners,
+    pub corners: &'a dyn Fn(u32, u32) -> Corners,
     /// `B` for a ray and an instance.
-    pub(crate) error: &'a dyn Fn(&Ray, u32) -> f64,
+    pub error: &'a dyn Fn(&Ray, u32) -> f64,
 }
 
 /// Number of rays by kind of answer.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Tally {
+pub struct Tally {
     /// The same triangle.
-    pub(crate) n_same: usize,
+    pub n_same: usize,
     /// Another triangle, within the bound.
-    pub(crate) n_ties: usize,
+    pub n_ties: usize,
     /// A hit only on the device, within the bound.
-    pub(crate) n_besides: usize,
+    pub n_besides: usize,
     /// A miss only on the device, at the end of the interval.
-    pub(crate) n_at_ends: usize,
+    pub n_at_ends: usize,
     /// A miss on both.
-    pub(crate) n_missed: usize,
+    pub n_missed: usize,
     /// No answer from the device.
-    pub(crate) n_cut: usize,
+    pub n_cut: usize,
     /// Greatest distance of a hit from its triangle, relative to the bound.
-    pub(crate) off: f64,
+    pub off: f64,
 }
 
 fn greatest(v: [f32; 3]) -> f64 {
@@ -44,7 +45,8 @@ fn greatest(v: [f32; 3]) -> f64 {
 }
 
 /// `B` of a BVH over triangles in world space with coordinates of at most `reach`.
-pub(crate) fn error_of_one_level(ray: &Ray, reach: f64) -> f64 {
+#[must_use]
+pub fn error_of_one_level(ray: &Ray, reach: f64) -> f64 {
     f64::from(HIT_ERROR) * (greatest(ray.origin) + reach)
 }
 
@@ -63,7 +65,7 @@ impl World<'_> {
     ///
     /// # Errors
     /// A lost hit, or one beyond the bound.
-    pub(crate) fn check(
+    pub fn check(
         &self,
         ray: &Ray,
         cpu: Option<Hit>,
@@ -107,8 +109,8 @@ impl World<'_> {
     /// Traces all rays on the device, with both queries, and compares the answers with `on_cpu`.
     ///
     /// # Errors
-    /// The first wrong answer.
-    pub(crate) fn check_all(
+    /// The first wrong answer, or an error of the device.
+    pub fn check_all(
         &self,
         gpu: &Gpu,
         scene: &TracedScene,
@@ -116,8 +118,8 @@ impl World<'_> {
         on_cpu: impl Fn(&Ray) -> Option<Hit>,
         tally: &mut Tally,
     ) -> Result<(), String> {
-        let hits = scene.closest_hits(gpu, rays).unwrap();
-        let occluded = scene.occluded(gpu, rays).unwrap();
+        let hits = scene.closest_hits(gpu, rays).map_err(|error| error.to_string())?;
+        let occluded = scene.occluded(gpu, rays).map_err(|error| error.to_string())?;
         assert_eq!((hits.len(), occluded.len()), (rays.len(), rays.len()));
         for ((ray, hit), occluded) in rays.iter().zip(hits).zip(occluded) {
             self.check(ray, on_cpu(ray), hit, tally)?;
@@ -134,14 +136,18 @@ impl World<'_> {
 
 impl Tally {
     /// Rays with a hit on both, among those that were answered.
-    pub(crate) fn n_hits(&self) -> usize {
+    #[must_use]
+    pub fn n_hits(&self) -> usize {
         self.n_same + self.n_ties
     }
 
-    /// Prints the counts; fails if too little was tested.
+    /// Prints the counts.
+    ///
+    /// # Panics
+    /// Too little was tested.
     #[track_caller]
     #[expect(clippy::print_stderr, reason = "the share of ties is reported")]
-    pub(crate) fn report(&self, name: &str) {
+    pub fn report(&self, name: &str) {
         eprintln!("{name}: {self:?}");
         assert!(self.n_hits() > 100 && self.n_missed > 0, "{name}: {self:?}");
         assert!(self.n_cut * 10 < self.n_hits(), "{name}: {self:?}");

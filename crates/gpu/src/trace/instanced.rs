@@ -1,0 +1,271 @@
+//! Instances of meshes in a program's own buffers, built in the program's command encoder.
+//!
+//! ```text
+//! vertices, indices -> corners -> one tree per mesh -> pairs, headers, mesh boxes      rebuild, or one mesh: rebuild or refit
+//! transforms, mesh boxes -> place -> tree over instances -> pairs, header              update of the top level
+//! ```
+//!
+//! Nothing is read back: inverses and boxes of instances are computed on the device.
+
+use canted_lbvh::Bits;
+
+use super::binary::{Pairs, header};
+use super::buffers::check_same_counts;
+use super::headers::{put_headers, scales};
+use super::layout::{BvhHeader, HitError};
+use super::level::{Instances, Level};
+use super::scene::{Nodes, TracedScene};
+use crate::build::{
+    BuildConfig, Built, Faults, InstanceBuffer, Items, MeshBoxes, MeshBuffers, N_INSTANCE_FAULTS, Range, Run,
+    depth_bound, fault, instance_fault, refit_aabbs,
+};
+use crate::{Buffer, Gpu, GpuError};
+
+/// Binary BVHs over meshes in a program's own buffers, and one over instances of them, whose transforms are in a buffer, too.
+///
+/// A change of a mesh is recorded by [`Self::rebuild_mesh`] or [`Self::refit_mesh`], a change of transforms by [`Self::update_top`] alone.
+/// Bindings of [`Self::traced`] stay valid.
+///
+/// ```no_run
+/// use canted_gpu::{Gpu, InstanceBuffer, InstancedScene, MeshBuffers, build::BuildConfig};
+///
+/// # fn example(device: wgpu::Device, queue: wgpu::Queue, mesh: MeshBuffers<'_>, transforms: wgpu::Buffer) -> Result<(), canted_gpu::GpuError> {
+/// let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
+/// // Each instance: twelve f32 (the rows of world_from_object), the number of its mesh, three unused words.
+/// let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 64, n_instances: 100 };
+/// let mut scene = InstancedScene::new(&gpu, &[mesh], &instances, BuildConfig::default())?;
+/// let wgsl = scene.traced().module(1)?; // closest_hit(ray), occluded(ray), with buffers in bind group 1
+///
+/// // Each frame: the program writes transforms, and moves vertices of mesh 0.
+/// let mut encoder = device.create_command_encoder(&Default::default());
+/// scene.refit_mesh(&gpu, &mut encoder, 0, &mesh)?;
+/// scene.update_top(&gpu, &mut encoder, &instances)?;
+/// queue.submit([encoder.finish()]);
+/// # Ok(())
+/// # }
+/// ```
+pub struct InstancedScene {
+    traced: TracedScene,
+    bottom: Built,
+    top: Built,
+    boxes: MeshBoxes,
+    faults: Faults,
+    instance_faults: Buffer<u32>,
+    config: BuildConfig,
+}
+
+/// The top level has short codes: its cells are still a thousandth of the scene, and the stack of a ray is shallower.
+const TOP_BITS: Bits = Bits::B30;
+
+impl InstancedScene {
+    /// Builds both levels, waits for them and checks the buffers.
+    ///
+    /// # Errors
+    /// As for [`BufferScene::new`](crate::BufferScene::new); an instance of no mesh, with a transform that is not finite, is singular or has
+    /// a condition number above [`MAX_CONDITION`](crate::MAX_CONDITION), or with coordinates above 1e18 in world space, by its number.
+    pub fn new(
+        gpu: &Gpu,
+        meshes: &[MeshBuffers<'_>],
+        instances: &InstanceBuffer<'_>,
+        config: BuildConfig,
+    ) -> Result<Self, GpuError> {
+        let scene = Self::without_check(gpu, meshes, instances, config)?;
+        scene.check(gpu)?;
+        Ok(scene)
+    }
+
+    /// Builds both levels without checking the buffers. A triangle with a fault counts as a point, and an instance with a fault is not
+    /// placed; nothing hits them.
+    ///
+    /// # Errors
+    /// As for [`Self::new`], except for faults of triangles and instances.
+    pub fn without_check(
+        gpu: &Gpu,
+        meshes: &[MeshBuffers<'_>],
+        instances: &InstanceBuffer<'_>,
+        config: BuildConfig,
+    ) -> Result<Self, GpuError> {
+        let mut run = Run::new(gpu);
+        let faults = gpu.zeroed("faults", 2 * meshes.len())?;
+        let items = Items::trees_of_buffers(&run, meshes)?;
+        items.gather(&mut run, meshes, &faults)?;
+        let bottom = Built::new(&mut run, items, config)?;
+        let top_items = Items::unplaced(gpu, instances.n_instances)?;
+        let top = Built::new(&mut run, top_items, top_config(config))?;
+        let pairs = Pairs::new(&mut run, &bottom, Some(&top))?;
+        let headers = first_headers(&bottom, &top);
+        let level = Level::Two(Instances::unplaced(gpu, instances.n_instances)?);
+        let deepest = meshes.iter().map(|mesh| depth_bound(mesh.n_triangles, config.bits)).max().unwrap_or(0);
+        let depth = deepest + depth_bound(instances.n_instances, TOP_BITS);
+        let traced = TracedScene::over(gpu, Nodes::Binary(pairs), &headers, level, depth)?;
+        let boxes = gpu.zeroed("boxes of meshes", meshes.len())?;
+        let instance_faults = gpu.zeroed("faults of instances", N_INSTANCE_FAULTS)?;
+        let mut scene = Self { traced, bottom, top, boxes, faults, instance_faults, config };
+        scene.put_roots(&mut run, [0, scene.n_meshes()])?;
+        scene.put_top(&mut run, instances)?;
+        Ok(scene)
+    }
+
+    /// Records a new build of all meshes and of the top level.
+    ///
+    /// # Errors
+    /// As for [`Self::without_check`]; another number of meshes, of triangles in a mesh, or of instances than before.
+    pub fn rebuild(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        meshes: &[MeshBuffers<'_>],
+        instances: &InstanceBuffer<'_>,
+    ) -> Result<(), GpuError> {
+        let found: Vec<u32> = meshes.iter().map(|mesh| mesh.n_triangles).collect();
+        check_same_counts(&found, &self.n_triangles())?;
+        let mut run = Run::recorded(gpu, encoder);
+        self.bottom.items.gather(&mut run, meshes, &self.faults)?;
+        self.bottom.rebuild(&mut run, self.config)?;
+        self.put_bottom(&mut run, [0, self.bottom.items.len()])?;
+        self.put_roots(&mut run, [0, self.n_meshes()])?;
+        self.put_top(&mut run, instances)
+    }
+
+    /// Records a new build over the moved vertices of one mesh. Rays see it in the right place after [`Self::update_top`].
+    ///
+    /// # Errors
+    /// As for [`Self::rebuild`]; no such mesh.
+    pub fn rebuild_mesh(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        number: u32,
+        mesh: &MeshBuffers<'_>,
+    ) -> Result<(), GpuError> {
+        let mut run = Run::recorded(gpu, encoder);
+        let range = self.gather_one(&mut run, number, mesh)?;
+        self.bottom.rebuild_tree(&mut run, number as usize, self.config)?;
+        self.put_bottom(&mut run, [range.first, range.first + range.count])?;
+        self.put_roots(&mut run, [number, number + 1])
+    }
+
+    /// Records new boxes for the moved vertices of one mesh over the same tree, which costs less than a build; rays take longer the
+    /// more the mesh deforms. Rays see it in the right place after [`Self::update_top`]. Oriented boxes of all meshes are computed again.
+    ///
+    /// # Errors
+    /// As for [`Self::rebuild_mesh`].
+    pub fn refit_mesh(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        number: u32,
+        mesh: &MeshBuffers<'_>,
+    ) -> Result<(), GpuError> {
+        let mut run = Run::recorded(gpu, encoder);
+        let range = self.gather_one(&mut run, number, mesh)?;
+        let items = [range.first, range.first + range.count];
+        refit_aabbs(&mut run, &self.bottom, items)?;
+        self.bottom.refit_obbs(&mut run, self.config)?;
+        self.put_bottom(&mut run, items)?;
+        self.put_roots(&mut run, [number, number + 1])
+    }
+
+    /// Records a new top level: the inverses and boxes of all instances, and the tree over them. Meshes stay.
+    ///
+    /// # Errors
+    /// Another number of instances than before, a layout that does not fit its buffer, or device lost.
+    pub fn update_top(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        instances: &InstanceBuffer<'_>,
+    ) -> Result<(), GpuError> {
+        self.put_top(&mut Run::recorded(gpu, encoder), instances)
+    }
+
+    /// Reads back whether the last builds and updates found a fault. Waits for submitted work.
+    ///
+    /// # Errors
+    /// A triangle with an index out of range or a bad vertex, by mesh and number; an instance of no mesh or with a bad transform, by
+    /// number; device lost.
+    pub fn check(&self, gpu: &Gpu) -> Result<(), GpuError> {
+        let of_meshes = fault(&gpu.read(&self.faults)?);
+        let of_instances = instance_fault(&gpu.read(&self.instance_faults)?, self.boxes.len());
+        match of_meshes.or(of_instances) {
+            None => Ok(()),
+            Some(message) => Err(GpuError::Invalid { message }),
+        }
+    }
+
+    /// The scene as kernels trace it. A hit's instance is its number in the buffer.
+    #[must_use]
+    pub fn traced(&self) -> &TracedScene {
+        &self.traced
+    }
+
+    /// The items of the top level: a box for each instance.
+    #[must_use]
+    pub fn top_items(&self) -> &Items {
+        &self.top.items
+    }
+
+    fn n_meshes(&self) -> u32 {
+        crate::build::count(self.boxes.len())
+    }
+
+    fn n_triangles(&self) -> Vec<u32> {
+        self.bottom.items.ranges().iter().map(|range| range.count).collect()
+    }
+
+    /// Copies the vertices of a mesh.
+    fn gather_one(&self, run: &mut Run<'_>, number: u32, mesh: &MeshBuffers<'_>) -> Result<Range, GpuError> {
+        let Some(&range) = self.bottom.items.ranges().get(number as usize) else {
+            let message = format!("mesh {number} of {}", self.n_meshes());
+            return Err(GpuError::Invalid { message });
+        };
+        check_same_counts(&[mesh.n_triangles], &[range.count])?;
+        self.bottom.items.gather_mesh(run, mesh, number, range.first, &self.faults)?;
+        Ok(range)
+    }
+
+    /// Writes nodes of the bottom level.
+    fn put_bottom(&self, run: &mut Run<'_>, items: [u32; 2]) -> Result<(), GpuError> {
+        let Nodes::Binary(pairs) = &self.traced.nodes else { return Ok(()) };
+        pairs.put_again(run, &self.bottom, 0, items)
+    }
+
+    /// Writes the headers and boxes of meshes.
+    fn put_roots(&self, run: &mut Run<'_>, meshes: [u32; 2]) -> Result<(), GpuError> {
+        put_headers(run, &self.bottom, &self.traced, 1, meshes)?;
+        self.bottom.put_boxes(run, &self.boxes, meshes)
+    }
+
+    /// Places instances and builds the top level.
+    fn put_top(&mut self, run: &mut Run<'_>, instances: &InstanceBuffer<'_>) -> Result<(), GpuError> {
+        let n = self.top.items.len();
+        if instances.n_instances != n {
+            let message = format!("{} instances, and {n} when the scene was built", instances.n_instances);
+            return Err(GpuError::Invalid { message });
+        }
+        let (Nodes::Binary(pairs), Level::Two(placed)) = (&self.traced.nodes, self.traced.level()) else {
+            return Ok(());
+        };
+        let targets = (placed.data(), self.traced.headers(), &self.instance_faults);
+        self.top.items.place(run, instances, &self.boxes, scales(pairs.is_oriented()), targets)?;
+        self.top.rebuild(run, top_config(self.config))?;
+        pairs.put_again(run, &self.top, self.bottom.items.len(), [0, n])
+    }
+}
+
+fn top_config(config: BuildConfig) -> BuildConfig {
+    BuildConfig { bits: TOP_BITS, ..config }
+}
+
+/// Headers of the top level, of the meshes and of an empty BVH, without bounds.
+fn first_headers(bottom: &Built, top: &Built) -> Vec<BvhHeader> {
+    let none = HitError::of_triangles(0.0);
+    let range = Range { first: 0, count: top.items.len() };
+    let top = header(range, bottom.items.len(), 0.0, none, false);
+    let meshes = bottom.items.ranges().iter().map(|&range| header(range, 0, 0.0, none, false));
+    let empty = header(Range { first: 0, count: 0 }, 0, 0.0, none, false);
+    std::iter::once(top).chain(meshes).chain([empty]).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,259 @@
+//! Instances of meshes in a program's own buffers.
+
+use crate::buffers::{N, buffer, opened, triangles, vertices};
+use canted_gpu::build::BuildConfig;
+use canted_gpu::{
+    DeviceHit, DeviceInstance, Gpu, GpuError, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers, NOT_PLACED,
+    Outcome, TracedScene, wgpu,
+};
+use canted_lbvh::{Bits, Strategy};
+use canted_obb::Affine;
+use canted_tlas::Instance;
+use canted_trace::Ray;
+
+type Corners = [[f32; 3]; 3];
+
+/// A wavy floor, and a pyramid of other size.
+struct Program {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    positions: [wgpu::Buffer; 2],
+    indices: [wgpu::Buffer; 2],
+    transforms: wgpu::Buffer,
+}
+
+const PYRAMID: [[f32; 3]; 5] =
+    [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [0.1, 0.0, 1.5]];
+const SIDES: [[u16; 3]; 4] = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]];
+
+/// Words before the first transform, and words of each: the program has other data there.
+const FIRST: usize = 3;
+const STRIDE: usize = 20;
+
+impl Program {
+    fn new((device, queue): (wgpu::Device, wgpu::Queue), placed: &[(u32, Affine)]) -> Self {
+        let bytes = |contents: &[u8]| buffer(&device, contents);
+        let positions = [bytes(bytemuck::cast_slice(&vertices(0.0))), bytes(bytemuck::cast_slice(&PYRAMID))];
+        let indices = [bytes(bytemuck::cast_slice(&triangles())), bytes(bytemuck::cast_slice(&SIDES))];
+        let transforms = bytes(bytemuck::cast_slice(&words(placed)));
+        Self { positions, indices, transforms, device, queue }
+    }
+
+    fn meshes(&self) -> [MeshBuffers<'_>; 2] {
+        let mesh = |k: usize, format, n_vertices, n_triangles| MeshBuffers {
+            vertices: &self.positions[k],
+            first_byte: 0,
+            stride: 12,
+            n_vertices,
+            indices: Some(IndexBuffer { buffer: &self.indices[k], format, first_byte: 0 }),
+            n_triangles,
+        };
+        [mesh(0, wgpu::IndexFormat::Uint32, (N + 1) * (N + 1), 2 * N * N), mesh(1, wgpu::IndexFormat::Uint16, 5, 4)]
+    }
+
+    fn instances(&self, n_instances: u32) -> InstanceBuffer<'_> {
+        let (first_byte, stride) = (4 * FIRST as u64, 4 * STRIDE as u64);
+        InstanceBuffer { buffer: &self.transforms, first_byte, stride, n_instances }
+    }
+
+    /// Submits what `record` records.
+    fn submit(&self, record: impl FnOnce(&mut wgpu::CommandEncoder)) {
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        record(&mut encoder);
+        self.queue.submit([encoder.finish()]);
+    }
+}
+
+/// Transforms in the layout of the program.
+fn words(placed: &[(u32, Affine)]) -> Vec<u32> {
+    let mut words = vec![u32::MAX; FIRST + STRIDE * placed.len()];
+    for ((mesh, map), words) in placed.iter().zip(words[FIRST..].chunks_exact_mut(STRIDE)) {
+        let instance = DeviceInstance::new(*mesh, map);
+        words[..12].copy_from_slice(bytemuck::cast_slice(&instance.rows));
+        words[12] = instance.mesh;
+    }
+    words
+}
+
+/// Instances in rows, turned, scaled and mirrored in turn; every seventh in the place of the one before.
+fn placed(n: u32, time: f32) -> Vec<(u32, Affine)> {
+    #[expect(clippy::cast_precision_loss, reason = "small numbers")]
+    let one = |i: u32| {
+        let place = if i % 7 == 6 { i - 1 } else { i };
+        let (s, c) = (0.3 * place as f32 + time).sin_cos();
+        let size = [1.0, 0.25, -0.5][place as usize % 3];
+        let [x, y] = [(place % 8) as f32 * 9.0, (place / 8) as f32 * 11.0 - time];
+        let columns = [[size * c, size * s, 0.0], [-s, c, 0.2], [0.0, 0.1 * s, 0.7], [x, y, 0.5 * s]];
+        (place % 2, Affine { columns })
+    };
+    (0..n).map(one).collect()
+}
+
+#[expect(clippy::cast_precision_loss, reason = "small numbers")]
+fn rays() -> Vec<Ray> {
+    let ray =
+        |i: u32| Ray::new([(i % 90) as f32 * 0.87 - 4.0, (i / 90) as f32 * 1.13 - 9.0, 30.0], [0.05, -0.04, -2.0]);
+    (0..3600).map(ray).collect()
+}
+
+fn hits(gpu: &Gpu, scene: &TracedScene) -> Vec<Option<DeviceHit>> {
+    let answers = scene.closest_hits(gpu, &rays()).unwrap().into_iter().map(|answer| match answer {
+        Outcome::Complete(hit) => hit,
+        Outcome::Incomplete => panic!("no traversal here is long"),
+    });
+    answers.collect()
+}
+
+/// The hits of instances that the CPU places.
+fn expected(gpu: &Gpu, floor: &[[f32; 3]], placed: &[(u32, Affine)]) -> Vec<Option<DeviceHit>> {
+    let floor: Vec<Corners> = triangles().iter().map(|t| t.map(|i| floor[i as usize])).collect();
+    let pyramid: Vec<Corners> = SIDES.iter().map(|t| t.map(|i| PYRAMID[usize::from(i)])).collect();
+    let instances: Vec<Instance> = placed.iter().map(|&(mesh, map)| Instance::new(mesh, map)).collect();
+    let config = BuildConfig::default();
+    hits(gpu, &TracedScene::build_two_level(gpu, &[&floor, &pyramid], &instances, config).unwrap())
+}
+
+#[test]
+fn every_recorded_change_equals_a_fresh_build() {
+    let Some(opened) = opened("every_recorded_change_equals_a_fresh_build") else { return };
+    for strategy in [Strategy::Aabb, Strategy::Combined, Strategy::Dop] {
+        let n = 60;
+        let program = Program::new(opened.clone(), &placed(n, 0.0));
+        let gpu = Gpu::from_wgpu(program.device.clone(), program.queue.clone());
+        let (meshes, instances) = (program.meshes(), program.instances(n));
+        let config = BuildConfig { strategy, bits: Bits::B63 };
+        let mut scene = InstancedScene::new(&gpu, &meshes, &instances, config).unwrap();
+        let first = hits(&gpu, scene.traced());
+        assert_eq!(first, expected(&gpu, &vertices(0.0), &placed(n, 0.0)), "{strategy:?}");
+        assert!(first.iter().flatten().count() > 500 && first.iter().any(Option::is_none));
+
+        // Only instances move.
+        program.queue.write_buffer(&program.transforms, 0, bytemuck::cast_slice(&words(&placed(n, 0.4))));
+        program.submit(|encoder| scene.update_top(&gpu, encoder, &instances).unwrap());
+        let moved = hits(&gpu, scene.traced());
+        assert_eq!(moved, expected(&gpu, &vertices(0.0), &placed(n, 0.4)), "{strategy:?}: instances moved");
+        assert_ne!(moved, first);
+
+        // One mesh deforms: a refit, then a build of its own, then everything.
+        for (change, time) in [1.5_f32, 3.0, 4.5].into_iter().enumerate() {
+            let floor = vertices(time);
+            program.queue.write_buffer(&program.positions[0], 0, bytemuck::cast_slice(&floor));
+            program.submit(|encoder| match change {
+                0 => scene.refit_mesh(&gpu, encoder, 0, &meshes[0]).unwrap(),
+                1 => scene.rebuild_mesh(&gpu, encoder, 0, &meshes[0]).unwrap(),
+                _ => scene.rebuild(&gpu, encoder, &meshes, &instances).unwrap(),
+            });
+            program.submit(|encoder| scene.update_top(&gpu, encoder, &instances).unwrap());
+            scene.check(&gpu).unwrap();
+            let expected = expected(&gpu, &floor, &placed(n, 0.4));
+            assert_eq!(hits(&gpu, scene.traced()), expected, "{strategy:?}: change {change}");
+        }
+        // A refit after a build of one mesh follows the new tree.
+        program.queue.write_buffer(&program.positions[0], 0, bytemuck::cast_slice(&vertices(0.0)));
+        program.submit(|encoder| {
+            scene.rebuild_mesh(&gpu, encoder, 1, &meshes[1]).unwrap();
+            scene.refit_mesh(&gpu, encoder, 0, &meshes[0]).unwrap();
+            scene.update_top(&gpu, encoder, &instances).unwrap();
+        });
+        let expected = expected(&gpu, &vertices(0.0), &placed(n, 0.4));
+        assert_eq!(hits(&gpu, scene.traced()), expected, "{strategy:?}: refit after builds");
+    }
+}
+
+/// The comparison sees a top level that does not follow.
+#[test]
+fn a_forgotten_update_is_seen() {
+    let Some(opened) = opened("a_forgotten_update_is_seen") else { return };
+    let program = Program::new(opened, &placed(20, 0.0));
+    let gpu = Gpu::from_wgpu(program.device.clone(), program.queue.clone());
+    let (meshes, instances) = (program.meshes(), program.instances(20));
+    let mut scene = InstancedScene::new(&gpu, &meshes, &instances, BuildConfig::default()).unwrap();
+    let mut higher = vertices(0.0);
+    higher.iter_mut().for_each(|vertex| vertex[0] += 20.0);
+    program.queue.write_buffer(&program.positions[0], 0, bytemuck::cast_slice(&higher));
+    let expected = expected(&gpu, &higher, &placed(20, 0.0));
+    program.submit(|encoder| scene.rebuild_mesh(&gpu, encoder, 0, &meshes[0]).unwrap());
+    assert_ne!(hits(&gpu, scene.traced()), expected);
+    program.submit(|encoder| scene.update_top(&gpu, encoder, &instances).unwrap());
+    assert_eq!(hits(&gpu, scene.traced()), expected);
+}
+
+#[test]
+fn few_instances_and_empty_scenes_are_traced() {
+    let Some(opened) = opened("few_instances_and_empty_scenes_are_traced") else { return };
+    let lone = [(1, Affine::IDENTITY)];
+    let program = Program::new(opened, &lone);
+    let gpu = Gpu::from_wgpu(program.device.clone(), program.queue.clone());
+    let (meshes, one) = (program.meshes(), program.instances(1));
+    let scene = InstancedScene::new(&gpu, &meshes, &one, BuildConfig::default()).unwrap();
+    let found = hits(&gpu, scene.traced());
+    assert_eq!(found, expected(&gpu, &vertices(0.0), &lone));
+    assert!(found.iter().any(Option::is_some));
+    for (meshes, n_instances) in [(&meshes[..], 0), (&[], 0)] {
+        let none = InstanceBuffer { n_instances, ..one };
+        let scene = InstancedScene::new(&gpu, meshes, &none, BuildConfig::default()).unwrap();
+        assert!(hits(&gpu, scene.traced()).iter().all(Option::is_none));
+    }
+    program.queue.write_buffer(&program.transforms, 0, bytemuck::cast_slice(&words(&[(NOT_PLACED, Affine::IDENTITY)])));
+    let mut scene = scene;
+    program.submit(|encoder| scene.update_top(&gpu, encoder, &one).unwrap());
+    scene.check(&gpu).unwrap();
+    assert!(hits(&gpu, scene.traced()).iter().all(Option::is_none));
+}
+
+#[test]
+fn faults_of_meshes_and_layouts_of_instances_are_reported() {
+    let Some(opened) = opened("faults_of_meshes_and_layouts_of_instances_are_reported") else { return };
+    let program = Program::new(opened, &placed(6, 0.0));
+    let gpu = Gpu::from_wgpu(program.device.clone(), program.queue.clone());
+    let (meshes, six) = (program.meshes(), program.instances(6));
+    let mut scene = InstancedScene::new(&gpu, &meshes, &six, BuildConfig::default()).unwrap();
+    let good = hits(&gpu, scene.traced());
+    let message = |scene: &InstancedScene| scene.check(&gpu).unwrap_err().to_string();
+    // An index out of range in the second mesh; the first is hit as before.
+    program.queue.write_buffer(&program.indices[1], 8, bytemuck::cast_slice(&[700_u16, 0]));
+    program.submit(|encoder| scene.rebuild_mesh(&gpu, encoder, 1, &meshes[1]).unwrap());
+    assert!(message(&scene).contains("mesh 1: triangle 1 has an index out of range"), "{}", message(&scene));
+    let is_first = |hit: &Option<DeviceHit>| hit.filter(|hit| hit.instance % 2 == 0);
+    let found: Vec<_> = hits(&gpu, scene.traced()).iter().map(is_first).collect();
+    assert!(good.iter().zip(&found).all(|(good, found)| is_first(good).is_none_or(|hit| *found == Some(hit))));
+    // Once repaired, nothing is reported.
+    program.queue.write_buffer(&program.indices[1], 0, bytemuck::cast_slice(&SIDES));
+    program.submit(|encoder| {
+        scene.rebuild_mesh(&gpu, encoder, 1, &meshes[1]).unwrap();
+        scene.update_top(&gpu, encoder, &six).unwrap();
+    });
+    assert_eq!(scene.check(&gpu), Ok(()));
+    assert_eq!(hits(&gpu, scene.traced()), good);
+    let refused = |instances: InstanceBuffer<'_>| {
+        let scene = InstancedScene::new(&gpu, &meshes, &instances, BuildConfig::default());
+        scene.map(|_| ()).unwrap_err().to_string()
+    };
+    assert!(refused(InstanceBuffer { stride: 48, ..six }).contains("stride 48"));
+    assert!(refused(InstanceBuffer { first_byte: 2, ..six }).contains("first byte 2"));
+    assert!(refused(InstanceBuffer { n_instances: 7, ..six }).contains("the instances end at byte"));
+    let mut encoder = program.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let of = |error: Result<(), GpuError>| error.unwrap_err().to_string();
+    assert!(of(scene.update_top(&gpu, &mut encoder, &program.instances(5))).contains("5 instances, and 6"));
+    assert!(of(scene.rebuild_mesh(&gpu, &mut encoder, 2, &meshes[1])).contains("mesh 2 of 2"));
+    assert!(of(scene.refit_mesh(&gpu, &mut encoder, 0, &meshes[1])).contains("[4] triangles"));
+}
+
+#[test]
+fn a_lost_device_of_the_program_is_reported() {
+    let Some(opened) = opened("a_lost_device_of_the_program_is_reported") else { return };
+    let program = Program::new(opened, &placed(6, 0.0));
+    let gpu = Gpu::from_wgpu(program.device.clone(), program.queue.clone());
+    program.device.set_device_lost_callback(gpu.lost_handler());
+    let (meshes, six) = (program.meshes(), program.instances(6));
+    let mut scene = InstancedScene::new(&gpu, &meshes, &six, BuildConfig::default()).unwrap();
+    program.device.destroy();
+    let _ = program.device.poll(wgpu::PollType::Poll);
+    let mut encoder = program.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    for _ in 0..2 {
+        let error = scene.update_top(&gpu, &mut encoder, &six).unwrap_err();
+        assert!(matches!(error, GpuError::Lost { .. }), "{error}");
+        assert!(matches!(scene.check(&gpu), Err(GpuError::Lost { .. })));
+        assert!(matches!(scene.traced().occluded(&gpu, &rays()), Err(GpuError::Lost { .. })));
+    }
+}

@@ -1,0 +1,267 @@
+//! The acceleration structure of a sequence of frames on a device: only what changed is uploaded.
+//!
+//! ```text
+//! wide BVHs     updated by the CPU -> chunks that differ -> device
+//! binary BVHs   vertices, transforms -> chunks that differ -> device -> changed meshes: refit or rebuild -> top level
+//! ```
+
+use std::borrow::Cow;
+
+use canted_film::Hash;
+use canted_gpu::build::BuildConfig;
+use canted_gpu::{
+    Buffer, BufferScene, DeviceInstance, Gpu, GpuError, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers,
+    TracedScene, wgpu,
+};
+use canted_lbvh::Strategy;
+use canted_scene::{Mesh, Scene};
+
+use super::DeviceError;
+use crate::UpdatePolicy;
+use crate::structure::flatten;
+
+/// What the frames of a sequence share on a device.
+///
+/// Pass it to [`DevicePicture::in_frame`](crate::DevicePicture::in_frame) for each frame.
+#[derive(Default)]
+pub struct DeviceFrames {
+    policy: UpdatePolicy,
+    kept: Option<Kept>,
+    updates: DeviceUpdates,
+}
+
+/// What frames did with the binary BVHs on a device.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DeviceUpdates {
+    /// Builds of all BVHs.
+    pub whole: usize,
+    /// Refits of single BVHs over triangles.
+    pub refits: usize,
+    /// Rebuilds of single BVHs over triangles.
+    pub rebuilds: usize,
+    /// Rebuilds of the top level.
+    pub top_rebuilds: usize,
+}
+
+/// Binary BVHs on a device, and what they were built for.
+struct Kept {
+    strategy: Strategy,
+    levels: Levels,
+    /// Hashes of the positions and triangles of each mesh, or of all.
+    meshes: Vec<[u64; 2]>,
+    /// First triangle of each instance in one level.
+    first: Vec<u32>,
+    transforms: Vec<DeviceInstance>,
+}
+
+enum Levels {
+    One(BufferScene),
+    Two(InstancedScene),
+}
+
+/// The buffers of a frame.
+struct Uploaded {
+    meshes: Vec<(Buffer<[f32; 3]>, Buffer<[u32; 3]>)>,
+    transforms: Option<Buffer<DeviceInstance>>,
+}
+
+impl DeviceFrames {
+    /// Frames whose deforming meshes are updated by this policy. [`UpdatePolicy::Auto`] rebuilds binary BVHs, which costs the device
+    /// little more than a refit, and whose drift nobody reads back.
+    #[must_use]
+    pub fn new(policy: UpdatePolicy) -> Self {
+        Self { policy, ..Self::default() }
+    }
+
+    /// What was done so far.
+    #[must_use]
+    pub fn updates(&self) -> DeviceUpdates {
+        self.updates
+    }
+
+    /// Binary BVHs of a scene: those of the last frame, updated, or new ones.
+    pub(super) fn binary(
+        &mut self,
+        gpu: &Gpu,
+        scene: &Scene,
+        strategy: Strategy,
+        is_flat: bool,
+    ) -> Result<&TracedScene, DeviceError> {
+        let frame = if is_flat { Frame::flat(scene)? } else { Frame::two_levels(scene) };
+        let uploaded = frame.upload(gpu)?;
+        let is_kept = self.kept.as_ref().is_some_and(|kept| kept.strategy == strategy && kept.fits(&frame));
+        match self.kept.as_mut().filter(|_| is_kept) {
+            Some(kept) => kept.update(gpu, &frame, &uploaded, self.policy, &mut self.updates)?,
+            None => {
+                // Two structures at once may not fit.
+                self.kept = None;
+                self.kept = Some(Kept::new(gpu, &frame, &uploaded, strategy)?);
+                self.updates.whole += 1;
+            }
+        }
+        let kept = self.kept.as_ref().expect("built above");
+        Ok(match &kept.levels {
+            Levels::One(one) => one.traced(),
+            Levels::Two(two) => two.traced(),
+        })
+    }
+}
+
+/// A state of a scene, as devices build BVHs over it.
+struct Frame<'a> {
+    /// Positions and triangles of each mesh, or of all instances in world space.
+    meshes: Vec<(Cow<'a, [[f32; 3]]>, Cow<'a, [[u32; 3]]>)>,
+    keys: Vec<[u64; 2]>,
+    first: Vec<u32>,
+    transforms: Option<Vec<DeviceInstance>>,
+}
+
+impl<'a> Frame<'a> {
+    fn flat(scene: &'a Scene) -> Result<Self, DeviceError> {
+        let (positions, triangles, mut first) = flatten(scene)?;
+        #[expect(clippy::cast_possible_truncation, reason = "triangles are numbered by u32")]
+        first.push(triangles.len() as u32);
+        let keys = vec![key(&positions, &triangles)];
+        Ok(Self { meshes: vec![(positions.into(), triangles.into())], keys, first, transforms: None })
+    }
+
+    fn two_levels(scene: &'a Scene) -> Self {
+        let of = |mesh: &'a Mesh| ((&mesh.positions[..]).into(), (&mesh.triangles[..]).into());
+        let transforms =
+            scene.instances.iter().map(|instance| DeviceInstance::new(instance.mesh.0, &instance.world_from_object));
+        Self {
+            meshes: scene.meshes.iter().map(of).collect(),
+            keys: scene.meshes.iter().map(|mesh| key(&mesh.positions, &mesh.triangles)).collect(),
+            first: vec![],
+            transforms: Some(transforms.collect()),
+        }
+    }
+
+    fn upload(&self, gpu: &Gpu) -> Result<Uploaded, GpuError> {
+        let mesh = |(positions, triangles): &(Cow<'_, [_]>, Cow<'_, [_]>)| {
+            Ok((gpu.read_only("positions", positions)?, gpu.read_only("triangle indices", triangles)?))
+        };
+        let transforms = self.transforms.as_ref().map(|transforms| gpu.read_only("transforms", transforms));
+        Ok(Uploaded {
+            meshes: self.meshes.iter().map(mesh).collect::<Result<_, GpuError>>()?,
+            transforms: transforms.transpose()?,
+        })
+    }
+}
+
+impl Uploaded {
+    /// The meshes as the device gathers them: in one level, each instance is a part of the only mesh.
+    fn meshes(&self, first: &[u32]) -> Vec<MeshBuffers<'_>> {
+        let mesh = |number: usize, start: u32, n_triangles: u32| {
+            let (positions, triangles) = &self.meshes[number];
+            MeshBuffers {
+                vertices: positions.wgpu(),
+                first_byte: 0,
+                stride: 12,
+                n_vertices: count(positions.len()),
+                indices: Some(IndexBuffer {
+                    buffer: triangles.wgpu(),
+                    format: wgpu::IndexFormat::Uint32,
+                    first_byte: 12 * u64::from(start),
+                }),
+                n_triangles,
+            }
+        };
+        if self.transforms.is_none() {
+            return first.windows(2).map(|ends| mesh(0, ends[0], ends[1] - ends[0])).collect();
+        }
+        (0..self.meshes.len()).map(|number| mesh(number, 0, count(self.meshes[number].1.len()))).collect()
+    }
+
+    fn instances(&self) -> Option<InstanceBuffer<'_>> {
+        let transforms = self.transforms.as_ref()?;
+        let n_instances = count(transforms.len());
+        let stride = size_of::<DeviceInstance>() as u64;
+        Some(InstanceBuffer { buffer: transforms.wgpu(), first_byte: 0, stride, n_instances })
+    }
+}
+
+impl Kept {
+    fn new(gpu: &Gpu, frame: &Frame<'_>, uploaded: &Uploaded, strategy: Strategy) -> Result<Self, DeviceError> {
+        let config = BuildConfig { strategy, ..BuildConfig::default() };
+        let meshes = uploaded.meshes(&frame.first);
+        let levels = match uploaded.instances() {
+            None => Levels::One(BufferScene::new(gpu, &meshes, config)?),
+            Some(instances) => Levels::Two(InstancedScene::new(gpu, &meshes, &instances, config)?),
+        };
+        let transforms = frame.transforms.clone().unwrap_or_default();
+        Ok(Self { strategy, levels, meshes: frame.keys.clone(), first: frame.first.clone(), transforms })
+    }
+
+    /// Whether the BVHs can be updated to a frame: the same levels, and as many triangles and instances.
+    fn fits(&self, frame: &Frame<'_>) -> bool {
+        let is_two = matches!(self.levels, Levels::Two(_));
+        let n_instances = frame.transforms.as_ref().map_or(0, Vec::len);
+        is_two == frame.transforms.is_some()
+            && self.first == frame.first
+            && self.transforms.len() == n_instances
+            && self.meshes.len() == frame.keys.len()
+            && self.meshes.iter().zip(&frame.keys).all(|(before, now)| before[1] == now[1])
+    }
+
+    /// Updates what changed: meshes with other vertices, and the top level if any of them or an instance changed.
+    fn update(
+        &mut self,
+        gpu: &Gpu,
+        frame: &Frame<'_>,
+        uploaded: &Uploaded,
+        policy: UpdatePolicy,
+        updates: &mut DeviceUpdates,
+    ) -> Result<(), DeviceError> {
+        let meshes = uploaded.meshes(&frame.first);
+        let changed: Vec<usize> = (0..frame.keys.len()).filter(|&i| self.meshes[i] != frame.keys[i]).collect();
+        let transforms = frame.transforms.as_deref().unwrap_or_default();
+        let refits = policy == UpdatePolicy::Refit;
+        let mut encoder = gpu.encoder();
+        match &mut self.levels {
+            Levels::One(one) if !changed.is_empty() => match refits {
+                true => one.refit(gpu, &mut encoder, &meshes)?,
+                false => one.rebuild(gpu, &mut encoder, &meshes)?,
+            },
+            Levels::One(_) => {}
+            Levels::Two(two) => {
+                for &i in &changed {
+                    match refits {
+                        true => two.refit_mesh(gpu, &mut encoder, count(i), &meshes[i])?,
+                        false => two.rebuild_mesh(gpu, &mut encoder, count(i), &meshes[i])?,
+                    }
+                }
+                if let Some(instances) = uploaded.instances()
+                    && (!changed.is_empty() || self.transforms != transforms)
+                {
+                    two.update_top(gpu, &mut encoder, &instances)?;
+                    updates.top_rebuilds += 1;
+                }
+            }
+        }
+        gpu.submit(encoder)?;
+        if refits {
+            updates.refits += changed.len()
+        } else {
+            updates.rebuilds += changed.len()
+        }
+        self.meshes.clone_from(&frame.keys);
+        self.transforms = transforms.to_vec();
+        Ok(match &self.levels {
+            Levels::One(one) => one.check(gpu)?,
+            Levels::Two(two) => two.check(gpu)?,
+        })
+    }
+}
+
+fn key(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> [u64; 2] {
+    let [mut of_positions, mut of_triangles] = [Hash::default(); 2];
+    of_positions.floats(positions);
+    of_triangles.words(triangles.iter().flatten().copied());
+    [of_positions.finish(), of_triangles.finish()]
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "triangles, meshes and instances are numbered by u32")]
+fn count(n: usize) -> u32 {
+    n as u32
+}

@@ -1,0 +1,122 @@
+//! Frames of a sequence on the device: only what changed is uploaded, and pictures are those of a device that starts anew.
+
+use std::sync::atomic::AtomicBool;
+
+use canted_film::Film;
+use canted_fixtures::icosphere;
+use canted_gpu::{Gpu, Traffic};
+use canted_lbvh::Strategy;
+use canted_renderer::{
+    Accel, DeviceFrames, DevicePicture, Integrator, Levels, Monitor, Settings, StructureConfig, Surfaces,
+    UpdateOptions, prepare,
+};
+use canted_scene::{Camera, Scene};
+use canted_trace::Watertight;
+
+use super::gpu;
+use super::scenes::{instance, mesh, room};
+
+fn settings() -> Settings {
+    Settings { width: 24, height: 16, samples: 1, integrator: Integrator::Path, ..Settings::default() }
+}
+
+/// The room, and spheres in rows: most of its bytes are those of one sphere.
+fn crowd() -> (Scene, Camera) {
+    let (mut scene, camera) = room();
+    let sphere = icosphere(4);
+    let number = u32::try_from(scene.meshes.len()).unwrap();
+    scene.meshes.push(mesh(sphere.positions, sphere.triangles, 1));
+    for i in 0..40_u8 {
+        let [x, y] = [f32::from(i % 8) * 0.7 - 2.5, f32::from(i / 8) * 0.5 - 1.5];
+        scene.instances.push(instance(number, [[0.2, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.2], [x, y, -1.0]]));
+    }
+    (scene, camera)
+}
+
+fn rendered(picture: &DevicePicture<'_, Watertight>) -> Film {
+    let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &AtomicBool::new(false) };
+    picture.render(vec![], &monitor).unwrap()
+}
+
+/// What each frame uploads before its first ray, its size on the device, and that its picture is that of a new start.
+fn uploads(gpu: &Gpu, accel: Accel, steps: &[fn(&mut Scene, &mut Camera)]) -> Vec<(Traffic, u64)> {
+    let (mut scene, mut camera) = crowd();
+    let (settings, config) = (settings(), StructureConfig { levels: Levels::Two, accel });
+    let mut prepared = prepare::<Watertight>(&scene, &config).unwrap();
+    let mut frames = DeviceFrames::default();
+    let mut found = vec![];
+    for step in steps {
+        step(&mut scene, &mut camera);
+        prepared.update(&scene, &UpdateOptions::default()).unwrap();
+        let surfaces = Surfaces::with_lod(&scene, settings.lod);
+        let before = gpu.traffic();
+        let picture =
+            DevicePicture::in_frame(gpu, &surfaces, &prepared.structure, &camera, &settings, &mut frames).unwrap();
+        let size = picture.buffers().iter().map(|(_, bytes)| bytes).sum();
+        found.push((gpu.traffic() - before, size));
+        let film = rendered(&picture);
+        drop(picture);
+        let anew = Gpu::open(&canted_gpu::Choice::Best).unwrap();
+        let fresh = prepare::<Watertight>(&scene, &config).unwrap();
+        let picture = DevicePicture::new(&anew, &surfaces, &fresh.structure, &camera, &settings).unwrap();
+        assert!(film.pixels() == rendered(&picture).pixels(), "frame {}, {accel:?}", found.len());
+    }
+    found
+}
+
+fn nothing(_: &mut Scene, _: &mut Camera) {}
+
+fn turn_camera(_: &mut Scene, camera: &mut Camera) {
+    *camera = Camera::pinhole([0.4, 0.1, 8.0], [0.0, -0.2, 0.0], [0.0, 1.0, 0.0], 38.0);
+}
+
+fn move_one(scene: &mut Scene, _: &mut Camera) {
+    scene.instances[20].world_from_object.columns[3][1] += 0.1;
+}
+
+/// A block, which has a hundredth of all triangles.
+fn deform_block(scene: &mut Scene, _: &mut Camera) {
+    scene.meshes[1].positions.iter_mut().for_each(|p| p[0] *= 1.1);
+}
+
+const STEPS: [fn(&mut Scene, &mut Camera); 5] = [nothing, nothing, turn_camera, move_one, deform_block];
+
+#[test]
+fn frames_upload_what_changed() {
+    let Some(gpu) = gpu("frames_upload_what_changed") else { return };
+    let found = uploads(&gpu, Accel::default(), &STEPS);
+    let bytes = |frame: usize| found[frame].0.uploaded_bytes;
+    let whole = found[0].1;
+    assert!(bytes(0) >= whole && whole > 200_000, "{found:?}");
+    // The camera is in the only buffer that is new in every frame.
+    let camera = bytes(1);
+    assert!(camera <= 512 && found[1].0.n_uploads == 1, "{found:?}");
+    assert_eq!(found[2].0, found[1].0);
+    // Records of the instance for rays and for shading, two chunks each, and the top level: its nodes, header and order.
+    let top = 44 * 64 + 4 * 256;
+    assert!(bytes(3) > camera && bytes(3) <= camera + 4 * 256 + top, "{found:?}");
+    // The block's vertices, triangles' normals, nodes and triangles, and the top level.
+    assert!(bytes(4) > camera && bytes(4) <= camera + 8 * 1024 + top, "{found:?}");
+    assert!(found[1..].iter().all(|(traffic, _)| traffic.n_dispatches == 0), "{found:?}");
+}
+
+#[test]
+fn frames_of_binary_bvhs_are_updated_on_the_device() {
+    let Some(gpu) = gpu("frames_of_binary_bvhs_are_updated_on_the_device") else { return };
+    for strategy in [Strategy::Aabb, Strategy::Combined] {
+        let found = uploads(&gpu, Accel::Binary { strategy, builder: None }, &STEPS);
+        let of = |frame: usize| found[frame].0;
+        // Nothing is built for the camera.
+        assert!(of(1).n_dispatches == 0 && of(1).n_uploads == 1, "{found:?}");
+        assert_eq!(of(2), of(1));
+        // A record for rays and one for shading; the others are the sizes of dispatches, 16 bytes each.
+        let sizes = |frame: usize| 64 * of(frame).n_dispatches;
+        assert!(
+            of(3).n_dispatches > 0 && of(3).uploaded_bytes <= of(1).uploaded_bytes + 4 * 256 + sizes(3),
+            "{found:?}"
+        );
+        assert!(of(4).n_dispatches > of(3).n_dispatches, "{found:?}");
+        assert!(of(4).uploaded_bytes <= of(1).uploaded_bytes + 8 * 1024 + sizes(4), "{found:?}");
+        assert!(of(4).n_dispatches < of(0).n_dispatches + of(3).n_dispatches, "{found:?}");
+    }
+}
