@@ -12,6 +12,7 @@ mod picture;
 mod queries;
 mod rays;
 mod sorted;
+mod structures;
 
 use std::fmt::Write;
 
@@ -81,6 +82,7 @@ pub(crate) fn section(out: &mut String, choice: &Choice, options: &Options) -> R
     sorted::section(out, &bench)?;
     frames::section(out, &bench)?;
     handed::section(out, &bench)?;
+    structures::section(out, &bench)?;
     rays::section(out, &bench)?;
     rays::traversals(out, &bench)?;
     binary::section(out, &bench)?;

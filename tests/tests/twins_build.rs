@@ -6,6 +6,8 @@
 mod compare;
 #[path = "twins_build/models.rs"]
 mod models;
+#[path = "twins_build/ploc.rs"]
+mod ploc;
 #[path = "twins_build/repeated.rs"]
 mod repeated;
 #[path = "twins_build/scan.rs"]
@@ -20,3 +22,7 @@ mod stages;
 mod two_levels;
 #[path = "twins_build/volumes.rs"]
 mod volumes;
+#[path = "twins_build/wide.rs"]
+mod wide;
+#[path = "twins_build/wide_check.rs"]
+mod wide_check;

@@ -4,12 +4,14 @@
 
 mod twins_trace {
     mod binary;
+    mod built_wide;
     mod deep;
     mod frames;
     mod instances;
     mod meshes;
     mod models;
     mod moving;
+    mod placed;
     #[path = "../wide/setup.rs"]
     #[expect(dead_code, reason = "only the configurations are used")]
     mod setup;

@@ -13,6 +13,8 @@ use std::{
 use anyhow::{Result, anyhow};
 use canted_film::AtomicFile;
 use canted_renderer::{Prepared, Tracer, prepare};
+#[cfg(feature = "gpu")]
+use canted_renderer::{built_scene, traced_scene};
 use canted_scene::Scene;
 use canted_trace::{Hit, Ray};
 use canted_wide::LaneKernel;
@@ -125,8 +127,21 @@ fn report(answers: &[Answer], seconds: f64, args: &Args) -> Result<()> {
 /// All answers, and the seconds spent tracing.
 #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "the CPU is the only machine"))]
 fn trace<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Machine) -> Result<(Vec<Answer>, f64)> {
-    let Prepared { structure, .. } = prepare::<K>(scene, &args.structure.config(scene)?)
-        .map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
+    let config = args.structure.config(scene)?;
+    // The CPU has nothing to build where a GPU builds for itself and completes all rays.
+    #[cfg(feature = "gpu")]
+    let built = match args.structure.built_on_gpu() {
+        Some(wide) => gpu::trace(machine, scene, rays, args, |gpu| built_scene(gpu, scene, &config, wide))?,
+        None => None,
+    };
+    #[cfg(feature = "gpu")]
+    if let Some((answers, seconds)) = &built
+        && let Some(answers) = answers.iter().copied().collect::<Option<Vec<_>>>()
+    {
+        return Ok((answers, *seconds));
+    }
+    let Prepared { structure, .. } =
+        prepare::<K>(scene, &config).map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
     let on_cpu = |ray: &Ray| {
         if args.occluded {
             return if structure.occluded(ray, &mut ()) { Answer::OCCLUDED } else { Answer::MISS };
@@ -136,8 +151,19 @@ fn trace<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Mach
         })
     };
     #[cfg(feature = "gpu")]
-    if let Some(traced) = gpu::trace(machine, scene, &structure, rays, args, on_cpu)? {
-        return Ok(traced);
+    {
+        let traced = match built {
+            Some(traced) => Some(traced),
+            // After a fallback to the CPU, once is enough.
+            None if args.structure.built_on_gpu().is_some() => None,
+            None => gpu::trace(machine, scene, rays, args, |gpu| traced_scene(gpu, scene, &structure))?,
+        };
+        if let Some((answers, seconds)) = traced {
+            let start = Instant::now();
+            let complete = |(ray, answer): (&Ray, Option<Answer>)| answer.unwrap_or_else(|| on_cpu(ray));
+            let answers = rays.par_iter().zip(answers).map(complete).collect();
+            return Ok((answers, seconds + start.elapsed().as_secs_f64()));
+        }
     }
     let start = Instant::now();
     let answers = rays.par_iter().map(on_cpu).collect();

@@ -57,7 +57,7 @@ pub(crate) struct StructureArgs {
     #[arg(long, default_value = "balanced", value_parser = one_of(&PRESETS), value_name = "PRESET")]
     preset: Preset,
     /// Builder of the binary tree that becomes the BVH. `auto` uses the builder of the preset, or `ploc` with --volumes, on a GPU `lbvh`;
-    /// `sbvh` is `sah` with spatial splits.
+    /// `sbvh` is `sah` with spatial splits. Wide BVHs by `lbvh` and `ploc` are built on the GPU that traces them.
     #[arg(long, default_value = "auto", value_parser = one_of(BUILDERS), value_name = "BUILDER")]
     builder: BuilderChoice,
     /// Bounding volumes. `auto` builds a wide BVH of axis-aligned and oriented nodes, or with --accel bvh2 axis-aligned boxes; the others
@@ -130,6 +130,19 @@ impl StructureArgs {
         // The device builds binary BVHs itself, over a radix tree.
         let is_other = is_binary && !matches!(self.builder, None | Some(Builder::Lbvh));
         is_other.then(|| format!("--builder {} with a binary BVH", name_of(BUILDERS, &self.builder)))
+    }
+
+    /// How a GPU builds its wide BVHs itself; `None` where it takes those of the CPU or builds binary ones.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn built_on_gpu(&self) -> Option<canted_gpu::build::WideConfig> {
+        use canted_gpu::build::{Topology, WideConfig};
+        let is_wide = matches!(self.accel, None | Some(AccelKind::Wide)) && self.volumes.is_none();
+        let topology = match self.builder.filter(|_| is_wide)? {
+            Builder::Lbvh => Topology::Radix,
+            Builder::Ploc => Topology::Ploc,
+            _ => return None,
+        };
+        Some(WideConfig { topology, ..WideConfig::default() })
     }
 
     /// The structure to build for a scene. Warns if it cannot have one level.

@@ -3,6 +3,7 @@
 //! ```text
 //! vertices of all meshes -> Items -> domain -> codes -> sort -> tree -> volumes       bottom levels
 //! root boxes, instances  -> Items -> the same stages                                  top level
+//! both                                                   -> wide nodes, triangle blocks
 //! ```
 //!
 //! All trees of a level share the same dispatches. Their items are stored one tree after another, and the index of the tree is
@@ -14,6 +15,8 @@ mod items;
 mod mesh_buffers;
 mod passes;
 mod place;
+mod ploc;
+mod prefix;
 mod run;
 mod schedule;
 mod sort;
@@ -21,6 +24,7 @@ mod stages;
 mod two_levels;
 mod unbounded;
 mod volumes;
+mod wide;
 
 pub use items::{Items, Range};
 pub(crate) use mesh_buffers::{Faults, fault};
@@ -28,12 +32,14 @@ pub use mesh_buffers::{IndexBuffer, MeshBuffers};
 pub use passes::Passes;
 pub use place::{DeviceInstance, InstanceBuffer, NOT_PLACED};
 pub(crate) use place::{MeshBoxes, N_INSTANCE_FAULTS, Scales, instance_fault};
+pub use ploc::ploc;
 pub use run::{Run, StageTime};
 pub use sort::Sorter;
 pub(crate) use stages::depth_bound;
 pub use stages::{Codes, Grid, Node, Sorted, Trees, codes, domain, sort, tree};
 pub use two_levels::TwoLevels;
 pub use volumes::{aabbs, obbs, obbs_async};
+pub use wide::{MAX_LEAF, WideLevel, WideTrees};
 
 use canted_lbvh::{Bits, Strategy};
 use canted_obb::{Aabb, Obb};
@@ -49,6 +55,27 @@ pub struct BuildConfig {
     /// Length of the Morton codes.
     pub bits: Bits,
     /// How the volumes of inner nodes are computed.
+    pub strategy: Strategy,
+}
+
+/// How the topology of a tree is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Topology {
+    /// The radix tree over the Morton codes: the quickest build, which can be recorded.
+    #[default]
+    Radix,
+    /// Locally-ordered clustering ([`ploc`]): less traversal cost.
+    Ploc,
+}
+
+/// How wide BVHs are built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct WideConfig {
+    /// Length of the Morton codes.
+    pub bits: Bits,
+    /// The topology of the binary trees over triangles.
+    pub topology: Topology,
+    /// The boxes of oriented nodes, which are chosen where they lower the predicted cost. [`Strategy::Aabb`]: no oriented nodes.
     pub strategy: Strategy,
 }
 
@@ -73,7 +100,7 @@ impl Built {
     /// # Errors
     /// Out of memory, device lost, or an unsupported strategy.
     pub fn new(run: &mut Run<'_>, items: Items, config: BuildConfig) -> Result<Self, GpuError> {
-        block_on(Self::new_async(run, items, config))
+        Self::with_topology(run, items, config, Topology::Radix)
     }
 
     /// [`Built::new`] for browsers.
@@ -81,14 +108,40 @@ impl Built {
     /// # Errors
     /// As for [`Built::new`].
     pub async fn new_async(run: &mut Run<'_>, items: Items, config: BuildConfig) -> Result<Self, GpuError> {
-        let (leaves, trees, aabbs, obbs) = over(run, &items, config).await?;
+        Self::with_topology_async(run, items, config, Topology::Radix).await
+    }
+
+    /// The same as [`Built::new`] with another topology.
+    ///
+    /// # Errors
+    /// As for [`Built::new`].
+    pub fn with_topology(
+        run: &mut Run<'_>,
+        items: Items,
+        config: BuildConfig,
+        topology: Topology,
+    ) -> Result<Self, GpuError> {
+        block_on(Self::with_topology_async(run, items, config, topology))
+    }
+
+    /// [`Built::with_topology`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`Built::new`].
+    pub async fn with_topology_async(
+        run: &mut Run<'_>,
+        items: Items,
+        config: BuildConfig,
+        topology: Topology,
+    ) -> Result<Self, GpuError> {
+        let (leaves, trees, aabbs, obbs) = over(run, &items, config, topology).await?;
         Ok(Self { items, leaves, trees, aabbs, obbs })
     }
 
     /// Builds the trees again over the same items, whose vertices have moved.
     pub(crate) fn rebuild(&mut self, run: &mut Run<'_>, config: BuildConfig) -> Result<(), GpuError> {
         // What is recorded reads nothing back.
-        (self.leaves, self.trees, self.aabbs, self.obbs) = block_on(over(run, &self.items, config))?;
+        (self.leaves, self.trees, self.aabbs, self.obbs) = block_on(over(run, &self.items, config, Topology::Radix))?;
         Ok(())
     }
 
@@ -105,11 +158,14 @@ impl Built {
 /// All that is built over items: leaves, trees, axis-aligned and oriented boxes.
 type Over = (Buffer<u32>, Trees, Buffer<Aabb>, Option<Buffer<Obb>>);
 
-async fn over(run: &mut Run<'_>, items: &Items, config: BuildConfig) -> Result<Over, GpuError> {
+async fn over(run: &mut Run<'_>, items: &Items, config: BuildConfig, topology: Topology) -> Result<Over, GpuError> {
     let domains = domain(run, items, config.bits)?;
     let codes = codes(run, items, &domains, config.bits)?;
     let Sorted { codes, leaves } = sort(run, items, &codes)?;
-    let trees = tree(run, items, &codes)?;
+    let (leaves, trees) = match topology {
+        Topology::Radix => (leaves, tree(run, items, &codes)?),
+        Topology::Ploc => ploc(run, items, &leaves)?,
+    };
     let aabbs = aabbs(run, items, &leaves, &trees)?;
     let obbs = match config.strategy {
         Strategy::Aabb => None,

@@ -23,7 +23,7 @@
 //! |---|---|
 //! | [`Gpu`], [`Choice`] | an open device; which adapter to open |
 //! | [`Buffer`], [`Kernel`], [`Commands`] | typed buffers, compiled kernels, dispatches |
-//! | [`TracedScene`] | BVHs and instances in device memory, for ray batches and for kernels of your own |
+//! | [`TracedScene`] | BVHs and instances in device memory, built there or uploaded, for ray batches and for kernels of your own |
 //! | [`BufferScene`], [`MeshBuffers`] | a BVH over vertex and index buffers of your own, built in your command encoder |
 //! | [`InstancedScene`], [`InstanceBuffer`] | the same with instances, whose transforms are in a buffer of your own |
 //! | [`build`] | BVH construction on the device, stage by stage |
@@ -71,7 +71,8 @@
 //! * A ray hits the triangles that the CPU's watertight test hits, and no others: where single precision does not decide, integers
 //!   repeat the CPU's arithmetic. In an instance that moves, additional hits lie within [`HIT_ERROR`] of the ray. `t` is rounded, so
 //!   the closest of two hits may be the other where they differ by less than the bound.
-//! * Morton codes, sort order and topology are the same integers as on the CPU; volumes enclose their primitives.
+//! * Morton codes, sort order and topology, by radix or by clustering, are the same integers as on the CPU; equal input gives equal words of
+//!   wide nodes; volumes enclose their primitives.
 //! * Work-groups exchange data between dispatches, or through atomic words that are both data and flag. No work-group waits for
 //!   another, and no subgroup size is assumed.
 //! * Without an adapter [`Gpu::open`] returns an error. A software driver counts as an adapter.

@@ -2,12 +2,13 @@
 //!
 //! ```text
 //! TriangleBvh, or one per mesh + instances -> upload ------------> TracedScene -> closest hits, occlusion; bindings of other kernels
-//! corners of meshes + instances            -> build on the device -^
+//! corners of meshes + instances            -> build on the device -^   binary, or collapsed into wide nodes
 //! ```
 
 mod alternatives;
 mod binary;
 mod buffers;
+mod built_wide;
 mod cast;
 mod motion;
 

@@ -26,4 +26,4 @@ pub use device_picture::{DevicePicture, SharedFilm};
 pub use error::DeviceError;
 pub use frames::{DeviceFrames, DeviceUpdates};
 pub use gbuffer::{GBuffer, SurfaceInfo};
-pub use traced::{Traced, traced_frame, traced_scene};
+pub use traced::{Traced, built_scene, traced_frame, traced_scene};

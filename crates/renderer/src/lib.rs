@@ -66,8 +66,8 @@ pub use camera::{CameraError, View};
 pub use content::{geometry_hash, light_hash, material_hash, scene_hash};
 #[cfg(feature = "gpu")]
 pub use device::{
-    DeviceError, DeviceFrames, DevicePicture, DeviceUpdates, GBuffer, SharedFilm, SurfaceInfo, Traced, traced_frame,
-    traced_scene,
+    DeviceError, DeviceFrames, DevicePicture, DeviceUpdates, GBuffer, SharedFilm, SurfaceInfo, Traced, built_scene,
+    traced_frame, traced_scene,
 };
 pub use error::PrepareError;
 pub use framing::{frame, frame_up};

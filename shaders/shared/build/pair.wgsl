@@ -24,11 +24,7 @@ fn put_item(at: u32, word: u32, item: u32) {
 
 // choice obb
 // Oriented boxes as slabs: for each axis its components and the half-extent, then the center and the child's word.
-//
-// # Half-extents
-// A point of the box is `c + F q` with `|q_j| <= h_j`, for any columns F: boxes of instances may be scaled and skewed. Along an axis w,
-// the stored unit vector along a column, it lies within the sum of `|w F_j| h_j`. With E = 2^-23, a dot product errs by 3 E of its
-// absolute terms, less than 4 E as computed; the sum and the products with h_j take four more roundings, and 6 E covers these.
+// use shared/build/slab
 // use shared/build/ordered
 
 const CHILD_QUADS: u32 = 4u;
@@ -61,18 +57,7 @@ fn put_item(at: u32, word: u32, item: u32) {
 
 fn put_slabs(at: u32, word: u32, center: vec3<f32>, columns: mat3x3<f32>, half_extents: vec3<f32>) {
     for (var k = 0u; k < 3u; k++) {
-        let axis = unit_along(columns[k]);
-        let along = abs(vec3<f32>(dot(axis, columns[0]), dot(axis, columns[1]), dot(axis, columns[2])));
-        let size = abs(axis);
-        let sizes = vec3<f32>(dot(size, abs(columns[0])), dot(size, abs(columns[1])), dot(size, abs(columns[2])));
-        let half = dot(along + 4.0 * ROUNDING * sizes, half_extents) * (1.0 + 6.0 * ROUNDING) + TINY;
-        pairs[at + k] = bitcast<vec4<u32>>(vec4<f32>(axis, half));
+        pairs[at + k] = bitcast<vec4<u32>>(slab_of(columns, half_extents, k));
     }
     pairs[at + 3u] = vec4<u32>(bitcast<vec3<u32>>(center), word);
-}
-
-/// The unit vector along a column, of any length above 1e-30. Its own rounding moves the axis, not the half-extent along it.
-fn unit_along(v: vec3<f32>) -> vec3<f32> {
-    let size = max(abs(v.x), max(abs(v.y), abs(v.z)));
-    return normalize(v / max(size, 1e-30));
 }

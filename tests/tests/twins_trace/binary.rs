@@ -7,25 +7,20 @@ use canted_gpu::{
     Traversal, wgpu,
 };
 use canted_lbvh::{Bits, Corners, Strategy};
-use canted_obb::Affine;
-use canted_tests::{
-    closed::{baked, placements},
-    rays, scenes,
-    transforms::transforms,
-};
-use canted_tlas::{Instance, Tlas, TopConfig};
+use canted_tests::{rays, scenes};
 use canted_trace::{Ray, Watertight};
 use canted_wide::{Config, TriangleBvh};
 
 use super::gpu;
-use super::reference::{Tally, World, error_of_instance, error_of_one_level};
+use super::placed::Placed;
+use super::reference::{Tally, World, error_of_one_level};
 use super::setup::build;
 
-fn reach(mesh: &Mesh) -> f64 {
+pub(super) fn reach(mesh: &Mesh) -> f64 {
     mesh.positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs()))
 }
 
-fn corners(mesh: &Mesh) -> Vec<Corners> {
+pub(super) fn corners(mesh: &Mesh) -> Vec<Corners> {
     mesh.triangles.iter().map(|triangle| triangle.map(|i| mesh.positions[i as usize])).collect()
 }
 
@@ -82,7 +77,7 @@ impl Buffers {
     }
 }
 
-fn all_rays(mesh: &Mesh, n: usize) -> Vec<Ray> {
+pub(super) fn all_rays(mesh: &Mesh, n: usize) -> Vec<Ray> {
     [rays::of_all_classes(mesh, n, 20), rays::from_inside(mesh, 2 * n, 30), rays::from_afar(mesh, 1e3, n, 40)].concat()
 }
 
@@ -129,71 +124,29 @@ fn missing_triangles_are_detected() {
 #[test]
 fn rays_through_instances_lose_no_hit() {
     let Some(gpu) = gpu("binary::rays_through_instances_lose_no_hit") else { return };
-    // The last mesh has no triangles, the one before a single one.
-    let single = Mesh { triangles: vec![[0, 1, 2]], ..scenes::room(3, 20) };
-    let empty = Mesh { triangles: vec![], ..single.clone() };
-    let meshes = [scenes::needles().remove(0).mesh, scenes::room(3, 20).off_axis(), single, empty];
-    let placed: Vec<Affine> = placements()
-        .iter()
-        .map(|placement| placement.world_from_object)
-        .chain(transforms().into_iter().map(|(_, at)| at))
-        .collect();
-    // Two instances in each place.
-    let places = placed.iter().flat_map(|&at| [at; 2]);
-    let instances: Vec<Instance> =
-        (0..).zip(places).map(|(i, at)| Instance::new(if i % 9 == 8 { 3 } else { i % 3 }, at)).collect();
-    let of = |instance: u32| (&meshes[instances[instance as usize].blas as usize], &instances[instance as usize]);
-    let all_rays: Vec<Ray> = (0u32..)
-        .zip(&instances)
-        .flat_map(|(i, _)| {
-            let (mesh, instance) = of(i);
-            let seed = u64::from(i);
-            let there = baked(mesh, &instance.world_from_object);
-            if there.triangles.is_empty() {
-                return vec![];
-            }
-            [rays::of_all_classes(&there, 20, 90 + seed), rays::from_inside(&there, 40, 120 + seed)].concat()
-        })
-        .collect();
-    let corners_of = |instance: u32, primitive: u32| {
-        let (mesh, instance) = of(instance);
-        mesh.corners(primitive as usize).map(|p| instance.world_from_object.point_f64(p))
-    };
-    let error = |ray: &Ray, instance: u32| {
-        let (mesh, instance) = of(instance);
-        error_of_instance(ray, &instance.world_from_object, reach(mesh))
-    };
-    let world = World { corners: &corners_of, error: &error };
-    let bottom: Vec<TriangleBvh<Watertight>> = meshes.iter().map(|mesh| build(mesh, &Config::default())).collect();
-    let tlas = Tlas::new(bottom, &instances, TopConfig::default()).unwrap();
-    let all_corners: Vec<Vec<Corners>> = meshes.iter().map(corners).collect();
-    let slices: Vec<&[Corners]> = all_corners.iter().map(Vec::as_slice).collect();
+    let placed = Placed::new();
     let stack = STRATEGIES.map(|strategy| (strategy, Traversal::Stack));
     let others = [Traversal::Bits, Traversal::Links]
         .map(|traversal| [Strategy::Aabb, Strategy::Combined].map(|strategy| (strategy, traversal)));
     for (strategy, traversal) in stack.into_iter().chain(others.into_iter().flatten()) {
-        let scene = TracedScene::build_two_level(&gpu, &slices, &instances, config(strategy)).unwrap();
+        let scene = placed
+            .with(|meshes, instances| TracedScene::build_two_level(&gpu, meshes, instances, config(strategy)).unwrap());
         let scene = scene.with_traversal(&gpu, traversal).unwrap();
-        let mut tally = Tally::default();
-        world
-            .check_all(&gpu, &scene, &all_rays, |ray| tlas.closest_hit(ray), &mut tally)
-            .unwrap_or_else(|error| panic!("{strategy:?}, {traversal:?}: {error}"));
-        tally.report(&format!("{strategy:?}, {traversal:?}"));
+        placed.check(&gpu, &scene, &format!("{strategy:?}, {traversal:?}"));
     }
     // The same in buffers: instances are placed on the device, and nothing is read back.
-    let buffers = Buffers::new(&gpu, &meshes);
-    let placed: Vec<DeviceInstance> =
-        instances.iter().map(|instance| DeviceInstance::new(instance.blas, &instance.world_from_object)).collect();
-    let placed = gpu.buffer("transforms", &placed).unwrap();
-    let n_instances = u32::try_from(instances.len()).unwrap();
-    let placed = InstanceBuffer { buffer: placed.wgpu(), first_byte: 0, stride: 64, n_instances };
-    for strategy in [Strategy::Aabb, Strategy::PcaUnbounded, Strategy::Combined] {
-        let scene = InstancedScene::new(&gpu, &buffers.meshes(), &placed, config(strategy)).unwrap();
-        let mut tally = Tally::default();
-        world
-            .check_all(&gpu, scene.traced(), &all_rays, |ray| tlas.closest_hit(ray), &mut tally)
-            .unwrap_or_else(|error| panic!("recorded {strategy:?}: {error}"));
-        tally.report(&format!("recorded {strategy:?}"));
+    let buffers = Buffers::new(&gpu, placed.meshes());
+    let transforms: Vec<DeviceInstance> = placed
+        .instances()
+        .iter()
+        .map(|instance| DeviceInstance::new(instance.blas, &instance.world_from_object))
+        .collect();
+    let n_instances = u32::try_from(transforms.len()).unwrap();
+    let transforms = gpu.buffer("transforms", &transforms).unwrap();
+    let instances = InstanceBuffer { buffer: transforms.wgpu(), first_byte: 0, stride: 64, n_instances };
+    for strategy in STRATEGIES {
+        let scene = InstancedScene::new(&gpu, &buffers.meshes(), &instances, config(strategy)).unwrap();
+        placed.check(&gpu, scene.traced(), &format!("recorded {strategy:?}"));
     }
 }
 

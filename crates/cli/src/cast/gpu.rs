@@ -1,28 +1,27 @@
-//! Rays traced on the GPU. The CPU traces the rays whose traversal the GPU does not complete.
+//! Rays traced on the GPU.
 
 use std::time::Instant;
 
 use anyhow::Result;
-use canted_gpu::{DeviceHit, Outcome};
-use canted_renderer::{Structure, traced_scene};
+use canted_gpu::{DeviceHit, Gpu, Outcome, TracedScene};
+use canted_renderer::DeviceError;
 use canted_scene::Scene;
 use canted_trace::Ray;
-use canted_wide::LaneKernel;
 use rayon::prelude::*;
 
 use super::{Args, hits::Answer};
 use crate::device::{Machine, named};
 
-/// Traces all rays; also returns the seconds spent tracing. `None` where the CPU traces all rays.
-pub(super) fn trace<K: LaneKernel>(
+/// Traces all rays; also returns the seconds spent tracing. Rays whose traversal the GPU does not complete have no answer. `None`
+/// where the CPU traces all rays. `make` brings the scene to the GPU.
+pub(super) fn trace(
     machine: &Machine,
     scene: &Scene,
-    structure: &Structure<K>,
     rays: &[Ray],
     args: &Args,
-    on_cpu: impl Fn(&Ray) -> Answer + Sync,
-) -> Result<Option<(Vec<Answer>, f64)>> {
-    let Some((gpu, traced)) = machine.ready(&args.structure, |gpu| traced_scene(gpu, scene, structure))? else {
+    make: impl FnOnce(&Gpu) -> Result<TracedScene, DeviceError>,
+) -> Result<Option<(Vec<Option<Answer>>, f64)>> {
+    let Some((gpu, traced)) = machine.ready(&args.structure, make)? else {
         return Ok(None);
     };
     let start = Instant::now();
@@ -33,23 +32,18 @@ pub(super) fn trace<K: LaneKernel>(
     };
     let occluded = |&is_hit: &bool| if is_hit { Answer::OCCLUDED } else { Answer::MISS };
     let answers = if args.occluded {
-        traced.occluded(gpu, rays).map(|found| completed(rays, &found, occluded, on_cpu))
+        traced.occluded(gpu, rays).map(|found| completed(&found, occluded))
     } else {
-        traced.closest_hits(gpu, rays).map(|found| completed(rays, &found, hit, on_cpu))
+        traced.closest_hits(gpu, rays).map(|found| completed(&found, hit))
     };
     let answers = answers.map_err(|error| named(gpu, error.into()))?;
     Ok(Some((answers, start.elapsed().as_secs_f64())))
 }
 
-fn completed<T: Sync>(
-    rays: &[Ray],
-    found: &[Outcome<T>],
-    answer: impl Fn(&T) -> Answer + Sync,
-    on_cpu: impl Fn(&Ray) -> Answer + Sync,
-) -> Vec<Answer> {
-    let complete = |(ray, found): (&Ray, &Outcome<T>)| match found {
-        Outcome::Complete(found) => answer(found),
-        Outcome::Incomplete => on_cpu(ray),
+fn completed<T: Sync>(found: &[Outcome<T>], answer: impl Fn(&T) -> Answer + Sync) -> Vec<Option<Answer>> {
+    let complete = |found: &Outcome<T>| match found {
+        Outcome::Complete(found) => Some(answer(found)),
+        Outcome::Incomplete => None,
     };
-    rays.par_iter().zip(found).map(complete).collect()
+    found.par_iter().map(complete).collect()
 }

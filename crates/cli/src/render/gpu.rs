@@ -4,9 +4,9 @@ use anyhow::{Result, anyhow};
 use canted_film::{Film, Tile};
 use canted_gpu::{Gpu, Traffic};
 use canted_renderer::{
-    DeviceFrames, DevicePicture, FirstHit, Integrator, Monitor, Settings, SharedFilm, Structure, Surfaces,
+    DeviceFrames, DevicePicture, FirstHit, Integrator, Monitor, Settings, SharedFilm, Structure, Surfaces, built_scene,
 };
-use canted_scene::Camera;
+use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 use serde_json::json;
 
@@ -47,10 +47,16 @@ impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
             return Err(anyhow!("--samples requires one device; --device both mixes CPU and GPU rounding"));
         }
         let before = machine.gpu().map(Gpu::traffic).unwrap_or_default();
+        let wide = args.structure.built_on_gpu();
+        let built = wide.map(|wide| anyhow::Ok((args.structure.config(surfaces.scene())?, wide))).transpose()?;
         let ready = machine.ready(&args.structure, |gpu| {
-            let picture = match frames {
-                Some(frames) => DevicePicture::in_frame(gpu, surfaces, structure, camera, settings, frames)?,
-                None => DevicePicture::new(gpu, surfaces, structure, camera, settings)?,
+            let picture = match (frames, &built) {
+                (Some(frames), _) => DevicePicture::in_frame(gpu, surfaces, structure, camera, settings, frames)?,
+                (None, Some((config, wide))) => {
+                    let make = |scene: &Scene| built_scene(gpu, scene, config, *wide);
+                    DevicePicture::over(gpu, surfaces, structure, camera, settings, make)?
+                }
+                (None, None) => DevicePicture::new(gpu, surfaces, structure, camera, settings)?,
             };
             picture.with_first_hit(args.first_hit)
         })?;

@@ -89,8 +89,9 @@ fn every_preset_and_builder_matches_a_linear_scan() {
 fn a_gpu_matches_a_linear_scan() {
     let Some(_) = adapter("a_gpu_matches_a_linear_scan") else { return };
     let (folder, rays) = folder_and_rays(By::Device);
-    for levels in ["one", "two"] {
-        let options = format!("--levels {levels} --device gpu");
+    // The device builds the BVHs of `lbvh` and `ploc`.
+    for (levels, builder) in [("one", "auto"), ("two", "auto"), ("one", "lbvh"), ("two", "ploc")] {
+        let options = format!("--levels {levels} --builder {builder} --device gpu");
         let cast = |more: &str| -> Vec<Vec<f64>> {
             folder.run(&format!("cast model.obj --rays rays.csv --hits hits.csv {options} {more}")).done();
             rows(&folder.text("hits.csv"), HEADER)

@@ -8,10 +8,10 @@ use super::{Run, count, run::Dispatches};
 use crate::{Buffer, Gpu, GpuError, Kernel, NamedBinding, Specialisation};
 
 /// Invocations per work-group.
-const GROUP: u32 = 64;
+pub(super) const GROUP: u32 = 64;
 
 /// Keys per invocation. A tile has GROUP times as many: enough for runs of whole cache lines for each value of a digit.
-const KEYS_EACH: u32 = 16;
+pub(super) const KEYS_EACH: u32 = 16;
 
 /// Bits per digit, few enough that the counters of a work-group fit on any device.
 const DIGIT_BITS: u32 = 4;
@@ -20,10 +20,15 @@ const RADIX: u32 = 1 << DIGIT_BITS;
 /// As in `shared/build/digit.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Digit {
-    n_keys: u32,
-    n_tiles: u32,
-    shift: u32,
+pub(super) struct Digit {
+    pub(super) n_keys: u32,
+    pub(super) n_tiles: u32,
+    pub(super) shift: u32,
+}
+
+/// Constants of kernels that process tiles of keys.
+pub(super) fn tiled() -> Specialisation {
+    Specialisation::none().number("GROUP", GROUP).number("KEYS_EACH", KEYS_EACH).number("RADIX", RADIX)
 }
 
 /// Kernels of a stable radix sort.
@@ -51,7 +56,7 @@ impl Sorter {
     /// # Errors
     /// The device does not support them.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        let tiled = Specialisation::none().number("GROUP", GROUP).number("KEYS_EACH", KEYS_EACH).number("RADIX", RADIX);
+        let tiled = tiled();
         Ok(Self {
             number: gpu.kernel("build/item_indices", &Specialisation::none())?,
             count: gpu.kernel("build/sort_count", &tiled)?,

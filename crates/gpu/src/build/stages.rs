@@ -60,6 +60,19 @@ pub struct Trees {
     pub max_height: u32,
 }
 
+impl Trees {
+    /// Trees over `n` items, still without nodes.
+    pub(super) fn empty(gpu: &Gpu, n: usize, max_height: u32) -> Result<Self, GpuError> {
+        Ok(Self {
+            max_height,
+            nodes: gpu.zeroed("nodes", n)?,
+            parents: gpu.zeroed("parents", 2 * n)?,
+            heights: gpu.zeroed("heights", n)?,
+            depth: gpu.zeroed("depth", 1)?,
+        })
+    }
+}
+
 impl Codes {
     fn empty(gpu: &Gpu, n: usize, bits: Bits) -> Result<Self, GpuError> {
         let high = match bits {
@@ -177,22 +190,26 @@ fn trees_of(run: &mut Run<'_>, items: &Items) -> Result<Buffer<u32>, GpuError> {
 pub fn tree(run: &mut Run<'_>, items: &Items, sorted: &Codes) -> Result<Trees, GpuError> {
     let gpu = run.gpu();
     let n = items.len() as usize;
-    let trees = Trees {
-        nodes: gpu.zeroed("nodes", n)?,
-        parents: gpu.zeroed("parents", 2 * n)?,
-        heights: gpu.zeroed("heights", n)?,
-        depth: gpu.zeroed("depth", 1)?,
-        max_height: depth_bound(items.ranges().iter().map(|range| range.count).max().unwrap_or(0), sorted.bits()),
-    };
+    let most = items.ranges().iter().map(|range| range.count).max().unwrap_or(0);
+    let trees = Trees::empty(gpu, n, depth_bound(most, sorted.bits()))?;
     let mut bound = items.bound(&sorted.bound("sorted_low", "sorted_high"));
-    let made: [NamedBinding<'_>; 4] =
-        [("nodes", &trees.nodes), ("parents", &trees.parents), ("heights", &trees.heights), ("depth", &trees.depth)];
+    let made: [NamedBinding<'_>; 2] = [("nodes", &trees.nodes), ("parents", &trees.parents)];
     bound.extend(made);
     run.stage("tree", |dispatches| {
         let kernel = gpu.kernel("build/tree", &coded(Specialisation::none(), sorted.bits()))?;
-        dispatches.items(&kernel, &bound, items.len())?;
-        let kernel = gpu.kernel("build/heights", &Specialisation::none())?;
         dispatches.items(&kernel, &bound, items.len())
     })?;
+    depths(run, items, &trees)?;
     Ok(trees)
+}
+
+/// Fills in the heights of nodes and the depth, from the parents.
+pub(super) fn depths(run: &mut Run<'_>, items: &Items, trees: &Trees) -> Result<(), GpuError> {
+    let gpu = run.gpu();
+    let bound: [NamedBinding<'_>; 3] =
+        [("parents", &trees.parents), ("heights", &trees.heights), ("depth", &trees.depth)];
+    run.stage("tree", |dispatches| {
+        let kernel = gpu.kernel("build/heights", &Specialisation::none())?;
+        dispatches.items(&kernel, &bound, items.len())
+    })
 }

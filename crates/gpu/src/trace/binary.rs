@@ -248,13 +248,13 @@ impl TracedScene {
 }
 
 /// Bounds of each mesh, read back.
-async fn mesh_bounds(gpu: &Gpu, bottom: &Built) -> Result<Vec<MeshBounds>, GpuError> {
+pub(super) async fn mesh_bounds(gpu: &Gpu, bottom: &Built) -> Result<Vec<MeshBounds>, GpuError> {
     let of_root = |aabb: Aabb| MeshBounds { reach: if aabb.is_empty() { 0.0 } else { aabb.reach() }, aabb };
     Ok(bottom.root_aabbs(gpu).await?.into_iter().map(of_root).collect())
 }
 
 /// World-space boxes of instances with triangles: the transformed root, which is oriented; all places of a moving one.
-fn placed_boxes(packing: &Packing, roots: &[Option<Obb>], instances: &[Instance]) -> Vec<Obb> {
+pub(super) fn placed_boxes(packing: &Packing, roots: &[Option<Obb>], instances: &[Instance]) -> Vec<Obb> {
     let placed = |(&number, swept): (&u32, &Aabb)| {
         let instance = &instances[number as usize];
         match &roots[instance.blas as usize] {

@@ -55,6 +55,11 @@ impl BvhHeader {
         }
     }
 
+    /// A wide BVH that the device built, with this root and first quad.
+    pub(super) fn wide(root: u32, first_quad: u32, reach: f32, error: HitError) -> Self {
+        Self { words: [root, first_quad, 0, 0], ..Self::binary(root, 0, reach, error) }
+    }
+
     /// A binary BVH with this root, over the triangles from `first_triangle` on.
     pub(super) fn binary(root: u32, first_triangle: u32, reach: f32, error: HitError) -> Self {
         let [x, y, z] = Obb::IDENTITY_FRAME;

@@ -1,4 +1,4 @@
-//! Wide BVHs, built by the CPU and uploaded.
+//! Wide BVHs: built by the CPU and uploaded, or built on the device.
 
 use bytemuck::Pod;
 use canted_tlas::Instance;
@@ -11,6 +11,7 @@ use super::level::{Instances, Level};
 use super::nodes::{LINE_QUADS, is_aligned};
 use super::scene::{Nodes, TracedScene, check_depth, too_deep};
 use super::top_level::{MeshBounds, TopLevel};
+use crate::build::WideTrees;
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, wait::block_on};
 
 /// Levels whose pending children fit into four words, eight bits each.
@@ -127,6 +128,12 @@ async fn uploaded(
 }
 
 impl WideNodes {
+    /// Those that the device built.
+    pub(super) fn built(trees: WideTrees) -> Self {
+        let WideTrees { nodes, blocks, is_oriented, .. } = trees;
+        Self { nodes, halves: blocks, traversal: Traversal::Stack, links: None, is_aligned: !is_oriented }
+    }
+
     pub(super) fn traversal(&self) -> Traversal {
         self.traversal
     }

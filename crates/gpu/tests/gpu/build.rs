@@ -1,9 +1,10 @@
 //! Builds on devices with too little memory. The package of tests compares whole builds with the CPU.
 
-use crate::common::lowered;
+use crate::{buffers::opened, common::lowered};
 use canted_gpu::{
-    GpuError,
-    build::{Items, Passes},
+    Gpu, GpuError,
+    build::{BuildConfig, Built, Items, Passes, Run, Topology, WideTrees},
+    wgpu::CommandEncoderDescriptor,
 };
 use canted_lbvh::{Bits, Corners, Strategy};
 
@@ -29,4 +30,19 @@ fn stages_that_fit_are_timed_when_others_do_not_fit() {
     let few = Items::triangles(&gpu, [&corners[..500]]).unwrap();
     let passes = Passes::measure(&gpu, &few, Bits::B63, 1).unwrap();
     assert!(passes.error.is_none() && passes.boxes.iter().all(Option::is_some), "{passes:?}");
+}
+
+/// Clustering and collapsing read the progress back, for which a recorded build cannot wait.
+#[test]
+fn recorded_clusters_and_wide_nodes_are_rejected() {
+    let Some((device, queue)) = opened("recorded_clusters_and_wide_nodes_are_rejected") else { return };
+    let gpu = Gpu::from_wgpu(device.clone(), queue);
+    let corners: Vec<Corners> = vec![[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]; 9];
+    let items = || Items::triangles(&gpu, [&corners[..]]).unwrap();
+    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
+    let mut run = Run::recorded(&gpu, &mut encoder);
+    let built = |run: &mut Run<'_>, topology| Built::with_topology(run, items(), BuildConfig::default(), topology);
+    assert!(matches!(built(&mut run, Topology::Ploc), Err(GpuError::Unsupported { .. })));
+    let radix = built(&mut run, Topology::Radix).unwrap();
+    assert!(matches!(WideTrees::new(&mut run, &radix, None), Err(GpuError::Unsupported { .. })));
 }

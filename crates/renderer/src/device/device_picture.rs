@@ -1,8 +1,8 @@
 //! Pictures rendered by a GPU, alone or together with the CPU.
 
 use canted_film::{Aov, Film, Filter, Tile};
-use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
-use canted_scene::Camera;
+use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, TracedScene};
+use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 
 use super::collector::{self, SampleCollector};
@@ -67,7 +67,23 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         camera: &Camera,
         settings: &'a Settings,
     ) -> Result<Self, DeviceError> {
-        Self::made(gpu, surfaces, structure, camera, settings, None)
+        Self::over(gpu, surfaces, structure, camera, settings, |scene| traced_scene(gpu, scene, structure))
+    }
+
+    /// The same with other BVHs on the device, in as many levels as `structure`: those that `make` returns for the scene, such as
+    /// [`built_scene`](crate::built_scene).
+    ///
+    /// # Errors
+    /// As for [`DevicePicture::new`], and those of `make`.
+    pub fn over(
+        gpu: &'a Gpu,
+        surfaces: &'a Surfaces<'a>,
+        structure: &'a Structure<K>,
+        camera: &Camera,
+        settings: &'a Settings,
+        make: impl FnOnce(&Scene) -> Result<TracedScene, DeviceError>,
+    ) -> Result<Self, DeviceError> {
+        Self::made(gpu, surfaces, structure, camera, settings, |scene| Ok(Traced::Own(make(scene)?)))
     }
 
     /// [`Self::new`] for a frame of a sequence: uploads what changed since the last one, which must be dropped before. Where the device
@@ -83,7 +99,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         settings: &'a Settings,
         frames: &'a mut DeviceFrames,
     ) -> Result<Self, DeviceError> {
-        Self::made(gpu, surfaces, structure, camera, settings, Some(frames))
+        Self::made(gpu, surfaces, structure, camera, settings, |scene| traced_frame(gpu, scene, structure, frames))
     }
 
     fn made(
@@ -92,16 +108,13 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         structure: &'a Structure<K>,
         camera: &Camera,
         settings: &'a Settings,
-        frames: Option<&'a mut DeviceFrames>,
+        make: impl FnOnce(&Scene) -> Result<Traced<'a>, DeviceError>,
     ) -> Result<Self, DeviceError> {
         let scene = surfaces.scene();
         let cpu = Rendering::new(scene, structure, surfaces, camera, settings)?;
         collector::check_size(settings)?;
         check_supported(settings)?;
-        let traced = match frames {
-            Some(frames) => traced_frame(gpu, scene, structure, frames)?,
-            None => Traced::Own(traced_scene(gpu, scene, structure)?),
-        };
+        let traced = make(scene)?;
         // AOVs show the materials of the path integrator.
         let materials = if settings.aovs.is_empty() { settings.integrator } else { Integrator::Path };
         if materials == Integrator::Path && scene.materials.iter().any(|material| material.lobes.is_some()) {

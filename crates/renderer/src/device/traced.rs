@@ -2,15 +2,18 @@
 
 use std::ops::Deref;
 
-use canted_gpu::build::BuildConfig;
+use canted_gpu::build::{BuildConfig, WideConfig};
 use canted_gpu::{Gpu, TracedScene};
 use canted_lbvh::{Corners, Strategy, triangle_corners};
 use canted_scene::Scene;
 use canted_wide::{LaneKernel, TriangleBvh};
 
 use super::{DeviceError, DeviceFrames};
+use crate::prepare::has_one_level;
 use crate::structure::{flatten, instances};
-use crate::{Bvh, PrepareError, Structure};
+use crate::{Bvh, PrepareError, Structure, StructureConfig};
+
+const DEFORMING: DeviceError = DeviceError::Unsupported { what: "meshes that deform while the shutter is open" };
 
 /// What the device traces.
 enum Kind<'a, K: LaneKernel> {
@@ -94,15 +97,37 @@ fn uploaded<K: LaneKernel>(
     })
 }
 
+/// Wide BVHs of a scene that the device builds from its triangles, in as many levels as [`prepare`](crate::prepare) with `config`
+/// gives it. The CPU builds nothing.
+///
+/// # Errors
+/// Invalid geometry; meshes that deform, and instances that the kernels do not support; too little memory on the device.
+pub fn built_scene(
+    gpu: &Gpu,
+    scene: &Scene,
+    config: &StructureConfig,
+    wide: WideConfig,
+) -> Result<TracedScene, DeviceError> {
+    if scene.meshes.iter().any(|mesh| mesh.close.is_some()) {
+        return Err(DEFORMING);
+    }
+    if has_one_level(scene, config)? {
+        let (positions, triangles, first) = flatten(scene)?;
+        return Ok(TracedScene::build_wide_single_level(gpu, &corners(&positions, &triangles)?, &first, wide)?);
+    }
+    let meshes = scene.meshes.iter().map(|mesh| corners(&mesh.positions, &mesh.triangles));
+    let meshes = meshes.collect::<Result<Vec<_>, _>>()?;
+    let slices: Vec<&[Corners]> = meshes.iter().map(Vec::as_slice).collect();
+    Ok(TracedScene::build_wide_two_level(gpu, &slices, &instances(scene), wide)?)
+}
+
 fn kind<K: LaneKernel>(bvhs: &[Bvh<K>]) -> Result<Kind<'_, K>, DeviceError> {
     let mut meshes = vec![];
     for bvh in bvhs {
         match bvh {
             Bvh::Wide(wide) => meshes.push(wide),
             Bvh::Binary(_, strategy) => return Ok(Kind::Binary(*strategy)),
-            Bvh::Moving(_) => {
-                return Err(DeviceError::Unsupported { what: "meshes that deform while the shutter is open" });
-            }
+            Bvh::Moving(_) => return Err(DEFORMING),
             Bvh::Bih(_) => return Err(DeviceError::Unsupported { what: "a bounding interval hierarchy" }),
             Bvh::KdTree(_) => return Err(DeviceError::Unsupported { what: "a kd-tree" }),
         }

@@ -25,6 +25,8 @@ fn a_gpu_renders_the_picture_of_the_cpu() {
     // The last BVHs are built on the device.
     let all_options = [
         "--spp 16",
+        "--builder lbvh --levels two --spp 16",
+        "--builder ploc --integrator path --spp 16",
         "--spp 64 --noise 0.05",
         "--sampler sobol --spp 16 --filter tent",
         "--volumes pca-bounded --spp 16",

@@ -1,0 +1,112 @@
+//! What a device traces: wide BVHs of the CPU, uploaded, and what it builds itself, from the mesh to the hits.
+
+use std::{fmt::Write, time::Instant};
+
+use anyhow::Result;
+use canted_gpu::build::{BuildConfig, Topology, WideConfig};
+use canted_gpu::{Gpu, GpuError, TracedScene};
+use canted_lbvh::{self as lbvh, Bits, Strategy};
+use canted_trace::{Ray, Watertight};
+use canted_wide::{Config, Preset, TriangleBvh};
+
+use super::{Bench, rays};
+use crate::{
+    models::{self, Model},
+    wide::sets::Kind,
+};
+
+/// A closed surface, thin diagonal parts, and a building.
+const SCENES: [&str; 3] = ["bunny", "truss", "sponza"];
+
+/// Rays from the mesh to the hits.
+const N_RAYS: usize = 100_000;
+
+/// How a scene comes to the device.
+enum Made {
+    Uploaded(Preset),
+    Binary(Strategy),
+    Wide(Topology, Strategy),
+}
+
+const STRUCTURES: [(&str, Made); 8] = [
+    ("CPU, fast", Made::Uploaded(Preset::Fast)),
+    ("CPU, balanced", Made::Uploaded(Preset::Balanced)),
+    ("binary, radix", Made::Binary(Strategy::Aabb)),
+    ("wide, radix", Made::Wide(Topology::Radix, Strategy::Aabb)),
+    ("wide, radix, oriented nodes", Made::Wide(Topology::Radix, Strategy::Combined)),
+    ("wide, clustered", Made::Wide(Topology::Ploc, Strategy::Aabb)),
+    ("wide, clustered, oriented nodes", Made::Wide(Topology::Ploc, Strategy::Combined)),
+    ("wide, clustered, oriented nodes by dop", Made::Wide(Topology::Ploc, Strategy::Dop)),
+];
+
+/// Measures and writes the table.
+pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
+    let _ = writeln!(
+        out,
+        "\n### From the mesh to the hits\n\nOne BVH over all triangles. Ready: gathering, building, uploading and waiting, from vertices and \
+         indices in the memory of the CPU, which uses {} threads. Oriented nodes have boxes of the strategy combined. Camera, diffuse, occlusion: \
+         million rays per second of device time, as in the next table. With {N_RAYS} camera and diffuse rays: ready, uploading the rays, tracing \
+         and reading hits back. Minimum milliseconds of {} rounds after a warm-up.\n\n\
+         | scene | BVH | ready | MB | camera | diffuse | occlusion | with {N_RAYS} rays |\n| --- | --- | --- | --- | --- | --- | --- | --- |",
+        rayon::current_num_threads(),
+        bench.rounds
+    );
+    for name in SCENES {
+        let Some(model) = models::load(name)? else {
+            let _ = writeln!(out, "| {name} | not available |");
+            continue;
+        };
+        let balanced = rays::build(&model, &Config::preset(Preset::Balanced))?;
+        let sets = rays::sets(&model, &balanced, bench);
+        let some: Vec<Ray> = sets[0].iter().chain(&sets[1]).copied().cycle().take(N_RAYS).collect();
+        for (structure, made) in &STRUCTURES {
+            let (mut ready, mut with_rays) = (f64::MAX, f64::MAX);
+            for round in 0..=bench.rounds {
+                let start = Instant::now();
+                let traced = made.traced(&bench.gpu, &model)?;
+                bench.gpu.finish()?;
+                let built = start.elapsed().as_secs_f64() * 1e3;
+                traced.closest_hits(&bench.gpu, &some)?;
+                // The driver compiles during the first round.
+                if round > 0 {
+                    ready = ready.min(built);
+                    with_rays = with_rays.min(start.elapsed().as_secs_f64() * 1e3);
+                }
+            }
+            let traced = made.traced(&bench.gpu, &model)?;
+            #[expect(clippy::cast_precision_loss, reason = "one digit is shown")]
+            let megabytes = traced.n_bytes() as f64 * 1e-6;
+            let _ = write!(out, "| {name} | {structure} | {ready:.1} | {megabytes:.1} |");
+            for (kind, set) in Kind::ALL.into_iter().zip(&sets) {
+                let _ = write!(out, " {:.2} |", rays::cast(bench, &traced, kind, set)?.rate(set.len()));
+            }
+            let _ = writeln!(out, " {with_rays:.1} |");
+        }
+    }
+    Ok(())
+}
+
+impl Made {
+    /// The scene on the device, from vertices and indices.
+    fn traced(&self, gpu: &Gpu, model: &Model) -> Result<TracedScene> {
+        let (positions, triangles) = (&model.mesh.positions, &model.mesh.triangles);
+        let of_device = |make: &dyn Fn(&[lbvh::Corners]) -> Result<TracedScene, GpuError>| -> Result<TracedScene> {
+            let (corners, _) = lbvh::triangle_corners(positions, triangles)?;
+            Ok(make(&corners)?)
+        };
+        match *self {
+            Self::Uploaded(preset) => {
+                let bvh = TriangleBvh::<Watertight>::build(positions, triangles, &Config::preset(preset))?;
+                Ok(TracedScene::single_level(gpu, &bvh, &[0])?)
+            }
+            Self::Binary(strategy) => {
+                let config = BuildConfig { bits: Bits::B63, strategy };
+                of_device(&|corners| TracedScene::build_single_level(gpu, corners, &[0], config))
+            }
+            Self::Wide(topology, strategy) => {
+                let config = WideConfig { bits: Bits::B63, topology, strategy };
+                of_device(&|corners| TracedScene::build_wide_single_level(gpu, corners, &[0], config))
+            }
+        }
+    }
+}

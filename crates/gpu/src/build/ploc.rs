@@ -1,0 +1,223 @@
+//! A topology of less traversal cost than the radix tree: locally-ordered clustering.
+//!
+//! ```text
+//! sorted leaves -> clusters -> partners -> kept -> prefix sums -> merged      while a tree has many clusters
+//!                           -> all further iterations in one work-group       each tree
+//!               -> first leaf of each node -> nodes, parents, leaves          as of the radix tree
+//! ```
+
+use bytemuck::{Pod, Zeroable};
+
+use super::prefix::prefix_sums;
+use super::stages::depths;
+use super::{Items, Run, Trees, count};
+use crate::{Buffer, GpuError, Specialisation};
+
+/// Clusters of a tree that a work-group merges on its own.
+const GROUP: u32 = 256;
+
+/// Search radius, and first iterations with a small one, as in `PlocConfig::NEAR` of `canted-sah`.
+const RADIUS: u32 = 14;
+const N_NEAR: u32 = 3;
+
+/// Iterations between two looks at the number of clusters.
+const AT_ONCE: u32 = 3;
+
+/// Most iterations: of two, one merges at least a sixteenth.
+const MAX_ITERATIONS: u32 = 1 << 10;
+
+/// Greatest height of a tree whose nodes are sorted by height, as oriented boxes are computed.
+const MAX_HEIGHT: u32 = 127;
+
+/// `Cluster` of `shared/build/ploc.wgsl`.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Cluster {
+    low: [f32; 3],
+    number: u32,
+    high: [f32; 3],
+    word: u32,
+}
+
+/// As there.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Iteration {
+    number: u32,
+    radius: u32,
+    n_near: u32,
+}
+
+/// All clusters, before and after an iteration.
+struct Clusters {
+    n: u32,
+    clusters: [Buffer<Cluster>; 2],
+    states: [Buffer<[u32; 4]>; 2],
+    partners: Buffer<u32>,
+    kept: Buffer<u32>,
+    prefixes: Buffer<u32>,
+    /// Before each iteration: the number of clusters, and the most of a tree.
+    remaining: Buffer<u32>,
+    longest: Buffer<u32>,
+    merges: Buffer<[u32; 4]>,
+    links: Buffer<u32>,
+}
+
+/// Builds a tree for each range of `items` by locally-ordered clustering. `leaves` are the items in the order of the Morton
+/// codes. Returns the items in the order of the leaves, and the trees. The topology is that of `canted_sah`'s `ploc`.
+///
+/// # Errors
+/// A recorded build, because the number of clusters is read back; a tree of more than 127 levels, as degenerate input may give; out of
+/// memory, or device lost.
+pub fn ploc(run: &mut Run<'_>, items: &Items, leaves: &Buffer<u32>) -> Result<(Buffer<u32>, Trees), GpuError> {
+    if run.is_recorded() {
+        let what = "a recorded build by clustering, which reads the number of clusters back".to_owned();
+        return Err(GpuError::Unsupported { what });
+    }
+    let mut all = Clusters::new(run, items, leaves)?;
+    let iteration = all.merge_many(run, items)?;
+    all.finish(run, items, iteration)?;
+    all.renumbered(run, items, leaves)
+}
+
+impl Clusters {
+    fn new(run: &mut Run<'_>, items: &Items, leaves: &Buffer<u32>) -> Result<Self, GpuError> {
+        let gpu = run.gpu();
+        let n = items.len() as usize;
+        let n_trees = items.ranges().len();
+        let words = |what: &str| gpu.zeroed::<u32>(what, n);
+        let all = Self {
+            n: items.len(),
+            clusters: [gpu.zeroed("clusters", n)?, gpu.zeroed("clusters, second buffer", n)?],
+            states: [gpu.zeroed("clusters of trees", n_trees)?, gpu.zeroed("clusters of trees", n_trees)?],
+            partners: words("partners of clusters")?,
+            kept: words("kept clusters")?,
+            prefixes: words("kept clusters before each")?,
+            remaining: gpu.zeroed("numbers of clusters", MAX_ITERATIONS as usize + 1)?,
+            longest: gpu.zeroed("greatest numbers of clusters", MAX_ITERATIONS as usize + 1)?,
+            merges: gpu.zeroed("merged pairs", n)?,
+            links: gpu.zeroed("links of merged pairs", 2 * n)?,
+        };
+        let bound = items.bound(&[
+            ("leaves", leaves),
+            ("clusters", &all.clusters[0]),
+            ("states", &all.states[0]),
+            ("remaining", &all.remaining),
+        ]);
+        run.stage("tree", |dispatches| {
+            dispatches.items(&*gpu.kernel("build/ploc_start", &items.part())?, &bound, all.n)
+        })?;
+        Ok(all)
+    }
+
+    /// Iterates until no tree has more clusters than a work-group merges. Returns the number of iterations.
+    fn merge_many(&mut self, run: &mut Run<'_>, items: &Items) -> Result<u32, GpuError> {
+        let gpu = run.gpu();
+        let mut number = 0;
+        let mut longest = items.ranges().iter().map(|range| range.count).max().unwrap_or(0);
+        let mut n = self.n;
+        while longest > GROUP {
+            if number + AT_ONCE > MAX_ITERATIONS {
+                return Err(GpuError::Invalid { message: "clustering does not end".to_owned() });
+            }
+            run.stage("tree", |dispatches| {
+                for _ in 0..AT_ONCE {
+                    self.iterate(dispatches, items, number, n)?;
+                    self.clusters.swap(0, 1);
+                    self.states.swap(0, 1);
+                    number += 1;
+                }
+                Ok(())
+            })?;
+            n = gpu.read_at(&self.remaining, &[number])?[0];
+            longest = gpu.read_at(&self.longest, &[number])?[0];
+        }
+        Ok(number)
+    }
+
+    /// An iteration over at most `n` clusters.
+    fn iterate(
+        &self,
+        dispatches: &mut super::run::Dispatches<'_>,
+        items: &Items,
+        number: u32,
+        n: u32,
+    ) -> Result<(), GpuError> {
+        let gpu = dispatches.gpu;
+        let uniform = gpu.uniform("iteration", &Iteration { number, radius: RADIUS, n_near: N_NEAR })?;
+        let [clusters, clusters_out] = &self.clusters;
+        let [states, states_out] = &self.states;
+        let bound = items.bound(&[
+            ("clusters", clusters),
+            ("clusters_out", clusters_out),
+            ("states", states),
+            ("states_out", states_out),
+            ("partners", &self.partners),
+            ("kept", &self.kept),
+            ("prefixes", &self.prefixes),
+            ("remaining", &self.remaining),
+            ("longest", &self.longest),
+            ("merges", &self.merges),
+            ("links", &self.links),
+            ("iteration", &uniform),
+        ]);
+        let kernel = |name: &str| gpu.kernel(name, &Specialisation::none());
+        dispatches.items(&*kernel("build/ploc_partners")?, &bound, n)?;
+        dispatches.items(&*kernel("build/ploc_keep")?, &bound, n)?;
+        prefix_sums(dispatches, &self.kept, &self.prefixes, n)?;
+        dispatches.items(&*kernel("build/ploc_merge")?, &bound, n)
+    }
+
+    /// All further iterations, after `number` iterations.
+    fn finish(&self, run: &mut Run<'_>, items: &Items, number: u32) -> Result<(), GpuError> {
+        let gpu = run.gpu();
+        let uniform = gpu.uniform("iteration", &Iteration { number, radius: RADIUS, n_near: N_NEAR })?;
+        let bound = items.bound(&[
+            ("clusters", &self.clusters[0]),
+            ("states", &self.states[0]),
+            ("merges", &self.merges),
+            ("links", &self.links),
+            ("iteration", &uniform),
+        ]);
+        run.stage("tree", |dispatches| {
+            let kernel = gpu.kernel("build/ploc_finish", &Specialisation::none().number("GROUP", GROUP))?;
+            let n_trees = if self.n == 0 { 0 } else { count(items.ranges().len()) };
+            dispatches.tiles(&kernel, &bound, n_trees)
+        })
+    }
+
+    /// The trees in the form of the radix tree.
+    fn renumbered(
+        &self,
+        run: &mut Run<'_>,
+        items: &Items,
+        leaves: &Buffer<u32>,
+    ) -> Result<(Buffer<u32>, Trees), GpuError> {
+        let gpu = run.gpu();
+        let n = self.n as usize;
+        let trees = Trees::empty(gpu, n, MAX_HEIGHT)?;
+        let leaves_out = gpu.zeroed("leaves", n)?;
+        let firsts = gpu.zeroed::<u32>("first leaves", n)?;
+        let bound = items.bound(&[
+            ("merges", &self.merges),
+            ("links", &self.links),
+            ("firsts", &firsts),
+            ("leaves", leaves),
+            ("nodes", &trees.nodes),
+            ("parents", &trees.parents),
+            ("leaves_out", &leaves_out),
+        ]);
+        run.stage("tree", |dispatches| {
+            dispatches.items(&*gpu.kernel("build/ploc_ranges", &Specialisation::none())?, &bound, self.n)?;
+            dispatches.items(&*gpu.kernel("build/ploc_nodes", &Specialisation::none())?, &bound, self.n)
+        })?;
+        depths(run, items, &trees)?;
+        let depth = gpu.read(&trees.depth)?[0];
+        if depth > MAX_HEIGHT {
+            return Err(GpuError::Unsupported {
+                what: format!("a clustered tree of {depth} levels, more than {MAX_HEIGHT}"),
+            });
+        }
+        Ok((leaves_out, trees))
+    }
+}

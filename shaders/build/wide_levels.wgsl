@@ -1,0 +1,42 @@
+// Wide nodes of one level of a BVH, from the nodes of the level above.
+// Reads: binary tree, boxes, the wide nodes of this level as slots of their binary nodes.
+// Writes: the size of each wide node by slot, except for roots; the wide nodes of the next level, in any order.
+// Holds: sizes do not depend on the order of atomics.
+// use ?wide_kind
+
+struct Level {
+    /// Number of levels above.
+    level: u32,
+    /// Wide nodes of the first level.
+    n_first: u32,
+}
+
+@group(0) @binding(3) var<uniform> wide_level: Level;
+@group(0) @binding(4) var<storage, read> queue_in: array<u32>;
+@group(0) @binding(5) var<storage, read_write> queue_out: array<u32>;
+/// Wide nodes of each level.
+@group(0) @binding(6) var<storage, read_write> counts: array<atomic<u32>>;
+@group(0) @binding(7) var<storage, read_write> units: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let i = slice_item(id, 64u);
+    var n = wide_level.n_first;
+    if wide_level.level > 0u {
+        n = atomicLoad(&counts[wide_level.level]);
+    }
+    if i >= min(n, slice.end) {
+        return;
+    }
+    let slot = queue_in[i];
+    let children = children_of(slot);
+    if wide_level.level > 0u {
+        units[slot] = kind_of(slot, children);
+    }
+    for (var child = 0u; child < children.n; child++) {
+        if !is_leaf(children.words[child]) {
+            let at = atomicAdd(&counts[wide_level.level + 1u], 1u);
+            queue_out[at] = children.words[child];
+        }
+    }
+}

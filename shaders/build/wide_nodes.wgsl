@@ -1,0 +1,50 @@
+// Wide nodes that are aligned with the axes, in the layout of shared/node.
+// Reads: binary tree, boxes, items, the order of wide nodes.
+// Writes: one node for each.
+// Holds: boxes are copies of coordinates.
+// use shared/build/wide_target
+// use shared/build/ordered
+// use ?item
+
+/// The bits of three minima and three maxima of a child's box.
+fn box_of(child: u32) -> array<u32, 6> {
+    if (child & LEAF) != 0u {
+        let reach = item_reach(leaves[child & ~LEAF]);
+        return array<u32, 6>(
+            end_of(reach.low.x, 0u), end_of(reach.low.y, 1u), end_of(reach.low.z, 2u),
+            end_of(reach.high.x, 3u), end_of(reach.high.y, 4u), end_of(reach.high.z, 5u),
+        );
+    }
+    var box: array<u32, 6>;
+    for (var k = 0u; k < 6u; k++) {
+        box[k] = bitcast<u32>(aabbs[6u * child + k]);
+    }
+    return box;
+}
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let unit = slice_item(id, 64u);
+    if unit >= slice.end {
+        return;
+    }
+    let slot = slot_of(unit);
+    if slot == NONE || units[slot] == 2u {
+        return;
+    }
+    let children = children_of(slot);
+    let at = UNIT_WORDS * (target_level.first_unit + unit);
+    for (var child = 0u; child < WIDTH; child++) {
+        var word = EMPTY;
+        var box = array<u32, 6>(NOWHERE, NOWHERE, NOWHERE, MINUS_NOWHERE, MINUS_NOWHERE, MINUS_NOWHERE);
+        if child < children.n {
+            word = word_of(children.words[child]);
+            box = box_of(children.words[child]);
+        }
+        for (var k = 0u; k < 3u; k++) {
+            wide_nodes[at + 16u * k + child] = box[k];
+            wide_nodes[at + 16u * k + 8u + child] = box[k + 3u];
+        }
+        wide_nodes[at + 48u + child] = word;
+    }
+}

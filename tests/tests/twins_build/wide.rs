@@ -1,0 +1,261 @@
+//! Binary trees collapsed on the device, compared with a recursion on the CPU, word by word.
+
+use std::collections::BTreeMap;
+
+use canted_fixtures::{Mesh, icosphere, soup};
+use canted_gpu::Gpu;
+use canted_gpu::build::{BuildConfig, Built, MAX_LEAF, Range, Run, STRATEGIES, Topology, WideTrees};
+use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Strategy, Tree, VolumeConfig};
+use canted_obb::Aabb;
+
+use crate::setup::{BOTH, Twin, gpu, items, large, meshes, needles, twins};
+use crate::wide_check::{Wide, check};
+
+const EMPTY: u32 = 0x7fff_ffff;
+const LEAF: u32 = 0x8000_0000;
+/// Beyond all coordinates.
+const NOWHERE: f32 = 9.223_372e18;
+
+/// A tree with the boxes of its inner nodes and leaves.
+struct Boxed<'a> {
+    tree: &'a Tree,
+    inner: Vec<Aabb>,
+    leaves: Vec<Aabb>,
+}
+
+impl Boxed<'_> {
+    fn of(twin: &Twin) -> Boxed<'_> {
+        let leaves = twin.leaves();
+        let inner = lbvh::volumes(&twin.tree, &leaves, &VolumeConfig::default()).aabbs;
+        Boxed { tree: &twin.tree, inner, leaves: leaves.into_iter().map(Aabb::from_points).collect() }
+    }
+
+    fn aabb(&self, child: Child) -> Aabb {
+        match child.kind() {
+            ChildKind::Leaf(position) => self.leaves[position as usize],
+            ChildKind::Inner(id) => self.inner[id.index()],
+        }
+    }
+
+    /// First leaf position, and number of leaves.
+    fn range(&self, child: Child) -> (u32, u32) {
+        match child.kind() {
+            ChildKind::Leaf(position) => (position, 1),
+            ChildKind::Inner(id) => {
+                let node = &self.tree.nodes[id.index()];
+                (node.first, node.last - node.first + 1)
+            }
+        }
+    }
+
+    /// Opens the largest of the children that are no leaves, until there are eight.
+    fn children(&self, slot: u32) -> Vec<Child> {
+        let node = &self.tree.nodes[slot as usize];
+        let mut children = vec![node.left, node.right];
+        while children.len() < 8 {
+            let area = |child: Child| {
+                let Aabb { min, max } = self.aabb(child);
+                let [x, y, z] = std::array::from_fn(|k| max[k] - min[k]);
+                (x + z) * y + z * x
+            };
+            let open = (0..children.len()).filter(|&i| self.range(children[i]).1 > MAX_LEAF);
+            // The first of equals.
+            let Some(i) = open.reduce(|best, i| if area(children[i]) > area(children[best]) { i } else { best }) else {
+                break;
+            };
+            let ChildKind::Inner(id) = children[i].kind() else { unreachable!("leaves are not opened") };
+            let opened = &self.tree.nodes[id.index()];
+            children[i] = opened.left;
+            children.push(opened.right);
+        }
+        children
+    }
+
+    /// The children of each wide node, by slot, and the number of levels.
+    fn collapse(&self) -> (BTreeMap<u32, Vec<Child>>, u32) {
+        let (mut nodes, mut depth) = (BTreeMap::new(), 0);
+        let mut open = vec![(0, 1)];
+        while let Some((slot, level)) = open.pop() {
+            if self.tree.leaves.len() <= MAX_LEAF as usize {
+                break;
+            }
+            depth = depth.max(level);
+            let children = self.children(slot);
+            for &child in &children {
+                if let (ChildKind::Inner(id), true) = (child.kind(), self.range(child).1 > MAX_LEAF) {
+                    open.push((id.0, level + 1));
+                }
+            }
+            nodes.insert(slot, children);
+        }
+        (nodes, depth)
+    }
+}
+
+fn part(first: u32, n: u32) -> u32 {
+    if n <= 2 { first } else { first.next_multiple_of(2) }
+}
+
+fn leaf(first: u32, n: u32) -> u32 {
+    LEAF | (n - 1) << 26 | part(first, n)
+}
+
+/// The words of all nodes and blocks, as far as they are used, and the depth.
+fn expected(twins: &[Twin], ranges: &[Range]) -> (BTreeMap<usize, u32>, BTreeMap<usize, u32>, u32) {
+    let boxed: Vec<Boxed<'_>> = twins.iter().map(Boxed::of).collect();
+    let trees: Vec<_> = boxed.iter().map(Boxed::collapse).collect();
+    // Roots come first, then all others by slot.
+    let mut units = BTreeMap::new();
+    for (tree, range) in trees.iter().zip(ranges) {
+        for slot in tree.0.keys().filter(|&&slot| slot > 0) {
+            units.insert(range.first + slot, ranges.len() + units.len());
+        }
+    }
+    let (mut nodes, mut blocks) = (BTreeMap::new(), BTreeMap::new());
+    for (number, ((boxed, (wide, _)), range)) in boxed.iter().zip(&trees).zip(ranges).enumerate() {
+        let unit = |slot: u32| if slot == 0 { number } else { units[&(range.first + slot)] };
+        for (&slot, children) in wide {
+            let at = 64 * unit(slot);
+            for child in 0..8 {
+                let (word, Aabb { min, max }) = match children.get(child) {
+                    None => (EMPTY, Aabb { min: [NOWHERE; 3], max: [-NOWHERE; 3] }),
+                    Some(&found) => {
+                        let (first, n) = boxed.range(found);
+                        let word = match found.kind() {
+                            ChildKind::Inner(id) if n > MAX_LEAF => u32::try_from(4 * unit(id.0)).unwrap(),
+                            _ => leaf(range.first + first, n),
+                        };
+                        (word, boxed.aabb(found))
+                    }
+                };
+                for k in 0..3 {
+                    nodes.insert(at + 16 * k + child, min[k].to_bits());
+                    nodes.insert(at + 16 * k + 8 + child, max[k].to_bits());
+                }
+                nodes.insert(at + 48 + child, word);
+            }
+        }
+        let leaves = wide.values().flatten().map(|&child| boxed.range(child)).filter(|&(_, n)| n <= MAX_LEAF);
+        let n = range.count;
+        let alone = (1..=MAX_LEAF).contains(&n).then_some((0, n));
+        for (first, n) in leaves.chain(alone) {
+            let part = part(range.first + first, n) as usize;
+            for i in 0..n as usize {
+                let primitive = boxed.tree.leaves[first as usize + i];
+                let at = 40 * (part / 2) + 2 * (part % 2) + i;
+                for (row, x) in twins[number].items[primitive.index()].as_flattened().iter().enumerate() {
+                    blocks.insert(at + 4 * row, x.to_bits());
+                }
+                blocks.insert(at + 36, primitive.0);
+            }
+        }
+    }
+    (nodes, blocks, trees.iter().map(|tree| tree.1).max().unwrap_or(0))
+}
+
+/// The first difference between the words on the device and the CPU's.
+fn unequal(what: &str, device: &[[u32; 4]], cpu: &BTreeMap<usize, u32>) -> Result<(), String> {
+    let device = device.as_flattened();
+    // Both zeros of a box are equal, because the minimum of two zeros may be either.
+    let same = |at: usize, a: u32, b: u32| a == b || at % 64 < 48 && (a | b) == 1 << 31;
+    for (&at, &word) in cpu {
+        if device.get(at).is_none_or(|&found| !same(at, found, word)) {
+            return Err(format!("{what}: word {at} is {:x?} for {word:x}", device.get(at)));
+        }
+    }
+    Ok(())
+}
+
+/// Compares what the device makes of `there` with the CPU's result for `twins`.
+fn compared(gpu: &Gpu, there: &[Twin], twins: &[Twin], bits: Bits) -> Result<(), String> {
+    let mut run = Run::new(gpu);
+    let built = Built::new(&mut run, items(gpu, there), BuildConfig { bits, ..BuildConfig::default() }).unwrap();
+    let wide = WideTrees::new(&mut run, &built, None).unwrap();
+    let (nodes, blocks) = (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap());
+    let (cpu_nodes, cpu_blocks, depth) = expected(twins, built.items.ranges());
+    unequal("nodes", &nodes, &cpu_nodes)?;
+    unequal("blocks", &blocks, &cpu_blocks)?;
+    if wide.levels[0].depth != depth {
+        return Err(format!("depth: {} for {depth}", wide.levels[0].depth));
+    }
+    for (index, (twin, &root)) in twins.iter().zip(&wide.levels[0].roots).enumerate() {
+        check(&Wide { nodes: &nodes, blocks: &blocks, root }, &twin.items)
+            .map_err(|error| format!("tree {index}: {error}"))?;
+    }
+    Ok(())
+}
+
+#[test]
+fn wide_nodes_match_the_words_of_a_recursion() {
+    let Some(gpu) = gpu("wide_nodes_match_the_words_of_a_recursion") else { return };
+    let same = |meshes: &[Mesh], bits, name: &str| {
+        let twins = twins(meshes, bits);
+        compared(&gpu, &twins, &twins, bits).unwrap_or_else(|error| panic!("{name}, {bits:?}: {error}"));
+    };
+    for bits in BOTH {
+        same(&meshes(), bits, "generated");
+    }
+    same(&needles(), Bits::B63, "needles");
+    for n in 0..12 {
+        same(&[soup(7, n), soup(8, 3)], Bits::B63, &format!("{n} triangles"));
+    }
+    same(&[], Bits::B63, "no mesh");
+    same(&[large(5, 30_000)], Bits::B63, "large");
+}
+
+/// One wrong number in the CPU's input, and where the comparison must report it.
+#[test]
+fn the_comparison_detects_other_boxes_and_trees() {
+    let Some(gpu) = gpu("the_comparison_detects_other_boxes_and_trees") else { return };
+    type Spoil = fn(&mut Twin);
+    let spoils: [(&str, Spoil); 3] = [
+        ("nodes: ", |twin| twin.items[7][0][0] = 9.0),
+        ("nodes: ", |twin| twin.tree.nodes.swap(3, 4)),
+        ("blocks: ", |twin| twin.tree.leaves.swap(10, 11)),
+    ];
+    for (index, (stage, spoil)) in spoils.into_iter().enumerate() {
+        let there = || twins(&[soup(1, 4), soup(2, 9), icosphere(2)], Bits::B63);
+        let mut spoilt = there();
+        spoil(&mut spoilt[2]);
+        let error = compared(&gpu, &there(), &spoilt, Bits::B63).expect_err("the change is not seen");
+        assert!(error.starts_with(stage), "{index}: {error}");
+    }
+}
+
+/// Repeated builds give the same words, although levels are found in any order.
+#[test]
+fn repeated_collapses_give_the_same_words() {
+    let Some(gpu) = gpu("repeated_collapses_give_the_same_words") else { return };
+    let twins = twins(&[large(6, 20_000), soup(8, 100)], Bits::B63);
+    let words = || {
+        let mut run = Run::new(&gpu);
+        let built = Built::new(&mut run, items(&gpu, &twins), BuildConfig::default()).unwrap();
+        let wide = WideTrees::new(&mut run, &built, None).unwrap();
+        (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap(), wide.levels)
+    };
+    assert!(words() == words());
+}
+
+/// Needles have oriented nodes with every strategy, whose boxes hold what is below them.
+#[test]
+fn oriented_nodes_enclose_their_triangles() {
+    let Some(gpu) = gpu("oriented_nodes_enclose_their_triangles") else { return };
+    let all = [needles(), meshes()].concat();
+    let twins = twins(&all, Bits::B63);
+    for (strategy, topology) in STRATEGIES.into_iter().zip([Topology::Radix, Topology::Ploc].into_iter().cycle()) {
+        let mut run = Run::new(&gpu);
+        let config = BuildConfig { bits: Bits::B63, strategy };
+        let built = Built::with_topology(&mut run, items(&gpu, &twins), config, topology).unwrap();
+        let wide = WideTrees::new(&mut run, &built, None).unwrap();
+        let (nodes, blocks) = (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap());
+        let n_oriented: usize = twins
+            .iter()
+            .zip(&wide.levels[0].roots)
+            .map(|(twin, &root)| {
+                let checked = check(&Wide { nodes: &nodes, blocks: &blocks, root }, &twin.items);
+                checked.unwrap_or_else(|error| panic!("{strategy:?}: {error}"))
+            })
+            .sum();
+        assert_eq!(n_oriented > 100, strategy != Strategy::Aabb, "{strategy:?}: {n_oriented} oriented nodes");
+    }
+}

@@ -1,0 +1,99 @@
+//! Wide BVHs that the device builds: radix and clustered trees, aligned and oriented nodes, one level and two.
+
+use canted_fixtures::{Mesh, soup};
+use canted_gpu::build::{STRATEGIES, Topology, WideConfig};
+use canted_gpu::{Gpu, TracedScene, Traversal};
+use canted_lbvh::{Bits, Strategy};
+use canted_tests::scenes;
+use canted_trace::{Ray, Watertight};
+use canted_wide::Config;
+
+use super::binary::{all_rays, corners, reach};
+use super::gpu;
+use super::placed::Placed;
+use super::reference::{Tally, World, error_of_one_level};
+use super::setup::build;
+
+/// Every topology and strategy.
+fn configs() -> impl Iterator<Item = WideConfig> + Clone {
+    let of = |topology| STRATEGIES.map(|strategy| WideConfig { bits: Bits::B63, topology, strategy });
+    [Topology::Radix, Topology::Ploc].into_iter().flat_map(of)
+}
+
+/// Compares a BVH that the device builds over `there` with the CPU's over `mesh`.
+fn compared(gpu: &Gpu, mesh: &Mesh, there: &Mesh, config: WideConfig, rays: &[Ray]) -> Result<Tally, String> {
+    let reach = reach(mesh);
+    let world = World {
+        corners: &|_, primitive| mesh.corners(primitive as usize),
+        error: &|ray, _| error_of_one_level(ray, reach),
+    };
+    let scene = TracedScene::build_wide_single_level(gpu, &corners(there), &[0], config).unwrap();
+    let on_cpu = build::<Watertight>(mesh, &Config::default());
+    let mut tally = Tally::default();
+    world.check_all(gpu, &scene, rays, |ray| on_cpu.closest_hit(ray), &mut tally)?;
+    Ok(tally)
+}
+
+#[test]
+fn grazing_rays_lose_no_hit() {
+    let Some(gpu) = gpu("built_wide::grazing_rays_lose_no_hit") else { return };
+    // Each mesh with one configuration, in turn; needles, which suit oriented boxes, with all.
+    for (case, config) in scenes::cases().iter().zip(configs().cycle()) {
+        let tally = compared(&gpu, &case.mesh, &case.mesh, config, &all_rays(&case.mesh, 20));
+        tally.unwrap_or_else(|error| panic!("{}, {config:?}: {error}", case.name));
+    }
+    for case in scenes::needles() {
+        for config in configs() {
+            let tally = compared(&gpu, &case.mesh, &case.mesh, config, &all_rays(&case.mesh, 20))
+                .unwrap_or_else(|error| panic!("{}, {config:?}: {error}", case.name));
+            assert!(tally.n_cut == 0 && tally.n_same > 0, "{}, {config:?}: {tally:?}", case.name);
+        }
+    }
+}
+
+/// Numbers of triangles about those of leaves, and of clusters that a work-group merges.
+#[test]
+fn few_triangles_are_hit() {
+    let Some(gpu) = gpu("built_wide::few_triangles_are_hit") else { return };
+    let numbers = [0, 1, 2, 3, 4, 5, 8, 9, 31, 33, 256, 257];
+    let few = || configs().filter(|config| matches!(config.strategy, Strategy::Aabb | Strategy::Combined));
+    for (n, config) in numbers.into_iter().flat_map(|n| few().map(move |config| (n, config))) {
+        let mesh = soup(u64::from(n) + 1, n);
+        let rays = if n == 0 { vec![Ray::new([0.0; 3], [1.0; 3])] } else { all_rays(&mesh, 10) };
+        let tally = compared(&gpu, &mesh, &mesh, config, &rays);
+        tally.unwrap_or_else(|error| panic!("{n} triangles, {config:?}: {error}"));
+    }
+}
+
+/// The comparison sees a BVH that lacks some triangles.
+#[test]
+fn missing_triangles_are_detected() {
+    let Some(gpu) = gpu("built_wide::missing_triangles_are_detected") else { return };
+    let mesh = scenes::shapes().remove(0).mesh;
+    for config in configs() {
+        let mut there = mesh.clone();
+        // Nothing hits a degenerate triangle.
+        there.triangles[7][1] = there.triangles[7][0];
+        let error = compared(&gpu, &mesh, &there, config, &all_rays(&mesh, 100)).expect_err("the change is not seen");
+        assert!(error.contains("lost"), "{config:?}: {error}");
+    }
+}
+
+#[test]
+fn rays_through_instances_lose_no_hit() {
+    let Some(gpu) = gpu("built_wide::rays_through_instances_lose_no_hit") else { return };
+    let placed = Placed::new();
+    // Each strategy with one topology, in turn, and traversals without a stack.
+    let topologies = [Topology::Radix, Topology::Ploc].into_iter().cycle();
+    let configs = STRATEGIES.into_iter().zip(topologies);
+    let stack =
+        configs.map(|(strategy, topology)| (WideConfig { bits: Bits::B63, topology, strategy }, Traversal::Stack));
+    let links = [Strategy::Aabb, Strategy::Combined]
+        .map(|strategy| (WideConfig { strategy, ..WideConfig::default() }, Traversal::Links));
+    for (config, traversal) in stack.chain(links) {
+        let scene = placed
+            .with(|meshes, instances| TracedScene::build_wide_two_level(&gpu, meshes, instances, config).unwrap());
+        let scene = scene.with_traversal(&gpu, traversal).unwrap();
+        placed.check(&gpu, &scene, &format!("{config:?}, {traversal:?}"));
+    }
+}
