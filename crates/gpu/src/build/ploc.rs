@@ -11,7 +11,7 @@ use bytemuck::{Pod, Zeroable};
 use super::prefix::prefix_sums;
 use super::stages::depths;
 use super::{Items, Run, Trees, count};
-use crate::{Buffer, GpuError, Specialisation};
+use crate::{Buffer, GpuError, Specialisation, wait::block_on};
 
 /// Clusters of a tree that a work-group merges on its own.
 const GROUP: u32 = 256;
@@ -129,8 +129,8 @@ impl Clusters {
                 }
                 Ok(())
             })?;
-            n = gpu.read_at(&self.remaining, &[number])?[0];
-            longest = gpu.read_at(&self.longest, &[number])?[0];
+            n = block_on(gpu.read_at(&self.remaining, &[number]))?[0];
+            longest = block_on(gpu.read_at(&self.longest, &[number]))?[0];
         }
         Ok(number)
     }

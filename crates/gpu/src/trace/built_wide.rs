@@ -40,7 +40,8 @@ impl TracedScene {
         let level = &trees.levels[0];
         let header = header(level.roots[0], level.first_quad, bounds[0].reach, trees.is_oriented);
         let depth = level.depth;
-        Self::over(gpu, Nodes::Wide(WideNodes::built(trees)), &[header], Level::flat(gpu, first_triangles)?, depth)
+        let level = Level::flat(gpu, first_triangles)?;
+        block_on(Self::over(gpu, Nodes::Wide(WideNodes::built(trees)), &[header], level, depth))
     }
 
     /// Builds, on the device, one eight-wide BVH per mesh, and one over the instances.
@@ -70,7 +71,7 @@ impl TracedScene {
             std::iter::once(top_header).chain(below.roots.iter().zip(&bounds).map(of_mesh)).collect();
         let depth = below.depth + above.depth;
         let level = Level::Two(Instances::new(gpu, &packing, &packing.numbers)?);
-        Self::over(gpu, Nodes::Wide(WideNodes::built(trees)), &headers, level, depth)
+        block_on(Self::over(gpu, Nodes::Wide(WideNodes::built(trees)), &headers, level, depth))
     }
 }
 
