@@ -69,11 +69,19 @@ pub struct Groups {
 /// Builds a tree from the root down that stops at groups of primitives: several times faster than one with a primitive per
 /// leaf.
 ///
-/// Reads: a finite box for each primitive. Writes: a tree whose leaf `i` refers to group `i`, and the groups. Holds: as for
+/// Reads: a finite box for each primitive; an array that is given by value is freed as early as possible. Writes: a tree whose leaf `i` refers to group `i`, and the groups. Holds: as for
 /// [`crate::top_down()`], with binned splits, or as for a radix tree.
 /// Source: Wald 2007, with parallel subtrees; Karras 2012 for splits by Morton codes.
 #[must_use]
-pub fn grouped(boxes: &[Aabb], config: &GroupConfig) -> (Tree, Groups) {
+pub fn grouped(boxes: impl AsRef<[Aabb]>, config: &GroupConfig) -> (Tree, Groups) {
+    let (tree, groups) = divided(boxes.as_ref(), config);
+    // Boxes that are handed over are freed before groups move.
+    drop(boxes);
+    improved(tree, groups, config.improvement.as_ref())
+}
+
+/// The tree and its groups before any is moved.
+fn divided(boxes: &[Aabb], config: &GroupConfig) -> (Tree, Groups) {
     let n = boxes.len();
     if n == 0 {
         let tree = Tree { nodes: vec![], leaves: vec![], bottom_up: vec![], tasks: vec![], depth: 0 };
@@ -85,8 +93,7 @@ pub fn grouped(boxes: &[Aabb], config: &GroupConfig) -> (Tree, Groups) {
     let max_part = MAX_PART.max(references.len().div_ceil(256));
     let builder = Builder { boxes, max_group, max_part };
     // References are freed before parts are joined, and parts before groups move: each takes as much memory as a BVH.
-    let (tree, groups) = assemble(builder.parts(references, config.split), n);
-    improved(tree, groups, config.improvement.as_ref())
+    assemble(builder.parts(references, config.split), n)
 }
 
 impl Builder<'_> {
@@ -184,6 +191,16 @@ struct Part {
     height: u32,
 }
 
+impl Part {
+    /// Frees what arrays have grown beyond: together as much as all parts take.
+    fn shrink(&mut self) {
+        self.primitives.shrink_to_fit();
+        self.boxes.shrink_to_fit();
+        self.sizes.shrink_to_fit();
+        self.nodes.shrink_to_fit();
+    }
+}
+
 /// Parts in leaf order, nodes over them, children before parents, and the height of the whole.
 struct Parts {
     parts: Vec<Part>,
@@ -205,6 +222,7 @@ impl Builder<'_> {
         if n <= self.max_part {
             let mut part = Part { primitives: Vec::with_capacity(2 * n), ..Part::default() };
             part.height = self.part(span, depth, is_left, &mut part);
+            part.shrink();
             let height = part.height;
             return Parts { parts: vec![part], nodes: vec![], height };
         }

@@ -38,7 +38,9 @@ pub fn reinsert(tree: &Tree, leaf_boxes: &[Aabb], config: &ReinsertConfig) -> Tr
     if !moved {
         return tree.clone();
     }
-    Tree::from_children(&pairs.children(tree)).expect("moving a subtree keeps the tree valid")
+    let children = pairs.children(tree);
+    drop(pairs);
+    Tree::from_children(&children).expect("moving a subtree keeps the tree valid")
 }
 
 /// One iteration over the `n` largest boxes; returns the reduction of the sum of half areas.

@@ -15,7 +15,7 @@
 //! as the norm of a transform is below 2^130 and at least 2^-149, and its condition at most 2^20, it is from 2^-131 to 2^172. A
 //! `t` is from 2^-149 to 2^128. So every product lies between 2^-430 and 2^430, in the range of `f64`.
 
-use canted_obb::round::{down, power_below, reciprocal_of_power, up};
+use canted_obb::round::{down, greatest, power_below, reciprocal_of_power, up};
 use canted_trace::{Hit, Query, Ray, ScaledRay};
 
 /// A world-space ray whose direction is scaled by a power of two; `t` is scaled, and exact.
@@ -58,8 +58,7 @@ impl WorldRay {
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is accounted for in the error")]
     pub(crate) fn in_object(&self, origin: [f64; 3], direction: [f64; 3], t_max: f64) -> Option<ObjectRay> {
-        let [x, y, z] = direction.map(f64::abs);
-        let greatest = x.max(y).max(z);
+        let greatest = greatest(direction.map(f64::abs));
         let mut to_object = power_below(greatest);
         // Rounding may reach 2; the greatest component is then 1.
         if (greatest * reciprocal_of_power(to_object)) as f32 >= 2.0 {

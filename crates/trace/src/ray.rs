@@ -1,4 +1,4 @@
-use canted_obb::round::{power_below, reciprocal_of_power};
+use canted_obb::round::{greatest, power_below, reciprocal_of_power};
 
 use crate::rounding::{down, up};
 
@@ -71,7 +71,7 @@ impl ScaledRay {
     #[expect(clippy::cast_possible_truncation, reason = "powers of two: exact but for overflow and underflow")]
     pub fn new(ray: &Ray) -> Option<Self> {
         let [x, y, z] = ray.direction.map(f32::abs);
-        let greatest = x.max(y).max(z);
+        let greatest = greatest([x, y, z]);
         let finite = (x + y + z).is_finite() || (x.is_finite() && y.is_finite() && z.is_finite());
         let origin_finite = ray.origin.iter().all(|o| o.is_finite());
         // Negated to reject a NaN in the interval too.

@@ -173,9 +173,8 @@ pub(crate) fn choose<S: Items>(items: S, bounds: &Aabb, config: &Config) -> Chos
     };
     let costs = &config.costs;
     if let Some(groups) = config.groups {
-        let (tree, groups) = canted_sah::grouped(&boxes, &limited(groups, costs));
-        // Made again in the few cases that need them: they take half the memory of a BVH.
-        drop(boxes);
+        // Boxes are made again in the few cases that need them: they take half the memory of a BVH.
+        let (tree, groups) = canted_sah::grouped(boxes, &limited(groups, costs));
         let coarse = Chosen::of((tree, Some(groups)), items, &[], rows, scale, costs);
         if !config.oriented || sample::oriented_cost(&coarse, config, scale) > sample::MAX_COST {
             return coarse;

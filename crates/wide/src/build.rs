@@ -7,10 +7,10 @@ use canted_trace::ReferencePoint;
 
 use crate::binary::{self, Chosen, Oriented};
 use crate::bvh::{PredictedCost, WideBvh};
-use crate::collapse::Plan;
+use crate::collapse::{ALIGNED, Plan, Table};
 use crate::config::Config;
 use crate::costs::{Baseline, Costs};
-use crate::emit::{Leaves, Source, TooLarge, emit, write_ids, write_triangles};
+use crate::emit::{Leaves, Source, TooLarge, emit, layout, write_ids, write_triangles};
 use crate::item::{self, Indexed, Item, Items, Placed};
 use crate::layout::{Half, LeafLayout, Limits, NodeKind, Nodes};
 use crate::leaf::LeafPrimitive;
@@ -146,11 +146,12 @@ impl<P: Primitive> WideBvh<P> {
         let config = Config { costs, ..*config }.usable();
         let reference = reference_of(&primitives);
         let items: Vec<Placed<P>> = primitives.iter().map(|primitive| Placed { primitive, reference }).collect();
-        let chosen = binary::choose(&items[..], &reference.moved_box(&bounds), &config);
+        let mut chosen = binary::choose(&items[..], &reference.moved_box(&bounds), &config);
+        let tables = std::mem::take(&mut chosen.aligned_tables);
         let ids = chosen.primitives();
         let write = |at: &[u32], _: usize, out: &mut [PrimId]| write_ids(at.iter().map(|&i| ids[i as usize]), out);
         let leaves = Leaves { layout: &LeafLayout::IDS, units: &|n| vec![PrimId(0); n], write: &write };
-        let (nodes, order, predicted) = collapse(&chosen, &config.costs, P::ERROR, limits, &leaves)
+        let (nodes, order, predicted) = collapse(&chosen, tables, &config.costs, P::ERROR, limits, &leaves)
             .map_err(|TooLarge| PrimitiveError::TooMany { n_primitives })?;
         let (frame, costs) = (MeshFrame::new(chosen.rows, reference), config.costs);
         let leaves = Shapes { order, primitives };
@@ -230,8 +231,8 @@ fn over_indexed(
     let config = config.usable();
     let given = Indexed::given(positions, triangles);
     let reference = reference_of_triangles(triangles.len(), |i| given.get(i));
-    let chosen = binary::choose(given.moved(reference), &reference.moved_box(&bounds), &config);
-    over_chosen(&chosen, given, (reference, &bounds), &config, error, limits)
+    let mut chosen = binary::choose(given.moved(reference), &reference.moved_box(&bounds), &config);
+    over_chosen(&mut chosen, given, (reference, &bounds), &config, error, limits)
 }
 
 /// Builds over a binary tree of any builder.
@@ -249,8 +250,8 @@ fn over_tree(
     let moved = item::moved(corners, reference);
     let parts = parts.map(|parts| parts.iter().map(|part| reference.moved_box(part)).collect());
     let items = moved.as_deref().unwrap_or(corners);
-    let chosen = binary::over_tree(tree.clone(), parts, items, &reference.moved_box(bounds), &config);
-    over_chosen(&chosen, corners, (reference, bounds), &config, error, &Limits::OF_WORDS)
+    let mut chosen = binary::over_tree(tree.clone(), parts, items, &reference.moved_box(bounds), &config);
+    over_chosen(&mut chosen, corners, (reference, bounds), &config, error, &Limits::OF_WORDS)
 }
 
 /// Rejects more triangles than leaves can name.
@@ -261,20 +262,21 @@ fn check_number(n_triangles: usize, limits: &Limits) -> Result<(), GeometryError
 /// Writes the records of a tree over triangles, which are relative to the reference point there; `given` are as they were given, and
 /// so are `bounds`.
 pub(crate) fn over_chosen(
-    chosen: &Chosen<impl Items<Item = Corners>>,
+    chosen: &mut Chosen<impl Items<Item = Corners>>,
     given: impl Items<Item = Corners>,
     (reference, bounds): (ReferencePoint, &Aabb),
     config: &Config,
     error: f32,
     limits: &Limits,
 ) -> Result<Built<Blocks>, GeometryError> {
+    let tables = std::mem::take(&mut chosen.aligned_tables);
     let (n_primitives, ids) = (given.n(), chosen.primitives());
     let write = |at: &[u32], part: usize, out: &mut [Half]| {
         let ids = at.iter().map(|&i| ids[i as usize]);
         write_triangles(ids.map(|id| (given.get(id.index()), id)), part, out);
     };
     let leaves = Leaves { layout: &LeafLayout::BLOCKS, units: &Records::zeroed, write: &write };
-    let (nodes, halves, predicted) = collapse(chosen, &config.costs, error, limits, &leaves)
+    let (nodes, halves, predicted) = collapse(chosen, tables, &config.costs, error, limits, &leaves)
         .map_err(|TooLarge| GeometryError::TooMany { n_triangles: n_primitives })?;
     let leaves = halves.into();
     let frame = MeshFrame::new(chosen.rows, reference);
@@ -284,12 +286,13 @@ pub(crate) fn over_chosen(
 /// Writes the records of the cheapest plan; `error` is that of hits.
 fn collapse<S: Items, U: Send, B: DerefMut<Target = [U]>>(
     chosen: &Chosen<S>,
+    aligned_tables: Vec<Table<ALIGNED>>,
     costs: &Costs,
     error: f32,
     limits: &Limits,
     leaves: &Leaves<'_, U, B>,
 ) -> Result<(Nodes, B, PredictedCost), TooLarge> {
-    let Chosen { items, tree, rows, aligned, aligned_tables, oriented, .. } = chosen;
+    let Chosen { items, tree, rows, aligned, oriented, .. } = chosen;
     let members = chosen.members();
     let frame_of = |child: Child| match (oriented, child.kind()) {
         (None, _) => *rows,
@@ -315,20 +318,26 @@ fn collapse<S: Items, U: Send, B: DerefMut<Target = [U]>>(
         pads: BoxPads::new(Pads::of(error), *rows == Obb::IDENTITY_FRAME),
     };
     let (aligned_areas, both_areas) = (|i: usize| chosen.aligned_leaf(i), |i: usize| chosen.both_leaf(i));
-    let plan = Plan { tree, members, costs: *costs, tables: aligned_tables, leaf_areas: &aligned_areas };
-    let Some(root) = tree.root() else {
-        let (nodes, units) = emit(&source, &plan, limits, leaves)?;
-        return Ok((nodes, units, PredictedCost::default()));
+    let plan = Plan { tree, members, costs: *costs, tables: &aligned_tables, leaf_areas: &aligned_areas };
+    let costs_of_aligned = tree.root().map(|root| (plan.area(root, NodeKind::Aligned), plan.cost(root)));
+    let predicted = |chosen: Option<f32>| {
+        costs_of_aligned.map_or_else(PredictedCost::default, |(area, aligned)| PredictedCost {
+            aligned: aligned / area,
+            chosen: chosen.unwrap_or(aligned) / area,
+        })
     };
-    let (root_area, aligned_cost) = (plan.area(root, NodeKind::Aligned), plan.cost(root));
-    let predicted = |chosen: f32| PredictedCost { aligned: aligned_cost / root_area, chosen: chosen / root_area };
-    let Some(Oriented { tables, .. }) = oriented else {
-        let (nodes, units) = emit(&source, &plan, limits, leaves)?;
-        return Ok((nodes, units, predicted(aligned_cost)));
+    let (Some(Oriented { tables, .. }), Some(root)) = (oriented, tree.root()) else {
+        let layout = layout(&source, &plan, limits, leaves.layout)?;
+        // They take half the memory of a BVH, and records are only now allocated.
+        drop(aligned_tables);
+        let (nodes, units) = emit(&source, &layout, leaves);
+        return Ok((nodes, units, predicted(None)));
     };
+    drop(aligned_tables);
     let plan = Plan { tree, members, costs: *costs, tables, leaf_areas: &both_areas };
-    let (nodes, units) = emit(&source, &plan, limits, leaves)?;
-    Ok((nodes, units, predicted(plan.cost(root))))
+    let layout = layout(&source, &plan, limits, leaves.layout)?;
+    let (nodes, units) = emit(&source, &layout, leaves);
+    Ok((nodes, units, predicted(Some(plan.cost(root)))))
 }
 
 #[cfg(test)]

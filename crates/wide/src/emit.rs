@@ -10,14 +10,14 @@ use canted_lbvh::{Child, ChildKind, Tree};
 use canted_obb::{Aabb, PrimId};
 use canted_trace::Slabs;
 
-use layout::{Piece, layout};
+use layout::Piece;
+pub(crate) use layout::{Layout, layout};
 use leaf::distinct;
 pub(crate) use leaf::{write_ids, write_triangles};
 use node::write_node;
 pub(crate) use node::{write_boxes, write_slabs};
 
-use crate::collapse::Plan;
-use crate::layout::{LeafLayout, Limits, Line, NodeKind, Nodes, Word};
+use crate::layout::{LeafLayout, Line, NodeKind, Nodes, Word};
 use crate::members::Members;
 use crate::par;
 use crate::records::Records;
@@ -58,14 +58,12 @@ pub(crate) struct Leaves<'a, U, B> {
     pub(crate) write: &'a WriteLeaf<'a, U>,
 }
 
-/// Writes the wide BVH of `plan`: nodes, and units of leaves; nothing is written of one that is too large.
-pub(crate) fn emit<U: Send, B: DerefMut<Target = [U]>, const KINDS: usize>(
+/// Writes the wide BVH of a layout: nodes, and units of leaves.
+pub(crate) fn emit<U: Send, B: DerefMut<Target = [U]>>(
     source: &Source,
-    plan: &Plan<'_, KINDS>,
-    limits: &Limits,
+    layout: &Layout,
     leaves: &Leaves<'_, U, B>,
-) -> Result<(Nodes, B), TooLarge> {
-    let layout = layout(source, plan, limits, leaves.layout)?;
+) -> (Nodes, B) {
     let (mut lines, mut units) = (Records::zeroed(layout.n_lines), (leaves.units)(layout.n_units));
     let (mut lines_left, mut units_left) = (&mut lines[..], &mut units[..]);
     let mut jobs = Vec::with_capacity(layout.pieces.len());
@@ -79,7 +77,7 @@ pub(crate) fn emit<U: Send, B: DerefMut<Target = [U]>, const KINDS: usize>(
     let has_oriented = layout.pieces.iter().flat_map(|piece| &piece.nodes).any(|node| node.kind == NodeKind::Oriented);
     let (root, depth) = (layout.root.unwrap_or(Word::EMPTY), layout.depth);
     let pieces = layout.pieces.iter().map(|piece| piece.of_memory(leaves.layout)).collect();
-    Ok((Nodes { lines, root, depth, has_oriented, pieces }, units))
+    (Nodes { lines, root, depth, has_oriented, pieces }, units)
 }
 
 /// Writes the nodes and leaves of a piece into its own memory.

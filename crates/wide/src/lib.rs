@@ -66,8 +66,8 @@
 //! An aligned node takes 256 bytes, an oriented one 512, four triangles 160. [`Preset::Dynamic`] collapses a binary tree by Morton codes over groups of primitives, [`Preset::Fast`] one by the
 //! surface area heuristic in about twice the time, [`Preset::Balanced`] searches for a frame of the mesh and uses smaller groups,
 //! [`Preset::Quality`] optimizes the tree further. Where a sample shows that oriented nodes may pay, all but the first build trees with a
-//! primitive per leaf, which takes several times as long. A build of [`Preset::Fast`] without oriented nodes takes about two and a half times the
-//! memory of its BVH. A BVH holds at most 2^27 triangles where leaves are full ([`MAX_TRIANGLES`]), 2^26 other primitives.
+//! primitive per leaf, which takes several times as long. A build of [`Preset::Fast`] without oriented nodes takes less than twice the
+//! memory of its BVH, the BVH included. A BVH holds at most 2^27 triangles where leaves are full ([`MAX_TRIANGLES`]), 2^26 other primitives.
 //!
 //! # Features
 //! `parallel`, on by default, builds and traces slices on all threads with `rayon`; results are identical.

@@ -34,7 +34,7 @@ fn state(frame: u32) -> (Vec<Mesh>, Vec<(usize, Affine)>) {
         scenes::needles().remove(0).mesh,
     ];
     let one = |i: u32| {
-        let time = if i % 3 == 0 { 0.0 } else { of(frame - frame / 5) * 0.07 };
+        let time = if i.is_multiple_of(3) { 0.0 } else { of(frame - frame / 5) * 0.07 };
         let (s, c) = (of(i) + time).sin_cos();
         let size = [1.0, 0.3, -0.8][i as usize % 3] * 3.0 / [1.0, 4.0, 30.0][i as usize / 4 % 3];
         let shift = [of(i % 4) * 7.0 + time, of(i / 4) * 6.0, s];

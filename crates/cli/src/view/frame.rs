@@ -8,6 +8,7 @@ use canted_scene::Camera;
 
 /// What a job renders, the same for all its pictures.
 #[derive(Clone, Debug)]
+#[cfg_attr(not(feature = "view"), allow(dead_code, reason = "the window reads all of it"))]
 pub(crate) struct View {
     /// The number of the job.
     pub(crate) number: u64,
@@ -33,6 +34,7 @@ pub(crate) struct View {
 
 /// A picture of a job: coarse, after some passes, or final.
 #[derive(Clone, Debug)]
+#[cfg_attr(not(feature = "view"), allow(dead_code, reason = "the window reads all of it"))]
 pub(crate) struct Frame {
     pub(crate) view: View,
     /// As it is encoded; a coarse picture is smaller than the size of the view.

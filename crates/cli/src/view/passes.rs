@@ -9,7 +9,7 @@ use std::{
 use anyhow::Result;
 use canted_film::{Aovs, Film, Picture};
 use canted_obb::Obb;
-use canted_renderer::{Integrator, Settings, draw_boxes};
+use canted_renderer::{RenderError, Settings, draw_boxes};
 use canted_scene::Camera;
 
 use super::{
@@ -17,7 +17,7 @@ use super::{
     device::Device,
     frame::{Frame, Seen, View},
     options::Options,
-    refine::{self, Refined},
+    refine::{Refined, Show, refine},
     stage::Stage,
     traced::Shot,
     worker::{Desk, Job, Message, Outbox},
@@ -38,8 +38,8 @@ pub(super) struct Renderer {
     device: Device,
     /// Seconds that the CPU takes for a sample of a pixel.
     pace: Option<f64>,
-    /// The last complete film, and what determines it.
-    complete: Option<(String, Refined)>,
+    /// The last film, complete or not, and what determines it.
+    kept: Option<(String, Refined)>,
     /// The exposure that was chosen last, and for which scene.
     stops: Option<(Option<PathBuf>, f32)>,
 }
@@ -62,6 +62,8 @@ impl Renderer {
             }
         };
         let center = args.size.map(|side| 0.5 * f64::from(side));
+        let mut chosen = args.clone();
+        stage.choose_integrator(&mut chosen);
         let view = View {
             number: job.number,
             size: args.size,
@@ -69,7 +71,7 @@ impl Renderer {
             is_moving: job.is_moving,
             camera,
             is_file_camera: !stage.scene.cameras.is_empty(),
-            integrator: Integrator::Hybrid,
+            integrator: chosen.settings()?.integrator,
             device: "cpu".to_owned(),
             center_distance: stage.seen_at(&camera, args.size, center).map(|seen| f64::from(seen.t)),
             time_range: stage.time_range,
@@ -77,7 +79,8 @@ impl Renderer {
             ready: stage.ready,
         };
         let result = self.render(&mut stage, job, &mut args, &view, desk, outbox);
-        if result.is_err() {
+        let is_cancelled = |error: &anyhow::Error| matches!(error.downcast_ref(), Some(RenderError::Cancelled));
+        if result.as_ref().is_err_and(|error| !is_cancelled(error)) {
             self.device.reset();
         }
         self.latest = Some((stage, camera, args.size));
@@ -101,53 +104,63 @@ impl Renderer {
         let send = |view: View, picture: Picture, n_samples: u32, is_settled: bool| {
             outbox.send(Message::Frame(Frame::new(view, shown.with_boxes(picture), n_samples, is_settled)));
         };
-        let key = job.options.film_key();
-        if let Some((of, refined)) = &self.complete
-            && *of == key
-            && args.heatmap.is_none()
-        {
-            let view = refined.view(view);
-            send(view, shown.picture(&refined.film, args), refined.n_samples(), true);
-            return Ok(());
-        }
         if args.heatmap.is_some() {
             let picture = stage
                 .with_surfaces(args.settings()?.lod, |surfaces, traced| traced.heatmap(surfaces, &view.camera, args))?;
             send(view.clone(), picture, 0, true);
             return Ok(());
         }
-        if let Some(film) = self.coarse(stage, args, &job.options, &view.camera)? {
+        let key = job.options.film_key();
+        let mut progress = self.kept.take().filter(|(of, _)| *of == key).map(|(_, refined)| refined);
+        if let Some(refined) = &progress {
+            let is_complete = refined.is_complete();
+            send(refined.view(view), shown.picture(&refined.film, args), refined.n_samples(), is_complete);
+            if is_complete {
+                self.kept = progress.map(|refined| (key, refined));
+                return Ok(());
+            }
+        } else if let Some(film) = self.coarse(stage, args, &job.options, &view.camera)? {
             send(view.clone(), shown.picture(&film, args), 0, false);
         }
         if desk.is_followed_within(if job.is_moving { REST } else { Duration::ZERO }) {
+            self.kept = progress.map(|refined| (key, refined));
             return Ok(());
         }
         if is_exposed {
             args.look.set_stops(None);
         }
+        let is_first = !stage.is_chosen();
         stage.choose(&view.camera, args)?;
         self.stops = args.look.stops().filter(|_| is_exposed).map(|stops| (args.scene.clone(), stops));
+        // The first coarse picture had a light that may be far too weak or too strong.
+        if is_first && let Some(film) = self.coarse(stage, args, &job.options, &view.camera)? {
+            send(view.clone(), shown.picture(&film, args), 0, false);
+        }
         self.device.choose(args);
         let settings = settings(args, &job.options)?;
-        let stage = &*stage;
-        let refined = stage.with_surfaces(settings.lod, |surfaces, traced| {
+        let (args, stage) = (&*args, &*stage);
+        let result = stage.with_surfaces(settings.lod, |surfaces, traced| {
             let shot = Shot { surfaces, camera: &view.camera, args, settings: &settings };
-            let send = |refined: &Refined| {
-                let view = refined.view(view);
-                send(view, shown.picture(&refined.film, args), refined.n_samples(), false);
-            };
             let answer = |position| outbox.send(Message::Seen(stage.seen_at(&view.camera, view.size, position)));
-            refine::refined(traced, &shot, &self.device, desk, &send, &answer)
-        })?;
-        if refined.device == "cpu" {
-            self.pace = Some(refined.seconds_per_sample);
+            let send = |refined: &Refined| {
+                send(refined.view(view), shown.picture(&refined.film, args), refined.n_samples(), false);
+            };
+            let show = Show { send: &send, answer: &answer };
+            refine(traced, &shot, &self.device, desk, &mut progress, &show)
+        });
+        if let Some(refined) = &progress {
+            if refined.device == "cpu" {
+                self.pace = Some(refined.seconds_per_sample);
+            }
+            if result.is_ok() {
+                if let Some(warning) = render::dropped_samples(&refined.film) {
+                    crate::output::warn(&warning);
+                }
+                send(refined.view(view), shown.picture(&refined.film, args), refined.n_samples(), true);
+            }
         }
-        if let Some(warning) = render::dropped_samples(&refined.film) {
-            crate::output::warn(&warning);
-        }
-        send(refined.view(view), shown.picture(&refined.film, args), refined.n_samples(), true);
-        self.complete = Some((key, refined));
-        Ok(())
+        self.kept = progress.map(|refined| (key, refined));
+        result
     }
 
     /// A film of one sample in each of so few pixels that it takes no longer than [`COARSE_SECONDS`] on the CPU; `None` where the first

@@ -57,7 +57,6 @@ pub(crate) struct Session {
     /// The answer to the last click.
     pub(crate) seen: Option<Seen>,
     /// Whether there was a click and its answer.
-    #[cfg_attr(not(feature = "view"), expect(dead_code, reason = "the window shows it"))]
     pub(crate) is_answered: bool,
     n_clicks: usize,
     /// Why the latest job has no picture.

@@ -35,6 +35,8 @@ pub(super) struct Stage {
     time: Option<f32>,
     mip_maps: RefCell<Option<(Lod, MipMaps)>>,
     boxes: Option<(BoxLevel, Arc<Vec<Obb>>)>,
+    /// Whether the light was decided for some camera.
+    is_chosen: bool,
 }
 
 impl Stage {
@@ -57,6 +59,7 @@ impl Stage {
             time: args.time,
             mip_maps: RefCell::default(),
             boxes: None,
+            is_chosen: false,
         })
     }
 
@@ -94,8 +97,14 @@ impl Stage {
         Ok(self)
     }
 
+    /// Whether the light is one that was decided for some camera.
+    pub(super) fn is_chosen(&self) -> bool {
+        self.is_chosen
+    }
+
     /// Decides light and integrator for a camera.
     pub(super) fn choose(&mut self, camera: &Camera, args: &mut Args) -> Result<()> {
+        self.is_chosen = true;
         if self.source != LightSource::Given {
             // What the last camera needed.
             self.scene.lights.clear();

@@ -54,6 +54,7 @@ pub(super) trait Traced {
 pub(super) struct Shot<'a> {
     pub(super) surfaces: &'a Surfaces<'a>,
     pub(super) camera: &'a Camera,
+    #[cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "only GPUs read it"))]
     pub(super) args: &'a Args,
     pub(super) settings: &'a Settings,
 }

@@ -116,12 +116,24 @@ impl<K: LaneKernel> Blas for Bvh<K> {
     }
 
     #[inline]
-    fn closest_hit_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, stack: &mut Stack) -> Option<Hit> {
+    fn closest_hit_scaled<Q: Query>(
+        &self,
+        ray: &ScaledRay,
+        instance: InstanceId,
+        query: &mut Q,
+        stack: &mut Stack,
+    ) -> Option<Hit> {
         each!(self, bvh => Blas::closest_hit_scaled(bvh, ray, instance, query, stack))
     }
 
     #[inline]
-    fn occluded_scaled<Q: Query>(&self, ray: &ScaledRay, instance: InstanceId, query: &mut Q, stack: &mut Stack) -> bool {
+    fn occluded_scaled<Q: Query>(
+        &self,
+        ray: &ScaledRay,
+        instance: InstanceId,
+        query: &mut Q,
+        stack: &mut Stack,
+    ) -> bool {
         each!(self, bvh => Blas::occluded_scaled(bvh, ray, instance, query, stack))
     }
 }

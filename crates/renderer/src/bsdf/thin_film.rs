@@ -53,7 +53,7 @@ fn sensitivity(path: f32, phase: f32) -> [f32; 3] {
     /// Of X, Y and Z without interference.
     const NORM: f32 = 1.0685e-7;
     const RGB_FROM_XYZ: [[f32; 3]; 3] =
-        [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]];
+        [[3.2404542, -1.5371385, -0.4985314], [-0.969_266, 1.8760108, 0.041_556], [0.0556434, -0.2040259, 1.0572252]];
     let phase_of_path = TAU * path * 1e-9;
     let gaussian = |(height, position, variance): (f32, f32, f32)| {
         let spread = (TAU * variance).sqrt() * (-phase_of_path * phase_of_path * variance).exp();

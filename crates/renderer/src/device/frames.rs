@@ -54,14 +54,19 @@ struct Kept {
     transforms: Vec<DeviceInstance>,
 }
 
+#[expect(clippy::large_enum_variant, reason = "a sequence has one")]
 enum Levels {
     One(BufferScene),
     Two(InstancedScene),
 }
 
+/// Positions and triangles of a mesh, on the device and on the host.
+type MeshThere = (Buffer<[f32; 3]>, Buffer<[u32; 3]>);
+type MeshHere<'a> = (Cow<'a, [[f32; 3]]>, Cow<'a, [[u32; 3]]>);
+
 /// The buffers of a frame.
 struct Uploaded {
-    meshes: Vec<(Buffer<[f32; 3]>, Buffer<[u32; 3]>)>,
+    meshes: Vec<MeshThere>,
     transforms: Option<Buffer<DeviceInstance>>,
 }
 
@@ -110,7 +115,7 @@ impl DeviceFrames {
 /// A state of a scene, as devices build BVHs over it.
 struct Frame<'a> {
     /// Positions and triangles of each mesh, or of all instances in world space.
-    meshes: Vec<(Cow<'a, [[f32; 3]]>, Cow<'a, [[u32; 3]]>)>,
+    meshes: Vec<MeshHere<'a>>,
     keys: Vec<[u64; 2]>,
     first: Vec<u32>,
     transforms: Option<Vec<DeviceInstance>>,
@@ -247,10 +252,11 @@ impl Kept {
         }
         self.meshes.clone_from(&frame.keys);
         self.transforms = transforms.to_vec();
-        Ok(match &self.levels {
+        match &self.levels {
             Levels::One(one) => one.check(gpu)?,
             Levels::Two(two) => two.check(gpu)?,
-        })
+        }
+        Ok(())
     }
 }
 

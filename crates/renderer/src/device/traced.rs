@@ -37,6 +37,7 @@ pub fn traced_scene<K: LaneKernel>(
 }
 
 /// A structure that a picture owns, or one that the frames of a sequence share.
+#[expect(clippy::large_enum_variant, reason = "a picture has one")]
 pub enum Traced<'a> {
     /// For one picture.
     Own(TracedScene),

@@ -1,7 +1,7 @@
 //! Instances whose hits have similar errors, and the BVH over their boxes.
 
 use canted_lbvh::par;
-use canted_obb::round::up;
+use canted_obb::round::{greatest, up};
 use canted_obb::{Aabb, Obb};
 use canted_trace::{InstanceId, Query, ReferencePoint, ScaledRay};
 use canted_wide::{SimdPath, Stack};
@@ -132,8 +132,7 @@ impl Class {
     #[inline]
     fn error(&self, ray: &ScaledRay) -> f64 {
         const ROUNDING: f64 = ReferencePoint::ROUNDING as f64;
-        let [x, y, z] = ray.origin.map(f32::abs);
-        (self.per_origin * (1.0 + 2.0 * ROUNDING) + ROUNDING) * f64::from(x.max(y).max(z))
+        (self.per_origin * (1.0 + 2.0 * ROUNDING) + ROUNDING) * f64::from(greatest(ray.origin.map(f32::abs)))
     }
 
     /// The instance of a number in the class.

@@ -10,17 +10,13 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// The axis of the greatest absolute component, the first of equals.
+    /// The axis of the greatest absolute component, the first of equals. Without branches, as for [`Axis::indices`].
     #[inline]
     pub(super) fn from_greatest<T: Copy + PartialOrd>([x, y, z]: [T; 3], abs: impl Fn(T) -> T) -> Self {
         let (x, y, z) = (abs(x), abs(y), abs(z));
-        if x >= y && x >= z {
-            Self::X
-        } else if y >= z {
-            Self::Y
-        } else {
-            Self::Z
-        }
+        const AXES: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
+        let (is_x, y_is_first) = ((x >= y) & (x >= z), y >= z);
+        AXES[usize::from(!is_x) * (2 - usize::from(y_is_first))]
     }
 
     /// Its index.

@@ -89,7 +89,7 @@ impl Input {
     }
 
     /// Nanoseconds a ray by what is visited.
-    fn cost(&self, chosen: &Chosen<&[Corners]>, config: &Config) -> f64 {
+    fn cost(&self, chosen: &mut Chosen<&[Corners]>, config: &Config) -> f64 {
         let given = (ReferencePoint::ORIGIN, &self.bounds);
         let built =
             over_chosen(chosen, &self.corners[..], given, config, canted_trace::HIT_ERROR, &Limits::OF_WORDS).unwrap();
@@ -107,10 +107,10 @@ fn the_choice_is_close_to_the_better_one() {
         let (mut n_oriented, mut worst_of_either, mut worse) = (0, [0.0f64; 2], vec![]);
         for (name, mesh) in scenes() {
             let input = Input::of(&mesh);
-            let chosen = choose(&input.corners[..], &input.bounds, &config);
-            let aligned = choose(&input.corners[..], &input.bounds, &config.axis_aligned());
+            let mut chosen = choose(&input.corners[..], &input.bounds, &config);
+            let mut aligned = choose(&input.corners[..], &input.bounds, &config.axis_aligned());
             let [chosen_cost, aligned, oriented] =
-                [&chosen, &aligned, &input.oriented(&config)].map(|of| input.cost(of, &config));
+                [&mut chosen, &mut aligned, &mut input.oriented(&config)].map(|of| input.cost(of, &config));
             let best = aligned.min(oriented);
             let most = if MISSED.contains(&name) { MAX_MISSED_LOSS } else { MAX_LOSS };
             if chosen_cost > (1.0 + most) * best {

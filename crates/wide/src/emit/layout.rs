@@ -66,7 +66,7 @@ impl Base {
 
 /// All pieces in the order of memory.
 #[derive(Default)]
-pub(super) struct Layout {
+pub(crate) struct Layout {
     pub(super) pieces: Vec<Piece>,
     pub(super) root: Option<Word>,
     pub(super) depth: u32,
@@ -84,8 +84,8 @@ struct Waiting {
     depth: u32,
 }
 
-/// Assigns a position to every node and leaf, depth first, larger children first.
-pub(super) fn layout<const KINDS: usize>(
+/// Assigns a position to every node and leaf, depth first, larger children first; an error where the BVH is too large.
+pub(crate) fn layout<const KINDS: usize>(
     source: &Source,
     plan: &Plan<'_, KINDS>,
     limits: &Limits,

@@ -1,3 +1,4 @@
+use canted_obb::round::greatest;
 use canted_trace::lanes::{SQRT_3, UNIT_ROUNDOFF as U, reciprocal};
 use canted_trace::{MIN_DIRECTION, ReferencePoint, ScaledRay};
 
@@ -26,8 +27,7 @@ impl Pads {
     /// The ray's part of relative pads, in units of the space; `ray` is relative to the reference point.
     #[inline(always)]
     pub(crate) fn along(self, ray: &ScaledRay) -> Self {
-        let [x, y, z] = ray.origin.map(f32::abs);
-        let scale = x.max(y).max(z);
+        let scale = greatest(ray.origin.map(f32::abs));
         let pad = |relative: f32| relative * scale + f32::MIN_POSITIVE;
         Self { aligned: pad(self.aligned), rotated: pad(self.rotated), oriented: pad(self.oriented) }
     }
@@ -39,11 +39,12 @@ impl Pads {
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "the step upward covers the rounding")]
     pub(crate) fn within(error: f64, ray: &ScaledRay) -> Self {
-        let [x, y, z] = ray.origin.map(f32::abs);
-        let scale = f64::from(x.max(y).max(z)) + error;
+        let scale = f64::from(greatest(ray.origin.map(f32::abs))) + error;
         let Self { aligned, rotated, oriented } = const { Self::of(0.0) };
         let pad = |roundings: f32, stretch: f32| {
-            ((f64::from(stretch) * error + f64::from(roundings) * scale) as f32).next_up() + f32::MIN_POSITIVE
+            let nearest = (f64::from(stretch) * error + f64::from(roundings) * scale) as f32;
+            // The next number, without the branches of `next_up`; infinite after the greatest.
+            f32::from_bits(nearest.min(f32::MAX).to_bits() + 1) + f32::MIN_POSITIVE
         };
         Self { aligned: pad(aligned, 1.0), rotated: pad(rotated, SQRT_3), oriented: pad(oriented, SQRT_3) }
     }

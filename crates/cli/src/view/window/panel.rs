@@ -1,9 +1,9 @@
-//! The controls beside the picture.
+//! The controls next to the picture.
 
 use std::time::Instant;
 
 use canted_film::Aov;
-use eframe::egui::{self, RichText, Slider};
+use eframe::egui::{self, RichText, Slider, SliderClamping};
 
 use crate::view::{
     events::{Event, Key},
@@ -13,6 +13,9 @@ use crate::view::{
 
 /// Width of the controls in points.
 pub(super) const PANEL_WIDTH: f32 = 264.0;
+
+/// Width of labels in points.
+const LABELS: f32 = 92.0;
 
 /// Width of lists in points.
 const LIST: f32 = 140.0;
@@ -65,7 +68,8 @@ impl Panel {
         side.show(context, |ui| {
             egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                 ui.add_space(6.0);
-                let grid = |name: &str| egui::Grid::new(name.to_owned()).num_columns(2).spacing([8.0, 6.0]);
+                let grid =
+                    |name: &'static str| egui::Grid::new(name).num_columns(2).min_col_width(LABELS).spacing([8.0, 6.0]);
                 grid("rendering").show(ui, |ui| rendering(ui, session, &mut Changes(events)));
                 ui.separator();
                 grid("structure").show(ui, |ui| structure(ui, session, &mut Changes(events)));
@@ -88,9 +92,10 @@ impl Panel {
         ui.horizontal(|ui| {
             ui.label("time");
             ui.spacing_mut().slider_width = 104.0;
-            let slider = Slider::new(&mut time, first..=last).suffix(" s").fixed_decimals(3);
-            if ui.add(slider).changed() {
-                self.playing = None;
+            // Only the text is rounded: a slider with decimals rounds a time that is given, too.
+            let slider = Slider::new(&mut time, first..=last).clamping(SliderClamping::Never);
+            let slider = ui.add(slider.custom_formatter(|time, _| format!("{time:.3} s")));
+            if slider.changed() {
                 is_playing = false;
                 changes.set("time", time);
             }
@@ -134,8 +139,9 @@ fn rendering(ui: &mut egui::Ui, session: &Session, changes: &mut Changes) {
     ui.label("exposure");
     let mut stops: f32 = options.get("exposure").and_then(|text| text.parse().ok()).unwrap_or(0.0);
     ui.spacing_mut().slider_width = 88.0;
-    if ui.add(Slider::new(&mut stops, -8.0..=8.0).fixed_decimals(1)).changed() {
-        changes.set("exposure", stops);
+    let slider = Slider::new(&mut stops, -8.0..=8.0).clamping(SliderClamping::Never);
+    if ui.add(slider.custom_formatter(|stops, _| format!("{stops:.1}"))).changed() {
+        changes.set("exposure", (10.0 * stops).round() / 10.0);
     }
     ui.end_row();
 }
@@ -204,14 +210,27 @@ fn readout(ui: &mut egui::Ui, session: &Session, note: &str) {
         ui.label(note);
     }
     for warning in session.warnings.iter().rev().take(3) {
-        ui.label(RichText::new(warning).small().color(egui::Color32::from_rgb(230, 180, 90)));
+        ui.label(RichText::new(warning).color(egui::Color32::from_rgb(230, 180, 90)));
     }
     ui.separator();
-    ui.label(
-        RichText::new(
-            "drag: orbit, right drag: pan, wheel: zoom\nw s a d q e: fly, arrows: orbit\nx structure, i integrator, v channel, h heat map, b boxes",
-        )
-        .small()
-        .weak(),
-    );
+    egui::Grid::new("help").num_columns(2).min_col_width(LABELS).spacing([8.0, 2.0]).show(ui, |ui| {
+        for (input, effect) in HELP {
+            ui.label(RichText::new(input).weak());
+            ui.label(RichText::new(effect).weak());
+            ui.end_row();
+        }
+    });
 }
+
+/// What mouse and keys do.
+const HELP: [(&str, &str); 9] = [
+    ("drag", "orbit"),
+    ("right drag", "pan"),
+    ("wheel, + -", "zoom"),
+    ("w s a d q e", "fly"),
+    ("arrow keys", "orbit"),
+    ("i v h", "integrator, channel, heat map"),
+    ("x b", "structure, boxes"),
+    ("p c", "screenshot, command"),
+    ("home, escape", "first view, close"),
+];

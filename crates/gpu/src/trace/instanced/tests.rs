@@ -30,7 +30,7 @@ fn transforms() -> Vec<Affine> {
     let mut all = vec![Affine::IDENTITY];
     for i in 0..3000_i32 {
         let scale = 2.0_f32.powi(i % 81 - 40) * (1.0 + unit() * 0.5);
-        let flat = [1.0, 1e-1, 3e-3][i as usize % 3];
+        let flat = [1.0, 1e-1, 3e-3][usize::try_from(i % 3).unwrap()];
         let mut columns = [[0.0; 3]; 4];
         for (k, column) in columns[..3].iter_mut().enumerate() {
             *column = std::array::from_fn(|j| scale * if j == k { 1.0 } else { 0.4 * unit() });

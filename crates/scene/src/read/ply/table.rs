@@ -154,13 +154,7 @@ impl Table {
     }
 
     /// Reads a face; `face` is memory.
-    fn face(
-        &mut self,
-        body: &mut Body,
-        element: &Element,
-        list: usize,
-        face: &mut Vec<u32>,
-    ) -> Result<(), String> {
+    fn face(&mut self, body: &mut Body, element: &Element, list: usize, face: &mut Vec<u32>) -> Result<(), String> {
         face.clear();
         for (k, property) in element.properties.iter().enumerate() {
             match property.kind {
