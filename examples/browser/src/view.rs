@@ -41,8 +41,12 @@ impl View {
     pub(crate) async fn on_device(&self, gpu: &Gpu, without_first: bool) -> Result<TracedScene, GpuError> {
         let meshes: Vec<&[Corners]> = self.corners.iter().map(Vec::as_slice).collect();
         let config = BuildConfig { strategy: Strategy::Combined, ..BuildConfig::default() };
-        let instances = &self.instances[usize::from(without_first)..];
-        TracedScene::build_two_level_async(gpu, &meshes, instances, config).await
+        let mut instances = self.instances.clone();
+        if without_first {
+            // Out of sight, so that the others keep their numbers.
+            instances[0].world_from_object.columns[3][1] += 1e5;
+        }
+        TracedScene::build_two_level_async(gpu, &meshes, &instances, config).await
     }
 
     /// Both levels, built on the CPU.
