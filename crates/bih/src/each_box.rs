@@ -4,8 +4,8 @@ use crate::BoxBih;
 use crate::node::NodeKind;
 
 impl BoxBih {
-    /// Calls `visit` with the box of each node and leaf: the box, its level, 0 for the root, and whether it is a leaf. Parents come
-    /// before their children.
+    /// Calls `visit` with the box of each node and leaf, relative to the reference point of what was given: the box, its level, 0 for
+    /// the root, and whether it is a leaf. Parents come before their children.
     ///
     /// The box of a node is that of its parent, cut at the plane of the split: what rays are tested with, and what is below it.
     pub fn each_box(&self, mut visit: impl FnMut(Obb, u32, bool)) {

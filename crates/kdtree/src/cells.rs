@@ -4,8 +4,8 @@ use crate::KdNodes;
 use crate::node::NodeKind;
 
 impl KdNodes {
-    /// Calls `visit` with the cell of each node and leaf, but for leaves without triangles: the cell, its level, 0 for the root, and
-    /// whether it is a leaf. Parents come before their children.
+    /// Calls `visit` with the cell of each node and leaf, but for leaves without triangles, relative to the reference point of what was
+    /// given: the cell, its level, 0 for the root, and whether it is a leaf. Parents come before their children.
     pub fn each_box(&self, mut visit: impl FnMut(Obb, u32, bool)) {
         let mut open: Vec<(usize, Aabb, u32)> = vec![];
         if !self.nodes.is_empty() {

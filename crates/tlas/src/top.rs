@@ -90,7 +90,8 @@ impl Top {
 
     /// Calls `visit` with the box of each node and leaf.
     pub(crate) fn each_box(&self, mut visit: impl FnMut(Obb, u32, bool)) {
-        self.classes.iter().for_each(|class| class.each_box(&mut visit));
+        let mut in_world = |obb, level, is_leaf| visit(self.reference.given_box(obb), level, is_leaf);
+        self.classes.iter().for_each(|class| class.each_box(&mut in_world));
     }
 
     /// New bounds for the same instances, in the same topology; built again where the errors of a class have spread too far.

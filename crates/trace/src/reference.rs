@@ -1,6 +1,6 @@
 //! The point of a space that boxes and the origins of rays are relative to.
 
-use canted_obb::Aabb;
+use canted_obb::{Aabb, Obb};
 
 use crate::ScaledRay;
 
@@ -106,6 +106,12 @@ impl ReferencePoint {
     #[must_use]
     pub fn moved_box(self, aabb: &Aabb) -> Aabb {
         Aabb { min: self.moved(aabb.min), max: self.moved(aabb.max) }
+    }
+
+    /// A box that is relative to this point, in the coordinates of the space; its center is rounded once.
+    #[must_use]
+    pub fn given_box(self, obb: Obb) -> Obb {
+        Obb { center: core::array::from_fn(|k| obb.center[k] + self.0[k]), ..obb }
     }
 
     /// The ray with its origin relative to this point.

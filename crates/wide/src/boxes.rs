@@ -33,7 +33,7 @@ impl<P: LeafPrimitive> WideBvh<P> {
     /// The box in a slot of a node.
     fn child_box(&self, kind: NodeKind, line: u32, i: usize) -> Option<Obb> {
         let lane = |row: &Row| row[i];
-        match kind {
+        let relative = match kind {
             NodeKind::Aligned => {
                 let node: &[Row; 8] = rows::<ALIGNED_LINES, 8>(&self.nodes.lines, line);
                 let [lower, upper] = [0, 1].map(|side| std::array::from_fn(|k| lane(&node[2 * k + side])));
@@ -46,6 +46,7 @@ impl<P: LeafPrimitive> WideBvh<P> {
                     |sign: f32| std::array::from_fn(|a| lane(&node[5 * a + 3]) + sign * lane(&node[5 * a + 4]));
                 Obb::from_slabs(axes, planes(-1.0), planes(1.0))
             }
-        }
+        };
+        Some(self.frame.reference.given_box(relative?))
     }
 }

@@ -5,8 +5,8 @@ use super::bvh::PairBvh;
 use super::child::{ChildRef, ChildRefKind};
 
 impl PairBvh {
-    /// Calls `visit` with the box of each node and leaf: the box, its level, 0 for the root, and whether it is a leaf. Parents come
-    /// before their children.
+    /// Calls `visit` with the box of each node and leaf, relative to the reference point of what was given: the box, its level, 0 for
+    /// the root, and whether it is a leaf. Parents come before their children.
     ///
     /// Boxes are those that rays are tested with, up to rounding: with the part of the padding that depends on their content.
     pub fn each_box(&self, mut visit: impl FnMut(Obb, u32, bool)) {

@@ -64,13 +64,19 @@ impl<K: LaneKernel> Bvh<K> {
     }
 
     /// Calls `visit` with the box of each node and leaf, object space: the box, its level, 0 for the root, and whether it is a leaf.
-    pub fn each_box(&self, visit: impl FnMut(Obb, u32, bool)) {
+    pub fn each_box(&self, mut visit: impl FnMut(Obb, u32, bool)) {
         match self {
             Self::Wide(bvh) => bvh.each_box(visit),
             Self::Moving(bvh) => bvh.each_box(visit),
-            Self::Binary(bvh, _) => bvh.pairs().each_box(visit),
-            Self::Bih(bih) => bih.boxes().each_box(visit),
-            Self::KdTree(tree) => tree.nodes().each_box(visit),
+            Self::Binary(bvh, _) => {
+                bvh.pairs().each_box(|obb, level, is_leaf| visit(bvh.reference().given_box(obb), level, is_leaf));
+            }
+            Self::Bih(bih) => {
+                bih.boxes().each_box(|obb, level, is_leaf| visit(bih.reference().given_box(obb), level, is_leaf));
+            }
+            Self::KdTree(tree) => {
+                tree.nodes().each_box(|obb, level, is_leaf| visit(tree.reference().given_box(obb), level, is_leaf));
+            }
         }
     }
 

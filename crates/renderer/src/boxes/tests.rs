@@ -57,18 +57,29 @@ fn n_uncovered(scene: &Scene, boxes: &[Obb], cuts: bool) -> usize {
     triangles.iter().filter(|t| !is_covered(&t.map(|i| positions[i as usize]))).count()
 }
 
+/// The scene far from the origin: its mesh, or its instances.
+fn far_scenes() -> [Scene; 2] {
+    const SHIFT: [f32; 3] = [1e5, -3e4, 2e4];
+    let add = |p: &mut [f32; 3]| (0..3).for_each(|k| p[k] += SHIFT[k]);
+    let [mut far_mesh, mut far_instances] = [scene(), scene()];
+    far_mesh.meshes[0].positions.iter_mut().for_each(add);
+    far_instances.instances.iter_mut().for_each(|instance| add(&mut instance.world_from_object.columns[3]));
+    [far_mesh, far_instances]
+}
+
 #[test]
 fn leaves_cover_all_triangles_and_levels_are_complete() {
-    let scene = scene();
-    for levels in [Levels::One, Levels::Two] {
+    let [far_mesh, far_instances] = far_scenes();
+    for (scene, levels) in [scene(), far_mesh, far_instances].iter().flat_map(|s| [(s, Levels::One), (s, Levels::Two)])
+    {
         for accel in STRUCTURES {
-            let structure = prepared(&scene, accel, levels).structure;
+            let structure = prepared(scene, accel, levels).structure;
             let leaves = structure.boxes(BoxLevel::Leaves);
             let cuts = accel == Accel::KdTree;
-            assert_eq!(n_uncovered(&scene, &leaves, cuts), 0, "{accel:?} {levels:?}");
+            assert_eq!(n_uncovered(scene, &leaves, cuts), 0, "{accel:?} {levels:?}");
             // The check sees a leaf that is missing.
             let missing: Vec<Obb> = leaves.iter().skip(leaves.len() / 2).copied().collect();
-            assert!(n_uncovered(&scene, &missing, cuts) > 0, "{accel:?} {levels:?}");
+            assert!(n_uncovered(scene, &missing, cuts) > 0, "{accel:?} {levels:?}");
             let n = structure.n_levels();
             let sizes: Vec<usize> = (0..n).map(|level| structure.boxes(BoxLevel::Level(level)).len()).collect();
             assert_eq!(sizes[0], 1, "{accel:?} {levels:?}: {sizes:?}");
