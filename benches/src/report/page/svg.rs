@@ -124,6 +124,7 @@ fn draw(plot: &Plot, area: &DrawingArea<SVGBackend, plotters::coord::Shift>, wid
     let [columns, rows] = [width / 90, 6];
     let mut chart = ChartBuilder::on(area)
         .margin(6)
+        .margin_top(12)
         .margin_right(18)
         .x_label_area_size(46)
         .y_label_area_size(64)

@@ -58,7 +58,7 @@ pub(crate) struct Args {
     pub(crate) heatmap_scale: u32,
     /// Draw boxes of the acceleration structure over the picture: those of a level, 0 for the root, or of all leaves. Axis-aligned boxes are
     /// blue, oriented ones orange.
-    #[arg(long, help_heading = PICTURE, conflicts_with = "samples", value_name = "LEVEL|leaves")]
+    #[arg(long, help_heading = PICTURE, value_name = "LEVEL|leaves")]
     pub(crate) boxes: Option<BoxLevel>,
     #[command(flatten)]
     pub(super) run: RunArgs,

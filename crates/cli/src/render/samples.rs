@@ -28,7 +28,7 @@ pub(crate) struct SampleArgs {
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SAMPLES)), value_name = "N")]
     spp: Option<u32>,
     /// Render only the samples A to B-1 and store their exact sums in the EXR, for `canted merge`.
-    #[arg(long, value_parser = range, value_name = "A..B", conflicts_with = "noise", allow_hyphen_values = true)]
+    #[arg(long, value_parser = range, value_name = "A..B", conflicts_with_all = ["noise", "boxes"], allow_hyphen_values = true)]
     samples: Option<[u32; 2]>,
     /// Sample pattern [default: stratified; sobol with --samples or --noise]
     #[arg(long, value_parser = one_of(&PATTERNS), value_name = "PATTERN")]

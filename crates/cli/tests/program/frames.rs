@@ -98,8 +98,6 @@ fn frames_of_a_gpu_are_the_pictures_of_their_times() {
         let is_less = all < 3 * one || options.contains("--volumes");
         assert!(all > one && is_less, "{options}: {all} bytes for three frames, {one} for one");
     }
-    let options = "moving.gltf --levels two --volumes aabb --shutter 0..0.5 --integrator path --device gpu";
-    frames_match(&folder, &format!("{options} {QUICK}"), [2, 4], 7.0, "exr");
 }
 
 #[test]
