@@ -2,7 +2,7 @@
 //!
 //! Not a part of `cargo xtask test`: the toolkit of the window takes minutes to compile.
 
-use std::env;
+use std::{env, process::Command};
 
 use anyhow::{Result, bail};
 
@@ -33,11 +33,24 @@ pub(crate) fn skipped() -> Option<String> {
     }
 }
 
-/// The programs that are not installed.
+/// The library that the toolkit of the window opens at run time on X servers.
+const LIBRARY: &str = "libxkbcommon-x11.so.0";
+
+/// The programs and libraries that are not installed.
 fn missing() -> Option<String> {
     let folders = env::var_os("PATH").unwrap_or_default();
     let is_there = |name: &&str| env::split_paths(&folders).any(|folder| folder.join(name).is_file());
-    let names: Vec<&str> = ["Xvfb", "xdotool", "xwd"].into_iter().filter(|name| !is_there(name)).collect();
-    let packages = "on Debian and Ubuntu: apt-get install xvfb xdotool x11-apps libgl1-mesa-dri";
+    let mut names: Vec<&str> = ["Xvfb", "xdotool", "xwd"].into_iter().filter(|name| !is_there(name)).collect();
+    names.extend((!has_library()).then_some(LIBRARY));
+    let packages = "on Debian and Ubuntu: apt-get install xvfb xdotool x11-apps libgl1-mesa-dri libxkbcommon-x11-0";
     (!names.is_empty()).then(|| format!("{} not installed ({packages})", names.join(", ")))
+}
+
+/// Whether the loader knows the library; also true where there is no list of libraries.
+fn has_library() -> bool {
+    // Some users have no folder of system programs in their `PATH`.
+    let lists = ["ldconfig", "/sbin/ldconfig"].into_iter().filter_map(|program| {
+        Command::new(program).arg("-p").output().ok().filter(|list| list.status.success())
+    });
+    lists.map(|list| String::from_utf8_lossy(&list.stdout).contains(LIBRARY)).next().unwrap_or(true)
 }

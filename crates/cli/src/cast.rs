@@ -6,21 +6,24 @@ mod hits;
 mod rays;
 
 use std::{
+    cell::OnceCell,
     path::{Path, PathBuf},
     time::Instant,
 };
 
 use anyhow::{Result, anyhow};
 use canted_film::AtomicFile;
-use canted_renderer::{Prepared, Tracer, prepare};
 #[cfg(feature = "gpu")]
-use canted_renderer::{built_scene, traced_scene};
+use canted_renderer::traced_scene;
+use canted_renderer::{PrepareError, Prepared, Tracer, prepare};
 use canted_scene::Scene;
 use canted_trace::{Hit, Ray};
 use canted_wide::LaneKernel;
 use rayon::prelude::*;
 use serde_json::json;
 
+#[cfg(feature = "gpu")]
+use crate::device::built_or;
 use crate::{
     device::{Machine, RunArgs},
     load,
@@ -128,10 +131,19 @@ fn report(answers: &[Answer], seconds: f64, args: &Args) -> Result<()> {
 #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "the CPU is the only machine"))]
 fn trace<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Machine) -> Result<(Vec<Answer>, f64)> {
     let config = args.structure.config(scene)?;
+    let on_cpu = OnceCell::new();
+    let prepared = || -> Result<&Prepared<K>, PrepareError> {
+        match on_cpu.get() {
+            Some(prepared) => Ok(prepared),
+            None => prepare(scene, &config).map(|prepared| on_cpu.get_or_init(|| prepared)),
+        }
+    };
     // The CPU has nothing to build where a GPU builds for itself and completes all rays.
     #[cfg(feature = "gpu")]
     let built = match args.structure.built_on_gpu() {
-        Some(wide) => gpu::trace(machine, scene, rays, args, |gpu| built_scene(gpu, scene, &config, wide))?,
+        Some(wide) => gpu::trace(machine, scene, rays, args, |gpu| {
+            built_or(gpu, scene, &config, wide, || traced_scene(gpu, scene, &prepared()?.structure))
+        })?,
         None => None,
     };
     #[cfg(feature = "gpu")]
@@ -140,8 +152,7 @@ fn trace<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Mach
     {
         return Ok((answers, *seconds));
     }
-    let Prepared { structure, .. } =
-        prepare::<K>(scene, &config).map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
+    let Prepared { structure, .. } = prepared().map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
     let on_cpu = |ray: &Ray| {
         if args.occluded {
             return if structure.occluded(ray, &mut ()) { Answer::OCCLUDED } else { Answer::MISS };
@@ -156,7 +167,7 @@ fn trace<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Mach
             Some(traced) => Some(traced),
             // After a fallback to the CPU, once is enough.
             None if args.structure.built_on_gpu().is_some() => None,
-            None => gpu::trace(machine, scene, rays, args, |gpu| traced_scene(gpu, scene, &structure))?,
+            None => gpu::trace(machine, scene, rays, args, |gpu| traced_scene(gpu, scene, structure))?,
         };
         if let Some((answers, seconds)) = traced {
             let start = Instant::now();

@@ -13,7 +13,7 @@ use anyhow::{Result, anyhow};
 pub(crate) use crate::no_gpu::{Machine, adapters};
 use crate::options;
 #[cfg(feature = "gpu")]
-pub(crate) use gpu::{Machine, adapters, named};
+pub(crate) use gpu::{Machine, adapters, built_or, named};
 
 /// The value of `--device`.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -81,6 +81,8 @@ fn film(source: &Source<'_>, options: &[(String, String)], monitor: &Monitor<'_>
 
 fn render<K: LaneKernel>(scene: &mut Scene, mut args: Args, monitor: &Monitor<'_>) -> Result<(Film, Aovs)> {
     let source = args.light.apply(scene)?;
+    // The film is linear: no exposure is chosen for it.
+    args.look.set_stops(Some(0.0));
     let Setup { prepared, camera, .. } = render::setup::<K>(scene, &mut args, source)?;
     let settings = &args.settings()?;
     let surfaces = Surfaces::with_lod(scene, settings.lod);

@@ -290,6 +290,7 @@ fn render_picture<K: LaneKernel>(
     let settings = Settings { means_only: args.samples.needs_means_only(), ..args.settings()? };
     let mut facts = facts::of_structure(scene, prepared);
     facts.extend(choice.default_light.map(|strength| ("default_light", json!(strength))));
+    facts.extend(choice.exposure.map(|stops| ("exposure", json!(stops))));
     if args.heatmap.is_none() {
         facts.push(("integrator_reason", json!(choice.integrator_reason)));
     }

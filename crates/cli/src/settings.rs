@@ -10,6 +10,7 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
+use canted_film::Format;
 use canted_scene::{Setting, suggestion};
 use clap::{
     ArgMatches, Args as _, Command,
@@ -222,6 +223,8 @@ fn warn_ignored_preset(options: &ArgMatches, settings: &[Setting]) {
 fn applies(setting: &Setting, all: &[Setting], options: &ArgMatches) -> bool {
     let is_given = |id: &str| is_given(options, id);
     match &setting.key[..] {
+        // Formats that are linear have neither.
+        "exposure" | "tone_map" => !is_linear(options),
         "noise" => !is_given("samples") && !is_given("heatmap"),
         // `--samples` determines the number of samples, except for patterns that depend on the total.
         "spp" if is_given("samples") => value_of("sampler", options, all) == Some("stratified"),
@@ -232,6 +235,12 @@ fn applies(setting: &Setting, all: &[Setting], options: &ArgMatches) -> bool {
         "accel" if is_given("volumes") => setting.value.as_deref() == Some("bvh2"),
         _ => true,
     }
+}
+
+/// Whether the picture is written in a linear format.
+fn is_linear(options: &ArgMatches) -> bool {
+    let of_name = || Format::of_path(options.get_one::<PathBuf>("output")?);
+    options.get_one::<Format>("format").copied().or_else(of_name).is_some_and(Format::is_linear)
 }
 
 /// The value of an option on the command line, else in the file.

@@ -29,8 +29,13 @@ pub(super) fn forever(listener: &TcpListener, folder: &Path) -> Result<bool> {
     }
 }
 
-/// Serves `folder` until a report arrives, and returns it.
-pub(super) fn until_reported(listener: &TcpListener, folder: &Path, patience: Duration) -> Result<String> {
+/// Serves `folder` until a report arrives, and returns it. An error of `check`, which is called while nothing comes, ends the wait.
+pub(super) fn until_reported(
+    listener: &TcpListener,
+    folder: &Path,
+    patience: Duration,
+    mut check: impl FnMut() -> Result<()>,
+) -> Result<String> {
     listener.set_nonblocking(true).context("cannot wait for connections")?;
     let start = Instant::now();
     while start.elapsed() < patience {
@@ -40,7 +45,10 @@ pub(super) fn until_reported(listener: &TcpListener, folder: &Path, patience: Du
                     return Ok(report);
                 }
             }
-            Err(_) => thread::sleep(Duration::from_millis(20)),
+            Err(_) => {
+                check()?;
+                thread::sleep(Duration::from_millis(20));
+            }
         }
     }
     bail!("the page reports nothing within {} s", patience.as_secs())
@@ -117,10 +125,12 @@ mod tests {
             assert!(asked(address, "GET /../Cargo.toml HTTP/1.1\r\n\r\n").starts_with("HTTP/1.1 404"));
             asked(address, "POST /report HTTP/1.1\r\nContent-Length: 4\r\n\r\n{\"a\"")
         });
-        let report = until_reported(&listener, &folder, Duration::from_secs(20)).unwrap();
+        let report = until_reported(&listener, &folder, Duration::from_secs(20), || Ok(())).unwrap();
         assert_eq!(report, "{\"a\"");
         assert!(browser.join().unwrap().starts_with("HTTP/1.1 204"));
-        assert!(until_reported(&listener, &folder, Duration::from_millis(50)).is_err());
+        assert!(until_reported(&listener, &folder, Duration::from_millis(50), || Ok(())).is_err());
+        let ended = until_reported(&listener, &folder, Duration::from_secs(20), || bail!("ended")).unwrap_err();
+        assert_eq!(ended.to_string(), "ended");
         fs::remove_dir_all(&folder).unwrap();
     }
 }

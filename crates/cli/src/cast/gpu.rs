@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use anyhow::Result;
+use anyhow::{Result, anyhow};
 use canted_gpu::{DeviceHit, Gpu, Outcome, TracedScene};
 use canted_renderer::DeviceError;
 use canted_scene::Scene;
@@ -21,9 +21,11 @@ pub(super) fn trace(
     args: &Args,
     make: impl FnOnce(&Gpu) -> Result<TracedScene, DeviceError>,
 ) -> Result<Option<(Vec<Option<Answer>>, f64)>> {
-    let Some((gpu, traced)) = machine.ready(&args.structure, make)? else {
-        return Ok(None);
-    };
+    let ready = machine.ready(&args.structure, make).map_err(|error| match error.downcast_ref() {
+        Some(DeviceError::Prepare(of_scene)) => anyhow!("{}: {of_scene}", args.scene.display()),
+        _ => error,
+    })?;
+    let Some((gpu, traced)) = ready else { return Ok(None) };
     let start = Instant::now();
     let hit = |hit: &Option<DeviceHit>| {
         hit.map_or(Answer::MISS, |DeviceHit { t, u, v, primitive, instance }| {

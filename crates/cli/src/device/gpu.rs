@@ -1,8 +1,9 @@
 //! GPUs, and the fallback to the CPU.
 
 use anyhow::{Result, anyhow};
-use canted_gpu::{AdapterKind, Choice, Gpu, GpuError};
-use canted_renderer::DeviceError;
+use canted_gpu::{AdapterKind, Choice, Gpu, GpuError, TracedScene, build::WideConfig};
+use canted_renderer::{DeviceError, StructureConfig, built_scene};
+use canted_scene::Scene;
 use serde_json::{Value, json};
 
 use super::{DeviceArg, quiet::quietly};
@@ -102,6 +103,23 @@ impl Machine {
         }
         warn_fallback(&error);
         Ok(None)
+    }
+}
+
+/// The wide BVHs of a scene that a device builds, or those that `uploaded` returns where it does not support the build.
+pub(crate) fn built_or(
+    gpu: &Gpu,
+    scene: &Scene,
+    config: &StructureConfig,
+    wide: WideConfig,
+    uploaded: impl FnOnce() -> Result<TracedScene, DeviceError>,
+) -> Result<TracedScene, DeviceError> {
+    match built_scene(gpu, scene, config, wide) {
+        Err(DeviceError::Gpu(GpuError::Unsupported { what })) => {
+            output::note(&format!("the CPU builds the BVHs: not supported on the GPU: {what}"));
+            uploaded()
+        }
+        built => built,
     }
 }
 

@@ -205,11 +205,11 @@ impl Args {
     }
 
     /// Whether the exposure may be chosen: for a model without exposure, its own lights and a format that is not linear. Scene files
-    /// are made for the exposure that they have.
+    /// are made for the exposure that they have. A heat map shows no light.
     pub(crate) fn needs_exposure(&self) -> bool {
         let is_model = self.scene.as_deref().is_some_and(|path| !output::has_extension(path, "toml"));
         let is_linear = self.format().is_ok_and(Format::is_linear);
-        is_model && !is_linear && self.look.is_unset() && self.light.is_empty()
+        is_model && !is_linear && self.heatmap.is_none() && self.look.is_unset() && self.light.is_empty()
     }
 
     /// How the file of the scene is read, at a time in seconds.

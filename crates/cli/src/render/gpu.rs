@@ -4,7 +4,7 @@ use anyhow::{Result, anyhow};
 use canted_film::{Film, Tile};
 use canted_gpu::{Gpu, Traffic};
 use canted_renderer::{
-    DeviceFrames, DevicePicture, FirstHit, Integrator, Monitor, Settings, SharedFilm, Structure, Surfaces, built_scene,
+    DeviceFrames, DevicePicture, FirstHit, Integrator, Monitor, Settings, SharedFilm, Structure, Surfaces, traced_scene,
 };
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
@@ -12,7 +12,7 @@ use serde_json::json;
 
 use super::{Args, args::FIRST_HITS, facts::Fact, film::FilmRenderer};
 use crate::{
-    device::{Machine, named},
+    device::{Machine, built_or, named},
     options::name_of,
     output,
 };
@@ -53,7 +53,8 @@ impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
             let picture = match (frames, &built) {
                 (Some(frames), _) => DevicePicture::in_frame(gpu, surfaces, structure, camera, settings, frames)?,
                 (None, Some((config, wide))) => {
-                    let make = |scene: &Scene| built_scene(gpu, scene, config, *wide);
+                    let make =
+                        |scene: &Scene| built_or(gpu, scene, config, *wide, || traced_scene(gpu, scene, structure));
                     DevicePicture::over(gpu, surfaces, structure, camera, settings, make)?
                 }
                 (None, None) => DevicePicture::new(gpu, surfaces, structure, camera, settings)?,

@@ -23,6 +23,8 @@ pub(crate) struct Setup<K: LaneKernel> {
 pub(crate) struct Choice {
     /// Strength of the default light, if it is used.
     pub(crate) default_light: Option<f32>,
+    /// The exposure in stops, where one was chosen other than 0.
+    pub(crate) exposure: Option<f32>,
     /// Why the integrator was chosen.
     pub(crate) integrator_reason: &'static str,
 }
@@ -74,10 +76,9 @@ pub(crate) fn choose<K: LaneKernel>(
     let is_free = args.integrator.is_none();
     let mut integrator_reason = args.choose_integrator(scene, source == LightSource::Emission);
     if source != LightSource::Default || args.heatmap.is_some() {
-        if source != LightSource::Default && args.needs_exposure() {
-            expose(scene, prepared, camera, args)?;
-        }
-        return Ok(Choice { default_light: None, integrator_reason });
+        let is_exposed = source != LightSource::Default && args.needs_exposure();
+        let exposure = if is_exposed { expose(scene, prepared, camera, args)? } else { None };
+        return Ok(Choice { default_light: None, exposure, integrator_reason });
     }
     light::set_default(scene, 1.0, args.camera.up());
     let mut strength = exposure::default_light_strength(scene, prepared, camera, &args.settings()?)?;
@@ -87,15 +88,20 @@ pub(crate) fn choose<K: LaneKernel>(
         strength = exposure::default_light_strength(scene, prepared, camera, &args.settings()?)?;
     }
     light::set_default(scene, strength, args.camera.up());
-    Ok(Choice { default_light: Some(strength), integrator_reason })
+    Ok(Choice { default_light: Some(strength), exposure: None, integrator_reason })
 }
 
 /// A room that needs the default light stronger than this is dark and noisy by `path`: nearly all light comes through small openings.
 /// The ambient light of `hybrid` shows it.
 const MAX_PATH_STRENGTH: f32 = 3.0;
 
-/// Sets the exposure where the lights of the file would give a white or a black picture, and reports it.
-fn expose<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>, camera: &Camera, args: &mut Args) -> Result<()> {
+/// Sets the exposure where the lights of the file would give a white or a black picture, reports it, and returns it.
+fn expose<K: LaneKernel>(
+    scene: &Scene,
+    prepared: &Prepared<K>,
+    camera: &Camera,
+    args: &mut Args,
+) -> Result<Option<f32>> {
     let stops = exposure::needed_stops(scene, prepared, camera, &args.settings()?)?;
     if let Some(stops) = stops {
         let what = if stops < 0.0 { "white" } else { "black" };
@@ -105,5 +111,5 @@ fn expose<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>, camera: &Camera,
     }
     // Also decides for later pictures of a sequence, which must not flicker.
     args.look.set_stops(Some(stops.unwrap_or(0.0)));
-    Ok(())
+    Ok(stops)
 }

@@ -24,12 +24,13 @@ mod on_gpu {
     use anyhow::{Error, Result, anyhow};
     use canted_film::Film;
     use canted_gpu::Gpu;
-    use canted_renderer::{DeviceError, DevicePicture, FirstHit, Monitor, Settings, Structure};
+    use canted_renderer::{DeviceError, DevicePicture, FirstHit, Monitor, Settings, Structure, traced_scene};
+    use canted_scene::Scene;
     use canted_wide::LaneKernel;
 
     use super::super::traced::{Passes, Shot};
     use crate::{
-        device::{DeviceArg, Machine, named},
+        device::{DeviceArg, Machine, built_or, named},
         output,
         render::Args,
     };
@@ -71,9 +72,16 @@ mod on_gpu {
                 return Ok(None);
             }
             let first_hit = if args.first_hit() == FirstHit::Raster { FirstHit::Raster } else { FirstHit::Trace };
-            let picture = DevicePicture::new(gpu, surfaces, structure, camera, settings)
-                .and_then(|picture| picture.with_first_hit(first_hit));
-            match picture {
+            let picture = match args.structure.built_on_gpu() {
+                Some(wide) => {
+                    let config = args.structure.config(surfaces.scene())?;
+                    let make =
+                        |scene: &Scene| built_or(gpu, scene, &config, wide, || traced_scene(gpu, scene, structure));
+                    DevicePicture::over(gpu, surfaces, structure, camera, settings, make)
+                }
+                None => DevicePicture::new(gpu, surfaces, structure, camera, settings),
+            };
+            match picture.and_then(|picture| picture.with_first_hit(first_hit)) {
                 Ok((picture, _)) => Ok(Some(OnGpu { gpu, name: name_of(wanted), picture })),
                 Err(DeviceError::Render(error)) => Err(error.into()),
                 Err(error) => {

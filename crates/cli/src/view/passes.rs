@@ -40,8 +40,8 @@ pub(super) struct Renderer {
     pace: Option<f64>,
     /// The last film, complete or not, and what determines it.
     kept: Option<(String, Refined)>,
-    /// The exposure that was chosen last, and for which scene.
-    stops: Option<(Option<PathBuf>, f32)>,
+    /// For which scene the exposure was decided last, and the one that was chosen.
+    stops: Option<(Option<PathBuf>, Option<f32>)>,
 }
 
 impl Renderer {
@@ -75,7 +75,7 @@ impl Renderer {
             device: "cpu".to_owned(),
             center_distance: stage.seen_at(&camera, args.size, center).map(|seen| f64::from(seen.t)),
             time_range: stage.time_range,
-            n_levels: stage.traced.n_levels(),
+            n_levels: stage.n_levels(),
             ready: stage.ready,
         };
         let result = self.render(&mut stage, job, &mut args, &view, desk, outbox);
@@ -97,8 +97,10 @@ impl Renderer {
         outbox: &Outbox,
     ) -> Result<()> {
         let is_exposed = args.needs_exposure();
-        if let Some((_, stops)) = self.stops.as_ref().filter(|(scene, _)| is_exposed && *scene == args.scene) {
-            args.look.set_stops(Some(*stops));
+        let decided = self.stops.as_ref().filter(|(scene, _)| is_exposed && *scene == args.scene);
+        let is_decided = !is_exposed || decided.is_some();
+        if let Some((_, stops)) = decided {
+            args.look.set_stops(*stops);
         }
         let shown = Shown::new(stage, args, &job.options, view.camera)?;
         let send = |view: View, picture: Picture, n_samples: u32, is_settled: bool| {
@@ -114,6 +116,10 @@ impl Renderer {
         let mut progress = self.kept.take().filter(|(of, _)| *of == key).map(|(_, refined)| refined);
         if let Some(refined) = &progress {
             let is_complete = refined.is_complete();
+            if is_complete && !is_decided {
+                // The film was rendered while an exposure was given.
+                self.choose(stage, &view.camera, args, is_exposed)?;
+            }
             send(refined.view(view), shown.picture(&refined.film, args), refined.n_samples(), is_complete);
             if is_complete {
                 self.kept = progress.map(|refined| (key, refined));
@@ -126,12 +132,8 @@ impl Renderer {
             self.kept = progress.map(|refined| (key, refined));
             return Ok(());
         }
-        if is_exposed {
-            args.look.set_stops(None);
-        }
         let is_first = !stage.is_chosen();
-        stage.choose(&view.camera, args)?;
-        self.stops = args.look.stops().filter(|_| is_exposed).map(|stops| (args.scene.clone(), stops));
+        self.choose(stage, &view.camera, args, is_exposed)?;
         // The first coarse picture had a light that may be far too weak or too strong.
         if is_first && let Some(film) = self.coarse(stage, args, &job.options, &view.camera)? {
             send(view.clone(), shown.picture(&film, args), 0, false);
@@ -161,6 +163,16 @@ impl Renderer {
         }
         self.kept = progress.map(|refined| (key, refined));
         result
+    }
+
+    /// Decides light, integrator and, if it is not given, the exposure.
+    fn choose(&mut self, stage: &mut Stage, camera: &Camera, args: &mut Args, is_exposed: bool) -> Result<()> {
+        if is_exposed {
+            args.look.set_stops(None);
+        }
+        stage.choose(camera, args)?;
+        self.stops = is_exposed.then(|| (args.scene.clone(), args.look.stops()));
+        Ok(())
     }
 
     /// A film of one sample in each of so few pixels that it takes no longer than [`COARSE_SECONDS`] on the CPU; `None` where the first

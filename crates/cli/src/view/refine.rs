@@ -100,7 +100,8 @@ fn all_passes(
         let seconds_per_sample = start.elapsed().as_secs_f64() / (n_pixels * f64::from(n_next));
         let n_rays = n_rays + film.n_rays();
         let (film, part) = if part.is_some() {
-            let before = progress.as_mut().and_then(|done| done.part.take());
+            // After an error there is no film: one without sums would count as complete.
+            let before = progress.take().and_then(|done| done.part);
             let parts = before.into_iter().chain(film.part().cloned()).collect();
             let joined = Part::join(parts).map_err(|error| anyhow!("{error}"))?;
             let has_more = next_pass(range[1], settings.samples, Duration::ZERO, None) > 0;

@@ -35,6 +35,8 @@ pub(super) struct Stage {
     time: Option<f32>,
     mip_maps: RefCell<Option<(Lod, MipMaps)>>,
     boxes: Option<(BoxLevel, Arc<Vec<Obb>>)>,
+    /// Counted once for each structure: that visits all nodes.
+    n_levels: Option<u32>,
     /// Whether the light was decided for some camera.
     is_chosen: bool,
 }
@@ -59,6 +61,7 @@ impl Stage {
             time: args.time,
             mip_maps: RefCell::default(),
             boxes: None,
+            n_levels: None,
             is_chosen: false,
         })
     }
@@ -79,6 +82,7 @@ impl Stage {
         }
         if has_other_structure || next.time != args.time {
             next.boxes = None;
+            next.n_levels = None;
         }
         next.structure_key = options.structure_key();
         next.time = args.time;
@@ -136,10 +140,15 @@ impl Stage {
         }
         let boxes = Arc::new(self.traced.boxes(level));
         if boxes.is_empty() {
-            crate::output::warn(&render::no_boxes(level, self.traced.n_levels()));
+            crate::output::warn(&render::no_boxes(level, self.n_levels()));
         }
         self.boxes = Some((level, Arc::clone(&boxes)));
         boxes
+    }
+
+    /// Levels of the structure that have boxes.
+    pub(super) fn n_levels(&mut self) -> u32 {
+        *self.n_levels.get_or_insert_with(|| self.traced.n_levels())
     }
 
     /// What a camera sees at a position in pixels.
@@ -170,19 +179,18 @@ impl Stage {
 /// Reads the scene at the time of the options.
 fn read(options: &Options, args: &Args) -> Result<(Scene, Option<AnimatedScene>)> {
     let path = options.scene().filter(|path| !load::is_scene_file(path));
-    let animation = args.animation.as_deref();
+    let of_file = args.read_options(args.time);
     if let Some(path) = path {
-        let of_file = args.read_options(args.time);
         let (animated, mut scene) = AnimatedScene::open(path, &of_file)?;
         if animated.is_animated() {
             load::warn(&std::mem::take(&mut scene.warnings));
             return Ok((scene, Some(animated)));
         }
-        if args.time.is_none() && animation.is_none() {
+        if args.time.is_none() && args.animation.is_none() {
             load::warn(&std::mem::take(&mut scene.warnings));
             return Ok((scene, None));
         }
     }
     // Reports options that do not apply to the file.
-    Ok((load::scene(options.scene(), args.time, animation)?, None))
+    Ok((load::scene_with(options.scene(), &of_file)?, None))
 }

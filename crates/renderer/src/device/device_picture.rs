@@ -114,12 +114,12 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         let cpu = Rendering::new(scene, structure, surfaces, camera, settings)?;
         collector::check_size(settings)?;
         check_supported(settings)?;
-        let traced = make(scene)?;
         // AOVs show the materials of the path integrator.
         let materials = if settings.aovs.is_empty() { settings.integrator } else { Integrator::Path };
         if materials == Integrator::Path && scene.materials.iter().any(|material| material.lobes.is_some()) {
             return Err(DeviceError::Unsupported { what: LOBES });
         }
+        let traced = make(scene)?;
         let is_flat = matches!(structure, Structure::One(_));
         let packed = PackedScene::new(gpu, scene, surfaces.textures(), settings.lod, is_flat, materials)?;
         let sky = DeviceSky::new(gpu, scene)?;
