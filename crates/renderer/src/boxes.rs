@@ -114,7 +114,7 @@ pub fn draw_boxes(picture: &mut Picture, corner: [u32; 2], view: &View, boxes: &
     // Oriented boxes last, on top: there are usually fewer.
     for is_oriented in [false, true] {
         let color = if is_oriented { ORIENTED } else { ALIGNED };
-        for obb in boxes.iter().filter(|obb| !is_aligned(obb) == is_oriented) {
+        for obb in boxes.iter().filter(|obb| is_aligned(obb) != is_oriented) {
             let corners = obb.corners();
             for (a, b) in EDGES {
                 if let Some([from, to]) = view.line(corners[a], corners[b]) {
@@ -144,8 +144,7 @@ impl View {
         }
         let [near_a, near_b] = [a, b].map(|point| self.depth(point));
         let near = NEAR * near_a.max(near_b);
-        // Also for depths that are not numbers.
-        if !(near > 0.0) {
+        if near.is_nan() || near <= 0.0 {
             return None;
         }
         let cut = |point: Vector, depth: f64, other: Vector, other_depth: f64| {

@@ -189,10 +189,10 @@ mod tests {
     #[test]
     fn one_distant_box_changes_nothing() {
         let small = cube(1000, 1e-3, [0.0; 3]);
-        let with_sky = |i: usize| if i % 10 == 0 { Aabb { min: [1e6; 3], max: [2e6; 3] } } else { small(i) };
+        let with_sky = |i: usize| if i.is_multiple_of(10) { Aabb { min: [1e6; 3], max: [2e6; 3] } } else { small(i) };
         assert_eq!(ReferencePoint::near(1000, with_sky), ReferencePoint::ORIGIN);
         let far = cube(1000, 1e-2, [1e5, 0.0, 0.0]);
-        let with_floor = |i: usize| if i % 10 == 0 { Aabb { min: [-1e6; 3], max: [1e6; 3] } } else { far(i) };
+        let with_floor = |i: usize| if i.is_multiple_of(10) { Aabb { min: [-1e6; 3], max: [1e6; 3] } } else { far(i) };
         assert!((ReferencePoint::near(1000, with_floor).point()[0] - 1e5).abs() < 1.0);
     }
 

@@ -80,6 +80,7 @@ fn in_object_space<'a>(nodes: &'a Nodes, frame: &MeshFrame) -> Cow<'a, [u32]> {
 /// Moves the boxes of a node outward by more than what is rounded.
 fn move_back(kind: NodeKind, reference: [f64; 3], frame: &[[f32; 3]; 3], node: &mut [Line]) {
     let rows: &mut [Row] = bytemuck::cast_slice_mut(node);
+    #[expect(clippy::needless_range_loop, reason = "a lane of several rows")]
     for i in 0..8 {
         for k in 0..3 {
             match kind {

@@ -125,9 +125,8 @@ fn a_distant_field_is_as_fast_as_one_at_the_origin() {
 fn shifted(instances: &[Instance], at: [f64; 3]) -> Vec<Instance> {
     let shift = |instance: &Instance| {
         let mut instance = *instance;
-        for k in 0..3 {
-            instance.world_from_object.columns[3][k] += at[k] as f32;
-        }
+        let origin = &mut instance.world_from_object.columns[3];
+        origin.iter_mut().zip(at).for_each(|(x, shift)| *x += shift as f32);
         instance
     };
     instances.iter().map(shift).collect()
