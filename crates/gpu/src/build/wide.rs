@@ -80,8 +80,8 @@ impl WideTrees {
     /// aligned, or oriented where `bottom` has oriented boxes; those over instances are aligned. Between dispatches only the
     /// number of nodes of each level is read back, to know the depth.
     ///
-    /// # Errors Trees over boxes as `bottom`, more than 2^26 triangles, a BVH of more than 128 levels, a limit of the device, or
-    /// device lost.
+    /// # Errors
+    /// Trees over boxes as `bottom`, more than 2^26 triangles, a BVH of more than 128 levels, a limit of the device, or device lost.
     pub fn new(run: &mut Run<'_>, bottom: &Built, top: Option<&Built>) -> Result<Self, GpuError> {
         let gpu = run.gpu();
         if run.is_recorded() {
