@@ -52,8 +52,11 @@ fn compared_with(
     Ok(tally)
 }
 
+/// Positions and indices of a mesh on the device.
+type MeshOnDevice = (Buffer<[f32; 3]>, Buffer<[u32; 3]>);
+
 /// Meshes in buffers on the device.
-struct Buffers(Vec<(Buffer<[f32; 3]>, Buffer<[u32; 3]>)>);
+struct Buffers(Vec<MeshOnDevice>);
 
 impl Buffers {
     fn new(gpu: &Gpu, meshes: &[Mesh]) -> Self {
@@ -65,7 +68,7 @@ impl Buffers {
 
     fn meshes<'a>(&'a self) -> Vec<MeshBuffers<'a>> {
         let count = |n: usize| u32::try_from(n).unwrap();
-        let mesh = |(positions, triangles): &'a (Buffer<[f32; 3]>, Buffer<[u32; 3]>)| MeshBuffers {
+        let mesh = |(positions, triangles): &'a MeshOnDevice| MeshBuffers {
             vertices: positions.wgpu(),
             first_byte: 0,
             stride: 12,

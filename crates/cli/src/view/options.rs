@@ -115,7 +115,7 @@ impl Options {
         let is_framed = self.get("eye").is_none() || self.get("target").is_none();
         changes.iter().all(|(name, _)| {
             let id = &name.replace('-', "_")[..];
-            !OF_CAMERA.contains(&id) && !(is_framed && OF_FRAMING.contains(&id))
+            !(OF_CAMERA.contains(&id) || is_framed && OF_FRAMING.contains(&id))
         })
     }
 
