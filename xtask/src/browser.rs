@@ -105,7 +105,8 @@ pub(crate) fn test(count: &mut Count) -> Result<bool> {
         if let Some(NoAdapter(reason)) = verdict.as_ref().err().and_then(|error| error.downcast_ref()) {
             say(&format!("skipped browser::{test}: {program} has no WebGPU: {reason}"));
             count.skipped += 1;
-        } else if verdict.is_ok() == wanted && (wanted || verdict.as_ref().is_err_and(|error| error.is::<Different>())) {
+        } else if verdict.is_ok() == wanted && (wanted || verdict.as_ref().is_err_and(|error| error.is::<Different>()))
+        {
             say(&format!("test browser::{test} ... ok"));
             count.passed += 1;
         } else {

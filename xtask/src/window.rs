@@ -49,8 +49,8 @@ fn missing() -> Option<String> {
 /// Whether the loader knows the library; also true where there is no list of libraries.
 fn has_library() -> bool {
     // Some users have no folder of system programs in their `PATH`.
-    let lists = ["ldconfig", "/sbin/ldconfig"].into_iter().filter_map(|program| {
-        Command::new(program).arg("-p").output().ok().filter(|list| list.status.success())
-    });
+    let lists = ["ldconfig", "/sbin/ldconfig"]
+        .into_iter()
+        .filter_map(|program| Command::new(program).arg("-p").output().ok().filter(|list| list.status.success()));
     lists.map(|list| String::from_utf8_lossy(&list.stdout).contains(LIBRARY)).next().unwrap_or(true)
 }
