@@ -67,9 +67,14 @@ fn the_exposure_follows_lights_of_the_file() {
     // Most of the picture is background.
     assert!(seen > 15.0 && seen + 3.0 < mean(&folder, "b.png"), "{seen} {}", mean(&folder, "b.png"));
     assert_eq!(folder.run(&format!("render {file} {LINE} -o a.exr")).done().stderr, "");
+    assert_eq!(folder.run(&format!("render {file} --size 64x48 --heatmap boxes -o b.png")).done().stderr, "");
+    let report = folder.run(&format!("render {file} {LINE} -o b.png --json")).done().json();
+    assert!(report["exposure"].as_f64().is_some_and(|stops| (-10.0..-9.0).contains(&stops)), "{report}");
     folder.run(&format!("scene {file} --size 64x48 --spp 4 -o a.toml")).done();
     let again = folder.run("render a.toml --device cpu -o c.png").done();
     assert!(again.stderr.is_empty() && folder.bytes("c.png") == folder.bytes("a.png"), "{}", again.stderr);
+    // Nobody gave the option that the format ignores.
+    assert_eq!(folder.run("render a.toml --device cpu -o c.exr").done().stderr, "");
 }
 
 /// White surfaces in the default light have shades.
