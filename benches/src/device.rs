@@ -47,6 +47,9 @@ const FULL: Scale = Scale {
     shared: [1920, 1080, 16],
 };
 
+/// Most runs on software drivers, which take a hundred times as long.
+const SOFTWARE_ROUNDS: usize = 2;
+
 /// A device and its input sizes.
 struct Bench {
     gpu: Gpu,
@@ -61,12 +64,13 @@ pub(crate) fn section(out: &mut String, choice: &Choice, options: &Options) -> R
     let gpu = Gpu::open(choice)?;
     let facts = gpu.info();
     let is_software = facts.kind == AdapterKind::Software;
+    let rounds = if is_software { options.rounds.min(SOFTWARE_ROUNDS) } else { options.rounds };
     let clock = if gpu.has_timestamps() { "device timestamps" } else { "wall clock" };
     // Writing to a String cannot fail.
     let _ = writeln!(
         out,
         "\n## On {}\n\nA {} adapter, {}, {}. Pass times by {clock}, minimum of {} runs after a first one in which the driver compiles.",
-        facts.name, facts.kind, facts.backend, facts.driver, options.rounds
+        facts.name, facts.kind, facts.backend, facts.driver, rounds
     );
     if is_software {
         out.push_str(
@@ -75,8 +79,8 @@ pub(crate) fn section(out: &mut String, choice: &Choice, options: &Options) -> R
         );
     }
     let scale = if is_software || options.is_quick { &SMALL } else { &FULL };
-    let bandwidth = Bandwidth::measure(&gpu, options.rounds)?;
-    let bench = Bench { gpu, scale, rounds: options.rounds, bandwidth };
+    let bandwidth = Bandwidth::measure(&gpu, rounds)?;
+    let bench = Bench { gpu, scale, rounds, bandwidth };
     bandwidth::section(out, &bench)?;
     built::section(out, &bench)?;
     sorted::section(out, &bench)?;

@@ -32,7 +32,6 @@ pub use mesh_buffers::{IndexBuffer, MeshBuffers};
 pub use passes::Passes;
 pub use place::{DeviceInstance, InstanceBuffer, NOT_PLACED};
 pub(crate) use place::{MeshBoxes, N_INSTANCE_FAULTS, Scales, instance_fault};
-pub use ploc::ploc;
 pub use run::{Run, StageTime};
 pub use sort::Sorter;
 pub(crate) use stages::depth_bound;
@@ -44,6 +43,7 @@ pub use wide::{MAX_LEAF, WideLevel, WideTrees};
 use canted_lbvh::{Bits, Strategy};
 use canted_obb::{Aabb, Obb};
 
+use self::ploc::ploc;
 use crate::{Buffer, GpuError, wait::block_on};
 
 /// Volume strategies that the device supports: all of the CPU's, the axis-aligned one first.
@@ -64,7 +64,7 @@ pub enum Topology {
     /// The radix tree over the Morton codes: the quickest build, which can be recorded.
     #[default]
     Radix,
-    /// Locally-ordered clustering ([`ploc`]): less traversal cost.
+    /// Locally-ordered clustering, as by `ploc` of `canted_sah`: less traversal cost.
     Ploc,
 }
 
@@ -164,7 +164,7 @@ async fn over(run: &mut Run<'_>, items: &Items, config: BuildConfig, topology: T
     let Sorted { codes, leaves } = sort(run, items, &codes)?;
     let (leaves, trees) = match topology {
         Topology::Radix => (leaves, tree(run, items, &codes)?),
-        Topology::Ploc => ploc(run, items, &leaves)?,
+        Topology::Ploc => ploc(run, items, &leaves).await?,
     };
     let aabbs = aabbs(run, items, &leaves, &trees)?;
     let obbs = match config.strategy {

@@ -81,11 +81,10 @@
 //!
 //! The crate compiles for `wasm32-unknown-unknown` and uses WebGPU there. Nothing may block in a browser, so calls that wait for the
 //! device have a form that ends in `_async`: [`Gpu::open_async`], [`TracedScene::build_two_level_async`],
-//! [`TracedScene::closest_hits_async`], [`Gpu::read_async`]. Builds of wide BVHs ([`TracedScene::build_wide_two_level`]) and by clustering
-//! ([`build::Topology::Ploc`]) have none, so they do not run in browsers yet. The form without `_async` returns [`GpuError::Blocking`]
-//! there where it would have to wait; what is recorded into an encoder does not. Outside of browsers, the futures are ready when they are
-//! polled first, and any executor runs them. Errors of the device arrive with a later call. Stages are not timed. The example `browser` is a page that builds and traces
-//! the built-in scene.
+//! [`TracedScene::build_wide_two_level_async`], [`TracedScene::closest_hits_async`], [`Gpu::read_async`]. The form without `_async`
+//! returns [`GpuError::Blocking`] there where it would have to wait; what is recorded into an encoder does not. Outside of browsers, the
+//! futures are ready when they are polled first, and any executor runs them. Errors of the device arrive with a later call. Stages are
+//! not timed. The example `browser` is a page that builds and traces the built-in scene.
 //!
 //! Tested and measured on the software drivers of Mesa (llvmpipe) and, in a browser, of Chromium (SwiftShader) only; no hardware GPU has
 //! been measured yet. Vulkan, Metal and DX12 are enabled in `wgpu`, and WebGPU in browsers. Requires up to 28 storage buffers per shader stage

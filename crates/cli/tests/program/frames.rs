@@ -147,6 +147,21 @@ fn frames_of_real_models_are_the_pictures_of_their_times() {
     }
 }
 
+#[test]
+fn samples_of_frames_merge_to_the_bytes_of_one_render() {
+    let folder = folder(3.0);
+    for (range, name) in [("0..5", "whole"), ("0..2", "first"), ("2..5", "last")] {
+        let options = format!("--size 40x30 --frames 1..4 --fps 7 --samples {range}");
+        folder.run(&format!("render moving.gltf {options} -o {name}_%03d.exr")).done();
+    }
+    for frame in 1..4 {
+        folder.run(&format!("merge last_{frame:03}.exr first_{frame:03}.exr -o merged.exr")).done();
+        assert!(folder.bytes("merged.exr") == folder.bytes(&format!("whole_{frame:03}.exr")), "frame {frame}");
+    }
+    // Parts of different frames are parts of different pictures.
+    folder.run("merge first_001.exr last_002.exr -o out.exr").refused(&["first_001.exr", "last_002.exr", "scene is"]);
+}
+
 /// The counters state what each update did.
 #[test]
 fn only_what_changes_is_updated() {

@@ -11,7 +11,7 @@ use bytemuck::{Pod, Zeroable};
 use super::prefix::prefix_sums;
 use super::stages::depths;
 use super::{Items, Run, Trees, count};
-use crate::{Buffer, GpuError, Specialisation, wait::block_on};
+use crate::{Buffer, GpuError, Specialisation};
 
 /// Clusters of a tree that a work-group merges on its own.
 const GROUP: u32 = 256;
@@ -69,15 +69,19 @@ struct Clusters {
 /// # Errors
 /// A recorded build, because the number of clusters is read back; a tree of more than 127 levels, as degenerate input may give; out of
 /// memory, or device lost.
-pub fn ploc(run: &mut Run<'_>, items: &Items, leaves: &Buffer<u32>) -> Result<(Buffer<u32>, Trees), GpuError> {
+pub(super) async fn ploc(
+    run: &mut Run<'_>,
+    items: &Items,
+    leaves: &Buffer<u32>,
+) -> Result<(Buffer<u32>, Trees), GpuError> {
     if run.is_recorded() {
         let what = "a recorded build by clustering, which reads the number of clusters back".to_owned();
         return Err(GpuError::Unsupported { what });
     }
     let mut all = Clusters::new(run, items, leaves)?;
-    let iteration = all.merge_many(run, items)?;
+    let iteration = all.merge_many(run, items).await?;
     all.finish(run, items, iteration)?;
-    all.renumbered(run, items, leaves)
+    all.renumbered(run, items, leaves).await
 }
 
 impl Clusters {
@@ -111,7 +115,7 @@ impl Clusters {
     }
 
     /// Iterates until no tree has more clusters than a work-group merges. Returns the number of iterations.
-    fn merge_many(&mut self, run: &mut Run<'_>, items: &Items) -> Result<u32, GpuError> {
+    async fn merge_many(&mut self, run: &mut Run<'_>, items: &Items) -> Result<u32, GpuError> {
         let gpu = run.gpu();
         let mut number = 0;
         let mut longest = items.ranges().iter().map(|range| range.count).max().unwrap_or(0);
@@ -129,8 +133,8 @@ impl Clusters {
                 }
                 Ok(())
             })?;
-            n = block_on(gpu.read_at(&self.remaining, &[number]))?[0];
-            longest = block_on(gpu.read_at(&self.longest, &[number]))?[0];
+            n = gpu.read_at(&self.remaining, &[number]).await?[0];
+            longest = gpu.read_at(&self.longest, &[number]).await?[0];
         }
         Ok(number)
     }
@@ -187,7 +191,7 @@ impl Clusters {
     }
 
     /// The trees in the form of the radix tree.
-    fn renumbered(
+    async fn renumbered(
         &self,
         run: &mut Run<'_>,
         items: &Items,
@@ -212,7 +216,7 @@ impl Clusters {
             dispatches.items(&*gpu.kernel("build/ploc_nodes", &Specialisation::none())?, &bound, self.n)
         })?;
         depths(run, items, &trees)?;
-        let depth = gpu.read(&trees.depth)?[0];
+        let depth = gpu.read_async(&trees.depth).await?[0];
         if depth > MAX_HEIGHT {
             return Err(GpuError::Unsupported {
                 what: format!("a clustered tree of {depth} levels, more than {MAX_HEIGHT}"),

@@ -13,7 +13,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::prefix::prefix_sums;
 use super::{Built, Range, Run, count};
-use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, wait::block_on};
 
 /// Most triangles of a leaf: those that a ray tests at once.
 pub const MAX_LEAF: u32 = 4;
@@ -83,6 +83,14 @@ impl WideTrees {
     /// # Errors
     /// Trees over boxes as `bottom`, more than 2^26 triangles, a BVH of more than 128 levels, a limit of the device, or device lost.
     pub fn new(run: &mut Run<'_>, bottom: &Built, top: Option<&Built>) -> Result<Self, GpuError> {
+        block_on(Self::new_async(run, bottom, top))
+    }
+
+    /// [`WideTrees::new`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`WideTrees::new`].
+    pub async fn new_async(run: &mut Run<'_>, bottom: &Built, top: Option<&Built>) -> Result<Self, GpuError> {
         let gpu = run.gpu();
         if run.is_recorded() {
             let what = "a recorded build of wide BVHs, which reads the number of nodes back".to_owned();
@@ -107,7 +115,7 @@ impl WideTrees {
         let blocks = gpu.zeroed("triangle blocks", (n as usize).div_ceil(2) * HALF_QUADS as usize)?;
         let mut levels = vec![];
         for &(built, kinds, first_unit) in &parts {
-            let order = Order::new(run, built, kinds)?;
+            let order = Order::new(run, built, kinds).await?;
             order.put(run, built, first_unit, &nodes)?;
             let ranges = built.items.ranges().iter().zip(0..);
             levels.push(WideLevel {
@@ -182,12 +190,12 @@ struct Order {
 }
 
 impl Order {
-    fn new(run: &mut Run<'_>, built: &Built, kinds: Kinds) -> Result<Self, GpuError> {
+    async fn new(run: &mut Run<'_>, built: &Built, kinds: Kinds) -> Result<Self, GpuError> {
         let gpu = run.gpu();
         let n = built.items.len() as usize;
         let n_units = kinds.n_units(built.items.ranges());
         let units = gpu.zeroed("sizes of wide nodes", n)?;
-        let depth = find(run, built, kinds, &units)?;
+        let depth = find(run, built, kinds, &units).await?;
         let prefixes = gpu.zeroed("wide nodes before each", n)?;
         let slots = gpu.zeroed("slots of wide nodes", n_units as usize)?;
         run.stage("collapse", |dispatches| {
@@ -226,7 +234,7 @@ impl Order {
 }
 
 /// Marks the binary nodes that become wide ones, level by level, and counts the levels.
-fn find(run: &mut Run<'_>, built: &Built, kinds: Kinds, units: &Buffer<u32>) -> Result<u32, GpuError> {
+async fn find(run: &mut Run<'_>, built: &Built, kinds: Kinds, units: &Buffer<u32>) -> Result<u32, GpuError> {
     let gpu = run.gpu();
     let Kinds { max_leaf, is_oriented } = kinds;
     let most = capacity(built.items.ranges(), max_leaf);
@@ -267,7 +275,7 @@ fn find(run: &mut Run<'_>, built: &Built, kinds: Kinds, units: &Buffer<u32>) -> 
             }
             Ok(())
         })?;
-        if let Some(depth) = depth(gpu, &counts, level)? {
+        if let Some(depth) = depth(gpu, &counts, level).await? {
             return Ok(depth);
         }
     }
@@ -276,8 +284,8 @@ fn find(run: &mut Run<'_>, built: &Built, kinds: Kinds, units: &Buffer<u32>) -> 
 }
 
 /// The number of levels; `None` if there may be more than `level`.
-fn depth(gpu: &Gpu, counts: &Buffer<u32>, level: u32) -> Result<Option<u32>, GpuError> {
-    let counts = gpu.read_first(counts, level as usize + 1)?;
+async fn depth(gpu: &Gpu, counts: &Buffer<u32>, level: u32) -> Result<Option<u32>, GpuError> {
+    let counts = gpu.read_first_async(counts, level as usize + 1).await?;
     Ok(counts[1..].iter().position(|&n| n == 0).map(|last| count(last) + 1))
 }
 

@@ -32,16 +32,29 @@ impl TracedScene {
         first_triangles: &[u32],
         config: WideConfig,
     ) -> Result<Self, GpuError> {
+        block_on(Self::build_wide_single_level_async(gpu, corners, first_triangles, config))
+    }
+
+    /// [`TracedScene::build_wide_single_level`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`TracedScene::build_wide_single_level`].
+    pub async fn build_wide_single_level_async(
+        gpu: &Gpu,
+        corners: &[Corners],
+        first_triangles: &[u32],
+        config: WideConfig,
+    ) -> Result<Self, GpuError> {
         let mut run = Run::new(gpu);
-        let bottom = bottom(&mut run, Items::triangles(gpu, [corners])?, config)?;
-        let trees = WideTrees::new(&mut run, &bottom, None)?;
-        let bounds = block_on(mesh_bounds(gpu, &bottom))?;
+        let bottom = bottom(&mut run, Items::triangles(gpu, [corners])?, config).await?;
+        let trees = WideTrees::new_async(&mut run, &bottom, None).await?;
+        let bounds = mesh_bounds(gpu, &bottom).await?;
         check_coordinates(|| "the BVH over all instances".to_owned(), bounds[0].reach.into())?;
         let level = &trees.levels[0];
         let header = header(level.roots[0], level.first_quad, bounds[0].reach, trees.is_oriented);
         let depth = level.depth;
         let level = Level::flat(gpu, first_triangles)?;
-        block_on(Self::over(gpu, Nodes::Wide(WideNodes::built(trees)), &[header], level, depth))
+        Self::over(gpu, Nodes::Wide(WideNodes::built(trees)), &[header], level, depth).await
     }
 
     /// Builds, on the device, one eight-wide BVH per mesh, and one over the instances.
@@ -54,14 +67,27 @@ impl TracedScene {
         instances: &[Instance],
         config: WideConfig,
     ) -> Result<Self, GpuError> {
+        block_on(Self::build_wide_two_level_async(gpu, meshes, instances, config))
+    }
+
+    /// [`TracedScene::build_wide_two_level`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`TracedScene::build_wide_two_level`].
+    pub async fn build_wide_two_level_async(
+        gpu: &Gpu,
+        meshes: &[&[Corners]],
+        instances: &[Instance],
+        config: WideConfig,
+    ) -> Result<Self, GpuError> {
         let mut run = Run::new(gpu);
-        let bottom = bottom(&mut run, Items::triangles(gpu, meshes.iter().copied())?, config)?;
-        let bounds = block_on(mesh_bounds(gpu, &bottom))?;
+        let bottom = bottom(&mut run, Items::triangles(gpu, meshes.iter().copied())?, config).await?;
+        let bounds = mesh_bounds(gpu, &bottom).await?;
         let packing = Packing::of(&bounds, instances)?;
-        let boxes = placed_boxes(&packing, &bottom.roots(gpu)?, instances);
+        let boxes = placed_boxes(&packing, &bottom.roots_async(gpu).await?, instances);
         let config = BuildConfig { bits: config.bits, ..BuildConfig::default() };
-        let top = Built::new(&mut run, Items::boxes(gpu, &boxes)?, config)?;
-        let trees = WideTrees::new(&mut run, &bottom, Some(&top))?;
+        let top = Built::new_async(&mut run, Items::boxes(gpu, &boxes)?, config).await?;
+        let trees = WideTrees::new_async(&mut run, &bottom, Some(&top)).await?;
         let reach = packing.boxes.iter().fold(0.0, |all: f32, of_instance| all.max(of_instance.reach()));
         let [below, above] = [&trees.levels[0], &trees.levels[1]];
         let top_header = BvhHeader::wide(above.roots[0], above.first_quad, reach, packing.error);
@@ -71,13 +97,13 @@ impl TracedScene {
             std::iter::once(top_header).chain(below.roots.iter().zip(&bounds).map(of_mesh)).collect();
         let depth = below.depth + above.depth;
         let level = Level::Two(Instances::new(gpu, &packing, &packing.numbers)?);
-        block_on(Self::over(gpu, Nodes::Wide(WideNodes::built(trees)), &headers, level, depth))
+        Self::over(gpu, Nodes::Wide(WideNodes::built(trees)), &headers, level, depth).await
     }
 }
 
-fn bottom(run: &mut Run<'_>, items: Items, config: WideConfig) -> Result<Built, GpuError> {
+async fn bottom(run: &mut Run<'_>, items: Items, config: WideConfig) -> Result<Built, GpuError> {
     let WideConfig { bits, topology, strategy } = config;
-    Built::with_topology(run, items, BuildConfig { bits, strategy }, topology)
+    Built::with_topology_async(run, items, BuildConfig { bits, strategy }, topology).await
 }
 
 /// The header of a BVH over triangles with coordinates up to `reach`.

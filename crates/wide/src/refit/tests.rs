@@ -7,6 +7,7 @@ use canted_trace::Ray;
 
 use super::*;
 use crate::layout::{LeafLayout, NodeKind, Row, Word, node_words};
+use crate::outline::{NodeOutline, Slot};
 use crate::pieces::{Piece, of_outline};
 use crate::{Config, Flaw, SimdPath, TriangleBvh};
 
@@ -175,11 +176,14 @@ fn only_vertices_of_triangles_must_be_finite() {
 fn with_word(bvh: &TriangleBvh, node: usize, slot: usize, word: Word) -> TriangleBvh {
     let mut bvh = bvh.clone();
     let outline = outline(&bvh);
-    let node = &outline.nodes[node];
+    set_word(&mut bvh, &outline.nodes[node], slot, word);
+    bvh
+}
+
+fn set_word(bvh: &mut TriangleBvh, node: &NodeOutline, slot: usize, word: Word) {
     let row = node.kind.n_lines() * 2 - 1 - usize::from(node.kind == NodeKind::Aligned);
     let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut bvh.nodes.lines[node.line..]);
     rows[row][slot] = f32::from_bits(word.0);
-    bvh
 }
 
 #[test]
@@ -267,4 +271,31 @@ fn pieces_are_found_again_and_change_no_box() {
         assert_eq!(many.bounds, one.bounds);
         assert!((of_many.drift - of_one.drift).abs() <= 1e-6 * of_one.drift, "{of_many:?}, {of_one:?}");
     }
+}
+
+/// A BVH whose subtrees share their runs of memory, as no build makes it but a file may, is refitted as one piece.
+#[test]
+fn scattered_subtrees_are_one_piece() {
+    let mesh = fixtures::scaffold_of(1, true, 8);
+    let mut bvh = build(&mesh);
+    let before = outline(&bvh);
+    let slots = before.nodes.iter().flat_map(|node| (0..8).map(move |slot| (node, slot)));
+    let leaves: Vec<_> = slots.filter(|(node, slot)| matches!(node.slots[*slot], Slot::Leaf(_))).collect();
+    // The first leaf and the last one belong to different pieces.
+    let ((first, i), (last, j)) = (leaves[0], leaves[leaves.len() - 1]);
+    let word = |node: &NodeOutline, slot: usize| {
+        node_words(&bvh.nodes.lines, node.kind, u32::try_from(node.line).unwrap())[slot]
+    };
+    let (of_first, of_last) = (word(first, i), word(last, j));
+    set_word(&mut bvh, first, i, of_last);
+    set_word(&mut bvh, last, j, of_first);
+    let (n_lines, n_units) = (bvh.nodes.lines.len(), bvh.leaves.halves.len());
+    let found = of_outline(&outline(&bvh), &LeafLayout::BLOCKS, bvh.nodes.root, n_lines, n_units);
+    let whole = Piece { root: bvh.nodes.root, lines: 0..n_lines, units: 0..n_units, is_above: false };
+    assert_eq!(found, [whole]);
+    bvh.nodes.pieces = found;
+    let moved = shaken(&mesh, 0.05, 1);
+    assert!(n_too_small(&bvh) > 0, "the exchanged leaves are outside of their boxes");
+    bvh.refit(&moved.positions, &moved.triangles).unwrap();
+    assert_eq!(n_too_small(&bvh), 0);
 }
