@@ -1,7 +1,9 @@
-//! Each build stage alone, named `stage/scene/triangles`.
+//! Each build stage alone, named `stage/scene/triangles`, and the shortest rays.
 
 use canted_lbvh::{Bits, Domain, Strategy, VolumeConfig};
-use criterion::{Criterion, criterion_group, criterion_main};
+use canted_trace::Ray;
+use canted_wide::{Config, TriangleBvh};
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 
 fn stages(criterion: &mut Criterion) {
     let mesh = canted_fixtures::grid(5, [300, 300]);
@@ -28,5 +30,23 @@ fn stages(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, stages);
+/// Rays that hit the only triangle of a BVH, one by one and as a slice: what starts and ends a ray.
+fn one_triangle(criterion: &mut Criterion) {
+    let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let bvh = TriangleBvh::build(&positions, &[[0, 1, 2]], &Config::default()).expect("a valid mesh");
+    let origins = (0_u16..4096).map(|i| [f32::from(i % 64) / 130.0, f32::from(i / 64) / 130.0]);
+    let rays: Vec<Ray> = origins.map(|[x, y]| Ray::new([x + 0.1, y - 0.05, 1.0], [-0.1, 0.05, -1.0])).collect();
+    let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
+    bvh.closest_hits(&rays, &mut hits);
+    assert!(hits.iter().all(Option::is_some), "every ray hits");
+    let mut group = criterion.benchmark_group("one triangle");
+    group.throughput(Throughput::Elements(4096));
+    group.bench_function("closest_hit", |b| b.iter(|| rays.iter().filter_map(|ray| bvh.closest_hit(ray)).count()));
+    group.bench_function("occluded", |b| b.iter(|| rays.iter().filter(|ray| bvh.occluded(ray)).count()));
+    group.bench_function("closest_hits", |b| b.iter(|| bvh.closest_hits(&rays, &mut hits)));
+    group.bench_function("occluded_many", |b| b.iter(|| bvh.occluded_many(&rays, &mut occluded)));
+    group.finish();
+}
+
+criterion_group!(benches, stages, one_triangle);
 criterion_main!(benches);
