@@ -214,17 +214,27 @@ pub(super) fn update<I: Item, U, L: Leaves<I, U>>(
         numbers[slot_of(node.line as usize)] = i;
     }
     let number = |line: u32| numbers[slot_of(line as usize - piece.lines.start)];
+    // In the order of memory, which the processor then fetches ahead; nodes are closed in the opposite order.
+    for &Node { kind, line } in &nodes {
+        for word in node_words(lines, kind, line) {
+            if let WordKind::Leaf { first, n } = word.kind() {
+                let (first, n) = (first as usize - base, n as usize);
+                if let Some(before) = &mut before {
+                    before.add_leaf(|items| shared.leaves.before(units, first, n, items));
+                }
+                after.add_leaf(|items| shared.leaves.after(units, first, n, items));
+            }
+        }
+    }
     for (i, &Node { kind, line }) in nodes.iter().enumerate().rev() {
         let words = *node_words(lines, kind, line);
         let line = line as usize;
         let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut lines[line..line + kind.n_lines()]);
         if let Some(before) = &mut before {
-            let children =
-                before.children(&words, number, |first, n, items| shared.leaves.before(units, first - base, n, items));
+            let children = before.children(&words, number);
             before.close(i, kind, rows, &words, &children, shared.costs);
         }
-        let children =
-            after.children(&words, number, |first, n, items| shared.leaves.after(units, first - base, n, items));
+        let children = after.children(&words, number);
         let boxes = after.close(i, kind, rows, &words, &children, shared.costs);
         write_node(kind, rows, &children, &boxes, shared.pads);
     }
@@ -259,8 +269,10 @@ fn slot_of(line: usize) -> usize {
     line / NodeKind::Aligned.n_lines()
 }
 
-/// The state of a piece as it grows, last node first.
+/// The state of a piece as it grows: all leaves, then nodes, the last one first.
 struct Side<I> {
+    /// Leaves that no node has taken yet.
+    leaves: Vec<Child>,
     /// Contents of nodes by number, and their items.
     nodes: Vec<Option<Child>>,
     root: Content,
@@ -271,7 +283,7 @@ struct Side<I> {
 impl<I: Item> Side<I> {
     fn new<L>(n_nodes: usize, shared: &Shared<L>) -> Self {
         let items = shared.is_oriented.then(Vec::new);
-        Self { nodes: vec![None; n_nodes], root: Content::EMPTY, sums: Sums::default(), items }
+        Self { leaves: vec![], nodes: vec![None; n_nodes], root: Content::EMPTY, sums: Sums::default(), items }
     }
 
     fn set_root(&mut self, leaf: LeafState) {
@@ -279,23 +291,25 @@ impl<I: Item> Side<I> {
         self.sums.area += leaf.area;
     }
 
-    /// The children that the words name: nodes were closed before, leaves are read.
-    fn children(
-        &mut self,
-        words: &[Word; 8],
-        number: impl Fn(u32) -> usize,
-        mut leaf: impl FnMut(usize, usize, Option<&mut Vec<I>>) -> LeafState,
-    ) -> Children {
-        words.map(|word| match word.kind() {
-            WordKind::Empty => None,
-            WordKind::Node(_, line) => self.nodes[number(line)].clone(),
-            WordKind::Leaf { first, n } => {
-                let start = self.n_items();
-                let LeafState { content, area } = leaf(first as usize, n as usize, self.items.as_mut());
-                self.sums.area += area;
-                Some(Child { content, below: start..self.n_items() })
-            }
-        })
+    /// Adds the next leaf in the order of nodes and of their slots.
+    fn add_leaf(&mut self, read: impl FnOnce(Option<&mut Vec<I>>) -> LeafState) {
+        let start = self.n_items();
+        let LeafState { content, area } = read(self.items.as_mut());
+        self.sums.area += area;
+        self.leaves.push(Child { content, below: start..self.n_items() });
+    }
+
+    /// The children that the words of the last open node name: nodes were closed before, leaves are the last ones.
+    fn children(&mut self, words: &[Word; 8], number: impl Fn(u32) -> usize) -> Children {
+        let mut children = Children::default();
+        for (child, word) in children.iter_mut().zip(words).rev() {
+            *child = match word.kind() {
+                WordKind::Empty => None,
+                WordKind::Node(_, line) => self.nodes[number(line)].take(),
+                WordKind::Leaf { .. } => self.leaves.pop(),
+            };
+        }
+        children
     }
 
     fn n_items(&self) -> usize {
@@ -317,9 +331,10 @@ impl<I: Item> Side<I> {
         add_boxes(&mut self.sums, &boxes, words, costs);
         let all = children.iter().flatten();
         let content = all.clone().fold(Content::EMPTY, |content, child| content.union(child.content));
-        // Nodes below were closed one after another, just before this one.
-        let start = all.map(|child| child.below.start).min().unwrap_or(0);
-        self.nodes[number] = Some(Child { content, below: start..self.n_items() });
+        // The leaves of a node and of all nodes below are consecutive.
+        let start = all.clone().map(|child| child.below.start).min().unwrap_or(0);
+        let end = all.map(|child| child.below.end).max().unwrap_or(start);
+        self.nodes[number] = Some(Child { content, below: start..end });
         self.root = content;
         boxes
     }
