@@ -98,10 +98,11 @@ impl Screen {
         // XWDFileHeader: 32-bit numbers, most significant byte first.
         let number = |i: usize| u32::from_be_bytes(bytes[4 * i..4 * i + 4].try_into().unwrap()) as usize;
         let (size, order, bits, stride, n_colors) = (number(0), number(7), number(11), number(12), number(19));
-        assert_eq!((bits, order), (32, 0), "pixels of 32 bits, blue first");
+        // 24 where a window has another visual than the root.
+        assert!(matches!(bits, 24 | 32) && order == 0, "pixels of three or four bytes, blue first");
         let start = size + 12 * n_colors;
         let pixel = |x: usize, y: usize| {
-            let at = start + y * stride + 4 * x;
+            let at = start + y * stride + bits / 8 * x;
             [bytes[at + 2], bytes[at + 1], bytes[at]]
         };
         (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pixel(x, y)).collect()
