@@ -2,7 +2,7 @@
 
 use canted_lbvh::{Bits, Domain, Strategy, VolumeConfig};
 use canted_trace::Ray;
-use canted_wide::{Config, TriangleBvh};
+use canted_wide::{Config, Triangle, WideBvh};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 
 fn stages(criterion: &mut Criterion) {
@@ -33,7 +33,7 @@ fn stages(criterion: &mut Criterion) {
 /// Rays that hit the only triangle of a BVH, one by one and as a slice: what starts and ends a ray.
 fn one_triangle(criterion: &mut Criterion) {
     let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-    let bvh = TriangleBvh::build(&positions, &[[0, 1, 2]], &Config::default()).expect("a valid mesh");
+    let bvh = WideBvh::<Triangle>::build(&positions, &[[0, 1, 2]], &Config::default()).expect("a valid mesh");
     let origins = (0_u16..4096).map(|i| [f32::from(i % 64) / 130.0, f32::from(i / 64) / 130.0]);
     let rays: Vec<Ray> = origins.map(|[x, y]| Ray::new([x + 0.1, y - 0.05, 1.0], [-0.1, 0.05, -1.0])).collect();
     let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
