@@ -47,7 +47,7 @@ const FULL: Scale = Scale {
     shared: [1920, 1080, 16],
 };
 
-/// Most runs on software drivers, which take a hundred times as long.
+/// Most runs on software drivers: five take a quarter of an hour on llvmpipe.
 const SOFTWARE_ROUNDS: usize = 2;
 
 /// A device and its input sizes.
