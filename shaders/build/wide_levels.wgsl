@@ -9,6 +9,8 @@ struct Level {
     level: u32,
     /// Wide nodes of the first level.
     n_first: u32,
+    /// Invocations, each of which takes every so manieth node.
+    n_invocations: u32,
 }
 
 @group(0) @binding(3) var<uniform> wide_level: Level;
@@ -20,15 +22,21 @@ struct Level {
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
-    let i = slice_item(id, 64u);
+    let first = slice_item(id, 64u);
     var n = wide_level.n_first;
     if wide_level.level > 0u {
         n = atomicLoad(&counts[wide_level.level]);
     }
-    if i >= min(n, slice.end) {
+    if first >= slice.end {
         return;
     }
-    let slot = queue_in[i];
+    for (var i = first; i < n; i += wide_level.n_invocations) {
+        open(queue_in[i]);
+    }
+}
+
+/// Finds the children of a wide node, and those of them that are wide nodes of the next level.
+fn open(slot: u32) {
     let children = children_of(slot);
     if wide_level.level > 0u {
         units[slot] = kind_of(slot, children);

@@ -1,5 +1,5 @@
 // Wide nodes that are aligned with the axes, in the layout of shared/node.
-// Reads: binary tree, boxes, items, the order of wide nodes.
+// Reads: binary tree, boxes, items, the order of wide nodes and their children.
 // Writes: one node for each.
 // Holds: boxes are copies of coordinates.
 // use shared/build/wide_target
@@ -32,14 +32,14 @@ fn main(id: Invocation) {
     if slot == NONE || units[slot] == 2u {
         return;
     }
-    let children = children_of(slot);
     let at = UNIT_WORDS * (target_level.first_unit + unit);
     for (var child = 0u; child < WIDTH; child++) {
         var word = EMPTY;
         var box = array<u32, 6>(NOWHERE, NOWHERE, NOWHERE, MINUS_NOWHERE, MINUS_NOWHERE, MINUS_NOWHERE);
-        if child < children.n {
-            word = word_of(children.words[child]);
-            box = box_of(children.words[child]);
+        let found = wide_children[WIDTH * unit + child];
+        if found != NONE {
+            word = word_of(found);
+            box = box_of(found);
         }
         for (var k = 0u; k < 3u; k++) {
             wide_nodes[at + 16u * k + child] = box[k];

@@ -4,7 +4,7 @@
 // A slab as in shared/build/pair/obb holds all points of the box, about the box's center. The node stores the
 // coordinate of the center along the axis, a dot product that errs by 3 E of its absolute terms, less than 4 E as computed; the
 // half-extent grows by as much.
-// Reads: binary tree, oriented boxes, triangles, the order of wide nodes.
+// Reads: binary tree, oriented boxes, triangles, the order of wide nodes and their children.
 // Writes: one node for each that is oriented.
 // use shared/build/wide_target
 // use shared/build/frame
@@ -49,14 +49,14 @@ fn main(id: Invocation) {
     if slot == NONE || units[slot] != 2u {
         return;
     }
-    let children = children_of(slot);
     let at = UNIT_WORDS * (target_level.first_unit + unit);
     for (var child = 0u; child < WIDTH; child++) {
-        if child >= children.n {
+        let found = wide_children[WIDTH * unit + child];
+        if found == NONE {
             put_nothing(at + child);
             continue;
         }
-        let box = box_of(children.words[child]);
+        let box = box_of(found);
         for (var k = 0u; k < 3u; k++) {
             let slab = slab_of(box.frame, box.half_extents, k);
             let axis = slab.xyz;
@@ -68,7 +68,7 @@ fn main(id: Invocation) {
             wide_nodes[row + 24u] = bitcast<u32>(dot(axis, box.center));
             wide_nodes[row + 32u] = bitcast<u32>(half * (1.0 + 2.0 * ROUNDING));
         }
-        wide_nodes[at + 120u + child] = word_of(children.words[child]);
+        wide_nodes[at + 120u + child] = word_of(found);
     }
 }
 

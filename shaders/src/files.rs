@@ -50,6 +50,7 @@ pub const FILES: &[(&str, &str)] = files![
     "build/tree",
     "build/tree_indices",
     "build/wide_blocks",
+    "build/wide_children",
     "build/wide_levels",
     "build/wide_nodes",
     "build/wide_oriented",

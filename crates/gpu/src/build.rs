@@ -38,6 +38,7 @@ pub(crate) use stages::depth_bound;
 pub use stages::{Codes, Grid, Node, Sorted, Trees, codes, domain, sort, tree};
 pub use two_levels::TwoLevels;
 pub use volumes::{aabbs, obbs, obbs_async};
+pub(crate) use wide::{Change, Collapse};
 pub use wide::{MAX_LEAF, WideLevel, WideTrees};
 
 use canted_lbvh::{Bits, Strategy};

@@ -123,8 +123,8 @@ pub use kernel::Kernel;
 pub use loop_check::{loop_iterations, loop_iterations_async};
 pub use raster::{N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
-    BufferScene, DeviceHit, DeviceRay, HIT_ERROR, InstancedScene, MAX_CONDITION, MAX_COORDINATE, MotionPolynomials,
-    Outcome, TracedScene, Traversal,
+    BufferBvh, BufferScene, DeviceHit, DeviceRay, HIT_ERROR, InstancedScene, MAX_CONDITION, MAX_COORDINATE,
+    MotionPolynomials, Outcome, TracedScene, Traversal,
 };
 pub use traffic::Traffic;
 pub use wgpu::{self, Limits};

@@ -7,6 +7,7 @@
 
 mod alternatives;
 mod binary;
+mod buffer_bvh;
 mod buffers;
 mod built_wide;
 mod cast;
@@ -25,6 +26,7 @@ mod top_level;
 mod wide;
 
 pub use alternatives::Traversal;
+pub use buffer_bvh::BufferBvh;
 pub use buffers::BufferScene;
 pub use cast::Outcome;
 pub use coordinates::MAX_COORDINATE;

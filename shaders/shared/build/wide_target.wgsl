@@ -1,7 +1,6 @@
 // Where wide nodes are written.
 // use shared/build/wide
 // use shared/build/leaf
-// use shared/build/tree/forest
 
 struct Level {
     /// The first unit of memory of this level.
@@ -11,13 +10,15 @@ struct Level {
 }
 
 @group(0) @binding(3) var<storage, read> leaves: array<u32>;
-/// Units of memory of each wide node by slot, except for roots, and before each.
+/// Units of memory of each wide node by slot, except for roots, and its first unit.
 @group(0) @binding(4) var<storage, read> units: array<u32>;
-@group(0) @binding(5) var<storage, read> prefixes: array<u32>;
-/// The slot of each wide node but roots, by its first unit, plus one.
+@group(0) @binding(5) var<storage, read> places: array<u32>;
+/// The slot of each wide node by its first unit, plus one.
 @group(0) @binding(6) var<storage, read> wide_slots: array<u32>;
 @group(0) @binding(7) var<uniform> target_level: Level;
 @group(0) @binding(8) var<storage, read_write> wide_nodes: array<u32>;
+/// From build/wide_children.
+@group(0) @binding(10) var<storage, read> wide_children: array<u32>;
 
 /// A word that refers to nothing.
 const EMPTY: u32 = 0x7fffffffu;
@@ -33,20 +34,15 @@ const UNIT_LINES: u32 = 4u;
 /// Bits of a word for the kind of an oriented node.
 const ORIENTED_WORD: u32 = 0x20000000u;
 
-/// The binary node of the wide node that starts at a unit, or `NONE`. Roots come first and are aligned.
+/// The binary node of the wide node that starts at a unit, or `NONE`. Roots are aligned.
 fn slot_of(unit: u32) -> u32 {
-    let n_trees = arrayLength(&ranges);
-    if unit < n_trees {
-        let range = ranges[unit];
-        return select(NONE, range.first, range.count > MAX_LEAF);
-    }
     // Zero less one is `NONE`.
-    return wide_slots[unit - n_trees] - 1u;
+    return wide_slots[unit] - 1u;
 }
 
 fn word_of(child: u32) -> u32 {
     if !is_leaf(child) {
-        return UNIT_LINES * (arrayLength(&ranges) + prefixes[child]) | select(0u, ORIENTED_WORD, units[child] == 2u);
+        return UNIT_LINES * places[child] | select(0u, ORIENTED_WORD, units[child] == 2u);
     }
     if (child & LEAF) != 0u {
         let position = child & ~LEAF;

@@ -101,19 +101,23 @@ fn leaf(first: u32, n: u32) -> u32 {
 }
 
 /// The words of all nodes and blocks, as far as they are used, and the depth.
-fn expected(twins: &[Twin], ranges: &[Range]) -> (BTreeMap<usize, u32>, BTreeMap<usize, u32>, u32) {
+fn expected(
+    twins: &[Twin],
+    ranges: &[Range],
+    first_units: &[usize],
+) -> (BTreeMap<usize, u32>, BTreeMap<usize, u32>, u32) {
     let boxed: Vec<Boxed<'_>> = twins.iter().map(Boxed::of).collect();
     let trees: Vec<_> = boxed.iter().map(Boxed::collapse).collect();
-    // Roots come first, then all others by slot.
+    // In the room of a tree, nodes come by slot, the root first.
     let mut units = BTreeMap::new();
-    for (tree, range) in trees.iter().zip(ranges) {
-        for slot in tree.0.keys().filter(|&&slot| slot > 0) {
-            units.insert(range.first + slot, ranges.len() + units.len());
+    for ((tree, range), first_unit) in trees.iter().zip(ranges).zip(first_units) {
+        for (i, slot) in tree.0.keys().enumerate() {
+            units.insert(range.first + slot, first_unit + i);
         }
     }
     let (mut nodes, mut blocks) = (BTreeMap::new(), BTreeMap::new());
     for (number, ((boxed, (wide, _)), range)) in boxed.iter().zip(&trees).zip(ranges).enumerate() {
-        let unit = |slot: u32| if slot == 0 { number } else { units[&(range.first + slot)] };
+        let unit = |slot: u32| units[&(range.first + slot)];
         for (&slot, children) in wide {
             let at = 64 * unit(slot);
             for child in 0..8 {
@@ -172,7 +176,9 @@ fn compared(gpu: &Gpu, there: &[Twin], twins: &[Twin], bits: Bits) -> Result<(),
     let built = Built::new(&mut run, items(gpu, there), BuildConfig { bits, ..BuildConfig::default() }).unwrap();
     let wide = WideTrees::new(&mut run, &built, None).unwrap();
     let (nodes, blocks) = (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap());
-    let (cpu_nodes, cpu_blocks, depth) = expected(twins, built.items.ranges());
+    // A root's word is where the room of its tree starts; trees without nodes need none.
+    let first_units: Vec<usize> = wide.levels[0].roots.iter().map(|&root| root as usize / 4).collect();
+    let (cpu_nodes, cpu_blocks, depth) = expected(twins, built.items.ranges(), &first_units);
     unequal("nodes", &nodes, &cpu_nodes)?;
     unequal("blocks", &blocks, &cpu_blocks)?;
     if wide.levels[0].depth != depth {

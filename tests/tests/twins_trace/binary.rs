@@ -3,8 +3,8 @@
 use canted_fixtures::Mesh;
 use canted_gpu::build::{BuildConfig, STRATEGIES};
 use canted_gpu::{
-    Buffer, BufferScene, DeviceInstance, Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers, TracedScene,
-    Traversal, wgpu,
+    Buffer, BufferBvh, BufferScene, DeviceInstance, Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers,
+    TracedScene, Traversal, wgpu,
 };
 use canted_lbvh::{Bits, Corners, Strategy};
 use canted_tests::{rays, scenes};
@@ -56,17 +56,17 @@ fn compared_with(
 type MeshOnDevice = (Buffer<[f32; 3]>, Buffer<[u32; 3]>);
 
 /// Meshes in buffers on the device.
-struct Buffers(Vec<MeshOnDevice>);
+pub(super) struct Buffers(Vec<MeshOnDevice>);
 
 impl Buffers {
-    fn new(gpu: &Gpu, meshes: &[Mesh]) -> Self {
+    pub(super) fn new(gpu: &Gpu, meshes: &[Mesh]) -> Self {
         let of = |mesh: &Mesh| {
             (gpu.buffer("positions", &mesh.positions).unwrap(), gpu.buffer("indices", &mesh.triangles).unwrap())
         };
         Self(meshes.iter().map(of).collect())
     }
 
-    fn meshes<'a>(&'a self) -> Vec<MeshBuffers<'a>> {
+    pub(super) fn meshes<'a>(&'a self) -> Vec<MeshBuffers<'a>> {
         let count = |n: usize| u32::try_from(n).unwrap();
         let mesh = |(positions, triangles): &'a MeshOnDevice| MeshBuffers {
             vertices: positions.wgpu(),
@@ -137,8 +137,12 @@ fn rays_through_instances_lose_no_hit() {
         let scene = scene.with_traversal(&gpu, traversal).unwrap();
         placed.check(&gpu, &scene, &format!("{strategy:?}, {traversal:?}"));
     }
-    // The same in buffers: instances are placed on the device, and nothing is read back.
-    let buffers = Buffers::new(&gpu, placed.meshes());
+    in_buffers(&gpu, &placed, STRATEGIES.map(|strategy| config(strategy).into()));
+}
+
+/// Checks rays through instances in buffers: instances are placed on the device, and nothing is read back.
+pub(super) fn in_buffers(gpu: &Gpu, placed: &Placed, bvhs: impl IntoIterator<Item = BufferBvh>) {
+    let buffers = Buffers::new(gpu, placed.meshes());
     let transforms: Vec<DeviceInstance> = placed
         .instances()
         .iter()
@@ -147,9 +151,9 @@ fn rays_through_instances_lose_no_hit() {
     let n_instances = u32::try_from(transforms.len()).unwrap();
     let transforms = gpu.buffer("transforms", &transforms).unwrap();
     let instances = InstanceBuffer { buffer: transforms.wgpu(), first_byte: 0, stride: 64, n_instances };
-    for strategy in STRATEGIES {
-        let scene = InstancedScene::new(&gpu, &buffers.meshes(), &instances, config(strategy)).unwrap();
-        placed.check(&gpu, scene.traced(), &format!("recorded {strategy:?}"));
+    for bvh in bvhs {
+        let scene = InstancedScene::new(gpu, &buffers.meshes(), &instances, bvh).unwrap();
+        placed.check(gpu, scene.traced(), &format!("recorded {bvh:?}"));
     }
 }
 

@@ -2,13 +2,13 @@
 
 use canted_fixtures::{Mesh, soup};
 use canted_gpu::build::{STRATEGIES, Topology, WideConfig};
-use canted_gpu::{Gpu, TracedScene, Traversal};
+use canted_gpu::{BufferScene, Gpu, TracedScene, Traversal};
 use canted_lbvh::{Bits, Strategy};
 use canted_tests::scenes;
 use canted_trace::{Ray, Watertight};
 use canted_wide::Config;
 
-use super::binary::{all_rays, corners, reach};
+use super::binary::{Buffers, all_rays, corners, in_buffers, reach};
 use super::gpu;
 use super::placed::Placed;
 use super::reference::{Tally, World, error_of_one_level};
@@ -22,15 +22,20 @@ fn configs() -> impl Iterator<Item = WideConfig> + Clone {
 
 /// Compares a BVH that the device builds over `there` with the CPU's over `mesh`.
 fn compared(gpu: &Gpu, mesh: &Mesh, there: &Mesh, config: WideConfig, rays: &[Ray]) -> Result<Tally, String> {
+    let scene = TracedScene::build_wide_single_level(gpu, &corners(there), &[0], config).unwrap();
+    compared_with(gpu, mesh, &scene, rays)
+}
+
+/// Compares a scene with the CPU's BVH over `mesh`.
+fn compared_with(gpu: &Gpu, mesh: &Mesh, scene: &TracedScene, rays: &[Ray]) -> Result<Tally, String> {
     let reach = reach(mesh);
     let world = World {
         corners: &|_, primitive| mesh.corners(primitive as usize),
         error: &|ray, _| error_of_one_level(ray, reach),
     };
-    let scene = TracedScene::build_wide_single_level(gpu, &corners(there), &[0], config).unwrap();
     let on_cpu = build::<Watertight>(mesh, &Config::default());
     let mut tally = Tally::default();
-    world.check_all(gpu, &scene, rays, |ray| on_cpu.closest_hit(ray), &mut tally)?;
+    world.check_all(gpu, scene, rays, |ray| on_cpu.closest_hit(ray), &mut tally)?;
     Ok(tally)
 }
 
@@ -44,9 +49,16 @@ fn grazing_rays_lose_no_hit() {
     }
     for case in scenes::needles() {
         for config in configs() {
-            let tally = compared(&gpu, &case.mesh, &case.mesh, config, &all_rays(&case.mesh, 20))
+            let rays = all_rays(&case.mesh, 20);
+            let tally = compared(&gpu, &case.mesh, &case.mesh, config, &rays)
                 .unwrap_or_else(|error| panic!("{}, {config:?}: {error}", case.name));
             assert!(tally.n_cut == 0 && tally.n_same > 0, "{}, {config:?}: {tally:?}", case.name);
+            // The same triangles in buffers.
+            let buffers = Buffers::new(&gpu, std::slice::from_ref(&case.mesh));
+            let scene = BufferScene::new(&gpu, &buffers.meshes(), config).unwrap();
+            let in_buffers = compared_with(&gpu, &case.mesh, scene.traced(), &rays);
+            let in_buffers = in_buffers.unwrap_or_else(|error| panic!("{}, {config:?} in buffers: {error}", case.name));
+            assert_eq!(in_buffers, tally, "{}, {config:?}", case.name);
         }
     }
 }
@@ -96,4 +108,5 @@ fn rays_through_instances_lose_no_hit() {
         let scene = scene.with_traversal(&gpu, traversal).unwrap();
         placed.check(&gpu, &scene, &format!("{config:?}, {traversal:?}"));
     }
+    in_buffers(&gpu, &placed, configs().step_by(3).map(Into::into));
 }

@@ -118,6 +118,16 @@ struct Sequence<'a> {
     load_time: Duration,
 }
 
+/// What frames share on a device, which builds the BVHs itself with some builders.
+#[cfg(feature = "gpu")]
+fn on_device(args: &Args) -> DeviceFrames {
+    let frames = DeviceFrames::new(args.sequence.update);
+    match args.structure.built_on_gpu() {
+        Some(wide) => frames.with_wide(wide),
+        None => frames,
+    }
+}
+
 /// Renders the frames in order. Returns the facts of the whole sequence.
 fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source, mut list: FrameList) -> Result<Vec<Fact>> {
     let mut progress = Progress::<K> {
@@ -126,7 +136,7 @@ fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source, mut list: 
         trace_time: Duration::ZERO,
         last: LastFrame {
             #[cfg(feature = "gpu")]
-            device: sequence.machine.has_gpu().then(|| DeviceFrames::new(sequence.args.sequence.update)),
+            device: sequence.machine.has_gpu().then(|| on_device(sequence.args)),
             ..LastFrame::default()
         },
         emission: None,

@@ -94,6 +94,12 @@ impl Items {
         &self.ranges
     }
 
+    /// The items of a range of trees.
+    pub(crate) fn of_trees(&self, [first, end]: [u32; 2]) -> [u32; 2] {
+        let first_item = |tree: u32| self.ranges.get(tree as usize).map_or(self.n, |range| range.first);
+        [first_item(first), first_item(end)]
+    }
+
     /// The vertices of the triangles; none for boxes.
     pub(crate) fn corners(&self) -> Option<&Arc<Buffer<Corners>>> {
         match &self.leaf {

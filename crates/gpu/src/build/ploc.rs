@@ -168,7 +168,7 @@ impl Clusters {
         let kernel = |name: &str| gpu.kernel(name, &Specialisation::none());
         dispatches.items(&*kernel("build/ploc_partners")?, &bound, n)?;
         dispatches.items(&*kernel("build/ploc_keep")?, &bound, n)?;
-        prefix_sums(dispatches, &self.kept, &self.prefixes, n)?;
+        prefix_sums(dispatches, &self.kept, &self.prefixes, [0, n])?;
         dispatches.items(&*kernel("build/ploc_merge")?, &bound, n)
     }
 
@@ -186,7 +186,7 @@ impl Clusters {
         run.stage("tree", |dispatches| {
             let kernel = gpu.kernel("build/ploc_finish", &Specialisation::none().number("GROUP", GROUP))?;
             let n_trees = if self.n == 0 { 0 } else { count(items.ranges().len()) };
-            dispatches.tiles(&kernel, &bound, n_trees)
+            dispatches.tiles(&kernel, &bound, [0, n_trees])
         })
     }
 

@@ -131,10 +131,15 @@ impl Dispatches<'_> {
         self.sliced(kernel, bound, range, self.invocations(), |n| kernel.groups(n))
     }
 
-    /// One work-group for each of `n` tiles.
-    pub(super) fn tiles(&mut self, kernel: &Kernel, bound: &[NamedBinding<'_>], n: u32) -> Result<(), GpuError> {
+    /// One work-group for each tile of a range.
+    pub(super) fn tiles(
+        &mut self,
+        kernel: &Kernel,
+        bound: &[NamedBinding<'_>],
+        range: [u32; 2],
+    ) -> Result<(), GpuError> {
         let most = (self.invocations() / kernel.group_size()).min(65_535);
-        self.sliced(kernel, bound, [0, n], most, |n| [n, 1, 1])
+        self.sliced(kernel, bound, range, most, |n| [n, 1, 1])
     }
 
     fn invocations(&self) -> u32 {

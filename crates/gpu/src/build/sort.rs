@@ -122,11 +122,11 @@ impl Sorter {
                 ("counts", &order.counts as _),
                 ("totals", &order.totals as _),
             ];
-            dispatches.tiles(&self.count, &bound, n_tiles)?;
+            dispatches.tiles(&self.count, &bound, [0, n_tiles])?;
             if n_tiles > 0 {
                 dispatches.work.dispatch(&self.scan, &bound, [RADIX, 1, 1])?;
             }
-            dispatches.tiles(&self.scatter, &bound, n_tiles)?;
+            dispatches.tiles(&self.scatter, &bound, [0, n_tiles])?;
             order.keys.swap(0, 1);
             order.items.swap(0, 1);
         }

@@ -127,7 +127,7 @@ pub fn domain(run: &mut Run<'_>, items: &Items, bits: Bits) -> Result<Buffer<Gri
     let bound = items.bound(&[("bounds", &bounds), ("domains", &domains)]);
     run.stage("domain", |dispatches| {
         let kernel = gpu.kernel("build/bounds", &items.part())?;
-        dispatches.tiles(&kernel, &bound, items.len().div_ceil(TILE))?;
+        dispatches.tiles(&kernel, &bound, [0, items.len().div_ceil(TILE)])?;
         let kernel = gpu.kernel("build/domain", &coded(items.part(), bits))?;
         dispatches.items(&kernel, &bound, count(n_trees))
     })?;

@@ -1,21 +1,21 @@
 //! A BVH over triangles in a program's own buffers, rebuilt or refitted in the program's command encoder.
 //!
 //! ```text
-//! vertices, indices -> corners -> domain -> codes -> sort -> tree -> boxes -> pairs, headers     rebuild
-//!                      corners ------------------------------------> boxes -> pairs, headers     refit
+//! vertices, indices -> corners -> domain -> codes -> sort -> tree -> boxes -> nodes, headers     rebuild
+//!                      corners ------------------------------------> boxes -> nodes, headers     refit
 //! ```
 //!
 //! Nothing is read back: the depth of the tree is bounded by the bits of its codes and positions.
 
-use super::binary::{Pairs, header};
+use super::buffer_bvh::{BufferBvh, NewNodes, NodeWriter, Which};
 use super::headers::put_headers;
-use super::layout::HitError;
 use super::level::Level;
-use super::scene::{Nodes, TracedScene};
-use crate::build::{BuildConfig, Built, Faults, Items, MeshBuffers, Run, depth_bound, fault, refit_aabbs};
+use super::scene::TracedScene;
+use crate::build::{Built, Change, Faults, Items, MeshBuffers, Run, fault, refit_aabbs};
 use crate::{Gpu, GpuError, wait::block_on};
 
-/// A binary BVH over the triangles of meshes in a program's own buffers, in world space. Meshes are numbered as instances.
+/// A BVH over the triangles of meshes in a program's own buffers, in world space. Meshes are numbered as instances. [`BufferBvh`] says
+/// which BVH.
 ///
 /// ```no_run
 /// use canted_gpu::{BufferScene, Gpu, IndexBuffer, MeshBuffers, build::BuildConfig};
@@ -43,10 +43,11 @@ use crate::{Gpu, GpuError, wait::block_on};
 pub struct BufferScene {
     traced: TracedScene,
     built: Built,
+    writer: NodeWriter,
     faults: Faults,
     /// Triangles of each mesh.
     n_triangles: Vec<u32>,
-    config: BuildConfig,
+    bvh: BufferBvh,
 }
 
 impl BufferScene {
@@ -55,16 +56,16 @@ impl BufferScene {
     /// # Errors
     /// A buffer without the usage `STORAGE`, too short, or with an odd layout; a triangle with an index out of range or a vertex that is
     /// not finite or has coordinates above 1e18, by mesh and number; a limit of the device, or device lost.
-    pub fn new(gpu: &Gpu, meshes: &[MeshBuffers<'_>], config: BuildConfig) -> Result<Self, GpuError> {
-        block_on(Self::new_async(gpu, meshes, config))
+    pub fn new(gpu: &Gpu, meshes: &[MeshBuffers<'_>], bvh: impl Into<BufferBvh>) -> Result<Self, GpuError> {
+        block_on(Self::new_async(gpu, meshes, bvh))
     }
 
     /// [`BufferScene::new`] for browsers.
     ///
     /// # Errors
     /// As for [`BufferScene::new`].
-    pub async fn new_async(gpu: &Gpu, meshes: &[MeshBuffers<'_>], config: BuildConfig) -> Result<Self, GpuError> {
-        let scene = Self::without_check_async(gpu, meshes, config).await?;
+    pub async fn new_async(gpu: &Gpu, meshes: &[MeshBuffers<'_>], bvh: impl Into<BufferBvh>) -> Result<Self, GpuError> {
+        let scene = Self::without_check_async(gpu, meshes, bvh).await?;
         scene.check_async(gpu).await?;
         Ok(scene)
     }
@@ -73,8 +74,8 @@ impl BufferScene {
     ///
     /// # Errors
     /// As for [`BufferScene::new`], except for triangles with faults.
-    pub fn without_check(gpu: &Gpu, meshes: &[MeshBuffers<'_>], config: BuildConfig) -> Result<Self, GpuError> {
-        block_on(Self::without_check_async(gpu, meshes, config))
+    pub fn without_check(gpu: &Gpu, meshes: &[MeshBuffers<'_>], bvh: impl Into<BufferBvh>) -> Result<Self, GpuError> {
+        block_on(Self::without_check_async(gpu, meshes, bvh))
     }
 
     /// [`BufferScene::without_check`] for browsers.
@@ -84,15 +85,15 @@ impl BufferScene {
     pub async fn without_check_async(
         gpu: &Gpu,
         meshes: &[MeshBuffers<'_>],
-        config: BuildConfig,
+        bvh: impl Into<BufferBvh>,
     ) -> Result<Self, GpuError> {
         let mut run = Run::new(gpu);
         let faults = gpu.zeroed("faults", 2 * meshes.len())?;
         let items = Items::of_buffers(&run, meshes)?;
         items.gather(&mut run, meshes, &faults)?;
-        let n = items.len();
-        let built = Built::new_async(&mut run, items, config).await?;
-        let pairs = Pairs::over(&mut run, &built)?;
+        let bvh = bvh.into();
+        let built = bvh.build(&mut run, items).await?;
+        let NewNodes { nodes, headers, depth, writer } = NewNodes::new(&mut run, bvh, &built, None).await?;
         let mut n_before = 0;
         let firsts = meshes.iter().map(|mesh| {
             let first = n_before;
@@ -100,12 +101,9 @@ impl BufferScene {
             first
         });
         let firsts: Vec<u32> = firsts.collect();
-        let header = header(built.items.ranges()[0], 0, 0.0, HitError::of_triangles(0.0), pairs.is_oriented());
-        let level = Level::flat(gpu, &firsts)?;
-        let depth = depth_bound(n, config.bits);
-        let traced = TracedScene::over(gpu, Nodes::Binary(pairs), &[header], level, depth).await?;
-        let scene =
-            Self { traced, built, faults, n_triangles: meshes.iter().map(|mesh| mesh.n_triangles).collect(), config };
+        let traced = TracedScene::over(gpu, nodes, &headers, Level::flat(gpu, &firsts)?, depth).await?;
+        let n_triangles = meshes.iter().map(|mesh| mesh.n_triangles).collect();
+        let scene = Self { traced, built, writer, faults, n_triangles, bvh };
         scene.put_header(&mut run)?;
         Ok(scene)
     }
@@ -123,8 +121,8 @@ impl BufferScene {
         self.check_counts(meshes)?;
         let mut run = Run::recorded(gpu, encoder);
         self.built.items.gather(&mut run, meshes, &self.faults)?;
-        self.built.rebuild(&mut run, self.config)?;
-        self.put(&mut run)
+        self.built.rebuild(&mut run, self.bvh.bottom())?;
+        self.put(&mut run, Change::Trees)
     }
 
     /// Records new boxes for moved vertices over the same tree, which costs less than a build; rays take longer the more the mesh
@@ -142,8 +140,8 @@ impl BufferScene {
         let mut run = Run::recorded(gpu, encoder);
         self.built.items.gather(&mut run, meshes, &self.faults)?;
         refit_aabbs(&mut run, &self.built, [0, self.built.items.len()])?;
-        self.built.refit_obbs(&mut run, self.config)?;
-        self.put(&mut run)
+        self.built.refit_obbs(&mut run, self.bvh.bottom())?;
+        self.put(&mut run, Change::Boxes)
     }
 
     /// Reads back whether the last build or refit found a fault. Waits for submitted work.
@@ -176,10 +174,8 @@ impl BufferScene {
         check_same_counts(&found, &self.n_triangles)
     }
 
-    fn put(&self, run: &mut Run<'_>) -> Result<(), GpuError> {
-        if let Nodes::Binary(pairs) = &self.traced.nodes {
-            pairs.put_again(run, &self.built, 0, [0, self.built.items.len()])?;
-        }
+    fn put(&self, run: &mut Run<'_>, change: Change) -> Result<(), GpuError> {
+        self.writer.put(run, &self.traced.nodes, (Which::Bottom, &self.built), [0, 1], change)?;
         self.put_header(run)
     }
 

@@ -1,27 +1,25 @@
 //! Instances of meshes in a program's own buffers, built in the program's command encoder.
 //!
 //! ```text
-//! vertices, indices -> corners -> one tree per mesh -> pairs, headers, mesh boxes      rebuild, or one mesh: rebuild or refit
-//! transforms, mesh boxes -> place -> tree over instances -> pairs, header              update of the top level
+//! vertices, indices -> corners -> one tree per mesh -> nodes, headers, mesh boxes      rebuild, or one mesh: rebuild or refit
+//! transforms, mesh boxes -> place -> tree over instances -> nodes, header              update of the top level
 //! ```
 //!
 //! Nothing is read back: inverses and boxes of instances are computed on the device.
 
-use canted_lbvh::Bits;
-
-use super::binary::{Pairs, header};
+use super::buffer_bvh::{BufferBvh, NewNodes, NodeWriter, Which};
 use super::buffers::check_same_counts;
 use super::headers::{put_headers, scales};
-use super::layout::{BvhHeader, HitError};
 use super::level::{Instances, Level};
-use super::scene::{Nodes, TracedScene};
+use super::scene::TracedScene;
 use crate::build::{
-    BuildConfig, Built, Faults, InstanceBuffer, Items, MeshBoxes, MeshBuffers, N_INSTANCE_FAULTS, Range, Run,
-    depth_bound, fault, instance_fault, refit_aabbs,
+    Built, Change, Faults, InstanceBuffer, Items, MeshBoxes, MeshBuffers, N_INSTANCE_FAULTS, Run, fault,
+    instance_fault, refit_aabbs,
 };
 use crate::{Buffer, Gpu, GpuError, wait::block_on};
 
-/// Binary BVHs over meshes in a program's own buffers, and one over instances of them, whose transforms are in a buffer, too.
+/// BVHs over meshes in a program's own buffers, and one over instances of them, whose transforms are in a buffer, too. [`BufferBvh`] says
+/// which BVHs.
 ///
 /// A change of a mesh is recorded by [`Self::rebuild_mesh`] or [`Self::refit_mesh`], a change of transforms by [`Self::update_top`] alone.
 /// Bindings of [`Self::traced`] stay valid.
@@ -48,14 +46,12 @@ pub struct InstancedScene {
     traced: TracedScene,
     bottom: Built,
     top: Built,
+    writer: NodeWriter,
     boxes: MeshBoxes,
     faults: Faults,
     instance_faults: Buffer<u32>,
-    config: BuildConfig,
+    bvh: BufferBvh,
 }
-
-/// The top level has short codes: its cells are still a thousandth of the scene, and the stack of a ray is shallower.
-const TOP_BITS: Bits = Bits::B30;
 
 impl InstancedScene {
     /// Builds both levels, waits for them and checks the buffers.
@@ -67,9 +63,9 @@ impl InstancedScene {
         gpu: &Gpu,
         meshes: &[MeshBuffers<'_>],
         instances: &InstanceBuffer<'_>,
-        config: BuildConfig,
+        bvh: impl Into<BufferBvh>,
     ) -> Result<Self, GpuError> {
-        block_on(Self::new_async(gpu, meshes, instances, config))
+        block_on(Self::new_async(gpu, meshes, instances, bvh))
     }
 
     /// [`InstancedScene::new`] for browsers.
@@ -80,9 +76,9 @@ impl InstancedScene {
         gpu: &Gpu,
         meshes: &[MeshBuffers<'_>],
         instances: &InstanceBuffer<'_>,
-        config: BuildConfig,
+        bvh: impl Into<BufferBvh>,
     ) -> Result<Self, GpuError> {
-        let scene = Self::without_check_async(gpu, meshes, instances, config).await?;
+        let scene = Self::without_check_async(gpu, meshes, instances, bvh).await?;
         scene.check_async(gpu).await?;
         Ok(scene)
     }
@@ -96,9 +92,9 @@ impl InstancedScene {
         gpu: &Gpu,
         meshes: &[MeshBuffers<'_>],
         instances: &InstanceBuffer<'_>,
-        config: BuildConfig,
+        bvh: impl Into<BufferBvh>,
     ) -> Result<Self, GpuError> {
-        block_on(Self::without_check_async(gpu, meshes, instances, config))
+        block_on(Self::without_check_async(gpu, meshes, instances, bvh))
     }
 
     /// [`InstancedScene::without_check`] for browsers.
@@ -109,24 +105,21 @@ impl InstancedScene {
         gpu: &Gpu,
         meshes: &[MeshBuffers<'_>],
         instances: &InstanceBuffer<'_>,
-        config: BuildConfig,
+        bvh: impl Into<BufferBvh>,
     ) -> Result<Self, GpuError> {
         let mut run = Run::new(gpu);
         let faults = gpu.zeroed("faults", 2 * meshes.len())?;
         let items = Items::trees_of_buffers(&run, meshes)?;
         items.gather(&mut run, meshes, &faults)?;
-        let bottom = Built::new_async(&mut run, items, config).await?;
-        let top_items = Items::unplaced(gpu, instances.n_instances)?;
-        let top = Built::new_async(&mut run, top_items, top_config(config)).await?;
-        let pairs = Pairs::new(&mut run, &bottom, Some(&top))?;
-        let headers = first_headers(&bottom, &top);
+        let bvh = bvh.into();
+        let bottom = bvh.build(&mut run, items).await?;
+        let top = bvh.build_top(&mut run, gpu, instances.n_instances).await?;
+        let NewNodes { nodes, headers, depth, writer } = NewNodes::new(&mut run, bvh, &bottom, Some(&top)).await?;
         let level = Level::Two(Instances::unplaced(gpu, instances.n_instances)?);
-        let deepest = meshes.iter().map(|mesh| depth_bound(mesh.n_triangles, config.bits)).max().unwrap_or(0);
-        let depth = deepest + depth_bound(instances.n_instances, TOP_BITS);
-        let traced = TracedScene::over(gpu, Nodes::Binary(pairs), &headers, level, depth).await?;
+        let traced = TracedScene::over(gpu, nodes, &headers, level, depth).await?;
         let boxes = gpu.zeroed("boxes of meshes", meshes.len())?;
         let instance_faults = gpu.zeroed("faults of instances", N_INSTANCE_FAULTS)?;
-        let mut scene = Self { traced, bottom, top, boxes, faults, instance_faults, config };
+        let mut scene = Self { traced, bottom, top, writer, boxes, faults, instance_faults, bvh };
         scene.put_roots(&mut run, [0, scene.n_meshes()])?;
         scene.put_top(&mut run, instances)?;
         Ok(scene)
@@ -147,8 +140,8 @@ impl InstancedScene {
         check_same_counts(&found, &self.n_triangles())?;
         let mut run = Run::recorded(gpu, encoder);
         self.bottom.items.gather(&mut run, meshes, &self.faults)?;
-        self.bottom.rebuild(&mut run, self.config)?;
-        self.put_bottom(&mut run, [0, self.bottom.items.len()])?;
+        self.bottom.rebuild(&mut run, self.bvh.bottom())?;
+        self.put_bottom(&mut run, [0, self.n_meshes()], Change::Trees)?;
         self.put_roots(&mut run, [0, self.n_meshes()])?;
         self.put_top(&mut run, instances)
     }
@@ -165,9 +158,9 @@ impl InstancedScene {
         mesh: &MeshBuffers<'_>,
     ) -> Result<(), GpuError> {
         let mut run = Run::recorded(gpu, encoder);
-        let range = self.gather_one(&mut run, number, mesh)?;
-        self.bottom.rebuild_tree(&mut run, number as usize, self.config)?;
-        self.put_bottom(&mut run, [range.first, range.first + range.count])?;
+        self.gather_one(&mut run, number, mesh)?;
+        self.bottom.rebuild_tree(&mut run, number as usize, self.bvh.bottom())?;
+        self.put_bottom(&mut run, [number, number + 1], Change::Trees)?;
         self.put_roots(&mut run, [number, number + 1])
     }
 
@@ -184,12 +177,12 @@ impl InstancedScene {
         mesh: &MeshBuffers<'_>,
     ) -> Result<(), GpuError> {
         let mut run = Run::recorded(gpu, encoder);
-        let range = self.gather_one(&mut run, number, mesh)?;
-        let items = [range.first, range.first + range.count];
-        refit_aabbs(&mut run, &self.bottom, items)?;
-        self.bottom.refit_obbs(&mut run, self.config)?;
-        self.put_bottom(&mut run, items)?;
-        self.put_roots(&mut run, [number, number + 1])
+        self.gather_one(&mut run, number, mesh)?;
+        let trees = [number, number + 1];
+        refit_aabbs(&mut run, &self.bottom, self.bottom.items.of_trees(trees))?;
+        self.bottom.refit_obbs(&mut run, self.bvh.bottom())?;
+        self.put_bottom(&mut run, trees, Change::Boxes)?;
+        self.put_roots(&mut run, trees)
     }
 
     /// Records a new top level: the inverses and boxes of all instances, and the tree over them. Meshes stay.
@@ -248,20 +241,18 @@ impl InstancedScene {
     }
 
     /// Copies the vertices of a mesh.
-    fn gather_one(&self, run: &mut Run<'_>, number: u32, mesh: &MeshBuffers<'_>) -> Result<Range, GpuError> {
+    fn gather_one(&self, run: &mut Run<'_>, number: u32, mesh: &MeshBuffers<'_>) -> Result<(), GpuError> {
         let Some(&range) = self.bottom.items.ranges().get(number as usize) else {
             let message = format!("mesh {number} of {}", self.n_meshes());
             return Err(GpuError::Invalid { message });
         };
         check_same_counts(&[mesh.n_triangles], &[range.count])?;
-        self.bottom.items.gather_mesh(run, mesh, number, range.first, &self.faults)?;
-        Ok(range)
+        self.bottom.items.gather_mesh(run, mesh, number, range.first, &self.faults)
     }
 
     /// Writes nodes of the bottom level.
-    fn put_bottom(&self, run: &mut Run<'_>, items: [u32; 2]) -> Result<(), GpuError> {
-        let Nodes::Binary(pairs) = &self.traced.nodes else { return Ok(()) };
-        pairs.put_again(run, &self.bottom, 0, items)
+    fn put_bottom(&self, run: &mut Run<'_>, trees: [u32; 2], change: Change) -> Result<(), GpuError> {
+        self.writer.put(run, &self.traced.nodes, (Which::Bottom, &self.bottom), trees, change)
     }
 
     /// Writes the headers and boxes of meshes.
@@ -277,28 +268,14 @@ impl InstancedScene {
             let message = format!("{} instances, and {n} when the scene was built", instances.n_instances);
             return Err(GpuError::Invalid { message });
         }
-        let (Nodes::Binary(pairs), Level::Two(placed)) = (&self.traced.nodes, self.traced.level()) else {
-            return Ok(());
-        };
+        let Level::Two(placed) = self.traced.level() else { return Ok(()) };
+        let nodes = &self.traced.nodes;
         let targets = (placed.data(), self.traced.headers(), &self.instance_faults);
-        self.top.items.place(run, instances, &self.boxes, scales(pairs.is_oriented()), targets)?;
-        self.top.rebuild(run, top_config(self.config))?;
-        pairs.put_again(run, &self.top, self.bottom.items.len(), [0, n])
+        let scales = scales(NodeWriter::top_is_oriented(nodes));
+        self.top.items.place(run, instances, &self.boxes, scales, targets)?;
+        self.top.rebuild(run, self.bvh.top())?;
+        self.writer.put(run, nodes, (Which::Top, &self.top), [0, 1], Change::Trees)
     }
-}
-
-fn top_config(config: BuildConfig) -> BuildConfig {
-    BuildConfig { bits: TOP_BITS, ..config }
-}
-
-/// Headers of the top level, of the meshes and of an empty BVH, without bounds.
-fn first_headers(bottom: &Built, top: &Built) -> Vec<BvhHeader> {
-    let none = HitError::of_triangles(0.0);
-    let range = Range { first: 0, count: top.items.len() };
-    let top = header(range, bottom.items.len(), 0.0, none, false);
-    let meshes = bottom.items.ranges().iter().map(|&range| header(range, 0, 0.0, none, false));
-    let empty = header(Range { first: 0, count: 0 }, 0, 0.0, none, false);
-    std::iter::once(top).chain(meshes).chain([empty]).collect()
 }
 
 #[cfg(test)]

@@ -56,9 +56,9 @@ impl TracedScene {
         let depth = if gpu.keeps_buffers() { depth.next_multiple_of(DEPTH_STEP).min(MAX_STACK) } else { depth };
         let max_iterations = iteration_limit(longest_loop(gpu).await?);
         let bvhs = match nodes {
-            Nodes::Wide(_) => gpu.read_only("bvhs", headers)?,
+            Nodes::Wide(ref wide) if !wide.is_rewritten() => gpu.read_only("bvhs", headers)?,
             // The device may write these.
-            Nodes::Binary(_) => gpu.buffer("bvhs", headers)?,
+            _ => gpu.buffer("bvhs", headers)?,
         };
         Ok(Self { nodes, bvhs, level, depth, max_iterations })
     }

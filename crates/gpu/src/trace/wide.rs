@@ -11,7 +11,7 @@ use super::level::{Instances, Level};
 use super::nodes::{LINE_QUADS, is_aligned};
 use super::scene::{Nodes, TracedScene, check_depth, too_deep};
 use super::top_level::{MeshBounds, TopLevel};
-use crate::build::WideTrees;
+use crate::build::{Collapse, WideTrees};
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, wait::block_on};
 
 /// Levels whose pending children fit into four words, eight bits each.
@@ -26,6 +26,8 @@ pub(super) struct WideNodes {
     links: Option<Buffer<ParentLink>>,
     /// Whether all nodes are aligned.
     is_aligned: bool,
+    /// Whether the device writes them again.
+    is_rewritten: bool,
 }
 
 impl TracedScene {
@@ -123,6 +125,7 @@ async fn uploaded(
         traversal: Traversal::Stack,
         links: None,
         is_aligned: bvhs.iter().all(|(words, _)| is_aligned(quads(&words.nodes), words.root)),
+        is_rewritten: false,
     };
     TracedScene::over(gpu, Nodes::Wide(wide), &headers, level, depth).await
 }
@@ -131,7 +134,24 @@ impl WideNodes {
     /// Those that the device built.
     pub(super) fn built(trees: WideTrees) -> Self {
         let WideTrees { nodes, blocks, is_oriented, .. } = trees;
-        Self { nodes, halves: blocks, traversal: Traversal::Stack, links: None, is_aligned: !is_oriented }
+        let is_aligned = !is_oriented;
+        Self { nodes, halves: blocks, traversal: Traversal::Stack, links: None, is_aligned, is_rewritten: false }
+    }
+
+    /// Those that the device built and writes again.
+    pub(super) fn rewritten(trees: WideTrees) -> (Self, Collapse) {
+        let WideTrees { nodes, blocks, is_oriented, collapse, .. } = trees;
+        let (traversal, is_aligned) = (Traversal::Stack, !is_oriented);
+        (Self { nodes, halves: blocks, traversal, links: None, is_aligned, is_rewritten: true }, collapse)
+    }
+
+    pub(super) fn is_rewritten(&self) -> bool {
+        self.is_rewritten
+    }
+
+    /// Nodes and triangle blocks.
+    pub(super) fn words(&self) -> (&Buffer<Quad>, &Buffer<Quad>) {
+        (&self.nodes, &self.halves)
     }
 
     pub(super) fn traversal(&self) -> Traversal {

@@ -1,12 +1,14 @@
 //! A program's own device, buffers, encoder and kernel.
 
 use canted_fixtures::or_skip;
-use canted_gpu::build::{BuildConfig, STRATEGIES};
+use canted_gpu::build::{BuildConfig, STRATEGIES, Topology, WideConfig};
 use canted_gpu::wgpu::util::{BufferInitDescriptor, DeviceExt};
 use canted_gpu::{
-    BufferScene, Choice, DeviceHit, DeviceRay, Gpu, GpuError, IndexBuffer, MeshBuffers, Outcome, TracedScene, wgpu,
+    BufferBvh, BufferScene, Choice, DeviceHit, DeviceInstance, DeviceRay, Gpu, GpuError, IndexBuffer, InstanceBuffer,
+    InstancedScene, MeshBuffers, Outcome, TracedScene, wgpu,
 };
 use canted_lbvh::Strategy;
+use canted_obb::Affine;
 use canted_trace::Ray;
 
 type Corners = [[f32; 3]; 3];
@@ -110,14 +112,19 @@ fn buffers_of_any_layout_give_the_same_hits() {
             let config = BuildConfig { strategy, ..BuildConfig::default() };
             let scene = BufferScene::new(&gpu, &[mesh], config).unwrap();
             assert_eq!(hits(&gpu, scene.traced()), expected, "{strategy:?}");
+            let wide = WideConfig { strategy, ..WideConfig::default() };
+            let scene = BufferScene::new(&gpu, &[mesh], wide).unwrap();
+            assert_eq!(hits(&gpu, scene.traced()), expected, "wide, {strategy:?}");
         }
     }
     // A second mesh in the same place is another instance, and ties go to the first.
     let scene = BufferScene::new(&gpu, &[plain, mesh], BuildConfig::default()).unwrap();
     assert_eq!(hits(&gpu, scene.traced()), expected);
     // Without triangles nothing is hit.
-    let none = BufferScene::new(&gpu, &[MeshBuffers { n_triangles: 0, ..mesh }], BuildConfig::default()).unwrap();
-    assert!(hits(&gpu, none.traced()).iter().all(Option::is_none));
+    for bvh in [BufferBvh::default(), WideConfig::default().into()] {
+        let none = BufferScene::new(&gpu, &[MeshBuffers { n_triangles: 0, ..mesh }], bvh).unwrap();
+        assert!(hits(&gpu, none.traced()).iter().all(Option::is_none));
+    }
 }
 
 #[test]
@@ -134,9 +141,14 @@ fn recorded_rebuilds_and_refits_equal_a_fresh_build() {
         indices: Some(IndexBuffer { buffer: &indices, format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
         n_triangles: 2 * N * N,
     };
-    for strategy in [Strategy::Aabb, Strategy::Combined, Strategy::PcaUnbounded, Strategy::Dop] {
+    let binary = [Strategy::Aabb, Strategy::Combined, Strategy::PcaUnbounded, Strategy::Dop]
+        .map(|strategy| BufferBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
+    let wide =
+        [(Strategy::Aabb, Topology::Ploc), (Strategy::Combined, Topology::Ploc), (Strategy::Dop, Topology::Radix)]
+            .map(|(strategy, topology)| WideConfig { topology, strategy, ..WideConfig::default() }.into());
+    for bvh in binary.into_iter().chain(wide) {
         queue.write_buffer(&positions, 0, bytemuck::cast_slice(&vertices(0.0)));
-        let mut scene = BufferScene::new(&gpu, &[mesh], BuildConfig { strategy, ..BuildConfig::default() }).unwrap();
+        let mut scene = BufferScene::new(&gpu, &[mesh], bvh).unwrap();
         for (frame, time) in [0.5_f32, 1.0, 40.0].into_iter().enumerate() {
             let moved = vertices(time);
             queue.write_buffer(&positions, 0, bytemuck::cast_slice(&moved));
@@ -150,9 +162,69 @@ fn recorded_rebuilds_and_refits_equal_a_fresh_build() {
             queue.submit([encoder.finish()]);
             scene.check(&gpu).unwrap();
             let expected = expected(&gpu, &moved);
-            assert_eq!(hits(&gpu, scene.traced()), expected, "{strategy:?}, frame {frame}");
-            assert_ne!(before, expected, "{strategy:?}, frame {frame}: the vertices did not move");
+            assert_eq!(hits(&gpu, scene.traced()), expected, "{bvh:?}, frame {frame}");
+            assert_ne!(before, expected, "{bvh:?}, frame {frame}: the vertices did not move");
         }
+    }
+}
+
+/// Without movement, what is written again has the words of before: every strategy, every topology, several meshes.
+#[test]
+fn updates_of_what_stands_still_change_no_word() {
+    let Some((device, queue)) = opened("updates_of_what_stands_still_change_no_word") else { return };
+    let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
+    let positions = buffer(&device, bytemuck::cast_slice(&vertices(0.7)));
+    let indices = buffer(&device, bytemuck::cast_slice(&triangles()));
+    let mesh = MeshBuffers {
+        vertices: &positions,
+        first_byte: 0,
+        stride: 12,
+        n_vertices: (N + 1) * (N + 1),
+        indices: Some(IndexBuffer { buffer: &indices, format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
+        n_triangles: 2 * N * N,
+    };
+    // Of odd numbers of triangles, so that trees do not start at whole blocks.
+    let meshes = [1, 2 * N * N, 7, 0, 101].map(|n_triangles| MeshBuffers { n_triangles, ..mesh });
+    let identity = DeviceInstance::new(1, &Affine::IDENTITY);
+    let transforms = buffer(&device, bytemuck::bytes_of(&identity));
+    let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 64, n_instances: 1 };
+    let submit = |record: &mut dyn FnMut(&mut wgpu::CommandEncoder)| {
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        record(&mut encoder);
+        queue.submit([encoder.finish()]);
+    };
+    let words = |scene: &InstancedScene| {
+        let parts = ["nodes", "triangle_blocks", "corners", "bvhs"].map(|name| {
+            let raw = scene.traced().buffer(name)?;
+            let copy = gpu.zeroed::<u32>("a copy", usize::try_from(raw.size() / 4).unwrap()).unwrap();
+            submit(&mut |encoder| encoder.copy_buffer_to_buffer(raw, 0, copy.wgpu(), 0, raw.size()));
+            Some(gpu.read(&copy).unwrap())
+        });
+        parts
+    };
+    let binary = STRATEGIES.map(|strategy| BufferBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
+    let wide = [Topology::Radix, Topology::Ploc].into_iter().flat_map(|topology| {
+        STRATEGIES.map(|strategy| WideConfig { topology, strategy, ..WideConfig::default() }.into())
+    });
+    for bvh in binary.into_iter().chain(wide) {
+        let mut scene = InstancedScene::new(&gpu, &meshes, &instances, bvh).unwrap();
+        let before = words(&scene);
+        for (number, mesh) in (0..).zip(&meshes) {
+            submit(&mut |encoder| scene.refit_mesh(&gpu, encoder, number, mesh).unwrap());
+            assert!(words(&scene) == before, "{bvh:?}: refit of mesh {number}");
+        }
+        submit(&mut |encoder| scene.update_top(&gpu, encoder, &instances).unwrap());
+        assert!(words(&scene) == before, "{bvh:?}: top level");
+        // A clustered tree becomes a radix tree.
+        if matches!(bvh, BufferBvh::Wide(WideConfig { topology: Topology::Ploc, .. })) {
+            continue;
+        }
+        for (number, mesh) in (0..).zip(&meshes) {
+            submit(&mut |encoder| scene.rebuild_mesh(&gpu, encoder, number, mesh).unwrap());
+            assert!(words(&scene) == before, "{bvh:?}: build of mesh {number}");
+        }
+        submit(&mut |encoder| scene.rebuild(&gpu, encoder, &meshes, &instances).unwrap());
+        assert!(words(&scene) == before, "{bvh:?}: build of all");
     }
 }
 
@@ -236,9 +308,11 @@ fn faults_are_reported_and_hit_nothing() {
             indices,
             n_triangles: *n_triangles,
         };
-        let scene = BufferScene::without_check(&gpu, &[mesh], BuildConfig::default()).unwrap();
         // No endless loop, whatever the contents.
-        let _ = hits(&gpu, scene.traced());
+        for bvh in [BufferBvh::default(), WideConfig { strategy: Strategy::Combined, ..WideConfig::default() }.into()] {
+            let scene = BufferScene::without_check(&gpu, &[mesh], bvh).unwrap();
+            let _ = hits(&gpu, scene.traced());
+        }
         BufferScene::new(&gpu, &[mesh], BuildConfig::default()).map(|_| ()).map_err(|error| error.to_string())
     };
     let (good, mut bad) = (vertices(0.0), triangles());

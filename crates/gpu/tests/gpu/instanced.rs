@@ -1,10 +1,10 @@
 //! Instances of meshes in a program's own buffers.
 
 use crate::buffers::{N, buffer, opened, triangles, vertices};
-use canted_gpu::build::BuildConfig;
+use canted_gpu::build::{BuildConfig, Topology, WideConfig};
 use canted_gpu::{
-    DeviceHit, DeviceInstance, Gpu, GpuError, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers, NOT_PLACED,
-    Outcome, TracedScene, wgpu,
+    BufferBvh, DeviceHit, DeviceInstance, Gpu, GpuError, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers,
+    NOT_PLACED, Outcome, TracedScene, wgpu,
 };
 use canted_lbvh::{Bits, Strategy};
 use canted_obb::Affine;
@@ -116,22 +116,26 @@ fn expected(gpu: &Gpu, floor: &[[f32; 3]], placed: &[(u32, Affine)]) -> Vec<Opti
 #[test]
 fn every_recorded_change_equals_a_fresh_build() {
     let Some(opened) = opened("every_recorded_change_equals_a_fresh_build") else { return };
-    for strategy in [Strategy::Aabb, Strategy::Combined, Strategy::Dop] {
+    let binary = [Strategy::Aabb, Strategy::Combined, Strategy::Dop]
+        .map(|strategy| BufferBvh::from(BuildConfig { strategy, bits: Bits::B63 }));
+    let wide =
+        [(Strategy::Aabb, Topology::Radix), (Strategy::Combined, Topology::Radix), (Strategy::Dop, Topology::Ploc)]
+            .map(|(strategy, topology)| BufferBvh::from(WideConfig { bits: Bits::B63, topology, strategy }));
+    for bvh in binary.into_iter().chain(wide) {
         let n = 60;
         let program = Program::new(opened.clone(), &placed(n, 0.0));
         let gpu = Gpu::from_wgpu(program.device.clone(), program.queue.clone());
         let (meshes, instances) = (program.meshes(), program.instances(n));
-        let config = BuildConfig { strategy, bits: Bits::B63 };
-        let mut scene = InstancedScene::new(&gpu, &meshes, &instances, config).unwrap();
+        let mut scene = InstancedScene::new(&gpu, &meshes, &instances, bvh).unwrap();
         let first = hits(&gpu, scene.traced());
-        assert_eq!(first, expected(&gpu, &vertices(0.0), &placed(n, 0.0)), "{strategy:?}");
+        assert_eq!(first, expected(&gpu, &vertices(0.0), &placed(n, 0.0)), "{bvh:?}");
         assert!(first.iter().flatten().count() > 500 && first.iter().any(Option::is_none));
 
         // Only instances move.
         program.queue.write_buffer(&program.transforms, 0, bytemuck::cast_slice(&words(&placed(n, 0.4))));
         program.submit(|encoder| scene.update_top(&gpu, encoder, &instances).unwrap());
         let moved = hits(&gpu, scene.traced());
-        assert_eq!(moved, expected(&gpu, &vertices(0.0), &placed(n, 0.4)), "{strategy:?}: instances moved");
+        assert_eq!(moved, expected(&gpu, &vertices(0.0), &placed(n, 0.4)), "{bvh:?}: instances moved");
         assert_ne!(moved, first);
 
         // One mesh deforms: a refit, then a build of its own, then everything.
@@ -146,7 +150,7 @@ fn every_recorded_change_equals_a_fresh_build() {
             program.submit(|encoder| scene.update_top(&gpu, encoder, &instances).unwrap());
             scene.check(&gpu).unwrap();
             let expected = expected(&gpu, &floor, &placed(n, 0.4));
-            assert_eq!(hits(&gpu, scene.traced()), expected, "{strategy:?}: change {change}");
+            assert_eq!(hits(&gpu, scene.traced()), expected, "{bvh:?}: change {change}");
         }
         // A refit after a build of one mesh follows the new tree.
         program.queue.write_buffer(&program.positions[0], 0, bytemuck::cast_slice(&vertices(0.0)));
@@ -156,7 +160,7 @@ fn every_recorded_change_equals_a_fresh_build() {
             scene.update_top(&gpu, encoder, &instances).unwrap();
         });
         let expected = expected(&gpu, &vertices(0.0), &placed(n, 0.4));
-        assert_eq!(hits(&gpu, scene.traced()), expected, "{strategy:?}: refit after builds");
+        assert_eq!(hits(&gpu, scene.traced()), expected, "{bvh:?}: refit after builds");
     }
 }
 

@@ -1,19 +1,18 @@
 //! The acceleration structure of a sequence of frames on a device: only what changed is uploaded.
 //!
 //! ```text
-//! wide BVHs     updated by the CPU -> chunks that differ -> device
-//! binary BVHs   vertices, transforms -> chunks that differ -> device -> changed meshes: refit or rebuild -> top level
+//! BVHs of the CPU      updated there -> chunks that differ -> device
+//! BVHs of the device   vertices, transforms -> chunks that differ -> device -> changed meshes: refit or rebuild -> top level
 //! ```
 
 use std::borrow::Cow;
 
 use canted_film::Hash;
-use canted_gpu::build::BuildConfig;
+use canted_gpu::build::WideConfig;
 use canted_gpu::{
-    Buffer, BufferScene, DeviceInstance, Gpu, GpuError, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers,
-    TracedScene, wgpu,
+    Buffer, BufferBvh, BufferScene, DeviceInstance, Gpu, GpuError, IndexBuffer, InstanceBuffer, InstancedScene,
+    MeshBuffers, TracedScene, wgpu,
 };
-use canted_lbvh::Strategy;
 use canted_scene::{Mesh, Scene};
 
 use super::DeviceError;
@@ -26,11 +25,13 @@ use crate::structure::flatten;
 #[derive(Default)]
 pub struct DeviceFrames {
     policy: UpdatePolicy,
+    /// How the device builds wide BVHs, where it does.
+    wide: Option<WideConfig>,
     kept: Option<Kept>,
     updates: DeviceUpdates,
 }
 
-/// What frames did with the binary BVHs on a device.
+/// What frames did with the BVHs that the device builds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DeviceUpdates {
     /// Builds of all BVHs.
@@ -43,9 +44,9 @@ pub struct DeviceUpdates {
     pub top_rebuilds: usize,
 }
 
-/// Binary BVHs on a device, and what they were built for.
+/// BVHs on a device, and what they were built for.
 struct Kept {
-    strategy: Strategy,
+    bvh: BufferBvh,
     levels: Levels,
     /// Hashes of the positions and triangles of each mesh, or of all.
     meshes: Vec<[u64; 2]>,
@@ -71,11 +72,23 @@ struct Uploaded {
 }
 
 impl DeviceFrames {
-    /// Frames whose deforming meshes are updated by this policy. [`UpdatePolicy::Auto`] rebuilds binary BVHs, which costs the device
+    /// Frames whose deforming meshes are updated by this policy. [`UpdatePolicy::Auto`] rebuilds what the device builds, which costs it
     /// little more than a refit, and whose drift nobody reads back.
     #[must_use]
     pub fn new(policy: UpdatePolicy) -> Self {
         Self { policy, ..Self::default() }
+    }
+
+    /// The same with wide BVHs that the device builds, instead of those of the CPU. The topology is that of the first frame's build; rebuilds
+    /// use the radix tree.
+    #[must_use]
+    pub fn with_wide(self, wide: WideConfig) -> Self {
+        Self { wide: Some(wide), ..self }
+    }
+
+    /// How the device builds wide BVHs.
+    pub(super) fn wide(&self) -> Option<WideConfig> {
+        self.wide
     }
 
     /// What was done so far.
@@ -84,23 +97,23 @@ impl DeviceFrames {
         self.updates
     }
 
-    /// Binary BVHs of a scene: those of the last frame, updated, or new ones.
-    pub(super) fn binary(
+    /// BVHs that the device builds over a scene: those of the last frame, updated, or new ones.
+    pub(super) fn built(
         &mut self,
         gpu: &Gpu,
         scene: &Scene,
-        strategy: Strategy,
+        bvh: BufferBvh,
         is_flat: bool,
     ) -> Result<&TracedScene, DeviceError> {
         let frame = if is_flat { Frame::flat(scene)? } else { Frame::two_levels(scene) };
         let uploaded = frame.upload(gpu)?;
-        let is_kept = self.kept.as_ref().is_some_and(|kept| kept.strategy == strategy && kept.fits(&frame));
+        let is_kept = self.kept.as_ref().is_some_and(|kept| kept.bvh == bvh && kept.fits(&frame));
         match self.kept.as_mut().filter(|_| is_kept) {
             Some(kept) => kept.update(gpu, &frame, &uploaded, self.policy, &mut self.updates)?,
             None => {
                 // Two structures at once may not fit.
                 self.kept = None;
-                self.kept = Some(Kept::new(gpu, &frame, &uploaded, strategy)?);
+                self.kept = Some(Kept::new(gpu, &frame, &uploaded, bvh)?);
                 self.updates.whole += 1;
             }
         }
@@ -187,15 +200,14 @@ impl Uploaded {
 }
 
 impl Kept {
-    fn new(gpu: &Gpu, frame: &Frame<'_>, uploaded: &Uploaded, strategy: Strategy) -> Result<Self, DeviceError> {
-        let config = BuildConfig { strategy, ..BuildConfig::default() };
+    fn new(gpu: &Gpu, frame: &Frame<'_>, uploaded: &Uploaded, bvh: BufferBvh) -> Result<Self, DeviceError> {
         let meshes = uploaded.meshes(&frame.first);
         let levels = match uploaded.instances() {
-            None => Levels::One(BufferScene::new(gpu, &meshes, config)?),
-            Some(instances) => Levels::Two(InstancedScene::new(gpu, &meshes, &instances, config)?),
+            None => Levels::One(BufferScene::new(gpu, &meshes, bvh)?),
+            Some(instances) => Levels::Two(InstancedScene::new(gpu, &meshes, &instances, bvh)?),
         };
         let transforms = frame.transforms.clone().unwrap_or_default();
-        Ok(Self { strategy, levels, meshes: frame.keys.clone(), first: frame.first.clone(), transforms })
+        Ok(Self { bvh, levels, meshes: frame.keys.clone(), first: frame.first.clone(), transforms })
     }
 
     /// Whether the BVHs can be updated to a frame: the same levels, and as many triangles and instances.

@@ -3,7 +3,7 @@
 use std::ops::Deref;
 
 use canted_gpu::build::{BuildConfig, WideConfig};
-use canted_gpu::{Gpu, TracedScene};
+use canted_gpu::{BufferBvh, Gpu, GpuError, TracedScene};
 use canted_lbvh::{Corners, Strategy, triangle_corners};
 use canted_scene::Scene;
 use canted_wide::{LaneKernel, TriangleBvh};
@@ -56,8 +56,9 @@ impl Deref for Traced<'_> {
     }
 }
 
-/// The acceleration structure of a frame of a sequence, after that of the last frame is dropped: what changed is uploaded. Binary BVHs over
-/// things that stand still while the shutter is open are those of the last frame, updated on the device.
+/// The acceleration structure of a frame of a sequence, after that of the last frame is dropped: what changed is uploaded. BVHs that the
+/// device builds over things that stand still while the shutter is open are those of the last frame, updated there: binary ones, and wide
+/// ones with [`DeviceFrames::with_wide`].
 ///
 /// # Errors
 /// As for [`traced_scene`].
@@ -69,10 +70,21 @@ pub fn traced_frame<'a, K: LaneKernel>(
 ) -> Result<Traced<'a>, DeviceError> {
     gpu.start_frame();
     let is_flat = matches!(structure, Structure::One(_));
-    Ok(match kind(structure.bottom())? {
-        Kind::Binary(strategy) if !scene.has_motion() => Traced::Shared(frames.binary(gpu, scene, strategy, is_flat)?),
-        kind => Traced::Own(uploaded(gpu, scene, structure, kind)?),
-    })
+    let kind = kind(structure.bottom())?;
+    let bvh = match (&kind, frames.wide()) {
+        (Kind::Binary(strategy), _) => Some(config(*strategy).into()),
+        (Kind::Wide(_), wide) => wide.map(BufferBvh::from),
+    };
+    let Some(bvh) = bvh.filter(|_| !scene.has_motion()) else {
+        return Ok(Traced::Own(uploaded(gpu, scene, structure, kind)?));
+    };
+    match frames.built(gpu, scene, bvh, is_flat) {
+        // The CPU's wide BVHs are there, too.
+        Err(DeviceError::Gpu(GpuError::Unsupported { .. })) if matches!(kind, Kind::Wide(_)) => {
+            Ok(Traced::Own(uploaded(gpu, scene, structure, kind)?))
+        }
+        built => Ok(Traced::Shared(built?)),
+    }
 }
 
 fn uploaded<K: LaneKernel>(

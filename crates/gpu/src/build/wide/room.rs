@@ -1,0 +1,81 @@
+//! Room for the wide nodes of each tree, and what is known of them before the collapse.
+
+use super::super::{Built, Range, count};
+use super::MAX_LEAF;
+
+/// Children of a node.
+const WIDTH: u32 = 8;
+
+/// As in `shared/node.wgsl`: a word that refers to nothing, the bit of leaves.
+const EMPTY: u32 = 0x7fff_ffff;
+const LEAF: u32 = 0x8000_0000;
+
+/// Room for the trees of a level.
+pub(super) struct Room {
+    /// Most items of a leaf.
+    pub(super) max_leaf: u32,
+    pub(super) is_oriented: bool,
+    /// The first unit of each tree, and the end.
+    pub(super) first_units: Vec<u32>,
+}
+
+impl Room {
+    pub(super) fn of(built: &Built) -> Self {
+        let (max_leaf, is_oriented) = match built.items.corners() {
+            Some(_) => (MAX_LEAF, built.obbs.is_some()),
+            None => (1, false),
+        };
+        let size = if is_oriented { 2 } else { 1 };
+        let mut end = 0;
+        let mut first_units = vec![0];
+        for range in built.items.ranges() {
+            // The root is aligned.
+            end += 1 + size * capacity(range.count, max_leaf);
+            first_units.push(end);
+        }
+        Self { max_leaf, is_oriented, first_units }
+    }
+
+    pub(super) fn n_units(&self) -> u32 {
+        self.first_units[self.first_units.len() - 1]
+    }
+
+    /// The units of a range of trees.
+    pub(super) fn units(&self, [first, end]: [u32; 2]) -> [u32; 2] {
+        [self.first_units[first as usize], self.first_units[end as usize]]
+    }
+
+    /// Most wide nodes of a level of trees with these ranges.
+    pub(super) fn most(&self, ranges: &[Range]) -> u32 {
+        ranges.iter().map(|range| capacity(range.count, self.max_leaf)).sum()
+    }
+
+    /// The root's word of each tree.
+    pub(super) fn roots(&self, ranges: &[Range]) -> Vec<u32> {
+        let root = |(range, &first_unit): (&Range, &u32)| match range.count {
+            0 => EMPTY,
+            n if n <= self.max_leaf => {
+                // As in `shared/build/leaf.wgsl`.
+                let part = if n <= 2 { range.first } else { range.first + (range.first & 1) };
+                LEAF | (n - 1) << 26 | part
+            }
+            _ => 4 * first_unit,
+        };
+        ranges.iter().zip(&self.first_units).map(root).collect()
+    }
+}
+
+/// Most wide nodes over `n` items.
+///
+/// A node that is not full has leaves only and more than `max_leaf` items of its own. With `E` of those and `F` full ones over
+/// `n` items, 7 F is less than the number of other nodes and leaves: `7 F < E + n - (max_leaf + 1) E`, and `E <= n / (max_leaf +
+/// 1)`.
+fn capacity(n: u32, max_leaf: u32) -> u32 {
+    if n <= max_leaf {
+        return 0;
+    }
+    let n = u64::from(n);
+    let most_not_full = n / u64::from(max_leaf + 1);
+    let more = u64::from((WIDTH - 1).saturating_sub(max_leaf)) * most_not_full;
+    count(usize::try_from((n + more).div_ceil(u64::from(WIDTH - 1))).unwrap_or(usize::MAX))
+}
