@@ -1,8 +1,8 @@
 // Wide nodes of one level of a BVH, from the nodes of the level above.
 // Reads: binary tree, boxes, the wide nodes of this level as slots of their binary nodes.
-// Writes: the size of each wide node by slot, except for roots; the wide nodes of the next level, in any order.
-// Holds: sizes do not depend on the order of atomics.
-// use ?wide_kind
+// Writes: 1 for each wide node by slot, except for roots; the wide nodes of the next level, in any order.
+// Holds: which nodes are wide does not depend on the order of atomics.
+// use shared/build/wide
 
 struct Level {
     /// Number of levels above.
@@ -39,7 +39,7 @@ fn main(id: Invocation) {
 fn open(slot: u32) {
     let children = children_of(slot);
     if wide_level.level > 0u {
-        units[slot] = kind_of(slot, children);
+        units[slot] = 1u;
     }
     for (var child = 0u; child < children.n; child++) {
         if !is_leaf(children.words[child]) {

@@ -25,11 +25,7 @@ fn box_of(child: u32) -> array<u32, 6> {
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
     let unit = slice_item(id, 64u);
-    if unit >= slice.end {
-        return;
-    }
-    let slot = slot_of(unit);
-    if slot == NONE || units[slot] == 2u {
+    if unit >= slice.end || !is_node(unit, false) {
         return;
     }
     let at = UNIT_WORDS * (target_level.first_unit + unit);

@@ -1,8 +1,9 @@
 // The order of wide nodes in memory: each tree has room of its own, in which the root comes first, then all others by the slots of
 // their binary nodes.
 // Reads: sizes of wide nodes, their prefix sums, the first unit of each tree.
-// Writes: the first unit of each wide node by slot; the slot of each wide node by that unit, plus one.
+// Writes: the word of each wide node by slot; the slot of each wide node by its first unit, plus one.
 // use shared/build/slice
+// use shared/build/wide_word
 // use shared/build/tree/forest
 // const MAX_LEAF
 
@@ -10,7 +11,7 @@
 @group(0) @binding(2) var<storage, read> prefixes: array<u32>;
 /// The first unit of each tree, and the end.
 @group(0) @binding(3) var<storage, read> first_units: array<u32>;
-@group(0) @binding(4) var<storage, read_write> places: array<u32>;
+@group(0) @binding(4) var<storage, read_write> wide_words: array<u32>;
 @group(0) @binding(5) var<storage, read_write> wide_slots: array<u32>;
 
 @compute @workgroup_size(64)
@@ -27,6 +28,6 @@ fn main(id: Invocation) {
     }
     // A root has no size of its own.
     let place = first_units[tree] + select(1u + prefixes[slot] - prefixes[range.first], 0u, is_root);
-    places[slot] = place;
+    wide_words[slot] = UNIT_LINES * place | select(0u, ORIENTED_WORD, units[slot] == 2u);
     wide_slots[place] = slot + 1u;
 }

@@ -1,5 +1,6 @@
 // Where wide nodes are written.
 // use shared/build/wide
+// use shared/build/wide_word
 // use shared/build/leaf
 
 struct Level {
@@ -10,9 +11,8 @@ struct Level {
 }
 
 @group(0) @binding(3) var<storage, read> leaves: array<u32>;
-/// Units of memory of each wide node by slot, except for roots, and its first unit.
-@group(0) @binding(4) var<storage, read> units: array<u32>;
-@group(0) @binding(5) var<storage, read> places: array<u32>;
+/// The word of each wide node by slot.
+@group(0) @binding(4) var<storage, read> wide_words: array<u32>;
 /// The slot of each wide node by its first unit, plus one.
 @group(0) @binding(6) var<storage, read> wide_slots: array<u32>;
 @group(0) @binding(7) var<uniform> target_level: Level;
@@ -27,22 +27,18 @@ const EMPTY: u32 = 0x7fffffffu;
 const NOWHERE: u32 = 0x5f000000u;
 const MINUS_NOWHERE: u32 = 0xdf000000u;
 
-/// Words of a unit, and its cache lines.
+/// Words of a unit.
 const UNIT_WORDS: u32 = 64u;
-const UNIT_LINES: u32 = 4u;
 
-/// Bits of a word for the kind of an oriented node.
-const ORIENTED_WORD: u32 = 0x20000000u;
-
-/// The binary node of the wide node that starts at a unit, or `NONE`. Roots are aligned.
-fn slot_of(unit: u32) -> u32 {
-    // Zero less one is `NONE`.
-    return wide_slots[unit] - 1u;
+/// Whether a wide node of a kind starts at a unit. Roots are aligned.
+fn is_node(unit: u32, is_oriented: bool) -> bool {
+    let slot = wide_slots[unit];
+    return slot != 0u && ((wide_words[slot - 1u] & ORIENTED_WORD) != 0u) == is_oriented;
 }
 
 fn word_of(child: u32) -> u32 {
     if !is_leaf(child) {
-        return UNIT_LINES * places[child] | select(0u, ORIENTED_WORD, units[child] == 2u);
+        return wide_words[child];
     }
     if (child & LEAF) != 0u {
         let position = child & ~LEAF;

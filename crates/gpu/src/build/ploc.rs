@@ -1,7 +1,7 @@
 //! A topology of less traversal cost than the radix tree: locally-ordered clustering.
 //!
 //! ```text
-//! sorted leaves -> clusters -> partners -> kept -> prefix sums -> merged      while a tree has many clusters
+//! sorted leaves -> clusters -> partners -> kept -> prefix sums -> merged -> counted      while a tree has many clusters
 //!                           -> all further iterations in one work-group       each tree
 //!               -> first leaf of each node -> nodes, parents, leaves          as of the radix tree
 //! ```
@@ -169,7 +169,8 @@ impl Clusters {
         dispatches.items(&*kernel("build/ploc_partners")?, &bound, n)?;
         dispatches.items(&*kernel("build/ploc_keep")?, &bound, n)?;
         prefix_sums(dispatches, &self.kept, &self.prefixes, [0, n])?;
-        dispatches.items(&*kernel("build/ploc_merge")?, &bound, n)
+        dispatches.items(&*kernel("build/ploc_merge")?, &bound, n)?;
+        dispatches.items(&*kernel("build/ploc_states")?, &bound, count(items.ranges().len()))
     }
 
     /// All further iterations, after `number` iterations.

@@ -20,7 +20,7 @@ pub(crate) fn opened(test: &str) -> Option<(wgpu::Device, wgpu::Queue)> {
     or_skip(test, Gpu::open(&Choice::Best))?;
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
-    let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 12, ..wgpu::Limits::defaults() };
+    let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 8, ..wgpu::Limits::defaults() };
     let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
     Some(pollster::block_on(adapters[0].request_device(&descriptor)).unwrap())
 }

@@ -46,9 +46,9 @@ pub(super) struct Order {
     first_units: Buffer<u32>,
     /// The level's first unit among those of all levels.
     first_unit: u32,
-    /// Units of memory of the wide node of each slot, except for roots, and its first unit.
+    /// Units of memory of the wide node of each slot, except for roots, and its word.
     units: Buffer<u32>,
-    places: Buffer<u32>,
+    words: Buffer<u32>,
     /// The slot of each wide node, by its first unit, plus one.
     slots: Buffer<u32>,
     /// The children of each wide node, by its first unit.
@@ -62,7 +62,7 @@ impl Order {
         Ok(Self {
             first_units: gpu.buffer("first units of trees", &room.first_units)?,
             units: gpu.zeroed("sizes of wide nodes", n)?,
-            places: gpu.zeroed("places of wide nodes", n)?,
+            words: gpu.zeroed("words of wide nodes", n)?,
             slots: gpu.zeroed("slots of wide nodes", room.n_units() as usize)?,
             children: gpu.zeroed("children of wide nodes", room.n_units() as usize)?,
             first_unit,
@@ -104,7 +104,7 @@ impl Order {
         self.place(run, built, trees)
     }
 
-    /// Gives the wide nodes of trees their places in memory, and their children.
+    /// Gives the wide nodes of trees their kinds, places in memory and children.
     fn place(&self, run: &mut Run<'_>, built: &Built, trees: [u32; 2]) -> Result<(), GpuError> {
         let gpu = run.gpu();
         let range = built.items.of_trees(trees);
@@ -113,15 +113,20 @@ impl Order {
             ("units", &self.units),
             ("prefixes", &prefixes),
             ("first_units", &self.first_units),
-            ("places", &self.places),
+            ("wide_words", &self.words),
             ("wide_slots", &self.slots),
             ("nodes", &built.trees.nodes),
             ("aabbs", &built.aabbs),
             ("wide_children", &self.children),
         ]);
         run.stage("collapse", |dispatches| {
-            prefix_sums(dispatches, &self.units, &prefixes, range)?;
             let chosen = Specialisation::none().number("MAX_LEAF", self.room.max_leaf);
+            if let Some(obbs) = built.obbs.as_ref().filter(|_| self.room.is_oriented) {
+                let more: [NamedBinding<'_>; 2] = [("leaves", &built.leaves), ("obbs", obbs)];
+                let bound = [&bound[..], &more].concat();
+                dispatches.range(&*gpu.kernel("build/wide_kinds", &chosen)?, &bound, range)?;
+            }
+            prefix_sums(dispatches, &self.units, &prefixes, range)?;
             dispatches.range(&*gpu.kernel("build/wide_slots", &chosen)?, &bound, range)?;
             dispatches.range(&*gpu.kernel("build/wide_children", &chosen)?, &bound, self.room.units(trees))
         })
@@ -144,8 +149,7 @@ impl Order {
             ("nodes", &built.trees.nodes),
             ("aabbs", &built.aabbs),
             ("leaves", &built.leaves),
-            ("units", &self.units),
-            ("places", &self.places),
+            ("wide_words", &self.words),
             ("wide_slots", &self.slots),
             ("wide_children", &self.children),
             ("target_level", &level),
@@ -201,9 +205,7 @@ impl<'a> Search<'a> {
     /// Searches so many levels.
     fn levels(&mut self, run: &mut Run<'_>, n_levels: u32) -> Result<(), GpuError> {
         let gpu = run.gpu();
-        let Room { max_leaf, is_oriented, .. } = self.order.room;
-        let kind = if is_oriented { "shared/build/wide_kind/oriented" } else { "shared/build/wide_kind/aligned" };
-        let chosen = Specialisation::none().number("MAX_LEAF", max_leaf).part("wide_kind", kind);
+        let chosen = Specialisation::none().number("MAX_LEAF", self.order.room.max_leaf);
         let kernel = gpu.kernel("build/wide_levels", &chosen)?;
         run.stage("collapse", |dispatches| {
             for _ in 0..n_levels {
@@ -213,18 +215,15 @@ impl<'a> Search<'a> {
                 let uniform = gpu.uniform("level", &QueueLevel { level, n_first: self.n_first, n_invocations })?;
                 let [even, odd] = &self.queues;
                 let (queue_in, queue_out) = if level % 2 == 0 { (even, odd) } else { (odd, even) };
-                let Built { items, trees, aabbs, leaves, obbs } = self.built;
-                let mut bound = items.bound(&[
-                    ("nodes", &trees.nodes),
-                    ("aabbs", aabbs),
+                let bound: [NamedBinding<'_>; 7] = [
+                    ("nodes", &self.built.trees.nodes),
+                    ("aabbs", &self.built.aabbs),
                     ("wide_level", &uniform),
                     ("queue_in", if level == 0 { &self.first } else { queue_in }),
                     ("queue_out", queue_out),
                     ("counts", &self.counts),
                     ("units", &self.order.units),
-                    ("leaves", leaves),
-                ]);
-                bound.extend(obbs.as_ref().map(|obbs| -> NamedBinding<'_> { ("obbs", obbs) }));
+                ];
                 dispatches.items(&kernel, &bound, n_invocations)?;
                 self.n_of_level = self.n_of_level.saturating_mul(WIDTH).min(self.most);
                 self.level += 1;

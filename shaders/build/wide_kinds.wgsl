@@ -1,26 +1,20 @@
-// The kind of a wide node, as its size in memory.
+// The kind of each wide node but roots, as its size in memory. Without this pass all nodes are aligned.
+//
+// A node is oriented where that lowers the predicted cost: what its test costs more, for rays that enter its own box, is less than
+// what the smaller boxes of its children save. Costs are those of `canted_wide::Costs`.
+// Reads: binary tree, aligned and oriented boxes, triangles, which binary nodes are wide ones.
+// Writes: sizes of wide nodes by slot.
 // use shared/build/wide
+// use shared/item/triangles
+
+@group(0) @binding(3) var<storage, read_write> units: array<u32>;
+@group(0) @binding(4) var<storage, read> leaves: array<u32>;
+/// Fifteen floats per inner node: center, three axes, half-extents.
+@group(0) @binding(5) var<storage, read> obbs: array<f32>;
 
 /// Units of memory of an aligned and of an oriented node.
 const ALIGNED: u32 = 1u;
 const ORIENTED: u32 = 2u;
-
-// choice aligned
-// All nodes are aligned with the axes.
-
-fn kind_of(slot: u32, children: Children) -> u32 {
-    return ALIGNED;
-}
-
-// choice oriented
-// A node is oriented where that lowers the predicted cost: what its test costs more, for rays that enter its own
-// box, is less than what the smaller boxes of its children save. Costs are those of `canted_wide::Costs`.
-// use shared/build/tree/forest
-// use shared/item/triangles
-
-@group(0) @binding(8) var<storage, read> leaves: array<u32>;
-/// Fifteen floats per inner node: center, three axes, half-extents.
-@group(0) @binding(9) var<storage, read> obbs: array<f32>;
 
 /// Cost of an oriented node beyond that of an aligned one, which is 1, and of a leaf.
 const MORE_FOR_ORIENTED: f32 = 1.2;
@@ -51,4 +45,12 @@ fn kind_of(slot: u32, children: Children) -> u32 {
         gain += (areas.x - areas.y) * select(1.0, LEAF_COST, is_leaf(children.words[child]));
     }
     return select(ALIGNED, ORIENTED, gain > 0.0);
+}
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let slot = slice_item(id, 64u);
+    if slot < slice.end && units[slot] != 0u {
+        units[slot] = kind_of(slot, children_of(slot));
+    }
 }
