@@ -118,11 +118,27 @@ impl World<'_> {
         on_cpu: impl Fn(&Ray) -> Option<Hit>,
         tally: &mut Tally,
     ) -> Result<(), String> {
+        let expected: Vec<Option<Hit>> = rays.iter().map(on_cpu).collect();
+        self.check_each(gpu, scene, rays, &expected, tally)
+    }
+
+    /// Checks the hits and occlusion of all rays, whose hits on the CPU are known.
+    ///
+    /// # Errors
+    /// As for [`World::check_all`].
+    pub fn check_each(
+        &self,
+        gpu: &Gpu,
+        scene: &TracedScene,
+        rays: &[Ray],
+        expected: &[Option<Hit>],
+        tally: &mut Tally,
+    ) -> Result<(), String> {
         let hits = scene.closest_hits(gpu, rays).map_err(|error| error.to_string())?;
         let occluded = scene.occluded(gpu, rays).map_err(|error| error.to_string())?;
-        assert_eq!((hits.len(), occluded.len()), (rays.len(), rays.len()));
-        for ((ray, hit), occluded) in rays.iter().zip(hits).zip(occluded) {
-            self.check(ray, on_cpu(ray), hit, tally)?;
+        assert_eq!([hits.len(), occluded.len(), expected.len()], [rays.len(); 3]);
+        for (((ray, &on_cpu), hit), occluded) in rays.iter().zip(expected).zip(hits).zip(occluded) {
+            self.check(ray, on_cpu, hit, tally)?;
             match (hit, occluded) {
                 (Outcome::Complete(hit), Outcome::Complete(occluded)) if hit.is_some() != occluded => {
                     return Err(format!("{ray:?}: {hit:?}, and occluded is {occluded}"));

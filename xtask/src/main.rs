@@ -46,7 +46,7 @@ const USAGE: &str = "usage: cargo xtask TASK
                     --keep (into benches/RESULTS.md and benches/report.json)
   agree A B         compare two report.json, e.g. of a quick and a full run, within their spreads
   grazing [ARGS]    trace grazing rays and write tests/GRAZING.md; --rays N [default: 10 million]
-  grazing-device [ARGS]  trace them on a device and write tests/GRAZING_DEVICE.md; --rays N for each strategy [default: 1 million]
+  grazing-device [ARGS]  trace them on a device and write tests/GRAZING_DEVICE.md; --rays N for each BVH [default: 1 million]
   watertight [ARGS] trace rays at edges of closed meshes and write tests/WATERTIGHT.md; --rays N [default: 100 million]
   extremes [ARGS]   test every numerical promise and write tests/EXTREMES.md; --effort N multiplies the inputs, --peers
   fuzz [ARGS]       read mutated files with every reader and write tests/FUZZ.md; --minutes N [default: 1], --seed N

@@ -55,8 +55,8 @@ pub(crate) const GRAZING_DEVICE: Recorded = Recorded {
     file: "tests/GRAZING_DEVICE.md",
     preamble: "# Grazing rays on a device
 
-Written by `cargo xtask grazing-device [--rays N]`; do not edit. The rays are those of `tests/GRAZING.md`. Each is traced through a binary
-BVH that the device builds with each volume strategy, one level, recorded as in a program's own encoder. A hit of the CPU's reference
+Written by `cargo xtask grazing-device [--rays N]`; do not edit. The rays are those of `tests/GRAZING.md`. Each is traced through binary
+and eight-wide BVHs that the device builds over a program's own buffers, with boxes of each volume strategy, in one level. A hit of the CPU's reference
 is lost if the device finds nothing, or something behind it that is not within the stated error of the ray. Other triangles are ties
 within that error. Rays that the driver ended early are not answered.
 ",

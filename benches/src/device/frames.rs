@@ -5,7 +5,7 @@ use std::fmt::Write;
 use anyhow::Result;
 use canted_gpu::{
     BufferScene, Gpu, GpuError, IndexBuffer, MeshBuffers,
-    build::BuildConfig,
+    build::{BuildConfig, WideConfig},
     wgpu::{CommandEncoder, IndexFormat},
 };
 use canted_lbvh::{Bits, Strategy};
@@ -29,7 +29,8 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         "\n### Per frame\n\nVertices and indices in buffers of a program, 63-bit codes; nothing is transferred. Milliseconds of wall time \
          from recording to completion, minimum of {} frames after a warm-up, and in italics what bandwidth allows. CPU: WideBvh of \
          preset dynamic on {} threads, from vertices in memory.\n\n| scene | triangles | rebuild, Aabb | *expected* | rebuild, Dop | \
-         refit, Aabb | *expected* | CPU, rebuild | CPU, refit |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+         refit, Aabb | *expected* | rebuild, wide | refit, wide | CPU, rebuild | CPU, refit |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
         bench.rounds,
         rayon::current_num_threads()
     );
@@ -56,6 +57,10 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         let refit = least(bench.rounds, || Ok(frame(gpu, |encoder| aligned.refit(gpu, encoder, &[mesh]))?))?;
         let mut dop = scene(Strategy::Dop)?;
         let rebuild_dop = least(bench.rounds, || Ok(frame(gpu, |encoder| dop.rebuild(gpu, encoder, &[mesh]))?))?;
+        let config = WideConfig { bits: Bits::B63, ..WideConfig::default() };
+        let mut wide = BufferScene::new(gpu, &[mesh], config)?;
+        let rebuild_wide = least(bench.rounds, || Ok(frame(gpu, |encoder| wide.rebuild(gpu, encoder, &[mesh]))?))?;
+        let refit_wide = least(bench.rounds, || Ok(frame(gpu, |encoder| wide.refit(gpu, encoder, &[mesh]))?))?;
         let config = Config::preset(Preset::Dynamic);
         let mut on_cpu = TriangleBvh::<Watertight>::build(positions, triangles, &config)?;
         let cpu_rebuild = least(bench.rounds, || {
@@ -70,7 +75,8 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         let boxes = GATHERED_BYTES + bytes::AABB + bytes::ALIGNED_PAIRS;
         let _ = writeln!(
             out,
-            "| {name} | {} | {rebuild:.2} | *{:.2}* | {rebuild_dop:.2} | {refit:.2} | *{:.2}* | {cpu_rebuild:.2} | {cpu_refit:.2} |",
+            "| {name} | {} | {rebuild:.2} | *{:.2}* | {rebuild_dop:.2} | {refit:.2} | *{:.2}* | {rebuild_wide:.2} | \
+             {refit_wide:.2} | {cpu_rebuild:.2} | {cpu_refit:.2} |",
             triangles.len(),
             expected(boxes + bytes::DOMAIN + bytes::CODES + bytes::SORT + bytes::NODES),
             expected(boxes)

@@ -112,7 +112,7 @@ impl Gpu {
     ///
     /// The program keeps its handlers: errors that are found when buffers and kernels are made are returned, others go to the handlers.
     /// For the loss of the device, see [`Gpu::lost_handler`].
-    /// Kernels need as many storage buffers per stage as [`GpuError::Limit`] says; seven are enough to trace one level.
+    /// Kernels need as many storage buffers per stage as [`GpuError::Limit`] says; eight, the default of `wgpu`, are enough to build and trace.
     ///
     /// ```no_run
     /// # fn example(device: wgpu::Device, queue: wgpu::Queue) -> Result<(), canted_gpu::GpuError> {

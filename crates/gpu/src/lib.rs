@@ -25,6 +25,7 @@
 //! | [`Buffer`], [`Kernel`], [`Commands`] | typed buffers, compiled kernels, dispatches |
 //! | [`TracedScene`] | BVHs and instances in device memory, built there or uploaded, for ray batches and for kernels of your own |
 //! | [`BufferScene`], [`MeshBuffers`] | a BVH over vertex and index buffers of your own, built in your command encoder |
+//! | [`BufferBvh`] | which BVH: eight-wide or binary, and its boxes |
 //! | [`InstancedScene`], [`InstanceBuffer`] | the same with instances, whose transforms are in a buffer of your own |
 //! | [`build`] | BVH construction on the device, stage by stage |
 //! | [`RasterPipeline`], [`Draw`] | raster passes into integer targets |
@@ -87,7 +88,8 @@
 //! not timed. The example `browser` is a page that builds and traces the built-in scene.
 //!
 //! Tested and measured on the software drivers of Mesa (llvmpipe) and, in a browser, of Chromium (SwiftShader) only; no hardware GPU has
-//! been measured yet. Vulkan, Metal and DX12 are enabled in `wgpu`, and WebGPU in browsers. Requires up to 28 storage buffers per shader stage
+//! been measured yet. Vulkan, Metal and DX12 are enabled in `wgpu`, and WebGPU in browsers. Builds and traversal require eight storage buffers
+//! per shader stage, the default limit of `wgpu` and WebGPU. Kernels that render require up to 28
 //! ([`canted_shaders::MAX_STORAGE_BUFFERS`]), depending on the scene.
 #![forbid(unsafe_code)]
 

@@ -9,7 +9,7 @@
 
 use std::error::Error;
 
-use canted_gpu::build::BuildConfig;
+use canted_gpu::build::WideConfig;
 use canted_gpu::wgpu::util::{BufferInitDescriptor, DeviceExt};
 use canted_gpu::{Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers, wgpu};
 
@@ -73,7 +73,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         n_triangles: 12,
     };
     let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 52, n_instances: 3 };
-    let scene = InstancedScene::new(&gpu, &[mesh], &instances, BuildConfig::default())?;
+    let scene = InstancedScene::new(&gpu, &[mesh], &instances, WideConfig::default())?;
     let text = scene.traced().module(1)? + include_str!("pick.wgsl");
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("pick"),

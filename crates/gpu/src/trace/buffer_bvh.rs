@@ -5,7 +5,7 @@ use canted_lbvh::{Bits, Strategy};
 use super::binary::{Pairs, header};
 use super::layout::{BvhHeader, HitError};
 use super::nodes::EMPTY;
-use super::scene::Nodes;
+use super::scene::{MAX_STACK, Nodes};
 use super::wide::WideNodes;
 use crate::build::{
     BuildConfig, Built, Change, Collapse, Items, Range, Run, Topology, WideConfig, WideTrees, depth_bound,
@@ -22,6 +22,9 @@ pub enum BufferBvh {
     /// Eight-wide BVHs. The topology is that of the first build; recorded builds use the radix tree.
     Wide(WideConfig),
 }
+
+/// Stacks have a multiple of so many entries, because a stack of another size is another kernel.
+const DEPTH_STEP: u32 = 8;
 
 /// The top level has short codes: its cells are still a thousandth of the scene, and the stack of a ray is shallower.
 const TOP_BITS: Bits = Bits::B30;
@@ -140,7 +143,10 @@ impl NewNodes {
         };
         let empty = top.map(|_| BvhHeader::binary(EMPTY, 0, 0.0, none));
         let headers = of_top.into_iter().chain(of_bottom).chain(empty).collect();
-        Ok(Self { nodes, headers, depth: depth + top_depth, writer: NodeWriter { collapse, first_top_node } })
+        let depth = depth + top_depth;
+        let stepped = depth.next_multiple_of(DEPTH_STEP);
+        let depth = if stepped <= MAX_STACK { stepped } else { depth };
+        Ok(Self { nodes, headers, depth, writer: NodeWriter { collapse, first_top_node } })
     }
 }
 

@@ -25,13 +25,13 @@ use crate::{Buffer, Gpu, GpuError, wait::block_on};
 /// Bindings of [`Self::traced`] stay valid.
 ///
 /// ```no_run
-/// use canted_gpu::{Gpu, InstanceBuffer, InstancedScene, MeshBuffers, build::BuildConfig};
+/// use canted_gpu::{Gpu, InstanceBuffer, InstancedScene, MeshBuffers, build::WideConfig};
 ///
 /// # fn example(device: wgpu::Device, queue: wgpu::Queue, mesh: MeshBuffers<'_>, transforms: wgpu::Buffer) -> Result<(), canted_gpu::GpuError> {
 /// let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
 /// // Each instance: twelve f32 (the rows of world_from_object), the number of its mesh, three unused words.
 /// let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 64, n_instances: 100 };
-/// let mut scene = InstancedScene::new(&gpu, &[mesh], &instances, BuildConfig::default())?;
+/// let mut scene = InstancedScene::new(&gpu, &[mesh], &instances, WideConfig::default())?;
 /// let wgsl = scene.traced().module(1)?; // closest_hit(ray), occluded(ray), with buffers in bind group 1
 ///
 /// // Each frame: the program writes transforms, and moves vertices of mesh 0.

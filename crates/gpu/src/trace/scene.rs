@@ -9,7 +9,7 @@ use crate::loop_check::{LONG_LOOP, longest_loop};
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, wait::block_on};
 
 /// Maximum stack size. Wide BVHs have about ten levels, binary ones about thirty.
-const MAX_STACK: u32 = 128;
+pub(super) const MAX_STACK: u32 = 128;
 
 /// In a sequence of frames, stacks have a multiple of so many entries.
 const DEPTH_STEP: u32 = 8;
