@@ -2,7 +2,7 @@
 
 use canted_obb::{Aabb, Affine, PrimId};
 use canted_tlas::{Instance, InstanceError, row_sum_norm};
-use canted_wide::{Config, Preset, PrimitiveError, WideBvh};
+use canted_wide::{Config, Preset, PrimitiveError, RawBvh, WideBvh};
 
 use super::coordinates::check_coordinates;
 use super::layout::{HIT_ERROR, HitError, InstanceData};
@@ -25,8 +25,6 @@ pub(super) struct MeshBounds {
 pub(super) struct TopLevel {
     pub(super) packing: Packing,
     pub(super) bvh: WideBvh<Aabb>,
-    /// The instance of each primitive of the BVH. Instances without triangles have none.
-    pub(super) order: Vec<u32>,
 }
 
 impl TopLevel {
@@ -44,8 +42,12 @@ impl TopLevel {
         let config = Config::preset(Preset::Fast).axis_aligned();
         let bvh =
             WideBvh::<Aabb>::build(packing.boxes.clone(), &config).map_err(|error| untraceable(&of_instance(error)))?;
-        let order = bvh.raw().order.iter().map(|&PrimId(box_index)| numbers[box_index as usize]).collect();
-        Ok(Self { packing, bvh, order })
+        Ok(Self { packing, bvh })
+    }
+
+    /// The instance of each primitive of the BVH, whose words these are. Instances without triangles have none.
+    pub(super) fn order(&self, words: &RawBvh<'_>) -> Vec<u32> {
+        words.order.iter().map(|&PrimId(box_index)| self.packing.numbers[box_index as usize]).collect()
     }
 }
 
@@ -209,7 +211,7 @@ mod tests {
     fn largest_coordinates_are_accepted() {
         let outer = placed(&[1e18, 0.0], &[at(1, 1.0, 0.0), at(0, 1.0, 0.0), at(0, 1e-18, 9e17)]).unwrap();
         assert_eq!(outer.packing.instances.len(), 3);
-        let mut order = outer.order;
+        let mut order = outer.order(&outer.bvh.raw());
         order.sort_unstable();
         assert_eq!(order, [1, 2]);
     }

@@ -90,9 +90,9 @@ impl TracedScene {
             .map(|(mesh, words)| MeshBounds { reach: words.reach, aabb: mesh.aabb() })
             .collect();
         let outer = TopLevel::new(&bounds, instances)?;
-        let level = Level::Two(Instances::new(gpu, &outer.packing, &outer.order)?);
-        let deepest = words.iter().map(|words| words.depth).max().unwrap_or(0);
         let outer_words = outer.bvh.raw();
+        let level = Level::Two(Instances::new(gpu, &outer.packing, &outer.order(&outer_words))?);
+        let deepest = words.iter().map(|words| words.depth).max().unwrap_or(0);
         let depth = outer_words.depth + deepest;
         let of_meshes = words.into_iter().map(|words| {
             let error = HitError::of_triangles(words.reach);

@@ -79,3 +79,50 @@ fn capacity(n: u32, max_leaf: u32) -> u32 {
     let more = u64::from((WIDTH - 1).saturating_sub(max_leaf)) * most_not_full;
     count(usize::try_from((n + more).div_ceil(u64::from(WIDTH - 1))).unwrap_or(usize::MAX))
 }
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::SplitMix64;
+
+    use super::*;
+
+    /// Wide nodes over a tree of `n` items whose shape and areas are random, opened as `shared/build/wide.wgsl` does. A subtree is its
+    /// number of items.
+    fn collapsed(n: u32, max_leaf: u32, random: &mut SplitMix64, is_chain: bool) -> u32 {
+        let mut open = vec![n];
+        let mut n_nodes = 0;
+        while let Some(n) = open.pop().filter(|&n| n > max_leaf) {
+            n_nodes += 1;
+            let mut children = vec![n];
+            while children.len() < WIDTH as usize {
+                let inner: Vec<usize> = (0..children.len()).filter(|&i| children[i] > max_leaf).collect();
+                if inner.is_empty() {
+                    break;
+                }
+                let n = children.swap_remove(inner[random.below(inner.len())]);
+                let left = if is_chain { 1 } else { 1 + u32::try_from(random.below(n as usize - 1)).unwrap() };
+                children.extend([left, n - left]);
+            }
+            open.extend(children.into_iter().filter(|&n| n > max_leaf));
+        }
+        n_nodes
+    }
+
+    #[test]
+    fn no_collapse_exceeds_its_room() {
+        let mut random = SplitMix64::new(11);
+        let mut fullest = 0.0_f64;
+        for round in 0..4000_u32 {
+            let n = [round % 60, round % 977, 5 * (round % 13)][round as usize % 3];
+            for max_leaf in [1, MAX_LEAF] {
+                let n_nodes = collapsed(n, max_leaf, &mut random, round % 5 == 0);
+                assert!(n_nodes <= capacity(n, max_leaf), "{n} items, leaves of {max_leaf}: {n_nodes} nodes");
+                if n > 100 {
+                    fullest = fullest.max(f64::from(n_nodes) / f64::from(capacity(n, max_leaf)));
+                }
+            }
+        }
+        // Half as much would not be enough.
+        assert!(fullest > 0.5, "{fullest}");
+    }
+}
