@@ -59,6 +59,13 @@ struct Bench {
     bandwidth: Bandwidth,
 }
 
+impl Bench {
+    /// Whether the device computes on the CPU.
+    fn is_software(&self) -> bool {
+        self.gpu.info().kind == AdapterKind::Software
+    }
+}
+
 /// Measures the device and writes a section with its name.
 pub(crate) fn section(out: &mut String, choice: &Choice, options: &Options) -> Result<()> {
     let gpu = Gpu::open(choice)?;

@@ -174,3 +174,35 @@ pub(crate) fn adapters() -> Vec<Value> {
     });
     adapters.collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::or_skip;
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Options {
+        #[command(flatten)]
+        structure: StructureArgs,
+    }
+
+    /// What a device lacks is an error where the device was named, and the CPU's with `auto`.
+    #[test]
+    fn auto_takes_the_cpu_where_a_device_lacks_something() {
+        let test = "auto_takes_the_cpu_where_a_device_lacks_something";
+        let Some(gpu) = or_skip(test, Gpu::open(&Choice::Best)) else { return };
+        let structure = |line: &str| Options::parse_from(line.split(' ')).structure;
+        let lacks = |_: &Gpu| Err::<(), _>(DeviceError::Unsupported { what: "clear coats" });
+        let machine = Machine::Device(gpu);
+        let error = machine.ready(&structure("canted"), lacks).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains("clear coats"), "{error}");
+        assert!(machine.ready(&structure("canted"), |_| Ok(())).unwrap().is_some());
+        let Machine::Device(gpu) = machine else { unreachable!() };
+        let machine = Machine::Auto(gpu);
+        assert!(machine.ready(&structure("canted"), lacks).unwrap().is_none());
+        assert!(machine.ready(&structure("canted --accel kdtree"), |_| Ok(())).unwrap().is_none());
+        assert!(machine.ready(&structure("canted"), |_| Ok(())).unwrap().is_some());
+    }
+}

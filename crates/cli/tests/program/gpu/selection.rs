@@ -57,7 +57,15 @@ fn unsupported_requests_are_rejected() {
     folder.write("rays.csv", "0,0,1,0,0,-1,inf\n");
     folder.write("far.obj", crate::support::SMALL.replace("v 1 0 0", "v 2e18 0 0"));
     let cast = "cast small.obj --rays rays.csv --hits hits.csv --device";
+    folder.write(
+        "coat.toml",
+        "[[assets]]\nname = \"small\"\nfile = \"small.obj\"\nmaterial = \"coat\"\n\n\
+         [[materials]]\nname = \"coat\"\nclearcoat = 0.5\n",
+    );
+    let coat = format!("{RENDER} gpu --integrator").replace("small.obj", "coat.toml");
     let cases = [
+        (format!("{coat} path"), "clear coats"),
+        (format!("{coat} hybrid --aovs albedo").replace("a.png", "a.exr"), "clear coats"),
         (format!("{RENDER} gpu --volumes aabb --builder ploc"), "--builder ploc with a binary BVH is not supported"),
         (format!("{RENDER} gpu --accel kdtree"), "--accel kdtree is not supported on the GPU"),
         (format!("{RENDER} gpu --triangles baldwin-weber"), "--triangles baldwin-weber is not supported"),
@@ -73,5 +81,5 @@ fn unsupported_requests_are_rejected() {
     for (line, word) in cases {
         folder.run(&line).refused(&[word, "cpu"]);
     }
-    assert_eq!(folder.names(), ["far.obj", "rays.csv", "small.obj"]);
+    assert_eq!(folder.names(), ["coat.toml", "far.obj", "rays.csv", "small.obj"]);
 }
