@@ -15,6 +15,7 @@ use crate::{Gpu, GpuError};
 /// The BVHs over a program's buffers: [`BufferScene`](crate::BufferScene), [`InstancedScene`](crate::InstancedScene).
 ///
 /// Rays take half to four fifths of the time in wide BVHs; an update of binary ones takes less. Either configuration converts into this type.
+/// Where the stack of a ray would be too deep for codes of 63 bits (a mesh of a million triangles and ten thousand instances), they have 30.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BufferBvh {
     /// Binary BVHs, over a radix tree.
@@ -48,6 +49,21 @@ impl From<WideConfig> for BufferBvh {
 }
 
 impl BufferBvh {
+    /// With shorter codes, if the stack of a ray would be too deep otherwise, for so many triangles in a mesh and so many instances.
+    pub(super) fn shallow(mut self, n_triangles: u32, n_instances: u32) -> Self {
+        if self.depth(n_triangles, n_instances) > MAX_STACK {
+            match &mut self {
+                Self::Binary(BuildConfig { bits, .. }) | Self::Wide(WideConfig { bits, .. }) => *bits = Bits::B30,
+            }
+        }
+        self
+    }
+
+    /// Greatest depth of any build over so many triangles in a mesh and so many instances.
+    fn depth(self, n_triangles: u32, n_instances: u32) -> u32 {
+        depth_bound(n_triangles, self.bottom().bits) + depth_bound(n_instances, TOP_BITS)
+    }
+
     /// Builds the binary trees of the bottom level.
     pub(super) async fn build(self, run: &mut Run<'_>, items: Items) -> Result<Built, GpuError> {
         let topology = match self {
@@ -116,8 +132,8 @@ impl NewNodes {
     ) -> Result<Self, GpuError> {
         let ranges = bottom.items.ranges();
         let most = ranges.iter().map(|range| range.count).max().unwrap_or(0);
-        let top_depth = top.map_or(0, |top| depth_bound(top.items.len(), TOP_BITS));
-        let bound = depth_bound(most, bvh.bottom().bits);
+        let n_top = top.map_or(0, |top| top.items.len());
+        let bound = bvh.depth(most, n_top);
         let none = HitError::of_triangles(0.0);
         let first_top_node = bottom.items.len();
         let (nodes, of_top, of_bottom, depth, collapse) = match bvh {
@@ -136,14 +152,13 @@ impl NewNodes {
                 };
                 let of_top = top.and_then(|_| of(1).next());
                 let of_bottom: Vec<_> = of(0).collect();
-                let depth = bound.max(trees.levels[0].depth);
+                let depth = bound.max(trees.levels[0].depth + depth_bound(n_top, TOP_BITS));
                 let (nodes, collapse) = WideNodes::rewritten(trees);
                 (Nodes::Wide(nodes), of_top, of_bottom, depth, Some(collapse))
             }
         };
         let empty = top.map(|_| BvhHeader::binary(EMPTY, 0, 0.0, none));
         let headers = of_top.into_iter().chain(of_bottom).chain(empty).collect();
-        let depth = depth + top_depth;
         let stepped = depth.next_multiple_of(DEPTH_STEP);
         let depth = if stepped <= MAX_STACK { stepped } else { depth };
         Ok(Self { nodes, headers, depth, writer: NodeWriter { collapse, first_top_node } })
@@ -179,5 +194,24 @@ impl NodeWriter {
             Nodes::Binary(pairs) => pairs.is_oriented(),
             Nodes::Wide(_) => false,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_are_short_only_where_the_stack_would_be_too_deep() {
+        for bvh in [BufferBvh::default(), WideConfig::default().into()] {
+            assert_eq!(bvh.shallow(1 << 20, 1000), bvh);
+            let shallow = bvh.shallow(1 << 20, 10_000);
+            assert_eq!(shallow.bottom().bits, Bits::B30);
+            assert!(bvh.depth(1 << 20, 10_000) > MAX_STACK && shallow.depth(1 << 20, 10_000) <= MAX_STACK);
+            // The most triangles and instances that are supported.
+            assert!(bvh.shallow(1 << 26, 1 << 26).depth(1 << 26, 1 << 26) <= MAX_STACK);
+        }
+        // Few items bound the depth, too.
+        assert_eq!(BufferBvh::default().depth(5, 1), 6);
     }
 }

@@ -91,7 +91,7 @@ impl BufferScene {
         let faults = gpu.zeroed("faults", 2 * meshes.len())?;
         let items = Items::of_buffers(&run, meshes)?;
         items.gather(&mut run, meshes, &faults)?;
-        let bvh = bvh.into();
+        let bvh = bvh.into().shallow(items.len(), 0);
         let built = bvh.build(&mut run, items).await?;
         let NewNodes { nodes, headers, depth, writer } = NewNodes::new(&mut run, bvh, &built, None).await?;
         let mut n_before = 0;

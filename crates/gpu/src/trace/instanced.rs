@@ -111,7 +111,8 @@ impl InstancedScene {
         let faults = gpu.zeroed("faults", 2 * meshes.len())?;
         let items = Items::trees_of_buffers(&run, meshes)?;
         items.gather(&mut run, meshes, &faults)?;
-        let bvh = bvh.into();
+        let most = meshes.iter().map(|mesh| mesh.n_triangles).max().unwrap_or(0);
+        let bvh = bvh.into().shallow(most, instances.n_instances);
         let bottom = bvh.build(&mut run, items).await?;
         let top = bvh.build_top(&mut run, gpu, instances.n_instances).await?;
         let NewNodes { nodes, headers, depth, writer } = NewNodes::new(&mut run, bvh, &bottom, Some(&top)).await?;
