@@ -35,6 +35,7 @@ pub(super) struct Slice {
     pub(super) end_group: u32,
     pub(super) first_sample: u32,
     pub(super) n_samples: u32,
+    pub(super) block: u32,
 }
 
 /// All members except those that depend on the scene.
