@@ -17,10 +17,7 @@ use super::traced::{Traced, traced_frame, traced_scene};
 use super::wavefront::WavefrontKernels;
 use super::{DeviceError, DeviceFrames};
 use crate::render::{RenderTiles, Rendering, Schedule, Worker};
-use crate::{Integrator, Lights, Monitor, Pattern, SampleSums, Settings, Structure, Surfaces};
-
-/// Stratified samples per pixel that kernels count in 32 bits.
-const MAX_STRATIFIED: u32 = 1 << 20;
+use crate::{Integrator, Lights, Monitor, SampleSums, Settings, Structure, Surfaces};
 
 /// A film that a GPU and the CPU rendered together.
 pub struct SharedFilm {
@@ -114,7 +111,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         let scene = surfaces.scene();
         let cpu = Rendering::new(scene, structure, surfaces, camera, settings)?;
         collector::check_size(settings)?;
-        check_supported(settings)?;
+        picture::check_supported(settings)?;
         // AOVs show the materials of the path integrator.
         let materials = if settings.aovs.is_empty() { settings.integrator } else { Integrator::Path };
         if materials == Integrator::Path && scene.materials.iter().any(|material| material.lobes.is_some()) {
@@ -294,12 +291,4 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         bound.extend(self.traced.bindings());
         bound
     }
-}
-
-/// Rejects settings that the kernels do not support.
-fn check_supported(settings: &Settings) -> Result<(), DeviceError> {
-    if settings.pattern == Pattern::Stratified && settings.samples > MAX_STRATIFIED {
-        return Err(DeviceError::Unsupported { what: "more than 1048576 stratified samples per pixel" });
-    }
-    Ok(())
 }
