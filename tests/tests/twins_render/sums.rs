@@ -12,7 +12,7 @@ use canted_renderer::{
 use canted_scene::{Camera, Environment, Scene};
 use canted_trace::Watertight;
 
-use super::compared::{on_cpu, on_device, prepared};
+use super::compared::{difference, on_cpu, on_device, prepared};
 use super::{gpu, scenes};
 
 /// Relative rounding error of `n` operations in `f32` (Higham 2002, section 3.1).
@@ -182,16 +182,16 @@ fn the_cpu_takes_unfinished_samples() {
     check(&ours, &some, "some samples");
     assert!(ours.guides() == some.guides());
     assert!(some != theirs && some != on_device(&gpu, &scene, &prepared, &camera, &host));
-    // Brighter than 2^56. Only darker samples, if any, are the device's.
-    let summed = 2.0_f64.powi(56);
+    // Brighter than 2^56. The others are summed on the device.
     scene.environment = Some(Environment::Constant([1e20; 3]));
     scene.lights.clear();
     let bright = settings(Integrator::Hybrid, 6);
     let ours = on_device(&gpu, &scene, &prepared, &camera, &Settings { sums: SampleSums::Device, ..bright });
     let theirs = on_cpu(&scene, &prepared, &camera, &bright);
     assert_eq!(counts(&ours), counts(&theirs));
-    assert!(theirs.pixels().iter().filter(|pixel| pixel.sum[0] > 100.0 * summed).count() > 100);
-    let pairs = ours.pixels().iter().zip(theirs.pixels());
-    let apart = pairs.flat_map(|(a, b)| (0..3).map(|k| (a.sum[k] - b.sum[k]).abs())).fold(0.0, f64::max);
-    assert!(apart <= 6.0 * summed, "{apart}");
+    let n_equal = ours.pixels().iter().zip(theirs.pixels()).filter(|(a, b)| a == b && a.sum[0] > 1e18).count();
+    assert!(2 * n_equal > theirs.pixels().len(), "{n_equal} of {}", theirs.pixels().len());
+    // Where rounding sends a path elsewhere, a dark sample of the device may be a bright one of the CPU, but not the other way round.
+    let found = difference(&ours, &theirs);
+    assert!(found.astray < 0.2 && found.of_means < 0.005, "{found:?}");
 }
