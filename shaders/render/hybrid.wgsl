@@ -1,8 +1,8 @@
-// Hybrid integrator: direct light, diffuse bounces, ambient occlusion. One sample of one pixel per invocation, 8 x 8 pixels per
-// work-group. Twin of the CPU's hybrid integrator, whose documentation describes the estimate and its bias.
+// Hybrid integrator: direct light, diffuse bounces, ambient occlusion. One sample of one pixel per invocation. Twin of the CPU's
+// hybrid integrator, whose documentation describes the estimate and its bias.
 //
-// `?direct` and `?shape_lights` are the listed lights, `?sky` the background, `?time` the time of rays, `?first` what is known of the
-// first hits.
+// `?film` is what is kept of samples, `?direct` and `?shape_lights` are the listed lights, `?sky` the background, `?time` the time of
+// rays, `?first` what is known of the first hits.
 //
 // All rays of a path share one call site. Compilers inline functions at each call, and traversal is by far the largest.
 // use shared/invocation/index
@@ -14,7 +14,7 @@
 // use ?traverse
 // use ?shape_lights
 // use ?direct
-// use shared/picture/film
+// use ?film
 // use ?sky
 // use ?time
 // use ?first
@@ -26,12 +26,13 @@ const FIRST_BOUNCE: u32 = 1u;
 fn main(id: Invocation) {
     let group = group_index(id);
     let one = taken(group, id.local);
+    var light = Light(vec3(0.0), 0u);
     if one.is_inside {
         choose_time(one);
         let start = camera_ray(one);
-        let light = gathered(one, start.ray, start.cone);
-        keep(group, id.local, light.radiance, light.n_rays);
+        light = gathered(one, start.ray, start.cone);
     }
+    keep(group, id.local, one, light.radiance, light.n_rays);
 }
 
 struct Light {

@@ -28,15 +28,17 @@ struct Picture {
     slack: f32,
 }
 
-/// Work-groups of a dispatch. Each takes one sample of the 8 x 8 pixels of a cell.
+/// Work-groups of a dispatch. Each takes a block of samples of 64 / block pixels of a cell of 8 x 8.
 struct Slice {
     /// Index of the first work-group among those of all cells and samples.
     first_group: u32,
     /// One past the last.
     end_group: u32,
     first_sample: u32,
-    /// Samples per cell.
+    /// Samples per pixel, and work-groups per cell.
     n_samples: u32,
+    /// Samples of a pixel that a work-group takes: a power of two up to 64 that divides `n_samples`.
+    block: u32,
 }
 
 @group(1) @binding(0) var<uniform> picture: Picture;
@@ -55,31 +57,23 @@ struct PixelSample {
     is_inside: bool,
 }
 
-/// The sample of an invocation.
+/// The sample of an invocation. A cell takes one block of all its pixels after the other; in a block, the samples of a pixel are
+/// neighbors.
 fn taken(group: u32, local: u32) -> PixelSample {
     let number = slice.first_group + group;
     if number >= slice.end_group {
         return PixelSample(vec2(0u), 0u, 0u, false);
     }
     let cell = cells[number / slice.n_samples];
-    let at = 8u * vec2(cell & 0xffffu, cell >> 16u) + vec2(local % 8u, local / 8u);
-    let sample = slice.first_sample + number % slice.n_samples;
-    return PixelSample(at, at.y * picture.size.x + at.x, sample, at.x < picture.size.x && at.y < picture.size.y);
+    let group_of_cell = number % slice.n_samples;
+    let pixel_of_cell = (64u * (group_of_cell % slice.block) + local) / slice.block;
+    let first = slice.first_sample + group_of_cell - group_of_cell % slice.block;
+    let at = 8u * vec2(cell & 0xffffu, cell >> 16u) + vec2(pixel_of_cell % 8u, pixel_of_cell / 8u);
+    let is_inside = at.x < picture.size.x && at.y < picture.size.y;
+    return PixelSample(at, at.y * picture.size.x + at.x, first + local % slice.block, is_inside);
 }
 
 /// The point of the unit square of a sample for `dimension`.
 fn square(one: PixelSample, dimension: u32) -> vec2<f32> {
     return pair(picture.sampler, one.pixel, one.sample, dimension);
-}
-
-// part film
-// Stores every sample; the host sums them in f64.
-// use ?traverse
-
-/// Linear RGB radiance of each sample, and the number of rays traced, -1 if one was incomplete. 64 pixels per work-group, row
-/// by row.
-@group(1) @binding(4) var<storage, read_write> samples: array<vec4<f32>>;
-
-fn keep(group: u32, local: u32, radiance: vec3<f32>, n_rays: u32) {
-    samples[64u * group + local] = vec4(radiance, select(f32(n_rays), -1.0, is_incomplete));
 }

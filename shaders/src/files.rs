@@ -109,6 +109,7 @@ pub const FILES: &[(&str, &str)] = files![
     "shared/emission",
     "shared/energy",
     "shared/exact",
+    "shared/film",
     "shared/filter",
     "shared/first",
     "shared/fresnel",

@@ -10,6 +10,7 @@ mod twins_render {
     mod raster;
     mod sampler;
     mod scenes;
+    mod sums;
 
     pub(crate) use canted_tests::device::gpu;
 }

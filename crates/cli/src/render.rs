@@ -25,7 +25,7 @@ use anyhow::{Result, anyhow};
 use canted_film::{Film, Format, Record, Tile, encode, write_film_as};
 #[cfg(feature = "gpu")]
 use canted_renderer::DeviceFrames;
-use canted_renderer::{FirstHit, MipMaps, Prepared, Settings, Surfaces, heatmap};
+use canted_renderer::{FirstHit, MipMaps, Prepared, SampleSums, Settings, Surfaces, heatmap};
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 use serde_json::json;
@@ -216,8 +216,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     facts::report(&facts, args.run.json)
 }
 
-/// Rejects a heat map on a GPU.
+/// Rejects a heat map on a GPU, and sums of a device on the CPU.
 fn check_device(args: &Args) -> Result<()> {
+    if args.sums == SampleSums::Device && args.heatmap.is_none() && args.run.device == DeviceArg::Cpu {
+        return Err(anyhow!("--sums device requires a GPU; use --device gpu, or --sums host"));
+    }
     match (args.heatmap, &args.run.device) {
         (None, _) | (Some(_), DeviceArg::Auto | DeviceArg::Cpu) => Ok(()),
         (Some(_), _) => Err(anyhow!("--heatmap is not supported on the GPU; use --device cpu")),
@@ -319,6 +322,9 @@ fn render_picture<K: LaneKernel>(
         let on_gpu: Option<CpuRenderer<K>> = None;
         if on_gpu.is_none() && args.first_hit == FirstHit::Raster {
             return Err(anyhow!("--first-hit raster requires a GPU, and the CPU renders this picture; see --device"));
+        }
+        if on_gpu.is_none() && args.sums == SampleSums::Device {
+            return Err(anyhow!("--sums device requires a GPU, and the CPU renders this picture; see --device"));
         }
         let on_cpu = CpuRenderer { surfaces: &surfaces, structure, camera, settings };
         let renderer: &dyn FilmRenderer = on_gpu.as_ref().map_or(&on_cpu, |on_gpu| on_gpu as &dyn FilmRenderer);

@@ -21,7 +21,7 @@ use clap::{
 use crate::{load, output, render, words::Words};
 
 /// Options about a run: its files, devices and reports.
-const RUN_OPTIONS: [&str; 23] = [
+const RUN_OPTIONS: [&str; 24] = [
     "scene",
     "output",
     "crop",
@@ -37,6 +37,7 @@ const RUN_OPTIONS: [&str; 23] = [
     "heatmap_scale",
     "boxes",
     "device",
+    "sums",
     "threads",
     "json",
     "frames",
@@ -69,7 +70,7 @@ const OPTIONS_WITH_TABLE: [(&str, &str); 17] = [
 ];
 
 /// Options without effect on a heat map, which shows camera rays through the center of the lens.
-const IGNORED_BY_HEATMAP: [&str; 18] = [
+const IGNORED_BY_HEATMAP: [&str; 19] = [
     "spp",
     "sampler",
     "seed",
@@ -79,6 +80,7 @@ const IGNORED_BY_HEATMAP: [&str; 18] = [
     "bounces",
     "energy_compensation",
     "first_hit",
+    "sums",
     "ao_radius",
     "env",
     "env_turn",

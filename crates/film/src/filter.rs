@@ -136,11 +136,24 @@ impl FilterSampler {
         self.is_signed
     }
 
-    /// The table in `f32`, for GPUs.
+    /// The table in `f32`, for GPUs. An entry is negative where the filter is negative in the step that starts there. Entries are rounded
+    /// up, so a share in `f32` has the same step, and therefore the same sign, as in [`FilterSampler::sample`].
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
     pub fn table(&self) -> Vec<f32> {
-        self.before.iter().map(|&before| before as f32).collect()
+        let rounded_up = |before: f64| {
+            let nearest = before as f32;
+            if f64::from(nearest) < before { nearest.next_up() } else { nearest }
+        };
+        let signs = (0..STEPS).map(|step| self.sign(step)).chain([1.0]);
+        self.before.iter().zip(signs).map(|(&before, sign)| sign * rounded_up(before)).collect()
+    }
+
+    /// The sign of the filter in a step, which is constant.
+    #[expect(clippy::cast_precision_loss, reason = "few steps")]
+    fn sign(&self, step: usize) -> f32 {
+        let center = f64::from(self.filter.radius()) * (step as f64 + 0.5) / STEPS as f64;
+        if self.filter.value(center) < 0.0 { -1.0 } else { 1.0 }
     }
 
     /// Offset of a sample from the center of the pixel, in pixels, and its weight, for a point in the unit square.
@@ -164,8 +177,34 @@ impl FilterSampler {
         let (start, end) = (self.before[step], self.before[step + 1]);
         let inside = (share - start) / (end - start);
         let x = f64::from(self.filter.radius()) * (step as f64 + inside) / STEPS as f64;
-        // The sign is constant within a step.
-        let center = f64::from(self.filter.radius()) * (step as f64 + 0.5) / STEPS as f64;
-        (x.copysign(signed), if self.filter.value(center) < 0.0 { -1.0 } else { 1.0 })
+        (x.copysign(signed), self.sign(step))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The sign that a kernel finds for a share of the integral.
+    fn sign_in_table(table: &[f32], share: f32) -> f32 {
+        let step = table[..STEPS].partition_point(|before| before.abs() <= share) - 1;
+        1.0_f32.copysign(table[step])
+    }
+
+    #[test]
+    fn the_table_of_devices_has_the_signs_of_samples() {
+        for filter in [Filter::MITCHELL, Filter::Mitchell(0.7), Filter::GAUSSIAN, Filter::TENT] {
+            let sampler = FilterSampler::new(filter).unwrap();
+            let table = sampler.table();
+            assert_eq!(table.iter().any(|&before| before < 0.0), sampler.is_signed(), "{filter}");
+            for before in &table[..STEPS] {
+                // Numbers of the sampler are multiples of 2^-24, so shares are multiples of 2^-23.
+                let nearest = (before.abs() * 8_388_608.0).round();
+                for share in [-1.0, 0.0, 1.0].map(|d| ((nearest + d) / 8_388_608.0).clamp(0.0, 1.0)) {
+                    let (_, weight) = sampler.sample([0.5 + 0.5 * share, 0.5]);
+                    assert_eq!(sign_in_table(&table, share), weight, "{filter}: {share}");
+                }
+            }
+        }
     }
 }

@@ -209,6 +209,7 @@ impl Gpu {
             None => return Err(GpuError::Lost { message: "a buffer is never mapped".to_owned() }),
         }
         let view = staging.get_mapped_range(..).map_err(|error| GpuError::Lost { message: error.to_string() })?;
+        self.counters.add_download(size);
         Ok(bytemuck::pod_collect_to_vec(&view[..n_bytes]))
     }
 }

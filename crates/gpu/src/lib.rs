@@ -29,7 +29,7 @@
 //! | [`InstancedScene`], [`InstanceBuffer`] | the same with instances, whose transforms are in a buffer of your own |
 //! | [`build`] | BVH construction on the device, stage by stage |
 //! | [`RasterPipeline`], [`Draw`] | raster passes into integer targets |
-//! | [`Traffic`] | counters of uploaded bytes and dispatches |
+//! | [`Traffic`] | counters of uploaded and downloaded bytes, and of dispatches |
 //!
 //! # Buffers of a scene
 //!

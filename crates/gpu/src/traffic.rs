@@ -1,11 +1,11 @@
-//! Counters of what goes to a device.
+//! Counters of what goes to a device and comes back.
 
 use std::ops::Sub;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::Gpu;
 
-/// What went to a device since it was opened. Differences count a part of the work.
+/// What went to a device and came back since it was opened. Differences count a part of the work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Bytes written to buffers by the CPU.
@@ -14,6 +14,8 @@ pub struct Traffic {
     pub n_uploads: u64,
     /// Dispatches.
     pub n_dispatches: u64,
+    /// Bytes of buffers read by the CPU.
+    pub downloaded_bytes: u64,
 }
 
 impl Sub for Traffic {
@@ -24,6 +26,7 @@ impl Sub for Traffic {
             uploaded_bytes: self.uploaded_bytes - before.uploaded_bytes,
             n_uploads: self.n_uploads - before.n_uploads,
             n_dispatches: self.n_dispatches - before.n_dispatches,
+            downloaded_bytes: self.downloaded_bytes - before.downloaded_bytes,
         }
     }
 }
@@ -33,11 +36,16 @@ pub(crate) struct Counters {
     bytes: AtomicU64,
     uploads: AtomicU64,
     dispatches: AtomicU64,
+    downloaded: AtomicU64,
 }
 
 impl Counters {
     pub(crate) fn add_dispatch(&self) {
         self.dispatches.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(crate) fn add_download(&self, bytes: u64) {
+        self.downloaded.fetch_add(bytes, Ordering::Relaxed);
     }
 }
 
@@ -45,11 +53,12 @@ impl Gpu {
     /// What went to the device so far.
     #[must_use]
     pub fn traffic(&self) -> Traffic {
-        let Counters { bytes, uploads, dispatches } = &self.counters;
+        let Counters { bytes, uploads, dispatches, downloaded } = &self.counters;
         Traffic {
             uploaded_bytes: bytes.load(Ordering::Relaxed),
             n_uploads: uploads.load(Ordering::Relaxed),
             n_dispatches: dispatches.load(Ordering::Relaxed),
+            downloaded_bytes: downloaded.load(Ordering::Relaxed),
         }
     }
 

@@ -14,6 +14,7 @@ mod kernels;
 mod lights;
 mod materials;
 mod picture;
+mod records;
 mod scene;
 mod slack;
 mod textures;

@@ -77,7 +77,7 @@ pub use mask::Masked;
 pub use prepare::{Levels, Prepared, StructureConfig, UnusedFeature, prepare};
 pub use render::{Monitor, RenderError, render, resume, resume_with};
 pub use sampler::{Pattern, Sampler};
-pub use settings::{FirstHit, Integrator, Settings};
+pub use settings::{FirstHit, Integrator, SampleSums, Settings};
 pub use structure::{Flat, Flattened, Structure, flatten};
 pub use surface::{Surface, Surfaces};
 pub use texture::{Cone, Lod, MipMaps};

@@ -2,7 +2,7 @@
 // use shared/invocation/index
 // use alternatives/wavefront/paths
 // use alternatives/wavefront/paths/queue
-// use shared/picture/film
+// use shared/film/samples
 // use ?time
 
 @compute @workgroup_size(64)
@@ -25,7 +25,7 @@ fn main(id: Invocation) {
         if is_active {
             paths[path_index] = path;
         } else {
-            keep(path_index / 64u, path_index % 64u, path.radiance, path.n_rays);
+            keep(path_index / 64u, path_index % 64u, one, path.radiance, path.n_rays);
         }
     }
     enqueue(is_active, path_index, id.local);

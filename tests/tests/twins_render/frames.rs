@@ -106,8 +106,10 @@ fn frames_of_binary_bvhs_are_updated_on_the_device() {
     for strategy in [Strategy::Aabb, Strategy::Combined] {
         let found = uploads(&gpu, Accel::Binary { strategy, builder: None }, &STEPS);
         let of = |frame: usize| found[frame].0;
-        // Nothing is built for the camera.
-        assert_eq!(of(1), Traffic::default(), "{found:?}");
+        // Nothing is built for the camera. What is read back is the size of the structure.
+        let Traffic { downloaded_bytes, .. } = of(1);
+        assert_eq!(of(1), Traffic { downloaded_bytes, ..Traffic::default() }, "{found:?}");
+        assert!(downloaded_bytes < 256, "{found:?}");
         assert!(of(2).n_dispatches == 0 && of(2).n_uploads == 1, "{found:?}");
         // A record for rays and one for shading; the others are the sizes of dispatches, 16 bytes each.
         let sizes = |frame: usize| 64 * of(frame).n_dispatches;

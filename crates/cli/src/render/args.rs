@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
 use canted_film::{Filter, Format, Record};
-use canted_renderer::{BoxLevel, FirstHit, Integrator, Lod, Measure, Settings, light_hash, scene_hash};
+use canted_renderer::{BoxLevel, FirstHit, Integrator, Lod, Measure, SampleSums, Settings, light_hash, scene_hash};
 use canted_scene::{Camera, Material, ReadOptions, Scene};
 
 use super::{
@@ -94,6 +94,10 @@ pub(crate) struct Args {
     /// faster. The picture is the same.
     #[arg(long, help_heading = RENDERING, default_value = "auto", value_parser = one_of(&FIRST_HITS), value_name = "auto|raster|trace")]
     pub(super) first_hit: FirstHit,
+    /// Where samples of a GPU are summed: `host` downloads each of them, `device` downloads sums of up to 64 samples of a pixel. Use `device`
+    /// where the download takes long: many samples per pixel on a fast GPU. Pictures differ by roundings only.
+    #[arg(long, help_heading = RENDERING, default_value = "host", value_parser = one_of(&SUMS), value_name = "host|device")]
+    pub(super) sums: SampleSums,
     #[command(flatten)]
     pub(crate) look: LookArgs,
     #[command(flatten)]
@@ -129,6 +133,8 @@ const SWITCH: [(&str, bool); 2] = [("on", true), ("off", false)];
 /// Names of [`FirstHit`].
 pub(super) const FIRST_HITS: [(&str, FirstHit); 3] =
     [("auto", FirstHit::Auto), ("raster", FirstHit::Raster), ("trace", FirstHit::Trace)];
+
+const SUMS: [(&str, SampleSums); 2] = [("host", SampleSums::Host), ("device", SampleSums::Device)];
 
 const INTEGRATORS: [(&str, Integrator); 2] = [("hybrid", Integrator::Hybrid), ("path", Integrator::Path)];
 
@@ -227,7 +233,7 @@ impl Args {
     }
 
     pub(crate) fn settings(&self) -> Result<Settings> {
-        let Self { size: [width, height], filter, lod, seed, ao_radius, energy_compensation, .. } = *self;
+        let Self { size: [width, height], filter, lod, seed, ao_radius, energy_compensation, sums, .. } = *self;
         let integrator = self.integrator.unwrap_or(Integrator::Hybrid);
         if ao_radius.is_some() && integrator != Integrator::Hybrid {
             return Err(anyhow!("--ao-radius requires --integrator hybrid"));
@@ -243,6 +249,7 @@ impl Args {
             seed,
             energy_compensation,
             ao_radius,
+            sums,
             ..Settings::default()
         };
         self.samples.apply(&mut settings)?;

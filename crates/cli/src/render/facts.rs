@@ -61,7 +61,7 @@ pub(super) fn of_film(film: &Film, settings: &Settings, time: Duration, known: &
 }
 
 /// Facts that are sums over frames.
-const SUMS: [&str; 9] = [
+const SUMS: [&str; 10] = [
     "load_seconds",
     "build_seconds",
     "trace_seconds",
@@ -70,6 +70,7 @@ const SUMS: [&str; 9] = [
     "dropped_samples",
     "gpu_tiles",
     "gpu_uploaded_bytes",
+    "gpu_downloaded_bytes",
     "gpu_dispatches",
 ];
 

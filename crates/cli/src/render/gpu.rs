@@ -73,10 +73,14 @@ impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
 }
 
 impl<K: LaneKernel> GpuRenderer<'_, K> {
-    /// What went to the GPU for this picture.
-    fn traffic(&self) -> [Fact; 2] {
-        let Traffic { uploaded_bytes, n_dispatches, .. } = self.gpu.traffic() - self.before;
-        [("gpu_uploaded_bytes", json!(uploaded_bytes)), ("gpu_dispatches", json!(n_dispatches))]
+    /// What went to the GPU and came back for this picture.
+    fn traffic(&self) -> [Fact; 3] {
+        let Traffic { uploaded_bytes, n_dispatches, downloaded_bytes, .. } = self.gpu.traffic() - self.before;
+        [
+            ("gpu_uploaded_bytes", json!(uploaded_bytes)),
+            ("gpu_downloaded_bytes", json!(downloaded_bytes)),
+            ("gpu_dispatches", json!(n_dispatches)),
+        ]
     }
 }
 

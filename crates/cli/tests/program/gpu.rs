@@ -5,6 +5,7 @@
 mod pictures;
 mod selection;
 mod stats;
+mod sums;
 
 use canted_fixtures::or_skip;
 

@@ -29,7 +29,8 @@ impl Block {
     }
 
     /// The fewest blocks that cover `range`, in order.
-    pub(crate) fn of(range: Range<u32>) -> Vec<Self> {
+    #[must_use]
+    pub fn of(range: Range<u32>) -> Vec<Self> {
         let mut blocks = Vec::new();
         let mut first = range.start;
         while first < range.end {
@@ -56,8 +57,8 @@ impl<T> Default for Dyadic<T> {
 }
 
 impl<T: Copy + Default + Add<Output = T>> Dyadic<T> {
-    /// Adds the value of the next block.
-    pub(crate) fn push(&mut self, mut block: Block, mut value: T) {
+    /// Adds the value of the next block, as the sum of its two halves.
+    pub fn push(&mut self, mut block: Block, mut value: T) {
         while let Some(&(before, sum)) = self.blocks.last()
             && before.is_completed_by(block)
         {

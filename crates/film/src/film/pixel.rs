@@ -39,6 +39,15 @@ impl Pixel {
         Self { sum: sample.sum.map(|x| -x), n_negative: sample.n_samples, ..sample }
     }
 
+    /// Samples that were summed elsewhere: their sum, minus that of samples with negative weight, and the sum of squared deviations of
+    /// these terms from their mean. The numbers are those of [`Pixel::n_samples`], [`Pixel::n_negative`] and [`Pixel::n_dropped`].
+    #[must_use]
+    pub fn of_sums(sum: [f64; 3], squared_deviations: [f64; 3], [n_samples, n_negative, n_dropped]: [u32; 3]) -> Self {
+        let n = f64::from(n_samples.max(1));
+        let sum_of_squares = std::array::from_fn(|k| squared_deviations[k] + sum[k] * sum[k] / n);
+        Self { sum, sum_of_squares, n_samples, n_negative, n_dropped }
+    }
+
     /// Samples taken, including dropped ones.
     #[must_use]
     pub fn n_taken(&self) -> u32 {
@@ -141,6 +150,16 @@ mod tests {
         assert_eq!((lost.n_samples, lost.n_negative, lost.n_dropped), (0, 0, 1));
         // Equal samples vary by their weights.
         assert!((sample(1.0, 1.0) + sample(1.0, 1.0) + sample(1.0, -1.0)).squared_error() > 0.0);
+    }
+
+    #[test]
+    fn samples_summed_elsewhere_are_those_of_one_after_the_other() {
+        let sample = |x: f32, weight: f32| Pixel::weighted([x, 2.0 * x, 0.0], weight);
+        let each =
+            sample(1.0, 1.0) + sample(3.0, 1.0) + sample(2.0, -1.0) + Pixel::of([f32::NAN; 3]) + sample(6.0, 1.0);
+        // The terms 1, 3, -2 and 6 have the mean 2 and deviate by 1, 1, 4 and 4.
+        assert_eq!(Pixel::of_sums([8.0, 16.0, 0.0], [34.0, 136.0, 0.0], [4, 1, 1]), each);
+        assert_eq!(Pixel::of_sums([0.0; 3], [0.0; 3], [0, 0, 1]), Pixel::of([f32::NAN; 3]));
     }
 
     #[test]

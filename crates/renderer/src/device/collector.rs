@@ -2,11 +2,12 @@
 
 use std::ops::Range;
 
-use canted_film::{CELL, Guide, Pixel, Sums, Tile, Tiling};
+use canted_film::{Block, CELL, Dyadic, Guide, Sums, Tile, Tiling};
 use canted_gpu::{GpuError, NamedBinding};
 
 use super::dispatcher::SampleDispatcher;
-use super::kernels::{CELL_PIXELS, PackedGuide, PackedSample};
+use super::kernels::{CELL_PIXELS, PackedGuide};
+use super::records::{Run, SampleRecord, Taken};
 use crate::render::{Adaptive, RenderTiles};
 use crate::{RenderError, Settings};
 
@@ -24,8 +25,8 @@ struct Cell {
 }
 
 /// Renders tiles on a GPU.
-pub(super) struct SampleCollector<'a> {
-    pub(super) dispatcher: SampleDispatcher<'a>,
+pub(super) struct SampleCollector<'a, R> {
+    pub(super) dispatcher: SampleDispatcher<'a, R>,
     /// Bindings of picture and scene.
     pub(super) bindings: Vec<NamedBinding<'a>>,
     pub(super) settings: &'a Settings,
@@ -35,7 +36,7 @@ pub(super) struct SampleCollector<'a> {
     pub(super) tiles: &'a dyn RenderTiles,
 }
 
-impl SampleCollector<'_> {
+impl<R: SampleRecord> SampleCollector<'_, R> {
     /// Renders tiles together: all cells take the same samples in the same dispatches until they are done. `None` once `stop`,
     /// which is called between dispatches, returns true.
     pub(super) fn tiles(
@@ -44,11 +45,14 @@ impl SampleCollector<'_> {
         numbers: &[usize],
         stop: &dyn Fn() -> bool,
     ) -> Result<Option<Vec<Tile>>, GpuError> {
-        let mut waiting: Vec<Cell> =
-            numbers.iter().enumerate().flat_map(|(tile, &number)| self.cells(tile, number, tiling)).collect();
+        let mut waiting: Vec<Cell> = numbers
+            .iter()
+            .enumerate()
+            .flat_map(|(tile, &number)| Cell::all(tile, number, tiling, self.settings))
+            .collect();
         let mut tiles: Vec<Tile> = numbers.iter().map(|&number| tiling.tile(number)).collect();
         while let Some(Range { start, end }) = waiting.first().map(|cell| cell.adaptive.next.clone()) {
-            self.take(&mut waiting, [start, end - start], stop)?;
+            self.take(&mut waiting, [start, end], stop)?;
             if stop() {
                 return Ok(None);
             }
@@ -65,33 +69,26 @@ impl SampleCollector<'_> {
         Ok(Some(tiles))
     }
 
-    fn cells(&self, tile: usize, number: usize, tiling: &Tiling) -> impl Iterator<Item = Cell> + use<> {
-        let corner = tiling.corner(number);
-        let settings = *self.settings;
-        tiling.cells(number).map(move |pixels| Cell {
-            tile,
-            position: std::array::from_fn(|k| (corner[k] + pixels[0][k]) / CELL),
-            sums: vec![Sums::default(); pixels.len()],
-            pixels,
-            adaptive: Adaptive::new(&settings),
-            n_rays: 0,
-        })
-    }
-
-    /// Takes the same samples of all cells.
+    /// Takes the same samples, from a first one up to an end, of all cells.
     fn take(&mut self, cells: &mut [Cell], samples: [u32; 2], stop: &dyn Fn() -> bool) -> Result<(), GpuError> {
         let positions: Vec<u32> = cells.iter().map(|Cell { position: [x, y], .. }| x | y << 16).collect();
-        let [first, n] = samples;
-        let (mut cell, mut sample) = (0, first);
         let Self { weight, tiles, .. } = *self;
-        self.dispatcher.take(&positions, samples, &self.bindings, |taken, guides| {
-            cells[cell].add(taken, guides, sample, weight, tiles);
-            sample += 1;
-            if sample == first + n {
-                (cell, sample) = (cell + 1, first);
+        for run in Run::all(samples, R::MAX_BLOCK) {
+            let end = run.first + run.n;
+            let (mut cell, mut block) = (0, Block { first: run.first, len: run.block });
+            self.dispatcher.take(&positions, run, &self.bindings, |taken, guides| {
+                cells[cell].add(taken, guides, block, weight, tiles);
+                block.first += block.len;
+                if block.first == end {
+                    (cell, block.first) = (cell + 1, run.first);
+                }
+                !stop()
+            })?;
+            if stop() {
+                break;
             }
-            !stop()
-        })
+        }
+        Ok(())
     }
 
     /// How many of the tiles `numbers` fill a dispatch.
@@ -109,12 +106,25 @@ impl SampleCollector<'_> {
 }
 
 impl Cell {
-    /// Adds one sample of each pixel.
-    fn add(
+    /// The cells of a tile.
+    fn all(tile: usize, number: usize, tiling: &Tiling, settings: &Settings) -> impl Iterator<Item = Self> + use<> {
+        let (corner, settings) = (tiling.corner(number), *settings);
+        tiling.cells(number).map(move |pixels| Self {
+            tile,
+            position: std::array::from_fn(|k| (corner[k] + pixels[0][k]) / CELL),
+            sums: vec![Sums::default(); pixels.len()],
+            pixels,
+            adaptive: Adaptive::new(&settings),
+            n_rays: 0,
+        })
+    }
+
+    /// Adds a block of samples of each pixel.
+    fn add<R: SampleRecord>(
         &mut self,
-        taken: &[PackedSample],
+        taken: &[R],
         guides: &[PackedGuide],
-        sample: u32,
+        block: Block,
         weight: &dyn Fn([u32; 2], u32) -> f32,
         tiles: &dyn RenderTiles,
     ) {
@@ -122,20 +132,28 @@ impl Cell {
         for (&[x, y], sums) in self.pixels.iter().zip(&mut self.sums) {
             let [column, row] = [x - corner[0], y - corner[1]];
             let index = (row * CELL + column) as usize;
-            let [red, green, blue, rays] = taken[index];
             let pixel = [self.position[0] * CELL + column, self.position[1] * CELL + row];
-            if rays < 0.0 {
-                // The traversal of a ray was cut short, so the sample is unknown.
-                self.n_rays += tiles.sample(pixel, sample, sums);
-                continue;
+            let Taken { pixel: mut of_block, n_rays, unfinished } =
+                taken[index].taken(block, |sample| weight(pixel, sample));
+            self.n_rays += n_rays;
+            let guides = guides.chunks_exact(block.len as usize).nth(index).unwrap_or_default();
+            let mut by_cpu = Dyadic::default();
+            for (k, sample) in (0..block.len).map(|k| (k as usize, block.first + k)) {
+                let is_unfinished = unfinished >> k & 1 == 1;
+                let mut one = Sums::default();
+                if is_unfinished {
+                    self.n_rays += tiles.sample(pixel, sample, &mut one);
+                    by_cpu.push_sample(sample, one.pixel.total());
+                }
+                if let Some(guide) = guides.get(k) {
+                    sums.guide.push_sample(sample, if is_unfinished { one.guide.total() } else { guide.into() });
+                }
             }
-            sums.pixel.push_sample(sample, Pixel::weighted([red, green, blue], weight(pixel, sample)));
-            if let Some(guide) = guides.get(index) {
-                sums.guide.push_sample(sample, Guide::from(guide));
+            if unfinished != 0 {
+                let by_cpu = by_cpu.total();
+                of_block = if of_block.n_taken() == 0 { by_cpu } else { of_block + by_cpu };
             }
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of rays")]
-            let rays = rays as u64;
-            self.n_rays += rays;
+            sums.pixel.push(block, of_block);
         }
     }
 }

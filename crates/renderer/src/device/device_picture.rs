@@ -11,15 +11,13 @@ use super::environment::DeviceSky;
 use super::kernels::{LightKernels, RenderKernels};
 use super::lights::{SampledLights, bounded};
 use super::picture::{self, PackedPicture};
+use super::records::{self, PackedSample, PackedSum, SampleRecord};
 use super::scene::PackedScene;
 use super::traced::{Traced, traced_frame, traced_scene};
 use super::wavefront::WavefrontKernels;
 use super::{DeviceError, DeviceFrames};
 use crate::render::{RenderTiles, Rendering, Schedule, Worker};
-use crate::{Integrator, Lights, Monitor, Pattern, Settings, Structure, Surfaces};
-
-/// Stratified samples per pixel that kernels count in 32 bits.
-const MAX_STRATIFIED: u32 = 1 << 20;
+use crate::{Integrator, Lights, Monitor, SampleSums, Settings, Structure, Surfaces};
 
 /// A film that a GPU and the CPU rendered together.
 pub struct SharedFilm {
@@ -113,7 +111,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         let scene = surfaces.scene();
         let cpu = Rendering::new(scene, structure, surfaces, camera, settings)?;
         collector::check_size(settings)?;
-        check_supported(settings)?;
+        picture::check_supported(settings)?;
         // AOVs show the materials of the path integrator.
         let materials = if settings.aovs.is_empty() { settings.integrator } else { Integrator::Path };
         if materials == Integrator::Path && scene.materials.iter().any(|material| material.lobes.is_some()) {
@@ -136,7 +134,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
             let chosen = Specialisation::none().part("count", count).part("time", time);
             traced.specialise(picture::specialise(chosen, view, settings))
         };
-        let chosen = sky.specialise(shared("shared/count/none"));
+        let chosen = sky.specialise(shared("shared/count/none")).part("film", records::part(settings.sums));
         let (kernel, chosen, sampled) = match settings.integrator {
             Integrator::Hybrid => ("render/hybrid", packed.specialise_hybrid(chosen), None),
             Integrator::Path => {
@@ -178,8 +176,11 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
     /// Samples differ only by how the compiler contracts sums and products.
     ///
     /// # Errors
-    /// The hybrid integrator, which has no such kernels; errors of the device.
+    /// The hybrid integrator and [`SampleSums::Device`], for which there are no such kernels; errors of the device.
     pub fn in_waves(self) -> Result<Self, DeviceError> {
+        if self.settings.sums == SampleSums::Device {
+            return Err(DeviceError::Unsupported { what: "sums of samples by a wavefront" });
+        }
         if self.settings.integrator != Integrator::Path {
             return Err(DeviceError::Unsupported { what: "a wavefront of the hybrid integrator" });
         }
@@ -202,7 +203,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
     /// Renders the tiles that are not in `done`, which an earlier call on any machine finished.
     ///
     /// Samples differ from the CPU's by rounding, and where rounding sends a path elsewhere; they are summed in the same
-    /// order.
+    /// order, [`SampleSums`] says where.
     ///
     /// # Errors
     /// A tile of another picture, [`crate::RenderError::Cancelled`], or the loss of the device.
@@ -247,9 +248,22 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
 
     /// Renders tiles until none is left; the CPU takes the samples that the device cannot finish.
     fn run(&self, schedule: &Schedule, tiles: &dyn RenderTiles, settings: &Settings) -> Result<(), GpuError> {
+        // The kernels are compiled for the sums of the picture.
+        match self.settings.sums {
+            SampleSums::Host => self.run_with::<PackedSample>(schedule, tiles, settings),
+            SampleSums::Device => self.run_with::<PackedSum>(schedule, tiles, settings),
+        }
+    }
+
+    fn run_with<R: SampleRecord>(
+        &self,
+        schedule: &Schedule,
+        tiles: &dyn RenderTiles,
+        settings: &Settings,
+    ) -> Result<(), GpuError> {
         let weight = self.cpu.weights();
         let mut collector = SampleCollector {
-            dispatcher: SampleDispatcher::new(self.gpu, self.kernels.clone())?,
+            dispatcher: SampleDispatcher::<R>::new(self.gpu, self.kernels.clone())?,
             bindings: self.bindings(),
             settings,
             weight: &weight,
@@ -277,12 +291,4 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         bound.extend(self.traced.bindings());
         bound
     }
-}
-
-/// Rejects settings that the kernels do not support.
-fn check_supported(settings: &Settings) -> Result<(), DeviceError> {
-    if settings.pattern == Pattern::Stratified && settings.samples > MAX_STRATIFIED {
-        return Err(DeviceError::Unsupported { what: "more than 1048576 stratified samples per pixel" });
-    }
-    Ok(())
 }

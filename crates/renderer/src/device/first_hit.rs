@@ -7,8 +7,9 @@ use canted_wide::LaneKernel;
 
 use super::dispatcher::SampleDispatcher;
 use super::kernels::LightKernels;
+use super::records::{PackedSample, PackedSum, Run, SampleRecord};
 use super::{DeviceError, DevicePicture};
-use crate::{FirstHit, Integrator};
+use crate::{FirstHit, Integrator, SampleSums};
 
 /// Cells of 8 x 8 pixels that a measurement renders, at most.
 const MEASURED_CELLS: u32 = 256;
@@ -79,17 +80,24 @@ impl<K: LaneKernel> DevicePicture<'_, K> {
 
     /// The least time of one sample of cells all over the picture.
     fn time_of_cells(&self) -> Result<Duration, DeviceError> {
+        match self.settings.sums {
+            SampleSums::Host => self.time_with::<PackedSample>(),
+            SampleSums::Device => self.time_with::<PackedSum>(),
+        }
+    }
+
+    fn time_with<R: SampleRecord>(&self) -> Result<Duration, DeviceError> {
         let [columns, rows] = self.cells();
         let all = columns * rows;
         let n = all.min(MEASURED_CELLS);
         // Evenly spread in reading order. The row is in the upper half of a cell.
         let step = (all / n).max(1);
         let cells: Vec<u32> = (0..n).map(|k| k * step).map(|at| ((at / columns) << 16) | (at % columns)).collect();
-        let mut dispatcher = SampleDispatcher::new(self.gpu, self.kernels.clone())?;
+        let mut dispatcher = SampleDispatcher::<R>::new(self.gpu, self.kernels.clone())?;
         let mut least = Duration::MAX;
         for round in 0..=ROUNDS {
             let start = Instant::now();
-            dispatcher.take(&cells, [0, 1], &self.bindings(), |_, _| true)?;
+            dispatcher.take(&cells, Run { first: 0, n: 1, block: 1 }, &self.bindings(), |_, _| true)?;
             if round > 0 {
                 least = least.min(start.elapsed());
             }

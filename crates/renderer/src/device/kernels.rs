@@ -10,9 +10,6 @@ use super::wavefront::{Wavefront, WavefrontKernels};
 /// Pixels of a cell, and invocations of a work-group.
 pub(super) const CELL_PIXELS: usize = 64;
 
-/// A sample: linear RGB and the number of rays, which is negative where the kernel gave up.
-pub(super) type PackedSample = [f32; 4];
-
 /// `Guide` of `render/guide`: the AOVs of a sample.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -62,7 +59,7 @@ impl RenderKernels {
 pub(super) struct ReadyKernels {
     kernels: RenderKernels,
     wavefront: Option<Wavefront>,
-    /// Work-groups of a dispatch, each one sample of a cell.
+    /// Work-groups of a dispatch.
     pub(super) max_groups: u32,
 }
 
@@ -71,7 +68,6 @@ impl ReadyKernels {
     pub(super) fn new(gpu: &Gpu, kernels: RenderKernels, max: u32) -> Result<Self, GpuError> {
         let limit = gpu.limits().max_storage_buffer_binding_size;
         let fit = |bytes: usize| u32::try_from(limit / (CELL_PIXELS * bytes) as u64).unwrap_or(u32::MAX);
-        let max = max.min(fit(size_of::<PackedSample>()));
         let max = if kernels.guide.is_some() { max.min(fit(size_of::<PackedGuide>())) } else { max };
         let LightKernels::Wavefront(wavefront) = &kernels.light else {
             return Ok(Self { kernels, wavefront: None, max_groups: max });

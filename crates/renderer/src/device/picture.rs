@@ -4,8 +4,12 @@ use bytemuck::{Pod, Zeroable};
 use canted_film::Filter;
 use canted_gpu::Specialisation;
 
+use super::DeviceError;
 use crate::vector::{length, narrow};
 use crate::{Pattern, Sampler, Settings, View};
+
+/// Stratified samples per pixel that kernels count in 32 bits.
+const MAX_STRATIFIED: u32 = 1 << 20;
 
 /// `Picture` of `shared/picture`, where the members are documented.
 #[repr(C)]
@@ -35,6 +39,7 @@ pub(super) struct Slice {
     pub(super) end_group: u32,
     pub(super) first_sample: u32,
     pub(super) n_samples: u32,
+    pub(super) block: u32,
 }
 
 /// All members except those that depend on the scene.
@@ -77,4 +82,12 @@ pub(super) fn specialise(chosen: Specialisation, view: &View, settings: &Setting
         .part("view", projection)
         .part("lens", lens)
         .part("filter", if is_box { "shared/filter/box" } else { "shared/filter/table" })
+}
+
+/// Rejects settings that the kernels do not support.
+pub(super) fn check_supported(settings: &Settings) -> Result<(), DeviceError> {
+    if settings.pattern == Pattern::Stratified && settings.samples > MAX_STRATIFIED {
+        return Err(DeviceError::Unsupported { what: "more than 1048576 stratified samples per pixel" });
+    }
+    Ok(())
 }

@@ -32,6 +32,7 @@ const SETTINGS: Settings = Settings {
     energy_compensation: true,
     ao_radius: None,
     means_only: false,
+    sums: canted_renderer::SampleSums::Host,
     tile: 32,
     part: None,
     noise: None,

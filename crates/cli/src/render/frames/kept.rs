@@ -76,6 +76,7 @@ pub(super) fn shared(args: &Args, scene: &mut Scene, device: String) -> Result<R
         ao_radius: _,
         energy_compensation: _,
         first_hit: _,
+        sums: _,
         camera,
         light,
         structure,

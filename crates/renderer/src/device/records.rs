@@ -1,0 +1,178 @@
+//! What kernels keep of samples: every sample, or sums of blocks of them.
+//!
+//! ```text
+//! reads   records of a kernel, one per pixel and block of samples
+//! writes  sums of the block, and the samples that the CPU must take
+//! holds   a block has the sum of its halves, as on the CPU: in f64, or in f32 for blocks that the device sums
+//! source  shaders/shared/film.wgsl
+//! ```
+
+use bytemuck::{Pod, Zeroable};
+use canted_film::{Block, Pixel};
+use canted_gpu::Gpu;
+
+use crate::SampleSums;
+
+/// A sample: linear RGB and the number of rays, which is negative where the kernel gave up.
+pub(super) type PackedSample = [f32; 4];
+
+/// `BlockSum` of `shared/film`, where the members are documented.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct PackedSum {
+    sum: [f32; 3],
+    n_rays: u32,
+    deviations: [f32; 3],
+    counts: u32,
+    unfinished: [u32; 2],
+}
+
+/// A pixel's samples of a block.
+pub(super) struct Taken {
+    /// The samples that the device finished.
+    pub(super) pixel: Pixel,
+    /// Their rays.
+    pub(super) n_rays: u64,
+    /// A bit for each sample of the block that the CPU must take.
+    pub(super) unfinished: u64,
+}
+
+/// What a kernel keeps of a block of samples of a pixel.
+pub(super) trait SampleRecord: Pod {
+    /// The part of the kernels that keeps it.
+    const PART: &'static str;
+
+    /// The variable that kernels write.
+    const BINDING: &'static str;
+
+    /// Samples in a block, at most: a power of two.
+    const MAX_BLOCK: u32;
+
+    /// Records in memory at once, at most: 32 MiB or less.
+    const MAX: usize;
+
+    /// What the device found; `weight` returns the weight of a sample.
+    fn taken(&self, block: Block, weight: impl Fn(u32) -> f32) -> Taken;
+}
+
+impl SampleRecord for PackedSample {
+    const PART: &'static str = "shared/film/samples";
+    const BINDING: &'static str = "samples";
+    const MAX_BLOCK: u32 = 1;
+    const MAX: usize = 1 << 21;
+
+    fn taken(&self, block: Block, weight: impl Fn(u32) -> f32) -> Taken {
+        let [red, green, blue, rays] = *self;
+        if rays < 0.0 {
+            // The traversal of a ray was cut short, so the sample is unknown.
+            return Taken { pixel: Pixel::default(), n_rays: 0, unfinished: 1 };
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of rays")]
+        let n_rays = rays as u64;
+        Taken { pixel: Pixel::weighted([red, green, blue], weight(block.first)), n_rays, unfinished: 0 }
+    }
+}
+
+impl SampleRecord for PackedSum {
+    const PART: &'static str = "shared/film/sums";
+    const BINDING: &'static str = "sums";
+    /// The invocations of a work-group.
+    const MAX_BLOCK: u32 = 64;
+    const MAX: usize = 1 << 19;
+
+    fn taken(&self, _: Block, _: impl Fn(u32) -> f32) -> Taken {
+        let Self { sum, n_rays, deviations, counts, unfinished: [low, high] } = *self;
+        let counts = [0, 8, 16].map(|shift| counts >> shift & 0xff);
+        Taken {
+            pixel: Pixel::of_sums(sum.map(f64::from), deviations.map(f64::from), counts),
+            n_rays: n_rays.into(),
+            unfinished: u64::from(high) << 32 | u64::from(low),
+        }
+    }
+}
+
+/// The part of the kernels for these sums.
+pub(super) fn part(sums: SampleSums) -> &'static str {
+    match sums {
+        SampleSums::Host => PackedSample::PART,
+        SampleSums::Device => PackedSum::PART,
+    }
+}
+
+/// How many records of `R` a binding holds.
+pub(super) fn n_records<R: SampleRecord>(gpu: &Gpu) -> usize {
+    let limit = gpu.limits().max_storage_buffer_binding_size / size_of::<R>() as u64;
+    R::MAX.min(usize::try_from(limit).unwrap_or(usize::MAX))
+}
+
+/// Samples that all cells take in the same dispatches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Run {
+    /// The first sample.
+    pub(super) first: u32,
+    /// Samples per pixel.
+    pub(super) n: u32,
+    /// Samples per block, which divide both.
+    pub(super) block: u32,
+}
+
+impl Run {
+    /// The fewest runs of the samples `first..end` in blocks of at most `max_block` samples, in order. The blocks are those whose
+    /// sums a film keeps, or halves of them, so they do not depend on tiles or dispatches.
+    pub(super) fn all([first, end]: [u32; 2], max_block: u32) -> Vec<Self> {
+        let mut runs: Vec<Self> = Vec::new();
+        for Block { first, len } in Block::of(first..end) {
+            let block = len.min(max_block);
+            match runs.last_mut() {
+                Some(last) if last.block == block => last.n += len,
+                _ => runs.push(Self { first, n: len, block }),
+            }
+        }
+        runs
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_cover_all_samples_once() {
+        let run = |first, n, block| Run { first, n, block };
+        assert_eq!(Run::all([0, 100], 1), [run(0, 100, 1)]);
+        assert_eq!(Run::all([0, 64], 64), [run(0, 64, 64)]);
+        assert_eq!(Run::all([0, 1000], 64), [run(0, 960, 64), run(960, 32, 32), run(992, 8, 8)]);
+        assert_eq!(Run::all([3, 9], 64), [run(3, 1, 1), run(4, 4, 4), run(8, 1, 1)]);
+        for first in 0..70 {
+            for end in first..140 {
+                let mut next = first;
+                for Run { first, n, block } in Run::all([first, end], 16) {
+                    assert_eq!(first, next);
+                    assert!(block.is_power_of_two() && block <= 16 && n % block == 0 && first % block == 0);
+                    next += n;
+                }
+                assert_eq!(next, end);
+            }
+        }
+    }
+
+    #[test]
+    fn unfinished_and_dropped_samples_are_not_summed() {
+        let block = Block { first: 64, len: 64 };
+        let record = PackedSum {
+            sum: [6.0, 0.0, 3.0],
+            n_rays: 70,
+            deviations: [2.0, 0.0, 0.5],
+            counts: 2 | 1 << 8 | 3 << 16,
+            unfinished: [1, 1 << 31],
+        };
+        let Taken { pixel, n_rays, unfinished } = record.taken(block, |_| 1.0);
+        assert_eq!(pixel, Pixel::of_sums([6.0, 0.0, 3.0], [2.0, 0.0, 0.5], [2, 1, 3]));
+        assert_eq!((n_rays, unfinished), (70, 1 << 63 | 1));
+        let lost = [0.0, 0.0, 0.0, -1.0].taken(Block { first: 5, len: 1 }, |_| 1.0);
+        assert_eq!((lost.pixel, lost.n_rays, lost.unfinished), (Pixel::default(), 0, 1));
+        let sample =
+            [1.0, 2.0, 4.0, 7.0].taken(Block { first: 5, len: 1 }, |sample| if sample == 5 { -1.0 } else { 1.0 });
+        assert_eq!((sample.pixel, sample.n_rays), (Pixel::weighted([1.0, 2.0, 4.0], -1.0), 7));
+    }
+}
