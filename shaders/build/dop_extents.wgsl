@@ -16,7 +16,7 @@ fn main(id: Invocation) {
     var first = leaf;
     var last = leaf;
     var above = parent_of_leaf(leaf);
-    while above != NONE {
+    for (var step = 0u; step < MAX_HEIGHT && above != NONE; step++) {
         let node = nodes[above];
         if !is_small(node) {
             break;

@@ -25,7 +25,7 @@ fn main(id: Invocation) {
     var first = leaf;
     var last = leaf;
     var above = parents[arrayLength(&parents) / 2u + leaf];
-    while above != NONE {
+    for (var step = 0u; step < MAX_HEIGHT && above != NONE; step++) {
         let node = nodes[above];
         if !is_small(node) {
             break;
@@ -37,7 +37,7 @@ fn main(id: Invocation) {
     if first != leaf {
         return;
     }
-    while above != NONE {
+    for (var step = 0u; step < MAX_HEIGHT && above != NONE; step++) {
         let at = 15u * above;
         let frame = mat3x3<f32>(frame_three(at + 3u), frame_three(at + 6u), frame_three(at + 9u));
         let extent = extent_of_leaves(frame, frame_three(at), first, last);

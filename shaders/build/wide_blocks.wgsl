@@ -27,7 +27,7 @@ fn main(id: Invocation) {
     var first = position;
     var n = 1u;
     var parent = parents[arrayLength(&parents) / 2u + position];
-    while parent != NONE {
+    for (var step = 0u; step < MAX_HEIGHT && parent != NONE; step++) {
         let node = nodes[parent];
         if node.last - node.first >= MAX_LEAF {
             break;

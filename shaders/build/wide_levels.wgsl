@@ -9,7 +9,7 @@ struct Level {
     level: u32,
     /// Wide nodes of the first level.
     n_first: u32,
-    /// Invocations, each of which takes every so manieth node.
+    /// Number of invocations: `i` handles the nodes `i`, `i + n_invocations` and so on.
     n_invocations: u32,
 }
 

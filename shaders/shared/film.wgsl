@@ -18,8 +18,8 @@ fn keep(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>, n_rays: u
 // choice sums
 // Sums the samples of a block in work-group memory, by halves: the order in which the film sums blocks. The host sums blocks in f64.
 //
-// A sum of 64 samples has six roundings on the way of each sample, so its error is at most `gamma(6)` of the sum of absolute values
-// (Higham 2002, section 4.2). Squared deviations from the mean are merged after Chan, Golub, LeVeque 1983: unlike the sum of squares, they
+// A sum of 64 samples has six roundings on the way of each sample, so its error is at most `gamma(6)` of the sum of absolute values,
+// for roundings of 2^-23 in any direction (Higham 2002, section 4.2). Squared deviations from the mean are merged after Chan, Golub, LeVeque 1983: unlike the sum of squares, they
 // lose no digits where samples hardly differ.
 // use shared/camera
 // use ?filter

@@ -76,7 +76,8 @@ pub struct WideConfig {
     pub bits: Bits,
     /// The topology of the binary trees over triangles.
     pub topology: Topology,
-    /// The boxes of oriented nodes, which are chosen where they lower the predicted cost. [`Strategy::Aabb`]: no oriented nodes.
+    /// The boxes of oriented nodes, which are chosen where they lower the predicted cost. Default: [`Strategy::Aabb`], no oriented nodes. Use
+    /// [`Strategy::Combined`] for thin, diagonal geometry.
     pub strategy: Strategy,
 }
 

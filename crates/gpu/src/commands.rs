@@ -55,6 +55,7 @@ struct Timed {
 pub type NamedBinding<'a> = (&'a str, &'a dyn AsBinding);
 
 /// A part of a buffer.
+#[derive(Clone, Copy)]
 pub(crate) struct Slot<'a> {
     pub(crate) buffer: &'a wgpu::Buffer,
     pub(crate) first_byte: u64,

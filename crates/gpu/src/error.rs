@@ -54,6 +54,11 @@ pub enum GpuError {
     },
     /// A kernel cannot be assembled.
     Shader(ShaderError),
+    /// Buffers, transforms or counts of the program that are not valid.
+    Input {
+        /// What is wrong, as a sentence.
+        message: String,
+    },
     /// The device rejected a command: a bug in this crate.
     Invalid {
         /// Message of the device.
@@ -83,6 +88,7 @@ impl std::fmt::Display for GpuError {
             Self::Blocking => f.write_str("a browser cannot wait for the device; use the async form of the call"),
             Self::Unsupported { what } => write!(f, "not supported on the GPU: {what}; use --device cpu"),
             Self::Shader(error) => error.fmt(f),
+            Self::Input { message } => f.write_str(message),
             Self::Invalid { message } => write!(f, "the device rejected a command: {message}"),
         }
     }

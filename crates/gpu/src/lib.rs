@@ -24,7 +24,7 @@
 //! | [`Gpu`], [`Choice`] | an open device; which adapter to open |
 //! | [`Buffer`], [`Kernel`], [`Commands`] | typed buffers, compiled kernels, dispatches |
 //! | [`TracedScene`] | BVHs and instances in device memory, built there or uploaded, for ray batches and for kernels of your own |
-//! | [`BufferScene`], [`MeshBuffers`] | a BVH over vertex and index buffers of your own, built in your command encoder |
+//! | [`BufferScene`], [`MeshBuffers`] | a BVH over vertex and index buffers of your own, rebuilt and refitted in your command encoder |
 //! | [`BufferBvh`] | which BVH: eight-wide or binary, and its boxes |
 //! | [`InstancedScene`], [`InstanceBuffer`] | the same with instances, whose transforms are in a buffer of your own |
 //! | [`build`] | BVH construction on the device, stage by stage |
@@ -41,7 +41,7 @@
 //! | 0 `nodes` | always | nodes of all BVHs, see below |
 //! | 1 `corners` | binary BVHs | nine coordinates per triangle, in the order of the meshes |
 //! | 1 `triangle_blocks` | wide BVHs | triangles, four at a time: nine rows of four coordinates, and their four numbers |
-//! | 2 `bvhs` | always | a `Bvh` for each BVH, the top level first |
+//! | 2 `bvhs` | always | a `Bvh` for each BVH, the top level first; in an [`InstancedScene`] the last is empty, for instances that are not placed |
 //! | 3 `instances` | two levels | an `Instance` for each |
 //! | 3 `first_triangles` | one level over several meshes | the number of the first triangle of each |
 //! | 4 `instance_order` | two levels | the instance of each item of the top level |
@@ -89,7 +89,7 @@
 //!
 //! Tested and measured on the software drivers of Mesa (llvmpipe) and, in a browser, of Chromium (SwiftShader) only; no hardware GPU has
 //! been measured yet. Vulkan, Metal and DX12 are enabled in `wgpu`, and WebGPU in browsers. Builds and traversal require eight storage buffers
-//! per shader stage, the default limit of `wgpu` and WebGPU. Kernels that render require up to 28
+//! per shader stage, the default limit of `wgpu` and WebGPU (nine for [`Traversal::Bits`] and [`Traversal::Links`] with moving instances). Kernels that render require up to 28
 //! ([`canted_shaders::MAX_STORAGE_BUFFERS`]), depending on the scene.
 #![forbid(unsafe_code)]
 

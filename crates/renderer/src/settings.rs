@@ -44,7 +44,7 @@ pub enum FirstHit {
 ///
 /// The host sums in `f64`. The device sums blocks of up to 64 samples in `f32`, by halves, and the host sums the blocks in `f64`.
 /// Each sample takes part in at most six additions of `f32`, and radiance is not negative, so the relative error of a sum is at most
-/// `gamma(6)`, 3.6e-7 (Higham 2002, section 4.2); with negative lobes of a filter, relative to the sum of absolute values. Blocks depend
+/// `gamma(6)`, 7.2e-7 for roundings of 2^-23, which devices may have in any direction (Higham 2002, section 4.2); with negative lobes of a filter, relative to the sum of absolute values. Blocks depend
 /// on the sample numbers alone, so the bits do not depend on tiles, dispatches, or who shares the tiles. Parts that start at multiples of
 /// 64 samples join to the bits of the whole, others up to that error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -53,7 +53,7 @@ pub enum SampleSums {
     #[default]
     Host,
     /// A work-group sums the samples of its pixels: 40 bytes per block are downloaded instead of 16 per sample, a 25th for 64 samples and
-    /// more than on the host for fewer than three.
+    /// more than on the host for one, two, three or seven.
     Device,
 }
 

@@ -20,7 +20,7 @@ fn climb(parent: u32, own: Reach) {
     var reach = array<u32, 6>(own.low.x, own.low.y, own.low.z, own.high.x, own.high.y, own.high.z);
     var climbing = 63u;
     var node = parent;
-    while node != NONE && climbing != 0u {
+    for (var step = 0u; step < MAX_HEIGHT && node != NONE && climbing != 0u; step++) {
         for (var k = 0u; k < 6u; k++) {
             if (climbing & (1u << k)) == 0u {
                 continue;

@@ -6,6 +6,10 @@
 const LEAF: u32 = 0x80000000u;
 const NONE: u32 = 0xffffffffu;
 
+/// More nodes than there are between a leaf and its root. It ends loops over parents that are not written, because a program did not
+/// submit what it recorded.
+const MAX_HEIGHT: u32 = 128u;
+
 struct Node {
     /// Children: slots of inner nodes, or positions of leaves with the highest bit set.
     left: u32,

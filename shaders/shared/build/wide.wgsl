@@ -2,7 +2,7 @@
 //
 // The child with the largest box is replaced by its two children until there are eight, or only leaves. A subtree of at most
 // `MAX_LEAF` items is a leaf.
-// Holds: areas round alike on all devices, so that the choice is that of the CPU.
+// Holds: areas round alike, so that the choice is the same on every device.
 // Source: Wald, Benthin and Boulos 2008.
 // use shared/build/slice
 // use shared/build/tree

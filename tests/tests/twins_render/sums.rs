@@ -15,9 +15,9 @@ use canted_trace::Watertight;
 use super::compared::{difference, on_cpu, on_device, prepared};
 use super::{gpu, scenes};
 
-/// Relative rounding error of `n` operations in `f32` (Higham 2002, section 3.1).
+/// Relative rounding error of `n` operations in `f32` that round in any direction (Higham 2002, section 3.1).
 fn gamma(n: f64) -> f64 {
-    let u = 0.5 * f64::from(f32::EPSILON);
+    let u = f64::from(f32::EPSILON);
     n * u / (1.0 - n * u)
 }
 

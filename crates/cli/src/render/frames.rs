@@ -25,7 +25,7 @@ use serde_json::{Value, json};
 
 use super::{Args, LastFrame, Picture, facts, look::LookArgs, open_machine, render_picture, setup};
 #[cfg(feature = "gpu")]
-use canted_renderer::DeviceFrames;
+use canted_renderer::{DeviceFrames, DeviceUpdates};
 
 use crate::{
     device::Machine,
@@ -158,7 +158,10 @@ fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source, mut list: 
             "seconds": start.elapsed().as_secs_f64(),
         }));
     }
-    facts.extend(of_updates(sequence.args, &progress.updates));
+    let updated = of_updates(sequence.args, &progress.updates);
+    #[cfg(feature = "gpu")]
+    let updated = of_device(updated, progress.last.device.as_ref().map(DeviceFrames::updates).unwrap_or_default());
+    facts.extend(updated);
     if sequence.args.run.json {
         facts.push(("pictures", Value::Array(pictures)));
     }
@@ -257,6 +260,27 @@ fn rejected(scene: &Scene, name: &str, error: &canted_renderer::PrepareError) ->
         }
     }
     anyhow!("{name}: {error}")
+}
+
+/// Facts about updates, and about those on a device, if it built the BVHs that rays traverse.
+#[cfg(feature = "gpu")]
+fn of_device(mut facts: Vec<Fact>, updates: DeviceUpdates) -> Vec<Fact> {
+    let DeviceUpdates { whole, refits, rebuilds, top_rebuilds } = updates;
+    if whole == 0 {
+        return facts;
+    }
+    let decision = format!(
+        "on the GPU {whole} builds of everything, {refits} refits, {rebuilds} rebuilds, {top_rebuilds} rebuilds of the top level"
+    );
+    facts.iter_mut().filter(|(name, _)| *name == "update_decision").for_each(|(_, text)| *text = json!(decision));
+    let of_gpu = [
+        ("gpu_whole_builds", json!(whole)),
+        ("gpu_bvh_refits", json!(refits)),
+        ("gpu_bvh_rebuilds", json!(rebuilds)),
+        ("gpu_top_rebuilds", json!(top_rebuilds)),
+    ];
+    facts.extend(of_gpu);
+    facts
 }
 
 /// Facts about the updates between frames.

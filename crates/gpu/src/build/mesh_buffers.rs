@@ -7,6 +7,7 @@ use wgpu::{BufferUsages, IndexFormat};
 
 use super::items::Leaf;
 use super::{Items, Range, Run};
+use crate::commands::Slot;
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
 
 /// A mesh whose vertices and indices are in device buffers of a program's own. The buffers must have the usage `STORAGE`.
@@ -97,18 +98,17 @@ impl Items {
     ) -> Result<(), GpuError> {
         let gpu = run.gpu();
         let Some(corners) = self.corners() else { return Ok(()) };
-        let layout =
-            layout(mesh).map_err(|message| GpuError::Invalid { message: format!("mesh {number}: {message}") })?;
+        let (layout, vertices, indices) =
+            layout(gpu, mesh).map_err(|message| GpuError::Input { message: format!("mesh {number}: {message}") })?;
         let layout = MeshLayout { first_triangle, first_fault: 2 * number, ..layout };
         run.stage("corners", |dispatches| {
             dispatches.work.clear_range(faults, 2 * number, 2);
             let kernel = gpu.kernel("build/corners", &Specialisation::none())?;
             let uniform = gpu.uniform("mesh layout", &layout)?;
-            let indices = mesh.indices.map_or(mesh.vertices, |indices| indices.buffer);
             let bound: [NamedBinding<'_>; 5] = [
                 ("mesh_layout", &uniform),
-                ("mesh_vertices", mesh.vertices),
-                ("mesh_indices", indices),
+                ("mesh_vertices", &vertices),
+                ("mesh_indices", &indices),
                 ("corners", &**corners),
                 ("faults", faults),
             ];
@@ -141,8 +141,8 @@ fn ranges(meshes: &[MeshBuffers<'_>]) -> Result<Vec<Range>, GpuError> {
     ranges.ok_or_else(|| GpuError::Unsupported { what: "meshes with more than 4294967295 triangles".to_owned() })
 }
 
-/// The layout of a mesh, checked against the sizes of its buffers.
-fn layout(mesh: &MeshBuffers<'_>) -> Result<MeshLayout, String> {
+/// The layout of a mesh, checked against the sizes of its buffers, and the used parts of vertices and indices.
+fn layout<'a>(gpu: &Gpu, mesh: &MeshBuffers<'a>) -> Result<(MeshLayout, Slot<'a>, Slot<'a>), String> {
     let &MeshBuffers { vertices, first_byte, stride, n_vertices, indices, n_triangles } = mesh;
     if stride % 4 != 0 || stride < 12 || first_byte % 4 != 0 {
         return Err(format!(
@@ -150,35 +150,59 @@ fn layout(mesh: &MeshBuffers<'_>) -> Result<MeshLayout, String> {
         ));
     }
     let end = if n_vertices == 0 { 0 } else { first_byte + u64::from(n_vertices - 1) * stride + 12 };
-    check_buffer("vertices", vertices, end)?;
     let n_corners = 3 * u64::from(n_triangles);
-    let (first_index, index_bytes) = match indices {
+    let used = window(gpu, "vertices", vertices, [first_byte, end])?;
+    let first_word = first_byte.saturating_sub(used.first_byte) / 4;
+    let (first_index, index_bytes, used_indices) = match indices {
         None if n_corners > u64::from(n_vertices) => {
             return Err(format!("{n_triangles} triangles without indices need {n_corners} vertices, not {n_vertices}"));
         }
-        None => (0, 0),
+        None => (0, 0, used),
         Some(IndexBuffer { buffer, format, first_byte }) => {
             let size = format.byte_size() as u64;
             if first_byte % size != 0 {
                 return Err(format!("the first byte {first_byte} of the indices must be a multiple of {size}"));
             }
-            check_buffer("indices", buffer, first_byte + n_corners * size)?;
-            (first_byte / size, size)
+            let used = window(gpu, "indices", buffer, [first_byte, first_byte + n_corners * size])?;
+            (first_byte.saturating_sub(used.first_byte) / size, size, used)
         }
     };
     let word = |x: u64| u32::try_from(x).map_err(|_| format!("an offset of {x} is out of range"));
-    Ok(MeshLayout {
-        first_word: word(first_byte / 4)?,
+    let layout = MeshLayout {
+        first_word: word(first_word)?,
         stride: word(stride / 4)?,
         n_vertices,
         first_index: word(first_index)?,
         index_bytes: word(index_bytes)?,
         first_triangle: 0,
         first_fault: 0,
-    })
+    };
+    Ok((layout, used, used_indices))
 }
 
-pub(super) fn check_buffer(what: &str, buffer: &wgpu::Buffer, end: u64) -> Result<(), String> {
+/// Bytes to which the start of a binding is rounded down, a multiple of the alignment that any device requires.
+const ALIGNMENT: u64 = 256;
+
+/// The part of a buffer from `first_byte` to `end` as a binding, which may start somewhat before.
+pub(super) fn window<'a>(
+    gpu: &Gpu,
+    what: &str,
+    buffer: &'a wgpu::Buffer,
+    [first_byte, end]: [u64; 2],
+) -> Result<Slot<'a>, String> {
+    check_buffer(what, buffer, end)?;
+    let first_byte = first_byte / ALIGNMENT * ALIGNMENT;
+    // Without contents, something must be bound.
+    let first_byte = if first_byte < end { first_byte } else { 0 };
+    let n_bytes = (end.max(4) - first_byte).next_multiple_of(4).min(buffer.size() - first_byte);
+    let most = gpu.limits().max_storage_buffer_binding_size;
+    if n_bytes > most {
+        return Err(format!("the {what} have {n_bytes} bytes, and a storage binding of the device {most}"));
+    }
+    Ok(Slot { buffer, first_byte, n_bytes })
+}
+
+fn check_buffer(what: &str, buffer: &wgpu::Buffer, end: u64) -> Result<(), String> {
     if !buffer.usage().contains(BufferUsages::STORAGE) {
         return Err(format!("the buffer of the {what} lacks the usage STORAGE"));
     }

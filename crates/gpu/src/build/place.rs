@@ -4,8 +4,9 @@ use bytemuck::{Pod, Zeroable};
 use canted_obb::{Aabb, Affine};
 
 use super::items::Leaf;
-use super::mesh_buffers::check_buffer;
+use super::mesh_buffers::window;
 use super::{Built, Items, Run};
+use crate::commands::Slot;
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
 
 /// The mesh of an instance that is not placed, so that rays do not meet it.
@@ -101,11 +102,12 @@ impl Items {
         let gpu = run.gpu();
         let Leaf::Box { boxes, aabbs } = &self.leaf else { return Ok(()) };
         let n_meshes = super::count(mesh_boxes.len());
-        let layout = layout(placed, n_meshes, scales).map_err(|message| GpuError::Invalid { message })?;
+        let (layout, transforms) =
+            layout(gpu, placed, n_meshes, scales).map_err(|message| GpuError::Input { message })?;
         let layout = gpu.uniform("instance layout", &layout)?;
         let bound: [NamedBinding<'_>; 8] = [
             ("instance_layout", &layout),
-            ("transforms", placed.buffer),
+            ("transforms", &transforms),
             ("mesh_boxes", mesh_boxes),
             ("instances", instances),
             ("item_boxes", boxes),
@@ -145,8 +147,13 @@ pub(crate) fn instance_fault(faults: &[u32], n_meshes: usize) -> Option<String> 
     Some(format!("instance {} {sentence}", !word))
 }
 
-/// The layout of instances, checked against the size of their buffer.
-fn layout(placed: &InstanceBuffer<'_>, n_meshes: u32, scales: Scales) -> Result<InstanceLayout, String> {
+/// The layout of instances, checked against the size of their buffer, and its used part.
+fn layout<'a>(
+    gpu: &Gpu,
+    placed: &InstanceBuffer<'a>,
+    n_meshes: u32,
+    scales: Scales,
+) -> Result<(InstanceLayout, Slot<'a>), String> {
     const WORDS: u64 = 13;
     let &InstanceBuffer { buffer, first_byte, stride, n_instances } = placed;
     if stride % 4 != 0 || stride < 4 * WORDS || first_byte % 4 != 0 {
@@ -155,10 +162,11 @@ fn layout(placed: &InstanceBuffer<'_>, n_meshes: u32, scales: Scales) -> Result<
         ));
     }
     let end = if n_instances == 0 { 0 } else { first_byte + u64::from(n_instances - 1) * stride + 4 * WORDS };
-    check_buffer("instances", buffer, end)?;
+    let used = window(gpu, "instances", buffer, [first_byte, end])?;
+    let first_word = first_byte.saturating_sub(used.first_byte) / 4;
     let word = |x: u64| u32::try_from(x).map_err(|_| format!("instances: an offset of {x} is out of range"));
     let Scales { reach, error } = scales;
-    Ok(InstanceLayout { first_word: word(first_byte / 4)?, stride: word(stride / 4)?, n_meshes, reach, error })
+    Ok((InstanceLayout { first_word: word(first_word)?, stride: word(stride / 4)?, n_meshes, reach, error }, used))
 }
 
 #[cfg(test)]

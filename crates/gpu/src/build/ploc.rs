@@ -20,7 +20,7 @@ const GROUP: u32 = 256;
 const RADIUS: u32 = 14;
 const N_NEAR: u32 = 3;
 
-/// Iterations between two looks at the number of clusters.
+/// Iterations per read-back.
 const AT_ONCE: u32 = 3;
 
 /// Most iterations: of two, one merges at least a sixteenth.

@@ -7,8 +7,8 @@
 //!
 //! A wide node is opened by area: the child with the largest box is replaced by its two children until there are eight. The order
 //! in memory follows the binary tree, so equal input gives equal words. A node is oriented where the boxes of its children, if
-//! they have oriented ones, lower the predicted cost. Each tree has room for any of its collapses, so the others stay in place when it
-//! is collapsed again.
+//! they have oriented ones, lower the predicted cost. Each tree has memory for the largest possible number of wide nodes, so a new
+//! collapse does not move other trees.
 
 mod order;
 mod room;
@@ -70,7 +70,7 @@ impl WideTrees {
     /// number of nodes of each level is read back, to know the depth.
     ///
     /// # Errors
-    /// Trees over boxes as `bottom`, more than 2^26 triangles, a BVH of more than 128 levels, a limit of the device, or device lost.
+    /// A recorded run, trees over boxes as `bottom`, more than 2^26 triangles, a BVH of more than 128 levels, a limit of the device, or device lost.
     pub fn new(run: &mut Run<'_>, bottom: &Built, top: Option<&Built>) -> Result<Self, GpuError> {
         block_on(Self::new_async(run, bottom, top))
     }
@@ -86,7 +86,7 @@ impl WideTrees {
             return Err(GpuError::Unsupported { what });
         }
         if bottom.items.corners().is_none() {
-            return Err(GpuError::Invalid { message: "the first level is not over triangles".to_owned() });
+            return Err(GpuError::Input { message: "the first level is not over triangles".to_owned() });
         }
         let n = bottom.items.len();
         if n > 1 << 26 {

@@ -52,7 +52,7 @@ impl Pairs {
     pub(super) fn new(run: &mut Run<'_>, first: &Built, second: Option<&Built>) -> Result<Self, GpuError> {
         let gpu = run.gpu();
         let Some(corners) = first.items.corners() else {
-            return Err(GpuError::Invalid { message: "the first level is not over triangles".to_owned() });
+            return Err(GpuError::Input { message: "the first level is not over triangles".to_owned() });
         };
         let is_oriented = first.obbs.is_some();
         let n_nodes = first.items.len() + second.map_or(0, |built| built.items.len());

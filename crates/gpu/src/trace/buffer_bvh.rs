@@ -14,8 +14,13 @@ use crate::{Gpu, GpuError};
 
 /// The BVHs over a program's buffers: [`BufferScene`](crate::BufferScene), [`InstancedScene`](crate::InstancedScene).
 ///
-/// Rays take half to four fifths of the time in wide BVHs; an update of binary ones takes less. Either configuration converts into this type.
-/// Where the stack of a ray would be too deep for codes of 63 bits (a mesh of a million triangles and ten thousand instances), they have 30.
+/// Tracing wide BVHs takes 0.5 to 0.8 of the time of binary ones on a software driver. Updating binary ones takes less. Either configuration
+/// converts into this type. Codes of meshes have the configured length, or 30 bits if a ray's stack would otherwise exceed 128 levels, as for a
+/// mesh of a million triangles and ten thousand instances. Codes of the top level always have 30 bits.
+///
+/// With the default limit of wgpu for a storage binding, 128 MiB, a scene holds about 1.7 million triangles in wide BVHs, 1.1 million with
+/// oriented nodes; 2.1 million in binary BVHs, 1.0 million with oriented boxes. Request the limit of the adapter for more. Wide BVHs hold at most
+/// 2^26 triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BufferBvh {
     /// Binary BVHs, over a radix tree.

@@ -5,7 +5,7 @@
 //!                      corners ------------------------------------> boxes -> nodes, headers     refit
 //! ```
 //!
-//! Nothing is read back: the depth of the tree is bounded by the bits of its codes and positions.
+//! Later builds read nothing back: the depth of the tree is bounded by the bits of its codes and positions.
 
 use super::buffer_bvh::{BufferBvh, NewNodes, NodeWriter, Which};
 use super::headers::put_headers;
@@ -16,6 +16,11 @@ use crate::{Gpu, GpuError, wait::block_on};
 
 /// A BVH over the triangles of meshes in a program's own buffers, in world space. Meshes are numbered as instances. [`BufferBvh`] says
 /// which BVH.
+///
+/// [`Self::new`] submits work of its own and waits for it, so submit first what fills the buffers. [`Self::rebuild`] and [`Self::refit`] record into
+/// the program's encoder and read nothing back. Submit what they record, in that order; if an encoder is dropped or a call returns an error, call
+/// `rebuild` before any refit. Numbers of meshes and triangles are fixed. Positions are copied, so the buffers are free after the submission. A rebuild
+/// allocates its working buffers anew.
 ///
 /// ```no_run
 /// use canted_gpu::{BufferScene, Gpu, IndexBuffer, MeshBuffers, build::BuildConfig};
@@ -70,6 +75,23 @@ impl BufferScene {
         Ok(scene)
     }
 
+    /// The same, where the instances are parts of the triangles of all meshes: `first_triangles` has where each starts, in order.
+    ///
+    /// # Errors
+    /// As for [`BufferScene::new`].
+    pub fn new_in_parts(
+        gpu: &Gpu,
+        meshes: &[MeshBuffers<'_>],
+        first_triangles: &[u32],
+        bvh: impl Into<BufferBvh>,
+    ) -> Result<Self, GpuError> {
+        block_on(async {
+            let scene = Self::over(gpu, meshes, first_triangles, bvh.into()).await?;
+            scene.check_async(gpu).await?;
+            Ok(scene)
+        })
+    }
+
     /// Builds a BVH without checking the buffers. A triangle with a fault counts as a point, which nothing hits.
     ///
     /// # Errors
@@ -87,13 +109,6 @@ impl BufferScene {
         meshes: &[MeshBuffers<'_>],
         bvh: impl Into<BufferBvh>,
     ) -> Result<Self, GpuError> {
-        let mut run = Run::new(gpu);
-        let faults = gpu.zeroed("faults", 2 * meshes.len())?;
-        let items = Items::of_buffers(&run, meshes)?;
-        items.gather(&mut run, meshes, &faults)?;
-        let bvh = bvh.into().shallow(items.len(), 0);
-        let built = bvh.build(&mut run, items).await?;
-        let NewNodes { nodes, headers, depth, writer } = NewNodes::new(&mut run, bvh, &built, None).await?;
         let mut n_before = 0;
         let firsts = meshes.iter().map(|mesh| {
             let first = n_before;
@@ -101,7 +116,19 @@ impl BufferScene {
             first
         });
         let firsts: Vec<u32> = firsts.collect();
-        let traced = TracedScene::over(gpu, nodes, &headers, Level::flat(gpu, &firsts)?, depth).await?;
+        Self::over(gpu, meshes, &firsts, bvh.into()).await
+    }
+
+    /// A BVH whose instances start at these triangles.
+    async fn over(gpu: &Gpu, meshes: &[MeshBuffers<'_>], firsts: &[u32], bvh: BufferBvh) -> Result<Self, GpuError> {
+        let mut run = Run::new(gpu);
+        let faults = gpu.zeroed("faults", 2 * meshes.len())?;
+        let items = Items::of_buffers(&run, meshes)?;
+        items.gather(&mut run, meshes, &faults)?;
+        let bvh = bvh.shallow(items.len(), 0);
+        let built = bvh.build(&mut run, items).await?;
+        let NewNodes { nodes, headers, depth, writer } = NewNodes::new(&mut run, bvh, &built, None).await?;
+        let traced = TracedScene::over(gpu, nodes, &headers, Level::flat(gpu, firsts)?, depth).await?;
         let n_triangles = meshes.iter().map(|mesh| mesh.n_triangles).collect();
         let scene = Self { traced, built, writer, faults, n_triangles, bvh };
         scene.put_header(&mut run)?;
@@ -159,7 +186,7 @@ impl BufferScene {
     pub async fn check_async(&self, gpu: &Gpu) -> Result<(), GpuError> {
         match fault(&gpu.read_async(&self.faults).await?) {
             None => Ok(()),
-            Some(message) => Err(GpuError::Invalid { message }),
+            Some(message) => Err(GpuError::Input { message }),
         }
     }
 
@@ -190,5 +217,5 @@ pub(super) fn check_same_counts(found: &[u32], before: &[u32]) -> Result<(), Gpu
         return Ok(());
     }
     let message = format!("the meshes have {found:?} triangles, and had {before:?} when they were built");
-    Err(GpuError::Invalid { message })
+    Err(GpuError::Input { message })
 }

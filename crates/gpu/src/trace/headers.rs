@@ -1,4 +1,4 @@
-//! The bounds that the headers of binary BVHs hold, computed on the device.
+//! The bounds that the headers of BVHs hold, computed on the device.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -5,7 +5,7 @@
 //! transforms, mesh boxes -> place -> tree over instances -> nodes, header              update of the top level
 //! ```
 //!
-//! Nothing is read back: inverses and boxes of instances are computed on the device.
+//! Updates read nothing back: inverses and boxes of instances are computed on the device.
 
 use super::buffer_bvh::{BufferBvh, NewNodes, NodeWriter, Which};
 use super::buffers::check_same_counts;
@@ -20,6 +20,11 @@ use crate::{Buffer, Gpu, GpuError, wait::block_on};
 
 /// BVHs over meshes in a program's own buffers, and one over instances of them, whose transforms are in a buffer, too. [`BufferBvh`] says
 /// which BVHs.
+///
+/// [`Self::new`] submits work of its own and waits for it, so submit first what fills the buffers. All other calls that build or update record into
+/// the program's encoder and read nothing back. Submit what they record, in that order; if an encoder is dropped or a call returns an error, call
+/// [`Self::rebuild`] before any refit. Numbers of meshes, triangles and instances are fixed: leave room in the instance buffer, and mark unused entries
+/// with [`NOT_PLACED`](crate::NOT_PLACED). Positions are copied, so the buffers are free after the submission.
 ///
 /// A change of a mesh is recorded by [`Self::rebuild_mesh`] or [`Self::refit_mesh`], a change of transforms by [`Self::update_top`] alone.
 /// Bindings of [`Self::traced`] stay valid.
@@ -217,7 +222,7 @@ impl InstancedScene {
         let of_instances = instance_fault(&gpu.read_async(&self.instance_faults).await?, self.boxes.len());
         match of_meshes.or(of_instances) {
             None => Ok(()),
-            Some(message) => Err(GpuError::Invalid { message }),
+            Some(message) => Err(GpuError::Input { message }),
         }
     }
 
@@ -245,7 +250,7 @@ impl InstancedScene {
     fn gather_one(&self, run: &mut Run<'_>, number: u32, mesh: &MeshBuffers<'_>) -> Result<(), GpuError> {
         let Some(&range) = self.bottom.items.ranges().get(number as usize) else {
             let message = format!("mesh {number} of {}", self.n_meshes());
-            return Err(GpuError::Invalid { message });
+            return Err(GpuError::Input { message });
         };
         check_same_counts(&[mesh.n_triangles], &[range.count])?;
         self.bottom.items.gather_mesh(run, mesh, number, range.first, &self.faults)
@@ -267,7 +272,7 @@ impl InstancedScene {
         let n = self.top.items.len();
         if instances.n_instances != n {
             let message = format!("{} instances, and {n} when the scene was built", instances.n_instances);
-            return Err(GpuError::Invalid { message });
+            return Err(GpuError::Input { message });
         }
         let Level::Two(placed) = self.traced.level() else { return Ok(()) };
         let nodes = &self.traced.nodes;

@@ -19,6 +19,14 @@ impl TracedScene {
     /// var<private> is_incomplete: bool;    // whether this invocation ended a traversal early, see below
     /// ```
     ///
+    /// `t` is in units of the ray's direction; `u` and `v` are the weights of the second and third vertex. `primitive` is numbered within its
+    /// mesh. `instance` is the number in the instance buffer, or that of the mesh in a [`BufferScene`](crate::BufferScene). No function continues a
+    /// ray from a hit: offset the origin, as the example `wgpu-ao` does.
+    ///
+    /// The module takes three storage buffers for one mesh, four for several in one level, five for instances, six if any of them moves. The text
+    /// has constants of this scene: it stays valid after rebuilds, refits and updates, and is generated again for another scene. A kernel includes the
+    /// module of one scene.
+    ///
     /// Rays are in world space. All their numbers must be finite, `0 <= t_min`, `t_max <= 3e38`, and the direction not zero; it has any
     /// length. All other names of the module start with `canted_`. Declarations come in any order, so the texts are simply joined.
     ///

@@ -23,8 +23,9 @@ const LANES: u32 = 8;
 /// BVHs of a scene for kernels that trace rays: `trace/closest`, `trace/occluded`, and all that use `shared/traverse`.
 ///
 /// Wide BVHs are built by the CPU and traversed unchanged, or built on the device; binary ones are built on the device, with any of
-/// [`build::STRATEGIES`](crate::build::STRATEGIES). The triangle test hits everything that [`Watertight`](canted_trace::Watertight)
-/// hits, and triangles within [`HIT_ERROR`](crate::HIT_ERROR) of a ray. So the closest hit may differ from the CPU's by that much.
+/// [`build::STRATEGIES`](crate::build::STRATEGIES). A ray hits the triangles that [`Watertight`](canted_trace::Watertight) hits, and no
+/// others; in an instance that moves, also triangles within [`HIT_ERROR`](crate::HIT_ERROR). `t` is rounded, so the closest hit may differ
+/// from the CPU's by that much.
 pub struct TracedScene {
     pub(super) nodes: Nodes,
     bvhs: Buffer<BvhHeader>,

@@ -228,6 +228,73 @@ fn updates_of_what_stands_still_change_no_word() {
     }
 }
 
+/// What a program records and does not submit leaves no endless loop behind, and a build mends it.
+#[test]
+fn a_dropped_rebuild_is_followed_by_a_good_one() {
+    let Some((device, queue)) = opened("a_dropped_rebuild_is_followed_by_a_good_one") else { return };
+    let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
+    let positions = buffer(&device, bytemuck::cast_slice(&vertices(0.0)));
+    let indices = buffer(&device, bytemuck::cast_slice(&triangles()));
+    let mesh = MeshBuffers {
+        vertices: &positions,
+        first_byte: 0,
+        stride: 12,
+        n_vertices: (N + 1) * (N + 1),
+        indices: Some(IndexBuffer { buffer: &indices, format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
+        n_triangles: 2 * N * N,
+    };
+    let encoder = || device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let binary = STRATEGIES.map(|strategy| BufferBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
+    let wide = STRATEGIES.map(|strategy| WideConfig { strategy, ..WideConfig::default() }.into());
+    for bvh in binary.into_iter().chain(wide) {
+        let mut scene = BufferScene::new(&gpu, &[mesh], bvh).unwrap();
+        scene.rebuild(&gpu, &mut encoder(), &[mesh]).unwrap();
+        let mut submitted = encoder();
+        scene.refit(&gpu, &mut submitted, &[mesh]).unwrap();
+        queue.submit([submitted.finish()]);
+        let _ = scene.traced().closest_hits(&gpu, &rays()).unwrap();
+        let mut submitted = encoder();
+        scene.rebuild(&gpu, &mut submitted, &[mesh]).unwrap();
+        queue.submit([submitted.finish()]);
+        assert_eq!(hits(&gpu, scene.traced()), expected(&gpu, &vertices(0.0)), "{bvh:?}");
+    }
+}
+
+/// Only the used part of a buffer is bound.
+#[test]
+fn a_buffer_above_the_binding_limit_holds_a_small_mesh() {
+    let Some((device, queue)) = opened("a_buffer_above_the_binding_limit_holds_a_small_mesh") else { return };
+    let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
+    let most = device.limits().max_storage_buffer_binding_size;
+    let large = device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: most + 65_536,
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    // Neither offset is a multiple of what devices require of a binding.
+    let (first_vertex, first_index) = (most + 1_004, most + 32_770);
+    queue.write_buffer(&large, first_vertex, bytemuck::cast_slice(&vertices(0.0)));
+    let mut narrow = vec![7_u16];
+    narrow.extend(triangles().iter().flatten().map(|&i| u16::try_from(i).unwrap()));
+    narrow.push(7);
+    queue.write_buffer(&large, first_index - 2, bytemuck::cast_slice(&narrow));
+    let mesh = MeshBuffers {
+        vertices: &large,
+        first_byte: first_vertex,
+        stride: 12,
+        n_vertices: (N + 1) * (N + 1),
+        indices: Some(IndexBuffer { buffer: &large, format: wgpu::IndexFormat::Uint16, first_byte: first_index }),
+        n_triangles: 2 * N * N,
+    };
+    let scene = BufferScene::new(&gpu, &[mesh], WideConfig::default()).unwrap();
+    assert_eq!(hits(&gpu, scene.traced()), expected(&gpu, &vertices(0.0)));
+    let n_vertices = u32::try_from((most + 65_536) / 12).unwrap();
+    let whole = MeshBuffers { first_byte: 0, n_vertices, ..mesh };
+    let error = BufferScene::new(&gpu, &[whole], WideConfig::default()).map(|_| ()).unwrap_err().to_string();
+    assert!(error.starts_with("mesh 0: the vertices have") && error.contains("a storage binding"), "{error}");
+}
+
 /// A program's kernel, whose names are also names of the module's inside.
 const KERNEL: &str = "
 @group(0) @binding(0) var<storage, read> nodes: array<Ray>;
@@ -340,7 +407,7 @@ fn layouts_that_do_not_fit_are_rejected() {
         MeshBuffers { vertices: &vertices, first_byte: 0, stride: 12, n_vertices: 3, indices: None, n_triangles: 1 };
     let refused = |mesh: MeshBuffers<'_>| match BufferScene::new(&gpu, &[mesh], BuildConfig::default()) {
         Ok(_) => panic!("{mesh:?} is accepted"),
-        Err(GpuError::Invalid { message }) => message,
+        Err(GpuError::Input { message }) => message,
         Err(error) => error.to_string(),
     };
     assert!(BufferScene::new(&gpu, &[good], BuildConfig::default()).is_ok());

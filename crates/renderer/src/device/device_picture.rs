@@ -212,7 +212,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
     }
 
     /// Renders a part of the samples: the first one and one past the last, or all for `None`, whatever the settings say. Joined parts have
-    /// the bits of an undivided render.
+    /// the bits of an undivided render; with [`SampleSums::Device`], if each starts at a multiple of 64.
     ///
     /// # Errors
     /// As [`DevicePicture::render`]; a range that is empty, or exceeds the samples.

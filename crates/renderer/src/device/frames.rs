@@ -72,8 +72,8 @@ struct Uploaded {
 }
 
 impl DeviceFrames {
-    /// Frames whose deforming meshes are updated by this policy. [`UpdatePolicy::Auto`] rebuilds what the device builds, which costs it
-    /// little more than a refit, and whose drift nobody reads back.
+    /// Frames whose deforming meshes are updated by this policy. With [`UpdatePolicy::Auto`] the device rebuilds them, because a rebuild costs it
+    /// little more than a refit and the drift is not read back.
     #[must_use]
     pub fn new(policy: UpdatePolicy) -> Self {
         Self { policy, ..Self::default() }
@@ -136,9 +136,7 @@ struct Frame<'a> {
 
 impl<'a> Frame<'a> {
     fn flat(scene: &'a Scene) -> Result<Self, DeviceError> {
-        let (positions, triangles, mut first) = flatten(scene)?;
-        #[expect(clippy::cast_possible_truncation, reason = "triangles are numbered by u32")]
-        first.push(triangles.len() as u32);
+        let (positions, triangles, first) = flatten(scene)?;
         let keys = vec![key(&positions, &triangles)];
         Ok(Self { meshes: vec![(positions.into(), triangles.into())], keys, first, transforms: None })
     }
@@ -168,27 +166,20 @@ impl<'a> Frame<'a> {
 }
 
 impl Uploaded {
-    /// The meshes as the device gathers them: in one level, each instance is a part of the only mesh.
-    fn meshes(&self, first: &[u32]) -> Vec<MeshBuffers<'_>> {
-        let mesh = |number: usize, start: u32, n_triangles: u32| {
-            let (positions, triangles) = &self.meshes[number];
+    /// The meshes as the device gathers them.
+    fn meshes<'a>(&'a self) -> Vec<MeshBuffers<'a>> {
+        let mesh = |(positions, triangles): &'a MeshThere| {
+            let indices = IndexBuffer { buffer: triangles.wgpu(), format: wgpu::IndexFormat::Uint32, first_byte: 0 };
             MeshBuffers {
                 vertices: positions.wgpu(),
                 first_byte: 0,
                 stride: 12,
                 n_vertices: count(positions.len()),
-                indices: Some(IndexBuffer {
-                    buffer: triangles.wgpu(),
-                    format: wgpu::IndexFormat::Uint32,
-                    first_byte: 12 * u64::from(start),
-                }),
-                n_triangles,
+                indices: Some(indices),
+                n_triangles: count(triangles.len()),
             }
         };
-        if self.transforms.is_none() {
-            return first.windows(2).map(|ends| mesh(0, ends[0], ends[1] - ends[0])).collect();
-        }
-        (0..self.meshes.len()).map(|number| mesh(number, 0, count(self.meshes[number].1.len()))).collect()
+        self.meshes.iter().map(mesh).collect()
     }
 
     fn instances(&self) -> Option<InstanceBuffer<'_>> {
@@ -201,9 +192,9 @@ impl Uploaded {
 
 impl Kept {
     fn new(gpu: &Gpu, frame: &Frame<'_>, uploaded: &Uploaded, bvh: BufferBvh) -> Result<Self, DeviceError> {
-        let meshes = uploaded.meshes(&frame.first);
+        let meshes = uploaded.meshes();
         let levels = match uploaded.instances() {
-            None => Levels::One(BufferScene::new(gpu, &meshes, bvh)?),
+            None => Levels::One(BufferScene::new_in_parts(gpu, &meshes, &frame.first, bvh)?),
             Some(instances) => Levels::Two(InstancedScene::new(gpu, &meshes, &instances, bvh)?),
         };
         let transforms = frame.transforms.clone().unwrap_or_default();
@@ -230,7 +221,7 @@ impl Kept {
         policy: UpdatePolicy,
         updates: &mut DeviceUpdates,
     ) -> Result<(), DeviceError> {
-        let meshes = uploaded.meshes(&frame.first);
+        let meshes = uploaded.meshes();
         let changed: Vec<usize> = (0..frame.keys.len()).filter(|&i| self.meshes[i] != frame.keys[i]).collect();
         let transforms = frame.transforms.as_deref().unwrap_or_default();
         let refits = policy == UpdatePolicy::Refit;

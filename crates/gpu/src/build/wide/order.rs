@@ -8,7 +8,7 @@ use super::room::Room;
 use super::{UNIT_QUADS, all};
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
 
-/// Levels between two looks at whether there is another.
+/// Levels per read-back.
 const LEVELS_AT_ONCE: u32 = 8;
 
 /// Most levels that are counted; deeper trees are rejected.
@@ -17,11 +17,13 @@ const MAX_LEVELS: u32 = 128;
 /// Most children of the wide nodes of a level.
 const WIDTH: u32 = 8;
 
-/// Most invocations for the nodes of a level: near the root, where a level may have most nodes of a tree, and below, where few trees have
-/// any.
+/// Most invocations per level. The first `N_NEAR` levels may contain most nodes of a tree; few trees have deeper levels.
 const NEAR_INVOCATIONS: u32 = 1 << 16;
 const FAR_INVOCATIONS: u32 = 1 << 12;
 const N_NEAR: u32 = 12;
+
+/// Most nodes of an invocation. Each takes about 44 turns of loops, and some drivers end loops of 65,535.
+const NODES_EACH: u32 = 1000;
 
 /// `Level` of `build/wide_levels`.
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -211,7 +213,7 @@ impl<'a> Search<'a> {
             for _ in 0..n_levels {
                 let level = self.level;
                 let most = if level < N_NEAR { NEAR_INVOCATIONS } else { FAR_INVOCATIONS };
-                let n_invocations = self.n_of_level.min(most);
+                let n_invocations = self.n_of_level.min(most.max(self.n_of_level.div_ceil(NODES_EACH)));
                 let uniform = gpu.uniform("level", &QueueLevel { level, n_first: self.n_first, n_invocations })?;
                 let [even, odd] = &self.queues;
                 let (queue_in, queue_out) = if level % 2 == 0 { (even, odd) } else { (odd, even) };
