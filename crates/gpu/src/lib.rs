@@ -116,6 +116,8 @@ mod wait;
 pub use adapter::{AdapterInfo, AdapterKind, Choice, adapters, adapters_async};
 pub use buffer::Buffer;
 pub use build::{DeviceInstance, IndexBuffer, InstanceBuffer, MeshBuffers, NOT_PLACED};
+pub use canted_lbvh::{Bits, Strategy};
+pub use canted_obb::Affine;
 pub use canted_shaders::Specialisation;
 pub use commands::{AsBinding, Commands, NamedBinding, PassTime};
 pub use device::Gpu;

@@ -194,13 +194,12 @@ fn updates_of_what_stands_still_change_no_word() {
         queue.submit([encoder.finish()]);
     };
     let words = |scene: &InstancedScene| {
-        let parts = ["nodes", "triangle_blocks", "corners", "bvhs"].map(|name| {
+        ["nodes", "triangle_blocks", "corners", "bvhs"].map(|name| {
             let raw = scene.traced().buffer(name)?;
             let copy = gpu.zeroed::<u32>("a copy", usize::try_from(raw.size() / 4).unwrap()).unwrap();
             submit(&mut |encoder| encoder.copy_buffer_to_buffer(raw, 0, copy.wgpu(), 0, raw.size()));
             Some(gpu.read(&copy).unwrap())
-        });
-        parts
+        })
     };
     let binary = STRATEGIES.map(|strategy| BufferBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
     let wide = [Topology::Radix, Topology::Ploc].into_iter().flat_map(|topology| {

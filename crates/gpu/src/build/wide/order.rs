@@ -216,7 +216,7 @@ impl<'a> Search<'a> {
                 let n_invocations = self.n_of_level.min(most.max(self.n_of_level.div_ceil(NODES_EACH)));
                 let uniform = gpu.uniform("level", &QueueLevel { level, n_first: self.n_first, n_invocations })?;
                 let [even, odd] = &self.queues;
-                let (queue_in, queue_out) = if level % 2 == 0 { (even, odd) } else { (odd, even) };
+                let (queue_in, queue_out) = if level.is_multiple_of(2) { (even, odd) } else { (odd, even) };
                 let bound: [NamedBinding<'_>; 7] = [
                     ("nodes", &self.built.trees.nodes),
                     ("aabbs", &self.built.aabbs),
