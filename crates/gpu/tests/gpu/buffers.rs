@@ -4,11 +4,10 @@ use canted_fixtures::or_skip;
 use canted_gpu::build::{BuildConfig, STRATEGIES, Topology, WideConfig};
 use canted_gpu::wgpu::util::{BufferInitDescriptor, DeviceExt};
 use canted_gpu::{
-    BufferBvh, BufferScene, Choice, DeviceHit, DeviceInstance, DeviceRay, Gpu, GpuError, IndexBuffer, InstanceBuffer,
-    InstancedScene, MeshBuffers, Outcome, TracedScene, wgpu,
+    BufferBvh, BufferScene, Choice, DeviceHit, DeviceRay, Gpu, GpuError, IndexBuffer, MeshBuffers, Outcome,
+    TracedScene, wgpu,
 };
 use canted_lbvh::Strategy;
-use canted_obb::Affine;
 use canted_trace::Ray;
 
 type Corners = [[f32; 3]; 3];
@@ -45,7 +44,7 @@ fn corners(vertices: &[[f32; 3]]) -> Vec<Corners> {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "small numbers")]
-fn rays() -> Vec<Ray> {
+pub(crate) fn rays() -> Vec<Ray> {
     let ray = |i: u32| {
         let x = (i % 40) as f32 * 0.31 - 0.1;
         Ray::new([x, (i / 40) as f32 * 0.47, 5.0], [0.02, -0.01, -2.0])
@@ -58,7 +57,7 @@ pub(crate) fn buffer(device: &wgpu::Device, contents: &[u8]) -> wgpu::Buffer {
     device.create_buffer_init(&BufferInitDescriptor { label: None, contents, usage })
 }
 
-fn hits(gpu: &Gpu, scene: &TracedScene) -> Vec<Option<DeviceHit>> {
+pub(crate) fn hits(gpu: &Gpu, scene: &TracedScene) -> Vec<Option<DeviceHit>> {
     let answers = scene.closest_hits(gpu, &rays()).unwrap().into_iter().map(|answer| match answer {
         Outcome::Complete(hit) => hit,
         Outcome::Incomplete => panic!("no traversal here is long"),
@@ -67,7 +66,7 @@ fn hits(gpu: &Gpu, scene: &TracedScene) -> Vec<Option<DeviceHit>> {
 }
 
 /// The hits of a BVH that is built over the same triangles at once.
-fn expected(gpu: &Gpu, vertices: &[[f32; 3]]) -> Vec<Option<DeviceHit>> {
+pub(crate) fn expected(gpu: &Gpu, vertices: &[[f32; 3]]) -> Vec<Option<DeviceHit>> {
     hits(gpu, &TracedScene::build_single_level(gpu, &corners(vertices), &[0], BuildConfig::default()).unwrap())
 }
 
@@ -165,97 +164,6 @@ fn recorded_rebuilds_and_refits_equal_a_fresh_build() {
             assert_eq!(hits(&gpu, scene.traced()), expected, "{bvh:?}, frame {frame}");
             assert_ne!(before, expected, "{bvh:?}, frame {frame}: the vertices did not move");
         }
-    }
-}
-
-/// Without movement, what is written again has the words of before: every strategy, every topology, several meshes.
-#[test]
-fn updates_of_what_stands_still_change_no_word() {
-    let Some((device, queue)) = opened("updates_of_what_stands_still_change_no_word") else { return };
-    let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
-    let positions = buffer(&device, bytemuck::cast_slice(&vertices(0.7)));
-    let indices = buffer(&device, bytemuck::cast_slice(&triangles()));
-    let mesh = MeshBuffers {
-        vertices: &positions,
-        first_byte: 0,
-        stride: 12,
-        n_vertices: (N + 1) * (N + 1),
-        indices: Some(IndexBuffer { buffer: &indices, format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
-        n_triangles: 2 * N * N,
-    };
-    // Of odd numbers of triangles, so that trees do not start at whole blocks.
-    let meshes = [1, 2 * N * N, 7, 0, 101].map(|n_triangles| MeshBuffers { n_triangles, ..mesh });
-    let identity = DeviceInstance::new(1, &Affine::IDENTITY);
-    let transforms = buffer(&device, bytemuck::bytes_of(&identity));
-    let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 64, n_instances: 1 };
-    let submit = |record: &mut dyn FnMut(&mut wgpu::CommandEncoder)| {
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        record(&mut encoder);
-        queue.submit([encoder.finish()]);
-    };
-    let words = |scene: &InstancedScene| {
-        ["nodes", "triangle_blocks", "corners", "bvhs"].map(|name| {
-            let raw = scene.traced().buffer(name)?;
-            let copy = gpu.zeroed::<u32>("a copy", usize::try_from(raw.size() / 4).unwrap()).unwrap();
-            submit(&mut |encoder| encoder.copy_buffer_to_buffer(raw, 0, copy.wgpu(), 0, raw.size()));
-            Some(gpu.read(&copy).unwrap())
-        })
-    };
-    let binary = STRATEGIES.map(|strategy| BufferBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
-    let wide = [Topology::Radix, Topology::Ploc].into_iter().flat_map(|topology| {
-        STRATEGIES.map(|strategy| WideConfig { topology, strategy, ..WideConfig::default() }.into())
-    });
-    for bvh in binary.into_iter().chain(wide) {
-        let mut scene = InstancedScene::new(&gpu, &meshes, &instances, bvh).unwrap();
-        let before = words(&scene);
-        for (number, mesh) in (0..).zip(&meshes) {
-            submit(&mut |encoder| scene.refit_mesh(&gpu, encoder, number, mesh).unwrap());
-            assert!(words(&scene) == before, "{bvh:?}: refit of mesh {number}");
-        }
-        submit(&mut |encoder| scene.update_top(&gpu, encoder, &instances).unwrap());
-        assert!(words(&scene) == before, "{bvh:?}: top level");
-        // A clustered tree becomes a radix tree.
-        if matches!(bvh, BufferBvh::Wide(WideConfig { topology: Topology::Ploc, .. })) {
-            continue;
-        }
-        for (number, mesh) in (0..).zip(&meshes) {
-            submit(&mut |encoder| scene.rebuild_mesh(&gpu, encoder, number, mesh).unwrap());
-            assert!(words(&scene) == before, "{bvh:?}: build of mesh {number}");
-        }
-        submit(&mut |encoder| scene.rebuild(&gpu, encoder, &meshes, &instances).unwrap());
-        assert!(words(&scene) == before, "{bvh:?}: build of all");
-    }
-}
-
-/// What a program records and does not submit leaves no endless loop behind, and a build mends it.
-#[test]
-fn a_dropped_rebuild_is_followed_by_a_good_one() {
-    let Some((device, queue)) = opened("a_dropped_rebuild_is_followed_by_a_good_one") else { return };
-    let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
-    let positions = buffer(&device, bytemuck::cast_slice(&vertices(0.0)));
-    let indices = buffer(&device, bytemuck::cast_slice(&triangles()));
-    let mesh = MeshBuffers {
-        vertices: &positions,
-        first_byte: 0,
-        stride: 12,
-        n_vertices: (N + 1) * (N + 1),
-        indices: Some(IndexBuffer { buffer: &indices, format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
-        n_triangles: 2 * N * N,
-    };
-    let encoder = || device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let binary = STRATEGIES.map(|strategy| BufferBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
-    let wide = STRATEGIES.map(|strategy| WideConfig { strategy, ..WideConfig::default() }.into());
-    for bvh in binary.into_iter().chain(wide) {
-        let mut scene = BufferScene::new(&gpu, &[mesh], bvh).unwrap();
-        scene.rebuild(&gpu, &mut encoder(), &[mesh]).unwrap();
-        let mut submitted = encoder();
-        scene.refit(&gpu, &mut submitted, &[mesh]).unwrap();
-        queue.submit([submitted.finish()]);
-        let _ = scene.traced().closest_hits(&gpu, &rays()).unwrap();
-        let mut submitted = encoder();
-        scene.rebuild(&gpu, &mut submitted, &[mesh]).unwrap();
-        queue.submit([submitted.finish()]);
-        assert_eq!(hits(&gpu, scene.traced()), expected(&gpu, &vertices(0.0)), "{bvh:?}");
     }
 }
 

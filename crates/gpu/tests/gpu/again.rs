@@ -1,0 +1,98 @@
+//! What programs record again: nothing moves, or nothing is submitted.
+
+use crate::buffers::{N, buffer, expected, hits, opened, rays, triangles, vertices};
+use canted_gpu::build::{BuildConfig, STRATEGIES, Topology, WideConfig};
+use canted_gpu::{
+    Affine, BufferBvh, BufferScene, DeviceInstance, Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers, wgpu,
+};
+
+/// Without movement, what is written again has the words of before: every strategy, every topology, several meshes.
+#[test]
+fn updates_of_what_stands_still_change_no_word() {
+    let Some((device, queue)) = opened("updates_of_what_stands_still_change_no_word") else { return };
+    let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
+    let positions = buffer(&device, bytemuck::cast_slice(&vertices(0.7)));
+    let indices = buffer(&device, bytemuck::cast_slice(&triangles()));
+    let mesh = MeshBuffers {
+        vertices: &positions,
+        first_byte: 0,
+        stride: 12,
+        n_vertices: (N + 1) * (N + 1),
+        indices: Some(IndexBuffer { buffer: &indices, format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
+        n_triangles: 2 * N * N,
+    };
+    // Of odd numbers of triangles, so that trees do not start at whole blocks.
+    let meshes = [1, 2 * N * N, 7, 0, 101].map(|n_triangles| MeshBuffers { n_triangles, ..mesh });
+    let identity = DeviceInstance::new(1, &Affine::IDENTITY);
+    let transforms = buffer(&device, bytemuck::bytes_of(&identity));
+    let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 64, n_instances: 1 };
+    let submit = |record: &mut dyn FnMut(&mut wgpu::CommandEncoder)| {
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        record(&mut encoder);
+        queue.submit([encoder.finish()]);
+    };
+    let words = |scene: &InstancedScene| {
+        ["nodes", "triangle_blocks", "corners", "bvhs"].map(|name| {
+            let raw = scene.traced().buffer(name)?;
+            let copy = gpu.zeroed::<u32>("a copy", usize::try_from(raw.size() / 4).unwrap()).unwrap();
+            submit(&mut |encoder| encoder.copy_buffer_to_buffer(raw, 0, copy.wgpu(), 0, raw.size()));
+            Some(gpu.read(&copy).unwrap())
+        })
+    };
+    let binary = STRATEGIES.map(|strategy| BufferBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
+    let wide = [Topology::Radix, Topology::Ploc].into_iter().flat_map(|topology| {
+        STRATEGIES.map(|strategy| WideConfig { topology, strategy, ..WideConfig::default() }.into())
+    });
+    for bvh in binary.into_iter().chain(wide) {
+        let mut scene = InstancedScene::new(&gpu, &meshes, &instances, bvh).unwrap();
+        let before = words(&scene);
+        for (number, mesh) in (0..).zip(&meshes) {
+            submit(&mut |encoder| scene.refit_mesh(&gpu, encoder, number, mesh).unwrap());
+            assert!(words(&scene) == before, "{bvh:?}: refit of mesh {number}");
+        }
+        submit(&mut |encoder| scene.update_top(&gpu, encoder, &instances).unwrap());
+        assert!(words(&scene) == before, "{bvh:?}: top level");
+        // A clustered tree becomes a radix tree.
+        if matches!(bvh, BufferBvh::Wide(WideConfig { topology: Topology::Ploc, .. })) {
+            continue;
+        }
+        for (number, mesh) in (0..).zip(&meshes) {
+            submit(&mut |encoder| scene.rebuild_mesh(&gpu, encoder, number, mesh).unwrap());
+            assert!(words(&scene) == before, "{bvh:?}: build of mesh {number}");
+        }
+        submit(&mut |encoder| scene.rebuild(&gpu, encoder, &meshes, &instances).unwrap());
+        assert!(words(&scene) == before, "{bvh:?}: build of all");
+    }
+}
+
+/// What a program records and does not submit leaves no endless loop behind, and a build mends it.
+#[test]
+fn a_dropped_rebuild_is_followed_by_a_good_one() {
+    let Some((device, queue)) = opened("a_dropped_rebuild_is_followed_by_a_good_one") else { return };
+    let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
+    let positions = buffer(&device, bytemuck::cast_slice(&vertices(0.0)));
+    let indices = buffer(&device, bytemuck::cast_slice(&triangles()));
+    let mesh = MeshBuffers {
+        vertices: &positions,
+        first_byte: 0,
+        stride: 12,
+        n_vertices: (N + 1) * (N + 1),
+        indices: Some(IndexBuffer { buffer: &indices, format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
+        n_triangles: 2 * N * N,
+    };
+    let encoder = || device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let binary = STRATEGIES.map(|strategy| BufferBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
+    let wide = STRATEGIES.map(|strategy| WideConfig { strategy, ..WideConfig::default() }.into());
+    for bvh in binary.into_iter().chain(wide) {
+        let mut scene = BufferScene::new(&gpu, &[mesh], bvh).unwrap();
+        scene.rebuild(&gpu, &mut encoder(), &[mesh]).unwrap();
+        let mut submitted = encoder();
+        scene.refit(&gpu, &mut submitted, &[mesh]).unwrap();
+        queue.submit([submitted.finish()]);
+        let _ = scene.traced().closest_hits(&gpu, &rays()).unwrap();
+        let mut submitted = encoder();
+        scene.rebuild(&gpu, &mut submitted, &[mesh]).unwrap();
+        queue.submit([submitted.finish()]);
+        assert_eq!(hits(&gpu, scene.traced()), expected(&gpu, &vertices(0.0)), "{bvh:?}");
+    }
+}
