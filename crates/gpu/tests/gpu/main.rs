@@ -2,7 +2,6 @@
 
 mod again;
 mod buffers;
-
 mod build;
 mod common;
 mod device;
