@@ -270,7 +270,7 @@ fn of_device(mut facts: Vec<Fact>, updates: DeviceUpdates) -> Vec<Fact> {
         return facts;
     }
     let decision = format!(
-        "on the GPU {whole} builds of everything, {refits} refits, {rebuilds} rebuilds, {top_rebuilds} rebuilds of the top level"
+        "on the GPU: whole builds {whole}, refits {refits}, rebuilds {rebuilds}, rebuilds of the top level {top_rebuilds}"
     );
     facts.iter_mut().filter(|(name, _)| *name == "update_decision").for_each(|(_, text)| *text = json!(decision));
     let of_gpu = [
