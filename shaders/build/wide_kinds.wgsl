@@ -5,16 +5,13 @@
 // Reads: binary tree, aligned and oriented boxes, triangles, which binary nodes are wide ones.
 // Writes: sizes of wide nodes by slot.
 // use shared/build/wide
+// use shared/build/wide_word
 // use shared/item/triangles
 
 @group(0) @binding(3) var<storage, read_write> units: array<u32>;
 @group(0) @binding(4) var<storage, read> leaves: array<u32>;
 /// Fifteen floats per inner node: center, three axes, half-extents.
 @group(0) @binding(5) var<storage, read> obbs: array<f32>;
-
-/// Units of memory of an aligned and of an oriented node.
-const ALIGNED: u32 = 1u;
-const ORIENTED: u32 = 2u;
 
 /// Cost of an oriented node beyond that of an aligned one, which is 1, and of a leaf.
 const MORE_FOR_ORIENTED: f32 = 1.2;

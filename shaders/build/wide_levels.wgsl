@@ -1,8 +1,9 @@
 // Wide nodes of one level of a BVH, from the nodes of the level above.
 // Reads: binary tree, boxes, the wide nodes of this level as slots of their binary nodes.
-// Writes: 1 for each wide node by slot, except for roots; the wide nodes of the next level, in any order.
+// Writes: the size of an aligned node for each wide node by slot, except for roots; the wide nodes of the next level, in any order.
 // Holds: which nodes are wide does not depend on the order of atomics.
 // use shared/build/wide
+// use shared/build/wide_word
 
 struct Level {
     /// Number of levels above.
@@ -39,7 +40,7 @@ fn main(id: Invocation) {
 fn open(slot: u32) {
     let children = children_of(slot);
     if wide_level.level > 0u {
-        units[slot] = 1u;
+        units[slot] = ALIGNED;
     }
     for (var child = 0u; child < children.n; child++) {
         if !is_leaf(children.words[child]) {

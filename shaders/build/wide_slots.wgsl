@@ -28,6 +28,6 @@ fn main(id: Invocation) {
     }
     // A root has no size of its own.
     let place = first_units[tree] + select(1u + prefixes[slot] - prefixes[range.first], 0u, is_root);
-    wide_words[slot] = UNIT_LINES * place | select(0u, ORIENTED_WORD, units[slot] == 2u);
+    wide_words[slot] = UNIT_LINES * place | select(0u, ORIENTED_WORD, units[slot] == ORIENTED);
     wide_slots[place] = slot + 1u;
 }

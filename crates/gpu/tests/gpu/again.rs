@@ -1,9 +1,9 @@
 //! What programs record again: nothing moves, or nothing is submitted.
 
-use crate::buffers::{N, buffer, expected, hits, opened, rays, triangles, vertices};
+use crate::buffers::{N, buffer, expected, floor, hits, opened, rays, triangles, vertices};
 use canted_gpu::build::{BuildConfig, STRATEGIES, Topology, WideConfig};
 use canted_gpu::{
-    Affine, BufferBvh, BufferScene, DeviceInstance, Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers, wgpu,
+    Affine, BufferBvh, BufferScene, DeviceInstance, Gpu, InstanceBuffer, InstancedScene, MeshBuffers, wgpu,
 };
 
 /// Without movement, what is written again has the words of before: every strategy, every topology, several meshes.
@@ -13,14 +13,7 @@ fn updates_of_what_stands_still_change_no_word() {
     let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
     let positions = buffer(&device, bytemuck::cast_slice(&vertices(0.7)));
     let indices = buffer(&device, bytemuck::cast_slice(&triangles()));
-    let mesh = MeshBuffers {
-        vertices: &positions,
-        first_byte: 0,
-        stride: 12,
-        n_vertices: (N + 1) * (N + 1),
-        indices: Some(IndexBuffer { buffer: &indices, format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
-        n_triangles: 2 * N * N,
-    };
+    let mesh = floor(&positions, &indices);
     // Of odd numbers of triangles, so that trees do not start at whole blocks.
     let meshes = [1, 2 * N * N, 7, 0, 101].map(|n_triangles| MeshBuffers { n_triangles, ..mesh });
     let identity = DeviceInstance::new(1, &Affine::IDENTITY);
@@ -65,21 +58,15 @@ fn updates_of_what_stands_still_change_no_word() {
     }
 }
 
-/// What a program records and does not submit leaves no endless loop behind, and a build mends it.
+/// After a rebuild that is recorded and not submitted, a refit and rays end, and a build mends the scene. Where a driver ends long loops itself, as
+/// Mesa 22 does, only the second half can fail.
 #[test]
 fn a_dropped_rebuild_is_followed_by_a_good_one() {
     let Some((device, queue)) = opened("a_dropped_rebuild_is_followed_by_a_good_one") else { return };
     let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
     let positions = buffer(&device, bytemuck::cast_slice(&vertices(0.0)));
     let indices = buffer(&device, bytemuck::cast_slice(&triangles()));
-    let mesh = MeshBuffers {
-        vertices: &positions,
-        first_byte: 0,
-        stride: 12,
-        n_vertices: (N + 1) * (N + 1),
-        indices: Some(IndexBuffer { buffer: &indices, format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
-        n_triangles: 2 * N * N,
-    };
+    let mesh = floor(&positions, &indices);
     let encoder = || device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let binary = STRATEGIES.map(|strategy| BufferBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
     let wide = STRATEGIES.map(|strategy| WideConfig { strategy, ..WideConfig::default() }.into());

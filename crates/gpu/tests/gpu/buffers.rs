@@ -65,6 +65,18 @@ pub(crate) fn hits(gpu: &Gpu, scene: &TracedScene) -> Vec<Option<DeviceHit>> {
     answers.collect()
 }
 
+/// The wavy floor in buffers without gaps.
+pub(crate) fn floor<'a>(positions: &'a wgpu::Buffer, indices: &'a wgpu::Buffer) -> MeshBuffers<'a> {
+    MeshBuffers {
+        vertices: positions,
+        first_byte: 0,
+        stride: 12,
+        n_vertices: (N + 1) * (N + 1),
+        indices: Some(IndexBuffer { buffer: indices, format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
+        n_triangles: 2 * N * N,
+    }
+}
+
 /// The hits of a BVH that is built over the same triangles at once.
 pub(crate) fn expected(gpu: &Gpu, vertices: &[[f32; 3]]) -> Vec<Option<DeviceHit>> {
     hits(gpu, &TracedScene::build_single_level(gpu, &corners(vertices), &[0], BuildConfig::default()).unwrap())
@@ -132,14 +144,7 @@ fn recorded_rebuilds_and_refits_equal_a_fresh_build() {
     let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
     let positions = buffer(&device, bytemuck::cast_slice(&vertices(0.0)));
     let indices = buffer(&device, bytemuck::cast_slice(&triangles()));
-    let mesh = MeshBuffers {
-        vertices: &positions,
-        first_byte: 0,
-        stride: 12,
-        n_vertices: (N + 1) * (N + 1),
-        indices: Some(IndexBuffer { buffer: &indices, format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
-        n_triangles: 2 * N * N,
-    };
+    let mesh = floor(&positions, &indices);
     let binary = [Strategy::Aabb, Strategy::Combined, Strategy::PcaUnbounded, Strategy::Dop]
         .map(|strategy| BufferBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
     let wide =
