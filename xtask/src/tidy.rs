@@ -51,6 +51,7 @@ fn findings() -> Result<Vec<Finding>> {
     let results = tables::results()?;
     let mut findings = vec![];
     for path in workspace::files()? {
+        rules::name(&path, &mut findings);
         // Files that are not UTF-8 are pictures or models.
         let Ok(text) = fs::read_to_string(root.join(&path)) else { continue };
         rules::machine_paths(&path, &text, &mut findings);

@@ -19,6 +19,14 @@ pub(super) fn length(path: &Path, text: &str, findings: &mut Vec<Finding>) {
     }
 }
 
+/// Every file has a name that can be packaged and that every file system accepts.
+pub(super) fn name(path: &Path, findings: &mut Vec<Finding>) {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "._-/\\".contains(c);
+    if let Some(c) = path.to_string_lossy().chars().find(|&c| !is_plain(c)) {
+        findings.push(Finding::error(path, format!("the name contains {c:?}")));
+    }
+}
+
 /// Marks of unfinished work, in halves so that this file has none.
 const UNFINISHED: [&str; 5] = [
     concat!("#[ig", "nore"),
@@ -144,6 +152,21 @@ mod tests {
         assert_eq!(found(length, &"x\n".repeat(301)), [(false, "301 lines; 300 are enough".to_owned())]);
         assert_eq!(found(length, &"x\n".repeat(400)), [(false, "400 lines; 300 are enough".to_owned())]);
         assert_eq!(found(length, &"x\n".repeat(401)), [(true, "401 lines; at most 400 are allowed".to_owned())]);
+    }
+
+    #[test]
+    fn names_are_plain() {
+        let n_found = |path: &str| {
+            let mut findings = vec![];
+            name(Path::new(path), &mut findings);
+            findings.len()
+        };
+        for plain in ["README.md", "crates/obb/src/lib.rs", ".ci/run", "a-b_c/x.tar.gz"] {
+            assert_eq!(n_found(plain), 0, "{plain}");
+        }
+        for odd in ["shaders/*.rs", "a b.rs", "what?.rs", "c:x.rs", "größe.rs"] {
+            assert_eq!(n_found(odd), 1, "{odd}");
+        }
     }
 
     #[test]
