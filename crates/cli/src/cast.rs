@@ -141,8 +141,8 @@ fn trace<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Mach
     // The CPU has nothing to build where a GPU builds for itself and completes all rays.
     #[cfg(feature = "gpu")]
     let built = match args.structure.built_on_gpu() {
-        Some(wide) => gpu::trace(machine, scene, rays, args, |gpu| {
-            built_or(gpu, scene, &config, wide, || traced_scene(gpu, scene, &prepared()?.structure))
+        Some(bvh) => gpu::trace(machine, scene, rays, args, |gpu| {
+            built_or(gpu, scene, &config, bvh, || traced_scene(gpu, scene, &prepared()?.structure))
         })?,
         None => None,
     };

@@ -56,8 +56,8 @@ pub(crate) struct StructureArgs {
     /// Build effort of the wide BVH. `quality` builds slowest and traces fastest.
     #[arg(long, default_value = "balanced", value_parser = one_of(&PRESETS), value_name = "PRESET")]
     preset: Preset,
-    /// Builder of the binary tree that becomes the BVH. `auto` uses the builder of the preset, or `ploc` with --volumes, on a GPU `lbvh`;
-    /// `sbvh` is `sah` with spatial splits. Wide BVHs by `lbvh` and `ploc` are built on the GPU that traces them.
+    /// Builder of the binary tree that becomes the BVH. `auto` is the builder of the preset; with --volumes it is `ploc` on the CPU and `lbvh` on
+    /// a GPU. `sbvh` is `sah` with spatial splits. A GPU builds its BVHs itself with --volumes, `lbvh` and `ploc`; else the CPU does.
     #[arg(long, default_value = "auto", value_parser = one_of(BUILDERS), value_name = "BUILDER")]
     builder: BuilderChoice,
     /// Bounding volumes. `auto` builds a wide BVH of axis-aligned and oriented nodes, or with --accel bvh2 axis-aligned boxes; the others
@@ -126,24 +126,31 @@ impl StructureArgs {
         if let Some(accel) = accel {
             return Some(format!("--accel {}", name_of(&ACCELS, &accel)));
         }
-        let is_binary = self.volumes.is_some() || self.accel == Some(AccelKind::Bvh2);
         // The device builds binary BVHs itself, over a radix tree.
-        let is_other = is_binary && !matches!(self.builder, None | Some(Builder::Lbvh));
+        let is_other = self.is_binary() && !matches!(self.builder, None | Some(Builder::Lbvh));
         is_other.then(|| format!("--builder {} with a binary BVH", name_of(BUILDERS, &self.builder)))
     }
 
-    /// How a GPU builds its wide BVHs itself; `None` where it takes those of the CPU or builds binary ones.
+    /// The BVHs that a GPU builds itself; `None` where it takes those of the CPU.
     #[cfg(feature = "gpu")]
-    pub(crate) fn built_on_gpu(&self) -> Option<canted_gpu::build::WideConfig> {
-        use canted_gpu::build::{Topology, WideConfig};
-        let is_wide = matches!(self.accel, None | Some(AccelKind::Wide)) && self.volumes.is_none();
+    pub(crate) fn built_on_gpu(&self) -> Option<canted_gpu::DeviceBvh> {
+        use canted_gpu::build::{BuildConfig, Topology, WideConfig};
+        if self.is_binary() {
+            let strategy = self.volumes.unwrap_or(Strategy::Aabb);
+            return Some(BuildConfig { strategy, ..BuildConfig::default() }.into());
+        }
         // The quickest build, and the one whose rays gain from oriented nodes: `benches/TRIED.md`.
-        let (topology, strategy) = match self.builder.filter(|_| is_wide)? {
+        let (topology, strategy) = match self.builder? {
             Builder::Lbvh => (Topology::Radix, Strategy::Aabb),
             Builder::Ploc => (Topology::Ploc, Strategy::Combined),
             _ => return None,
         };
-        Some(WideConfig { topology, strategy, ..WideConfig::default() })
+        Some(WideConfig { topology, strategy, ..WideConfig::default() }.into())
+    }
+
+    #[cfg(feature = "gpu")]
+    fn is_binary(&self) -> bool {
+        self.volumes.is_some() || self.accel == Some(AccelKind::Bvh2)
     }
 
     /// The structure to build for a scene. Warns if it cannot have one level.
@@ -154,6 +161,14 @@ impl StructureArgs {
         if self.levels == Levels::One && scene.has_motion() {
             output::warn("--levels one is ignored: moving instances require two levels");
         }
+        self.config_quietly()
+    }
+
+    /// [`Self::config`] without the warning.
+    ///
+    /// # Errors
+    /// Options that contradict each other.
+    pub(crate) fn config_quietly(&self) -> Result<StructureConfig> {
         Ok(StructureConfig { levels: self.levels, accel: self.structure()? })
     }
 

@@ -124,7 +124,7 @@ impl Gpu {
         let size = Self::n_bytes_of::<T>(len);
         let most = most.min(self.limits().max_buffer_size);
         if size > most {
-            let remedy = "use a smaller scene or --device cpu";
+            let remedy = "use a smaller scene";
             return Err(GpuError::Limit { what: what.to_owned(), need: size, limit, most, remedy });
         }
         // The driver's message does not contain the name of the buffer.

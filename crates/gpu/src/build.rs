@@ -38,8 +38,8 @@ pub(crate) use stages::depth_bound;
 pub use stages::{Codes, Grid, Node, Sorted, Trees, codes, domain, sort, tree};
 pub use two_levels::TwoLevels;
 pub use volumes::{aabbs, obbs, obbs_async};
-pub(crate) use wide::{Change, Collapse};
-pub use wide::{MAX_LEAF, WideLevel, WideTrees};
+pub(crate) use wide::{Change, Collapse, Which};
+pub use wide::{MAX_LEAF, WideBvhs, WideLevel};
 
 use canted_lbvh::{Bits, Strategy};
 use canted_obb::{Aabb, Obb};
@@ -55,7 +55,7 @@ pub const STRATEGIES: [Strategy; 6] = Strategy::ALL;
 pub struct BuildConfig {
     /// Length of the Morton codes.
     pub bits: Bits,
-    /// How the volumes of inner nodes are computed.
+    /// How the boxes of inner nodes are computed. Default: [`Strategy::Aabb`]. Use [`Strategy::Combined`] for thin, diagonal geometry.
     pub strategy: Strategy,
 }
 

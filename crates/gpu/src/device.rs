@@ -108,11 +108,11 @@ impl Gpu {
         })
     }
 
-    /// A program's own device and queue, of the version of `wgpu` that this crate re-exports.
+    /// A program's own device and queue, of the version of `wgpu` that this crate re-exports. The front page of this crate lists the limits that
+    /// the device needs.
     ///
     /// The program keeps its handlers: errors that are found when buffers and kernels are made are returned, others go to the handlers.
     /// For the loss of the device, see [`Gpu::lost_handler`].
-    /// Kernels need as many storage buffers per stage as [`GpuError::Limit`] says; eight, the default of `wgpu`, are enough to build and trace.
     ///
     /// ```no_run
     /// # fn example(device: wgpu::Device, queue: wgpu::Queue) -> Result<(), canted_gpu::GpuError> {
@@ -144,10 +144,10 @@ impl Gpu {
         }
     }
 
-    /// A handler of lost devices, for [`wgpu::Device::set_device_lost_callback`] or to be called from a program's own one. After the
-    /// device has reported its loss to it, every call returns [`GpuError::Lost`].
+    /// A handler of lost devices. After the device has reported its loss to it, every call returns [`GpuError::Lost`].
     ///
-    /// [`Gpu::open`] sets one; a device of a program's own has the program's.
+    /// [`Gpu::open`] sets it. [`Gpu::from_wgpu`] does not: pass it to [`wgpu::Device::set_device_lost_callback`], or call it from the program's own handler.
+    /// To continue, make a new device, and on it a [`Gpu`], scene, pipeline and bind group.
     pub fn lost_handler(&self) -> impl Fn(wgpu::DeviceLostReason, String) + Send + Sync + 'static {
         let lost = self.stored_error.clone();
         move |reason, message| {

@@ -27,7 +27,7 @@ pub enum GpuError {
         limit: &'static str,
         /// The available amount.
         most: u64,
-        /// What the caller can do.
+        /// What the caller can do, as in "use a smaller scene".
         remedy: &'static str,
     },
     /// The device memory is too small for a buffer.
@@ -71,7 +71,7 @@ impl std::fmt::Display for GpuError {
         match self {
             Self::NoAdapter { wanted, found } if found.is_empty() => {
                 write!(f, "no adapter for device '{wanted}': none found; ")?;
-                write!(f, "install a driver for Vulkan, Metal or DX12, or use --device cpu")
+                write!(f, "install a driver for Vulkan, Metal or DX12")
             }
             Self::NoAdapter { wanted, found } => {
                 write!(f, "no adapter for device '{wanted}'; available: {}", found.join(", "))
@@ -81,12 +81,12 @@ impl std::fmt::Display for GpuError {
                 write!(f, "{what}: requires {need} {limit}, the device supports {most}; {remedy}")
             }
             Self::OutOfMemory { what } => {
-                write!(f, "out of device memory for {what}; use a smaller scene or --device cpu")
+                write!(f, "out of device memory for {what}; use a smaller scene")
             }
             Self::Lost { message } => write!(f, "device lost: {message}"),
             Self::TimedOut { seconds } => write!(f, "the device did not finish within {seconds} s"),
             Self::Blocking => f.write_str("a browser cannot wait for the device; use the async form of the call"),
-            Self::Unsupported { what } => write!(f, "not supported on the GPU: {what}; use --device cpu"),
+            Self::Unsupported { what } => write!(f, "not supported on the GPU: {what}"),
             Self::Shader(error) => error.fmt(f),
             Self::Input { message } => f.write_str(message),
             Self::Invalid { message } => write!(f, "the device rejected a command: {message}"),

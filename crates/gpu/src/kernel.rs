@@ -72,7 +72,7 @@ impl Kernel {
 
 /// Checks a kernel against the limits of the device; `wgpu` does not check all of them.
 pub(crate) fn fits(kernel: &str, entry: &Entry, limits: &Limits) -> Result<(), GpuError> {
-    let remedy = "use --device cpu";
+    let remedy = "use another device";
     let check = |need: u32, most: u32, limit: &'static str| {
         if need <= most {
             return Ok(());

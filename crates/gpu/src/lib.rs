@@ -1,51 +1,129 @@
-//! BVH construction, ray tracing and raster passes on the GPU, through `wgpu`.
+//! BVH construction, ray tracing and raster passes on the GPU, through `wgpu` 30.
+//!
+//! # In a wgpu program
+//!
+//! A program keeps its device, its buffers and its kernels. This crate builds a BVH over the program's vertex and index buffers, and adds
+//! `closest_hit(ray)` and `occluded(ray)` to the program's kernel:
 //!
 //! ```no_run
-//! use canted_gpu::{Choice, Gpu, Outcome, TracedScene};
-//! use canted_trace::{Ray, Watertight};
-//! use canted_wide::{Config, TriangleBvh};
+//! use canted_gpu::{BufferScene, Gpu, IndexBuffer, MeshBuffers, build::WideConfig};
+//!
+//! # fn example(device: wgpu::Device, queue: wgpu::Queue, vertices: wgpu::Buffer, indices: wgpu::Buffer, own: wgpu::BindGroup) -> Result<(), canted_gpu::GpuError> {
+//! // 1. Buffers with the usage STORAGE: here 1,000 vertices of 32 bytes and 2,000 triangles. Submit what fills them before the next step.
+//! let mesh = MeshBuffers {
+//!     vertices: &vertices,
+//!     first_byte: 0,
+//!     stride: 32,
+//!     n_vertices: 1000,
+//!     indices: Some(IndexBuffer { buffer: &indices, format: wgpu::IndexFormat::Uint32, first_byte: 0 }),
+//!     n_triangles: 2000,
+//! };
+//! // 2. A BVH over them.
+//! let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
+//! let mut scene = BufferScene::new(&gpu, &[mesh], WideConfig::default())?;
+//! // 3. The program's kernel: bind group 0 is its own, bind group 1 has the BVH.
+//! let text = scene.traced().module(1)? + "
+//!     @group(0) @binding(0) var<storage, read_write> distances: array<f32>;
+//!     @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {
+//!         let hit = closest_hit(Ray(vec3f(f32(id.x), 0.0, 9.0), 0.0, vec3f(0.0, 0.0, -1.0), 3e38));
+//!         distances[id.x] = select(hit.t, -1.0, hit.instance == NONE);
+//!     }";
+//! let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source: wgpu::ShaderSource::Wgsl(text.into()) });
+//! let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+//!     label: None,
+//!     layout: None,
+//!     module: &module,
+//!     entry_point: Some("main"),
+//!     compilation_options: Default::default(),
+//!     cache: None,
+//! });
+//! let traversal = scene.traced().bind_group(&gpu, &pipeline.get_bind_group_layout(1))?; // valid as long as the scene
+//!
+//! // 4. Each frame: the BVH follows the vertices, and the kernel traces rays.
+//! let mut encoder = device.create_command_encoder(&Default::default());
+//! scene.rebuild(&gpu, &mut encoder, &[mesh])?;
+//! let mut pass = encoder.begin_compute_pass(&Default::default());
+//! pass.set_pipeline(&pipeline);
+//! pass.set_bind_group(0, &own, &[]);
+//! pass.set_bind_group(1, &traversal, &[]);
+//! pass.dispatch_workgroups(16, 1, 1);
+//! drop(pass);
+//! queue.submit([encoder.finish()]);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Device and queue come from the `wgpu` that this crate re-exports. [`InstancedScene`] does the same for instances, whose transforms are in a
+//! buffer. The examples `wgpu-pick` and `wgpu-ao` are complete programs.
+//!
+//! # Batches of rays
+//!
+//! ```no_run
+//! use canted_gpu::{Choice, Gpu, Outcome, TracedScene, build::WideConfig};
+//! use canted_trace::Ray;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-//! let bvh = TriangleBvh::<Watertight>::build(&positions, &[[0, 1, 2]], &Config::default())?;
 //! let gpu = Gpu::open(&Choice::Best)?;
-//! let scene = TracedScene::single_level(&gpu, &bvh, &[0])?;
+//! let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+//! let scene = TracedScene::build_wide_single_level(&gpu, &[triangle], &[0], WideConfig::default())?;
 //! let hits = scene.closest_hits(&gpu, &[Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0])])?;
 //! assert!(matches!(hits[0], Outcome::Complete(Some(hit)) if hit.t == 1.0));
 //! # Ok(())
 //! # }
 //! ```
 //!
-//! Use it for large batches of rays, or to run kernels of your own over the same buffers. A few thousand rays are faster on the
-//! CPU, because each batch is uploaded and read back.
+//! A few thousand rays are faster on the CPU, because each batch is uploaded and read back.
+//!
+//! # Types
 //!
 //! | type | purpose |
 //! |---|---|
 //! | [`Gpu`], [`Choice`] | an open device; which adapter to open |
-//! | [`Buffer`], [`Kernel`], [`Commands`] | typed buffers, compiled kernels, dispatches |
-//! | [`TracedScene`] | BVHs and instances in device memory, built there or uploaded, for ray batches and for kernels of your own |
-//! | [`BufferScene`], [`MeshBuffers`] | a BVH over vertex and index buffers of your own, rebuilt and refitted in your command encoder |
-//! | [`BufferBvh`] | which BVH: eight-wide or binary, and its boxes |
-//! | [`InstancedScene`], [`InstanceBuffer`] | the same with instances, whose transforms are in a buffer of your own |
+//! | [`BufferScene`], [`MeshBuffers`] | a BVH over vertex and index buffers of a program, rebuilt and refitted in its command encoder |
+//! | [`InstancedScene`], [`InstanceBuffer`] | the same with instances, whose transforms are in a buffer of the program |
+//! | [`DeviceBvh`] | which BVH: eight-wide or binary, and its boxes |
+//! | [`TracedScene`] | BVHs and instances in device memory, for ray batches and for kernels of a program |
 //! | [`build`] | BVH construction on the device, stage by stage |
+//! | [`Buffer`], [`Kernel`], [`Commands`] | typed buffers, compiled kernels, dispatches |
 //! | [`RasterPipeline`], [`Draw`] | raster passes into integer targets |
 //! | [`Traffic`] | counters of uploaded and downloaded bytes, and of dispatches |
 //!
+//! # Limits
+//!
+//! No optional `wgpu` feature is required.
+//!
+//! | limit of the device | required |
+//! |---|---|
+//! | `max_storage_buffers_per_shader_stage` | 8 to build and to trace batches, the default of `wgpu` and WebGPU. The module takes 3 to 6 of those of your kernel: see [`TracedScene::module`] |
+//! | `max_storage_buffer_binding_size` | bounds the number of triangles: see [`DeviceBvh`] |
+//!
+//! A device with `Limits::downlevel_defaults` has 4 storage buffers, which is too few. [`Traversal::Bits`] and [`Traversal::Links`] with
+//! [motion](#motion-blur) take 9. Kernels that render pictures take up to 28 ([`canted_shaders::MAX_STORAGE_BUFFERS`]), depending on
+//! the scene. What exceeds a limit is reported by [`GpuError::Limit`].
+//!
+//! # Motion blur
+//!
+//! In this crate an instance *moves* if it has two transforms, for the two ends of the time that a shutter is open: [`TracedScene::two_level`],
+//! [`TracedScene::build_two_level`] and [`TracedScene::build_wide_two_level`] accept those. Instances of an [`InstancedScene`] have one transform. Changing it between frames costs no binding, and no
+//! guarantee becomes weaker.
+//!
 //! # Buffers of a scene
 //!
-//! [`TracedScene::module`] reads these buffers, and [`TracedScene::bind_group`] binds them. [`TracedScene::buffer`] has the buffers
-//! themselves, for programs that read them in other ways. All numbers are 32 bits wide, vectors of four are aligned to 16 bytes.
+//! [`TracedScene::module`] reads these buffers, and [`TracedScene::bind_group`] binds them, all as read-only storage.
+//! [`TracedScene::buffer`] has the buffers themselves, for programs that read them in other ways. All numbers are 32 bits wide. A row is four of
+//! them, 16 bytes, and aligned to 16 bytes.
 //!
 //! | binding | where | content |
 //! |---|---|---|
 //! | 0 `nodes` | always | nodes of all BVHs, see below |
 //! | 1 `corners` | binary BVHs | nine coordinates per triangle, in the order of the meshes |
-//! | 1 `triangle_blocks` | wide BVHs | triangles, four at a time: nine rows of four coordinates, and their four numbers |
-//! | 2 `bvhs` | always | a `Bvh` for each BVH, the top level first; in an [`InstancedScene`] the last is empty, for instances that are not placed |
+//! | 1 `triangle_blocks` | wide BVHs | triangles, four at a time: nine rows of four coordinates, and a row of their four numbers; 160 bytes |
+//! | 2 `bvhs` | always | a `Bvh` for each BVH, that of the top level first; in an [`InstancedScene`] the last is empty, for instances that are not placed |
 //! | 3 `instances` | two levels | an `Instance` for each |
 //! | 3 `first_triangles` | one level over several meshes | the number of the first triangle of each |
 //! | 4 `instance_order` | two levels | the instance of each item of the top level |
-//! | 5 `motions` | two levels with moving instances | a `Motion` for each of these |
+//! | 5 `motions` | instances with motion blur | a `Motion` for each of these |
+//! | 7 `links`, `pair_links` | [`Traversal::Bits`] and [`Traversal::Links`] | links to parents; scenes over a program's buffers always use [`Traversal::Stack`] |
 //!
 //! | structure | bytes | members and their offsets |
 //! |---|---|---|
@@ -55,23 +133,42 @@
 //! | `Ray` | 32 | `origin` 0, `t_min` 12, `direction` 16, `t_max` 28 |
 //! | `Hit` | 20 | `t` 0, `u` 4, `v` 8, `primitive` 12, `instance` 16 |
 //!
-//! * `Bvh`: rows of the mesh's frame, whose fourth components are the greatest coordinate, the error of hits per coordinate of the origin,
-//!   and the constant error; then the root's word, the first quad of its nodes (0 in binary BVHs), the first triangle or the first quad
-//!   of its blocks, and whether the frame is rotated.
-//! * `Instance`: rows of the linear part of `object_from_world`, whose fourth components are the world position of the object's origin; the
-//!   number of its BVH, and of its motion plus one; the rows of `object_from_world` as `f64`, translations last, lower halves first.
-//! * A binary node is two children. A child with an axis-aligned box is 32 bytes: lower ends and word, upper ends and zero. One with an
-//!   oriented box is 64 bytes: three times an axis and the half-extent along it, then center and word. A word with the highest bit is a leaf,
-//!   whose other bits are the number of its triangle in `corners`, or of its item in the top level; other words are numbers of nodes.
-//! * A wide node is rows of eight numbers, one per child: 256 bytes with axis-aligned boxes, 512 with oriented ones. Rows and words are those
-//!   of [`RawBvh`](canted_wide::RawBvh).
-//! * `0x7fffffff` is the root of an empty BVH.
+//! `Bvh`:
+//!
+//! | member | first three components | fourth component |
+//! |---|---|---|
+//! | `row_x` | first row of the mesh's frame | greatest absolute coordinate |
+//! | `row_y` | second row | error of hits, per coordinate of the ray's origin |
+//! | `row_z` | third row | error of hits, constant part |
+//!
+//! Its `words` are the word of the root; the first row of its nodes in `nodes`, or 0 in binary BVHs; the first triangle, or the first row
+//! of its blocks; and whether the frame is rotated.
+//!
+//! `Instance`: `row_x` to `row_z` have the rows of the linear part of `object_from_world`, and in their fourth components the world position of the
+//! object's origin. `bvh.x` is an index into `bvhs`: mesh *i* has *i* + 1, because the top level comes first. `bvh.y` is an index into
+//! `motions` plus 1, or 0. `exact_rows` are the rows of `object_from_world` as `f64`, translations last, lower halves first.
+//!
+//! A **word** stands for a child or a root. `0x7fffffff` is none.
+//!
+//! | BVH | bit 31 is 1: a leaf | bit 31 is 0: a node |
+//! |---|---|---|
+//! | binary | the other bits are an index into `corners`, or in the top level into `instance_order` | an index into `nodes`, in nodes, whichever BVH it belongs to |
+//! | wide | bits 26 to 30: triangles or instances, less one. Bits 0 to 25: the first half of a block, counted from the first block of the BVH; in the top level, an index into `instance_order` | bits 29 and 30: the kind, 0 aligned, 1 oriented. Bits 0 to 28: distance from the first node of the BVH, in units of 64 bytes |
+//!
+//! A binary node is two children. In a BVH with axis-aligned boxes ([`Strategy::Aabb`]) a node has 64 bytes and a child two rows: lower ends and word, upper
+//! ends and zero. In all others a node has 128 bytes and a child four rows: three times an axis and the half-extent along it, then center and word.
+//!
+//! A wide node has eight children, and a double row of eight numbers for each property. Aligned nodes have 256 bytes: lower and upper ends along
+//! x, along y, along z, the words, and unused numbers. Oriented nodes have 512 bytes: for each of three axes its x, y, z, the center along it, and
+//! the half-extent; then the words. A leaf in blocks uses halves of blocks, each of two triangles; see
+//! [`RawBvh`](canted_wide::RawBvh) for leaves of more than four triangles, which only the CPU builds.
 //!
 //! # Guarantees
 //!
-//! * A ray hits the triangles that the CPU's watertight test hits, and no others: where single precision does not decide, integers
-//!   repeat the CPU's arithmetic. In an instance that moves, additional hits lie within [`HIT_ERROR`] of the ray. `t` is rounded, so
-//!   the closest of two hits may be the other where they differ by less than the bound.
+//! * A ray hits a triangle on the GPU exactly where it does on the CPU, by the watertight test: where single precision does not decide,
+//!   integers repeat the CPU's arithmetic. `t` is rounded by at most [`HIT_ERROR`], relative to the coordinates. So where two hits are closer to each
+//!   other than that, the GPU may return either; and where `t` is that close to `t_min` or `t_max`, it may differ from the CPU whether there is a hit.
+//!   Instances with [motion](#motion-blur) may have additional hits within [`HIT_ERROR`] of the ray.
 //! * Morton codes, sort order and topology, by radix or by clustering, are the same integers as on the CPU; equal input gives equal words of
 //!   wide nodes; volumes enclose their primitives.
 //! * Work-groups exchange data between dispatches, or through atomic words that are both data and flag. No work-group waits for
@@ -80,17 +177,17 @@
 //!
 //! # In browsers
 //!
-//! The crate compiles for `wasm32-unknown-unknown` and uses WebGPU there. Nothing may block in a browser, so calls that wait for the
-//! device have a form that ends in `_async`: [`Gpu::open_async`], [`TracedScene::build_two_level_async`],
-//! [`TracedScene::build_wide_two_level_async`], [`TracedScene::closest_hits_async`], [`Gpu::read_async`]. The form without `_async`
-//! returns [`GpuError::Blocking`] there where it would have to wait; what is recorded into an encoder does not. Outside of browsers, the
-//! futures are ready when they are polled first, and any executor runs them. Errors of the device arrive with a later call. Stages are
-//! not timed. The example `browser` is a page that builds and traces the built-in scene.
+//! The crate compiles for `wasm32-unknown-unknown` and uses WebGPU there. Nothing may block in a browser. So call the form that ends in `_async`
+//! wherever there is one: [`Gpu::open_async`], [`BufferScene::new_async`], [`InstancedScene::new_async`], [`TracedScene::closest_hits_async`],
+//! [`Gpu::read_async`] and others. The form without `_async` returns [`GpuError::Blocking`] there where it would have to wait. `rebuild`, `refit`,
+//! `update_top`, `module` and `bind_group` never wait. Errors of the device arrive with a later call. Stages are not timed. Outside of
+//! browsers, the futures are ready when they are polled first, and any executor runs them. The example `browser` is a page that builds and traces the
+//! built-in scene.
 //!
-//! Tested and measured on the software drivers of Mesa (llvmpipe) and, in a browser, of Chromium (SwiftShader) only; no hardware GPU has
-//! been measured yet. Vulkan, Metal and DX12 are enabled in `wgpu`, and WebGPU in browsers. Builds and traversal require eight storage buffers
-//! per shader stage, the default limit of `wgpu` and WebGPU (nine for [`Traversal::Bits`] and [`Traversal::Links`] with moving instances). Kernels that render require up to 28
-//! ([`canted_shaders::MAX_STORAGE_BUFFERS`]), depending on the scene.
+//! # Tested on
+//!
+//! The software drivers of Mesa (llvmpipe) and, in a browser, of Chromium (SwiftShader) only; no hardware GPU has been measured yet.
+//! Vulkan, Metal and DX12 are enabled in `wgpu`, and WebGPU in browsers.
 #![forbid(unsafe_code)]
 
 mod adapter;
@@ -127,7 +224,7 @@ pub use kernel::Kernel;
 pub use loop_check::{loop_iterations, loop_iterations_async};
 pub use raster::{N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
-    BufferBvh, BufferScene, DeviceHit, DeviceRay, HIT_ERROR, InstancedScene, MAX_CONDITION, MAX_COORDINATE,
+    BufferScene, DeviceBvh, DeviceHit, DeviceRay, HIT_ERROR, InstancedScene, MAX_CONDITION, MAX_COORDINATE,
     MotionPolynomials, Outcome, TracedScene, Traversal,
 };
 pub use traffic::Traffic;

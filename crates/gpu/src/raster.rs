@@ -51,7 +51,7 @@ impl Gpu {
         self.check()?;
         let most = self.limits().max_color_attachment_bytes_per_sample;
         if most < PIXEL_BYTES {
-            let (limit, remedy) = ("bytes per pixel over all targets", "trace primary rays");
+            let (limit, remedy) = ("bytes per pixel over all targets", "trace first hits");
             let what = format!("raster pass '{name}'");
             return Err(GpuError::Limit { what, need: PIXEL_BYTES.into(), limit, most: most.into(), remedy });
         }

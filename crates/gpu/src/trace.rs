@@ -7,10 +7,10 @@
 
 mod alternatives;
 mod binary;
-mod buffer_bvh;
 mod buffers;
 mod built_wide;
 mod cast;
+mod device_bvh;
 mod motion;
 
 mod coordinates;
@@ -26,10 +26,10 @@ mod top_level;
 mod wide;
 
 pub use alternatives::Traversal;
-pub use buffer_bvh::BufferBvh;
 pub use buffers::BufferScene;
 pub use cast::Outcome;
 pub use coordinates::MAX_COORDINATE;
+pub use device_bvh::DeviceBvh;
 pub use instanced::InstancedScene;
 pub use layout::HIT_ERROR;
 pub use motion::MotionPolynomials;

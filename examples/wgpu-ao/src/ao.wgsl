@@ -1,9 +1,11 @@
-// Ambient occlusion. Ray, Hit, closest_hit and occluded come from the module that is joined to this text.
+// Ambient occlusion. Ray, NONE, closest_hit, occluded and is_incomplete come from the module that is joined to this text.
 
 const WIDTH: u32 = 480u;
 const HEIGHT: u32 = 270u;
 const N_RAYS: u32 = 24u;
 const REACH: f32 = 1.5;
+/// Greatest absolute coordinate of the sheet.
+const W: f32 = 4.0;
 
 @group(0) @binding(0) var<storage, read> positions: array<f32>;
 @group(0) @binding(1) var<storage, read> indices: array<u32>;
@@ -39,7 +41,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if normal.y < 0.0 {
         normal = -normal;
     }
-    let origin = a + hit.u * (b - a) + hit.v * (c - a) + 1e-4 * normal;
+    let origin = a + hit.u * (b - a) + hit.v * (c - a) + 5e-5 * W * normal;
     var seed = pixel * 9781u + 1u;
     var n_open = 0u;
     for (var i = 0u; i < N_RAYS; i++) {
@@ -50,5 +52,5 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let direction = normal + vec3<f32>(around, z) * 0.999;
         n_open += select(1u, 0u, occluded(Ray(origin, 0.0, direction, REACH)));
     }
-    brightness[pixel] = f32(n_open) / f32(N_RAYS);
+    brightness[pixel] = select(f32(n_open) / f32(N_RAYS), -1.0, is_incomplete);
 }

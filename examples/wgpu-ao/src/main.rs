@@ -61,7 +61,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         scene.rebuild(&gpu, &mut encoder, &[mesh])?;
         dispatch(&mut encoder, &shading, &[&to_shade, &traversal], SIZE.map(|n| n.div_ceil(8)));
         queue.submit([encoder.finish()]);
-        let grey = gpu.read(&brightness)?.into_iter().map(to_srgb).collect();
+        let brightness = gpu.read(&brightness)?;
+        if brightness.iter().any(|&of_pixel| of_pixel < 0.0) {
+            return Err("the rays of a pixel take more steps than this driver allows".into());
+        }
+        let grey = brightness.into_iter().map(to_srgb).collect();
         let picture = image::GrayImage::from_raw(SIZE[0], SIZE[1], grey).ok_or("a picture of another size")?;
         picture.save(folder.join(format!("ao_{number:02}.png")))?;
     }

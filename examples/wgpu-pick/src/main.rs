@@ -11,7 +11,7 @@ use std::error::Error;
 
 use canted_gpu::build::WideConfig;
 use canted_gpu::wgpu::util::{BufferInitDescriptor, DeviceExt};
-use canted_gpu::{Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers, wgpu};
+use canted_gpu::{DeviceHit, Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers, wgpu};
 
 /// Corners of a cube by bits, with another vector behind each position, as a program's own vertices have.
 fn cube() -> Vec<[f32; 6]> {
@@ -94,7 +94,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         usage: wgpu::BufferUsages::UNIFORM,
     };
     let pointer = device.create_buffer_init(&descriptor);
-    let picked = gpu.zeroed::<canted_gpu::DeviceHit>("picked", 1)?;
+    let picked = gpu.zeroed::<DeviceHit>("picked", 1)?;
     let own = device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: None,
         layout: &pipeline.get_bind_group_layout(0),
@@ -113,7 +113,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     drop(pass);
     queue.submit([encoder.finish()]);
     let hit = gpu.read(&picked)?[0];
-    if hit.instance == u32::MAX {
+    if hit.instance == DeviceHit::NONE {
         println!("nothing at ({x}, {y})");
     } else {
         println!("cube {}, triangle {}, at t = {}", hit.instance, hit.primitive, hit.t);

@@ -4,7 +4,7 @@ use std::{io::Write, process::ExitCode};
 
 use canted_fixtures::Mesh;
 use canted_gpu::build::{BuildConfig, STRATEGIES, Topology, WideConfig};
-use canted_gpu::{BufferBvh, BufferScene, Choice, Gpu, IndexBuffer, MeshBuffers, wgpu};
+use canted_gpu::{BufferScene, Choice, DeviceBvh, Gpu, IndexBuffer, MeshBuffers, wgpu};
 use canted_lbvh::Strategy;
 use canted_tests::judge::{Tally, World, error_of_one_level};
 use canted_trace::{Hit, Ray};
@@ -19,14 +19,14 @@ pub(crate) const N_RAYS: usize = 1_000_000;
 struct Row {
     kind: &'static str,
     strategy: Strategy,
-    bvh: BufferBvh,
+    bvh: DeviceBvh,
     tally: Tally,
     n_rays: usize,
     n_lost: usize,
 }
 
 impl Row {
-    fn new((kind, strategy, bvh): (&'static str, Strategy, BufferBvh)) -> Self {
+    fn new((kind, strategy, bvh): (&'static str, Strategy, DeviceBvh)) -> Self {
         Self { kind, strategy, bvh, tally: Tally::default(), n_rays: 0, n_lost: 0 }
     }
 }

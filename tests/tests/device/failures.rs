@@ -69,8 +69,8 @@ fn scenes_that_do_not_fit_are_rejected_with_limit_need_and_remedy() {
     // All mip levels of 64 x 64 texels, and the curve.
     let need = 4 * ((64 * 64 * 4 - 1) / 3 + 256);
     let sentence = format!(
-        "the textures: requires {need} bytes of four storage bindings, the device supports 16384; use --lod none, smaller textures \
-         or --device cpu"
+        "the textures: requires {need} bytes of four storage bindings, the device supports 16384; use smaller textures or \
+         no mip maps"
     );
     assert_eq!(refused.to_string(), sentence);
 }

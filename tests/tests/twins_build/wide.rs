@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use canted_fixtures::{Mesh, icosphere, soup};
 use canted_gpu::Gpu;
-use canted_gpu::build::{BuildConfig, Built, MAX_LEAF, Range, Run, STRATEGIES, Topology, WideTrees};
+use canted_gpu::build::{BuildConfig, Built, MAX_LEAF, Range, Run, STRATEGIES, Topology, WideBvhs};
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Strategy, Tree, VolumeConfig};
 use canted_obb::Aabb;
 
@@ -174,7 +174,7 @@ fn unequal(what: &str, device: &[[u32; 4]], cpu: &BTreeMap<usize, u32>) -> Resul
 fn compared(gpu: &Gpu, there: &[Twin], twins: &[Twin], bits: Bits) -> Result<(), String> {
     let mut run = Run::new(gpu);
     let built = Built::new(&mut run, items(gpu, there), BuildConfig { bits, ..BuildConfig::default() }).unwrap();
-    let wide = WideTrees::new(&mut run, &built, None).unwrap();
+    let wide = WideBvhs::new(&mut run, &built, None).unwrap();
     let (nodes, blocks) = (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap());
     // A root's word is where the room of its tree starts; trees without nodes need none.
     let first_units: Vec<usize> = wide.levels[0].roots.iter().map(|&root| root as usize / 4).collect();
@@ -236,7 +236,7 @@ fn repeated_collapses_give_the_same_words() {
     let words = || {
         let mut run = Run::new(&gpu);
         let built = Built::new(&mut run, items(&gpu, &twins), BuildConfig::default()).unwrap();
-        let wide = WideTrees::new(&mut run, &built, None).unwrap();
+        let wide = WideBvhs::new(&mut run, &built, None).unwrap();
         (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap(), wide.levels)
     };
     assert!(words() == words());
@@ -252,7 +252,7 @@ fn oriented_nodes_enclose_their_triangles() {
         let mut run = Run::new(&gpu);
         let config = BuildConfig { bits: Bits::B63, strategy };
         let built = Built::with_topology(&mut run, items(&gpu, &twins), config, topology).unwrap();
-        let wide = WideTrees::new(&mut run, &built, None).unwrap();
+        let wide = WideBvhs::new(&mut run, &built, None).unwrap();
         let (nodes, blocks) = (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap());
         let n_oriented: usize = twins
             .iter()

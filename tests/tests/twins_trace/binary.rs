@@ -3,7 +3,7 @@
 use canted_fixtures::Mesh;
 use canted_gpu::build::{BuildConfig, STRATEGIES};
 use canted_gpu::{
-    Buffer, BufferBvh, BufferScene, DeviceInstance, Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers,
+    Buffer, BufferScene, DeviceBvh, DeviceInstance, Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers,
     TracedScene, Traversal, wgpu,
 };
 use canted_lbvh::{Bits, Corners, Strategy};
@@ -141,7 +141,7 @@ fn rays_through_instances_lose_no_hit() {
 }
 
 /// Checks rays through instances in buffers: instances are placed on the device, and nothing is read back.
-pub(super) fn in_buffers(gpu: &Gpu, placed: &Placed, bvhs: impl IntoIterator<Item = BufferBvh>) {
+pub(super) fn in_buffers(gpu: &Gpu, placed: &Placed, bvhs: impl IntoIterator<Item = DeviceBvh>) {
     let buffers = Buffers::new(gpu, placed.meshes());
     let transforms: Vec<DeviceInstance> = placed
         .instances()

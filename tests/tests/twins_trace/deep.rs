@@ -122,9 +122,7 @@ fn every_traversal_finds_hits_at_its_depth_limit() {
 fn bvhs_too_deep_for_a_traversal_are_rejected() {
     let Some(gpu) = gpu("bvhs_too_deep_for_a_traversal_are_rejected") else { return };
     let refused = |depth: u32, most: u32| {
-        format!(
-            "the stack of a ray: requires {depth} levels of nodes, the device supports {most}; use another --builder or --device cpu"
-        )
+        format!("the stack of a ray: requires {depth} levels of nodes, the device supports {most}; use another builder")
     };
     let error = |scene: Result<TracedScene, GpuError>| scene.err().expect("the tree is too deep").to_string();
     let (_, tree) = deep(17);

@@ -1,7 +1,7 @@
 //! GPUs, and the fallback to the CPU.
 
 use anyhow::{Result, anyhow};
-use canted_gpu::{AdapterKind, Choice, Gpu, GpuError, TracedScene, build::WideConfig};
+use canted_gpu::{AdapterKind, Choice, DeviceBvh, Gpu, GpuError, TracedScene};
 use canted_renderer::{DeviceError, StructureConfig, built_scene};
 use canted_scene::Scene;
 use serde_json::{Value, json};
@@ -52,7 +52,7 @@ impl Machine {
                     ));
                     Self::Cpu
                 }
-                Err(error) => return Err(error.into()),
+                Err(error) => return Err(unopened(error)),
             },
         })
     }
@@ -80,6 +80,11 @@ impl Machine {
         self.gpu().is_some()
     }
 
+    /// Whether the CPU computes what the adapter does not support.
+    fn falls_back(&self) -> bool {
+        matches!(self, Self::Auto(_))
+    }
+
     /// Runs `prepare` on the adapter. Returns `None` where the CPU computes instead.
     ///
     /// # Errors
@@ -95,10 +100,12 @@ impl Machine {
             None => match prepare(gpu) {
                 Ok(ready) => return Ok(Some((gpu, ready))),
                 Err(DeviceError::Render(error)) => return Err(error.into()),
-                Err(error) => named(gpu, error),
+                // The CPU renders anyway.
+                Err(error) if self.falls_back() => named(gpu, error),
+                Err(error) => with_remedy(gpu, error),
             },
         };
-        if !matches!(self, Self::Auto(_)) {
+        if !self.falls_back() {
             return Err(error);
         }
         warn_fallback(&error);
@@ -106,16 +113,16 @@ impl Machine {
     }
 }
 
-/// The wide BVHs of a scene that a device builds, or those that `uploaded` returns where it does not support the build.
+/// The BVHs of a scene that a device builds, or those that `uploaded` returns where it does not support a wide build.
 pub(crate) fn built_or(
     gpu: &Gpu,
     scene: &Scene,
     config: &StructureConfig,
-    wide: WideConfig,
+    bvh: DeviceBvh,
     uploaded: impl FnOnce() -> Result<TracedScene, DeviceError>,
 ) -> Result<TracedScene, DeviceError> {
-    match built_scene(gpu, scene, config, wide) {
-        Err(DeviceError::Gpu(GpuError::Unsupported { what })) => {
+    match built_scene(gpu, scene, config, bvh) {
+        Err(DeviceError::Gpu(GpuError::Unsupported { what })) if matches!(bvh, DeviceBvh::Wide(_)) => {
             output::note(&format!("the CPU builds the BVHs: not supported on the GPU: {what}"));
             uploaded()
         }
@@ -132,6 +139,16 @@ pub(crate) fn named(gpu: &Gpu, error: DeviceError) -> anyhow::Error {
     }
 }
 
+/// [`named`], and the option that avoids the error.
+fn with_remedy(gpu: &Gpu, error: DeviceError) -> anyhow::Error {
+    let remedy = match &error {
+        DeviceError::Gpu(GpuError::Limit { .. } | GpuError::OutOfMemory { .. }) => ", or use --device cpu",
+        DeviceError::Gpu(GpuError::Unsupported { .. }) | DeviceError::Unsupported { .. } => "; use --device cpu",
+        _ => return named(gpu, error),
+    };
+    anyhow!("{}{remedy}", named(gpu, error))
+}
+
 /// Whether the system may have a hardware GPU. On Linux each driver of one has a device file, so that no driver is loaded
 /// where there is none.
 fn may_have_hardware() -> bool {
@@ -145,8 +162,16 @@ fn open_quietly(choice: &Choice) -> Result<Gpu, GpuError> {
     quietly(|| Gpu::open(choice))
 }
 
+/// An error of opening an adapter, with the option that avoids it.
+fn unopened(error: GpuError) -> anyhow::Error {
+    match error {
+        GpuError::NoAdapter { ref found, .. } if found.is_empty() => anyhow!("{error}, or use --device cpu"),
+        error => error.into(),
+    }
+}
+
 fn open_adapter(choice: &Choice) -> Result<Gpu> {
-    let gpu = open_quietly(choice)?;
+    let gpu = open_quietly(choice).map_err(unopened)?;
     let info = gpu.info();
     if info.kind == AdapterKind::Software {
         let name = &info.name;

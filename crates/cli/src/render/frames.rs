@@ -25,6 +25,8 @@ use serde_json::{Value, json};
 
 use super::{Args, LastFrame, Picture, facts, look::LookArgs, open_machine, render_picture, setup};
 #[cfg(feature = "gpu")]
+use canted_gpu::DeviceBvh;
+#[cfg(feature = "gpu")]
 use canted_renderer::{DeviceFrames, DeviceUpdates};
 
 use crate::{
@@ -123,8 +125,9 @@ struct Sequence<'a> {
 fn on_device(args: &Args) -> DeviceFrames {
     let frames = DeviceFrames::new(args.sequence.update);
     match args.structure.built_on_gpu() {
-        Some(wide) => frames.with_wide(wide),
-        None => frames,
+        Some(DeviceBvh::Wide(wide)) => frames.with_wide(wide),
+        // The device builds binary BVHs anyway.
+        Some(DeviceBvh::Binary(_)) | None => frames,
     }
 }
 
@@ -142,6 +145,8 @@ fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source, mut list: 
         emission: None,
         integrator: None,
         look: sequence.args.look.clone(),
+        #[cfg(feature = "gpu")]
+        is_noted: false,
         is_dark: false,
     };
     let (mut facts, mut pictures) = (Vec::new(), Vec::new());
@@ -179,6 +184,9 @@ struct Progress<K: LaneKernel> {
     integrator: Option<Integrator>,
     /// With the exposure that the first picture decided.
     look: LookArgs,
+    /// Whether it was said that the device does not build the BVHs.
+    #[cfg(feature = "gpu")]
+    is_noted: bool,
     /// Whether a frame was nearly black: one warning is enough.
     is_dark: bool,
 }
@@ -229,6 +237,12 @@ fn render_frame<K: LaneKernel>(
     let Picture { rendered, trace_time } =
         render_picture(scene, &own, machine, prepared, &camera, choice, &mut progress.last)?;
     progress.trace_time = trace_time;
+    #[cfg(feature = "gpu")]
+    if let Some(what) = progress.last.device.as_ref().and_then(DeviceFrames::unsupported)
+        && !std::mem::replace(&mut progress.is_noted, true)
+    {
+        output::note(&format!("frame {frame}: the CPU builds the BVHs: not supported on the GPU: {what}"));
+    }
     if !progress.is_dark
         && let Some(warning) = rendered.darkness(&own)
     {

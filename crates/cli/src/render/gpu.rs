@@ -47,14 +47,14 @@ impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
             return Err(anyhow!("--samples requires one device; --device both mixes CPU and GPU rounding"));
         }
         let before = machine.gpu().map(Gpu::traffic).unwrap_or_default();
-        let wide = args.structure.built_on_gpu();
-        let built = wide.map(|wide| anyhow::Ok((args.structure.config(surfaces.scene())?, wide))).transpose()?;
+        let bvh = args.structure.built_on_gpu();
+        let built = bvh.map(|bvh| anyhow::Ok((args.structure.config_quietly()?, bvh))).transpose()?;
         let ready = machine.ready(&args.structure, |gpu| {
             let picture = match (frames, &built) {
                 (Some(frames), _) => DevicePicture::in_frame(gpu, surfaces, structure, camera, settings, frames)?,
-                (None, Some((config, wide))) => {
+                (None, Some((config, bvh))) => {
                     let make =
-                        |scene: &Scene| built_or(gpu, scene, config, *wide, || traced_scene(gpu, scene, structure));
+                        |scene: &Scene| built_or(gpu, scene, config, *bvh, || traced_scene(gpu, scene, structure));
                     DevicePicture::over(gpu, surfaces, structure, camera, settings, make)?
                 }
                 (None, None) => DevicePicture::new(gpu, surfaces, structure, camera, settings)?,

@@ -73,10 +73,10 @@ mod on_gpu {
             }
             let first_hit = if args.first_hit() == FirstHit::Raster { FirstHit::Raster } else { FirstHit::Trace };
             let picture = match args.structure.built_on_gpu() {
-                Some(wide) => {
-                    let config = args.structure.config(surfaces.scene())?;
+                Some(bvh) => {
+                    let config = args.structure.config_quietly()?;
                     let make =
-                        |scene: &Scene| built_or(gpu, scene, &config, wide, || traced_scene(gpu, scene, structure));
+                        |scene: &Scene| built_or(gpu, scene, &config, bvh, || traced_scene(gpu, scene, structure));
                     DevicePicture::over(gpu, surfaces, structure, camera, settings, make)
                 }
                 None => DevicePicture::new(gpu, surfaces, structure, camera, settings),

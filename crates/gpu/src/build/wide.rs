@@ -27,7 +27,7 @@ const HALF_QUADS: u32 = 10;
 
 /// Eight-wide BVHs in device memory, in the layout of [`RawBvh`](canted_wide::RawBvh): those over triangles, then that over
 /// instances.
-pub struct WideTrees {
+pub struct WideBvhs {
     /// Nodes, in quads of words.
     pub nodes: Buffer<[u32; 4]>,
     /// Triangles, in blocks of ten quads.
@@ -44,7 +44,7 @@ pub struct WideTrees {
 pub struct WideLevel {
     /// The root's word of each tree.
     pub roots: Vec<u32>,
-    /// First quad of the level in [`WideTrees::nodes`], from which words count.
+    /// First quad of the level in [`WideBvhs::nodes`], from which words count.
     pub first_quad: u32,
     /// Greatest number of nodes from a root to a leaf; 0 without nodes.
     pub depth: u32,
@@ -53,6 +53,15 @@ pub struct WideLevel {
 /// Which binary nodes are wide ones, for each level: what it takes to write nodes again after the binary trees have changed.
 pub(crate) struct Collapse {
     levels: Vec<Order>,
+}
+
+/// A level of a scene's BVHs.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Which {
+    /// Over triangles.
+    Bottom,
+    /// Over instances.
+    Top,
 }
 
 /// What changed in binary trees.
@@ -64,7 +73,7 @@ pub(crate) enum Change {
     Trees,
 }
 
-impl WideTrees {
+impl WideBvhs {
     /// Collapses the trees over triangles in `bottom`, and the tree over boxes of instances in `top`. Nodes over triangles are
     /// aligned, or oriented where `bottom` has oriented boxes; those over instances are aligned. Between dispatches only the
     /// number of nodes of each level is read back, to know the depth.
@@ -75,10 +84,10 @@ impl WideTrees {
         block_on(Self::new_async(run, bottom, top))
     }
 
-    /// [`WideTrees::new`] for browsers.
+    /// [`WideBvhs::new`] for browsers.
     ///
     /// # Errors
-    /// As for [`WideTrees::new`].
+    /// As for [`WideBvhs::new`].
     pub async fn new_async(run: &mut Run<'_>, bottom: &Built, top: Option<&Built>) -> Result<Self, GpuError> {
         let gpu = run.gpu();
         if run.is_recorded() {
@@ -121,11 +130,11 @@ impl Collapse {
     pub(crate) fn put_again(
         &self,
         run: &mut Run<'_>,
-        built: &Built,
-        level: usize,
+        (which, built): (Which, &Built),
         words: (&Buffer<[u32; 4]>, &Buffer<[u32; 4]>),
         (trees, change): ([u32; 2], Change),
     ) -> Result<(), GpuError> {
+        let level = if which == Which::Top { 1 } else { 0 };
         if change == Change::Trees {
             self.levels[level].find_again(run, built, trees)?;
         }

@@ -21,7 +21,7 @@ use super::level::{Instances, Level};
 use super::nodes::{EMPTY, LEAF};
 use super::scene::{Nodes, TracedScene};
 use super::top_level::{MeshBounds, Packing};
-use crate::build::{BuildConfig, Built, Items, Range, Run};
+use crate::build::{BuildConfig, Built, Items, Range, Run, Which};
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, wait::block_on};
 
 /// How far the center of an oriented box may lie from the origin, in units of the greatest coordinate of what it encloses; see
@@ -34,6 +34,8 @@ pub(super) struct Pairs {
     /// Vertices of the triangles.
     corners: Arc<Buffer<Corners>>,
     is_oriented: bool,
+    /// First node of the second level.
+    first_top_node: u32,
     n_nodes: u32,
     traversal: Traversal,
     /// Links to parents, for traversals that need them.
@@ -55,14 +57,18 @@ impl Pairs {
             return Err(GpuError::Input { message: "the first level is not over triangles".to_owned() });
         };
         let is_oriented = first.obbs.is_some();
-        let n_nodes = first.items.len() + second.map_or(0, |built| built.items.len());
+        let first_top_node = first.items.len();
+        let n_nodes = first_top_node + second.map_or(0, |built| built.items.len());
         let quads = if is_oriented { 8 } else { 4 };
         let pairs = gpu.zeroed("binary nodes", n_nodes as usize * quads)?;
-        put(run, first, 0, &pairs, [0, first.items.len()])?;
+        let corners = corners.clone();
+        let pairs =
+            Self { pairs, corners, is_oriented, first_top_node, n_nodes, traversal: Traversal::Stack, links: None };
+        pairs.put(run, Which::Bottom, first, [0, first.items.len()])?;
         if let Some(second) = second {
-            put(run, second, first.items.len(), &pairs, [0, second.items.len()])?;
+            pairs.put(run, Which::Top, second, [0, second.items.len()])?;
         }
-        Ok(Self { pairs, corners: corners.clone(), is_oriented, n_nodes, traversal: Traversal::Stack, links: None })
+        Ok(pairs)
     }
 
     /// Converts a single level.
@@ -70,15 +76,26 @@ impl Pairs {
         Self::new(run, built, None)
     }
 
-    /// Converts items of a level again, which have changed: whole trees. The level starts at `first_node`.
-    pub(super) fn put_again(
-        &self,
-        run: &mut Run<'_>,
-        built: &Built,
-        first_node: u32,
-        items: [u32; 2],
-    ) -> Result<(), GpuError> {
-        put(run, built, first_node, &self.pairs, items)
+    /// Converts a range of items of a level: whole trees.
+    pub(super) fn put(&self, run: &mut Run<'_>, which: Which, built: &Built, items: [u32; 2]) -> Result<(), GpuError> {
+        let gpu = run.gpu();
+        let first_node = if which == Which::Top { self.first_top_node } else { 0 };
+        let level = gpu.uniform("level", &TargetLevel { first_node })?;
+        let (part, volumes): (_, NamedBinding<'_>) = match &built.obbs {
+            None => ("shared/build/pair/aabb", ("aabbs", &built.aabbs)),
+            Some(obbs) => ("shared/build/pair/obb", ("obbs", obbs)),
+        };
+        let bound = built.items.bound(&[
+            volumes,
+            ("nodes", &built.trees.nodes),
+            ("leaves", &built.leaves),
+            ("pairs", &self.pairs),
+            ("target_level", &level),
+        ]);
+        run.stage("pairs", |dispatches| {
+            let kernel = gpu.kernel("build/pairs", &built.items.part().part("pair", part))?;
+            dispatches.range(&kernel, &bound, items)
+        })
     }
 
     pub(super) fn is_oriented(&self) -> bool {
@@ -127,33 +144,6 @@ impl Pairs {
     pub(super) fn n_bytes(&self) -> u64 {
         self.pairs.n_bytes() + self.corners.n_bytes() + self.links.as_ref().map_or(0, Buffer::n_bytes)
     }
-}
-
-/// Writes the nodes of a range of a level, which starts at `first_node`.
-fn put(
-    run: &mut Run<'_>,
-    built: &Built,
-    first_node: u32,
-    pairs: &Buffer<Quad>,
-    items: [u32; 2],
-) -> Result<(), GpuError> {
-    let gpu = run.gpu();
-    let level = gpu.uniform("level", &TargetLevel { first_node })?;
-    let (part, volumes): (_, NamedBinding<'_>) = match &built.obbs {
-        None => ("shared/build/pair/aabb", ("aabbs", &built.aabbs)),
-        Some(obbs) => ("shared/build/pair/obb", ("obbs", obbs)),
-    };
-    let bound = built.items.bound(&[
-        volumes,
-        ("nodes", &built.trees.nodes),
-        ("leaves", &built.leaves),
-        ("pairs", pairs),
-        ("target_level", &level),
-    ]);
-    run.stage("pairs", |dispatches| {
-        let kernel = gpu.kernel("build/pairs", &built.items.part().part("pair", part))?;
-        dispatches.range(&kernel, &bound, items)
-    })
 }
 
 impl TracedScene {

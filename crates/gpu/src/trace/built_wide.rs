@@ -1,7 +1,7 @@
 //! Eight-wide BVHs that the device builds.
 //!
 //! ```text
-//! corners of meshes  -> build::Built -> build::WideTrees       bottom levels
+//! corners of meshes  -> build::Built -> build::WideBvhs       bottom levels
 //! boxes of instances -> build::Built -^                         top level
 //! ```
 //!
@@ -17,7 +17,7 @@ use super::level::{Instances, Level};
 use super::scene::{Nodes, TracedScene};
 use super::top_level::{MeshBounds, Packing};
 use super::wide::WideNodes;
-use crate::build::{BuildConfig, Built, Items, Run, WideConfig, WideTrees};
+use crate::build::{BuildConfig, Built, Items, Run, WideBvhs, WideConfig};
 use crate::{Gpu, GpuError, wait::block_on};
 
 impl TracedScene {
@@ -47,14 +47,14 @@ impl TracedScene {
     ) -> Result<Self, GpuError> {
         let mut run = Run::new(gpu);
         let bottom = bottom(&mut run, Items::triangles(gpu, [corners])?, config).await?;
-        let trees = WideTrees::new_async(&mut run, &bottom, None).await?;
+        let bvhs = WideBvhs::new_async(&mut run, &bottom, None).await?;
         let bounds = mesh_bounds(gpu, &bottom).await?;
         check_coordinates(|| "the BVH over all instances".to_owned(), bounds[0].reach.into())?;
-        let level = &trees.levels[0];
-        let header = header(level.roots[0], level.first_quad, bounds[0].reach, trees.is_oriented);
+        let level = &bvhs.levels[0];
+        let header = header(level.roots[0], level.first_quad, bounds[0].reach, bvhs.is_oriented);
         let depth = level.depth;
         let level = Level::flat(gpu, first_triangles)?;
-        Self::over(gpu, Nodes::Wide(WideNodes::built(trees)), &[header], level, depth).await
+        Self::over(gpu, Nodes::Wide(WideNodes::built(bvhs)), &[header], level, depth).await
     }
 
     /// Builds, on the device, one eight-wide BVH per mesh, and one over the instances.
@@ -87,17 +87,17 @@ impl TracedScene {
         let boxes = placed_boxes(&packing, &bottom.roots_async(gpu).await?, instances);
         let config = BuildConfig { bits: config.bits, ..BuildConfig::default() };
         let top = Built::new_async(&mut run, Items::boxes(gpu, &boxes)?, config).await?;
-        let trees = WideTrees::new_async(&mut run, &bottom, Some(&top)).await?;
+        let bvhs = WideBvhs::new_async(&mut run, &bottom, Some(&top)).await?;
         let reach = packing.boxes.iter().fold(0.0, |all: f32, of_instance| all.max(of_instance.reach()));
-        let [below, above] = [&trees.levels[0], &trees.levels[1]];
+        let [below, above] = [&bvhs.levels[0], &bvhs.levels[1]];
         let top_header = BvhHeader::wide(above.roots[0], above.first_quad, reach, packing.error);
         let of_mesh =
-            |(&root, bounds): (&u32, &MeshBounds)| header(root, below.first_quad, bounds.reach, trees.is_oriented);
+            |(&root, bounds): (&u32, &MeshBounds)| header(root, below.first_quad, bounds.reach, bvhs.is_oriented);
         let headers: Vec<BvhHeader> =
             std::iter::once(top_header).chain(below.roots.iter().zip(&bounds).map(of_mesh)).collect();
         let depth = below.depth + above.depth;
         let level = Level::Two(Instances::new(gpu, &packing, &packing.numbers)?);
-        Self::over(gpu, Nodes::Wide(WideNodes::built(trees)), &headers, level, depth).await
+        Self::over(gpu, Nodes::Wide(WideNodes::built(bvhs)), &headers, level, depth).await
     }
 }
 

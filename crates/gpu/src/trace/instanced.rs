@@ -7,27 +7,29 @@
 //!
 //! Updates read nothing back: inverses and boxes of instances are computed on the device.
 
-use super::buffer_bvh::{BufferBvh, NewNodes, NodeWriter, Which};
 use super::buffers::check_same_counts;
+use super::device_bvh::{DeviceBvh, NewNodes};
 use super::headers::{put_headers, scales};
 use super::level::{Instances, Level};
 use super::scene::TracedScene;
 use crate::build::{
-    Built, Change, Faults, InstanceBuffer, Items, MeshBoxes, MeshBuffers, N_INSTANCE_FAULTS, Run, fault,
+    Built, Change, Faults, InstanceBuffer, Items, MeshBoxes, MeshBuffers, N_INSTANCE_FAULTS, Run, Which, fault,
     instance_fault, refit_aabbs,
 };
 use crate::{Buffer, Gpu, GpuError, wait::block_on};
 
-/// BVHs over meshes in a program's own buffers, and one over instances of them, whose transforms are in a buffer, too. [`BufferBvh`] says
+/// BVHs over meshes in a program's own buffers, and one over instances of them, whose transforms are in a buffer, too. [`DeviceBvh`] says
 /// which BVHs.
 ///
-/// [`Self::new`] submits work of its own and waits for it, so submit first what fills the buffers. All other calls that build or update record into
-/// the program's encoder and read nothing back. Submit what they record, in that order; if an encoder is dropped or a call returns an error, call
-/// [`Self::rebuild`] before any refit. Numbers of meshes, triangles and instances are fixed: leave room in the instance buffer, and mark unused entries
-/// with [`NOT_PLACED`](crate::NOT_PLACED). Positions are copied, so the buffers are free after the submission.
+/// | what changed | record |
+/// |---|---|
+/// | transforms | [`Self::update_top`] |
+/// | vertices of a mesh | [`Self::refit_mesh`] or [`Self::rebuild_mesh`], then [`Self::update_top`] |
+/// | all | [`Self::rebuild`] |
 ///
-/// A change of a mesh is recorded by [`Self::rebuild_mesh`] or [`Self::refit_mesh`], a change of transforms by [`Self::update_top`] alone.
-/// Bindings of [`Self::traced`] stay valid.
+/// The rules of [`BufferScene`](crate::BufferScene) hold here, too. The number of instances is fixed: leave room in the instance buffer, and mark unused entries with
+/// [`NOT_PLACED`](crate::NOT_PLACED). An instance of no mesh, or with a bad transform, is not placed; [`Self::check`] reports it. With oriented boxes
+/// a refit of one mesh computes those of all meshes again: rebuild the mesh instead where others are large.
 ///
 /// ```no_run
 /// use canted_gpu::{Gpu, InstanceBuffer, InstancedScene, MeshBuffers, build::WideConfig};
@@ -51,11 +53,10 @@ pub struct InstancedScene {
     traced: TracedScene,
     bottom: Built,
     top: Built,
-    writer: NodeWriter,
     boxes: MeshBoxes,
     faults: Faults,
     instance_faults: Buffer<u32>,
-    bvh: BufferBvh,
+    bvh: DeviceBvh,
 }
 
 impl InstancedScene {
@@ -68,7 +69,7 @@ impl InstancedScene {
         gpu: &Gpu,
         meshes: &[MeshBuffers<'_>],
         instances: &InstanceBuffer<'_>,
-        bvh: impl Into<BufferBvh>,
+        bvh: impl Into<DeviceBvh>,
     ) -> Result<Self, GpuError> {
         block_on(Self::new_async(gpu, meshes, instances, bvh))
     }
@@ -81,7 +82,7 @@ impl InstancedScene {
         gpu: &Gpu,
         meshes: &[MeshBuffers<'_>],
         instances: &InstanceBuffer<'_>,
-        bvh: impl Into<BufferBvh>,
+        bvh: impl Into<DeviceBvh>,
     ) -> Result<Self, GpuError> {
         let scene = Self::without_check_async(gpu, meshes, instances, bvh).await?;
         scene.check_async(gpu).await?;
@@ -97,7 +98,7 @@ impl InstancedScene {
         gpu: &Gpu,
         meshes: &[MeshBuffers<'_>],
         instances: &InstanceBuffer<'_>,
-        bvh: impl Into<BufferBvh>,
+        bvh: impl Into<DeviceBvh>,
     ) -> Result<Self, GpuError> {
         block_on(Self::without_check_async(gpu, meshes, instances, bvh))
     }
@@ -110,7 +111,7 @@ impl InstancedScene {
         gpu: &Gpu,
         meshes: &[MeshBuffers<'_>],
         instances: &InstanceBuffer<'_>,
-        bvh: impl Into<BufferBvh>,
+        bvh: impl Into<DeviceBvh>,
     ) -> Result<Self, GpuError> {
         let mut run = Run::new(gpu);
         let faults = gpu.zeroed("faults", 2 * meshes.len())?;
@@ -120,12 +121,12 @@ impl InstancedScene {
         let bvh = bvh.into().shallow(most, instances.n_instances);
         let bottom = bvh.build(&mut run, items).await?;
         let top = bvh.build_top(&mut run, gpu, instances.n_instances).await?;
-        let NewNodes { nodes, headers, depth, writer } = NewNodes::new(&mut run, bvh, &bottom, Some(&top)).await?;
+        let NewNodes { nodes, headers, depth } = NewNodes::new(&mut run, bvh, &bottom, Some(&top)).await?;
         let level = Level::Two(Instances::unplaced(gpu, instances.n_instances)?);
         let traced = TracedScene::over(gpu, nodes, &headers, level, depth).await?;
         let boxes = gpu.zeroed("boxes of meshes", meshes.len())?;
         let instance_faults = gpu.zeroed("faults of instances", N_INSTANCE_FAULTS)?;
-        let mut scene = Self { traced, bottom, top, writer, boxes, faults, instance_faults, bvh };
+        let mut scene = Self { traced, bottom, top, boxes, faults, instance_faults, bvh };
         scene.put_roots(&mut run, [0, scene.n_meshes()])?;
         scene.put_top(&mut run, instances)?;
         Ok(scene)
@@ -170,8 +171,8 @@ impl InstancedScene {
         self.put_roots(&mut run, [number, number + 1])
     }
 
-    /// Records new boxes for the moved vertices of one mesh over the same tree, which costs less than a build; rays take longer the
-    /// more the mesh deforms. Rays see it in the right place after [`Self::update_top`]. Oriented boxes of all meshes are computed again.
+    /// Records new boxes for the moved vertices of one mesh over the same tree. Rays see it in the right place after [`Self::update_top`].
+    /// Oriented boxes of all meshes are computed again.
     ///
     /// # Errors
     /// As for [`Self::rebuild_mesh`].
@@ -258,7 +259,7 @@ impl InstancedScene {
 
     /// Writes nodes of the bottom level.
     fn put_bottom(&self, run: &mut Run<'_>, trees: [u32; 2], change: Change) -> Result<(), GpuError> {
-        self.writer.put(run, &self.traced.nodes, (Which::Bottom, &self.bottom), trees, change)
+        self.traced.nodes.put_again(run, (Which::Bottom, &self.bottom), trees, change)
     }
 
     /// Writes the headers and boxes of meshes.
@@ -277,10 +278,10 @@ impl InstancedScene {
         let Level::Two(placed) = self.traced.level() else { return Ok(()) };
         let nodes = &self.traced.nodes;
         let targets = (placed.data(), self.traced.headers(), &self.instance_faults);
-        let scales = scales(NodeWriter::top_is_oriented(nodes));
+        let scales = scales(nodes.top_is_oriented());
         self.top.items.place(run, instances, &self.boxes, scales, targets)?;
         self.top.rebuild(run, self.bvh.top())?;
-        self.writer.put(run, nodes, (Which::Top, &self.top), [0, 1], Change::Trees)
+        nodes.put_again(run, (Which::Top, &self.top), [0, 1], Change::Trees)
     }
 }
 

@@ -6,9 +6,6 @@ use canted_trace::ScaledRay;
 /// Infinity in kernels.
 pub(super) const FAR: f32 = 3e38;
 
-/// Instance of a miss.
-pub(super) const NONE: u32 = u32::MAX;
-
 /// Instance of a ray whose traversal was incomplete.
 pub(super) const INCOMPLETE: u32 = u32::MAX - 1;
 
@@ -49,6 +46,11 @@ pub struct DeviceHit {
     pub v: f32,
     /// Index of the triangle in its mesh.
     pub primitive: u32,
-    /// Index of the instance in the scene; the largest values encode a miss or an incomplete traversal.
+    /// Index of the instance in the scene; [`DeviceHit::NONE`] for a miss.
     pub instance: u32,
+}
+
+impl DeviceHit {
+    /// The instance of a miss: `NONE` in WGSL.
+    pub const NONE: u32 = u32::MAX;
 }

@@ -176,7 +176,7 @@ pub(super) fn too_deep(depth: u32, most: u32) -> GpuError {
         need: depth.into(),
         limit: "levels of nodes",
         most: most.into(),
-        remedy: "use another --builder or --device cpu",
+        remedy: "use another builder",
     }
 }
 

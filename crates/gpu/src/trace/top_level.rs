@@ -196,9 +196,7 @@ mod tests {
             Ok(_) => panic!("{reaches:?} {instances:?} are placed"),
             Err(error) => error,
         };
-        let of = |name: &str| {
-            format!("not supported on the GPU: {name}, which has coordinates above 1e18; use --device cpu")
-        };
+        let of = |name: &str| format!("not supported on the GPU: {name}, which has coordinates above 1e18");
         assert_eq!(rejection(&[1.0, 1e19], &[]), of("mesh 1"));
         assert_eq!(rejection(&[1.0], &[at(0, 1.0, 0.0), at(0, 1e19, 0.0)]), of("instance 1"));
         // The first instance has no box, so boxes and instances are numbered differently.

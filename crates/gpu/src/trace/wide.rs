@@ -11,7 +11,7 @@ use super::level::{Instances, Level};
 use super::nodes::{LINE_QUADS, is_aligned};
 use super::scene::{Nodes, TracedScene, check_depth, too_deep};
 use super::top_level::{MeshBounds, TopLevel};
-use crate::build::{Collapse, WideTrees};
+use crate::build::{Built, Change, Collapse, Run, Which, WideBvhs};
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, wait::block_on};
 
 /// Levels whose pending children fit into four words, eight bits each.
@@ -26,8 +26,8 @@ pub(super) struct WideNodes {
     links: Option<Buffer<ParentLink>>,
     /// Whether all nodes are aligned.
     is_aligned: bool,
-    /// Whether the device writes them again.
-    is_rewritten: bool,
+    /// What it takes to write them again, where the device does.
+    collapse: Option<Collapse>,
 }
 
 impl TracedScene {
@@ -125,33 +125,44 @@ async fn uploaded(
         traversal: Traversal::Stack,
         links: None,
         is_aligned: bvhs.iter().all(|(words, _)| is_aligned(quads(&words.nodes), words.root)),
-        is_rewritten: false,
+        collapse: None,
     };
     TracedScene::over(gpu, Nodes::Wide(wide), &headers, level, depth).await
 }
 
 impl WideNodes {
     /// Those that the device built.
-    pub(super) fn built(trees: WideTrees) -> Self {
-        let WideTrees { nodes, blocks, is_oriented, .. } = trees;
-        let is_aligned = !is_oriented;
-        Self { nodes, halves: blocks, traversal: Traversal::Stack, links: None, is_aligned, is_rewritten: false }
+    pub(super) fn built(bvhs: WideBvhs) -> Self {
+        Self { collapse: None, ..Self::rewritten(bvhs) }
     }
 
     /// Those that the device built and writes again.
-    pub(super) fn rewritten(trees: WideTrees) -> (Self, Collapse) {
-        let WideTrees { nodes, blocks, is_oriented, collapse, .. } = trees;
+    pub(super) fn rewritten(bvhs: WideBvhs) -> Self {
+        let WideBvhs { nodes, blocks, is_oriented, collapse, .. } = bvhs;
         let (traversal, is_aligned) = (Traversal::Stack, !is_oriented);
-        (Self { nodes, halves: blocks, traversal, links: None, is_aligned, is_rewritten: true }, collapse)
+        Self { nodes, halves: blocks, traversal, links: None, is_aligned, collapse: Some(collapse) }
     }
 
+    /// Whether the device writes them again.
     pub(super) fn is_rewritten(&self) -> bool {
-        self.is_rewritten
+        self.collapse.is_some()
     }
 
-    /// Nodes and triangle blocks.
-    pub(super) fn words(&self) -> (&Buffer<Quad>, &Buffer<Quad>) {
-        (&self.nodes, &self.halves)
+    /// Writes those of a range of trees of a level again.
+    ///
+    /// # Errors
+    /// They are not [`Self::rewritten`], or the device is lost.
+    pub(super) fn put_again(
+        &self,
+        run: &mut Run<'_>,
+        level: (Which, &Built),
+        trees: [u32; 2],
+        change: Change,
+    ) -> Result<(), GpuError> {
+        let Some(collapse) = &self.collapse else {
+            return Err(GpuError::Unsupported { what: "an update of wide BVHs that were built once".to_owned() });
+        };
+        collapse.put_again(run, level, (&self.nodes, &self.halves), (trees, change))
     }
 
     pub(super) fn traversal(&self) -> Traversal {

@@ -3,7 +3,7 @@
 use crate::buffers::{N, buffer, expected, floor, hits, opened, rays, triangles, vertices};
 use canted_gpu::build::{BuildConfig, STRATEGIES, Topology, WideConfig};
 use canted_gpu::{
-    Affine, BufferBvh, BufferScene, DeviceInstance, Gpu, InstanceBuffer, InstancedScene, MeshBuffers, wgpu,
+    Affine, BufferScene, DeviceBvh, DeviceInstance, Gpu, InstanceBuffer, InstancedScene, MeshBuffers, wgpu,
 };
 
 /// Without movement, what is written again has the words of before: every strategy, every topology, several meshes.
@@ -32,7 +32,7 @@ fn updates_of_what_stands_still_change_no_word() {
             Some(gpu.read(&copy).unwrap())
         })
     };
-    let binary = STRATEGIES.map(|strategy| BufferBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
+    let binary = STRATEGIES.map(|strategy| DeviceBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
     let wide = [Topology::Radix, Topology::Ploc].into_iter().flat_map(|topology| {
         STRATEGIES.map(|strategy| WideConfig { topology, strategy, ..WideConfig::default() }.into())
     });
@@ -46,7 +46,7 @@ fn updates_of_what_stands_still_change_no_word() {
         submit(&mut |encoder| scene.update_top(&gpu, encoder, &instances).unwrap());
         assert!(words(&scene) == before, "{bvh:?}: top level");
         // A clustered tree becomes a radix tree.
-        if matches!(bvh, BufferBvh::Wide(WideConfig { topology: Topology::Ploc, .. })) {
+        if matches!(bvh, DeviceBvh::Wide(WideConfig { topology: Topology::Ploc, .. })) {
             continue;
         }
         for (number, mesh) in (0..).zip(&meshes) {
@@ -68,7 +68,7 @@ fn a_dropped_rebuild_is_followed_by_a_good_one() {
     let indices = buffer(&device, bytemuck::cast_slice(&triangles()));
     let mesh = floor(&positions, &indices);
     let encoder = || device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let binary = STRATEGIES.map(|strategy| BufferBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
+    let binary = STRATEGIES.map(|strategy| DeviceBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
     let wide = STRATEGIES.map(|strategy| WideConfig { strategy, ..WideConfig::default() }.into());
     for bvh in binary.into_iter().chain(wide) {
         let mut scene = BufferScene::new(&gpu, &[mesh], bvh).unwrap();

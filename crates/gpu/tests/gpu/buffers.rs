@@ -1,16 +1,15 @@
-//! A program's own device, buffers, encoder and kernel.
+//! A program's own device, buffers and encoder.
 
 use canted_fixtures::or_skip;
 use canted_gpu::build::{BuildConfig, STRATEGIES, Topology, WideConfig};
 use canted_gpu::wgpu::util::{BufferInitDescriptor, DeviceExt};
 use canted_gpu::{
-    BufferBvh, BufferScene, Choice, DeviceHit, DeviceRay, Gpu, GpuError, IndexBuffer, MeshBuffers, Outcome,
-    TracedScene, wgpu,
+    BufferScene, Choice, DeviceBvh, DeviceHit, Gpu, GpuError, IndexBuffer, MeshBuffers, Outcome, TracedScene, wgpu,
 };
 use canted_lbvh::Strategy;
 use canted_trace::Ray;
 
-type Corners = [[f32; 3]; 3];
+pub(crate) type Corners = [[f32; 3]; 3];
 
 pub(crate) const N: u32 = 12;
 
@@ -39,7 +38,7 @@ pub(crate) fn triangles() -> Vec<[u32; 3]> {
     corner.flat_map(|i| [[i, i + 1, i + N + 2], [i, i + N + 2, i + N + 1]]).collect()
 }
 
-fn corners(vertices: &[[f32; 3]]) -> Vec<Corners> {
+pub(crate) fn corners(vertices: &[[f32; 3]]) -> Vec<Corners> {
     triangles().iter().map(|triangle| triangle.map(|i| vertices[i as usize])).collect()
 }
 
@@ -132,7 +131,7 @@ fn buffers_of_any_layout_give_the_same_hits() {
     let scene = BufferScene::new(&gpu, &[plain, mesh], BuildConfig::default()).unwrap();
     assert_eq!(hits(&gpu, scene.traced()), expected);
     // Without triangles nothing is hit.
-    for bvh in [BufferBvh::default(), WideConfig::default().into()] {
+    for bvh in [DeviceBvh::default(), WideConfig::default().into()] {
         let none = BufferScene::new(&gpu, &[MeshBuffers { n_triangles: 0, ..mesh }], bvh).unwrap();
         assert!(hits(&gpu, none.traced()).iter().all(Option::is_none));
     }
@@ -146,7 +145,7 @@ fn recorded_rebuilds_and_refits_equal_a_fresh_build() {
     let indices = buffer(&device, bytemuck::cast_slice(&triangles()));
     let mesh = floor(&positions, &indices);
     let binary = [Strategy::Aabb, Strategy::Combined, Strategy::PcaUnbounded, Strategy::Dop]
-        .map(|strategy| BufferBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
+        .map(|strategy| DeviceBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
     let wide =
         [(Strategy::Aabb, Topology::Ploc), (Strategy::Combined, Topology::Ploc), (Strategy::Dop, Topology::Radix)]
             .map(|(strategy, topology)| WideConfig { topology, strategy, ..WideConfig::default() }.into());
@@ -207,67 +206,6 @@ fn a_buffer_above_the_binding_limit_holds_a_small_mesh() {
     assert!(error.starts_with("mesh 0: the vertices have") && error.contains("a storage binding"), "{error}");
 }
 
-/// A program's kernel, whose names are also names of the module's inside.
-const KERNEL: &str = "
-@group(0) @binding(0) var<storage, read> nodes: array<Ray>;
-@group(0) @binding(1) var<storage, read_write> found: array<Hit>;
-fn greatest(hit: Hit) -> Hit { return hit; }
-@compute @workgroup_size(64)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x < arrayLength(&nodes) {
-        found[id.x] = greatest(closest_hit(nodes[id.x]));
-        if (found[id.x].instance != NONE) != occluded(nodes[id.x]) || is_incomplete {
-            found[id.x].instance = 77u;
-        }
-    }
-}
-";
-
-#[test]
-fn a_kernel_of_the_program_traces_rays() {
-    let Some((device, queue)) = opened("a_kernel_of_the_program_traces_rays") else { return };
-    let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
-    let scene = TracedScene::build_single_level(&gpu, &corners(&vertices(0.0)), &[0], BuildConfig::default()).unwrap();
-    let text = scene.module(1).unwrap() + KERNEL;
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl(text.as_str().into()),
-    });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: None,
-        layout: None,
-        module: &module,
-        entry_point: Some("main"),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    });
-    let rays: Vec<DeviceRay> = rays()
-        .iter()
-        .map(|ray| DeviceRay { origin: ray.origin, t_min: 0.0, direction: ray.direction, t_max: 3e38 })
-        .collect();
-    let rays_there = gpu.buffer("rays", &rays).unwrap();
-    let found = gpu.zeroed::<DeviceHit>("hits", rays.len()).unwrap();
-    let own = device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: None,
-        layout: &pipeline.get_bind_group_layout(0),
-        entries: &[
-            wgpu::BindGroupEntry { binding: 0, resource: rays_there.wgpu().as_entire_binding() },
-            wgpu::BindGroupEntry { binding: 1, resource: found.wgpu().as_entire_binding() },
-        ],
-    });
-    let theirs = scene.bind_group(&gpu, &pipeline.get_bind_group_layout(1)).unwrap();
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-    pass.set_pipeline(&pipeline);
-    pass.set_bind_group(0, &own, &[]);
-    pass.set_bind_group(1, &theirs, &[]);
-    pass.dispatch_workgroups(u32::try_from(rays.len()).unwrap().div_ceil(64), 1, 1);
-    drop(pass);
-    queue.submit([encoder.finish()]);
-    let found: Vec<_> = gpu.read(&found).unwrap().into_iter().map(|hit| (hit.instance == 0).then_some(hit)).collect();
-    assert_eq!(found, hits(&gpu, &scene));
-}
-
 #[test]
 fn faults_are_reported_and_hit_nothing() {
     let Some((device, queue)) = opened("faults_are_reported_and_hit_nothing") else { return };
@@ -288,7 +226,7 @@ fn faults_are_reported_and_hit_nothing() {
             n_triangles: *n_triangles,
         };
         // No endless loop, whatever the contents.
-        for bvh in [BufferBvh::default(), WideConfig { strategy: Strategy::Combined, ..WideConfig::default() }.into()] {
+        for bvh in [DeviceBvh::default(), WideConfig { strategy: Strategy::Combined, ..WideConfig::default() }.into()] {
             let scene = BufferScene::without_check(&gpu, &[mesh], bvh).unwrap();
             let _ = hits(&gpu, scene.traced());
         }

@@ -3,7 +3,7 @@
 use crate::{buffers::opened, common::lowered};
 use canted_gpu::{
     Gpu, GpuError,
-    build::{BuildConfig, Built, Items, Passes, Run, Topology, WideTrees},
+    build::{BuildConfig, Built, Items, Passes, Run, Topology, WideBvhs},
     wgpu::CommandEncoderDescriptor,
 };
 use canted_lbvh::{Bits, Corners, Strategy};
@@ -44,5 +44,5 @@ fn recorded_clusters_and_wide_nodes_are_rejected() {
     let built = |run: &mut Run<'_>, topology| Built::with_topology(run, items(), BuildConfig::default(), topology);
     assert!(matches!(built(&mut run, Topology::Ploc), Err(GpuError::Unsupported { .. })));
     let radix = built(&mut run, Topology::Radix).unwrap();
-    assert!(matches!(WideTrees::new(&mut run, &radix, None), Err(GpuError::Unsupported { .. })));
+    assert!(matches!(WideBvhs::new(&mut run, &radix, None), Err(GpuError::Unsupported { .. })));
 }

@@ -41,7 +41,7 @@ fn exceeding_a_limit_is_reported_with_a_remedy() {
     let error = gpu.zeroed::<u32>("the nodes", 1 << 20).err().expect("4 MiB do not fit in 1 MiB").to_string();
     assert_eq!(
         error,
-        "the nodes: requires 4194304 bytes in a storage binding, the device supports 1048576; use a smaller scene or --device cpu"
+        "the nodes: requires 4194304 bytes in a storage binding, the device supports 1048576; use a smaller scene"
     );
 }
 
@@ -61,7 +61,7 @@ fn exceeding_the_memory_limit_is_an_error_until_buffers_are_dropped() {
     let Some(gpu) = gpu("exceeding_the_memory_limit_is_an_error_until_buffers_are_dropped") else { return };
     gpu.limit_memory(1 << 20);
     let first = gpu.zeroed::<u32>("nodes", 1 << 17).unwrap();
-    let sentence = "out of device memory for triangles of 786432 bytes; use a smaller scene or --device cpu";
+    let sentence = "out of device memory for triangles of 786432 bytes; use a smaller scene";
     let refused = gpu.zeroed::<u32>("triangles", 3 << 16).map(drop).unwrap_err();
     assert_eq!(refused.to_string(), sentence);
     drop(first);

@@ -3,7 +3,7 @@
 use crate::buffers::{N, buffer, opened, triangles, vertices};
 use canted_gpu::build::{BuildConfig, Topology, WideConfig};
 use canted_gpu::{
-    BufferBvh, DeviceHit, DeviceInstance, Gpu, GpuError, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers,
+    DeviceBvh, DeviceHit, DeviceInstance, Gpu, GpuError, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers,
     NOT_PLACED, Outcome, TracedScene, wgpu,
 };
 use canted_lbvh::{Bits, Strategy};
@@ -117,10 +117,10 @@ fn expected(gpu: &Gpu, floor: &[[f32; 3]], placed: &[(u32, Affine)]) -> Vec<Opti
 fn every_recorded_change_equals_a_fresh_build() {
     let Some(opened) = opened("every_recorded_change_equals_a_fresh_build") else { return };
     let binary = [Strategy::Aabb, Strategy::Combined, Strategy::Dop]
-        .map(|strategy| BufferBvh::from(BuildConfig { strategy, bits: Bits::B63 }));
+        .map(|strategy| DeviceBvh::from(BuildConfig { strategy, bits: Bits::B63 }));
     let wide =
         [(Strategy::Aabb, Topology::Radix), (Strategy::Combined, Topology::Radix), (Strategy::Dop, Topology::Ploc)]
-            .map(|(strategy, topology)| BufferBvh::from(WideConfig { bits: Bits::B63, topology, strategy }));
+            .map(|(strategy, topology)| DeviceBvh::from(WideConfig { bits: Bits::B63, topology, strategy }));
     for bvh in binary.into_iter().chain(wide) {
         let n = 60;
         let program = Program::new(opened.clone(), &placed(n, 0.0));

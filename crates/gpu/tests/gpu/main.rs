@@ -6,4 +6,5 @@ mod build;
 mod common;
 mod device;
 mod instanced;
+mod kernels;
 mod trace;

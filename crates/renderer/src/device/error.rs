@@ -26,7 +26,7 @@ impl fmt::Display for DeviceError {
             Self::Render(error) => error.fmt(f),
             Self::Prepare(error) => error.fmt(f),
             Self::Gpu(error) => error.fmt(f),
-            Self::Unsupported { what } => write!(f, "GPUs do not support {what}; use --device cpu"),
+            Self::Unsupported { what } => write!(f, "GPUs do not support {what}"),
         }
     }
 }

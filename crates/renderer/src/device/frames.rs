@@ -10,7 +10,7 @@ use std::borrow::Cow;
 use canted_film::Hash;
 use canted_gpu::build::WideConfig;
 use canted_gpu::{
-    Buffer, BufferBvh, BufferScene, DeviceInstance, Gpu, GpuError, IndexBuffer, InstanceBuffer, InstancedScene,
+    Buffer, BufferScene, DeviceBvh, DeviceInstance, Gpu, GpuError, IndexBuffer, InstanceBuffer, InstancedScene,
     MeshBuffers, TracedScene, wgpu,
 };
 use canted_scene::{Mesh, Scene};
@@ -29,6 +29,7 @@ pub struct DeviceFrames {
     wide: Option<WideConfig>,
     kept: Option<Kept>,
     updates: DeviceUpdates,
+    unsupported: Option<String>,
 }
 
 /// What frames did with the BVHs that the device builds.
@@ -46,7 +47,7 @@ pub struct DeviceUpdates {
 
 /// BVHs on a device, and what they were built for.
 struct Kept {
-    bvh: BufferBvh,
+    bvh: DeviceBvh,
     levels: Levels,
     /// Hashes of the positions and triangles of each mesh, or of all.
     meshes: Vec<[u64; 2]>,
@@ -97,14 +98,32 @@ impl DeviceFrames {
         self.updates
     }
 
+    /// What the device did not support in the first frame that used the CPU's BVHs instead of its own.
+    #[must_use]
+    pub fn unsupported(&self) -> Option<&str> {
+        self.unsupported.as_deref()
+    }
+
     /// BVHs that the device builds over a scene: those of the last frame, updated, or new ones.
     pub(super) fn built(
         &mut self,
         gpu: &Gpu,
         scene: &Scene,
-        bvh: BufferBvh,
+        bvh: DeviceBvh,
         is_flat: bool,
     ) -> Result<&TracedScene, DeviceError> {
+        let done = self.update_or_build(gpu, scene, bvh, is_flat);
+        if let Err(DeviceError::Gpu(GpuError::Unsupported { what })) = &done {
+            self.unsupported.get_or_insert_with(|| what.clone());
+        }
+        done?;
+        Ok(match &self.kept.as_ref().expect("built above").levels {
+            Levels::One(one) => one.traced(),
+            Levels::Two(two) => two.traced(),
+        })
+    }
+
+    fn update_or_build(&mut self, gpu: &Gpu, scene: &Scene, bvh: DeviceBvh, is_flat: bool) -> Result<(), DeviceError> {
         let frame = if is_flat { Frame::flat(scene)? } else { Frame::two_levels(scene) };
         let uploaded = frame.upload(gpu)?;
         let is_kept = self.kept.as_ref().is_some_and(|kept| kept.bvh == bvh && kept.fits(&frame));
@@ -117,11 +136,7 @@ impl DeviceFrames {
                 self.updates.whole += 1;
             }
         }
-        let kept = self.kept.as_ref().expect("built above");
-        Ok(match &kept.levels {
-            Levels::One(one) => one.traced(),
-            Levels::Two(two) => two.traced(),
-        })
+        Ok(())
     }
 }
 
@@ -191,7 +206,7 @@ impl Uploaded {
 }
 
 impl Kept {
-    fn new(gpu: &Gpu, frame: &Frame<'_>, uploaded: &Uploaded, bvh: BufferBvh) -> Result<Self, DeviceError> {
+    fn new(gpu: &Gpu, frame: &Frame<'_>, uploaded: &Uploaded, bvh: DeviceBvh) -> Result<Self, DeviceError> {
         let meshes = uploaded.meshes();
         let levels = match uploaded.instances() {
             None => Levels::One(BufferScene::new_in_parts(gpu, &meshes, &frame.first, bvh)?),

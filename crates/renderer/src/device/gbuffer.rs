@@ -101,7 +101,7 @@ fn draws(scene: &Scene) -> Result<Vec<Draw>, GpuError> {
                     need: n_vertices,
                     limit: "vertices of a draw",
                     most: u32::MAX.into(),
-                    remedy: "trace primary rays instead",
+                    remedy: "trace first hits",
                 })?;
                 draws.push(Draw { vertices: 0..n_vertices, instances: number..number + 1 });
             }

@@ -124,7 +124,7 @@ impl Images {
                 need: 4 * self.words.len() as u64,
                 limit: "bytes of four storage bindings",
                 most: 4 * most_bytes,
-                remedy: "use --lod none, smaller textures or --device cpu",
+                remedy: "use smaller textures or no mip maps",
             });
         }
         let n = if chunks.len() == 1 { 1 } else { MAX_BINDINGS };

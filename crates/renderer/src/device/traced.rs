@@ -2,8 +2,8 @@
 
 use std::ops::Deref;
 
-use canted_gpu::build::{BuildConfig, WideConfig};
-use canted_gpu::{BufferBvh, Gpu, GpuError, TracedScene};
+use canted_gpu::build::BuildConfig;
+use canted_gpu::{DeviceBvh, Gpu, GpuError, TracedScene};
 use canted_lbvh::{Corners, Strategy, triangle_corners};
 use canted_scene::Scene;
 use canted_wide::{LaneKernel, TriangleBvh};
@@ -73,7 +73,7 @@ pub fn traced_frame<'a, K: LaneKernel>(
     let kind = kind(structure.bottom())?;
     let bvh = match (&kind, frames.wide()) {
         (Kind::Binary(strategy), _) => Some(config(*strategy).into()),
-        (Kind::Wide(_), wide) => wide.map(BufferBvh::from),
+        (Kind::Wide(_), wide) => wide.map(DeviceBvh::from),
     };
     let Some(bvh) = bvh.filter(|_| !scene.has_motion()) else {
         return Ok(Traced::Own(uploaded(gpu, scene, structure, kind)?));
@@ -96,21 +96,13 @@ fn uploaded<K: LaneKernel>(
     Ok(match (kind, structure) {
         (Kind::Wide(meshes), Structure::One(flat)) => TracedScene::single_level(gpu, meshes[0], flat.first())?,
         (Kind::Wide(meshes), Structure::Two(_)) => TracedScene::two_level(gpu, &meshes, &instances(scene))?,
-        (Kind::Binary(strategy), Structure::One(flat)) => {
-            let (positions, triangles, _) = flatten(scene)?;
-            let corners = corners(&positions, &triangles)?;
-            TracedScene::build_single_level(gpu, &corners, flat.first(), config(strategy))?
-        }
-        (Kind::Binary(strategy), Structure::Two(_)) => {
-            let meshes = scene.meshes.iter().map(|mesh| corners(&mesh.positions, &mesh.triangles));
-            let meshes = meshes.collect::<Result<Vec<_>, _>>()?;
-            let slices: Vec<&[Corners]> = meshes.iter().map(Vec::as_slice).collect();
-            TracedScene::build_two_level(gpu, &slices, &instances(scene), config(strategy))?
+        (Kind::Binary(strategy), _) => {
+            built(gpu, scene, matches!(structure, Structure::One(_)), config(strategy).into())?
         }
     })
 }
 
-/// Wide BVHs of a scene that the device builds from its triangles, in as many levels as [`prepare`](crate::prepare) with `config`
+/// BVHs of a scene that the device builds from its triangles, in as many levels as [`prepare`](crate::prepare) with `config`
 /// gives it. The CPU builds nothing.
 ///
 /// # Errors
@@ -119,19 +111,31 @@ pub fn built_scene(
     gpu: &Gpu,
     scene: &Scene,
     config: &StructureConfig,
-    wide: WideConfig,
+    bvh: DeviceBvh,
 ) -> Result<TracedScene, DeviceError> {
     if scene.meshes.iter().any(|mesh| mesh.close.is_some()) {
         return Err(DEFORMING);
     }
-    if has_one_level(scene, config)? {
+    built(gpu, scene, has_one_level(scene, config)?, bvh)
+}
+
+/// BVHs that the device builds, in one level or two.
+fn built(gpu: &Gpu, scene: &Scene, is_flat: bool, bvh: DeviceBvh) -> Result<TracedScene, DeviceError> {
+    if is_flat {
         let (positions, triangles, first) = flatten(scene)?;
-        return Ok(TracedScene::build_wide_single_level(gpu, &corners(&positions, &triangles)?, &first, wide)?);
+        let corners = corners(&positions, &triangles)?;
+        return Ok(match bvh {
+            DeviceBvh::Binary(config) => TracedScene::build_single_level(gpu, &corners, &first, config)?,
+            DeviceBvh::Wide(config) => TracedScene::build_wide_single_level(gpu, &corners, &first, config)?,
+        });
     }
     let meshes = scene.meshes.iter().map(|mesh| corners(&mesh.positions, &mesh.triangles));
     let meshes = meshes.collect::<Result<Vec<_>, _>>()?;
     let slices: Vec<&[Corners]> = meshes.iter().map(Vec::as_slice).collect();
-    Ok(TracedScene::build_wide_two_level(gpu, &slices, &instances(scene), wide)?)
+    Ok(match bvh {
+        DeviceBvh::Binary(config) => TracedScene::build_two_level(gpu, &slices, &instances(scene), config)?,
+        DeviceBvh::Wide(config) => TracedScene::build_wide_two_level(gpu, &slices, &instances(scene), config)?,
+    })
 }
 
 fn kind<K: LaneKernel>(bvhs: &[Bvh<K>]) -> Result<Kind<'_, K>, DeviceError> {

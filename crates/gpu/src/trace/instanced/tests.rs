@@ -69,7 +69,7 @@ fn scene_of(gpu: &Gpu, instances: &[DeviceInstance]) -> InstancedScene {
     let buffer = storage(gpu, bytemuck::cast_slice(instances));
     let n_instances = crate::build::count(instances.len());
     let instances = InstanceBuffer { buffer: &buffer, first_byte: 0, stride: 64, n_instances };
-    InstancedScene::without_check(gpu, &meshes, &instances, BufferBvh::default()).unwrap()
+    InstancedScene::without_check(gpu, &meshes, &instances, DeviceBvh::default()).unwrap()
 }
 
 /// Corners of a box in world space. The error of `f64` is far below the pads.

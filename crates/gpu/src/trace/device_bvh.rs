@@ -1,4 +1,4 @@
-//! Which BVHs are built over a program's buffers, and their nodes, which are written again when the buffers change.
+//! Which BVHs a device builds, and their nodes over a program's buffers, which are written again when the buffers change.
 
 use canted_lbvh::{Bits, Strategy};
 
@@ -7,25 +7,42 @@ use super::layout::{BvhHeader, HitError};
 use super::nodes::EMPTY;
 use super::scene::{MAX_STACK, Nodes};
 use super::wide::WideNodes;
-use crate::build::{
-    BuildConfig, Built, Change, Collapse, Items, Range, Run, Topology, WideConfig, WideTrees, depth_bound,
-};
+use crate::build::{BuildConfig, Built, Change, Items, Range, Run, Topology, Which, WideBvhs, WideConfig, depth_bound};
 use crate::{Gpu, GpuError};
 
-/// The BVHs over a program's buffers: [`BufferScene`](crate::BufferScene), [`InstancedScene`](crate::InstancedScene).
+/// Which BVHs a device builds: for a [`BufferScene`](crate::BufferScene), an [`InstancedScene`](crate::InstancedScene) or the scene of a file.
 ///
-/// Tracing wide BVHs takes 0.5 to 0.8 of the time of binary ones on a software driver. Updating binary ones takes less. Either configuration
-/// converts into this type. Codes of meshes have the configured length, or 30 bits if a ray's stack would otherwise exceed 128 levels, as for a
-/// mesh of a million triangles and ten thousand instances. Codes of the top level always have 30 bits.
+/// A [`BuildConfig`] or a [`WideConfig`] converts into this type.
 ///
-/// With the default limit of wgpu for a storage binding, 128 MiB, a scene holds about 1.7 million triangles in wide BVHs, 1.1 million with
-/// oriented nodes; 2.1 million in binary BVHs, 1.0 million with oriented boxes. Request the limit of the adapter for more. Wide BVHs hold at most
-/// 2^26 triangles.
+/// | choose | where |
+/// |---|---|
+/// | wide BVHs | a frame traces more than some 10,000 to 30,000 rays |
+/// | binary BVHs | fewer rays than that |
+/// | [`Strategy::Aabb`], the default | most scenes |
+/// | [`Strategy::Combined`] | cables, trusses, hair: thin, diagonal geometry |
+///
+/// Measured on a software driver: with wide BVHs rays take 0.5 to 0.8 of the time, a rebuild of the bunny takes 71 instead of 43 ms, and a refit 13 instead
+/// of 11 ms. With oriented boxes rays through a truss are three to five times as fast, and rays through a building up to a fifth slower.
+///
+/// `bits` is a request: meshes get codes of 30 bits where 63 could make a ray's stack exceed 128 levels, as with a million triangles in a mesh
+/// and ten thousand instances. The top level always has codes of 30 bits.
+///
+/// The limit `max_storage_buffer_binding_size` bounds a scene. The default of wgpu is 128 MiB; request the limit of the adapter for more.
+///
+/// | BVHs | most triangles in 128 MiB |
+/// |---|---|
+/// | wide, axis-aligned | 1.7 million |
+/// | wide with oriented nodes | 1.1 million |
+/// | binary, axis-aligned | 2.1 million |
+/// | binary, oriented | 1.0 million |
+///
+/// Wide BVHs hold at most 2^26 triangles. The used part of each of the program's vertex and index buffers must fit the limit, too.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BufferBvh {
+pub enum DeviceBvh {
     /// Binary BVHs, over a radix tree.
     Binary(BuildConfig),
-    /// Eight-wide BVHs. The topology is that of the first build; recorded builds use the radix tree.
+    /// Eight-wide BVHs. [`WideConfig::topology`] is that of the first build. Recorded rebuilds use the radix tree, so [`Topology::Ploc`] serves only
+    /// meshes that are refitted or do not change.
     Wide(WideConfig),
 }
 
@@ -35,25 +52,25 @@ const DEPTH_STEP: u32 = 8;
 /// The top level has short codes: its cells are still a thousandth of the scene, and the stack of a ray is shallower.
 const TOP_BITS: Bits = Bits::B30;
 
-impl Default for BufferBvh {
+impl Default for DeviceBvh {
     fn default() -> Self {
         Self::Binary(BuildConfig::default())
     }
 }
 
-impl From<BuildConfig> for BufferBvh {
+impl From<BuildConfig> for DeviceBvh {
     fn from(config: BuildConfig) -> Self {
         Self::Binary(config)
     }
 }
 
-impl From<WideConfig> for BufferBvh {
+impl From<WideConfig> for DeviceBvh {
     fn from(config: WideConfig) -> Self {
         Self::Wide(config)
     }
 }
 
-impl BufferBvh {
+impl DeviceBvh {
     /// With shorter codes, if the stack of a ray would be too deep otherwise, for so many triangles in a mesh and so many instances.
     pub(super) fn shallow(mut self, n_triangles: u32, n_instances: u32) -> Self {
         if self.depth(n_triangles, n_instances) > MAX_STACK {
@@ -101,29 +118,12 @@ impl BufferBvh {
     }
 }
 
-/// Nodes and headers of new BVHs, still without bounds in the headers, and how to write the nodes again.
+/// Nodes and headers of new BVHs, still without bounds in the headers.
 pub(super) struct NewNodes {
     pub(super) nodes: Nodes,
     pub(super) headers: Vec<BvhHeader>,
     /// Greatest depth of this build and of any that is recorded later.
     pub(super) depth: u32,
-    pub(super) writer: NodeWriter,
-}
-
-/// Writes nodes of changed trees.
-pub(super) struct NodeWriter {
-    collapse: Option<Collapse>,
-    /// First node of the top level in binary BVHs.
-    first_top_node: u32,
-}
-
-/// A level, by its position.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Which {
-    /// Over triangles.
-    Bottom,
-    /// Over instances.
-    Top,
 }
 
 impl NewNodes {
@@ -131,7 +131,7 @@ impl NewNodes {
     /// and, with a top level, for an empty BVH.
     pub(super) async fn new(
         run: &mut Run<'_>,
-        bvh: BufferBvh,
+        bvh: DeviceBvh,
         bottom: &Built,
         top: Option<&Built>,
     ) -> Result<Self, GpuError> {
@@ -140,64 +140,54 @@ impl NewNodes {
         let n_top = top.map_or(0, |top| top.items.len());
         let bound = bvh.depth(most, n_top);
         let none = HitError::of_triangles(0.0);
-        let first_top_node = bottom.items.len();
-        let (nodes, of_top, of_bottom, depth, collapse) = match bvh {
-            BufferBvh::Binary(_) => {
+        let (nodes, of_top, of_bottom, depth) = match bvh {
+            DeviceBvh::Binary(_) => {
                 let pairs = Pairs::new(run, bottom, top)?;
                 let of = |range: Range, first: u32| header(range, first, 0.0, none, false);
-                let of_top = top.map(|top| of(Range { first: 0, count: top.items.len() }, first_top_node));
+                let of_top = top.map(|top| of(Range { first: 0, count: top.items.len() }, bottom.items.len()));
                 let of_bottom: Vec<_> = ranges.iter().map(|&range| of(range, 0)).collect();
-                (Nodes::Binary(pairs), of_top, of_bottom, bound, None)
+                (Nodes::Binary(pairs), of_top, of_bottom, bound)
             }
-            BufferBvh::Wide(_) => {
-                let trees = WideTrees::new_async(run, bottom, top).await?;
+            DeviceBvh::Wide(_) => {
+                let bvhs = WideBvhs::new_async(run, bottom, top).await?;
                 let of = |level: usize| {
-                    let level = &trees.levels[level];
+                    let level = &bvhs.levels[level];
                     level.roots.iter().map(|&root| BvhHeader::wide(root, level.first_quad, 0.0, none))
                 };
                 let of_top = top.and_then(|_| of(1).next());
                 let of_bottom: Vec<_> = of(0).collect();
-                let depth = bound.max(trees.levels[0].depth + depth_bound(n_top, TOP_BITS));
-                let (nodes, collapse) = WideNodes::rewritten(trees);
-                (Nodes::Wide(nodes), of_top, of_bottom, depth, Some(collapse))
+                let depth = bound.max(bvhs.levels[0].depth + depth_bound(n_top, TOP_BITS));
+                (Nodes::Wide(WideNodes::rewritten(bvhs)), of_top, of_bottom, depth)
             }
         };
         let empty = top.map(|_| BvhHeader::binary(EMPTY, 0, 0.0, none));
         let headers = of_top.into_iter().chain(of_bottom).chain(empty).collect();
         let stepped = depth.next_multiple_of(DEPTH_STEP);
         let depth = if stepped <= MAX_STACK { stepped } else { depth };
-        Ok(Self { nodes, headers, depth, writer: NodeWriter { collapse, first_top_node } })
+        Ok(Self { nodes, headers, depth })
     }
 }
 
-impl NodeWriter {
-    /// Writes the nodes of a range of trees of a level into `nodes`.
-    pub(super) fn put(
+impl Nodes {
+    /// Writes the nodes of a range of trees of a level again, which have changed.
+    pub(super) fn put_again(
         &self,
         run: &mut Run<'_>,
-        nodes: &Nodes,
         (which, built): (Which, &Built),
         trees: [u32; 2],
         change: Change,
     ) -> Result<(), GpuError> {
-        match (nodes, &self.collapse) {
-            (Nodes::Binary(pairs), _) => {
-                let first_node = if which == Which::Top { self.first_top_node } else { 0 };
-                pairs.put_again(run, built, first_node, built.items.of_trees(trees))
-            }
-            (Nodes::Wide(wide), Some(collapse)) => {
-                let level = if which == Which::Top { 1 } else { 0 };
-                collapse.put_again(run, built, level, wide.words(), (trees, change))
-            }
-            (Nodes::Wide(_), None) => Ok(()),
+        match self {
+            Self::Binary(pairs) => pairs.put(run, which, built, built.items.of_trees(trees)),
+            Self::Wide(wide) => wide.put_again(run, (which, built), trees, change),
         }
     }
 
     /// Whether boxes of the top level are oriented.
-    pub(super) fn top_is_oriented(nodes: &Nodes) -> bool {
-        match nodes {
-            Nodes::Binary(pairs) => pairs.is_oriented(),
-            Nodes::Wide(_) => false,
+    pub(super) fn top_is_oriented(&self) -> bool {
+        match self {
+            Self::Binary(pairs) => pairs.is_oriented(),
+            Self::Wide(_) => false,
         }
     }
 }
@@ -208,7 +198,7 @@ mod tests {
 
     #[test]
     fn codes_are_short_only_where_the_stack_would_be_too_deep() {
-        for bvh in [BufferBvh::default(), WideConfig::default().into()] {
+        for bvh in [DeviceBvh::default(), WideConfig::default().into()] {
             assert_eq!(bvh.shallow(1 << 20, 1000), bvh);
             let shallow = bvh.shallow(1 << 20, 10_000);
             assert_eq!(shallow.bottom().bits, Bits::B30);
@@ -217,6 +207,6 @@ mod tests {
             assert!(bvh.shallow(1 << 26, 1 << 26).depth(1 << 26, 1 << 26) <= MAX_STACK);
         }
         // Few items bound the depth, too.
-        assert_eq!(BufferBvh::default().depth(5, 1), 6);
+        assert_eq!(DeviceBvh::default().depth(5, 1), 6);
     }
 }

@@ -1,0 +1,228 @@
+//! Traversal in a program's own kernel.
+
+use canted_gpu::build::{BuildConfig, WideConfig};
+use canted_gpu::{
+    BufferScene, DeviceHit, DeviceRay, Gpu, GpuError, InstanceBuffer, InstancedScene, MeshBuffers, TracedScene, wgpu,
+};
+
+use super::buffers::{buffer, corners, hits, opened, rays, vertices};
+
+/// A compute pipeline of a text.
+fn pipeline(device: &wgpu::Device, text: &str) -> wgpu::ComputePipeline {
+    let source = wgpu::ShaderSource::Wgsl(text.into());
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: None,
+        module: &module,
+        entry_point: Some("main"),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    })
+}
+
+/// Runs a kernel that includes the module of a scene, with its own buffers in bind group 0, in so many work-groups.
+fn run(
+    (device, queue, gpu): (&wgpu::Device, &wgpu::Queue, &Gpu),
+    scene: &TracedScene,
+    kernel: &str,
+    own: [&wgpu::Buffer; 2],
+    n_groups: u32,
+) {
+    let pipeline = pipeline(device, &(scene.module(1).unwrap() + kernel));
+    let entry = |(binding, buffer): (u32, &wgpu::Buffer)| wgpu::BindGroupEntry {
+        binding,
+        resource: buffer.as_entire_binding(),
+    };
+    let entries: Vec<_> = (0..).zip(own).map(|(binding, buffer)| entry((binding, buffer))).collect();
+    let layout = &pipeline.get_bind_group_layout(0);
+    let own = device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries });
+    let theirs = scene.bind_group(gpu, &pipeline.get_bind_group_layout(1)).unwrap();
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+    pass.set_pipeline(&pipeline);
+    pass.set_bind_group(0, &own, &[]);
+    pass.set_bind_group(1, &theirs, &[]);
+    pass.dispatch_workgroups(n_groups, 1, 1);
+    drop(pass);
+    queue.submit([encoder.finish()]);
+}
+
+/// A program's kernel, whose names are also names of the module's inside.
+const TRACES: &str = "
+@group(0) @binding(0) var<storage, read> nodes: array<Ray>;
+@group(0) @binding(1) var<storage, read_write> found: array<Hit>;
+fn greatest(hit: Hit) -> Hit { return hit; }
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x < arrayLength(&nodes) {
+        found[id.x] = greatest(closest_hit(nodes[id.x]));
+        if (found[id.x].instance != NONE) != occluded(nodes[id.x]) || is_incomplete {
+            found[id.x].instance = 77u;
+        }
+    }
+}
+";
+
+fn floor(gpu: &Gpu) -> TracedScene {
+    TracedScene::build_single_level(gpu, &corners(&vertices(0.0)), &[0], BuildConfig::default()).unwrap()
+}
+
+#[test]
+fn a_kernel_of_the_program_traces_rays() {
+    let Some((device, queue)) = opened("a_kernel_of_the_program_traces_rays") else { return };
+    let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
+    let scene = floor(&gpu);
+    let of =
+        |ray: &canted_trace::Ray| DeviceRay { origin: ray.origin, t_min: 0.0, direction: ray.direction, t_max: 3e38 };
+    let rays: Vec<DeviceRay> = rays().iter().map(of).collect();
+    let rays_there = gpu.buffer("rays", &rays).unwrap();
+    let found = gpu.zeroed::<DeviceHit>("hits", rays.len()).unwrap();
+    let n_groups = u32::try_from(rays.len()).unwrap().div_ceil(64);
+    run((&device, &queue, &gpu), &scene, TRACES, [rays_there.wgpu(), found.wgpu()], n_groups);
+    let found: Vec<_> = gpu.read(&found).unwrap().into_iter().map(|hit| (hit.instance == 0).then_some(hit)).collect();
+    assert_eq!(found, hits(&gpu, &scene));
+}
+
+#[test]
+fn a_layout_of_another_kernel_is_rejected() {
+    let Some((device, queue)) = opened("a_layout_of_another_kernel_is_rejected") else { return };
+    let gpu = Gpu::from_wgpu(device.clone(), queue);
+    let other = "@group(0) @binding(0) var<storage, read_write> x: array<f32>;
+                 @compute @workgroup_size(1) fn main() { x[0] = 1.0; }";
+    let layout = pipeline(&device, other).get_bind_group_layout(0);
+    match floor(&gpu).bind_group(&gpu, &layout) {
+        Err(GpuError::Input { message }) => assert!(message.contains("does not fit the module"), "{message}"),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Of rays that leave the hits of a closed, convex surface, counts those that hit it again. `OFFSET` is along the normal.
+const LEAVES: &str = "
+@group(0) @binding(0) var<storage, read> positions: array<f32>;
+@group(0) @binding(1) var<storage, read_write> n_hit_again: array<atomic<u32>>;
+fn corner(i: u32) -> vec3f {
+    return MATRIX * vec3f(positions[3u * i], positions[3u * i + 1u], positions[3u * i + 2u]) + SHIFT;
+}
+fn random(seed: ptr<function, u32>) -> f32 {
+    *seed = *seed * 747796405u + 2891336453u;
+    let word = ((*seed >> ((*seed >> 28u) + 4u)) ^ *seed) * 277803737u;
+    return f32(((word >> 22u) ^ word) >> 8u) / 16777216.0;
+}
+fn on_sphere(seed: ptr<function, u32>) -> vec3f {
+    let z = 1.0 - 2.0 * random(seed);
+    let angle = 6.2831853 * random(seed);
+    return vec3f(sqrt(max(0.0, 1.0 - z * z)) * vec2f(cos(angle), sin(angle)), z);
+}
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    var seed = id.x * 9781u + 1u;
+    let eye = CENTER + 4.0 * on_sphere(&seed);
+    let hit = closest_hit(Ray(eye, 0.0, CENTER + 0.8 * on_sphere(&seed) - eye, 3e38));
+    if hit.instance == NONE {
+        return;
+    }
+    atomicAdd(&n_hit_again[0], 1u);
+    let a = corner(3u * hit.primitive);
+    let b = corner(3u * hit.primitive + 1u);
+    let c = corner(3u * hit.primitive + 2u);
+    var normal = normalize(cross(b - a, c - a));
+    normal *= sign(dot(normal, a - CENTER));
+    let origin = a + hit.u * (b - a) + hit.v * (c - a) + OFFSET * normal;
+    for (var i = 0u; i < 16u; i++) {
+        var direction = on_sphere(&seed);
+        direction *= sign(dot(direction, normal));
+        if occluded(Ray(origin, 0.0, direction, 3e38)) || is_incomplete {
+            atomicAdd(&n_hit_again[1], 1u);
+        }
+    }
+}
+";
+
+/// A ball of 2,048 triangles of similar size: an octahedron whose triangles are divided.
+fn ball(center: [f32; 3]) -> Vec<[f32; 3]> {
+    let axis = |k: usize, sign: f32| std::array::from_fn(|i| if i == k { sign } else { 0.0_f32 });
+    let mut faces: Vec<[[f32; 3]; 3]> = vec![];
+    for [x, y, z] in (0..8).map(|i| [0, 1, 2].map(|k| if i >> k & 1 == 0 { -1.0 } else { 1.0 })) {
+        faces.push([axis(0, x), axis(1, y), axis(2, z)]);
+    }
+    let middle = |a: [f32; 3], b: [f32; 3]| {
+        let sum: [f32; 3] = std::array::from_fn(|i| a[i] + b[i]);
+        let length = sum.iter().map(|x| x * x).sum::<f32>().sqrt();
+        sum.map(|x| x / length)
+    };
+    for _ in 0..4 {
+        let divided = |[a, b, c]: [[f32; 3]; 3]| {
+            let [ab, bc, ca] = [middle(a, b), middle(b, c), middle(c, a)];
+            [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+        };
+        faces = faces.into_iter().flat_map(divided).collect();
+    }
+    let moved = |vertex: [f32; 3]| std::array::from_fn(|i| vertex[i] + center[i]);
+    faces.into_flattened().into_iter().map(moved).collect()
+}
+
+/// Rays that left hits, and those of them that hit the surface again.
+fn leave(
+    (device, queue, gpu): (&wgpu::Device, &wgpu::Queue, &Gpu),
+    scene: &TracedScene,
+    positions: &wgpu::Buffer,
+    (offset, center, matrix, shift): (f32, [f32; 3], &str, [f32; 3]),
+) -> [u32; 2] {
+    let point = |[x, y, z]: [f32; 3]| format!("vec3f({x:?}, {y:?}, {z:?})");
+    let constants = format!(
+        "const OFFSET: f32 = {offset:?}; const CENTER = {}; const MATRIX = {matrix}; const SHIFT = {};",
+        point(center),
+        point(shift)
+    );
+    let counts = gpu.zeroed::<u32>("counts", 2).unwrap();
+    run((device, queue, gpu), scene, &(constants + LEAVES), [positions, counts.wgpu()], 128);
+    let counts = gpu.read(&counts).unwrap();
+    [16 * counts[0], counts[1]]
+}
+
+/// The offsets that [`TracedScene::module`] states are enough, and less is not.
+#[test]
+fn rays_that_leave_a_hit_by_the_stated_offset_do_not_hit_it_again() {
+    let Some((device, queue)) = opened("rays_that_leave_a_hit_by_the_stated_offset_do_not_hit_it_again") else {
+        return;
+    };
+    let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
+    let on = (&device, &queue, &gpu);
+    for center in [[3.0, -2.0, 5.0], [0.0; 3], [1000.0, 0.3, -40.0]] {
+        let soup = ball(center);
+        let n_vertices = u32::try_from(soup.len()).unwrap();
+        let reach = soup.iter().flatten().fold(0.0_f32, |most, x| most.max(x.abs()));
+        let positions = buffer(&device, bytemuck::cast_slice(&soup));
+        let mesh = MeshBuffers {
+            vertices: &positions,
+            first_byte: 0,
+            stride: 12,
+            n_vertices,
+            indices: None,
+            n_triangles: n_vertices / 3,
+        };
+        let scene = BufferScene::new(&gpu, &[mesh], WideConfig::default()).unwrap();
+        let unmoved = "mat3x3f(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)";
+        let again = |factor: f32| leave(on, scene.traced(), &positions, (factor * reach, center, unmoved, [0.0; 3]));
+        let [n, n_again] = again(5e-5);
+        assert!(n > 100_000 && n_again == 0, "{center:?}: {n_again} of {n}");
+        assert!(again(0.0)[1] > 0, "{center:?}: no offset is needed");
+        // A turn about z, a scale of 0.7, and a translation.
+        let (sin, cos, shift) = (0.42, 0.56, [0.5, -7.0, 2.0]);
+        let rows = [[cos, -sin, 0.0, shift[0]], [sin, cos, 0.0, shift[1]], [0.0, 0.0, 0.7, shift[2]]];
+        let mut words: Vec<u32> = rows.iter().flatten().map(|x: &f32| x.to_bits()).collect();
+        words.push(0);
+        let transforms = buffer(&device, bytemuck::cast_slice(&words));
+        let instances = InstanceBuffer { buffer: &transforms, first_byte: 0, stride: 52, n_instances: 1 };
+        let scene = InstancedScene::new(&gpu, &[mesh], &instances, WideConfig::default()).unwrap();
+        let place = |[x, y, z]: [f32; 3]| rows.map(|row| row[0] * x + row[1] * y + row[2] * z + row[3]);
+        let reach = soup.iter().flat_map(|&vertex| place(vertex)).fold(0.0_f32, |most, x| most.max(x.abs()));
+        let matrix = format!("mat3x3f({cos}, {sin}, 0.0, -{sin}, {cos}, 0.0, 0.0, 0.0, 0.7)");
+        let again =
+            |factor: f32| leave(on, scene.traced(), &positions, (factor * reach, place(center), &matrix, shift));
+        let [n, n_again] = again(1e-4);
+        assert!(n > 50_000 && n_again == 0, "instance of {center:?}: {n_again} of {n}");
+        assert!(again(0.0)[1] > 0, "instance of {center:?}: no offset is needed");
+    }
+}
