@@ -5,7 +5,7 @@ use std::time::Duration;
 use bytemuck::Pod;
 use canted_trace::{Ray, ScaledRay};
 
-use super::ray::{DeviceHit, DeviceRay, INCOMPLETE, NONE};
+use super::ray::{DeviceHit, DeviceRay, INCOMPLETE};
 use super::scene::TracedScene;
 use crate::wait::{Instant, block_on};
 use crate::{Gpu, GpuError, Kernel, Specialisation};
@@ -49,7 +49,7 @@ impl TracedScene {
         self.in_slices(gpu, &kernel, "hits", rays, |slice, hits: Vec<DeviceHit>| {
             answers.extend(slice.iter().zip(hits).map(|(ray, hit)| match (hit.instance, ray) {
                 (INCOMPLETE, _) => Outcome::Incomplete,
-                (NONE, _) | (_, None) => Outcome::Complete(None),
+                (DeviceHit::NONE, _) | (_, None) => Outcome::Complete(None),
                 (_, Some(ray)) => Outcome::Complete(Some(DeviceHit { t: ray.caller_t(hit.t), ..hit })),
             }));
         })

@@ -30,11 +30,10 @@ fn run(
     n_groups: u32,
 ) {
     let pipeline = pipeline(device, &(scene.module(1).unwrap() + kernel));
-    let entry = |(binding, buffer): (u32, &wgpu::Buffer)| wgpu::BindGroupEntry {
-        binding,
-        resource: buffer.as_entire_binding(),
-    };
-    let entries: Vec<_> = (0..).zip(own).map(|(binding, buffer)| entry((binding, buffer))).collect();
+    let entries: Vec<_> = (0..)
+        .zip(own)
+        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+        .collect();
     let layout = &pipeline.get_bind_group_layout(0);
     let own = device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries });
     let theirs = scene.bind_group(gpu, &pipeline.get_bind_group_layout(1)).unwrap();
@@ -176,7 +175,7 @@ fn leave(
         point(shift)
     );
     let counts = gpu.zeroed::<u32>("counts", 2).unwrap();
-    run((device, queue, gpu), scene, &(constants + LEAVES), [positions, counts.wgpu()], 128);
+    run((device, queue, gpu), scene, &(constants + LEAVES), [positions, counts.wgpu()], 16);
     let counts = gpu.read(&counts).unwrap();
     [16 * counts[0], counts[1]]
 }
@@ -206,7 +205,7 @@ fn rays_that_leave_a_hit_by_the_stated_offset_do_not_hit_it_again() {
         let unmoved = "mat3x3f(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)";
         let again = |factor: f32| leave(on, scene.traced(), &positions, (factor * reach, center, unmoved, [0.0; 3]));
         let [n, n_again] = again(5e-5);
-        assert!(n > 100_000 && n_again == 0, "{center:?}: {n_again} of {n}");
+        assert!(n > 12_000 && n_again == 0, "{center:?}: {n_again} of {n}");
         assert!(again(0.0)[1] > 0, "{center:?}: no offset is needed");
         // A turn about z, a scale of 0.7, and a translation.
         let (sin, cos, shift) = (0.42, 0.56, [0.5, -7.0, 2.0]);
@@ -222,7 +221,7 @@ fn rays_that_leave_a_hit_by_the_stated_offset_do_not_hit_it_again() {
         let again =
             |factor: f32| leave(on, scene.traced(), &positions, (factor * reach, place(center), &matrix, shift));
         let [n, n_again] = again(1e-4);
-        assert!(n > 50_000 && n_again == 0, "instance of {center:?}: {n_again} of {n}");
+        assert!(n > 6_000 && n_again == 0, "instance of {center:?}: {n_again} of {n}");
         assert!(again(0.0)[1] > 0, "instance of {center:?}: no offset is needed");
     }
 }
