@@ -7,6 +7,7 @@
 // use shared/build/wide
 // use shared/build/wide_word
 // use shared/item/triangles
+// use shared/build/length
 
 @group(0) @binding(3) var<storage, read_write> units: array<u32>;
 @group(0) @binding(4) var<storage, read> leaves: array<u32>;
@@ -25,7 +26,7 @@ fn areas_of(child: u32) -> vec2<f32> {
         let b = corner(item, 1u);
         let c = corner(item, 2u);
         // A flat box in the plane of the triangle, along its longest edge.
-        return vec2<f32>(half_area_of(min(min(a, b), c), max(max(a, b), c)), length(cross(b - a, c - a)));
+        return vec2<f32>(half_area_of(min(min(a, b), c), max(max(a, b), c)), length_of(cross(b - a, c - a)));
     }
     let at = 6u * child;
     let low = vec3<f32>(aabbs[at], aabbs[at + 1u], aabbs[at + 2u]);

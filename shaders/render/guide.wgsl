@@ -22,7 +22,7 @@ struct Guide {
     /// Albedo, and the number of triangles tested.
     albedo: vec3<f32>,
     n_triangles: f32,
-    /// Index of the primitive in its mesh; `NONE` for a miss.
+    /// Index of the primitive in its mesh; `NONE` for a miss, `INCOMPLETE` if the traversal was cut short, so that nothing is known.
     primitive: u32,
     /// `NONE` for a miss and for a light.
     instance: u32,
@@ -39,7 +39,9 @@ fn main(id: Invocation) {
         choose_time(one);
         // Key of the first ray of a path.
         ray_key = derived_key(derived_key(0u, bits(picture.sampler, one.pixel, one.sample, ALPHA_DIMENSION)), 0u);
-        guides[64u * group + id.local] = guide_of(camera_ray(one));
+        var guide = guide_of(camera_ray(one));
+        guide.primitive = select(guide.primitive, INCOMPLETE, is_incomplete);
+        guides[64u * group + id.local] = guide;
     }
 }
 

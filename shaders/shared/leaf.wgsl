@@ -20,6 +20,10 @@ var<private> t_max: f32;
 
 /// Tests triangle `number` of the BVH, by its vertices with permuted axes, and keeps its hit if it is the best.
 fn consider(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, number: u32) {
+    // The CPU misses triangles with two equal vertices. Relative to the origin of an instance's ray, others may be equal, too.
+    if all(a == b) || all(b == c) || all(c == a) {
+        return;
+    }
     let found = intersect_triangle(a - shear.origin, b - shear.origin, c - shear.origin);
     // `t` in the caller's units decides, as everywhere.
     if found.t >= space.t_min && found.t <= t_max {

@@ -87,6 +87,7 @@ pub const FILES: &[(&str, &str)] = files![
     "shared/build/frame",
     "shared/build/invert",
     "shared/build/leaf",
+    "shared/build/length",
     "shared/build/ordered",
     "shared/build/pair",
     "shared/build/ploc",

@@ -1,6 +1,5 @@
 //! Command lists.
 
-use bytemuck::Pod;
 use canted_shaders::Binding;
 use wgpu::{
     BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, CommandEncoder, CommandEncoderDescriptor,
@@ -209,12 +208,6 @@ impl Commands<'_> {
     /// Work-groups of all dispatches so far.
     pub(crate) fn n_groups(&self) -> u64 {
         self.n_groups
-    }
-
-    /// Copies all of `from` to the start of `to`.
-    pub fn copy<T: Pod>(&mut self, from: &Buffer<T>, to: &Buffer<T>) {
-        assert!(from.len() <= to.len(), "{} values do not fit into {}", from.len(), to.len());
-        self.encoder.get().copy_buffer_to_buffer(&from.raw, 0, &to.raw, 0, from.raw.size().min(to.raw.size()));
     }
 
     /// Copies `n` values.

@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 
 use canted_shaders::{Shader, Specialisation};
 
+use crate::Traversal;
+
 /// The page.
 const PAGE: &str = include_str!("lib.rs");
 
@@ -14,18 +16,32 @@ fn shaders() -> Vec<Shader> {
             .part("level", &format!("shared/level/{level}"))
             .part("mask", "shared/mask/none")
             .part("count", "shared/count/none")
-            .number("STACK_SIZE", 4)
             .number("MAX_ITERATIONS", 1000)
     };
-    let wide = ["single", "flat", "instances", "moving"].map(|level| {
-        chosen(level).part("node_kinds", "shared/node_kinds/any").part("traverse", "shared/traverse/stack")
-    });
-    let binary = ["aabb", "obb"].map(|volume| {
-        chosen("single")
-            .part("traverse", "shared/binary/traverse/stack")
-            .part("volume", &format!("shared/binary/volume/{volume}"))
-    });
-    wide.iter().chain(&binary).map(|chosen| Shader::new("trace/closest", chosen).unwrap()).collect()
+    let stacked = |chosen: Specialisation, traversal| match traversal {
+        Traversal::Stack => chosen.number("STACK_SIZE", 4),
+        _ => chosen,
+    };
+    let wide = |level: &str, traversal: Traversal| {
+        let kinds = chosen(level).part("node_kinds", "shared/node_kinds/any");
+        stacked(kinds.part("traverse", traversal.file()), traversal)
+    };
+    let binary = |volume: &str, traversal: Traversal| {
+        let volume = format!("shared/binary/volume/{volume}");
+        stacked(chosen("single").part("traverse", traversal.binary_file()).part("volume", &volume), traversal)
+    };
+    let stack = Traversal::Stack;
+    let all = [
+        wide("single", stack),
+        wide("flat", stack),
+        wide("instances", stack),
+        wide("moving", stack),
+        wide("single", Traversal::Links),
+        binary("aabb", stack),
+        binary("obb", stack),
+        binary("aabb", Traversal::Links),
+    ];
+    all.iter().map(|chosen| Shader::new("trace/closest", chosen).unwrap()).collect()
 }
 
 /// Rows of the page that start with this.
@@ -71,9 +87,10 @@ fn the_page_states_the_sizes_of_nodes() {
         let (_, rest) = shader.source.split_once("const CHILD_QUADS: u32 = ")?;
         rest.split_once('u')?.0.parse::<u32>().ok()
     };
-    let bytes: Vec<u32> = shaders().iter().filter_map(quads).map(|quads| 16 * quads).collect();
-    assert_eq!(bytes, [32, 64]);
-    for (what, bytes) in ["with an axis-aligned box is", "oriented box is"].into_iter().zip(bytes) {
-        assert!(PAGE.contains(&format!("{what} {bytes} bytes")), "{what} {bytes}");
+    let bytes: BTreeSet<u32> = shaders().iter().filter_map(quads).map(|quads| 16 * quads).collect();
+    assert_eq!(bytes, BTreeSet::from([32, 64]));
+    for bytes in bytes {
+        let of_node = format!("a node has {} bytes", 2 * bytes);
+        assert!(PAGE.contains(&of_node), "the page lacks: {of_node}");
     }
 }

@@ -66,6 +66,14 @@ pub enum GpuError {
     },
 }
 
+impl GpuError {
+    /// Whether the device works, but this scene, or the way it is built, exceeds what the device or the kernels support.
+    #[must_use]
+    pub fn is_of_scene(&self) -> bool {
+        matches!(self, Self::Limit { .. } | Self::OutOfMemory { .. } | Self::Unsupported { .. })
+    }
+}
+
 impl std::fmt::Display for GpuError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -120,5 +128,7 @@ mod tests {
         let message = kernel.to_string();
         assert_eq!(GpuError::from(kernel).source().map(ToString::to_string), Some(message));
         assert!(GpuError::TimedOut { seconds: 1 }.source().is_none());
+        assert!(!GpuError::Blocking.is_of_scene());
+        assert!(GpuError::OutOfMemory { what: String::new() }.is_of_scene());
     }
 }

@@ -123,7 +123,8 @@
 //! | 3 `first_triangles` | one level over several meshes | the number of the first triangle of each |
 //! | 4 `instance_order` | two levels | the instance of each item of the top level |
 //! | 5 `motions` | instances with motion blur | a `Motion` for each of these |
-//! | 7 `links`, `pair_links` | [`Traversal::Bits`] and [`Traversal::Links`] | links to parents; scenes over a program's buffers always use [`Traversal::Stack`] |
+//! | 7 `links` | wide BVHs with [`Traversal::Bits`] or [`Traversal::Links`] | links to parents; scenes over a program's buffers always use [`Traversal::Stack`] |
+//! | 7 `pair_links` | binary BVHs with these | links to parents |
 //!
 //! | structure | bytes | members and their offsets |
 //! |---|---|---|

@@ -1,4 +1,5 @@
 // The child of a node: a box or a triangle.
+// use shared/build/length
 
 /// A box, all points `center + columns * q` with `|q[k]| <= half_extents[k]`; or a triangle whose vertices are the columns.
 struct Content {
@@ -22,9 +23,9 @@ fn length_1(v: vec3<f32>) -> f32 {
 fn content_area(content: Content) -> f32 {
     let columns = content.columns;
     if !content.is_box {
-        return length(cross(columns[1] - columns[0], columns[2] - columns[0]));
+        return length_of(cross(columns[1] - columns[0], columns[2] - columns[0]));
     }
     let edges = sides(content);
-    let faces = length(cross(edges[0], edges[1])) + length(cross(edges[1], edges[2])) + length(cross(edges[2], edges[0]));
+    let faces = length_of(cross(edges[0], edges[1])) + length_of(cross(edges[1], edges[2])) + length_of(cross(edges[2], edges[0]));
     return 8.0 * faces;
 }

@@ -149,6 +149,48 @@ fn sixty_frames_have_the_hits_of_the_cpu() {
     }
 }
 
+/// Many meshes that change in one frame are updated together.
+#[test]
+fn many_meshes_that_deform_have_the_hits_of_the_cpu() {
+    let Some(gpu) = gpu("frames::many_meshes_that_deform_have_the_hits_of_the_cpu") else { return };
+    let of = |number: u32| f32::from(u16::try_from(number).unwrap());
+    let state = |frame: u32| {
+        let mesh = |number: u32| {
+            let mut mesh = icosphere(1);
+            mesh.positions.iter_mut().for_each(|p| p[0] += 0.1 * (of(number) + of(frame) + 3.0 * p[1]).sin());
+            mesh
+        };
+        let placed = |number: u32| {
+            let columns =
+                [[1.0, 0.0, 0.0], [0.0, 1.0, 0.2], [0.0, 0.0, 1.0], [of(number % 5) * 2.5, of(number / 5) * 2.5, 0.0]];
+            (number as usize, Affine { columns })
+        };
+        ((0..20).map(mesh).collect::<Vec<_>>(), (0..20).map(placed).collect::<Vec<_>>())
+    };
+    let config = StructureConfig { levels: Levels::Two, ..StructureConfig::default() };
+    for (strategy, policy) in [(Strategy::Combined, UpdatePolicy::Refit), (Strategy::Aabb, UpdatePolicy::Rebuild)] {
+        let first = state(0);
+        let mut prepared = prepare::<Watertight>(&scene(&first.0, &first.1), &config).unwrap();
+        let wide = WideConfig { strategy, ..WideConfig::default() };
+        let mut frames = DeviceFrames::new(policy).with_wide(wide);
+        let mut tally = Tally::default();
+        for frame in 0..4 {
+            let state = state(frame);
+            let scene = scene(&state.0, &state.1);
+            prepared.update(&scene, &UpdateOptions { policy, ..UpdateOptions::default() }).unwrap();
+            let before = gpu.traffic();
+            let traced = traced_frame(&gpu, &scene, &prepared.structure, &mut frames).unwrap();
+            let n_dispatches = (gpu.traffic() - before).n_dispatches;
+            assert!(frame == 0 || n_dispatches < 1000, "{strategy:?}: {n_dispatches} dispatches for twenty meshes");
+            compare(&gpu, &state, &prepared, &traced, false, &mut tally)
+                .unwrap_or_else(|error| panic!("{strategy:?}, frame {frame}: {error}"));
+        }
+        tally.report(&format!("many meshes, {strategy:?}, {policy:?}"));
+        let updates = frames.updates();
+        assert_eq!((updates.whole, updates.refits + updates.rebuilds, updates.top_rebuilds), (1, 60, 3), "{updates:?}");
+    }
+}
+
 /// The comparison sees a frame that was not updated.
 #[test]
 fn a_frame_that_lags_is_seen() {

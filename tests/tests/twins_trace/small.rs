@@ -155,6 +155,61 @@ fn small_spheres_in_two_levels_are_hit_as_on_the_cpu() {
     }
 }
 
+/// Vertices that are equal relative to the device's origin of a ray may differ relative to the CPU's.
+#[test]
+fn steps_below_the_precision_of_the_origin_are_hit_as_on_the_cpu() {
+    let Some(gpu) = gpu("steps_below_the_precision_of_the_origin_are_hit_as_on_the_cpu") else { return };
+    let mut mesh = Mesh { positions: vec![], triangles: vec![] };
+    for i in 0..8 * 8_u32 {
+        let [x, y] = [i % 8, i / 8].map(|k| k as f32 * 0.5);
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend([[x, y, 0.0], [x + 0.5, y, 0.0], [x + 0.5, y + 0.5, 0.5], [x, y + 0.5, 0.5]]);
+        mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+    }
+    let (s, c) = (0.6_f32, 0.8_f32);
+    let map = Affine { columns: [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0], [0.3, -0.7, 0.1]] };
+    let instances = [Instance::new(0, map)];
+    let corners = |mesh: &Mesh| -> Vec<Corners> {
+        mesh.triangles.iter().map(|triangle| triangle.map(|i| mesh.positions[i as usize])).collect()
+    };
+    let bvh: TriangleBvh<Watertight> = build(&mesh, &Config::default());
+    let two = [
+        TracedScene::two_level(&gpu, &[&bvh], &instances).unwrap(),
+        TracedScene::build_two_level(&gpu, &[&corners(&mesh)], &instances, BuildConfig::default()).unwrap(),
+    ];
+    let tlas = Tlas::new(vec![bvh], &instances, TopConfig::default()).unwrap();
+    let mut there = mesh;
+    there.positions.iter_mut().for_each(|p| *p = map.point(*p));
+    let bvh: TriangleBvh<Watertight> = build(&there, &Config::default());
+    let one = [
+        TracedScene::single_level(&gpu, &bvh, &[0]).unwrap(),
+        TracedScene::build_single_level(&gpu, &corners(&there), &[0], BuildConfig::default()).unwrap(),
+    ];
+    let mut rng = SplitMix64::new(23);
+    let rays: Vec<Ray> = (0..20_000)
+        .map(|_| {
+            let direction = rng.on_sphere();
+            let far = 1.5e7 * (0.5 + rng.unit());
+            let to = map.point([4.0 * rng.unit() as f32, 4.0 * rng.unit() as f32, 0.25]);
+            let origin = std::array::from_fn(|k| (f64::from(to[k]) - far * direction[k]) as f32);
+            Ray::new(origin, direction.map(|x| x as f32))
+        })
+        .collect();
+    let compare = |name: &str, scene: &TracedScene, on_cpu: &dyn Fn(&Ray) -> Option<Hit>| {
+        let (mut n_hits, mut n_other) = (0, 0);
+        for (ray, found) in rays.iter().zip(scene.closest_hits(&gpu, &rays).unwrap()) {
+            let Outcome::Complete(found) = found else { panic!("{ray:?} has no answer") };
+            let on_cpu = on_cpu(ray);
+            n_hits += usize::from(on_cpu.is_some());
+            n_other += usize::from(on_cpu.is_some() != found.is_some());
+        }
+        assert!(n_hits > 5000, "{name}: {n_hits} hits");
+        assert_eq!(n_other, 0, "{name}: of {n_hits}");
+    };
+    two.iter().for_each(|scene| compare("two levels", scene, &|ray| tlas.closest_hit(ray)));
+    one.iter().for_each(|scene| compare("one level", scene, &|ray| bvh.closest_hit(ray)));
+}
+
 /// A two-hundredth more of the radius is seen.
 #[test]
 fn other_spheres_are_detected() {

@@ -122,8 +122,8 @@ pub(crate) fn built_or(
     uploaded: impl FnOnce() -> Result<TracedScene, DeviceError>,
 ) -> Result<TracedScene, DeviceError> {
     match built_scene(gpu, scene, config, bvh) {
-        Err(DeviceError::Gpu(GpuError::Unsupported { what })) if matches!(bvh, DeviceBvh::Wide(_)) => {
-            output::note(&format!("the CPU builds the BVHs: not supported on the GPU: {what}"));
+        Err(DeviceError::Gpu(error)) if matches!(bvh, DeviceBvh::Wide(_)) && error.is_of_scene() => {
+            output::note(&format!("the CPU builds the BVHs: {error}"));
             uploaded()
         }
         built => built,

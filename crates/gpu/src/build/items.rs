@@ -41,11 +41,16 @@ impl Items {
     /// Triangles, one tree per mesh.
     ///
     /// # Errors
-    /// Out of memory.
+    /// A vertex that is not finite, by mesh and triangle; out of memory.
     pub fn triangles<'m>(gpu: &Gpu, meshes: impl IntoIterator<Item = &'m [Corners]>) -> Result<Self, GpuError> {
         let mut all = vec![];
         let mut ranges = vec![];
-        for corners in meshes {
+        for (mesh, corners) in meshes.into_iter().enumerate() {
+            let is_bad = |corners: &Corners| !corners.iter().flatten().all(|x| x.is_finite());
+            if let Some(triangle) = corners.iter().position(is_bad) {
+                let message = format!("mesh {mesh}: triangle {triangle} has a vertex that is not finite");
+                return Err(GpuError::Input { message });
+            }
             ranges.push(Range { first: count(all.len()), count: count(corners.len()) });
             all.extend_from_slice(corners);
         }

@@ -149,7 +149,7 @@ fn layout<'a>(gpu: &Gpu, mesh: &MeshBuffers<'a>) -> Result<(MeshLayout, Slot<'a>
             "stride {stride} and first byte {first_byte} must be multiples of 4, the stride at least 12"
         ));
     }
-    let end = if n_vertices == 0 { 0 } else { first_byte + u64::from(n_vertices - 1) * stride + 12 };
+    let end = end_of([first_byte, stride], n_vertices, 12);
     let n_corners = 3 * u64::from(n_triangles);
     let used = window(gpu, "vertices", vertices, [first_byte, end])?;
     let first_word = first_byte.saturating_sub(used.first_byte) / 4;
@@ -163,7 +163,7 @@ fn layout<'a>(gpu: &Gpu, mesh: &MeshBuffers<'a>) -> Result<(MeshLayout, Slot<'a>
             if first_byte % size != 0 {
                 return Err(format!("the first byte {first_byte} of the indices must be a multiple of {size}"));
             }
-            let used = window(gpu, "indices", buffer, [first_byte, first_byte + n_corners * size])?;
+            let used = window(gpu, "indices", buffer, [first_byte, first_byte.saturating_add(n_corners * size)])?;
             (first_byte.saturating_sub(used.first_byte) / size, size, used)
         }
     };
@@ -180,6 +180,12 @@ fn layout<'a>(gpu: &Gpu, mesh: &MeshBuffers<'a>) -> Result<(MeshLayout, Slot<'a>
     Ok((layout, used, used_indices))
 }
 
+/// The end of `n` things of `size` bytes, `stride` bytes apart. Where that exceeds 64 bits, no buffer is large enough.
+pub(super) fn end_of([first_byte, stride]: [u64; 2], n: u32, size: u64) -> u64 {
+    let Some(last) = n.checked_sub(1) else { return 0 };
+    first_byte.saturating_add(u64::from(last).saturating_mul(stride)).saturating_add(size)
+}
+
 /// Bytes to which the start of a binding is rounded down, a multiple of the alignment that any device requires.
 const ALIGNMENT: u64 = 256;
 
@@ -194,6 +200,7 @@ pub(super) fn window<'a>(
     let first_byte = first_byte / ALIGNMENT * ALIGNMENT;
     // Without contents, something must be bound.
     let first_byte = if first_byte < end { first_byte } else { 0 };
+    // `end` is at most the size of the buffer.
     let n_bytes = (end.max(4) - first_byte).next_multiple_of(4).min(buffer.size() - first_byte);
     let most = gpu.limits().max_storage_buffer_binding_size;
     if n_bytes > most {

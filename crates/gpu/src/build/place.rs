@@ -1,10 +1,10 @@
 //! Instances in buffers of a program's own: their inverses and world-space boxes.
 
 use bytemuck::{Pod, Zeroable};
-use canted_obb::{Aabb, Affine};
+use canted_obb::Affine;
 
 use super::items::Leaf;
-use super::mesh_buffers::window;
+use super::mesh_buffers::{end_of, window};
 use super::{Built, Items, Run};
 use crate::commands::Slot;
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
@@ -124,10 +124,8 @@ impl Items {
     }
 
     /// The axis-aligned boxes of placed instances, read back.
-    ///
-    /// # Errors
-    /// The device is lost.
-    pub fn read_boxes(&self, gpu: &Gpu) -> Result<Vec<Aabb>, GpuError> {
+    #[cfg(test)]
+    pub(crate) fn read_boxes(&self, gpu: &Gpu) -> Result<Vec<canted_obb::Aabb>, GpuError> {
         match &self.leaf {
             Leaf::Box { aabbs, .. } => gpu.read(aabbs),
             Leaf::Triangle { .. } => Ok(vec![]),
@@ -140,7 +138,7 @@ pub(crate) fn instance_fault(faults: &[u32], n_meshes: usize) -> Option<String> 
     let sentences = [
         format!("refers to a mesh beyond the {n_meshes} of the scene"),
         "has a transform that is not finite or has coordinates above 1e18 in world space".to_owned(),
-        "has a transform that is singular or has a condition number above 1024".to_owned(),
+        "has a transform that is singular, has a condition number above 1024 or scales by less than 2^-100".to_owned(),
     ];
     let found = faults.iter().zip(sentences).filter(|(word, _)| **word != 0);
     let (word, sentence) = found.max_by_key(|(word, _)| **word)?;
@@ -161,7 +159,7 @@ fn layout<'a>(
             "instances: stride {stride} and first byte {first_byte} must be multiples of 4, the stride at least 52"
         ));
     }
-    let end = if n_instances == 0 { 0 } else { first_byte + u64::from(n_instances - 1) * stride + 4 * WORDS };
+    let end = end_of([first_byte, stride], n_instances, 4 * WORDS);
     let used = window(gpu, "instances", buffer, [first_byte, end])?;
     let first_word = first_byte.saturating_sub(used.first_byte) / 4;
     let word = |x: u64| u32::try_from(x).map_err(|_| format!("instances: an offset of {x} is out of range"));
@@ -178,6 +176,9 @@ mod tests {
         assert_eq!(instance_fault(&[0, 0, 0], 2), None);
         assert_eq!(instance_fault(&[!7, 0, 0], 2).unwrap(), "instance 7 refers to a mesh beyond the 2 of the scene");
         let lowest = instance_fault(&[!7, !9, !3], 2).unwrap();
-        assert_eq!(lowest, "instance 3 has a transform that is singular or has a condition number above 1024");
+        assert_eq!(
+            lowest,
+            "instance 3 has a transform that is singular, has a condition number above 1024 or scales by less than 2^-100"
+        );
     }
 }

@@ -99,7 +99,8 @@ impl Codes {
 /// more than there are leaves.
 pub(crate) fn depth_bound(n: u32, bits: Bits) -> u32 {
     let code = if bits == Bits::B30 { 30 } else { 63 };
-    n.min(code + n.max(1).next_power_of_two().ilog2() + 1)
+    let of_positions = n.saturating_sub(1).checked_ilog2().map_or(0, |log| log + 1);
+    n.min(code + of_positions + 1)
 }
 
 /// `chosen` with the part for codes of this length.

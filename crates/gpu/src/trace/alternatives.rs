@@ -36,7 +36,7 @@ impl Traversal {
         }
     }
 
-    pub(super) fn file(self) -> &'static str {
+    pub(crate) fn file(self) -> &'static str {
         match self {
             Self::Stack => "shared/traverse/stack",
             Self::Bits => "alternatives/traverse/bits",
@@ -45,7 +45,7 @@ impl Traversal {
     }
 
     /// The same for binary BVHs.
-    pub(super) fn binary_file(self) -> &'static str {
+    pub(crate) fn binary_file(self) -> &'static str {
         match self {
             Self::Stack => "shared/binary/traverse/stack",
             Self::Bits => "alternatives/binary/traverse/bits",

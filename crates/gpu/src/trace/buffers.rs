@@ -27,7 +27,7 @@ use crate::{Gpu, GpuError, wait::block_on};
 ///
 /// # Bad contents
 /// Kernels read what the buffers contain: a triangle with an index out of range, or with a vertex that is not finite or has coordinates above
-/// 1e18, counts as a point, which nothing hits. [`Self::new`] reports the first such triangle. After a rebuild or refit [`Self::check`] does; it waits
+/// 1e18, counts as a point, which nothing hits. [`Self::new`] reports the first with a bad index, or else the first with a bad vertex. After a rebuild or refit [`Self::check`] does; it waits
 /// for the device, so call it while debugging, or once in many frames.
 ///
 /// # Rebuild or refit
@@ -89,18 +89,35 @@ impl BufferScene {
     /// The same, where the instances are parts of the triangles of all meshes: `first_triangles` has where each starts, in order.
     ///
     /// # Errors
-    /// As for [`BufferScene::new`].
+    /// As for [`BufferScene::new`]; parts that do not start at triangle 0, are not in order, or start beyond the end.
     pub fn new_in_parts(
         gpu: &Gpu,
         meshes: &[MeshBuffers<'_>],
         first_triangles: &[u32],
         bvh: impl Into<DeviceBvh>,
     ) -> Result<Self, GpuError> {
-        block_on(async {
-            let scene = Self::over(gpu, meshes, first_triangles, bvh.into()).await?;
-            scene.check_async(gpu).await?;
-            Ok(scene)
-        })
+        block_on(Self::new_in_parts_async(gpu, meshes, first_triangles, bvh))
+    }
+
+    /// [`BufferScene::new_in_parts`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`BufferScene::new_in_parts`].
+    pub async fn new_in_parts_async(
+        gpu: &Gpu,
+        meshes: &[MeshBuffers<'_>],
+        first_triangles: &[u32],
+        bvh: impl Into<DeviceBvh>,
+    ) -> Result<Self, GpuError> {
+        let n: u64 = meshes.iter().map(|mesh| u64::from(mesh.n_triangles)).sum();
+        let is_in_order = first_triangles.is_sorted() && first_triangles.first().is_none_or(|&first| first == 0);
+        if !is_in_order || first_triangles.last().is_some_and(|&last| u64::from(last) > n) {
+            let message = format!("parts of {n} triangles must start at 0, in order and before the end");
+            return Err(GpuError::Input { message });
+        }
+        let scene = Self::over(gpu, meshes, first_triangles, bvh.into()).await?;
+        scene.check_async(gpu).await?;
+        Ok(scene)
     }
 
     /// Builds a BVH without checking the buffers. A triangle with a fault counts as a point, which nothing hits.
@@ -120,10 +137,11 @@ impl BufferScene {
         meshes: &[MeshBuffers<'_>],
         bvh: impl Into<DeviceBvh>,
     ) -> Result<Self, GpuError> {
-        let mut n_before = 0;
+        let mut n_before = 0_u32;
         let firsts = meshes.iter().map(|mesh| {
             let first = n_before;
-            n_before += mesh.n_triangles;
+            // A sum beyond 32 bits is rejected with the buffers.
+            n_before = first.saturating_add(mesh.n_triangles);
             first
         });
         let firsts: Vec<u32> = firsts.collect();

@@ -25,7 +25,7 @@ use crate::{Buffer, Gpu, GpuError, wait::block_on};
 /// |---|---|
 /// | transforms | [`Self::update_top`] |
 /// | vertices of a mesh | [`Self::refit_mesh`] or [`Self::rebuild_mesh`], then [`Self::update_top`] |
-/// | all | [`Self::rebuild`] |
+/// | many meshes | [`Self::refit`] or [`Self::rebuild`] |
 ///
 /// The rules of [`BufferScene`](crate::BufferScene) hold here, too. The number of instances is fixed: leave room in the instance buffer, and mark unused entries with
 /// [`NOT_PLACED`](crate::NOT_PLACED). An instance of no mesh, or with a bad transform, is not placed; [`Self::check`] reports it. With oriented boxes
@@ -127,8 +127,12 @@ impl InstancedScene {
         let boxes = gpu.zeroed("boxes of meshes", meshes.len())?;
         let instance_faults = gpu.zeroed("faults of instances", N_INSTANCE_FAULTS)?;
         let mut scene = Self { traced, bottom, top, boxes, faults, instance_faults, bvh };
+        // Recorded, because a build of the top level that is not would wait.
+        let mut encoder = gpu.encoder();
+        let mut run = Run::recorded(gpu, &mut encoder);
         scene.put_roots(&mut run, [0, scene.n_meshes()])?;
         scene.put_top(&mut run, instances)?;
+        gpu.submit(encoder)?;
         Ok(scene)
     }
 
@@ -150,6 +154,25 @@ impl InstancedScene {
         self.bottom.rebuild(&mut run, self.bvh.bottom())?;
         self.put_bottom(&mut run, [0, self.n_meshes()], Change::Trees)?;
         self.put_roots(&mut run, [0, self.n_meshes()])?;
+        self.put_top(&mut run, instances)
+    }
+
+    /// Records new boxes for the moved vertices of all meshes over the same trees, and a new top level.
+    ///
+    /// # Errors
+    /// As for [`Self::rebuild`].
+    pub fn refit(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        meshes: &[MeshBuffers<'_>],
+        instances: &InstanceBuffer<'_>,
+    ) -> Result<(), GpuError> {
+        let found: Vec<u32> = meshes.iter().map(|mesh| mesh.n_triangles).collect();
+        check_same_counts(&found, &self.n_triangles())?;
+        let mut run = Run::recorded(gpu, encoder);
+        self.bottom.items.gather(&mut run, meshes, &self.faults)?;
+        self.refit_trees(&mut run, [0, self.n_meshes()])?;
         self.put_top(&mut run, instances)
     }
 
@@ -185,11 +208,7 @@ impl InstancedScene {
     ) -> Result<(), GpuError> {
         let mut run = Run::recorded(gpu, encoder);
         self.gather_one(&mut run, number, mesh)?;
-        let trees = [number, number + 1];
-        refit_aabbs(&mut run, &self.bottom, self.bottom.items.of_trees(trees))?;
-        self.bottom.refit_obbs(&mut run, self.bvh.bottom())?;
-        self.put_bottom(&mut run, trees, Change::Boxes)?;
-        self.put_roots(&mut run, trees)
+        self.refit_trees(&mut run, [number, number + 1])
     }
 
     /// Records a new top level: the inverses and boxes of all instances, and the tree over them. Meshes stay.
@@ -233,12 +252,6 @@ impl InstancedScene {
         &self.traced
     }
 
-    /// The items of the top level: a box for each instance.
-    #[must_use]
-    pub fn top_items(&self) -> &Items {
-        &self.top.items
-    }
-
     fn n_meshes(&self) -> u32 {
         crate::build::count(self.boxes.len())
     }
@@ -255,6 +268,14 @@ impl InstancedScene {
         };
         check_same_counts(&[mesh.n_triangles], &[range.count])?;
         self.bottom.items.gather_mesh(run, mesh, number, range.first, &self.faults)
+    }
+
+    /// Computes boxes of the bottom level again, and writes them.
+    fn refit_trees(&mut self, run: &mut Run<'_>, trees: [u32; 2]) -> Result<(), GpuError> {
+        refit_aabbs(run, &self.bottom, self.bottom.items.of_trees(trees))?;
+        self.bottom.refit_obbs(run, self.bvh.bottom())?;
+        self.put_bottom(run, trees, Change::Boxes)?;
+        self.put_roots(run, trees)
     }
 
     /// Writes nodes of the bottom level.

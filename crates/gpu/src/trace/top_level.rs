@@ -64,6 +64,9 @@ pub(super) struct Packing {
     pub(super) error: HitError,
 }
 
+/// Linear parts of inverses are below it, as in `shared/build/invert.wgsl`, so that sums of three are `f32`.
+const MOST_OF_INVERSE: f64 = 1.267_650_600_228_229_4e30;
+
 impl Packing {
     /// Packs instances of meshes with these bounds.
     pub(super) fn of(meshes: &[MeshBounds], instances: &[Instance]) -> Result<Self, GpuError> {
@@ -100,6 +103,9 @@ impl Packing {
                 "instance {index}, whose {transform} has condition number {condition:e} (maximum {MAX_CONDITION:e})"
             );
             return Err(GpuError::Unsupported { what });
+        }
+        if inverse.iter().flat_map(|row| &row[..3]).any(|x| x.abs() >= MOST_OF_INVERSE) {
+            return Err(GpuError::Unsupported { what: format!("instance {index}, which scales by less than 2^-100") });
         }
         let reach = ends().map(|end| end.reach(*reach_object)).fold(0.0, f64::max);
         check_coordinates(|| format!("instance {index}"), reach)?;

@@ -6,6 +6,7 @@ use canted_gpu::wgpu::util::{BufferInitDescriptor, DeviceExt};
 use canted_gpu::{
     BufferScene, Choice, DeviceBvh, DeviceHit, Gpu, GpuError, IndexBuffer, MeshBuffers, Outcome, TracedScene, wgpu,
 };
+use canted_gpu::{InstanceBuffer, InstancedScene};
 use canted_lbvh::Strategy;
 use canted_trace::Ray;
 
@@ -280,4 +281,30 @@ fn layouts_that_do_not_fit_are_rejected() {
         let message = refused(mesh);
         assert!(message.starts_with("mesh 0: ") && message.contains(word), "{message}");
     }
+}
+
+#[test]
+fn counts_that_no_buffer_holds_are_errors() {
+    let Some((device, queue)) = opened("counts_that_no_buffer_holds_are_errors") else { return };
+    let gpu = Gpu::from_wgpu(device.clone(), queue);
+    let vertices = buffer(&device, &[0; 36]);
+    let good =
+        MeshBuffers { vertices: &vertices, first_byte: 0, stride: 12, n_vertices: 3, indices: None, n_triangles: 1 };
+    let half = MeshBuffers { n_triangles: 1 << 31, ..good };
+    let far = MeshBuffers { stride: 1 << 33, n_vertices: (1 << 31) + 1, ..good };
+    let last = MeshBuffers { first_byte: u64::MAX - 3, ..good };
+    for meshes in [&[half, half][..], &[half], &[far], &[last]] {
+        for bvh in [DeviceBvh::default(), WideConfig::default().into()] {
+            assert!(BufferScene::new(&gpu, meshes, bvh).is_err(), "{meshes:?}");
+        }
+    }
+    for n_instances in [u32::MAX, 3_000_000_000] {
+        let instances = InstanceBuffer { buffer: &vertices, first_byte: 0, stride: 52, n_instances };
+        assert!(InstancedScene::new(&gpu, &[good], &instances, WideConfig::default()).is_err());
+    }
+    for parts in [&[1][..], &[0, 2], &[0, 1, 0]] {
+        let error = BufferScene::new_in_parts(&gpu, &[good], parts, DeviceBvh::default()).map(drop).unwrap_err();
+        assert_eq!(error.to_string(), "parts of 1 triangles must start at 0, in order and before the end");
+    }
+    assert!(BufferScene::new_in_parts(&gpu, &[good], &[0, 0, 1], DeviceBvh::default()).is_ok());
 }

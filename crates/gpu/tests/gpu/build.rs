@@ -46,3 +46,42 @@ fn recorded_clusters_and_wide_nodes_are_rejected() {
     let radix = built(&mut run, Topology::Radix).unwrap();
     assert!(matches!(WideBvhs::new(&mut run, &radix, None), Err(GpuError::Unsupported { .. })));
 }
+
+/// Numbers of aligned and oriented nodes below the root of one tree.
+fn kinds(gpu: &Gpu, bvhs: &WideBvhs) -> [usize; 2] {
+    let nodes = gpu.read(&bvhs.nodes).unwrap();
+    let (mut waiting, mut found) = (bvhs.levels[0].roots.clone(), [0; 2]);
+    while let Some(word) = waiting.pop() {
+        if word >> 31 == 0 && word != 0x7fff_ffff {
+            let kind = (word >> 29) as usize;
+            found[kind] += 1;
+            let at = 4 * (word & 0x1fff_ffff) as usize + [12, 30][kind];
+            waiting.extend(nodes[at..at + 2].as_flattened());
+        }
+    }
+    found
+}
+
+/// Squares of areas overflow and underflow long before coordinates do.
+#[test]
+fn oriented_nodes_do_not_depend_on_the_unit_of_length() {
+    let Some(gpu) = crate::common::gpu("oriented_nodes_do_not_depend_on_the_unit_of_length") else { return };
+    // Thin, diagonal triangles.
+    let triangle = |i: u16| {
+        let [x, y] = [f32::from(i % 32), f32::from(i / 32)];
+        [[x, y, 0.0], [x + 4.0, y + 4.0, 4.0], [x + 4.0, y + 4.01, 4.0]]
+    };
+    let of_scale = |exponent: i32| {
+        let scaled = |i| triangle(i).map(|vertex| vertex.map(|x| x * 2.0_f32.powi(exponent)));
+        let corners: Vec<Corners> = (0..1000).map(scaled).collect();
+        let mut run = Run::new(&gpu);
+        let config = BuildConfig { strategy: Strategy::Combined, ..BuildConfig::default() };
+        let built = Built::new(&mut run, Items::triangles(&gpu, [&corners[..]]).unwrap(), config).unwrap();
+        kinds(&gpu, &WideBvhs::new(&mut run, &built, None).unwrap())
+    };
+    let expected = of_scale(0);
+    assert!(expected[1] > 50, "{expected:?}");
+    for exponent in [-50, -36, 36, 54] {
+        assert_eq!(of_scale(exponent), expected, "2^{exponent}");
+    }
+}

@@ -138,16 +138,19 @@ fn every_recorded_change_equals_a_fresh_build() {
         assert_eq!(moved, expected(&gpu, &vertices(0.0), &placed(n, 0.4)), "{bvh:?}: instances moved");
         assert_ne!(moved, first);
 
-        // One mesh deforms: a refit, then a build of its own, then everything.
-        for (change, time) in [1.5_f32, 3.0, 4.5].into_iter().enumerate() {
+        // One mesh deforms: a refit, then a build of its own, then everything built, then everything refitted.
+        for (change, time) in [1.5_f32, 3.0, 4.5, 6.0].into_iter().enumerate() {
             let floor = vertices(time);
             program.queue.write_buffer(&program.positions[0], 0, bytemuck::cast_slice(&floor));
             program.submit(|encoder| match change {
                 0 => scene.refit_mesh(&gpu, encoder, 0, &meshes[0]).unwrap(),
                 1 => scene.rebuild_mesh(&gpu, encoder, 0, &meshes[0]).unwrap(),
+                3 => scene.refit(&gpu, encoder, &meshes, &instances).unwrap(),
                 _ => scene.rebuild(&gpu, encoder, &meshes, &instances).unwrap(),
             });
-            program.submit(|encoder| scene.update_top(&gpu, encoder, &instances).unwrap());
+            if change < 2 {
+                program.submit(|encoder| scene.update_top(&gpu, encoder, &instances).unwrap());
+            }
             scene.check(&gpu).unwrap();
             let expected = expected(&gpu, &floor, &placed(n, 0.4));
             assert_eq!(hits(&gpu, scene.traced()), expected, "{bvh:?}: change {change}");

@@ -1,6 +1,7 @@
 //! Ray tracing for each kind of scene and driver limit. The package of tests compares whole scenes with the CPU.
 
 use crate::common::{gpu, lowered};
+use canted_gpu::build::{BuildConfig, WideConfig};
 use canted_gpu::{Gpu, GpuError, Outcome, TracedScene};
 use canted_obb::Affine;
 use canted_tlas::Instance;
@@ -153,4 +154,39 @@ fn a_scene_above_a_device_limit_is_rejected() {
         Err(error) => panic!("{error}"),
         Ok(_) => panic!("a large scene fits"),
     }
+}
+
+#[test]
+fn vertices_that_are_not_finite_are_rejected_by_number() {
+    let Some(gpu) = gpu("vertices_that_are_not_finite_are_rejected_by_number") else { return };
+    let good = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    for wrong in [f32::NAN, f32::INFINITY] {
+        let mut bad = good;
+        bad[1][2] = wrong;
+        let (first, second) = ([good; 2], [good, good, good, bad]);
+        let instances = [Instance::new(0, Affine::IDENTITY), Instance::new(1, Affine::IDENTITY)];
+        let refused = |built: Result<TracedScene, GpuError>| built.map(drop).unwrap_err().to_string();
+        let (binary, wide) = (BuildConfig::default(), WideConfig::default());
+        for (mesh, error) in [
+            (0, refused(TracedScene::build_single_level(&gpu, &second, &[0], binary))),
+            (0, refused(TracedScene::build_wide_single_level(&gpu, &second, &[0], wide))),
+            (1, refused(TracedScene::build_two_level(&gpu, &[&first, &second], &instances, binary))),
+            (1, refused(TracedScene::build_wide_two_level(&gpu, &[&first, &second], &instances, wide))),
+        ] {
+            assert_eq!(error, format!("mesh {mesh}: triangle 3 has a vertex that is not finite"));
+        }
+    }
+}
+
+/// The inverse of such an instance has no `f32` rows.
+#[test]
+fn instances_that_vanish_are_rejected() {
+    let Some(gpu) = gpu("instances_that_vanish_are_rejected") else { return };
+    let scaled = |scale: f32| {
+        let map = Affine { columns: [[scale, 0.0, 0.0], [0.0, scale, 0.0], [0.0, 0.0, scale], [0.0; 3]] };
+        TracedScene::two_level(&gpu, &[&floor(2)], &[Instance::new(0, map)]).map(drop).map_err(|e| e.to_string())
+    };
+    assert_eq!(scaled(1e-30), Ok(()));
+    let error = scaled(1e-31).unwrap_err();
+    assert_eq!(error, "not supported on the GPU: instance 0, which scales by less than 2^-100");
 }

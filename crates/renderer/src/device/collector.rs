@@ -140,13 +140,17 @@ impl Cell {
             let mut by_cpu = Dyadic::default();
             for (k, sample) in (0..block.len).map(|k| (k as usize, block.first + k)) {
                 let is_unfinished = unfinished >> k & 1 == 1;
+                let guide = guides.get(k);
+                let is_known = !is_unfinished && guide.is_none_or(PackedGuide::is_complete);
                 let mut one = Sums::default();
-                if is_unfinished {
+                if !is_known {
                     self.n_rays += tiles.sample(pixel, sample, &mut one);
+                }
+                if is_unfinished {
                     by_cpu.push_sample(sample, one.pixel.total());
                 }
-                if let Some(guide) = guides.get(k) {
-                    sums.guide.push_sample(sample, if is_unfinished { one.guide.total() } else { guide.into() });
+                if let Some(guide) = guide {
+                    sums.guide.push_sample(sample, if is_known { guide.into() } else { one.guide.total() });
                 }
             }
             if unfinished != 0 {
@@ -155,6 +159,13 @@ impl Cell {
             }
             sums.pixel.push(block, of_block);
         }
+    }
+}
+
+impl PackedGuide {
+    /// Whether the traversal of the camera ray was not cut short.
+    fn is_complete(&self) -> bool {
+        self.primitive != u32::MAX - 1
     }
 }
 

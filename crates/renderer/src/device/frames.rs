@@ -32,14 +32,18 @@ pub struct DeviceFrames {
     unsupported: Option<String>,
 }
 
+/// Most meshes that are updated one by one. Each takes a hundred dispatches or more, and with oriented boxes a refit of one mesh computes those
+/// of all; so beyond, all meshes are updated together.
+const MOST_ALONE: usize = 8;
+
 /// What frames did with the BVHs that the device builds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DeviceUpdates {
     /// Builds of all BVHs.
     pub whole: usize,
-    /// Refits of single BVHs over triangles.
+    /// Refits of BVHs over triangles whose vertices changed.
     pub refits: usize,
-    /// Rebuilds of single BVHs over triangles.
+    /// Rebuilds of BVHs over triangles whose vertices changed.
     pub rebuilds: usize,
     /// Rebuilds of the top level.
     pub top_rebuilds: usize,
@@ -98,10 +102,15 @@ impl DeviceFrames {
         self.updates
     }
 
-    /// What the device did not support in the first frame that used the CPU's BVHs instead of its own.
+    /// Why the CPU's BVHs were used in a frame whose BVHs the device could not build; the first reason, as a sentence.
     #[must_use]
     pub fn unsupported(&self) -> Option<&str> {
         self.unsupported.as_deref()
+    }
+
+    /// Frees the BVHs of the last frame, which this frame does not use.
+    pub(super) fn forget(&mut self) {
+        self.kept = None;
     }
 
     /// BVHs that the device builds over a scene: those of the last frame, updated, or new ones.
@@ -113,8 +122,11 @@ impl DeviceFrames {
         is_flat: bool,
     ) -> Result<&TracedScene, DeviceError> {
         let done = self.update_or_build(gpu, scene, bvh, is_flat);
-        if let Err(DeviceError::Gpu(GpuError::Unsupported { what })) = &done {
-            self.unsupported.get_or_insert_with(|| what.clone());
+        if let Err(DeviceError::Gpu(error)) = &done
+            && error.is_of_scene()
+        {
+            self.kept = None;
+            self.unsupported.get_or_insert_with(|| error.to_string());
         }
         done?;
         Ok(match &self.kept.as_ref().expect("built above").levels {
@@ -248,15 +260,20 @@ impl Kept {
             },
             Levels::One(_) => {}
             Levels::Two(two) => {
-                for &i in &changed {
+                let Some(instances) = uploaded.instances() else { return Ok(()) };
+                if changed.len() > MOST_ALONE {
                     match refits {
-                        true => two.refit_mesh(gpu, &mut encoder, count(i), &meshes[i])?,
-                        false => two.rebuild_mesh(gpu, &mut encoder, count(i), &meshes[i])?,
+                        true => two.refit(gpu, &mut encoder, &meshes, &instances)?,
+                        false => two.rebuild(gpu, &mut encoder, &meshes, &instances)?,
                     }
-                }
-                if let Some(instances) = uploaded.instances()
-                    && (!changed.is_empty() || self.transforms != transforms)
-                {
+                    updates.top_rebuilds += 1;
+                } else if !changed.is_empty() || self.transforms != transforms {
+                    for &i in &changed {
+                        match refits {
+                            true => two.refit_mesh(gpu, &mut encoder, count(i), &meshes[i])?,
+                            false => two.rebuild_mesh(gpu, &mut encoder, count(i), &meshes[i])?,
+                        }
+                    }
                     two.update_top(gpu, &mut encoder, &instances)?;
                     updates.top_rebuilds += 1;
                 }

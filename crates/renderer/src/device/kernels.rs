@@ -20,7 +20,7 @@ pub(super) struct PackedGuide {
     pub(super) n_boxes: f32,
     pub(super) albedo: [f32; 3],
     pub(super) n_triangles: f32,
-    /// `u32::MAX` for a miss.
+    /// `u32::MAX` for a miss, the number below if the traversal was cut short.
     pub(super) primitive: u32,
     /// `u32::MAX` for a miss and for a light.
     pub(super) instance: u32,

@@ -3,7 +3,7 @@
 use std::ops::Deref;
 
 use canted_gpu::build::BuildConfig;
-use canted_gpu::{DeviceBvh, Gpu, GpuError, TracedScene};
+use canted_gpu::{DeviceBvh, Gpu, TracedScene};
 use canted_lbvh::{Corners, Strategy, triangle_corners};
 use canted_scene::Scene;
 use canted_wide::{LaneKernel, TriangleBvh};
@@ -76,11 +76,12 @@ pub fn traced_frame<'a, K: LaneKernel>(
         (Kind::Wide(_), wide) => wide.map(DeviceBvh::from),
     };
     let Some(bvh) = bvh.filter(|_| !scene.has_motion()) else {
+        frames.forget();
         return Ok(Traced::Own(uploaded(gpu, scene, structure, kind)?));
     };
     match frames.built(gpu, scene, bvh, is_flat) {
         // The CPU's wide BVHs are there, too.
-        Err(DeviceError::Gpu(GpuError::Unsupported { .. })) if matches!(kind, Kind::Wide(_)) => {
+        Err(DeviceError::Gpu(error)) if matches!(kind, Kind::Wide(_)) && error.is_of_scene() => {
             Ok(Traced::Own(uploaded(gpu, scene, structure, kind)?))
         }
         built => Ok(Traced::Shared(built?)),

@@ -55,6 +55,8 @@ pub(super) struct Order {
     slots: Buffer<u32>,
     /// The children of each wide node, by its first unit.
     children: Buffer<[u32; WIDTH as usize]>,
+    /// Units of memory of the wide nodes before each slot. Kept, because several trees may be recorded into one encoder.
+    prefixes: Buffer<u32>,
 }
 
 impl Order {
@@ -67,6 +69,7 @@ impl Order {
             words: gpu.zeroed("words of wide nodes", n)?,
             slots: gpu.zeroed("slots of wide nodes", room.n_units() as usize)?,
             children: gpu.zeroed("children of wide nodes", room.n_units() as usize)?,
+            prefixes: gpu.zeroed("wide nodes before each", n)?,
             first_unit,
             room,
         })
@@ -101,7 +104,10 @@ impl Order {
         })?;
         let mut search = Search::new(self, run.gpu(), built, trees)?;
         if search.n_first > 0 {
-            search.levels(run, built.trees.max_height.min(MAX_LEVELS))?;
+            // No tree has more levels than leaves.
+            let ranges = &built.items.ranges()[trees[0] as usize..trees[1] as usize];
+            let most = ranges.iter().map(|range| range.count).max().unwrap_or(0);
+            search.levels(run, built.trees.max_height.min(most).min(MAX_LEVELS))?;
         }
         self.place(run, built, trees)
     }
@@ -110,10 +116,9 @@ impl Order {
     fn place(&self, run: &mut Run<'_>, built: &Built, trees: [u32; 2]) -> Result<(), GpuError> {
         let gpu = run.gpu();
         let range = built.items.of_trees(trees);
-        let prefixes = gpu.zeroed("wide nodes before each", built.items.len() as usize)?;
         let bound = built.items.bound(&[
             ("units", &self.units),
-            ("prefixes", &prefixes),
+            ("prefixes", &self.prefixes),
             ("first_units", &self.first_units),
             ("wide_words", &self.words),
             ("wide_slots", &self.slots),
@@ -128,7 +133,7 @@ impl Order {
                 let bound = [&bound[..], &more].concat();
                 dispatches.range(&*gpu.kernel("build/wide_kinds", &chosen)?, &bound, range)?;
             }
-            prefix_sums(dispatches, &self.units, &prefixes, range)?;
+            prefix_sums(dispatches, &self.units, &self.prefixes, range)?;
             dispatches.range(&*gpu.kernel("build/wide_slots", &chosen)?, &bound, range)?;
             dispatches.range(&*gpu.kernel("build/wide_children", &chosen)?, &bound, self.room.units(trees))
         })

@@ -93,7 +93,7 @@ fn instances_have_the_bits_of_the_cpu_and_boxes_contain_them() {
     let scene = scene_of(&gpu, &placed);
     let Level::Two(instances) = scene.traced.level() else { panic!("two levels") };
     let found = gpu.read(instances.data()).unwrap();
-    let boxes = scene.top_items().read_boxes(&gpu).unwrap();
+    let boxes = scene.top.items.read_boxes(&gpu).unwrap();
     let (mut n_compared, mut n_escaped) = (0, 0);
     for (i, map) in transforms.iter().enumerate() {
         let instance = Instance::new(placed[i].mesh, *map);
@@ -165,6 +165,6 @@ fn faults_of_instances_are_reported_with_their_number() {
         |bad| bad.rows[0][1] = 1e6,
     ] {
         let found = of(change);
-        assert!(found.contains("instance 2 has a transform that is singular or has a condition"), "{found}");
+        assert!(found.contains("instance 2 has a transform that is singular, has a condition"), "{found}");
     }
 }
