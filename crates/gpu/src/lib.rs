@@ -170,8 +170,8 @@
 //!   integers repeat the CPU's arithmetic. `t` is rounded by at most [`HIT_ERROR`], relative to the coordinates. So where two hits are closer to each
 //!   other than that, the GPU may return either; and where `t` is that close to `t_min` or `t_max`, it may differ from the CPU whether there is a hit.
 //!   Instances with [motion](#motion-blur) may have additional hits within [`HIT_ERROR`] of the ray.
-//! * Morton codes, sort order and topology, by radix or by clustering, are the same integers as on the CPU; equal input gives equal words of
-//!   wide nodes; volumes enclose their primitives.
+//! * Morton codes, sort order and topology, by radix or by clustering, are the same integers as on the CPU; clustering does so for triangles larger
+//!   than about 1e-18, whose areas are not zero. Equal input gives equal words of wide nodes; volumes enclose their primitives.
 //! * Work-groups exchange data between dispatches, or through atomic words that are both data and flag. No work-group waits for
 //!   another, and no subgroup size is assumed.
 //! * Without an adapter [`Gpu::open`] returns an error. A software driver counts as an adapter.
