@@ -30,7 +30,7 @@ impl fmt::Display for PrepareError {
             Self::Instance(error) => error.fmt(f),
             Self::Topology(error) => write!(f, "the external builder returned an invalid tree: {error}"),
             Self::MovingTriangles => {
-                f.write_str("a mesh deforms while the shutter is open, and only wide BVHs support that")
+                f.write_str("a mesh deforms while the shutter is open; use --accel wide, without --volumes")
             }
             Self::TooMany { n_triangles, n_vertices } => {
                 write!(f, "{n_triangles} triangles with {n_vertices} vertices do not fit in one level")

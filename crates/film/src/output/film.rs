@@ -203,7 +203,7 @@ fn decode(bytes: &[u8]) -> Result<(Film, Aovs, Record), String> {
     let attribute = |layer: &Layer<_>| layer.attributes.other.get(&Text::from(RECORD)).cloned();
     let found = image.layer_data.iter().find_map(|layer| Some((layer, attribute(layer)?)));
     let Some((layer, AttributeValue::Text(text))) = found else {
-        return Err("it has no sample sums: it is a picture, not a part of one".to_owned());
+        return Err("it has no sample sums; --samples writes them".to_owned());
     };
     let mut record = record_from_lines(&text.to_string());
     let mut take = |name: &str| {
