@@ -14,7 +14,9 @@ mod rays;
 mod sorted;
 mod structures;
 
-use std::fmt::Write;
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::time::Instant;
 
 use anyhow::Result;
 use canted_gpu::{AdapterKind, Choice, Gpu};
@@ -88,18 +90,45 @@ pub(crate) fn section(out: &mut String, choice: &Choice, options: &Options) -> R
     let scale = if is_software || options.is_quick { &SMALL } else { &FULL };
     let bandwidth = Bandwidth::measure(&gpu, rounds)?;
     let bench = Bench { gpu, scale, rounds, bandwidth };
-    bandwidth::section(out, &bench)?;
-    built::section(out, &bench)?;
-    sorted::section(out, &bench)?;
-    frames::section(out, &bench)?;
-    handed::section(out, &bench)?;
-    structures::section(out, &bench)?;
-    rays::section(out, &bench)?;
-    rays::traversals(out, &bench)?;
-    binary::section(out, &bench)?;
-    queries::section(out, &bench)?;
-    picture::section(out, &bench)?;
-    both::section(out, &bench)?;
-    differing::section(out, &bench)?;
-    first::section(out, choice)
+    let mut chapters = Chapters { out, seconds: vec![] };
+    chapters.add("memory", |out| bandwidth::section(out, &bench))?;
+    chapters.add("build", |out| built::section(out, &bench))?;
+    chapters.add("sort", |out| sorted::section(out, &bench))?;
+    chapters.add("frames", |out| frames::section(out, &bench))?;
+    chapters.add("before the device", |out| handed::section(out, &bench))?;
+    chapters.add("mesh to hits", |out| structures::section(out, &bench))?;
+    chapters.add("rays", |out| rays::section(out, &bench))?;
+    chapters.add("traversals", |out| rays::traversals(out, &bench))?;
+    chapters.add("built BVHs", |out| binary::section(out, &bench))?;
+    chapters.add("ray queries", |out| queries::section(out, &bench))?;
+    chapters.add("picture", |out| picture::section(out, &bench))?;
+    chapters.add("CPU and device", |out| both::section(out, &bench))?;
+    chapters.add("pixels that differ", |out| differing::section(out, &bench))?;
+    chapters.add("first picture", |out| first::section(out, choice))?;
+    chapters.finish();
+    Ok(())
+}
+
+/// Writes the chapters, and notes how long each takes.
+struct Chapters<'a> {
+    out: &'a mut String,
+    seconds: Vec<(&'static str, f64)>,
+}
+
+impl Chapters<'_> {
+    fn add(&mut self, name: &'static str, write: impl FnOnce(&mut String) -> Result<()>) -> Result<()> {
+        let start = Instant::now();
+        write(self.out)?;
+        let seconds = start.elapsed().as_secs_f64();
+        // A failed progress message does not stop the run.
+        let _ = writeln!(std::io::stderr(), "{name}: {seconds:.1} s");
+        self.seconds.push((name, seconds));
+        Ok(())
+    }
+
+    fn finish(self) {
+        let all: f64 = self.seconds.iter().map(|(_, seconds)| seconds).sum();
+        let each: Vec<String> = self.seconds.iter().map(|(name, seconds)| format!("{name} {seconds:.0}")).collect();
+        let _ = writeln!(self.out, "\nSeconds of this section: {all:.0}; {}.", each.join(", "));
+    }
 }
