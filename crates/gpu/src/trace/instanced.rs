@@ -147,10 +147,8 @@ impl InstancedScene {
         meshes: &[MeshBuffers<'_>],
         instances: &InstanceBuffer<'_>,
     ) -> Result<(), GpuError> {
-        let found: Vec<u32> = meshes.iter().map(|mesh| mesh.n_triangles).collect();
-        check_same_counts(&found, &self.n_triangles())?;
         let mut run = Run::recorded(gpu, encoder);
-        self.bottom.items.gather(&mut run, meshes, &self.faults)?;
+        self.gather_all(&mut run, meshes)?;
         self.bottom.rebuild(&mut run, self.bvh.bottom())?;
         self.put_bottom(&mut run, [0, self.n_meshes()], Change::Trees)?;
         self.put_roots(&mut run, [0, self.n_meshes()])?;
@@ -168,10 +166,8 @@ impl InstancedScene {
         meshes: &[MeshBuffers<'_>],
         instances: &InstanceBuffer<'_>,
     ) -> Result<(), GpuError> {
-        let found: Vec<u32> = meshes.iter().map(|mesh| mesh.n_triangles).collect();
-        check_same_counts(&found, &self.n_triangles())?;
         let mut run = Run::recorded(gpu, encoder);
-        self.bottom.items.gather(&mut run, meshes, &self.faults)?;
+        self.gather_all(&mut run, meshes)?;
         self.refit_trees(&mut run, [0, self.n_meshes()])?;
         self.put_top(&mut run, instances)
     }
@@ -258,6 +254,13 @@ impl InstancedScene {
 
     fn n_triangles(&self) -> Vec<u32> {
         self.bottom.items.ranges().iter().map(|range| range.count).collect()
+    }
+
+    /// Copies the vertices of all meshes.
+    fn gather_all(&self, run: &mut Run<'_>, meshes: &[MeshBuffers<'_>]) -> Result<(), GpuError> {
+        let found: Vec<u32> = meshes.iter().map(|mesh| mesh.n_triangles).collect();
+        check_same_counts(&found, &self.n_triangles())?;
+        self.bottom.items.gather(run, meshes, &self.faults)
     }
 
     /// Copies the vertices of a mesh.

@@ -7,7 +7,7 @@ use canted_gpu::{GpuError, NamedBinding};
 
 use super::dispatcher::SampleDispatcher;
 use super::kernels::{CELL_PIXELS, PackedGuide};
-use super::records::{Run, SampleRecord, Taken};
+use super::records::{SampleRecord, SampleRun, Taken};
 use crate::render::{Adaptive, RenderTiles};
 use crate::{RenderError, Settings};
 
@@ -73,7 +73,7 @@ impl<R: SampleRecord> SampleCollector<'_, R> {
     fn take(&mut self, cells: &mut [Cell], samples: [u32; 2], stop: &dyn Fn() -> bool) -> Result<(), GpuError> {
         let positions: Vec<u32> = cells.iter().map(|Cell { position: [x, y], .. }| x | y << 16).collect();
         let Self { weight, tiles, .. } = *self;
-        for run in Run::all(samples, R::MAX_BLOCK) {
+        for run in SampleRun::all(samples, R::MAX_BLOCK) {
             let end = run.first + run.n;
             let (mut cell, mut block) = (0, Block { first: run.first, len: run.block });
             self.dispatcher.take(&positions, run, &self.bindings, |taken, guides| {

@@ -6,7 +6,7 @@ use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding};
 
 use super::kernels::{CELL_PIXELS, PackedGuide, ReadyKernels, RenderKernels};
 use super::picture::Slice;
-use super::records::{Run, SampleRecord, n_records};
+use super::records::{SampleRecord, SampleRun, n_records};
 
 /// Target time of a dispatch: short enough for a display that waits for it, long compared with the cost of starting one.
 const TARGET: Duration = Duration::from_millis(100);
@@ -55,11 +55,11 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
     pub(super) fn take(
         &mut self,
         cells: &[u32],
-        run: Run,
+        run: SampleRun,
         bindings: &[NamedBinding<'_>],
         mut each: impl FnMut(&[R], &[PackedGuide]) -> bool,
     ) -> Result<(), GpuError> {
-        let Run { first: first_sample, n: n_samples, block } = run;
+        let SampleRun { first: first_sample, n: n_samples, block } = run;
         let all = cells.len() as u64 * u64::from(n_samples);
         let mut done = 0;
         // A dispatch may end between the pixels of a cell.

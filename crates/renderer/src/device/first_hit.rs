@@ -7,7 +7,7 @@ use canted_wide::LaneKernel;
 
 use super::dispatcher::SampleDispatcher;
 use super::kernels::LightKernels;
-use super::records::{PackedSample, PackedSum, Run, SampleRecord};
+use super::records::{PackedSample, PackedSum, SampleRecord, SampleRun};
 use super::{DeviceError, DevicePicture};
 use crate::{FirstHit, Integrator, SampleSums};
 
@@ -97,7 +97,7 @@ impl<K: LaneKernel> DevicePicture<'_, K> {
         let mut least = Duration::MAX;
         for round in 0..=ROUNDS {
             let start = Instant::now();
-            dispatcher.take(&cells, Run { first: 0, n: 1, block: 1 }, &self.bindings(), |_, _| true)?;
+            dispatcher.take(&cells, SampleRun { first: 0, n: 1, block: 1 }, &self.bindings(), |_, _| true)?;
             if round > 0 {
                 least = least.min(start.elapsed());
             }

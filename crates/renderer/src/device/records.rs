@@ -107,7 +107,7 @@ pub(super) fn n_records<R: SampleRecord>(gpu: &Gpu) -> usize {
 
 /// Samples that all cells take in the same dispatches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Run {
+pub(super) struct SampleRun {
     /// The first sample.
     pub(super) first: u32,
     /// Samples per pixel.
@@ -116,7 +116,7 @@ pub(super) struct Run {
     pub(super) block: u32,
 }
 
-impl Run {
+impl SampleRun {
     /// The fewest runs of the samples `first..end` in blocks of at most `max_block` samples, in order. The blocks are those whose
     /// sums a film keeps, or halves of them, so they do not depend on tiles or dispatches.
     pub(super) fn all([first, end]: [u32; 2], max_block: u32) -> Vec<Self> {
@@ -138,15 +138,15 @@ mod tests {
 
     #[test]
     fn runs_cover_all_samples_once() {
-        let run = |first, n, block| Run { first, n, block };
-        assert_eq!(Run::all([0, 100], 1), [run(0, 100, 1)]);
-        assert_eq!(Run::all([0, 64], 64), [run(0, 64, 64)]);
-        assert_eq!(Run::all([0, 1000], 64), [run(0, 960, 64), run(960, 32, 32), run(992, 8, 8)]);
-        assert_eq!(Run::all([3, 9], 64), [run(3, 1, 1), run(4, 4, 4), run(8, 1, 1)]);
+        let run = |first, n, block| SampleRun { first, n, block };
+        assert_eq!(SampleRun::all([0, 100], 1), [run(0, 100, 1)]);
+        assert_eq!(SampleRun::all([0, 64], 64), [run(0, 64, 64)]);
+        assert_eq!(SampleRun::all([0, 1000], 64), [run(0, 960, 64), run(960, 32, 32), run(992, 8, 8)]);
+        assert_eq!(SampleRun::all([3, 9], 64), [run(3, 1, 1), run(4, 4, 4), run(8, 1, 1)]);
         for first in 0..70 {
             for end in first..140 {
                 let mut next = first;
-                for Run { first, n, block } in Run::all([first, end], 16) {
+                for SampleRun { first, n, block } in SampleRun::all([first, end], 16) {
                     assert_eq!(first, next);
                     assert!(block.is_power_of_two() && block <= 16 && n % block == 0 && first % block == 0);
                     next += n;
