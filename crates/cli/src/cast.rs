@@ -51,7 +51,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
     rays: PathBuf,
     /// Output file for hits: .csv (t,prim,u,v,instance) or .bin (f32 t, i32 prim, f32 u, f32 v). t is in units of the
-    /// direction's length; prim is -1 for a miss. `-` is standard output.
+    /// direction's length. prim counts the triangles of all instances, one instance after another; -1 is a miss. `-` is standard output.
     #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
     hits: PathBuf,
     /// Format of rays and hits, in place of that of their file names; of `-`, csv.

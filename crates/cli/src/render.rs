@@ -321,10 +321,14 @@ fn render_picture<K: LaneKernel>(
         #[cfg(not(feature = "gpu"))]
         let on_gpu: Option<CpuRenderer<K>> = None;
         if on_gpu.is_none() && args.first_hit == FirstHit::Raster {
-            return Err(anyhow!("--first-hit raster requires a GPU, and the CPU renders this picture; see --device"));
+            return Err(anyhow!(
+                "--first-hit raster requires a GPU, and the CPU renders this picture; use --device gpu, or --first-hit auto"
+            ));
         }
         if on_gpu.is_none() && args.sums == SampleSums::Device {
-            return Err(anyhow!("--sums device requires a GPU, and the CPU renders this picture; see --device"));
+            return Err(anyhow!(
+                "--sums device requires a GPU, and the CPU renders this picture; use --device gpu, or --sums host"
+            ));
         }
         let on_cpu = CpuRenderer { surfaces: &surfaces, structure, camera, settings };
         let renderer: &dyn FilmRenderer = on_gpu.as_ref().map_or(&on_cpu, |on_gpu| on_gpu as &dyn FilmRenderer);

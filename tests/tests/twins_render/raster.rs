@@ -208,6 +208,6 @@ fn first_hits_of_paths_are_not_rasterized() {
     let surfaces = Surfaces::with_lod(&scene, settings.lod);
     let picture = || DevicePicture::new(&gpu, &surfaces, &prepared.structure, &camera, &settings).unwrap();
     let error = picture().with_first_hit(FirstHit::Raster).err().expect("a path is not rasterized");
-    assert!(error.to_string().contains("rasterized first hits of the path integrator"), "{error}");
+    assert!(error.to_string().contains("the path integrator are not rasterized"), "{error}");
     assert_eq!(picture().with_first_hit(FirstHit::Auto).unwrap().1, FirstHit::Trace);
 }

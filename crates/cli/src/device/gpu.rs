@@ -123,8 +123,9 @@ pub(crate) fn built_or(
 ) -> Result<TracedScene, DeviceError> {
     match built_scene(gpu, scene, config, bvh) {
         Err(DeviceError::Gpu(error)) if matches!(bvh, DeviceBvh::Wide(_)) && error.is_of_scene() => {
+            let uploaded = uploaded()?;
             output::note(&format!("the CPU builds the BVHs: {error}"));
-            uploaded()
+            Ok(uploaded)
         }
         built => built,
     }
@@ -144,6 +145,7 @@ fn with_remedy(gpu: &Gpu, error: DeviceError) -> anyhow::Error {
     let remedy = match &error {
         DeviceError::Gpu(GpuError::Limit { .. } | GpuError::OutOfMemory { .. }) => ", or use --device cpu",
         DeviceError::Gpu(GpuError::Unsupported { .. }) | DeviceError::Unsupported { .. } => "; use --device cpu",
+        DeviceError::Raster { .. } => "; use --first-hit trace",
         _ => return named(gpu, error),
     };
     anyhow!("{}{remedy}", named(gpu, error))

@@ -25,8 +25,9 @@ pub(super) trait FilmRenderer {
     ///
     /// # Errors
     /// The device renders no passes.
-    fn pass(&self, _settings: &Settings, _args: &Args, _monitor: &Monitor) -> Result<Film> {
-        Err(anyhow!("--preview and --seconds require --device cpu"))
+    fn pass(&self, _settings: &Settings, args: &Args, _monitor: &Monitor) -> Result<Film> {
+        let option = if args.samples.seconds.is_some() { "--seconds" } else { "--preview" };
+        Err(anyhow!("{option} renders in passes, which only the CPU does; use --device cpu"))
     }
 }
 

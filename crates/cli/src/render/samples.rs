@@ -36,10 +36,10 @@ pub(crate) struct SampleArgs {
     /// Stop sampling a pixel when its relative standard error falls below ERROR, e.g. 0.02.
     #[arg(long, value_parser = options::noise, value_name = "ERROR")]
     noise: Option<f32>,
-    /// Render in passes over the whole picture, and rewrite the output after each; Ctrl-C leaves the passes that are complete.
+    /// Render on the CPU in passes over the whole picture, and rewrite the output after each; Ctrl-C leaves the passes that are complete.
     #[arg(long, conflicts_with_all = ["samples", "noise", "checkpoint", "frames"])]
     pub(super) preview: bool,
-    /// Render in passes for at most this time, up to --spp samples per pixel, if it is given. One sample is always taken.
+    /// Render on the CPU in passes for at most this time, up to --spp samples per pixel, if it is given. One sample is always taken.
     #[arg(long, value_parser = options::noise, value_name = "N", conflicts_with_all = ["samples", "noise", "checkpoint", "frames"])]
     pub(super) seconds: Option<f32>,
     /// Additional EXR channels: depth, normal, shading-normal, albedo, instance, primitive, tests, or all.
@@ -137,7 +137,7 @@ impl SampleArgs {
             }
             (Some([start, end]), Some(spp)) => {
                 return Err(anyhow!(
-                    "--spp {spp} and --samples {start}..{end} cannot be used together without --sampler stratified"
+                    "--samples {start}..{end} sets the number of samples; leave out --spp {spp}, or add --sampler stratified, which needs the total"
                 ));
             }
             (Some([start, end]), None) if pattern == Pattern::Stratified => {

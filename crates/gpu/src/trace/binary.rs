@@ -187,7 +187,7 @@ impl TracedScene {
         let mut run = Run::new(gpu);
         let bottom = Built::new_async(&mut run, Items::triangles(gpu, [corners])?, config).await?;
         let bounds = mesh_bounds(gpu, &bottom).await?;
-        check_coordinates(|| "the BVH over all instances".to_owned(), bounds[0].reach.into())?;
+        check_coordinates(|| "the scene".to_owned(), bounds[0].reach.into())?;
         let depth = gpu.read_async(&bottom.trees.depth).await?[0];
         let pairs = Pairs::over(&mut run, &bottom)?;
         let headers = headers(bottom.items.ranges(), &bounds, pairs.is_oriented);

@@ -49,7 +49,7 @@ impl TracedScene {
         let bottom = bottom(&mut run, Items::triangles(gpu, [corners])?, config).await?;
         let bvhs = WideBvhs::new_async(&mut run, &bottom, None).await?;
         let bounds = mesh_bounds(gpu, &bottom).await?;
-        check_coordinates(|| "the BVH over all instances".to_owned(), bounds[0].reach.into())?;
+        check_coordinates(|| "the scene".to_owned(), bounds[0].reach.into())?;
         let level = &bvhs.levels[0];
         let header = header(level.roots[0], level.first_quad, bounds[0].reach, bvhs.is_oriented);
         let depth = level.depth;

@@ -54,7 +54,7 @@ impl TracedScene {
         first_triangles: &[u32],
     ) -> Result<Self, GpuError> {
         let words = bvh.raw();
-        check_coordinates(|| "the BVH over all instances".to_owned(), words.reach.into())?;
+        check_coordinates(|| "the scene".to_owned(), words.reach.into())?;
         let error = HitError::of_triangles(words.reach);
         let depth = words.depth;
         uploaded(gpu, &[(words, error)], Level::flat(gpu, first_triangles)?, depth).await

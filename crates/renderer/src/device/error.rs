@@ -18,6 +18,11 @@ pub enum DeviceError {
         /// The feature.
         what: &'static str,
     },
+    /// The first hits of a picture cannot be rasterized, only traced.
+    Raster {
+        /// What prevents it.
+        what: &'static str,
+    },
 }
 
 impl fmt::Display for DeviceError {
@@ -27,6 +32,7 @@ impl fmt::Display for DeviceError {
             Self::Prepare(error) => error.fmt(f),
             Self::Gpu(error) => error.fmt(f),
             Self::Unsupported { what } => write!(f, "GPUs do not support {what}"),
+            Self::Raster { what } => write!(f, "the first hits of {what} are not rasterized"),
         }
     }
 }
@@ -37,7 +43,7 @@ impl std::error::Error for DeviceError {
             Self::Render(error) => Some(error),
             Self::Prepare(error) => Some(error),
             Self::Gpu(error) => Some(error),
-            Self::Unsupported { .. } => None,
+            Self::Unsupported { .. } | Self::Raster { .. } => None,
         }
     }
 }

@@ -43,7 +43,7 @@ impl<K: LaneKernel> DevicePicture<'_, K> {
     /// The picture with rays that start from a raster pass, and the time of the pass.
     fn rasterized(self) -> Result<(Self, Duration), DeviceError> {
         if self.settings.integrator != Integrator::Hybrid {
-            return Err(DeviceError::Unsupported { what: "rasterized first hits of the path integrator" });
+            return Err(DeviceError::Raster { what: "the path integrator" });
         }
         let surfaces = self.first_surfaces()?;
         let nothing = [u32::MAX; 2];

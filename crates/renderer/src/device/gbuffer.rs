@@ -51,7 +51,7 @@ impl<K: LaneKernel> DevicePicture<'_, K> {
     pub fn first_surfaces(&self) -> Result<GBuffer, DeviceError> {
         let view = &self.cpu.view;
         if !view.is_perspective || view.lens.is_some() {
-            return Err(DeviceError::Unsupported { what: "rasterization with a lens or an orthographic camera" });
+            return Err(DeviceError::Raster { what: "a lens or an orthographic camera" });
         }
         let chosen = picture::specialise(Specialisation::none(), view, self.settings);
         let raster = self.gpu.raster("render/gbuffer", &self.packed.specialise(chosen))?;
