@@ -136,7 +136,7 @@ fn too_large_coordinates_are_rejected() {
     assert!(TracedScene::single_level(&gpu, &reaching(1e18), &[0]).is_ok());
     assert!(TracedScene::two_level(&gpu, &[&floor(1)], &[there(-9e17)]).is_ok());
     for (name, scene) in [
-        ("BVH over all instances", TracedScene::single_level(&gpu, &reaching(1.1e18), &[0])),
+        ("the scene", TracedScene::single_level(&gpu, &reaching(1.1e18), &[0])),
         ("mesh 0", TracedScene::two_level(&gpu, &[&reaching(f32::MAX)], &[])),
         ("instance 1", TracedScene::two_level(&gpu, &[&floor(1)], &[there(0.0), there(-2e18)])),
     ] {
