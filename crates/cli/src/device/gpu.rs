@@ -224,7 +224,10 @@ mod tests {
         let lacks = |_: &Gpu| Err::<(), _>(DeviceError::Unsupported { what: "clear coats" });
         let machine = Machine::Device(gpu);
         let error = machine.ready(&structure("canted"), lacks).map(|_| ()).unwrap_err().to_string();
-        assert!(error.contains("clear coats"), "{error}");
+        assert!(error.contains("clear coats") && error.ends_with("; use --device cpu"), "{error}");
+        let traced_only = |_: &Gpu| Err::<(), _>(DeviceError::Raster { what: "a lens" });
+        let error = machine.ready(&structure("canted"), traced_only).map(|_| ()).unwrap_err().to_string();
+        assert!(error.ends_with("; use --first-hit trace"), "{error}");
         assert!(machine.ready(&structure("canted"), |_| Ok(())).unwrap().is_some());
         let Machine::Device(gpu) = machine else { unreachable!() };
         let machine = Machine::Auto(gpu);

@@ -238,7 +238,7 @@ fn render_frame<K: LaneKernel>(
         render_picture(scene, &own, machine, prepared, &camera, choice, &mut progress.last)?;
     progress.trace_time = trace_time;
     #[cfg(feature = "gpu")]
-    if let Some(reason) = progress.last.device.as_ref().and_then(DeviceFrames::unsupported)
+    if let Some(reason) = progress.last.device.as_ref().and_then(DeviceFrames::fallback_reason)
         && !std::mem::replace(&mut progress.is_noted, true)
     {
         output::note(&format!("frame {frame}: the CPU builds the BVHs: {reason}"));

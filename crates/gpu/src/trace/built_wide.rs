@@ -1,7 +1,7 @@
 //! Eight-wide BVHs that the device builds.
 //!
 //! ```text
-//! corners of meshes  -> build::Built -> build::WideBvhs       bottom levels
+//! corners of meshes  -> build::Built -> build::WideBvhs        bottom levels
 //! boxes of instances -> build::Built -^                         top level
 //! ```
 //!

@@ -29,7 +29,7 @@ pub struct DeviceFrames {
     wide: Option<WideConfig>,
     kept: Option<Kept>,
     updates: DeviceUpdates,
-    unsupported: Option<String>,
+    fallback_reason: Option<String>,
 }
 
 /// Most meshes that are updated one by one. Each takes a hundred dispatches or more, and with oriented boxes a refit of one mesh computes those
@@ -104,8 +104,8 @@ impl DeviceFrames {
 
     /// Why the CPU's BVHs were used in a frame whose BVHs the device could not build; the first reason, as a sentence.
     #[must_use]
-    pub fn unsupported(&self) -> Option<&str> {
-        self.unsupported.as_deref()
+    pub fn fallback_reason(&self) -> Option<&str> {
+        self.fallback_reason.as_deref()
     }
 
     /// Frees the BVHs of the last frame, which this frame does not use.
@@ -126,7 +126,7 @@ impl DeviceFrames {
             && error.is_of_scene()
         {
             self.kept = None;
-            self.unsupported.get_or_insert_with(|| error.to_string());
+            self.fallback_reason.get_or_insert_with(|| error.to_string());
         }
         done?;
         Ok(match &self.kept.as_ref().expect("built above").levels {
