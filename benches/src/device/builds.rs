@@ -1,19 +1,21 @@
-//! BVHs built on the device, pass by pass, compared with the CPU and the dissertation.
+//! BVHs built on the device, pass by pass, the sort alone, and rebuilds and refits of each frame, compared with the CPU and the
+//! dissertation.
 
 use std::{fmt::Write, time::Instant};
 
 use anyhow::Result;
+use canted_fixtures::SplitMix64;
 use canted_gpu::{
-    Gpu,
-    build::{BuildConfig, Built, Items, Passes, Run, STRATEGIES},
+    Buffer, BufferScene, Gpu, GpuError, IndexBuffer, MeshBuffers,
+    build::{BuildConfig, Built, Items, Passes, Run, STRATEGIES, Sorter, WideConfig},
+    wgpu::{CommandEncoder, IndexFormat},
 };
 use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Strategy, VolumeConfig};
 use canted_obb::Aabb;
+use canted_trace::Watertight;
+use canted_wide::{Config, Preset, TriangleBvh};
 
-use super::{
-    Bench,
-    bandwidth::{bytes, least},
-};
+use super::Bench;
 use crate::models;
 
 /// Columns before those of strategies.
@@ -30,7 +32,7 @@ const DISSERTATION: [(&str, [f64; 5]); 3] = [
 ];
 
 /// Measures and writes the table.
-pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
+pub(super) fn builds(out: &mut String, bench: &Bench) -> Result<()> {
     // Writing to a String cannot fail.
     let _ = writeln!(
         out,
@@ -38,7 +40,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
          uploading them. Complete: a build from uploaded corners, including submissions and waiting. CPU: a build of the same \
          volumes from gathered corners on {} threads. Both are wall times, minimum of {} runs after a warm-up. Then the CPU's time \
          over the device's: without the upload, and with gathering and upload counted for the device and gathering for the CPU. In \
-         italics the time that bandwidth allows, and the dissertation's table 5 on a TITAN Xp, whose sort ran on the CPU.\n",
+         italics the dissertation's table 5 on a TITAN Xp, whose sort ran on the CPU.\n",
         rayon::current_num_threads(),
         bench.rounds
     );
@@ -51,7 +53,6 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
             continue;
         };
         out.push_str(&row(&measured(name, &model.mesh.positions, &model.mesh.triangles, bench)?));
-        out.push_str(&row(&expected(name, model.mesh.triangles.len(), bench)));
         if let Some((_, theirs)) = DISSERTATION.iter().find(|(known, _)| known == name) {
             out.push_str(&row(&dissertation(name, *theirs)));
         }
@@ -172,16 +173,6 @@ fn dissertation(name: &str, [codes, sort, nodes, bounded, quaternion]: [f64; 5])
     in_italics(&format!("{name}, 2020"), &theirs.map(|(column, ms)| (column.to_owned(), format!("{ms}"))))
 }
 
-/// The times that the device's bandwidth allows.
-fn expected(name: &str, n_triangles: usize, bench: &Bench) -> Vec<String> {
-    let passes = [("domain", bytes::DOMAIN), ("codes", bytes::CODES), ("sort", bytes::SORT), ("nodes", bytes::NODES)];
-    let passes = passes.map(|(column, bytes_each)| (column.to_owned(), bytes_each));
-    let boxes = STRATEGIES.map(|strategy| (format!("{strategy:?}"), bytes::boxes(strategy)));
-    let ms = |bytes_each| format!("{:.2}", bench.bandwidth.milliseconds(bytes_each, n_triangles));
-    let all: Vec<_> = passes.into_iter().chain(boxes).map(|(column, bytes_each)| (column, ms(bytes_each))).collect();
-    in_italics(&format!("{name}, expected"), &all)
-}
-
 /// A row with these values in the columns of these names.
 fn in_italics(name: &str, values: &[(String, String)]) -> Vec<String> {
     let mut cells = filled(vec![format!("*{name}*")]);
@@ -195,6 +186,120 @@ fn in_italics(name: &str, values: &[(String, String)]) -> Vec<String> {
 
 fn milliseconds(start: Instant) -> f64 {
     start.elapsed().as_secs_f64() * 1e3
+}
+
+/// The minimum wall time in milliseconds of several runs after a warm-up.
+fn least(rounds: usize, mut work: impl FnMut() -> Result<()>) -> Result<f64> {
+    let mut once = || -> Result<f64> {
+        let start = Instant::now();
+        work()?;
+        Ok(milliseconds(start))
+    };
+    once()?;
+    (0..rounds).try_fold(f64::MAX, |least, _| Ok(least.min(once()?)))
+}
+
+/// Measures and writes the table.
+pub(super) fn sort(out: &mut String, bench: &Bench) -> Result<()> {
+    out.push_str(
+        "\n### Sort\n\nStable sort of random keys with their indices; million pairs per second.\n\n\
+         | pairs | keys of 30 bits | keys of 63 bits |\n| --- | --- | --- |\n",
+    );
+    let sorter = Sorter::new(&bench.gpu)?;
+    for &log2 in bench.scale.sorted {
+        let mut rng = SplitMix64::new(u64::from(log2));
+        #[expect(clippy::cast_possible_truncation, reason = "any bits will do")]
+        let mut word = || -> Vec<u32> { (0..1u32 << log2).map(|_| rng.below(1 << 32) as u32).collect() };
+        let [low, high] = [word(), word()].map(|words| bench.gpu.buffer("keys", &words));
+        let (low, high) = (low?, high?);
+        let narrow = pairs_rate(bench, &sorter, &[(&low, 30)])?;
+        let wide = pairs_rate(bench, &sorter, &[(&low, 32), (&high, 31)])?;
+        let _ = writeln!(out, "| 2^{log2} | {narrow:.1} | {wide:.1} |");
+    }
+    Ok(())
+}
+
+/// Million pairs per second.
+#[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
+fn pairs_rate(bench: &Bench, sorter: &Sorter, words: &[(&Buffer<u32>, u32)]) -> Result<f64> {
+    let mut least = f64::MAX;
+    for round in 0..=bench.rounds {
+        let mut run = Run::timed(&bench.gpu);
+        sorter.sort(&mut run, words)?;
+        let taken: f64 = run.times().iter().map(|time| time.milliseconds).sum();
+        if round > 0 {
+            least = least.min(taken);
+        }
+    }
+    Ok(words[0].0.len() as f64 / (1e3 * least))
+}
+
+/// Measures and writes the table.
+pub(super) fn frames(out: &mut String, bench: &Bench) -> Result<()> {
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        out,
+        "\n### Per frame\n\nVertices and indices in buffers of a program, 63-bit codes; nothing is transferred. Milliseconds of wall time \
+         from recording to completion, minimum of {} frames after a warm-up. CPU: WideBvh of \
+         preset dynamic on {} threads, from vertices in memory.\n\n| scene | triangles | rebuild, Aabb | rebuild, Dop | \
+         refit, Aabb | rebuild, wide | refit, wide | CPU, rebuild | CPU, refit |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+        bench.rounds,
+        rayon::current_num_threads()
+    );
+    for name in bench.scale.built {
+        let Some(model) = models::load(name)? else {
+            let _ = writeln!(out, "| {name} | not available |");
+            continue;
+        };
+        let (positions, triangles) = (&model.mesh.positions, &model.mesh.triangles);
+        let gpu = &bench.gpu;
+        let vertices = gpu.buffer("vertices", positions)?;
+        let indices = gpu.buffer("indices", triangles)?;
+        let mesh = MeshBuffers {
+            vertices: vertices.wgpu(),
+            first_byte: 0,
+            stride: 12,
+            n_vertices: u32::try_from(positions.len())?,
+            indices: Some(IndexBuffer { buffer: indices.wgpu(), format: IndexFormat::Uint32, first_byte: 0 }),
+            n_triangles: u32::try_from(triangles.len())?,
+        };
+        let scene = |strategy| BufferScene::new(gpu, &[mesh], BuildConfig { bits: Bits::B63, strategy });
+        let mut aligned = scene(Strategy::Aabb)?;
+        let rebuild = least(bench.rounds, || Ok(frame(gpu, |encoder| aligned.rebuild(gpu, encoder, &[mesh]))?))?;
+        let refit = least(bench.rounds, || Ok(frame(gpu, |encoder| aligned.refit(gpu, encoder, &[mesh]))?))?;
+        let mut dop = scene(Strategy::Dop)?;
+        let rebuild_dop = least(bench.rounds, || Ok(frame(gpu, |encoder| dop.rebuild(gpu, encoder, &[mesh]))?))?;
+        let config = WideConfig { bits: Bits::B63, ..WideConfig::default() };
+        let mut wide = BufferScene::new(gpu, &[mesh], config)?;
+        let rebuild_wide = least(bench.rounds, || Ok(frame(gpu, |encoder| wide.rebuild(gpu, encoder, &[mesh]))?))?;
+        let refit_wide = least(bench.rounds, || Ok(frame(gpu, |encoder| wide.refit(gpu, encoder, &[mesh]))?))?;
+        let config = Config::preset(Preset::Dynamic);
+        let mut on_cpu = TriangleBvh::<Watertight>::build(positions, triangles, &config)?;
+        let cpu_rebuild = least(bench.rounds, || {
+            on_cpu = TriangleBvh::build(positions, triangles, &config)?;
+            Ok(())
+        })?;
+        let cpu_refit = least(bench.rounds, || {
+            std::hint::black_box(on_cpu.refit(positions, triangles)?);
+            Ok(())
+        })?;
+        let _ = writeln!(
+            out,
+            "| {name} | {} | {rebuild:.2} | {rebuild_dop:.2} | {refit:.2} | {rebuild_wide:.2} | {refit_wide:.2} | \
+             {cpu_rebuild:.2} | {cpu_refit:.2} |",
+            triangles.len()
+        );
+    }
+    Ok(())
+}
+
+/// Records, submits and awaits a frame.
+fn frame(gpu: &Gpu, record: impl FnOnce(&mut CommandEncoder) -> Result<(), GpuError>) -> Result<(), GpuError> {
+    let mut encoder = gpu.device().create_command_encoder(&Default::default());
+    record(&mut encoder)?;
+    gpu.queue().submit([encoder.finish()]);
+    gpu.finish()
 }
 
 #[cfg(test)]
