@@ -253,7 +253,7 @@ pub(super) fn all_kinds(n: usize) -> Vec<Kind> {
         ("brick", [1.0, 0.6, 0.3]),
         ("cube", [1.0, 1.0, 1.0]),
     ];
-    let mut kinds: Vec<Kind> = shapes
+    let mut all_kinds: Vec<Kind> = shapes
         .iter()
         .map(|&(name, half)| Kind { name, sets: (0..n).map(|_| cluster(&mut rng, half, |x| x)).collect() })
         .collect();

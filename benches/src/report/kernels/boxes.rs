@@ -8,7 +8,7 @@ use obvhs::{aabb::Aabb as TheirAabb, ray::Ray as TheirRay};
 
 use super::contest::{self, Test, Tested};
 use super::device::Device;
-use super::{LEAST_ULPS, nodes, passing};
+use super::{LEAST_ULPS, lanes};
 use crate::report::model::{Axis, Cell, Plot, Point, Series, Table};
 use crate::report::samples::{Samples, number};
 

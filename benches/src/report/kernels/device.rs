@@ -127,7 +127,7 @@ mod tests {
     use canted_trace::Ray;
 
     use super::*;
-    use crate::report::{lanes, nodes};
+    use crate::report::kernels::lanes;
 
     /// A device whose dispatches contain every ray several times.
     fn device(test: &str) -> Option<Device> {

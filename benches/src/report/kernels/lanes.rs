@@ -17,7 +17,7 @@ use canted_wide::{Config, Costs, SimdPath, TriangleBvh, WideBvh};
 use super::{
     contest::{Answer, Test},
     device::Device,
-    triangles::Pair,
+    triangles::Pair as TrianglePair,
 };
 use crate::{
     interleave::{self, Contender},
@@ -55,7 +55,7 @@ pub(super) fn paths() -> (Vec<SimdPath>, Vec<SimdPath>) {
 /// Tests of a case on every path, which must agree bit for bit with the single test; times are of rays through leaves
 /// of the case's triangles.
 pub(super) fn tests(
-    pairs: &[Pair],
+    pairs: &[TrianglePair],
     trees: &[TriangleBvh<Watertight>],
     singly: &[Answer],
 ) -> Result<Vec<Test<'static, Answer>>> {
@@ -273,7 +273,7 @@ mod tests {
 
     /// Eleven boxes one unit apart, so that the last three share a node with five others; every third ray misses its
     /// box.
-    fn pairs() -> Vec<Pair> {
+    fn case() -> Vec<Pair> {
         let pair = |i: u8| {
             let center = [2.0 * f32::from(i), 0.0, 0.0];
             let x = center[0] + if i.is_multiple_of(3) { 0.9 } else { 0.1 };
@@ -285,7 +285,7 @@ mod tests {
 
     #[test]
     fn each_ray_tests_its_own_box_on_every_path() {
-        let pairs = pairs();
+        let pairs = case();
         let found = node_tests(&pairs).unwrap();
         assert_eq!(found.len(), paths().0.len());
         for test in found {

@@ -24,7 +24,7 @@ use crate::{
 };
 
 /// The dissertation's scenes: name, meshes, vertices, triangles, and our model of it.
-const THEIRS: [(&str, usize, usize, usize, Option<&str>); 7] = [
+const THEIR_SCENES: [(&str, usize, usize, usize, Option<&str>); 7] = [
     ("Breakfast room", 240, 961_508, 1_347_596, None),
     ("Buddha", 1, 549_409, 1_087_474, None),
     ("Dragon", 1, 438_976, 871_306, Some("dragon_871k")),
@@ -59,7 +59,7 @@ pub(super) fn scenes_table(chapter: &mut Chapter, effort: Effort) -> Result<Foun
 }
 
 /// The dissertation: scene, strategy, sum of volumes relative to axis-aligned boxes, percentage of oriented nodes.
-const THEIRS: [(&str, Strategy, f64, f64); 6] = [
+const THEIR_VOLUMES: [(&str, Strategy, f64, f64); 6] = [
     ("bunny", Strategy::PcaUnbounded, 17.7811 / 19.5222, 97.2488),
     ("bunny", Strategy::PcaBounded, 19.3396 / 19.5222, 76.0658),
     ("bunny", Strategy::Quaternion, 19.4029 / 19.5222, 71.6519),
@@ -162,7 +162,7 @@ fn volume_rows(model: &crate::models::Model, effort: Effort) -> Result<Vec<Volum
     let tree = canted_lbvh::radix(canted_lbvh::sort_by_code(&codes, Bits::B63));
     let sorted = canted_lbvh::in_leaf_order(&corners, &tree.leaves);
     let rays = rays::camera(model, effort.pick(16, 128, 128));
-    let mut rows: Vec<VolumeRow> = vec![];
+    let mut volume_rows: Vec<VolumeRow> = vec![];
     let mut aligned_volume = 1.0;
     for strategy in Strategy::ALL {
         let volumes = canted_lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
@@ -189,7 +189,7 @@ fn volume_rows(model: &crate::models::Model, effort: Effort) -> Result<Vec<Volum
 const SPONZA: &str = "sponza";
 
 /// The dissertation's Sponza: sum of volumes of both levels, percentage of oriented nodes of the top and bottom levels.
-const THEIRS: [(Strategy, f64, Option<f64>, Option<f64>); 4] = [
+const THEIR_LEVELS: [(Strategy, f64, Option<f64>, Option<f64>); 4] = [
     (Strategy::Aabb, 2.507_26, None, None),
     (Strategy::PcaUnbounded, 2.506_91, None, Some(94.2567)),
     (Strategy::PcaBounded, 2.506_93, Some(10.7143), Some(60.4837)),

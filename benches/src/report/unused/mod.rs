@@ -19,14 +19,7 @@ use super::{
     model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
     samples::{Samples, number},
 };
-use crate::{
-    clock, models,
-    report::{
-        effort::Effort,
-        model::{Cell, Chapter, Table},
-        samples::Samples,
-    },
-};
+use crate::{clock, models};
 
 /// A scene as it is, or with a feature forced in.
 struct Variant {
