@@ -23,11 +23,6 @@ pub(crate) trait Engine {
     fn n_bytes(&self) -> Option<usize> {
         None
     }
-
-    /// The engine for concurrent use by several threads; `None` if that is not supported.
-    fn shared(&self) -> Option<&(dyn Engine + Sync)> {
-        None
-    }
 }
 
 /// The origin of an engine.

@@ -69,10 +69,6 @@ macro_rules! engine_of {
                         + size_of_val(&self.primitives[..]),
                 )
             }
-
-            fn shared(&self) -> Option<&(dyn Engine + Sync)> {
-                Some(self)
-            }
         }
     };
 }

@@ -29,10 +29,6 @@ impl<K: LaneKernel> Engine for TriangleBvh<K> {
     fn n_bytes(&self) -> Option<usize> {
         Some(TriangleBvh::n_bytes(self))
     }
-
-    fn shared(&self) -> Option<&(dyn Engine + Sync)> {
-        Some(self)
-    }
 }
 
 /// BVHs of meshes, and a TLAS of their instances.
