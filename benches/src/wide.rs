@@ -89,15 +89,6 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
     Ok(())
 }
 
-/// Camera and diffuse rays of a model, whose hits `tree` computes.
-pub(crate) fn closest_sets(model: &Model, tree: &TriangleBvh<Watertight>, resolution: u32) -> [Vec<Ray>; 2] {
-    let camera = rays::camera(model, resolution);
-    let mut hits = vec![None; camera.len()];
-    tree.par_closest_hits(&camera, &mut hits);
-    let [diffuse, _] = rays::secondary(model, &camera, &hits);
-    [camera, diffuse]
-}
-
 /// Thread seconds of each BVH and round for the nearest hits of `rays`, in turn.
 pub(crate) fn closest_seconds(trees: Vec<TriangleBvh<Watertight>>, rays: &[Ray], rounds: usize) -> Vec<Vec<f64>> {
     let engines: Vec<Box<dyn engine::Engine>> = trees.into_iter().map(|tree| Box::new(tree) as _).collect();
