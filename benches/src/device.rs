@@ -98,7 +98,6 @@ pub(crate) fn section(out: &mut String, choice: &Choice, options: &Options) -> R
     chapters.add("before the device", |out| handed::section(out, &bench))?;
     chapters.add("mesh to hits", |out| structures::section(out, &bench))?;
     chapters.add("rays", |out| rays::section(out, &bench))?;
-    chapters.add("traversals", |out| rays::traversals(out, &bench))?;
     chapters.add("built BVHs", |out| binary::section(out, &bench))?;
     chapters.add("ray queries", |out| queries::section(out, &bench))?;
     chapters.add("picture", |out| picture::section(out, &bench))?;

@@ -6,12 +6,6 @@ macro_rules! files {
 
 /// Path of each file without its extension, and its text.
 pub const FILES: &[(&str, &str)] = files![
-    "alternatives/binary/traverse",
-    "alternatives/traverse",
-    "alternatives/wavefront/generate",
-    "alternatives/wavefront/paths",
-    "alternatives/wavefront/shade",
-    "alternatives/wavefront/trace",
     "build/aabbs",
     "build/adopt",
     "build/axis_aligned",
@@ -30,7 +24,6 @@ pub const FILES: &[(&str, &str)] = files![
     "build/merge",
     "build/mesh_boxes",
     "build/moments",
-    "build/pair_links",
     "build/pairs",
     "build/place",
     "build/ploc_finish",

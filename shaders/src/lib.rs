@@ -30,7 +30,6 @@
 //!
 //! A kernel is a file with the entry point `main`, or with `vertex` and `fragment`. Folders are named after the CPU's stages.
 //! `shared/` holds what kernels have in common; a file there may contain several parts, of which a caller chooses one.
-//! `alternatives/` holds measured alternatives that are not used by default: stackless traversal and wavefront path tracing.
 //!
 //! Shared parts use fixed bind groups, so that they can be combined: 0 for ray tracing, 1 for the picture and its samples, 2 for
 //! surfaces, 3 for lights.

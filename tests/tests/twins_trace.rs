@@ -16,7 +16,6 @@ mod twins_trace {
     #[expect(dead_code, reason = "only the configurations are used")]
     mod setup;
     mod small;
-    mod traversals;
 
     pub(crate) use canted_tests::{device::gpu, judge as reference};
 }

@@ -1,11 +1,11 @@
-//! Rays through binary BVHs that the device builds, by volumes and by the state that a ray keeps.
+//! Rays through binary BVHs that the device builds, by volumes.
 
 use std::fmt::Write;
 
 use anyhow::Result;
 use canted_bvh2::Bvh2;
 use canted_gpu::{
-    TracedScene, Traversal,
+    TracedScene,
     build::{BuildConfig, STRATEGIES},
 };
 use canted_lbvh::{self as lbvh, Bits, Strategy, VolumeConfig};
@@ -32,11 +32,8 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         out,
         "\n### Rays through what the device builds\n\nThe same rays, on a software driver a quarter of them, through the WideBvh of preset balanced, which the CPU builds, and \
          through binary BVHs that the device builds over a radix tree of 63-bit codes, by volumes. Million rays per second of device \
-         time, by the state that a ray keeps: {}. In italics what bandwidth allows without any cache: bytes of the nodes and triangles \
-         that a ray visits on the CPU, and of ray and hit.\n\n| scene | rays | BVH | {} | *without caches* |\n| --- | --- | --- | --- | \
-         --- | --- | --- |",
-        Traversal::ALL.map(Traversal::name).join("; "),
-        Traversal::ALL.map(Traversal::name).join(" | ")
+         time. In italics what bandwidth allows without any cache: bytes of the nodes and triangles \
+         that a ray visits on the CPU, and of ray and hit.\n\n| scene | rays | BVH | rate | *without caches* |\n| --- | --- | --- | --- | --- |"
     );
     for name in SCENES {
         let Some(model) = models::load(name)? else {
@@ -48,8 +45,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         let sets = rays::sets(&model, &wide, bench).map(|set| if bench.is_software() { quarter(&set) } else { set });
         let mut rows = vec![(
             "wide".to_owned(),
-            Traversal::ALL
-                .map(|kind| TracedScene::single_level(&bench.gpu, &wide, &[0])?.with_traversal(&bench.gpu, kind)),
+            TracedScene::single_level(&bench.gpu, &wide, &[0]),
             Kind::ALL.map(|_| f64::NAN),
         )];
         let kinds = Kind::ALL.into_iter().zip(&sets);
@@ -60,8 +56,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         }
         for strategy in STRATEGIES {
             let config = BuildConfig { bits: Bits::B63, strategy };
-            let built = || TracedScene::build_single_level(&bench.gpu, &corners, &[0], config);
-            let traced = Traversal::ALL.map(|kind| built()?.with_traversal(&bench.gpu, kind));
+            let traced = TracedScene::build_single_level(&bench.gpu, &corners, &[0], config);
             // The same BVH on the CPU.
             let volumes = VolumeConfig { strategy, fallback: true };
             let config = canted_bvh2::BuildConfig { bits: Bits::B63, volumes };
@@ -73,13 +68,11 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         for (k, (kind, set)) in kinds.enumerate() {
             for (bvh, traced, bytes_each) in &rows {
                 let _ = write!(out, "| {name} | {} | {bvh} |", kind.name());
-                for traced in traced {
-                    match traced {
-                        Ok(traced) => {
-                            let _ = write!(out, " {:.2} |", rays::cast(bench, traced, kind, set)?.rate(set.len()));
-                        }
-                        Err(_) => out.push_str(" - |"),
+                match traced {
+                    Ok(traced) => {
+                        let _ = write!(out, " {:.2} |", rays::cast(bench, traced, kind, set)?.rate(set.len()));
                     }
+                    Err(_) => out.push_str(" - |"),
                 }
                 let _ = writeln!(out, " *{:.2}* |", bench.bandwidth.rate(bytes_each[k]));
             }

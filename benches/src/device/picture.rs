@@ -17,7 +17,7 @@ const BOUNCES: u32 = 8;
 /// Measured pictures of each kind, at most: software drivers take seconds for each.
 const PICTURES: usize = 3;
 
-/// Renders with the CPU and with both ways to find first hits, then paths with one kernel and with a wavefront.
+/// Renders with the CPU and with both ways to find first hits, then paths.
 pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     let [width, height, samples] = bench.scale.picture;
     // Writing to a String cannot fail.
@@ -72,24 +72,19 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     }
     let _ = writeln!(out, "| *TITAN Xp, 2020, 1920 x 1080, 24 samples* | *rasterized* | *132* | |");
     let by_paths = Settings { integrator: Integrator::Path, bounces: BOUNCES, ..settings };
-    let picture = || DevicePicture::new(&bench.gpu, &surfaces, &prepared.structure, &camera, &by_paths);
-    let pictures = [picture()?, picture()?.in_waves()?];
-    let (mut least, mut n_rays) = ([f64::MAX; 2], 0);
+    let picture = DevicePicture::new(&bench.gpu, &surfaces, &prepared.structure, &camera, &by_paths)?;
+    let (mut least, mut n_rays) = (f64::MAX, 0);
     for round in 0..=rounds {
-        for (picture, least) in pictures.iter().zip(&mut least) {
-            let start = Instant::now();
-            n_rays = picture.render(vec![], &monitor)?.n_rays();
-            // The driver compiles during the first run.
-            if round > 0 {
-                *least = least.min(start.elapsed().as_secs_f64());
-            }
+        let start = Instant::now();
+        n_rays = picture.render(vec![], &monitor)?.n_rays();
+        // The driver compiles during the first run.
+        if round > 0 {
+            least = least.min(start.elapsed().as_secs_f64());
         }
     }
-    let [one, waves] = least;
     let _ = writeln!(
         out,
-        "\nThe same with paths of {BOUNCES} bounces, {:.1} M rays, minimum of {rounds} pictures in turn: {one:.2} s with one kernel, \
-         {waves:.2} s with a wavefront of three kernels and the same samples.",
+        "\nThe same with paths of {BOUNCES} bounces, {:.1} M rays, minimum of {rounds} pictures: {least:.2} s.",
         millions(n_rays)
     );
     Ok(())

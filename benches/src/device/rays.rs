@@ -3,7 +3,7 @@
 use std::{fmt::Write, time::Instant};
 
 use anyhow::Result;
-use canted_gpu::{Buffer, DeviceHit, DeviceRay, Gpu, GpuError, NamedBinding, Specialisation, TracedScene, Traversal};
+use canted_gpu::{Buffer, DeviceHit, DeviceRay, Gpu, GpuError, NamedBinding, Specialisation, TracedScene};
 use canted_trace::{Ray, ScaledRay, Watertight};
 use canted_wide::{Config, Preset, TriangleBvh};
 
@@ -57,45 +57,6 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
                 aligned.milliseconds / oriented.milliseconds,
                 oriented.n_cut.max(aligned.n_cut)
             );
-        }
-    }
-    Ok(())
-}
-
-/// Measures every traversal in turn and writes the table.
-pub(super) fn traversals(out: &mut String, bench: &Bench) -> Result<()> {
-    let _ = writeln!(
-        out,
-        "\n### Traversal without a stack\n\nThe same rays through the BVHs of preset balanced, by the state that a ray keeps: {}. \
-         Million rays per second of device time, and the ratio to the first; `-` where a BVH is too deep.\n\n\
-         | scene | rays | {} |\n| --- | --- | --- | --- | --- |",
-        Traversal::ALL.map(Traversal::name).join("; "),
-        Traversal::ALL.map(Traversal::name).join(" | ")
-    );
-    for name in SCENES {
-        let Some(model) = models::load(name)? else {
-            let _ = writeln!(out, "| {name} | not available |");
-            continue;
-        };
-        let tree = build(&model, &Config::preset(Preset::Balanced))?;
-        let sets = sets(&model, &tree, bench);
-        let traced = Traversal::ALL
-            .map(|traversal| TracedScene::single_level(&bench.gpu, &tree, &[0])?.with_traversal(&bench.gpu, traversal));
-        for (kind, rays) in Kind::ALL.into_iter().zip(sets) {
-            let _ = write!(out, "| {name} | {} |", kind.name());
-            let mut first = f64::NAN;
-            for traced in &traced {
-                let Ok(traced) = traced else {
-                    out.push_str(" - |");
-                    continue;
-                };
-                let cast = cast(bench, traced, kind, &rays)?;
-                if first.is_nan() {
-                    first = cast.milliseconds;
-                }
-                let _ = write!(out, " {:.2}, {:.2}x |", cast.rate(rays.len()), first / cast.milliseconds);
-            }
-            out.push('\n');
         }
     }
     Ok(())

@@ -4,8 +4,6 @@ use std::collections::BTreeSet;
 
 use canted_shaders::{Shader, Specialisation};
 
-use crate::Traversal;
-
 /// The page.
 const PAGE: &str = include_str!("lib.rs");
 
@@ -17,30 +15,17 @@ fn shaders() -> Vec<Shader> {
             .part("mask", "shared/mask/none")
             .part("count", "shared/count/none")
             .number("MAX_ITERATIONS", 1000)
+            .number("STACK_SIZE", 4)
     };
-    let stacked = |chosen: Specialisation, traversal| match traversal {
-        Traversal::Stack => chosen.number("STACK_SIZE", 4),
-        _ => chosen,
-    };
-    let wide = |level: &str, traversal: Traversal| {
+    let wide = |level: &str| {
         let kinds = chosen(level).part("node_kinds", "shared/node_kinds/any");
-        stacked(kinds.part("traverse", traversal.file()), traversal)
+        kinds.part("traverse", "shared/traverse/stack")
     };
-    let binary = |volume: &str, traversal: Traversal| {
+    let binary = |volume: &str| {
         let volume = format!("shared/binary/volume/{volume}");
-        stacked(chosen("single").part("traverse", traversal.binary_file()).part("volume", &volume), traversal)
+        chosen("single").part("traverse", "shared/binary/traverse/stack").part("volume", &volume)
     };
-    let stack = Traversal::Stack;
-    let all = [
-        wide("single", stack),
-        wide("flat", stack),
-        wide("instances", stack),
-        wide("moving", stack),
-        wide("single", Traversal::Links),
-        binary("aabb", stack),
-        binary("obb", stack),
-        binary("aabb", Traversal::Links),
-    ];
+    let all = [wide("single"), wide("flat"), wide("instances"), wide("moving"), binary("aabb"), binary("obb")];
     all.iter().map(|chosen| Shader::new("trace/closest", chosen).unwrap()).collect()
 }
 

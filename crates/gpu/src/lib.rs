@@ -97,8 +97,7 @@
 //! | `max_storage_buffers_per_shader_stage` | 8 to build and to trace batches, the default of `wgpu` and WebGPU. The module takes 3 to 6 of those of your kernel: see [`TracedScene::module`] |
 //! | `max_storage_buffer_binding_size` | bounds the number of triangles: see [`DeviceBvh`] |
 //!
-//! A device with `Limits::downlevel_defaults` has 4 storage buffers, which is too few. [`Traversal::Bits`] and [`Traversal::Links`] with
-//! [motion](#motion-blur) take 9. Kernels that render pictures take up to 28 ([`canted_shaders::MAX_STORAGE_BUFFERS`]), depending on
+//! A device with `Limits::downlevel_defaults` has 4 storage buffers, which is too few. Kernels that render pictures take up to 28 ([`canted_shaders::MAX_STORAGE_BUFFERS`]), depending on
 //! the scene. What exceeds a limit is reported by [`GpuError::Limit`].
 //!
 //! # Motion blur
@@ -123,8 +122,6 @@
 //! | 3 `first_triangles` | one level over several meshes | the number of the first triangle of each |
 //! | 4 `instance_order` | two levels | the instance of each item of the top level |
 //! | 5 `motions` | instances with motion blur | a `Motion` for each of these |
-//! | 7 `links` | wide BVHs with [`Traversal::Bits`] or [`Traversal::Links`] | links to parents; scenes over a program's buffers always use [`Traversal::Stack`] |
-//! | 7 `pair_links` | binary BVHs with these | links to parents |
 //!
 //! | structure | bytes | members and their offsets |
 //! |---|---|---|
@@ -226,7 +223,7 @@ pub use loop_check::{loop_iterations, loop_iterations_async};
 pub use raster::{N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
     BufferScene, DeviceBvh, DeviceHit, DeviceRay, HIT_ERROR, InstancedScene, MAX_CONDITION, MAX_COORDINATE,
-    MotionPolynomials, Outcome, TracedScene, Traversal,
+    MotionPolynomials, Outcome, TracedScene,
 };
 pub use traffic::Traffic;
 pub use wgpu::{self, Limits};

@@ -5,7 +5,6 @@
 //! corners of meshes + instances            -> build on the device -^   binary, or collapsed into wide nodes
 //! ```
 
-mod alternatives;
 mod binary;
 mod buffers;
 mod built_wide;
@@ -25,7 +24,6 @@ mod scene;
 mod top_level;
 mod wide;
 
-pub use alternatives::Traversal;
 pub use buffers::BufferScene;
 pub use cast::Outcome;
 pub use coordinates::MAX_COORDINATE;

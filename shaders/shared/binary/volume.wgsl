@@ -14,11 +14,6 @@ fn entry_of(at: u32, t_max: f32) -> f32 {
     return select(OUTSIDE, span.x, span.x <= min(span.y, t_max));
 }
 
-/// The same whether the ray enters it or not.
-fn start_of(at: u32) -> f32 {
-    return span_of(at).x;
-}
-
 // choice aabb
 // Axis-aligned boxes: lower ends and the child's word, upper ends.
 

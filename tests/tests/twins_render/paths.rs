@@ -61,29 +61,6 @@ fn metal_and_glass_before_a_sky() {
 }
 
 #[test]
-fn a_wavefront_renders_the_samples_of_one_kernel() {
-    let Some(gpu) = gpu("a_wavefront_renders_the_samples_of_one_kernel") else { return };
-    let cancel = AtomicBool::new(false);
-    let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &cancel };
-    for (scene, camera) in [of_all_materials(), scenes::textured(), scenes::in_motion(scenes::room())] {
-        let prepared = prepared(&scene, Levels::Auto);
-        // Cells are cut by the picture's border, and there are more samples than the first dispatch takes.
-        let settings = Settings { width: 60, height: 35, ..small(4) };
-        let surfaces = Surfaces::with_lod(&scene, settings.lod);
-        let picture = || DevicePicture::new(&gpu, &surfaces, &prepared.structure, &camera, &settings).unwrap();
-        let one = picture().render(vec![], &monitor).unwrap();
-        let waves = picture().in_waves().unwrap().render(vec![], &monitor).unwrap();
-        // Compilers may contract sums and products differently in another kernel, which makes a few paths diverge.
-        difference(&waves, &one).check("waves", [0.02, 1e-3]);
-        assert!(waves.n_rays().abs_diff(one.n_rays()) * 100 < one.n_rays());
-        let other = Settings { seed: 1, ..settings };
-        let other = DevicePicture::new(&gpu, &surfaces, &prepared.structure, &camera, &other).unwrap();
-        let other = other.in_waves().unwrap().render(vec![], &monitor).unwrap();
-        assert!(difference(&other, &one).astray > 0.3);
-    }
-}
-
-#[test]
 fn motion_while_the_shutter_is_open() {
     let Some(gpu) = gpu("motion_while_the_shutter_is_open") else { return };
     let (mut scene, camera) = scenes::in_motion(scenes::textured());

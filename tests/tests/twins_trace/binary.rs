@@ -4,7 +4,7 @@ use canted_fixtures::Mesh;
 use canted_gpu::build::{BuildConfig, STRATEGIES};
 use canted_gpu::{
     Buffer, BufferScene, DeviceBvh, DeviceInstance, Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers,
-    TracedScene, Traversal, wgpu,
+    TracedScene, wgpu,
 };
 use canted_lbvh::{Bits, Corners, Strategy};
 use canted_tests::{rays, scenes};
@@ -128,14 +128,10 @@ fn missing_triangles_are_detected() {
 fn rays_through_instances_lose_no_hit() {
     let Some(gpu) = gpu("binary::rays_through_instances_lose_no_hit") else { return };
     let placed = Placed::new();
-    let stack = STRATEGIES.map(|strategy| (strategy, Traversal::Stack));
-    let others = [Traversal::Bits, Traversal::Links]
-        .map(|traversal| [Strategy::Aabb, Strategy::Combined].map(|strategy| (strategy, traversal)));
-    for (strategy, traversal) in stack.into_iter().chain(others.into_iter().flatten()) {
+    for strategy in STRATEGIES {
         let scene = placed
             .with(|meshes, instances| TracedScene::build_two_level(&gpu, meshes, instances, config(strategy)).unwrap());
-        let scene = scene.with_traversal(&gpu, traversal).unwrap();
-        placed.check(&gpu, &scene, &format!("{strategy:?}, {traversal:?}"));
+        placed.check(&gpu, &scene, &format!("{strategy:?}"));
     }
     in_buffers(&gpu, &placed, STRATEGIES.map(|strategy| config(strategy).into()));
 }
@@ -154,26 +150,5 @@ pub(super) fn in_buffers(gpu: &Gpu, placed: &Placed, bvhs: impl IntoIterator<Ite
     for bvh in bvhs {
         let scene = InstancedScene::new(gpu, &buffers.meshes(), &instances, bvh).unwrap();
         placed.check(gpu, scene.traced(), &format!("recorded {bvh:?}"));
-    }
-}
-
-/// Every traversal gives the same hits as the stack, in one level; without links it does not.
-#[test]
-fn traversals_without_a_stack_find_the_same_hits() {
-    let Some(gpu) = gpu("binary::traversals_without_a_stack_find_the_same_hits") else { return };
-    let mesh = scenes::room(3, 40).off_axis();
-    let rays = all_rays(&mesh, 100);
-    for strategy in [Strategy::Aabb, Strategy::PcaBounded] {
-        let scene = |traversal| {
-            let scene = TracedScene::build_single_level(&gpu, &corners(&mesh), &[0], config(strategy)).unwrap();
-            scene.with_traversal(&gpu, traversal).unwrap()
-        };
-        let hits = |scene: &TracedScene| scene.closest_hits(&gpu, &rays).unwrap();
-        let expected = hits(&scene(Traversal::Stack));
-        for traversal in [Traversal::Bits, Traversal::Links] {
-            assert_eq!(hits(&scene(traversal)), expected, "{strategy:?}, {traversal:?}");
-            let cut = scene(traversal).without_parent_links(&gpu).unwrap();
-            assert_ne!(hits(&cut), expected, "{strategy:?}, {traversal:?}: the missing links are not seen");
-        }
     }
 }

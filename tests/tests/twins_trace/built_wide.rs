@@ -2,7 +2,7 @@
 
 use canted_fixtures::{Mesh, soup};
 use canted_gpu::build::{STRATEGIES, Topology, WideConfig};
-use canted_gpu::{BufferScene, Gpu, TracedScene, Traversal};
+use canted_gpu::{BufferScene, Gpu, TracedScene};
 use canted_lbvh::{Bits, Strategy};
 use canted_tests::scenes;
 use canted_trace::{Ray, Watertight};
@@ -95,17 +95,13 @@ fn missing_triangles_are_detected() {
 fn rays_through_instances_lose_no_hit() {
     let Some(gpu) = gpu("built_wide::rays_through_instances_lose_no_hit") else { return };
     let placed = Placed::new();
-    // Each strategy with one topology, in turn, and traversals without a stack.
+    // Each strategy with one topology, in turn.
     let topologies = [Topology::Radix, Topology::Ploc].into_iter().cycle();
-    let each = STRATEGIES.into_iter().zip(topologies);
-    let stack = each.map(|(strategy, topology)| (WideConfig { bits: Bits::B63, topology, strategy }, Traversal::Stack));
-    let links = [Strategy::Aabb, Strategy::Combined]
-        .map(|strategy| (WideConfig { strategy, ..WideConfig::default() }, Traversal::Links));
-    for (config, traversal) in stack.chain(links) {
+    for (strategy, topology) in STRATEGIES.into_iter().zip(topologies) {
+        let config = WideConfig { bits: Bits::B63, topology, strategy };
         let scene = placed
             .with(|meshes, instances| TracedScene::build_wide_two_level(&gpu, meshes, instances, config).unwrap());
-        let scene = scene.with_traversal(&gpu, traversal).unwrap();
-        placed.check(&gpu, &scene, &format!("{config:?}, {traversal:?}"));
+        placed.check(&gpu, &scene, &format!("{config:?}"));
     }
     in_buffers(&gpu, &placed, configs().step_by(5).map(Into::into));
 }

@@ -14,7 +14,6 @@ use canted_lbvh::Corners;
 use canted_obb::{Aabb, Obb};
 use canted_tlas::Instance;
 
-use super::alternatives::Traversal;
 use super::coordinates::check_coordinates;
 use super::layout::{BvhHeader, HitError, Quad};
 use super::level::{Instances, Level};
@@ -36,10 +35,6 @@ pub(super) struct Pairs {
     is_oriented: bool,
     /// First node of the second level.
     first_top_node: u32,
-    n_nodes: u32,
-    traversal: Traversal,
-    /// Links to parents, for traversals that need them.
-    links: Option<Buffer<u32>>,
 }
 
 /// `Level` of `build/pairs`.
@@ -62,8 +57,7 @@ impl Pairs {
         let quads = if is_oriented { 8 } else { 4 };
         let pairs = gpu.zeroed("binary nodes", n_nodes as usize * quads)?;
         let corners = corners.clone();
-        let pairs =
-            Self { pairs, corners, is_oriented, first_top_node, n_nodes, traversal: Traversal::Stack, links: None };
+        let pairs = Self { pairs, corners, is_oriented, first_top_node };
         pairs.put(run, Which::Bottom, first, [0, first.items.len()])?;
         if let Some(second) = second {
             pairs.put(run, Which::Top, second, [0, second.items.len()])?;
@@ -102,47 +96,17 @@ impl Pairs {
         self.is_oriented
     }
 
-    pub(super) fn traversal(&self) -> Traversal {
-        self.traversal
-    }
-
-    /// Chooses a traversal.
-    pub(super) fn set_traversal(&mut self, gpu: &Gpu, traversal: Traversal) -> Result<(), GpuError> {
-        self.traversal = traversal;
-        self.links = None;
-        if traversal != Traversal::Stack {
-            let links = gpu.zeroed("parent links", self.n_nodes as usize)?;
-            let bound: [NamedBinding<'_>; 2] = [("pairs", &self.pairs), ("pair_links", &links)];
-            let [quads, word] = if self.is_oriented { [4, 3] } else { [2, 0] };
-            let chosen = Specialisation::none().number("QUADS", quads).number("WORD_QUAD", word);
-            Run::new(gpu).stage("links", |dispatches| {
-                let kernel = gpu.kernel("build/pair_links", &chosen)?;
-                dispatches.items(&kernel, &bound, self.n_nodes)
-            })?;
-            self.links = Some(links);
-        }
-        Ok(())
-    }
-
-    /// Makes all links invalid.
-    pub(super) fn cut_links(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
-        self.links = Some(gpu.zeroed("parent links", self.n_nodes as usize)?);
-        Ok(())
-    }
-
     pub(super) fn bindings(&self) -> Vec<NamedBinding<'_>> {
-        let mut bound: Vec<NamedBinding<'_>> = vec![("nodes", &self.pairs), ("corners", &*self.corners)];
-        bound.extend(self.links.as_ref().map(|links| -> NamedBinding<'_> { ("pair_links", links) }));
-        bound
+        vec![("nodes", &self.pairs), ("corners", &*self.corners)]
     }
 
     pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
         let volume = if self.is_oriented { "shared/binary/volume/obb" } else { "shared/binary/volume/aabb" };
-        chosen.part("traverse", self.traversal.binary_file()).part("volume", volume)
+        chosen.part("traverse", "shared/binary/traverse/stack").part("volume", volume)
     }
 
     pub(super) fn n_bytes(&self) -> u64 {
-        self.pairs.n_bytes() + self.corners.n_bytes() + self.links.as_ref().map_or(0, Buffer::n_bytes)
+        self.pairs.n_bytes() + self.corners.n_bytes()
     }
 }
 

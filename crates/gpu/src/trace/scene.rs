@@ -1,12 +1,11 @@
 //! The BVHs of a scene in device memory.
 
-use super::alternatives::Traversal;
 use super::binary::Pairs;
 use super::layout::BvhHeader;
 use super::level::Level;
 use super::wide::WideNodes;
 use crate::loop_check::{LONG_LOOP, longest_loop};
-use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, wait::block_on};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
 
 /// Maximum stack size. Wide BVHs have about ten levels, binary ones about thirty.
 pub(super) const MAX_STACK: u32 = 128;
@@ -64,39 +63,6 @@ impl TracedScene {
         Ok(Self { nodes, bvhs, level, depth, max_iterations })
     }
 
-    /// The same scene with another traversal.
-    ///
-    /// # Errors
-    /// A BVH too deep for the traversal, or device lost.
-    pub fn with_traversal(self, gpu: &Gpu, traversal: Traversal) -> Result<Self, GpuError> {
-        block_on(self.with_traversal_async(gpu, traversal))
-    }
-
-    /// [`TracedScene::with_traversal`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`TracedScene::with_traversal`].
-    pub async fn with_traversal_async(mut self, gpu: &Gpu, traversal: Traversal) -> Result<Self, GpuError> {
-        match &mut self.nodes {
-            Nodes::Wide(wide) => wide.set_traversal(gpu, &self.bvhs, traversal, self.depth).await?,
-            Nodes::Binary(pairs) => pairs.set_traversal(gpu, traversal)?,
-        }
-        Ok(self)
-    }
-
-    /// The same scene with invalid links, to show that tests detect it.
-    ///
-    /// # Errors
-    /// The device is lost.
-    #[doc(hidden)]
-    pub fn without_parent_links(mut self, gpu: &Gpu) -> Result<Self, GpuError> {
-        match &mut self.nodes {
-            Nodes::Wide(wide) => wide.cut_links(gpu)?,
-            Nodes::Binary(pairs) => pairs.cut_links(gpu)?,
-        }
-        Ok(self)
-    }
-
     /// The headers of all BVHs.
     pub(super) fn headers(&self) -> &Buffer<BvhHeader> {
         &self.bvhs
@@ -134,11 +100,11 @@ impl TracedScene {
     #[must_use]
     pub fn specialise(&self, chosen: Specialisation) -> Specialisation {
         let chosen = chosen.part("level", self.level.part()).number("MAX_ITERATIONS", self.max_iterations);
-        let (chosen, has_stack) = match &self.nodes {
-            Nodes::Wide(wide) => (wide.specialise(chosen), wide.traversal() == Traversal::Stack),
-            Nodes::Binary(pairs) => (pairs.specialise(chosen), pairs.traversal() == Traversal::Stack),
+        let chosen = match &self.nodes {
+            Nodes::Wide(wide) => wide.specialise(chosen),
+            Nodes::Binary(pairs) => pairs.specialise(chosen),
         };
-        if has_stack { chosen.number("STACK_SIZE", self.depth.max(1)) } else { chosen }
+        chosen.number("STACK_SIZE", self.depth.max(1))
     }
 
     /// Size in device memory, in bytes.
@@ -167,17 +133,16 @@ fn iteration_limit(counted: u32) -> u32 {
 
 /// Rejects BVHs that are too deep for a stack.
 pub(super) fn check_depth(depth: u32) -> Result<(), GpuError> {
-    if depth > MAX_STACK { Err(too_deep(depth, MAX_STACK)) } else { Ok(()) }
-}
-
-pub(super) fn too_deep(depth: u32, most: u32) -> GpuError {
-    GpuError::Limit {
+    if depth <= MAX_STACK {
+        return Ok(());
+    }
+    Err(GpuError::Limit {
         what: "the stack of a ray".to_owned(),
         need: depth.into(),
         limit: "levels of nodes",
-        most: most.into(),
+        most: MAX_STACK.into(),
         remedy: "use another builder",
-    }
+    })
 }
 
 #[cfg(test)]

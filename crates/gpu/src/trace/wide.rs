@@ -4,26 +4,19 @@ use bytemuck::Pod;
 use canted_tlas::Instance;
 use canted_wide::{LaneKernel, RawBvh, TriangleBvh};
 
-use super::alternatives::{ParentLink, Traversal, links};
 use super::coordinates::check_coordinates;
 use super::layout::{BvhHeader, HitError, Quad, Start};
 use super::level::{Instances, Level};
 use super::nodes::{LINE_QUADS, is_aligned};
-use super::scene::{Nodes, TracedScene, check_depth, too_deep};
+use super::scene::{Nodes, TracedScene, check_depth};
 use super::top_level::{MeshBounds, TopLevel};
 use crate::build::{Built, Change, Collapse, Run, Which, WideBvhs};
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, wait::block_on};
-
-/// Levels whose pending children fit into four words, eight bits each.
-const MAX_BIT_LEVELS: u32 = 16;
 
 /// Nodes and triangle blocks of wide BVHs.
 pub(super) struct WideNodes {
     nodes: Buffer<Quad>,
     halves: Buffer<Quad>,
-    traversal: Traversal,
-    /// Links to parents, for traversals that need them.
-    links: Option<Buffer<ParentLink>>,
     /// Whether all nodes are aligned.
     is_aligned: bool,
     /// What it takes to write them again, where the device does.
@@ -122,8 +115,6 @@ async fn uploaded(
     let wide = WideNodes {
         nodes: joined(gpu, "nodes", &nodes)?,
         halves: joined(gpu, "triangle blocks", &blocks)?,
-        traversal: Traversal::Stack,
-        links: None,
         is_aligned: bvhs.iter().all(|(words, _)| is_aligned(quads(&words.nodes), words.root)),
         collapse: None,
     };
@@ -139,8 +130,7 @@ impl WideNodes {
     /// Those that the device built and writes again.
     pub(super) fn rewritten(bvhs: WideBvhs) -> Self {
         let WideBvhs { nodes, blocks, is_oriented, collapse, .. } = bvhs;
-        let (traversal, is_aligned) = (Traversal::Stack, !is_oriented);
-        Self { nodes, halves: blocks, traversal, links: None, is_aligned, collapse: Some(collapse) }
+        Self { nodes, halves: blocks, is_aligned: !is_oriented, collapse: Some(collapse) }
     }
 
     /// Whether the device writes them again.
@@ -165,52 +155,17 @@ impl WideNodes {
         collapse.put_again(run, level, (&self.nodes, &self.halves), (trees, change))
     }
 
-    pub(super) fn traversal(&self) -> Traversal {
-        self.traversal
-    }
-
-    /// Chooses a traversal for BVHs of this depth.
-    pub(super) async fn set_traversal(
-        &mut self,
-        gpu: &Gpu,
-        bvhs: &Buffer<BvhHeader>,
-        traversal: Traversal,
-        depth: u32,
-    ) -> Result<(), GpuError> {
-        if traversal == Traversal::Bits && depth > MAX_BIT_LEVELS {
-            return Err(too_deep(depth, MAX_BIT_LEVELS));
-        }
-        self.links = match traversal {
-            Traversal::Stack => None,
-            Traversal::Bits | Traversal::Links => {
-                let (nodes, bvhs) = (gpu.read_async(&self.nodes).await?, gpu.read_async(bvhs).await?);
-                Some(gpu.buffer("parent links", &links(&nodes, &bvhs))?)
-            }
-        };
-        self.traversal = traversal;
-        Ok(())
-    }
-
-    /// Makes all links invalid.
-    pub(super) fn cut_links(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
-        let n = self.links.as_ref().map_or(0, Buffer::len);
-        self.links = Some(gpu.buffer("parent links", &vec![ParentLink::OF_ROOT; n])?);
-        Ok(())
-    }
-
     pub(super) fn bindings(&self) -> Vec<NamedBinding<'_>> {
-        let mut bound: Vec<NamedBinding<'_>> = vec![("nodes", &self.nodes), ("triangle_blocks", &self.halves)];
-        bound.extend(self.links.as_ref().map(|links| -> NamedBinding<'_> { ("links", links) }));
-        bound
+        vec![("nodes", &self.nodes), ("triangle_blocks", &self.halves)]
     }
 
     pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
         let kinds = if self.is_aligned { "shared/node_kinds/aligned" } else { "shared/node_kinds/any" };
-        chosen.part("node_kinds", kinds).part("traverse", self.traversal.file())
+        chosen.part("node_kinds", kinds).part("traverse", "shared/traverse/stack")
     }
 
     pub(super) fn n_bytes(&self) -> u64 {
-        self.nodes.n_bytes() + self.halves.n_bytes() + self.links.as_ref().map_or(0, Buffer::n_bytes)
+        self.nodes.n_bytes() + self.halves.n_bytes()
     }
 }
 

@@ -1,20 +1,21 @@
 //! Pictures rendered by a GPU, alone or together with the CPU.
 
+use std::sync::Arc;
+
 use canted_film::{Aov, Film, Filter, Tile};
-use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, TracedScene};
+use canted_gpu::{Buffer, Gpu, GpuError, Kernel, NamedBinding, Specialisation, TracedScene};
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 
 use super::collector::{self, SampleCollector};
 use super::dispatcher::SampleDispatcher;
 use super::environment::DeviceSky;
-use super::kernels::{LightKernels, RenderKernels};
+use super::kernels::RenderKernels;
 use super::lights::{SampledLights, bounded};
 use super::picture::{self, PackedPicture};
 use super::records::{self, PackedSample, PackedSum, SampleRecord};
 use super::scene::PackedScene;
 use super::traced::{Traced, traced_frame, traced_scene};
-use super::wavefront::WavefrontKernels;
 use super::{DeviceError, DeviceFrames};
 use crate::render::{RenderTiles, Rendering, Schedule, Worker};
 use crate::{Integrator, Lights, Monitor, SampleSums, Settings, Structure, Surfaces};
@@ -152,7 +153,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
             Integrator::Hybrid => chosen.clone().part("first", "shared/first/trace"),
             Integrator::Path => chosen.clone(),
         };
-        let kernels = RenderKernels { light: LightKernels::One(gpu.kernel(kernel, &light)?), guide };
+        let kernels = RenderKernels { light: gpu.kernel(kernel, &light)?, guide };
         let picture = gpu.read_only_uniform("picture", &facts)?;
         Ok(Self {
             gpu,
@@ -171,25 +172,8 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         })
     }
 
-    /// Renders by a wavefront of kernels (Laine, Karras, Aila 2013): a measured alternative, see `super::wavefront`.
-    ///
-    /// Samples differ only by how the compiler contracts sums and products.
-    ///
-    /// # Errors
-    /// The hybrid integrator and [`SampleSums::Device`], for which there are no such kernels; errors of the device.
-    pub fn in_waves(self) -> Result<Self, DeviceError> {
-        if self.settings.sums == SampleSums::Device {
-            return Err(DeviceError::Unsupported { what: "sums of samples by a wavefront" });
-        }
-        if self.settings.integrator != Integrator::Path {
-            return Err(DeviceError::Unsupported { what: "a wavefront of the hybrid integrator" });
-        }
-        let light = LightKernels::Wavefront(WavefrontKernels::new(self.gpu, &self.chosen)?);
-        Ok(self.with_kernel(light, None))
-    }
-
     /// The same picture by another kernel, and with what that kernel reads.
-    pub(super) fn with_kernel(self, light: LightKernels, first_seen: Option<Buffer<[u32; 2]>>) -> Self {
+    pub(super) fn with_kernel(self, light: Arc<Kernel>, first_seen: Option<Buffer<[u32; 2]>>) -> Self {
         Self { kernels: RenderKernels { light, ..self.kernels }, first_seen, ..self }
     }
 

@@ -33,7 +33,7 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
     pub(super) fn new(gpu: &'a Gpu, kernels: RenderKernels) -> Result<Self, GpuError> {
         let slice = Slice { first_group: 0, end_group: 0, first_sample: 0, n_samples: 1, block: 1 };
         let slice = gpu.uniform("slice", &slice)?;
-        let kernels = ReadyKernels::new(gpu, kernels, MAX)?;
+        let kernels = ReadyKernels::new(gpu, kernels, MAX);
         let n = kernels.max_groups;
         let records = gpu.zeroed(R::BINDING, n_records::<R>(gpu).min(n as usize * CELL_PIXELS))?;
         let guides = kernels.has_guides().then(|| gpu.zeroed("guides", n as usize * CELL_PIXELS)).transpose()?;
