@@ -1,9 +1,9 @@
 //! WGSL kernels for BVH construction, ray tracing and rendering, assembled from parts and checked without a device.
 //!
 //! ```
-//! use canted_shaders::{Shader, Specialisation};
+//! use canted_shaders::{Shader, Variant};
 //!
-//! let chosen = Specialisation::none()
+//! let chosen = Variant::none()
 //!     .part("traverse", "shared/traverse/stack")
 //!     .part("node_kinds", "shared/node_kinds/any")
 //!     .part("level", "shared/level/single")
@@ -20,7 +20,7 @@
 //!
 //! | item | purpose |
 //! |---|---|
-//! | [`Specialisation`], [`assemble`] | choose the parts of a kernel; its WGSL text |
+//! | [`Variant`], [`assemble`] | choose the parts of a kernel; its WGSL text |
 //! | [`Shader`] | a validated kernel with bindings, work-group size and structure layouts, read by `naga` |
 //! | [`traversal_module`] | `closest_hit` and `occluded` for a kernel of your own |
 //! | [`lint`] | divergent barriers, storage barriers, operations that may produce NaN or infinity |
@@ -47,4 +47,4 @@ pub use files::{FILES, kernels};
 pub use lint::lint;
 pub use module::traversal_module;
 pub use reflection::{Binding, BindingKind, Entry, Layout, MAX_STORAGE_BUFFERS, Shader, Stage};
-pub use source::{Specialisation, assemble};
+pub use source::{Variant, assemble};

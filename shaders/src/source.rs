@@ -17,13 +17,13 @@ use crate::{FILES, ShaderError};
 
 /// Choices for the slots, numbers and overrides of a kernel.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Specialisation {
+pub struct Variant {
     parts: Vec<(String, String)>,
     numbers: Vec<(String, u32)>,
     overrides: Vec<(String, f64)>,
 }
 
-impl Specialisation {
+impl Variant {
     /// No choices.
     #[must_use]
     pub fn none() -> Self {
@@ -74,7 +74,7 @@ impl Specialisation {
 ///
 /// # Errors
 /// A name without a file, a slot or constant without a choice, or a choice that the kernel has no slot for.
-pub fn assemble(name: &str, chosen: &Specialisation) -> Result<String, ShaderError> {
+pub fn assemble(name: &str, chosen: &Variant) -> Result<String, ShaderError> {
     let joined = joined(name, chosen)?;
     let given = chosen.parts.iter().map(|(name, _)| name).chain(chosen.numbers.iter().map(|(name, _)| name));
     for what in given {
@@ -110,7 +110,7 @@ fn sections(text: &'static str) -> Vec<(&'static str, &'static str)> {
     found
 }
 
-fn joined<'a>(name: &'a str, chosen: &'a Specialisation) -> Result<Joined<'a>, ShaderError> {
+fn joined<'a>(name: &'a str, chosen: &'a Variant) -> Result<Joined<'a>, ShaderError> {
     let mut joined = Joined { kernel: name, chosen, text: String::new(), added: vec![], open: vec![] };
     joined.add(name)?;
     Ok(joined)
@@ -118,7 +118,7 @@ fn joined<'a>(name: &'a str, chosen: &'a Specialisation) -> Result<Joined<'a>, S
 
 struct Joined<'a> {
     kernel: &'a str,
-    chosen: &'a Specialisation,
+    chosen: &'a Variant,
     text: String,
     /// Names of files and parts.
     added: Vec<String>,
@@ -170,12 +170,12 @@ mod tests {
 
     #[test]
     fn unknown_names_are_reported() {
-        let none = Specialisation::none();
+        let none = Variant::none();
         assert_eq!(assemble("no/such", &none).unwrap_err().to_string(), "no shader file 'no/such'");
         let error = assemble("check/loops", &none.number("STACK_SIZE", 3)).unwrap_err();
         assert_eq!(error.to_string(), "kernel 'check/loops' has no slot or constant 'STACK_SIZE'");
         let unknown =
-            Specialisation::none().part("mask", "shared/mask/no_such").part("traverse", "shared/traverse/stack");
+            Variant::none().part("mask", "shared/mask/no_such").part("traverse", "shared/traverse/stack");
         assert_eq!(
             assemble("trace/closest", &unknown).unwrap_err().to_string(),
             "kernel 'trace/closest' needs a choice for 'node_kinds'"
@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn a_file_is_added_once() {
-        let text = assemble("check/loops", &Specialisation::none()).unwrap();
+        let text = assemble("check/loops", &Variant::none()).unwrap();
         assert_eq!(text.matches("fn invocation(").count(), 1);
     }
 
@@ -193,7 +193,7 @@ mod tests {
     fn a_part_comes_with_the_head_of_its_file_and_without_other_parts() {
         let found = sections("head\n// part a\nof a\n// choice b\nof b");
         assert_eq!(found, [("", "head\n"), ("a", "of a\n"), ("b", "of b")]);
-        let none = Specialisation::none().part("pattern", "shared/pattern/random");
+        let none = Variant::none().part("pattern", "shared/pattern/random");
         let text = assemble("check/sampler", &none).unwrap();
         assert_eq!((text.matches("fn pair(").count(), text.contains("fn permuted(")), (1, false));
     }

@@ -1,7 +1,7 @@
 //! Every kernel with every choice for its slots: valid, free of lint findings, within the limits of every device.
 
 use canted_shaders::{
-    BindingKind, FILES, MAX_STORAGE_BUFFERS, Shader, ShaderError, Specialisation, Stage, assemble, kernels, lint,
+    BindingKind, FILES, MAX_STORAGE_BUFFERS, Shader, ShaderError, Variant, Stage, assemble, kernels, lint,
     traversal_module,
 };
 
@@ -24,11 +24,11 @@ fn parts(slot: &str) -> Vec<String> {
 }
 
 /// Choices for a kernel, so many that each part of each slot is in one. All combinations would be thousands.
-fn choices(kernel: &str) -> Vec<Specialisation> {
+fn choices(kernel: &str) -> Vec<Variant> {
     let mut n_choices = 1;
     let mut all = vec![];
     while all.len() < n_choices {
-        let mut chosen = Specialisation::none();
+        let mut chosen = Variant::none();
         while let Err(error) = assemble(kernel, &chosen) {
             let ShaderError::MissingChoice { what, .. } = error else { panic!("{error}") };
             // Alpha needs surfaces, which kernels that only trace do not have.

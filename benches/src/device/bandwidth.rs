@@ -3,7 +3,7 @@
 use std::{fmt::Write, time::Instant};
 
 use anyhow::Result;
-use canted_gpu::{AdapterKind, Gpu, NamedBinding, Specialisation};
+use canted_gpu::{AdapterKind, Gpu, NamedBinding, Variant};
 use canted_lbvh::Strategy;
 
 use super::Bench;
@@ -24,7 +24,7 @@ impl Bandwidth {
         let n = QUADS[usize::from(gpu.info().kind != AdapterKind::Software)];
         let from = gpu.zeroed::<[u32; 4]>("copied", n)?;
         let to = gpu.zeroed::<[u32; 4]>("copy", n)?;
-        let kernel = gpu.kernel("check/copy", &Specialisation::none())?;
+        let kernel = gpu.kernel("check/copy", &Variant::none())?;
         let bound: [NamedBinding<'_>; 2] = [("copied_from", &from), ("copied_to", &to)];
         let mut least = f64::MAX;
         for round in 0..=rounds {

@@ -5,7 +5,7 @@ use std::{fmt::Write, time::Instant};
 use anyhow::Result;
 use canted_gpu::{
     Gpu,
-    build::{BuildConfig, Built, Items, Passes, Run, STRATEGIES},
+    build::{BuildConfig, Built, Primitives, Passes, BuildEncoder, STRATEGIES},
 };
 use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Strategy, VolumeConfig};
 use canted_obb::Aabb;
@@ -93,13 +93,13 @@ fn measured(name: &str, positions: &[[f32; 3]], triangles: &[[u32; 3]], bench: &
     })?;
     let upload = least(bench.rounds, || {
         let (corners, _) = lbvh::triangle_corners(positions, triangles)?;
-        let items = Items::triangles(&bench.gpu, [&corners[..]])?;
+        let primitives = Primitives::triangles(&bench.gpu, [&corners[..]])?;
         bench.gpu.finish()?;
-        drop(items);
+        drop(primitives);
         Ok(())
     })?;
-    let items = Items::triangles(&bench.gpu, [&corners[..]])?;
-    let passes = Passes::measure(&bench.gpu, &items, Bits::B63, bench.rounds)?;
+    let primitives = Primitives::triangles(&bench.gpu, [&corners[..]])?;
+    let passes = Passes::measure(&bench.gpu, &primitives, Bits::B63, bench.rounds)?;
     let mut cells = vec![name.to_owned(), corners.len().to_string(), format!("{upload:.1}")];
     let known = [passes.domain, passes.codes, passes.sort, passes.tree].into_iter().chain(passes.boxes);
     cells.extend(known.map(|ms| ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.2}"))));
@@ -146,10 +146,10 @@ impl CompleteBuild {
 /// Milliseconds of a build on the device from uploaded corners.
 fn on_device(bench: &Bench, corners: &[Corners], strategy: Strategy) -> Result<f64> {
     let once = |gpu: &Gpu| -> Result<f64> {
-        let items = Items::triangles(gpu, [corners])?;
+        let primitives = Primitives::triangles(gpu, [corners])?;
         gpu.finish()?;
         let start = Instant::now();
-        let built = Built::new(&mut Run::new(gpu), items, BuildConfig { bits: Bits::B63, strategy })?;
+        let built = Built::new(&mut BuildEncoder::new(gpu), primitives, BuildConfig { bits: Bits::B63, strategy })?;
         gpu.finish()?;
         drop(built);
         Ok(milliseconds(start))

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use anyhow::Result;
-use canted_gpu::build::Items;
+use canted_gpu::build::Primitives;
 use canted_renderer::{Accel, DevicePicture, Settings, StructureConfig, Surfaces, flatten, frame, prepare};
 use canted_trace::Watertight;
 use canted_wide::Preset;
@@ -34,9 +34,9 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         let corners = || -> Result<()> {
             let (positions, triangles, _) = flatten(&scene)?;
             let (corners, _) = canted_lbvh::triangle_corners(&positions, &triangles)?;
-            let items = Items::triangles(gpu, [&corners[..]])?;
+            let primitives = Primitives::triangles(gpu, [&corners[..]])?;
             gpu.finish()?;
-            drop(items);
+            drop(primitives);
             Ok(())
         };
         let config =

@@ -3,7 +3,7 @@
 use std::{fmt::Write, time::Instant};
 
 use anyhow::Result;
-use canted_gpu::{Buffer, DeviceHit, DeviceRay, Gpu, GpuError, NamedBinding, Specialisation, TracedScene};
+use canted_gpu::{Buffer, DeviceHit, DeviceRay, Gpu, GpuError, NamedBinding, Variant, TracedScene};
 use canted_trace::{Ray, ScaledRay, Watertight};
 use canted_wide::{Config, Preset, TriangleBvh};
 
@@ -132,8 +132,8 @@ pub(super) fn cast(bench: &Bench, traced: &TracedScene, kind: Kind, rays: &[Ray]
 fn once(gpu: &Gpu, traced: &TracedScene, kind: Kind, rays: &Buffer<DeviceRay>) -> Result<(f64, usize), GpuError> {
     /// As in the kernels.
     const CUT: u32 = u32::MAX - 1;
-    let chosen = Specialisation::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
-    let chosen = traced.specialise(chosen);
+    let chosen = Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
+    let chosen = traced.specialize(chosen);
     if kind == Kind::Occlusion {
         let found = gpu.zeroed::<u32>("found", rays.len())?;
         let ms = dispatched(gpu, "trace/occluded", &chosen, traced, &[("rays", rays), ("found", &found)], rays.len())?;
@@ -147,7 +147,7 @@ fn once(gpu: &Gpu, traced: &TracedScene, kind: Kind, rays: &Buffer<DeviceRay>) -
 fn dispatched(
     gpu: &Gpu,
     name: &str,
-    chosen: &Specialisation,
+    chosen: &Variant,
     traced: &TracedScene,
     own: &[NamedBinding<'_>],
     n_rays: usize,

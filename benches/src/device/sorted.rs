@@ -6,7 +6,7 @@ use anyhow::Result;
 use canted_fixtures::SplitMix64;
 use canted_gpu::{
     Buffer,
-    build::{Run, Sorter},
+    build::{BuildEncoder, Sorter},
 };
 
 use super::Bench;
@@ -36,9 +36,9 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
 fn rate(bench: &Bench, sorter: &Sorter, words: &[(&Buffer<u32>, u32)]) -> Result<f64> {
     let mut least = f64::MAX;
     for round in 0..=bench.rounds {
-        let mut run = Run::timed(&bench.gpu);
-        sorter.sort(&mut run, words)?;
-        let taken: f64 = run.times().iter().map(|time| time.milliseconds).sum();
+        let mut build = BuildEncoder::timed(&bench.gpu);
+        sorter.sort(&mut build, words)?;
+        let taken: f64 = build.times().iter().map(|time| time.milliseconds).sum();
         if round > 0 {
             least = least.min(taken);
         }

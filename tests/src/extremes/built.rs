@@ -5,7 +5,7 @@
 use canted_fixtures::Mesh;
 use canted_gpu::{
     Choice, Gpu,
-    build::{BuildConfig, Built, Items, Node, Run, STRATEGIES},
+    build::{BuildConfig, Built, Primitives, Node, BuildEncoder, STRATEGIES},
 };
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Corners, Domain, Strategy, Tree};
 use canted_obb::Obb;
@@ -67,9 +67,9 @@ impl Twin {
     }
 
     fn built(&self, gpu: &Gpu, strategy: Strategy) -> Built {
-        let items = Items::triangles(gpu, [&self.corners[..]]).expect("a small mesh");
+        let primitives = Primitives::triangles(gpu, [&self.corners[..]]).expect("a small mesh");
         let config = BuildConfig { bits: Bits::B63, strategy };
-        Built::new(&mut Run::new(gpu), items, config).expect("a small tree")
+        Built::new(&mut BuildEncoder::new(gpu), primitives, config).expect("a small tree")
     }
 
     /// Whether the device's leaves or nodes differ from the CPU's.

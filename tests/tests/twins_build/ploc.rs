@@ -2,14 +2,14 @@
 
 use canted_fixtures::{Mesh, soup};
 use canted_gpu::Gpu;
-use canted_gpu::build::{BuildConfig, Built, Run, Topology};
+use canted_gpu::build::{BuildConfig, Built, BuildEncoder, Topology};
 use canted_lbvh::Bits;
 use canted_obb::Aabb;
 use canted_sah::{PlocConfig, ploc};
 use canted_tests::models::models;
 
 use crate::compare::end_to_end;
-use crate::setup::{Twin, gpu, items, large, meshes, needles, twins};
+use crate::setup::{Twin, gpu, primitives, large, meshes, needles, twins};
 
 /// The CPU's clustered trees.
 fn clustered(meshes: &[Mesh]) -> Vec<Twin> {
@@ -24,7 +24,7 @@ fn clustered(meshes: &[Mesh]) -> Vec<Twin> {
 
 fn compared(gpu: &Gpu, there: &[Twin], twins: &[Twin]) -> Result<(), String> {
     let built =
-        Built::with_topology(&mut Run::new(gpu), items(gpu, there), BuildConfig::default(), Topology::Ploc).unwrap();
+        Built::with_topology(&mut BuildEncoder::new(gpu), items(gpu, there), BuildConfig::default(), Topology::Ploc).unwrap();
     end_to_end(gpu, &built, twins)
 }
 

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use canted_fixtures::SplitMix64;
-use canted_gpu::{Gpu, NamedBinding, Specialisation};
+use canted_gpu::{Gpu, NamedBinding, Variant};
 
 use crate::setup::gpu;
 
@@ -20,7 +20,7 @@ struct Digit {
 
 /// The exclusive prefix sums of each row, and the rows' totals; by work-groups of `group` invocations.
 fn scanned(gpu: &Gpu, group: u32, rows: &[Vec<u32>]) -> (Vec<u32>, Vec<u32>) {
-    let tiled = Specialisation::none().number("GROUP", group).number("KEYS_EACH", 16).number("RADIX", ROWS);
+    let tiled = Variant::none().number("GROUP", group).number("KEYS_EACH", 16).number("RADIX", ROWS);
     let kernel = gpu.kernel("build/sort_scan", &tiled).unwrap();
     let n_tiles = u32::try_from(rows[0].len()).unwrap();
     let digit = gpu.uniform("digit", &Digit { n_keys: 0, n_tiles, shift: 0 }).unwrap();

@@ -3,7 +3,7 @@
 use canted_fixtures::SplitMix64;
 use canted_gpu::{
     Gpu,
-    build::{Run, Sorter},
+    build::{BuildEncoder, Sorter},
 };
 use canted_lbvh::{Bits, sort_by_code};
 
@@ -17,7 +17,7 @@ fn codes(n: usize, distinct: usize) -> Vec<u64> {
 
 fn sorted(gpu: &Gpu, sorter: &Sorter, codes: &[u64]) -> Vec<u32> {
     let [low, high] = words(codes.iter()).map(|word| gpu.buffer("codes", &word).unwrap());
-    gpu.read(&sorter.sort(&mut Run::new(gpu), &[(&low, 32), (&high, 31)]).unwrap()).unwrap()
+    gpu.read(&sorter.sort(&mut BuildEncoder::new(gpu), &[(&low, 32), (&high, 31)]).unwrap()).unwrap()
 }
 
 fn sorted_by_cpu(codes: &[u64]) -> Vec<u32> {

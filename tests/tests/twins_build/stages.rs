@@ -1,12 +1,12 @@
 //! Domain, codes, order and tree, each on the CPU's previous result and then from end to end, all meshes in one set of dispatches.
 
 use canted_fixtures::{Mesh, SplitMix64, soup};
-use canted_gpu::build::{self, BuildConfig, Built, Run};
+use canted_gpu::build::{self, BuildConfig, Built, BuildEncoder};
 use canted_lbvh::Bits;
 
 use crate::{
     compare::{assert_equal, bits_of, end_to_end, grids, stages},
-    setup::{BOTH, Twin, gpu, items, large, meshes, twins},
+    setup::{BOTH, Twin, gpu, primitives, large, meshes, twins},
 };
 
 #[test]
@@ -49,7 +49,7 @@ fn grids_round_as_on_the_cpu() {
         .collect();
     for bits in BOTH {
         let twins = twins(&meshes, bits);
-        let domains = build::domain(&mut Run::new(&gpu), &items(&gpu, &twins), bits).unwrap();
+        let domains = build::domain(&mut BuildEncoder::new(&gpu), &items(&gpu, &twins), bits).unwrap();
         let (device, cpu) = (gpu.read(&domains).unwrap(), grids(&twins));
         for (index, (device, cpu)) in device.iter().zip(&cpu).enumerate() {
             assert_eq!(bits_of(&[*device]), bits_of(&[*cpu]), "mesh {index}, {bits:?}: {device:?} for {cpu:?}");
@@ -82,8 +82,8 @@ fn the_comparison_detects_an_error_in_each_stage() {
 fn the_comparison_detects_a_wrong_box() {
     let Some(gpu) = gpu("the_comparison_detects_a_wrong_box") else { return };
     let mut twins = twins(&[soup(1, 4), soup(3, 30)], Bits::B63);
-    let built = Built::new(&mut Run::new(&gpu), items(&gpu, &twins), BuildConfig::default()).unwrap();
-    twins[1].items[7] = [[9.0; 3]; 3];
+    let built = Built::new(&mut BuildEncoder::new(&gpu), items(&gpu, &twins), BuildConfig::default()).unwrap();
+    twins[1].primitives[7] = [[9.0; 3]; 3];
     let error = end_to_end(&gpu, &built, &twins).unwrap_err();
     assert!(error.starts_with("boxes of tree 1: "), "{error}");
 }

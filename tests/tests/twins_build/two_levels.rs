@@ -3,7 +3,7 @@
 use canted_fixtures::{Mesh, icosphere, soup};
 use canted_gpu::{
     Gpu,
-    build::{BuildConfig, Built, Items, Run, STRATEGIES, TwoLevels},
+    build::{BuildConfig, Built, Primitives, BuildEncoder, STRATEGIES, TwoLevels},
 };
 use canted_lbvh::{Bits, Strategy};
 use canted_obb::{Affine, Obb};
@@ -16,7 +16,7 @@ use canted_tlas::Instance;
 use crate::{
     compare::{end_to_end, stages},
     repeated::{changed, words_of},
-    setup::{Twin, gpu, items, twins},
+    setup::{Twin, gpu, primitives, twins},
 };
 
 /// A mesh with many triangles, one with none and one with one.
@@ -30,9 +30,9 @@ fn instances(placed: &[Affine]) -> Vec<Instance> {
 }
 
 fn built(gpu: &Gpu, instances: &[Instance], config: BuildConfig) -> TwoLevels {
-    let mut run = Run::new(gpu);
-    let bottom = Built::new(&mut run, items(gpu, &twins(&meshes(), config.bits)), config).unwrap();
-    TwoLevels::new(&mut run, bottom, instances, config).unwrap()
+    let mut build = BuildEncoder::new(gpu);
+    let bottom = Built::new(&mut build, items(gpu, &twins(&meshes(), config.bits)), config).unwrap();
+    TwoLevels::new(&mut build, bottom, instances, config).unwrap()
 }
 
 /// The boxes of the instances that have one, computed on the CPU from the device's root boxes.
@@ -49,7 +49,7 @@ fn assert_top(gpu: &Gpu, levels: &TwoLevels, instances: &[Instance], config: Bui
         (0..).zip(instances).filter(|(_, i)| i.blas != 1).map(|(number, _)| number).collect();
     assert_eq!(levels.instances, with_triangles);
     let twins = [twin];
-    stages(gpu, &levels.top.items, &twins, config.bits).unwrap_or_else(|error| panic!("{config:?}, {error}"));
+    stages(gpu, &levels.top.primitives, &twins, config.bits).unwrap_or_else(|error| panic!("{config:?}, {error}"));
     end_to_end(gpu, &levels.top, &twins).unwrap_or_else(|error| panic!("{config:?} from end to end, {error}"));
     let Some(obbs) = &levels.top.obbs else { return };
     let (obbs, leaves) = (gpu.read(obbs).unwrap(), twins[0].leaves());
@@ -102,8 +102,8 @@ fn roots_contain_their_meshes() {
 }
 
 /// Work-groups by stage.
-fn groups(run: &Run<'_>) -> Vec<(&'static str, u64)> {
-    run.times().iter().map(|time| (time.stage, time.n_groups)).collect()
+fn groups(build: &BuildEncoder<'_>) -> Vec<(&'static str, u64)> {
+    build.times().iter().map(|time| (time.stage, time.n_groups)).collect()
 }
 
 #[test]
@@ -116,28 +116,28 @@ fn moved_instances_change_only_the_top_level() {
     placed.truncate(30);
     let moved = instances(&placed);
     let bottom = words_of(&gpu, &levels.bottom);
-    let mut run = Run::timed(&gpu);
-    levels.place(&mut run, &moved).unwrap();
+    let mut build = BuildEncoder::timed(&gpu);
+    levels.place(&mut build, &moved).unwrap();
     assert_top(&gpu, &levels, &moved, config);
     assert_eq!(changed(&bottom, &words_of(&gpu, &levels.bottom)), None);
 
     let nowhere = [Instance::new(0, Affine::IDENTITY), Instance::new(7, Affine::IDENTITY)];
-    let error = levels.place(&mut run, &nowhere).unwrap_err().to_string();
+    let error = levels.place(&mut build, &nowhere).unwrap_err().to_string();
     assert!(error.contains("instance 1 refers to bottom-level BVH 7"), "{error}");
     let mut endless = Instance::new(0, Affine::IDENTITY);
     endless.world_from_object.columns[3][1] = f32::INFINITY;
-    let error = levels.place(&mut run, &[endless]).unwrap_err().to_string();
+    let error = levels.place(&mut build, &[endless]).unwrap_err().to_string();
     assert!(error.contains("the transform of instance 0 is not finite"), "{error}");
     assert_top(&gpu, &levels, &moved, config);
 
     // The update takes as many work-groups as a tree over these boxes, and the rejected updates took none.
-    let mut alone = Run::timed(&gpu);
-    let boxes = Items::boxes(&gpu, &self::placed(&gpu, &levels, &moved)).unwrap();
+    let mut alone = BuildEncoder::timed(&gpu);
+    let boxes = Primitives::boxes(&gpu, &self::placed(&gpu, &levels, &moved)).unwrap();
     Built::new(&mut alone, boxes, config).unwrap();
-    assert_eq!(groups(&run), groups(&alone));
+    assert_eq!(groups(&build), groups(&alone));
     Built::new(&mut alone, items(&gpu, &twins(&meshes(), config.bits)), config).unwrap();
     assert!(
-        groups(&run).iter().zip(groups(&alone)).all(|(top, both)| top.1 < both.1),
+        groups(&build).iter().zip(groups(&alone)).all(|(top, both)| top.1 < both.1),
         "the counts include the bottom level"
     );
 }

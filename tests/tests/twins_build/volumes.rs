@@ -5,13 +5,13 @@ use std::cell::Cell;
 
 use canted_gpu::{
     Gpu,
-    build::{BuildConfig, Built, Range, Run, STRATEGIES},
+    build::{BuildConfig, Built, Range, BuildEncoder, STRATEGIES},
 };
 use canted_lbvh::{self as lbvh, Bits, Corners, Strategy, VolumeConfig};
 use canted_obb::{Aabb, Frame, Obb, dop};
 use rayon::prelude::*;
 
-use crate::setup::{Twin, gpu, items, meshes, needles, twins};
+use crate::setup::{Twin, gpu, primitives, meshes, needles, twins};
 
 /// Boxes of one mesh's nodes, read back.
 struct Boxes<'a> {
@@ -22,10 +22,10 @@ struct Boxes<'a> {
 /// Builds the meshes and calls `look` for the boxes of each, with the CPU's twin.
 fn with_boxes(gpu: &Gpu, twins: &[Twin], strategy: Strategy, look: impl Fn(usize, &Twin, Boxes<'_>)) {
     let config = BuildConfig { bits: Bits::B63, strategy };
-    let built = Built::new(&mut Run::new(gpu), items(gpu, twins), config).unwrap();
+    let built = Built::new(&mut BuildEncoder::new(gpu), items(gpu, twins), config).unwrap();
     let aabbs = gpu.read(&built.aabbs).unwrap();
     let obbs = built.obbs.as_ref().map_or_else(Vec::new, |obbs| gpu.read(obbs).unwrap());
-    for (index, (twin, &Range { first, .. })) in twins.iter().zip(built.items.ranges()).enumerate() {
+    for (index, (twin, &Range { first, .. })) in twins.iter().zip(built.primitives.ranges()).enumerate() {
         let slots = first as usize..first as usize + twin.tree.nodes.len();
         look(index, twin, Boxes { aabbs: &aabbs[slots.clone()], obbs: obbs.get(slots).unwrap_or(&[]) });
     }

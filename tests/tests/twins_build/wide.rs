@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use canted_fixtures::{Mesh, icosphere, soup};
 use canted_gpu::Gpu;
-use canted_gpu::build::{BuildConfig, Built, MAX_LEAF, Range, Run, STRATEGIES, Topology, WideBvhs};
+use canted_gpu::build::{BuildConfig, Built, MAX_LEAF, Range, BuildEncoder, STRATEGIES, Topology, WideBvhs};
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Strategy, Tree, VolumeConfig};
 use canted_obb::Aabb;
 
-use crate::setup::{BOTH, Twin, gpu, items, large, meshes, needles, twins};
+use crate::setup::{BOTH, Twin, gpu, primitives, large, meshes, needles, twins};
 use crate::wide_check::{Wide, check};
 
 const EMPTY: u32 = 0x7fff_ffff;
@@ -147,7 +147,7 @@ fn expected(
             for i in 0..n as usize {
                 let primitive = boxed.tree.leaves[first as usize + i];
                 let at = 40 * (part / 2) + 2 * (part % 2) + i;
-                for (row, x) in twins[number].items[primitive.index()].as_flattened().iter().enumerate() {
+                for (row, x) in twins[number].primitives[primitive.index()].as_flattened().iter().enumerate() {
                     blocks.insert(at + 4 * row, x.to_bits());
                 }
                 blocks.insert(at + 36, primitive.0);
@@ -172,20 +172,20 @@ fn unequal(what: &str, device: &[[u32; 4]], cpu: &BTreeMap<usize, u32>) -> Resul
 
 /// Compares what the device makes of `there` with the CPU's result for `twins`.
 fn compared(gpu: &Gpu, there: &[Twin], twins: &[Twin], bits: Bits) -> Result<(), String> {
-    let mut run = Run::new(gpu);
-    let built = Built::new(&mut run, items(gpu, there), BuildConfig { bits, ..BuildConfig::default() }).unwrap();
-    let wide = WideBvhs::new(&mut run, &built, None).unwrap();
+    let mut build = BuildEncoder::new(gpu);
+    let built = Built::new(&mut build, items(gpu, there), BuildConfig { bits, ..BuildConfig::default() }).unwrap();
+    let wide = WideBvhs::new(&mut build, &built, None).unwrap();
     let (nodes, blocks) = (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap());
     // A root's word is where the room of its tree starts; trees without nodes need none.
     let first_units: Vec<usize> = wide.levels[0].roots.iter().map(|&root| root as usize / 4).collect();
-    let (cpu_nodes, cpu_blocks, depth) = expected(twins, built.items.ranges(), &first_units);
+    let (cpu_nodes, cpu_blocks, depth) = expected(twins, built.primitives.ranges(), &first_units);
     unequal("nodes", &nodes, &cpu_nodes)?;
     unequal("blocks", &blocks, &cpu_blocks)?;
     if wide.levels[0].depth != depth {
         return Err(format!("depth: {} for {depth}", wide.levels[0].depth));
     }
     for (index, (twin, &root)) in twins.iter().zip(&wide.levels[0].roots).enumerate() {
-        check(&Wide { nodes: &nodes, blocks: &blocks, root }, &twin.items)
+        check(&Wide { nodes: &nodes, blocks: &blocks, root }, &twin.primitives)
             .map_err(|error| format!("tree {index}: {error}"))?;
     }
     Ok(())
@@ -215,7 +215,7 @@ fn the_comparison_detects_other_boxes_and_trees() {
     let Some(gpu) = gpu("the_comparison_detects_other_boxes_and_trees") else { return };
     type Spoil = fn(&mut Twin);
     let spoils: [(&str, Spoil); 3] = [
-        ("nodes: ", |twin| twin.items[7][0][0] = 9.0),
+        ("nodes: ", |twin| twin.primitives[7][0][0] = 9.0),
         ("nodes: ", |twin| twin.tree.nodes.swap(3, 4)),
         ("blocks: ", |twin| twin.tree.leaves.swap(10, 11)),
     ];
@@ -234,9 +234,9 @@ fn repeated_collapses_give_the_same_words() {
     let Some(gpu) = gpu("repeated_collapses_give_the_same_words") else { return };
     let twins = twins(&[large(6, 20_000), soup(8, 100)], Bits::B63);
     let words = || {
-        let mut run = Run::new(&gpu);
-        let built = Built::new(&mut run, items(&gpu, &twins), BuildConfig::default()).unwrap();
-        let wide = WideBvhs::new(&mut run, &built, None).unwrap();
+        let mut build = BuildEncoder::new(&gpu);
+        let built = Built::new(&mut build, items(&gpu, &twins), BuildConfig::default()).unwrap();
+        let wide = WideBvhs::new(&mut build, &built, None).unwrap();
         (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap(), wide.levels)
     };
     assert!(words() == words());
@@ -249,16 +249,16 @@ fn oriented_nodes_enclose_their_triangles() {
     let all = [needles(), meshes()].concat();
     let twins = twins(&all, Bits::B63);
     for (strategy, topology) in STRATEGIES.into_iter().zip([Topology::Radix, Topology::Ploc].into_iter().cycle()) {
-        let mut run = Run::new(&gpu);
+        let mut build = BuildEncoder::new(&gpu);
         let config = BuildConfig { bits: Bits::B63, strategy };
-        let built = Built::with_topology(&mut run, items(&gpu, &twins), config, topology).unwrap();
-        let wide = WideBvhs::new(&mut run, &built, None).unwrap();
+        let built = Built::with_topology(&mut build, items(&gpu, &twins), config, topology).unwrap();
+        let wide = WideBvhs::new(&mut build, &built, None).unwrap();
         let (nodes, blocks) = (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap());
         let n_oriented: usize = twins
             .iter()
             .zip(&wide.levels[0].roots)
             .map(|(twin, &root)| {
-                let checked = check(&Wide { nodes: &nodes, blocks: &blocks, root }, &twin.items);
+                let checked = check(&Wide { nodes: &nodes, blocks: &blocks, root }, &twin.primitives);
                 checked.unwrap_or_else(|error| panic!("{strategy:?}: {error}"))
             })
             .sum();

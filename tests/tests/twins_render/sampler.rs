@@ -1,7 +1,7 @@
 //! Random numbers: the same bits on both devices.
 
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::{Gpu, Specialisation};
+use canted_gpu::{Gpu, Variant};
 use canted_renderer::{Pattern, Sampler};
 
 use super::gpu;
@@ -26,7 +26,7 @@ struct Answer {
 }
 
 fn of_device(gpu: &Gpu, pattern: &str, asks: &[Ask]) -> Vec<Answer> {
-    let part = Specialisation::none().part("pattern", &format!("shared/pattern/{pattern}"));
+    let part = Variant::none().part("pattern", &format!("shared/pattern/{pattern}"));
     let kernel = gpu.kernel("check/sampler", &part).unwrap();
     let asked = gpu.buffer("queries", asks).unwrap();
     let answers = gpu.zeroed::<Answer>("answers", asks.len()).unwrap();

@@ -1,7 +1,7 @@
 //! Instances that move while the shutter is open: at each ray's time the device agrees with the CPU.
 
 use canted_fixtures::{Mesh, SplitMix64};
-use canted_gpu::{DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Outcome, Specialisation, TracedScene};
+use canted_gpu::{DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Outcome, Variant, TracedScene};
 use canted_obb::Affine;
 use canted_tests::{
     closed::{baked, placements},
@@ -67,8 +67,8 @@ fn error(ray: &Ray, instance: &Instance, reach: f64) -> f64 {
 
 /// The device's answers to rays at a time.
 fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray], time: f32) -> Vec<Outcome<Option<DeviceHit>>> {
-    let chosen = Specialisation::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
-    let kernel = gpu.kernel("check/moving", &scene.specialise(chosen)).unwrap();
+    let chosen = Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
+    let kernel = gpu.kernel("check/moving", &scene.specialize(chosen)).unwrap();
     let scaled: Vec<ScaledRay> = rays.iter().map(|ray| ScaledRay::new(ray).unwrap()).collect();
     let rays_there = gpu.buffer("rays", &scaled.iter().map(DeviceRay::scaled).collect::<Vec<_>>()).unwrap();
     let times = gpu.buffer("times", &vec![time; rays.len()]).unwrap();

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use canted_gpu::{
     AdapterKind, Choice, Gpu,
-    build::{Items, Passes, STRATEGIES},
+    build::{Primitives, Passes, STRATEGIES},
 };
 use canted_lbvh::{Bits, Strategy};
 
@@ -45,8 +45,8 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         if gpu.info().kind == AdapterKind::Software { &["bunny"][..] } else { &["dragon_871k", "sponza", "bunny"] };
     for (name, model) in scenes(effort, names, chapter)? {
         let (corners, _) = canted_lbvh::triangle_corners(&model.mesh.positions, &model.mesh.triangles)?;
-        let items = Items::triangles(&gpu, [&corners[..]])?;
-        let Passes { codes, tree, boxes, error, .. } = Passes::measure(&gpu, &items, Bits::B63, runs)?;
+        let primitives = Primitives::triangles(&gpu, [&corners[..]])?;
+        let Passes { codes, tree, boxes, error, .. } = Passes::measure(&gpu, &primitives, Bits::B63, runs)?;
         chapter.skipped.extend(error.map(|error| format!("Some passes of {name} on the device: {error}.")));
         let of = |wanted: Strategy| STRATEGIES.iter().position(|&strategy| strategy == wanted).and_then(|i| boxes[i]);
         let ours = [codes, tree, of(Strategy::PcaBounded), of(Strategy::Quaternion)];

@@ -3,7 +3,7 @@
 use crate::{buffers::opened, common::lowered};
 use canted_gpu::{
     Gpu, GpuError,
-    build::{BuildConfig, Built, Items, Passes, Run, Topology, WideBvhs},
+    build::{BuildConfig, Built, Primitives, Passes, BuildEncoder, Topology, WideBvhs},
     wgpu::CommandEncoderDescriptor,
 };
 use canted_lbvh::{Bits, Corners, Strategy};
@@ -17,8 +17,8 @@ fn stages_that_fit_are_timed_when_others_do_not_fit() {
         [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, f32::from(i % 7)]]
     };
     let corners: Vec<Corners> = (0..1000).map(triangle).collect();
-    let items = Items::triangles(&gpu, [&corners[..]]).unwrap();
-    let passes = Passes::measure(&gpu, &items, Bits::B63, 1).unwrap();
+    let primitives = Primitives::triangles(&gpu, [&corners[..]]).unwrap();
+    let passes = Passes::measure(&gpu, &primitives, Bits::B63, 1).unwrap();
     let fit = [passes.domain, passes.codes, passes.sort, passes.tree, passes.boxes[0]];
     assert!(fit.iter().all(Option::is_some) && passes.total(Strategy::Aabb).is_some(), "{passes:?}");
     assert_eq!((&passes.boxes[1..], passes.total(Strategy::Combined)), (&[None; 5][..], None));
@@ -27,7 +27,7 @@ fn stages_that_fit_are_timed_when_others_do_not_fit() {
         other => panic!("{other:?}"),
     }
     // A build that fits reports no error.
-    let few = Items::triangles(&gpu, [&corners[..500]]).unwrap();
+    let few = Primitives::triangles(&gpu, [&corners[..500]]).unwrap();
     let passes = Passes::measure(&gpu, &few, Bits::B63, 1).unwrap();
     assert!(passes.error.is_none() && passes.boxes.iter().all(Option::is_some), "{passes:?}");
 }
@@ -38,13 +38,13 @@ fn recorded_clusters_and_wide_nodes_are_rejected() {
     let Some((device, queue)) = opened("recorded_clusters_and_wide_nodes_are_rejected") else { return };
     let gpu = Gpu::from_wgpu(device.clone(), queue);
     let corners: Vec<Corners> = vec![[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]; 9];
-    let items = || Items::triangles(&gpu, [&corners[..]]).unwrap();
+    let primitives = || Primitives::triangles(&gpu, [&corners[..]]).unwrap();
     let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
-    let mut run = Run::recorded(&gpu, &mut encoder);
-    let built = |run: &mut Run<'_>, topology| Built::with_topology(run, items(), BuildConfig::default(), topology);
-    assert!(matches!(built(&mut run, Topology::Ploc), Err(GpuError::Unsupported { .. })));
-    let radix = built(&mut run, Topology::Radix).unwrap();
-    assert!(matches!(WideBvhs::new(&mut run, &radix, None), Err(GpuError::Unsupported { .. })));
+    let mut build = BuildEncoder::recorded(&gpu, &mut encoder);
+    let built = |build: &mut BuildEncoder<'_>, topology| Built::with_topology(build, items(), BuildConfig::default(), topology);
+    assert!(matches!(built(&mut build, Topology::Ploc), Err(GpuError::Unsupported { .. })));
+    let radix = built(&mut build, Topology::Radix).unwrap();
+    assert!(matches!(WideBvhs::new(&mut build, &radix, None), Err(GpuError::Unsupported { .. })));
 }
 
 /// Numbers of aligned and oriented nodes below the root of one tree.
@@ -74,10 +74,10 @@ fn oriented_nodes_do_not_depend_on_the_unit_of_length() {
     let of_scale = |exponent: i32| {
         let scaled = |i| triangle(i).map(|vertex| vertex.map(|x| x * 2.0_f32.powi(exponent)));
         let corners: Vec<Corners> = (0..1000).map(scaled).collect();
-        let mut run = Run::new(&gpu);
+        let mut build = BuildEncoder::new(&gpu);
         let config = BuildConfig { strategy: Strategy::Combined, ..BuildConfig::default() };
-        let built = Built::new(&mut run, Items::triangles(&gpu, [&corners[..]]).unwrap(), config).unwrap();
-        kinds(&gpu, &WideBvhs::new(&mut run, &built, None).unwrap())
+        let built = Built::new(&mut build, Primitives::triangles(&gpu, [&corners[..]]).unwrap(), config).unwrap();
+        kinds(&gpu, &WideBvhs::new(&mut build, &built, None).unwrap())
     };
     let expected = of_scale(0);
     assert!(expected[1] > 50, "{expected:?}");

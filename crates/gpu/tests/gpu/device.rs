@@ -1,7 +1,7 @@
 //! Devices, buffers and dispatches.
 
 use crate::common::{gpu, lowered};
-use canted_gpu::{GpuError, Specialisation, loop_iterations};
+use canted_gpu::{GpuError, Variant, loop_iterations};
 
 #[test]
 fn buffers_read_back_unchanged() {
@@ -16,7 +16,7 @@ fn buffers_read_back_unchanged() {
 fn a_kernel_runs_and_is_timed() {
     let Some(gpu) = gpu("a_kernel_runs_and_is_timed") else { return };
     assert_eq!(loop_iterations(&gpu, 1000).unwrap(), 1000);
-    let kernel = gpu.kernel("check/loops", &Specialisation::none()).unwrap();
+    let kernel = gpu.kernel("check/loops", &Variant::none()).unwrap();
     let wanted = gpu.uniform("wanted", &[7_u32, 0, 0, 0]).unwrap();
     let counted = gpu.zeroed::<u32>("counted", 5000).unwrap();
     let mut commands = gpu.timed_commands();
@@ -29,7 +29,7 @@ fn a_kernel_runs_and_is_timed() {
 #[test]
 fn a_missing_binding_is_reported() {
     let Some(gpu) = gpu("a_missing_binding_is_reported") else { return };
-    let kernel = gpu.kernel("check/loops", &Specialisation::none()).unwrap();
+    let kernel = gpu.kernel("check/loops", &Variant::none()).unwrap();
     let counted = gpu.zeroed::<u32>("counted", 1).unwrap();
     let error = gpu.commands().dispatch(&kernel, &[("counted", &counted)], [1, 1, 1]).unwrap_err().to_string();
     assert!(error.contains("kernel 'check/loops' has no binding for 'wanted'"), "{error}");

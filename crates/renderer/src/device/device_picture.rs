@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use canted_film::{Aov, Film, Filter, Tile};
-use canted_gpu::{Buffer, Gpu, GpuError, Kernel, NamedBinding, Specialisation, TracedScene};
+use canted_gpu::{Buffer, Gpu, GpuError, Kernel, NamedBinding, Variant, TracedScene};
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 
@@ -44,8 +44,8 @@ pub struct DevicePicture<'a, K: LaneKernel> {
     sampled: Option<SampledLights>,
     picture: Buffer<PackedPicture>,
     filter_table: Option<Buffer<f32>>,
-    /// The specialisation of the light kernel, but for how it finds first hits.
-    pub(super) chosen: Specialisation,
+    /// The variant of the light kernel, but for how it finds first hits.
+    pub(super) chosen: Variant,
     pub(super) kernels: RenderKernels,
     /// Instance and primitive at the center of each pixel, where a raster pass found them.
     pub(super) first_seen: Option<Buffer<[u32; 2]>>,
@@ -132,21 +132,21 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         };
         let time = if scene.has_motion() { "shared/time/shutter" } else { "shared/time/still" };
         let shared = |count: &str| {
-            let chosen = Specialisation::none().part("count", count).part("time", time);
-            traced.specialise(picture::specialise(chosen, view, settings))
+            let chosen = Variant::none().part("count", count).part("time", time);
+            traced.specialize(picture::specialize(chosen, view, settings))
         };
-        let chosen = sky.specialise(shared("shared/count/none")).part("film", records::part(settings.sums));
+        let chosen = sky.specialize(shared("shared/count/none")).part("film", records::part(settings.sums));
         let (kernel, chosen, sampled) = match settings.integrator {
-            Integrator::Hybrid => ("render/hybrid", packed.specialise_hybrid(chosen), None),
+            Integrator::Hybrid => ("render/hybrid", packed.specialize_hybrid(chosen), None),
             Integrator::Path => {
                 let sampled = SampledLights::new(gpu, cpu.light_sampler(), |instance| packed.slack_of(instance))?;
-                ("render/path", packed.specialise_path(chosen, &sampled, settings.energy_compensation), Some(sampled))
+                ("render/path", packed.specialize_path(chosen, &sampled, settings.energy_compensation), Some(sampled))
             }
         };
         let guide = || {
             let counts = settings.aovs.contains(Aov::Tests);
             let chosen = shared(if counts { "shared/count/tests" } else { "shared/count/none" });
-            gpu.kernel("render/guide", &packed.specialise_guide(chosen))
+            gpu.kernel("render/guide", &packed.specialize_guide(chosen))
         };
         let guide = (!settings.aovs.is_empty()).then(guide).transpose()?;
         let light = match settings.integrator {

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use canted_film::Filter;
-use canted_gpu::Specialisation;
+use canted_gpu::Variant;
 
 use super::DeviceError;
 use crate::vector::{length, narrow};
@@ -68,7 +68,7 @@ pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> Packe
 }
 
 /// Selects the parts of a kernel that generate camera rays.
-pub(super) fn specialise(chosen: Specialisation, view: &View, settings: &Settings) -> Specialisation {
+pub(super) fn specialize(chosen: Variant, view: &View, settings: &Settings) -> Variant {
     let pattern = match settings.pattern {
         Pattern::Random => "shared/pattern/random",
         Pattern::Stratified => "shared/pattern/stratified",

@@ -1,6 +1,6 @@
 //! Images as kernels read them: words of a few long arrays.
 
-use canted_gpu::{Buffer, Gpu, GpuError, Specialisation};
+use canted_gpu::{Buffer, Gpu, GpuError, Variant};
 use canted_scene::{Encoding, Magnification, Material, Scene, Texture, TextureId, TextureRef, Wrap};
 
 use crate::texture::{MipMap, Textures};
@@ -138,7 +138,7 @@ impl Texels {
     pub(super) const NAMES: [&'static str; MAX_BINDINGS] = ["texels_0", "texels_1", "texels_2", "texels_3"];
 
     /// Selects how kernels read and average texels.
-    pub(super) fn specialise(&self, chosen: Specialisation, lod: Lod) -> Specialisation {
+    pub(super) fn specialize(&self, chosen: Variant, lod: Lod) -> Variant {
         let lod = match lod {
             Lod::None => "shared/lod/none",
             Lod::Cone => "shared/lod/cone",

@@ -5,7 +5,7 @@ use std::{fmt::Write, time::Instant};
 use anyhow::Result;
 use canted_gpu::{
     Gpu, GpuError,
-    build::{BuildConfig, Built, Items, Passes, Run, STRATEGIES, TwoLevels},
+    build::{BuildConfig, Built, Primitives, Passes, BuildEncoder, STRATEGIES, TwoLevels},
 };
 use canted_lbvh::{self as lbvh, Bits, Corners, Strategy};
 use canted_scene::Scene;
@@ -44,7 +44,7 @@ pub(super) fn measure(gpu: &Gpu, scene: &Scene) -> Result<PassTimes> {
     let start = Instant::now();
     let (positions, triangles, _) = canted_renderer::flatten(scene)?;
     let (corners, _) = lbvh::triangle_corners(&positions, &triangles)?;
-    let one = uploaded(gpu, start, &[corners]).and_then(|(items, upload)| level(gpu, &items, Some(upload)));
+    let one = uploaded(gpu, start, &[corners]).and_then(|(primitives, upload)| level(gpu, &primitives, Some(upload)));
     let start = Instant::now();
     let meshes: Vec<Vec<Corners>> = scene
         .meshes
@@ -53,10 +53,10 @@ pub(super) fn measure(gpu: &Gpu, scene: &Scene) -> Result<PassTimes> {
         .collect::<Result<_>>()?;
     let (bottom, top, rebuild_top) = match uploaded(gpu, start, &meshes) {
         Err(error) => (Err(error.clone()), Err(error), None),
-        Ok((items, upload)) => {
-            let bottom = level(gpu, &items, Some(upload));
+        Ok((primitives, upload)) => {
+            let bottom = level(gpu, &primitives, Some(upload));
             let (top, rebuild_top) =
-                top(gpu, scene, items).map_or_else(|error| (Err(error), None), |(top, ms)| (Ok(top), Some(ms)));
+                top(gpu, scene, primitives).map_or_else(|error| (Err(error), None), |(top, ms)| (Ok(top), Some(ms)));
             (bottom, top, rebuild_top)
         }
     };
@@ -68,32 +68,32 @@ pub(super) fn measure(gpu: &Gpu, scene: &Scene) -> Result<PassTimes> {
 }
 
 /// Uploads meshes; also returns the milliseconds since `start`.
-fn uploaded(gpu: &Gpu, start: Instant, meshes: &[Vec<Corners>]) -> Result<(Items, f64), GpuError> {
-    let items = Items::triangles(gpu, meshes.iter().map(|corners| &corners[..]))?;
+fn uploaded(gpu: &Gpu, start: Instant, meshes: &[Vec<Corners>]) -> Result<(Primitives, f64), GpuError> {
+    let primitives = Primitives::triangles(gpu, meshes.iter().map(|corners| &corners[..]))?;
     gpu.finish()?;
-    Ok((items, start.elapsed().as_secs_f64() * 1e3))
+    Ok((primitives, start.elapsed().as_secs_f64() * 1e3))
 }
 
 /// The top level over bottom levels with oriented volumes, and the milliseconds to rebuild it alone.
-fn top(gpu: &Gpu, scene: &Scene, items: Items) -> Result<(Level, f64), GpuError> {
+fn top(gpu: &Gpu, scene: &Scene, primitives: Primitives) -> Result<(Level, f64), GpuError> {
     let config = BuildConfig { bits: Bits::B63, strategy: Strategy::Combined };
-    let mut run = Run::new(gpu);
-    let built = Built::new(&mut run, items, config)?;
+    let mut build = BuildEncoder::new(gpu);
+    let built = Built::new(&mut build, primitives, config)?;
     let instances: Vec<Instance> =
         scene.instances.iter().map(|i| Instance::new(i.mesh.0, i.world_from_object)).collect();
-    let mut two = TwoLevels::new(&mut run, built, &instances, config)?;
+    let mut two = TwoLevels::new(&mut build, built, &instances, config)?;
     gpu.finish()?;
     let start = Instant::now();
-    two.place(&mut run, &instances)?;
+    two.place(&mut build, &instances)?;
     gpu.finish()?;
     let rebuild_ms = start.elapsed().as_secs_f64() * 1e3;
-    Ok((level(gpu, &two.top.items, None)?, rebuild_ms))
+    Ok((level(gpu, &two.top.primitives, None)?, rebuild_ms))
 }
 
 /// Times every pass.
-fn level(gpu: &Gpu, items: &Items, upload: Option<f64>) -> Result<Level, GpuError> {
-    let passes = Passes::measure(gpu, items, Bits::B63, RUNS)?;
-    Ok(Level { n_items: items.len(), upload, passes })
+fn level(gpu: &Gpu, primitives: &Primitives, upload: Option<f64>) -> Result<Level, GpuError> {
+    let passes = Passes::measure(gpu, primitives, Bits::B63, RUNS)?;
+    Ok(Level { n_items: primitives.len(), upload, passes })
 }
 
 impl PassTimes {
@@ -165,7 +165,7 @@ fn level_json(level: &Level) -> Value {
         .map(|(strategy, ms)| (strategy_name(strategy).to_owned(), (*ms).into()))
         .collect();
     let mut all = json!({
-        "items": level.n_items, "domain_ms": domain, "codes_ms": codes, "sort_ms": sort, "tree_ms": tree,
+        "primitives": level.n_items, "domain_ms": domain, "codes_ms": codes, "sort_ms": sort, "tree_ms": tree,
         "volumes_ms": boxes,
     });
     if let Some(ms) = level.upload {

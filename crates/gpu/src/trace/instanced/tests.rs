@@ -93,7 +93,7 @@ fn instances_have_the_bits_of_the_cpu_and_boxes_contain_them() {
     let scene = scene_of(&gpu, &placed);
     let Level::Two(instances) = scene.traced.level() else { panic!("two levels") };
     let found = gpu.read(instances.data()).unwrap();
-    let boxes = scene.top.items.read_boxes(&gpu).unwrap();
+    let boxes = scene.top.primitives.read_boxes(&gpu).unwrap();
     let (mut n_compared, mut n_escaped) = (0, 0);
     for (i, map) in transforms.iter().enumerate() {
         let instance = Instance::new(placed[i].mesh, *map);

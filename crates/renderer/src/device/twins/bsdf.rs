@@ -1,5 +1,5 @@
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::Specialisation;
+use canted_gpu::Variant;
 
 use super::{U, answers, compare, direction, gpu, number, same_layout};
 use crate::{Bsdf, BsdfSample, Evaluation};
@@ -34,7 +34,7 @@ struct Answer {
     _padding: [u32; 3],
 }
 
-/// Flag of a query that only the CPU reads: the kernel is specialised.
+/// Flag of a query that only the CPU reads: the kernel is specialized.
 const COMPENSATED: u32 = 4;
 
 const FOUND: u32 = 1;
@@ -210,12 +210,12 @@ fn queries(n: u32) -> Vec<Query> {
 }
 
 /// The choices for all materials.
-fn full() -> Specialisation {
+fn full() -> Variant {
     glossy("shared/transmission/glass", "shared/energy/single")
 }
 
-fn glossy(transmission: &str, energy: &str) -> Specialisation {
-    Specialisation::none().part("bsdf", "shared/bsdf/full").part("transmission", transmission).part("energy", energy)
+fn glossy(transmission: &str, energy: &str) -> Variant {
+    Variant::none().part("bsdf", "shared/bsdf/full").part("transmission", transmission).part("energy", energy)
 }
 
 #[test]
@@ -264,7 +264,7 @@ fn diffuse_bsdf_matches_the_full_one() {
     let diffuse =
         |query: Query| Query { metallic: 0.0, specular: 0.0, transmission: 0.0, roughness: 1.0, flags: 0, ..query };
     let queries: Vec<Query> = queries(2000).into_iter().map(diffuse).collect();
-    let lambert = Specialisation::none().part("bsdf", "shared/bsdf/lambert");
+    let lambert = Variant::none().part("bsdf", "shared/bsdf/lambert");
     let [few, all] = [lambert, full()].map(|chosen| answers::<_, Answer>(&gpu, "check/bsdf", &chosen, &queries, &[]));
     compare(compare_one, &queries, &all).unwrap();
     for (few, all) in few.iter().zip(&all) {

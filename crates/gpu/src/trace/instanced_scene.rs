@@ -7,13 +7,13 @@
 //!
 //! Updates read nothing back: inverses and boxes of instances are computed on the device.
 
-use super::buffers::check_same_counts;
-use super::device_bvh::{DeviceBvh, NewNodes};
-use super::headers::{put_headers, scales};
-use super::level::{Instances, Level};
+use super::buffer_scene::{BufferConfig, check_same_counts, put_headers, scales};
+use super::instances::{Instances, Level};
+use super::layout::{BvhHeader, EMPTY};
+use super::nodes::{DeviceBvh, NewNodes};
 use super::scene::TracedScene;
 use crate::build::{
-    Built, Change, Faults, InstanceBuffer, Items, MeshBoxes, MeshBuffers, N_INSTANCE_FAULTS, Run, Which, fault,
+    Built, Change, Faults, InstanceBuffer, Primitives, MeshBoxes, MeshBuffers, N_INSTANCE_FAULTS, BuildEncoder, Which, fault,
     instance_fault, refit_aabbs,
 };
 use crate::{Buffer, Gpu, GpuError, wait::block_on};
@@ -60,68 +60,47 @@ pub struct InstancedScene {
 }
 
 impl InstancedScene {
-    /// Builds both levels, waits for them and checks the buffers.
+    /// Builds both levels, waits for them and, unless `config` says otherwise, checks the buffers.
     ///
     /// # Errors
     /// As for [`BufferScene::new`](crate::BufferScene::new); an instance of no mesh, with a transform that is not finite, is singular or has
     /// a condition number above [`MAX_CONDITION`](crate::MAX_CONDITION), or with coordinates above 1e18 in world space, by its number.
-    pub fn new(
+    pub fn new<'c>(
         gpu: &Gpu,
         meshes: &[MeshBuffers<'_>],
         instances: &InstanceBuffer<'_>,
-        bvh: impl Into<DeviceBvh>,
+        config: impl Into<BufferConfig<'c>>,
     ) -> Result<Self, GpuError> {
-        block_on(Self::new_async(gpu, meshes, instances, bvh))
+        block_on(Self::new_async(gpu, meshes, instances, config))
     }
 
     /// [`InstancedScene::new`] for browsers.
     ///
     /// # Errors
     /// As for [`InstancedScene::new`].
-    pub async fn new_async(
+    pub async fn new_async<'c>(
         gpu: &Gpu,
         meshes: &[MeshBuffers<'_>],
         instances: &InstanceBuffer<'_>,
-        bvh: impl Into<DeviceBvh>,
+        config: impl Into<BufferConfig<'c>>,
     ) -> Result<Self, GpuError> {
-        let scene = Self::without_check_async(gpu, meshes, instances, bvh).await?;
-        scene.check_async(gpu).await?;
-        Ok(scene)
-    }
-
-    /// Builds both levels without checking the buffers. A triangle with a fault counts as a point, and an instance with a fault is not
-    /// placed; nothing hits them.
-    ///
-    /// # Errors
-    /// As for [`Self::new`], except for faults of triangles and instances.
-    pub fn without_check(
-        gpu: &Gpu,
-        meshes: &[MeshBuffers<'_>],
-        instances: &InstanceBuffer<'_>,
-        bvh: impl Into<DeviceBvh>,
-    ) -> Result<Self, GpuError> {
-        block_on(Self::without_check_async(gpu, meshes, instances, bvh))
-    }
-
-    /// [`InstancedScene::without_check`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`InstancedScene::without_check`].
-    pub async fn without_check_async(
-        gpu: &Gpu,
-        meshes: &[MeshBuffers<'_>],
-        instances: &InstanceBuffer<'_>,
-        bvh: impl Into<DeviceBvh>,
-    ) -> Result<Self, GpuError> {
-        let mut run = Run::new(gpu);
+        let BufferConfig { bvh, parts, is_checked } = config.into();
+        if parts.is_some() {
+            return Err(GpuError::Input { message: "parts of meshes as instances in two levels".to_owned() });
+        }
+        let mut build = BuildEncoder::new(gpu);
         let faults = gpu.zeroed("faults", 2 * meshes.len())?;
-        let items = Items::trees_of_buffers(&run, meshes)?;
-        items.gather(&mut run, meshes, &faults)?;
+        let primitives = Primitives::trees_of_buffers(&build, meshes)?;
+        primitives.gather(&mut build, meshes, &faults)?;
         let most = meshes.iter().map(|mesh| mesh.n_triangles).max().unwrap_or(0);
-        let bvh = bvh.into().shallow(most, instances.n_instances);
-        let bottom = bvh.build(&mut run, items).await?;
-        let top = bvh.build_top(&mut run, gpu, instances.n_instances).await?;
-        let NewNodes { nodes, headers, depth } = NewNodes::new(&mut run, bvh, &bottom, Some(&top)).await?;
+        let bvh = bvh.shallow(most, instances.n_instances);
+        let bottom = bvh.build(&mut build, primitives).await?;
+        let top = bvh.build_top(&mut build, instances.n_instances).await?;
+        let new = NewNodes::new(&mut build, bvh, &bottom, Some(&top)).await?;
+        let depth = new.depth_bound(bvh, &bottom, Some(&top));
+        let NewNodes { nodes, mut headers, .. } = new;
+        // For instances that are not placed.
+        headers.push(BvhHeader::binary(EMPTY, 0));
         let level = Level::Two(Instances::unplaced(gpu, instances.n_instances)?);
         let traced = TracedScene::over(gpu, nodes, &headers, level, depth).await?;
         let boxes = gpu.zeroed("boxes of meshes", meshes.len())?;
@@ -129,17 +108,20 @@ impl InstancedScene {
         let mut scene = Self { traced, bottom, top, boxes, faults, instance_faults, bvh };
         // Recorded, because a build of the top level that is not would wait.
         let mut encoder = gpu.encoder();
-        let mut run = Run::recorded(gpu, &mut encoder);
-        scene.put_roots(&mut run, [0, scene.n_meshes()])?;
-        scene.put_top(&mut run, instances)?;
+        let mut build = BuildEncoder::recorded(gpu, &mut encoder);
+        scene.put_roots(&mut build, [0, scene.n_meshes()])?;
+        scene.put_top(&mut build, instances)?;
         gpu.submit(encoder)?;
+        if is_checked {
+            scene.check_async(gpu).await?;
+        }
         Ok(scene)
     }
 
     /// Records a new build of all meshes and of the top level.
     ///
     /// # Errors
-    /// As for [`Self::without_check`]; another number of meshes, of triangles in a mesh, or of instances than before.
+    /// As for [`Self::new`], except for faults of triangles and instances; another number of meshes, of triangles in a mesh, or of instances than before.
     pub fn rebuild(
         &mut self,
         gpu: &Gpu,
@@ -147,12 +129,12 @@ impl InstancedScene {
         meshes: &[MeshBuffers<'_>],
         instances: &InstanceBuffer<'_>,
     ) -> Result<(), GpuError> {
-        let mut run = Run::recorded(gpu, encoder);
-        self.gather_all(&mut run, meshes)?;
-        self.bottom.rebuild(&mut run, self.bvh.bottom())?;
-        self.put_bottom(&mut run, [0, self.n_meshes()], Change::Trees)?;
-        self.put_roots(&mut run, [0, self.n_meshes()])?;
-        self.put_top(&mut run, instances)
+        let mut build = BuildEncoder::recorded(gpu, encoder);
+        self.gather_all(&mut build, meshes)?;
+        self.bottom.rebuild(&mut build, self.bvh.bottom())?;
+        self.put_bottom(&mut build, [0, self.n_meshes()], Change::Trees)?;
+        self.put_roots(&mut build, [0, self.n_meshes()])?;
+        self.put_top(&mut build, instances)
     }
 
     /// Records new boxes for the moved vertices of all meshes over the same trees, and a new top level.
@@ -166,10 +148,10 @@ impl InstancedScene {
         meshes: &[MeshBuffers<'_>],
         instances: &InstanceBuffer<'_>,
     ) -> Result<(), GpuError> {
-        let mut run = Run::recorded(gpu, encoder);
-        self.gather_all(&mut run, meshes)?;
-        self.refit_trees(&mut run, [0, self.n_meshes()])?;
-        self.put_top(&mut run, instances)
+        let mut build = BuildEncoder::recorded(gpu, encoder);
+        self.gather_all(&mut build, meshes)?;
+        self.refit_trees(&mut build, [0, self.n_meshes()])?;
+        self.put_top(&mut build, instances)
     }
 
     /// Records a new build over the moved vertices of one mesh. Rays see it in the right place after [`Self::update_top`].
@@ -183,11 +165,11 @@ impl InstancedScene {
         number: u32,
         mesh: &MeshBuffers<'_>,
     ) -> Result<(), GpuError> {
-        let mut run = Run::recorded(gpu, encoder);
-        self.gather_one(&mut run, number, mesh)?;
-        self.bottom.rebuild_tree(&mut run, number as usize, self.bvh.bottom())?;
-        self.put_bottom(&mut run, [number, number + 1], Change::Trees)?;
-        self.put_roots(&mut run, [number, number + 1])
+        let mut build = BuildEncoder::recorded(gpu, encoder);
+        self.gather_one(&mut build, number, mesh)?;
+        self.bottom.rebuild_tree(&mut build, number as usize, self.bvh.bottom())?;
+        self.put_bottom(&mut build, [number, number + 1], Change::Trees)?;
+        self.put_roots(&mut build, [number, number + 1])
     }
 
     /// Records new boxes for the moved vertices of one mesh over the same tree. Rays see it in the right place after [`Self::update_top`].
@@ -202,9 +184,9 @@ impl InstancedScene {
         number: u32,
         mesh: &MeshBuffers<'_>,
     ) -> Result<(), GpuError> {
-        let mut run = Run::recorded(gpu, encoder);
-        self.gather_one(&mut run, number, mesh)?;
-        self.refit_trees(&mut run, [number, number + 1])
+        let mut build = BuildEncoder::recorded(gpu, encoder);
+        self.gather_one(&mut build, number, mesh)?;
+        self.refit_trees(&mut build, [number, number + 1])
     }
 
     /// Records a new top level: the inverses and boxes of all instances, and the tree over them. Meshes stay.
@@ -217,7 +199,7 @@ impl InstancedScene {
         encoder: &mut wgpu::CommandEncoder,
         instances: &InstanceBuffer<'_>,
     ) -> Result<(), GpuError> {
-        self.put_top(&mut Run::recorded(gpu, encoder), instances)
+        self.put_top(&mut BuildEncoder::recorded(gpu, encoder), instances)
     }
 
     /// Reads back whether the last builds and updates found a fault. Waits for submitted work.
@@ -253,48 +235,48 @@ impl InstancedScene {
     }
 
     fn n_triangles(&self) -> Vec<u32> {
-        self.bottom.items.ranges().iter().map(|range| range.count).collect()
+        self.bottom.primitives.ranges().iter().map(|range| range.count).collect()
     }
 
     /// Copies the vertices of all meshes.
-    fn gather_all(&self, run: &mut Run<'_>, meshes: &[MeshBuffers<'_>]) -> Result<(), GpuError> {
+    fn gather_all(&self, build: &mut BuildEncoder<'_>, meshes: &[MeshBuffers<'_>]) -> Result<(), GpuError> {
         let found: Vec<u32> = meshes.iter().map(|mesh| mesh.n_triangles).collect();
         check_same_counts(&found, &self.n_triangles())?;
-        self.bottom.items.gather(run, meshes, &self.faults)
+        self.bottom.primitives.gather(build, meshes, &self.faults)
     }
 
     /// Copies the vertices of a mesh.
-    fn gather_one(&self, run: &mut Run<'_>, number: u32, mesh: &MeshBuffers<'_>) -> Result<(), GpuError> {
-        let Some(&range) = self.bottom.items.ranges().get(number as usize) else {
+    fn gather_one(&self, build: &mut BuildEncoder<'_>, number: u32, mesh: &MeshBuffers<'_>) -> Result<(), GpuError> {
+        let Some(&range) = self.bottom.primitives.ranges().get(number as usize) else {
             let message = format!("mesh {number} of {}", self.n_meshes());
             return Err(GpuError::Input { message });
         };
         check_same_counts(&[mesh.n_triangles], &[range.count])?;
-        self.bottom.items.gather_mesh(run, mesh, number, range.first, &self.faults)
+        self.bottom.primitives.gather_mesh(build, mesh, number, range.first, &self.faults)
     }
 
     /// Computes boxes of the bottom level again, and writes them.
-    fn refit_trees(&mut self, run: &mut Run<'_>, trees: [u32; 2]) -> Result<(), GpuError> {
-        refit_aabbs(run, &self.bottom, self.bottom.items.of_trees(trees))?;
-        self.bottom.refit_obbs(run, self.bvh.bottom())?;
-        self.put_bottom(run, trees, Change::Boxes)?;
-        self.put_roots(run, trees)
+    fn refit_trees(&mut self, build: &mut BuildEncoder<'_>, trees: [u32; 2]) -> Result<(), GpuError> {
+        refit_aabbs(build, &self.bottom, self.bottom.primitives.of_trees(trees))?;
+        self.bottom.refit_obbs(build, self.bvh.bottom())?;
+        self.put_bottom(build, trees, Change::Boxes)?;
+        self.put_roots(build, trees)
     }
 
     /// Writes nodes of the bottom level.
-    fn put_bottom(&self, run: &mut Run<'_>, trees: [u32; 2], change: Change) -> Result<(), GpuError> {
-        self.traced.nodes.put_again(run, (Which::Bottom, &self.bottom), trees, change)
+    fn put_bottom(&self, build: &mut BuildEncoder<'_>, trees: [u32; 2], change: Change) -> Result<(), GpuError> {
+        self.traced.nodes.put_again(build, (Which::Bottom, &self.bottom), trees, change)
     }
 
     /// Writes the headers and boxes of meshes.
-    fn put_roots(&self, run: &mut Run<'_>, meshes: [u32; 2]) -> Result<(), GpuError> {
-        put_headers(run, &self.bottom, &self.traced, 1, meshes)?;
-        self.bottom.put_boxes(run, &self.boxes, meshes)
+    fn put_roots(&self, build: &mut BuildEncoder<'_>, meshes: [u32; 2]) -> Result<(), GpuError> {
+        put_headers(build, &self.bottom, &self.traced, 1, meshes)?;
+        self.bottom.put_boxes(build, &self.boxes, meshes)
     }
 
     /// Places instances and builds the top level.
-    fn put_top(&mut self, run: &mut Run<'_>, instances: &InstanceBuffer<'_>) -> Result<(), GpuError> {
-        let n = self.top.items.len();
+    fn put_top(&mut self, build: &mut BuildEncoder<'_>, instances: &InstanceBuffer<'_>) -> Result<(), GpuError> {
+        let n = self.top.primitives.len();
         if instances.n_instances != n {
             let message = format!("{} instances, and {n} when the scene was built", instances.n_instances);
             return Err(GpuError::Input { message });
@@ -303,9 +285,9 @@ impl InstancedScene {
         let nodes = &self.traced.nodes;
         let targets = (placed.data(), self.traced.headers(), &self.instance_faults);
         let scales = scales(nodes.top_is_oriented());
-        self.top.items.place(run, instances, &self.boxes, scales, targets)?;
-        self.top.rebuild(run, self.bvh.top())?;
-        nodes.put_again(run, (Which::Top, &self.top), [0, 1], Change::Trees)
+        self.top.primitives.place(build, instances, &self.boxes, scales, targets)?;
+        self.top.rebuild(build, self.bvh.top())?;
+        nodes.put_again(build, (Which::Top, &self.top), [0, 1], Change::Trees)
     }
 }
 

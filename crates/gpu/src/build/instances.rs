@@ -3,11 +3,10 @@
 use bytemuck::{Pod, Zeroable};
 use canted_obb::Affine;
 
-use super::items::Leaf;
-use super::mesh_buffers::{end_of, window};
-use super::{Built, Items, Run};
+use super::primitives::{Leaf, end_of, window};
+use super::{BuildEncoder, Primitives};
 use crate::commands::Slot;
-use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 
 /// The mesh of an instance that is not placed, so that rays do not meet it.
 pub const NOT_PLACED: u32 = u32::MAX;
@@ -76,30 +75,18 @@ const RAISED: [u32; 3] = [3, 7, 11];
 /// The box of each mesh in two quads: lower ends and 1, or 0 for none; upper ends.
 pub(crate) type MeshBoxes = Buffer<[f32; 8]>;
 
-impl Built {
-    /// Writes the root boxes of the trees from `first` on.
-    pub(crate) fn put_boxes(&self, run: &mut Run<'_>, boxes: &MeshBoxes, trees: [u32; 2]) -> Result<(), GpuError> {
-        let gpu = run.gpu();
-        let bound = self.items.bound(&[("aabbs", &self.aabbs), ("mesh_boxes", boxes)]);
-        run.stage("roots", |dispatches| {
-            let kernel = gpu.kernel("build/mesh_boxes", &self.items.part())?;
-            dispatches.range(&kernel, &bound, trees)
-        })
-    }
-}
-
-impl Items {
+impl Primitives {
     /// Places instances: writes their boxes, `instances` as rays read them, the bounds of the header at the start of `headers`, and
     /// `faults`.
     pub(crate) fn place(
         &self,
-        run: &mut Run<'_>,
+        build: &mut BuildEncoder<'_>,
         placed: &InstanceBuffer<'_>,
         mesh_boxes: &MeshBoxes,
         scales: Scales,
         (instances, headers, faults): (&Buffer<impl Pod>, &Buffer<impl Pod>, &Buffer<u32>),
     ) -> Result<(), GpuError> {
-        let gpu = run.gpu();
+        let gpu = build.gpu();
         let Leaf::Box { boxes, aabbs } = &self.leaf else { return Ok(()) };
         let n_meshes = super::count(mesh_boxes.len());
         let (layout, transforms) =
@@ -115,10 +102,10 @@ impl Items {
             ("top_header", headers),
             ("instance_faults", faults),
         ];
-        run.stage("place", |dispatches| {
+        build.stage("place", |dispatches| {
             dispatches.work.clear(faults);
             RAISED.iter().for_each(|&word| dispatches.work.clear_word(headers, word));
-            let kernel = gpu.kernel("build/place", &Specialisation::none())?;
+            let kernel = gpu.kernel("build/place", &Variant::none())?;
             dispatches.items(&kernel, &bound, placed.n_instances)
         })
     }
@@ -169,6 +156,7 @@ fn layout<'a>(
 
 #[cfg(test)]
 mod tests {
+
     use super::*;
 
     #[test]

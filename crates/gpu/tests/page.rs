@@ -2,15 +2,15 @@
 
 use std::collections::BTreeSet;
 
-use canted_shaders::{Shader, Specialisation};
+use canted_shaders::{Shader, Variant};
 
 /// The page.
-const PAGE: &str = include_str!("lib.rs");
+const PAGE: &str = include_str!("../src/lib.rs");
 
 /// Kernels that read every buffer, structure and kind of node.
 fn shaders() -> Vec<Shader> {
     let chosen = |level: &str| {
-        Specialisation::none()
+        Variant::none()
             .part("level", &format!("shared/level/{level}"))
             .part("mask", "shared/mask/none")
             .part("count", "shared/count/none")

@@ -22,7 +22,7 @@ pub struct StageTime {
 }
 
 /// A sequence of stages.
-pub struct Run<'a> {
+pub struct BuildEncoder<'a> {
     gpu: &'a Gpu,
     /// A program's encoder, which records the stages.
     encoder: Option<&'a mut wgpu::CommandEncoder>,
@@ -30,7 +30,7 @@ pub struct Run<'a> {
     times: Vec<StageTime>,
 }
 
-impl<'a> Run<'a> {
+impl<'a> BuildEncoder<'a> {
     /// Submits stages without waiting.
     #[must_use]
     pub fn new(gpu: &'a Gpu) -> Self {

@@ -23,9 +23,9 @@ const MAX_GROWTH: u32 = 16;
 
 /// The longest successful wait for a device so far.
 #[derive(Default)]
-pub(crate) struct Patience(Mutex<Duration>);
+pub(crate) struct AdaptiveTimeout(Mutex<Duration>);
 
-impl Patience {
+impl AdaptiveTimeout {
     /// Waits for a submission.
     ///
     /// # Errors

@@ -7,12 +7,33 @@
 //!
 //! Later builds read nothing back: the depth of the tree is bounded by the bits of its codes and positions.
 
-use super::device_bvh::{DeviceBvh, NewNodes};
-use super::headers::put_headers;
-use super::level::Level;
+use bytemuck::{Pod, Zeroable};
+
+use super::instances::Level;
+use super::layout::{BvhHeader, CENTER_REACH, HIT_ERROR};
+use super::nodes::{DeviceBvh, NewNodes};
 use super::scene::TracedScene;
-use crate::build::{Built, Change, Faults, Items, MeshBuffers, Run, Which, fault, refit_aabbs};
-use crate::{Gpu, GpuError, wait::block_on};
+use crate::build::{BuildEncoder, Built, Change, Faults, MeshBuffers, Primitives, Scales, Which, fault, refit_aabbs};
+use crate::{Gpu, GpuError, NamedBinding, wait::block_on};
+
+/// How a [`BufferScene`] or an [`InstancedScene`](crate::InstancedScene) is built. A [`DeviceBvh`], a [`BuildConfig`] and a [`WideConfig`] convert into
+/// this type.
+#[derive(Clone, Copy, Debug)]
+pub struct BufferConfig<'a> {
+    /// Which BVHs.
+    pub bvh: DeviceBvh,
+    /// In one level: instances as parts of the triangles of all meshes, by the first triangle of each, in order. `None`: each mesh is an instance.
+    pub parts: Option<&'a [u32]>,
+    /// Whether the first build reports faults of triangles and instances, which waits for the device. Without this check a triangle with a
+    /// fault counts as a point, and an instance with a fault is not placed; nothing hits them.
+    pub is_checked: bool,
+}
+
+impl<T: Into<DeviceBvh>> From<T> for BufferConfig<'_> {
+    fn from(bvh: T) -> Self {
+        Self { bvh: bvh.into(), parts: None, is_checked: true }
+    }
+}
 
 /// A BVH over the triangles of meshes in a program's own buffers, in world space. Meshes are numbered as instances. [`DeviceBvh`] says
 /// which BVH.
@@ -67,107 +88,64 @@ pub struct BufferScene {
 }
 
 impl BufferScene {
-    /// Builds a BVH, waits for it and checks the buffers.
+    /// Builds a BVH, waits for it and, unless `config` says otherwise, checks the buffers.
     ///
     /// # Errors
     /// A buffer without the usage `STORAGE`, too short, or with an odd layout; a triangle with an index out of range or a vertex that is
-    /// not finite or has coordinates above 1e18, by mesh and number; a limit of the device, or device lost.
-    pub fn new(gpu: &Gpu, meshes: &[MeshBuffers<'_>], bvh: impl Into<DeviceBvh>) -> Result<Self, GpuError> {
-        block_on(Self::new_async(gpu, meshes, bvh))
+    /// not finite or has coordinates above 1e18, by mesh and number; parts that do not start at triangle 0, are not in order, or start beyond the
+    /// end; a limit of the device, or device lost.
+    pub fn new<'c>(
+        gpu: &Gpu,
+        meshes: &[MeshBuffers<'_>],
+        config: impl Into<BufferConfig<'c>>,
+    ) -> Result<Self, GpuError> {
+        block_on(Self::new_async(gpu, meshes, config))
     }
 
     /// [`BufferScene::new`] for browsers.
     ///
     /// # Errors
     /// As for [`BufferScene::new`].
-    pub async fn new_async(gpu: &Gpu, meshes: &[MeshBuffers<'_>], bvh: impl Into<DeviceBvh>) -> Result<Self, GpuError> {
-        let scene = Self::without_check_async(gpu, meshes, bvh).await?;
-        scene.check_async(gpu).await?;
-        Ok(scene)
-    }
-
-    /// The same, where the instances are parts of the triangles of all meshes: `first_triangles` has where each starts, in order.
-    ///
-    /// # Errors
-    /// As for [`BufferScene::new`]; parts that do not start at triangle 0, are not in order, or start beyond the end.
-    pub fn new_in_parts(
+    pub async fn new_async<'c>(
         gpu: &Gpu,
         meshes: &[MeshBuffers<'_>],
-        first_triangles: &[u32],
-        bvh: impl Into<DeviceBvh>,
+        config: impl Into<BufferConfig<'c>>,
     ) -> Result<Self, GpuError> {
-        block_on(Self::new_in_parts_async(gpu, meshes, first_triangles, bvh))
-    }
-
-    /// [`BufferScene::new_in_parts`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`BufferScene::new_in_parts`].
-    pub async fn new_in_parts_async(
-        gpu: &Gpu,
-        meshes: &[MeshBuffers<'_>],
-        first_triangles: &[u32],
-        bvh: impl Into<DeviceBvh>,
-    ) -> Result<Self, GpuError> {
-        let n: u64 = meshes.iter().map(|mesh| u64::from(mesh.n_triangles)).sum();
-        let is_in_order = first_triangles.is_sorted() && first_triangles.first().is_none_or(|&first| first == 0);
-        if !is_in_order || first_triangles.last().is_some_and(|&last| u64::from(last) > n) {
-            let message = format!("parts of {n} triangles must start at 0, in order and before the end");
-            return Err(GpuError::Input { message });
-        }
-        let scene = Self::over(gpu, meshes, first_triangles, bvh.into()).await?;
-        scene.check_async(gpu).await?;
-        Ok(scene)
-    }
-
-    /// Builds a BVH without checking the buffers. A triangle with a fault counts as a point, which nothing hits.
-    ///
-    /// # Errors
-    /// As for [`BufferScene::new`], except for triangles with faults.
-    pub fn without_check(gpu: &Gpu, meshes: &[MeshBuffers<'_>], bvh: impl Into<DeviceBvh>) -> Result<Self, GpuError> {
-        block_on(Self::without_check_async(gpu, meshes, bvh))
-    }
-
-    /// [`BufferScene::without_check`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`BufferScene::without_check`].
-    pub async fn without_check_async(
-        gpu: &Gpu,
-        meshes: &[MeshBuffers<'_>],
-        bvh: impl Into<DeviceBvh>,
-    ) -> Result<Self, GpuError> {
-        let mut n_before = 0_u32;
-        let firsts = meshes.iter().map(|mesh| {
-            let first = n_before;
-            // A sum beyond 32 bits is rejected with the buffers.
-            n_before = first.saturating_add(mesh.n_triangles);
-            first
-        });
-        let firsts: Vec<u32> = firsts.collect();
-        Self::over(gpu, meshes, &firsts, bvh.into()).await
-    }
-
-    /// A BVH whose instances start at these triangles.
-    async fn over(gpu: &Gpu, meshes: &[MeshBuffers<'_>], firsts: &[u32], bvh: DeviceBvh) -> Result<Self, GpuError> {
-        let mut run = Run::new(gpu);
+        let BufferConfig { bvh, parts, is_checked } = config.into();
+        let firsts = match parts {
+            None => first_triangles(meshes),
+            Some(parts) => {
+                let n: u64 = meshes.iter().map(|mesh| u64::from(mesh.n_triangles)).sum();
+                let is_in_order = parts.is_sorted() && parts.first().is_none_or(|&first| first == 0);
+                if !is_in_order || parts.last().is_some_and(|&last| u64::from(last) > n) {
+                    let message = format!("parts of {n} triangles must start at 0, in order and before the end");
+                    return Err(GpuError::Input { message });
+                }
+                parts.to_vec()
+            }
+        };
+        let mut build = BuildEncoder::new(gpu);
         let faults = gpu.zeroed("faults", 2 * meshes.len())?;
-        let items = Items::of_buffers(&run, meshes)?;
-        items.gather(&mut run, meshes, &faults)?;
-        let bvh = bvh.shallow(items.len(), 0);
-        let built = bvh.build(&mut run, items).await?;
-        let NewNodes { nodes, headers, depth } = NewNodes::new(&mut run, bvh, &built, None).await?;
-        let traced = TracedScene::over(gpu, nodes, &headers, Level::flat(gpu, firsts)?, depth).await?;
+        let primitives = Primitives::of_buffers(&build, meshes)?;
+        primitives.gather(&mut build, meshes, &faults)?;
+        let bvh = bvh.shallow(primitives.len(), 0);
+        let built = bvh.build(&mut build, primitives).await?;
+        let new = NewNodes::new(&mut build, bvh, &built, None).await?;
+        let depth = new.depth_bound(bvh, &built, None);
+        let traced = TracedScene::over(gpu, new.nodes, &new.headers, Level::flat(gpu, &firsts)?, depth).await?;
         let n_triangles = meshes.iter().map(|mesh| mesh.n_triangles).collect();
         let scene = Self { traced, built, faults, n_triangles, bvh };
-        scene.put_header(&mut run)?;
+        scene.put_header(&mut build)?;
+        if is_checked {
+            scene.check_async(gpu).await?;
+        }
         Ok(scene)
     }
 
     /// Records a new build over moved vertices.
     ///
     /// # Errors
-    /// As for [`BufferScene::without_check`]; another number of triangles in a mesh than before.
+    /// As for [`BufferScene::new`], except for triangles with faults; another number of triangles in a mesh than before.
     pub fn rebuild(
         &mut self,
         gpu: &Gpu,
@@ -175,10 +153,10 @@ impl BufferScene {
         meshes: &[MeshBuffers<'_>],
     ) -> Result<(), GpuError> {
         self.check_counts(meshes)?;
-        let mut run = Run::recorded(gpu, encoder);
-        self.built.items.gather(&mut run, meshes, &self.faults)?;
-        self.built.rebuild(&mut run, self.bvh.bottom())?;
-        self.put(&mut run, Change::Trees)
+        let mut build = BuildEncoder::recorded(gpu, encoder);
+        self.built.primitives.gather(&mut build, meshes, &self.faults)?;
+        self.built.rebuild(&mut build, self.bvh.bottom())?;
+        self.put(&mut build, Change::Trees)
     }
 
     /// Records new boxes for moved vertices over the same tree.
@@ -192,11 +170,11 @@ impl BufferScene {
         meshes: &[MeshBuffers<'_>],
     ) -> Result<(), GpuError> {
         self.check_counts(meshes)?;
-        let mut run = Run::recorded(gpu, encoder);
-        self.built.items.gather(&mut run, meshes, &self.faults)?;
-        refit_aabbs(&mut run, &self.built, [0, self.built.items.len()])?;
-        self.built.refit_obbs(&mut run, self.bvh.bottom())?;
-        self.put(&mut run, Change::Boxes)
+        let mut build = BuildEncoder::recorded(gpu, encoder);
+        self.built.primitives.gather(&mut build, meshes, &self.faults)?;
+        refit_aabbs(&mut build, &self.built, [0, self.built.primitives.len()])?;
+        self.built.refit_obbs(&mut build, self.bvh.bottom())?;
+        self.put(&mut build, Change::Boxes)
     }
 
     /// Reads back whether the last build or refit found a fault. Waits for submitted work.
@@ -229,14 +207,26 @@ impl BufferScene {
         check_same_counts(&found, &self.n_triangles)
     }
 
-    fn put(&self, run: &mut Run<'_>, change: Change) -> Result<(), GpuError> {
-        self.traced.nodes.put_again(run, (Which::Bottom, &self.built), [0, 1], change)?;
-        self.put_header(run)
+    fn put(&self, build: &mut BuildEncoder<'_>, change: Change) -> Result<(), GpuError> {
+        self.traced.nodes.put_again(build, (Which::Bottom, &self.built), [0, 1], change)?;
+        self.put_header(build)
     }
 
-    fn put_header(&self, run: &mut Run<'_>) -> Result<(), GpuError> {
-        put_headers(run, &self.built, &self.traced, 0, [0, 1])
+    fn put_header(&self, build: &mut BuildEncoder<'_>) -> Result<(), GpuError> {
+        put_headers(build, &self.built, &self.traced, 0, [0, 1])
     }
+}
+
+/// The number of the first triangle of each mesh.
+fn first_triangles(meshes: &[MeshBuffers<'_>]) -> Vec<u32> {
+    let mut n_before = 0_u32;
+    let firsts = meshes.iter().map(|mesh| {
+        let first = n_before;
+        // A sum beyond 32 bits is rejected with the buffers.
+        n_before = first.saturating_add(mesh.n_triangles);
+        first
+    });
+    firsts.collect()
 }
 
 /// Rejects meshes with other numbers of triangles than before.
@@ -247,3 +237,39 @@ pub(super) fn check_same_counts(found: &[u32], before: &[u32]) -> Result<(), Gpu
     let message = format!("the meshes have {found:?} triangles, and had {before:?} when they were built");
     Err(GpuError::Input { message })
 }
+
+/// `HeaderScale` of `build/headers`.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct HeaderScale {
+    reach: f32,
+    error: f32,
+    first_header: u32,
+}
+
+/// The scales of a level with these volumes.
+pub(super) fn scales(is_oriented: bool) -> Scales {
+    Scales { reach: if is_oriented { CENTER_REACH } else { 1.0 }, error: HIT_ERROR }
+}
+
+/// Writes the bounds of a range of trees into the headers of a scene, in which the level's first tree has header `first_header`.
+pub(super) fn put_headers(
+    build: &mut BuildEncoder<'_>,
+    built: &Built,
+    scene: &TracedScene,
+    first_header: u32,
+    trees: [u32; 2],
+) -> Result<(), GpuError> {
+    let gpu = build.gpu();
+    let Scales { reach, error } = scales(built.obbs.is_some());
+    let scale = gpu.uniform("scale of headers", &HeaderScale { reach, error, first_header })?;
+    let more: [NamedBinding<'_>; 3] = [("aabbs", &built.aabbs), ("headers", scene.headers()), ("header_scale", &scale)];
+    let bound = built.primitives.bound(&more);
+    build.stage("headers", |dispatches| {
+        let kernel = gpu.kernel("build/headers", &built.primitives.part())?;
+        dispatches.range(&kernel, &bound, trees)
+    })
+}
+
+// The kernel writes four quads per header.
+const _: () = assert!(size_of::<BvhHeader>() == 64);

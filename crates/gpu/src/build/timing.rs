@@ -2,7 +2,9 @@
 
 use canted_lbvh::{Bits, Strategy};
 
-use super::{Items, Run, STRATEGIES, StageTime, aabbs, codes, domain, obbs, sort, tree};
+use super::stages::{codes, domain, sort, tree};
+use super::volumes::{aabbs, obbs};
+use super::{BuildEncoder, Primitives, STRATEGIES, StageTime};
 use crate::{Gpu, GpuError};
 
 /// Milliseconds per stage, measured as described at [`StageTime`]. `None` for a stage that does not fit into the device memory.
@@ -27,9 +29,9 @@ impl Passes {
     ///
     /// # Errors
     /// The device is lost.
-    pub fn measure(gpu: &Gpu, items: &Items, bits: Bits, runs: usize) -> Result<Self, GpuError> {
-        let first = Self::once(gpu, items, bits)?;
-        let later = (0..runs).map(|_| Self::once(gpu, items, bits)).collect::<Result<Vec<_>, _>>()?;
+    pub fn measure(gpu: &Gpu, primitives: &Primitives, bits: Bits, runs: usize) -> Result<Self, GpuError> {
+        let first = Self::once(gpu, primitives, bits)?;
+        let later = (0..runs).map(|_| Self::once(gpu, primitives, bits)).collect::<Result<Vec<_>, _>>()?;
         Ok(later.into_iter().reduce(|least, other| least.least(&other)).unwrap_or(first))
     }
 
@@ -54,9 +56,9 @@ impl Passes {
     }
 
     /// One build, as far as it fits into the device memory.
-    fn once(gpu: &Gpu, items: &Items, bits: Bits) -> Result<Self, GpuError> {
+    fn once(gpu: &Gpu, primitives: &Primitives, bits: Bits) -> Result<Self, GpuError> {
         let mut passes = Self::default();
-        match passes.fill(gpu, items, bits) {
+        match passes.fill(gpu, primitives, bits) {
             Err(error @ (GpuError::Limit { .. } | GpuError::OutOfMemory { .. })) => {
                 passes.error = Some(error);
                 Ok(passes)
@@ -65,35 +67,36 @@ impl Passes {
         }
     }
 
-    fn fill(&mut self, gpu: &Gpu, items: &Items, bits: Bits) -> Result<(), GpuError> {
-        let mut run = Run::timed(gpu);
-        let domains = domain(&mut run, items, bits)?;
-        self.domain = Some(taken(&run, &["domain"]));
-        let input = codes(&mut run, items, &domains, bits)?;
-        self.codes = Some(taken(&run, &["codes"]));
-        let sorted = sort(&mut run, items, &input)?;
-        self.sort = Some(taken(&run, &["sort"]));
-        let trees = tree(&mut run, items, &sorted.codes)?;
-        self.tree = Some(taken(&run, &["tree"]));
-        let axis_aligned = aabbs(&mut run, items, &sorted.leaves, &trees)?;
-        self.boxes[0] = Some(taken(&run, &["aabb"]));
+    fn fill(&mut self, gpu: &Gpu, primitives: &Primitives, bits: Bits) -> Result<(), GpuError> {
+        let mut build = BuildEncoder::timed(gpu);
+        let domains = domain(&mut build, primitives, bits)?;
+        self.domain = Some(taken(&build, &["domain"]));
+        let input = codes(&mut build, primitives, &domains, bits)?;
+        self.codes = Some(taken(&build, &["codes"]));
+        let sorted = sort(&mut build, primitives, &input)?;
+        self.sort = Some(taken(&build, &["sort"]));
+        let trees = tree(&mut build, primitives, &sorted.codes)?;
+        self.tree = Some(taken(&build, &["tree"]));
+        let axis_aligned = aabbs(&mut build, primitives, &sorted.leaves, &trees)?;
+        self.boxes[0] = Some(taken(&build, &["aabb"]));
         for (boxes, strategy) in self.boxes.iter_mut().zip(STRATEGIES).skip(1) {
-            let mut run = Run::timed(gpu);
-            obbs(&mut run, items, &sorted.leaves, &trees, &axis_aligned, strategy)?;
-            *boxes = Some(taken(&run, &["levels", "obb"]));
+            let mut build = BuildEncoder::timed(gpu);
+            obbs(&mut build, primitives, &sorted.leaves, &trees, &axis_aligned, strategy)?;
+            *boxes = Some(taken(&build, &["levels", "obb"]));
         }
         Ok(())
     }
 }
 
 /// Total milliseconds of some stages.
-fn taken(run: &Run<'_>, stages: &[&str]) -> f64 {
+fn taken(build: &BuildEncoder<'_>, stages: &[&str]) -> f64 {
     let of_these = |time: &&StageTime| stages.contains(&time.stage);
-    run.times().iter().filter(of_these).map(|time| time.milliseconds).sum()
+    build.times().iter().filter(of_these).map(|time| time.milliseconds).sum()
 }
 
 #[cfg(test)]
 mod tests {
+
     use super::*;
 
     #[test]
