@@ -4,8 +4,8 @@
 //! use canted_shaders::{Shader, Variant};
 //!
 //! let chosen = Variant::none()
-//!     .part("traverse", "shared/traverse/stack")
-//!     .part("node_kinds", "shared/node_kinds/any")
+//!     .part("traverse", "shared/traverse/wide")
+//!     .part("node_kinds", "shared/bvh/node_kinds/any")
 //!     .part("level", "shared/level/single")
 //!     .part("mask", "shared/mask/none")
 //!     .part("count", "shared/count/none")

@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use canted_gpu::{Choice, Gpu, TracedScene};
+use canted_gpu::{Choice, Gpu, SceneInput, TracedScene};
 use canted_renderer::{
     DevicePicture, Integrator, Levels, Lod, Prepared, Settings, Structure, StructureConfig, Surfaces, View, frame,
     prepare,
@@ -74,7 +74,7 @@ fn traced(gpu: &Gpu, scene: &Scene, structure: &Structure<Watertight>) -> Result
             this
         })
         .collect();
-    Ok(TracedScene::single_level(gpu, wide, &firsts)?)
+    Ok(TracedScene::new(gpu, SceneInput::upload([wide]).parts(&firsts))?)
 }
 
 #[expect(clippy::print_stdout, reason = "the program's output")]

@@ -8,7 +8,6 @@ mod bench;
 mod browser;
 mod ci;
 mod command;
-mod count;
 mod driver;
 mod figures;
 mod fixtures;

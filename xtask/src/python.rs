@@ -13,8 +13,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::{
     command::{self, cargo, say, succeeds},
-    count::Count,
-    tables, workspace,
+    tables, test::Count, workspace,
 };
 
 /// The manifest of the package, which is no member of the workspace.

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use anyhow::Result;
 use canted_bvh2::Bvh2;
 use canted_gpu::{
-    TracedScene,
+    SceneInput, TracedScene,
     build::{BuildConfig, STRATEGIES},
 };
 use canted_lbvh::{self as lbvh, Bits, Strategy, VolumeConfig};
@@ -45,7 +45,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         let sets = rays::sets(&model, &wide, bench).map(|set| if bench.is_software() { quarter(&set) } else { set });
         let mut rows = vec![(
             "wide".to_owned(),
-            TracedScene::single_level(&bench.gpu, &wide, &[0]),
+            TracedScene::new(&bench.gpu, SceneInput::upload([&wide])),
             Kind::ALL.map(|_| f64::NAN),
         )];
         let kinds = Kind::ALL.into_iter().zip(&sets);
@@ -56,7 +56,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         }
         for strategy in STRATEGIES {
             let config = BuildConfig { bits: Bits::B63, strategy };
-            let traced = TracedScene::build_single_level(&bench.gpu, &corners, &[0], config);
+            let traced = TracedScene::new(&bench.gpu, SceneInput::build([&corners], config));
             // The same BVH on the CPU.
             let volumes = VolumeConfig { strategy, fallback: true };
             let config = canted_bvh2::BuildConfig { bits: Bits::B63, volumes };

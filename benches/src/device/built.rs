@@ -5,7 +5,7 @@ use std::{fmt::Write, time::Instant};
 use anyhow::Result;
 use canted_gpu::{
     Gpu,
-    build::{BuildConfig, Built, Primitives, Passes, BuildEncoder, STRATEGIES},
+    build::{BuildConfig, BuildEncoder, Built, Passes, Primitives, STRATEGIES},
 };
 use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Strategy, VolumeConfig};
 use canted_obb::Aabb;

@@ -3,7 +3,7 @@
 use std::{fmt::Write, time::Instant};
 
 use anyhow::Result;
-use canted_gpu::{Buffer, DeviceHit, DeviceRay, Gpu, GpuError, NamedBinding, Variant, TracedScene};
+use canted_gpu::{Buffer, DeviceHit, DeviceRay, Gpu, GpuError, NamedBinding, SceneInput, TracedScene, Variant};
 use canted_trace::{Ray, ScaledRay, Watertight};
 use canted_wide::{Config, Preset, TriangleBvh};
 
@@ -42,8 +42,8 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         let [oriented, aligned] = [build(&model, &oriented)?, build(&model, &aligned)?];
         let sets = sets(&model, &oriented, bench);
         let traced = [
-            TracedScene::single_level(&bench.gpu, &oriented, &[0])?,
-            TracedScene::single_level(&bench.gpu, &aligned, &[0])?,
+            TracedScene::new(&bench.gpu, SceneInput::upload([&oriented]))?,
+            TracedScene::new(&bench.gpu, SceneInput::upload([&aligned]))?,
         ];
         for (kind, rays) in Kind::ALL.into_iter().zip(sets) {
             let [oriented, aligned] = [cast(bench, &traced[0], kind, &rays)?, cast(bench, &traced[1], kind, &rays)?];

@@ -4,7 +4,7 @@ use std::{fmt::Write, time::Instant};
 
 use anyhow::Result;
 use canted_gpu::build::{BuildConfig, Topology, WideConfig};
-use canted_gpu::{Gpu, GpuError, TracedScene};
+use canted_gpu::{Gpu, GpuError, SceneInput, TracedScene};
 use canted_lbvh::{self as lbvh, Bits, Strategy};
 use canted_trace::{Ray, Watertight};
 use canted_wide::{Config, Preset, TriangleBvh};
@@ -100,15 +100,15 @@ impl Made {
         match *self {
             Self::Uploaded(preset) => {
                 let bvh = TriangleBvh::<Watertight>::build(positions, triangles, &Config::preset(preset))?;
-                Ok(TracedScene::single_level(gpu, &bvh, &[0])?)
+                Ok(TracedScene::new(gpu, SceneInput::upload([&bvh]))?)
             }
             Self::Binary(strategy) => {
                 let config = BuildConfig { bits: Bits::B63, strategy };
-                of_device(&|corners| TracedScene::build_single_level(gpu, corners, &[0], config))
+                of_device(&|corners| TracedScene::new(gpu, SceneInput::build([corners], config)))
             }
             Self::Wide(bits, topology, strategy) => {
                 let config = WideConfig { bits, topology, strategy };
-                of_device(&|corners| TracedScene::build_wide_single_level(gpu, corners, &[0], config))
+                of_device(&|corners| TracedScene::new(gpu, SceneInput::build([corners], config)))
             }
         }
     }

@@ -7,8 +7,8 @@ use std::{
 
 use canted_shaders::MAX_STORAGE_BUFFERS;
 use wgpu::{
-    Backends, DeviceDescriptor, DeviceType, ExperimentalFeatures, Features, Instance, InstanceDescriptor, Limits, MemoryHints,
-    SubmissionIndex, Trace,
+    Backends, DeviceDescriptor, DeviceType, ExperimentalFeatures, Features, Instance, InstanceDescriptor, Limits,
+    MemoryHints, SubmissionIndex, Trace,
 };
 
 use crate::buffer::{Counters, FrameBuffers, Memory};
@@ -260,7 +260,7 @@ impl Gpu {
     ///
     /// let gpu = Gpu::from_wgpu(device, queue);
     /// let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-    /// let scene = TracedScene::new(&gpu, SceneInput::build([&[triangle][..]], BuildConfig::default()))?;
+    /// let scene = TracedScene::new(&gpu, SceneInput::build([&[triangle]], BuildConfig::default()))?;
     /// # Ok(())
     /// # }
     /// ```

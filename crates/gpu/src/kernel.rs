@@ -13,12 +13,7 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    pub(crate) fn new(
-        device: &wgpu::Device,
-        limits: &Limits,
-        name: &str,
-        chosen: &Variant,
-    ) -> Result<Self, GpuError> {
+    pub(crate) fn new(device: &wgpu::Device, limits: &Limits, name: &str, chosen: &Variant) -> Result<Self, GpuError> {
         let shader = Shader::new(name, chosen)?;
         let entry =
             shader.entry("main").ok_or_else(|| GpuError::Invalid { message: format!("'{name}' has no main") })?;
@@ -52,7 +47,7 @@ impl Kernel {
         self.entry.workgroup_size.iter().product()
     }
 
-    /// Work-groups for `items` invocations, in rows within the limit of an axis; see `shared/invocation.wgsl`.
+    /// Work-groups for `items` invocations, in rows within the limit of an axis; see `shared.wgsl`.
     #[must_use]
     pub fn groups(&self, items: u32) -> [u32; 3] {
         const MOST: u32 = 65_535;

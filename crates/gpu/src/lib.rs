@@ -65,7 +65,7 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let gpu = Gpu::open(&Choice::Best)?;
 //! let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-//! let scene = TracedScene::new(&gpu, SceneInput::build([&[triangle][..]], WideConfig::default()))?;
+//! let scene = TracedScene::new(&gpu, SceneInput::build([&[triangle]], WideConfig::default()))?;
 //! let hits = scene.closest_hits(&gpu, &[Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0])])?;
 //! assert!(matches!(hits[0], Outcome::Complete(Some(hit)) if hit.t == 1.0));
 //! # Ok(())
@@ -211,7 +211,7 @@ pub use error::GpuError;
 pub use kernel::{Kernel, loop_iterations, loop_iterations_async};
 pub use raster::{Draw, N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
-    BufferConfig, BufferScene, DeviceBvh, DeviceHit, DeviceRay, HIT_ERROR, InstancedScene, MAX_CONDITION, MAX_COORDINATE,
-    MotionPolynomials, Outcome, SceneInput, TracedScene,
+    BufferConfig, BufferScene, DeviceBvh, DeviceHit, DeviceRay, HIT_ERROR, InstancedScene, MAX_CONDITION,
+    MAX_COORDINATE, MotionPolynomials, Outcome, SceneInput, TracedScene,
 };
 pub use wgpu::{self, Limits};

@@ -19,7 +19,6 @@ use crate::{Buffer, Gpu, GpuError, NamedBinding};
 pub const N_TARGETS: usize = 4;
 
 /// Bytes per pixel over all targets.
-#[expect(clippy::cast_possible_truncation, reason = "sixteen bytes a target")]
 const PIXEL_BYTES: u32 = size_of::<[[u32; 4]; N_TARGETS]>() as u32;
 
 /// Alignment of rows in a texture copy.

@@ -18,12 +18,12 @@ fn shaders() -> Vec<Shader> {
             .number("STACK_SIZE", 4)
     };
     let wide = |level: &str| {
-        let kinds = chosen(level).part("node_kinds", "shared/node_kinds/any");
-        kinds.part("traverse", "shared/traverse/stack")
+        let kinds = chosen(level).part("node_kinds", "shared/bvh/node_kinds/any");
+        kinds.part("traverse", "shared/traverse/wide")
     };
     let binary = |volume: &str| {
-        let volume = format!("shared/binary/volume/{volume}");
-        chosen("single").part("traverse", "shared/binary/traverse/stack").part("volume", &volume)
+        let volume = format!("shared/bvh/volume/{volume}");
+        chosen("single").part("traverse", "shared/traverse/binary").part("volume", &volume)
     };
     let all = [wide("single"), wide("flat"), wide("instances"), wide("moving"), binary("aabb"), binary("obb")];
     all.iter().map(|chosen| Shader::new("trace/closest", chosen).unwrap()).collect()

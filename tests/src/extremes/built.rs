@@ -5,7 +5,7 @@
 use canted_fixtures::Mesh;
 use canted_gpu::{
     Choice, Gpu,
-    build::{BuildConfig, Built, Primitives, Node, BuildEncoder, STRATEGIES},
+    build::{BuildConfig, BuildEncoder, Built, Node, Primitives, STRATEGIES},
 };
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Corners, Domain, Strategy, Tree};
 use canted_obb::Obb;

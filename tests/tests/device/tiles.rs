@@ -1,5 +1,6 @@
 //! The tile size only distributes work: the device renders the same bits for any size.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use canted_film::{Aov, Film, Pixel};
@@ -10,6 +11,14 @@ use canted_trace::Watertight;
 
 use super::scenes::full;
 use super::{camera, gpu, small};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(tiles_do_not_change_a_bit_of_a_devices_picture),
+        needs_device(tiles_do_not_change_a_bit_of_guides_and_parts),
+        needs_device(tiles_do_not_change_where_samples_stop),
+    ]
+}
 
 /// A size that is no multiple of tiles or cells, so that those of the last column and row are cut.
 fn odd(integrator: Integrator) -> Settings {
@@ -44,26 +53,23 @@ fn check(gpu: &Gpu, settings: &Settings) {
     assert!(other != reference, "the comparison cannot fail");
 }
 
-#[test]
 fn tiles_do_not_change_a_bit_of_a_devices_picture() {
-    let Some(gpu) = gpu("tiles_do_not_change_a_bit_of_a_devices_picture") else { return };
+    let gpu = gpu();
     for integrator in [Integrator::Hybrid, Integrator::Path] {
         check(&gpu, &odd(integrator));
     }
 }
 
 /// A separate kernel computes what camera rays hit, and partial samples keep block sums.
-#[test]
 fn tiles_do_not_change_a_bit_of_guides_and_parts() {
-    let Some(gpu) = gpu("tiles_do_not_change_a_bit_of_guides_and_parts") else { return };
+    let gpu = gpu();
     let aovs = Aov::ALL.into_iter().collect();
     check(&gpu, &Settings { aovs, part: Some([1, 6]), samples: 8, ..odd(Integrator::Hybrid) });
 }
 
 /// Cells of 8 pixels stop together, independent of tile borders.
-#[test]
 fn tiles_do_not_change_where_samples_stop() {
-    let Some(gpu) = gpu("tiles_do_not_change_where_samples_stop") else { return };
+    let gpu = gpu();
     let settings = Settings { noise: Some(0.02), samples: 64, ..odd(Integrator::Hybrid) };
     check(&gpu, &settings);
     let (film, _) = picture(&gpu, &full(), &settings);

@@ -4,7 +4,7 @@ use std::fmt::Debug;
 
 use canted_gpu::{
     Gpu,
-    build::{self, BuildConfig, Built, Codes, Grid, Primitives, Node, BuildEncoder, Trees},
+    build::{self, BuildConfig, BuildEncoder, Built, Codes, Grid, Node, Primitives, Trees},
 };
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Leaf, Tree, VolumeConfig};
 
@@ -92,9 +92,10 @@ pub(crate) fn end_to_end<L: Leaf>(gpu: &Gpu, built: &Built, twins: &[Twin<L>]) -
 
 /// Asserts that every stage gives the CPU's integers, alone and one after another.
 pub(crate) fn assert_equal(gpu: &Gpu, twins: &[Twin], bits: Bits, name: &str) {
-    let alone = stages(gpu, &items(gpu, twins), twins, bits);
+    let alone = stages(gpu, &primitives(gpu, twins), twins, bits);
     alone.unwrap_or_else(|error| panic!("{name}, {bits:?}, {error}"));
-    let built = Built::new(&mut BuildEncoder::new(gpu), items(gpu, twins), BuildConfig { bits, ..BuildConfig::default() });
+    let built =
+        Built::new(&mut BuildEncoder::new(gpu), primitives(gpu, twins), BuildConfig { bits, ..BuildConfig::default() });
     let together = end_to_end(gpu, &built.unwrap(), twins);
     together.unwrap_or_else(|error| panic!("{name}, {bits:?} from end to end, {error}"));
 }

@@ -57,12 +57,11 @@ pub(crate) fn twins(meshes: &[Mesh], bits: Bits) -> Vec<Twin> {
 }
 
 /// The meshes on the device, one tree each.
-pub(crate) fn items(gpu: &Gpu, twins: &[Twin]) -> Primitives {
+pub(crate) fn primitives(gpu: &Gpu, twins: &[Twin]) -> Primitives {
     Primitives::triangles(gpu, twins.iter().map(|twin| &twin.primitives[..])).unwrap()
 }
 
 /// The two words of each code, of all meshes in sequence.
-#[expect(clippy::cast_possible_truncation, reason = "the words of a code")]
 pub(crate) fn words<'a>(codes: impl Iterator<Item = &'a u64> + Clone) -> [Vec<u32>; 2] {
     [codes.clone().map(|&code| code as u32).collect(), codes.map(|&code| (code >> 32) as u32).collect()]
 }

@@ -1,15 +1,25 @@
 //! Binary trees collapsed on the device, compared with a recursion on the CPU, word by word.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use std::collections::BTreeMap;
 
 use canted_fixtures::{Mesh, icosphere, soup};
 use canted_gpu::Gpu;
-use canted_gpu::build::{BuildConfig, Built, MAX_LEAF, Range, BuildEncoder, STRATEGIES, Topology, WideBvhs};
+use canted_gpu::build::{BuildConfig, BuildEncoder, Built, MAX_LEAF, Range, STRATEGIES, Topology, WideBvhs, WideConfig};
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Strategy, Tree, VolumeConfig};
 use canted_obb::Aabb;
 
-use crate::setup::{BOTH, Twin, gpu, primitives, large, meshes, needles, twins};
+use crate::setup::{BOTH, Twin, gpu, large, meshes, needles, primitives, twins};
 use crate::wide_check::{Wide, check};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(wide_nodes_match_the_words_of_a_recursion),
+        needs_device(the_comparison_detects_other_boxes_and_trees),
+        needs_device(repeated_collapses_give_the_same_words),
+        needs_device(oriented_nodes_enclose_their_triangles),
+    ]
+}
 
 const EMPTY: u32 = 0x7fff_ffff;
 const LEAF: u32 = 0x8000_0000;
@@ -173,7 +183,7 @@ fn unequal(what: &str, device: &[[u32; 4]], cpu: &BTreeMap<usize, u32>) -> Resul
 /// Compares what the device makes of `there` with the CPU's result for `twins`.
 fn compared(gpu: &Gpu, there: &[Twin], twins: &[Twin], bits: Bits) -> Result<(), String> {
     let mut build = BuildEncoder::new(gpu);
-    let built = Built::new(&mut build, items(gpu, there), BuildConfig { bits, ..BuildConfig::default() }).unwrap();
+    let built = Built::new(&mut build, primitives(gpu, there), BuildConfig { bits, ..BuildConfig::default() }).unwrap();
     let wide = WideBvhs::new(&mut build, &built, None).unwrap();
     let (nodes, blocks) = (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap());
     // A root's word is where the room of its tree starts; trees without nodes need none.
@@ -191,9 +201,8 @@ fn compared(gpu: &Gpu, there: &[Twin], twins: &[Twin], bits: Bits) -> Result<(),
     Ok(())
 }
 
-#[test]
 fn wide_nodes_match_the_words_of_a_recursion() {
-    let Some(gpu) = gpu("wide_nodes_match_the_words_of_a_recursion") else { return };
+    let gpu = gpu();
     let same = |meshes: &[Mesh], bits, name: &str| {
         let twins = twins(meshes, bits);
         compared(&gpu, &twins, &twins, bits).unwrap_or_else(|error| panic!("{name}, {bits:?}: {error}"));
@@ -210,9 +219,8 @@ fn wide_nodes_match_the_words_of_a_recursion() {
 }
 
 /// One wrong number in the CPU's input, and where the comparison must report it.
-#[test]
 fn the_comparison_detects_other_boxes_and_trees() {
-    let Some(gpu) = gpu("the_comparison_detects_other_boxes_and_trees") else { return };
+    let gpu = gpu();
     type Spoil = fn(&mut Twin);
     let spoils: [(&str, Spoil); 3] = [
         ("nodes: ", |twin| twin.primitives[7][0][0] = 9.0),
@@ -229,13 +237,12 @@ fn the_comparison_detects_other_boxes_and_trees() {
 }
 
 /// Repeated builds give the same words, although levels are found in any order.
-#[test]
 fn repeated_collapses_give_the_same_words() {
-    let Some(gpu) = gpu("repeated_collapses_give_the_same_words") else { return };
+    let gpu = gpu();
     let twins = twins(&[large(6, 20_000), soup(8, 100)], Bits::B63);
     let words = || {
         let mut build = BuildEncoder::new(&gpu);
-        let built = Built::new(&mut build, items(&gpu, &twins), BuildConfig::default()).unwrap();
+        let built = Built::new(&mut build, primitives(&gpu, &twins), BuildConfig::default()).unwrap();
         let wide = WideBvhs::new(&mut build, &built, None).unwrap();
         (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap(), wide.levels)
     };
@@ -243,15 +250,14 @@ fn repeated_collapses_give_the_same_words() {
 }
 
 /// Needles have oriented nodes with every strategy, whose boxes hold what is below them.
-#[test]
 fn oriented_nodes_enclose_their_triangles() {
-    let Some(gpu) = gpu("oriented_nodes_enclose_their_triangles") else { return };
+    let gpu = gpu();
     let all = [needles(), meshes()].concat();
     let twins = twins(&all, Bits::B63);
     for (strategy, topology) in STRATEGIES.into_iter().zip([Topology::Radix, Topology::Ploc].into_iter().cycle()) {
         let mut build = BuildEncoder::new(&gpu);
         let config = BuildConfig { bits: Bits::B63, strategy };
-        let built = Built::with_topology(&mut build, items(&gpu, &twins), config, topology).unwrap();
+        let built = Built::new(&mut build, primitives(&gpu, &twins), WideConfig { topology, ..config.into() }).unwrap();
         let wide = WideBvhs::new(&mut build, &built, None).unwrap();
         let (nodes, blocks) = (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap());
         let n_oriented: usize = twins

@@ -1,7 +1,8 @@
 //! BVHs at the greatest depth that devices trace, and one level deeper.
 
 use canted_fixtures::Mesh;
-use canted_gpu::{Gpu, GpuError, Outcome, TracedScene};
+use canted_fixtures::device_tests::{Test, needs_device};
+use canted_gpu::{Gpu, GpuError, Outcome, SceneInput, TracedScene};
 use canted_lbvh::triangle_corners;
 use canted_obb::Affine;
 use canted_tests::chains::chain;
@@ -11,6 +12,14 @@ use canted_wide::{NodeKind, TriangleBvh};
 
 use super::gpu;
 use super::setup::{build, loop_over_all, of_one_kind};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(hits_are_found_up_to_the_greatest_depth),
+        needs_device(bvhs_too_deep_are_rejected),
+        needs_device(the_comparison_detects_a_lost_hit_in_a_deep_bvh),
+    ]
+}
 
 /// Sectors of the unit square around its corner: a triangle fills most of one, and its box covers those below too.
 const SECTORS: u16 = 16;
@@ -92,43 +101,42 @@ fn wants(mesh: &Mesh, rays: &[Ray]) -> Vec<Option<u32>> {
     loop_over_all::<Watertight>(mesh, rays).into_iter().map(|hit| hit.map(|hit| hit.primitive.0)).collect()
 }
 
-#[test]
 fn hits_are_found_up_to_the_greatest_depth() {
-    let Some(gpu) = gpu("hits_are_found_up_to_the_greatest_depth") else { return };
+    let gpu = gpu();
     for depth in [16, 17, 33, 52, 128] {
         let ((mesh, tree), rays) = (deep(depth), rays(depth));
         let wants = wants(&mesh, &rays);
         let n_hit = wants.iter().flatten().count();
         // The first sector is empty, and rays that start among the triangles miss some of the sparse ones.
         assert!(n_hit > rays.len() / 2 && wants.len() - n_hit >= rays.len() / usize::from(SECTORS), "{n_hit}");
-        let scene = TracedScene::single_level(&gpu, &tree, &[0]).unwrap();
+        let scene = TracedScene::new(&gpu, SceneInput::upload([&tree])).unwrap();
         assert_eq!(first_difference(&gpu, &scene, &rays, &wants), None, "depth {depth}");
     }
 }
 
-#[test]
 fn bvhs_too_deep_are_rejected() {
-    let Some(gpu) = gpu("bvhs_too_deep_are_rejected") else { return };
-    let refused =
-        "the stack of a ray: requires 129 levels of nodes, the device supports 128; use another builder";
+    let gpu = gpu();
+    let refused = "the stack of a ray: requires 129 levels of nodes, the device supports 128; use another builder";
     let error = |scene: Result<TracedScene, GpuError>| scene.err().expect("the tree is too deep").to_string();
     let (_, tree) = deep(129);
-    assert_eq!(error(TracedScene::single_level(&gpu, &tree, &[0])), refused);
+    assert_eq!(error(TracedScene::new(&gpu, SceneInput::upload([&tree]))), refused);
     // The depths of both levels add up.
     let (_, tree) = deep(128);
-    assert!(TracedScene::single_level(&gpu, &tree, &[0]).is_ok());
-    assert_eq!(error(TracedScene::two_level(&gpu, &[&tree], &[Instance::new(0, Affine::IDENTITY); 2])), refused);
+    assert!(TracedScene::new(&gpu, SceneInput::upload([&tree])).is_ok());
+    assert_eq!(
+        error(TracedScene::new(&gpu, SceneInput::upload([&tree]).instances(&[Instance::new(0, Affine::IDENTITY); 2]))),
+        refused
+    );
 }
 
-#[test]
 fn the_comparison_detects_a_lost_hit_in_a_deep_bvh() {
-    let Some(gpu) = gpu("the_comparison_detects_a_lost_hit_in_a_deep_bvh") else { return };
+    let gpu = gpu();
     let ((mesh, _), rays) = (deep(16), rays(16));
     // A BVH over all triangles but one.
     let mut fewer = mesh.clone();
     let n = fewer.triangles.len();
     fewer.triangles[n - 1] = fewer.triangles[0];
     let tree = build::<Watertight>(&fewer, &of_one_kind(NodeKind::Aligned));
-    let scene = TracedScene::single_level(&gpu, &tree, &[0]).unwrap();
+    let scene = TracedScene::new(&gpu, SceneInput::upload([&tree])).unwrap();
     assert!(first_difference(&gpu, &scene, &rays, &wants(&mesh, &rays)).is_some());
 }

@@ -1,7 +1,8 @@
 //! Instances that move while the shutter is open: at each ray's time the device agrees with the CPU.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_fixtures::{Mesh, SplitMix64};
-use canted_gpu::{DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Outcome, Variant, TracedScene};
+use canted_gpu::{DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Outcome, SceneInput, TracedScene, Variant};
 use canted_obb::Affine;
 use canted_tests::{
     closed::{baked, placements},
@@ -16,8 +17,11 @@ use super::gpu;
 use super::reference::{Tally, World, error_of_instance};
 use super::setup::{build, few_variants};
 
+pub(crate) fn tests() -> Vec<Test> {
+    vec![needs_device(rays_of_any_time_lose_no_hit), needs_device(the_comparison_detects_another_time)]
+}
+
 /// The end transform of an instance that rotates about z, grows and is shifted while the shutter is open.
-#[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]
 fn moved(open: &Affine, angle: f64, growth: [f64; 3], shift: f32) -> Affine {
     let (sine, cosine) = angle.sin_cos();
     let mut close = *open;
@@ -97,11 +101,10 @@ fn compared(gpu: &Gpu, late: f32) -> Result<Tally, String> {
     let crowd = crowd();
     let (_, config) = few_variants().remove(0);
     let bottom: Vec<TriangleBvh<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
-    let scene = TracedScene::two_level(gpu, &bottom.iter().collect::<Vec<_>>(), &crowd).unwrap();
+    let scene = TracedScene::new(gpu, SceneInput::upload(&bottom).instances(&crowd)).unwrap();
     let tlas = Tlas::new(bottom, &crowd, TopConfig::default()).unwrap();
     let mut tally = Tally::default();
     let mut rng = SplitMix64::new(11);
-    #[expect(clippy::cast_possible_truncation, reason = "a time of the shutter")]
     let times = [0.0, 0.5, rng.unit() as f32, rng.unit() as f32, 1.0 - f32::EPSILON];
     for (seed, time) in (0..).zip(times) {
         let placed = |index: usize| {
@@ -141,15 +144,13 @@ fn compared(gpu: &Gpu, late: f32) -> Result<Tally, String> {
     Ok(tally)
 }
 
-#[test]
 fn rays_of_any_time_lose_no_hit() {
-    let Some(gpu) = gpu("rays_of_any_time_lose_no_hit") else { return };
+    let gpu = gpu();
     compared(&gpu, 0.0).unwrap_or_else(|error| panic!("{error}")).report("moving instances");
 }
 
-#[test]
 fn the_comparison_detects_another_time() {
-    let Some(gpu) = gpu("the_comparison_detects_another_time") else { return };
+    let gpu = gpu();
     let wrong = compared(&gpu, -1.0 / 256.0).unwrap_err();
     assert!(wrong.contains("lost") || wrong.contains("off its triangle"), "{wrong}");
 }

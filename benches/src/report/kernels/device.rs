@@ -1,7 +1,7 @@
 //! Single tests on a device: triangles and nodes with the code of the traversal, without the traversal.
 
 use anyhow::{Result, ensure};
-use canted_gpu::{AdapterKind, Choice, DeviceRay, Gpu, Variant, TracedScene};
+use canted_gpu::{AdapterKind, Choice, DeviceRay, Gpu, SceneInput, TracedScene, Variant};
 use canted_trace::{Ray, ScaledRay, Watertight};
 use canted_wide::TriangleBvh;
 
@@ -92,7 +92,7 @@ impl Device {
         rounds: usize,
     ) -> Result<(Vec<[u32; N]>, Samples)> {
         let gpu = &self.gpu;
-        let scene = TracedScene::two_level(gpu, &trees.iter().collect::<Vec<_>>(), &[])?;
+        let scene = TracedScene::new(gpu, SceneInput::upload(&trees).instances(&[]))?;
         let chosen = Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
         let kernel = gpu.kernel(name, &scene.specialize(chosen).of_kernel(name)?)?;
         let own: Vec<DeviceRay> = rays.iter().filter_map(ScaledRay::new).map(|ray| DeviceRay::scaled(&ray)).collect();

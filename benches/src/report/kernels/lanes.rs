@@ -2,7 +2,7 @@
 
 use anyhow::{Result, ensure};
 use canted_fixtures::soup;
-use canted_gpu::TracedScene;
+use canted_gpu::{SceneInput, TracedScene};
 use canted_lbvh::Corners;
 use canted_tests::rays::from_inside;
 use canted_trace::{Hit, Ray, Watertight};
@@ -90,7 +90,7 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
     };
     let scalar = hits(&trees[0]);
     ensure!(trees.iter().all(|tree| hits(tree) == scalar), "paths differ in a hit");
-    let scene = device.map(|device| TracedScene::single_level(&device.gpu, &tree, &[0])).transpose()?;
+    let scene = device.map(|device| TracedScene::new(&device.gpu, SceneInput::upload([&tree]))).transpose()?;
     let mut contenders: Vec<Contender<'_>> = there
         .iter()
         .zip(&trees)

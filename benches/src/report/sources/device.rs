@@ -3,7 +3,7 @@
 use anyhow::Result;
 use canted_gpu::{
     AdapterKind, Choice, Gpu,
-    build::{Primitives, Passes, STRATEGIES},
+    build::{Passes, Primitives, STRATEGIES},
 };
 use canted_lbvh::{Bits, Strategy};
 

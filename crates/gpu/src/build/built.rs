@@ -4,8 +4,8 @@ use bytemuck::{Pod, Zeroable};
 use canted_lbvh::Strategy;
 use canted_obb::{Aabb, Obb};
 
-use super::ploc::ploc;
 use super::instances::MeshBoxes;
+use super::ploc::ploc;
 use super::primitives::Leaf;
 use super::stages::{Sorted, Trees, codes, domain, sort, tree};
 use super::volumes::{aabbs, obbs, obbs_async};
@@ -193,7 +193,12 @@ impl Built {
     }
 
     /// Writes the root boxes of the trees from `first` on.
-    pub(crate) fn put_boxes(&self, build: &mut BuildEncoder<'_>, boxes: &MeshBoxes, trees: [u32; 2]) -> Result<(), GpuError> {
+    pub(crate) fn put_boxes(
+        &self,
+        build: &mut BuildEncoder<'_>,
+        boxes: &MeshBoxes,
+        trees: [u32; 2],
+    ) -> Result<(), GpuError> {
         let gpu = build.gpu();
         let bound = self.primitives.bound(&[("aabbs", &self.aabbs), ("mesh_boxes", boxes)]);
         build.stage("roots", |dispatches| {

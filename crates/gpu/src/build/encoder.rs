@@ -106,7 +106,7 @@ pub(crate) struct Dispatches<'a> {
     n_waiting: u32,
 }
 
-/// As in `shared/build/slice.wgsl`.
+/// As in `shared/build.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Slice {

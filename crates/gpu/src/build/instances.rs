@@ -109,15 +109,6 @@ impl Primitives {
             dispatches.items(&kernel, &bound, placed.n_instances)
         })
     }
-
-    /// The axis-aligned boxes of placed instances, read back.
-    #[cfg(test)]
-    pub(crate) fn read_boxes(&self, gpu: &Gpu) -> Result<Vec<canted_obb::Aabb>, GpuError> {
-        match &self.leaf {
-            Leaf::Box { aabbs, .. } => gpu.read(aabbs),
-            Leaf::Triangle { .. } => Ok(vec![]),
-        }
-    }
 }
 
 /// The first fault of instances, as a sentence.

@@ -31,7 +31,7 @@ const MAX_ITERATIONS: u32 = 1 << 10;
 /// Greatest height of a tree whose nodes are sorted by height, as oriented boxes are computed.
 const MAX_HEIGHT: u32 = 127;
 
-/// `Cluster` of `shared/build/ploc.wgsl`.
+/// `Cluster` of `shared/build.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct Cluster {

@@ -67,14 +67,17 @@ impl Primitives {
     pub fn boxes(gpu: &Gpu, boxes: &[Obb]) -> Result<Self, GpuError> {
         let ranges = vec![Range { first: 0, count: count(boxes.len()) }];
         let aabbs: Vec<Aabb> = boxes.iter().map(Obb::aabb).collect();
-        let leaf =
-            Leaf::Box { boxes: gpu.buffer("boxes", boxes)?, aabbs: gpu.buffer("axis-aligned boxes of primitives", &aabbs)? };
+        let leaf = Leaf::Box {
+            boxes: gpu.buffer("boxes", boxes)?,
+            aabbs: gpu.buffer("axis-aligned boxes of primitives", &aabbs)?,
+        };
         Self::new(gpu, ranges, leaf)
     }
 
     /// Boxes of `n` instances in one tree, which are not computed yet; see [`super::place`].
     pub(crate) fn unplaced(gpu: &Gpu, n: u32) -> Result<Self, GpuError> {
-        let (boxes, aabbs) = (gpu.zeroed("boxes", n as usize)?, gpu.zeroed("axis-aligned boxes of primitives", n as usize)?);
+        let (boxes, aabbs) =
+            (gpu.zeroed("boxes", n as usize)?, gpu.zeroed("axis-aligned boxes of primitives", n as usize)?);
         Self::new(gpu, vec![Range { first: 0, count: n }], Leaf::Box { boxes, aabbs })
     }
 
@@ -123,8 +126,8 @@ impl Primitives {
     /// The shader part that reads these items.
     pub(crate) fn part(&self) -> Variant {
         let file = match self.leaf {
-            Leaf::Triangle { .. } => "shared/item/triangles",
-            Leaf::Box { .. } => "shared/item/boxes",
+            Leaf::Triangle { .. } => "shared/volumes/item/triangles",
+            Leaf::Box { .. } => "shared/volumes/item/boxes",
         };
         Variant::none().part("item", file)
     }

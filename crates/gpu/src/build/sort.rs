@@ -19,7 +19,7 @@ pub(super) const KEYS_EACH: u32 = 16;
 const DIGIT_BITS: u32 = 4;
 const RADIX: u32 = 1 << DIGIT_BITS;
 
-/// As in `shared/build/digit.wgsl`.
+/// As in `shared/build.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Digit {
@@ -101,7 +101,12 @@ impl Sorter {
     ///
     /// # Errors
     /// As for [`Sorter::sort`].
-    pub fn gather(&self, build: &mut BuildEncoder<'_>, words: &Buffer<u32>, items: &Buffer<u32>) -> Result<Buffer<u32>, GpuError> {
+    pub fn gather(
+        &self,
+        build: &mut BuildEncoder<'_>,
+        words: &Buffer<u32>,
+        items: &Buffer<u32>,
+    ) -> Result<Buffer<u32>, GpuError> {
         let gathered = build.gpu().zeroed("gathered words", items.len())?;
         let bound: [NamedBinding<'_>; 3] = [("words", words), ("items", items), ("gathered", &gathered)];
         build.stage("sort", |dispatches| dispatches.items(&self.gather, &bound, count(items.len())))?;

@@ -110,8 +110,8 @@ fn coded(chosen: Variant, bits: Bits) -> Variant {
     chosen.part(
         "code",
         match bits {
-            Bits::B30 => "shared/code/narrow",
-            Bits::B63 => "shared/code/wide",
+            Bits::B30 => "shared/build/code/narrow",
+            Bits::B63 => "shared/build/code/wide",
         },
     )
 }
@@ -141,7 +141,12 @@ pub fn domain(build: &mut BuildEncoder<'_>, primitives: &Primitives, bits: Bits)
 ///
 /// # Errors
 /// As for [`domain`].
-pub fn codes(build: &mut BuildEncoder<'_>, primitives: &Primitives, domains: &Buffer<Grid>, bits: Bits) -> Result<Codes, GpuError> {
+pub fn codes(
+    build: &mut BuildEncoder<'_>,
+    primitives: &Primitives,
+    domains: &Buffer<Grid>,
+    bits: Bits,
+) -> Result<Codes, GpuError> {
     let gpu = build.gpu();
     let codes = Codes::empty(gpu, primitives.len() as usize, bits)?;
     let mut bound = primitives.bound(&codes.bound("codes_low", "codes_high"));

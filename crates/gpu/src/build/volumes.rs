@@ -22,7 +22,12 @@ use crate::{Buffer, GpuError, Kernel, NamedBinding, Variant, wait::block_on};
 ///
 /// # Errors
 /// Out of memory, or device lost.
-pub fn aabbs(build: &mut BuildEncoder<'_>, primitives: &Primitives, leaves: &Buffer<u32>, trees: &Trees) -> Result<Buffer<Aabb>, GpuError> {
+pub fn aabbs(
+    build: &mut BuildEncoder<'_>,
+    primitives: &Primitives,
+    leaves: &Buffer<u32>,
+    trees: &Trees,
+) -> Result<Buffer<Aabb>, GpuError> {
     let gpu = build.gpu();
     let aabbs = gpu.zeroed("axis-aligned boxes", primitives.len() as usize)?;
     let bound = primitives.bound(&[("parents", &trees.parents), ("leaves", leaves), ("ends", &aabbs)]);
@@ -61,9 +66,9 @@ pub async fn obbs_async(
     strategy: Strategy,
 ) -> Result<Buffer<Obb>, GpuError> {
     let rule = match strategy {
-        Strategy::PcaBounded => "shared/rule/pca_bounded",
-        Strategy::Quaternion => "shared/rule/quaternion",
-        Strategy::Combined => "shared/rule/combined",
+        Strategy::PcaBounded => "shared/volumes/rule/pca_bounded",
+        Strategy::Quaternion => "shared/volumes/rule/quaternion",
+        Strategy::Combined => "shared/volumes/rule/combined",
         Strategy::Dop => return dop(build, primitives, leaves, trees, aabbs),
         Strategy::PcaUnbounded => return unbounded(build, primitives, leaves, trees, aabbs).await,
         Strategy::Aabb => {
@@ -134,7 +139,7 @@ pub(super) async fn unbounded(
     Ok(obbs)
 }
 
-/// As in `shared/build/dop.wgsl`.
+/// As in `shared/volumes.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 struct FixedFrame {
@@ -153,7 +158,6 @@ impl FixedFrame {
 
 /// Upper bound of the greatest row sum of `|FᵀF - 1|`. The error in `f64` is less than half a ULP of the result, which is
 /// rounded up.
-#[expect(clippy::cast_possible_truncation, reason = "rounded up by the next number")]
 fn skewness(frame: &Frame) -> f32 {
     let dot = |a: usize, b: usize| (0..3).map(|k| f64::from(frame[a][k]) * f64::from(frame[b][k])).sum::<f64>();
     let row = |a: usize| (0..3).map(|b| (dot(a, b) - f64::from(u8::from(a == b))).abs()).sum::<f64>();

@@ -12,10 +12,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::BuildEncoder;
 use super::built::Built;
 use super::primitives::{Range, count};
 use super::sort::prefix_sums;
-use super::BuildEncoder;
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant, wait::block_on};
 
 /// Most triangles of a leaf: those that a ray tests at once.
@@ -88,7 +88,11 @@ impl WideBvhs {
     ///
     /// # Errors
     /// As for [`WideBvhs::new`].
-    pub async fn new_async(build: &mut BuildEncoder<'_>, bottom: &Built, top: Option<&Built>) -> Result<Self, GpuError> {
+    pub async fn new_async(
+        build: &mut BuildEncoder<'_>,
+        bottom: &Built,
+        top: Option<&Built>,
+    ) -> Result<Self, GpuError> {
         let gpu = build.gpu();
         if build.is_recorded() {
             let what = "a recorded collapse into wide BVHs whose depth is read back".to_owned();
@@ -160,7 +164,12 @@ fn all(built: &Built) -> [u32; 2] {
     [0, super::count(built.primitives.ranges().len())]
 }
 
-fn put_blocks(build: &mut BuildEncoder<'_>, built: &Built, blocks: &Buffer<[u32; 4]>, trees: [u32; 2]) -> Result<(), GpuError> {
+fn put_blocks(
+    build: &mut BuildEncoder<'_>,
+    built: &Built,
+    blocks: &Buffer<[u32; 4]>,
+    trees: [u32; 2],
+) -> Result<(), GpuError> {
     let gpu = build.gpu();
     let bound = built.primitives.bound(&[
         ("nodes", &built.trees.nodes),
@@ -412,7 +421,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// As in `shared/node.wgsl`: a word that refers to nothing, the bit of leaves.
+/// As in `shared/bvh.wgsl`: a word that refers to nothing, the bit of leaves.
 const EMPTY: u32 = 0x7fff_ffff;
 const LEAF: u32 = 0x8000_0000;
 
@@ -461,7 +470,7 @@ impl Capacity {
         let root = |(range, &first_unit): (&Range, &u32)| match range.count {
             0 => EMPTY,
             n if n <= self.max_leaf => {
-                // As in `shared/build/leaf.wgsl`.
+                // As in `shared/build.wgsl`.
                 let part = if n <= 2 { range.first } else { range.first + (range.first & 1) };
                 LEAF | (n - 1) << 26 | part
             }
@@ -492,7 +501,7 @@ mod tests {
 
     use super::*;
 
-    /// Wide nodes over a tree of `n` items whose shape and areas are random, opened as `shared/build/wide.wgsl` does. A subtree is its
+    /// Wide nodes over a tree of `n` items whose shape and areas are random, opened as `shared/build.wgsl` does. A subtree is its
     /// number of items.
     fn collapsed(n: u32, max_leaf: u32, random: &mut SplitMix64, is_chain: bool) -> u32 {
         let mut open = vec![n];

@@ -13,8 +13,8 @@ use super::layout::{BvhHeader, EMPTY};
 use super::nodes::{DeviceBvh, NewNodes};
 use super::scene::TracedScene;
 use crate::build::{
-    Built, Change, Faults, InstanceBuffer, Primitives, MeshBoxes, MeshBuffers, N_INSTANCE_FAULTS, BuildEncoder, Which, fault,
-    instance_fault, refit_aabbs,
+    BuildEncoder, Built, Change, Faults, InstanceBuffer, MeshBoxes, MeshBuffers, N_INSTANCE_FAULTS, Primitives, Which,
+    fault, instance_fault, refit_aabbs,
 };
 use crate::{Buffer, Gpu, GpuError, wait::block_on};
 
@@ -290,6 +290,3 @@ impl InstancedScene {
         nodes.put_again(build, (Which::Top, &self.top), [0, 1], Change::Trees)
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -64,7 +64,7 @@ pub(super) struct Packing {
     pub(super) error: HitError,
 }
 
-/// Linear parts of inverses are below it, as in `shared/build/invert.wgsl`, so that sums of three are `f32`.
+/// Linear parts of inverses are below it, as in `shared/volumes.wgsl`, so that sums of three are `f32`.
 const MOST_OF_INVERSE: f64 = 1.267_650_600_228_229_4e30;
 
 impl Packing {
@@ -80,7 +80,6 @@ impl Packing {
         Ok(packing)
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "instances are numbered by u32")]
     fn add(&mut self, index: usize, instance: &Instance, meshes: &[MeshBounds]) -> Result<(), GpuError> {
         let Some(MeshBounds { reach: reach_object, aabb }) = meshes.get(instance.blas as usize) else {
             return Err(untraceable(&InstanceError::NoSuchBlas { instance: index, blas: instance.blas }));
@@ -146,7 +145,6 @@ impl HitError {
     ///
     /// For moving instances the norms are maxima over time, `‖M⁻¹‖` is of absolute terms, and the roundings are `21 E·9/8` for
     /// the origin and `20 E` for the direction (`shared/level/moving`): less than `(64 + 119 + 100) E`; 320 E is used.
-    #[expect(clippy::cast_possible_truncation, reason = "the bound includes a rounding")]
     fn with(self, amplified: f64, at: f64, reach_world: f64) -> Self {
         let relative = f64::from(HIT_ERROR) * amplified;
         let fixed = relative * (at + reach_world);
@@ -167,7 +165,6 @@ pub(super) fn placed_boxes(packing: &Packing, roots: &[Option<Obb>], instances: 
 }
 
 /// Bounds of a transformed box; its rounding is within the error of hits.
-#[expect(clippy::cast_possible_truncation, reason = "the rounding is within the error of hits")]
 fn image(bounds: &Aabb, world_from_object: &Affine) -> Aabb {
     let mut all = Aabb::EMPTY;
     for corner in 0..8 {
@@ -252,7 +249,6 @@ impl MotionPolynomials {
         self.determinant.iter().fold(0.0, |all, x| all.max(x.abs()))
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "roundings are within the kernel's bound")]
     pub(super) fn words(&self) -> MotionData {
         let factor = self.determinant[0].signum() / self.scale();
         let [x, y, z, shift] = self.close.columns;
@@ -265,7 +261,7 @@ impl MotionPolynomials {
     }
 }
 
-/// `Motion` in `shared/motion.wgsl`.
+/// `Motion` in `shared.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct MotionData {
@@ -364,10 +360,10 @@ impl Level {
 
 #[cfg(test)]
 mod tests {
+    use canted_shaders::{Shader, Variant};
     use canted_trace::Watertight;
     use canted_wide::TriangleBvh;
     use std::mem::offset_of;
-    use canted_shaders::{Shader, Variant};
 
     use super::*;
 
@@ -415,7 +411,6 @@ mod tests {
     }
 
     fn about_z(angle: f64, scale: f64) -> Affine {
-        #[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]
         let column = |c: Vector| c.map(|x| (scale * x) as f32);
         let (sine, cosine) = angle.sin_cos();
         let [x, y, z] = [[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, -1.0]].map(column);
@@ -484,12 +479,11 @@ mod tests {
     }
 
     #[test]
-    #[expect(clippy::cast_possible_truncation, reason = "offsets are small")]
     fn motion_layout_matches_the_kernel() {
         let chosen = Variant::none()
             .part("level", "shared/level/moving")
-            .part("node_kinds", "shared/node_kinds/any")
-            .part("traverse", "shared/traverse/stack")
+            .part("node_kinds", "shared/bvh/node_kinds/any")
+            .part("traverse", "shared/traverse/wide")
             .part("mask", "shared/mask/none")
             .part("count", "shared/count/none")
             .number("STACK_SIZE", 4)

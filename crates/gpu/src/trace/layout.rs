@@ -1,4 +1,4 @@
-//! BVHs, instances, rays, hits and their error bounds in the layout of `shared/bvh.wgsl`, `shared/level.wgsl` and `shared/ray.wgsl`.
+//! BVHs, instances, rays, hits and their error bounds in the layout of `shared/bvh.wgsl`, `shared/level.wgsl` and `shared.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
 use canted_obb::{Affine, Obb};
@@ -18,7 +18,7 @@ pub const HIT_ERROR: f32 = 64.0 * ROUNDING;
 pub(super) type Quad = [u32; 4];
 
 /// How far the center of an oriented box may lie from the origin, in units of the greatest coordinate of what it encloses; see
-/// `shared/binary/volume/obb`.
+/// `shared/bvh/volume/obb`.
 pub(super) const CENTER_REACH: f32 = 3.0;
 
 /// Maximum absolute coordinate of a mesh, and of an instance in world space. It is below 2^60, up to which the pads of
@@ -34,7 +34,7 @@ pub(super) fn check_coordinates(name: impl FnOnce() -> String, reach: f64) -> Re
     Err(GpuError::Unsupported { what: format!("{}, which has coordinates above {MAX_COORDINATE:e}", name()) })
 }
 
-/// As in `shared/node.wgsl`: the leaf bit, the empty word, the position of the node kind, and the quads of a line.
+/// As in `shared/bvh.wgsl`: the leaf bit, the empty word, the position of the node kind, and the quads of a line.
 pub(super) const LEAF: u32 = 0x8000_0000;
 pub(super) const EMPTY: u32 = 0x7fff_ffff;
 const KIND_SHIFT: u32 = 29;
@@ -132,7 +132,6 @@ pub(super) struct InstanceData {
 }
 
 impl InstanceData {
-    #[expect(clippy::cast_possible_truncation, reason = "the rounding is within the kernel's bound")]
     pub(super) fn new(object_from_world: &[[f64; 4]; 3], world_from_object: &Affine, [bvh, motion]: [u32; 2]) -> Self {
         let at = world_from_object.columns[3];
         let row = |k: usize| {
@@ -145,15 +144,6 @@ impl InstanceData {
             bvh: [bvh, motion, 0, 0],
             exact_rows: object_from_world.map(|row| row.map(words)),
         }
-    }
-
-    /// Whether all numbers are the same, apart from the signs of zeros.
-    #[cfg(test)]
-    pub(super) fn is_same(&self, other: &Self) -> bool {
-        let exact = |data: &Self| {
-            data.exact_rows.map(|row| row.map(|[low, high]| f64::from_bits(u64::from(high) << 32 | u64::from(low))))
-        };
-        self.rows == other.rows && self.bvh == other.bvh && exact(self) == exact(other)
     }
 }
 
@@ -220,8 +210,8 @@ mod tests {
     fn layout(of: &str) -> Layout {
         let chosen = Variant::none()
             .part("level", "shared/level/instances")
-            .part("node_kinds", "shared/node_kinds/any")
-            .part("traverse", "shared/traverse/stack")
+            .part("node_kinds", "shared/bvh/node_kinds/any")
+            .part("traverse", "shared/traverse/wide")
             .part("mask", "shared/mask/none")
             .part("count", "shared/count/none")
             .number("STACK_SIZE", 4)
@@ -235,7 +225,6 @@ mod tests {
     }
 
     #[test]
-    #[expect(clippy::cast_possible_truncation, reason = "offsets are small")]
     fn layouts_match_the_kernels() {
         let rows = offset_of!(BvhHeader, rows) as u32;
         let words = offset_of!(BvhHeader, words) as u32;

@@ -14,8 +14,8 @@ use canted_wide::RawBvh;
 
 use super::layout::{BvhHeader, EMPTY, HitError, LEAF, LINE_QUADS, Quad, Start, is_aligned};
 use crate::build::{
-    BuildConfig, BuildEncoder, Built, Change, Collapse, Primitives, Range, Topology, Which, WideBvhs, WideConfig, WideLevel,
-    depth_bound,
+    BuildConfig, BuildEncoder, Built, Change, Collapse, Primitives, Range, Which, WideBvhs, WideConfig,
+    WideLevel, depth_bound,
 };
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 
@@ -53,7 +53,7 @@ pub(super) const MAX_STACK: u32 = 128;
 pub enum DeviceBvh {
     /// Binary BVHs, over a radix tree.
     Binary(BuildConfig),
-    /// Eight-wide BVHs. [`WideConfig::topology`] is that of the first build. Recorded rebuilds use the radix tree, so [`Topology::Ploc`] serves only
+    /// Eight-wide BVHs. [`WideConfig::topology`] is that of the first build. Recorded rebuilds use the radix tree, so [`Topology::Ploc`](crate::build::Topology::Ploc) serves only
     /// meshes that are refitted or do not change.
     Wide(WideConfig),
 }
@@ -305,7 +305,13 @@ impl Pairs {
     }
 
     /// Converts a range of items of a level: whole trees.
-    fn put(&self, build: &mut BuildEncoder<'_>, which: Which, built: &Built, primitives: [u32; 2]) -> Result<(), GpuError> {
+    fn put(
+        &self,
+        build: &mut BuildEncoder<'_>,
+        which: Which,
+        built: &Built,
+        primitives: [u32; 2],
+    ) -> Result<(), GpuError> {
         let gpu = build.gpu();
         let first_node = if which == Which::Top { self.first_top_node } else { 0 };
         let level = gpu.uniform("level", &TargetLevel { first_node })?;
@@ -335,8 +341,8 @@ impl Pairs {
     }
 
     fn specialize(&self, chosen: Variant) -> Variant {
-        let volume = if self.is_oriented { "shared/binary/volume/obb" } else { "shared/binary/volume/aabb" };
-        chosen.part("traverse", "shared/binary/traverse/stack").part("volume", volume)
+        let volume = if self.is_oriented { "shared/bvh/volume/obb" } else { "shared/bvh/volume/aabb" };
+        chosen.part("traverse", "shared/traverse/binary").part("volume", volume)
     }
 
     fn n_bytes(&self) -> u64 {
@@ -403,8 +409,8 @@ impl WideNodes {
     }
 
     fn specialize(&self, chosen: Variant) -> Variant {
-        let kinds = if self.is_aligned { "shared/node_kinds/aligned" } else { "shared/node_kinds/any" };
-        chosen.part("node_kinds", kinds).part("traverse", "shared/traverse/stack")
+        let kinds = if self.is_aligned { "shared/bvh/node_kinds/aligned" } else { "shared/bvh/node_kinds/any" };
+        chosen.part("node_kinds", kinds).part("traverse", "shared/traverse/wide")
     }
 
     fn n_bytes(&self) -> u64 {

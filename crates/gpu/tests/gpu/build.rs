@@ -1,16 +1,25 @@
 //! Builds on devices with too little memory. The package of tests compares whole builds with the CPU.
 
-use crate::{buffers::opened, common::lowered};
+use crate::buffers::opened;
+use crate::common::{gpu, lowered};
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::{
     Gpu, GpuError,
-    build::{BuildConfig, Built, Primitives, Passes, BuildEncoder, Topology, WideBvhs},
+    build::{BuildConfig, BuildEncoder, Built, Passes, Primitives, Topology, WideBvhs, WideConfig},
     wgpu::CommandEncoderDescriptor,
 };
 use canted_lbvh::{Bits, Corners, Strategy};
 
-#[test]
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(stages_that_fit_are_timed_when_others_do_not_fit),
+        needs_device(recorded_clusters_and_wide_nodes_are_rejected),
+        needs_device(oriented_nodes_do_not_depend_on_the_unit_of_length),
+    ]
+}
+
 fn stages_that_fit_are_timed_when_others_do_not_fit() {
-    let Some(gpu) = lowered("stages_that_fit_are_timed_when_others_do_not_fit", 48 << 10) else { return };
+    let gpu = lowered(48 << 10);
     // Per triangle, 36 bytes of vertices and 24 of an axis-aligned box fit; 60 of an oriented box do not.
     let triangle = |i: u16| {
         let x = f32::from(i);
@@ -33,15 +42,15 @@ fn stages_that_fit_are_timed_when_others_do_not_fit() {
 }
 
 /// Clustering and collapsing read the progress back, for which a recorded build cannot wait.
-#[test]
 fn recorded_clusters_and_wide_nodes_are_rejected() {
-    let Some((device, queue)) = opened("recorded_clusters_and_wide_nodes_are_rejected") else { return };
+    let (device, queue) = opened();
     let gpu = Gpu::from_wgpu(device.clone(), queue);
     let corners: Vec<Corners> = vec![[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]; 9];
     let primitives = || Primitives::triangles(&gpu, [&corners[..]]).unwrap();
     let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
     let mut build = BuildEncoder::recorded(&gpu, &mut encoder);
-    let built = |build: &mut BuildEncoder<'_>, topology| Built::with_topology(build, items(), BuildConfig::default(), topology);
+    let built =
+        |build: &mut BuildEncoder<'_>, topology| Built::new(build, primitives(), WideConfig { topology, ..WideConfig::default() });
     assert!(matches!(built(&mut build, Topology::Ploc), Err(GpuError::Unsupported { .. })));
     let radix = built(&mut build, Topology::Radix).unwrap();
     assert!(matches!(WideBvhs::new(&mut build, &radix, None), Err(GpuError::Unsupported { .. })));
@@ -63,9 +72,8 @@ fn kinds(gpu: &Gpu, bvhs: &WideBvhs) -> [usize; 2] {
 }
 
 /// Squares of areas overflow and underflow long before coordinates do.
-#[test]
 fn oriented_nodes_do_not_depend_on_the_unit_of_length() {
-    let Some(gpu) = crate::common::gpu("oriented_nodes_do_not_depend_on_the_unit_of_length") else { return };
+    let gpu = gpu();
     // Thin, diagonal triangles.
     let triangle = |i: u16| {
         let [x, y] = [f32::from(i % 32), f32::from(i / 32)];

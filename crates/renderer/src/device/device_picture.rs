@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use canted_film::{Aov, Film, Filter, Tile};
-use canted_gpu::{Buffer, Gpu, GpuError, Kernel, NamedBinding, Variant, TracedScene};
+use canted_gpu::{Buffer, Gpu, GpuError, Kernel, NamedBinding, TracedScene, Variant};
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 
@@ -150,7 +150,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         };
         let guide = (!settings.aovs.is_empty()).then(guide).transpose()?;
         let light = match settings.integrator {
-            Integrator::Hybrid => chosen.clone().part("first", "shared/first/trace"),
+            Integrator::Hybrid => chosen.clone().part("first", "shared/camera/first/trace"),
             Integrator::Path => chosen.clone(),
         };
         let kernels = RenderKernels { light: gpu.kernel(kernel, &light)?, guide };

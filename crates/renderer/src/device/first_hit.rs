@@ -52,7 +52,7 @@ impl<K: LaneKernel> DevicePicture<'_, K> {
             .map(|seen| seen.as_ref().map_or(nothing, |at| [at.instance.0, at.primitive.0]))
             .collect();
         let first_seen = Some(self.gpu.buffer("first hits", &seen)?);
-        let chosen = self.chosen.clone().part("first", "shared/first/raster");
+        let chosen = self.chosen.clone().part("first", "shared/camera/first/raster");
         let light = self.gpu.kernel("render/hybrid", &chosen)?;
         Ok((self.with_kernel(light, first_seen), surfaces.time))
     }

@@ -138,12 +138,15 @@ impl PackedScene {
         let Has { instances, motion, normals, normal_maps, masks, .. } = self.has;
         let pick = |is_there: bool, part: &'static str, other: &'static str| if is_there { part } else { other };
         let placed = match (instances, &self.firsts) {
-            (true, _) => pick(motion, "shared/placed/moving", "shared/placed/instances"),
-            (false, Some(_)) => "shared/placed/flat",
-            (false, None) => "shared/placed/single",
+            (true, _) => pick(motion, "shared/surface/placed/moving", "shared/surface/placed/instances"),
+            (false, Some(_)) => "shared/surface/placed/flat",
+            (false, None) => "shared/surface/placed/single",
         };
-        let bent =
-            pick(normal_maps, "shared/normal/mapped", pick(normals, "shared/normal/smooth", "shared/normal/flat"));
+        let bent = pick(
+            normal_maps,
+            "shared/surface/normal/mapped",
+            pick(normals, "shared/surface/normal/smooth", "shared/surface/normal/flat"),
+        );
         let chosen = chosen
             .part("placed", placed)
             .part("normal", bent)
@@ -166,20 +169,15 @@ impl PackedScene {
     }
 
     /// Selects the parts of the path integrator.
-    pub(super) fn specialize_path(
-        &self,
-        chosen: Variant,
-        lights: &SampledLights,
-        is_compensated: bool,
-    ) -> Variant {
+    pub(super) fn specialize_path(&self, chosen: Variant, lights: &SampledLights, is_compensated: bool) -> Variant {
         let chosen = lights.specialize(self.with_shape_lights(self.specialize(chosen)));
         // Textured emission reads alpha even without an alpha test.
         let chosen = if lights.needs_textured_emission() && !self.has.masks { self.with_alpha(chosen) } else { chosen };
         if !self.has.gloss {
             return self.with_material(chosen).part("bsdf", "shared/bsdf/lambert");
         }
-        let through = if self.has.glass { "shared/transmission/glass" } else { "shared/transmission/none" };
-        let energy = if is_compensated { "shared/energy/compensated" } else { "shared/energy/single" };
+        let through = if self.has.glass { "shared/bsdf/transmission/glass" } else { "shared/bsdf/transmission/none" };
+        let energy = if is_compensated { "shared/bsdf/energy/compensated" } else { "shared/bsdf/energy/single" };
         self.with_material(chosen).part("bsdf", "shared/bsdf/full").part("transmission", through).part("energy", energy)
     }
 
@@ -189,7 +187,10 @@ impl PackedScene {
     }
 
     fn with_material(&self, chosen: Variant) -> Variant {
-        chosen.part("material", if self.has.gloss { "shared/material/full" } else { "shared/material/lambert" })
+        chosen.part(
+            "material",
+            if self.has.gloss { "shared/surface/material/full" } else { "shared/surface/material/lambert" },
+        )
     }
 
     fn with_shape_lights(&self, chosen: Variant) -> Variant {
@@ -200,7 +201,10 @@ impl PackedScene {
     }
 
     fn with_alpha(&self, chosen: Variant) -> Variant {
-        chosen.part("alpha", if self.has.mask_textures { "shared/alpha/texture" } else { "shared/alpha/plain" })
+        chosen.part(
+            "alpha",
+            if self.has.mask_textures { "shared/surface/alpha/texture" } else { "shared/surface/alpha/plain" },
+        )
     }
 
     /// The scene's material of a packed one.

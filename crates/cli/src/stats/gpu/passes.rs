@@ -5,11 +5,11 @@ use std::{fmt::Write, time::Instant};
 use anyhow::Result;
 use canted_gpu::{
     Gpu, GpuError,
-    build::{BuildConfig, Built, Primitives, Passes, BuildEncoder, STRATEGIES, TwoLevels},
+    build::{BuildConfig, BuildEncoder, Built, Passes, Primitives, STRATEGIES},
 };
 use canted_lbvh::{self as lbvh, Bits, Corners, Strategy};
-use canted_scene::Scene;
-use canted_tlas::Instance;
+use canted_obb::Obb;
+use canted_scene::{Instance, Scene};
 use serde_json::{Map, Value, json};
 
 use crate::options::strategy_name;
@@ -78,16 +78,23 @@ fn uploaded(gpu: &Gpu, start: Instant, meshes: &[Vec<Corners>]) -> Result<(Primi
 fn top(gpu: &Gpu, scene: &Scene, primitives: Primitives) -> Result<(Level, f64), GpuError> {
     let config = BuildConfig { bits: Bits::B63, strategy: Strategy::Combined };
     let mut build = BuildEncoder::new(gpu);
-    let built = Built::new(&mut build, primitives, config)?;
-    let instances: Vec<Instance> =
-        scene.instances.iter().map(|i| Instance::new(i.mesh.0, i.world_from_object)).collect();
-    let mut two = TwoLevels::new(&mut build, built, &instances, config)?;
+    let roots = Built::new(&mut build, primitives, config)?.roots(gpu)?;
+    let mut over_instances = || {
+        let of = |instance: &Instance| Some(roots[instance.mesh.0 as usize]?.transformed(&instance.world_from_object));
+        let boxes: Vec<Obb> = scene.instances.iter().filter_map(of).collect();
+        if boxes.iter().any(|placed| !placed.aabb().is_finite()) {
+            let what = "an instance whose bounds exceed the range of f32".to_owned();
+            return Err(GpuError::Unsupported { what });
+        }
+        Built::new(&mut build, Primitives::boxes(gpu, &boxes)?, config)
+    };
+    over_instances()?;
     gpu.finish()?;
     let start = Instant::now();
-    two.place(&mut build, &instances)?;
+    let top = over_instances()?;
     gpu.finish()?;
     let rebuild_ms = start.elapsed().as_secs_f64() * 1e3;
-    Ok((level(gpu, &two.top.primitives, None)?, rebuild_ms))
+    Ok((level(gpu, &top.primitives, None)?, rebuild_ms))
 }
 
 /// Times every pass.
@@ -165,7 +172,7 @@ fn level_json(level: &Level) -> Value {
         .map(|(strategy, ms)| (strategy_name(strategy).to_owned(), (*ms).into()))
         .collect();
     let mut all = json!({
-        "primitives": level.n_items, "domain_ms": domain, "codes_ms": codes, "sort_ms": sort, "tree_ms": tree,
+        "items": level.n_items, "domain_ms": domain, "codes_ms": codes, "sort_ms": sort, "tree_ms": tree,
         "volumes_ms": boxes,
     });
     if let Some(ms) = level.upload {

@@ -173,8 +173,7 @@ fn incoming_light_matches_the_cpu() {
     let packed: Vec<ListLight> = lights.iter().map(ListLight::from).collect();
     let packed = gpu.buffer("lights", &packed).unwrap();
     let queries = queries(&lights);
-    let mut answers: Vec<Answer> =
-        answers(&gpu, "check/incoming", &Variant::none(), &queries, &[("lights", &packed)]);
+    let mut answers: Vec<Answer> = answers(&gpu, "check/incoming", &Variant::none(), &queries, &[("lights", &packed)]);
     let [n_compared, n_at_edges] = compare(&lights, &queries, &answers).unwrap();
     assert!(n_compared > 1500 && n_at_edges < 10, "{n_compared} {n_at_edges}");
 

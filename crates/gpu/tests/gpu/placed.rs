@@ -1,12 +1,22 @@
 //! What the device places, compared with the CPU.
 
-use canted_fixtures::{SplitMix64, or_skip};
+use canted_fixtures::SplitMix64;
+use canted_fixtures::device_tests::{Test, needs_device};
+use canted_gpu::{
+    BufferConfig, DeviceBvh, DeviceInstance, Gpu, InstanceBuffer, InstancedScene, MeshBuffers, NOT_PLACED, Outcome,
+    wgpu,
+};
 use canted_obb::{Aabb, Affine};
 use canted_tlas::Instance;
 
-use super::*;
-use crate::trace::layout::InstanceData;
-use crate::{Choice, DeviceInstance};
+use crate::common::{gpu, words};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(instances_have_the_bits_of_the_cpu_and_boxes_contain_them),
+        needs_device(faults_of_instances_are_reported_with_their_number),
+    ]
+}
 
 /// Two triangles far from their origin, and a single one; no triangle.
 fn soups() -> [Vec<[f32; 9]>; 3] {
@@ -23,7 +33,6 @@ fn bounds(soup: &[[f32; 9]]) -> Aabb {
 fn transforms() -> Vec<Affine> {
     let mut random = SplitMix64::new(28);
     let mut unit = move || {
-        #[expect(clippy::cast_possible_truncation, reason = "any numbers will do")]
         let x = random.signed() as f32;
         x
     };
@@ -61,15 +70,43 @@ fn scene_of(gpu: &Gpu, instances: &[DeviceInstance]) -> InstancedScene {
             vertices,
             first_byte: 0,
             stride: 12,
-            n_vertices: crate::build::count(3 * soup.len()),
+            n_vertices: u32::try_from(3 * soup.len()).unwrap(),
             indices: None,
-            n_triangles: crate::build::count(soup.len()),
+            n_triangles: u32::try_from(soup.len()).unwrap(),
         })
         .collect();
     let buffer = storage(gpu, bytemuck::cast_slice(instances));
-    let n_instances = crate::build::count(instances.len());
+    let n_instances = u32::try_from(instances.len()).unwrap();
     let instances = InstanceBuffer { buffer: &buffer, first_byte: 0, stride: 64, n_instances };
-    InstancedScene::without_check(gpu, &meshes, &instances, DeviceBvh::default()).unwrap()
+    InstancedScene::new(gpu, &meshes, &instances, BufferConfig { is_checked: false, ..DeviceBvh::default().into() })
+        .unwrap()
+}
+
+/// Whether the words of an instance are those of its inverse and its mesh, apart from the signs of zeros.
+fn is_placed(words: &[u32], inverse: &[[f64; 4]; 3], map: &Affine, mesh: u32) -> bool {
+    (0..3).all(|k| {
+        let row = std::array::from_fn(|j| f32::from_bits(words[4 * k + j]));
+        let exact = |j: usize| {
+            let at = 16 + 8 * k + 2 * j;
+            f64::from_bits(u64::from(words[at + 1]) << 32 | u64::from(words[at]))
+        };
+        let [x, y, z, _] = inverse[k].map(|x| x as f32);
+        row == [x, y, z, map.columns[3][k]] && inverse[k] == std::array::from_fn(exact)
+    }) && words[12..16] == [mesh + 1, 0, 0, 0]
+}
+
+/// The boxes of all instances, from the leaves of the top level's nodes.
+fn boxes(gpu: &Gpu, scene: &InstancedScene, n: usize) -> Vec<Aabb> {
+    const LEAF: u32 = 1 << 31;
+    let n_triangles: usize = soups().iter().map(Vec::len).sum();
+    let nodes = words(gpu, scene.traced(), "nodes").unwrap();
+    let mut boxes = vec![Aabb::EMPTY; n];
+    // Sixteen words a node: two children of lower ends, word, upper ends.
+    for child in nodes[16 * n_triangles..].chunks_exact(8).filter(|child| child[3] & LEAF != 0) {
+        let [min, max] = [0, 4].map(|at| std::array::from_fn(|k| f32::from_bits(child[at + k])));
+        boxes[(child[3] & !LEAF) as usize] = Aabb { min, max };
+    }
+    boxes
 }
 
 /// Corners of a box in world space. The error of `f64` is far below the pads.
@@ -84,16 +121,14 @@ fn holds(aabb: &Aabb, point: [f64; 3]) -> bool {
     (0..3).all(|k| f64::from(aabb.min[k]) <= point[k] && point[k] <= f64::from(aabb.max[k]))
 }
 
-#[test]
 fn instances_have_the_bits_of_the_cpu_and_boxes_contain_them() {
-    let test = "instances_have_the_bits_of_the_cpu_and_boxes_contain_them";
-    let Some(gpu) = or_skip(test, Gpu::open(&Choice::Best)) else { return };
+    let gpu = gpu();
     let transforms = transforms();
     let placed: Vec<DeviceInstance> = (0..).zip(&transforms).map(|(i, map)| DeviceInstance::new(i % 2, map)).collect();
     let scene = scene_of(&gpu, &placed);
-    let Level::Two(instances) = scene.traced.level() else { panic!("two levels") };
-    let found = gpu.read(instances.data()).unwrap();
-    let boxes = scene.top.primitives.read_boxes(&gpu).unwrap();
+    let found = words(&gpu, scene.traced(), "instances").unwrap();
+    let found: Vec<&[u32]> = found.chunks_exact(40).collect();
+    let boxes = boxes(&gpu, &scene, placed.len());
     let (mut n_compared, mut n_escaped) = (0, 0);
     for (i, map) in transforms.iter().enumerate() {
         let instance = Instance::new(placed[i].mesh, *map);
@@ -103,8 +138,7 @@ fn instances_have_the_bits_of_the_cpu_and_boxes_contain_them() {
             continue;
         }
         n_compared += 1;
-        let expected = InstanceData::new(&inverse, map, [instance.blas + 1, 0]);
-        assert!(found[i].is_same(&expected), "instance {i}: {:?} is not {expected:?}", found[i]);
+        assert!(is_placed(found[i], &inverse, map, instance.blas), "instance {i}: {:?}", found[i]);
         let aabb = bounds(&soups()[i % 2]);
         for point in image(map, &aabb) {
             assert!(holds(&boxes[i], point), "instance {i}: {:?} lacks {point:?}", boxes[i]);
@@ -112,7 +146,6 @@ fn instances_have_the_bits_of_the_cpu_and_boxes_contain_them() {
         // Without pads some boxes would be too small, and no box is much larger than the pads.
         let reach = map.reach(aabb.reach());
         let [pad, most] = [8.0, 48.0].map(|n| n * f64::from(f32::EPSILON) * reach);
-        #[expect(clippy::cast_possible_truncation, reason = "a smaller box")]
         let moved = |by: f64| Aabb {
             min: boxes[i].min.map(|x| (f64::from(x) + by) as f32),
             max: boxes[i].max.map(|x| (f64::from(x) - by) as f32),
@@ -127,10 +160,8 @@ fn instances_have_the_bits_of_the_cpu_and_boxes_contain_them() {
     assert!(n_compared > 2000 && n_escaped > 100, "{n_compared} compared, {n_escaped} need their pads");
 }
 
-#[test]
 fn faults_of_instances_are_reported_with_their_number() {
-    let test = "faults_of_instances_are_reported_with_their_number";
-    let Some(gpu) = or_skip(test, Gpu::open(&Choice::Best)) else { return };
+    let gpu = gpu();
     let good = DeviceInstance::new(0, &Affine::IDENTITY);
     let with = |change: fn(&mut DeviceInstance)| {
         let mut bad = good;
@@ -139,11 +170,11 @@ fn faults_of_instances_are_reported_with_their_number() {
         // Whatever the contents, rays come to an end and meet the others.
         let ray = canted_trace::Ray::new([11.0, -1.0, 100.0], [0.0, 0.0, -1.0]);
         let hits = scene.traced().closest_hits(&gpu, &[ray]).unwrap();
-        assert!(matches!(hits[..], [crate::Outcome::Complete(Some(hit))] if hit.instance == 0), "{hits:?}");
+        assert!(matches!(hits[..], [Outcome::Complete(Some(hit))] if hit.instance == 0), "{hits:?}");
         scene.check(&gpu).map_err(|error| error.to_string())
     };
     assert_eq!(with(|_| {}), Ok(()));
-    assert_eq!(with(|bad| bad.mesh = crate::NOT_PLACED), Ok(()));
+    assert_eq!(with(|bad| bad.mesh = NOT_PLACED), Ok(()));
     // A mesh without triangles.
     assert_eq!(with(|bad| bad.mesh = 2), Ok(()));
     let of = |change| with(change).unwrap_err();
