@@ -13,7 +13,9 @@ use anyhow::{Context, Result, bail};
 
 use crate::{
     command::{self, cargo, say, succeeds},
-    tables, test::Count, workspace,
+    tables,
+    test::Count,
+    workspace,
 };
 
 /// The manifest of the package, which is no member of the workspace.

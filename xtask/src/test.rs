@@ -22,7 +22,9 @@ pub(crate) struct Count {
 impl Count {
     /// Adds the numbers of a line like `test result: ok. 3 passed; 0 failed; 1 ignored; ...`; other lines have none.
     fn add(&mut self, line: &str) {
-        let Some((_, totals)) = line.strip_prefix("test result: ").and_then(|result| result.split_once(". ")) else { return };
+        let Some((_, totals)) = line.strip_prefix("test result: ").and_then(|result| result.split_once(". ")) else {
+            return;
+        };
         for part in totals.split("; ") {
             let Some((n, kind)) = part.split_once(' ') else { continue };
             let n = n.parse().unwrap_or(0);

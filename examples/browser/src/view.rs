@@ -39,14 +39,13 @@ impl View {
 
     /// Both levels, built on the device.
     pub(crate) async fn on_device(&self, gpu: &Gpu, without_first: bool) -> Result<TracedScene, GpuError> {
-        let meshes: Vec<&[Corners]> = self.corners.iter().map(Vec::as_slice).collect();
         let config = BuildConfig { strategy: Strategy::Combined, ..BuildConfig::default() };
         let mut instances = self.instances.clone();
         if without_first {
             // Out of sight, so that the others keep their numbers.
             instances[0].world_from_object.columns[3][1] += 1e5;
         }
-        TracedScene::new_async(gpu, SceneInput::build(&meshes, config).instances(&instances)).await
+        TracedScene::new_async(gpu, SceneInput::build(&self.corners, config).instances(&instances)).await
     }
 
     /// Both levels, built on the CPU.

@@ -50,6 +50,6 @@ pub(crate) fn silent(cancel: &AtomicBool) -> Monitor<'_> {
     Monitor { progress: &|_, _| (), finished: &|_| (), cancel }
 }
 
-fn main() -> ExitCode {
+fn main() -> std::process::ExitCode {
     canted_tests::device::run_tests([both::tests(), failures::tests(), needs::tests(), tiles::tests()])
 }

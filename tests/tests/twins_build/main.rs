@@ -15,7 +15,7 @@ mod volumes;
 mod wide;
 mod wide_check;
 
-fn main() -> ExitCode {
+fn main() -> std::process::ExitCode {
     canted_tests::device::run_tests([
         models::tests(),
         ploc::tests(),

@@ -33,9 +33,12 @@ fn clustered(meshes: &[Mesh]) -> Vec<Twin> {
 }
 
 fn compared(gpu: &Gpu, there: &[Twin], twins: &[Twin]) -> Result<(), String> {
-    let built =
-        Built::new(&mut BuildEncoder::new(gpu), primitives(gpu, there), WideConfig { topology: Topology::Ploc, ..WideConfig::default() })
-            .unwrap();
+    let built = Built::new(
+        &mut BuildEncoder::new(gpu),
+        primitives(gpu, there),
+        WideConfig { topology: Topology::Ploc, ..WideConfig::default() },
+    )
+    .unwrap();
     end_to_end(gpu, &built, twins)
 }
 

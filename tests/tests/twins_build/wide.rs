@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 
 use canted_fixtures::{Mesh, icosphere, soup};
 use canted_gpu::Gpu;
-use canted_gpu::build::{BuildConfig, BuildEncoder, Built, MAX_LEAF, Range, STRATEGIES, Topology, WideBvhs, WideConfig};
+use canted_gpu::build::{
+    BuildConfig, BuildEncoder, Built, MAX_LEAF, Range, STRATEGIES, Topology, WideBvhs, WideConfig,
+};
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Strategy, Tree, VolumeConfig};
 use canted_obb::Aabb;
 

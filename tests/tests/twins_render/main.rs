@@ -13,7 +13,7 @@ mod sums;
 
 pub(crate) use canted_tests::device::gpu;
 
-fn main() -> ExitCode {
+fn main() -> std::process::ExitCode {
     canted_tests::device::run_tests([
         frames::tests(),
         guides::tests(),

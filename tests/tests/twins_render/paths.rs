@@ -4,11 +4,9 @@
 //! integrator. The shares here are about twice the measured ones, and sums over diverging pixels must be unbiased.
 
 use canted_fixtures::device_tests::{Test, needs_device};
-use std::path::Path;
-use std::sync::atomic::AtomicBool;
-
-use canted_renderer::{DevicePicture, Integrator, Levels, Monitor, Pattern, Settings, Surfaces};
+use canted_renderer::{DevicePicture, Integrator, Levels, Pattern, Settings, Surfaces};
 use canted_scene::{Camera, Environment, Material, Scene, SceneFile};
+use std::path::Path;
 
 use super::compared::{compared, difference, on_cpu, on_device, prepared};
 use super::{gpu, scenes};

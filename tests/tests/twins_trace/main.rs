@@ -18,7 +18,7 @@ mod small;
 
 pub(crate) use canted_tests::{device::gpu, judge as reference};
 
-fn main() -> ExitCode {
+fn main() -> std::process::ExitCode {
     canted_tests::device::run_tests([
         binary::tests(),
         built_wide::tests(),

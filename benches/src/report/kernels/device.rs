@@ -92,7 +92,7 @@ impl Device {
         rounds: usize,
     ) -> Result<(Vec<[u32; N]>, Samples)> {
         let gpu = &self.gpu;
-        let scene = TracedScene::new(gpu, SceneInput::upload(&trees).instances(&[]))?;
+        let scene = TracedScene::new(gpu, SceneInput::upload(trees).instances(&[]))?;
         let chosen = Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
         let kernel = gpu.kernel(name, &scene.specialize(chosen).of_kernel(name)?)?;
         let own: Vec<DeviceRay> = rays.iter().filter_map(ScaledRay::new).map(|ray| DeviceRay::scaled(&ray)).collect();

@@ -14,8 +14,8 @@ use canted_wide::RawBvh;
 
 use super::layout::{BvhHeader, EMPTY, HitError, LEAF, LINE_QUADS, Quad, Start, is_aligned};
 use crate::build::{
-    BuildConfig, BuildEncoder, Built, Change, Collapse, Primitives, Range, Which, WideBvhs, WideConfig,
-    WideLevel, depth_bound,
+    BuildConfig, BuildEncoder, Built, Change, Collapse, Primitives, Range, Which, WideBvhs, WideConfig, WideLevel,
+    depth_bound,
 };
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 

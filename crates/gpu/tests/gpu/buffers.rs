@@ -311,5 +311,8 @@ fn counts_that_no_buffer_holds_are_errors() {
             .unwrap_err();
         assert_eq!(error.to_string(), "parts of 1 triangles must start at 0, in order and before the end");
     }
-    assert!(BufferScene::new(&gpu, &[good], BufferConfig { parts: Some(&[0, 0, 1]), ..DeviceBvh::default().into() }).is_ok());
+    assert!(
+        BufferScene::new(&gpu, &[good], BufferConfig { parts: Some(&[0, 0, 1]), ..DeviceBvh::default().into() })
+            .is_ok()
+    );
 }

@@ -49,8 +49,9 @@ fn recorded_clusters_and_wide_nodes_are_rejected() {
     let primitives = || Primitives::triangles(&gpu, [&corners[..]]).unwrap();
     let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
     let mut build = BuildEncoder::recorded(&gpu, &mut encoder);
-    let built =
-        |build: &mut BuildEncoder<'_>, topology| Built::new(build, primitives(), WideConfig { topology, ..WideConfig::default() });
+    let built = |build: &mut BuildEncoder<'_>, topology| {
+        Built::new(build, primitives(), WideConfig { topology, ..WideConfig::default() })
+    };
     assert!(matches!(built(&mut build, Topology::Ploc), Err(GpuError::Unsupported { .. })));
     let radix = built(&mut build, Topology::Radix).unwrap();
     assert!(matches!(WideBvhs::new(&mut build, &radix, None), Err(GpuError::Unsupported { .. })));

@@ -177,8 +177,11 @@ fn vertices_that_are_not_finite_are_rejected_by_number() {
         for (mesh, error) in [
             (0, refused(TracedScene::new(&gpu, SceneInput::build([&second], binary)))),
             (0, refused(TracedScene::new(&gpu, SceneInput::build([&second], wide)))),
-            (1, refused(TracedScene::new(&gpu, SceneInput::build(&[&first, &second], binary).instances(&instances)))),
-            (1, refused(TracedScene::new(&gpu, SceneInput::build(&[&first, &second], wide).instances(&instances)))),
+            (
+                1,
+                refused(TracedScene::new(&gpu, SceneInput::build([&first[..], &second], binary).instances(&instances))),
+            ),
+            (1, refused(TracedScene::new(&gpu, SceneInput::build([&first[..], &second], wide).instances(&instances)))),
         ] {
             assert_eq!(error, format!("mesh {mesh}: triangle 3 has a vertex that is not finite"));
         }

@@ -37,8 +37,10 @@ pub(super) struct RenderKernels {
 impl RenderKernels {
     /// Whether a kernel binds a variable of this name.
     pub(super) fn binds(&self, name: &str) -> bool {
-        let all = [&self.light].into_iter().chain(&self.guide);
-        all.any(|kernel| kernel.bindings().iter().any(|binding| binding.name == name))
+        [&self.light]
+            .into_iter()
+            .chain(&self.guide)
+            .any(|kernel| kernel.bindings().iter().any(|binding| binding.name == name))
     }
 }
 
