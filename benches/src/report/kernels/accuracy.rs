@@ -1,9 +1,8 @@
 //! The exact hit of a ray and a triangle, and the errors of answers.
 
-use canted_tests::fractions::Piercing;
+use canted_tests::exact::Piercing;
 
-use super::super::samples::Samples;
-use super::triangles::Pair;
+use super::{super::samples::Samples, triangles::Pair};
 
 /// `t`, `u`, `v` of a hit; unreported weights are NaN.
 pub(super) type Answer = Option<[f32; 3]>;
