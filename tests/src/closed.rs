@@ -9,10 +9,12 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use canted_fixtures::{Mesh, Rotation, SplitMix64, displaced_icosphere, icosphere, thin_box, torus};
 use canted_obb::Affine;
+use canted_tlas::Instance;
 use canted_trace::{Ray, Side};
 
 use crate::{
     crossings::{are_alternating, are_balanced, opposite},
+    scenes::affine,
     tracers::{Guarantee, Method, Tracer},
     vector::{cross, dot},
 };
@@ -72,12 +74,9 @@ pub struct Placement {
 /// Identity, rotated, tiny, huge, far away, sheared and mirrored.
 #[must_use]
 pub fn placements() -> Vec<Placement> {
-    let placement = |name, turn: Rotation, scale: [f64; 3], shift: f32| {
-        let column = |j: usize| turn.rows.map(|row| (row[j] * scale[j]) as f32);
-        Placement {
-            name,
-            world_from_object: Affine { columns: [column(0), column(1), column(2), [shift, -shift, shift]] },
-        }
+    let placement = |name, turn: Rotation, scale: [f64; 3], shift: f32| Placement {
+        name,
+        world_from_object: affine(&turn, scale, [shift, -shift, shift]),
     };
     let mut sheared = placement("sheared and mirrored", Rotation::off_axis(), [1.0, -0.5, 2.0], 0.3);
     sheared.world_from_object.columns[1][0] += 0.7;
@@ -98,11 +97,18 @@ pub fn baked(mesh: &Mesh, world_from_object: &Affine) -> Mesh {
     Mesh { positions, triangles: mesh.triangles.clone() }
 }
 
+/// An instance of the mesh, and a second one far away, so that a top level has more than one leaf.
+#[must_use]
+pub fn with_another(mesh: &Mesh, world_from_object: &Affine) -> [Instance; 2] {
+    let far = 9.0 * baked(mesh, world_from_object).diagonal();
+    let other = world_from_object.then(&Affine::translation([far as f32, 0.0, 0.0]));
+    [*world_from_object, other].map(|world_from_object| Instance::new(0, world_from_object))
+}
+
 /// Whether a transform swaps inside and outside.
 #[must_use]
 pub fn mirrors(placement: &Affine) -> bool {
-    let [a, b, c, _] = placement.columns.map(|column| column.map(f64::from));
-    dot(a, cross(b, c)) < 0.0
+    placement.determinant() < 0.0
 }
 
 /// `a + by·(b - a)`.
@@ -332,9 +338,7 @@ fn miscounted(tracer: &dyn Tracer, closed: &Closed, placement: &Placement, rays:
 pub fn all_placements() -> Vec<Placement> {
     let mut placements = placements();
     for (name, exponent) in [("at 2^-10", -10), ("at 2^10", 10)] {
-        let scale = 2.0f32.powi(exponent);
-        let columns = [[scale, 0.0, 0.0], [0.0, scale, 0.0], [0.0, 0.0, scale], [0.0; 3]];
-        placements.push(Placement { name, world_from_object: Affine { columns } });
+        placements.push(Placement { name, world_from_object: Affine::scale([2.0f32.powi(exponent); 3]) });
     }
     placements
 }

@@ -15,7 +15,7 @@ use canted_wide::{Config, Costs, Preset, SimdPath, TriangleBvh};
 
 use crate::{
     brute,
-    closed::{baked, mirrors},
+    closed::{baked, mirrors, with_another},
     crossings::{self, all_hits, opposite},
 };
 
@@ -229,10 +229,8 @@ struct TwoLevels<B: Blas> {
 
 impl<B: Blas> TwoLevels<B> {
     fn new(blas: B, mesh: &Mesh, placement: &Affine) -> Self {
-        let here = Instance::new(0, *placement);
-        let mut there = here;
-        there.world_from_object.columns[3][0] += (9.0 * baked(mesh, placement).diagonal()) as f32;
-        let tlas = Tlas::new(vec![blas], &[here, there], TopConfig::default()).expect("a shift is invertible");
+        let instances = with_another(mesh, placement);
+        let tlas = Tlas::new(vec![blas], &instances, TopConfig::default()).expect("a shift is invertible");
         Self { tlas, mesh: mesh.clone(), placement: *placement }
     }
 

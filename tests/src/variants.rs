@@ -58,7 +58,6 @@ pub fn of_one_kind(kind: NodeKind) -> Config {
 ///
 /// # Panics
 /// Panics for invalid meshes.
-#[must_use]
 pub fn build<K: LaneKernel>(mesh: &Mesh, config: &Config) -> TriangleBvh<K> {
     TriangleBvh::build(&mesh.positions, &mesh.triangles, config).expect("fixtures are valid")
 }

@@ -144,11 +144,6 @@ mod tests {
         assert_eq!(interleave(Bits::B63, [0x1f_ffff; 3]), (1 << 63) - 1);
         assert_eq!(interleave(Bits::B30, [1, 0, 0]), 4);
     }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
 
     #[test]
     fn ends_and_degenerate_extents() {

@@ -1,7 +1,7 @@
 //! Boxes of points and triangles. Each method proposes a frame; the box along it is then exact.
 
 use crate::{
-    Aabb, Dop, Frame, Moments, Obb, bound,
+    Aabb, Dop, Moments, Obb, bound,
     eigen::FULL_PRECISION,
     frame::{Frame, IDENTITY, orthonormal},
     vector::{self, Vector, cross, dot, sub},

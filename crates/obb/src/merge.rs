@@ -10,7 +10,7 @@
 use core::f64::consts::FRAC_1_SQRT_2;
 
 use crate::{
-    Enclosure, Frame, Moments, Obb, Quaternion, bound_boxes,
+    Enclosure, Moments, Obb, Quaternion, bound_boxes,
     frame::{self, Frame},
     rotation,
     vector::{self, cross, sub},

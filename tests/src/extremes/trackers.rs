@@ -273,10 +273,8 @@ impl Query for Only {
 
 /// Plates at z = 0, 8 and 16; the second is scaled and the third mirrored.
 fn plates() -> [(Affine, f32); 3] {
-    [(1.0, 0.0), (64.0, 8.0), (-4.0, 16.0)].map(|(scale, z): (f32, f32)| {
-        let columns = [[scale, 0.0, 0.0], [0.0, scale, 0.0], [0.0, 0.0, scale], [0.0, 0.0, z]];
-        (Affine { columns }, z)
-    })
+    [(1.0, 0.0), (64.0, 8.0), (-4.0, 16.0)]
+        .map(|(scale, z): (f32, f32)| (Affine::scale([scale; 3]).then(&Affine::translation([0.0, 0.0, z])), z))
 }
 
 /// Rays through all plates, the index of one plate, ray intervals, and the `t` of that plate's hit in each.

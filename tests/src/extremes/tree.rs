@@ -17,7 +17,7 @@ use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Corners, Domain, Strateg
 use canted_obb::{Aabb, Affine, Obb};
 use canted_renderer::{Accel, Levels, StructureConfig, flatten, prepare};
 use canted_sah::{Builder, PlocConfig, TopDownConfig, build};
-use canted_scene::{Instance, Mesh, MeshId, Scene};
+use canted_scene::{Instance, MeshId, Scene};
 use canted_trace::{ScaledRay, Watertight};
 use canted_wide::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, Primitive, PrimitiveHit, TriangleBvh, WideBvh};
 use rayon::prelude::*;
@@ -252,7 +252,7 @@ fn scene(n: usize) -> Scene {
         world_from_object_close: None,
         first_primitive: 0,
     };
-    let mesh = Mesh { triangles: vec![[7, 8, 9]; OF_MESH], ..Mesh::default() };
+    let mesh = canted_scene::Mesh { triangles: vec![[7, 8, 9]; OF_MESH], ..canted_scene::Mesh::default() };
     Scene { meshes: vec![mesh], instances: vec![instance; n / OF_MESH + 1], ..Scene::default() }
 }
 

@@ -10,11 +10,11 @@ use canted_fixtures::Mesh;
 use canted_lbvh::{self as lbvh, Bits, Domain, Strategy, VolumeConfig};
 use canted_obb::Affine;
 use canted_tests::{
-    closed::{Closed, Found, Placement, all_placements, baked, closed, placements, rays, search},
+    closed::{Found, Placement, all_placements, baked, closed, placements, rays, search, with_another},
     tracers,
     variants::{build, every_variant, few_variants, paths},
 };
-use canted_tlas::{Instance, Tlas, TopConfig};
+use canted_tlas::{Blas, Tlas, TopConfig};
 use canted_trace::{InstanceId, Ray, Watertight};
 use canted_wide::{Config, TriangleBvh};
 
@@ -43,8 +43,12 @@ fn config(strategy: Strategy) -> BuildConfig {
     BuildConfig { bits: Bits::B63, volumes: VolumeConfig { strategy, fallback: true } }
 }
 
-fn far_off(mesh: &Mesh) -> f32 {
-    (9.0 * mesh.diagonal()) as f32
+/// Number of leaks through one of two instances.
+fn leaks_of_two<B: Blas>(blas: B, mesh: &Mesh, world_from_object: &Affine, top: TopConfig, rays: &[Ray]) -> usize {
+    let tlas = Tlas::new(vec![blas], &with_another(mesh, world_from_object), top).unwrap();
+    let leaks =
+        |ray: &&Ray| tlas.closest_hit(ray).is_none_or(|hit| hit.instance != InstanceId(0)) || !tlas.occluded(ray);
+    rays.iter().filter(leaks).count()
 }
 
 /// Number of leaks with one level over the transformed mesh, and with two levels over the mesh itself.
@@ -52,15 +56,9 @@ fn leaks(mesh: &Mesh, world_from_object: &Affine, strategy: Strategy, rays: &[Ra
     let world = baked(mesh, world_from_object);
     let one = Bvh2::<Watertight>::build(&world.positions, &world.triangles, &config(strategy)).unwrap();
     let bottom = Bvh2::<Watertight>::build(&mesh.positions, &mesh.triangles, &config(strategy)).unwrap();
-    let instance = Instance::new(0, *world_from_object);
-    // The second instance, far away, gives the top level more than one leaf.
-    let mut other = instance;
-    other.world_from_object.columns[3][0] += far_off(&world);
-    let two = Tlas::new(vec![bottom], &[instance, other], TopConfig::Binary(config(strategy).volumes)).unwrap();
-    let leaks_one = |ray: &&Ray| one.closest_hit(ray).is_none() || !one.occluded(ray);
-    let leaks_two =
-        |ray: &&Ray| two.closest_hit(ray).is_none_or(|hit| hit.instance != InstanceId(0)) || !two.occluded(ray);
-    [rays.iter().filter(leaks_one).count(), rays.iter().filter(leaks_two).count()]
+    let leaks_of_one = rays.iter().filter(|ray| one.closest_hit(ray).is_none() || !one.occluded(ray)).count();
+    let top = TopConfig::Binary(config(strategy).volumes);
+    [leaks_of_one, leaks_of_two(bottom, mesh, world_from_object, top, rays)]
 }
 
 #[test]
@@ -124,15 +122,9 @@ fn leaks_of_one(tree: &TriangleBvh<Watertight>, rays: &[Ray]) -> usize {
     hits.iter().zip(&occluded).filter(|&(hit, &occluded)| hit.is_none() || !occluded).count()
 }
 
-/// Leaks through an instance; a second one gives the top level more than one leaf.
-fn leaks_of_two(mesh: &Mesh, world_from_object: &Affine, config: &Config, rays: &[Ray]) -> usize {
-    let instance = Instance::new(0, *world_from_object);
-    let mut other = instance;
-    other.world_from_object.columns[3][0] += (9.0 * baked(mesh, world_from_object).diagonal()) as f32;
-    let tlas = Tlas::new(vec![build::<Watertight>(mesh, config)], &[instance, other], TopConfig::default()).unwrap();
-    let leaks =
-        |ray: &&Ray| tlas.closest_hit(ray).is_none_or(|hit| hit.instance != InstanceId(0)) || !tlas.occluded(ray);
-    rays.iter().filter(leaks).count()
+/// Leaks through one of two instances of a wide BVH.
+fn leaks_of_wide_instances(mesh: &Mesh, world_from_object: &Affine, config: &Config, rays: &[Ray]) -> usize {
+    leaks_of_two(build::<Watertight>(mesh, config), mesh, world_from_object, TopConfig::default(), rays)
 }
 
 #[test]
@@ -149,7 +141,7 @@ fn no_ray_leaks_from_wide_bvhs() {
                 }
             }
             for (variant, config) in few_variants() {
-                let leaks = leaks_of_two(&closed.mesh, world_from_object, &config, &rays);
+                let leaks = leaks_of_wide_instances(&closed.mesh, world_from_object, &config, &rays);
                 assert_eq!(leaks, 0, "{}, {name}, {variant}, two levels", closed.name);
             }
         }
@@ -165,7 +157,7 @@ fn a_hole_of_a_wide_bvh_is_detected() {
             open.triangles.pop();
             let config = Config::default();
             let one = leaks_of_one(&build(&baked(&open, &world_from_object), &config), &rays);
-            let two = leaks_of_two(&open, &world_from_object, &config, &rays);
+            let two = leaks_of_wide_instances(&open, &world_from_object, &config, &rays);
             assert!(one > 0 && two > 0, "{}, {name}: {one}, {two}", closed.name);
         }
     }

@@ -318,15 +318,8 @@ fn closest_hits(tlas: &Tlas<Counted>, rays: &[Ray]) -> Vec<Option<Hit>> {
 
 /// All instances rotated by a quarter turn about z and shifted.
 fn moved(placed: &[Affine]) -> Vec<Affine> {
-    let turn = |[x, y, z]: [f32; 3]| [-y, x, z];
-    let shift = |[x, y, z]: [f32; 3]| [x + 0.5, y - 0.25, z + 1.0];
-    placed
-        .iter()
-        .map(|affine| {
-            let [x, y, z, origin] = affine.columns.map(turn);
-            Affine { columns: [x, y, z, shift(origin)] }
-        })
-        .collect()
+    let next = Affine::from_columns([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.5, -0.25, 1.0]]);
+    placed.iter().map(|affine| affine.then(&next)).collect()
 }
 
 #[test]
@@ -434,22 +427,16 @@ fn the_condition_number_decides_not_the_determinant() {
 fn error_messages_name_instance_and_limit() {
     let sentence = |result: Result<(), InstanceError>| result.unwrap_err().to_string();
     assert_eq!(sentence(add(7, Affine::IDENTITY)), "instance 2 refers to bottom-level BVH 7, which does not exist");
-    let mut affine = Affine::IDENTITY;
-    affine.columns[3][1] = f32::NAN;
-    assert_eq!(sentence(add(0, affine)), "the transform of instance 2 is not finite");
-    affine.columns = [[0.0; 3]; 4];
+    let shift = Affine::translation([0.0, f32::NAN, 0.0]);
+    assert_eq!(sentence(add(0, shift)), "the transform of instance 2 is not finite");
     assert_eq!(
-        sentence(add(0, affine)),
+        sentence(add(0, Affine::scale([0.0; 3]))),
         "the transform of instance 2 is too close to singular: its condition number is inf, at most 1.048576e6 is supported"
     );
 }
 
 #[test]
 fn bounds_out_of_range_are_rejected() {
-    let mut affine = Affine::IDENTITY;
-    affine.columns[0][0] = 1e38;
-    affine.columns[1][1] = 1e38;
-    affine.columns[2][2] = 1e38;
-    affine.columns[3] = [3e38; 3];
+    let affine = Affine::scale([1e38; 3]).then(&Affine::translation([3e38; 3]));
     assert_eq!(add(0, affine), Err(InstanceError::OutOfRange { instance: 2 }));
 }

@@ -9,7 +9,6 @@ use canted_lbvh::{self as lbvh, Strategy, VolumeConfig};
 use canted_obb::{Aabb, Affine, Moments, Obb, PrimId};
 use canted_renderer::obvhs_tree;
 use canted_tests::{
-    brute,
     brute::{self, ray_object},
 };
 use canted_tlas::{Blas, Instance, Tlas, TopConfig};
@@ -102,11 +101,7 @@ impl Primitive for Loose {
 fn the_top_level_allows_for_the_error_of_a_shape() {
     let unit = Sphere { center: [0.0; 3], radius: 1.0 };
     let bvh = || WideBvh::<Loose>::build(vec![Loose(unit)], &Config::default()).unwrap();
-    let apart = |x: f32| {
-        let mut affine = Affine::IDENTITY;
-        affine.columns[3][0] = x;
-        Instance::new(0, affine)
-    };
+    let apart = |x: f32| Instance::new(0, Affine::translation([x, 0.0, 0.0]));
     // Outside of the bounds, inside of the larger sphere.
     let ray = Ray::new([1.03, 0.0, -3.0], [0.0, 0.0, 1.0]);
     assert!(bvh().closest_hit(&ray).is_some());

@@ -203,7 +203,7 @@ fn motions_through_singular_transforms_are_rejected_with_the_time() {
     let InstanceError::IllConditionedAt { instance: 1, time, .. } = mirror else { panic!("{mirror}") };
     // The scale falls by four per unit of time and is rejected below 1 / limit of the greatest scale, three.
     assert!((time - 0.25).abs() <= 3.0 / MAX_CONDITION / 4.0, "{time}");
-    let flat = refused(Affine::IDENTITY, Affine { columns: [[0.0; 3]; 4] });
+    let flat = refused(Affine::IDENTITY, Affine::scale([0.0; 3]));
     assert_eq!(
         flat.to_string(),
         "the transform of moving instance 1 is too close to singular at shutter time 1: its condition number is inf, \

@@ -4,7 +4,6 @@ use canted_fixtures::{Mesh, Rotation, SplitMix64, thin_box};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, PrimId};
 use canted_tests::{
-    brute,
     brute::{self, At, ray_object},
     crossings,
 };

@@ -11,6 +11,7 @@ use canted_lbvh::Strategy;
 use canted_obb::Affine;
 use canted_renderer::{Accel, Builder, Levels, Settings, StructureConfig, prepare, render};
 use canted_scene::{Camera, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene};
+use canted_tests::scenes::affine;
 use canted_trace::Watertight;
 use canted_wide::Preset;
 
@@ -28,7 +29,7 @@ fn scene() -> Scene {
         material([0.8, 0.3, 0.2]),
         Material { emission: [0.2, 0.1, 0.0], ..material([0.5; 3]) },
     ];
-    let ground = Affine { columns: [[8.0, 0.0, 0.0], [0.0, 8.0, 0.0], [0.0, 0.0, 4.0], [-4.0, -4.0, -1.0]] };
+    let ground = Affine::scale([8.0, 8.0, 4.0]).then(&Affine::translation([-4.0, -4.0, -1.0]));
     let mut instances = vec![Instance {
         mesh: MeshId(0),
         world_from_object: ground,
@@ -41,8 +42,7 @@ fn scene() -> Scene {
         let turn = Rotation::euler(6.0 * rng.unit(), 6.0 * rng.unit(), 6.0 * rng.unit());
         let scale: [f64; 3] = std::array::from_fn(|k| (0.3 + 0.4 * rng.unit()) * if k == i % 4 { -1.0 } else { 1.0 });
         let shift = [3.0 * rng.signed(), 3.0 * rng.signed(), 0.5 + rng.unit()];
-        let column = |j: usize| turn.rows.map(|row| (row[j] * scale[j]) as f32);
-        let world_from_object = Affine { columns: [column(0), column(1), column(2), shift.map(|x| x as f32)] };
+        let world_from_object = affine(&turn, scale, shift.map(|x| x as f32));
         let mesh = MeshId(u32::try_from(1 + i % 2).unwrap());
         instances.push(Instance { mesh, world_from_object, world_from_object_close: None, first_primitive });
         first_primitive += u32::try_from(meshes[mesh.0 as usize].triangles.len()).unwrap();

@@ -3,7 +3,7 @@
 use canted_obb::{Aabb, Affine, Enclosure, Frame, Obb, bound, bound_boxes};
 use proptest::prelude::*;
 
-use super::common::{ExactBox, Random, all_clouds, corners, exact_point, to_f64};
+use super::common::{self, ExactBox, Random, all_clouds, corners, exact_point, to_f64};
 
 fn any_finite() -> impl Strategy<Value = f32> {
     any::<u32>().prop_map(f32::from_bits).prop_filter("finite", |x| x.is_finite())
@@ -33,7 +33,7 @@ fn agrees(x: &[f32; 18]) -> Result<(), TestCaseError> {
     let frame = obb.frame.map(exact_point);
     let minor = |a: usize, b: usize| &frame[1][a] * &frame[2][b] - &frame[1][b] * &frame[2][a];
     let determinant = &frame[0][0] * minor(1, 2) + &frame[0][1] * minor(2, 0) + &frame[0][2] * minor(0, 1);
-    let singular = determinant == exact(0.0);
+    let singular = determinant == common::exact(0.0);
     let expected = !singular && ExactBox::of(&obb).contains(&exact_point(triple(15)));
     prop_assert_eq!(obb.contains(triple(15)), expected);
     Ok(())
@@ -92,7 +92,7 @@ fn images_of_boxes_are_contained() {
             let image = obb.transformed(&map);
             let oracle = ExactBox::of(&image);
             for corner in corners(&obb) {
-                assert!(oracle.contains(&image(&map, &corner)), "{name}: {map:?} {obb:?} {image:?}");
+                assert!(oracle.contains(&common::image(&map, &corner)), "{name}: {map:?} {obb:?} {image:?}");
             }
         }
     }

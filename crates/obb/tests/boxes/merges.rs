@@ -5,7 +5,7 @@ use canted_obb::{
     merge::{self, Child, Weight},
 };
 
-use super::common::{ExactBox, REFRAMED, Random, all_clouds, assert_contains, exact_point, growth, placed};
+use super::common::{ExactBox, REFRAMED, Random, all_clouds, assert_contains, corners, exact_point, growth, placed};
 
 /// A rule by name.
 type Rule = (&'static str, fn(&Obb, &Obb) -> Obb);
