@@ -8,9 +8,7 @@ use canted_fixtures::Mesh;
 use canted_lbvh::{self as lbvh, Strategy, VolumeConfig};
 use canted_obb::{Aabb, Affine, Moments, Obb, PrimId};
 use canted_renderer::obvhs_tree;
-use canted_tests::{
-    brute::{self, ray_object},
-};
+use canted_tests::brute::{self, ray_object};
 use canted_tlas::{Blas, Instance, Tlas, TopConfig};
 use canted_trace::{
     BaldwinWeber, HIT_ERROR, Hit, InstanceId, Kernel, MollerTrumbore, Query, Ray, ScaledRay, Sphere, Watertight,
