@@ -53,7 +53,6 @@ fn target(mesh: &Mesh, i: usize, rng: &mut SplitMix64) -> [f64; 3] {
 }
 
 /// A ray from `origin`, rounded, to `target`.
-#[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
 fn aimed(origin: [f64; 3], target: [f64; 3]) -> Ray {
     let origin = origin.map(|x| x as f32);
     Ray::new(origin, std::array::from_fn(|k| (target[k] - f64::from(origin[k])) as f32))

@@ -4,7 +4,7 @@ use canted_fixtures::Mesh;
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::build::STRATEGIES;
 use canted_lbvh::Bits;
-use canted_tests::models;
+use canted_tests::scenes as models;
 
 use crate::{
     compare::assert_equal,

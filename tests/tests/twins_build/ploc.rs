@@ -7,7 +7,7 @@ use canted_gpu::build::{BuildEncoder, Built, Topology, WideConfig};
 use canted_lbvh::Bits;
 use canted_obb::Aabb;
 use canted_sah::{PlocConfig, ploc};
-use canted_tests::models;
+use canted_tests::scenes as models;
 
 use crate::compare::end_to_end;
 use crate::setup::{Twin, gpu, large, meshes, needles, primitives, twins};

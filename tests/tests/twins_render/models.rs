@@ -3,7 +3,7 @@
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_renderer::{Integrator, Levels, Settings};
 use canted_scene::{Light, Scene};
-use canted_tests::models;
+use canted_tests::scenes as models;
 
 use super::compared::{compared, frame_of};
 use super::gpu;

@@ -5,7 +5,7 @@ use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::{Gpu, GpuError, Outcome, SceneInput, TracedScene};
 use canted_lbvh::triangle_corners;
 use canted_obb::Affine;
-use canted_tests::chains::chain;
+use canted_tests::scenes::chain;
 use canted_tlas::Instance;
 use canted_trace::{Ray, Watertight};
 use canted_wide::{NodeKind, TriangleBvh};

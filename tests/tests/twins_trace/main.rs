@@ -11,12 +11,9 @@ mod meshes;
 mod models;
 mod moving;
 mod placed;
-#[path = "../wide/setup.rs"]
-#[expect(dead_code, reason = "only the configurations are used")]
-mod setup;
 mod small;
 
-pub(crate) use canted_tests::{device::gpu, judge as reference};
+pub(crate) use canted_tests::{device::gpu, judge as reference, variants as setup};
 
 fn main() -> std::process::ExitCode {
     canted_tests::device::run_tests([

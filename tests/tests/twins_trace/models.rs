@@ -6,7 +6,7 @@ use std::path::Path;
 use canted_fixtures::Mesh;
 use canted_gpu::Gpu;
 use canted_renderer::{Levels, Prepared, StructureConfig, Tracer, flatten, prepare, traced_scene};
-use canted_tests::{models, rays};
+use canted_tests::{rays, scenes as models};
 use canted_trace::{Ray, Watertight};
 
 use super::gpu;

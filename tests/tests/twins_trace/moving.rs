@@ -5,17 +5,19 @@ use canted_fixtures::{Mesh, SplitMix64};
 use canted_gpu::{DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Outcome, SceneInput, TracedScene, Variant};
 use canted_obb::Affine;
 use canted_tests::{
+    brute::At,
     closed::{baked, placements},
-    instances::At,
     rays, scenes,
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{Ray, ScaledRay, Watertight};
 use canted_wide::TriangleBvh;
 
-use super::gpu;
-use super::reference::{Tally, World, error_of_instance};
-use super::setup::{build, few_variants};
+use super::{
+    gpu,
+    reference::{Tally, World, error_of_instance},
+    setup::{build, few_variants},
+};
 
 pub(crate) fn tests() -> Vec<Test> {
     vec![needs_device(rays_of_any_time_lose_no_hit), needs_device(the_comparison_detects_another_time)]
