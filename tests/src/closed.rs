@@ -8,7 +8,10 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use canted_fixtures::{Mesh, Rotation, SplitMix64, displaced_icosphere, icosphere, thin_box, torus};
-use canted_obb::Affine;
+use canted_obb::{
+    Affine,
+    vector::{cross, dot},
+};
 use canted_tlas::Instance;
 use canted_trace::{Ray, Side};
 
@@ -16,7 +19,6 @@ use crate::{
     crossings::{are_alternating, are_balanced, opposite},
     scenes::affine,
     tracers::{Guarantee, Method, Tracer},
-    vector::{cross, dot},
 };
 
 /// A closed mesh, star-shaped around `inner_point` except for the torus.

@@ -15,4 +15,3 @@ pub mod rotations;
 pub mod scenes;
 pub mod tracers;
 pub mod variants;
-pub mod vector;

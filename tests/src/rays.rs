@@ -1,9 +1,8 @@
 //! Difficult rays for BVHs and triangle tests.
 
 use canted_fixtures::{Grazing, Mesh, RayData, SplitMix64, grazing};
+use canted_obb::vector::{Vector, cross, length, sub};
 use canted_trace::{HIT_ERROR, Ray};
-
-use crate::vector::{Vector, cross, length, sub};
 
 /// An arbitrary ray for meshes without triangles.
 const ASIDE: Ray = Ray { origin: [0.0; 3], direction: [1.0, 0.0, 0.0], t_min: 0.0, t_max: f32::INFINITY };

@@ -14,10 +14,9 @@ use super::{
     hierarchy::{SAME, is_same},
 };
 use crate::{
-    brute,
+    brute::{self, distance},
     scenes::affine,
     tracers::{Guarantee, Method},
-    vector::distance,
 };
 
 #[path = "../../../crates/tlas/tests/rays/oracle.rs"]

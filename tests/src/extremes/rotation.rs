@@ -7,13 +7,13 @@ use canted_obb::{
     Quaternion,
     eigen::{self, FULL_PRECISION, Symmetric},
     rotation::{MAX_ITERATIONS, Status, extract},
+    vector::{Vector, dot},
 };
 
 use super::{Oracle, Promise, Row};
 use crate::{
     clouds::random_rotation,
     rotations::{self, Matrix, angle_rad, as_copied, as_listed, diagonal, times, transposed},
-    vector::{Vector, dot},
 };
 
 /// Rounding noise of torque and trace: 64 roundings of `f64` for the extraction, and as many for the oracle.

@@ -4,7 +4,10 @@
 
 use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{Mesh, Rotation, SplitMix64, coplanar_quads, displaced_icosphere, icosphere, thin_box};
-use canted_obb::Affine;
+use canted_obb::{
+    Affine,
+    vector::{cross, dot, sub},
+};
 use canted_tlas::{Blas, Instance, Tlas, TopConfig};
 use canted_trace::{Hit, InstanceId, Query, Ray, Side, Watertight};
 use canted_wide::{Config, TriangleBvh};
@@ -17,7 +20,6 @@ use crate::{
     brute,
     closed::{Closed, rays},
     tracers::{Guarantee, Method, Tracer},
-    vector::{cross, dot, sub},
 };
 
 /// A bug report and its rows.

@@ -1,10 +1,13 @@
 //! Hit positions compared with exact geometry within derived bounds: all triangles in world space, in `f64`.
 
 use canted_lbvh::{Strategy, VolumeConfig};
-use canted_obb::Affine;
+use canted_obb::{
+    Affine,
+    vector::{Vector, cross, dot, length, sub},
+};
 use canted_tests::{
-    brute, exact,
-    vector::{Vector, cross, distance, dot, length, sub},
+    brute::{self, distance},
+    exact,
 };
 use canted_tlas::{Tlas, TopConfig};
 use canted_trace::{Hit, Ray, Watertight};

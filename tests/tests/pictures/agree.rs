@@ -29,13 +29,11 @@ pub(crate) fn blocks_of_film(film: &Film) -> Vec<Block> {
     blocks(film.width(), film.height(), pixel)
 }
 
-/// The blocks of a reference; a second picture with one pixel per block holds the errors.
-pub(crate) fn blocks_of_reference(mean: &Picture, errors: &Picture) -> Vec<Block> {
+/// The blocks of a reference, with an error for each block.
+pub(crate) fn blocks_of_reference(mean: &Picture, errors: &[[f64; 3]]) -> Vec<Block> {
     let mut blocks = blocks(mean.width, mean.height, |i| (mean.pixels[i].map(f64::from), [0.0; 3]));
-    assert_eq!(blocks.len(), errors.pixels.len(), "one error per block");
-    for (block, error) in blocks.iter_mut().zip(&errors.pixels) {
-        block.error = error.map(f64::from);
-    }
+    assert_eq!(blocks.len(), errors.len(), "one error per block");
+    blocks.iter_mut().zip(errors).for_each(|(block, error)| block.error = *error);
     blocks
 }
 

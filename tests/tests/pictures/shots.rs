@@ -3,9 +3,9 @@
 //! First open scenes and the Cornell box, then pictures with all light transport: glass and metal in a kitchen, a lens, and Sponza with sun,
 //! sky and a sphere light.
 
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, fs};
 
-use canted_film::{Film, Picture, read_picture};
+use canted_film::{Film, read_picture};
 use canted_obb::Affine;
 use canted_renderer::{Integrator, Lod, Pattern, Settings, prepare, render};
 use canted_scene::{
@@ -226,12 +226,13 @@ impl Shot {
 
     /// The reference.
     pub(crate) fn theirs(&self) -> Vec<Block> {
-        blocks_of_reference(&self.reference(""), &self.reference(".error"))
-    }
-
-    fn reference(&self, kind: &str) -> Picture {
-        let path = format!("{}/oracle/{}{kind}.exr", env!("CARGO_MANIFEST_DIR"), self.name);
-        read_picture(path.as_ref()).unwrap()
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/oracle");
+        let mean = read_picture(format!("{folder}/{}.exr", self.name).as_ref()).unwrap();
+        let rows = fs::read_to_string(format!("{folder}/errors.tsv")).unwrap();
+        let errors =
+            rows.lines().filter_map(|row| row.split_once('\t')).find(|(name, _)| *name == self.name).unwrap().1;
+        let errors: Vec<f64> = errors.split(' ').map(|number| f64::from(number.parse::<f32>().unwrap())).collect();
+        blocks_of_reference(&mean, errors.as_chunks().0)
     }
 }
 

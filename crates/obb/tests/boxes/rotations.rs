@@ -1,6 +1,7 @@
 //! Rotations out of matrices: the measured failure classes of the source by name, against singular values by Jacobi's method in `f64`.
 //! Eigenvectors, against the definition: residual, orthonormality, order.
 
+use canted_obb::vector::{Vector, cross, dot};
 use canted_obb::{
     Quaternion,
     eigen::{self, Eigen, FULL_PRECISION, Symmetric},
@@ -11,16 +12,7 @@ use num_traits::Signed;
 
 use super::common::Random;
 
-type Vector = [f64; 3];
 type Matrix = [Vector; 3];
-
-fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
 
 /// `a · b`, columns.
 fn times(a: Matrix, b: Matrix) -> Matrix {
