@@ -21,11 +21,7 @@ use anyhow::Result;
 use canted_trace::{Ray, Watertight};
 use canted_wide::TriangleBvh;
 
-use crate::{
-    models::{self, Model},
-    options::Options,
-    rays,
-};
+use crate::{models, options::Options};
 use {subject::Subject, tables::Tables};
 
 pub(crate) use peers::{methods as peers, skipped as skipped_peers};

@@ -7,7 +7,6 @@ mod bench;
 mod browser;
 mod ci;
 mod command;
-mod count;
 mod driver;
 mod looping;
 mod png;

@@ -3,7 +3,7 @@
 
 use anyhow::{Result, ensure};
 use canted_fixtures::{SplitMix64, soup};
-use canted_gpu::TracedScene;
+use canted_gpu::{SceneInput, TracedScene};
 use canted_lbvh::Corners;
 use canted_obb::{Aabb, Obb};
 use canted_tests::{
@@ -101,7 +101,7 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
     };
     let scalar = hits(&trees[0]);
     ensure!(trees.iter().all(|tree| hits(tree) == scalar), "paths differ in a hit");
-    let scene = device.map(|device| TracedScene::single_level(&device.gpu, &tree, &[0])).transpose()?;
+    let scene = device.map(|device| TracedScene::new(&device.gpu, SceneInput::upload([&tree]))).transpose()?;
     let mut contenders: Vec<Contender<'_>> = there
         .iter()
         .zip(&trees)
@@ -254,7 +254,7 @@ fn unit(x: [f64; 3]) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
-    use canted_tests::fractions::intersects_box;
+    use canted_tests::exact::intersects_box;
 
     use super::*;
 

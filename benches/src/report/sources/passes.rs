@@ -3,7 +3,7 @@
 use anyhow::Result;
 use canted_gpu::{
     AdapterKind, Choice, Gpu,
-    build::{Items, Passes, STRATEGIES},
+    build::{Passes, Primitives, STRATEGIES},
 };
 use canted_lbvh::{Bits, Domain, Strategy, VolumeConfig};
 
@@ -145,7 +145,7 @@ pub(super) fn on_device(chapter: &mut Chapter, effort: Effort) -> Result<Found> 
         if gpu.info().kind == AdapterKind::Software { &["bunny"][..] } else { &["dragon_871k", "sponza", "bunny"] };
     for (name, model) in scenes(effort, names, chapter)? {
         let (corners, _) = canted_lbvh::triangle_corners(&model.mesh.positions, &model.mesh.triangles)?;
-        let items = Items::triangles(&gpu, [&corners[..]])?;
+        let items = Primitives::triangles(&gpu, [&corners[..]])?;
         let Passes { codes, tree, boxes, error, .. } = Passes::measure(&gpu, &items, Bits::B63, runs)?;
         chapter.skipped.extend(error.map(|error| format!("Some passes of {name} on the device: {error}.")));
         let of = |wanted: Strategy| STRATEGIES.iter().position(|&strategy| strategy == wanted).and_then(|i| boxes[i]);

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use anyhow::Result;
-use canted_gpu::{AdapterKind, Choice, Gpu, TracedScene};
+use canted_gpu::{AdapterKind, Choice, Gpu, SceneInput, TracedScene};
 use canted_tests::brute;
 use canted_trace::{Hit, Kernel, Ray, Watertight};
 use canted_wide::{Config, Preset, SimdPath, TriangleBvh};
@@ -283,7 +283,7 @@ fn on_device(gpu: &Gpu, mesh: &canted_fixtures::Mesh, rays: &[Ray], effort: Effo
     let (mut transfer, mut trace) = (f64::NAN, f64::NAN);
     for _ in 0..effort.pick(1, 2, 3) {
         let start = Instant::now();
-        let scene = TracedScene::single_level(gpu, &bvh, &[0])?;
+        let scene = TracedScene::new(gpu, SceneInput::upload([&bvh]))?;
         transfer = start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
         scene.closest_hits(gpu, rays)?;
