@@ -18,10 +18,10 @@ use canted_scene::{
 use canted_trace::Watertight;
 
 use super::{
-    Effort,
     model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
     samples::{Samples, number},
 };
+use crate::report::model::Effort;
 use crate::{models, timing};
 
 /// A scene as it is, or with a feature forced in.
