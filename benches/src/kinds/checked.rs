@@ -149,6 +149,7 @@ impl Truth {
 
 #[cfg(test)]
 mod tests {
+    use canted_fixtures::kinds::RayKind;
     use canted_obb::PrimId;
     use canted_trace::{InstanceId, Side};
 
