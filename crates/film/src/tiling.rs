@@ -8,7 +8,7 @@
 
 use std::ops::{Add, Range};
 
-use crate::film::total;
+use crate::sums::total;
 use crate::{Block, Dyadic, Guide, Pixel};
 
 /// Pixels along the side of a cell: the pixels of a cell stop together, whatever the size of the tiles.

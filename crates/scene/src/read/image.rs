@@ -46,7 +46,7 @@ fn format_of(name: &str, bytes: &[u8]) -> Result<(ImageFormat, u64), String> {
 pub(crate) fn decode(name: &str, bytes: &[u8]) -> Result<Texture, String> {
     if bytes.starts_with(KTX2) {
         #[cfg(feature = "ktx2")]
-        return super::ktx2::decode(name, bytes);
+        return super::ktx2::decode(name, bytes, MAX_TEXELS);
         #[cfg(not(feature = "ktx2"))]
         return Err("KTX2 images require the feature 'ktx2'".to_owned());
     }
