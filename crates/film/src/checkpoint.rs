@@ -91,7 +91,6 @@ fn pair([high, low]: [u32; 2]) -> u64 {
     u64::from(high) << 32 | u64::from(low)
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "halves of 64 bits")]
 fn halves(word: u64) -> [u32; 2] {
     [(word >> 32) as u32, word as u32]
 }

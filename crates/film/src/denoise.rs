@@ -156,7 +156,6 @@ impl Noisy {
         Self { width: size[0], height: size[1], light, features }
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
     fn set(&mut self, index: usize, pixel: &Pixel, guide: &Guide) {
         // As for the AOVs, a miss counts as zero, except for the depth.
         let n = f64::from(pixel.n_taken().max(1));
@@ -318,7 +317,6 @@ fn distance(p: &Feature, q: &Feature, slope: [f32; 2], offset: [isize; 2], confi
     }
     let normal = squared(p.normal, q.normal) / (config.normal * config.normal);
     let albedo = squared(p.albedo, q.albedo) / (3.0 * config.albedo * config.albedo);
-    #[expect(clippy::cast_precision_loss, reason = "offsets of a few pixels")]
     let explained = (slope[0] * offset[0] as f32 + slope[1] * offset[1] as f32).abs();
     let depth = (p.depth - q.depth).abs() / (config.depth * explained + FLAT * p.depth + f32::MIN_POSITIVE);
     normal + albedo + depth
@@ -449,7 +447,6 @@ mod tests {
     #[test]
     fn an_inclined_wall_is_filtered_like_one_that_faces_the_camera() {
         let inclined = |x: u32, _: u32, _: usize| {
-            #[expect(clippy::cast_precision_loss, reason = "a column")]
             let depth = 3.0 + 0.1 * x as f32;
             Feature { normal: [0.6, 0.0, 0.8], depth, ..wall(0, 0, 0) }
         };

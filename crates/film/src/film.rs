@@ -91,7 +91,6 @@ impl Film {
 
     /// Column and row of the first pixel with a dropped sample.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "column and row of a picture of u32 sides")]
     pub fn first_dropped(&self) -> Option<[u32; 2]> {
         let find = || self.pixels.iter().position(|pixel| pixel.n_dropped > 0);
         let index = self.means.as_ref().map_or_else(find, |means| means.first_dropped)?;
@@ -109,7 +108,6 @@ impl Film {
     /// kept.
     #[must_use]
     pub fn error(&self) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "pixels are fewer than 2^53")]
         let n = self.pixels.len() as f64;
         (self.pixels.iter().map(Pixel::squared_error).sum::<f64>() / n).sqrt()
     }
@@ -347,7 +345,6 @@ impl Aov {
     pub(crate) fn values(self, k: usize, pixels: &[Pixel], guides: &[Guide]) -> FlatSamples {
         let ids =
             |k: usize| FlatSamples::U32(guides.iter().map(|guide| guide.first.map_or(u32::MAX, |id| id[k])).collect());
-        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
         let mean = |(pixel, guide)| self.mean(k, pixel, guide) as f32;
         match self {
             Self::Instance => ids(0),

@@ -138,7 +138,6 @@ fn numbers(part: &Part) -> Vec<Vec<u32>> {
 }
 
 /// The words of one pixel and block, in the order of the channels.
-#[expect(clippy::cast_possible_truncation, reason = "halves of 64 bits")]
 fn words(pixel: &Pixel, guide: Option<&Guide>) -> Vec<u32> {
     let light = pixel.sum.into_iter().chain(pixel.sum_of_squares);
     let doubles = light.chain(guide.into_iter().flat_map(Guide::sums)).map(f64::to_bits);

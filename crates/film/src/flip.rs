@@ -40,7 +40,6 @@ impl Flip {
     #[must_use]
     pub fn mean(&self) -> f64 {
         let finite = self.errors.iter().flatten();
-        #[expect(clippy::cast_precision_loss, reason = "pixels are fewer than 2^53")]
         let n = finite.clone().count() as f64;
         finite.sum::<f64>() / n
     }
@@ -168,7 +167,6 @@ fn exposures(reference: &[[f64; 3]]) -> Vec<f64> {
     let median = 0.5 * (luminances[(n - 1) / 2] + luminances[n / 2]);
     let [start, stop] =
         [luminances[n - 1], median].map(|luminance| (inverse_curve(SHOWN) / luminance.max(DARKEST)).log2());
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "f64 holds few powers of two")]
     let n_exposures = ((stop - start).ceil() as u32).max(2);
     let step = (stop - start) / f64::from(n_exposures - 1);
     (0..n_exposures).map(|i| start + step * f64::from(i)).collect()
@@ -262,7 +260,6 @@ fn to_lab([lightness, red, blue]: [f64; 3]) -> [f64; 3] {
 
 /// Perceived colors at a number of pixels per degree.
 fn perceived(opponent: &Plane<3>, pixels_per_degree: f64) -> Plane<3> {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a positive number of few pixels")]
     let radius = (3.0 * (WIDEST / (2.0 * PI * PI)).sqrt() * pixels_per_degree).ceil() as usize;
     let taps = Taps::new(radius, |x| WIDTHS.map(|b| (-(PI * x / pixels_per_degree).powi(2) / b).exp()));
     // The sum of a Gaussian in two dimensions is the square of its sum in one.
@@ -303,7 +300,6 @@ const FEATURE_COMPRESSION: f64 = 0.5;
 /// First derivatives of luma along rows and columns, then second derivatives.
 fn features(opponent: &Plane<3>, pixels_per_degree: f64) -> Plane<4> {
     let sigma = 0.5 * FEATURE_WIDTH * pixels_per_degree;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a positive number of few pixels")]
     let radius = (3.0 * sigma).ceil() as usize;
     let smooth = move |x: f64| (-x * x / (2.0 * sigma * sigma)).exp();
     let first = move |x: f64| -x * smooth(x);
@@ -330,7 +326,6 @@ struct Taps<const N: usize> {
 impl<const N: usize> Taps<N> {
     /// Weights by distance in pixels.
     fn new(radius: usize, weight: impl Fn(f64) -> [f64; N]) -> Self {
-        #[expect(clippy::cast_precision_loss, reason = "a radius of few pixels")]
         let distance = |i: usize| i as f64 - radius as f64;
         Self { radius, weights: (0..=2 * radius).map(|i| weight(distance(i))).collect() }
     }

@@ -7,7 +7,6 @@ use crate::{Picture, srgb};
 /// A picture that is large enough has a legend in its lower left corner.
 #[must_use]
 pub fn false_color(numbers: impl Iterator<Item = u64>, [width, height]: [u32; 2], full_scale: u32) -> Picture {
-    #[expect(clippy::cast_precision_loss, reason = "counts per pixel are below 2^53")]
     let color = |n: u64| viridis(n as f64 / f64::from(full_scale.max(1)));
     let mut picture = Picture { width, height, pixels: numbers.map(color).collect() };
     draw_legend(&mut picture, full_scale);
@@ -55,10 +54,8 @@ const ANCHORS: [[u8; 3]; 9] = [
 ];
 
 /// Linear RGB of a value, which is clamped to 0..=1.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the anchors")]
 pub(crate) fn viridis(value: f64) -> [f32; 3] {
     let last = ANCHORS.len() - 1;
-    #[expect(clippy::cast_precision_loss, reason = "a small integer")]
     let position = value.clamp(0.0, 1.0) * last as f64;
     let first = (position as usize).min(last - 1);
     let weight = position - position.floor().min((last - 1) as f64);

@@ -177,7 +177,6 @@ impl Picture {
     ///
     /// Pixels darker than a thousandth of the mean are background; 0 for a black picture.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "a few stops; few pixels")]
     pub fn auto_exposure(&self) -> f32 {
         const GRAY: f64 = 0.18;
         const LIMIT: f32 = 10.0;

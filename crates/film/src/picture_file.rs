@@ -5,8 +5,8 @@ use std::path::Path;
 use std::{fmt, fs};
 
 use exr::prelude::{
-    Blocks, Compression, Encoding, Error, Image, Layer, LayerAttributes, LineOrder, MetaData, ReadChannels, ReadLayers, RgbChannels,
-    SpecificChannels, Vec2, WritableImage,
+    Blocks, Compression, Encoding, Error, Image, Layer, LayerAttributes, LineOrder, MetaData, ReadChannels, ReadLayers,
+    RgbChannels, SpecificChannels, Vec2, WritableImage,
 };
 use image::ExtendedColorType::{Rgb8, Rgb16};
 use image::codecs::hdr::HdrEncoder;
@@ -185,7 +185,6 @@ fn read_image(bytes: &[u8]) -> Result<Picture, image::ImageError> {
         | DynamicImage::ImageLumaA16(_)
         | DynamicImage::ImageRgb16(_)
         | DynamicImage::ImageRgba16(_) => {
-            #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
             let linear = |x: u16| srgb::to_linear(f64::from(x) / 65535.0) as f32;
             image.to_rgb16().pixels().map(|pixel| pixel.0.map(linear)).collect()
         }

@@ -77,7 +77,6 @@ impl Pixel {
 
     /// The mean in `f32`.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "a mean of f32 values lies in their range")]
     pub(crate) fn rounded_mean(&self) -> [f32; 3] {
         self.mean().map(|x| x as f32)
     }

@@ -198,7 +198,6 @@ impl Random {
     }
 
     /// A number below `n`; 0 for `n` = 0.
-    #[expect(clippy::cast_possible_truncation, reason = "below a length")]
     pub(crate) fn below(&mut self, n: usize) -> usize {
         (self.next() % (n as u64).max(1)) as usize
     }

@@ -150,7 +150,6 @@ impl MeshBuilder {
     }
 
     /// The mesh, with triangles sorted by material.
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how meshes are stored")]
     pub(super) fn finish(mut self, name: &str) -> Mesh {
         self.faces.sort_by_key(|&(paint, _)| paint);
         let mut parts: Vec<Part> = Vec::new();
@@ -212,7 +211,6 @@ pub(super) fn random(cell: [i32; 2], seed: u32) -> f64 {
 /// Smooth value noise in `[-1, 1]` with lattice spacing 1 and the given period.
 ///
 /// Source: Perlin, "Improving noise", 2002, for the quintic interpolation.
-#[expect(clippy::cast_possible_truncation, reason = "the scene spans some thousand cells")]
 pub(super) fn noise(x: f64, y: f64, period: i32, seed: u32) -> f64 {
     let (cell_x, cell_y) = (x.floor(), y.floor());
     let [u, v] = [x - cell_x, y - cell_y].map(|f| f * f * f * (f * (f * 6.0 - 15.0) + 10.0));

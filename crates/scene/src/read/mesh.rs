@@ -94,7 +94,6 @@ fn is_flat(corners: [[f32; 3]; 3]) -> bool {
 }
 
 /// A normalized shading normal; zero if it has no direction.
-#[expect(clippy::cast_possible_truncation, reason = "components of a unit vector")]
 pub(crate) fn unit_normal(normal: [f32; 3]) -> [f32; 3] {
     let normal = normal.map(f64::from);
     let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();

@@ -259,7 +259,6 @@ mod tests {
     }
 
     /// Triangulates the polygon embedded in space by `embed`.
-    #[expect(clippy::cast_precision_loss, reason = "coordinates are whole numbers below 2^24")]
     fn cut(polygon: &[[i64; 2]], embed: impl Fn([f32; 2]) -> [f32; 3]) -> (Vec<[usize; 3]>, Cut) {
         let placed: Vec<[f32; 3]> = polygon.iter().map(|corner| embed(corner.map(|x| x as f32))).collect();
         let mut triangles = Vec::new();

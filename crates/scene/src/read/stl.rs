@@ -333,7 +333,6 @@ impl Weld {
     }
 
     /// Both halves of a product of seeded words, combined.
-    #[expect(clippy::cast_possible_truncation, reason = "a hash")]
     fn hash(&self, [x, y, z]: [u32; 3]) -> usize {
         let low = (u64::from(x) | u64::from(y) << 32) ^ self.seeds[0];
         let product = u128::from(low) * u128::from(u64::from(z) ^ self.seeds[1]);

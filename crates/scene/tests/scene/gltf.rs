@@ -9,7 +9,6 @@ use canted_obb::Aabb;
 use canted_scene::{AnimatedScene, Light, Projection, ReadError, ReadOptions, Scene, UvSet, read, read_with};
 use serde_json::{Value, json};
 
-
 /// Known counts of a file, and the world bounds of its default pose, computed by another program in double precision and
 /// rounded to seven digits.
 struct Expected {
@@ -348,7 +347,7 @@ fn unknown_animations_are_reported_with_those_of_the_file() {
         assert!(error(wanted).ends_with(&want), "{}", error(wanted));
     }
     let still = File::with(1.0, [0.0; 3], |json| drop(json.as_object_mut().unwrap().remove("animations")));
-    for options in [options_at(0.0, Some("slide")), ReadOptions { time: None, ..at(0.0, Some("0")) }] {
+    for options in [options_at(0.0, Some("slide")), ReadOptions { time: None, ..options_at(0.0, Some("0")) }] {
         let error = read_with(&still.path(), &options).unwrap_err().to_string();
         assert!(error.ends_with("the file has no animation"), "{error}");
     }

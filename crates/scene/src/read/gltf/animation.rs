@@ -110,7 +110,6 @@ fn apply(node: &mut Node, change: Change) {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 fn narrow<const N: usize>(values: [f64; N]) -> [f32; N] {
     values.map(|x| x as f32)
 }

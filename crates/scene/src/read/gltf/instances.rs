@@ -199,7 +199,6 @@ fn check_transform(
     index: usize,
     node: usize,
 ) -> Result<(), ReadError> {
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
     let first = world_from_node.point(mesh.positions[0].map(f64::from)).map(|x| x as f32);
     // Joints replace the transform of a node with a skin.
     if document.root.nodes[node].skin.is_some() || first.iter().all(|x| x.is_finite()) {

@@ -417,13 +417,11 @@ fn info(source: &Value, key: &str, reader: &MaterialReader<'_, '_, '_>) -> Resul
 }
 
 /// A number of an extension; NaN where it is none, which is clamped or refused by its reader.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 fn number(source: &Value, key: &str, default: f32) -> f32 {
     source.get(key).map_or(default, |value| value.as_f64().map_or(f32::NAN, |x| x as f32))
 }
 
 /// Numbers of an extension.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 fn numbers<const N: usize>(source: &Value, key: &str, default: [f32; N]) -> [f32; N] {
     let Some(value) = source.get(key) else { return default };
     std::array::from_fn(|k| value.get(k).and_then(Value::as_f64).map_or(f32::NAN, |x| x as f32))

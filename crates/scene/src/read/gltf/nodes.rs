@@ -227,7 +227,6 @@ impl Matrix {
     ///
     /// Rounding changes each entry by a factor within 1 ± u, and the determinant by at most `((1 + u)³ - 1)` times the
     /// permanent of the absolute entries. Below that bound the exact transform may be singular.
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
     pub(super) fn rounded(&self) -> Option<Affine> {
         let affine = Affine { columns: self.columns.map(|column| column.map(|x| x as f32)) };
         let [a, b, c, origin] = affine.columns.map(|column| column.map(f64::from));
@@ -263,7 +262,6 @@ fn cross_of_absolutes(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 /// Normalizes a vector to single precision; `None` if it has no direction.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 pub(super) fn unit(v: [f64; 3]) -> Option<[f32; 3]> {
     // Divides by the largest component first, so that squares neither overflow nor underflow.
     let largest = v.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
@@ -291,7 +289,6 @@ pub(super) fn read_cameras(document: &Document<'_>, nodes: &Nodes, scene: &mut S
 }
 
 /// The projection; the aspect ratio is ignored.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 fn projection(source: &SourceCamera) -> Result<Projection, String> {
     match (source.type_, &source.perspective, &source.orthographic) {
         (Checked::Valid(CameraType::Perspective), Some(lens), _) => {
@@ -314,7 +311,6 @@ fn projection(source: &SourceCamera) -> Result<Projection, String> {
 }
 
 /// A camera at the node's origin that looks along -z, with y up; ignores scale and shear of the node.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 fn placed(world_from_node: &Matrix, projection: Projection) -> Result<Camera, String> {
     let eye = world_from_node.columns[3];
     let direction = world_from_node.vector([0.0, 0.0, -1.0]);
@@ -358,7 +354,6 @@ pub(super) fn read_lights(
 }
 
 /// A light at the node's origin, directed along its -z axis.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 fn light(source: &SourceLight, world_from_node: &Matrix) -> Result<Light, String> {
     let power = source.color.map(|x| x * source.intensity);
     if !power.iter().all(|x| x.is_finite() && *x >= 0.0) {
@@ -386,7 +381,6 @@ fn light(source: &SourceLight, world_from_node: &Matrix) -> Result<Light, String
 }
 
 /// Cosines of a spot's inner and outer angle; the defaults are 0 and pi / 4.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 fn cosines(spot: Option<&Spot>) -> Result<[f32; 2], String> {
     let (inner, outer) =
         spot.map_or((0.0, std::f32::consts::FRAC_PI_4), |spot| (spot.inner_cone_angle, spot.outer_cone_angle));

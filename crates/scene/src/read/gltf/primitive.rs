@@ -177,7 +177,6 @@ impl PrimitiveReader<'_, '_> {
     ///
     /// Primitives may share one large vertex list, so only the range from the smallest to the largest index is processed.
     /// Also returns the indices of the used vertices in the file.
-    #[expect(clippy::cast_possible_truncation, reason = "positions are rounded to f32; vertex numbers are below 2^32")]
     fn compact(
         &self,
         mut triangles: Vec<[u32; 3]>,

@@ -194,7 +194,6 @@ fn decode(document: &Document<'_>, index: usize, location: &str) -> Result<Resul
 
 /// Puts 1 minus the glossiness, `factor` times alpha, into the green channel.
 fn roughen(texels: &mut [[u8; 4]], factor: f32) {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
     let roughness: Vec<u8> = (0..=u8::MAX).map(|a| (255.0 - factor * f32::from(a)).round() as u8).collect();
     for texel in texels {
         *texel = [0, roughness[usize::from(texel[3])], 0, u8::MAX];
@@ -273,7 +272,6 @@ impl TextureInfo {
     ///
     /// It scales, rotates counter-clockwise in the image, and translates. The matrix in the extension's text rotates in the
     /// opposite direction, but its example and common viewers agree with this.
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
     pub(super) fn texture_from_mesh(&self) -> Option<UvTransform> {
         let Some(transform) = &self.transform else { return Some(UvTransform::IDENTITY) };
         let (sin, cos) = f64::from(transform.rotation.0).sin_cos();

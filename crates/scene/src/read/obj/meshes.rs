@@ -160,7 +160,6 @@ fn translation(original: &Mesh, copy: &Mesh) -> Option<[f32; 3]> {
     let mut pairs = original.positions.iter().zip(&copy.positions);
     let (&from, &to) = pairs.next()?;
     let moved: [f64; 3] = std::array::from_fn(|k| f64::from(to[k]) - f64::from(from[k]));
-    #[expect(clippy::cast_possible_truncation, reason = "compared with the exact value")]
     let translation = moved.map(|x| x as f32);
     let is_exact = translation.map(f64::from) == moved
         && pairs.all(|(from, to)| (0..3).all(|k| f64::from(to[k]) - f64::from(from[k]) == moved[k]));

@@ -236,7 +236,6 @@ impl<'a> Body<'a> {
             let word = self.word()?;
             return text::float(word).ok_or_else(|| format!("expected a number, found {}", text::quoted(word)));
         }
-        #[expect(clippy::cast_possible_truncation, reason = "coordinates are f32")]
         match scalar {
             Scalar::F32 => self.bytes().map(f32::from_le_bytes),
             Scalar::F64 => self.bytes().map(|bytes| f64::from_le_bytes(bytes) as f32),
