@@ -134,7 +134,7 @@ impl Mesh {
     }
 
     /// Positions referenced by triangles, each once; those at shutter close too.
-    pub(crate) fn used_positions(&self) -> Vec<[f32; 3]> {
+    fn used_positions(&self) -> Vec<[f32; 3]> {
         let mut is_used = vec![false; self.positions.len()];
         for &index in self.triangles.iter().flatten() {
             is_used[index as usize] = true;

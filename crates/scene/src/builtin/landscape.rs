@@ -45,7 +45,7 @@ fn river_center(z: f64) -> f64 {
 }
 
 /// Approximate distance from the waterline; negative in the river.
-pub(super) fn inland(x: f64, z: f64) -> f64 {
+fn inland(x: f64, z: f64) -> f64 {
     // In the bend the distance along x overestimates the distance across the river.
     let upstream = (-120.0 - z).max(0.0);
     let slope = 1.0 - (500.0 / (upstream + 500.0)).powi(2);

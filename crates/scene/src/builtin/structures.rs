@@ -9,9 +9,9 @@ use super::landscape::ground;
 use crate::{Mesh, MeshId};
 
 /// Height of the road above the water.
-pub(super) const DECK_HEIGHT: f64 = 34.0;
+const DECK_HEIGHT: f64 = 34.0;
 /// Half the length of the girder.
-pub(super) const HALF_LENGTH: f64 = 330.0;
+const HALF_LENGTH: f64 = 330.0;
 /// Length of one panel of the girder.
 const PANEL: f64 = 10.0;
 /// Half the width of the girder and its height.

@@ -38,7 +38,7 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
 /// Whether a file is ASCII: it begins with `solid` and has neither the size that a binary file declares nor a zero byte.
 ///
 /// Headers of binary files may begin with `solid` too, but their triangle count has a zero byte up to 2^24 triangles.
-pub(super) fn is_ascii(bytes: &[u8]) -> bool {
+fn is_ascii(bytes: &[u8]) -> bool {
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
     let is_solid = text.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
     is_solid && !has_declared_size(bytes, bytes.len() as u64) && !bytes[..bytes.len().min(HEAD_BYTES)].contains(&0)

@@ -41,7 +41,7 @@ pub(super) fn read(document: &Document<'_>, grouped: &mut WarningGroups, scene: 
 }
 
 /// Context for reading a material.
-pub(super) struct MaterialReader<'a, 'b, 'c> {
+struct MaterialReader<'a, 'b, 'c> {
     /// `material 3`.
     pub(super) location: String,
     pub(super) textures: &'a mut Textures<'b, 'c>,
@@ -174,7 +174,7 @@ impl MaterialReader<'_, '_, '_> {
     }
 
     /// Factors clamped to 0..=1, with a warning.
-    pub(super) fn fractions<const N: usize>(&mut self, what: &str, factors: [f32; N]) -> [f32; N] {
+    fn fractions<const N: usize>(&mut self, what: &str, factors: [f32; N]) -> [f32; N] {
         let clamped = factors.map(fraction);
         if clamped != factors {
             self.warnings.push(format!("clamping {what} {factors:?} of {} to 0..=1", self.location));
@@ -191,7 +191,7 @@ impl MaterialReader<'_, '_, '_> {
     }
 
     /// A roughness texture, 1 minus the glossiness of the alpha channel times `factor`.
-    pub(super) fn roughness_of(
+    fn roughness_of(
         &mut self,
         info: Option<TextureInfo>,
         factor: f32,

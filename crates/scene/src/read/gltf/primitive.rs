@@ -30,7 +30,7 @@ pub(super) struct PrimitiveMesh {
 }
 
 /// The skinning transform of a vertex, if any.
-pub(super) type VertexTransform<'a> = dyn Fn(usize) -> Result<Option<Matrix>, ReadError> + 'a;
+type VertexTransform<'a> = dyn Fn(usize) -> Result<Option<Matrix>, ReadError> + 'a;
 
 /// Context for reading a primitive.
 pub(super) struct PrimitiveReader<'a, 'b> {
@@ -473,7 +473,7 @@ pub(super) fn joints(
 }
 
 /// Positions, normals or tangents with morph targets.
-pub(super) struct MorphedAttribute<'a> {
+struct MorphedAttribute<'a> {
     /// Values without morph targets; the first three components are morphed.
     pub(super) base: Accessor<'a>,
     targets: Vec<(f64, Accessor<'a>)>,
@@ -520,7 +520,7 @@ impl<'a> MorphedAttribute<'a> {
 }
 
 /// Joints and weights of the vertices of a primitive.
-pub(super) struct Skinning<'a> {
+struct Skinning<'a> {
     /// Joint indices and weights, four per set.
     sets: Vec<(Accessor<'a>, Accessor<'a>)>,
     world_from_bind: &'a [Matrix],
@@ -577,7 +577,7 @@ impl<'a> Skinning<'a> {
     }
 
     /// Whether the weights of a vertex sum to zero.
-    pub(super) fn has_zero_weight(&self, vertex: usize) -> bool {
+    fn has_zero_weight(&self, vertex: usize) -> bool {
         self.sets.iter().flat_map(|(_, weights)| weights.reals::<4>(vertex)).map(f64::from).sum::<f64>() == 0.0
     }
 }

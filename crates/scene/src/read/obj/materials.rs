@@ -377,15 +377,15 @@ pub(crate) struct MtlMaterial {
     /// `map_d`.
     pub(crate) mask: Option<Map>,
     /// `map_Ke`.
-    pub(crate) emission_map: Option<Map>,
+    emission_map: Option<Map>,
     /// `norm`, or a bump statement.
     pub(crate) normal_map: Option<Map>,
     /// Whether `normal_map` is of `norm`, and so not of heights.
-    pub(crate) has_norm: bool,
+    has_norm: bool,
     /// `map_Pr`.
-    pub(crate) roughness_map: Option<Map>,
+    roughness_map: Option<Map>,
     /// `map_Pm`.
-    pub(crate) metallic_map: Option<Map>,
+    metallic_map: Option<Map>,
     /// Unsupported keys.
     pub(crate) unsupported: Vec<&'static str>,
 }
