@@ -15,7 +15,7 @@ const BIN: u32 = u32::from_le_bytes(*b"BIN\0");
 
 /// The parts of a file.
 #[derive(Debug, PartialEq, Eq)]
-struct Container<'a> {
+pub(super) struct Container<'a> {
     /// The JSON text.
     pub(super) json: &'a [u8],
     /// The binary chunk, with up to three bytes of padding.

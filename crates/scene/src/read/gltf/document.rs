@@ -59,7 +59,7 @@ pub(super) const UNSUPPORTED_TARGETS: [&str; 3] = ["TEXCOORD_0", "TEXCOORD_1", "
 
 /// Parts of the JSON that the `gltf` crate does not represent.
 #[derive(Default)]
-struct UnparsedData {
+pub(super) struct UnparsedData {
     /// For each animation, the number of channels without a target node.
     pub(super) n_channels_without_node: Vec<usize>,
     /// By mesh, the morph targets that affect one of [`UNSUPPORTED_TARGETS`], with the attribute.

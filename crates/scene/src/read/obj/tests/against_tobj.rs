@@ -392,7 +392,7 @@ fn the_seed_agrees_and_changes_are_seen() {
 }
 
 /// `tobj` 4.0.5 panics on a color of fewer than three numbers, which is gray in the format; ours reads it. When this fails,
-/// ARCHITECTURE.md needs a new reason for a parser of our own.
+/// the README of this crate needs a new reason for a parser of our own.
 #[test]
 fn tobj_panics_on_gray_colors() {
     let library = b"newmtl red\nKd 0.5\n";
