@@ -1,9 +1,5 @@
-//! The long watertightness run: rays at every vertex and edge of closed meshes, by every traversal; none may slip
-//! through.
-//!
-//! `cargo xtask watertight [--rays N]` runs it and keeps the table. Each ray queries its closest hit, any hit, or all
-//! crossings. If the folder of real models exists (`CANTED_SCENES`, else `../shared/scenes` next to the workspace), the
-//! bunny is included with its holes closed.
+//! Long runs whose tables are kept: the extremes of every numerical promise, ours compared with the peers, and rays at every vertex and
+//! edge of closed meshes, by every traversal; none may slip through.
 
 use std::{
     collections::BTreeMap,
@@ -15,10 +11,38 @@ use anyhow::{Result, anyhow, ensure};
 use canted_fixtures::Mesh;
 use canted_tests::{
     closed::{Closed, Found, Progress, all_placements, closed, closed_up, search},
-    tracers,
+    extremes, tracers,
 };
 
-use crate::models;
+use crate::{models, wide};
+
+/// The argument that selects it.
+pub(crate) const EXTREMES: &str = "extremes";
+
+/// Prints the table; an error if one of our promises is broken.
+pub(crate) fn extremes(mut args: impl Iterator<Item = String>) -> Result<()> {
+    let mut effort = 1;
+    while let Some(arg) = args.next() {
+        ensure!(arg == "--effort", "unexpected '{arg}'; use --effort N");
+        let value = args.next().ok_or_else(|| anyhow!("--effort needs a value"))?;
+        let number = value.parse().ok().filter(|&effort| effort > 0);
+        effort = number.ok_or_else(|| anyhow!("--effort '{value}' is not a positive number"))?;
+    }
+    let (mut methods, missing) = tracers::ours();
+    methods.extend(wide::peers());
+    let rows = extremes::rows(effort, &methods);
+    let mut out = std::io::stdout();
+    writeln!(out, "{}\n\nNot tried:\n", extremes::table(&rows))?;
+    for what in extremes::not_tried(&missing) {
+        writeln!(out, "* {what}.")?;
+    }
+    for peer in wide::skipped_peers() {
+        writeln!(out, "* {peer}.")?;
+    }
+    let n_broken = rows.iter().filter(|row| row.is_broken()).count();
+    ensure!(n_broken == 0, "{n_broken} promises are broken");
+    Ok(())
+}
 
 /// The argument that selects it.
 pub(crate) const WATERTIGHT: &str = "watertight";
@@ -30,7 +54,7 @@ const N_RAYS: usize = 100_000_000;
 const SILENCE: Duration = Duration::from_secs(10);
 
 /// Prints the table; an error if a ray slips through.
-pub(crate) fn run(mut args: impl Iterator<Item = String>) -> Result<()> {
+pub(crate) fn watertight(mut args: impl Iterator<Item = String>) -> Result<()> {
     let mut n_rays = N_RAYS;
     while let Some(arg) = args.next() {
         ensure!(arg == "--rays", "unexpected '{arg}'; use --rays N");
