@@ -283,6 +283,46 @@ fn parallel<T: Send>(rays: &[Ray], answers: &mut [T], answer: &(dyn Fn(usize, &[
     }
 }
 
+/// What counts how often rays cross its surfaces: BVHs over triangles, and instances of them.
+///
+/// A ray through an edge or a vertex hits all triangles around it. Of these, those are crossings that the ray would hit if it were moved by
+/// an infinitesimal step that depends on its direction alone. So a ray that starts and ends outside a closed mesh crosses it an
+/// even number of times, half of them inward, and equal copies of a surface count as many times.
+///
+/// Hits are those of the watertight test.
+pub trait Crossings: Intersect {
+    /// Appends every crossing with `t_min <= t <= t_max`, once, as [`Intersect::all_hits_scaled`] appends hits.
+    fn crossings_scaled(&self, ray: &ScaledRay, stack: &mut [u64], crossings: &mut Vec<Hit>);
+
+    /// Every crossing of a surface with `t_min <= t <= t_max`, once: least `t` first, then lowest (instance, primitive). Replaces the
+    /// content of `crossings`.
+    ///
+    /// The crossings are the hits of [`Intersect::all_hits`] except for those exactly on an edge or a vertex. These are reported as the
+    /// lowest primitives that are hit there from the same side. Where a ray touches a silhouette without crossing, nothing is reported. The
+    /// border of an open surface belongs to it or not, such that of two adjacent surfaces one is crossed. Triangles share a vertex if its
+    /// coordinates are equal; its index does not matter.
+    fn crossings(&self, ray: &Ray, crossings: &mut Vec<Hit>) {
+        crossings.clear();
+        if let Some(ray) = ScaledRay::new(ray) {
+            with_stack(self.stack_len(), |stack| self.crossings_scaled(&ray, stack, crossings));
+        }
+    }
+
+    /// Every crossing of each ray, as [`Crossings::crossings`] returns them, in one array. Replaces the content of `lists`.
+    fn crossings_listed(&self, rays: &[Ray], lists: &mut HitLists) {
+        lists.clear(rays.len());
+        with_stack(self.stack_len(), |stack| {
+            for ray in rays {
+                lists.add_ray(|crossings| {
+                    if let Some(ray) = ScaledRay::new(ray) {
+                        self.crossings_scaled(&ray, stack, crossings);
+                    }
+                });
+            }
+        });
+    }
+}
+
 /// A pointer answers as what it points to.
 impl<B: Intersect + ?Sized, P: core::ops::Deref<Target = B> + Send + Sync> Intersect for P
 where
@@ -320,6 +360,19 @@ where
 
     fn answer(&self, rays: &[Ray], first: usize, accept: Option<&AcceptAt>, answers: Answers) {
         (**self).answer(rays, first, accept, answers);
+    }
+}
+
+impl<B: Crossings + ?Sized, P: core::ops::Deref<Target = B> + Send + Sync> Crossings for P
+where
+    P: Pointer,
+{
+    fn crossings_scaled(&self, ray: &ScaledRay, stack: &mut [u64], crossings: &mut Vec<Hit>) {
+        (**self).crossings_scaled(ray, stack, crossings);
+    }
+
+    fn crossings_listed(&self, rays: &[Ray], lists: &mut HitLists) {
+        (**self).crossings_listed(rays, lists);
     }
 }
 
