@@ -70,7 +70,7 @@ mod triangle;
 pub use closest_point::{DISTANCE_ERROR, TrianglePoint, closest_point_on_triangle};
 pub use convex::Convex;
 pub use hit::{Hit, HitLists, InstanceId, Side};
-pub use intersect::{AcceptAt, Answers, Crossings, Intersect, Pointer};
+pub use intersect::{AcceptAt, Answer, Answers, Crossings, Intersect, Pointer};
 pub use moving::position_at;
 pub use query::{Accept, Counts, Query};
 pub use ray::{Ray, ScaledRay};
