@@ -1,7 +1,7 @@
 use std::fmt;
 
 use canted_lbvh::{self as lbvh, Bits, Corners, Domain, GeometryError, Tree, Volumes, par};
-use canted_obb::{Aabb, Obb};
+use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::{HIT_ERROR, Hit, Intersect, LeafTriangles, Query, ReferencePoint, ScaledRay, TriangleTest};
 
 use crate::{PairBvh, PairOrder};
@@ -44,6 +44,8 @@ pub struct Bvh2Config {
 pub struct Bvh2 {
     pairs: PairBvh,
     triangles: LeafTriangles,
+    /// The number of the triangle of each leaf.
+    leaves: Vec<PrimId>,
     /// The box of the root, object space.
     bounds: Obb,
 }
@@ -77,8 +79,8 @@ impl Bvh2 {
         let moved = par::map(&sorted, CHUNK, |corners| corners.map(|vertex| reference.moved(vertex)));
         let volumes = lbvh::volumes(&tree, &moved, &config.volumes);
         let pairs = PairBvh::new(&tree, &volumes, &moved, &reference.moved_box(bounds), pair_order);
-        let triangles = LeafTriangles::new(config.test, sorted, tree.leaves, reference);
-        Self { pairs, triangles, bounds: Obb::from_aabb(bounds) }
+        let triangles = LeafTriangles::new(config.test, sorted, reference);
+        Self { pairs, triangles, leaves: tree.leaves, bounds: Obb::from_aabb(bounds) }
     }
 
     /// Combines the results of the build stages. `sorted` are the corners in leaf order.
@@ -95,9 +97,9 @@ impl Bvh2 {
         test: TriangleTest,
     ) -> Self {
         let pairs = PairBvh::new(&tree, volumes, &sorted, bounds, pair_order);
-        let triangles = LeafTriangles::new(test, sorted, tree.leaves, ReferencePoint::ORIGIN);
+        let triangles = LeafTriangles::new(test, sorted, ReferencePoint::ORIGIN);
         let bounds = *pairs.bounds();
-        Self { pairs, triangles, bounds }
+        Self { pairs, triangles, leaves: tree.leaves, bounds }
     }
 
     /// What the nodes are relative to: a point near the triangles if these are far from the origin.
@@ -121,13 +123,13 @@ impl Bvh2 {
     /// Number of triangles.
     #[must_use]
     pub fn n_triangles(&self) -> usize {
-        self.triangles.primitives().len()
+        self.leaves.len()
     }
 
     /// Memory of nodes, triangles and their numbers.
     #[must_use]
     pub fn n_bytes(&self) -> usize {
-        self.pairs.n_bytes() + self.triangles.n_bytes() + size_of_val(self.triangles.primitives())
+        self.pairs.n_bytes() + self.triangles.n_bytes() + size_of_val(&self.leaves[..])
     }
 }
 
@@ -145,15 +147,15 @@ impl Intersect for Bvh2 {
     }
 
     fn closest_hit_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, _: &mut [u64]) -> Option<Hit> {
-        self.triangles.closest_hit(&self.pairs, ray, query)
+        self.triangles.closest_hit(&self.pairs, &self.leaves, ray, query)
     }
 
     fn occluded_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, _: &mut [u64]) -> bool {
-        self.triangles.occluded(&self.pairs, ray, query)
+        self.triangles.occluded(&self.pairs, &self.leaves, ray, query)
     }
 
     fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, _: &mut [u64], hits: &mut Vec<Hit>) {
-        self.triangles.all_hits(&self.pairs, ray, query, hits);
+        self.triangles.all_hits(&self.pairs, &self.leaves, ray, query, hits);
     }
 }
 

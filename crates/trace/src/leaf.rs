@@ -30,6 +30,8 @@ pub trait Leaves {
 /// The triangles at the leaf positions of a BVH, in the form that its [`TriangleTest`] requires: answers the queries of
 /// [`Intersect`](crate::Intersect) over any [`Leaves`].
 ///
+/// `primitives` of a query are the numbers of the triangles in the caller's array: two leaf positions may have the same.
+///
 /// ```
 /// use canted_obb::PrimId;
 /// use canted_trace::{Hit, LeafTriangles, Leaves, Query, Ray, ReferencePoint, ScaledRay, SlabRay, TriangleTest};
@@ -55,16 +57,14 @@ pub trait Leaves {
 /// }
 ///
 /// let at = |z: f32| [[0.0, 0.0, z], [4.0, 0.0, z], [0.0, 4.0, z]];
-/// let (corners, numbers) = (vec![at(2.0), at(1.0)], vec![PrimId(7), PrimId(9)]);
-/// let triangles = LeafTriangles::new(TriangleTest::Watertight, corners, numbers, ReferencePoint::ORIGIN);
+/// let triangles = LeafTriangles::new(TriangleTest::Watertight, vec![at(2.0), at(1.0)], ReferencePoint::ORIGIN);
 /// let ray = ScaledRay::new(&Ray::new([1.0, 1.0, 0.0], [0.0, 0.0, 1.0])).unwrap();
-/// let hit = triangles.closest_hit(&All(2), &ray, &mut ()).unwrap();
+/// let hit = triangles.closest_hit(&All(2), &[PrimId(7), PrimId(9)], &ray, &mut ()).unwrap();
 /// assert_eq!((hit.t, hit.primitive), (1.0, PrimId(9)));
 /// ```
 #[derive(Clone, Debug)]
 pub struct LeafTriangles {
     records: Records,
-    primitives: Vec<PrimId>,
     reference: ReferencePoint,
 }
 
@@ -84,16 +84,11 @@ enum Answer<'a> {
 }
 
 impl LeafTriangles {
-    /// Triangles by their vertices, in leaf order, with their numbers in the caller's array: two positions may have the same.
+    /// Triangles by their vertices, in leaf order.
     ///
     /// `reference` is what the nodes are relative to; triangles are in object space.
     #[must_use]
-    pub fn new(
-        test: TriangleTest,
-        corners: Vec<[[f32; 3]; 3]>,
-        primitives: Vec<PrimId>,
-        reference: ReferencePoint,
-    ) -> Self {
+    pub fn new(test: TriangleTest, corners: Vec<[[f32; 3]; 3]>, reference: ReferencePoint) -> Self {
         // Where a record is just the vertices, this reuses the allocation.
         let corners = corners.into_iter();
         let records = match test {
@@ -101,7 +96,7 @@ impl LeafTriangles {
             TriangleTest::MollerTrumbore => Records::MollerTrumbore(corners.map(MollerTrumbore::record).collect()),
             TriangleTest::BaldwinWeber => Records::BaldwinWeber(corners.map(BaldwinWeber::record).collect()),
         };
-        Self { records, primitives, reference }
+        Self { records, reference }
     }
 
     /// The triangle test.
@@ -114,10 +109,20 @@ impl LeafTriangles {
         }
     }
 
-    /// The number of the triangle at each leaf position.
+    /// Number of leaf positions.
     #[must_use]
-    pub fn primitives(&self) -> &[PrimId] {
-        &self.primitives
+    pub fn len(&self) -> usize {
+        match &self.records {
+            Records::Watertight(records) => records.len(),
+            Records::MollerTrumbore(records) => records.len(),
+            Records::BaldwinWeber(records) => records.len(),
+        }
+    }
+
+    /// Whether there are no triangles.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
     }
 
     /// What the nodes are relative to.
@@ -126,7 +131,7 @@ impl LeafTriangles {
         self.reference
     }
 
-    /// Memory of the triangles, without their numbers.
+    /// Memory in bytes.
     #[must_use]
     pub fn n_bytes(&self) -> usize {
         match &self.records {
@@ -137,44 +142,75 @@ impl LeafTriangles {
     }
 
     /// See [`Intersect::closest_hit_scaled`](crate::Intersect::closest_hit_scaled).
-    pub fn closest_hit<N: Leaves>(&self, nodes: &N, ray: &ScaledRay, query: &mut dyn Query) -> Option<Hit> {
+    pub fn closest_hit<N: Leaves>(
+        &self,
+        nodes: &N,
+        primitives: &[PrimId],
+        ray: &ScaledRay,
+        query: &mut dyn Query,
+    ) -> Option<Hit> {
         let mut best = None;
-        self.answer(nodes, ray, query, Answer::Closest(&mut best));
+        self.answer(nodes, primitives, ray, query, Answer::Closest(&mut best));
         best
     }
 
     /// See [`Intersect::occluded_scaled`](crate::Intersect::occluded_scaled).
-    pub fn occluded<N: Leaves>(&self, nodes: &N, ray: &ScaledRay, query: &mut dyn Query) -> bool {
+    pub fn occluded<N: Leaves>(
+        &self,
+        nodes: &N,
+        primitives: &[PrimId],
+        ray: &ScaledRay,
+        query: &mut dyn Query,
+    ) -> bool {
         let mut found = false;
-        self.answer(nodes, ray, query, Answer::Occluded(&mut found));
+        self.answer(nodes, primitives, ray, query, Answer::Occluded(&mut found));
         found
     }
 
     /// See [`Intersect::all_hits_scaled`](crate::Intersect::all_hits_scaled).
-    pub fn all_hits<N: Leaves>(&self, nodes: &N, ray: &ScaledRay, query: &mut dyn Query, hits: &mut Vec<Hit>) {
-        self.answer(nodes, ray, query, Answer::All(hits));
+    pub fn all_hits<N: Leaves>(
+        &self,
+        nodes: &N,
+        primitives: &[PrimId],
+        ray: &ScaledRay,
+        query: &mut dyn Query,
+        hits: &mut Vec<Hit>,
+    ) {
+        self.answer(nodes, primitives, ray, query, Answer::All(hits));
     }
 
     #[inline(always)]
-    fn answer<N: Leaves>(&self, nodes: &N, ray: &ScaledRay, query: &mut dyn Query, answer: Answer) {
+    fn answer<N: Leaves>(
+        &self,
+        nodes: &N,
+        primitives: &[PrimId],
+        ray: &ScaledRay,
+        query: &mut dyn Query,
+        answer: Answer,
+    ) {
+        let slab_ray = SlabRay::new(&self.reference.moved_ray(ray), 0.0);
+        let leaves = EnteredLeaves { nodes, primitives, ray, slab_ray };
         match &self.records {
-            Records::Watertight(records) => self.tested::<N, Watertight>(nodes, records, ray).answer(query, answer),
-            Records::MollerTrumbore(records) => {
-                self.tested::<N, MollerTrumbore>(nodes, records, ray).answer(query, answer);
-            }
-            Records::BaldwinWeber(records) => self.tested::<N, BaldwinWeber>(nodes, records, ray).answer(query, answer),
+            Records::Watertight(records) => leaves.tested::<Watertight>(records).answer(query, answer),
+            Records::MollerTrumbore(records) => leaves.tested::<MollerTrumbore>(records).answer(query, answer),
+            Records::BaldwinWeber(records) => leaves.tested::<BaldwinWeber>(records).answer(query, answer),
         }
     }
+}
 
+/// The leaves that a ray enters.
+struct EnteredLeaves<'a, N> {
+    nodes: &'a N,
+    primitives: &'a [PrimId],
+    ray: &'a ScaledRay,
+    slab_ray: SlabRay,
+}
+
+impl<'a, N: Leaves> EnteredLeaves<'a, N> {
     #[inline(always)]
-    fn tested<'a, N, K: Kernel>(
-        &'a self,
-        nodes: &'a N,
-        records: &'a [K::Record],
-        ray: &'a ScaledRay,
-    ) -> Tested<'a, N, K> {
-        let slab_ray = SlabRay::new(&self.reference.moved_ray(ray), 0.0);
-        Tested { nodes, records, primitives: &self.primitives, ray, prepared: K::prepare(ray), slab_ray }
+    fn tested<K: Kernel>(self, records: &'a [K::Record]) -> Tested<'a, N, K> {
+        let Self { nodes, primitives, ray, slab_ray } = self;
+        Tested { nodes, primitives, ray, slab_ray, records, prepared: K::prepare(ray) }
     }
 }
 
