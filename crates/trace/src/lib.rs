@@ -27,7 +27,9 @@
 //! | [`Intersect`], [`Crossings`] | the queries of everything that rays can hit, in all their forms |
 //! | [`Ray`], [`Hit`], [`Query`] | input and output of every query; hit filters and counters |
 //! | [`SurfacePoint`] | rays that continue from a hit without hitting the same surface again |
-//! | [`Kernel`]: [`Watertight`], [`MollerTrumbore`], [`BaldwinWeber`] | ray-triangle tests; [`TriangleTest`] names one at run time |
+//! | [`Kernel`]: [`Watertight`], [`MollerTrumbore`], [`BaldwinWeber`]; [`TriangleTest`] | ray-triangle tests; the choice of one |
+//! | [`Leaves`], [`LeafTriangles`] | queries of a BVH with a triangle at each leaf position |
+//! | [`BoxBvh`] | the top level of a TLAS |
 //! | [`SlabRay`], [`Slabs`], [`pad_aabb`] | ray-box tests, axis-aligned and oriented, for a traversal |
 //! | [`ReferencePoint`] | boxes near a mesh that is far from the origin |
 //! | [`ray_aabb`], [`ray_obb`], [`Sphere`], [`segment_overlaps_aabb`] | single tests |
@@ -52,10 +54,12 @@ extern crate alloc;
 #[cfg(feature = "std")]
 extern crate std;
 
+mod boxes;
 mod closest_point;
 mod convex;
 mod hit;
 mod intersect;
+mod leaf;
 mod moving;
 mod query;
 mod ray;
@@ -67,10 +71,12 @@ mod stack;
 mod surface_point;
 mod triangle;
 
+pub use boxes::BoxBvh;
 pub use closest_point::{DISTANCE_ERROR, TrianglePoint, closest_point_on_triangle};
 pub use convex::Convex;
 pub use hit::{Hit, HitLists, InstanceId, Side};
 pub use intersect::{AcceptAt, Answer, Answers, Crossings, Intersect, Pointer};
+pub use leaf::{LeafTriangles, Leaves};
 pub use moving::position_at;
 pub use query::{Accept, Counts, Query};
 pub use ray::{Ray, ScaledRay};
