@@ -133,7 +133,7 @@ mod tests {
         for mesh in [fixtures::scaffold_of(1, true, 3), fixtures::coplanar_quads(20).off_axis()] {
             let far = mesh.placed(|[x, y, z]| [x + 1e4, y - 3e3, z + 1e2]);
             for config in [Config::default(), Config::default().axis_aligned()] {
-                let bvh: TriangleBvh = TriangleBvh::build(&far.positions, &far.triangles, &config).unwrap();
+                let bvh: TriangleBvh = TriangleBvh::build_with(&far.positions, &far.triangles, config).unwrap();
                 assert!(!bvh.frame.reference.is_origin());
                 let outline = Outline::of(&bvh.nodes, bvh.leaves.halves.len(), &LeafLayout::BLOCKS).unwrap();
                 let corners = Triangles::read(&outline, &bvh.leaves.halves).corners;

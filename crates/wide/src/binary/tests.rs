@@ -3,7 +3,7 @@
 use canted_fixtures::{self as fixtures, Hair, Mesh, SplitMix64};
 use canted_lbvh::{Corners, triangle_corners};
 use canted_obb::{Aabb, Obb};
-use canted_trace::{Ray, ReferencePoint, Watertight};
+use canted_trace::{Ray, ReferencePoint};
 
 use super::{Chosen, choose, full};
 use crate::build::over_chosen;
@@ -64,7 +64,7 @@ fn rays(mesh: &Mesh) -> Vec<Ray> {
             let origin: [f32; 3] = std::array::from_fn(|k| (center[k] + reach * from[k]) as f32);
             let towards = |k: usize| center[k] + 0.4 * reach * to[k];
             let direction = std::array::from_fn(|k| (towards(k) - f64::from(origin[k])) as f32);
-            Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
+            Ray::new(origin, direction)
         })
         .collect()
 }
@@ -91,8 +91,8 @@ impl Input {
     fn cost(&self, chosen: &mut Chosen<&[Corners]>, config: &Config) -> f64 {
         let given = (ReferencePoint::ORIGIN, &self.bounds);
         let built =
-            over_chosen(chosen, &self.corners[..], given, config, canted_trace::HIT_ERROR, &Limits::OF_WORDS).unwrap();
-        let counts = TriangleBvh::<Watertight>::from(built).traversal_counts(&self.rays);
+            over_chosen(chosen, &self.corners[..], given, config, &Limits::OF_WORDS).unwrap();
+        let counts = TriangleBvh::from(built).traversal_counts(&self.rays);
         let visits = [counts.nodes[0], counts.nodes[1], counts.leaves, counts.blocks].map(|n| n as f64);
         visits.iter().zip(NANOSECONDS).map(|(n, cost)| n * cost).sum::<f64>() / self.rays.len() as f64
     }

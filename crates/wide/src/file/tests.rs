@@ -4,16 +4,16 @@ use std::collections::BTreeMap;
 
 use canted_fixtures::{self as fixtures, Mesh, SplitMix64};
 use canted_obb::PrimId;
-use canted_trace::{Hit, InstanceId, Kernel, Ray, ReferencePoint, ScaledRay, Watertight};
+use canted_trace::{Hit, InstanceId, Intersect, Kernel, Ray, ReferencePoint, ScaledRay, Watertight};
 
 use super::*;
 use crate::layout::{LeafLayout, NodeKind};
 use crate::outline::Outline;
 use crate::refit::Triangles;
-use crate::{Config, Flaw, TriangleBvh};
+use crate::{Flaw, TriangleBvh};
 
 fn build(mesh: &Mesh) -> TriangleBvh {
-    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
+    TriangleBvh::build(&mesh.positions, &mesh.triangles).unwrap()
 }
 
 fn load(bytes: &[u8]) -> Result<TriangleBvh, LoadError> {

@@ -15,7 +15,7 @@ use crate::traverse::{Block, EightRays, Pads, RayLanes, RayTriangles, TracedRay,
 use crate::triangle::TriangleBvh;
 
 /// Pads for the default triangle test.
-const PADS: Pads = Pads::of(TriangleTest::Watertight.hit_error());
+pub(super) const PADS: Pads = Pads::of(TriangleTest::Watertight.hit_error());
 
 impl Intersect for TriangleBvh {
     fn bounds(&self) -> Obb {

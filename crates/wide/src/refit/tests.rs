@@ -3,16 +3,16 @@
 use canted_fixtures::{self as fixtures, Mesh, SplitMix64};
 use canted_lbvh::Corners;
 use canted_obb::Aabb;
-use canted_trace::Ray;
+use canted_trace::{Intersect, Ray};
 
 use super::*;
 use crate::layout::{LeafLayout, NodeKind, Row, Word, node_words};
 use crate::outline::{NodeOutline, Slot};
 use crate::pieces::{Piece, of_outline};
-use crate::{Config, Flaw, SimdPath, TriangleBvh};
+use crate::{Flaw, SimdPath, TriangleBvh};
 
 fn build(mesh: &Mesh) -> TriangleBvh {
-    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
+    TriangleBvh::build(&mesh.positions, &mesh.triangles).unwrap()
 }
 
 fn outline_or_flaw(bvh: &TriangleBvh) -> Result<Outline, Flaw> {
