@@ -155,8 +155,7 @@ fn coordinates_of_any_size_are_saved() {
             let huge = mesh.placed(|p| p.map(|x| (x / reach).clamp(-1.0, 1.0) * scale));
             for preset in [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality] {
                 let bytes = build(&huge, preset).to_bytes();
-                let back =
-                    TriangleBvh::from_bytes(&bytes).unwrap_or_else(|error| panic!("{scale}: {error}"));
+                let back = TriangleBvh::from_bytes(&bytes).unwrap_or_else(|error| panic!("{scale}: {error}"));
                 assert_eq!(back.to_bytes(), bytes, "{scale} {preset:?}");
             }
         }

@@ -6,8 +6,9 @@ use canted_obb::{Aabb, PrimId};
 use canted_trace::{Intersect, Ray};
 
 use super::{Built, over_indexed};
-use crate::layout::{Limits, PART_LANES, PARTS};
-use crate::triangle::Blocks;
+use crate::leaf::Blocks;
+use crate::leaf::{PART_LANES, PARTS};
+use crate::node::Limits;
 use crate::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, PrimitiveError, TriangleBvh, WideBvh};
 
 /// Enough for some nodes below the root.

@@ -21,8 +21,8 @@
 use canted_lbvh::{self as lbvh, Corners, GeometryError};
 use canted_obb::{Aabb, Moments, Obb};
 use canted_trace::{
-    BaldwinWeber, HIT_ERROR, Hit, Intersect, Kernel, MollerTrumbore, Query, ScaledRay, TriangleHit, TriangleTest, Watertight,
-    position_at,
+    BaldwinWeber, HIT_ERROR, Hit, Intersect, Kernel, MollerTrumbore, Query, ScaledRay, TriangleHit, TriangleTest,
+    Watertight, position_at,
 };
 
 use super::boxes::Order;

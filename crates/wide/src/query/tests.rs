@@ -5,11 +5,12 @@ use canted_trace::{Intersect, Ray, ReferencePoint, ScaledRay};
 
 use super::sink::BestHit;
 use super::triangles::{PADS, pass_hits};
-use crate::layout::LeafLayout;
-use crate::outline::Outline;
-use crate::refit::{Triangles, write_boxes};
+use crate::leaf::LeafLayout;
+use crate::leaf::Triangles;
+use crate::node::checked::Hierarchy;
 use crate::simd::{Simd, Task};
 use crate::traverse::{BoxPads, Pads, TracedRay};
+use crate::update::write_boxes;
 use crate::{Config, SimdPath, TriangleBvh};
 
 const NONE: Pads = Pads { aligned: 0.0, rotated: 0.0, oriented: 0.0 };
@@ -37,10 +38,10 @@ impl Task for Padded<'_> {
 
 /// The BVH with boxes padded by other relative pads.
 fn with_box_pads(mut bvh: TriangleBvh, pads: Pads) -> TriangleBvh {
-    let outline = Outline::of(&bvh.nodes, bvh.leaves.halves.len(), &LeafLayout::BLOCKS).expect("a valid BVH");
-    let triangles = Triangles::read(&outline, &bvh.leaves.halves);
+    let hierarchy = Hierarchy::of(&bvh.nodes, bvh.leaves.halves.len(), &LeafLayout::BLOCKS).expect("a valid BVH");
+    let triangles = Triangles::read(&hierarchy, &bvh.leaves.halves);
     write_boxes(
-        &outline,
+        &hierarchy,
         &triangles.corners,
         &bvh.frame,
         &BoxPads::new(pads, bvh.frame.is_identity),
@@ -63,7 +64,8 @@ fn build(mesh: &Mesh, config: Config) -> TriangleBvh {
 fn n_different(bvh: &TriangleBvh, rays: &[Ray], of_rays: Pads, of_boxes: Pads, path: SimdPath) -> usize {
     let proven = bvh.clone().with_path(path);
     let bvh = with_box_pads(bvh.clone(), of_boxes);
-    let is_lost = |ray: &&Ray| path.proven().run(Padded { bvh: &bvh, pads: of_rays, ray }) != proven.closest_hit(ray);
+    let is_lost =
+        |ray: &&Ray| path.available().run(Padded { bvh: &bvh, pads: of_rays, ray }) != proven.closest_hit(ray);
     rays.iter().filter(is_lost).count()
 }
 

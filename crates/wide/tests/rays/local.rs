@@ -164,7 +164,10 @@ fn refitted_and_loaded_boxes_are_local() {
     // A power of two changes no decision of the build, so that the boxes are the same bit for bit.
     assert_eq!((refitted, loaded), (built, built));
     assert_eq!(of_other.to_bytes(), of_build.to_bytes());
-    assert_eq!(TriangleBvh::from_bytes_with(&of_build.to_bytes(), TriangleTest::MollerTrumbore).unwrap().to_bytes(), other);
+    assert_eq!(
+        TriangleBvh::from_bytes_with(&of_build.to_bytes(), TriangleTest::MollerTrumbore).unwrap().to_bytes(),
+        other
+    );
 }
 
 /// Rays at corners and edges of triangles, hence of boxes, with origins from close by to 1e7, in a mesh of mixed scales.

@@ -23,7 +23,8 @@ impl Motion {
     }
 
     fn build(&self, config: Config) -> MovingBvh {
-        MovingBvh::build_with(&self.open.positions, &self.close, &self.open.triangles, config).expect("fixtures are valid")
+        MovingBvh::build_with(&self.open.positions, &self.close, &self.open.triangles, config)
+            .expect("fixtures are valid")
     }
 
     /// The mesh at a time.

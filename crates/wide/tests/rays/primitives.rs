@@ -120,8 +120,7 @@ fn where_the_entry_is_rejected_the_exit_is_hit() {
             hit.side == Side::Back
         }
     }
-    let bvh =
-        WideBvh::over(vec![Sphere { center: [0.0; 3], radius: 1.0 }]).expect("valid");
+    let bvh = WideBvh::over(vec![Sphere { center: [0.0; 3], radius: 1.0 }]).expect("valid");
     let ray = Ray::new([0.0, 0.0, -3.0], [0.0, 0.0, 0.5]);
     assert_eq!(bvh.closest_hit(&ray).map(|hit| (hit.t, hit.side)), Some((4.0, Side::Front)));
     let left = bvh.closest_hit_with(&ray, &mut Leaving);
@@ -205,8 +204,7 @@ fn pads_follow_the_stated_error() {
     fn lost<const STATED: bool>() -> usize {
         let spheres = spheres(200, 1.0);
         let rays = rays(&spheres, 2000, 1.0);
-        let bvh = WideBvh::<Inexact<STATED>>::over(
-            spheres.iter().map(|&s| Inexact::<STATED>(s)).collect());
+        let bvh = WideBvh::<Inexact<STATED>>::over(spheres.iter().map(|&s| Inexact::<STATED>(s)).collect());
         let bvh = bvh.expect("valid spheres");
         rays.iter()
             .filter(|ray| {

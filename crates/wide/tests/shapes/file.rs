@@ -43,13 +43,9 @@ fn files_of_other_primitives_are_rejected() {
     let capsules = WideBvh::over(struts(20)).unwrap().to_bytes();
     let error = WideBvh::<Sphere>::from_bytes(&capsules).unwrap_err();
     assert_eq!(error, LoadError::Primitives { found: [4, 28], expected: [4, 16] });
-    assert!(matches!(
-        TriangleBvh::from_bytes(&capsules),
-        Err(LoadError::Primitives { .. })
-    ));
+    assert!(matches!(TriangleBvh::from_bytes(&capsules), Err(LoadError::Primitives { .. })));
     let mesh = canted_fixtures::soup(1, 20);
-    let triangles =
-        TriangleBvh::build(&mesh.positions, &mesh.triangles);
+    let triangles = TriangleBvh::build(&mesh.positions, &mesh.triangles);
     assert!(matches!(
         WideBvh::<Capsule>::from_bytes(&triangles.unwrap().to_bytes()),
         Err(LoadError::Primitives { .. })
