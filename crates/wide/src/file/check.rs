@@ -10,7 +10,7 @@ use crate::build::item::Item;
 use crate::build::{PrimitiveError, bounds_of};
 use crate::leaf::Primitive;
 use crate::leaf::Shapes;
-use crate::leaf::{self, Triangles};
+use crate::leaf::{self, StoredTriangles};
 use crate::leaf::{HalfBlock, LeafLayout};
 use crate::node::Flaw;
 use crate::node::checked;
@@ -61,7 +61,7 @@ pub(super) fn check_triangles(nodes: &mut Nodes, blocks: &[HalfBlock], expected:
     if let Some(leaf) = hierarchy.leaves.iter().find(|leaf| !leaf::unused_lanes_are_zero(leaf, blocks)) {
         return Err(Flaw::Lane { block: leaf.unit(&LeafLayout::BLOCKS) }.into());
     }
-    let Triangles { corners, ids } = Triangles::read(&hierarchy, blocks);
+    let StoredTriangles { corners, ids } = StoredTriangles::read(&hierarchy, blocks);
     if let Some((&primitive, _)) = ids.iter().zip(&corners).find(|(_, corners)| !is_finite(corners)) {
         return Err(Flaw::NotFinite { primitive }.into());
     }

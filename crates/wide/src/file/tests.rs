@@ -8,7 +8,7 @@ use canted_trace::{Hit, InstanceId, Intersect, Kernel, Ray, ReferencePoint, Scal
 
 use super::*;
 use crate::leaf::LeafLayout;
-use crate::leaf::Triangles;
+use crate::leaf::StoredTriangles;
 use crate::node::NodeKind;
 use crate::node::checked::Hierarchy;
 use crate::{Flaw, TriangleBvh};
@@ -47,7 +47,7 @@ fn rays(mesh: &Mesh) -> Vec<Ray> {
 }
 
 /// Hits by testing every triangle of the BVH's own blocks.
-fn brute(triangles: &Triangles, ray: &Ray) -> Option<Hit> {
+fn brute(triangles: &StoredTriangles, ray: &Ray) -> Option<Hit> {
     let ray = ScaledRay::new(ray)?;
     let prepared = Watertight::prepare(&ray);
     let mut best: Option<Hit> = None;
@@ -66,7 +66,7 @@ fn brute(triangles: &Triangles, ray: &Ray) -> Option<Hit> {
 /// Whether all of `rays` hit what testing every stored triangle hits.
 fn agrees(bvh: &TriangleBvh, rays: &[Ray]) -> bool {
     let hierarchy = hierarchy(bvh);
-    let triangles = Triangles::read(&hierarchy, &bvh.leaves.halves);
+    let triangles = StoredTriangles::read(&hierarchy, &bvh.leaves.halves);
     rays.iter().all(|ray| {
         let hit = brute(&triangles, ray);
         bvh.closest_hit(ray) == hit && bvh.occluded(ray) == hit.is_some()
@@ -164,7 +164,7 @@ fn triangles_are_checked_by_id_and_vertex() {
     let bvh = build(&mesh);
     let hierarchy = hierarchy(&bvh);
     let leaf = hierarchy.leaves.iter().find(|leaf| (2..5).contains(&leaf.places.len())).expect("a leaf of a few");
-    let triangles = Triangles::read(&hierarchy, &bvh.leaves.halves);
+    let triangles = StoredTriangles::read(&hierarchy, &bvh.leaves.halves);
     let [a, b] = [0, 1].map(|i| triangles.ids[leaf.places.start + i]);
     let lane = crate::leaf::PART_LANES * leaf.part(&LeafLayout::BLOCKS);
     let error = |word: usize, value: u32| {

@@ -12,7 +12,7 @@ pub(crate) use primitive::Shapes;
 pub use primitive::{Primitive, PrimitiveHit, SavedPrimitive};
 pub(crate) use shapes::extents_within;
 pub use shapes::{bounds_of_points, extent_of_box, extent_of_points};
-pub(crate) use triangles::{Blocks, Triangles, unused_lanes_are_zero};
+pub(crate) use triangles::{Blocks, StoredTriangles, unused_lanes_are_zero};
 pub use triangles::{Triangle, TriangleBvh};
 
 /// What a [`WideBvh`](crate::WideBvh) is over: [`Triangle`](crate::Triangle)s, stored in SIMD blocks, or any

@@ -118,12 +118,12 @@ const LAYOUT: &LeafLayout = &LeafLayout::BLOCKS;
 
 /// Triangles by their place: vertices, and ids.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Triangles {
+pub(crate) struct StoredTriangles {
     pub(crate) corners: Vec<Corners>,
     pub(crate) ids: Vec<PrimId>,
 }
 
-impl Triangles {
+impl StoredTriangles {
     /// Reads all leaves.
     pub(crate) fn read(hierarchy: &Hierarchy, halves: &[HalfBlock]) -> Self {
         let words: &[u32] = bytemuck::cast_slice(halves);

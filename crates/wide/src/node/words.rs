@@ -122,7 +122,7 @@ mod tests {
 
     use super::*;
     use crate::leaf::LeafLayout;
-    use crate::leaf::Triangles;
+    use crate::leaf::StoredTriangles;
     use crate::node::checked::Hierarchy;
     use crate::{Config, TriangleBvh};
 
@@ -136,7 +136,7 @@ mod tests {
                 let bvh: TriangleBvh = TriangleBvh::build_with(&far.positions, &far.triangles, config).unwrap();
                 assert!(!bvh.frame.reference.is_origin());
                 let hierarchy = Hierarchy::of(&bvh.nodes, bvh.leaves.halves.len(), &LeafLayout::BLOCKS).unwrap();
-                let corners = Triangles::read(&hierarchy, &bvh.leaves.halves).corners;
+                let corners = StoredTriangles::read(&hierarchy, &bvh.leaves.halves).corners;
                 let raw = bvh.raw();
                 let lines: &[Row] = bytemuck::cast_slice(&raw.nodes);
                 for node in &hierarchy.nodes {

@@ -6,7 +6,7 @@ use canted_trace::{Intersect, Ray, ReferencePoint, ScaledRay};
 use super::sink::BestHit;
 use super::triangles::{PADS, pass_hits};
 use crate::leaf::LeafLayout;
-use crate::leaf::Triangles;
+use crate::leaf::StoredTriangles;
 use crate::node::checked::Hierarchy;
 use crate::simd::{Simd, Task};
 use crate::traverse::{BoxPads, Pads, TracedRay};
@@ -39,7 +39,7 @@ impl Task for Padded<'_> {
 /// The BVH with boxes padded by other relative pads.
 fn with_box_pads(mut bvh: TriangleBvh, pads: Pads) -> TriangleBvh {
     let hierarchy = Hierarchy::of(&bvh.nodes, bvh.leaves.halves.len(), &LeafLayout::BLOCKS).expect("a valid BVH");
-    let triangles = Triangles::read(&hierarchy, &bvh.leaves.halves);
+    let triangles = StoredTriangles::read(&hierarchy, &bvh.leaves.halves);
     write_boxes(
         &hierarchy,
         &triangles.corners,

@@ -229,7 +229,7 @@ mod tests {
     use canted_trace::ReferencePoint;
 
     use super::*;
-    use crate::leaf::{LeafLayout, Triangles, unused_lanes_are_zero};
+    use crate::leaf::{LeafLayout, StoredTriangles, unused_lanes_are_zero};
     use crate::node::MAX_LEAF;
     use crate::node::checked::{CheckedLeaf, Hierarchy};
     use crate::traverse::{Block, MeshFrame};
@@ -253,7 +253,7 @@ mod tests {
                 words.chunks_exact(HALF_BLOCK_WORDS).map(|w| HalfBlock(w.try_into().unwrap())).collect();
             let leaf = CheckedLeaf { first: 0, places: 0..n, is_shared: false };
             let hierarchy = Hierarchy { nodes: vec![], leaves: vec![leaf.clone()], n_places: n, depth: 0 };
-            let read = Triangles::read(&hierarchy, &halves);
+            let read = StoredTriangles::read(&hierarchy, &halves);
             let want = traversed(&halves, n);
             assert_eq!(read.corners, want.iter().map(|t| t.0).collect::<Vec<_>>(), "{n}");
             assert_eq!(read.ids, want.iter().map(|t| t.1).collect::<Vec<_>>(), "{n}");
@@ -276,7 +276,7 @@ mod tests {
             assert_eq!(taken, moved);
             assert_eq!(state.content.bounds, leaves.before(&halves, 0, n, None).content.bounds);
             assert_eq!(state.content.bounds, Aabb::from_points(moved.iter().flatten().copied()));
-            assert_eq!(Triangles::read(&hierarchy, &halves), Triangles { corners: moved, ids });
+            assert_eq!(StoredTriangles::read(&hierarchy, &halves), StoredTriangles { corners: moved, ids });
             assert_eq!(unused_lanes_are_zero(&leaf, &halves), n % 4 == 0, "{n}");
         }
     }
