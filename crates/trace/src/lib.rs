@@ -24,7 +24,7 @@
 //!
 //! | item | purpose |
 //! |---|---|
-//! | [`Intersect`] | the queries of everything that rays can hit, in all their forms |
+//! | [`Intersect`], [`Crossings`] | the queries of everything that rays can hit, in all their forms |
 //! | [`Ray`], [`Hit`], [`Query`] | input and output of every query; hit filters and counters |
 //! | [`SurfacePoint`] | rays that continue from a hit without hitting the same surface again |
 //! | [`Kernel`]: [`Watertight`], [`MollerTrumbore`], [`BaldwinWeber`]; [`TriangleTest`] | ray-triangle tests; the choice of one |
@@ -59,18 +59,14 @@ mod closest_point;
 mod convex;
 mod hit;
 mod intersect;
-#[doc(hidden)]
-pub mod lanes;
 mod leaf;
-mod lists;
 mod moving;
 mod query;
 mod ray;
 mod reference;
 mod rounding;
-mod segment;
+mod shapes;
 mod slab;
-mod sphere;
 mod stack;
 mod surface_point;
 mod triangle;
@@ -78,19 +74,21 @@ mod triangle;
 pub use boxes::BoxBvh;
 pub use closest_point::{DISTANCE_ERROR, TrianglePoint, closest_point_on_triangle};
 pub use convex::Convex;
-pub use hit::{Hit, InstanceId, Side};
-pub use intersect::{AcceptAt, Answers, Intersect, Pointer};
+pub use hit::{Hit, HitLists, InstanceId, Side};
+pub use intersect::{AcceptAt, Answer, Answers, Crossings, Intersect, Pointer};
 pub use leaf::{LeafTriangles, Leaves};
-pub use lists::HitLists;
 pub use moving::position_at;
 pub use query::{Accept, Counts, Query};
 pub use ray::{Ray, ScaledRay};
 pub use reference::ReferencePoint;
-pub use segment::segment_overlaps_aabb;
+#[doc(hidden)]
+pub use rounding::lanes;
+pub use shapes::{Sphere, segment_overlaps_aabb};
 pub use slab::{AABB_PAD, MIN_DIRECTION, SLABS_PAD, SlabRay, Slabs, pad_aabb, ray_aabb, ray_obb};
-pub use sphere::Sphere;
+#[doc(hidden)]
+pub use stack::with_stack;
 pub use surface_point::{SurfacePoint, position_error};
 pub use triangle::{
     Axis, BaldwinWeber, BaldwinWeberRecord, HIT_ERROR, Kernel, MollerTrumbore, Shear, TriangleHit, TriangleTest,
-    Watertight,
+    UnknownTriangleTest, Watertight,
 };

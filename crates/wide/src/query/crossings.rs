@@ -8,72 +8,61 @@
 //! Source: the rule is that of rasterizers for shared edges, by the perturbation of Edelsbrunner & Mücke 1990; reporting
 //! the lowest primitive is ours.
 
-use canted_trace::{Hit, Ray, ScaledRay, Shear, Side, Watertight};
+use canted_trace::{Answer, Answers, Crossings, Hit, HitLists, Intersect, Ray, ScaledRay, Shear, Side, with_stack};
 
-use crate::layout::NodeKind;
-use crate::leaf::HitSink;
+use super::sink::{HitSink, by_t, sort_from, to_caller};
+use super::triangles::pass_hits;
 use crate::simd::{Simd, Task};
-use crate::sink::{by_t, sort_from, to_caller};
-use crate::trace::{prepare, trace};
-use crate::traverse::{Stack, TracedRay};
+use crate::traverse::{TracedRay, for_each_of_eight};
 use crate::triangle::TriangleBvh;
 
-impl TriangleBvh<Watertight> {
-    /// Every crossing of a surface with `t_min <= t <= t_max`, once, sorted by `t`, then by primitive.
-    ///
-    /// Replaces the content of `crossings`. The crossings are the hits of [`WideBvh::all_hits`](crate::WideBvh::all_hits)
-    /// except for those exactly on an edge or a vertex: of the triangles around it, those count that the ray would hit if it
-    /// were moved by an infinitesimal step that depends on its direction alone. They are reported as the lowest primitives
-    /// that are hit there from the same side. So a ray that starts and ends outside a closed mesh crosses it an even number
-    /// of times, half of them inward, and equal copies of a surface count as many times.
-    ///
-    /// Where a ray touches a silhouette without crossing, nothing is reported. The border of an open surface belongs to it
-    /// or not, such that of two adjacent surfaces one is crossed. Triangles share a vertex if its coordinates are equal;
-    /// its index does not matter.
-    pub fn crossings(&self, ray: &Ray, crossings: &mut Vec<Hit>) {
-        self.path.run(Crossings { bvh: self, ray, crossings });
+impl Crossings for TriangleBvh {
+    fn crossings_scaled(&self, ray: &ScaledRay, stack: &mut [u64], crossings: &mut Vec<Hit>) {
+        let ray = &self.prepare(ray);
+        self.path.run(CrossingsOf { bvh: self, ray, stack, on_edges: &mut vec![], crossings });
+    }
+
+    fn crossings_listed(&self, rays: &[Ray], lists: &mut HitLists) {
+        lists.clear(rays.len());
+        let (mut on_edges, mut answers) = (vec![], Answers::Lists(lists));
+        with_stack(self.stack_len(), |stack| {
+            for_each_of_eight(self.path, rays, &self.frame, self.pads(), &mut |i, ray| {
+                answers.fill(i, |answer| {
+                    if let (Answer::All(crossings), Some(ray)) = (answer, ray) {
+                        self.path.run(CrossingsOf { bvh: self, ray, stack, on_edges: &mut on_edges, crossings });
+                    }
+                });
+            });
+        });
     }
 }
 
-struct Crossings<'a> {
-    bvh: &'a TriangleBvh<Watertight>,
-    ray: &'a Ray,
+/// Appends the crossings of a ray; `on_edges` is empty memory. The test is the watertight one, for whose hits all boxes are large enough.
+struct CrossingsOf<'a> {
+    bvh: &'a TriangleBvh,
+    ray: &'a TracedRay,
+    stack: &'a mut [u64],
+    on_edges: &'a mut Vec<EdgeHit>,
     crossings: &'a mut Vec<Hit>,
 }
 
-impl Task for Crossings<'_> {
+impl Task for CrossingsOf<'_> {
     type Output = ();
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) {
-        self.crossings.clear();
-        let Some(scaled) = ScaledRay::new(self.ray) else { return };
-        let ray = prepare(self.bvh, scaled);
-        let mut stack = Stack::new();
-        cross(simd, self.bvh, &ray, &mut stack, &mut Vec::new(), self.crossings);
-    }
-}
-
-/// Appends the crossings of a ray; `on_edges` is empty memory.
-#[inline(always)]
-pub(crate) fn cross<S: Simd>(
-    simd: S,
-    bvh: &TriangleBvh<Watertight>,
-    ray: &TracedRay,
-    stack: &mut Stack,
-    on_edges: &mut Vec<EdgeHit>,
-    crossings: &mut Vec<Hit>,
-) {
-    let first = crossings.len();
-    let mut sink = CrossingSink { inner: &mut *crossings, on_edges: &mut *on_edges };
-    trace(simd, bvh, ray, stack, &mut sink);
-    sort_from(crossings, first);
-    if !on_edges.is_empty() {
-        once_each(on_edges, crossings);
-        on_edges.clear();
+        let Self { bvh, ray, stack, on_edges, crossings } = self;
+        let first = crossings.len();
+        let mut sink = CrossingSink { inner: &mut *crossings, on_edges: &mut *on_edges };
+        pass_hits::<S, _, true>(simd, bvh, ray, stack, &mut sink);
         sort_from(crossings, first);
+        if !on_edges.is_empty() {
+            once_each(on_edges, crossings);
+            on_edges.clear();
+            sort_from(crossings, first);
+        }
+        to_caller(&ray.scaled, &mut crossings[first..]);
     }
-    to_caller(&ray.scaled, &mut crossings[first..]);
 }
 
 /// Hits inside triangles, and hits on their edges; `t` scaled.
@@ -84,7 +73,7 @@ struct CrossingSink<'a> {
 
 /// A hit on an edge or a vertex of its triangle.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct EdgeHit {
+struct EdgeHit {
     hit: Hit,
     /// Bits of the edge's ends, the lesser first; twice the vertex.
     ends: [[u32; 3]; 2],
@@ -92,7 +81,7 @@ pub(crate) struct EdgeHit {
     counts: bool,
 }
 
-impl HitSink<[[f32; 3]; 3]> for CrossingSink<'_> {
+impl HitSink for CrossingSink<'_> {
     const ORDERED: bool = false;
     const SPLITS: bool = true;
 
@@ -110,12 +99,6 @@ impl HitSink<[[f32; 3]; 3]> for CrossingSink<'_> {
         }
         t_max
     }
-
-    #[inline(always)]
-    fn primitives(&mut self, _: u32) {}
-
-    #[inline(always)]
-    fn node(&mut self, _: NodeKind) {}
 }
 
 /// The edge or vertex that a ray passes through, of a triangle that it hits, and whether the moved ray hits the triangle;

@@ -101,7 +101,6 @@ fn at_corners(mesh: &Mesh, far: f64, n: usize) -> Vec<Ray> {
         let target = mesh.positions[rng.below(mesh.positions.len())].map(f64::from);
         let direction = rng.on_sphere();
         let distance = far * rng.unit();
-        #[expect(clippy::cast_possible_truncation, reason = "test data")]
         let [origin, direction] =
             [std::array::from_fn(|k| (target[k] - distance * direction[k]) as f32), direction.map(|x| x as f32)];
         Ray::new(origin, direction)
@@ -124,7 +123,6 @@ fn either_part_of_the_padding_alone_loses_hits() {
         let mut own: Vec<Ray> = (0..20_000usize)
             .map(|i| {
                 let [x, y, z] = away.positions[i * 7 % away.positions.len()];
-                #[expect(clippy::cast_precision_loss, reason = "test data")]
                 let s = i as f32 * 1e-3;
                 Ray::new([s, -s, 0.5 * s], [x - s, y + s, z - 0.5 * s])
             })
