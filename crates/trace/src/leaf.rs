@@ -5,8 +5,8 @@ use alloc::vec::Vec;
 use canted_obb::PrimId;
 
 use crate::{
-    Answer, BaldwinWeber, Hit, InstanceId, Kernel, MollerTrumbore, Query, ReferencePoint, ScaledRay, SlabRay, TriangleTest,
-    Watertight,
+    Answer, BaldwinWeber, Hit, InstanceId, Kernel, MollerTrumbore, Query, ReferencePoint, ScaledRay, SlabRay,
+    TriangleTest, Watertight,
 };
 
 /// Nodes that report the leaves that a ray may hit.
