@@ -75,7 +75,7 @@ pub use boxes::BoxBvh;
 pub use closest_point::{DISTANCE_ERROR, TrianglePoint, closest_point_on_triangle};
 pub use convex::Convex;
 pub use hit::{Hit, HitLists, InstanceId, Side};
-pub use intersect::{AcceptAt, Answer, Answers, Crossings, Intersect, Pointer};
+pub use intersect::{AcceptAt, Answer, Answers, Crossings, Intersect, Pointer, Triangles};
 pub use leaf::{LeafTriangles, Leaves};
 pub use moving::position_at;
 pub use query::{Accept, Counts, Query};

@@ -25,6 +25,7 @@ mod check;
 mod checksum;
 mod error;
 mod header;
+mod save;
 
 use bytemuck::Pod;
 use canted_obb::PrimId;
@@ -43,6 +44,7 @@ use check::{Expected, check_shapes, check_triangles};
 use checksum::checksum;
 pub use error::LoadError;
 use header::{CHECKSUM_BYTES, HEADER_BYTES, Header};
+pub use save::SaveBlas;
 
 impl TriangleBvh {
     /// The BVH with its triangles as bytes, for [`TriangleBvh::from_bytes`]: about as many as [`WideBvh::n_bytes`], the same on

@@ -126,7 +126,7 @@ pub use bvh::{PredictedCost, Sizes, WideBvh};
 pub use config::{Config, Preset};
 pub use costs::Costs;
 pub use distance::{ClosestPoint, DistanceShape, NearestPoint};
-pub use file::LoadError;
+pub use file::{LoadError, SaveBlas};
 pub use flaw::Flaw;
 pub use layout::{MAX_PRIMITIVES, MAX_TRIANGLES, NodeKind};
 pub use leaf::LeafPrimitive;

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use canted_obb::PrimId;
-use canted_trace::TriangleTest;
+use canted_trace::{TriangleTest, Triangles};
 
 use crate::bvh::WideBvh;
 use crate::layout::{HALF_WORDS, Half, Lane, Nodes, PART_LANES, PARTS, WordKind};
@@ -61,6 +61,12 @@ impl TriangleBvh {
         let mut triangles = vec![[[0.0; 3]; 3]; self.n_primitives];
         self.leaves.each_triangle(&self.nodes, |id, lane| triangles[id.index()] = self.leaves.vertices(lane));
         triangles
+    }
+}
+
+impl Triangles for TriangleBvh {
+    fn triangle(&self, id: PrimId) -> [[f32; 3]; 3] {
+        Self::triangle(self, id)
     }
 }
 
