@@ -7,6 +7,15 @@ use canted_obb::PrimId;
 #[repr(transparent)]
 pub struct InstanceId(pub u32);
 
+impl InstanceId {
+    /// The number as an index into the caller's array.
+    #[inline]
+    #[must_use]
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
 /// The side of a triangle that a ray hits; the vertices run counter-clockwise as seen from the front.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Side {

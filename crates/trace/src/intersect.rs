@@ -1,9 +1,9 @@
 use alloc::{boxed::Box, sync::Arc, vec::Vec};
 
-use canted_obb::Obb;
+use canted_obb::{Obb, PrimId};
 
 use crate::stack::with_stack;
-use crate::{Accept, Hit, HitLists, Query, Ray, ScaledRay};
+use crate::{Accept, Hit, HitLists, Query, Ray, ScaledRay, SurfacePoint};
 
 /// Rays that a thread takes at a time.
 const CHUNK: usize = 1024;
@@ -108,8 +108,7 @@ pub trait Intersect: Send + Sync {
     fn bounds(&self) -> Obb;
 
     /// How far a hit may lie outside of the bounds: each coordinate of `o + t·d`, in real arithmetic, by at most
-    /// `hit_error·(|o|∞ + ρ∞)`, with `|o|∞` the greatest coordinate of the ray's origin and `ρ∞` that of the bounds. At
-    /// most 1/8.
+    /// `hit_error·(|o|∞ + ρ∞)`, with `|o|∞` the greatest coordinate of the ray's origin and `ρ∞` that of the bounds.
     ///
     /// [`HIT_ERROR`](crate::HIT_ERROR) for triangles. A TLAS pads its boxes by it: if it is too small, hits are lost.
     fn hit_error(&self) -> f32;
@@ -343,6 +342,20 @@ pub trait Crossings: Intersect {
     }
 }
 
+/// Triangles that a hit can be looked up in.
+pub trait Triangles: Intersect {
+    /// The vertices of a triangle, in the order of the caller.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    fn triangle(&self, id: PrimId) -> [[f32; 3]; 3];
+
+    /// The point of a hit of [`Intersect::closest_hit`]: its position, its normal, and rays that continue from it.
+    fn surface_point(&self, hit: &Hit) -> SurfacePoint {
+        SurfacePoint::new(hit, self.triangle(hit.primitive), self.bounds().aabb().reach())
+    }
+}
+
 /// A pointer answers as what it points to.
 impl<B: Intersect + ?Sized, P: core::ops::Deref<Target = B> + Send + Sync> Intersect for P
 where
@@ -393,6 +406,19 @@ where
 
     fn crossings_listed(&self, rays: &[Ray], lists: &mut HitLists) {
         (**self).crossings_listed(rays, lists);
+    }
+}
+
+impl<B: Triangles + ?Sized, P: core::ops::Deref<Target = B> + Send + Sync> Triangles for P
+where
+    P: Pointer,
+{
+    fn triangle(&self, id: PrimId) -> [[f32; 3]; 3] {
+        (**self).triangle(id)
+    }
+
+    fn surface_point(&self, hit: &Hit) -> SurfacePoint {
+        (**self).surface_point(hit)
     }
 }
 

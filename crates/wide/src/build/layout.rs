@@ -9,9 +9,7 @@ use canted_trace::Slabs;
 use crate::build::collapse::{Form, Plan, WIDTH};
 use crate::build::subtrees::LeafContents;
 use crate::leaf::LeafLayout;
-use crate::node::MAX_LEAF;
-use crate::node::MAX_SUBTREE;
-use crate::node::{self, ChildWord, DecodedWord, Limits, NodeKind};
+use crate::node::{self, ChildWord, DecodedWord, Limits, MAX_LEAF, MAX_SUBTREE, NodeKind};
 use crate::par;
 use crate::traverse::BoxPads;
 

@@ -6,8 +6,7 @@ use canted_obb::{Aabb, PrimId};
 use canted_trace::{Intersect, Ray};
 
 use super::{Built, over_indexed};
-use crate::leaf::Blocks;
-use crate::leaf::{PART_LANES, PARTS};
+use crate::leaf::{Blocks, PART_LANES, PARTS};
 use crate::node::Limits;
 use crate::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, PrimitiveError, TriangleBvh, WideBvh};
 

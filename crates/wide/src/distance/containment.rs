@@ -10,8 +10,7 @@ use std::cmp::Ordering;
 use canted_obb::{PrimId, orient_2d, orient_3d};
 use canted_trace::{Ray, ScaledRay, with_stack};
 
-use crate::leaf::{LeafPrimitive, LeafRange};
-use crate::leaf::{Triangle, TriangleBvh};
+use crate::leaf::{LeafPrimitive, LeafRange, Triangle, TriangleBvh};
 use crate::node::NodeKind;
 use crate::par;
 use crate::simd::{Simd, Task};

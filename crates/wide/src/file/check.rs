@@ -8,14 +8,9 @@ use super::error::LoadError;
 use super::header::Header;
 use crate::build::item::Item;
 use crate::build::{PrimitiveError, bounds_of};
-use crate::leaf::Primitive;
-use crate::leaf::Shapes;
-use crate::leaf::{self, StoredTriangles};
-use crate::leaf::{HalfBlock, LeafLayout};
-use crate::node::Flaw;
-use crate::node::checked;
+use crate::leaf::{self, HalfBlock, LeafLayout, Primitive, Shapes, StoredTriangles};
 use crate::node::checked::Hierarchy;
-use crate::node::{NodeKind, Nodes};
+use crate::node::{Flaw, NodeKind, Nodes, checked};
 use crate::traverse::{BoxPads, MeshFrame, Pads};
 use crate::update::{self, by_place, ids_by_place};
 

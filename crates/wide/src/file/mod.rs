@@ -27,16 +27,11 @@ mod header;
 
 use bytemuck::Pod;
 use canted_obb::PrimId;
-use canted_trace::TriangleTest;
+use canted_trace::{SaveBlas, TriangleTest};
 
 use crate::bvh::WideBvh;
-use crate::leaf::HalfBlock;
-use crate::leaf::LeafPrimitive;
-use crate::leaf::SavedPrimitive;
-use crate::leaf::Shapes;
-use crate::leaf::{Blocks, TriangleBvh};
-use crate::node::Nodes;
-use crate::node::Records;
+use crate::leaf::{Blocks, HalfBlock, LeafPrimitive, SavedPrimitive, Shapes, TriangleBvh};
+use crate::node::{Nodes, Records};
 use crate::simd::AvailablePath;
 
 use check::{Expected, check_shapes, check_triangles};
@@ -146,6 +141,30 @@ fn write<P: LeafPrimitive>(bvh: &WideBvh<P>, sizes: [usize; 2], hit_error: f32, 
     let sum = checksum(&bytes);
     bytes.extend(sum.to_le_bytes());
     bytes
+}
+
+impl SaveBlas for TriangleBvh {
+    type Error = LoadError;
+
+    fn to_bytes(&self) -> Vec<u8> {
+        Self::to_bytes(self)
+    }
+
+    fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
+        Self::from_bytes(bytes)
+    }
+}
+
+impl<P: SavedPrimitive> SaveBlas for WideBvh<P> {
+    type Error = LoadError;
+
+    fn to_bytes(&self) -> Vec<u8> {
+        Self::to_bytes(self)
+    }
+
+    fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
+        Self::from_bytes(bytes)
+    }
 }
 
 /// A BVH of records that were checked.

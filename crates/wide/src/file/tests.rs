@@ -7,8 +7,7 @@ use canted_obb::PrimId;
 use canted_trace::{Hit, InstanceId, Intersect, Kernel, Ray, ReferencePoint, ScaledRay, Watertight};
 
 use super::*;
-use crate::leaf::LeafLayout;
-use crate::leaf::StoredTriangles;
+use crate::leaf::{LeafLayout, StoredTriangles};
 use crate::node::NodeKind;
 use crate::node::checked::Hierarchy;
 use crate::{Flaw, TriangleBvh};

@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use canted_lbvh::Corners;
 use canted_obb::PrimId;
-use canted_trace::TriangleTest;
+use canted_trace::{TriangleTest, Triangles};
 
 use super::{
     HALF_BLOCK_WORDS, HalfBlock, LaneWords, LeafData, LeafLayout, LeafPrimitive, LeafRange, PART_LANES, PARTS,
@@ -65,6 +65,12 @@ impl TriangleBvh {
         let mut triangles = vec![[[0.0; 3]; 3]; self.n_primitives];
         self.leaves.each_triangle(&self.nodes, |id, lane| triangles[id.index()] = self.leaves.vertices(lane));
         triangles
+    }
+}
+
+impl Triangles for TriangleBvh {
+    fn triangle(&self, id: PrimId) -> [[f32; 3]; 3] {
+        Self::triangle(self, id)
     }
 }
 

@@ -121,8 +121,7 @@ mod tests {
     use canted_fixtures as fixtures;
 
     use super::*;
-    use crate::leaf::LeafLayout;
-    use crate::leaf::StoredTriangles;
+    use crate::leaf::{LeafLayout, StoredTriangles};
     use crate::node::checked::Hierarchy;
     use crate::{Config, TriangleBvh};
 

@@ -7,8 +7,7 @@ use canted_trace::{Ray, ScaledRay, with_stack};
 
 use super::sink::Visits;
 use crate::bvh::WideBvh;
-use crate::leaf::LeafRange;
-use crate::leaf::Primitive;
+use crate::leaf::{LeafRange, Primitive};
 use crate::node::{NodeKind, Nodes};
 use crate::simd::{AvailablePath, Simd, Task};
 use crate::traverse::{Pads, RayLanes, TracedRay, Visitor, walk};

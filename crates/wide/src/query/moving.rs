@@ -30,8 +30,9 @@ use super::sink::{AllHits, AnyHit, BestHit, Visits};
 use crate::build::PrimitiveError;
 use crate::leaf::hit;
 use crate::traverse::TracedRay;
-use crate::{Config, Primitive, PrimitiveHit, Refit, RefitError, SimdPath, Sizes, WideBvh};
-use crate::{bounds_of_points, extent_of_points};
+use crate::{
+    Config, Primitive, PrimitiveHit, Refit, RefitError, SimdPath, Sizes, WideBvh, bounds_of_points, extent_of_points,
+};
 
 /// A triangle whose vertices move in straight lines.
 #[derive(Clone, Copy, Debug)]

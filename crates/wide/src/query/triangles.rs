@@ -9,9 +9,7 @@ use canted_trace::{
 };
 
 use super::sink::{AllHits, AnyHit, BestHit, HitSink, TraversalCounts, Visits};
-use crate::leaf::TriangleBvh;
-use crate::leaf::{HalfBlock, PART_LANES, PARTS};
-use crate::leaf::{LeafRange, hit};
+use crate::leaf::{HalfBlock, LeafRange, PART_LANES, PARTS, TriangleBvh, hit};
 use crate::node::NodeKind;
 use crate::simd::{Simd, Task};
 use crate::traverse::{Block, EightRays, Pads, RayLanes, RayTriangles, TracedRay, Visitor, for_each_of_eight, walk};

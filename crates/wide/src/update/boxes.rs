@@ -8,10 +8,9 @@ use canted_trace::Slabs;
 
 use crate::build::item::{self, Item};
 use crate::build::subtrees::SubtreeReaches;
-use crate::node::Flaw;
 use crate::node::checked::{CheckedLeaf, CheckedNode, Hierarchy, Slot};
 use crate::node::write::{write_boxes, write_slabs};
-use crate::node::{CacheLine, NodeKind, Row};
+use crate::node::{CacheLine, Flaw, NodeKind, Row};
 use crate::par;
 use crate::traverse::{BoxPads, MeshFrame};
 

@@ -5,8 +5,7 @@ use canted_obb::{Aabb, PrimId};
 
 use super::subtree::{Content, LeafState};
 use crate::build::item::{self, Item, Placed};
-use crate::leaf::Primitive;
-use crate::leaf::{HALF_BLOCK_WORDS, HalfBlock, LaneWords, PART_LANES, PARTS};
+use crate::leaf::{HALF_BLOCK_WORDS, HalfBlock, LaneWords, PART_LANES, PARTS, Primitive};
 use crate::traverse::MeshFrame;
 
 /// Triangles of a mesh that has moved. Every index is valid.

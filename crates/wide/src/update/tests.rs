@@ -7,10 +7,8 @@ use canted_trace::{Intersect, Ray};
 
 use super::*;
 use crate::leaf::{LeafLayout, StoredTriangles};
-use crate::node::SubtreeSlots;
-use crate::node::checked::subtrees_of;
-use crate::node::checked::{CheckedNode, Slot};
-use crate::node::{ChildWord, NodeKind, Row, node_words};
+use crate::node::checked::{CheckedNode, Slot, subtrees_of};
+use crate::node::{ChildWord, NodeKind, Row, SubtreeSlots, node_words};
 use crate::{Flaw, SimdPath, TriangleBvh};
 
 fn build(mesh: &Mesh) -> TriangleBvh {
@@ -54,7 +52,8 @@ fn n_too_small(bvh: &TriangleBvh) -> usize {
     let hierarchy = hierarchy(bvh);
     // Boxes contain moved vertices exactly; the pads cover their rounding.
     let moved = |corners: &Corners| corners.map(|vertex| bvh.frame.reference.moved(vertex));
-    let corners: Vec<Corners> = StoredTriangles::read(&hierarchy, &bvh.leaves.halves).corners.iter().map(moved).collect();
+    let corners: Vec<Corners> =
+        StoredTriangles::read(&hierarchy, &bvh.leaves.halves).corners.iter().map(moved).collect();
     let mut n = 0;
     for node in &hierarchy.nodes {
         let rows: &[Row] = bytemuck::cast_slice(&bvh.nodes.lines[node.line..node.line + node.kind.n_lines()]);
