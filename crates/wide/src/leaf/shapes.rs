@@ -88,14 +88,15 @@ impl Primitive for Aabb {
 }
 
 impl SavedPrimitive for Aabb {
-    type Data = Self;
+    /// Least coordinates, then greatest ones.
+    type Data = [[f32; 3]; 2];
 
-    fn to_data(&self) -> Self {
-        *self
+    fn to_data(&self) -> Self::Data {
+        [self.min, self.max]
     }
 
-    fn from_data(data: &Self) -> Self {
-        *data
+    fn from_data(&[min, max]: &Self::Data) -> Self {
+        Self { min, max }
     }
 }
 

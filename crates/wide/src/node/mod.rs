@@ -13,13 +13,12 @@
 
 pub(crate) mod checked;
 mod flaw;
+mod pod;
 mod records;
 mod rows;
 mod words;
 
 use std::ops::Range;
-
-use bytemuck::{Pod, Zeroable};
 
 use crate::leaf::PART_LANES;
 pub use flaw::Flaw;
@@ -28,7 +27,7 @@ pub(crate) use rows::{NOWHERE, Row, node_words, rows, write_boxes, write_slabs};
 pub use words::RawBvh;
 
 /// A cache line of two eight-lane rows; nodes start on one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C, align(64))]
 pub(crate) struct CacheLine(pub(crate) [u32; 16]);
 
@@ -66,7 +65,7 @@ impl NodeKind {
 ///
 /// Leaf: bit 31 set, bits 26 to 30 the number of primitives less one, the rest the position of the first. Node: bits 29 and 30
 /// the kind, the rest the first line. Positions are counted in parts of the units that leaves are made of ([`LeafLayout`]).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(transparent)]
 pub(crate) struct ChildWord(pub(crate) u32);
 
