@@ -16,7 +16,7 @@ use canted_renderer::{
     Prepared, Settings, StructureConfig, Tracer, UpdateOptions, UpdatePolicy, Updates, prepare, render,
 };
 use canted_scene::{AnimatedScene, Camera, Instance, Mesh, MeshId, ReadOptions, Scene};
-use canted_trace::{Hit, Ray, Watertight};
+use canted_trace::{Hit, Intersect, Ray, Watertight};
 use elastic::{Material, Stage, torus};
 
 use crate::{
