@@ -5,9 +5,8 @@ use std::f64::consts::TAU;
 
 use anyhow::{Result, ensure};
 use canted_obb::{Aabb, Affine};
-use canted_renderer::{Prepared, StructureConfig, UpdateOptions, Updates, prepare};
+use canted_renderer::{SceneBvh, SceneBvhConfig, UpdateOptions, Updates};
 use canted_scene::{Camera, Instance, Light, Material as Paint, MaterialId, Mesh, MeshId, Part, Scene};
-use canted_trace::Watertight;
 use canted_wide::{Config, Preset, Triangle, WideBvh};
 use glam::{DMat3, DVec3, Vec3};
 
@@ -31,7 +30,7 @@ pub struct Stage {
     /// Mesh 0 is the surface of the body, mesh 1 the floor.
     pub scene: Scene,
     /// The acceleration structure of the scene, updated with it.
-    pub prepared: Prepared<Watertight>,
+    pub prepared: SceneBvh,
     surface: Surface,
     floor: Floor,
 }
@@ -47,7 +46,7 @@ impl Stage {
         // A phyxel stands for a cell, which is half a spacing deeper than its center.
         let floor = Floor { height: 0.5 * spacing, friction: 0.4 };
         let scene = scene(mesh);
-        let prepared = prepare(&scene, &StructureConfig::default())?;
+        let prepared = SceneBvh::build(&scene, &SceneBvhConfig::default())?;
         Ok(Self { body, scene, prepared, surface, floor })
     }
 
