@@ -8,6 +8,7 @@
 //! // const STACK_SIZE          adds a number that the caller gives: `const STACK_SIZE: u32 = …;`
 //! // part placement            starts a part of this file, named `shared/placed/placement`
 //! // choice flat               starts a part that fills the slot named after the file: `shared/placed/flat`
+//! // choice none for suns      starts a part that fills another slot: `shared/light/sun/none`
 //! ```
 //!
 //! The text before the first part is the head of the file. It comes with each of its parts. WGSL accepts declarations in any
@@ -102,7 +103,7 @@ fn sections(text: &'static str) -> Vec<(&'static str, &'static str)> {
     for line in text.split_inclusive('\n') {
         if let Some(next) = line.strip_prefix("// part ").or_else(|| line.strip_prefix("// choice ")) {
             found.push((name, &text[start..at]));
-            (name, start) = (next.trim(), at + line.len());
+            (name, start) = (next.split(" for ").next().unwrap_or_default().trim(), at + line.len());
         }
         at += line.len();
     }

@@ -16,9 +16,10 @@ const MAX_WORKGROUP_BYTES: u32 = 16_384;
 fn parts(slot: &str) -> Vec<String> {
     let of_file = |(file, text): &(&'static str, &'static str)| {
         let file = *file;
-        let is_slot = file.rsplit('/').next() == Some(slot);
-        let lines = text.lines().filter(move |_| is_slot).filter_map(|line| line.strip_prefix("// choice "));
-        lines.map(move |part| format!("{file}/{part}")).collect::<Vec<_>>()
+        let own = file.rsplit('/').next().unwrap();
+        let choices = text.lines().filter_map(|line| line.strip_prefix("// choice "));
+        let choices = choices.map(|choice| choice.split_once(" for ").unwrap_or((choice, own)));
+        choices.filter(|(_, fills)| *fills == slot).map(|(part, _)| format!("{file}/{part}")).collect::<Vec<_>>()
     };
     FILES.iter().flat_map(of_file).collect()
 }

@@ -4,8 +4,6 @@
 //! Structure -> boxes of a level, world space -> edges -> View -> lines over a Picture
 //! ```
 
-mod line;
-
 use std::fmt;
 use std::str::FromStr;
 
@@ -13,9 +11,11 @@ use canted_film::Picture;
 use canted_obb::Obb;
 use canted_wide::LaneKernel;
 
-use crate::vector::{Vector, add, scale, sub};
 use crate::{Structure, View};
-use line::{Canvas, draw_line};
+
+
+
+
 
 /// Which boxes of a structure are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,7 +136,7 @@ fn is_aligned(obb: &Obb) -> bool {
 
 impl View {
     /// The image positions, in pixels, of the ends of a line in world space, cut off behind the eye; `None` where all of it is.
-    fn line(&self, a: Vector, b: Vector) -> Option<[[f64; 2]; 2]> {
+    fn line(&self, a: DVec3, b: DVec3) -> Option<[[f64; 2]; 2]> {
         /// The depth at which lines are cut off, relative to the greater depth of their ends.
         const NEAR: f64 = 1e-4;
         if !self.is_perspective {
@@ -147,12 +147,12 @@ impl View {
         if near.is_nan() || near <= 0.0 {
             return None;
         }
-        let cut = |point: Vector, depth: f64, other: Vector, other_depth: f64| {
+        let cut = |point: DVec3, depth: f64, other: DVec3, other_depth: f64| {
             if depth >= near {
                 return (point, depth);
             }
             let part = (near - depth) / (other_depth - depth);
-            (add(point, scale(sub(other, point), part)), near)
+            (point + (other - point) * part, near)
         };
         let ends = [cut(a, near_a, b, near_b), cut(b, near_b, a, near_a)];
         Some(ends.map(|(point, depth)| self.position(point, depth)))
@@ -161,3 +161,111 @@ impl View {
 
 #[cfg(test)]
 mod tests;
+
+/// How much a line covers what is behind it.
+const OPACITY: f32 = 0.85;
+
+/// A picture, or the part of one of `size` that begins at `corner`.
+struct Canvas<'a> {
+    part: &'a mut Picture,
+    corner: [u32; 2],
+    size: [f64; 2],
+}
+
+/// Draws a line one pixel wide with soft edges: in each column, or each row of a steep line, it covers two pixels by the distances of
+/// their centers. The parts outside the picture are cut off.
+fn draw_line(canvas: &mut Canvas, from: [f64; 2], to: [f64; 2], color: [f32; 3]) {
+    // Pixel centers are at integers from here on.
+    let Some([from, to]) = clipped(from.map(|x| x - 0.5), to.map(|x| x - 0.5), canvas.size) else { return };
+    let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
+    let (along, across) = if dx.abs() >= dy.abs() { (0, 1) } else { (1, 0) };
+    let (start, end) = if from[along] <= to[along] { (from, to) } else { (to, from) };
+    let length = end[along] - start[along];
+    let slope = if length > 0.0 { (end[across] - start[across]) / length } else { 0.0 };
+    // A line that is shorter than a pixel covers the nearest one.
+    let first = start[along].round();
+    let last = end[along].round().max(first);
+    let mut position = first;
+    while position <= last {
+        let center = start[across] + slope * (position - start[along]).clamp(0.0, length);
+        let below = center.floor();
+        let part = center - below;
+        for (offset, coverage) in [(0.0, 1.0 - part), (1.0, part)] {
+            let mut pixel = [0.0; 2];
+            (pixel[along], pixel[across]) = (position, below + offset);
+            blend(canvas, pixel, coverage, color);
+        }
+        position += 1.0;
+    }
+}
+
+/// Mixes a color into a pixel, if the part has it.
+fn blend(Canvas { part: picture, corner, .. }: &mut Canvas, [x, y]: [f64; 2], coverage: f64, color: [f32; 3]) {
+    let [x, y] = [x - f64::from(corner[0]), y - f64::from(corner[1])];
+    if x < 0.0 || y < 0.0 || x >= f64::from(picture.width) || y >= f64::from(picture.height) {
+        return;
+    }
+    let index = picture.index(x as u32, y as u32);
+    let opacity = OPACITY * coverage as f32;
+    let pixel = &mut picture.pixels[index];
+    *pixel = std::array::from_fn(|k| pixel[k] + opacity * (color[k] - pixel[k]));
+}
+
+/// The part of a line that is within a pixel of a picture of this size (Liang, Barsky 1984); `None` where there is none.
+fn clipped(from: [f64; 2], to: [f64; 2], size: [f64; 2]) -> Option<[[f64; 2]; 2]> {
+    let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
+    for k in 0..2 {
+        let step = to[k] - from[k];
+        if !step.is_finite() {
+            return None;
+        }
+        let (low, high) = (-1.0 - from[k], size[k] - from[k]);
+        if step == 0.0 {
+            if low > 0.0 || high < 0.0 {
+                return None;
+            }
+        } else {
+            let (near, far) = if step > 0.0 { (low / step, high / step) } else { (high / step, low / step) };
+            (enter, leave) = (enter.max(near), leave.min(far));
+        }
+    }
+    let at = |t: f64| std::array::from_fn(|k| from[k] + t * (to[k] - from[k]));
+    (enter <= leave).then(|| [at(enter), at(leave)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The sum of a line's coverage, and the pixels that it touches.
+    fn drawn(from: [f64; 2], to: [f64; 2]) -> (f32, Vec<[u32; 2]>) {
+        let mut picture = Picture::filled(8, 6, [0.0; 3]);
+        draw_line(&mut Canvas { part: &mut picture, corner: [0, 0], size: [8.0, 6.0] }, from, to, [1.0; 3]);
+        let pixels = (0..48).map(|i| [i % 8, i / 8]);
+        let touched = pixels.filter(|&[x, y]| picture.pixels[picture.index(x, y)][0] > 0.0).collect();
+        (picture.pixels.iter().map(|p| p[0] / OPACITY).sum(), touched)
+    }
+
+    #[test]
+    fn a_line_covers_a_pixel_in_each_column_or_row() {
+        assert_eq!(drawn([0.5, 2.5], [7.5, 2.5]), (8.0, (0..8).map(|x| [x, 2]).collect()));
+        assert_eq!(drawn([3.5, 5.5], [3.5, 0.5]), (6.0, (0..6).map(|y| [3, y]).collect()));
+        // Between two rows, it covers half of each.
+        let (sum, touched) = drawn([0.5, 3.0], [7.5, 3.0]);
+        assert!((sum - 8.0).abs() < 1e-5 && touched.len() == 16);
+        let (sum, _) = drawn([0.5, 0.5], [7.5, 5.5]);
+        assert!((sum - 8.0).abs() < 1e-5, "{sum}");
+        assert_eq!(drawn([2.6, 2.4], [2.4, 2.6]).1, [[2, 2]], "a point is a pixel");
+    }
+
+    #[test]
+    fn what_is_outside_is_cut_off() {
+        // From far outside to far outside, through the picture along its third row.
+        assert_eq!(drawn([-1e12, 2.5], [1e12, 2.5]).1.len(), 8);
+        assert_eq!(drawn([-5.0, -5.0], [-1.0, 9.0]).1, [[0; 2]; 0]);
+        assert_eq!(drawn([20.0, 1.0], [30.0, 1.0]).1, [[0; 2]; 0]);
+        assert_eq!(drawn([f64::NAN, 1.0], [3.0, 1.0]).1, [[0; 2]; 0]);
+        assert_eq!(drawn([f64::INFINITY, 1.0], [3.0, 1.0]).1, [[0; 2]; 0]);
+        assert_eq!(drawn([9.0, 7.0], [9.0, 7.0]).1, [[0; 2]; 0]);
+    }
+}

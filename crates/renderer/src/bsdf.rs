@@ -31,14 +31,7 @@
 //! should factor this out of the throughput ([`Bsdf::compression`]). Thin walls have the same medium on both sides.
 
 mod boundary;
-mod energy;
-mod fresnel;
-mod ggx;
 mod layers;
-mod lobes;
-mod sheen;
-mod thin_film;
-mod vector;
 
 use boundary::{Boundary, Choice};
 use layers::Layers;

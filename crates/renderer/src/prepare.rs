@@ -84,7 +84,6 @@ pub(crate) fn has_one_level(scene: &Scene, config: &StructureConfig) -> Result<b
     has_one_level_in(Capacity { n_triangles: config.accel.max_triangles(), ..Capacity::MAX }, scene, config)
 }
 
-#[expect(clippy::cast_precision_loss, reason = "the counts are compared coarsely")]
 fn has_one_level_in(capacity: Capacity, scene: &Scene, config: &StructureConfig) -> Result<bool, PrepareError> {
     let n_triangles = scene.n_placed_triangles();
     let fits = capacity.check(scene);

@@ -67,7 +67,6 @@ impl History {
 }
 
 /// For each mesh, the fraction of all triangles that is in it, if mesh `i` counts `weight(i)` times.
-#[expect(clippy::cast_precision_loss, reason = "shares of times")]
 fn triangle_shares(scene: &Scene, weight: impl Fn(usize) -> usize) -> Vec<f64> {
     let weighted = |(i, mesh): (usize, &Mesh)| (mesh.triangles.len() * weight(i)) as f64;
     let all: Vec<f64> = scene.meshes.iter().enumerate().map(weighted).collect();
@@ -214,7 +213,6 @@ impl<K: LaneKernel> Prepared<K> {
                 for &i in &changed {
                     let (mesh, costs) = (&scene.meshes[i], &mut history.costs[i]);
                     let may_refit = keys[i].triangles == history.meshes[i].triangles;
-                    #[expect(clippy::cast_possible_truncation, reason = "meshes are numbered by u32")]
                     edit.update_blas(i as u32, |bvh| update.apply(bvh, costs, mesh.into(), may_refit, shares[i]))??;
                 }
                 let new = instances(scene);

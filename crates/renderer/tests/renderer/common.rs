@@ -29,7 +29,6 @@ pub(crate) fn unit(a: Vector) -> Vector {
     a.map(|x| x / dot(a, a).sqrt())
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 pub(crate) fn narrow(v: Vector) -> [f32; 3] {
     v.map(|x| x as f32)
 }
@@ -65,7 +64,6 @@ impl<'a> BruteForce<'a> {
             for (primitive, triangle) in (0..).zip(&mesh.triangles) {
                 let corners = triangle.map(|v| mesh.positions[v as usize].map(f64::from));
                 let Some((t, u, v, side)) = intersect(origin, direction, corners) else { continue };
-                #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
                 let (t, u, v) = (t as f32, u as f32, v as f32);
                 let hit = Hit {
                     t,

@@ -140,7 +140,6 @@ fn shadow_ends_at_the_projected_edge() {
     let screen = parallelogram([-50.0, 1.0, -50.0], [51.0, 0.0, 0.0], [0.0, 0.0, 100.0], 0);
     let mut stage = scene(vec![floor(100.0, 0.0, 0), screen], vec![grey(0.5)]);
     let lit = |stage: &canted_scene::Scene, x: f64| {
-        #[expect(clippy::cast_possible_truncation, reason = "a position on the floor")]
         let x = x as f32;
         // The eye is below the screen, which never hides the floor.
         probe(stage, [x, 0.5, 0.5], [x, 0.0, 0.0], settings(1, 1, 1, 0))[0] > 0.0

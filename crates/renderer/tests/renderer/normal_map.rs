@@ -175,7 +175,6 @@ fn interpolated_normals_facing_away_fall_back_to_the_geometric_normal() {
     let mut scene = stage(TILTED, SQUARE);
     scene.materials[0].normal_texture = None;
     let tilted = unit([0.8, 0.0, 0.6]);
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
     let normals = vec![tilted.map(|x| x as f32); 3];
     scene.meshes[0].normals = Some(normals);
     let facing = surface_at(&scene, [-0.5, 0.0, -0.5]);

@@ -16,7 +16,6 @@ fn paths(n: u32, samples: u32, bounces: u32) -> Settings {
 /// Mean over all pixels of each channel, with the standard deviation from the spread of the samples.
 fn mean_of(film: &Film) -> ([f64; 3], [f64; 3]) {
     assert_eq!(film.n_dropped(), 0);
-    #[expect(clippy::cast_precision_loss, reason = "few pixels")]
     let n = film.pixels().len() as f64;
     let mut mean = [0.0; 3];
     let mut variance = [0.0; 3];

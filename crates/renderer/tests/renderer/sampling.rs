@@ -31,7 +31,6 @@ fn uniform_density(cosine: f32) -> f32 {
 /// Midpoint rule in the polar cosine; the PDF does not depend on the azimuth.
 fn integral(density: impl Fn(f32) -> f32) -> f64 {
     const STEPS: u32 = 10_000;
-    #[expect(clippy::cast_possible_truncation, reason = "a cosine")]
     let value = |i: u32| f64::from(density(((f64::from(i) + 0.5) / f64::from(STEPS)) as f32));
     std::f64::consts::TAU * (0..STEPS).map(value).sum::<f64>() / f64::from(STEPS)
 }
@@ -54,7 +53,6 @@ fn chi_square(directions: impl Iterator<Item = [f32; 3]>, distribution: impl Fn(
     let mut n = 0;
     for [x, y, z] in directions {
         let turn = f64::from(y).atan2(f64::from(x)) / std::f64::consts::TAU + 0.5;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "both are in 0..=1")]
         let (ring, sector) = ((distribution(f64::from(z)) * 8.0) as usize, (turn * 16.0) as usize);
         counts[ring.min(7) * 16 + sector.min(15)] += 1;
         n += 1;

@@ -23,7 +23,6 @@ fn rays(scene: &Scene, n: usize, seed: u64) -> Vec<Ray> {
     let bounds = scene.bounds_world();
     let mut rng = SplitMix64::new(seed);
     let greatest = (0..3).map(|k| bounds.max[k] - bounds.min[k]).fold(0.0, f32::max);
-    #[expect(clippy::cast_possible_truncation, reason = "random points")]
     let mut point = |out: f32| -> [f32; 3] {
         std::array::from_fn(|k| {
             // Rays to a flat scene start outside of its plane.
@@ -113,7 +112,6 @@ fn exploding_instances() {
         let mut scene = scene(meshes, vec![grey(0.5)]);
         scene.instances.clear();
         let mut rng = SplitMix64::new(5);
-        #[expect(clippy::cast_possible_truncation, reason = "random directions")]
         let mut number = move || rng.unit() as f32 - 0.5;
         for i in 0..60 {
             let (away, spin) = ([(); 3].map(|()| number()), number());

@@ -78,7 +78,6 @@ impl Query {
         sampler.density(&self.surface(), self.transmits != 0, self.to_light, source).into()
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "small moves")]
     fn moved(&self, span: f64) -> Vec<Self> {
         let mut all = vec![];
         for sign in [-1.0, 1.0] {

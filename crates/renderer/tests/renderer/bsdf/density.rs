@@ -20,7 +20,6 @@ pub(super) fn counts(bsdf: &Bsdf, outgoing: [f32; 3]) -> Vec<f64> {
         let cell = scattered.map_or(RINGS * SECTORS, |scattered| {
             let [x, y, z] = scattered.incident.map(f64::from);
             let (fall, turn) = (z.clamp(-1.0, 1.0).acos() / PI, y.atan2(x) / TAU + 0.5);
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "both are in 0..=1")]
             let (ring, sector) = ((fall * RINGS as f64) as usize, (turn * SECTORS as f64) as usize);
             ring.min(RINGS - 1) * SECTORS + sector.min(SECTORS - 1)
         });

@@ -24,7 +24,6 @@ impl Dice {
     /// A number from a list, or sometimes `any` of a random number.
     fn pick(&mut self, list: &[f32], any: impl Fn(f32) -> f32) -> f32 {
         let (which, number) = (self.number(), self.number());
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below the length plus two")]
         let at = (which * (list.len() + 2) as f32) as usize;
         list.get(at).copied().unwrap_or_else(|| any(number))
     }

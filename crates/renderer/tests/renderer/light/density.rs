@@ -36,7 +36,6 @@ fn from() -> Surface {
 
 fn cell([x, y, z]: [f64; 3]) -> usize {
     let (polar, azimuth) = (y.clamp(-1.0, 1.0).acos() / PI, z.atan2(x) / TAU + 0.5);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "both are in 0..=1")]
     let (ring, sector) = ((polar * RINGS as f64) as usize, (azimuth * SECTORS as f64) as usize);
     ring.min(RINGS - 1) * SECTORS + sector.min(SECTORS - 1)
 }

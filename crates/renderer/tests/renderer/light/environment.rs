@@ -30,7 +30,6 @@ fn radiance(image: &EnvironmentImage, [x, y, z]: Vector) -> f64 {
     let mut sum = 0.0;
     for (i, a) in [(u.floor(), 1.0 - (u - u.floor())), (u.floor() + 1.0, u - u.floor())] {
         for (j, b) in [(v.floor(), 1.0 - (v - v.floor())), (v.floor() + 1.0, v - v.floor())] {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in the image")]
             let (i, j) =
                 (i.rem_euclid(f64::from(image.width)) as usize, j.clamp(0.0, f64::from(image.height) - 1.0) as usize);
             sum += a * b * f64::from(image.texels[j * image.width as usize + i][0]);

@@ -1,15 +1,22 @@
-// choice none
+// Directional lights; twin of crates/renderer/src/light/sun.rs.
+// use shared/light/list
+
+fn incoming_from_sun(light: ListLight) -> IncomingLight {
+    return IncomingLight(-light.direction, 0.0, bounded(light.color), INFINITE, vec3(0.0));
+}
+
+// choice none for suns
 // No suns.
-// use shared/light/sample
+// use shared/light/sampler
 
 fn sample_sun(choice: f32) -> LightSample {
     return no_light();
 }
 
-// choice list
+// choice list for suns
 // Suns, chosen with probabilities that are the same for all points.
 // use shared/light/list/lights
-// use shared/light/sample
+// use shared/light/sampler
 // use shared/invocation/iterations
 
 /// A sun and the probability with which it is chosen.

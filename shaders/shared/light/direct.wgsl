@@ -20,7 +20,7 @@ const NO_SHADOW_RAY: ShadowRay = ShadowRay(false, vec3<f32>(), NO_RAY, 0u, vec3<
 // One shadow ray for each listed light. A Lambertian surface of reflectance r reflects r/pi of its irradiance in every
 // direction.
 // use shared/light/list/lights
-// use shared/light/incoming
+// use shared/light/list
 // use shared/invocation/iterations
 
 /// First sampler dimension of lights, beyond all bounces; one for each vertex and light.
