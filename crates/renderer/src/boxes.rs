@@ -4,6 +4,7 @@
 //! Structure -> boxes of a level, world space -> edges -> View -> lines over a Picture
 //! ```
 
+use glam::DVec3;
 use std::fmt;
 use std::str::FromStr;
 
@@ -117,7 +118,7 @@ pub fn draw_boxes(picture: &mut Picture, corner: [u32; 2], view: &View, boxes: &
         for obb in boxes.iter().filter(|obb| is_aligned(obb) != is_oriented) {
             let corners = obb.corners();
             for (a, b) in EDGES {
-                if let Some([from, to]) = view.line(corners[a], corners[b]) {
+                if let Some([from, to]) = view.line(corners[a].into(), corners[b].into()) {
                     draw_line(canvas, from, to, color);
                 }
             }
@@ -142,7 +143,7 @@ impl View {
         if !self.is_perspective {
             return Some([a, b].map(|point| self.position(point, 1.0)));
         }
-        let [near_a, near_b] = [a, b].map(|point| self.depth(point));
+        let [near_a, near_b] = [a, b].map(|point| self.depth(point.into()));
         let near = NEAR * near_a.max(near_b);
         if near.is_nan() || near <= 0.0 {
             return None;

@@ -3,9 +3,10 @@ use std::fmt;
 use canted_scene::{Camera, Lens, Projection};
 use canted_trace::Ray;
 
-use crate::Cone;
+use glam::DVec3;
+
+use crate::{Cone, narrow, wide};
 use crate::sampling::uniform_disk;
-use crate::vector::{DVec3, add, cross, dot, narrow, scale, sub, unit, wide};
 
 /// A camera with an image size: maps image positions to world-space rays.
 ///
@@ -151,7 +152,7 @@ impl View {
     /// Depth of a world-space point along the view direction, as compositing tools define it.
     #[must_use]
     pub fn depth(&self, point: [f64; 3]) -> f64 {
-        self.forward.dot(point - self.eye)
+        self.forward.dot(DVec3::from(point) - self.eye)
     }
 }
 

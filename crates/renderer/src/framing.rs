@@ -9,6 +9,9 @@
 //! From points inside its bounding box, an interior shows front faces nearly everywhere. A closed object shows back
 //! faces, and an open one shows mostly the background. A pipe or a vessel shows front faces inside and outside, and is an object.
 
+use glam::DVec3;
+use crate::wide;
+use crate::narrow;
 use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
 
@@ -23,7 +26,7 @@ use crate::Tracer;
 
 
 /// The direction from which objects are viewed.
-const THREE_QUARTERS: DVec3 = [1.0, 0.6, 0.8];
+const THREE_QUARTERS: DVec3 = DVec3::new(1.0, 0.6, 0.8);
 
 /// Chooses a camera for `scene` and an image whose width is `aspect` times its height, with +y up; see [`frame_up`].
 #[must_use]
@@ -44,11 +47,11 @@ pub fn frame_up<T: Tracer>(scene: &Scene, tracer: &T, aspect: f64, up: [f32; 3])
     let probe = Probe { tracer, bounds, turn };
     let framed = if is_interior(&probe) && !(is_plain(scene) && is_closed_object(&probe)) {
         match open_side(&probe) {
-            Some(side) => fit(scene, turn, bounds.center(), side, aspect),
+            Some(side) => fit(scene, turn, bounds.center().into(), side, aspect),
             None => view(&probe, aspect),
         }
     } else {
-        fit(scene, turn, bounds.center(), THREE_QUARTERS, aspect)
+        fit(scene, turn, bounds.center().into(), THREE_QUARTERS, aspect)
     };
     turn.camera(&framed)
 }
@@ -84,8 +87,11 @@ enum RayResult {
 impl<T: Tracer> Probe<'_, T> {
     /// The point at relative coordinates in 0..=1.
     fn point_at(&self, relative: DVec3) -> DVec3 {
-        let (center, extent) = (self.bounds.center(), self.bounds.extent());
-        std::array::from_fn(|k| center[k] + (relative[k] - 0.5) * extent[k])
+        DVec3::from(self.bounds.center()) + (relative - 0.5) * self.extent()
+    }
+
+    fn extent(&self) -> DVec3 {
+        self.bounds.extent().into()
     }
 
     fn cast(&self, from: DVec3, direction: DVec3) -> RayResult {
@@ -106,10 +112,11 @@ impl<T: Tracer> Probe<'_, T> {
 fn quasirandom(i: u32) -> DVec3 {
     /// The root of x⁴ = x + 1 above 1.
     const ROOT: f64 = 1.220_744_084_605_759_5;
-    std::array::from_fn(|k| {
+    let component = |k: usize| {
         let step = (0..=k).fold(1.0, |step, _| step / ROOT);
         (0.5 + f64::from(i) * step).fract()
-    })
+    };
+    DVec3::from([0, 1, 2].map(component))
 }
 
 /// Vertical field of view: that of a short telephoto lens, with little distortion.
@@ -121,9 +128,8 @@ const FILL: f64 = 0.95;
 /// The camera that shows all vertices of a scene from `direction` (from `center` to the eye, not along y), as large as
 /// possible and centered.
 fn fit(scene: &Scene, turn: Turn, center: DVec3, direction: DVec3, aspect: f64) -> Camera {
-    const UP: DVec3 = [0.0, 1.0, 0.0];
-    let forward = (direction * -1.0).try_normalize().unwrap_or([0.0, 0.0, -1.0]);
-    let right = forward.cross(UP).try_normalize().unwrap_or([1.0, 0.0, 0.0]);
+    let forward = (-direction).try_normalize().unwrap_or(DVec3::NEG_Z);
+    let right = forward.cross(DVec3::Y).try_normalize().unwrap_or(DVec3::X);
     let up = right.cross(forward);
     let slope = FILL * (0.5 * f64::from(FOV_DEGREES).to_radians()).tan();
     let (mut across, mut high) = (Extent::new(slope * aspect), Extent::new(slope));
@@ -141,7 +147,7 @@ fn fit(scene: &Scene, turn: Turn, center: DVec3, direction: DVec3, aspect: f64) 
     let eye = target - forward * distance;
     // Clamp for scenes that span the range of f32.
     let within = |v: DVec3| v.map(|x| x.clamp(f32::MIN.into(), f32::MAX.into()));
-    Camera::pinhole(narrow(within(eye)), narrow(within(target)), narrow(UP), FOV_DEGREES)
+    Camera::pinhole(narrow(within(eye)), narrow(within(target)), narrow(DVec3::Y), FOV_DEGREES)
 }
 
 /// Visits every vertex that triangles use, in world space, once per instance.
@@ -155,7 +161,7 @@ fn for_each_vertex(scene: &Scene, mut visit: impl FnMut(DVec3)) {
     let meshes: Vec<Vec<DVec3>> = scene.meshes.iter().map(used).collect();
     for instance in &scene.instances {
         for &vertex in &meshes[instance.mesh.0 as usize] {
-            visit(instance.world_from_object.point_f64(vertex));
+            visit(instance.world_from_object.point_f64(vertex.into()).into());
         }
     }
 }
@@ -223,21 +229,21 @@ struct Turn([DVec3; 3]);
 impl Turn {
     /// Directions along an axis give a rotation without rounding; +y gives none.
     fn of_up(up: [f32; 3]) -> Self {
-        let up = wide(up).try_normalize().unwrap_or([0.0, 1.0, 0.0]);
+        let up = wide(up).try_normalize().unwrap_or(DVec3::Y);
         // x stays to the right unless it is up.
-        let right: DVec3 = if up[0].abs() < 0.9 { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] };
-        let back = right.cross(up).try_normalize().unwrap_or([0.0, 0.0, 1.0]);
+        let right = if up.x.abs() < 0.9 { DVec3::X } else { DVec3::Z };
+        let back = right.cross(up).try_normalize().unwrap_or(DVec3::Z);
         Self([up.cross(back), up, back])
     }
 
-    fn to_world(self, [x, y, z]: DVec3) -> DVec3 {
+    fn to_world(self, DVec3 { x, y, z }: DVec3) -> DVec3 {
         let [right, up, back] = self.0;
         right * x + (up * y + back * z)
     }
 
     /// The local coordinates of a point in world space.
     fn to_local(self, point: DVec3) -> DVec3 {
-        self.0.map(|axis| axis.dot(point))
+        self.0.map(|axis| axis.dot(point)).into()
     }
 
     /// Local bounds of a scene: those of its box in world space.
@@ -248,8 +254,8 @@ impl Turn {
         }
         let mut local = Aabb::EMPTY;
         for corner in 0..8 {
-            let point: DVec3 =
-                std::array::from_fn(|k| f64::from(if corner >> k & 1 == 0 { world.min[k] } else { world.max[k] }));
+            let side = |k: usize| if corner >> k & 1 == 0 { world.min[k] } else { world.max[k] };
+            let point = wide([0, 1, 2].map(side));
             local.grow(narrow(self.to_local(point)));
         }
         local
@@ -292,7 +298,7 @@ fn is_closed_object<T: Tracer>(probe: &Probe<T>) -> bool {
     /// Fraction of the rays that meet the scene.
     const FRONT_FRACTION: f64 = 0.9;
     const N_RAYS: u32 = 256;
-    let distance = probe.bounds.extent().length();
+    let distance = probe.extent().length();
     let (mut n_front, mut n_back) = (0_u32, 0_u32);
     for i in 0..N_RAYS {
         let direction = fibonacci_direction(i * N_DIRECTIONS / N_RAYS);
@@ -311,14 +317,14 @@ fn fibonacci_direction(i: u32) -> DVec3 {
     let height = 1.0 - f64::from(2 * i + 1) / f64::from(N_DIRECTIONS);
     let ring = (1.0 - height * height).sqrt();
     let (sine, cosine) = (f64::from(i) * PI * (3.0 - 5.0_f64.sqrt())).sin_cos();
-    [ring * cosine, height, ring * sine]
+    DVec3::new(ring * cosine, height, ring * sine)
 }
 
 /// The outward direction of the only vertical side of the box through which most rays from inside escape.
 fn open_side<T: Tracer>(probe: &Probe<T>) -> Option<DVec3> {
     const N_POINTS: u32 = 64;
     const OPEN_FRACTION: f64 = 0.75;
-    let sides: [DVec3; 4] = [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]];
+    let sides: [DVec3; 4] = [DVec3::Z, DVec3::NEG_Z, DVec3::X, DVec3::NEG_X];
     let mut open = sides.into_iter().filter(|&side| {
         let escapes = |i: &u32| matches!(probe.cast(probe.point_at(quasirandom(*i)), side), RayResult::Miss);
         (0..N_POINTS).filter(escapes).count() as f64 > OPEN_FRACTION * f64::from(N_POINTS)
@@ -327,7 +333,7 @@ fn open_side<T: Tracer>(probe: &Probe<T>) -> Option<DVec3> {
 }
 
 /// Vertical field of view inside: that of a wide-angle lens.
-const FOV_DEGREES: f32 = 60.0;
+const FOV_INSIDE_DEGREES: f32 = 60.0;
 
 /// Eye height relative to the height of the box.
 const EYE_HEIGHT: f64 = 0.4;
@@ -340,26 +346,26 @@ const ROWS: usize = 7;
 fn view<T: Tracer>(probe: &Probe<T>, aspect: f64) -> Camera {
     /// Points along each side of the box; odd, so that the center is one of them.
     const N_POINTS: u32 = 15;
-    let half_height = 0.5 * f64::from(FOV_DEGREES).to_radians();
+    let half_height = 0.5 * f64::from(FOV_INSIDE_DEGREES).to_radians();
     let half_width = (half_height.tan() * aspect).atan();
-    let mut best = (f64::NEG_INFINITY, probe.point_at([0.5, EYE_HEIGHT, 0.5]), 0);
+    let mut best = (f64::NEG_INFINITY, probe.point_at(DVec3::new(0.5, EYE_HEIGHT, 0.5)), 0);
     for point in 0..N_POINTS * N_POINTS {
         let relative = |i: u32| (f64::from(i) + 0.5) / f64::from(N_POINTS);
-        let eye = probe.point_at([relative(point % N_POINTS), EYE_HEIGHT, relative(point / N_POINTS)]);
+        let eye = probe.point_at(DVec3::new(relative(point % N_POINTS), EYE_HEIGHT, relative(point / N_POINTS)));
         if !is_inside(probe, eye) {
             continue;
         }
         let columns = panorama(probe, eye, half_height.tan());
         for center in 0..COLUMNS {
-            let score = score(&columns, center, half_width, probe.bounds.extent().length());
+            let score = score(&columns, center, half_width, probe.extent().length());
             if score > best.0 {
                 best = (score, eye, center);
             }
         }
     }
     let (_, eye, center) = best;
-    let target = eye + horizontal(azimuth(center)) * (0.5 * probe.bounds.extent().length());
-    Camera::pinhole(narrow(eye), narrow(target), [0.0, 1.0, 0.0], FOV_DEGREES)
+    let target = eye + horizontal(azimuth(center)) * (0.5 * probe.extent().length());
+    Camera::pinhole(narrow(eye), narrow(target), [0.0, 1.0, 0.0], FOV_INSIDE_DEGREES)
 }
 
 fn azimuth(column: usize) -> f64 {
@@ -367,7 +373,7 @@ fn azimuth(column: usize) -> f64 {
 }
 
 fn horizontal(azimuth: f64) -> DVec3 {
-    [azimuth.cos(), 0.0, azimuth.sin()]
+    DVec3::new(azimuth.cos(), 0.0, azimuth.sin())
 }
 
 /// Casts rays all around from `eye`, with slopes up to `steepest`.
@@ -375,8 +381,7 @@ fn panorama<T: Tracer>(probe: &Probe<T>, eye: DVec3, steepest: f64) -> [[RayResu
     std::array::from_fn(|column| {
         std::array::from_fn(|row| {
             let slope = steepest * ((2 * row + 1) as f64 / ROWS as f64 - 1.0);
-            let [x, _, z] = horizontal(azimuth(column));
-            probe.cast(eye, [x, slope, z])
+            probe.cast(eye, horizontal(azimuth(column)).with_y(slope))
         })
     })
 }

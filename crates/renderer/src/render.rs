@@ -1,5 +1,7 @@
 //! Samples of all pixels, tile by tile.
 
+mod tiles;
+
 use std::fmt;
 use std::f64::consts::SQRT_2;
 use std::ops::Range;
@@ -12,16 +14,10 @@ use canted_scene::{Camera, Scene};
 use crate::{mask, CameraError, Integrator, LightSampler, Lights, Masked, Sampler, Settings, Surfaces, Tracer, View};
 use crate::integrate::{Method, Transport};
 use crate::query::RayKeyed;
-use tile::TileRenderer;
-pub(crate) use schedule::Schedule;
+use tiles::TileRenderer;
+pub(crate) use tiles::{RenderTiles, Schedule, sample_offset};
 #[cfg(feature = "gpu")]
-pub(crate) use schedule::Worker;
-pub(crate) use tile::{sample_offset, RenderTiles};
-
-mod tile;
-
-
-
+pub(crate) use tiles::Worker;
 
 /// Callbacks of a render, called from any thread, and a flag that cancels it.
 #[derive(Clone, Copy)]

@@ -62,7 +62,7 @@ impl Sampler {
         // The permutations depend on pixel and dimension, the jitter also on the sample.
         let key = self.key(pixel, dimension);
         if self.pattern == Pattern::Sobol {
-            return sobol::pair(sample, [3, 4, 5].map(|salt| mix(key ^ salt))).map(|x| unit(x >> 8));
+            return net_pair(sample, [3, 4, 5].map(|salt| mix(key ^ salt))).map(|x| unit(x >> 8));
         }
         let jitter_x = mix(mix(key ^ 1) ^ sample);
         let jitter_y = mix(jitter_x ^ 2);
@@ -89,7 +89,7 @@ impl Sampler {
         match self.pattern {
             Pattern::Random => unit(jitter >> 8),
             Pattern::Stratified => jittered(permuted(sample % n, n, mix(key ^ 7)), n, jitter),
-            Pattern::Sobol => unit(sobol::single(sample, [8, 9].map(|salt| mix(key ^ salt))) >> 8),
+            Pattern::Sobol => unit(net_single(sample, [8, 9].map(|salt| mix(key ^ salt))) >> 8),
         }
     }
 
@@ -180,13 +180,13 @@ fn permuted(mut i: u32, n: u32, key: u32) -> u32 {
 
 /// Point `sample` of the sequence selected by `seeds`, in units of 2⁻³². The first seed shuffles the samples, the
 /// others scramble one coordinate each. Seeds must be hashes.
-fn pair(sample: u32, seeds: [u32; 3]) -> [u32; 2] {
+fn net_pair(sample: u32, seeds: [u32; 3]) -> [u32; 2] {
     let index = shuffled(sample, seeds[0]);
     [scrambled(index, seeds[1]), scrambled(second(index), seeds[2])]
 }
 
 /// One coordinate of a sequence.
-fn single(sample: u32, seeds: [u32; 2]) -> u32 {
+fn net_single(sample: u32, seeds: [u32; 2]) -> u32 {
     scrambled(shuffled(sample, seeds[0]), seeds[1])
 }
 
@@ -321,10 +321,10 @@ mod tests {
                 let plain: Vec<_> = samples().map(|i: u32| [i.reverse_bits(), second(i).reverse_bits()]).collect();
                 assert!(is_net(&plain), "m {m} block {block}");
                 for key in 0..20 {
-                    let points: Vec<_> = samples().map(|i| pair(i, seeds(key))).collect();
+                    let points: Vec<_> = samples().map(|i| net_pair(i, seeds(key))).collect();
                     assert!(is_net(&points), "m {m} block {block} key {key}");
                     let [shuffle, scramble, _] = seeds(key);
-                    let line = samples().map(|i| u64::from(single(i, [shuffle, scramble])));
+                    let line = samples().map(|i| u64::from(net_single(i, [shuffle, scramble])));
                     let mut columns: Vec<u64> = line.map(|x| x >> (32 - m)).collect();
                     columns.sort_unstable();
                     assert!(columns.into_iter().eq(0..1 << m), "m {m} block {block} key {key}");
@@ -335,13 +335,13 @@ mod tests {
 
     #[test]
     fn test_detects_point_sets_that_are_no_nets() {
-        let mut points: Vec<_> = (0..64).map(|i| pair(i, seeds(0))).collect();
+        let mut points: Vec<_> = (0..64).map(|i| net_pair(i, seeds(0))).collect();
         assert!(is_net(&points));
         points[17][1] ^= 1 << 26;
         assert!(!is_net(&points));
         assert!(!is_net(&(0..64).map(|i| [mix(i), mix(i + 64)]).collect::<Vec<_>>()));
         // Halves of two different blocks are no net.
-        assert!(!is_net(&(32..96).map(|i| pair(i, seeds(0))).collect::<Vec<_>>()));
+        assert!(!is_net(&(32..96).map(|i| net_pair(i, seeds(0))).collect::<Vec<_>>()));
     }
 
     /// Over the seeds, each bit flips with probability 1/2. For `n` fair coins the standard deviation is `√n / 2`; six

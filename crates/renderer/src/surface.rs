@@ -1,3 +1,6 @@
+use glam::DVec3;
+use crate::wide;
+use crate::narrow;
 use std::hint::black_box;
 
 use canted_obb::Aabb;
@@ -5,13 +8,13 @@ use canted_scene::{AlphaMode, Material, MaterialId, Mesh, Scene, TextureRef};
 use canted_trace::{Hit, InstanceId, Ray, SurfacePoint};
 
 use crate::{Bsdf, Cone, Lod};
-use crate::placement::Placement;
+use hit_triangle::Placement;
 use crate::query::alpha_threshold;
 use crate::texture::{filtered_textures, MipMaps, Plane, Textures};
 use hit_triangle::{HitTriangle, PlacedTriangle};
-use lobes::{anisotropy, lobes};
+use shading_normal::{anisotropy, lobes};
 use shading_normal::{facing, shading_normal};
-use texture_lookup::TextureLookup;
+use hit_triangle::TextureLookup;
 
 mod hit_triangle;
 mod shading_normal;
@@ -67,8 +70,8 @@ impl Surface {
     /// out of the solid without losing energy, as rejecting the sample would.
     #[must_use]
     pub fn mirror_outward(&self, direction: [f32; 3]) -> [f32; 3] {
-        let height = self.normal.dot(wide(direction));
-        if height >= 0.0 { direction } else { narrow(wide(direction) - self.normal * (2.0 * height)) }
+        let height = DVec3::from(self.normal).dot(wide(direction));
+        if height >= 0.0 { direction } else { narrow(wide(direction) - DVec3::from(self.normal) * (2.0 * height)) }
     }
 }
 
@@ -162,13 +165,13 @@ impl<'a> Surfaces<'a> {
         let placed = PlacedTriangle::new(triangle, &pose, placement.is_mirrored());
 
         let direction = wide(direction);
-        let towards_viewer = direction * -1.0;
+        let towards_viewer = -direction;
         let winding = placed.winding;
         // A triangle that was hit has an area; otherwise the direction to the viewer is a safe fallback.
         let normal = winding.try_normalize()
             .map(|n| facing(n, towards_viewer))
             .or_else(|| towards_viewer.try_normalize())
-            .unwrap_or([0.0, 0.0, 1.0]);
+            .unwrap_or(DVec3::Z);
         // A mirroring transform reverses the winding.
         let is_front = (winding.dot(direction) <= 0.0) != placement.is_mirrored();
 
@@ -197,12 +200,12 @@ impl<'a> Surfaces<'a> {
             }
         }
         Surface {
-            position: placed.position(),
-            normal,
-            shading_normal,
+            position: placed.position().into(),
+            normal: normal.into(),
+            shading_normal: shading_normal.into(),
             is_front,
             bsdf,
-            along,
+            along: along.map(DVec3::into),
             emission: std::array::from_fn(|k| material.emission[k] * emission_texel[k]),
             offset: placement.offset(normal),
             cone,

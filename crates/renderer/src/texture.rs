@@ -5,6 +5,7 @@
 //! ray cone, triangle       -> footprint (an ellipse) -> lookup in the mip_map -> values in 0..=1
 //! ```
 
+use glam::DVec3;
 use std::sync::Arc;
 
 use canted_scene::{Material, Scene, Texture, TextureId, TextureRef};

@@ -3,10 +3,11 @@
 use std::f32::consts::{PI, TAU};
 use std::sync::LazyLock;
 
-use super::{fresnel, Bsdf, BsdfSample, Evaluation, Lobes, MIN_COSINE, Scatterer};
+use glam::Vec3;
+
+use super::{Bsdf, BsdfSample, Evaluation, MIN_COSINE, Scatterer};
 use super::boundary::{Boundary, Choice};
-use super::fresnel::{refracted_cosine, schlick};
-use super::vector::{mean, unit};
+use super::microfacet::{fresnel, mean, refracted_cosine, schlick, unit};
 
 /// Layers seen from one direction.
 pub(super) struct Layers<'a> {
@@ -15,7 +16,7 @@ pub(super) struct Layers<'a> {
     fibers: Fibers,
     /// Color of the fibers, at most what conserves energy.
     sheen: [f32; 3],
-    outgoing: [f32; 3],
+    outgoing: Vec3,
     /// Parts of the light that reach the coat and the base.
     passed: [f32; 2],
     /// Probabilities of sampling fibers, coat and base.
@@ -34,11 +35,11 @@ pub(super) fn coat_of(bsdf: &Bsdf, lobes: &Lobes) -> Bsdf {
 
 impl<'a> Layers<'a> {
     /// `coat` is [`coat_of`] the BSDF.
-    pub(super) fn new(bsdf: &'a Bsdf, coat: &'a Bsdf, lobes: &Lobes, outgoing: [f32; 3]) -> Self {
+    pub(super) fn new(bsdf: &'a Bsdf, coat: &'a Bsdf, lobes: &Lobes, outgoing: Vec3) -> Self {
         /// Dark bases still reflect at grazing angles.
         const MIN_ALBEDO: f32 = 0.1;
         let fibers = Fibers::new(lobes.sheen_roughness);
-        let albedo = fibers.albedo(outgoing[2]);
+        let albedo = fibers.albedo(outgoing.z);
         let strongest = lobes.sheen_color.into_iter().fold(0.0, f32::max);
         let scale = (strongest * albedo).max(1.0).recip();
         let sheen = lobes.sheen_color.map(|c| c * scale);
@@ -46,7 +47,7 @@ impl<'a> Layers<'a> {
         let of_fibers = (strongest * scale * albedo).min(1.0);
         let base = Boundary::new(bsdf, outgoing);
         let coat = (lobes.clearcoat > 0.0).then(|| Boundary::new(coat, outgoing));
-        let of_coat = coat.as_ref().map_or(0.0, |coat| coat.coat_albedo(outgoing[2]));
+        let of_coat = coat.as_ref().map_or(0.0, |coat| coat.coat_albedo(outgoing.z));
         let passed = [1.0 - of_fibers, (1.0 - of_fibers) * (1.0 - of_coat)];
         let shares = [of_fibers, passed[0] * of_coat, passed[1] * mean(bsdf.albedo()).max(MIN_ALBEDO)];
         let sum: f32 = shares.iter().sum();
@@ -55,7 +56,7 @@ impl<'a> Layers<'a> {
 }
 
 impl Scatterer for Layers<'_> {
-    fn evaluate(&self, incident: [f32; 3]) -> Evaluation {
+    fn evaluate(&self, incident: Vec3) -> Evaluation {
         let [to_coat, to_base] = self.passed;
         let [of_fibers, of_coat, of_base] = self.probabilities;
         let mut total = Evaluation::default();
@@ -64,7 +65,7 @@ impl Scatterer for Layers<'_> {
             total.density += probability * part.density;
         };
         add(self.base.evaluate(incident), to_base, of_base);
-        if incident[2] > 0.0 {
+        if incident.z > 0.0 {
             if let Some(coat) = &self.coat {
                 add(coat.evaluate(incident), to_coat, of_coat);
             }
@@ -83,7 +84,7 @@ impl Scatterer for Layers<'_> {
             let z = square[0].max(MIN_COSINE);
             let radius = (1.0 - z * z).max(0.0).sqrt();
             let (sine, cosine) = (TAU * square[1]).sin_cos();
-            return Some(Choice::Direction([radius * cosine, radius * sine, z]));
+            return Some(Choice::Direction(Vec3::new(radius * cosine, radius * sine, z)));
         }
         let rest = choice - of_fibers;
         let (boundary, factor, probability, rest) = match &self.coat {
@@ -173,9 +174,9 @@ impl Lobes {
 
     /// Reflectance of the dielectric base with this index of refraction, for `specular` 1.
     pub(super) fn dielectric(&self, cosine: f32, ior: f32) -> [f32; 3] {
-        let normal = fresnel::dielectric(1.0, ior).unwrap_or(1.0);
+        let normal = fresnel(1.0, ior).unwrap_or(1.0);
         let normal = self.specular_color.map(|c| (c * normal).min(1.0));
-        self.film(cosine, normal, normal.map(|f| fresnel::schlick(cosine, f)))
+        self.film(cosine, normal, normal.map(|f| schlick(cosine, f)))
     }
 
     /// Reflectance of a base whose reflectance is `plain` without the film and `normal` at normal incidence.
@@ -183,7 +184,7 @@ impl Lobes {
         if self.iridescence == 0.0 {
             return plain;
         }
-        let film = thin_film::reflectance(self.iridescence_ior, cosine, self.iridescence_thickness, normal);
+        let film = film_reflectance(self.iridescence_ior, cosine, self.iridescence_thickness, normal);
         std::array::from_fn(|k| plain[k] + self.iridescence * (film[k] - plain[k]))
     }
 }
@@ -208,11 +209,11 @@ impl Fibers {
     }
 
     /// The BRDF times the cosine of `incident`; both directions are above the horizon.
-    pub(super) fn evaluate(self, outgoing: [f32; 3], incident: [f32; 3]) -> f32 {
-        let half = unit(std::array::from_fn(|k| outgoing[k] + incident[k]));
-        let sine = (half[0] * half[0] + half[1] * half[1]).sqrt().min(1.0);
+    pub(super) fn evaluate(self, outgoing: Vec3, incident: Vec3) -> f32 {
+        let half = unit(outgoing + incident);
+        let sine = (half.x * half.x + half.y * half.y).sqrt().min(1.0);
         let distribution = (2.0 + self.inverse_alpha) * sine.powf(self.inverse_alpha) / TAU;
-        let (o, i) = (outgoing[2], incident[2]);
+        let (o, i) = (outgoing.z, incident.z);
         // The quotient of cosines is at most 1, however small they are.
         distribution * (0.25 * i / (o + i - o * i))
     }
@@ -252,7 +253,7 @@ fn integrated(fibers: Fibers, cosine: f32) -> f32 {
     const N_HEIGHTS: u16 = 48;
     const N_ANGLES: u16 = 24;
     let cosine = cosine.max(1e-4);
-    let outgoing = [(1.0 - cosine * cosine).sqrt(), 0.0, cosine];
+    let outgoing = Vec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
     let mut sum = 0.0;
     for i in 0..N_HEIGHTS {
         // Denser at the horizon: the cosine is the square of a uniform number.
@@ -261,7 +262,7 @@ fn integrated(fibers: Fibers, cosine: f32) -> f32 {
         let radius = (1.0 - z * z).sqrt();
         for j in 0..N_ANGLES {
             let (sine, cosine) = (PI * (f32::from(j) + 0.5) / f32::from(N_ANGLES)).sin_cos();
-            sum += 2.0 * root * fibers.evaluate(outgoing, [radius * cosine, radius * sine, z]);
+            sum += 2.0 * root * fibers.evaluate(outgoing, Vec3::new(radius * cosine, radius * sine, z));
         }
     }
     // Both halves of the circle.
@@ -274,7 +275,7 @@ fn integrated(fibers: Fibers, cosine: f32) -> f32 {
 /// Reflectance of a film in air over a base of reflectance `base` at normal incidence, in 0..=1.
 ///
 /// `thickness` is in nanometers. A film without thickness vanishes.
-pub(super) fn reflectance(ior: f32, cosine: f32, thickness: f32, base: [f32; 3]) -> [f32; 3] {
+fn film_reflectance(ior: f32, cosine: f32, thickness: f32, base: [f32; 3]) -> [f32; 3] {
     // The film fades as it vanishes.
     let fade = (thickness / 0.03).clamp(0.0, 1.0);
     let ior = 1.0 + (ior - 1.0) * fade * fade * (3.0 - 2.0 * fade);

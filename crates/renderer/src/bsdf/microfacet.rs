@@ -4,7 +4,8 @@
 //! Directions are unit vectors in the local frame; `outgoing` and facet normals have positive z.
 
 use std::f32::consts::{PI, TAU};
-pub(super) use canted_obb::vector::dot;
+
+use glam::Vec3;
 
 /// The minimum `alpha`; smoother boundaries are perfect mirrors.
 ///
@@ -35,7 +36,7 @@ impl Ggx {
     }
 
     /// The roughness of the isotropic distribution that loses about as much light in a direction.
-    pub(super) fn effective_roughness(self, [x, y, _]: [f32; 3]) -> f32 {
+    pub(super) fn effective_roughness(self, Vec3 { x, y, .. }: Vec3) -> f32 {
         let square = x * x + y * y;
         let (along, across) = (self.along * self.along, self.alpha * self.alpha);
         let mean = 0.5 * (along + across);
@@ -45,7 +46,7 @@ impl Ggx {
     }
 
     /// The part of the light that white facets reflect to a direction, for distributions without a fit: the mean over visible normals.
-    pub(super) fn albedo(self, outgoing: [f32; 3]) -> f32 {
+    pub(super) fn albedo(self, outgoing: Vec3) -> f32 {
         const N: u16 = 144;
         /// Fibonacci's lattice: 89 and 144 are neighbors in his sequence.
         const STEPS: [f32; 2] = [1.0 / 144.0, 89.0 / 144.0];
@@ -53,10 +54,10 @@ impl Ggx {
             let square = STEPS.map(|step| ((0.5 + f32::from(i)) * step).fract());
             let incident = reflect(outgoing, self.sample(outgoing, square));
             // Value over density.
-            if incident[2] <= 0.0 {
+            if incident.z <= 0.0 {
                 0.0
             } else {
-                2.0 * self.masking(outgoing, incident) * (outgoing[2] + self.root(outgoing))
+                2.0 * self.masking(outgoing, incident) * (outgoing.z + self.root(outgoing))
             }
         };
         (0..N).map(reflected).sum::<f32>() / f32::from(N)
@@ -68,7 +69,7 @@ impl Ggx {
     }
 
     /// Density of facet normals, `D`.
-    pub(super) fn distribution(self, [x, y, z]: [f32; 3]) -> f32 {
+    pub(super) fn distribution(self, Vec3 { x, y, z }: Vec3) -> f32 {
         // The tangent over alpha from the components: 1 - z² would cancel for a narrow lobe.
         let (x, y) = (x / self.along, y / self.alpha);
         let square = x * x + y * y + z * z;
@@ -78,33 +79,33 @@ impl Ggx {
     /// Masking-shadowing `G₂ / (4·cosθo)`; `incident` has a positive cosine, too.
     ///
     /// Source: Heitz 2014, height-correlated, divided by the cosines analytically so that no small cosine overflows.
-    pub(super) fn masking(self, outgoing: [f32; 3], incident: [f32; 3]) -> f32 {
-        0.5 / (self.root(outgoing) + outgoing[2] / incident[2] * self.root(incident))
+    pub(super) fn masking(self, outgoing: Vec3, incident: Vec3) -> f32 {
+        0.5 / (self.root(outgoing) + outgoing.z / incident.z * self.root(incident))
     }
 
     /// PDF of [`Self::sample`] over the cosine between `outgoing` and the facet, per steradian of facet normals:
     /// `G₁·D / cosθo`.
-    pub(super) fn density(self, outgoing: [f32; 3], normal: [f32; 3]) -> f32 {
-        2.0 * self.distribution(normal) / (outgoing[2] + self.root(outgoing))
+    pub(super) fn density(self, outgoing: Vec3, normal: Vec3) -> f32 {
+        2.0 * self.distribution(normal) / (outgoing.z + self.root(outgoing))
     }
 
     /// Samples a visible normal (Heitz 2018), from a point of the unit square.
     ///
     /// In the hemispherical configuration, visible normals reflect `outgoing` into a spherical cap, uniformly (Dupuy
     /// and Benyoub 2023).
-    pub(super) fn sample(self, outgoing: [f32; 3], square: [f32; 2]) -> [f32; 3] {
-        let [x, y, z] = outgoing;
-        let from = unit([self.along * x, self.alpha * y, z]);
+    pub(super) fn sample(self, outgoing: Vec3, square: [f32; 2]) -> Vec3 {
+        let stretch = Vec3::new(self.along, self.alpha, 1.0);
+        let from = unit(stretch * outgoing);
         // The cap extends from the pole to -from.z; this is (1 - ξ)(1 + from.z) above its base.
-        let (above, depth) = ((1.0 - square[1]) * (1.0 + from[2]), square[1] * (1.0 + from[2]));
+        let (above, depth) = ((1.0 - square[1]) * (1.0 + from.z), square[1] * (1.0 + from.z));
         // (1 + z)(1 - z) of the direction, without cancellation.
-        let sine = ((above + (1.0 - from[2])) * depth).sqrt();
+        let sine = ((above + (1.0 - from.z)) * depth).sqrt();
         let (s, c) = (TAU * square[0]).sin_cos();
-        unit([self.along * (sine * c + from[0]), self.alpha * (sine * s + from[1]), above])
+        unit(stretch * Vec3::new(sine * c + from.x, sine * s + from.y, above))
     }
 
     /// `cosθ·√(1 + α²·tan²θ)`, a term of Smith's masking function.
-    fn root(self, [x, y, cosine]: [f32; 3]) -> f32 {
+    fn root(self, Vec3 { x, y, z: cosine }: Vec3) -> f32 {
         let square = self.alpha * self.alpha;
         if self.is_isotropic() {
             return (square + (1.0 - square) * cosine * cosine).sqrt();
@@ -114,23 +115,20 @@ impl Ggx {
 }
 
 /// Mirrors `outgoing` at a facet normal.
-pub(super) fn reflect(outgoing: [f32; 3], normal: [f32; 3]) -> [f32; 3] {
-    let twice = 2.0 * dot(outgoing, normal);
-    std::array::from_fn(|k| twice * normal[k] - outgoing[k])
+pub(super) fn reflect(outgoing: Vec3, normal: Vec3) -> Vec3 {
+    2.0 * outgoing.dot(normal) * normal - outgoing
 }
-
-// Three-component vectors in `f32`, the precision of the GPU.
 
 /// Normalizes `v`, which is not zero.
 ///
-/// Scales by the largest component first, because half vectors near the horizon may be too short to be squared.
-pub(super) fn unit(v: [f32; 3]) -> [f32; 3] {
-    let largest = v[0].abs().max(v[1].abs()).max(v[2].abs());
-    let v = v.map(|x| x / largest);
-    let length = dot(v, v).sqrt();
-    v.map(|x| x / length)
+/// Scales by the largest component first, because half vectors near the horizon may be too short to be squared. Divides, which
+/// rounds once where `glam` rounds twice.
+pub(super) fn unit(v: Vec3) -> Vec3 {
+    let v = v / v.abs().max_element();
+    v / v.length()
 }
 
+/// Mean of the channels.
 pub(super) fn mean(color: [f32; 3]) -> f32 {
     (color[0] + color[1] + color[2]) / 3.0
 }
@@ -141,7 +139,7 @@ pub(super) fn mean(color: [f32; 3]) -> f32 {
 ///
 /// `cosine` in 0..=1 is on the side from which the light comes, `eta` the index of refraction of the far side over that
 /// side's.
-pub(super) fn dielectric(cosine: f32, eta: f32) -> Option<f32> {
+pub(super) fn fresnel(cosine: f32, eta: f32) -> Option<f32> {
     let refracted = refracted_cosine(cosine, eta)?;
     let perpendicular = (cosine - eta * refracted) / (cosine + eta * refracted);
     let parallel = (eta * cosine - refracted) / (eta * cosine + refracted);
@@ -166,12 +164,12 @@ pub(super) fn schlick(cosine: f32, normal: f32) -> f32 {
     normal + (1.0 - normal) * square * square * sine
 }
 
-/// A lower bound of the cosine-weighted mean of [`dielectric`] over the hemisphere, within 0.012 for `eta` in 1..=4.
+/// A lower bound of the cosine-weighted mean of [`fresnel`] over the hemisphere, within 0.012 for `eta` in 1..=4.
 ///
 /// A lower bound keeps the sum of base and coat below 1 even though roughness raises the reflectance of the coat above
 /// that of a flat one (measured: by at most 0.0007 for `eta` up to 4). Above 4 the increase is large at Brewster's
 /// angle, and the bound stays at its value for 4.
-pub(super) fn mean_below(eta: f32) -> f32 {
+pub(super) fn mean_fresnel_below(eta: f32) -> f32 {
     let eta = eta.clamp(1.02, 4.0);
     (eta - 1.02) / (eta + 4.25)
 }

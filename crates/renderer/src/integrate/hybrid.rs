@@ -33,6 +33,9 @@
 //! sample exceeds 1. Proof by induction from the end of the path: the ray of the last vertex returns 1 or
 //! `1 - exp(-t/r) <= 1`; any earlier ray returns 1 on a miss, else the next vertex's albedo times at most 1.
 
+use crate::wide;
+use crate::narrow;
+use glam::DVec3;
 use std::f64::consts::PI;
 
 use canted_trace::{Hit, Ray};
@@ -41,7 +44,7 @@ use crate::{Surface, Tracer};
 use crate::light::{IncomingLight, LightId, Lights};
 use crate::query::RayKeyed;
 use crate::sampling::{cosine_density, cosine_hemisphere, Basis};
-use super::{Sample, Start, Transport};
+use super::{Path, Sample, Start, Transport};
 
 /// Sampler dimensions: the position in the pixel first, then one per bounce.
 const FIRST_BOUNCE: u32 = 1;
@@ -85,7 +88,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
         // The weight of a cosine-sampled direction is the albedo.
         accumulated.throughput = std::array::from_fn(|k| accumulated.throughput[k] * surface.bsdf.base_color[k]);
         let local = cosine_hemisphere(self.sampler.pair(*pixel, *sample, FIRST_BOUNCE + n));
-        let direction = Basis::about(narrow(surface.shading_normal)).direction(local);
+        let direction = Basis::about(narrow(surface.shading_normal.into())).direction(local);
         *ray = surface.spawn_ray(surface.mirror_outward(direction));
         *cone = surface.cone.scattered(cosine_density(local[2]));
         true
@@ -124,8 +127,8 @@ pub(crate) fn direct<T: Tracer, Q: RayKeyed>(
     let mut n_rays = 0;
     for (index, light) in (0..).zip(lights.list()) {
         let Some(incoming) = IncomingLight::of(light, surface, || square(index)) else { continue };
-        let cosine = surface.shading_normal.dot(incoming.to_light);
-        if cosine <= 0.0 || surface.normal.dot(incoming.to_light) <= 0.0 {
+        let cosine = DVec3::from(surface.shading_normal).dot(incoming.to_light);
+        if cosine <= 0.0 || DVec3::from(surface.normal).dot(incoming.to_light) <= 0.0 {
             continue;
         }
         if let Some(ray) = incoming.shadow_ray {

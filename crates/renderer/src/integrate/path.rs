@@ -10,6 +10,9 @@
 //! triangle. Light from a direction is then scattered for that direction and for the one folded onto it, so that no
 //! energy is lost and none leaks through the back of a triangle. Sampling and evaluation fold in the same way.
 
+use crate::wide;
+use crate::narrow;
+use glam::DVec3;
 use canted_trace::{Hit, Ray};
 
 use crate::{Surface, Tracer};
@@ -17,7 +20,7 @@ use crate::bsdf::{Bsdf, Evaluation};
 use crate::light::{LightId, LightSampler};
 use crate::query::{RayKeyed, Timed};
 use crate::sampling::Basis;
-use super::{Sample, Start, Transport};
+use super::{Path, PathRadiance, Sample, Start, Transport};
 
 /// Sampler dimensions at each vertex, after the position in the pixel.
 #[derive(Clone, Copy)]
@@ -79,12 +82,12 @@ impl Vertex {
     fn new(mut surface: Surface, ray_direction: [f32; 3], is_compensated: bool) -> Self {
         surface.bsdf.is_compensated = is_compensated;
         let along = surface.along;
-        let viewer = wide(ray_direction).try_normalize().map_or([0.0, 0.0, 1.0], |v| narrow(v * -1.0));
+        let viewer = wide(ray_direction).try_normalize().map_or([0.0, 0.0, 1.0], |v| narrow(-v));
         // If the shading normal faces away from the viewer, use the geometric normal.
-        let faces = surface.shading_normal.dot(wide(viewer)) > 0.0;
+        let faces = DVec3::from(surface.shading_normal).dot(wide(viewer)) > 0.0;
         let normal = if faces { surface.shading_normal } else { surface.normal };
-        let basis = Basis::about(narrow(normal));
-        if let Some((lobes, along)) = surface.bsdf.lobes.as_mut().zip(along.and_then(unit)) {
+        let basis = Basis::about(narrow(normal.into()));
+        if let Some((lobes, along)) = surface.bsdf.lobes.as_mut().zip(along.and_then(|along| DVec3::from(along).try_normalize())) {
             let [x, y, _] = basis.coordinates(narrow(along));
             let length = x.hypot(y);
             if length > 0.0 {
@@ -129,12 +132,12 @@ impl Vertex {
     }
 
     fn height(&self, direction: [f32; 3]) -> f64 {
-        self.surface.normal.dot(wide(direction))
+        DVec3::from(self.surface.normal).dot(wide(direction))
     }
 
     /// Mirrors a direction at the plane of the triangle.
     fn mirrored(&self, direction: [f32; 3]) -> [f32; 3] {
-        narrow(wide(direction) - self.surface.normal * (2.0 * self.height(direction)))
+        narrow(wide(direction) - DVec3::from(self.surface.normal) * (2.0 * self.height(direction)))
     }
 }
 
@@ -234,7 +237,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
         &Start { pixel, sample, .. }: &Start,
     ) -> Option<(Ray, Option<f32>)> {
         let choice = || self.sampler.single(pixel, sample, Dimension::Roulette.at(n));
-        if !roulette::survives(accumulated, *compression, n, choice) {
+        if !survives(accumulated, *compression, n, choice) {
             return None;
         }
         let square = self.sampler.pair(pixel, sample, Dimension::Scattering.at(n));

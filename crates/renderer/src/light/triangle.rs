@@ -123,7 +123,7 @@ impl<'a> Emitters<'a> {
             None => material.emission,
             Some(_) => self.surfaces.at(hit, direction).emission,
         };
-        (presence > 0.0 && radiance.iter().any(|&x| x > 0.0)).then(|| wide(radiance) * presence.into())
+        (presence > 0.0 && radiance.iter().any(|&x| x > 0.0)).then(|| wide(radiance) * f64::from(presence))
     }
 }
 

@@ -142,7 +142,7 @@ impl<T: Tracer, Q: RayKeyed> TileRenderer<'_, T, Q> {
         if let Some((t, normal)) = self.transport.lights.shape_light_before(ray, hit.as_ref()) {
             // A light has no albedo and no instance.
             let depth = self.view.depth(ray.at(t.into()));
-            return (hit, Guide { n_hits: 1, depth, normal, shading_normal: normal, tests, ..Guide::default() });
+            return (hit, Guide { n_hits: 1, depth, normal: normal.into(), shading_normal: normal.into(), tests, ..Guide::default() });
         }
         let Some(hit) = hit else { return (None, Guide { tests, ..Guide::default() }) };
         let surface = self.transport.surfaces.at_time(&hit, ray.direction, *time, *cone);

@@ -1,3 +1,5 @@
+use glam::DVec3;
+use crate::wide;
 use std::borrow::Cow;
 use std::hint::black_box;
 
@@ -21,14 +23,14 @@ pub(super) struct HitTriangle<'a> {
 impl<'a> HitTriangle<'a> {
     pub(super) fn new(mesh: &'a Mesh, hit: &Hit, time: f32) -> Self {
         let (u, v) = (f64::from(hit.u), f64::from(hit.v));
-        Self { mesh, indices: mesh.triangles[hit.primitive.index()], weights: [1.0 - u - v, u, v], time }
+        Self { mesh, indices: mesh.triangles[hit.primitive.index()], weights: DVec3::new(1.0 - u - v, u, v), time }
     }
 
     /// The vertices as the ray hits them.
     fn vertices(&self) -> [DVec3; 3] {
         let Mesh { positions, close, .. } = self.mesh;
         match close {
-            None => self.gather(positions),
+            None => self.gather(positions).map(DVec3::from),
             Some(close) => self.indices.map(|i| {
                 let i = i as usize;
                 wide(position_at(&positions[i], &close.positions[i], self.time))
@@ -67,7 +69,7 @@ impl<'a> HitTriangle<'a> {
 
     /// Interpolates three values.
     pub(super) fn interpolate<const N: usize>(&self, [a, b, c]: [[f64; N]; 3]) -> [f64; N] {
-        let [u, v, w] = self.weights;
+        let DVec3 { x: u, y: v, z: w } = self.weights;
         std::array::from_fn(|k| u * a[k] + v * b[k] + w * c[k])
     }
 
@@ -106,7 +108,7 @@ impl<'a> PlacedTriangle<'a> {
         let vertices @ [v0, v1, v2] = triangle.vertices();
         let edges_object @ [a, b] = [v1 - v0, v2 - v0];
         let winding = pose.normal_world(a.cross(b));
-        Self { position_object: triangle.interpolate(vertices), triangle, pose, is_mirrored, edges_object, winding }
+        Self { position_object: triangle.interpolate(vertices.map(DVec3::into)).into(), triangle, pose, is_mirrored, edges_object, winding }
     }
 
     /// The hit point, world space.
@@ -123,7 +125,7 @@ impl<'a> PlacedTriangle<'a> {
     pub(super) fn smooth_normal(&self) -> Option<DVec3> {
         let Mesh { normals, close, .. } = self.triangle.mesh;
         let close = close.as_ref().and_then(|close| close.normals.as_ref());
-        self.pose.normal_world(self.triangle.moving_attribute(normals.as_ref()?, close)).try_normalize()
+        self.pose.normal_world(self.triangle.moving_attribute(normals.as_ref()?, close).into()).try_normalize()
     }
 }
 
@@ -140,11 +142,12 @@ pub(crate) struct Pose {
 
 impl Pose {
     fn new(columns: [DVec3; 4]) -> Self {
-        Self { columns, cofactor: cofactors(&columns) }
+        let [x, y, z, _] = columns;
+        Self { columns, cofactor: [y.cross(z), z.cross(x), x.cross(y)] }
     }
 
     pub(crate) fn at_time(motion: &Motion, time: f32) -> Self {
-        Self::new(motion.world_from_object(time))
+        Self::new(motion.world_from_object(time).map(DVec3::from))
     }
 
     pub(crate) fn fixed(map: &Affine) -> Self {
@@ -155,7 +158,7 @@ impl Pose {
         self.vector_world(point_object) + self.columns[3]
     }
 
-    pub(crate) fn vector_world(&self, [x, y, z]: DVec3) -> DVec3 {
+    pub(crate) fn vector_world(&self, DVec3 { x, y, z }: DVec3) -> DVec3 {
         let [a, b, c, _] = self.columns;
         a * x + b * y + c * z
     }
@@ -163,15 +166,10 @@ impl Pose {
     /// World-space normal of the image of a plane with normal `normal_object`; any length, either side.
     ///
     /// Same direction as the inverse transpose, without a division.
-    pub(crate) fn normal_world(&self, [x, y, z]: DVec3) -> DVec3 {
+    pub(crate) fn normal_world(&self, DVec3 { x, y, z }: DVec3) -> DVec3 {
         let [a, b, c] = self.cofactor;
         a * x + (b * y + c * z)
     }
-}
-
-/// Columns of the cofactor matrix of the linear part.
-pub(crate) fn cofactors([x, y, z, _]: &[DVec3; 4]) -> [DVec3; 3] {
-    [(*y).cross(*z), (*z).cross(*x), (*x).cross(*y)]
 }
 
 /// One instance, prepared for shading.
@@ -218,7 +216,7 @@ impl Placement {
 
     /// Distance at which rays start from a surface with this unit normal, in world units.
     pub(crate) fn offset(&self, normal_world: DVec3) -> f64 {
-        SurfacePoint::with_error([0.0; 3], normal_world, self.slack).offset
+        SurfacePoint::with_error([0.0; 3], normal_world.into(), self.slack).offset
     }
 }
 

@@ -22,10 +22,11 @@
 //! is lifted to the horizon, and the normal is the half vector between it and the viewer. As a normal turns away from
 //! the viewer, this tends to the geometric normal, which is therefore used for all normals that face away.
 
+use glam::DVec3;
 use canted_scene::{Lobes as Source, Material, Mesh, TextureRef, UvSet};
 
 use crate::Lobes;
-use super::hit_triangle::PlacedTriangle;
+use super::hit_triangle::{PlacedTriangle, TextureLookup};
 
 /// The unit shading normal, on the viewer's side.
 ///
@@ -98,7 +99,7 @@ fn vertex_tangents(placed: &PlacedTriangle, outward: DVec3) -> Option<[DVec3; 2]
     let Mesh { tangents, close, .. } = placed.triangle.mesh;
     let close = close.as_ref().and_then(|close| close.tangents.as_ref());
     let [x, y, z, sign] = placed.triangle.moving_attribute(tangents.as_ref()?, close);
-    let u = orthonormal(placed.pose.vector_world([x, y, z]), outward)?;
+    let u = orthonormal(placed.pose.vector_world(DVec3::new(x, y, z)), outward)?;
     Some([u, outward.cross(u) * (1.0_f64.copysign(sign) * handedness(placed))])
 }
 
