@@ -24,9 +24,12 @@
 //!
 //! | item | purpose |
 //! |---|---|
-//! | [`Ray`], [`Hit`], [`Query`] | input and output of every traversal; hit filters and counters |
+//! | [`Intersect`] | the queries of everything that rays can hit, in all their forms |
+//! | [`Ray`], [`Hit`], [`Query`] | input and output of every query; hit filters and counters |
 //! | [`SurfacePoint`] | rays that continue from a hit without hitting the same surface again |
-//! | [`Kernel`]: [`Watertight`], [`MollerTrumbore`], [`BaldwinWeber`] | ray-triangle tests |
+//! | [`Kernel`]: [`Watertight`], [`MollerTrumbore`], [`BaldwinWeber`]; [`TriangleTest`] | ray-triangle tests; the choice of one |
+//! | [`Leaves`], [`LeafTriangles`] | queries of a BVH with a triangle at each leaf position |
+//! | [`BoxBvh`] | the top level of a TLAS |
 //! | [`SlabRay`], [`Slabs`], [`pad_aabb`] | ray-box tests, axis-aligned and oriented, for a traversal |
 //! | [`ReferencePoint`] | boxes near a mesh that is far from the origin |
 //! | [`ray_aabb`], [`ray_obb`], [`Sphere`], [`segment_overlaps_aabb`] | single tests |
@@ -42,16 +45,24 @@
 //!
 //! # Features
 //! - `std` (default): square roots of the standard library.
+//! - `parallel`: the forms of queries with `par_` use all threads of rayon.
 //! - `libm`: square roots of the crate `libm`, for `no_std` targets; disable the default features.
 #![no_std]
 #![forbid(unsafe_code)]
 
+extern crate alloc;
+#[cfg(feature = "std")]
+extern crate std;
+
+mod boxes;
 mod closest_point;
 mod convex;
-mod filter;
 mod hit;
+mod intersect;
 #[doc(hidden)]
 pub mod lanes;
+mod leaf;
+mod lists;
 mod moving;
 mod query;
 mod ray;
@@ -60,15 +71,19 @@ mod rounding;
 mod segment;
 mod slab;
 mod sphere;
+mod stack;
 mod surface_point;
 mod triangle;
 
+pub use boxes::BoxBvh;
 pub use closest_point::{DISTANCE_ERROR, TrianglePoint, closest_point_on_triangle};
 pub use convex::Convex;
-pub use filter::HitFilter;
 pub use hit::{Hit, InstanceId, Side};
+pub use intersect::{AcceptAt, Answers, Intersect, Pointer};
+pub use leaf::{LeafTriangles, Leaves};
+pub use lists::HitLists;
 pub use moving::position_at;
-pub use query::{Counts, Query};
+pub use query::{Accept, Counts, Query};
 pub use ray::{Ray, ScaledRay};
 pub use reference::ReferencePoint;
 pub use segment::segment_overlaps_aabb;
@@ -76,5 +91,6 @@ pub use slab::{AABB_PAD, MIN_DIRECTION, SLABS_PAD, SlabRay, Slabs, pad_aabb, ray
 pub use sphere::Sphere;
 pub use surface_point::{SurfacePoint, position_error};
 pub use triangle::{
-    Axis, BaldwinWeber, BaldwinWeberRecord, HIT_ERROR, Kernel, MollerTrumbore, Shear, TriangleHit, Watertight,
+    Axis, BaldwinWeber, BaldwinWeberRecord, HIT_ERROR, Kernel, MollerTrumbore, Shear, TriangleHit, TriangleTest,
+    Watertight,
 };

@@ -17,7 +17,6 @@ pub fn lower(x: f32, pad: f64) -> f32 {
 
 /// Nearest f32, with zero always positive, so that `-0.0` in a ray changes no bit of a result.
 #[inline]
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 pub(crate) fn nearest(x: f64) -> f32 {
     x as f32 + 0.0
 }

@@ -139,7 +139,6 @@ impl SurfacePoint {
         let gap = self.offset / length(span) + 2.0 * f64::from(f32::EPSILON);
         // False for a span of length zero, whose gap is infinite or NaN.
         (gap < 1.0).then(|| {
-            #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is within the gap")]
             let t_max = (1.0 - gap) as f32;
             Ray { t_max, ..Ray::new(origin, to_f32(span)) }
         })

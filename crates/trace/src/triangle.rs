@@ -41,6 +41,18 @@ pub struct TriangleHit {
     pub side: Side,
 }
 
+/// Which [`Kernel`] tests the triangles of a BVH.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum TriangleTest {
+    /// [`Watertight`]: no ray passes between triangles that share an edge.
+    #[default]
+    Watertight,
+    /// [`MollerTrumbore`].
+    MollerTrumbore,
+    /// [`BaldwinWeber`]: records of 68 bytes instead of 36.
+    BaldwinWeber,
+}
+
 /// A ray-triangle test. Triangles are stored as records; a ray is prepared once for all triangles.
 ///
 /// Back faces are not culled. The interval is closed: `t_min <= t <= t_max`.

@@ -1,15 +1,13 @@
-use canted_lbvh::{Child, ChildKind, Corners, Leaf, NodeId, Tree, Volume, Volumes};
+//! A tree and its volumes in the form that rays traverse.
+
+use canted_lbvh::{Child, ChildKind, Corners, Leaf, NodeId, Tree, Volume, Volumes, par};
 use canted_obb::{Aabb, Obb};
 use canted_trace::{Slabs, pad_aabb};
 use glam::Vec4;
 
-use super::bvh::PairBvh;
-use super::child::ChildRef;
-use super::node::{AabbPair, SlabPair};
-use super::order::{Order, PairOrder};
+use crate::pairs::{AabbPair, ChildRef, PairBvh, SlabPair};
 
 /// Least number of pairs that a thread lays out.
-#[cfg(feature = "parallel")]
 const CHUNK: usize = 1 << 12;
 
 /// A leaf with an oriented box.
@@ -72,15 +70,8 @@ impl PairBvh {
 }
 
 /// The results of `make` for `0..n`, in order, computed on all threads.
-#[expect(clippy::cast_possible_truncation, reason = "at most 2^30 nodes")]
 fn make_all<T: Send>(n: usize, make: impl Fn(u32) -> T + Sync) -> Vec<T> {
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        (0..n as u32).into_par_iter().with_min_len(CHUNK).map(&make).collect()
-    }
-    #[cfg(not(feature = "parallel"))]
-    (0..n as u32).map(make).collect()
+    par::from_fn(n, CHUNK, |i| make(i as u32))
 }
 
 struct Layout<'a, L> {
@@ -142,5 +133,73 @@ impl<L: OrientedLeaf> Layout<'_, L> {
             ],
             planes: std::array::from_fn(|k| Vec4::new(a.lo[k], b.lo[k], a.hi[k], b.hi[k])),
         }
+    }
+}
+
+/// The order of pairs in memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PairOrder {
+    /// In the order of node numbers: the fastest to lay out.
+    Numbered,
+    /// Depth first, the child of larger area next to its parent, so most rays read memory forwards.
+    /// `benches/TRIED.md` has its gain for rays and its cost for the build.
+    DepthFirst,
+}
+
+/// The position of each inner node's pair.
+pub(crate) struct Order {
+    /// The reference to each node. Empty if every pair is axis-aligned and in the position of its node's number.
+    pub(crate) refs: Vec<ChildRef>,
+    /// Nodes in the order of their axis-aligned pairs.
+    pub(crate) aabb_ids: Vec<u32>,
+    /// Nodes in the order of their oriented pairs.
+    pub(crate) slab_ids: Vec<u32>,
+}
+
+impl Order {
+    pub(crate) fn new(tree: &Tree, volumes: &Volumes, pair_order: PairOrder) -> Self {
+        match pair_order {
+            PairOrder::Numbered => Self::numbered(tree, volumes),
+            PairOrder::DepthFirst => Self::depth_first(tree, volumes),
+        }
+    }
+
+    fn numbered(tree: &Tree, volumes: &Volumes) -> Self {
+        let mut order = Self { refs: vec![], aabb_ids: vec![], slab_ids: vec![] };
+        let ids = || (0..tree.nodes.len() as u32).map(NodeId);
+        if ids().any(|id| volumes.children_oriented(id)) {
+            order.refs = vec![ChildRef(0); tree.nodes.len()];
+            ids().for_each(|id| order.append(id, volumes));
+        }
+        order
+    }
+
+    fn depth_first(tree: &Tree, volumes: &Volumes) -> Self {
+        let mut order = Self { refs: vec![ChildRef(0); tree.nodes.len()], aabb_ids: vec![], slab_ids: vec![] };
+        let area = |child: Child| match child.kind() {
+            ChildKind::Leaf(_) => -1.0,
+            ChildKind::Inner(id) => volumes.aabbs[id.index()].area(),
+        };
+        let mut stack = vec![tree.root()];
+        while let Some(Some(child)) = stack.pop() {
+            let ChildKind::Inner(id) = child.kind() else { continue };
+            order.append(id, volumes);
+            let node = &tree.nodes[id.index()];
+            let (first, second) =
+                if area(node.left) < area(node.right) { (node.right, node.left) } else { (node.left, node.right) };
+            stack.extend([Some(second), Some(first)]);
+        }
+        order
+    }
+
+    /// Appends the pair of a node to the pairs of its kind.
+    fn append(&mut self, id: NodeId, volumes: &Volumes) {
+        let (ids, make): (_, fn(u32) -> ChildRef) = if volumes.children_oriented(id) {
+            (&mut self.slab_ids, ChildRef::slabs)
+        } else {
+            (&mut self.aabb_ids, ChildRef::aabbs)
+        };
+        self.refs[id.index()] = make(ids.len() as u32);
+        ids.push(id.0);
     }
 }
