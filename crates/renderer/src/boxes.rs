@@ -1,7 +1,7 @@
 //! Boxes of an acceleration structure, drawn over a picture.
 //!
 //! ```text
-//! Structure -> boxes of a level, world space -> edges -> View -> lines over a Picture
+//! SceneBvh -> boxes of a level, world space -> edges -> View -> lines over a Picture
 //! ```
 
 use glam::DVec3;
@@ -10,9 +10,8 @@ use std::str::FromStr;
 
 use canted_film::Picture;
 use canted_obb::Obb;
-use canted_wide::LaneKernel;
 
-use crate::{Structure, View};
+use crate::{SceneBvh, SceneLevels, View};
 
 
 
@@ -50,7 +49,7 @@ impl fmt::Display for BoxLevel {
     }
 }
 
-impl<K: LaneKernel> Structure<K> {
+impl SceneBvh {
     /// The boxes that rays are tested with at a level, world space, up to rounding; as the shutter opens where instances move.
     #[must_use]
     pub fn boxes(&self, shown: BoxLevel) -> Vec<Obb> {
@@ -64,9 +63,9 @@ impl<K: LaneKernel> Structure<K> {
                 boxes.push(obb());
             }
         };
-        match self {
-            Self::One(flat) => flat.bvh.each_box(|obb, level, is_leaf| keep(&|| obb, level, is_leaf)),
-            Self::Two(tlas) => {
+        match &self.levels {
+            SceneLevels::One(flat) => flat.bvh.each_box(|obb, level, is_leaf| keep(&|| obb, level, is_leaf)),
+            SceneLevels::Two(tlas) => {
                 tlas.each_box(|obb, level, _| keep(&|| obb, level, false));
                 let first = self.n_top_levels();
                 for instance in tlas.instances() {
@@ -93,7 +92,7 @@ impl<K: LaneKernel> Structure<K> {
     /// The number of levels of the top level.
     fn n_top_levels(&self) -> u32 {
         let mut n = 0;
-        if let Self::Two(tlas) = self {
+        if let SceneLevels::Two(tlas) = &self.levels {
             tlas.each_box(|_, level, _| n = n.max(level + 1));
         }
         n

@@ -82,7 +82,7 @@ impl PackedScene {
             motion: scene.has_motion(),
             normals: columns.normal > 0,
             normal_maps,
-            masks: mask::is_needed(scene),
+            masks: alpha::is_needed(scene),
             mask_textures,
             gloss: scene.materials.iter().any(is_glossy),
             glass: scene.materials.iter().any(|material| material.transmission > 0.0),

@@ -9,8 +9,8 @@ use canted_scene::Scene;
 use canted_wide::{LaneKernel, TriangleBvh};
 
 use super::{DeviceError, DeviceFrames};
-use crate::prepare::has_one_level;
-use crate::structure::{flatten, instances};
+use crate::scene_bvh::has_one_level;
+use crate::scene_bvh::{flatten, instances};
 use crate::{Bvh, PrepareError, Structure, StructureConfig};
 
 const DEFORMING: DeviceError = DeviceError::Unsupported { what: "meshes that deform while the shutter is open" };
