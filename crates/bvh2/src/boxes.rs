@@ -3,7 +3,7 @@ use std::sync::Arc;
 use canted_lbvh::{self as lbvh, Costs, Tree, VolumeConfig};
 use canted_obb::{Aabb, Obb};
 use canted_sah::Builder;
-use canted_trace::{BoxBvh, Hit, Query, ScaledRay, SlabRay};
+use canted_trace::{BoxBvh, Query, ScaledRay, SlabRay};
 
 use crate::{PairBvh, PairOrder};
 
@@ -48,22 +48,16 @@ impl Bvh2Boxes {
 }
 
 impl BoxBvh for Bvh2Boxes {
-    fn traverse(
-        &self,
-        ray: &ScaledRay,
-        error: f64,
-        is_ordered: bool,
-        query: &mut dyn Query,
-        enter: &mut dyn FnMut(u32, f32, &mut dyn Query) -> f32,
-    ) {
+    fn traverse(&self, ray: &ScaledRay, error: f64, is_ordered: bool, enter: &mut dyn FnMut(u32, f32) -> f32) -> u32 {
         let slab_ray = SlabRay::with_error(ray, 0.0, error);
-        let mut query = CountIf { counts: query.counts(), query };
-        let leaf = |leaf, t_max, query: &mut CountIf| enter(self.tree.leaves[leaf as usize].0, t_max, query.query);
+        let mut counted = BoxTests(0);
+        let leaf = |leaf, t_max, _: &mut BoxTests| enter(self.tree.leaves[leaf as usize].0, t_max);
         if is_ordered {
-            self.bvh.traverse_ordered(&slab_ray, ray.t_max, &mut query, leaf);
+            self.bvh.traverse_ordered(&slab_ray, ray.t_max, &mut counted, leaf);
         } else {
-            self.bvh.traverse_any(&slab_ray, ray.t_max, &mut query, leaf);
+            self.bvh.traverse_any(&slab_ray, ray.t_max, &mut counted, leaf);
         }
+        counted.0
     }
 
     fn refitted(&self, boxes: &[Obb]) -> Arc<dyn BoxBvh> {
@@ -101,21 +95,11 @@ fn lay_out(tree: &Tree, boxes: &[Obb], config: &VolumeConfig) -> (PairBvh, Predi
     (bvh, Prediction { per_ray, per_box })
 }
 
-/// A query that is not called for every box where it does not count.
-struct CountIf<'a> {
-    query: &'a mut dyn Query,
-    counts: bool,
-}
+struct BoxTests(u32);
 
-impl Query for CountIf<'_> {
+impl Query for BoxTests {
     #[inline(always)]
     fn boxes(&mut self, n: u32) {
-        if self.counts {
-            self.query.boxes(n);
-        }
-    }
-
-    fn accepts(&mut self, hit: &Hit) -> bool {
-        self.query.accepts(hit)
+        self.0 += n;
     }
 }

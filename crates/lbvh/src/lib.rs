@@ -28,6 +28,7 @@
 //! | item | purpose |
 //! |---|---|
 //! | [`triangle_corners`], [`Domain`], [`morton_codes`], [`sort_by_code`], [`radix`] | from triangles to a [`Tree`] |
+//! | [`as_positions`], [`as_triangles`] | vertices and indices of other types |
 //! | [`Tree`], [`Tree::from_children`] | binary tree over primitive indices; from any builder |
 //! | [`volumes()`], [`Strategy`] | the bounding volume of every node |
 //! | [`check()`] | verifies a tree and its volumes |
@@ -51,6 +52,7 @@ mod check;
 mod corners;
 mod cost;
 mod domain;
+mod input;
 mod leaf;
 mod morton;
 #[doc(hidden)]
@@ -69,6 +71,7 @@ pub use corners::{
 };
 pub use cost::{Costs, TreeCost, tree_cost};
 pub use domain::{Bits, Domain};
+pub use input::{as_positions, as_triangles};
 pub use leaf::Leaf;
 pub use morton::{morton_codes, morton_codes_of_boxes};
 pub use radix::radix;

@@ -1,9 +1,9 @@
 use alloc::{boxed::Box, sync::Arc, vec::Vec};
 
-use canted_obb::Obb;
+use canted_obb::{Obb, PrimId};
 
 use crate::stack::with_stack;
-use crate::{Accept, Hit, HitLists, Query, Ray, ScaledRay};
+use crate::{Accept, Hit, HitLists, Query, Ray, ScaledRay, SurfacePoint};
 
 /// Rays that a thread takes at a time.
 const CHUNK: usize = 1024;
@@ -21,6 +21,38 @@ pub enum Answers<'a> {
     All(&'a mut [Vec<Hit>]),
     /// All hits, in one array. Rays are added.
     Lists(&'a mut HitLists),
+}
+
+/// Where the answer for one ray goes.
+pub enum Answer<'a> {
+    /// The closest hit; none so far.
+    Closest(&'a mut Option<Hit>),
+    /// Whether there is a hit; none so far.
+    Occluded(&'a mut bool),
+    /// All hits are appended.
+    All(&'a mut Vec<Hit>),
+}
+
+impl Answers<'_> {
+    /// Calls `fill` with where the answer for ray `i` goes. Rays come in order.
+    #[inline(always)]
+    pub fn fill(&mut self, i: usize, fill: impl FnOnce(Answer)) {
+        match self {
+            Self::Closest(hits) => {
+                hits[i] = None;
+                fill(Answer::Closest(&mut hits[i]));
+            }
+            Self::Occluded(occluded) => {
+                occluded[i] = false;
+                fill(Answer::Occluded(&mut occluded[i]));
+            }
+            Self::All(hits) => {
+                hits[i].clear();
+                fill(Answer::All(&mut hits[i]));
+            }
+            Self::Lists(lists) => lists.add_ray(|hits| fill(Answer::All(hits))),
+        }
+    }
 }
 
 /// Whatever rays can hit: a BVH, instances of BVHs, a shape.
@@ -76,8 +108,7 @@ pub trait Intersect: Send + Sync {
     fn bounds(&self) -> Obb;
 
     /// How far a hit may lie outside of the bounds: each coordinate of `o + t·d`, in real arithmetic, by at most
-    /// `hit_error·(|o|∞ + ρ∞)`, with `|o|∞` the greatest coordinate of the ray's origin and `ρ∞` that of the bounds. At
-    /// most 1/8.
+    /// `hit_error·(|o|∞ + ρ∞)`, with `|o|∞` the greatest coordinate of the ray's origin and `ρ∞` that of the bounds.
     ///
     /// [`HIT_ERROR`](crate::HIT_ERROR) for triangles. A TLAS pads its boxes by it: if it is too small, hits are lost.
     fn hit_error(&self) -> f32;
@@ -109,37 +140,25 @@ pub trait Intersect: Send + Sync {
     /// Answers the rays of a slice, of which the first has the index `first`; without `accept`, every hit is accepted.
     ///
     /// Provided: one ray after another. A BVH that prepares several rays at once replaces it.
-    fn answer(&self, rays: &[Ray], first: usize, accept: Option<&AcceptAt>, answers: Answers) {
+    fn answer(&self, rays: &[Ray], first: usize, accept: Option<&AcceptAt>, mut answers: Answers) {
         with_stack(self.stack_len(), |stack| {
-            let each = |run: &mut dyn FnMut(usize, Option<ScaledRay>, &mut dyn Query)| {
-                for (i, ray) in rays.iter().enumerate() {
-                    let scaled = ScaledRay::new(ray);
-                    match accept {
-                        None => run(i, scaled, &mut ()),
-                        Some(accept) => run(i, scaled, &mut Accept(|hit: &Hit| accept(first + i, ray, hit))),
-                    }
-                }
-            };
-            match answers {
-                Answers::Closest(hits) => each(&mut |i, ray, query| {
-                    hits[i] = ray.and_then(|ray| self.closest_hit_scaled(&ray, query, stack));
-                }),
-                Answers::Occluded(occluded) => each(&mut |i, ray, query| {
-                    occluded[i] = ray.is_some_and(|ray| self.occluded_scaled(&ray, query, stack));
-                }),
-                Answers::All(hits) => each(&mut |i, ray, query| {
-                    hits[i].clear();
-                    if let Some(ray) = ray {
-                        self.all_hits_scaled(&ray, query, stack, &mut hits[i]);
-                    }
-                }),
-                Answers::Lists(lists) => each(&mut |_, ray, query| {
-                    lists.add_ray(|hits| {
-                        if let Some(ray) = ray {
-                            self.all_hits_scaled(&ray, query, stack, hits);
+            for (i, ray) in rays.iter().enumerate() {
+                answers.fill(i, |answer| {
+                    let Some(scaled) = ScaledRay::new(ray) else { return };
+                    let mut filter;
+                    let query: &mut dyn Query = match accept {
+                        None => &mut (),
+                        Some(accept) => {
+                            filter = Accept(|hit: &Hit| accept(first + i, ray, hit));
+                            &mut filter
                         }
-                    });
-                }),
+                    };
+                    match answer {
+                        Answer::Closest(hit) => *hit = self.closest_hit_scaled(&scaled, query, stack),
+                        Answer::Occluded(occluded) => *occluded = self.occluded_scaled(&scaled, query, stack),
+                        Answer::All(hits) => self.all_hits_scaled(&scaled, query, stack, hits),
+                    }
+                });
             }
         });
     }
@@ -283,6 +302,60 @@ fn parallel<T: Send>(rays: &[Ray], answers: &mut [T], answer: &(dyn Fn(usize, &[
     }
 }
 
+/// What counts how often rays cross its surfaces: BVHs over triangles, and instances of them.
+///
+/// A ray through an edge or a vertex hits all triangles around it. Of these, those are crossings that the ray would hit if it were moved by
+/// an infinitesimal step that depends on its direction alone. So a ray that starts and ends outside a closed mesh crosses it an
+/// even number of times, half of them inward, and equal copies of a surface count as many times.
+///
+/// Hits are those of the watertight test.
+pub trait Crossings: Intersect {
+    /// Appends every crossing with `t_min <= t <= t_max`, once, as [`Intersect::all_hits_scaled`] appends hits.
+    fn crossings_scaled(&self, ray: &ScaledRay, stack: &mut [u64], crossings: &mut Vec<Hit>);
+
+    /// Every crossing of a surface with `t_min <= t <= t_max`, once: least `t` first, then lowest (instance, primitive). Replaces the
+    /// content of `crossings`.
+    ///
+    /// The crossings are the hits of [`Intersect::all_hits`] except for those exactly on an edge or a vertex. These are reported as the
+    /// lowest primitives that are hit there from the same side. Where a ray touches a silhouette without crossing, nothing is reported. The
+    /// border of an open surface belongs to it or not, such that of two adjacent surfaces one is crossed. Triangles share a vertex if its
+    /// coordinates are equal; its index does not matter.
+    fn crossings(&self, ray: &Ray, crossings: &mut Vec<Hit>) {
+        crossings.clear();
+        if let Some(ray) = ScaledRay::new(ray) {
+            with_stack(self.stack_len(), |stack| self.crossings_scaled(&ray, stack, crossings));
+        }
+    }
+
+    /// Every crossing of each ray, as [`Crossings::crossings`] returns them, in one array. Replaces the content of `lists`.
+    fn crossings_listed(&self, rays: &[Ray], lists: &mut HitLists) {
+        lists.clear(rays.len());
+        with_stack(self.stack_len(), |stack| {
+            for ray in rays {
+                lists.add_ray(|crossings| {
+                    if let Some(ray) = ScaledRay::new(ray) {
+                        self.crossings_scaled(&ray, stack, crossings);
+                    }
+                });
+            }
+        });
+    }
+}
+
+/// Triangles that a hit can be looked up in.
+pub trait Triangles: Intersect {
+    /// The vertices of a triangle, in the order of the caller.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    fn triangle(&self, id: PrimId) -> [[f32; 3]; 3];
+
+    /// The point of a hit of [`Intersect::closest_hit`]: its position, its normal, and rays that continue from it.
+    fn surface_point(&self, hit: &Hit) -> SurfacePoint {
+        SurfacePoint::new(hit, self.triangle(hit.primitive), self.bounds().aabb().reach())
+    }
+}
+
 /// A pointer answers as what it points to.
 impl<B: Intersect + ?Sized, P: core::ops::Deref<Target = B> + Send + Sync> Intersect for P
 where
@@ -320,6 +393,32 @@ where
 
     fn answer(&self, rays: &[Ray], first: usize, accept: Option<&AcceptAt>, answers: Answers) {
         (**self).answer(rays, first, accept, answers);
+    }
+}
+
+impl<B: Crossings + ?Sized, P: core::ops::Deref<Target = B> + Send + Sync> Crossings for P
+where
+    P: Pointer,
+{
+    fn crossings_scaled(&self, ray: &ScaledRay, stack: &mut [u64], crossings: &mut Vec<Hit>) {
+        (**self).crossings_scaled(ray, stack, crossings);
+    }
+
+    fn crossings_listed(&self, rays: &[Ray], lists: &mut HitLists) {
+        (**self).crossings_listed(rays, lists);
+    }
+}
+
+impl<B: Triangles + ?Sized, P: core::ops::Deref<Target = B> + Send + Sync> Triangles for P
+where
+    P: Pointer,
+{
+    fn triangle(&self, id: PrimId) -> [[f32; 3]; 3] {
+        (**self).triangle(id)
+    }
+
+    fn surface_point(&self, hit: &Hit) -> SurfacePoint {
+        (**self).surface_point(hit)
     }
 }
 

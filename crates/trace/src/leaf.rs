@@ -5,8 +5,8 @@ use alloc::vec::Vec;
 use canted_obb::PrimId;
 
 use crate::{
-    BaldwinWeber, Hit, InstanceId, Kernel, MollerTrumbore, Query, ReferencePoint, ScaledRay, SlabRay, TriangleTest,
-    Watertight,
+    Answer, BaldwinWeber, Hit, InstanceId, Kernel, MollerTrumbore, Query, ReferencePoint, ScaledRay, SlabRay,
+    TriangleTest, Watertight,
 };
 
 /// Nodes that report the leaves that a ray may hit.
@@ -74,13 +74,6 @@ enum Records {
     Watertight(Vec<<Watertight as Kernel>::Record>),
     MollerTrumbore(Vec<<MollerTrumbore as Kernel>::Record>),
     BaldwinWeber(Vec<<BaldwinWeber as Kernel>::Record>),
-}
-
-/// Where the answer goes.
-enum Answer<'a> {
-    Closest(&'a mut Option<Hit>),
-    Occluded(&'a mut bool),
-    All(&'a mut Vec<Hit>),
 }
 
 impl LeafTriangles {
@@ -227,7 +220,7 @@ struct Tested<'a, N, K: Kernel> {
 impl<N: Leaves, K: Kernel> Tested<'_, N, K> {
     #[inline(always)]
     fn answer(&self, query: &mut dyn Query, answer: Answer) {
-        let is_plain = !query.may_reject() && !query.counts();
+        let is_plain = query.is_plain();
         let mut tally = Tally { counts: query.counts(), may_reject: query.may_reject(), boxes: 0, triangles: 0, query };
         match answer {
             Answer::Closest(best) if is_plain => *best = self.closest_hit(&mut ()),

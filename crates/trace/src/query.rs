@@ -15,6 +15,12 @@ pub trait Query {
         true
     }
 
+    /// Whether the query neither rejects nor counts.
+    #[doc(hidden)]
+    fn is_plain(&self) -> bool {
+        !self.may_reject() && !self.counts()
+    }
+
     /// Counts `n` ray-box tests.
     fn boxes(&mut self, n: u32) {
         let _ = n;

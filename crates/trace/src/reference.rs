@@ -135,7 +135,6 @@ fn growth(sample: &[Sampled], point: [f64; 3]) -> f64 {
         let distance = (0..3).map(|k| (center[k] - point[k]).abs()).fold(0.0, f64::max) * GROWTH;
         if distance < *size { distance / size } else { 1.0 }
     };
-    #[expect(clippy::cast_precision_loss, reason = "at most 256")]
     let n = sample.len().max(1) as f64;
     sample.iter().map(of_box).sum::<f64>() / n
 }

@@ -16,7 +16,7 @@ const TWO_LEVELS: usize = 2 * ONE_LEVEL;
 /// Single rays need it to be cheap: up to 1.5 KiB are zeroed where they are used, because an allocation would take longer. Memory
 /// for deeper BVHs is allocated and kept for the next ray of the thread.
 #[inline(always)]
-pub(crate) fn with_stack<R>(n: usize, run: impl FnOnce(&mut [u64]) -> R) -> R {
+pub fn with_stack<R>(n: usize, run: impl FnOnce(&mut [u64]) -> R) -> R {
     if n <= ONE_LEVEL {
         return run(&mut [0; ONE_LEVEL]);
     }
