@@ -5,8 +5,8 @@ use canted_trace::Ray;
 
 use glam::DVec3;
 
-use crate::{Cone, narrow, wide};
 use crate::sampling::uniform_disk;
+use crate::{Cone, narrow, wide};
 
 /// A camera with an image size: maps image positions to world-space rays.
 ///

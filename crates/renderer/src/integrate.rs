@@ -2,14 +2,12 @@
 
 use canted_trace::{Hit, Ray};
 
-use crate::{Cone, Sampler, Surfaces, Tracer};
 use crate::light::{LightSampler, Lights};
 use crate::query::{RayKeyed, Timed};
+use crate::{Cone, Sampler, Surfaces, Tracer};
 
 mod hybrid;
 mod path;
-
-
 
 /// The data shared by all paths of an image. `query` is cloned for each ray.
 pub(crate) struct Transport<'a, T, Q> {

@@ -5,9 +5,9 @@ use std::sync::LazyLock;
 
 use glam::Vec3;
 
-use super::{Bsdf, BsdfSample, Evaluation, MIN_COSINE, Scatterer};
 use super::boundary::{Boundary, Choice};
 use super::microfacet::{fresnel, mean, refracted_cosine, schlick, unit};
+use super::{Bsdf, BsdfSample, Evaluation, MIN_COSINE, Scatterer};
 
 /// Layers seen from one direction.
 pub(super) struct Layers<'a> {

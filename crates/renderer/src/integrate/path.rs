@@ -10,17 +10,17 @@
 //! triangle. Light from a direction is then scattered for that direction and for the one folded onto it, so that no
 //! energy is lost and none leaks through the back of a triangle. Sampling and evaluation fold in the same way.
 
-use crate::wide;
 use crate::narrow;
-use glam::DVec3;
+use crate::wide;
 use canted_trace::{Hit, Ray};
+use glam::DVec3;
 
-use crate::{Surface, Tracer};
+use super::{Path, PathRadiance, Sample, Start, Transport};
 use crate::bsdf::{Bsdf, Evaluation};
 use crate::light::{LightId, LightSampler};
 use crate::query::{RayKeyed, Timed};
 use crate::sampling::Basis;
-use super::{Path, PathRadiance, Sample, Start, Transport};
+use crate::{Surface, Tracer};
 
 /// Sampler dimensions at each vertex, after the position in the pixel.
 #[derive(Clone, Copy)]
@@ -87,7 +87,9 @@ impl Vertex {
         let faces = DVec3::from(surface.shading_normal).dot(wide(viewer)) > 0.0;
         let normal = if faces { surface.shading_normal } else { surface.normal };
         let basis = Basis::about(narrow(normal.into()));
-        if let Some((lobes, along)) = surface.bsdf.lobes.as_mut().zip(along.and_then(|along| DVec3::from(along).try_normalize())) {
+        if let Some((lobes, along)) =
+            surface.bsdf.lobes.as_mut().zip(along.and_then(|along| DVec3::from(along).try_normalize()))
+        {
             let [x, y, _] = basis.coordinates(narrow(along));
             let length = x.hypot(y);
             if length > 0.0 {
