@@ -4,13 +4,13 @@
 //! Structure -> boxes of a level, world space -> edges -> View -> lines over a Picture
 //! ```
 
-use glam::DVec3;
 use std::fmt;
 use std::str::FromStr;
 
 use canted_film::Picture;
 use canted_obb::Obb;
 use canted_wide::LaneKernel;
+use glam::DVec3;
 
 use crate::{Structure, View};
 

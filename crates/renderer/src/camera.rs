@@ -2,7 +2,6 @@ use std::fmt;
 
 use canted_scene::{Camera, Lens, Projection};
 use canted_trace::Ray;
-
 use glam::DVec3;
 
 use crate::sampling::uniform_disk;

@@ -9,17 +9,15 @@
 //! From points inside its bounding box, an interior shows front faces nearly everywhere. A closed object shows back
 //! faces, and an open one shows mostly the background. A pipe or a vessel shows front faces inside and outside, and is an object.
 
-use crate::narrow;
-use crate::wide;
-use glam::DVec3;
 use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
 
 use canted_obb::{Aabb, PrimId};
 use canted_scene::{Camera, Scene};
 use canted_trace::{Hit, InstanceId, Ray, Side};
+use glam::DVec3;
 
-use crate::Tracer;
+use crate::{Tracer, narrow, wide};
 
 /// The direction from which objects are viewed.
 const THREE_QUARTERS: DVec3 = DVec3::new(1.0, 0.6, 0.8);

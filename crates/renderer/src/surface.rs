@@ -1,23 +1,18 @@
-use crate::narrow;
-use crate::wide;
-use glam::DVec3;
+mod hit_triangle;
+mod shading_normal;
+
 use std::hint::black_box;
 
 use canted_obb::Aabb;
 use canted_scene::{AlphaMode, Material, MaterialId, Mesh, Scene, TextureRef};
 use canted_trace::{Hit, InstanceId, Ray, SurfacePoint};
+use glam::DVec3;
 
 use crate::query::alpha_threshold;
 use crate::texture::{MipMaps, Plane, Textures, filtered_textures};
-use crate::{Bsdf, Cone, Lod};
-use hit_triangle::Placement;
-use hit_triangle::TextureLookup;
-use hit_triangle::{HitTriangle, PlacedTriangle};
-use shading_normal::{anisotropy, lobes};
-use shading_normal::{facing, shading_normal};
-
-mod hit_triangle;
-mod shading_normal;
+use crate::{Bsdf, Cone, Lod, narrow, wide};
+use hit_triangle::{HitTriangle, PlacedTriangle, Placement, TextureLookup};
+use shading_normal::{anisotropy, facing, lobes, shading_normal};
 
 /// A surface point, ready for shading. World space; colors linear RGB.
 #[derive(Clone, Copy, Debug)]

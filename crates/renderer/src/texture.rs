@@ -5,16 +5,16 @@
 //! ray cone, triangle       -> footprint (an ellipse) -> lookup in the mip_map -> values in 0..=1
 //! ```
 
-use glam::DVec3;
+mod mip_map;
+
 use std::sync::Arc;
 
 use canted_scene::{Material, Scene, Texture, TextureId, TextureRef};
+use glam::DVec3;
 use rayon::prelude::*;
 
 pub(crate) use mip_map::MipMap;
 use mip_map::Reduced;
-
-mod mip_map;
 
 /// Texture filtering.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]

@@ -33,18 +33,16 @@
 //! sample exceeds 1. Proof by induction from the end of the path: the ray of the last vertex returns 1 or
 //! `1 - exp(-t/r) <= 1`; any earlier ray returns 1 on a miss, else the next vertex's albedo times at most 1.
 
-use crate::narrow;
-use crate::wide;
-use glam::DVec3;
 use std::f64::consts::PI;
 
 use canted_trace::{Hit, Ray};
+use glam::DVec3;
 
 use super::{Path, Sample, Start, Transport};
 use crate::light::{IncomingLight, LightId, Lights};
 use crate::query::RayKeyed;
 use crate::sampling::{Basis, cosine_density, cosine_hemisphere};
-use crate::{Surface, Tracer};
+use crate::{Surface, Tracer, narrow, wide};
 
 /// Sampler dimensions: the position in the pixel first, then one per bounce.
 const FIRST_BOUNCE: u32 = 1;

@@ -10,8 +10,6 @@
 //! triangle. Light from a direction is then scattered for that direction and for the one folded onto it, so that no
 //! energy is lost and none leaks through the back of a triangle. Sampling and evaluation fold in the same way.
 
-use crate::narrow;
-use crate::wide;
 use canted_trace::{Hit, Ray};
 use glam::DVec3;
 
@@ -20,7 +18,7 @@ use crate::bsdf::{Bsdf, Evaluation};
 use crate::light::{LightId, LightSampler};
 use crate::query::{RayKeyed, Timed};
 use crate::sampling::Basis;
-use crate::{Surface, Tracer};
+use crate::{Surface, Tracer, narrow, wide};
 
 /// Sampler dimensions at each vertex, after the position in the pixel.
 #[derive(Clone, Copy)]

@@ -1,5 +1,3 @@
-use crate::wide;
-use glam::DVec3;
 use std::borrow::Cow;
 use std::hint::black_box;
 
@@ -7,9 +5,10 @@ use canted_obb::Affine;
 use canted_scene::{Mesh, TextureRef, UvSet};
 use canted_tlas::Motion;
 use canted_trace::{Hit, SurfacePoint, position_at, position_error};
+use glam::DVec3;
 
 use crate::texture::{Footprint, Plane, Textures};
-use crate::{Cone, Lod};
+use crate::{Cone, Lod, wide};
 
 /// The vertices of a hit triangle, with the barycentric weights of the hit.
 pub(super) struct HitTriangle<'a> {
