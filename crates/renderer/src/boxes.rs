@@ -10,7 +10,7 @@ use std::str::FromStr;
 use canted_film::Picture;
 use canted_obb::Obb;
 use canted_wide::LaneKernel;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use crate::{Structure, View};
 
@@ -202,7 +202,8 @@ fn blend(Canvas { part: picture, corner, .. }: &mut Canvas, [x, y]: [f64; 2], co
     let index = picture.index(x as u32, y as u32);
     let opacity = OPACITY * coverage as f32;
     let pixel = &mut picture.pixels[index];
-    *pixel = std::array::from_fn(|k| pixel[k] + opacity * (color[k] - pixel[k]));
+    let before = Vec3::from(*pixel);
+    *pixel = (before + opacity * (Vec3::from(color) - before)).into();
 }
 
 /// The part of a line that is within a pixel of a picture of this size (Liang, Barsky 1984); `None` where there is none.

@@ -1,6 +1,7 @@
 //! Integrators: radiance along camera rays.
 
 use canted_trace::{Hit, Ray};
+use glam::Vec3;
 
 use crate::light::{LightSampler, Lights};
 use crate::query::{RayKeyed, Timed};
@@ -102,15 +103,15 @@ struct Path<Q, W> {
 
 /// The radiance that a path has accumulated.
 struct PathRadiance {
-    radiance: [f32; 3],
+    radiance: Vec3,
     /// Factor of light at the next vertex.
-    throughput: [f32; 3],
+    throughput: Vec3,
     n_rays: u64,
 }
 
 impl PathRadiance {
-    fn add(&mut self, radiance: [f32; 3], weight: f32) {
-        self.radiance = std::array::from_fn(|k| self.radiance[k] + self.throughput[k] * radiance[k] * weight);
+    fn add(&mut self, radiance: impl Into<Vec3>, weight: f32) {
+        self.radiance += self.throughput * radiance.into() * weight;
     }
 }
 
@@ -129,7 +130,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
             ray: start.ray,
             cone: start.cone,
             hit,
-            accumulated: PathRadiance { radiance: [0.0; 3], throughput: [1.0; 3], n_rays: 1 },
+            accumulated: PathRadiance { radiance: Vec3::ZERO, throughput: Vec3::ONE, n_rays: 1 },
             state: W::default(),
         };
         let mut paths: Vec<Path<Q, W>> = camera_rays.map(begin).collect();
@@ -149,7 +150,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
                 *hit = self.tracer.closest_hit(ray, &mut query.keyed(1 + n));
             }
         }
-        let sample = |path: Path<Q, W>| Sample { radiance: path.accumulated.radiance, n_rays: path.accumulated.n_rays };
+        let sample = |path: Path<Q, W>| Sample { radiance: path.accumulated.radiance.into(), n_rays: path.accumulated.n_rays };
         paths.into_iter().map(sample).collect()
     }
 }

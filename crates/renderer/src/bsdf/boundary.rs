@@ -130,7 +130,7 @@ impl<'a> Boundary<'a> {
         let Some(facets) = self.facets else { return diffuse };
         let coat_reflectance = self.mirrored(facets, incident, |facet| (facet.reflected, facet.reflection_probability));
         Evaluation {
-            value: std::array::from_fn(|k| diffuse.value[k] + coat_reflectance.value[k]),
+            value: (Vec3::from(diffuse.value) + Vec3::from(coat_reflectance.value)).into(),
             density: diffuse.density + coat_reflectance.density,
         }
     }

@@ -36,7 +36,7 @@
 use std::f64::consts::PI;
 
 use canted_trace::{Hit, Ray};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::{Path, Sample, Start, Transport};
 use crate::light::{IncomingLight, LightId, Lights};
@@ -84,7 +84,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
         accumulated.n_rays += n_shadow_rays;
 
         // The weight of a cosine-sampled direction is the albedo.
-        accumulated.throughput = std::array::from_fn(|k| accumulated.throughput[k] * surface.bsdf.base_color[k]);
+        accumulated.throughput *= Vec3::from(surface.bsdf.base_color);
         let local = cosine_hemisphere(self.sampler.pair(*pixel, *sample, FIRST_BOUNCE + n));
         let direction = Basis::about(narrow(surface.shading_normal.into())).direction(local);
         *ray = surface.spawn_ray(surface.mirror_outward(direction));
@@ -120,8 +120,8 @@ pub(crate) fn direct<T: Tracer, Q: RayKeyed>(
     query: &Q,
     surface: &Surface,
     square: impl Fn(u32) -> [f32; 2],
-) -> ([f32; 3], u64) {
-    let mut radiance = [0.0; 3];
+) -> (Vec3, u64) {
+    let mut radiance = Vec3::ZERO;
     let mut n_rays = 0;
     for (index, light) in (0..).zip(lights.list()) {
         let Some(incoming) = IncomingLight::of(light, surface, || square(index)) else { continue };
@@ -135,8 +135,8 @@ pub(crate) fn direct<T: Tracer, Q: RayKeyed>(
                 continue;
             }
         }
-        let reflected = narrow(incoming.radiance * (cosine / PI));
-        radiance = std::array::from_fn(|k| radiance[k] + surface.bsdf.base_color[k] * reflected[k]);
+        let reflected = (incoming.radiance * (cosine / PI)).as_vec3();
+        radiance += Vec3::from(surface.bsdf.base_color) * reflected;
     }
     (radiance, n_rays)
 }

@@ -44,7 +44,7 @@ pub(super) fn shading_normal(
         // Cofactors of a mirroring transform flip normals.
         let outward = smooth.or_else(|| placed.winding.try_normalize())? * handedness(placed);
         let mapped = mapped(slot, material.normal_scale, placed, lookup, outward)?;
-        let oriented = if outward.dot(normal) < 0.0 { mapped * -1.0 } else { mapped };
+        let oriented = if outward.dot(normal) < 0.0 { -mapped } else { mapped };
         Some(lifted(oriented, normal, towards_viewer.try_normalize()?))
     });
     result.unwrap_or_else(|| {
@@ -55,7 +55,7 @@ pub(super) fn shading_normal(
 
 /// `v` or its opposite, whichever is on the side of `towards`.
 pub(super) fn facing(v: DVec3, towards: DVec3) -> DVec3 {
-    if v.dot(towards) < 0.0 { v * -1.0 } else { v }
+    if v.dot(towards) < 0.0 { -v } else { v }
 }
 
 /// The unit normal `outward`, perturbed by a normal map.
