@@ -1,6 +1,6 @@
 //! Bugs reported to other libraries, by number of the thread; our results are correct.
 //!
-//! `tests/EXTREMES.md` shows the results of Embree and `obvhs` on the same inputs if recorded with `--peers`. tinybvh is not tested,
+//! `benches/results/extremes.md` shows the results of Embree and `obvhs` on the same inputs if recorded with `--peers`. tinybvh is not tested,
 //! because it ends the process on a fatal error. parry is not tested, because `parry3d` would add more than a dozen dependencies
 //! for one row.
 

@@ -3,7 +3,7 @@
 //! Two references: exact arithmetic decides for every tracer what is certain wherever rounding may have moved a vertex; the loop
 //! over all triangles with the same kernel gives every bit of our answers. Only rays count that have a certain result or a hit,
 //! so a tracer that never hits breaks every promise. Not covered: rays at shared edges of closed meshes (`watertight`), large
-//! meshes (`tests/GRAZING.md`).
+//! meshes (`benches/results/grazing.md`).
 
 use canted_fixtures::{Grazing, Mesh, coplanar_quads, identical, outlier, scaffold_of, slivers, soup, thin_box};
 use canted_trace::{Hit, Ray, Watertight};
