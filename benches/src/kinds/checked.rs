@@ -6,7 +6,7 @@
 
 use canted_fixtures::{Mesh, kinds::RayKind};
 use canted_obb::Affine;
-use canted_tests::{brute, instances};
+use canted_tests::brute;
 use canted_trace::{Hit, Kernel, Ray, Watertight};
 use rayon::prelude::*;
 
@@ -168,7 +168,7 @@ impl Truth {
         }
         let transforms: Vec<Affine> = self.instances.iter().map(|&(_, transform)| transform).collect();
         let trace = |i: usize, ray: &Ray| brute::closest_hit::<Watertight>(&self.meshes[self.instances[i].0], ray);
-        instances::closest_hit(&transforms, ray, trace)
+        brute::closest_hit_of_instances(&transforms, ray, trace)
     }
 }
 

@@ -2,15 +2,20 @@
 
 use anyhow::Result;
 use canted_obb::Aabb;
-use canted_tests::{extremes::slab, fractions::BoxEntry};
+use canted_tests::{exact::BoxEntry, extremes::slab};
 use canted_trace::{Ray, ray_aabb, ray_obb};
 use obvhs::{aabb::Aabb as TheirAabb, ray::Ray as TheirRay};
 
-use super::contest::{self, Test, Tested};
-use super::device::Device;
-use super::{LEAST_ULPS, lanes};
-use crate::report::model::{Axis, Cell, Plot, Point, Series, Table};
-use crate::report::samples::{Samples, number};
+use super::{
+    LEAST_ULPS,
+    contest::{self, Test, Tested},
+    device::Device,
+    lanes,
+};
+use crate::report::{
+    model::{Axis, Cell, Plot, Point, Series, Table},
+    samples::{Samples, number},
+};
 
 /// Where a ray enters a box; `None` for a miss, NaN if the test does not report it.
 type Enters = fn(&slab::Pair) -> Option<f32>;

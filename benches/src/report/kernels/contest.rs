@@ -1,6 +1,6 @@
 //! Tests that run in turn, round by round, each on all pairs of a case, and the error of an answer compared with exact fractions.
 
-use canted_tests::fractions::Piercing;
+use canted_tests::exact::Piercing;
 
 use super::triangles::Pair;
 use crate::{

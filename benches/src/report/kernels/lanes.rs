@@ -254,7 +254,7 @@ fn unit(x: [f64; 3]) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
-    use canted_tests::fractions::intersects_box;
+    use canted_tests::exact::intersects_box;
 
     use super::*;
 
