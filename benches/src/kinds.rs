@@ -1,14 +1,12 @@
 //! The generated kinds of scenes: every preset compared with Embree, and its hits with a loop over all triangles.
 //!
 //! ```text
-//! kind, size, seed -> subject (model, rays) -> entries -> built -> alternate -> checked (loop) -> tables, JSON lines
+//! kind, size, seed -> subject (model, rays) -> entries -> built, traced in turn -> checked (loop) -> tables, JSON lines
 //! ```
 
 mod checked;
-mod record;
 mod subject;
 mod tables;
-mod truth;
 
 use std::io::Write;
 
@@ -33,7 +31,7 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
         let measured = one.install(|| subject.measure(options))?;
         let measured = measured.check(&subject);
-        record::add(&mut record, &measured, options.seed)?;
+        subject::add_record(&mut record, &measured, options.seed)?;
         std::io::stderr().write_all(tables::summary(&measured).as_bytes())?;
         tables.add(measured);
     }

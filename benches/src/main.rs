@@ -1,26 +1,22 @@
 //! `canted-bench`: compares ours with the peers in one interleaved run and prints Markdown.
 //!
-//! `cargo xtask bench` runs it and writes `benches/RESULTS.md`; `cargo xtask report` runs it to write the report.
+//! `cargo xtask bench` runs it, and with `--keep` records what it prints; `cargo xtask report` runs it to write the report.
 
 #![forbid(unsafe_code)]
 
-mod bias;
-mod build;
 mod clock;
 mod costs;
 mod device;
 mod extremes;
 mod interleave;
 mod kinds;
-mod load;
 mod models;
 mod motion;
-mod noise;
+mod nodes;
 mod options;
 mod picture;
+mod rays;
 mod report;
-mod textures;
-mod trace;
 mod watertight;
 mod wide;
 
@@ -45,42 +41,21 @@ fn main() -> Result<()> {
     if options.is_trial() {
         return wide::trial(&options);
     }
-    if options.is_peak() {
-        return load::print_peak(&options);
-    }
     let mut out = String::new();
     if let Some(choice) = &options.device {
         device::section(&mut out, choice, &options)?;
     }
-    if options.wants("load") {
-        load::section(&mut out, options.rounds)?;
-    }
-    if options.wants("build") {
-        build::section(&mut out, options.rounds)?;
-    }
     if options.wants("motion") {
         motion::section(&mut out, &options)?;
-    }
-    if options.wants("trace") {
-        trace::section(&mut out, options.rounds)?;
     }
     if options.wants("picture") {
         picture::section(&mut out)?;
     }
-    if options.wants("textures") {
-        textures::section(&mut out, options.rounds)?;
-    }
-    if options.wants("bias") {
-        bias::section(&mut out)?;
-    }
-    if options.wants("noise") {
-        noise::section(&mut out)?;
+    if options.wants("nodes") {
+        nodes::section(&mut out, &options)?;
     }
     if options.wants("wide") {
         wide::section(&mut out, &options)?;
-    }
-    if options.wants("growth") {
-        wide::growing(&mut out, &options)?;
     }
     if options.wants("kinds") {
         kinds::section(&mut out, &options)?;

@@ -4,11 +4,9 @@
 //! mesh, its vertices at two times -> BVHs -> refit or rebuild, all in turn -> tables
 //! ```
 
-mod builds;
-mod instances;
 mod pictures;
 mod policies;
-mod refits;
+mod updates;
 
 use std::fmt::Write;
 
@@ -42,9 +40,9 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
          (half spread), and processor time of all threads, which other processes do not affect.",
         options.rounds
     );
-    refits::table(out, options)?;
-    builds::table(out, options)?;
-    instances::table(out, options)?;
+    updates::refits(out, options)?;
+    updates::builds(out, options)?;
+    updates::instances(out, options)?;
     policies::table(out, options)?;
     pictures::table(out, options)
 }

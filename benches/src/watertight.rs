@@ -14,9 +14,7 @@ use std::{
 use anyhow::{Result, anyhow, ensure};
 use canted_fixtures::Mesh;
 use canted_tests::{
-    closed::{Closed, closed},
-    holes::closed_up,
-    leaks::{Found, Progress, placements, search},
+    closed::{Closed, Found, Progress, all_placements, closed, closed_up, search},
     tracers,
 };
 
@@ -49,7 +47,7 @@ pub(crate) fn run(mut args: impl Iterator<Item = String>) -> Result<()> {
         None => not_tried.push("the bunny, which is not in the folder of models".to_owned()),
     }
     let mut last_report = Instant::now();
-    let found = search(&meshes, &placements(), &methods, n_rays, &mut |progress| {
+    let found = search(&meshes, &all_placements(), &methods, n_rays, &mut |progress| {
         if last_report.elapsed() >= SILENCE {
             last_report = Instant::now();
             // A failed progress message does not stop the run.

@@ -1,4 +1,4 @@
-// What rough boundaries lose by multiple scattering, and what gives it back; twin of crates/renderer/src/bsdf/energy.rs.
+// What rough boundaries lose by multiple scattering, and what gives it back; twin of crates/renderer/src/bsdf/boundary.rs.
 
 // choice single
 // Single scattering: what facets lose is lost.

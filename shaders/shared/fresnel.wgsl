@@ -1,4 +1,4 @@
-// Reflectance of a smooth boundary; twin of crates/renderer/src/bsdf/fresnel.rs.
+// Reflectance of a smooth boundary; twin of crates/renderer/src/bsdf/microfacet.rs.
 
 /// Result of `refracted_cosine` for total internal reflection.
 const TOTAL: f32 = -1.0;

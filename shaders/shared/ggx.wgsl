@@ -1,4 +1,4 @@
-// GGX microfacets (Trowbridge and Reitz 1975) with Smith's height-correlated masking; twin of crates/renderer/src/bsdf/ggx.rs.
+// GGX microfacets (Trowbridge and Reitz 1975) with Smith's height-correlated masking; twin of crates/renderer/src/bsdf/microfacet.rs.
 //
 // Directions are unit vectors in the local frame. `outgoing` and facet normals have positive z.
 // use shared/numbers

@@ -12,11 +12,8 @@ mod twins_trace {
     mod models;
     mod moving;
     mod placed;
-    #[path = "../wide/setup.rs"]
-    #[expect(dead_code, reason = "only the configurations are used")]
-    mod setup;
     mod small;
     mod traversals;
 
-    pub(crate) use canted_tests::{device::gpu, judge as reference};
+    pub(crate) use canted_tests::{device::gpu, judge as reference, variants as setup};
 }

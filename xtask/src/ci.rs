@@ -216,7 +216,7 @@ fn dependencies() -> Result<End> {
 
 /// Runs each benchmark once, in the profile of the tests.
 fn benches() -> Result<End> {
-    succeeds(&mut cargo(&["test", "--workspace", "--bench", "stages", "--bench", "obj"])).map(End::of)
+    succeeds(&mut cargo(&["test", "--workspace", "--bench", "obj"])).map(End::of)
 }
 
 /// Builds and tests the window of `canted view`, where that is requested.

@@ -4,14 +4,14 @@
 //! Holds: all bits of a hit are compared. Three sets of rays enter the loop: evenly chosen ones, those on which our
 //! presets disagree, and those on which Embree disagrees with ours, where a lost hit is most likely.
 
-use canted_fixtures::kinds::RayKind;
-use canted_trace::{Hit, Ray};
+use canted_fixtures::{Mesh, kinds::RayKind};
+use canted_obb::Affine;
+use canted_tests::brute;
+use canted_trace::{Hit, Kernel, Ray, Watertight};
 use rayon::prelude::*;
 
-use super::{
-    subject::{Answers, Measured, Set, Subject},
-    truth::Truth,
-};
+use super::subject::{Answers, Measured, Set, Subject};
+use crate::models::Model;
 
 /// Triangles that the loop tests for each set of rays, about: a second of processor time.
 const BUDGET: usize = 40_000_000;
@@ -130,6 +130,45 @@ impl Answers {
             Self::Closest(hits) => format!("{:?}", hits[ray]),
             Self::Occluded(occluded) => format!("{:?}", occluded[ray]),
         }
+    }
+}
+
+type Records = Vec<<Watertight as Kernel>::Record>;
+
+/// The triangles of a model, for a loop. No box is tested; rays enter object space as `canted-tlas` documents it.
+struct Truth {
+    meshes: Vec<Records>,
+    /// The mesh and the transform of each instance; empty for one mesh in world space.
+    instances: Vec<(usize, Affine)>,
+    n_triangles: usize,
+}
+
+impl Truth {
+    fn new(model: &Model) -> Self {
+        let records = |mesh: &Mesh| brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
+        let Some(placed) = &model.placed else {
+            let meshes = vec![records(&model.mesh)];
+            return Self { n_triangles: meshes[0].len(), meshes, instances: vec![] };
+        };
+        let meshes: Vec<Records> = placed.meshes.iter().map(records).collect();
+        let instances: Vec<_> =
+            placed.instances.iter().map(|instance| (instance.blas as usize, instance.world_from_object)).collect();
+        Self { n_triangles: instances.iter().map(|&(mesh, _)| meshes[mesh].len()).sum(), meshes, instances }
+    }
+
+    /// Triangles that a loop tests.
+    fn n_triangles(&self) -> usize {
+        self.n_triangles
+    }
+
+    /// The closest hit, ties to the lowest (instance, primitive).
+    fn closest(&self, ray: &Ray) -> Option<Hit> {
+        if self.instances.is_empty() {
+            return brute::closest_hit::<Watertight>(&self.meshes[0], ray);
+        }
+        let transforms: Vec<Affine> = self.instances.iter().map(|&(_, transform)| transform).collect();
+        let trace = |i: usize, ray: &Ray| brute::closest_hit::<Watertight>(&self.meshes[self.instances[i].0], ray);
+        brute::closest_hit_of_instances(&transforms, ray, trace)
     }
 }
 

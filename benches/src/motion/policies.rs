@@ -9,7 +9,7 @@ use canted_fixtures::{Rotation, View};
 use canted_renderer::{Prepared, StructureConfig, Tracer, UpdateOptions, UpdatePolicy, Updates, prepare};
 use canted_trace::{Hit, Ray, Watertight};
 
-use crate::{clock, interleave::median, options::Options, trace};
+use crate::{clock, interleave::median, options::Options, rays};
 pub(super) use sequences::FPS;
 use sequences::Sequence;
 
@@ -131,5 +131,5 @@ fn rays(sequence: &Sequence, width: u32) -> Vec<Ray> {
         let away = [0.9, 0.7, 1.1];
         [std::array::from_fn(|k| center[k] + extent * away[k]), center]
     });
-    View { eye, target, fov_degrees: 50.0, rotation: Rotation::IDENTITY }.rays(width).iter().map(trace::ray).collect()
+    View { eye, target, fov_degrees: 50.0, rotation: Rotation::IDENTITY }.rays(width).iter().map(rays::ray).collect()
 }

@@ -79,17 +79,17 @@ mod tests {
     use super::*;
 
     fn read(args: &str) -> Result<Request> {
-        Request::read(args.split_whitespace().map(str::to_owned), &["boxes", "growth"])
+        Request::read(args.split_whitespace().map(str::to_owned), &["boxes", "kernels"])
     }
 
     #[test]
     fn options_are_read() {
-        let request = read("--quick growth --out there --commit abc").unwrap();
+        let request = read("--quick kernels --out there --commit abc").unwrap();
         assert_eq!(
             (request.effort, request.out.to_str(), &request.facts.commit[..]),
             (Effort::Quick, Some("there"), "abc")
         );
-        assert!(request.wants("growth") && !request.wants("boxes") && request.facts.is_quick);
+        assert!(request.wants("kernels") && !request.wants("boxes") && request.facts.is_quick);
         assert!(read("").unwrap().wants("boxes"));
     }
 

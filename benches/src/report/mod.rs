@@ -1,25 +1,16 @@
-//! One page that measures every trade-off of this project, `cargo xtask report`.
+//! One page with every choice of this project and its cost, `cargo xtask report`.
 //!
 //! ```text
-//! chapters (plots, tables, each number with its repetitions) -> index.html, report.json, report.md
+//! chapters (plots, tables, each number with its repetitions) -> report.md and its plots, report.json
 //! ```
 
 mod boxes;
-mod builds;
 mod effort;
-mod extremes;
-mod fits;
-mod growth;
-mod hierarchies;
 mod kernels;
-mod markdown;
 mod model;
-mod page;
-mod pictures;
-mod rotation;
+mod plot;
 pub(crate) mod samples;
 mod sources;
-mod subjects;
 mod unused;
 
 use std::{fs, io::Write as _, path::Path};
@@ -37,28 +28,25 @@ pub(crate) const REPORT: &str = "report";
 type Measure = fn(effort::Effort) -> Result<Chapter>;
 
 /// All chapters, in the order of the page.
-const CHAPTERS: [(&str, Measure); 9] = [
-    ("pictures", pictures::chapter),
+const CHAPTERS: [(&str, Measure); 4] = [
     ("boxes", boxes::chapter),
-    ("rotation", rotation::chapter),
     ("kernels", kernels::chapter),
-    ("hierarchies", hierarchies::chapter),
     ("sources", sources::chapter),
     ("left-out", unused::chapter),
-    ("growth", growth::chapter),
-    ("extremes", extremes::chapter),
 ];
 
-/// Measures the requested chapters and writes the three files.
+/// Measures the requested chapters and writes the files.
 pub(crate) fn run(args: impl Iterator<Item = String>) -> Result<()> {
     let request = Request::read(args, &CHAPTERS.map(|(name, _)| name))?;
     let (chapters, seconds) = time_all(|| measured(&request));
     let chapters = chapters?;
     let report = Report { is_complete: chapters.len() == CHAPTERS.len(), facts: request.facts, chapters, seconds };
     writeln!(std::io::stderr(), "{}: {}", report.kind(), report.took())?;
-    write(&request.out, "index.html", &page::page(&report)?)?;
+    for (number, plot) in report.chapters.iter().flat_map(|chapter| &chapter.plots).enumerate() {
+        write(&request.out, &plot::file(number), &plot::svg(plot))?;
+    }
     write(&request.out, "report.json", &serde_json::to_string(&report)?)?;
-    write(&request.out, "report.md", &markdown::markdown(&report))
+    write(&request.out, "report.md", &model::markdown(&report))
 }
 
 /// Measures every requested chapter.
@@ -77,7 +65,7 @@ fn measured(request: &Request) -> Result<Vec<Chapter>> {
 
 fn write(folder: &Path, name: &str, text: &str) -> Result<()> {
     let path = folder.join(name);
-    fs::create_dir_all(folder)
+    fs::create_dir_all(path.parent().unwrap_or(folder))
         .and_then(|()| fs::write(&path, text))
         .with_context(|| format!("cannot write {}", path.display()))
 }

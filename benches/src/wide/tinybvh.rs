@@ -13,11 +13,8 @@ use canted_obb::PrimId;
 use canted_trace::{Hit, InstanceId, Ray, Side};
 use tinybvh_rs::{INFINITE, Intersector, bvh, bvh8_cpu, mbvh};
 
-use super::{
-    engine::{Engine, Entry, Owner, Promise},
-    sets,
-};
-use crate::{models, options::Options};
+use super::engine::{Engine, Entry, Owner, Promise};
+use crate::{models, options::Options, rays};
 
 /// Primitives a leaf may hold in the wide layout.
 const MAX_LEAF: u32 = 4;
@@ -120,10 +117,10 @@ pub(crate) fn trial(options: &Options) -> Result<()> {
     for name in options.scenes(&[]) {
         let Some(model) = models::load(&name)? else { continue };
         let tiny = Tiny::build(&model.mesh)?;
-        let camera = sets::camera(&model, canted_fixtures::RESOLUTION);
+        let camera = rays::camera(&model, canted_fixtures::RESOLUTION);
         let mut hits = vec![None; camera.len()];
         tiny.closest(&camera, &mut hits);
-        for rays in sets::secondary(&model, &camera, &hits) {
+        for rays in rays::secondary(&model, &camera, &hits) {
             tiny.closest(&rays, &mut hits[..rays.len()]);
         }
     }

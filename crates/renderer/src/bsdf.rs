@@ -177,8 +177,8 @@ impl Bsdf {
     #[must_use]
     pub fn albedo(&self) -> [f32; 3] {
         if let Some(lobes) = &self.lobes {
-            let coat = lobes.dielectric(1.0, self.ior).map(|c| (1.0 - self.metallic) * self.specular * c);
-            return std::array::from_fn(|k| coat[k] + (1.0 - coat[k]) * self.base_color[k]);
+            let coat = (1.0 - self.metallic) * self.specular * Vec3::from(lobes.dielectric(1.0, self.ior));
+            return (coat + (1.0 - coat) * Vec3::from(self.base_color)).into();
         }
         let coat = (1.0 - self.metallic) * self.specular * fresnel(1.0, self.ior).unwrap_or(1.0);
         self.base_color.map(|c| coat + (1.0 - coat) * c)

@@ -2,11 +2,10 @@ use std::fmt;
 
 use canted_scene::{Camera, Lens, Projection};
 use canted_trace::Ray;
-
 use glam::DVec3;
 
-use crate::{Cone, narrow, wide};
 use crate::sampling::uniform_disk;
+use crate::{Cone, narrow, wide};
 
 /// A camera with an image size: maps image positions to world-space rays.
 ///
@@ -129,7 +128,7 @@ impl View {
         if !self.is_perspective {
             return Cone::of_pixel(pixel, 0.0, sample);
         }
-        let [x, y] = std::array::from_fn(|k| (position[k] - 0.5 * self.size[k]) * pixel);
+        let [x, y] = [0, 1].map(|k| (position[k] - 0.5 * self.size[k]) * pixel);
         // Image plane at distance 1: the solid angle of a pixel falls with the squared distance and the cosine.
         let cosine = 1.0 / (1.0 + x * x + y * y).sqrt();
         Cone::of_pixel(0.0, pixel * cosine * cosine.sqrt(), sample)

@@ -9,20 +9,15 @@
 //! From points inside its bounding box, an interior shows front faces nearly everywhere. A closed object shows back
 //! faces, and an open one shows mostly the background. A pipe or a vessel shows front faces inside and outside, and is an object.
 
-use glam::DVec3;
-use crate::wide;
-use crate::narrow;
 use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
 
 use canted_obb::{Aabb, PrimId};
 use canted_scene::{Camera, Scene};
-use canted_trace::{Hit, InstanceId, Ray, Side};
+use canted_trace::{Hit, InstanceId, Intersect, Ray, Side};
+use glam::DVec3;
 
-
-
-
-
+use crate::{narrow, wide};
 
 /// The direction from which objects are viewed.
 const THREE_QUARTERS: DVec3 = DVec3::new(1.0, 0.6, 0.8);
@@ -421,12 +416,12 @@ mod tests {
 
     #[test]
     fn y_up_changes_nothing_and_z_up_permutes() {
-        let point = [1.0, -2.5, 1e30];
+        let point = DVec3::new(1.0, -2.5, 1e30);
         for up in [[0.0, 3.0, 0.0], [0.0; 3]] {
             assert_eq!((Turn::of_up(up).to_world(point), Turn::of_up(up).to_local(point)), (point, point));
         }
         let z = Turn::of_up([0.0, 0.0, 1.0]);
-        assert_eq!(z.to_world([1.0, 2.0, 3.0]), [1.0, -3.0, 2.0]);
+        assert_eq!(z.to_world(DVec3::new(1.0, 2.0, 3.0)), DVec3::new(1.0, -3.0, 2.0));
         assert_eq!(z.to_local(z.to_world(point)), point);
     }
 

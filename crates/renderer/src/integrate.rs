@@ -1,14 +1,13 @@
 //! Integrators: radiance along camera rays.
 
 use canted_trace::{Hit, Intersect, Ray};
+use glam::Vec3;
 
-use crate::{AlphaTest, Cone, Sampler, Surfaces};
 use crate::light::{LightSampler, Lights};
+use crate::{AlphaTest, Cone, Sampler, Surfaces};
 
 mod hybrid;
 mod path;
-
-
 
 /// The data shared by all paths of an image.
 pub(crate) struct Transport<'a> {
@@ -101,15 +100,15 @@ struct Path<'a, W> {
 
 /// The radiance that a path has accumulated.
 struct PathRadiance {
-    radiance: [f32; 3],
+    radiance: Vec3,
     /// Factor of light at the next vertex.
-    throughput: [f32; 3],
+    throughput: Vec3,
     n_rays: u64,
 }
 
 impl PathRadiance {
-    fn add(&mut self, radiance: [f32; 3], weight: f32) {
-        self.radiance = std::array::from_fn(|k| self.radiance[k] + self.throughput[k] * radiance[k] * weight);
+    fn add(&mut self, radiance: impl Into<Vec3>, weight: f32) {
+        self.radiance += self.throughput * radiance.into() * weight;
     }
 }
 
@@ -128,7 +127,7 @@ impl<'a> Transport<'a> {
             ray: start.ray,
             cone: start.cone,
             hit,
-            accumulated: PathRadiance { radiance: [0.0; 3], throughput: [1.0; 3], n_rays: 1 },
+            accumulated: PathRadiance { radiance: Vec3::ZERO, throughput: Vec3::ONE, n_rays: 1 },
             state: W::default(),
         };
         let mut paths: Vec<Path<'a, W>> = camera_rays.map(begin).collect();
@@ -148,7 +147,7 @@ impl<'a> Transport<'a> {
                 *hit = self.bvh.closest_hit_with(ray, &mut query.keyed(1 + n));
             }
         }
-        let sample = |path: Path<'a, W>| Sample { radiance: path.accumulated.radiance, n_rays: path.accumulated.n_rays };
+        let sample = |path: Path<'a, W>| Sample { radiance: path.accumulated.radiance.into(), n_rays: path.accumulated.n_rays };
         paths.into_iter().map(sample).collect()
     }
 }

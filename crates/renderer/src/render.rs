@@ -2,21 +2,22 @@
 
 mod tiles;
 
-use std::fmt;
 use std::f64::consts::SQRT_2;
+use std::fmt;
 use std::ops::Range;
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
 use canted_film::{Film, FilterSampler, Sums, Tile};
 use canted_scene::{Camera, Scene};
+use canted_trace::Intersect;
 
-use crate::{AlphaTest, CameraError, Integrator, LightSampler, Lights, Sampler, Settings, Surfaces, View};
 use crate::integrate::{Method, Transport};
+use crate::{AlphaTest, CameraError, Integrator, LightSampler, Lights, Sampler, Settings, Surfaces, View};
 use tiles::TileRenderer;
-pub(crate) use tiles::{RenderTiles, Schedule, sample_offset};
 #[cfg(feature = "gpu")]
 pub(crate) use tiles::Worker;
+pub(crate) use tiles::{RenderTiles, Schedule, sample_offset};
 
 /// Callbacks of a render, called from any thread, and a flag that cancels it.
 #[derive(Clone, Copy)]

@@ -1,7 +1,3 @@
-
-
-
-
 /// Distribution of the samples of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Pattern {

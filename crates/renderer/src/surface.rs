@@ -1,25 +1,18 @@
-use glam::DVec3;
-use crate::wide;
-use crate::narrow;
+mod hit_triangle;
+mod shading_normal;
+
 use std::hint::black_box;
 
 use canted_obb::Aabb;
 use canted_scene::{AlphaMode, Material, MaterialId, Mesh, Scene, TextureRef};
 use canted_trace::{Hit, InstanceId, Ray, SurfacePoint};
+use glam::DVec3;
 
-use crate::{Bsdf, Cone, Lod};
-use hit_triangle::Placement;
 use crate::alpha::alpha_threshold;
-use crate::texture::{filtered_textures, MipMaps, Plane, Textures};
-use hit_triangle::{HitTriangle, PlacedTriangle};
-use shading_normal::{anisotropy, lobes};
-use shading_normal::{facing, shading_normal};
-use hit_triangle::TextureLookup;
-
-mod hit_triangle;
-mod shading_normal;
-
-
+use crate::texture::{MipMaps, Plane, Textures, filtered_textures};
+use crate::{Bsdf, Cone, Lod, narrow, wide};
+use hit_triangle::{HitTriangle, PlacedTriangle, Placement, TextureLookup};
+use shading_normal::{anisotropy, facing, lobes, shading_normal};
 
 /// A surface point, ready for shading. World space; colors linear RGB.
 #[derive(Clone, Copy, Debug)]
@@ -170,7 +163,8 @@ impl<'a> Surfaces<'a> {
         let towards_viewer = -direction;
         let winding = placed.winding;
         // A triangle that was hit has an area; otherwise the direction to the viewer is a safe fallback.
-        let normal = winding.try_normalize()
+        let normal = winding
+            .try_normalize()
             .map(|n| facing(n, towards_viewer))
             .or_else(|| towards_viewer.try_normalize())
             .unwrap_or(DVec3::Z);

@@ -5,20 +5,16 @@
 //! ray cone, triangle       -> footprint (an ellipse) -> lookup in the mip_map -> values in 0..=1
 //! ```
 
-use glam::DVec3;
+mod mip_map;
+
 use std::sync::Arc;
 
 use canted_scene::{Material, Scene, Texture, TextureId, TextureRef};
+use glam::DVec3;
 use rayon::prelude::*;
 
-use mip_map::Reduced;
 pub(crate) use mip_map::MipMap;
-
-mod mip_map;
-
-
-
-
+use mip_map::Reduced;
 
 /// Texture filtering.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
@@ -249,7 +245,9 @@ impl Footprint {
 
     /// The ellipse in which a narrow cone intersects the plane (Akenine-Möller et al. 2021).
     fn ellipse(cone: &Cone, direction: DVec3, plane: &Plane, along: [[f64; 2]; 2], size: [f64; 2]) -> Self {
-        let (Some(normal), Some(direction)) = (plane.normal.try_normalize(), direction.try_normalize()) else { return Self::POINT };
+        let (Some(normal), Some(direction)) = (plane.normal.try_normalize(), direction.try_normalize()) else {
+            return Self::POINT;
+        };
         let cosine = normal.dot(direction);
         let down = direction - normal * cosine;
         // The longer axis is along the projected ray; at normal incidence all axes are equal.
@@ -352,12 +350,12 @@ mod tests {
 
     /// A plane with one texture repeat per unit, rotated around the x axis.
     fn tilted(tilt_rad: f64) -> Plane {
-        plane([[1.0, 0.0, 0.0], [0.0, tilt_rad.cos(), tilt_rad.sin()]])
+        plane([DVec3::X, DVec3::new(0.0, tilt_rad.cos(), tilt_rad.sin())])
     }
 
     const UNIT: [[f64; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
     const SIZE: [f64; 2] = [1024.0, 1024.0];
-    const DOWN: DVec3 = [0.0, 0.0, -2.0];
+    const DOWN: DVec3 = DVec3::new(0.0, 0.0, -2.0);
 
     fn at(lod: Lod, width: f64, tilt_rad: f64) -> Footprint {
         let cone = Cone::of_pixel(width, 0.0, 0);
@@ -395,7 +393,7 @@ mod tests {
             let footprint = Footprint::new(lod, &cone(0.5), DOWN, &small, UNIT, SIZE);
             let large = plane(small.edges.map(|e| e * 1024.0));
             assert_eq!(footprint, Footprint::new(lod, &cone(512.0), DOWN, &large, UNIT, SIZE));
-            let behind = Footprint::new(lod, &cone(0.5), [0.0, 0.0, 2.0], &small, UNIT, SIZE);
+            let behind = Footprint::new(lod, &cone(0.5), -DOWN, &small, UNIT, SIZE);
             assert_eq!((footprint.level, footprint.n_probes), (behind.level, behind.n_probes));
         }
     }

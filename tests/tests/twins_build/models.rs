@@ -3,7 +3,7 @@
 use canted_fixtures::Mesh;
 use canted_gpu::build::STRATEGIES;
 use canted_lbvh::Bits;
-use canted_tests::models::models;
+use canted_tests::scenes::models;
 
 use crate::{
     compare::assert_equal,

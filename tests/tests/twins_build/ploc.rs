@@ -1,15 +1,19 @@
 //! Trees of locally-ordered clustering compared with the CPU's.
 
 use canted_fixtures::{Mesh, soup};
-use canted_gpu::Gpu;
-use canted_gpu::build::{BuildConfig, Built, Run, Topology};
+use canted_gpu::{
+    Gpu,
+    build::{BuildConfig, Built, Run, Topology},
+};
 use canted_lbvh::Bits;
 use canted_obb::Aabb;
 use canted_sah::{PlocConfig, ploc};
-use canted_tests::models::models;
+use canted_tests::scenes::models;
 
-use crate::compare::end_to_end;
-use crate::setup::{Twin, gpu, items, large, meshes, needles, twins};
+use crate::{
+    compare::end_to_end,
+    setup::{Twin, gpu, items, large, meshes, needles, twins},
+};
 
 /// The CPU's clustered trees.
 fn clustered(meshes: &[Mesh]) -> Vec<Twin> {

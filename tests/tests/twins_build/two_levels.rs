@@ -9,7 +9,7 @@ use canted_lbvh::{Bits, Strategy};
 use canted_obb::{Affine, Obb};
 use canted_tests::{
     exact::{contains, contains_box},
-    transforms::crowd,
+    scenes::crowd,
 };
 use canted_tlas::Instance;
 

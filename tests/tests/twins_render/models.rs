@@ -2,10 +2,12 @@
 
 use canted_renderer::{Integrator, Levels, Settings};
 use canted_scene::{Light, Scene};
-use canted_tests::models::models;
+use canted_tests::scenes::models;
 
-use super::compared::{compared, frame_of};
-use super::gpu;
+use super::{
+    compared::{compared, frame_of},
+    gpu,
+};
 
 /// Files in the folder of models, and the greatest share of diverging pixels: leaves and thin textured cloth split many paths.
 const FILES: [(&str, f64); 4] = [

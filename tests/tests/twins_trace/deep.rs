@@ -4,13 +4,15 @@ use canted_fixtures::Mesh;
 use canted_gpu::{Gpu, GpuError, Outcome, TracedScene, Traversal};
 use canted_lbvh::triangle_corners;
 use canted_obb::Affine;
-use canted_tests::chains::chain;
+use canted_tests::scenes::chain;
 use canted_tlas::Instance;
 use canted_trace::{Ray, Watertight};
 use canted_wide::{NodeKind, TriangleBvh};
 
-use super::gpu;
-use super::setup::{loop_over_all, of_one_kind};
+use super::{
+    gpu,
+    setup::{loop_over_all, of_one_kind},
+};
 
 /// Sectors of the unit square around its corner: a triangle fills most of one, and its box covers those below too.
 const SECTORS: u16 = 16;

@@ -3,16 +3,18 @@
 use canted_obb::Affine;
 use canted_tests::{
     closed::{baked, placements},
-    rays, scenes,
-    transforms::transforms,
+    rays,
+    scenes::{self, transforms},
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{Ray, Watertight};
 use canted_wide::TriangleBvh;
 
-use super::gpu;
-use super::reference::{Tally, World, error_of_instance};
-use super::setup::{build, few_variants};
+use super::{
+    gpu,
+    reference::{Tally, World, error_of_instance},
+    setup::{build, few_variants},
+};
 
 #[test]
 fn rays_through_instances_lose_no_hit() {

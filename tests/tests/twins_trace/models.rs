@@ -5,11 +5,13 @@ use std::path::Path;
 use canted_fixtures::Mesh;
 use canted_gpu::Gpu;
 use canted_renderer::{Levels, Prepared, StructureConfig, Tracer, flatten, prepare, traced_scene};
-use canted_tests::{models::models, rays};
+use canted_tests::{rays, scenes::models};
 use canted_trace::{Ray, Watertight};
 
-use super::gpu;
-use super::reference::{Tally, World, error_of_instance, error_of_one_level};
+use super::{
+    gpu,
+    reference::{Tally, World, error_of_instance, error_of_one_level},
+};
 
 fn reach(positions: &[[f32; 3]]) -> f64 {
     positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs()))

@@ -4,17 +4,19 @@ use canted_fixtures::{Mesh, SplitMix64};
 use canted_gpu::{DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Outcome, Specialisation, TracedScene};
 use canted_obb::Affine;
 use canted_tests::{
+    brute::At,
     closed::{baked, placements},
-    instances::At,
     rays, scenes,
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{Ray, ScaledRay, Watertight};
 use canted_wide::TriangleBvh;
 
-use super::gpu;
-use super::reference::{Tally, World, error_of_instance};
-use super::setup::{build, few_variants};
+use super::{
+    gpu,
+    reference::{Tally, World, error_of_instance},
+    setup::{build, few_variants},
+};
 
 /// The end transform of an instance that rotates about z, grows and is shifted while the shutter is open.
 #[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]

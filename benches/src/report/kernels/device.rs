@@ -5,10 +5,10 @@ use canted_gpu::{AdapterKind, Choice, DeviceRay, Gpu, Specialisation, TracedScen
 use canted_trace::{Ray, ScaledRay, Watertight};
 use canted_wide::TriangleBvh;
 
-use super::super::{effort::Effort, samples::Samples};
-use super::accuracy::Answer;
+use super::contest::Answer;
 use super::contest::Tested;
-use super::nodes::LANES;
+use super::lanes::LANES;
+use crate::report::{effort::Effort, samples::Samples};
 
 /// The miss marker of the kernels.
 const NONE: u32 = u32::MAX;
@@ -126,8 +126,8 @@ impl Device {
 mod tests {
     use canted_trace::Ray;
 
-    use super::super::{lanes, nodes};
     use super::*;
+    use crate::report::kernels::lanes;
 
     /// A device whose dispatches contain every ray several times.
     fn device(test: &str) -> Option<Device> {
@@ -164,7 +164,7 @@ mod tests {
     fn a_device_tests_each_ray_with_its_own_boxes() {
         let Some(device) = device("a_device_tests_each_ray_with_its_own_boxes") else { return };
         let boxes = LOW.map(|x| canted_obb::Aabb { min: [x, 0.0, 1.0 + x], max: [x + 1.0, 1.0, 2.0 + x] });
-        let trees = nodes::of_equal(&boxes).unwrap();
+        let trees = lanes::of_equal(&boxes).unwrap();
         let Tested { answers, .. } = device.boxes(&trees, &rays(), 1).unwrap();
         for (i, answer) in answers.iter().enumerate() {
             let wanted = 2.0 + 2.0 * LOW[i];

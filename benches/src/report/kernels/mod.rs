@@ -1,12 +1,9 @@
 //! Kernels: errors of `t`, `u`, `v` and wrong answers compared with exact fractions, and the cost of a test.
 
-mod accuracy;
 mod boxes;
 mod contest;
 mod device;
 mod lanes;
-mod nodes;
-mod passing;
 mod triangles;
 
 use anyhow::Result;

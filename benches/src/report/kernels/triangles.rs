@@ -6,13 +6,13 @@ use canted_tests::extremes::triangle::cases;
 use canted_trace::{BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, Watertight};
 use obvhs::{ray::Ray as TheirRay, triangle::Triangle};
 
-use super::super::effort::Effort;
-use super::super::model::{Axis, Cell, Plot, Point, Series, Table};
-use super::super::samples::{Samples, number};
-use super::accuracy::{Accuracy, Answer, ExactHit};
 use super::contest::{self, Test, Tested};
+use super::contest::{Accuracy, Answer, ExactHit};
 use super::device::Device;
 use super::{LEAST_ULPS, lanes};
+use crate::report::effort::Effort;
+use crate::report::model::{Axis, Cell, Plot, Point, Series, Table};
+use crate::report::samples::{Samples, number};
 
 /// Tests all pairs in a row, with prepared data as in a BVH.
 type Run = Box<dyn Fn() -> Vec<Answer>>;

@@ -27,7 +27,7 @@ pub(super) const FORCINGS: [Forcing; 8] = [
 
 /// Features that are not forced in here, and why.
 pub(super) const NOT_FORCED: [(&str, &str); 2] = [
-    ("oriented nodes", "the table of BVHs forces them in"),
+    ("oriented nodes", "`cargo xtask bench nodes` forces them in"),
     ("listed lights", "a light with power would change the picture, and one without power is never sampled"),
 ];
 

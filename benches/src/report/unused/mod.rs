@@ -1,25 +1,25 @@
 //! Unused features: features that a scene does not need, forced in, and what each would cost.
 
-mod bindings;
 mod forcings;
-mod trees;
 
 use std::sync::atomic::AtomicBool;
 
 use anyhow::Result;
 use canted_film::Film;
-use canted_renderer::{Integrator, Pattern, Prepared, Settings, StructureConfig, frame, prepare, render};
+use canted_gpu::{Choice, Gpu};
+use canted_renderer::{
+    DevicePicture, Integrator, Monitor, Pattern, Prepared, Settings, StructureConfig, Surfaces, frame, prepare, render,
+};
 use canted_scene::{Camera, Mesh, Scene};
 use canted_trace::Watertight;
-
 use forcings::{FORCINGS, Forcing, NOT_FORCED, one_light, plain};
 
-use super::effort::Effort;
-use super::model::{Axis, Cell, Chapter, Plot, Point, Series, Table};
-use super::samples::{Samples, number};
-use super::subjects;
-use crate::clock;
-use crate::models;
+use super::{
+    effort::Effort,
+    model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
+    samples::{Samples, number},
+};
+use crate::{clock, models};
 
 /// A scene as it is, or with a feature forced in.
 struct Variant {
@@ -45,7 +45,7 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     let mut scenes = vec![("built-in", canted_scene::builtin()), ("terrain under a sun alone", one_light())];
     for name in effort.pick(&[][..], &["bunny"], &["bunny", "truss", SPONZA]) {
         let scene = match *name {
-            SPONZA => subjects::lit_sponza()?,
+            SPONZA => crate::picture::sponza()?,
             name => models::load(name)?.map(|model| plain(model.mesh.positions, model.mesh.triangles)),
         };
         match scene {
@@ -59,14 +59,13 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     }
     says.push(over_scenes(&savings));
     says.extend(savings.iter().map(|(name, features)| sentence(name, features)));
-    says.extend(trees::add(&mut chapter, effort)?);
     chapter.set_sentences(says);
     chapter.method = METHOD.map(str::to_owned).to_vec();
     Ok(chapter)
 }
 
-const METHOD: [&str; 4] = [
-    "Sponza has its textures and masks and the lights of the chapter on pictures; bunny and truss are grey meshes under a sun and a \
+const METHOD: [&str; 3] = [
+    "Sponza has its textures and masks and a sun and a sky; bunny and truss are grey meshes under a sun and a \
      sky; the terrain is grey under a sun and a black sky, because only a scene with one light needs no light selection. Each scene \
      is rendered as it is and with one feature forced in, in turn: a top-level BVH; instances that move by one unit in the last \
      place, which also need a top-level BVH; a white texture on every material; unused texture coordinates; masks that are fully \
@@ -74,8 +73,6 @@ const METHOD: [&str; 4] = [
      processor seconds of all threads of the path integrator; bytes are those of the structure and the scene's arrays.",
     "On a device, if one is available, the same features are counted as bindings of the picture's kernel with their bytes, and \
      measured in wall time, which other work slows down on a software driver.",
-    "WideBvh (balanced) is traced on one thread in turn: as built, with oriented nodes at a tenth of their cost so that they are \
-     chosen everywhere, without oriented nodes, and with a counter of box and triangle tests.",
     "Some features change rounding and therefore bits: a top-level BVH transforms rays into each mesh's space, normals are \
      interpolated, and more lights use other random numbers.",
 ];
@@ -153,7 +150,7 @@ fn add(chapter: &mut Chapter, name: &str, scene: &Scene, effort: Effort) -> Resu
         }
     }
     plot(chapter, &format!("{name}, {width} x {height}"), &costs);
-    bindings::add(chapter, name, &variants, &camera, effort)?;
+    add_bindings(chapter, name, &variants, &camera, effort)?;
     let saving = |cost: &Cost| {
         let ratio = cost.seconds.over(&plain.seconds);
         let n_bytes = more(cost.n_bytes, plain.n_bytes);
@@ -259,6 +256,77 @@ fn n_bytes(scene: &Scene) -> usize {
     };
     let of_textures = scene.textures.iter().map(|texture| size_of_val(&texture.texels[..])).sum::<usize>();
     scene.meshes.iter().map(of_mesh).sum::<usize>() + of_textures
+}
+
+/// Adds the bindings of each feature, or the reason why no adapter opens.
+fn add_bindings(
+    chapter: &mut Chapter,
+    name: &str,
+    variants: &[Variant],
+    camera: &Camera,
+    effort: Effort,
+) -> Result<()> {
+    let gpu = match Gpu::open(&Choice::Best) {
+        Ok(gpu) => gpu,
+        Err(error) => {
+            chapter.skipped.push(format!("{name}, bindings on a device: {error}."));
+            return Ok(());
+        }
+    };
+    let settings = settings(effort.pick([8, 8], [32, 18], [64, 36]), 1);
+    let surfaces: Vec<Surfaces<'_>> =
+        variants.iter().map(|variant| Surfaces::with_lod(&variant.scene, settings.lod)).collect();
+    let mut pictures = vec![];
+    for (variant, surfaces) in variants.iter().zip(&surfaces) {
+        match DevicePicture::new(&gpu, surfaces, &variant.prepared.structure, camera, &settings) {
+            Ok(picture) => pictures.push((variant.what, picture)),
+            Err(error) => chapter.skipped.push(format!("{name}, {} on a device: {error}.", variant.what)),
+        }
+    }
+    let mut ms: Vec<Vec<f64>> = vec![vec![]; pictures.len()];
+    // The driver compiles in round 0.
+    for round in 0..=effort.pick(2, 5, 11) {
+        for ((_, picture), ms) in pictures.iter().zip(&mut ms) {
+            let monitor = Monitor { progress: &|_, _| {}, finished: &|_| {}, cancel: &AtomicBool::new(false) };
+            let (film, took) = clock::time(|| picture.render(vec![], &monitor));
+            film?;
+            if round > 0 {
+                ms.push(took.wall * 1e3);
+            }
+        }
+    }
+    let title = format!("{name}: bindings of the picture's kernel on {} ({})", gpu.info().name, gpu.info().kind);
+    let mut table = Table::new(
+        title,
+        &[
+            "feature",
+            "bindings",
+            "bytes",
+            "additional bytes",
+            "not in the plain scene",
+            "picture",
+            "over the plain scene",
+        ],
+    );
+    let ms: Vec<Samples> = ms.into_iter().map(Samples::from).collect();
+    let Some(bare) = pictures.first().map(|(_, picture)| picture.buffers()) else { return Ok(()) };
+    let sum = |buffers: &[(&str, u64)]| buffers.iter().map(|(_, n_bytes)| n_bytes).sum::<u64>();
+    for (i, ((what, picture), ms_of_one)) in pictures.iter().zip(&ms).enumerate() {
+        let buffers = picture.buffers();
+        let is_new = |name: &&str| bare.iter().all(|(known, _)| known != name);
+        let new: Vec<&str> = buffers.iter().map(|(name, _)| *name).filter(is_new).collect();
+        table.rows.push(vec![
+            Cell::text(*what),
+            Cell::text(buffers.len().to_string()),
+            Cell::text(sum(&buffers).to_string()),
+            Cell::text(format!("{:+}", more(sum(&buffers), sum(&bare)))),
+            Cell::text(if new.is_empty() { "–".to_owned() } else { new.join(", ") }),
+            Cell::measured(ms_of_one.clone(), "ms"),
+            Cell::text(if i == 0 { "–".to_owned() } else { over(ms_of_one, &ms[0]) }),
+        ]);
+    }
+    chapter.tables.push(table);
+    Ok(())
 }
 
 #[cfg(test)]

@@ -4,9 +4,9 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use crate::sampling::cosine_hemisphere;
-use super::{Bsdf, BsdfSample, Evaluation, Lobes, MIN_COSINE, Scatterer};
 use super::microfacet::{Ggx, fresnel, mean, mean_fresnel_below, reflect, refracted_cosine, schlick, unit};
+use super::{Bsdf, BsdfSample, Evaluation, Lobes, MIN_COSINE, Scatterer};
+use crate::sampling::cosine_hemisphere;
 
 /// The minimum difference of `eta` from 1 at which a rough boundary refracts; below, light passes straight.
 ///
@@ -130,7 +130,7 @@ impl<'a> Boundary<'a> {
         let Some(facets) = self.facets else { return diffuse };
         let coat_reflectance = self.mirrored(facets, incident, |facet| (facet.reflected, facet.reflection_probability));
         Evaluation {
-            value: std::array::from_fn(|k| diffuse.value[k] + coat_reflectance.value[k]),
+            value: (Vec3::from(diffuse.value) + Vec3::from(coat_reflectance.value)).into(),
             density: diffuse.density + coat_reflectance.density,
         }
     }
@@ -141,7 +141,9 @@ impl<'a> Boundary<'a> {
             Some(facets) if self.bsdf.transmission > 0.0 => {
                 let Vec3 { x, y, z } = incident;
                 if self.bsdf.thin_walled {
-                    self.mirrored(facets, Vec3::new(x, y, -z), |facet| (facet.transmitted, 1.0 - facet.reflection_probability))
+                    self.mirrored(facets, Vec3::new(x, y, -z), |facet| {
+                        (facet.transmitted, 1.0 - facet.reflection_probability)
+                    })
                 } else {
                     self.refracted(facets, incident)
                 }
@@ -300,11 +302,7 @@ impl<'a> Boundary<'a> {
 
     /// Mean of the reflectance of the coat over the hemisphere, for `specular` 1.
     fn mean_reflectance(&self) -> f32 {
-        if self.compensates {
-            mean_coat(self.roughness, self.eta)
-        } else {
-            mean_fresnel_below(self.eta)
-        }
+        if self.compensates { mean_coat(self.roughness, self.eta) } else { mean_fresnel_below(self.eta) }
     }
 
     /// Reflectance of the dielectric coat, the largest of all channels. Total internal reflection does not depend on `specular`.

@@ -5,9 +5,9 @@ use std::sync::LazyLock;
 
 use glam::Vec3;
 
-use super::{Bsdf, BsdfSample, Evaluation, MIN_COSINE, Scatterer};
 use super::boundary::{Boundary, Choice};
 use super::microfacet::{fresnel, mean, refracted_cosine, schlick, unit};
+use super::{Bsdf, BsdfSample, Evaluation, MIN_COSINE, Scatterer};
 
 /// Layers seen from one direction.
 pub(super) struct Layers<'a> {
@@ -61,7 +61,7 @@ impl Scatterer for Layers<'_> {
         let [of_fibers, of_coat, of_base] = self.probabilities;
         let mut total = Evaluation::default();
         let mut add = |part: Evaluation, factor: f32, probability: f32| {
-            total.value = std::array::from_fn(|k| total.value[k] + factor * part.value[k]);
+            total.value = (Vec3::from(total.value) + factor * Vec3::from(part.value)).into();
             total.density += probability * part.density;
         };
         add(self.base.evaluate(incident), to_base, of_base);
@@ -185,7 +185,8 @@ impl Lobes {
             return plain;
         }
         let film = film_reflectance(self.iridescence_ior, cosine, self.iridescence_thickness, normal);
-        std::array::from_fn(|k| plain[k] + self.iridescence * (film[k] - plain[k]))
+        let (film, plain) = (Vec3::from(film), Vec3::from(plain));
+        (plain + self.iridescence * (film - plain)).into()
     }
 }
 

@@ -195,7 +195,7 @@ mod tests {
         for eta in [1.0001, 1.33, 1.5, 2.4, 1.0 / 1.5, 1.0 / 2.4] {
             for degree in 1..90 {
                 let angle = f64::from(degree).to_radians();
-                let got = dielectric(angle.cos() as f32, eta as f32).unwrap_or(1.0);
+                let got = fresnel(angle.cos() as f32, eta as f32).unwrap_or(1.0);
                 // The reflectance is steepest near the horizon and the critical angle: at whole degrees it amplifies an
                 // error of the cosine or of eta by at most 200.
                 let want = by_angles(angle, f64::from(eta as f32));
@@ -205,8 +205,8 @@ mod tests {
                 );
             }
         }
-        assert_eq!(dielectric(0.7, 1.0), Some(0.0));
-        assert_eq!((dielectric(0.0, 1.5), dielectric(0.1, 1.0 / 1.5)), (Some(1.0), None));
+        assert_eq!(fresnel(0.7, 1.0), Some(0.0));
+        assert_eq!((fresnel(0.0, 1.5), fresnel(0.1, 1.0 / 1.5)), (Some(1.0), None));
         assert_eq!((schlick(1.0, 0.25), schlick(0.0, 0.25)), (0.25, 1.0));
     }
 
@@ -215,9 +215,9 @@ mod tests {
         const STEPS: u32 = 10_000;
         let at = |i: u32| ((f64::from(i) + 0.5) / f64::from(STEPS)).sqrt() as f32;
         for eta in [1.0001, 1.001, 1.01, 1.02, 1.05, 1.1, 1.2, 1.33, 1.5, 2.0, 2.4, 3.0, 4.0] {
-            let reflectance = |i| dielectric(at(i), eta).map_or(1.0, f64::from);
+            let reflectance = |i| fresnel(at(i), eta).map_or(1.0, f64::from);
             let mean = (0..STEPS).map(reflectance).sum::<f64>() / f64::from(STEPS);
-            let below = f64::from(mean_below(eta));
+            let below = f64::from(mean_fresnel_below(eta));
             assert!(below < mean && mean - below < 0.012, "{eta}: {below} for {mean}");
         }
     }

@@ -33,17 +33,15 @@
 //! sample exceeds 1. Proof by induction from the end of the path: the ray of the last vertex returns 1 or
 //! `1 - exp(-t/r) <= 1`; any earlier ray returns 1 on a miss, else the next vertex's albedo times at most 1.
 
-use crate::wide;
-use crate::narrow;
-use glam::DVec3;
 use std::f64::consts::PI;
 
 use canted_trace::{Hit, Intersect, Ray};
+use glam::{DVec3, Vec3};
 
-use crate::{AlphaTest, Surface};
-use crate::light::{IncomingLight, LightId, Lights};
-use crate::sampling::{cosine_density, cosine_hemisphere, Basis};
 use super::{Path, Sample, Start, Transport};
+use crate::light::{IncomingLight, LightId, Lights};
+use crate::sampling::{Basis, cosine_density, cosine_hemisphere};
+use crate::{AlphaTest, Surface, narrow, wide};
 
 /// Sampler dimensions: the position in the pixel first, then one per bounce.
 const FIRST_BOUNCE: u32 = 1;
@@ -85,7 +83,7 @@ impl Transport<'_> {
         accumulated.n_rays += n_shadow_rays;
 
         // The weight of a cosine-sampled direction is the albedo.
-        accumulated.throughput = std::array::from_fn(|k| accumulated.throughput[k] * surface.bsdf.base_color[k]);
+        accumulated.throughput *= Vec3::from(surface.bsdf.base_color);
         let local = cosine_hemisphere(self.sampler.pair(*pixel, *sample, FIRST_BOUNCE + n));
         let direction = Basis::about(narrow(surface.shading_normal.into())).direction(local);
         *ray = surface.spawn_ray(surface.mirror_outward(direction));
@@ -121,8 +119,8 @@ pub(crate) fn direct(
     query: AlphaTest,
     surface: &Surface,
     square: impl Fn(u32) -> [f32; 2],
-) -> ([f32; 3], u64) {
-    let mut radiance = [0.0; 3];
+) -> (Vec3, u64) {
+    let mut radiance = Vec3::ZERO;
     let mut n_rays = 0;
     for (index, light) in (0..).zip(lights.list()) {
         let Some(incoming) = IncomingLight::of(light, surface, || square(index)) else { continue };
@@ -136,8 +134,8 @@ pub(crate) fn direct(
                 continue;
             }
         }
-        let reflected = narrow(incoming.radiance * (cosine / PI));
-        radiance = std::array::from_fn(|k| radiance[k] + surface.bsdf.base_color[k] * reflected[k]);
+        let reflected = (incoming.radiance * (cosine / PI)).as_vec3();
+        radiance += Vec3::from(surface.bsdf.base_color) * reflected;
     }
     (radiance, n_rays)
 }

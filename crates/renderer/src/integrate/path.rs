@@ -10,16 +10,14 @@
 //! triangle. Light from a direction is then scattered for that direction and for the one folded onto it, so that no
 //! energy is lost and none leaks through the back of a triangle. Sampling and evaluation fold in the same way.
 
-use crate::wide;
-use crate::narrow;
-use glam::DVec3;
 use canted_trace::{Hit, Ray};
+use glam::{DVec3, Vec3};
 
-use crate::{AlphaTest, Surface};
+use super::{Path, PathRadiance, Sample, Start, Transport};
 use crate::bsdf::{Bsdf, Evaluation};
 use crate::light::{LightId, LightSampler};
 use crate::sampling::Basis;
-use super::{Path, PathRadiance, Sample, Start, Transport};
+use crate::{AlphaTest, Surface, narrow, wide};
 
 /// Sampler dimensions at each vertex, after the position in the pixel.
 #[derive(Clone, Copy)]
@@ -86,7 +84,9 @@ impl Vertex {
         let faces = DVec3::from(surface.shading_normal).dot(wide(viewer)) > 0.0;
         let normal = if faces { surface.shading_normal } else { surface.normal };
         let basis = Basis::about(narrow(normal.into()));
-        if let Some((lobes, along)) = surface.bsdf.lobes.as_mut().zip(along.and_then(|along| DVec3::from(along).try_normalize())) {
+        if let Some((lobes, along)) =
+            surface.bsdf.lobes.as_mut().zip(along.and_then(|along| DVec3::from(along).try_normalize()))
+        {
             let [x, y, _] = basis.coordinates(narrow(along));
             let length = x.hypot(y);
             if length > 0.0 {
@@ -117,7 +117,7 @@ impl Vertex {
         // A direction is kept if triangle and frame agree on its side, else it is folded.
         for local in [incident, folded].into_iter().filter(|local| f64::from(local[2]) * height > 0.0) {
             let Evaluation { value, density } = self.bsdf().evaluate(self.outgoing, local);
-            total.value = std::array::from_fn(|k| total.value[k] + value[k]);
+            total.value = (Vec3::from(total.value) + Vec3::from(value)).into();
             total.density += density;
         }
         total
@@ -176,8 +176,7 @@ impl Transport<'_> {
         if let Some(lobes) = surface.bsdf.lobes.filter(|_| surface.bsdf.is_inside) {
             // Beer's law along the way through the solid.
             let way = (f64::from(hit.t) * wide(ray.direction).length()) as f32;
-            accumulated.throughput =
-                std::array::from_fn(|k| accumulated.throughput[k] * (-lobes.absorption[k] * way).exp());
+            accumulated.throughput *= (-Vec3::from(lobes.absorption) * way).exp();
         }
         if surface.emission != [0.0; 3] {
             accumulated.add(surface.emission, mis_weight(LightId::of_hit(&hit)));
@@ -223,7 +222,7 @@ impl Transport<'_> {
         }
         // BSDF sampling never finds delta lights.
         let mis_weight = if light.is_delta { 1.0 } else { weight(light.density, density) };
-        accumulated.add(std::array::from_fn(|k| value[k] * light.radiance[k]), mis_weight);
+        accumulated.add(Vec3::from(value) * Vec3::from(light.radiance), mis_weight);
     }
 
     /// Samples the BSDF: the next ray and its PDF, `None` for a delta lobe. Updates the throughput.
@@ -245,11 +244,11 @@ impl Transport<'_> {
             if is_lambert { 0.0 } else { self.sampler.single(pixel, sample, Dimension::ScatteringChoice.at(n)) };
         let scattered = vertex.bsdf().sample(vertex.outgoing, square, choice)?;
         let direction = vertex.direction(scattered.incident);
-        accumulated.throughput = std::array::from_fn(|k| accumulated.throughput[k] * scattered.weight[k]);
+        accumulated.throughput *= Vec3::from(scattered.weight);
         if scattered.is_transmitted {
             *compression *= vertex.bsdf().compression();
         }
-        let is_lit = accumulated.throughput.iter().any(|&x| x > 0.0);
+        let is_lit = accumulated.throughput.cmpgt(Vec3::ZERO).any();
         is_lit.then(|| {
             // The PDF includes that of the direction folded onto this one.
             let density = if vertex.is_perturbed { vertex.evaluate(direction).density } else { scattered.density };
@@ -274,13 +273,13 @@ const MIN_TERMINATION_FROM: u32 = 4;
 /// Whether a path survives at its `n`-th vertex; if so, scales its throughput. `choice` is drawn only if the decision
 /// is random.
 pub(super) fn survives(accumulated: &mut PathRadiance, compression: f32, n: u32, choice: impl FnOnce() -> f32) -> bool {
-    let throughput = accumulated.throughput.iter().fold(0.0_f32, |most, &x| most.max(x)) / compression;
+    let throughput = accumulated.throughput.max_element().max(0.0) / compression;
     let probability =
         (throughput / SURVIVAL_THROUGHPUT).min(if n < MIN_TERMINATION_FROM { 1.0 } else { 1.0 - MIN_TERMINATION });
     if probability < 1.0 && choice() >= probability {
         return false;
     }
-    accumulated.throughput = accumulated.throughput.map(|x| x / probability);
+    accumulated.throughput /= probability;
     true
 }
 
@@ -314,12 +313,12 @@ mod tests {
                 let mut sum = 0.0;
                 let mut n_left = 0;
                 for choice in 0..N {
-                    let rgb = [throughput, 0.5 * throughput, 0.0];
-                    let mut path = PathRadiance { radiance: [0.0; 3], throughput: rgb, n_rays: 1 };
+                    let rgb = Vec3::new(throughput, 0.5 * throughput, 0.0);
+                    let mut path = PathRadiance { radiance: Vec3::ZERO, throughput: rgb, n_rays: 1 };
                     if survives(&mut path, compression, n, || (choice as f32 + 0.5) / N as f32) {
                         n_left += 1;
                         sum += path.throughput[0];
-                        let [red, green, blue] = path.throughput;
+                        let [red, green, blue] = path.throughput.to_array();
                         assert!((green - 0.5 * red).abs() <= f32::EPSILON * red && blue == 0.0, "{throughput}");
                     }
                 }

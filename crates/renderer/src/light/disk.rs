@@ -40,11 +40,7 @@ impl LightKind for DiskLight {
         let target = wide(self.center) + (t * (radius * x) + b * (radius * y));
         let offset = target - DVec3::from(surface.position);
         let density = area_density(offset, normal, self.area())?;
-        if -offset.dot(normal) > 0.0 {
-            IncomingLight::of_target(surface, target, self.radiance, density)
-        } else {
-            None
-        }
+        if -offset.dot(normal) > 0.0 { IncomingLight::of_target(surface, target, self.radiance, density) } else { None }
     }
 
     /// 0 from behind.
@@ -107,13 +103,7 @@ pub(super) fn area_density(offset: DVec3, unit_normal: DVec3, area: f64) -> Opti
 }
 
 /// [`area_density`] at the point where a unit direction from `from` hits the plane; `None` on a miss.
-pub(super) fn plane_density(
-    from: DVec3,
-    direction: DVec3,
-    point: DVec3,
-    unit_normal: DVec3,
-    area: f64,
-) -> Option<f64> {
+pub(super) fn plane_density(from: DVec3, direction: DVec3, point: DVec3, unit_normal: DVec3, area: f64) -> Option<f64> {
     let distance = (point - from).dot(unit_normal) / direction.dot(unit_normal);
     if distance > 0.0 { area_density(direction * distance, unit_normal, area) } else { None }
 }

@@ -76,7 +76,12 @@ impl<'a> LightSampler<'a> {
             .collect();
         let sky = lights.sky.image().and_then(SkySampler::new);
         let local = clusters[..emitters.len()].iter().map(|cluster| 2.0 * PI * cluster.intensity).sum::<f64>()
-            + lights.list.iter().map(|light| ask(light, |kind| kind.power())).filter(|power| power.is_finite()).sum::<f64>();
+            + lights
+                .list
+                .iter()
+                .map(|light| ask(light, |kind| kind.power()))
+                .filter(|power| power.is_finite())
+                .sum::<f64>();
         let suns = (0..)
             .zip(lights.list)
             .filter_map(|(index, light)| Some((Choice::Sun(index), ask(light, |kind| kind.irradiance())?)));
@@ -109,7 +114,9 @@ impl<'a> LightSampler<'a> {
                 let (incoming, light) = self.local(number, from, square)?;
                 (incoming, kind_probability * probability, light)
             }
-            Choice::Environment => (self.lights.sky.sample(self.sky.as_ref(), from, square)?, kind_probability, LightId::Environment),
+            Choice::Environment => {
+                (self.lights.sky.sample(self.sky.as_ref(), from, square)?, kind_probability, LightId::Environment)
+            }
             Choice::Sun(index) => {
                 let incoming = IncomingLight::of(&self.lights.list[index as usize], from, || square)?;
                 (incoming, kind_probability, LightId::Light(index))

@@ -401,8 +401,7 @@ pub(super) struct Cone {
 
 impl Cone {
     /// All directions.
-    pub(super) const ALL: Self =
-        Self { axis: DVec3::Z, spread_rad: PI, emission_rad: 0.5 * PI, is_two_sided: false };
+    pub(super) const ALL: Self = Self { axis: DVec3::Z, spread_rad: PI, emission_rad: 0.5 * PI, is_two_sided: false };
 
     /// A flat light: one axis, emission up to 90 degrees.
     pub(super) fn about(axis: DVec3, is_two_sided: bool) -> Self {
@@ -461,8 +460,8 @@ mod tests {
     /// One-sided and two-sided flat lights, points, and narrow spots in a box that is long along x.
     fn lights(n: u32) -> Vec<Cluster> {
         let light = |i: u32| {
-            let center = [50.0 * number(i, 0), 5.0 * number(i, 1), 5.0 * number(i, 2)];
-            let half = [0.3, 0.0, 0.1].map(|size| size * number(i, 3));
+            let center = DVec3::new(50.0 * number(i, 0), 5.0 * number(i, 1), 5.0 * number(i, 2));
+            let half = DVec3::new(0.3, 0.0, 0.1) * number(i, 3);
             let flat = Cone::about(direction(i, 4), i.is_multiple_of(2));
             let cone = match i % 4 {
                 0 | 1 => flat,
@@ -476,7 +475,7 @@ mod tests {
 
     fn receivers() -> impl Iterator<Item = Receiver> {
         (100_000..100_040).map(|i| Receiver {
-            position: [80.0 * number(i, 0) - 15.0, 10.0 * number(i, 1) - 2.5, 5.0 * number(i, 2)],
+            position: DVec3::new(80.0 * number(i, 0) - 15.0, 10.0 * number(i, 1) - 2.5, 5.0 * number(i, 2)),
             normal: (i % 3 > 0).then(|| direction(i, 3)),
         })
     }
@@ -537,9 +536,8 @@ mod tests {
 
     /// Whether a light at some corner of its box, emitting along its axis, irradiates a receiver.
     fn reaches(light: &Cluster, receiver: &Receiver) -> bool {
-        let corners =
-            (0..8).map(|i| std::array::from_fn(|k| if i >> k & 1 == 1 { light.max[k] } else { light.min[k] }));
-        corners.into_iter().any(|corner: DVec3| {
+        let corner = |i: u32| DVec3::from([0, 1, 2].map(|k| if i >> k & 1 == 1 { light.max[k] } else { light.min[k] }));
+        (0..8).map(corner).any(|corner| {
             let offset = receiver.position - corner;
             let towards = offset * (1.0 / offset.length());
             let cosine = light.cone.axis.dot(towards);
@@ -570,7 +568,7 @@ mod tests {
     #[test]
     fn test_detects_narrow_cone() {
         let lights = lights(1000);
-        let axis = [1.0, 0.0, 0.0];
+        let axis = DVec3::X;
         let narrow: Vec<Cluster> =
             lights.iter().map(|light| Cluster { cone: Cone::about(axis, false), ..*light }).collect();
         let tree = Tree::new(&narrow).unwrap();
@@ -590,7 +588,7 @@ mod tests {
         doubled.extend(vec![one; 300]);
         // Positions that grow by factors of 100 are split off one at a time, until the depth limit.
         doubled.extend((0..60).map(|i| {
-            let far = [100.0_f64.powi(i), 0.0, 0.0];
+            let far = DVec3::X * 100.0_f64.powi(i);
             Cluster { min: far, max: far, ..one }
         }));
         let tree = Tree::new(&doubled).unwrap();

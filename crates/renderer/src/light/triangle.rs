@@ -343,27 +343,28 @@ mod tests {
     /// An octant has a solid angle of π/2, half of it π/4.
     #[test]
     fn known_solid_angles() {
-        let octant = [[3.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 1.0]];
-        let half = [octant[0], octant[1], [0.0, 0.5, 0.5]];
+        let octant = [DVec3::X * 3.0, DVec3::Y * 0.5, DVec3::Z];
+        let half = [octant[0], octant[1], DVec3::new(0.0, 0.5, 0.5)];
         for (corners, expected) in [(octant, PI / 2.0), (half, PI / 4.0)] {
-            let triangle = SphericalTriangle::new(corners, [0.0; 3]).unwrap();
+            let triangle = SphericalTriangle::new(corners, DVec3::ZERO).unwrap();
             assert!((triangle.solid_angle - expected).abs() < 1e-14);
         }
-        assert!(SphericalTriangle::new(octant, [-1000.0; 3]).is_none());
+        assert!(SphericalTriangle::new(octant, DVec3::splat(-1000.0)).is_none());
         assert!(SphericalTriangle::new(octant, octant[0]).is_none());
     }
 
     /// Samples fall into each of three parts of a triangle in proportion to its solid angle.
     #[test]
     fn samples_are_uniform_over_solid_angle() {
-        let from = [0.2, -0.1, 0.3];
+        let from = DVec3::new(0.2, -0.1, 0.3);
         for corners in [
             [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
             [[5.0, 0.0, -1.0], [0.3, 0.4, 0.0], [0.0, -2.0, 0.1]],
             [[9.0, 0.0, 0.0], [9.0, 1.0, 0.0], [9.0, 0.5, 0.2]],
         ] {
+            let corners = corners.map(DVec3::from);
             let triangle = SphericalTriangle::new(corners, from).unwrap();
-            let center = std::array::from_fn(|k| 0.2 * corners[0][k] + 0.3 * corners[1][k] + 0.5 * corners[2][k]);
+            let center = 0.2 * corners[0] + 0.3 * corners[1] + 0.5 * corners[2];
             let part_of = |p: DVec3| (0..3).find(|&k| is_inside([corners[k], corners[(k + 1) % 3], center], from, p));
             const N: u32 = 400;
             let mut counts = [0.0; 3];

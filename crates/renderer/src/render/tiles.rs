@@ -1,15 +1,15 @@
 //! Takes the samples of a tile on the CPU.
 
 use std::collections::VecDeque;
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use canted_film::{Aov, CELL, Film, FilmBuilder, FilterSampler, Guide, Pixel, Sums, Tile, Tiling};
-use canted_trace::{Counts, Hit};
+use canted_trace::{Counts, Hit, Intersect};
 
-use crate::{CountedAlphaTest, Monitor, RenderError, Sampler, Settings, View};
-use crate::integrate::{Start, Transport};
 use super::Adaptive;
+use crate::integrate::{Start, Transport};
+use crate::{CountedAlphaTest, Monitor, RenderError, Sampler, Settings, View};
 
 /// Dimension of the sampler for the position in the pixel.
 const PIXEL_POSITION: u32 = 0;
@@ -142,7 +142,17 @@ impl TileRenderer<'_> {
         if let Some((t, normal)) = self.transport.lights.shape_light_before(ray, hit.as_ref()) {
             // A light has no albedo and no instance.
             let depth = self.view.depth(ray.at(t.into()));
-            return (hit, Guide { n_hits: 1, depth, normal: normal.into(), shading_normal: normal.into(), tests, ..Guide::default() });
+            return (
+                hit,
+                Guide {
+                    n_hits: 1,
+                    depth,
+                    normal: normal.into(),
+                    shading_normal: normal.into(),
+                    tests,
+                    ..Guide::default()
+                },
+            );
         }
         let Some(hit) = hit else { return (None, Guide { tests, ..Guide::default() }) };
         let surface = self.transport.surfaces.at_time(&hit, ray.direction, ray.time, *cone);

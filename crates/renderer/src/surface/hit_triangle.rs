@@ -1,15 +1,14 @@
-use glam::DVec3;
-use crate::wide;
 use std::borrow::Cow;
 use std::hint::black_box;
 
 use canted_obb::Affine;
 use canted_scene::{Mesh, TextureRef, UvSet};
 use canted_tlas::Motion;
-use canted_trace::{position_at, position_error, Hit, SurfacePoint};
+use canted_trace::{Hit, SurfacePoint, position_at, position_error};
+use glam::DVec3;
 
-use crate::{Cone, Lod};
 use crate::texture::{Footprint, Plane, Textures};
+use crate::{Cone, Lod, wide};
 
 /// The vertices of a hit triangle, with the barycentric weights of the hit.
 pub(super) struct HitTriangle<'a> {
@@ -108,7 +107,14 @@ impl<'a> PlacedTriangle<'a> {
         let vertices @ [v0, v1, v2] = triangle.vertices();
         let edges_object @ [a, b] = [v1 - v0, v2 - v0];
         let winding = pose.normal_world(a.cross(b));
-        Self { position_object: triangle.interpolate(vertices.map(DVec3::into)).into(), triangle, pose, is_mirrored, edges_object, winding }
+        Self {
+            position_object: triangle.interpolate(vertices.map(DVec3::into)).into(),
+            triangle,
+            pose,
+            is_mirrored,
+            edges_object,
+            winding,
+        }
     }
 
     /// The hit point, world space.

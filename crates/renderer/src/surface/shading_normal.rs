@@ -22,11 +22,11 @@
 //! is lifted to the horizon, and the normal is the half vector between it and the viewer. As a normal turns away from
 //! the viewer, this tends to the geometric normal, which is therefore used for all normals that face away.
 
-use glam::DVec3;
 use canted_scene::{Lobes as Source, Material, Mesh, TextureRef, UvSet};
+use glam::DVec3;
 
-use crate::Lobes;
 use super::hit_triangle::{PlacedTriangle, TextureLookup};
+use crate::Lobes;
 
 /// The unit shading normal, on the viewer's side.
 ///
@@ -44,7 +44,7 @@ pub(super) fn shading_normal(
         // Cofactors of a mirroring transform flip normals.
         let outward = smooth.or_else(|| placed.winding.try_normalize())? * handedness(placed);
         let mapped = mapped(slot, material.normal_scale, placed, lookup, outward)?;
-        let oriented = if outward.dot(normal) < 0.0 { mapped * -1.0 } else { mapped };
+        let oriented = if outward.dot(normal) < 0.0 { -mapped } else { mapped };
         Some(lifted(oriented, normal, towards_viewer.try_normalize()?))
     });
     result.unwrap_or_else(|| {
@@ -55,7 +55,7 @@ pub(super) fn shading_normal(
 
 /// `v` or its opposite, whichever is on the side of `towards`.
 pub(super) fn facing(v: DVec3, towards: DVec3) -> DVec3 {
-    if v.dot(towards) < 0.0 { v * -1.0 } else { v }
+    if v.dot(towards) < 0.0 { -v } else { v }
 }
 
 /// The unit normal `outward`, perturbed by a normal map.
@@ -191,7 +191,7 @@ mod tests {
         (0..16).flat_map(|i| {
             (0..32).map(move |j| {
                 let (theta, phi) = (f64::from(i) * 0.2, f64::from(j) * 0.2);
-                [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()]
+                DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
             })
         })
     }
@@ -201,7 +201,7 @@ mod tests {
 
     #[test]
     fn lifted_normals_face_the_viewer_and_mirror_above_the_surface() {
-        let normal = [0.0, 0.0, 1.0];
+        let normal = DVec3::Z;
         for viewer in directions().filter(|v| v[2] > 0.01) {
             for perturbed in directions() {
                 let result = lifted(perturbed, normal, viewer);
@@ -215,8 +215,8 @@ mod tests {
 
     #[test]
     fn valid_normals_are_unchanged() {
-        let viewer = [0.6, 0.0, 0.8];
-        let perturbed = [0.28, 0.0, 0.96];
-        assert_eq!(lifted(perturbed, [0.0, 0.0, 1.0], viewer), perturbed);
+        let viewer = DVec3::new(0.6, 0.0, 0.8);
+        let perturbed = DVec3::new(0.28, 0.0, 0.96);
+        assert_eq!(lifted(perturbed, DVec3::Z, viewer), perturbed);
     }
 }
