@@ -1,7 +1,7 @@
 //! The BVH over the triangles of one mesh, or of all instances: which one, and how it is built.
 
 use canted_bih::{Bih, BihConfig};
-use canted_bvh2::{Bvh2, Bvh2Config, PairOrder};
+use canted_bvh2::{Bvh2, Bvh2Boxes, Bvh2Config, PairOrder};
 use canted_kdtree::{KdTree, KdTreeConfig};
 use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig};
 use canted_obb::{Aabb, Obb, PrimId};
@@ -117,7 +117,7 @@ impl SceneBvhConfig {
         match self.kind {
             BvhKind::Wide => TopConfig::Wide(Config::preset(self.preset)),
             BvhKind::Bvh2 => {
-                TopConfig::Boxes(Bvh2Boxes::builder(VolumeConfig { strategy: self.volumes, fallback: true }))
+                TopConfig::other(Bvh2Boxes::builder(VolumeConfig { strategy: self.volumes, fallback: true }))
             }
             BvhKind::Bih | BvhKind::KdTree => TopConfig::Wide(Config::default()),
         }
@@ -175,12 +175,12 @@ impl SceneBvhConfig {
             Some((Builder::Sbvh, _)) => {
                 let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
                 let (tree, parts) = parts(&corners);
-                return Ok(TriangleBvh::over_parts(&tree, parts, &corners, &bounds, &preset)?);
+                return Ok(TriangleBvh::from_tree_of_parts(&tree, parts, &corners, &bounds, preset)?);
             }
             Some((external, None)) if triangles.len() > 1 => {
                 let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
                 let tree = external.tree(&corners, &bounds)?;
-                return Ok(TriangleBvh::over_tree(&tree, &corners, &bounds, &preset)?);
+                return Ok(TriangleBvh::from_tree(&tree, &corners, &bounds, preset)?);
             }
             Some(_) => preset,
         };

@@ -147,7 +147,8 @@ impl<'a> Transport<'a> {
                 *hit = self.bvh.closest_hit_with(ray, &mut query.keyed(1 + n));
             }
         }
-        let sample = |path: Path<'a, W>| Sample { radiance: path.accumulated.radiance.into(), n_rays: path.accumulated.n_rays };
+        let sample =
+            |path: Path<'a, W>| Sample { radiance: path.accumulated.radiance.into(), n_rays: path.accumulated.n_rays };
         paths.into_iter().map(sample).collect()
     }
 }

@@ -2,16 +2,17 @@
 
 use std::time::{Duration, Instant};
 
+use canted_film::Hash;
 use canted_lbvh::Strategy;
 use canted_obb::{Affine, Obb, PrimId};
-use canted_scene::{Material, Mesh, Scene};
-use canted_tlas::{Instance, Tlas};
+use canted_scene::{Instance, Material, Mesh, Scene};
+use canted_tlas::Tlas;
 use canted_trace::{HIT_ERROR, Hit, InstanceId, Intersect, Query, ScaledRay, TriangleTest};
 use canted_wide::Preset;
 use rayon::prelude::*;
 
 use crate::bottom_level::Triangles;
-use crate::update::History;
+use crate::update_policy::BvhCosts;
 use crate::{BottomLevel, Builder, BvhKind, PrepareError, light};
 
 /// How many levels of BVHs a scene gets.
@@ -184,7 +185,7 @@ impl SceneBvh {
 }
 
 impl SceneLevels {
-    fn bottom(&self) -> &[BottomLevel] {
+    pub(crate) fn bottom(&self) -> &[BottomLevel] {
         match self {
             Self::One(flat) => std::slice::from_ref(&flat.bvh),
             Self::Two(tlas) => tlas.blas(),
@@ -319,13 +320,13 @@ impl Capacity {
 }
 
 /// The instances of a scene for the top-level BVH.
-pub(crate) fn instances(scene: &Scene) -> Vec<Instance> {
+pub(crate) fn instances(scene: &Scene) -> Vec<canted_tlas::Instance> {
     scene
         .instances
         .iter()
-        .map(|instance| Instance {
+        .map(|instance| canted_tlas::Instance {
             world_from_object_close: instance.world_from_object_close,
-            ..Instance::new(instance.mesh.0, instance.world_from_object)
+            ..canted_tlas::Instance::new(instance.mesh.0, instance.world_from_object)
         })
         .collect()
 }
@@ -384,6 +385,58 @@ pub(crate) fn unused_features(levels: &SceneLevels, scene: &Scene, config: &Scen
     .into_iter()
     .filter_map(|(feature, reason)| Some(UnusedFeature { feature, reason: reason? }))
     .collect()
+}
+
+/// Hashes of the vertices and of the triangles of a mesh: different ones are equal with probability 2^-64.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct MeshKey {
+    pub(crate) positions: u64,
+    pub(crate) triangles: u64,
+}
+
+impl MeshKey {
+    pub(crate) fn of(mesh: &Mesh) -> Self {
+        let [mut positions, mut triangles] = [Hash::default(); 2];
+        positions.floats(&mesh.positions);
+        // The number of positions is that of the first list.
+        positions.floats(mesh.close.as_ref().map(|close| &close.positions[..]).unwrap_or_default());
+        triangles.words(mesh.triangles.iter().flatten().copied());
+        Self { positions: positions.finish(), triangles: triangles.finish() }
+    }
+}
+
+/// What a [`SceneBvh`] was built or updated for.
+#[derive(Clone, Debug)]
+pub(crate) struct History {
+    pub(crate) config: SceneBvhConfig,
+    pub(crate) meshes: Vec<MeshKey>,
+    pub(crate) instances: Vec<Instance>,
+    /// Costs of each bottom-level BVH.
+    pub(crate) costs: Vec<BvhCosts>,
+    /// Whether an update failed, so that the structure may be a mixture.
+    pub(crate) is_stale: bool,
+}
+
+impl History {
+    fn new(scene: &Scene, config: &SceneBvhConfig, one_level: bool, build_time: Duration) -> Self {
+        let seconds = build_time.as_secs_f64();
+        let shares = if one_level { vec![1.0] } else { triangle_shares(scene, |_| 1) };
+        Self {
+            config: *config,
+            meshes: scene.meshes.par_iter().map(MeshKey::of).collect(),
+            instances: scene.instances.clone(),
+            costs: shares.into_iter().map(|share| BvhCosts::built_in(share * seconds)).collect(),
+            is_stale: false,
+        }
+    }
+}
+
+/// For each mesh, the fraction of all triangles that is in it, if mesh `i` counts `weight(i)` times.
+pub(crate) fn triangle_shares(scene: &Scene, weight: impl Fn(usize) -> usize) -> Vec<f64> {
+    let weighted = |(i, mesh): (usize, &Mesh)| (mesh.triangles.len() * weight(i)) as f64;
+    let all: Vec<f64> = scene.meshes.iter().enumerate().map(weighted).collect();
+    let sum = all.iter().sum::<f64>().max(1.0);
+    all.into_iter().map(|n| n / sum).collect()
 }
 
 #[cfg(test)]

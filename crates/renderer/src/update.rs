@@ -12,9 +12,11 @@ use canted_trace::InstanceId;
 use rayon::prelude::*;
 
 use crate::bottom_level::Triangles;
-use crate::prepare::{MeshKey, has_one_level, prepare, triangle_shares, unused_features};
+use crate::scene_bvh::{
+    FlatBvh, MeshKey, SceneLevels, flatten, has_one_level, instances, triangle_shares, unused_features,
+};
 use crate::update_policy::{BvhCosts, UpdatePolicy};
-use crate::{PrepareError, Prepared};
+use crate::{BottomLevel, PrepareError, SceneBvh, SceneBvhConfig};
 
 /// How to update.
 #[derive(Clone, Copy, Debug, Default)]

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use canted_film::{Aov, CELL, Film, FilmBuilder, FilterSampler, Guide, Pixel, Sums, Tile, Tiling};
-use canted_trace::{Counts, Hit, Intersect};
+use canted_trace::{Counts, Hit};
 
 use super::Adaptive;
 use crate::integrate::{Start, Transport};
