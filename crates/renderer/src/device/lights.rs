@@ -1,7 +1,7 @@
 //! Packs and uploads lights: the list, the environment, and the data for sampling them.
 
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
+use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 use canted_scene::{Environment, Scene};
 use canted_trace::InstanceId;
 
@@ -113,30 +113,30 @@ impl SampledLights {
         bound
     }
 
-    /// Whether kernels evaluate the emission of surfaces, by `shared/light/triangle/textured`.
+    /// Whether kernels evaluate the emission of surfaces, by `shared/light/triangle/emission/textured`.
     pub(super) fn needs_textured_emission(&self) -> bool {
         self.emitters.is_some() && self.emission_is_textured
     }
 
     /// Selects the parts that the scene needs.
-    pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
+    pub(super) fn specialize(&self, chosen: Variant) -> Variant {
         let local = match (&self.emitters, &self.leaves) {
-            (None, None) => "shared/light/sampler/none",
-            (Some(_), None) => "shared/light/sampler/emitters",
-            (None, Some(_)) => "shared/light/sampler/lights",
-            (Some(_), Some(_)) => "shared/light/sampler/both",
+            (None, None) => "shared/light/sampler/local/none",
+            (Some(_), None) => "shared/light/sampler/local/emitters",
+            (None, Some(_)) => "shared/light/sampler/local/lights",
+            (Some(_), Some(_)) => "shared/light/sampler/local/both",
         };
         let skylight = match (&self.sky, self.sky_is_sampled) {
-            (Some(_), _) => "shared/light/environment/sampled",
-            (None, true) => "shared/light/environment/cosine",
-            (None, false) => "shared/light/environment/unsampled",
+            (Some(_), _) => "shared/light/environment/skylight/image",
+            (None, true) => "shared/light/environment/skylight/cosine",
+            (None, false) => "shared/light/environment/skylight/black",
         };
-        let suns = if self.suns.is_some() { "shared/light/sun/list" } else { "shared/light/sun/none" };
+        let suns = if self.suns.is_some() { "shared/light/sun/suns/list" } else { "shared/light/sun/suns/none" };
         let chosen = chosen.part("local", local).part("skylight", skylight).part("suns", suns);
         match (&self.emitters, self.needs_textured_emission()) {
             (None, _) => chosen,
-            (Some(_), false) => chosen.part("emission", "shared/light/triangle/plain"),
-            (Some(_), true) => chosen.part("emission", "shared/light/triangle/textured"),
+            (Some(_), false) => chosen.part("emission", "shared/light/triangle/emission/constant"),
+            (Some(_), true) => chosen.part("emission", "shared/light/triangle/emission/textured"),
         }
     }
 }
@@ -176,13 +176,13 @@ impl DeviceSky {
     }
 
     /// Selects the part that the scene needs.
-    pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
+    pub(super) fn specialize(&self, chosen: Variant) -> Variant {
         chosen.part(
             "sky",
             match self {
-                Self::Black => "shared/light/environment/black",
-                Self::Constant => "shared/light/environment/constant",
-                Self::Image(..) => "shared/light/environment/image",
+                Self::Black => "shared/light/environment/sky/black",
+                Self::Constant => "shared/light/environment/sky/constant",
+                Self::Image(..) => "shared/light/environment/sky/image",
             },
         )
     }

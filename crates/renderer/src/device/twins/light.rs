@@ -1,5 +1,5 @@
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::{Gpu, Specialisation};
+use canted_gpu::{Gpu, Variant};
 use canted_obb::Affine;
 use canted_scene::{Environment, EnvironmentImage, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene};
 
@@ -282,7 +282,7 @@ fn check(gpu: &Gpu, scene: &Scene, n: u32, spoil: Option<fn(&mut Answer)>) -> Re
     let mut bound = sampled.bindings();
     bound.extend(sky.bindings());
     bound.push(("lights", &list));
-    let chosen = sky.specialise(sampled.specialise(Specialisation::none()));
+    let chosen = sky.specialize(sampled.specialize(Variant::none()));
     let queries = queries(&sampler, n);
     let mut answers: Vec<Answer> = answers(gpu, "check/light", &chosen, &queries, &bound);
     if let Some(spoil) = spoil {
@@ -314,12 +314,12 @@ fn light_samples_match_the_cpu() {
 
 #[test]
 fn layouts_match_the_kernel() {
-    let chosen = Specialisation::none()
-        .part("local", "shared/light/sampler/both")
-        .part("skylight", "shared/light/environment/sampled")
-        .part("suns", "shared/light/sun/list")
-        .part("emission", "shared/light/triangle/plain")
-        .part("sky", "shared/light/environment/image");
+    let chosen = Variant::none()
+        .part("local", "shared/light/sampler/local/both")
+        .part("skylight", "shared/light/environment/skylight/image")
+        .part("suns", "shared/light/sun/suns/list")
+        .part("emission", "shared/light/triangle/emission/constant")
+        .part("sky", "shared/light/environment/sky/image");
     let kernel = "check/light";
     same_layout!(
         kernel,
