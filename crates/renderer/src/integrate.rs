@@ -150,7 +150,8 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
                 *hit = self.tracer.closest_hit(ray, &mut query.keyed(1 + n));
             }
         }
-        let sample = |path: Path<Q, W>| Sample { radiance: path.accumulated.radiance.into(), n_rays: path.accumulated.n_rays };
+        let sample =
+            |path: Path<Q, W>| Sample { radiance: path.accumulated.radiance.into(), n_rays: path.accumulated.n_rays };
         paths.into_iter().map(sample).collect()
     }
 }
