@@ -1,13 +1,13 @@
 // The environment: `?sky` is its radiance, `?skylight` samples it.
 
-// choice black for sky
+// choice sky/black
 // A black background.
 
 fn sky_radiance(direction: vec3<f32>) -> vec3<f32> {
     return vec3(0.0);
 }
 
-// choice constant for sky
+// choice sky/constant
 // Constant radiance from all directions.
 // use shared/picture
 
@@ -15,7 +15,7 @@ fn sky_radiance(direction: vec3<f32>) -> vec3<f32> {
     return picture.ambient;
 }
 
-// choice image for sky
+// choice sky/image
 // An environment map in latitude-longitude form; twin of crates/renderer/src/light/environment.rs.
 //
 // The center of the image is -z, its top edge +y. Image positions err by about 2^-22 of the width and height.
@@ -72,7 +72,7 @@ fn sky_direction(across: f32, cosine: f32) -> vec3<f32> {
     return vec3(sine * turned.y, cosine, -sine * turned.x);
 }
 
-// choice unsampled for skylight
+// choice skylight/black
 // No sky to sample.
 // use shared/light/sampler
 
@@ -84,7 +84,7 @@ fn sky_density(receiver: Receiver, direction: vec3<f32>) -> f32 {
     return 0.0;
 }
 
-// choice cosine for skylight
+// choice skylight/cosine
 // Cosine sampling around the shading normal, for a constant sky.
 // use shared/sampling
 // use shared/light/sampler
@@ -104,13 +104,13 @@ fn sky_density(receiver: Receiver, direction: vec3<f32>) -> f32 {
     return cosine_density(dot(receiver.shading_normal, direction));
 }
 
-// choice sampled for skylight
+// choice skylight/image
 // Samples the environment map by texel brightness times solid angle, uniform within a texel; twin of `SkySampler`.
 //
 // Cumulative sums are stored in f32, normalized. The probability of a texel is the difference of two neighbors, which is exact,
 // so the reported density is the sampled one. Rounding can take up to 2^-24 of a row from a texel; BSDF sampling covers that
 // part.
-// use shared/light/environment/image
+// use shared/light/environment/sky/image
 // use shared/light/sampler
 // use shared/invocation/iterations
 

@@ -77,7 +77,7 @@ fn shape_light_density(receiver: Receiver, number: u32, direction: vec3<f32>) ->
     return light_probabilities.local * shape_density(receiver, number, direction);
 }
 
-// choice both for local
+// choice local/both
 // Local lights are emissive triangles and listed lights.
 // use shared/light/triangle
 // use shared/light/list/sampled
@@ -95,7 +95,7 @@ fn sample_local(receiver: Receiver, choice: f32, square: vec2<f32>) -> LightSamp
     return chosen_with(chosen.probability, sample_listed(chosen.light, receiver.position, square));
 }
 
-// choice emitters for local
+// choice local/emitters
 // Local lights are emissive triangles only.
 // use shared/light/triangle
 // use shared/light/tree
@@ -113,7 +113,7 @@ fn shape_density(receiver: Receiver, number: u32, direction: vec3<f32>) -> f32 {
     return 0.0;
 }
 
-// choice lights for local
+// choice local/lights
 // Local lights are listed lights only.
 // use shared/light/list/sampled
 // use shared/light/tree
@@ -131,7 +131,7 @@ fn emitter_density(receiver: Receiver, instance: u32, primitive: u32, direction:
     return 0.0;
 }
 
-// choice none for local
+// choice local/none
 // No local lights.
 
 fn sample_local(receiver: Receiver, choice: f32, square: vec2<f32>) -> LightSample {

@@ -5,7 +5,7 @@ fn incoming_from_sun(light: ListLight) -> IncomingLight {
     return IncomingLight(-light.direction, 0.0, bounded(light.color), INFINITE, vec3(0.0));
 }
 
-// choice none for suns
+// choice suns/none
 // No suns.
 // use shared/light/sampler
 
@@ -13,7 +13,7 @@ fn sample_sun(choice: f32) -> LightSample {
     return no_light();
 }
 
-// choice list for suns
+// choice suns/list
 // Suns, chosen with probabilities that are the same for all points.
 // use shared/light/list/lights
 // use shared/light/sampler

@@ -202,14 +202,14 @@ fn emitter_density(receiver: Receiver, instance: u32, primitive: u32, direction:
     return light_probability(emitter.leaf, receiver) * density;
 }
 
-// choice plain for emission
+// choice emission/constant
 // Emitters with constant radiance and no alpha.
 
 fn emitted_by(emitter: Emitter, weights: vec2<f32>, direction: vec3<f32>) -> vec3<f32> {
     return emitter.radiance;
 }
 
-// choice textured for emission
+// choice emission/textured
 // Emitters with textures or alpha: the texture scales the radiance, alpha the probability of being hit.
 // use ?alpha
 
