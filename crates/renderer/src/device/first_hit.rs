@@ -3,7 +3,6 @@
 use std::time::{Duration, Instant};
 
 use canted_gpu::AdapterKind;
-use canted_wide::LaneKernel;
 
 use super::dispatcher::SampleDispatcher;
 use super::records::{PackedSample, PackedSum, SampleRecord, SampleRun};
@@ -16,7 +15,7 @@ const MEASURED_CELLS: u32 = 256;
 /// Rounds of a measurement, of which the fastest counts. The driver compiles before the first.
 const ROUNDS: usize = 3;
 
-impl<K: LaneKernel> DevicePicture<'_, K> {
+impl DevicePicture<'_> {
     /// The same picture with first hits found in this way. Returns what is used for [`FirstHit::Auto`], too.
     ///
     /// # Errors

@@ -6,7 +6,6 @@ use canted_gpu::{Draw, GpuError, RasterOutput, Variant};
 use canted_obb::PrimId;
 use canted_scene::{MaterialId, Scene};
 use canted_trace::InstanceId;
-use canted_wide::LaneKernel;
 
 use super::{DeviceError, DevicePicture, picture};
 
@@ -39,7 +38,7 @@ pub struct GBuffer {
     pub time: Duration,
 }
 
-impl<K: LaneKernel> DevicePicture<'_, K> {
+impl DevicePicture<'_> {
     /// Rasterizes the first surface at the center of each pixel.
     ///
     /// The result is that of primary rays, except where an edge passes within 1/256 of a pixel of a center, which is the

@@ -8,6 +8,7 @@ use std::sync::atomic::AtomicBool;
 use canted_film::{Aov, Aovs, Film, Filter, FilterSampler, Guide, Part, Tile};
 use canted_renderer::{Monitor, Pattern, RenderError, Sampler, Settings, View, render, resume};
 use canted_scene::{Camera, Light, Material, MaterialId, Mesh, Part as MeshPart, Scene};
+use canted_trace::Intersect;
 
 use crate::common::{BruteForce, camera, cuboid, film, floor, grey, parallelogram, scene, settings, unit};
 

@@ -29,6 +29,7 @@ pub(crate) fn receiver(position: Vector, normal: Vector) -> Surface {
         emission: [0.0; 3],
         offset: 1e-6,
         cone: Cone::ZERO,
+        time: 0.0,
     }
 }
 

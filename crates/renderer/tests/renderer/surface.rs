@@ -97,6 +97,7 @@ fn surface(normal: Vector, shading_normal: Vector) -> Surface {
         emission: [0.0; 3],
         offset: 1e-3,
         cone: Cone::ZERO,
+        time: 0.0,
     }
 }
 
