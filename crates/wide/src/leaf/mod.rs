@@ -62,7 +62,7 @@ pub(crate) struct LeafLayout {
 }
 
 impl LeafLayout {
-    /// HalfBlock-blocks of triangles.
+    /// Half-blocks of triangles.
     pub(crate) const BLOCKS: Self =
         Self { n_parts: PARTS, in_part: PART_LANES, in_unit: 4, part_name: "part of a block" };
     /// Ids of primitives.

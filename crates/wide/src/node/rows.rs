@@ -1,10 +1,33 @@
-//! Boxes as nodes hold them.
+//! Nodes as rows of eight lanes, and boxes as they hold them.
 
 use canted_obb::Aabb;
 use canted_trace::Slabs;
 use canted_trace::lanes::lower;
 
-use super::{NOWHERE, Row};
+use super::{ALIGNED_LINES, CacheLine, ChildWord, NodeKind, ORIENTED_LINES};
+
+/// The lower planes of an empty slot, beyond all supported coordinates; its upper planes are the negative.
+pub(crate) const NOWHERE: f32 = 9.223_372e18;
+
+/// Eight lanes of a record.
+pub(crate) type Row = [f32; 8];
+
+/// The rows of a node's lines.
+#[inline(always)]
+pub(crate) fn rows<const LINES: usize, const ROWS: usize>(lines: &[CacheLine], first: u32) -> &[Row; ROWS] {
+    const { assert!(LINES * 2 == ROWS) };
+    let first = first as usize;
+    let lines: &[CacheLine; LINES] = lines[first..first + LINES].try_into().expect("the length is that of the range");
+    bytemuck::cast_ref::<[CacheLine; LINES], [Row; ROWS]>(lines)
+}
+
+/// The child words of a node.
+pub(crate) fn node_words(lines: &[CacheLine], kind: NodeKind, line: u32) -> &[ChildWord; 8] {
+    match kind {
+        NodeKind::Aligned => bytemuck::cast_ref(&rows::<ALIGNED_LINES, 8>(lines, line)[6]),
+        NodeKind::Oriented => bytemuck::cast_ref(&rows::<ORIENTED_LINES, 16>(lines, line)[15]),
+    }
+}
 
 /// Rows lower x, upper x, lower y and so on, of boxes with their pads; slots without a box hold one that no ray enters.
 pub(crate) fn write_boxes(rows: &mut [Row], padded: impl Fn(usize) -> Option<(Aabb, f64)>) {
