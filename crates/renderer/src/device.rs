@@ -4,7 +4,6 @@ mod collector;
 mod columns;
 mod device_picture;
 mod dispatcher;
-mod environment;
 mod error;
 mod first_hit;
 mod frames;

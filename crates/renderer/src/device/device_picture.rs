@@ -9,14 +9,14 @@ use canted_wide::LaneKernel;
 
 use super::collector::{self, SampleCollector};
 use super::dispatcher::SampleDispatcher;
-use super::environment::DeviceSky;
 use super::kernels::RenderKernels;
-use super::lights::{SampledLights, bounded};
+use super::lights::{DeviceSky, SampledLights};
 use super::picture::{self, PackedPicture};
 use super::records::{self, PackedSample, PackedSum, SampleRecord};
 use super::scene::PackedScene;
 use super::traced::{Traced, traced_frame, traced_scene};
 use super::{DeviceError, DeviceFrames};
+use crate::light::bounded;
 use crate::render::{RenderTiles, Rendering, Schedule, Worker};
 use crate::{Integrator, Lights, Monitor, SampleSums, Settings, Structure, Surfaces};
 

@@ -87,7 +87,7 @@ impl<'a> Materials<'a> {
         PackedMaterial {
             base_color: material.base_color,
             alpha: material.alpha,
-            emission: super::lights::bounded(material.emission),
+            emission: crate::light::bounded(material.emission),
             cutoff: match material.alpha_mode {
                 AlphaMode::Opaque => -1.0,
                 // Alpha is at most 1, so thresholds above it are equivalent.
