@@ -6,8 +6,8 @@ use canted_gpu::build::{BuildConfig, WideConfig};
 use canted_gpu::{Gpu, GpuError, Outcome, SceneInput, TracedScene};
 use canted_obb::Affine;
 use canted_tlas::Instance;
-use canted_trace::{Ray, Watertight};
-use canted_wide::{Config, TriangleBvh};
+use canted_trace::Ray;
+use canted_wide::TriangleBvh;
 
 pub(crate) fn tests() -> Vec<Test> {
     vec![
