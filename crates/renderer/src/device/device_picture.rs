@@ -7,13 +7,11 @@ use canted_gpu::{Buffer, Gpu, GpuError, Kernel, NamedBinding, TracedScene, Varia
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 
-use super::collector::{self, SampleCollector};
-use super::dispatcher::SampleDispatcher;
+use super::collector::{self, SampleCollector, SampleDispatcher};
 use super::environment::DeviceSky;
-use super::kernels::RenderKernels;
 use super::lights::{SampledLights, bounded};
 use super::picture::{self, PackedPicture};
-use super::records::{self, PackedSample, PackedSum, SampleRecord};
+use super::records::{self, PackedSample, PackedSum, RenderKernels, SampleRecord};
 use super::scene::PackedScene;
 use super::traced::{Traced, traced_frame, traced_scene};
 use super::{DeviceError, DeviceFrames};
