@@ -3,10 +3,11 @@
 use anyhow::{Result, anyhow};
 use canted_gpu::Choice;
 
-use crate::wide::TRIAL;
+/// The section that this program runs in a separate process, to check whether tinybvh survives a scene.
+pub(crate) const TRIAL: &str = "tinybvh-trial";
 
 /// The sections, in the order of the report.
-const SECTIONS: [&str; 6] = ["nodes", "kinds", "wide", "motion", "picture", "costs"];
+const SECTIONS: [&str; 5] = ["nodes", "kinds", "wide", "motion", "picture"];
 
 /// The options of the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]

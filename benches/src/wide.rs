@@ -21,18 +21,11 @@ use anyhow::Result;
 use canted_trace::{Ray, Watertight};
 use canted_wide::TriangleBvh;
 
-use crate::{
-    models::{self, Model},
-    options::Options,
-    rays,
-};
+use crate::{models, options::Options};
 use {subject::Subject, tables::Tables};
 
 pub(crate) use peers::{methods as peers, skipped as skipped_peers};
 pub(crate) use tables::Record;
-
-/// The section that this program runs in a separate process, to check whether tinybvh survives a scene.
-pub(crate) const TRIAL: &str = "tinybvh-trial";
 
 /// Traces the named scenes with tinybvh, if this build includes it.
 pub(crate) fn trial(options: &Options) -> Result<()> {
@@ -87,15 +80,6 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
     }
     tables.write(out, options);
     Ok(())
-}
-
-/// Camera and diffuse rays of a model, whose hits `tree` computes.
-pub(crate) fn closest_sets(model: &Model, tree: &TriangleBvh<Watertight>, resolution: u32) -> [Vec<Ray>; 2] {
-    let camera = rays::camera(model, resolution);
-    let mut hits = vec![None; camera.len()];
-    tree.par_closest_hits(&camera, &mut hits);
-    let [diffuse, _] = rays::secondary(model, &camera, &hits);
-    [camera, diffuse]
 }
 
 /// Thread seconds of each BVH and round for the nearest hits of `rays`, in turn.

@@ -1,9 +1,7 @@
 //! Renders pictures on a GPU: packs what the CPU's integrators read into buffers, and collects samples from kernels.
 
 mod collector;
-mod columns;
 mod device_picture;
-mod environment;
 mod frames;
 mod geometry;
 mod lights;
@@ -13,7 +11,6 @@ mod raster;
 mod records;
 mod scene;
 mod slack;
-mod textures;
 mod traced;
 #[cfg(test)]
 mod twins;

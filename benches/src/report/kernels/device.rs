@@ -5,10 +5,8 @@ use canted_gpu::{AdapterKind, Choice, DeviceRay, Gpu, SceneInput, TracedScene, V
 use canted_trace::{Ray, ScaledRay, Watertight};
 use canted_wide::TriangleBvh;
 
-use super::contest::Answer;
-use super::contest::Tested;
-use super::lanes::LANES;
-use crate::report::{effort::Effort, samples::Samples};
+use super::contest::{Answer, LANES, Tested};
+use crate::report::{model::Effort, samples::Samples};
 
 /// The miss marker of the kernels.
 const NONE: u32 = u32::MAX;
@@ -110,7 +108,7 @@ impl Device {
         for round in 0..=rounds {
             let mut commands = gpu.timed_commands();
             commands.dispatch(&kernel, &bound, kernel.groups(u32::try_from(all.len())?))?;
-            let (times, wall) = crate::clock::time(|| commands.times());
+            let (times, wall) = crate::timing::time(|| commands.times());
             let passes = times?;
             let on_device = passes.iter().map(|pass| pass.milliseconds * 1e6).sum::<f64>();
             if round > 0 {

@@ -15,17 +15,15 @@ use canted_trace::{Hit, Ray, ScaledRay, Watertight};
 use canted_wide::{Config, Costs, SimdPath, TriangleBvh, WideBvh};
 
 use super::{
-    contest::{Answer, Test},
+    contest::{Answer, LANES, Pair as TrianglePair, Test},
     device::Device,
-    triangles::Pair as TrianglePair,
 };
 use crate::{
-    interleave::{self, Contender},
     report::{
-        effort::Effort,
-        model::{Cell, Table},
+        model::{Cell, Effort, Table},
         samples::Samples,
     },
+    timing::{self, Contender},
 };
 
 /// Triangles of a leaf: four blocks of eight, so that triangle tests dominate.
@@ -117,7 +115,7 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
     let mut table = Table::new(title, &["path", "time per ray", "speed over scalar"]);
     #[expect(clippy::cast_precision_loss, reason = "small counts")]
     let to_ns = 1e9 / rays.len() as f64;
-    for timing in interleave::run(rounds, contenders) {
+    for timing in timing::run(rounds, contenders) {
         table.rows.push(vec![
             Cell::text(&timing.name),
             Cell::measured(Samples::from(timing.seconds.clone()).scaled(to_ns), "ns"),
@@ -126,9 +124,6 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
     }
     Ok(table)
 }
-
-/// Boxes of a node.
-pub(super) const LANES: usize = 8;
 
 /// A node, and the pairs whose rays test it.
 struct Node<'a> {

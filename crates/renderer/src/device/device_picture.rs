@@ -8,13 +8,13 @@ use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 
 use super::collector::{self, SampleCollector, SampleDispatcher};
-use super::environment::DeviceSky;
-use super::lights::{SampledLights, bounded};
+use super::lights::{DeviceSky, SampledLights};
 use super::picture::{self, PackedPicture};
 use super::records::{self, PackedSample, PackedSum, RenderKernels, SampleRecord};
 use super::scene::PackedScene;
 use super::traced::{Traced, traced_frame, traced_scene};
 use super::{DeviceError, DeviceFrames};
+use crate::light::bounded;
 use crate::render::{RenderTiles, Rendering, Schedule, Worker};
 use crate::{Integrator, Lights, Monitor, SampleSums, Settings, Structure, Surfaces};
 
