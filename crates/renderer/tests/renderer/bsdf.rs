@@ -9,7 +9,6 @@ use canted_renderer::{Bsdf, BsdfSample, Evaluation, Integrator, Lobes, Pattern, 
 use canted_scene::{Lobes as Factors, Material};
 
 use crate::common::{Vector, camera, deviation, dot, film, narrow, scene, settings, sphere, unit};
-use crate::light::{LIMIT, counts, expected};
 
 /// One material of each kind, then mixtures.
 pub(crate) fn materials(roughness: f32) -> Vec<(&'static str, Bsdf)> {

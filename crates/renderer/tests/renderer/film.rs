@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 
 use canted_film::{Aov, Aovs, Film, Filter, FilterSampler, Guide, Part, Tile};
 use canted_renderer::{Monitor, Pattern, RenderError, Sampler, Settings, Tracer, View, render, resume};
-use canted_scene::{Camera, Light, Material, MaterialId, Mesh, Part, Scene};
+use canted_scene::{Camera, Light, Material, MaterialId, Mesh, Part as MeshPart, Scene};
 
 use crate::common::{BruteForce, camera, cuboid, film, floor, grey, parallelogram, scene, settings, unit};
 
@@ -350,7 +350,7 @@ fn rendered_edge_is_filtered() {
     let half_plane = Mesh {
         positions: vec![[EDGE, -9.0, 0.0], [9.0, -9.0, 0.0], [9.0, 9.0, 0.0], [EDGE, 9.0, 0.0]],
         triangles: vec![[0, 1, 2], [0, 2, 3]],
-        parts: vec![Part { first_triangle: 0, material: MaterialId(0) }],
+        parts: vec![MeshPart { first_triangle: 0, material: MaterialId(0) }],
         ..Mesh::default()
     };
     let stage = scene(vec![half_plane], vec![bright]);

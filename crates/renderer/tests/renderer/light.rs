@@ -41,12 +41,12 @@ pub(crate) fn numbers(n: u32) -> impl Iterator<Item = (f32, [f32; 2])> {
 /// Sample mean and its standard error.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Estimate {
-    mean: f64,
-    error: f64,
+    pub(crate) mean: f64,
+    pub(crate) error: f64,
 }
 
 impl Estimate {
-    fn of(values: impl Iterator<Item = f64>) -> Self {
+    pub(crate) fn of(values: impl Iterator<Item = f64>) -> Self {
         let (mut n, mut sum, mut squares) = (0.0, 0.0, 0.0);
         for value in values {
             n += 1.0;
@@ -58,7 +58,7 @@ impl Estimate {
     }
 
     /// Within five standard errors plus the rounding error of `f32` samples.
-    fn matches(&self, expected: f64) -> bool {
+    pub(crate) fn matches(&self, expected: f64) -> bool {
         (self.mean - expected).abs() <= 5.0 * self.error + 16.0 * f64::from(f32::EPSILON) * expected
     }
 }

@@ -137,7 +137,7 @@ fn albedo_matches_single_scattering() {
 #[test]
 fn bsdf_is_reciprocal() {
     for roughness in [0.2, 0.5, 1.0] {
-        for (name, bsdf) in super::materials(roughness) {
+        for (name, bsdf) in materials(roughness) {
             for (square, choice) in numbers(2000) {
                 let (o, through) = (outgoing(f64::from(0.2 + 0.8 * choice)), choice < 0.5);
                 let i = canted_renderer::sampling::cosine_hemisphere(square);
@@ -189,7 +189,7 @@ fn outcomes(bsdf: &Bsdf, outgoing: [f32; 3]) -> [Option<BsdfSample>; 2] {
 fn reflection_and_transmission_conserve_energy() {
     for ior in IORS {
         for is_inside in [false, true] {
-            let bsdf = Bsdf { is_inside, ..glass(ior) };
+            let bsdf = Bsdf { is_inside, ..smooth_glass(ior) };
             let eta = if is_inside { 1.0 / ior } else { ior };
             for degree in 0..90 {
                 let o = outgoing(f64::from(degree).to_radians().cos());
@@ -214,7 +214,7 @@ fn reflection_and_transmission_conserve_energy() {
 fn reflection_probability_is_fresnel_reflectance() {
     // At normal incidence ((n - 1)/(n + 1))² is 0.04, on both sides.
     for is_inside in [false, true] {
-        let bsdf = Bsdf { is_inside, ..glass(1.5) };
+        let bsdf = Bsdf { is_inside, ..smooth_glass(1.5) };
         let is_reflected = |choice| bsdf.sample([0.0, 0.0, 1.0], [0.5; 2], choice).is_some_and(|s| !s.is_transmitted);
         assert!(is_reflected(0.039_999) && !is_reflected(0.040_001));
     }
@@ -224,7 +224,7 @@ fn reflection_probability_is_fresnel_reflectance() {
 fn reflection_is_total_beyond_the_critical_angle() {
     for ior in [1.33_f32, 1.5, 2.4] {
         let critical = f64::from(1.0 / ior).asin();
-        let bsdf = Bsdf { is_inside: true, ..glass(ior) };
+        let bsdf = Bsdf { is_inside: true, ..smooth_glass(ior) };
         let transmits = |angle: f64| outcomes(&bsdf, outgoing(angle.cos()))[1].is_some_and(|s| s.is_transmitted);
         // A thousandth of a radian is well above the rounding error of the cosine.
         assert!(transmits(critical - 1e-3) && !transmits(critical + 1e-3), "{ior}");
@@ -290,7 +290,7 @@ fn rough_sphere_does_not_gain_energy() {
     let sampler = Sampler::new(Pattern::Random, 1, 9);
     let mut previous = 1.0;
     for roughness in [0.2, 0.5, 1.0] {
-        let bsdf = Bsdf { roughness, ..glass(1.5) };
+        let bsdf = Bsdf { roughness, ..smooth_glass(1.5) };
         let outside = |path: &u32| {
             let a: Vector = [f64::from(sampler.pair(*path, 0, 0)[1]) - 0.5, 0.0, 1.0];
             let s = f64::from(sampler.pair(*path, 0, 0)[0]);
@@ -308,7 +308,7 @@ fn rough_sphere_does_not_gain_energy() {
 
 #[test]
 fn thin_wall_does_not_refract() {
-    let thin = Bsdf { thin_walled: true, ..glass(1.5) };
+    let thin = Bsdf { thin_walled: true, ..smooth_glass(1.5) };
     for degree in 0..90 {
         let o = outgoing(f64::from(degree).to_radians().cos());
         let [reflected, passed] = outcomes(&thin, o).map(Option::unwrap);
@@ -414,7 +414,7 @@ fn base(white: &Bsdf, outgoing: [f32; 3]) -> f64 {
     const STEPS: u32 = 500;
     let black = Bsdf { base_color: [0.0; 3], ..*white };
     let at = |i: u32| {
-        let incident = super::outgoing((f64::from(i) + 0.5) / f64::from(STEPS));
+        let incident = crate::bsdf::outgoing((f64::from(i) + 0.5) / f64::from(STEPS));
         // Outside of the lobe, so that the subtraction keeps its digits.
         let value = |bsdf: &Bsdf| f64::from(bsdf.evaluate(outgoing, incident).value[0]);
         value(white) - value(&black)
