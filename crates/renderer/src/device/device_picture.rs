@@ -6,12 +6,10 @@ use canted_film::{Aov, Film, Filter, Tile};
 use canted_gpu::{Buffer, Gpu, GpuError, Kernel, NamedBinding, TracedScene, Variant};
 use canted_scene::{Camera, Scene};
 
-use super::collector::{self, SampleCollector};
-use super::dispatcher::SampleDispatcher;
-use super::kernels::RenderKernels;
+use super::collector::{self, SampleCollector, SampleDispatcher};
 use super::lights::{DeviceSky, SampledLights};
 use super::picture::{self, PackedPicture};
-use super::records::{self, PackedSample, PackedSum, SampleRecord};
+use super::records::{self, PackedSample, PackedSum, RenderKernels, SampleRecord};
 use super::scene::PackedScene;
 use super::traced::{Traced, traced_frame, traced_scene};
 use super::{DeviceError, DeviceFrames};

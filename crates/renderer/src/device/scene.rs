@@ -4,11 +4,9 @@ use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 use canted_scene::{Material, MaterialId, Scene};
 use canted_trace::InstanceId;
 
-use super::columns::Columns;
 use super::geometry::{Geometry, PackedPlacement, PackedTriangle, Placed};
 use super::lights::SampledLights;
-use super::materials::{Materials, PackedMaterial, Slot};
-use super::textures::{ImageHeads, Images, Texels, used_textures};
+use super::materials::{Columns, ImageHeads, Images, Materials, PackedMaterial, Slot, Texels, used_textures};
 use crate::light::{ListLight, is_shape};
 use crate::texture::Textures;
 use crate::{Integrator, Lod, alpha};
