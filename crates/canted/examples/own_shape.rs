@@ -1,8 +1,8 @@
 //! Your own shape: a flat disk. Two methods are enough; the others have defaults.
 #![expect(clippy::print_stdout, reason = "an example prints its results")]
 
-use canted::kernel::ScaledRay;
-use canted::{Aabb, Intersect, Primitive, PrimitiveHit, Ray, Side, WideBvh};
+use canted::kernel::{PrimitiveHit, ScaledRay};
+use canted::{Aabb, Intersect, Primitive, Ray, Side, WideBvh};
 
 /// A disk across z.
 struct Disk {

@@ -6,12 +6,12 @@ pub use canted_obb::{Aabb, Affine, PrimId};
 
 // Rays, hits, and what answers queries.
 pub use canted_trace::{
-    Accept, Crossings, Hit, InstanceId, Intersect, Query, Ray, Side, Sphere, SurfacePoint, TriangleTest, Triangles,
+    Accept, Crossings, Hit, InstanceId, Intersect, Ray, Side, Sphere, SurfacePoint, TriangleTest, Triangles,
 };
 
 // BVHs.
 pub use canted_lbvh::GeometryError;
-pub use canted_wide::{Config, Preset, Primitive, PrimitiveHit, TriangleBvh, WideBvh};
+pub use canted_wide::{Config, Preset, Primitive, TriangleBvh, WideBvh};
 
 // Instances.
 pub use canted_tlas::{Instance, Tlas};
@@ -46,14 +46,14 @@ pub mod instance {
     pub use canted_trace::BoxBvh;
 }
 
-/// Tests of single primitives, their error bounds, and what implementors of [`Intersect`] need.
+/// Tests of single primitives, their error bounds, and what implementors of [`Intersect`] and [`Primitive`] need.
 pub mod kernel {
     pub use canted_trace::{
         AcceptAt, Answer, Answers, BaldwinWeber, Counts, HIT_ERROR, HitLists, Kernel, LeafTriangles, Leaves,
-        MollerTrumbore, ReferencePoint, ScaledRay, SlabRay, Slabs, TriangleHit, Watertight, position_error, ray_aabb,
-        ray_obb,
+        MollerTrumbore, Query, ReferencePoint, ScaledRay, SlabRay, Slabs, TriangleHit, Watertight, position_error,
+        ray_aabb, ray_obb,
     };
-    pub use canted_wide::TraversalCounts;
+    pub use canted_wide::{PrimitiveHit, TraversalCounts};
 }
 
 /// Structures besides [`TriangleBvh`]: over moving triangles, and those of the literature, each with a feature of its name.
