@@ -84,9 +84,8 @@ impl<S: Items> Chosen<S> {
     /// Finds frames and plans with oriented nodes; each leaf must be one primitive.
     fn fit(&mut self, config: &Config, scale: f32) {
         let areas = BoxAreas { inner: &self.aligned.inner_areas, leaf: &self.aligned.leaf_areas };
-        let frame_config = FrameConfig { iterations: config.refine_iterations, ..FrameConfig::default() };
         let sorted = self.sorted(0..self.primitives().len());
-        let fits = frames::fit(&self.tree, &S::Item::fitted(&sorted, scale), self.rows, &areas, &frame_config);
+        let fits = frames::fit(&self.tree, &S::Item::fitted(&sorted, scale), self.rows, &areas, &FrameConfig::default());
         let inner = |id: NodeId| both(self.aligned.inner_areas[id.index()], fits.inner[id.index()].half_area);
         let leaf = |i: usize| both(self.aligned.leaf_areas[i], fits.leaf[i].half_area);
         let tables = tables(&self.tree, self.members(), inner, leaf, &config.costs);
@@ -189,7 +188,6 @@ pub(crate) fn choose<S: Items>(items: S, bounds: &Aabb, config: &Config) -> Chos
 }
 
 /// Groups that fit into leaves.
-#[expect(clippy::cast_possible_truncation, reason = "at most 32")]
 fn limited(groups: GroupConfig, costs: &Costs) -> GroupConfig {
     GroupConfig { max_group: groups.max_group.min(costs.max_leaf as u32), ..groups }
 }
@@ -254,7 +252,7 @@ pub(crate) fn costs_of_subset<I: Item>(items: &[I], rows: [[f32; 3]; 3], scale: 
     let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
     let tree = canted_sah::build(&boxes, &bounds, &sample::BUILDER);
     let mut chosen = Chosen::of((tree, None), items, &boxes, rows, scale, &config.costs);
-    chosen.fit(&Config { refine_iterations: 0, ..*config }, scale);
+    chosen.fit(config, scale);
     [chosen.aligned_cost(&config.costs), chosen.cost(&config.costs)]
 }
 

@@ -20,8 +20,8 @@ use crate::reach::Reaches;
 use crate::records::Records;
 use crate::shape::Shapes;
 use crate::simd::Proven;
-use crate::traverse::{BoxPads, LaneKernel, MeshFrame, Pads};
-use crate::triangle::{Blocks, Triangle};
+use crate::traverse::{BoxPads, MeshFrame, Pads};
+use crate::triangle::{Blocks, TriangleBvh};
 
 /// Primitives of one job.
 const CHUNK: usize = 1 << 12;
@@ -52,78 +52,110 @@ impl fmt::Display for PrimitiveError {
 
 impl std::error::Error for PrimitiveError {}
 
-impl<K: LaneKernel> WideBvh<Triangle<K>> {
-    /// Builds a BVH over triangles. Name the primitive, because `WideBvh::build` alone is ambiguous.
+impl TriangleBvh {
+    /// Builds a BVH over triangles, with the default configuration.
+    ///
+    /// Vertices may have any type that converts into `[f32; 3]`, indices any integer type. They are not copied where they are `[f32; 3]`
+    /// and `u32`. A flat list of indices is a list of triangles by `as_chunks::<3>().0`.
     ///
     /// ```
-    /// use canted_wide::{Config, Triangle, WideBvh};
+    /// use canted_wide::TriangleBvh;
     ///
     /// let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-    /// let bvh = WideBvh::<Triangle>::build(&positions, &[[0, 1, 2]], &Config::default())?;
+    /// let bvh = TriangleBvh::build(&positions, &[[0, 1, 2]])?;
     /// assert_eq!(bvh.n_primitives(), 1);
+    ///
+    /// let (vertices, indices) = (positions.map(glam::Vec3::from_array), vec![0_u16, 1, 2, 2, 1, 0]);
+    /// assert_eq!(TriangleBvh::build(&vertices, indices.as_chunks::<3>().0)?.n_primitives(), 2);
     /// # Ok::<(), canted_lbvh::GeometryError>(())
     /// ```
     ///
     /// # Errors
     /// More than [`MAX_TRIANGLES`](crate::MAX_TRIANGLES), before any is read, or so many that the BVH is too large; the first
     /// triangle with an index out of range or a vertex that is not finite.
-    pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]], config: &Config) -> Result<Self, GeometryError> {
-        Ok(over_indexed(&Limits::OF_WORDS, positions, triangles, config, K::ERROR)?.into())
+    pub fn build<V, I>(positions: &[V], triangles: &[[I; 3]]) -> Result<Self, GeometryError>
+    where
+        V: Into<[f32; 3]> + Copy + 'static,
+        I: TryInto<u32> + Copy + 'static,
+    {
+        Self::build_with(positions, triangles, Config::default())
+    }
+
+    /// As [`TriangleBvh::build`], with a [`Preset`](crate::Preset) or a [`Config`].
+    ///
+    /// # Errors
+    /// As [`TriangleBvh::build`].
+    pub fn build_with<V, I>(
+        positions: &[V],
+        triangles: &[[I; 3]],
+        config: impl Into<Config>,
+    ) -> Result<Self, GeometryError>
+    where
+        V: Into<[f32; 3]> + Copy + 'static,
+        I: TryInto<u32> + Copy + 'static,
+    {
+        let (positions, triangles) = (lbvh::as_positions(positions), lbvh::as_triangles(triangles));
+        Ok(over_indexed(&Limits::OF_WORDS, &positions, &triangles, &config.into())?.into())
     }
 
     /// Collapses a binary tree of any builder; `corners` in input order and finite, `bounds` around them.
     ///
     /// # Errors
-    /// Too many triangles, as for [`WideBvh::build`].
-    pub fn over(tree: &Tree, corners: &[Corners], bounds: &Aabb, config: &Config) -> Result<Self, GeometryError> {
-        Ok(over_tree(tree, None, corners, bounds, config, K::ERROR)?.into())
+    /// Too many triangles, as for [`TriangleBvh::build`].
+    pub fn from_tree(
+        tree: &Tree,
+        corners: &[Corners],
+        bounds: &Aabb,
+        config: impl Into<Config>,
+    ) -> Result<Self, GeometryError> {
+        Ok(over_tree(tree, None, corners, bounds, &config.into())?.into())
     }
 
     /// Collapses a binary tree whose leaves are parts of triangles, as [`canted_sah::spatial()`] makes it; a leaf names its triangle, of
     /// which it may hold a part only. `parts` are the boxes of the leaves, in leaf order; the boxes of a triangle together
-    /// contain all of its points. [`WideBvh::refit`] replaces the parts by whole triangles; only then a file of the BVH can be loaded.
+    /// contain all of its points. [`TriangleBvh::refit`] replaces the parts by whole triangles; only then a file of the BVH can be loaded.
     ///
     /// ```
     /// use canted_lbvh::triangle_corners;
     /// use canted_sah::{SpatialConfig, spatial};
-    /// use canted_wide::{Config, TriangleBvh};
+    /// use canted_wide::{Preset, TriangleBvh};
     ///
     /// let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     /// let (corners, bounds) = triangle_corners(&positions, &[[0, 1, 2], [1, 2, 3]])?;
     /// let (mut tree, references) = spatial(&corners, &SpatialConfig::default());
     /// let parts: Vec<_> = tree.leaves.iter().map(|part| references.boxes[part.index()]).collect();
     /// tree.leaves.iter_mut().for_each(|leaf| *leaf = references.primitives[leaf.index()]);
-    /// let bvh: TriangleBvh = TriangleBvh::over_parts(&tree, parts, &corners, &bounds, &Config::default())?;
+    /// let bvh = TriangleBvh::from_tree_of_parts(&tree, parts, &corners, &bounds, Preset::Balanced)?;
     /// assert_eq!(bvh.n_primitives(), 2);
     /// # Ok::<(), canted_lbvh::GeometryError>(())
     /// ```
     ///
     /// # Errors
-    /// Too many triangles, as for [`WideBvh::build`].
+    /// Too many triangles, as for [`TriangleBvh::build`].
     ///
     /// # Panics
     /// If `parts` and the leaves of the tree differ in number.
-    pub fn over_parts(
+    pub fn from_tree_of_parts(
         tree: &Tree,
         parts: Vec<Aabb>,
         corners: &[Corners],
         bounds: &Aabb,
-        config: &Config,
+        config: impl Into<Config>,
     ) -> Result<Self, GeometryError> {
         assert_eq!(parts.len(), tree.leaves.len(), "each leaf has a box");
-        Ok(over_tree(tree, Some(parts), corners, bounds, config, K::ERROR)?.into())
+        Ok(over_tree(tree, Some(parts), corners, bounds, &config.into())?.into())
     }
 }
 
 impl<P: Primitive> WideBvh<P> {
-    /// Builds a BVH over primitives of your own. Name the primitive, because `WideBvh::build` alone is ambiguous.
+    /// Builds a BVH over primitives of your own, with the default configuration.
     ///
     /// ```
     /// use canted_trace::Sphere;
-    /// use canted_wide::{Config, WideBvh};
+    /// use canted_wide::WideBvh;
     ///
     /// let spheres = vec![Sphere { center: [0.0; 3], radius: 1.0 }, Sphere { center: [4.0, 0.0, 0.0], radius: 2.0 }];
-    /// let bvh = WideBvh::<Sphere>::build(spheres, &Config::default())?;
+    /// let bvh = WideBvh::over(spheres)?;
     /// assert_eq!(bvh.primitives()[1].radius, 2.0);
     /// # Ok::<(), canted_wide::PrimitiveError>(())
     /// ```
@@ -131,12 +163,20 @@ impl<P: Primitive> WideBvh<P> {
     /// # Errors
     /// More than [`MAX_PRIMITIVES`](crate::MAX_PRIMITIVES), before any is read, or so many that the BVH is too large; the first
     /// primitive whose bounds are empty or not finite.
-    pub fn build(primitives: Vec<P>, config: &Config) -> Result<Self, PrimitiveError> {
-        Self::build_within(&Limits::OF_WORDS, primitives, config)
+    pub fn over(primitives: Vec<P>) -> Result<Self, PrimitiveError> {
+        Self::over_with(primitives, Config::default())
     }
 
-    /// As [`WideBvh::build`], with smaller limits.
-    pub(crate) fn build_within(limits: &Limits, primitives: Vec<P>, config: &Config) -> Result<Self, PrimitiveError> {
+    /// As [`WideBvh::over`], with a [`Preset`](crate::Preset) or a [`Config`].
+    ///
+    /// # Errors
+    /// As [`WideBvh::over`].
+    pub fn over_with(primitives: Vec<P>, config: impl Into<Config>) -> Result<Self, PrimitiveError> {
+        Self::over_within(&Limits::OF_WORDS, primitives, &config.into())
+    }
+
+    /// As [`WideBvh::over_with`], with smaller limits.
+    pub(crate) fn over_within(limits: &Limits, primitives: Vec<P>, config: &Config) -> Result<Self, PrimitiveError> {
         let n_primitives = primitives.len();
         if n_primitives > limits.n_parts {
             return Err(PrimitiveError::TooMany { n_primitives });
@@ -218,13 +258,12 @@ pub(crate) fn reference_of_triangles(n: usize, corners: impl Fn(usize) -> Corner
     ReferencePoint::near(n, |i| Aabb::from_points(corners(i)))
 }
 
-/// Builds over indexed triangles; the same for every triangle test but for the error of its hits.
+/// Builds over indexed triangles.
 fn over_indexed(
     limits: &Limits,
     positions: &[[f32; 3]],
     triangles: &[[u32; 3]],
     config: &Config,
-    error: f32,
 ) -> Result<Built<Blocks>, GeometryError> {
     check_number(triangles.len(), limits)?;
     let bounds = lbvh::triangle_bounds(positions, triangles)?;
@@ -232,7 +271,7 @@ fn over_indexed(
     let given = Indexed::given(positions, triangles);
     let reference = reference_of_triangles(triangles.len(), |i| given.get(i));
     let mut chosen = binary::choose(given.moved(reference), &reference.moved_box(&bounds), &config);
-    over_chosen(&mut chosen, given, (reference, &bounds), &config, error, limits)
+    over_chosen(&mut chosen, given, (reference, &bounds), &config, limits)
 }
 
 /// Builds over a binary tree of any builder.
@@ -242,7 +281,6 @@ fn over_tree(
     corners: &[Corners],
     bounds: &Aabb,
     config: &Config,
-    error: f32,
 ) -> Result<Built<Blocks>, GeometryError> {
     check_number(corners.len(), &Limits::OF_WORDS)?;
     let config = config.usable();
@@ -251,7 +289,7 @@ fn over_tree(
     let parts = parts.map(|parts| parts.iter().map(|part| reference.moved_box(part)).collect());
     let items = moved.as_deref().unwrap_or(corners);
     let mut chosen = binary::over_tree(tree.clone(), parts, items, &reference.moved_box(bounds), &config);
-    over_chosen(&mut chosen, corners, (reference, bounds), &config, error, &Limits::OF_WORDS)
+    over_chosen(&mut chosen, corners, (reference, bounds), &config, &Limits::OF_WORDS)
 }
 
 /// Rejects more triangles than leaves can name.
@@ -266,7 +304,6 @@ pub(crate) fn over_chosen(
     given: impl Items<Item = Corners>,
     (reference, bounds): (ReferencePoint, &Aabb),
     config: &Config,
-    error: f32,
     limits: &Limits,
 ) -> Result<Built<Blocks>, GeometryError> {
     let tables = std::mem::take(&mut chosen.aligned_tables);
@@ -276,9 +313,9 @@ pub(crate) fn over_chosen(
         write_triangles(ids.map(|id| (given.get(id.index()), id)), part, out);
     };
     let leaves = Leaves { layout: &LeafLayout::BLOCKS, units: &Records::zeroed, write: &write };
-    let (nodes, halves, predicted) = collapse(chosen, tables, &config.costs, error, limits, &leaves)
+    let (nodes, halves, predicted) = collapse(chosen, tables, &config.costs, config.test.hit_error(), limits, &leaves)
         .map_err(|TooLarge| GeometryError::TooMany { n_triangles: n_primitives })?;
-    let leaves = halves.into();
+    let leaves = Blocks::new(halves, config.test);
     let frame = MeshFrame::new(chosen.rows, reference);
     Ok(Built { nodes, leaves, frame, bounds: *bounds, n_primitives, predicted, costs: config.costs })
 }

@@ -1,4 +1,5 @@
 use canted_sah::{Builder, GroupConfig, TopDownConfig};
+use canted_trace::TriangleTest;
 
 use crate::costs::Costs;
 
@@ -32,8 +33,8 @@ pub struct Config {
     pub oriented: bool,
     /// Whether aligned nodes may be aligned with a frame of the mesh instead of the coordinate axes.
     pub rotate_mesh: bool,
-    /// Iterations that rotate the frame of each small subtree about its axes in search of less area.
-    pub refine_iterations: u32,
+    /// The triangle test of rays; BVHs over other primitives have none.
+    pub test: TriangleTest,
 }
 
 impl Config {
@@ -47,7 +48,7 @@ impl Config {
             alternative_builder: None,
             oriented: true,
             rotate_mesh: false,
-            refine_iterations: 0,
+            test: TriangleTest::Watertight,
         };
         match preset {
             Preset::Dynamic => Self { groups: Some(GroupConfig::DYNAMIC), oriented: false, ..fast },
@@ -60,7 +61,6 @@ impl Config {
                 builder: Builder::QUALITY,
                 alternative_builder: Some(Builder::TopDown(TopDownConfig::BINNED, None)),
                 rotate_mesh: true,
-                refine_iterations: 0,
                 ..fast
             },
         }
@@ -75,6 +75,12 @@ impl Config {
     /// The settings as builds use them: see [`Costs`].
     pub(crate) fn usable(&self) -> Self {
         Self { costs: self.costs.usable(self.oriented), ..*self }
+    }
+}
+
+impl From<Preset> for Config {
+    fn from(preset: Preset) -> Self {
+        Self::preset(preset)
     }
 }
 

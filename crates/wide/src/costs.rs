@@ -49,7 +49,6 @@ impl Costs {
     }
 
     /// The cost of a leaf of `n` primitives.
-    #[expect(clippy::cast_precision_loss, reason = "at most 32 primitives")]
     pub(crate) fn leaf_of(&self, n: usize) -> f32 {
         self.leaf + self.block * n.div_ceil(8) as f32
     }

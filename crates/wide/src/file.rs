@@ -25,11 +25,11 @@ mod check;
 mod checksum;
 mod error;
 mod header;
-
-use std::borrow::Cow;
+mod save;
 
 use bytemuck::Pod;
 use canted_obb::PrimId;
+use canted_trace::TriangleTest;
 
 use crate::bvh::WideBvh;
 use crate::layout::{Half, Nodes};
@@ -38,126 +38,124 @@ use crate::primitive::SavedPrimitive;
 use crate::records::Records;
 use crate::shape::Shapes;
 use crate::simd::Proven;
-use crate::traverse::LaneKernel;
-use crate::triangle::{Blocks, Triangle};
+use crate::triangle::{Blocks, TriangleBvh};
 
 use check::{Expected, check_shapes, check_triangles};
 use checksum::checksum;
 pub use error::LoadError;
 use header::{CHECKSUM_BYTES, HEADER_BYTES, Header};
+pub use save::SaveBlas;
 
-/// What [`WideBvh::to_bytes`] can write: triangles, and every [`SavedPrimitive`].
-///
-/// This trait cannot be implemented directly.
-pub trait SavedLeaves: LeafPrimitive {
-    /// Bytes of a unit of leaves, and of a primitive that is stored in addition; multiples of four.
-    #[doc(hidden)]
-    const SIZES: [usize; 2];
+impl TriangleBvh {
+    /// The BVH with its triangles as bytes, for [`TriangleBvh::from_bytes`]: about as many as [`WideBvh::n_bytes`], the same on
+    /// every machine.
+    ///
+    /// The SIMD path is not part of them: the reader chooses it.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        write(self, SIZES, self.leaves.test.hit_error(), [bytemuck::cast_slice(&self.leaves.halves), &[]])
+    }
 
-    /// Units of leaves and primitives as words.
-    #[doc(hidden)]
-    fn sections(leaves: &Self::Leaves) -> [Cow<'_, [u32]>; 2];
+    /// The BVH that [`TriangleBvh::to_bytes`] wrote, bit for bit.
+    ///
+    /// `bytes` may be damaged or malicious, whatever their checksum: a BVH that is returned cannot panic, loop or overflow a
+    /// stack, and finds every hit on its primitives. Needs memory in proportion to `bytes`.
+    ///
+    /// The bytes hold the error of hits that boxes are padded for; it tells the watertight test from the other two, whose hits are the same.
+    ///
+    /// # Errors
+    /// The first thing in `bytes` that is not part of a valid BVH over triangles.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
+        let is_of = |test: &TriangleTest, header: &Header| test.hit_error() == header.hit_error;
+        Self::read(bytes, |header| TriangleTest::ALL.into_iter().find(|test| is_of(test, header)).unwrap_or_default())
+    }
 
-    /// Leaves from these sections, of any content.
-    #[doc(hidden)]
-    fn from_sections(units: &[u8], primitives: &[u8]) -> Self::Leaves;
+    /// As [`TriangleBvh::from_bytes`], with a triangle test of the reader's choice. Where its error differs from that of the writer's test,
+    /// boxes are padded again.
+    ///
+    /// # Errors
+    /// As [`TriangleBvh::from_bytes`].
+    pub fn from_bytes_with(bytes: &[u8], test: TriangleTest) -> Result<Self, LoadError> {
+        Self::read(bytes, |_| test)
+    }
 
-    /// Whether all records are those that a build makes; pads boxes for the hits of this type.
-    #[doc(hidden)]
-    fn check(nodes: &mut Nodes, leaves: &Self::Leaves, expected: &Expected) -> Result<(), LoadError>;
+    fn read(bytes: &[u8], test: impl FnOnce(&Header) -> TriangleTest) -> Result<Self, LoadError> {
+        let (header, mut nodes, [units, _]) = read(bytes, SIZES)?;
+        let test = test(&header);
+        let leaves = Blocks::new(Records::from(words_of::<Half>(units)), test);
+        let expected = Expected::of(&header, test.hit_error(), true)?;
+        check_triangles(&mut nodes, &leaves.halves, &expected)?;
+        Ok(loaded(&header, nodes, leaves, expected))
+    }
 }
 
-impl<K: LaneKernel> SavedLeaves for Triangle<K> {
-    const SIZES: [usize; 2] = [size_of::<Half>(), 0];
+/// Bytes of a half-block of triangles, and of what is stored for a triangle in addition.
+const SIZES: [usize; 2] = [size_of::<Half>(), 0];
 
-    fn sections(Blocks { halves, .. }: &Blocks) -> [Cow<'_, [u32]>; 2] {
-        [Cow::Borrowed(bytemuck::cast_slice(halves)), Cow::Borrowed(&[])]
-    }
-
-    fn from_sections(units: &[u8], _: &[u8]) -> Blocks {
-        Records::from(words_of::<Half>(units)).into()
-    }
-
-    fn check(nodes: &mut Nodes, blocks: &Blocks, expected: &Expected) -> Result<(), LoadError> {
-        check_triangles(nodes, &blocks.halves, expected)
-    }
-}
-
-impl<P: SavedPrimitive> SavedLeaves for P {
+impl<P: SavedPrimitive> WideBvh<P> {
+    /// Bytes of an id, and of a primitive.
     const SIZES: [usize; 2] = {
         let (size, align) = (size_of::<P::Data>(), align_of::<P::Data>());
         assert!(size > 0 && size.is_multiple_of(4) && align >= 4, "primitives are written as 32-bit words");
         [size_of::<PrimId>(), size]
     };
 
-    fn sections(leaves: &Shapes<P>) -> [Cow<'_, [u32]>; 2] {
-        let data: Vec<P::Data> = leaves.primitives.iter().map(P::to_data).collect();
-        let order = leaves.order.iter().map(|id| id.0).collect();
-        [Cow::Owned(order), Cow::Owned(bytemuck::cast_slice(&data).to_vec())]
-    }
-
-    fn from_sections(units: &[u8], primitives: &[u8]) -> Shapes<P> {
-        let order = words_of(units).into_iter().map(PrimId).collect();
-        Shapes { order, primitives: words_of::<P::Data>(primitives).iter().map(P::from_data).collect() }
-    }
-
-    fn check(nodes: &mut Nodes, leaves: &Shapes<P>, expected: &Expected) -> Result<(), LoadError> {
-        check_shapes(nodes, leaves, expected)
-    }
-}
-
-impl<P: SavedLeaves> WideBvh<P> {
-    /// The BVH with its primitives as bytes, for [`WideBvh::from_bytes`]: about as many as [`WideBvh::n_bytes`], the same on
-    /// every machine.
-    ///
-    /// The triangle test and the SIMD path are not part of them: the reader chooses both. Boxes are padded for the error of the
-    /// writer's test; where the reader's differs, boxes are padded again.
+    /// The BVH with its primitives as bytes, for [`WideBvh::from_bytes`], as [`TriangleBvh::to_bytes`].
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        let sections = P::sections(&self.leaves);
-        #[expect(clippy::cast_possible_truncation, reason = "sizes of small types")]
-        let [n_unit_bytes, n_primitive_bytes] = P::SIZES.map(|n| n as u32);
-        let header = Header {
-            n_lines: self.nodes.lines.len() as u64,
-            n_units: (size_of_val(&sections[0][..]) / P::SIZES[0]) as u64,
-            n_primitives: self.n_primitives as u64,
-            root: self.nodes.root,
-            depth: self.nodes.depth,
-            frame: self.frame.rows,
-            reference: self.frame.reference.point(),
-            bounds: self.bounds,
-            predicted: self.predicted,
-            baseline: self.baseline,
-            n_unit_bytes,
-            n_primitive_bytes,
-            hit_error: P::ERROR,
-        };
-        let mut bytes = Vec::with_capacity(HEADER_BYTES + self.n_bytes() + CHECKSUM_BYTES);
-        header.write(&mut bytes);
-        for words in [bytemuck::cast_slice(&self.nodes.lines), &sections[0], &sections[1]] {
-            bytes.extend(words.iter().flat_map(|word: &u32| word.to_le_bytes()));
-        }
-        let sum = checksum(&bytes);
-        bytes.extend(sum.to_le_bytes());
-        bytes
+        let data: Vec<P::Data> = self.leaves.primitives.iter().map(P::to_data).collect();
+        let order: Vec<u32> = self.leaves.order.iter().map(|id| id.0).collect();
+        write(self, Self::SIZES, P::ERROR, [&order, bytemuck::cast_slice(&data)])
     }
 
-    /// The BVH that [`WideBvh::to_bytes`] wrote, bit for bit if the triangle test is the same.
-    ///
-    /// `bytes` may be damaged or malicious, whatever their checksum: a BVH that is returned cannot panic, loop or overflow a
-    /// stack, and finds every hit on its primitives. Needs memory in proportion to `bytes`.
+    /// The BVH that [`WideBvh::to_bytes`] wrote, bit for bit if [`Primitive::ERROR`](crate::Primitive::ERROR) is the same; bytes need not be
+    /// trusted, as for [`TriangleBvh::from_bytes`].
     ///
     /// # Errors
     /// The first thing in `bytes` that is not part of a valid BVH over these primitives.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
-        let (header, mut nodes, [units, primitives]) = read(bytes, P::SIZES)?;
-        let leaves = P::from_sections(units, primitives);
+        let (header, mut nodes, [units, primitives]) = read(bytes, Self::SIZES)?;
+        let order = words_of(units).into_iter().map(PrimId).collect();
+        let leaves = Shapes { order, primitives: words_of::<P::Data>(primitives).iter().map(P::from_data).collect() };
         let expected = Expected::of(&header, P::ERROR, P::IS_LOCAL)?;
-        P::check(&mut nodes, &leaves, &expected)?;
-        let Expected { n_primitives, bounds, frame, .. } = expected;
-        let (predicted, baseline, path) = (header.predicted, header.baseline, Proven::detect());
-        Ok(Self { nodes, leaves, frame, bounds, n_primitives, predicted, baseline, path })
+        check_shapes(&mut nodes, &leaves, &expected)?;
+        Ok(loaded(&header, nodes, leaves, expected))
     }
+}
+
+/// A BVH with these units of leaves and primitives as bytes.
+fn write<P: LeafPrimitive>(bvh: &WideBvh<P>, sizes: [usize; 2], hit_error: f32, sections: [&[u32]; 2]) -> Vec<u8> {
+    let [n_unit_bytes, n_primitive_bytes] = sizes.map(|n| n as u32);
+    let header = Header {
+        n_lines: bvh.nodes.lines.len() as u64,
+        n_units: (size_of_val(sections[0]) / sizes[0]) as u64,
+        n_primitives: bvh.n_primitives as u64,
+        root: bvh.nodes.root,
+        depth: bvh.nodes.depth,
+        frame: bvh.frame.rows,
+        reference: bvh.frame.reference.point(),
+        bounds: bvh.bounds,
+        predicted: bvh.predicted,
+        baseline: bvh.baseline,
+        n_unit_bytes,
+        n_primitive_bytes,
+        hit_error,
+    };
+    let mut bytes = Vec::with_capacity(HEADER_BYTES + bvh.n_bytes() + CHECKSUM_BYTES);
+    header.write(&mut bytes);
+    for words in [bytemuck::cast_slice(&bvh.nodes.lines), sections[0], sections[1]] {
+        bytes.extend(words.iter().flat_map(|word: &u32| word.to_le_bytes()));
+    }
+    let sum = checksum(&bytes);
+    bytes.extend(sum.to_le_bytes());
+    bytes
+}
+
+/// A BVH of records that were checked.
+fn loaded<P: LeafPrimitive>(header: &Header, nodes: Nodes, leaves: P::Leaves, expected: Expected) -> WideBvh<P> {
+    let Expected { n_primitives, bounds, frame, .. } = expected;
+    let (predicted, baseline, path) = (header.predicted, header.baseline, Proven::detect());
+    WideBvh { nodes, leaves, frame, bounds, n_primitives, predicted, baseline, path }
 }
 
 /// The header, the nodes, and the bytes of leaves and primitives.
@@ -173,13 +171,11 @@ fn read(bytes: &[u8], sizes: [usize; 2]) -> Result<(Header, Nodes, [&[u8]; 2]), 
         return Err(LoadError::Checksum { stored, computed });
     }
     let found = [header.n_unit_bytes, header.n_primitive_bytes];
-    #[expect(clippy::cast_possible_truncation, reason = "sizes of small types")]
     let expected = sizes.map(|n| n as u32);
     if found != expected {
         return Err(LoadError::Primitives { found, expected });
     }
     // The file has the length by the header, so all sections fit into memory.
-    #[expect(clippy::cast_possible_truncation, reason = "at most the number of bytes")]
     let [n_line_bytes, n_unit_bytes, _] = header.section_bytes().map(|n| n as usize);
     let (lines, rest) = content[HEADER_BYTES..].split_at(n_line_bytes);
     let (units, primitives) = rest.split_at(n_unit_bytes);

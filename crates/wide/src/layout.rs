@@ -24,7 +24,7 @@ pub(crate) struct Line(pub(crate) [u32; 16]);
 /// Half of a block of triangles: four of them, or one half of eight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C, align(32))]
-pub struct Half(pub(crate) [u32; HALF_WORDS]);
+pub(crate) struct Half(pub(crate) [u32; HALF_WORDS]);
 
 /// Parts of a half-block that words can name: lanes 0 and 1, lanes 2 and 3.
 pub(crate) const PARTS: usize = 2;
@@ -98,14 +98,12 @@ impl Word {
     pub(crate) const EMPTY: Self = Self(u32::MAX >> 1);
 
     /// A leaf of `n` primitives.
-    #[expect(clippy::cast_possible_truncation, reason = "asserted to be small")]
     pub(crate) fn leaf(first: usize, n: usize) -> Self {
         assert!(first < Self::MAX_FIRST && (1..=MAX_LEAF).contains(&n), "the builder checks the limits");
         Self(Self::LEAF | (n as u32 - 1) << 26 | first as u32)
     }
 
     /// A node.
-    #[expect(clippy::cast_possible_truncation, reason = "asserted to be small")]
     pub(crate) fn node(kind: NodeKind, line: usize) -> Self {
         assert!(line < Self::MAX_LINE, "the builder checks the limits");
         Self((kind as u32) << 29 | line as u32)
@@ -209,7 +207,7 @@ impl Lane {
 
 /// All nodes of a BVH.
 #[derive(Clone, Debug)]
-pub struct Nodes {
+pub(crate) struct Nodes {
     pub(crate) lines: Records<Line>,
     pub(crate) root: Word,
     /// Greatest number of nodes from the root to a leaf.
@@ -221,6 +219,12 @@ pub struct Nodes {
 }
 
 impl Nodes {
+    /// Entries of memory that a traversal needs for subtrees that wait: up to seven siblings on each level, and one more subtree on top.
+    #[inline]
+    pub(crate) fn stack_len(&self) -> usize {
+        7 * self.depth as usize + 8
+    }
+
     pub(crate) fn n_bytes(&self) -> usize {
         size_of_val(&self.lines[..])
     }

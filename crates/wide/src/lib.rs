@@ -88,7 +88,6 @@
 //! collapse by dynamic programming, here over kinds of nodes too; Wald et al. 2020 for frames carried up a binary tree.
 #![deny(unsafe_code)]
 
-mod batch;
 mod binary;
 mod boxes;
 mod build;
@@ -96,8 +95,6 @@ mod bvh;
 mod collapse;
 mod config;
 mod costs;
-mod counts;
-mod crossings;
 mod distance;
 mod emit;
 mod file;
@@ -106,14 +103,12 @@ mod frames;
 mod item;
 mod layout;
 mod leaf;
-mod lists;
 mod measure;
 mod members;
-mod moving;
 mod outline;
 mod pieces;
 mod primitive;
-mod queries;
+mod query;
 mod raw;
 mod reach;
 mod records;
@@ -121,9 +116,6 @@ mod refit;
 mod sample;
 mod shape;
 mod simd;
-mod sink;
-mod slices;
-mod trace;
 mod traverse;
 mod triangle;
 
@@ -133,19 +125,14 @@ pub use build::PrimitiveError;
 pub use bvh::{PredictedCost, Sizes, WideBvh};
 pub use config::{Config, Preset};
 pub use costs::Costs;
-pub use counts::TraversalCounts;
 pub use distance::{ClosestPoint, DistanceShape, NearestPoint};
-pub use file::{LoadError, SavedLeaves};
+pub use file::{LoadError, SaveBlas};
 pub use flaw::Flaw;
 pub use layout::{MAX_PRIMITIVES, MAX_TRIANGLES, NodeKind};
 pub use leaf::LeafPrimitive;
-pub use lists::HitLists;
-pub use moving::MovingBvh;
 pub use primitive::{Primitive, PrimitiveHit, SavedPrimitive, bounds_of_points, extent_of_box, extent_of_points};
+pub use query::{MovingBvh, Order, TraversalCounts};
 pub use raw::RawBvh;
 pub use refit::{Refit, RefitError};
 pub use simd::SimdPath;
-pub use traverse::LaneKernel;
-#[doc(hidden)]
-pub use traverse::Stack;
 pub use triangle::{Triangle, TriangleBvh};

@@ -93,7 +93,6 @@ fn move_back(kind: NodeKind, reference: [f64; 3], frame: &[[f32; 3]; 3], node: &
                     let row = [0, 1, 2].map(|axis| f64::from(rows[5 * k + axis][i]));
                     let (center, half) = (rows[5 * k + 3][i], rows[5 * k + 4][i]);
                     let exact = f64::from(center) + dot(row, reference);
-                    #[expect(clippy::cast_possible_truncation, reason = "the half-extent grows by the rounding")]
                     let moved = exact as f32;
                     rows[5 * k + 3][i] = moved;
                     let rounding = (f64::from(moved) - exact).abs() + slack(exact, reference);

@@ -9,7 +9,7 @@ use std::ops::{Deref, DerefMut};
 use bytemuck::Pod;
 
 /// Records of a BVH: a slice that may lie in huge pages.
-pub struct Records<T>(Memory<T>);
+pub(crate) struct Records<T>(Memory<T>);
 
 enum Memory<T> {
     Heap(Vec<T>),

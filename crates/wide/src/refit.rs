@@ -28,8 +28,8 @@ use crate::layout::{Nodes, PARTS};
 use crate::outline::Outline;
 use crate::par;
 use crate::primitive::Primitive;
-use crate::traverse::{BoxPads, LaneKernel, Pads};
-use crate::triangle::Triangle;
+use crate::traverse::{BoxPads, Pads};
+use crate::triangle::TriangleBvh;
 
 pub(crate) use blocks::{Triangles, unused_lanes_are_zero};
 pub(crate) use boxes::{check_frame, check_row, compare, write as write_boxes};
@@ -121,7 +121,7 @@ impl From<PrimitiveError> for RefitError {
     }
 }
 
-impl<K: LaneKernel> WideBvh<Triangle<K>> {
+impl TriangleBvh {
     /// Updates the BVH to new vertices of the same triangles; object space, in the order of the build.
     ///
     /// Hits are then those of testing every new triangle, whatever the motion. What suffers is speed: which triangles share
@@ -133,17 +133,26 @@ impl<K: LaneKernel> WideBvh<Triangle<K>> {
     /// # Errors
     /// Another number of triangles, or the first triangle with an index out of range or a vertex that is not finite. The BVH
     /// is then unchanged.
-    pub fn refit(&mut self, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Refit, RefitError> {
+    pub fn refit<V, I>(&mut self, positions: &[V], triangles: &[[I; 3]]) -> Result<Refit, RefitError>
+    where
+        V: Into<[f32; 3]> + Copy + 'static,
+        I: TryInto<u32> + Copy + 'static,
+    {
+        self.refit_indexed(&lbvh::as_positions(positions), &lbvh::as_triangles(triangles))
+    }
+
+    fn refit_indexed(&mut self, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Refit, RefitError> {
         check_number(self.n_primitives, triangles.len())?;
         check_vertices(positions, triangles)?;
         let reference = reference_of_triangles(triangles.len(), |i| triangles[i].map(|v| positions[v as usize]));
         let old = self.frame;
         self.frame.reference = reference;
+        let pads = BoxPads::new(self.pads(), self.frame.is_identity);
         let bvh = Target {
             nodes: &mut self.nodes,
             bounds: &mut self.bounds,
             baseline: &mut self.baseline,
-            pads: BoxPads::new(Pads::of(K::ERROR), self.frame.is_identity),
+            pads,
         };
         let leaves = MovedTriangles { positions, triangles, frames: [old, self.frame] };
         Ok(bvh.update(&mut self.leaves.halves, PARTS, &leaves))
@@ -240,7 +249,6 @@ fn predicted<I>(state: Option<&State<I>>, visit: f64, bounds: &Aabb) -> RayCost 
 }
 
 /// A prediction in `f32`, finite.
-#[expect(clippy::cast_possible_truncation, reason = "a prediction, clamped")]
 fn finite(x: f64) -> f32 {
     x.min(f64::from(f32::MAX)) as f32
 }

@@ -62,7 +62,6 @@ pub(crate) fn oriented_cost<S: Items>(chosen: &Chosen<S>, config: &Config, scale
     }
     let mut sampled: Vec<usize> = (0..N_SAMPLED)
         .map(|i| {
-            #[expect(clippy::cast_precision_loss, reason = "a few")]
             let at = (i as f64 + 0.5) / N_SAMPLED as f64 * below;
             subtrees.partition_point(|&(_, end)| end < at).min(subtrees.len() - 1)
         })
@@ -72,10 +71,8 @@ pub(crate) fn oriented_cost<S: Items>(chosen: &Chosen<S>, config: &Config, scale
         par::map(&sampled, 1, |&i| costs_of_subset(&chosen.sorted(range(subtrees[i].0)), chosen.rows, scale, config));
     // Expensive subtrees are sampled more often, so each counts by the part that remains.
     let remaining: f64 = costs.iter().map(|&[aligned, oriented]| f64::from(oriented / aligned)).sum();
-    #[expect(clippy::cast_precision_loss, reason = "a few")]
     let part = remaining / costs.len() as f64;
     let total = f64::from(plan.cost(root)).max(below);
-    #[expect(clippy::cast_possible_truncation, reason = "an estimate")]
     let cost = ((total - below + part * below) / total) as f32;
     cost
 }

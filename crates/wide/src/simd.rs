@@ -27,7 +27,7 @@ pub use path::SimdPath;
 pub(crate) use scalar::Scalar;
 
 /// Work that runs over lanes; see [`Simd::run`].
-pub trait Task {
+pub(crate) trait Task {
     /// The result.
     type Output;
 
@@ -38,7 +38,7 @@ pub trait Task {
 /// Eight lanes of `f32`, accessed by a token that proves the instructions they need.
 ///
 /// A mask is the low eight bits of a `u32`, lane 0 lowest.
-pub trait Simd: Copy {
+pub(crate) trait Simd: Copy {
     /// Eight lanes.
     type F: Copy;
 

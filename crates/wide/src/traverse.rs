@@ -68,12 +68,9 @@ mod block;
 mod eight;
 mod node;
 mod ray;
-mod stack;
 mod walk;
 
-pub use block::LaneKernel;
 pub(crate) use block::{Block, RayTriangles};
-pub(crate) use eight::EightRays;
-pub(crate) use ray::{BoxPads, MeshFrame, Pads, RayLanes, RayNumbers, TracedRay};
-pub use stack::Stack;
+pub(crate) use eight::{EightRays, for_each_of_eight};
+pub(crate) use ray::{BoxPads, MeshFrame, Pads, RayLanes, TracedRay};
 pub(crate) use walk::{Visitor, walk};

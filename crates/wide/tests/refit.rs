@@ -10,7 +10,6 @@ fn build<K: LaneKernel>(mesh: &Mesh) -> TriangleBvh<K> {
     TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how vertices are stored")]
 fn moved(mesh: &Mesh, motion: impl FnMut([f64; 3]) -> [f64; 3]) -> Mesh {
     let place = mesh.positions.iter().map(|p| p.map(f64::from)).map(motion);
     let positions = place.map(|p| p.map(|x| x as f32)).collect();

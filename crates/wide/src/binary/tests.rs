@@ -55,7 +55,6 @@ fn scenes() -> Vec<(&'static str, Mesh)> {
 }
 
 /// Rays between random points of the box around a mesh.
-#[expect(clippy::cast_possible_truncation, reason = "any ray will do")]
 fn rays(mesh: &Mesh) -> Vec<Ray> {
     let mut rng = SplitMix64::new(6);
     let (center, reach) = (mesh.center(), 0.6 * mesh.diagonal());
@@ -94,7 +93,6 @@ impl Input {
         let built =
             over_chosen(chosen, &self.corners[..], given, config, canted_trace::HIT_ERROR, &Limits::OF_WORDS).unwrap();
         let counts = TriangleBvh::<Watertight>::from(built).traversal_counts(&self.rays);
-        #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
         let visits = [counts.nodes[0], counts.nodes[1], counts.leaves, counts.blocks].map(|n| n as f64);
         visits.iter().zip(NANOSECONDS).map(|(n, cost)| n * cost).sum::<f64>() / self.rays.len() as f64
     }

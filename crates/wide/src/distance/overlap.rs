@@ -5,7 +5,7 @@ use canted_obb::{Obb, PrimId};
 use canted_trace::Convex;
 
 use super::DistanceShape;
-use super::nearest::{Within, squared};
+use super::nearest::squared;
 use crate::bvh::WideBvh;
 use crate::layout::{ALIGNED_LINES, Line, NodeKind, ORIENTED_LINES, Word, WordKind, node_words, rows};
 use crate::leaf::{LeafPrimitive, LeafRange};
@@ -64,7 +64,12 @@ where
     pub fn overlapping_sphere(&self, center: impl Into<[f32; 3]>, radius: f32, primitives: &mut Vec<PrimId>) {
         primitives.clear();
         let Some(limit) = squared(radius) else { return };
-        self.collect_near(center.into(), &mut Within { primitives, limit });
+        self.collect_near(center.into(), limit, |(distance_squared, primitive, _)| {
+            if distance_squared <= limit {
+                primitives.push(primitive);
+            }
+            limit
+        });
         primitives.sort_unstable();
         primitives.dedup();
     }

@@ -80,10 +80,6 @@ pub(crate) fn write_slabs(rows: &mut [Row], i: usize, padded: Option<(Slabs, f64
 }
 
 /// The center of an interval and a half-extent that exceeds both ends by `pad`.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "the half-extent is relative to the rounded center, and rounded up"
-)]
 fn center_and_half(lo: f32, hi: f32, pad: f64) -> (f32, f32) {
     // Projections of coordinates near the end of the range may exceed it; no box holds an infinity or NaN.
     let [lo, hi] = [lo, hi].map(|x| x.clamp(f32::MIN, f32::MAX));

@@ -22,7 +22,7 @@ use crate::traverse::{BoxPads, MeshFrame, Pads};
 const MOST_NESTED: u64 = 4_096;
 
 /// What the header states about the records.
-pub struct Expected {
+pub(super) struct Expected {
     pub(super) n_primitives: usize,
     depth: u32,
     pub(super) bounds: Aabb,

@@ -36,7 +36,6 @@ impl Below {
     pub(super) const NOTHING: Self = Self { moments: Moments::EMPTY, largest: 0, largest_weight: 0.0 };
 
     /// One primitive.
-    #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 leaves")]
     pub(super) fn of_leaf<F: Fitted>(items: &[F], position: usize) -> Self {
         let moments = items[position].moments();
         Self { moments, largest: position as u32, largest_weight: moments.weight }

@@ -32,7 +32,6 @@ impl Input {
         let tree = canted_sah::ploc(sorted, &in_order, &PlocConfig::default());
         let corners = lbvh::in_leaf_order(&corners, &tree.leaves);
         let extent = bounds.extent().into_iter().fold(0.0, f64::max);
-        #[expect(clippy::cast_possible_truncation, reason = "a power of two within the range of f32")]
         let scale = if extent > 0.0 { 2.0f64.powi(-(extent.log2().floor() as i32)) as f32 } else { 1.0 };
         let area = |triangles: &[Corners]| narrow(area_along(triangles, &IDENTITY, scale));
         let inner = tree.nodes.iter().map(|n| area(&corners[n.first as usize..=n.last as usize])).collect();
@@ -57,7 +56,6 @@ impl Input {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "an area near one")]
 fn narrow(area: f64) -> f32 {
     area as f32
 }

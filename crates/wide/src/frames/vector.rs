@@ -64,7 +64,6 @@ mod tests {
     /// Directions all over the cube, at several sizes.
     fn directions() -> impl Iterator<Item = Vec3A> {
         let mut rng = canted_fixtures::SplitMix64::new(1);
-        #[expect(clippy::cast_possible_truncation, reason = "any direction will do")]
         (0..100_000).map(move |i| Vec3A::from_array(rng.signed3().map(|x| x as f32)) * [1.0, 1e-6, 3e5][i % 3])
     }
 

@@ -61,7 +61,6 @@ impl Primitive for Aabb {
     }
 
     #[inline]
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
     fn intersect(&self, ray: &ScaledRay, t_max: f32) -> Option<PrimitiveHit> {
         let (mut near, mut far) = (f64::NEG_INFINITY, f64::INFINITY);
         for k in 0..3 {

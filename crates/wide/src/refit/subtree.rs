@@ -255,7 +255,6 @@ fn nodes_of(piece: &Piece, lines: &[Line]) -> Vec<Node> {
     let (mut nodes, mut open) = (Vec::with_capacity(lines.len() / NodeKind::Aligned.n_lines()), vec![piece.root]);
     while let Some(word) = open.pop() {
         if let WordKind::Node(kind, line) = word.kind() {
-            #[expect(clippy::cast_possible_truncation, reason = "lines of words fit 29 bits")]
             let line = line - piece.lines.start as u32;
             nodes.push(Node { kind, line });
             open.extend(node_words(lines, kind, line).iter().rev());

@@ -24,7 +24,6 @@ fn outline(bvh: &TriangleBvh) -> Outline {
 }
 
 /// Every vertex moved by a random step of up to `size` on each axis.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how vertices are stored")]
 fn shaken(mesh: &Mesh, size: f64, seed: u64) -> Mesh {
     let mut rng = SplitMix64::new(seed);
     let shake = |p: &[f32; 3]| p.map(|x| (f64::from(x) + size * rng.signed()) as f32);

@@ -1,5 +1,5 @@
 use super::node::{Entries, enter_aligned, enter_oriented, words};
-use super::{RayLanes, Stack};
+use super::RayLanes;
 use crate::layout::{ALIGNED_LINES, Line, NodeKind, Nodes, ORIENTED_LINES, Word, WordKind, rows};
 use crate::leaf::LeafRange;
 use crate::simd::Simd;
@@ -16,20 +16,19 @@ pub(crate) trait Visitor {
 /// Visits every leaf that `ray` enters at or before `t_max`, nearer subtrees first where `ORDERED`.
 ///
 /// A box is entered no later than any hit in it and is visited while that is `<= t_max`, so ties reach the leaf in every
-/// BVH.
+/// BVH. `stack` has at least [`Nodes::stack_len`] entries: the entry of each subtree that waits above its child word, so that entries are
+/// ordered as integers.
 #[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "halves of a key")]
 pub(crate) fn walk<S: Simd, const ORDERED: bool>(
     simd: S,
     nodes: &Nodes,
     ray: &RayLanes<S>,
     mut t_max: f32,
-    stack: &mut Stack,
+    stack: &mut [u64],
     visitor: &mut impl Visitor,
 ) {
-    let Nodes { lines, root, depth, .. } = nodes;
+    let Nodes { lines, root, .. } = nodes;
     let lines: &[Line] = lines;
-    let stack = stack.slots(*depth);
     let mut waiting = 0;
     let mut word = *root;
     loop {
@@ -98,7 +97,6 @@ fn key(near: &[f32; 8], words: &[Word; 8], child: u32) -> u64 {
 
 /// Pushes all children but the nearest, the farthest first, and returns the nearest.
 #[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "the lower half is the word")]
 fn push_ordered(stack: &mut [u64], waiting: &mut usize, mut mask: u32, near: &[f32; 8], words: &[Word; 8]) -> Word {
     let first = key(near, words, mask.trailing_zeros());
     mask &= mask - 1;

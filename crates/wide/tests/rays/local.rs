@@ -11,7 +11,6 @@ use crate::common::{brute, build};
 /// By how much a far part may raise the number of box tests.
 const MOST: f64 = 1.5;
 
-#[expect(clippy::cast_possible_truncation, reason = "test data")]
 fn to_f32(v: [f64; 3]) -> [f32; 3] {
     v.map(|x| x as f32)
 }
@@ -58,7 +57,6 @@ fn n_boxes(mesh: &Mesh, rays: &[Ray], n_checked: usize) -> Vec<(Preset, f64)> {
             let hit = bvh.closest_hit_with(ray, InstanceId(0), &mut counts);
             assert!(i >= n_checked || hit == expected[i], "{preset:?}: {ray:?}: {hit:?}, {:?}", expected[i]);
         }
-        #[expect(clippy::cast_precision_loss, reason = "a number of tests")]
         (preset, counts.boxes as f64 / rays.len() as f64)
     };
     [Preset::Fast, Preset::Balanced].map(count).into()

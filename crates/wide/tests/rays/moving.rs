@@ -48,7 +48,6 @@ impl Motion {
 /// Twists, explosions, and motions by far more than the size of a triangle, or of the mesh.
 fn motions() -> Vec<(&'static str, Motion)> {
     let mut rng = SplitMix64::new(7);
-    #[expect(clippy::cast_possible_truncation, reason = "random numbers")]
     let mut number = move |size: f32| size * (rng.unit() as f32 - 0.5);
     let mut anywhere = |size: f32| Motion::new(fixtures::soup(1, 150), |p: [f32; 3]| p.map(|x| x + number(size)));
     let twisted = |[x, y, z]: [f32; 3]| {

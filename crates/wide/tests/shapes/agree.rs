@@ -182,7 +182,6 @@ impl<const PARTS: u32> Primitive for Shrunk<PARTS> {
         self.0.bounds()
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "intervals are rounded")]
     fn extent_along(&self, direction: [f32; 3]) -> [f32; 2] {
         let [lo, hi] = self.0.extent_along(direction).map(f64::from);
         let by = 1e-6 * f64::from(PARTS) * (hi - lo);

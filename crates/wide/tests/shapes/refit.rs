@@ -9,7 +9,6 @@ use crate::agree::{configs, first_difference, paths};
 use crate::scenes::{capsules, rays, struts};
 use crate::shape::{Capsule, loop_over_all};
 
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how shapes are stored")]
 fn moved(shapes: &[Capsule], size: f64, seed: u64) -> Vec<Capsule> {
     let mut rng = SplitMix64::new(seed);
     let mut step = |x: f32| (f64::from(x) + size * rng.signed()) as f32;

@@ -24,7 +24,7 @@ impl Task for Sure<'_> {
             *row = [*x; 8];
         }
         let ray = RayTriangles::new(simd, self.ray);
-        let found = Block::Eight(&rows).candidates::<S, Watertight, true, false>(simd, &ray, self.t_max);
+        let found = Block::Eight(&rows).candidates::<S, true, true, false>(simd, &ray, self.t_max);
         assert_eq!(found.sure & !found.mask, 0);
         found.sure != 0
     }
