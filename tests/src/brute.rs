@@ -2,11 +2,14 @@
 //!
 //! Rays are transformed as `canted-tlas` documents it.
 
+use canted_fixtures::Mesh;
 use canted_obb::{
     Affine, PrimId,
     vector::{Vector, cross, dot, length, sub},
 };
-use canted_trace::{HIT_ERROR, Hit, InstanceId, Kernel, Query, Ray, ScaledRay};
+use canted_trace::{
+    BaldwinWeber, HIT_ERROR, Hit, InstanceId, Kernel, MollerTrumbore, Ray, ScaledRay, TriangleTest, Watertight,
+};
 
 /// The closest hit, ties to the lowest primitive, by a loop over all triangles with the kernel itself.
 ///
@@ -33,17 +36,28 @@ pub fn records<K: Kernel>(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec
     triangles.iter().map(|t| K::record(t.map(|i| positions[i as usize]))).collect()
 }
 
-/// Half of `f32::EPSILON`: the relative error of one rounding.
-const U: f64 = 0.5 * f32::EPSILON as f64;
+/// The closest hit of a ray on one mesh.
+pub type Loop = Box<dyn Fn(&Ray) -> Option<Hit> + Send + Sync>;
 
-/// A query that only sets the ray's time.
-pub struct At(pub f32);
-
-impl Query for At {
-    fn time(&self) -> f32 {
-        self.0
+/// The loop over the triangles of a mesh.
+#[must_use]
+pub fn of_mesh(mesh: &Mesh, test: TriangleTest) -> Loop {
+    fn of<K: Kernel>(mesh: &Mesh) -> Loop
+    where
+        K::Record: Send + Sync + 'static,
+    {
+        let records = records::<K>(&mesh.positions, &mesh.triangles);
+        Box::new(move |ray| closest_hit::<K>(&records, ray))
+    }
+    match test {
+        TriangleTest::Watertight => of::<Watertight>(mesh),
+        TriangleTest::MollerTrumbore => of::<MollerTrumbore>(mesh),
+        TriangleTest::BaldwinWeber => of::<BaldwinWeber>(mesh),
     }
 }
+
+/// Half of `f32::EPSILON`: the relative error of one rounding.
+const U: f64 = 0.5 * f32::EPSILON as f64;
 
 /// Rows of the inverse, translation last: cofactors divided by the determinant, in `f64`.
 #[must_use]
