@@ -4,11 +4,7 @@
 
 #![forbid(unsafe_code)]
 
-mod clock;
-mod costs;
 mod device;
-mod extremes;
-mod interleave;
 mod kinds;
 mod models;
 mod motion;
@@ -16,8 +12,9 @@ mod nodes;
 mod options;
 mod picture;
 mod rays;
+mod records;
 mod report;
-mod watertight;
+mod timing;
 mod wide;
 
 use std::io::Write;
@@ -31,11 +28,11 @@ fn main() -> Result<()> {
     if args.next_if(|arg| arg == report::REPORT).is_some() {
         return report::run(args);
     }
-    if args.next_if(|word| word == extremes::EXTREMES).is_some() {
-        return extremes::run(args);
+    if args.next_if(|word| word == records::EXTREMES).is_some() {
+        return records::extremes(args);
     }
-    if args.next_if(|word| word == watertight::WATERTIGHT).is_some() {
-        return watertight::run(args);
+    if args.next_if(|word| word == records::WATERTIGHT).is_some() {
+        return records::watertight(args);
     }
     let options = Options::read(args)?;
     if options.is_trial() {
@@ -59,9 +56,6 @@ fn main() -> Result<()> {
     }
     if options.wants("kinds") {
         kinds::section(&mut out, &options)?;
-    }
-    if options.wants("costs") {
-        costs::section(&mut out, &options)?;
     }
     std::io::stdout().write_all(options.titled(&out).as_bytes())?;
     Ok(())

@@ -4,8 +4,7 @@
 //! mesh, its vertices at two times -> BVHs -> refit or rebuild, all in turn -> tables
 //! ```
 
-mod pictures;
-mod policies;
+mod sequences;
 mod updates;
 
 use std::fmt::Write;
@@ -13,9 +12,8 @@ use std::fmt::Write;
 use anyhow::Result;
 
 use crate::{
-    clock::{self, Seconds},
-    interleave::{median, spread},
     options::Options,
+    timing::{self, Seconds, median, spread},
 };
 
 /// Something that is updated for every frame.
@@ -43,8 +41,8 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
     updates::refits(out, options)?;
     updates::builds(out, options)?;
     updates::instances(out, options)?;
-    policies::table(out, options)?;
-    pictures::table(out, options)
+    sequences::policies(out, options)?;
+    sequences::pictures(out, options)
 }
 
 /// Updates all for each frame, in turn; the first frame warms up.
@@ -52,7 +50,7 @@ fn run(all: &mut [Updated<'_>], rounds: usize, pool: &rayon::ThreadPool) -> Resu
     for frame in 0..=rounds {
         for one in &mut *all {
             // Threads of peers are outside of the pool.
-            let (done, took) = clock::time_all(|| pool.install(|| (one.update)(frame)));
+            let (done, took) = timing::time_all(|| pool.install(|| (one.update)(frame)));
             done?;
             if frame > 0 {
                 one.took.push(took);

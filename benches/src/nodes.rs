@@ -11,10 +11,10 @@ use canted_trace::Watertight;
 use canted_wide::{Config, Costs, Preset, TriangleBvh};
 
 use crate::{
-    interleave::{median, ratio, spread},
     models::{self, Model},
     options::Options,
     rays::{self, Kind},
+    timing::{median, ratio, spread},
     wide::engine::{self, Engine},
 };
 

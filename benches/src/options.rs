@@ -6,7 +6,7 @@ use canted_gpu::Choice;
 use crate::wide::TRIAL;
 
 /// The sections, in the order of the report.
-const SECTIONS: [&str; 6] = ["nodes", "kinds", "wide", "motion", "picture", "costs"];
+const SECTIONS: [&str; 5] = ["nodes", "kinds", "wide", "motion", "picture"];
 
 /// The options of the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -21,11 +21,7 @@ use anyhow::Result;
 use canted_trace::{Ray, Watertight};
 use canted_wide::TriangleBvh;
 
-use crate::{
-    models::{self, Model},
-    options::Options,
-    rays,
-};
+use crate::{models, options::Options};
 use {subject::Subject, tables::Tables};
 
 pub(crate) use peers::{methods as peers, skipped as skipped_peers};
@@ -87,15 +83,6 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
     }
     tables.write(out, options);
     Ok(())
-}
-
-/// Camera and diffuse rays of a model, whose hits `tree` computes.
-pub(crate) fn closest_sets(model: &Model, tree: &TriangleBvh<Watertight>, resolution: u32) -> [Vec<Ray>; 2] {
-    let camera = rays::camera(model, resolution);
-    let mut hits = vec![None; camera.len()];
-    tree.par_closest_hits(&camera, &mut hits);
-    let [diffuse, _] = rays::secondary(model, &camera, &hits);
-    [camera, diffuse]
 }
 
 /// Thread seconds of each BVH and round for the nearest hits of `rays`, in turn.

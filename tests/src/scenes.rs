@@ -104,12 +104,24 @@ pub fn room(seed: u64, n: usize) -> Mesh {
     room
 }
 
-/// The folder of models: `CANTED_SCENES`, else `../shared/scenes` next to the workspace; `None`, with a message, if absent.
+/// The folder of models: `CANTED_SCENES`, else `../shared/scenes` next to the workspace.
+#[must_use]
+pub fn folder() -> PathBuf {
+    let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes");
+    std::env::var_os("CANTED_SCENES").map_or_else(|| PathBuf::from(default), PathBuf::from)
+}
+
+/// Why there are no models; `None` if there are.
+#[must_use]
+pub fn missing() -> Option<String> {
+    let folder = folder();
+    (!folder.is_dir()).then(|| format!("no folder {}", folder.display()))
+}
+
+/// The folder of models; `None`, with a message, if absent.
 #[must_use]
 pub fn models(test: &str) -> Option<PathBuf> {
-    let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes");
-    let folder = std::env::var_os("CANTED_SCENES").map_or_else(|| PathBuf::from(default), PathBuf::from);
-    if folder.is_dir() { Some(folder) } else { skip(test, format_args!("no folder {}", folder.display())) }
+    missing().map_or_else(|| Some(folder()), |reason| skip(test, reason))
 }
 
 /// A chain over `n` primitives in order: each node has one leaf and the rest below it; `is_left` chooses the leaf's side.

@@ -5,7 +5,7 @@ use std::{cell::Cell, rc::Rc};
 use canted_bih::{Bih, BihConfig, LeafSize};
 use canted_bvh2::{Bvh2, Bvh2Config};
 use canted_fixtures::Mesh;
-use canted_gpu::{Choice, DeviceHit, Gpu, HIT_ERROR, Outcome, TracedScene};
+use canted_gpu::{Choice, DeviceHit, Gpu, HIT_ERROR, Outcome, SceneInput, TracedScene};
 use canted_kdtree::{KdTraversal, KdTree, KdTreeConfig};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, PrimId};
@@ -271,12 +271,12 @@ fn device_methods(gpu: &Rc<Gpu>) -> [Method; 2] {
     let [(of_one, cuts_of_one), (of_two, cuts_of_two)] = cuts.each_ref().map(|cuts| (Rc::clone(gpu), Rc::clone(cuts)));
     let one: Make = Box::new(move |mesh, placement| {
         let tree = wide(&baked(mesh, placement), &Config::default());
-        let scene = TracedScene::single_level(&of_one, &tree, &[0]).expect("small meshes fit every device");
+        let scene = TracedScene::new(&of_one, SceneInput::upload([&tree])).expect("small meshes fit every device");
         Box::new(Device { gpu: Rc::clone(&of_one), scene, tree: Box::new(tree), n_cut: Rc::clone(&cuts_of_one) })
     });
     let two: Make = Box::new(move |mesh, placement| {
         let tree = wide(mesh, &Config::default());
-        let scene = TracedScene::two_level(&of_two, &[&tree], &[Instance::new(0, *placement)]);
+        let scene = TracedScene::new(&of_two, SceneInput::upload([&tree]).instances(&[Instance::new(0, *placement)]));
         let scene = scene.expect("transforms in tests are well conditioned");
         let tree = Box::new(TwoLevels::new(tree, mesh, placement));
         Box::new(Device { gpu: Rc::clone(&of_two), scene, tree, n_cut: Rc::clone(&cuts_of_two) })

@@ -7,7 +7,6 @@ mod bench;
 mod browser;
 mod ci;
 mod command;
-mod count;
 mod driver;
 mod looping;
 mod png;
@@ -39,7 +38,7 @@ const USAGE: &str = "usage: cargo xtask TASK
 
 What measures prints its result; with --keep it records it in benches/results. --peers adds Embree and tinybvh:
 
-  bench [ARGS]      measure speed: nodes, kinds, wide, motion, picture, costs [default: all]; --rounds N, --scenes A,B, --engines A,B,
+  bench [ARGS]      measure speed: nodes, kinds, wide, motion, picture [default: all]; --rounds N, --scenes A,B, --engines A,B,
                     --quick, --seed N; --device gpu|NAME measures that adapter only, compared with the CPU
   report [ARGS]     measure every choice and write target/report: boxes, kernels, sources, left-out [default: all]; --quick
   results           write benches/RESULTS.md from benches/results/record.json

@@ -14,7 +14,7 @@ use anyhow::{Context, Result, bail};
 use crate::{
     bench::KEEP,
     command::{self, cargo, say, succeeds},
-    count::Count,
+    test::Count,
     workspace,
 };
 

@@ -7,7 +7,7 @@ use anyhow::Result;
 use canted_fixtures::SplitMix64;
 use canted_gpu::{
     Buffer, BufferScene, Gpu, GpuError, IndexBuffer, MeshBuffers,
-    build::{BuildConfig, Built, Items, Passes, Run, STRATEGIES, Sorter, WideConfig},
+    build::{BuildConfig, BuildEncoder, Built, Passes, Primitives, STRATEGIES, Sorter, WideConfig},
     wgpu::{CommandEncoder, IndexFormat},
 };
 use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Strategy, VolumeConfig};
@@ -94,12 +94,12 @@ fn measured(name: &str, positions: &[[f32; 3]], triangles: &[[u32; 3]], bench: &
     })?;
     let upload = least(bench.rounds, || {
         let (corners, _) = lbvh::triangle_corners(positions, triangles)?;
-        let items = Items::triangles(&bench.gpu, [&corners[..]])?;
+        let items = Primitives::triangles(&bench.gpu, [&corners[..]])?;
         bench.gpu.finish()?;
         drop(items);
         Ok(())
     })?;
-    let items = Items::triangles(&bench.gpu, [&corners[..]])?;
+    let items = Primitives::triangles(&bench.gpu, [&corners[..]])?;
     let passes = Passes::measure(&bench.gpu, &items, Bits::B63, bench.rounds)?;
     let mut cells = vec![name.to_owned(), corners.len().to_string(), format!("{upload:.1}")];
     let known = [passes.domain, passes.codes, passes.sort, passes.tree].into_iter().chain(passes.boxes);
@@ -147,10 +147,10 @@ impl CompleteBuild {
 /// Milliseconds of a build on the device from uploaded corners.
 fn on_device(bench: &Bench, corners: &[Corners], strategy: Strategy) -> Result<f64> {
     let once = |gpu: &Gpu| -> Result<f64> {
-        let items = Items::triangles(gpu, [corners])?;
+        let items = Primitives::triangles(gpu, [corners])?;
         gpu.finish()?;
         let start = Instant::now();
-        let built = Built::new(&mut Run::new(gpu), items, BuildConfig { bits: Bits::B63, strategy })?;
+        let built = Built::new(&mut BuildEncoder::new(gpu), items, BuildConfig { bits: Bits::B63, strategy })?;
         gpu.finish()?;
         drop(built);
         Ok(milliseconds(start))
@@ -224,7 +224,7 @@ pub(super) fn sort(out: &mut String, bench: &Bench) -> Result<()> {
 fn pairs_rate(bench: &Bench, sorter: &Sorter, words: &[(&Buffer<u32>, u32)]) -> Result<f64> {
     let mut least = f64::MAX;
     for round in 0..=bench.rounds {
-        let mut run = Run::timed(&bench.gpu);
+        let mut run = BuildEncoder::timed(&bench.gpu);
         sorter.sort(&mut run, words)?;
         let taken: f64 = run.times().iter().map(|time| time.milliseconds).sum();
         if round > 0 {

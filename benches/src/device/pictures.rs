@@ -15,8 +15,8 @@ use canted_trace::Watertight;
 
 use super::Bench;
 use crate::{
-    interleave::{Contender, Timing, ratio, try_run},
     picture::sponza,
+    timing::{Contender, Timing, ratio, try_run},
 };
 
 /// Measured pictures of each kind, at most: software drivers take seconds for each.

@@ -5,7 +5,7 @@ use std::{fmt::Write, time::Instant};
 
 use anyhow::Result;
 use canted_gpu::{
-    Buffer, DeviceHit, DeviceRay, Gpu, GpuError, NamedBinding, Specialisation, TracedScene,
+    Buffer, DeviceHit, DeviceRay, Gpu, GpuError, NamedBinding, SceneInput, TracedScene, Variant,
     build::{BuildConfig, Topology, WideConfig},
 };
 use canted_lbvh::{self as lbvh, Bits, Strategy};
@@ -47,8 +47,8 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         let [oriented, aligned] = [build(&model, &oriented)?, build(&model, &aligned)?];
         let sets = sets(&model, &oriented, bench);
         let traced = [
-            TracedScene::single_level(&bench.gpu, &oriented, &[0])?,
-            TracedScene::single_level(&bench.gpu, &aligned, &[0])?,
+            TracedScene::new(&bench.gpu, SceneInput::upload([&oriented]))?,
+            TracedScene::new(&bench.gpu, SceneInput::upload([&aligned]))?,
         ];
         for (kind, rays) in Kind::ALL.into_iter().zip(sets) {
             let [oriented, aligned] = [cast(bench, &traced[0], kind, &rays)?, cast(bench, &traced[1], kind, &rays)?];
@@ -137,8 +137,8 @@ fn cast(bench: &Bench, traced: &TracedScene, kind: Kind, rays: &[Ray]) -> Result
 fn once(gpu: &Gpu, traced: &TracedScene, kind: Kind, rays: &Buffer<DeviceRay>) -> Result<(f64, usize), GpuError> {
     /// As in the kernels.
     const CUT: u32 = u32::MAX - 1;
-    let chosen = Specialisation::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
-    let chosen = traced.specialise(chosen);
+    let chosen = Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
+    let chosen = traced.specialize(chosen);
     if kind == Kind::Occlusion {
         let found = gpu.zeroed::<u32>("found", rays.len())?;
         let ms = dispatched(gpu, "trace/occluded", &chosen, traced, &[("rays", rays), ("found", &found)], rays.len())?;
@@ -152,7 +152,7 @@ fn once(gpu: &Gpu, traced: &TracedScene, kind: Kind, rays: &Buffer<DeviceRay>) -
 fn dispatched(
     gpu: &Gpu,
     name: &str,
-    chosen: &Specialisation,
+    chosen: &Variant,
     traced: &TracedScene,
     own: &[NamedBinding<'_>],
     n_rays: usize,
@@ -254,15 +254,15 @@ impl Made {
         match *self {
             Self::Uploaded(preset) => {
                 let bvh = TriangleBvh::<Watertight>::build(positions, triangles, &Config::preset(preset))?;
-                Ok(TracedScene::single_level(gpu, &bvh, &[0])?)
+                Ok(TracedScene::new(gpu, SceneInput::upload([&bvh]))?)
             }
             Self::Binary(strategy) => {
                 let config = BuildConfig { bits: Bits::B63, strategy };
-                of_device(&|corners| TracedScene::build_single_level(gpu, corners, &[0], config))
+                of_device(&|corners| TracedScene::new(gpu, SceneInput::build([corners], config)))
             }
             Self::Wide(bits, topology, strategy) => {
                 let config = WideConfig { bits, topology, strategy };
-                of_device(&|corners| TracedScene::build_wide_single_level(gpu, corners, &[0], config))
+                of_device(&|corners| TracedScene::new(gpu, SceneInput::build([corners], config)))
             }
         }
     }

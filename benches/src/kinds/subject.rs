@@ -14,10 +14,10 @@ use canted_trace::{Hit, Ray};
 use serde_json::json;
 
 use crate::{
-    clock::Seconds,
     models::{Model, Placed},
     options::Options,
     rays,
+    timing::Seconds,
     wide::{
         Record,
         engine::{self, Built, Engine, Entry},

@@ -12,8 +12,8 @@ use super::{
     subject::{Measured, Set},
 };
 use crate::{
-    interleave::{median, ratio},
     options::Options,
+    timing::{median, ratio},
     wide::ours::{ALIGNED, BALANCED},
 };
 

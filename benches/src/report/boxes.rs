@@ -10,13 +10,13 @@ use canted_obb::{
 use canted_tests::clouds::{placed, random_rotation};
 
 use super::{
-    effort::Effort,
+    Effort,
     model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
     samples::{Samples, number},
 };
 use crate::{
-    interleave::{self, Contender},
     models,
+    timing::{self, Contender},
 };
 
 const FITS: [(&str, Fit); 5] = [
@@ -138,8 +138,8 @@ fn outcomes(
 ) -> Vec<Outcome> {
     #[expect(clippy::cast_precision_loss, reason = "few boxes")]
     let to_ns = 1e9 / (REPEATS * n_boxes) as f64;
-    let timings = interleave::run(rounds, contenders);
-    let outcome = |((method, ratios), timing): ((&'static str, [Vec<f64>; 2]), interleave::Timing)| Outcome {
+    let timings = timing::run(rounds, contenders);
+    let outcome = |((method, ratios), timing): ((&'static str, [Vec<f64>; 2]), timing::Timing)| Outcome {
         method,
         ratios: ratios.map(Samples::from),
         ns: Samples::from(timing.seconds).scaled(to_ns),

@@ -5,7 +5,6 @@
 //! ```
 
 mod boxes;
-mod effort;
 mod kernels;
 mod model;
 mod plot;
@@ -13,19 +12,22 @@ pub(crate) mod samples;
 mod sources;
 mod unused;
 
-use std::{fs, io::Write as _, path::Path};
+use std::{
+    fs,
+    io::Write as _,
+    path::{Path, PathBuf},
+};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow};
+use model::{Chapter, Facts, Report};
 
-use crate::clock::time_all;
-use effort::Request;
-use model::{Chapter, Report};
+use crate::timing::time_all;
 
 /// The argument that selects a report.
 pub(crate) const REPORT: &str = "report";
 
 /// Measures a chapter.
-type Measure = fn(effort::Effort) -> Result<Chapter>;
+type Measure = fn(Effort) -> Result<Chapter>;
 
 /// All chapters, in the order of the page.
 const CHAPTERS: [(&str, Measure); 4] = [
@@ -68,4 +70,99 @@ fn write(folder: &Path, name: &str, text: &str) -> Result<()> {
     fs::create_dir_all(path.parent().unwrap_or(folder))
         .and_then(|()| fs::write(&path, text))
         .with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// How much is measured.
+///
+/// A quick report has fewer scenes, seeds and rounds than a full one, but as many rays and inputs in what both measure:
+/// fewer would suit caches and branch prediction better, and change the times.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Effort {
+    /// The minimum that fills every plot and table, for tests.
+    Tiny,
+    /// Five minutes on two cores.
+    Quick,
+    /// An hour on two cores.
+    Full,
+}
+
+impl Effort {
+    /// The value for each effort.
+    pub(crate) fn pick<T>(self, tiny: T, quick: T, full: T) -> T {
+        match self {
+            Self::Tiny => tiny,
+            Self::Quick => quick,
+            Self::Full => full,
+        }
+    }
+}
+
+/// The options of the command line.
+#[derive(Debug)]
+pub(crate) struct Request {
+    pub(crate) effort: Effort,
+    /// Output folder.
+    pub(crate) out: PathBuf,
+    pub(crate) facts: Facts,
+    chapters: Vec<String>,
+}
+
+impl Request {
+    /// Reads the arguments after `report`; `known` are the chapters.
+    pub(crate) fn read(mut args: impl Iterator<Item = String>, known: &[&str]) -> Result<Self> {
+        let out = PathBuf::from("target/report");
+        let mut request = Self { effort: Effort::Full, out, facts: Facts::default(), chapters: vec![] };
+        while let Some(arg) = args.next() {
+            let mut value = || args.next().ok_or_else(|| anyhow!("{arg} needs a value"));
+            match arg.as_str() {
+                "--tiny" => request.effort = Effort::Tiny,
+                "--quick" => request.effort = Effort::Quick,
+                "--out" => request.out = value()?.into(),
+                "--machine" => request.facts.machine = value()?,
+                "--compiler" => request.facts.compiler = value()?,
+                "--commit" => request.facts.commit = value()?,
+                "--date" => request.facts.date = value()?,
+                "--command" => request.facts.command = value()?,
+                chapter if known.contains(&chapter) => request.chapters.push(arg),
+                _ => {
+                    let known = known.join(", ");
+                    return Err(anyhow!("unknown argument '{arg}'; use the chapters {known}, --quick or --out FOLDER"));
+                }
+            }
+        }
+        request.facts.is_quick = request.effort != Effort::Full;
+        Ok(request)
+    }
+
+    /// Whether a chapter is measured: all are if none is named.
+    pub(crate) fn wants(&self, chapter: &str) -> bool {
+        self.chapters.is_empty() || self.chapters.iter().any(|wanted| wanted == chapter)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(args: &str) -> Result<Request> {
+        Request::read(args.split_whitespace().map(str::to_owned), &["boxes", "kernels"])
+    }
+
+    #[test]
+    fn options_are_read() {
+        let request = read("--quick kernels --out there --commit abc").unwrap();
+        assert_eq!(
+            (request.effort, request.out.to_str(), &request.facts.commit[..]),
+            (Effort::Quick, Some("there"), "abc")
+        );
+        assert!(request.wants("kernels") && !request.wants("boxes") && request.facts.is_quick);
+        assert!(read("").unwrap().wants("boxes"));
+    }
+
+    #[test]
+    fn a_wrong_argument_is_named() {
+        for (args, word) in [("wild", "wild"), ("--out", "--out")] {
+            assert!(read(args).unwrap_err().to_string().contains(word));
+        }
+    }
 }

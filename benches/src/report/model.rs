@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, fmt::Write as _};
 use serde::Serialize;
 
 use super::{plot, samples::Samples};
-use crate::clock::Seconds;
+use crate::timing::Seconds;
 
 /// Everything that was measured, and where, when and how.
 #[derive(Serialize)]

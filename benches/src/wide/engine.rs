@@ -6,10 +6,7 @@
 use anyhow::{Context, Result};
 use canted_trace::{Hit, Ray};
 
-use crate::{
-    clock::{self, Seconds},
-    interleave::median,
-};
+use crate::timing::{self, Seconds, median};
 
 /// A built BVH that traces rays in world space, on the calling thread.
 pub(crate) trait Engine {
@@ -89,12 +86,12 @@ pub(crate) fn build_all(entries: &[Entry<'_>], is_thorough: bool) -> Result<Vec<
                 continue;
             }
             if repeat > 0 {
-                let (built, took) = clock::time(|| (entry.build)(1));
+                let (built, took) = timing::time(|| (entry.build)(1));
                 drop(built?);
                 ready.one_thread.push(took.wall);
             }
             if entry.is_parallel {
-                let (built, took) = two.install(|| clock::time(|| (entry.build)(2).map(drop)));
+                let (built, took) = two.install(|| timing::time(|| (entry.build)(2).map(drop)));
                 built?;
                 ready.two_threads.push(took.wall);
             }
@@ -104,7 +101,7 @@ pub(crate) fn build_all(entries: &[Entry<'_>], is_thorough: bool) -> Result<Vec<
 }
 
 fn first(entry: &Entry<'_>) -> Result<Ready> {
-    let (engine, took) = clock::time(|| (entry.build)(1));
+    let (engine, took) = timing::time(|| (entry.build)(1));
     let engine = engine.with_context(|| format!("cannot build {}", entry.name))?;
     Ok(Ready { engine, one_thread: vec![took.wall], two_threads: vec![] })
 }
@@ -161,7 +158,7 @@ fn alternate<A: Copy + Default>(
                     0 => &mut answers[engine][chunk * CHUNK..][..rays.len()],
                     _ => &mut scratch[..rays.len()],
                 };
-                let ((), took) = clock::time(|| ask(&*engines[engine], rays, out));
+                let ((), took) = timing::time(|| ask(&*engines[engine], rays, out));
                 if let Some(round) = round.checked_sub(1) {
                     let sum = &mut seconds[engine][round];
                     *sum = Seconds { wall: sum.wall + took.wall, cpu: sum.cpu + took.cpu };

@@ -11,10 +11,10 @@ use super::{
     ours,
 };
 use crate::{
-    clock::Seconds,
     models::Model,
     options::Options,
     rays::{self, Kind},
+    timing::Seconds,
 };
 
 /// BVHs that return the same hits as testing every triangle.

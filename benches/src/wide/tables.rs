@@ -17,7 +17,7 @@ use super::{
     engine::{Owner, Promise},
     subject::{Contestant, Measured, MeasuredSet, Verdict},
 };
-use crate::{interleave::median, options::Options, rays::Kind};
+use crate::{options::Options, rays::Kind, timing::median};
 
 /// What was measured, scene by scene.
 #[derive(Default)]

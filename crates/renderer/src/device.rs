@@ -21,7 +21,6 @@ mod textures;
 mod traced;
 #[cfg(test)]
 mod twins;
-mod wavefront;
 
 pub use device_picture::{DevicePicture, SharedFilm};
 pub use error::DeviceError;

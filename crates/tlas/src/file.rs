@@ -17,7 +17,7 @@ use std::fmt;
 
 use canted_obb::Affine;
 use canted_trace::Intersect;
-use canted_wide::SaveBlas;
+use canted_trace::SaveBlas;
 
 use crate::{Instance, InstanceError, Tlas, TopConfig};
 

@@ -67,7 +67,7 @@ mod query;
 mod tlas;
 mod top;
 
-pub use canted_wide::SaveBlas;
+pub use canted_trace::SaveBlas;
 pub use edit::TlasEdit;
 pub use file::TlasLoadError;
 pub use instance::{Instance, InstanceError, MAX_CONDITION, row_sum_norm};

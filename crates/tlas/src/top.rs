@@ -40,6 +40,17 @@ impl Default for TopConfig {
     }
 }
 
+/// Functions are equal if they are one.
+impl PartialEq for TopConfig {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Wide(a), Self::Wide(b)) => a == b,
+            (Self::Other(a), Self::Other(b)) => std::ptr::addr_eq(Arc::as_ptr(a), Arc::as_ptr(b)),
+            _ => false,
+        }
+    }
+}
+
 impl fmt::Debug for TopConfig {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -29,7 +29,7 @@
 //! | [`SurfacePoint`] | rays that continue from a hit without hitting the same surface again |
 //! | [`Kernel`]: [`Watertight`], [`MollerTrumbore`], [`BaldwinWeber`]; [`TriangleTest`] | ray-triangle tests; the choice of one |
 //! | [`Leaves`], [`LeafTriangles`] | queries of a BVH with a triangle at each leaf position |
-//! | [`BoxBvh`] | the top level of a TLAS |
+//! | [`BoxBvh`], [`SaveBlas`] | the top level of a TLAS; bottom levels that it can save |
 //! | [`SlabRay`], [`Slabs`], [`pad_aabb`] | ray-box tests, axis-aligned and oriented, for a traversal |
 //! | [`ReferencePoint`] | boxes near a mesh that is far from the origin |
 //! | [`ray_aabb`], [`ray_obb`], [`Sphere`], [`segment_overlaps_aabb`] | single tests |
@@ -54,12 +54,12 @@ extern crate alloc;
 #[cfg(feature = "std")]
 extern crate std;
 
-mod boxes;
 mod closest_point;
 mod convex;
 mod hit;
 mod intersect;
 mod leaf;
+mod levels;
 mod moving;
 mod query;
 mod ray;
@@ -71,12 +71,12 @@ mod stack;
 mod surface_point;
 mod triangle;
 
-pub use boxes::BoxBvh;
 pub use closest_point::{DISTANCE_ERROR, TrianglePoint, closest_point_on_triangle};
 pub use convex::Convex;
 pub use hit::{Hit, HitLists, InstanceId, Side};
 pub use intersect::{AcceptAt, Answer, Answers, Crossings, Intersect, Pointer, Triangles};
 pub use leaf::{LeafTriangles, Leaves};
+pub use levels::{BoxBvh, SaveBlas};
 pub use moving::position_at;
 pub use query::{Accept, Counts, Query};
 pub use ray::{Ray, ScaledRay};

@@ -88,51 +88,30 @@
 //! collapse by dynamic programming, here over kinds of nodes too; Wald et al. 2020 for frames carried up a binary tree.
 #![deny(unsafe_code)]
 
-mod binary;
-mod boxes;
 mod build;
 mod bvh;
-mod collapse;
 mod config;
-mod costs;
 mod distance;
-mod emit;
 mod file;
-mod flaw;
-mod frames;
-mod item;
-mod layout;
 mod leaf;
-mod measure;
-mod members;
-mod outline;
-mod pieces;
-mod primitive;
+mod node;
 mod query;
-mod raw;
-mod reach;
-mod records;
-mod refit;
-mod sample;
-mod shape;
 mod simd;
 mod traverse;
-mod triangle;
+mod update;
 
 use canted_lbvh::par;
 
 pub use build::PrimitiveError;
 pub use bvh::{PredictedCost, Sizes, WideBvh};
-pub use config::{Config, Preset};
-pub use costs::Costs;
+pub use config::{Config, Costs, Preset};
 pub use distance::{ClosestPoint, DistanceShape, NearestPoint};
-pub use file::{LoadError, SaveBlas};
-pub use flaw::Flaw;
-pub use layout::{MAX_PRIMITIVES, MAX_TRIANGLES, NodeKind};
-pub use leaf::LeafPrimitive;
-pub use primitive::{Primitive, PrimitiveHit, SavedPrimitive, bounds_of_points, extent_of_box, extent_of_points};
+pub use file::LoadError;
+pub use leaf::{
+    LeafPrimitive, Primitive, PrimitiveHit, SavedPrimitive, Triangle, TriangleBvh, bounds_of_points, extent_of_box,
+    extent_of_points,
+};
+pub use node::{Flaw, MAX_PRIMITIVES, MAX_TRIANGLES, NodeKind, RawBvh};
 pub use query::{MovingBvh, Order, TraversalCounts};
-pub use raw::RawBvh;
-pub use refit::{Refit, RefitError};
 pub use simd::SimdPath;
-pub use triangle::{Triangle, TriangleBvh};
+pub use update::{Refit, RefitError};

@@ -5,14 +5,14 @@
 use canted_fixtures::{self as fixtures, Mesh, SplitMix64};
 use canted_obb::{Obb, PrimId};
 use canted_trace::{Convex, Sphere, closest_point_on_triangle};
-use canted_wide::{Config, NearestPoint, Preset, SimdPath, TriangleBvh, WideBvh};
+use canted_wide::{NearestPoint, Preset, SimdPath, TriangleBvh, WideBvh};
 
 fn corners(mesh: &Mesh, triangle: usize) -> [[f32; 3]; 3] {
     mesh.triangles[triangle].map(|vertex| mesh.positions[vertex as usize])
 }
 
 fn build(mesh: &Mesh, preset: Preset) -> TriangleBvh {
-    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)).unwrap()
+    TriangleBvh::build_with(&mesh.positions, &mesh.triangles, preset).unwrap()
 }
 
 /// Meshes that are thin, flat, far, of mixed scale, and with duplicates.
@@ -118,7 +118,7 @@ fn points_without_an_answer() {
     assert_eq!(bvh.nearest_point([0.0; 3], -1.0), None);
     assert_eq!(bvh.nearest_point([0.0; 3], f32::NAN), None);
     assert_eq!(bvh.nearest_point([0.0; 3], 0.1), None);
-    let nothing = <TriangleBvh>::build(&[], &[], &Config::default()).unwrap();
+    let nothing = TriangleBvh::build::<[f32; 3], u32>(&[], &[]).unwrap();
     assert_eq!((nothing.contains([0.0; 3]), nothing.signed_distance([0.0; 3])), (false, f32::INFINITY));
 }
 
@@ -306,7 +306,7 @@ fn nearest_spheres_are_those_of_a_loop() {
     let spheres: Vec<Sphere> = (0..300)
         .map(|_| Sphere { center: rng.signed3().map(|x| 10.0 * x as f32), radius: 0.3 * rng.unit() as f32 })
         .collect();
-    let bvh = WideBvh::<Sphere>::build(spheres.clone(), &Config::default()).unwrap();
+    let bvh = WideBvh::over(spheres.clone()).unwrap();
     for _ in 0..300 {
         let point = rng.signed3().map(|x| 12.0 * x as f32);
         let distance = |sphere: &Sphere| {

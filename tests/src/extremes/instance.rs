@@ -2,7 +2,7 @@
 //! instance far away.
 
 use canted_fixtures::{Mesh, Rotation, SplitMix64, soup};
-use canted_gpu::{Choice, Gpu, TracedScene};
+use canted_gpu::{Choice, Gpu, SceneInput, TracedScene};
 use canted_lbvh::VolumeConfig;
 use canted_obb::Affine;
 use canted_tlas::{Instance, MAX_CONDITION, Tlas, TopConfig};
@@ -200,7 +200,9 @@ fn refused(mesh: &Mesh) -> Vec<Row> {
     if let Ok(gpu) = Gpu::open(&Choice::Best) {
         bad.push(affine(&Rotation::IDENTITY, [1.0, 1.0, 0.99 / canted_gpu::MAX_CONDITION], [0.5; 3]));
         let on_device = |instances: &[Instance]| {
-            TracedScene::two_level(&gpu, &[&wide()], instances).err().map(|error| error.to_string())
+            TracedScene::new(&gpu, SceneInput::upload([&wide()]).instances(instances))
+                .err()
+                .map(|error| error.to_string())
         };
         rows.push(row(ON_DEVICE, "TracedScene::two_level", &bad, &on_device));
     }

@@ -11,7 +11,7 @@ use std::fmt::Display;
 use canted_fixtures::{Mesh, equal_centroids, identical, outlier, soup};
 use canted_gpu::{
     Choice, Gpu,
-    build::{BuildConfig, Built, Items, Node, Run, STRATEGIES},
+    build::{BuildConfig, BuildEncoder, Built, Node, Primitives, STRATEGIES},
 };
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Corners, Domain, Strategy, Tree, VolumeConfig};
 use canted_obb::{Aabb, Affine, Obb};
@@ -186,9 +186,9 @@ impl Twin {
     }
 
     fn built(&self, gpu: &Gpu, strategy: Strategy) -> Built {
-        let items = Items::triangles(gpu, [&self.corners[..]]).expect("a small mesh");
+        let items = Primitives::triangles(gpu, [&self.corners[..]]).expect("a small mesh");
         let config = BuildConfig { bits: Bits::B63, strategy };
-        Built::new(&mut Run::new(gpu), items, config).expect("a small tree")
+        Built::new(&mut BuildEncoder::new(gpu), items, config).expect("a small tree")
     }
 
     /// Whether the device's leaves or nodes differ from the CPU's.

@@ -208,7 +208,12 @@ impl Question {
         let _ = writeln!(text, "|{}", " --- |".repeat(shown.len()));
         rows.iter().for_each(|row| text += &line(row));
         let _ = writeln!(text, "\n![{}: {}](results/{}.svg)", self.asked, self.drawn, self.name);
-        Some((text, svg(self.drawn, &bars)))
+        // Groups of rows stay together.
+        let mut sorted = bars;
+        if self.label.len() == 1 {
+            sorted.sort_by(|a, b| b.1.total_cmp(&a.1));
+        }
+        Some((text, svg(self.drawn, &sorted)))
     }
 
     fn sentence(&self, bars: &[(String, f64)]) -> Option<String> {

@@ -4,8 +4,8 @@ use canted_tests::exact::Piercing;
 
 use super::triangles::Pair;
 use crate::{
-    interleave::{self, Contender},
     report::samples::Samples,
+    timing::{self, Contender},
 };
 
 /// Minimum tests per round: a few hundred take microseconds, close to the clock's resolution.
@@ -37,8 +37,8 @@ pub(super) fn run<A>(tests: Vec<Test<'_, A>>, rounds: usize) -> Vec<Tested<A>> {
         let n = repeats(test.n_tests);
         Contender::new(&*test.name, move || (0..n).for_each(|_| (test.work)()))
     });
-    let timings = interleave::run(rounds, contenders.collect());
-    let tested = |(test, timing): (Test<'_, A>, interleave::Timing)| {
+    let timings = timing::run(rounds, contenders.collect());
+    let tested = |(test, timing): (Test<'_, A>, timing::Timing)| {
         #[expect(clippy::cast_precision_loss, reason = "counts are far below 2^53")]
         let to_ns = 1e9 / (repeats(test.n_tests) * test.n_tests.max(1)) as f64;
         Tested { name: test.name, answers: test.answers, ns: Samples::from(timing.seconds).scaled(to_ns) }

@@ -3,7 +3,7 @@
 
 use anyhow::{Result, ensure};
 use canted_fixtures::{SplitMix64, soup};
-use canted_gpu::TracedScene;
+use canted_gpu::{SceneInput, TracedScene};
 use canted_lbvh::Corners;
 use canted_obb::{Aabb, Obb};
 use canted_tests::{
@@ -20,12 +20,12 @@ use super::{
     triangles::Pair as TrianglePair,
 };
 use crate::{
-    interleave::{self, Contender},
     report::{
-        effort::Effort,
+        Effort,
         model::{Cell, Table},
         samples::Samples,
     },
+    timing::{self, Contender},
 };
 
 /// Triangles of a leaf: four blocks of eight, so that triangle tests dominate.
@@ -101,7 +101,7 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
     };
     let scalar = hits(&trees[0]);
     ensure!(trees.iter().all(|tree| hits(tree) == scalar), "paths differ in a hit");
-    let scene = device.map(|device| TracedScene::single_level(&device.gpu, &tree, &[0])).transpose()?;
+    let scene = device.map(|device| TracedScene::new(&device.gpu, SceneInput::upload([&tree]))).transpose()?;
     let mut contenders: Vec<Contender<'_>> = there
         .iter()
         .zip(&trees)
@@ -117,7 +117,7 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
     let mut table = Table::new(title, &["path", "time per ray", "speed over scalar"]);
     #[expect(clippy::cast_precision_loss, reason = "small counts")]
     let to_ns = 1e9 / rays.len() as f64;
-    for timing in interleave::run(rounds, contenders) {
+    for timing in timing::run(rounds, contenders) {
         table.rows.push(vec![
             Cell::text(&timing.name),
             Cell::measured(Samples::from(timing.seconds.clone()).scaled(to_ns), "ns"),

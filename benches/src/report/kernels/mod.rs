@@ -8,7 +8,7 @@ mod triangles;
 
 use anyhow::Result;
 
-use super::effort::Effort;
+use super::Effort;
 use super::model::Chapter;
 use device::Device;
 

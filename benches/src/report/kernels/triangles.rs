@@ -10,7 +10,7 @@ use super::contest::{self, Test, Tested};
 use super::contest::{Accuracy, Answer, ExactHit};
 use super::device::Device;
 use super::{LEAST_ULPS, lanes};
-use crate::report::effort::Effort;
+use crate::report::Effort;
 use crate::report::model::{Axis, Cell, Plot, Point, Series, Table};
 use crate::report::samples::{Samples, number};
 

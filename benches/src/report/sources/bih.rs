@@ -13,14 +13,14 @@ use canted_wide::{Config, Costs, Preset, TriangleBvh};
 
 use super::{Found, novak::scaffold, passes::one_thread, scenes};
 use crate::{
-    clock,
     models::Model,
     rays,
     report::{
-        effort::Effort,
+        Effort,
         model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
         samples::{Samples, first, number},
     },
+    timing,
     wide::engine::{self, Engine},
 };
 
@@ -373,7 +373,7 @@ fn measure_here(model: &Model, kinds: &[Kind], effort: Effort) -> Result<Vec<Too
     let mut builds = vec![vec![]; kinds.len()];
     for round in 0..=rounds {
         for (kind, builds) in kinds.iter().zip(&mut builds) {
-            let (structure, took) = clock::time(|| kind.build(&model.mesh));
+            let (structure, took) = timing::time(|| kind.build(&model.mesh));
             let structure = structure?;
             if round > 0 {
                 builds.push(took.cpu * 1e3);

@@ -17,7 +17,7 @@ use crate::{
     models::{self, Model},
     rays,
     report::{
-        effort::Effort,
+        Effort,
         model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
         samples::number,
     },

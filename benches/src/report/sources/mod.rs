@@ -11,7 +11,7 @@ mod splits;
 
 use anyhow::Result;
 
-use super::{effort::Effort, model::Chapter};
+use super::{Effort, model::Chapter};
 use crate::models::{self, Model};
 
 /// A part of the chapter, which adds its tables.

@@ -10,14 +10,14 @@ use canted_trace::Watertight;
 
 use super::{Found, passes::one_thread};
 use crate::{
-    clock,
     models::{self, Model},
     rays,
     report::{
-        effort::Effort,
+        Effort,
         model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
         samples::{Samples, faster, number},
     },
+    timing,
 };
 
 /// The cheapest.
@@ -52,12 +52,12 @@ fn measure_here(model: &Model, builders: &[(&'static str, Builder)], effort: Eff
     let mut took: Vec<(Vec<f64>, Vec<f64>, usize)> = vec![Default::default(); builders.len()];
     for repeat in 0..=effort.pick(2, 3, 5) {
         for ((_, builder), (builds, pictures, n_bytes)) in builders.iter().zip(&mut took) {
-            let (blas, build) = clock::time(|| {
+            let (blas, build) = timing::time(|| {
                 let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
                 let tree = canted_sah::build(&boxes, &bounds, builder);
                 Bvh2::<Watertight>::over(tree, &corners, &bounds, &BuildConfig::default())
             });
-            let (_, picture) = clock::time(|| {
+            let (_, picture) = timing::time(|| {
                 for ray in &rays {
                     std::hint::black_box(blas.closest_hit(ray));
                 }

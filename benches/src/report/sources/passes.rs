@@ -3,19 +3,19 @@
 use anyhow::Result;
 use canted_gpu::{
     AdapterKind, Choice, Gpu,
-    build::{Items, Passes, STRATEGIES},
+    build::{Passes, Primitives, STRATEGIES},
 };
 use canted_lbvh::{Bits, Domain, Strategy, VolumeConfig};
 
 use super::{Found, Pairs, scenes};
 use crate::{
-    clock,
     models::Model,
     report::{
-        effort::Effort,
+        Effort,
         model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
         samples::{Samples, number},
     },
+    timing,
 };
 
 const CPU_PASSES: [&str; 6] =
@@ -93,23 +93,23 @@ fn measure_passes(model: &Model, repeats: usize) -> Result<[Samples; 6]> {
     let (corners, bounds) = canted_lbvh::triangle_corners(&model.mesh.positions, &model.mesh.triangles)?;
     let mut ms: [Vec<f64>; 6] = Default::default();
     for repeat in 0..=repeats {
-        let mut keep = |pass: usize, took: clock::Seconds| {
+        let mut keep = |pass: usize, took: timing::Seconds| {
             if repeat > 0 {
                 ms[pass].push(took.cpu * 1e3);
             }
         };
-        let (codes, took) = clock::time(|| canted_lbvh::morton_codes(&Domain::new(&bounds, 3, Bits::B63), &corners));
+        let (codes, took) = timing::time(|| canted_lbvh::morton_codes(&Domain::new(&bounds, 3, Bits::B63), &corners));
         keep(0, took);
-        let (sorted, took) = clock::time(|| canted_lbvh::sort_by_code(&codes, Bits::B63));
+        let (sorted, took) = timing::time(|| canted_lbvh::sort_by_code(&codes, Bits::B63));
         keep(1, took);
-        let (tree, took) = clock::time(|| canted_lbvh::radix(sorted));
+        let (tree, took) = timing::time(|| canted_lbvh::radix(sorted));
         keep(2, took);
         let leaves = canted_lbvh::in_leaf_order(&corners, &tree.leaves);
         for (i, strategy) in
             [Strategy::PcaBounded, Strategy::Quaternion, Strategy::PcaUnbounded].into_iter().enumerate()
         {
             let config = VolumeConfig { strategy, fallback: true };
-            keep(3 + i, clock::time(|| canted_lbvh::volumes(&tree, &leaves, &config)).1);
+            keep(3 + i, timing::time(|| canted_lbvh::volumes(&tree, &leaves, &config)).1);
         }
     }
     Ok(ms.map(Samples::from))
@@ -145,7 +145,7 @@ pub(super) fn on_device(chapter: &mut Chapter, effort: Effort) -> Result<Found> 
         if gpu.info().kind == AdapterKind::Software { &["bunny"][..] } else { &["dragon_871k", "sponza", "bunny"] };
     for (name, model) in scenes(effort, names, chapter)? {
         let (corners, _) = canted_lbvh::triangle_corners(&model.mesh.positions, &model.mesh.triangles)?;
-        let items = Items::triangles(&gpu, [&corners[..]])?;
+        let items = Primitives::triangles(&gpu, [&corners[..]])?;
         let Passes { codes, tree, boxes, error, .. } = Passes::measure(&gpu, &items, Bits::B63, runs)?;
         chapter.skipped.extend(error.map(|error| format!("Some passes of {name} on the device: {error}.")));
         let of = |wanted: Strategy| STRATEGIES.iter().position(|&strategy| strategy == wanted).and_then(|i| boxes[i]);

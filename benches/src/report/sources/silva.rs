@@ -3,19 +3,20 @@
 use std::time::Instant;
 
 use anyhow::Result;
-use canted_gpu::{AdapterKind, Choice, Gpu, TracedScene};
+use canted_gpu::{AdapterKind, Choice, Gpu, SceneInput, TracedScene};
 use canted_tests::brute;
 use canted_trace::{Hit, Kernel, Ray, Watertight};
 use canted_wide::{Config, Preset, SimdPath, TriangleBvh};
 
 use super::{Found, novak::scaffold, passes::one_thread, scenes};
 use crate::{
-    clock, rays,
+    rays,
     report::{
-        effort::Effort,
+        Effort,
         model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
         samples::{Samples, faster, number},
     },
+    timing,
     wide::{
         closest_seconds,
         engine::{self, Engine},
@@ -255,13 +256,13 @@ fn on_threads(
         for (pool, [builds, traces]) in pools.iter().zip(&mut ms) {
             let config = Config::preset(Preset::Balanced);
             let build = || TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config);
-            let (bvh, built) = clock::time(|| pool.install(build));
+            let (bvh, built) = timing::time(|| pool.install(build));
             let bvh = bvh?;
             let trace = || {
                 let chunks = rays.par_chunks(CHUNK).zip(hits.par_chunks_mut(CHUNK));
                 chunks.for_each(|(rays, hits)| bvh.closest_hits(rays, hits));
             };
-            let ((), traced) = clock::time(|| pool.install(trace));
+            let ((), traced) = timing::time(|| pool.install(trace));
             if round > 0 {
                 builds.push(built.wall * 1e3);
                 traces.push(traced.wall * 1e3);
@@ -277,12 +278,12 @@ fn on_device(gpu: &Gpu, mesh: &canted_fixtures::Mesh, rays: &[Ray], effort: Effo
     let most = if gpu.info().kind == AdapterKind::Software { 1 << 14 } else { rays.len() };
     let rays = &rays[..most.min(rays.len())];
     let config = Config::preset(Preset::Balanced);
-    let (bvh, built) = clock::time(|| TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config));
+    let (bvh, built) = timing::time(|| TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config));
     let bvh = bvh?;
     let (mut transfer, mut trace) = (f64::NAN, f64::NAN);
     for _ in 0..effort.pick(1, 2, 3) {
         let start = Instant::now();
-        let scene = TracedScene::single_level(gpu, &bvh, &[0])?;
+        let scene = TracedScene::new(gpu, SceneInput::upload([&bvh]))?;
         transfer = start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
         scene.closest_hits(gpu, rays)?;

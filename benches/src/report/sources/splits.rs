@@ -9,14 +9,14 @@ use canted_trace::{Hit, Watertight, pad_aabb};
 
 use super::{Found, passes::one_thread, scenes};
 use crate::{
-    clock,
     models::Model,
     rays,
     report::{
-        effort::Effort,
+        Effort,
         model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
         samples::{Samples, number, percent},
     },
+    timing,
     wide::engine::{self, Engine},
 };
 
@@ -184,7 +184,7 @@ fn measure(model: &Model, ways: &[Way], effort: Effort) -> Result<Vec<Took>> {
     let (mut engines, mut sums): (Vec<Box<dyn Engine>>, _) = (vec![], vec![]);
     for round in 0..rounds {
         for (way, builds) in ways.iter().zip(&mut builds) {
-            let ((bvh, sum), took) = clock::time(|| {
+            let ((bvh, sum), took) = timing::time(|| {
                 let (tree, volumes) = way.build(&corners, &bounds);
                 let sorted = canted_lbvh::in_leaf_order(&corners, &tree.leaves);
                 let cost = (round == 0).then(|| {
@@ -209,7 +209,7 @@ fn measure(model: &Model, ways: &[Way], effort: Effort) -> Result<Vec<Took>> {
     let [diffuse, _] = rays::secondary(model, &camera, &hits[0]);
     let (of_diffuse, hits) = engine::closest(&engines, &diffuse, rounds);
     same_hits(ways, &hits)?;
-    let ms = |seconds: &[clock::Seconds]| Samples::from(seconds.iter().map(|s| s.cpu * 1e3).collect::<Vec<_>>());
+    let ms = |seconds: &[timing::Seconds]| Samples::from(seconds.iter().map(|s| s.cpu * 1e3).collect::<Vec<_>>());
     let took = ways.iter().zip(builds).zip(sums).enumerate().map(|(i, ((&way, build), (sah, references)))| Took {
         way,
         build: build.into(),

@@ -19,7 +19,7 @@
 //! them at all cosines, `R` within 0.015 for indices of refraction from 1.35 to 2. The variable of the cosine is the root of
 //! `μ(1 + α)/(μ + α)`, which resolves grazing angles, where the albedo of narrow lobes changes fastest.
 //!
-//! `shared/energy.wgsl` has the same coefficients.
+//! `shared/bsdf.wgsl` has the same coefficients.
 
 /// Coefficients of [`albedo`]: a row for each power of `s`, a column for each power of the roughness.
 const ALBEDO: [[f32; 5]; 7] = [

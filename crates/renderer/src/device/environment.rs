@@ -1,6 +1,6 @@
 //! Packs the environment.
 
-use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
+use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 use canted_scene::{Environment, Scene};
 
 use crate::environment_of;
@@ -41,7 +41,7 @@ impl DeviceSky {
     }
 
     /// Selects the part that the scene needs.
-    pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
+    pub(super) fn specialize(&self, chosen: Variant) -> Variant {
         chosen.part(
             "sky",
             match self {

@@ -1,7 +1,7 @@
 //! Packs lights: the list, and the data for sampling them.
 
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
+use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 use canted_scene::Light;
 use canted_trace::InstanceId;
 
@@ -108,7 +108,7 @@ impl SampledLights {
     }
 
     /// Selects the parts that the scene needs.
-    pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
+    pub(super) fn specialize(&self, chosen: Variant) -> Variant {
         let local = match (&self.emitters, &self.leaves) {
             (None, None) => "shared/local/none",
             (Some(_), None) => "shared/local/emitters",

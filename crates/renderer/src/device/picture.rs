@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use canted_film::Filter;
-use canted_gpu::Specialisation;
+use canted_gpu::Variant;
 
 use super::DeviceError;
 use crate::vector::{length, narrow};
@@ -43,7 +43,6 @@ pub(super) struct Slice {
 }
 
 /// All members except those that depend on the scene.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> PackedPicture {
     let Settings { width, height, samples, bounces, seed, pattern, .. } = *settings;
     let [columns, rows] = Sampler::new(pattern, samples, seed).grid();
@@ -68,20 +67,21 @@ pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> Packe
 }
 
 /// Selects the parts of a kernel that generate camera rays.
-pub(super) fn specialise(chosen: Specialisation, view: &View, settings: &Settings) -> Specialisation {
+pub(super) fn specialize(chosen: Variant, view: &View, settings: &Settings) -> Variant {
     let pattern = match settings.pattern {
-        Pattern::Random => "shared/pattern/random",
-        Pattern::Stratified => "shared/pattern/stratified",
-        Pattern::Sobol => "shared/pattern/sobol",
+        Pattern::Random => "shared/sampler/pattern/random",
+        Pattern::Stratified => "shared/sampler/pattern/stratified",
+        Pattern::Sobol => "shared/sampler/pattern/sobol",
     };
-    let projection = if view.is_perspective { "shared/view/perspective" } else { "shared/view/orthographic" };
-    let lens = if view.lens.is_some() { "shared/lens/disk" } else { "shared/lens/pinhole" };
+    let projection =
+        if view.is_perspective { "shared/camera/view/perspective" } else { "shared/camera/view/orthographic" };
+    let lens = if view.lens.is_some() { "shared/camera/lens/disk" } else { "shared/camera/lens/pinhole" };
     let is_box = matches!(settings.filter, Filter::Box(_));
     chosen
         .part("pattern", pattern)
         .part("view", projection)
         .part("lens", lens)
-        .part("filter", if is_box { "shared/filter/box" } else { "shared/filter/table" })
+        .part("filter", if is_box { "shared/camera/filter/box" } else { "shared/camera/filter/table" })
 }
 
 /// Rejects settings that the kernels do not support.

@@ -72,7 +72,6 @@ pub(super) fn of_moving(
     rounded_up((IN_WORLD + (4.0 + 175.0 * condition + tilt) * E) * reach_world)
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "the margin exceeds the rounding")]
 fn rounded_up(slack: f64) -> f32 {
     (MARGIN * slack).min(f64::from(f32::MAX)) as f32 + f32::MIN_POSITIVE
 }

@@ -40,7 +40,7 @@ fn with_checksum(mut content: Vec<u8>) -> Vec<u8> {
 fn a_loaded_tlas_saves_the_same_bytes() {
     let bytes = tlas().to_bytes();
     for config in [TopConfig::default(), TopConfig::other(Bvh2Boxes::builder(VolumeConfig::default()))] {
-        let loaded = Saved::from_bytes(&bytes, config).unwrap();
+        let loaded = Saved::from_bytes(&bytes, config.clone()).unwrap();
         assert_eq!((loaded.instances(), loaded.config()), (tlas().instances(), &config));
         assert_eq!(loaded.to_bytes(), bytes);
         for x in [0.2, 2.2, 4.2, -2.8, 9.0] {

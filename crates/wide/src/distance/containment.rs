@@ -10,12 +10,11 @@ use std::cmp::Ordering;
 use canted_obb::{PrimId, orient_2d, orient_3d};
 use canted_trace::{Ray, ScaledRay, with_stack};
 
-use crate::layout::NodeKind;
-use crate::leaf::{LeafPrimitive, LeafRange};
+use crate::leaf::{LeafPrimitive, LeafRange, Triangle, TriangleBvh};
+use crate::node::NodeKind;
 use crate::par;
 use crate::simd::{Simd, Task};
 use crate::traverse::{RayLanes, Visitor, walk};
-use crate::triangle::{Triangle, TriangleBvh};
 
 /// Points of one parallel job.
 const CHUNK: usize = 1 << 8;
@@ -102,12 +101,10 @@ struct Crossed<'a> {
 impl Visitor for Crossed<'_> {
     #[inline(always)]
     fn leaf(&mut self, leaf: LeafRange) -> f32 {
-        Triangle::for_each_shape(&self.bvh.leaves, leaf, |primitive, vertices| {
-            match position(self.point, vertices) {
-                Position::On => self.is_on_surface = true,
-                Position::Below => self.crossings.push(primitive),
-                Position::Elsewhere => {}
-            }
+        Triangle::for_each_shape(&self.bvh.leaves, leaf, |primitive, vertices| match position(self.point, vertices) {
+            Position::On => self.is_on_surface = true,
+            Position::Below => self.crossings.push(primitive),
+            Position::Elsewhere => {}
         });
         if self.is_on_surface { -1.0 } else { leaf.t_max }
     }

@@ -5,8 +5,8 @@ use canted_trace::with_stack;
 
 use super::{ClosestPoint, DistanceShape, PointLanes};
 use crate::bvh::WideBvh;
-use crate::layout::{ALIGNED_LINES, NodeKind, Nodes, ORIENTED_LINES, Word, WordKind, node_words, rows};
 use crate::leaf::{LeafPrimitive, LeafRange};
+use crate::node::{ALIGNED_LINES, ChildWord, DecodedWord, NodeKind, Nodes, ORIENTED_LINES, node_words, rows};
 use crate::simd::{Simd, Task};
 use crate::traverse::MeshFrame;
 
@@ -134,8 +134,8 @@ impl Task for Search<'_> {
         let mut word = nodes.root;
         loop {
             match word.kind() {
-                WordKind::Leaf { first, n } => bound = leaf(LeafRange::new(first, n), bound),
-                WordKind::Node(kind, line) => {
+                DecodedWord::Leaf { first, n } => bound = leaf(LeafRange::new(first, n), bound),
+                DecodedWord::Node(kind, line) => {
                     let lines = &nodes.lines;
                     let words = node_words(lines, kind, line);
                     let bounds = match kind {
@@ -149,7 +149,7 @@ impl Task for Search<'_> {
                     while mask != 0 {
                         let child = mask.trailing_zeros() as usize;
                         mask &= mask - 1;
-                        if words[child] != Word::EMPTY {
+                        if words[child] != ChildWord::EMPTY {
                             stack[n_waiting] = u64::from(bounds[child].to_bits()) << 32 | u64::from(words[child].0);
                             n_waiting += 1;
                         }
@@ -157,7 +157,7 @@ impl Task for Search<'_> {
                     // The nearest child is on top.
                     stack[base..n_waiting].sort_unstable_by(|a, b| b.cmp(a));
                 }
-                WordKind::Empty => {}
+                DecodedWord::Empty => {}
             }
             loop {
                 if n_waiting == 0 {
@@ -166,7 +166,7 @@ impl Task for Search<'_> {
                 n_waiting -= 1;
                 let key = stack[n_waiting];
                 if f64::from(f32::from_bits((key >> 32) as u32)) <= bound {
-                    word = Word(key as u32);
+                    word = ChildWord(key as u32);
                     break;
                 }
             }

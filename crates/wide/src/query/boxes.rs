@@ -7,10 +7,9 @@ use canted_trace::{Ray, ScaledRay, with_stack};
 
 use super::sink::Visits;
 use crate::bvh::WideBvh;
-use crate::layout::{NodeKind, Nodes};
-use crate::leaf::LeafRange;
-use crate::primitive::Primitive;
-use crate::simd::{Proven, Simd, Task};
+use crate::leaf::{LeafRange, Primitive};
+use crate::node::{NodeKind, Nodes};
+use crate::simd::{AvailablePath, Simd, Task};
 use crate::traverse::{Pads, RayLanes, TracedRay, Visitor, walk};
 
 /// In which order a traversal visits what a ray enters.
@@ -93,7 +92,7 @@ impl WideBvh<Aabb> {
 
 /// Calls `visit` with each primitive of each leaf that a ray enters; `ids` are those of all leaves. Compiled once for each SIMD path.
 pub(super) fn visit_primitives(
-    path: Proven,
+    path: AvailablePath,
     nodes: &Nodes,
     ids: &[PrimId],
     ray: &TracedRay,

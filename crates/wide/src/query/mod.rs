@@ -9,7 +9,6 @@
 //! All traversals are compiled in this crate, once for each SIMD path: what is generic calls them through a function pointer for each leaf.
 
 mod boxes;
-mod counts;
 mod crossings;
 mod moving;
 mod primitives;
@@ -20,5 +19,5 @@ mod triangles;
 mod tests;
 
 pub use boxes::Order;
-pub use counts::TraversalCounts;
 pub use moving::MovingBvh;
+pub use sink::TraversalCounts;

@@ -21,8 +21,8 @@
 use canted_lbvh::{self as lbvh, Corners, GeometryError};
 use canted_obb::{Aabb, Moments, Obb};
 use canted_trace::{
-    BaldwinWeber, HIT_ERROR, Hit, Intersect, Kernel, MollerTrumbore, Query, ScaledRay, TriangleHit, TriangleTest, Watertight,
-    position_at,
+    BaldwinWeber, HIT_ERROR, Hit, Intersect, Kernel, MollerTrumbore, Query, ScaledRay, TriangleHit, TriangleTest,
+    Watertight, position_at,
 };
 
 use super::boxes::Order;
@@ -30,8 +30,9 @@ use super::sink::{AllHits, AnyHit, BestHit, Visits};
 use crate::build::PrimitiveError;
 use crate::leaf::hit;
 use crate::traverse::TracedRay;
-use crate::{Config, Primitive, PrimitiveHit, Refit, RefitError, SimdPath, Sizes, WideBvh};
-use crate::{bounds_of_points, extent_of_points};
+use crate::{
+    Config, Primitive, PrimitiveHit, Refit, RefitError, SimdPath, Sizes, WideBvh, bounds_of_points, extent_of_points,
+};
 
 /// A triangle whose vertices move in straight lines.
 #[derive(Clone, Copy, Debug)]

@@ -6,8 +6,7 @@ use canted_trace::{Accept, AcceptAt, Answer, Answers, Hit, Intersect, Query, Ray
 use super::boxes::Order;
 use super::sink::{AllHits, AnyHit, BestHit};
 use crate::bvh::WideBvh;
-use crate::leaf::hit;
-use crate::primitive::Primitive;
+use crate::leaf::{Primitive, hit};
 use crate::traverse::{Pads, TracedRay, for_each_of_eight};
 
 impl<P: Primitive> Intersect for WideBvh<P> {

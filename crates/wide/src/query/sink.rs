@@ -4,8 +4,7 @@ use std::cmp::Ordering;
 
 use canted_trace::{Hit, Query, ScaledRay};
 
-use super::TraversalCounts;
-use crate::layout::NodeKind;
+use crate::node::NodeKind;
 
 /// Decides what becomes of hits on triangles.
 pub(crate) trait HitSink {
@@ -43,6 +42,26 @@ pub(crate) trait HitSink {
     #[inline(always)]
     fn node(&mut self, kind: NodeKind) {
         let _ = kind;
+    }
+}
+
+/// Visits by rays that search for their closest hit; [`Costs`](crate::Costs) are fitted to them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TraversalCounts {
+    /// Nodes of each kind, in the order of [`NodeKind::ALL`](crate::NodeKind::ALL).
+    pub nodes: [u64; 2],
+    /// Leaves.
+    pub leaves: u64,
+    /// Blocks of up to eight primitives.
+    pub blocks: u64,
+}
+
+impl TraversalCounts {
+    /// Adds the visits of other rays.
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.nodes.iter_mut().zip(other.nodes).for_each(|(sum, n)| *sum += n);
+        self.leaves += other.leaves;
+        self.blocks += other.blocks;
     }
 }
 

@@ -1,14 +1,15 @@
 //! Rays without pads lose hits, on either side: the tests for lost hits can fail.
 
 use canted_fixtures::{Grazing, Mesh, SplitMix64};
-use canted_trace::{InstanceId, Ray, ReferencePoint, ScaledRay};
+use canted_trace::{Intersect, Ray, ReferencePoint, ScaledRay};
 
-use super::*;
-use crate::layout::LeafLayout;
-use crate::outline::Outline;
-use crate::refit::{Triangles, write_boxes};
-use crate::sink::BestHit;
-use crate::traverse::BoxPads;
+use super::sink::BestHit;
+use super::triangles::{PADS, pass_hits};
+use crate::leaf::{LeafLayout, StoredTriangles};
+use crate::node::checked::Hierarchy;
+use crate::simd::{Simd, Task};
+use crate::traverse::{BoxPads, Pads, TracedRay};
+use crate::update::write_boxes;
 use crate::{Config, SimdPath, TriangleBvh};
 
 const NONE: Pads = Pads { aligned: 0.0, rotated: 0.0, oriented: 0.0 };
@@ -26,20 +27,20 @@ impl Task for Padded<'_> {
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Self::Output {
         let ray = ScaledRay::new(self.ray)?;
-        let (query, stack) = (&mut (), &mut Stack::new());
-        let mut best = BestHit::new(query, InstanceId(0));
-        let ray = prepare_padded(self.bvh, self.pads, ray);
-        trace(simd, self.bvh, &ray, stack, &mut best);
+        let (query, stack) = (&mut (), &mut vec![0; self.bvh.stack_len()][..]);
+        let mut best = BestHit::<true>::new(query);
+        let ray = TracedRay::new(&ray, &self.bvh.frame, self.pads);
+        pass_hits::<S, _, true>(simd, self.bvh, &ray, stack, &mut best);
         best.hit(&ray.scaled)
     }
 }
 
 /// The BVH with boxes padded by other relative pads.
 fn with_box_pads(mut bvh: TriangleBvh, pads: Pads) -> TriangleBvh {
-    let outline = Outline::of(&bvh.nodes, bvh.leaves.halves.len(), &LeafLayout::BLOCKS).expect("a valid BVH");
-    let triangles = Triangles::read(&outline, &bvh.leaves.halves);
+    let hierarchy = Hierarchy::of(&bvh.nodes, bvh.leaves.halves.len(), &LeafLayout::BLOCKS).expect("a valid BVH");
+    let triangles = StoredTriangles::read(&hierarchy, &bvh.leaves.halves);
     write_boxes(
-        &outline,
+        &hierarchy,
         &triangles.corners,
         &bvh.frame,
         &BoxPads::new(pads, bvh.frame.is_identity),
@@ -51,18 +52,19 @@ fn with_box_pads(mut bvh: TriangleBvh, pads: Pads) -> TriangleBvh {
 /// The BVH with boxes relative to another point, padded as proven.
 fn relative_to(mut bvh: TriangleBvh, point: [f32; 3]) -> TriangleBvh {
     bvh.frame.reference = ReferencePoint::new(point).expect("a small point");
-    with_box_pads(bvh, Pads::of(<crate::Triangle as LeafPrimitive>::ERROR))
+    with_box_pads(bvh, PADS)
 }
 
-fn build(mesh: &Mesh, config: &Config) -> TriangleBvh {
-    TriangleBvh::build(&mesh.positions, &mesh.triangles, config).expect("a valid mesh")
+fn build(mesh: &Mesh, config: Config) -> TriangleBvh {
+    TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config).expect("a valid mesh")
 }
 
 /// How many rays get another hit than with the proven pads, if rays and boxes have these.
 fn n_different(bvh: &TriangleBvh, rays: &[Ray], of_rays: Pads, of_boxes: Pads, path: SimdPath) -> usize {
     let proven = bvh.clone().with_path(path);
     let bvh = with_box_pads(bvh.clone(), of_boxes);
-    let is_lost = |ray: &&Ray| path.proven().run(Padded { bvh: &bvh, pads: of_rays, ray }) != proven.closest_hit(ray);
+    let is_lost =
+        |ray: &&Ray| path.available().run(Padded { bvh: &bvh, pads: of_rays, ray }) != proven.closest_hit(ray);
     rays.iter().filter(is_lost).count()
 }
 
@@ -86,7 +88,7 @@ fn rays_without_pads_lose_hits() {
             ("oriented nodes", &flat, Config::default()),
             ("struts", &mesh, Config::default()),
         ] {
-            let (bvh, rays) = (build(mesh, &config), grazing(mesh));
+            let (bvh, rays) = (build(mesh, config), grazing(mesh));
             assert_eq!(n_different(&bvh, &rays, proven, proven, path), 0, "{name}");
             let lost = n_different(&bvh, &rays, NONE, NONE, path);
             assert!(lost > 0, "{name}, {}: no hit is lost without pads", path.name());
@@ -114,8 +116,8 @@ fn either_part_of_the_padding_alone_loses_hits() {
     let flat = canted_fixtures::coplanar_quads(20).off_axis();
     let away = flat.placed(|[x, y, z]| [x + 1e4, y - 3e4, z + 2e4]);
     for config in [Config::default().axis_aligned(), Config::default()] {
-        let near_mesh = build(&flat, &config);
-        let far_mesh = relative_to(build(&away, &config), [0.0; 3]);
+        let near_mesh = build(&flat, config);
+        let far_mesh = relative_to(build(&away, config), [0.0; 3]);
         let from_afar = at_corners(&flat, 1e6, 20_000);
         // Shifted so that the origins are near that of the space, and the mesh is not.
         let mut to_far: Vec<Ray> = at_corners(&away, 4e4, 40_000);
@@ -128,7 +130,7 @@ fn either_part_of_the_padding_alone_loses_hits() {
             })
             .collect();
         own.append(&mut to_far);
-        let proven = Pads::of(<crate::Triangle as LeafPrimitive>::ERROR);
+        let proven = PADS;
         for path in paths() {
             let name = path.name();
             assert_eq!(n_different(&near_mesh, &from_afar, proven, proven, path), 0, "{name}");
@@ -145,9 +147,9 @@ fn either_part_of_the_padding_alone_loses_hits() {
 fn pads_relative_to_the_wrong_point_lose_hits() {
     let flat = canted_fixtures::coplanar_quads(20).off_axis();
     let rays = at_corners(&flat, 10.0, 20_000);
-    let proven = Pads::of(<crate::Triangle as LeafPrimitive>::ERROR);
+    let proven = PADS;
     for config in [Config::default().axis_aligned(), Config::default()] {
-        let near = build(&flat, &config);
+        let near = build(&flat, config);
         let far = relative_to(near.clone(), [2.1e4, -3.3e4, 1.7e4]);
         for path in paths() {
             let name = path.name();
@@ -171,7 +173,7 @@ fn pads_relative_to_the_wrong_point_lose_hits() {
 fn far_meshes_have_a_reference_point_inside() {
     let mesh = canted_fixtures::icosphere(4);
     let away = mesh.placed(|[x, y, z]| [x + 1e4, y - 3e4, z + 2e4]);
-    let (near, far) = (build(&mesh, &Config::default()), build(&away, &Config::default()));
+    let (near, far) = (build(&mesh, Config::default()), build(&away, Config::default()));
     assert!(near.frame.reference.is_origin());
     let [x, y, z] = far.frame.reference.point();
     assert!((x - 1e4).abs() <= 1.0 && (y + 3e4).abs() <= 1.0 && (z - 2e4).abs() <= 1.0, "{x} {y} {z}");

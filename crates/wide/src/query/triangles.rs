@@ -4,18 +4,18 @@
 //! instructions of the SIMD path, `walk` visits the leaves, and [`TriangleLeaves`] tests the triangles of one.
 
 use canted_obb::Obb;
-use canted_trace::{Accept, AcceptAt, Answer, Answers, Hit, Intersect, Query, Ray, ScaledRay, TriangleTest, with_stack};
+use canted_trace::{
+    Accept, AcceptAt, Answer, Answers, Hit, Intersect, Query, Ray, ScaledRay, TriangleTest, with_stack,
+};
 
-use super::TraversalCounts;
-use super::sink::{AllHits, AnyHit, BestHit, HitSink, Visits};
-use crate::layout::{Half, NodeKind, PART_LANES, PARTS};
-use crate::leaf::{LeafRange, hit};
+use super::sink::{AllHits, AnyHit, BestHit, HitSink, TraversalCounts, Visits};
+use crate::leaf::{HalfBlock, LeafRange, PART_LANES, PARTS, TriangleBvh, hit};
+use crate::node::NodeKind;
 use crate::simd::{Simd, Task};
 use crate::traverse::{Block, EightRays, Pads, RayLanes, RayTriangles, TracedRay, Visitor, for_each_of_eight, walk};
-use crate::triangle::TriangleBvh;
 
 /// Pads for the default triangle test.
-const PADS: Pads = Pads::of(TriangleTest::Watertight.hit_error());
+pub(super) const PADS: Pads = Pads::of(TriangleTest::Watertight.hit_error());
 
 impl Intersect for TriangleBvh {
     fn bounds(&self) -> Obb {
@@ -277,7 +277,7 @@ pub(super) fn pass_hits<S: Simd, T: HitSink, const WATERTIGHT: bool>(
 /// Tests the triangles of each leaf that a ray enters, eight at a time.
 struct TriangleLeaves<'a, S: Simd, T, const WATERTIGHT: bool> {
     simd: S,
-    halves: &'a [Half],
+    halves: &'a [HalfBlock],
     prepared: RayTriangles<S>,
     ray: &'a ScaledRay,
     sink: &'a mut T,

@@ -6,7 +6,7 @@ use canted_trace::lanes::{UNIT_ROUNDOFF as U, WEIGHTS_ERROR, WEIGHTS_HEADROOM};
 use canted_trace::{Kernel, MollerTrumbore, ScaledRay, Shear, TriangleHit, Watertight};
 
 use super::ray::splat3;
-use crate::layout::{HALF_WORDS, Half};
+use crate::leaf::{HALF_BLOCK_WORDS, HalfBlock};
 use crate::simd::Simd;
 
 /// What the lanes' filters need of a ray.
@@ -87,12 +87,12 @@ impl<S: Simd> Candidates<S> {
 impl<'a> Block<'a> {
     /// The block from half-block `first` that holds at most `n` triangles.
     #[inline(always)]
-    pub(crate) fn at(halves: &'a [Half], first: usize, n: u32) -> Self {
+    pub(crate) fn at(halves: &'a [HalfBlock], first: usize, n: u32) -> Self {
         if n > 4 {
-            let both: &[Half; 2] = halves[first..first + 2].try_into().expect("the length is that of the range");
-            Self::Eight(bytemuck::cast_ref::<[u32; 2 * HALF_WORDS], _>(bytemuck::cast_ref(both)))
+            let both: &[HalfBlock; 2] = halves[first..first + 2].try_into().expect("the length is that of the range");
+            Self::Eight(bytemuck::cast_ref::<[u32; 2 * HALF_BLOCK_WORDS], _>(bytemuck::cast_ref(both)))
         } else {
-            Self::Four(bytemuck::cast_ref::<[u32; HALF_WORDS], _>(&halves[first].0))
+            Self::Four(bytemuck::cast_ref::<[u32; HALF_BLOCK_WORDS], _>(&halves[first].0))
         }
     }
 

@@ -1,7 +1,7 @@
 use canted_trace::{MIN_DIRECTION, Ray, ScaledRay};
 
 use super::ray::{MeshFrame, Pads, RayNumbers, TracedRay};
-use crate::simd::{Proven, Simd, Task};
+use crate::simd::{AvailablePath, Simd, Task};
 
 /// Up to eight rays, prepared at once: each row holds one number of each.
 ///
@@ -180,7 +180,7 @@ impl EightRays {
 
 /// Calls `each` with the index of each ray and the ray prepared for traversal; `None` where it cannot hit.
 pub(crate) fn for_each_of_eight(
-    path: Proven,
+    path: AvailablePath,
     rays: &[Ray],
     frame: &MeshFrame,
     pads: Pads,
@@ -328,7 +328,7 @@ mod tests {
                 .collect();
             for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
                 let frame = &frames[round % 4];
-                let [together, alone] = path.proven().run(Both { rays: &rays, frame });
+                let [together, alone] = path.available().run(Both { rays: &rays, frame });
                 for ((ray, a), b) in rays.iter().zip(together).zip(alone) {
                     let (a, b) = (a.as_ref().map(bits), b.as_ref().map(bits));
                     assert_eq!(a, b, "{ray:?}, {}", path.name());

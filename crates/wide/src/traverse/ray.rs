@@ -2,7 +2,7 @@ use canted_obb::round::greatest;
 use canted_trace::lanes::{SQRT_3, UNIT_ROUNDOFF as U, reciprocal};
 use canted_trace::{MIN_DIRECTION, ReferencePoint, ScaledRay};
 
-use crate::layout::NodeKind;
+use crate::node::NodeKind;
 use crate::simd::Simd;
 
 /// Padding of box tests, relative to `|o|∞` on the side of the ray and to the reach of the content on that of the box, both from the

@@ -1,5 +1,5 @@
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::Specialisation;
+use canted_gpu::Variant;
 use canted_scene::Light;
 
 use super::super::lights::ListLight;
@@ -173,8 +173,7 @@ fn incoming_light_matches_the_cpu() {
     let packed: Vec<ListLight> = lights.iter().map(ListLight::from).collect();
     let packed = gpu.buffer("lights", &packed).unwrap();
     let queries = queries(&lights);
-    let mut answers: Vec<Answer> =
-        answers(&gpu, "check/incoming", &Specialisation::none(), &queries, &[("lights", &packed)]);
+    let mut answers: Vec<Answer> = answers(&gpu, "check/incoming", &Variant::none(), &queries, &[("lights", &packed)]);
     let [n_compared, n_at_edges] = compare(&lights, &queries, &answers).unwrap();
     assert!(n_compared > 1500 && n_at_edges < 10, "{n_compared} {n_at_edges}");
 
@@ -193,9 +192,9 @@ fn narrowed(v: Vector) -> [f32; 3] {
 fn layouts_match_the_kernel() {
     same_layout!(
         "check/incoming",
-        &Specialisation::none(),
+        &Variant::none(),
         "ListLight",
         ListLight { position, kind, direction, extent, color, cos_outer }
     );
-    same_layout!("check/incoming", &Specialisation::none(), "Query", Query { at, light, square });
+    same_layout!("check/incoming", &Variant::none(), "Query", Query { at, light, square });
 }

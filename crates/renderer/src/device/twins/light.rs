@@ -1,5 +1,5 @@
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::{Gpu, Specialisation};
+use canted_gpu::{Gpu, Variant};
 use canted_obb::Affine;
 use canted_scene::{Environment, EnvironmentImage, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene};
 
@@ -78,7 +78,6 @@ impl Query {
         sampler.density(&self.surface(), self.transmits != 0, self.to_light, source).into()
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "small moves")]
     fn moved(&self, span: f64) -> Vec<Self> {
         let mut all = vec![];
         for sign in [-1.0, 1.0] {
@@ -282,7 +281,7 @@ fn check(gpu: &Gpu, scene: &Scene, n: u32, spoil: Option<fn(&mut Answer)>) -> Re
     let mut bound = sampled.bindings();
     bound.extend(sky.bindings());
     bound.push(("lights", &list));
-    let chosen = sky.specialise(sampled.specialise(Specialisation::none()));
+    let chosen = sky.specialize(sampled.specialize(Variant::none()));
     let queries = queries(&sampler, n);
     let mut answers: Vec<Answer> = answers(gpu, "check/light", &chosen, &queries, &bound);
     if let Some(spoil) = spoil {
@@ -314,7 +313,7 @@ fn light_samples_match_the_cpu() {
 
 #[test]
 fn layouts_match_the_kernel() {
-    let chosen = Specialisation::none()
+    let chosen = Variant::none()
         .part("local", "shared/local/both")
         .part("skylight", "shared/skylight/image")
         .part("suns", "shared/suns/list")
