@@ -69,7 +69,6 @@ pub fn build(mesh: &Mesh, config: &Config) -> TriangleBvh {
 ///
 /// # Panics
 /// Panics for invalid meshes.
-#[must_use]
 pub fn binary(mesh: &Mesh, strategy: Strategy, test: TriangleTest) -> Bvh2 {
     let config = Bvh2Config { volumes: VolumeConfig { strategy, fallback: true }, test, ..Bvh2Config::default() };
     Bvh2::build(&mesh.positions, &mesh.triangles, &config).expect("fixtures are valid")

@@ -1,7 +1,7 @@
 //! Traces millions of grazing rays through wide BVHs and compares every answer bit for bit.
 //!
 //! `cargo xtask grazing [--rays N]` runs it and records the table. `cargo xtask grazing-device [--rays N]` runs it with `--device`: BVHs that
-//! a device builds, with every volume strategy, and their answers judged as `canted_tests::judge` describes. The reference is the loop over all triangles for small scenes,
+//! a device builds, with every volume strategy, and their answers judged as `canted_tests::device` describes. The reference is the loop over all triangles for small scenes,
 //! and for large ones the binary BVH with axis-aligned boxes, which the tests compare with the loop. The number of rays determines
 //! the rays on every machine. Exits with 1 if an answer differs.
 #![forbid(unsafe_code)]

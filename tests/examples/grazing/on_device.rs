@@ -6,7 +6,7 @@ use canted_fixtures::Mesh;
 use canted_gpu::build::{BuildConfig, STRATEGIES, Topology, WideConfig};
 use canted_gpu::{BufferScene, Choice, DeviceBvh, Gpu, IndexBuffer, MeshBuffers, wgpu};
 use canted_lbvh::Strategy;
-use canted_tests::judge::{Tally, World, error_of_one_level};
+use canted_tests::device::{Tally, World, error_of_one_level};
 use canted_trace::{Hit, Ray};
 use rayon::prelude::*;
 

@@ -131,7 +131,7 @@ fn many_moving_instances_match_at_any_time() {
     instances.iter_mut().step_by(3).for_each(|instance| instance.world_from_object_close = None);
     let binary = |strategy| binary_top(VolumeConfig { strategy, fallback: true });
     for top in [TopConfig::default(), binary(Strategy::Aabb), binary(Strategy::Dop), binary(Strategy::Quaternion)] {
-        let tlas = Tlas::new(bottom(), &instances, top).unwrap();
+        let tlas = Tlas::new(bottom(), &instances, top.clone()).unwrap();
         let mut rng = SplitMix64::new(6);
         for i in 0..8 {
             let time = time(&mut rng);
