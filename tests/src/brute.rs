@@ -2,6 +2,8 @@
 //!
 //! Rays are transformed as `canted-tlas` documents it.
 
+use std::cmp::Ordering;
+
 use canted_fixtures::Mesh;
 use canted_obb::{
     Affine, PrimId,
@@ -144,6 +146,14 @@ fn norms(world_from_object: &Affine) -> [f64; 2] {
 
 fn greatest(v: Vector) -> f64 {
     v.iter().fold(0.0, |all: f64, x| all.max(x.abs()))
+}
+
+/// The hits, least `t` first, ties by (instance, primitive); equal ones once.
+#[must_use]
+pub fn in_order(mut hits: Vec<Hit>) -> Vec<Hit> {
+    hits.sort_by(|a, b| if a.before(b) { Ordering::Less } else { Ordering::Greater });
+    hits.dedup();
+    hits
 }
 
 /// Distance of a point from a triangle, including degenerate ones: from its plane if the projection is inside, else from its edges.

@@ -5,6 +5,7 @@
 //! margin, which only `watertight.rs` tests; instances, for which `instances/geometry.rs` has bounds.
 
 use canted_tests::{
+    brute::in_order,
     reference::{Tally, compare, corners, margin, meshes, rays},
     variants::every_bvh,
 };
@@ -27,9 +28,7 @@ fn certain_hits_are_found_and_certain_misses_are_not() {
                     false
                 };
                 assert_eq!(bvh.closest_hit_with(&ray, &mut Accept(reject)), None);
-                seen.sort_by(|a, b| if a.before(b) { std::cmp::Ordering::Less } else { std::cmp::Ordering::Greater });
-                seen.dedup();
-                assert_eq!(seen, hits, "{name}, {variant}, {ray:?}");
+                assert_eq!(in_order(seen), hits, "{name}, {variant}, {ray:?}");
             }
         }
         let Tally { n_pierced, n_missed, n_open } = tally;

@@ -11,7 +11,7 @@ use canted_lbvh::{self as lbvh, Strategy, VolumeConfig};
 use canted_obb::{Aabb, Affine, Moments, PrimId};
 use canted_renderer::obvhs_tree;
 use canted_tests::{
-    brute::{self, ray_object},
+    brute::{self, in_order, ray_object},
     variants::binary,
 };
 use canted_tlas::{Instance, Tlas};
@@ -37,11 +37,6 @@ fn hits_on<P: Primitive>(primitives: &[P], ray_object: &Ray, instance: InstanceI
     hits
 }
 
-fn sorted(mut hits: Vec<Hit>) -> Vec<Hit> {
-    hits.sort_by(|a, b| if a.before(b) { std::cmp::Ordering::Less } else { std::cmp::Ordering::Greater });
-    hits
-}
-
 fn spheres() -> Vec<Sphere> {
     meshes()[0].positions.iter().step_by(7).map(|&center| Sphere { center, radius: 0.2 }).collect()
 }
@@ -59,7 +54,7 @@ fn instances_of_spheres_equal_the_loop() {
         let (mut hits, mut n_hits) = (vec![], 0);
         for ray in &rays {
             let of = |(i, affine): (u32, &Affine)| hits_on(&all, &ray_object(affine, ray), InstanceId(i));
-            let want = sorted((0..).zip(&placed).flat_map(of).collect());
+            let want = in_order((0..).zip(&placed).flat_map(of).collect());
             for tlas in [&tlas, &loaded] {
                 tlas.all_hits(ray, &mut hits);
                 assert_eq!(hits, want, "{ray:?}");
@@ -132,7 +127,7 @@ fn triangles_and_spheres_share_a_tlas() {
         let mut n_spheres = 0;
         for (ray, of_triangles) in rays.iter().zip(&of_triangles) {
             let of = |(i, affine): (u32, &Affine)| hits_on(&all_spheres, &ray_object(affine, ray), InstanceId(i));
-            let of_spheres = sorted(thirds().flat_map(of).collect()).first().copied();
+            let of_spheres = in_order(thirds().flat_map(of).collect()).first().copied();
             let want = match (of_triangles, of_spheres) {
                 (Some(a), Some(b)) => Some(if a.before(&b) { *a } else { b }),
                 (a, b) => a.or(b),

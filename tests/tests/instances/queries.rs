@@ -153,8 +153,7 @@ fn all_hits_of_loop(placed: &[Affine], ray: &Ray) -> Vec<Hit> {
             }
         }
     }
-    hits.sort_by(|a, b| if a.before(b) { std::cmp::Ordering::Less } else { std::cmp::Ordering::Greater });
-    hits
+    brute::in_order(hits)
 }
 
 /// Rays at all instances, some with directions of other lengths, some with negative zeros.
