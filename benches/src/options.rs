@@ -3,7 +3,8 @@
 use anyhow::{Result, anyhow};
 use canted_gpu::Choice;
 
-use crate::wide::TRIAL;
+/// The section that this program runs in a separate process, to check whether tinybvh survives a scene.
+pub(crate) const TRIAL: &str = "tinybvh-trial";
 
 /// The sections, in the order of the report.
 const SECTIONS: [&str; 5] = ["nodes", "kinds", "wide", "motion", "picture"];

@@ -27,9 +27,6 @@ use {subject::Subject, tables::Tables};
 pub(crate) use peers::{methods as peers, skipped as skipped_peers};
 pub(crate) use tables::Record;
 
-/// The section that this program runs in a separate process, to check whether tinybvh survives a scene.
-pub(crate) const TRIAL: &str = "tinybvh-trial";
-
 /// Traces the named scenes with tinybvh, if this build includes it.
 pub(crate) fn trial(options: &Options) -> Result<()> {
     #[cfg(all(feature = "peers", target_feature = "avx2"))]

@@ -16,8 +16,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("kdtree", &["obb", "trace", "lbvh", "sah", "bvh2"]),
     ("tlas", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree"]),
     ("canted", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "scene", "gpu"]),
-    ("scene", &["obb"]),
-    ("film", &["scene"]),
+    ("scene", &["obb", "film"]),
+    ("film", &[]),
     ("shaders", &[]),
     ("gpu", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "scene", "shaders"]),
     (

@@ -4,13 +4,13 @@
 //! Holds: all bits of a hit are compared. Three sets of rays enter the loop: evenly chosen ones, those on which our
 //! presets disagree, and those on which Embree disagrees with ours, where a lost hit is most likely.
 
-use canted_fixtures::{Mesh, kinds::RayKind};
+use canted_fixtures::Mesh;
 use canted_obb::Affine;
 use canted_tests::brute;
 use canted_trace::{Hit, Kernel, Ray, Watertight};
 use rayon::prelude::*;
 
-use super::subject::{Answers, Measured, Set, Subject};
+use super::subject::{Answers, Check, Difference, Measured, OURS, Set, Subject};
 use crate::models::Model;
 
 /// Triangles that the loop tests for each set of rays, about: a second of processor time.
@@ -19,31 +19,6 @@ const BUDGET: usize = 40_000_000;
 const N_LOOPED: [usize; 2] = [16, 512];
 /// Distances of Embree and ours that differ by more than this, relatively, are looked at.
 const T_DIFFERENCE: f32 = 1e-4;
-
-/// The name of our engines starts with this.
-pub(super) const OURS: &str = "WideBvh";
-
-/// What the comparison of one of our engines found.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Check {
-    /// Rays compared with the loop.
-    pub(super) n_looped: usize,
-    /// Rays compared with our other engines.
-    pub(super) n_compared: usize,
-    pub(super) differences: Vec<Difference>,
-}
-
-/// A ray whose answer is wrong.
-#[derive(Clone, Debug)]
-pub(super) struct Difference {
-    pub(super) rays: RayKind,
-    /// Index of the ray.
-    pub(super) index: usize,
-    pub(super) ray: Ray,
-    /// The loop's hit and the engine's; of occlusion rays the engine reports only whether there is one.
-    pub(super) truth: Option<Hit>,
-    pub(super) found: String,
-}
 
 impl Measured {
     /// Compares our answers with the loop, on all threads, and drops them.
@@ -174,6 +149,7 @@ impl Truth {
 
 #[cfg(test)]
 mod tests {
+    use canted_fixtures::kinds::RayKind;
     use canted_obb::PrimId;
     use canted_trace::{InstanceId, Side};
 

@@ -116,7 +116,32 @@ pub(super) struct Measured {
     pub(super) engines: Vec<(String, Built)>,
     pub(super) sets: Vec<Set>,
     /// One for each of our engines, in their order; empty until checked.
-    pub(super) checks: Vec<super::checked::Check>,
+    pub(super) checks: Vec<Check>,
+}
+
+/// The name of our engines starts with this.
+pub(super) const OURS: &str = "WideBvh";
+
+/// What the comparison of one of our engines found.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Check {
+    /// Rays compared with the loop.
+    pub(super) n_looped: usize,
+    /// Rays compared with our other engines.
+    pub(super) n_compared: usize,
+    pub(super) differences: Vec<Difference>,
+}
+
+/// A ray whose answer is wrong.
+#[derive(Clone, Debug)]
+pub(super) struct Difference {
+    pub(super) rays: RayKind,
+    /// Index of the ray.
+    pub(super) index: usize,
+    pub(super) ray: Ray,
+    /// The loop's hit and the engine's; of occlusion rays the engine reports only whether there is one.
+    pub(super) truth: Option<Hit>,
+    pub(super) found: String,
 }
 
 /// Adds a scene to the JSON lines: one for each engine.

@@ -7,10 +7,7 @@ use std::fmt::Write;
 
 use canted_fixtures::kinds::{Family, RayKind};
 
-use super::{
-    checked::{Difference, OURS},
-    subject::{Measured, Set},
-};
+use super::subject::{Difference, Measured, OURS, Set};
 use crate::{
     options::Options,
     timing::{median, ratio},

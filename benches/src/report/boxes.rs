@@ -10,10 +10,10 @@ use canted_obb::{
 use canted_tests::clouds::{placed, random_rotation};
 
 use super::{
-    Effort,
     model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
     samples::{Samples, number},
 };
+use crate::report::model::Effort;
 use crate::{
     models,
     timing::{self, Contender},

@@ -19,7 +19,7 @@ use std::{
 };
 
 use anyhow::{Context, Result, anyhow};
-use model::{Chapter, Facts, Report};
+use model::{Chapter, Effort, Facts, Report};
 
 use crate::timing::time_all;
 
@@ -45,7 +45,7 @@ pub(crate) fn run(args: impl Iterator<Item = String>) -> Result<()> {
     let report = Report { is_complete: chapters.len() == CHAPTERS.len(), facts: request.facts, chapters, seconds };
     writeln!(std::io::stderr(), "{}: {}", report.kind(), report.took())?;
     for (number, plot) in report.chapters.iter().flat_map(|chapter| &chapter.plots).enumerate() {
-        write(&request.out, &plot::file(number), &plot::svg(plot))?;
+        write(&request.out, &model::plot_file(number), &plot::svg(plot))?;
     }
     write(&request.out, "report.json", &serde_json::to_string(&report)?)?;
     write(&request.out, "report.md", &model::markdown(&report))
@@ -70,31 +70,6 @@ fn write(folder: &Path, name: &str, text: &str) -> Result<()> {
     fs::create_dir_all(path.parent().unwrap_or(folder))
         .and_then(|()| fs::write(&path, text))
         .with_context(|| format!("cannot write {}", path.display()))
-}
-
-/// How much is measured.
-///
-/// A quick report has fewer scenes, seeds and rounds than a full one, but as many rays and inputs in what both measure:
-/// fewer would suit caches and branch prediction better, and change the times.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Effort {
-    /// The minimum that fills every plot and table, for tests.
-    Tiny,
-    /// Five minutes on two cores.
-    Quick,
-    /// An hour on two cores.
-    Full,
-}
-
-impl Effort {
-    /// The value for each effort.
-    pub(crate) fn pick<T>(self, tiny: T, quick: T, full: T) -> T {
-        match self {
-            Self::Tiny => tiny,
-            Self::Quick => quick,
-            Self::Full => full,
-        }
-    }
 }
 
 /// The options of the command line.

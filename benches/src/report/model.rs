@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, fmt::Write as _};
 
 use serde::Serialize;
 
-use super::{plot, samples::Samples};
+use super::samples::Samples;
 use crate::timing::Seconds;
 
 /// Everything that was measured, and where, when and how.
@@ -83,6 +83,31 @@ impl Chapter {
 
 fn formatted(Seconds { wall, cpu }: Seconds) -> String {
     format!("{wall:.1} s ({cpu:.1} processor seconds)")
+}
+
+/// How much is measured.
+///
+/// A quick report has fewer scenes, seeds and rounds than a full one, but as many rays and inputs in what both measure:
+/// fewer would suit caches and branch prediction better, and change the times.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Effort {
+    /// The minimum that fills every plot and table, for tests.
+    Tiny,
+    /// Five minutes on two cores.
+    Quick,
+    /// An hour on two cores.
+    Full,
+}
+
+impl Effort {
+    /// The value for each effort.
+    pub(crate) fn pick<T>(self, tiny: T, quick: T, full: T) -> T {
+        match self {
+            Self::Tiny => tiny,
+            Self::Quick => quick,
+            Self::Full => full,
+        }
+    }
 }
 
 /// Points in a plane.
@@ -186,6 +211,11 @@ impl Cell {
     }
 }
 
+/// The file of a plot, in the folder of the page.
+pub(super) fn plot_file(number: usize) -> String {
+    format!("plots/{number:02}.svg")
+}
+
 /// All chapters with their plots, then their times.
 pub(super) fn markdown(report: &Report) -> String {
     let mut n_plots = 0;
@@ -224,7 +254,7 @@ fn section(chapter: &Chapter, n_plots_before: usize) -> String {
         write_rows(&mut out, table);
     }
     for (number, plot) in (n_plots_before..).zip(&chapter.plots) {
-        let _ = writeln!(out, "![{}]({})\n", plot.title, plot::file(number));
+        let _ = writeln!(out, "![{}]({})\n", plot.title, plot_file(number));
     }
     for skipped in &chapter.skipped {
         let _ = writeln!(out, "* Not measured: {skipped}");

@@ -17,11 +17,6 @@ const LINE: f64 = 18.0;
 /// Colors of series, from the Okabe-Ito palette; further series have hollow marks.
 const COLORS: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000"];
 
-/// The file of a plot, in the folder of the page.
-pub(super) fn file(number: usize) -> String {
-    format!("plots/{number:02}.svg")
-}
-
 /// Draws a plot.
 pub(super) fn svg(plot: &Plot) -> String {
     let [width, height] = SIZE;

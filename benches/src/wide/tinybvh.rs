@@ -14,7 +14,11 @@ use canted_trace::{Hit, InstanceId, Ray, Side};
 use tinybvh_rs::{INFINITE, Intersector, bvh, bvh8_cpu, mbvh};
 
 use super::engine::{Engine, Entry, Owner, Promise};
-use crate::{models, options::Options, rays};
+use crate::{
+    models,
+    options::{self, Options},
+    rays,
+};
 
 /// Primitives a leaf may hold in the wide layout.
 const MAX_LEAF: u32 = 4;
@@ -108,7 +112,7 @@ pub(crate) fn entry<'a>(scene: &str, mesh: &'a Mesh) -> Option<Entry<'a>> {
 fn survives(scene: &str) -> bool {
     let Ok(program) = env::current_exe() else { return false };
     let mut command = Command::new(program);
-    command.args([super::TRIAL, "--scenes", scene]).stdout(Stdio::null()).stderr(Stdio::null());
+    command.args([options::TRIAL, "--scenes", scene]).stdout(Stdio::null()).stderr(Stdio::null());
     command.status().is_ok_and(|status| status.success())
 }
 

@@ -51,7 +51,7 @@
 //!   condition number of [`MAX_CONDITION`].
 //!
 //! # Cost
-//! An instance takes about 300 bytes, its box in a wide top level about 50, in a binary one 64 to 128. Building is dominated by the
+//! An instance takes about 460 bytes: 108 as it was given, 252 for its inverse and its bounds, about 100 in a wide top level. Building is dominated by the
 //! bottom-level BVHs; [`Tlas::set_instances`] builds the top level alone, and a refit of it takes linear time.
 //!
 //! # Features

@@ -7,8 +7,7 @@ use canted_trace::{Ray, ray_aabb, ray_obb};
 use obvhs::{aabb::Aabb as TheirAabb, ray::Ray as TheirRay};
 
 use super::{
-    LEAST_ULPS,
-    contest::{self, Test, Tested},
+    contest::{self, LEAST_ULPS, Test, Tested},
     device::Device,
     lanes,
 };

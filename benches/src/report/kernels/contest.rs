@@ -2,11 +2,17 @@
 
 use canted_tests::exact::Piercing;
 
-use super::triangles::Pair;
 use crate::{
     report::samples::Samples,
     timing::{self, Contender},
 };
+pub(super) use canted_tests::extremes::triangle::Pair;
+
+/// What a logarithmic axis shows for zero error.
+pub(super) const LEAST_ULPS: f64 = 1e-3;
+
+/// Boxes of a node.
+pub(super) const LANES: usize = 8;
 
 /// Minimum tests per round: a few hundred take microseconds, close to the clock's resolution.
 const LEAST_TESTS: usize = 20_000;

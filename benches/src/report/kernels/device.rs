@@ -5,11 +5,8 @@ use canted_gpu::{AdapterKind, Choice, DeviceRay, Gpu, SceneInput, TracedScene, V
 use canted_trace::{Ray, ScaledRay, Watertight};
 use canted_wide::TriangleBvh;
 
-use super::{
-    contest::{Answer, Tested},
-    lanes::LANES,
-};
-use crate::report::{Effort, samples::Samples};
+use super::contest::{Answer, LANES, Tested};
+use crate::report::{model::Effort, samples::Samples};
 
 /// The miss marker of the kernels.
 const NONE: u32 = u32::MAX;

@@ -15,14 +15,12 @@ use canted_trace::{Hit, Ray, ScaledRay, Watertight};
 use canted_wide::{Config, Costs, SimdPath, TriangleBvh, WideBvh};
 
 use super::{
-    contest::{Answer, Test},
+    contest::{Answer, LANES, Pair as TrianglePair, Test},
     device::Device,
-    triangles::Pair as TrianglePair,
 };
 use crate::{
     report::{
-        Effort,
-        model::{Cell, Table},
+        model::{Cell, Effort, Table},
         samples::Samples,
     },
     timing::{self, Contender},
@@ -126,9 +124,6 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
     }
     Ok(table)
 }
-
-/// Boxes of a node.
-pub(super) const LANES: usize = 8;
 
 /// A node, and the pairs whose rays test it.
 struct Node<'a> {

@@ -11,13 +11,16 @@ use canted_sah::{Builder, TopDownConfig};
 use canted_trace::{Hit, Ray, Watertight};
 use canted_wide::{Config, Costs, Preset, TriangleBvh};
 
-use super::{Found, novak::scaffold, passes::one_thread, scenes};
+use super::{
+    novak::scaffold,
+    orders::{Found, scenes},
+    passes::one_thread,
+};
 use crate::{
     models::Model,
     rays,
     report::{
-        Effort,
-        model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
+        model::{Axis, Cell, Chapter, Effort, Plot, Point, Series, Table},
         samples::{Samples, first, number},
     },
     timing,

@@ -12,13 +12,12 @@ use canted_tlas::{Blas, Instance, Tlas, TopConfig};
 use canted_trace::{Counts, InstanceId, Ray, Watertight};
 use canted_wide::{Config, Preset, TriangleBvh};
 
-use super::{Found, Pairs, scenes};
+use super::orders::{Found, Pairs, scenes};
 use crate::{
     models::{self, Model},
     rays,
     report::{
-        Effort,
-        model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
+        model::{Axis, Cell, Chapter, Effort, Plot, Point, Series, Table},
         samples::number,
     },
 };

@@ -8,13 +8,12 @@ use canted_obb::Aabb;
 use canted_sah::{Builder, TopDownConfig};
 use canted_trace::Watertight;
 
-use super::{Found, passes::one_thread};
+use super::{orders::Found, passes::one_thread};
 use crate::{
     models::{self, Model},
     rays,
     report::{
-        Effort,
-        model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
+        model::{Axis, Cell, Chapter, Effort, Plot, Point, Series, Table},
         samples::{Samples, faster, number},
     },
     timing,

@@ -7,12 +7,11 @@ use canted_gpu::{
 };
 use canted_lbvh::{Bits, Domain, Strategy, VolumeConfig};
 
-use super::{Found, Pairs, scenes};
+use super::orders::{Found, Pairs, scenes};
 use crate::{
     models::Model,
     report::{
-        Effort,
-        model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
+        model::{Axis, Cell, Chapter, Effort, Plot, Point, Series, Table},
         samples::{Samples, number},
     },
     timing,

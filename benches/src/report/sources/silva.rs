@@ -8,12 +8,15 @@ use canted_tests::brute;
 use canted_trace::{Hit, Kernel, Ray, Watertight};
 use canted_wide::{Config, Preset, SimdPath, TriangleBvh};
 
-use super::{Found, novak::scaffold, passes::one_thread, scenes};
+use super::{
+    novak::scaffold,
+    orders::{Found, scenes},
+    passes::one_thread,
+};
 use crate::{
     rays,
     report::{
-        Effort,
-        model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
+        model::{Axis, Cell, Chapter, Effort, Plot, Point, Series, Table},
         samples::{Samples, faster, number},
     },
     timing,
@@ -23,7 +26,7 @@ use crate::{
     },
 };
 
-/// Silva's values: four lanes over a scalar test that the compiler also vectorised, and a GPU over one core.
+/// Silva's values: four lanes over a scalar test that the compiler also vectorized, and a GPU over one core.
 const THEIRS: [(&str, &str, &str); 4] = [
     ("triangles (Silva)", "SSE, 4 lanes", "1.32"),
     ("boxes (Silva)", "SSE, 4 lanes", "1.5"),

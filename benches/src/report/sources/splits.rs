@@ -7,13 +7,15 @@ use canted_obb::{Aabb, Obb, PrimId};
 use canted_sah::{Axes, Builder, SpatialConfig, Split, TopDownConfig};
 use canted_trace::{Hit, Watertight, pad_aabb};
 
-use super::{Found, passes::one_thread, scenes};
+use super::{
+    orders::{Found, scenes},
+    passes::one_thread,
+};
 use crate::{
     models::Model,
     rays,
     report::{
-        Effort,
-        model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
+        model::{Axis, Cell, Chapter, Effort, Plot, Point, Series, Table},
         samples::{Samples, number, percent},
     },
     timing,

@@ -9,7 +9,7 @@ use crate::node::NodeKind;
 /// Slots of a node.
 pub(crate) const WIDTH: usize = 8;
 
-/// HalfBlock surface areas of a subtree's boxes, in one unit for the whole tree: by [`NodeKind`], in the mesh frame and, where nodes
+/// Half surface areas of a subtree's boxes, in one unit for the whole tree: by [`NodeKind`], in the mesh frame and, where nodes
 /// may be oriented, in the subtree's own frame, never more.
 pub(crate) type Areas<const KINDS: usize> = [f32; KINDS];
 

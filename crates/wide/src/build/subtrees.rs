@@ -17,7 +17,7 @@ pub(crate) fn unit_scale(bounds: &Aabb) -> f32 {
     bounds.unit_scale().unwrap_or(1.0)
 }
 
-/// HalfBlock of a box's surface area in the scaled scene.
+/// Half of a box's surface area in the scaled scene.
 #[inline]
 fn half_area(aabb: &Aabb, scale: f32) -> f32 {
     let [x, y, z]: [f32; 3] = std::array::from_fn(|k| scale * aabb.max[k] - scale * aabb.min[k]);

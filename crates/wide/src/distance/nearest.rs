@@ -74,6 +74,8 @@ where
     /// primitive.
     ///
     /// Replaces the contents of `nearest`.
+    #[doc(alias = "k_nearest")]
+    #[doc(alias = "knn")]
     pub fn nearest_points(
         &self,
         point: impl Into<[f32; 3]>,

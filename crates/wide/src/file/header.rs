@@ -75,14 +75,18 @@ impl Header {
 
     /// Reads it; checks only the number of bytes, the magic bytes, the version and that costs are numbers.
     pub(super) fn read(bytes: &[u8]) -> Result<Self, LoadError> {
+        // A file of another kind is no truncated BVH, however short it is.
+        let start = &bytes[..bytes.len().min(MAGIC.len())];
+        if !MAGIC.starts_with(start) {
+            let mut found = [0; MAGIC.len()];
+            found[..start.len()].copy_from_slice(start);
+            return Err(LoadError::Magic { found });
+        }
         let Some(header) = bytes.first_chunk::<HEADER_BYTES>() else {
             return Err(LoadError::Length { n_bytes: bytes.len(), n_expected: HEADER_BYTES as u64 });
         };
         let mut fields = Fields(header);
-        let magic = fields.take();
-        if magic != MAGIC {
-            return Err(LoadError::Magic { found: magic });
-        }
+        fields.take::<8>();
         let version = fields.word();
         if version != VERSION {
             return Err(LoadError::Version { found: version });

@@ -78,7 +78,7 @@ fn mangle(bytes: &mut [u8], rng: &mut SplitMix64) {
     let n_words = (bytes.len() - CHECKSUM_BYTES) / 4;
     let word = |bytes: &[u8], i: usize| u32::from_le_bytes(bytes[4 * i..4 * i + 4].try_into().unwrap());
     for _ in 0..=rng.below(3) {
-        // HalfBlock of all changes are in the first nodes and the header, which matter most.
+        // Half of all changes are in the first nodes and the header, which matter most.
         let at = if rng.below(2) == 0 { rng.below(n_words.min(140)) } else { rng.below(n_words) };
         let other = rng.below(n_words);
         let new = match rng.below(4) {

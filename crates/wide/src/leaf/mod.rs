@@ -4,7 +4,6 @@ mod primitive;
 mod shapes;
 mod triangles;
 
-use bytemuck::{Pod, Zeroable};
 use canted_obb::PrimId;
 use canted_trace::{Hit, InstanceId, Side};
 
@@ -35,8 +34,8 @@ pub trait LeafPrimitive: Send + Sync + Sized {
     fn leaf_data(leaves: &Self::Leaves) -> LeafData<'_>;
 }
 
-/// HalfBlock of a block of triangles: four of them, or one half of eight.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+/// Half of a block of triangles: four of them, or one half of eight.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C, align(32))]
 pub(crate) struct HalfBlock(pub(crate) [u32; HALF_BLOCK_WORDS]);
 
@@ -63,7 +62,7 @@ pub(crate) struct LeafLayout {
 }
 
 impl LeafLayout {
-    /// HalfBlock-blocks of triangles.
+    /// Half-blocks of triangles.
     pub(crate) const BLOCKS: Self =
         Self { n_parts: PARTS, in_part: PART_LANES, in_unit: 4, part_name: "part of a block" };
     /// Ids of primitives.

@@ -20,12 +20,13 @@ pub struct PrimitiveHit {
 
 /// A shape of your own in a [`WideBvh`](crate::WideBvh).
 ///
-/// It is a surface that a ray hits in a few points, each of which is reported. A disk:
+/// It is a surface that a ray hits in a few points, each of which is reported. Two methods are required, [`Primitive::bounds`] and
+/// [`Primitive::intersect`]; the others make the boxes around shapes that are not aligned with the axes smaller. A disk, with all of them:
 ///
 /// ```
 /// use canted_obb::{Aabb, Moments};
-/// use canted_trace::{Ray, ScaledRay, Side};
-/// use canted_wide::{Config, Primitive, PrimitiveHit, WideBvh, bounds_of_points, extent_of_points};
+/// use canted_trace::{Intersect, Ray, ScaledRay, Side};
+/// use canted_wide::{Primitive, PrimitiveHit, WideBvh, bounds_of_points, extent_of_points};
 ///
 /// /// All points `center + x·a + y·b` with `x² + y² <= 1`; `a` and `b` are orthogonal and of equal length.
 /// struct Disk { center: [f32; 3], a: [f32; 3], b: [f32; 3] }
@@ -71,7 +72,7 @@ pub struct PrimitiveHit {
 /// let disks = (0..100u8)
 ///     .map(|i| Disk { center: [f32::from(i), 0.0, 0.0], a: [0.5, 0.5, 0.0], b: [0.0, 0.0, 0.5f32.sqrt()] })
 ///     .collect();
-/// let bvh = WideBvh::<Disk>::build(disks, &Config::default())?;
+/// let bvh = WideBvh::over(disks)?;
 /// let hit = bvh.closest_hit(&Ray::new([7.25, 3.0, 0.0], [0.0, -1.0, 0.0])).expect("the ray hits a disk");
 /// assert_eq!((hit.primitive.0, hit.t), (7, 2.75));
 /// # Ok::<(), canted_wide::PrimitiveError>(())

@@ -53,7 +53,7 @@ impl SavedPrimitive for Sphere {
 
 /// The surface of a box: front where the ray enters, back where it leaves; surface coordinates are 0.
 ///
-/// A leaf holds one box, so [`WideBvh::traverse_ordered`](crate::WideBvh::traverse_ordered) reports the boxes that a ray enters.
+/// A leaf holds one box, so [`WideBvh::traverse`](crate::WideBvh::traverse) reports the boxes that a ray enters.
 ///
 /// # Error
 /// Quotients of differences are computed in f64 and off by some 2^-52 relative, rounding `t` adds 2^-24·S, with S the greatest
@@ -88,14 +88,15 @@ impl Primitive for Aabb {
 }
 
 impl SavedPrimitive for Aabb {
-    type Data = Self;
+    /// Least coordinates, then greatest ones.
+    type Data = [[f32; 3]; 2];
 
-    fn to_data(&self) -> Self {
-        *self
+    fn to_data(&self) -> Self::Data {
+        [self.min, self.max]
     }
 
-    fn from_data(data: &Self) -> Self {
-        *data
+    fn from_data(&[min, max]: &Self::Data) -> Self {
+        Self { min, max }
     }
 }
 

@@ -13,21 +13,21 @@
 
 pub(crate) mod checked;
 mod flaw;
+mod pod;
 mod records;
+mod rows;
 mod words;
-pub(crate) mod write;
 
 use std::ops::Range;
-
-use bytemuck::{Pod, Zeroable};
 
 use crate::leaf::PART_LANES;
 pub use flaw::Flaw;
 pub(crate) use records::Records;
+pub(crate) use rows::{NOWHERE, Row, node_words, rows, write_boxes, write_slabs};
 pub use words::RawBvh;
 
 /// A cache line of two eight-lane rows; nodes start on one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C, align(64))]
 pub(crate) struct CacheLine(pub(crate) [u32; 16]);
 
@@ -38,9 +38,6 @@ pub(crate) const ORIENTED_LINES: usize = 8;
 
 /// Most primitives of a leaf.
 pub(crate) const MAX_LEAF: usize = 32;
-
-/// The lower planes of an empty slot, beyond all supported coordinates; its upper planes are the negative.
-pub(crate) const NOWHERE: f32 = 9.223_372e18;
 
 /// Kinds of nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -68,7 +65,7 @@ impl NodeKind {
 ///
 /// Leaf: bit 31 set, bits 26 to 30 the number of primitives less one, the rest the position of the first. Node: bits 29 and 30
 /// the kind, the rest the first line. Positions are counted in parts of the units that leaves are made of ([`LeafLayout`]).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(transparent)]
 pub(crate) struct ChildWord(pub(crate) u32);
 
@@ -202,26 +199,6 @@ impl Nodes {
                 open.extend_from_slice(node_words(&self.lines, kind, line));
             }
         }
-    }
-}
-
-/// Eight lanes of a record.
-pub(crate) type Row = [f32; 8];
-
-/// The rows of a node's lines.
-#[inline(always)]
-pub(crate) fn rows<const LINES: usize, const ROWS: usize>(lines: &[CacheLine], first: u32) -> &[Row; ROWS] {
-    const { assert!(LINES * 2 == ROWS) };
-    let first = first as usize;
-    let lines: &[CacheLine; LINES] = lines[first..first + LINES].try_into().expect("the length is that of the range");
-    bytemuck::cast_ref::<[CacheLine; LINES], [Row; ROWS]>(lines)
-}
-
-/// The child words of a node.
-pub(crate) fn node_words(lines: &[CacheLine], kind: NodeKind, line: u32) -> &[ChildWord; 8] {
-    match kind {
-        NodeKind::Aligned => bytemuck::cast_ref(&rows::<ALIGNED_LINES, 8>(lines, line)[6]),
-        NodeKind::Oriented => bytemuck::cast_ref(&rows::<ORIENTED_LINES, 16>(lines, line)[15]),
     }
 }
 

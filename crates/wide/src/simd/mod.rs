@@ -76,7 +76,7 @@ pub(crate) trait Simd: Copy {
     fn xor_sign(self, a: Self::F, b: Self::F) -> Self::F;
     /// The power of two at or below `|a|`, where that is normal and finite.
     fn power_of_two(self, a: Self::F) -> Self::F;
-    /// LaneWords `j` of row `i` becomes lane `i` of row `j`.
+    /// Lane `j` of row `i` becomes lane `i` of row `j`.
     fn transpose(self, rows: [Self::F; 8]) -> [Self::F; 8];
     /// Mask of `a < b`.
     fn lt(self, a: Self::F, b: Self::F) -> u32;

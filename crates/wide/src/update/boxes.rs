@@ -9,8 +9,7 @@ use canted_trace::Slabs;
 use crate::build::item::{self, Item};
 use crate::build::subtrees::SubtreeReaches;
 use crate::node::checked::{CheckedLeaf, CheckedNode, Hierarchy, Slot};
-use crate::node::write::{write_boxes, write_slabs};
-use crate::node::{CacheLine, Flaw, NodeKind, Row};
+use crate::node::{CacheLine, Flaw, NodeKind, Row, write_boxes, write_slabs};
 use crate::par;
 use crate::traverse::{BoxPads, MeshFrame};
 

@@ -9,8 +9,9 @@ use canted_trace::Slabs;
 use super::boxes::frame_of;
 use crate::build::item::Item;
 use crate::config::Costs;
-use crate::node::write::{write_boxes, write_slabs};
-use crate::node::{CacheLine, ChildWord, DecodedWord, NodeKind, Nodes, Row, SubtreeSlots, node_words};
+use crate::node::{
+    CacheLine, ChildWord, DecodedWord, NodeKind, Nodes, Row, SubtreeSlots, node_words, write_boxes, write_slabs,
+};
 use crate::par;
 use crate::traverse::{BoxPads, MeshFrame};
 

@@ -25,7 +25,7 @@ pub(crate) trait Fitted: Send + Sync + Sized {
     fn extents<const N: usize>(items: &[Self], stride: usize, rows: &[Vec3A; N]) -> [f32; N];
 }
 
-/// HalfBlock of the surface area of a box with these sides.
+/// Half of the surface area of a box with these sides.
 #[inline]
 pub(super) fn half_area([x, y, z]: [f32; 3]) -> f32 {
     (x + z) * y + z * x
@@ -87,7 +87,7 @@ impl Fitted for ScaledTriangle {
     /// triangle.
     fn own_frame(&self, most: f32) -> Option<[Vec3A; 3]> {
         let edges = Edges::of(self);
-        // HalfBlock of the surface area of a flat box is the rectangle.
+        // Half of the surface area of a flat box is the rectangle.
         if edges.normal.length_squared() >= (most * ENLARGED * ENLARGED).powi(2) {
             return None;
         }

@@ -179,7 +179,7 @@ const RUN: usize = 16;
 /// What the frame minimizes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Sum {
-    /// HalfBlock of the surface areas of the boxes: least along walls and along parallel struts.
+    /// Half of the surface areas of the boxes: least along walls and along parallel struts.
     Areas,
     /// Their volumes: least where struts that cross lie in planes across the axes, as diagonals of a lattice do. Their
     /// boxes are flat there, so those of neighbors lie in layers.

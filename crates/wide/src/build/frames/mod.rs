@@ -25,7 +25,7 @@ use vector::from_glam;
 pub(crate) struct Fit {
     /// Directions across the three pairs of faces, of length one but for rounding.
     pub(crate) rows: [[f32; 3]; 3],
-    /// HalfBlock of the surface area, in squares of the scaled unit; never more than that of the box in the mesh frame.
+    /// Half of the surface area, in squares of the scaled unit; never more than that of the box in the mesh frame.
     pub(crate) half_area: f32,
 }
 
@@ -38,7 +38,7 @@ pub(crate) struct Fits {
     pub(crate) leaf: Vec<Fit>,
 }
 
-/// HalfBlock of the surface areas of boxes in the mesh frame, in squares of the scaled unit.
+/// Half of the surface areas of boxes in the mesh frame, in squares of the scaled unit.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BoxAreas<'a> {
     /// By [`NodeId`].

@@ -51,7 +51,7 @@ mod tests {
 
     use super::{frame, unit};
 
-    /// HalfBlock a unit in the last place of one.
+    /// Half a unit in the last place of one.
     const U: f64 = f32::EPSILON as f64 / 2.0;
 
     /// Rounding of a cross product that is at least half as long as its factors, and of the unit vectors.
