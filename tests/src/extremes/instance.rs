@@ -18,6 +18,7 @@ use crate::{
 };
 
 #[path = "../../../crates/tlas/tests/rays/oracle.rs"]
+#[expect(dead_code, reason = "shared with the tests of canted-tlas, which use more of it")]
 mod exact;
 
 /// Transforms by name.
