@@ -342,6 +342,8 @@ mod tests {
 
     mod against_tobj;
 
+    use canted_obb::vector::{cross, length, sub};
+
     use super::*;
     use crate::SceneStats;
 
@@ -358,12 +360,7 @@ mod tests {
 
     /// Area of all triangles in world space.
     fn area(scene: &Scene) -> f64 {
-        let of_triangle = |[a, b, c]: [[f64; 3]; 3]| {
-            let (u, v): ([f64; 3], [f64; 3]) =
-                (std::array::from_fn(|k| b[k] - a[k]), std::array::from_fn(|k| c[k] - a[k]));
-            let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-            0.5 * n.iter().map(|x| x * x).sum::<f64>().sqrt()
-        };
+        let of_triangle = |[a, b, c]: [[f64; 3]; 3]| 0.5 * length(cross(sub(b, a), sub(c, a)));
         let of_instance = |instance: &crate::Instance| {
             let mesh = &scene.meshes[instance.mesh.0 as usize];
             let corner = |index: u32| instance.world_from_object.point(mesh.positions[index as usize]).map(f64::from);
