@@ -60,7 +60,7 @@ fn size(kind: &Kind, is_quick: bool) -> usize {
     }
     let ordinary: Vec<&str> =
         kinds::all().iter().filter(|kind| kind.family == Family::Ordinary).map(|kind| kind.name).collect();
-    // Steps of seven, coprime to their number, so that neighbours of one kind of geometry differ in size.
+    // Steps of seven, coprime to their number, so that neighbors of one kind of geometry differ in size.
     let place = ordinary.iter().position(|name| *name == kind.name).map(|place| place * 7 % ordinary.len());
     place.map_or(SIZE[0], |place| {
         let fraction = place as f64 / (ordinary.len() - 1) as f64;

@@ -144,7 +144,7 @@ fn no_bsdf_sample() -> BsdfSample {
 }
 
 // part fresnel
-// Reflectance of a smooth boundary; twin of crates/renderer/src/bsdf/fresnel.rs.
+// Reflectance of a smooth boundary; twin of crates/renderer/src/bsdf/microfacet.rs.
 
 /// Result of `refracted_cosine` for total internal reflection.
 const TOTAL: f32 = -1.0;
@@ -184,7 +184,7 @@ fn mean_below(eta: f32) -> f32 {
 }
 
 // part ggx
-// GGX microfacets (Trowbridge and Reitz 1975) with Smith's height-correlated masking; twin of crates/renderer/src/bsdf/ggx.rs.
+// GGX microfacets (Trowbridge and Reitz 1975) with Smith's height-correlated masking; twin of crates/renderer/src/bsdf/microfacet.rs.
 //
 // Directions are unit vectors in the local frame. `outgoing` and facet normals have positive z.
 // use shared/numbers

@@ -9,7 +9,6 @@ mod ci;
 mod command;
 mod driver;
 mod looping;
-mod png;
 mod publish;
 mod python;
 mod results;

@@ -68,8 +68,8 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
 }
 
 const METHOD: [&str; 3] = [
-    "Sponza has its textures and masks and a sun and a sky; bunny and truss are grey meshes under a sun and a \
-     sky; the terrain is grey under a sun and a black sky, because only a scene with one light needs no light selection. Each scene \
+    "Sponza has its textures and masks and a sun and a sky; bunny and truss are gray meshes under a sun and a \
+     sky; the terrain is gray under a sun and a black sky, because only a scene with one light needs no light selection. Each scene \
      is rendered as it is and with one feature forced in, in turn: a top-level BVH; instances that move by one unit in the last \
      place, which also need a top-level BVH; a white texture on every material; unused texture coordinates; masks that are fully \
      opaque; normals equal to those of the triangles; one triangle that emits 1e-30; a second light without power. Times are \
@@ -359,7 +359,7 @@ pub(super) const NOT_FORCED: [(&str, &str); 2] = [
 /// normal number.
 const LEAST_RADIANCE: f32 = 1e-30;
 
-/// A grey mesh under a sun and a sky.
+/// A gray mesh under a sun and a sky.
 pub(super) fn plain(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Scene {
     let parts = vec![Part { first_triangle: 0, material: MaterialId(0) }];
     Scene {

@@ -1,26 +1,23 @@
 //! Samples of all pixels, tile by tile.
 
-mod adaptive;
-mod error;
-mod schedule;
-mod tile;
+mod tiles;
 
+use std::f64::consts::SQRT_2;
+use std::fmt;
+use std::ops::Range;
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
-use canted_film::{Film, FilterSampler, Tile};
+use canted_film::{Film, FilterSampler, Sums, Tile};
 use canted_scene::{Camera, Scene};
+use canted_trace::Intersect;
 
 use crate::integrate::{Method, Transport};
-use crate::query::RayKeyed;
-use crate::{Integrator, LightSampler, Lights, Masked, Sampler, Settings, Surfaces, Tracer, View, mask};
-pub(crate) use adaptive::Adaptive;
-pub use error::RenderError;
-pub(crate) use schedule::Schedule;
+use crate::{AlphaTest, CameraError, Integrator, LightSampler, Lights, Sampler, Settings, Surfaces, View};
+use tiles::TileRenderer;
 #[cfg(feature = "gpu")]
-pub(crate) use schedule::Worker;
-use tile::TileRenderer;
-pub(crate) use tile::{RenderTiles, sample_offset};
+pub(crate) use tiles::Worker;
+pub(crate) use tiles::{RenderTiles, Schedule, sample_offset};
 
 /// Callbacks of a render, called from any thread, and a flag that cancels it.
 #[derive(Clone, Copy)]
@@ -44,45 +41,45 @@ pub struct Monitor<'a> {
 ///
 /// # Errors
 /// [`RenderError`] for an invalid camera or invalid settings, or if the render was cancelled.
-pub fn render<T: Tracer>(
+pub fn render(
     scene: &Scene,
-    tracer: &T,
+    bvh: &dyn Intersect,
     camera: &Camera,
     settings: &Settings,
     progress: &(dyn Fn(usize, usize) + Sync),
     cancel: &AtomicBool,
 ) -> Result<Film, RenderError> {
-    resume(scene, tracer, camera, settings, Vec::new(), &Monitor { progress, finished: &|_| {}, cancel })
+    resume(scene, bvh, camera, settings, Vec::new(), &Monitor { progress, finished: &|_| {}, cancel })
 }
 
 /// [`render`] for the tiles that are not in `done`, which an earlier call with the same arguments finished.
 ///
 /// # Errors
 /// Those of [`render`], and [`RenderError::Tile`] for a tile of another picture.
-pub fn resume<T: Tracer>(
+pub fn resume(
     scene: &Scene,
-    tracer: &T,
+    bvh: &dyn Intersect,
     camera: &Camera,
     settings: &Settings,
     done: Vec<Tile>,
     monitor: &Monitor,
 ) -> Result<Film, RenderError> {
-    resume_with(&Surfaces::with_lod(scene, settings.lod), tracer, camera, settings, done, monitor)
+    resume_with(&Surfaces::with_lod(scene, settings.lod), bvh, camera, settings, done, monitor)
 }
 
 /// [`resume`] with prepared surfaces, whose [`Lod`](crate::Lod) must be that of the settings.
 ///
 /// # Errors
 /// Those of [`resume`].
-pub fn resume_with<T: Tracer>(
+pub fn resume_with(
     surfaces: &Surfaces,
-    tracer: &T,
+    bvh: &dyn Intersect,
     camera: &Camera,
     settings: &Settings,
     done: Vec<Tile>,
     monitor: &Monitor,
 ) -> Result<Film, RenderError> {
-    let rendering = Rendering::new(surfaces.scene(), tracer, surfaces, camera, settings)?;
+    let rendering = Rendering::new(surfaces.scene(), bvh, surfaces, camera, settings)?;
     let schedule = Schedule::new(settings.tiling(), done, monitor)?;
     rendering.with_tiles(|tiles| {
         rayon::in_place_scope(|scope| schedule.spawn_cpu_workers(scope, tiles));
@@ -91,9 +88,9 @@ pub fn resume_with<T: Tracer>(
 }
 
 /// The validated inputs of a picture.
-pub(crate) struct Rendering<'a, T> {
+pub(crate) struct Rendering<'a> {
     scene: &'a Scene,
-    tracer: &'a T,
+    bvh: &'a dyn Intersect,
     surfaces: &'a Surfaces<'a>,
     pub(crate) view: View,
     pub(crate) filter: FilterSampler,
@@ -103,10 +100,10 @@ pub(crate) struct Rendering<'a, T> {
     light_sampler: OnceLock<LightSampler<'a>>,
 }
 
-impl<'a, T: Tracer> Rendering<'a, T> {
+impl<'a> Rendering<'a> {
     pub(crate) fn new(
         scene: &'a Scene,
-        tracer: &'a T,
+        bvh: &'a dyn Intersect,
         surfaces: &'a Surfaces<'a>,
         camera: &Camera,
         settings: &'a Settings,
@@ -116,7 +113,7 @@ impl<'a, T: Tracer> Rendering<'a, T> {
         let view = View::new(camera, settings.width, settings.height).map_err(RenderError::Camera)?;
         let filter = FilterSampler::new(settings.filter)
             .ok_or(RenderError::FilterRadius { radius: settings.filter.radius() })?;
-        Ok(Self { scene, tracer, surfaces, view, filter, settings, ao_radius, light_sampler: OnceLock::new() })
+        Ok(Self { scene, bvh, surfaces, view, filter, settings, ao_radius, light_sampler: OnceLock::new() })
     }
 
     /// The light sampler of the path integrator.
@@ -135,20 +132,11 @@ impl<'a, T: Tracer> Rendering<'a, T> {
 
     /// Calls `then` with the tile renderer of the scene.
     pub(crate) fn with_tiles<R>(&self, then: impl FnOnce(&dyn RenderTiles) -> R) -> R {
-        // The alpha test costs a texture lookup per hit; scenes without it run code that has none.
-        if mask::is_needed(self.scene) {
-            self.with_query(Masked::new(self.surfaces, ()), then)
-        } else {
-            self.with_query((), then)
-        }
-    }
-
-    fn with_query<Q: RayKeyed + Sync, R>(&self, query: Q, then: impl FnOnce(&dyn RenderTiles) -> R) -> R {
         let Settings { samples, bounces, seed, pattern, energy_compensation, .. } = *self.settings;
         let transport = Transport {
-            tracer: self.tracer,
+            bvh: self.bvh,
             surfaces: self.surfaces,
-            query,
+            alpha: AlphaTest::new(self.surfaces),
             sampler: Sampler::new(pattern, samples, seed),
             lights: Lights::new(self.scene),
             bounces,
@@ -204,5 +192,120 @@ pub(crate) fn check(settings: &Settings) -> Result<(), RenderError> {
     match ao_radius {
         Some(radius) if radius.is_nan() || radius <= 0.0 => Err(RenderError::AoRadius { radius }),
         _ => Ok(()),
+    }
+}
+
+/// Samples after which the error of a cell is estimated first; then at each power of two.
+const FIRST_ESTIMATE: u32 = 8;
+
+/// Decides how many samples the pixels of a cell take.
+pub(crate) struct Adaptive {
+    /// The samples to take next.
+    pub(crate) next: Range<u32>,
+    end: u32,
+    /// The error after half of the samples; infinite at first.
+    previous: f64,
+}
+
+impl Adaptive {
+    pub(crate) fn new(settings: &Settings) -> Self {
+        let Range { start, end } = settings.range();
+        let first = if settings.noise.is_some() { FIRST_ESTIMATE.min(end) } else { end };
+        Self { next: start..first, end, previous: f64::INFINITY }
+    }
+
+    /// Continues after the samples of `next` were added to the sums of the cell's pixels; returns whether there are more.
+    pub(crate) fn advance(&mut self, settings: &Settings, sums: &[Sums]) -> bool {
+        if self.next.end == self.end {
+            return false;
+        }
+        if let Some(noise) = settings.noise {
+            let error = error(sums);
+            // Two estimates must agree: the error of half the samples, scaled, must be low enough too.
+            if error.max(self.previous / SQRT_2) <= f64::from(noise) {
+                return false;
+            }
+            self.previous = error;
+        }
+        self.next = self.next.end..self.next.end.saturating_mul(2).min(self.end);
+        true
+    }
+}
+
+/// Root mean square of the pixels' errors.
+fn error(sums: &[Sums]) -> f64 {
+    let n = sums.len() as f64;
+    (sums.iter().map(|sums| sums.pixel.total().squared_error()).sum::<f64>() / n).sqrt()
+}
+
+/// Why a picture was not rendered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RenderError {
+    /// The picture has no pixel, or more than 2³² - 1.
+    Size {
+        /// Pixels in a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+    },
+    /// [`crate::Settings::samples`] is zero.
+    NoSamples,
+    /// [`crate::Settings::part`] is empty, or exceeds the samples of the picture.
+    Part {
+        /// The first, and one past the last.
+        part: [u32; 2],
+        /// Samples per pixel of the picture.
+        samples: u32,
+    },
+    /// [`crate::Settings::noise`] is not positive.
+    Noise {
+        /// The error to reach.
+        noise: f32,
+    },
+    /// [`crate::Settings::noise`] and [`crate::Settings::part`] are both set.
+    NoiseOfPart,
+    /// A finished tile does not belong to this picture.
+    Tile {
+        /// Its number.
+        number: usize,
+    },
+    /// [`crate::Settings::ao_radius`] is not positive.
+    AoRadius {
+        /// The radius.
+        radius: f32,
+    },
+    /// The radius of the pixel filter is not finite and positive.
+    FilterRadius {
+        /// The radius in pixels.
+        radius: f32,
+    },
+    /// The camera is invalid.
+    Camera(CameraError),
+    /// [`crate::Monitor::cancel`] was set.
+    Cancelled,
+}
+
+impl fmt::Display for RenderError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Size { width, height } => write!(f, "a picture of {width} x {height} pixels cannot be rendered"),
+            Self::Part { part: [start, end], samples } => {
+                write!(f, "samples {start}..{end} are not a part of 0..{samples}")
+            }
+            Self::Noise { noise } => write!(f, "noise {noise} is not an error above zero"),
+            Self::NoiseOfPart => write!(f, "a noise target and a part of the samples exclude each other"),
+            Self::Tile { number } => write!(f, "tile {number} does not belong to this picture"),
+            Self::NoSamples => write!(f, "a picture needs at least one sample per pixel"),
+            Self::AoRadius { radius } => write!(f, "ambient occlusion radius {radius} is not above zero"),
+            Self::FilterRadius { radius } => write!(f, "pixel filter radius {radius} is not finite and above zero"),
+            Self::Camera(error) => error.fmt(f),
+            Self::Cancelled => write!(f, "rendering was cancelled"),
+        }
+    }
+}
+
+impl std::error::Error for RenderError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        if let Self::Camera(error) = self { Some(error) } else { None }
     }
 }

@@ -26,7 +26,7 @@ use crate::{
     },
 };
 
-/// Silva's values: four lanes over a scalar test that the compiler also vectorised, and a GPU over one core.
+/// Silva's values: four lanes over a scalar test that the compiler also vectorized, and a GPU over one core.
 const THEIRS: [(&str, &str, &str); 4] = [
     ("triangles (Silva)", "SSE, 4 lanes", "1.32"),
     ("boxes (Silva)", "SSE, 4 lanes", "1.5"),

@@ -5,7 +5,7 @@ use canted_film::Filter;
 use canted_gpu::Variant;
 
 use super::DeviceError;
-use crate::vector::{length, narrow};
+use crate::narrow;
 use crate::{Pattern, Sampler, Settings, View};
 
 /// Stratified samples per pixel that kernels count in 32 bits.
@@ -49,7 +49,7 @@ pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> Packe
     let lens = view.lens;
     PackedPicture {
         eye: narrow(view.eye),
-        pixel: length(view.right) as f32,
+        pixel: view.right.length() as f32,
         forward: narrow(view.forward),
         lens_radius: lens.map_or(0.0, |lens| lens.radius),
         right: narrow(view.right),

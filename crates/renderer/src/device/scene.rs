@@ -1,16 +1,15 @@
 //! The buffers of a scene, and nothing that it does not need.
 
 use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Variant};
-use canted_scene::{Light, Material, MaterialId, Scene};
+use canted_scene::{Material, MaterialId, Scene};
 use canted_trace::InstanceId;
 
-use super::columns::Columns;
 use super::geometry::{Geometry, PackedPlacement, PackedTriangle, Placed};
-use super::lights::{ListLight, SampledLights};
-use super::materials::{Materials, PackedMaterial, Slot};
-use super::textures::{ImageHeads, Images, Texels, used_textures};
+use super::lights::SampledLights;
+use super::materials::{Columns, ImageHeads, Images, Materials, PackedMaterial, Slot, Texels, used_textures};
+use crate::light::{ListLight, is_shape};
 use crate::texture::Textures;
-use crate::{Integrator, Lod, mask};
+use crate::{Integrator, Lod, alpha};
 
 /// A scene on the GPU, without its acceleration structure.
 pub(super) struct PackedScene {
@@ -81,11 +80,11 @@ impl PackedScene {
             motion: scene.has_motion(),
             normals: columns.normal > 0,
             normal_maps,
-            masks: mask::is_needed(scene),
+            masks: alpha::is_needed(scene),
             mask_textures,
             gloss: scene.materials.iter().any(is_glossy),
             glass: scene.materials.iter().any(|material| material.transmission > 0.0),
-            shape_lights: scene.lights.iter().any(|light| matches!(light, Light::Sphere { .. } | Light::Disk { .. })),
+            shape_lights: scene.lights.iter().any(is_shape),
         };
         let images = match &images {
             None => None,
@@ -164,7 +163,7 @@ impl PackedScene {
 
     /// Selects the parts of the hybrid integrator.
     pub(super) fn specialize_hybrid(&self, chosen: Variant) -> Variant {
-        let direct = if self.lights.is_some() { "shared/direct/list" } else { "shared/direct/none" };
+        let direct = if self.lights.is_some() { "shared/light/direct/list" } else { "shared/light/direct/none" };
         self.with_shape_lights(self.specialize(chosen)).part("direct", direct)
     }
 
@@ -196,7 +195,7 @@ impl PackedScene {
     fn with_shape_lights(&self, chosen: Variant) -> Variant {
         chosen.part(
             "shape_lights",
-            if self.has.shape_lights { "shared/shape_lights/list" } else { "shared/shape_lights/none" },
+            if self.has.shape_lights { "shared/light/shape_lights/list" } else { "shared/light/shape_lights/none" },
         )
     }
 

@@ -33,16 +33,15 @@
 //! sample exceeds 1. Proof by induction from the end of the path: the ray of the last vertex returns 1 or
 //! `1 - exp(-t/r) <= 1`; any earlier ray returns 1 on a miss, else the next vertex's albedo times at most 1.
 
-use canted_trace::{Hit, Ray};
+use std::f64::consts::PI;
 
-use super::batch::Path;
-use super::direct::direct;
-use super::{Sample, Start, Transport};
-use crate::Tracer;
-use crate::light::LightId;
-use crate::query::RayKeyed;
+use canted_trace::{Hit, Intersect, Ray};
+use glam::{DVec3, Vec3};
+
+use super::{Path, Sample, Start, Transport};
+use crate::light::{IncomingLight, LightId, Lights};
 use crate::sampling::{Basis, cosine_density, cosine_hemisphere};
-use crate::vector::{length, narrow, wide};
+use crate::{AlphaTest, Surface, narrow, wide};
 
 /// Sampler dimensions: the position in the pixel first, then one per bounce.
 const FIRST_BOUNCE: u32 = 1;
@@ -50,19 +49,19 @@ const FIRST_BOUNCE: u32 = 1;
 /// Dimensions beyond all bounces, one per vertex and light.
 const FIRST_LIGHT: u32 = 1 << 16;
 
-impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
+impl Transport<'_> {
     /// Samples of the hybrid integrator; see [`Transport::samples`].
     pub(super) fn hybrid_samples(
         &self,
         camera_rays: impl Iterator<Item = (Start, Option<Hit>)>,
         ao_radius: f64,
     ) -> Vec<Sample> {
-        self.batch(camera_rays, |path: &mut Path<Q, ()>, n| self.hybrid_step(path, n, ao_radius))
+        self.batch(camera_rays, |path: &mut Path<()>, n| self.hybrid_step(path, n, ao_radius))
     }
 
     /// Shades the `n`-th vertex of a path; returns whether there is a next ray.
-    fn hybrid_step(&self, path: &mut Path<Q, ()>, n: u32, ao_radius: f64) -> bool {
-        let Path { start: Start { time, pixel, sample, .. }, query, ray, cone, hit, accumulated, .. } = path;
+    fn hybrid_step(&self, path: &mut Path<()>, n: u32, ao_radius: f64) -> bool {
+        let Path { start: Start { pixel, sample, .. }, query, ray, cone, hit, accumulated, .. } = path;
         let hit = match (self.lights.intersect(ray, hit.as_ref()), &*hit) {
             (None, Some(hit)) => hit,
             (light, _) => {
@@ -76,33 +75,67 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
             accumulated.add(self.lights.ambient(), unoccluded(ray, hit, ao_radius));
             return false;
         }
-        let surface = self.surfaces.at_time(hit, ray.direction, *time, *cone);
+        let surface = self.surfaces.at_time(hit, ray.direction, ray.time, *cone);
         accumulated.add(surface.emission, 1.0);
         let square = |light| self.sampler.pair(*pixel, *sample, self.light_dimension(n, light));
-        let (radiance, n_shadow_rays) = direct(&self.lights, self.tracer, &query.keyed(1 + n), &surface, square);
+        let (radiance, n_shadow_rays) = direct(&self.lights, self.bvh, query.keyed(1 + n), &surface, square);
         accumulated.add(radiance, 1.0);
         accumulated.n_rays += n_shadow_rays;
 
         // The weight of a cosine-sampled direction is the albedo.
-        accumulated.throughput = std::array::from_fn(|k| accumulated.throughput[k] * surface.bsdf.base_color[k]);
+        accumulated.throughput *= Vec3::from(surface.bsdf.base_color);
         let local = cosine_hemisphere(self.sampler.pair(*pixel, *sample, FIRST_BOUNCE + n));
-        let direction = Basis::about(narrow(surface.shading_normal)).direction(local);
+        let direction = Basis::about(narrow(surface.shading_normal.into())).direction(local);
         *ray = surface.spawn_ray(surface.mirror_outward(direction));
         *cone = surface.cone.scattered(cosine_density(local[2]));
         true
     }
 
     fn light_dimension(&self, vertex: u32, light: u32) -> u32 {
-        #[expect(clippy::cast_possible_truncation, reason = "any number works that rarely repeats")]
         let n_lights = self.lights.list().len() as u32;
         FIRST_LIGHT.wrapping_add(vertex.wrapping_mul(n_lights)).wrapping_add(light)
     }
 }
 
 /// Fraction of the ambient light that passes an occluder: 0 at contact, near 1 beyond the radius.
-#[expect(clippy::cast_possible_truncation, reason = "a weight in 0..=1")]
 fn unoccluded(ray: &Ray, occluder: &Hit, ao_radius: f64) -> f32 {
-    let distance = f64::from(occluder.t) * length(wide(ray.direction));
+    let distance = f64::from(occluder.t) * wide(ray.direction).length();
     // 1 - exp(-x), exact for small x.
     -(-distance / ao_radius).exp_m1() as f32
+}
+
+/// Direct lighting of a diffuse surface by the lights of the scene file, one shadow ray each; returns the number of
+/// shadow rays.
+///
+/// The shadow ray to light `k` has number `k` below `query`.
+///
+/// A Lambertian surface with reflectance `ρ` reflects `ρ/π` of its irradiance in every direction. The irradiance of a
+/// sun is `E·cosθ`, that of a point light `I·cosθ/r²`; `square` samples a point of a sphere or disk light by the
+/// light's index. Only light above the horizons of both the triangle and the shading normal counts, on the viewer's
+/// side.
+pub(crate) fn direct(
+    lights: &Lights,
+    bvh: &dyn Intersect,
+    query: AlphaTest,
+    surface: &Surface,
+    square: impl Fn(u32) -> [f32; 2],
+) -> (Vec3, u64) {
+    let mut radiance = Vec3::ZERO;
+    let mut n_rays = 0;
+    for (index, light) in (0..).zip(lights.list()) {
+        let Some(incoming) = IncomingLight::of(light, surface, || square(index)) else { continue };
+        let cosine = DVec3::from(surface.shading_normal).dot(incoming.to_light);
+        if cosine <= 0.0 || DVec3::from(surface.normal).dot(incoming.to_light) <= 0.0 {
+            continue;
+        }
+        if let Some(ray) = incoming.shadow_ray {
+            n_rays += 1;
+            if !lights.is_unoccluded(&ray, LightId::Light(index), bvh, &mut query.keyed(index)) {
+                continue;
+            }
+        }
+        let reflected = (incoming.radiance * (cosine / PI)).as_vec3();
+        radiance += Vec3::from(surface.bsdf.base_color) * reflected;
+    }
+    (radiance, n_rays)
 }

@@ -3,10 +3,10 @@
 use std::sync::atomic::AtomicBool;
 
 use canted_film::Film;
-use canted_obb::{Affine, PrimId};
-use canted_renderer::{Settings, Tracer, render};
+use canted_obb::{Affine, Obb, PrimId};
+use canted_renderer::{Settings, render};
 use canted_scene::{Camera, Instance, Material, MaterialId, Mesh, MeshId, Part, Scene};
-use canted_trace::{Hit, InstanceId, Query, Ray, Side};
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Intersect, Query, ScaledRay, Side};
 
 pub(crate) type Vector = [f64; 3];
 
@@ -29,7 +29,6 @@ pub(crate) fn unit(a: Vector) -> Vector {
     a.map(|x| x / dot(a, a).sqrt())
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 pub(crate) fn narrow(v: Vector) -> [f32; 3] {
     v.map(|x| x as f32)
 }
@@ -53,7 +52,7 @@ impl<'a> BruteForce<'a> {
         Self { scene, inverses: scene.instances.iter().map(inverse).collect() }
     }
 
-    fn each_hit(&self, ray: &Ray, query: &mut impl Query, mut found: impl FnMut(Hit)) {
+    fn each_hit(&self, ray: &ScaledRay, query: &mut dyn Query, mut found: impl FnMut(Hit)) {
         for (i, instance) in self.scene.instances.iter().enumerate() {
             let shift = instance.world_from_object.columns[3].map(f64::from);
             let to_object = |v: Vector| narrow(self.inverses[i].map(|row| dot(row, v))).map(f64::from);
@@ -65,10 +64,9 @@ impl<'a> BruteForce<'a> {
             for (primitive, triangle) in (0..).zip(&mesh.triangles) {
                 let corners = triangle.map(|v| mesh.positions[v as usize].map(f64::from));
                 let Some((t, u, v, side)) = intersect(origin, direction, corners) else { continue };
-                #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
                 let (t, u, v) = (t as f32, u as f32, v as f32);
                 let hit = Hit {
-                    t,
+                    t: ray.caller_t(t),
                     u,
                     v,
                     primitive: PrimId(primitive),
@@ -102,8 +100,16 @@ fn intersect(origin: Vector, direction: Vector, [v0, v1, v2]: [Vector; 3]) -> Op
     (u >= -EDGE && v >= -EDGE && u + v <= 1.0 + EDGE && t >= 0.0).then_some((t, u, v, side))
 }
 
-impl Tracer for BruteForce<'_> {
-    fn closest_hit<Q: Query>(&self, ray: &Ray, query: &mut Q) -> Option<Hit> {
+impl Intersect for BruteForce<'_> {
+    fn bounds(&self) -> Obb {
+        Obb::from_aabb(&self.scene.bounds_world())
+    }
+
+    fn hit_error(&self) -> f32 {
+        HIT_ERROR
+    }
+
+    fn closest_hit_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, _: &mut [u64]) -> Option<Hit> {
         let mut closest: Option<Hit> = None;
         self.each_hit(ray, query, |hit| {
             if closest.is_none_or(|best| hit.before(&best)) {
@@ -113,10 +119,16 @@ impl Tracer for BruteForce<'_> {
         closest
     }
 
-    fn occluded<Q: Query>(&self, ray: &Ray, query: &mut Q) -> bool {
+    fn occluded_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, _: &mut [u64]) -> bool {
         let mut any = false;
         self.each_hit(ray, query, |_| any = true);
         any
+    }
+
+    fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, _: &mut [u64], hits: &mut Vec<Hit>) {
+        let first = hits.len();
+        self.each_hit(ray, query, |hit| hits.push(hit));
+        hits[first..].sort_by(|a, b| a.t.total_cmp(&b.t));
     }
 }
 
@@ -224,4 +236,30 @@ pub(crate) fn film(scene: &Scene, camera: &Camera, settings: &Settings) -> Film 
 pub(crate) fn probe(scene: &Scene, eye: [f32; 3], target: [f32; 3], settings: Settings) -> Vector {
     let one = Settings { width: 1, height: 1, ..settings };
     film(scene, &camera(eye, target, 0.01), &one).pixels()[0].mean()
+}
+
+// Pearson's chi-squared test.
+
+/// Deviation of Pearson's statistic from its mean, in standard deviations.
+///
+/// Cells with an expected count below ten are merged.
+pub(crate) fn deviation(counts: &[f64], probabilities: &[f64]) -> f64 {
+    let n: f64 = counts.iter().sum();
+    let (mut statistic, mut freedom, mut rare) = (0.0, -1.0, (0.0, 0.0));
+    let mut add = |count: f64, expected: f64| {
+        statistic += (count - expected).powi(2) / expected;
+        freedom += 1.0;
+    };
+    for (&count, &probability) in counts.iter().zip(probabilities) {
+        let expected = probability * n;
+        if expected < 10.0 { rare = (rare.0 + count, rare.1 + expected) } else { add(count, expected) }
+    }
+    if rare.1 >= 10.0 {
+        add(rare.0, rare.1);
+    } else {
+        // Too few for the statistic; the count must still match the expectation.
+        assert!(rare.0 <= rare.1.max(0.0) + 6.0 * (rare.1.max(0.0) + 1.0).sqrt(), "{rare:?}");
+    }
+    let freedom: f64 = freedom;
+    (statistic - freedom) / (2.0 * freedom.max(1.0)).sqrt()
 }

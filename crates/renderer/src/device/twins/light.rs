@@ -3,11 +3,12 @@ use canted_gpu::{Gpu, Variant};
 use canted_obb::Affine;
 use canted_scene::{Environment, EnvironmentImage, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene};
 
-use super::super::environment::DeviceSky;
-use super::super::lights::{ListLight, SampledLights};
+use super::super::lights::{DeviceSky, SampledLights};
 use super::{U, answers, compare, direction, gpu, number, same_layout};
-use crate::light::packed::{Emitter, LightNode, SkyImage};
-use crate::vector::wide;
+use crate::light::ListLight;
+use crate::light::environment::SkyImage;
+use crate::light::tree::LightNode;
+use crate::light::triangle::PackedEmitter;
 use crate::{Bsdf, Cone, LightId, LightSample, LightSampler, Lights, Surface, Surfaces};
 
 #[repr(C)]
@@ -53,15 +54,16 @@ const SPAN: f64 = 8.0;
 impl Query {
     fn surface(&self) -> Surface {
         Surface {
-            position: wide(self.position),
-            normal: wide(self.normal),
-            shading_normal: wide(self.shading_normal),
+            position: self.position.map(f64::from),
+            normal: self.normal.map(f64::from),
+            shading_normal: self.shading_normal.map(f64::from),
             is_front: true,
             bsdf: Bsdf::lambert([0.5; 3]),
             along: None,
             emission: [0.0; 3],
             offset: 0.0,
             cone: Cone::ZERO,
+            time: 0.0,
         }
     }
 
@@ -314,11 +316,11 @@ fn light_samples_match_the_cpu() {
 #[test]
 fn layouts_match_the_kernel() {
     let chosen = Variant::none()
-        .part("local", "shared/local/both")
-        .part("skylight", "shared/skylight/image")
-        .part("suns", "shared/suns/list")
-        .part("emission", "shared/emission/constant")
-        .part("sky", "shared/sky/image");
+        .part("local", "shared/light/sampler/local/both")
+        .part("skylight", "shared/light/environment/skylight/image")
+        .part("suns", "shared/light/sun/suns/list")
+        .part("emission", "shared/light/triangle/emission/constant")
+        .part("sky", "shared/light/environment/sky/image");
     let kernel = "check/light";
     same_layout!(
         kernel,
@@ -342,7 +344,7 @@ fn layouts_match_the_kernel() {
         kernel,
         &chosen,
         "Emitter",
-        Emitter { corner, instance, first, primitive, second, leaf, radiance, slack }
+        PackedEmitter { corner, instance, first, primitive, second, leaf, radiance, slack }
     );
     same_layout!(kernel, &chosen, "SkyImage", SkyImage { scale, width, height, turn });
 }
