@@ -68,7 +68,7 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
 }
 
 fn build(model: &Model, config: &Config) -> Result<TriangleBvh> {
-    Ok(TriangleBvh::build_with(&model.mesh.positions, &model.mesh.triangles, config)?)
+    Ok(TriangleBvh::build_with(&model.mesh.positions, &model.mesh.triangles, *config)?)
 }
 
 /// Rays of each kind: camera rays in squares, then rays from their hits.

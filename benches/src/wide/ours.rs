@@ -1,7 +1,7 @@
 //! Our BVHs, and the list of all engines.
 
 use anyhow::Result;
-use canted_bvh2::{Bvh2, Bvh2Config};
+use canted_bvh2::{Bvh2, Bvh2Boxes, Bvh2Config};
 use canted_fixtures::Mesh;
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_tlas::{Tlas, TopConfig};
@@ -111,7 +111,7 @@ pub(crate) fn one_level(mesh: &Mesh) -> Result<Bvh2> {
 /// A binary BVH of each mesh, and a TLAS of the instances.
 pub(crate) fn two_levels(placed: &Placed) -> Result<Tlas<Bvh2>> {
     let blas = placed.meshes.iter().map(one_level).collect::<Result<_>>()?;
-    let top = TopConfig::Binary(VolumeConfig { strategy: Strategy::Combined, fallback: true });
+    let top = TopConfig::other(Bvh2Boxes::builder(VolumeConfig { strategy: Strategy::Combined, fallback: true }));
     Ok(Tlas::new(blas, &placed.instances, top)?)
 }
 

@@ -11,7 +11,7 @@ use canted_tests::{
     tracers::{Guarantee, Make, Method, Tracer},
 };
 use canted_tlas::Instance;
-use canted_trace::{Hit, Intersect, Ray};
+use canted_trace::{Hit, Ray};
 
 use super::engine::{Engine, Entry};
 use crate::models::{Model, Placed};

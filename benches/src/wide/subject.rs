@@ -35,8 +35,8 @@ impl Truth {
 
     fn occluded(&self, is_placed: bool, rays: &[Ray]) -> Vec<bool> {
         let occluded = |ray: &Ray| match &self.placed {
-            Some(placed) if is_placed => placed.occluded(ray),
-            _ => self.flat.occluded(ray),
+            Some(placed) if is_placed => Intersect::occluded(placed, ray),
+            _ => Intersect::occluded(&self.flat, ray),
         };
         rays.par_iter().map(occluded).collect()
     }

@@ -267,11 +267,11 @@ impl Kind {
         Ok(match self {
             Self::Bih(n) => {
                 let leaf_size = if n == 0 { LeafSize::Auto } else { LeafSize::AtMost(n) };
-                let config = canted_bih::Config { leaf_size, ..canted_bih::BihConfig::default() };
+                let config = canted_bih::BihConfig { leaf_size, ..canted_bih::BihConfig::default() };
                 Box::new(Bih::build(positions, triangles, &config)?)
             }
             Self::KdTree(traversal) => {
-                let config = canted_kdtree::Config { traversal, ..canted_kdtree::KdTreeConfig::default() };
+                let config = canted_kdtree::KdTreeConfig { traversal, ..canted_kdtree::KdTreeConfig::default() };
                 Box::new(KdTree::build(positions, triangles, &config)?)
             }
             Self::Binary(builder) => {

@@ -4,12 +4,12 @@
 use std::collections::HashMap;
 
 use anyhow::Result;
-use canted_bvh2::{Bvh2, Bvh2Config, PairOrder};
+use canted_bvh2::{Bvh2, Bvh2Boxes, Bvh2Config, PairOrder};
 use canted_fixtures::Mesh;
 use canted_lbvh::{Bits, Costs, Domain, Strategy, Tree, TreeCost, VolumeConfig};
 use canted_obb::{Aabb, Affine, Obb};
 use canted_tlas::{Instance, Tlas, TopConfig};
-use canted_trace::{Counts, Intersect, Ray};
+use canted_trace::{Counts, Intersect, Ray, TriangleTest};
 use canted_wide::{Config, Preset, TriangleBvh};
 
 use super::orders::{Found, Pairs, scenes};
@@ -166,7 +166,8 @@ fn volume_rows(model: &crate::models::Model, effort: Effort) -> Result<Vec<Volum
     for strategy in Strategy::ALL {
         let volumes = canted_lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
         let sums = canted_lbvh::tree_cost(&tree, &volumes, &sorted, &Costs::default(), 1.0);
-        let blas = Bvh2::new(tree.clone(), &volumes, sorted.clone(), &bounds, PairOrder::DepthFirst);
+        let blas =
+            Bvh2::new(tree.clone(), &volumes, sorted.clone(), &bounds, PairOrder::DepthFirst, TriangleTest::Watertight);
         let mut counts = Counts::default();
         for ray in &rays {
             blas.closest_hit_with(ray, &mut counts);
@@ -469,7 +470,8 @@ fn test_rows(name: &str, model: &Model, rays: &[Ray]) -> Result<(usize, Vec<Test
         let config = Bvh2Config { volumes, ..Bvh2Config::default() };
         let one = Bvh2::build(&model.mesh.positions, &model.mesh.triangles, &config)?;
         let blas = pieces.iter().map(|piece| Bvh2::build(&piece.positions, &piece.triangles, &config));
-        let two = Tlas::new(blas.collect::<Result<Vec<_>, _>>()?, &instances, TopConfig::Binary(volumes))?;
+        let two =
+            Tlas::new(blas.collect::<Result<Vec<_>, _>>()?, &instances, TopConfig::other(Bvh2Boxes::builder(volumes)))?;
         test_rows.push(TestRow { name: format!("Bvh2, radix tree, {strategy:?}"), counts: counted(&one, &two, rays) });
     }
     let config = Config::preset(Preset::Balanced);
