@@ -23,8 +23,7 @@ impl<B: Intersect> Tlas<B> {
     /// use canted_wide::TriangleBvh;
     ///
     /// let build = |z: f32| TriangleBvh::build(&[[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]], &[[0, 1, 2]]);
-    /// let [x, y, z, _] = Affine::IDENTITY.columns;
-    /// let at = |depth: f32| Affine { columns: [x, y, z, [0.0, 0.0, depth]] };
+    /// let at = |depth: f32| Affine::translation([0.0, 0.0, depth]);
     /// let mut tlas = Tlas::new(vec![build(0.0)?], &[Instance::new(0, at(5.0)); 2], Default::default())?;
     ///
     /// let mut edit = tlas.edit();
@@ -144,8 +143,7 @@ impl<B: Intersect> TlasEdit<'_, B> {
     ///
     /// let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     /// let bvh = TriangleBvh::build(&triangle, &[[0, 1, 2]])?;
-    /// let [x, y, z, _] = Affine::IDENTITY.columns;
-    /// let at = |depth: f32| Instance::new(0, Affine { columns: [x, y, z, [0.0, 0.0, depth]] });
+    /// let at = |depth: f32| Instance::new(0, Affine::translation([0.0, 0.0, depth]));
     /// let mut tlas = Tlas::new(vec![bvh], &[at(5.0); 3], Default::default())?;
     /// tlas.edit().set_each(&[(InstanceId(2), at(3.0)), (InstanceId(0), at(4.0))])?;
     /// let hit = tlas.closest_hit(&Ray::new([0.2, 0.2, 0.0], [0.0, 0.0, 1.0])).expect("a hit");

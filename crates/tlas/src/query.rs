@@ -118,8 +118,7 @@ impl<B: Intersect> Intersect for Tlas<B> {
 /// // A square of two triangles; the ray passes through their shared edge.
 /// let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
 /// let bvh = TriangleBvh::build(&positions, &[[0, 1, 2], [0, 2, 3]])?;
-/// let [x, y, z, _] = Affine::IDENTITY.columns;
-/// let at = |depth: f32| Instance::new(0, Affine { columns: [x, y, z, [0.0, 0.0, depth]] });
+/// let at = |depth: f32| Instance::new(0, Affine::translation([0.0, 0.0, depth]));
 /// let tlas = Tlas::new(vec![bvh], &[at(2.0), at(1.0)], Default::default())?;
 /// let ray = Ray::new([0.5, 0.5, 0.0], [0.0, 0.0, 1.0]);
 /// let mut hits = vec![];
@@ -149,9 +148,7 @@ impl<B: Triangles> Tlas<B> {
     /// use canted_wide::TriangleBvh;
     ///
     /// let bvh = TriangleBvh::build(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]])?;
-    /// let [x, y, z, _] = Affine::IDENTITY.columns;
-    /// let above = Affine { columns: [x, y, z, [0.0, 0.0, 5.0]] };
-    /// let tlas = Tlas::new(vec![bvh], &[Instance::new(0, above)], Default::default())?;
+    /// let tlas = Tlas::new(vec![bvh], &[Instance::new(0, Affine::translation([0.0, 0.0, 5.0]))], Default::default())?;
     /// let hit = tlas.closest_hit(&Ray::new([0.25, 0.25, 9.0], [0.0, 0.0, -1.0])).expect("the ray points at the triangle");
     /// let point = tlas.surface_point(&hit);
     /// assert_eq!((point.position, point.normal), ([0.25, 0.25, 5.0], [0.0, 0.0, 1.0]));
