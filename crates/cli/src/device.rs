@@ -2,16 +2,12 @@
 
 #[cfg(feature = "gpu")]
 mod gpu;
-#[cfg(feature = "gpu")]
-mod quiet;
 
 use std::str::FromStr;
 
 use anyhow::{Result, anyhow};
 
-#[cfg(not(feature = "gpu"))]
-pub(crate) use crate::no_gpu::{Machine, adapters};
-use crate::options;
+use crate::options::{self, Text};
 #[cfg(feature = "gpu")]
 pub(crate) use gpu::{Machine, adapters, built_or, named};
 
@@ -47,6 +43,19 @@ impl FromStr for DeviceArg {
     }
 }
 
+impl Text for DeviceArg {
+    fn text(&self) -> String {
+        match self {
+            Self::Auto => "auto".to_owned(),
+            Self::Cpu => "cpu".to_owned(),
+            Self::Gpu => "gpu".to_owned(),
+            Self::Both(None) => "both".to_owned(),
+            Self::Both(Some(name)) => format!("both:{name}"),
+            Self::Named(name) => name.clone(),
+        }
+    }
+}
+
 /// The options about how a command runs.
 #[derive(clap::Args, Clone)]
 #[command(next_help_heading = "Run")]
@@ -71,6 +80,37 @@ impl RunArgs {
         }
         options::use_threads(self.threads)
     }
+}
+
+/// The CPU, which is the only device without the feature `gpu`.
+#[cfg(not(feature = "gpu"))]
+pub(crate) enum Machine {
+    Cpu,
+}
+
+#[cfg(not(feature = "gpu"))]
+impl Machine {
+    /// Opens the CPU.
+    ///
+    /// # Errors
+    /// Any other device.
+    pub(crate) fn open(device: &DeviceArg, _: &options::Structure) -> Result<Self> {
+        match device {
+            DeviceArg::Auto | DeviceArg::Cpu => Ok(Self::Cpu),
+            _ => Err(anyhow!("this program was built without GPU support; use --device cpu")),
+        }
+    }
+
+    /// What computes.
+    pub(crate) fn name(&self) -> String {
+        "cpu".to_owned()
+    }
+}
+
+/// Lists no adapters.
+#[cfg(not(feature = "gpu"))]
+pub(crate) fn adapters() -> Vec<serde_json::Value> {
+    Vec::new()
 }
 
 #[cfg(test)]

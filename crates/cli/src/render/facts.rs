@@ -5,12 +5,12 @@ use std::time::Duration;
 use anyhow::Result;
 use canted_film::Film;
 use canted_obb::Obb;
-use canted_renderer::{Bvh, Prepared, Settings, Structure};
+use canted_renderer::{Bvh, Prepared, Settings, Structure, UnusedFeature};
 use canted_scene::Scene;
 use canted_wide::{LaneKernel, NodeKind, SimdPath};
 use serde_json::{Value, json};
 
-use crate::{memory, not_needed, options::strategy_name, output};
+use crate::{process, options::strategy_name, output};
 
 /// A name and a value.
 pub(super) type Fact = (&'static str, Value);
@@ -36,7 +36,6 @@ pub(super) fn of_structure<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>)
 
 /// Facts about the samples.
 pub(super) fn of_film(film: &Film, settings: &Settings, time: Duration, known: &[Fact]) -> Vec<Fact> {
-    #[expect(clippy::cast_precision_loss, reason = "rays and samples are fewer than 2^53")]
     let [n_rays, n_samples] = [film.n_rays(), film.n_samples()].map(|n| n as f64);
     let mut facts = vec![
         ("integrator", json!(format!("{:?}", settings.integrator).to_lowercase())),
@@ -137,6 +136,20 @@ fn volumes_of<K: LaneKernel>(bvhs: &[Bvh<K>]) -> String {
     }
 }
 
+/// The pipeline parts that a scene does not need, as JSON. Test counters are a part too: only heat maps count tests.
+pub(crate) fn not_needed(parts: &[UnusedFeature], has_counters: bool) -> Value {
+    const COUNTERS: UnusedFeature = UnusedFeature { feature: "counters", reason: "no heat map was requested" };
+    let counters = (!has_counters).then_some(&COUNTERS);
+    parts.iter().chain(counters).map(|unused| json!({ "part": unused.feature, "reason": unused.reason })).collect()
+}
+
+/// The parts of [`not_needed`] in one line.
+pub(crate) fn parts_text(parts: &Value) -> String {
+    let word = |part: &Value, key: &str| part[key].as_str().unwrap_or_default().to_owned();
+    let parts = parts.as_array().into_iter().flatten();
+    parts.map(|part| format!("{} ({})", word(part, "part"), word(part, "reason"))).collect::<Vec<_>>().join(", ")
+}
+
 /// Prints the facts: one line each, unless `-q` is given, or as one JSON object.
 pub(super) fn report(facts: &[Fact], as_json: bool) -> Result<()> {
     if as_json {
@@ -149,14 +162,14 @@ pub(super) fn report(facts: &[Fact], as_json: bool) -> Result<()> {
     }
     for (key, value) in facts {
         let text = match (*key, value) {
-            (key, Value::Number(n)) if key.ends_with("_bytes") => memory::human(n.as_u64().unwrap_or(0)),
+            (key, Value::Number(n)) if key.ends_with("_bytes") => process::human(n.as_u64().unwrap_or(0)),
             (key, Value::Number(n)) if key.ends_with("seconds") => format!("{:.3} s", n.as_f64().unwrap_or(0.0)),
             ("rays_per_second", Value::Number(n)) => format!("{:.2} M", n.as_f64().unwrap_or(0.0) * 1e-6),
             ("noise_reached", Value::Number(n)) => format!("{:.5}", n.as_f64().unwrap_or(0.0)),
             ("noise_reached", Value::Null) => "unknown".to_owned(),
             (_, Value::Number(n)) if n.is_f64() => format!("{:.2}", n.as_f64().unwrap_or(0.0)),
             ("size", Value::Array(sides)) => format!("{} x {}", sides[0], sides[1]),
-            ("not_needed", parts) => not_needed::text(parts),
+            ("not_needed", parts) => parts_text(parts),
             (_, Value::String(text)) => text.clone(),
             (_, other) => other.to_string(),
         };

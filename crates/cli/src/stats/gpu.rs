@@ -12,8 +12,7 @@ use serde_json::{Value, json};
 
 use crate::{
     device::Machine,
-    memory,
-    options::{self, StructureArgs},
+    options, process,
 };
 
 /// Builds the scene on the GPU, and returns the measurements as JSON and as tables; `None` without a GPU.
@@ -33,15 +32,15 @@ pub(super) fn measure<K: LaneKernel>(
     let camera = scene.cameras.first().copied().unwrap_or_else(|| frame(scene, structure, width / height));
     let surfaces = Surfaces::with_lod(scene, settings.lod);
     let picture = |gpu| DevicePicture::new(gpu, &surfaces, structure, &camera, &settings);
-    if let Some((_, picture)) = machine.ready(&options::defaults::<StructureArgs>(), picture)? {
+    if let Some((_, picture)) = machine.ready(&options::Structure::default(), picture)? {
         let buffers = picture.buffers();
         let n_bytes: u64 = buffers.iter().map(|(_, n_bytes)| n_bytes).sum();
         json["buffers"] = buffers.iter().map(|(name, n_bytes)| json!({ "name": name, "bytes": n_bytes })).collect();
         json["bytes"] = n_bytes.into();
         // Writing to a String cannot fail.
-        let _ = writeln!(text, "\nBuffers for a picture on {name}: {}, {}", buffers.len(), memory::human(n_bytes));
+        let _ = writeln!(text, "\nBuffers for a picture on {name}: {}, {}", buffers.len(), process::human(n_bytes));
         for (name, n_bytes) in buffers {
-            let _ = writeln!(text, "{name:<20}{:>11}", memory::human(n_bytes));
+            let _ = writeln!(text, "{name:<20}{:>11}", process::human(n_bytes));
         }
     }
     Ok(Some((json, text)))

@@ -10,7 +10,7 @@ use canted_scene::Scene;
 use canted_trace::Watertight;
 use serde_json::{Value, json};
 
-use crate::memory;
+use crate::process;
 
 /// One structure, summed over the meshes of a level.
 #[derive(Clone, Copy, Default)]
@@ -116,9 +116,9 @@ impl PlaneStats {
                     format!("{name}, {level}"),
                     row.references,
                     row.depth,
-                    memory::human(row.node_bytes as u64),
-                    memory::human(row.reference_bytes as u64),
-                    memory::human(row.triangle_bytes as u64),
+                    process::human(row.node_bytes as u64),
+                    process::human(row.reference_bytes as u64),
+                    process::human(row.triangle_bytes as u64),
                     row.build_ms
                 );
             }

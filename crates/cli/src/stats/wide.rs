@@ -58,14 +58,12 @@ impl Row {
     }
 
     /// Fraction of nodes of one kind.
-    #[expect(clippy::cast_precision_loss, reason = "a fraction is shown with a few digits")]
     pub(super) fn share(&self, kind: NodeKind) -> f64 {
         let of_kind = NodeKind::ALL.iter().zip(self.nodes).filter(|(each, _)| **each == kind).map(|(_, n)| n);
         of_kind.sum::<usize>() as f64 / (self.n_nodes() as f64).max(1.0)
     }
 
     /// Memory of nodes and blocks per triangle.
-    #[expect(clippy::cast_precision_loss, reason = "a mean is shown with a few digits")]
     pub(super) fn bytes_per_triangle(&self) -> f64 {
         (self.node_bytes + self.block_bytes) as f64 / (self.n_triangles as f64).max(1.0)
     }
@@ -187,7 +185,6 @@ mod tests {
         }
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
     fn rounded(x: f64) -> f32 {
         x as f32
     }

@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 
 use super::wide::{Level, Row, WideStats};
 use crate::{
-    memory,
-    options::{PRESETS, name_of},
+    process,
+    options::Named as _,
 };
 
 /// Below this ratio of predicted costs, the reason states a percentage instead of a factor.
@@ -47,7 +47,7 @@ fn level_json(level: &Level) -> Value {
 }
 
 fn rows(level: &Level) -> impl Iterator<Item = (&'static str, &Row)> {
-    level.rows.iter().map(|(preset, row)| (name_of(&PRESETS, preset), row))
+    level.rows.iter().map(|(preset, row)| (preset.name(), row))
 }
 
 /// One table per level, each with a reason per preset.
@@ -87,8 +87,8 @@ fn level_text(out: &mut String, title: &str, level: &Level) {
             percent(NodeKind::Oriented),
             format!("{}/{}", row.n_rotated, level.n_bvhs),
             row.depth,
-            memory::human(row.node_bytes as u64),
-            memory::human(row.block_bytes as u64),
+            process::human(row.node_bytes as u64),
+            process::human(row.block_bytes as u64),
             row.bytes_per_triangle(),
             row.build_ms
         );

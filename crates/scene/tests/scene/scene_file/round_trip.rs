@@ -72,7 +72,6 @@ proptest! {
         prop_assume!(a != b);
         let length = direction.iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>().sqrt();
         prop_assume!(length > 0.0);
-        #[expect(clippy::cast_possible_truncation, reason = "a unit vector")]
         let direction = direction.map(|x| (f64::from(x) / length) as f32);
         let light = Light::Spot {
             position: [0.0; 3], direction, intensity: [1.0; 3], cos_inner: a.max(b), cos_outer: a.min(b),
