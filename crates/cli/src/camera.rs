@@ -14,18 +14,18 @@ use crate::{
 
 /// Options of the camera. Those that are missing come from the scene.
 #[derive(clap::Args, Clone, Debug, Default, PartialEq, Serialize)]
-#[command(next_help_heading = CAMERA)]
+#[command(next_help_heading = CAMERA, next_display_order = 91)]
 pub(crate) struct CameraArgs {
     /// Camera position in world space [default: the scene's camera, else a view that frames the scene]
-    #[arg(long, display_order = 0, value_parser = options::numbers::<3>, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    #[arg(long, display_order = 90, value_parser = options::numbers::<3>, value_name = "X,Y,Z", allow_hyphen_values = true)]
     #[serde(serialize_with = "as_text")]
     pub(crate) eye: Option<[f32; 3]>,
     /// Point that the camera looks at, in world space.
-    #[arg(long, display_order = 1, value_parser = options::numbers::<3>, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    #[arg(long, display_order = 91, value_parser = options::numbers::<3>, value_name = "X,Y,Z", allow_hyphen_values = true)]
     #[serde(serialize_with = "as_text")]
     pub(crate) target: Option<[f32; 3]>,
     /// Up direction in world space. Without --eye and without a camera in the file, the scene is framed for it.
-    #[arg(long, display_order = 2, value_parser = options::numbers::<3>, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    #[arg(long, display_order = 92, value_parser = options::numbers::<3>, value_name = "X,Y,Z", allow_hyphen_values = true)]
     #[serde(serialize_with = "as_text")]
     pub(crate) up: Option<[f32; 3]>,
     /// Camera of the file, by name or by number from 0 [default: the first]

@@ -58,7 +58,7 @@ impl Text for DeviceArg {
 
 /// The options about how a command runs.
 #[derive(clap::Args, Clone)]
-#[command(next_help_heading = "Run")]
+#[command(next_help_heading = "Run", next_display_order = 20)]
 pub(crate) struct RunArgs {
     /// Compute device: auto, cpu, gpu, or part of an adapter name (see `canted devices`). `auto` uses a hardware GPU that
     /// supports the scene, else the CPU.

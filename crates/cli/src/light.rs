@@ -18,7 +18,7 @@ const LIGHT: &str = "Light (--env, --sun, --point and --sphere replace all light
 
 /// Lights from the command line. They replace all lights of the file and its environment.
 #[derive(clap::Args, Clone, Debug, Default, PartialEq, Serialize)]
-#[command(next_help_heading = LIGHT)]
+#[command(next_help_heading = LIGHT, next_display_order = 100)]
 pub(crate) struct LightArgs {
     #[command(flatten)]
     #[serde(flatten)]

@@ -268,7 +268,7 @@ type BuilderChoice = Option<Builder>;
 
 /// Options of the acceleration structure.
 #[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
-#[command(next_help_heading = "Acceleration structure")]
+#[command(next_help_heading = "Acceleration structure", next_display_order = 110)]
 #[serde(default)]
 pub(crate) struct StructureOptions {
     /// BVH levels. `auto` uses two levels where instancing saves memory, else one.

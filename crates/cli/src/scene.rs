@@ -26,7 +26,7 @@ pub(crate) type Args = PictureArgs<SceneOutput>;
 )]
 pub(crate) struct SceneOutput {
     /// Output scene file: .toml.
-    #[arg(short, long, help_heading = PICTURE, display_order = 0, default_value = "scene.toml", value_name = "FILE", allow_hyphen_values = true)]
+    #[arg(short, long, help_heading = PICTURE, display_order = 3, default_value = "scene.toml", value_name = "FILE", allow_hyphen_values = true)]
     output: PathBuf,
 }
 

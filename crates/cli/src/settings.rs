@@ -39,10 +39,11 @@ const DEFAULT_SAMPLES: u32 = 16;
 
 const MAX_BOUNCES: u32 = 4096;
 
-/// Help headings that several structs share.
+/// Help headings. Structs state the order of their options in the help, because headings mix options of several structs.
 pub(crate) const PICTURE: &str = "Picture";
 pub(crate) const RENDERING: &str = "Rendering";
 pub(crate) const CAMERA: &str = "Camera";
+const LOOK: &str = "Look (formats of 8 and 16 bits; .exr and .hdr stay linear)";
 
 /// The options of a command that makes pictures, with those of its own in `R`.
 #[derive(clap::Args, Clone, Debug, PartialEq, Serialize)]
@@ -110,7 +111,7 @@ pub(crate) struct SceneSettings {
 #[serde(default)]
 pub(crate) struct PictureOptions {
     /// Image size in pixels.
-    #[arg(long, help_heading = PICTURE, display_order = 2, value_parser = options::size, default_value = "1280x720", value_name = "WxH", allow_hyphen_values = true)]
+    #[arg(long, help_heading = PICTURE, display_order = 5, value_parser = options::size, default_value = "1280x720", value_name = "WxH", allow_hyphen_values = true)]
     #[serde(serialize_with = "as_text", deserialize_with = "size")]
     pub(crate) size: Option<[u32; 2]>,
     #[command(flatten)]
@@ -120,26 +121,26 @@ pub(crate) struct PictureOptions {
     #[serde(flatten)]
     pub(crate) look: LookOptions,
     /// Up axis of the scene: `z` for files of CAD and GIS programs. Sets the view that frames the scene and the default light.
-    #[arg(long, help_heading = CAMERA, display_order = 3, default_value = "y", value_parser = named::<UpAxis>(), value_name = "AXIS")]
+    #[arg(long, help_heading = CAMERA, display_order = 93, default_value = "y", value_parser = named::<UpAxis>(), value_name = "AXIS")]
     #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
     pub(crate) up_axis: Option<UpAxis>,
 }
 
 /// Options of samples and light transport, which a heat map ignores.
 #[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
-#[command(next_help_heading = RENDERING)]
+#[command(next_help_heading = RENDERING, next_display_order = 60)]
 #[serde(default)]
 pub(crate) struct RenderingOptions {
     /// Samples per pixel; with --noise, the maximum [default: 16]
-    #[arg(long, display_order = 0, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SAMPLES)), value_name = "N")]
+    #[arg(long, display_order = 40, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SAMPLES)), value_name = "N")]
     #[serde(serialize_with = "as_text", deserialize_with = "spp")]
     pub(crate) spp: Option<u32>,
     /// Sample pattern [default: stratified; sobol with --samples or --noise]
-    #[arg(long, display_order = 2, value_parser = named::<Pattern>(), value_name = "PATTERN")]
+    #[arg(long, display_order = 42, value_parser = named::<Pattern>(), value_name = "PATTERN")]
     #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
     pub(crate) sampler: Option<Pattern>,
     /// Stop sampling a pixel when its relative standard error falls below ERROR, e.g. 0.02.
-    #[arg(long, display_order = 3, value_parser = options::noise, value_name = "ERROR")]
+    #[arg(long, display_order = 43, value_parser = options::noise, value_name = "ERROR")]
     #[serde(serialize_with = "as_text", deserialize_with = "noise")]
     pub(crate) noise: Option<f32>,
     /// Random seed.
@@ -182,7 +183,7 @@ pub(crate) struct RenderingOptions {
 
 /// Exposure and tone curve of pictures in formats that are not linear.
 #[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
-#[command(next_help_heading = "Look (formats of 8 and 16 bits; .exr and .hdr stay linear)")]
+#[command(next_help_heading = LOOK, next_display_order = 80)]
 #[serde(default)]
 pub(crate) struct LookOptions {
     /// Exposure in stops, each of which doubles the brightness, or `auto` for a mean of middle gray [default: 0]
@@ -651,18 +652,14 @@ impl Plan {
     }
 }
 
-/// Warns once about options that a heat map ignores. Settings of a scene file may be for other pictures.
-pub(crate) fn warn_ignored_by_heatmap<R: clap::Args>(args: &PictureArgs<R>, more: &[&str]) {
-    let of_rendering = given(&args.options.0.rendering);
+/// The options that a heat map ignores. Settings of a scene file may be for other pictures.
+pub(crate) fn ignored_by_heatmap<R: clap::Args>(args: &PictureArgs<R>, more: Option<&str>) -> Vec<String> {
     let of_scene = [given(&args.light), given(&args.camera.lens)].concat();
-    let name = |(name, _): &(String, String)| flag(name);
-    let more = more.iter().map(|name| flag(name));
-    let mut ignored: Vec<String> = of_rendering.iter().map(name).chain(more).chain(of_scene.iter().map(name)).collect();
+    let names = given(&args.options.0.rendering).into_iter().chain(more.map(|name| (name.to_owned(), String::new())));
+    let mut ignored: Vec<String> = names.chain(of_scene).map(|(name, _)| flag(&name)).collect();
     // An option may be repeated.
     ignored.dedup();
-    if !ignored.is_empty() {
-        output::warn(&format!("--heatmap ignores {}", ignored.join(", ")));
-    }
+    ignored
 }
 
 /// The scene file that a path names.

@@ -54,7 +54,7 @@ struct ViewArgs {
 
 /// A session without a window.
 #[derive(clap::Args)]
-#[command(next_help_heading = "Replay")]
+#[command(next_help_heading = "Replay", next_display_order = 120)]
 struct ReplayArgs {
     /// Apply the events of a file, without a window; the format is in docs/view.md
     #[arg(long, value_name = "EVENTS.toml", requires = "frames")]

@@ -30,13 +30,13 @@ pub(crate) type Args = PictureArgs<RenderArgs>;
                         canted render fox.glb --frames 0..48 -o fox_%04d.png --env studio.hdr")]
 pub(crate) struct RenderArgs {
     /// Output image: .png, .jpg, .webp (sRGB), .hdr or .exr (linear); `-` is standard output.
-    #[arg(short, long, help_heading = PICTURE, display_order = 0, default_value = "canted.png", value_name = "FILE", allow_hyphen_values = true)]
+    #[arg(short, long, help_heading = PICTURE, display_order = 3, default_value = "canted.png", value_name = "FILE", allow_hyphen_values = true)]
     pub(crate) output: PathBuf,
     /// Format of the output, in place of that of its name [default: by the extension; png for -]
-    #[arg(long, help_heading = PICTURE, display_order = 1, value_parser = one_of(&Format::ALL), value_name = "FORMAT")]
+    #[arg(long, help_heading = PICTURE, display_order = 4, value_parser = one_of(&Format::ALL), value_name = "FORMAT")]
     format: Option<Format>,
     /// Render only a part of the picture, whose output it is: left, top, width and height in pixels of the whole.
-    #[arg(long, help_heading = PICTURE, display_order = 3, value_parser = crop, value_name = "X,Y,W,H", allow_hyphen_values = true)]
+    #[arg(long, help_heading = PICTURE, display_order = 6, value_parser = crop, value_name = "X,Y,W,H", allow_hyphen_values = true)]
     crop: Option<[u32; 4]>,
     #[command(flatten)]
     diagram: Given<DiagramArgs>,
@@ -48,7 +48,7 @@ pub(crate) struct RenderArgs {
     samples: SampleArgs,
     /// Where samples of a GPU are summed: `host` downloads each of them, `device` downloads sums of up to 64 samples of a pixel. Use `device`
     /// where the download takes long: many samples per pixel on a fast GPU. Pictures differ by roundings only.
-    #[arg(long, help_heading = RENDERING, display_order = 100, default_value = "host", value_parser = named::<SampleSums>(), value_name = "host|device")]
+    #[arg(long, help_heading = RENDERING, display_order = 79, default_value = "host", value_parser = named::<SampleSums>(), value_name = "host|device")]
     sums: SampleSums,
 }
 
@@ -57,7 +57,7 @@ const DEVICE: &str = "Compute device: auto, cpu, gpu, both (CPU and GPU share th
 
 /// Options of what a picture shows of the acceleration structure.
 #[derive(clap::Args, Clone, Debug, Default, PartialEq, Serialize)]
-#[command(next_help_heading = PICTURE)]
+#[command(next_help_heading = PICTURE, next_display_order = 10)]
 pub(crate) struct DiagramArgs {
     /// Show the number of intersection tests per camera ray instead of light.
     #[arg(long, value_parser = named::<Measure>(), value_name = "TESTS")]
@@ -95,10 +95,10 @@ impl Named for SampleSums {
 
 /// Options of `canted render` about samples.
 #[derive(clap::Args, Clone, Debug)]
-#[command(next_help_heading = RENDERING)]
+#[command(next_help_heading = RENDERING, next_display_order = 50)]
 pub(crate) struct SampleArgs {
     /// Render only the samples A to B-1 and store their exact sums in the EXR, for `canted merge`.
-    #[arg(long, display_order = 1, value_parser = samples, value_name = "A..B", conflicts_with_all = ["noise", "boxes"], allow_hyphen_values = true)]
+    #[arg(long, display_order = 41, value_parser = samples, value_name = "A..B", conflicts_with_all = ["noise", "boxes"], allow_hyphen_values = true)]
     samples: Option<[u32; 2]>,
     /// Render on the CPU in passes over the whole picture, and rewrite the output after each; Ctrl-C leaves the passes that are complete.
     #[arg(long, conflicts_with_all = ["samples", "noise", "checkpoint", "frames"])]
@@ -125,7 +125,7 @@ const GUIDES: [Aov; 3] = [Aov::Albedo, Aov::ShadingNormal, Aov::Depth];
 
 /// Options about frames.
 #[derive(clap::Args, Clone, Debug)]
-#[command(next_help_heading = "Frames", group = ArgGroup::new("timed").args(["frames", "shutter"]).multiple(true))]
+#[command(next_help_heading = "Frames", next_display_order = 30, group = ArgGroup::new("timed").args(["frames", "shutter"]).multiple(true))]
 pub(crate) struct FrameArgs {
     /// Render the frames A to B-1, frame N at N / FPS seconds of the animation. --output requires a field for the frame number,
     /// e.g. frame_%04d.png.
@@ -190,18 +190,23 @@ impl Args {
             heatmap,
             is_linear: format.is_linear(),
         };
-        if heatmap.is_some() {
+        let ignored = heatmap.map(|_| {
             let sums = (sums != SampleSums::Host).then_some("sums");
-            settings::warn_ignored_by_heatmap(&self, sums.as_slice());
-        }
+            settings::ignored_by_heatmap(&self, sums)
+        });
         let given = self.structure.0.clone();
+        let is_noisy = self.options.0.rendering.noise.is_some();
         let mut plan = self.resolve(file.as_ref(), &purpose)?;
         plan.options.structure.warn_ignored_preset(&given);
+        let has_noise = is_noisy || plan.settings.noise.is_some();
         let passes = (samples.preview || samples.seconds.is_some()).then(|| Passes {
             budget: samples.seconds.map(Duration::from_secs_f32),
             is_shown: samples.preview && !is_stream,
         });
-        samples.check(&purpose, format == Format::Exr, plan.settings.noise.is_some())?;
+        samples.check(&purpose, format == Format::Exr, has_noise)?;
+        if let Some(ignored) = ignored.filter(|ignored| !ignored.is_empty()) {
+            output::warn(&format!("--heatmap ignores {}", ignored.join(", ")));
+        }
         if is_stream {
             samples.check_stream()?;
             if run.json {
