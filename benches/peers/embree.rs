@@ -2,15 +2,11 @@
 //!
 //! `library`, `scene` and `moving` contain the unsafe code of the C interface.
 
-mod find;
 mod library;
-mod moving;
 mod scene;
 
-pub use find::libraries;
-pub use library::{Library, LoadError};
-pub use moving::{MovingInstances, MovingMesh, Update};
-pub use scene::{Scene, SceneError};
+pub use library::{Library, LoadError, libraries};
+pub use scene::{MovingInstances, MovingMesh, Scene, SceneError, Update};
 
 /// A triangle mesh, object space.
 #[derive(Clone, Copy, Debug)]

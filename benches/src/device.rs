@@ -1,18 +1,8 @@
 //! Benchmarks of the device that `--device` names: build, sort, rays, pictures, also compared with the CPU.
 
-mod bandwidth;
-mod binary;
-mod both;
-mod built;
-mod differing;
-mod first;
-mod frames;
-mod handed;
-mod picture;
-mod queries;
+mod builds;
+mod pictures;
 mod rays;
-mod sorted;
-mod structures;
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -21,7 +11,6 @@ use std::time::Instant;
 use anyhow::Result;
 use canted_gpu::{AdapterKind, Choice, Gpu};
 
-use self::bandwidth::Bandwidth;
 use crate::options::Options;
 
 /// Input sizes: software drivers get small inputs, which only show that everything works.
@@ -58,7 +47,6 @@ struct Bench {
     scale: &'static Scale,
     /// Number of runs; the minimum counts.
     rounds: usize,
-    bandwidth: Bandwidth,
 }
 
 impl Bench {
@@ -88,23 +76,16 @@ pub(crate) fn section(out: &mut String, choice: &Choice, options: &Options) -> R
         );
     }
     let scale = if is_software || options.is_quick { &SMALL } else { &FULL };
-    let bandwidth = Bandwidth::measure(&gpu, rounds)?;
-    let bench = Bench { gpu, scale, rounds, bandwidth };
+    let bench = Bench { gpu, scale, rounds };
     let mut chapters = Chapters { out, seconds: vec![] };
-    chapters.add("memory", |out| bandwidth::section(out, &bench))?;
-    chapters.add("build", |out| built::section(out, &bench))?;
-    chapters.add("sort", |out| sorted::section(out, &bench))?;
-    chapters.add("frames", |out| frames::section(out, &bench))?;
-    chapters.add("before the device", |out| handed::section(out, &bench))?;
-    chapters.add("mesh to hits", |out| structures::section(out, &bench))?;
+    chapters.add("build", |out| builds::builds(out, &bench))?;
+    chapters.add("sort", |out| builds::sort(out, &bench))?;
+    chapters.add("frames", |out| builds::frames(out, &bench))?;
+    chapters.add("mesh to hits", |out| rays::structures(out, &bench))?;
     chapters.add("rays", |out| rays::section(out, &bench))?;
-    chapters.add("traversals", |out| rays::traversals(out, &bench))?;
-    chapters.add("built BVHs", |out| binary::section(out, &bench))?;
-    chapters.add("ray queries", |out| queries::section(out, &bench))?;
-    chapters.add("picture", |out| picture::section(out, &bench))?;
-    chapters.add("CPU and device", |out| both::section(out, &bench))?;
-    chapters.add("pixels that differ", |out| differing::section(out, &bench))?;
-    chapters.add("first picture", |out| first::section(out, choice))?;
+    chapters.add("picture", |out| pictures::sponza_picture(out, &bench))?;
+    chapters.add("CPU and device", |out| pictures::both(out, &bench))?;
+    chapters.add("pixels that differ", |out| pictures::differing(out, &bench))?;
     chapters.finish();
     Ok(())
 }

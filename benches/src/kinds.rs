@@ -1,14 +1,12 @@
 //! The generated kinds of scenes: every preset compared with Embree, and its hits with a loop over all triangles.
 //!
 //! ```text
-//! kind, size, seed -> subject (model, rays) -> entries -> built -> alternate -> checked (loop) -> tables, JSON lines
+//! kind, size, seed -> subject (model, rays) -> entries -> built, traced in turn -> checked (loop) -> tables, JSON lines
 //! ```
 
 mod checked;
-mod record;
 mod subject;
 mod tables;
-mod truth;
 
 use std::io::Write;
 
@@ -33,7 +31,7 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
         let measured = one.install(|| subject.measure(options))?;
         let measured = measured.check(&subject);
-        record::add(&mut record, &measured, options.seed)?;
+        subject::add_record(&mut record, &measured, options.seed)?;
         std::io::stderr().write_all(tables::summary(&measured).as_bytes())?;
         tables.add(measured);
     }
@@ -62,7 +60,7 @@ fn size(kind: &Kind, is_quick: bool) -> usize {
     }
     let ordinary: Vec<&str> =
         kinds::all().iter().filter(|kind| kind.family == Family::Ordinary).map(|kind| kind.name).collect();
-    // Steps of seven, coprime to their number, so that neighbours of one kind of geometry differ in size.
+    // Steps of seven, coprime to their number, so that neighbors of one kind of geometry differ in size.
     let place = ordinary.iter().position(|name| *name == kind.name).map(|place| place * 7 % ordinary.len());
     place.map_or(SIZE[0], |place| {
         let fraction = place as f64 / (ordinary.len() - 1) as f64;

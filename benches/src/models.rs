@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
-use canted_fixtures::{COUNTRY_KITCHEN_VIEWS, Mesh, RayData, SCENES, SPONZA_VIEWS, View, object_views};
+use canted_fixtures::{
+    COUNTRY_KITCHEN_VIEWS, Mesh, RayData, SCENES, SPONZA_VIEWS, View, object_views, scaffold_nodes, scaffold_of,
+};
 use canted_lbvh::{Corners, Leaf, Tree};
 use canted_obb::Aabb;
 use canted_scene::Scene;
@@ -63,15 +65,24 @@ pub(crate) fn folder() -> PathBuf {
         .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes")), PathBuf::from)
 }
 
+/// A lattice of few triangles, for tests.
+pub(crate) const SMALL: &str = "small scaffold";
+
+/// A mesh with its default views.
+pub(crate) fn of_mesh(mesh: Mesh) -> Model {
+    Model { views: object_views(&mesh), mesh, placed: None }
+}
+
 /// Generates or loads a scene; `None` for a real model that is not available. `NAME_rotated` is NAME rotated so that no axis is aligned.
 pub(crate) fn load(name: &str) -> Result<Option<Model>> {
     if let Some(aligned) = name.strip_suffix(ROTATED) {
         return Ok(load(aligned)?.map(Model::rotated));
     }
+    if name == SMALL {
+        return Ok(Some(of_mesh(scaffold_of(1, false, scaffold_nodes(10)))));
+    }
     if let Some(scene) = SCENES.iter().find(|scene| scene.name == name) {
-        let mesh = (scene.generate)();
-        let views = object_views(&mesh);
-        return Ok(Some(Model { mesh, views, placed: None }));
+        return Ok(Some(of_mesh((scene.generate)())));
     }
     let Some(scene) = scene(name)? else { return Ok(None) };
     let (positions, triangles, _) = canted_renderer::flatten(&scene)?;

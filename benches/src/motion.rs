@@ -4,20 +4,16 @@
 //! mesh, its vertices at two times -> BVHs -> refit or rebuild, all in turn -> tables
 //! ```
 
-mod builds;
-mod instances;
-mod pictures;
-mod policies;
-mod refits;
+mod sequences;
+mod updates;
 
 use std::fmt::Write;
 
 use anyhow::Result;
 
 use crate::{
-    clock::{self, Seconds},
-    interleave::{median, spread},
     options::Options,
+    timing::{self, Seconds, median, spread},
 };
 
 /// Something that is updated for every frame.
@@ -42,11 +38,11 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
          (half spread), and processor time of all threads, which other processes do not affect.",
         options.rounds
     );
-    refits::table(out, options)?;
-    builds::table(out, options)?;
-    instances::table(out, options)?;
-    policies::table(out, options)?;
-    pictures::table(out, options)
+    updates::refits(out, options)?;
+    updates::builds(out, options)?;
+    updates::instances(out, options)?;
+    sequences::policies(out, options)?;
+    sequences::pictures(out, options)
 }
 
 /// Updates all for each frame, in turn; the first frame warms up.
@@ -54,7 +50,7 @@ fn run(all: &mut [Updated<'_>], rounds: usize, pool: &rayon::ThreadPool) -> Resu
     for frame in 0..=rounds {
         for one in &mut *all {
             // Threads of peers are outside of the pool.
-            let (done, took) = clock::time_all(|| pool.install(|| (one.update)(frame)));
+            let (done, took) = timing::time_all(|| pool.install(|| (one.update)(frame)));
             done?;
             if frame > 0 {
                 one.took.push(took);

@@ -1,18 +1,13 @@
 //! Command line options.
 
-use std::ops::RangeInclusive;
-
 use anyhow::{Result, anyhow};
 use canted_gpu::Choice;
 
-use crate::{load::PEAK, wide::TRIAL};
+/// The section that this program runs in a separate process, to check whether tinybvh survives a scene.
+pub(crate) const TRIAL: &str = "tinybvh-trial";
 
 /// The sections, in the order of the report.
-const SECTIONS: [&str; 12] =
-    ["load", "build", "motion", "trace", "picture", "textures", "bias", "noise", "wide", "growth", "kinds", "costs"];
-
-/// Sizes of the growth section; a WideBvh holds at most 2^27 triangles.
-pub(crate) const LOG2_TRIANGLES: RangeInclusive<u32> = 10..=27;
+const SECTIONS: [&str; 5] = ["nodes", "kinds", "wide", "motion", "picture"];
 
 /// The options of the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -27,8 +22,6 @@ pub(crate) struct Options {
     pub(crate) device: Option<Choice>,
     /// A quarter of the rays, and each BVH built once.
     pub(crate) is_quick: bool,
-    /// Growth is measured up to 2^this triangles.
-    pub(crate) max_log2: u32,
     /// Seed of the generated kinds of scenes and their rays.
     pub(crate) seed: u64,
 }
@@ -43,7 +36,6 @@ impl Options {
             engines: vec![],
             device: None,
             is_quick: false,
-            max_log2: 22,
             seed: 1,
         };
         while let Some(arg) = args.next() {
@@ -53,12 +45,6 @@ impl Options {
                     let value = value()?;
                     let rounds = value.parse().ok().filter(|&rounds| rounds > 0);
                     options.rounds = rounds.ok_or_else(|| anyhow!("--rounds '{value}' is not a number of rounds"))?;
-                }
-                "--max-log2" => {
-                    let value = value()?;
-                    let log2 = value.parse().ok().filter(|log2| LOG2_TRIANGLES.contains(log2));
-                    options.max_log2 =
-                        log2.ok_or_else(|| anyhow!("--max-log2 '{value}' is not in {LOG2_TRIANGLES:?}"))?;
                 }
                 "--seed" => {
                     let value = value()?;
@@ -71,14 +57,12 @@ impl Options {
                     options.device = Some(if name == "gpu" { Choice::Best } else { Choice::Named(name) });
                 }
                 "--quick" => options.is_quick = true,
-                section if SECTIONS.contains(&section) || [TRIAL, PEAK].contains(&section) => {
-                    options.sections.push(arg)
-                }
+                section if SECTIONS.contains(&section) || section == TRIAL => options.sections.push(arg),
                 _ => {
                     let sections = SECTIONS.join(", ");
                     return Err(anyhow!(
                         "unknown argument '{arg}'; use {sections}, --rounds N, --scenes A,B, --engines A,B, --device gpu|NAME, --quick, \
-                         --max-log2 N, --seed N"
+                         --seed N"
                     ));
                 }
             }
@@ -94,11 +78,6 @@ impl Options {
     /// Whether this process is the trial of a peer.
     pub(crate) fn is_trial(&self) -> bool {
         self.sections == [TRIAL]
-    }
-
-    /// Whether this process only reads a file to measure its memory.
-    pub(crate) fn is_peak(&self) -> bool {
-        self.sections == [PEAK]
     }
 
     /// The named scenes, or the default ones.
@@ -141,7 +120,7 @@ mod tests {
         assert_eq!((options.rounds, options.is_quick), (3, true));
         assert_eq!(options.scenes(&["grid"]), ["truss", "bunny"]);
         assert_eq!((options.seed, read("kinds --seed 7").unwrap().seed), (1, 7));
-        assert!(options.wants("wide") && !options.wants("build"));
+        assert!(options.wants("wide") && !options.wants("kinds"));
         assert!(options.wants_engine("Embree 4.4 high") && !options.wants_engine("obvhs BVH2"));
     }
 
@@ -165,9 +144,9 @@ mod tests {
         let options = read("--device gpu --rounds 2").unwrap();
         assert_eq!(options.device, Some(Choice::Best));
         assert!(SECTIONS.iter().all(|section| !options.wants(section)));
-        let options = read("build --device llvmpipe").unwrap();
+        let options = read("kinds --device llvmpipe").unwrap();
         assert_eq!(options.device, Some(Choice::Named("llvmpipe".to_owned())));
-        assert!(options.wants("build") && !options.wants("trace"));
+        assert!(options.wants("kinds") && !options.wants("wide"));
     }
 
     #[test]
@@ -178,7 +157,6 @@ mod tests {
             ("--rounds 0", "0"),
             ("--scenes", "--scenes"),
             ("--device", "--device"),
-            ("--max-log2 9", "9"),
             ("kinds --seed -1", "-1"),
         ] {
             assert!(read(args).unwrap_err().to_string().contains(word));

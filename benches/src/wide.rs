@@ -1,22 +1,15 @@
 //! WideBvh compared with the strongest peers: rays per second, differing hits, build time and memory.
 //!
 //! ```text
-//! scene -> model -> sets of rays -> entries (ours, peers) -> built -> alternate -> compare -> tables, JSON lines
+//! scene -> model -> sets of rays -> entries (ours, peers) -> built, traced in turn, compared -> tables, JSON lines
 //! ```
 
-pub(crate) mod alternate;
-pub(crate) mod built;
-mod compare;
 #[cfg(feature = "peers")]
 pub(crate) mod embree;
 pub(crate) mod engine;
-pub(crate) mod entries;
-pub(crate) mod growth;
 pub(crate) mod obvhs;
 pub(crate) mod ours;
 mod peers;
-mod record;
-pub(crate) mod sets;
 mod subject;
 mod tables;
 #[cfg(all(feature = "peers", target_feature = "avx2"))]
@@ -28,18 +21,11 @@ use anyhow::Result;
 use canted_trace::{Ray, Watertight};
 use canted_wide::TriangleBvh;
 
-use crate::{
-    models::{self, Model},
-    options::Options,
-};
+use crate::{models, options::Options};
 use {subject::Subject, tables::Tables};
 
-pub(crate) use growth::section as growing;
 pub(crate) use peers::{methods as peers, skipped as skipped_peers};
-pub(crate) use record::Record;
-
-/// The section that this program runs in a separate process, to check whether tinybvh survives a scene.
-pub(crate) const TRIAL: &str = "tinybvh-trial";
+pub(crate) use tables::Record;
 
 /// Traces the named scenes with tinybvh, if this build includes it.
 pub(crate) fn trial(options: &Options) -> Result<()> {
@@ -96,18 +82,9 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
     Ok(())
 }
 
-/// Camera and diffuse rays of a model, whose hits `tree` computes.
-pub(crate) fn closest_sets(model: &Model, tree: &TriangleBvh<Watertight>, resolution: u32) -> [Vec<Ray>; 2] {
-    let camera = sets::camera(model, resolution);
-    let mut hits = vec![None; camera.len()];
-    tree.par_closest_hits(&camera, &mut hits);
-    let [diffuse, _] = sets::secondary(model, &camera, &hits);
-    [camera, diffuse]
-}
-
 /// Thread seconds of each BVH and round for the nearest hits of `rays`, in turn.
 pub(crate) fn closest_seconds(trees: Vec<TriangleBvh<Watertight>>, rays: &[Ray], rounds: usize) -> Vec<Vec<f64>> {
     let engines: Vec<Box<dyn engine::Engine>> = trees.into_iter().map(|tree| Box::new(tree) as _).collect();
-    let (seconds, _) = alternate::closest(&engines, rays, rounds);
+    let (seconds, _) = engine::closest(&engines, rays, rounds);
     seconds.iter().map(|rounds| rounds.iter().map(|seconds| seconds.cpu).collect()).collect()
 }

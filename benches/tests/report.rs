@@ -1,42 +1,35 @@
-//! Creates a minimal report and checks its JSON, Markdown and HTML files.
+//! A minimal report: every chapter measures something, and its files fit together.
 
-mod report {
-    mod browser;
-    mod page;
+use std::{fs, process::Command};
 
-    use std::{path::Path, process::Command, sync::LazyLock};
+use serde_json::Value;
 
-    use serde_json::Value;
-    use tempfile::TempDir;
-
-    /// A report created once for all tests.
-    pub(crate) struct Made {
-        folder: TempDir,
-        pub(crate) html: String,
-        pub(crate) markdown: String,
-        pub(crate) json: Value,
-    }
-
-    impl Made {
-        pub(crate) fn folder(&self) -> &Path {
-            self.folder.path()
+#[test]
+fn every_chapter_has_a_sentence_tables_and_plots() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_canted-bench"))
+        .args(["report", "--tiny", "--machine", "<machine>", "--out"])
+        .arg(folder.path())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let read = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
+    let (markdown, json) = (read("report.md"), serde_json::from_str::<Value>(&read("report.json")).unwrap());
+    assert_eq!(json["facts"]["machine"], "<machine>");
+    let chapters = json["chapters"].as_array().unwrap();
+    assert_eq!(chapters.len(), 4);
+    for chapter in chapters {
+        let (title, says) = (chapter["title"].as_str().unwrap(), chapter["says"].as_str().unwrap());
+        assert!(markdown.contains(&format!("## Report: {title}\n\n**{says}**")) && says.ends_with('.'), "{title}: {says}");
+        let (tables, plots) = (chapter["tables"].as_array().unwrap(), chapter["plots"].as_array().unwrap());
+        assert!(!tables.is_empty() && !plots.is_empty(), "{title}");
+        for table in tables {
+            let n_columns = table["head"].as_array().unwrap().len();
+            let rows = table["rows"].as_array().unwrap();
+            assert!(rows.iter().all(|row| row.as_array().unwrap().len() == n_columns), "{title}: {table}");
         }
-
-        pub(crate) fn chapters(&self) -> &[Value] {
-            self.json["chapters"].as_array().unwrap()
-        }
     }
-
-    pub(crate) static MADE: LazyLock<Made> = LazyLock::new(|| {
-        let folder = tempfile::tempdir().unwrap();
-        let output = Command::new(env!("CARGO_BIN_EXE_canted-bench"))
-            .args(["report", "--tiny", "--machine", "<machine>", "--out"])
-            .arg(folder.path())
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
-        let json = serde_json::from_str(&read("report.json")).unwrap();
-        Made { html: read("index.html"), markdown: read("report.md"), json, folder }
-    });
+    let n_plots: usize = chapters.iter().map(|chapter| chapter["plots"].as_array().unwrap().len()).sum();
+    let last = read(&format!("plots/{:02}.svg", n_plots - 1));
+    assert!(last.contains("<circle") && last.ends_with("</svg>\n"), "{last}");
 }

@@ -2,7 +2,7 @@
 // Reads: axis-aligned boxes.
 // Writes: the same boxes as center, identity frame and half-extents.
 // use shared/build/slice
-// use shared/build/boxes
+// use shared/volumes/boxes
 
 @group(0) @binding(1) var<storage, read> aabbs: array<f32>;
 

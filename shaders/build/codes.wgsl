@@ -7,7 +7,7 @@
 // use shared/build/tree/forest
 // use ?item
 // use ?code
-// use shared/code
+// use shared/build/code
 
 @group(0) @binding(1) var<storage, read> domains: array<Domain>;
 

@@ -7,7 +7,7 @@
 // use shared/build/slice
 // use ?item
 // use ?code
-// use shared/code
+// use shared/build/code
 
 @group(0) @binding(1) var<storage, read> bounds: array<u32>;
 @group(0) @binding(2) var<storage, read_write> domains: array<Domain>;

@@ -1,10 +1,10 @@
 // Volumes, `dop`, second dispatch of a frame: the box along this frame replaces the node's box if it has less area.
 // Reads: extents along the frame, axis-aligned boxes, nodes, leaves.
 // Writes: boxes.
-// Holds: a box contains the items below it exactly; see shared/build/enclosure.
+// Holds: a box contains the items below it exactly; see shared/volumes/enclosure.
 // use shared/build/slice
-// use shared/build/boxes
-// use shared/build/dop
+// use shared/volumes/boxes
+// use shared/volumes/dop
 
 @group(0) @binding(3) var<storage, read> ends: array<f32>;
 @group(0) @binding(6) var<storage, read> aabbs: array<f32>;

@@ -4,7 +4,7 @@
 // Source: Klosowski et al. 1998, three directions at a time.
 // use shared/build/slice
 // use shared/build/climb
-// use shared/build/dop
+// use shared/volumes/dop
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {

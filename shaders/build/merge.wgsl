@@ -1,10 +1,10 @@
 // Volumes: oriented boxes, one dispatch per height.
 // Reads: boxes of the children, axis-aligned boxes.
 // Writes: one box per node; the axis-aligned one if the oriented box does not have less area.
-// Holds: a box contains the boxes of its children and its items exactly; see shared/build/enclosure.
+// Holds: a box contains the boxes of its children and its items exactly; see shared/volumes/enclosure.
 // use shared/build/slice
 // use shared/build/tree
-// use shared/build/boxes
+// use shared/volumes/boxes
 // use ?item
 // use ?rule
 

@@ -7,8 +7,8 @@
 // that underflow count equally. Either changes a frame, never whether a box encloses its node.
 // use shared/build/slice
 // use shared/build/tree
-// use shared/build/boxes
-// use shared/build/bounded
+// use shared/volumes/boxes
+// use shared/volumes/bounded
 // use ?item
 
 @group(0) @binding(1) var<storage, read> order: array<u32>;

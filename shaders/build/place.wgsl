@@ -15,8 +15,8 @@
 // As on the host (`HitError::with`): `2 HIT_ERROR` times the condition number, relative to the origin of the ray; that times the
 // reach of the mesh and of the shift for the constant part. Each takes fewer than 16 roundings, which are added.
 // use shared/build/slice
-// use shared/build/enclosure
-// use shared/build/invert
+// use shared/volumes/enclosure
+// use shared/volumes/invert
 
 struct InstanceLayout {
     /// First word of the first instance, and words from instance to instance.
@@ -36,7 +36,7 @@ struct InstanceLayout {
 @group(0) @binding(3) var<storage, read> mesh_boxes: array<vec4<f32>>;
 /// As `Instance` of shared/level: ten quads each.
 @group(0) @binding(4) var<storage, read_write> instances: array<vec4<u32>>;
-/// Items of the top level, as in shared/item.
+/// Items of the top level, as in shared/volumes, `item`.
 @group(0) @binding(5) var<storage, read_write> item_boxes: array<f32>;
 @group(0) @binding(6) var<storage, read_write> item_aabbs: array<f32>;
 /// As `Bvh` of shared/bvh; the first is the top level.

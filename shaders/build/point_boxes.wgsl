@@ -1,11 +1,11 @@
 // Volumes, `pca-unbounded`, third dispatch: the box of each node, or the axis-aligned one if that has no more area.
 // Reads: extents, axis-aligned boxes, nodes, leaves; frames and points in the boxes.
 // Writes: boxes.
-// Holds: a box contains the items below it exactly; see shared/build/enclosure.
+// Holds: a box contains the items below it exactly; see shared/volumes/enclosure.
 // use shared/build/slice
 // use shared/build/ordered
-// use shared/build/boxes
-// use shared/build/dop
+// use shared/volumes/boxes
+// use shared/volumes/dop
 
 @group(0) @binding(3) var<storage, read> ends: array<u32>;
 @group(0) @binding(6) var<storage, read> aabbs: array<f32>;

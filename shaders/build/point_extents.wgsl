@@ -4,7 +4,7 @@
 // Holds: extents are maxima of integers, so the order of arrival does not matter.
 // use shared/build/slice
 // use shared/build/ordered
-// use shared/build/dop
+// use shared/volumes/dop
 
 @group(0) @binding(3) var<storage, read_write> ends: array<atomic<u32>>;
 @group(0) @binding(5) var<storage, read> frames: array<f32>;

@@ -6,7 +6,7 @@
 // Writes: sizes of wide nodes by slot.
 // use shared/build/wide
 // use shared/build/wide_word
-// use shared/item/triangles
+// use shared/volumes/item/triangles
 // use shared/build/length
 
 @group(0) @binding(3) var<storage, read_write> units: array<u32>;

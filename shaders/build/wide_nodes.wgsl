@@ -1,4 +1,4 @@
-// Wide nodes that are aligned with the axes, in the layout of shared/node.
+// Wide nodes that are aligned with the axes, in the layout of shared/bvh/node.
 // Reads: binary tree, boxes, items, the order of wide nodes and their children.
 // Writes: one node for each.
 // Holds: boxes are copies of coordinates.

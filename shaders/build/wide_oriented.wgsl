@@ -1,4 +1,4 @@
-// Wide nodes with a frame for each child, in the layout of shared/node_kinds.
+// Wide nodes with a frame for each child, in the layout of shared/bvh, `node_kinds`.
 //
 // # Half-extents
 // A slab as in shared/build/pair/obb holds all points of the box, about the box's center. The node stores the
@@ -7,9 +7,9 @@
 // Reads: binary tree, oriented boxes, triangles, the order of wide nodes and their children.
 // Writes: one node for each that is oriented.
 // use shared/build/wide_target
-// use shared/build/frame
-// use shared/build/slab
-// use shared/item/triangles
+// use shared/volumes/frame
+// use shared/volumes/slab
+// use shared/volumes/item/triangles
 
 /// Fifteen floats per inner node: center, three axes, half-extents.
 @group(0) @binding(9) var<storage, read> obbs: array<f32>;

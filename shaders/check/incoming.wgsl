@@ -1,6 +1,6 @@
 // Evaluates `incoming_light` and the densities of shape lights, to compare with the CPU.
 // use shared/invocation/index
-// use shared/light/incoming
+// use shared/light/list
 
 struct Query {
     at: vec3<f32>,
@@ -27,11 +27,5 @@ fn main(id: Invocation) {
     let query = queries[index];
     let light = lights[query.light];
     let incoming = incoming_light(light, query.at, query.square);
-    var density = 0.0;
-    if light.kind == SPHERE {
-        density = sphere_density(light, query.at);
-    } else if light.kind == DISK {
-        density = disk_density(light, query.at, incoming.to_light);
-    }
-    answers[index] = Answer(incoming, density);
+    answers[index] = Answer(incoming, light_density(light, query.at, incoming.to_light));
 }

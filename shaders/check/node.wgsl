@@ -2,7 +2,7 @@
 //
 // Each ray tests one BVH that consists of a single node; ray indices wrap around the BVHs.
 // use shared/invocation/index
-// use shared/node
+// use shared/bvh/node
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
 /// Key of the box that each ray enters first.

@@ -2,8 +2,8 @@
 //
 // Each ray tests one BVH that consists of a single leaf; ray indices wrap around the BVHs.
 // use shared/invocation/index
-// use shared/node
-// use shared/leaf/blocks
+// use shared/bvh/node
+// use shared/triangle/leaf/blocks
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
 @group(1) @binding(1) var<storage, read_write> hits: array<Hit>;

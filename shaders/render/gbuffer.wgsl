@@ -6,7 +6,7 @@
 // pixel center that close to an edge may fall on either side.
 // use shared/camera
 // use shared/hash/ray_key
-// use shared/first/triangle
+// use shared/camera/first/triangle
 // use shared/surface
 // use ?mask
 

@@ -162,3 +162,216 @@ fn caller_t(t: f32) -> f32 {
     }
     return t * space.from_scaled;
 }
+
+// part node
+// Box tests: which of a node's eight children a ray enters, and in which order.
+//
+// Children are tested four at a time; `half` is 0 or 1. A test returns keys: the bits of the entry `t`, whose last three bits
+// are replaced by the index of the child. Sorting keys sorts by entry. The lost bits only make entries earlier.
+// use shared/bvh
+// use ?node_kinds
+
+/// Key of a child that the ray does not enter.
+const MISSED: u32 = 0xffffffffu;
+
+/// Quads per cache line, the unit of node addresses, as a power of two.
+const LINE_QUADS_LOG2: u32 = 2u;
+
+/// First quad of a node.
+fn quads_of(word: u32) -> u32 {
+    return space.first_node + ((word & 0x1fffffffu) << LINE_QUADS_LOG2);
+}
+
+fn quad(at: u32) -> vec4<f32> {
+    return bitcast<vec4<f32>>(nodes[at]);
+}
+
+/// Rows lo x, hi x, lo y, hi y, lo z, hi z in the mesh frame.
+fn enter_aligned(at: u32, half: u32, t_max: f32) -> vec4<u32> {
+    let q = vec3<u32>(at) + space.near_quads;
+    let p = vec3<u32>(at) + (space.near_quads ^ vec3<u32>(2u));
+    let near_x = quad(q.x) * space.recip.x - vec4<f32>(space.near.x);
+    let near_y = quad(q.y) * space.recip.y - vec4<f32>(space.near.y);
+    let near_z = quad(q.z) * space.recip.z - vec4<f32>(space.near.z);
+    let far_x = quad(p.x) * space.recip.x - vec4<f32>(space.far.x);
+    let far_y = quad(p.y) * space.recip.y - vec4<f32>(space.far.y);
+    let far_z = quad(p.z) * space.recip.z - vec4<f32>(space.far.z);
+    let near = max(max(near_x, near_y), max(near_z, vec4<f32>(space.t_min)));
+    let far = min(min(far_x, far_y), min(far_z, vec4<f32>(t_max)));
+    return keys(near, far, half);
+}
+
+fn keys(near: vec4<f32>, far: vec4<f32>, half: u32) -> vec4<u32> {
+    let child = vec4<u32>(0u, 1u, 2u, 3u) + vec4<u32>(4u * half);
+    // Entries are not negative, except for a negative zero.
+    let key = (bitcast<vec4<u32>>(abs(near)) & vec4<u32>(~7u)) | child;
+    return select(vec4<u32>(MISSED), key, near <= far);
+}
+
+/// Indices of the entered children, three bits each with the nearest lowest, and their number from bit 24.
+///
+/// Six rounds of four comparisons: Batcher's bitonic sorter (1968). Two vectors hold the even and odd positions.
+fn ordered(a: vec4<u32>, b: vec4<u32>) -> u32 {
+    let is_missed = vec4<u32>(MISSED);
+    let entered = select(vec4<u32>(0u), vec4<u32>(1u), a != is_missed) + select(vec4<u32>(0u), vec4<u32>(1u), b != is_missed);
+    let n = (entered.x + entered.y) + (entered.z + entered.w);
+    var lo = min(a, b);
+    var hi = max(a, b);
+    var p = vec4<u32>(lo.x, hi.x, lo.z, hi.z);
+    var q = vec4<u32>(hi.y, lo.y, hi.w, lo.w);
+    lo = min(p, q);
+    hi = max(p, q);
+    p = vec4<u32>(lo.x, hi.y, lo.z, hi.w);
+    q = vec4<u32>(lo.y, hi.x, lo.w, hi.z);
+    lo = min(p, q);
+    hi = max(p, q);
+    p = vec4<u32>(lo.x, hi.x, lo.y, hi.y);
+    q = vec4<u32>(hi.w, lo.w, hi.z, lo.z);
+    lo = min(p, q);
+    hi = max(p, q);
+    p = vec4<u32>(lo.x, lo.y, hi.w, hi.z);
+    q = vec4<u32>(lo.z, lo.w, hi.y, hi.x);
+    lo = min(p, q);
+    hi = max(p, q);
+    p = vec4<u32>(lo.x, hi.x, lo.z, hi.z);
+    q = vec4<u32>(lo.y, hi.y, lo.w, hi.w);
+    lo = min(p, q) & vec4<u32>(7u);
+    hi = max(p, q) & vec4<u32>(7u);
+    let even = lo.x | (lo.y << 6u) | (lo.z << 12u) | (lo.w << 18u);
+    let odd = hi.x | (hi.y << 6u) | (hi.z << 12u) | (hi.w << 18u);
+    return even | (odd << 3u) | (n << 24u);
+}
+
+// choice node_kinds/aligned
+// BVHs with aligned nodes only.
+// use shared/bvh/node
+
+/// Keys of four children of a node.
+fn enter(word: u32, half: u32, t_max: f32) -> vec4<u32> {
+    return enter_aligned(quads_of(word) + half, half, t_max);
+}
+
+/// The word of a child.
+fn child_word(word: u32, child: u32) -> u32 {
+    return nodes[quads_of(word) + 12u + (child >> 2u)][child & 3u];
+}
+
+// choice node_kinds/any
+// Aligned nodes, and oriented nodes with a frame per child.
+// use shared/bvh/node
+// use shared/invocation/iterations
+
+/// Keys of four children of a node.
+fn enter(word: u32, half: u32, t_max: f32) -> vec4<u32> {
+    let at = quads_of(word) + half;
+    switch word >> 29u {
+        case 0u: {
+            return enter_aligned(at, half, t_max);
+        }
+        default: {
+            return enter_oriented(at, half, t_max);
+        }
+    }
+}
+
+/// The word of a child.
+fn child_word(word: u32, child: u32) -> u32 {
+    let row = select(30u, 12u, (word >> 29u) == 0u);
+    return nodes[quads_of(word) + row + (child >> 2u)][child & 3u];
+}
+
+/// For each axis: three components of the children's rows, centers, half-extents.
+fn enter_oriented(at: u32, half: u32, t_max: f32) -> vec4<u32> {
+    var near = vec4<f32>(space.t_min);
+    var far = vec4<f32>(t_max);
+    iterations += 4u;
+    for (var k = 0u; k < 3u; k += 1u) {
+        let q = at + 10u * k;
+        let x = quad(q);
+        let y = quad(q + 2u);
+        let z = quad(q + 4u);
+        let p = x * space.origin.x + (y * space.origin.y + (z * space.origin.z - quad(q + 6u)));
+        let d = x * space.direction.x + (y * space.direction.y + z * space.direction.z);
+        let h = quad(q + 8u) + vec4<f32>(space.oriented_pad);
+        let a = guarded_reciprocals(d);
+        let center = select(p, -p, d < vec4<f32>(0.0)) * a;
+        near = max(-(h * a) - center, near);
+        far = min(h * a - center, far);
+    }
+    return keys(near, far, half);
+}
+
+/// `1/|d|`, bounded.
+fn guarded_reciprocals(d: vec4<f32>) -> vec4<f32> {
+    return vec4<f32>(1.0) / max(abs(d), vec4<f32>(MIN_DIRECTION));
+}
+
+// part volume
+// Where a ray enters the volume of a binary node's child.
+// use shared/bvh
+
+/// Entry of a volume that the ray does not enter.
+const OUTSIDE: f32 = -1.0;
+
+// part volume/entry
+// Entries from the spans of `?volume`.
+// use ?volume
+
+/// Scaled `t` where the ray enters the child that starts at a quad, or `OUTSIDE`.
+fn entry_of(at: u32, t_max: f32) -> f32 {
+    let span = span_of(at);
+    return select(OUTSIDE, span.x, span.x <= min(span.y, t_max));
+}
+
+// choice volume/aabb
+// Axis-aligned boxes: lower ends and the child's word, upper ends.
+
+const CHILD_QUADS: u32 = 2u;
+
+/// The word of the child that starts at a quad.
+fn word_at(at: u32) -> u32 {
+    return nodes[at].w;
+}
+
+/// Scaled `t` where the ray enters and leaves the child that starts at a quad.
+fn span_of(at: u32) -> vec2<f32> {
+    let low = bitcast<vec3<f32>>(nodes[at].xyz);
+    let high = bitcast<vec3<f32>>(nodes[at + 1u].xyz);
+    let backward = space.recip < vec3<f32>(0.0);
+    let near = select(low, high, backward) * space.recip - space.near;
+    let far = select(high, low, backward) * space.recip - space.far;
+    return vec2<f32>(max(max(near.x, near.y), max(near.z, space.t_min)), min(min(far.x, far.y), far.z));
+}
+
+// choice volume/obb
+// Oriented boxes as slabs: for each axis its components and the half-extent, then the center and the child's word.
+
+const CHILD_QUADS: u32 = 4u;
+
+/// The word of the child that starts at a quad.
+fn word_at(at: u32) -> u32 {
+    return nodes[at + 3u].w;
+}
+
+/// Scaled `t` where the ray enters and leaves the child that starts at a quad.
+///
+/// The rounding is that of oriented wide nodes (shared/bvh): four for `axis * (o - c)`, three for `axis * d`, and the same quotient
+/// and products. A center lies within three times the reach of the vertices, because each slab touches them: the host
+/// multiplies the reach by three.
+fn span_of(at: u32) -> vec2<f32> {
+    let from_center = space.origin - bitcast<vec3<f32>>(nodes[at + 3u].xyz);
+    var first = space.t_min;
+    var last = FAR;
+    for (var k = 0u; k < 3u; k++) {
+        let slab = bitcast<vec4<f32>>(nodes[at + k]);
+        let p = project(slab.xyz, from_center);
+        let d = project(slab.xyz, space.direction);
+        let half = slab.w + space.oriented_pad;
+        let a = reciprocal(d);
+        let center = p * a;
+        let extent = half * abs(a);
+        first = max(-extent - center, first);
+        last = min(extent - center, last);
+    }
+    return vec2<f32>(first, last);
+}

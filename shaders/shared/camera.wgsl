@@ -33,3 +33,267 @@ fn camera_ray(one: PixelSample) -> CameraRay {
 fn infinite_ray(origin: vec3<f32>, direction: vec3<f32>) -> Ray {
     return Ray(origin, 0.0, direction, FAR);
 }
+
+// choice view/perspective
+// Perspective projection.
+
+/// The ray through a position in pixels relative to the center of the picture.
+fn line_of(position: vec2<f32>) -> Ray {
+    let direction = picture.forward + (position.x * picture.right + position.y * picture.down);
+    // At least as long as the unit vector forward, to which the other two are perpendicular.
+    return infinite_ray(picture.eye, normalize(direction));
+}
+
+/// The cone of a pixel: its spread is the root of the pixel's solid angle.
+fn pixel_cone(position: vec2<f32>, sample: u32) -> Cone {
+    let offset = position * picture.pixel;
+    // The image plane is at distance 1: the solid angle falls with the squared distance and the cosine.
+    let cosine = inverseSqrt(1.0 + dot(offset, offset));
+    return cone_of_pixel(0.0, picture.pixel * cosine * sqrt(cosine), sample);
+}
+
+// choice view/orthographic
+// Orthographic projection.
+
+/// The ray through a position in pixels relative to the center of the picture.
+fn line_of(position: vec2<f32>) -> Ray {
+    return infinite_ray(picture.eye + (position.x * picture.right + position.y * picture.down), picture.forward);
+}
+
+/// The cone of a pixel.
+fn pixel_cone(position: vec2<f32>, sample: u32) -> Cone {
+    return cone_of_pixel(picture.pixel, 0.0, sample);
+}
+
+// choice lens/disk
+// A thin lens: rays through one pixel position converge in the focal plane.
+// use shared/sampling
+
+fn through_lens(line: Ray, one: PixelSample) -> Ray {
+    let point = picture.lens_radius * uniform_disk(square(one, LENS));
+    // The two pixel steps are perpendicular and equally long.
+    let shift = (point.x / picture.pixel) * picture.right + (point.y / picture.pixel) * picture.down;
+    // The direction is a unit vector; its progress along the view axis is its cosine.
+    let delta = line.direction * (picture.focus_distance / dot(line.direction, picture.forward));
+    return infinite_ray(line.origin + shift, normalize(delta - shift));
+}
+
+// choice lens/pinhole
+// A pinhole.
+
+fn through_lens(line: Ray, one: PixelSample) -> Ray {
+    return line;
+}
+
+// choice filter/box
+// Box filter.
+
+/// Offset of a sample from the pixel center in pixels, from a point of the unit square.
+fn filtered(square: vec2<f32>) -> vec2<f32> {
+    return picture.filter_radius * (2.0 * square - 1.0);
+}
+
+/// Weight of that sample.
+fn filter_weight(square: vec2<f32>) -> f32 {
+    return 1.0;
+}
+
+// choice filter/table
+// Filter importance sampling with a table of the filter's integral, linear between its at most 1024 steps.
+// use shared/numbers
+// use shared/vector
+
+/// Cumulative integral of the absolute value before each step, negative where the filter is; the last entry is 1.
+@group(1) @binding(3) var<storage, read> filter_table: array<f32>;
+
+/// Offset of a sample from the pixel center in pixels, from a point of the unit square.
+fn filtered(square: vec2<f32>) -> vec2<f32> {
+    return vec2(along(2.0 * square.x - 1.0), along(2.0 * square.y - 1.0));
+}
+
+/// Weight of that sample: -1 where the filter is negative, else 1.
+fn filter_weight(square: vec2<f32>) -> f32 {
+    let share = abs(2.0 * square - 1.0);
+    return sign_of(filter_table[step_at(share.x)]) * sign_of(filter_table[step_at(share.y)]);
+}
+
+/// Offset along one axis from a number in -1..1.
+fn along(signed: f32) -> f32 {
+    let share = abs(signed);
+    let step = step_at(share);
+    let start = abs(filter_table[step]);
+    // Steps of zero width are found only at the end, where the quotient is guarded.
+    let inside = clamp((share - start) / max(abs(filter_table[step + 1u]) - start, 1e-30), 0.0, 1.0);
+    return with_sign(picture.filter_radius * (f32(step) + inside) / f32(arrayLength(&filter_table) - 1u), signed);
+}
+
+/// The last step that starts at or before a share of the integral, by binary search.
+fn step_at(share: f32) -> u32 {
+    let n_steps = arrayLength(&filter_table) - 1u;
+    var step = 0u;
+    for (var half = 512u; half > 0u; half /= 2u) {
+        let middle = step + half;
+        if middle < n_steps && abs(filter_table[middle]) <= share {
+            step = middle;
+        }
+    }
+    return step;
+}
+
+// part first/triangle
+// The plane of a triangle that a rasterizer saw.
+// use shared/surface
+
+/// Intersection of a ray with the plane of a triangle that covers the pixel, clamped to the triangle.
+fn in_triangle(ray: Ray, instance: u32, primitive: u32) -> Hit {
+    let corners = triangles[triangle_of(Hit(0.0, 0.0, 0.0, primitive, instance))].vertices;
+    let sides = edges(corners);
+    let first = vector_world(instance, sides[0]);
+    let second = vector_world(instance, sides[1]);
+    // From the first vertex to the origin of the ray.
+    let away = ray.origin - point_world(instance, position_of(corners.x));
+    let across = cross(ray.direction, second);
+    let along = cross(away, first);
+    // Signed double area, projected along the ray.
+    let area = dot(first, across);
+    let inverse = sign_of(area) / max(abs(area), 1e-30);
+    let u = clamp(dot(away, across) * inverse, 0.0, 1.0);
+    let v = clamp(dot(ray.direction, along) * inverse, 0.0, 1.0 - u);
+    return Hit(max(dot(second, along) * inverse, 0.0), u, v, primitive, instance);
+}
+
+// choice first/trace
+// Camera rays start without knowledge of what they hit.
+// use shared/ray
+
+/// How far a camera ray is traced at first.
+fn first_reach(ray: Ray, pixel: u32) -> f32 {
+    return ray.t_max;
+}
+
+// choice first/raster
+// Camera rays start with the triangle that a raster pass saw at the center of their pixel: boxes behind it need no visit.
+//
+// The triangle is a guess, as samples lie beside the center, alpha tests may reject it, and instances may move. A ray that hits
+// nothing before it is traced again to its end, so every hit is that of a ray that was traced at once.
+// use shared/camera/first/triangle
+
+/// Instance and primitive at the center of each pixel, row by row; no instance for the background.
+@group(1) @binding(12) var<storage, read> first_seen: array<vec2<u32>>;
+
+/// Part of the distance to the guess by which a ray goes beyond it: the samples of a pixel differ in it.
+const FIRST_SLACK: f32 = 0.0625;
+
+/// How far a camera ray is traced at first.
+fn first_reach(ray: Ray, pixel: u32) -> f32 {
+    let seen = first_seen[pixel];
+    if seen.x == NONE {
+        return ray.t_max;
+    }
+    let t = in_triangle(ray, seen.x, seen.y).t;
+    return select(ray.t_max, min(t + FIRST_SLACK * t, ray.t_max), t > ray.t_min);
+}
+
+// part film
+// What is kept of samples: `keep` stores a sample, or adds it to the others of its pixel. All invocations of a work-group call it.
+// use shared/picture
+// use ?traverse
+
+// choice film/samples
+// Stores every sample; the host sums them in f64.
+
+/// Linear RGB radiance of each sample, and the number of rays traced, -1 if one was incomplete. 64 pixels per work-group, row
+/// by row.
+@group(1) @binding(4) var<storage, read_write> samples: array<vec4<f32>>;
+
+fn keep(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>, n_rays: u32) {
+    if one.is_inside {
+        samples[64u * group + local] = vec4(radiance, select(f32(n_rays), -1.0, is_incomplete));
+    }
+}
+
+// choice film/sums
+// Sums the samples of a block in work-group memory, by halves: the order in which the film sums blocks. The host sums blocks in f64.
+//
+// A sum of 64 samples has six roundings on the way of each sample, so its error is at most `gamma(6)` of the sum of absolute values,
+// for roundings of 2^-23 in any direction (Higham 2002, section 4.2). Squared deviations from the mean are merged after Chan, Golub, LeVeque 1983: unlike the sum of squares, they
+// lose no digits where samples hardly differ.
+// use shared/camera
+// use ?filter
+
+/// Bits of 2^56. Squares of 64 smaller numbers sum to less than 2^120.
+const MAX_SUMMED: u32 = 0x5b800000u;
+/// Bits of infinity; those of NaN are greater.
+const NOT_FINITE: u32 = 0x7f800000u;
+
+/// The samples of a pixel in a block.
+struct BlockSum {
+    /// Sum of linear RGB, minus that of samples with negative weight.
+    sum: array<f32, 3>,
+    /// Number of rays traced.
+    n_rays: u32,
+    /// Sum of squared deviations from the mean.
+    deviations: array<f32, 3>,
+    /// Samples in the sum, those of them with negative weight, and samples that are not finite: eight bits each, from the lowest.
+    counts: u32,
+    /// A bit for each sample that the host must take, from the first: incomplete ones, and those too large to be squared.
+    unfinished: array<u32, 2>,
+}
+
+/// One per pixel of a cell and block, row by row.
+@group(1) @binding(4) var<storage, read_write> sums: array<BlockSum>;
+
+/// Members of `BlockSum` for each invocation; the last has rays, counts, and bits of unfinished samples.
+var<workgroup> lane_sums: array<vec3<f32>, 64>;
+var<workgroup> lane_deviations: array<vec3<f32>, 64>;
+var<workgroup> lane_counts: array<vec4<u32>, 64>;
+
+fn keep(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>, n_rays: u32) {
+    let lane = local % slice.block;
+    lane_sums[local] = vec3(0.0);
+    lane_deviations[local] = vec3(0.0);
+    lane_counts[local] = vec4(0u);
+    // Integers: compilers may assume that a float is finite.
+    let magnitudes = bitcast<vec3<u32>>(radiance) & vec3(0x7fffffffu);
+    let greatest = max(max(magnitudes.x, magnitudes.y), magnitudes.z);
+    if one.is_inside {
+        if is_incomplete || (greatest > MAX_SUMMED && greatest < NOT_FINITE) {
+            let bit = 1u << (lane % 32u);
+            lane_counts[local] = vec4(0u, 0u, select(bit, 0u, lane >= 32u), select(0u, bit, lane >= 32u));
+        } else if greatest >= NOT_FINITE {
+            lane_counts[local] = vec4(n_rays, 1u << 16u, 0u, 0u);
+        } else {
+            let weight = filter_weight(square(one, PIXEL_POSITION));
+            lane_sums[local] = weight * radiance;
+            lane_counts[local] = vec4(n_rays, select(1u, 1u + (1u << 8u), weight < 0.0), 0u, 0u);
+        }
+    }
+    for (var half = 1u; half < slice.block; half *= 2u) {
+        workgroupBarrier();
+        if lane % (2u * half) == 0u {
+            add_lane(local, local + half);
+        }
+    }
+    if one.is_inside && lane == 0u {
+        let sum = lane_sums[local];
+        let deviations = lane_deviations[local];
+        let counts = lane_counts[local];
+        sums[(64u * group + local) / slice.block] = BlockSum(
+            array<f32, 3>(sum.x, sum.y, sum.z),
+            counts.x,
+            array<f32, 3>(deviations.x, deviations.y, deviations.z),
+            counts.y,
+            array<u32, 2>(counts.z, counts.w),
+        );
+    }
+}
+
+/// Adds the samples of invocation `b` to those of `a`.
+fn add_lane(a: u32, b: u32) {
+    let n_a = f32(lane_counts[a].y & 0xffu);
+    let n_b = f32(lane_counts[b].y & 0xffu);
+    let apart = lane_sums[b] / max(n_b, 1.0) - lane_sums[a] / max(n_a, 1.0);
+    lane_deviations[a] += lane_deviations[b] + (n_a * n_b / max(n_a + n_b, 1.0)) * apart * apart;
+    lane_sums[a] += lane_sums[b];
+    lane_counts[a] += lane_counts[b];
+}

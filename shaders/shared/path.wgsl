@@ -7,7 +7,7 @@
 // use shared/camera
 // use shared/picture
 // use shared/hash/ray_key
-// use shared/vertex
+// use shared/surface/vertex
 // use shared/light/sampler
 // use ?shape_lights
 // use ?sky

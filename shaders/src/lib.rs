@@ -1,11 +1,11 @@
 //! WGSL kernels for BVH construction, ray tracing and rendering, assembled from parts and checked without a device.
 //!
 //! ```
-//! use canted_shaders::{Shader, Specialisation};
+//! use canted_shaders::{Shader, Variant};
 //!
-//! let chosen = Specialisation::none()
-//!     .part("traverse", "shared/traverse/stack")
-//!     .part("node_kinds", "shared/node_kinds/any")
+//! let chosen = Variant::none()
+//!     .part("traverse", "shared/traverse/wide")
+//!     .part("node_kinds", "shared/bvh/node_kinds/any")
 //!     .part("level", "shared/level/single")
 //!     .part("mask", "shared/mask/none")
 //!     .part("count", "shared/count/none")
@@ -20,7 +20,7 @@
 //!
 //! | item | purpose |
 //! |---|---|
-//! | [`Specialisation`], [`assemble`] | choose the parts of a kernel; its WGSL text |
+//! | [`Variant`], [`assemble`] | choose the parts of a kernel; its WGSL text |
 //! | [`Shader`] | a validated kernel with bindings, work-group size and structure layouts, read by `naga` |
 //! | [`traversal_module`] | `closest_hit` and `occluded` for a kernel of your own |
 //! | [`lint`] | divergent barriers, storage barriers, operations that may produce NaN or infinity |
@@ -30,7 +30,6 @@
 //!
 //! A kernel is a file with the entry point `main`, or with `vertex` and `fragment`. Folders are named after the CPU's stages.
 //! `shared/` holds what kernels have in common; a file there may contain several parts, of which a caller chooses one.
-//! `alternatives/` holds measured alternatives that are not used by default: stackless traversal and wavefront path tracing.
 //!
 //! Shared parts use fixed bind groups, so that they can be combined: 0 for ray tracing, 1 for the picture and its samples, 2 for
 //! surfaces, 3 for lights.
@@ -48,4 +47,4 @@ pub use files::{FILES, kernels};
 pub use lint::lint;
 pub use module::traversal_module;
 pub use reflection::{Binding, BindingKind, Entry, Layout, MAX_STORAGE_BUFFERS, Shader, Stage};
-pub use source::{Specialisation, assemble};
+pub use source::{Variant, assemble};

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use crate::{ShaderError, Specialisation, assemble};
+use crate::{ShaderError, Variant, assemble};
 
 /// Names that a user's kernel calls. All other names get a prefix.
 const PUBLIC: [&str; 6] = ["Ray", "Hit", "closest_hit", "occluded", "NONE", "is_incomplete"];
@@ -19,7 +19,7 @@ const PREFIX: &str = "canted_";
 ///
 /// # Errors
 /// A slot or constant without a choice.
-pub fn traversal_module(chosen: &Specialisation, group: u32) -> Result<String, ShaderError> {
+pub fn traversal_module(chosen: &Variant, group: u32) -> Result<String, ShaderError> {
     let text = assemble("shared/traverse", chosen)?;
     Ok(prefixed(&code(&text)).replace("@group(0)", &format!("@group({group})")))
 }

@@ -5,7 +5,7 @@ use naga::{
     valid::{Capabilities, ModuleInfo, ValidationFlags, Validator},
 };
 
-use crate::{ShaderError, Specialisation, assemble};
+use crate::{ShaderError, Variant, assemble};
 
 /// Maximum number of storage buffers of a stage over all kernels: the limit that hosts request.
 pub const MAX_STORAGE_BUFFERS: u32 = 28;
@@ -98,9 +98,9 @@ impl Shader {
     ///
     /// # Errors
     /// The errors of [`assemble`], invalid WGSL, or an override that is unknown or has no value.
-    pub fn new(name: &str, chosen: &Specialisation) -> Result<Self, ShaderError> {
+    pub fn new(name: &str, chosen: &Variant) -> Result<Self, ShaderError> {
         let source = assemble(name, chosen)?;
-        let (module, info) = specialised(name, &source, chosen.overrides())?;
+        let (module, info) = specialized(name, &source, chosen.overrides())?;
         let entries = (0..module.entry_points.len()).map(|index| entry(&module, &info, index)).collect();
         let layouts = module.types.iter().filter_map(|(_, ty)| layout(ty)).collect();
         Ok(Self { name: name.to_owned(), source, overrides: chosen.overrides().to_vec(), entries, layouts })
@@ -120,7 +120,7 @@ impl Shader {
 }
 
 /// The module of a text with values for its overrides.
-pub(crate) fn specialised(
+pub(crate) fn specialized(
     name: &str,
     source: &str,
     overrides: &[(String, f64)],
@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn reflection_lists_bindings() {
-        let shader = Shader::new("check/loops", &Specialisation::none()).unwrap();
+        let shader = Shader::new("check/loops", &Variant::none()).unwrap();
         let main = shader.entry("main").unwrap();
         assert_eq!(main.workgroup_size, [64, 1, 1]);
         let bindings: Vec<_> = main.bindings.iter().map(|b| (b.number, b.name.as_str(), b.kind)).collect();
@@ -211,7 +211,7 @@ mod tests {
 
     #[test]
     fn invalid_wgsl_is_reported_with_its_location() {
-        let error = specialised("x", "fn f() -> u32 { return 1.5; }", &[]).unwrap_err().to_string();
+        let error = specialized("x", "fn f() -> u32 { return 1.5; }", &[]).unwrap_err().to_string();
         assert!(error.starts_with("kernel 'x' is not valid") && error.contains("1.5"), "{error}");
     }
 
@@ -219,10 +219,10 @@ mod tests {
     fn overrides_may_size_work_group_memory() {
         let text = "override N: u32 = 4u; var<workgroup> shared_words: array<u32, N>;
             @compute @workgroup_size(N) fn main(@builtin(local_invocation_index) i: u32) { shared_words[i] = i; }";
-        let (module, info) = specialised("x", text, &[("N".to_owned(), 64.0)]).unwrap();
+        let (module, info) = specialized("x", text, &[("N".to_owned(), 64.0)]).unwrap();
         let entry = entry(&module, &info, 0);
         assert_eq!((entry.workgroup_size, entry.workgroup_bytes), ([64, 1, 1], 256));
-        let error = specialised("x", text, &[("M".to_owned(), 1.0)]).unwrap_err();
+        let error = specialized("x", text, &[("M".to_owned(), 1.0)]).unwrap_err();
         assert_eq!(error.to_string(), "kernel 'x' has no slot or constant 'M'");
     }
 }

@@ -3,27 +3,28 @@
 //! Directives are comment lines:
 //!
 //! ```text
-//! // use shared/hash           adds another file, or a part of one, once
-//! // use ?texture              adds the part that the caller chose for the slot `texture`
+//! // use shared/hash           adds a file, or a part of one, once
+//! // use ?placed               adds the part that the caller chose for the slot `placed`
 //! // const STACK_SIZE          adds a number that the caller gives: `const STACK_SIZE: u32 = …;`
-//! // part placement            starts a part of this file, named `shared/placed/placement`
-//! // choice flat               starts a part that fills the slot named after the file: `shared/placed/flat`
+//! // part placed/world         starts a part of this file, `shared/surface.wgsl`, with the name `shared/surface/placed/world`
+//! // choice placed/flat        starts a part that fills the slot `placed`, with the name `shared/surface/placed/flat`
 //! ```
 //!
-//! The text before the first part is the head of the file. It comes with each of its parts. WGSL accepts declarations in any
-//! order. A part that is not chosen adds neither code nor bindings, which an `override` cannot achieve.
+//! A part belongs to the file with the longest name that its own starts with. The slot of a choice is the next to last word of its name.
+//! The text before the first part is the head of the file. It comes with each of its parts, as a part `a` comes with `a/b`. WGSL accepts
+//! declarations in any order. A part that is not chosen adds neither code nor bindings, which an `override` cannot achieve.
 
 use crate::{FILES, ShaderError};
 
 /// Choices for the slots, numbers and overrides of a kernel.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Specialisation {
+pub struct Variant {
     parts: Vec<(String, String)>,
     numbers: Vec<(String, u32)>,
     overrides: Vec<(String, f64)>,
 }
 
-impl Specialisation {
+impl Variant {
     /// No choices.
     #[must_use]
     pub fn none() -> Self {
@@ -74,7 +75,7 @@ impl Specialisation {
 ///
 /// # Errors
 /// A name without a file, a slot or constant without a choice, or a choice that the kernel has no slot for.
-pub fn assemble(name: &str, chosen: &Specialisation) -> Result<String, ShaderError> {
+pub fn assemble(name: &str, chosen: &Variant) -> Result<String, ShaderError> {
     let joined = joined(name, chosen)?;
     let given = chosen.parts.iter().map(|(name, _)| name).chain(chosen.numbers.iter().map(|(name, _)| name));
     for what in given {
@@ -85,14 +86,24 @@ pub fn assemble(name: &str, chosen: &Specialisation) -> Result<String, ShaderErr
     Ok(joined.text)
 }
 
-/// The head of file `name`, or the part after the last `/` of the file before it.
+/// The text of file `name`, all parts included.
+fn file(name: &str) -> Option<&'static str> {
+    FILES.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
+}
+
+/// The names that `name` is below, the longest first.
+fn above(name: &str) -> impl Iterator<Item = &str> {
+    name.rmatch_indices('/').map(move |(at, _)| &name[..at])
+}
+
+/// The head of file `name`, or a part of a file.
 fn find(name: &str) -> Option<&'static str> {
-    let text_of = |file: &str| FILES.iter().find(|(known, _)| *known == file).map(|(_, text)| *text);
-    if let Some(text) = text_of(name) {
+    if let Some(text) = file(name) {
         return sections(text).first().map(|(_, head)| *head);
     }
-    let (file, part) = name.rsplit_once('/')?;
-    sections(text_of(file)?).into_iter().skip(1).find(|(known, _)| *known == part).map(|(_, text)| text)
+    let (file, text) = above(name).find_map(|above| Some((above, file(above)?)))?;
+    let part = &name[file.len() + 1..];
+    sections(text).into_iter().skip(1).find(|(known, _)| *known == part).map(|(_, text)| text)
 }
 
 /// The head of a file under an empty name, then its parts.
@@ -110,7 +121,7 @@ fn sections(text: &'static str) -> Vec<(&'static str, &'static str)> {
     found
 }
 
-fn joined<'a>(name: &'a str, chosen: &'a Specialisation) -> Result<Joined<'a>, ShaderError> {
+fn joined<'a>(name: &'a str, chosen: &'a Variant) -> Result<Joined<'a>, ShaderError> {
     let mut joined = Joined { kernel: name, chosen, text: String::new(), added: vec![], open: vec![] };
     joined.add(name)?;
     Ok(joined)
@@ -118,7 +129,7 @@ fn joined<'a>(name: &'a str, chosen: &'a Specialisation) -> Result<Joined<'a>, S
 
 struct Joined<'a> {
     kernel: &'a str,
-    chosen: &'a Specialisation,
+    chosen: &'a Variant,
     text: String,
     /// Names of files and parts.
     added: Vec<String>,
@@ -133,10 +144,10 @@ impl Joined<'_> {
         }
         self.added.push(name.to_owned());
         let text = find(name).ok_or_else(|| ShaderError::NoSuchFile { name: name.to_owned() })?;
-        if !FILES.iter().any(|(file, _)| *file == name)
-            && let Some((file, _)) = name.rsplit_once('/')
+        if file(name).is_none()
+            && let Some(above) = above(name).find(|above| find(above).is_some())
         {
-            self.add(file)?;
+            self.add(above)?;
         }
         for line in text.lines() {
             if let Some(slot) = line.strip_prefix("// use ?") {
@@ -170,12 +181,11 @@ mod tests {
 
     #[test]
     fn unknown_names_are_reported() {
-        let none = Specialisation::none();
+        let none = Variant::none();
         assert_eq!(assemble("no/such", &none).unwrap_err().to_string(), "no shader file 'no/such'");
         let error = assemble("check/loops", &none.number("STACK_SIZE", 3)).unwrap_err();
         assert_eq!(error.to_string(), "kernel 'check/loops' has no slot or constant 'STACK_SIZE'");
-        let unknown =
-            Specialisation::none().part("mask", "shared/mask/no_such").part("traverse", "shared/traverse/stack");
+        let unknown = Variant::none().part("mask", "shared/mask/no_such").part("traverse", "shared/traverse/wide");
         assert_eq!(
             assemble("trace/closest", &unknown).unwrap_err().to_string(),
             "kernel 'trace/closest' needs a choice for 'node_kinds'"
@@ -185,7 +195,7 @@ mod tests {
 
     #[test]
     fn a_file_is_added_once() {
-        let text = assemble("check/loops", &Specialisation::none()).unwrap();
+        let text = assemble("check/loops", &Variant::none()).unwrap();
         assert_eq!(text.matches("fn invocation(").count(), 1);
     }
 
@@ -193,7 +203,7 @@ mod tests {
     fn a_part_comes_with_the_head_of_its_file_and_without_other_parts() {
         let found = sections("head\n// part a\nof a\n// choice b\nof b");
         assert_eq!(found, [("", "head\n"), ("a", "of a\n"), ("b", "of b")]);
-        let none = Specialisation::none().part("pattern", "shared/pattern/random");
+        let none = Variant::none().part("pattern", "shared/sampler/pattern/random");
         let text = assemble("check/sampler", &none).unwrap();
         assert_eq!((text.matches("fn pair(").count(), text.contains("fn permuted(")), (1, false));
     }

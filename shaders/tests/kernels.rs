@@ -1,7 +1,7 @@
 //! Every kernel with every choice for its slots: valid, free of lint findings, within the limits of every device.
 
 use canted_shaders::{
-    BindingKind, FILES, MAX_STORAGE_BUFFERS, Shader, ShaderError, Specialisation, Stage, assemble, kernels, lint,
+    BindingKind, FILES, MAX_STORAGE_BUFFERS, Shader, ShaderError, Stage, Variant, assemble, kernels, lint,
     traversal_module,
 };
 
@@ -15,20 +15,19 @@ const MAX_WORKGROUP_BYTES: u32 = 16_384;
 /// Names of the parts that fill a slot.
 fn parts(slot: &str) -> Vec<String> {
     let of_file = |(file, text): &(&'static str, &'static str)| {
-        let file = *file;
-        let is_slot = file.rsplit('/').next() == Some(slot);
-        let lines = text.lines().filter(move |_| is_slot).filter_map(|line| line.strip_prefix("// choice "));
-        lines.map(move |part| format!("{file}/{part}")).collect::<Vec<_>>()
+        let choices = text.lines().filter_map(|line| line.strip_prefix("// choice "));
+        choices.map(|choice| format!("{file}/{choice}")).collect::<Vec<_>>()
     };
-    FILES.iter().flat_map(of_file).collect()
+    let fills = |name: &String| name.rsplit('/').nth(1) == Some(slot);
+    FILES.iter().flat_map(of_file).filter(fills).collect()
 }
 
 /// Choices for a kernel, so many that each part of each slot is in one. All combinations would be thousands.
-fn choices(kernel: &str) -> Vec<Specialisation> {
+fn choices(kernel: &str) -> Vec<Variant> {
     let mut n_choices = 1;
     let mut all = vec![];
     while all.len() < n_choices {
-        let mut chosen = Specialisation::none();
+        let mut chosen = Variant::none();
         while let Err(error) = assemble(kernel, &chosen) {
             let ShaderError::MissingChoice { what, .. } = error else { panic!("{error}") };
             // Alpha needs surfaces, which kernels that only trace do not have.

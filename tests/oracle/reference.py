@@ -1,7 +1,7 @@
 """Renders the references: `python reference.py [NAME...]`, all without a name.
 
-Each is the mean of `N_RUNS` independent runs, as NAME.exr; NAME.error.exr holds for each block of 16x16 pixels the
-standard error of the block's mean, from how the runs differ.
+Each is the mean of `N_RUNS` independent runs, as NAME.exr; its row of errors.tsv holds for each block of 16x16 pixels the
+standard error of the block's mean (red, green, blue), from how the runs differ.
 """
 
 import sys
@@ -32,6 +32,13 @@ def write(path, picture):
     half.write(str(path))
 
 
+def write_errors(path, name, errors):
+    """Adds or replaces the row of a picture."""
+    rows = dict(line.split("\t") for line in path.read_text().splitlines()) if path.exists() else {}
+    rows[name] = " ".join(np.format_float_scientific(x, trim="-") for x in np.float32(errors).reshape(-1))
+    path.write_text("".join(f"{name}\t{numbers}\n" for name, numbers in sorted(rows.items())))
+
+
 def main(names):
     mi.set_variant("llvm_ad_rgb")
     import scenes
@@ -45,7 +52,7 @@ def main(names):
         error = np.std([blocks(picture) for picture in pictures], axis=0, ddof=1) / N_RUNS**0.5
         here = Path(__file__).parent
         write(here / f"{name}.exr", mean)
-        write(here / f"{name}.error.exr", error)
+        write_errors(here / "errors.tsv", name, error)
         relative = np.max(error / np.maximum(blocks(mean), 1e-6))
         print(f"{name}: mean {mean.mean(axis=(0, 1))}, blocks within {relative:.1e}, {time.time() - start:.0f} s", flush=True)
 

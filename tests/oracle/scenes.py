@@ -1,6 +1,6 @@
 """The scenes of the oracle for Mitsuba.
 
-`SHOTS` lists every picture: model, surface simplification, camera, lights and path length. `tests/tests/oracle/shots.rs` has the
+`SHOTS` lists every picture: model, surface simplification, camera, lights and path length. `tests/tests/pictures/shots.rs` has the
 same numbers. World +y is up, angles are in degrees, colors are linear.
 """
 

@@ -1,7 +1,12 @@
-//! Brute-force traversal: test every triangle.
+//! The oracle of every BVH: a loop over all triangles, and over all instances.
+//!
+//! Rays are transformed as `canted-tlas` documents it.
 
-use canted_obb::PrimId;
-use canted_trace::{Hit, InstanceId, Kernel, Ray, ScaledRay};
+use canted_obb::{
+    Affine, PrimId,
+    vector::{Vector, cross, dot, length, sub},
+};
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Kernel, Query, Ray, ScaledRay};
 
 /// The closest hit, ties to the lowest primitive, by a loop over all triangles with the kernel itself.
 ///
@@ -26,4 +31,134 @@ pub fn closest_hit<K: Kernel>(records: &[K::Record], ray: &Ray) -> Option<Hit> {
 #[must_use]
 pub fn records<K: Kernel>(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<K::Record> {
     triangles.iter().map(|t| K::record(t.map(|i| positions[i as usize]))).collect()
+}
+
+/// Half of `f32::EPSILON`: the relative error of one rounding.
+const U: f64 = 0.5 * f32::EPSILON as f64;
+
+/// A query that only sets the ray's time.
+pub struct At(pub f32);
+
+impl Query for At {
+    fn time(&self) -> f32 {
+        self.0
+    }
+}
+
+/// Rows of the inverse, translation last: cofactors divided by the determinant, in `f64`.
+#[must_use]
+pub fn object_from_world(world_from_object: &Affine) -> [[f64; 4]; 3] {
+    let [a, b, c, shift] = world_from_object.columns.map(|column| column.map(f64::from));
+    let reciprocal = 1.0 / dot(a, cross(b, c));
+    [cross(b, c), cross(c, a), cross(a, b)].map(|cofactors| {
+        let row = cofactors.map(|x| x * reciprocal);
+        [row[0], row[1], row[2], -dot(row, shift)]
+    })
+}
+
+/// The ray in object space: each component computed in `f64` and rounded once; `t` stays the same number.
+#[must_use]
+pub fn ray_object(world_from_object: &Affine, ray_world: &Ray) -> Ray {
+    let rows = object_from_world(world_from_object);
+    let (o, d) = (ray_world.origin.map(f64::from), ray_world.direction.map(f64::from));
+    Ray {
+        origin: rows.map(|[x, y, z, shift]| (dot([x, y, z], o) + shift) as f32),
+        direction: rows.map(|[x, y, z, _]| dot([x, y, z], d) as f32),
+        ..*ray_world
+    }
+}
+
+/// The closest hit, ties to the lowest (instance, primitive), by testing every instance.
+///
+/// `trace(instance, ray_object)` returns the closest hit in one instance.
+pub fn closest_hit_of_instances(
+    world_from_objects: &[Affine],
+    ray_world: &Ray,
+    trace: impl Fn(usize, &Ray) -> Option<Hit>,
+) -> Option<Hit> {
+    let mut best: Option<Hit> = None;
+    for (i, (id, world_from_object)) in (0..).map(InstanceId).zip(world_from_objects).enumerate() {
+        if let Some(hit) = trace(i, &ray_object(world_from_object, ray_world)) {
+            let hit = Hit { instance: id, ..hit };
+            if best.is_none_or(|best| hit.before(&best)) {
+                best = Some(hit);
+            }
+        }
+    }
+    best
+}
+
+/// Greatest distance, along each world axis, of a hit from the image of its triangle.
+///
+/// All norms are greatest absolute components or row sums of matrices. In object space a hit lies within
+/// `HIT_ERROR·(|o'| + ρ)` of its triangle. Rounding the origin moves it by `u·|o'|`, rounding the direction by
+/// `u·t|d'|`, and `t|d'| <= |o'| + ρ`. The transform multiplies their sum by at most `‖M‖`, and
+/// `|o'| <= ‖M⁻¹‖·(|o| + |c|)`. One more unit covers second-order terms.
+#[must_use]
+pub fn hit_error(world_from_object: &Affine, reach_object: f32, ray_world: &Ray) -> f64 {
+    let [forward, backward] = norms(world_from_object);
+    let shift = world_from_object.columns[3].map(f64::from);
+    let origin_object = backward * (greatest(ray_world.origin.map(f64::from)) + greatest(shift));
+    forward * (f64::from(HIT_ERROR) + 3.0 * U) * (origin_object + f64::from(reach_object))
+}
+
+/// The same for a device: twice its error for the transform, amplified; `HitError::with` in `canted-gpu` derives it.
+#[must_use]
+pub fn device_hit_error(ray_world: &Ray, world_from_object: &Affine, reach_object: f64) -> f64 {
+    let [forward, backward] = norms(world_from_object);
+    let [origin, shift] = [ray_world.origin, world_from_object.columns[3]].map(|v| greatest(v.map(f64::from)));
+    2.0 * f64::from(canted_gpu::HIT_ERROR) * forward * backward * (origin + shift + forward * reach_object)
+}
+
+/// Length bound of a vector with components of at most 1, including `f64` rounding here.
+pub const SQRT_3: f64 = 1.733;
+
+/// Condition number `‖M‖·‖M⁻¹‖`, by which instances are rejected.
+#[must_use]
+pub fn condition(world_from_object: &Affine) -> f64 {
+    let [forward, backward] = norms(world_from_object);
+    forward * backward
+}
+
+/// Row sums of the linear part and of its inverse.
+fn norms(world_from_object: &Affine) -> [f64; 2] {
+    let norm = |rows: [Vector; 3]| rows.iter().map(|row| row.iter().map(|x| x.abs()).sum()).fold(0.0, f64::max);
+    let [a, b, c, _] = world_from_object.columns.map(|column| column.map(f64::from));
+    let inverse = object_from_world(world_from_object).map(|[x, y, z, _]| [x, y, z]);
+    [norm(std::array::from_fn(|k| [a[k], b[k], c[k]])), norm(inverse)]
+}
+
+fn greatest(v: Vector) -> f64 {
+    v.iter().fold(0.0, |all: f64, x| all.max(x.abs()))
+}
+
+/// Distance of a point from a triangle, including degenerate ones: from its plane if the projection is inside, else from its edges.
+#[must_use]
+pub fn distance(p: Vector, corners: [Vector; 3]) -> f64 {
+    let normal = cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]));
+    let edges = [0, 1, 2].map(|i| (corners[i], sub(corners[(i + 1) % 3], corners[i])));
+    if dot(normal, normal) > 0.0 && edges.iter().all(|(start, edge)| dot(cross(*edge, sub(p, *start)), normal) >= 0.0) {
+        return dot(sub(p, corners[0]), normal).abs() / length(normal);
+    }
+    let to_edge = |(start, edge): &(Vector, Vector)| {
+        let squared = dot(*edge, *edge);
+        let along = if squared > 0.0 { (dot(sub(p, *start), *edge) / squared).clamp(0.0, 1.0) } else { 0.0 };
+        length(sub(p, std::array::from_fn(|k| start[k] + along * edge[k])))
+    };
+    edges.iter().map(to_edge).fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distance_to_plane_edge_corner_and_degenerate_triangle() {
+        let corners = [[0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
+        assert_eq!(distance([0.5, 0.5, 3.0], corners), 3.0);
+        assert_eq!(distance([1.0, -4.0, 3.0], corners), 5.0);
+        assert_eq!(distance([-3.0, -4.0, 0.0], corners), 5.0);
+        assert_eq!(distance([1.0, 1.0, 0.0], [[0.0; 3], [2.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), 1.0);
+        assert_eq!(distance([3.0, 4.0, 0.0], [[0.0; 3]; 3]), 5.0);
+    }
 }

@@ -25,7 +25,6 @@ pub fn random_rotation(rng: &mut SplitMix64) -> Quaternion {
 
 /// `turn · (scale ∘ x) + offset`, rounded.
 #[must_use]
-#[expect(clippy::cast_possible_truncation, reason = "points are f32")]
 pub fn placed(turn: &Quaternion, scale: [f64; 3], offset: [f64; 3], x: [f64; 3]) -> [f32; 3] {
     let columns = turn.columns();
     std::array::from_fn(|k| ((0..3).map(|a| columns[a][k] * scale[a] * x[a]).sum::<f64>() + offset[k]) as f32)

@@ -1,17 +1,30 @@
-//! Devices, which are optional: without one a test is skipped with a message.
+//! Devices, for test programs whose tests are reported as ignored without one.
 
-use canted_fixtures::or_skip;
+use std::process::ExitCode;
+
+use canted_fixtures::device_tests::{self, Test};
 use canted_gpu::{Choice, Gpu, Limits};
 
+/// Runs the tests of a program.
+pub fn run_tests(tests: impl IntoIterator<Item = Vec<Test>>) -> ExitCode {
+    device_tests::run(Gpu::open(&Choice::Best), tests)
+}
+
 /// The best adapter.
+///
+/// # Panics
+/// There is none.
 #[must_use]
-pub fn gpu(test: &str) -> Option<Gpu> {
-    or_skip(test, Gpu::open(&Choice::Best))
+pub fn gpu() -> Gpu {
+    Gpu::open(&Choice::Best).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// The best adapter with storage bindings limited to this many bytes.
+///
+/// # Panics
+/// There is none.
 #[must_use]
-pub fn lowered(test: &str, most: u64) -> Option<Gpu> {
+pub fn lowered(most: u64) -> Gpu {
     let lower = |limits| Limits { max_storage_buffer_binding_size: most, ..limits };
-    or_skip(test, Gpu::with_limits(&Choice::Best, lower))
+    Gpu::with_limits(&Choice::Best, lower).unwrap_or_else(|error| panic!("{error}"))
 }

@@ -6,28 +6,21 @@
 //!
 //! A row is one routine on one case, over the inputs that the oracle decides with certainty. Tests assert that each of our rows
 //! holds; `cargo xtask extremes` writes all rows, with the results of peers on the same input, and the report shows them. Nothing
-//! depends on a clock: every run gives the same rows. Not covered: run time (`degenerate.rs`, the benches).
+//! depends on a clock: every run gives the same rows. Not covered: run time (`hits/degenerate.rs`, the benches).
 
-mod built;
 mod film;
 mod fit;
 pub mod hierarchy;
 pub mod instance;
-mod lanes;
-mod limits;
 mod merge;
-mod none;
-mod placed;
 mod promise;
 mod rotation;
 pub mod slab;
-mod table;
 mod trackers;
 mod tree;
 pub mod triangle;
 
-pub use promise::{Measure, Oracle, Promise, Row};
-pub use table::{lines, summary, table};
+pub use promise::{Measure, Oracle, Promise, Row, lines, summary, table};
 pub use trackers::{TRACKERS, Tracker};
 
 use crate::tracers::{self, Guarantee, Method};
@@ -37,15 +30,26 @@ use crate::tracers::{self, Guarantee, Method};
 /// `effort` multiplies the inputs. `methods` are the tracers of the cases with rays.
 #[must_use]
 pub fn rows(effort: usize, methods: &[Method]) -> Vec<Row> {
-    let mut rows =
-        [fit::rows(effort), merge::rows(effort), rotation::rows(effort), tree::rows(), limits::rows()].concat();
-    rows.extend(built::rows());
-    rows.extend([slab::rows(effort), lanes::rows(effort), triangle::rows(effort)].concat());
-    rows.extend([hierarchy::rows(effort, methods), none::rows(methods)].concat());
     let placed = tracers::two_levels();
     let placed: Vec<&Method> =
         placed.iter().chain(methods.iter().filter(|method| method.guarantee == Guarantee::Peer)).collect();
-    rows.extend([instance::rows(effort, &placed), placed::rows(effort), film::rows()].concat());
+    let mut rows = [
+        fit::rows(effort),
+        merge::rows(effort),
+        rotation::rows(effort),
+        tree::rows(),
+        tree::rows_of_limits(),
+        tree::rows_of_device(),
+        slab::rows(effort),
+        slab::rows_of_nodes(effort),
+        triangle::rows(effort),
+        hierarchy::rows(effort, methods),
+        hierarchy::rows_of_invalid_rays(methods),
+        instance::rows(effort, &placed),
+        instance::rows_of_many(effort),
+        film::rows(),
+    ]
+    .concat();
     rows.extend(TRACKERS.iter().flat_map(|tracker| (tracker.rows)(methods)));
     rows
 }
@@ -55,7 +59,7 @@ pub fn rows(effort: usize, methods: &[Method]) -> Vec<Row> {
 #[must_use]
 pub fn not_tried(lacking: &[String]) -> Vec<String> {
     let lacking = lacking.iter().map(|name| format!("{name}: not available on this machine"));
-    lacking.chain(built::not_tried()).collect()
+    lacking.chain(tree::not_tried()).collect()
 }
 
 /// Greatest growth of a box merged along an `f32` frame, relative to its greatest half-extent.

@@ -8,8 +8,8 @@
 use canted_gpu::{DeviceHit, Gpu, HIT_ERROR, Outcome, TracedScene};
 use canted_trace::{Hit, Ray};
 
-pub use crate::instances::device_hit_error as error_of_instance;
-use crate::{distance::distance, instances::SQRT_3};
+pub use crate::brute::device_hit_error as error_of_instance;
+use crate::brute::{SQRT_3, distance};
 
 type Corners = [[f64; 3]; 3];
 

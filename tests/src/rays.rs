@@ -1,9 +1,8 @@
 //! Difficult rays for BVHs and triangle tests.
 
 use canted_fixtures::{Grazing, Mesh, RayData, SplitMix64, grazing};
+use canted_obb::vector::{Vector, cross, length, sub};
 use canted_trace::{HIT_ERROR, Ray};
-
-use crate::vector::{Vector, cross, length, sub};
 
 /// An arbitrary ray for meshes without triangles.
 const ASIDE: Ray = Ray { origin: [0.0; 3], direction: [1.0, 0.0, 0.0], t_min: 0.0, t_max: f32::INFINITY };
@@ -53,7 +52,6 @@ fn target(mesh: &Mesh, i: usize, rng: &mut SplitMix64) -> [f64; 3] {
 }
 
 /// A ray from `origin`, rounded, to `target`.
-#[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
 fn aimed(origin: [f64; 3], target: [f64; 3]) -> Ray {
     let origin = origin.map(|x| x as f32);
     Ray::new(origin, std::array::from_fn(|k| (target[k] - f64::from(origin[k])) as f32))

@@ -79,7 +79,6 @@ pub fn compare(mesh: &Mesh, ray: &Ray, hits: &[Hit], tally: &mut Tally) -> Resul
 
 /// Rays towards points near edges and vertices, at distances from a few roundings to an edge length, inward and outward.
 #[must_use]
-#[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
 pub fn rays(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
     let mut rng = SplitMix64::new(seed);
     let diagonal = mesh.diagonal();

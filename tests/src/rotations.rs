@@ -1,10 +1,11 @@
 //! Independent rotation extraction: the paper's listing, and singular values.
 
-use canted_obb::Quaternion;
+use canted_obb::{
+    Quaternion,
+    vector::{Vector, cross, dot},
+};
 use num_rational::BigRational;
 use num_traits::Signed;
-
-use crate::vector::{Vector, cross, dot};
 
 /// A matrix by columns.
 pub type Matrix = [Vector; 3];

@@ -1,9 +1,13 @@
-//! Difficult meshes, small enough for a loop over all triangles.
+//! Inputs of tests: difficult meshes, models of others, trees of maximal depth and transforms of instances.
+
+use std::path::PathBuf;
 
 use canted_fixtures::{
     Hair, Mesh, Rotation, SplitMix64, Strand, coplanar_quads, displaced_icosphere, fan, grid, hair, icosphere,
-    identical, outlier, scaffold_of, slivers, soup, thin_box, torus, truss,
+    identical, outlier, scaffold_of, skip, slivers, soup, thin_box, torus, truss,
 };
+use canted_lbvh::{Child, NodeId, Tree};
+use canted_obb::Affine;
 
 /// A mesh with its name.
 pub struct Case {
@@ -85,7 +89,6 @@ pub fn every(mesh: &Mesh, run: usize, part: usize) -> Mesh {
 
 /// `n` axis-aligned boxes, flat along one axis, standing on each other's corners; tests rotate it.
 #[must_use]
-#[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]
 pub fn room(seed: u64, n: usize) -> Mesh {
     let mut rng = SplitMix64::new(seed);
     let cube = thin_box(1.0);
@@ -99,4 +102,80 @@ pub fn room(seed: u64, n: usize) -> Mesh {
         room.triangles.extend(cube.triangles.iter().map(|t| t.map(|index| index + first)));
     }
     room
+}
+
+/// The folder of models: `CANTED_SCENES`, else `../shared/scenes` next to the workspace.
+#[must_use]
+pub fn folder() -> PathBuf {
+    let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/scenes");
+    std::env::var_os("CANTED_SCENES").map_or_else(|| PathBuf::from(default), PathBuf::from)
+}
+
+/// Why there are no models; `None` if there are.
+#[must_use]
+pub fn missing() -> Option<String> {
+    let folder = folder();
+    (!folder.is_dir()).then(|| format!("no folder {}", folder.display()))
+}
+
+/// The folder of models; `None`, with a message, if absent.
+#[must_use]
+pub fn models(test: &str) -> Option<PathBuf> {
+    missing().map_or_else(|| Some(folder()), |reason| skip(test, reason))
+}
+
+/// A chain over `n` primitives in order: each node has one leaf and the rest below it; `is_left` chooses the leaf's side.
+///
+/// # Panics
+/// Panics for fewer than two primitives.
+#[must_use]
+pub fn chain(n: u32, is_left: impl Fn(u32) -> bool) -> Tree {
+    let children: Vec<_> = (0..n - 1)
+        .map(|i| {
+            let rest = if i + 2 < n { Child::inner(NodeId(i + 1)) } else { Child::leaf(n - 1) };
+            if is_left(i) { [Child::leaf(i), rest] } else { [rest, Child::leaf(i)] }
+        })
+        .collect();
+    Tree::from_children(&children).expect("each node has one parent")
+}
+
+/// The columns of a rotation times a diagonal matrix, then a translation.
+#[must_use]
+pub fn affine(turn: &Rotation, scale: [f64; 3], shift: [f32; 3]) -> Affine {
+    let column = |j: usize| turn.rows.map(|row| (row[j] * scale[j]) as f32);
+    Affine { columns: [column(0), column(1), column(2), shift] }
+}
+
+/// One transform of each kind, by name.
+#[must_use]
+pub fn transforms() -> Vec<(&'static str, Affine)> {
+    let turn = Rotation::off_axis();
+    let far = [1e7, -1e7, 3e6];
+    let shear = Affine { columns: [[1.0, 0.0, 0.0], [0.7, 1.0, 0.0], [-0.4, 0.9, 1.0], [0.2, 0.1, -0.3]] };
+    vec![
+        ("identity", Affine::IDENTITY),
+        ("rotation", affine(&turn, [1.0; 3], [0.3, -0.2, 0.5])),
+        ("mirror", affine(&Rotation::IDENTITY, [-1.0, 1.0, 1.0], [0.1, 0.0, 0.0])),
+        ("unequal scale", affine(&turn, [3.0, 0.2, 1.5], [-0.5, 0.4, 0.0])),
+        ("shear", shear),
+        ("scale 1e-3", affine(&turn, [1e-3; 3], [0.4, 0.4, 0.4])),
+        ("scale 1e3, mirrored", affine(&turn, [1e3, 1e3, -1e3], [-300.0, -200.0, 100.0])),
+        ("far", affine(&turn, [50.0, 60.0, 40.0], far)),
+        ("far, large", affine(&Rotation::IDENTITY, [1e4, -1e4, 2e4], far)),
+        ("far, sheared", Affine { columns: [[90.0, 10.0, 0.0], [50.0, 100.0, 0.0], [-40.0, 9.0, 80.0], far] }),
+    ]
+}
+
+/// All kinds of transforms, and many small rotated copies that overlap.
+#[must_use]
+pub fn crowd() -> Vec<Affine> {
+    let mut rng = SplitMix64::new(31);
+    let mut placed: Vec<Affine> = transforms().into_iter().map(|(_, affine)| affine).collect();
+    placed.extend((0..40).map(|_| {
+        let turn = Rotation::euler(6.0 * rng.unit(), 6.0 * rng.unit(), 6.0 * rng.unit());
+        let scale = std::array::from_fn(|_| 0.3 + rng.unit());
+        let shift = rng.signed3().map(|x| x as f32);
+        affine(&turn, scale, shift)
+    }));
+    placed
 }

@@ -1,24 +1,22 @@
 //! Everything that traces rays through a mesh, by name: binary and wide BVHs and BIHs, one level and two, every SIMD path, the device.
 
-mod device;
-
 use std::{cell::Cell, rc::Rc};
 
 use canted_bih::{Bih, Config as BihConfig, LeafSize};
 use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::Mesh;
-use canted_gpu::{Choice, Gpu};
+use canted_gpu::{Choice, DeviceHit, Gpu, HIT_ERROR, Outcome, SceneInput, TracedScene};
 use canted_kdtree::{Config as KdTreeConfig, KdTree, Traversal};
 use canted_lbvh::{Strategy, VolumeConfig};
-use canted_obb::Affine;
+use canted_obb::{Affine, PrimId};
 use canted_tlas::{Blas, Instance, Tlas, TopConfig};
-use canted_trace::{Hit, InstanceId, Ray, Watertight};
+use canted_trace::{Hit, InstanceId, Ray, Side, Watertight};
 use canted_wide::{Config, Costs, Preset, SimdPath, TriangleBvh};
 
 use crate::{
-    closed::{baked, mirrors},
+    brute,
+    closed::{baked, mirrors, with_another},
     crossings::{self, all_hits, opposite},
-    instances,
 };
 
 /// A mesh that can be queried with rays.
@@ -119,7 +117,7 @@ pub fn ours() -> (Vec<Method>, Vec<String>) {
     }
     methods.push(Method::of_two("two-level wide", |mesh| wide(mesh, &Config::default())));
     match Gpu::open(&Choice::Best) {
-        Ok(gpu) => methods.extend(device::methods(&Rc::new(gpu))),
+        Ok(gpu) => methods.extend(device_methods(&Rc::new(gpu))),
         Err(error) => missing.push(format!("device ({error})")),
     }
     (methods, missing)
@@ -139,7 +137,7 @@ pub fn two_levels() -> Vec<Method> {
         methods.push(Method::new(format!("wide {}", path.name()), Guarantee::Loop, make));
     }
     if let Ok(gpu) = Gpu::open(&Choice::Best) {
-        let [_, two] = device::methods(&Rc::new(gpu));
+        let [_, two] = device_methods(&Rc::new(gpu));
         methods.push(Method { name: "device".to_owned(), ..two });
     }
     methods
@@ -230,12 +228,9 @@ struct TwoLevels<B: Blas> {
 }
 
 impl<B: Blas> TwoLevels<B> {
-    #[expect(clippy::cast_possible_truncation, reason = "any large distance")]
     fn new(blas: B, mesh: &Mesh, placement: &Affine) -> Self {
-        let here = Instance::new(0, *placement);
-        let mut there = here;
-        there.world_from_object.columns[3][0] += (9.0 * baked(mesh, placement).diagonal()) as f32;
-        let tlas = Tlas::new(vec![blas], &[here, there], TopConfig::default()).expect("a shift is invertible");
+        let instances = with_another(mesh, placement);
+        let tlas = Tlas::new(vec![blas], &instances, TopConfig::default()).expect("a shift is invertible");
         Self { tlas, mesh: mesh.clone(), placement: *placement }
     }
 
@@ -257,7 +252,7 @@ impl<B: Blas> Tracer for TwoLevels<B> {
     /// Computed in object space, where the kernel runs; a mirror swaps the sides.
     fn crossings(&self, ray: &Ray) -> Option<Vec<Hit>> {
         let hits = all_hits(|query| self.tlas.closest_hit_with(ray, query));
-        let mut crossings = crossings::of_hits(&self.mesh, &instances::ray_object(&self.placement, ray), hits);
+        let mut crossings = crossings::of_hits(&self.mesh, &brute::ray_object(&self.placement, ray), hits);
         if mirrors(&self.placement) {
             crossings.iter_mut().for_each(|hit| hit.side = opposite(hit.side));
         }
@@ -271,5 +266,72 @@ struct OfTheFirst;
 impl canted_trace::Query for OfTheFirst {
     fn accepts(&mut self, hit: &Hit) -> bool {
         hit.instance == InstanceId(0)
+    }
+}
+
+/// The device with one level and with two.
+fn device_methods(gpu: &Rc<Gpu>) -> [Method; 2] {
+    let cuts: [Rc<Cell<usize>>; 2] = Default::default();
+    let [(of_one, cuts_of_one), (of_two, cuts_of_two)] = cuts.each_ref().map(|cuts| (Rc::clone(gpu), Rc::clone(cuts)));
+    let one: Make = Box::new(move |mesh, placement| {
+        let tree = wide(&baked(mesh, placement), &Config::default());
+        let scene = TracedScene::new(&of_one, SceneInput::upload([&tree])).expect("small meshes fit every device");
+        Box::new(Device { gpu: Rc::clone(&of_one), scene, tree: Box::new(tree), n_cut: Rc::clone(&cuts_of_one) })
+    });
+    let two: Make = Box::new(move |mesh, placement| {
+        let tree = wide(mesh, &Config::default());
+        let scene = TracedScene::new(&of_two, SceneInput::upload([&tree]).instances(&[Instance::new(0, *placement)]));
+        let scene = scene.expect("transforms in tests are well conditioned");
+        let tree = Box::new(TwoLevels::new(tree, mesh, placement));
+        Box::new(Device { gpu: Rc::clone(&of_two), scene, tree, n_cut: Rc::clone(&cuts_of_two) })
+    });
+    let [cuts_of_one, cuts_of_two] = cuts;
+    // Static instances double the error bound of hits (`HitError::with` in `canted-gpu`).
+    [
+        Method { n_cut: cuts_of_one, ..Method::new("device", Guarantee::Device(HIT_ERROR), one) },
+        Method { n_cut: cuts_of_two, ..Method::new("two-level device", Guarantee::Device(2.0 * HIT_ERROR), two) },
+    ]
+}
+
+/// A scene on the device, and on the CPU for traversals that a driver ends early.
+struct Device {
+    gpu: Rc<Gpu>,
+    scene: TracedScene,
+    tree: Box<dyn Tracer>,
+    n_cut: Rc<Cell<usize>>,
+}
+
+impl Device {
+    /// The CPU's answer instead of the device's.
+    fn cut<T>(&self, ask: impl FnOnce(&dyn Tracer) -> T) -> T {
+        self.n_cut.update(|n| n + 1);
+        ask(self.tree.as_ref())
+    }
+}
+
+impl Tracer for Device {
+    fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
+        let answers = self.scene.closest_hits(&self.gpu, rays).expect("the device is not lost");
+        let known = |(answer, ray): (Outcome<Option<DeviceHit>>, &Ray)| match answer {
+            Outcome::Incomplete => self.cut(|tree| tree.closest(std::slice::from_ref(ray))[0]),
+            Outcome::Complete(hit) => hit.map(|hit| Hit {
+                t: hit.t,
+                u: hit.u,
+                v: hit.v,
+                primitive: PrimId(hit.primitive),
+                instance: InstanceId(hit.instance),
+                side: Side::Front,
+            }),
+        };
+        answers.into_iter().zip(rays).map(known).collect()
+    }
+
+    fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
+        let answers = self.scene.occluded(&self.gpu, rays).expect("the device is not lost");
+        let known = |(answer, ray): (Outcome<bool>, &Ray)| match answer {
+            Outcome::Incomplete => self.cut(|tree| tree.occluded(std::slice::from_ref(ray))[0]),
+            Outcome::Complete(found) => found,
+        };
+        answers.into_iter().zip(rays).map(known).collect()
     }
 }

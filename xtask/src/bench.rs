@@ -1,7 +1,8 @@
-//! `cargo xtask bench`: runs benchmarks and writes `benches/RESULTS.md`.
+//! `cargo xtask bench`, `report` and the long-running records: runs what measures, and with `--keep` records the result.
 
 use std::{
     env, fs,
+    path::PathBuf,
     process::{Command, Stdio},
     thread,
 };
@@ -10,42 +11,74 @@ use anyhow::{Context, Result, bail};
 
 use crate::{
     command::{self, cargo, say},
+    results::{self, Facts},
     workspace,
 };
 
-/// The text above all sections.
-const PREAMBLE: &str = "# Results
-
-Written by `cargo xtask bench` and `cargo xtask report --keep`; do not edit. A run replaces the sections it measures. Each section
-states machine, compiler, commit, date and command.
-";
-
-/// The file of results, from the root of the workspace.
-pub(crate) const RESULTS: &str = "benches/RESULTS.md";
-
 /// The argument that adds peers written in other languages.
-pub(crate) const PEERS: &str = "--peers";
+const PEERS: &str = "--peers";
+/// The argument that records the results in the repository.
+pub(crate) const KEEP: &str = "--keep";
 
 /// Environment variables that change results.
 const VARIABLES: [&str; 2] = ["RUSTFLAGS", "CANTED_EMBREE"];
 
-/// Runs the benchmark program with `args` and writes its sections into the results.
+/// Folders of what is not kept, from the root of the workspace.
+const MEASURED: &str = "target/bench";
+const REPORT: &str = "target/report";
+
+/// Runs the benchmark program with `args`.
 pub(crate) fn run(args: &[&str]) -> Result<bool> {
     // Read before measuring, which may take an hour in which files change.
-    let facts = facts(args)?;
+    let facts = facts()?;
     let mut command = program(args);
-    command.args(args.iter().filter(|&&arg| arg != PEERS));
+    command.args(own(args));
     let output = command.stderr(Stdio::inherit()).output().context("cannot start cargo")?;
     if !output.status.success() {
         bail!("canted-bench failed: {}", output.status);
     }
     let measured = String::from_utf8(output.stdout).context("canted-bench wrote invalid UTF-8")?;
-    merge(&measured, &facts)?;
+    say(measured.trim_end());
+    if args.contains(&KEEP) {
+        results::keep(&measured, facts, &words("bench", args, variable))?;
+    } else {
+        write(&workspace::root().join(MEASURED).join("measured.md"), &measured)?;
+        say(&format!("not recorded: add {KEEP} to write {}", results::RECORD));
+    }
     Ok(true)
 }
 
+/// Runs the benchmark program for a report with `args`.
+pub(crate) fn report(args: &[&str]) -> Result<bool> {
+    let facts = facts()?;
+    let words = words("report", args, variable);
+    let mut command = program(args);
+    command.args(["report", "--out", REPORT]);
+    let Facts { machine, compiler, commit, date } = &facts;
+    for (name, value) in
+        [("machine", machine), ("compiler", compiler), ("commit", commit), ("date", date), ("command", &words)]
+    {
+        command.arg(format!("--{name}")).arg(value);
+    }
+    if !command::succeeds(command.args(own(args)))? {
+        return Ok(false);
+    }
+    let page = workspace::root().join(REPORT).join("report.md");
+    if args.contains(&KEEP) {
+        let text = fs::read_to_string(&page).with_context(|| format!("cannot read {}", page.display()))?;
+        results::keep(&text, facts, &words)?;
+    }
+    say(&format!("wrote {}", page.display()));
+    Ok(true)
+}
+
+/// The arguments that the program itself reads.
+fn own<'a>(args: &[&'a str]) -> impl Iterator<Item = &'a str> {
+    args.iter().copied().filter(|&arg| arg != PEERS && arg != KEEP).collect::<Vec<_>>().into_iter()
+}
+
 /// The benchmark program with thin LTO, as the results were recorded, and with the peers where `args` request them.
-pub(crate) fn program(args: &[&str]) -> Command {
+fn program(args: &[&str]) -> Command {
     let mut command = cargo(&["run", "--release", "--bin", "canted-bench"]);
     command.env("CARGO_PROFILE_RELEASE_LTO", "thin");
     if args.contains(&PEERS) {
@@ -55,92 +88,40 @@ pub(crate) fn program(args: &[&str]) -> Command {
     command
 }
 
-/// Writes measured sections into the results, each with its facts.
-pub(crate) fn merge(measured: &str, facts: &str) -> Result<()> {
-    let path = workspace::root().join(RESULTS);
-    let old = fs::read_to_string(&path).unwrap_or_default();
-    fs::write(&path, merged(&old, measured, facts)).with_context(|| format!("cannot write {}", path.display()))?;
-    say(&format!("wrote {}", path.display()));
-    Ok(())
+/// Machine, compiler, commit and date.
+fn facts() -> Result<Facts> {
+    let machine = format!("{}, {} threads", processor(), thread::available_parallelism().map_or(1, usize::from));
+    let line = |program: &str, args: &[&str]| command::output(program, args).map(|text| text.trim().to_owned());
+    // Results of a command are no change for the next one.
+    let results = [":!benches/results", ":!benches/RESULTS.md", ":!benches/PYTHON.md"];
+    let changed = line("git", &[&["status", "--porcelain", "--", "."][..], &results].concat())?;
+    let changes = if changed.is_empty() { "" } else { ", with changes" };
+    Ok(Facts {
+        machine,
+        compiler: line("rustc", &["--version"])?,
+        commit: line("git", &["rev-parse", "--short", "HEAD"])? + changes,
+        date: line("date", &["-u", "+%F"])?,
+    })
 }
 
-/// Processor and number of threads.
-pub(crate) fn machine() -> String {
-    format!("{}, {} threads", processor(), thread::available_parallelism().map_or(1, usize::from))
-}
-
-/// One line: machine, compiler, commit, date, command.
-fn facts(args: &[&str]) -> Result<String> {
-    Ok(facts_of(&[
-        &machine(),
-        &command::output("rustc", &["--version"])?,
-        &command::output("git", &["describe", "--always", "--dirty=, with changes"])?,
-        &command::output("date", &["-u", "+%F"])?,
-        &format!("`{}`", words("bench", args, |name| env::var(name).ok())),
-    ]))
+fn variable(name: &str) -> Option<String> {
+    env::var(name).ok()
 }
 
 /// The command as it was given: environment variables that change results, then `cargo xtask` with task and arguments.
-pub(crate) fn words(task: &str, args: &[&str], variable: impl Fn(&str) -> Option<String>) -> String {
+fn words(task: &str, args: &[&str], variable: impl Fn(&str) -> Option<String>) -> String {
     let variables = VARIABLES.iter().filter_map(|&name| match (name, variable(name)?) {
         // The path of a library is private; that one was given is not.
         ("CANTED_EMBREE", _) => Some("CANTED_EMBREE=…".to_owned()),
         (name, value) => Some(format!("{name}='{value}'")),
     });
-    let words = ["cargo xtask", task].into_iter().chain(args.iter().copied()).map(str::to_owned);
+    let args = args.iter().copied().filter(|&arg| arg != KEEP);
+    let words = ["cargo xtask", task].into_iter().chain(args).map(str::to_owned);
     variables.chain(words).collect::<Vec<_>>().join(" ")
 }
 
-/// The values as one line in italics.
-pub(crate) fn facts_of(values: &[&str]) -> String {
-    format!("*{}*", values.iter().map(|value| value.trim()).collect::<Vec<_>>().join("; "))
-}
-
-/// The old results with sections of the same title replaced, and new ones last.
-fn merged(old: &str, measured: &str, facts: &str) -> String {
-    let (above, mut sections) = sections(old);
-    // Older results have one table of facts above all sections.
-    let shared: Vec<&str> = above.lines().filter_map(table_value).collect();
-    if !shared.is_empty() {
-        for (_, body) in &mut sections {
-            *body = format!("\n{}\n{body}", facts_of(&shared));
-        }
-    }
-    for (title, body) in self::sections(measured).1 {
-        let body = format!("\n{facts}\n{body}");
-        match sections.iter_mut().find(|(known, _)| *known == title) {
-            Some(section) => section.1 = body,
-            None => sections.push((title, body)),
-        }
-    }
-    let mut text = PREAMBLE.to_owned();
-    for (title, body) in sections {
-        text.push_str(&format!("\n## {title}\n{}\n", body.trim_end()));
-    }
-    text
-}
-
-/// The second cell of a table row with a non-empty first cell.
-fn table_value(line: &str) -> Option<&str> {
-    let (name, value) = line.strip_prefix("| ")?.strip_suffix('|')?.split_once('|')?;
-    (!name.trim().is_empty()).then_some(value.trim())
-}
-
-/// The text above the first section, then title and body of each section.
-fn sections(text: &str) -> (String, Vec<(String, String)>) {
-    let (mut above, mut sections) = (String::new(), Vec::<(String, String)>::new());
-    for line in text.lines() {
-        match (line.strip_prefix("## "), sections.last_mut()) {
-            (Some(title), _) => sections.push((title.to_owned(), String::new())),
-            (None, Some((_, body))) => *body += &format!("{line}\n"),
-            (None, None) => above += &format!("{line}\n"),
-        }
-    }
-    (above, sections)
-}
-
 /// Name of the processor, as reported by the system.
-pub(crate) fn processor() -> String {
+fn processor() -> String {
     let linux = || model_name(&fs::read_to_string("/proc/cpuinfo").ok()?);
     let mac = || command::output("sysctl", &["-n", "machdep.cpu.brand_string"]).ok();
     linux().or_else(mac).map_or_else(|| "unknown processor".to_owned(), |name| name.trim().to_owned())
@@ -149,6 +130,147 @@ pub(crate) fn processor() -> String {
 fn model_name(cpuinfo: &str) -> Option<String> {
     let line = cpuinfo.lines().find(|line| line.starts_with("model name"))?;
     Some(line.split_once(':')?.1.trim().to_owned())
+}
+
+fn write(path: &PathBuf, text: &str) -> Result<()> {
+    fs::create_dir_all(path.parent().unwrap_or(path))
+        .and_then(|()| fs::write(path, text))
+        .with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// A long run whose last kept result is a page of its own in `benches/results`.
+pub(crate) struct Long {
+    /// Name of the task; also of the page.
+    name: &'static str,
+    /// Arguments of cargo.
+    cargo: &'static [&'static str],
+    /// The binary in cargo's release folder, if cargo only builds it: `cargo run` of one package would select other features and
+    /// compile dependencies again.
+    built: Option<&'static str>,
+    /// First arguments of the program.
+    program: &'static [&'static str],
+    preamble: &'static str,
+}
+
+const BUILD_BENCH: &[&str] = &["build", "--release", "--bin", "canted-bench"];
+const RUN_GRAZING: &[&str] = &["run", "--release", "--package", "canted-tests", "--example", "grazing"];
+
+/// All long runs.
+pub(crate) const LONG: [Long; 5] = [
+    Long {
+        name: "grazing",
+        cargo: RUN_GRAZING,
+        built: None,
+        program: &[],
+        preamble: "# Grazing rays
+
+Rays pass through vertices and edges, within 10⁻³ rad of face planes, along axes, from inside, and from 100, 1,000 and 10,000 mesh
+sizes away. Each is traced through the BVHs of all three presets. `t`, `u`, `v`, primitive and occlusion are compared with a reference.
+",
+    },
+    Long {
+        name: "grazing-device",
+        cargo: RUN_GRAZING,
+        built: None,
+        program: &["--device"],
+        preamble: "# Grazing rays on a device
+
+The rays are those of `grazing.md`. Each is traced through binary and eight-wide BVHs that the device builds over a program's own
+buffers, with boxes of each volume strategy, in one level. A hit of the CPU's reference is lost if the device finds nothing, or
+something behind it that is not within the stated error of the ray. Other triangles are ties within that error. Rays that the driver
+ended early are not answered.
+",
+    },
+    Long {
+        name: "watertight",
+        cargo: BUILD_BENCH,
+        built: Some("canted-bench"),
+        program: &["watertight"],
+        preamble: "# Closed meshes
+
+Rays pass through shared vertices and edges of closed meshes, half of them from inside, half from outside towards a point inside.
+Meshes are unchanged, scaled by 1e-6, 2^-10, 2^10 and 1e6, moved to 1e7, sheared and mirrored. A ray leaks if it has no closest hit or
+no occlusion, or if its crossings do not alternate between entering and leaving (leaving first from inside). The bunny's holes are
+closed by fans that may intersect the rest, so its crossings must only be balanced. Crossings are counted on the CPU; devices return
+first hits. Where a driver ends a traversal early, the CPU traces the ray; the table states how often.
+",
+    },
+    Long {
+        name: "extremes",
+        cargo: BUILD_BENCH,
+        built: Some("canted-bench"),
+        program: &["extremes"],
+        preamble: "# Extremes
+
+The numerical contract, case by case: the promise, the reference that checks it, the bound, and the worst result of each of our
+routines. A test asserts every line. Inputs are those that the reference decides with certainty. A count is the number of failed
+inputs; any other value is the worst over all inputs, followed by the routines it belongs to. The bound `reported` promises nothing:
+the value is for information, or no input is certain. Rays that a driver ended early on a device are traced by the CPU. Peers promise
+nothing here: their values are shown because their users requested the same, and a peer may decide an edge differently.
+",
+    },
+    Long {
+        name: "fuzz",
+        // In the test profile, which checks for overflow. Requires a C++ compiler.
+        cargo: &["run", "--package", "canted-scene", "--example", "fuzz", "--features", "meshopt,ktx2"],
+        built: None,
+        program: &[],
+        preamble: "# Mutated files
+
+Real and malformed files of every format are mutated one to four times (bytes, ranges, numbers) and read. Half of the JSON and scene
+file cases stay well-formed: values, elements and tables are changed, swapped, duplicated or removed. A reader must return a valid
+scene or an error, without a panic and within half a minute.
+",
+    },
+];
+
+impl Long {
+    /// Runs and prints the table; with `--keep` writes the page. Returns whether the run found nothing.
+    pub(crate) fn run(&self, args: &[&str]) -> Result<bool> {
+        let Facts { machine, compiler, commit, date } = facts()?;
+        let command = words(self.name, args, variable);
+        let facts = format!("*{machine}; {compiler}; {commit}; {date}; `{command}`*");
+        let output = self.command(args)?.stderr(Stdio::inherit()).output().context("cannot start cargo")?;
+        let table = String::from_utf8(output.stdout).context("the run wrote invalid UTF-8")?;
+        anyhow::ensure!(table.starts_with('|'), "the run failed: {}", output.status);
+        say(table.trim_end());
+        if args.contains(&KEEP) {
+            let path = workspace::root().join(self.page());
+            write(&path, &format!("{}\n{facts}\n\n{}\n", self.preamble, table.trim_end()))?;
+            say(&format!("wrote {}", path.display()));
+        } else {
+            say(&format!("not recorded: add {KEEP} to write {}", self.page()));
+        }
+        Ok(output.status.success())
+    }
+
+    /// The program with its arguments, built.
+    fn command(&self, args: &[&str]) -> Result<Command> {
+        let mut command = cargo(self.cargo);
+        if args.contains(&PEERS) {
+            command.args(["--features", "canted-benches/peers"]);
+        }
+        match self.built {
+            None => drop(command.arg("--")),
+            Some(built) => {
+                anyhow::ensure!(command::succeeds(&mut command)?, "cargo {} failed", self.cargo.join(" "));
+                let target = env::var_os("CARGO_TARGET_DIR");
+                let target = target.map_or_else(|| workspace::root().join("target"), PathBuf::from);
+                command = Command::new(target.join("release").join(format!("{built}{}", env::consts::EXE_SUFFIX)));
+            }
+        }
+        command.args(self.program).args(own(args));
+        Ok(command)
+    }
+
+    fn page(&self) -> String {
+        format!("benches/results/{}.md", self.name)
+    }
+
+    /// The run of this name.
+    pub(crate) fn named(name: &str) -> Option<&'static Self> {
+        LONG.iter().find(|long| long.name == name)
+    }
 }
 
 #[cfg(test)]
@@ -163,37 +285,23 @@ mod tests {
     }
 
     #[test]
-    fn facts_name_compiler_date_and_command() {
-        let facts = facts(&["--rounds", "3"]).unwrap();
-        for part in ["; rustc 1.", "cargo xtask bench --rounds 3`*", "; 20"] {
-            assert!(facts.contains(part), "{facts}");
-        }
-    }
-
-    #[test]
-    fn environment_variables_precede_the_command() {
+    fn commands_have_variables_and_no_keep() {
         let set = |name: &str| match name {
             "RUSTFLAGS" => Some("-C target-cpu=x86-64-v3".to_owned()),
             "CANTED_EMBREE" => Some("/a/folder".to_owned()),
             _ => None,
         };
-        let said = words("report", &["--quick"], set);
+        let said = words("report", &["--quick", KEEP], set);
         assert_eq!(said, "RUSTFLAGS='-C target-cpu=x86-64-v3' CANTED_EMBREE=… cargo xtask report --quick");
         assert_eq!(words("bench", &[], |_| None), "cargo xtask bench");
+        assert_eq!(own(&["wide", PEERS, KEEP, "--quick"]).collect::<Vec<_>>(), ["wide", "--quick"]);
     }
 
     #[test]
-    fn a_run_replaces_its_sections_alone() {
-        let old = merged("", "\n## A\n\nold\n\n### part\n\n## B\n\nkept\n", "*then*");
-        assert_eq!(old, format!("{PREAMBLE}\n## A\n\n*then*\n\nold\n\n### part\n\n## B\n\n*then*\n\nkept\n"));
-        let new = merged(&old, "## A\n\nnew\n\n## C\n\nadded\n", "*now*");
-        let sections = "## A\n\n*now*\n\nnew\n\n## B\n\n*then*\n\nkept\n\n## C\n\n*now*\n\nadded\n";
-        assert_eq!(new, format!("{PREAMBLE}\n{sections}"));
-    }
-
-    #[test]
-    fn an_older_header_is_handed_to_its_sections() {
-        let old = "# Results\n\n| | |\n|---|---|\n| Machine | CPU |\n| Date | 2026 |\n\n## A\n\nkept\n";
-        assert_eq!(merged(old, "", "*now*"), format!("{PREAMBLE}\n## A\n\n*CPU; 2026*\n\nkept\n"));
+    fn every_long_run_has_its_page() {
+        for long in &LONG {
+            let page = fs::read_to_string(workspace::root().join(long.page())).unwrap();
+            assert!(page.starts_with(long.preamble.lines().next().unwrap()), "{}", long.name);
+        }
     }
 }

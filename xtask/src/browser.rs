@@ -18,7 +18,7 @@ use serde_json::Value;
 
 use crate::{
     command::{self, cargo, say, succeeds},
-    count::Count,
+    test::Count,
     workspace,
 };
 

@@ -13,7 +13,7 @@ use anyhow::{Context, Result, ensure};
 use crate::{
     browser,
     command::{self, cargo, has_cargo_command, say, succeeds},
-    png,
+    looping,
     publish::{self, Outcome},
     python, test, tidy, window, workspace,
 };
@@ -209,14 +209,14 @@ fn packages() -> Result<End> {
     })
 }
 
-/// Checks licences, sources and duplicates. Advisories need a network and are skipped.
+/// Checks licenses, sources and duplicates. Advisories need a network and are skipped.
 fn dependencies() -> Result<End> {
     if_installed("deny", &mut cargo(&["deny", "check", "licenses", "bans", "sources"]))
 }
 
 /// Runs each benchmark once, in the profile of the tests.
 fn benches() -> Result<End> {
-    succeeds(&mut cargo(&["test", "--workspace", "--bench", "stages", "--bench", "obj"])).map(End::of)
+    succeeds(&mut cargo(&["test", "--workspace", "--bench", "obj"])).map(End::of)
 }
 
 /// Builds and tests the window of `canted view`, where that is requested.
@@ -242,7 +242,7 @@ fn short_render() -> Result<End> {
     if !succeeds(&mut command)? {
         return Ok(End::Failed);
     }
-    let size = png::size(&picture)?;
+    let (size, _) = looping::read(&picture)?;
     ensure!(size == SIZE, "{} has {} x {} pixels", picture.display(), size[0], size[1]);
     Ok(End::Passed)
 }

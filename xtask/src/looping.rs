@@ -27,8 +27,8 @@ pub(crate) fn run(out: &Path, fps: &str, frames: &[&str]) -> Result<bool> {
     Ok(true)
 }
 
-/// Size and pixels of a frame.
-fn read(path: &Path) -> Result<([u32; 2], Vec<u8>)> {
+/// Size and pixels of an 8-bit RGB file, decoded to its end.
+pub(crate) fn read(path: &Path) -> Result<([u32; 2], Vec<u8>)> {
     let name = path.display();
     let file = File::open(path).with_context(|| format!("cannot read {name}"))?;
     let mut reader =

@@ -12,9 +12,10 @@ use std::{
 use anyhow::{Context, Result, bail};
 
 use crate::{
+    bench::KEEP,
     command::{self, cargo, say, succeeds},
-    count::Count,
-    tables, workspace,
+    test::Count,
+    workspace,
 };
 
 /// The manifest of the package, which is no member of the workspace.
@@ -24,7 +25,7 @@ pub(crate) const MANIFEST: &str = "crates/python/Cargo.toml";
 const PACKAGES: [&str; 2] = [MANIFEST, "crates/python/render/Cargo.toml"];
 
 /// What `cargo xtask python` writes.
-pub(crate) const RECORD: &str = "benches/PYTHON.md";
+const RECORD: &str = "benches/PYTHON.md";
 
 /// Where programs of Python are looked for, and what they must answer.
 const PROGRAMS: [&str; 3] = ["python3", "python", "py"];
@@ -59,7 +60,7 @@ fn kib(path: &Path) -> Result<u64> {
     Ok(fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len().div_ceil(1024))
 }
 
-/// Measures the package and its peers, writes [`RECORD`], and fills the tables that show it. `args`: the number of rays and of rounds.
+/// Measures the package and its peers, and with `--keep` writes [`RECORD`]. `args`: the number of rays and of rounds.
 pub(crate) fn measure(args: &[&str]) -> Result<bool> {
     let Some(python) = program() else { bail!("Python 3.9 or newer is not found") };
     let environment = Environment::new(python)?;
@@ -76,7 +77,9 @@ pub(crate) fn measure(args: &[&str]) -> Result<bool> {
     let scenes =
         std::env::var_os("CANTED_SCENES").map_or_else(|| workspace::root().join("../shared/scenes"), PathBuf::from);
     let mut script = environment.command(&["crates/python/examples/table.py"]);
-    let numbers: &[&str] = if args.is_empty() { &["1000000", "5"] } else { args };
+    let keeps = args.contains(&KEEP);
+    let args: Vec<&str> = args.iter().copied().filter(|&arg| arg != KEEP).collect();
+    let numbers: &[&str] = if args.is_empty() { &["1000000", "5"] } else { &args };
     script.env("CANTED_RATE", rate()?).arg(scenes.join("stanford/bunny.ply")).args(numbers);
     let mut text = String::new();
     let is_well = command::for_each_line(&mut script, |line| {
@@ -91,19 +94,21 @@ pub(crate) fn measure(args: &[&str]) -> Result<bool> {
         let package = wheel.file_name().unwrap_or_default().to_string_lossy();
         text += &format!("\nWheel of {}: {} KiB.\n", package.split('-').next().unwrap_or_default(), kib(wheel)?);
     }
-    fs::write(workspace::root().join(RECORD), text).with_context(|| format!("cannot write {RECORD}"))?;
-    say(&format!("wrote {RECORD}"));
-    tables::run()
+    if keeps {
+        fs::write(workspace::root().join(RECORD), text).with_context(|| format!("cannot write {RECORD}"))?;
+        say(&format!("wrote {RECORD}"));
+    }
+    Ok(true)
 }
 
 /// Builds the program that measures the same call in Rust, with the link time optimization of the wheel; its path.
 fn rate() -> Result<PathBuf> {
     let folder = workspace::root().join("target");
-    let mut command = cargo(&["build", "--release", "--package", "canted", "--example", "rate", "--target-dir"]);
+    let mut command = cargo(&["build", "--release", "--package", "canted", "--example", "bindings", "--target-dir"]);
     if !succeeds(command.arg(&folder).env("CARGO_PROFILE_RELEASE_LTO", "thin"))? {
-        bail!("the example rate does not build");
+        bail!("the example bindings does not build");
     }
-    Ok(folder.join("release/examples").join(format!("rate{}", std::env::consts::EXE_SUFFIX)))
+    Ok(folder.join("release/examples").join(format!("bindings{}", std::env::consts::EXE_SUFFIX)))
 }
 
 /// Builds and installs the package, runs its tests and adds them to `count`. Returns whether none failed.

@@ -1,16 +1,21 @@
-//! Rays through a WideBvh: with oriented nodes where they pay off, and with axis-aligned nodes only.
+//! Rays on the device: through a WideBvh with oriented nodes and without, and from the mesh to the hits, through what the CPU
+//! uploads and what the device builds itself.
 
 use std::{fmt::Write, time::Instant};
 
 use anyhow::Result;
-use canted_gpu::{Buffer, DeviceHit, DeviceRay, Gpu, GpuError, NamedBinding, Specialisation, TracedScene, Traversal};
+use canted_gpu::{
+    Buffer, DeviceHit, DeviceRay, Gpu, GpuError, NamedBinding, SceneInput, TracedScene, Variant,
+    build::{BuildConfig, Topology, WideConfig},
+};
+use canted_lbvh::{self as lbvh, Bits, Strategy};
 use canted_trace::{Ray, ScaledRay, Watertight};
 use canted_wide::{Config, Preset, TriangleBvh};
 
 use super::Bench;
 use crate::{
     models::{self, Model},
-    wide::sets::{self, Kind},
+    rays::{self, Kind},
 };
 
 /// An ordinary scene, and two of thin diagonal parts.
@@ -42,8 +47,8 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
         let [oriented, aligned] = [build(&model, &oriented)?, build(&model, &aligned)?];
         let sets = sets(&model, &oriented, bench);
         let traced = [
-            TracedScene::single_level(&bench.gpu, &oriented, &[0])?,
-            TracedScene::single_level(&bench.gpu, &aligned, &[0])?,
+            TracedScene::new(&bench.gpu, SceneInput::upload([&oriented]))?,
+            TracedScene::new(&bench.gpu, SceneInput::upload([&aligned]))?,
         ];
         for (kind, rays) in Kind::ALL.into_iter().zip(sets) {
             let [oriented, aligned] = [cast(bench, &traced[0], kind, &rays)?, cast(bench, &traced[1], kind, &rays)?];
@@ -62,55 +67,16 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     Ok(())
 }
 
-/// Measures every traversal in turn and writes the table.
-pub(super) fn traversals(out: &mut String, bench: &Bench) -> Result<()> {
-    let _ = writeln!(
-        out,
-        "\n### Traversal without a stack\n\nThe same rays through the BVHs of preset balanced, by the state that a ray keeps: {}. \
-         Million rays per second of device time, and the ratio to the first; `-` where a BVH is too deep.\n\n\
-         | scene | rays | {} |\n| --- | --- | --- | --- | --- |",
-        Traversal::ALL.map(Traversal::name).join("; "),
-        Traversal::ALL.map(Traversal::name).join(" | ")
-    );
-    for name in SCENES {
-        let Some(model) = models::load(name)? else {
-            let _ = writeln!(out, "| {name} | not available |");
-            continue;
-        };
-        let tree = build(&model, &Config::preset(Preset::Balanced))?;
-        let sets = sets(&model, &tree, bench);
-        let traced = Traversal::ALL
-            .map(|traversal| TracedScene::single_level(&bench.gpu, &tree, &[0])?.with_traversal(&bench.gpu, traversal));
-        for (kind, rays) in Kind::ALL.into_iter().zip(sets) {
-            let _ = write!(out, "| {name} | {} |", kind.name());
-            let mut first = f64::NAN;
-            for traced in &traced {
-                let Ok(traced) = traced else {
-                    out.push_str(" - |");
-                    continue;
-                };
-                let cast = cast(bench, traced, kind, &rays)?;
-                if first.is_nan() {
-                    first = cast.milliseconds;
-                }
-                let _ = write!(out, " {:.2}, {:.2}x |", cast.rate(rays.len()), first / cast.milliseconds);
-            }
-            out.push('\n');
-        }
-    }
-    Ok(())
-}
-
-pub(super) fn build(model: &Model, config: &Config) -> Result<TriangleBvh<Watertight>> {
+fn build(model: &Model, config: &Config) -> Result<TriangleBvh<Watertight>> {
     Ok(TriangleBvh::build(&model.mesh.positions, &model.mesh.triangles, config)?)
 }
 
 /// Rays of each kind: camera rays in squares, then rays from their hits.
-pub(super) fn sets(model: &Model, tree: &TriangleBvh<Watertight>, bench: &Bench) -> [Vec<Ray>; 3] {
-    let camera = sets::camera(model, bench.scale.resolution);
+fn sets(model: &Model, tree: &TriangleBvh<Watertight>, bench: &Bench) -> [Vec<Ray>; 3] {
+    let camera = rays::camera(model, bench.scale.resolution);
     let mut hits = vec![None; camera.len()];
     tree.par_closest_hits(&camera, &mut hits);
-    let [diffuse, occlusion] = sets::secondary(model, &camera, &hits);
+    let [diffuse, occlusion] = rays::secondary(model, &camera, &hits);
     [in_squares(&camera, bench.scale.resolution as usize), diffuse, occlusion]
 }
 
@@ -127,7 +93,7 @@ fn in_squares(rays: &[Ray], side: usize) -> Vec<Ray> {
 }
 
 /// The time of casting rays.
-pub(super) struct Cast {
+struct Cast {
     milliseconds: f64,
     n_cut: usize,
 }
@@ -135,13 +101,13 @@ pub(super) struct Cast {
 impl Cast {
     /// Million rays a second.
     #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
-    pub(super) fn rate(&self, n_rays: usize) -> f64 {
+    fn rate(&self, n_rays: usize) -> f64 {
         n_rays as f64 / (1e3 * self.milliseconds)
     }
 }
 
 /// Casts all rays several times; the minimum time counts.
-pub(super) fn cast(bench: &Bench, traced: &TracedScene, kind: Kind, rays: &[Ray]) -> Result<Cast, GpuError> {
+fn cast(bench: &Bench, traced: &TracedScene, kind: Kind, rays: &[Ray]) -> Result<Cast, GpuError> {
     let gpu = &bench.gpu;
     let slices = rays
         .chunks(SLICE)
@@ -171,8 +137,8 @@ pub(super) fn cast(bench: &Bench, traced: &TracedScene, kind: Kind, rays: &[Ray]
 fn once(gpu: &Gpu, traced: &TracedScene, kind: Kind, rays: &Buffer<DeviceRay>) -> Result<(f64, usize), GpuError> {
     /// As in the kernels.
     const CUT: u32 = u32::MAX - 1;
-    let chosen = Specialisation::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
-    let chosen = traced.specialise(chosen);
+    let chosen = Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
+    let chosen = traced.specialize(chosen);
     if kind == Kind::Occlusion {
         let found = gpu.zeroed::<u32>("found", rays.len())?;
         let ms = dispatched(gpu, "trace/occluded", &chosen, traced, &[("rays", rays), ("found", &found)], rays.len())?;
@@ -186,7 +152,7 @@ fn once(gpu: &Gpu, traced: &TracedScene, kind: Kind, rays: &Buffer<DeviceRay>) -
 fn dispatched(
     gpu: &Gpu,
     name: &str,
-    chosen: &Specialisation,
+    chosen: &Variant,
     traced: &TracedScene,
     own: &[NamedBinding<'_>],
     n_rays: usize,
@@ -201,6 +167,105 @@ fn dispatched(
     let times = commands.times()?;
     let on_wall = start.elapsed().as_secs_f64() * 1e3;
     Ok(if gpu.has_timestamps() { times.iter().map(|pass| pass.milliseconds).sum() } else { on_wall })
+}
+
+/// A closed surface, thin diagonal parts, and a building.
+const STRUCTURE_SCENES: [&str; 3] = ["bunny", "truss", "sponza"];
+
+/// Rays from the mesh to the hits; on software drivers for the first scene only, because the others take minutes.
+const N_RAYS: usize = 100_000;
+const FEW_RAYS: usize = 10_000;
+
+/// How a scene comes to the device.
+enum Made {
+    Uploaded(Preset),
+    Binary(Strategy),
+    Wide(Bits, Topology, Strategy),
+}
+
+const STRUCTURES: [(&str, Made); 9] = [
+    ("CPU, fast", Made::Uploaded(Preset::Fast)),
+    ("CPU, balanced", Made::Uploaded(Preset::Balanced)),
+    ("binary, radix", Made::Binary(Strategy::Aabb)),
+    ("wide, radix, 30-bit codes", Made::Wide(Bits::B30, Topology::Radix, Strategy::Aabb)),
+    ("wide, radix", Made::Wide(Bits::B63, Topology::Radix, Strategy::Aabb)),
+    ("wide, radix, oriented nodes", Made::Wide(Bits::B63, Topology::Radix, Strategy::Combined)),
+    ("wide, clustered", Made::Wide(Bits::B63, Topology::Ploc, Strategy::Aabb)),
+    ("wide, clustered, oriented nodes", Made::Wide(Bits::B63, Topology::Ploc, Strategy::Combined)),
+    ("wide, clustered, oriented nodes by dop", Made::Wide(Bits::B63, Topology::Ploc, Strategy::Dop)),
+];
+
+/// Measures and writes the table.
+pub(super) fn structures(out: &mut String, bench: &Bench) -> Result<()> {
+    let _ = writeln!(
+        out,
+        "\n### From the mesh to the hits\n\nOne BVH over all triangles, 63-bit codes but for one row. Ready: gathering, building, uploading and waiting, from vertices and \
+         indices in the memory of the CPU, which uses {} threads. Oriented nodes have boxes of the strategy combined. Camera, diffuse, occlusion: \
+         million rays per second of device time, as in the next table. Whole: ready, uploading camera and diffuse rays, tracing \
+         and reading hits back. Minimum milliseconds of {} rounds after a warm-up.\n\n\
+         | scene | BVH | ready | MB | camera | diffuse | occlusion | rays | whole |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+        rayon::current_num_threads(),
+        bench.rounds
+    );
+    for (number, name) in STRUCTURE_SCENES.into_iter().enumerate() {
+        let n_rays = if bench.is_software() && number > 0 { FEW_RAYS } else { N_RAYS };
+        let Some(model) = models::load(name)? else {
+            let _ = writeln!(out, "| {name} | not available |");
+            continue;
+        };
+        let balanced = build(&model, &Config::preset(Preset::Balanced))?;
+        let sets = sets(&model, &balanced, bench);
+        let some: Vec<Ray> = sets[0].iter().chain(&sets[1]).copied().cycle().take(n_rays).collect();
+        for (structure, made) in &STRUCTURES {
+            let (mut ready, mut with_rays) = (f64::MAX, f64::MAX);
+            for round in 0..=bench.rounds {
+                let start = Instant::now();
+                let traced = made.traced(&bench.gpu, &model)?;
+                bench.gpu.finish()?;
+                let built = start.elapsed().as_secs_f64() * 1e3;
+                traced.closest_hits(&bench.gpu, &some)?;
+                // The driver compiles during the first round.
+                if round > 0 {
+                    ready = ready.min(built);
+                    with_rays = with_rays.min(start.elapsed().as_secs_f64() * 1e3);
+                }
+            }
+            let traced = made.traced(&bench.gpu, &model)?;
+            #[expect(clippy::cast_precision_loss, reason = "one digit is shown")]
+            let megabytes = traced.n_bytes() as f64 * 1e-6;
+            let _ = write!(out, "| {name} | {structure} | {ready:.1} | {megabytes:.1} |");
+            for (kind, set) in Kind::ALL.into_iter().zip(&sets) {
+                let _ = write!(out, " {:.2} |", cast(bench, &traced, kind, set)?.rate(set.len()));
+            }
+            let _ = writeln!(out, " {n_rays} | {with_rays:.1} |");
+        }
+    }
+    Ok(())
+}
+
+impl Made {
+    /// The scene on the device, from vertices and indices.
+    fn traced(&self, gpu: &Gpu, model: &Model) -> Result<TracedScene> {
+        let (positions, triangles) = (&model.mesh.positions, &model.mesh.triangles);
+        let of_device = |make: &dyn Fn(&[lbvh::Corners]) -> Result<TracedScene, GpuError>| -> Result<TracedScene> {
+            let (corners, _) = lbvh::triangle_corners(positions, triangles)?;
+            Ok(make(&corners)?)
+        };
+        match *self {
+            Self::Uploaded(preset) => {
+                let bvh = TriangleBvh::<Watertight>::build(positions, triangles, &Config::preset(preset))?;
+                Ok(TracedScene::new(gpu, SceneInput::upload([&bvh]))?)
+            }
+            Self::Binary(strategy) => {
+                let config = BuildConfig { bits: Bits::B63, strategy };
+                of_device(&|corners| TracedScene::new(gpu, SceneInput::build([corners], config)))
+            }
+            Self::Wide(bits, topology, strategy) => {
+                let config = WideConfig { bits, topology, strategy };
+                of_device(&|corners| TracedScene::new(gpu, SceneInput::build([corners], config)))
+            }
+        }
+    }
 }
 
 #[cfg(test)]

@@ -4,14 +4,14 @@
 //! Holds: all bits of a hit are compared. Three sets of rays enter the loop: evenly chosen ones, those on which our
 //! presets disagree, and those on which Embree disagrees with ours, where a lost hit is most likely.
 
-use canted_fixtures::kinds::RayKind;
-use canted_trace::{Hit, Ray};
+use canted_fixtures::Mesh;
+use canted_obb::Affine;
+use canted_tests::brute;
+use canted_trace::{Hit, Kernel, Ray, Watertight};
 use rayon::prelude::*;
 
-use super::{
-    subject::{Answers, Measured, Set, Subject},
-    truth::Truth,
-};
+use super::subject::{Answers, Check, Difference, Measured, OURS, Set, Subject};
+use crate::models::Model;
 
 /// Triangles that the loop tests for each set of rays, about: a second of processor time.
 const BUDGET: usize = 40_000_000;
@@ -19,31 +19,6 @@ const BUDGET: usize = 40_000_000;
 const N_LOOPED: [usize; 2] = [16, 512];
 /// Distances of Embree and ours that differ by more than this, relatively, are looked at.
 const T_DIFFERENCE: f32 = 1e-4;
-
-/// The name of our engines starts with this.
-pub(super) const OURS: &str = "WideBvh";
-
-/// What the comparison of one of our engines found.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Check {
-    /// Rays compared with the loop.
-    pub(super) n_looped: usize,
-    /// Rays compared with our other engines.
-    pub(super) n_compared: usize,
-    pub(super) differences: Vec<Difference>,
-}
-
-/// A ray whose answer is wrong.
-#[derive(Clone, Debug)]
-pub(super) struct Difference {
-    pub(super) rays: RayKind,
-    /// Index of the ray.
-    pub(super) index: usize,
-    pub(super) ray: Ray,
-    /// The loop's hit and the engine's; of occlusion rays the engine reports only whether there is one.
-    pub(super) truth: Option<Hit>,
-    pub(super) found: String,
-}
 
 impl Measured {
     /// Compares our answers with the loop, on all threads, and drops them.
@@ -133,8 +108,48 @@ impl Answers {
     }
 }
 
+type Records = Vec<<Watertight as Kernel>::Record>;
+
+/// The triangles of a model, for a loop. No box is tested; rays enter object space as `canted-tlas` documents it.
+struct Truth {
+    meshes: Vec<Records>,
+    /// The mesh and the transform of each instance; empty for one mesh in world space.
+    instances: Vec<(usize, Affine)>,
+    n_triangles: usize,
+}
+
+impl Truth {
+    fn new(model: &Model) -> Self {
+        let records = |mesh: &Mesh| brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
+        let Some(placed) = &model.placed else {
+            let meshes = vec![records(&model.mesh)];
+            return Self { n_triangles: meshes[0].len(), meshes, instances: vec![] };
+        };
+        let meshes: Vec<Records> = placed.meshes.iter().map(records).collect();
+        let instances: Vec<_> =
+            placed.instances.iter().map(|instance| (instance.blas as usize, instance.world_from_object)).collect();
+        Self { n_triangles: instances.iter().map(|&(mesh, _)| meshes[mesh].len()).sum(), meshes, instances }
+    }
+
+    /// Triangles that a loop tests.
+    fn n_triangles(&self) -> usize {
+        self.n_triangles
+    }
+
+    /// The closest hit, ties to the lowest (instance, primitive).
+    fn closest(&self, ray: &Ray) -> Option<Hit> {
+        if self.instances.is_empty() {
+            return brute::closest_hit::<Watertight>(&self.meshes[0], ray);
+        }
+        let transforms: Vec<Affine> = self.instances.iter().map(|&(_, transform)| transform).collect();
+        let trace = |i: usize, ray: &Ray| brute::closest_hit::<Watertight>(&self.meshes[self.instances[i].0], ray);
+        brute::closest_hit_of_instances(&transforms, ray, trace)
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use canted_fixtures::kinds::RayKind;
     use canted_obb::PrimId;
     use canted_trace::{InstanceId, Side};
 

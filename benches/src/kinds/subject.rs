@@ -11,16 +11,16 @@ use canted_fixtures::{
 use canted_obb::Affine;
 use canted_tlas::Instance;
 use canted_trace::{Hit, Ray};
+use serde_json::json;
 
 use crate::{
-    clock::Seconds,
     models::{Model, Placed},
     options::Options,
-    trace,
+    rays,
+    timing::Seconds,
     wide::{
-        alternate,
-        built::{self, Built},
-        engine::{Engine, Entry},
+        Record,
+        engine::{self, Built, Engine, Entry},
         ours,
     },
 };
@@ -41,7 +41,7 @@ impl Subject {
     pub(super) fn new(kind: &'static Kind, size: usize, options: &Options) -> Result<Self> {
         let scene = kind.generate(size, options.seed);
         let n_rays = N_RAYS[usize::from(options.is_quick)];
-        let rays = |kind| scene.rays(kind, n_rays, options.seed).iter().map(trace::ray).collect();
+        let rays = |kind| scene.rays(kind, n_rays, options.seed).iter().map(rays::ray).collect();
         let sets = RayKind::ALL.map(|kind| (kind, rays(kind))).into();
         Ok(Self { kind, n_triangles: scene.n_triangles(), sets, model: model(scene)? })
     }
@@ -50,7 +50,7 @@ impl Subject {
     pub(super) fn measure(&self, options: &Options) -> Result<Measured> {
         let entries = entries(&self.model, options);
         // Repeated even with `--quick`: the first build of a small scene measures the start of threads.
-        let (engines, built): (Vec<_>, Vec<_>) = built::build(&entries, true)?.into_iter().unzip();
+        let (engines, built): (Vec<_>, Vec<_>) = engine::build_all(&entries, true)?.into_iter().unzip();
         let sets = self.sets.iter().map(|(kind, rays)| Set::measure(*kind, rays, &engines, options.rounds)).collect();
         let engines = entries.iter().map(|entry| entry.name.clone()).zip(built).collect();
         Ok(Measured { kind: self.kind, n_triangles: self.n_triangles, engines, sets, checks: vec![] })
@@ -99,10 +99,10 @@ pub(super) struct Set {
 impl Set {
     fn measure(kind: RayKind, rays: &[Ray], engines: &[Box<dyn Engine>], rounds: usize) -> Self {
         let (seconds, answers) = if kind == RayKind::Occlusion {
-            let (seconds, answers) = alternate::occluded(engines, rays, rounds);
+            let (seconds, answers) = engine::occluded(engines, rays, rounds);
             (seconds, answers.into_iter().map(Answers::Occluded).collect())
         } else {
-            let (seconds, answers) = alternate::closest(engines, rays, rounds);
+            let (seconds, answers) = engine::closest(engines, rays, rounds);
             (seconds, answers.into_iter().map(Answers::Closest).collect())
         };
         Self { kind, n_rays: rays.len(), seconds, answers }
@@ -116,5 +116,68 @@ pub(super) struct Measured {
     pub(super) engines: Vec<(String, Built)>,
     pub(super) sets: Vec<Set>,
     /// One for each of our engines, in their order; empty until checked.
-    pub(super) checks: Vec<super::checked::Check>,
+    pub(super) checks: Vec<Check>,
+}
+
+/// The name of our engines starts with this.
+pub(super) const OURS: &str = "WideBvh";
+
+/// What the comparison of one of our engines found.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Check {
+    /// Rays compared with the loop.
+    pub(super) n_looped: usize,
+    /// Rays compared with our other engines.
+    pub(super) n_compared: usize,
+    pub(super) differences: Vec<Difference>,
+}
+
+/// A ray whose answer is wrong.
+#[derive(Clone, Debug)]
+pub(super) struct Difference {
+    pub(super) rays: RayKind,
+    /// Index of the ray.
+    pub(super) index: usize,
+    pub(super) ray: Ray,
+    /// The loop's hit and the engine's; of occlusion rays the engine reports only whether there is one.
+    pub(super) truth: Option<Hit>,
+    pub(super) found: String,
+}
+
+/// Adds a scene to the JSON lines: one for each engine.
+pub(super) fn add_record(record: &mut Record, measured: &Measured, seed: u64) -> Result<()> {
+    for (i, (name, built)) in measured.engines.iter().enumerate() {
+        let sets = measured.sets.iter().map(|set| {
+            let cpu: Vec<f64> = set.seconds[i].iter().map(|seconds| seconds.cpu).collect();
+            json!({ "rays": set.kind.name(), "n": set.n_rays, "cpu_s": cpu })
+        });
+        let check = measured.checks.get(i).map(|check| {
+            let differences = check.differences.iter().map(|difference| {
+                let bits = |v: [f32; 3]| v.map(f32::to_bits);
+                json!({
+                    "rays": difference.rays.name(),
+                    "index": difference.index,
+                    "origin_bits": bits(difference.ray.origin),
+                    "direction_bits": bits(difference.ray.direction),
+                    "t_max_bits": difference.ray.t_max.to_bits(),
+                    "truth": format!("{:?}", difference.truth),
+                    "found": difference.found,
+                })
+            });
+            json!({ "looped": check.n_looped, "differences": differences.collect::<Vec<_>>() })
+        });
+        record.line(&json!({
+            "kind": measured.kind.name,
+            "family": measured.kind.family.name(),
+            "seed": seed,
+            "triangles": measured.n_triangles,
+            "engine": name,
+            "bytes": built.n_bytes,
+            "build_one_thread_s": built.one_thread,
+            "build_two_threads_s": built.two_threads,
+            "sets": sets.collect::<Vec<_>>(),
+            "check": check,
+        }))?;
+    }
+    Ok(())
 }

@@ -7,13 +7,10 @@ use std::fmt::Write;
 
 use canted_fixtures::kinds::{Family, RayKind};
 
-use super::{
-    checked::{Difference, OURS},
-    subject::{Measured, Set},
-};
+use super::subject::{Difference, Measured, OURS, Set};
 use crate::{
-    interleave::{median, ratio},
     options::Options,
+    timing::{median, ratio},
     wide::ours::{ALIGNED, BALANCED},
 };
 

@@ -9,7 +9,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::interleave::{median, range, spread};
+use crate::timing::{median, range, spread};
 
 /// Every repetition of one measurement, at least one.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -30,10 +30,6 @@ impl Engine for Scene {
     fn n_bytes(&self) -> Option<usize> {
         Some(Scene::n_bytes(self))
     }
-
-    fn shared(&self) -> Option<&(dyn Engine + Sync)> {
-        Some(self)
-    }
 }
 
 /// The modes that are measured.

@@ -69,10 +69,6 @@ macro_rules! engine_of {
                         + size_of_val(&self.primitives[..]),
                 )
             }
-
-            fn shared(&self) -> Option<&(dyn Engine + Sync)> {
-                Some(self)
-            }
         }
     };
 }
@@ -92,13 +88,8 @@ pub(crate) fn entries(mesh: &Mesh) -> Vec<Entry<'_>> {
     vec![binary("obvhs BVH2", mesh, params), wide("obvhs CWBVH", mesh, params)]
 }
 
-/// Their binary BVH with the medium preset, for measuring growth.
-pub(crate) fn medium(mesh: &Mesh) -> Entry<'_> {
-    binary("obvhs BVH2 medium", mesh, BvhBuildParams::medium_build())
-}
-
 /// Their binary BVH with their own traversal.
-pub(crate) fn binary<'a>(name: &str, mesh: &'a Mesh, params: BvhBuildParams) -> Entry<'a> {
+fn binary<'a>(name: &str, mesh: &'a Mesh, params: BvhBuildParams) -> Entry<'a> {
     entry(name, move || {
         let all = triangles(mesh);
         let tree = build_bvh2_from_tris(&all, params, &mut Duration::default());

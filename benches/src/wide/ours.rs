@@ -1,4 +1,4 @@
-//! Our BVHs.
+//! Our BVHs, and the list of all engines.
 
 use anyhow::Result;
 use canted_bvh2::{BuildConfig, Bvh2};
@@ -8,8 +8,14 @@ use canted_tlas::{Blas, Tlas, TopConfig};
 use canted_trace::{Hit, Kernel, MollerTrumbore, Ray, Watertight};
 use canted_wide::{Config, LaneKernel, Preset, TriangleBvh};
 
-use super::engine::{Build, Engine, Entry, Owner, Promise};
-use crate::models::{Model, Placed};
+use super::{
+    engine::{Build, Engine, Entry, Owner, Promise},
+    obvhs,
+};
+use crate::{
+    models::{Model, Placed},
+    options::Options,
+};
 
 impl<K: LaneKernel> Engine for TriangleBvh<K> {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
@@ -22,10 +28,6 @@ impl<K: LaneKernel> Engine for TriangleBvh<K> {
 
     fn n_bytes(&self) -> Option<usize> {
         Some(TriangleBvh::n_bytes(self))
-    }
-
-    fn shared(&self) -> Option<&(dyn Engine + Sync)> {
-        Some(self)
     }
 }
 
@@ -127,4 +129,20 @@ fn wide_levels<K: LaneKernel>(placed: &Placed, config: Config) -> Result<TwoLeve
     let blas = placed.meshes.iter().map(build).collect::<Result<Vec<_>>>()?;
     let n_bytes = blas.iter().map(TriangleBvh::n_bytes).sum();
     Ok(TwoLevels(Tlas::new(blas, &placed.instances, TopConfig::Wide(config))?, n_bytes))
+}
+
+/// Every available and requested engine, ours first.
+pub(crate) fn with_peers<'a>(scene: &str, model: &'a Model, options: &Options) -> Vec<Entry<'a>> {
+    let mut entries = entries(model);
+    #[cfg(feature = "peers")]
+    entries.extend(super::embree::entries(model));
+    entries.extend(obvhs::entries(&model.mesh));
+    #[cfg(all(feature = "peers", target_feature = "avx2"))]
+    if options.wants_engine("tinybvh") {
+        entries.extend(super::tinybvh::entry(scene, &model.mesh));
+    }
+    #[cfg(not(all(feature = "peers", target_feature = "avx2")))]
+    let _ = scene;
+    entries.retain(|entry| options.wants_engine(&entry.name));
+    entries
 }

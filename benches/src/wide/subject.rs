@@ -1,4 +1,4 @@
-//! One scene with its rays and their true answers, and the measuring of all engines on it.
+//! One scene with its rays and their true answers, the measuring of all engines on it, and how often their answers differ.
 
 use anyhow::Result;
 use canted_bvh2::Bvh2;
@@ -7,14 +7,15 @@ use canted_trace::{Hit, Ray, Watertight};
 use rayon::prelude::*;
 
 use super::{
-    alternate,
-    built::{self, Built},
-    compare::{self, Verdict},
-    engine::{Engine, Owner, Promise},
-    entries, ours,
-    sets::{self, Kind},
+    engine::{self, Built, Engine, Owner, Promise},
+    ours,
 };
-use crate::{clock::Seconds, models::Model, options::Options};
+use crate::{
+    models::Model,
+    options::Options,
+    rays::{self, Kind},
+    timing::Seconds,
+};
 
 /// BVHs that return the same hits as testing every triangle.
 struct Truth {
@@ -63,8 +64,8 @@ impl Subject {
         let flat = ours::one_level(&model.mesh)?;
         let placed = model.placed.as_ref().map(ours::two_levels).transpose()?;
         let truth = Truth { flat, placed };
-        let camera = sets::camera(&model, resolution);
-        let [diffuse, occlusion] = sets::secondary(&model, &camera, &truth.closest(false, &camera));
+        let camera = rays::camera(&model, resolution);
+        let [diffuse, occlusion] = rays::secondary(&model, &camera, &truth.closest(false, &camera));
         let set = |(kind, rays): (Kind, Vec<Ray>)| match kind {
             Kind::Occlusion => {
                 let occluded = [false, true].map(|is_placed| truth.occluded(is_placed, &rays));
@@ -81,8 +82,8 @@ impl Subject {
 
     /// Builds every engine and traces every set, on this thread.
     pub(crate) fn measure(self, options: &Options) -> Result<Measured> {
-        let entries = entries::entries(&self.name, &self.model, options);
-        let (engines, built): (Vec<_>, Vec<_>) = built::build(&entries, !options.is_quick)?.into_iter().unzip();
+        let entries = ours::with_peers(&self.name, &self.model, options);
+        let (engines, built): (Vec<_>, Vec<_>) = engine::build_all(&entries, !options.is_quick)?.into_iter().unzip();
         let sets = self.sets.iter().map(|set| set.measure(&engines, options, |i| entries[i].is_placed)).collect();
         let contestants = entries
             .iter()
@@ -109,12 +110,12 @@ impl Set {
     ) -> MeasuredSet {
         let truth = |i: usize| usize::from(is_placed(i));
         let (seconds, verdicts): (_, Vec<Verdict>) = if self.kind == Kind::Occlusion {
-            let (seconds, answers) = alternate::occluded(engines, &self.rays, options.rounds);
-            let verdicts = answers.iter().enumerate().map(|(i, a)| compare::occluded(&self.occluded[truth(i)], a));
+            let (seconds, answers) = engine::occluded(engines, &self.rays, options.rounds);
+            let verdicts = answers.iter().enumerate().map(|(i, a)| differing_occluded(&self.occluded[truth(i)], a));
             (seconds, verdicts.collect())
         } else {
-            let (seconds, answers) = alternate::closest(engines, &self.rays, options.rounds);
-            let verdicts = answers.iter().enumerate().map(|(i, a)| compare::closest(&self.closest[truth(i)], a));
+            let (seconds, answers) = engine::closest(engines, &self.rays, options.rounds);
+            let verdicts = answers.iter().enumerate().map(|(i, a)| differing_closest(&self.closest[truth(i)], a));
             (seconds, verdicts.collect())
         };
         MeasuredSet { kind: self.kind, n_rays: self.rays.len(), seconds, verdicts }
@@ -143,4 +144,68 @@ pub(crate) struct MeasuredSet {
     pub(crate) n_rays: usize,
     pub(crate) seconds: Vec<Vec<Seconds>>,
     pub(crate) verdicts: Vec<Verdict>,
+}
+
+/// Greatest difference of `t`, relative to the true one, that rounding explains at these distances.
+///
+/// A Möller-Trumbore test in `f32` accumulates about ten roundings of 6e-8 relative to coordinates; grazing and distant
+/// rays multiply them. A difference beyond a hundred times that counts as another hit.
+const T_TOLERANCE: f32 = 1e-4;
+
+/// Answers that differ.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Verdict {
+    /// The engine misses an existing hit.
+    pub(crate) lost: usize,
+    /// The engine reports a hit where there is none.
+    pub(crate) invented: usize,
+    /// Both hit, at distances that rounding does not explain.
+    pub(crate) elsewhere: usize,
+}
+
+/// Compares nearest hits.
+fn differing_closest(truth: &[Option<Hit>], answers: &[Option<Hit>]) -> Verdict {
+    let mut verdict = Verdict::default();
+    for (truth, answer) in truth.iter().zip(answers) {
+        match (truth, answer) {
+            (Some(_), None) => verdict.lost += 1,
+            (None, Some(_)) => verdict.invented += 1,
+            (Some(truth), Some(answer)) if !is_near(truth.t, answer.t) => verdict.elsewhere += 1,
+            _ => {}
+        }
+    }
+    verdict
+}
+
+/// Whether rounding explains the difference; it never explains a NaN.
+fn is_near(truth: f32, t: f32) -> bool {
+    (truth - t).abs() <= T_TOLERANCE * truth
+}
+
+/// Compares occlusion.
+fn differing_occluded(truth: &[bool], answers: &[bool]) -> Verdict {
+    let count = |is: bool| truth.iter().zip(answers).filter(|&(&truth, &answer)| truth == is && answer != is).count();
+    Verdict { lost: count(true), invented: count(false), elsewhere: 0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_obb::PrimId;
+    use canted_trace::{InstanceId, Side};
+
+    use super::*;
+
+    fn at(t: f32) -> Option<Hit> {
+        Some(Hit { t, u: 0.0, v: 0.0, primitive: PrimId(0), instance: InstanceId(0), side: Side::Front })
+    }
+
+    #[test]
+    fn each_difference_is_counted_once() {
+        let truth = [None, None, at(1.0), at(1.0), at(1.0), at(1.0)];
+        let answers = [None, at(1.0), None, at(1.000_05), at(1.001), at(f32::NAN)];
+        assert_eq!(differing_closest(&truth, &answers), Verdict { lost: 1, invented: 1, elsewhere: 2 });
+        assert_eq!(differing_closest(&truth, &truth), Verdict::default());
+        let verdict = differing_occluded(&[true, true, false, false], &[true, false, false, true]);
+        assert_eq!(verdict, Verdict { lost: 1, invented: 1, elsewhere: 0 });
+    }
 }

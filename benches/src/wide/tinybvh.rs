@@ -13,11 +13,12 @@ use canted_obb::PrimId;
 use canted_trace::{Hit, InstanceId, Ray, Side};
 use tinybvh_rs::{INFINITE, Intersector, bvh, bvh8_cpu, mbvh};
 
-use super::{
-    engine::{Engine, Entry, Owner, Promise},
-    sets,
+use super::engine::{Engine, Entry, Owner, Promise};
+use crate::{
+    models,
+    options::{self, Options},
+    rays,
 };
-use crate::{models, options::Options};
 
 /// Primitives a leaf may hold in the wide layout.
 const MAX_LEAF: u32 = 4;
@@ -111,7 +112,7 @@ pub(crate) fn entry<'a>(scene: &str, mesh: &'a Mesh) -> Option<Entry<'a>> {
 fn survives(scene: &str) -> bool {
     let Ok(program) = env::current_exe() else { return false };
     let mut command = Command::new(program);
-    command.args([super::TRIAL, "--scenes", scene]).stdout(Stdio::null()).stderr(Stdio::null());
+    command.args([options::TRIAL, "--scenes", scene]).stdout(Stdio::null()).stderr(Stdio::null());
     command.status().is_ok_and(|status| status.success())
 }
 
@@ -120,10 +121,10 @@ pub(crate) fn trial(options: &Options) -> Result<()> {
     for name in options.scenes(&[]) {
         let Some(model) = models::load(&name)? else { continue };
         let tiny = Tiny::build(&model.mesh)?;
-        let camera = sets::camera(&model, canted_fixtures::RESOLUTION);
+        let camera = rays::camera(&model, canted_fixtures::RESOLUTION);
         let mut hits = vec![None; camera.len()];
         tiny.closest(&camera, &mut hits);
-        for rays in sets::secondary(&model, &camera, &hits) {
+        for rays in rays::secondary(&model, &camera, &hits) {
             tiny.closest(&rays, &mut hits[..rays.len()]);
         }
     }

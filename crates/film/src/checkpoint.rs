@@ -6,11 +6,10 @@
 //! holds   reading returns what was written, bit for bit; a file with a changed bit is rejected
 //! ```
 
-use std::fmt;
-use std::fs;
 use std::path::Path;
+use std::{fmt, fs};
 
-use crate::output::{Record, record_from_lines, record_lines};
+use crate::film_file::{Record, record_from_lines, record_lines};
 use crate::{AtomicFile, FileError, Guide, Hash, Pixel, Tile};
 
 const FORMAT: &str = "canted checkpoint 2\n";
@@ -92,7 +91,6 @@ fn pair([high, low]: [u32; 2]) -> u64 {
     u64::from(high) << 32 | u64::from(low)
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "halves of 64 bits")]
 fn halves(word: u64) -> [u32; 2] {
     [(word >> 32) as u32, word as u32]
 }

@@ -47,7 +47,6 @@ pub fn compare(picture: &Picture, reference: &Picture) -> Result<Comparison, Com
     if n_pixels == 0 {
         return Err(CompareError::NothingFinite);
     }
-    #[expect(clippy::cast_precision_loss, reason = "pixels are fewer than 2^53")]
     let n_channels = 3.0 * n_pixels as f64;
     Ok(Comparison {
         mean_ratio: if sums == [0.0; 2] { 1.0 } else { sums[0] / sums[1] },

@@ -1,24 +1,13 @@
-//! Sums of samples, and pictures that are their means.
+//! Films: the sums of all pixels of a picture, whole, under construction and unfinished, and their AOVs.
 
-mod aov;
-mod builder;
-mod dyadic;
-mod guide;
-mod part;
-mod pixel;
+use std::fmt;
 
-pub use aov::{Aov, AovValues, Aovs};
-pub use builder::FilmBuilder;
-use builder::Means;
-pub use dyadic::Block;
-pub use dyadic::Dyadic;
-pub(crate) use dyadic::total;
-pub use guide::Guide;
-pub use part::{JoinError, Part};
-pub use pixel::Pixel;
+use exr::prelude::FlatSamples;
 
-use crate::Picture;
 use crate::picture::cropped;
+use crate::picture_file::canonical;
+use crate::sums::{Guide, Part, Pixel, total};
+use crate::{Picture, Tile, Tiling};
 
 /// The sample sums of a picture, row 0 at the top.
 #[derive(Clone, Debug, PartialEq)]
@@ -102,7 +91,6 @@ impl Film {
 
     /// Column and row of the first pixel with a dropped sample.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "column and row of a picture of u32 sides")]
     pub fn first_dropped(&self) -> Option<[u32; 2]> {
         let find = || self.pixels.iter().position(|pixel| pixel.n_dropped > 0);
         let index = self.means.as_ref().map_or_else(find, |means| means.first_dropped)?;
@@ -120,7 +108,6 @@ impl Film {
     /// kept.
     #[must_use]
     pub fn error(&self) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "pixels are fewer than 2^53")]
         let n = self.pixels.len() as f64;
         (self.pixels.iter().map(Pixel::squared_error).sum::<f64>() / n).sqrt()
     }
@@ -161,5 +148,394 @@ impl Film {
     pub fn colors(&self) -> impl Iterator<Item = [f32; 3]> + '_ {
         let means = self.means.iter().flat_map(|means| means.pixels.iter().copied());
         self.pixels.iter().map(Pixel::rounded_mean).chain(means)
+    }
+}
+
+/// What a film without sums keeps: 12 bytes per pixel.
+#[derive(Clone, Debug, PartialEq)]
+struct Means {
+    pixels: Vec<[f32; 3]>,
+    n_samples: u64,
+    n_dropped: u64,
+    /// Index of the first pixel with a dropped sample.
+    first_dropped: Option<usize>,
+}
+
+impl Means {
+    fn set(&mut self, index: usize, pixel: &Pixel) {
+        self.pixels[index] = pixel.rounded_mean();
+        self.n_samples += u64::from(pixel.n_taken());
+        self.n_dropped += u64::from(pixel.n_dropped);
+        if pixel.n_dropped > 0 {
+            self.first_dropped = Some(self.first_dropped.map_or(index, |first| first.min(index)));
+        }
+    }
+}
+
+/// A film whose tiles arrive in any order. Each is copied at once, so that none has to be kept.
+#[derive(Clone, Debug)]
+pub struct FilmBuilder {
+    tiling: Tiling,
+    pixels: Vec<Pixel>,
+    guides: Vec<Guide>,
+    means: Option<Means>,
+    n_rays: u64,
+}
+
+impl FilmBuilder {
+    /// A film without samples.
+    #[must_use]
+    pub fn new(tiling: Tiling) -> Self {
+        let [width, height] = tiling.picture_size();
+        let n_pixels = width as usize * height as usize;
+        let means = tiling.keeps_means_only().then(|| {
+            let black = Picture::filled(width, height, [0.0; 3]);
+            Means { pixels: black.pixels, n_samples: 0, n_dropped: 0, first_dropped: None }
+        });
+        let n = if means.is_some() { 0 } else { n_pixels * tiling.n_sums() };
+        let guides = vec![Guide::default(); if tiling.has_guides() { n } else { 0 }];
+        Self { tiling, pixels: vec![Pixel::default(); n], guides, means, n_rays: 0 }
+    }
+
+    /// Adds a finished tile, each once.
+    ///
+    /// # Panics
+    /// If the tile does not [fit](Tiling::fits).
+    pub fn add(&mut self, tile: &Tile) {
+        let tiling = &self.tiling;
+        assert!(tiling.fits(tile), "tile {} does not belong to this picture", tile.number);
+        self.n_rays += tile.n_rays;
+        if let Some(means) = &mut self.means {
+            tiling.totals(tile).for_each(|(index, pixel, _)| means.set(index, &pixel));
+            return;
+        }
+        let n_sums = tiling.n_sums();
+        let run = tiling.size(tile.number)[0] as usize * n_sums;
+        for (row, first) in tiling.rows(tile.number).enumerate() {
+            let (row, all) = (row * run..(row + 1) * run, first * n_sums..first * n_sums + run);
+            self.pixels[all.clone()].copy_from_slice(&tile.pixels[row.clone()]);
+            if tiling.has_guides() {
+                self.guides[all].copy_from_slice(&tile.guides[row]);
+            }
+        }
+    }
+
+    /// The film; pixels of missing tiles have no sample.
+    #[must_use]
+    pub fn film(self) -> Film {
+        let Self { tiling, pixels, guides, means, n_rays } = self;
+        let [width, height] = tiling.picture_size();
+        match tiling.part() {
+            Some(range) => Film::of_part(width, height, Part::new(range, pixels, guides), n_rays),
+            None => Film { means, ..Film::new(width, height, pixels, guides, n_rays) },
+        }
+    }
+}
+
+/// The picture of a render that was stopped: its finished tiles, and black elsewhere.
+pub struct Partial {
+    tiling: Tiling,
+    n_finished: usize,
+    picture: Picture,
+    /// Sums of each pixel, stored only where AOVs are requested.
+    sums: Vec<(Pixel, Guide)>,
+    n_rays: u64,
+}
+
+impl Partial {
+    /// A picture without finished tiles.
+    #[must_use]
+    pub fn new(tiling: Tiling) -> Self {
+        let [width, height] = tiling.picture_size();
+        let picture = Picture::filled(width, height, [0.0; 3]);
+        let n_sums = if tiling.has_guides() { picture.pixels.len() } else { 0 };
+        Self { tiling, n_finished: 0, picture, sums: vec![Default::default(); n_sums], n_rays: 0 }
+    }
+
+    /// Adds a finished tile.
+    ///
+    /// # Panics
+    /// If the tile does not [fit](Tiling::fits).
+    pub fn add(&mut self, tile: &Tile) {
+        assert!(self.tiling.fits(tile), "tile {} does not belong to this picture", tile.number);
+        for (index, pixel, guide) in self.tiling.totals(tile) {
+            self.picture.pixels[index] = pixel.rounded_mean();
+            if let Some(sums) = self.sums.get_mut(index) {
+                *sums = (pixel, guide);
+            }
+        }
+        self.n_finished += 1;
+        self.n_rays += tile.n_rays;
+    }
+
+    /// Number of tiles added, and of all tiles.
+    #[must_use]
+    pub fn n_tiles(&self) -> [usize; 2] {
+        [self.n_finished, self.tiling.n_tiles()]
+    }
+
+    /// The film, where AOVs are requested.
+    #[must_use]
+    pub fn film(&self) -> Option<Film> {
+        let (pixels, guides) = self.sums.iter().copied().unzip();
+        let Picture { width, height, .. } = self.picture;
+        self.tiling.has_guides().then(|| Film::new(width, height, pixels, guides, self.n_rays))
+    }
+
+    /// The picture.
+    #[must_use]
+    pub fn picture(&self) -> &Picture {
+        &self.picture
+    }
+}
+
+/// Arbitrary output variable: a property of the first hit of camera rays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Aov {
+    /// Distance along the view axis in world units: mean of the samples that hit, infinite without hits.
+    Depth,
+    /// Geometric normal in world space, towards the camera; a miss counts as zero.
+    Normal,
+    /// Shading normal in world space; a miss counts as zero.
+    ShadingNormal,
+    /// Reflectance, linear RGB; a miss counts as black.
+    Albedo,
+    /// Instance of the first sample that hits; `u32::MAX` without hits.
+    Instance,
+    /// Triangle of the first sample that hits, by its index in the mesh; `u32::MAX` without hits.
+    Primitive,
+    /// Mean number of box and triangle tests of a camera ray.
+    Tests,
+}
+
+impl Aov {
+    /// All AOVs.
+    pub const ALL: [Self; 7] =
+        [Self::Depth, Self::Normal, Self::ShadingNormal, Self::Albedo, Self::Instance, Self::Primitive, Self::Tests];
+
+    /// The name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Depth => "depth",
+            Self::Normal => "normal",
+            Self::ShadingNormal => "shading-normal",
+            Self::Albedo => "albedo",
+            Self::Instance => "instance",
+            Self::Primitive => "primitive",
+            Self::Tests => "tests",
+        }
+    }
+
+    /// EXR channel names; compositing tools expect `Z` and `N`.
+    #[must_use]
+    pub fn channels(self) -> &'static [&'static str] {
+        match self {
+            Self::Depth => &["Z"],
+            Self::Normal => &["N.X", "N.Y", "N.Z"],
+            Self::ShadingNormal => &["Ns.X", "Ns.Y", "Ns.Z"],
+            Self::Albedo => &["albedo.R", "albedo.G", "albedo.B"],
+            Self::Instance => &["id.instance"],
+            Self::Primitive => &["id.primitive"],
+            Self::Tests => &["tests.boxes", "tests.triangles"],
+        }
+    }
+
+    /// The values of channel `k`, one per pixel.
+    pub(crate) fn values(self, k: usize, pixels: &[Pixel], guides: &[Guide]) -> FlatSamples {
+        let ids =
+            |k: usize| FlatSamples::U32(guides.iter().map(|guide| guide.first.map_or(u32::MAX, |id| id[k])).collect());
+        let mean = |(pixel, guide)| self.mean(k, pixel, guide) as f32;
+        match self {
+            Self::Instance => ids(0),
+            Self::Primitive => ids(1),
+            _ => FlatSamples::F32(pixels.iter().zip(guides).map(mean).collect()),
+        }
+    }
+
+    fn mean(self, k: usize, pixel: &Pixel, guide: &Guide) -> f64 {
+        let sum = match self {
+            // Zero would put the background in front of everything, and a mix with hits into the air.
+            Self::Depth if guide.n_hits == 0 => return f64::INFINITY,
+            Self::Depth => return guide.depth / f64::from(guide.n_hits),
+            Self::Normal => guide.normal[k],
+            Self::ShadingNormal => guide.shading_normal[k],
+            Self::Albedo => guide.albedo[k],
+            Self::Tests => guide.tests[k],
+            // Ids have no mean.
+            Self::Instance | Self::Primitive => 0.0,
+        };
+        sum / f64::from(pixel.n_taken().max(1))
+    }
+}
+
+/// The values of an AOV, pixel by pixel; of a pixel one for each of [`Aov::channels`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum AovValues {
+    /// Numbers.
+    Numbers(Vec<f32>),
+    /// Ids; `u32::MAX` without hits.
+    Ids(Vec<u32>),
+}
+
+impl Film {
+    /// The values of an AOV, the bits that [`write_film`](crate::write_film) writes; `None` if the film was rendered without AOVs.
+    #[must_use]
+    pub fn aov(&self, aov: Aov) -> Option<AovValues> {
+        if self.guides().is_empty() {
+            return None;
+        }
+        let n = aov.channels().len();
+        let mut ids = Vec::new();
+        let mut numbers = vec![0.0; n * self.guides().len()];
+        for k in 0..n {
+            match aov.values(k, self.pixels(), self.guides()) {
+                FlatSamples::U32(values) => ids = values,
+                FlatSamples::F32(values) => {
+                    values.iter().enumerate().for_each(|(i, &x)| numbers[n * i + k] = canonical(x));
+                }
+                FlatSamples::F16(_) => unreachable!("no AOV has half precision"),
+            }
+        }
+        Some(if ids.is_empty() { AovValues::Numbers(numbers) } else { AovValues::Ids(ids) })
+    }
+}
+
+/// A set of AOVs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Aovs(u8);
+
+impl Aovs {
+    /// The empty set.
+    pub const NONE: Self = Self(0);
+
+    /// Adds `aov`.
+    #[must_use]
+    pub fn with(self, aov: Aov) -> Self {
+        Self(self.0 | 1 << aov as u8)
+    }
+
+    /// Whether `aov` is in the set.
+    #[must_use]
+    pub fn contains(self, aov: Aov) -> bool {
+        self.0 >> aov as u8 & 1 == 1
+    }
+
+    /// Whether the set is empty.
+    #[must_use]
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Its members in the order of [`Aov::ALL`].
+    pub fn iter(self) -> impl Iterator<Item = Aov> {
+        Aov::ALL.into_iter().filter(move |&aov| self.contains(aov))
+    }
+}
+
+impl fmt::Display for Aovs {
+    /// The names, separated by commas; `none` for none.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names: Vec<&str> = self.iter().map(Aov::name).collect();
+        f.write_str(if names.is_empty() { "none".to_owned() } else { names.join(",") }.as_str())
+    }
+}
+
+impl FromIterator<Aov> for Aovs {
+    fn from_iter<I: IntoIterator<Item = Aov>>(aovs: I) -> Self {
+        aovs.into_iter().fold(Self::NONE, Self::with)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A film of four tiles, one of which has a dropped sample in its first pixel, and three of which are added.
+    fn film(tiling: &Tiling) -> Film {
+        let mut builder = FilmBuilder::new(tiling.clone());
+        for number in [3, 1, 2] {
+            let mut tile = tiling.tile(number);
+            tile.pixels.fill(Pixel::of([0.1, 0.2, 0.7]) + Pixel::of([0.3, 0.0, 0.1]));
+            tile.pixels[0] = tile.pixels[0] + Pixel::of([f32::NAN; 3]);
+            tile.n_rays = 5;
+            builder.add(&tile);
+        }
+        builder.film()
+    }
+
+    #[test]
+    fn means_alone_are_those_of_the_sums() {
+        let tiling = Tiling::new([11, 13], 8, None, false);
+        let (sums, means) = (film(&tiling), film(&tiling.means_only()));
+        assert!(!sums.pixels().is_empty() && means.pixels().is_empty());
+        assert_eq!(sums.picture(), means.picture());
+        assert_eq!(sums.picture(), means.clone().into_picture());
+        let facts = |film: &Film| (film.n_samples(), film.n_dropped(), film.first_dropped(), film.n_rays());
+        assert_eq!(facts(&sums), facts(&means));
+        assert_eq!(facts(&means), (2 * (11 * 13 - 64) + 3, 3, Some([8, 0]), 15));
+        let crop = |film: &Film| film.cropped([5, 6], [3, 4]).picture();
+        assert_eq!(crop(&sums), crop(&means));
+    }
+
+    #[test]
+    #[should_panic(expected = "tile 4 does not belong to this picture")]
+    fn tiles_of_other_pictures_are_rejected() {
+        let tile = Tiling::new([24, 24], 8, None, false).tile(4);
+        FilmBuilder::new(Tiling::new([11, 13], 8, None, false)).add(&tile);
+    }
+
+    #[test]
+    fn finished_tiles_appear_and_the_rest_is_black() {
+        let tiling = Tiling::new([20, 10], 8, None, false);
+        let mut partial = Partial::new(tiling.clone());
+        // The last tile of the first row: columns 16 to 19.
+        let mut tile = tiling.tile(2);
+        tile.pixels.fill(Pixel::of([1.0, 2.0, 4.0]) + Pixel::of([3.0, 2.0, 0.0]));
+        partial.add(&tile);
+        assert_eq!(partial.n_tiles(), [1, 6]);
+        let picture = partial.picture();
+        for (x, y, color) in [(16, 0, [2.0; 3]), (19, 7, [2.0; 3]), (15, 7, [0.0; 3]), (19, 8, [0.0; 3])] {
+            assert_eq!(picture.pixels[picture.index(x, y)], color, "{x}, {y}");
+        }
+        assert!(partial.film().is_none(), "no AOV is stored");
+    }
+
+    #[test]
+    fn requested_aovs_are_stored() {
+        let tiling = Tiling::new([20, 10], 8, None, true);
+        let mut partial = Partial::new(tiling.clone());
+        let mut tile = tiling.tile(2);
+        tile.pixels.fill(Pixel::of([1.0, 2.0, 4.0]));
+        tile.guides.fill(Guide { n_hits: 1, depth: 3.0, ..Guide::default() });
+        partial.add(&tile);
+        let film = partial.film().unwrap();
+        assert_eq!(film.picture().pixels, partial.picture().pixels);
+        for (x, y, depth) in [(16, 0, 3.0), (19, 7, 3.0), (15, 7, 0.0), (19, 8, 0.0)] {
+            assert_eq!(film.guides()[partial.picture().index(x, y)].depth, depth, "{x}, {y}");
+        }
+    }
+
+    fn f32s(samples: FlatSamples) -> Vec<f32> {
+        if let FlatSamples::F32(values) = samples { values } else { panic!("{samples:?}") }
+    }
+
+    #[test]
+    fn misses_count_for_normals_but_not_for_depth() {
+        let light = [[1.0; 3]; 4].map(Pixel::of).into_iter().reduce(|a, b| a + b).unwrap();
+        let edge = Guide { n_hits: 2, first: Some([3, 9]), depth: 10.0, normal: [2.0, 0.0, 0.0], ..Guide::default() };
+        let values = |aov: Aov, k| aov.values(k, &[light; 2], &[edge, Guide::default()]);
+        assert_eq!(f32s(values(Aov::Depth, 0)), [5.0, f32::INFINITY]);
+        assert_eq!(f32s(values(Aov::Normal, 0)), [0.5, 0.0]);
+        assert_eq!(f32s(values(Aov::Albedo, 2)), [0.0, 0.0]);
+        assert_eq!(values(Aov::Instance, 0), FlatSamples::U32(vec![3, u32::MAX]));
+        assert_eq!(values(Aov::Primitive, 0), FlatSamples::U32(vec![9, u32::MAX]));
+    }
+
+    #[test]
+    fn sets_contain_what_was_added() {
+        let set: Aovs = [Aov::Tests, Aov::Depth].into_iter().collect();
+        assert_eq!(set.iter().collect::<Vec<_>>(), [Aov::Depth, Aov::Tests]);
+        assert!(!set.contains(Aov::Normal) && !set.is_empty() && Aovs::NONE.is_empty());
     }
 }

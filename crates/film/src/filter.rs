@@ -109,7 +109,6 @@ pub struct FilterSampler {
 impl FilterSampler {
     /// Tabulates `filter`; `None` unless its radius is finite and positive.
     #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "few steps")]
     pub fn new(filter: Filter) -> Option<Self> {
         let radius = filter.radius();
         if !(radius > 0.0 && radius.is_finite()) {
@@ -139,7 +138,6 @@ impl FilterSampler {
     /// The table in `f32`, for GPUs. An entry is negative where the filter is negative in the step that starts there. Entries are rounded
     /// up, so a share in `f32` has the same step, and therefore the same sign, as in [`FilterSampler::sample`].
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
     pub fn table(&self) -> Vec<f32> {
         let rounded_up = |before: f64| {
             let nearest = before as f32;
@@ -150,7 +148,6 @@ impl FilterSampler {
     }
 
     /// The sign of the filter in a step, which is constant.
-    #[expect(clippy::cast_precision_loss, reason = "few steps")]
     fn sign(&self, step: usize) -> f32 {
         let center = f64::from(self.filter.radius()) * (step as f64 + 0.5) / STEPS as f64;
         if self.filter.value(center) < 0.0 { -1.0 } else { 1.0 }
@@ -169,7 +166,6 @@ impl FilterSampler {
     }
 
     /// Offset and weight along one axis, for a number from -1 to 1.
-    #[expect(clippy::cast_precision_loss, reason = "few steps")]
     fn along(&self, signed: f64) -> (f64, f32) {
         let share = signed.abs();
         // The step that starts at or before the share; the last one for a share of 1.

@@ -21,39 +21,34 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod atomic_file;
 mod checkpoint;
-mod colormap;
 mod compare;
 pub mod denoise;
-mod digits;
-mod file_error;
 mod film;
+mod film_file;
 mod filter;
 mod flip;
 mod hash;
 mod heatmap;
-mod input;
-mod output;
-mod partial;
 mod picture;
+mod picture_file;
 pub mod srgb;
+mod sums;
 mod tiling;
-mod tone;
 
+pub use atomic_file::{AtomicFile, Discarded, FileError, discard_unfinished};
 pub use checkpoint::Checkpoint;
 pub use compare::{CompareError, Comparison, REL_MSE_FLOOR, compare};
-pub use file_error::FileError;
-pub use film::{Aov, AovValues, Aovs, Block, Dyadic, Film, FilmBuilder, Guide, JoinError, Part, Pixel};
+pub use film::{Aov, AovValues, Aovs, Film, FilmBuilder, Partial};
+pub use film_file::{Record, read_part, write_film, write_film_as};
 pub use filter::{Filter, FilterSampler};
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip, flip_hdr};
 pub use hash::Hash;
 pub use heatmap::false_color;
-pub use input::read_picture;
-pub use output::{
-    AtomicFile, Discarded, Format, Record, discard_unfinished, encode, read_part, write_exr, write_film, write_film_as,
-    write_picture, write_png,
+pub use picture::{Picture, ToneMap};
+pub use picture_file::{
+    Format, declared_exr_samples, encode, exr_error, read_picture, write_exr, write_picture, write_png,
 };
-pub use partial::Partial;
-pub use picture::Picture;
+pub use sums::{Block, Dyadic, Guide, JoinError, Part, Pixel};
 pub use tiling::{CELL, Sums, Tile, Tiling};
-pub use tone::ToneMap;

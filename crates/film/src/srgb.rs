@@ -3,13 +3,8 @@
 use std::sync::LazyLock;
 
 /// Linear value of each byte.
-static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
-    std::array::from_fn(|byte| {
-        #[expect(clippy::cast_possible_truncation, reason = "an index below 256; rounding to f32 is the result")]
-        let linear = to_linear(f64::from(byte as u8) / 255.0) as f32;
-        linear
-    })
-});
+static LINEAR: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|byte| to_linear(f64::from(byte as u8) / 255.0) as f32));
 
 /// Linear value of an sRGB byte.
 #[must_use]
@@ -37,7 +32,6 @@ pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
 
 /// The nearest 16-bit sRGB value of a linear value clamped to 0..=1; NaN gives 0.
 #[must_use]
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=65535; NaN casts to 0")]
 pub fn encode_16(linear: f32) -> u16 {
     (from_linear_unit(f64::from(linear).clamp(0.0, 1.0)) * 65535.0).round() as u16
 }
@@ -52,9 +46,7 @@ const STEPS: usize = 4096;
 
 /// The smallest byte in each step of linear values, and the linear value halfway from each byte to the next.
 static BYTES: LazyLock<(Vec<u8>, [f64; 256])> = LazyLock::new(|| {
-    #[expect(clippy::cast_precision_loss, reason = "numbers below 4097")]
     let first = (0..=STEPS).map(|step| from_linear(step as f64 / STEPS as f64)).collect();
-    #[expect(clippy::cast_precision_loss, reason = "numbers below 256")]
     let halfway =
         std::array::from_fn(|byte| if byte < 255 { to_linear((byte as f64 + 0.5) / 255.0) } else { f64::MAX });
     (first, halfway)
@@ -62,17 +54,14 @@ static BYTES: LazyLock<(Vec<u8>, [f64; 256])> = LazyLock::new(|| {
 
 /// The nearest sRGB byte of a linear value clamped to 0..=1; NaN gives 0.
 #[must_use]
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=4096; NaN casts to 0")]
 pub fn encode(linear: f32) -> u8 {
     let x = f64::from(linear).clamp(0.0, 1.0);
     let (first, halfway) = &*BYTES;
-    #[expect(clippy::cast_precision_loss, reason = "a power of two")]
     let byte = first[(x * STEPS as f64) as usize];
     byte + u8::from(x >= halfway[usize::from(byte)])
 }
 
 /// [`encode`] by the formula.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a value in 0..=1 gives one in 0..=255")]
 fn from_linear(x: f64) -> u8 {
     (255.0 * from_linear_unit(x)).round() as u8
 }
@@ -105,7 +94,6 @@ mod tests {
     #[test]
     fn the_table_agrees_with_the_formula() {
         let halfway = (0..255_u8).map(|byte| to_linear((f64::from(byte) + 0.5) / 255.0));
-        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is wanted")]
         let bits = halfway.map(|x| (x as f32).to_bits()).flat_map(|bits| bits - 2..=bits + 2);
         for bits in bits.chain((0..1.0_f32.to_bits()).step_by(10_007)) {
             let x = f32::from_bits(bits);

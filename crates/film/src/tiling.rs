@@ -8,7 +8,7 @@
 
 use std::ops::{Add, Range};
 
-use crate::film::total;
+use crate::sums::total;
 use crate::{Block, Dyadic, Guide, Pixel};
 
 /// Pixels along the side of a cell: the pixels of a cell stop together, whatever the size of the tiles.
@@ -118,7 +118,6 @@ impl Tiling {
 
     /// Column and row of the top left pixel of a tile.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "quotient and remainder by a u32 of a number below 2^32")]
     pub fn corner(&self, number: usize) -> [u32; 2] {
         let columns = self.columns as usize;
         [(number % columns) as u32 * self.side, (number / columns) as u32 * self.side]

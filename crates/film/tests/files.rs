@@ -83,17 +83,17 @@ const BY_HAND: f32 = 0.5e-7 + 0.125 * f32::EPSILON;
 #[test]
 fn gray_and_16_bit_files_are_read() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("grey.png");
+    let path = folder.path().join("gray.png");
     image::GrayImage::from_raw(2, 1, vec![0, 128]).unwrap().save(&path).unwrap();
-    let grey = read_picture(&path).unwrap();
-    assert_eq!(grey.pixels[0], [0.0; 3]);
-    assert!((grey.pixels[1][0] - 0.215_860_5).abs() <= BY_HAND && grey.pixels[1][0] == grey.pixels[1][2]);
+    let gray = read_picture(&path).unwrap();
+    assert_eq!(gray.pixels[0], [0.0; 3]);
+    assert!((gray.pixels[1][0] - 0.215_860_5).abs() <= BY_HAND && gray.pixels[1][0] == gray.pixels[1][2]);
     image::ImageBuffer::<image::Rgb<u16>, _>::from_raw(1, 1, vec![0_u16, 128 * 257, 65535])
         .unwrap()
         .save(&path)
         .unwrap();
     let deep = read_picture(&path).unwrap().pixels[0];
-    assert_eq!(deep, [0.0, grey.pixels[1][0], 1.0]);
+    assert_eq!(deep, [0.0, gray.pixels[1][0], 1.0]);
 }
 
 #[test]

@@ -183,7 +183,6 @@ impl Commands<'_> {
         })?;
         let timestamp_writes =
             self.timed.as_mut().filter(|timed| timed.kernels.len() < MAX_TIMED as usize).map(|timed| {
-                #[expect(clippy::cast_possible_truncation, reason = "below MAX_TIMED")]
                 let first = 2 * timed.kernels.len() as u32;
                 timed.kernels.push(kernel.name.clone());
                 ComputePassTimestampWrites {
@@ -313,12 +312,10 @@ impl Commands<'_> {
         };
         let n_queries = 2 * timed.kernels.len();
         let ticks = gpu.resolve_target(n_queries)?;
-        #[expect(clippy::cast_possible_truncation, reason = "at most 2·MAX_TIMED")]
         encoder.resolve_query_set(&timed.queries, 0..n_queries as u32, &ticks.raw, 0);
         gpu.queue.submit([encoder.finish()]);
         let ticks = gpu.read_async(&ticks).await?;
         let milliseconds_each = f64::from(gpu.queue.get_timestamp_period()) * 1e-6;
-        #[expect(clippy::cast_precision_loss, reason = "a difference of ticks")]
         let since_first = |tick: u64| tick.saturating_sub(ticks[0]) as f64 * milliseconds_each;
         let ends = ticks.chunks_exact(2).map(|pair| [since_first(pair[0]), since_first(pair[1])]).collect();
         Ok((timed.kernels, ends))

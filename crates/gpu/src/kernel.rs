@@ -1,25 +1,19 @@
-//! Compiled kernels.
+//! Compiled kernels, and detection of drivers that end their loops early.
 
-use canted_shaders::{Binding, BindingKind, Entry, Layout, Shader, Specialisation};
+use canted_shaders::{Binding, BindingKind, Entry, Shader, Variant};
 use wgpu::{ComputePipelineDescriptor, Limits, PipelineCompilationOptions, ShaderModuleDescriptor, ShaderSource};
 
-use crate::GpuError;
+use crate::{Gpu, GpuError, wait::block_on};
 
 /// A compute kernel on a device.
 pub struct Kernel {
     pub(crate) name: String,
     pub(crate) pipeline: wgpu::ComputePipeline,
     entry: Entry,
-    layouts: Vec<Layout>,
 }
 
 impl Kernel {
-    pub(crate) fn new(
-        device: &wgpu::Device,
-        limits: &Limits,
-        name: &str,
-        chosen: &Specialisation,
-    ) -> Result<Self, GpuError> {
+    pub(crate) fn new(device: &wgpu::Device, limits: &Limits, name: &str, chosen: &Variant) -> Result<Self, GpuError> {
         let shader = Shader::new(name, chosen)?;
         let entry =
             shader.entry("main").ok_or_else(|| GpuError::Invalid { message: format!("'{name}' has no main") })?;
@@ -38,7 +32,7 @@ impl Kernel {
             compilation_options: PipelineCompilationOptions { constants: &constants, ..Default::default() },
             cache: None,
         });
-        Ok(Self { name: name.to_owned(), pipeline, entry: entry.clone(), layouts: shader.layouts })
+        Ok(Self { name: name.to_owned(), pipeline, entry: entry.clone() })
     }
 
     /// Its bindings.
@@ -47,19 +41,13 @@ impl Kernel {
         &self.entry.bindings
     }
 
-    /// Size of a structure of the kernel in bytes; `None` if it has no structure of this name.
-    #[must_use]
-    pub fn bytes_of(&self, structure: &str) -> Option<u32> {
-        self.layouts.iter().find(|layout| layout.name == structure).map(|layout| layout.size)
-    }
-
     /// Invocations per work-group.
     #[must_use]
     pub fn group_size(&self) -> u32 {
         self.entry.workgroup_size.iter().product()
     }
 
-    /// Work-groups for `items` invocations, in rows within the limit of an axis; see `shared/invocation.wgsl`.
+    /// Work-groups for `items` invocations, in rows within the limit of an axis; see `shared.wgsl`.
     #[must_use]
     pub fn groups(&self, items: u32) -> [u32; 3] {
         const MOST: u32 = 65_535;
@@ -79,7 +67,6 @@ pub(crate) fn fits(kernel: &str, entry: &Entry, limits: &Limits) -> Result<(), G
         }
         Err(GpuError::Limit { what: format!("kernel '{kernel}'"), need: need.into(), limit, most: most.into(), remedy })
     };
-    #[expect(clippy::cast_possible_truncation, reason = "bindings are few")]
     let count =
         |wanted: fn(&BindingKind) -> bool| entry.bindings.iter().filter(|binding| wanted(&binding.kind)).count() as u32;
     let invocations: u32 = entry.workgroup_size.iter().product();
@@ -89,4 +76,41 @@ pub(crate) fn fits(kernel: &str, entry: &Entry, limits: &Limits) -> Result<(), G
     check(storage, limits.max_storage_buffers_per_shader_stage, "storage buffers per stage")?;
     let uniform = count(|kind| matches!(kind, BindingKind::Uniform));
     check(uniform, limits.max_uniform_buffers_per_shader_stage, "uniform buffers per stage")
+}
+
+/// The number for [`LONG_LOOP`], which is counted once per device.
+pub(crate) async fn longest_loop(gpu: &Gpu) -> Result<u32, GpuError> {
+    if let Some(&counted) = gpu.longest_loop.get() {
+        return Ok(counted);
+    }
+    let counted = loop_iterations_async(gpu, LONG_LOOP).await?;
+    Ok(*gpu.longest_loop.get_or_init(|| counted))
+}
+
+/// Iterations requested to detect drivers that end loops early.
+pub(crate) const LONG_LOOP: u32 = 100_000;
+
+/// Number of iterations that a loop of `wanted` iterations actually runs on this device.
+///
+/// Some software drivers end loops early without an error: Mesa's llvmpipe before version 23 ends them after 65,535 iterations,
+/// summed over all loops of an invocation.
+///
+/// # Errors
+/// The device is lost or does not finish.
+pub fn loop_iterations(gpu: &Gpu, wanted: u32) -> Result<u32, GpuError> {
+    block_on(loop_iterations_async(gpu, wanted))
+}
+
+/// [`loop_iterations`] for browsers.
+///
+/// # Errors
+/// As for [`loop_iterations`].
+pub async fn loop_iterations_async(gpu: &Gpu, wanted: u32) -> Result<u32, GpuError> {
+    let kernel = gpu.kernel("check/loops", &Variant::none())?;
+    let parameters = gpu.uniform("loop check", &[wanted, 0, 0, 0])?;
+    let counted = gpu.zeroed::<u32>("loop iterations", 1)?;
+    let mut commands = gpu.commands();
+    commands.dispatch(&kernel, &[("wanted", &parameters), ("counted", &counted)], kernel.groups(1))?;
+    commands.run_async().await?;
+    Ok(gpu.read_async(&counted).await?[0])
 }

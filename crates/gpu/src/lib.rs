@@ -59,13 +59,13 @@
 //! # Batches of rays
 //!
 //! ```no_run
-//! use canted_gpu::{Choice, Gpu, Outcome, TracedScene, build::WideConfig};
+//! use canted_gpu::{Choice, Gpu, Outcome, SceneInput, TracedScene, build::WideConfig};
 //! use canted_trace::Ray;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let gpu = Gpu::open(&Choice::Best)?;
 //! let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-//! let scene = TracedScene::build_wide_single_level(&gpu, &[triangle], &[0], WideConfig::default())?;
+//! let scene = TracedScene::new(&gpu, SceneInput::build([&[triangle]], WideConfig::default()))?;
 //! let hits = scene.closest_hits(&gpu, &[Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0])])?;
 //! assert!(matches!(hits[0], Outcome::Complete(Some(hit)) if hit.t == 1.0));
 //! # Ok(())
@@ -82,7 +82,7 @@
 //! | [`BufferScene`], [`MeshBuffers`] | a BVH over vertex and index buffers of a program, rebuilt and refitted in its command encoder |
 //! | [`InstancedScene`], [`InstanceBuffer`] | the same with instances, whose transforms are in a buffer of the program |
 //! | [`DeviceBvh`] | which BVH: eight-wide or binary, and its boxes |
-//! | [`TracedScene`] | BVHs and instances in device memory, for ray batches and for kernels of a program |
+//! | [`TracedScene`], [`SceneInput`] | BVHs and instances in device memory, for ray batches and for kernels of a program |
 //! | [`build`] | BVH construction on the device, stage by stage |
 //! | [`Buffer`], [`Kernel`], [`Commands`] | typed buffers, compiled kernels, dispatches |
 //! | [`RasterPipeline`], [`Draw`] | raster passes into integer targets |
@@ -97,14 +97,13 @@
 //! | `max_storage_buffers_per_shader_stage` | 8 to build and to trace batches, the default of `wgpu` and WebGPU. The module takes 3 to 6 of those of your kernel: see [`TracedScene::module`] |
 //! | `max_storage_buffer_binding_size` | bounds the number of triangles: see [`DeviceBvh`] |
 //!
-//! A device with `Limits::downlevel_defaults` has 4 storage buffers, which is too few. [`Traversal::Bits`] and [`Traversal::Links`] with
-//! [motion](#motion-blur) take 9. Kernels that render pictures take up to 28 ([`canted_shaders::MAX_STORAGE_BUFFERS`]), depending on
+//! A device with `Limits::downlevel_defaults` has 4 storage buffers, which is too few. Kernels that render pictures take up to 28 ([`canted_shaders::MAX_STORAGE_BUFFERS`]), depending on
 //! the scene. What exceeds a limit is reported by [`GpuError::Limit`].
 //!
 //! # Motion blur
 //!
-//! In this crate an instance *moves* if it has two transforms, for the two ends of the time that a shutter is open: [`TracedScene::two_level`],
-//! [`TracedScene::build_two_level`] and [`TracedScene::build_wide_two_level`] accept those. Instances of an [`InstancedScene`] have one transform. Changing it between frames costs no binding, and no
+//! In this crate an instance *moves* if it has two transforms, for the two ends of the time that a shutter is open: [`SceneInput::instances`]
+//! accepts those. Instances of an [`InstancedScene`] have one transform. Changing it between frames costs no binding, and no
 //! guarantee becomes weaker.
 //!
 //! # Buffers of a scene
@@ -123,8 +122,6 @@
 //! | 3 `first_triangles` | one level over several meshes | the number of the first triangle of each |
 //! | 4 `instance_order` | two levels | the instance of each item of the top level |
 //! | 5 `motions` | instances with motion blur | a `Motion` for each of these |
-//! | 7 `links` | wide BVHs with [`Traversal::Bits`] or [`Traversal::Links`] | links to parents; scenes over a program's buffers always use [`Traversal::Stack`] |
-//! | 7 `pair_links` | binary BVHs with these | links to parents |
 //!
 //! | structure | bytes | members and their offsets |
 //! |---|---|---|
@@ -191,42 +188,30 @@
 //! Vulkan, Metal and DX12 are enabled in `wgpu`, and WebGPU in browsers.
 #![forbid(unsafe_code)]
 
-mod adapter;
 mod buffer;
 pub mod build;
 mod commands;
 mod device;
-#[cfg(test)]
-mod docs;
-mod draw_batches;
 mod error;
-mod kept;
 mod kernel;
-mod loop_check;
-mod memory;
-#[cfg(not(target_family = "wasm"))]
-mod patience;
 mod raster;
+#[cfg(not(target_family = "wasm"))]
+mod timeout;
 mod trace;
-mod traffic;
 mod wait;
 
-pub use adapter::{AdapterInfo, AdapterKind, Choice, adapters, adapters_async};
-pub use buffer::Buffer;
+pub use buffer::{Buffer, Traffic};
 pub use build::{DeviceInstance, IndexBuffer, InstanceBuffer, MeshBuffers, NOT_PLACED};
 pub use canted_lbvh::{Bits, Strategy};
 pub use canted_obb::Affine;
-pub use canted_shaders::Specialisation;
+pub use canted_shaders::Variant;
 pub use commands::{AsBinding, Commands, NamedBinding, PassTime};
-pub use device::Gpu;
-pub use draw_batches::Draw;
+pub use device::{AdapterInfo, AdapterKind, Choice, Gpu, adapters, adapters_async};
 pub use error::GpuError;
-pub use kernel::Kernel;
-pub use loop_check::{loop_iterations, loop_iterations_async};
-pub use raster::{N_TARGETS, RasterOutput, RasterPipeline};
+pub use kernel::{Kernel, loop_iterations, loop_iterations_async};
+pub use raster::{Draw, N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
-    BufferScene, DeviceBvh, DeviceHit, DeviceRay, HIT_ERROR, InstancedScene, MAX_CONDITION, MAX_COORDINATE,
-    MotionPolynomials, Outcome, TracedScene, Traversal,
+    BufferConfig, BufferScene, DeviceBvh, DeviceHit, DeviceRay, HIT_ERROR, InstancedScene, MAX_CONDITION,
+    MAX_COORDINATE, MotionPolynomials, Outcome, SceneInput, TracedScene,
 };
-pub use traffic::Traffic;
 pub use wgpu::{self, Limits};

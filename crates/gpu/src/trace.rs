@@ -4,35 +4,25 @@
 //! TriangleBvh, or one per mesh + instances -> upload ------------> TracedScene -> closest hits, occlusion; bindings of other kernels
 //! corners of meshes + instances            -> build on the device -^   binary, or collapsed into wide nodes
 //! ```
+//!
+//! A module imports only those above it.
 
-mod alternatives;
-mod binary;
-mod buffers;
-mod built_wide;
-mod cast;
-mod device_bvh;
-mod motion;
-
-mod coordinates;
-mod headers;
-mod instanced;
 mod layout;
-mod level;
-mod module;
-mod nodes;
-mod ray;
-mod scene;
-mod top_level;
-mod wide;
 
-pub use alternatives::Traversal;
-pub use buffers::BufferScene;
-pub use cast::Outcome;
-pub use coordinates::MAX_COORDINATE;
-pub use device_bvh::DeviceBvh;
-pub use instanced::InstancedScene;
-pub use layout::HIT_ERROR;
-pub use motion::MotionPolynomials;
-pub use ray::{DeviceHit, DeviceRay};
-pub use scene::TracedScene;
-pub use top_level::MAX_CONDITION;
+mod instances;
+mod nodes;
+
+mod scene;
+
+mod query;
+
+mod buffer_scene;
+mod instanced_scene;
+
+pub use buffer_scene::{BufferConfig, BufferScene};
+pub use instanced_scene::InstancedScene;
+pub use instances::{MAX_CONDITION, MotionPolynomials};
+pub use layout::{DeviceHit, DeviceRay, HIT_ERROR, MAX_COORDINATE};
+pub use nodes::DeviceBvh;
+pub use query::Outcome;
+pub use scene::{SceneInput, TracedScene};

@@ -48,32 +48,24 @@
 
 mod bottom_up;
 mod check;
-mod corners;
 mod cost;
-mod domain;
 mod leaf;
 mod morton;
 #[doc(hidden)]
 pub mod par;
 mod radix;
 mod sort;
-mod topology;
 mod tree;
-mod volume;
 mod volumes;
 
 pub use bottom_up::bottom_up;
 pub use check::{Flaw, Stats, check};
-pub use corners::{
-    Corners, GeometryError, MAX_PRIMITIVES, corners_of, in_leaf_order, triangle_bounds, triangle_corners,
-};
 pub use cost::{Costs, TreeCost, tree_cost};
-pub use domain::{Bits, Domain};
-pub use leaf::Leaf;
-pub use morton::{morton_codes, morton_codes_of_boxes};
+pub use leaf::{
+    Corners, GeometryError, Leaf, MAX_PRIMITIVES, corners_of, in_leaf_order, triangle_bounds, triangle_corners,
+};
+pub use morton::{Bits, Domain, morton_codes, morton_codes_of_boxes};
 pub use radix::radix;
 pub use sort::{Sorted, sort_by_code};
-pub use topology::TopologyError;
-pub use tree::{Child, ChildKind, MAX_DEPTH, Node, NodeId, Task, Tree};
-pub use volume::{Strategy, Volume, VolumeConfig, Volumes};
-pub use volumes::volumes;
+pub use tree::{Child, ChildKind, MAX_DEPTH, Node, NodeId, Task, TopologyError, Tree};
+pub use volumes::{Strategy, Volume, VolumeConfig, Volumes, volumes};

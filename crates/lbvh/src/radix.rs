@@ -59,7 +59,6 @@ struct Top {
 }
 
 /// Splits from the root until subtrees are small; returns the nodes above, parents first, and the leaf ranges in order.
-#[expect(clippy::cast_possible_truncation, reason = "at most 2^30 leaves")]
 fn divide(codes: &[u64]) -> (Vec<Top>, Vec<Range<u32>>) {
     let limit = Tree::task_limit(codes.len());
     let (mut tops, mut ranges, mut stack) = (vec![], vec![], vec![(NodeId::ROOT, 0, codes.len() as u32 - 1)]);
@@ -77,7 +76,6 @@ fn divide(codes: &[u64]) -> (Vec<Top>, Vec<Range<u32>>) {
 }
 
 /// Last leaf of the lower part of `first..=last`, after which the highest differing bit of (code, position) is 1.
-#[expect(clippy::cast_possible_truncation, reason = "at most 2^30 leaves")]
 fn find_split(codes: &[u64], first: u32, last: u32) -> u32 {
     let differ = codes[first as usize] ^ codes[last as usize];
     if differ == 0 {
@@ -92,7 +90,6 @@ fn find_split(codes: &[u64], first: u32, last: u32) -> u32 {
 /// Level of the split between leaves `i` and `i + 1`: the highest differing bit of (code, position). The two boundaries of
 /// a subtree have different levels, both higher than those inside.
 #[inline]
-#[expect(clippy::cast_possible_truncation, reason = "at most 96")]
 fn level(codes: &[u64], i: u32) -> u8 {
     let differ = codes[i as usize] ^ codes[i as usize + 1];
     if differ == 0 { (32 - (i ^ (i + 1)).leading_zeros()) as u8 } else { (96 - differ.leading_zeros()) as u8 }
@@ -132,7 +129,6 @@ fn build_task(codes: &[u64], range: Range<u32>, nodes: &mut [Node], order: &mut 
 }
 
 #[cfg(test)]
-#[expect(clippy::cast_possible_truncation, reason = "small counts")]
 mod tests {
     use super::*;
     use crate::{Bits, ChildKind, sort_by_code};

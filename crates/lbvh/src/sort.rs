@@ -1,5 +1,3 @@
-#![expect(clippy::cast_possible_truncation, reason = "digits and positions of at most 2^30 primitives")]
-
 use canted_obb::PrimId;
 
 use crate::{Bits, par};

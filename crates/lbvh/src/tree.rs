@@ -1,3 +1,5 @@
+//! Binary trees in Karras numbering, and trees from the child references of any builder.
+
 use std::ops::Range;
 
 use canted_obb::PrimId;
@@ -156,8 +158,193 @@ impl Tree {
     }
 
     /// Maximum number of leaves of a task.
-    #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 leaves")]
     pub(crate) fn task_limit(n_leaves: usize) -> u32 {
         TASK_LEAVES.max(n_leaves as u32 / 64)
+    }
+}
+
+/// Why child references do not form a tree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TopologyError {
+    /// A reference to a node that does not exist; node 0 for an empty list.
+    NoSuchNode {
+        /// The node.
+        node: u32,
+    },
+    /// A primitive index greater than the number of nodes.
+    NoSuchPrimitive {
+        /// The primitive.
+        primitive: u32,
+    },
+    /// A node or primitive has two parents.
+    ReachedTwice {
+        /// The node, or the primitive where `is_leaf`.
+        index: u32,
+        /// Whether `index` is a primitive.
+        is_leaf: bool,
+    },
+    /// A node is not reachable from the root.
+    Unreached {
+        /// The first such node.
+        node: u32,
+    },
+}
+
+impl std::fmt::Display for TopologyError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::NoSuchNode { node } => write!(f, "node {node} does not exist"),
+            Self::NoSuchPrimitive { primitive } => {
+                write!(f, "primitive {primitive} is out of range for the number of nodes")
+            }
+            Self::ReachedTwice { index, is_leaf: true } => write!(f, "primitive {index} is in two leaves"),
+            Self::ReachedTwice { index, is_leaf: false } => write!(f, "node {index} has two parents"),
+            Self::Unreached { node } => write!(f, "node {node} is not below the root"),
+        }
+    }
+}
+
+impl std::error::Error for TopologyError {}
+
+impl Tree {
+    /// A tree from the topology of another builder, with nodes and leaves renumbered from left to right.
+    ///
+    /// `children[i]` are the children of node `i`, and node 0 is the root; a leaf refers to its *primitive*. All later stages
+    /// work as for a radix tree. The depth is only bounded by the number of leaves.
+    ///
+    /// # Errors
+    /// A topology that is not a tree over the primitives `0..=children.len()`, each once.
+    pub fn from_children(children: &[[Child; 2]]) -> Result<Self, TopologyError> {
+        let n_leaves = children.len() + 1;
+        let parents_first = parents_first(children)?;
+        let mut sizes = vec![0u32; children.len()];
+        let size_of = |child: Child, sizes: &[u32]| match child.kind() {
+            ChildKind::Leaf(_) => 1,
+            ChildKind::Inner(id) => sizes[id.index()],
+        };
+        for &id in parents_first.iter().rev() {
+            sizes[id.index()] = children[id.index()].iter().map(|&child| size_of(child, &sizes)).sum();
+        }
+        // The leaf range of a subtree determines its number.
+        let mut tree = Self {
+            nodes: vec![Node::UNSET; children.len()],
+            leaves: vec![PrimId(0); n_leaves],
+            bottom_up: vec![],
+            tasks: vec![],
+            depth: 1,
+        };
+        let mut stack = vec![(NodeId::ROOT, NodeId::ROOT, 0u32, 1u32)];
+        let mut renumbered = Vec::with_capacity(children.len());
+        while let Some((old, new, first, depth)) = stack.pop() {
+            renumbered.push(new);
+            let [left, right] = children[old.index()];
+            let split = first + size_of(left, &sizes) - 1;
+            let last = split + size_of(right, &sizes);
+            tree.nodes[new.index()] = Node {
+                left: Self::subtree(first, split, true),
+                right: Self::subtree(split + 1, last, false),
+                first,
+                last,
+            };
+            tree.depth = tree.depth.max(depth + 1);
+            for (child, first, new) in [(right, split + 1, NodeId(split + 1)), (left, first, NodeId(split))] {
+                match child.kind() {
+                    ChildKind::Leaf(primitive) => tree.leaves[first as usize] = PrimId(primitive),
+                    ChildKind::Inner(old) => stack.push((old, new, first, depth + 1)),
+                }
+            }
+        }
+        tree.schedule(&renumbered);
+        Ok(tree)
+    }
+
+    /// Groups the nodes, given parents first with each subtree contiguous, into tasks.
+    fn schedule(&mut self, parents_first: &[NodeId]) {
+        let limit = Self::task_limit(self.leaves.len());
+        let mut tops = vec![];
+        let mut rest = parents_first;
+        while let Some((&id, below)) = rest.split_first() {
+            let node = self.nodes[id.index()];
+            if node.n_leaves() > limit {
+                tops.push(id);
+                rest = below;
+                continue;
+            }
+            let (own, after) = rest.split_at(node.n_leaves() as usize - 1);
+            let start = self.bottom_up.len();
+            self.bottom_up.extend(own.iter().rev());
+            self.tasks.push(Task { leaves: node.first..node.last + 1, nodes: start..self.bottom_up.len() });
+            rest = after;
+        }
+        self.bottom_up.extend(tops.iter().rev());
+    }
+}
+
+/// All nodes, parents before children, checked to be a tree over all primitives.
+fn parents_first(children: &[[Child; 2]]) -> Result<Vec<NodeId>, TopologyError> {
+    let mut node_seen = vec![false; children.len()];
+    let mut leaf_seen = vec![false; children.len() + 1];
+    let mut order = Vec::with_capacity(children.len());
+    let mut stack = vec![NodeId::ROOT];
+    while let Some(id) = stack.pop() {
+        let node = children.get(id.index()).ok_or(TopologyError::NoSuchNode { node: id.0 })?;
+        if std::mem::replace(&mut node_seen[id.index()], true) {
+            return Err(TopologyError::ReachedTwice { index: id.0, is_leaf: false });
+        }
+        order.push(id);
+        for child in node {
+            match child.kind() {
+                ChildKind::Inner(id) => stack.push(id),
+                ChildKind::Leaf(primitive) => match leaf_seen.get_mut(primitive as usize) {
+                    None => return Err(TopologyError::NoSuchPrimitive { primitive }),
+                    Some(seen) if *seen => return Err(TopologyError::ReachedTwice { index: primitive, is_leaf: true }),
+                    Some(seen) => *seen = true,
+                },
+            }
+        }
+    }
+    // If every node is visited once, so is every primitive: no two leaves are equal, and their number matches.
+    match (0..).zip(&node_seen).find(|(_, is_seen)| !**is_seen) {
+        Some((node, _)) => Err(TopologyError::Unreached { node }),
+        None => Ok(order),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chain_keeps_its_leaf_order() {
+        let n = 10_000u32;
+        let chain: Vec<[Child; 2]> = (0..n)
+            .map(|i| [Child::leaf(n - i), if i + 1 < n { Child::inner(NodeId(i + 1)) } else { Child::leaf(0) }])
+            .collect();
+        let tree = Tree::from_children(&chain).unwrap();
+        assert_eq!(tree.leaves, (0..=n).rev().map(PrimId).collect::<Vec<_>>());
+        assert_eq!(tree.depth, n + 1);
+        assert_eq!(tree.bottom_up.len(), n as usize);
+    }
+
+    #[test]
+    fn rejects_what_is_not_a_tree() {
+        let (a, b) = (Child::inner(NodeId(1)), Child::inner(NodeId(0)));
+        assert_eq!(
+            Tree::from_children(&[[a, Child::leaf(0)], [b, Child::leaf(1)]]),
+            Err(TopologyError::ReachedTwice { index: 0, is_leaf: false })
+        );
+        assert_eq!(
+            Tree::from_children(&[[Child::leaf(1), Child::leaf(1)]]),
+            Err(TopologyError::ReachedTwice { index: 1, is_leaf: true })
+        );
+        assert_eq!(Tree::from_children(&[[a, Child::leaf(0)]]), Err(TopologyError::NoSuchNode { node: 1 }));
+        let beyond = Err(TopologyError::NoSuchPrimitive { primitive: 2 });
+        assert_eq!(Tree::from_children(&[[Child::leaf(2), Child::leaf(0)]]), beyond);
+        let [left, right] = [Child::leaf(0), Child::leaf(1)];
+        assert_eq!(
+            Tree::from_children(&[[left, a], [right, Child::leaf(2)], [Child::leaf(3), Child::leaf(3)]]),
+            Err(TopologyError::Unreached { node: 2 })
+        );
+        assert_eq!(Tree::from_children(&[]), Err(TopologyError::NoSuchNode { node: 0 }));
     }
 }

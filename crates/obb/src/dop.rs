@@ -134,7 +134,6 @@ impl Dop {
     /// exactly orthogonal, and coordinates are projections over a squared length.
     #[inline]
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "any origin near the content is valid")]
     pub fn best_box(&self) -> Option<Obb> {
         let areas = self.areas();
         let best = (1..N_FRAMES).fold(0, |best, f| if areas[f] < areas[best] { f } else { best });
@@ -196,7 +195,6 @@ const fn orthogonal_triples() -> [[u8; 3]; N_FRAMES] {
             let mut k = j + 1;
             while k < N_DIRECTIONS {
                 if orthogonal(i, j) && orthogonal(j, k) && orthogonal(k, i) {
-                    #[expect(clippy::cast_possible_truncation, reason = "indices below 25")]
                     let triple = [i as u8, j as u8, k as u8];
                     triples[n] = triple;
                     n += 1;
@@ -217,7 +215,6 @@ const fn orthogonal(i: usize, j: usize) -> bool {
 }
 
 /// Unit vector of a direction, to one unit in the last place.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 const fn unit(direction: [i8; 3]) -> [f32; 3] {
     const RECIPROCAL_ROOT: [f64; 7] = [
         0.0,

@@ -1,8 +1,9 @@
 //! Eigenvalues and eigenvectors of symmetric 3x3 matrices.
 
-use crate::math::sqrt;
-use crate::round::{U, binade_inverse};
-use crate::vector::{self, Vector};
+use crate::{
+    round::{U, binade_inverse},
+    vector::{self, Vector, sqrt},
+};
 
 /// Upper triangle of a symmetric matrix: `xx, xy, xz, yy, yz, zz`.
 pub type Symmetric = [f64; 6];

@@ -51,23 +51,18 @@ extern crate std;
 mod aabb;
 mod affine;
 mod bound;
-mod contains;
 pub mod dop;
 pub mod eigen;
-mod expansion;
 mod fit;
 pub mod frame;
-mod math;
 pub mod merge;
 mod moments;
 mod obb;
 mod orientation;
-mod prim;
 mod quaternion;
 pub mod rotation;
 #[doc(hidden)]
 pub mod round;
-mod transform;
 #[doc(hidden)]
 pub mod vector;
 
@@ -80,5 +75,23 @@ pub use frame::Frame;
 pub use moments::Moments;
 pub use obb::Obb;
 pub use orientation::{orient_2d, orient_3d};
-pub use prim::PrimId;
 pub use quaternion::Quaternion;
+
+/// Index of a primitive in the caller's array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+#[repr(transparent)]
+pub struct PrimId(pub u32);
+
+impl PrimId {
+    /// The index as an array position.
+    #[must_use]
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+impl core::fmt::Display for PrimId {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        self.0.fmt(f)
+    }
+}

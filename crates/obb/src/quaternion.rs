@@ -1,6 +1,7 @@
-use crate::frame::Frame;
-use crate::math;
-use crate::vector::{self, Vector};
+use crate::{
+    frame::Frame,
+    vector::{self, Vector},
+};
 
 /// A rotation as a quaternion, of any length but zero: `w + x·i + y·j + z·k`.
 ///
@@ -55,7 +56,7 @@ impl Quaternion {
     /// The rotation about `axis` (of length one) by `angle_rad`.
     #[must_use]
     pub fn from_axis_angle(axis: [f64; 3], angle_rad: f64) -> Self {
-        let (sin, cos) = math::sin_cos(0.5 * angle_rad);
+        let (sin, cos) = vector::sin_cos(0.5 * angle_rad);
         let [x, y, z] = vector::scale(axis, sin);
         Self { w: cos, x, y, z }
     }
@@ -96,7 +97,7 @@ impl Quaternion {
             return Self::IDENTITY;
         }
         let near_one = self.scaled(crate::round::binade_inverse(reach));
-        near_one.scaled(1.0 / math::sqrt(near_one.dot(near_one)))
+        near_one.scaled(1.0 / vector::sqrt(near_one.dot(near_one)))
     }
 
     /// Dot product: for unit quaternions the cosine of half the angle between the rotations, up to sign.

@@ -11,12 +11,13 @@
 //! - The start is the best of five candidates by trace instead of the identity.
 //! - A matrix of rank one leaves the rotation about its direction undetermined; the shortest rotation is built directly.
 
-use crate::Quaternion;
-use crate::eigen::{self, Eigen};
-use crate::frame;
-use crate::math::atan2;
-use crate::round::{U, binade_inverse};
-use crate::vector::{self, Vector, add, cross, dot, scale};
+use crate::{
+    Quaternion,
+    eigen::{self, Eigen},
+    frame,
+    round::{U, binade_inverse},
+    vector::{self, Vector, add, atan2, cross, dot, scale},
+};
 
 /// Result of [`extract`].
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,7 +5,6 @@ pub const U: f64 = f64::EPSILON / 2.0;
 
 /// Least `f32` that is at least `x`.
 #[inline]
-#[expect(clippy::cast_possible_truncation, reason = "stepped upward where the cast rounded down")]
 #[must_use]
 pub fn up(x: f64) -> f32 {
     let nearest = x as f32;
@@ -43,7 +42,6 @@ pub fn reciprocal_of_power(x: f64) -> f64 {
 
 /// [`up`] for `x >= 0` without a branch: the next positive float has the next bit pattern.
 #[inline]
-#[expect(clippy::cast_possible_truncation, reason = "stepped upward where the cast rounded down")]
 pub(crate) fn magnitude_up(x: f64) -> f32 {
     let nearest = x as f32;
     f32::from_bits(nearest.to_bits() + u32::from(f64::from(nearest) < x))

@@ -1,8 +1,37 @@
-//! Arithmetic of three-component arrays, shared by the workspace. Not part of the stable interface.
+//! Arithmetic of three-component arrays, shared by the workspace, and the float functions that `core` lacks. Not part of the stable
+//! interface.
 //!
-//! Every function fixes the order of its operations: results are the same bits wherever it is used.
+//! Every function fixes the order of its operations: results are the same bits wherever it is used. Float functions are from `std`, or
+//! from the crate `libm` where there is no `std`. Square root and fused multiply-add are correctly rounded in both; sine, cosine and arc
+//! tangent may differ in the last place.
 
 use core::ops::{Add, Mul, Sub};
+
+#[cfg(not(any(feature = "std", feature = "libm")))]
+compile_error!("canted-obb needs the feature `std` or the feature `libm`");
+
+macro_rules! float_functions {
+    ($($doc:literal $name:ident($($x:ident),+) -> $out:ty = $std:expr, $libm:expr;)+) => {$(
+        #[doc = $doc]
+        #[inline]
+        #[must_use]
+        pub fn $name($($x: f64),+) -> $out {
+            #[cfg(feature = "std")]
+            return $std;
+            #[cfg(all(feature = "libm", not(feature = "std")))]
+            return $libm;
+            #[cfg(not(any(feature = "std", feature = "libm")))]
+            unreachable!()
+        }
+    )+};
+}
+
+float_functions! {
+    "Square root, also without a standard library." sqrt(x) -> f64 = x.sqrt(), libm::sqrt(x);
+    "`a·b + c`, rounded once." mul_add(a, b, c) -> f64 = a.mul_add(b, c), libm::fma(a, b, c);
+    "Sine and cosine." sin_cos(x) -> (f64, f64) = x.sin_cos(), libm::sincos(x);
+    "The angle of `(x, y)`." atan2(y, x) -> f64 = y.atan2(x), libm::atan2(y, x);
+}
 
 /// A point or direction in `f64`.
 pub type Vector = [f64; 3];
@@ -17,7 +46,6 @@ pub fn to_f64(v: [f32; 3]) -> Vector {
 /// Each component rounded to `f32`.
 #[inline]
 #[must_use]
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 pub fn to_f32(v: Vector) -> [f32; 3] {
     v.map(|x| x as f32)
 }
@@ -55,13 +83,6 @@ pub fn dot<T: Copy + Add<Output = T> + Mul<Output = T>>(a: [T; 3], b: [T; 3]) ->
 #[must_use]
 pub fn cross<T: Copy + Sub<Output = T> + Mul<Output = T>>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-/// Square root, also without a standard library.
-#[inline]
-#[must_use]
-pub fn sqrt(x: f64) -> f64 {
-    crate::math::sqrt(x)
 }
 
 /// Euclidean length.

@@ -4,7 +4,7 @@
 
 MODEL is a scan, such as the Stanford bunny; without it, or where it is no file, a sphere takes its place. Default: 20,000 rays, 3 rounds. Prints
 Markdown. `cargo xtask python` runs it with 1,000,000 rays and writes the file. Engines that are not installed have no column; the overhead
-over Rust is measured where CANTED_RATE names the built example `rate`.
+over Rust is measured where CANTED_RATE names the built example `bindings`.
 """
 
 import os
@@ -64,7 +64,7 @@ def times(mesh, n, n_rounds):
 
 
 class Rust:
-    """The Rust library in a process of its own: the example `rate` of the crate canted, whose path is in CANTED_RATE."""
+    """The Rust library in a process of its own: the example `bindings` of the crate canted, whose path is in CANTED_RATE."""
 
     def __init__(self, program, folder, mesh, rays):
         counts = np.array([len(mesh.vertices), len(mesh.faces), len(rays[0]), 0], "<u4")

@@ -17,9 +17,9 @@ def answers():
     if given:
         return Path(given)
     if shutil.which("cargo") is None:
-        pytest.skip("there is no cargo to build the example 'answers'")
-    command = ["cargo", "build", "--quiet", "--release", "--package", "canted", "--example", "answers"]
+        pytest.skip("there is no cargo to build the example 'bindings'")
+    command = ["cargo", "build", "--quiet", "--release", "--package", "canted", "--example", "bindings"]
     # A folder of its own, whatever the caller builds at the same time.
     target = ROOT / "target" / "answers"
     subprocess.run([*command, "--target-dir", str(target)], cwd=ROOT, check=True)
-    return target / "release" / "examples" / "answers"
+    return target / "release" / "examples" / "bindings"

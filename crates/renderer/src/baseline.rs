@@ -28,7 +28,6 @@ fn from_bvh2(bvh: &Bvh2) -> Result<Tree, TopologyError> {
                 Child::leaf(bvh.primitive_indices[node.first_index as usize])
             } else {
                 inner.push(child);
-                #[expect(clippy::cast_possible_truncation, reason = "obvhs numbers nodes by u32")]
                 Child::inner(NodeId(inner.len() as u32 - 1))
             }
         }));

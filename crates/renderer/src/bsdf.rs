@@ -31,20 +31,16 @@
 //! should factor this out of the throughput ([`Bsdf::compression`]). Thin walls have the same medium on both sides.
 
 mod boundary;
-mod energy;
-mod fresnel;
-mod ggx;
 mod layers;
-mod lobes;
-mod sheen;
-mod thin_film;
-mod vector;
+mod microfacet;
 
-use boundary::{Boundary, Choice};
-use layers::Layers;
-pub use lobes::Lobes;
+use glam::Vec3;
 
 use crate::sampling::{cosine_density, cosine_hemisphere};
+use boundary::{Boundary, Choice};
+use layers::Layers;
+pub use layers::Lobes;
+use microfacet::{Ggx, fresnel};
 
 /// A material at a hit, and the side from which the ray came.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -126,7 +122,7 @@ impl Bsdf {
             return Evaluation { value: self.base_color.map(|c| c * density), density };
         }
         match &self.lobes {
-            None => Boundary::new(self, outgoing).evaluate(incident),
+            None => Boundary::new(self, outgoing.into()).evaluate(incident.into()),
             Some(lobes) => self.with_lobes(lobes, outgoing, |scatterer, turn| scatterer.evaluate(turn.to(incident))),
         }
     }
@@ -146,7 +142,7 @@ impl Bsdf {
             return Some(BsdfSample { incident, weight, density, is_delta: false, is_transmitted: false });
         }
         match &self.lobes {
-            None => Boundary::new(self, outgoing).sampled(square, choice),
+            None => Boundary::new(self, outgoing.into()).sampled(square, choice),
             Some(lobes) => self.with_lobes(lobes, outgoing, |scatterer, turn| {
                 let sample = scatterer.sampled(square, choice)?;
                 Some(BsdfSample { incident: turn.back(sample.incident), ..sample })
@@ -168,7 +164,7 @@ impl Bsdf {
     /// Whether [`Self::evaluate`] is zero everywhere, so that light sampling is not needed.
     #[must_use]
     pub fn is_delta_only(&self) -> bool {
-        let is_smooth = |roughness| ggx::Ggx::of_roughness(roughness).is_none();
+        let is_smooth = |roughness| Ggx::of_roughness(roughness).is_none();
         let is_bare = self.lobes.is_none_or(|lobes| {
             lobes.sheen_color == [0.0; 3] && (lobes.clearcoat == 0.0 || is_smooth(lobes.clearcoat_roughness))
         });
@@ -181,10 +177,10 @@ impl Bsdf {
     #[must_use]
     pub fn albedo(&self) -> [f32; 3] {
         if let Some(lobes) = &self.lobes {
-            let coat = lobes.dielectric(1.0, self.ior).map(|c| (1.0 - self.metallic) * self.specular * c);
-            return std::array::from_fn(|k| coat[k] + (1.0 - coat[k]) * self.base_color[k]);
+            let coat = (1.0 - self.metallic) * self.specular * Vec3::from(lobes.dielectric(1.0, self.ior));
+            return (coat + (1.0 - coat) * Vec3::from(self.base_color)).into();
         }
-        let coat = (1.0 - self.metallic) * self.specular * fresnel::dielectric(1.0, self.ior).unwrap_or(1.0);
+        let coat = (1.0 - self.metallic) * self.specular * fresnel(1.0, self.ior).unwrap_or(1.0);
         self.base_color.map(|c| coat + (1.0 - coat) * c)
     }
 
@@ -216,7 +212,7 @@ const MIN_COSINE: f32 = f32::MIN_POSITIVE;
 
 /// What scatters light from one direction.
 trait Scatterer {
-    fn evaluate(&self, incident: [f32; 3]) -> Evaluation;
+    fn evaluate(&self, incident: Vec3) -> Evaluation;
 
     fn sample(&self, square: [f32; 2], choice: f32) -> Option<Choice>;
 
@@ -227,11 +223,11 @@ trait Scatterer {
             Choice::Direction(incident) => incident,
         };
         let Evaluation { value, density } = self.evaluate(incident);
-        let is_transmitted = incident[2] < 0.0;
+        let is_transmitted = incident.z < 0.0;
         // Rounding may move a direction at the edge of a lobe out of it.
         (density > 0.0).then(|| {
             let weight = value.map(|x| x / density);
-            BsdfSample { incident, weight, density, is_delta: false, is_transmitted }
+            BsdfSample { incident: incident.into(), weight, density, is_delta: false, is_transmitted }
         })
     }
 }
@@ -241,9 +237,9 @@ trait Scatterer {
 struct Turn([f32; 2]);
 
 impl Turn {
-    fn to(self, [x, y, z]: [f32; 3]) -> [f32; 3] {
+    fn to(self, [x, y, z]: [f32; 3]) -> Vec3 {
         let Self([c, s]) = self;
-        [c * x + s * y, c * y - s * x, z]
+        Vec3::new(c * x + s * y, c * y - s * x, z)
     }
 
     fn back(self, [x, y, z]: [f32; 3]) -> [f32; 3] {

@@ -2,10 +2,10 @@ use std::fmt;
 
 use canted_scene::{Camera, Lens, Projection};
 use canted_trace::Ray;
+use glam::DVec3;
 
-use crate::Cone;
 use crate::sampling::uniform_disk;
-use crate::vector::{Vector, add, cross, dot, narrow, scale, sub, unit, wide};
+use crate::{Cone, narrow, wide};
 
 /// A camera with an image size: maps image positions to world-space rays.
 ///
@@ -13,13 +13,13 @@ use crate::vector::{Vector, add, cross, dot, narrow, scale, sub, unit, wide};
 /// (0.5, 0.5). Pixels are square.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
-    pub(crate) eye: Vector,
+    pub(crate) eye: DVec3,
     /// Unit vector of the view direction.
-    pub(crate) forward: Vector,
+    pub(crate) forward: DVec3,
     /// One pixel to the right, for a perspective on the image plane at distance 1.
-    pub(crate) right: Vector,
+    pub(crate) right: DVec3,
     /// One pixel down, likewise.
-    pub(crate) down: Vector,
+    pub(crate) down: DVec3,
     pub(crate) is_perspective: bool,
     pub(crate) lens: Option<Lens>,
     /// Image size in pixels.
@@ -53,21 +53,21 @@ impl View {
         {
             return Err(CameraError::Lens { radius, focus_distance });
         }
-        let forward = unit(sub(wide(target), wide(eye))).ok_or(CameraError::NoDirection { eye })?;
-        let up_unit = unit(wide(up)).ok_or(CameraError::NoUp { up })?;
-        let right = cross(forward, up_unit);
+        let forward = (wide(target) - wide(eye)).try_normalize().ok_or(CameraError::NoDirection { eye })?;
+        let up_unit = wide(up).try_normalize().ok_or(CameraError::NoUp { up })?;
+        let right = forward.cross(up_unit);
         // A sine below the rounding error of the f32 inputs does not define up.
-        if crate::vector::length(right) < f64::from(f32::EPSILON) {
+        if right.length() < f64::from(f32::EPSILON) {
             return Err(CameraError::NoUp { up });
         }
-        let right = unit(right).ok_or(CameraError::NoUp { up })?;
-        let down = cross(forward, right);
+        let right = right.try_normalize().ok_or(CameraError::NoUp { up })?;
+        let down = forward.cross(right);
         let pixel = view_height / f64::from(height);
         Ok(Self {
             eye: wide(eye),
             forward,
-            right: scale(right, pixel),
-            down: scale(down, pixel),
+            right: right * pixel,
+            down: down * pixel,
             is_perspective,
             lens,
             size: [f64::from(width), f64::from(height)],
@@ -92,12 +92,12 @@ impl View {
         };
         let [x, y] = uniform_disk(square).map(|c| f64::from(c) * f64::from(radius));
         // `right` and `down` are perpendicular and of equal length.
-        let pixel = crate::vector::length(self.right);
-        let shift = add(scale(self.right, x / pixel), scale(self.down, y / pixel));
+        let pixel = self.right.length();
+        let shift = self.right * (x / pixel) + self.down * (y / pixel);
         // The direction has unit length, so its depth is its cosine to the view direction.
-        let to_focus = scale(direction, f64::from(focus_distance) / dot(direction, self.forward));
-        let direction = sub(to_focus, shift);
-        Ray::new(narrow(add(origin, shift)), narrow(scale(direction, 1.0 / crate::vector::length(direction))))
+        let to_focus = direction * (f64::from(focus_distance) / direction.dot(self.forward));
+        let direction = to_focus - shift;
+        Ray::new(narrow(origin + shift), narrow(direction * (1.0 / direction.length())))
     }
 
     /// Whether the camera has a lens, so that rays of one image position differ.
@@ -107,15 +107,15 @@ impl View {
     }
 
     /// Origin and unit direction through an image position and the lens center.
-    fn origin_and_direction(&self, position: [f64; 2]) -> (Vector, Vector) {
-        let across = scale(self.right, position[0] - 0.5 * self.size[0]);
-        let along = scale(self.down, position[1] - 0.5 * self.size[1]);
+    fn origin_and_direction(&self, position: [f64; 2]) -> (DVec3, DVec3) {
+        let across = self.right * (position[0] - 0.5 * self.size[0]);
+        let along = self.down * (position[1] - 0.5 * self.size[1]);
         if !self.is_perspective {
-            return (add(self.eye, add(across, along)), self.forward);
+            return (self.eye + (across + along), self.forward);
         }
-        let direction = add(self.forward, add(across, along));
+        let direction = self.forward + (across + along);
         // At least as long as `forward`, because the other two are perpendicular to it.
-        (self.eye, scale(direction, 1.0 / crate::vector::length(direction)))
+        (self.eye, direction * (1.0 / direction.length()))
     }
 
     /// The ray cone of a pixel's sample with this number, at an image position.
@@ -124,11 +124,11 @@ impl View {
     /// average what is out of focus.
     #[must_use]
     pub fn cone(&self, position: [f64; 2], sample: u32) -> Cone {
-        let pixel = crate::vector::length(self.right);
+        let pixel = self.right.length();
         if !self.is_perspective {
             return Cone::of_pixel(pixel, 0.0, sample);
         }
-        let [x, y] = std::array::from_fn(|k| (position[k] - 0.5 * self.size[k]) * pixel);
+        let [x, y] = [0, 1].map(|k| (position[k] - 0.5 * self.size[k]) * pixel);
         // Image plane at distance 1: the solid angle of a pixel falls with the squared distance and the cosine.
         let cosine = 1.0 / (1.0 + x * x + y * y).sqrt();
         Cone::of_pixel(0.0, pixel * cosine * cosine.sqrt(), sample)
@@ -140,18 +140,18 @@ impl View {
     }
 
     /// The image position in pixels of a world-space point at this depth; the depth is 1 for an orthographic view, whatever it is.
-    pub(crate) fn position(&self, point: Vector, depth: f64) -> [f64; 2] {
-        let offset = sub(point, self.eye);
+    pub(crate) fn position(&self, point: DVec3, depth: f64) -> [f64; 2] {
+        let offset = point - self.eye;
         // `right` and `down` are perpendicular and as long as a pixel.
-        let pixel_squared = dot(self.right, self.right);
-        let along = |axis: Vector, size: f64| dot(offset, axis) / (pixel_squared * depth) + 0.5 * size;
+        let pixel_squared = self.right.dot(self.right);
+        let along = |axis: DVec3, size: f64| offset.dot(axis) / (pixel_squared * depth) + 0.5 * size;
         [along(self.right, self.size[0]), along(self.down, self.size[1])]
     }
 
     /// Depth of a world-space point along the view direction, as compositing tools define it.
     #[must_use]
     pub fn depth(&self, point: [f64; 3]) -> f64 {
-        dot(self.forward, sub(point, self.eye))
+        self.forward.dot(DVec3::from(point) - self.eye)
     }
 }
 

@@ -4,7 +4,6 @@ mod collector;
 mod columns;
 mod device_picture;
 mod dispatcher;
-mod environment;
 mod error;
 mod first_hit;
 mod frames;
@@ -21,7 +20,6 @@ mod textures;
 mod traced;
 #[cfg(test)]
 mod twins;
-mod wavefront;
 
 pub use device_picture::{DevicePicture, SharedFilm};
 pub use error::DeviceError;

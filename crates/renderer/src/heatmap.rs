@@ -35,7 +35,6 @@ impl Heatmap {
 
     /// Mean box tests and mean triangle tests per ray.
     #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "means need no more than 53 bits")]
     pub fn mean(&self) -> [f64; 2] {
         let total = self.total();
         let n = self.counts.len() as f64;

@@ -1,16 +1,14 @@
 //! Integrators: radiance along camera rays.
 
-mod batch;
-mod direct;
-mod hybrid;
-mod path;
-mod roulette;
-
 use canted_trace::{Hit, Ray};
+use glam::Vec3;
 
 use crate::light::{LightSampler, Lights};
 use crate::query::{RayKeyed, Timed};
 use crate::{Cone, Sampler, Surfaces, Tracer};
+
+mod hybrid;
+mod path;
 
 /// The data shared by all paths of an image. `query` is cloned for each ray.
 pub(crate) struct Transport<'a, T, Q> {
@@ -79,5 +77,81 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
     fn path_query(&self, start: &Start) -> Timed<Q> {
         let Start { time, pixel, sample, .. } = *start;
         Timed { inner: self.query.keyed(self.sampler.bits(pixel, sample, ALPHA_DIMENSION)), time }
+    }
+}
+
+// Batched path tracing: all paths shade their hits, then all trace their next ray, until every path has ended.
+//
+// A single path stalls on memory for indices, vertices and texels in turn. In a batch these stalls overlap, see
+// [`Surfaces::prefetch`](crate::Surfaces). Paths are otherwise independent, so results do not depend on the batch.
+
+/// The state of a path between two rays.
+struct Path<Q, W> {
+    start: Start,
+    /// The query of the path; each ray derives its own key.
+    query: Timed<Q>,
+    /// The last ray traced, or the next one to trace.
+    ray: Ray,
+    /// The ray cone.
+    cone: Cone,
+    /// The closest hit of the ray.
+    hit: Option<Hit>,
+    accumulated: PathRadiance,
+    /// State of the integrator.
+    state: W,
+}
+
+/// The radiance that a path has accumulated.
+struct PathRadiance {
+    radiance: Vec3,
+    /// Factor of light at the next vertex.
+    throughput: Vec3,
+    n_rays: u64,
+}
+
+impl PathRadiance {
+    fn add(&mut self, radiance: impl Into<Vec3>, weight: f32) {
+        self.radiance += self.throughput * radiance.into() * weight;
+    }
+}
+
+impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
+    /// Traces paths from camera rays whose hits are known.
+    ///
+    /// `step` shades the `n`-th vertex, or ends the path, and returns whether there is a next ray.
+    fn batch<W: Default>(
+        &self,
+        camera_rays: impl Iterator<Item = (Start, Option<Hit>)>,
+        step: impl Fn(&mut Path<Q, W>, u32) -> bool,
+    ) -> Vec<Sample> {
+        let begin = |(start, hit): (Start, Option<Hit>)| Path {
+            start,
+            query: self.path_query(&start),
+            ray: start.ray,
+            cone: start.cone,
+            hit,
+            accumulated: PathRadiance { radiance: Vec3::ZERO, throughput: Vec3::ONE, n_rays: 1 },
+            state: W::default(),
+        };
+        let mut paths: Vec<Path<Q, W>> = camera_rays.map(begin).collect();
+        let mut active: Vec<usize> = (0..paths.len()).collect();
+        for n in 0.. {
+            // The hit of the last ray is not shaded.
+            if n <= self.bounces {
+                self.surfaces.prefetch(active.iter().filter_map(|&i| paths[i].hit.as_ref()));
+            }
+            active.retain(|&i| step(&mut paths[i], n));
+            if active.is_empty() {
+                break;
+            }
+            for &i in &active {
+                let Path { query, ray, hit, accumulated, .. } = &mut paths[i];
+                accumulated.n_rays += 1;
+                *hit = self.tracer.closest_hit(ray, &mut query.keyed(1 + n));
+            }
+        }
+        let sample =
+            |path: Path<Q, W>| Sample { radiance: path.accumulated.radiance.into(), n_rays: path.accumulated.n_rays };
+        paths.into_iter().map(sample).collect()
     }
 }

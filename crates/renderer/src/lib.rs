@@ -43,7 +43,6 @@ mod heatmap;
 mod integrate;
 mod light;
 mod mask;
-mod placement;
 mod prepare;
 mod query;
 mod render;
@@ -55,7 +54,7 @@ mod surface;
 mod texture;
 mod tracer;
 mod update;
-mod vector;
+mod update_policy;
 
 pub use accel::{Accel, Builder, Bvh};
 #[cfg(feature = "baseline")]
@@ -82,4 +81,15 @@ pub use structure::{Flat, Flattened, Structure, flatten};
 pub use surface::{Surface, Surfaces};
 pub use texture::{Cone, Lod, MipMaps};
 pub use tracer::Tracer;
-pub use update::{UpdateOptions, UpdatePolicy, Updates};
+pub use update::{UpdateOptions, Updates};
+pub use update_policy::UpdatePolicy;
+
+/// A vector in `f64`, exactly.
+pub(crate) fn wide(v: [f32; 3]) -> glam::DVec3 {
+    glam::Vec3::from(v).as_dvec3()
+}
+
+/// A vector rounded to `f32`.
+pub(crate) fn narrow(v: glam::DVec3) -> [f32; 3] {
+    v.as_vec3().to_array()
+}

@@ -1,34 +1,295 @@
 //! Lights: the radiance they send to a point, light sampling, and the PDF of each sample.
 //!
 //! ```text
-//! Light            -> incoming: sun, point, spot; sphere and disk by sampling      -> direct lighting (hybrid)
-//! Environment      -> environment: radiance, SkySampler
-//! emission         -> emitters: triangles, sampled by solid angle                   -> LightSampler (path)
-//! lights, emitters -> cluster (cone) -> build -> tree (bounds)
-//! LightSampler     -> packed, for the GPU
+//! Light            -> sun, point, spot, sphere, disk: a file for each kind         -> direct lighting (hybrid)
+//! Environment      -> environment: radiance, importance sampling
+//! emission         -> triangle: sampled by solid angle                             -> LightSampler (path)
+//! all with a place -> tree: chooses one by its estimated contribution
 //! ```
+//!
+//! A kind of light of the scene file is one type that answers all questions of [`LightKind`]; [`ask`] is the only place that lists the
+//! kinds. Its twin on the GPU is one file of the same name, which `shared/light/list.wgsl` lists. A new kind is a variant of [`Light`],
+//! these two files, and a line in each list.
 //!
 //! Sphere and disk lights are *shape lights*: camera rays and bounced rays hit them, and they occlude other lights.
 //! They reflect nothing. The back of a disk and the inside of a sphere are black.
 
-mod bounds;
-mod build;
-mod cluster;
-mod cone;
 mod disk;
-mod emitters;
-mod environment;
-mod incoming;
-mod lights;
-#[cfg(feature = "gpu")]
-pub(crate) mod packed;
+pub(crate) mod environment;
+mod point;
 mod sampler;
 mod sphere;
-mod spherical;
-mod tree;
-mod triangle;
+mod spot;
+mod sun;
+pub(crate) mod tree;
+pub(crate) mod triangle;
 
-pub(crate) use incoming::IncomingLight;
-pub(crate) use lights::has_multiple_lights;
-pub use lights::{LightHit, LightId, Lights, environment_of};
+#[cfg(feature = "gpu")]
+use bytemuck::{Pod, Zeroable};
+use canted_film::srgb::luminance;
+use canted_obb::PrimId;
+use canted_scene::{Environment, Instance, Light, Material, Part, Scene};
+use canted_trace::{Hit, InstanceId, Query, Ray};
+use glam::DVec3;
+
+use crate::{Surface, Tracer, narrow, wide};
+use environment::Sky;
+#[cfg(feature = "gpu")]
+pub(crate) use sampler::Choice;
 pub use sampler::{LightSample, LightSampler};
+use tree::Cluster;
+
+/// What the renderer asks a light of the scene file. The defaults are those of a light that is infinitely far away.
+trait LightKind {
+    /// Samples the light at a surface, before the occlusion test. Only lights with an area call `square`, for a point of the unit square.
+    fn sample(&self, surface: &Surface, square: &mut dyn FnMut() -> [f32; 2]) -> Option<IncomingLight>;
+
+    /// PDF of [`LightKind::sample`] per steradian for a unit direction that hits the light.
+    fn density(&self, _from: DVec3, _direction: DVec3) -> f64 {
+        0.0
+    }
+
+    /// Whether rays hit it.
+    fn is_shape(&self) -> bool {
+        false
+    }
+
+    /// Where a ray hits it within its closed interval, and the radiance there.
+    fn hit(&self, _ray: &Ray) -> Option<(f32, [f32; 3])> {
+        None
+    }
+
+    /// A unit normal at a point that a ray hit, on either side.
+    fn normal(&self, _at: DVec3) -> Option<DVec3> {
+        None
+    }
+
+    /// Luminance of its irradiance on a surface that faces it; `None` for a light with a position.
+    fn irradiance(&self) -> Option<f64> {
+        None
+    }
+
+    /// Power of a light with a position, in watts of luminance.
+    fn power(&self) -> f64 {
+        0.0
+    }
+
+    /// Where a light with a position is and where it shines; `None` for a black one.
+    fn bounds(&self) -> Option<Cluster> {
+        None
+    }
+
+    /// The light on the GPU.
+    #[cfg(feature = "gpu")]
+    fn packed(&self) -> ListLight;
+}
+
+/// Asks a light of the scene file.
+fn ask<R>(light: &Light, question: impl FnOnce(&dyn LightKind) -> R) -> R {
+    match *light {
+        Light::Sun { direction, irradiance } => question(&sun::Sun { direction, irradiance }),
+        Light::Point { position, intensity } => question(&point::Point { position, intensity }),
+        Light::Spot { position, direction, intensity, cos_inner, cos_outer } => {
+            question(&spot::Spot { position, direction, intensity, cos_inner, cos_outer })
+        }
+        Light::Sphere { center, radius, radiance } => question(&sphere::SphereLight { center, radius, radiance }),
+        Light::Disk { center, normal, radius, radiance } => {
+            question(&disk::DiskLight { center, normal, radius, radiance })
+        }
+    }
+}
+
+/// Whether rays hit a light of the scene file.
+pub(crate) fn is_shape(light: &Light) -> bool {
+    ask(light, |kind| kind.is_shape())
+}
+
+/// Luminance of a linear color.
+fn luminance_of(color: [f32; 3]) -> f64 {
+    luminance(color.map(f64::from))
+}
+
+/// `ListLight` of `shared/light/list`, where the members are documented.
+#[cfg(feature = "gpu")]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct ListLight {
+    pub(crate) position: [f32; 3],
+    pub(crate) kind: u32,
+    pub(crate) direction: [f32; 3],
+    pub(crate) extent: f32,
+    pub(crate) color: [f32; 3],
+    pub(crate) cos_outer: f32,
+}
+
+#[cfg(feature = "gpu")]
+impl From<&Light> for ListLight {
+    fn from(light: &Light) -> Self {
+        let light = ask(light, |kind| kind.packed());
+        Self { color: bounded(light.color), ..light }
+    }
+}
+
+/// A color clamped for the GPU, so that products of colors do not overflow; NaN becomes black.
+#[cfg(feature = "gpu")]
+#[expect(clippy::manual_clamp, reason = "clamp keeps NaN")]
+pub(crate) fn bounded(color: [f32; 3]) -> [f32; 3] {
+    const MAX_RADIANCE: f32 = 1e18;
+    color.map(|x| x.max(0.0).min(MAX_RADIANCE))
+}
+
+/// Light from one direction at a surface, before the occlusion test. World space.
+pub(crate) struct IncomingLight {
+    /// Unit vector.
+    pub(crate) to_light: DVec3,
+    /// Radiance over `density`. For a delta light, the irradiance on a surface that faces it.
+    pub(crate) radiance: DVec3,
+    /// PDF of `to_light` per steradian; `None` for a delta light.
+    pub(crate) density: Option<f64>,
+    /// `None` if the light is too close for an occluder.
+    pub(crate) shadow_ray: Option<Ray>,
+}
+
+impl IncomingLight {
+    /// Samples a light of the scene file. Only lights with an area call `square`, for a point of the unit square.
+    pub(crate) fn of(light: &Light, surface: &Surface, mut square: impl FnMut() -> [f32; 2]) -> Option<Self> {
+        ask(light, |kind| kind.sample(surface, &mut square))
+    }
+
+    /// Light from a point of a shape light, sampled with a PDF per steradian.
+    fn of_target(surface: &Surface, target: DVec3, radiance: [f32; 3], density: f64) -> Option<Self> {
+        Some(Self {
+            to_light: (target - DVec3::from(surface.position)).try_normalize()?,
+            radiance: wide(radiance) * (1.0 / density),
+            density: Some(density),
+            shadow_ray: surface.spawn_ray_to(narrow(target)),
+        })
+    }
+}
+
+/// Identifies a light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LightId {
+    /// The environment, infinitely far away.
+    Environment,
+    /// A light of [`Scene::lights`], by index.
+    Light(u32),
+    /// An emissive triangle.
+    Triangle(InstanceId, PrimId),
+}
+
+impl LightId {
+    /// The triangle that a ray hit.
+    #[must_use]
+    pub fn of_hit(hit: &Hit) -> Self {
+        Self::Triangle(hit.instance, hit.primitive)
+    }
+}
+
+/// The environment or shape light that a ray hits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightHit {
+    /// Linear RGB.
+    pub radiance: [f32; 3],
+    /// Which light; never a triangle.
+    pub light: LightId,
+}
+
+/// The lights of a scene that rays can hit, except for triangles.
+#[derive(Clone, Debug)]
+pub struct Lights<'a> {
+    list: &'a [Light],
+    /// Indices of the shape lights.
+    shape_lights: Vec<u32>,
+    sky: Sky<'a>,
+}
+
+impl<'a> Lights<'a> {
+    /// The lights of `scene` and its [`environment_of`].
+    #[must_use]
+    pub fn new(scene: &'a Scene) -> Self {
+        let shape_lights = (0..).zip(&scene.lights).filter(|(_, light)| is_shape(light)).map(|(index, _)| index);
+        Self { list: &scene.lights, shape_lights: shape_lights.collect(), sky: Sky::new(environment_of(scene)) }
+    }
+
+    /// Mean radiance of the environment over all directions, linear RGB.
+    #[must_use]
+    pub fn ambient(&self) -> [f32; 3] {
+        self.sky.mean
+    }
+
+    /// The light that a ray hits before `hit`, its closest triangle hit. Without a hit, the environment.
+    #[must_use]
+    pub fn intersect(&self, ray: &Ray, hit: Option<&Hit>) -> Option<LightHit> {
+        if let Some((_, index, radiance)) = self.first_shape_light(ray, hit) {
+            return Some(LightHit { radiance, light: LightId::Light(index) });
+        }
+        hit.is_none().then(|| LightHit { radiance: self.sky.radiance(ray.direction), light: LightId::Environment })
+    }
+
+    /// The shape light that a ray hits before `hit`: its `t`, and the unit normal on the side of the ray.
+    pub(crate) fn shape_light_before(&self, ray: &Ray, hit: Option<&Hit>) -> Option<(f32, DVec3)> {
+        let (t, index, _) = self.first_shape_light(ray, hit)?;
+        let normal = ask(&self.list[index as usize], |kind| kind.normal(ray.at(t.into()).into()))?;
+        let side = if normal.dot(wide(ray.direction)) > 0.0 { -1.0 } else { 1.0 };
+        Some((t, normal * side))
+    }
+
+    /// Whether a shadow ray towards `to` is unoccluded. The ray must end before the light.
+    #[must_use]
+    pub fn is_unoccluded<T: Tracer, Q: Query>(&self, ray: &Ray, to: LightId, tracer: &T, query: &mut Q) -> bool {
+        let mut others = self.shape_lights.iter().filter(|&&index| to != LightId::Light(index));
+        others.all(|&index| self.intersect_shape_light(index, ray).is_none()) && !tracer.occluded(ray, query)
+    }
+
+    /// The lights of the scene file.
+    pub(crate) fn list(&self) -> &'a [Light] {
+        self.list
+    }
+
+    /// `t`, index and radiance of the first shape light before `hit`. On a tie, the lowest index.
+    fn first_shape_light(&self, ray: &Ray, hit: Option<&Hit>) -> Option<(f32, u32, [f32; 3])> {
+        let before = Ray { t_max: hit.map_or(ray.t_max, |hit| hit.t), ..*ray };
+        let mut first: Option<(f32, u32, [f32; 3])> = None;
+        for &index in &self.shape_lights {
+            let Some((t, radiance)) = self.intersect_shape_light(index, &before) else { continue };
+            if first.is_none_or(|(nearest, ..)| t < nearest) {
+                first = Some((t, index, radiance));
+            }
+        }
+        first
+    }
+
+    /// Where a ray hits a shape light within its closed interval, and the radiance there.
+    fn intersect_shape_light(&self, index: u32, ray: &Ray) -> Option<(f32, [f32; 3])> {
+        ask(&self.list[index as usize], |kind| kind.hit(ray))
+    }
+}
+
+/// The environment of `scene`.
+///
+/// If the file has no environment: black if the scene has lights or emitters, else white, so that a picture is never
+/// black by default.
+#[must_use]
+pub fn environment_of(scene: &Scene) -> &Environment {
+    const BLACK: &Environment = &Environment::Constant([0.0; 3]);
+    const WHITE: &Environment = &Environment::Constant([1.0; 3]);
+    let emits = scene.materials.iter().any(Material::is_emissive);
+    match &scene.environment {
+        Some(environment) => environment,
+        None if emits || !scene.lights.is_empty() => BLACK,
+        None => WHITE,
+    }
+}
+
+/// Whether a scene has more than one light, counting emissive triangles and the environment.
+pub(crate) fn has_multiple_lights(scene: &Scene) -> bool {
+    let n_emitters = |instance: &Instance| {
+        let mesh = &scene.meshes[instance.mesh.0 as usize];
+        let emits = |part: &Part| scene.materials[part.material.0 as usize].is_emissive();
+        if mesh.parts.iter().any(emits) { mesh.triangles.len().min(2) } else { 0 }
+    };
+    let is_black = *environment_of(scene) == Environment::Constant([0.0; 3]);
+    let others = scene.lights.len() + usize::from(!is_black);
+    others > 1 || others + scene.instances.iter().map(n_emitters).sum::<usize>() > 1
+}

@@ -1,12 +1,14 @@
 use std::time::{Duration, Instant};
 
+use canted_film::Hash;
 use canted_lbvh::Strategy;
-use canted_scene::{Material, Scene};
+use canted_scene::{Instance, Material, Mesh, Scene};
 use canted_wide::LaneKernel;
+use rayon::prelude::*;
 
 use crate::accel::{Accel, Bvh};
 use crate::structure::{Capacity, Structure};
-use crate::update::History;
+use crate::update_policy::BvhCosts;
 use crate::{PrepareError, light};
 
 /// How many levels of BVHs a scene gets.
@@ -51,6 +53,58 @@ pub struct Prepared<K: LaneKernel> {
     pub(crate) history: History,
 }
 
+/// Hashes of the vertices and of the triangles of a mesh: different ones are equal with probability 2^-64.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct MeshKey {
+    pub(crate) positions: u64,
+    pub(crate) triangles: u64,
+}
+
+impl MeshKey {
+    pub(crate) fn of(mesh: &Mesh) -> Self {
+        let [mut positions, mut triangles] = [Hash::default(); 2];
+        positions.floats(&mesh.positions);
+        // The number of positions is that of the first list.
+        positions.floats(mesh.close.as_ref().map(|close| &close.positions[..]).unwrap_or_default());
+        triangles.words(mesh.triangles.iter().flatten().copied());
+        Self { positions: positions.finish(), triangles: triangles.finish() }
+    }
+}
+
+/// What a [`Prepared`] was built or updated for.
+#[derive(Clone, Debug)]
+pub(crate) struct History {
+    pub(crate) config: StructureConfig,
+    pub(crate) meshes: Vec<MeshKey>,
+    pub(crate) instances: Vec<Instance>,
+    /// Costs of each bottom-level BVH.
+    pub(crate) costs: Vec<BvhCosts>,
+    /// Whether an update failed, so that the structure may be a mixture.
+    pub(crate) is_stale: bool,
+}
+
+impl History {
+    fn new(scene: &Scene, config: &StructureConfig, one_level: bool, build_time: Duration) -> Self {
+        let seconds = build_time.as_secs_f64();
+        let shares = if one_level { vec![1.0] } else { triangle_shares(scene, |_| 1) };
+        Self {
+            config: *config,
+            meshes: scene.meshes.par_iter().map(MeshKey::of).collect(),
+            instances: scene.instances.clone(),
+            costs: shares.into_iter().map(|share| BvhCosts::built_in(share * seconds)).collect(),
+            is_stale: false,
+        }
+    }
+}
+
+/// For each mesh, the fraction of all triangles that is in it, if mesh `i` counts `weight(i)` times.
+pub(crate) fn triangle_shares(scene: &Scene, weight: impl Fn(usize) -> usize) -> Vec<f64> {
+    let weighted = |(i, mesh): (usize, &Mesh)| (mesh.triangles.len() * weight(i)) as f64;
+    let all: Vec<f64> = scene.meshes.iter().enumerate().map(weighted).collect();
+    let sum = all.iter().sum::<f64>().max(1.0);
+    all.into_iter().map(|n| n / sum).collect()
+}
+
 /// Triangles in world space for each one in a mesh up to which one level is faster and its memory acceptable.
 const WORTH_FLATTENING: f64 = 1.5;
 
@@ -84,7 +138,6 @@ pub(crate) fn has_one_level(scene: &Scene, config: &StructureConfig) -> Result<b
     has_one_level_in(Capacity { n_triangles: config.accel.max_triangles(), ..Capacity::MAX }, scene, config)
 }
 
-#[expect(clippy::cast_precision_loss, reason = "the counts are compared coarsely")]
 fn has_one_level_in(capacity: Capacity, scene: &Scene, config: &StructureConfig) -> Result<bool, PrepareError> {
     let n_triangles = scene.n_placed_triangles();
     let fits = capacity.check(scene);

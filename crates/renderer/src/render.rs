@@ -1,26 +1,23 @@
 //! Samples of all pixels, tile by tile.
 
-mod adaptive;
-mod error;
-mod schedule;
-mod tile;
+mod tiles;
 
+use std::f64::consts::SQRT_2;
+use std::fmt;
+use std::ops::Range;
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
-use canted_film::{Film, FilterSampler, Tile};
+use canted_film::{Film, FilterSampler, Sums, Tile};
 use canted_scene::{Camera, Scene};
 
 use crate::integrate::{Method, Transport};
 use crate::query::RayKeyed;
-use crate::{Integrator, LightSampler, Lights, Masked, Sampler, Settings, Surfaces, Tracer, View, mask};
-pub(crate) use adaptive::Adaptive;
-pub use error::RenderError;
-pub(crate) use schedule::Schedule;
+use crate::{CameraError, Integrator, LightSampler, Lights, Masked, Sampler, Settings, Surfaces, Tracer, View, mask};
+use tiles::TileRenderer;
 #[cfg(feature = "gpu")]
-pub(crate) use schedule::Worker;
-use tile::TileRenderer;
-pub(crate) use tile::{RenderTiles, sample_offset};
+pub(crate) use tiles::Worker;
+pub(crate) use tiles::{RenderTiles, Schedule, sample_offset};
 
 /// Callbacks of a render, called from any thread, and a flag that cancels it.
 #[derive(Clone, Copy)]
@@ -204,5 +201,120 @@ pub(crate) fn check(settings: &Settings) -> Result<(), RenderError> {
     match ao_radius {
         Some(radius) if radius.is_nan() || radius <= 0.0 => Err(RenderError::AoRadius { radius }),
         _ => Ok(()),
+    }
+}
+
+/// Samples after which the error of a cell is estimated first; then at each power of two.
+const FIRST_ESTIMATE: u32 = 8;
+
+/// Decides how many samples the pixels of a cell take.
+pub(crate) struct Adaptive {
+    /// The samples to take next.
+    pub(crate) next: Range<u32>,
+    end: u32,
+    /// The error after half of the samples; infinite at first.
+    previous: f64,
+}
+
+impl Adaptive {
+    pub(crate) fn new(settings: &Settings) -> Self {
+        let Range { start, end } = settings.range();
+        let first = if settings.noise.is_some() { FIRST_ESTIMATE.min(end) } else { end };
+        Self { next: start..first, end, previous: f64::INFINITY }
+    }
+
+    /// Continues after the samples of `next` were added to the sums of the cell's pixels; returns whether there are more.
+    pub(crate) fn advance(&mut self, settings: &Settings, sums: &[Sums]) -> bool {
+        if self.next.end == self.end {
+            return false;
+        }
+        if let Some(noise) = settings.noise {
+            let error = error(sums);
+            // Two estimates must agree: the error of half the samples, scaled, must be low enough too.
+            if error.max(self.previous / SQRT_2) <= f64::from(noise) {
+                return false;
+            }
+            self.previous = error;
+        }
+        self.next = self.next.end..self.next.end.saturating_mul(2).min(self.end);
+        true
+    }
+}
+
+/// Root mean square of the pixels' errors.
+fn error(sums: &[Sums]) -> f64 {
+    let n = sums.len() as f64;
+    (sums.iter().map(|sums| sums.pixel.total().squared_error()).sum::<f64>() / n).sqrt()
+}
+
+/// Why a picture was not rendered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RenderError {
+    /// The picture has no pixel, or more than 2³² - 1.
+    Size {
+        /// Pixels in a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+    },
+    /// [`crate::Settings::samples`] is zero.
+    NoSamples,
+    /// [`crate::Settings::part`] is empty, or exceeds the samples of the picture.
+    Part {
+        /// The first, and one past the last.
+        part: [u32; 2],
+        /// Samples per pixel of the picture.
+        samples: u32,
+    },
+    /// [`crate::Settings::noise`] is not positive.
+    Noise {
+        /// The error to reach.
+        noise: f32,
+    },
+    /// [`crate::Settings::noise`] and [`crate::Settings::part`] are both set.
+    NoiseOfPart,
+    /// A finished tile does not belong to this picture.
+    Tile {
+        /// Its number.
+        number: usize,
+    },
+    /// [`crate::Settings::ao_radius`] is not positive.
+    AoRadius {
+        /// The radius.
+        radius: f32,
+    },
+    /// The radius of the pixel filter is not finite and positive.
+    FilterRadius {
+        /// The radius in pixels.
+        radius: f32,
+    },
+    /// The camera is invalid.
+    Camera(CameraError),
+    /// [`crate::Monitor::cancel`] was set.
+    Cancelled,
+}
+
+impl fmt::Display for RenderError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Size { width, height } => write!(f, "a picture of {width} x {height} pixels cannot be rendered"),
+            Self::Part { part: [start, end], samples } => {
+                write!(f, "samples {start}..{end} are not a part of 0..{samples}")
+            }
+            Self::Noise { noise } => write!(f, "noise {noise} is not an error above zero"),
+            Self::NoiseOfPart => write!(f, "a noise target and a part of the samples exclude each other"),
+            Self::Tile { number } => write!(f, "tile {number} does not belong to this picture"),
+            Self::NoSamples => write!(f, "a picture needs at least one sample per pixel"),
+            Self::AoRadius { radius } => write!(f, "ambient occlusion radius {radius} is not above zero"),
+            Self::FilterRadius { radius } => write!(f, "pixel filter radius {radius} is not finite and above zero"),
+            Self::Camera(error) => error.fmt(f),
+            Self::Cancelled => write!(f, "rendering was cancelled"),
+        }
+    }
+}
+
+impl std::error::Error for RenderError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        if let Self::Camera(error) = self { Some(error) } else { None }
     }
 }

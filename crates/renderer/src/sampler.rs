@@ -1,8 +1,3 @@
-mod sobol;
-mod stratified;
-
-use stratified::{jittered, permuted};
-
 /// Distribution of the samples of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Pattern {
@@ -63,7 +58,7 @@ impl Sampler {
         // The permutations depend on pixel and dimension, the jitter also on the sample.
         let key = self.key(pixel, dimension);
         if self.pattern == Pattern::Sobol {
-            return sobol::pair(sample, [3, 4, 5].map(|salt| mix(key ^ salt))).map(|x| unit(x >> 8));
+            return net_pair(sample, [3, 4, 5].map(|salt| mix(key ^ salt))).map(|x| unit(x >> 8));
         }
         let jitter_x = mix(mix(key ^ 1) ^ sample);
         let jitter_y = mix(jitter_x ^ 2);
@@ -90,7 +85,7 @@ impl Sampler {
         match self.pattern {
             Pattern::Random => unit(jitter >> 8),
             Pattern::Stratified => jittered(permuted(sample % n, n, mix(key ^ 7)), n, jitter),
-            Pattern::Sobol => unit(sobol::single(sample, [8, 9].map(|salt| mix(key ^ salt))) >> 8),
+            Pattern::Sobol => unit(net_single(sample, [8, 9].map(|salt| mix(key ^ salt))) >> 8),
         }
     }
 
@@ -110,7 +105,6 @@ impl Sampler {
 const STEPS: u64 = 1 << 24;
 
 /// The number with this many steps of 2⁻²⁴.
-#[expect(clippy::cast_precision_loss, reason = "below 2^24: exact")]
 pub(crate) fn unit(steps: u32) -> f32 {
     steps as f32 * (1.0 / STEPS as f32)
 }
@@ -125,4 +119,242 @@ pub(crate) fn mix(x: u32) -> u32 {
     let x = (x ^ (x >> 16)).wrapping_mul(0x7feb_352d);
     let x = (x ^ (x >> 15)).wrapping_mul(0x846c_a68b);
     x ^ (x >> 16)
+}
+
+// Strata and permutations for any number of samples.
+
+/// A number in stratum `k` of `n`: a multiple `x` of 2⁻²⁴ with `k/n <= x < (k + 1)/n`, exactly.
+///
+/// For more than 2²⁴ strata, some contain no such multiple; they use the next larger one.
+fn jittered(k: u32, n: u32, random: u32) -> f32 {
+    let (low, width) = if n.is_power_of_two() && u64::from(n) <= STEPS {
+        // Same result as below, without divisions.
+        let width = STEPS >> n.trailing_zeros();
+        (u64::from(k) * width, width)
+    } else {
+        let first = |k: u64| (k * STEPS).div_ceil(u64::from(n));
+        let low = first(u64::from(k));
+        (low, first(u64::from(k) + 1) - low)
+    };
+    let steps = low + ((u64::from(random) * width) >> 32);
+    unit(steps.min(STEPS - 1) as u32)
+}
+
+/// The image of `i < n` under a permutation of `0..n` selected by `key`.
+///
+/// Each round is a bijection of `0..2^k` for the smallest `2^k >= n`. Values outside `0..n` are permuted again (cycle
+/// walking, Black and Rogaway 2002), less than twice on average. The final rotation of `0..n` makes every image equally
+/// likely for small `n` too.
+fn permuted(mut i: u32, n: u32, key: u32) -> u32 {
+    let bits = u32::BITS - (n - 1).leading_zeros();
+    let mask = if bits == u32::BITS { u32::MAX } else { (1 << bits) - 1 };
+    let shift = bits.div_ceil(2).max(1);
+    let keys = [mix(key), mix(key ^ 1), mix(key ^ 2)];
+    loop {
+        for key in keys {
+            // Addition and odd multiplication modulo 2^k, then xor-shift: all are invertible.
+            i = i.wrapping_add(key).wrapping_mul(key >> 16 | 1) & mask;
+            i ^= i >> shift;
+        }
+        if i < n {
+            break;
+        }
+    }
+    let rotation = ((u64::from(mix(key ^ 3)) * u64::from(n)) >> 32) as u32;
+    // The sum modulo n, without overflow.
+    let remaining = n - rotation;
+    if i < remaining { i + rotation } else { i - remaining }
+}
+
+// Owen-scrambled (0,2)-sequences in base 2: of every aligned block of `2^m` samples, each elementary interval
+// `[a/2^i, (a+1)/2^i) x [b/2^j, (b+1)/2^j)` with `i + j = m` contains exactly one.
+//
+// The sequence is the first two dimensions of Sobol 1967 with Owen scrambling (1995): each bit of a coordinate is
+// flipped at random, depending on all higher bits. Following Burley 2020, *Practical Hash-based Owen Scrambling*, this
+// is done by a hash in which bits affect only higher bits, on reversed bits. The same hash shuffles the sample
+// indices, so that every use has an independent sequence (padding).
+
+/// Point `sample` of the sequence selected by `seeds`, in units of 2⁻³². The first seed shuffles the samples, the
+/// others scramble one coordinate each. Seeds must be hashes.
+fn net_pair(sample: u32, seeds: [u32; 3]) -> [u32; 2] {
+    let index = shuffled(sample, seeds[0]);
+    [scrambled(index, seeds[1]), scrambled(second(index), seeds[2])]
+}
+
+/// One coordinate of a sequence.
+fn net_single(sample: u32, seeds: [u32; 2]) -> u32 {
+    scrambled(shuffled(sample, seeds[0]), seeds[1])
+}
+
+/// Shuffles sample indices; every aligned block of `2^m` maps to an aligned block.
+fn shuffled(index: u32, seed: u32) -> u32 {
+    laine_karras(index.reverse_bits(), seed).reverse_bits()
+}
+
+/// Scrambles a coordinate given in reversed bits.
+fn scrambled(reversed: u32, seed: u32) -> u32 {
+    laine_karras(reversed, seed).reverse_bits()
+}
+
+/// The second coordinate of point `index` without scrambling, in reversed bits; the first is `index` itself.
+///
+/// Bit `j` is the parity of the index bits `k` for which the binomial `C(k, j)` is odd: those for which `k` contains
+/// all bits of `j`. Each of five steps sums over one bit of `k`.
+fn second(index: u32) -> u32 {
+    [(1, 0x5555_5555), (2, 0x3333_3333), (4, 0x0f0f_0f0f), (8, 0x00ff_00ff), (16, 0x0000_ffff)]
+        .into_iter()
+        .fold(index, |bits, (step, mask)| bits ^ (bits >> step & mask))
+}
+
+/// A bijective hash in which each bit depends only on itself and on lower bits (Laine and Karras 2011).
+///
+/// Sums, products with odd numbers, and `x ^ x·even` have this property. The constants are those of Vegdahl 2021, which
+/// are less biased than Burley's.
+fn laine_karras(x: u32, seed: u32) -> u32 {
+    let x = x ^ x.wrapping_mul(0x3d20_adea);
+    let x = x.wrapping_add(seed);
+    let x = x.wrapping_mul(seed >> 16 | 1);
+    let x = x ^ x.wrapping_mul(0x0552_6c56);
+    x ^ x.wrapping_mul(0x53a2_2864)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn permutations_are_bijective() {
+        for n in (1..=70).chain([97, 128, 1000, 1024, 1025]) {
+            for key in 0..20 {
+                let mut seen = vec![false; n as usize];
+                for i in 0..n {
+                    assert!(!std::mem::replace(&mut seen[permuted(i, n, mix(key)) as usize], true), "n {n} key {key}");
+                }
+            }
+        }
+    }
+
+    /// Over random keys, every image of an index is equally likely: Pearson's chi-squared statistic has mean `n - 1`
+    /// and variance `2(n - 1)`; the limit is six standard deviations.
+    #[test]
+    fn permutations_are_uniform() {
+        const KEYS: u32 = 20_000;
+        for n in [2_u32, 3, 5, 6, 7, 16, 24] {
+            for i in 0..n {
+                let mut counts = vec![0_u32; n as usize];
+                for key in 0..KEYS {
+                    counts[permuted(i, n, mix(key)) as usize] += 1;
+                }
+                let expected = f64::from(KEYS) / f64::from(n);
+                let statistic: f64 = counts.iter().map(|&c| (f64::from(c) - expected).powi(2) / expected).sum();
+                let freedom = f64::from(n - 1);
+                assert!(statistic < freedom + 6.0 * (2.0 * freedom).sqrt(), "n {n} i {i}: {statistic}");
+            }
+        }
+    }
+
+    /// All permutations of few elements occur with similar frequency.
+    #[test]
+    fn all_small_permutations_occur() {
+        for n in 2..=4_u32 {
+            let mut counts = std::collections::HashMap::new();
+            for key in 0..24_000 {
+                let image: Vec<u32> = (0..n).map(|i| permuted(i, n, mix(key))).collect();
+                *counts.entry(image).or_insert(0_u32) += 1;
+            }
+            let n_permutations: u32 = (1..=n).product();
+            assert_eq!(counts.len(), n_permutations as usize);
+            let fair = 24_000 / n_permutations;
+            assert!(counts.values().all(|&c| 2 * c > fair && c < 2 * fair), "n {n}: {counts:?}");
+        }
+    }
+
+    #[test]
+    fn numbers_lie_in_their_half_open_strata() {
+        for n in [1_u32, 3, 6, 7, 16, 24, 64, 1009, 65_535, 65_536] {
+            for k in [0, n / 2, n - 1] {
+                for random in [0, 1, u32::MAX / 2, u32::MAX] {
+                    let steps = f64::from(jittered(k, n, random)) * f64::from(n);
+                    // The product may round, but never past an integer, because integers are representable.
+                    assert!(f64::from(k) <= steps && steps < f64::from(k + 1), "stratum {k} of {n}: {steps}");
+                }
+            }
+        }
+    }
+
+    /// Whether each elementary interval of minimum size contains one of the `2^m` points.
+    fn is_net(points: &[[u32; 2]]) -> bool {
+        let m = points.len().ilog2();
+        (0..=m).all(|i| {
+            let mut seen = vec![false; points.len()];
+            let top = |x: u32, bits: u32| u64::from(x) >> (32 - bits);
+            points.iter().all(|&[x, y]| {
+                let cell = top(x, i) << (m - i) | top(y, m - i);
+                !std::mem::replace(&mut seen[usize::try_from(cell).unwrap()], true)
+            })
+        })
+    }
+
+    fn seeds(key: u32) -> [u32; 3] {
+        [1, 2, 3].map(|salt| mix(mix(key) ^ salt))
+    }
+
+    #[test]
+    fn second_coordinate_matches_direction_numbers() {
+        // Direction numbers of the polynomial x + 1: v[k + 1] = v[k] ^ v[k] / 2.
+        let directions: Vec<u32> = std::iter::successors(Some(1 << 31), |v| Some(v ^ v >> 1)).take(32).collect();
+        for index in (0..4096).chain((0..4096).map(mix)) {
+            let sum = (0..32).filter(|k| index >> k & 1 == 1).fold(0, |sum, k| sum ^ directions[k]);
+            assert_eq!(second(index).reverse_bits(), sum, "index {index}");
+        }
+    }
+
+    #[test]
+    fn aligned_blocks_are_nets_before_and_after_scrambling() {
+        for m in 0..=12 {
+            for block in [0, 1, 5] {
+                let samples = || (block << m)..((block + 1) << m);
+                let plain: Vec<_> = samples().map(|i: u32| [i.reverse_bits(), second(i).reverse_bits()]).collect();
+                assert!(is_net(&plain), "m {m} block {block}");
+                for key in 0..20 {
+                    let points: Vec<_> = samples().map(|i| net_pair(i, seeds(key))).collect();
+                    assert!(is_net(&points), "m {m} block {block} key {key}");
+                    let [shuffle, scramble, _] = seeds(key);
+                    let line = samples().map(|i| u64::from(net_single(i, [shuffle, scramble])));
+                    let mut columns: Vec<u64> = line.map(|x| x >> (32 - m)).collect();
+                    columns.sort_unstable();
+                    assert!(columns.into_iter().eq(0..1 << m), "m {m} block {block} key {key}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn test_detects_point_sets_that_are_no_nets() {
+        let mut points: Vec<_> = (0..64).map(|i| net_pair(i, seeds(0))).collect();
+        assert!(is_net(&points));
+        points[17][1] ^= 1 << 26;
+        assert!(!is_net(&points));
+        assert!(!is_net(&(0..64).map(|i| [mix(i), mix(i + 64)]).collect::<Vec<_>>()));
+        // Halves of two different blocks are no net.
+        assert!(!is_net(&(32..96).map(|i| net_pair(i, seeds(0))).collect::<Vec<_>>()));
+    }
+
+    /// Over the seeds, each bit flips with probability 1/2. For `n` fair coins the standard deviation is `√n / 2`; six
+    /// of them make a false alarm in 32 · 40 counts practically impossible.
+    #[test]
+    fn every_bit_flips_with_probability_one_half() {
+        const N: u32 = 20_000;
+        for x in (0..20).chain((0..20).map(mix)) {
+            let mut flips = [0_u32; 32];
+            for seed in 0..N {
+                let changed = laine_karras(x, mix(seed)) ^ x;
+                flips.iter_mut().enumerate().for_each(|(bit, n)| *n += changed >> bit & 1);
+            }
+            for (bit, n) in flips.into_iter().enumerate() {
+                let off = (f64::from(n) - f64::from(N / 2)).abs();
+                assert!(off < 6.0 * f64::from(N).sqrt() / 2.0, "x {x:#x} bit {bit}: {n} of {N}");
+            }
+        }
+    }
 }

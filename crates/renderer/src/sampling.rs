@@ -5,10 +5,12 @@
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
+use glam::{DVec3, Vec3};
+
 /// A right-handed orthonormal basis around a normal.
 #[derive(Clone, Copy, Debug)]
 pub struct Basis {
-    axes: [[f32; 3]; 3],
+    axes: [Vec3; 3],
 }
 
 impl Basis {
@@ -21,21 +23,30 @@ impl Basis {
         // At least 1 in absolute value, so the division is safe.
         let a = -1.0 / (sign + z);
         let b = x * y * a;
-        Self { axes: [[1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y], normal] }
+        let axes = [[1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y], normal];
+        Self { axes: axes.map(Vec3::from) }
     }
 
     /// Maps local coordinates to a direction.
     #[must_use]
-    pub fn direction(&self, local: [f32; 3]) -> [f32; 3] {
-        let [t, b, n] = &self.axes;
-        std::array::from_fn(|k| local[0] * t[k] + local[1] * b[k] + local[2] * n[k])
+    pub fn direction(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
+        let [t, b, n] = self.axes;
+        (x * t + y * b + z * n).into()
     }
 
     /// Maps a direction to local coordinates.
     #[must_use]
     pub fn coordinates(&self, direction: [f32; 3]) -> [f32; 3] {
-        self.axes.map(|axis| direction[0] * axis[0] + direction[1] * axis[1] + direction[2] * axis[2])
+        self.axes.map(|axis| axis.dot(direction.into()))
     }
+}
+
+/// The first two axes of [`Basis::about`], in `f64`.
+pub(crate) fn tangents(DVec3 { x, y, z }: DVec3) -> [DVec3; 2] {
+    let sign = 1.0_f64.copysign(z);
+    let a = -1.0 / (sign + z);
+    let b = x * y * a;
+    [DVec3::new(1.0 + sign * x * x * a, sign * b, -sign * x), DVec3::new(b, sign + y * y * a, -y)]
 }
 
 /// A direction around +z with PDF `cosθ/π`, from a point of the unit square. Its z is always positive.

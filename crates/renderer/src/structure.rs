@@ -42,7 +42,6 @@ impl<K: LaneKernel> Flat<K> {
 
 /// Replaces the index of a triangle among all instances by its instance and its index in the mesh.
 #[inline]
-#[expect(clippy::cast_possible_truncation, reason = "instances are numbered by u32")]
 fn in_instance(first: &[u32], hit: Hit) -> Hit {
     let instance = first.partition_point(|&first| first <= hit.primitive.0) - 1;
     Hit { instance: InstanceId(instance as u32), primitive: PrimId(hit.primitive.0 - first[instance]), ..hit }
@@ -153,7 +152,6 @@ pub type Flattened = (Vec<[f32; 3]>, Vec<[u32; 3]>, Vec<u32>);
 ///
 /// # Errors
 /// [`PrepareError::TooMany`], before any instance is transformed.
-#[expect(clippy::cast_possible_truncation, reason = "checked: triangles and vertices fit in u32")]
 pub fn flatten(scene: &Scene) -> Result<Flattened, PrepareError> {
     Capacity { n_triangles: canted_lbvh::MAX_PRIMITIVES, ..Capacity::MAX }.check(scene)?;
     let (mut positions, mut triangles, mut first) = (vec![], vec![], vec![]);

@@ -4,76 +4,19 @@
 //! scene -> keys of its meshes -> changed BVHs: refit or rebuild (policy) -> top level: refit or rebuild
 //! ```
 
-mod policy;
-
 use std::ops::AddAssign;
 use std::time::{Duration, Instant};
 
-use canted_film::Hash;
-use canted_scene::{Instance, Mesh, Scene};
+use canted_scene::{Instance, Scene};
 use canted_trace::InstanceId;
 use canted_wide::LaneKernel;
 use rayon::prelude::*;
 
 use crate::accel::{Accel, Bvh, Triangles};
-use crate::prepare::{has_one_level, prepare, unused_features};
+use crate::prepare::{MeshKey, has_one_level, prepare, triangle_shares, unused_features};
 use crate::structure::{Flat, Structure, flatten, instances};
-use crate::{PrepareError, Prepared, StructureConfig};
-pub(crate) use policy::BvhCosts;
-pub use policy::UpdatePolicy;
-
-/// Hashes of the vertices and of the triangles of a mesh: different ones are equal with probability 2^-64.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct MeshKey {
-    positions: u64,
-    triangles: u64,
-}
-
-impl MeshKey {
-    fn of(mesh: &Mesh) -> Self {
-        let [mut positions, mut triangles] = [Hash::default(); 2];
-        positions.floats(&mesh.positions);
-        // The number of positions is that of the first list.
-        positions.floats(mesh.close.as_ref().map(|close| &close.positions[..]).unwrap_or_default());
-        triangles.words(mesh.triangles.iter().flatten().copied());
-        Self { positions: positions.finish(), triangles: triangles.finish() }
-    }
-}
-
-/// What a [`Prepared`] was built or updated for.
-#[derive(Clone, Debug)]
-pub(crate) struct History {
-    config: StructureConfig,
-    meshes: Vec<MeshKey>,
-    instances: Vec<Instance>,
-    /// Costs of each bottom-level BVH.
-    costs: Vec<BvhCosts>,
-    /// Whether an update failed, so that the structure may be a mixture.
-    is_stale: bool,
-}
-
-impl History {
-    pub(crate) fn new(scene: &Scene, config: &StructureConfig, one_level: bool, build_time: Duration) -> Self {
-        let seconds = build_time.as_secs_f64();
-        let shares = if one_level { vec![1.0] } else { triangle_shares(scene, |_| 1) };
-        Self {
-            config: *config,
-            meshes: scene.meshes.par_iter().map(MeshKey::of).collect(),
-            instances: scene.instances.clone(),
-            costs: shares.into_iter().map(|share| BvhCosts::built_in(share * seconds)).collect(),
-            is_stale: false,
-        }
-    }
-}
-
-/// For each mesh, the fraction of all triangles that is in it, if mesh `i` counts `weight(i)` times.
-#[expect(clippy::cast_precision_loss, reason = "shares of times")]
-fn triangle_shares(scene: &Scene, weight: impl Fn(usize) -> usize) -> Vec<f64> {
-    let weighted = |(i, mesh): (usize, &Mesh)| (mesh.triangles.len() * weight(i)) as f64;
-    let all: Vec<f64> = scene.meshes.iter().enumerate().map(weighted).collect();
-    let sum = all.iter().sum::<f64>().max(1.0);
-    all.into_iter().map(|n| n / sum).collect()
-}
+use crate::update_policy::{BvhCosts, UpdatePolicy};
+use crate::{PrepareError, Prepared};
 
 /// How to update.
 #[derive(Clone, Copy, Debug, Default)]
@@ -214,7 +157,6 @@ impl<K: LaneKernel> Prepared<K> {
                 for &i in &changed {
                     let (mesh, costs) = (&scene.meshes[i], &mut history.costs[i]);
                     let may_refit = keys[i].triangles == history.meshes[i].triangles;
-                    #[expect(clippy::cast_possible_truncation, reason = "meshes are numbered by u32")]
                     edit.update_blas(i as u32, |bvh| update.apply(bvh, costs, mesh.into(), may_refit, shares[i]))??;
                 }
                 let new = instances(scene);

@@ -62,7 +62,6 @@ mod tests {
     use super::*;
 
     /// Small boxes in the unit cube, in random order.
-    #[expect(clippy::cast_precision_loss, reason = "24 bits")]
     fn scattered(n: usize) -> Vec<Aabb> {
         let mut state = 1u64;
         let mut next = || {

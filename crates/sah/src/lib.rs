@@ -50,31 +50,17 @@
 
 use canted_lbvh::par;
 
-mod apply;
-mod assemble;
 mod binned;
 mod builder;
-mod candidates;
-mod clip;
-mod config;
 mod curve;
-mod divide;
 mod grouped;
-mod lanes;
-mod pairs;
-mod partition;
 mod ploc;
 mod reference;
 mod reinsertion;
-mod runs;
-mod search;
-mod select;
 mod spatial;
-mod sweep;
 mod top_down;
 
-pub use builder::{Builder, build};
-pub use config::{Axes, ReinsertConfig, Split, TopDownConfig};
+pub use builder::{Axes, Builder, ReinsertConfig, Split, TopDownConfig, build};
 pub use grouped::{GroupConfig, GroupSplit, Groups, grouped};
 pub use ploc::{PlocConfig, ploc};
 pub use reinsertion::reinsert;

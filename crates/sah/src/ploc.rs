@@ -1,7 +1,10 @@
 use canted_lbvh::{Child, NodeId, Sorted, Tree, radix};
 use canted_obb::{Aabb, PrimId};
 
-use crate::{lanes::Lanes, par, reference::unit_scale};
+use crate::{
+    par,
+    reference::{Lanes, unit_scale},
+};
 
 /// The search for partners in [`ploc()`].
 ///
@@ -79,7 +82,6 @@ pub fn ploc(sorted: Sorted, leaf_boxes: &[Aabb], config: &PlocConfig) -> Tree {
         clusters = merge(&clusters, &partners, |pair| {
             last -= 1;
             children[last] = pair;
-            #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 nodes")]
             Child::inner(NodeId(last as u32))
         });
         iteration += 1;
@@ -109,14 +111,12 @@ fn nearest(clusters: &[Cluster], radius: usize) -> Vec<u32> {
             }
             done[i] = mine;
         }
-        #[expect(clippy::cast_possible_truncation, reason = "the lower half is the difference of two positions")]
         range.map(|i| i as u32 ^ best[i - start] as u32).collect::<Vec<_>>()
     })
     .concat()
 }
 
 /// Pairs of adjacent clusters.
-#[expect(clippy::cast_possible_truncation, reason = "at most 2^30 clusters")]
 fn neighbors(n: usize) -> Vec<u32> {
     (0..n).map(|i| if i ^ 1 < n { i as u32 ^ 1 } else { i as u32 }).collect()
 }

@@ -64,33 +64,24 @@
 #![forbid(unsafe_code)]
 
 mod builtin;
-mod camera;
-mod environment;
 mod file;
 mod light;
-mod lobes;
 mod material;
-mod mesh;
 mod read;
 mod scene;
-mod stats;
-mod texture;
 
 pub use builtin::builtin;
-pub use camera::{Camera, Lens, Projection};
-pub use environment::{Environment, EnvironmentImage};
 pub use file::{
     Asset, AssetInstance, AssetSource, EnvironmentSource, MaterialEdits, NewMaterial, Override, Placement, SceneFile,
     Setting, closest_match, suggestion,
 };
-pub use light::Light;
-pub use lobes::Lobes;
-pub use material::{AlphaMode, Material, MaterialId};
-pub use mesh::{Instance, Mesh, MeshClose, MeshId, Part};
-pub use read::{AnimatedScene, ReadError, ReadOptions, declared_exr_samples, read, read_environment, read_with};
-pub use scene::Scene;
-pub use stats::SceneStats;
-pub use texture::{Encoding, Magnification, Texture, TextureId, TextureRef, UvSet, UvTransform, Wrap};
+pub use light::{Environment, EnvironmentImage, Light};
+pub use material::{
+    AlphaMode, Encoding, Lobes, Magnification, Material, MaterialId, Texture, TextureId, TextureRef, UvSet,
+    UvTransform, Wrap,
+};
+pub use read::{AnimatedScene, ReadError, ReadOptions, read, read_environment, read_with};
+pub use scene::{Camera, Instance, Lens, Mesh, MeshClose, MeshId, Part, Projection, Scene, SceneStats};
 
 /// The features of this crate, and whether this build has them.
 pub const FEATURES: [(&str, bool); 9] = [

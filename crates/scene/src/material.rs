@@ -1,4 +1,4 @@
-use crate::{Lobes, TextureRef};
+//! Materials and the textures they refer to.
 
 /// Index of a material in [`crate::Scene::materials`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -155,5 +155,218 @@ impl Material {
     #[must_use]
     pub fn is_emissive(&self) -> bool {
         self.emission != [0.0; 3]
+    }
+}
+
+/// Further lobes of a [`Material`](crate::Material), after the glTF extensions `KHR_materials_specular` (its color), `_clearcoat`,
+/// `_sheen`, `_anisotropy`, `_iridescence` and `_volume` (its absorption). Colors are linear RGB; each factor is multiplied by its
+/// texture. The default has none of them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lobes {
+    /// Tint of the dielectric reflection at normal incidence; not limited to 1.
+    pub specular_color: [f32; 3],
+    /// Texture of `specular_color` (RGB).
+    pub specular_color_texture: Option<TextureRef>,
+    /// Texture of [`Material::specular`](crate::Material::specular) (alpha).
+    pub specular_texture: Option<TextureRef>,
+    /// Strength of a clear coat with index of refraction 1.5, in 0..=1.
+    pub clearcoat: f32,
+    /// Texture of `clearcoat` (red).
+    pub clearcoat_texture: Option<TextureRef>,
+    /// Roughness of the coat, in 0..=1.
+    pub clearcoat_roughness: f32,
+    /// Texture of `clearcoat_roughness` (green).
+    pub clearcoat_roughness_texture: Option<TextureRef>,
+    /// Color of the fibers of a cloth, in 0..=1; black for no sheen.
+    pub sheen_color: [f32; 3],
+    /// Texture of `sheen_color` (RGB).
+    pub sheen_color_texture: Option<TextureRef>,
+    /// Roughness of the fibers, in 0..=1.
+    pub sheen_roughness: f32,
+    /// Texture of `sheen_roughness` (alpha).
+    pub sheen_roughness_texture: Option<TextureRef>,
+    /// How much longer highlights are along the anisotropy direction, in 0..=1.
+    pub anisotropy: f32,
+    /// Angle of that direction from the tangent, counter-clockwise, in radians.
+    pub anisotropy_rotation: f32,
+    /// Texture with the direction (red, green) and a factor of `anisotropy` (blue).
+    pub anisotropy_texture: Option<TextureRef>,
+    /// Strength of the interference in a thin film, in 0..=1.
+    pub iridescence: f32,
+    /// Texture of `iridescence` (red).
+    pub iridescence_texture: Option<TextureRef>,
+    /// Index of refraction of the film, at least 1.
+    pub iridescence_ior: f32,
+    /// Thickness of the film in nanometers where the texture is 0, and where it is 1 or absent.
+    pub iridescence_thickness: [f32; 2],
+    /// Texture of the thickness (green).
+    pub iridescence_thickness_texture: Option<TextureRef>,
+    /// Absorption inside a transmissive solid, per unit of length in world space.
+    pub absorption: [f32; 3],
+}
+
+impl Default for Lobes {
+    fn default() -> Self {
+        Self {
+            specular_color: [1.0; 3],
+            specular_color_texture: None,
+            specular_texture: None,
+            clearcoat: 0.0,
+            clearcoat_texture: None,
+            clearcoat_roughness: 0.0,
+            clearcoat_roughness_texture: None,
+            sheen_color: [0.0; 3],
+            sheen_color_texture: None,
+            sheen_roughness: 0.0,
+            sheen_roughness_texture: None,
+            anisotropy: 0.0,
+            anisotropy_rotation: 0.0,
+            anisotropy_texture: None,
+            iridescence: 0.0,
+            iridescence_texture: None,
+            iridescence_ior: 1.3,
+            iridescence_thickness: [100.0, 400.0],
+            iridescence_thickness_texture: None,
+            absorption: [0.0; 3],
+        }
+    }
+}
+
+impl Lobes {
+    /// All texture references.
+    pub fn textures(&self) -> impl Iterator<Item = &TextureRef> {
+        [
+            &self.specular_color_texture,
+            &self.specular_texture,
+            &self.clearcoat_texture,
+            &self.clearcoat_roughness_texture,
+            &self.sheen_color_texture,
+            &self.sheen_roughness_texture,
+            &self.anisotropy_texture,
+            &self.iridescence_texture,
+            &self.iridescence_thickness_texture,
+        ]
+        .into_iter()
+        .flatten()
+    }
+
+    /// All texture slots.
+    pub(crate) fn textures_mut(&mut self) -> [&mut Option<TextureRef>; 9] {
+        [
+            &mut self.specular_color_texture,
+            &mut self.specular_texture,
+            &mut self.clearcoat_texture,
+            &mut self.clearcoat_roughness_texture,
+            &mut self.sheen_color_texture,
+            &mut self.sheen_roughness_texture,
+            &mut self.anisotropy_texture,
+            &mut self.iridescence_texture,
+            &mut self.iridescence_thickness_texture,
+        ]
+    }
+}
+
+/// Index of a texture in [`crate::Scene::textures`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct TextureId(pub u32);
+
+/// Texture lookup outside 0..=1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum Wrap {
+    /// The image repeats.
+    #[default]
+    Repeat,
+    /// The border texel is repeated.
+    Clamp,
+    /// The image repeats; every other copy is mirrored.
+    Mirror,
+}
+
+/// Encoding of red, green and blue. Alpha is always linear.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum Encoding {
+    /// sRGB-encoded colors.
+    #[default]
+    Srgb,
+    /// Linear values: byte 255 is 1.
+    Linear,
+}
+
+/// What a lookup between texels gives where a texel is larger than a pixel. Smaller texels are always averaged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum Magnification {
+    /// Bilinear interpolation.
+    #[default]
+    Linear,
+    /// The nearest texel.
+    Nearest,
+}
+
+/// An image of 8-bit texels, row 0 at the top (`v` = 1).
+#[derive(Clone, Debug)]
+pub struct Texture {
+    /// Name used in messages.
+    pub name: String,
+    /// Width in texels.
+    pub width: u32,
+    /// Height in texels.
+    pub height: u32,
+    /// `width * height` RGBA texels in row order.
+    pub texels: Vec<[u8; 4]>,
+    /// Encoding of the texels.
+    pub encoding: Encoding,
+    /// Wrap mode along u and v.
+    pub wrap: [Wrap; 2],
+    /// Lookup between texels.
+    pub magnification: Magnification,
+}
+
+/// A reference from a material to a texture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TextureRef {
+    /// The texture.
+    pub texture: TextureId,
+    /// Texture coordinate set used for the lookup.
+    pub uv_set: UvSet,
+    /// Transform applied to the mesh's texture coordinates.
+    pub texture_from_mesh: UvTransform,
+}
+
+impl TextureRef {
+    /// A texture looked up by the first, untransformed texture coordinates.
+    #[must_use]
+    pub const fn new(texture: TextureId) -> Self {
+        Self { texture, uv_set: UvSet::First, texture_from_mesh: UvTransform::IDENTITY }
+    }
+}
+
+/// A texture coordinate set of a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum UvSet {
+    /// [`crate::Mesh::uvs`].
+    #[default]
+    First,
+    /// [`crate::Mesh::second_uvs`].
+    Second,
+}
+
+/// An affine transform of texture coordinates; `v` points up before and after.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UvTransform {
+    /// The two rows of the matrix; the last column is the translation.
+    pub rows: [[f32; 3]; 2],
+}
+
+impl UvTransform {
+    /// The identity.
+    pub const IDENTITY: Self = Self { rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] };
+
+    /// Transforms a point.
+    #[inline]
+    #[must_use]
+    pub fn point(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+        // Not `map`: its closure is not inlined here, and this runs four times per lookup.
+        let along = |[a, b, shift]: [f32; 3]| f64::from(a) * u + f64::from(b) * v + f64::from(shift);
+        [along(self.rows[0]), along(self.rows[1])]
     }
 }

@@ -1,8 +1,11 @@
+//! A scene as plain arrays: meshes, instances, cameras, and counts of all of them.
+
+use std::mem::size_of_val;
 use std::path::PathBuf;
 
-use canted_obb::Aabb;
+use canted_obb::{Aabb, Affine};
 
-use crate::{Camera, Environment, Instance, Light, Material, Mesh, Texture};
+use crate::{Environment, Light, Material, MaterialId, Texture, UvSet};
 
 /// A scene as plain arrays that refer to each other by index.
 #[derive(Clone, Debug, Default)]
@@ -67,5 +70,256 @@ impl Scene {
             }
         }
         bounds
+    }
+}
+
+/// Index of a mesh in [`Scene::meshes`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct MeshId(pub u32);
+
+/// Consecutive triangles that share a material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// First triangle; the part ends where the next one starts.
+    pub first_triangle: u32,
+    /// Material of these triangles.
+    pub material: MaterialId,
+}
+
+/// Vertices of a mesh that deforms while the shutter is open, as it closes. In between, everything is interpolated linearly.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeshClose {
+    /// As [`Mesh::positions`], and as many.
+    pub positions: Vec<[f32; 3]>,
+    /// As [`Mesh::normals`].
+    pub normals: Option<Vec<[f32; 3]>>,
+    /// As [`Mesh::tangents`].
+    pub tangents: Option<Vec<[f32; 4]>>,
+}
+
+/// An indexed triangle mesh in object space. Every index is in range and every referenced position is finite.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// Name from the file, used in messages.
+    pub name: String,
+    /// Vertex positions, object space.
+    pub positions: Vec<[f32; 3]>,
+    /// Vertex indices in file order, counter-clockwise seen from the front.
+    pub triangles: Vec<[u32; 3]>,
+    /// Shading normals, one per position, of length 1 or 0 (0: use the geometric normal); `None` if the file has none.
+    pub normals: Option<Vec<[f32; 3]>>,
+    /// Tangents of the normal map, one per position: a unit vector towards increasing `u`, and the sign of
+    /// `normal × tangent` relative to increasing `v`. `None`, or zeros at a vertex: derive them from the texture coordinates.
+    pub tangents: Option<Vec<[f32; 4]>>,
+    /// First texture coordinates, one per position, `v` up; kept only if a material uses them.
+    pub uvs: Option<Vec<[f32; 2]>>,
+    /// Second texture coordinates, like `uvs`.
+    pub second_uvs: Option<Vec<[f32; 2]>>,
+    /// Linear RGBA vertex colors, one per position, multiplied by the material's color and alpha.
+    pub colors: Option<Vec<[f32; 4]>>,
+    /// Parts in ascending order; the first starts at triangle 0.
+    pub parts: Vec<Part>,
+    /// The vertices at shutter close of a mesh that deforms while the shutter is open; the lists above are those at shutter open.
+    pub close: Option<MeshClose>,
+}
+
+impl Mesh {
+    /// Texture coordinates of the given set.
+    #[must_use]
+    pub fn uv_set(&self, set: UvSet) -> Option<&[[f32; 2]]> {
+        match set {
+            UvSet::First => self.uvs.as_deref(),
+            UvSet::Second => self.second_uvs.as_deref(),
+        }
+    }
+
+    /// Positions referenced by triangles, each once; those at shutter close too.
+    fn used_positions(&self) -> Vec<[f32; 3]> {
+        let mut is_used = vec![false; self.positions.len()];
+        for &index in self.triangles.iter().flatten() {
+            is_used[index as usize] = true;
+        }
+        let close = self.close.as_ref().map(|close| &close.positions);
+        let of_list = |list: &Vec<[f32; 3]>| {
+            list.iter().zip(&is_used).filter_map(|(&position, &is_used)| is_used.then_some(position)).collect()
+        };
+        let mut used: Vec<[f32; 3]> = of_list(&self.positions);
+        used.extend(close.map(of_list).unwrap_or_default());
+        used
+    }
+
+    /// Material of the given triangle.
+    #[must_use]
+    pub fn material_of(&self, triangle: u32) -> MaterialId {
+        let after = self.parts.partition_point(|part| part.first_triangle <= triangle);
+        self.parts[after - 1].material
+    }
+}
+
+/// A mesh placed in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instance {
+    /// The instanced mesh.
+    pub mesh: MeshId,
+    /// Invertible affine transform; for a moving instance, the one at shutter open.
+    pub world_from_object: Affine,
+    /// Transform at shutter close for a moving instance. Matrix entries are interpolated linearly in between.
+    pub world_from_object_close: Option<Affine>,
+    /// Global number, in file order, of triangle 0 of this instance.
+    pub first_primitive: u32,
+}
+
+/// A camera in world space. Row 0 of the image is the top.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// Center of the lens.
+    pub eye: [f32; 3],
+    /// A point on the optical axis, at the image center.
+    pub target: [f32; 3],
+    /// Up direction in the image; not parallel to the view direction.
+    pub up: [f32; 3],
+    /// Perspective or orthographic.
+    pub projection: Projection,
+    /// Depth of field; `None` for a pinhole camera.
+    pub lens: Option<Lens>,
+}
+
+/// Camera projection.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projection {
+    /// All rays start at the eye.
+    Perspective {
+        /// Vertical field of view in degrees, between 0 and 180.
+        fov_degrees: f32,
+    },
+    /// All rays are parallel to the view direction.
+    Orthographic {
+        /// Height of the visible region in world units, above zero.
+        height: f32,
+    },
+}
+
+/// A thin lens.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lens {
+    /// Radius of the round aperture, world units, above zero.
+    pub radius: f32,
+    /// Distance from the eye to the plane in focus, along the view direction; above zero.
+    pub focus_distance: f32,
+}
+
+impl Camera {
+    /// A pinhole camera with a vertical field of view in degrees.
+    #[must_use]
+    pub const fn pinhole(eye: [f32; 3], target: [f32; 3], up: [f32; 3], fov_degrees: f32) -> Self {
+        Self { eye, target, up, projection: Projection::Perspective { fov_degrees }, lens: None }
+    }
+}
+
+/// Element counts and memory use of a scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SceneStats {
+    /// Number of meshes.
+    pub n_meshes: usize,
+    /// Number of instances.
+    pub n_instances: usize,
+    /// Vertices of all meshes, each mesh counted once. A position with two normals counts as two vertices.
+    pub n_vertices: usize,
+    /// Triangles of all meshes, each mesh counted once.
+    pub n_unique_triangles: usize,
+    /// Triangles of all instances.
+    pub n_placed_triangles: usize,
+    /// Number of materials.
+    pub n_materials: usize,
+    /// Number of textures.
+    pub n_textures: usize,
+    /// Number of [`Scene::lights`]; emissive surfaces are not included.
+    pub n_lights: usize,
+    /// Number of cameras.
+    pub n_cameras: usize,
+    /// Memory of vertices, indices and instances in bytes.
+    pub geometry_bytes: usize,
+    /// Memory of the decoded texels in bytes.
+    pub texture_bytes: usize,
+}
+
+impl SceneStats {
+    /// Counts the elements of `scene`.
+    #[must_use]
+    pub fn of(scene: &Scene) -> Self {
+        let mesh_bytes = |mesh: &Mesh| {
+            size_of_val(&mesh.positions[..])
+                + size_of_val(&mesh.triangles[..])
+                + mesh.normals.as_ref().map_or(0, |normals| size_of_val(&normals[..]))
+                + mesh.tangents.as_ref().map_or(0, |tangents| size_of_val(&tangents[..]))
+                + mesh.uvs.as_ref().map_or(0, |uvs| size_of_val(&uvs[..]))
+                + mesh.second_uvs.as_ref().map_or(0, |uvs| size_of_val(&uvs[..]))
+                + mesh.colors.as_ref().map_or(0, |colors| size_of_val(&colors[..]))
+        };
+        Self {
+            n_meshes: scene.meshes.len(),
+            n_instances: scene.instances.len(),
+            n_vertices: scene.meshes.iter().map(|mesh| mesh.positions.len()).sum(),
+            n_unique_triangles: scene.n_unique_triangles(),
+            n_placed_triangles: scene.n_placed_triangles(),
+            n_materials: scene.materials.len(),
+            n_textures: scene.textures.len(),
+            n_lights: scene.lights.len(),
+            n_cameras: scene.cameras.len(),
+            geometry_bytes: scene.meshes.iter().map(mesh_bytes).sum::<usize>() + size_of_val(&scene.instances[..]),
+            texture_bytes: scene.textures.iter().map(|texture| size_of_val(&texture.texels[..])).sum(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Encoding, Wrap};
+
+    #[test]
+    fn counts_each_mesh_once_and_every_instance() {
+        let mesh = Mesh {
+            positions: vec![[0.0; 3]; 3],
+            triangles: vec![[0, 1, 2]; 2],
+            uvs: Some(vec![[0.0; 2]; 3]),
+            ..Mesh::default()
+        };
+        let instance = Instance {
+            mesh: MeshId(0),
+            world_from_object: Affine::IDENTITY,
+            world_from_object_close: None,
+            first_primitive: 0,
+        };
+        let texture = Texture {
+            name: String::new(),
+            width: 2,
+            height: 1,
+            texels: vec![[0; 4]; 2],
+            encoding: Encoding::Srgb,
+            wrap: [Wrap::Repeat; 2],
+            magnification: crate::Magnification::Linear,
+        };
+        let scene = Scene {
+            meshes: vec![mesh],
+            instances: vec![instance; 3],
+            materials: vec![Material::default()],
+            textures: vec![texture],
+            ..Scene::default()
+        };
+        let want = SceneStats {
+            n_meshes: 1,
+            n_instances: 3,
+            n_vertices: 3,
+            n_unique_triangles: 2,
+            n_placed_triangles: 6,
+            n_materials: 1,
+            n_textures: 1,
+            n_lights: 0,
+            n_cameras: 0,
+            geometry_bytes: 3 * 12 + 2 * 12 + 3 * 8 + 3 * size_of::<Instance>(),
+            texture_bytes: 8,
+        };
+        assert_eq!(SceneStats::of(&scene), want);
     }
 }

@@ -1,14 +1,12 @@
 //! Memory of a reader is bounded by the file size, and for real scenes by the size of the scene. The first bound does not
 //! cover images, which have many texels per byte.
 
-#[path = "scene/folder.rs"]
-mod folder;
-
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use canted_fixtures::models;
 use canted_scene::{ReadError, Scene, SceneStats, read};
 
 /// The system allocator with counters of bytes in use and their peak.
@@ -115,7 +113,7 @@ fn memory_is_bounded() {
         fs::write(&path, bytes).unwrap();
         assert_bounded(&path);
     }
-    let Some(models) = folder::models("memory_is_bounded") else { return };
+    let Some(models) = models("memory_is_bounded") else { return };
     for kind in ["obj", "ply"] {
         for entry in fs::read_dir(models.join("nasty").join(kind)).unwrap() {
             assert_bounded(&entry.unwrap().path());

@@ -1,6 +1,6 @@
 //! The built-in scene as both tracers take it, and its camera rays.
 
-use canted_gpu::{Gpu, GpuError, TracedScene, build::BuildConfig};
+use canted_gpu::{Gpu, GpuError, SceneInput, TracedScene, build::BuildConfig};
 use canted_lbvh::{Corners, Strategy, triangle_corners};
 use canted_obb::vector::{Vector, add, cross, dot, scale, sub, to_f32, to_f64, unit};
 use canted_scene::{Light, Projection, Scene, builtin};
@@ -39,14 +39,13 @@ impl View {
 
     /// Both levels, built on the device.
     pub(crate) async fn on_device(&self, gpu: &Gpu, without_first: bool) -> Result<TracedScene, GpuError> {
-        let meshes: Vec<&[Corners]> = self.corners.iter().map(Vec::as_slice).collect();
         let config = BuildConfig { strategy: Strategy::Combined, ..BuildConfig::default() };
         let mut instances = self.instances.clone();
         if without_first {
             // Out of sight, so that the others keep their numbers.
             instances[0].world_from_object.columns[3][1] += 1e5;
         }
-        TracedScene::build_two_level_async(gpu, &meshes, &instances, config).await
+        TracedScene::new_async(gpu, SceneInput::build(&self.corners, config).instances(&instances)).await
     }
 
     /// Both levels, built on the CPU.

@@ -31,18 +31,10 @@
 
 mod body;
 mod forces;
-mod grid;
-mod material;
 mod neighbors;
-mod solid;
 mod stage;
-mod stepping;
-mod surface;
 
-pub use body::{Body, BodyError};
-pub use grid::Grid;
-pub use material::Material;
-pub use solid::{TriangleMesh, lattice_inside, torus};
-pub use stage::Stage;
-pub use stepping::Floor;
-pub use surface::Surface;
+pub use body::{Body, BodyError, Material};
+pub use forces::Floor;
+pub use neighbors::Grid;
+pub use stage::{Stage, Surface, TriangleMesh, lattice_inside, torus};

@@ -1,13 +1,21 @@
 //! The body in a scene that can be rendered.
+//! Also here: closed meshes, the lattice of phyxels inside of one, and surfels that follow the phyxels.
 
-use anyhow::Result;
-use canted_obb::Affine;
+use std::f64::consts::TAU;
+
+use anyhow::{Result, ensure};
+use canted_obb::{Aabb, Affine};
 use canted_renderer::{Prepared, StructureConfig, UpdateOptions, Updates, prepare};
 use canted_scene::{Camera, Instance, Light, Material as Paint, MaterialId, Mesh, MeshId, Part, Scene};
 use canted_trace::Watertight;
-use glam::Vec3;
+use canted_wide::{Config, Preset, Triangle, WideBvh};
+use glam::{DMat3, DVec3, Vec3};
 
-use crate::{Body, Floor, Material, Surface, TriangleMesh, lattice_inside};
+use crate::{
+    Floor, Material,
+    body::{Body, BodyError},
+    neighbors::{Grid, distance_squared, kernel, vector},
+};
 
 /// Acceleration by gravity, m/s².
 const GRAVITY: [f64; 3] = [0.0, -9.81, 0.0];
@@ -124,4 +132,139 @@ fn normals(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
         triangle.iter().for_each(|&i| sums[i as usize] += twice_area);
     }
     sums.into_iter().map(|sum| sum.normalize_or_zero().to_array()).collect()
+}
+
+/// A triangle mesh, counter-clockwise seen from outside.
+#[derive(Clone, Debug, Default)]
+pub struct TriangleMesh {
+    /// Vertices, m.
+    pub positions: Vec<[f32; 3]>,
+    /// Vertex indices.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// A torus around the point at `height` on the y axis, which rolls about z and is then tilted about x by an angle.
+///
+/// `n[0]` rings of `n[1]` vertices each; triangles are listed ring by ring.
+#[must_use]
+pub fn torus([major, minor]: [f64; 2], n: [u32; 2], height: f64, tilt_rad: f64) -> TriangleMesh {
+    let angle = |i: u32, n: u32| (TAU * f64::from(i) / f64::from(n)).sin_cos();
+    let (sin_tilt, cos_tilt) = tilt_rad.sin_cos();
+    let vertex = |i: u32, j: u32| {
+        let ((sin_i, cos_i), (sin_j, cos_j)) = (angle(i, n[0]), angle(j, n[1]));
+        let from_axis = major + minor * cos_j;
+        let [x, y, z] = [from_axis * cos_i, from_axis * sin_i, minor * sin_j];
+        #[expect(clippy::cast_possible_truncation, reason = "rounds")]
+        [x, height + cos_tilt * y - sin_tilt * z, sin_tilt * y + cos_tilt * z].map(|x| x as f32)
+    };
+    let rings = || (0..n[0]).flat_map(|i| (0..n[1]).map(move |j| (i, j)));
+    let index = |i: u32, j: u32| (i % n[0]) * n[1] + j % n[1];
+    let quad = |(i, j): (u32, u32)| {
+        let [a, b, c, d] = [index(i, j), index(i + 1, j), index(i + 1, j + 1), index(i, j + 1)];
+        [[a, b, c], [a, c, d]]
+    };
+    TriangleMesh {
+        positions: rings().map(|(i, j)| vertex(i, j)).collect(),
+        triangles: rings().flat_map(quad).collect(),
+    }
+}
+
+/// Centers of all cells of a cubic lattice that are inside of a closed mesh. The lattice starts at the least corner of its bounds.
+///
+/// # Errors
+/// A spacing that is not above zero, or gives more than 2^24 cells; invalid geometry, by index.
+pub fn lattice_inside(mesh: &TriangleMesh, spacing: f64) -> Result<Vec<[f32; 3]>> {
+    const MAX_CELLS: f64 = (1 << 24) as f64;
+    let bvh = WideBvh::<Triangle>::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Fast))?;
+    let bounds = Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize]));
+    let n = std::array::from_fn(|k| ((f64::from(bounds.max[k]) - f64::from(bounds.min[k])) / spacing).ceil());
+    let [nx, ny, nz]: [f64; 3] = n;
+    ensure!(spacing > 0.0 && nx * ny * nz <= MAX_CELLS, "spacing {spacing} m of phyxels: use a larger one");
+    let counter = |n: f64| {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "at most 2^24; 0 without triangles"
+        )]
+        let n = n as u32;
+        0..n
+    };
+    let mut centers = Vec::new();
+    for i in counter(nx) {
+        for j in counter(ny) {
+            for k in counter(nz) {
+                let cell = [i, j, k].map(|i| (f64::from(i) + 0.5) * spacing);
+                #[expect(clippy::cast_possible_truncation, reason = "rounds")]
+                centers.push(std::array::from_fn(|k| (f64::from(bounds.min[k]) + cell[k]) as f32));
+            }
+        }
+    }
+    let mut inside = vec![false; centers.len()];
+    bvh.par_contains_many(&centers, &mut inside);
+    Ok(centers.into_iter().zip(inside).filter_map(|(center, is_inside)| is_inside.then_some(center)).collect())
+}
+
+/// A phyxel that moves a surfel.
+struct Anchor {
+    phyxel: u32,
+    /// The weights of a surfel sum to 1.
+    weight: f64,
+    /// From the phyxel to the surfel, at rest.
+    offset: DVec3,
+}
+
+/// The surfels of a body: vertices of a mesh that follow the phyxels.
+pub struct Surface {
+    rest: Vec<DVec3>,
+    anchors: Vec<Vec<Anchor>>,
+}
+
+impl Surface {
+    /// Surfels at the given rest positions, each moved by all phyxels in whose radius of action it is.
+    ///
+    /// # Errors
+    /// [`BodyError::Detached`] where a surfel, possibly one that is not finite, is in the radius of action of no phyxel.
+    pub fn new(body: &Body, positions: &[[f32; 3]]) -> Result<Self, BodyError> {
+        #[expect(clippy::cast_possible_truncation, reason = "the rest positions came from f32")]
+        let phyxels: Vec<[f32; 3]> = body.rest.iter().map(|rest| rest.to_array().map(|x| x as f32)).collect();
+        let radius = body.radii.iter().copied().fold(0.0, f64::max);
+        let grid = Grid::new(&phyxels, radius);
+        let anchors = positions.iter().enumerate().map(|(surfel, &position)| {
+            let mut anchors: Vec<Anchor> = grid
+                .within(position, radius)
+                .into_iter()
+                .map(|phyxel| {
+                    let i = phyxel as usize;
+                    let weight = kernel(distance_squared(phyxels[i], position), body.radii[i]);
+                    Anchor { phyxel, weight, offset: vector(position) - body.rest[i] }
+                })
+                .filter(|anchor| anchor.weight > 0.0)
+                .collect();
+            let sum: f64 = anchors.iter().map(|anchor| anchor.weight).sum();
+            anchors.iter_mut().for_each(|anchor| anchor.weight /= sum);
+            if anchors.is_empty() { Err(BodyError::Detached { surfel, position }) } else { Ok(anchors) }
+        });
+        Ok(Self { anchors: anchors.collect::<Result<_, _>>()?, rest: positions.iter().copied().map(vector).collect() })
+    }
+
+    /// Positions of the surfels as the body is deformed, m, rounded to `f32`.
+    ///
+    /// Each phyxel moves a surfel by its own displacement and gradient, as in Müller et al.; a surfel takes the weighted mean. An
+    /// affine motion of the phyxels moves the surfels alike.
+    #[must_use]
+    pub fn positions(&self, body: &Body) -> Vec<[f32; 3]> {
+        let gradients: Vec<DMat3> = (0..body.n_phyxels()).map(|i| body.gradient(i, &body.displacements)).collect();
+        let moved = self.rest.iter().zip(&self.anchors).map(|(&rest, anchors)| {
+            let displacement: DVec3 = anchors
+                .iter()
+                .map(|&Anchor { phyxel, weight, offset }| {
+                    let i = phyxel as usize;
+                    weight * (body.displacements[i] + gradients[i] * offset)
+                })
+                .sum();
+            #[expect(clippy::cast_possible_truncation, reason = "rounds")]
+            (rest + displacement).to_array().map(|x| x as f32)
+        });
+        moved.collect()
+    }
 }

@@ -65,8 +65,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         if brightness.iter().any(|&of_pixel| of_pixel < 0.0) {
             return Err("the rays of a pixel take more steps than this driver allows".into());
         }
-        let grey = brightness.into_iter().map(to_srgb).collect();
-        let picture = image::GrayImage::from_raw(SIZE[0], SIZE[1], grey).ok_or("a picture of another size")?;
+        let gray = brightness.into_iter().map(to_srgb).collect();
+        let picture = image::GrayImage::from_raw(SIZE[0], SIZE[1], gray).ok_or("a picture of another size")?;
         picture.save(folder.join(format!("ao_{number:02}.png")))?;
     }
     scene.check(&gpu)?;

@@ -1,9 +1,9 @@
-// Light tree: chooses a light by its estimated contribution; twin of crates/renderer/src/light/{tree,bounds}.rs.
+// Light tree: chooses a light by its estimated contribution; twin of crates/renderer/src/light/tree.rs.
 //
 // A squared distance times an intensity may exceed the range of f32. So importance is never computed by itself; siblings are
 // compared by quotients.
 // use shared/numbers
-// use shared/light/sample
+// use shared/light/sampler
 // use shared/invocation/iterations
 
 /// A cluster of lights: bounding sphere, and normal cone by cosines. World space.

@@ -1,6 +1,6 @@
-// Sampling of triangles by solid angle; twin of crates/renderer/src/light/{triangle,spherical}.rs.
+// Emissive triangles of instances that do not move, sampled by solid angle; twin of crates/renderer/src/light/triangle.rs.
 //
-// All steps are chosen for f32. The solid angle is 2 atan2(|a b c|, 1 + ab + bc + ca) (Van Oosterom and Strackee 1983), with
+// `?emission` gives the radiance at a point. All steps are chosen for f32. The solid angle is 2 atan2(|a b c|, 1 + ab + bc + ca) (Van Oosterom and Strackee 1983), with
 // the triple product taken from the edges, which stay precise for far points. A fraction `x` of it is a triangle a, b, c' with
 // c' on the arc from a to c. If `h = p a + q c` bisects the angle from a to c', then c' is a mirrored in h, and the tangent of
 // half the fraction's solid angle is `q |a b c| / (p (1 + ab) + q (ab + bc))`, which is solved for p and q with products only.
@@ -8,7 +8,11 @@
 // result is the point of Arvo 1995.
 // use shared/numbers
 // use shared/angle
-// use shared/light/incoming
+// use shared/light/disk
+// use shared/light/sampler
+// use shared/light/tree
+// use shared/invocation/iterations
+// use ?emission
 
 /// Range of solid angles that are sampled uniformly, in steradians; others are sampled by area.
 const MIN_SOLID_ANGLE: f32 = 1e-4;
@@ -119,4 +123,105 @@ fn uniform_weights(square: vec2<f32>) -> vec2<f32> {
         return vec2(0.5 * square.x, square.y - 0.5 * square.x);
     }
     return vec2(square.x - 0.5 * square.y, 0.5 * square.y);
+}
+
+/// An emissive triangle. Emitters are ordered by instance and primitive.
+struct Emitter {
+    /// First vertex, world space.
+    corner: vec3<f32>,
+    instance: u32,
+    /// From the first vertex to the second.
+    first: vec3<f32>,
+    primitive: u32,
+    /// From the first vertex to the third.
+    second: vec3<f32>,
+    /// Leaf in the light tree.
+    leaf: u32,
+    /// Emitted radiance, before textures.
+    radiance: vec3<f32>,
+    /// Distance along each axis that rays keep from the triangle.
+    slack: f32,
+}
+
+@group(3) @binding(5) var<storage, read> emitters: array<Emitter>;
+
+/// Light from a point of an emitter; none where it is black or transparent.
+fn sample_emitter(number: u32, at: vec3<f32>, square: vec2<f32>) -> LightSample {
+    let emitter = emitters[number];
+    let point = sample_triangle(emitter.corner, emitter.first, emitter.second, at, square);
+    let position = emitter.corner + (point.weights.x * emitter.first + point.weights.y * emitter.second);
+    let delta = (emitter.corner - at) + (point.weights.x * emitter.first + point.weights.y * emitter.second);
+    if point.density <= 0.0 || dot(delta, delta) < MIN_SQUARE {
+        return no_light();
+    }
+    let to_light = normalize(delta);
+    let radiance = emitted_by(emitter, point.weights, to_light);
+    if all(radiance <= vec3(0.0)) {
+        return no_light();
+    }
+    // The ray ends as far from the emitter as rays start from it, so that rounding never makes it end behind the emitter.
+    let normal = normal_of(cross(emitter.first, emitter.second));
+    let off = normal * (-sign_of(dot(normal, delta)) * emitter.slack * dot(abs(normal), vec3(1.0)));
+    let weighted = bounded(radiance * quotient(1.0, point.density));
+    return LightSample(IncomingLight(to_light, point.density, weighted, FINITE, position + off), NO_SHAPE_LIGHT, true);
+}
+
+/// Index of the emitter of a hit; the number of emitters if it moves, has no area or is black.
+fn emitter_of(instance: u32, primitive: u32) -> u32 {
+    let n = arrayLength(&emitters);
+    var first = 0u;
+    var last = n;
+    // Binary search.
+    loop {
+        iterations += 1u;
+        if first >= last {
+            break;
+        }
+        let middle = first + (last - first) / 2u;
+        let emitter = emitters[middle];
+        if emitter.instance < instance || emitter.instance == instance && emitter.primitive < primitive {
+            first = middle + 1u;
+        } else {
+            last = middle;
+        }
+    }
+    if first < n && emitters[first].instance == instance && emitters[first].primitive == primitive {
+        return first;
+    }
+    return n;
+}
+
+/// Density of a unit direction that hits a triangle, including the probability of choosing it.
+fn emitter_density(receiver: Receiver, instance: u32, primitive: u32, direction: vec3<f32>) -> f32 {
+    let number = emitter_of(instance, primitive);
+    if number >= arrayLength(&emitters) {
+        return 0.0;
+    }
+    let emitter = emitters[number];
+    let density = triangle_density(emitter.corner, emitter.first, emitter.second, receiver.position, direction);
+    return light_probability(emitter.leaf, receiver) * density;
+}
+
+// choice emission/constant
+// Emitters with constant radiance and no alpha.
+
+fn emitted_by(emitter: Emitter, weights: vec2<f32>, direction: vec3<f32>) -> vec3<f32> {
+    return emitter.radiance;
+}
+
+// choice emission/textured
+// Emitters with textures or alpha: the texture scales the radiance, alpha the probability of being hit.
+// use ?alpha
+
+fn emitted_by(emitter: Emitter, weights: vec2<f32>, direction: vec3<f32>) -> vec3<f32> {
+    let hit = Hit(1.0, weights.x, weights.y, emitter.primitive, emitter.instance);
+    let triangle = triangles[triangle_of(hit)];
+    let material = triangle.material & 0x7fffffffu;
+    let corners = triangle.vertices;
+    let at = vec3(1.0 - weights.x - weights.y, weights);
+    // Looked up at a point: a cone of zero width averages nothing.
+    let line = Cone(0.0, 0.0, 0.0, false);
+    let winding = normal_world(emitter.instance, triangle.normal);
+    let lookup = TextureLookup(corners, at, emitter.instance, winding, area_root(emitter.instance, triangle), direction, line);
+    return emitter.radiance * texel(materials[material].emission_slot, lookup).rgb * presence(material, corners, at);
 }

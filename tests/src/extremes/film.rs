@@ -138,9 +138,9 @@ fn scene() -> Scene {
         let parts = vec![MeshPart { first_triangle: 0, material: MaterialId(0) }];
         Mesh { positions: mesh.positions, triangles: mesh.triangles, parts, ..Mesh::default() }
     };
-    let still = |mesh: u32, first_primitive: u32, [x, y, z]: [f32; 3], size: f32| Instance {
+    let still = |mesh: u32, first_primitive: u32, shift: [f32; 3], size: f32| Instance {
         mesh: MeshId(mesh),
-        world_from_object: Affine { columns: [[size, 0.0, 0.0], [0.0, size, 0.0], [0.0, 0.0, size], [x, y, z]] },
+        world_from_object: Affine::scale([size; 3]).then(&Affine::translation(shift)),
         world_from_object_close: None,
         first_primitive,
     };

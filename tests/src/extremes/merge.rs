@@ -126,7 +126,6 @@ fn rotations(effort: usize) -> Vec<Quaternion> {
 }
 
 /// Random boxes with scales from 1e-12 to 1e12, and neighbors at 1e7.
-#[expect(clippy::cast_possible_truncation, reason = "any boxes near these will do")]
 fn pairs(effort: usize) -> Vec<(Obb, Obb)> {
     let mut rng = SplitMix64::new(44);
     let mut a_box = |scale: f64, shift: f64| Obb {

@@ -7,13 +7,13 @@ use canted_obb::{
     Quaternion,
     eigen::{self, FULL_PRECISION, Symmetric},
     rotation::{MAX_ITERATIONS, Status, extract},
+    vector::{Vector, dot},
 };
 
 use super::{Oracle, Promise, Row};
 use crate::{
     clouds::random_rotation,
     rotations::{self, Matrix, angle_rad, as_copied, as_listed, diagonal, times, transposed},
-    vector::{Vector, dot},
 };
 
 /// Rounding noise of torque and trace: 64 roundings of `f64` for the extraction, and as many for the oracle.
@@ -161,10 +161,8 @@ fn turns(effort: usize) -> Row {
         .flat_map(|known| known.inputs.into_iter().map(|(a, _)| a))
         .chain((0..1000 * effort).map(|_| random_matrix(&mut rng)))
         .collect();
-    #[expect(clippy::cast_precision_loss, reason = "few turns")]
     let taken = |a: &Matrix| extract(*a, MAX_ITERATIONS).iterations as f64;
     // A quarter of the limit leaves a margin for other inputs.
-    #[expect(clippy::cast_precision_loss, reason = "a small number")]
     let bound = MAX_ITERATIONS as f64 / 4.0;
     promise("all of the above", "converges far below the iteration limit", Oracle::Structure, bound, "iterations").row(
         "extract",

@@ -1,13 +1,17 @@
-//! Ray-box tests compared with exact fractions: a box that contains any point of the ray is never rejected.
+//! Ray-box tests compared with exact fractions: a box that contains any point of the ray is never rejected. Alone, and as axis-aligned
+//! boxes in eight-wide nodes on every available SIMD path.
 //!
 //! A derived pad makes boxes slightly larger; the number of misses that pass is reported, not bounded. Not covered: rays of
-//! primitives whose hits have an error (the proof in `canted_trace`'s `slab`, tested there).
+//! primitives whose hits have an error (the proof in `canted_trace`'s `slab`, tested there). Oriented boxes in wide nodes are covered by
+//! `hierarchy`: their test has no public entry point.
+
 use canted_fixtures::SplitMix64;
-use canted_obb::Obb;
-use canted_trace::{Ray, ray_aabb, ray_obb};
+use canted_obb::{Aabb, Obb};
+use canted_trace::{Ray, ScaledRay, ray_aabb, ray_obb};
+use canted_wide::{Config, SimdPath, WideBvh};
 
 use super::{Oracle, Promise, Row};
-use crate::{clouds::random_rotation, fractions};
+use crate::{clouds::random_rotation, exact};
 
 /// A ray and a box.
 pub type Pair = (Ray, Obb);
@@ -21,7 +25,6 @@ pub struct Case {
 }
 
 fn signed_f32(rng: &mut SplitMix64, scale: f64) -> [f32; 3] {
-    #[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]
     rng.signed3().map(|x| (scale * x) as f32)
 }
 
@@ -35,7 +38,6 @@ fn target(rng: &mut SplitMix64, obb: &Obb) -> [f64; 3] {
 }
 
 /// A rounded ray from `distance` away towards a point of the box.
-#[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
 fn aimed(rng: &mut SplitMix64, obb: &Obb, distance: f64) -> Ray {
     let (target, away) = (target(rng, obb), rng.on_sphere());
     let origin: [f32; 3] = std::array::from_fn(|k| (target[k] + distance * away[k]) as f32);
@@ -48,7 +50,6 @@ fn oriented(rng: &mut SplitMix64, scale: f64, shift: f32) -> Obb {
 }
 
 /// Integer coordinates from -4 to 4: faces, edges and corners are hit exactly.
-#[expect(clippy::cast_precision_loss, reason = "small numbers")]
 fn on_lattice(rng: &mut SplitMix64) -> Pair {
     let mut lattice_point = || std::array::from_fn(|_| rng.below(9) as f32 - 4.0);
     let (center, origin): ([f32; 3], [f32; 3]) = (lattice_point(), lattice_point());
@@ -88,7 +89,6 @@ pub fn cases(effort: usize) -> Vec<Case> {
         case("origin inside or on the box", &|rng| {
             let obb = oriented(rng, 1.0, 0.0);
             let start = target(rng, &obb);
-            #[expect(clippy::cast_possible_truncation, reason = "rays are rounded like everything")]
             (Ray::new(start.map(|x| x as f32), signed_f32(rng, 1.0)), obb)
         }),
         case("flat and needle-like, oriented", &|rng| {
@@ -155,7 +155,7 @@ pub(super) fn rows(effort: usize) -> Vec<Row> {
             ("ray_obb", |(ray, obb)| ray_obb(ray, obb).is_some()),
             ("ray_aabb", |(ray, obb)| ray_aabb(ray, &obb.aabb()).is_some()),
         ];
-        let verdicts: Vec<bool> = pairs.iter().map(|(ray, obb)| fractions::intersects_box(ray, obb)).collect();
+        let verdicts: Vec<bool> = pairs.iter().map(|(ray, obb)| exact::intersects_box(ray, obb)).collect();
         let n_missed = verdicts.iter().filter(|&&hits| !hits).count();
         // An oriented box lies in its axis-aligned bounds: a ray that hits it must enter those, too.
         for (routine, enters) in routines {
@@ -222,4 +222,77 @@ fn same(effort: usize) -> Vec<Row> {
         LENGTH.count("ray_obb", any.len(), differ_in_length),
         NONE.count("ray_obb, ray_aabb", none.len(), enters),
     ]
+}
+
+/// Boxes of one BVH, which fit one node.
+const LANES: usize = 8;
+
+/// Every row of a box in a wide node.
+pub(super) fn rows_of_nodes(effort: usize) -> Vec<Row> {
+    let paths = || SimdPath::ALL.into_iter().filter(|path| path.is_available());
+    let mut rows_of_nodes = vec![];
+    for Case { name, pairs } in cases(effort) {
+        let lost = Promise::none(
+            "box in an eight-wide node",
+            name,
+            "no ray that hits the box is rejected",
+            Oracle::Exact,
+            "rays lost",
+        );
+        let reported =
+            Promise { promise: "misses accepted because of padding", unit: "of all misses", ..lost }.reported();
+        // A product and a sum may be rounded once or twice (`canted_wide`'s `simd`); padding covers both, and paths may differ.
+        let same = Promise {
+            promise: "rays that enter other boxes than on the scalar path (fused rounding)",
+            oracle: Oracle::Same,
+            unit: "of all rays",
+            ..lost
+        }
+        .reported();
+        // An oriented box lies in its axis-aligned bounds: a ray that hits it must enter those.
+        let verdicts: Vec<bool> = pairs.iter().map(|(ray, obb)| exact::intersects_box(ray, obb)).collect();
+        let n_hit = verdicts.iter().filter(|&&hits| hits).count();
+        let straight = pairs.iter().all(|(_, obb)| obb.frame == canted_obb::Obb::IDENTITY_FRAME);
+        let wants = entered(&pairs, SimdPath::Scalar);
+        let mut by_promise: [Vec<Row>; 3] = Default::default();
+        for path in paths() {
+            let found = entered(&pairs, path);
+            let own = |hits: bool, enters: bool| {
+                let is_so =
+                    |(i, among): (usize, &Vec<usize>)| verdicts[i] == hits && among.contains(&(i % LANES)) == enters;
+                found.iter().enumerate().filter(|&pair| is_so(pair)).count()
+            };
+            by_promise[0].push(lost.count(path.name(), n_hit, own(true, false)));
+            if straight {
+                by_promise[1].push(reported.share(path.name(), pairs.len() - n_hit, own(false, true)));
+            }
+            if path != SimdPath::Scalar {
+                let n_other = found.iter().zip(&wants).filter(|(found, wanted)| found != wanted).count();
+                by_promise[2].push(same.share(path.name(), pairs.len(), n_other));
+            }
+        }
+        rows_of_nodes.extend(by_promise.concat());
+    }
+    rows_of_nodes
+}
+
+/// For each ray the indices of the boxes of its node that it enters, ascending; its own box keeps its index among the pairs.
+fn entered(pairs: &[Pair], path: SimdPath) -> Vec<Vec<usize>> {
+    let of_node = |pairs: &[Pair]| {
+        let boxes: Vec<Aabb> = pairs.iter().map(|(_, obb)| obb.aabb()).collect();
+        let tree = WideBvh::<Aabb>::build(boxes.clone(), &Config::default()).expect("boxes are finite").with_path(path);
+        let of_ray = |(ray, _): &Pair| {
+            let mut entered = vec![];
+            if let Some(ray) = ScaledRay::new(ray) {
+                tree.traverse_any(&ray, 0.0, &mut (), |number, t_max, ()| {
+                    entered.push(number.index());
+                    t_max
+                });
+            }
+            entered.sort_unstable();
+            entered
+        };
+        pairs.iter().map(of_ray).collect::<Vec<_>>()
+    };
+    pairs.chunks(LANES).flat_map(of_node).collect()
 }

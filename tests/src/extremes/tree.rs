@@ -1,11 +1,26 @@
-//! Binary trees over inputs that codes cannot separate: each primitive once, parents contain children, bounded depth.
+//! Binary trees over inputs that codes cannot separate: each primitive once, parents contain children, bounded depth. The same trees
+//! built on a device: the CPU's integers, and boxes that contain everything below them. Inputs above the limits: an error with the
+//! count, before the input is read.
 //!
-//! Not covered: time, which grows no faster than the scene (`degenerate.rs`); the device's trees (`built`).
+//! Not covered: time, which grows no faster than the scene (`hits/degenerate.rs`); each stage of a device on the CPU's previous output, many
+//! meshes at once, and a second level (`twins_build`); inputs just at the limits, and above those of 2^30 triangles in memory and of
+//! 2^26 instances, which need too much memory; the crates' own tests use smaller limits.
+
+use std::fmt::Display;
 
 use canted_fixtures::{Mesh, equal_centroids, identical, outlier, soup};
-use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Tree, VolumeConfig};
-use canted_obb::Aabb;
+use canted_gpu::{
+    Choice, Gpu,
+    build::{BuildConfig, BuildEncoder, Built, Node, Primitives, STRATEGIES},
+};
+use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Corners, Domain, Strategy, Tree, VolumeConfig};
+use canted_obb::{Aabb, Affine, Obb};
+use canted_renderer::{Accel, Levels, StructureConfig, flatten, prepare};
 use canted_sah::{Builder, PlocConfig, TopDownConfig, build};
+use canted_scene::{Instance, MeshId, Scene};
+use canted_trace::{ScaledRay, Watertight};
+use canted_wide::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, Primitive, PrimitiveHit, TriangleBvh, WideBvh};
+use rayon::prelude::*;
 
 use super::{Oracle, Promise, Row};
 
@@ -115,4 +130,176 @@ fn cells() -> Vec<Row> {
         rows.push(ZEROS.count(name, 2, differ));
     }
     rows
+}
+
+/// Devices promise nothing for this case: they may flush subnormal numbers to zero.
+const BELOW_NORMAL: &str = "denormal extent";
+
+const STAGE_ON_DEVICE: &str = "tree on a device";
+
+/// Why there are no rows_of_device if there is no adapter.
+pub(super) fn not_tried() -> Option<String> {
+    let there_is_none = Gpu::open(&Choice::Best).is_err();
+    there_is_none.then(|| format!("the stage \"{STAGE_ON_DEVICE}\" and instances on a device: no device"))
+}
+
+/// Rows of the best adapter; empty without an adapter.
+pub(super) fn rows_of_device() -> Vec<Row> {
+    let Ok(gpu) = Gpu::open(&Choice::Best) else { return vec![] };
+    cases().iter().flat_map(|(case, meshes)| of_case(&gpu, case, meshes)).collect()
+}
+
+fn of_case(gpu: &Gpu, case: &'static str, meshes: &[Mesh]) -> Vec<Row> {
+    let of = |promise, oracle, unit| {
+        let promise = Promise::none(STAGE_ON_DEVICE, case, promise, oracle, unit);
+        if case == BELOW_NORMAL { promise.reported() } else { promise }
+    };
+    let same = of("the CPU's leaves and nodes", Oracle::Same, "trees differ");
+    let contains = of("contains every vertex below a node_of_device", Oracle::Exact, "vertices outside");
+    let twins: Vec<Twin> = meshes.iter().map(Twin::of).collect();
+    let mut rows_of_device = vec![];
+    for strategy in STRATEGIES {
+        let built: Vec<Built> = twins.iter().map(|twin| twin.built(gpu, strategy)).collect();
+        if strategy == Strategy::Aabb {
+            let n_others = twins.iter().zip(&built).filter(|(twin, built)| twin.differs(gpu, built)).count();
+            rows_of_device.push(same.count("device, 63 bits", twins.len(), n_others));
+        } else {
+            let counts = twins.iter().zip(&built).map(|(twin, built)| twin.outside(gpu, built));
+            let [n_outside, n] = counts.fold([0; 2], |[a, b], [c, d]| [a + c, b + d]);
+            rows_of_device.push(contains.count_certain(format!("device, {strategy:?}"), n, n_outside));
+        }
+    }
+    rows_of_device
+}
+
+/// A mesh and the tree that the CPU builds over it.
+struct Twin {
+    corners: Vec<Corners>,
+    tree: Tree,
+}
+
+impl Twin {
+    fn of(mesh: &Mesh) -> Self {
+        let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).expect("finite vertices");
+        let codes = lbvh::morton_codes(&Domain::new(&bounds, 3, Bits::B63), &corners);
+        Self { corners, tree: lbvh::radix(lbvh::sort_by_code(&codes, Bits::B63)) }
+    }
+
+    fn built(&self, gpu: &Gpu, strategy: Strategy) -> Built {
+        let items = Primitives::triangles(gpu, [&self.corners[..]]).expect("a small mesh");
+        let config = BuildConfig { bits: Bits::B63, strategy };
+        Built::new(&mut BuildEncoder::new(gpu), items, config).expect("a small tree")
+    }
+
+    /// Whether the device's leaves or nodes differ from the CPU's.
+    fn differs(&self, gpu: &Gpu, built: &Built) -> bool {
+        let leaves = gpu.read(&built.leaves).expect("leaves come back");
+        let nodes = gpu.read(&built.trees.nodes).expect("nodes come back");
+        let own: Vec<u32> = self.tree.leaves.iter().map(|leaf| leaf.0).collect();
+        let same = self.tree.nodes.iter().map(node_of_device).eq(nodes.into_iter().take(self.tree.nodes.len()));
+        leaves != own || !same
+    }
+
+    /// How many vertices lie outside a box above them, and how many were checked.
+    fn outside(&self, gpu: &Gpu, built: &Built) -> [usize; 2] {
+        let obbs: Vec<Obb> = built.obbs.as_ref().map_or_else(Vec::new, |obbs| gpu.read(obbs).expect("boxes come back"));
+        let sorted = lbvh::in_leaf_order(&self.corners, &self.tree.leaves);
+        let of_node = |(node_of_device, obb): (&lbvh::Node, &Obb)| {
+            let below = sorted[node_of_device.first as usize..=node_of_device.last as usize].as_flattened();
+            [below.iter().filter(|&&vertex| !obb.contains(vertex)).count(), below.len()]
+        };
+        let sum = |[a, b]: [usize; 2], [c, d]: [usize; 2]| [a + c, b + d];
+        self.tree.nodes.par_iter().zip(&obbs).map(of_node).reduce(|| [0; 2], sum)
+    }
+}
+
+/// A CPU node_of_device in the device's layout.
+fn node_of_device(node_of_device: &lbvh::Node) -> Node {
+    let child = |child: Child| match child.kind() {
+        ChildKind::Leaf(position) => position | 1 << 31,
+        ChildKind::Inner(id) => id.0,
+    };
+    Node {
+        left: child(node_of_device.left),
+        right: child(node_of_device.right),
+        first: node_of_device.first,
+        last: node_of_device.last,
+    }
+}
+
+/// A zero-sized shape, so that any number of them fits in memory; its bounds are invalid, so reading one is an error.
+#[derive(Clone, Copy)]
+struct Flawed;
+
+impl Primitive for Flawed {
+    fn bounds(&self) -> Aabb {
+        Aabb::EMPTY
+    }
+
+    fn intersect(&self, _: &ScaledRay, _: f32) -> Option<PrimitiveHit> {
+        None
+    }
+}
+
+/// Number of triangles in the mesh of [`scene`].
+const OF_MESH: usize = 1 << 14;
+
+/// A mesh instanced so often that there are more than `n` triangles; it has no vertices, so reading it is an error.
+fn scene(n: usize) -> Scene {
+    let instance = Instance {
+        mesh: MeshId(0),
+        world_from_object: Affine::IDENTITY,
+        world_from_object_close: None,
+        first_primitive: 0,
+    };
+    let mesh = canted_scene::Mesh { triangles: vec![[7, 8, 9]; OF_MESH], ..canted_scene::Mesh::default() };
+    Scene { meshes: vec![mesh], instances: vec![instance; n / OF_MESH + 1], ..Scene::default() }
+}
+
+/// Whether the error message starts with the count.
+fn is_reported<T>(built: Result<T, impl Display>, n: usize) -> bool {
+    built.is_err_and(|error| error.to_string().starts_with(&format!("{n} ")))
+}
+
+pub(super) fn rows_of_limits() -> Vec<Row> {
+    const REPORTED: Promise = Promise::none(
+        "limits",
+        "above the limits: 2^27 triangles, 2^26 shapes, 2^30 triangles in a binary BVH",
+        "an error with the count, before the input is read",
+        Oracle::Known,
+        "inputs accepted",
+    );
+    let mut rows_of_limits = vec![];
+    let mut row =
+        |routine: &str, is_reported: bool| rows_of_limits.push(REPORTED.count(routine, 1, usize::from(!is_reported)));
+    // The system maps zero pages lazily, so the memory is never touched.
+    let triangles = vec![[0u32; 3]; MAX_TRIANGLES + 1];
+    row(
+        "Wide::build",
+        is_reported(TriangleBvh::<Watertight>::build(&[], &triangles, &Config::default()), triangles.len()),
+    );
+    let shapes = vec![Flawed; MAX_PRIMITIVES + 1];
+    row("WideBvh::build", is_reported(WideBvh::<Flawed>::build(shapes, &Config::default()), MAX_PRIMITIVES + 1));
+    let one = StructureConfig { levels: Levels::One, ..StructureConfig::default() };
+    let crowd = scene(MAX_TRIANGLES);
+    row("prepare, one level", is_reported(prepare::<Watertight>(&crowd, &one), crowd.n_placed_triangles()));
+    let crowd = scene(canted_lbvh::MAX_PRIMITIVES);
+    let binary = StructureConfig { accel: Accel::Binary { strategy: Strategy::Dop, builder: None }, ..one };
+    row("prepare, one binary level", is_reported(prepare::<Watertight>(&crowd, &binary), crowd.n_placed_triangles()));
+    row("flatten", is_reported(flatten(&crowd), crowd.n_placed_triangles()));
+    rows_of_limits
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_check_detects_success_and_a_missing_count() {
+        assert!(is_reported(Err::<(), _>("9 triangles exceed the limit"), 9));
+        assert!(!is_reported(Ok::<_, String>(()), 9));
+        for error in ["99 triangles are too many", "triangle 9 has no vertices"] {
+            assert!(!is_reported(Err::<(), _>(error), 9), "{error}");
+        }
+    }
 }

@@ -9,7 +9,7 @@ use super::{Oracle, Promise, Row};
 use crate::{
     brute,
     exact::{self, Margin, Verdict},
-    fractions, reference,
+    reference,
 };
 
 /// A ray and the corners of a triangle.
@@ -33,7 +33,6 @@ const ROUTINES: [Routine; 3] = [
     ("baldwin weber", ask::<BaldwinWeber>),
 ];
 
-#[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]
 fn rounded(x: [f64; 3]) -> [f32; 3] {
     x.map(|x| x as f32)
 }
@@ -181,7 +180,7 @@ fn of_promised((ray, corners): &Pair, t: f32) -> f64 {
     let scale = reach(&ray.origin) + reach(corners.as_flattened());
     let promised = 3.0f64.sqrt() * f64::from(HIT_ERROR) * scale + f64::from(f32::MIN_POSITIVE);
     // A degenerate triangle has no plane; the verdict says whether it may be hit.
-    Some(fractions::plane_distance(ray, t, *corners)).filter(|distance| distance.is_finite()).unwrap_or(0.0) / promised
+    Some(exact::plane_distance(ray, t, *corners)).filter(|distance| distance.is_finite()).unwrap_or(0.0) / promised
 }
 
 /// Coplanar copies in either order, some flipped.

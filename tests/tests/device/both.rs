@@ -1,5 +1,6 @@
 //! A picture by the device and the CPU together: each tile has the bits of one of them.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use std::sync::atomic::AtomicBool;
 
 use canted_film::Film;
@@ -7,6 +8,14 @@ use canted_renderer::{DeviceError, Levels, Monitor, RenderError, Settings};
 
 use super::scenes::full;
 use super::{gpu, on_cpu, silent, small, with_picture};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(every_tile_comes_from_one_of_both),
+        needs_device(the_cpu_finishes_after_a_lost_device),
+        needs_device(cancelled_work_keeps_reported_tiles),
+    ]
+}
 
 /// The pixels of each tile.
 fn tiles(film: &Film, settings: &Settings) -> Vec<Vec<[f64; 3]>> {
@@ -19,9 +28,8 @@ fn tiles(film: &Film, settings: &Settings) -> Vec<Vec<[f64; 3]>> {
     tiles
 }
 
-#[test]
 fn every_tile_comes_from_one_of_both() {
-    let Some(gpu) = gpu("every_tile_comes_from_one_of_both") else { return };
+    let gpu = gpu();
     let (scene, settings) = (full(), Settings { samples: 16, ..small() });
     let cancel = AtomicBool::new(false);
     let theirs = tiles(&on_cpu(&scene, &settings), &settings);
@@ -40,9 +48,8 @@ fn every_tile_comes_from_one_of_both() {
     assert!(shared.n_tiles_of_device <= theirs.len());
 }
 
-#[test]
 fn the_cpu_finishes_after_a_lost_device() {
-    let Some(gpu) = gpu("the_cpu_finishes_after_a_lost_device") else { return };
+    let gpu = gpu();
     let (scene, settings) = (full(), small());
     let cancel = AtomicBool::new(false);
     let shared = with_picture(&gpu, &scene, Levels::Auto, &settings, |picture| {
@@ -55,9 +62,8 @@ fn the_cpu_finishes_after_a_lost_device() {
     assert!(shared.film.pixels() == on_cpu(&scene, &settings).pixels(), "differs from the CPU's picture");
 }
 
-#[test]
 fn cancelled_work_keeps_reported_tiles() {
-    let Some(gpu) = gpu("cancelled_work_keeps_reported_tiles") else { return };
+    let gpu = gpu();
     let (scene, settings) = (full(), small());
     let cancel = AtomicBool::new(false);
     let reported = std::sync::Mutex::new(vec![]);

@@ -1,5 +1,6 @@
 //! Lost devices, and limits below what a scene needs.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use canted_gpu::{Gpu, GpuError};
@@ -10,9 +11,17 @@ use canted_tests::device::lowered;
 use super::scenes::{full, texture};
 use super::{gpu, silent, small, with_picture};
 
-#[test]
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(a_device_lost_while_rendering_is_an_error),
+        needs_device(a_picture_is_cancelled_between_dispatches),
+        needs_device(large_textures_are_split_without_changing_the_picture),
+        needs_device(scenes_that_do_not_fit_are_rejected_with_limit_need_and_remedy),
+    ]
+}
+
 fn a_device_lost_while_rendering_is_an_error() {
-    let Some(gpu) = gpu("a_device_lost_while_rendering_is_an_error") else { return };
+    let gpu = gpu();
     let cancel = AtomicBool::new(false);
     let n_done = AtomicUsize::new(0);
     let progress = |done: usize, _: usize| {
@@ -30,9 +39,8 @@ fn a_device_lost_while_rendering_is_an_error() {
     assert!(n_done.into_inner() < 20, "the picture finished");
 }
 
-#[test]
 fn a_picture_is_cancelled_between_dispatches() {
-    let Some(gpu) = gpu("a_picture_is_cancelled_between_dispatches") else { return };
+    let gpu = gpu();
     let cancel = AtomicBool::new(true);
     let settings = Settings { samples: 1 << 16, ..small() };
     let ended = with_picture(&gpu, &full(), Levels::Auto, &settings, |picture| {
@@ -45,10 +53,8 @@ fn textured(side: u32) -> Scene {
     Scene { textures: vec![texture(side)], ..full() }
 }
 
-#[test]
 fn large_textures_are_split_without_changing_the_picture() {
-    let test = "large_textures_are_split_without_changing_the_picture";
-    let (Some(gpu), Some(low)) = (gpu(test), lowered(test, 8 << 10)) else { return };
+    let (gpu, low) = (gpu(), lowered(8 << 10));
     let picture = |gpu: &Gpu| {
         let cancel = AtomicBool::new(false);
         with_picture(gpu, &textured(64), Levels::Auto, &small(), |picture| {
@@ -62,9 +68,8 @@ fn large_textures_are_split_without_changing_the_picture() {
     assert!(unsplit.pixels() == split.pixels(), "the pictures differ");
 }
 
-#[test]
 fn scenes_that_do_not_fit_are_rejected_with_limit_need_and_remedy() {
-    let Some(gpu) = lowered("scenes_that_do_not_fit_are_rejected_with_limit_need_and_remedy", 4 << 10) else { return };
+    let gpu = lowered(4 << 10);
     let refused = with_picture(&gpu, &textured(64), Levels::Auto, &small(), |_| ()).unwrap_err();
     // All mip levels of 64 x 64 texels, and the curve.
     let need = 4 * ((64 * 64 * 4 - 1) / 3 + 256);

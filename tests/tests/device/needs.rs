@@ -1,14 +1,18 @@
 //! Only required resources: buffers and bytes of a bare scene compared with those of a full one.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_renderer::Levels;
 use canted_scene::Scene;
 
 use super::scenes::{bare, full};
 use super::{gpu, small, with_picture};
 
-#[test]
+pub(crate) fn tests() -> Vec<Test> {
+    vec![needs_device(a_bare_scene_binds_few_buffers_and_few_bytes)]
+}
+
 fn a_bare_scene_binds_few_buffers_and_few_bytes() {
-    let Some(gpu) = gpu("a_bare_scene_binds_few_buffers_and_few_bytes") else { return };
+    let gpu = gpu();
     let needs = |scene: &Scene, levels| -> Vec<(String, u64)> {
         let buffers = with_picture(&gpu, scene, levels, &small(), |picture| {
             picture.buffers().iter().map(|(name, n_bytes)| ((*name).to_owned(), *n_bytes)).collect()

@@ -1,5 +1,6 @@
 //! The tile size only distributes work: the device renders the same bits for any size.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use canted_film::{Aov, Film, Pixel};
@@ -11,17 +12,24 @@ use canted_trace::Watertight;
 use super::scenes::full;
 use super::{camera, gpu, small};
 
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(tiles_do_not_change_a_bit_of_a_devices_picture),
+        needs_device(tiles_do_not_change_a_bit_of_guides_and_parts),
+        needs_device(tiles_do_not_change_where_samples_stop),
+    ]
+}
+
 /// A size that is no multiple of tiles or cells, so that those of the last column and row are cut.
 fn odd(integrator: Integrator) -> Settings {
     Settings { width: 27, height: 19, samples: 2, integrator, ..small() }
 }
 
-/// The device's picture, by one kernel or by a wavefront, and its number of tiles.
-fn picture(gpu: &Gpu, scene: &Scene, settings: &Settings, in_waves: bool) -> (Film, usize) {
+/// The device's picture, and its number of tiles.
+fn picture(gpu: &Gpu, scene: &Scene, settings: &Settings) -> (Film, usize) {
     let Prepared { structure, .. } = prepare::<Watertight>(scene, &StructureConfig::default()).unwrap();
     let surfaces = Surfaces::with_lod(scene, settings.lod);
     let picture = DevicePicture::new(gpu, &surfaces, &structure, &camera(), settings).unwrap();
-    let picture = if in_waves { picture.in_waves().unwrap() } else { picture };
     let (n_tiles, cancel) = (AtomicUsize::new(0), AtomicBool::new(false));
     let progress = |_, all| n_tiles.store(all, Ordering::Relaxed);
     let monitor = Monitor { progress: &progress, finished: &|_| (), cancel: &cancel };
@@ -31,49 +39,40 @@ fn picture(gpu: &Gpu, scene: &Scene, settings: &Settings, in_waves: bool) -> (Fi
 
 /// Tiles of 8 pixels and larger ones give the same picture; the number of tiles proves that they differ.
 #[track_caller]
-fn check(gpu: &Gpu, settings: &Settings, in_waves: bool) {
+fn check(gpu: &Gpu, settings: &Settings) {
     let scene = full();
-    let of_side = |tile| picture(gpu, &scene, &Settings { tile, ..*settings }, in_waves);
+    let of_side = |tile| picture(gpu, &scene, &Settings { tile, ..*settings });
     let (reference, n_tiles) = of_side(8);
     assert_eq!(n_tiles, 4 * 3);
     for (tile, n_expected) in [(16, 2 * 2), (32, 1)] {
         let (film, n_tiles) = of_side(tile);
         assert_eq!(n_tiles, n_expected);
-        assert!(film == reference, "{settings:?}, waves {in_waves}: tiles of {tile} change the picture");
+        assert!(film == reference, "{settings:?}: tiles of {tile} change the picture");
     }
-    let (other, _) = picture(gpu, &scene, &Settings { seed: settings.seed + 1, ..*settings }, in_waves);
+    let (other, _) = picture(gpu, &scene, &Settings { seed: settings.seed + 1, ..*settings });
     assert!(other != reference, "the comparison cannot fail");
 }
 
-#[test]
 fn tiles_do_not_change_a_bit_of_a_devices_picture() {
-    let Some(gpu) = gpu("tiles_do_not_change_a_bit_of_a_devices_picture") else { return };
+    let gpu = gpu();
     for integrator in [Integrator::Hybrid, Integrator::Path] {
-        check(&gpu, &odd(integrator), false);
+        check(&gpu, &odd(integrator));
     }
 }
 
-#[test]
-fn tiles_do_not_change_a_bit_of_a_wavefront() {
-    let Some(gpu) = gpu("tiles_do_not_change_a_bit_of_a_wavefront") else { return };
-    check(&gpu, &odd(Integrator::Path), true);
-}
-
 /// A separate kernel computes what camera rays hit, and partial samples keep block sums.
-#[test]
 fn tiles_do_not_change_a_bit_of_guides_and_parts() {
-    let Some(gpu) = gpu("tiles_do_not_change_a_bit_of_guides_and_parts") else { return };
+    let gpu = gpu();
     let aovs = Aov::ALL.into_iter().collect();
-    check(&gpu, &Settings { aovs, part: Some([1, 6]), samples: 8, ..odd(Integrator::Hybrid) }, false);
+    check(&gpu, &Settings { aovs, part: Some([1, 6]), samples: 8, ..odd(Integrator::Hybrid) });
 }
 
 /// Cells of 8 pixels stop together, independent of tile borders.
-#[test]
 fn tiles_do_not_change_where_samples_stop() {
-    let Some(gpu) = gpu("tiles_do_not_change_where_samples_stop") else { return };
+    let gpu = gpu();
     let settings = Settings { noise: Some(0.02), samples: 64, ..odd(Integrator::Hybrid) };
-    check(&gpu, &settings, false);
-    let (film, _) = picture(&gpu, &full(), &settings, false);
+    check(&gpu, &settings);
+    let (film, _) = picture(&gpu, &full(), &settings);
     let mut taken: Vec<u32> = film.pixels().iter().map(Pixel::n_taken).collect();
     taken.sort_unstable();
     taken.dedup();

@@ -1,16 +1,19 @@
-//! A changed TLAS gives the hits of a new one, and touches only what a change concerns.
+//! A changed TLAS gives the hits of a new one and touches only what a change concerns; invalid instances are reported with their index.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::atomic::{AtomicUsize, Ordering},
+};
 
+use canted_bvh2::Bvh2;
 use canted_fixtures::{Mesh, Rotation, SplitMix64, soup, torus};
 use canted_lbvh::{Strategy, VolumeConfig};
-use canted_obb::Affine;
-use canted_tlas::{Blas, Instance, InstanceError, Tlas, TopConfig};
-use canted_trace::{Hit, InstanceId, Ray, Watertight};
+use canted_obb::{Affine, Obb};
+use canted_tlas::{Blas, Instance, InstanceError, MAX_CONDITION, Tlas, TopConfig};
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray, Watertight};
 use canted_wide::{Config, TriangleBvh};
 
-use super::altered::Altered;
-use super::setup::{affine, all_rays, crowd, instances, meshes};
+use super::setup::{Altered, affine, all_rays, build, crowd, instances, meshes};
 
 fn tops() -> [TopConfig; 3] {
     let binary = |strategy| TopConfig::Binary(VolumeConfig { strategy, fallback: true });
@@ -23,7 +26,6 @@ fn bvh(mesh: &Mesh) -> TriangleBvh<Watertight> {
 
 fn random_affine(rng: &mut SplitMix64) -> Affine {
     let turn = Rotation::euler(6.0 * rng.unit(), 6.0 * rng.unit(), 6.0 * rng.unit());
-    #[expect(clippy::cast_possible_truncation, reason = "test data")]
     let shift = rng.signed3().map(|x| (8.0 * x) as f32);
     affine(&turn, std::array::from_fn(|_| 0.2 + rng.unit()), shift)
 }
@@ -70,7 +72,6 @@ fn edits_equal_a_new_tlas() {
                         edit.set_instance(InstanceId(i), placed[i as usize]).unwrap();
                     }
                     _ => {
-                        #[expect(clippy::cast_possible_truncation, reason = "test data")]
                         let scale = 0.5 + rng.unit() as f32;
                         let positions: Vec<_> = torus.positions.iter().map(|p| p.map(|x| x * scale)).collect();
                         blas[1] = blas[1].clone();
@@ -137,7 +138,6 @@ fn drift_advises_a_rebuild() {
         assert!(!tlas.rebuild_advised(), "{}", tlas.drift());
         let mut edit = tlas.edit();
         for i in 0..200 {
-            #[expect(clippy::cast_possible_truncation, reason = "test data")]
             let shift = rng.signed3().map(|x| (100.0 * x) as f32);
             edit.set_transform(InstanceId(i), affine(&Rotation::IDENTITY, [0.3; 3], shift)).unwrap();
         }
@@ -258,4 +258,185 @@ fn many_changes_at_once_equal_a_new_tlas() {
         let after = hits(&tlas, &rays);
         assert!(after == hits(&Tlas::new(blas.clone(), &placed, top).unwrap(), &rays) && after != before, "{top:?}");
     }
+}
+
+/// A bottom level that counts calls; `set_instances` has no way to rebuild it.
+struct Counted {
+    inner: Bvh2<Watertight>,
+    n_bounds: AtomicUsize,
+    n_rays: AtomicUsize,
+}
+
+impl Counted {
+    fn new(inner: Bvh2<Watertight>) -> Self {
+        Self { inner, n_bounds: AtomicUsize::new(0), n_rays: AtomicUsize::new(0) }
+    }
+
+    /// Calls since the last take: for bounds, for rays.
+    fn take(&self) -> (usize, usize) {
+        (self.n_bounds.swap(0, Ordering::Relaxed), self.n_rays.swap(0, Ordering::Relaxed))
+    }
+}
+
+impl Blas for Counted {
+    fn bounds(&self) -> Obb {
+        self.n_bounds.fetch_add(1, Ordering::Relaxed);
+        self.inner.bounds()
+    }
+
+    fn hit_error(&self) -> f32 {
+        HIT_ERROR
+    }
+
+    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
+        self.n_rays.fetch_add(1, Ordering::Relaxed);
+        self.inner.closest_hit_with(ray_object, instance, query)
+    }
+
+    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
+        self.n_rays.fetch_add(1, Ordering::Relaxed);
+        self.inner.occluded_with(ray_object, instance, query)
+    }
+
+    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
+        self.n_rays.fetch_add(1, Ordering::Relaxed);
+        self.inner.all_hits_with(ray_object, instance, query, hits);
+    }
+}
+
+const TOP: TopConfig = TopConfig::Binary(VolumeConfig { strategy: Strategy::Dop, fallback: true });
+
+fn counted(instances: &[Instance]) -> Tlas<Counted> {
+    let [soup, torus] = meshes();
+    let bottom = vec![Counted::new(build(&soup, Strategy::Dop)), Counted::new(build(&torus, Strategy::Combined))];
+    Tlas::new(bottom, instances, TOP).unwrap()
+}
+
+fn closest_hits(tlas: &Tlas<Counted>, rays: &[Ray]) -> Vec<Option<Hit>> {
+    rays.iter().map(|ray| tlas.closest_hit(ray)).collect()
+}
+
+/// All instances rotated by a quarter turn about z and shifted.
+fn moved(placed: &[Affine]) -> Vec<Affine> {
+    let next = Affine::from_columns([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.5, -0.25, 1.0]]);
+    placed.iter().map(|affine| affine.then(&next)).collect()
+}
+
+#[test]
+fn set_instances_queries_each_bound_once_and_traces_nothing() {
+    let placed = crowd();
+    let mut tlas = counted(&instances(&placed));
+    let asked = |tlas: &Tlas<Counted>| tlas.blas().iter().map(Counted::take).collect::<Vec<_>>();
+    assert_eq!(asked(&tlas), [(placed.len() / 2, 0); 2]);
+    let before: Vec<*const Counted> = tlas.blas().iter().map(std::ptr::from_ref).collect();
+    tlas.set_instances(&instances(&moved(&placed))).unwrap();
+    assert_eq!(asked(&tlas), [(placed.len() / 2, 0); 2]);
+    assert_eq!(tlas.blas().iter().map(std::ptr::from_ref).collect::<Vec<_>>(), before);
+    // The counters work.
+    closest_hits(&tlas, &all_rays(&moved(&placed), 1));
+    assert!(asked(&tlas).iter().all(|&(n_bounds, n_rays)| n_bounds == 0 && n_rays > 100));
+}
+
+#[test]
+fn moved_instances_equal_a_fresh_build() {
+    let placed = crowd();
+    let after = moved(&placed);
+    let rays = [all_rays(&placed, 5), all_rays(&after, 5)].concat();
+    let mut tlas_moved = counted(&instances(&placed));
+    let before = closest_hits(&tlas_moved, &rays);
+    tlas_moved.set_instances(&instances(&after)).unwrap();
+    let fresh = closest_hits(&counted(&instances(&after)), &rays);
+    assert_eq!(closest_hits(&tlas_moved, &rays), fresh);
+    assert_ne!(before, fresh);
+    // Fewer instances, then none, then all again.
+    tlas_moved.set_instances(&instances(&placed[..3])).unwrap();
+    assert_eq!(closest_hits(&tlas_moved, &rays), closest_hits(&counted(&instances(&placed[..3])), &rays));
+    tlas_moved.set_instances(&[]).unwrap();
+    assert_eq!((tlas_moved.n_instances(), closest_hits(&tlas_moved, &rays)), (0, vec![None; rays.len()]));
+    tlas_moved.set_instances(&instances(&placed)).unwrap();
+    assert_eq!(closest_hits(&tlas_moved, &rays), before);
+}
+
+#[test]
+fn rejected_instances_leave_the_old_ones() {
+    let placed = crowd();
+    let rays = all_rays(&placed, 2);
+    let mut tlas = counted(&instances(&placed));
+    let before = closest_hits(&tlas, &rays);
+    let mut bad = instances(&moved(&placed));
+    bad[9].world_from_object.columns[0] = [0.0; 3];
+    assert!(tlas.set_instances(&bad).is_err());
+    assert_eq!((tlas.n_instances(), closest_hits(&tlas, &rays)), (placed.len(), before));
+}
+
+fn add(blas: u32, third: Affine) -> Result<(), InstanceError> {
+    let [soup, torus] = meshes();
+    let bottom: Vec<Bvh2<Watertight>> = vec![build(&soup, Strategy::Aabb), build(&torus, Strategy::Aabb)];
+    let sound = Instance::new(0, Affine::IDENTITY);
+    let instances = [sound, sound, Instance::new(blas, third)];
+    Tlas::new(bottom, &instances, TopConfig::default()).map(|_| ())
+}
+
+#[test]
+fn a_missing_blas_is_reported() {
+    assert_eq!(add(2, Affine::IDENTITY), Err(InstanceError::NoSuchBlas { instance: 2, blas: 2 }));
+    assert_eq!(add(1, Affine::IDENTITY), Ok(()));
+}
+
+#[test]
+fn transforms_that_are_not_finite_are_rejected() {
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        for place_of_bad in 0..12 {
+            let mut affine = Affine::IDENTITY;
+            affine.columns[place_of_bad / 3][place_of_bad % 3] = bad;
+            assert_eq!(add(0, affine), Err(InstanceError::NotFinite { instance: 2 }));
+        }
+    }
+}
+
+#[test]
+fn singular_transforms_are_rejected_at_any_scale() {
+    let flat = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+    for scale in [1e-30, 1e-6, 1.0, 1e6, 1e30] {
+        let scaled = |columns: [[f32; 3]; 3]| {
+            let [x, y, z] = columns.map(|column| column.map(|c| c * scale));
+            Affine { columns: [x, y, z, [0.0; 3]] }
+        };
+        for columns in [[[0.0; 3]; 3], flat, [flat[0], flat[0], flat[1]], [flat[0], flat[1], [0.0; 3]]] {
+            let error = add(0, scaled(columns)).unwrap_err();
+            assert!(matches!(error, InstanceError::IllConditioned { instance: 2, .. }), "{scale:e}: {error}");
+        }
+    }
+}
+
+#[test]
+fn the_condition_number_decides_not_the_determinant() {
+    for scale in [1e-6f64, 1e-3, 1.0, 1e3, 1e6] {
+        assert_eq!(add(0, affine(&Rotation::off_axis(), [scale, scale, -scale], [1e7, 0.0, 0.0])), Ok(()), "{scale:e}");
+    }
+    let stretched = |ratio: f64| add(1, affine(&Rotation::IDENTITY, [1.0, 1.0, ratio], [0.0; 3]));
+    assert_eq!(stretched(MAX_CONDITION), Ok(()));
+    assert_eq!(stretched(1.0 / MAX_CONDITION), Ok(()));
+    let condition = 2.0 * MAX_CONDITION;
+    for ratio in [condition, 1.0 / condition] {
+        assert_eq!(stretched(ratio), Err(InstanceError::IllConditioned { instance: 2, condition }));
+    }
+}
+
+#[test]
+fn error_messages_name_instance_and_limit() {
+    let sentence = |result: Result<(), InstanceError>| result.unwrap_err().to_string();
+    assert_eq!(sentence(add(7, Affine::IDENTITY)), "instance 2 refers to bottom-level BVH 7, which does not exist");
+    let shift = Affine::translation([0.0, f32::NAN, 0.0]);
+    assert_eq!(sentence(add(0, shift)), "the transform of instance 2 is not finite");
+    assert_eq!(
+        sentence(add(0, Affine::scale([0.0; 3]))),
+        "the transform of instance 2 is too close to singular: its condition number is inf, at most 1.048576e6 is supported"
+    );
+}
+
+#[test]
+fn bounds_out_of_range_are_rejected() {
+    let affine = Affine::scale([1e38; 3]).then(&Affine::translation([3e38; 3]));
+    assert_eq!(add(0, affine), Err(InstanceError::OutOfRange { instance: 2 }));
 }

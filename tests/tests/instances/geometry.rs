@@ -1,11 +1,13 @@
 //! Hit positions compared with exact geometry within derived bounds: all triangles in world space, in `f64`.
 
 use canted_lbvh::{Strategy, VolumeConfig};
-use canted_obb::Affine;
-use canted_tests::{
-    distance::distance,
-    exact, instances as oracle,
+use canted_obb::{
+    Affine,
     vector::{Vector, cross, dot, length, sub},
+};
+use canted_tests::{
+    brute::{self, distance},
+    exact,
 };
 use canted_tlas::{Tlas, TopConfig};
 use canted_trace::{Hit, Ray, Watertight};
@@ -57,7 +59,7 @@ pub(crate) fn check_hit(ray: &Ray, hit: Option<&Hit>, placed: &[Affine], reaches
     let target = |i: usize, triangle: usize| {
         let corners = meshes[blas_of(i)].corners(triangle).map(|p| placed[i].point_f64(p));
         // A thousandth covers the rounding of the f64 computations here.
-        Target { corners, error: 1.001 * oracle::hit_error(&placed[i], reaches[blas_of(i)], ray) }
+        Target { corners, error: 1.001 * brute::hit_error(&placed[i], reaches[blas_of(i)], ray) }
     };
     if let Some(hit) = hit {
         let Target { corners, error } = target(hit.instance.0 as usize, hit.primitive.index());
@@ -100,7 +102,7 @@ fn hits_lie_on_the_images_of_triangles_and_none_is_nearer() {
         // Far away, a small instance is no larger than the error of its hits.
         let from_itself = Ray::new(affine.columns[3], [1.0, 0.0, 0.0]);
         let size = length(sub(affine.point_f64([1.0; 3]), affine.point_f64([0.0; 3])));
-        let is_blurred = oracle::hit_error(&affine, 1.0, &from_itself) > 0.02 * size;
+        let is_blurred = brute::hit_error(&affine, 1.0, &from_itself) > 0.02 * size;
         assert_eq!(n_certain > 100, !is_blurred, "{name}: {n_certain} certain crossings");
     }
 }
@@ -143,16 +145,15 @@ fn object_space_rays_are_rounded_once() {
     for (name, affine) in transforms() {
         let mesh = &meshes()[0];
         for ray in rays(mesh, &affine, 20, 77) {
-            let object = oracle::ray_object(&affine, &ray);
+            let object = brute::ray_object(&affine, &ray);
             let mut linear = affine;
             linear.columns[3] = [0.0; 3];
             let size = |matrix: &Affine, v: [f32; 3]| {
                 let greatest = matrix.columns[3].iter().chain(&v).fold(0.0, |all: f32, x| all.max(x.abs()));
-                let backward = oracle::object_from_world(matrix)
+                let backward = brute::object_from_world(matrix)
                     .iter()
                     .flat_map(|row| row[..3].to_vec())
                     .fold(0.0, |all: f64, x| all.max(x.abs()));
-                #[expect(clippy::cast_possible_truncation, reason = "a reference size for errors")]
                 let size = (6.0 * backward) as f32 * greatest;
                 size
             };

@@ -7,14 +7,15 @@ use canted_bvh2::Bvh2;
 use canted_fixtures::{Rotation, SplitMix64};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::Affine;
-use canted_tests::instances::At;
+use canted_tests::brute::At;
 use canted_tlas::{Blas, Instance, InstanceError, MAX_CONDITION, Tlas, TopConfig};
 use canted_trace::{Ray, Watertight};
 
-use super::agree::loop_over_all;
-use super::altered::Altered;
-use super::geometry::{check_hit, reaches};
-use super::setup::{affine, blas_of, build, meshes, rays};
+use super::{
+    geometry::{check_hit, reaches},
+    queries::loop_over_all,
+    setup::{Altered, affine, blas_of, build, meshes, rays},
+};
 
 const TOP: TopConfig = TopConfig::Binary(VolumeConfig { strategy: Strategy::Dop, fallback: true });
 
@@ -37,7 +38,6 @@ fn at([open, close]: &[Affine; 2], time: f32) -> Affine {
         for (k, number) in column.iter_mut().enumerate() {
             let (from, to) = (f64::from(open.columns[j][k]), f64::from(close.columns[j][k]));
             let exact = from + f64::from(time) * (to - from);
-            #[expect(clippy::cast_possible_truncation, reason = "checked on the next line")]
             let rounded = exact as f32;
             assert_eq!(f64::from(rounded), exact, "column {j} row {k} at {time}");
             *number = rounded;
@@ -203,7 +203,7 @@ fn motions_through_singular_transforms_are_rejected_with_the_time() {
     let InstanceError::IllConditionedAt { instance: 1, time, .. } = mirror else { panic!("{mirror}") };
     // The scale falls by four per unit of time and is rejected below 1 / limit of the greatest scale, three.
     assert!((time - 0.25).abs() <= 3.0 / MAX_CONDITION / 4.0, "{time}");
-    let flat = refused(Affine::IDENTITY, Affine { columns: [[0.0; 3]; 4] });
+    let flat = refused(Affine::IDENTITY, Affine::scale([0.0; 3]));
     assert_eq!(
         flat.to_string(),
         "the transform of moving instance 1 is too close to singular at shutter time 1: its condition number is inf, \

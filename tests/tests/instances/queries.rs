@@ -1,16 +1,151 @@
 //! Every kind of query against a loop over all instances and all their triangles.
 
-use canted_fixtures::{SplitMix64, thin_box};
+use canted_fixtures::{Mesh, Rotation, SplitMix64, thin_box};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, PrimId};
-use canted_tests::brute;
-use canted_tests::instances::{At, ray_object};
+use canted_tests::{
+    brute::{self, At, ray_object},
+    crossings,
+};
 use canted_tlas::{Blas, Instance, RayOptions, Tlas, TopConfig};
-use canted_trace::{Counts, Hit, InstanceId, Kernel, Query, Ray, ScaledRay, Side, Watertight};
-use canted_wide::{Config, TriangleBvh};
+use canted_trace::{Counts, Hit, InstanceId, Kernel, MollerTrumbore, Query, Ray, ScaledRay, Side, Watertight};
+use canted_wide::{Config, Preset, TriangleBvh};
 
-use super::altered::Altered;
-use super::setup::{affine, all_rays, blas_of, build, crowd, instances, meshes};
+use super::setup::{Altered, affine, all_rays, blas_of, build, crowd, instances, meshes};
+
+pub(crate) fn loop_over_all<K: Kernel>(placed: &[Affine], rays: &[Ray]) -> Vec<Option<Hit>> {
+    let records = meshes().map(|mesh| brute::records::<K>(&mesh.positions, &mesh.triangles));
+    let trace = |i: usize, ray: &Ray| brute::closest_hit::<K>(&records[blas_of(i)], ray);
+    rays.iter().map(|ray| brute::closest_hit_of_instances(placed, ray, trace)).collect()
+}
+
+/// The first ray for which the two levels differ from `wants`.
+fn first_difference<K: Kernel>(
+    tlas: &Tlas<canted_bvh2::Bvh2<K>>,
+    rays: &[Ray],
+    wants: &[Option<Hit>],
+) -> Option<String> {
+    rays.iter().zip(wants).find_map(|(ray, want)| {
+        let got = tlas.closest_hit(ray);
+        let occluded = tlas.occluded(ray);
+        (got != *want || occluded != want.is_some()).then(|| format!("{ray:?}: {got:?}, {occluded}, not {want:?}"))
+    })
+}
+
+fn agrees<K: Kernel>(n: usize) {
+    let (placed, [soup, torus]) = (crowd(), meshes());
+    let rays = all_rays(&placed, n);
+    let wants = loop_over_all::<K>(&placed, &rays);
+    assert!(wants.iter().flatten().count() * 3 > rays.len(), "too few rays hit");
+    for strategy in Strategy::ALL {
+        let binary = |fallback| TopConfig::Binary(VolumeConfig { strategy, fallback });
+        let wide = |preset| TopConfig::Wide(Config::preset(preset));
+        for top in [binary(true), binary(false), wide(Preset::Fast), wide(Preset::Quality)] {
+            let bottom = vec![build::<K>(&soup, strategy), build::<K>(&torus, strategy)];
+            let tlas = Tlas::new(bottom, &instances(&placed), top).unwrap();
+            assert_eq!(first_difference(&tlas, &rays, &wants), None, "{strategy:?} under {top:?}");
+        }
+    }
+}
+
+#[test]
+fn watertight_agrees_to_the_bit() {
+    agrees::<Watertight>(30);
+}
+
+#[test]
+fn moller_trumbore_agrees_to_the_bit() {
+    agrees::<MollerTrumbore>(8);
+}
+
+#[test]
+fn a_slightly_moved_instance_is_detected() {
+    let (placed, [soup, torus]) = (crowd(), meshes());
+    let rays = all_rays(&placed, 4);
+    let wants = loop_over_all::<Watertight>(&placed, &rays);
+    let mut moved = instances(&placed);
+    moved[1].world_from_object.columns[3][0] += 1e-5;
+    let bottom = vec![build::<Watertight>(&soup, Strategy::Dop), build(&torus, Strategy::Dop)];
+    let tlas = Tlas::new(bottom, &moved, TopConfig::default()).unwrap();
+    assert!(first_difference(&tlas, &rays, &wants).is_some());
+}
+
+#[test]
+fn the_top_level_skips_most_instances() {
+    let (placed, [soup, torus]) = (crowd(), meshes());
+    let rays = all_rays(&placed, 10);
+    for top in [TopConfig::default(), TopConfig::Binary(VolumeConfig::default())] {
+        let bottom = vec![build::<Watertight>(&soup, Strategy::Dop), build(&torus, Strategy::Dop)];
+        let tlas = Tlas::new(bottom, &instances(&placed), top).unwrap();
+        let mut counts = Counts::default();
+        for ray in &rays {
+            tlas.closest_hit_with(ray, &mut counts);
+        }
+        let all = (rays.len() * placed.len() * 120) as u64;
+        assert!(counts.triangles * 20 < all, "{counts:?} of {all}");
+    }
+}
+
+#[test]
+fn ties_go_to_the_lowest_instance_then_primitive() {
+    // Two coincident triangles in each mesh, two coincident meshes, each instanced twice with each transform.
+    let [soup, _] = meshes();
+    let doubled =
+        Mesh { positions: soup.positions.clone(), triangles: [&soup.triangles[..], &soup.triangles].concat() };
+    let transforms = [affine(&Rotation::off_axis(), [2.0, 1.0, 0.5], [1.0, 2.0, 3.0]), Affine::IDENTITY];
+    for order in [[0, 1, 1, 0], [1, 0, 0, 1], [1, 1, 0, 0]] {
+        let instances: Vec<Instance> = order
+            .into_iter()
+            .zip([0, 1, 1, 0])
+            .map(|(transform, blas)| Instance::new(blas, transforms[transform]))
+            .collect();
+        for strategy in [Strategy::Aabb, Strategy::Dop] {
+            for top in [TopConfig::default(), TopConfig::Binary(VolumeConfig { strategy, fallback: true })] {
+                let bottom = vec![build::<Watertight>(&doubled, strategy), build(&doubled, Strategy::Aabb)];
+                let tlas = Tlas::new(bottom, &instances, top).unwrap();
+                let mut n_hits = 0;
+                for hit in all_rays(&transforms, 40).iter().filter_map(|ray| tlas.closest_hit(ray)) {
+                    let transform = order[hit.instance.0 as usize];
+                    assert_eq!(hit.instance.0 as usize, order.iter().position(|&p| p == transform).unwrap(), "{hit:?}");
+                    assert!(hit.primitive < PrimId(120), "{hit:?}");
+                    n_hits += 1;
+                }
+                assert!(n_hits > 100, "{n_hits} hits");
+            }
+        }
+    }
+}
+
+#[test]
+fn t_is_the_same_at_every_scale() {
+    let plate = thin_box(0.0);
+    let at = |scale: f64, z: f32| Instance::new(0, affine(&Rotation::IDENTITY, [scale; 3], [0.0, 0.0, z]));
+    let instances = [at(1024.0, 16.0), at(1.0 / 1024.0, 5.0), at(-1.0, 7.0)];
+    let tlas = Tlas::new(vec![build::<Watertight>(&plate, Strategy::Aabb)], &instances, TopConfig::default()).unwrap();
+    for length in [1.0, 8.0, 1.0 / 64.0] {
+        let nearest = |x: f32| {
+            let hit = tlas.closest_hit(&Ray::new([x, 0.0, 0.0], [0.0, 0.0, length])).unwrap();
+            (hit.t * length, hit.instance)
+        };
+        assert_eq!(nearest(0.0), (5.0, InstanceId(1)));
+        assert_eq!(nearest(0.125), (7.0, InstanceId(2)));
+        assert_eq!(nearest(100.0), (16.0, InstanceId(0)));
+    }
+}
+
+#[test]
+fn an_empty_top_level_is_never_hit() {
+    for top in [TopConfig::default(), TopConfig::Binary(VolumeConfig::default())] {
+        let mut tlas = Tlas::<canted_bvh2::Bvh2<Watertight>>::new(vec![], &[], top).unwrap();
+        let ray = Ray::new([0.0; 3], [1.0, 0.0, 0.0]);
+        assert_eq!((tlas.closest_hit(&ray), tlas.occluded(&ray)), (None, false));
+        assert!(tlas.set_instances(&[]).is_ok());
+        assert!(tlas.aabb().is_empty());
+        let nothing = build::<Watertight>(&Mesh::default(), Strategy::Dop);
+        let tlas = Tlas::new(vec![nothing], &[Instance::new(0, Affine::IDENTITY)], top).unwrap();
+        assert_eq!((tlas.closest_hit(&ray), tlas.occluded(&ray)), (None, false));
+    }
+}
 
 type Bvh = canted_bvh2::Bvh2<Watertight>;
 
@@ -23,7 +158,7 @@ pub(crate) fn bottom() -> Vec<Bvh> {
 }
 
 /// Every hit of a ray on every triangle of every instance: least `t` first, then lowest (instance, primitive).
-fn loop_over_all(placed: &[Affine], ray: &Ray) -> Vec<Hit> {
+fn all_hits_of_loop(placed: &[Affine], ray: &Ray) -> Vec<Hit> {
     let records = meshes().map(|mesh| brute::records::<Watertight>(&mesh.positions, &mesh.triangles));
     let mut hits = vec![];
     for (i, world_from_object) in placed.iter().enumerate() {
@@ -45,7 +180,6 @@ fn rays(placed: &[Affine], n: usize) -> Vec<Ray> {
     let mut rng = SplitMix64::new(3);
     let mut rays = all_rays(placed, n);
     for ray in &mut rays {
-        #[expect(clippy::cast_possible_truncation, reason = "test data")]
         let length = 10f64.powf(12.0 * rng.unit() - 6.0) as f32;
         match rng.below(4) {
             0 => {
@@ -62,7 +196,7 @@ fn rays(placed: &[Affine], n: usize) -> Vec<Ray> {
 }
 
 /// The first ray whose queries disagree with `want`, which lists the hits of each ray.
-fn first_difference<B: Blas, Q: Query>(
+fn first_difference_of_queries<B: Blas, Q: Query>(
     tlas: &Tlas<B>,
     rays: &[Ray],
     query: impl Fn(usize, &Ray) -> Q,
@@ -83,14 +217,14 @@ fn first_difference<B: Blas, Q: Query>(
 fn all_hits_equal_the_loop() {
     let placed = crowd();
     let rays = rays(&placed, 6);
-    let n_hits: usize = rays.iter().map(|ray| loop_over_all(&placed, ray).len()).sum();
+    let n_hits: usize = rays.iter().map(|ray| all_hits_of_loop(&placed, ray).len()).sum();
     assert!(n_hits > 2 * rays.len(), "{n_hits} hits of {} rays", rays.len());
     for top in tops() {
         let tlas = Tlas::new(bottom(), &instances(&placed), top).unwrap();
-        assert_eq!(first_difference(&tlas, &rays, |_, _| (), |_, ray| loop_over_all(&placed, ray)), None);
+        assert_eq!(first_difference_of_queries(&tlas, &rays, |_, _| (), |_, ray| all_hits_of_loop(&placed, ray)), None);
         let wide = meshes().map(|m| TriangleBvh::build(&m.positions, &m.triangles, &Config::default()).unwrap());
         let tlas: Tlas<TriangleBvh> = Tlas::new(wide.into(), &instances(&placed), top).unwrap();
-        assert_eq!(first_difference(&tlas, &rays, |_, _| (), |_, ray| loop_over_all(&placed, ray)), None);
+        assert_eq!(first_difference_of_queries(&tlas, &rays, |_, _| (), |_, ray| all_hits_of_loop(&placed, ray)), None);
     }
 }
 
@@ -100,13 +234,25 @@ fn the_check_detects_lost_hits_and_wrong_masks() {
     let rays = rays(&placed, 4);
     for top in tops() {
         let lost = Tlas::new(bottom().into_iter().map(Altered::shrunk).collect(), &instances(&placed), top).unwrap();
-        assert!(first_difference(&lost, &rays, |_, _| (), |_, ray| loop_over_all(&placed, ray)).is_some());
+        assert!(
+            first_difference_of_queries(&lost, &rays, |_, _| (), |_, ray| all_hits_of_loop(&placed, ray)).is_some()
+        );
         let mut hidden = instances(&placed);
         hidden[12].mask = 1;
         let hidden = Tlas::new(bottom(), &hidden, top).unwrap();
-        let seen = first_difference(&hidden, &rays, |_, _| RayOptions::mask(1), |_, ray| loop_over_all(&placed, ray));
+        let seen = first_difference_of_queries(
+            &hidden,
+            &rays,
+            |_, _| RayOptions::mask(1),
+            |_, ray| all_hits_of_loop(&placed, ray),
+        );
         assert_eq!(seen, None);
-        let seen = first_difference(&hidden, &rays, |_, _| RayOptions::mask(2), |_, ray| loop_over_all(&placed, ray));
+        let seen = first_difference_of_queries(
+            &hidden,
+            &rays,
+            |_, _| RayOptions::mask(2),
+            |_, ray| all_hits_of_loop(&placed, ray),
+        );
         assert!(seen.is_some());
     }
 }
@@ -143,14 +289,14 @@ fn masks_hide_instances() {
         instances(&placed).into_iter().zip(&masks).map(|(instance, &mask)| instance.with_mask(mask)).collect();
     let of_ray = |i: usize| [u32::MAX, 1, 2, 4, 0x8000_0000, 0, 8][i % 7];
     let want = |i: usize, ray: &Ray| {
-        let mut hits = loop_over_all(&placed, ray);
+        let mut hits = all_hits_of_loop(&placed, ray);
         hits.retain(|hit| masks[hit.instance.0 as usize] & of_ray(i) != 0);
         hits
     };
     for top in tops() {
         let tlas = Tlas::new(bottom(), &masked, top).unwrap();
         assert_eq!(tlas.instances(), masked);
-        assert_eq!(first_difference(&tlas, &rays, |i, _| RayOptions::mask(of_ray(i)), want), None);
+        assert_eq!(first_difference_of_queries(&tlas, &rays, |i, _| RayOptions::mask(of_ray(i)), want), None);
     }
 }
 
@@ -173,7 +319,7 @@ fn filters_see_every_ray_and_hit() {
     assert_eq!(many, par_many);
     let mut all = vec![];
     for (i, ray) in rays.iter().enumerate() {
-        let mut want = loop_over_all(&placed, ray);
+        let mut want = all_hits_of_loop(&placed, ray);
         want.retain(|hit| accepts(i, hit));
         tlas.all_hits_where(ray, &mut all, |_, hit| accepts(i, hit));
         assert_eq!((&all, &many[i]), (&want, &want), "{ray:?}");
@@ -230,9 +376,15 @@ fn rays_see_moving_instances_at_their_time() {
         let rays = all_rays(&placed, 20);
         for top in tops() {
             let tlas = Tlas::new(bottom(), &moving, top).unwrap();
-            assert_eq!(first_difference(&tlas, &rays, |_, _| At(time), |_, ray| loop_over_all(&placed, ray)), None);
-            let first_alone = |_, ray: &Ray| loop_over_all(&placed[..1], ray);
-            assert_eq!(first_difference(&tlas, &rays, |_, _| RayOptions { mask: 1, time }, first_alone), None);
+            assert_eq!(
+                first_difference_of_queries(&tlas, &rays, |_, _| At(time), |_, ray| all_hits_of_loop(&placed, ray)),
+                None
+            );
+            let first_alone = |_, ray: &Ray| all_hits_of_loop(&placed[..1], ray);
+            assert_eq!(
+                first_difference_of_queries(&tlas, &rays, |_, _| RayOptions { mask: 1, time }, first_alone),
+                None
+            );
         }
     }
 }
@@ -257,4 +409,79 @@ fn rays_that_cannot_hit_find_nothing() {
     let mut counts = Counts::default();
     tlas.all_hits_with(&good, &mut counts, &mut hits);
     assert!(counts.boxes > 0);
+}
+
+/// Crossings of closed meshes, counted for each instance by an independent rule.
+#[test]
+fn crossings_of_each_instance_are_counted_once() {
+    let torus = canted_fixtures::torus(10, 6);
+    let placed = crowd();
+    let build = || TriangleBvh::<Watertight>::build(&torus.positions, &torus.triangles, &Config::default()).unwrap();
+    let instances: Vec<Instance> =
+        placed.iter().enumerate().map(|(i, &affine)| Instance::new(0, affine).with_mask(1 << (i % 2))).collect();
+    // From outside at edges and vertices of the image, without an end.
+    let mut rays = vec![];
+    for (i, world_from_object) in placed.iter().enumerate() {
+        let image = |v: u32| world_from_object.point(torus.positions[v as usize]);
+        for (j, &[a, b, _]) in torus.triangles.iter().enumerate().filter(|(j, _)| (i + j) % 9 == 0) {
+            let (a, b) = (image(a), image(b));
+            let target = if j % 2 == 0 { a } else { std::array::from_fn(|k| 0.5 * (a[k] + b[k])) };
+            let size = 10.0 * world_from_object.reach(2.0) as f32;
+            let origin = [target[0] + size, target[1] - 0.5 * size, target[2] + 0.25 * size];
+            rays.push(Ray::new(origin, std::array::from_fn(|k| target[k] - origin[k])));
+        }
+    }
+    for top in tops() {
+        let tlas = Tlas::new(vec![build()], &instances, top).unwrap();
+        let (mut found, mut even, mut hits) = (vec![], vec![], vec![]);
+        let mut n_crossings = 0;
+        for ray in &rays {
+            tlas.crossings(ray, &mut found);
+            assert!(found.is_sorted_by(|a, b| a.before(b)), "{found:?}");
+            tlas.all_hits(ray, &mut hits);
+            for (i, world_from_object) in placed.iter().enumerate() {
+                let of_instance = |hits: &[Hit]| -> Vec<Hit> {
+                    hits.iter().filter(|hit| hit.instance.0 as usize == i).copied().collect()
+                };
+                let want = crossings::of_hits(&torus, &ray_object(world_from_object, ray), of_instance(&hits));
+                let got = of_instance(&found);
+                // Which of several triangles around an edge stands for the crossing may differ.
+                let places = |hits: &[Hit]| {
+                    let mut places: Vec<_> = hits.iter().map(|hit| (hit.t.to_bits(), hit.side == Side::Back)).collect();
+                    places.sort_unstable();
+                    places
+                };
+                assert_eq!(places(&got), places(&want), "instance {i}, {ray:?}");
+                let n_front = got.iter().filter(|hit| hit.side == Side::Front).count();
+                assert_eq!(2 * n_front, got.len(), "instance {i}, {ray:?}");
+            }
+            n_crossings += found.len();
+            tlas.crossings_with(ray, &RayOptions::mask(1), &mut even);
+            found.retain(|hit| hit.instance.0 % 2 == 0);
+            assert_eq!(even, found);
+        }
+        assert!(n_crossings > rays.len(), "{n_crossings} crossings of {} rays", rays.len());
+    }
+}
+
+/// Two instances in the same position are two surfaces; their hits come in pairs, the lower instance first.
+#[test]
+fn duplicates_are_hit_in_order() {
+    let placed = [Affine::IDENTITY, Affine::IDENTITY];
+    let twice = placed.map(|affine| Instance::new(0, affine));
+    let rays = all_rays(&placed[..1], 50);
+    for top in tops() {
+        let tlas = Tlas::new(bottom(), &twice, top).unwrap();
+        let mut hits = vec![];
+        let mut n_pairs = 0;
+        for ray in &rays {
+            tlas.all_hits(ray, &mut hits);
+            assert!(hits.is_sorted_by(|a, b| a.before(b)), "{hits:?}");
+            let of = |instance: u32| hits.iter().filter(move |hit| hit.instance.0 == instance);
+            assert!(of(0).map(|hit| (hit.t, hit.primitive)).eq(of(1).map(|hit| (hit.t, hit.primitive))), "{hits:?}");
+            assert_eq!(tlas.closest_hit(ray), hits.first().copied());
+            n_pairs += of(0).count();
+        }
+        assert!(n_pairs > 100, "{n_pairs}");
+    }
 }

@@ -1,9 +1,10 @@
-//! Real models, one tree per mesh: all stages, end to end, and boxes of every kind. Missing models are skipped with a message.
+//! Real models, one tree per mesh: all stages, end to end, and boxes of every kind. Ignored where there are no models.
 
 use canted_fixtures::Mesh;
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::build::STRATEGIES;
 use canted_lbvh::Bits;
-use canted_tests::models::models;
+use canted_tests::scenes as models;
 
 use crate::{
     compare::assert_equal,
@@ -11,9 +12,17 @@ use crate::{
     volumes::assert_contained,
 };
 
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(the_bunny_is_built_as_on_the_cpu).unless(models::missing()),
+        needs_device(sponza_is_built_as_on_the_cpu).unless(models::missing()),
+        needs_device(the_kitchen_is_built_as_on_the_cpu).unless(models::missing()),
+    ]
+}
+
 /// Compares a model with the CPU: integers for codes of both lengths, oriented boxes with what is below them.
-fn look_at(test: &str, file: &str) {
-    let (Some(folder), Some(gpu)) = (models(test), gpu(test)) else { return };
+fn look_at(file: &str) {
+    let (folder, gpu) = (models::folder(), gpu());
     let scene = canted_scene::read(&folder.join(file)).unwrap();
     let meshes: Vec<Mesh> =
         scene.meshes.into_iter().map(|mesh| Mesh { positions: mesh.positions, triangles: mesh.triangles }).collect();
@@ -26,17 +35,14 @@ fn look_at(test: &str, file: &str) {
     }
 }
 
-#[test]
 fn the_bunny_is_built_as_on_the_cpu() {
-    look_at("the_bunny_is_built_as_on_the_cpu", "stanford/bunny.ply");
+    look_at("stanford/bunny.ply");
 }
 
-#[test]
 fn sponza_is_built_as_on_the_cpu() {
-    look_at("sponza_is_built_as_on_the_cpu", "sponza/sponza.obj");
+    look_at("sponza/sponza.obj");
 }
 
-#[test]
 fn the_kitchen_is_built_as_on_the_cpu() {
-    look_at("the_kitchen_is_built_as_on_the_cpu", "kitchen/country_kitchen.glb");
+    look_at("kitchen/country_kitchen.glb");
 }

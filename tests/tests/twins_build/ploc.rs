@@ -1,15 +1,25 @@
 //! Trees of locally-ordered clustering compared with the CPU's.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_fixtures::{Mesh, soup};
 use canted_gpu::Gpu;
-use canted_gpu::build::{BuildConfig, Built, Run, Topology};
+use canted_gpu::build::{BuildEncoder, Built, Topology, WideConfig};
 use canted_lbvh::Bits;
 use canted_obb::Aabb;
 use canted_sah::{PlocConfig, ploc};
-use canted_tests::models::models;
+use canted_tests::scenes as models;
 
 use crate::compare::end_to_end;
-use crate::setup::{Twin, gpu, items, large, meshes, needles, twins};
+use crate::setup::{Twin, gpu, large, meshes, needles, primitives, twins};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(clustered_trees_match_the_integers_of_the_cpu),
+        needs_device(slow_iterations_are_followed_by_merging_all_neighbors),
+        needs_device(the_comparison_detects_another_topology),
+        needs_device(the_bunny_is_clustered_as_on_the_cpu).unless(models::missing()),
+    ]
+}
 
 /// The CPU's clustered trees.
 fn clustered(meshes: &[Mesh]) -> Vec<Twin> {
@@ -23,8 +33,12 @@ fn clustered(meshes: &[Mesh]) -> Vec<Twin> {
 }
 
 fn compared(gpu: &Gpu, there: &[Twin], twins: &[Twin]) -> Result<(), String> {
-    let built =
-        Built::with_topology(&mut Run::new(gpu), items(gpu, there), BuildConfig::default(), Topology::Ploc).unwrap();
+    let built = Built::new(
+        &mut BuildEncoder::new(gpu),
+        primitives(gpu, there),
+        WideConfig { topology: Topology::Ploc, ..WideConfig::default() },
+    )
+    .unwrap();
     end_to_end(gpu, &built, twins)
 }
 
@@ -33,9 +47,8 @@ fn same(gpu: &Gpu, meshes: &[Mesh], name: &str) {
     compared(gpu, &twins, &twins).unwrap_or_else(|error| panic!("{name}: {error}"));
 }
 
-#[test]
 fn clustered_trees_match_the_integers_of_the_cpu() {
-    let Some(gpu) = gpu("clustered_trees_match_the_integers_of_the_cpu") else { return };
+    let gpu = gpu();
     same(&gpu, &meshes(), "generated");
     same(&gpu, &needles(), "needles");
     same(&gpu, &[], "no mesh");
@@ -47,9 +60,8 @@ fn clustered_trees_match_the_integers_of_the_cpu() {
 }
 
 /// Boxes that grow along the curve: few clusters have a partner, so all neighbors are merged now and then.
-#[test]
 fn slow_iterations_are_followed_by_merging_all_neighbors() {
-    let Some(gpu) = gpu("slow_iterations_are_followed_by_merging_all_neighbors") else { return };
+    let gpu = gpu();
     let growing = |n: u16| {
         let mut mesh = Mesh { positions: vec![], triangles: vec![] };
         for i in 0..n {
@@ -63,9 +75,8 @@ fn slow_iterations_are_followed_by_merging_all_neighbors() {
     same(&gpu, &[growing(2000), growing(200), growing(300)], "growing");
 }
 
-#[test]
 fn the_comparison_detects_another_topology() {
-    let Some(gpu) = gpu("the_comparison_detects_another_topology") else { return };
+    let gpu = gpu();
     let meshes = [soup(1, 4), soup(3, 300)];
     let there = clustered(&meshes);
     assert!(compared(&gpu, &there, &twins(&meshes, Bits::B63)).is_err());
@@ -75,10 +86,8 @@ fn the_comparison_detects_another_topology() {
     assert!(error.starts_with("nodes of tree 1: "), "{error}");
 }
 
-#[test]
 fn the_bunny_is_clustered_as_on_the_cpu() {
-    let test = "the_bunny_is_clustered_as_on_the_cpu";
-    let (Some(folder), Some(gpu)) = (models(test), gpu(test)) else { return };
+    let (folder, gpu) = (models::folder(), gpu());
     let scene = canted_scene::read(&folder.join("stanford/bunny.ply")).unwrap();
     let meshes: Vec<Mesh> =
         scene.meshes.into_iter().map(|mesh| Mesh { positions: mesh.positions, triangles: mesh.triangles }).collect();

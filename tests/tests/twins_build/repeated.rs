@@ -2,13 +2,18 @@
 
 use bytemuck::Pod;
 use canted_fixtures::Mesh;
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::{
     Buffer, Gpu,
-    build::{self, BuildConfig, Built, Run, STRATEGIES},
+    build::{self, BuildConfig, BuildEncoder, Built, STRATEGIES},
 };
 use canted_lbvh::{Bits, Strategy};
 
-use crate::setup::{Twin, gpu, items, large, needles, twins};
+use crate::setup::{Twin, gpu, large, needles, primitives, twins};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![needs_device(repeated_builds_have_the_same_bits), needs_device(the_comparison_detects_one_ulp_of_one_vertex)]
+}
 
 /// Builds compared with the first.
 const ROUNDS: usize = 20;
@@ -38,11 +43,11 @@ pub(crate) fn words_of(gpu: &Gpu, built: &Built) -> Words {
 /// All results of the stages of a build, including the grids and codes that it drops.
 fn stages(gpu: &Gpu, twins: &[Twin], strategy: Strategy) -> Words {
     let bits = Bits::B63;
-    let mut run = Run::new(gpu);
-    let items = items(gpu, twins);
-    let domains = build::domain(&mut run, &items, bits).unwrap();
-    let codes = build::codes(&mut run, &items, &domains, bits).unwrap();
-    let built = Built::new(&mut run, items, BuildConfig { bits, strategy }).unwrap();
+    let mut build = BuildEncoder::new(gpu);
+    let primitives = primitives(gpu, twins);
+    let domains = build::domain(&mut build, &primitives, bits).unwrap();
+    let codes = build::codes(&mut build, &primitives, &domains, bits).unwrap();
+    let built = Built::new(&mut build, primitives, BuildConfig { bits, strategy }).unwrap();
     let mut words = vec![
         ("grids", read(gpu, &domains)),
         ("low words of codes", read(gpu, &codes.low)),
@@ -62,9 +67,8 @@ fn meshes() -> [Mesh; 2] {
     [large(7, 4_000), needles().remove(0)]
 }
 
-#[test]
 fn repeated_builds_have_the_same_bits() {
-    let Some(gpu) = gpu("repeated_builds_have_the_same_bits") else { return };
+    let gpu = gpu();
     let twins = twins(&meshes(), Bits::B63);
     for strategy in STRATEGIES {
         let first = stages(&gpu, &twins, strategy);
@@ -75,12 +79,11 @@ fn repeated_builds_have_the_same_bits() {
     }
 }
 
-#[test]
 fn the_comparison_detects_one_ulp_of_one_vertex() {
-    let Some(gpu) = gpu("the_comparison_detects_one_ulp_of_one_vertex") else { return };
+    let gpu = gpu();
     let mut twins = twins(&meshes(), Bits::B63);
     let first = stages(&gpu, &twins, Strategy::Combined);
-    let corner = twins[0].items.iter_mut().flatten().max_by(|a, b| a[0].total_cmp(&b[0])).unwrap();
+    let corner = twins[0].primitives.iter_mut().flatten().max_by(|a, b| a[0].total_cmp(&b[0])).unwrap();
     corner[0] = corner[0].next_up();
     let moved = stages(&gpu, &twins, Strategy::Combined);
     assert!(changed(&first, &moved).is_some());

@@ -2,14 +2,19 @@
 
 use bytemuck::{Pod, Zeroable};
 use canted_fixtures::SplitMix64;
-use canted_gpu::{Gpu, NamedBinding, Specialisation};
+use canted_fixtures::device_tests::{Test, needs_device};
+use canted_gpu::{Gpu, NamedBinding, Variant};
 
 use crate::setup::gpu;
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![needs_device(sums_match_the_cpu_at_every_length), needs_device(the_comparison_detects_one_wrong_sum)]
+}
 
 /// Rows of one dispatch, each summed by its own work-group.
 const ROWS: u32 = 3;
 
-/// As in `shared/build/digit.wgsl`.
+/// As in `shared/build.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Digit {
@@ -20,7 +25,7 @@ struct Digit {
 
 /// The exclusive prefix sums of each row, and the rows' totals; by work-groups of `group` invocations.
 fn scanned(gpu: &Gpu, group: u32, rows: &[Vec<u32>]) -> (Vec<u32>, Vec<u32>) {
-    let tiled = Specialisation::none().number("GROUP", group).number("KEYS_EACH", 16).number("RADIX", ROWS);
+    let tiled = Variant::none().number("GROUP", group).number("KEYS_EACH", 16).number("RADIX", ROWS);
     let kernel = gpu.kernel("build/sort_scan", &tiled).unwrap();
     let n_tiles = u32::try_from(rows[0].len()).unwrap();
     let digit = gpu.uniform("digit", &Digit { n_keys: 0, n_tiles, shift: 0 }).unwrap();
@@ -55,9 +60,8 @@ fn rows(n: usize) -> Vec<Vec<u32>> {
 
 /// Up to the tiles of 67 million keys, but not a million numbers: llvmpipe ends a kernel's loops after some 65,535 iterations in
 /// total, which corresponds to 600,000 numbers.
-#[test]
 fn sums_match_the_cpu_at_every_length() {
-    let Some(gpu) = gpu("sums_match_the_cpu_at_every_length") else { return };
+    let gpu = gpu();
     for n in [0, 1, 2, 63, 64, 65, 255, 256, 257, 65_537] {
         let rows = rows(n);
         for group in [64, 256] {
@@ -66,9 +70,8 @@ fn sums_match_the_cpu_at_every_length() {
     }
 }
 
-#[test]
 fn the_comparison_detects_one_wrong_sum() {
-    let Some(gpu) = gpu("the_comparison_detects_one_wrong_sum") else { return };
+    let gpu = gpu();
     let rows = rows(1000);
     let mut other = rows.clone();
     other[1][999] ^= 1;

@@ -3,7 +3,7 @@
 use canted_fixtures::{
     Hair, Mesh, SplitMix64, Strand, hair, icosphere, identical, outlier, scaffold_of, slivers, soup, thin_box,
 };
-use canted_gpu::{Gpu, build::Items};
+use canted_gpu::{Gpu, build::Primitives};
 use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Sorted, Tree};
 use canted_obb::{Aabb, Obb};
 pub(crate) use canted_tests::device::gpu;
@@ -12,7 +12,7 @@ pub(crate) const BOTH: [Bits; 2] = [Bits::B30, Bits::B63];
 
 /// The CPU's results for the items of one tree, stage by stage.
 pub(crate) struct Twin<L = Corners> {
-    pub(crate) items: Vec<L>,
+    pub(crate) primitives: Vec<L>,
     pub(crate) domain: Domain,
     pub(crate) codes: Vec<u64>,
     pub(crate) sorted: Sorted,
@@ -39,15 +39,15 @@ impl Twin<Obb> {
 }
 
 impl<L: Copy> Twin<L> {
-    fn coded(items: Vec<L>, domain: Domain, codes: Vec<u64>) -> Self {
+    fn coded(primitives: Vec<L>, domain: Domain, codes: Vec<u64>) -> Self {
         let sorted = lbvh::sort_by_code(&codes, domain.bits);
         let tree = lbvh::radix(sorted.clone());
-        Self { items, domain, codes, sorted, tree }
+        Self { primitives, domain, codes, sorted, tree }
     }
 
     /// The items in leaf order.
     pub(crate) fn leaves(&self) -> Vec<L> {
-        self.tree.leaves.iter().map(|leaf| self.items[leaf.index()]).collect()
+        self.tree.leaves.iter().map(|leaf| self.primitives[leaf.index()]).collect()
     }
 }
 
@@ -57,12 +57,11 @@ pub(crate) fn twins(meshes: &[Mesh], bits: Bits) -> Vec<Twin> {
 }
 
 /// The meshes on the device, one tree each.
-pub(crate) fn items(gpu: &Gpu, twins: &[Twin]) -> Items {
-    Items::triangles(gpu, twins.iter().map(|twin| &twin.items[..])).unwrap()
+pub(crate) fn primitives(gpu: &Gpu, twins: &[Twin]) -> Primitives {
+    Primitives::triangles(gpu, twins.iter().map(|twin| &twin.primitives[..])).unwrap()
 }
 
 /// The two words of each code, of all meshes in sequence.
-#[expect(clippy::cast_possible_truncation, reason = "the words of a code")]
 pub(crate) fn words<'a>(codes: impl Iterator<Item = &'a u64> + Clone) -> [Vec<u32>; 2] {
     [codes.clone().map(|&code| code as u32).collect(), codes.map(|&code| (code >> 32) as u32).collect()]
 }

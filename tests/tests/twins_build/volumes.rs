@@ -1,17 +1,28 @@
 //! Oriented boxes of nodes contain everything below them exactly, have no more area than axis-aligned boxes, and about the CPU's
 //! area.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use std::cell::Cell;
 
 use canted_gpu::{
     Gpu,
-    build::{BuildConfig, Built, Range, Run, STRATEGIES},
+    build::{BuildConfig, BuildEncoder, Built, Range, STRATEGIES},
 };
 use canted_lbvh::{self as lbvh, Bits, Corners, Strategy, VolumeConfig};
 use canted_obb::{Aabb, Frame, Obb, dop};
 use rayon::prelude::*;
 
-use crate::setup::{Twin, gpu, items, meshes, needles, twins};
+use crate::setup::{Twin, gpu, meshes, needles, primitives, twins};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(oriented_boxes_contain_everything_below_them),
+        needs_device(oriented_boxes_have_nearly_the_area_of_the_cpus),
+        needs_device(no_box_has_more_area_than_the_axis_aligned_one),
+        needs_device(the_check_detects_a_box_that_is_too_large),
+        needs_device(the_check_detects_a_box_that_is_too_small),
+    ]
+}
 
 /// Boxes of one mesh's nodes, read back.
 struct Boxes<'a> {
@@ -22,10 +33,10 @@ struct Boxes<'a> {
 /// Builds the meshes and calls `look` for the boxes of each, with the CPU's twin.
 fn with_boxes(gpu: &Gpu, twins: &[Twin], strategy: Strategy, look: impl Fn(usize, &Twin, Boxes<'_>)) {
     let config = BuildConfig { bits: Bits::B63, strategy };
-    let built = Built::new(&mut Run::new(gpu), items(gpu, twins), config).unwrap();
+    let built = Built::new(&mut BuildEncoder::new(gpu), primitives(gpu, twins), config).unwrap();
     let aabbs = gpu.read(&built.aabbs).unwrap();
     let obbs = built.obbs.as_ref().map_or_else(Vec::new, |obbs| gpu.read(obbs).unwrap());
-    for (index, (twin, &Range { first, .. })) in twins.iter().zip(built.items.ranges()).enumerate() {
+    for (index, (twin, &Range { first, .. })) in twins.iter().zip(built.primitives.ranges()).enumerate() {
         let slots = first as usize..first as usize + twin.tree.nodes.len();
         look(index, twin, Boxes { aabbs: &aabbs[slots.clone()], obbs: obbs.get(slots).unwrap_or(&[]) });
     }
@@ -49,9 +60,8 @@ pub(crate) fn assert_contained(gpu: &Gpu, twins: &[Twin], strategy: Strategy, na
     });
 }
 
-#[test]
 fn oriented_boxes_contain_everything_below_them() {
-    let Some(gpu) = gpu("oriented_boxes_contain_everything_below_them") else { return };
+    let gpu = gpu();
     let meshes = [meshes(), needles()].concat();
     let twins = twins(&meshes, Bits::B63);
     for strategy in &STRATEGIES[1..] {
@@ -63,9 +73,8 @@ fn oriented_boxes_contain_everything_below_them() {
 /// differently rounded axes on thin boxes.
 const MORE_AREA: f64 = 0.01;
 
-#[test]
 fn oriented_boxes_have_nearly_the_area_of_the_cpus() {
-    let Some(gpu) = gpu("oriented_boxes_have_nearly_the_area_of_the_cpus") else { return };
+    let gpu = gpu();
     let twins = twins(&needles(), Bits::B63);
     for strategy in &STRATEGIES[1..] {
         with_boxes(&gpu, &twins, *strategy, |index, twin, boxes| {
@@ -83,7 +92,7 @@ fn oriented_boxes_have_nearly_the_area_of_the_cpus() {
     }
 }
 
-/// Greatest error of one rounding on a device, and least lengths: as in `shared/build/enclosure.wgsl`.
+/// Greatest error of one rounding on a device, and least lengths: as in `shared/volumes.wgsl`.
 const ROUNDING: f64 = f32::EPSILON as f64;
 const TINY: f64 = 1e-35;
 
@@ -108,7 +117,6 @@ fn most_area(aabb: &Aabb, obb: &Obb, n_compared: usize) -> f64 {
         let reach = f64::from(aabb.min[k].abs().max(aabb.max[k].abs()));
         aabb.extent()[k] + 2.0 * (ROUNDING * reach + 2.0 * TINY)
     });
-    #[expect(clippy::cast_precision_loss, reason = "a few frames")]
     let roundings = 17.0 + 6.0 * n_compared as f64;
     2.0 * (x * y + y * z + z * x) * (1.0 + roundings * ROUNDING) * (1.0 + skewness(&obb.frame))
 }
@@ -122,10 +130,9 @@ fn too_large(boxes: &Boxes<'_>, strategy: Strategy) -> Option<(usize, Obb)> {
     Some((index, boxes.obbs[index]))
 }
 
-#[test]
 #[expect(clippy::print_stderr, reason = "the share of axis-aligned boxes is reported")]
 fn no_box_has_more_area_than_the_axis_aligned_one() {
-    let Some(gpu) = gpu("no_box_has_more_area_than_the_axis_aligned_one") else { return };
+    let gpu = gpu();
     let twins = twins(&[meshes(), needles()].concat(), Bits::B63);
     for &strategy in &STRATEGIES[1..] {
         let (n_nodes, n_straight) = (Cell::new(0), Cell::new(0));
@@ -141,15 +148,13 @@ fn no_box_has_more_area_than_the_axis_aligned_one() {
     }
 }
 
-#[test]
 fn the_check_detects_a_box_that_is_too_large() {
-    let Some(gpu) = gpu("the_check_detects_a_box_that_is_too_large") else { return };
+    let gpu = gpu();
     let twins = twins(&needles()[..1], Bits::B63);
     for &strategy in &STRATEGIES[1..] {
         with_boxes(&gpu, &twins, strategy, |_, _, Boxes { aabbs, obbs }| {
             let mut grown = obbs.to_vec();
             // As large as the axis-aligned box, and larger by little more than rounding.
-            #[expect(clippy::cast_possible_truncation, reason = "a factor near one")]
             let factor = (aabbs[5].area() / obbs[5].area()).sqrt() as f32 * (1.0 + 1e-3);
             grown[5].half_extents = grown[5].half_extents.map(|half| half * factor);
             assert_eq!(too_large(&Boxes { aabbs, obbs: &grown }, strategy), Some((5, grown[5])));
@@ -160,9 +165,8 @@ fn the_check_detects_a_box_that_is_too_large() {
     }
 }
 
-#[test]
 fn the_check_detects_a_box_that_is_too_small() {
-    let Some(gpu) = gpu("the_check_detects_a_box_that_is_too_small") else { return };
+    let gpu = gpu();
     let twins = twins(&needles()[..1], Bits::B63);
     with_boxes(&gpu, &twins, Strategy::Combined, |_, twin, boxes| {
         let shrunken: Vec<Obb> = boxes

@@ -1,15 +1,27 @@
 //! Binary trees collapsed on the device, compared with a recursion on the CPU, word by word.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use std::collections::BTreeMap;
 
 use canted_fixtures::{Mesh, icosphere, soup};
 use canted_gpu::Gpu;
-use canted_gpu::build::{BuildConfig, Built, MAX_LEAF, Range, Run, STRATEGIES, Topology, WideBvhs};
+use canted_gpu::build::{
+    BuildConfig, BuildEncoder, Built, MAX_LEAF, Range, STRATEGIES, Topology, WideBvhs, WideConfig,
+};
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Strategy, Tree, VolumeConfig};
 use canted_obb::Aabb;
 
-use crate::setup::{BOTH, Twin, gpu, items, large, meshes, needles, twins};
+use crate::setup::{BOTH, Twin, gpu, large, meshes, needles, primitives, twins};
 use crate::wide_check::{Wide, check};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(wide_nodes_match_the_words_of_a_recursion),
+        needs_device(the_comparison_detects_other_boxes_and_trees),
+        needs_device(repeated_collapses_give_the_same_words),
+        needs_device(oriented_nodes_enclose_their_triangles),
+    ]
+}
 
 const EMPTY: u32 = 0x7fff_ffff;
 const LEAF: u32 = 0x8000_0000;
@@ -147,7 +159,7 @@ fn expected(
             for i in 0..n as usize {
                 let primitive = boxed.tree.leaves[first as usize + i];
                 let at = 40 * (part / 2) + 2 * (part % 2) + i;
-                for (row, x) in twins[number].items[primitive.index()].as_flattened().iter().enumerate() {
+                for (row, x) in twins[number].primitives[primitive.index()].as_flattened().iter().enumerate() {
                     blocks.insert(at + 4 * row, x.to_bits());
                 }
                 blocks.insert(at + 36, primitive.0);
@@ -172,28 +184,27 @@ fn unequal(what: &str, device: &[[u32; 4]], cpu: &BTreeMap<usize, u32>) -> Resul
 
 /// Compares what the device makes of `there` with the CPU's result for `twins`.
 fn compared(gpu: &Gpu, there: &[Twin], twins: &[Twin], bits: Bits) -> Result<(), String> {
-    let mut run = Run::new(gpu);
-    let built = Built::new(&mut run, items(gpu, there), BuildConfig { bits, ..BuildConfig::default() }).unwrap();
-    let wide = WideBvhs::new(&mut run, &built, None).unwrap();
+    let mut build = BuildEncoder::new(gpu);
+    let built = Built::new(&mut build, primitives(gpu, there), BuildConfig { bits, ..BuildConfig::default() }).unwrap();
+    let wide = WideBvhs::new(&mut build, &built, None).unwrap();
     let (nodes, blocks) = (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap());
     // A root's word is where the room of its tree starts; trees without nodes need none.
     let first_units: Vec<usize> = wide.levels[0].roots.iter().map(|&root| root as usize / 4).collect();
-    let (cpu_nodes, cpu_blocks, depth) = expected(twins, built.items.ranges(), &first_units);
+    let (cpu_nodes, cpu_blocks, depth) = expected(twins, built.primitives.ranges(), &first_units);
     unequal("nodes", &nodes, &cpu_nodes)?;
     unequal("blocks", &blocks, &cpu_blocks)?;
     if wide.levels[0].depth != depth {
         return Err(format!("depth: {} for {depth}", wide.levels[0].depth));
     }
     for (index, (twin, &root)) in twins.iter().zip(&wide.levels[0].roots).enumerate() {
-        check(&Wide { nodes: &nodes, blocks: &blocks, root }, &twin.items)
+        check(&Wide { nodes: &nodes, blocks: &blocks, root }, &twin.primitives)
             .map_err(|error| format!("tree {index}: {error}"))?;
     }
     Ok(())
 }
 
-#[test]
 fn wide_nodes_match_the_words_of_a_recursion() {
-    let Some(gpu) = gpu("wide_nodes_match_the_words_of_a_recursion") else { return };
+    let gpu = gpu();
     let same = |meshes: &[Mesh], bits, name: &str| {
         let twins = twins(meshes, bits);
         compared(&gpu, &twins, &twins, bits).unwrap_or_else(|error| panic!("{name}, {bits:?}: {error}"));
@@ -210,12 +221,11 @@ fn wide_nodes_match_the_words_of_a_recursion() {
 }
 
 /// One wrong number in the CPU's input, and where the comparison must report it.
-#[test]
 fn the_comparison_detects_other_boxes_and_trees() {
-    let Some(gpu) = gpu("the_comparison_detects_other_boxes_and_trees") else { return };
+    let gpu = gpu();
     type Spoil = fn(&mut Twin);
     let spoils: [(&str, Spoil); 3] = [
-        ("nodes: ", |twin| twin.items[7][0][0] = 9.0),
+        ("nodes: ", |twin| twin.primitives[7][0][0] = 9.0),
         ("nodes: ", |twin| twin.tree.nodes.swap(3, 4)),
         ("blocks: ", |twin| twin.tree.leaves.swap(10, 11)),
     ];
@@ -229,36 +239,34 @@ fn the_comparison_detects_other_boxes_and_trees() {
 }
 
 /// Repeated builds give the same words, although levels are found in any order.
-#[test]
 fn repeated_collapses_give_the_same_words() {
-    let Some(gpu) = gpu("repeated_collapses_give_the_same_words") else { return };
+    let gpu = gpu();
     let twins = twins(&[large(6, 20_000), soup(8, 100)], Bits::B63);
     let words = || {
-        let mut run = Run::new(&gpu);
-        let built = Built::new(&mut run, items(&gpu, &twins), BuildConfig::default()).unwrap();
-        let wide = WideBvhs::new(&mut run, &built, None).unwrap();
+        let mut build = BuildEncoder::new(&gpu);
+        let built = Built::new(&mut build, primitives(&gpu, &twins), BuildConfig::default()).unwrap();
+        let wide = WideBvhs::new(&mut build, &built, None).unwrap();
         (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap(), wide.levels)
     };
     assert!(words() == words());
 }
 
 /// Needles have oriented nodes with every strategy, whose boxes hold what is below them.
-#[test]
 fn oriented_nodes_enclose_their_triangles() {
-    let Some(gpu) = gpu("oriented_nodes_enclose_their_triangles") else { return };
+    let gpu = gpu();
     let all = [needles(), meshes()].concat();
     let twins = twins(&all, Bits::B63);
     for (strategy, topology) in STRATEGIES.into_iter().zip([Topology::Radix, Topology::Ploc].into_iter().cycle()) {
-        let mut run = Run::new(&gpu);
+        let mut build = BuildEncoder::new(&gpu);
         let config = BuildConfig { bits: Bits::B63, strategy };
-        let built = Built::with_topology(&mut run, items(&gpu, &twins), config, topology).unwrap();
-        let wide = WideBvhs::new(&mut run, &built, None).unwrap();
+        let built = Built::new(&mut build, primitives(&gpu, &twins), WideConfig { topology, ..config.into() }).unwrap();
+        let wide = WideBvhs::new(&mut build, &built, None).unwrap();
         let (nodes, blocks) = (gpu.read(&wide.nodes).unwrap(), gpu.read(&wide.blocks).unwrap());
         let n_oriented: usize = twins
             .iter()
             .zip(&wide.levels[0].roots)
             .map(|(twin, &root)| {
-                let checked = check(&Wide { nodes: &nodes, blocks: &blocks, root }, &twin.items);
+                let checked = check(&Wide { nodes: &nodes, blocks: &blocks, root }, &twin.primitives);
                 checked.unwrap_or_else(|error| panic!("{strategy:?}: {error}"))
             })
             .sum();

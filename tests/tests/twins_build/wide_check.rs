@@ -1,6 +1,11 @@
 //! A checker of wide nodes and blocks that were read back. It knows the layout, not how it was built.
 
+use canted_fixtures::device_tests::{Test, needs_nothing};
 use canted_lbvh::Corners;
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![needs_nothing(flaws_are_found)]
+}
 
 const EMPTY: u32 = 0x7fff_ffff;
 const LEAF: u32 = 0x8000_0000;
@@ -128,7 +133,6 @@ fn leaf(blocks: &[[u32; 4]], word: u32) -> Result<Vec<(u32, Corners)>, String> {
 }
 
 /// Each flaw is found in what was right before.
-#[test]
 fn flaws_are_found() {
     let triangles: Vec<Corners> = (0u8..5)
         .map(|i| {

@@ -98,7 +98,6 @@ pub(super) fn difference(ours: &Film, theirs: &Film) -> Difference {
         sums[0] += a.iter().sum::<f64>();
         sums[1] += b.iter().sum::<f64>();
     }
-    #[expect(clippy::cast_precision_loss, reason = "few pixels")]
     let n = theirs.pixels().len() as f64;
     Difference {
         astray: f64::from(n_astray) / n,

@@ -1,5 +1,6 @@
 //! Frames of a sequence on the device: only what changed is uploaded, and pictures are those of a device that starts anew.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use std::sync::atomic::AtomicBool;
 
 use canted_film::Film;
@@ -15,6 +16,10 @@ use canted_trace::Watertight;
 
 use super::gpu;
 use super::scenes::{instance, mesh, room};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![needs_device(frames_upload_what_changed), needs_device(frames_of_binary_bvhs_are_updated_on_the_device)]
+}
 
 fn settings() -> Settings {
     Settings { width: 24, height: 16, samples: 1, integrator: Integrator::Path, ..Settings::default() }
@@ -81,9 +86,8 @@ fn deform_block(scene: &mut Scene, _: &mut Camera) {
 
 const STEPS: [fn(&mut Scene, &mut Camera); 5] = [nothing, nothing, turn_camera, move_one, deform_block];
 
-#[test]
 fn frames_upload_what_changed() {
-    let Some(gpu) = gpu("frames_upload_what_changed") else { return };
+    let gpu = gpu();
     let found = uploads(&gpu, Accel::default(), &STEPS);
     let bytes = |frame: usize| found[frame].0.uploaded_bytes;
     let whole = found[0].1;
@@ -100,9 +104,8 @@ fn frames_upload_what_changed() {
     assert!(found[1..].iter().all(|(traffic, _)| traffic.n_dispatches == 0), "{found:?}");
 }
 
-#[test]
 fn frames_of_binary_bvhs_are_updated_on_the_device() {
-    let Some(gpu) = gpu("frames_of_binary_bvhs_are_updated_on_the_device") else { return };
+    let gpu = gpu();
     for strategy in [Strategy::Aabb, Strategy::Combined] {
         let found = uploads(&gpu, Accel::Binary { strategy, builder: None }, &STEPS);
         let of = |frame: usize| found[frame].0;

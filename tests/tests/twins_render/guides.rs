@@ -1,10 +1,15 @@
 //! Guides of camera rays: depth, normals, albedo and counts equal the CPU's up to rounding.
 
 use canted_film::{Aov, Aovs, Film, Guide};
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_renderer::{Integrator, Levels, Settings};
 
 use super::compared::{on_cpu, on_device, prepared};
 use super::{gpu, scenes};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![needs_device(guides_match_the_cpu_for_both_integrators)]
+}
 
 /// Rounding error of positions, normals and textures in a pixel's mean, relative to the scene's size or to 1.
 const ROUNDING: f64 = 1.0 / 4096.0;
@@ -23,14 +28,12 @@ fn is_near(a: &Guide, b: &Guide) -> bool {
 fn apart(ours: &Film, theirs: &Film) -> f64 {
     assert_eq!((ours.guides().len(), theirs.guides().len()), (ours.pixels().len(), theirs.pixels().len()));
     let n_apart = ours.guides().iter().zip(theirs.guides()).filter(|(a, b)| !is_near(a, b)).count();
-    #[expect(clippy::cast_precision_loss, reason = "few pixels")]
     let share = n_apart as f64 / ours.guides().len() as f64;
     share
 }
 
-#[test]
 fn guides_match_the_cpu_for_both_integrators() {
-    let Some(gpu) = gpu("guides_match_the_cpu_for_both_integrators") else { return };
+    let gpu = gpu();
     let all: Aovs = Aov::ALL.into_iter().collect();
     for (scene, camera) in [scenes::textured(), scenes::in_motion(scenes::room())] {
         let prepared = prepared(&scene, Levels::Auto);

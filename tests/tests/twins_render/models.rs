@@ -1,11 +1,16 @@
 //! Real models with both integrators: the same samples on both devices.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_renderer::{Integrator, Levels, Settings};
 use canted_scene::{Light, Scene};
-use canted_tests::models::models;
+use canted_tests::scenes as models;
 
 use super::compared::{compared, frame_of};
 use super::gpu;
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![needs_device(models_render_the_same_pictures).unless(models::missing())]
+}
 
 /// Files in the folder of models, and the greatest share of diverging pixels: leaves and thin textured cloth split many paths.
 const FILES: [(&str, f64); 4] = [
@@ -15,10 +20,9 @@ const FILES: [(&str, f64); 4] = [
     ("instanced/pine_forest.glb", 0.4),
 ];
 
-#[test]
 fn models_render_the_same_pictures() {
-    let Some(gpu) = gpu("models_render_the_same_pictures") else { return };
-    let Some(folder) = models("models_render_the_same_pictures") else { return };
+    let gpu = gpu();
+    let folder = models::folder();
     for (file, astray) in FILES {
         let scene = canted_scene::read(&folder.join(file)).unwrap();
         let sun = Light::Sun { direction: [-0.2, -0.95, -0.25], irradiance: [3.0, 2.9, 2.6] };

@@ -3,23 +3,33 @@
 //! Mirrors and glass amplify rounding, and paths have many vertices that may diverge, so more pixels diverge than with the hybrid
 //! integrator. The shares here are about twice the measured ones, and sums over diverging pixels must be unbiased.
 
-use std::path::Path;
-use std::sync::atomic::AtomicBool;
-
-use canted_renderer::{DevicePicture, Integrator, Levels, Monitor, Pattern, Settings, Surfaces};
+use canted_fixtures::device_tests::{Test, needs_device};
+use canted_renderer::{DevicePicture, Integrator, Levels, Pattern, Settings, Surfaces};
 use canted_scene::{Camera, Environment, Material, Scene, SceneFile};
+use std::path::Path;
 
 use super::compared::{compared, difference, on_cpu, on_device, prepared};
 use super::{gpu, scenes};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(a_room_with_all_kinds_of_light),
+        needs_device(metal_and_glass_before_a_sky),
+        needs_device(motion_while_the_shutter_is_open),
+        needs_device(the_motion_example),
+        needs_device(textures_of_every_slot),
+        needs_device(the_comparison_detects_another_light),
+        needs_device(a_bare_scene_binds_few_buffers),
+    ]
+}
 
 fn small(samples: u32) -> Settings {
     let integrator = Integrator::Path;
     Settings { width: 64, height: 36, samples, integrator, bounces: 8, ..Settings::default() }
 }
 
-#[test]
 fn a_room_with_all_kinds_of_light() {
-    let Some(gpu) = gpu("a_room_with_all_kinds_of_light by paths") else { return };
+    let gpu = gpu();
     let (mut scene, camera) = scenes::room();
     for levels in [Levels::One, Levels::Two] {
         compared(&gpu, &scene, &camera, levels, &small(4)).check("room", [0.3, 0.01]);
@@ -41,9 +51,8 @@ fn of_all_materials() -> (Scene, Camera) {
     (scene, camera)
 }
 
-#[test]
 fn metal_and_glass_before_a_sky() {
-    let Some(gpu) = gpu("metal_and_glass_before_a_sky") else { return };
+    let gpu = gpu();
     let (mut scene, camera) = of_all_materials();
     for levels in [Levels::One, Levels::Two] {
         compared(&gpu, &scene, &camera, levels, &small(4)).check("metal and glass", [0.4, 0.02]);
@@ -60,32 +69,8 @@ fn metal_and_glass_before_a_sky() {
     }
 }
 
-#[test]
-fn a_wavefront_renders_the_samples_of_one_kernel() {
-    let Some(gpu) = gpu("a_wavefront_renders_the_samples_of_one_kernel") else { return };
-    let cancel = AtomicBool::new(false);
-    let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &cancel };
-    for (scene, camera) in [of_all_materials(), scenes::textured(), scenes::in_motion(scenes::room())] {
-        let prepared = prepared(&scene, Levels::Auto);
-        // Cells are cut by the picture's border, and there are more samples than the first dispatch takes.
-        let settings = Settings { width: 60, height: 35, ..small(4) };
-        let surfaces = Surfaces::with_lod(&scene, settings.lod);
-        let picture = || DevicePicture::new(&gpu, &surfaces, &prepared.structure, &camera, &settings).unwrap();
-        let one = picture().render(vec![], &monitor).unwrap();
-        let waves = picture().in_waves().unwrap().render(vec![], &monitor).unwrap();
-        // Compilers may contract sums and products differently in another kernel, which makes a few paths diverge.
-        difference(&waves, &one).check("waves", [0.02, 1e-3]);
-        assert!(waves.n_rays().abs_diff(one.n_rays()) * 100 < one.n_rays());
-        let other = Settings { seed: 1, ..settings };
-        let other = DevicePicture::new(&gpu, &surfaces, &prepared.structure, &camera, &other).unwrap();
-        let other = other.in_waves().unwrap().render(vec![], &monitor).unwrap();
-        assert!(difference(&other, &one).astray > 0.3);
-    }
-}
-
-#[test]
 fn motion_while_the_shutter_is_open() {
-    let Some(gpu) = gpu("motion_while_the_shutter_is_open") else { return };
+    let gpu = gpu();
     let (mut scene, camera) = scenes::in_motion(scenes::textured());
     for pattern in [Pattern::Random, Pattern::Stratified, Pattern::Sobol] {
         let settings = Settings { pattern, ..small(4) };
@@ -103,27 +88,24 @@ fn motion_while_the_shutter_is_open() {
     assert!(found.astray > 0.5, "{found:?}");
 }
 
-#[test]
 fn the_motion_example() {
-    let Some(gpu) = gpu("the_motion_example") else { return };
+    let gpu = gpu();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/motion.toml");
     let scene = SceneFile::read(&path).unwrap().load().unwrap();
     let camera = scene.cameras[0];
     compared(&gpu, &scene, &camera, Levels::Auto, &small(8)).check("motion.toml", [0.3, 0.01]);
 }
 
-#[test]
 fn textures_of_every_slot() {
-    let Some(gpu) = gpu("textures_of_every_slot") else { return };
+    let gpu = gpu();
     let (scene, camera) = scenes::textured();
     for levels in [Levels::One, Levels::Two] {
         compared(&gpu, &scene, &camera, levels, &small(4)).check("textures", [0.4, 0.02]);
     }
 }
 
-#[test]
 fn the_comparison_detects_another_light() {
-    let Some(gpu) = gpu("the_comparison_detects_another_light by paths") else { return };
+    let gpu = gpu();
     let (scene, camera) = of_all_materials();
     let prepared = prepared(&scene, Levels::One);
     let settings = small(8);
@@ -135,9 +117,8 @@ fn the_comparison_detects_another_light() {
 }
 
 /// Features that a scene does not use have no binding.
-#[test]
 fn a_bare_scene_binds_few_buffers() {
-    let Some(gpu) = gpu("a_bare_scene_binds_few_buffers") else { return };
+    let gpu = gpu();
     let settings = small(1);
     let bindings = |scene: &Scene, camera: &Camera, levels: Levels| {
         let prepared = prepared(scene, levels);

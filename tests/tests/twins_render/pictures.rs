@@ -1,26 +1,33 @@
 //! Pictures of the hybrid integrator: the same samples on both devices.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_renderer::{Levels, Settings};
 use canted_scene::Environment;
 
 use super::compared::{compared, difference, frame_of, on_cpu, on_device, prepared};
 use super::{gpu, scenes};
 
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(the_built_in_scene),
+        needs_device(a_room_with_all_kinds_of_light),
+        needs_device(the_comparison_detects_another_light),
+    ]
+}
+
 fn small(samples: u32) -> Settings {
     Settings { width: 64, height: 36, samples, ..Settings::default() }
 }
 
-#[test]
 fn the_built_in_scene() {
-    let Some(gpu) = gpu("the_built_in_scene") else { return };
+    let gpu = gpu();
     let scene = canted_scene::builtin();
     let camera = frame_of(&scene);
     compared(&gpu, &scene, &camera, Levels::Auto, &small(4)).check("built-in", [0.2, 0.005]);
 }
 
-#[test]
 fn a_room_with_all_kinds_of_light() {
-    let Some(gpu) = gpu("a_room_with_all_kinds_of_light") else { return };
+    let gpu = gpu();
     let (mut scene, camera) = scenes::room();
     for levels in [Levels::One, Levels::Two] {
         compared(&gpu, &scene, &camera, levels, &small(4)).check("room", [0.1, 0.005]);
@@ -31,9 +38,8 @@ fn a_room_with_all_kinds_of_light() {
     }
 }
 
-#[test]
 fn the_comparison_detects_another_light() {
-    let Some(gpu) = gpu("the_comparison_detects_another_light") else { return };
+    let gpu = gpu();
     let (scene, camera) = scenes::room();
     let prepared = prepared(&scene, Levels::One);
     let ours = on_device(&gpu, &scene, &prepared, &camera, &small(2));

@@ -3,6 +3,7 @@
 //! A rasterizer snaps vertices to a grid of 1/256 of a pixel, after f32 rounding of some 2⁻²² of the picture's width. A pixel center
 //! that close to an edge may be on either side of it; elsewhere both methods give the same triangle.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use std::sync::atomic::AtomicBool;
 
 use canted_gpu::Gpu;
@@ -15,6 +16,15 @@ use canted_trace::{Hit, Watertight};
 
 use super::compared::{frame_of, prepared};
 use super::{gpu, scenes};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(the_raster_pass_matches_primary_rays),
+        needs_device(another_point_or_color_is_detected),
+        needs_device(rasterized_first_hits_change_no_picture),
+        needs_device(first_hits_of_paths_are_not_rasterized),
+    ]
+}
 
 const SIZE: [u32; 2] = [96, 54];
 
@@ -144,9 +154,8 @@ fn check(gpu: &Gpu, scene: &Scene, camera: &Camera, levels: Levels) {
     assert!(wrong.is_empty() && edges < 0.5, "{} wrong, {edges} on edges: {}", wrong.len(), wrong[0]);
 }
 
-#[test]
 fn the_raster_pass_matches_primary_rays() {
-    let Some(gpu) = gpu("the_raster_pass_matches_primary_rays") else { return };
+    let gpu = gpu();
     let builtin = canted_scene::builtin();
     let (room, room_camera) = scenes::room();
     let (mut textured, textured_camera) = scenes::textured();
@@ -162,9 +171,8 @@ fn the_raster_pass_matches_primary_rays() {
     check(&gpu, &room, &inside, Levels::One);
 }
 
-#[test]
 fn another_point_or_color_is_detected() {
-    let Some(gpu) = gpu("another_point_or_color_is_detected") else { return };
+    let gpu = gpu();
     let (scene, camera) = scenes::textured();
     let n_wrong = |spoil: fn(&mut SurfaceInfo)| wrong(&gpu, &scene, &camera, Levels::One, spoil).0.len();
     assert!(n_wrong(|seen| seen.position[0] += 0.002) > 1000);
@@ -175,9 +183,8 @@ fn another_point_or_color_is_detected() {
 
 /// Rays that start at what a raster pass saw give the picture of rays that are traced at once: with alpha tests, which may reject
 /// the guess, with instances that move away from it, and from inside.
-#[test]
 fn rasterized_first_hits_change_no_picture() {
-    let Some(gpu) = gpu("rasterized_first_hits_change_no_picture") else { return };
+    let gpu = gpu();
     let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &AtomicBool::new(false) };
     let settings = Settings { samples: 3, ..settings() };
     for (scene, camera) in [scenes::textured(), scenes::in_motion(scenes::room())] {
@@ -199,9 +206,8 @@ fn rasterized_first_hits_change_no_picture() {
     }
 }
 
-#[test]
 fn first_hits_of_paths_are_not_rasterized() {
-    let Some(gpu) = gpu("first_hits_of_paths_are_not_rasterized") else { return };
+    let gpu = gpu();
     let (scene, camera) = scenes::room();
     let settings = Settings { integrator: Integrator::Path, ..settings() };
     let prepared = prepared(&scene, Levels::One);

@@ -1,10 +1,15 @@
 //! Random numbers: the same bits on both devices.
 
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::{Gpu, Specialisation};
+use canted_fixtures::device_tests::{Test, needs_device};
+use canted_gpu::{Gpu, Variant};
 use canted_renderer::{Pattern, Sampler};
 
 use super::gpu;
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![needs_device(random_numbers_have_the_same_bits)]
+}
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -26,7 +31,7 @@ struct Answer {
 }
 
 fn of_device(gpu: &Gpu, pattern: &str, asks: &[Ask]) -> Vec<Answer> {
-    let part = Specialisation::none().part("pattern", &format!("shared/pattern/{pattern}"));
+    let part = Variant::none().part("pattern", &format!("shared/sampler/pattern/{pattern}"));
     let kernel = gpu.kernel("check/sampler", &part).unwrap();
     let asked = gpu.buffer("queries", asks).unwrap();
     let answers = gpu.zeroed::<Answer>("answers", asks.len()).unwrap();
@@ -42,9 +47,8 @@ fn scattered(i: u32, salt: u32) -> u32 {
     (i ^ salt.wrapping_mul(0x9e37_79b1)).wrapping_mul(0x85eb_ca6b).rotate_left(13).wrapping_mul(0xc2b2_ae35)
 }
 
-#[test]
 fn random_numbers_have_the_same_bits() {
-    let Some(gpu) = gpu("random_numbers_have_the_same_bits") else { return };
+    let gpu = gpu();
     let counts = [1, 2, 3, 7, 16, 24, 97, 256, 1000, 4096, 65_535, 1 << 20];
     for (name, pattern) in [("random", Pattern::Random), ("stratified", Pattern::Stratified), ("sobol", Pattern::Sobol)]
     {

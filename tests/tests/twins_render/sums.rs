@@ -2,6 +2,7 @@
 //!
 //! Not covered: samples that are not finite, which kernels do not make.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use std::sync::atomic::AtomicBool;
 
 use canted_film::{Aov, Film, Filter, Part, Pixel};
@@ -14,6 +15,16 @@ use canted_trace::Watertight;
 
 use super::compared::{difference, on_cpu, on_device, prepared};
 use super::{gpu, scenes};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(sums_of_the_device_are_those_of_the_host),
+        needs_device(a_missing_sample_is_detected),
+        needs_device(parts_join),
+        needs_device(noise_and_channels_are_those_of_the_host),
+        needs_device(the_cpu_takes_unfinished_samples),
+    ]
+}
 
 /// Relative rounding error of `n` operations in `f32` that round in any direction (Higham 2002, section 3.1).
 fn gamma(n: f64) -> f64 {
@@ -66,9 +77,8 @@ fn check(ours: &Film, theirs: &Film, name: &str) {
     assert_eq!(n_apart(ours, theirs), 0, "{name}");
 }
 
-#[test]
 fn sums_of_the_device_are_those_of_the_host() {
-    let Some(gpu) = gpu("sums_of_the_device_are_those_of_the_host") else { return };
+    let gpu = gpu();
     let (scene, camera) = scenes::room();
     let prepared = prepared(&scene, Levels::One);
     for integrator in [Integrator::Hybrid, Integrator::Path] {
@@ -92,9 +102,8 @@ fn sums_of_the_device_are_those_of_the_host() {
     }
 }
 
-#[test]
 fn a_missing_sample_is_detected() {
-    let Some(gpu) = gpu("a_missing_sample_is_detected") else { return };
+    let gpu = gpu();
     let (scene, camera) = scenes::room();
     let prepared = prepared(&scene, Levels::One);
     for integrator in [Integrator::Hybrid, Integrator::Path] {
@@ -108,9 +117,8 @@ fn a_missing_sample_is_detected() {
 }
 
 /// Parts that start at multiples of 64 join to the bits of the whole, others but for rounding.
-#[test]
 fn parts_join() {
-    let Some(gpu) = gpu("parts_join") else { return };
+    let gpu = gpu();
     let (scene, camera) = scenes::room();
     let prepared = prepared(&scene, Levels::One);
     let device = Settings { sums: SampleSums::Device, ..settings(Integrator::Hybrid, 100) };
@@ -130,9 +138,8 @@ fn parts_join() {
     assert!(other != whole);
 }
 
-#[test]
 fn noise_and_channels_are_those_of_the_host() {
-    let Some(gpu) = gpu("noise_and_channels_are_those_of_the_host") else { return };
+    let gpu = gpu();
     let (scene, camera) = scenes::room();
     let prepared = prepared(&scene, Levels::One);
     let host =
@@ -159,9 +166,8 @@ fn summed(
 }
 
 /// The CPU takes the samples that the device does not finish, and those too large for squares in `f32`.
-#[test]
 fn the_cpu_takes_unfinished_samples() {
-    let Some(gpu) = gpu("the_cpu_takes_unfinished_samples") else { return };
+    let gpu = gpu();
     let (mut scene, camera) = scenes::room();
     let prepared = prepared(&scene, Levels::One);
     let device = Settings {

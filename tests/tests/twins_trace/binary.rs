@@ -1,10 +1,11 @@
 //! Binary BVHs that the device builds: every volume strategy, one level and two.
 
 use canted_fixtures::Mesh;
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::build::{BuildConfig, STRATEGIES};
 use canted_gpu::{
     Buffer, BufferScene, DeviceBvh, DeviceInstance, Gpu, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers,
-    TracedScene, Traversal, wgpu,
+    SceneInput, TracedScene, wgpu,
 };
 use canted_lbvh::{Bits, Corners, Strategy};
 use canted_tests::{rays, scenes};
@@ -15,6 +16,14 @@ use super::gpu;
 use super::placed::Placed;
 use super::reference::{Tally, World, error_of_one_level};
 use super::setup::build;
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(grazing_rays_lose_no_hit),
+        needs_device(missing_triangles_are_detected),
+        needs_device(rays_through_instances_lose_no_hit),
+    ]
+}
 
 pub(super) fn reach(mesh: &Mesh) -> f64 {
     mesh.positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs()))
@@ -32,7 +41,7 @@ fn config(strategy: Strategy) -> BuildConfig {
 /// Compares a BVH that the device builds over `there` with the CPU's over `mesh`.
 fn compared(gpu: &Gpu, mesh: &Mesh, there: &Mesh, strategy: Strategy, rays: &[Ray]) -> Result<Tally, String> {
     compared_with(mesh, |world, on_cpu, tally| {
-        let scene = TracedScene::build_single_level(gpu, &corners(there), &[0], config(strategy)).unwrap();
+        let scene = TracedScene::new(gpu, SceneInput::build([&corners(there)], config(strategy))).unwrap();
         world.check_all(gpu, &scene, rays, |ray| on_cpu.closest_hit(ray), tally)
     })
 }
@@ -84,9 +93,8 @@ pub(super) fn all_rays(mesh: &Mesh, n: usize) -> Vec<Ray> {
     [rays::of_all_classes(mesh, n, 20), rays::from_inside(mesh, 2 * n, 30), rays::from_afar(mesh, 1e3, n, 40)].concat()
 }
 
-#[test]
 fn grazing_rays_lose_no_hit() {
-    let Some(gpu) = gpu("binary::grazing_rays_lose_no_hit") else { return };
+    let gpu = gpu();
     // Each mesh with one strategy, in turn; needles, which suit oriented boxes, with all.
     for (case, strategy) in scenes::cases().iter().zip(STRATEGIES.into_iter().cycle()) {
         let tally = compared(&gpu, &case.mesh, &case.mesh, strategy, &all_rays(&case.mesh, 20));
@@ -111,9 +119,8 @@ fn grazing_rays_lose_no_hit() {
 }
 
 /// The comparison sees a BVH that lacks some triangles.
-#[test]
 fn missing_triangles_are_detected() {
-    let Some(gpu) = gpu("binary::missing_triangles_are_detected") else { return };
+    let gpu = gpu();
     let mesh = scenes::shapes().remove(0).mesh;
     for strategy in STRATEGIES {
         let mut there = mesh.clone();
@@ -124,18 +131,14 @@ fn missing_triangles_are_detected() {
     }
 }
 
-#[test]
 fn rays_through_instances_lose_no_hit() {
-    let Some(gpu) = gpu("binary::rays_through_instances_lose_no_hit") else { return };
+    let gpu = gpu();
     let placed = Placed::new();
-    let stack = STRATEGIES.map(|strategy| (strategy, Traversal::Stack));
-    let others = [Traversal::Bits, Traversal::Links]
-        .map(|traversal| [Strategy::Aabb, Strategy::Combined].map(|strategy| (strategy, traversal)));
-    for (strategy, traversal) in stack.into_iter().chain(others.into_iter().flatten()) {
-        let scene = placed
-            .with(|meshes, instances| TracedScene::build_two_level(&gpu, meshes, instances, config(strategy)).unwrap());
-        let scene = scene.with_traversal(&gpu, traversal).unwrap();
-        placed.check(&gpu, &scene, &format!("{strategy:?}, {traversal:?}"));
+    for strategy in STRATEGIES {
+        let scene = placed.with(|meshes, instances| {
+            TracedScene::new(&gpu, SceneInput::build(meshes, config(strategy)).instances(instances)).unwrap()
+        });
+        placed.check(&gpu, &scene, &format!("{strategy:?}"));
     }
     in_buffers(&gpu, &placed, STRATEGIES.map(|strategy| config(strategy).into()));
 }
@@ -154,26 +157,5 @@ pub(super) fn in_buffers(gpu: &Gpu, placed: &Placed, bvhs: impl IntoIterator<Ite
     for bvh in bvhs {
         let scene = InstancedScene::new(gpu, &buffers.meshes(), &instances, bvh).unwrap();
         placed.check(gpu, scene.traced(), &format!("recorded {bvh:?}"));
-    }
-}
-
-/// Every traversal gives the same hits as the stack, in one level; without links it does not.
-#[test]
-fn traversals_without_a_stack_find_the_same_hits() {
-    let Some(gpu) = gpu("binary::traversals_without_a_stack_find_the_same_hits") else { return };
-    let mesh = scenes::room(3, 40).off_axis();
-    let rays = all_rays(&mesh, 100);
-    for strategy in [Strategy::Aabb, Strategy::PcaBounded] {
-        let scene = |traversal| {
-            let scene = TracedScene::build_single_level(&gpu, &corners(&mesh), &[0], config(strategy)).unwrap();
-            scene.with_traversal(&gpu, traversal).unwrap()
-        };
-        let hits = |scene: &TracedScene| scene.closest_hits(&gpu, &rays).unwrap();
-        let expected = hits(&scene(Traversal::Stack));
-        for traversal in [Traversal::Bits, Traversal::Links] {
-            assert_eq!(hits(&scene(traversal)), expected, "{strategy:?}, {traversal:?}");
-            let cut = scene(traversal).without_parent_links(&gpu).unwrap();
-            assert_ne!(hits(&cut), expected, "{strategy:?}, {traversal:?}: the missing links are not seen");
-        }
     }
 }

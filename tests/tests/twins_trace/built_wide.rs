@@ -1,8 +1,9 @@
 //! Wide BVHs that the device builds: radix and clustered trees, aligned and oriented nodes, one level and two.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_fixtures::{Mesh, soup};
 use canted_gpu::build::{STRATEGIES, Topology, WideConfig};
-use canted_gpu::{BufferScene, Gpu, TracedScene, Traversal};
+use canted_gpu::{BufferScene, Gpu, SceneInput, TracedScene};
 use canted_lbvh::{Bits, Strategy};
 use canted_tests::scenes;
 use canted_trace::{Ray, Watertight};
@@ -14,6 +15,15 @@ use super::placed::Placed;
 use super::reference::{Tally, World, error_of_one_level};
 use super::setup::build;
 
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(grazing_rays_lose_no_hit),
+        needs_device(few_triangles_are_hit),
+        needs_device(missing_triangles_are_detected),
+        needs_device(rays_through_instances_lose_no_hit),
+    ]
+}
+
 /// Every topology and strategy.
 fn configs() -> impl Iterator<Item = WideConfig> + Clone {
     let of = |topology| STRATEGIES.map(|strategy| WideConfig { bits: Bits::B63, topology, strategy });
@@ -22,7 +32,7 @@ fn configs() -> impl Iterator<Item = WideConfig> + Clone {
 
 /// Compares a BVH that the device builds over `there` with the CPU's over `mesh`.
 fn compared(gpu: &Gpu, mesh: &Mesh, there: &Mesh, config: WideConfig, rays: &[Ray]) -> Result<Tally, String> {
-    let scene = TracedScene::build_wide_single_level(gpu, &corners(there), &[0], config).unwrap();
+    let scene = TracedScene::new(gpu, SceneInput::build([&corners(there)], config)).unwrap();
     compared_with(gpu, mesh, &scene, rays)
 }
 
@@ -39,9 +49,8 @@ fn compared_with(gpu: &Gpu, mesh: &Mesh, scene: &TracedScene, rays: &[Ray]) -> R
     Ok(tally)
 }
 
-#[test]
 fn grazing_rays_lose_no_hit() {
-    let Some(gpu) = gpu("built_wide::grazing_rays_lose_no_hit") else { return };
+    let gpu = gpu();
     // Each mesh with one configuration, in turn; needles, which suit oriented boxes, with all.
     for (case, config) in scenes::cases().iter().zip(configs().cycle()) {
         let tally = compared(&gpu, &case.mesh, &case.mesh, config, &all_rays(&case.mesh, 20));
@@ -64,9 +73,8 @@ fn grazing_rays_lose_no_hit() {
 }
 
 /// Numbers of triangles about those of leaves, and of clusters that a work-group merges.
-#[test]
 fn few_triangles_are_hit() {
-    let Some(gpu) = gpu("built_wide::few_triangles_are_hit") else { return };
+    let gpu = gpu();
     let numbers = [0, 1, 2, 3, 4, 5, 8, 9, 31, 33, 256, 257];
     let few = || configs().filter(|config| matches!(config.strategy, Strategy::Aabb | Strategy::Combined));
     for (n, config) in numbers.into_iter().flat_map(|n| few().map(move |config| (n, config))) {
@@ -78,9 +86,8 @@ fn few_triangles_are_hit() {
 }
 
 /// The comparison sees a BVH that lacks some triangles.
-#[test]
 fn missing_triangles_are_detected() {
-    let Some(gpu) = gpu("built_wide::missing_triangles_are_detected") else { return };
+    let gpu = gpu();
     let mesh = scenes::shapes().remove(0).mesh;
     for config in configs() {
         let mut there = mesh.clone();
@@ -91,21 +98,17 @@ fn missing_triangles_are_detected() {
     }
 }
 
-#[test]
 fn rays_through_instances_lose_no_hit() {
-    let Some(gpu) = gpu("built_wide::rays_through_instances_lose_no_hit") else { return };
+    let gpu = gpu();
     let placed = Placed::new();
-    // Each strategy with one topology, in turn, and traversals without a stack.
+    // Each strategy with one topology, in turn.
     let topologies = [Topology::Radix, Topology::Ploc].into_iter().cycle();
-    let each = STRATEGIES.into_iter().zip(topologies);
-    let stack = each.map(|(strategy, topology)| (WideConfig { bits: Bits::B63, topology, strategy }, Traversal::Stack));
-    let links = [Strategy::Aabb, Strategy::Combined]
-        .map(|strategy| (WideConfig { strategy, ..WideConfig::default() }, Traversal::Links));
-    for (config, traversal) in stack.chain(links) {
-        let scene = placed
-            .with(|meshes, instances| TracedScene::build_wide_two_level(&gpu, meshes, instances, config).unwrap());
-        let scene = scene.with_traversal(&gpu, traversal).unwrap();
-        placed.check(&gpu, &scene, &format!("{config:?}, {traversal:?}"));
+    for (strategy, topology) in STRATEGIES.into_iter().zip(topologies) {
+        let config = WideConfig { bits: Bits::B63, topology, strategy };
+        let scene = placed.with(|meshes, instances| {
+            TracedScene::new(&gpu, SceneInput::build(meshes, config).instances(instances)).unwrap()
+        });
+        placed.check(&gpu, &scene, &format!("{config:?}"));
     }
     in_buffers(&gpu, &placed, configs().step_by(5).map(Into::into));
 }

@@ -1,16 +1,25 @@
-//! BVHs at the depth limit of each traversal, and one level deeper.
+//! BVHs at the greatest depth that devices trace, and one level deeper.
 
 use canted_fixtures::Mesh;
-use canted_gpu::{Gpu, GpuError, Outcome, TracedScene, Traversal};
+use canted_fixtures::device_tests::{Test, needs_device};
+use canted_gpu::{Gpu, GpuError, Outcome, SceneInput, TracedScene};
 use canted_lbvh::triangle_corners;
 use canted_obb::Affine;
-use canted_tests::chains::chain;
+use canted_tests::scenes::chain;
 use canted_tlas::Instance;
 use canted_trace::{Ray, Watertight};
 use canted_wide::{NodeKind, TriangleBvh};
 
 use super::gpu;
-use super::setup::{loop_over_all, of_one_kind};
+use super::setup::{build, loop_over_all, of_one_kind};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(hits_are_found_up_to_the_greatest_depth),
+        needs_device(bvhs_too_deep_are_rejected),
+        needs_device(the_comparison_detects_a_lost_hit_in_a_deep_bvh),
+    ]
+}
 
 /// Sectors of the unit square around its corner: a triangle fills most of one, and its box covers those below too.
 const SECTORS: u16 = 16;
@@ -72,10 +81,6 @@ fn rays(depth: u16) -> Vec<Ray> {
     rays
 }
 
-fn with_traversal(gpu: &Gpu, tree: &TriangleBvh<Watertight>, traversal: Traversal) -> Result<TracedScene, GpuError> {
-    TracedScene::single_level(gpu, tree, &[0])?.with_traversal(gpu, traversal)
-}
-
 /// The first ray whose answers differ from the triangle that a loop finds.
 fn first_difference(gpu: &Gpu, scene: &TracedScene, rays: &[Ray], wants: &[Option<u32>]) -> Option<String> {
     let hits = scene.closest_hits(gpu, rays).unwrap();
@@ -96,52 +101,42 @@ fn wants(mesh: &Mesh, rays: &[Ray]) -> Vec<Option<u32>> {
     loop_over_all::<Watertight>(mesh, rays).into_iter().map(|hit| hit.map(|hit| hit.primitive.0)).collect()
 }
 
-#[test]
-fn every_traversal_finds_hits_at_its_depth_limit() {
-    let Some(gpu) = gpu("every_traversal_finds_hits_at_its_depth_limit") else { return };
-    for (depth, traversals) in [
-        (16, &Traversal::ALL[..]),
-        (17, &[Traversal::Stack, Traversal::Links]),
-        (33, &[Traversal::Stack, Traversal::Links]),
-        (52, &[Traversal::Stack, Traversal::Links]),
-        (128, &[Traversal::Stack, Traversal::Links]),
-    ] {
+fn hits_are_found_up_to_the_greatest_depth() {
+    let gpu = gpu();
+    for depth in [16, 17, 33, 52, 128] {
         let ((mesh, tree), rays) = (deep(depth), rays(depth));
         let wants = wants(&mesh, &rays);
         let n_hit = wants.iter().flatten().count();
         // The first sector is empty, and rays that start among the triangles miss some of the sparse ones.
         assert!(n_hit > rays.len() / 2 && wants.len() - n_hit >= rays.len() / usize::from(SECTORS), "{n_hit}");
-        for &traversal in traversals {
-            let scene = with_traversal(&gpu, &tree, traversal).unwrap();
-            assert_eq!(first_difference(&gpu, &scene, &rays, &wants), None, "{traversal:?}, depth {depth}");
-        }
+        let scene = TracedScene::new(&gpu, SceneInput::upload([&tree])).unwrap();
+        assert_eq!(first_difference(&gpu, &scene, &rays, &wants), None, "depth {depth}");
     }
 }
 
-#[test]
-fn bvhs_too_deep_for_a_traversal_are_rejected() {
-    let Some(gpu) = gpu("bvhs_too_deep_for_a_traversal_are_rejected") else { return };
-    let refused = |depth: u32, most: u32| {
-        format!("the stack of a ray: requires {depth} levels of nodes, the device supports {most}; use another builder")
-    };
+fn bvhs_too_deep_are_rejected() {
+    let gpu = gpu();
+    let refused = "the stack of a ray: requires 129 levels of nodes, the device supports 128; use another builder";
     let error = |scene: Result<TracedScene, GpuError>| scene.err().expect("the tree is too deep").to_string();
-    let (_, tree) = deep(17);
-    assert_eq!(error(with_traversal(&gpu, &tree, Traversal::Bits)), refused(17, 16));
     let (_, tree) = deep(129);
-    for traversal in Traversal::ALL {
-        assert_eq!(error(with_traversal(&gpu, &tree, traversal)), refused(129, 128));
-    }
+    assert_eq!(error(TracedScene::new(&gpu, SceneInput::upload([&tree]))), refused);
     // The depths of both levels add up.
-    let (_, tree) = deep(16);
-    assert!(with_traversal(&gpu, &tree, Traversal::Bits).is_ok());
-    let two = TracedScene::two_level(&gpu, &[&tree], &[Instance::new(0, Affine::IDENTITY); 2]).unwrap();
-    assert_eq!(error(two.with_traversal(&gpu, Traversal::Bits)), refused(17, 16));
+    let (_, tree) = deep(128);
+    assert!(TracedScene::new(&gpu, SceneInput::upload([&tree])).is_ok());
+    assert_eq!(
+        error(TracedScene::new(&gpu, SceneInput::upload([&tree]).instances(&[Instance::new(0, Affine::IDENTITY); 2]))),
+        refused
+    );
 }
 
-#[test]
 fn the_comparison_detects_a_lost_hit_in_a_deep_bvh() {
-    let Some(gpu) = gpu("the_comparison_detects_a_lost_hit_in_a_deep_bvh") else { return };
-    let ((mesh, tree), rays) = (deep(16), rays(16));
-    let scene = with_traversal(&gpu, &tree, Traversal::Links).unwrap().without_parent_links(&gpu).unwrap();
+    let gpu = gpu();
+    let ((mesh, _), rays) = (deep(16), rays(16));
+    // A BVH over all triangles but one.
+    let mut fewer = mesh.clone();
+    let n = fewer.triangles.len();
+    fewer.triangles[n - 1] = fewer.triangles[0];
+    let tree = build::<Watertight>(&fewer, &of_one_kind(NodeKind::Aligned));
+    let scene = TracedScene::new(&gpu, SceneInput::upload([&tree])).unwrap();
     assert!(first_difference(&gpu, &scene, &rays, &wants(&mesh, &rays)).is_some());
 }

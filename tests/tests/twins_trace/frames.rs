@@ -1,5 +1,6 @@
 //! Sixty frames of moving instances and deforming meshes, updated on the device: its hits are those of the CPU in every frame.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_fixtures::{Mesh, icosphere};
 use canted_gpu::Gpu;
 use canted_gpu::build::{Topology, WideConfig};
@@ -14,6 +15,14 @@ use canted_trace::{Ray, Watertight};
 
 use super::gpu;
 use super::reference::{Tally, World, error_of_instance, error_of_one_level};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(sixty_frames_have_the_hits_of_the_cpu),
+        needs_device(many_meshes_that_deform_have_the_hits_of_the_cpu),
+        needs_device(a_frame_that_lags_is_seen),
+    ]
+}
 
 const N_FRAMES: u32 = 60;
 
@@ -101,9 +110,8 @@ fn compare(
     world.check_all(gpu, traced, &all_rays, |ray| prepared.structure.closest_hit(ray, &mut ()), tally)
 }
 
-#[test]
 fn sixty_frames_have_the_hits_of_the_cpu() {
-    let Some(gpu) = gpu("frames::sixty_frames_have_the_hits_of_the_cpu") else { return };
+    let gpu = gpu();
     let binary = |strategy| Accel::Binary { strategy, builder: None };
     let wide = |topology, strategy| Some(WideConfig { topology, strategy, ..WideConfig::default() });
     for (accel, wide, levels, policy) in [
@@ -150,9 +158,8 @@ fn sixty_frames_have_the_hits_of_the_cpu() {
 }
 
 /// Many meshes that change in one frame are updated together.
-#[test]
 fn many_meshes_that_deform_have_the_hits_of_the_cpu() {
-    let Some(gpu) = gpu("frames::many_meshes_that_deform_have_the_hits_of_the_cpu") else { return };
+    let gpu = gpu();
     let of = |number: u32| f32::from(u16::try_from(number).unwrap());
     let state = |frame: u32| {
         let mesh = |number: u32| {
@@ -192,9 +199,8 @@ fn many_meshes_that_deform_have_the_hits_of_the_cpu() {
 }
 
 /// The comparison sees a frame that was not updated.
-#[test]
 fn a_frame_that_lags_is_seen() {
-    let Some(gpu) = gpu("frames::a_frame_that_lags_is_seen") else { return };
+    let gpu = gpu();
     let (before, after) = (state(3), state(8));
     let config = StructureConfig { levels: Levels::Two, ..StructureConfig::default() };
     let prepared = prepare::<Watertight>(&scene(&after.0, &after.1), &config).unwrap();

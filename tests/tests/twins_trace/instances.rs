@@ -1,22 +1,28 @@
 //! Two levels: rotated, mirrored, sheared, tiny, huge and far instances.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_obb::Affine;
 use canted_tests::{
     closed::{baked, placements},
-    rays, scenes,
-    transforms::transforms,
+    rays,
+    scenes::{self, transforms},
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{Ray, Watertight};
 use canted_wide::TriangleBvh;
 
-use super::gpu;
-use super::reference::{Tally, World, error_of_instance};
-use super::setup::{build, few_variants};
+use super::{
+    gpu,
+    reference::{Tally, World, error_of_instance},
+    setup::{build, few_variants},
+};
 
-#[test]
+pub(crate) fn tests() -> Vec<Test> {
+    vec![needs_device(rays_through_instances_lose_no_hit)]
+}
+
 fn rays_through_instances_lose_no_hit() {
-    let Some(gpu) = gpu("rays_through_instances_lose_no_hit") else { return };
+    let gpu = gpu();
     let meshes = [scenes::needles().remove(0).mesh, scenes::room(3, 20).off_axis()];
     let reach = meshes
         .each_ref()
@@ -48,7 +54,8 @@ fn rays_through_instances_lose_no_hit() {
     let world = World { corners: &corners, error: &error };
     for (variant, config) in few_variants() {
         let bottom: Vec<TriangleBvh<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
-        let scene = canted_gpu::TracedScene::two_level(&gpu, &bottom.iter().collect::<Vec<_>>(), &instances).unwrap();
+        let scene =
+            canted_gpu::TracedScene::new(&gpu, canted_gpu::SceneInput::upload(&bottom).instances(&instances)).unwrap();
         let tlas = Tlas::new(bottom, &instances, TopConfig::default()).unwrap();
         let mut tally = Tally::default();
         world

@@ -1,7 +1,8 @@
 //! Generated meshes: 0, 1, 2, equal and degenerate triangles, flat boxes, scales from 1e-6 to 1e6, far from the origin.
 
 use canted_fixtures::Mesh;
-use canted_gpu::{Gpu, TracedScene};
+use canted_fixtures::device_tests::{Test, needs_device};
+use canted_gpu::{Gpu, SceneInput, TracedScene};
 use canted_tests::{rays, scenes};
 use canted_trace::{Ray, Watertight};
 use canted_wide::Config;
@@ -9,6 +10,14 @@ use canted_wide::Config;
 use super::gpu;
 use super::reference::{Tally, World, error_of_one_level};
 use super::setup::{build, few_variants};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(grazing_rays_lose_no_hit),
+        needs_device(rays_in_the_planes_of_faces_lose_no_hit),
+        needs_device(the_comparison_detects_lost_moved_and_renumbered_triangles),
+    ]
+}
 
 fn reach(mesh: &Mesh) -> f64 {
     mesh.positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs()))
@@ -21,7 +30,7 @@ fn compared(gpu: &Gpu, mesh: &Mesh, there: &Mesh, config: &Config, rays: &[Ray])
         corners: &|_, primitive| mesh.corners(primitive as usize),
         error: &|ray, _| error_of_one_level(ray, reach),
     };
-    let scene = TracedScene::single_level(gpu, &build::<Watertight>(there, config), &[0]).unwrap();
+    let scene = TracedScene::new(gpu, SceneInput::upload([&build::<Watertight>(there, config)])).unwrap();
     let on_cpu = build::<Watertight>(mesh, config);
     let mut tally = Tally::default();
     world.check_all(gpu, &scene, rays, |ray| on_cpu.closest_hit(ray), &mut tally)?;
@@ -42,9 +51,8 @@ fn add(all: &mut Tally, one: &Tally) {
     all.off = all.off.max(one.off);
 }
 
-#[test]
 fn grazing_rays_lose_no_hit() {
-    let Some(gpu) = gpu("grazing_rays_lose_no_hit") else { return };
+    let gpu = gpu();
     let variants = few_variants();
     let mut all = Tally::default();
     // Each mesh with one configuration, in turn; meshes that suit oriented boxes with all.
@@ -61,9 +69,8 @@ fn grazing_rays_lose_no_hit() {
     all.report("generated meshes");
 }
 
-#[test]
 fn rays_in_the_planes_of_faces_lose_no_hit() {
-    let Some(gpu) = gpu("rays_in_the_planes_of_faces_lose_no_hit") else { return };
+    let gpu = gpu();
     let mut all = Tally::default();
     for (case, (variant, config)) in scenes::cases().iter().step_by(2).zip(few_variants().iter().cycle()) {
         let mesh = rays::on_lattice(&case.mesh);
@@ -73,9 +80,8 @@ fn rays_in_the_planes_of_faces_lose_no_hit() {
     all.report("rays in planes");
 }
 
-#[test]
 fn the_comparison_detects_lost_moved_and_renumbered_triangles() {
-    let Some(gpu) = gpu("the_comparison_detects_lost_moved_and_renumbered_triangles") else { return };
+    let gpu = gpu();
     let mesh = scenes::shapes().remove(0).mesh;
     let config = Config::default();
     let rays = all_rays(&mesh, 100);

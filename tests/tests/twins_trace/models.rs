@@ -1,15 +1,20 @@
 //! Real models as the renderer prepares them.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use std::path::Path;
 
 use canted_fixtures::Mesh;
 use canted_gpu::Gpu;
 use canted_renderer::{Levels, Prepared, StructureConfig, Tracer, flatten, prepare, traced_scene};
-use canted_tests::{models::models, rays};
+use canted_tests::{rays, scenes as models};
 use canted_trace::{Ray, Watertight};
 
 use super::gpu;
 use super::reference::{Tally, World, error_of_instance, error_of_one_level};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![needs_device(models_lose_no_hit).unless(models::missing())]
+}
 
 fn reach(positions: &[[f32; 3]]) -> f64 {
     positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs()))
@@ -53,10 +58,9 @@ fn check(gpu: &Gpu, folder: &Path, file: &str, levels: Levels) {
     tally.report(&format!("{file}, {levels:?}"));
 }
 
-#[test]
 fn models_lose_no_hit() {
-    let Some(gpu) = gpu("models_lose_no_hit") else { return };
-    let Some(folder) = models("models_lose_no_hit") else { return };
+    let gpu = gpu();
+    let folder = models::folder();
     check(&gpu, &folder, "stanford/bunny.ply", Levels::One);
     check(&gpu, &folder, "sponza/sponza.obj", Levels::One);
     check(&gpu, &folder, "sponza/sponza.obj", Levels::Two);

@@ -1,23 +1,29 @@
 //! Instances that move while the shutter is open: at each ray's time the device agrees with the CPU.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_fixtures::{Mesh, SplitMix64};
-use canted_gpu::{DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Outcome, Specialisation, TracedScene};
+use canted_gpu::{DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Outcome, SceneInput, TracedScene, Variant};
 use canted_obb::Affine;
 use canted_tests::{
+    brute::At,
     closed::{baked, placements},
-    instances::At,
     rays, scenes,
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{Ray, ScaledRay, Watertight};
 use canted_wide::TriangleBvh;
 
-use super::gpu;
-use super::reference::{Tally, World, error_of_instance};
-use super::setup::{build, few_variants};
+use super::{
+    gpu,
+    reference::{Tally, World, error_of_instance},
+    setup::{build, few_variants},
+};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![needs_device(rays_of_any_time_lose_no_hit), needs_device(the_comparison_detects_another_time)]
+}
 
 /// The end transform of an instance that rotates about z, grows and is shifted while the shutter is open.
-#[expect(clippy::cast_possible_truncation, reason = "any numbers near these will do")]
 fn moved(open: &Affine, angle: f64, growth: [f64; 3], shift: f32) -> Affine {
     let (sine, cosine) = angle.sin_cos();
     let mut close = *open;
@@ -67,8 +73,8 @@ fn error(ray: &Ray, instance: &Instance, reach: f64) -> f64 {
 
 /// The device's answers to rays at a time.
 fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray], time: f32) -> Vec<Outcome<Option<DeviceHit>>> {
-    let chosen = Specialisation::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
-    let kernel = gpu.kernel("check/moving", &scene.specialise(chosen)).unwrap();
+    let chosen = Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
+    let kernel = gpu.kernel("check/moving", &scene.specialize(chosen)).unwrap();
     let scaled: Vec<ScaledRay> = rays.iter().map(|ray| ScaledRay::new(ray).unwrap()).collect();
     let rays_there = gpu.buffer("rays", &scaled.iter().map(DeviceRay::scaled).collect::<Vec<_>>()).unwrap();
     let times = gpu.buffer("times", &vec![time; rays.len()]).unwrap();
@@ -97,11 +103,10 @@ fn compared(gpu: &Gpu, late: f32) -> Result<Tally, String> {
     let crowd = crowd();
     let (_, config) = few_variants().remove(0);
     let bottom: Vec<TriangleBvh<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
-    let scene = TracedScene::two_level(gpu, &bottom.iter().collect::<Vec<_>>(), &crowd).unwrap();
+    let scene = TracedScene::new(gpu, SceneInput::upload(&bottom).instances(&crowd)).unwrap();
     let tlas = Tlas::new(bottom, &crowd, TopConfig::default()).unwrap();
     let mut tally = Tally::default();
     let mut rng = SplitMix64::new(11);
-    #[expect(clippy::cast_possible_truncation, reason = "a time of the shutter")]
     let times = [0.0, 0.5, rng.unit() as f32, rng.unit() as f32, 1.0 - f32::EPSILON];
     for (seed, time) in (0..).zip(times) {
         let placed = |index: usize| {
@@ -141,15 +146,13 @@ fn compared(gpu: &Gpu, late: f32) -> Result<Tally, String> {
     Ok(tally)
 }
 
-#[test]
 fn rays_of_any_time_lose_no_hit() {
-    let Some(gpu) = gpu("rays_of_any_time_lose_no_hit") else { return };
+    let gpu = gpu();
     compared(&gpu, 0.0).unwrap_or_else(|error| panic!("{error}")).report("moving instances");
 }
 
-#[test]
 fn the_comparison_detects_another_time() {
-    let Some(gpu) = gpu("the_comparison_detects_another_time") else { return };
+    let gpu = gpu();
     let wrong = compared(&gpu, -1.0 / 256.0).unwrap_err();
     assert!(wrong.contains("lost") || wrong.contains("off its triangle"), "{wrong}");
 }

@@ -6,16 +6,18 @@ use canted_lbvh::Corners;
 use canted_obb::Affine;
 use canted_tests::{
     closed::{baked, placements},
-    rays, scenes,
-    transforms::transforms,
+    rays,
+    scenes::{self, transforms},
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{Ray, Watertight};
 use canted_wide::{Config, TriangleBvh};
 
-use super::binary::{corners, reach};
-use super::reference::{Tally, World, error_of_instance};
-use super::setup::build;
+use super::{
+    binary::{corners, reach},
+    reference::{Tally, World, error_of_instance},
+    setup::build,
+};
 
 /// Meshes, instances of them, and the same on the CPU.
 pub(super) struct Placed {

@@ -1,10 +1,9 @@
 //! Small things far from each other: hits are the CPU's, however small a triangle is beside its distance from the ray's origin.
 
-#![expect(clippy::cast_possible_truncation, reason = "scenes are rounded to f32, and small")]
-
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_fixtures::{Mesh, SplitMix64, icosphere};
 use canted_gpu::build::BuildConfig;
-use canted_gpu::{DeviceHit, Gpu, Outcome, TracedScene};
+use canted_gpu::{DeviceHit, Gpu, Outcome, SceneInput, TracedScene};
 use canted_lbvh::{Bits, Corners, Strategy};
 use canted_obb::Affine;
 use canted_tlas::{Instance, Tlas, TopConfig};
@@ -13,6 +12,15 @@ use canted_wide::{Config, TriangleBvh};
 
 use super::gpu;
 use super::setup::build;
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(small_spheres_in_one_level_are_hit_as_on_the_cpu),
+        needs_device(small_spheres_in_two_levels_are_hit_as_on_the_cpu),
+        needs_device(steps_below_the_precision_of_the_origin_are_hit_as_on_the_cpu),
+        needs_device(other_spheres_are_detected),
+    ]
+}
 
 const N_SPHERES: usize = 400;
 
@@ -109,27 +117,25 @@ fn check(name: &str, differences: &Differences) {
 /// Extents and radii: the distances are 5,000 and 10,000 times the radius.
 const SCENES: [(f64, f64); 3] = [(50.0, 0.01), (1e4, 1.0), (1.0, 1e-4)];
 
-#[test]
 fn small_spheres_in_one_level_are_hit_as_on_the_cpu() {
-    let Some(gpu) = gpu("small_spheres_in_one_level_are_hit_as_on_the_cpu") else { return };
+    let gpu = gpu();
     for (extent, radius) in SCENES {
         let (centers, rays) = spheres_and_rays(extent, radius, 8000);
         let mesh = merged(&centers, radius);
         let bvh: TriangleBvh<Watertight> = build(&mesh, &Config::default());
         let name = |kind: &str| format!("{kind}, radius {radius} in {extent}");
-        let wide = TracedScene::single_level(&gpu, &bvh, &[0]).unwrap();
+        let wide = TracedScene::new(&gpu, SceneInput::upload([&bvh])).unwrap();
         check(&name("wide"), &answers(&gpu, &wide, &rays, radius, |ray| bvh.closest_hit(ray)));
         let corners: Vec<Corners> =
             mesh.triangles.iter().map(|triangle| triangle.map(|i| mesh.positions[i as usize])).collect();
         let config = BuildConfig { bits: Bits::B63, strategy: Strategy::Aabb };
-        let binary = TracedScene::build_single_level(&gpu, &corners, &[0], config).unwrap();
+        let binary = TracedScene::new(&gpu, SceneInput::build([&corners], config)).unwrap();
         check(&name("built on the device"), &answers(&gpu, &binary, &rays, radius, |ray| bvh.closest_hit(ray)));
     }
 }
 
-#[test]
 fn small_spheres_in_two_levels_are_hit_as_on_the_cpu() {
-    let Some(gpu) = gpu("small_spheres_in_two_levels_are_hit_as_on_the_cpu") else { return };
+    let gpu = gpu();
     for (extent, radius) in SCENES {
         let (centers, rays) = spheres_and_rays(extent, radius, 8000);
         let mut rng = SplitMix64::new(19);
@@ -148,7 +154,7 @@ fn small_spheres_in_two_levels_are_hit_as_on_the_cpu() {
             })
             .collect();
         let bvh: TriangleBvh<Watertight> = build(&icosphere(2), &Config::default());
-        let scene = TracedScene::two_level(&gpu, &[&bvh], &instances).unwrap();
+        let scene = TracedScene::new(&gpu, SceneInput::upload([&bvh]).instances(&instances)).unwrap();
         let tlas = Tlas::new(vec![bvh], &instances, TopConfig::default()).unwrap();
         let differences = answers(&gpu, &scene, &rays, radius, |ray| tlas.closest_hit(ray));
         check(&format!("two levels, radius {radius} in {extent}"), &differences);
@@ -156,9 +162,8 @@ fn small_spheres_in_two_levels_are_hit_as_on_the_cpu() {
 }
 
 /// Vertices that are equal relative to the device's origin of a ray may differ relative to the CPU's.
-#[test]
 fn steps_below_the_precision_of_the_origin_are_hit_as_on_the_cpu() {
-    let Some(gpu) = gpu("steps_below_the_precision_of_the_origin_are_hit_as_on_the_cpu") else { return };
+    let gpu = gpu();
     let mut mesh = Mesh { positions: vec![], triangles: vec![] };
     for i in 0..8 * 8_u32 {
         let [x, y] = [i % 8, i / 8].map(|k| k as f32 * 0.5);
@@ -174,16 +179,17 @@ fn steps_below_the_precision_of_the_origin_are_hit_as_on_the_cpu() {
     };
     let bvh: TriangleBvh<Watertight> = build(&mesh, &Config::default());
     let two = [
-        TracedScene::two_level(&gpu, &[&bvh], &instances).unwrap(),
-        TracedScene::build_two_level(&gpu, &[&corners(&mesh)], &instances, BuildConfig::default()).unwrap(),
+        TracedScene::new(&gpu, SceneInput::upload([&bvh]).instances(&instances)).unwrap(),
+        TracedScene::new(&gpu, SceneInput::build(&[&corners(&mesh)], BuildConfig::default()).instances(&instances))
+            .unwrap(),
     ];
     let tlas = Tlas::new(vec![bvh], &instances, TopConfig::default()).unwrap();
     let mut there = mesh;
     there.positions.iter_mut().for_each(|p| *p = map.point(*p));
     let bvh: TriangleBvh<Watertight> = build(&there, &Config::default());
     let one = [
-        TracedScene::single_level(&gpu, &bvh, &[0]).unwrap(),
-        TracedScene::build_single_level(&gpu, &corners(&there), &[0], BuildConfig::default()).unwrap(),
+        TracedScene::new(&gpu, SceneInput::upload([&bvh])).unwrap(),
+        TracedScene::new(&gpu, SceneInput::build([&corners(&there)], BuildConfig::default())).unwrap(),
     ];
     let mut rng = SplitMix64::new(23);
     let rays: Vec<Ray> = (0..20_000)
@@ -211,14 +217,13 @@ fn steps_below_the_precision_of_the_origin_are_hit_as_on_the_cpu() {
 }
 
 /// A two-hundredth more of the radius is seen.
-#[test]
 fn other_spheres_are_detected() {
-    let Some(gpu) = gpu("other_spheres_are_detected") else { return };
+    let gpu = gpu();
     let (extent, radius) = SCENES[0];
     let (centers, rays) = spheres_and_rays(extent, radius, 8000);
     let on_cpu: TriangleBvh<Watertight> = build(&merged(&centers, radius), &Config::default());
     let there: TriangleBvh<Watertight> = build(&merged(&centers, 1.005 * radius), &Config::default());
-    let scene = TracedScene::single_level(&gpu, &there, &[0]).unwrap();
+    let scene = TracedScene::new(&gpu, SceneInput::upload([&there])).unwrap();
     let differences = answers(&gpu, &scene, &rays, radius, |ray| on_cpu.closest_hit(ray));
     assert!(differences.n_invented > 20, "{differences:?}");
 }

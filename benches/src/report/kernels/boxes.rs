@@ -2,15 +2,19 @@
 
 use anyhow::Result;
 use canted_obb::Aabb;
-use canted_tests::{extremes::slab, fractions::BoxEntry};
+use canted_tests::{exact::BoxEntry, extremes::slab};
 use canted_trace::{Ray, ray_aabb, ray_obb};
 use obvhs::{aabb::Aabb as TheirAabb, ray::Ray as TheirRay};
 
-use super::super::model::{Axis, Cell, Plot, Point, Series, Table};
-use super::super::samples::{Samples, number};
-use super::contest::{self, Test, Tested};
-use super::device::Device;
-use super::{LEAST_ULPS, nodes, passing};
+use super::{
+    contest::{self, LEAST_ULPS, Test, Tested},
+    device::Device,
+    lanes,
+};
+use crate::report::{
+    model::{Axis, Cell, Plot, Point, Series, Table},
+    samples::{Samples, number},
+};
 
 /// Where a ray enters a box; `None` for a miss, NaN if the test does not report it.
 type Enters = fn(&slab::Pair) -> Option<f32>;
@@ -117,7 +121,7 @@ pub(super) fn measure(effort: usize, rounds: usize, device: Option<&Device>) -> 
     let mut cases: Vec<(&str, Vec<slab::Pair>)> =
         slab::cases(effort).into_iter().map(|slab::Case { name, pairs }| (name, pairs)).collect();
     let n_aimed = cases.len();
-    cases.extend(passing::SHARES.map(|(share, name)| (name, passing::pairs(share, 400 * effort))));
+    cases.extend(lanes::SHARES.map(|(share, name)| (name, lanes::pairs(share, 400 * effort))));
     for (place, (case, pairs)) in cases.iter().enumerate() {
         let truths = [false, true].map(|is_aligned| truths(pairs, is_aligned));
         for (i, Tested { name, answers, ns }) in tested(pairs, rounds, device)?.into_iter().enumerate() {
@@ -179,11 +183,11 @@ fn tested(pairs: &[slab::Pair], rounds: usize, device: Option<&Device>) -> Resul
         n_tests: pairs.len(),
     };
     let mut tests: Vec<Test<'_, Option<f32>>> = ROUTINES.iter().map(single).collect();
-    tests.extend(nodes::tests(pairs)?);
+    tests.extend(lanes::node_tests(pairs)?);
     let mut tested = contest::run(tests, rounds);
     if let Some(device) = device {
         let (rays, boxes): (Vec<Ray>, Vec<Aabb>) = pairs.iter().map(|(ray, obb)| (*ray, obb.aabb())).unzip();
-        tested.push(device.boxes(&nodes::of_equal(&boxes)?, &rays, rounds)?);
+        tested.push(device.boxes(&lanes::of_equal(&boxes)?, &rays, rounds)?);
     }
     Ok(tested)
 }

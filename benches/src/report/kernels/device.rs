@@ -1,14 +1,12 @@
 //! Single tests on a device: triangles and nodes with the code of the traversal, without the traversal.
 
 use anyhow::{Result, ensure};
-use canted_gpu::{AdapterKind, Choice, DeviceRay, Gpu, Specialisation, TracedScene};
+use canted_gpu::{AdapterKind, Choice, DeviceRay, Gpu, SceneInput, TracedScene, Variant};
 use canted_trace::{Ray, ScaledRay, Watertight};
 use canted_wide::TriangleBvh;
 
-use super::super::{effort::Effort, samples::Samples};
-use super::accuracy::Answer;
-use super::contest::Tested;
-use super::nodes::LANES;
+use super::contest::{Answer, LANES, Tested};
+use crate::report::{model::Effort, samples::Samples};
 
 /// The miss marker of the kernels.
 const NONE: u32 = u32::MAX;
@@ -92,9 +90,9 @@ impl Device {
         rounds: usize,
     ) -> Result<(Vec<[u32; N]>, Samples)> {
         let gpu = &self.gpu;
-        let scene = TracedScene::two_level(gpu, &trees.iter().collect::<Vec<_>>(), &[])?;
-        let chosen = Specialisation::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
-        let kernel = gpu.kernel(name, &scene.specialise(chosen).of_kernel(name)?)?;
+        let scene = TracedScene::new(gpu, SceneInput::upload(trees).instances(&[]))?;
+        let chosen = Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
+        let kernel = gpu.kernel(name, &scene.specialize(chosen).of_kernel(name)?)?;
         let own: Vec<DeviceRay> = rays.iter().filter_map(ScaledRay::new).map(|ray| DeviceRay::scaled(&ray)).collect();
         ensure!(own.len() == trees.len() && !own.is_empty(), "{} rays of {} BVHs", own.len(), trees.len());
         // Multiples of the number of BVHs, so that every ray has its own.
@@ -110,7 +108,7 @@ impl Device {
         for round in 0..=rounds {
             let mut commands = gpu.timed_commands();
             commands.dispatch(&kernel, &bound, kernel.groups(u32::try_from(all.len())?))?;
-            let (times, wall) = crate::clock::time(|| commands.times());
+            let (times, wall) = crate::timing::time(|| commands.times());
             let passes = times?;
             let on_device = passes.iter().map(|pass| pass.milliseconds * 1e6).sum::<f64>();
             if round > 0 {
@@ -126,8 +124,8 @@ impl Device {
 mod tests {
     use canted_trace::Ray;
 
-    use super::super::{lanes, nodes};
     use super::*;
+    use crate::report::kernels::lanes;
 
     /// A device whose dispatches contain every ray several times.
     fn device(test: &str) -> Option<Device> {
@@ -164,7 +162,7 @@ mod tests {
     fn a_device_tests_each_ray_with_its_own_boxes() {
         let Some(device) = device("a_device_tests_each_ray_with_its_own_boxes") else { return };
         let boxes = LOW.map(|x| canted_obb::Aabb { min: [x, 0.0, 1.0 + x], max: [x + 1.0, 1.0, 2.0 + x] });
-        let trees = nodes::of_equal(&boxes).unwrap();
+        let trees = lanes::of_equal(&boxes).unwrap();
         let Tested { answers, .. } = device.boxes(&trees, &rays(), 1).unwrap();
         for (i, answer) in answers.iter().enumerate() {
             let wanted = 2.0 + 2.0 * LOW[i];

@@ -1,18 +1,15 @@
 //! Kernels: errors of `t`, `u`, `v` and wrong answers compared with exact fractions, and the cost of a test.
 
-mod accuracy;
 mod boxes;
 mod contest;
 mod device;
 mod lanes;
-mod nodes;
-mod passing;
 mod triangles;
 
 use anyhow::Result;
 
-use super::effort::Effort;
 use super::model::Chapter;
+use crate::report::model::Effort;
 use device::Device;
 
 /// Measures the chapter.
@@ -36,9 +33,6 @@ pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
     chapter.method = METHOD.map(str::to_owned).to_vec();
     Ok(chapter)
 }
-
-/// What a logarithmic axis shows for zero error.
-const LEAST_ULPS: f64 = 1e-3;
 
 /// A case without a public function.
 const ORIENTED_NODES: &str = "oriented boxes eight at a time, on paths and on devices: only triangle BVHs have oriented nodes, \

@@ -1,18 +1,17 @@
 //! Rays and triangles: single tests, eight at a time on every path, and on the device, case by case.
 
 use anyhow::Result;
-pub(super) use canted_tests::extremes::triangle::Pair;
 use canted_tests::extremes::triangle::cases;
 use canted_trace::{BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, Watertight};
 use obvhs::{ray::Ray as TheirRay, triangle::Triangle};
 
-use super::super::effort::Effort;
-use super::super::model::{Axis, Cell, Plot, Point, Series, Table};
-use super::super::samples::{Samples, number};
-use super::accuracy::{Accuracy, Answer, ExactHit};
 use super::contest::{self, Test, Tested};
+use super::contest::{Accuracy, Answer, ExactHit, LEAST_ULPS, Pair};
 use super::device::Device;
-use super::{LEAST_ULPS, lanes};
+use super::lanes;
+use crate::report::model::Effort;
+use crate::report::model::{Axis, Cell, Plot, Point, Series, Table};
+use crate::report::samples::{Samples, number};
 
 /// Tests all pairs in a row, with prepared data as in a BVH.
 type Run = Box<dyn Fn() -> Vec<Answer>>;

@@ -1,21 +1,30 @@
-//! Structures rebuilt for every picture: the BIH thesis's table 1, and its two charts.
+//! The BIH thesis: structures rebuilt for each picture (its table 1) and primitives per leaf (its charts 1 and 2).
 
-mod leaves;
+use anyhow::{Result, ensure};
+use canted_bih::{Bih, LeafSize};
+use canted_bvh2::{BuildConfig, Bvh2};
+use canted_fixtures::Mesh;
+use canted_kdtree::{KdTree, Traversal};
+use canted_lbvh::Leaf;
+use canted_obb::Aabb;
+use canted_sah::{Builder, TopDownConfig};
+use canted_trace::{Hit, Ray, Watertight};
+use canted_wide::{Config, Costs, Preset, TriangleBvh};
 
-use anyhow::Result;
-use canted_kdtree::Traversal;
-use canted_sah::Builder;
-use canted_wide::Preset;
-
-use super::builders::scaffold;
-use super::orders::Found;
-use super::scenes;
-use super::structures::{Kind, SWEPT, Took, measure};
-use crate::models::Model;
-use crate::report::{
-    effort::Effort,
-    model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
-    samples::{Samples, first, number},
+use super::{
+    novak::scaffold,
+    orders::{Found, scenes},
+    passes::one_thread,
+};
+use crate::{
+    models::Model,
+    rays,
+    report::{
+        model::{Axis, Cell, Chapter, Effort, Plot, Point, Series, Table},
+        samples::{Samples, first, number},
+    },
+    timing,
+    wide::engine::{self, Engine},
 };
 
 /// Table 1: scene, triangles, and build and trace milliseconds of a BIH with leaves of up to 1, 5 and 10, and of a
@@ -44,7 +53,7 @@ const OURS: [Kind; 10] = [
 
 pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let found = table_1(chapter, effort)?;
-    leaves::charts(chapter, effort)?;
+    charts(chapter, effort)?;
     Ok(found)
 }
 
@@ -142,4 +151,252 @@ fn subjects_of(chapter: &mut Chapter, effort: Effort) -> Result<Vec<Subject>> {
         all.extend(scenes(effort, names, chapter)?.into_iter().map(|(name, model)| (name, model, None)));
     }
     Ok(all)
+}
+
+/// The charts: scene, structure, maximum primitives per leaf, pictures per second, megabytes.
+const CHARTS: [(&str, &str, &str, &str, &str); 10] = [
+    ("Dino", "BIH", "1", "5.9", "–"),
+    ("Dino", "BIH", "30", "11.1", "–"),
+    ("Alien", "BIH", "1", "12.8", "–"),
+    ("Alien", "BIH", "10", "18.9", "–"),
+    ("Hornbug", "BIH", "1", "59.9", "–"),
+    ("Hornbug", "BIH", "5", "69.9", "–"),
+    ("Dragon", "BIH", "1", "–", "26.6"),
+    ("Dragon", "BIH", "20", "–", "5.2"),
+    ("Dragon", "kd-tree", "–", "–", "14"),
+    ("Dragon", "kd-tree with ropes", "–", "–", "41"),
+];
+
+/// Greatest numbers of triangles per leaf that are swept.
+const MOST: [u32; 6] = [1, 2, 5, 10, 20, 30];
+
+/// Chart 1, pictures per second, and chart 2, memory, over the maximum primitives per leaf.
+pub(super) fn charts(chapter: &mut Chapter, effort: Effort) -> Result<()> {
+    let mut table = Table::new(
+        "Primitives per leaf (the BIH thesis's charts 1 and 2)",
+        &["source", "scene", "structure", "maximum per leaf", "pictures per second", "memory"],
+    );
+    for (scene, structure, most, rate, size) in CHARTS {
+        let memory = if size == "–" { size.to_owned() } else { format!("{size} MB") };
+        table.rows.push(
+            ["BIH thesis", scene, structure, most, rate].into_iter().chain([&memory[..]]).map(Cell::text).collect(),
+        );
+    }
+    let mut subjects = vec![("scaffold", scaffold(effort.pick(8, 15, 17)))];
+    let names = effort.pick(&[][..], &["bunny"], &["bunny", "sponza"]);
+    if !names.is_empty() {
+        subjects.extend(scenes(effort, names, chapter)?);
+    }
+    let (mut series, mut found) = (vec![], vec![]);
+    for (name, model) in subjects {
+        let n = model.mesh.triangles.len();
+        let scene = format!("{name}, {n} triangles");
+        let bihs = [0].into_iter().chain(MOST).map(Kind::Bih);
+        let kinds: Vec<Kind> = bihs.chain(MOST.map(|most| Kind::WideLeaf(most as usize))).collect();
+        let took = measure(&model, &kinds, effort)?;
+        let rates: Vec<f64> = took.iter().map(|took| 1e3 / took.both().median()).collect();
+        let mut points = vec![];
+        for (took, rate) in took.iter().zip(&rates) {
+            let (structure, most) = match took.kind {
+                Kind::WideLeaf(most) => ("WideBvh, fast", most.to_string()),
+                Kind::Bih(0) => ("BIH", "chosen".to_owned()),
+                Kind::Bih(most) => ("BIH", most.to_string()),
+                _ => continue,
+            };
+            let samples = took.both().with(&took.both(), |ms, _| 1e3 / ms);
+            let mut row = ["ours", &scene, structure, &most].map(Cell::text).to_vec();
+            row.extend([Cell::measured(samples, ""), Cell::text(megabytes(took.bytes.iter().sum()))]);
+            table.rows.push(row);
+            if let (Kind::Bih(1..), Ok(most)) = (took.kind, most.parse::<f64>()) {
+                points.push(Point { label: scene.clone(), x: most.into(), y: (*rate).into() });
+            }
+        }
+        let best = (1..=MOST.len()).max_by(|&a, &b| rates[a].total_cmp(&rates[b])).unwrap_or(1);
+        found.push(format!(
+            "{scene}: {} is best, {} times the rate of 1; the automatic choice reaches {} of the best",
+            MOST[best - 1],
+            number(rates[best] / rates[1]),
+            number(rates[0] / rates[best])
+        ));
+        series.push(Series { name: format!("BIH, {scene}"), points, is_joined: true });
+    }
+    table.says = format!(
+        "The thesis: leaves of 5 to 30 give 11 to 88 % more pictures per second than leaves of 1, and a fifth of the memory. Here, {}.",
+        found.join("; ")
+    );
+    chapter.tables.push(table);
+    chapter.plots.push(Plot {
+        title: "Pictures per second over primitives per leaf, built anew for each".to_owned(),
+        x: Axis::log("maximum primitives per leaf"),
+        y: Axis::log("pictures per second"),
+        series,
+    });
+    Ok(())
+}
+
+/// A structure and how it is built.
+#[derive(Clone, Copy)]
+pub(super) enum Kind {
+    /// With at most this many triangles per leaf; 0 chooses.
+    Bih(u32),
+    KdTree(Traversal),
+    Binary(Builder),
+    Wide(Preset),
+    /// The preset `fast` with at most this many triangles per leaf.
+    WideLeaf(usize),
+}
+
+pub(super) const SWEPT: Kind = Kind::Binary(Builder::TopDown(TopDownConfig::SWEEP, None));
+
+impl Kind {
+    pub(super) fn name(self) -> String {
+        match self {
+            Self::Bih(0) => "BIH, leaves chosen".to_owned(),
+            Self::Bih(n) => format!("BIH, leaves of {n}"),
+            Self::KdTree(Traversal::Stack) => "kd-tree with a stack".to_owned(),
+            Self::KdTree(Traversal::Ropes) => "kd-tree with ropes".to_owned(),
+            Self::Binary(Builder::Lbvh) => "Bvh2, radix tree".to_owned(),
+            Self::Binary(_) => "Bvh2, full SAH sweep".to_owned(),
+            Self::Wide(preset) => format!("WideBvh, {preset:?}").to_lowercase().replace("widebvh", "WideBvh"),
+            Self::WideLeaf(n) => format!("WideBvh, fast, leaves of {n}"),
+        }
+    }
+
+    fn build(self, mesh: &Mesh) -> Result<Box<dyn Structure>> {
+        let (positions, triangles) = (&mesh.positions[..], &mesh.triangles[..]);
+        Ok(match self {
+            Self::Bih(n) => {
+                let leaf_size = if n == 0 { LeafSize::Auto } else { LeafSize::AtMost(n) };
+                let config = canted_bih::Config { leaf_size, ..canted_bih::Config::default() };
+                Box::new(Bih::<Watertight>::build(positions, triangles, &config)?)
+            }
+            Self::KdTree(traversal) => {
+                let config = canted_kdtree::Config { traversal, ..canted_kdtree::Config::default() };
+                Box::new(KdTree::<Watertight>::build(positions, triangles, &config)?)
+            }
+            Self::Binary(builder) => {
+                let (corners, bounds) = canted_lbvh::triangle_corners(positions, triangles)?;
+                let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
+                let tree = canted_sah::build(&boxes, &bounds, &builder);
+                Box::new(Bvh2::<Watertight>::over(tree, &corners, &bounds, &BuildConfig::default()))
+            }
+            Self::Wide(preset) => {
+                Box::new(TriangleBvh::<Watertight>::build(positions, triangles, &Config::preset(preset))?)
+            }
+            Self::WideLeaf(max_leaf) => {
+                let usual = Config::preset(Preset::Fast);
+                let config = Config { costs: Costs { max_leaf, ..usual.costs }, ..usual };
+                Box::new(TriangleBvh::<Watertight>::build(positions, triangles, &config)?)
+            }
+        })
+    }
+}
+
+/// A built structure.
+trait Structure: Engine + Send {
+    /// Bytes of nodes, references and triangles.
+    fn bytes(&self) -> [usize; 3];
+    fn engine(self: Box<Self>) -> Box<dyn Engine>;
+}
+
+/// Structures have queries of the same names, but no common trait.
+macro_rules! structure {
+    ($structure:ty, |$of:ident| $bytes:expr) => {
+        impl Engine for $structure {
+            fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+                self.closest_hits(rays, hits);
+            }
+
+            fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
+                self.occluded_many(rays, occluded);
+            }
+        }
+
+        structure!(bytes $structure, |$of| $bytes);
+    };
+    (bytes $structure:ty, |$of:ident| $bytes:expr) => {
+        impl Structure for $structure {
+            fn bytes(&self) -> [usize; 3] {
+                let $of = self;
+                $bytes
+            }
+
+            fn engine(self: Box<Self>) -> Box<dyn Engine> {
+                self
+            }
+        }
+    };
+}
+
+structure!(Bih<Watertight>, |of| {
+    let memory = of.memory();
+    [memory.nodes, memory.references, memory.triangles]
+});
+structure!(KdTree<Watertight>, |of| {
+    let memory = of.memory();
+    [memory.nodes + memory.ropes, memory.references, memory.triangles]
+});
+structure!(Bvh2<Watertight>, |of| {
+    let (nodes, references) = (of.pairs().n_bytes(), 4 * of.n_triangles());
+    [nodes, references, of.n_bytes() - nodes - references]
+});
+// The numbers of the triangles are in their blocks.
+structure!(bytes TriangleBvh<Watertight>, |of| {
+    let (nodes, references) = (of.sizes().node_bytes, 4 * of.n_primitives());
+    [nodes, references, of.sizes().leaf_bytes - references]
+});
+
+/// The measurements of one structure.
+pub(super) struct Took {
+    pub(super) kind: Kind,
+    /// Milliseconds.
+    pub(super) build: Samples,
+    /// Milliseconds of all camera rays.
+    pub(super) picture: Samples,
+    /// Nodes, references, triangles.
+    pub(super) bytes: [usize; 3],
+}
+
+impl Took {
+    pub(super) fn both(&self) -> Samples {
+        self.build.with(&self.picture, |build, picture| build + picture)
+    }
+}
+
+/// Builds and traces every structure on one thread, in turn. All must have the same hits.
+pub(super) fn measure(model: &Model, kinds: &[Kind], effort: Effort) -> Result<Vec<Took>> {
+    one_thread(|| measure_here(model, kinds, effort))?
+}
+
+fn measure_here(model: &Model, kinds: &[Kind], effort: Effort) -> Result<Vec<Took>> {
+    // Four views together have the pixels of one picture of twice the width and height.
+    let rays = rays::camera(model, effort.pick(16, 128, 128));
+    let rounds = effort.pick(2, 3, 5);
+    let mut built = vec![];
+    let mut builds = vec![vec![]; kinds.len()];
+    for round in 0..=rounds {
+        for (kind, builds) in kinds.iter().zip(&mut builds) {
+            let (structure, took) = timing::time(|| kind.build(&model.mesh));
+            let structure = structure?;
+            if round > 0 {
+                builds.push(took.cpu * 1e3);
+            } else {
+                built.push(structure);
+            }
+        }
+    }
+    let bytes: Vec<[usize; 3]> = built.iter().map(|structure| structure.bytes()).collect();
+    let engines: Vec<Box<dyn Engine>> = built.into_iter().map(Structure::engine).collect();
+    let (seconds, hits) = engine::closest(&engines, &rays, rounds);
+    for (kind, hits_of_kind) in kinds.iter().zip(&hits) {
+        let n = hits_of_kind.iter().zip(&hits[0]).filter(|(a, b)| a != b).count();
+        ensure!(n == 0, "{n} hits of '{}' differ from those of '{}'", kind.name(), kinds[0].name());
+    }
+    let took = kinds.iter().zip(builds).zip(seconds).zip(bytes).map(|(((&kind, build), seconds), bytes)| Took {
+        kind,
+        build: build.into(),
+        picture: seconds.iter().map(|seconds| seconds.cpu * 1e3).collect::<Vec<_>>().into(),
+        bytes,
+    });
+    Ok(took.collect())
 }

@@ -3,27 +3,16 @@
 //! Their machines differ from ours: only shares, ratios and orders are comparable.
 
 mod bih;
-mod boxes;
-mod builders;
-mod device;
-mod levels;
-mod linear;
+mod dissertation;
 mod novak;
 mod orders;
 mod passes;
-mod scenes;
-mod simd;
+mod silva;
 mod splits;
-mod structures;
-mod tests_per_ray;
-mod threads;
 
 use anyhow::Result;
 
-use super::effort::Effort;
-use super::model::Chapter;
-use super::subjects;
-use crate::models::Model;
+use super::model::{Chapter, Effort};
 use orders::{Found, Pairs};
 
 /// A part of the chapter, which adds its tables.
@@ -31,10 +20,20 @@ type Part = fn(&mut Chapter, Effort) -> Result<Found>;
 
 /// Source by source.
 const SOURCES: [(&str, &[Part]); 4] = [
-    ("the dissertation", &[scenes::add, boxes::add, levels::add, tests_per_ray::add, passes::add, device::add]),
+    (
+        "the dissertation",
+        &[
+            dissertation::scenes_table,
+            dissertation::volumes,
+            dissertation::two_levels_table,
+            dissertation::tests_per_ray,
+            passes::on_cpu,
+            passes::on_device,
+        ],
+    ),
     ("the BIH thesis", &[bih::add]),
     ("Novak's thesis", &[novak::add, splits::add]),
-    ("Silva's study", &[simd::add, linear::add, threads::add]),
+    ("Silva's study", &[silva::paths, silva::hierarchy, silva::threads]),
 ];
 
 /// Measures the chapter.
@@ -101,34 +100,12 @@ const METHOD: [&str; 6] = [
 const ABSENT: [&str; 6] = [
     "Tables 3 to 5, Breakfast room, Buddha, Pirate ship and Sibenik: these models are not available.",
     "Figure 11 is table 5 in bars; figures 12 and 13 are pictures of box tests without numbers: ours are plots of box tests over camera rays.",
-    "Table 5, unbounded principal axes on a device: they took more than a minute in the dissertation; here they run on the CPU only.",
+    "Table 5, unbounded principal axes on a device: they took more than a minute in the dissertation; `cargo xtask bench --device gpu` \
+     and `canted stats --device gpu` measure ours.",
     "Chart 2 of the BIH thesis for Dino, Bunny and Alien: its bars are lost.",
     "Novak's chart of a profile of nanoRT: it has no numbers.",
-    "Silva's intersections per second in OpenCL: we have no isolated tests on a GPU; the chapter on kernels times a device on \
-     complete rays.",
+    "Silva's intersections per second in OpenCL: the chapter on kernels has single tests and complete rays on a device.",
 ];
-
-/// Scenes of the dissertation, or a small lattice for tests.
-fn scenes(effort: Effort, names: &[&'static str], chapter: &mut Chapter) -> Result<Vec<(&'static str, Model)>> {
-    let names = if effort == Effort::Tiny { &[subjects::SMALL] } else { names };
-    let mut scenes = vec![];
-    for &name in names {
-        match subjects::load(name)? {
-            Some(model) => scenes.push((name, model)),
-            None => {
-                let lacking = format!("{name}: the model is not available.");
-                if !chapter.skipped.contains(&lacking) {
-                    chapter.skipped.push(lacking);
-                }
-            }
-        }
-    }
-    if scenes.is_empty() {
-        // Generated, so always available.
-        scenes.extend(subjects::load("truss")?.map(|model| ("truss", model)));
-    }
-    Ok(scenes)
-}
 
 #[cfg(test)]
 mod tests {

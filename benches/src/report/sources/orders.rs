@@ -1,4 +1,37 @@
-//! Whether our values have the same order as a source's.
+//! The scenes of the sources, and whether our values have the same order as theirs.
+
+use anyhow::Result;
+
+use crate::{
+    models::{self, Model},
+    report::model::{Chapter, Effort},
+};
+
+/// Scenes of the dissertation, or a small lattice for tests.
+pub(super) fn scenes(
+    effort: Effort,
+    names: &[&'static str],
+    chapter: &mut Chapter,
+) -> Result<Vec<(&'static str, Model)>> {
+    let names = if effort == Effort::Tiny { &[models::SMALL] } else { names };
+    let mut scenes = vec![];
+    for &name in names {
+        match models::load(name)? {
+            Some(model) => scenes.push((name, model)),
+            None => {
+                let lacking = format!("{name}: the model is not available.");
+                if !chapter.skipped.contains(&lacking) {
+                    chapter.skipped.push(lacking);
+                }
+            }
+        }
+    }
+    if scenes.is_empty() {
+        // Generated, so always available.
+        scenes.extend(models::load("truss")?.map(|model| ("truss", model)));
+    }
+    Ok(scenes)
+}
 
 /// The findings of a part of the chapter.
 #[derive(Default)]

@@ -195,10 +195,9 @@ impl Args {
             settings::ignored_by_heatmap(&self, sums)
         });
         let given = self.structure.0.clone();
-        let is_noisy = self.options.0.rendering.noise.is_some();
         let mut plan = self.resolve(file.as_ref(), &purpose)?;
         plan.options.structure.warn_ignored_preset(&given);
-        let has_noise = is_noisy || plan.settings.noise.is_some();
+        let has_noise = plan.settings.noise.is_some();
         let passes = (samples.preview || samples.seconds.is_some()).then(|| Passes {
             budget: samples.seconds.map(Duration::from_secs_f32),
             is_shown: samples.preview && !is_stream,

@@ -8,10 +8,12 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::prefix::prefix_sums;
-use super::stages::depths;
-use super::{Items, Run, Trees, count};
-use crate::{Buffer, GpuError, Specialisation};
+use super::encoder::Dispatches;
+use super::primitives::count;
+use super::sort::prefix_sums;
+use super::stages::{Trees, depths};
+use super::{BuildEncoder, Primitives};
+use crate::{Buffer, GpuError, Variant};
 
 /// Clusters of a tree that a work-group merges on its own.
 const GROUP: u32 = 256;
@@ -29,7 +31,7 @@ const MAX_ITERATIONS: u32 = 1 << 10;
 /// Greatest height of a tree whose nodes are sorted by height, as oriented boxes are computed.
 const MAX_HEIGHT: u32 = 127;
 
-/// `Cluster` of `shared/build/ploc.wgsl`.
+/// `Cluster` of `shared/build.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct Cluster {
@@ -70,28 +72,28 @@ struct Clusters {
 /// A recorded build, because the number of clusters is read back; a tree of more than 127 levels, as degenerate input may give; out of
 /// memory, or device lost.
 pub(super) async fn ploc(
-    run: &mut Run<'_>,
-    items: &Items,
+    build: &mut BuildEncoder<'_>,
+    primitives: &Primitives,
     leaves: &Buffer<u32>,
 ) -> Result<(Buffer<u32>, Trees), GpuError> {
-    if run.is_recorded() {
+    if build.is_recorded() {
         let what = "a recorded build by clustering, which reads the number of clusters back".to_owned();
         return Err(GpuError::Unsupported { what });
     }
-    let mut all = Clusters::new(run, items, leaves)?;
-    let iteration = all.merge_many(run, items).await?;
-    all.finish(run, items, iteration)?;
-    all.renumbered(run, items, leaves).await
+    let mut all = Clusters::new(build, primitives, leaves)?;
+    let iteration = all.merge_many(build, primitives).await?;
+    all.finish(build, primitives, iteration)?;
+    all.renumbered(build, primitives, leaves).await
 }
 
 impl Clusters {
-    fn new(run: &mut Run<'_>, items: &Items, leaves: &Buffer<u32>) -> Result<Self, GpuError> {
-        let gpu = run.gpu();
-        let n = items.len() as usize;
-        let n_trees = items.ranges().len();
+    fn new(build: &mut BuildEncoder<'_>, primitives: &Primitives, leaves: &Buffer<u32>) -> Result<Self, GpuError> {
+        let gpu = build.gpu();
+        let n = primitives.len() as usize;
+        let n_trees = primitives.ranges().len();
         let words = |what: &str| gpu.zeroed::<u32>(what, n);
         let all = Self {
-            n: items.len(),
+            n: primitives.len(),
             clusters: [gpu.zeroed("clusters", n)?, gpu.zeroed("clusters, second buffer", n)?],
             states: [gpu.zeroed("clusters of trees", n_trees)?, gpu.zeroed("clusters of trees", n_trees)?],
             partners: words("partners of clusters")?,
@@ -102,31 +104,31 @@ impl Clusters {
             merges: gpu.zeroed("merged pairs", n)?,
             links: gpu.zeroed("links of merged pairs", 2 * n)?,
         };
-        let bound = items.bound(&[
+        let bound = primitives.bound(&[
             ("leaves", leaves),
             ("clusters", &all.clusters[0]),
             ("states", &all.states[0]),
             ("remaining", &all.remaining),
         ]);
-        run.stage("tree", |dispatches| {
-            dispatches.items(&*gpu.kernel("build/ploc_start", &items.part())?, &bound, all.n)
+        build.stage("tree", |dispatches| {
+            dispatches.items(&*gpu.kernel("build/ploc_start", &primitives.part())?, &bound, all.n)
         })?;
         Ok(all)
     }
 
     /// Iterates until no tree has more clusters than a work-group merges. Returns the number of iterations.
-    async fn merge_many(&mut self, run: &mut Run<'_>, items: &Items) -> Result<u32, GpuError> {
-        let gpu = run.gpu();
+    async fn merge_many(&mut self, build: &mut BuildEncoder<'_>, primitives: &Primitives) -> Result<u32, GpuError> {
+        let gpu = build.gpu();
         let mut number = 0;
-        let mut longest = items.ranges().iter().map(|range| range.count).max().unwrap_or(0);
+        let mut longest = primitives.ranges().iter().map(|range| range.count).max().unwrap_or(0);
         let mut n = self.n;
         while longest > GROUP {
             if number + AT_ONCE > MAX_ITERATIONS {
                 return Err(GpuError::Invalid { message: "clustering does not end".to_owned() });
             }
-            run.stage("tree", |dispatches| {
+            build.stage("tree", |dispatches| {
                 for _ in 0..AT_ONCE {
-                    self.iterate(dispatches, items, number, n)?;
+                    self.iterate(dispatches, primitives, number, n)?;
                     self.clusters.swap(0, 1);
                     self.states.swap(0, 1);
                     number += 1;
@@ -142,8 +144,8 @@ impl Clusters {
     /// An iteration over at most `n` clusters.
     fn iterate(
         &self,
-        dispatches: &mut super::run::Dispatches<'_>,
-        items: &Items,
+        dispatches: &mut Dispatches<'_>,
+        primitives: &Primitives,
         number: u32,
         n: u32,
     ) -> Result<(), GpuError> {
@@ -151,7 +153,7 @@ impl Clusters {
         let uniform = gpu.uniform("iteration", &Iteration { number, radius: RADIUS, n_near: N_NEAR })?;
         let [clusters, clusters_out] = &self.clusters;
         let [states, states_out] = &self.states;
-        let bound = items.bound(&[
+        let bound = primitives.bound(&[
             ("clusters", clusters),
             ("clusters_out", clusters_out),
             ("states", states),
@@ -165,28 +167,28 @@ impl Clusters {
             ("links", &self.links),
             ("iteration", &uniform),
         ]);
-        let kernel = |name: &str| gpu.kernel(name, &Specialisation::none());
+        let kernel = |name: &str| gpu.kernel(name, &Variant::none());
         dispatches.items(&*kernel("build/ploc_partners")?, &bound, n)?;
         dispatches.items(&*kernel("build/ploc_keep")?, &bound, n)?;
         prefix_sums(dispatches, &self.kept, &self.prefixes, [0, n])?;
         dispatches.items(&*kernel("build/ploc_merge")?, &bound, n)?;
-        dispatches.items(&*kernel("build/ploc_states")?, &bound, count(items.ranges().len()))
+        dispatches.items(&*kernel("build/ploc_states")?, &bound, count(primitives.ranges().len()))
     }
 
     /// All further iterations, after `number` iterations.
-    fn finish(&self, run: &mut Run<'_>, items: &Items, number: u32) -> Result<(), GpuError> {
-        let gpu = run.gpu();
+    fn finish(&self, build: &mut BuildEncoder<'_>, primitives: &Primitives, number: u32) -> Result<(), GpuError> {
+        let gpu = build.gpu();
         let uniform = gpu.uniform("iteration", &Iteration { number, radius: RADIUS, n_near: N_NEAR })?;
-        let bound = items.bound(&[
+        let bound = primitives.bound(&[
             ("clusters", &self.clusters[0]),
             ("states", &self.states[0]),
             ("merges", &self.merges),
             ("links", &self.links),
             ("iteration", &uniform),
         ]);
-        run.stage("tree", |dispatches| {
-            let kernel = gpu.kernel("build/ploc_finish", &Specialisation::none().number("GROUP", GROUP))?;
-            let n_trees = if self.n == 0 { 0 } else { count(items.ranges().len()) };
+        build.stage("tree", |dispatches| {
+            let kernel = gpu.kernel("build/ploc_finish", &Variant::none().number("GROUP", GROUP))?;
+            let n_trees = if self.n == 0 { 0 } else { count(primitives.ranges().len()) };
             dispatches.tiles(&kernel, &bound, [0, n_trees])
         })
     }
@@ -194,16 +196,16 @@ impl Clusters {
     /// The trees in the form of the radix tree.
     async fn renumbered(
         &self,
-        run: &mut Run<'_>,
-        items: &Items,
+        build: &mut BuildEncoder<'_>,
+        primitives: &Primitives,
         leaves: &Buffer<u32>,
     ) -> Result<(Buffer<u32>, Trees), GpuError> {
-        let gpu = run.gpu();
+        let gpu = build.gpu();
         let n = self.n as usize;
         let trees = Trees::empty(gpu, n, MAX_HEIGHT)?;
         let leaves_out = gpu.zeroed("leaves", n)?;
         let firsts = gpu.zeroed::<u32>("first leaves", n)?;
-        let bound = items.bound(&[
+        let bound = primitives.bound(&[
             ("merges", &self.merges),
             ("links", &self.links),
             ("firsts", &firsts),
@@ -212,11 +214,11 @@ impl Clusters {
             ("parents", &trees.parents),
             ("leaves_out", &leaves_out),
         ]);
-        run.stage("tree", |dispatches| {
-            dispatches.items(&*gpu.kernel("build/ploc_ranges", &Specialisation::none())?, &bound, self.n)?;
-            dispatches.items(&*gpu.kernel("build/ploc_nodes", &Specialisation::none())?, &bound, self.n)
+        build.stage("tree", |dispatches| {
+            dispatches.items(&*gpu.kernel("build/ploc_ranges", &Variant::none())?, &bound, self.n)?;
+            dispatches.items(&*gpu.kernel("build/ploc_nodes", &Variant::none())?, &bound, self.n)
         })?;
-        depths(run, items, &trees)?;
+        depths(build, primitives, &trees)?;
         let depth = gpu.read_async(&trees.depth).await?[0];
         if depth > MAX_HEIGHT {
             return Err(GpuError::Unsupported {

@@ -1,11 +1,13 @@
-//! Radix sort.
+//! Radix sort, and the prefix sums that it and other stages need.
 
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{Run, count, run::Dispatches};
-use crate::{Buffer, Gpu, GpuError, Kernel, NamedBinding, Specialisation};
+use super::BuildEncoder;
+use super::encoder::Dispatches;
+use super::primitives::count;
+use crate::{Buffer, Gpu, GpuError, Kernel, NamedBinding, Variant};
 
 /// Invocations per work-group.
 pub(super) const GROUP: u32 = 64;
@@ -17,7 +19,7 @@ pub(super) const KEYS_EACH: u32 = 16;
 const DIGIT_BITS: u32 = 4;
 const RADIX: u32 = 1 << DIGIT_BITS;
 
-/// As in `shared/build/digit.wgsl`.
+/// As in `shared/build.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Digit {
@@ -27,8 +29,8 @@ pub(super) struct Digit {
 }
 
 /// Constants of kernels that process tiles of keys.
-pub(super) fn tiled() -> Specialisation {
-    Specialisation::none().number("GROUP", GROUP).number("KEYS_EACH", KEYS_EACH).number("RADIX", RADIX)
+pub(super) fn tiled() -> Variant {
+    Variant::none().number("GROUP", GROUP).number("KEYS_EACH", KEYS_EACH).number("RADIX", RADIX)
 }
 
 /// Kernels of a stable radix sort.
@@ -40,7 +42,7 @@ pub struct Sorter {
     gather: Arc<Kernel>,
 }
 
-/// Items in sorted order, refined word by word.
+/// Primitives in sorted order, refined word by word.
 struct Order {
     n: u32,
     /// Keys and items, each double-buffered.
@@ -58,11 +60,11 @@ impl Sorter {
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let tiled = tiled();
         Ok(Self {
-            number: gpu.kernel("build/item_indices", &Specialisation::none())?,
+            number: gpu.kernel("build/item_indices", &Variant::none())?,
             count: gpu.kernel("build/sort_count", &tiled)?,
             scan: gpu.kernel("build/sort_scan", &tiled)?,
             scatter: gpu.kernel("build/sort_scatter", &tiled)?,
-            gather: gpu.kernel("build/gather", &Specialisation::none())?,
+            gather: gpu.kernel("build/gather", &Variant::none())?,
         })
     }
 
@@ -71,20 +73,20 @@ impl Sorter {
     ///
     /// # Errors
     /// Out of memory, or device lost.
-    pub fn sort(&self, run: &mut Run<'_>, words: &[(&Buffer<u32>, u32)]) -> Result<Buffer<u32>, GpuError> {
-        self.sort_as("sort", run, words)
+    pub fn sort(&self, build: &mut BuildEncoder<'_>, words: &[(&Buffer<u32>, u32)]) -> Result<Buffer<u32>, GpuError> {
+        self.sort_as("sort", build, words)
     }
 
     /// [`Sorter::sort`] as part of another stage.
     pub(super) fn sort_as(
         &self,
         stage: &'static str,
-        run: &mut Run<'_>,
+        build: &mut BuildEncoder<'_>,
         words: &[(&Buffer<u32>, u32)],
     ) -> Result<Buffer<u32>, GpuError> {
         let n = words.first().map_or(0, |(word, _)| word.len());
-        let mut order = Order::new(run.gpu(), n)?;
-        run.stage(stage, |dispatches| {
+        let mut order = Order::new(build.gpu(), n)?;
+        build.stage(stage, |dispatches| {
             dispatches.items(&self.number, &[("items", &order.items[0])], order.n)?;
             for &(word, bits) in words {
                 dispatches.items(&self.gather, &order.gathering(word), order.n)?;
@@ -99,10 +101,15 @@ impl Sorter {
     ///
     /// # Errors
     /// As for [`Sorter::sort`].
-    pub fn gather(&self, run: &mut Run<'_>, words: &Buffer<u32>, items: &Buffer<u32>) -> Result<Buffer<u32>, GpuError> {
-        let gathered = run.gpu().zeroed("gathered words", items.len())?;
+    pub fn gather(
+        &self,
+        build: &mut BuildEncoder<'_>,
+        words: &Buffer<u32>,
+        items: &Buffer<u32>,
+    ) -> Result<Buffer<u32>, GpuError> {
+        let gathered = build.gpu().zeroed("gathered words", items.len())?;
         let bound: [NamedBinding<'_>; 3] = [("words", words), ("items", items), ("gathered", &gathered)];
-        run.stage("sort", |dispatches| dispatches.items(&self.gather, &bound, count(items.len())))?;
+        build.stage("sort", |dispatches| dispatches.items(&self.gather, &bound, count(items.len())))?;
         Ok(gathered)
     }
 
@@ -155,4 +162,27 @@ impl Order {
         let [items, _] = self.items;
         items
     }
+}
+
+/// Writes the sum of the values before each of a range of values, counted from the start of its first tile.
+pub(super) fn prefix_sums(
+    dispatches: &mut Dispatches<'_>,
+    values: &Buffer<u32>,
+    prefixes: &Buffer<u32>,
+    [first, end]: [u32; 2],
+) -> Result<(), GpuError> {
+    let gpu = dispatches.gpu;
+    let n_tiles = end.div_ceil(GROUP * KEYS_EACH);
+    let tiles = [first / (GROUP * KEYS_EACH), n_tiles];
+    let counts = gpu.zeroed::<u32>("sums of tiles", n_tiles as usize)?;
+    let totals = gpu.zeroed::<u32>("sum", 1)?;
+    let digit = gpu.uniform("digit", &Digit { n_keys: end, n_tiles, shift: 0 })?;
+    let bound: [NamedBinding<'_>; 5] =
+        [("digit", &digit), ("values", values), ("counts", &counts), ("totals", &totals), ("prefixes", prefixes)];
+    dispatches.tiles(&*gpu.kernel("build/tile_sums", &tiled())?, &bound, tiles)?;
+    if n_tiles > 0 {
+        // One row of sums.
+        dispatches.work.dispatch(&*gpu.kernel("build/sort_scan", &tiled())?, &bound, [1, 1, 1])?;
+    }
+    dispatches.tiles(&*gpu.kernel("build/tile_prefixes", &tiled())?, &bound, tiles)
 }

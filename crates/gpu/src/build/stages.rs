@@ -3,8 +3,10 @@
 use bytemuck::{Pod, Zeroable};
 use canted_lbvh::Bits;
 
-use super::{Items, Run, Sorter, count};
-use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
+use super::primitives::count;
+use super::sort::Sorter;
+use super::{BuildEncoder, Primitives};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 
 /// The grid of a tree, as [`canted_lbvh::Domain`].
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -24,7 +26,7 @@ pub struct Codes {
     pub high: Option<Buffer<u32>>,
 }
 
-/// Items sorted by Morton code, tree by tree.
+/// Primitives sorted by Morton code, tree by tree.
 pub struct Sorted {
     /// Codes, in ascending order within a tree.
     pub codes: Codes,
@@ -104,12 +106,12 @@ pub(crate) fn depth_bound(n: u32, bits: Bits) -> u32 {
 }
 
 /// `chosen` with the part for codes of this length.
-fn coded(chosen: Specialisation, bits: Bits) -> Specialisation {
+fn coded(chosen: Variant, bits: Bits) -> Variant {
     chosen.part(
         "code",
         match bits {
-            Bits::B30 => "shared/code/narrow",
-            Bits::B63 => "shared/code/wide",
+            Bits::B30 => "shared/build/code/narrow",
+            Bits::B63 => "shared/build/code/wide",
         },
     )
 }
@@ -118,18 +120,18 @@ fn coded(chosen: Specialisation, bits: Bits) -> Specialisation {
 ///
 /// # Errors
 /// Out of memory, or device lost.
-pub fn domain(run: &mut Run<'_>, items: &Items, bits: Bits) -> Result<Buffer<Grid>, GpuError> {
-    /// Items per work-group, as in `build/bounds.wgsl`.
+pub fn domain(build: &mut BuildEncoder<'_>, primitives: &Primitives, bits: Bits) -> Result<Buffer<Grid>, GpuError> {
+    /// Primitives per work-group, as in `build/bounds.wgsl`.
     const TILE: u32 = 512;
-    let gpu = run.gpu();
-    let n_trees = items.ranges().len();
+    let gpu = build.gpu();
+    let n_trees = primitives.ranges().len();
     let bounds = gpu.zeroed::<u32>("bounds of trees", 6 * n_trees)?;
     let domains = gpu.zeroed("domains", n_trees)?;
-    let bound = items.bound(&[("bounds", &bounds), ("domains", &domains)]);
-    run.stage("domain", |dispatches| {
-        let kernel = gpu.kernel("build/bounds", &items.part())?;
-        dispatches.tiles(&kernel, &bound, [0, items.len().div_ceil(TILE)])?;
-        let kernel = gpu.kernel("build/domain", &coded(items.part(), bits))?;
+    let bound = primitives.bound(&[("bounds", &bounds), ("domains", &domains)]);
+    build.stage("domain", |dispatches| {
+        let kernel = gpu.kernel("build/bounds", &primitives.part())?;
+        dispatches.tiles(&kernel, &bound, [0, primitives.len().div_ceil(TILE)])?;
+        let kernel = gpu.kernel("build/domain", &coded(primitives.part(), bits))?;
         dispatches.items(&kernel, &bound, count(n_trees))
     })?;
     Ok(domains)
@@ -139,14 +141,19 @@ pub fn domain(run: &mut Run<'_>, items: &Items, bits: Bits) -> Result<Buffer<Gri
 ///
 /// # Errors
 /// As for [`domain`].
-pub fn codes(run: &mut Run<'_>, items: &Items, domains: &Buffer<Grid>, bits: Bits) -> Result<Codes, GpuError> {
-    let gpu = run.gpu();
-    let codes = Codes::empty(gpu, items.len() as usize, bits)?;
-    let mut bound = items.bound(&codes.bound("codes_low", "codes_high"));
+pub fn codes(
+    build: &mut BuildEncoder<'_>,
+    primitives: &Primitives,
+    domains: &Buffer<Grid>,
+    bits: Bits,
+) -> Result<Codes, GpuError> {
+    let gpu = build.gpu();
+    let codes = Codes::empty(gpu, primitives.len() as usize, bits)?;
+    let mut bound = primitives.bound(&codes.bound("codes_low", "codes_high"));
     bound.push(("domains", domains));
-    run.stage("codes", |dispatches| {
-        let kernel = gpu.kernel("build/codes", &coded(items.part(), bits))?;
-        dispatches.items(&kernel, &bound, items.len())
+    build.stage("codes", |dispatches| {
+        let kernel = gpu.kernel("build/codes", &coded(primitives.part(), bits))?;
+        dispatches.items(&kernel, &bound, primitives.len())
     })?;
     Ok(codes)
 }
@@ -155,31 +162,31 @@ pub fn codes(run: &mut Run<'_>, items: &Items, domains: &Buffer<Grid>, bits: Bit
 ///
 /// # Errors
 /// As for [`domain`].
-pub fn sort(run: &mut Run<'_>, items: &Items, codes: &Codes) -> Result<Sorted, GpuError> {
-    let gpu = run.gpu();
+pub fn sort(build: &mut BuildEncoder<'_>, primitives: &Primitives, codes: &Codes) -> Result<Sorted, GpuError> {
+    let gpu = build.gpu();
     let sorter = Sorter::new(gpu)?;
-    let trees = if items.tree_bits() > 0 { Some(trees_of(run, items)?) } else { None };
+    let trees = if primitives.tree_bits() > 0 { Some(trees_of(build, primitives)?) } else { None };
     let mut words = match &codes.high {
         None => vec![(&codes.low, 30)],
         Some(high) => vec![(&codes.low, 32), (high, 31)],
     };
-    words.extend(trees.as_ref().map(|trees| (trees, items.tree_bits())));
-    let leaves = sorter.sort(run, &words)?;
+    words.extend(trees.as_ref().map(|trees| (trees, primitives.tree_bits())));
+    let leaves = sorter.sort(build, &words)?;
     let sorted = Codes {
-        low: sorter.gather(run, &codes.low, &leaves)?,
-        high: codes.high.as_ref().map(|high| sorter.gather(run, high, &leaves)).transpose()?,
+        low: sorter.gather(build, &codes.low, &leaves)?,
+        high: codes.high.as_ref().map(|high| sorter.gather(build, high, &leaves)).transpose()?,
     };
     Ok(Sorted { codes: sorted, leaves })
 }
 
 /// The tree of each item.
-fn trees_of(run: &mut Run<'_>, items: &Items) -> Result<Buffer<u32>, GpuError> {
-    let gpu = run.gpu();
-    let trees = gpu.zeroed("trees of items", items.len() as usize)?;
-    let bound = items.bound(&[("tree_indices", &trees)]);
-    run.stage("sort", |dispatches| {
-        let kernel = gpu.kernel("build/tree_indices", &Specialisation::none())?;
-        dispatches.items(&kernel, &bound, items.len())
+fn trees_of(build: &mut BuildEncoder<'_>, primitives: &Primitives) -> Result<Buffer<u32>, GpuError> {
+    let gpu = build.gpu();
+    let trees = gpu.zeroed("trees of primitives", primitives.len() as usize)?;
+    let bound = primitives.bound(&[("tree_indices", &trees)]);
+    build.stage("sort", |dispatches| {
+        let kernel = gpu.kernel("build/tree_indices", &Variant::none())?;
+        dispatches.items(&kernel, &bound, primitives.len())
     })?;
     Ok(trees)
 }
@@ -188,29 +195,29 @@ fn trees_of(run: &mut Run<'_>, items: &Items) -> Result<Buffer<u32>, GpuError> {
 ///
 /// # Errors
 /// As for [`domain`].
-pub fn tree(run: &mut Run<'_>, items: &Items, sorted: &Codes) -> Result<Trees, GpuError> {
-    let gpu = run.gpu();
-    let n = items.len() as usize;
-    let most = items.ranges().iter().map(|range| range.count).max().unwrap_or(0);
+pub fn tree(build: &mut BuildEncoder<'_>, primitives: &Primitives, sorted: &Codes) -> Result<Trees, GpuError> {
+    let gpu = build.gpu();
+    let n = primitives.len() as usize;
+    let most = primitives.ranges().iter().map(|range| range.count).max().unwrap_or(0);
     let trees = Trees::empty(gpu, n, depth_bound(most, sorted.bits()))?;
-    let mut bound = items.bound(&sorted.bound("sorted_low", "sorted_high"));
+    let mut bound = primitives.bound(&sorted.bound("sorted_low", "sorted_high"));
     let made: [NamedBinding<'_>; 2] = [("nodes", &trees.nodes), ("parents", &trees.parents)];
     bound.extend(made);
-    run.stage("tree", |dispatches| {
-        let kernel = gpu.kernel("build/tree", &coded(Specialisation::none(), sorted.bits()))?;
-        dispatches.items(&kernel, &bound, items.len())
+    build.stage("tree", |dispatches| {
+        let kernel = gpu.kernel("build/tree", &coded(Variant::none(), sorted.bits()))?;
+        dispatches.items(&kernel, &bound, primitives.len())
     })?;
-    depths(run, items, &trees)?;
+    depths(build, primitives, &trees)?;
     Ok(trees)
 }
 
 /// Fills in the heights of nodes and the depth, from the parents.
-pub(super) fn depths(run: &mut Run<'_>, items: &Items, trees: &Trees) -> Result<(), GpuError> {
-    let gpu = run.gpu();
+pub(super) fn depths(build: &mut BuildEncoder<'_>, primitives: &Primitives, trees: &Trees) -> Result<(), GpuError> {
+    let gpu = build.gpu();
     let bound: [NamedBinding<'_>; 3] =
         [("parents", &trees.parents), ("heights", &trees.heights), ("depth", &trees.depth)];
-    run.stage("tree", |dispatches| {
-        let kernel = gpu.kernel("build/heights", &Specialisation::none())?;
-        dispatches.items(&kernel, &bound, items.len())
+    build.stage("tree", |dispatches| {
+        let kernel = gpu.kernel("build/heights", &Variant::none())?;
+        dispatches.items(&kernel, &bound, primitives.len())
     })
 }

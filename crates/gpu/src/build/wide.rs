@@ -10,13 +10,13 @@
 //! they have oriented ones, lower the predicted cost. Each tree has memory for the largest possible number of wide nodes, so a new
 //! collapse does not move other trees.
 
-mod order;
-mod room;
+use bytemuck::{Pod, Zeroable};
 
-use self::order::Order;
-use self::room::Room;
-use super::{Built, Run};
-use crate::{Buffer, GpuError, Specialisation, wait::block_on};
+use super::BuildEncoder;
+use super::built::Built;
+use super::primitives::{Range, count};
+use super::sort::prefix_sums;
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant, wait::block_on};
 
 /// Most triangles of a leaf: those that a ray tests at once.
 pub const MAX_LEAF: u32 = 4;
@@ -52,7 +52,7 @@ pub struct WideLevel {
 
 /// Which binary nodes are wide ones, for each level: what it takes to write nodes again after the binary trees have changed.
 pub(crate) struct Collapse {
-    levels: Vec<Order>,
+    levels: Vec<CollapsedLevel>,
 }
 
 /// A level of a scene's BVHs.
@@ -80,46 +80,50 @@ impl WideBvhs {
     ///
     /// # Errors
     /// A recorded run, trees over boxes as `bottom`, more than 2^26 triangles, a BVH of more than 128 levels, a limit of the device, or device lost.
-    pub fn new(run: &mut Run<'_>, bottom: &Built, top: Option<&Built>) -> Result<Self, GpuError> {
-        block_on(Self::new_async(run, bottom, top))
+    pub fn new(build: &mut BuildEncoder<'_>, bottom: &Built, top: Option<&Built>) -> Result<Self, GpuError> {
+        block_on(Self::new_async(build, bottom, top))
     }
 
     /// [`WideBvhs::new`] for browsers.
     ///
     /// # Errors
     /// As for [`WideBvhs::new`].
-    pub async fn new_async(run: &mut Run<'_>, bottom: &Built, top: Option<&Built>) -> Result<Self, GpuError> {
-        let gpu = run.gpu();
-        if run.is_recorded() {
+    pub async fn new_async(
+        build: &mut BuildEncoder<'_>,
+        bottom: &Built,
+        top: Option<&Built>,
+    ) -> Result<Self, GpuError> {
+        let gpu = build.gpu();
+        if build.is_recorded() {
             let what = "a recorded collapse into wide BVHs whose depth is read back".to_owned();
             return Err(GpuError::Unsupported { what });
         }
-        if bottom.items.corners().is_none() {
+        if bottom.primitives.corners().is_none() {
             return Err(GpuError::Input { message: "the first level is not over triangles".to_owned() });
         }
-        let n = bottom.items.len();
+        let n = bottom.primitives.len();
         if n > 1 << 26 {
             return Err(GpuError::Unsupported { what: format!("a wide BVH over {n} triangles, more than 2^26") });
         }
         let mut n_units = 0;
         let parts = [Some(bottom), top].into_iter().flatten().map(|built| {
             let first = n_units;
-            let room = Room::of(built);
-            n_units += room.n_units();
-            (built, room, first)
+            let capacity = Capacity::of(built);
+            n_units += capacity.n_units();
+            (built, capacity, first)
         });
         let parts: Vec<_> = parts.collect();
         let nodes = gpu.zeroed("wide nodes", n_units as usize * UNIT_QUADS as usize)?;
         let blocks = gpu.zeroed("triangle blocks", (n as usize).div_ceil(2) * HALF_QUADS as usize)?;
         let mut collapse = Collapse { levels: vec![] };
         let mut levels = vec![];
-        for (number, (built, room, first_unit)) in parts.into_iter().enumerate() {
-            let roots = room.roots(built.items.ranges());
-            let order = Order::new(gpu, built, room, first_unit)?;
-            let depth = order.count_and_find(run, built).await?;
+        for (number, (built, capacity, first_unit)) in parts.into_iter().enumerate() {
+            let roots = capacity.roots(built.primitives.ranges());
+            let level = CollapsedLevel::new(gpu, built, capacity, first_unit)?;
+            let depth = level.count_and_find(build, built).await?;
             levels.push(WideLevel { roots, first_quad: UNIT_QUADS * first_unit, depth });
-            collapse.levels.push(order);
-            collapse.put(run, built, number, (&nodes, &blocks), all(built))?;
+            collapse.levels.push(level);
+            collapse.put(build, built, number, (&nodes, &blocks), all(built))?;
         }
         Ok(Self { nodes, blocks, levels, is_oriented: bottom.obbs.is_some(), collapse })
     }
@@ -129,47 +133,411 @@ impl Collapse {
     /// Writes nodes and blocks of trees of a level again, after their binary trees have changed. Reads nothing back.
     pub(crate) fn put_again(
         &self,
-        run: &mut Run<'_>,
+        build: &mut BuildEncoder<'_>,
         (which, built): (Which, &Built),
         words: (&Buffer<[u32; 4]>, &Buffer<[u32; 4]>),
         (trees, change): ([u32; 2], Change),
     ) -> Result<(), GpuError> {
         let level = if which == Which::Top { 1 } else { 0 };
         if change == Change::Trees {
-            self.levels[level].find_again(run, built, trees)?;
+            self.levels[level].find_again(build, built, trees)?;
         }
-        self.put(run, built, level, words, trees)
+        self.put(build, built, level, words, trees)
     }
 
     /// Writes nodes and blocks.
     fn put(
         &self,
-        run: &mut Run<'_>,
+        build: &mut BuildEncoder<'_>,
         built: &Built,
         level: usize,
         (nodes, blocks): (&Buffer<[u32; 4]>, &Buffer<[u32; 4]>),
         trees: [u32; 2],
     ) -> Result<(), GpuError> {
-        self.levels[level].put(run, built, nodes, trees)?;
-        if built.items.corners().is_some() { put_blocks(run, built, blocks, trees) } else { Ok(()) }
+        self.levels[level].put(build, built, nodes, trees)?;
+        if built.primitives.corners().is_some() { put_blocks(build, built, blocks, trees) } else { Ok(()) }
     }
 }
 
 /// All trees of a level.
 fn all(built: &Built) -> [u32; 2] {
-    [0, super::count(built.items.ranges().len())]
+    [0, super::count(built.primitives.ranges().len())]
 }
 
-fn put_blocks(run: &mut Run<'_>, built: &Built, blocks: &Buffer<[u32; 4]>, trees: [u32; 2]) -> Result<(), GpuError> {
-    let gpu = run.gpu();
-    let bound = built.items.bound(&[
+fn put_blocks(
+    build: &mut BuildEncoder<'_>,
+    built: &Built,
+    blocks: &Buffer<[u32; 4]>,
+    trees: [u32; 2],
+) -> Result<(), GpuError> {
+    let gpu = build.gpu();
+    let bound = built.primitives.bound(&[
         ("nodes", &built.trees.nodes),
         ("parents", &built.trees.parents),
         ("leaves", &built.leaves),
         ("wide_blocks", blocks),
     ]);
-    run.stage("wide blocks", |dispatches| {
-        let kernel = gpu.kernel("build/wide_blocks", &Specialisation::none().number("MAX_LEAF", MAX_LEAF))?;
-        dispatches.range(&kernel, &bound, built.items.of_trees(trees))
+    build.stage("wide blocks", |dispatches| {
+        let kernel = gpu.kernel("build/wide_blocks", &Variant::none().number("MAX_LEAF", MAX_LEAF))?;
+        dispatches.range(&kernel, &bound, built.primitives.of_trees(trees))
     })
+}
+
+/// Levels per read-back.
+const LEVELS_AT_ONCE: u32 = 8;
+
+/// Most levels that are counted; deeper trees are rejected.
+const MAX_LEVELS: u32 = 128;
+
+/// Children of a node.
+const WIDTH: u32 = 8;
+
+/// Most invocations per level. The first `N_NEAR` levels may contain most nodes of a tree; few trees have deeper levels.
+const NEAR_INVOCATIONS: u32 = 1 << 16;
+const FAR_INVOCATIONS: u32 = 1 << 12;
+const N_NEAR: u32 = 12;
+
+/// Most nodes of an invocation. Each takes about 44 turns of loops, and some drivers end loops of 65,535.
+const NODES_EACH: u32 = 1000;
+
+/// `Level` of `build/wide_levels`.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct QueueLevel {
+    level: u32,
+    n_first: u32,
+    n_invocations: u32,
+}
+
+/// `Level` of `shared/build/wide_target`.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct TargetLevel {
+    first_unit: u32,
+    is_top: u32,
+}
+
+/// The wide nodes of a level.
+struct CollapsedLevel {
+    capacity: Capacity,
+    first_units: Buffer<u32>,
+    /// The level's first unit among those of all levels.
+    first_unit: u32,
+    /// Units of memory of the wide node of each slot, except for roots, and its word.
+    units: Buffer<u32>,
+    words: Buffer<u32>,
+    /// The slot of each wide node, by its first unit, plus one.
+    slots: Buffer<u32>,
+    /// The children of each wide node, by its first unit.
+    children: Buffer<[u32; WIDTH as usize]>,
+    /// Units of memory of the wide nodes before each slot. Kept, because several trees may be recorded into one encoder.
+    prefixes: Buffer<u32>,
+}
+
+impl CollapsedLevel {
+    /// A level that is not collapsed yet.
+    fn new(gpu: &Gpu, built: &Built, capacity: Capacity, first_unit: u32) -> Result<Self, GpuError> {
+        let n = built.primitives.len() as usize;
+        Ok(Self {
+            first_units: gpu.buffer("first units of trees", &capacity.first_units)?,
+            units: gpu.zeroed("sizes of wide nodes", n)?,
+            words: gpu.zeroed("words of wide nodes", n)?,
+            slots: gpu.zeroed("slots of wide nodes", capacity.n_units() as usize)?,
+            children: gpu.zeroed("children of wide nodes", capacity.n_units() as usize)?,
+            prefixes: gpu.zeroed("wide nodes before each", n)?,
+            first_unit,
+            capacity,
+        })
+    }
+
+    /// Finds the wide nodes of all trees, and their depth, which is read back.
+    async fn count_and_find(&self, build: &mut BuildEncoder<'_>, built: &Built) -> Result<u32, GpuError> {
+        let trees = all(built);
+        let mut search = Search::new(self, build.gpu(), built, trees)?;
+        let mut depth = (search.n_first == 0).then_some(0);
+        while depth.is_none() {
+            if search.level >= MAX_LEVELS {
+                let what = format!("a BVH of more than {MAX_LEVELS} levels");
+                return Err(GpuError::Unsupported { what });
+            }
+            search.levels(build, LEVELS_AT_ONCE)?;
+            depth = search.depth(build.gpu()).await?;
+        }
+        self.place(build, built, trees)?;
+        Ok(depth.unwrap_or(0))
+    }
+
+    /// Finds the wide nodes of trees that have changed. The number of levels is not read back: there are as many as the binary trees
+    /// may have.
+    fn find_again(&self, build: &mut BuildEncoder<'_>, built: &Built, trees: [u32; 2]) -> Result<(), GpuError> {
+        let [first, end] = built.primitives.of_trees(trees);
+        let units = self.capacity.units(trees);
+        build.stage("collapse", |dispatches| {
+            dispatches.work.clear_range(&self.units, first, end - first);
+            dispatches.work.clear_range(&self.slots, units[0], units[1] - units[0]);
+            Ok(())
+        })?;
+        let mut search = Search::new(self, build.gpu(), built, trees)?;
+        if search.n_first > 0 {
+            // No tree has more levels than leaves.
+            let ranges = &built.primitives.ranges()[trees[0] as usize..trees[1] as usize];
+            let most = ranges.iter().map(|range| range.count).max().unwrap_or(0);
+            search.levels(build, built.trees.max_height.min(most).min(MAX_LEVELS))?;
+        }
+        self.place(build, built, trees)
+    }
+
+    /// Gives the wide nodes of trees their kinds, places in memory and children.
+    fn place(&self, build: &mut BuildEncoder<'_>, built: &Built, trees: [u32; 2]) -> Result<(), GpuError> {
+        let gpu = build.gpu();
+        let range = built.primitives.of_trees(trees);
+        let bound = built.primitives.bound(&[
+            ("units", &self.units),
+            ("prefixes", &self.prefixes),
+            ("first_units", &self.first_units),
+            ("wide_words", &self.words),
+            ("wide_slots", &self.slots),
+            ("nodes", &built.trees.nodes),
+            ("aabbs", &built.aabbs),
+            ("wide_children", &self.children),
+        ]);
+        build.stage("collapse", |dispatches| {
+            let chosen = Variant::none().number("MAX_LEAF", self.capacity.max_leaf);
+            if let Some(obbs) = built.obbs.as_ref().filter(|_| self.capacity.is_oriented) {
+                let more: [NamedBinding<'_>; 2] = [("leaves", &built.leaves), ("obbs", obbs)];
+                let bound = [&bound[..], &more].concat();
+                dispatches.range(&*gpu.kernel("build/wide_kinds", &chosen)?, &bound, range)?;
+            }
+            prefix_sums(dispatches, &self.units, &self.prefixes, range)?;
+            dispatches.range(&*gpu.kernel("build/wide_slots", &chosen)?, &bound, range)?;
+            dispatches.range(&*gpu.kernel("build/wide_children", &chosen)?, &bound, self.capacity.units(trees))
+        })
+    }
+
+    /// Writes the nodes of trees.
+    fn put(
+        &self,
+        build: &mut BuildEncoder<'_>,
+        built: &Built,
+        nodes: &Buffer<[u32; 4]>,
+        trees: [u32; 2],
+    ) -> Result<(), GpuError> {
+        const { assert!(UNIT_QUADS == 16, "the kernels write units of 64 words") };
+        let gpu = build.gpu();
+        let is_top = u32::from(built.primitives.corners().is_none());
+        let level = TargetLevel { first_unit: self.first_unit, is_top };
+        let level = gpu.uniform("level of wide nodes", &level)?;
+        let mut bound = built.primitives.bound(&[
+            ("nodes", &built.trees.nodes),
+            ("aabbs", &built.aabbs),
+            ("leaves", &built.leaves),
+            ("wide_words", &self.words),
+            ("wide_slots", &self.slots),
+            ("wide_children", &self.children),
+            ("target_level", &level),
+            ("wide_nodes", nodes),
+        ]);
+        let units = self.capacity.units(trees);
+        build.stage("wide nodes", |dispatches| {
+            let max_leaf = Variant::none().number("MAX_LEAF", self.capacity.max_leaf);
+            let chosen = built.primitives.part().number("MAX_LEAF", self.capacity.max_leaf);
+            dispatches.range(&*gpu.kernel("build/wide_nodes", &chosen)?, &bound, units)?;
+            let Some(obbs) = built.obbs.as_ref().filter(|_| self.capacity.is_oriented) else { return Ok(()) };
+            bound.push(("obbs", obbs));
+            dispatches.range(&*gpu.kernel("build/wide_oriented", &max_leaf)?, &bound, units)
+        })
+    }
+}
+
+/// The search for the wide nodes of trees, level by level from their roots.
+struct Search<'a> {
+    target: &'a CollapsedLevel,
+    built: &'a Built,
+    level: u32,
+    n_first: u32,
+    first: Buffer<u32>,
+    queues: [Buffer<u32>; 2],
+    /// Wide nodes of each level.
+    counts: Buffer<u32>,
+    /// Most wide nodes of this level, and of any.
+    n_of_level: u32,
+    most: u32,
+}
+
+impl<'a> Search<'a> {
+    fn new(target: &'a CollapsedLevel, gpu: &Gpu, built: &'a Built, [first, end]: [u32; 2]) -> Result<Self, GpuError> {
+        let ranges = &built.primitives.ranges()[first as usize..end as usize];
+        let most = target.capacity.most(ranges);
+        let with_nodes = ranges.iter().filter(|range| range.count > target.capacity.max_leaf);
+        let roots: Vec<u32> = with_nodes.map(|range| range.first).collect();
+        let queue = || gpu.zeroed("wide nodes of a level", most as usize);
+        Ok(Self {
+            target,
+            built,
+            level: 0,
+            n_first: count(roots.len()),
+            first: gpu.buffer("roots", &roots)?,
+            queues: [queue()?, queue()?],
+            counts: gpu.zeroed("wide nodes of levels", MAX_LEVELS as usize + 1)?,
+            n_of_level: count(roots.len()),
+            most,
+        })
+    }
+
+    /// Searches so many levels.
+    fn levels(&mut self, build: &mut BuildEncoder<'_>, n_levels: u32) -> Result<(), GpuError> {
+        let gpu = build.gpu();
+        let chosen = Variant::none().number("MAX_LEAF", self.target.capacity.max_leaf);
+        let kernel = gpu.kernel("build/wide_levels", &chosen)?;
+        build.stage("collapse", |dispatches| {
+            for _ in 0..n_levels {
+                let level = self.level;
+                let most = if level < N_NEAR { NEAR_INVOCATIONS } else { FAR_INVOCATIONS };
+                let n_invocations = self.n_of_level.min(most.max(self.n_of_level.div_ceil(NODES_EACH)));
+                let uniform = gpu.uniform("level", &QueueLevel { level, n_first: self.n_first, n_invocations })?;
+                let [even, odd] = &self.queues;
+                let (queue_in, queue_out) = if level.is_multiple_of(2) { (even, odd) } else { (odd, even) };
+                let bound: [NamedBinding<'_>; 7] = [
+                    ("nodes", &self.built.trees.nodes),
+                    ("aabbs", &self.built.aabbs),
+                    ("wide_level", &uniform),
+                    ("queue_in", if level == 0 { &self.first } else { queue_in }),
+                    ("queue_out", queue_out),
+                    ("counts", &self.counts),
+                    ("units", &self.target.units),
+                ];
+                dispatches.items(&kernel, &bound, n_invocations)?;
+                self.n_of_level = self.n_of_level.saturating_mul(WIDTH).min(self.most);
+                self.level += 1;
+            }
+            Ok(())
+        })
+    }
+
+    /// The number of levels; `None` if there may be more than were searched.
+    async fn depth(&self, gpu: &Gpu) -> Result<Option<u32>, GpuError> {
+        let counts = gpu.read_first_async(&self.counts, self.level as usize + 1).await?;
+        Ok(counts[1..].iter().position(|&n| n == 0).map(|last| count(last) + 1))
+    }
+}
+
+/// As in `shared/bvh.wgsl`: a word that refers to nothing, the bit of leaves.
+const EMPTY: u32 = 0x7fff_ffff;
+const LEAF: u32 = 0x8000_0000;
+
+/// Memory for the wide nodes of each tree of a level, and what is known of them before the collapse.
+struct Capacity {
+    /// Most items of a leaf.
+    max_leaf: u32,
+    is_oriented: bool,
+    /// The first unit of each tree, and the end.
+    first_units: Vec<u32>,
+}
+
+impl Capacity {
+    fn of(built: &Built) -> Self {
+        let (max_leaf, is_oriented) = match built.primitives.corners() {
+            Some(_) => (MAX_LEAF, built.obbs.is_some()),
+            None => (1, false),
+        };
+        let size = if is_oriented { 2 } else { 1 };
+        let mut end = 0;
+        let mut first_units = vec![0];
+        for range in built.primitives.ranges() {
+            // The root is aligned.
+            end += 1 + size * most_nodes(range.count, max_leaf);
+            first_units.push(end);
+        }
+        Self { max_leaf, is_oriented, first_units }
+    }
+
+    fn n_units(&self) -> u32 {
+        self.first_units[self.first_units.len() - 1]
+    }
+
+    /// The units of a range of trees.
+    fn units(&self, [first, end]: [u32; 2]) -> [u32; 2] {
+        [self.first_units[first as usize], self.first_units[end as usize]]
+    }
+
+    /// Most wide nodes of a level of trees with these ranges.
+    fn most(&self, ranges: &[Range]) -> u32 {
+        ranges.iter().map(|range| most_nodes(range.count, self.max_leaf)).sum()
+    }
+
+    /// The root's word of each tree.
+    fn roots(&self, ranges: &[Range]) -> Vec<u32> {
+        let root = |(range, &first_unit): (&Range, &u32)| match range.count {
+            0 => EMPTY,
+            n if n <= self.max_leaf => {
+                // As in `shared/build.wgsl`.
+                let part = if n <= 2 { range.first } else { range.first + (range.first & 1) };
+                LEAF | (n - 1) << 26 | part
+            }
+            _ => 4 * first_unit,
+        };
+        ranges.iter().zip(&self.first_units).map(root).collect()
+    }
+}
+
+/// Most wide nodes over `n` items.
+///
+/// A node that is not full has leaves only and more than `max_leaf` items of its own. With `E` of those and `F` full ones over
+/// `n` items, 7 F is less than the number of other nodes and leaves: `7 F < E + n - (max_leaf + 1) E`, and `E <= n / (max_leaf +
+/// 1)`.
+fn most_nodes(n: u32, max_leaf: u32) -> u32 {
+    if n <= max_leaf {
+        return 0;
+    }
+    let n = u64::from(n);
+    let most_not_full = n / u64::from(max_leaf + 1);
+    let more = u64::from((WIDTH - 1).saturating_sub(max_leaf)) * most_not_full;
+    count(usize::try_from((n + more).div_ceil(u64::from(WIDTH - 1))).unwrap_or(usize::MAX))
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::SplitMix64;
+
+    use super::*;
+
+    /// Wide nodes over a tree of `n` items whose shape and areas are random, opened as `shared/build.wgsl` does. A subtree is its
+    /// number of items.
+    fn collapsed(n: u32, max_leaf: u32, random: &mut SplitMix64, is_chain: bool) -> u32 {
+        let mut open = vec![n];
+        let mut n_nodes = 0;
+        while let Some(n) = open.pop().filter(|&n| n > max_leaf) {
+            n_nodes += 1;
+            let mut children = vec![n];
+            while children.len() < WIDTH as usize {
+                let inner: Vec<usize> = (0..children.len()).filter(|&i| children[i] > max_leaf).collect();
+                if inner.is_empty() {
+                    break;
+                }
+                let n = children.swap_remove(inner[random.below(inner.len())]);
+                let left = if is_chain { 1 } else { 1 + u32::try_from(random.below(n as usize - 1)).unwrap() };
+                children.extend([left, n - left]);
+            }
+            open.extend(children.into_iter().filter(|&n| n > max_leaf));
+        }
+        n_nodes
+    }
+
+    #[test]
+    fn no_collapse_exceeds_the_capacity() {
+        let mut random = SplitMix64::new(11);
+        let mut fullest = 0.0_f64;
+        for round in 0..4000_u32 {
+            let n = [round % 60, round % 977, 5 * (round % 13)][round as usize % 3];
+            for max_leaf in [1, MAX_LEAF] {
+                let n_nodes = collapsed(n, max_leaf, &mut random, round % 5 == 0);
+                assert!(n_nodes <= most_nodes(n, max_leaf), "{n} primitives, leaves of {max_leaf}: {n_nodes} nodes");
+                if n > 100 {
+                    fullest = fullest.max(f64::from(n_nodes) / f64::from(most_nodes(n, max_leaf)));
+                }
+            }
+        }
+        // Half as much would not be enough.
+        assert!(fullest > 0.5, "{fullest}");
+    }
 }

@@ -1,8 +1,11 @@
-//! BVHs, instances and their error bounds in the layout of `shared/bvh.wgsl` and `shared/level.wgsl`.
+//! BVHs, instances, rays, hits and their error bounds in the layout of `shared/bvh.wgsl`, `shared/level.wgsl` and `shared.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
 use canted_obb::{Affine, Obb};
+use canted_trace::ScaledRay;
 use canted_wide::RawBvh;
+
+use crate::GpuError;
 
 /// Upper bound of one rounding under WGSL, relative, in any rounding mode: 2^-23.
 const ROUNDING: f32 = f32::EPSILON;
@@ -13,6 +16,46 @@ pub const HIT_ERROR: f32 = 64.0 * ROUNDING;
 
 /// Four words, the unit in which kernels read nodes and blocks.
 pub(super) type Quad = [u32; 4];
+
+/// How far the center of an oriented box may lie from the origin, in units of the greatest coordinate of what it encloses; see
+/// `shared/bvh/volume/obb`.
+pub(super) const CENTER_REACH: f32 = 3.0;
+
+/// Maximum absolute coordinate of a mesh, and of an instance in world space. It is below 2^60, up to which the pads of
+/// `shared/bvh.wgsl` are proven, and squared distances do not overflow.
+pub const MAX_COORDINATE: f32 = 1e18;
+
+/// Rejects larger coordinates.
+pub(super) fn check_coordinates(name: impl FnOnce() -> String, reach: f64) -> Result<(), GpuError> {
+    // This form also rejects NaN.
+    if reach <= MAX_COORDINATE.into() {
+        return Ok(());
+    }
+    Err(GpuError::Unsupported { what: format!("{}, which has coordinates above {MAX_COORDINATE:e}", name()) })
+}
+
+/// As in `shared/bvh.wgsl`: the leaf bit, the empty word, the position of the node kind, and the quads of a line.
+pub(super) const LEAF: u32 = 0x8000_0000;
+pub(super) const EMPTY: u32 = 0x7fff_ffff;
+const KIND_SHIFT: u32 = 29;
+pub(super) const LINE_QUADS: usize = 4;
+
+/// Whether all nodes below `root` are aligned.
+pub(super) fn is_aligned(nodes: &[Quad], root: u32) -> bool {
+    let mut waiting = vec![root];
+    while let Some(word) = waiting.pop() {
+        if word & LEAF != 0 || word == EMPTY {
+            continue;
+        }
+        if word >> KIND_SHIFT != 0 {
+            return false;
+        }
+        // An aligned node has its words in the last two of its sixteen quads but two.
+        let words = &nodes[word as usize * LINE_QUADS + 12..][..2];
+        waiting.extend(words.as_flattened());
+    }
+    true
+}
 
 /// Header of a BVH.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -55,19 +98,24 @@ impl BvhHeader {
         }
     }
 
-    /// A wide BVH that the device built, with this root and first quad.
-    pub(super) fn wide(root: u32, first_quad: u32, reach: f32, error: HitError) -> Self {
-        Self { words: [root, first_quad, 0, 0], ..Self::binary(root, 0, reach, error) }
+    /// A wide BVH that the device built, with this root and first quad, still without bounds.
+    pub(super) fn wide(root: u32, first_quad: u32) -> Self {
+        Self { words: [root, first_quad, 0, 0], ..Self::binary(root, 0) }
     }
 
-    /// A binary BVH with this root, over the triangles from `first_triangle` on.
-    pub(super) fn binary(root: u32, first_triangle: u32, reach: f32, error: HitError) -> Self {
-        let [x, y, z] = Obb::IDENTITY_FRAME;
-        let with = |[a, b, c]: [f32; 3], last: f32| [a, b, c, last];
-        Self {
-            rows: [with(x, reach), with(y, error.per_origin), with(z, error.fixed)],
-            words: [root, 0, first_triangle, 0],
+    /// A binary BVH with this root, over the triangles from `first_triangle` on, still without bounds.
+    pub(super) fn binary(root: u32, first_triangle: u32) -> Self {
+        let [[a, b, c], [d, e, f], [g, h, i]] = Obb::IDENTITY_FRAME;
+        let rows = [[a, b, c, 0.0], [d, e, f, 0.0], [g, h, i, 0.0]];
+        Self { rows, words: [root, 0, first_triangle, 0] }.with_bounds(0.0, HitError::of_triangles(0.0))
+    }
+
+    /// The same with a largest coordinate and the error of hits.
+    pub(super) fn with_bounds(mut self, reach: f32, error: HitError) -> Self {
+        for (row, bound) in self.rows.iter_mut().zip([reach, error.per_origin, error.fixed]) {
+            row[3] = bound;
         }
+        self
     }
 }
 
@@ -84,7 +132,6 @@ pub(super) struct InstanceData {
 }
 
 impl InstanceData {
-    #[expect(clippy::cast_possible_truncation, reason = "the rounding is within the kernel's bound")]
     pub(super) fn new(object_from_world: &[[f64; 4]; 3], world_from_object: &Affine, [bvh, motion]: [u32; 2]) -> Self {
         let at = world_from_object.columns[3];
         let row = |k: usize| {
@@ -98,31 +145,73 @@ impl InstanceData {
             exact_rows: object_from_world.map(|row| row.map(words)),
         }
     }
+}
 
-    /// Whether all numbers are the same, apart from the signs of zeros.
-    #[cfg(test)]
-    pub(super) fn is_same(&self, other: &Self) -> bool {
-        let exact = |data: &Self| {
-            data.exact_rows.map(|row| row.map(|[low, high]| f64::from_bits(u64::from(high) << 32 | u64::from(low))))
-        };
-        self.rows == other.rows && self.bvh == other.bvh && exact(self) == exact(other)
+/// Infinity in kernels.
+pub(super) const FAR: f32 = 3e38;
+
+/// Instance of a ray whose traversal was incomplete.
+pub(super) const INCOMPLETE: u32 = u32::MAX - 1;
+
+/// A ray in device memory.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct DeviceRay {
+    /// Origin, world space.
+    pub origin: [f32; 3],
+    /// Minimum accepted `t`.
+    pub t_min: f32,
+    /// Direction, world space; a zero direction hits nothing.
+    pub direction: [f32; 3],
+    /// Maximum accepted `t`, finite.
+    pub t_max: f32,
+}
+
+impl DeviceRay {
+    /// A ray that hits nothing.
+    pub(super) const NOTHING: Self = Self { origin: [0.0; 3], t_min: 0.0, direction: [0.0; 3], t_max: 0.0 };
+
+    /// A ray in scaled units, so that kernels need not scale it.
+    #[must_use]
+    pub fn scaled(ray: &ScaledRay) -> Self {
+        Self { origin: ray.origin, t_min: ray.t_min.min(FAR), direction: ray.direction, t_max: ray.t_max.min(FAR) }
     }
+}
+
+/// A hit in device memory.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct DeviceHit {
+    /// Distance in units of the ray's direction.
+    pub t: f32,
+    /// Weight of the second vertex.
+    pub u: f32,
+    /// Weight of the third vertex.
+    pub v: f32,
+    /// Index of the triangle in its mesh.
+    pub primitive: u32,
+    /// Index of the instance in the scene; [`DeviceHit::NONE`] for a miss.
+    pub instance: u32,
+}
+
+impl DeviceHit {
+    /// The instance of a miss: `NONE` in WGSL.
+    pub const NONE: u32 = u32::MAX;
 }
 
 #[cfg(test)]
 mod tests {
     use std::mem::offset_of;
 
-    use canted_shaders::{Layout, Shader, Specialisation};
+    use canted_shaders::{Layout, Shader, Variant};
 
     use super::*;
-    use crate::{DeviceHit, DeviceRay};
 
     fn layout(of: &str) -> Layout {
-        let chosen = Specialisation::none()
+        let chosen = Variant::none()
             .part("level", "shared/level/instances")
-            .part("node_kinds", "shared/node_kinds/any")
-            .part("traverse", "shared/traverse/stack")
+            .part("node_kinds", "shared/bvh/node_kinds/any")
+            .part("traverse", "shared/traverse/wide")
             .part("mask", "shared/mask/none")
             .part("count", "shared/count/none")
             .number("STACK_SIZE", 4)
@@ -136,7 +225,6 @@ mod tests {
     }
 
     #[test]
-    #[expect(clippy::cast_possible_truncation, reason = "offsets are small")]
     fn layouts_match_the_kernels() {
         let rows = offset_of!(BvhHeader, rows) as u32;
         let words = offset_of!(BvhHeader, words) as u32;

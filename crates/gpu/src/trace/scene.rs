@@ -1,18 +1,16 @@
-//! The BVHs of a scene in device memory.
+//! A scene that rays can be traced through: the BVHs in device memory, and what is above them.
 
-use super::alternatives::Traversal;
-use super::binary::Pairs;
-use super::layout::BvhHeader;
-use super::level::Level;
-use super::wide::WideNodes;
-use crate::loop_check::{LONG_LOOP, longest_loop};
-use crate::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, wait::block_on};
+use canted_lbvh::Corners;
+use canted_obb::Aabb;
+use canted_tlas::Instance;
+use canted_wide::{LaneKernel, RawBvh, TriangleBvh};
 
-/// Maximum stack size. Wide BVHs have about ten levels, binary ones about thirty.
-pub(super) const MAX_STACK: u32 = 128;
-
-/// In a sequence of frames, stacks have a multiple of so many entries.
-const DEPTH_STEP: u32 = 8;
+use super::instances::{Instances, Level, MeshBounds, Packing, TopLevel, placed_boxes};
+use super::layout::{BvhHeader, CENTER_REACH, HitError, check_coordinates};
+use super::nodes::{DEPTH_STEP, DeviceBvh, MAX_STACK, NewNodes, Nodes, WideNodes};
+use crate::build::{BuildConfig, BuildEncoder, Built, Primitives};
+use crate::kernel::{LONG_LOOP, longest_loop};
+use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant, wait::block_on};
 
 /// Iteration limit of an invocation on other drivers: about a second on the slowest devices, far more than rays need.
 const MAX_ITERATIONS: u32 = 1 << 18;
@@ -35,15 +33,175 @@ pub struct TracedScene {
     max_iterations: u32,
 }
 
-/// The nodes and triangles of all BVHs.
-pub(super) enum Nodes {
-    /// Eight-wide BVHs.
-    Wide(WideNodes),
-    /// Binary BVHs.
-    Binary(Pairs),
+/// What a scene is made of: its BVHs, in one level or in two.
+///
+/// ```no_run
+/// use canted_gpu::{Choice, Gpu, SceneInput, TracedScene, build::WideConfig};
+/// use canted_trace::Ray;
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let gpu = Gpu::open(&Choice::Best)?;
+/// let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+/// let scene = TracedScene::new(&gpu, SceneInput::build([&[triangle]], WideConfig::default()))?;
+/// let hits = scene.closest_hits(&gpu, &[Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0])])?;
+/// # Ok(())
+/// # }
+/// ```
+pub struct SceneInput<'a> {
+    bvhs: Bvhs<'a>,
+    levels: Levels<'a>,
+}
+
+/// Where BVHs come from.
+enum Bvhs<'a> {
+    /// From the CPU, with their bounds.
+    Uploaded(Vec<(RawBvh<'a>, Aabb)>),
+    /// From the device, over the triangles of each mesh.
+    Built(Vec<&'a [Corners]>, DeviceBvh),
+}
+
+/// What is above the BVHs.
+enum Levels<'a> {
+    /// Nothing. The first triangle of each instance.
+    One(&'a [u32]),
+    /// A BVH over these instances.
+    Two(&'a [Instance]),
+}
+
+impl<'a> SceneInput<'a> {
+    /// BVHs that the CPU built, which are uploaded.
+    #[must_use]
+    pub fn upload<K: LaneKernel>(bvhs: impl IntoIterator<Item = &'a TriangleBvh<K>>) -> Self {
+        let bvhs = bvhs.into_iter().map(|bvh| (bvh.raw(), bvh.aabb())).collect();
+        Self { bvhs: Bvhs::Uploaded(bvhs), levels: Levels::One(&[]) }
+    }
+
+    /// BVHs that the device builds over the triangles of each mesh.
+    #[must_use]
+    pub fn build<M: AsRef<[Corners]> + ?Sized + 'a>(
+        meshes: impl IntoIterator<Item = &'a M>,
+        bvh: impl Into<DeviceBvh>,
+    ) -> Self {
+        let bvhs = Bvhs::Built(meshes.into_iter().map(AsRef::as_ref).collect(), bvh.into());
+        Self { bvhs, levels: Levels::One(&[]) }
+    }
+
+    /// In one level, whose single BVH is in world space. Its triangles belong to several instances: `first_triangles` has the first of each, in
+    /// order. Without this call they belong to one instance.
+    #[must_use]
+    pub fn parts(self, first_triangles: &'a [u32]) -> Self {
+        Self { levels: Levels::One(first_triangles), ..self }
+    }
+
+    /// In two levels: instances of the meshes, and a BVH over them.
+    #[must_use]
+    pub fn instances(self, instances: &'a [Instance]) -> Self {
+        Self { levels: Levels::Two(instances), ..self }
+    }
+}
+
+impl Bvhs<'_> {
+    fn len(&self) -> usize {
+        match self {
+            Self::Uploaded(bvhs) => bvhs.len(),
+            Self::Built(meshes, _) => meshes.len(),
+        }
+    }
 }
 
 impl TracedScene {
+    /// A scene of BVHs that the CPU built, or that the device builds; see [`SceneInput`]. Waits for the device.
+    ///
+    /// # Errors
+    /// Several BVHs in one level; coordinates above [`MAX_COORDINATE`](crate::MAX_COORDINATE), also in world space; an unsupported strategy; more
+    /// than 2^26 triangles of wide BVHs; an instance without a BVH, or with a transform that is too close to singular at any time, see
+    /// [`MotionPolynomials::norm_of_inverse`](crate::MotionPolynomials::norm_of_inverse); a limit of the device, or device lost.
+    pub fn new(gpu: &Gpu, input: SceneInput<'_>) -> Result<Self, GpuError> {
+        block_on(Self::new_async(gpu, input))
+    }
+
+    /// [`TracedScene::new`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`TracedScene::new`].
+    pub async fn new_async(gpu: &Gpu, input: SceneInput<'_>) -> Result<Self, GpuError> {
+        let SceneInput { bvhs, levels } = input;
+        if let (n, Levels::One(_)) = (bvhs.len(), &levels)
+            && n != 1
+        {
+            return Err(GpuError::Input { message: format!("a scene of one level has one BVH, not {n}") });
+        }
+        match bvhs {
+            Bvhs::Uploaded(meshes) => Self::uploaded(gpu, &meshes, levels).await,
+            Bvhs::Built(meshes, bvh) => Self::built(gpu, &meshes, bvh, levels).await,
+        }
+    }
+
+    /// Uploads BVHs; builds and uploads one over the instances.
+    async fn uploaded(gpu: &Gpu, meshes: &[(RawBvh<'_>, Aabb)], levels: Levels<'_>) -> Result<Self, GpuError> {
+        let bvhs = meshes.iter().map(|(words, _)| (words, HitError::of_triangles(words.reach)));
+        let bounds = meshes.iter().map(|&(RawBvh { reach, .. }, aabb)| MeshBounds { reach, aabb });
+        let deepest = meshes.iter().map(|(words, _)| words.depth).max().unwrap_or(0);
+        let instances = match levels {
+            Levels::One(first_triangles) => {
+                check_coordinates(|| "the scene".to_owned(), meshes[0].0.reach.into())?;
+                check_depth(deepest)?;
+                let (nodes, headers) = WideNodes::uploaded(gpu, &bvhs.collect::<Vec<_>>())?;
+                let level = Level::flat(gpu, first_triangles)?;
+                return Self::over(gpu, Nodes::Wide(nodes), &headers, level, deepest).await;
+            }
+            Levels::Two(instances) => instances,
+        };
+        let outer = TopLevel::new(&bounds.collect::<Vec<_>>(), instances)?;
+        let words = outer.bvh.raw();
+        let depth = words.depth + deepest;
+        check_depth(depth)?;
+        let level = Level::Two(Instances::new(gpu, &outer.packing, &outer.order(&words))?);
+        let all: Vec<_> = std::iter::once((&words, outer.packing.error)).chain(bvhs).collect();
+        let (nodes, headers) = WideNodes::uploaded(gpu, &all)?;
+        Self::over(gpu, Nodes::Wide(nodes), &headers, level, depth).await
+    }
+
+    /// Builds on the device. Read back are the depth of the trees, which sizes the stack, and the boxes of the roots, from which the CPU
+    /// places instances.
+    async fn built(gpu: &Gpu, meshes: &[&[Corners]], bvh: DeviceBvh, levels: Levels<'_>) -> Result<Self, GpuError> {
+        let mut build = BuildEncoder::new(gpu);
+        let primitives = Primitives::triangles(gpu, meshes.iter().copied())?;
+        let bottom = bvh.build(&mut build, primitives).await?;
+        let of_root = |aabb: Aabb| MeshBounds { reach: if aabb.is_empty() { 0.0 } else { aabb.reach() }, aabb };
+        let bounds: Vec<_> = bottom.root_aabbs(gpu).await?.into_iter().map(of_root).collect();
+        let (level, top) = match levels {
+            Levels::One(first_triangles) => {
+                check_coordinates(|| "the scene".to_owned(), bounds[0].reach.into())?;
+                (Level::flat(gpu, first_triangles)?, None)
+            }
+            Levels::Two(instances) => {
+                let packing = Packing::of(&bounds, instances)?;
+                let boxes = placed_boxes(&packing, &bottom.roots_async(gpu).await?, instances);
+                let config = BuildConfig { bits: bvh.bottom().bits, ..bvh.top() };
+                let top = Built::new_async(&mut build, Primitives::boxes(gpu, &boxes)?, config).await?;
+                let level = Level::Two(Instances::new(gpu, &packing, &packing.numbers)?);
+                (level, Some((top, packing)))
+            }
+        };
+        let tree = top.as_ref().map(|(top, _)| top);
+        let new = NewNodes::new(&mut build, bvh, &bottom, tree).await?;
+        let depth = new.depth(gpu, &bottom, tree).await?;
+        let NewNodes { nodes, headers, .. } = new;
+        let of_mesh =
+            |&MeshBounds { reach, .. }: &MeshBounds| (reach, HitError::of_triangles(reach), bottom.obbs.is_some());
+        let of_top = top.iter().map(|(_, packing)| {
+            let reach = packing.boxes.iter().fold(0.0, |all: f32, of_instance| all.max(of_instance.reach()));
+            (reach, packing.error, nodes.top_is_oriented())
+        });
+        let bounds = of_top.chain(bounds.iter().map(of_mesh));
+        let headers = headers.into_iter().zip(bounds).map(|(header, (reach, error, is_oriented))| {
+            header.with_bounds(if is_oriented { CENTER_REACH * reach } else { reach }, error)
+        });
+        let headers: Vec<BvhHeader> = headers.collect();
+        Self::over(gpu, nodes.without_updates(), &headers, level, depth).await
+    }
+
     /// A scene whose BVHs have these headers.
     pub(super) async fn over(
         gpu: &Gpu,
@@ -56,45 +214,12 @@ impl TracedScene {
         // A stack of another size is another kernel.
         let depth = if gpu.keeps_buffers() { depth.next_multiple_of(DEPTH_STEP).min(MAX_STACK) } else { depth };
         let max_iterations = iteration_limit(longest_loop(gpu).await?);
-        let bvhs = match nodes {
-            Nodes::Wide(ref wide) if !wide.is_rewritten() => gpu.read_only("bvhs", headers)?,
+        let bvhs = match nodes.are_final() {
+            true => gpu.read_only("bvhs", headers)?,
             // The device may write these.
-            _ => gpu.buffer("bvhs", headers)?,
+            false => gpu.buffer("bvhs", headers)?,
         };
         Ok(Self { nodes, bvhs, level, depth, max_iterations })
-    }
-
-    /// The same scene with another traversal.
-    ///
-    /// # Errors
-    /// A BVH too deep for the traversal, or device lost.
-    pub fn with_traversal(self, gpu: &Gpu, traversal: Traversal) -> Result<Self, GpuError> {
-        block_on(self.with_traversal_async(gpu, traversal))
-    }
-
-    /// [`TracedScene::with_traversal`] for browsers.
-    ///
-    /// # Errors
-    /// As for [`TracedScene::with_traversal`].
-    pub async fn with_traversal_async(mut self, gpu: &Gpu, traversal: Traversal) -> Result<Self, GpuError> {
-        match &mut self.nodes {
-            Nodes::Wide(wide) => wide.set_traversal(gpu, &self.bvhs, traversal, self.depth).await?,
-            Nodes::Binary(pairs) => pairs.set_traversal(gpu, traversal)?,
-        }
-        Ok(self)
-    }
-
-    /// The same scene with invalid links, to show that tests detect it.
-    ///
-    /// # Errors
-    /// The device is lost.
-    #[doc(hidden)]
-    pub fn without_parent_links(mut self, gpu: &Gpu) -> Result<Self, GpuError> {
-        match &mut self.nodes {
-            Nodes::Wide(wide) => wide.cut_links(gpu)?,
-            Nodes::Binary(pairs) => pairs.cut_links(gpu)?,
-        }
-        Ok(self)
     }
 
     /// The headers of all BVHs.
@@ -110,10 +235,7 @@ impl TracedScene {
     /// The bindings of kernels that trace rays, by variable name.
     #[must_use]
     pub fn bindings(&self) -> Vec<NamedBinding<'_>> {
-        let mut bound = match &self.nodes {
-            Nodes::Wide(wide) => wide.bindings(),
-            Nodes::Binary(pairs) => pairs.bindings(),
-        };
+        let mut bound = self.nodes.bindings();
         bound.push(("bvhs", &self.bvhs));
         bound.extend(self.level.bindings());
         bound
@@ -132,23 +254,15 @@ impl TracedScene {
 
     /// `chosen` with the parts and constants for this scene. The caller still chooses the parts `mask` and `count`.
     #[must_use]
-    pub fn specialise(&self, chosen: Specialisation) -> Specialisation {
+    pub fn specialize(&self, chosen: Variant) -> Variant {
         let chosen = chosen.part("level", self.level.part()).number("MAX_ITERATIONS", self.max_iterations);
-        let (chosen, has_stack) = match &self.nodes {
-            Nodes::Wide(wide) => (wide.specialise(chosen), wide.traversal() == Traversal::Stack),
-            Nodes::Binary(pairs) => (pairs.specialise(chosen), pairs.traversal() == Traversal::Stack),
-        };
-        if has_stack { chosen.number("STACK_SIZE", self.depth.max(1)) } else { chosen }
+        self.nodes.specialize(chosen).number("STACK_SIZE", self.depth.max(1))
     }
 
     /// Size in device memory, in bytes.
     #[must_use]
     pub fn n_bytes(&self) -> u64 {
-        let nodes = match &self.nodes {
-            Nodes::Wide(wide) => wide.n_bytes(),
-            Nodes::Binary(pairs) => pairs.n_bytes(),
-        };
-        nodes + self.bvhs.n_bytes() + self.level.n_bytes()
+        self.nodes.n_bytes() + self.bvhs.n_bytes() + self.level.n_bytes()
     }
 
     /// The same scene with another iteration limit, to test incomplete traversal.
@@ -167,27 +281,21 @@ fn iteration_limit(counted: u32) -> u32 {
 
 /// Rejects BVHs that are too deep for a stack.
 pub(super) fn check_depth(depth: u32) -> Result<(), GpuError> {
-    if depth > MAX_STACK { Err(too_deep(depth, MAX_STACK)) } else { Ok(()) }
-}
-
-pub(super) fn too_deep(depth: u32, most: u32) -> GpuError {
-    GpuError::Limit {
+    if depth <= MAX_STACK {
+        return Ok(());
+    }
+    Err(GpuError::Limit {
         what: "the stack of a ray".to_owned(),
         need: depth.into(),
         limit: "levels of nodes",
-        most: most.into(),
+        most: MAX_STACK.into(),
         remedy: "use another builder",
-    }
+    })
 }
 
 #[cfg(test)]
 mod tests {
-    use canted_fixtures::or_skip;
-    use canted_trace::Watertight;
-    use canted_wide::TriangleBvh;
-
     use super::*;
-    use crate::Choice;
 
     #[test]
     fn iteration_limit_is_shared_by_the_lanes_of_a_vector() {
@@ -195,22 +303,5 @@ mod tests {
         assert_eq!(iteration_limit(LONG_LOOP - 1), (LONG_LOOP - 1) / LANES / 16 * 15);
         assert_eq!([iteration_limit(0), iteration_limit(LANES - 1)], [0, 0]);
         assert_eq!(iteration_limit(LONG_LOOP), MAX_ITERATIONS);
-    }
-
-    /// On every driver the iteration limit ends traversal before the driver would.
-    #[test]
-    fn iteration_limit_is_below_the_drivers() {
-        let test = "iteration_limit_is_below_the_drivers";
-        let Some(gpu) = or_skip(test, Gpu::open(&Choice::Best)) else { return };
-        let bvh = TriangleBvh::<Watertight>::build(&[], &[], &canted_wide::Config::default()).unwrap();
-        let scene = TracedScene::single_level(&gpu, &bvh, &[0]).unwrap();
-        let counted = crate::loop_iterations(&gpu, 100_000).unwrap();
-        let fits = if counted == 100_000 {
-            scene.max_iterations == MAX_ITERATIONS
-        } else {
-            scene.max_iterations * LANES <= counted
-        };
-        assert!(fits, "limit {}, where a loop takes {counted}", scene.max_iterations);
-        assert_eq!(scene.max_iterations, iteration_limit(counted));
     }
 }

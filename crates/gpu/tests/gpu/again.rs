@@ -1,15 +1,23 @@
 //! What programs record again: nothing moves, or nothing is submitted.
 
 use crate::buffers::{N, buffer, expected, floor, hits, opened, rays, triangles, vertices};
+use crate::common::words;
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::build::{BuildConfig, STRATEGIES, Topology, WideConfig};
 use canted_gpu::{
     Affine, BufferScene, DeviceBvh, DeviceInstance, Gpu, InstanceBuffer, InstancedScene, MeshBuffers, wgpu,
 };
 
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(updates_of_what_stands_still_change_no_word),
+        needs_device(a_dropped_rebuild_is_followed_by_a_good_one),
+    ]
+}
+
 /// Without movement, what is written again has the words of before: every strategy, every topology, several meshes.
-#[test]
 fn updates_of_what_stands_still_change_no_word() {
-    let Some((device, queue)) = opened("updates_of_what_stands_still_change_no_word") else { return };
+    let (device, queue) = opened();
     let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
     let positions = buffer(&device, bytemuck::cast_slice(&vertices(0.7)));
     let indices = buffer(&device, bytemuck::cast_slice(&triangles()));
@@ -25,12 +33,7 @@ fn updates_of_what_stands_still_change_no_word() {
         queue.submit([encoder.finish()]);
     };
     let words = |scene: &InstancedScene| {
-        ["nodes", "triangle_blocks", "corners", "bvhs"].map(|name| {
-            let raw = scene.traced().buffer(name)?;
-            let copy = gpu.zeroed::<u32>("a copy", usize::try_from(raw.size() / 4).unwrap()).unwrap();
-            submit(&mut |encoder| encoder.copy_buffer_to_buffer(raw, 0, copy.wgpu(), 0, raw.size()));
-            Some(gpu.read(&copy).unwrap())
-        })
+        ["nodes", "triangle_blocks", "corners", "bvhs"].map(|name| words(&gpu, scene.traced(), name))
     };
     let binary = STRATEGIES.map(|strategy| DeviceBvh::from(BuildConfig { strategy, ..BuildConfig::default() }));
     let wide = [Topology::Radix, Topology::Ploc].into_iter().flat_map(|topology| {
@@ -60,9 +63,8 @@ fn updates_of_what_stands_still_change_no_word() {
 
 /// After a rebuild that is recorded and not submitted, a refit and rays end, and a build mends the scene. Where a driver ends long loops itself, as
 /// Mesa 22 does, only the second half can fail.
-#[test]
 fn a_dropped_rebuild_is_followed_by_a_good_one() {
-    let Some((device, queue)) = opened("a_dropped_rebuild_is_followed_by_a_good_one") else { return };
+    let (device, queue) = opened();
     let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
     let positions = buffer(&device, bytemuck::cast_slice(&vertices(0.0)));
     let indices = buffer(&device, bytemuck::cast_slice(&triangles()));

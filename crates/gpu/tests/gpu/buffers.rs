@@ -1,31 +1,41 @@
 //! A program's own device, buffers and encoder.
 
-use canted_fixtures::or_skip;
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::build::{BuildConfig, STRATEGIES, Topology, WideConfig};
 use canted_gpu::wgpu::util::{BufferInitDescriptor, DeviceExt};
 use canted_gpu::{
-    BufferScene, Choice, DeviceBvh, DeviceHit, Gpu, GpuError, IndexBuffer, MeshBuffers, Outcome, TracedScene, wgpu,
+    BufferConfig, BufferScene, DeviceBvh, DeviceHit, Gpu, GpuError, IndexBuffer, MeshBuffers, Outcome, SceneInput,
+    TracedScene, wgpu,
 };
 use canted_gpu::{InstanceBuffer, InstancedScene};
 use canted_lbvh::Strategy;
 use canted_trace::Ray;
 
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(buffers_of_any_layout_give_the_same_hits),
+        needs_device(recorded_rebuilds_and_refits_equal_a_fresh_build),
+        needs_device(a_buffer_above_the_binding_limit_holds_a_small_mesh),
+        needs_device(faults_are_reported_and_hit_nothing),
+        needs_device(layouts_that_do_not_fit_are_rejected),
+        needs_device(counts_that_no_buffer_holds_are_errors),
+    ]
+}
+
 pub(crate) type Corners = [[f32; 3]; 3];
 
 pub(crate) const N: u32 = 12;
 
-/// A device that a program opened for itself; reports a skipped test if there is none.
-pub(crate) fn opened(test: &str) -> Option<(wgpu::Device, wgpu::Queue)> {
-    or_skip(test, Gpu::open(&Choice::Best))?;
+/// A device that a program opened for itself.
+pub(crate) fn opened() -> (wgpu::Device, wgpu::Queue) {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
     let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 8, ..wgpu::Limits::defaults() };
     let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
-    Some(pollster::block_on(adapters[0].request_device(&descriptor)).unwrap())
+    pollster::block_on(adapters[0].request_device(&descriptor)).unwrap()
 }
 
 /// Heights of a wavy floor of `N` by `N` squares at a time, as vertices.
-#[expect(clippy::cast_precision_loss, reason = "small numbers")]
 pub(crate) fn vertices(time: f32) -> Vec<[f32; 3]> {
     let vertex = |i: u32| {
         let [x, y] = [(i % (N + 1)) as f32, (i / (N + 1)) as f32];
@@ -43,7 +53,6 @@ pub(crate) fn corners(vertices: &[[f32; 3]]) -> Vec<Corners> {
     triangles().iter().map(|triangle| triangle.map(|i| vertices[i as usize])).collect()
 }
 
-#[expect(clippy::cast_precision_loss, reason = "small numbers")]
 pub(crate) fn rays() -> Vec<Ray> {
     let ray = |i: u32| {
         let x = (i % 40) as f32 * 0.31 - 0.1;
@@ -79,12 +88,11 @@ pub(crate) fn floor<'a>(positions: &'a wgpu::Buffer, indices: &'a wgpu::Buffer) 
 
 /// The hits of a BVH that is built over the same triangles at once.
 pub(crate) fn expected(gpu: &Gpu, vertices: &[[f32; 3]]) -> Vec<Option<DeviceHit>> {
-    hits(gpu, &TracedScene::build_single_level(gpu, &corners(vertices), &[0], BuildConfig::default()).unwrap())
+    hits(gpu, &TracedScene::new(gpu, SceneInput::build([&corners(vertices)], BuildConfig::default())).unwrap())
 }
 
-#[test]
 fn buffers_of_any_layout_give_the_same_hits() {
-    let Some((device, queue)) = opened("buffers_of_any_layout_give_the_same_hits") else { return };
+    let (device, queue) = opened();
     let gpu = Gpu::from_wgpu(device.clone(), queue);
     let vertices = vertices(0.0);
     let expected = expected(&gpu, &vertices);
@@ -138,9 +146,8 @@ fn buffers_of_any_layout_give_the_same_hits() {
     }
 }
 
-#[test]
 fn recorded_rebuilds_and_refits_equal_a_fresh_build() {
-    let Some((device, queue)) = opened("recorded_rebuilds_and_refits_equal_a_fresh_build") else { return };
+    let (device, queue) = opened();
     let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
     let positions = buffer(&device, bytemuck::cast_slice(&vertices(0.0)));
     let indices = buffer(&device, bytemuck::cast_slice(&triangles()));
@@ -173,9 +180,8 @@ fn recorded_rebuilds_and_refits_equal_a_fresh_build() {
 }
 
 /// Only the used part of a buffer is bound.
-#[test]
 fn a_buffer_above_the_binding_limit_holds_a_small_mesh() {
-    let Some((device, queue)) = opened("a_buffer_above_the_binding_limit_holds_a_small_mesh") else { return };
+    let (device, queue) = opened();
     let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
     let most = device.limits().max_storage_buffer_binding_size;
     let large = device.create_buffer(&wgpu::BufferDescriptor {
@@ -207,9 +213,8 @@ fn a_buffer_above_the_binding_limit_holds_a_small_mesh() {
     assert!(error.starts_with("mesh 0: the vertices have") && error.contains("a storage binding"), "{error}");
 }
 
-#[test]
 fn faults_are_reported_and_hit_nothing() {
-    let Some((device, queue)) = opened("faults_are_reported_and_hit_nothing") else { return };
+    let (device, queue) = opened();
     let gpu = Gpu::from_wgpu(device.clone(), queue);
     let mesh = |vertices: &[[f32; 3]], triangles: &[[u32; 3]]| {
         let positions = buffer(&device, bytemuck::cast_slice(vertices));
@@ -228,7 +233,7 @@ fn faults_are_reported_and_hit_nothing() {
         };
         // No endless loop, whatever the contents.
         for bvh in [DeviceBvh::default(), WideConfig { strategy: Strategy::Combined, ..WideConfig::default() }.into()] {
-            let scene = BufferScene::without_check(&gpu, &[mesh], bvh).unwrap();
+            let scene = BufferScene::new(&gpu, &[mesh], BufferConfig { is_checked: false, ..bvh.into() }).unwrap();
             let _ = hits(&gpu, scene.traced());
         }
         BufferScene::new(&gpu, &[mesh], BuildConfig::default()).map(|_| ()).map_err(|error| error.to_string())
@@ -249,9 +254,8 @@ fn faults_are_reported_and_hit_nothing() {
     assert!(report(&mesh(&everything_wrong, &triangles())).unwrap_err().contains("mesh 0: triangle 0 has a vertex"));
 }
 
-#[test]
 fn layouts_that_do_not_fit_are_rejected() {
-    let Some((device, queue)) = opened("layouts_that_do_not_fit_are_rejected") else { return };
+    let (device, queue) = opened();
     let gpu = Gpu::from_wgpu(device.clone(), queue);
     let vertices = buffer(&device, &[0; 36]);
     let good =
@@ -283,9 +287,8 @@ fn layouts_that_do_not_fit_are_rejected() {
     }
 }
 
-#[test]
 fn counts_that_no_buffer_holds_are_errors() {
-    let Some((device, queue)) = opened("counts_that_no_buffer_holds_are_errors") else { return };
+    let (device, queue) = opened();
     let gpu = Gpu::from_wgpu(device.clone(), queue);
     let vertices = buffer(&device, &[0; 36]);
     let good =
@@ -303,8 +306,13 @@ fn counts_that_no_buffer_holds_are_errors() {
         assert!(InstancedScene::new(&gpu, &[good], &instances, WideConfig::default()).is_err());
     }
     for parts in [&[1][..], &[0, 2], &[0, 1, 0]] {
-        let error = BufferScene::new_in_parts(&gpu, &[good], parts, DeviceBvh::default()).map(drop).unwrap_err();
+        let error = BufferScene::new(&gpu, &[good], BufferConfig { parts: Some(parts), ..DeviceBvh::default().into() })
+            .map(drop)
+            .unwrap_err();
         assert_eq!(error.to_string(), "parts of 1 triangles must start at 0, in order and before the end");
     }
-    assert!(BufferScene::new_in_parts(&gpu, &[good], &[0, 0, 1], DeviceBvh::default()).is_ok());
+    assert!(
+        BufferScene::new(&gpu, &[good], BufferConfig { parts: Some(&[0, 0, 1]), ..DeviceBvh::default().into() })
+            .is_ok()
+    );
 }

@@ -1,24 +1,33 @@
 //! Builds on devices with too little memory. The package of tests compares whole builds with the CPU.
 
-use crate::{buffers::opened, common::lowered};
+use crate::buffers::opened;
+use crate::common::{gpu, lowered};
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::{
     Gpu, GpuError,
-    build::{BuildConfig, Built, Items, Passes, Run, Topology, WideBvhs},
+    build::{BuildConfig, BuildEncoder, Built, Passes, Primitives, Topology, WideBvhs, WideConfig},
     wgpu::CommandEncoderDescriptor,
 };
 use canted_lbvh::{Bits, Corners, Strategy};
 
-#[test]
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(stages_that_fit_are_timed_when_others_do_not_fit),
+        needs_device(recorded_clusters_and_wide_nodes_are_rejected),
+        needs_device(oriented_nodes_do_not_depend_on_the_unit_of_length),
+    ]
+}
+
 fn stages_that_fit_are_timed_when_others_do_not_fit() {
-    let Some(gpu) = lowered("stages_that_fit_are_timed_when_others_do_not_fit", 48 << 10) else { return };
+    let gpu = lowered(48 << 10);
     // Per triangle, 36 bytes of vertices and 24 of an axis-aligned box fit; 60 of an oriented box do not.
     let triangle = |i: u16| {
         let x = f32::from(i);
         [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, f32::from(i % 7)]]
     };
     let corners: Vec<Corners> = (0..1000).map(triangle).collect();
-    let items = Items::triangles(&gpu, [&corners[..]]).unwrap();
-    let passes = Passes::measure(&gpu, &items, Bits::B63, 1).unwrap();
+    let primitives = Primitives::triangles(&gpu, [&corners[..]]).unwrap();
+    let passes = Passes::measure(&gpu, &primitives, Bits::B63, 1).unwrap();
     let fit = [passes.domain, passes.codes, passes.sort, passes.tree, passes.boxes[0]];
     assert!(fit.iter().all(Option::is_some) && passes.total(Strategy::Aabb).is_some(), "{passes:?}");
     assert_eq!((&passes.boxes[1..], passes.total(Strategy::Combined)), (&[None; 5][..], None));
@@ -27,24 +36,25 @@ fn stages_that_fit_are_timed_when_others_do_not_fit() {
         other => panic!("{other:?}"),
     }
     // A build that fits reports no error.
-    let few = Items::triangles(&gpu, [&corners[..500]]).unwrap();
+    let few = Primitives::triangles(&gpu, [&corners[..500]]).unwrap();
     let passes = Passes::measure(&gpu, &few, Bits::B63, 1).unwrap();
     assert!(passes.error.is_none() && passes.boxes.iter().all(Option::is_some), "{passes:?}");
 }
 
 /// Clustering and collapsing read the progress back, for which a recorded build cannot wait.
-#[test]
 fn recorded_clusters_and_wide_nodes_are_rejected() {
-    let Some((device, queue)) = opened("recorded_clusters_and_wide_nodes_are_rejected") else { return };
+    let (device, queue) = opened();
     let gpu = Gpu::from_wgpu(device.clone(), queue);
     let corners: Vec<Corners> = vec![[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]; 9];
-    let items = || Items::triangles(&gpu, [&corners[..]]).unwrap();
+    let primitives = || Primitives::triangles(&gpu, [&corners[..]]).unwrap();
     let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
-    let mut run = Run::recorded(&gpu, &mut encoder);
-    let built = |run: &mut Run<'_>, topology| Built::with_topology(run, items(), BuildConfig::default(), topology);
-    assert!(matches!(built(&mut run, Topology::Ploc), Err(GpuError::Unsupported { .. })));
-    let radix = built(&mut run, Topology::Radix).unwrap();
-    assert!(matches!(WideBvhs::new(&mut run, &radix, None), Err(GpuError::Unsupported { .. })));
+    let mut build = BuildEncoder::recorded(&gpu, &mut encoder);
+    let built = |build: &mut BuildEncoder<'_>, topology| {
+        Built::new(build, primitives(), WideConfig { topology, ..WideConfig::default() })
+    };
+    assert!(matches!(built(&mut build, Topology::Ploc), Err(GpuError::Unsupported { .. })));
+    let radix = built(&mut build, Topology::Radix).unwrap();
+    assert!(matches!(WideBvhs::new(&mut build, &radix, None), Err(GpuError::Unsupported { .. })));
 }
 
 /// Numbers of aligned and oriented nodes below the root of one tree.
@@ -63,9 +73,8 @@ fn kinds(gpu: &Gpu, bvhs: &WideBvhs) -> [usize; 2] {
 }
 
 /// Squares of areas overflow and underflow long before coordinates do.
-#[test]
 fn oriented_nodes_do_not_depend_on_the_unit_of_length() {
-    let Some(gpu) = crate::common::gpu("oriented_nodes_do_not_depend_on_the_unit_of_length") else { return };
+    let gpu = gpu();
     // Thin, diagonal triangles.
     let triangle = |i: u16| {
         let [x, y] = [f32::from(i % 32), f32::from(i / 32)];
@@ -74,10 +83,10 @@ fn oriented_nodes_do_not_depend_on_the_unit_of_length() {
     let of_scale = |exponent: i32| {
         let scaled = |i| triangle(i).map(|vertex| vertex.map(|x| x * 2.0_f32.powi(exponent)));
         let corners: Vec<Corners> = (0..1000).map(scaled).collect();
-        let mut run = Run::new(&gpu);
+        let mut build = BuildEncoder::new(&gpu);
         let config = BuildConfig { strategy: Strategy::Combined, ..BuildConfig::default() };
-        let built = Built::new(&mut run, Items::triangles(&gpu, [&corners[..]]).unwrap(), config).unwrap();
-        kinds(&gpu, &WideBvhs::new(&mut run, &built, None).unwrap())
+        let built = Built::new(&mut build, Primitives::triangles(&gpu, [&corners[..]]).unwrap(), config).unwrap();
+        kinds(&gpu, &WideBvhs::new(&mut build, &built, None).unwrap())
     };
     let expected = of_scale(0);
     assert!(expected[1] > 50, "{expected:?}");

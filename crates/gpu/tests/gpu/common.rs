@@ -1,15 +1,24 @@
-//! Devices for tests; reports a skipped test if there is none.
+//! Devices for tests.
 
-use canted_fixtures::or_skip;
-use canted_gpu::{Choice, Gpu, Limits};
+use canted_gpu::{Choice, Gpu, Limits, TracedScene};
 
 /// The best adapter.
-pub(crate) fn gpu(test: &str) -> Option<Gpu> {
-    or_skip(test, Gpu::open(&Choice::Best))
+pub(crate) fn gpu() -> Gpu {
+    Gpu::open(&Choice::Best).unwrap()
 }
 
 /// The best adapter, with this maximum size of storage bindings.
-pub(crate) fn lowered(test: &str, most: u64) -> Option<Gpu> {
+pub(crate) fn lowered(most: u64) -> Gpu {
     let lower = |limits| Limits { max_storage_buffer_binding_size: most, ..limits };
-    or_skip(test, Gpu::with_limits(&Choice::Best, lower))
+    Gpu::with_limits(&Choice::Best, lower).unwrap()
+}
+
+/// The words of a buffer of a scene, read back; `None` if the scene has no such variable.
+pub(crate) fn words(gpu: &Gpu, scene: &TracedScene, variable: &str) -> Option<Vec<u32>> {
+    let raw = scene.buffer(variable)?;
+    let copy = gpu.zeroed::<u32>("a copy", usize::try_from(raw.size() / 4).unwrap()).unwrap();
+    let mut encoder = gpu.encoder();
+    encoder.copy_buffer_to_buffer(raw, 0, copy.wgpu(), 0, raw.size());
+    gpu.submit(encoder).unwrap();
+    Some(gpu.read(&copy).unwrap())
 }

@@ -1,22 +1,33 @@
 //! Devices, buffers and dispatches.
 
 use crate::common::{gpu, lowered};
-use canted_gpu::{GpuError, Specialisation, loop_iterations};
+use canted_fixtures::device_tests::{Test, needs_device};
+use canted_gpu::{GpuError, Traffic, Variant, loop_iterations};
 
-#[test]
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(only_changed_parts_are_uploaded),
+        needs_device(buffers_read_back_unchanged),
+        needs_device(a_kernel_runs_and_is_timed),
+        needs_device(a_missing_binding_is_reported),
+        needs_device(exceeding_a_limit_is_reported_with_a_remedy),
+        needs_device(a_lost_device_stays_lost),
+        needs_device(exceeding_the_memory_limit_is_an_error_until_buffers_are_dropped),
+    ]
+}
+
 fn buffers_read_back_unchanged() {
-    let Some(gpu) = gpu("buffers_read_back_unchanged") else { return };
+    let gpu = gpu();
     for n in [0_u32, 1, 3, 1000] {
         let values: Vec<u32> = (0..n).collect();
         assert_eq!(gpu.read(&gpu.buffer("values", &values).unwrap()).unwrap(), values);
     }
 }
 
-#[test]
 fn a_kernel_runs_and_is_timed() {
-    let Some(gpu) = gpu("a_kernel_runs_and_is_timed") else { return };
+    let gpu = gpu();
     assert_eq!(loop_iterations(&gpu, 1000).unwrap(), 1000);
-    let kernel = gpu.kernel("check/loops", &Specialisation::none()).unwrap();
+    let kernel = gpu.kernel("check/loops", &Variant::none()).unwrap();
     let wanted = gpu.uniform("wanted", &[7_u32, 0, 0, 0]).unwrap();
     let counted = gpu.zeroed::<u32>("counted", 5000).unwrap();
     let mut commands = gpu.timed_commands();
@@ -26,18 +37,16 @@ fn a_kernel_runs_and_is_timed() {
     assert!(gpu.read(&counted).unwrap().iter().all(|&turns| turns == 7));
 }
 
-#[test]
 fn a_missing_binding_is_reported() {
-    let Some(gpu) = gpu("a_missing_binding_is_reported") else { return };
-    let kernel = gpu.kernel("check/loops", &Specialisation::none()).unwrap();
+    let gpu = gpu();
+    let kernel = gpu.kernel("check/loops", &Variant::none()).unwrap();
     let counted = gpu.zeroed::<u32>("counted", 1).unwrap();
     let error = gpu.commands().dispatch(&kernel, &[("counted", &counted)], [1, 1, 1]).unwrap_err().to_string();
     assert!(error.contains("kernel 'check/loops' has no binding for 'wanted'"), "{error}");
 }
 
-#[test]
 fn exceeding_a_limit_is_reported_with_a_remedy() {
-    let Some(gpu) = lowered("exceeding_a_limit_is_reported_with_a_remedy", 1 << 20) else { return };
+    let gpu = lowered(1 << 20);
     let error = gpu.zeroed::<u32>("the nodes", 1 << 20).err().expect("4 MiB do not fit in 1 MiB").to_string();
     assert_eq!(
         error,
@@ -45,9 +54,8 @@ fn exceeding_a_limit_is_reported_with_a_remedy() {
     );
 }
 
-#[test]
 fn a_lost_device_stays_lost() {
-    let Some(gpu) = gpu("a_lost_device_stays_lost") else { return };
+    let gpu = gpu();
     let buffer = gpu.buffer("values", &[1_u32, 2]).unwrap();
     gpu.lose();
     for _ in 0..2 {
@@ -56,9 +64,8 @@ fn a_lost_device_stays_lost() {
     }
 }
 
-#[test]
 fn exceeding_the_memory_limit_is_an_error_until_buffers_are_dropped() {
-    let Some(gpu) = gpu("exceeding_the_memory_limit_is_an_error_until_buffers_are_dropped") else { return };
+    let gpu = gpu();
     gpu.limit_memory(1 << 20);
     let first = gpu.zeroed::<u32>("nodes", 1 << 17).unwrap();
     let sentence = "out of device memory for triangles of 786432 bytes; use a smaller scene";
@@ -67,4 +74,33 @@ fn exceeding_the_memory_limit_is_an_error_until_buffers_are_dropped() {
     drop(first);
     let second = gpu.zeroed::<u32>("triangles", 3 << 16).unwrap();
     assert_eq!(gpu.read(&second).unwrap().len(), 3 << 16);
+}
+
+fn only_changed_parts_are_uploaded() {
+    let gpu = gpu();
+    let uploaded = |values: &[u32]| {
+        gpu.start_frame();
+        let before = gpu.traffic();
+        let buffer = gpu.read_only("values", values).unwrap();
+        let Traffic { uploaded_bytes, .. } = gpu.traffic() - before;
+        assert_eq!(gpu.read(&buffer).unwrap(), values);
+        uploaded_bytes
+    };
+    let mut values: Vec<u32> = (0..1000).collect();
+    assert_eq!(uploaded(&values), 4000);
+    assert_eq!(uploaded(&values), 0);
+    values[70] = 5;
+    assert_eq!(uploaded(&values), 256);
+    values[999] = 5;
+    assert_eq!(uploaded(&values), 4000 - 15 * 256);
+    values.push(1);
+    assert_eq!(uploaded(&values), 4004);
+    // A buffer that is still in use is not overwritten.
+    gpu.start_frame();
+    let first = gpu.read_only("values", &values).unwrap();
+    let second = gpu.read_only("values", &[3_u32; 1001]).unwrap();
+    gpu.start_frame();
+    let third = gpu.read_only("values", &[4_u32; 1001]).unwrap();
+    assert_eq!(gpu.read(&first).unwrap(), values);
+    assert_eq!([gpu.read(&second).unwrap(), gpu.read(&third).unwrap()], [vec![3; 1001], vec![4; 1001]]);
 }

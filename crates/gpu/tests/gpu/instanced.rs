@@ -1,15 +1,26 @@
 //! Instances of meshes in a program's own buffers.
 
 use crate::buffers::{N, buffer, opened, triangles, vertices};
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::build::{BuildConfig, Topology, WideConfig};
 use canted_gpu::{
     DeviceBvh, DeviceHit, DeviceInstance, Gpu, GpuError, IndexBuffer, InstanceBuffer, InstancedScene, MeshBuffers,
-    NOT_PLACED, Outcome, TracedScene, wgpu,
+    NOT_PLACED, Outcome, SceneInput, TracedScene, wgpu,
 };
 use canted_lbvh::{Bits, Strategy};
 use canted_obb::Affine;
 use canted_tlas::Instance;
 use canted_trace::Ray;
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(every_recorded_change_equals_a_fresh_build),
+        needs_device(a_forgotten_update_is_seen),
+        needs_device(few_instances_and_empty_scenes_are_traced),
+        needs_device(faults_of_meshes_and_layouts_of_instances_are_reported),
+        needs_device(a_lost_device_of_the_program_is_reported),
+    ]
+}
 
 type Corners = [[f32; 3]; 3];
 
@@ -77,7 +88,6 @@ fn words(placed: &[(u32, Affine)]) -> Vec<u32> {
 
 /// Instances in rows, turned, scaled and mirrored in turn; every seventh in the place of the one before.
 fn placed(n: u32, time: f32) -> Vec<(u32, Affine)> {
-    #[expect(clippy::cast_precision_loss, reason = "small numbers")]
     let one = |i: u32| {
         let place = if i % 7 == 6 { i - 1 } else { i };
         let (s, c) = (0.3 * place as f32 + time).sin_cos();
@@ -89,7 +99,6 @@ fn placed(n: u32, time: f32) -> Vec<(u32, Affine)> {
     (0..n).map(one).collect()
 }
 
-#[expect(clippy::cast_precision_loss, reason = "small numbers")]
 fn rays() -> Vec<Ray> {
     let ray =
         |i: u32| Ray::new([(i % 90) as f32 * 0.87 - 4.0, (i / 90) as f32 * 1.13 - 9.0, 30.0], [0.05, -0.04, -2.0]);
@@ -110,12 +119,11 @@ fn expected(gpu: &Gpu, floor: &[[f32; 3]], placed: &[(u32, Affine)]) -> Vec<Opti
     let pyramid: Vec<Corners> = SIDES.iter().map(|t| t.map(|i| PYRAMID[usize::from(i)])).collect();
     let instances: Vec<Instance> = placed.iter().map(|&(mesh, map)| Instance::new(mesh, map)).collect();
     let config = BuildConfig::default();
-    hits(gpu, &TracedScene::build_two_level(gpu, &[&floor, &pyramid], &instances, config).unwrap())
+    hits(gpu, &TracedScene::new(gpu, SceneInput::build(&[&floor, &pyramid], config).instances(&instances)).unwrap())
 }
 
-#[test]
 fn every_recorded_change_equals_a_fresh_build() {
-    let Some(opened) = opened("every_recorded_change_equals_a_fresh_build") else { return };
+    let opened = opened();
     let binary = [Strategy::Aabb, Strategy::Combined, Strategy::Dop]
         .map(|strategy| DeviceBvh::from(BuildConfig { strategy, bits: Bits::B63 }));
     let wide =
@@ -168,9 +176,8 @@ fn every_recorded_change_equals_a_fresh_build() {
 }
 
 /// The comparison sees a top level that does not follow.
-#[test]
 fn a_forgotten_update_is_seen() {
-    let Some(opened) = opened("a_forgotten_update_is_seen") else { return };
+    let opened = opened();
     let program = Program::new(opened, &placed(20, 0.0));
     let gpu = Gpu::from_wgpu(program.device.clone(), program.queue.clone());
     let (meshes, instances) = (program.meshes(), program.instances(20));
@@ -185,9 +192,8 @@ fn a_forgotten_update_is_seen() {
     assert_eq!(hits(&gpu, scene.traced()), expected);
 }
 
-#[test]
 fn few_instances_and_empty_scenes_are_traced() {
-    let Some(opened) = opened("few_instances_and_empty_scenes_are_traced") else { return };
+    let opened = opened();
     let lone = [(1, Affine::IDENTITY)];
     let program = Program::new(opened, &lone);
     let gpu = Gpu::from_wgpu(program.device.clone(), program.queue.clone());
@@ -216,9 +222,8 @@ fn few_instances_and_empty_scenes_are_traced() {
     assert!(hits(&gpu, scene.traced()).iter().all(Option::is_none));
 }
 
-#[test]
 fn faults_of_meshes_and_layouts_of_instances_are_reported() {
-    let Some(opened) = opened("faults_of_meshes_and_layouts_of_instances_are_reported") else { return };
+    let opened = opened();
     let program = Program::new(opened, &placed(6, 0.0));
     let gpu = Gpu::from_wgpu(program.device.clone(), program.queue.clone());
     let (meshes, six) = (program.meshes(), program.instances(6));
@@ -254,9 +259,8 @@ fn faults_of_meshes_and_layouts_of_instances_are_reported() {
     assert!(of(scene.refit_mesh(&gpu, &mut encoder, 0, &meshes[1])).contains("[4] triangles"));
 }
 
-#[test]
 fn a_lost_device_of_the_program_is_reported() {
-    let Some(opened) = opened("a_lost_device_of_the_program_is_reported") else { return };
+    let opened = opened();
     let program = Program::new(opened, &placed(6, 0.0));
     let gpu = Gpu::from_wgpu(program.device.clone(), program.queue.clone());
     program.device.set_device_lost_callback(gpu.lost_handler());

@@ -1,11 +1,21 @@
 //! Traversal in a program's own kernel.
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::build::{BuildConfig, WideConfig};
 use canted_gpu::{
-    BufferScene, DeviceHit, DeviceRay, Gpu, GpuError, InstanceBuffer, InstancedScene, MeshBuffers, TracedScene, wgpu,
+    BufferScene, DeviceHit, DeviceRay, Gpu, GpuError, InstanceBuffer, InstancedScene, MeshBuffers, SceneInput,
+    TracedScene, wgpu,
 };
 
 use super::buffers::{buffer, corners, hits, opened, rays, vertices};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(a_kernel_of_the_program_traces_rays),
+        needs_device(a_layout_of_another_kernel_is_rejected),
+        needs_device(rays_that_leave_a_hit_by_the_stated_offset_do_not_hit_it_again),
+    ]
+}
 
 /// A compute pipeline of a text.
 fn pipeline(device: &wgpu::Device, text: &str) -> wgpu::ComputePipeline {
@@ -64,12 +74,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 ";
 
 fn floor(gpu: &Gpu) -> TracedScene {
-    TracedScene::build_single_level(gpu, &corners(&vertices(0.0)), &[0], BuildConfig::default()).unwrap()
+    TracedScene::new(gpu, SceneInput::build([&corners(&vertices(0.0))], BuildConfig::default())).unwrap()
 }
 
-#[test]
 fn a_kernel_of_the_program_traces_rays() {
-    let Some((device, queue)) = opened("a_kernel_of_the_program_traces_rays") else { return };
+    let (device, queue) = opened();
     let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
     let scene = floor(&gpu);
     let of =
@@ -83,9 +92,8 @@ fn a_kernel_of_the_program_traces_rays() {
     assert_eq!(found, hits(&gpu, &scene));
 }
 
-#[test]
 fn a_layout_of_another_kernel_is_rejected() {
-    let Some((device, queue)) = opened("a_layout_of_another_kernel_is_rejected") else { return };
+    let (device, queue) = opened();
     let gpu = Gpu::from_wgpu(device.clone(), queue);
     let other = "@group(0) @binding(0) var<storage, read_write> x: array<f32>;
                  @compute @workgroup_size(1) fn main() { x[0] = 1.0; }";
@@ -181,11 +189,8 @@ fn leave(
 }
 
 /// The offsets that [`TracedScene::module`] states are enough, and less is not.
-#[test]
 fn rays_that_leave_a_hit_by_the_stated_offset_do_not_hit_it_again() {
-    let Some((device, queue)) = opened("rays_that_leave_a_hit_by_the_stated_offset_do_not_hit_it_again") else {
-        return;
-    };
+    let (device, queue) = opened();
     let gpu = Gpu::from_wgpu(device.clone(), queue.clone());
     let on = (&device, &queue, &gpu);
     for center in [[3.0, -2.0, 5.0], [0.0; 3], [1000.0, 0.3, -40.0]] {

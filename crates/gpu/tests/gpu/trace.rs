@@ -1,17 +1,33 @@
 //! Ray tracing for each kind of scene and driver limit. The package of tests compares whole scenes with the CPU.
 
 use crate::common::{gpu, lowered};
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::build::{BuildConfig, WideConfig};
-use canted_gpu::{Gpu, GpuError, Outcome, TracedScene};
+use canted_gpu::{Gpu, GpuError, Outcome, SceneInput, TracedScene};
 use canted_obb::Affine;
 use canted_tlas::Instance;
 use canted_trace::{Ray, Watertight};
 use canted_wide::{Config, TriangleBvh};
 
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(iteration_limit_is_below_the_drivers),
+        needs_device(a_single_level_scene_is_traced),
+        needs_device(triangles_of_a_flattened_scene_belong_to_instances),
+        needs_device(instances_may_be_mirrored_scaled_or_empty),
+        needs_device(empty_scenes_have_no_hits),
+        needs_device(incomplete_traversal_is_reported),
+        needs_device(unsupported_instances_are_rejected),
+        needs_device(too_large_coordinates_are_rejected),
+        needs_device(a_scene_above_a_device_limit_is_rejected),
+        needs_device(vertices_that_are_not_finite_are_rejected_by_number),
+        needs_device(instances_that_vanish_are_rejected),
+    ]
+}
+
 type Bvh = TriangleBvh<Watertight>;
 
 /// A floor of `n` by `n` squares in the plane z = 0, from 0 to `n`.
-#[expect(clippy::cast_precision_loss, reason = "small numbers")]
 fn floor(n: u32) -> Bvh {
     let positions: Vec<[f32; 3]> = (0..=n).flat_map(|y| (0..=n).map(move |x| [x as f32, y as f32, 0.0])).collect();
     let triangles: Vec<[u32; 3]> = (0..n)
@@ -39,48 +55,44 @@ fn hits(gpu: &Gpu, scene: &TracedScene, rays: &[Ray]) -> Vec<Option<(f32, u32, u
     known.collect()
 }
 
-#[test]
 fn a_single_level_scene_is_traced() {
-    let Some(gpu) = gpu("a_single_level_scene_is_traced") else { return };
-    let scene = TracedScene::single_level(&gpu, &floor(20), &[0]).unwrap();
+    let gpu = gpu();
+    let scene = TracedScene::new(&gpu, SceneInput::upload([&floor(20)])).unwrap();
     let rays = [down(3.75, 0.25), down(-1.0, 3.0), down(0.25, 19.75), Ray::new([0.0; 3], [0.0; 3])];
     assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 6, 0)), None, Some((2.0, 19 * 40 + 1, 0)), None]);
     let found: Vec<_> = scene.occluded(&gpu, &rays).unwrap();
     assert_eq!(found, [true, false, true, false].map(Outcome::Complete));
 }
 
-#[test]
 fn triangles_of_a_flattened_scene_belong_to_instances() {
-    let Some(gpu) = gpu("triangles_of_a_flattened_scene_belong_to_instances") else { return };
+    let gpu = gpu();
     // The second instance has no triangles.
-    let scene = TracedScene::single_level(&gpu, &floor(4), &[0, 8, 8, 31]).unwrap();
+    let scene = TracedScene::new(&gpu, SceneInput::upload([&floor(4)]).parts(&[0, 8, 8, 31])).unwrap();
     let rays = [down(0.75, 0.25), down(0.75, 1.25), down(3.25, 3.75)];
     assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 0, 0)), Some((2.0, 0, 2)), Some((2.0, 0, 3))]);
 }
 
-#[test]
 fn instances_may_be_mirrored_scaled_or_empty() {
-    let Some(gpu) = gpu("instances_may_be_mirrored_scaled_or_empty") else { return };
+    let gpu = gpu();
     let place = |x: f32, z: f32, at: [f32; 3]| Affine { columns: [[x, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, z], at] };
     let instances = [
         Instance::new(1, Affine::IDENTITY),
         Instance::new(0, place(-2.0, 1.0, [0.0; 3])),
         Instance::new(0, place(0.5, -3.0, [10.0, 0.0, -2.0])),
     ];
-    let scene = TracedScene::two_level(&gpu, &[&floor(4), &nothing()], &instances).unwrap();
+    let scene = TracedScene::new(&gpu, SceneInput::upload([&floor(4), &nothing()]).instances(&instances)).unwrap();
     let rays = [down(-1.5, 0.25), down(10.375, 0.25), down(1.0, 1.0)];
     assert_eq!(hits(&gpu, &scene, &rays), [Some((2.0, 0, 1)), Some((3.0, 0, 2)), None]);
 }
 
-#[test]
 fn empty_scenes_have_no_hits() {
-    let Some(gpu) = gpu("empty_scenes_have_no_hits") else { return };
+    let gpu = gpu();
     let rays = [down(0.0, 0.0)];
     let empty = nothing();
     for scene in [
-        TracedScene::single_level(&gpu, &empty, &[]),
-        TracedScene::two_level::<Watertight>(&gpu, &[], &[]),
-        TracedScene::two_level(&gpu, &[&empty], &[Instance::new(0, Affine::IDENTITY)]),
+        TracedScene::new(&gpu, SceneInput::upload([&empty]).parts(&[])),
+        TracedScene::new(&gpu, SceneInput::upload::<Watertight>([]).instances(&[])),
+        TracedScene::new(&gpu, SceneInput::upload([&empty]).instances(&[Instance::new(0, Affine::IDENTITY)])),
     ] {
         let scene = scene.unwrap();
         assert_eq!(hits(&gpu, &scene, &rays), [None]);
@@ -88,21 +100,20 @@ fn empty_scenes_have_no_hits() {
     }
 }
 
-#[test]
 fn incomplete_traversal_is_reported() {
-    let Some(gpu) = gpu("incomplete_traversal_is_reported") else { return };
-    let scene = TracedScene::single_level(&gpu, &floor(20), &[0]).unwrap().with_max_iterations(2);
+    let gpu = gpu();
+    let scene = TracedScene::new(&gpu, SceneInput::upload([&floor(20)])).unwrap().with_max_iterations(2);
     let rays = [down(3.75, 0.25), down(-100.0, 3.0)];
     let answers = scene.closest_hits(&gpu, &rays).unwrap();
     assert_eq!(answers, [Outcome::Incomplete, Outcome::Complete(None)]);
     assert_eq!(scene.occluded(&gpu, &rays).unwrap(), [Outcome::Incomplete, Outcome::Complete(false)]);
 }
 
-#[test]
 fn unsupported_instances_are_rejected() {
-    let Some(gpu) = gpu("unsupported_instances_are_rejected") else { return };
+    let gpu = gpu();
     let floor = floor(1);
-    let refused = |instance: Instance| match TracedScene::two_level(&gpu, &[&floor], &[instance]) {
+    let refused = |instance: Instance| match TracedScene::new(&gpu, SceneInput::upload([&floor]).instances(&[instance]))
+    {
         Ok(_) => panic!("{instance:?} is traced"),
         Err(error) => error.to_string(),
     };
@@ -121,9 +132,8 @@ fn unsupported_instances_are_rejected() {
     assert!(refused(Instance::new(0, Affine::IDENTITY).with_mask(1)).contains("mask"));
 }
 
-#[test]
 fn too_large_coordinates_are_rejected() {
-    let Some(gpu) = gpu("too_large_coordinates_are_rejected") else { return };
+    let gpu = gpu();
     let reaching = |far: f32| {
         let positions = [[0.0; 3], [far, 0.0, 0.0], [0.0, 1.0, 0.0]];
         Bvh::build(&positions, &[[0, 1, 2]], &Config::default()).unwrap()
@@ -133,32 +143,29 @@ fn too_large_coordinates_are_rejected() {
         map.columns[3][1] = shift;
         Instance::new(0, map)
     };
-    assert!(TracedScene::single_level(&gpu, &reaching(1e18), &[0]).is_ok());
-    assert!(TracedScene::two_level(&gpu, &[&floor(1)], &[there(-9e17)]).is_ok());
+    assert!(TracedScene::new(&gpu, SceneInput::upload([&reaching(1e18)])).is_ok());
+    assert!(TracedScene::new(&gpu, SceneInput::upload([&floor(1)]).instances(&[there(-9e17)])).is_ok());
     for (name, scene) in [
-        ("the scene", TracedScene::single_level(&gpu, &reaching(1.1e18), &[0])),
-        ("mesh 0", TracedScene::two_level(&gpu, &[&reaching(f32::MAX)], &[])),
-        ("instance 1", TracedScene::two_level(&gpu, &[&floor(1)], &[there(0.0), there(-2e18)])),
+        ("the scene", TracedScene::new(&gpu, SceneInput::upload([&reaching(1.1e18)]))),
+        ("mesh 0", TracedScene::new(&gpu, SceneInput::upload([&reaching(f32::MAX)]).instances(&[]))),
+        ("instance 1", TracedScene::new(&gpu, SceneInput::upload([&floor(1)]).instances(&[there(0.0), there(-2e18)]))),
     ] {
         let Err(error) = scene else { panic!("{name} is traced") };
         assert!(error.to_string().contains(&format!("{name}, which has coordinates above 1e18")), "{error}");
     }
 }
 
-#[test]
 fn a_scene_above_a_device_limit_is_rejected() {
-    let test = "a_scene_above_a_device_limit_is_rejected";
-    let Some(gpu) = lowered(test, 1 << 16) else { return };
-    match TracedScene::single_level(&gpu, &floor(60), &[0]) {
+    let gpu = lowered(1 << 16);
+    match TracedScene::new(&gpu, SceneInput::upload([&floor(60)])) {
         Err(GpuError::Limit { need, most, .. }) => assert!(need > most && most == 1 << 16),
         Err(error) => panic!("{error}"),
         Ok(_) => panic!("a large scene fits"),
     }
 }
 
-#[test]
 fn vertices_that_are_not_finite_are_rejected_by_number() {
-    let Some(gpu) = gpu("vertices_that_are_not_finite_are_rejected_by_number") else { return };
+    let gpu = gpu();
     let good = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     for wrong in [f32::NAN, f32::INFINITY] {
         let mut bad = good;
@@ -168,10 +175,13 @@ fn vertices_that_are_not_finite_are_rejected_by_number() {
         let refused = |built: Result<TracedScene, GpuError>| built.map(drop).unwrap_err().to_string();
         let (binary, wide) = (BuildConfig::default(), WideConfig::default());
         for (mesh, error) in [
-            (0, refused(TracedScene::build_single_level(&gpu, &second, &[0], binary))),
-            (0, refused(TracedScene::build_wide_single_level(&gpu, &second, &[0], wide))),
-            (1, refused(TracedScene::build_two_level(&gpu, &[&first, &second], &instances, binary))),
-            (1, refused(TracedScene::build_wide_two_level(&gpu, &[&first, &second], &instances, wide))),
+            (0, refused(TracedScene::new(&gpu, SceneInput::build([&second], binary)))),
+            (0, refused(TracedScene::new(&gpu, SceneInput::build([&second], wide)))),
+            (
+                1,
+                refused(TracedScene::new(&gpu, SceneInput::build([&first[..], &second], binary).instances(&instances))),
+            ),
+            (1, refused(TracedScene::new(&gpu, SceneInput::build([&first[..], &second], wide).instances(&instances)))),
         ] {
             assert_eq!(error, format!("mesh {mesh}: triangle 3 has a vertex that is not finite"));
         }
@@ -179,14 +189,27 @@ fn vertices_that_are_not_finite_are_rejected_by_number() {
 }
 
 /// The inverse of such an instance has no `f32` rows.
-#[test]
 fn instances_that_vanish_are_rejected() {
-    let Some(gpu) = gpu("instances_that_vanish_are_rejected") else { return };
+    let gpu = gpu();
     let scaled = |scale: f32| {
         let map = Affine { columns: [[scale, 0.0, 0.0], [0.0, scale, 0.0], [0.0, 0.0, scale], [0.0; 3]] };
-        TracedScene::two_level(&gpu, &[&floor(2)], &[Instance::new(0, map)]).map(drop).map_err(|e| e.to_string())
+        TracedScene::new(&gpu, SceneInput::upload([&floor(2)]).instances(&[Instance::new(0, map)]))
+            .map(drop)
+            .map_err(|e| e.to_string())
     };
     assert_eq!(scaled(1e-30), Ok(()));
     let error = scaled(1e-31).unwrap_err();
     assert_eq!(error, "not supported on the GPU: instance 0, which scales by less than 2^-100");
+}
+
+/// On every driver the iteration limit ends traversal before the driver would.
+fn iteration_limit_is_below_the_drivers() {
+    let gpu = gpu();
+    let scene = TracedScene::new(&gpu, SceneInput::upload([&nothing()])).unwrap();
+    let module = scene.module(0).unwrap();
+    let (_, limit) = module.split_once("MAX_ITERATIONS: u32 = ").unwrap();
+    let limit: u32 = limit.split_once('u').unwrap().0.parse().unwrap();
+    let counted = canted_gpu::loop_iterations(&gpu, 100_000).unwrap();
+    // Eight invocations of a vector share the count of iterations where a driver ends loops.
+    assert!(limit > 0 && (counted == 100_000 || 8 * limit <= counted), "limit {limit}, where a loop takes {counted}");
 }

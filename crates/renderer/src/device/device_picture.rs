@@ -1,21 +1,22 @@
 //! Pictures rendered by a GPU, alone or together with the CPU.
 
+use std::sync::Arc;
+
 use canted_film::{Aov, Film, Filter, Tile};
-use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation, TracedScene};
+use canted_gpu::{Buffer, Gpu, GpuError, Kernel, NamedBinding, TracedScene, Variant};
 use canted_scene::{Camera, Scene};
 use canted_wide::LaneKernel;
 
 use super::collector::{self, SampleCollector};
 use super::dispatcher::SampleDispatcher;
-use super::environment::DeviceSky;
-use super::kernels::{LightKernels, RenderKernels};
-use super::lights::{SampledLights, bounded};
+use super::kernels::RenderKernels;
+use super::lights::{DeviceSky, SampledLights};
 use super::picture::{self, PackedPicture};
 use super::records::{self, PackedSample, PackedSum, SampleRecord};
 use super::scene::PackedScene;
 use super::traced::{Traced, traced_frame, traced_scene};
-use super::wavefront::WavefrontKernels;
 use super::{DeviceError, DeviceFrames};
+use crate::light::bounded;
 use crate::render::{RenderTiles, Rendering, Schedule, Worker};
 use crate::{Integrator, Lights, Monitor, SampleSums, Settings, Structure, Surfaces};
 
@@ -43,8 +44,8 @@ pub struct DevicePicture<'a, K: LaneKernel> {
     sampled: Option<SampledLights>,
     picture: Buffer<PackedPicture>,
     filter_table: Option<Buffer<f32>>,
-    /// The specialisation of the light kernel, but for how it finds first hits.
-    pub(super) chosen: Specialisation,
+    /// The variant of the light kernel, but for how it finds first hits.
+    pub(super) chosen: Variant,
     pub(super) kernels: RenderKernels,
     /// Instance and primitive at the center of each pixel, where a raster pass found them.
     pub(super) first_seen: Option<Buffer<[u32; 2]>>,
@@ -131,28 +132,28 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         };
         let time = if scene.has_motion() { "shared/time/shutter" } else { "shared/time/still" };
         let shared = |count: &str| {
-            let chosen = Specialisation::none().part("count", count).part("time", time);
-            traced.specialise(picture::specialise(chosen, view, settings))
+            let chosen = Variant::none().part("count", count).part("time", time);
+            traced.specialize(picture::specialize(chosen, view, settings))
         };
-        let chosen = sky.specialise(shared("shared/count/none")).part("film", records::part(settings.sums));
+        let chosen = sky.specialize(shared("shared/count/none")).part("film", records::part(settings.sums));
         let (kernel, chosen, sampled) = match settings.integrator {
-            Integrator::Hybrid => ("render/hybrid", packed.specialise_hybrid(chosen), None),
+            Integrator::Hybrid => ("render/hybrid", packed.specialize_hybrid(chosen), None),
             Integrator::Path => {
                 let sampled = SampledLights::new(gpu, cpu.light_sampler(), |instance| packed.slack_of(instance))?;
-                ("render/path", packed.specialise_path(chosen, &sampled, settings.energy_compensation), Some(sampled))
+                ("render/path", packed.specialize_path(chosen, &sampled, settings.energy_compensation), Some(sampled))
             }
         };
         let guide = || {
             let counts = settings.aovs.contains(Aov::Tests);
             let chosen = shared(if counts { "shared/count/tests" } else { "shared/count/none" });
-            gpu.kernel("render/guide", &packed.specialise_guide(chosen))
+            gpu.kernel("render/guide", &packed.specialize_guide(chosen))
         };
         let guide = (!settings.aovs.is_empty()).then(guide).transpose()?;
         let light = match settings.integrator {
-            Integrator::Hybrid => chosen.clone().part("first", "shared/first/trace"),
+            Integrator::Hybrid => chosen.clone().part("first", "shared/camera/first/trace"),
             Integrator::Path => chosen.clone(),
         };
-        let kernels = RenderKernels { light: LightKernels::One(gpu.kernel(kernel, &light)?), guide };
+        let kernels = RenderKernels { light: gpu.kernel(kernel, &light)?, guide };
         let picture = gpu.read_only_uniform("picture", &facts)?;
         Ok(Self {
             gpu,
@@ -171,25 +172,8 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
         })
     }
 
-    /// Renders by a wavefront of kernels (Laine, Karras, Aila 2013): a measured alternative, see `super::wavefront`.
-    ///
-    /// Samples differ only by how the compiler contracts sums and products.
-    ///
-    /// # Errors
-    /// The hybrid integrator and [`SampleSums::Device`], for which there are no such kernels; errors of the device.
-    pub fn in_waves(self) -> Result<Self, DeviceError> {
-        if self.settings.sums == SampleSums::Device {
-            return Err(DeviceError::Unsupported { what: "sums of samples by a wavefront" });
-        }
-        if self.settings.integrator != Integrator::Path {
-            return Err(DeviceError::Unsupported { what: "a wavefront of the hybrid integrator" });
-        }
-        let light = LightKernels::Wavefront(WavefrontKernels::new(self.gpu, &self.chosen)?);
-        Ok(self.with_kernel(light, None))
-    }
-
     /// The same picture by another kernel, and with what that kernel reads.
-    pub(super) fn with_kernel(self, light: LightKernels, first_seen: Option<Buffer<[u32; 2]>>) -> Self {
+    pub(super) fn with_kernel(self, light: Arc<Kernel>, first_seen: Option<Buffer<[u32; 2]>>) -> Self {
         Self { kernels: RenderKernels { light, ..self.kernels }, first_seen, ..self }
     }
 

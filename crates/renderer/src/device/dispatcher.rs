@@ -33,7 +33,7 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
     pub(super) fn new(gpu: &'a Gpu, kernels: RenderKernels) -> Result<Self, GpuError> {
         let slice = Slice { first_group: 0, end_group: 0, first_sample: 0, n_samples: 1, block: 1 };
         let slice = gpu.uniform("slice", &slice)?;
-        let kernels = ReadyKernels::new(gpu, kernels, MAX)?;
+        let kernels = ReadyKernels::new(gpu, kernels, MAX);
         let n = kernels.max_groups;
         let records = gpu.zeroed(R::BINDING, n_records::<R>(gpu).min(n as usize * CELL_PIXELS))?;
         let guides = kernels.has_guides().then(|| gpu.zeroed("guides", n as usize * CELL_PIXELS)).transpose()?;
@@ -66,10 +66,8 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
         let (mut taken, mut guides) = (Vec::new(), Vec::new());
         while done < all {
             // In windows of whole cells, so that work-groups are counted in 32 bits.
-            #[expect(clippy::cast_possible_truncation, reason = "quotient and remainder by a u32 of what cells number")]
             let (cell, start_group) = ((done / u64::from(n_samples)) as usize, (done % u64::from(n_samples)) as u32);
             let n = u64::from(self.n_groups).min(self.max_groups(block)).min(all - done);
-            #[expect(clippy::cast_possible_truncation, reason = "at most n_groups")]
             let end_group = start_group + n as u32;
             let window = &cells[cell..(cell + end_group.div_ceil(n_samples) as usize)];
             let slice = Slice { first_group: start_group, end_group, first_sample, n_samples, block };
@@ -123,7 +121,6 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
 
 /// Work-groups of the dispatch after one of `n` that took `time`, at most `max`. A dispatch that was smaller than `planned`, because
 /// no more was left, and was quick is no reason for fewer.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the maximum")]
 fn next_size([n, planned]: [u32; 2], time: Duration, max: u32) -> u32 {
     let share = TARGET.as_secs_f64() / time.as_secs_f64().max(1e-6);
     // The first dispatch includes compilation, so the size changes by limited factors.

@@ -6,7 +6,6 @@ use canted_gpu::AdapterKind;
 use canted_wide::LaneKernel;
 
 use super::dispatcher::SampleDispatcher;
-use super::kernels::LightKernels;
 use super::records::{PackedSample, PackedSum, SampleRecord, SampleRun};
 use super::{DeviceError, DevicePicture};
 use crate::{FirstHit, Integrator, SampleSums};
@@ -53,8 +52,8 @@ impl<K: LaneKernel> DevicePicture<'_, K> {
             .map(|seen| seen.as_ref().map_or(nothing, |at| [at.instance.0, at.primitive.0]))
             .collect();
         let first_seen = Some(self.gpu.buffer("first hits", &seen)?);
-        let chosen = self.chosen.clone().part("first", "shared/first/raster");
-        let light = LightKernels::One(self.gpu.kernel("render/hybrid", &chosen)?);
+        let chosen = self.chosen.clone().part("first", "shared/camera/first/raster");
+        let light = self.gpu.kernel("render/hybrid", &chosen)?;
         Ok((self.with_kernel(light, first_seen), surfaces.time))
     }
 

@@ -10,8 +10,8 @@ use std::borrow::Cow;
 use canted_film::Hash;
 use canted_gpu::build::WideConfig;
 use canted_gpu::{
-    Buffer, BufferScene, DeviceBvh, DeviceInstance, Gpu, GpuError, IndexBuffer, InstanceBuffer, InstancedScene,
-    MeshBuffers, TracedScene, wgpu,
+    Buffer, BufferConfig, BufferScene, DeviceBvh, DeviceInstance, Gpu, GpuError, IndexBuffer, InstanceBuffer,
+    InstancedScene, MeshBuffers, TracedScene, wgpu,
 };
 use canted_scene::{Mesh, Scene};
 
@@ -221,7 +221,9 @@ impl Kept {
     fn new(gpu: &Gpu, frame: &Frame<'_>, uploaded: &Uploaded, bvh: DeviceBvh) -> Result<Self, DeviceError> {
         let meshes = uploaded.meshes();
         let levels = match uploaded.instances() {
-            None => Levels::One(BufferScene::new_in_parts(gpu, &meshes, &frame.first, bvh)?),
+            None => {
+                Levels::One(BufferScene::new(gpu, &meshes, BufferConfig { parts: Some(&frame.first), ..bvh.into() })?)
+            }
             Some(instances) => Levels::Two(InstancedScene::new(gpu, &meshes, &instances, bvh)?),
         };
         let transforms = frame.transforms.clone().unwrap_or_default();
@@ -302,7 +304,6 @@ fn key(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> [u64; 2] {
     [of_positions.finish(), of_triangles.finish()]
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "triangles, meshes and instances are numbered by u32")]
 fn count(n: usize) -> u32 {
     n as u32
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use canted_gpu::{Draw, GpuError, RasterOutput, Specialisation};
+use canted_gpu::{Draw, GpuError, RasterOutput, Variant};
 use canted_obb::PrimId;
 use canted_scene::{MaterialId, Scene};
 use canted_trace::InstanceId;
@@ -53,8 +53,8 @@ impl<K: LaneKernel> DevicePicture<'_, K> {
         if !view.is_perspective || view.lens.is_some() {
             return Err(DeviceError::Raster { what: "a lens or an orthographic camera" });
         }
-        let chosen = picture::specialise(Specialisation::none(), view, self.settings);
-        let raster = self.gpu.raster("render/gbuffer", &self.packed.specialise(chosen))?;
+        let chosen = picture::specialize(Variant::none(), view, self.settings);
+        let raster = self.gpu.raster("render/gbuffer", &self.packed.specialize(chosen))?;
         let size = [self.settings.width, self.settings.height];
         let drawn = self.gpu.draw(&raster, &self.bindings(), size, &draws(self.surfaces.scene())?)?;
         Ok(GBuffer { time: drawn.time, pixels: self.surfaces_of(&drawn) })

@@ -8,12 +8,11 @@ use rayon::prelude::*;
 
 use super::columns::Columns;
 use super::materials::Materials;
-use super::slack;
-use crate::placement::cofactors;
+use super::slack::{self, cofactors};
 use crate::structure::instances;
-use crate::vector::{Vector, add, cross, length, narrow, scale, sub, unit, wide};
+use canted_obb::vector::{Vector, add, cross, length, scale, sub, to_f32 as narrow, to_f64 as wide, unit};
 
-/// `Triangle` of `shared/mesh`.
+/// `Triangle` of `shared/surface/mesh`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(super) struct PackedTriangle {
@@ -108,7 +107,6 @@ impl Geometry {
         all
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "triangles are numbered by u32")]
     fn count(&self) -> u32 {
         self.triangles.len() as u32
     }
@@ -117,7 +115,6 @@ impl Geometry {
     fn add(&mut self, mesh: &Mesh, columns: &Columns, map: &Affine, materials: &mut Materials) -> f32 {
         let is_mirrored = map.determinant() < 0.0;
         let stride = columns.stride as usize;
-        #[expect(clippy::cast_possible_truncation, reason = "vertices are numbered by u32")]
         let base = (self.vertices.len() / stride) as u32;
         let start = self.vertices.len();
         self.vertices.resize(start + stride * mesh.positions.len(), 0.0);
@@ -140,7 +137,6 @@ impl Geometry {
 ///
 /// The normal comes from vertices in `f64`: far from the origin, rounded vertices would tilt a small triangle. It has the bits of
 /// the CPU's normal, because a tangent frame changes with the sign of a zero component.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 fn packed_triangle(
     corners: [u32; 3],
     base: u32,
@@ -221,7 +217,6 @@ fn in_range(columns: &[Vector; 3]) -> [Vector; 3] {
     columns.map(|column| scale(column, 1.0 / size))
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 fn rounded(x: f64) -> f32 {
     x as f32
 }

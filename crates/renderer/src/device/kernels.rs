@@ -5,8 +5,6 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 use canted_gpu::{Gpu, GpuError, Kernel, NamedBinding};
 
-use super::wavefront::{Wavefront, WavefrontKernels};
-
 /// Pixels of a cell, and invocations of a work-group.
 pub(super) const CELL_PIXELS: usize = 64;
 
@@ -30,51 +28,36 @@ pub(super) struct PackedGuide {
 /// Compiled kernels.
 #[derive(Clone)]
 pub(super) struct RenderKernels {
-    pub(super) light: LightKernels,
+    /// Computes radiance: one invocation traces all rays of a sample.
+    pub(super) light: Arc<Kernel>,
     /// Writes AOVs, if requested.
     pub(super) guide: Option<Arc<Kernel>>,
-}
-
-/// Kernels that compute radiance.
-#[derive(Clone)]
-pub(super) enum LightKernels {
-    /// One invocation traces all rays of a sample.
-    One(Arc<Kernel>),
-    /// The measured alternative.
-    Wavefront(WavefrontKernels),
 }
 
 impl RenderKernels {
     /// Whether a kernel binds a variable of this name.
     pub(super) fn binds(&self, name: &str) -> bool {
-        let light = match &self.light {
-            LightKernels::One(kernel) => vec![kernel],
-            LightKernels::Wavefront(wavefront) => wavefront.all().to_vec(),
-        };
-        light.into_iter().chain(&self.guide).any(|kernel| kernel.bindings().iter().any(|binding| binding.name == name))
+        [&self.light]
+            .into_iter()
+            .chain(&self.guide)
+            .any(|kernel| kernel.bindings().iter().any(|binding| binding.name == name))
     }
 }
 
 /// Kernels with their own buffers.
 pub(super) struct ReadyKernels {
     kernels: RenderKernels,
-    wavefront: Option<Wavefront>,
     /// Work-groups of a dispatch.
     pub(super) max_groups: u32,
 }
 
 impl ReadyKernels {
     /// Kernels for at most `max` work-groups.
-    pub(super) fn new(gpu: &Gpu, kernels: RenderKernels, max: u32) -> Result<Self, GpuError> {
+    pub(super) fn new(gpu: &Gpu, kernels: RenderKernels, max: u32) -> Self {
         let limit = gpu.limits().max_storage_buffer_binding_size;
         let fit = |bytes: usize| u32::try_from(limit / (CELL_PIXELS * bytes) as u64).unwrap_or(u32::MAX);
         let max = if kernels.guide.is_some() { max.min(fit(size_of::<PackedGuide>())) } else { max };
-        let LightKernels::Wavefront(wavefront) = &kernels.light else {
-            return Ok(Self { kernels, wavefront: None, max_groups: max });
-        };
-        let max = max.min(wavefront.max_groups(fit));
-        let wavefront = Some(Wavefront::new(gpu, wavefront.clone(), max as usize * CELL_PIXELS)?);
-        Ok(Self { kernels, wavefront, max_groups: max })
+        Self { kernels, max_groups: max }
     }
 
     /// Whether AOVs are written.
@@ -84,12 +67,8 @@ impl ReadyKernels {
 
     /// Takes the samples of `n` work-groups and waits for them.
     pub(super) fn run(&self, gpu: &Gpu, bindings: &[NamedBinding<'_>], n: u32) -> Result<(), GpuError> {
-        if let Some(wavefront) = &self.wavefront {
-            wavefront.run(gpu, bindings, n)?;
-        }
-        let one = if let LightKernels::One(kernel) = &self.kernels.light { Some(kernel) } else { None };
         let mut commands = gpu.commands();
-        for kernel in one.into_iter().chain(&self.kernels.guide) {
+        for kernel in [&self.kernels.light].into_iter().chain(&self.kernels.guide) {
             commands.dispatch(kernel, bindings, kernel.groups(n * kernel.group_size()))?;
         }
         commands.run()

@@ -1,50 +1,43 @@
-//! Packs lights: the list, and the data for sampling them.
+//! Packs and uploads lights: the list, the environment, and the data for sampling them.
 
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
-use canted_scene::Light;
+use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Variant};
+use canted_scene::{Environment, Scene};
 use canted_trace::InstanceId;
 
-use crate::LightSampler;
-pub(super) use crate::light::packed::bounded;
-use crate::light::packed::{Emitter, LightNode, LightProbabilities, SampledSun, SkyRow};
+use crate::light::environment::{SkyImage, SkyRow, SkySampler};
+use crate::light::tree::LightNode;
+use crate::light::triangle::PackedEmitter;
+use crate::light::{Choice, bounded};
+use crate::{LightSampler, environment_of};
 
-/// `ListLight` of `shared/light/list`, where each kind is documented.
+/// Leaf of a light that is not in the tree.
+const NO_LEAF: u32 = u32::MAX;
+
+/// Flag of emissive triangles among the lights of the tree.
+const EMITTER: u32 = 1 << 31;
+
+/// Selection probabilities: `LightProbabilities` of `shared/light/sampler`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub(super) struct ListLight {
-    pub(super) position: [f32; 3],
-    pub(super) kind: u32,
-    pub(super) direction: [f32; 3],
-    pub(super) extent: f32,
-    pub(super) color: [f32; 3],
-    pub(super) cos_outer: f32,
+struct LightProbabilities {
+    local: f32,
+    sky: f32,
 }
 
-impl From<&Light> for ListLight {
-    fn from(light: &Light) -> Self {
-        let light = match *light {
-            Light::Sun { direction, irradiance } => Self { kind: 0, direction, color: irradiance, ..Self::default() },
-            Light::Point { position, intensity } => Self { kind: 1, position, color: intensity, ..Self::default() },
-            Light::Spot { position, direction, intensity, cos_inner, cos_outer } => {
-                Self { kind: 2, position, direction, color: intensity, extent: cos_inner, cos_outer }
-            }
-            Light::Sphere { center, radius, radiance } => {
-                Self { kind: 3, position: center, extent: radius, color: radiance, ..Self::default() }
-            }
-            Light::Disk { center, normal, radius, radiance } => {
-                Self { kind: 4, position: center, direction: normal, extent: radius, color: radiance, cos_outer: 0.0 }
-            }
-        };
-        Self { color: bounded(light.color), ..light }
-    }
+/// A sun and its selection probability: `SampledSun` of `shared/light/sun`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+struct SampledSun {
+    light: u32,
+    probability: f32,
 }
 
 /// The buffers that the path integrator samples lights from.
 pub(super) struct SampledLights {
     probabilities: Buffer<LightProbabilities>,
     tree: Option<Buffer<LightNode>>,
-    emitters: Option<Buffer<Emitter>>,
+    emitters: Option<Buffer<PackedEmitter>>,
     /// Leaf of each listed light, if the tree has listed lights.
     leaves: Option<Buffer<u32>>,
     suns: Option<Buffer<SampledSun>>,
@@ -64,20 +57,38 @@ impl SampledLights {
         sampler: &LightSampler<'_>,
         slack: impl Fn(InstanceId) -> f32,
     ) -> Result<Self, GpuError> {
-        let packed = sampler.packed(slack);
-        let in_tree = packed.nodes.len().div_ceil(2) > packed.emitters.len();
+        let probabilities = LightProbabilities {
+            local: sampler.kind_probability(Choice::Tree) as f32,
+            sky: sampler.kind_probability(Choice::Environment) as f32,
+        };
+        let suns = sampler.kinds.iter().filter_map(|&(choice, probability)| match choice {
+            Choice::Sun(light) => Some(SampledSun { light, probability: probability as f32 }),
+            Choice::Tree | Choice::Environment => None,
+        });
+        let n_emitters = sampler.emitters.len();
+        // Emissive triangles come first in the tree, and then lights of the scene file.
+        let light = |number: u32| match (number as usize).checked_sub(n_emitters) {
+            None => number | EMITTER,
+            Some(listed) => sampler.listed[listed],
+        };
+        let tree = sampler.tree.as_ref();
+        let nodes = tree.map_or_else(Vec::new, |tree| tree.packed(light));
+        let leaf_of = tree.map_or(&[][..], |tree| &tree.leaves);
+        let has_listed = !sampler.listed.is_empty();
+        let leaves = sampler.tree_lights.iter().map(|light| light.map_or(NO_LEAF, |light| leaf_of[light as usize]));
+        let leaves: Vec<u32> = if has_listed { leaves.collect() } else { Vec::new() };
         Ok(Self {
-            probabilities: gpu.read_only_uniform("light probabilities", &packed.probabilities)?,
-            tree: some(gpu, "light nodes", &packed.nodes)?,
-            emitters: some(gpu, "emitters", &packed.emitters)?,
-            leaves: some(gpu, "light leaves", if in_tree { &packed.leaves } else { &[] })?,
-            suns: some(gpu, "sampled suns", &packed.suns)?,
-            sky: match &packed.sky {
-                Some((rows, sums)) => Some((gpu.read_only("sky rows", rows)?, gpu.read_only("sky sums", sums)?)),
+            probabilities: gpu.read_only_uniform("light probabilities", &probabilities)?,
+            tree: some(gpu, "light nodes", &nodes)?,
+            emitters: some(gpu, "emitters", &sampler.emitters.packed(leaf_of, slack))?,
+            leaves: some(gpu, "light leaves", &leaves)?,
+            suns: some(gpu, "sampled suns", &suns.collect::<Vec<_>>())?,
+            sky: match sampler.sky.as_ref().map(SkySampler::packed) {
+                Some((rows, sums)) => Some((gpu.read_only("sky rows", &rows)?, gpu.read_only("sky sums", &sums)?)),
                 None => None,
             },
-            sky_is_sampled: packed.probabilities.sky > 0.0,
-            emission_is_textured: packed.emission_is_textured,
+            sky_is_sampled: probabilities.sky > 0.0,
+            emission_is_textured: sampler.emitters.are_textured(),
         })
     }
 
@@ -102,31 +113,78 @@ impl SampledLights {
         bound
     }
 
-    /// Whether kernels evaluate the emission of surfaces, by `shared/emission/textured`.
+    /// Whether kernels evaluate the emission of surfaces, by `shared/light/triangle/emission/textured`.
     pub(super) fn needs_textured_emission(&self) -> bool {
         self.emitters.is_some() && self.emission_is_textured
     }
 
     /// Selects the parts that the scene needs.
-    pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
+    pub(super) fn specialize(&self, chosen: Variant) -> Variant {
         let local = match (&self.emitters, &self.leaves) {
-            (None, None) => "shared/local/none",
-            (Some(_), None) => "shared/local/emitters",
-            (None, Some(_)) => "shared/local/lights",
-            (Some(_), Some(_)) => "shared/local/both",
+            (None, None) => "shared/light/sampler/local/none",
+            (Some(_), None) => "shared/light/sampler/local/emitters",
+            (None, Some(_)) => "shared/light/sampler/local/lights",
+            (Some(_), Some(_)) => "shared/light/sampler/local/both",
         };
         let skylight = match (&self.sky, self.sky_is_sampled) {
-            (Some(_), _) => "shared/skylight/image",
-            (None, true) => "shared/skylight/cosine",
-            (None, false) => "shared/skylight/black",
+            (Some(_), _) => "shared/light/environment/skylight/image",
+            (None, true) => "shared/light/environment/skylight/cosine",
+            (None, false) => "shared/light/environment/skylight/black",
         };
-        let suns = if self.suns.is_some() { "shared/suns/list" } else { "shared/suns/none" };
+        let suns = if self.suns.is_some() { "shared/light/sun/suns/list" } else { "shared/light/sun/suns/none" };
         let chosen = chosen.part("local", local).part("skylight", skylight).part("suns", suns);
         match (&self.emitters, self.needs_textured_emission()) {
             (None, _) => chosen,
-            (Some(_), false) => chosen.part("emission", "shared/emission/constant"),
-            (Some(_), true) => chosen.part("emission", "shared/emission/textured"),
+            (Some(_), false) => chosen.part("emission", "shared/light/triangle/emission/constant"),
+            (Some(_), true) => chosen.part("emission", "shared/light/triangle/emission/textured"),
         }
+    }
+}
+
+/// The environment on the GPU.
+pub(super) enum DeviceSky {
+    /// No light.
+    Black,
+    /// Constant radiance, stored with the picture.
+    Constant,
+    /// An image and its texels.
+    Image(Buffer<SkyImage>, Buffer<f32>),
+}
+
+impl DeviceSky {
+    /// Uploads the environment of a scene.
+    ///
+    /// # Errors
+    /// More texels than a binding holds.
+    pub(super) fn new(gpu: &Gpu, scene: &Scene) -> Result<Self, GpuError> {
+        let image = match environment_of(scene) {
+            Environment::Image(image) => image,
+            Environment::Constant(radiance) if bounded(*radiance) == [0.0; 3] => return Ok(Self::Black),
+            Environment::Constant(_) => return Ok(Self::Constant),
+        };
+        let texels: Vec<f32> = image.texels.iter().flat_map(|texel| bounded(*texel)).collect();
+        let texels = gpu.read_only("texels of the environment", &texels)?;
+        Ok(Self::Image(gpu.read_only_uniform("environment", &SkyImage::new(image))?, texels))
+    }
+
+    /// The bindings of the part.
+    pub(super) fn bindings(&self) -> Vec<NamedBinding<'_>> {
+        match self {
+            Self::Black | Self::Constant => vec![],
+            Self::Image(image, texels) => vec![("sky_image", image), ("sky_texels", texels)],
+        }
+    }
+
+    /// Selects the part that the scene needs.
+    pub(super) fn specialize(&self, chosen: Variant) -> Variant {
+        chosen.part(
+            "sky",
+            match self {
+                Self::Black => "shared/light/environment/sky/black",
+                Self::Constant => "shared/light/environment/sky/constant",
+                Self::Image(..) => "shared/light/environment/sky/image",
+            },
+        )
     }
 }
 

@@ -73,10 +73,6 @@ impl<'a> Materials<'a> {
         if let Some(&number) = self.numbers.get(&(id.0, has)) {
             return number;
         }
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "at most four times the materials, which are counted in u32"
-        )]
         let number = self.packed.len() as u32;
         let packed = self.pack(&self.scene.materials[id.0 as usize], has);
         self.packed.push(packed);
@@ -91,7 +87,7 @@ impl<'a> Materials<'a> {
         PackedMaterial {
             base_color: material.base_color,
             alpha: material.alpha,
-            emission: super::lights::bounded(material.emission),
+            emission: crate::light::bounded(material.emission),
             cutoff: match material.alpha_mode {
                 AlphaMode::Opaque => -1.0,
                 // Alpha is at most 1, so thresholds above it are equivalent.
@@ -125,7 +121,6 @@ impl<'a> Materials<'a> {
             return NO_SLOT;
         }
         let [u, v] = slot.texture_from_mesh.rows;
-        #[expect(clippy::cast_possible_truncation, reason = "six slots a material")]
         let number = self.slots.len() as u32;
         self.slots.push(Slot { u, head: self.heads.of(slot.texture), v, column });
         number

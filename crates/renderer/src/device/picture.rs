@@ -2,10 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 use canted_film::Filter;
-use canted_gpu::Specialisation;
+use canted_gpu::Variant;
 
 use super::DeviceError;
-use crate::vector::{length, narrow};
+use crate::narrow;
 use crate::{Pattern, Sampler, Settings, View};
 
 /// Stratified samples per pixel that kernels count in 32 bits.
@@ -43,14 +43,13 @@ pub(super) struct Slice {
 }
 
 /// All members except those that depend on the scene.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> PackedPicture {
     let Settings { width, height, samples, bounces, seed, pattern, .. } = *settings;
     let [columns, rows] = Sampler::new(pattern, samples, seed).grid();
     let lens = view.lens;
     PackedPicture {
         eye: narrow(view.eye),
-        pixel: length(view.right) as f32,
+        pixel: view.right.length() as f32,
         forward: narrow(view.forward),
         lens_radius: lens.map_or(0.0, |lens| lens.radius),
         right: narrow(view.right),
@@ -68,20 +67,21 @@ pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> Packe
 }
 
 /// Selects the parts of a kernel that generate camera rays.
-pub(super) fn specialise(chosen: Specialisation, view: &View, settings: &Settings) -> Specialisation {
+pub(super) fn specialize(chosen: Variant, view: &View, settings: &Settings) -> Variant {
     let pattern = match settings.pattern {
-        Pattern::Random => "shared/pattern/random",
-        Pattern::Stratified => "shared/pattern/stratified",
-        Pattern::Sobol => "shared/pattern/sobol",
+        Pattern::Random => "shared/sampler/pattern/random",
+        Pattern::Stratified => "shared/sampler/pattern/stratified",
+        Pattern::Sobol => "shared/sampler/pattern/sobol",
     };
-    let projection = if view.is_perspective { "shared/view/perspective" } else { "shared/view/orthographic" };
-    let lens = if view.lens.is_some() { "shared/lens/disk" } else { "shared/lens/pinhole" };
+    let projection =
+        if view.is_perspective { "shared/camera/view/perspective" } else { "shared/camera/view/orthographic" };
+    let lens = if view.lens.is_some() { "shared/camera/lens/disk" } else { "shared/camera/lens/pinhole" };
     let is_box = matches!(settings.filter, Filter::Box(_));
     chosen
         .part("pattern", pattern)
         .part("view", projection)
         .part("lens", lens)
-        .part("filter", if is_box { "shared/filter/box" } else { "shared/filter/table" })
+        .part("filter", if is_box { "shared/camera/filter/box" } else { "shared/camera/filter/table" })
 }
 
 /// Rejects settings that the kernels do not support.

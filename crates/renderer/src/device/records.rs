@@ -4,7 +4,7 @@
 //! reads   records of a kernel, one per pixel and block of samples
 //! writes  sums of the block, and the samples that the CPU must take
 //! holds   a block has the sum of its halves, as on the CPU: in f64, or in f32 for blocks that the device sums
-//! source  shaders/shared/film.wgsl
+//! source  shaders/shared/camera.wgsl, `film`
 //! ```
 
 use bytemuck::{Pod, Zeroable};
@@ -16,7 +16,7 @@ use crate::SampleSums;
 /// A sample: linear RGB and the number of rays, which is negative where the kernel gave up.
 pub(super) type PackedSample = [f32; 4];
 
-/// `BlockSum` of `shared/film`, where the members are documented.
+/// `BlockSum` of `shared/camera/film`, where the members are documented.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct PackedSum {
@@ -56,7 +56,7 @@ pub(super) trait SampleRecord: Pod {
 }
 
 impl SampleRecord for PackedSample {
-    const PART: &'static str = "shared/film/samples";
+    const PART: &'static str = "shared/camera/film/samples";
     const BINDING: &'static str = "samples";
     const MAX_BLOCK: u32 = 1;
     const MAX: usize = 1 << 21;
@@ -67,14 +67,13 @@ impl SampleRecord for PackedSample {
             // The traversal of a ray was cut short, so the sample is unknown.
             return Taken { pixel: Pixel::default(), n_rays: 0, unfinished: 1 };
         }
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of rays")]
         let n_rays = rays as u64;
         Taken { pixel: Pixel::weighted([red, green, blue], weight(block.first)), n_rays, unfinished: 0 }
     }
 }
 
 impl SampleRecord for PackedSum {
-    const PART: &'static str = "shared/film/sums";
+    const PART: &'static str = "shared/camera/film/sums";
     const BINDING: &'static str = "sums";
     /// The invocations of a work-group.
     const MAX_BLOCK: u32 = 64;

@@ -1,14 +1,15 @@
 //! The buffers of a scene, and nothing that it does not need.
 
-use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Specialisation};
-use canted_scene::{Light, Material, MaterialId, Scene};
+use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding, Variant};
+use canted_scene::{Material, MaterialId, Scene};
 use canted_trace::InstanceId;
 
 use super::columns::Columns;
 use super::geometry::{Geometry, PackedPlacement, PackedTriangle, Placed};
-use super::lights::{ListLight, SampledLights};
+use super::lights::SampledLights;
 use super::materials::{Materials, PackedMaterial, Slot};
 use super::textures::{ImageHeads, Images, Texels, used_textures};
+use crate::light::{ListLight, is_shape};
 use crate::texture::Textures;
 use crate::{Integrator, Lod, mask};
 
@@ -85,7 +86,7 @@ impl PackedScene {
             mask_textures,
             gloss: scene.materials.iter().any(is_glossy),
             glass: scene.materials.iter().any(|material| material.transmission > 0.0),
-            shape_lights: scene.lights.iter().any(|light| matches!(light, Light::Sphere { .. } | Light::Disk { .. })),
+            shape_lights: scene.lights.iter().any(is_shape),
         };
         let images = match &images {
             None => None,
@@ -134,16 +135,19 @@ impl PackedScene {
     }
 
     /// Selects the parts of a kernel that read the scene.
-    pub(super) fn specialise(&self, chosen: Specialisation) -> Specialisation {
+    pub(super) fn specialize(&self, chosen: Variant) -> Variant {
         let Has { instances, motion, normals, normal_maps, masks, .. } = self.has;
         let pick = |is_there: bool, part: &'static str, other: &'static str| if is_there { part } else { other };
         let placed = match (instances, &self.firsts) {
-            (true, _) => pick(motion, "shared/placed/moving", "shared/placed/instances"),
-            (false, Some(_)) => "shared/placed/flat",
-            (false, None) => "shared/placed/single",
+            (true, _) => pick(motion, "shared/surface/placed/moving", "shared/surface/placed/instances"),
+            (false, Some(_)) => "shared/surface/placed/flat",
+            (false, None) => "shared/surface/placed/single",
         };
-        let bent =
-            pick(normal_maps, "shared/normal/mapped", pick(normals, "shared/normal/smooth", "shared/normal/flat"));
+        let bent = pick(
+            normal_maps,
+            "shared/surface/normal/mapped",
+            pick(normals, "shared/surface/normal/smooth", "shared/surface/normal/flat"),
+        );
         let chosen = chosen
             .part("placed", placed)
             .part("normal", bent)
@@ -154,53 +158,54 @@ impl PackedScene {
         let chosen = if normal_maps { chosen.number("TANGENT", self.columns.tangent) } else { chosen };
         let chosen = if masks { self.with_alpha(chosen) } else { chosen };
         match &self.images {
-            Some((.., texels)) => texels.specialise(chosen, self.lod),
+            Some((.., texels)) => texels.specialize(chosen, self.lod),
             None => chosen.part("texture", "shared/texture/none"),
         }
     }
 
     /// Selects the parts of the hybrid integrator.
-    pub(super) fn specialise_hybrid(&self, chosen: Specialisation) -> Specialisation {
-        let direct = if self.lights.is_some() { "shared/direct/list" } else { "shared/direct/none" };
-        self.with_shape_lights(self.specialise(chosen)).part("direct", direct)
+    pub(super) fn specialize_hybrid(&self, chosen: Variant) -> Variant {
+        let direct = if self.lights.is_some() { "shared/light/direct/list" } else { "shared/light/direct/none" };
+        self.with_shape_lights(self.specialize(chosen)).part("direct", direct)
     }
 
     /// Selects the parts of the path integrator.
-    pub(super) fn specialise_path(
-        &self,
-        chosen: Specialisation,
-        lights: &SampledLights,
-        is_compensated: bool,
-    ) -> Specialisation {
-        let chosen = lights.specialise(self.with_shape_lights(self.specialise(chosen)));
+    pub(super) fn specialize_path(&self, chosen: Variant, lights: &SampledLights, is_compensated: bool) -> Variant {
+        let chosen = lights.specialize(self.with_shape_lights(self.specialize(chosen)));
         // Textured emission reads alpha even without an alpha test.
         let chosen = if lights.needs_textured_emission() && !self.has.masks { self.with_alpha(chosen) } else { chosen };
         if !self.has.gloss {
             return self.with_material(chosen).part("bsdf", "shared/bsdf/lambert");
         }
-        let through = if self.has.glass { "shared/transmission/glass" } else { "shared/transmission/none" };
-        let energy = if is_compensated { "shared/energy/compensated" } else { "shared/energy/single" };
+        let through = if self.has.glass { "shared/bsdf/transmission/glass" } else { "shared/bsdf/transmission/none" };
+        let energy = if is_compensated { "shared/bsdf/energy/compensated" } else { "shared/bsdf/energy/single" };
         self.with_material(chosen).part("bsdf", "shared/bsdf/full").part("transmission", through).part("energy", energy)
     }
 
     /// Selects the parts of the kernel that writes AOVs.
-    pub(super) fn specialise_guide(&self, chosen: Specialisation) -> Specialisation {
-        self.with_material(self.with_shape_lights(self.specialise(chosen)))
+    pub(super) fn specialize_guide(&self, chosen: Variant) -> Variant {
+        self.with_material(self.with_shape_lights(self.specialize(chosen)))
     }
 
-    fn with_material(&self, chosen: Specialisation) -> Specialisation {
-        chosen.part("material", if self.has.gloss { "shared/material/full" } else { "shared/material/lambert" })
-    }
-
-    fn with_shape_lights(&self, chosen: Specialisation) -> Specialisation {
+    fn with_material(&self, chosen: Variant) -> Variant {
         chosen.part(
-            "shape_lights",
-            if self.has.shape_lights { "shared/shape_lights/list" } else { "shared/shape_lights/none" },
+            "material",
+            if self.has.gloss { "shared/surface/material/full" } else { "shared/surface/material/lambert" },
         )
     }
 
-    fn with_alpha(&self, chosen: Specialisation) -> Specialisation {
-        chosen.part("alpha", if self.has.mask_textures { "shared/alpha/texture" } else { "shared/alpha/plain" })
+    fn with_shape_lights(&self, chosen: Variant) -> Variant {
+        chosen.part(
+            "shape_lights",
+            if self.has.shape_lights { "shared/light/shape_lights/list" } else { "shared/light/shape_lights/none" },
+        )
+    }
+
+    fn with_alpha(&self, chosen: Variant) -> Variant {
+        chosen.part(
+            "alpha",
+            if self.has.mask_textures { "shared/surface/alpha/texture" } else { "shared/surface/alpha/plain" },
+        )
     }
 
     /// The scene's material of a packed one.

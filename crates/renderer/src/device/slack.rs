@@ -26,8 +26,7 @@
 use canted_gpu::MotionPolynomials;
 use canted_obb::Affine;
 
-use crate::placement::cofactors;
-use crate::vector::{Vector, dot, length, wide};
+use canted_obb::vector::{Vector, cross, dot, length, to_f64 as wide};
 
 /// Relative bound of one rounding.
 const E: f64 = f32::EPSILON as f64;
@@ -72,9 +71,13 @@ pub(super) fn of_moving(
     rounded_up((IN_WORLD + (4.0 + 175.0 * condition + tilt) * E) * reach_world)
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "the margin exceeds the rounding")]
 fn rounded_up(slack: f64) -> f32 {
     (MARGIN * slack).min(f64::from(f32::MAX)) as f32 + f32::MIN_POSITIVE
+}
+
+/// Columns of the cofactor matrix of the linear part.
+pub(super) fn cofactors([x, y, z, _]: &[Vector; 4]) -> [Vector; 3] {
+    [cross(*y, *z), cross(*z, *x), cross(*x, *y)]
 }
 
 #[cfg(test)]

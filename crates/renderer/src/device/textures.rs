@@ -1,6 +1,6 @@
 //! Images as kernels read them: words of a few long arrays.
 
-use canted_gpu::{Buffer, Gpu, GpuError, Specialisation};
+use canted_gpu::{Buffer, Gpu, GpuError, Variant};
 use canted_scene::{Encoding, Magnification, Material, Scene, Texture, TextureId, TextureRef, Wrap};
 
 use crate::texture::{MipMap, Textures};
@@ -76,7 +76,6 @@ impl Images {
         Some(all)
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "a few for each texture")]
     fn count(&self) -> u32 {
         self.images.len() as u32
     }
@@ -94,7 +93,6 @@ impl Images {
             self.images.push([1, facts, 0, 0]);
             return self.add_level([1, 1], &[WHITE]);
         }
-        #[expect(clippy::cast_possible_truncation, reason = "at most 32 levels")]
         self.images.push([mip_map.n_levels() as u32, facts, 0, 0]);
         for level in 0..mip_map.n_levels() {
             let image = mip_map.level(level);
@@ -138,16 +136,16 @@ impl Texels {
     pub(super) const NAMES: [&'static str; MAX_BINDINGS] = ["texels_0", "texels_1", "texels_2", "texels_3"];
 
     /// Selects how kernels read and average texels.
-    pub(super) fn specialise(&self, chosen: Specialisation, lod: Lod) -> Specialisation {
+    pub(super) fn specialize(&self, chosen: Variant, lod: Lod) -> Variant {
         let lod = match lod {
-            Lod::None => "shared/lod/none",
-            Lod::Cone => "shared/lod/cone",
-            Lod::Aniso => "shared/lod/aniso",
+            Lod::None => "shared/texture/lod/none",
+            Lod::Cone => "shared/texture/lod/cone",
+            Lod::Aniso => "shared/texture/lod/aniso",
         };
         let chosen = chosen.part("texture", "shared/texture/lookup").part("lod", lod);
         if self.bindings.len() == 1 {
-            return chosen.part("texels", "shared/texels/one");
+            return chosen.part("texels", "shared/texture/texels/one");
         }
-        chosen.part("texels", "shared/texels/four").number("TEXELS_PER_BINDING", self.per_binding)
+        chosen.part("texels", "shared/texture/texels/four").number("TEXELS_PER_BINDING", self.per_binding)
     }
 }

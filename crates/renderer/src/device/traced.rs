@@ -3,7 +3,7 @@
 use std::ops::Deref;
 
 use canted_gpu::build::BuildConfig;
-use canted_gpu::{DeviceBvh, Gpu, TracedScene};
+use canted_gpu::{DeviceBvh, Gpu, SceneInput, TracedScene};
 use canted_lbvh::{Corners, Strategy, triangle_corners};
 use canted_scene::Scene;
 use canted_wide::{LaneKernel, TriangleBvh};
@@ -95,8 +95,12 @@ fn uploaded<K: LaneKernel>(
     kind: Kind<'_, K>,
 ) -> Result<TracedScene, DeviceError> {
     Ok(match (kind, structure) {
-        (Kind::Wide(meshes), Structure::One(flat)) => TracedScene::single_level(gpu, meshes[0], flat.first())?,
-        (Kind::Wide(meshes), Structure::Two(_)) => TracedScene::two_level(gpu, &meshes, &instances(scene))?,
+        (Kind::Wide(meshes), Structure::One(flat)) => {
+            TracedScene::new(gpu, SceneInput::upload(meshes).parts(flat.first()))?
+        }
+        (Kind::Wide(meshes), Structure::Two(_)) => {
+            TracedScene::new(gpu, SceneInput::upload(meshes).instances(&instances(scene)))?
+        }
         (Kind::Binary(strategy), _) => {
             built(gpu, scene, matches!(structure, Structure::One(_)), config(strategy).into())?
         }
@@ -125,18 +129,11 @@ fn built(gpu: &Gpu, scene: &Scene, is_flat: bool, bvh: DeviceBvh) -> Result<Trac
     if is_flat {
         let (positions, triangles, first) = flatten(scene)?;
         let corners = corners(&positions, &triangles)?;
-        return Ok(match bvh {
-            DeviceBvh::Binary(config) => TracedScene::build_single_level(gpu, &corners, &first, config)?,
-            DeviceBvh::Wide(config) => TracedScene::build_wide_single_level(gpu, &corners, &first, config)?,
-        });
+        return Ok(TracedScene::new(gpu, SceneInput::build([&corners], bvh).parts(&first))?);
     }
     let meshes = scene.meshes.iter().map(|mesh| corners(&mesh.positions, &mesh.triangles));
     let meshes = meshes.collect::<Result<Vec<_>, _>>()?;
-    let slices: Vec<&[Corners]> = meshes.iter().map(Vec::as_slice).collect();
-    Ok(match bvh {
-        DeviceBvh::Binary(config) => TracedScene::build_two_level(gpu, &slices, &instances(scene), config)?,
-        DeviceBvh::Wide(config) => TracedScene::build_wide_two_level(gpu, &slices, &instances(scene), config)?,
-    })
+    Ok(TracedScene::new(gpu, SceneInput::build(&meshes, bvh).instances(&instances(scene)))?)
 }
 
 fn kind<K: LaneKernel>(bvhs: &[Bvh<K>]) -> Result<Kind<'_, K>, DeviceError> {

@@ -6,7 +6,7 @@ mod light;
 
 use bytemuck::Pod;
 use canted_fixtures::or_skip;
-use canted_gpu::{Choice, Gpu, NamedBinding, Specialisation};
+use canted_gpu::{Choice, Gpu, NamedBinding, Variant};
 
 use crate::{Pattern, Sampler};
 
@@ -22,7 +22,7 @@ fn gpu(test: &str) -> Option<Gpu> {
 fn answers<Q: Pod, A: Pod>(
     gpu: &Gpu,
     kernel: &str,
-    chosen: &Specialisation,
+    chosen: &Variant,
     queries: &[Q],
     others: &[NamedBinding<'_>],
 ) -> Vec<A> {

@@ -33,16 +33,16 @@
 //! sample exceeds 1. Proof by induction from the end of the path: the ray of the last vertex returns 1 or
 //! `1 - exp(-t/r) <= 1`; any earlier ray returns 1 on a miss, else the next vertex's albedo times at most 1.
 
-use canted_trace::{Hit, Ray};
+use std::f64::consts::PI;
 
-use super::batch::Path;
-use super::direct::direct;
-use super::{Sample, Start, Transport};
-use crate::Tracer;
-use crate::light::LightId;
+use canted_trace::{Hit, Ray};
+use glam::{DVec3, Vec3};
+
+use super::{Path, Sample, Start, Transport};
+use crate::light::{IncomingLight, LightId, Lights};
 use crate::query::RayKeyed;
 use crate::sampling::{Basis, cosine_density, cosine_hemisphere};
-use crate::vector::{length, narrow, wide};
+use crate::{Surface, Tracer, narrow, wide};
 
 /// Sampler dimensions: the position in the pixel first, then one per bounce.
 const FIRST_BOUNCE: u32 = 1;
@@ -84,25 +84,59 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
         accumulated.n_rays += n_shadow_rays;
 
         // The weight of a cosine-sampled direction is the albedo.
-        accumulated.throughput = std::array::from_fn(|k| accumulated.throughput[k] * surface.bsdf.base_color[k]);
+        accumulated.throughput *= Vec3::from(surface.bsdf.base_color);
         let local = cosine_hemisphere(self.sampler.pair(*pixel, *sample, FIRST_BOUNCE + n));
-        let direction = Basis::about(narrow(surface.shading_normal)).direction(local);
+        let direction = Basis::about(narrow(surface.shading_normal.into())).direction(local);
         *ray = surface.spawn_ray(surface.mirror_outward(direction));
         *cone = surface.cone.scattered(cosine_density(local[2]));
         true
     }
 
     fn light_dimension(&self, vertex: u32, light: u32) -> u32 {
-        #[expect(clippy::cast_possible_truncation, reason = "any number works that rarely repeats")]
         let n_lights = self.lights.list().len() as u32;
         FIRST_LIGHT.wrapping_add(vertex.wrapping_mul(n_lights)).wrapping_add(light)
     }
 }
 
 /// Fraction of the ambient light that passes an occluder: 0 at contact, near 1 beyond the radius.
-#[expect(clippy::cast_possible_truncation, reason = "a weight in 0..=1")]
 fn unoccluded(ray: &Ray, occluder: &Hit, ao_radius: f64) -> f32 {
-    let distance = f64::from(occluder.t) * length(wide(ray.direction));
+    let distance = f64::from(occluder.t) * wide(ray.direction).length();
     // 1 - exp(-x), exact for small x.
     -(-distance / ao_radius).exp_m1() as f32
+}
+
+/// Direct lighting of a diffuse surface by the lights of the scene file, one shadow ray each; returns the number of
+/// shadow rays.
+///
+/// The shadow ray to light `k` has number `k` below `query`.
+///
+/// A Lambertian surface with reflectance `ρ` reflects `ρ/π` of its irradiance in every direction. The irradiance of a
+/// sun is `E·cosθ`, that of a point light `I·cosθ/r²`; `square` samples a point of a sphere or disk light by the
+/// light's index. Only light above the horizons of both the triangle and the shading normal counts, on the viewer's
+/// side.
+pub(crate) fn direct<T: Tracer, Q: RayKeyed>(
+    lights: &Lights,
+    tracer: &T,
+    query: &Q,
+    surface: &Surface,
+    square: impl Fn(u32) -> [f32; 2],
+) -> (Vec3, u64) {
+    let mut radiance = Vec3::ZERO;
+    let mut n_rays = 0;
+    for (index, light) in (0..).zip(lights.list()) {
+        let Some(incoming) = IncomingLight::of(light, surface, || square(index)) else { continue };
+        let cosine = DVec3::from(surface.shading_normal).dot(incoming.to_light);
+        if cosine <= 0.0 || DVec3::from(surface.normal).dot(incoming.to_light) <= 0.0 {
+            continue;
+        }
+        if let Some(ray) = incoming.shadow_ray {
+            n_rays += 1;
+            if !lights.is_unoccluded(&ray, LightId::Light(index), tracer, &mut query.keyed(index)) {
+                continue;
+            }
+        }
+        let reflected = (incoming.radiance * (cosine / PI)).as_vec3();
+        radiance += Vec3::from(surface.bsdf.base_color) * reflected;
+    }
+    (radiance, n_rays)
 }

@@ -11,15 +11,14 @@
 //! energy is lost and none leaks through the back of a triangle. Sampling and evaluation fold in the same way.
 
 use canted_trace::{Hit, Ray};
+use glam::{DVec3, Vec3};
 
-use super::batch::{Path, PathRadiance};
-use super::{Sample, Start, Transport, roulette};
+use super::{Path, PathRadiance, Sample, Start, Transport};
 use crate::bsdf::{Bsdf, Evaluation};
 use crate::light::{LightId, LightSampler};
 use crate::query::{RayKeyed, Timed};
 use crate::sampling::Basis;
-use crate::vector::{dot, length, narrow, scale, sub, unit, wide};
-use crate::{Surface, Tracer};
+use crate::{Surface, Tracer, narrow, wide};
 
 /// Sampler dimensions at each vertex, after the position in the pixel.
 #[derive(Clone, Copy)]
@@ -81,12 +80,14 @@ impl Vertex {
     fn new(mut surface: Surface, ray_direction: [f32; 3], is_compensated: bool) -> Self {
         surface.bsdf.is_compensated = is_compensated;
         let along = surface.along;
-        let viewer = unit(wide(ray_direction)).map_or([0.0, 0.0, 1.0], |v| narrow(scale(v, -1.0)));
+        let viewer = wide(ray_direction).try_normalize().map_or([0.0, 0.0, 1.0], |v| narrow(-v));
         // If the shading normal faces away from the viewer, use the geometric normal.
-        let faces = dot(surface.shading_normal, wide(viewer)) > 0.0;
+        let faces = DVec3::from(surface.shading_normal).dot(wide(viewer)) > 0.0;
         let normal = if faces { surface.shading_normal } else { surface.normal };
-        let basis = Basis::about(narrow(normal));
-        if let Some((lobes, along)) = surface.bsdf.lobes.as_mut().zip(along.and_then(unit)) {
+        let basis = Basis::about(narrow(normal.into()));
+        if let Some((lobes, along)) =
+            surface.bsdf.lobes.as_mut().zip(along.and_then(|along| DVec3::from(along).try_normalize()))
+        {
             let [x, y, _] = basis.coordinates(narrow(along));
             let length = x.hypot(y);
             if length > 0.0 {
@@ -117,7 +118,7 @@ impl Vertex {
         // A direction is kept if triangle and frame agree on its side, else it is folded.
         for local in [incident, folded].into_iter().filter(|local| f64::from(local[2]) * height > 0.0) {
             let Evaluation { value, density } = self.bsdf().evaluate(self.outgoing, local);
-            total.value = std::array::from_fn(|k| total.value[k] + value[k]);
+            total.value = (Vec3::from(total.value) + Vec3::from(value)).into();
             total.density += density;
         }
         total
@@ -131,12 +132,12 @@ impl Vertex {
     }
 
     fn height(&self, direction: [f32; 3]) -> f64 {
-        dot(self.surface.normal, wide(direction))
+        DVec3::from(self.surface.normal).dot(wide(direction))
     }
 
     /// Mirrors a direction at the plane of the triangle.
     fn mirrored(&self, direction: [f32; 3]) -> [f32; 3] {
-        narrow(sub(wide(direction), scale(self.surface.normal, 2.0 * self.height(direction))))
+        narrow(wide(direction) - DVec3::from(self.surface.normal) * (2.0 * self.height(direction)))
     }
 }
 
@@ -175,10 +176,8 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
         let surface = self.surfaces.at_time(&hit, ray.direction, start.time, *cone);
         if let Some(lobes) = surface.bsdf.lobes.filter(|_| surface.bsdf.is_inside) {
             // Beer's law along the way through the solid.
-            #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
-            let way = (f64::from(hit.t) * length(wide(ray.direction))) as f32;
-            accumulated.throughput =
-                std::array::from_fn(|k| accumulated.throughput[k] * (-lobes.absorption[k] * way).exp());
+            let way = (f64::from(hit.t) * wide(ray.direction).length()) as f32;
+            accumulated.throughput *= (-Vec3::from(lobes.absorption) * way).exp();
         }
         if surface.emission != [0.0; 3] {
             accumulated.add(surface.emission, mis_weight(LightId::of_hit(&hit)));
@@ -224,7 +223,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
         }
         // BSDF sampling never finds delta lights.
         let mis_weight = if light.is_delta { 1.0 } else { weight(light.density, density) };
-        accumulated.add(std::array::from_fn(|k| value[k] * light.radiance[k]), mis_weight);
+        accumulated.add(Vec3::from(value) * Vec3::from(light.radiance), mis_weight);
     }
 
     /// Samples the BSDF: the next ray and its PDF, `None` for a delta lobe. Updates the throughput.
@@ -237,7 +236,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
         &Start { pixel, sample, .. }: &Start,
     ) -> Option<(Ray, Option<f32>)> {
         let choice = || self.sampler.single(pixel, sample, Dimension::Roulette.at(n));
-        if !roulette::survives(accumulated, *compression, n, choice) {
+        if !survives(accumulated, *compression, n, choice) {
             return None;
         }
         let square = self.sampler.pair(pixel, sample, Dimension::Scattering.at(n));
@@ -246,17 +245,43 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
             if is_lambert { 0.0 } else { self.sampler.single(pixel, sample, Dimension::ScatteringChoice.at(n)) };
         let scattered = vertex.bsdf().sample(vertex.outgoing, square, choice)?;
         let direction = vertex.direction(scattered.incident);
-        accumulated.throughput = std::array::from_fn(|k| accumulated.throughput[k] * scattered.weight[k]);
+        accumulated.throughput *= Vec3::from(scattered.weight);
         if scattered.is_transmitted {
             *compression *= vertex.bsdf().compression();
         }
-        let is_lit = accumulated.throughput.iter().any(|&x| x > 0.0);
+        let is_lit = accumulated.throughput.cmpgt(Vec3::ZERO).any();
         is_lit.then(|| {
             // The PDF includes that of the direction folded onto this one.
             let density = if vertex.is_perturbed { vertex.evaluate(direction).density } else { scattered.density };
             (vertex.surface.spawn_ray(direction), (!scattered.is_delta).then_some(density))
         })
     }
+}
+
+// Russian roulette (Arvo and Kirk 1990): ends paths with low throughput at random and scales the survivors, without
+// bias.
+
+/// Throughput from which paths survive: ending paths above it adds more noise than it saves time, and below it the
+/// reverse (`benches/TRIED.md`).
+const SURVIVAL_THROUGHPUT: f32 = 0.5;
+
+/// Minimum termination probability from vertex [`MIN_TERMINATION_FROM`] on, so that paths without loss end too.
+const MIN_TERMINATION: f32 = 0.05;
+
+/// The first vertices are exempt, because short specular paths add no noise.
+const MIN_TERMINATION_FROM: u32 = 4;
+
+/// Whether a path survives at its `n`-th vertex; if so, scales its throughput. `choice` is drawn only if the decision
+/// is random.
+pub(super) fn survives(accumulated: &mut PathRadiance, compression: f32, n: u32, choice: impl FnOnce() -> f32) -> bool {
+    let throughput = accumulated.throughput.max_element().max(0.0) / compression;
+    let probability =
+        (throughput / SURVIVAL_THROUGHPUT).min(if n < MIN_TERMINATION_FROM { 1.0 } else { 1.0 - MIN_TERMINATION });
+    if probability < 1.0 && choice() >= probability {
+        return false;
+    }
+    accumulated.throughput /= probability;
+    true
 }
 
 #[cfg(test)]
@@ -274,6 +299,36 @@ mod tests {
             (f32::MIN_POSITIVE, f32::MAX, 0.0),
         ] {
             assert_eq!(weight(density, other), want, "{density} {other}");
+        }
+    }
+
+    /// For evenly spaced choices, the survivors carry the total throughput to within one path. Paths with high
+    /// throughput end only by the minimum probability.
+    #[test]
+    fn roulette_is_unbiased() {
+        const N: u32 = 1000;
+        for (throughput, compression) in
+            [(1e-3, 1.0), (0.02, 1.0), (0.3, 1.0), (0.5, 1.0), (1.0, 1.0), (2.0, 2.25), (0.3, 2.25)]
+        {
+            for n in [0, MIN_TERMINATION_FROM - 1, MIN_TERMINATION_FROM] {
+                let mut sum = 0.0;
+                let mut n_left = 0;
+                for choice in 0..N {
+                    let rgb = Vec3::new(throughput, 0.5 * throughput, 0.0);
+                    let mut path = PathRadiance { radiance: Vec3::ZERO, throughput: rgb, n_rays: 1 };
+                    if survives(&mut path, compression, n, || (choice as f32 + 0.5) / N as f32) {
+                        n_left += 1;
+                        sum += path.throughput[0];
+                        let [red, green, blue] = path.throughput.to_array();
+                        assert!((green - 0.5 * red).abs() <= f32::EPSILON * red && blue == 0.0, "{throughput}");
+                    }
+                }
+                let of_one = sum / n_left as f32;
+                assert!((sum - N as f32 * throughput).abs() <= of_one, "{throughput} {compression}: {sum}");
+                if throughput / compression >= SURVIVAL_THROUGHPUT {
+                    assert_eq!(n_left, if n < MIN_TERMINATION_FROM { N } else { N * 19 / 20 }, "{throughput}");
+                }
+            }
         }
     }
 }

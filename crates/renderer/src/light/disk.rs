@@ -1,84 +1,109 @@
 use std::f64::consts::PI;
 
 use canted_trace::Ray;
+use glam::{DVec3, Vec2};
 
-use crate::sampling::uniform_disk;
-use crate::vector::{Vector, add, dot, scale, sub, tangents, wide};
+use crate::sampling::{tangents, uniform_disk};
+use crate::{Surface, wide};
 
-/// A disk that emits on the side of its normal, world space.
-#[derive(Clone, Copy)]
+#[cfg(feature = "gpu")]
+use super::ListLight;
+use super::tree::{Cluster, Cone};
+use super::{IncomingLight, LightKind, luminance_of};
+
+/// [`Light::Disk`](canted_scene::Light::Disk): a disk that emits on the side of its normal, world space.
 pub(super) struct DiskLight {
-    center: Vector,
-    normal: Vector,
-    radius: f64,
+    pub(super) center: [f32; 3],
+    /// Unit vector.
+    pub(super) normal: [f32; 3],
+    pub(super) radius: f32,
+    pub(super) radiance: [f32; 3],
 }
 
 impl DiskLight {
-    pub(super) fn new(center: [f32; 3], normal: [f32; 3], radius: f32) -> Self {
-        Self { center: wide(center), normal: wide(normal), radius: radius.into() }
+    fn area(&self) -> f64 {
+        PI * f64::from(self.radius).powi(2)
     }
 
-    /// A uniform point and its PDF per steradian at `from`; `None` from behind, where the disk is black.
-    pub(super) fn sample(&self, from: Vector, square: [f32; 2]) -> Option<(Vector, f64)> {
-        let [x, y] = wide2(uniform_disk(square));
-        let [t, b] = tangents(self.normal);
-        let target = add(self.center, add(scale(t, self.radius * x), scale(b, self.radius * y)));
-        let offset = sub(target, from);
-        let density = area_density(offset, self.normal, self.area())?;
-        (-dot(offset, self.normal) > 0.0).then_some((target, density))
+    /// W/sr of luminance along the normal.
+    fn intensity(&self) -> f64 {
+        self.area() * luminance_of(self.radiance)
+    }
+}
+
+impl LightKind for DiskLight {
+    /// A uniform point; `None` from behind, where the disk is black.
+    fn sample(&self, surface: &Surface, square: &mut dyn FnMut() -> [f32; 2]) -> Option<IncomingLight> {
+        let (normal, radius) = (wide(self.normal), f64::from(self.radius));
+        let [x, y] = Vec2::from(uniform_disk(square())).as_dvec2().to_array();
+        let [t, b] = tangents(normal);
+        let target = wide(self.center) + (t * (radius * x) + b * (radius * y));
+        let offset = target - DVec3::from(surface.position);
+        let density = area_density(offset, normal, self.area())?;
+        if -offset.dot(normal) > 0.0 { IncomingLight::of_target(surface, target, self.radiance, density) } else { None }
     }
 
-    /// PDF of [`Self::sample`] for a unit direction that hits the disk; 0 from behind.
-    pub(super) fn density(&self, from: Vector, direction: Vector) -> f64 {
-        plane_density(from, direction, self.center, self.normal, self.area())
-            .filter(|_| dot(direction, self.normal) < 0.0)
+    /// 0 from behind.
+    fn density(&self, from: DVec3, direction: DVec3) -> f64 {
+        let normal = wide(self.normal);
+        plane_density(from, direction, wide(self.center), normal, self.area())
+            .filter(|_| direction.dot(normal) < 0.0)
             .unwrap_or(0.0)
     }
 
-    /// The `t` of a hit, and whether it is on the emitting side. The edge counts as a hit.
-    ///
-    /// Computed in `f64` and rounded once. Rays in the plane miss.
-    pub(super) fn hit(&self, ray: &Ray) -> Option<(f32, bool)> {
-        let direction = wide(ray.direction);
-        let slope = dot(direction, self.normal);
-        let t = dot(sub(self.center, wide(ray.origin)), self.normal) / slope;
-        let from_center = sub(ray.at(t), self.center);
-        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+    fn is_shape(&self) -> bool {
+        true
+    }
+
+    /// The edge counts as a hit. Computed in `f64` and rounded once. Rays in the plane miss.
+    fn hit(&self, ray: &Ray) -> Option<(f32, [f32; 3])> {
+        let (center, normal) = (wide(self.center), wide(self.normal));
+        let slope = wide(ray.direction).dot(normal);
+        let t = (center - wide(ray.origin)).dot(normal) / slope;
+        let from_center = DVec3::from(ray.at(t)) - center;
         let rounded = t as f32;
         // NaN, for a ray in the plane, fails the comparisons.
         let is_hit = ray.t_min <= rounded
             && rounded <= ray.t_max
-            && dot(from_center, from_center) <= self.radius.powi(2)
+            && from_center.dot(from_center) <= f64::from(self.radius).powi(2)
             && slope != 0.0;
-        is_hit.then_some((rounded, slope < 0.0))
+        is_hit.then_some((rounded, if slope < 0.0 { self.radiance } else { [0.0; 3] }))
     }
 
-    fn area(&self) -> f64 {
-        PI * self.radius.powi(2)
+    fn normal(&self, _: DVec3) -> Option<DVec3> {
+        Some(wide(self.normal))
     }
-}
 
-fn wide2(v: [f32; 2]) -> [f64; 2] {
-    v.map(f64::from)
+    fn power(&self) -> f64 {
+        // The mean cosine over a hemisphere is 1/2.
+        self.intensity() * PI
+    }
+
+    fn bounds(&self) -> Option<Cluster> {
+        let normal = wide(self.normal);
+        // The extent of a disk along an axis is its radius times the sine between the axis and its normal.
+        let half = normal.map(|n| f64::from(self.radius) * ((1.0 - n) * (1.0 + n)).max(0.0).sqrt());
+        Cluster::of_box(self.center, half, Cone::about(normal, false), self.intensity())
+    }
+
+    #[cfg(feature = "gpu")]
+    fn packed(&self) -> ListLight {
+        let Self { center: position, normal: direction, radius: extent, radiance: color } = *self;
+        ListLight { kind: 4, position, direction, extent, color, cos_outer: 0.0 }
+    }
 }
 
 /// PDF per steradian of a uniform point of a planar shape, at a vector `offset` from that point; `None` if it is seen
 /// edge-on.
-pub(super) fn area_density(offset: Vector, unit_normal: Vector, area: f64) -> Option<f64> {
-    let square = dot(offset, offset);
+pub(super) fn area_density(offset: DVec3, unit_normal: DVec3, area: f64) -> Option<f64> {
+    let square = offset.dot(offset);
     // dA·cosθ = r²·dω, and r·cosθ is the height over the plane.
-    let density = square * square.sqrt() / (dot(offset, unit_normal).abs() * area);
+    let density = square * square.sqrt() / (offset.dot(unit_normal).abs() * area);
     (density > 0.0 && density.is_finite()).then_some(density)
 }
 
 /// [`area_density`] at the point where a unit direction from `from` hits the plane; `None` on a miss.
-pub(super) fn plane_density(
-    from: Vector,
-    direction: Vector,
-    point: Vector,
-    unit_normal: Vector,
-    area: f64,
-) -> Option<f64> {
-    let distance = dot(sub(point, from), unit_normal) / dot(direction, unit_normal);
-    if distance > 0.0 { area_density(scale(direction, distance), unit_normal, area) } else { None }
+pub(super) fn plane_density(from: DVec3, direction: DVec3, point: DVec3, unit_normal: DVec3, area: f64) -> Option<f64> {
+    let distance = (point - from).dot(unit_normal) / direction.dot(unit_normal);
+    if distance > 0.0 { area_density(direction * distance, unit_normal, area) } else { None }
 }

@@ -1,10 +1,17 @@
+//! The environment: light from infinitely far away, constant or an image; twin of `shared/light/environment.wgsl`.
+
 use std::f64::consts::{PI, TAU};
 
+#[cfg(feature = "gpu")]
+use bytemuck::{Pod, Zeroable};
 use canted_film::srgb::luminance;
 use canted_scene::{Environment, EnvironmentImage};
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use crate::vector::{Vector, wide};
+use super::IncomingLight;
+use crate::sampling::{cosine_hemisphere, tangents};
+use crate::{Surface, narrow, wide};
 
 /// The environment, prepared for lookups.
 #[derive(Clone, Copy, Debug)]
@@ -34,6 +41,41 @@ impl<'a> Sky<'a> {
         }
     }
 
+    /// Samples a direction: by the cosine to the shading normal without a `sampler`, which is that of an image.
+    pub(super) fn sample(
+        &self,
+        sampler: Option<&SkySampler>,
+        from: &Surface,
+        square: [f32; 2],
+    ) -> Option<IncomingLight> {
+        let (to_light, density) = match sampler {
+            Some(sampler) => sampler.sample(square),
+            None => {
+                let normal = DVec3::from(from.shading_normal);
+                let [x, y, z] = cosine_hemisphere(square).map(f64::from);
+                let [t, b] = tangents(normal);
+                (t * x + (b * y + normal * z), z / PI)
+            }
+        };
+        let direction = narrow(to_light);
+        let radiance = wide(self.radiance(direction)) * (1.0 / density);
+        Some(IncomingLight { to_light, radiance, density: Some(density), shadow_ray: Some(from.spawn_ray(direction)) })
+    }
+
+    /// PDF of [`Sky::sample`] per steradian.
+    pub(super) fn density(sampler: Option<&SkySampler>, from: &Surface, direction: DVec3) -> f64 {
+        match sampler {
+            Some(sampler) => sampler.density(direction),
+            None => DVec3::from(from.shading_normal).dot(direction).max(0.0) / PI,
+        }
+    }
+
+    /// Luminance of the irradiance on a surface that faces the mean radiance; 0 for an image without a `sampler`, which is black.
+    pub(super) fn irradiance(&self, sampler: Option<&SkySampler>) -> f64 {
+        let is_black = self.image().is_some() && sampler.is_none();
+        PI * if is_black { 0.0 } else { super::luminance_of(self.mean) }
+    }
+
     pub(super) fn image(&self) -> Option<&'a EnvironmentImage> {
         match self.environment {
             Environment::Constant(_) => None,
@@ -43,7 +85,7 @@ impl<'a> Sky<'a> {
 }
 
 /// Image coordinates of a direction, 0..=1 from the left and from the top.
-pub(super) fn coordinates_of(image: &EnvironmentImage, [x, y, z]: Vector) -> [f64; 2] {
+fn coordinates_of(image: &EnvironmentImage, DVec3 { x, y, z }: DVec3) -> [f64; 2] {
     // Turning the image counter-clockwise moves a fixed direction to the right in it.
     let longitude = x.atan2(-z) + f64::from(image.turn_degrees).to_radians();
     let across = longitude / TAU + 0.5;
@@ -51,10 +93,10 @@ pub(super) fn coordinates_of(image: &EnvironmentImage, [x, y, z]: Vector) -> [f6
 }
 
 /// The unit direction of a horizontal image coordinate and a cosine to +y.
-pub(super) fn direction_of(image: &EnvironmentImage, across: f64, cosine: f64) -> Vector {
+fn direction_of(image: &EnvironmentImage, across: f64, cosine: f64) -> DVec3 {
     let (s, c) = ((across - 0.5) * TAU - f64::from(image.turn_degrees).to_radians()).sin_cos();
     let sine = ((1.0 - cosine) * (1.0 + cosine)).max(0.0).sqrt();
-    [sine * s, cosine, -sine * c]
+    DVec3::new(sine * s, cosine, -sine * c)
 }
 
 fn lookup(image: &EnvironmentImage, [across, down]: [f64; 2]) -> [f32; 3] {
@@ -62,40 +104,35 @@ fn lookup(image: &EnvironmentImage, [across, down]: [f64; 2]) -> [f32; 3] {
     let (rows, y) = neighbors(down, image.height);
     let [left, right] = columns.map(|i| wrapped(i, image.width));
     let [top, bottom] = rows.map(|j| clamped(j, image.height));
-    let texel = |row: usize, column: usize| image.texels[row * image.width as usize + column];
-    let blend = |a: [f32; 3], b: [f32; 3], weight: f32| std::array::from_fn(|k| a[k] + weight * (b[k] - a[k]));
+    let texel = |row: usize, column: usize| Vec3::from(image.texels[row * image.width as usize + column]);
+    let blend = |a: Vec3, b: Vec3, weight: f32| a + weight * (b - a);
     let [upper, lower] = [top, bottom].map(|row| blend(texel(row, left), texel(row, right), x));
-    let radiance: [f32; 3] = blend(upper, lower, y);
-    std::array::from_fn(|k| radiance[k] * image.scale[k])
+    (blend(upper, lower, y) * Vec3::from(image.scale)).into()
 }
 
 /// The texels before and after a coordinate in 0..=1, and the weight of the second.
-#[expect(clippy::cast_possible_truncation, reason = "the coordinate lies in 0..=1")]
 fn neighbors(coordinate: f64, n: u32) -> ([i64; 2], f32) {
     let texels = coordinate * f64::from(n) - 0.5;
     let first = texels.floor();
     ([first as i64, first as i64 + 1], (texels - first) as f32)
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "the result lies in 0..n")]
 fn wrapped(i: i64, n: u32) -> usize {
     i.rem_euclid(n.into()) as usize
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the result lies in 0..n")]
 fn clamped(i: i64, n: u32) -> usize {
     i.clamp(0, i64::from(n) - 1) as usize
 }
 
 /// Solid angle of a texel of a row, in steradians.
-pub(super) fn solid_angle(image: &EnvironmentImage, row: usize) -> f64 {
+fn solid_angle(image: &EnvironmentImage, row: usize) -> f64 {
     let [upper, lower] = [row, row + 1].map(|row| cosine_above(image, row));
     TAU / f64::from(image.width) * (upper - lower)
 }
 
 /// Cosine to +y of the upper edge of a row.
-#[expect(clippy::cast_precision_loss, reason = "rows are counted in 32 bits")]
-pub(super) fn cosine_above(image: &EnvironmentImage, row: usize) -> f64 {
+fn cosine_above(image: &EnvironmentImage, row: usize) -> f64 {
     (PI * row as f64 / f64::from(image.height)).cos()
 }
 
@@ -103,46 +140,44 @@ pub(super) fn cosine_above(image: &EnvironmentImage, row: usize) -> f64 {
 ///
 /// The mean of a piecewise linear function over a texel weights it and its neighbors by 3/4 and 1/8. It is zero only if
 /// the function is zero over the entire texel.
-pub(super) fn row_means(image: &EnvironmentImage, row: usize) -> impl Iterator<Item = Vector> {
+fn row_means(image: &EnvironmentImage, row: usize) -> impl Iterator<Item = DVec3> {
     const WEIGHTS: [f64; 3] = [0.125, 0.75, 0.125];
     let width = image.width as usize;
-    let column = move |i: usize| -> Vector {
-        let mut sum = [0.0; 3];
+    let column = move |i: usize| -> DVec3 {
+        let mut sum = DVec3::ZERO;
         for (weight, j) in WEIGHTS.into_iter().zip([row.saturating_sub(1), row, row + 1]) {
             let texel = image.texels[j.min(image.height as usize - 1) * width + i];
-            sum = std::array::from_fn(|k| sum[k] + weight * f64::from(texel[k]) * f64::from(image.scale[k]));
+            sum += weight * wide(texel) * wide(image.scale);
         }
         sum
     };
     (0..width).map(move |i| {
         let [a, b, c] = [(i + width - 1) % width, i, (i + 1) % width].map(column);
-        std::array::from_fn(|k| WEIGHTS[0] * a[k] + WEIGHTS[1] * b[k] + WEIGHTS[2] * c[k])
+        WEIGHTS[0] * a + WEIGHTS[1] * b + WEIGHTS[2] * c
     })
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 fn mean_of(image: &EnvironmentImage) -> [f32; 3] {
-    let rows: Vec<Vector> = (0..image.height as usize)
+    let rows: Vec<DVec3> = (0..image.height as usize)
         .into_par_iter()
         .map(|row| {
             let fraction = solid_angle(image, row) / (4.0 * PI);
-            row_means(image, row).fold([0.0; 3], |sum, texel| std::array::from_fn(|k| sum[k] + fraction * texel[k]))
+            row_means(image, row).fold(DVec3::ZERO, |sum, texel| sum + fraction * texel)
         })
         .collect();
-    let mean: Vector = rows.iter().fold([0.0; 3], |sum, row| std::array::from_fn(|k| sum[k] + row[k]));
-    mean.map(|x| x as f32)
+    narrow(rows.iter().fold(DVec3::ZERO, |sum, row| sum + *row))
 }
 
 /// Importance sampling of an [`EnvironmentImage`].
 ///
 /// Chooses a texel by mean luminance times solid angle, then a uniform direction in it. The PDF is constant over a
 /// texel and positive wherever the bilinear radiance is.
-pub(super) struct SkySampler<'a> {
-    pub(super) image: &'a EnvironmentImage,
+pub(crate) struct SkySampler<'a> {
+    image: &'a EnvironmentImage,
     /// Running sums within each row, starting with 0.
     within_rows: Vec<f64>,
     /// Running sums over rows, starting with 0.
-    pub(super) rows: Vec<f64>,
+    rows: Vec<f64>,
 }
 
 impl<'a> SkySampler<'a> {
@@ -150,7 +185,7 @@ impl<'a> SkySampler<'a> {
     pub(super) fn new(image: &'a EnvironmentImage) -> Option<Self> {
         let row = |row: usize| {
             let solid_angle = solid_angle(image, row);
-            let weights = row_means(image, row).map(|mean| solid_angle * luminance(mean));
+            let weights = row_means(image, row).map(|mean| solid_angle * luminance(mean.into()));
             running_sums(weights).collect::<Vec<f64>>()
         };
         let within_rows: Vec<Vec<f64>> = (0..image.height as usize).into_par_iter().map(row).collect();
@@ -161,22 +196,20 @@ impl<'a> SkySampler<'a> {
     }
 
     /// Samples a unit direction, with its PDF per steradian.
-    pub(super) fn sample(&self, square: [f32; 2]) -> (Vector, f64) {
+    fn sample(&self, square: [f32; 2]) -> (DVec3, f64) {
         let (row, down) = invert(&self.rows, square[1].into());
         let sums = self.row(row);
         let (column, across) = invert(sums, square[0].into());
         let [upper, lower] = [row, row + 1].map(|row| cosine_above(self.image, row));
-        #[expect(clippy::cast_precision_loss, reason = "columns are counted in 32 bits")]
         let across = (column as f64 + across) / f64::from(self.image.width);
         let direction = direction_of(self.image, across, upper + down * (lower - upper));
         (direction, self.density_at(row, column))
     }
 
     /// PDF of a direction per steradian.
-    pub(super) fn density(&self, direction: Vector) -> f64 {
+    fn density(&self, direction: DVec3) -> f64 {
         let [across, down] = coordinates_of(self.image, direction);
         let index = |x: f64, n: u32| {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in 0..=1 times n")]
             let index = (x * f64::from(n)) as usize;
             index.min(n as usize - 1)
         };
@@ -189,9 +222,64 @@ impl<'a> SkySampler<'a> {
         (sums[column + 1] - sums[column]) / (total * solid_angle(self.image, row))
     }
 
-    pub(super) fn row(&self, row: usize) -> &[f64] {
+    fn row(&self, row: usize) -> &[f64] {
         let n = self.image.width as usize + 1;
         &self.within_rows[row * n..(row + 1) * n]
+    }
+}
+
+/// An environment map: `SkyImage` of `shared/light/environment`.
+#[cfg(feature = "gpu")]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct SkyImage {
+    pub(crate) scale: [f32; 3],
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) turn: f32,
+    pub(crate) padding: [u32; 2],
+}
+
+/// The distribution over rows of the environment map: `SkyRow` of `shared/light/environment`.
+#[cfg(feature = "gpu")]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(crate) struct SkyRow {
+    pub(crate) sum: f32,
+    pub(crate) cosine: f32,
+    pub(crate) per_steradian: f32,
+}
+
+#[cfg(feature = "gpu")]
+impl SkyImage {
+    /// An environment map without its texels.
+    pub(crate) fn new(image: &EnvironmentImage) -> Self {
+        Self {
+            scale: super::bounded(image.scale),
+            width: image.width,
+            height: image.height,
+            turn: (f64::from(image.turn_degrees) / 360.0).rem_euclid(1.0) as f32,
+            padding: [0; 2],
+        }
+    }
+}
+
+#[cfg(feature = "gpu")]
+impl SkySampler<'_> {
+    /// The rows, and the running sums of each row, normalized. A black row is never chosen.
+    pub(crate) fn packed(&self) -> (Vec<SkyRow>, Vec<f32>) {
+        let total = self.rows[self.rows.len() - 1];
+        let row = |(number, sum): (usize, &f64)| SkyRow {
+            sum: (sum / total) as f32,
+            cosine: cosine_above(self.image, number) as f32,
+            per_steradian: (1.0 / solid_angle(self.image, number)) as f32,
+        };
+        let sums = (0..self.rows.len() - 1).flat_map(|row| {
+            let sums = self.row(row);
+            let total = sums[sums.len() - 1];
+            sums.iter().map(move |sum| if total > 0.0 { (sum / total) as f32 } else { 0.0 })
+        });
+        (self.rows.iter().enumerate().map(row).collect(), sums.collect())
     }
 }
 

@@ -1,21 +1,13 @@
 use std::f64::consts::PI;
 
-use canted_film::srgb::luminance;
-use canted_scene::{Light, Scene};
+use canted_scene::Scene;
 use canted_trace::Ray;
 
-use super::bounds::Receiver;
-use super::cluster::Cluster;
-use super::disk::DiskLight;
-use super::emitters::Emitters;
-use super::environment::SkySampler;
-use super::incoming::{IncomingLight, effective_solid_angle, intensity_of};
-use super::lights::{LightId, Lights};
-use super::sphere::SphereLight;
-use super::tree::Tree;
-use crate::sampling::cosine_hemisphere;
-use crate::vector::{Vector, add, dot, narrow, scale, tangents, wide};
-use crate::{Surface, Surfaces};
+use super::environment::{Sky, SkySampler};
+use super::tree::{Receiver, Tree};
+use super::triangle::Emitters;
+use super::{IncomingLight, LightId, Lights, ask};
+use crate::{Surface, Surfaces, narrow, wide};
 
 /// A sample of the incoming light at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,19 +39,20 @@ pub struct LightSample {
 /// found by BSDF sampling only: their PDF is 0.
 pub struct LightSampler<'a> {
     lights: Lights<'a>,
-    pub(super) emitters: Emitters<'a>,
-    pub(super) tree: Option<Tree>,
+    pub(crate) emitters: Emitters<'a>,
+    pub(crate) tree: Option<Tree>,
     /// Number in the tree of each light of the scene file; emitters come first.
-    pub(super) tree_lights: Vec<Option<u32>>,
+    pub(crate) tree_lights: Vec<Option<u32>>,
     /// Index in the scene file of each light of the tree that is no emitter.
-    pub(super) listed: Vec<u32>,
-    pub(super) sky: Option<SkySampler<'a>>,
+    pub(crate) listed: Vec<u32>,
+    pub(crate) sky: Option<SkySampler<'a>>,
     /// The first choice, with probabilities.
-    pub(super) kinds: Vec<(Choice, f64)>,
+    pub(crate) kinds: Vec<(Choice, f64)>,
 }
 
+/// What is chosen first: one of the lights of the tree, the environment, or a light without a position, by its index.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Choice {
+pub(crate) enum Choice {
     Tree,
     Environment,
     Sun(u32),
@@ -74,8 +67,7 @@ impl<'a> LightSampler<'a> {
         let tree_lights = (0..)
             .zip(lights.list)
             .map(|(index, light)| {
-                let cluster = Cluster::of_light(light)?;
-                #[expect(clippy::cast_possible_truncation, reason = "fewer than 2^32 lights")]
+                let cluster = ask(light, |kind| kind.bounds())?;
                 let number = clusters.len() as u32;
                 clusters.push(cluster);
                 listed.push(index);
@@ -84,14 +76,17 @@ impl<'a> LightSampler<'a> {
             .collect();
         let sky = lights.sky.image().and_then(SkySampler::new);
         let local = clusters[..emitters.len()].iter().map(|cluster| 2.0 * PI * cluster.intensity).sum::<f64>()
-            + lights.list.iter().map(power_of).filter(|power| power.is_finite()).sum::<f64>();
-        let far = if lights.sky.image().is_some() && sky.is_none() { 0.0 } else { luminance(wide(lights.sky.mean)) };
-        let suns = (0..).zip(lights.list).filter_map(|(index, light)| match light {
-            Light::Sun { irradiance, .. } => Some((Choice::Sun(index), luminance(wide(*irradiance)))),
-            _ => None,
-        });
+            + lights
+                .list
+                .iter()
+                .map(|light| ask(light, |kind| kind.power()))
+                .filter(|power| power.is_finite())
+                .sum::<f64>();
+        let suns = (0..)
+            .zip(lights.list)
+            .filter_map(|(index, light)| Some((Choice::Sun(index), ask(light, |kind| kind.irradiance())?)));
         let local_irradiance = if local > 0.0 { local / cross_section(surfaces.scene()) } else { 0.0 };
-        let powers = [(Choice::Tree, local_irradiance), (Choice::Environment, PI * far)];
+        let powers = [(Choice::Tree, local_irradiance), (Choice::Environment, lights.sky.irradiance(sky.as_ref()))];
         let kinds = kind_probabilities(powers.into_iter().chain(suns));
         Self { tree: Tree::new(&clusters), lights, emitters, tree_lights, listed, sky, kinds }
     }
@@ -119,7 +114,9 @@ impl<'a> LightSampler<'a> {
                 let (incoming, light) = self.local(number, from, square)?;
                 (incoming, kind_probability * probability, light)
             }
-            Choice::Environment => (self.environment(from, square)?, kind_probability, LightId::Environment),
+            Choice::Environment => {
+                (self.lights.sky.sample(self.sky.as_ref(), from, square)?, kind_probability, LightId::Environment)
+            }
             Choice::Sun(index) => {
                 let incoming = IncomingLight::of(&self.lights.list[index as usize], from, || square)?;
                 (incoming, kind_probability, LightId::Light(index))
@@ -127,7 +124,7 @@ impl<'a> LightSampler<'a> {
         };
         Some(LightSample {
             to_light: narrow(incoming.to_light),
-            radiance: narrow(scale(incoming.radiance, 1.0 / probability)),
+            radiance: narrow(incoming.radiance * (1.0 / probability)),
             density: incoming.density.map_or(0.0, |density| finite(density * probability)),
             is_delta: incoming.density.is_none(),
             shadow_ray: incoming.shadow_ray,
@@ -141,21 +138,16 @@ impl<'a> LightSampler<'a> {
         let direction = wide(to_light);
         let (number, density) = match light {
             LightId::Environment => {
-                return finite(self.kind_probability(Choice::Environment) * self.environment_density(from, direction));
+                let density = Sky::density(self.sky.as_ref(), from, direction);
+                return finite(self.kind_probability(Choice::Environment) * density);
             }
             LightId::Light(index) => {
-                let density = match self.lights.list[index as usize] {
-                    Light::Sphere { center, radius, .. } => SphereLight::new(center, radius).density(from.position),
-                    Light::Disk { center, normal, radius, .. } => {
-                        DiskLight::new(center, normal, radius).density(from.position, direction)
-                    }
-                    _ => return 0.0,
-                };
+                let density =
+                    ask(&self.lights.list[index as usize], |kind| kind.density(from.position.into(), direction));
                 (self.tree_lights[index as usize], density)
             }
             LightId::Triangle(instance, primitive) => {
                 let Some(emitter) = self.emitters.find(instance, primitive) else { return 0.0 };
-                #[expect(clippy::cast_possible_truncation, reason = "fewer than 2^32 lights")]
                 let number = emitter as u32;
                 (Some(number), self.emitters.density(emitter, from, direction))
             }
@@ -175,28 +167,6 @@ impl<'a> LightSampler<'a> {
         Some((self.emitters.sample(number, from, square)?, self.emitters.id(number)))
     }
 
-    /// A constant environment is sampled by the cosine to the shading normal, an environment map by its luminance.
-    fn environment(&self, from: &Surface, square: [f32; 2]) -> Option<IncomingLight> {
-        let (to_light, density) = match &self.sky {
-            Some(sky) => sky.sample(square),
-            None => {
-                let [x, y, z] = cosine_hemisphere(square).map(f64::from);
-                let [t, b] = tangents(from.shading_normal);
-                (add(scale(t, x), add(scale(b, y), scale(from.shading_normal, z))), z / PI)
-            }
-        };
-        let direction = narrow(to_light);
-        let radiance = scale(wide(self.lights.sky.radiance(direction)), 1.0 / density);
-        Some(IncomingLight { to_light, radiance, density: Some(density), shadow_ray: Some(from.spawn_ray(direction)) })
-    }
-
-    fn environment_density(&self, from: &Surface, direction: Vector) -> f64 {
-        match &self.sky {
-            Some(sky) => sky.density(direction),
-            None => dot(from.shading_normal, direction).max(0.0) / PI,
-        }
-    }
-
     /// The first choice, its probability, and the remapped random number.
     fn choose(&self, choice: f64) -> Option<(Choice, f64, f64)> {
         let (last, others) = self.kinds.split_last()?;
@@ -211,7 +181,7 @@ impl<'a> LightSampler<'a> {
         Some((kind, kind_probability, (rest / kind_probability).clamp(0.0, 1.0 - f64::EPSILON)))
     }
 
-    pub(super) fn kind_probability(&self, choice: Choice) -> f64 {
+    pub(crate) fn kind_probability(&self, choice: Choice) -> f64 {
         self.kinds.iter().find(|(kind, _)| *kind == choice).map_or(0.0, |&(_, kind_probability)| kind_probability)
     }
 }
@@ -220,14 +190,8 @@ impl<'a> LightSampler<'a> {
 fn kind_probabilities(powers: impl Iterator<Item = (Choice, f64)>) -> Vec<(Choice, f64)> {
     let powers: Vec<(Choice, f64)> = powers.filter(|(_, power)| *power > 0.0 && power.is_finite()).collect();
     let sum: f64 = powers.iter().map(|(_, power)| power).sum();
-    #[expect(clippy::cast_precision_loss, reason = "few")]
     let equal = 1.0 / powers.len() as f64;
     powers.into_iter().map(|(choice, power)| (choice, 0.5 * (equal + power / sum))).collect()
-}
-
-/// Power of a light with a position, in watts of luminance; 0 for a sun.
-fn power_of(light: &Light) -> f64 {
-    intensity_of(light).map_or(0.0, |intensity| intensity * effective_solid_angle(light))
 }
 
 /// Area of a great circle of the scene's bounding sphere; 1 for a scene without extent. Visits every vertex.
@@ -238,11 +202,10 @@ fn cross_section(scene: &Scene) -> f64 {
 }
 
 fn receiver(from: &Surface, transmits: bool) -> Receiver {
-    Receiver { position: from.position, normal: (!transmits).then_some(from.normal) }
+    Receiver { position: from.position.into(), normal: (!transmits).then(|| from.normal.into()) }
 }
 
 /// Clamps a PDF to the range of `f32`.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 fn finite(density: f64) -> f32 {
     density.min(f32::MAX.into()) as f32
 }
@@ -250,9 +213,9 @@ fn finite(density: f64) -> f32 {
 #[cfg(test)]
 mod tests {
     use canted_obb::Affine;
-    use canted_scene::{Instance, Material, MaterialId, Mesh, MeshId, Part};
+    use canted_scene::{Instance, Light, Material, MaterialId, Mesh, MeshId, Part};
 
-    use super::super::lights::has_multiple_lights;
+    use super::super::has_multiple_lights;
     use super::*;
 
     /// A scene of one triangle; it is an emitter unless `emission` is black.

@@ -1,16 +1,20 @@
+use std::borrow::Cow;
 use std::hint::black_box;
 
-use canted_scene::{Mesh, UvSet};
-use canted_trace::{Hit, position_at};
+use canted_obb::Affine;
+use canted_scene::{Mesh, TextureRef, UvSet};
+use canted_tlas::Motion;
+use canted_trace::{Hit, SurfacePoint, position_at, position_error};
+use glam::DVec3;
 
-use crate::placement::Pose;
-use crate::vector::{Vector, cross, sub, unit, wide};
+use crate::texture::{Footprint, Plane, Textures};
+use crate::{Cone, Lod, wide};
 
 /// The vertices of a hit triangle, with the barycentric weights of the hit.
 pub(super) struct HitTriangle<'a> {
     pub(super) mesh: &'a Mesh,
     indices: [u32; 3],
-    weights: Vector,
+    weights: DVec3,
     /// Shutter time of the ray.
     time: f32,
 }
@@ -18,14 +22,14 @@ pub(super) struct HitTriangle<'a> {
 impl<'a> HitTriangle<'a> {
     pub(super) fn new(mesh: &'a Mesh, hit: &Hit, time: f32) -> Self {
         let (u, v) = (f64::from(hit.u), f64::from(hit.v));
-        Self { mesh, indices: mesh.triangles[hit.primitive.index()], weights: [1.0 - u - v, u, v], time }
+        Self { mesh, indices: mesh.triangles[hit.primitive.index()], weights: DVec3::new(1.0 - u - v, u, v), time }
     }
 
     /// The vertices as the ray hits them.
-    fn vertices(&self) -> [Vector; 3] {
+    fn vertices(&self) -> [DVec3; 3] {
         let Mesh { positions, close, .. } = self.mesh;
         match close {
-            None => self.gather(positions),
+            None => self.gather(positions).map(DVec3::from),
             Some(close) => self.indices.map(|i| {
                 let i = i as usize;
                 wide(position_at(&positions[i], &close.positions[i], self.time))
@@ -64,7 +68,7 @@ impl<'a> HitTriangle<'a> {
 
     /// Interpolates three values.
     pub(super) fn interpolate<const N: usize>(&self, [a, b, c]: [[f64; N]; 3]) -> [f64; N] {
-        let [u, v, w] = self.weights;
+        let DVec3 { x: u, y: v, z: w } = self.weights;
         std::array::from_fn(|k| u * a[k] + v * b[k] + w * c[k])
     }
 
@@ -79,7 +83,6 @@ impl<'a> HitTriangle<'a> {
     }
 
     /// Vertex color and alpha at the hit; white without vertex colors.
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
     pub(super) fn color(&self) -> [f32; 4] {
         let colors = self.mesh.colors.as_ref();
         colors.map_or([1.0; 4], |colors| self.attribute(colors).map(|x| x as f32))
@@ -92,35 +95,176 @@ pub(super) struct PlacedTriangle<'a> {
     pub(super) pose: &'a Pose,
     pub(super) is_mirrored: bool,
     /// The hit point, object space.
-    position_object: Vector,
+    position_object: DVec3,
     /// From the first vertex to the second and to the third, object space.
-    edges_object: [Vector; 2],
+    edges_object: [DVec3; 2],
     /// World-space normal on the side from which the triangle is counter-clockwise, any length.
-    pub(super) winding: Vector,
+    pub(super) winding: DVec3,
 }
 
 impl<'a> PlacedTriangle<'a> {
     pub(super) fn new(triangle: HitTriangle<'a>, pose: &'a Pose, is_mirrored: bool) -> Self {
         let vertices @ [v0, v1, v2] = triangle.vertices();
-        let edges_object @ [a, b] = [sub(v1, v0), sub(v2, v0)];
-        let winding = pose.normal_world(cross(a, b));
-        Self { position_object: triangle.interpolate(vertices), triangle, pose, is_mirrored, edges_object, winding }
+        let edges_object @ [a, b] = [v1 - v0, v2 - v0];
+        let winding = pose.normal_world(a.cross(b));
+        Self {
+            position_object: triangle.interpolate(vertices.map(DVec3::into)).into(),
+            triangle,
+            pose,
+            is_mirrored,
+            edges_object,
+            winding,
+        }
     }
 
     /// The hit point, world space.
-    pub(super) fn position(&self) -> Vector {
+    pub(super) fn position(&self) -> DVec3 {
         self.pose.point_world(self.position_object)
     }
 
     /// Edges from the first vertex, world space.
-    pub(super) fn edges_world(&self) -> [Vector; 2] {
+    pub(super) fn edges_world(&self) -> [DVec3; 2] {
         self.edges_object.map(|edge| self.pose.vector_world(edge))
     }
 
     /// The interpolated unit vertex normal; `None` without vertex normals.
-    pub(super) fn smooth_normal(&self) -> Option<Vector> {
+    pub(super) fn smooth_normal(&self) -> Option<DVec3> {
         let Mesh { normals, close, .. } = self.triangle.mesh;
         let close = close.as_ref().and_then(|close| close.normals.as_ref());
-        unit(self.pose.normal_world(self.triangle.moving_attribute(normals.as_ref()?, close)))
+        self.pose.normal_world(self.triangle.moving_attribute(normals.as_ref()?, close).into()).try_normalize()
     }
+}
+
+// An instance prepared for shading: its transform for points and normals, and the error bound of rays that leave it
+// (derived at [`canted_trace::SurfacePoint`]).
+
+/// `world_from_object` at one time, prepared for points and normals.
+#[derive(Clone, Debug)]
+pub(crate) struct Pose {
+    columns: [DVec3; 4],
+    /// Columns of the cofactor matrix, which maps object normals to world normals up to length and sign.
+    cofactor: [DVec3; 3],
+}
+
+impl Pose {
+    fn new(columns: [DVec3; 4]) -> Self {
+        let [x, y, z, _] = columns;
+        Self { columns, cofactor: [y.cross(z), z.cross(x), x.cross(y)] }
+    }
+
+    pub(crate) fn at_time(motion: &Motion, time: f32) -> Self {
+        Self::new(motion.world_from_object(time).map(DVec3::from))
+    }
+
+    pub(crate) fn fixed(map: &Affine) -> Self {
+        Self::new(map.columns.map(wide))
+    }
+
+    pub(crate) fn point_world(&self, point_object: DVec3) -> DVec3 {
+        self.vector_world(point_object) + self.columns[3]
+    }
+
+    pub(crate) fn vector_world(&self, DVec3 { x, y, z }: DVec3) -> DVec3 {
+        let [a, b, c, _] = self.columns;
+        a * x + b * y + c * z
+    }
+
+    /// World-space normal of the image of a plane with normal `normal_object`; any length, either side.
+    ///
+    /// Same direction as the inverse transpose, without a division.
+    pub(crate) fn normal_world(&self, DVec3 { x, y, z }: DVec3) -> DVec3 {
+        let [a, b, c] = self.cofactor;
+        a * x + (b * y + c * z)
+    }
+}
+
+/// One instance, prepared for shading.
+#[derive(Clone, Debug)]
+pub(crate) struct Placement {
+    /// Pose of a static instance, or of a moving one as the shutter opens.
+    fixed: Pose,
+    /// Error along each world axis between the plane of a triangle and a ray that leaves it.
+    slack: f64,
+    is_mirrored: bool,
+    /// The motion of a moving instance.
+    motion: Option<Box<Motion>>,
+}
+
+impl Placement {
+    /// Prepares an instance of a mesh whose maximum absolute coordinate is `reach_object`.
+    ///
+    /// An instance that moves to `close` uses the larger reach of both ends: every coordinate is convex along a
+    /// straight line, so no time in between exceeds it.
+    pub(crate) fn new(world_from_object: &Affine, close: Option<&Affine>, reach_object: f32) -> Self {
+        let reach_world =
+            std::iter::once(world_from_object).chain(close).map(|map| map.reach(reach_object)).fold(0.0, f64::max);
+        Self {
+            fixed: Pose::fixed(world_from_object),
+            // No intermediate transform is singular, so the sign is constant.
+            is_mirrored: world_from_object.determinant() < 0.0,
+            motion: close.map(|close| Box::new(Motion::new(world_from_object, close))),
+            slack: position_error(reach_world),
+        }
+    }
+
+    /// Whether the transform mirrors, which reverses the winding of triangles.
+    pub(crate) fn is_mirrored(&self) -> bool {
+        self.is_mirrored
+    }
+
+    /// The pose at a shutter time.
+    pub(crate) fn pose(&self, time: f32) -> Cow<'_, Pose> {
+        match &self.motion {
+            None => Cow::Borrowed(&self.fixed),
+            Some(motion) => Cow::Owned(Pose::at_time(motion, time)),
+        }
+    }
+
+    /// Distance at which rays start from a surface with this unit normal, in world units.
+    pub(crate) fn offset(&self, normal_world: DVec3) -> f64 {
+        SurfacePoint::with_error([0.0; 3], normal_world.into(), self.slack).offset
+    }
+}
+
+/// The context of texture lookups at a hit.
+pub(super) struct TextureLookup<'a> {
+    pub(super) textures: &'a Textures<'a>,
+    pub(super) lod: Lod,
+    pub(super) triangle: &'a HitTriangle<'a>,
+    pub(super) plane: Plane,
+    /// Direction of the ray, world space, any length.
+    pub(super) direction: DVec3,
+    /// Cone of the ray at the hit.
+    pub(super) cone: Cone,
+}
+
+impl TextureLookup<'_> {
+    /// The value of a texture; ones without a texture or without its UV set.
+    pub(super) fn texel(&self, slot: Option<&TextureRef>) -> [f32; 4] {
+        slot.and_then(|slot| self.sample(slot)).unwrap_or([1.0; 4])
+    }
+
+    /// The value of a texture; `None` if the mesh lacks its UV set.
+    pub(super) fn sample(&self, slot: &TextureRef) -> Option<[f32; 4]> {
+        let uvs = self.triangle.uvs(slot.uv_set)?;
+        let uv = slot.texture_from_mesh.point(self.triangle.interpolate(uvs));
+        let mip_map = self.textures.get(slot.texture);
+        let footprint = if self.lod == Lod::None || self.cone.is_zero() {
+            Footprint::POINT
+        } else {
+            Footprint::new(self.lod, &self.cone, self.direction, &self.plane, edges(slot, uvs), mip_map.size())
+        };
+        Some(mip_map.lookup(uv, &footprint))
+    }
+
+    /// Differences of texture coordinates along the edges of the triangle.
+    pub(super) fn uv_edges(&self, slot: &TextureRef) -> Option<[[f64; 2]; 2]> {
+        self.triangle.uvs(slot.uv_set).map(|uvs| edges(slot, uvs))
+    }
+}
+
+/// Differences of texture coordinates from the first vertex to the second and to the third.
+fn edges(slot: &TextureRef, uvs: [[f64; 2]; 3]) -> [[f64; 2]; 2] {
+    let [a, b, c] = uvs.map(|uv| slot.texture_from_mesh.point(uv));
+    [b, c].map(|uv| std::array::from_fn(|k| uv[k] - a[k]))
 }

@@ -29,7 +29,6 @@ pub(crate) fn unit(a: Vector) -> Vector {
     a.map(|x| x / dot(a, a).sqrt())
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 pub(crate) fn narrow(v: Vector) -> [f32; 3] {
     v.map(|x| x as f32)
 }
@@ -65,7 +64,6 @@ impl<'a> BruteForce<'a> {
             for (primitive, triangle) in (0..).zip(&mesh.triangles) {
                 let corners = triangle.map(|v| mesh.positions[v as usize].map(f64::from));
                 let Some((t, u, v, side)) = intersect(origin, direction, corners) else { continue };
-                #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
                 let (t, u, v) = (t as f32, u as f32, v as f32);
                 let hit = Hit {
                     t,
@@ -224,4 +222,30 @@ pub(crate) fn film(scene: &Scene, camera: &Camera, settings: &Settings) -> Film 
 pub(crate) fn probe(scene: &Scene, eye: [f32; 3], target: [f32; 3], settings: Settings) -> Vector {
     let one = Settings { width: 1, height: 1, ..settings };
     film(scene, &camera(eye, target, 0.01), &one).pixels()[0].mean()
+}
+
+// Pearson's chi-squared test.
+
+/// Deviation of Pearson's statistic from its mean, in standard deviations.
+///
+/// Cells with an expected count below ten are merged.
+pub(crate) fn deviation(counts: &[f64], probabilities: &[f64]) -> f64 {
+    let n: f64 = counts.iter().sum();
+    let (mut statistic, mut freedom, mut rare) = (0.0, -1.0, (0.0, 0.0));
+    let mut add = |count: f64, expected: f64| {
+        statistic += (count - expected).powi(2) / expected;
+        freedom += 1.0;
+    };
+    for (&count, &probability) in counts.iter().zip(probabilities) {
+        let expected = probability * n;
+        if expected < 10.0 { rare = (rare.0 + count, rare.1 + expected) } else { add(count, expected) }
+    }
+    if rare.1 >= 10.0 {
+        add(rare.0, rare.1);
+    } else {
+        // Too few for the statistic; the count must still match the expectation.
+        assert!(rare.0 <= rare.1.max(0.0) + 6.0 * (rare.1.max(0.0) + 1.0).sqrt(), "{rare:?}");
+    }
+    let freedom: f64 = freedom;
+    (statistic - freedom) / (2.0 * freedom.max(1.0)).sqrt()
 }

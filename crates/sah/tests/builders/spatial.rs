@@ -43,7 +43,6 @@ fn covers(boxes: &[Aabb], triangle: &Corners) -> bool {
 const EAGER: SpatialConfig =
     SpatialConfig { extra_references: 3.0, min_overlap: 0.0, bins: 32, object_splits: TopDownConfig::BINNED };
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small part of a small count")]
 fn built(corners: &[Corners], config: &SpatialConfig) -> (canted_lbvh::Tree, References) {
     let (tree, references) = spatial(corners, config);
     let (stats, _) = checked(&tree, &references.boxes);

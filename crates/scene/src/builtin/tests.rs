@@ -3,12 +3,9 @@
 use canted_obb::vector::{Vector as Vec3, cross, dot, length, sub};
 
 use super::{
+    build::{MeshBuilder, Paint, hills, noise, tilted, unit},
     builtin,
-    land::ground,
-    mesh_builder::{MeshBuilder, unit},
-    noise::{hills, noise},
-    palette::Paint,
-    scene_builder::tilted,
+    landscape::ground,
 };
 use crate::{Light, Mesh, Scene};
 

@@ -1,10 +1,9 @@
-//! A scene at many times of its animation.
+//! A scene at many times of its animation, and two of them in one: what moves while the shutter is open.
 
 use std::path::Path;
 
-use super::input::{self, Format, Input};
-use super::{ReadError, ReadOptions, gltf, read_static, shutter};
-use crate::Scene;
+use super::{Format, Input, ReadError, ReadOptions, gltf, open, read_static};
+use crate::{Instance, Mesh, MeshClose, Scene};
 
 /// An open file that poses its scene at any time of an animation, without reading materials and images again.
 ///
@@ -31,7 +30,7 @@ impl AnimatedScene {
     /// # Errors
     /// As [`read_with`](super::read_with), and [`ReadError::VertexNotFinite`].
     pub fn open(path: &Path, options: &ReadOptions) -> Result<(Self, Scene), ReadError> {
-        let Input { format, bytes } = input::open(path)?;
+        let Input { format, bytes } = open(path)?;
         if format == Format::Gltf {
             let (poses, scene) = gltf::Poses::open(path, &bytes, options)?;
             return Ok((Self(poses), scene));
@@ -94,7 +93,7 @@ impl AnimatedScene {
         let mut posed = poses.at(open)?;
         let later = poses.at(close)?;
         let fail = |what| ReadError::Shutter { path: poses.path().to_owned(), times, what };
-        shutter::join(&mut posed, later).map_err(fail)?;
+        join(&mut posed, later).map_err(fail)?;
         replace(scene, posed);
         Ok(())
     }
@@ -109,4 +108,38 @@ fn replace(scene: &mut Scene, posed: Scene) {
     scene.camera_names = camera_names;
     scene.lights = lights;
     scene.warnings = warnings;
+}
+
+/// Adds the positions of `close`, a later pose of the same scene, to those of `open` as the ones at shutter close.
+///
+/// # Errors
+/// What differs, other than positions, normals, tangents and transforms.
+fn join(open: &mut Scene, close: Scene) -> Result<(), &'static str> {
+    if open.meshes.len() != close.meshes.len() {
+        return Err("other meshes");
+    }
+    let is_same = |(a, b): (&Instance, &Instance)| a.mesh == b.mesh && a.first_primitive == b.first_primitive;
+    if open.instances.len() != close.instances.len() || !open.instances.iter().zip(&close.instances).all(is_same) {
+        return Err("other instances");
+    }
+    let is_same = |(a, b): (&Mesh, &Mesh)| a.triangles == b.triangles && a.positions.len() == b.positions.len();
+    if !open.meshes.iter().zip(&close.meshes).all(is_same) {
+        return Err("other triangles");
+    }
+    for (mesh, later) in open.meshes.iter_mut().zip(close.meshes) {
+        if mesh.positions != later.positions {
+            let Mesh { positions, normals, tangents, .. } = later;
+            mesh.close = Some(MeshClose { positions, normals, tangents });
+        }
+    }
+    for (instance, later) in open.instances.iter_mut().zip(close.instances) {
+        let close = later.world_from_object;
+        instance.world_from_object_close = (close != instance.world_from_object).then_some(close);
+    }
+    for warning in close.warnings {
+        if !open.warnings.contains(&warning) {
+            open.warnings.push(warning);
+        }
+    }
+    Ok(())
 }

@@ -46,7 +46,7 @@ fn format_of(name: &str, bytes: &[u8]) -> Result<(ImageFormat, u64), String> {
 pub(crate) fn decode(name: &str, bytes: &[u8]) -> Result<Texture, String> {
     if bytes.starts_with(KTX2) {
         #[cfg(feature = "ktx2")]
-        return super::ktx2::decode(name, bytes);
+        return super::ktx2::decode(name, bytes, MAX_TEXELS);
         #[cfg(not(feature = "ktx2"))]
         return Err("KTX2 images require the feature 'ktx2'".to_owned());
     }
@@ -126,7 +126,6 @@ pub(crate) fn into_normals(texture: Texture) -> Texture {
         let up = at(x, (y + height - 1) % height) - at(x, (y + 1) % height);
         let normal = [-0.5 * SLOPE * across, -0.5 * SLOPE * up, 1.0_f32];
         let length = normal.iter().map(|c| c * c).sum::<f32>().sqrt();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 255")]
         let [r, g, b] = normal.map(|c| (127.5 + 127.5 * c / length).round() as u8);
         [r, g, b, u8::MAX]
     };
@@ -135,7 +134,6 @@ pub(crate) fn into_normals(texture: Texture) -> Texture {
 }
 
 /// Luma of encoded values with Rec. 709 weights; exact for gray.
-#[expect(clippy::cast_possible_truncation, reason = "the weights sum to 10000, so the mean fits a byte")]
 fn luminance(rgb: [u8; 3]) -> u8 {
     let [r, g, b] = rgb.map(u32::from);
     ((2126 * r + 7152 * g + 722 * b + 5000) / 10000) as u8

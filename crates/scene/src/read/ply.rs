@@ -8,23 +8,23 @@
 //! vertex colors always. Triangle strips become triangles.
 
 mod body;
-mod faces;
-mod header;
-mod table;
+#[cfg(test)]
+mod tests;
 
 use std::path::Path;
 
-use self::faces::Faces;
-use self::table::Table;
+use body::{Body, Element, Header, Kind, Scalar, header};
+
 use super::folder::Folder;
-use super::mesh_checks::{MeshChecks, unit_normal, usable_uv};
-use super::{ReadError, image, single, text, vertex_colors};
+use super::mesh::{MeshChecks, linear_colors, single_mesh, unit_normal, usable_uv};
+use super::text::{self, quoted};
+use super::{ReadError, image};
 use crate::{Material, Mesh, Scene, TextureId, TextureRef};
 
 /// Parses a PLY file; `path` gives the folder of the texture and is used in messages.
 pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
-    let (header, body) = header::header(path, bytes)?;
-    let (table, is_read_to_end) = table::table(path, &header, body)?;
+    let (header, body) = header(path, bytes)?;
+    let (table, is_read_to_end) = table(path, &header, body)?;
     if table.faces.is_empty() {
         return Err(ReadError::empty(path, "no faces"));
     }
@@ -36,15 +36,16 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
     let mut checks = MeshChecks::default();
     let mut table = table;
     let triangles = triangles(path, &table.positions, std::mem::take(&mut table.faces), &mut checks)?;
-    let colors = table.colors.take().and_then(|colors| {
-        vertex_colors::linear(colors, table.max_color).map_err(|warning| scene.warnings.push(warning)).ok()
-    });
+    let colors = table
+        .colors
+        .take()
+        .and_then(|colors| linear_colors(colors, table.max_color).map_err(|warning| scene.warnings.push(warning)).ok());
     if colors.is_some() {
         // Colors are reflectances, not factors of the default gray.
         material.base_color = [1.0; 3];
     }
-    let mesh = Mesh { colors, ..mesh(table, triangles, !scene.textures.is_empty()) };
-    single::add(path, mesh, material, checks, scene)
+    let mesh = Mesh { colors, ..to_mesh(table, triangles, !scene.textures.is_empty()) };
+    single_mesh(path, mesh, material, checks, scene)
 }
 
 /// The default material, or one with the texture of the header.
@@ -112,11 +113,270 @@ fn triangles(
     Ok(triangles)
 }
 
-fn mesh(table: Table, triangles: Vec<[u32; 3]>, is_textured: bool) -> Mesh {
+fn to_mesh(table: Table, triangles: Vec<[u32; 3]>, is_textured: bool) -> Mesh {
     let normals = table.normals.map(|normals| normals.into_iter().map(unit_normal).collect());
     let uvs = table.uvs.filter(|_| is_textured).map(|uvs| uvs.into_iter().map(usable_uv).collect());
     Mesh { positions: table.positions, triangles, normals, uvs, ..Mesh::default() }
 }
 
-#[cfg(test)]
-mod tests;
+/// Vertices and faces. Vertex indices are unchecked.
+#[derive(Debug, Default)]
+struct Table {
+    positions: Vec<[f32; 3]>,
+    /// One per position.
+    normals: Option<Vec<[f32; 3]>>,
+    /// One per position.
+    uvs: Option<Vec<[f32; 2]>>,
+    /// One per position, each value from 0 to [`Table::max_color`].
+    colors: Option<Vec<[f32; 3]>>,
+    /// The color value of full intensity; `None` for numbers that are not integers, whose range decides.
+    max_color: Option<f32>,
+    faces: Faces,
+}
+
+/// Number of entries of [`VERTEX`].
+const N_SLOTS: usize = 11;
+
+/// Property names of position, normal, texture coordinates and color.
+const VERTEX: [&[&[u8]]; N_SLOTS] = [
+    &[b"x"],
+    &[b"y"],
+    &[b"z"],
+    &[b"nx"],
+    &[b"ny"],
+    &[b"nz"],
+    &[b"u", b"s", b"texture_u", b"texture_s"],
+    &[b"v", b"t", b"texture_v", b"texture_t"],
+    &[b"red", b"r", b"diffuse_red"],
+    &[b"green", b"g", b"diffuse_green"],
+    &[b"blue", b"b", b"diffuse_blue"],
+];
+
+/// Property names of the vertex indices of a face.
+const FACE: [&[u8]; 2] = [b"vertex_indices", b"vertex_index"];
+
+/// Reads all elements; also whether the body ends after the last one.
+fn table(path: &Path, header: &Header, bytes: &[u8]) -> Result<(Table, bool), ReadError> {
+    let mut body = Body::new(header.encoding, bytes);
+    let mut table = Table::default();
+    for element in &header.elements {
+        let name = String::from_utf8_lossy(element.name);
+        let of_element = |message| ReadError::malformed(path, format!("element {}", quoted(element.name)), message);
+        let of_row = |row: usize, message| ReadError::malformed(path, format!("{name} {row}"), message);
+        let n_rows = body.rows(element).map_err(of_element)?;
+        match element.name {
+            b"vertex" => {
+                let slots = vertex_slots(element).map_err(of_element)?;
+                table.reserve_vertices(n_rows, &slots);
+                table.max_color = max_color(element, &slots);
+                for row in 0..n_rows {
+                    table.vertex(&mut body, element, &slots).map_err(|message| of_row(row, message))?;
+                }
+            }
+            b"tristrips" => {
+                let list = face_list(element).map_err(of_element)?;
+                for row in 0..n_rows {
+                    table.strips(&mut body, element, list).map_err(|message| of_row(row, message))?;
+                }
+            }
+            b"face" => {
+                let list = face_list(element).map_err(of_element)?;
+                table.faces.reserve(n_rows);
+                let mut face = Vec::new();
+                for row in 0..n_rows {
+                    table.face(&mut body, element, list, &mut face).map_err(|message| of_row(row, message))?;
+                }
+            }
+            _ => {
+                for row in 0..n_rows {
+                    let mut properties = element.properties.iter();
+                    properties.try_for_each(|property| body.skip(property.kind)).map_err(|m| of_row(row, m))?;
+                }
+            }
+        }
+    }
+    Ok((table, body.is_at_end()))
+}
+
+/// Index into [`VERTEX`] of each vertex property; the first of several with the same meaning is used.
+fn vertex_slots(element: &Element) -> Result<Vec<Option<usize>>, String> {
+    let mut is_taken = [false; N_SLOTS];
+    let slots = element.properties.iter().map(|property| {
+        let is_scalar = matches!(property.kind, Kind::Scalar(_));
+        let slot = VERTEX.iter().position(|names| is_scalar && names.contains(&property.name));
+        slot.filter(|&slot| !std::mem::replace(&mut is_taken[slot], true))
+    });
+    let slots = slots.collect();
+    match is_taken[..3].iter().position(|&taken| !taken) {
+        Some(axis) => Err(format!("missing property '{}'", ["x", "y", "z"][axis])),
+        None => Ok(slots),
+    }
+}
+
+/// Index of the property with the vertex indices.
+fn face_list(element: &Element) -> Result<usize, String> {
+    let list = element.properties.iter().position(|property| FACE.contains(&property.name));
+    let list = list.ok_or("missing property 'vertex_indices'")?;
+    match element.properties[list].kind {
+        Kind::List { item, .. } if item.is_integer() => Ok(list),
+        _ => Err("'vertex_indices' must be a list of integers".into()),
+    }
+}
+
+/// The largest value of the integer type of the first color property.
+fn max_color(element: &Element, slots: &[Option<usize>]) -> Option<f32> {
+    let red = slots.iter().position(|&slot| slot == Some(8))?;
+    match element.properties[red].kind {
+        Kind::Scalar(Scalar::U8 | Scalar::I8) => Some(255.0),
+        Kind::Scalar(Scalar::U16 | Scalar::I16) => Some(65_535.0),
+        _ => None,
+    }
+}
+
+impl Table {
+    fn reserve_vertices(&mut self, n: usize, slots: &[Option<usize>]) {
+        let has = |needed: std::ops::Range<usize>| needed.into_iter().all(|slot| slots.contains(&Some(slot)));
+        self.positions.reserve_exact(n);
+        self.normals = has(3..6).then(|| Vec::with_capacity(n));
+        self.uvs = has(6..8).then(|| Vec::with_capacity(n));
+        self.colors = has(8..N_SLOTS).then(|| Vec::with_capacity(n));
+    }
+
+    fn vertex(&mut self, body: &mut Body, element: &Element, slots: &[Option<usize>]) -> Result<(), String> {
+        let mut numbers = [0.0; N_SLOTS];
+        for (property, slot) in element.properties.iter().zip(slots) {
+            match (property.kind, slot) {
+                (Kind::Scalar(scalar), &Some(slot)) => numbers[slot] = body.float(scalar)?,
+                (kind, _) => body.skip(kind)?,
+            }
+        }
+        let [x, y, z, nx, ny, nz, u, v, r, g, b] = numbers;
+        self.positions.push([x, y, z]);
+        if let Some(normals) = &mut self.normals {
+            normals.push([nx, ny, nz]);
+        }
+        if let Some(uvs) = &mut self.uvs {
+            uvs.push([u, v]);
+        }
+        if let Some(colors) = &mut self.colors {
+            colors.push([r, g, b]);
+        }
+        Ok(())
+    }
+
+    /// Reads a face; `face` is memory.
+    fn face(&mut self, body: &mut Body, element: &Element, list: usize, face: &mut Vec<u32>) -> Result<(), String> {
+        face.clear();
+        for (k, property) in element.properties.iter().enumerate() {
+            match property.kind {
+                Kind::List { count, item } if k == list => corners(body, count, item, face)?,
+                kind => body.skip(kind)?,
+            }
+        }
+        self.faces.push(face);
+        Ok(())
+    }
+
+    /// Triangle strips: each index after the first two of a strip makes a triangle with the two before it, every other one
+    /// turned around; a negative index ends a strip. Triangles with a repeated index only join strips.
+    fn strips(&mut self, body: &mut Body, element: &Element, list: usize) -> Result<(), String> {
+        for (k, property) in element.properties.iter().enumerate() {
+            let (count, item) = match property.kind {
+                Kind::List { count, item } if k == list => (count, item),
+                kind => {
+                    body.skip(kind)?;
+                    continue;
+                }
+            };
+            let (mut strip, mut n_strip) = ([0_u32; 2], 0_usize);
+            for _ in 0..body.length(count, item)? {
+                let index = body.integer(item)?;
+                if index < 0 {
+                    n_strip = 0;
+                    continue;
+                }
+                let c = u32::try_from(index).map_err(|_| format!("invalid vertex index {index}"))?;
+                let [a, b] = strip;
+                if n_strip >= 2 && a != b && b != c && c != a {
+                    self.faces.push(&if n_strip.is_multiple_of(2) { [a, b, c] } else { [b, a, c] });
+                }
+                (strip, n_strip) = ([b, c], n_strip + 1);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Appends the vertex indices of a face.
+fn corners(body: &mut Body, count: Scalar, item: Scalar, face: &mut Vec<u32>) -> Result<(), String> {
+    for _ in 0..body.length(count, item)? {
+        let index = body.integer(item)?;
+        face.push(u32::try_from(index).map_err(|_| format!("invalid vertex index {index}"))?);
+    }
+    Ok(())
+}
+
+/// Vertex indices of all faces, unchecked: meshes of triangles, which are the most and the largest, need no ends of lists.
+#[derive(Debug, Default)]
+struct Faces {
+    /// All faces, as long as each has three corners.
+    triangles: Vec<[u32; 3]>,
+    /// All faces, from the first that has not.
+    polygons: Option<Polygons>,
+}
+
+/// Faces of any number of corners.
+#[derive(Debug)]
+struct Polygons {
+    /// Vertex indices of all faces, concatenated.
+    corners: Vec<u32>,
+    /// End of each face in `corners`.
+    ends: Vec<usize>,
+}
+
+impl Faces {
+    /// Makes room for `n` more triangles.
+    fn reserve(&mut self, n: usize) {
+        self.triangles.reserve_exact(n);
+    }
+
+    /// Adds a face.
+    fn push(&mut self, face: &[u32]) {
+        match (&mut self.polygons, face) {
+            (None, &[a, b, c]) => self.triangles.push([a, b, c]),
+            (Some(polygons), face) => polygons.push(face),
+            (None, face) => {
+                let ends = (1..=self.triangles.len()).map(|n| 3 * n).collect();
+                let mut polygons = Polygons { corners: std::mem::take(&mut self.triangles).into_flattened(), ends };
+                polygons.push(face);
+                self.polygons = Some(polygons);
+            }
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.triangles.is_empty() && self.polygons.is_none()
+    }
+
+    /// All faces where each has three corners, in the memory that holds them; else all faces as polygons.
+    fn into_triangles(self) -> Result<Vec<[u32; 3]>, Polygons> {
+        self.polygons.map_or(Ok(self.triangles), Err)
+    }
+}
+
+impl Polygons {
+    /// The faces, in order.
+    fn iter(&self) -> impl Iterator<Item = &[u32]> {
+        let starts = std::iter::once(&0).chain(&self.ends);
+        starts.zip(&self.ends).map(|(&start, &end)| &self.corners[start..end])
+    }
+
+    fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    fn push(&mut self, face: &[u32]) {
+        self.corners.extend_from_slice(face);
+        self.ends.push(self.corners.len());
+    }
+}

@@ -9,14 +9,13 @@
 //!
 //! Source: 3D Systems, StereoLithography Interface Specification, 1989.
 
-mod ascii;
-mod binary;
-
+use std::hash::{BuildHasher, RandomState};
 use std::path::Path;
 
-use super::mesh_checks::MeshChecks;
-use super::weld::Weld;
-use super::{ReadError, single};
+use super::ReadError;
+use super::error::WarningGroups;
+use super::mesh::{MeshChecks, single_mesh};
+use super::text::{self, quoted};
 use crate::{Material, Mesh, Scene};
 
 /// Bytes examined for the format: more than the header of a binary file.
@@ -27,30 +26,28 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
     let mut triangles = Triangles::new();
     let mut scene = Scene::default();
     if is_ascii(bytes) {
-        ascii::read(path, bytes, &mut triangles, &mut scene.warnings)?;
+        read_ascii(path, bytes, &mut triangles, &mut scene.warnings)?;
     } else {
-        binary::read(path, bytes, &mut triangles, &mut scene.warnings)?;
+        read_binary(path, bytes, &mut triangles, &mut scene.warnings)?;
     }
     let Triangles { weld, triangles, checks } = triangles;
     let mesh = Mesh { positions: weld.finish(), triangles, ..Mesh::default() };
-    single::add(path, mesh, Material::default(), checks, scene)
+    single_mesh(path, mesh, Material::default(), checks, scene)
 }
 
 /// Whether a file is ASCII: it begins with `solid` and has neither the size that a binary file declares nor a zero byte.
 ///
 /// Headers of binary files may begin with `solid` too, but their triangle count has a zero byte up to 2^24 triangles.
-pub(super) fn is_ascii(bytes: &[u8]) -> bool {
+fn is_ascii(bytes: &[u8]) -> bool {
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
     let is_solid = text.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
-    is_solid
-        && !binary::has_declared_size(bytes, bytes.len() as u64)
-        && !bytes[..bytes.len().min(HEAD_BYTES)].contains(&0)
+    is_solid && !has_declared_size(bytes, bytes.len() as u64) && !bytes[..bytes.len().min(HEAD_BYTES)].contains(&0)
 }
 
 /// Whether the first bytes of a file of `n_bytes` are STL: ASCII with a facet, or binary of the size that it declares.
 pub(super) fn is_stl(head: &[u8], n_bytes: u64) -> bool {
     let has_facet = || head.to_ascii_lowercase().windows(5).any(|word| word == b"facet");
-    binary::has_declared_size(head, n_bytes) || is_ascii(head) && has_facet()
+    has_declared_size(head, n_bytes) || is_ascii(head) && has_facet()
 }
 
 /// Triangles with welded vertices.
@@ -85,5 +82,467 @@ fn too_many(path: &Path) -> ReadError {
     ReadError::unsupported(path, "more than 2^32 vertices")
 }
 
+/// The unread words of a file.
+struct Words<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Words<'a> {
+    fn next(&mut self) -> Option<&'a [u8]> {
+        let rest = &self.bytes[self.at..];
+        let start = rest.iter().position(|byte| !byte.is_ascii_whitespace())?;
+        let length = rest[start..].iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len() - start);
+        self.at += start + length;
+        Some(&rest[start..start + length])
+    }
+
+    /// Skips the rest of the line: the name of a solid.
+    fn skip_line(&mut self) {
+        let rest = &self.bytes[self.at..];
+        self.at += rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
+    }
+
+    /// The line of the last word, from 1.
+    fn line(&self) -> String {
+        format!("line {}", 1 + self.bytes[..self.at].iter().filter(|&&byte| byte == b'\n').count())
+    }
+
+    fn malformed(&self, path: &Path, message: impl Into<String>) -> ReadError {
+        ReadError::malformed(path, self.line(), message)
+    }
+}
+
+/// Keywords, the frequent ones first.
+#[derive(Clone, Copy, PartialEq)]
+enum Keyword {
+    Vertex,
+    Facet,
+    Normal,
+    Outer,
+    Loop,
+    EndLoop,
+    EndFacet,
+    Solid,
+    EndSolid,
+}
+
+const KEYWORDS: [(&[u8], Keyword); 9] = [
+    (b"vertex", Keyword::Vertex),
+    (b"facet", Keyword::Facet),
+    (b"normal", Keyword::Normal),
+    (b"outer", Keyword::Outer),
+    (b"loop", Keyword::Loop),
+    (b"endloop", Keyword::EndLoop),
+    (b"endfacet", Keyword::EndFacet),
+    (b"solid", Keyword::Solid),
+    (b"endsolid", Keyword::EndSolid),
+];
+
+/// Reads all facets of all solids: words separated by white space. Keywords are accepted in any case, facets with more than three
+/// vertices are triangulated.
+fn read_ascii(
+    path: &Path,
+    bytes: &[u8],
+    triangles: &mut Triangles,
+    warnings: &mut Vec<String>,
+) -> Result<(), ReadError> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let mut words = Words { bytes, at: 0 };
+    let (mut polygon, mut cuts, mut grouped) = (Vec::new(), Vec::new(), WarningGroups::default());
+    let mut is_in_facet = false;
+    let mut last = Keyword::Solid;
+    while let Some(word) = words.next() {
+        let Some(&(_, keyword)) = KEYWORDS.iter().find(|(name, _)| name.eq_ignore_ascii_case(word)) else {
+            if text::float(word).is_none() {
+                return Err(words.malformed(path, format!("unknown statement {}", quoted(word))));
+            }
+            grouped.add_once("ignoring surplus numbers", &words.line());
+            continue;
+        };
+        match keyword {
+            Keyword::Vertex => polygon.push(vertex(path, &mut words)?),
+            Keyword::Facet | Keyword::Outer => {
+                if !polygon.is_empty() {
+                    return Err(words.malformed(path, format!("expected 'endloop', found {}", quoted(word))));
+                }
+                is_in_facet = true;
+            }
+            // Ignored, so it may be any three words.
+            Keyword::Normal => {
+                for _ in 0..3 {
+                    words.next();
+                }
+            }
+            Keyword::EndLoop => {
+                close(&polygon, &mut cuts, triangles).ok_or_else(|| too_many(path))?;
+                polygon.clear();
+            }
+            Keyword::EndFacet if !polygon.is_empty() => {
+                return Err(words.malformed(path, format!("expected 'endloop', found {}", quoted(word))));
+            }
+            Keyword::EndFacet => is_in_facet = false,
+            Keyword::Solid | Keyword::EndSolid => words.skip_line(),
+            Keyword::Loop => {}
+        }
+        last = keyword;
+    }
+    if is_in_facet || !polygon.is_empty() {
+        return Err(words.malformed(path, "unexpected end of file in a facet"));
+    }
+    if last != Keyword::EndSolid {
+        grouped.add("missing 'endsolid'", &words.line());
+    }
+    grouped.finish(warnings);
+    Ok(())
+}
+
+fn vertex(path: &Path, words: &mut Words) -> Result<[f32; 3], ReadError> {
+    let mut position = [0.0; 3];
+    for coordinate in &mut position {
+        let word = words.next().ok_or_else(|| words.malformed(path, "unexpected end of file in a vertex"))?;
+        *coordinate = text::float(word)
+            .ok_or_else(|| words.malformed(path, format!("vertex: expected a number, found {}", quoted(word))))?;
+    }
+    Ok(position)
+}
+
+/// Adds the triangles of a facet; `None` for too many vertices.
+fn close(polygon: &[[f32; 3]], cuts: &mut Vec<[usize; 3]>, triangles: &mut Triangles) -> Option<()> {
+    match *polygon {
+        [a, b, c] => triangles.add([a, b, c])?,
+        [] | [_] | [_, _] => triangles.checks.n_small_faces += 1,
+        _ => {
+            triangles.checks.triangulate(polygon, cuts);
+            for cut in cuts {
+                triangles.push(cut.map(|k| polygon[k]))?;
+            }
+        }
+    }
+    Some(())
+}
+
+/// Header and count.
+const START_BYTES: usize = 84;
+/// Normal, three vertices and an attribute of two bytes.
+const TRIANGLE_BYTES: usize = 50;
+
+/// The declared number of triangles.
+fn count(bytes: &[u8]) -> Option<u32> {
+    bytes.get(80..START_BYTES)?.try_into().ok().map(u32::from_le_bytes)
+}
+
+/// Whether a file of `n_bytes` with this start has exactly the size that it declares.
+fn has_declared_size(start: &[u8], n_bytes: u64) -> bool {
+    let expected = |n: u32| u64::from(n) * TRIANGLE_BYTES as u64 + START_BYTES as u64;
+    count(start).is_some_and(|n| n_bytes == expected(n))
+}
+
+/// Reads all triangles of a binary file: a header of 80 bytes, a count, and 50 bytes per triangle, little-endian. Bytes after the last one and attributes are reported.
+fn read_binary(
+    path: &Path,
+    bytes: &[u8],
+    triangles: &mut Triangles,
+    warnings: &mut Vec<String>,
+) -> Result<(), ReadError> {
+    let n_declared = count(bytes).ok_or_else(|| {
+        let message = format!("{} bytes, but a binary STL file has at least {START_BYTES}", bytes.len());
+        ReadError::malformed(path, "header", message)
+    })?;
+    let (records, rest) = bytes[START_BYTES..].as_chunks::<TRIANGLE_BYTES>();
+    let n = usize::try_from(n_declared).ok().filter(|&n| n <= records.len()).ok_or_else(|| {
+        let message = format!("{n_declared} triangles declared, but the remaining data holds {}", records.len());
+        ReadError::malformed(path, "header", message)
+    })?;
+    if n < records.len() || !rest.is_empty() {
+        warnings.push("ignoring bytes after the last declared triangle".to_owned());
+    }
+    triangles.triangles.reserve_exact(n);
+    let mut n_attributes = 0_usize;
+    for record in &records[..n] {
+        let (numbers, attribute) = record.as_chunks::<4>();
+        // The first three numbers are the normal.
+        let number = |k: usize| f32::from_le_bytes(numbers[k]);
+        let corner = |k: usize| [number(3 * k + 3), number(3 * k + 4), number(3 * k + 5)];
+        triangles.add([corner(0), corner(1), corner(2)]).ok_or_else(|| too_many(path))?;
+        n_attributes += usize::from(attribute != [0, 0]);
+    }
+    if n_attributes > 0 {
+        warnings.push(format!("ignoring attributes of triangles (colors): {n_attributes}"));
+    }
+    Ok(())
+}
+
+/// An unused slot.
+const EMPTY: u32 = u32::MAX;
+
+/// Distinct positions in order of first occurrence, with a hash table of their indices (open addressing, linear probing).
+///
+/// Positions are equal if all their bits are, so 0.0 and -0.0 differ. The hash has random seeds, so that no file can be made
+/// to collide; the indices do not depend on them.
+struct Weld {
+    positions: Vec<[f32; 3]>,
+    /// Indices into `positions`; a power of two, at least half of them unused.
+    slots: Vec<u32>,
+    seeds: [u64; 2],
+}
+
+impl Weld {
+    fn new() -> Self {
+        let random = RandomState::new();
+        Self { positions: Vec::new(), slots: vec![EMPTY; 16], seeds: [0, 1].map(|k| random.hash_one(k)) }
+    }
+
+    /// The index of a position; `None` for more than 2^32 - 1 positions.
+    fn index(&mut self, position: [f32; 3]) -> Option<u32> {
+        let bits = position.map(f32::to_bits);
+        let mut slot = self.hash(bits);
+        loop {
+            slot &= self.slots.len() - 1;
+            match self.slots[slot] {
+                EMPTY => break,
+                index if self.positions[index as usize].map(f32::to_bits) == bits => return Some(index),
+                _ => slot += 1,
+            }
+        }
+        let index = u32::try_from(self.positions.len()).ok().filter(|&index| index != EMPTY)?;
+        self.slots[slot] = index;
+        self.positions.push(position);
+        if self.positions.len() > self.slots.len() / 2 {
+            self.grow();
+        }
+        Some(index)
+    }
+
+    /// All positions by index.
+    fn finish(self) -> Vec<[f32; 3]> {
+        self.positions
+    }
+
+    /// Doubles the table.
+    fn grow(&mut self) {
+        let mask = 2 * self.slots.len() - 1;
+        self.slots = vec![EMPTY; mask + 1];
+        for (&position, index) in self.positions.iter().zip(0..) {
+            let mut slot = self.hash(position.map(f32::to_bits)) & mask;
+            while self.slots[slot] != EMPTY {
+                slot = (slot + 1) & mask;
+            }
+            self.slots[slot] = index;
+        }
+    }
+
+    /// Both halves of a product of seeded words, combined.
+    fn hash(&self, [x, y, z]: [u32; 3]) -> usize {
+        let low = (u64::from(x) | u64::from(y) << 32) ^ self.seeds[0];
+        let product = u128::from(low) * u128::from(u64::from(z) ^ self.seeds[1]);
+        (product as u64 ^ (product >> 64) as u64) as usize
+    }
+}
+
 #[cfg(test)]
-mod tests;
+mod tests {
+    use std::collections::HashMap;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Few distinct values, both zeros and numbers that are not finite, so that equal positions are frequent.
+    fn repeated() -> impl Strategy<Value = f32> {
+        prop::sample::select(vec![0.0, -0.0, 1.0, -1.0, 1e7, 1e7 + 1.0, 1e-30, f32::NAN, f32::INFINITY])
+    }
+
+    proptest! {
+        #[test]
+        fn matches_a_hash_map(positions in prop::collection::vec([repeated(), repeated(), repeated()], 0..600)) {
+            let (mut weld, mut first, mut distinct) = (Weld::new(), HashMap::new(), Vec::new());
+            for &position in &positions {
+                let bits = position.map(f32::to_bits);
+                let want = *first.entry(bits).or_insert_with(|| {
+                    distinct.push(bits);
+                    distinct.len() - 1
+                });
+                prop_assert_eq!(weld.index(position).map(|index| index as usize), Some(want));
+            }
+            let got: Vec<_> = weld.finish().into_iter().map(|position| position.map(f32::to_bits)).collect();
+            prop_assert_eq!(got, distinct);
+        }
+    }
+
+    #[test]
+    fn zeros_of_both_signs_stay_apart() {
+        let mut weld = Weld::new();
+        assert_ne!(weld.index([0.0; 3]), weld.index([-0.0, 0.0, 0.0]));
+    }
+
+    /// Corners of the triangles of a unit cube.
+    fn cube() -> Vec<[[f32; 3]; 3]> {
+        let corner = |k: u8| [0, 1, 2].map(|axis| f32::from(k >> axis & 1));
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c].map(corner), [a, c, d].map(corner)]).collect()
+    }
+
+    fn binary(header: &[u8], triangles: &[[[f32; 3]; 3]]) -> Vec<u8> {
+        let mut bytes = header.to_vec();
+        bytes.resize(80, 0);
+        bytes.extend(u32::try_from(triangles.len()).unwrap().to_le_bytes());
+        for triangle in triangles {
+            bytes.extend([0; 12]);
+            bytes.extend(triangle.iter().flatten().flat_map(|x| x.to_le_bytes()));
+            bytes.extend([0; 2]);
+        }
+        bytes
+    }
+
+    fn ascii(triangles: &[[[f32; 3]; 3]]) -> String {
+        let facet = |triangle: &[[f32; 3]; 3]| {
+            let vertices: String =
+                triangle.iter().map(|[x, y, z]| format!("      vertex {x:e} {y:e} {z:e}\n")).collect();
+            format!("  facet normal 0 0 0\n    outer loop\n{vertices}    endloop\n  endfacet\n")
+        };
+        format!("solid a facet\n{}endsolid a\n", triangles.iter().map(facet).collect::<String>())
+    }
+
+    fn stl(bytes: impl AsRef<[u8]>) -> Result<Scene, ReadError> {
+        parse(Path::new("model.stl"), bytes.as_ref())
+    }
+
+    /// Bits of the corners of all triangles of the mesh.
+    fn corners(scene: &Scene) -> Vec<[[u32; 3]; 3]> {
+        let mesh = &scene.meshes[0];
+        mesh.triangles.iter().map(|t| t.map(|k| mesh.positions[k as usize].map(f32::to_bits))).collect()
+    }
+
+    #[track_caller]
+    fn is_cube(scene: Result<Scene, ReadError>, warnings: &[&str]) {
+        let scene = scene.unwrap();
+        assert_eq!(scene.warnings, warnings);
+        assert_eq!(scene.meshes[0].positions.len(), 8, "vertices are welded");
+        assert_eq!(corners(&scene), cube().iter().map(|t| t.map(|p| p.map(f32::to_bits))).collect::<Vec<_>>());
+        assert_eq!(scene.meshes[0].name, "model");
+    }
+
+    #[test]
+    fn both_encodings_agree() {
+        is_cube(stl(ascii(&cube())), &[]);
+        is_cube(stl(binary(b"", &cube())), &[]);
+        is_cube(stl(binary(b"solid but binary\nfacet", &cube())), &[]);
+        is_cube(stl(ascii(&cube()).replace('\n', "\r\n")), &[]);
+        is_cube(stl(ascii(&cube()).to_uppercase()), &[]);
+        is_cube(stl(format!("\u{feff}\n{}", ascii(&cube()))), &[]);
+        let text = ascii(&cube());
+        let (name, rest) = text.split_once('\n').unwrap();
+        is_cube(stl(format!("{name}\n{}", rest.split_whitespace().collect::<Vec<_>>().join("\t"))), &[]);
+    }
+
+    #[test]
+    fn repairs_are_reported() {
+        let text = ascii(&cube());
+        is_cube(stl(text.trim_end().trim_end_matches("endsolid a")), &["missing 'endsolid': line 85"]);
+        is_cube(
+            stl(text.replace("vertex 0e0 0e0 1e0\n", "vertex 0e0 0e0 1e0 7\n")),
+            &["ignoring surplus numbers: line 18"],
+        );
+        is_cube(stl([binary(b"", &cube()), vec![1]].concat()), &["ignoring bytes after the last declared triangle"]);
+        let mut colored = binary(b"COLOR=", &cube());
+        colored[84 + 48] = 1;
+        is_cube(stl(colored), &["ignoring attributes of triangles (colors): 1"]);
+
+        let mut bad = cube();
+        bad[3][1][2] = f32::NAN;
+        bad[5][0] = bad[5][1];
+        for bytes in [ascii(&bad).replace("NaN", "nan").into_bytes(), binary(b"", &bad)] {
+            let scene = stl(bytes).unwrap();
+            assert_eq!(
+                scene.warnings,
+                ["skipping triangles with a non-finite vertex: 1", "degenerate triangles (zero area): 1"]
+            );
+            assert_eq!(scene.n_placed_triangles(), 11);
+        }
+    }
+
+    #[test]
+    fn several_solids_and_polygons_form_one_mesh() {
+        let square = "solid b\nfacet normal 0 0 1\nouter loop\nvertex 0 0 5\nvertex 1 0 5\nvertex 1 1 5\nvertex 0 1 5\n\
+                      endloop\nendfacet\nfacet normal 0 0 1\nouter loop\nvertex 0 0 5\nendloop\nendfacet\nendsolid\n";
+        let scene = stl(ascii(&cube()) + square).unwrap();
+        assert_eq!(scene.warnings, ["skipping faces with fewer than 3 vertices: 1"]);
+        assert_eq!((scene.n_placed_triangles(), scene.meshes[0].positions.len()), (14, 12));
+    }
+
+    #[test]
+    fn errors_contain_location_and_value() {
+        let text = |from: &str, to: &str| ascii(&cube()).replacen(from, to, 1).into_bytes();
+        let mut long = binary(b"", &cube());
+        long[80] = 13;
+        for (bytes, message) in [
+            (b"".to_vec(), "header: 0 bytes, but a binary STL file has at least 84"),
+            (b"cube".to_vec(), "header: 4 bytes, but a binary STL file has at least 84"),
+            (long, "header: 13 triangles declared, but the remaining data holds 12"),
+            (b"solid a\nendsolid a\n".to_vec(), "nothing to draw: no triangles"),
+            (binary(b"", &[]), "nothing to draw: no triangles"),
+            (text("vertex 0e0", "vertex 0,5"), "line 4: vertex: expected a number, found '0,5'"),
+            (text("vertex", "vertx"), "line 4: unknown statement 'vertx'"),
+            (text("    endloop\n", ""), "line 7: expected 'endloop', found 'endfacet'"),
+            (text("    endloop\n  endfacet\n", ""), "line 7: expected 'endloop', found 'facet'"),
+            (
+                b"solid\nfacet normal 0 0 1\nouter loop\nvertex 1 2".to_vec(),
+                "line 4: unexpected end of file in a vertex",
+            ),
+            (b"solid\nfacet normal 0 0 1\nouter loop\n".to_vec(), "line 3: unexpected end of file in a facet"),
+        ] {
+            assert_eq!(stl(bytes).unwrap_err().to_string(), format!("model.stl: {message}"));
+        }
+    }
+
+    #[test]
+    fn rejects_every_truncation_of_a_binary_file() {
+        let full = binary(b"", &cube());
+        for length in 0..full.len() {
+            assert!(stl(&full[..length]).is_err(), "{length} bytes");
+        }
+    }
+
+    #[test]
+    fn no_truncation_of_an_ascii_file_is_silent() {
+        let full = ascii(&cube());
+        let end = full.trim_end().len() - "endsolid a".len();
+        for length in 0..end {
+            assert!(stl(&full[..length]).map_or(true, |scene| !scene.warnings.is_empty()), "{length} bytes");
+        }
+    }
+
+    /// Bit patterns of all kinds, and few enough values for vertices to repeat.
+    fn coordinate() -> impl Strategy<Value = f32> {
+        prop_oneof![
+            any::<u32>().prop_map(f32::from_bits),
+            prop::sample::select(vec![0.0, -0.0, 1.0, 1e7, -1e7, 1e-30, 3e38, f32::NAN, f32::INFINITY]),
+        ]
+    }
+
+    fn triangle() -> impl Strategy<Value = [[f32; 3]; 3]> {
+        prop::array::uniform3(prop::array::uniform3(coordinate()))
+    }
+
+    proptest! {
+        /// Welding changes no corner, and no two vertices have equal bits.
+        #[test]
+        fn corners_are_those_of_the_file(triangles in prop::collection::vec(triangle(), 1..40), text: bool) {
+            let bytes = if text { ascii(&triangles).into_bytes() } else { binary(b"", &triangles) };
+            let is_finite = |t: &&[[f32; 3]; 3]| t.iter().flatten().all(|x| x.is_finite());
+            let want: Vec<_> = triangles.iter().filter(is_finite).map(|t| t.map(|p| p.map(f32::to_bits))).collect();
+            match stl(bytes) {
+                Ok(scene) => {
+                    prop_assert_eq!(corners(&scene), want);
+                    let mut positions: Vec<_> = scene.meshes[0].positions.iter().map(|p| p.map(f32::to_bits)).collect();
+                    let n = positions.len();
+                    positions.sort_unstable();
+                    positions.dedup();
+                    prop_assert_eq!(positions.len(), n);
+                }
+                Err(error) => prop_assert!(matches!(error, ReadError::Empty { .. }), "{}", error),
+            }
+        }
+    }
+}

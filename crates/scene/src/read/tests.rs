@@ -4,7 +4,8 @@ use std::path::Path;
 
 use proptest::prelude::*;
 
-use super::{ReadError, mtl, obj, ply, read};
+use super::obj::materials::parse_library;
+use super::{ReadError, obj, ply, read};
 use crate::Scene;
 
 /// The first error in a scene: an index out of range, a non-finite position, mismatched counts.
@@ -96,7 +97,7 @@ proptest! {
     #[test]
     fn mtl_gives_valid_materials(bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..300), mutated(MTL)]) {
         let mut warnings = Vec::new();
-        for material in mtl::parse("a.mtl", &bytes, &mut warnings).values() {
+        for material in parse_library("a.mtl", &bytes, &mut warnings).values() {
             prop_assert!(material.base_color.iter().flatten().all(|x| (0.0..=1.0).contains(x)));
             prop_assert!(material.emission.iter().flatten().all(|x| *x >= 0.0 && x.is_finite()));
         }

@@ -5,11 +5,11 @@ use std::{fmt::Write, time::Instant};
 use anyhow::Result;
 use canted_gpu::{
     Gpu, GpuError,
-    build::{BuildConfig, Built, Items, Passes, Run, STRATEGIES, TwoLevels},
+    build::{BuildConfig, BuildEncoder, Built, Passes, Primitives, STRATEGIES},
 };
 use canted_lbvh::{self as lbvh, Bits, Corners, Strategy};
-use canted_scene::Scene;
-use canted_tlas::Instance;
+use canted_obb::Obb;
+use canted_scene::{Instance, Scene};
 use serde_json::{Map, Value, json};
 
 use crate::options::strategy_name;
@@ -44,7 +44,7 @@ pub(super) fn measure(gpu: &Gpu, scene: &Scene) -> Result<PassTimes> {
     let start = Instant::now();
     let (positions, triangles, _) = canted_renderer::flatten(scene)?;
     let (corners, _) = lbvh::triangle_corners(&positions, &triangles)?;
-    let one = uploaded(gpu, start, &[corners]).and_then(|(items, upload)| level(gpu, &items, Some(upload)));
+    let one = uploaded(gpu, start, &[corners]).and_then(|(primitives, upload)| level(gpu, &primitives, Some(upload)));
     let start = Instant::now();
     let meshes: Vec<Vec<Corners>> = scene
         .meshes
@@ -53,10 +53,10 @@ pub(super) fn measure(gpu: &Gpu, scene: &Scene) -> Result<PassTimes> {
         .collect::<Result<_>>()?;
     let (bottom, top, rebuild_top) = match uploaded(gpu, start, &meshes) {
         Err(error) => (Err(error.clone()), Err(error), None),
-        Ok((items, upload)) => {
-            let bottom = level(gpu, &items, Some(upload));
+        Ok((primitives, upload)) => {
+            let bottom = level(gpu, &primitives, Some(upload));
             let (top, rebuild_top) =
-                top(gpu, scene, items).map_or_else(|error| (Err(error), None), |(top, ms)| (Ok(top), Some(ms)));
+                top(gpu, scene, primitives).map_or_else(|error| (Err(error), None), |(top, ms)| (Ok(top), Some(ms)));
             (bottom, top, rebuild_top)
         }
     };
@@ -68,32 +68,39 @@ pub(super) fn measure(gpu: &Gpu, scene: &Scene) -> Result<PassTimes> {
 }
 
 /// Uploads meshes; also returns the milliseconds since `start`.
-fn uploaded(gpu: &Gpu, start: Instant, meshes: &[Vec<Corners>]) -> Result<(Items, f64), GpuError> {
-    let items = Items::triangles(gpu, meshes.iter().map(|corners| &corners[..]))?;
+fn uploaded(gpu: &Gpu, start: Instant, meshes: &[Vec<Corners>]) -> Result<(Primitives, f64), GpuError> {
+    let primitives = Primitives::triangles(gpu, meshes.iter().map(|corners| &corners[..]))?;
     gpu.finish()?;
-    Ok((items, start.elapsed().as_secs_f64() * 1e3))
+    Ok((primitives, start.elapsed().as_secs_f64() * 1e3))
 }
 
 /// The top level over bottom levels with oriented volumes, and the milliseconds to rebuild it alone.
-fn top(gpu: &Gpu, scene: &Scene, items: Items) -> Result<(Level, f64), GpuError> {
+fn top(gpu: &Gpu, scene: &Scene, primitives: Primitives) -> Result<(Level, f64), GpuError> {
     let config = BuildConfig { bits: Bits::B63, strategy: Strategy::Combined };
-    let mut run = Run::new(gpu);
-    let built = Built::new(&mut run, items, config)?;
-    let instances: Vec<Instance> =
-        scene.instances.iter().map(|i| Instance::new(i.mesh.0, i.world_from_object)).collect();
-    let mut two = TwoLevels::new(&mut run, built, &instances, config)?;
+    let mut build = BuildEncoder::new(gpu);
+    let roots = Built::new(&mut build, primitives, config)?.roots(gpu)?;
+    let mut over_instances = || {
+        let of = |instance: &Instance| Some(roots[instance.mesh.0 as usize]?.transformed(&instance.world_from_object));
+        let boxes: Vec<Obb> = scene.instances.iter().filter_map(of).collect();
+        if boxes.iter().any(|placed| !placed.aabb().is_finite()) {
+            let what = "an instance whose bounds exceed the range of f32".to_owned();
+            return Err(GpuError::Unsupported { what });
+        }
+        Built::new(&mut build, Primitives::boxes(gpu, &boxes)?, config)
+    };
+    over_instances()?;
     gpu.finish()?;
     let start = Instant::now();
-    two.place(&mut run, &instances)?;
+    let top = over_instances()?;
     gpu.finish()?;
     let rebuild_ms = start.elapsed().as_secs_f64() * 1e3;
-    Ok((level(gpu, &two.top.items, None)?, rebuild_ms))
+    Ok((level(gpu, &top.primitives, None)?, rebuild_ms))
 }
 
 /// Times every pass.
-fn level(gpu: &Gpu, items: &Items, upload: Option<f64>) -> Result<Level, GpuError> {
-    let passes = Passes::measure(gpu, items, Bits::B63, RUNS)?;
-    Ok(Level { n_items: items.len(), upload, passes })
+fn level(gpu: &Gpu, primitives: &Primitives, upload: Option<f64>) -> Result<Level, GpuError> {
+    let passes = Passes::measure(gpu, primitives, Bits::B63, RUNS)?;
+    Ok(Level { n_items: primitives.len(), upload, passes })
 }
 
 impl PassTimes {

@@ -1,5 +1,5 @@
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::Specialisation;
+use canted_gpu::Variant;
 
 use super::{U, answers, compare, direction, gpu, number, same_layout};
 use crate::{Bsdf, BsdfSample, Evaluation};
@@ -34,7 +34,7 @@ struct Answer {
     _padding: [u32; 3],
 }
 
-/// Flag of a query that only the CPU reads: the kernel is specialised.
+/// Flag of a query that only the CPU reads: the kernel is specialized.
 const COMPENSATED: u32 = 4;
 
 const FOUND: u32 = 1;
@@ -76,7 +76,6 @@ impl Query {
 
     /// The query with one input perturbed at a time.
     fn moved(&self) -> impl Iterator<Item = Self> {
-        #[expect(clippy::cast_possible_truncation, reason = "near 1")]
         let factors = [1.0 - MOVE, 1.0 + MOVE].map(|x| x as f32);
         (0..11).flat_map(move |k| {
             factors.map(|factor| {
@@ -156,7 +155,6 @@ fn compare_one(query: &Query, answer: &Answer) -> Result<bool, String> {
 }
 
 /// One of `n` numbers, uniformly.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "numbers lie in 0..1")]
 fn index(number: f32, n: u8) -> usize {
     (f32::from(n) * number) as usize
 }
@@ -210,12 +208,12 @@ fn queries(n: u32) -> Vec<Query> {
 }
 
 /// The choices for all materials.
-fn full() -> Specialisation {
-    glossy("shared/transmission/glass", "shared/energy/single")
+fn full() -> Variant {
+    glossy("shared/bsdf/transmission/glass", "shared/bsdf/energy/single")
 }
 
-fn glossy(transmission: &str, energy: &str) -> Specialisation {
-    Specialisation::none().part("bsdf", "shared/bsdf/full").part("transmission", transmission).part("energy", energy)
+fn glossy(transmission: &str, energy: &str) -> Variant {
+    Variant::none().part("bsdf", "shared/bsdf/full").part("transmission", transmission).part("energy", energy)
 }
 
 #[test]
@@ -242,7 +240,7 @@ fn compensated_bsdfs_match_the_cpu() {
     let Some(gpu) = gpu("compensated_bsdfs_match_the_cpu") else { return };
     let queries: Vec<Query> =
         queries(20_000).into_iter().map(|query| Query { flags: query.flags | COMPENSATED, ..query }).collect();
-    let chosen = glossy("shared/transmission/glass", "shared/energy/compensated");
+    let chosen = glossy("shared/bsdf/transmission/glass", "shared/bsdf/energy/compensated");
     let answers: Vec<Answer> = answers(&gpu, "check/bsdf", &chosen, &queries, &[]);
     let mut n_changed = 0;
     for (query, answer) in queries.iter().zip(&answers) {
@@ -264,7 +262,7 @@ fn diffuse_bsdf_matches_the_full_one() {
     let diffuse =
         |query: Query| Query { metallic: 0.0, specular: 0.0, transmission: 0.0, roughness: 1.0, flags: 0, ..query };
     let queries: Vec<Query> = queries(2000).into_iter().map(diffuse).collect();
-    let lambert = Specialisation::none().part("bsdf", "shared/bsdf/lambert");
+    let lambert = Variant::none().part("bsdf", "shared/bsdf/lambert");
     let [few, all] = [lambert, full()].map(|chosen| answers::<_, Answer>(&gpu, "check/bsdf", &chosen, &queries, &[]));
     compare(compare_one, &queries, &all).unwrap();
     for (few, all) in few.iter().zip(&all) {
@@ -277,7 +275,7 @@ fn diffuse_bsdf_matches_the_full_one() {
 fn opaque_bsdf_without_transmission_matches_the_full_one() {
     let Some(gpu) = gpu("opaque_bsdf_without_transmission_matches_the_full_one") else { return };
     let queries: Vec<Query> = queries(2000).into_iter().map(|query| Query { transmission: 0.0, ..query }).collect();
-    let opaque = glossy("shared/transmission/none", "shared/energy/single");
+    let opaque = glossy("shared/bsdf/transmission/none", "shared/bsdf/energy/single");
     let answers: Vec<Answer> = answers(&gpu, "check/bsdf", &opaque, &queries, &[]);
     // The transmission factor is used only where light is transmitted.
     let told = |query: &Query, answer: &Answer| {

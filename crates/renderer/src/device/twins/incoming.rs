@@ -1,12 +1,11 @@
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::Specialisation;
+use canted_gpu::Variant;
 use canted_scene::Light;
+use glam::DVec3;
 
-use super::super::lights::ListLight;
 use super::{U, answers, are_near, direction, gpu, number, same_layout};
-use crate::light::IncomingLight;
-use crate::vector::{Vector, add, dot, length, scale, sub, wide};
-use crate::{Bsdf, Cone, Surface};
+use crate::light::{IncomingLight, ListLight};
+use crate::{Bsdf, Cone, Surface, narrow, wide};
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -67,7 +66,7 @@ fn lights() -> Vec<Light> {
 fn surface(position: [f32; 3]) -> Surface {
     let up = [0.0, 0.0, 1.0];
     Surface {
-        position: wide(position),
+        position: wide(position).into(),
         normal: up,
         shading_normal: up,
         is_front: true,
@@ -84,18 +83,18 @@ fn surface(position: [f32; 3]) -> Surface {
 /// Vectors between points in f32 have one rounding per axis. Every formula from there is a chain of fewer than 32 roundings
 /// and quotients, with two exceptions: the cap height of a sphere has the error of its sine times the tangent, and the
 /// density of a disk seen at a slant depends on a height that is the remainder of a dot product.
-fn condition(light: &Light, at: Vector, point: Vector) -> f64 {
+fn condition(light: &Light, at: DVec3, point: DVec3) -> f64 {
     32.0 * match *light {
         Light::Sphere { center, radius, .. } => {
-            let (d, r) = (length(sub(wide(center), at)), f64::from(radius));
+            let (d, r) = ((wide(center) - at).length(), f64::from(radius));
             1.0 + r / (d * d - r * r).max(0.0).sqrt()
         }
         Light::Disk { center, normal, .. } => {
-            let terms = |a: Vector| (0..3).map(|k| (a[k] * f64::from(normal[k])).abs()).sum::<f64>();
-            let delta = sub(point, at);
+            let terms = |a: DVec3| (0..3).map(|k| (a[k] * f64::from(normal[k])).abs()).sum::<f64>();
+            let delta = point - at;
             // The point on the disk is rounded in absolute terms, not relative to the distance.
             let absolute = terms(delta) + terms(point) + terms(wide(center));
-            1.0 + absolute / dot(delta, wide(normal)).abs() + length(point) / length(delta)
+            1.0 + absolute / delta.dot(wide(normal)).abs() + point.length() / delta.length()
         }
         _ => 1.0,
     }
@@ -116,8 +115,9 @@ fn compare(lights: &[Light], queries: &[Query], answers: &[Answer]) -> Result<[u
             }
             continue;
         };
-        let point = expected.shadow_ray.map_or(surface.position, |ray| add(wide(ray.origin), wide(ray.direction)));
-        let bound = U * condition(light, surface.position, point);
+        let at = wide(query.at);
+        let point = expected.shadow_ray.map_or(at, |ray| wide(ray.origin) + wide(ray.direction));
+        let bound = U * condition(light, at, point);
         if answer.shadow_ray == 0 || bound > 0.1 {
             counts[1] += 1;
             continue;
@@ -126,12 +126,12 @@ fn compare(lights: &[Light], queries: &[Query], answers: &[Answer]) -> Result<[u
         let soft = match *light {
             // Slope of the falloff over the cosine, in units of the falloff.
             Light::Spot { direction, cos_outer, .. } => {
-                let cosine = -dot(wide(direction), expected.to_light);
+                let cosine = -wide(direction).dot(expected.to_light);
                 2.0 / (cosine - f64::from(cos_outer)).max(1e-30)
             }
             _ => 0.0,
         };
-        if !are_near(answer.to_light, expected.to_light, bound.min(64.0 * U * (1.0 + length(point)))) {
+        if !are_near(answer.to_light, expected.to_light.into(), bound.min(64.0 * U * (1.0 + point.length()))) {
             return fail("direction");
         }
         for k in 0..3 {
@@ -146,8 +146,10 @@ fn compare(lights: &[Light], queries: &[Query], answers: &[Answer]) -> Result<[u
                 return fail("density");
             }
         }
-        let span = length(point) + length(surface.position);
-        if expected.shadow_ray.is_some_and(|ray| ray.t_max < 1.0) && !are_near(answer.position, point, bound * span) {
+        let span = point.length() + at.length();
+        if expected.shadow_ray.is_some_and(|ray| ray.t_max < 1.0)
+            && !are_near(answer.position, point.into(), bound * span)
+        {
             return fail("position");
         }
     }
@@ -173,29 +175,24 @@ fn incoming_light_matches_the_cpu() {
     let packed: Vec<ListLight> = lights.iter().map(ListLight::from).collect();
     let packed = gpu.buffer("lights", &packed).unwrap();
     let queries = queries(&lights);
-    let mut answers: Vec<Answer> =
-        answers(&gpu, "check/incoming", &Specialisation::none(), &queries, &[("lights", &packed)]);
+    let mut answers: Vec<Answer> = answers(&gpu, "check/incoming", &Variant::none(), &queries, &[("lights", &packed)]);
     let [n_compared, n_at_edges] = compare(&lights, &queries, &answers).unwrap();
     assert!(n_compared > 1500 && n_at_edges < 10, "{n_compared} {n_at_edges}");
 
     // An error of 1e-5 in a direction is detected.
     let lit = answers.iter().position(|answer| answer.density > 0.0).unwrap();
-    answers[lit].to_light = narrowed(add(wide(answers[lit].to_light), scale([1.0, -1.0, 1.0], 2e-5)));
+    answers[lit].to_light = narrow(wide(answers[lit].to_light) + DVec3::new(1.0, -1.0, 1.0) * 2e-5);
     let error = compare(&lights, &queries, &answers).unwrap_err();
     assert!(error.starts_with("direction"), "{error}");
-}
-
-fn narrowed(v: Vector) -> [f32; 3] {
-    crate::vector::narrow(v)
 }
 
 #[test]
 fn layouts_match_the_kernel() {
     same_layout!(
         "check/incoming",
-        &Specialisation::none(),
+        &Variant::none(),
         "ListLight",
         ListLight { position, kind, direction, extent, color, cos_outer }
     );
-    same_layout!("check/incoming", &Specialisation::none(), "Query", Query { at, light, square });
+    same_layout!("check/incoming", &Variant::none(), "Query", Query { at, light, square });
 }

@@ -1,13 +1,14 @@
 use bytemuck::{Pod, Zeroable};
-use canted_gpu::{Gpu, Specialisation};
+use canted_gpu::{Gpu, Variant};
 use canted_obb::Affine;
 use canted_scene::{Environment, EnvironmentImage, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene};
 
-use super::super::environment::DeviceSky;
-use super::super::lights::{ListLight, SampledLights};
+use super::super::lights::{DeviceSky, SampledLights};
 use super::{U, answers, compare, direction, gpu, number, same_layout};
-use crate::light::packed::{Emitter, LightNode, SkyImage};
-use crate::vector::wide;
+use crate::light::ListLight;
+use crate::light::environment::SkyImage;
+use crate::light::tree::LightNode;
+use crate::light::triangle::PackedEmitter;
 use crate::{Bsdf, Cone, LightId, LightSample, LightSampler, Lights, Surface, Surfaces};
 
 #[repr(C)]
@@ -53,9 +54,9 @@ const SPAN: f64 = 8.0;
 impl Query {
     fn surface(&self) -> Surface {
         Surface {
-            position: wide(self.position),
-            normal: wide(self.normal),
-            shading_normal: wide(self.shading_normal),
+            position: self.position.map(f64::from),
+            normal: self.normal.map(f64::from),
+            shading_normal: self.shading_normal.map(f64::from),
             is_front: true,
             bsdf: Bsdf::lambert([0.5; 3]),
             along: None,
@@ -78,7 +79,6 @@ impl Query {
         sampler.density(&self.surface(), self.transmits != 0, self.to_light, source).into()
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "small moves")]
     fn moved(&self, span: f64) -> Vec<Self> {
         let mut all = vec![];
         for sign in [-1.0, 1.0] {
@@ -282,7 +282,7 @@ fn check(gpu: &Gpu, scene: &Scene, n: u32, spoil: Option<fn(&mut Answer)>) -> Re
     let mut bound = sampled.bindings();
     bound.extend(sky.bindings());
     bound.push(("lights", &list));
-    let chosen = sky.specialise(sampled.specialise(Specialisation::none()));
+    let chosen = sky.specialize(sampled.specialize(Variant::none()));
     let queries = queries(&sampler, n);
     let mut answers: Vec<Answer> = answers(gpu, "check/light", &chosen, &queries, &bound);
     if let Some(spoil) = spoil {
@@ -314,12 +314,12 @@ fn light_samples_match_the_cpu() {
 
 #[test]
 fn layouts_match_the_kernel() {
-    let chosen = Specialisation::none()
-        .part("local", "shared/local/both")
-        .part("skylight", "shared/skylight/image")
-        .part("suns", "shared/suns/list")
-        .part("emission", "shared/emission/constant")
-        .part("sky", "shared/sky/image");
+    let chosen = Variant::none()
+        .part("local", "shared/light/sampler/local/both")
+        .part("skylight", "shared/light/environment/skylight/image")
+        .part("suns", "shared/light/sun/suns/list")
+        .part("emission", "shared/light/triangle/emission/constant")
+        .part("sky", "shared/light/environment/sky/image");
     let kernel = "check/light";
     same_layout!(
         kernel,
@@ -343,7 +343,7 @@ fn layouts_match_the_kernel() {
         kernel,
         &chosen,
         "Emitter",
-        Emitter { corner, instance, first, primitive, second, leaf, radiance, slack }
+        PackedEmitter { corner, instance, first, primitive, second, leaf, radiance, slack }
     );
     same_layout!(kernel, &chosen, "SkyImage", SkyImage { scale, width, height, turn });
 }

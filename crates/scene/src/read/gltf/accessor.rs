@@ -1,7 +1,6 @@
 //! Accessors: typed elements in buffer views, with stride, normalized integers and sparse elements (glTF 2.0, section 3.6.2).
 
-use gltf::json::accessor::sparse;
-use gltf::json::accessor::{ComponentType, Type};
+use gltf::json::accessor::{ComponentType, Type, sparse};
 use gltf::json::validation::{Checked, USize64};
 
 use super::document::{Document, range};

@@ -1,8 +1,10 @@
-//! The two container formats of glTF: JSON, and GLB with a header, a JSON chunk and a binary chunk (glTF 2.0, section 4).
+//! The bytes of a file: its two container formats, JSON and GLB with a header, a JSON chunk and a binary chunk (glTF 2.0, section 4), and
+//! URIs of buffers and images: base64 data or a file in the same folder.
 
 use std::path::Path;
 
 use crate::read::ReadError;
+use crate::read::folder::Folder;
 
 /// Signature of GLB.
 const MAGIC: &[u8; 4] = b"glTF";
@@ -68,8 +70,91 @@ fn words<const N: usize>(bytes: &[u8]) -> Option<([u32; N], &[u8])> {
     Some((std::array::from_fn(|k| u32::from_le_bytes(words[k])), rest))
 }
 
+/// Loads the bytes of a URI. Never accesses the network.
+pub(super) fn load_uri(uri: &str, folder: &Folder) -> Result<Vec<u8>, String> {
+    if let Some(data) = uri.strip_prefix("data:") {
+        let text = data.split_once(',').filter(|(media_type, _)| media_type.ends_with(";base64"));
+        return text.and_then(|(_, text)| base64(text.as_bytes())).ok_or("invalid base64 in data uri".to_owned());
+    }
+    if let Some(scheme) = scheme(uri) {
+        return Err(format!("unsupported uri scheme '{scheme}'; use a relative path or a data uri"));
+    }
+    let name = unescaped(uri).ok_or("the uri is not UTF-8")?;
+    folder.read(&name).map_err(|error| format!("'{name}': {error}"))
+}
+
+/// The scheme of a URI (RFC 3986, section 3.1); `None` for a relative path.
+fn scheme(uri: &str) -> Option<&str> {
+    let (scheme, _) = uri.split_once(':')?;
+    let legal = |c: char| c.is_ascii_alphanumeric() || "+-.".contains(c);
+    (scheme.starts_with(|c: char| c.is_ascii_alphabetic()) && scheme.chars().all(legal)).then_some(scheme)
+}
+
+/// Percent-decodes; invalid escapes are kept.
+fn unescaped(text: &str) -> Option<String> {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.as_bytes();
+    while let [first, tail @ ..] = rest {
+        match (first, tail) {
+            (b'%', [high, low, tail @ ..]) if high.is_ascii_hexdigit() && low.is_ascii_hexdigit() => {
+                bytes.push(hex(*high) << 4 | hex(*low));
+                rest = tail;
+            }
+            _ => {
+                bytes.push(*first);
+                rest = tail;
+            }
+        }
+    }
+    String::from_utf8(bytes).ok()
+}
+
+/// Value of a hexadecimal digit.
+fn hex(digit: u8) -> u8 {
+    match digit {
+        b'0'..=b'9' => digit - b'0',
+        _ => (digit | 0x20) - b'a' + 10,
+    }
+}
+
+/// Decodes base64 (RFC 4648, section 4) with optional padding.
+fn base64(text: &[u8]) -> Option<Vec<u8>> {
+    let n_padding = text.iter().rev().take(2).take_while(|&&byte| byte == b'=').count();
+    let text = &text[..text.len() - n_padding];
+    // A last group of one digit has only six bits.
+    if text.len() % 4 == 1 {
+        return None;
+    }
+    let mut bytes = Vec::with_capacity(text.len() / 4 * 3 + 2);
+    for group in text.chunks(4) {
+        let mut word = 0_u32;
+        for &digit in group {
+            word = word << 6 | u32::from(base64_value(digit)?);
+        }
+        let [_, decoded @ ..] = (word << (6 * (4 - group.len()))).to_be_bytes();
+        bytes.extend_from_slice(&decoded[..group.len() - 1]);
+    }
+    Some(bytes)
+}
+
+/// Value of a base64 digit.
+fn base64_value(digit: u8) -> Option<u8> {
+    match digit {
+        b'A'..=b'Z' => Some(digit - b'A'),
+        b'a'..=b'z' => Some(digit - b'a' + 26),
+        b'0'..=b'9' => Some(digit - b'0' + 52),
+        b'+' => Some(62),
+        b'/' => Some(63),
+        _ => None,
+    }
+}
+
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
+    use std::path::Path;
+
+    use proptest::prelude::*;
+
     use super::*;
     use crate::read::gltf::tests::word;
 
@@ -118,5 +203,78 @@ mod tests {
         let mut short = glb(&[(b"JSON", b"{}")]);
         short[8..12].copy_from_slice(&8_u32.to_le_bytes());
         assert!(split_named("a.glb", &short).is_err());
+    }
+
+    /// Encodes base64 from a string of bits, as an oracle for decoding.
+    pub(crate) fn to_base64(bytes: &[u8]) -> String {
+        let digits: Vec<char> = ('A'..='Z').chain('a'..='z').chain('0'..='9').chain(['+', '/']).collect();
+        let bits: String = bytes.iter().map(|byte| format!("{byte:08b}")).collect();
+        let mut text: String = bits
+            .as_bytes()
+            .chunks(6)
+            .map(|six| {
+                let six = format!("{:0<6}", std::str::from_utf8(six).unwrap());
+                digits[usize::from_str_radix(&six, 2).unwrap()]
+            })
+            .collect();
+        while !text.len().is_multiple_of(4) {
+            text.push('=');
+        }
+        text
+    }
+
+    #[test]
+    fn decodes_base64_examples_of_the_rfc() {
+        // RFC 4648, section 10.
+        for (plain, text) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
+            assert_eq!(base64(text.as_bytes()).unwrap(), plain.as_bytes());
+            assert_eq!(to_base64(plain.as_bytes()), text);
+        }
+        for flawed in ["Z", "Zm9vY", "Z===", "Zm=v", "Zm9v\n", "@@@@"] {
+            assert!(base64(flawed.as_bytes()).is_none(), "{flawed}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn base64_round_trip(bytes: Vec<u8>) {
+            let text = to_base64(&bytes);
+            prop_assert_eq!(base64(text.as_bytes()), Some(bytes.clone()));
+            prop_assert_eq!(base64(text.trim_end_matches('=').as_bytes()), Some(bytes));
+        }
+    }
+
+    #[test]
+    fn decodes_percent_escapes() {
+        assert_eq!(unescaped("a%20b%C3%a9").unwrap(), "a b\u{e9}");
+        assert_eq!(unescaped("100%").unwrap(), "100%");
+        assert_eq!(unescaped("%zz%4").unwrap(), "%zz%4");
+        assert!(unescaped("%ff").is_none());
+    }
+
+    #[test]
+    fn rejects_paths_outside_the_folder_and_schemes() {
+        let temp = tempfile::tempdir().unwrap();
+        std::fs::create_dir(temp.path().join("scene")).unwrap();
+        std::fs::write(temp.path().join("out.bin"), "out").unwrap();
+        std::fs::write(temp.path().join("scene/a b.bin"), "in").unwrap();
+        let folder = Folder::of(&temp.path().join(Path::new("scene/x.gltf"))).unwrap();
+        assert_eq!(load_uri("a%20b.bin", &folder).unwrap(), b"in");
+        assert_eq!(load_uri("./a b.bin", &folder).unwrap(), b"in");
+        for uri in ["../out.bin", "%2e%2e/out.bin", "%2E%2E%2Fout.bin", "..%5Cout.bin", "/out.bin"] {
+            assert!(load_uri(uri, &folder).unwrap_err().contains("outside the folder"), "{uri}");
+        }
+        for uri in ["http://example.invalid/a.bin", "file:///out.bin", "C:\\out.bin"] {
+            assert!(load_uri(uri, &folder).unwrap_err().contains("uri scheme"), "{uri}");
+        }
+    }
+
+    #[test]
+    fn rejects_data_uris_without_base64() {
+        let folder = Folder::of(Path::new("x.gltf")).unwrap();
+        assert_eq!(load_uri("data:application/octet-stream;base64,Zm9v", &folder).unwrap(), b"foo");
+        for uri in ["data:;base64", "data:text/plain,foo", "data:;base64,@@@"] {
+            assert!(load_uri(uri, &folder).unwrap_err().contains("base64"), "{uri}");
+        }
     }
 }

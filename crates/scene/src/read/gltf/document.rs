@@ -12,12 +12,17 @@ use gltf::json::{Error, Root, Value};
 use rayon::prelude::*;
 
 use super::container;
-use super::instancing;
 use super::meshopt::{self, Decompressed};
-use super::uri;
 use crate::read::ReadError;
+use crate::read::error::WarningGroups;
 use crate::read::folder::Folder;
-use crate::read::warning_groups::WarningGroups;
+
+/// Instances of a mesh by accessors: name of the extension, and its key in a node.
+pub(super) const MESH_GPU_INSTANCING: &str = "EXT_mesh_gpu_instancing";
+/// Diffuse and specular color instead of base color and metallic.
+pub(super) const SPECULAR_GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
+/// Other materials for the primitives of a file, by name.
+pub(super) const VARIANTS: &str = "KHR_materials_variants";
 
 /// Extensions that a file may require.
 ///
@@ -26,7 +31,7 @@ use crate::read::warning_groups::WarningGroups;
 const SUPPORTED: [&str; 23] = [
     meshopt::NAMES[0],
     meshopt::NAMES[1],
-    instancing::NAME,
+    MESH_GPU_INSTANCING,
     "EXT_texture_avif",
     "EXT_texture_webp",
     "KHR_lights_punctual",
@@ -36,12 +41,12 @@ const SUPPORTED: [&str; 23] = [
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_iridescence",
-    super::lobes::SPECULAR_GLOSSINESS,
+    SPECULAR_GLOSSINESS,
     "KHR_materials_sheen",
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
-    super::variants::NAME,
+    VARIANTS,
     "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_texture_basisu",
@@ -247,7 +252,7 @@ impl<'a> Document<'a> {
         }
         let mut bytes = match (&buffer.uri, bin) {
             (Some(uri), _) => {
-                Cow::Owned(uri::load(uri, &self.folder).map_err(|error| self.malformed(&location, error))?)
+                Cow::Owned(container::load_uri(uri, &self.folder).map_err(|error| self.malformed(&location, error))?)
             }
             (None, Some(bin)) if index == 0 => Cow::Borrowed(bin),
             (None, _) => return Err(self.malformed(location, "neither a uri nor a BIN chunk")),

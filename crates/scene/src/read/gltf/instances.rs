@@ -1,19 +1,22 @@
-//! Mesh instances of nodes, including `EXT_mesh_gpu_instancing`.
+//! Mesh instances of nodes, including `EXT_mesh_gpu_instancing`, and their meshes, which join primitives as parts.
+
+use std::ops::Range;
 
 use canted_obb::Affine;
+use gltf::json::accessor::Type;
+use gltf::json::mesh::Semantic;
 use gltf::json::scene::Node;
+use gltf::json::validation::Checked;
 use rayon::prelude::*;
 
-use super::document::{Document, UNSUPPORTED_TARGETS};
-use super::instancing;
-use super::matrix::Matrix;
-use super::mesh;
-use super::nodes::Nodes;
-use super::pose::{self, Pose};
-use crate::read::mesh_checks::MeshChecks;
-use crate::read::warning_groups::WarningGroups;
+use super::accessor::{Accessor, REALS};
+use super::document::{Document, MESH_GPU_INSTANCING, UNSUPPORTED_TARGETS};
+use super::nodes::{Matrix, Nodes};
+use super::primitive::{self, Pose, PrimitiveMesh, PrimitiveReader};
+use crate::read::error::WarningGroups;
+use crate::read::mesh::MeshChecks;
 use crate::read::{ReadError, quoted};
-use crate::{Instance, Mesh, MeshId, Scene};
+use crate::{Instance, Material, MaterialId, Mesh, MeshId, Part, Scene};
 
 /// Reads the meshes and adds instances for the nodes of the default scene.
 ///
@@ -27,8 +30,7 @@ pub(super) fn read(
 ) -> Result<(), ReadError> {
     let mesh_nodes = mesh_nodes(document, nodes)?;
     let posed = mesh_nodes.iter().filter(|&&(_, node, mesh)| is_posed(document, node, mesh)).map(|&(.., mesh)| mesh);
-    let n_virtual_elements =
-        posed.chain(0..document.root.meshes.len()).map(|mesh| mesh::n_virtual_elements(document, mesh));
+    let n_virtual_elements = posed.chain(0..document.root.meshes.len()).map(|mesh| n_virtual_elements(document, mesh));
     let n_virtual_elements = n_virtual_elements.fold(0, usize::saturating_add);
     if n_virtual_elements > document.max_virtual_elements() {
         return Err(
@@ -45,7 +47,7 @@ pub(super) fn read(
             let location = if has_own_weights { format!("node {k}") } else { format!("mesh {mesh_index}") };
             note_weights(document, mesh_index, pose.weights, &location, grouped);
             mesh = meshes.len();
-            let read = mesh::read(document, mesh_index, &pose, &scene.materials)?;
+            let read = read_mesh(document, mesh_index, &pose, &scene.materials)?;
             meshes.push(finish(read, checks, scene));
         }
         if meshes[mesh].triangles.is_empty() {
@@ -83,7 +85,7 @@ pub(super) fn read(
 }
 
 /// Takes over the checks and warnings of a mesh.
-fn finish(read: mesh::Read, checks: &mut MeshChecks, scene: &mut Scene) -> Mesh {
+fn finish(read: ReadMesh, checks: &mut MeshChecks, scene: &mut Scene) -> Mesh {
     checks.add(&read.checks);
     scene.warnings.extend(read.warnings);
     read.mesh
@@ -125,7 +127,7 @@ fn read_unposed(
     let weights_of = |index: usize| document.root.meshes[index].weights.as_deref().unwrap_or_default();
     let read = |index: usize| {
         let pose = Pose { weights: weights_of(index), ..Pose::default() };
-        mesh::read(document, index, &pose, &scene.materials)
+        read_mesh(document, index, &pose, &scene.materials)
     };
     let all: Vec<_> = (0..is_placed.len()).into_par_iter().map(read).collect();
     let (mut meshes, mut first_primitives, mut n_triangles) = (Vec::new(), Vec::new(), 0_usize);
@@ -174,7 +176,8 @@ fn pose_of<'a>(
     location: &str,
 ) -> Result<Pose<'a>, ReadError> {
     let weights = node.weights.as_deref().or(document.root.meshes[mesh].weights.as_deref()).unwrap_or_default();
-    let world_from_bind = node.skin.map(|skin| pose::joints(document, nodes, skin.value(), location)).transpose()?;
+    let world_from_bind =
+        node.skin.map(|skin| primitive::joints(document, nodes, skin.value(), location)).transpose()?;
     Ok(Pose { weights, world_from_bind })
 }
 
@@ -184,7 +187,7 @@ fn transforms(document: &Document<'_>, nodes: &Nodes, k: usize) -> Result<Vec<Op
     if document.root.nodes[k].skin.is_some() {
         return Ok(vec![Some(Affine::IDENTITY)]);
     }
-    let node_from_instance = instancing::read(document, k)?.unwrap_or_else(|| vec![Matrix::IDENTITY]);
+    let node_from_instance = gpu_instances(document, k)?.unwrap_or_else(|| vec![Matrix::IDENTITY]);
     Ok(node_from_instance.iter().map(|inner| nodes.world_from_node[k].after(inner).rounded()).collect())
 }
 
@@ -196,7 +199,6 @@ fn check_transform(
     index: usize,
     node: usize,
 ) -> Result<(), ReadError> {
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
     let first = world_from_node.point(mesh.positions[0].map(f64::from)).map(|x| x as f32);
     // Joints replace the transform of a node with a skin.
     if document.root.nodes[node].skin.is_some() || first.iter().all(|x| x.is_finite()) {
@@ -219,4 +221,137 @@ fn keep_placed(scene: &mut Scene, meshes: Vec<Mesh>) {
         }
     }
     scene.instances.iter_mut().for_each(|instance| instance.mesh = new_ids[instance.mesh.0 as usize]);
+}
+
+/// Instance transforms relative to the node; `None` without the extension.
+fn gpu_instances(document: &Document<'_>, node_index: usize) -> Result<Option<Vec<Matrix>>, ReadError> {
+    let extensions = document.root.nodes[node_index].extensions.as_ref();
+    let Some(extension) = extensions.and_then(|extensions| extensions.others.get(MESH_GPU_INSTANCING)) else {
+        return Ok(None);
+    };
+    let location = format!("node {node_index} {MESH_GPU_INSTANCING}");
+    let open = |name: &str, element_type: Type| {
+        let Some(index) = extension.get("attributes").and_then(|attributes| attributes.get(name)) else {
+            return Ok(None);
+        };
+        let location = format!("{location} {name}");
+        let index = index.as_u64().and_then(|index| usize::try_from(index).ok());
+        let index = index.ok_or_else(|| document.malformed(&location, "expected an accessor index"))?;
+        Accessor::open(document, index, &location, element_type, REALS).map(Some)
+    };
+    let translations = open("TRANSLATION", Type::Vec3)?;
+    let rotations = open("ROTATION", Type::Vec4)?;
+    let scales = open("SCALE", Type::Vec3)?;
+
+    let mut counts = [&translations, &rotations, &scales].into_iter().flatten().map(|accessor| accessor.count);
+    let Some(count) = counts.next() else {
+        return Err(document.malformed(location, "missing TRANSLATION, ROTATION or SCALE"));
+    };
+    if let Some(other) = counts.find(|&other| other != count) {
+        return Err(document.malformed(location, format!("attributes have different counts, {count} and {other}")));
+    }
+    let instance = |i: usize| {
+        Matrix::from_parts(
+            translations.as_ref().map_or([0.0; 3], |accessor| accessor.reals(i)),
+            rotations.as_ref().map_or([0.0, 0.0, 0.0, 1.0], |accessor| accessor.reals(i)),
+            scales.as_ref().map_or([1.0; 3], |accessor| accessor.reals(i)),
+        )
+    };
+    Ok(Some((0..count).map(instance).collect()))
+}
+
+/// A mesh with its checks and warnings.
+#[derive(Default)]
+struct ReadMesh {
+    mesh: Mesh,
+    checks: MeshChecks,
+    warnings: Vec<String>,
+}
+
+/// Reads mesh `index` in a pose; primitives without triangles add no part.
+///
+/// The last of `materials` is the default material, if a primitive uses it.
+fn read_mesh(
+    document: &Document<'_>,
+    index: usize,
+    pose: &Pose<'_>,
+    materials: &[Material],
+) -> Result<ReadMesh, ReadError> {
+    let source = &document.root.meshes[index];
+    let mut read = ReadMesh::default();
+    read.mesh.name = source.name.clone().unwrap_or_else(|| format!("mesh {index}"));
+    for (k, primitive) in source.primitives.iter().enumerate() {
+        let location = format!("mesh {index} primitive {k}");
+        let material = match primitive.material {
+            Some(material) => {
+                document.get(&document.root.materials, material.value(), "material", &location)?;
+                material.value()
+            }
+            None => document.root.materials.len(),
+        };
+        let reader = PrimitiveReader {
+            document,
+            pose,
+            material: &materials[material],
+            mesh: index,
+            number: k,
+            location: &location,
+        };
+        let primitive_mesh = reader.read(primitive, &mut read.checks, &mut read.warnings)?;
+        join(&mut read.mesh, primitive_mesh, material)
+            .ok_or_else(|| document.malformed(location, "more than 2^32 vertices or triangles in a mesh"))?;
+    }
+    Ok(read)
+}
+
+/// Number of vertices and indices of mesh `index` without a buffer view.
+fn n_virtual_elements(document: &Document<'_>, index: usize) -> usize {
+    let n_virtual_elements = |accessor: usize| {
+        let accessor = document.root.accessors.get(accessor).filter(|accessor| accessor.buffer_view.is_none());
+        accessor.map_or(0, |accessor| usize::try_from(accessor.count.0).unwrap_or(usize::MAX))
+    };
+    let read = document.root.meshes[index].primitives.iter().flat_map(|primitive| {
+        let positions = primitive.attributes.get(&Checked::Valid(Semantic::Positions));
+        [positions, primitive.indices.as_ref()].into_iter().flatten()
+    });
+    read.map(|accessor| n_virtual_elements(accessor.value())).fold(0, usize::saturating_add)
+}
+
+/// Appends a primitive; `None` for more than 2^32 vertices or triangles.
+///
+/// If only some primitives have an attribute, the others get zeros, or white for colors.
+fn join(mesh: &mut Mesh, primitive_mesh: PrimitiveMesh, material: usize) -> Option<()> {
+    if primitive_mesh.triangles.is_empty() {
+        return Some(());
+    }
+    let first_triangle = u32::try_from(mesh.triangles.len()).ok()?;
+    let (before, after) = (mesh.positions.len(), mesh.positions.len() + primitive_mesh.positions.len());
+    let first_vertex = u32::try_from(before).ok().filter(|_| u32::try_from(after).is_ok())?;
+    mesh.parts.push(Part { first_triangle, material: MaterialId(u32::try_from(material).ok()?) });
+    append(&mut mesh.positions, primitive_mesh.positions);
+    let mut triangles = primitive_mesh.triangles;
+    triangles.as_flattened_mut().iter_mut().for_each(|corner| *corner += first_vertex);
+    append(&mut mesh.triangles, triangles);
+    let vertices = before..after;
+    extend(&mut mesh.normals, primitive_mesh.normals, &vertices, [0.0; 3]);
+    extend(&mut mesh.tangents, primitive_mesh.tangents, &vertices, [0.0; 4]);
+    extend(&mut mesh.uvs, primitive_mesh.uvs, &vertices, [0.0; 2]);
+    extend(&mut mesh.second_uvs, primitive_mesh.second_uvs, &vertices, [0.0; 2]);
+    extend(&mut mesh.colors, primitive_mesh.colors, &vertices, [1.0; 4]);
+    Some(())
+}
+
+/// Appends a list, without a copy if `list` is empty: most meshes have one primitive.
+fn append<T>(list: &mut Vec<T>, mut values: Vec<T>) {
+    if list.is_empty() { *list = values } else { list.append(&mut values) }
+}
+
+/// Appends an optional attribute; the list exists once any primitive has values.
+fn extend<T: Copy>(list: &mut Option<Vec<T>>, values: Option<Vec<T>>, vertices: &Range<usize>, missing: T) {
+    if list.is_none() && values.is_none() {
+        return;
+    }
+    let list = list.get_or_insert_with(|| vec![missing; vertices.start]);
+    append(list, values.unwrap_or_default());
+    list.resize(vertices.end, missing);
 }

@@ -1,11 +1,20 @@
-//! The node hierarchy, traversed without recursion (glTF 2.0, section 3.5).
+//! The node hierarchy, traversed without recursion (glTF 2.0, section 3.5), and the cameras (section 3.10) and lights
+//! (`KHR_lights_punctual`) of nodes.
+//!
+//! Transforms are in `f64`, so that a chain of nodes is rounded only once. Lights have photometric units (lux, candela), the scene
+//! radiometric ones. The numbers are not converted, which only changes the exposure.
 
+use canted_obb::Affine;
+use canted_obb::vector::{cross, dot};
+use gltf::json::camera::{Camera as SourceCamera, Type as CameraType};
+use gltf::json::extensions::scene::khr_lights_punctual::{Light as SourceLight, Spot, Type as LightType};
 use gltf::json::scene::Node;
+use gltf::json::validation::Checked;
 
 use super::document::Document;
-use super::matrix::Matrix;
 use crate::read::ReadError;
-use crate::read::warning_groups::WarningGroups;
+use crate::read::error::WarningGroups;
+use crate::{Camera, Light, Projection, Scene};
 
 /// The nodes of a file.
 pub(super) struct Nodes {
@@ -137,4 +146,327 @@ fn cycle_error(document: &Document<'_>, parents: &[Option<usize>], unreached: us
     // Without a root above, as many steps up as there are nodes end inside the cycle.
     let in_cycle = parents.iter().fold(unreached, |node, _| parents[node].unwrap_or(node));
     document.malformed(format!("node {in_cycle}"), "node is its own ancestor")
+}
+
+/// Largest error of the last row of a matrix: 256 roundings of numbers around 1, as chains of products in exporters leave.
+const MAX_ROUNDING: f32 = 128.0 * f32::EPSILON;
+
+/// An affine transform as in [`Affine`]: images of the three axes and of the origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Matrix {
+    pub(super) columns: [[f64; 3]; 4],
+}
+
+impl Matrix {
+    /// The identity.
+    pub(super) const IDENTITY: Self =
+        Self { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]] };
+
+    /// From a column-major 4 x 4 matrix; `None` if the last row is not `0 0 0 1` up to the roundings of a product of matrices.
+    pub(super) fn from_4x4(numbers: &[f32; 16]) -> Option<Self> {
+        let column = |k: usize| std::array::from_fn(|row| f64::from(numbers[4 * k + row]));
+        let last_row = [numbers[3], numbers[7], numbers[11], numbers[15]];
+        let is_affine = last_row.iter().zip([0.0, 0.0, 0.0, 1.0]).all(|(x, y)| (x - y).abs() <= MAX_ROUNDING);
+        is_affine.then(|| Self { columns: std::array::from_fn(column) })
+    }
+
+    /// Scale, then rotation by a quaternion `x y z w`, then translation.
+    ///
+    /// The quaternion is normalized, so that rounded components do not scale.
+    pub(super) fn from_parts(translation: [f32; 3], rotation: [f32; 4], scale: [f32; 3]) -> Self {
+        let [x, y, z, w] = rotation.map(f64::from);
+        let twice = 2.0 / (x * x + y * y + z * z + w * w);
+        let axes = [
+            [1.0 - twice * (y * y + z * z), twice * (x * y + z * w), twice * (x * z - y * w)],
+            [twice * (x * y - z * w), 1.0 - twice * (x * x + z * z), twice * (y * z + x * w)],
+            [twice * (x * z + y * w), twice * (y * z - x * w), 1.0 - twice * (x * x + y * y)],
+        ];
+        let [a, b, c] = std::array::from_fn(|k| axes[k].map(|axis: f64| axis * f64::from(scale[k])));
+        Self { columns: [a, b, c, translation.map(f64::from)] }
+    }
+
+    /// `self * inner`.
+    pub(super) fn after(&self, inner: &Self) -> Self {
+        let [a, b, c, origin] = inner.columns;
+        Self { columns: [self.vector(a), self.vector(b), self.vector(c), self.point(origin)] }
+    }
+
+    /// Transforms a point.
+    pub(super) fn point(&self, p: [f64; 3]) -> [f64; 3] {
+        let linear = self.vector(p);
+        std::array::from_fn(|k| linear[k] + self.columns[3][k])
+    }
+
+    /// Transforms a vector.
+    pub(super) fn vector(&self, v: [f64; 3]) -> [f64; 3] {
+        let c = &self.columns;
+        std::array::from_fn(|k| c[0][k] * v[0] + c[1][k] * v[1] + c[2][k] * v[2])
+    }
+
+    /// Transforms a normal by the cofactor matrix, with the sign of the determinant; not normalized.
+    pub(super) fn normal(&self, n: [f64; 3]) -> [f64; 3] {
+        let [a, b, c, _] = self.columns;
+        let rows = [cross(b, c), cross(c, a), cross(a, b)];
+        let sign = self.sign();
+        std::array::from_fn(|k| sign * (rows[0][k] * n[0] + rows[1][k] * n[1] + rows[2][k] * n[2]))
+    }
+
+    /// Sign of the determinant; -1 for mirroring transforms.
+    pub(super) fn sign(&self) -> f64 {
+        let [a, b, c, _] = self.columns;
+        dot(a, cross(b, c)).signum()
+    }
+
+    /// `self + weight * other`, for skinning.
+    pub(super) fn add_scaled(&self, weight: f64, other: &Self) -> Self {
+        let entry = |k: usize, row: usize| self.columns[k][row] + weight * other.columns[k][row];
+        Self { columns: std::array::from_fn(|k| std::array::from_fn(|row| entry(k, row))) }
+    }
+
+    /// The transform in single precision; `None` if it is not invertible there.
+    ///
+    /// Rounding changes each entry by a factor within 1 ± u, and the determinant by at most `((1 + u)³ - 1)` times the
+    /// permanent of the absolute entries. Below that bound the exact transform may be singular.
+    pub(super) fn rounded(&self) -> Option<Affine> {
+        let affine = Affine { columns: self.columns.map(|column| column.map(|x| x as f32)) };
+        let [a, b, c, origin] = affine.columns.map(|column| column.map(f64::from));
+        let determinant = dot(a, cross(b, c));
+        let permanent = dot(a.map(f64::abs), cross_of_absolutes(b, c));
+        let rows = [cross(b, c), cross(c, a), cross(a, b)];
+        let largest_of_inverse = rows
+            .iter()
+            .flat_map(|&row| row.into_iter().chain([dot(row, origin)]))
+            .fold(0.0, |most: f64, x| most.max(x.abs()))
+            / determinant.abs();
+        let has_inverse = affine.is_finite()
+            && determinant.abs() > DETERMINANT_ERROR * permanent
+            && largest_of_inverse <= f64::from(f32::MAX);
+        has_inverse.then_some(affine)
+    }
+}
+
+/// Error of a 3 x 3 determinant of entries rounded to `f32`, relative to the permanent of the absolute entries.
+///
+/// Each product has three roundings by u = 2⁻²⁴: `(1 + u)³ - 1 < 3u / (1 - 3u)`. The arithmetic adds at most five roundings
+/// by 2⁻⁵³, which the factor 4 covers.
+const DETERMINANT_ERROR: f64 = 4.0 * U / (1.0 - 4.0 * U);
+/// Unit roundoff of `f32`.
+const U: f64 = f32::EPSILON as f64 / 2.0;
+
+/// [`cross`] with sums of absolute products.
+fn cross_of_absolutes(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        (a[i] * b[j]).abs() + (a[j] * b[i]).abs()
+    })
+}
+
+/// Normalizes a vector to single precision; `None` if it has no direction.
+pub(super) fn unit(v: [f64; 3]) -> Option<[f32; 3]> {
+    // Divides by the largest component first, so that squares neither overflow nor underflow.
+    let largest = v.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+    let scaled = v.map(|x| x / largest);
+    let length = dot(scaled, scaled).sqrt();
+    let unit = scaled.map(|x| (x / length) as f32);
+    unit.iter().all(|x| x.is_finite()).then_some(unit)
+}
+
+/// Adds the cameras of the default scene; skips invalid ones with a warning.
+pub(super) fn read_cameras(document: &Document<'_>, nodes: &Nodes, scene: &mut Scene) -> Result<(), ReadError> {
+    for &k in &nodes.drawn {
+        let Some(index) = document.root.nodes[k].camera else { continue };
+        let source = document.get(&document.root.cameras, index.value(), "camera", &format!("node {k}"))?;
+        match projection(source).and_then(|projection| placed(&nodes.world_from_node[k], projection)) {
+            Ok(camera) => {
+                scene.cameras.push(camera);
+                let name = source.name.as_ref().or(document.root.nodes[k].name.as_ref());
+                scene.camera_names.push(name.cloned().unwrap_or_default());
+            }
+            Err(why) => scene.warnings.push(format!("skipping camera {} of node {k}: {why}", index.value())),
+        }
+    }
+    Ok(())
+}
+
+/// The projection; the aspect ratio is ignored.
+fn projection(source: &SourceCamera) -> Result<Projection, String> {
+    match (source.type_, &source.perspective, &source.orthographic) {
+        (Checked::Valid(CameraType::Perspective), Some(lens), _) => {
+            let yfov_rad = lens.yfov;
+            if !(yfov_rad > 0.0 && yfov_rad < std::f32::consts::PI) {
+                return Err(format!("field of view of {yfov_rad} radians is not between 0 and pi"));
+            }
+            Ok(Projection::Perspective { fov_degrees: f64::from(yfov_rad).to_degrees() as f32 })
+        }
+        (Checked::Valid(CameraType::Orthographic), _, Some(lens)) => {
+            // `ymag` is half the height.
+            let height = 2.0 * lens.ymag;
+            if !(height > 0.0 && height.is_finite()) {
+                return Err(format!("ymag of {} is not greater than 0", lens.ymag));
+            }
+            Ok(Projection::Orthographic { height })
+        }
+        _ => Err("no projection".to_owned()),
+    }
+}
+
+/// A camera at the node's origin that looks along -z, with y up; ignores scale and shear of the node.
+fn placed(world_from_node: &Matrix, projection: Projection) -> Result<Camera, String> {
+    let eye = world_from_node.columns[3];
+    let direction = world_from_node.vector([0.0, 0.0, -1.0]);
+    let up = world_from_node.vector([0.0, 1.0, 0.0]);
+    let (Some(direction_unit), Some(up_unit)) = (unit(direction), unit(up)) else {
+        return Err("its node has no orientation".to_owned());
+    };
+    // Far enough from the eye that rounding the target to `f32` hardly changes the view direction.
+    let distance = eye.iter().fold(1.0, |most: f64, x| most.max(x.abs()));
+    let target = std::array::from_fn(|k| (eye[k] + distance * f64::from(direction_unit[k])) as f32);
+    let eye: [f32; 3] = eye.map(|x| x as f32);
+    let side = cross(direction_unit.map(f64::from), up_unit.map(f64::from));
+    let is_placed = eye.iter().chain(&target).all(|x: &f32| x.is_finite()) && eye != target && dot(side, side) > 0.0;
+    is_placed
+        .then_some(Camera { eye, target, up: up_unit, projection, lens: None })
+        .ok_or_else(|| "its node has no orientation".to_owned())
+}
+
+/// Adds the lights of the default scene; skips invalid ones with a warning.
+pub(super) fn read_lights(
+    document: &Document<'_>,
+    nodes: &Nodes,
+    grouped: &mut WarningGroups,
+    scene: &mut Scene,
+) -> Result<(), ReadError> {
+    let lights: &[SourceLight] = document.root.as_ref();
+    for &k in &nodes.drawn {
+        let extensions = document.root.nodes[k].extensions.as_ref();
+        let Some(named) = extensions.and_then(|extensions| extensions.khr_lights_punctual.as_ref()) else { continue };
+        let index = named.light.value();
+        let source = document.get(lights, index, "light", &format!("node {k}"))?;
+        if source.range.is_some() {
+            grouped.add("ignoring the range of lights (not physical)", &format!("light {index}"));
+        }
+        match light(source, &nodes.world_from_node[k]) {
+            Ok(light) => scene.lights.push(light),
+            Err(why) => scene.warnings.push(format!("skipping light {index} of node {k}: {why}")),
+        }
+    }
+    Ok(())
+}
+
+/// A light at the node's origin, directed along its -z axis.
+fn light(source: &SourceLight, world_from_node: &Matrix) -> Result<Light, String> {
+    let power = source.color.map(|x| x * source.intensity);
+    if !power.iter().all(|x| x.is_finite() && *x >= 0.0) {
+        return Err(format!(
+            "color {:?} and intensity {} must be finite and not negative",
+            source.color, source.intensity
+        ));
+    }
+    let position = world_from_node.columns[3].map(|x| x as f32);
+    let is_somewhere = position.iter().all(|x| x.is_finite());
+    let direction = unit(world_from_node.vector([0.0, 0.0, -1.0]));
+    match source.type_ {
+        Checked::Valid(LightType::Directional) => {
+            Ok(Light::Sun { direction: direction.ok_or("its node has no orientation")?, irradiance: power })
+        }
+        Checked::Valid(_) if !is_somewhere => Err("its position is not finite".to_owned()),
+        Checked::Valid(LightType::Point) => Ok(Light::Point { position, intensity: power }),
+        Checked::Valid(LightType::Spot) => {
+            let direction = direction.ok_or("its node has no orientation")?;
+            let [cos_inner, cos_outer] = cosines(source.spot.as_ref())?;
+            Ok(Light::Spot { position, direction, intensity: power, cos_inner, cos_outer })
+        }
+        Checked::Invalid => Err("unknown type".to_owned()),
+    }
+}
+
+/// Cosines of a spot's inner and outer angle; the defaults are 0 and pi / 4.
+fn cosines(spot: Option<&Spot>) -> Result<[f32; 2], String> {
+    let (inner, outer) =
+        spot.map_or((0.0, std::f32::consts::FRAC_PI_4), |spot| (spot.inner_cone_angle, spot.outer_cone_angle));
+    let cosines = [inner, outer].map(|angle_rad| f64::from(angle_rad).cos() as f32);
+    let is_cone = inner >= 0.0 && inner < outer && f64::from(outer) <= FRAC_PI_2_ROUNDED;
+    if !is_cone {
+        return Err(format!("cone angles {inner} and {outer} must satisfy 0 <= inner < outer <= pi/2"));
+    }
+    if cosines[0] == cosines[1] {
+        let limit = format!("the smallest cone from 0 is {MIN_CONE_RAD}");
+        return Err(format!("cosines of cone angles {inner} and {outer} are equal in single precision ({limit})"));
+    }
+    Ok(cosines)
+}
+
+/// Smallest angle, rounded up, whose cosine differs from 1 in single precision: 2^-12.
+const MIN_CONE_RAD: f64 = 0.000245;
+
+/// A right angle rounded to single precision, slightly larger than pi / 2.
+const FRAC_PI_2_ROUNDED: f64 = std::f32::consts::FRAC_PI_2 as f64;
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const NO_ROTATION: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
+
+    /// Integers small enough for exact arithmetic.
+    fn integers() -> impl Strategy<Value = [f64; 3]> {
+        prop::array::uniform3((-9..10_i8).prop_map(f64::from))
+    }
+
+    proptest! {
+        /// A transformed normal is the normal of transformed edges, up to the sign of the determinant.
+        #[test]
+        fn transformed_normals_stay_perpendicular(axes in prop::array::uniform3(integers()), u in integers(), v in integers()) {
+            let [a, b, c] = axes;
+            let determinant = dot(a, cross(b, c));
+            prop_assume!(determinant != 0.0);
+            let matrix = Matrix { columns: [a, b, c, [0.0; 3]] };
+            let want = cross(matrix.vector(u), matrix.vector(v)).map(|x| determinant.signum() * x);
+            prop_assert_eq!(matrix.normal(cross(u, v)), want);
+        }
+
+        #[test]
+        fn composition_applies_inner_first(outer in prop::array::uniform4(integers()), inner in prop::array::uniform4(integers()), p in integers()) {
+            let (outer, inner) = (Matrix { columns: outer }, Matrix { columns: inner });
+            prop_assert_eq!(outer.after(&inner).point(p), outer.point(inner.point(p)));
+        }
+    }
+
+    #[test]
+    fn normalizes_vectors_of_any_length() {
+        for scale in [1.0, 1e-300, 5e-324, 1e300] {
+            assert_eq!(unit([0.0, -scale, 0.0]), Some([0.0, -1.0, 0.0]), "{scale:e}");
+        }
+        for v in [[0.0; 3], [f64::NAN, 1.0, 0.0], [f64::INFINITY, 1.0, 0.0]] {
+            assert_eq!(unit(v), None, "{v:?}");
+        }
+    }
+
+    #[test]
+    fn near_singular_transforms_are_rejected_by_the_rounding_bound() {
+        let turned = Matrix::from_parts([0.0; 3], [0.0, 0.0, 0.382_683_43, 0.923_879_5], [1.0; 3]);
+        assert!(turned.rounded().is_some());
+        // Two nearly parallel columns: rounding may change the sign of the determinant.
+        let sheared = |angle_rad: f64| {
+            let mut flat = Matrix::IDENTITY;
+            flat.columns[1] = [1.0, angle_rad, 0.0];
+            turned.after(&flat).rounded()
+        };
+        assert!(sheared(1e-5).is_some());
+        assert!(sheared(1e-8).is_none());
+        // Short but not parallel columns are fine.
+        let thin = Matrix::from_parts([0.0; 3], NO_ROTATION, [1.0, 1e-8, 1.0]);
+        assert!(turned.after(&thin).rounded().is_some());
+    }
+
+    #[test]
+    fn transforms_with_overflowing_inverse_are_rejected() {
+        let scaled = |scale: f32| Matrix::from_parts([1.0, 0.0, 0.0], NO_ROTATION, [scale; 3]).rounded();
+        assert!(scaled(1e-38).is_some());
+        assert!(scaled(1e-39).is_none());
+        assert!(scaled(1e38).is_some());
+        assert!(scaled(f32::INFINITY).is_none());
+    }
 }

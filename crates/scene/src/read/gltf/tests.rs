@@ -1,26 +1,17 @@
 //! Complete generated files. Files of real exporters are covered by the integration tests.
 
-mod animation;
-mod attributes;
+mod files;
 mod geometry;
-mod instances;
-mod layout;
-mod lobes;
 mod materials;
-mod meshopt;
-mod mutated;
 mod nodes;
-mod pose;
-mod surfaces;
-mod texture_formats;
-mod views;
+mod poses;
 
 use std::fs;
 use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::uri::tests::to_base64;
+use super::container::tests::to_base64;
 use crate::Scene;
 use crate::read::{ReadError, ReadOptions};
 

@@ -1,18 +1,21 @@
-//! Textures: an image with a sampler. Unreadable images are skipped with a warning.
+//! Textures: an image with a sampler, and the references of materials, with `KHR_texture_transform`. Unreadable images are skipped with a
+//! warning.
 
 use std::collections::{HashMap, HashSet};
 
-use gltf::json::texture::{MagFilter, MinFilter, Sampler, WrappingMode};
+use gltf::json::deserialize::from_value;
+use gltf::json::extensions::texture::TextureTransform;
+use gltf::json::material::NormalTexture;
+use gltf::json::texture::{Info, MagFilter, MinFilter, Sampler, WrappingMode};
 use gltf::json::validation::Checked;
 use rayon::prelude::*;
 
+use super::container::load_uri;
 use super::document::Document;
-use super::uri;
-use crate::read::ReadError;
-use crate::read::image;
+use crate::read::error::WarningGroups;
 use crate::read::text::{self, printable};
-use crate::read::warning_groups::WarningGroups;
-use crate::{Encoding, Magnification, Scene, Texture, TextureId, Wrap};
+use crate::read::{ReadError, image};
+use crate::{Encoding, Magnification, Scene, Texture, TextureId, UvSet, UvTransform, Wrap};
 
 /// Textures requested by materials.
 pub(super) struct Textures<'a, 'b> {
@@ -177,7 +180,7 @@ fn decode(document: &Document<'_>, index: usize, location: &str) -> Result<Resul
     let loaded;
     let bytes = match (image.buffer_view, &image.uri) {
         (Some(view), _) => document.view(view.value(), &format!("image {index}"))?.0,
-        (None, Some(uri)) => match uri::load(uri, &document.folder) {
+        (None, Some(uri)) => match load_uri(uri, &document.folder) {
             Ok(bytes) => {
                 loaded = bytes;
                 &loaded[..]
@@ -191,7 +194,6 @@ fn decode(document: &Document<'_>, index: usize, location: &str) -> Result<Resul
 
 /// Puts 1 minus the glossiness, `factor` times alpha, into the green channel.
 fn roughen(texels: &mut [[u8; 4]], factor: f32) {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
     let roughness: Vec<u8> = (0..=u8::MAX).map(|a| (255.0 - factor * f32::from(a)).round() as u8).collect();
     for texel in texels {
         *texel = [0, roughness[usize::from(texel[3])], 0, u8::MAX];
@@ -216,5 +218,71 @@ fn wrap(mode: Checked<WrappingMode>) -> Wrap {
         Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,
         Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::Mirror,
         Checked::Valid(WrappingMode::Repeat) | Checked::Invalid => Wrap::Repeat,
+    }
+}
+
+/// A texture reference of a material.
+#[derive(Clone, Debug)]
+pub(super) struct TextureInfo {
+    /// Index of the texture.
+    pub(super) texture: usize,
+    /// Texture coordinate set.
+    set: u32,
+    transform: Option<TextureTransform>,
+}
+
+impl From<&Info> for TextureInfo {
+    fn from(info: &Info) -> Self {
+        let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.clone());
+        Self::new(info.index.value(), info.tex_coord, transform)
+    }
+}
+
+impl TextureInfo {
+    /// `transform` may override the set.
+    fn new(texture: usize, set: u32, transform: Option<TextureTransform>) -> Self {
+        Self { texture, set: transform.as_ref().and_then(|transform| transform.tex_coord).unwrap_or(set), transform }
+    }
+
+    /// From a normal texture, whose extensions the `gltf` crate leaves as JSON.
+    pub(super) fn from_normal_texture(
+        source: &NormalTexture,
+        document: &Document<'_>,
+        location: &str,
+    ) -> Result<Self, ReadError> {
+        let extension =
+            source.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_texture_transform"));
+        let transform = extension
+            .map(|value| from_value(value.clone()))
+            .transpose()
+            .map_err(|error| document.malformed(location, format!("invalid KHR_texture_transform: {error}")))?;
+        Ok(Self::new(source.index.value(), source.tex_coord, transform))
+    }
+
+    /// The texture coordinate set; `Err` with an unsupported set number.
+    pub(super) fn uv_set(&self) -> Result<UvSet, u32> {
+        match self.set {
+            0 => Ok(UvSet::First),
+            1 => Ok(UvSet::Second),
+            other => Err(other),
+        }
+    }
+
+    /// The transform, converted from `v` down (glTF) to `v` up; `None` if not finite.
+    ///
+    /// It scales, rotates counter-clockwise in the image, and translates. The matrix in the extension's text rotates in the
+    /// opposite direction, but its example and common viewers agree with this.
+    pub(super) fn texture_from_mesh(&self) -> Option<UvTransform> {
+        let Some(transform) = &self.transform else { return Some(UvTransform::IDENTITY) };
+        let (sin, cos) = f64::from(transform.rotation.0).sin_cos();
+        let [scale_u, scale_v] = transform.scale.0.map(f64::from);
+        let [offset_u, offset_v] = transform.offset.0.map(f64::from);
+        // glTF: u' = cos su u + sin sv v + ou, v' = -sin su u + cos sv v + ov. Substitutes 1 - v for v and 1 - v' for v'.
+        let rows = [
+            [cos * scale_u, -sin * scale_v, offset_u + sin * scale_v],
+            [sin * scale_u, cos * scale_v, 1.0 - offset_v - cos * scale_v],
+        ];
+        let rows = rows.map(|row| row.map(|x| x as f32));
+        rows.as_flattened().iter().all(|x| x.is_finite()).then_some(UvTransform { rows })
     }
 }

@@ -1,16 +1,19 @@
-//! Materials used by faces: looks them up in the libraries and decodes textures in parallel.
+//! Materials used by faces: parses MTL libraries, converts their materials and decodes textures in parallel.
+//!
+//! Libraries are read with the PBR keys `Pr`, `Pm` and `norm`. Other keys that affect rendering are reported as unsupported; hints and
+//! rasterizer settings are ignored.
 
 use std::collections::{HashMap, HashSet};
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::surface::{is_mirror, surface};
+use crate::read::error::WarningGroups;
 use crate::read::folder::Folder;
-use crate::read::mtl::{self, Map, MtlMaterial};
-use crate::read::warning_groups::WarningGroups;
-use crate::read::{ReadError, image, text};
-use crate::{AlphaMode, Material, Scene, Texture, TextureId, TextureRef, Wrap};
+use crate::read::text::{self, Line};
+use crate::read::{ReadError, image};
+use crate::{AlphaMode, Material, Scene, Texture, TextureId, TextureRef, UvTransform, Wrap};
 
 /// The material slot of a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,7 +74,7 @@ pub(super) fn materials(
     let files = library_files(&folder, libraries, &mut scene.warnings);
     let mut library = HashMap::new();
     for (name, bytes) in &files {
-        library.extend(mtl::parse(name, bytes, &mut scene.warnings));
+        library.extend(parse_library(name, bytes, &mut scene.warnings));
     }
 
     let mut requests = Requests { folder: &folder, list: Vec::new(), ids: HashMap::new() };
@@ -274,6 +277,377 @@ fn decode(request: &Request) -> Result<Texture, String> {
 fn texture_warning(material: &Material, file: &str, message: &str) -> String {
     let (material, file) = (text::quoted(material.name.as_bytes()), text::quoted(file.as_bytes()));
     format!("skipping texture {file} of material {material}: {message}")
+}
+
+/// Converts a material.
+///
+/// The default is Lambertian: exporters write a gray `Ks` and some `Ns` for materials they do not support, so these alone do not
+/// add a specular lobe. `Pr` and `Pm` give a metallic-roughness material, `illum` 3 and 5 a mirror of color `Ks` and texture
+/// `map_Ks`, `illum` 4, 6, 7 and 9 glass of color `Tf` with index `Ni`; both are smooth without `Pr`. Alpha is `d`, or 1 - `Tr`; glass has none. `d`
+/// takes precedence because some exporters invert `Tr`.
+fn surface(name: String, source: &MtlMaterial) -> Material {
+    let plain = Material { name, ..Material::default() };
+    let default_color = if source.base_color_map.is_some() { [1.0; 3] } else { plain.base_color };
+    let base_color = source.base_color.unwrap_or(default_color);
+    let smooth = source.roughness.unwrap_or(0.0);
+    let mut material = Material { base_color, emission: source.emission.unwrap_or_default(), ..plain };
+    let is_physical = source.roughness.is_some()
+        || source.metallic.is_some()
+        || source.roughness_map.is_some()
+        || source.metallic_map.is_some();
+    match source.illumination {
+        Some(4 | 6 | 7 | 9) => {
+            material.base_color = source.filter.unwrap_or([1.0; 3]);
+            (material.specular, material.transmission) = (1.0, 1.0);
+            material.roughness = smooth;
+            material.ior = source.ior.unwrap_or(material.ior);
+            return material;
+        }
+        _ if is_mirror(source) => {
+            let of_map = source.specular_map.as_ref().map(|_| [1.0; 3]);
+            material.base_color = source.specular.or(of_map).unwrap_or(base_color);
+            (material.specular, material.metallic) = (1.0, 1.0);
+            material.roughness = smooth;
+        }
+        _ if is_physical => {
+            // Without their number, maps are not scaled.
+            let of_map = |map: bool| map.then_some(1.0);
+            material.specular = 1.0;
+            material.metallic = source.metallic.or(of_map(source.metallic_map.is_some())).unwrap_or(0.0);
+            let rough = source.roughness.or(of_map(source.roughness_map.is_some()));
+            material.roughness = rough.unwrap_or_else(|| roughness(source.shininess));
+        }
+        _ => {}
+    }
+    let alpha = source.opacity.or_else(|| source.transparency.map(|transparency| 1.0 - transparency));
+    if let Some(alpha) = alpha.filter(|&alpha| alpha < 1.0 && source.mask.is_none()) {
+        material.alpha = alpha;
+        material.alpha_mode = AlphaMode::Blend;
+    }
+    material
+}
+
+/// Whether the material is a mirror of color `Ks`, which replaces `Kd`.
+fn is_mirror(source: &MtlMaterial) -> bool {
+    matches!(source.illumination, Some(3 | 5)) && source.metallic.is_none() && source.metallic_map.is_none()
+}
+
+/// Roughness from a shininess of 1000 (1 - roughness)², as Blender writes it; 1 if absent.
+fn roughness(shininess: Option<f32>) -> f32 {
+    1.0 - (shininess.unwrap_or(0.0) / 1000.0).min(1.0).sqrt()
+}
+
+/// Unsupported texture keys.
+const UNSUPPORTED_MAPS: &str = "disp map_disp map_Disp decal map_decal refl map_refl map_Ns map_Tr \
+                           map_Tf map_Ps map_Pc map_RMA map_ORM map_aniso";
+
+/// Unsupported strengths of sheen, clearcoat and anisotropy. 0 disables them, as Blender writes for every material. `Pcr` and
+/// `anisor` have no effect without them.
+const UNSUPPORTED_FACTORS: &str = "Ps Pc aniso";
+
+/// A material of a library; `None` for keys that are absent.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct MtlMaterial {
+    /// `Kd`, in 0..=1.
+    pub(crate) base_color: Option<[f32; 3]>,
+    /// `Ks`, in 0..=1.
+    pub(crate) specular: Option<[f32; 3]>,
+    /// `Tf`, in 0..=1.
+    pub(crate) filter: Option<[f32; 3]>,
+    /// `Ke`, not negative.
+    pub(crate) emission: Option<[f32; 3]>,
+    /// `Ns`, not negative.
+    pub(crate) shininess: Option<f32>,
+    /// `Pr`, in 0..=1.
+    pub(crate) roughness: Option<f32>,
+    /// `Pm`, in 0..=1.
+    pub(crate) metallic: Option<f32>,
+    /// `Ni`, from 1 to [`Material::MAX_IOR`].
+    pub(crate) ior: Option<f32>,
+    /// `illum`.
+    pub(crate) illumination: Option<u32>,
+    /// `d`, in 0..=1.
+    pub(crate) opacity: Option<f32>,
+    /// `Tr`, in 0..=1.
+    pub(crate) transparency: Option<f32>,
+    /// `map_Kd`.
+    pub(crate) base_color_map: Option<Map>,
+    /// `map_Ks`.
+    pub(crate) specular_map: Option<Map>,
+    /// `map_d`.
+    pub(crate) mask: Option<Map>,
+    /// `map_Ke`.
+    emission_map: Option<Map>,
+    /// `norm`, or a bump statement.
+    pub(crate) normal_map: Option<Map>,
+    /// Whether `normal_map` is of `norm`, and so not of heights.
+    has_norm: bool,
+    /// `map_Pr`.
+    roughness_map: Option<Map>,
+    /// `map_Pm`.
+    metallic_map: Option<Map>,
+    /// Unsupported keys.
+    pub(crate) unsupported: Vec<&'static str>,
+}
+
+/// Materials of a library by name; the last of several with the same name wins. Invalid lines become warnings.
+pub(crate) fn parse_library<'a>(
+    file: &str,
+    bytes: &'a [u8],
+    warnings: &mut Vec<String>,
+) -> HashMap<&'a [u8], MtlMaterial> {
+    let mut library = HashMap::new();
+    let mut current: Option<(&[u8], MtlMaterial)> = None;
+    for line in text::lines(bytes) {
+        if line.keyword == b"newmtl" {
+            library.extend(current.replace((line.rest, MtlMaterial::default())));
+        } else if let Some((name, material)) = &mut current
+            && let Err(problem) = material.read(&line)
+        {
+            let warning = format!("{file}: line {}: material {}: {problem}", line.number, text::quoted(name));
+            warnings.push(text::printable(&warning).into_owned());
+        }
+    }
+    library.extend(current);
+    library
+}
+
+impl MtlMaterial {
+    /// Reads one line; the error is a warning.
+    fn read(&mut self, line: &Line) -> Result<(), String> {
+        match line.keyword {
+            b"Kd" => store(&mut self.base_color, color(line, 1.0), line),
+            b"Ke" => store(&mut self.emission, color(line, f32::MAX), line),
+            // Only used for mirrors and glass, so invalid values are not reported.
+            b"Ks" => {
+                self.specular = color(line, 1.0).ok().map(|(_, kept)| kept);
+                Ok(())
+            }
+            b"Tf" => {
+                self.filter = color(line, 1.0).ok().map(|(_, kept)| kept);
+                Ok(())
+            }
+            b"Ns" => store(&mut self.shininess, number(line, 0.0..=f32::MAX), line),
+            b"Pr" => store(&mut self.roughness, number(line, 0.0..=1.0), line),
+            b"Pm" => store(&mut self.metallic, number(line, 0.0..=1.0), line),
+            b"Ni" => store(&mut self.ior, number(line, 1.0..=Material::MAX_IOR), line),
+            b"d" => store(&mut self.opacity, number(line, 0.0..=1.0), line),
+            b"Tr" => store(&mut self.transparency, number(line, 0.0..=1.0), line),
+            b"illum" => {
+                let number = text::words(line.rest).next().and_then(|word| std::str::from_utf8(word).ok());
+                self.illumination = number.and_then(|number| number.parse().ok());
+                Ok(())
+            }
+            b"map_Kd" => texture(&mut self.base_color_map, line),
+            b"map_Ks" => texture(&mut self.specular_map, line),
+            b"map_d" => texture(&mut self.mask, line),
+            b"map_Ke" => texture(&mut self.emission_map, line),
+            b"norm" => {
+                self.has_norm = true;
+                texture(&mut self.normal_map, line)
+            }
+            // `norm` takes precedence.
+            b"bump" | b"map_bump" | b"map_Bump" if self.has_norm => Ok(()),
+            b"bump" | b"map_bump" | b"map_Bump" => texture(&mut self.normal_map, line),
+            b"map_Pr" => texture(&mut self.roughness_map, line),
+            b"map_Pm" => texture(&mut self.metallic_map, line),
+            _ => {
+                self.note_unsupported(line);
+                Ok(())
+            }
+        }
+    }
+
+    /// Records an unsupported key once.
+    fn note_unsupported(&mut self, line: &Line) {
+        let known = |names: &'static str| names.split(' ').find(|name| name.as_bytes() == line.keyword);
+        let is_none = || text::words(line.rest).all(|word| text::float(word) == Some(0.0));
+        let name = known(UNSUPPORTED_MAPS).or_else(|| known(UNSUPPORTED_FACTORS).filter(|_| !is_none()));
+        self.unsupported.extend(name.filter(|name| !self.unsupported.contains(name)));
+    }
+}
+
+/// Stores a value clamped to its range; the error reports clamping.
+fn store<T: Copy + PartialEq>(slot: &mut Option<T>, values: Result<(T, T), String>, line: &Line) -> Result<(), String> {
+    let (value, clamped) = values?;
+    *slot = Some(clamped);
+    if value == clamped {
+        return Ok(());
+    }
+    let keyword = String::from_utf8_lossy(line.keyword);
+    Err(format!("clamping {keyword} {} to the valid range", text::quoted(line.rest)))
+}
+
+/// Stores a texture; the error lists ignored options.
+fn texture(slot: &mut Option<Map>, line: &Line) -> Result<(), String> {
+    let (map, unsupported) = read_map(line)?;
+    *slot = Some(map);
+    if unsupported.is_empty() {
+        return Ok(());
+    }
+    let keyword = String::from_utf8_lossy(line.keyword);
+    Err(format!("ignoring options of {keyword}: {}", unsupported.join(", ")))
+}
+
+/// The number of a line and its clamped value.
+fn number(line: &Line, range: RangeInclusive<f32>) -> Result<(f32, f32), String> {
+    let value = text::words(line.rest).find(|&word| word != b"-halo").and_then(text::float);
+    let value = value.filter(|value| !value.is_nan()).ok_or_else(|| invalid(line, "a number"))?;
+    Ok((value, value.clamp(*range.start(), *range.end())))
+}
+
+/// The color of a line and its components clamped to `0..=max`. A single number is gray.
+fn color(line: &Line, max: f32) -> Result<([f32; 3], [f32; 3]), String> {
+    let numbers: Option<Vec<f32>> = text::words(line.rest).take(4).map(text::float).collect();
+    let color = match numbers.as_deref() {
+        Some(&[gray]) => [gray; 3],
+        Some(&[r, g, b]) => [r, g, b],
+        _ => return Err(invalid(line, "1 or 3 numbers")),
+    };
+    if color.iter().any(|component| component.is_nan()) {
+        return Err(invalid(line, "numbers"));
+    }
+    Ok((color, color.map(|component| component.clamp(0.0, max))))
+}
+
+fn invalid(line: &Line, expected: &str) -> String {
+    let keyword = String::from_utf8_lossy(line.keyword);
+    format!("ignoring {keyword} {}: expected {expected}", text::quoted(line.rest))
+}
+
+/// A texture statement.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Map {
+    /// File name; may contain spaces.
+    pub(crate) file: String,
+    /// `-s` for u and v.
+    scale: [f32; 2],
+    /// `-o` for u and v.
+    offset: [f32; 2],
+    /// `-clamp`.
+    is_clamped: bool,
+    /// `-bm`: strength of a normal map.
+    pub(crate) strength: f32,
+}
+
+impl Map {
+    /// Wrap mode.
+    pub(crate) fn wrap(&self) -> Wrap {
+        if self.is_clamped { Wrap::Clamp } else { Wrap::Repeat }
+    }
+
+    /// The texture reference, looked up at `scale * uv + offset`.
+    ///
+    /// The importers of Blender and three.js do the same; the specification is ambiguous.
+    pub(crate) fn texture_ref(&self, texture: TextureId) -> TextureRef {
+        let ([scale_u, scale_v], [offset_u, offset_v]) = (self.scale, self.offset);
+        let texture_from_mesh = UvTransform { rows: [[scale_u, 0.0, offset_u], [0.0, scale_v, offset_v]] };
+        TextureRef { texture_from_mesh, ..TextureRef::new(texture) }
+    }
+}
+
+/// Effect of an option.
+#[derive(Clone, Copy)]
+enum Effect {
+    Scale,
+    Offset,
+    Clamp,
+    Strength,
+    /// Not supported, unless the arguments are these defaults.
+    Unsupported(&'static [&'static str]),
+    /// No effect on the supported textures.
+    Ignored,
+}
+
+/// The options with their largest number of arguments. Trailing vector components are optional.
+const OPTIONS: [(&str, usize, Effect); 13] = [
+    ("-s", 3, Effect::Scale),
+    ("-o", 3, Effect::Offset),
+    ("-clamp", 1, Effect::Clamp),
+    ("-bm", 1, Effect::Strength),
+    ("-t", 3, Effect::Unsupported(&["0", "0", "0"])),
+    ("-mm", 2, Effect::Unsupported(&["0", "1"])),
+    ("-boost", 1, Effect::Unsupported(&["0"])),
+    ("-blendu", 1, Effect::Unsupported(&["on"])),
+    ("-blendv", 1, Effect::Unsupported(&["on"])),
+    ("-cc", 1, Effect::Unsupported(&["off"])),
+    ("-imfchan", 1, Effect::Unsupported(&["l"])),
+    ("-texres", 1, Effect::Ignored),
+    ("-type", 1, Effect::Ignored),
+];
+
+/// The texture of a statement and its unsupported options.
+pub(super) fn read_map(line: &Line) -> Result<(Map, Vec<&'static str>), String> {
+    let mut map = Map { file: String::new(), scale: [1.0; 2], offset: [0.0; 2], is_clamped: false, strength: 1.0 };
+    let (mut rest, mut unsupported) = (line.rest, Vec::new());
+    while let Some(&(name, max_arguments, effect)) =
+        OPTIONS.iter().find(|(name, ..)| first_word(rest) == name.as_bytes())
+    {
+        rest = after_word(rest, name.as_bytes());
+        let mut arguments = Vec::new();
+        while arguments.len() < max_arguments {
+            let word = first_word(rest);
+            if word.is_empty() || !arguments.is_empty() && text::float(word).is_none() {
+                break;
+            }
+            arguments.push(word);
+            rest = after_word(rest, word);
+        }
+        if map.apply(effect, &arguments).is_none() && !unsupported.contains(&name) {
+            unsupported.push(name);
+        }
+    }
+    if rest.is_empty() {
+        return Err(format!("ignoring {}: no file name", String::from_utf8_lossy(line.keyword)));
+    }
+    map.file = String::from_utf8_lossy(rest).into_owned();
+    Ok((map, unsupported))
+}
+
+impl Map {
+    /// Applies an option; `None` if it is not supported.
+    fn apply(&mut self, effect: Effect, arguments: &[&[u8]]) -> Option<()> {
+        match effect {
+            Effect::Scale => self.scale = vector(arguments, 1.0)?,
+            Effect::Offset => self.offset = vector(arguments, 0.0)?,
+            Effect::Clamp => {
+                self.is_clamped = match arguments {
+                    [b"on"] => true,
+                    [b"off"] => false,
+                    _ => return None,
+                }
+            }
+            Effect::Strength => [self.strength, _] = vector(arguments, 0.0)?,
+            Effect::Unsupported(neutral) => {
+                return arguments.iter().zip(neutral).all(|(word, neutral)| is_same(word, neutral)).then_some(());
+            }
+            Effect::Ignored => {}
+        }
+        Some(())
+    }
+}
+
+/// The first two of up to three finite numbers; `default` if the second is absent. The third is for 3D textures.
+fn vector(arguments: &[&[u8]], default: f32) -> Option<[f32; 2]> {
+    let number = |word: &&[u8]| text::float(word).filter(|number| number.is_finite());
+    let numbers: Vec<f32> = arguments.iter().map(number).collect::<Option<_>>()?;
+    let first = *numbers.first()?;
+    Some([first, numbers.get(1).copied().unwrap_or(default)])
+}
+
+/// Whether two words are equal, or numbers of equal value.
+fn is_same(word: &[u8], neutral: &str) -> bool {
+    word == neutral.as_bytes()
+        || text::float(word).is_some_and(|number| Some(number) == text::float(neutral.as_bytes()))
+}
+
+fn first_word(text: &[u8]) -> &[u8] {
+    &text[..text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len())]
+}
+
+/// The text after the first word.
+fn after_word<'a>(text: &'a [u8], word: &[u8]) -> &'a [u8] {
+    text[word.len()..].trim_ascii_start()
 }
 
 #[cfg(test)]

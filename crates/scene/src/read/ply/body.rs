@@ -1,7 +1,177 @@
-//! Numbers of a PLY body in any of the three encodings. Counts are checked against the remaining bytes before allocating.
+//! The encoding of PLY: the header (encoding, elements and properties), and the numbers of the body in any of the three encodings.
+//! Counts are checked against the remaining bytes before allocating.
 
-use super::header::{Element, Encoding, Kind, Scalar};
-use crate::read::text;
+use std::path::Path;
+
+use crate::read::ReadError;
+use crate::read::text::{self, quoted};
+
+/// Number encoding of the body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Encoding {
+    Ascii,
+    LittleEndian,
+    BigEndian,
+}
+
+/// A number type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Scalar {
+    fn named(name: &[u8]) -> Option<Self> {
+        Some(match name {
+            b"char" | b"int8" => Self::I8,
+            b"uchar" | b"uint8" => Self::U8,
+            b"short" | b"int16" => Self::I16,
+            b"ushort" | b"uint16" => Self::U16,
+            b"int" | b"int32" => Self::I32,
+            b"uint" | b"uint32" => Self::U32,
+            b"float" | b"float32" => Self::F32,
+            b"double" | b"float64" => Self::F64,
+            _ => return None,
+        })
+    }
+
+    /// Bytes in a binary body.
+    pub(super) fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    pub(super) fn is_integer(self) -> bool {
+        !matches!(self, Self::F32 | Self::F64)
+    }
+}
+
+/// A number, or a length-prefixed list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Scalar(Scalar),
+    List { count: Scalar, item: Scalar },
+}
+
+#[derive(Debug)]
+pub(super) struct Property<'a> {
+    pub(super) name: &'a [u8],
+    pub(super) kind: Kind,
+}
+
+/// A table of rows.
+#[derive(Debug)]
+pub(super) struct Element<'a> {
+    pub(super) name: &'a [u8],
+    pub(super) count: u64,
+    pub(super) properties: Vec<Property<'a>>,
+}
+
+#[derive(Debug)]
+pub(super) struct Header<'a> {
+    pub(super) encoding: Encoding,
+    pub(super) elements: Vec<Element<'a>>,
+    /// Texture from MeshLab's comment `TextureFile`.
+    pub(super) texture: Option<&'a [u8]>,
+    /// Lines that were ignored.
+    pub(super) warnings: Vec<String>,
+}
+
+/// Header lines that may be ignored; with more, the file is something else.
+const MAX_IGNORED: usize = 16;
+
+/// Splits a file into header and body. Lines end with LF or CRLF.
+pub(super) fn header<'a>(path: &Path, bytes: &'a [u8]) -> Result<(Header<'a>, &'a [u8]), ReadError> {
+    let mut rest = bytes;
+    let mut encoding = None;
+    let mut header = Header { encoding: Encoding::Ascii, elements: Vec::new(), texture: None, warnings: Vec::new() };
+    for number in 1.. {
+        let Some(end) = rest.iter().position(|&byte| byte == b'\n') else { break };
+        let line = rest[..end].trim_ascii();
+        rest = &rest[end + 1..];
+        let malformed = |message: String| ReadError::malformed(path, format!("header line {number}"), message);
+        if number == 1 {
+            if line != b"ply" {
+                return Err(malformed(format!("expected 'ply', found {}", quoted(line))));
+            }
+            continue;
+        }
+        let words: Vec<&[u8]> = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
+        match words[..] {
+            [] | [b"obj_info", ..] => {}
+            [b"comment", b"TextureFile", _, ..] => {
+                header.texture = Some(line[b"comment TextureFile".len()..].trim_ascii())
+            }
+            [b"comment", ..] => {}
+            [b"format", name, b"1.0", ..] => encoding = Some(encoding_named(name).map_err(malformed)?),
+            [b"element", name, count, ..] => header.elements.push(element(&header, name, count).map_err(malformed)?),
+            [b"property", ref words @ ..] => {
+                let property = property(words).map_err(malformed)?;
+                let element = header
+                    .elements
+                    .last_mut()
+                    .ok_or_else(|| malformed("'property' before the first 'element'".into()))?;
+                element.properties.push(property);
+            }
+            [b"end_header"] => {
+                header.encoding = encoding.ok_or_else(|| malformed("missing 'format' line".into()))?;
+                return Ok((header, rest));
+            }
+            // Some programs write comments without their keyword.
+            [word, ..] if ![&b"format"[..], b"element"].contains(&word) && header.warnings.len() < MAX_IGNORED => {
+                header.warnings.push(format!("ignoring header line {number}: {}", quoted(line)));
+            }
+            _ => return Err(malformed(format!("invalid statement {}", quoted(line)))),
+        }
+    }
+    Err(ReadError::malformed(path, "header", "missing 'end_header'"))
+}
+
+fn encoding_named(name: &[u8]) -> Result<Encoding, String> {
+    match name {
+        b"ascii" => Ok(Encoding::Ascii),
+        b"binary_little_endian" => Ok(Encoding::LittleEndian),
+        b"binary_big_endian" => Ok(Encoding::BigEndian),
+        _ => Err(format!("unknown format {}", quoted(name))),
+    }
+}
+
+fn element<'a>(header: &Header, name: &'a [u8], count: &[u8]) -> Result<Element<'a>, String> {
+    if header.elements.iter().any(|element| element.name == name) {
+        return Err(format!("duplicate element {}", quoted(name)));
+    }
+    let count = std::str::from_utf8(count)
+        .ok()
+        .and_then(|count| count.parse().ok())
+        .ok_or_else(|| format!("invalid element count {}", quoted(count)))?;
+    Ok(Element { name, count, properties: Vec::new() })
+}
+
+fn property<'a>(words: &[&'a [u8]]) -> Result<Property<'a>, String> {
+    let scalar = |name: &[u8]| Scalar::named(name).ok_or_else(|| format!("unknown property type {}", quoted(name)));
+    match *words {
+        [b"list", count, item, name, ..] => {
+            let (count, item) = (scalar(count)?, scalar(item)?);
+            if !count.is_integer() {
+                return Err("a list length needs an integer type".into());
+            }
+            Ok(Property { name, kind: Kind::List { count, item } })
+        }
+        [kind, name, ..] => Ok(Property { name, kind: Kind::Scalar(scalar(kind)?) }),
+        _ => Err("expected a property type and a name".into()),
+    }
+}
 
 /// The unread part of the body.
 pub(super) struct Body<'a> {
@@ -66,7 +236,6 @@ impl<'a> Body<'a> {
             let word = self.word()?;
             return text::float(word).ok_or_else(|| format!("expected a number, found {}", text::quoted(word)));
         }
-        #[expect(clippy::cast_possible_truncation, reason = "coordinates are f32")]
         match scalar {
             Scalar::F32 => self.bytes().map(f32::from_le_bytes),
             Scalar::F64 => self.bytes().map(|bytes| f64::from_le_bytes(bytes) as f32),

@@ -1,12 +1,14 @@
-//! Materials and textures: factors, masks, wrap modes, coordinates, transforms, unreadable images.
+//! Materials and textures: factors, masks, wrap modes, coordinates, transforms, unreadable images; metal, normal maps, glass, emission,
+//! further lobes, variants and unsupported extensions.
 
 use serde_json::{Value, json};
 
 use super::{File, TRIANGLE};
-use crate::{AlphaMode, Magnification, Scene, TextureId, TextureRef, UvSet, Wrap};
+use crate::read::{ReadError, ReadOptions};
+use crate::{AlphaMode, Encoding, Magnification, Material, Scene, TextureId, TextureRef, UvSet, UvTransform, Wrap};
 
 /// A 2 x 1 PNG: opaque red, transparent gray.
-pub(super) fn png() -> Vec<u8> {
+fn png() -> Vec<u8> {
     let image = image::RgbaImage::from_fn(2, 1, |x, _| image::Rgba([[255, 0, 0, 255], [128, 128, 128, 0]][x as usize]));
     let mut bytes = std::io::Cursor::new(Vec::new());
     image.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
@@ -14,7 +16,7 @@ pub(super) fn png() -> Vec<u8> {
 }
 
 /// Texture coordinates of set 0; set 1 has them reversed.
-pub(super) const UVS: [f32; 6] = [0.0, 0.0, 0.5, 0.25, 1.0, 1.0];
+const UVS: [f32; 6] = [0.0, 0.0, 0.5, 0.25, 1.0, 1.0];
 
 /// The triangle with two sets of coordinates, the given material, and the PNG as image 0.
 pub(super) fn file(material: Value) -> File {
@@ -32,7 +34,7 @@ pub(super) fn file(material: Value) -> File {
 }
 
 /// A material with texture 0 as base color texture.
-pub(super) fn textured(info: Value) -> Value {
+fn textured(info: Value) -> Value {
     let mut info = info;
     info["index"] = json!(0);
     json!({ "pbrMetallicRoughness": { "baseColorTexture": info } })
@@ -253,4 +255,293 @@ fn missing_texture_coordinates_are_reported() {
     file.rejected("accessor 0: expected type Vec2");
     file.json["materials"][0] = textured(json!({ "texCoord": 3 }));
     assert!(file.warned("TEXCOORD_3 (not supported)").textures.is_empty());
+}
+
+/// The material read from a file.
+fn surface(material: Value) -> Material {
+    file(material).scene().materials.remove(0)
+}
+
+#[test]
+fn default_is_rough_metal() {
+    let want = Material {
+        name: "material 0".to_owned(),
+        base_color: [1.0; 3],
+        metallic: 1.0,
+        roughness: 1.0,
+        specular: 1.0,
+        ..Material::default()
+    };
+    assert_eq!(surface(json!({})), want);
+}
+
+#[test]
+fn reads_metallic_and_roughness() {
+    let pbr = json!({ "metallicFactor": 0.25, "roughnessFactor": 0.5, "metallicRoughnessTexture": { "index": 0 } });
+    let scene = file(json!({ "pbrMetallicRoughness": pbr })).scene();
+    let material = &scene.materials[0];
+    assert_eq!((material.metallic, material.roughness), (0.25, 0.5));
+    assert_eq!(material.metallic_roughness_texture, Some(TextureRef::new(TextureId(0))));
+    assert_eq!(scene.textures[0].encoding, Encoding::Linear);
+    let scene = file(json!({ "pbrMetallicRoughness": { "roughnessFactor": 3 } })).warned("roughness factor");
+    assert_eq!(scene.materials[0].roughness, 1.0);
+    let smooth = json!({ "metallicFactor": 0, "roughnessFactor": 0, "metallicRoughnessTexture": { "index": 0 } });
+    assert!(
+        file(json!({ "pbrMetallicRoughness": smooth })).scene().textures.is_empty(),
+        "factors of 0 need no texture"
+    );
+}
+
+#[test]
+fn color_and_data_use_of_an_image_are_two_textures() {
+    let mut material = textured(json!({}));
+    material["normalTexture"] = json!({ "index": 0, "scale": -0.5 });
+    let scene = file(material).scene();
+    assert_eq!(scene.materials[0].base_color_texture.unwrap().texture, TextureId(0));
+    assert_eq!(scene.materials[0].normal_texture.unwrap().texture, TextureId(1));
+    assert_eq!(scene.materials[0].normal_scale, -0.5);
+    assert_eq!([0, 1].map(|k| scene.textures[k].encoding), [Encoding::Srgb, Encoding::Linear]);
+    assert_eq!(scene.textures[0].texels, scene.textures[1].texels);
+}
+
+#[test]
+fn normal_maps_are_transformed() {
+    let moved = |transform: Value| {
+        file(json!({ "normalTexture": { "index": 0, "extensions": { "KHR_texture_transform": transform } } }))
+    };
+    let scene = moved(json!({ "offset": [0.25, 0] })).scene();
+    let rows = [[1.0, 0.0, 0.25], [0.0, 1.0, 0.0]];
+    assert_eq!(scene.materials[0].normal_texture.unwrap().texture_from_mesh, UvTransform { rows });
+    moved(json!({ "offset": 3 })).rejected("material 0: invalid KHR_texture_transform");
+    file(json!({ "normalTexture": { "index": 0, "scale": 1e39 } })).warned("normal texture of material 0");
+}
+
+#[test]
+fn reads_emission_texture() {
+    let scene = file(json!({ "emissiveFactor": [2, 1, 0], "emissiveTexture": { "index": 0 } })).scene();
+    assert_eq!(scene.materials[0].emission, [2.0, 1.0, 0.0]);
+    assert_eq!(scene.materials[0].emission_texture, Some(TextureRef::new(TextureId(0))));
+    assert_eq!(scene.textures[0].encoding, Encoding::Srgb);
+    assert!(file(json!({ "emissiveTexture": { "index": 0 } })).scene().textures.is_empty(), "no emission");
+}
+
+#[test]
+fn glass_without_thickness_is_thin_walled() {
+    let with = |extensions: Value| surface(json!({ "extensions": extensions }));
+    let transmission = json!({ "transmissionFactor": 0.75, "transmissionTexture": { "index": 0 } });
+    let sheet = with(json!({ "KHR_materials_transmission": transmission, "KHR_materials_ior": { "ior": 1.25 } }));
+    assert_eq!((sheet.transmission, sheet.ior, sheet.thin_walled), (0.75, 1.25, true));
+    assert_eq!(sheet.transmission_texture, Some(TextureRef::new(TextureId(0))));
+    for (thickness, thin_walled) in [(0.0, true), (0.5, false)] {
+        let volume = json!({ "thicknessFactor": thickness });
+        let glass = with(json!({ "KHR_materials_transmission": transmission, "KHR_materials_volume": volume }));
+        assert_eq!(glass.thin_walled, thin_walled);
+    }
+    assert!(!with(json!({ "KHR_materials_volume": {} })).thin_walled, "opaque materials are not thin-walled");
+    let with_ior = |ior: f64| file(json!({ "extensions": { "KHR_materials_ior": { "ior": ior } } }));
+    for (ior, read) in [(0.0, Material::MAX_IOR), (1.0, 1.0), (1000.0, Material::MAX_IOR)] {
+        assert_eq!(with_ior(ior).scene().materials[0].ior, read, "{ior}");
+    }
+    for (ior, what, read) in [
+        (0.5, "ior 0.5 of material 0: less than 1", 1.5),
+        (-1.0, "ior -1 of material 0: less than 1", 1.5),
+        (1e20, "clamping ior 100000000000000000000 of material 0 to 1000", Material::MAX_IOR),
+        (1e39, "clamping ior inf of material 0 to 1000", Material::MAX_IOR),
+    ] {
+        assert_eq!(with_ior(ior).warned(what).materials[0].ior, read, "{ior}");
+    }
+}
+
+#[test]
+fn reads_specular_extension() {
+    let specular = |specular: Value| json!({ "extensions": { "KHR_materials_specular": specular } });
+    assert_eq!(surface(specular(json!({ "specularFactor": 0.25 }))).specular, 0.25);
+    assert_eq!(surface(specular(json!({}))).specular, 1.0);
+    let red = surface(specular(json!({ "specularColorFactor": [2, 0, 0] })));
+    assert_eq!(red.lobes.unwrap().specular_color, [2.0, 0.0, 0.0]);
+    assert!(surface(specular(json!({ "specularTexture": { "index": 0 } }))).lobes.unwrap().specular_texture.is_some());
+    file(specular(json!({ "specularColorFactor": [-1, 0, 0] }))).warned("ignoring the specular color");
+}
+
+#[test]
+fn unlit_materials_become_emissive() {
+    let mut material = textured(json!({}));
+    material["pbrMetallicRoughness"]["baseColorFactor"] = json!([0.5, 0.25, 1, 0.5]);
+    material["pbrMetallicRoughness"]["metallicRoughnessTexture"] = json!({ "index": 0 });
+    material["alphaMode"] = json!("BLEND");
+    material["extensions"] = json!({ "KHR_materials_unlit": {} });
+    let scene = file(material).warned("treating KHR_materials_unlit as emission");
+    let texture = Some(TextureRef::new(TextureId(0)));
+    let want = Material {
+        name: "material 0".to_owned(),
+        base_color: [0.0; 3],
+        emission: [0.5, 0.25, 1.0],
+        emission_texture: texture,
+        alpha_mode: AlphaMode::Blend,
+        alpha: 0.5,
+        alpha_texture: texture,
+        ..Material::default()
+    };
+    assert_eq!(scene.materials[0], want);
+    assert_eq!(scene.textures.len(), 1);
+
+    let mut colored = file(json!({ "extensions": { "KHR_materials_unlit": {} } }));
+    let colors = colored.reals("VEC3", &[0.5; 9]);
+    colored.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = json!(colors);
+    let warnings = colored.read().unwrap().warnings;
+    assert_eq!(warnings[1], "ignoring vertex colors with KHR_materials_unlit: material 0");
+}
+
+#[test]
+fn unsupported_extensions_are_reported_once() {
+    let dispersion = "KHR_materials_dispersion";
+    let mut several = file(json!({ "extensions": { dispersion: {} }, "occlusionTexture": { "index": 0 } }));
+    several.push("materials", json!({ "extensions": { dispersion: {}, "KHR_materials_unheard_of": {} } }));
+    let scene = several.read().unwrap();
+    assert_eq!(
+        scene.warnings,
+        [
+            "ignoring KHR_materials_dispersion (not supported): material 0 and 1 more",
+            "ignoring occlusionTexture (not physical): material 0",
+            "ignoring KHR_materials_unheard_of (not supported): material 1",
+        ]
+    );
+    assert!(scene.textures.is_empty());
+}
+
+/// What the extensions of lobes give; textures have the encoding of their use.
+#[test]
+fn reads_lobes() {
+    let lobes = |name: &str, value: Value| surface(json!({ "extensions": { name: value } })).lobes;
+    let texture = json!({ "index": 0 });
+    let coat = lobes(
+        "KHR_materials_clearcoat",
+        json!({ "clearcoatFactor": 0.5, "clearcoatRoughnessFactor": 0.25, "clearcoatTexture": texture }),
+    );
+    let coat = coat.unwrap();
+    assert_eq!((coat.clearcoat, coat.clearcoat_roughness), (0.5, 0.25));
+    assert_eq!(coat.clearcoat_texture, Some(TextureRef::new(TextureId(0))));
+    let sheen = lobes("KHR_materials_sheen", json!({ "sheenColorFactor": [1, 0.5, 0], "sheenRoughnessFactor": 0.5 }));
+    assert_eq!(sheen.map(|s| (s.sheen_color, s.sheen_roughness)), Some(([1.0, 0.5, 0.0], 0.5)));
+    let along = lobes("KHR_materials_anisotropy", json!({ "anisotropyStrength": 0.5, "anisotropyRotation": 1 }));
+    assert_eq!(along.map(|a| (a.anisotropy, a.anisotropy_rotation)), Some((0.5, 1.0)));
+    let film =
+        lobes("KHR_materials_iridescence", json!({ "iridescenceFactor": 1, "iridescenceThicknessMaximum": 500 }));
+    assert_eq!(
+        film.map(|f| (f.iridescence, f.iridescence_ior, f.iridescence_thickness)),
+        Some((1.0, 1.3, [100.0, 500.0]))
+    );
+    let solid = json!({ "thicknessFactor": 1, "attenuationDistance": 2, "attenuationColor": [1, 0.5, 0.25] });
+    let [r, g, b] = lobes("KHR_materials_volume", solid).unwrap().absorption;
+    let half = 0.5 * 2.0_f32.ln();
+    assert_eq!(r, 0.0);
+    assert!((g - half).abs() < 1e-6 && (b - 2.0 * half).abs() < 1e-6, "{g} {b}");
+    for name in ["clearcoat", "sheen", "anisotropy", "iridescence", "specular", "volume"] {
+        assert_eq!(lobes(&format!("KHR_materials_{name}"), json!({})), None, "{name}");
+    }
+    let coat = |value: Value| file(json!({ "extensions": { "KHR_materials_clearcoat": value } }));
+    coat(json!({ "clearcoatFactor": 7 })).warned("clamping clearcoat factor [7.0] of material 0");
+    coat(json!({ "clearcoatFactor": "1" })).warned("clamping clearcoat factor [NaN] of material 0");
+    coat(json!({ "clearcoatFactor": 1, "clearcoatTexture": 0 })).rejected("material 0: invalid clearcoatTexture");
+}
+
+/// Roughness is made from the alpha channel of the texture.
+#[test]
+fn reads_specular_and_glossiness() {
+    let name = "KHR_materials_pbrSpecularGlossiness";
+    let factors =
+        json!({ "diffuseFactor": [0.5, 0.25, 0, 1], "specularFactor": [0.5, 0.5, 1], "glossinessFactor": 0.75 });
+    let plain = surface(json!({ "extensions": { name: factors } }));
+    assert_eq!((plain.base_color, plain.metallic, plain.roughness), ([0.5, 0.25, 0.0], 0.0, 0.25));
+    assert_eq!((plain.specular, plain.ior), (1.0, Material::MAX_IOR));
+    assert_eq!(plain.lobes.unwrap().specular_color, [0.5, 0.5, 1.0]);
+    let textured = file(json!({ "extensions": { name: { "specularGlossinessTexture": { "index": 0 } } } })).scene();
+    let material = &textured.materials[0];
+    let color = material.lobes.as_ref().unwrap().specular_color_texture.unwrap();
+    let rough = material.metallic_roughness_texture.unwrap();
+    assert_eq!(textured.textures[color.texture.0 as usize].encoding, Encoding::Srgb);
+    let [colors, roughness] = [color, rough].map(|slot| &textured.textures[slot.texture.0 as usize].texels);
+    for (color, rough) in colors.iter().zip(roughness) {
+        assert_eq!(rough[1], 255 - color[3]);
+    }
+}
+
+#[test]
+fn variants_choose_materials() {
+    let name = "KHR_materials_variants";
+    let mut file = file(json!({ "name": "plain" }));
+    file.push("materials", json!({ "name": "red" }));
+    file.json["extensions"] = json!({ name: { "variants": [{ "name": "day" }, { "name": "night" }] } });
+    file.json["extensionsUsed"] = json!([name]);
+    let mappings = json!([{ "variants": [1], "material": 1 }]);
+    file.json["meshes"][0]["primitives"][0]["extensions"] = json!({ name: { "mappings": mappings } });
+    let used = |variant: Option<&str>| {
+        let options = ReadOptions { variant: variant.map(str::to_owned), ..ReadOptions::default() };
+        let scene = file.read_with(&options)?;
+        assert_eq!(scene.warnings, [""; 0]);
+        Ok::<_, ReadError>(scene.materials[scene.meshes[0].parts[0].material.0 as usize].name.clone())
+    };
+    assert_eq!(used(None).unwrap(), "plain");
+    assert_eq!(used(Some("day")).unwrap(), "plain", "no mapping");
+    assert_eq!([used(Some("night")).unwrap(), used(Some("1")).unwrap()], ["red", "red"]);
+    let error = used(Some("dawn")).unwrap_err().to_string();
+    assert!(error.contains("unknown variant 'dawn'; the file has 0 \"day\", 1 \"night\""), "{error}");
+}
+
+const STORED: [u8; 4] = [1, 2, 3, 4];
+
+/// A triangle with a texture of two images: the one of `texture`, and STORED data.
+fn file_of_format(texture: Value, image: &[u8]) -> File {
+    let mut file = File::of_nodes(json!([{ "mesh": 0 }]));
+    file.json["materials"] = json!([{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }]);
+    let uvs = file.reals("VEC2", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    file.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+    file.json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = json!(uvs);
+    let png = crate::read::image::tests::encoded(image::ImageFormat::Png);
+    let (special, plain) = (file.view(image), file.view(&png));
+    file.json["images"] =
+        json!([{ "bufferView": special, "name": "special" }, { "bufferView": plain, "name": "plain" }]);
+    file.json["textures"] = json!([texture]);
+    file
+}
+
+fn basisu(fallback: Option<usize>) -> Value {
+    let mut texture = json!({ "extensions": { "KHR_texture_basisu": { "source": 0 } } });
+    if let Some(fallback) = fallback {
+        texture["source"] = json!(fallback);
+    }
+    texture
+}
+
+#[test]
+#[cfg(feature = "ktx2")]
+fn ktx2_takes_precedence_and_png_stands_in() {
+    let ktx2 = crate::read::ktx2::tests::column().bytes();
+    for fallback in [None, Some(1)] {
+        let scene = file_of_format(basisu(fallback), &ktx2).scene();
+        assert_eq!((scene.textures.len(), &scene.textures[0].name[..]), (1, "special"));
+        assert_eq!(scene.textures[0].texels, [[10, 20, 30, 40], [50, 60, 70, 80]]);
+    }
+    let scene = file_of_format(basisu(Some(1)), &STORED).warned("skipping image 0 'special'");
+    assert_eq!((scene.textures.len(), &scene.textures[0].name[..]), (1, "plain"));
+    assert!(file_of_format(basisu(None), &STORED).warned("skipping image 0").textures.is_empty());
+    file_of_format(json!({ "extensions": { "KHR_texture_basisu": { "source": 2 } } }), &ktx2)
+        .rejected("image index 2 out of range");
+}
+
+#[test]
+#[cfg(not(feature = "ktx2"))]
+fn without_the_feature_png_is_used() {
+    let scene = file_of_format(basisu(Some(1)), &STORED).scene();
+    assert_eq!((scene.textures.len(), &scene.textures[0].name[..]), (1, "plain"));
+    file_of_format(basisu(None), &STORED).warned("KHR_texture_basisu, feature 'ktx2' (not supported)");
+}
+
+#[test]
+#[cfg(feature = "webp")]
+fn webp_is_read() {
+    let webp = crate::read::image::tests::encoded(image::ImageFormat::WebP);
+    let scene =
+        file_of_format(json!({ "extensions": { "EXT_texture_webp": { "source": 0 } }, "source": 1 }), &webp).scene();
+    assert_eq!((scene.textures.len(), &scene.textures[0].name[..]), (1, "special"));
 }

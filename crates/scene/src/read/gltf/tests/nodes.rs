@@ -1,12 +1,12 @@
-//! Node hierarchies: transform chains against pointwise evaluation, cycles and other invalid graphs.
+//! Node hierarchies (transform chains against pointwise evaluation, cycles and other invalid graphs), instances, cameras and lights.
 
 use std::time::{Duration, Instant};
 
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
-use super::{File, read_bytes};
-use crate::Scene;
+use super::{F32, File, I8, read_bytes};
+use crate::{Camera, Light, MeshId, Projection, Scene};
 
 /// Unit roundoff of `f32`.
 const U: f64 = f32::EPSILON as f64 / 2.0;
@@ -215,4 +215,257 @@ fn only_the_default_scene_is_read() {
     assert_eq!(placed(&file.warned("placing a root of scene 1 as a child of its parent: node 2 of 1")), [5.0]);
     file.json["scenes"] = json!([{}, { "nodes": [2, 1] }]);
     assert_eq!(placed(&file.warned("a child of its parent")), [2.0, 5.0], "once");
+}
+
+/// Adds a node that instances the triangle by these attributes.
+fn add_instancing(file: &mut File, attributes: Value) {
+    file.push(
+        "nodes",
+        json!({
+            "mesh": 0,
+            "scale": [2, 2, 2],
+            "extensions": { "EXT_mesh_gpu_instancing": { "attributes": attributes } },
+        }),
+    );
+    file.json["extensionsRequired"] = json!(["EXT_mesh_gpu_instancing"]);
+}
+
+#[test]
+fn many_nodes_share_a_mesh() {
+    let mut file = File::of_nodes(json!([{ "mesh": 1 }, { "mesh": 0 }, { "mesh": 1 }]));
+    let positions = file.reals("VEC3", &super::TRIANGLE);
+    file.mesh(json!([{ "attributes": { "POSITION": positions } }]));
+    let scene = file.scene();
+    assert_eq!(scene.meshes.len(), 2);
+    let found: Vec<_> = scene.instances.iter().map(|instance| (instance.mesh, instance.first_primitive)).collect();
+    assert_eq!(found, [(MeshId(1), 1), (MeshId(0), 0), (MeshId(1), 1)], "instances in node order, numbers by mesh");
+}
+
+#[test]
+fn one_node_instances_a_mesh() {
+    let mut file = File::of_nodes(json!([]));
+    let translations = file.reals("VEC3", &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    // 180 degrees about z and the identity, as normalized bytes.
+    let rotations = file.accessor(I8, "VEC4", 2, &[0, 0, 127, 0, 0, 0, 0, 127]);
+    file.json["accessors"][rotations]["normalized"] = json!(true);
+    let scales = file.reals("VEC3", &[1.0, 1.0, 1.0, 1.0, -3.0, 1.0]);
+    add_instancing(
+        &mut file,
+        json!({ "TRANSLATION": translations, "ROTATION": rotations, "SCALE": scales, "_ID": 99 }),
+    );
+    let scene = file.scene();
+    let columns: Vec<_> = scene.instances.iter().map(|instance| instance.world_from_object.columns).collect();
+    assert_eq!(
+        columns,
+        [
+            [[-2.0, 0.0, 0.0], [0.0, -2.0, 0.0], [0.0, 0.0, 2.0], [2.0, 0.0, 0.0]],
+            [[2.0, 0.0, 0.0], [0.0, -6.0, 0.0], [0.0, 0.0, 2.0], [0.0, 2.0, 0.0]],
+        ]
+    );
+    assert!(scene.instances.iter().all(|instance| instance.mesh == MeshId(0) && instance.first_primitive == 0));
+}
+
+#[test]
+fn invalid_instancing_is_rejected() {
+    let mut file = File::of_nodes(json!([]));
+    let two = file.reals("VEC3", &[1.0, 0.0, 0.0, 0.0, f32::NAN, 0.0]);
+    let three = file.reals("VEC3", &[1.0; 9]);
+    let with = |attributes: Value| {
+        let mut file = file.clone();
+        add_instancing(&mut file, attributes);
+        file
+    };
+    assert_eq!(with(json!({ "TRANSLATION": two })).warned("1 of 2 instances").instances.len(), 1);
+    with(json!({ "TRANSLATION": two, "SCALE": three })).rejected("different counts, 2 and 3");
+    with(json!({ "ROTATION": two })).rejected("ROTATION");
+    with(json!({ "SCALE": 77 })).rejected("accessor index 77");
+    with(json!({ "SCALE": "1" })).rejected("expected an accessor index");
+    with(json!({})).rejected("missing TRANSLATION, ROTATION or SCALE");
+}
+
+/// Small files with shared accessors without data must not exhaust memory.
+#[test]
+fn excessive_repetition_is_rejected() {
+    let zeros = |file: &mut File, count: u32| {
+        file.push("accessors", json!({ "componentType": F32, "type": "VEC3", "count": count }));
+        file.json["accessors"].as_array().unwrap().len() - 1
+    };
+    let mut file = File::of_nodes(json!([]));
+    let translations = zeros(&mut file, 400_000);
+    for _ in 0..2 {
+        add_instancing(&mut file, json!({ "TRANSLATION": translations }));
+    }
+    assert_eq!(file.scene().instances.len(), 800_000);
+    add_instancing(&mut file, json!({ "TRANSLATION": translations }));
+    file.rejected("node 2: too many instances: 400000, in total 1199997");
+
+    let mut file = File::of_nodes(json!([{ "mesh": 0 }]));
+    let positions = zeros(&mut file, 300_000);
+    let vertices = json!({ "attributes": { "POSITION": positions } });
+    file.mesh(json!([vertices, vertices]));
+    assert_eq!(file.scene().instances.len(), 1);
+    file.mesh(json!([vertices, { "attributes": { "POSITION": 0 }, "indices": positions }]));
+    file.rejected("meshes: 1200000 vertices and indices without a buffer view");
+}
+
+#[test]
+fn singular_transforms_are_skipped() {
+    let placed = json!({ "mesh": 0 });
+    for flat in [
+        json!({ "mesh": 0, "scale": [1, 0, 1] }),
+        json!({ "mesh": 0, "scale": [0, 0, 0] }),
+        json!({ "mesh": 0, "rotation": [0, 0, 0, 0] }),
+        json!({ "mesh": 0, "scale": [1e30, 1e30, 1e30], "translation": [1e39, 0, 0] }),
+        json!({ "mesh": 0, "matrix": [1, 0, 0, 0, 0.1, 0.2, 0.3, 0, 0.7, 0.2, 0.3, 0, 0, 0, 0, 1] }),
+        json!({ "mesh": 0, "rotation": [0.3, 0.1, 0.5, 0.8], "scale": [1, 1e-40, 1] }),
+    ] {
+        let scene = File::of_nodes(json!([placed, flat])).warned("skipping 1 of 1 instances of node 1 ''");
+        assert_eq!(scene.instances.len(), 1, "{flat}");
+        File::of_nodes(json!([flat])).rejected("no node has a mesh");
+    }
+}
+
+#[test]
+fn extreme_invertible_transforms_are_kept() {
+    for scale in [[1e-6, 1e6, 1.0], [1e-12, 1.0, 1.0], [1e12, 1e12, 1e12], [1e-20, -1e-20, 1e-20]] {
+        let scene = File::of_nodes(json!([{ "mesh": 0, "scale": scale, "translation": [1e7, 0, 0] }])).read().unwrap();
+        assert_eq!(scene.instances.len(), 1, "{scale:?}");
+    }
+}
+
+/// The triangle and a second node.
+fn second_node(node: Value) -> File {
+    File::of_nodes(json!([{ "mesh": 0 }, node]))
+}
+
+fn with_camera(node: Value, camera: Value) -> File {
+    let mut node = node;
+    node["camera"] = json!(0);
+    let mut file = second_node(node);
+    file.push("cameras", camera);
+    file
+}
+
+fn perspective(yfov: f64) -> Value {
+    json!({ "type": "perspective", "perspective": { "yfov": yfov, "znear": 0.1 } })
+}
+
+#[test]
+fn cameras_look_along_minus_z() {
+    let right_angle = std::f64::consts::FRAC_PI_2;
+    let scene =
+        with_camera(json!({ "translation": [0.5, 0, 0.25], "scale": [3, 3, 3] }), perspective(right_angle)).scene();
+    let want = Camera::pinhole([0.5, 0.0, 0.25], [0.5, 0.0, -0.75], [0.0, 1.0, 0.0], 90.0);
+    assert_eq!(scene.cameras, [want]);
+    // A rotation by 90 degrees about x looks up.
+    let scene = with_camera(json!({ "rotation": [1, 0, 0, 1] }), perspective(1.0)).scene();
+    let [camera] = scene.cameras[..] else { panic!("one camera") };
+    assert_eq!((camera.target, camera.up), ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]));
+}
+
+fn orthographic(ymag: f64) -> Value {
+    json!({ "type": "orthographic", "orthographic": { "xmag": 3, "ymag": ymag, "znear": 0, "zfar": 1 } })
+}
+
+#[test]
+fn orthographic_height_is_twice_ymag() {
+    let scene = with_camera(json!({ "translation": [0, 0, 1] }), orthographic(1.5)).scene();
+    let like = Camera::pinhole([0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0], 90.0);
+    assert_eq!(scene.cameras, [Camera { projection: Projection::Orthographic { height: 3.0 }, ..like }]);
+}
+
+#[test]
+fn distant_cameras_keep_their_direction() {
+    let node = json!({ "translation": [1e7, 1e7, 1e7], "rotation": [0.1, 0.2, 0.3, 0.9] });
+    let near = with_camera(json!({ "rotation": [0.1, 0.2, 0.3, 0.9] }), perspective(1.0)).scene().cameras[0];
+    let far = with_camera(node, perspective(1.0)).scene().cameras[0];
+    let direction = |camera: Camera| -> [f64; 3] {
+        let view: [f64; 3] = std::array::from_fn(|k| f64::from(camera.target[k]) - f64::from(camera.eye[k]));
+        let length = view.iter().map(|x| x * x).sum::<f64>().sqrt();
+        view.map(|x| x / length)
+    };
+    // The target's coordinates are at most twice the eye's, so rounding is at most 2 ULP of those.
+    let bound = 2.0 * f64::from(f32::EPSILON) * 3.0_f64.sqrt();
+    for (a, b) in direction(near).into_iter().zip(direction(far)) {
+        assert!((a - b).abs() <= bound, "{a} {b}");
+    }
+}
+
+#[test]
+fn invalid_cameras_are_reported() {
+    let node = json!({});
+    for (camera, why) in [
+        (perspective(0.0), "field of view"),
+        (perspective(3.15), "field of view"),
+        (orthographic(0.0), "ymag of 0"),
+        (orthographic(-1.0), "ymag of -1"),
+        (json!({ "type": "perspective" }), "no projection"),
+        (json!({ "type": "panoramic" }), "no projection"),
+    ] {
+        assert!(with_camera(node.clone(), camera).warned(why).cameras.is_empty());
+    }
+    for node in [json!({ "scale": [1, 1, 0] }), json!({ "scale": [1, 0, 1] }), json!({ "translation": [1e39, 0, 0] })] {
+        with_camera(node, perspective(1.0)).warned("no orientation");
+    }
+    second_node(json!({ "camera": 0 })).rejected("node 1: camera index 0 out of range");
+}
+
+fn with_light(node: Value, light: Value) -> File {
+    let mut node = node;
+    node["extensions"] = json!({ "KHR_lights_punctual": { "light": 0 } });
+    let mut file = second_node(node);
+    file.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [light] } });
+    file.json["extensionsRequired"] = json!(["KHR_lights_punctual"]);
+    file
+}
+
+#[test]
+fn reads_directional_and_point_lights() {
+    let rotated_about_y = json!({ "rotation": [0, 1, 0, 1], "scale": [2, 2, 2] });
+    let sun = json!({ "type": "directional", "color": [1, 0.5, 0.25], "intensity": 4 });
+    let scene = with_light(rotated_about_y, sun).scene();
+    assert_eq!(scene.lights, [Light::Sun { direction: [-1.0, 0.0, 0.0], irradiance: [4.0, 2.0, 1.0] }]);
+    let scene = with_light(json!({ "translation": [1, 2, 3] }), json!({ "type": "point" })).scene();
+    assert_eq!(scene.lights, [Light::Point { position: [1.0, 2.0, 3.0], intensity: [1.0; 3] }]);
+}
+
+#[test]
+fn reads_spot_lights() {
+    let along_x = json!({ "translation": [1, 2, 3], "rotation": [0, -1, 0, 1] });
+    let cone = json!({ "innerConeAngle": 0, "outerConeAngle": std::f64::consts::FRAC_PI_3 });
+    for (spot, cos_outer) in [(cone, 0.5), (json!({}), std::f32::consts::FRAC_1_SQRT_2)] {
+        let scene = with_light(along_x.clone(), json!({ "type": "spot", "spot": spot, "intensity": 2 })).scene();
+        let [Light::Spot { position, direction, intensity, cos_inner, cos_outer: found }] = scene.lights[..] else {
+            panic!("one spot")
+        };
+        assert_eq!((position, direction, intensity), ([1.0, 2.0, 3.0], [1.0, 0.0, 0.0], [2.0; 3]));
+        // The angle in the file is rounded once and its cosine once.
+        assert!(cos_inner == 1.0 && (found - cos_outer).abs() <= f32::EPSILON, "{cos_inner} {found}");
+    }
+    with_light(json!({}), json!({ "type": "spot", "spot": { "outerConeAngle": 0.000245 } })).scene();
+    let ranged = with_light(json!({}), json!({ "type": "point", "range": 5 })).warned("range of lights");
+    assert_eq!(ranged.lights.len(), 1);
+}
+
+#[test]
+fn invalid_lights_are_reported() {
+    for (light, why) in [
+        (json!({ "type": "point", "intensity": -1 }), "intensity -1"),
+        (json!({ "type": "point", "color": [0, -1, 0] }), "color"),
+        (json!({ "type": "spot", "spot": { "innerConeAngle": 1, "outerConeAngle": 1 } }), "cone angles 1 and 1"),
+        (json!({ "type": "spot", "spot": { "innerConeAngle": -0.5 } }), "cone angles -0.5"),
+        (json!({ "type": "spot", "spot": { "outerConeAngle": 1.6 } }), "and 1.6 must"),
+        (
+            json!({ "type": "spot", "spot": { "outerConeAngle": 1e-4 } }),
+            "cosines of cone angles 0 and 0.0001 are equal in single precision (the smallest cone from 0 is 0.000245)",
+        ),
+        (json!({ "type": "spot", "spot": { "outerConeAngle": 0.000244 } }), "are equal in single precision"),
+        (json!({ "type": "laser" }), "unknown type"),
+    ] {
+        assert!(with_light(json!({}), light).warned(why).lights.is_empty());
+    }
+    let flat = json!({ "scale": [1, 1, 0] });
+    with_light(flat, json!({ "type": "directional" })).warned("no orientation");
+    second_node(json!({ "extensions": { "KHR_lights_punctual": { "light": 0 } } }))
+        .rejected("node 1: light index 0 out of range");
 }

@@ -248,3 +248,129 @@ fn reads_several_libraries_with_spaces_or_missing() {
         "cannot read material library '../outside.png': the path is outside the folder of the scene"
     );
 }
+
+fn material_of(source: MtlMaterial) -> Material {
+    surface(String::new(), &source)
+}
+
+#[test]
+fn exporter_defaults_are_lambertian() {
+    let source = MtlMaterial {
+        base_color: Some([0.5; 3]),
+        specular: Some([0.5; 3]),
+        shininess: Some(250.0),
+        illumination: Some(2),
+        ior: Some(1.45),
+        opacity: Some(1.0),
+        ..MtlMaterial::default()
+    };
+    assert_eq!(material_of(source), Material { base_color: [0.5; 3], ..Material::default() });
+}
+
+#[test]
+fn converts_mirrors_metals_and_glass() {
+    let mirror = MtlMaterial { illumination: Some(3), specular: Some([0.9, 0.8, 0.7]), ..MtlMaterial::default() };
+    let want =
+        Material { base_color: [0.9, 0.8, 0.7], metallic: 1.0, roughness: 0.0, specular: 1.0, ..Material::default() };
+    assert_eq!(material_of(mirror.clone()), want);
+    let metal = MtlMaterial { base_color: Some([1.0, 0.5, 0.0]), metallic: Some(0.75), ..mirror };
+    let want =
+        Material { base_color: [1.0, 0.5, 0.0], metallic: 0.75, roughness: 1.0, specular: 1.0, ..Material::default() };
+    assert_eq!(material_of(metal), want);
+    for illumination in [4, 6, 7, 9] {
+        let glass = MtlMaterial {
+            illumination: Some(illumination),
+            ior: Some(1.25),
+            opacity: Some(0.0),
+            base_color: Some([0.0; 3]),
+            ..MtlMaterial::default()
+        };
+        let want = Material {
+            base_color: [1.0; 3],
+            transmission: 1.0,
+            roughness: 0.0,
+            specular: 1.0,
+            ior: 1.25,
+            ..Material::default()
+        };
+        assert_eq!(material_of(glass), want);
+    }
+}
+
+#[test]
+fn roughness_falls_back_to_shininess() {
+    let with = |roughness, shininess| {
+        material_of(MtlMaterial { metallic: Some(0.0), roughness, shininess, ..MtlMaterial::default() }).roughness
+    };
+    assert_eq!(with(Some(0.25), Some(10.0)), 0.25);
+    for (shininess, want) in [(None, 1.0), (Some(0.0), 1.0), (Some(250.0), 0.5), (Some(1e30), 0.0)] {
+        assert_eq!(with(None, shininess), want);
+    }
+}
+
+#[test]
+fn opacity_takes_precedence_over_transparency() {
+    let with = |opacity, transparency| {
+        let material = material_of(MtlMaterial { opacity, transparency, ..MtlMaterial::default() });
+        (material.alpha, material.alpha_mode)
+    };
+    assert_eq!(with(Some(0.25), None), (0.25, AlphaMode::Blend));
+    assert_eq!(with(None, Some(0.25)), (0.75, AlphaMode::Blend));
+    assert_eq!(with(Some(1.0), Some(1.0)), (1.0, AlphaMode::Opaque));
+    assert_eq!(with(None, Some(0.0)), (1.0, AlphaMode::Opaque));
+}
+
+fn map_of(options: &str) -> (Map, Vec<&'static str>) {
+    let rest = format!("{options} two words.png");
+    let line = Line { number: 1, keyword: b"map_Kd", rest: rest.trim_ascii().as_bytes() };
+    let (map, unsupported) = read_map(&line).unwrap();
+    assert_eq!(map.file, "two words.png", "{options}");
+    (map, unsupported)
+}
+
+#[test]
+fn applies_scale_before_offset() {
+    let looked_up = |options: &str| {
+        let (map, unsupported) = map_of(options);
+        assert_eq!(unsupported, [""; 0], "{options}");
+        map.texture_ref(TextureId(0)).texture_from_mesh.point([0.25, 0.5])
+    };
+    for (options, want) in [
+        ("", [0.25, 0.5]),
+        ("-s 2", [0.5, 0.5]),
+        ("-s 2 4", [0.5, 2.0]),
+        ("-s 2 4 8 -o 1 -2 3", [1.5, 0.0]),
+        ("-o 0.5", [0.75, 0.5]),
+        ("-o 0 0.125 -s -1 1 1", [-0.25, 0.625]),
+        ("-s 3 -s 2 -texres 512 -type sphere", [0.5, 0.5]),
+    ] {
+        assert_eq!(looked_up(options), want, "{options}");
+    }
+}
+
+#[test]
+fn reads_clamp_and_strength() {
+    for (options, wrap) in [("", Wrap::Repeat), ("-clamp off", Wrap::Repeat), ("-clamp on", Wrap::Clamp)] {
+        assert_eq!(map_of(options).0.wrap(), wrap);
+    }
+    assert_eq!((map_of("-bm 0.25").0.strength, map_of("").0.strength), (0.25, 1.0));
+}
+
+#[test]
+fn reports_unsupported_options() {
+    for neutral in ["-t 0", "-t 0 0 0.0", "-mm 0 1", "-mm 0.0", "-cc off", "-blendu on -blendv on", "-imfchan l"] {
+        assert_eq!(map_of(neutral).1, [""; 0], "{neutral}");
+    }
+    for (options, names) in [
+        ("-t 1", &["-t"][..]),
+        ("-mm 0 2 -mm 1 1", &["-mm"]),
+        ("-s nan 1", &["-s"]),
+        ("-o 1 inf -clamp maybe", &["-o", "-clamp"]),
+        ("-bm strong", &["-bm"]),
+        ("-imfchan z -blendu off -boost 3 -cc on", &["-imfchan", "-blendu", "-boost", "-cc"]),
+    ] {
+        let (map, unsupported) = map_of(options);
+        assert_eq!(unsupported, names);
+        assert_eq!(map, map_of("").0, "{options}");
+    }
+}

@@ -1,0 +1,527 @@
+//! The dissertation: its scenes (table 3), volumes of boxes without a top level (table 4, parts 1 and 2) and with one (3a and
+//! 3b), and tests of camera rays in one level and in two (figures 12 and 13).
+
+use std::collections::HashMap;
+
+use anyhow::Result;
+use canted_bvh2::{BuildConfig, Bvh2, PairOrder};
+use canted_fixtures::Mesh;
+use canted_lbvh::{Bits, Costs, Domain, Strategy, Tree, TreeCost, VolumeConfig};
+use canted_obb::{Aabb, Affine, Obb};
+use canted_tlas::{Blas, Instance, Tlas, TopConfig};
+use canted_trace::{Counts, InstanceId, Ray, Watertight};
+use canted_wide::{Config, Preset, TriangleBvh};
+
+use super::orders::{Found, Pairs, scenes};
+use crate::{
+    models::{self, Model},
+    rays,
+    report::{
+        model::{Axis, Cell, Chapter, Effort, Plot, Point, Series, Table},
+        samples::number,
+    },
+};
+
+/// The dissertation's scenes: name, meshes, vertices, triangles, and our model of it.
+const THEIR_SCENES: [(&str, usize, usize, usize, Option<&str>); 7] = [
+    ("Breakfast room", 240, 961_508, 1_347_596, None),
+    ("Buddha", 1, 549_409, 1_087_474, None),
+    ("Dragon", 1, 438_976, 871_306, Some("dragon_871k")),
+    ("Sponza", 393, 209_610, 262_267, Some("sponza")),
+    ("Pirate ship", 29, 364_973, 155_689, None),
+    ("Bunny", 1, 147_040, 144_046, Some("bunny")),
+    ("Sibenik", 1_087, 155_179, 75_284, None),
+];
+
+/// Adds the table, without a finding.
+pub(super) fn scenes_table(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
+    let head = ["scene", "meshes, theirs", "vertices, theirs", "triangles, theirs", "meshes", "vertices", "triangles"];
+    let mut table = Table::new("Scenes (table 3): theirs, and our models of them", &head);
+    for (scene, n_meshes, n_vertices, n_triangles, ours) in THEIR_SCENES {
+        let ours = ours.filter(|_| effort != Effort::Tiny).map(models::scene).transpose()?.flatten();
+        let mut row = vec![Cell::text(scene)];
+        row.extend([n_meshes, n_vertices, n_triangles].map(|n| Cell::text(n.to_string())));
+        match ours {
+            Some(scene) => {
+                let sum = |of: fn(&canted_scene::Mesh) -> usize| scene.meshes.iter().map(of).sum::<usize>();
+                let counts = [scene.meshes.len(), sum(|m| m.positions.len()), sum(|m| m.triangles.len())];
+                row.extend(counts.map(|n| Cell::text(n.to_string())));
+            }
+            None => row.extend(["–"; 3].map(Cell::text)),
+        }
+        table.rows.push(row);
+    }
+    "Three of the seven models are available here; the Bunny of the dissertation has twice the triangles of the published one."
+        .clone_into(&mut table.says);
+    chapter.tables.push(table);
+    Ok(Found::default())
+}
+
+/// The dissertation: scene, strategy, sum of volumes relative to axis-aligned boxes, percentage of oriented nodes.
+const THEIR_VOLUMES: [(&str, Strategy, f64, f64); 6] = [
+    ("bunny", Strategy::PcaUnbounded, 17.7811 / 19.5222, 97.2488),
+    ("bunny", Strategy::PcaBounded, 19.3396 / 19.5222, 76.0658),
+    ("bunny", Strategy::Quaternion, 19.4029 / 19.5222, 71.6519),
+    ("sponza", Strategy::PcaUnbounded, 5.22532 / 5.33077, 77.9693),
+    ("sponza", Strategy::PcaBounded, 5.25907 / 5.33077, 54.0539),
+    ("sponza", Strategy::Quaternion, 5.31018 / 5.33077, 52.8521),
+];
+
+/// The result of one strategy on a scene.
+struct VolumeRow {
+    strategy: Strategy,
+    /// Sum of volumes relative to axis-aligned boxes.
+    volume: f64,
+    oriented_percent: f64,
+    /// Box tests per camera ray.
+    boxes: f64,
+}
+
+pub(super) fn volumes(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
+    let mut table = Table::new(
+        "Volumes without a top level (table 4, 1 and 2): sums relative to axis-aligned, oriented nodes, box tests per camera ray",
+        &[
+            "scene",
+            "triangles",
+            "strategy",
+            "volume, theirs",
+            "volume, ours",
+            "oriented, theirs",
+            "oriented, ours",
+            "box tests, ours",
+        ],
+    );
+    let (mut series, mut best, mut compared, mut never_exceeds) = (vec![], None, vec![], true);
+    for (name, model) in scenes(effort, &["bunny", "sponza"], chapter)? {
+        let volume_rows = volume_rows(&model, effort)?;
+        let (mut volumes, mut oriented) = (vec![], vec![]);
+        never_exceeds &= volume_rows.iter().all(|row| row.volume <= 1.0);
+        for row in &volume_rows {
+            let theirs = THEIR_VOLUMES.iter().find(|(scene, strategy, ..)| *scene == name && *strategy == row.strategy);
+            if let Some(&(_, _, volume, percent)) = theirs {
+                volumes.push([volume, row.volume]);
+                oriented.push([percent, row.oriented_percent]);
+            }
+            let or_dash = |value: Option<String>| Cell::text(value.unwrap_or_else(|| "–".to_owned()));
+            table.rows.push(vec![
+                Cell::text(name),
+                Cell::text(model.mesh.triangles.len().to_string()),
+                Cell::text(format!("{:?}", row.strategy)),
+                or_dash(theirs.map(|(_, _, volume, _)| format!("{volume:.3}"))),
+                Cell::text(format!("{:.3}", row.volume)),
+                or_dash(theirs.map(|(_, _, _, percent)| format!("{percent:.1}%"))),
+                Cell::text(format!("{:.1}%", row.oriented_percent)),
+                Cell::text(number(row.boxes)),
+            ]);
+        }
+        if !volumes.is_empty() {
+            // Axis-aligned boxes are the unit.
+            volumes.push([1.0, 1.0]);
+        }
+        compared.extend([volumes, oriented]);
+        let point =
+            |row: &VolumeRow| Point { label: format!("{:?}", row.strategy), x: row.volume.into(), y: row.boxes.into() };
+        series.push(Series {
+            name: name.to_owned(),
+            points: volume_rows.iter().map(point).collect(),
+            is_joined: false,
+        });
+        let fewest = volume_rows
+            .iter()
+            .min_by(|a, b| a.boxes.total_cmp(&b.boxes))
+            .map(|row| (name, row.strategy, row.boxes / volume_rows[0].boxes));
+        best = best.or(fewest);
+    }
+    chapter.plots.push(Plot {
+        title: "Box tests over sum of volumes, by strategy (figures 12 and 13 as numbers)".to_owned(),
+        x: Axis::linear("sum of volumes relative to axis-aligned boxes"),
+        y: Axis::linear("box tests per camera ray"),
+        series,
+    });
+    let holds = |holds: bool| if holds { "holds" } else { "does not hold" };
+    let order = Pairs::of(&compared);
+    table.says = format!(
+        "The dissertation claims that every kind of oriented box lowers the sum of volumes, unbounded principal axes the most. Here, {} of {} pairs of \
+         strategies have its order; that no strategy exceeds axis-aligned boxes {}.",
+        order.n_same,
+        order.n_all,
+        holds(never_exceeds)
+    );
+    chapter.tables.push(table);
+    let says = best.map_or_else(String::new, |(name, strategy, share)| {
+        format!("On {name} {strategy:?} has the fewest box tests, {} times those of axis-aligned boxes.", number(share))
+    });
+    Ok(Found { says, compared })
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts of rays and nodes")]
+fn volume_rows(model: &crate::models::Model, effort: Effort) -> Result<Vec<VolumeRow>> {
+    let (corners, bounds) = canted_lbvh::triangle_corners(&model.mesh.positions, &model.mesh.triangles)?;
+    let codes = canted_lbvh::morton_codes(&Domain::new(&bounds, 3, Bits::B63), &corners);
+    let tree = canted_lbvh::radix(canted_lbvh::sort_by_code(&codes, Bits::B63));
+    let sorted = canted_lbvh::in_leaf_order(&corners, &tree.leaves);
+    let rays = rays::camera(model, effort.pick(16, 128, 128));
+    let mut volume_rows: Vec<VolumeRow> = vec![];
+    let mut aligned_volume = 1.0;
+    for strategy in Strategy::ALL {
+        let volumes = canted_lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
+        let sums = canted_lbvh::tree_cost(&tree, &volumes, &sorted, &Costs::default(), 1.0);
+        let blas = Bvh2::<Watertight>::new(tree.clone(), &volumes, sorted.clone(), &bounds, PairOrder::DepthFirst);
+        let mut counts = Counts::default();
+        for ray in &rays {
+            blas.closest_hit_with(ray, InstanceId(0), &mut counts);
+        }
+        if strategy == Strategy::Aabb {
+            aligned_volume = sums.volume;
+        }
+        volume_rows.push(VolumeRow {
+            strategy,
+            volume: sums.volume / aligned_volume,
+            oriented_percent: 100.0 * sums.n_oriented as f64 / sums.n_nodes as f64,
+            boxes: counts.boxes as f64 / rays.len() as f64,
+        });
+    }
+    Ok(volume_rows)
+}
+
+/// The dissertation's scene with two levels.
+const SPONZA: &str = "sponza";
+
+/// The dissertation's Sponza: sum of volumes of both levels, percentage of oriented nodes of the top and bottom levels.
+const THEIR_LEVELS: [(Strategy, f64, Option<f64>, Option<f64>); 4] = [
+    (Strategy::Aabb, 2.507_26, None, None),
+    (Strategy::PcaUnbounded, 2.506_91, None, Some(94.2567)),
+    (Strategy::PcaBounded, 2.506_93, Some(10.7143), Some(60.4837)),
+    (Strategy::Quaternion, 2.506_93, Some(13.7755), Some(60.3462)),
+];
+
+/// The dissertation's sum for axis-aligned boxes in one level.
+const THEIR_ONE_LEVEL: f64 = 5.330_77;
+
+pub(super) fn two_levels_table(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
+    let mut found = Found::default();
+    for (name, model) in scenes(effort, &[SPONZA], chapter)? {
+        let pieces = meshes(name, &model)?;
+        let title = format!("Two levels (table 4, 3a and 3b): {name} in {} meshes, theirs in 393", pieces.len());
+        let head = [
+            "strategy",
+            "volume over one level, theirs",
+            "ours",
+            "over axis-aligned, theirs",
+            "ours",
+            "top oriented, theirs",
+            "ours",
+            "bottom oriented, theirs",
+            "ours",
+        ];
+        let mut table = Table::new(title, &head);
+        let unit = model.mesh.diagonal();
+        let one = bottom(&model.mesh, Strategy::Aabb, unit)?.0.volume;
+        let mut aligned = f64::NAN;
+        let (mut volumes, mut oriented_bottom) = (vec![], vec![]);
+        for (strategy, their_volume, their_top, their_bottom) in THEIR_LEVELS {
+            let (top, bottom) = two_levels(&pieces, strategy, unit)?;
+            let volume = top.volume + bottom.volume;
+            if strategy == Strategy::Aabb {
+                aligned = volume;
+                found.says = format!(
+                    "On {name}, two levels have {} times the volume of axis-aligned boxes in one level here, {} times in the dissertation.",
+                    number(volume / one),
+                    number(their_volume / THEIR_ONE_LEVEL)
+                );
+            }
+            if name == SPONZA {
+                volumes.push([their_volume, volume]);
+                oriented_bottom.extend(their_bottom.map(|theirs| [theirs, oriented_percent(&bottom)]));
+            }
+            let percent = |theirs: Option<f64>| theirs.map_or_else(|| "–".to_owned(), |p| format!("{p:.1}%"));
+            let oriented = |sums: &TreeCost| format!("{:.1}%", oriented_percent(sums));
+            let cells = [
+                format!("{strategy:?}"),
+                format!("{:.3}", their_volume / THEIR_ONE_LEVEL),
+                format!("{:.3}", volume / one),
+                format!("{:.5}", their_volume / THEIR_LEVELS[0].1),
+                format!("{:.5}", volume / aligned),
+                percent(their_top),
+                oriented(&top),
+                percent(their_bottom),
+                oriented(&bottom),
+            ];
+            table.rows.push(cells.map(Cell::text).to_vec());
+        }
+        table.says = format!(
+            "{} In both levels and for all strategies, the root box of a mesh is the axis-aligned box of its triangles.",
+            found.says
+        );
+        chapter.tables.push(table);
+        found.compared.extend([volumes, oriented_bottom]);
+    }
+    Ok(found)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts of nodes")]
+fn oriented_percent(sums: &TreeCost) -> f64 {
+    100.0 * sums.n_oriented as f64 / sums.n_nodes.max(1) as f64
+}
+
+/// The meshes of the scene's file in world space, or the struts of a generated lattice.
+pub(super) fn meshes(name: &str, model: &Model) -> Result<Vec<Mesh>> {
+    let scene = if name == SPONZA { models::scene(name)? } else { None };
+    Ok(match scene {
+        Some(scene) => cut(canted_renderer::flatten(&scene)?),
+        None => pieces(&model.mesh),
+    })
+}
+
+/// Triangles in runs that begin at the given ones.
+fn cut((positions, triangles, first): canted_renderer::Flattened) -> Vec<Mesh> {
+    let ends = first[1..].iter().map(|&end| end as usize).chain([triangles.len()]);
+    let runs = first.iter().zip(ends).map(|(&first, end)| &triangles[first as usize..end]);
+    runs.filter(|run| !run.is_empty()).map(|run| of_corners(&positions, run)).collect()
+}
+
+/// A mesh with separate vertices for every corner.
+fn of_corners(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Mesh {
+    let mut mesh = Mesh { positions: vec![], triangles: vec![] };
+    triangles.iter().for_each(|triangle| add_triangle(&mut mesh, triangle.map(|i| positions[i as usize])));
+    mesh
+}
+
+fn add_triangle(mesh: &mut Mesh, corners: [[f32; 3]; 3]) {
+    #[expect(clippy::cast_possible_truncation, reason = "no more than three times the triangles, which u32 counts")]
+    let first = mesh.positions.len() as u32;
+    mesh.positions.extend(corners);
+    mesh.triangles.push([first, first + 1, first + 2]);
+}
+
+/// Sums of the tree over the pieces, and of the trees of all pieces.
+fn two_levels(pieces: &[Mesh], strategy: Strategy, unit: f64) -> Result<(TreeCost, TreeCost)> {
+    let mut all = TreeCost::default();
+    let mut roots = vec![];
+    for piece in pieces {
+        let (sums, root) = bottom(piece, strategy, unit)?;
+        all.n_nodes += sums.n_nodes;
+        all.n_oriented += sums.n_oriented;
+        all.volume += sums.volume;
+        roots.push(root);
+    }
+    let boxes: Vec<Aabb> = roots.iter().map(Obb::aabb).collect();
+    let bounds = boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
+    let tree = radix(&canted_lbvh::morton_codes_of_boxes(&Domain::new(&bounds, 2, Bits::B63), &boxes));
+    let sorted: Vec<Obb> = tree.leaves.iter().map(|leaf| roots[leaf.index()]).collect();
+    let volumes = canted_lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
+    Ok((canted_lbvh::tree_cost(&tree, &volumes, &sorted, &Costs::default(), unit), all))
+}
+
+/// Sums of a piece's tree, and the box of the piece as the level above sees it.
+fn bottom(piece: &Mesh, strategy: Strategy, unit: f64) -> Result<(TreeCost, Obb)> {
+    let (corners, bounds) = canted_lbvh::triangle_corners(&piece.positions, &piece.triangles)?;
+    let tree = radix(&canted_lbvh::morton_codes(&Domain::new(&bounds, 3, Bits::B63), &corners));
+    let sorted = canted_lbvh::in_leaf_order(&corners, &tree.leaves);
+    let volumes = canted_lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
+    Ok((canted_lbvh::tree_cost(&tree, &volumes, &sorted, &Costs::default(), unit), Obb::from_aabb(&bounds)))
+}
+
+fn radix(codes: &[u64]) -> Tree {
+    canted_lbvh::radix(canted_lbvh::sort_by_code(codes, Bits::B63))
+}
+
+/// The connected components of a mesh, in the order of their first triangles.
+fn pieces(mesh: &Mesh) -> Vec<Mesh> {
+    let mut first_at = HashMap::new();
+    let welded: Vec<usize> = (0..)
+        .zip(&mesh.positions)
+        .map(|(i, position)| *first_at.entry(position.map(|x| (x + 0.0).to_bits())).or_insert(i))
+        .collect();
+    let mut parents: Vec<usize> = (0..mesh.positions.len()).collect();
+    for triangle in &mesh.triangles {
+        let [a, b, c] = triangle.map(|i| root(&mut parents, welded[i as usize]));
+        parents[b] = a;
+        let c = root(&mut parents, c);
+        parents[c] = a;
+    }
+    let mut places = HashMap::new();
+    let mut pieces: Vec<Mesh> = vec![];
+    for triangle in &mesh.triangles {
+        let n = pieces.len();
+        let place = *places.entry(root(&mut parents, welded[triangle[0] as usize])).or_insert(n);
+        if place == n {
+            pieces.push(Mesh { positions: vec![], triangles: vec![] });
+        }
+        add_triangle(&mut pieces[place], triangle.map(|i| mesh.positions[i as usize]));
+    }
+    pieces
+}
+
+/// The representative vertex of a piece (union-find with path halving).
+fn root(parents: &mut [usize], mut vertex: usize) -> usize {
+    while parents[vertex] != vertex {
+        parents[vertex] = parents[parents[vertex]];
+        vertex = parents[vertex];
+    }
+    vertex
+}
+
+const STRATEGIES: [Strategy; 4] = [Strategy::Aabb, Strategy::PcaUnbounded, Strategy::PcaBounded, Strategy::Quaternion];
+
+/// Points of a curve.
+const STEPS: usize = 64;
+
+/// Box and triangle tests of each ray, in one level and in two.
+struct TestRow {
+    name: String,
+    counts: [Vec<Counts>; 2],
+}
+
+pub(super) fn tests_per_ray(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
+    let mut table = Table::new(
+        "Tests of a camera ray in one level and in two",
+        &[
+            "scene",
+            "meshes",
+            "structure",
+            "boxes, one level",
+            "boxes, two",
+            "two over one",
+            "triangles, one level",
+            "triangles, two",
+        ],
+    );
+    let mut found = vec![];
+    for (name, model) in scenes(effort, &["sponza"], chapter)? {
+        let rays = rays::camera(&model, effort.pick(16, 128, 128));
+        let (n_meshes, test_rows) = test_rows(name, &model, &rays)?;
+        for row in &test_rows {
+            let [boxes, triangles] = [(|c: &Counts| c.boxes) as fn(&Counts) -> u64, |c| c.triangles]
+                .map(|of| row.counts.each_ref().map(|counts| mean(counts, of)));
+            table.rows.push(
+                [
+                    name.to_owned(),
+                    n_meshes.to_string(),
+                    row.name.clone(),
+                    number(boxes[0]),
+                    number(boxes[1]),
+                    number(boxes[1] / boxes[0]),
+                    number(triangles[0]),
+                    number(triangles[1]),
+                ]
+                .map(Cell::text)
+                .to_vec(),
+            );
+            found.push(format!("{} {}", row.name, number(boxes[1] / boxes[0])));
+        }
+        let of = |row: &TestRow, level: usize| {
+            curve(format!("{}, {}", row.name, ["one level", "two levels"][level]), &row.counts[level])
+        };
+        // Figure 12: the box tests of boxes of both kinds; figure 13: of one level and two.
+        chapter.plots.push(plot(
+            "Figure 12 as a plot: axis-aligned and oriented boxes",
+            name,
+            test_rows[..STRATEGIES.len()].iter().map(|row| of(row, 0)).collect(),
+        ));
+        let figure_13 =
+            [&test_rows[0], &test_rows[STRATEGIES.len()]].into_iter().flat_map(|row| [of(row, 0), of(row, 1)]);
+        chapter.plots.push(plot("Figure 13 as a plot: one level and two", name, figure_13.collect()));
+    }
+    table.says = format!(
+        "The dissertation shows fewer box tests in two levels, where volumes are halved. Here, box tests in two levels relative to one: {}.",
+        found.join(", ")
+    );
+    chapter.tables.push(table);
+    Ok(Found::default())
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts of tests and rays")]
+fn mean(counts: &[Counts], of: fn(&Counts) -> u64) -> f64 {
+    counts.iter().map(of).sum::<u64>() as f64 / counts.len() as f64
+}
+
+/// Box tests of the rays in order, few to many.
+#[expect(clippy::cast_precision_loss, reason = "counts of tests and rays")]
+fn curve(name: String, counts: &[Counts]) -> Series {
+    let mut boxes: Vec<u64> = counts.iter().map(|counts| counts.boxes).collect();
+    boxes.sort_unstable();
+    let last = boxes.len() - 1;
+    let point = |step: usize| Point {
+        label: String::new(),
+        x: (100.0 * step as f64 / STEPS as f64).into(),
+        y: (boxes[last * step / STEPS] as f64).into(),
+    };
+    Series { name, points: (0..=STEPS).map(point).collect(), is_joined: true }
+}
+
+fn plot(title: &str, scene: &str, series: Vec<Series>) -> Plot {
+    Plot {
+        title: format!("{title} ({scene})"),
+        x: Axis::linear("camera rays with at most so many tests, %"),
+        y: Axis::linear("box tests of a ray"),
+        series,
+    }
+}
+
+fn test_rows(name: &str, model: &Model, rays: &[Ray]) -> Result<(usize, Vec<TestRow>)> {
+    let pieces = meshes(name, model)?;
+    let instances: Vec<Instance> =
+        (0u32..).zip(&pieces).map(|(mesh, _)| Instance::new(mesh, Affine::IDENTITY)).collect();
+    let mut test_rows = vec![];
+    for strategy in STRATEGIES {
+        let volumes = VolumeConfig { strategy, fallback: true };
+        let config = BuildConfig { volumes, ..BuildConfig::default() };
+        let one = Bvh2::<Watertight>::build(&model.mesh.positions, &model.mesh.triangles, &config)?;
+        let blas = pieces.iter().map(|piece| Bvh2::<Watertight>::build(&piece.positions, &piece.triangles, &config));
+        let two = Tlas::new(blas.collect::<Result<Vec<_>, _>>()?, &instances, TopConfig::Binary(volumes))?;
+        test_rows.push(TestRow { name: format!("Bvh2, radix tree, {strategy:?}"), counts: counted(&one, &two, rays) });
+    }
+    let config = Config::preset(Preset::Balanced);
+    let build = |positions: &[[f32; 3]], triangles: &[[u32; 3]]| {
+        TriangleBvh::<Watertight>::build(positions, triangles, &config)
+    };
+    let one = build(&model.mesh.positions, &model.mesh.triangles)?;
+    let blas = pieces.iter().map(|piece| build(&piece.positions, &piece.triangles));
+    let two = Tlas::new(blas.collect::<Result<Vec<_>, _>>()?, &instances, TopConfig::Wide(config))?;
+    test_rows.push(TestRow { name: "WideBvh, balanced".to_owned(), counts: counted(&one, &two, rays) });
+    Ok((pieces.len(), test_rows))
+}
+
+/// Tests of each ray in one level and in two.
+fn counted<B: Blas>(one: &B, two: &Tlas<B>, rays: &[Ray]) -> [Vec<Counts>; 2] {
+    let of = |trace: &dyn Fn(&Ray, &mut Counts)| {
+        let count = |ray: &Ray| {
+            let mut counts = Counts::default();
+            trace(ray, &mut counts);
+            counts
+        };
+        rays.iter().map(count).collect()
+    };
+    [
+        of(&|ray, counts| {
+            let _ = one.closest_hit_with(ray, InstanceId(0), counts);
+        }),
+        of(&|ray, counts| {
+            let _ = two.closest_hit_with(ray, counts);
+        }),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_split_at_its_meshes() {
+        let positions = (0..4u8).map(|i| [f32::from(i); 3]).collect();
+        let meshes = cut((positions, vec![[0, 1, 2], [1, 2, 3], [0, 2, 3]], vec![0, 2, 2]));
+        let counts: Vec<usize> = meshes.iter().map(|mesh| mesh.triangles.len()).collect();
+        assert_eq!((counts, meshes[1].positions.clone()), (vec![2, 1], vec![[0.0; 3], [2.0; 3], [3.0; 3]]));
+    }
+
+    #[test]
+    fn pieces_share_no_vertex() {
+        // Two triangles that share an edge, and a distant one.
+        let positions =
+            vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [9.0; 3], [1.0, 0.0, 0.0], [-0.0, 1.0, 0.0], [1.0; 3]];
+        let triangles = vec![[0, 1, 2], [3, 3, 3], [4, 5, 6]];
+        let counts: Vec<usize> = pieces(&Mesh { positions, triangles }).iter().map(|p| p.triangles.len()).collect();
+        assert_eq!(counts, [2, 1]);
+    }
+}

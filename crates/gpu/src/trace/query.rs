@@ -1,0 +1,243 @@
+//! Rays through a scene: batches of them, and traversal in a kernel of a program's own.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use bytemuck::Pod;
+use canted_shaders::{Shader, Variant, traversal_module};
+use canted_trace::{Ray, ScaledRay};
+use wgpu::{BindGroup, BindGroupLayout};
+
+use super::layout::{DeviceHit, DeviceRay, INCOMPLETE};
+use super::scene::TracedScene;
+use crate::commands::bind_groups;
+use crate::wait::{Instant, block_on};
+use crate::{Gpu, GpuError, Kernel};
+
+/// Result of a ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outcome<T> {
+    /// The ray was traced.
+    Complete(T),
+    /// Traversal stopped at the iteration limit; trace the ray on the CPU.
+    Incomplete,
+}
+
+/// Rays of the first slice, and maximum.
+const FIRST_SLICE: usize = 1 << 12;
+const MAX_SLICE: usize = 1 << 21;
+
+/// Target time of a slice, well below what stalls a display or triggers a driver reset.
+const SLICE_TIME: Duration = Duration::from_millis(50);
+
+impl TracedScene {
+    /// The closest hit of each ray, `None` for a miss. Ties go to the lowest instance, then the lowest primitive.
+    ///
+    /// # Errors
+    /// The device is lost or does not finish.
+    pub fn closest_hits(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<Option<DeviceHit>>>, GpuError> {
+        block_on(self.closest_hits_async(gpu, rays))
+    }
+
+    /// [`TracedScene::closest_hits`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`TracedScene::closest_hits`].
+    pub async fn closest_hits_async(
+        &self,
+        gpu: &Gpu,
+        rays: &[Ray],
+    ) -> Result<Vec<Outcome<Option<DeviceHit>>>, GpuError> {
+        let kernel = self.kernel(gpu, "trace/closest")?;
+        let mut answers = Vec::with_capacity(rays.len());
+        self.in_slices(gpu, &kernel, "hits", rays, |slice, hits: Vec<DeviceHit>| {
+            answers.extend(slice.iter().zip(hits).map(|(ray, hit)| match (hit.instance, ray) {
+                (INCOMPLETE, _) => Outcome::Incomplete,
+                (DeviceHit::NONE, _) | (_, None) => Outcome::Complete(None),
+                (_, Some(ray)) => Outcome::Complete(Some(DeviceHit { t: ray.caller_t(hit.t), ..hit })),
+            }));
+        })
+        .await?;
+        Ok(answers)
+    }
+
+    /// Whether each ray hits anything.
+    ///
+    /// # Errors
+    /// As for [`TracedScene::closest_hits`].
+    pub fn occluded(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<bool>>, GpuError> {
+        block_on(self.occluded_async(gpu, rays))
+    }
+
+    /// [`TracedScene::occluded`] for browsers.
+    ///
+    /// # Errors
+    /// As for [`TracedScene::closest_hits`].
+    pub async fn occluded_async(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<bool>>, GpuError> {
+        let kernel = self.kernel(gpu, "trace/occluded")?;
+        let mut answers = Vec::with_capacity(rays.len());
+        self.in_slices(gpu, &kernel, "found", rays, |_, found: Vec<u32>| {
+            answers.extend(
+                found.iter().map(
+                    |&found| if found == INCOMPLETE { Outcome::Incomplete } else { Outcome::Complete(found == 1) },
+                ),
+            );
+        })
+        .await?;
+        Ok(answers)
+    }
+
+    fn kernel(&self, gpu: &Gpu, name: &str) -> Result<Arc<Kernel>, GpuError> {
+        let chosen = Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
+        gpu.kernel(name, &self.specialize(chosen))
+    }
+
+    /// Traces rays in slices whose size adapts to the measured time, and passes the results to `take`.
+    async fn in_slices<T: Pod>(
+        &self,
+        gpu: &Gpu,
+        kernel: &Kernel,
+        into: &str,
+        rays: &[Ray],
+        mut take: impl FnMut(&[Option<ScaledRay>], Vec<T>),
+    ) -> Result<(), GpuError> {
+        let most = MAX_SLICE.min(max_rays(gpu));
+        let (mut waiting, mut n) = (rays, FIRST_SLICE.min(most));
+        while !waiting.is_empty() {
+            let (slice, rest) = waiting.split_at(n.min(waiting.len()));
+            let scaled: Vec<Option<ScaledRay>> = slice.iter().map(ScaledRay::new).collect();
+            let device_rays: Vec<DeviceRay> =
+                scaled.iter().map(|ray| ray.as_ref().map_or(DeviceRay::NOTHING, DeviceRay::scaled)).collect();
+            let start = Instant::now();
+            let answers = self.slice(gpu, kernel, into, &device_rays).await?;
+            take(&scaled, answers);
+            n = next_size(n, start.elapsed()).min(most);
+            waiting = rest;
+        }
+        Ok(())
+    }
+
+    async fn slice<T: Pod>(
+        &self,
+        gpu: &Gpu,
+        kernel: &Kernel,
+        into: &str,
+        rays: &[DeviceRay],
+    ) -> Result<Vec<T>, GpuError> {
+        let rays_there = gpu.buffer("rays", rays)?;
+        let answers = gpu.zeroed::<T>("answers", rays.len())?;
+        let mut bound = self.bindings();
+        bound.push(("rays", &rays_there));
+        bound.push((into, &answers));
+        let mut commands = gpu.commands();
+        let n_rays = u32::try_from(rays.len()).unwrap_or(u32::MAX);
+        commands.dispatch(kernel, &bound, kernel.groups(n_rays))?;
+        commands.run_async().await?;
+        gpu.read_async(&answers).await
+    }
+}
+
+/// Maximum number of rays in a binding.
+fn max_rays(gpu: &Gpu) -> usize {
+    let limits = gpu.limits();
+    let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / size_of::<DeviceRay>() as u64;
+    usize::try_from(most).unwrap_or(usize::MAX)
+}
+
+/// Size of the slice after one of `n` rays that took `time`; grows at most fourfold.
+fn next_size(n: usize, time: Duration) -> usize {
+    let times = SLICE_TIME.as_nanos() / time.as_nanos().max(1);
+    match times {
+        0 => (n / 2).max(FIRST_SLICE / 4),
+        1 => n,
+        2 | 3 => 2 * n,
+        _ => 4 * n,
+    }
+}
+
+impl TracedScene {
+    /// WGSL for a kernel of the program's own, whose bind group `group` is left to it:
+    ///
+    /// ```text
+    /// struct Ray { origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32 }
+    /// struct Hit { t: f32, u: f32, v: f32, primitive: u32, instance: u32 }
+    /// const NONE: u32;                     // the instance of a miss
+    /// fn closest_hit(ray: Ray) -> Hit      // least t; ties go to the lowest instance, then the lowest primitive
+    /// fn occluded(ray: Ray) -> bool
+    /// var<private> is_incomplete: bool;    // whether this invocation ended a traversal early, see below
+    /// ```
+    ///
+    /// `t` is in units of the ray's direction; `u` and `v` are the weights of the second and third vertex. `primitive` is numbered within its
+    /// mesh. `instance` is the number in the instance buffer, or that of the mesh in a [`BufferScene`](crate::BufferScene).
+    ///
+    /// # Rays
+    /// Rays are in world space. All their numbers must be finite, `0 <= t_min`, `t_max <= 3e38`, and the direction not zero; it has any length.
+    ///
+    /// The functions end after a number of steps, counted for each invocation over all its rays: enough for hundreds of rays on Mesa's llvmpipe, which
+    /// ends long loops itself, and for many thousands elsewhere. Then `is_incomplete` becomes true and stays true, and the answers are unknown. Test it at the
+    /// end of the kernel, and trace fewer rays in an invocation.
+    ///
+    /// A ray that starts at a hit must not hit the same triangle again. Offset its origin along the normal of the triangle, to the side of the new direction.
+    /// With *W* the greatest absolute coordinate of the scene in world space, `5e-5 * W` is enough in a [`BufferScene`](crate::BufferScene), and
+    /// `1e-4 * W` in an [`InstancedScene`](crate::InstancedScene) whose transforms rotate, move and scale uniformly. That is the sum of
+    /// all roundings, of which [`HIT_ERROR`](crate::HIT_ERROR) is the largest; it does not hold for needles, whose normals are uncertain. The example `wgpu-ao` does so.
+    ///
+    /// # The text
+    /// Declarations of WGSL come in any order, so the texts are simply joined. Your kernel must not declare `Ray`, `Hit`, `NONE`, `closest_hit`,
+    /// `occluded` or `is_incomplete`; all other names of the module start with `canted_`. The functions have no barriers: call them in any
+    /// control flow, and from any stage that can read storage buffers.
+    ///
+    /// The module takes three storage buffers for one mesh, four for several in one level, five for instances, and six with motion blur. The text
+    /// has constants of this scene. It stays valid after rebuilds, refits and updates. Another scene needs its own text, pipeline and bind group, and a
+    /// kernel includes the module of one scene.
+    ///
+    /// # Errors
+    /// None for scenes of this crate.
+    pub fn module(&self, group: u32) -> Result<String, GpuError> {
+        Ok(traversal_module(&self.traversal(), group)?)
+    }
+
+    /// The bind group of [`TracedScene::module`], in a layout of the program's own or one derived from its pipeline.
+    ///
+    /// # Errors
+    /// [`GpuError::Input`] for a layout that does not fit; device lost.
+    pub fn bind_group(&self, gpu: &Gpu, layout: &BindGroupLayout) -> Result<BindGroup, GpuError> {
+        let shader = Shader::new("trace/closest", &self.traversal())?;
+        let bindings: Vec<_> = shader
+            .entries
+            .iter()
+            .flat_map(|entry| &entry.bindings)
+            .filter(|binding| binding.group == 0)
+            .cloned()
+            .collect();
+        let made = gpu.guarded(|| bind_groups(gpu, "traversal", &bindings, &self.bindings(), |_| layout.clone()));
+        let groups = made.map_err(|error| match error {
+            GpuError::Invalid { message } => {
+                GpuError::Input { message: format!("the layout of the bind group does not fit the module: {message}") }
+            }
+            error => error,
+        })??;
+        let [(_, group)] = <[_; 1]>::try_from(groups)
+            .map_err(|_| GpuError::Invalid { message: "the traversal has no bindings".to_owned() })?;
+        Ok(group)
+    }
+
+    fn traversal(&self) -> Variant {
+        self.specialize(Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+
+    use super::*;
+
+    #[test]
+    fn slice_size_adapts_to_time() {
+        assert_eq!(next_size(4096, Duration::from_millis(1)), 16_384);
+        assert_eq!(next_size(4096, Duration::from_millis(40)), 4096);
+        assert_eq!(next_size(4096, Duration::from_millis(400)), 2048);
+        assert_eq!(next_size(1024, Duration::from_secs(4)), 1024);
+        assert_eq!(next_size(4096, Duration::ZERO), 16_384);
+    }
+}

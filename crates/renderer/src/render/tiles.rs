@@ -1,0 +1,399 @@
+//! Takes the samples of a tile on the CPU.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use canted_film::{Aov, CELL, Film, FilmBuilder, FilterSampler, Guide, Pixel, Sums, Tile, Tiling};
+use canted_trace::{Counts, Hit, Query};
+
+use super::Adaptive;
+use crate::integrate::{Start, Transport};
+use crate::query::{RayKeyed, forward};
+use crate::{Monitor, RenderError, Sampler, Settings, Tracer, View};
+
+/// Dimension of the sampler for the position in the pixel.
+const PIXEL_POSITION: u32 = 0;
+
+/// Dimension for the time, from the end that integrators do not reach.
+const TIME: u32 = u32::MAX;
+
+/// Dimension for the position on the lens.
+const LENS: u32 = u32::MAX - 1;
+
+/// Samples traced together: enough to hide memory latency, few enough for their paths to stay in the caches.
+const BATCH: usize = 64;
+
+/// Renders tiles, whatever the query that the scene needs.
+pub(crate) trait RenderTiles: Sync {
+    /// Renders a tile; `None` once `stop`, which is called before each pixel, returns true.
+    fn tile(&self, number: usize, stop: &dyn Fn() -> bool) -> Option<Tile>;
+
+    /// Adds one sample of a pixel to its sums; returns the number of rays.
+    fn sample(&self, pixel: [u32; 2], sample: u32, sums: &mut Sums) -> u64;
+}
+
+/// What all tiles of a picture share.
+pub(super) struct TileRenderer<'a, T, Q> {
+    pub(super) transport: &'a Transport<'a, T, Q>,
+    pub(super) view: &'a View,
+    /// Whether samples have different times.
+    pub(super) has_motion: bool,
+    pub(super) filter: &'a FilterSampler,
+    pub(super) settings: &'a Settings,
+    pub(super) tiling: Tiling,
+}
+
+impl<T: Tracer, Q: RayKeyed + Sync> RenderTiles for TileRenderer<'_, T, Q> {
+    fn tile(&self, number: usize, stop: &dyn Fn() -> bool) -> Option<Tile> {
+        let [left, top] = self.tiling.corner(number);
+        let mut tile = self.tiling.tile(number);
+        let mut sums = vec![Sums::default(); (CELL * CELL) as usize];
+        for pixels in self.tiling.cells(number) {
+            let positions = pixels.iter().map(|&[x, y]| [left + x, top + y]);
+            self.cell(positions, &mut sums, &mut tile.n_rays, stop)?;
+            self.tiling.store(&pixels, &sums, &mut tile);
+        }
+        Some(tile)
+    }
+
+    fn sample(&self, pixel: [u32; 2], sample: u32, sums: &mut Sums) -> u64 {
+        let started = self.start(pixel, sample, 0, sums);
+        self.finish(&mut vec![started], std::slice::from_mut(sums))
+    }
+}
+
+impl<T: Tracer, Q: RayKeyed> TileRenderer<'_, T, Q> {
+    /// Takes the samples of the pixels of a cell.
+    fn cell(
+        &self,
+        pixels: impl ExactSizeIterator<Item = [u32; 2]> + Clone,
+        sums: &mut [Sums],
+        n_rays: &mut u64,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<()> {
+        let sums = &mut sums[..pixels.len()];
+        sums.iter_mut().for_each(Sums::clear);
+        let mut adaptive = Adaptive::new(self.settings);
+        let mut started = Vec::with_capacity(BATCH);
+        loop {
+            for (index, pixel) in pixels.clone().enumerate() {
+                if stop() {
+                    return None;
+                }
+                for sample in adaptive.next.clone() {
+                    started.push(self.start(pixel, sample, index, &mut sums[index]));
+                    if started.len() == BATCH {
+                        *n_rays += self.finish(&mut started, sums);
+                    }
+                }
+            }
+            *n_rays += self.finish(&mut started, sums);
+            if !adaptive.advance(self.settings, sums) {
+                return Some(());
+            }
+        }
+    }
+
+    /// Traces the camera ray of a sample, and adds its AOVs to the sums of the pixel with this index in the cell.
+    fn start(&self, [x, y]: [u32; 2], sample: u32, index: usize, sums: &mut Sums) -> Started {
+        let number = y * self.settings.width + x;
+        let ([dx, dy], weight) = sample_offset(self.filter, &self.transport.sampler, number, sample);
+        let position = [f64::from(x) + 0.5 + dx, f64::from(y) + 0.5 + dy];
+        let ray = if self.view.has_lens() {
+            self.view.ray_through_lens(position, self.transport.sampler.pair(number, sample, LENS))
+        } else {
+            self.view.ray(position)
+        };
+        let time = if self.has_motion { self.transport.sampler.single(number, sample, TIME) } else { 0.0 };
+        let start = Start { ray, cone: self.view.cone(position, sample), time, pixel: number, sample };
+        let hit = if self.tiling.has_guides() {
+            let (hit, guide) = self.guide(&start);
+            sums.guide.push_sample(sample, guide);
+            hit
+        } else {
+            self.transport.tracer.closest_hit(&ray, &mut self.transport.camera_query(&start))
+        };
+        Started { start, hit, index, weight }
+    }
+
+    /// Adds the radiance of samples, in order, to the sums of their cell; returns the number of rays.
+    fn finish(&self, started: &mut Vec<Started>, sums: &mut [Sums]) -> u64 {
+        let mut n_rays = 0;
+        let lights = self.transport.samples(started.iter().map(|started| (started.start, started.hit)));
+        for (Started { start, index, weight, .. }, light) in started.drain(..).zip(lights) {
+            sums[index].pixel.push_sample(start.sample, Pixel::weighted(light.radiance, weight));
+            n_rays += light.n_rays;
+        }
+        n_rays
+    }
+
+    /// The first hit of a camera ray, and its AOVs.
+    fn guide(&self, start: &Start) -> (Option<Hit>, Guide) {
+        let Start { ray, cone, time, .. } = start;
+        let query = self.transport.camera_query(start);
+        let (hit, tests) = if self.settings.aovs.contains(Aov::Tests) {
+            let mut counted = Counted { inner: query, counts: Counts::default() };
+            let hit = self.transport.tracer.closest_hit(ray, &mut counted);
+            (hit, [counted.counts.boxes as f64, counted.counts.triangles as f64])
+        } else {
+            (self.transport.tracer.closest_hit(ray, &mut { query }), [0.0; 2])
+        };
+        if let Some((t, normal)) = self.transport.lights.shape_light_before(ray, hit.as_ref()) {
+            // A light has no albedo and no instance.
+            let depth = self.view.depth(ray.at(t.into()));
+            return (
+                hit,
+                Guide {
+                    n_hits: 1,
+                    depth,
+                    normal: normal.into(),
+                    shading_normal: normal.into(),
+                    tests,
+                    ..Guide::default()
+                },
+            );
+        }
+        let Some(hit) = hit else { return (None, Guide { tests, ..Guide::default() }) };
+        let surface = self.transport.surfaces.at_time(&hit, ray.direction, *time, *cone);
+        let guide = Guide {
+            n_hits: 1,
+            first: Some([hit.instance.0, hit.primitive.0]),
+            depth: self.view.depth(surface.position),
+            normal: surface.normal,
+            shading_normal: surface.shading_normal,
+            albedo: surface.bsdf.albedo().map(f64::from),
+            tests,
+        };
+        (Some(hit), guide)
+    }
+}
+
+/// The offset of a sample from the center of a pixel, in pixels, and its weight.
+pub(crate) fn sample_offset(filter: &FilterSampler, sampler: &Sampler, pixel: u32, sample: u32) -> ([f64; 2], f32) {
+    filter.sample(sampler.pair(pixel, sample, PIXEL_POSITION))
+}
+
+/// A sample whose camera ray is traced.
+struct Started {
+    start: Start,
+    hit: Option<Hit>,
+    /// Index of the pixel in its cell.
+    index: usize,
+    /// Weight by the filter.
+    weight: f32,
+}
+
+/// Counts tests; `inner` accepts hits.
+struct Counted<Q> {
+    inner: Q,
+    counts: Counts,
+}
+
+impl<Q: Query> Query for Counted<Q> {
+    const MAY_REJECT: bool = Q::MAY_REJECT;
+
+    forward!(counters: counts, mask: inner);
+
+    fn time(&self) -> f32 {
+        self.inner.time()
+    }
+
+    fn accepts(&mut self, hit: &Hit) -> bool {
+        self.inner.accepts(hit)
+    }
+}
+
+// Distributes tiles among the threads of the CPU and a GPU.
+//
+// CPU threads take tiles from the front, the GPU takes them from the back, so each renders as many as its speed allows.
+// When no tile is left to start, each also renders the unfinished tiles of the other, and the first result counts: neither
+// waits for the other, however slow it is. Without a GPU only the first rule applies.
+
+/// Tiles offered to the GPU at once.
+const MAX_OFFERED: usize = 1 << 12;
+
+/// Who renders tiles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Worker {
+    Cpu,
+    Device,
+}
+
+/// The tiles of a picture: finished, started and waiting.
+pub(crate) struct Schedule<'a> {
+    pub(crate) tiling: Tiling,
+    monitor: &'a Monitor<'a>,
+    is_done: Vec<AtomicBool>,
+    state: Mutex<State>,
+}
+
+struct State {
+    film: FilmBuilder,
+    /// Whether the CPU, and whether the GPU, has started each tile.
+    started: Vec<[bool; 2]>,
+    /// Tiles that nobody has started, in order.
+    waiting: VecDeque<usize>,
+    n_done: usize,
+    /// Tiles that the GPU finished first.
+    n_by_device: usize,
+}
+
+impl<'a> Schedule<'a> {
+    /// All tiles that are not in `done`.
+    pub(crate) fn new(tiling: Tiling, done: Vec<Tile>, monitor: &'a Monitor<'a>) -> Result<Self, RenderError> {
+        let n_tiles = tiling.n_tiles();
+        let mut film = FilmBuilder::new(tiling.clone());
+        let mut is_done = vec![false; n_tiles];
+        for tile in done {
+            if !tiling.fits(&tile) {
+                return Err(RenderError::Tile { number: tile.number });
+            }
+            // A tile that was written twice counts once.
+            if !std::mem::replace(&mut is_done[tile.number], true) {
+                film.add(&tile);
+            }
+        }
+        let waiting: VecDeque<usize> = (0..n_tiles).filter(|&number| !is_done[number]).collect();
+        let n_done = n_tiles - waiting.len();
+        let started = vec![[false; 2]; n_tiles];
+        let state = Mutex::new(State { film, started, waiting, n_done, n_by_device: 0 });
+        let is_done = is_done.into_iter().map(AtomicBool::new).collect();
+        Ok(Self { tiling, monitor, is_done, state })
+    }
+
+    /// Renders on all threads of the pool.
+    pub(crate) fn spawn_cpu_workers<'s>(&'s self, scope: &rayon::Scope<'s>, tiles: &'s dyn RenderTiles) {
+        for _ in 0..rayon::current_num_threads() {
+            scope.spawn(|_| {
+                while let Some(number) = self.next_for_cpu() {
+                    match tiles.tile(number, &|| self.is_over(&[number])) {
+                        Some(tile) => self.finish(tile, Worker::Cpu),
+                        None if self.is_cancelled() => return,
+                        // The GPU was first.
+                        None => {}
+                    }
+                }
+            });
+        }
+    }
+
+    /// The next tile for a CPU thread; `None` if none is left.
+    fn next_for_cpu(&self) -> Option<usize> {
+        let mut state = self.state();
+        let number = state.waiting.pop_front().or_else(|| self.started_only_by(&state, Worker::Device).next())?;
+        state.started[number][Worker::Cpu as usize] = true;
+        Some(number)
+    }
+
+    /// The next tiles for the GPU, as many of those offered as `count` returns; empty if none is left.
+    pub(crate) fn next_for_device(&self, count: impl FnOnce(&[usize]) -> usize) -> Vec<usize> {
+        let mut state = self.state();
+        let mut offered: Vec<usize> = state.waiting.iter().rev().take(MAX_OFFERED).copied().collect();
+        if offered.is_empty() {
+            offered = self.started_only_by(&state, Worker::Cpu).collect();
+        } else {
+            offered.truncate(count(&offered));
+            let n_left = state.waiting.len() - offered.len();
+            state.waiting.truncate(n_left);
+        }
+        for &number in &offered {
+            state.started[number][Worker::Device as usize] = true;
+        }
+        offered
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.monitor.cancel.load(Ordering::Relaxed)
+    }
+
+    /// Whether work on these tiles is no longer needed.
+    pub(crate) fn is_over(&self, numbers: &[usize]) -> bool {
+        self.is_cancelled() || numbers.iter().all(|&number| self.is_done[number].load(Ordering::Relaxed))
+    }
+
+    /// Stores a tile unless it is finished already.
+    pub(crate) fn finish(&self, tile: Tile, worker: Worker) {
+        let number = tile.number;
+        if self.is_done[number].swap(true, Ordering::Relaxed) {
+            return;
+        }
+        (self.monitor.finished)(&tile);
+        let mut state = self.state();
+        state.film.add(&tile);
+        state.n_done += 1;
+        state.n_by_device += usize::from(worker == Worker::Device);
+        let (n_done, n_tiles) = (state.n_done, self.is_done.len());
+        drop(state);
+        (self.monitor.progress)(n_done, n_tiles);
+    }
+
+    /// The film, and the number of tiles that the GPU rendered.
+    pub(crate) fn into_film(self) -> Result<(Film, usize), RenderError> {
+        let State { film, n_done, n_by_device, .. } = self.state.into_inner().unwrap_or_else(PoisonError::into_inner);
+        if n_done < self.is_done.len() {
+            return Err(RenderError::Cancelled);
+        }
+        Ok((film.film(), n_by_device))
+    }
+
+    /// Unfinished tiles that only `worker` has started.
+    fn started_only_by<'s>(&'s self, state: &'s State, worker: Worker) -> impl Iterator<Item = usize> + 's {
+        let is_left = move |&number: &usize| {
+            let started = state.started[number];
+            started[worker as usize] && !started[1 - worker as usize] && !self.is_done[number].load(Ordering::Relaxed)
+        };
+        (0..self.is_done.len()).filter(is_left)
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Six tiles of 8 x 8 pixels.
+    fn tiling() -> Tiling {
+        Tiling::new([24, 16], 8, None, false)
+    }
+
+    #[test]
+    fn each_starts_at_its_end_and_then_repeats_the_tiles_of_the_other() {
+        let cancel = AtomicBool::new(false);
+        let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &cancel };
+        let tile = |number| tiling().tile(number);
+        let schedule = Schedule::new(tiling(), vec![tile(1)], &monitor).unwrap();
+        assert_eq!(schedule.next_for_cpu(), Some(0));
+        let two = |offered: &[usize]| offered.len().min(2);
+        assert_eq!(schedule.next_for_device(two), [5, 4]);
+        assert_eq!(schedule.next_for_cpu(), Some(2));
+        schedule.finish(tile(2), Worker::Cpu);
+        assert_eq!(schedule.next_for_device(two), [3]);
+        schedule.finish(tile(3), Worker::Device);
+        // All others are started: 0 by the CPU, 4 and 5 by the GPU.
+        assert_eq!(schedule.next_for_device(two), [0]);
+        assert_eq!(schedule.next_for_cpu(), Some(4));
+        assert_eq!(schedule.next_for_cpu(), Some(5));
+        assert_eq!(schedule.next_for_cpu(), None);
+        assert!(schedule.next_for_device(two).is_empty());
+        assert!(!schedule.is_over(&[4, 5]));
+        for number in [5, 4, 0] {
+            schedule.finish(tile(number), Worker::Cpu);
+            schedule.finish(tile(number), Worker::Device);
+        }
+        assert!(schedule.is_over(&[4, 5]));
+        assert_eq!(schedule.into_film().unwrap().1, 1);
+    }
+
+    #[test]
+    fn a_picture_without_all_tiles_is_cancelled() {
+        let cancel = AtomicBool::new(true);
+        let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &cancel };
+        let schedule = Schedule::new(tiling(), vec![], &monitor).unwrap();
+        assert!(schedule.is_over(&[0]));
+        assert_eq!(schedule.into_film().err(), Some(RenderError::Cancelled));
+    }
+}

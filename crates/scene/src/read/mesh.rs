@@ -1,0 +1,203 @@
+//! What readers share about meshes: triangle checks, scenes of a single mesh, colors of vertices.
+
+use std::path::Path;
+
+use canted_obb::Affine;
+use canted_obb::vector::{cross, sub};
+
+use super::ReadError;
+use super::polygon::{self, Cut};
+use crate::{Instance, Material, MaterialId, Mesh, MeshId, Part, Scene};
+
+/// Counts of kept, degenerate and dropped elements.
+#[derive(Debug, Default)]
+pub(crate) struct MeshChecks {
+    n_kept: usize,
+    n_flat: usize,
+    n_dropped: usize,
+    /// Skipped faces with fewer than three corners.
+    pub(crate) n_small_faces: usize,
+    /// Polygons whose triangles may overlap, see [`Cut::Overlapping`].
+    n_overlapping_faces: usize,
+    /// Skinned vertices whose weights sum to zero.
+    pub(crate) n_unweighted_vertices: usize,
+}
+
+impl MeshChecks {
+    /// Triangulates a polygon into `triangles`, as corner numbers, without triangles that have a non-finite corner.
+    pub(crate) fn triangulate(&mut self, polygon: &[[f32; 3]], triangles: &mut Vec<[usize; 3]>) {
+        triangles.clear();
+        self.n_overlapping_faces += usize::from(polygon::triangulate(polygon, triangles) == Cut::Overlapping);
+        triangles.retain(|triangle| self.keeps(triangle.map(|k| polygon[k])));
+    }
+
+    /// Whether a triangle is kept: all corners are finite. Degenerate triangles are kept to preserve the numbering.
+    pub(crate) fn keeps(&mut self, corners: [[f32; 3]; 3]) -> bool {
+        let finite = corners.as_flattened().iter().all(|x| x.is_finite());
+        if finite {
+            self.n_kept += 1;
+            self.n_flat += usize::from(is_flat(corners));
+        } else {
+            self.n_dropped += 1;
+        }
+        finite
+    }
+
+    /// Adds the counts of `other`.
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.n_kept += other.n_kept;
+        self.n_flat += other.n_flat;
+        self.n_dropped += other.n_dropped;
+        self.n_small_faces += other.n_small_faces;
+        self.n_overlapping_faces += other.n_overlapping_faces;
+        self.n_unweighted_vertices += other.n_unweighted_vertices;
+    }
+
+    /// Appends the warnings to the scene; fails if no triangle has a positive area.
+    pub(crate) fn finish(self, path: &Path, scene: &mut Scene) -> Result<(), ReadError> {
+        let Self { n_kept, n_flat, n_dropped, n_small_faces, n_overlapping_faces, n_unweighted_vertices } = self;
+        if n_kept == 0 && n_dropped > 0 {
+            return Err(ReadError::empty(path, format!("all {n_dropped} triangles have a non-finite vertex")));
+        }
+        if n_kept == 0 {
+            return Err(ReadError::empty(path, "no triangles"));
+        }
+        if n_flat == n_kept {
+            return Err(ReadError::empty(path, format!("all {n_kept} triangles are degenerate (zero area)")));
+        }
+        let counts = [
+            (n_small_faces, "skipping faces with fewer than 3 vertices"),
+            (n_overlapping_faces, "faces that intersect themselves or are too complex to triangulate exactly"),
+            (n_unweighted_vertices, "vertices with zero joint weights, attached to the first joint of their skin"),
+            (n_dropped, "skipping triangles with a non-finite vertex"),
+            (n_flat, "degenerate triangles (zero area)"),
+        ];
+        let counted = counts.into_iter().filter(|&(count, _)| count > 0);
+        scene.warnings.extend(counted.map(|(count, what)| format!("{what}: {count}")));
+        let bounds = scene.bounds_world();
+        if bounds.extent().into_iter().any(|side| side > f64::from(f32::MAX)) || bounds.area() > f64::from(f32::MAX) {
+            scene
+                .warnings
+                .push(format!("coordinates up to {:e}: the surface area overflows single precision", bounds.reach()));
+        }
+        Ok(())
+    }
+}
+
+/// Whether the cross product of two edges is zero in `f64`.
+///
+/// Exact if the coordinates on each axis span few powers of two, so that edges have at most 26 bits and products at most
+/// 53. Otherwise rounding may hide a degenerate triangle; only warnings depend on it.
+fn is_flat(corners: [[f32; 3]; 3]) -> bool {
+    let [a, b, c] = corners.map(|corner| corner.map(f64::from));
+    cross(sub(b, a), sub(c, a)) == [0.0; 3]
+}
+
+/// A normalized shading normal; zero if it has no direction.
+pub(crate) fn unit_normal(normal: [f32; 3]) -> [f32; 3] {
+    let normal = normal.map(f64::from);
+    let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if length > 0.0 && length.is_finite() { normal.map(|x| (x / length) as f32) } else { [0.0; 3] }
+}
+
+/// Texture coordinates; zero if not finite.
+pub(crate) fn usable_uv(uv: [f32; 2]) -> [f32; 2] {
+    if uv.iter().all(|x| x.is_finite()) { uv } else { [0.0; 2] }
+}
+
+/// Adds `mesh`, named after the file, and its material to a scene without meshes, as PLY, STL and OFF files give it.
+pub(crate) fn single_mesh(
+    path: &Path,
+    mesh: Mesh,
+    material: Material,
+    checks: MeshChecks,
+    mut scene: Scene,
+) -> Result<Scene, ReadError> {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let parts = vec![Part { first_triangle: 0, material: MaterialId(0) }];
+    if u32::try_from(mesh.triangles.len()).is_err() {
+        return Err(ReadError::unsupported(path, "more than 2^32 triangles"));
+    }
+    scene.materials.push(material);
+    scene.meshes.push(Mesh { name, parts, ..mesh });
+    let (mesh, world_from_object) = (MeshId(0), Affine::IDENTITY);
+    scene.instances.push(Instance { mesh, world_from_object, world_from_object_close: None, first_primitive: 0 });
+    checks.finish(path, &mut scene)?;
+    Ok(scene)
+}
+
+/// The mark of a vertex without a color; it becomes white.
+pub(crate) const NO_COLOR: [f32; 3] = [f32::NAN; 3];
+
+/// Decodes RGB colors to linear RGBA with alpha 1, each value divided by `max`.
+///
+/// PLY, OFF and OBJ do not state the encoding. Colors are taken as sRGB-encoded, as MeshLab and Blender write them.
+///
+/// Without `max` it is 255 if any value exceeds 1, else 1. Values that are not finite become 1, others are clamped. The error
+/// is a warning: negative values are not colors (some files have normals in their place).
+pub(crate) fn linear_colors(colors: Vec<[f32; 3]>, max: Option<f32>) -> Result<Vec<[f32; 4]>, String> {
+    if let Some(at) = colors.iter().position(|color| color.iter().any(|&x| x < 0.0)) {
+        let [r, g, b] = colors[at];
+        return Err(format!("ignoring vertex colors: negative value at vertex {at}: {r} {g} {b}"));
+    }
+    let exceeds_one = || colors.iter().flatten().any(|&x| x > 1.0 && x.is_finite());
+    let max = max.unwrap_or_else(|| if exceeds_one() { 255.0 } else { 1.0 });
+    let decode = |x: f32| if x.is_finite() { decode((x / max).min(1.0)) } else { 1.0 };
+    Ok(colors.into_iter().map(|[r, g, b]| [decode(r), decode(g), decode(b), 1.0]).collect())
+}
+
+/// The transfer function of sRGB (IEC 61966-2-1).
+fn decode(encoded: f32) -> f32 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn is_flat_matches_exact_integer_arithmetic(corners: [[i8; 3]; 3], exponent in -100_i32..100) {
+            let [a, b, c] = corners.map(|corner| corner.map(i64::from));
+            let edge = |to: [i64; 3]| [to[0] - a[0], to[1] - a[1], to[2] - a[2]];
+            let (u, v) = (edge(b), edge(c));
+            let cross = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+            let scaled = corners.map(|corner| corner.map(|x| f32::from(x) * 2_f32.powi(exponent)));
+            prop_assert_eq!(is_flat(scaled), cross == [0; 3]);
+        }
+
+        #[test]
+        fn collinear_corners_are_flat(start: [i8; 3], step: [i8; 3], s: i8, t: i8) {
+            let at = |s: i8| std::array::from_fn(|k| f32::from(start[k]) + f32::from(s) * f32::from(step[k]));
+            prop_assert!(is_flat([at(0), at(s), at(t)]));
+        }
+
+        #[test]
+        fn normals_are_unit_or_zero(bits: [u32; 3]) {
+            let unit = unit_normal(bits.map(f32::from_bits)).map(f64::from);
+            let length = unit.iter().map(|x| x * x).sum::<f64>().sqrt();
+            // Rounding each component to `f32` changes the length by at most half a unit in the last place of 1.
+            prop_assert!(length == 0.0 || (length - 1.0).abs() <= f64::from(f32::EPSILON), "{length}");
+        }
+    }
+
+    #[test]
+    fn scales_of_bytes_and_unit_numbers_agree() {
+        let unit = linear_colors(vec![[0.0, 1.0, 0.2], NO_COLOR], None).unwrap();
+        assert_eq!(unit[1], [1.0; 4]);
+        assert_eq!(linear_colors(vec![[0.0, 255.0, 51.0], NO_COLOR], None).unwrap(), unit);
+        assert_eq!(linear_colors(vec![[0.0, 65535.0, 13107.0], NO_COLOR], Some(65535.0)).unwrap(), unit);
+        // 0.2 is 0.0331 in linear light, by the published table.
+        assert!((unit[0][2] - 0.0331).abs() < 5e-5, "{}", unit[0][2]);
+        assert_eq!(unit[0], [0.0, 1.0, unit[0][2], 1.0]);
+        assert_eq!(linear_colors(vec![[300.0, 0.0, 0.0]], Some(255.0)).unwrap(), [[1.0, 0.0, 0.0, 1.0]]);
+    }
+
+    #[test]
+    fn negative_values_are_not_colors() {
+        let warning = linear_colors(vec![[0.0; 3], [0.0, -1.0, 0.0]], None).unwrap_err();
+        assert_eq!(warning, "ignoring vertex colors: negative value at vertex 1: 0 -1 0");
+    }
+}

@@ -1,0 +1,113 @@
+//! Configurations of wide BVHs, SIMD paths, and comparison with the loop over all triangles.
+
+use canted_fixtures::Mesh;
+use canted_trace::{Hit, Ray};
+use canted_wide::{Config, Costs, LaneKernel, NodeKind, Preset, SimdPath, TriangleBvh};
+
+use crate::brute;
+
+/// A build configuration with its name for messages.
+pub type Variant = (String, Config);
+
+const PRESETS: [Preset; 4] = [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality];
+
+/// Every preset with and without oriented nodes and with and without a local mesh frame (except those that never rotate); then nodes of a
+/// single kind.
+#[must_use]
+pub fn every_variant() -> Vec<Variant> {
+    let mut variants = vec![];
+    for preset in PRESETS {
+        for oriented in [false, true] {
+            // The search for a frame takes longest and does not depend on the builder.
+            let n_frames = if matches!(preset, Preset::Dynamic | Preset::Fast) { 1 } else { 2 };
+            for rotate_mesh in [false, true].into_iter().take(n_frames) {
+                let config = Config { oriented, rotate_mesh, ..Config::preset(preset) };
+                variants.push((format!("{preset:?}, oriented {oriented}, rotated {rotate_mesh}"), config));
+            }
+        }
+    }
+    variants.extend(single_kind_variants());
+    variants
+}
+
+/// The presets, and nodes of a single kind, for tests that do not need every configuration.
+#[must_use]
+pub fn few_variants() -> Vec<Variant> {
+    let presets = PRESETS.map(|preset| (format!("{preset:?}"), Config::preset(preset)));
+    presets.into_iter().chain(single_kind_variants()).collect()
+}
+
+/// Nearly free nodes of each kind over leaves of one triangle, for as many nodes of that kind as possible.
+#[must_use]
+pub fn single_kind_variants() -> [Variant; 2] {
+    NodeKind::ALL.map(|kind| (format!("{kind:?} nodes"), of_one_kind(kind)))
+}
+
+/// BVHs with nodes of one kind and one triangle per leaf.
+#[must_use]
+pub fn of_one_kind(kind: NodeKind) -> Config {
+    let [aligned_node, oriented_node] = match kind {
+        NodeKind::Aligned => [0.01, 1e6],
+        NodeKind::Oriented => [1e6, 0.01],
+    };
+    let costs = Costs { aligned_node, oriented_node, leaf: 0.0, block: 0.01, max_leaf: 1 };
+    Config { costs, rotate_mesh: kind == NodeKind::Aligned, ..Config::preset(Preset::Balanced) }
+}
+
+/// The mesh's BVH.
+///
+/// # Panics
+/// Panics for invalid meshes.
+pub fn build<K: LaneKernel>(mesh: &Mesh, config: &Config) -> TriangleBvh<K> {
+    TriangleBvh::build(&mesh.positions, &mesh.triangles, config).expect("fixtures are valid")
+}
+
+/// Available SIMD paths, and the names of the others.
+#[must_use]
+pub fn paths() -> (Vec<SimdPath>, Vec<&'static str>) {
+    let (there, missing): (Vec<_>, Vec<_>) = SimdPath::ALL.into_iter().partition(|path| path.is_available());
+    (there, missing.into_iter().map(SimdPath::name).collect())
+}
+
+/// The answers of the loop over all triangles.
+#[must_use]
+pub fn loop_over_all<K: LaneKernel>(mesh: &Mesh, rays: &[Ray]) -> Vec<Option<Hit>> {
+    let records = brute::records::<K>(&mesh.positions, &mesh.triangles);
+    rays.iter().map(|ray| brute::closest_hit::<K>(&records, ray)).collect()
+}
+
+/// The first ray for which the BVH differs from `wants`: alone, in a slice or for occlusion.
+#[must_use]
+pub fn first_difference<K: LaneKernel>(tree: &TriangleBvh<K>, rays: &[Ray], wants: &[Option<Hit>]) -> Option<String> {
+    let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
+    tree.closest_hits(rays, &mut hits);
+    tree.occluded_many(rays, &mut occluded);
+    rays.iter().zip(wants).enumerate().find_map(|(i, (ray, want))| {
+        let alone = (tree.closest_hit(ray), tree.occluded(ray));
+        let all = [(hits[i], occluded[i]), alone];
+        let is_equal = all.iter().all(|&(hit, occluded)| is_same(hit, *want) && occluded == want.is_some());
+        (!is_equal).then(|| format!("ray {i}, {ray:?}: {all:?}, not {want:?}"))
+    })
+}
+
+/// Whether two answers have the same bits; `==` does not distinguish -0.0 from 0.0.
+fn is_same(a: Option<Hit>, b: Option<Hit>) -> bool {
+    let bits = |hit: Hit| ([hit.t, hit.u, hit.v].map(f32::to_bits), hit.primitive, hit.instance, hit.side);
+    a.map(bits) == b.map(bits)
+}
+
+/// Compares BVHs with these configurations, on every SIMD path, with the loop.
+///
+/// # Panics
+/// Panics if one differs.
+pub fn agrees<K: LaneKernel>(name: &str, mesh: &Mesh, variants: &[Variant], rays: &[Ray]) {
+    let wants = loop_over_all::<K>(mesh, rays);
+    for (variant, config) in variants {
+        let mut tree = build::<K>(mesh, config);
+        for path in paths().0 {
+            tree = tree.with_path(path);
+            let difference = first_difference(&tree, rays, &wants);
+            assert_eq!(difference, None, "{name}, {variant}, {}", path.name());
+        }
+    }
+}

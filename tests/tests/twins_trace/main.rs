@@ -1,0 +1,30 @@
+//! Rays on the device compared with the CPU: no CPU hit is lost, and other hits lie within the bound stated for devices.
+//!
+//! Not covered here: masks (`twins_render`), rejections other than for depth, and traversals ended early (`canted-gpu`).
+
+mod binary;
+mod built_wide;
+mod deep;
+mod frames;
+mod instances;
+mod meshes;
+mod models;
+mod moving;
+mod placed;
+mod small;
+
+pub(crate) use canted_tests::{device::gpu, judge as reference, variants as setup};
+
+fn main() -> std::process::ExitCode {
+    canted_tests::device::run_tests([
+        binary::tests(),
+        built_wide::tests(),
+        deep::tests(),
+        frames::tests(),
+        instances::tests(),
+        meshes::tests(),
+        models::tests(),
+        moving::tests(),
+        small::tests(),
+    ])
+}
