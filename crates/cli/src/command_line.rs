@@ -58,9 +58,8 @@ impl Words {
     fn for_scene(&self, error: Error) -> Error {
         let is_scene = self.words.get(self.command).is_some_and(|word| word == "scene");
         let option = text_of(&error, ContextKind::InvalidArg).filter(|_| error.kind() == ErrorKind::UnknownArgument);
-        let of_render = |option: &String| {
-            options::names::<render::Args>().iter().any(|name| *option == options::flag(name))
-        };
+        let of_render =
+            |option: &String| options::names::<render::Args>().iter().any(|name| *option == options::flag(name));
         match option.filter(|_| is_scene).filter(of_render) {
             None => error,
             Some(option) => {
@@ -92,9 +91,8 @@ fn with_near_misses(mut error: Error) -> Error {
         (ContextKind::InvalidValue, ContextKind::SuggestedValue),
     ] {
         let word = text_of(&error, invalid).unwrap_or_default();
-        let is_near = |near: &String| {
-            closest_match(word.trim_start_matches('-'), [near.trim_start_matches('-')]).is_some()
-        };
+        let is_near =
+            |near: &String| closest_match(word.trim_start_matches('-'), [near.trim_start_matches('-')]).is_some();
         match error.remove(suggested) {
             Some(ContextValue::String(near)) if is_near(&near) => {
                 error.insert(suggested, ContextValue::String(near));
@@ -163,9 +161,9 @@ mod tests {
     fn suggestions_are_near_misses() {
         let program = || {
             let render = Command::new("render").arg(clap::Arg::new("format").long("format"));
-            ["scene", "tree"].into_iter().fold(Command::new("canted").subcommand(render), |program, name| {
-                program.subcommand(Command::new(name))
-            })
+            ["scene", "tree"]
+                .into_iter()
+                .fold(Command::new("canted").subcommand(render), |program, name| program.subcommand(Command::new(name)))
         };
         for (line, wanted, unwanted) in [
             ("canted rendre", "'render'", &["'scene'", "'tree'"][..]),

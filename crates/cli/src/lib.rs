@@ -13,7 +13,6 @@ mod cast;
 mod command_line;
 mod compare;
 mod device;
-mod devices;
 mod light;
 mod load;
 mod merge;
@@ -35,8 +34,8 @@ use anyhow::Result;
 use canted_renderer::RenderError;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, parser::ValueSource};
 
-pub use picture::{Picture, Source, picture};
 use command_line::{Words, picture_of};
+pub use picture::{Picture, Source, picture};
 
 /// Ray tracing with oriented bounding boxes.
 ///
@@ -76,7 +75,7 @@ enum Command {
     /// Compare two pictures.
     Compare(compare::Args),
     /// List compute devices.
-    Devices(devices::Args),
+    Devices(device::DevicesArgs),
     /// Merge sample ranges of one picture.
     Merge(merge::Args),
     /// Print completions of the command line for a shell.
@@ -105,7 +104,7 @@ fn run() -> Result<ExitCode> {
         Some(Command::Cast(args)) => cast::run(&args)?,
         Some(Command::Tree(args)) => tree::run(&args)?,
         Some(Command::Compare(args)) => return compare::run(&args),
-        Some(Command::Devices(args)) => devices::run(&args)?,
+        Some(Command::Devices(args)) => device::list(&args)?,
         Some(Command::Merge(args)) => merge::run(&args)?,
         Some(Command::Completions(args)) => pages::completions(&args, Cli::command())?,
         Some(Command::Man(args)) => pages::man(&args, Cli::command())?,

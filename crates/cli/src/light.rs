@@ -105,7 +105,10 @@ impl LightArgs {
 
     /// Whether no light is given.
     pub(crate) fn is_empty(&self) -> bool {
-        self.environment == EnvironmentArgs::default() && self.sun.is_empty() && self.point.is_empty() && self.sphere.is_empty()
+        self.environment == EnvironmentArgs::default()
+            && self.sun.is_empty()
+            && self.point.is_empty()
+            && self.sphere.is_empty()
     }
 
     /// [`LightArgs::apply`] to a scene that has its environment.

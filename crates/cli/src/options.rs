@@ -305,8 +305,7 @@ const WIDE: Accel = Accel::Wide { preset: Preset::Balanced, builder: None };
 const BVH2: Accel = Accel::Binary { strategy: Strategy::Aabb, builder: None };
 
 impl Named for Accel {
-    const NAMES: &'static Names<Self> =
-        &[("wide", WIDE), ("bvh2", BVH2), ("bih", Self::Bih), ("kdtree", Self::KdTree)];
+    const NAMES: &'static Names<Self> = &[("wide", WIDE), ("bvh2", BVH2), ("bih", Self::Bih), ("kdtree", Self::KdTree)];
 }
 
 impl Named for Levels {
@@ -314,12 +313,8 @@ impl Named for Levels {
 }
 
 impl Named for Preset {
-    const NAMES: &'static Names<Self> = &[
-        ("dynamic", Self::Dynamic),
-        ("fast", Self::Fast),
-        ("balanced", Self::Balanced),
-        ("quality", Self::Quality),
-    ];
+    const NAMES: &'static Names<Self> =
+        &[("dynamic", Self::Dynamic), ("fast", Self::Fast), ("balanced", Self::Balanced), ("quality", Self::Quality)];
 }
 
 impl Named for BuilderChoice {

@@ -28,9 +28,9 @@ use crate::{
     camera,
     device::{DeviceArg, Machine},
     light::LightSource,
-    load, process,
+    load,
     options::{self, Named, with_kernel},
-    output as print,
+    output as print, process,
     settings::Plan,
 };
 use args::Job;
@@ -133,12 +133,7 @@ fn open_machine(job: &Job) -> Result<Machine> {
     Machine::open(&job.run.device, &job.plan.structure)
 }
 
-fn render<K: LaneKernel>(
-    scene: &mut Scene,
-    job: &mut Job,
-    machine: &Machine,
-    source: LightSource,
-) -> Result<Rendered> {
+fn render<K: LaneKernel>(scene: &mut Scene, job: &mut Job, machine: &Machine, source: LightSource) -> Result<Rendered> {
     let Setup { prepared, camera, choice } = setup::<K>(scene, &mut job.plan, source)?;
     job.output.look = job.plan.look.clone();
     let view = Frame { scene, prepared: &prepared, camera: &camera, choice, label: "" };
@@ -212,7 +207,12 @@ fn render_picture<K: LaneKernel>(
             Some(on_gpu) => on_gpu,
             None => {
                 check_for_cpu(&job.plan)?;
-                &CpuRenderer { surfaces: &surfaces, structure: &prepared.structure, camera, settings: &job.plan.settings }
+                &CpuRenderer {
+                    surfaces: &surfaces,
+                    structure: &prepared.structure,
+                    camera,
+                    settings: &job.plan.settings,
+                }
             }
         };
         film_of(frame, job, renderer, &mut facts, &mut checkpoint)?
@@ -234,9 +234,9 @@ fn check_for_cpu(plan: &Plan) -> Result<()> {
     ];
     match needs_gpu.into_iter().find(|&(_, is_given, _)| is_given) {
         None => Ok(()),
-        Some((option, _, other)) => Err(anyhow!(
-            "{option} requires a GPU, and the CPU renders this picture; use --device gpu, or {other}"
-        )),
+        Some((option, _, other)) => {
+            Err(anyhow!("{option} requires a GPU, and the CPU renders this picture; use --device gpu, or {other}"))
+        }
     }
 }
 
@@ -253,8 +253,7 @@ fn film_of<K: LaneKernel>(
     let record = if needs_record { record(frame, &job.plan, renderer.device()) } else { Record::new() };
     let mut done: Vec<Tile> = Vec::new();
     if let Some((path, interval)) = &job.checkpoint {
-        let (opened, tiles) =
-            CheckpointWriter::open(path.clone(), *interval, &checkpoint_record(&record, settings))?;
+        let (opened, tiles) = CheckpointWriter::open(path.clone(), *interval, &checkpoint_record(&record, settings))?;
         (*checkpoint, done) = (Some(opened), tiles);
     }
     done.extend(job.output.outside(settings));

@@ -26,8 +26,8 @@ use crate::{
     light::{EnvironmentArgs, LightArgs},
     load,
     options::{
-        self, Given, Named, Names, Structure, StructureOptions, Text, as_text, flag, from_name, from_text, given, named,
-        names, whole,
+        self, Given, Named, Names, Structure, StructureOptions, Text, as_text, flag, from_name, from_text, given,
+        named, names, whole,
     },
     output,
 };

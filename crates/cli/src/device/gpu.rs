@@ -7,7 +7,7 @@ use canted_scene::Scene;
 use serde_json::{Value, json};
 
 use super::DeviceArg;
-use crate::{process, options::Structure, output};
+use crate::{options::Structure, output, process};
 
 /// An open compute device.
 pub(crate) enum Machine {
@@ -239,8 +239,8 @@ fn quietly<T>(open: impl FnOnce() -> T) -> T {
 
 #[cfg(test)]
 mod tests {
-    use canted_fixtures::or_skip;
     use super::*;
+    use canted_fixtures::or_skip;
 
     /// What a device lacks is an error where the device was named, and the CPU's with `auto`.
     #[test]

@@ -150,8 +150,7 @@ pub(crate) struct FrameArgs {
 }
 
 impl Named for UpdatePolicy {
-    const NAMES: &'static Names<Self> =
-        &[("auto", Self::Auto), ("refit", Self::Refit), ("rebuild", Self::Rebuild)];
+    const NAMES: &'static Names<Self> = &[("auto", Self::Auto), ("refit", Self::Refit), ("rebuild", Self::Rebuild)];
 }
 
 /// A picture to render, or the pictures of a sequence: options that are checked and agree with each other.
@@ -178,9 +177,8 @@ impl Args {
             self.own.clone();
         let is_stream = path.as_os_str() == "-";
         let by_name = || if is_stream { Some(Format::Png) } else { Format::of_path(&path) };
-        let format = format
-            .or_else(by_name)
-            .ok_or_else(|| output::unsupported(&path, ".png, .jpg, .webp, .hdr or .exr"))?;
+        let format =
+            format.or_else(by_name).ok_or_else(|| output::unsupported(&path, ".png, .jpg, .webp, .hdr or .exr"))?;
         let heatmap = diagram.measure();
         let file = settings::scene_file(self.source.scene.as_deref())?;
         let purpose = Purpose {
@@ -322,11 +320,8 @@ impl SampleArgs {
     }
 
     fn reject(&self, has_aovs: bool, reason: &str) -> Result<()> {
-        let given = [
-            ("--samples", self.samples.is_some()),
-            ("--aovs", has_aovs),
-            ("--checkpoint", self.checkpoint.is_some()),
-        ];
+        let given =
+            [("--samples", self.samples.is_some()), ("--aovs", has_aovs), ("--checkpoint", self.checkpoint.is_some())];
         match given.into_iter().find(|&(_, is_given)| is_given) {
             None => Ok(()),
             Some((name, _)) => Err(anyhow!("{name} {reason}")),

@@ -10,7 +10,7 @@ use canted_scene::Scene;
 use canted_wide::{LaneKernel, NodeKind, SimdPath};
 use serde_json::{Value, json};
 
-use crate::{process, options::strategy_name, output};
+use crate::{options::strategy_name, output, process};
 
 /// A name and a value.
 pub(super) type Fact = (&'static str, Value);

@@ -17,7 +17,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
 use super::{facts::Fact, output::OutputFile};
-use crate::{process, output};
+use crate::{output, process};
 
 /// Renders films on one kind of device.
 pub(super) trait FilmRenderer {

@@ -28,9 +28,10 @@ use canted_renderer::{DeviceFrames, DeviceUpdates};
 use crate::{
     device::Machine,
     light::LightSource,
-    load, process,
+    load,
     options::{Named as _, with_kernel},
     output::{self, Named},
+    process,
     settings::LookOptions,
 };
 use resume::FrameList;

@@ -13,7 +13,7 @@ use super::{
     wide::WideStats,
     wide_tables,
 };
-use crate::{process, options::strategy_name, render};
+use crate::{options::strategy_name, process, render};
 
 /// Everything that `canted stats` prints.
 pub(super) struct Report<'a> {

@@ -6,10 +6,7 @@ use canted_wide::{NodeKind, SimdPath};
 use serde_json::{Value, json};
 
 use super::wide::{Level, Row, WideStats};
-use crate::{
-    process,
-    options::Named as _,
-};
+use crate::{options::Named as _, process};
 
 /// Below this ratio of predicted costs, the reason states a percentage instead of a factor.
 const ABOUT_EQUAL: f64 = 1.05;

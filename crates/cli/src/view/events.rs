@@ -144,9 +144,7 @@ fn one(table: &Table) -> Result<(f64, Event), String> {
         return Err(format!("unknown key '{}'; use at_s and one of {}", key.escape_debug(), ACTIONS.join(", ")));
     }
     let at_s = table.get("at_s").ok_or("at_s is missing: the time in seconds")?;
-    let at_s = number(at_s)
-        .filter(|&at_s| at_s >= 0.0)
-        .ok_or_else(|| invalid("at_s", at_s, "a time of at least 0"))?;
+    let at_s = number(at_s).filter(|&at_s| at_s >= 0.0).ok_or_else(|| invalid("at_s", at_s, "a time of at least 0"))?;
     let actions: Vec<&str> = ACTIONS.into_iter().filter(|action| table.contains_key(*action)).collect();
     let [action] = actions[..] else {
         return Err(match actions[..] {

@@ -176,7 +176,13 @@ impl Renderer {
 
     /// A film of one sample in each of so few pixels that it takes no longer than [`COARSE_SECONDS`] on the CPU; `None` where the first
     /// pass is as fast.
-    fn coarse(&mut self, ready: &SessionScene, plan: &Plan, options: &Options, camera: &Camera) -> Result<Option<Film>> {
+    fn coarse(
+        &mut self,
+        ready: &SessionScene,
+        plan: &Plan,
+        options: &Options,
+        camera: &Camera,
+    ) -> Result<Option<Film>> {
         const LARGEST: u32 = 16;
         let mut plan = plan.clone();
         ready.choose_integrator(&mut plan);

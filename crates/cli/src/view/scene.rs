@@ -339,8 +339,7 @@ mod on_gpu {
     use super::{FrameInput, Passes};
     use crate::{
         device::{DeviceArg, Machine, built_or, named},
-        options,
-        output,
+        options, output,
     };
 
     /// The device of the options, open while they name it.

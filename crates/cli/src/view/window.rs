@@ -229,13 +229,7 @@ fn new_screenshot(folder: &Path) -> std::path::PathBuf {
 const NOTCH: f32 = 50.0;
 
 /// The events on a picture of this size that is drawn in `rect`.
-fn on_picture(
-    ui: &egui::Ui,
-    response: &egui::Response,
-    rect: Rect,
-    size: [u32; 2],
-    events: &mut Vec<Event>,
-) {
+fn on_picture(ui: &egui::Ui, response: &egui::Response, rect: Rect, size: [u32; 2], events: &mut Vec<Event>) {
     // Pixels of the picture for a point of the screen.
     let scale = f64::from(size[1]) / f64::from(rect.height().max(1.0));
     let at = |p: egui::Pos2| [p.x - rect.min.x, p.y - rect.min.y].map(|x| f64::from(x) * scale);

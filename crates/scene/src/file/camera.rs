@@ -37,9 +37,7 @@ pub(super) fn camera(table: &Spanned<CameraTable>, source: &Source<'_>) -> Resul
         let expected = "a direction that is not parallel to the view direction";
         return Err(match up {
             Some(up) => source.invalid(up, "up", NAME, expected),
-            None => {
-                source.error(table.span().start, format!("missing key 'up' in {NAME}: expected {expected}"))
-            }
+            None => source.error(table.span().start, format!("missing key 'up' in {NAME}: expected {expected}")),
         });
     }
     let projection = match (fov_degrees, height) {

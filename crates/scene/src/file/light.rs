@@ -48,16 +48,13 @@ pub(super) enum LightTable {
 /// The light of a table.
 pub(super) fn light(table: LightTable, source: &Source<'_>) -> Result<Light, ReadError> {
     Ok(match table {
-        LightTable::Sun { direction, irradiance } => {
-            Light::Sun { direction: direction.0, irradiance: irradiance.0 }
-        }
+        LightTable::Sun { direction, irradiance } => Light::Sun { direction: direction.0, irradiance: irradiance.0 },
         LightTable::Point { position, intensity } => Light::Point { position: position.0, intensity: intensity.0 },
         LightTable::Spot { position, direction, intensity, inner_degrees, outer_degrees } => {
             let (inner, outer) = (inner_degrees.map_or(0.0, |inner| inner.0), outer_degrees.get_ref().0);
             let (cos_inner, cos_outer) = (cos(inner), cos(outer));
-            let fail = |expected: &str| {
-                Err(source.invalid(&outer_degrees, "outer_degrees", "a light of type spot", expected))
-            };
+            let fail =
+                |expected: &str| Err(source.invalid(&outer_degrees, "outer_degrees", "a light of type spot", expected));
             if outer <= inner {
                 return fail(&format!("an angle greater than 'inner_degrees', {inner}"));
             }
@@ -173,10 +170,8 @@ pub(super) fn environment(
     let at = table.span().start;
     let EnvironmentTable { constant, image, scale, turn_degrees } = table.into_inner();
     let Some(file) = image else {
-        let of_image = [
-            ("scale", scale.map(|scale| scale.span())),
-            ("turn_degrees", turn_degrees.map(|turn| turn.span())),
-        ];
+        let of_image =
+            [("scale", scale.map(|scale| scale.span())), ("turn_degrees", turn_degrees.map(|turn| turn.span()))];
         if let Some((key, span)) = of_image.into_iter().find_map(|(key, span)| Some((key, span?))) {
             return Err(source.error(span.start, format!("'{key}' in [environment] requires 'image'")));
         }

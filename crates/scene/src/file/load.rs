@@ -12,8 +12,8 @@ use super::tables::error_at;
 use super::{Asset, AssetInstance, AssetSource, EnvironmentSource, MaterialEdits, Override, Placement, SceneFile};
 use crate::read::quoted;
 use crate::{
-    Encoding, Environment, EnvironmentImage, Instance, Material, MaterialId, Part, ReadError, ReadOptions, Scene, Texture,
-    TextureId, builtin, read_environment, read_with,
+    Encoding, Environment, EnvironmentImage, Instance, Material, MaterialId, Part, ReadError, ReadOptions, Scene,
+    Texture, TextureId, builtin, read_environment, read_with,
 };
 
 impl SceneFile {

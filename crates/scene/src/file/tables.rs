@@ -66,10 +66,17 @@ impl<'a> Source<'a> {
     pub(super) fn read<T: de::DeserializeOwned>(&self) -> Result<T, ReadError> {
         let document = DeTable::parse(self.text).map_err(|error| {
             let message = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
-            let key = error.span().filter(|_| message == "duplicate key").map(|span| format!(" '{}'", self.quote(span)));
+            let key =
+                error.span().filter(|_| message == "duplicate key").map(|span| format!(" '{}'", self.quote(span)));
             self.error(error.span().map_or(0, |span| span.start), message + &key.unwrap_or_default())
         })?;
-        let root = Table { source: self, items: document.get_ref(), start: 0, path: String::new(), name: "the file".to_owned() };
+        let root = Table {
+            source: self,
+            items: document.get_ref(),
+            start: 0,
+            path: String::new(),
+            name: "the file".to_owned(),
+        };
         root.read(|rows| T::deserialize(de::value::MapAccessDeserializer::new(rows))).map_err(|problem| match problem {
             Problem::At(at, message) => self.error(at, message),
             other => self.error(0, other.to_string()),

@@ -63,7 +63,9 @@ pub(super) fn check(path: &Path, list: &FrameList, ours: &Record) -> Result<()> 
 pub(super) fn shared(job: &Job, scene: &mut Scene, device: String) -> Record {
     // Without `..`, so that a new option cannot be forgotten.
     let Job { plan, output, sequence: _, run: _, boxes, passes: _, checkpoint: _ } = job;
-    let Plan { source: _, camera, light, structure, look, heatmap, settings, integrator, first_hit: _, options, .. } = plan;
+    let Plan {
+        source: _, camera, light, structure, look, heatmap, settings, integrator, first_hit: _, options, ..
+    } = plan;
     // Lights differ between frames.
     let lights = std::mem::take(&mut scene.lights);
     let environment = light_hash(scene);

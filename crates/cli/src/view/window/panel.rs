@@ -133,7 +133,13 @@ fn rendering(ui: &mut egui::Ui, session: &Session, changes: &mut Changes) {
     let channel = options.aov.map_or("none", Aov::name);
     let channels = ["none"].into_iter().chain(Aov::ALL.map(Aov::name));
     list(ui, "channel", channel, channels, |name| changes.set("aov", name));
-    changes.list(ui, "heat map", "heatmap", options.args().own.diagram.0.heatmap.map_or("none", Named::name), &["none", "boxes", "triangles"]);
+    changes.list(
+        ui,
+        "heat map",
+        "heatmap",
+        options.args().own.diagram.0.heatmap.map_or("none", Named::name),
+        &["none", "boxes", "triangles"],
+    );
     let curves = ["none", "agx", "aces", "filmic-neutral"];
     let look = &options.args().options.0.look;
     changes.list(ui, "tone curve", "tone_map", look.tone_map.map_or("none", Named::name), &curves);
