@@ -18,7 +18,7 @@ pub struct Buffer<T> {
     len: usize,
     values: PhantomData<T>,
     /// Releases the memory when the buffer is dropped.
-    share: Arc<Share>,
+    reservation: Arc<Reservation>,
 }
 
 impl<T> Buffer<T> {
@@ -46,14 +46,14 @@ impl<T> Buffer<T> {
         self.raw.size()
     }
 
-    /// A buffer of `len` values and its share of the memory.
-    pub(crate) fn of_parts(raw: wgpu::Buffer, len: usize, share: Arc<Share>) -> Self {
-        Self { raw, len, values: PhantomData, share }
+    /// A buffer of `len` values and its reservation of the memory.
+    pub(crate) fn of_parts(raw: wgpu::Buffer, len: usize, reservation: Arc<Reservation>) -> Self {
+        Self { raw, len, values: PhantomData, reservation }
     }
 
-    /// The buffer and its share of the memory.
-    pub(crate) fn parts(&self) -> (wgpu::Buffer, Arc<Share>) {
-        (self.raw.clone(), self.share.clone())
+    /// The buffer and its reservation of the memory.
+    pub(crate) fn parts(&self) -> (wgpu::Buffer, Arc<Reservation>) {
+        (self.raw.clone(), self.reservation.clone())
     }
 }
 
@@ -132,14 +132,14 @@ impl Gpu {
         }
         // The driver's message does not contain the name of the buffer.
         let no_memory = || GpuError::OutOfMemory { what: format!("{what} of {size} bytes") };
-        let share = self.memory.take(size).ok_or_else(no_memory)?;
+        let reservation = self.memory.take(size).ok_or_else(no_memory)?;
         let descriptor = BufferDescriptor { label: Some(what), size, usage, mapped_at_creation: false };
         let raw = self.guarded(|| self.device.create_buffer(&descriptor));
         let raw = raw.and_then(|raw| self.check().map(|()| raw)).map_err(|error| match error {
             GpuError::OutOfMemory { .. } => no_memory(),
             error => error,
         })?;
-        Ok(Buffer::of_parts(raw, len, Arc::new(share)))
+        Ok(Buffer::of_parts(raw, len, Arc::new(reservation)))
     }
 
     /// Size of a buffer in bytes. Sizes are multiples of a word. An empty buffer still has one word.
@@ -227,7 +227,7 @@ struct Bytes {
 }
 
 /// Bytes used by a buffer until it is dropped.
-pub(crate) struct Share {
+pub(crate) struct Reservation {
     memory: Memory,
     n_bytes: u64,
 }
@@ -244,15 +244,15 @@ impl Memory {
     }
 
     /// Reserves bytes; `None` if they exceed the limit.
-    pub(crate) fn take(&self, n_bytes: u64) -> Option<Share> {
+    pub(crate) fn take(&self, n_bytes: u64) -> Option<Reservation> {
         let most = self.0.most.load(Ordering::Relaxed);
         let add = |taken: u64| taken.checked_add(n_bytes).filter(|&taken| taken <= most);
         self.0.taken.fetch_update(Ordering::Relaxed, Ordering::Relaxed, add).ok()?;
-        Some(Share { memory: self.clone(), n_bytes })
+        Some(Reservation { memory: self.clone(), n_bytes })
     }
 }
 
-impl Drop for Share {
+impl Drop for Reservation {
     fn drop(&mut self) {
         self.memory.0.taken.fetch_sub(self.n_bytes, Ordering::Relaxed);
     }
@@ -336,7 +336,7 @@ pub(crate) struct FrameBuffers {
 
 struct FrameBuffer {
     raw: wgpu::Buffer,
-    share: Arc<Share>,
+    reservation: Arc<Reservation>,
     /// A hash of each chunk.
     hashes: Vec<u64>,
 }
@@ -397,7 +397,7 @@ impl Gpu {
         let list = kept.buffers.entry(what.to_owned()).or_default();
         *number += 1;
         if let Some(old) = list.get_mut(*number - 1)
-            && Arc::strong_count(&old.share) == 1
+            && Arc::strong_count(&old.reservation) == 1
             && old.raw.size() == Self::n_bytes_of::<T>(values.len())
             && old.hashes.len() == hashes.len()
         {
@@ -406,11 +406,11 @@ impl Gpu {
                 self.upload(&old.raw, first as u64, &bytes[first..end]);
             }
             old.hashes = hashes;
-            return Ok(Buffer::of_parts(old.raw.clone(), values.len(), old.share.clone()));
+            return Ok(Buffer::of_parts(old.raw.clone(), values.len(), old.reservation.clone()));
         }
         let buffer = make()?;
-        let (raw, share) = buffer.parts();
-        let new = FrameBuffer { raw, share, hashes };
+        let (raw, reservation) = buffer.parts();
+        let new = FrameBuffer { raw, reservation, hashes };
         match list.get_mut(*number - 1) {
             Some(old) => *old = new,
             None => list.push(new),

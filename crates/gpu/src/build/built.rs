@@ -53,7 +53,7 @@ impl Built {
         Ok(Self { primitives, leaves, trees, aabbs, obbs })
     }
 
-    /// Builds the trees again over the same items, whose vertices have moved.
+    /// Builds the trees again over the same primitives, whose vertices have moved.
     pub(crate) fn rebuild(&mut self, build: &mut BuildEncoder<'_>, config: BuildConfig) -> Result<(), GpuError> {
         // What is recorded reads nothing back.
         (self.leaves, self.trees, self.aabbs, self.obbs) = block_on(over(build, &self.primitives, config.into()))?;
@@ -70,7 +70,7 @@ impl Built {
     }
 }
 
-/// All that is built over items: leaves, trees, axis-aligned and oriented boxes.
+/// All that is built over primitives: leaves, trees, axis-aligned and oriented boxes.
 type Over = (Buffer<u32>, Trees, Buffer<Aabb>, Option<Buffer<Obb>>);
 
 async fn over(build: &mut BuildEncoder<'_>, primitives: &Primitives, config: WideConfig) -> Result<Over, GpuError> {
@@ -89,7 +89,7 @@ async fn over(build: &mut BuildEncoder<'_>, primitives: &Primitives, config: Wid
     Ok((leaves, trees, aabbs, obbs))
 }
 
-/// Computes the axis-aligned boxes of the inner nodes over the items from `range[0]` to before `range[1]`, whole trees, again.
+/// Computes the axis-aligned boxes of the inner nodes over the primitives from `range[0]` to before `range[1]`, whole trees, again.
 pub(crate) fn refit_aabbs(build: &mut BuildEncoder<'_>, built: &Built, [first, end]: [u32; 2]) -> Result<(), GpuError> {
     let gpu = build.gpu();
     let Built { primitives, leaves, trees, aabbs, .. } = built;
@@ -109,7 +109,7 @@ struct Place {
 }
 
 impl Built {
-    /// Builds tree `number` again over its items, whose vertices have moved. The other trees stay.
+    /// Builds tree `number` again over its primitives, whose vertices have moved. The other trees stay.
     pub(crate) fn rebuild_tree(
         &mut self,
         build: &mut BuildEncoder<'_>,
@@ -131,7 +131,7 @@ impl Built {
         self.adopt(build, &own, first)
     }
 
-    /// Replaces the tree over the items from `first` on by one over as many items of its own.
+    /// Replaces the tree over the primitives from `first` on by one over as many primitives of its own.
     fn adopt(&self, build: &mut BuildEncoder<'_>, own: &Self, first: u32) -> Result<(), GpuError> {
         let gpu = build.gpu();
         let n = own.primitives.len();
@@ -216,12 +216,12 @@ impl Built {
         }
     }
 
-    /// The first item of each tree with such a number of items. It is the slot of the root, too.
+    /// The first primitive of each tree with such a number of primitives. It is the slot of the root, too.
     fn firsts(&self, wanted: fn(u32) -> bool) -> Vec<u32> {
         self.primitives.ranges().iter().filter(|range| wanted(range.count)).map(|range| range.first).collect()
     }
 
-    /// One value for each tree: from `nodes` for trees with several items, from `leaves` for trees with one.
+    /// One value for each tree: from `nodes` for trees with several primitives, from `leaves` for trees with one.
     fn of_roots<T>(&self, nodes: Vec<T>, leaves: Vec<T>) -> Vec<Option<T>> {
         let (mut nodes, mut leaves) = (nodes.into_iter(), leaves.into_iter());
         let of_tree = |count: u32| match count {

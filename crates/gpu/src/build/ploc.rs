@@ -65,8 +65,8 @@ struct Clusters {
     links: Buffer<u32>,
 }
 
-/// Builds a tree for each range of `items` by locally-ordered clustering. `leaves` are the items in the order of the Morton
-/// codes. Returns the items in the order of the leaves, and the trees. The topology is that of `canted_sah`'s `ploc`.
+/// Builds a tree for each range of `primitives` by locally-ordered clustering. `leaves` are the primitives in the order of the Morton
+/// codes. Returns the primitives in the order of the leaves, and the trees. The topology is that of `canted_sah`'s `ploc`.
 ///
 /// # Errors
 /// A recorded build, because the number of clusters is read back; a tree of more than 127 levels, as degenerate input may give; out of

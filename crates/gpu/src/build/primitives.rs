@@ -11,19 +11,19 @@ use super::BuildEncoder;
 use crate::commands::Slot;
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 
-/// The items of one tree, as a range of the level's items.
+/// The primitives of one tree, as a range of the level's primitives.
 ///
 /// Its leaves use the same range of positions. Its inner nodes use the same range of slots, the last of which is empty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Range {
-    /// The first item.
+    /// The first primitive.
     pub first: u32,
-    /// Number of items.
+    /// Number of primitives.
     pub count: u32,
 }
 
-/// The items of a level. All trees of a level are built together.
+/// The primitives of a level. All trees of a level are built together.
 pub struct Primitives {
     ranges: Vec<Range>,
     n: u32,
@@ -31,7 +31,7 @@ pub struct Primitives {
     pub(super) leaf: Leaf,
 }
 
-/// The kind of an item.
+/// The kind of a primitive.
 pub(super) enum Leaf {
     /// A triangle of a mesh.
     Triangle { corners: Arc<Buffer<Corners>> },
@@ -86,25 +86,25 @@ impl Primitives {
         Ok(Self { device_ranges: gpu.buffer("ranges of trees", &ranges)?, n, ranges, leaf })
     }
 
-    /// Number of items of all trees.
+    /// Number of primitives of all trees.
     #[must_use]
     pub fn len(&self) -> u32 {
         self.n
     }
 
-    /// Whether there are no items.
+    /// Whether there are no primitives.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.n == 0
     }
 
-    /// The items of each tree.
+    /// The primitives of each tree.
     #[must_use]
     pub fn ranges(&self) -> &[Range] {
         &self.ranges
     }
 
-    /// The items of a range of trees.
+    /// The primitives of a range of trees.
     pub(crate) fn of_trees(&self, [first, end]: [u32; 2]) -> [u32; 2] {
         let first_item = |tree: u32| self.ranges.get(tree as usize).map_or(self.n, |range| range.first);
         [first_item(first), first_item(end)]
@@ -123,7 +123,7 @@ impl Primitives {
         count(self.ranges.len()).max(1).next_power_of_two().ilog2()
     }
 
-    /// The shader part that reads these items.
+    /// The shader part that reads these primitives.
     pub(crate) fn part(&self) -> Variant {
         let file = match self.leaf {
             Leaf::Triangle { .. } => "shared/volumes/item/triangles",

@@ -12,7 +12,7 @@ use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant};
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Grid {
-    /// Minimum coordinates, times the number of points summed per item.
+    /// Minimum coordinates, times the number of points summed per primitive.
     pub offset: [f32; 3],
     /// Cells per unit of that sum.
     pub scale: f32,
@@ -30,7 +30,7 @@ pub struct Codes {
 pub struct Sorted {
     /// Codes, in ascending order within a tree.
     pub codes: Codes,
-    /// The item of each leaf.
+    /// The primitive of each leaf.
     pub leaves: Buffer<u32>,
 }
 
@@ -56,14 +56,14 @@ pub struct Trees {
     pub parents: Buffer<u32>,
     /// Height of each inner node, in nodes including the leaf; 0 for an empty slot.
     pub heights: Buffer<u32>,
-    /// Maximum depth over all trees, in nodes including the leaf; 0 without items.
+    /// Maximum depth over all trees, in nodes including the leaf; 0 without primitives.
     pub depth: Buffer<u32>,
-    /// Bound of the depth that follows from the number of items and the bits of their codes.
+    /// Bound of the depth that follows from the number of primitives and the bits of their codes.
     pub max_height: u32,
 }
 
 impl Trees {
-    /// Trees over `n` items, still without nodes.
+    /// Trees over `n` primitives, still without nodes.
     pub(super) fn empty(gpu: &Gpu, n: usize, max_height: u32) -> Result<Self, GpuError> {
         Ok(Self {
             max_height,
@@ -137,7 +137,7 @@ pub fn domain(build: &mut BuildEncoder<'_>, primitives: &Primitives, bits: Bits)
     Ok(domains)
 }
 
-/// Computes one code per item, in input order.
+/// Computes one code per primitive, in input order.
 ///
 /// # Errors
 /// As for [`domain`].
@@ -158,7 +158,7 @@ pub fn codes(
     Ok(codes)
 }
 
-/// Sorts the items stably by tree and code.
+/// Sorts the primitives stably by tree and code.
 ///
 /// # Errors
 /// As for [`domain`].
@@ -179,7 +179,7 @@ pub fn sort(build: &mut BuildEncoder<'_>, primitives: &Primitives, codes: &Codes
     Ok(Sorted { codes: sorted, leaves })
 }
 
-/// The tree of each item.
+/// The tree of each primitive.
 fn trees_of(build: &mut BuildEncoder<'_>, primitives: &Primitives) -> Result<Buffer<u32>, GpuError> {
     let gpu = build.gpu();
     let trees = gpu.zeroed("trees of primitives", primitives.len() as usize)?;
@@ -191,7 +191,7 @@ fn trees_of(build: &mut BuildEncoder<'_>, primitives: &Primitives) -> Result<Buf
     Ok(trees)
 }
 
-/// Builds the radix tree over the sorted items of each tree.
+/// Builds the radix tree over the sorted primitives of each tree.
 ///
 /// # Errors
 /// As for [`domain`].

@@ -427,7 +427,7 @@ const LEAF: u32 = 0x8000_0000;
 
 /// Memory for the wide nodes of each tree of a level, and what is known of them before the collapse.
 struct Capacity {
-    /// Most items of a leaf.
+    /// Most primitives of a leaf.
     max_leaf: u32,
     is_oriented: bool,
     /// The first unit of each tree, and the end.
@@ -480,10 +480,10 @@ impl Capacity {
     }
 }
 
-/// Most wide nodes over `n` items.
+/// Most wide nodes over `n` primitives.
 ///
-/// A node that is not full has leaves only and more than `max_leaf` items of its own. With `E` of those and `F` full ones over
-/// `n` items, 7 F is less than the number of other nodes and leaves: `7 F < E + n - (max_leaf + 1) E`, and `E <= n / (max_leaf +
+/// A node that is not full has leaves only and more than `max_leaf` primitives of its own. With `E` of those and `F` full ones over
+/// `n` primitives, 7 F is less than the number of other nodes and leaves: `7 F < E + n - (max_leaf + 1) E`, and `E <= n / (max_leaf +
 /// 1)`.
 fn most_nodes(n: u32, max_leaf: u32) -> u32 {
     if n <= max_leaf {
@@ -501,8 +501,8 @@ mod tests {
 
     use super::*;
 
-    /// Wide nodes over a tree of `n` items whose shape and areas are random, opened as `shared/build.wgsl` does. A subtree is its
-    /// number of items.
+    /// Wide nodes over a tree of `n` primitives whose shape and areas are random, opened as `shared/build.wgsl` does. A subtree is its
+    /// number of primitives.
     fn collapsed(n: u32, max_leaf: u32, random: &mut SplitMix64, is_chain: bool) -> u32 {
         let mut open = vec![n];
         let mut n_nodes = 0;

@@ -304,7 +304,7 @@ impl Pairs {
         Ok(pairs)
     }
 
-    /// Converts a range of items of a level: whole trees.
+    /// Converts a range of primitives of a level: whole trees.
     fn put(
         &self,
         build: &mut BuildEncoder<'_>,
@@ -465,7 +465,7 @@ mod tests {
             // The most triangles and instances that are supported.
             assert!(bvh.shallow(1 << 26, 1 << 26).depth(1 << 26, 1 << 26) <= MAX_STACK);
         }
-        // Few items bound the depth, too.
+        // Few primitives bound the depth, too.
         assert_eq!(DeviceBvh::default().depth(5, 1), 6);
     }
 }
