@@ -1,9 +1,8 @@
 //! The camera: from the options, else from the scene, else one that frames the scene.
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Prepared, frame_up};
+use canted_renderer::{SceneBvh, frame_up};
 use canted_scene::{Camera, Lens, Projection, Scene};
-use canted_wide::LaneKernel;
 
 use serde::Serialize;
 
@@ -86,10 +85,10 @@ impl CameraArgs {
     ///
     /// # Errors
     /// A focus distance for a camera without a lens, or a camera that the file does not have.
-    pub(crate) fn camera<K: LaneKernel>(
+    pub(crate) fn camera(
         &self,
         scene: &Scene,
-        prepared: &Prepared<K>,
+        bvh: &SceneBvh,
         [width, height]: [u32; 2],
         up_axis: [f32; 3],
     ) -> Result<Camera> {
@@ -100,7 +99,7 @@ impl CameraArgs {
             None if self.eye.is_some() && self.target.is_some() && has_projection => {
                 Camera::pinhole([0.0; 3], [0.0; 3], up_axis, 1.0)
             }
-            None => frame_up(scene, &prepared.structure, f64::from(width) / f64::from(height), self.up(up_axis)),
+            None => frame_up(scene, bvh, f64::from(width) / f64::from(height), self.up(up_axis)),
         };
         if let Some(eye) = self.eye {
             // Without a target, the camera looks at the center of the scene.

@@ -14,10 +14,9 @@ use canted_film::AtomicFile;
 use canted_gpu::{DeviceHit, Gpu, Outcome, TracedScene};
 #[cfg(feature = "gpu")]
 use canted_renderer::{DeviceError, traced_scene};
-use canted_renderer::{PrepareError, Prepared, Tracer, prepare};
+use canted_renderer::{PrepareError, SceneBvh};
 use canted_scene::Scene;
-use canted_trace::{Hit, Ray};
-use canted_wide::LaneKernel;
+use canted_trace::{Hit, Intersect as _, Ray};
 use rayon::prelude::*;
 use serde_json::json;
 
@@ -26,7 +25,7 @@ use crate::device::{built_or, named};
 use crate::{
     device::{Machine, RunArgs},
     load,
-    options::{self, Given, Structure, StructureOptions, one_of, with_kernel},
+    options::{self, Given, Structure, StructureOptions, one_of},
     output::{self, Named},
     settings::{self, SceneSettings},
 };
@@ -92,7 +91,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         output::probe(&args.hits)?;
     }
     let machine = Machine::open(&args.run.device, structure)?;
-    let (answers, seconds) = with_kernel!(structure.triangles, trace(&scene, &rays, args, structure, &machine))?;
+    let (answers, seconds) = trace(&scene, &rays, args, structure, &machine)?;
     if is_stream(&args.hits) {
         let mut bytes = Vec::new();
         files::write(&mut bytes, format, &answers)?;
@@ -133,7 +132,7 @@ fn report(answers: &[Answer], seconds: f64, args: &Args) -> Result<()> {
 
 /// All answers, and the seconds spent tracing.
 #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "the CPU is the only machine"))]
-fn trace<K: LaneKernel>(
+fn trace(
     scene: &Scene,
     rays: &[Ray],
     args: &Args,
@@ -142,17 +141,17 @@ fn trace<K: LaneKernel>(
 ) -> Result<(Vec<Answer>, f64)> {
     let config = structure.config_for(scene);
     let on_cpu = OnceCell::new();
-    let prepared = || -> Result<&Prepared<K>, PrepareError> {
+    let bvh = || -> Result<&SceneBvh, PrepareError> {
         match on_cpu.get() {
-            Some(prepared) => Ok(prepared),
-            None => prepare(scene, &config).map(|prepared| on_cpu.get_or_init(|| prepared)),
+            Some(bvh) => Ok(bvh),
+            None => SceneBvh::build(scene, &config).map(|bvh| on_cpu.get_or_init(|| bvh)),
         }
     };
     // The CPU has nothing to build where a GPU builds for itself and completes all rays.
     #[cfg(feature = "gpu")]
     let of_gpu = match structure.built_on_gpu {
-        Some(bvh) => on_gpu(machine, scene, rays, args, structure, |gpu| {
-            built_or(gpu, scene, &config, bvh, || traced_scene(gpu, scene, &prepared()?.structure))
+        Some(own) => on_gpu(machine, scene, rays, args, structure, |gpu| {
+            built_or(gpu, scene, &config, own, || traced_scene(gpu, scene, bvh()?))
         })?,
         None => None,
     };
@@ -162,12 +161,12 @@ fn trace<K: LaneKernel>(
     {
         return Ok((answers, *seconds));
     }
-    let Prepared { structure: built, .. } = prepared().map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
+    let built = bvh().map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
     let on_cpu = |ray: &Ray| {
         if args.occluded {
-            return if built.occluded(ray, &mut ()) { Answer::OCCLUDED } else { Answer::MISS };
+            return if built.occluded(ray) { Answer::OCCLUDED } else { Answer::MISS };
         }
-        built.closest_hit(ray, &mut ()).map_or(Answer::MISS, |Hit { t, u, v, primitive, instance, .. }| {
+        built.closest_hit(ray).map_or(Answer::MISS, |Hit { t, u, v, primitive, instance, .. }| {
             Answer::hit([t, u, v], primitive.0, instance.0, scene)
         })
     };

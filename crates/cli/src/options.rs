@@ -2,8 +2,9 @@
 
 use anyhow::{Result, bail};
 use canted_lbvh::Strategy;
-use canted_renderer::{Accel, Builder, Levels, StructureConfig};
+use canted_renderer::{Builder, BvhKind, Levels, SceneBvhConfig};
 use canted_scene::{Scene, suggestion};
+use canted_trace::TriangleTest;
 use canted_wide::Preset;
 use clap::{
     ArgMatches, Args, Command, FromArgMatches, Id,
@@ -277,9 +278,9 @@ pub(crate) struct StructureOptions {
     levels: Option<Levels>,
     /// Acceleration structure: eight-wide BVH, binary BVH, bounding interval hierarchy or kd-tree [default: wide, or bvh2 with --volumes
     /// NAME].
-    #[arg(long, value_parser = named::<Accel>(), value_name = "STRUCTURE")]
+    #[arg(long, value_parser = named::<BvhKind>(), value_name = "STRUCTURE")]
     #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
-    pub(crate) accel: Option<Accel>,
+    pub(crate) accel: Option<BvhKind>,
     /// Build effort of the wide BVH. `quality` builds slowest and traces fastest.
     #[arg(long, default_value = "balanced", value_parser = named::<Preset>(), value_name = "PRESET")]
     #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
@@ -300,12 +301,9 @@ pub(crate) struct StructureOptions {
     triangles: Option<TriangleTest>,
 }
 
-/// The structures with what other options set.
-const WIDE: Accel = Accel::Wide { preset: Preset::Balanced, builder: None };
-const BVH2: Accel = Accel::Binary { strategy: Strategy::Aabb, builder: None };
-
-impl Named for Accel {
-    const NAMES: &'static Names<Self> = &[("wide", WIDE), ("bvh2", BVH2), ("bih", Self::Bih), ("kdtree", Self::KdTree)];
+impl Named for BvhKind {
+    const NAMES: &'static Names<Self> =
+        &[("wide", Self::Wide), ("bvh2", Self::Bvh2), ("bih", Self::Bih), ("kdtree", Self::KdTree)];
 }
 
 impl Named for Levels {
@@ -347,10 +345,9 @@ pub(crate) fn strategy_name(strategy: Strategy) -> &'static str {
 }
 
 /// The acceleration structure of a picture.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Structure {
-    pub(crate) config: StructureConfig,
-    pub(crate) triangles: TriangleTest,
+    pub(crate) config: SceneBvhConfig,
     /// The first option that GPUs do not support, with its value.
     #[cfg(feature = "gpu")]
     pub(crate) unsupported_on_gpu: Option<String>,
@@ -361,25 +358,11 @@ pub(crate) struct Structure {
 
 impl Structure {
     /// The structure to build for a scene. Warns if it cannot have one level.
-    pub(crate) fn config_for(&self, scene: &Scene) -> StructureConfig {
+    pub(crate) fn config_for(&self, scene: &Scene) -> SceneBvhConfig {
         if self.config.levels == Levels::One && scene.has_motion() {
             output::warn("--levels one is ignored: moving instances require two levels");
         }
         self.config
-    }
-}
-
-impl Default for Structure {
-    /// A wide BVH.
-    fn default() -> Self {
-        Self {
-            config: StructureConfig::default(),
-            triangles: TriangleTest::Watertight,
-            #[cfg(feature = "gpu")]
-            unsupported_on_gpu: None,
-            #[cfg(feature = "gpu")]
-            built_on_gpu: None,
-        }
     }
 }
 
@@ -400,11 +383,11 @@ impl StructureOptions {
     /// Settings of a file without those that options replace: a structure on the command line replaces that of the file.
     pub(crate) fn without_replaced(mut self, given: &Self) -> Self {
         if let Some(accel) = given.accel {
-            self.volumes = self.volumes.filter(|_| accel == BVH2);
-            self.builder = self.builder.filter(|_| accel == WIDE || accel == BVH2);
+            self.volumes = self.volumes.filter(|_| accel == BvhKind::Bvh2);
+            self.builder = self.builder.filter(|_| matches!(accel, BvhKind::Wide | BvhKind::Bvh2));
         }
         if given.volumes.is_some() {
-            self.accel = self.accel.filter(|accel| *accel == BVH2);
+            self.accel = self.accel.filter(|accel| *accel == BvhKind::Bvh2);
         }
         self
     }
@@ -413,7 +396,7 @@ impl StructureOptions {
     pub(crate) fn warn_ignored_preset(&self, given: &Self) {
         match (self.accel, self.volumes.flatten()) {
             _ if given.preset.is_none() => {}
-            (Some(accel), _) if given.accel.is_some() && accel != WIDE => {
+            (Some(accel), _) if given.accel.is_some() && accel != BvhKind::Wide => {
                 output::warn(&format!("--preset has no effect on --accel {}", accel.name()));
             }
             (_, Some(volumes)) => output::warn(&format!(
@@ -430,66 +413,59 @@ impl StructureOptions {
     /// Options that contradict each other.
     pub(crate) fn resolve(&self) -> Result<Structure> {
         let (builder, volumes) = (self.builder.flatten(), self.volumes.flatten());
-        let kind = self.accel.unwrap_or(if volumes.is_some() { BVH2 } else { WIDE });
-        if let Some(strategy) = volumes.filter(|_| kind != BVH2) {
+        let kind = self.accel.unwrap_or(if volumes.is_some() { BvhKind::Bvh2 } else { BvhKind::Wide });
+        if let Some(strategy) = volumes.filter(|_| kind != BvhKind::Bvh2) {
             bail!("--volumes {} requires --accel bvh2, not {}", strategy_name(strategy), kind.name());
         }
-        if let Some(builder) = builder.filter(|_| kind != WIDE && kind != BVH2) {
+        if let Some(builder) = builder.filter(|_| matches!(kind, BvhKind::Bih | BvhKind::KdTree)) {
             bail!("--builder {} requires --accel wide or bvh2, not {}", Some(builder).name(), kind.name());
         }
-        let preset = self.preset.unwrap_or(Preset::Balanced);
-        let accel = match kind {
-            Accel::Wide { .. } => Accel::Wide { preset, builder },
-            Accel::Binary { .. } => Accel::Binary { strategy: volumes.unwrap_or(Strategy::Aabb), builder },
-            Accel::Bih | Accel::KdTree => kind,
+        let config = SceneBvhConfig {
+            levels: self.levels.unwrap_or_default(),
+            kind,
+            preset: self.preset.unwrap_or(Preset::Balanced),
+            builder,
+            volumes: volumes.unwrap_or(Strategy::Aabb),
+            triangles: self.triangles.unwrap_or_default(),
         };
-        let config = StructureConfig { levels: self.levels.unwrap_or_default(), accel };
-        let triangles = self.triangles.unwrap_or(TriangleTest::Watertight);
         Ok(Structure {
             config,
-            triangles,
             #[cfg(feature = "gpu")]
-            unsupported_on_gpu: unsupported_on_gpu(accel, triangles),
+            unsupported_on_gpu: unsupported_on_gpu(&config),
             #[cfg(feature = "gpu")]
-            built_on_gpu: built_on_gpu(accel),
+            built_on_gpu: built_on_gpu(&config),
         })
     }
 }
 
 #[cfg(feature = "gpu")]
-fn unsupported_on_gpu(accel: Accel, triangles: TriangleTest) -> Option<String> {
-    if triangles != TriangleTest::Watertight {
-        return Some(format!("--triangles {}", triangles.name()));
+fn unsupported_on_gpu(config: &SceneBvhConfig) -> Option<String> {
+    if config.triangles != TriangleTest::Watertight {
+        return Some(format!("--triangles {}", config.triangles.name()));
     }
-    match accel {
-        Accel::Bih | Accel::KdTree => Some(format!("--accel {}", accel.name())),
+    match (config.kind, config.builder) {
+        (BvhKind::Bih | BvhKind::KdTree, _) => Some(format!("--accel {}", config.kind.name())),
         // The device builds binary BVHs itself, over a radix tree.
-        Accel::Binary { builder, .. } if !matches!(builder, None | Some(Builder::Lbvh)) => {
-            Some(format!("--builder {} with a binary BVH", builder.name()))
+        (BvhKind::Bvh2, Some(builder)) if builder != Builder::Lbvh => {
+            Some(format!("--builder {} with a binary BVH", Some(builder).name()))
         }
-        Accel::Wide { .. } | Accel::Binary { .. } => None,
+        (BvhKind::Wide | BvhKind::Bvh2, _) => None,
     }
 }
 
 #[cfg(feature = "gpu")]
-fn built_on_gpu(accel: Accel) -> Option<canted_gpu::DeviceBvh> {
+fn built_on_gpu(config: &SceneBvhConfig) -> Option<canted_gpu::DeviceBvh> {
     use canted_gpu::build::{BuildConfig, Topology, WideConfig};
     // The quickest build, and the one whose rays gain from oriented nodes: `benches/TRIED.md`.
-    let (topology, strategy) = match accel {
-        Accel::Binary { strategy, .. } => return Some(BuildConfig { strategy, ..BuildConfig::default() }.into()),
-        Accel::Wide { builder: Some(Builder::Lbvh), .. } => (Topology::Radix, Strategy::Aabb),
-        Accel::Wide { builder: Some(Builder::Ploc), .. } => (Topology::Ploc, Strategy::Combined),
+    let (topology, strategy) = match (config.kind, config.builder) {
+        (BvhKind::Bvh2, _) => {
+            return Some(BuildConfig { strategy: config.volumes, ..BuildConfig::default() }.into());
+        }
+        (BvhKind::Wide, Some(Builder::Lbvh)) => (Topology::Radix, Strategy::Aabb),
+        (BvhKind::Wide, Some(Builder::Ploc)) => (Topology::Ploc, Strategy::Combined),
         _ => return None,
     };
     Some(WideConfig { topology, strategy, ..WideConfig::default() }.into())
-}
-
-/// A ray-triangle test; [`with_kernel`] makes it a type.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum TriangleTest {
-    Watertight,
-    MollerTrumbore,
-    BaldwinWeber,
 }
 
 impl Named for TriangleTest {
@@ -499,18 +475,6 @@ impl Named for TriangleTest {
         ("baldwin-weber", Self::BaldwinWeber),
     ];
 }
-
-/// Calls `$run::<K>($args…)` with the kernel of a [`TriangleTest`].
-macro_rules! with_kernel {
-    ($triangles:expr, $run:ident($($args:expr),*)) => {
-        match $triangles {
-            $crate::options::TriangleTest::Watertight => $run::<canted_trace::Watertight>($($args),*),
-            $crate::options::TriangleTest::MollerTrumbore => $run::<canted_trace::MollerTrumbore>($($args),*),
-            $crate::options::TriangleTest::BaldwinWeber => $run::<canted_trace::BaldwinWeber>($($args),*),
-        }
-    };
-}
-pub(crate) use with_kernel;
 
 /// Sets the number of threads of the global pool; `None` for all processors.
 pub(crate) fn use_threads(n_threads: Option<usize>) -> anyhow::Result<()> {

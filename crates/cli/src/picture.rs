@@ -7,13 +7,10 @@ use anyhow::{Result, anyhow};
 use canted_film::{Aovs, Film};
 use canted_renderer::{Monitor, Surfaces, resume_with};
 use canted_scene::{Scene, SceneFile, suggestion};
-use canted_wide::LaneKernel;
 use clap::{Args as _, Command, FromArgMatches as _};
 
 use crate::{
-    load,
-    options::{self, with_kernel},
-    output,
+    load, options, output,
     render::{self, Setup},
     settings::{self, LookOptions, PictureArgs, Plan, Purpose},
 };
@@ -79,15 +76,15 @@ fn film(source: &Source<'_>, options: &[(String, String)], monitor: &Monitor<'_>
         }
         _ => load::scene_with(path, &plan.source.read_options(plan.source.time))?,
     };
-    with_kernel!(plan.structure.triangles, render(&mut scene, plan, monitor))
+    render(&mut scene, plan, monitor)
 }
 
-fn render<K: LaneKernel>(scene: &mut Scene, mut plan: Plan, monitor: &Monitor<'_>) -> Result<(Film, Aovs)> {
+fn render(scene: &mut Scene, mut plan: Plan, monitor: &Monitor<'_>) -> Result<(Film, Aovs)> {
     let source = plan.light.apply(scene)?;
-    let Setup { prepared, camera, .. } = render::setup::<K>(scene, &mut plan, source)?;
+    let Setup { bvh, camera, .. } = render::setup(scene, &mut plan, source)?;
     let settings = &plan.settings;
     let surfaces = Surfaces::with_lod(scene, settings.lod);
-    let film = resume_with(&surfaces, &prepared.structure, &camera, settings, Vec::new(), monitor)?;
+    let film = resume_with(&surfaces, &bvh, &camera, settings, Vec::new(), monitor)?;
     if let Some(warning) = render::dropped_samples(&film) {
         output::warn(&warning);
     }

@@ -19,18 +19,15 @@ use anyhow::{Result, anyhow};
 use canted_film::{Record, Tile};
 #[cfg(feature = "gpu")]
 use canted_renderer::DeviceFrames;
-use canted_renderer::{FirstHit, MipMaps, Prepared, SampleSums, Settings, Surfaces, heatmap, light_hash, scene_hash};
+use canted_renderer::{FirstHit, MipMaps, SampleSums, SceneBvh, Settings, Surfaces, heatmap, light_hash, scene_hash};
 use canted_scene::{Camera, Scene};
-use canted_wide::LaneKernel;
 use serde_json::json;
 
 use crate::{
     camera,
     device::{DeviceArg, Machine},
     light::LightSource,
-    load,
-    options::{self, Named, with_kernel},
-    output as print, process,
+    load, options, output as print, process,
     settings::Plan,
 };
 use args::Job;
@@ -94,7 +91,7 @@ fn one(mut job: Job) -> Result<()> {
     let load_time = start.elapsed();
     print::detail(|| format!("scene read in {:.3} s", load_time.as_secs_f64()));
     let machine = open_machine(&job)?;
-    let rendered = with_kernel!(job.plan.structure.triangles, render(&mut scene, &mut job, &machine, source))?;
+    let rendered = render(&mut scene, &mut job, &machine, source)?;
     if let Some(warning) = rendered.darkness(&job.output) {
         print::warn(&warning);
     }
@@ -133,10 +130,10 @@ fn open_machine(job: &Job) -> Result<Machine> {
     Machine::open(&job.run.device, &job.plan.structure)
 }
 
-fn render<K: LaneKernel>(scene: &mut Scene, job: &mut Job, machine: &Machine, source: LightSource) -> Result<Rendered> {
-    let Setup { prepared, camera, choice } = setup::<K>(scene, &mut job.plan, source)?;
+fn render(scene: &mut Scene, job: &mut Job, machine: &Machine, source: LightSource) -> Result<Rendered> {
+    let Setup { bvh, camera, choice } = setup(scene, &mut job.plan, source)?;
     job.output.look = job.plan.look.clone();
-    let view = Frame { scene, prepared: &prepared, camera: &camera, choice, label: "" };
+    let view = Frame { scene, bvh: &bvh, camera: &camera, choice, label: "" };
     Ok(render_picture(&view, job, machine, &mut LastFrame::default())?.rendered)
 }
 
@@ -157,9 +154,9 @@ struct LastFrame {
 }
 
 /// A scene that is ready to render.
-struct Frame<'a, K: LaneKernel> {
+struct Frame<'a> {
     scene: &'a Scene,
-    prepared: &'a Prepared<K>,
+    bvh: &'a SceneBvh,
     camera: &'a Camera,
     choice: Choice,
     /// Stands before the progress bar.
@@ -167,14 +164,9 @@ struct Frame<'a, K: LaneKernel> {
 }
 
 /// Renders a scene that is ready, with what the frame before left, if there is one; leaves the same of this frame.
-fn render_picture<K: LaneKernel>(
-    frame: &Frame<K>,
-    job: &Job,
-    machine: &Machine,
-    last: &mut LastFrame,
-) -> Result<Picture> {
-    let &Frame { scene, prepared, camera, choice, .. } = frame;
-    let mut facts = facts::of_structure(scene, prepared);
+fn render_picture(frame: &Frame, job: &Job, machine: &Machine, last: &mut LastFrame) -> Result<Picture> {
+    let &Frame { scene, bvh, camera, choice, .. } = frame;
+    let mut facts = facts::of_structure(scene, bvh);
     facts.extend(choice.default_light.map(|strength| ("default_light", json!(strength))));
     facts.extend(choice.exposure.map(|stops| ("exposure", json!(stops))));
     if job.plan.heatmap.is_none() {
@@ -183,7 +175,7 @@ fn render_picture<K: LaneKernel>(
     let start = Instant::now();
     let mut checkpoint = None;
     let output = if let Some((measure, scale)) = job.plan.heatmap {
-        let map = heatmap(&Surfaces::new(scene), &prepared.structure, camera, job.plan.size(), measure, scale)?;
+        let map = heatmap(&Surfaces::new(scene), bvh, camera, job.plan.size(), measure, scale)?;
         let [boxes, triangles] = map.mean();
         facts.push(("box_tests_per_ray", json!(boxes)));
         facts.push(("triangle_tests_per_ray", json!(triangles)));
@@ -198,31 +190,25 @@ fn render_picture<K: LaneKernel>(
         #[cfg(feature = "gpu")]
         let device = last.device.as_mut();
         #[cfg(feature = "gpu")]
-        let on_gpu = gpu::GpuRenderer::new(machine, &job.plan, &surfaces, &prepared.structure, camera, device)?;
+        let on_gpu = gpu::GpuRenderer::new(machine, &job.plan, &surfaces, bvh, camera, device)?;
         #[cfg(not(feature = "gpu"))]
-        let on_gpu: Option<CpuRenderer<K>> = match machine {
+        let on_gpu: Option<CpuRenderer> = match machine {
             Machine::Cpu => None,
         };
         let renderer: &dyn FilmRenderer = match &on_gpu {
             Some(on_gpu) => on_gpu,
             None => {
                 check_for_cpu(&job.plan)?;
-                &CpuRenderer {
-                    surfaces: &surfaces,
-                    structure: &prepared.structure,
-                    camera,
-                    settings: &job.plan.settings,
-                }
+                &CpuRenderer { surfaces: &surfaces, bvh, camera, settings: &job.plan.settings }
             }
         };
         film_of(frame, job, renderer, &mut facts, &mut checkpoint)?
     };
     let trace_time = start.elapsed();
-    let overlay =
-        job.boxes.map(|level| Overlay::new(level, &prepared.structure, camera, job.plan.size())).transpose()?;
+    let overlay = job.boxes.map(|level| Overlay::new(level, bvh, camera, job.plan.size())).transpose()?;
     facts.push(("trace_seconds", json!(trace_time.as_secs_f64())));
     facts.push(("threads", json!(rayon::current_num_threads())));
-    facts.push(("not_needed", not_needed(&prepared.unused, job.plan.heatmap.is_some())));
+    facts.push(("not_needed", not_needed(&bvh.unused, job.plan.heatmap.is_some())));
     Ok(Picture { rendered: Rendered { output, facts, checkpoint, overlay }, trace_time })
 }
 
@@ -241,8 +227,8 @@ fn check_for_cpu(plan: &Plan) -> Result<()> {
 }
 
 /// Renders a film and denoises it, from a checkpoint and with one if they are requested.
-fn film_of<K: LaneKernel>(
-    frame: &Frame<K>,
+fn film_of(
+    frame: &Frame,
     job: &Job,
     renderer: &dyn FilmRenderer,
     facts: &mut Vec<Fact>,
@@ -281,12 +267,12 @@ fn film_of<K: LaneKernel>(
 }
 
 /// Everything that determines the value of a sample, by name. The device is included because devices round differently.
-fn record<K: LaneKernel>(frame: &Frame<K>, plan: &Plan, device: String) -> Record {
+fn record(frame: &Frame, plan: &Plan, device: String) -> Record {
     let own = [
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
         ("scene", format!("{:016x}", scene_hash(frame.scene))),
         ("light", format!("{:016x}", light_hash(frame.scene))),
-        ("triangles", plan.structure.triangles.name().to_owned()),
+        ("triangles", plan.structure.config.triangles.name().to_owned()),
         ("device", device),
     ];
     let named = |(name, value): (&str, String)| (name.to_owned(), value);

@@ -6,11 +6,9 @@ use anyhow::{Result, anyhow};
 use canted_film::AtomicFile;
 use canted_renderer::{View, environment_of};
 use canted_scene::{Environment, EnvironmentSource, Scene, SceneFile};
-use canted_wide::LaneKernel;
 
 use crate::{
-    load,
-    options::{self, with_kernel},
+    load, options,
     output::{self, Named},
     render::{self, Setup},
     settings::{self, PICTURE, PictureArgs, Plan, Purpose, SceneSettings},
@@ -66,15 +64,15 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let (mut scene, mut file) = file.load_explicit()?;
     load::check_outputs(plan.source.scene.as_deref(), &scene, &outputs)?;
     load::warn(&scene.warnings);
-    with_kernel!(plan.structure.triangles, set_view_and_light(&mut file, &mut scene, &mut plan))?;
+    set_view_and_light(&mut file, &mut scene, &mut plan)?;
     file.settings = plan.decided_settings().written();
     write(&file, path)
 }
 
 /// Sets the camera, the lights and the environment of the file.
-fn set_view_and_light<K: LaneKernel>(file: &mut SceneFile, scene: &mut Scene, plan: &mut Plan) -> Result<()> {
+fn set_view_and_light(file: &mut SceneFile, scene: &mut Scene, plan: &mut Plan) -> Result<()> {
     let source = plan.light.apply(scene)?;
-    let Setup { camera, .. } = render::setup::<K>(scene, plan, source)?;
+    let Setup { camera, .. } = render::setup(scene, plan, source)?;
     let [width, height] = plan.size();
     View::new(&camera, width, height)?;
     file.camera = Some(camera);

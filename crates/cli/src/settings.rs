@@ -15,9 +15,8 @@ use std::{
 
 use anyhow::{Result, anyhow};
 use canted_film::{Aovs, Filter, Picture, ToneMap};
-use canted_renderer::{FirstHit, Integrator, Lod, Measure, Pattern, Prepared, Settings};
+use canted_renderer::{FirstHit, Integrator, Lod, Measure, Pattern, SceneBvh, Settings};
 use canted_scene::{Camera, Material, ReadOptions, Scene, SceneFile, Setting, suggestion};
-use canted_wide::LaneKernel;
 use clap::Command;
 use serde::{Deserialize, Serialize};
 
@@ -584,8 +583,8 @@ impl Plan {
     ///
     /// # Errors
     /// A focus distance for a camera without a lens, or a camera that the file does not have.
-    pub(crate) fn camera<K: LaneKernel>(&self, scene: &Scene, prepared: &Prepared<K>) -> Result<Camera> {
-        self.camera.camera(scene, prepared, self.size(), self.up_axis())
+    pub(crate) fn camera(&self, scene: &Scene, bvh: &SceneBvh) -> Result<Camera> {
+        self.camera.camera(scene, bvh, self.size(), self.up_axis())
     }
 
     /// Sets the integrator, and its bounces unless they are given.

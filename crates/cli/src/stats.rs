@@ -13,9 +13,8 @@ mod wide_tables;
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
-use canted_renderer::prepare;
+use canted_renderer::SceneBvh;
 use canted_scene::Scene;
-use canted_trace::Watertight;
 use canted_wide::Preset;
 
 use crate::{
@@ -71,11 +70,11 @@ fn report<'a>(name: &'a str, scene: &'a Scene, args: &Args, machine: &Machine) -
     let wide = wide::measure(scene, &args.presets)?;
     let planes = planes::measure(scene)?;
     let config = Structure::default().config_for(scene);
-    let prepared = prepare::<Watertight>(scene, &config)?;
-    let not_needed = render::not_needed(&prepared.unused, false);
+    let bvh = SceneBvh::build(scene, &config)?;
+    let not_needed = render::not_needed(&bvh.unused, false);
     let motion = motion::measure(args.scene.as_deref(), args.time, args.animation.as_deref(), &config)?;
     #[cfg(feature = "gpu")]
-    let gpu = gpu::measure(machine, scene, &prepared.structure)?;
+    let gpu = gpu::measure(machine, scene, &bvh)?;
     #[cfg(not(feature = "gpu"))]
     let gpu = None;
     Ok(tables::Report { name, scene, binary, wide, planes, not_needed, motion, gpu })

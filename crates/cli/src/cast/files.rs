@@ -173,7 +173,7 @@ fn ray([ox, oy, oz, dx, dy, dz, t_max]: [f32; 7]) -> Result<Ray> {
     if t_max.is_nan() {
         return Err(anyhow!("tmax is not a number"));
     }
-    Ok(Ray { origin, direction, t_min: 0.0, t_max })
+    Ok(Ray::new(origin, direction).between(0.0, t_max))
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use anyhow::{Result, anyhow};
 use canted_gpu::{AdapterKind, Choice, DeviceBvh, Gpu, GpuError, TracedScene};
-use canted_renderer::{DeviceError, StructureConfig, built_scene};
+use canted_renderer::{DeviceError, SceneBvhConfig, built_scene};
 use canted_scene::Scene;
 use serde_json::{Value, json};
 
@@ -117,7 +117,7 @@ impl Machine {
 pub(crate) fn built_or(
     gpu: &Gpu,
     scene: &Scene,
-    config: &StructureConfig,
+    config: &SceneBvhConfig,
     bvh: DeviceBvh,
     uploaded: impl FnOnce() -> Result<TracedScene, DeviceError>,
 ) -> Result<TracedScene, DeviceError> {

@@ -5,9 +5,9 @@ use std::time::Duration;
 use anyhow::Result;
 use canted_film::Film;
 use canted_obb::Obb;
-use canted_renderer::{Bvh, Prepared, Settings, Structure, UnusedFeature};
+use canted_renderer::{BottomLevel, SceneBvh, SceneLevels, Settings, UnusedFeature};
 use canted_scene::Scene;
-use canted_wide::{LaneKernel, NodeKind, SimdPath};
+use canted_wide::{NodeKind, SimdPath};
 use serde_json::{Value, json};
 
 use crate::{options::strategy_name, output, process};
@@ -16,19 +16,19 @@ use crate::{options::strategy_name, output, process};
 pub(super) type Fact = (&'static str, Value);
 
 /// Facts about the scene and its acceleration structure.
-pub(super) fn of_structure<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>) -> Vec<Fact> {
-    let bvhs = prepared.structure.bottom();
+pub(super) fn of_structure(scene: &Scene, scene_bvh: &SceneBvh) -> Vec<Fact> {
+    let bvhs = scene_bvh.bottom();
     let mut facts = vec![
         ("meshes", json!(scene.meshes.len())),
         ("instances", json!(scene.instances.len())),
         ("unique_triangles", json!(scene.n_unique_triangles())),
         ("placed_triangles", json!(scene.n_placed_triangles())),
-        ("levels", json!(if matches!(prepared.structure, Structure::Two(_)) { 2 } else { 1 })),
+        ("levels", json!(if matches!(scene_bvh.levels(), SceneLevels::Two(_)) { 2 } else { 1 })),
         ("volumes", json!(volumes_of(bvhs))),
-        ("structure_bytes", json!(prepared.structure.n_bytes())),
-        ("build_seconds", json!(prepared.build_time.as_secs_f64())),
+        ("structure_bytes", json!(scene_bvh.n_bytes())),
+        ("build_seconds", json!(scene_bvh.build_time.as_secs_f64())),
     ];
-    if bvhs.iter().any(|bvh| matches!(bvh, Bvh::Wide(_) | Bvh::Moving(_))) {
+    if bvhs.iter().any(|bvh| matches!(bvh, BottomLevel::Wide(_) | BottomLevel::Moving(_))) {
         facts.push(("simd", json!(SimdPath::detect().name())));
     }
     facts
@@ -106,7 +106,7 @@ pub(crate) fn dropped_samples(film: &Film) -> Option<String> {
 }
 
 /// A description of the bounding volumes. All bottom-level BVHs are of one kind.
-fn volumes_of<K: LaneKernel>(bvhs: &[Bvh<K>]) -> String {
+fn volumes_of(bvhs: &[BottomLevel]) -> String {
     let mut nodes = [0; NodeKind::ALL.len()];
     let mut n_rotated = 0;
     let mut add = |of_one: [usize; NodeKind::ALL.len()], frame| {
@@ -115,11 +115,11 @@ fn volumes_of<K: LaneKernel>(bvhs: &[Bvh<K>]) -> String {
     };
     for bvh in bvhs {
         match bvh {
-            Bvh::Binary(_, strategy) => return strategy_name(*strategy).to_owned(),
-            Bvh::Bih(_) => return "bounding intervals".to_owned(),
-            Bvh::KdTree(_) => return "kd-tree cells".to_owned(),
-            Bvh::Wide(wide) => add(wide.sizes().nodes, wide.frame()),
-            Bvh::Moving(moving) => add(moving.sizes().nodes, moving.frame()),
+            BottomLevel::Binary(_, strategy) => return strategy_name(*strategy).to_owned(),
+            BottomLevel::Bih(_) => return "bounding intervals".to_owned(),
+            BottomLevel::KdTree(_) => return "kd-tree cells".to_owned(),
+            BottomLevel::Wide(wide) => add(wide.sizes().nodes, wide.frame()),
+            BottomLevel::Moving(moving) => add(moving.sizes().nodes, moving.frame()),
         }
     }
     let n: usize = nodes.iter().sum();
@@ -183,9 +183,8 @@ mod tests {
     use std::sync::atomic::AtomicBool;
 
     use canted_obb::Affine;
-    use canted_renderer::{Prepared, StructureConfig, prepare, render};
+    use canted_renderer::{SceneBvhConfig, render};
     use canted_scene::{Camera, Instance, Material, MaterialId, Mesh, MeshId, Part, Projection};
-    use canted_trace::Watertight;
 
     use super::*;
 
@@ -211,8 +210,8 @@ mod tests {
         let projection = Projection::Orthographic { height: 2.0 };
         let camera = Camera { projection, ..Camera::pinhole([2.0, -1.0, 5.0], [2.0, -1.0, 0.0], [0.0, 1.0, 0.0], 1.0) };
         let settings = Settings { width: 4, height: 2, samples, ..Settings::default() };
-        let Prepared { structure, .. } = prepare::<Watertight>(&scene, &StructureConfig::default()).unwrap();
-        render(&scene, &structure, &camera, &settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
+        let bvh = SceneBvh::build(&scene, &SceneBvhConfig::default()).unwrap();
+        render(&scene, &bvh, &camera, &settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
     }
 
     #[test]

@@ -10,9 +10,8 @@ use std::{
 
 use anyhow::{Result, anyhow};
 use canted_film::{Checkpoint, Film, Part, Partial, Record, Tile};
-use canted_renderer::{Monitor, RenderError, Settings, Structure, Surfaces, resume_with};
+use canted_renderer::{Monitor, RenderError, SceneBvh, Settings, Surfaces, resume_with};
 use canted_scene::Camera;
-use canted_wide::LaneKernel;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
@@ -35,24 +34,24 @@ pub(super) trait FilmRenderer {
 }
 
 /// Renders on the CPU.
-pub(super) struct CpuRenderer<'a, K: LaneKernel> {
+pub(super) struct CpuRenderer<'a> {
     pub(super) surfaces: &'a Surfaces<'a>,
-    pub(super) structure: &'a Structure<K>,
+    pub(super) bvh: &'a SceneBvh,
     pub(super) camera: &'a Camera,
     pub(super) settings: &'a Settings,
 }
 
-impl<K: LaneKernel> FilmRenderer for CpuRenderer<'_, K> {
+impl FilmRenderer for CpuRenderer<'_> {
     fn device(&self) -> String {
         "cpu".to_owned()
     }
 
     fn render(&self, done: Vec<Tile>, monitor: &Monitor, _: &mut Vec<Fact>) -> Result<Film> {
-        Ok(resume_with(self.surfaces, self.structure, self.camera, self.settings, done, monitor)?)
+        Ok(resume_with(self.surfaces, self.bvh, self.camera, self.settings, done, monitor)?)
     }
 
     fn pass(&self, settings: &Settings, done: Vec<Tile>, monitor: &Monitor) -> Option<Result<Film>> {
-        let film = resume_with(self.surfaces, self.structure, self.camera, settings, done, monitor);
+        let film = resume_with(self.surfaces, self.bvh, self.camera, settings, done, monitor);
         Some(film.map_err(anyhow::Error::from))
     }
 }
@@ -302,8 +301,7 @@ mod tests {
     use std::sync::atomic::AtomicBool;
 
     use canted_film::{Aovs, Format, read_picture};
-    use canted_renderer::{Prepared, StructureConfig, frame, prepare, resume};
-    use canted_trace::Watertight;
+    use canted_renderer::{SceneBvhConfig, frame, resume};
 
     use super::*;
     use crate::settings::LookOptions;
@@ -324,12 +322,12 @@ mod tests {
         };
         let settings = Settings { width: 16, height: 8, samples: 1, tile: 8, ..Settings::default() };
         let scene = canted_scene::builtin();
-        let Prepared { structure, .. } = prepare::<Watertight>(&scene, &StructureConfig::default()).unwrap();
-        let camera = frame(&scene, &structure, 2.0);
+        let bvh = SceneBvh::build(&scene, &SceneBvhConfig::default()).unwrap();
+        let camera = frame(&scene, &bvh, 2.0);
         let tiles = Mutex::new(Vec::new());
         let (finished, cancel) = (|tile: &Tile| tiles.lock().unwrap().push(tile.clone()), AtomicBool::new(false));
         let monitor = Monitor { progress: &|_, _| (), finished: &finished, cancel: &cancel };
-        let complete = resume(&scene, &structure, &camera, &settings, Vec::new(), &monitor).unwrap().picture();
+        let complete = resume(&scene, &bvh, &camera, &settings, Vec::new(), &monitor).unwrap().picture();
         let mut partial = Partial::new(settings.tiling());
         file.write_partial(&partial).unwrap();
         assert!(!file.path.exists(), "no tile is finished");

@@ -14,9 +14,8 @@ use std::{
 
 use anyhow::{Error, Result, anyhow};
 use canted_film::{Aov, Record};
-use canted_renderer::{Integrator, Prepared, RenderError, UpdateOptions, UpdatePolicy, Updates, prepare};
+use canted_renderer::{Integrator, RenderError, SceneBvh, UpdateOptions, UpdatePolicy, Updates};
 use canted_scene::Scene;
-use canted_wide::LaneKernel;
 use serde_json::{Value, json};
 
 use super::{Frame, Job, LastFrame, Picture, facts, facts::Fact, open_machine, render_picture, setup};
@@ -29,7 +28,7 @@ use crate::{
     device::Machine,
     light::LightSource,
     load,
-    options::{Named as _, with_kernel},
+    options::Named as _,
     output::{self, Named},
     process,
     settings::LookOptions,
@@ -84,7 +83,7 @@ pub(super) fn run(job: &Job, [first, end]: [u32; 2]) -> Result<()> {
         list.forget(paths.iter().map(PathBuf::as_path))?;
         let load_time = start.elapsed();
         let sequence = Sequence { job, machine, names: &names, range, todo: &todo, shared: &shared, load_time };
-        facts.extend(with_kernel!(job.plan.structure.triangles, render_all(&sequence, source, list))?);
+        facts.extend(render_all(&sequence, source, list)?);
     }
     facts.extend(process::peak_bytes().map(|bytes| ("peak_memory_bytes", json!(bytes))));
     facts.push(("seconds", json!(start.elapsed().as_secs_f64())));
@@ -123,9 +122,9 @@ fn on_device(job: &Job) -> DeviceFrames {
 }
 
 /// Renders the frames in order. Returns the facts of the whole sequence.
-fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source, mut list: FrameList) -> Result<Vec<Fact>> {
-    let mut progress = Progress::<K> {
-        prepared: None,
+fn render_all(sequence: &Sequence, mut source: Source, mut list: FrameList) -> Result<Vec<Fact>> {
+    let mut progress = Progress {
+        bvh: None,
         updates: Updates::default(),
         trace_time: Duration::ZERO,
         last: LastFrame {
@@ -165,8 +164,8 @@ fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source, mut list: 
 }
 
 /// What one frame hands to the next.
-struct Progress<K: LaneKernel> {
-    prepared: Option<Prepared<K>>,
+struct Progress {
+    bvh: Option<SceneBvh>,
     updates: Updates,
     trace_time: Duration,
     last: LastFrame,
@@ -183,10 +182,10 @@ struct Progress<K: LaneKernel> {
 }
 
 /// Renders and writes a frame. Returns what it was rendered with, too.
-fn render_frame<K: LaneKernel>(
+fn render_frame(
     sequence: &Sequence,
     source: &mut Source,
-    progress: &mut Progress<K>,
+    progress: &mut Progress,
     frame: u32,
     done: usize,
 ) -> Result<(Vec<Fact>, Record)> {
@@ -196,23 +195,24 @@ fn render_frame<K: LaneKernel>(
     let load_time = start.elapsed() + if done == 0 { load_time } else { Duration::ZERO };
     let scene = &mut source.scene;
     let record = resume::of_frame(shared, job, range, frame, scene);
-    let prepared = match progress.prepared.take() {
-        Some(mut prepared) if updates_in_place(job) => {
+    let bvh = match progress.bvh.take() {
+        Some(mut bvh) if updates_in_place(job) => {
             let options = UpdateOptions { policy: job.sequence.update, trace_time: progress.trace_time };
-            progress.updates += prepared.update(scene, &options).map_err(|error| rejected(scene, &name, &error))?;
-            prepared
+            progress.updates += bvh.update(scene, &options).map_err(|error| rejected(scene, &name, &error))?;
+            bvh
         }
-        _ => prepare(scene, &job.plan.structure.config_for(scene)).map_err(|error| rejected(scene, &name, &error))?,
+        _ => SceneBvh::build(scene, &job.plan.structure.config_for(scene))
+            .map_err(|error| rejected(scene, &name, &error))?,
     };
-    let prepared = progress.prepared.insert(prepared);
-    let mut camera = job.plan.camera(scene, prepared)?;
+    let bvh = progress.bvh.insert(bvh);
+    let mut camera = job.plan.camera(scene, bvh)?;
     let mut own = job.clone();
     own.output.path = names.path(frame);
     // Decided once, so that a sequence does not flicker.
     if light == LightSource::Emission {
         light = match progress.emission {
             Some(decided) => decided,
-            None => setup::decided(scene, prepared, &camera, &job.plan, light)?,
+            None => setup::decided(scene, bvh, &camera, &job.plan, light)?,
         };
         progress.emission = Some(light);
     }
@@ -221,7 +221,7 @@ fn render_frame<K: LaneKernel>(
     }
     own.plan.look = progress.look.clone();
     // By the camera at rest, so that a turntable does not flicker.
-    let choice = setup::choose(scene, prepared, &camera, &mut own.plan, light)?;
+    let choice = setup::choose(scene, bvh, &camera, &mut own.plan, light)?;
     progress.integrator = own.plan.integrator;
     progress.look = own.plan.look.clone();
     own.output.look = own.plan.look.clone();
@@ -229,7 +229,7 @@ fn render_frame<K: LaneKernel>(
         camera = turned(camera, self::degrees(degrees, range, frame));
     }
     let label = format!("frame {frame} ({} of {}) ", done + 1, todo.len());
-    let view = Frame { scene, prepared, camera: &camera, choice, label: &label };
+    let view = Frame { scene, bvh, camera: &camera, choice, label: &label };
     let Picture { rendered, trace_time } = render_picture(&view, &own, machine, &mut progress.last)?;
     progress.trace_time = trace_time;
     #[cfg(feature = "gpu")]

@@ -4,10 +4,9 @@ use anyhow::{Result, anyhow};
 use canted_film::{Film, Tile};
 use canted_gpu::{Gpu, Traffic};
 use canted_renderer::{
-    DeviceFrames, DevicePicture, FirstHit, Integrator, Monitor, SharedFilm, Structure, Surfaces, traced_scene,
+    DeviceFrames, DevicePicture, FirstHit, Integrator, Monitor, SceneBvh, SharedFilm, Surfaces, traced_scene,
 };
 use canted_scene::{Camera, Scene};
-use canted_wide::LaneKernel;
 use serde_json::json;
 
 use super::{facts::Fact, film::FilmRenderer};
@@ -19,9 +18,9 @@ use crate::{
 };
 
 /// Renders on the GPU.
-pub(super) struct GpuRenderer<'a, K: LaneKernel> {
+pub(super) struct GpuRenderer<'a> {
     gpu: &'a Gpu,
-    picture: DevicePicture<'a, K>,
+    picture: DevicePicture<'a>,
     with_cpu: bool,
     /// How first hits are found, where the integrator has a choice.
     first_hit: Option<FirstHit>,
@@ -29,7 +28,7 @@ pub(super) struct GpuRenderer<'a, K: LaneKernel> {
     before: Traffic,
 }
 
-impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
+impl<'a> GpuRenderer<'a> {
     /// Uploads the scene, or what changed since the last of these frames; `None` where the CPU renders alone.
     ///
     /// # Errors
@@ -38,7 +37,7 @@ impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
         machine: &'a Machine,
         plan: &'a Plan,
         surfaces: &'a Surfaces<'a>,
-        structure: &'a Structure<K>,
+        bvh: &'a SceneBvh,
         camera: &Camera,
         frames: Option<&'a mut DeviceFrames>,
     ) -> Result<Option<Self>> {
@@ -54,13 +53,12 @@ impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
         let config = &plan.structure.config;
         let ready = machine.ready(&plan.structure, |gpu| {
             let picture = match (frames, plan.structure.built_on_gpu) {
-                (Some(frames), _) => DevicePicture::in_frame(gpu, surfaces, structure, camera, settings, frames)?,
-                (None, Some(bvh)) => {
-                    let make =
-                        |scene: &Scene| built_or(gpu, scene, config, bvh, || traced_scene(gpu, scene, structure));
-                    DevicePicture::over(gpu, surfaces, structure, camera, settings, make)?
+                (Some(frames), _) => DevicePicture::in_frame(gpu, surfaces, bvh, camera, settings, frames)?,
+                (None, Some(own)) => {
+                    let make = |scene: &Scene| built_or(gpu, scene, config, own, || traced_scene(gpu, scene, bvh));
+                    DevicePicture::over(gpu, surfaces, bvh, camera, settings, make)?
                 }
-                (None, None) => DevicePicture::new(gpu, surfaces, structure, camera, settings)?,
+                (None, None) => DevicePicture::new(gpu, surfaces, bvh, camera, settings)?,
             };
             picture.with_first_hit(plan.first_hit)
         })?;
@@ -75,7 +73,7 @@ impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
     }
 }
 
-impl<K: LaneKernel> GpuRenderer<'_, K> {
+impl GpuRenderer<'_> {
     /// What went to the GPU and came back for this picture.
     fn traffic(&self) -> [Fact; 3] {
         let Traffic { uploaded_bytes, n_dispatches, downloaded_bytes, .. } = self.gpu.traffic() - self.before;
@@ -87,7 +85,7 @@ impl<K: LaneKernel> GpuRenderer<'_, K> {
     }
 }
 
-impl<K: LaneKernel> FilmRenderer for GpuRenderer<'_, K> {
+impl FilmRenderer for GpuRenderer<'_> {
     fn device(&self) -> String {
         let name = &self.gpu.info().name;
         if self.with_cpu { format!("cpu and {name}") } else { name.clone() }

@@ -9,9 +9,8 @@ use canted_film::{
     encode, write_film_as,
 };
 use canted_obb::Obb;
-use canted_renderer::{BoxLevel, Structure, View, draw_boxes};
+use canted_renderer::{BoxLevel, SceneBvh, View, draw_boxes};
 use canted_scene::Camera;
-use canted_wide::LaneKernel;
 
 use crate::{output, settings::LookOptions};
 
@@ -165,15 +164,10 @@ pub(super) struct Overlay {
 
 impl Overlay {
     /// The boxes of a level. Warns about a level without boxes.
-    pub(super) fn new<K: LaneKernel>(
-        level: BoxLevel,
-        structure: &Structure<K>,
-        camera: &Camera,
-        [width, height]: [u32; 2],
-    ) -> Result<Self> {
-        let boxes = structure.boxes(level);
+    pub(super) fn new(level: BoxLevel, bvh: &SceneBvh, camera: &Camera, [width, height]: [u32; 2]) -> Result<Self> {
+        let boxes = bvh.boxes(level);
         if boxes.is_empty() {
-            output::warn(&no_boxes(level, structure.n_levels()));
+            output::warn(&no_boxes(level, bvh.n_levels()));
         }
         Ok(Self { view: View::new(camera, width, height)?, boxes })
     }

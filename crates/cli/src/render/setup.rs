@@ -5,9 +5,8 @@ use std::sync::atomic::AtomicBool;
 
 use anyhow::{Result, anyhow};
 use canted_film::{Aov, Aovs, Film, srgb::luminance};
-use canted_renderer::{Integrator, Prepared, Settings, prepare, render};
+use canted_renderer::{Integrator, SceneBvh, Settings, render};
 use canted_scene::{Camera, Scene};
-use canted_wide::LaneKernel;
 
 use crate::{
     light::{self, LightSource},
@@ -16,8 +15,8 @@ use crate::{
 };
 
 /// A scene ready to render.
-pub(crate) struct Setup<K: LaneKernel> {
-    pub(crate) prepared: Prepared<K>,
+pub(crate) struct Setup {
+    pub(crate) bvh: SceneBvh,
     pub(crate) camera: Camera,
     pub(crate) choice: Choice,
 }
@@ -34,20 +33,20 @@ pub(crate) struct Choice {
 }
 
 /// Builds the scene, and chooses camera, light and integrator, which it sets in `plan`.
-pub(crate) fn setup<K: LaneKernel>(scene: &mut Scene, plan: &mut Plan, source: LightSource) -> Result<Setup<K>> {
+pub(crate) fn setup(scene: &mut Scene, plan: &mut Plan, source: LightSource) -> Result<Setup> {
     let name = load::name(plan.source.scene.as_deref());
-    let mut prepared: Prepared<K> =
-        prepare(scene, &plan.structure.config_for(scene)).map_err(|error| anyhow!("{name}: {error}"))?;
-    let camera = plan.camera(scene, &prepared)?;
-    let source = decided(scene, &mut prepared, &camera, plan, source)?;
-    let choice = choose(scene, &prepared, &camera, plan, source)?;
-    Ok(Setup { prepared, camera, choice })
+    let config = plan.structure.config_for(scene);
+    let mut bvh = SceneBvh::build(scene, &config).map_err(|error| anyhow!("{name}: {error}"))?;
+    let camera = plan.camera(scene, &bvh)?;
+    let source = decided(scene, &mut bvh, &camera, plan, source)?;
+    let choice = choose(scene, &bvh, &camera, plan, source)?;
+    Ok(Setup { bvh, camera, choice })
 }
 
 /// Whether emission alone lights the scene, decided by a small picture; if not, adds the default light and reports it.
-pub(crate) fn decided<K: LaneKernel>(
+pub(crate) fn decided(
     scene: &mut Scene,
-    prepared: &mut Prepared<K>,
+    bvh: &mut SceneBvh,
     camera: &Camera,
     plan: &Plan,
     source: LightSource,
@@ -55,7 +54,7 @@ pub(crate) fn decided<K: LaneKernel>(
     if source != LightSource::Emission || plan.heatmap.is_some() {
         return Ok(source);
     }
-    let lit = fraction_lit_by_emission(scene, prepared, camera, plan.size())?;
+    let lit = fraction_lit_by_emission(scene, bvh, camera, plan.size())?;
     if lit >= LIT_FRACTION {
         return Ok(source);
     }
@@ -65,14 +64,14 @@ pub(crate) fn decided<K: LaneKernel>(
     ));
     light::set_default(scene, 1.0, plan.up());
     // They were listed before there was a light.
-    prepared.unused.retain(|unused| !["listed lights", "light selection"].contains(&unused.feature));
+    bvh.unused.retain(|unused| !["listed lights", "light selection"].contains(&unused.feature));
     Ok(LightSource::Default)
 }
 
 /// Chooses the integrator, and scales the default light if it is used.
-pub(crate) fn choose<K: LaneKernel>(
+pub(crate) fn choose(
     scene: &mut Scene,
-    prepared: &Prepared<K>,
+    bvh: &SceneBvh,
     camera: &Camera,
     plan: &mut Plan,
     source: LightSource,
@@ -81,15 +80,15 @@ pub(crate) fn choose<K: LaneKernel>(
     let mut integrator_reason = plan.choose_integrator(scene, source == LightSource::Emission);
     if source != LightSource::Default || plan.heatmap.is_some() {
         let is_exposed = source != LightSource::Default && plan.needs_exposure();
-        let exposure = if is_exposed { expose(scene, prepared, camera, plan)? } else { None };
+        let exposure = if is_exposed { expose(scene, bvh, camera, plan)? } else { None };
         return Ok(Choice { default_light: None, exposure, integrator_reason });
     }
     light::set_default(scene, 1.0, plan.up());
-    let mut strength = default_light_strength(scene, prepared, camera, &plan.settings)?;
+    let mut strength = default_light_strength(scene, bvh, camera, &plan.settings)?;
     if is_free && plan.integrator == Some(Integrator::Path) && strength > MAX_PATH_STRENGTH {
         plan.choose(Integrator::Hybrid);
         integrator_reason = "little of the default light gets in";
-        strength = default_light_strength(scene, prepared, camera, &plan.settings)?;
+        strength = default_light_strength(scene, bvh, camera, &plan.settings)?;
     }
     light::set_default(scene, strength, plan.up());
     Ok(Choice { default_light: Some(strength), exposure: None, integrator_reason })
@@ -100,13 +99,8 @@ pub(crate) fn choose<K: LaneKernel>(
 const MAX_PATH_STRENGTH: f32 = 3.0;
 
 /// Sets the exposure where the lights of the file would give a white or a black picture, reports it, and returns it.
-fn expose<K: LaneKernel>(
-    scene: &Scene,
-    prepared: &Prepared<K>,
-    camera: &Camera,
-    plan: &mut Plan,
-) -> Result<Option<f32>> {
-    let stops = needed_stops(scene, prepared, camera, &plan.settings)?;
+fn expose(scene: &Scene, bvh: &SceneBvh, camera: &Camera, plan: &mut Plan) -> Result<Option<f32>> {
+    let stops = needed_stops(scene, bvh, camera, &plan.settings)?;
     if let Some(stops) = stops {
         let what = if stops < 0.0 { "white" } else { "black" };
         output::note(&format!(
@@ -127,19 +121,14 @@ const LIT_FRACTION: f64 = 0.5;
 /// The part of the pixels with geometry that the emission of the scene lights visibly; 1 if nothing is seen.
 ///
 /// Measured on a small path-traced picture: what counts is what the camera sees, not how much light there is.
-fn fraction_lit_by_emission<K: LaneKernel>(
-    scene: &Scene,
-    prepared: &Prepared<K>,
-    camera: &Camera,
-    [width, height]: [u32; 2],
-) -> Result<f64> {
+fn fraction_lit_by_emission(scene: &Scene, bvh: &SceneBvh, camera: &Camera, [width, height]: [u32; 2]) -> Result<f64> {
     let longest = width.max(height);
     let [width, height] =
         [width, height].map(|side| (u64::from(side) * u64::from(PROBE_SIDE) / u64::from(longest)).max(1));
     let [width, height] = [width as u32, height as u32];
     let (integrator, aovs) = (Integrator::Path, Aovs::NONE.with(Aov::Depth));
     let probe = Settings { width, height, samples: 16, integrator, bounces: 4, aovs, ..Settings::default() };
-    let film = render(scene, &prepared.structure, camera, &probe, &|_, _| {}, &AtomicBool::new(false))?;
+    let film = render(scene, bvh, camera, &probe, &|_, _| {}, &AtomicBool::new(false))?;
     Ok(lit_fraction(&film))
 }
 
@@ -180,19 +169,14 @@ pub(super) fn darkness(film: &Film) -> Option<String> {
 /// surfaces in the sun less.
 ///
 /// Measured on a small picture, because radiance is proportional to the light.
-fn default_light_strength<K: LaneKernel>(
-    scene: &Scene,
-    prepared: &Prepared<K>,
-    camera: &Camera,
-    settings: &Settings,
-) -> Result<f32> {
+fn default_light_strength(scene: &Scene, bvh: &SceneBvh, camera: &Camera, settings: &Settings) -> Result<f32> {
     /// Mean radiance of a well exposed picture.
     const MEAN: f64 = 0.3;
     /// A white diffuse surface that faces the sun of strength 1 has a blue radiance of 1.19.
     const LIMITS: (f64, f64) = (0.84, 32.0);
     /// Part of the pixels with geometry that may be as bright as white or brighter.
     const CLIPPED: f64 = 0.05;
-    let film = probe(scene, prepared, camera, settings)?;
+    let film = probe(scene, bvh, camera, settings)?;
     let sum: f64 = film.pixels().iter().flat_map(|pixel| pixel.mean()).sum();
     let mean = sum / (3 * film.pixels().len()) as f64;
     let bright = quantile(&seen(&film, |[r, g, b]| r.max(g).max(b)), 1.0 - CLIPPED);
@@ -203,12 +187,7 @@ fn default_light_strength<K: LaneKernel>(
 }
 
 /// Stops that show what the lights of the scene light: where most of it would be white or black; else `None`.
-fn needed_stops<K: LaneKernel>(
-    scene: &Scene,
-    prepared: &Prepared<K>,
-    camera: &Camera,
-    settings: &Settings,
-) -> Result<Option<f32>> {
+fn needed_stops(scene: &Scene, bvh: &SceneBvh, camera: &Camera, settings: &Settings) -> Result<Option<f32>> {
     /// Bright and dark luminances, and the parts of the geometry that need stops where they are beyond.
     const WHITE: f64 = 1.0;
     const BLACK: f64 = 0.02;
@@ -216,7 +195,7 @@ fn needed_stops<K: LaneKernel>(
     /// Luminance that a tenth of the geometry exceeds, afterwards.
     const BRIGHT: f64 = 0.8;
     const LIMIT: f32 = 20.0;
-    let all = seen(&probe(scene, prepared, camera, settings)?, luminance);
+    let all = seen(&probe(scene, bvh, camera, settings)?, luminance);
     let bright = quantile(&all, 0.9);
     // Where nothing is lit, no exposure shows it.
     if bright <= 0.0 || quantile(&all, 1.0 - PART) < WHITE && bright > BLACK {
@@ -228,12 +207,12 @@ fn needed_stops<K: LaneKernel>(
 }
 
 /// A small picture with the depth of geometry. It does not depend on the sample range, so that all parts of a picture agree.
-fn probe<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>, camera: &Camera, settings: &Settings) -> Result<Film> {
+fn probe(scene: &Scene, bvh: &SceneBvh, camera: &Camera, settings: &Settings) -> Result<Film> {
     let [width, height] = [settings.width, settings.height].map(|side| side.min(PROBE_SIDE));
     let (samples, part, noise, aovs) = (16, None, None, Aovs::NONE.with(Aov::Depth));
     let probe = Settings { width, height, samples, part, noise, aovs, ..*settings };
     // Not cancellable: before there is a partial result, a signal ends the process.
-    Ok(render(scene, &prepared.structure, camera, &probe, &|_, _| {}, &AtomicBool::new(false))?)
+    Ok(render(scene, bvh, camera, &probe, &|_, _| {}, &AtomicBool::new(false))?)
 }
 
 /// A value of each pixel that shows geometry, ascending.

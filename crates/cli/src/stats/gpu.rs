@@ -9,9 +9,8 @@ use canted_gpu::{
 };
 use canted_lbvh::{self as lbvh, Bits, Corners, Strategy};
 use canted_obb::Obb;
-use canted_renderer::{DevicePicture, Settings, Structure, Surfaces, frame};
+use canted_renderer::{DevicePicture, SceneBvh, Settings, Surfaces, frame};
 use canted_scene::{Instance, Scene};
-use canted_wide::LaneKernel;
 use serde_json::{Map, Value, json};
 
 use crate::{
@@ -21,11 +20,7 @@ use crate::{
 };
 
 /// Builds the scene on the GPU, and returns the measurements as JSON and as tables; `None` without a GPU.
-pub(super) fn measure<K: LaneKernel>(
-    machine: &Machine,
-    scene: &Scene,
-    structure: &Structure<K>,
-) -> Result<Option<(Value, String)>> {
+pub(super) fn measure(machine: &Machine, scene: &Scene, bvh: &SceneBvh) -> Result<Option<(Value, String)>> {
     let Some(gpu) = machine.gpu() else { return Ok(None) };
     let name = &gpu.info().name;
     let passes = pass_times(gpu, scene)?;
@@ -34,9 +29,9 @@ pub(super) fn measure<K: LaneKernel>(
     passes.text(&mut text, name);
     let settings = Settings::default();
     let [width, height] = [settings.width, settings.height].map(f64::from);
-    let camera = scene.cameras.first().copied().unwrap_or_else(|| frame(scene, structure, width / height));
+    let camera = scene.cameras.first().copied().unwrap_or_else(|| frame(scene, bvh, width / height));
     let surfaces = Surfaces::with_lod(scene, settings.lod);
-    let picture = |gpu| DevicePicture::new(gpu, &surfaces, structure, &camera, &settings);
+    let picture = |gpu| DevicePicture::new(gpu, &surfaces, bvh, &camera, &settings);
     if let Some((_, picture)) = machine.ready(&options::Structure::default(), picture)? {
         let buffers = picture.buffers();
         let n_bytes: u64 = buffers.iter().map(|(_, n_bytes)| n_bytes).sum();

@@ -9,13 +9,13 @@ use std::{
 use anyhow::{Result, anyhow};
 use canted_film::{Aovs, Film, Part, Picture};
 use canted_obb::Obb;
-use canted_renderer::{Integrator, RenderError, Settings, draw_boxes};
+use canted_renderer::{Integrator, RenderError, Settings, draw_boxes, heatmap};
 use canted_scene::Camera;
 
 use super::{
     frame::{self, Frame, FrameSender, Job, JobQueue, Message, Seen, View},
     options::{FilmKey, Options},
-    scene::{Device, FrameInput, Passes, SessionScene, Traced},
+    scene::{Device, FrameInput, Passes, SessionScene},
 };
 use crate::{
     output,
@@ -52,7 +52,7 @@ impl Renderer {
             Some((ready, ..)) => ready.followed(&job.options, &plan)?,
             None => SessionScene::open(&job.options, &plan)?,
         };
-        let camera = match ready.traced.camera(&ready.scene, &plan) {
+        let camera = match plan.camera(&ready.scene, &ready.bvh) {
             Ok(camera) => camera,
             Err(error) => {
                 let camera = Camera::pinhole([0.0; 3], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], 45.0);
@@ -105,9 +105,11 @@ impl Renderer {
         let send = |view: View, picture: Picture, n_samples: u32, is_settled: bool| {
             sender.send(Message::Frame(Frame::new(view, shown.with_boxes(picture), n_samples, is_settled)));
         };
-        if plan.heatmap.is_some() {
-            let picture = ready
-                .with_surfaces(plan.settings.lod, |surfaces, traced| traced.heatmap(surfaces, &view.camera, plan))?;
+        if let Some((measure, scale)) = plan.heatmap {
+            let map = ready.with_surfaces(plan.settings.lod, |surfaces| {
+                heatmap(surfaces, &ready.bvh, &view.camera, plan.size(), measure, scale)
+            });
+            let picture = map?.picture;
             send(view.clone(), picture, 0, true);
             return Ok(());
         }
@@ -140,14 +142,14 @@ impl Renderer {
         self.device.choose(&job.options.args().own.device, &plan.structure);
         let settings = settings(plan, &job.options)?;
         let (plan, ready) = (&*plan, &*ready);
-        let result = ready.with_surfaces(settings.lod, |surfaces, traced| {
-            let input = FrameInput { surfaces, camera: &view.camera, plan, settings: &settings };
+        let result = ready.with_surfaces(settings.lod, |surfaces| {
+            let input = FrameInput { surfaces, bvh: &ready.bvh, camera: &view.camera, plan, settings: &settings };
             let answer = |position| sender.send(Message::Seen(ready.seen_at(&view.camera, view.size, position)));
             let send = |refined: &Refined| {
                 send(refined.view(view), shown.picture(&refined.film, &plan.look), refined.n_samples(), false);
             };
             let show = Show { send: &send, answer: &answer };
-            refine(traced, &input, &self.device, queue, &mut progress, &show)
+            refine(&input, &self.device, queue, &mut progress, &show)
         });
         if let Some(refined) = &progress {
             if refined.device == "cpu" {
@@ -198,10 +200,10 @@ impl Renderer {
         let [width, height] = plan.size().map(|side| side.div_ceil(divisor));
         let settings = Settings { width, height, samples: 1, part: None, noise: None, ..settings };
         let start = Instant::now();
-        let film = ready.with_surfaces(settings.lod, |surfaces, traced| {
-            let input = FrameInput { surfaces, camera, plan: &plan, settings: &settings };
+        let film = ready.with_surfaces(settings.lod, |surfaces| {
+            let input = FrameInput { surfaces, bvh: &ready.bvh, camera, plan: &plan, settings: &settings };
             let mut film = None;
-            traced.with_passes(&input, &Device::default(), &mut |passes| {
+            input.with_passes(&Device::default(), |passes| {
                 // Not cancelled: a moving camera must show something.
                 film = Some(passes.film(&settings, &AtomicBool::new(false))?);
                 Ok(())
@@ -315,14 +317,13 @@ impl Refined {
 /// # Errors
 /// Cancelled by another job; the loss of the device.
 fn refine(
-    traced: &dyn Traced,
     input: &FrameInput,
     device: &Device,
     queue: &JobQueue,
     progress: &mut Option<Refined>,
     show: &Show,
 ) -> Result<()> {
-    traced.with_passes(input, device, &mut |passes| all_passes(passes, input.settings, queue, progress, show))
+    input.with_passes(device, |passes| all_passes(passes, input.settings, queue, progress, show))
 }
 
 /// What happens between passes.

@@ -7,27 +7,19 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_film::{Film, Picture};
+use canted_film::Film;
 use canted_obb::Obb;
 use canted_renderer::{
-    BoxLevel, Lod, Masked, MipMaps, Monitor, Prepared, Settings, Structure, Surfaces, Tracer, UpdateOptions, View,
-    heatmap, prepare, resume_with,
+    AlphaTest, BoxLevel, Lod, MipMaps, Monitor, SceneBvh, Settings, Surfaces, UpdateOptions, View, resume_with,
 };
 use canted_scene::{AnimatedScene, Camera, Environment, Scene};
-use canted_trace::{Hit, Ray};
-use canted_wide::LaneKernel;
+use canted_trace::Intersect as _;
 
 use super::{
     frame::Seen,
     options::{Options, SceneKey},
 };
-use crate::{
-    light::LightSource,
-    load,
-    options::{StructureOptions, with_kernel},
-    output, render,
-    settings::Plan,
-};
+use crate::{light::LightSource, load, options::StructureOptions, output, render, settings::Plan};
 
 #[cfg(not(feature = "gpu"))]
 pub(super) use on_cpu::Device;
@@ -37,7 +29,7 @@ pub(super) use on_gpu::Device;
 /// A scene that is ready to render, and what it was made from.
 pub(super) struct SessionScene {
     pub(super) scene: Scene,
-    pub(super) traced: Box<dyn Traced>,
+    pub(super) bvh: SceneBvh,
     /// First and last time of the animation in seconds, if the file has one.
     pub(super) time_range: Option<[f32; 2]>,
     /// When scene and structure were ready.
@@ -63,10 +55,10 @@ impl SessionScene {
         let (mut scene, animated) = read(options, plan)?;
         let source = plan.light.apply(&mut scene)?;
         let environment = scene.environment.clone().filter(|_| source == LightSource::Given);
-        let traced = traced(&scene, plan)?;
+        let bvh = built(&scene, plan)?;
         Ok(Self {
             scene,
-            traced,
+            bvh,
             time_range: animated.as_ref().and_then(AnimatedScene::time_range),
             ready: Instant::now(),
             animated,
@@ -92,9 +84,9 @@ impl SessionScene {
         };
         let has_other_structure = next.structure_key != *options.structure_key();
         if has_other_structure {
-            next.traced = traced(&next.scene, plan)?;
+            next.bvh = built(&next.scene, plan)?;
         } else if next.time != plan.source.time {
-            next.traced.update(&next.scene)?;
+            next.bvh.update(&next.scene, &UpdateOptions::default())?;
         }
         if has_other_structure || next.time != plan.source.time {
             next.boxes = None;
@@ -130,7 +122,8 @@ impl SessionScene {
             self.scene.lights.clear();
             self.scene.environment = None;
         }
-        self.traced.choose(&mut self.scene, camera, plan, self.source)
+        let source = render::decided(&mut self.scene, &mut self.bvh, camera, plan, self.source)?;
+        render::choose(&mut self.scene, &self.bvh, camera, plan, source).map(drop)
     }
 
     /// Chooses the integrator for a first, coarse picture, with the light as it is.
@@ -139,14 +132,14 @@ impl SessionScene {
     }
 
     /// Calls `then` with the surfaces of the scene.
-    pub(super) fn with_surfaces<R>(&self, lod: Lod, then: impl FnOnce(&Surfaces, &dyn Traced) -> R) -> R {
+    pub(super) fn with_surfaces<R>(&self, lod: Lod, then: impl FnOnce(&Surfaces) -> R) -> R {
         let known = self.mip_maps.take().filter(|(of, _)| *of == lod);
         let surfaces = match &known {
             Some((_, known)) => Surfaces::with_mip_maps(&self.scene, lod, known),
             None => Surfaces::with_lod(&self.scene, lod),
         };
         self.mip_maps.replace(Some((lod, surfaces.mip_maps())));
-        then(&surfaces, &*self.traced)
+        then(&surfaces)
     }
 
     /// The boxes of a level. Warns where there are none.
@@ -154,7 +147,7 @@ impl SessionScene {
         if let Some((_, boxes)) = self.boxes.as_ref().filter(|(of, _)| *of == level) {
             return Arc::clone(boxes);
         }
-        let boxes = Arc::new(self.traced.boxes(level));
+        let boxes = Arc::new(self.bvh.boxes(level));
         if boxes.is_empty() {
             output::warn(&render::no_boxes(level, self.n_levels()));
         }
@@ -164,14 +157,14 @@ impl SessionScene {
 
     /// Levels of the structure that have boxes.
     pub(super) fn n_levels(&mut self) -> u32 {
-        *self.n_levels.get_or_insert_with(|| self.traced.n_levels())
+        *self.n_levels.get_or_insert_with(|| self.bvh.n_levels())
     }
 
     /// What a camera sees at a position in pixels.
     pub(super) fn seen_at(&self, camera: &Camera, [width, height]: [u32; 2], position: [f64; 2]) -> Option<Seen> {
         let ray = View::new(camera, width, height).ok()?.ray(position);
         let surfaces = Surfaces::new(&self.scene);
-        let hit = self.traced.hit(&surfaces, &ray)?;
+        let hit = self.bvh.closest_hit_with(&ray, &mut AlphaTest::new(&surfaces))?;
         let instance = self.scene.instances.get(hit.instance.0 as usize)?;
         let mesh = self.scene.meshes.get(instance.mesh.0 as usize)?;
         let material = self.scene.materials.get(mesh.material_of(hit.primitive.0).0 as usize)?;
@@ -220,109 +213,47 @@ pub(super) trait Passes {
     fn film(&self, settings: &Settings, cancel: &AtomicBool) -> Result<Film>;
 }
 
-/// A structure of any kernel.
-pub(super) trait Traced {
-    fn camera(&self, scene: &Scene, plan: &Plan) -> Result<Camera>;
-    /// Decides light and integrator as `canted render` does.
-    fn choose(&mut self, scene: &mut Scene, camera: &Camera, plan: &mut Plan, source: LightSource) -> Result<()>;
-    /// Updates the structure to a scene with another pose.
-    fn update(&mut self, scene: &Scene) -> Result<()>;
-    /// Calls `run` with the device that renders the picture: the CPU where `device` cannot.
-    fn with_passes(
-        &self,
-        picture: &FrameInput,
-        device: &Device,
-        run: &mut dyn FnMut(&dyn Passes) -> Result<()>,
-    ) -> Result<()>;
-    fn heatmap(&self, surfaces: &Surfaces, camera: &Camera, plan: &Plan) -> Result<Picture>;
-    fn hit(&self, surfaces: &Surfaces, ray: &Ray) -> Option<Hit>;
-    fn boxes(&self, level: BoxLevel) -> Vec<Obb>;
-    fn n_levels(&self) -> u32;
-}
-
-/// What determines the samples of a picture, besides the structure.
+/// What determines the samples of a picture.
 pub(super) struct FrameInput<'a> {
     pub(super) surfaces: &'a Surfaces<'a>,
+    pub(super) bvh: &'a SceneBvh,
     pub(super) camera: &'a Camera,
     #[cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "only GPUs read it"))]
     pub(super) plan: &'a Plan,
     pub(super) settings: &'a Settings,
 }
 
-impl<K: LaneKernel> Traced for Prepared<K> {
-    fn camera(&self, scene: &Scene, plan: &Plan) -> Result<Camera> {
-        plan.camera(scene, self)
-    }
-
-    fn choose(&mut self, scene: &mut Scene, camera: &Camera, plan: &mut Plan, source: LightSource) -> Result<()> {
-        let source = render::decided(scene, self, camera, plan, source)?;
-        render::choose(scene, self, camera, plan, source).map(drop)
-    }
-
-    fn update(&mut self, scene: &Scene) -> Result<()> {
-        Ok(Prepared::update(self, scene, &UpdateOptions::default()).map(drop)?)
-    }
-
-    fn with_passes(
-        &self,
-        picture: &FrameInput,
-        device: &Device,
-        run: &mut dyn FnMut(&dyn Passes) -> Result<()>,
-    ) -> Result<()> {
+impl FrameInput<'_> {
+    /// Calls `run` with the device that renders the picture: the CPU where `device` cannot.
+    pub(super) fn with_passes(&self, device: &Device, run: impl FnOnce(&dyn Passes) -> Result<()>) -> Result<()> {
         #[cfg(feature = "gpu")]
-        if let Some(on_gpu) = device.picture(picture, &self.structure)? {
+        if let Some(on_gpu) = device.picture(self)? {
             return run(&on_gpu);
         }
         let _ = device;
-        run(&OnCpu { picture, structure: &self.structure })
-    }
-
-    fn heatmap(&self, surfaces: &Surfaces, camera: &Camera, plan: &Plan) -> Result<Picture> {
-        let (measure, scale) = plan.heatmap.ok_or_else(|| anyhow!("no heat map is shown"))?;
-        Ok(heatmap(surfaces, &self.structure, camera, plan.size(), measure, scale)?.picture)
-    }
-
-    fn hit(&self, surfaces: &Surfaces, ray: &Ray) -> Option<Hit> {
-        self.structure.closest_hit(ray, &mut Masked::new(surfaces, ()))
-    }
-
-    fn boxes(&self, level: BoxLevel) -> Vec<Obb> {
-        self.structure.boxes(level)
-    }
-
-    fn n_levels(&self) -> u32 {
-        self.structure.n_levels()
+        run(&OnCpu(self))
     }
 }
 
 /// Renders on the threads of the CPU.
-struct OnCpu<'a, K: LaneKernel> {
-    picture: &'a FrameInput<'a>,
-    structure: &'a Structure<K>,
-}
+struct OnCpu<'a>(&'a FrameInput<'a>);
 
-impl<K: LaneKernel> Passes for OnCpu<'_, K> {
+impl Passes for OnCpu<'_> {
     fn device(&self) -> &str {
         "cpu"
     }
 
     fn film(&self, settings: &Settings, cancel: &AtomicBool) -> Result<Film> {
         let monitor = Monitor { progress: &|_, _| {}, finished: &|_| {}, cancel };
-        let FrameInput { surfaces, camera, .. } = *self.picture;
-        Ok(resume_with(surfaces, self.structure, camera, settings, Vec::new(), &monitor)?)
+        let FrameInput { surfaces, bvh, camera, .. } = *self.0;
+        Ok(resume_with(surfaces, bvh, camera, settings, Vec::new(), &monitor)?)
     }
 }
 
 /// Builds the structure of the options.
-pub(super) fn traced(scene: &Scene, plan: &Plan) -> Result<Box<dyn Traced>> {
-    with_kernel!(plan.structure.triangles, build(scene, plan))
-}
-
-fn build<K: LaneKernel + 'static>(scene: &Scene, plan: &Plan) -> Result<Box<dyn Traced>> {
+fn built(scene: &Scene, plan: &Plan) -> Result<SceneBvh> {
     let name = load::name(plan.source.scene.as_deref());
-    let prepared: Prepared<K> =
-        prepare(scene, &plan.structure.config_for(scene)).map_err(|error| anyhow!("{name}: {error}"))?;
-    Ok(Box::new(prepared))
+    SceneBvh::build(scene, &plan.structure.config_for(scene)).map_err(|error| anyhow!("{name}: {error}"))
 }
 
 #[cfg(feature = "gpu")]
@@ -332,9 +263,8 @@ mod on_gpu {
     use anyhow::{Error, Result, anyhow};
     use canted_film::Film;
     use canted_gpu::Gpu;
-    use canted_renderer::{DeviceError, DevicePicture, FirstHit, Monitor, Settings, Structure, traced_scene};
+    use canted_renderer::{DeviceError, DevicePicture, FirstHit, Monitor, Settings, traced_scene};
     use canted_scene::Scene;
-    use canted_wide::LaneKernel;
 
     use super::{FrameInput, Passes};
     use crate::{
@@ -365,27 +295,22 @@ mod on_gpu {
         }
 
         /// The picture on the GPU; `None` where the CPU renders, with a warning if the GPU does not support the picture.
-        pub(in crate::view) fn picture<'a, K: LaneKernel>(
-            &'a self,
-            shot: &'a FrameInput<'a>,
-            structure: &'a Structure<K>,
-        ) -> Result<Option<OnGpu<'a, K>>> {
+        pub(in crate::view) fn picture<'a>(&'a self, input: &'a FrameInput<'a>) -> Result<Option<OnGpu<'a>>> {
             let Some((wanted, machine)) = &self.0 else { return Ok(None) };
             let Some(gpu) = machine.gpu() else { return Ok(None) };
-            let FrameInput { surfaces, camera, plan, settings } = *shot;
+            let FrameInput { surfaces, bvh, camera, plan, settings } = *input;
             if let Some(option) = &plan.structure.unsupported_on_gpu {
                 warn_fallback(&anyhow!("{option} is not supported on the GPU"));
                 return Ok(None);
             }
             let first_hit = if plan.first_hit == FirstHit::Raster { FirstHit::Raster } else { FirstHit::Trace };
             let picture = match plan.structure.built_on_gpu {
-                Some(bvh) => {
+                Some(own) => {
                     let config = plan.structure.config;
-                    let make =
-                        |scene: &Scene| built_or(gpu, scene, &config, bvh, || traced_scene(gpu, scene, structure));
-                    DevicePicture::over(gpu, surfaces, structure, camera, settings, make)
+                    let make = |scene: &Scene| built_or(gpu, scene, &config, own, || traced_scene(gpu, scene, bvh));
+                    DevicePicture::over(gpu, surfaces, bvh, camera, settings, make)
                 }
-                None => DevicePicture::new(gpu, surfaces, structure, camera, settings),
+                None => DevicePicture::new(gpu, surfaces, bvh, camera, settings),
             };
             match picture.and_then(|picture| picture.with_first_hit(first_hit)) {
                 Ok((picture, _)) => Ok(Some(OnGpu { gpu, name: name_of(wanted), picture })),
@@ -411,13 +336,13 @@ mod on_gpu {
     }
 
     /// Renders on a GPU.
-    pub(in crate::view) struct OnGpu<'a, K: LaneKernel> {
+    pub(in crate::view) struct OnGpu<'a> {
         gpu: &'a Gpu,
         name: String,
-        picture: DevicePicture<'a, K>,
+        picture: DevicePicture<'a>,
     }
 
-    impl<K: LaneKernel> Passes for OnGpu<'_, K> {
+    impl Passes for OnGpu<'_> {
         fn device(&self) -> &str {
             &self.name
         }

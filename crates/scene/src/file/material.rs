@@ -4,7 +4,7 @@ use serde::de::{self, Deserialize, DeserializeSeed, Deserializer, MapAccess, Vis
 
 use super::tables::Bounds;
 use super::write::{TomlWriter, number, numbers, quoted};
-use crate::{AlphaMode, Encoding, Lobes, Material, ReadError, TextureId, TextureRef};
+use crate::{AlphaMode, Encoding, Lobes, Material, TextureId, TextureRef};
 
 /// Type of a material field, with its accessor.
 #[derive(Clone, Copy)]
