@@ -1,50 +1,46 @@
 use std::fmt;
 
-use canted_bvh2::leaf_triangles::LeafTriangles;
-use canted_bvh2::triangle_queries;
 use canted_lbvh::{GeometryError, MAX_PRIMITIVES, par, triangle_corners};
 use canted_obb::{Aabb, Obb, PrimId};
-use canted_trace::{Kernel, ReferencePoint};
+use canted_trace::{HIT_ERROR, Hit, Intersect, LeafTriangles, Query, ReferencePoint, ScaledRay, TriangleTest};
 
 use crate::partition::{Content, Item};
-use crate::{BoxBih, Config, Memory};
+use crate::{BihConfig, BihMemory, BoxBih};
 
 /// Triangles per job.
 const CHUNK: usize = 1 << 13;
 
 /// A bounding interval hierarchy over triangles.
 ///
-/// `K` is the triangle test. Hits are those of `K` on every triangle; ties go to the lowest primitive.
+/// Hits are those of the triangle test on every triangle; ties go to the lowest primitive. [`Intersect`] has the queries.
 ///
 /// ```
-/// use canted_bih::{Bih, Config, LeafSize};
-/// use canted_trace::{Ray, Watertight};
+/// use canted_bih::{Bih, BihConfig, LeafSize};
+/// use canted_trace::{Intersect, Ray};
 ///
 /// let positions = [[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [0.0, 1.0, 2.0], [0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
-/// let config = Config { leaf_size: LeafSize::AtMost(1), ..Config::default() };
-/// let bih = Bih::<Watertight>::build(&positions, &[[0, 1, 2], [3, 4, 5]], &config)?;
+/// let config = BihConfig { leaf_size: LeafSize::AtMost(1), ..BihConfig::default() };
+/// let bih = Bih::build(&positions, &[[0, 1, 2], [3, 4, 5]], &config)?;
 /// let mut hits = vec![];
 /// bih.all_hits(&Ray::new([0.25, 0.25, 0.0], [0.0, 0.0, 1.0]), &mut hits);
 /// assert_eq!(hits.iter().map(|hit| (hit.t, hit.primitive.0)).collect::<Vec<_>>(), [(1.0, 1), (2.0, 0)]);
 /// assert_eq!(bih.memory().nodes, 3 * 16);
 /// # Ok::<(), canted_lbvh::GeometryError>(())
 /// ```
-pub struct Bih<K: Kernel> {
+#[derive(Clone)]
+pub struct Bih {
     boxes: BoxBih,
-    /// The triangles in leaf order.
-    records: Vec<K::Record>,
-    /// What the boxes are relative to; triangles are in object space.
-    reference: ReferencePoint,
+    triangles: LeafTriangles,
     /// Of all triangles, object space.
     bounds: Aabb,
 }
 
-impl<K: Kernel> Bih<K> {
+impl Bih {
     /// Builds a BIH over the triangles.
     ///
     /// # Errors
     /// The first triangle with a missing vertex or a vertex that is not finite.
-    pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]], config: &Config) -> Result<Self, GeometryError> {
+    pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]], config: &BihConfig) -> Result<Self, GeometryError> {
         if triangles.len() > MAX_PRIMITIVES {
             return Err(GeometryError::TooMany { n_triangles: triangles.len() });
         }
@@ -52,7 +48,6 @@ impl<K: Kernel> Bih<K> {
         let corners = |&[a, b, c]: &[u32; 3]| [vertex(a), vertex(b), vertex(c)];
         let reference = ReferencePoint::near(triangles.len(), |i| Aabb::from_points(corners(&triangles[i])));
         let moved = |triangle: &[u32; 3]| corners(triangle).map(|vertex| reference.moved(vertex));
-        #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 triangles")]
         let items = par::from_fn(triangles.len(), CHUNK, |i| Item::of_triangle(i as u32, moved(&triangles[i])));
         let contents = par::map_chunks(&items, CHUNK, |_, chunk| Content::of(chunk));
         let content = contents.into_iter().reduce(Content::union).unwrap_or(Content::EMPTY);
@@ -67,24 +62,17 @@ impl<K: Kernel> Bih<K> {
         let boxes = BoxBih::of_items(items, content, config);
         // The order of the triangles stays the caller's: only references are sorted, and records copied in their order.
         // Every index is valid by now.
-        let record = |primitive: &PrimId| {
+        let sorted = par::map(&boxes.primitives, CHUNK, |primitive: &PrimId| {
             let [a, b, c] = triangles[primitive.index()];
-            K::record([positions[a as usize], positions[b as usize], positions[c as usize]])
-        };
-        let records = par::map(&boxes.primitives, CHUNK, record);
-        Ok(Self { boxes, records, reference, bounds })
-    }
-
-    #[inline(always)]
-    fn leaf_triangles(&self) -> LeafTriangles<'_, BoxBih, K> {
-        let (nodes, records, primitives) = (&self.boxes, &self.records[..], &self.boxes.primitives[..]);
-        LeafTriangles { nodes, records, primitives, reference: self.reference }
+            [positions[a as usize], positions[b as usize], positions[c as usize]]
+        });
+        Ok(Self { boxes, triangles: LeafTriangles::new(config.test, sorted, reference), bounds })
     }
 
     /// What the nodes are relative to: a point near the triangles if these are far from the origin.
     #[must_use]
     pub fn reference(&self) -> ReferencePoint {
-        self.reference
+        self.triangles.reference()
     }
 
     /// The nodes, relative to [`Bih::reference`].
@@ -93,19 +81,16 @@ impl<K: Kernel> Bih<K> {
         &self.boxes
     }
 
-    /// The box around all triangles; a point at the origin if there are none.
+    /// The triangle test.
     #[must_use]
-    pub fn bounds(&self) -> Obb {
-        match self.bounds.is_empty() {
-            true => Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [0.0; 3] },
-            false => Obb::from_aabb(&self.bounds),
-        }
+    pub fn test(&self) -> TriangleTest {
+        self.triangles.test()
     }
 
     /// Number of triangles.
     #[must_use]
     pub fn n_triangles(&self) -> usize {
-        self.records.len()
+        self.triangles.len()
     }
 
     /// Memory of nodes, references and triangles.
@@ -116,21 +101,43 @@ impl<K: Kernel> Bih<K> {
 
     /// Memory of each array.
     #[must_use]
-    pub fn memory(&self) -> Memory {
-        Memory { triangles: size_of_val(&self.records[..]), ..self.boxes.memory() }
+    pub fn memory(&self) -> BihMemory {
+        BihMemory { triangles: self.triangles.n_bytes(), ..self.boxes.memory() }
     }
 }
 
-triangle_queries!(Bih);
+impl Intersect for Bih {
+    /// The box around all triangles; a point at the origin if there are none.
+    fn bounds(&self) -> Obb {
+        match self.bounds.is_empty() {
+            true => Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [0.0; 3] },
+            false => Obb::from_aabb(&self.bounds),
+        }
+    }
 
-impl<K: Kernel> Clone for Bih<K> {
-    fn clone(&self) -> Self {
-        Self { boxes: self.boxes.clone(), records: self.records.clone(), ..*self }
+    fn hit_error(&self) -> f32 {
+        HIT_ERROR
+    }
+
+    fn has_local_error(&self) -> bool {
+        true
+    }
+
+    fn closest_hit_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, _: &mut [u64]) -> Option<Hit> {
+        self.triangles.closest_hit(&self.boxes, &self.boxes.primitives, ray, query)
+    }
+
+    fn occluded_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, _: &mut [u64]) -> bool {
+        self.triangles.occluded(&self.boxes, &self.boxes.primitives, ray, query)
+    }
+
+    fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, _: &mut [u64], hits: &mut Vec<Hit>) {
+        self.triangles.all_hits(&self.boxes, &self.boxes.primitives, ray, query, hits);
     }
 }
 
 /// Sizes and bounds, not every node.
-impl<K: Kernel> fmt::Debug for Bih<K> {
+impl fmt::Debug for Bih {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Bih")
             .field("n_triangles", &self.n_triangles())

@@ -4,9 +4,9 @@ use canted_lbvh::{MAX_PRIMITIVES, par};
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::{AABB_PAD, pad_aabb};
 
-use crate::Config;
+use crate::BihConfig;
 use crate::build::build;
-use crate::node::Node;
+use crate::node::{Node, NodeKind};
 use crate::partition::{Content, Item};
 
 /// Boxes per job.
@@ -21,13 +21,13 @@ const CHUNK: usize = 1 << 13;
 /// [`Bih`](crate::Bih) adds triangles.
 ///
 /// ```
-/// use canted_bih::{BoxBih, Config};
+/// use canted_bih::{BoxBih, BihConfig};
 /// use canted_obb::Aabb;
 /// use canted_trace::{Ray, ScaledRay, SlabRay};
 ///
 /// let boxes: Vec<Aabb> =
 ///     (0..100u8).map(f32::from).map(|x| Aabb { min: [x, 0.0, 0.0], max: [x + 0.5, 1.0, 1.0] }).collect();
-/// let bih = BoxBih::build(&boxes, &Config::default())?;
+/// let bih = BoxBih::build(&boxes, &BihConfig::default())?;
 /// let ray = ScaledRay::new(&Ray::new([40.2, 0.5, -1.0], [0.0, 0.0, 1.0])).expect("a valid ray");
 /// let mut entered = vec![];
 /// bih.traverse_ordered(&SlabRay::new(&ray, 0.0), ray.t_max, &mut (), |position, t_max, ()| {
@@ -35,7 +35,7 @@ const CHUNK: usize = 1 << 13;
 ///     t_max
 /// });
 /// assert!(entered.contains(&40) && entered.len() <= 8);
-/// # Ok::<(), canted_bih::BoxError>(())
+/// # Ok::<(), canted_bih::BoxBihError>(())
 /// ```
 #[derive(Clone)]
 pub struct BoxBih {
@@ -56,14 +56,13 @@ impl BoxBih {
     ///
     /// # Errors
     /// More than 2^30 boxes, checked first; the first box that is empty or not finite.
-    pub fn build(boxes: &[Aabb], config: &Config) -> Result<Self, BoxError> {
+    pub fn build(boxes: &[Aabb], config: &BihConfig) -> Result<Self, BoxBihError> {
         if boxes.len() > MAX_PRIMITIVES {
-            return Err(BoxError::TooMany { n_boxes: boxes.len() });
+            return Err(BoxBihError::TooMany { n_boxes: boxes.len() });
         }
         if let Some(index) = boxes.iter().position(|aabb| aabb.is_empty() || !aabb.is_finite()) {
-            return Err(BoxError::Invalid { index });
+            return Err(BoxBihError::Invalid { index });
         }
-        #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 boxes")]
         let items = par::from_fn(boxes.len(), CHUNK, |i| Item::new(i as u32, &boxes[i]));
         let contents = par::map_chunks(&items, CHUNK, |_, chunk| Content::of(chunk));
         let content = contents.into_iter().reduce(Content::union).unwrap_or(Content::EMPTY);
@@ -71,12 +70,12 @@ impl BoxBih {
     }
 
     /// Builds over items with this content.
-    pub(crate) fn of_items(items: Vec<Item>, content: Content, config: &Config) -> Self {
+    pub(crate) fn of_items(items: Vec<Item>, content: Content, config: &BihConfig) -> Self {
         Self::with_pad(items, content, config, AABB_PAD)
     }
 
     /// As [`BoxBih::of_items`], with another part of the padding in planes, relative to the reach of their content.
-    pub(crate) fn with_pad(mut items: Vec<Item>, content: Content, config: &Config, pad: f32) -> Self {
+    pub(crate) fn with_pad(mut items: Vec<Item>, content: Content, config: &BihConfig, pad: f32) -> Self {
         if items.is_empty() {
             return Self::empty();
         }
@@ -129,8 +128,38 @@ impl BoxBih {
 
     /// Memory of each array.
     #[must_use]
-    pub fn memory(&self) -> Memory {
-        Memory { nodes: size_of_val(&self.nodes[..]), references: size_of_val(&self.primitives[..]), triangles: 0 }
+    pub fn memory(&self) -> BihMemory {
+        BihMemory { nodes: size_of_val(&self.nodes[..]), references: size_of_val(&self.primitives[..]), triangles: 0 }
+    }
+
+    /// Calls `visit` with the box of each node and leaf, relative to the reference point of what was given: the box, its level, 0 for
+    /// the root, and whether it is a leaf. Parents come before their children.
+    ///
+    /// The box of a node is that of its parent, cut at the plane of the split: what rays are tested with, and what is below it.
+    pub fn each_box(&self, mut visit: impl FnMut(Obb, u32, bool)) {
+        let mut open: Vec<(usize, Aabb, u32)> = vec![];
+        if !self.nodes.is_empty() {
+            open.push((0, self.padded_bounds, 0));
+        }
+        while let Some((index, aabb, level)) = open.pop() {
+            let node = self.nodes[index];
+            let [upper, lower] = node.planes;
+            let cut = |axis: usize, max: f32, min: f32| {
+                let mut part = aabb;
+                part.max[axis] = part.max[axis].min(max);
+                part.min[axis] = part.min[axis].max(min);
+                part
+            };
+            visit(Obb::from_aabb(&aabb), level, matches!(node.kind(), NodeKind::Leaf { .. }));
+            match node.kind() {
+                NodeKind::Leaf { .. } => {}
+                NodeKind::Clip { axis } => open.push((index + 1, cut(axis, upper, lower), level + 1)),
+                NodeKind::Split { axis, second } => {
+                    open.push((index + second as usize, cut(axis, f32::INFINITY, lower), level + 1));
+                    open.push((index + 1, cut(axis, upper, f32::NEG_INFINITY), level + 1));
+                }
+            }
+        }
     }
 }
 
@@ -148,7 +177,7 @@ impl fmt::Debug for BoxBih {
 
 /// Memory of a BIH by array, in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Memory {
+pub struct BihMemory {
     /// Nodes.
     pub nodes: usize,
     /// Numbers of the primitives, in leaf order.
@@ -157,7 +186,7 @@ pub struct Memory {
     pub triangles: usize,
 }
 
-impl Memory {
+impl BihMemory {
     /// The sum.
     #[must_use]
     pub fn total(&self) -> usize {
@@ -167,7 +196,7 @@ impl Memory {
 
 /// Why boxes are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BoxError {
+pub enum BoxBihError {
     /// A box is empty, or a coordinate is infinite or NaN.
     Invalid {
         /// Index of the box.
@@ -180,7 +209,7 @@ pub enum BoxError {
     },
 }
 
-impl fmt::Display for BoxError {
+impl fmt::Display for BoxBihError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Invalid { index } => write!(f, "box {index} is empty or not finite"),
@@ -189,4 +218,4 @@ impl fmt::Display for BoxError {
     }
 }
 
-impl std::error::Error for BoxError {}
+impl std::error::Error for BoxBihError {}

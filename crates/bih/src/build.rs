@@ -2,7 +2,7 @@
 
 use canted_lbvh::par;
 
-use crate::Config;
+use crate::BihConfig;
 use crate::node::{Node, lower_plane, upper_plane};
 use crate::partition::{Content, Item};
 use crate::split::{Decision, Region, decide, halve};
@@ -26,7 +26,7 @@ const ALWAYS_ENOUGH: u32 = 32;
 /// Builds the nodes over `items`, which it reorders into leaf order. At least one item. Returns the height, too.
 ///
 /// `pad` is the part of the padding that planes carry, relative to the reach of their content.
-pub(crate) fn build(items: &mut [Item], content: Content, config: &Config, pad: f64) -> (Vec<Node>, u32) {
+pub(crate) fn build(items: &mut [Item], content: Content, config: &BihConfig, pad: f64) -> (Vec<Node>, u32) {
     let factor = if items.len() > MAX_CLIPPED { f32::INFINITY } else { config.factor() };
     let builder = Builder { max_leaf: config.max_leaf(items.len()), factor, pad, fork: par::n_threads() > 1 };
     let mut nodes = Vec::with_capacity(2 * items.len().div_ceil(builder.max_leaf));
@@ -48,7 +48,6 @@ impl Builder {
     /// is allowed.
     ///
     /// Holds: `levels` suffice to halve the items by count.
-    #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 primitives and 2^32 nodes")]
     fn subtree(&self, items: &mut [Item], first: u32, region: &mut Region, levels: u32, nodes: &mut Vec<Node>) -> u32 {
         if items.len() <= self.max_leaf {
             nodes.push(Node::leaf(first, items.len() as u32));

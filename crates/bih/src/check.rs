@@ -8,7 +8,7 @@ use crate::node::{NodeKind, lower_plane, upper_plane};
 
 /// Statistics of a valid BIH.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Stats {
+pub struct BihStats {
     /// Nodes with two children.
     pub n_splits: usize,
     /// Nodes with one child.
@@ -23,7 +23,7 @@ pub struct Stats {
 
 /// A defect of a BIH.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Flaw {
+pub enum BihFlaw {
     /// A primitive is in no leaf, or in two.
     NotOnce {
         /// The primitive.
@@ -68,7 +68,7 @@ pub enum Flaw {
     },
 }
 
-impl fmt::Display for Flaw {
+impl fmt::Display for BihFlaw {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotOnce { primitive } => write!(f, "primitive {primitive} is not in exactly one leaf"),
@@ -83,7 +83,7 @@ impl fmt::Display for Flaw {
     }
 }
 
-impl std::error::Error for Flaw {}
+impl std::error::Error for BihFlaw {}
 
 /// What is below a node.
 #[derive(Clone, Copy)]
@@ -100,36 +100,36 @@ struct Content {
 /// out, all nodes are reached once, and the depth is as stated and within [`BoxBih::MAX_DEPTH`].
 ///
 /// ```
-/// use canted_bih::{BoxBih, Config, check};
+/// use canted_bih::{BoxBih, BihConfig, check};
 /// use canted_obb::Aabb;
 ///
 /// let boxes = [0.0, 1.0, 5.0].map(|x| Aabb { min: [x, 0.0, 0.0], max: [x + 0.5, 1.0, 1.0] });
-/// let bih = BoxBih::build(&boxes, &Config::default())?;
+/// let bih = BoxBih::build(&boxes, &BihConfig::default())?;
 /// assert_eq!(check(&bih, &boxes)?.n_leaves, 1);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
 /// # Errors
 /// The first flaw found.
-pub fn check(bih: &BoxBih, boxes: &[Aabb]) -> Result<Stats, Flaw> {
+pub fn check(bih: &BoxBih, boxes: &[Aabb]) -> Result<BihStats, BihFlaw> {
     let mut n_uses = vec![0u32; boxes.len()];
     for primitive in &bih.primitives {
-        *n_uses.get_mut(primitive.index()).ok_or(Flaw::NotOnce { primitive: *primitive })? += 1;
+        *n_uses.get_mut(primitive.index()).ok_or(BihFlaw::NotOnce { primitive: *primitive })? += 1;
     }
     if let Some(primitive) = (0u32..).zip(&n_uses).find(|&(_, &n)| n != 1).map(|(i, _)| PrimId(i)) {
-        return Err(Flaw::NotOnce { primitive });
+        return Err(BihFlaw::NotOnce { primitive });
     }
-    let mut checker = Checker { bih, boxes, stats: Stats::default(), next_reference: 0 };
+    let mut checker = Checker { bih, boxes, stats: BihStats::default(), next_reference: 0 };
     let n_nodes = bih.nodes.len();
     if boxes.is_empty() && n_nodes == 0 {
         return Ok(checker.stats);
     }
     let root = checker.subtree(0, n_nodes, BoxBih::MAX_DEPTH)?;
     if root.end < n_nodes {
-        return Err(Flaw::Unreached { node: root.end });
+        return Err(BihFlaw::Unreached { node: root.end });
     }
     if checker.next_reference < boxes.len() {
-        return Err(Flaw::WrongReferences { node: n_nodes - 1 });
+        return Err(BihFlaw::WrongReferences { node: n_nodes - 1 });
     }
     let pad = pad(&root.bounds);
     let is_inside = |k: usize| {
@@ -137,41 +137,41 @@ pub fn check(bih: &BoxBih, boxes: &[Aabb]) -> Result<Stats, Flaw> {
             && bih.padded_bounds.max[k] >= upper_plane(root.bounds.max[k], pad)
     };
     if !(0..3).all(is_inside) || !bih.bounds.contains_box(&root.bounds) {
-        return Err(Flaw::Escapes { node: 0 });
+        return Err(BihFlaw::Escapes { node: 0 });
     }
     if bih.depth != root.height {
-        return Err(Flaw::WrongDepth { stated: bih.depth, actual: root.height });
+        return Err(BihFlaw::WrongDepth { stated: bih.depth, actual: root.height });
     }
-    Ok(Stats { depth: root.height, ..checker.stats })
+    Ok(BihStats { depth: root.height, ..checker.stats })
 }
 
 struct Checker<'a> {
     bih: &'a BoxBih,
     boxes: &'a [Aabb],
-    stats: Stats,
+    stats: BihStats,
     /// Where the references of the next leaf start.
     next_reference: usize,
 }
 
 impl Checker<'_> {
     /// Checks the subtree at `node`, a child of `parent`. The recursion is as deep as `levels` at most.
-    fn subtree(&mut self, node: usize, parent: usize, levels: u32) -> Result<Content, Flaw> {
-        let stored = *self.bih.nodes.get(node).ok_or(Flaw::WrongChild { node: parent })?;
+    fn subtree(&mut self, node: usize, parent: usize, levels: u32) -> Result<Content, BihFlaw> {
+        let stored = *self.bih.nodes.get(node).ok_or(BihFlaw::WrongChild { node: parent })?;
         if levels == 0 {
-            return Err(Flaw::TooDeep { node });
+            return Err(BihFlaw::TooDeep { node });
         }
         let [upper, lower] = stored.planes;
         match stored.kind() {
             NodeKind::Leaf { first, n } => {
                 let n = n as usize;
                 if n == 0 {
-                    return Err(Flaw::EmptyLeaf { node });
+                    return Err(BihFlaw::EmptyLeaf { node });
                 }
                 if first as usize != self.next_reference {
-                    return Err(Flaw::WrongReferences { node });
+                    return Err(BihFlaw::WrongReferences { node });
                 }
                 let positions = self.next_reference..self.next_reference + n;
-                let primitives = self.bih.primitives.get(positions).ok_or(Flaw::WrongReferences { node })?;
+                let primitives = self.bih.primitives.get(positions).ok_or(BihFlaw::WrongReferences { node })?;
                 self.next_reference += n;
                 self.stats.n_leaves += 1;
                 self.stats.largest_leaf = self.stats.largest_leaf.max(n);
@@ -182,7 +182,7 @@ impl Checker<'_> {
                 self.stats.n_clips += 1;
                 let child = self.subtree(node + 1, node, levels - 1)?;
                 if !(is_below(&child.bounds, axis, upper) && is_above(&child.bounds, axis, lower)) {
-                    return Err(Flaw::Escapes { node });
+                    return Err(BihFlaw::Escapes { node });
                 }
                 Ok(Content { height: child.height + 1, ..child })
             }
@@ -190,11 +190,11 @@ impl Checker<'_> {
                 self.stats.n_splits += 1;
                 let first = self.subtree(node + 1, node, levels - 1)?;
                 if node + second as usize != first.end {
-                    return Err(Flaw::WrongChild { node });
+                    return Err(BihFlaw::WrongChild { node });
                 }
                 let second = self.subtree(first.end, node, levels - 1)?;
                 if !(is_below(&first.bounds, axis, upper) && is_above(&second.bounds, axis, lower)) {
-                    return Err(Flaw::Escapes { node });
+                    return Err(BihFlaw::Escapes { node });
                 }
                 let bounds = first.bounds.union(second.bounds);
                 Ok(Content { bounds, end: second.end, height: 1 + first.height.max(second.height) })

@@ -1,10 +1,14 @@
+use canted_trace::TriangleTest;
+
 /// How [`Bih::build`](crate::Bih::build) and [`BoxBih::build`](crate::BoxBih::build) build.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Config {
+pub struct BihConfig {
     /// Greatest number of primitives in a leaf.
     ///
     /// Only primitives whose boxes have the same center stay together in larger leaves.
     pub leaf_size: LeafSize,
+    /// The triangle test of a [`Bih`](crate::Bih).
+    pub test: TriangleTest,
     /// Tight-box factor: where the primitives of a node, times this factor, are narrower along the split axis than the
     /// node, a clip node with both planes is inserted and the split is chosen again.
     ///
@@ -13,8 +17,8 @@ pub struct Config {
     pub tight_factor: f32,
 }
 
-impl Config {
-    /// Default of [`Config::tight_factor`].
+impl BihConfig {
+    /// Default of [`BihConfig::tight_factor`].
     pub const TIGHT_FACTOR: f32 = 1.3;
 
     /// The greatest number of primitives in a leaf of a BIH over `n` primitives, at least 1.
@@ -38,9 +42,9 @@ impl Config {
     }
 }
 
-impl Default for Config {
+impl Default for BihConfig {
     fn default() -> Self {
-        Self { leaf_size: LeafSize::Auto, tight_factor: Self::TIGHT_FACTOR }
+        Self { leaf_size: LeafSize::Auto, test: TriangleTest::default(), tight_factor: Self::TIGHT_FACTOR }
     }
 }
 

@@ -1,11 +1,11 @@
 //! Bounding interval hierarchies (BIH) for ray tracing: two planes per node, built by an in-place partition.
 //!
 //! ```
-//! use canted_bih::{Bih, Config};
-//! use canted_trace::{Ray, Watertight};
+//! use canted_bih::{Bih, BihConfig};
+//! use canted_trace::{Intersect, Ray};
 //!
 //! let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-//! let bih = Bih::<Watertight>::build(&positions, &[[0, 1, 2]], &Config::default())?;
+//! let bih = Bih::build(&positions, &[[0, 1, 2]], &BihConfig::default())?;
 //! let hit = bih.closest_hit(&Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0])).expect("the ray points at the triangle");
 //! assert_eq!((hit.t, hit.primitive.0), (1.0, 0));
 //! # Ok::<(), canted_lbvh::GeometryError>(())
@@ -20,7 +20,7 @@
 //! A node splits the longest axis of its cell of space in the middle. Primitives go to the side of their center, in place. The
 //! node stores the greatest coordinate on the left and the least one on the right, so children may overlap or leave a
 //! gap, and no primitive is referred to twice. Where the primitives fill less than the node, a clip node with both
-//! planes cuts the margin off first ([`Config::tight_factor`]). Rays visit the nearer child first, skip gaps, and drop what
+//! planes cuts the margin off first ([`BihConfig::tight_factor`]). Rays visit the nearer child first, skip gaps, and drop what
 //! begins behind the best hit.
 //!
 //! ```text
@@ -34,11 +34,11 @@
 //! # Types
 //! | type | purpose |
 //! | --- | --- |
-//! | [`Bih`] | a BIH over triangles with the triangle test `K` |
-//! | [`Config`], [`LeafSize`] | primitives in a leaf, tight-box factor |
+//! | [`Bih`] | a BIH over triangles; [`Intersect`](canted_trace::Intersect) has its queries |
+//! | [`BihConfig`], [`LeafSize`] | primitives in a leaf, triangle test, tight-box factor |
 //! | [`BoxBih`] | the nodes without triangles: reports the boxes that a ray may hit |
-//! | [`Memory`] | bytes of nodes, references and triangles |
-//! | [`check()`], [`Stats`], [`Flaw`] | verifies a BIH |
+//! | [`BihMemory`] | bytes of nodes, references and triangles |
+//! | [`check()`], [`BihStats`], [`BihFlaw`] | verifies a BIH |
 //!
 //! # Guarantees
 //! * **No lost hit.** Results are those of the triangle test on every triangle: same `t`, `u`, `v`, same primitive. Planes are
@@ -63,13 +63,12 @@ mod boxes;
 mod build;
 mod check;
 mod config;
-mod each_box;
 mod node;
 mod partition;
 mod split;
 mod traverse;
 
 pub use bih::Bih;
-pub use boxes::{BoxBih, BoxError, Memory};
-pub use check::{Flaw, Stats, check};
-pub use config::{Config, LeafSize};
+pub use boxes::{BihMemory, BoxBih, BoxBihError};
+pub use check::{BihFlaw, BihStats, check};
+pub use config::{BihConfig, LeafSize};

@@ -42,12 +42,10 @@ impl Node {
         Self { word: first << 2 | LEAF, items: n, planes: [0.0; 2] }
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "an axis is less than 3")]
     pub(crate) fn split(axis: usize, second: u32, planes: [f32; 2]) -> Self {
         Self { word: axis as u32, items: second, planes }
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "an axis is less than 3")]
     pub(crate) fn clip(axis: usize, planes: [f32; 2]) -> Self {
         Self { word: axis as u32, items: 0, planes }
     }

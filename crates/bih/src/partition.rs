@@ -142,7 +142,6 @@ mod tests {
 
     /// Against two filters of a copy, and unions of boxes.
     #[test]
-    #[expect(clippy::cast_possible_truncation, reason = "random coordinates")]
     fn both_sides_are_those_of_a_filter() {
         let mut rng = SplitMix64::new(3);
         for n in (1..40).chain([1000]) {

@@ -33,8 +33,7 @@
 //! box is tested once and the root visited once. Stack entries keep their interval, and one that starts behind the best
 //! hit is dropped. The traversal ends when the stack is empty, not at the first hit: children may overlap.
 
-use canted_bvh2::leaf_triangles::Leaves;
-use canted_trace::{Query, SlabRay};
+use canted_trace::{Leaves, Query, SlabRay};
 
 use crate::boxes::BoxBih;
 use crate::build::MAX_DEPTH;

@@ -1,11 +1,11 @@
 //! Binary BVHs for ray tracing, with axis-aligned or oriented boxes of any volume strategy.
 //!
 //! ```
-//! use canted_bvh2::{BuildConfig, Bvh2};
-//! use canted_trace::{Ray, Watertight};
+//! use canted_bvh2::{Bvh2, Bvh2Config};
+//! use canted_trace::{Intersect, Ray};
 //!
 //! let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-//! let bvh = Bvh2::<Watertight>::build(&positions, &[[0, 1, 2]], &BuildConfig::default())?;
+//! let bvh = Bvh2::build(&positions, &[[0, 1, 2]], &Bvh2Config::default())?;
 //! let hit = bvh.closest_hit(&Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0])).expect("the ray points at the triangle");
 //! assert_eq!((hit.t, hit.primitive.0), (1.0, 0));
 //! # Ok::<(), canted_lbvh::GeometryError>(())
@@ -20,10 +20,11 @@
 //! # Types
 //! | type | purpose |
 //! | --- | --- |
-//! | [`Bvh2`] | a BVH over triangles with the triangle test `K` |
-//! | [`BuildConfig`] | length of the Morton codes, volume strategy |
+//! | [`Bvh2`] | a BVH over triangles; [`Intersect`](canted_trace::Intersect) has its queries |
+//! | [`Bvh2Config`] | length of the Morton codes, volume strategy, triangle test |
 //! | [`PairBvh`] | the nodes without triangles: reports the leaves whose boxes a ray enters |
 //! | [`OrientedLeaf`] | what a leaf of a [`PairBvh`] supplies |
+//! | [`Bvh2Boxes`] | a BVH over oriented boxes, for the top level of a TLAS |
 //! | [`PairOrder`] | order of the nodes in memory |
 //!
 //! # Guarantees
@@ -41,14 +42,13 @@
 //! `parallel` (default): build and trace slices on all threads of the current rayon pool.
 #![forbid(unsafe_code)]
 
+mod boxes;
 mod bvh2;
-#[doc(hidden)]
-pub mod leaf_triangles;
+mod layout;
 mod pairs;
-#[doc(hidden)]
-pub mod per_ray;
-mod queries;
-mod slices;
+mod traverse;
 
-pub use bvh2::{BuildConfig, Bvh2};
-pub use pairs::{OrientedLeaf, PairBvh, PairOrder};
+pub use boxes::Bvh2Boxes;
+pub use bvh2::{Bvh2, Bvh2Config};
+pub use layout::{OrientedLeaf, PairOrder};
+pub use pairs::PairBvh;

@@ -1,13 +1,16 @@
 //! Queries of a `Bvh2` against a loop over all triangles.
 
-use canted_bvh2::{BuildConfig, Bvh2};
+use canted_bvh2::{Bvh2, Bvh2Config};
 use canted_fixtures::{Grazing, Mesh, grazing, soup, torus};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::PrimId;
-use canted_trace::{Counts, Hit, InstanceId, Kernel, MollerTrumbore, Ray, ScaledRay, SlabRay, Watertight};
+use canted_trace::{
+    Accept, BaldwinWeber, Counts, Hit, InstanceId, Intersect, Kernel, MollerTrumbore, Ray, ScaledRay, SlabRay,
+    TriangleTest, Watertight,
+};
 
-fn build<K: Kernel>(mesh: &Mesh, strategy: Strategy) -> Bvh2<K> {
-    let config = BuildConfig { volumes: VolumeConfig { strategy, fallback: true }, ..BuildConfig::default() };
+fn build(mesh: &Mesh, strategy: Strategy, test: TriangleTest) -> Bvh2 {
+    let config = Bvh2Config { volumes: VolumeConfig { strategy, fallback: true }, test, ..Bvh2Config::default() };
     Bvh2::build(&mesh.positions, &mesh.triangles, &config).unwrap()
 }
 
@@ -24,7 +27,7 @@ fn rays(mesh: &Mesh) -> Vec<Ray> {
         .enumerate()
         .map(|(i, ray)| {
             let (t_min, t_max) = [(0.0, f32::INFINITY), (0.0, 1.0), (0.5, f32::INFINITY)][i % 3];
-            Ray { origin: ray.origin, direction: ray.direction, t_min, t_max }
+            Ray::new(ray.origin, ray.direction).between(t_min, t_max)
         })
         .collect()
 }
@@ -47,12 +50,12 @@ fn loop_over_all<K: Kernel>(mesh: &Mesh, ray: &Ray) -> Vec<Hit> {
     hits
 }
 
-fn agrees<K: Kernel>() {
+fn agrees<K: Kernel>(test: TriangleTest) {
     for mesh in [doubled(), torus(10, 6)] {
         let rays = rays(&mesh);
         let n = rays.len();
         for strategy in Strategy::ALL {
-            let bvh = build::<K>(&mesh, strategy).clone();
+            let bvh = build(&mesh, strategy, test).clone();
             let (mut closest, mut par_closest) = (vec![None; n], vec![None; n]);
             let (mut occluded, mut par_occluded) = (vec![false; n], vec![false; n]);
             let (mut all, mut par_all) = (vec![vec![]; n], vec![vec![]; n]);
@@ -78,43 +81,48 @@ fn agrees<K: Kernel>() {
 
 #[test]
 fn watertight_agrees_with_the_loop() {
-    agrees::<Watertight>();
+    agrees::<Watertight>(TriangleTest::Watertight);
 }
 
 #[test]
 fn moller_trumbore_agrees_with_the_loop() {
-    agrees::<MollerTrumbore>();
+    agrees::<MollerTrumbore>(TriangleTest::MollerTrumbore);
+}
+
+#[test]
+fn baldwin_weber_agrees_with_the_loop() {
+    agrees::<BaldwinWeber>(TriangleTest::BaldwinWeber);
 }
 
 #[test]
 fn filters_accept_by_ray_and_hit() {
     let mesh = doubled();
     let rays = rays(&mesh);
-    let bvh = build::<Watertight>(&mesh, Strategy::Dop);
+    let bvh = build(&mesh, Strategy::Dop, TriangleTest::Watertight);
     let n = rays.len();
     let accepts = |i: usize, hit: &Hit| (hit.primitive.index() + i).is_multiple_of(2);
     let (mut closest, mut par_closest) = (vec![None; n], vec![None; n]);
     let (mut occluded, mut par_occluded) = (vec![false; n], vec![false; n]);
     let (mut all, mut par_all) = (vec![vec![]; n], vec![vec![]; n]);
-    bvh.closest_hits_where(&rays, &mut closest, |i, _, hit| accepts(i, hit));
-    bvh.par_closest_hits_where(&rays, &mut par_closest, |i, _, hit| accepts(i, hit));
-    bvh.occluded_many_where(&rays, &mut occluded, |i, _, hit| accepts(i, hit));
-    bvh.par_occluded_many_where(&rays, &mut par_occluded, |i, _, hit| accepts(i, hit));
-    bvh.all_hits_many_where(&rays, &mut all, |i, _, hit| accepts(i, hit));
-    bvh.par_all_hits_many_where(&rays, &mut par_all, |i, _, hit| accepts(i, hit));
+    bvh.closest_hits_with(&rays, &mut closest, &|i, _, hit| accepts(i, hit));
+    bvh.par_closest_hits_with(&rays, &mut par_closest, &|i, _, hit| accepts(i, hit));
+    bvh.occluded_many_with(&rays, &mut occluded, &|i, _, hit| accepts(i, hit));
+    bvh.par_occluded_many_with(&rays, &mut par_occluded, &|i, _, hit| accepts(i, hit));
+    bvh.all_hits_many_with(&rays, &mut all, &|i, _, hit| accepts(i, hit));
+    bvh.par_all_hits_many_with(&rays, &mut par_all, &|i, _, hit| accepts(i, hit));
     assert_eq!((&closest, &occluded, &all), (&par_closest, &par_occluded, &par_all));
     for (i, ray) in rays.iter().enumerate() {
         let mut want = loop_over_all::<Watertight>(&mesh, ray);
         want.retain(|hit| accepts(i, hit));
         assert_eq!((closest[i], occluded[i], &all[i]), (want.first().copied(), !want.is_empty(), &want), "{ray:?}");
-        assert_eq!(bvh.closest_hit_where(ray, |_, hit| accepts(i, hit)), closest[i]);
-        assert_eq!(bvh.occluded_where(ray, |_, hit| accepts(i, hit)), occluded[i]);
+        assert_eq!(bvh.closest_hit_with(ray, &mut Accept(|hit: &Hit| accepts(i, hit))), closest[i]);
+        assert_eq!(bvh.occluded_with(ray, &mut Accept(|hit: &Hit| accepts(i, hit))), occluded[i]);
     }
 }
 
 #[test]
 fn an_empty_bvh_is_never_hit() {
-    let bvh = build::<Watertight>(&Mesh::default(), Strategy::Combined);
+    let bvh = build(&Mesh::default(), Strategy::Combined, TriangleTest::Watertight);
     let ray = Ray::new([0.0; 3], [1.0, 0.0, 0.0]);
     let mut hits = vec![];
     bvh.all_hits(&ray, &mut hits);
@@ -122,13 +130,12 @@ fn an_empty_bvh_is_never_hit() {
 }
 
 #[test]
-fn queries_count_their_tests_and_name_the_instance() {
+fn queries_count_their_tests() {
     let mesh = torus(10, 6);
-    let bvh = build::<Watertight>(&mesh, Strategy::Aabb);
+    let bvh = build(&mesh, Strategy::Aabb, TriangleTest::Watertight);
     let ray = rays(&mesh).into_iter().find(|ray| bvh.occluded(ray)).unwrap();
     let mut counts = Counts::default();
-    let hit = bvh.closest_hit_with(&ray, InstanceId(7), &mut counts).unwrap();
-    assert_eq!(hit, Hit { instance: InstanceId(7), ..bvh.closest_hit(&ray).unwrap() });
+    assert_eq!(bvh.closest_hit_with(&ray, &mut counts), bvh.closest_hit(&ray));
     assert!(counts.boxes > 0 && (1..120).contains(&counts.triangles), "{counts:?}");
     let printed = format!("{bvh:?}");
     assert!(printed.starts_with("Bvh2 { n_triangles: 120, "), "{printed}");
@@ -142,11 +149,11 @@ fn a_large_triangle_does_not_loosen_other_boxes() {
     let mesh = small.joined(&Mesh { positions: far, triangles: vec![[0, 1, 2]] });
     let rays: Vec<Ray> = rays(&small).into_iter().step_by(10).collect();
     for strategy in Strategy::ALL {
-        let bvh = build::<Watertight>(&mesh, strategy);
+        let bvh = build(&mesh, strategy, TriangleTest::Watertight);
         let (mut local, mut global) = (Counts::default(), Counts::default());
         for ray in &rays {
             let hit = loop_over_all::<Watertight>(&mesh, ray).first().copied();
-            assert_eq!(bvh.closest_hit_with(ray, InstanceId(0), &mut local), hit, "{strategy:?}: {ray:?}");
+            assert_eq!(bvh.closest_hit_with(ray, &mut local), hit, "{strategy:?}: {ray:?}");
             // The same ray with pads by the reach of the whole mesh.
             let scaled = ScaledRay::new(ray).unwrap();
             let t_max = hit.map_or(scaled.t_max, |hit| scaled.scaled_t(hit.t));

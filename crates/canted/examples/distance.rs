@@ -1,14 +1,15 @@
 //! Distances: nearest point, containment, signed distance, and all triangles in a region.
 #![expect(clippy::print_stdout, reason = "an example prints its results")]
 
-use canted::{Config, Convex, Preset, Triangle, WideBvh};
+use canted::TriangleBvh;
+use canted::distance::Convex;
 
 fn main() -> Result<(), canted::GeometryError> {
     // An octahedron.
     let positions =
         [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
     let triangles = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
-    let bvh = WideBvh::<Triangle>::build(&positions, &triangles, &Config::preset(Preset::Fast))?;
+    let bvh = TriangleBvh::build(&positions, &triangles)?;
 
     for point in [[0.0, 0.0, 0.0], [0.2, 0.3, 0.1], [1.0, 1.0, 1.0], [0.0, 0.0, 1.0]] {
         let nearest = bvh.nearest_point(point, f32::INFINITY).expect("the mesh is not empty");

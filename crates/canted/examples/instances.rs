@@ -3,7 +3,7 @@
 
 use std::error::Error;
 
-use canted::{Affine, Config, Instance, InstanceId, Preset, Ray, RayOptions, Tlas, TopConfig, Triangle, WideBvh};
+use canted::{Affine, Hit, Instance, InstanceId, Intersect, Ray, Tlas, TriangleBvh};
 
 /// A box from -1 to 1, 12 triangles.
 fn cube() -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
@@ -13,39 +13,38 @@ fn cube() -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     ((0..8).map(corner).collect(), triangles)
 }
 
-/// Scales, then moves.
-fn placed(scale: f32, position: [f32; 3]) -> Affine {
-    Affine { columns: [[scale, 0.0, 0.0], [0.0, scale, 0.0], [0.0, 0.0, scale], position] }
-}
-
 fn main() -> Result<(), Box<dyn Error>> {
     let (positions, triangles) = cube();
-    let config = Config::preset(Preset::Balanced);
-    let bvh = WideBvh::<Triangle>::build(&positions, &triangles, &config)?;
+    let bvh = TriangleBvh::build(&positions, &triangles)?;
 
     // A thousand copies; every tenth is visible to rays with bit 1 only.
     let instances: Vec<Instance> = (0..1000_u16)
         .map(|i| {
-            let [x, y, z] = [i % 10, i / 10 % 10, i / 100].map(|k| 3.0 * f32::from(k));
-            Instance::new(0, placed(1.0, [x, y, z])).with_mask(if i % 10 == 0 { 2 } else { 1 })
+            let place = [i % 10, i / 10 % 10, i / 100].map(|k| 3.0 * f32::from(k));
+            Instance::new(0, Affine::translation(place)).with_mask(if i % 10 == 0 { 2 } else { 1 })
         })
         .collect();
-    let mut tlas = Tlas::new(vec![bvh], &instances, TopConfig::Wide(config))?;
+    let mut tlas = Tlas::new(vec![bvh], &instances, Default::default())?;
 
     let ray = Ray::new([-5.0, 0.2, 0.3], [1.0, 0.0, 0.0]);
-    let describe = |hit: Option<canted::Hit>| {
-        hit.map_or("nothing".into(), |hit| format!("instance {} at t = {}", hit.instance.0, hit.t))
-    };
+    let describe =
+        |hit: Option<Hit>| hit.map_or("nothing".into(), |hit| format!("instance {} at t = {}", hit.instance.0, hit.t));
     println!("all instances: {}", describe(tlas.closest_hit(&ray)));
-    println!("mask 1: {}", describe(tlas.closest_hit_with(&ray, &mut RayOptions::mask(1))));
+    println!("mask 1: {}", describe(tlas.closest_hit(&ray.with_mask(1))));
 
     // Move one instance in front; only the top level changes.
-    tlas.set_transform(InstanceId(999), placed(0.5, [-3.0, 0.0, 0.0]))?;
-    println!("after moving instance 999: {}", describe(tlas.closest_hit(&ray)));
+    let smaller = Affine::scale([0.5, 0.5, 0.5]);
+    tlas.set_transform(InstanceId(999), smaller.then(&Affine::translation([-3.0, 0.0, 0.0])))?;
+    let hit = tlas.closest_hit(&ray);
+    println!("after moving instance 999: {}", describe(hit));
+    if let Some(hit) = hit {
+        let point = tlas.surface_point(&hit);
+        println!("at {:?}, normal {:?}", point.position, point.normal);
+    }
 
     // Replace the mesh of all instances by a smaller one.
     let smaller: Vec<[f32; 3]> = positions.iter().map(|p| p.map(|x| 0.5 * x)).collect();
-    tlas.replace_blas(0, WideBvh::<Triangle>::build(&smaller, &triangles, &config)?)?;
+    tlas.replace_blas(0, TriangleBvh::build(&smaller, &triangles)?)?;
     println!("after replacing the mesh: {}", describe(tlas.closest_hit(&ray)));
     Ok(())
 }

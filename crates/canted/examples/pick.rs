@@ -1,7 +1,7 @@
 //! Picking: which triangle is under the mouse cursor?
 #![expect(clippy::print_stdout, reason = "an example prints its results")]
 
-use canted::{Config, Preset, Ray, SurfacePoint, Triangle, WideBvh};
+use canted::{Intersect, Preset, Ray, TriangleBvh, Triangles};
 
 fn main() -> Result<(), canted::GeometryError> {
     // A wavy sheet of 2 x 100 x 100 triangles.
@@ -18,7 +18,7 @@ fn main() -> Result<(), canted::GeometryError> {
             [[a, b, c], [a, c, d]]
         })
         .collect();
-    let bvh = WideBvh::<Triangle>::build(&positions, &triangles, &Config::preset(Preset::Balanced))?;
+    let bvh = TriangleBvh::build_with(&positions, &triangles, Preset::Balanced)?;
 
     // A camera above the sheet; the cursor is at a third of the width and half of the height of its image.
     let eye = glam::Vec3::new(0.5, -1.0, 1.5);
@@ -27,8 +27,7 @@ fn main() -> Result<(), canted::GeometryError> {
     match bvh.closest_hit(&ray) {
         None => println!("nothing under the cursor"),
         Some(hit) => {
-            let vertices = triangles[hit.primitive.index()].map(|i| positions[i as usize]);
-            let point = SurfacePoint::new(&hit, vertices, bvh.aabb().reach());
+            let point = bvh.surface_point(&hit);
             println!("triangle {} at {:.3?}, normal {:.3?}", hit.primitive, point.position, point.normal);
         }
     }

@@ -1,7 +1,7 @@
 //! Refit: a mesh deforms every frame; the BVH reports when a rebuild pays off.
 #![expect(clippy::print_stdout, reason = "an example prints its results")]
 
-use canted::{Config, Preset, Ray, Triangle, WideBvh};
+use canted::{Intersect, Ray, TriangleBvh};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     // A tower of thin horizontal struts.
@@ -12,8 +12,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         rest.extend([[-1.0, 0.0, z], [1.0, 0.0, z], [1.0, 0.005, z + 0.005]]);
         triangles.push([first, first + 1, first + 2]);
     }
-    let config = Config::preset(Preset::Balanced);
-    let mut bvh = WideBvh::<Triangle>::build(&rest, &triangles, &config)?;
+    let mut bvh = TriangleBvh::build(&rest, &triangles)?;
 
     for frame in 0..=8_u8 {
         // Twist the tower further.
@@ -28,7 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let hit = bvh.closest_hit(&Ray::new([0.3, -9.0, 5.0025], [0.0, 1.0, 0.0]));
         println!("frame {frame}: drift {:.2}, hit {:?}", refit.drift, hit.map(|hit| (hit.primitive.0, hit.t)));
         if refit.rebuild_advised() {
-            bvh = WideBvh::<Triangle>::build(&twisted, &triangles, &config)?;
+            bvh = TriangleBvh::build(&twisted, &triangles)?;
             println!("frame {frame}: rebuilt");
         }
     }

@@ -1,7 +1,7 @@
 //! Save and load: building takes longer than reading bytes. Loading checks every byte.
 #![expect(clippy::print_stdout, reason = "an example prints its results")]
 
-use canted::{Config, Preset, Ray, Triangle, TriangleBvh, WideBvh};
+use canted::{Intersect, Preset, Ray, TriangleBvh};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let positions: Vec<[f32; 3]> = (0..3000_u16)
@@ -11,11 +11,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         })
         .collect();
     let triangles: Vec<[u32; 3]> = (0..1000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    let bvh = WideBvh::<Triangle>::build(&positions, &triangles, &Config::preset(Preset::Quality))?;
+    let bvh = TriangleBvh::build_with(&positions, &triangles, Preset::Quality)?;
 
     let path = std::env::temp_dir().join("canted-example.bvh");
     std::fs::write(&path, bvh.to_bytes())?;
-    let loaded: TriangleBvh = WideBvh::from_bytes(&std::fs::read(&path)?)?;
+    let loaded = TriangleBvh::from_bytes(&std::fs::read(&path)?)?;
 
     let ray = Ray::new([0.0, 0.0, 5.0], [1.0, 2.0, -1.0]);
     assert_eq!(loaded.closest_hit(&ray), bvh.closest_hit(&ray));
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // A damaged file is an error.
     let mut bytes = bvh.to_bytes();
     bytes[100] ^= 1;
-    println!("a damaged file: {}", TriangleBvh::<canted::Watertight>::from_bytes(&bytes).unwrap_err());
+    println!("a damaged file: {}", TriangleBvh::from_bytes(&bytes).unwrap_err());
     std::fs::remove_file(&path)?;
     Ok(())
 }

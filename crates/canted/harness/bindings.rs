@@ -11,7 +11,8 @@
 #![expect(clippy::print_stdout, reason = "the program that measures reads the results")]
 use std::{env, error::Error, fs, io, time::Instant};
 
-use canted::{Config, Hit, NearestPoint, PrimId, Ray, Side, TriangleBvh};
+use canted::distance::NearestPoint;
+use canted::{Crossings, Hit, Intersect, PrimId, Ray, Side, TriangleBvh};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = env::args().skip(1).collect();
@@ -24,7 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<u32> = bytes.as_chunks().0.iter().map(|&word| u32::from_le_bytes(word)).collect();
     let Input { vertices, triangles, rays, points } =
         Input::read(&words).ok_or_else(|| format!("{input}: the file ends too early"))?;
-    let bvh: TriangleBvh = TriangleBvh::build(&vertices, triangles, &Config::default())?;
+    let bvh = TriangleBvh::build(&vertices, triangles)?;
     let Some(output) = output else { return rate(&bvh, &rays) };
     let answers = answers(&bvh, &rays, &points);
     fs::write(output, answers.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>())?;
@@ -70,7 +71,7 @@ fn rate(bvh: &TriangleBvh, rays: &[Ray]) -> Result<(), Box<dyn Error>> {
 
 fn ray(words: &[u32; 8]) -> Ray {
     let [ox, oy, oz, dx, dy, dz, t_min, t_max] = words.map(f32::from_bits);
-    Ray { origin: [ox, oy, oz], direction: [dx, dy, dz], t_min, t_max }
+    Ray::new([ox, oy, oz], [dx, dy, dz]).between(t_min, t_max)
 }
 
 fn answers(bvh: &TriangleBvh, rays: &[Ray], points: &[[f32; 3]]) -> Vec<u32> {

@@ -1,43 +1,76 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
-/// Stages of BVH construction: oriented boxes, binary trees, their builders and bounding volumes.
+// Geometry.
+pub use canted_obb::{Aabb, Affine, PrimId};
+
+// Rays, hits, and what answers queries.
+pub use canted_trace::{
+    Accept, Crossings, Hit, InstanceId, Intersect, Ray, Side, Sphere, SurfacePoint, TriangleTest, Triangles,
+};
+
+// BVHs.
+pub use canted_lbvh::GeometryError;
+pub use canted_wide::{Config, Preset, Primitive, TriangleBvh, WideBvh};
+
+// Instances.
+pub use canted_tlas::{Instance, Tlas};
+
+/// How BVHs are built and updated, what is known of them, and the stages of construction as crates of their own.
 pub mod build {
-    pub use canted_lbvh as lbvh;
-    pub use canted_obb as obb;
-    pub use canted_sah as sah;
+    pub use canted_lbvh::{self as lbvh, Strategy, VolumeConfig};
+    pub use canted_obb::{self as obb, Moments, Obb};
+    pub use canted_sah::{self as sah, Builder};
+    pub use canted_wide::{
+        Costs, Flaw, MAX_PRIMITIVES, MAX_TRIANGLES, NodeKind, PredictedCost, PrimitiveError, Refit, RefitError,
+        SimdPath, Sizes, bounds_of_points, extent_of_box, extent_of_points,
+    };
 }
 
-/// Loaders for OBJ, PLY and glTF files (feature `scene`).
+/// Distances, containment and overlaps: what their queries take and return.
+pub mod distance {
+    pub use canted_trace::{Convex, TrianglePoint, closest_point_on_triangle};
+    pub use canted_wide::{ClosestPoint, DistanceShape, NearestPoint};
+}
+
+/// BVHs as bytes.
+pub mod file {
+    pub use canted_tlas::TlasLoadError;
+    pub use canted_trace::SaveBlas;
+    pub use canted_wide::{LoadError, SavedPrimitive};
+}
+
+/// How instances are placed, changed and moved.
+pub mod instance {
+    pub use canted_tlas::{InstanceError, MAX_CONDITION, Motion, TlasEdit, TopConfig};
+    pub use canted_trace::BoxBvh;
+}
+
+/// Tests of single primitives, their error bounds, and what implementors of [`Intersect`] and [`Primitive`] need.
+pub mod kernel {
+    pub use canted_trace::{
+        AcceptAt, Answer, Answers, BaldwinWeber, Counts, HIT_ERROR, HitLists, Kernel, LeafTriangles, Leaves,
+        MollerTrumbore, Query, ReferencePoint, ScaledRay, SlabRay, Slabs, TriangleHit, Watertight, position_error,
+        ray_aabb, ray_obb,
+    };
+    pub use canted_wide::{PrimitiveHit, TraversalCounts};
+}
+
+/// Structures besides [`TriangleBvh`]: over moving triangles, and those of the literature, each with a feature of its name.
+pub mod structure {
+    #[cfg(feature = "bih")]
+    pub use canted_bih::{Bih, BihConfig, BihFlaw, BihMemory, BihStats, BoxBih, BoxBihError, LeafSize};
+    #[cfg(feature = "bvh2")]
+    pub use canted_bvh2::{Bvh2, Bvh2Boxes, Bvh2Config, PairBvh, PairOrder};
+    #[cfg(feature = "kdtree")]
+    pub use canted_kdtree::{KdNodes, KdTraversal, KdTree, KdTreeConfig, KdTreeFlaw, KdTreeMemory, KdTreeStats};
+    pub use canted_wide::MovingBvh;
+}
+
+/// Loaders for OBJ, PLY, STL, OFF and glTF files.
 #[cfg(feature = "scene")]
 pub use canted_scene as scene;
 
-/// Construction and traversal on GPUs (feature `gpu`).
+/// Construction and traversal on GPUs.
 #[cfg(feature = "gpu")]
 pub use canted_gpu as gpu;
-
-// Geometry.
-pub use canted_obb::{Aabb, Affine, Moments, Obb, PrimId};
-
-// Rays, hits and tests of single primitives.
-pub use canted_trace::{
-    BaldwinWeber, Convex, Counts, HIT_ERROR, Hit, HitFilter, InstanceId, Kernel, MollerTrumbore, Query, Ray, ScaledRay,
-    Side, Sphere, SurfacePoint, TriangleHit, TrianglePoint, Watertight, closest_point_on_triangle,
-};
-
-// BVHs and kd-trees over primitives.
-pub use canted_bih::{Bih, BoxBih, Config as BihConfig, LeafSize, Memory as BihMemory};
-pub use canted_bvh2::{BuildConfig as Bvh2Config, Bvh2};
-pub use canted_kdtree::{Config as KdTreeConfig, KdTree, Memory as KdTreeMemory, Traversal as KdTraversal};
-pub use canted_lbvh::{GeometryError, Strategy, VolumeConfig};
-pub use canted_sah::Builder;
-pub use canted_wide::{
-    ClosestPoint, Config, Costs, DistanceShape, HitLists, LaneKernel, LeafPrimitive, LoadError, NearestPoint, NodeKind,
-    PredictedCost, Preset, Primitive, PrimitiveError, PrimitiveHit, Refit, RefitError, SavedPrimitive, SimdPath, Sizes,
-    TraversalCounts, Triangle, TriangleBvh, WideBvh, bounds_of_points, extent_of_points,
-};
-
-// Instances.
-pub use canted_tlas::{
-    Blas, CrossingBlas, Instance, InstanceError, RayOptions, SaveBlas, Tlas, TlasEdit, TlasLoadError, TopConfig,
-};

@@ -7,7 +7,7 @@
 use canted_lbvh::{Corners, par};
 use canted_obb::Aabb;
 
-use crate::Config;
+use crate::KdTreeConfig;
 use crate::extent::{PAD, extent};
 use crate::node::{Node, NodeKind, Reference};
 use crate::sweep::{Event, Fragment, Split, best_split, fragment_of, push_events, renumbered};
@@ -35,12 +35,12 @@ pub(crate) struct Built {
 /// several cells may be in one of them only; limits of `config`; the same bits for any number of threads.
 /// Source: Wald, Havran 2006: events are sorted once and stay sorted, triangles are clipped to the cell. `O(n log n)` for the
 /// number of references. Difference: there are limits for depth and references.
-pub(crate) fn build(corners: &[Corners], config: &Config) -> Built {
+pub(crate) fn build(corners: &[Corners], config: &KdTreeConfig) -> Built {
     build_padded(corners, config, PAD)
 }
 
 /// As [`build`], with a padding of triangles relative to their coordinates; with less than [`PAD`] hits are lost.
-pub(crate) fn build_padded(corners: &[Corners], config: &Config, pad: f64) -> Built {
+pub(crate) fn build_padded(corners: &[Corners], config: &KdTreeConfig, pad: f64) -> Built {
     let everywhere = Aabb { min: [f32::MIN; 3], max: [f32::MAX; 3] };
     let boxes =
         par::map(corners, CHUNK, |corners| extent(corners, &everywhere, pad).expect("a triangle has an extent"));
@@ -82,7 +82,6 @@ struct Part {
     depth: u32,
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "the reference limit bounds both numbers by 2^30")]
 impl Part {
     fn n_nodes(&self) -> u32 {
         self.nodes.len() as u32
@@ -115,7 +114,7 @@ struct Side {
 
 struct Builder<'a> {
     corners: &'a [Corners],
-    config: &'a Config,
+    config: &'a KdTreeConfig,
     depth_limit: u32,
     pad: f64,
 }
@@ -212,7 +211,6 @@ impl Target {
     const BOTH: Self = Self(u32::MAX);
     const UPPER: u32 = 1 << 30;
 
-    #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 fragments")]
     fn new(fragment: usize, is_upper: bool) -> Self {
         Self(fragment as u32 | if is_upper { Self::UPPER } else { 0 })
     }
@@ -244,7 +242,6 @@ fn merge(sorted: &mut Vec<Event>, added: &mut [Event]) {
 }
 
 /// Divides what is left of a budget in proportion to the number of fragments.
-#[expect(clippy::cast_possible_truncation, reason = "a share of a usize")]
 fn shares(budget: usize, n: [usize; 2]) -> [usize; 2] {
     let used = n.map(|n| n.max(1));
     let rest = budget - used[0] - used[1];

@@ -11,12 +11,12 @@ use canted_obb::{Aabb, PrimId};
 
 use crate::node::{MAX_DEPTH, NodeKind};
 use crate::traverse::ropes::Ropes;
-use crate::{KdNodes, Traversal};
+use crate::{KdNodes, KdTraversal};
 use overlap::Overlap;
 
 /// Statistics of a valid kd-tree.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Stats {
+pub struct KdTreeStats {
     /// Leaves, empty ones too.
     pub n_leaves: usize,
     /// Leaves without triangles.
@@ -31,7 +31,7 @@ pub struct Stats {
 
 /// A defect of a kd-tree. Nodes and leaves are numbered depth first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Flaw {
+pub enum KdTreeFlaw {
     /// A node's upper child is not the node after its lower subtree, or there are nodes below no other.
     WrongChild {
         /// The node.
@@ -100,7 +100,7 @@ pub enum Flaw {
     },
 }
 
-impl fmt::Display for Flaw {
+impl fmt::Display for KdTreeFlaw {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::WrongChild { node } => write!(f, "node {node} has a child in the wrong place"),
@@ -119,7 +119,7 @@ impl fmt::Display for Flaw {
     }
 }
 
-impl std::error::Error for Flaw {}
+impl std::error::Error for KdTreeFlaw {}
 
 impl KdNodes {
     /// Verifies planes, references, ropes and depth against the triangles by the numbers that leaves refer to.
@@ -128,7 +128,7 @@ impl KdNodes {
     ///
     /// # Errors
     /// The first flaw found.
-    pub fn check(&self, corners: &[Corners]) -> Result<Stats, Flaw> {
+    pub fn check(&self, corners: &[Corners]) -> Result<KdTreeStats, KdTreeFlaw> {
         let overlaps: Vec<Overlap> = corners.iter().map(Overlap::new).collect();
         let mut walk = Walk {
             tree: self,
@@ -136,27 +136,27 @@ impl KdNodes {
             next: 0,
             n_used: 0,
             seen: vec![u32::MAX; corners.len()],
-            stats: Stats::default(),
+            stats: KdTreeStats::default(),
             leaves: vec![],
         };
         let mut inside = vec![];
         for (triangle, overlap) in (0..).zip(&overlaps) {
             if !overlap.is_within(&self.cell) {
-                return Err(Flaw::Escapes { triangle: PrimId(triangle) });
+                return Err(KdTreeFlaw::Escapes { triangle: PrimId(triangle) });
             }
             inside.push(triangle);
         }
         walk.node(&self.cell, &inside, 0, [0; 6])?;
         let Walk { next, n_used, stats, leaves, .. } = walk;
         if next as usize != self.nodes.len() {
-            return Err(Flaw::WrongChild { node: next });
+            return Err(KdTreeFlaw::WrongChild { node: next });
         }
         if n_used != self.references.len() {
-            return Err(Flaw::Unused { n_references: self.references.len() - n_used });
+            return Err(KdTreeFlaw::Unused { n_references: self.references.len() - n_used });
         }
-        let want = if self.traversal == Traversal::Ropes { stats.n_leaves } else { 0 };
+        let want = if self.traversal == KdTraversal::Ropes { stats.n_leaves } else { 0 };
         if self.ropes.len() != want || self.n_leaves as usize != stats.n_leaves {
-            return Err(Flaw::NoRopes { n_ropes: self.ropes.len() });
+            return Err(KdTreeFlaw::NoRopes { n_ropes: self.ropes.len() });
         }
         for ((leaf, ropes), (cell, faces)) in (0..).zip(&self.ropes).zip(leaves) {
             self.check_ropes(leaf, ropes, &cell, faces)?;
@@ -165,14 +165,14 @@ impl KdNodes {
     }
 
     /// Checks the ropes of a leaf; `faces` are the depths of the nodes of its faces.
-    fn check_ropes(&self, leaf: u32, ropes: &Ropes, cell: &Aabb, faces: [u8; 6]) -> Result<(), Flaw> {
+    fn check_ropes(&self, leaf: u32, ropes: &Ropes, cell: &Aabb, faces: [u8; 6]) -> Result<(), KdTreeFlaw> {
         if ropes.cell != *cell {
-            return Err(Flaw::WrongCell { leaf });
+            return Err(KdTreeFlaw::WrongCell { leaf });
         }
         for (face, &depth) in faces.iter().enumerate() {
             let target = self.covers(cell, face);
             if ropes.depths[face] != depth || target.is_some_and(|target| ropes.targets[face] != target) {
-                return Err(Flaw::WrongRope { leaf, face });
+                return Err(KdTreeFlaw::WrongRope { leaf, face });
             }
         }
         Ok(())
@@ -212,23 +212,23 @@ struct Walk<'a> {
     n_used: usize,
     /// The leaf that referred to each triangle last.
     seen: Vec<u32>,
-    stats: Stats,
+    stats: KdTreeStats,
     /// Cells of the leaves, and the depths of the nodes of their faces.
     leaves: Vec<(Aabb, [u8; 6])>,
 }
 
 impl Walk<'_> {
     /// Checks the next node in depth-first order; `inside` are the triangles in its cell.
-    fn node(&mut self, cell: &Aabb, inside: &[u32], depth: u32, faces: [u8; 6]) -> Result<(), Flaw> {
+    fn node(&mut self, cell: &Aabb, inside: &[u32], depth: u32, faces: [u8; 6]) -> Result<(), KdTreeFlaw> {
         let node = self.next;
         self.next += 1;
         if depth > self.tree.depth.min(MAX_DEPTH) {
-            return Err(Flaw::TooDeep { node });
+            return Err(KdTreeFlaw::TooDeep { node });
         }
-        match self.tree.nodes.get(node as usize).ok_or(Flaw::WrongChild { node })?.kind() {
+        match self.tree.nodes.get(node as usize).ok_or(KdTreeFlaw::WrongChild { node })?.kind() {
             NodeKind::Leaf { first, number } => {
                 if number as usize != self.stats.n_leaves {
-                    return Err(Flaw::WrongNumber { node });
+                    return Err(KdTreeFlaw::WrongNumber { node });
                 }
                 self.stats.depth = self.stats.depth.max(depth);
                 self.leaves.push((*cell, faces));
@@ -236,12 +236,11 @@ impl Walk<'_> {
             }
             NodeKind::Inner { axis, plane, upper } => {
                 if !(cell.min[axis] < plane && plane < cell.max[axis]) {
-                    return Err(Flaw::PlaneOutside { node });
+                    return Err(KdTreeFlaw::PlaneOutside { node });
                 }
                 let (mut below, mut above) = (*cell, *cell);
                 (below.max[axis], above.min[axis]) = (plane, plane);
                 let (mut below_faces, mut above_faces) = (faces, faces);
-                #[expect(clippy::cast_possible_truncation, reason = "at most 64")]
                 let own = depth as u8 + 1;
                 (below_faces[2 * axis + 1], above_faces[2 * axis]) = (own, own);
                 let among = |cell: &Aabb| {
@@ -251,7 +250,7 @@ impl Walk<'_> {
                 let (in_lower, in_upper) = (among(&below), among(&above));
                 self.node(&below, &in_lower, depth + 1, below_faces)?;
                 if upper != self.next {
-                    return Err(Flaw::WrongChild { node });
+                    return Err(KdTreeFlaw::WrongChild { node });
                 }
                 self.node(&above, &in_upper, depth + 1, above_faces)
             }
@@ -259,15 +258,15 @@ impl Walk<'_> {
     }
 
     /// Checks that a leaf refers to every triangle in its cell.
-    fn leaf(&mut self, first: Option<u32>, leaf: u32, inside: &[u32]) -> Result<(), Flaw> {
+    fn leaf(&mut self, first: Option<u32>, leaf: u32, inside: &[u32]) -> Result<(), KdTreeFlaw> {
         let mut n = 0;
         if let Some(first) = first {
             loop {
                 let at = first as usize + n;
-                let reference = self.tree.references.get(at).ok_or(Flaw::NoTriangle { leaf })?;
-                let seen = self.seen.get_mut(reference.triangle() as usize).ok_or(Flaw::NoTriangle { leaf })?;
+                let reference = self.tree.references.get(at).ok_or(KdTreeFlaw::NoTriangle { leaf })?;
+                let seen = self.seen.get_mut(reference.triangle() as usize).ok_or(KdTreeFlaw::NoTriangle { leaf })?;
                 if *seen == leaf {
-                    return Err(Flaw::Repeated { leaf, triangle: PrimId(reference.triangle()) });
+                    return Err(KdTreeFlaw::Repeated { leaf, triangle: PrimId(reference.triangle()) });
                 }
                 *seen = leaf;
                 n += 1;
@@ -277,7 +276,7 @@ impl Walk<'_> {
             }
         }
         if let Some(&missing) = inside.iter().find(|&&triangle| self.seen[triangle as usize] != leaf) {
-            return Err(Flaw::Missing { leaf, triangle: PrimId(missing) });
+            return Err(KdTreeFlaw::Missing { leaf, triangle: PrimId(missing) });
         }
         self.n_used += n;
         self.stats.n_leaves += 1;

@@ -1,8 +1,10 @@
+use canted_trace::TriangleTest;
+
 use crate::node::MAX_DEPTH;
 
 /// How a [`KdTree`](crate::KdTree) continues from one leaf to the next. Both ways visit the same leaves in the same order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum Traversal {
+pub enum KdTraversal {
     /// With a stack of the cells that the ray enters later.
     #[default]
     Stack,
@@ -16,33 +18,29 @@ pub enum Traversal {
 /// `traversal_cost + intersection_cost·(1 - bonus)·(A_l·n_l + A_u·n_u)/A` with the areas of both cells and of the node's,
 /// and with `bonus` only if a cell is empty.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Config {
+pub struct KdTreeConfig {
     /// How rays are traced.
-    pub traversal: Traversal,
+    pub traversal: KdTraversal,
+    /// The triangle test.
+    pub test: TriangleTest,
     /// Cost of one step through a node.
     pub traversal_cost: f64,
     /// Cost of one triangle test. At 0 nothing is split.
     pub intersection_cost: f64,
     /// Reduction of the cost of a split that cuts off an empty cell, from 0 to below 1.
     pub empty_bonus: f64,
-    /// Maximum number of nodes above a leaf, up to [`Config::MAX_DEPTH`]. `None`: `8 + 1.3·log2(n)`, rounded down.
+    /// Maximum number of nodes above a leaf, up to [`KdTreeConfig::MAX_DEPTH`]. `None`: `8 + 1.3·log2(n)`, rounded down.
     pub max_depth: Option<u32>,
     /// Maximum number of references and empty leaves together, relative to the number of triangles, and 2^29 in all: more
     /// triangles than that are one leaf. At 1 or less no triangle is in two leaves.
     pub max_references: f64,
 }
 
-impl Config {
+impl KdTreeConfig {
     /// Greatest depth.
     pub const MAX_DEPTH: u32 = MAX_DEPTH;
 
     /// Maximum number of nodes above a leaf, for `n` triangles.
-    #[expect(
-        clippy::cast_precision_loss,
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "at most 47"
-    )]
     pub(crate) fn depth_limit(&self, n: usize) -> u32 {
         // Source of the default: Havran 2000; Wald, Havran 2006.
         let default = || (8.0 + 1.3 * (n.max(1) as f64).log2()) as u32;
@@ -50,12 +48,6 @@ impl Config {
     }
 
     /// Maximum number of references and empty leaves, for `n` triangles.
-    #[expect(
-        clippy::cast_precision_loss,
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "saturates"
-    )]
     pub(crate) fn reference_limit(&self, n: usize) -> usize {
         ((n as f64 * self.max_references.max(1.0)) as usize).min(MAX_LEAVES)
     }
@@ -64,12 +56,13 @@ impl Config {
 /// With as many leaves, a node's number still fits in 30 bits.
 const MAX_LEAVES: usize = 1 << 29;
 
-impl Default for Config {
+impl Default for KdTreeConfig {
     /// Costs at which scans, buildings, plants and lattices of 100,000 triangles were traced fastest, or nearly so with fewer
     /// references. A step costs more than a triangle test because its branch is hard to predict.
     fn default() -> Self {
         Self {
-            traversal: Traversal::Stack,
+            traversal: KdTraversal::Stack,
+            test: TriangleTest::Watertight,
             traversal_cost: 2.5,
             intersection_cost: 1.0,
             empty_bonus: 0.2,

@@ -53,7 +53,6 @@ pub(crate) fn extent(corners: &Corners, cell: &Aabb, pad: f64) -> Option<Aabb> {
 }
 
 /// Greatest finite `f32` not above `x`.
-#[expect(clippy::cast_possible_truncation, reason = "rounded to nearest, then down where that was up")]
 fn round_down(x: f64) -> f32 {
     let near = x as f32;
     // Adding zero makes -0.0 positive: the two zeros are one plane.
@@ -150,7 +149,6 @@ mod tests {
     #[test]
     fn extents_are_those_of_the_points_where_cell_and_triangle_meet() {
         let mut rng = SplitMix64::new(5);
-        #[expect(clippy::cast_possible_truncation, reason = "any coordinates")]
         let mut point = || [0; 3].map(|_| rng.unit() as f32 * 2.0 - 1.0);
         let (mut n_some, mut n_smaller) = (0, 0);
         for _ in 0..20_000 {

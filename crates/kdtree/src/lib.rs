@@ -1,11 +1,11 @@
 //! SAH kd-trees over triangles with perfect splits, traced with a stack or with ropes.
 //!
 //! ```
-//! use canted_kdtree::{Config, KdTree};
-//! use canted_trace::{Ray, Watertight};
+//! use canted_kdtree::{KdTreeConfig, KdTree};
+//! use canted_trace::{Intersect, Ray};
 //!
 //! let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-//! let tree = KdTree::<Watertight>::build(&positions, &[[0, 1, 2]], &Config::default())?;
+//! let tree = KdTree::build(&positions, &[[0, 1, 2]], &KdTreeConfig::default())?;
 //! let hit = tree.closest_hit(&Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0])).expect("the ray points at the triangle");
 //! assert_eq!((hit.t, hit.primitive.0), (1.0, 0));
 //! # Ok::<(), canted_lbvh::GeometryError>(())
@@ -27,11 +27,11 @@
 //! # Types
 //! | type | purpose |
 //! | --- | --- |
-//! | [`KdTree`] | a kd-tree over triangles with the triangle test `K` |
-//! | [`Config`] | costs, empty-space bonus, limits |
-//! | [`Traversal`] | with a stack, or with ropes |
+//! | [`KdTree`] | a kd-tree over triangles; [`Intersect`](canted_trace::Intersect) has its queries |
+//! | [`KdTreeConfig`] | costs, empty-space bonus, limits, triangle test |
+//! | [`KdTraversal`] | with a stack, or with ropes |
 //! | [`KdNodes`] | planes and leaves without triangles: reports the triangles that a ray may hit; [`KdNodes::check`] |
-//! | [`Memory`] | bytes of nodes, ropes, references and triangles |
+//! | [`KdTreeMemory`] | bytes of nodes, ropes, references and triangles |
 //!
 //! # Guarantees
 //! * **No lost hit.** Results are those of the triangle test on every triangle: same `t`, `u`, `v`, same primitive. Triangles are
@@ -59,7 +59,6 @@
 #![forbid(unsafe_code)]
 
 mod build;
-mod cells;
 mod check;
 mod config;
 mod extent;
@@ -69,7 +68,7 @@ mod nodes;
 mod sweep;
 mod traverse;
 
-pub use check::{Flaw, Stats};
-pub use config::{Config, Traversal};
+pub use check::{KdTreeFlaw, KdTreeStats};
+pub use config::{KdTraversal, KdTreeConfig};
 pub use kdtree::KdTree;
-pub use nodes::{KdNodes, Memory};
+pub use nodes::{KdNodes, KdTreeMemory};

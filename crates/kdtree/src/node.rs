@@ -30,7 +30,6 @@ pub(crate) enum NodeKind {
 
 impl Node {
     /// A plane; `upper` is set later.
-    #[expect(clippy::cast_possible_truncation, reason = "one of three axes")]
     pub(crate) fn inner(axis: usize, plane: f32) -> Self {
         Self { value: plane.to_bits(), link: axis as u32 }
     }

@@ -1,20 +1,19 @@
-use canted_bvh2::leaf_triangles::Leaves;
 use canted_lbvh::Corners;
-use canted_obb::{Aabb, PrimId};
-use canted_trace::{Query, SlabRay};
+use canted_obb::{Aabb, Obb, PrimId};
+use canted_trace::{Leaves, Query, SlabRay};
 
 use crate::build::{Built, build};
 use crate::node::{Node, NodeKind, Reference};
 use crate::traverse::ropes::{self, Ropes};
 use crate::traverse::{PlaneRay, stack};
-use crate::{Config, Traversal};
+use crate::{KdTraversal, KdTreeConfig};
 
 /// Memory of the parts of a kd-tree in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Memory {
+pub struct KdTreeMemory {
     /// Planes and leaves, 8 bytes each.
     pub nodes: usize,
-    /// Cells and ropes of leaves, 64 bytes each; none for [`Traversal::Stack`].
+    /// Cells and ropes of leaves, 64 bytes each; none for [`KdTraversal::Stack`].
     pub ropes: usize,
     /// Triangles of the leaves, 4 bytes each.
     pub references: usize,
@@ -22,7 +21,7 @@ pub struct Memory {
     pub triangles: usize,
 }
 
-impl Memory {
+impl KdTreeMemory {
     /// All parts together.
     #[must_use]
     pub fn total(&self) -> usize {
@@ -42,19 +41,19 @@ pub struct KdNodes {
     pub(crate) cell: Aabb,
     pub(crate) depth: u32,
     pub(crate) n_leaves: u32,
-    pub(crate) traversal: Traversal,
+    pub(crate) traversal: KdTraversal,
 }
 
 impl KdNodes {
     /// Builds over triangles by their vertices, which must be finite.
     #[must_use]
-    pub fn new(corners: &[Corners], config: &Config) -> Self {
+    pub fn new(corners: &[Corners], config: &KdTreeConfig) -> Self {
         Self::from_built(build(corners, config), config)
     }
 
-    pub(crate) fn from_built(built: Built, config: &Config) -> Self {
+    pub(crate) fn from_built(built: Built, config: &KdTreeConfig) -> Self {
         let Built { nodes, references, cell, depth, n_leaves } = built;
-        Self { nodes, references, ropes: vec![], cell, depth, n_leaves, traversal: Traversal::Stack }
+        Self { nodes, references, ropes: vec![], cell, depth, n_leaves, traversal: KdTraversal::Stack }
             .with_traversal(config.traversal)
     }
 
@@ -67,7 +66,6 @@ impl KdNodes {
         for reference in &mut self.references {
             let number = &mut numbers[reference.triangle() as usize];
             if *number == UNSET {
-                #[expect(clippy::cast_possible_truncation, reason = "at most 2^30 triangles")]
                 let next = order.len() as u32;
                 *number = next;
                 order.push(PrimId(reference.triangle()));
@@ -80,10 +78,10 @@ impl KdNodes {
 
     /// The same nodes for another traversal.
     #[must_use]
-    pub fn with_traversal(self, traversal: Traversal) -> Self {
+    pub fn with_traversal(self, traversal: KdTraversal) -> Self {
         let ropes = match traversal {
-            Traversal::Stack => vec![],
-            Traversal::Ropes => ropes::ropes(&self.nodes, &self.cell),
+            KdTraversal::Stack => vec![],
+            KdTraversal::Ropes => ropes::ropes(&self.nodes, &self.cell),
         };
         Self { ropes, traversal, ..self }
     }
@@ -96,7 +94,7 @@ impl KdNodes {
 
     /// How rays are traced.
     #[must_use]
-    pub fn traversal(&self) -> Traversal {
+    pub fn traversal(&self) -> KdTraversal {
         self.traversal
     }
 
@@ -130,8 +128,8 @@ impl KdNodes {
 
     /// Memory of nodes, ropes and references.
     #[must_use]
-    pub fn memory(&self) -> Memory {
-        Memory {
+    pub fn memory(&self) -> KdTreeMemory {
+        KdTreeMemory {
             nodes: size_of_val(&self.nodes[..]),
             ropes: size_of_val(&self.ropes[..]),
             references: size_of_val(&self.references[..]),
@@ -167,8 +165,30 @@ impl KdNodes {
         visit: impl FnMut(u32, f32, &mut Q) -> f32,
     ) {
         match self.traversal {
-            Traversal::Stack => stack::walk(self, ray, t_max, query, leaf, visit),
-            Traversal::Ropes => ropes::walk(self, ray, t_max, query, leaf, visit),
+            KdTraversal::Stack => stack::walk(self, ray, t_max, query, leaf, visit),
+            KdTraversal::Ropes => ropes::walk(self, ray, t_max, query, leaf, visit),
+        }
+    }
+
+    /// Calls `visit` with the cell of each node and leaf, but for leaves without triangles, relative to the reference point of what was
+    /// given: the cell, its level, 0 for the root, and whether it is a leaf. Parents come before their children.
+    pub fn each_box(&self, mut visit: impl FnMut(Obb, u32, bool)) {
+        let mut open: Vec<(usize, Aabb, u32)> = vec![];
+        if !self.nodes.is_empty() {
+            open.push((0, self.cell, 0));
+        }
+        while let Some((index, cell, level)) = open.pop() {
+            match self.nodes[index].kind() {
+                NodeKind::Leaf { first: None, .. } => {}
+                NodeKind::Leaf { .. } => visit(Obb::from_aabb(&cell), level, true),
+                NodeKind::Inner { axis, plane, upper } => {
+                    visit(Obb::from_aabb(&cell), level, false);
+                    let (mut above, mut below) = (cell, cell);
+                    (above.min[axis], below.max[axis]) = (plane, plane);
+                    open.push((upper as usize, above, level + 1));
+                    open.push((index + 1, below, level + 1));
+                }
+            }
         }
     }
 }

@@ -1,6 +1,6 @@
 use canted_obb::Aabb;
 
-use crate::Config;
+use crate::KdTreeConfig;
 
 /// The part of a triangle in a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,13 +81,12 @@ impl Split {
 /// Reads: the sorted events of `n` fragments on each axis. A cell counts its fragments, at least one, towards `budget`.
 /// Source: Wald, Havran 2006, section 3; the cost after MacDonald, Booth 1990. Relative to the source of the bonus (Silva 2010),
 /// areas are divided by that of the node, so that scale does not matter.
-#[expect(clippy::cast_precision_loss, reason = "a cost, compared with others computed the same way")]
 pub(crate) fn best_split(
     events: &[Vec<Event>; 3],
     n: usize,
     cell: &Aabb,
     budget: usize,
-    config: &Config,
+    config: &KdTreeConfig,
 ) -> Option<Split> {
     let extent: [f64; 3] = std::array::from_fn(|k| f64::from(cell.max[k]) - f64::from(cell.min[k]));
     let half_area = extent[0] * extent[1] + extent[1] * extent[2] + extent[2] * extent[0];
@@ -142,15 +141,14 @@ mod tests {
     }
 
     /// The least cost over all planes, by counting the fragments of each plane anew.
-    fn cheapest(fragments: &[Aabb], cell: &Aabb, budget: usize, config: &Config) -> Option<f64> {
+    fn cheapest(fragments: &[Aabb], cell: &Aabb, budget: usize, config: &KdTreeConfig) -> Option<f64> {
         let planes = (0..3).flat_map(|k| fragments.iter().flat_map(move |f| [(k, f.min[k]), (k, f.max[k])]));
         let inside = planes.filter(|&(k, plane)| cell.min[k] < plane && plane < cell.max[k]);
         let cost = |(axis, plane)| cost_of(&Split { axis, plane, n: [0; 2] }, fragments, cell, budget, config);
         inside.filter_map(cost).reduce(f64::min)
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "small numbers")]
-    fn cost_of(split: &Split, fragments: &[Aabb], cell: &Aabb, budget: usize, config: &Config) -> Option<f64> {
+    fn cost_of(split: &Split, fragments: &[Aabb], cell: &Aabb, budget: usize, config: &KdTreeConfig) -> Option<f64> {
         let [lower, upper] = [0, 1].map(|side| fragments.iter().filter(|f| split.sides(f)[side]).count());
         let (mut below, mut above) = (*cell, *cell);
         below.max[split.axis] = split.plane;
@@ -169,14 +167,13 @@ mod tests {
         for round in 0..2_000 {
             // Coordinates on a coarse grid: many are equal, and some fragments are flat.
             let cell = Aabb { min: [0.0, -4.0, 1.0], max: [8.0, 4.0, 9.0] };
-            #[expect(clippy::cast_precision_loss, reason = "small numbers")]
             let boxes: Vec<Aabb> = (0..1 + rng.below(9))
                 .map(|_| {
                     let ends = [0, 1, 2].map(|k| [0, 1].map(|_| cell.min[k] + rng.below(9) as f32));
                     Aabb { min: ends.map(|[a, b]| a.min(b)), max: ends.map(|[a, b]| a.max(b)) }
                 })
                 .collect();
-            let config = Config { empty_bonus: [0.0, 0.5, 0.9][round % 3], ..Config::default() };
+            let config = KdTreeConfig { empty_bonus: [0.0, 0.5, 0.9][round % 3], ..KdTreeConfig::default() };
             let budget = [usize::MAX, boxes.len() + 1][round % 2];
             let mut events = [vec![], vec![], vec![]];
             for (i, aabb) in boxes.iter().enumerate() {

@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use canted_fixtures::kinds;
 use canted_fixtures::{Mesh, SplitMix64, equal_centroids, identical, outlier, soup};
-use canted_kdtree::{Config, KdNodes, KdTree, Traversal};
-use canted_trace::{Kernel, MollerTrumbore};
+use canted_kdtree::{KdNodes, KdTraversal, KdTree, KdTreeConfig};
+use canted_trace::{Kernel, MollerTrumbore, TriangleTest};
 
 type Corners = [[f32; 3]; 3];
 
@@ -18,9 +18,10 @@ fn every_generated_kind_passes_the_checker() {
     for kind in kinds::all() {
         for mesh in kind.generate(3_000, 2).meshes.iter().take(2) {
             let corners = corners(mesh);
-            for config in
-                [Config::default(), Config { traversal: Traversal::Ropes, traversal_cost: 0.1, ..Config::default() }]
-            {
+            for config in [
+                KdTreeConfig::default(),
+                KdTreeConfig { traversal: KdTraversal::Ropes, traversal_cost: 0.1, ..KdTreeConfig::default() },
+            ] {
                 let tree = KdNodes::new(&corners, &config);
                 let stats = tree.check(&corners).unwrap_or_else(|flaw| panic!("{}: {flaw}", kind.name));
                 assert!(corners.len() < 500 || stats.n_leaves > 20, "{}: {stats:?}", kind.name);
@@ -33,7 +34,7 @@ fn every_generated_kind_passes_the_checker() {
 #[test]
 fn scale_changes_no_decision() {
     let mesh = soup(3, 800);
-    let nodes = |scale: f32| KdNodes::new(&corners(&mesh.placed(|p| p.map(|x| x * scale))), &Config::default());
+    let nodes = |scale: f32| KdNodes::new(&corners(&mesh.placed(|p| p.map(|x| x * scale))), &KdTreeConfig::default());
     let unit = nodes(1.0);
     assert!(unit.n_leaves() > 300);
     for exponent in [-40, -10, 10, 40] {
@@ -52,7 +53,10 @@ fn threads_change_no_bit() {
     let build = |n_threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
         pool.install(|| {
-            format!("{:?}", KdNodes::new(&corners, &Config { traversal: Traversal::Ropes, ..Config::default() }))
+            format!(
+                "{:?}",
+                KdNodes::new(&corners, &KdTreeConfig { traversal: KdTraversal::Ropes, ..KdTreeConfig::default() })
+            )
         })
     };
     let one = build(1);
@@ -79,7 +83,7 @@ fn equal_and_clustered_triangles_are_built_in_nearly_linear_time() {
         for _ in 0..100 {
             for (least, corners) in least.iter_mut().zip(&meshes) {
                 let start = Instant::now();
-                let tree = one_thread.install(|| KdNodes::new(corners, &Config::default()));
+                let tree = one_thread.install(|| KdNodes::new(corners, &KdTreeConfig::default()));
                 *least = start.elapsed().min(*least);
                 assert!(tree.n_references() <= 16 * corners.len() && tree.depth() <= 29, "{name}");
             }
@@ -88,10 +92,10 @@ fn equal_and_clustered_triangles_are_built_in_nearly_linear_time() {
             }
         }
         assert!(least[1] < LINEAR * least[0], "{name}: {least:?}");
-        let stats = KdNodes::new(&meshes[0], &Config::default()).check(&meshes[0]).unwrap();
+        let stats = KdNodes::new(&meshes[0], &KdTreeConfig::default()).check(&meshes[0]).unwrap();
         assert_eq!(stats.n_leaves == 1, name == "identical", "{name}: {stats:?}");
     }
-    let equal = KdNodes::new(&corners(&identical(100_000)), &Config::default());
+    let equal = KdNodes::new(&corners(&identical(100_000)), &KdTreeConfig::default());
     assert_eq!((equal.n_leaves(), equal.n_references()), (1, 100_000));
 }
 
@@ -99,7 +103,6 @@ fn equal_and_clustered_triangles_are_built_in_nearly_linear_time() {
 #[test]
 fn needles_do_not_exceed_the_reference_limit() {
     let mut rng = SplitMix64::new(8);
-    #[expect(clippy::cast_possible_truncation, reason = "any coordinates")]
     let mut point = || [0; 3].map(|_| rng.unit() as f32);
     let needles: Vec<Corners> = (0..3_000)
         .map(|_| {
@@ -108,9 +111,9 @@ fn needles_do_not_exceed_the_reference_limit() {
         })
         .collect();
     for max_references in [1.0, 3.0, 16.0] {
-        let config = Config { max_references, traversal_cost: 0.0, max_depth: Some(64), ..Config::default() };
+        let config =
+            KdTreeConfig { max_references, traversal_cost: 0.0, max_depth: Some(64), ..KdTreeConfig::default() };
         let stats = KdNodes::new(&needles, &config).check(&needles).unwrap();
-        #[expect(clippy::cast_precision_loss, reason = "small numbers")]
         let limit = max_references * 3_000.0 - (stats.n_references + stats.n_empty) as f64;
         assert!(limit >= 0.0, "{stats:?}");
         assert!(max_references < 16.0 || stats.n_references > 9_000, "{stats:?}");
@@ -120,7 +123,12 @@ fn needles_do_not_exceed_the_reference_limit() {
 #[test]
 fn a_tree_passes_the_checker_in_its_own_order() {
     let mesh = soup(6, 400);
-    let tree = KdTree::<MollerTrumbore>::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap();
+    let tree = KdTree::build(
+        &mesh.positions,
+        &mesh.triangles,
+        &KdTreeConfig { test: TriangleTest::MollerTrumbore, ..KdTreeConfig::default() },
+    )
+    .unwrap();
     let given = corners(&mesh);
     let own: Vec<Corners> = tree.primitives().iter().map(|primitive| given[primitive.index()]).collect();
     tree.nodes().check(&own).unwrap();
@@ -134,10 +142,10 @@ fn a_tree_passes_the_checker_in_its_own_order() {
 fn memory_is_the_sum_of_its_parts() {
     let mesh = soup(4, 500);
     let build = |traversal| {
-        let config = Config { traversal, ..Config::default() };
-        KdTree::<MollerTrumbore>::build(&mesh.positions, &mesh.triangles, &config).unwrap()
+        let config = KdTreeConfig { traversal, test: TriangleTest::MollerTrumbore, ..KdTreeConfig::default() };
+        KdTree::build(&mesh.positions, &mesh.triangles, &config).unwrap()
     };
-    let (stack, ropes) = (build(Traversal::Stack), build(Traversal::Ropes));
+    let (stack, ropes) = (build(KdTraversal::Stack), build(KdTraversal::Ropes));
     let memory = ropes.memory();
     let n_leaves = ropes.nodes().n_leaves();
     assert_eq!(memory.nodes, 8 * (2 * n_leaves - 1));

@@ -3,8 +3,8 @@
 mod oracle;
 
 use canted_fixtures::{Mesh, soup, torus};
-use canted_kdtree::{Config, KdTree};
-use canted_trace::{Counts, Hit, InstanceId, Ray, Watertight};
+use canted_kdtree::{KdTree, KdTreeConfig};
+use canted_trace::{Accept, Counts, Hit, Intersect, Ray, Watertight};
 
 use oracle::{Oracle, both, deep, doubled, rays};
 
@@ -30,22 +30,22 @@ fn slices_and_filters_agree_with_single_rays() {
             let want = oracle.all_hits(ray);
             assert_eq!((closest[i], occluded[i], &all[i]), (want.first().copied(), !want.is_empty(), &want));
         }
-        tree.closest_hits_where(&rays, &mut closest, |i, _, hit| accepts(i, hit));
-        tree.par_closest_hits_where(&rays, &mut par_closest, |i, _, hit| accepts(i, hit));
-        tree.occluded_many_where(&rays, &mut occluded, |i, _, hit| accepts(i, hit));
-        tree.par_occluded_many_where(&rays, &mut par_occluded, |i, _, hit| accepts(i, hit));
-        tree.all_hits_many_where(&rays, &mut all, |i, _, hit| accepts(i, hit));
-        tree.par_all_hits_many_where(&rays, &mut par_all, |i, _, hit| accepts(i, hit));
+        tree.closest_hits_with(&rays, &mut closest, &|i, _, hit| accepts(i, hit));
+        tree.par_closest_hits_with(&rays, &mut par_closest, &|i, _, hit| accepts(i, hit));
+        tree.occluded_many_with(&rays, &mut occluded, &|i, _, hit| accepts(i, hit));
+        tree.par_occluded_many_with(&rays, &mut par_occluded, &|i, _, hit| accepts(i, hit));
+        tree.all_hits_many_with(&rays, &mut all, &|i, _, hit| accepts(i, hit));
+        tree.par_all_hits_many_with(&rays, &mut par_all, &|i, _, hit| accepts(i, hit));
         assert_eq!((&closest, &occluded, &all), (&par_closest, &par_occluded, &par_all));
         for (i, ray) in rays.iter().enumerate() {
             let mut want = oracle.all_hits(ray);
             want.retain(|hit| accepts(i, hit));
             assert_eq!((closest[i], occluded[i], &all[i]), (want.first().copied(), !want.is_empty(), &want), "{ray:?}");
             let mut hits = vec![];
-            tree.all_hits_where(ray, &mut hits, |_, hit| accepts(i, hit));
+            tree.all_hits_with(ray, &mut Accept(|hit: &Hit| accepts(i, hit)), &mut hits);
             assert_eq!(hits, want);
-            assert_eq!(tree.closest_hit_where(ray, |_, hit| accepts(i, hit)), closest[i]);
-            assert_eq!(tree.occluded_where(ray, |_, hit| accepts(i, hit)), occluded[i]);
+            assert_eq!(tree.closest_hit_with(ray, &mut Accept(|hit: &Hit| accepts(i, hit))), closest[i]);
+            assert_eq!(tree.occluded_with(ray, &mut Accept(|hit: &Hit| accepts(i, hit))), occluded[i]);
         }
     }
 }
@@ -53,7 +53,7 @@ fn slices_and_filters_agree_with_single_rays() {
 #[test]
 fn an_empty_tree_is_never_hit() {
     let ray = Ray::new([0.0; 3], [1.0, 0.0, 0.0]);
-    for tree in both::<Watertight>(&Mesh::default(), &Config::default()) {
+    for tree in both::<Watertight>(&Mesh::default(), &KdTreeConfig::default()) {
         let mut hits = vec![];
         tree.all_hits(&ray, &mut hits);
         assert_eq!((tree.closest_hit(&ray), tree.occluded(&ray), hits.len(), tree.n_triangles()), (None, false, 0, 0));
@@ -64,8 +64,7 @@ fn an_empty_tree_is_never_hit() {
 #[test]
 fn invalid_geometry_is_reported() {
     let positions = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, f32::NAN, 0.0]];
-    let error =
-        |triangles: &[[u32; 3]]| KdTree::<Watertight>::build(&positions, triangles, &Config::default()).unwrap_err();
+    let error = |triangles: &[[u32; 3]]| KdTree::build(&positions, triangles, &KdTreeConfig::default()).unwrap_err();
     assert_eq!(error(&[[0, 1, 0], [0, 1, 2]]).to_string(), "triangle 1 has a vertex that is not finite");
     assert_eq!(error(&[[0, 1, 3]]).to_string(), "triangle 0 has vertex index 3, but there are 3 vertices");
     // Beyond the promised range hits may be missed, but nothing panics.
@@ -80,13 +79,12 @@ fn invalid_geometry_is_reported() {
 }
 
 #[test]
-fn queries_count_their_tests_and_name_the_instance() {
+fn queries_count_their_tests() {
     let mesh = torus(10, 6);
     for tree in both::<Watertight>(&mesh, &deep()) {
         let ray = rays(&mesh, 20).into_iter().find(|ray| tree.occluded(ray)).unwrap();
         let mut counts = Counts::default();
-        let hit = tree.closest_hit_with(&ray, InstanceId(7), &mut counts).unwrap();
-        assert_eq!(hit.instance, InstanceId(7));
+        assert_eq!(tree.closest_hit_with(&ray, &mut counts), tree.closest_hit(&ray));
         assert!(counts.boxes > 0 && (1..120).contains(&counts.triangles), "{counts:?}");
         let printed = format!("{tree:?}");
         assert!(printed.starts_with("KdTree { n_triangles: 120, "), "{printed}");
@@ -101,9 +99,9 @@ fn a_large_triangle_does_not_loosen_small_ones() {
     let mesh = small.joined(&Mesh { positions: floor, triangles: vec![[0, 1, 2]] });
     let counts = |mesh: &Mesh| {
         let mut counts = Counts::default();
-        let tree = KdTree::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap();
+        let tree = KdTree::build(&mesh.positions, &mesh.triangles, &KdTreeConfig::default()).unwrap();
         for ray in rays(&small, 100) {
-            let _ = tree.closest_hit_with(&ray, InstanceId(0), &mut counts);
+            let _ = tree.closest_hit_with(&ray, &mut counts);
         }
         counts
     };

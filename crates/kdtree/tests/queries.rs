@@ -6,13 +6,13 @@ use canted_fixtures::kinds::{self, RayKind};
 use canted_fixtures::{
     Mesh, SplitMix64, coplanar_quads, equal_centroids, fan, identical, outlier, slivers, soup, torus,
 };
-use canted_kdtree::{Config, KdTree};
-use canted_trace::{BaldwinWeber, Kernel, MollerTrumbore, Ray, Watertight};
+use canted_kdtree::{KdTree, KdTreeConfig};
+use canted_trace::{BaldwinWeber, Intersect, MollerTrumbore, Ray, Watertight};
 
-use oracle::{Oracle, both, deep, doubled, rays};
+use oracle::{NamedKernel, Oracle, both, deep, doubled, rays};
 
 /// All queries of every ray; returns how many rays hit.
-fn agrees<K: Kernel>(name: &str, mesh: &Mesh, rays: &[Ray], config: &Config) -> usize {
+fn agrees<K: NamedKernel>(name: &str, mesh: &Mesh, rays: &[Ray], config: &KdTreeConfig) -> usize {
     let oracle = Oracle::<K>::new(mesh);
     let trees = both::<K>(mesh, config);
     let (mut n_hit, mut hits) = (0, vec![]);
@@ -34,7 +34,7 @@ fn agrees<K: Kernel>(name: &str, mesh: &Mesh, rays: &[Ray], config: &Config) -> 
 fn every_kernel_agrees_with_the_loop() {
     for (name, mesh) in [("doubled", doubled()), ("torus", torus(10, 6))] {
         let rays = rays(&mesh, 200);
-        for config in [Config::default(), deep()] {
+        for config in [KdTreeConfig::default(), deep()] {
             let n_hit = agrees::<Watertight>(name, &mesh, &rays, &config);
             assert!(n_hit * 3 > rays.len(), "{name}: too few rays hit");
             agrees::<MollerTrumbore>(name, &mesh, &rays, &config);
@@ -81,7 +81,7 @@ fn ugly() -> Vec<Named> {
 #[test]
 fn degenerate_meshes_agree_with_the_loop() {
     for (name, mesh) in ugly() {
-        for config in [Config::default(), deep()] {
+        for config in [KdTreeConfig::default(), deep()] {
             agrees::<Watertight>(name, &mesh, &rays(&mesh, 60), &config);
         }
     }
@@ -119,7 +119,7 @@ fn generated_kinds_agree_with_the_loop() {
                 all.extend(some.iter().map(|ray| Ray { t_max: ray.t_max, ..Ray::new(ray.origin, ray.direction) }));
             }
         }
-        agrees::<Watertight>(kind.name, mesh, &all, &Config::default());
+        agrees::<Watertight>(kind.name, mesh, &all, &KdTreeConfig::default());
     }
 }
 
@@ -138,7 +138,6 @@ fn rays_in_planes_agree_with_the_loop() {
             let (other, second) = planes[rng.below(planes.len())];
             ray.origin = std::array::from_fn(|k| {
                 let at = if rng.below(2) == 0 { 2.0 * rng.unit() - 0.5 } else { rng.unit() };
-                #[expect(clippy::cast_possible_truncation, reason = "any coordinate")]
                 let at = at as f32;
                 cell.min[k] + at * (cell.max[k] - cell.min[k])
             });
@@ -171,7 +170,6 @@ fn directions_of_any_length_agree() {
     for ray in rays(&mesh, 60) {
         for exponent in [-140, -60, -1, 1, 60, 120] {
             let scale = 2.0f64.powi(exponent);
-            #[expect(clippy::cast_possible_truncation, reason = "powers of two")]
             let scaled = Ray {
                 direction: ray.direction.map(|d| (f64::from(d) * scale) as f32),
                 t_min: 0.0,
@@ -196,11 +194,10 @@ fn the_configuration_changes_no_hit() {
         for (max_depth, max_references) in
             [(None, 16.0), (Some(0), 16.0), (Some(3), 2.0), (Some(64), 100.0), (None, 0.0)]
         {
-            let config = Config { empty_bonus, max_depth, max_references, ..deep() };
+            let config = KdTreeConfig { empty_bonus, max_depth, max_references, ..deep() };
             agrees::<Watertight>("doubled", &mesh, &rays, &config);
-            let tree = KdTree::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+            let tree = KdTree::build(&mesh.positions, &mesh.triangles, &config).unwrap();
             assert!(max_depth.is_none_or(|limit| tree.nodes().depth() <= limit));
-            #[expect(clippy::cast_precision_loss, reason = "small numbers")]
             let per_triangle = tree.nodes().n_references() as f64 / mesh.triangles.len() as f64;
             assert!(per_triangle <= max_references.max(1.0), "{per_triangle} references per triangle");
             n_leaves.push(tree.nodes().n_leaves());
@@ -210,7 +207,7 @@ fn the_configuration_changes_no_hit() {
     for (traversal_cost, intersection_cost, empty_bonus) in
         [(f64::NAN, 1.0, 0.0), (1.0, 0.0, 0.0), (-1.0, 1.0, 2.0), (0.0, f64::INFINITY, f64::NAN), (1.0, -1.0, 0.0)]
     {
-        let config = Config { traversal_cost, intersection_cost, empty_bonus, ..Config::default() };
+        let config = KdTreeConfig { traversal_cost, intersection_cost, empty_bonus, ..KdTreeConfig::default() };
         agrees::<Watertight>("doubled", &mesh, &rays[..30], &config);
     }
 }

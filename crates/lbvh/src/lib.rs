@@ -28,6 +28,7 @@
 //! | item | purpose |
 //! |---|---|
 //! | [`triangle_corners`], [`Domain`], [`morton_codes`], [`sort_by_code`], [`radix`] | from triangles to a [`Tree`] |
+//! | [`as_positions`], [`as_triangles`] | vertices and indices of other types |
 //! | [`Tree`], [`Tree::from_children`] | binary tree over primitive indices; from any builder |
 //! | [`volumes()`], [`Strategy`] | the bounding volume of every node |
 //! | [`check()`] | verifies a tree and its volumes |
@@ -49,6 +50,7 @@
 mod bottom_up;
 mod check;
 mod cost;
+mod input;
 mod leaf;
 mod morton;
 #[doc(hidden)]
@@ -61,6 +63,7 @@ mod volumes;
 pub use bottom_up::bottom_up;
 pub use check::{Flaw, Stats, check};
 pub use cost::{Costs, TreeCost, tree_cost};
+pub use input::{as_positions, as_triangles};
 pub use leaf::{
     Corners, GeometryError, Leaf, MAX_PRIMITIVES, corners_of, in_leaf_order, triangle_bounds, triangle_corners,
 };

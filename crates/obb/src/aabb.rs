@@ -1,7 +1,8 @@
 /// An axis-aligned box (closed), in the space of its points.
 ///
 /// `min` and `max` are copies of input coordinates, so containment is exact. The empty box has `min > max`.
-#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "bytemuck", derive(bytemuck::Pod, bytemuck::Zeroable))]
 #[repr(C)]
 pub struct Aabb {
     /// Least coordinate on each axis.

@@ -48,7 +48,8 @@ use crate::{Quaternion, orient_3d};
 /// let back = glam::Affine3A::from_cols_array_2d(&ours.columns);
 /// assert_eq!(back, of_glam);
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "bytemuck", derive(bytemuck::Pod, bytemuck::Zeroable))]
 #[repr(C)]
 pub struct Affine {
     /// Images of the three axes, then the image of the origin.

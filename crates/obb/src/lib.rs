@@ -41,6 +41,7 @@
 //!
 //! # Features
 //! - `std` (default): float functions of the standard library.
+//! - `bytemuck`: boxes and maps implement `bytemuck::Pod`.
 //! - `libm`: float functions of the crate `libm`, for `no_std` targets; disable the default features.
 #![no_std]
 #![forbid(unsafe_code)]

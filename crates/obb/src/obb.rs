@@ -16,7 +16,8 @@ use crate::{
 /// `frame[k]` is the direction of axis `k` (a column of the matrix). It is orthonormal up to rounding after a fit and
 /// skewed after a shear, so that an affine image of a box stays exact. Half-extents are not negative; zero is valid. The
 /// layout is fifteen floats without padding, in this order, on CPU and GPU.
-#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "bytemuck", derive(bytemuck::Pod, bytemuck::Zeroable))]
 #[repr(C)]
 pub struct Obb {
     /// Center, in the space of the points.

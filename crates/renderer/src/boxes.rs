@@ -1,7 +1,7 @@
 //! Boxes of an acceleration structure, drawn over a picture.
 //!
 //! ```text
-//! Structure -> boxes of a level, world space -> edges -> View -> lines over a Picture
+//! SceneBvh -> boxes of a level, world space -> edges -> View -> lines over a Picture
 //! ```
 
 use std::fmt;
@@ -9,10 +9,9 @@ use std::str::FromStr;
 
 use canted_film::Picture;
 use canted_obb::Obb;
-use canted_wide::LaneKernel;
 use glam::{DVec3, Vec3};
 
-use crate::{Structure, View};
+use crate::{SceneBvh, SceneLevels, View};
 
 /// Which boxes of a structure are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,7 +45,7 @@ impl fmt::Display for BoxLevel {
     }
 }
 
-impl<K: LaneKernel> Structure<K> {
+impl SceneBvh {
     /// The boxes that rays are tested with at a level, world space, up to rounding; as the shutter opens where instances move.
     #[must_use]
     pub fn boxes(&self, shown: BoxLevel) -> Vec<Obb> {
@@ -60,9 +59,9 @@ impl<K: LaneKernel> Structure<K> {
                 boxes.push(obb());
             }
         };
-        match self {
-            Self::One(flat) => flat.bvh.each_box(|obb, level, is_leaf| keep(&|| obb, level, is_leaf)),
-            Self::Two(tlas) => {
+        match &self.levels {
+            SceneLevels::One(flat) => flat.bvh.each_box(|obb, level, is_leaf| keep(&|| obb, level, is_leaf)),
+            SceneLevels::Two(tlas) => {
                 tlas.each_box(|obb, level, _| keep(&|| obb, level, false));
                 let first = self.n_top_levels();
                 for instance in tlas.instances() {
@@ -89,7 +88,7 @@ impl<K: LaneKernel> Structure<K> {
     /// The number of levels of the top level.
     fn n_top_levels(&self) -> u32 {
         let mut n = 0;
-        if let Self::Two(tlas) = self {
+        if let SceneLevels::Two(tlas) = &self.levels {
             tlas.each_box(|_, level, _| n = n.max(level + 1));
         }
         n
@@ -232,11 +231,10 @@ fn clipped(from: [f64; 2], to: [f64; 2], size: [f64; 2]) -> Option<[[f64; 2]; 2]
 mod tests {
     use super::*;
     use crate::wide;
-    use crate::{Accel, Levels, Prepared, StructureConfig, flatten, prepare};
+    use crate::{BvhKind, Levels, SceneBvhConfig, flatten};
     use canted_lbvh::Strategy;
     use canted_obb::Affine;
     use canted_scene::{Camera, Instance, Mesh, MeshId, Projection, Scene};
-    use canted_trace::Watertight;
 
     /// The sum of a line's coverage, and the pixels that it touches.
     fn drawn(from: [f64; 2], to: [f64; 2]) -> (f32, Vec<[u32; 2]>) {
@@ -295,18 +293,21 @@ mod tests {
         Scene { meshes: vec![mesh], instances: vec![instance(0.5, 0), instance(9.0, 0)], ..Scene::default() }
     }
 
-    fn prepared(scene: &Scene, accel: Accel, levels: Levels) -> Prepared<Watertight> {
-        prepare(scene, &StructureConfig { levels, accel }).unwrap()
+    fn built(scene: &Scene, config: SceneBvhConfig, levels: Levels) -> SceneBvh {
+        SceneBvh::build(scene, &SceneBvhConfig { levels, ..config }).unwrap()
     }
 
-    const STRUCTURES: [Accel; 6] = [
-        Accel::Wide { preset: canted_wide::Preset::Balanced, builder: None },
-        Accel::Binary { strategy: Strategy::Aabb, builder: None },
-        Accel::Binary { strategy: Strategy::Dop, builder: None },
-        Accel::Binary { strategy: Strategy::Combined, builder: None },
-        Accel::Bih,
-        Accel::KdTree,
-    ];
+    fn configs() -> [SceneBvhConfig; 6] {
+        let of_kind = |kind, volumes| SceneBvhConfig { kind, volumes, ..SceneBvhConfig::default() };
+        [
+            of_kind(BvhKind::Wide, Strategy::Aabb),
+            of_kind(BvhKind::Bvh2, Strategy::Aabb),
+            of_kind(BvhKind::Bvh2, Strategy::Dop),
+            of_kind(BvhKind::Bvh2, Strategy::Combined),
+            of_kind(BvhKind::Bih, Strategy::Aabb),
+            of_kind(BvhKind::KdTree, Strategy::Aabb),
+        ]
+    }
 
     /// The number of triangles of which no box contains all corners, or of a kd-tree, whose cells cut triangles, of which some corner is
     /// in no cell. Boxes may be smaller by the rounding of their axes and center, less than 16 roundings of the greatest coordinate.
@@ -337,19 +338,19 @@ mod tests {
         for (scene, levels) in
             [scene(), far_mesh, far_instances].iter().flat_map(|s| [(s, Levels::One), (s, Levels::Two)])
         {
-            for accel in STRUCTURES {
-                let structure = prepared(scene, accel, levels).structure;
-                let leaves = structure.boxes(BoxLevel::Leaves);
-                let cuts = accel == Accel::KdTree;
-                assert_eq!(n_uncovered(scene, &leaves, cuts), 0, "{accel:?} {levels:?}");
+            for config in configs() {
+                let bvh = built(scene, config, levels);
+                let leaves = bvh.boxes(BoxLevel::Leaves);
+                let cuts = config.kind == BvhKind::KdTree;
+                assert_eq!(n_uncovered(scene, &leaves, cuts), 0, "{config:?} {levels:?}");
                 // The check sees a leaf that is missing.
                 let missing: Vec<Obb> = leaves.iter().skip(leaves.len() / 2).copied().collect();
-                assert!(n_uncovered(scene, &missing, cuts) > 0, "{accel:?} {levels:?}");
-                let n = structure.n_levels();
-                let sizes: Vec<usize> = (0..n).map(|level| structure.boxes(BoxLevel::Level(level)).len()).collect();
-                assert_eq!(sizes[0], 1, "{accel:?} {levels:?}: {sizes:?}");
-                assert!(sizes.iter().all(|&n| n > 0), "{accel:?} {levels:?}: {sizes:?}");
-                assert!(structure.boxes(BoxLevel::Level(n)).is_empty(), "{accel:?} {levels:?}");
+                assert!(n_uncovered(scene, &missing, cuts) > 0, "{config:?} {levels:?}");
+                let n = bvh.n_levels();
+                let sizes: Vec<usize> = (0..n).map(|level| bvh.boxes(BoxLevel::Level(level)).len()).collect();
+                assert_eq!(sizes[0], 1, "{config:?} {levels:?}: {sizes:?}");
+                assert!(sizes.iter().all(|&n| n > 0), "{config:?} {levels:?}: {sizes:?}");
+                assert!(bvh.boxes(BoxLevel::Level(n)).is_empty(), "{config:?} {levels:?}");
             }
         }
     }
@@ -357,12 +358,13 @@ mod tests {
     #[test]
     fn oriented_boxes_are_drawn_as_such() {
         let scene = scene();
-        let has_oriented = |accel| {
-            let boxes = prepared(&scene, accel, Levels::One).structure.boxes(BoxLevel::Leaves);
+        let has_oriented = |volumes| {
+            let config = SceneBvhConfig { kind: BvhKind::Bvh2, volumes, ..SceneBvhConfig::default() };
+            let boxes = built(&scene, config, Levels::One).boxes(BoxLevel::Leaves);
             boxes.iter().any(|obb| !is_aligned(obb))
         };
-        assert!(has_oriented(Accel::Binary { strategy: Strategy::PcaBounded, builder: None }));
-        assert!(!has_oriented(Accel::Binary { strategy: Strategy::Aabb, builder: None }));
+        assert!(has_oriented(Strategy::PcaBounded));
+        assert!(!has_oriented(Strategy::Aabb));
     }
 
     /// The position of a point on a ray is the image position that the ray was made for.

@@ -14,18 +14,18 @@ use std::f64::consts::{PI, TAU};
 
 use canted_obb::{Aabb, PrimId};
 use canted_scene::{Camera, Scene};
-use canted_trace::{Hit, InstanceId, Ray, Side};
+use canted_trace::{Hit, InstanceId, Intersect, Ray, Side};
 use glam::DVec3;
 
-use crate::{Tracer, narrow, wide};
+use crate::{narrow, wide};
 
 /// The direction from which objects are viewed.
 const THREE_QUARTERS: DVec3 = DVec3::new(1.0, 0.6, 0.8);
 
 /// Chooses a camera for `scene` and an image whose width is `aspect` times its height, with +y up; see [`frame_up`].
 #[must_use]
-pub fn frame<T: Tracer>(scene: &Scene, tracer: &T, aspect: f64) -> Camera {
-    frame_up(scene, tracer, aspect, [0.0, 1.0, 0.0])
+pub fn frame(scene: &Scene, bvh: &dyn Intersect, aspect: f64) -> Camera {
+    frame_up(scene, bvh, aspect, [0.0, 1.0, 0.0])
 }
 
 /// Chooses a camera for `scene` and an image whose width is `aspect` times its height. `up` is the scene's up direction, in
@@ -35,10 +35,10 @@ pub fn frame<T: Tracer>(scene: &Scene, tracer: &T, aspect: f64) -> Camera {
 /// outside, through it; closed interiors from inside, at two fifths of their height, from the point and direction with
 /// the best view. Directions are those of a scene with +y up. The result does not depend on the acceleration structure.
 #[must_use]
-pub fn frame_up<T: Tracer>(scene: &Scene, tracer: &T, aspect: f64, up: [f32; 3]) -> Camera {
+pub fn frame_up(scene: &Scene, bvh: &dyn Intersect, aspect: f64, up: [f32; 3]) -> Camera {
     let turn = Turn::of_up(up);
     let bounds = turn.bounds(scene);
-    let probe = Probe { tracer, bounds, turn };
+    let probe = Probe { bvh, bounds, turn };
     let framed = if is_interior(&probe) && !(is_plain(scene) && is_closed_object(&probe)) {
         match open_side(&probe) {
             Some(side) => fit(scene, turn, bounds.center().into(), side, aspect),
@@ -57,8 +57,8 @@ fn is_plain(scene: &Scene) -> bool {
 }
 
 /// Casts rays in the bounding box of a scene whose up direction was turned to +y.
-struct Probe<'a, T> {
-    tracer: &'a T,
+struct Probe<'a> {
+    bvh: &'a dyn Intersect,
     bounds: Aabb,
     turn: Turn,
 }
@@ -78,7 +78,7 @@ enum RayResult {
     Miss,
 }
 
-impl<T: Tracer> Probe<'_, T> {
+impl Probe<'_> {
     /// The point at relative coordinates in 0..=1.
     fn point_at(&self, relative: DVec3) -> DVec3 {
         DVec3::from(self.bounds.center()) + (relative - 0.5) * self.extent()
@@ -90,7 +90,7 @@ impl<T: Tracer> Probe<'_, T> {
 
     fn cast(&self, from: DVec3, direction: DVec3) -> RayResult {
         let [from, towards] = [from, direction].map(|v| narrow(self.turn.to_world(v)));
-        match self.tracer.closest_hit(&Ray::new(from, towards), &mut ()) {
+        match self.bvh.closest_hit(&Ray::new(from, towards)) {
             None => RayResult::Miss,
             Some(Hit { side: Side::Back, .. }) => RayResult::Back,
             Some(hit) => RayResult::Front {
@@ -271,7 +271,7 @@ const N_DIRECTIONS: u32 = 64;
 const INTERIOR_FRACTION: f64 = 0.75;
 
 /// Whether the scene is an interior: most points of its box see front faces in nearly all directions.
-fn is_interior<T: Tracer>(probe: &Probe<T>) -> bool {
+fn is_interior(probe: &Probe) -> bool {
     const N_POINTS: u32 = 128;
     // A margin keeps the points out of the outer walls.
     let n_inside =
@@ -280,7 +280,7 @@ fn is_interior<T: Tracer>(probe: &Probe<T>) -> bool {
 }
 
 /// Whether a point sees front faces in nearly all directions.
-fn is_inside<T: Tracer>(probe: &Probe<T>, point: DVec3) -> bool {
+fn is_inside(probe: &Probe, point: DVec3) -> bool {
     let is_front = |i| matches!(probe.cast(point, fibonacci_direction(i)), RayResult::Front { .. });
     let n_front = (0..N_DIRECTIONS).filter(|&i| is_front(i)).count();
     n_front as f64 >= INTERIOR_FRACTION * f64::from(N_DIRECTIONS)
@@ -288,7 +288,7 @@ fn is_inside<T: Tracer>(probe: &Probe<T>, point: DVec3) -> bool {
 
 /// Whether nearly all rays from outside towards points inside meet front faces: a pipe or a vessel, but no room, whose
 /// walls have their fronts inside.
-fn is_closed_object<T: Tracer>(probe: &Probe<T>) -> bool {
+fn is_closed_object(probe: &Probe) -> bool {
     /// Fraction of the rays that meet the scene.
     const FRONT_FRACTION: f64 = 0.9;
     const N_RAYS: u32 = 256;
@@ -315,7 +315,7 @@ fn fibonacci_direction(i: u32) -> DVec3 {
 }
 
 /// The outward direction of the only vertical side of the box through which most rays from inside escape.
-fn open_side<T: Tracer>(probe: &Probe<T>) -> Option<DVec3> {
+fn open_side(probe: &Probe) -> Option<DVec3> {
     const N_POINTS: u32 = 64;
     const OPEN_FRACTION: f64 = 0.75;
     let sides: [DVec3; 4] = [DVec3::Z, DVec3::NEG_Z, DVec3::X, DVec3::NEG_X];
@@ -337,7 +337,7 @@ const COLUMNS: usize = 32;
 const ROWS: usize = 7;
 
 /// The best view of all directions from a grid of points at eye height.
-fn view<T: Tracer>(probe: &Probe<T>, aspect: f64) -> Camera {
+fn view(probe: &Probe, aspect: f64) -> Camera {
     /// Points along each side of the box; odd, so that the center is one of them.
     const N_POINTS: u32 = 15;
     let half_height = 0.5 * f64::from(FOV_INSIDE_DEGREES).to_radians();
@@ -371,7 +371,7 @@ fn horizontal(azimuth: f64) -> DVec3 {
 }
 
 /// Casts rays all around from `eye`, with slopes up to `steepest`.
-fn panorama<T: Tracer>(probe: &Probe<T>, eye: DVec3, steepest: f64) -> [[RayResult; ROWS]; COLUMNS] {
+fn panorama(probe: &Probe, eye: DVec3, steepest: f64) -> [[RayResult; ROWS]; COLUMNS] {
     std::array::from_fn(|column| {
         std::array::from_fn(|row| {
             let slope = steepest * ((2 * row + 1) as f64 / ROWS as f64 - 1.0);

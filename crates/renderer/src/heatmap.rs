@@ -1,9 +1,9 @@
 use canted_film::{Picture, false_color};
 use canted_scene::Camera;
-use canted_trace::Counts;
+use canted_trace::{Counts, Intersect};
 use rayon::prelude::*;
 
-use crate::{CameraError, Masked, Surfaces, Tracer, View};
+use crate::{AlphaTest, CameraError, CountedAlphaTest, Surfaces, View};
 
 /// Which tests a heat map shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -48,9 +48,9 @@ impl Heatmap {
 ///
 /// # Errors
 /// [`CameraError`] if the camera is invalid.
-pub fn heatmap<T: Tracer>(
+pub fn heatmap(
     surfaces: &Surfaces,
-    tracer: &T,
+    bvh: &dyn Intersect,
     camera: &Camera,
     [width, height]: [u32; 2],
     measure: Measure,
@@ -59,9 +59,9 @@ pub fn heatmap<T: Tracer>(
     let view = View::new(camera, width, height)?;
     let row = |y: u32| {
         (0..width).map(move |x| {
-            let mut query = Masked::new(surfaces, Counts::default());
-            tracer.closest_hit(&view.ray([f64::from(x) + 0.5, f64::from(y) + 0.5]), &mut query);
-            query.inner
+            let mut query = CountedAlphaTest { test: AlphaTest::new(surfaces), counts: Counts::default() };
+            bvh.closest_hit_with(&view.ray([f64::from(x) + 0.5, f64::from(y) + 0.5]), &mut query);
+            query.counts
         })
     };
     let counts: Vec<Counts> = (0..height).into_par_iter().flat_map_iter(row).collect();

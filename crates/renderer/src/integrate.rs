@@ -1,20 +1,19 @@
 //! Integrators: radiance along camera rays.
 
-use canted_trace::{Hit, Ray};
+use canted_trace::{Hit, Intersect, Ray};
 use glam::Vec3;
 
 use crate::light::{LightSampler, Lights};
-use crate::query::{RayKeyed, Timed};
-use crate::{Cone, Sampler, Surfaces, Tracer};
+use crate::{AlphaTest, Cone, Sampler, Surfaces};
 
 mod hybrid;
 mod path;
 
-/// The data shared by all paths of an image. `query` is cloned for each ray.
-pub(crate) struct Transport<'a, T, Q> {
-    pub(crate) tracer: &'a T,
+/// The data shared by all paths of an image.
+pub(crate) struct Transport<'a> {
+    pub(crate) bvh: &'a dyn Intersect,
     pub(crate) surfaces: &'a Surfaces<'a>,
-    pub(crate) query: Q,
+    pub(crate) alpha: AlphaTest<'a>,
     pub(crate) sampler: Sampler,
     pub(crate) lights: Lights<'a>,
     pub(crate) bounces: u32,
@@ -40,11 +39,10 @@ const ALPHA_DIMENSION: u32 = u32::MAX - 2;
 /// The start of a path at the camera.
 #[derive(Clone, Copy)]
 pub(crate) struct Start {
+    /// The camera ray, at the time of the entire path.
     pub(crate) ray: Ray,
     /// The ray cone.
     pub(crate) cone: Cone,
-    /// Shutter time of the entire path, in 0..=1.
-    pub(crate) time: f32,
     /// Index of the pixel.
     pub(crate) pixel: u32,
     /// Index of the sample in the pixel.
@@ -59,7 +57,7 @@ pub(crate) struct Sample {
     pub(crate) n_rays: u64,
 }
 
-impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
+impl<'a> Transport<'a> {
     /// Radiance along camera rays whose closest hits are known, one sample each.
     pub(crate) fn samples(&self, camera_rays: impl Iterator<Item = (Start, Option<Hit>)>) -> Vec<Sample> {
         match self.method {
@@ -69,14 +67,13 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
     }
 
     /// The query of a camera ray: number 0 of its path.
-    pub(crate) fn camera_query(&self, start: &Start) -> Timed<Q> {
+    pub(crate) fn camera_query(&self, start: &Start) -> AlphaTest<'a> {
         self.path_query(start).keyed(0)
     }
 
     /// The query of a path; each ray derives its own key.
-    fn path_query(&self, start: &Start) -> Timed<Q> {
-        let Start { time, pixel, sample, .. } = *start;
-        Timed { inner: self.query.keyed(self.sampler.bits(pixel, sample, ALPHA_DIMENSION)), time }
+    fn path_query(&self, start: &Start) -> AlphaTest<'a> {
+        self.alpha.keyed(self.sampler.bits(start.pixel, start.sample, ALPHA_DIMENSION))
     }
 }
 
@@ -86,10 +83,10 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
 // [`Surfaces::prefetch`](crate::Surfaces). Paths are otherwise independent, so results do not depend on the batch.
 
 /// The state of a path between two rays.
-struct Path<Q, W> {
+struct Path<'a, W> {
     start: Start,
     /// The query of the path; each ray derives its own key.
-    query: Timed<Q>,
+    query: AlphaTest<'a>,
     /// The last ray traced, or the next one to trace.
     ray: Ray,
     /// The ray cone.
@@ -115,14 +112,14 @@ impl PathRadiance {
     }
 }
 
-impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
+impl<'a> Transport<'a> {
     /// Traces paths from camera rays whose hits are known.
     ///
     /// `step` shades the `n`-th vertex, or ends the path, and returns whether there is a next ray.
     fn batch<W: Default>(
         &self,
         camera_rays: impl Iterator<Item = (Start, Option<Hit>)>,
-        step: impl Fn(&mut Path<Q, W>, u32) -> bool,
+        step: impl Fn(&mut Path<'a, W>, u32) -> bool,
     ) -> Vec<Sample> {
         let begin = |(start, hit): (Start, Option<Hit>)| Path {
             start,
@@ -133,7 +130,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
             accumulated: PathRadiance { radiance: Vec3::ZERO, throughput: Vec3::ONE, n_rays: 1 },
             state: W::default(),
         };
-        let mut paths: Vec<Path<Q, W>> = camera_rays.map(begin).collect();
+        let mut paths: Vec<Path<'a, W>> = camera_rays.map(begin).collect();
         let mut active: Vec<usize> = (0..paths.len()).collect();
         for n in 0.. {
             // The hit of the last ray is not shaded.
@@ -147,11 +144,11 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
             for &i in &active {
                 let Path { query, ray, hit, accumulated, .. } = &mut paths[i];
                 accumulated.n_rays += 1;
-                *hit = self.tracer.closest_hit(ray, &mut query.keyed(1 + n));
+                *hit = self.bvh.closest_hit_with(ray, &mut query.keyed(1 + n));
             }
         }
         let sample =
-            |path: Path<Q, W>| Sample { radiance: path.accumulated.radiance.into(), n_rays: path.accumulated.n_rays };
+            |path: Path<'a, W>| Sample { radiance: path.accumulated.radiance.into(), n_rays: path.accumulated.n_rays };
         paths.into_iter().map(sample).collect()
     }
 }

@@ -1,25 +1,24 @@
 //! Renders pictures of scenes: cameras, materials, lights and integrators, on the CPU and on GPUs.
 //!
 //! ```text
-//! Scene -> frame -> Camera -> View -> rays -> Tracer -> Hit -> Surface (textures, Bsdf)
+//! Scene -> frame -> Camera -> View -> rays -> SceneBvh -> Hit -> Surface (textures, Bsdf)
 //! Surface -> light -> integrate/{hybrid, path} -> Film -> Picture -> PNG, EXR
 //! ```
 //!
-//! Integrators trace rays through a [`Tracer`], which [`prepare`] builds, or a caller's own. Radiance is linear RGB, `f32` per
+//! Integrators trace rays through a [`SceneBvh`], or anything else that implements `Intersect`. Radiance is linear RGB, `f32` per
 //! sample with sums in `f64`. Random numbers are a pure function of pixel, sample, dimension and seed, so a picture has the
 //! same bits for any number of threads and any tile size.
 //!
 //! ```
 //! use std::sync::atomic::AtomicBool;
 //!
-//! use canted_renderer::{Settings, StructureConfig, frame, prepare, render};
-//! use canted_trace::Watertight;
+//! use canted_renderer::{SceneBvh, SceneBvhConfig, Settings, frame, render};
 //!
 //! let scene = canted_scene::builtin();
-//! let structure = prepare::<Watertight>(&scene, &StructureConfig::default())?.structure;
+//! let bvh = SceneBvh::build(&scene, &SceneBvhConfig::default())?;
 //! let settings = Settings { width: 16, height: 9, samples: 1, ..Settings::default() };
-//! let camera = frame(&scene, &structure, 16.0 / 9.0);
-//! let film = render(&scene, &structure, &camera, &settings, &|_, _| (), &AtomicBool::new(false))?;
+//! let camera = frame(&scene, &bvh, 16.0 / 9.0);
+//! let film = render(&scene, &bvh, &camera, &settings, &|_, _| (), &AtomicBool::new(false))?;
 //! assert_eq!(film.picture().pixels.len(), 144);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -28,9 +27,8 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "shared with the GPU renderer, which uses more of it"))]
 
-mod accel;
-#[cfg(feature = "baseline")]
-mod baseline;
+mod alpha;
+mod bottom_level;
 mod boxes;
 mod bsdf;
 mod camera;
@@ -42,23 +40,20 @@ mod framing;
 mod heatmap;
 mod integrate;
 mod light;
-mod mask;
-mod prepare;
-mod query;
 mod render;
 mod sampler;
 pub mod sampling;
+mod scene_bvh;
 mod settings;
-mod structure;
 mod surface;
 mod texture;
-mod tracer;
 mod update;
 mod update_policy;
 
-pub use accel::{Accel, Builder, Bvh};
+pub use alpha::{AlphaTest, CountedAlphaTest};
 #[cfg(feature = "baseline")]
-pub use baseline::obvhs_tree;
+pub use bottom_level::obvhs_tree;
+pub use bottom_level::{BottomLevel, Builder, BvhKind};
 pub use boxes::{BoxLevel, draw_boxes};
 pub use bsdf::{Bsdf, BsdfSample, Evaluation, Lobes};
 pub use camera::{CameraError, View};
@@ -72,15 +67,12 @@ pub use error::PrepareError;
 pub use framing::{frame, frame_up};
 pub use heatmap::{Heatmap, Measure, heatmap};
 pub use light::{LightHit, LightId, LightSample, LightSampler, Lights, environment_of};
-pub use mask::Masked;
-pub use prepare::{Levels, Prepared, StructureConfig, UnusedFeature, prepare};
 pub use render::{Monitor, RenderError, render, resume, resume_with};
 pub use sampler::{Pattern, Sampler};
+pub use scene_bvh::{FlatBvh, Flattened, Levels, SceneBvh, SceneBvhConfig, SceneLevels, UnusedFeature, flatten};
 pub use settings::{FirstHit, Integrator, SampleSums, Settings};
-pub use structure::{Flat, Flattened, Structure, flatten};
 pub use surface::{Surface, Surfaces};
 pub use texture::{Cone, Lod, MipMaps};
-pub use tracer::Tracer;
 pub use update::{UpdateOptions, Updates};
 pub use update_policy::UpdatePolicy;
 

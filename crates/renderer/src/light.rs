@@ -29,10 +29,10 @@ use bytemuck::{Pod, Zeroable};
 use canted_film::srgb::luminance;
 use canted_obb::PrimId;
 use canted_scene::{Environment, Instance, Light, Material, Part, Scene};
-use canted_trace::{Hit, InstanceId, Query, Ray};
+use canted_trace::{Hit, InstanceId, Intersect, Query, Ray};
 use glam::DVec3;
 
-use crate::{Surface, Tracer, narrow, wide};
+use crate::{Surface, narrow, wide};
 use environment::Sky;
 #[cfg(feature = "gpu")]
 pub(crate) use sampler::Choice;
@@ -237,9 +237,9 @@ impl<'a> Lights<'a> {
 
     /// Whether a shadow ray towards `to` is unoccluded. The ray must end before the light.
     #[must_use]
-    pub fn is_unoccluded<T: Tracer, Q: Query>(&self, ray: &Ray, to: LightId, tracer: &T, query: &mut Q) -> bool {
+    pub fn is_unoccluded(&self, ray: &Ray, to: LightId, bvh: &dyn Intersect, query: &mut dyn Query) -> bool {
         let mut others = self.shape_lights.iter().filter(|&&index| to != LightId::Light(index));
-        others.all(|&index| self.intersect_shape_light(index, ray).is_none()) && !tracer.occluded(ray, query)
+        others.all(|&index| self.intersect_shape_light(index, ray).is_none()) && !bvh.occluded_with(ray, query)
     }
 
     /// The lights of the scene file.

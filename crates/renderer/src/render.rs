@@ -10,10 +10,10 @@ use std::sync::atomic::AtomicBool;
 
 use canted_film::{Film, FilterSampler, Sums, Tile};
 use canted_scene::{Camera, Scene};
+use canted_trace::Intersect;
 
 use crate::integrate::{Method, Transport};
-use crate::query::RayKeyed;
-use crate::{CameraError, Integrator, LightSampler, Lights, Masked, Sampler, Settings, Surfaces, Tracer, View, mask};
+use crate::{AlphaTest, CameraError, Integrator, LightSampler, Lights, Sampler, Settings, Surfaces, View};
 use tiles::TileRenderer;
 #[cfg(feature = "gpu")]
 pub(crate) use tiles::Worker;
@@ -41,45 +41,45 @@ pub struct Monitor<'a> {
 ///
 /// # Errors
 /// [`RenderError`] for an invalid camera or invalid settings, or if the render was cancelled.
-pub fn render<T: Tracer>(
+pub fn render(
     scene: &Scene,
-    tracer: &T,
+    bvh: &dyn Intersect,
     camera: &Camera,
     settings: &Settings,
     progress: &(dyn Fn(usize, usize) + Sync),
     cancel: &AtomicBool,
 ) -> Result<Film, RenderError> {
-    resume(scene, tracer, camera, settings, Vec::new(), &Monitor { progress, finished: &|_| {}, cancel })
+    resume(scene, bvh, camera, settings, Vec::new(), &Monitor { progress, finished: &|_| {}, cancel })
 }
 
 /// [`render`] for the tiles that are not in `done`, which an earlier call with the same arguments finished.
 ///
 /// # Errors
 /// Those of [`render`], and [`RenderError::Tile`] for a tile of another picture.
-pub fn resume<T: Tracer>(
+pub fn resume(
     scene: &Scene,
-    tracer: &T,
+    bvh: &dyn Intersect,
     camera: &Camera,
     settings: &Settings,
     done: Vec<Tile>,
     monitor: &Monitor,
 ) -> Result<Film, RenderError> {
-    resume_with(&Surfaces::with_lod(scene, settings.lod), tracer, camera, settings, done, monitor)
+    resume_with(&Surfaces::with_lod(scene, settings.lod), bvh, camera, settings, done, monitor)
 }
 
 /// [`resume`] with prepared surfaces, whose [`Lod`](crate::Lod) must be that of the settings.
 ///
 /// # Errors
 /// Those of [`resume`].
-pub fn resume_with<T: Tracer>(
+pub fn resume_with(
     surfaces: &Surfaces,
-    tracer: &T,
+    bvh: &dyn Intersect,
     camera: &Camera,
     settings: &Settings,
     done: Vec<Tile>,
     monitor: &Monitor,
 ) -> Result<Film, RenderError> {
-    let rendering = Rendering::new(surfaces.scene(), tracer, surfaces, camera, settings)?;
+    let rendering = Rendering::new(surfaces.scene(), bvh, surfaces, camera, settings)?;
     let schedule = Schedule::new(settings.tiling(), done, monitor)?;
     rendering.with_tiles(|tiles| {
         rayon::in_place_scope(|scope| schedule.spawn_cpu_workers(scope, tiles));
@@ -88,9 +88,9 @@ pub fn resume_with<T: Tracer>(
 }
 
 /// The validated inputs of a picture.
-pub(crate) struct Rendering<'a, T> {
+pub(crate) struct Rendering<'a> {
     scene: &'a Scene,
-    tracer: &'a T,
+    bvh: &'a dyn Intersect,
     surfaces: &'a Surfaces<'a>,
     pub(crate) view: View,
     pub(crate) filter: FilterSampler,
@@ -100,10 +100,10 @@ pub(crate) struct Rendering<'a, T> {
     light_sampler: OnceLock<LightSampler<'a>>,
 }
 
-impl<'a, T: Tracer> Rendering<'a, T> {
+impl<'a> Rendering<'a> {
     pub(crate) fn new(
         scene: &'a Scene,
-        tracer: &'a T,
+        bvh: &'a dyn Intersect,
         surfaces: &'a Surfaces<'a>,
         camera: &Camera,
         settings: &'a Settings,
@@ -113,7 +113,7 @@ impl<'a, T: Tracer> Rendering<'a, T> {
         let view = View::new(camera, settings.width, settings.height).map_err(RenderError::Camera)?;
         let filter = FilterSampler::new(settings.filter)
             .ok_or(RenderError::FilterRadius { radius: settings.filter.radius() })?;
-        Ok(Self { scene, tracer, surfaces, view, filter, settings, ao_radius, light_sampler: OnceLock::new() })
+        Ok(Self { scene, bvh, surfaces, view, filter, settings, ao_radius, light_sampler: OnceLock::new() })
     }
 
     /// The light sampler of the path integrator.
@@ -132,20 +132,11 @@ impl<'a, T: Tracer> Rendering<'a, T> {
 
     /// Calls `then` with the tile renderer of the scene.
     pub(crate) fn with_tiles<R>(&self, then: impl FnOnce(&dyn RenderTiles) -> R) -> R {
-        // The alpha test costs a texture lookup per hit; scenes without it run code that has none.
-        if mask::is_needed(self.scene) {
-            self.with_query(Masked::new(self.surfaces, ()), then)
-        } else {
-            self.with_query((), then)
-        }
-    }
-
-    fn with_query<Q: RayKeyed + Sync, R>(&self, query: Q, then: impl FnOnce(&dyn RenderTiles) -> R) -> R {
         let Settings { samples, bounces, seed, pattern, energy_compensation, .. } = *self.settings;
         let transport = Transport {
-            tracer: self.tracer,
+            bvh: self.bvh,
             surfaces: self.surfaces,
-            query,
+            alpha: AlphaTest::new(self.surfaces),
             sampler: Sampler::new(pattern, samples, seed),
             lights: Lights::new(self.scene),
             bounces,

@@ -8,7 +8,7 @@ use canted_scene::{AlphaMode, Material, MaterialId, Mesh, Scene, TextureRef};
 use canted_trace::{Hit, InstanceId, Ray, SurfacePoint};
 use glam::DVec3;
 
-use crate::query::alpha_threshold;
+use crate::alpha::alpha_threshold;
 use crate::texture::{MipMaps, Plane, Textures, filtered_textures};
 use crate::{Bsdf, Cone, Lod, narrow, wide};
 use hit_triangle::{HitTriangle, PlacedTriangle, Placement, TextureLookup};
@@ -36,6 +36,8 @@ pub struct Surface {
     pub offset: f64,
     /// The ray cone of the incoming ray, at this point.
     pub cone: Cone,
+    /// The time of the incoming ray, and of those that continue from here.
+    pub time: f32,
 }
 
 impl Surface {
@@ -48,13 +50,13 @@ impl Surface {
     /// An infinite ray along `direction`: [`SurfacePoint::spawn_ray`].
     #[must_use]
     pub fn spawn_ray(&self, direction: [f32; 3]) -> Ray {
-        self.point().spawn_ray(direction)
+        self.point().spawn_ray(direction).at_time(self.time)
     }
 
     /// A ray that ends just before `target`: [`SurfacePoint::spawn_ray_to`].
     #[must_use]
     pub fn spawn_ray_to(&self, target: [f32; 3]) -> Option<Ray> {
-        self.point().spawn_ray_to(target)
+        Some(self.point().spawn_ray_to(target)?.at_time(self.time))
     }
 
     /// Mirrors a direction below the triangle's horizon to the outside.
@@ -203,6 +205,7 @@ impl<'a> Surfaces<'a> {
             emission: std::array::from_fn(|k| material.emission[k] * emission_texel[k]),
             offset: placement.offset(normal),
             cone,
+            time,
         }
     }
 

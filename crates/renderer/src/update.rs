@@ -9,14 +9,14 @@ use std::time::{Duration, Instant};
 
 use canted_scene::{Instance, Scene};
 use canted_trace::InstanceId;
-use canted_wide::LaneKernel;
 use rayon::prelude::*;
 
-use crate::accel::{Accel, Bvh, Triangles};
-use crate::prepare::{MeshKey, has_one_level, prepare, triangle_shares, unused_features};
-use crate::structure::{Flat, Structure, flatten, instances};
+use crate::bottom_level::Triangles;
+use crate::scene_bvh::{
+    FlatBvh, MeshKey, SceneLevels, flatten, has_one_level, instances, triangle_shares, unused_features,
+};
 use crate::update_policy::{BvhCosts, UpdatePolicy};
-use crate::{PrepareError, Prepared};
+use crate::{BottomLevel, PrepareError, SceneBvh, SceneBvhConfig};
 
 /// How to update.
 #[derive(Clone, Copy, Debug, Default)]
@@ -70,28 +70,27 @@ impl AddAssign for Updates {
     }
 }
 
-impl<K: LaneKernel> Prepared<K> {
-    /// Updates to another state of the scene: usually the next frame. Hits are then those of [`prepare`] for it, bit for bit.
+impl SceneBvh {
+    /// Updates to another state of the scene: usually the next frame. Hits are then those of [`SceneBvh::build`] for it, bit for bit.
     ///
     /// Meshes, instances and levels are compared with those of the last call. A mesh whose vertices moved is refitted or rebuilt, one
     /// with other triangles is rebuilt, and the others keep their BVH. The top level is updated where instances or their meshes
     /// changed. In one level, the BVH over all instances is refitted or rebuilt.
     ///
     /// ```
-    /// use canted_renderer::{Levels, StructureConfig, UpdateOptions, prepare};
-    /// use canted_trace::Watertight;
+    /// use canted_renderer::{Levels, SceneBvh, SceneBvhConfig, UpdateOptions};
     ///
     /// let mut scene = canted_scene::builtin();
-    /// let config = StructureConfig { levels: Levels::Two, ..StructureConfig::default() };
-    /// let mut prepared = prepare::<Watertight>(&scene, &config)?;
+    /// let config = SceneBvhConfig { levels: Levels::Two, ..SceneBvhConfig::default() };
+    /// let mut bvh = SceneBvh::build(&scene, &config)?;
     /// scene.instances[0].world_from_object.columns[3][1] += 0.5;
-    /// let updates = prepared.update(&scene, &UpdateOptions::default())?;
+    /// let updates = bvh.update(&scene, &UpdateOptions::default())?;
     /// assert_eq!((updates.unchanged, updates.top_refits), (scene.meshes.len(), 1), "only the top level");
     /// # Ok::<(), canted_renderer::PrepareError>(())
     /// ```
     ///
     /// # Errors
-    /// As [`prepare`]. The structure may then be a mixture of both states; the next update builds it again.
+    /// As [`SceneBvh::build`]. The structure may then be a mixture of both states; the next update builds it again.
     pub fn update(&mut self, scene: &Scene, options: &UpdateOptions) -> Result<Updates, PrepareError> {
         let start = Instant::now();
         let keys: Vec<MeshKey> = scene.meshes.par_iter().map(MeshKey::of).collect();
@@ -99,13 +98,13 @@ impl<K: LaneKernel> Prepared<K> {
         let changed = if was_stale { None } else { self.update_levels(scene, &keys, options).ok().flatten() };
         let mut updates = match changed {
             Some(updates) => {
-                self.unused = unused_features(&self.structure, scene, &self.history.config);
+                self.unused = unused_features(&self.levels, scene, &self.history.config);
                 updates
             }
             None => {
-                *self = prepare(scene, &self.history.config)?;
-                let n_top = usize::from(matches!(self.structure, Structure::Two(_)));
-                Updates { rebuilds: self.structure.bottom().len(), top_rebuilds: n_top, whole: 1, ..Updates::default() }
+                *self = Self::build(scene, &self.history.config)?;
+                let n_top = usize::from(matches!(self.levels, SceneLevels::Two(_)));
+                Updates { rebuilds: self.levels.bottom().len(), top_rebuilds: n_top, whole: 1, ..Updates::default() }
             }
         };
         let history = &mut self.history;
@@ -127,15 +126,15 @@ impl<K: LaneKernel> Prepared<K> {
         keys: &[MeshKey],
         options: &UpdateOptions,
     ) -> Result<Option<Updates>, PrepareError> {
-        let Self { structure, history, .. } = self;
-        let is_one = matches!(structure, Structure::One(_));
+        let Self { levels, history, .. } = self;
+        let is_one = matches!(levels, SceneLevels::One(_));
         if is_one != has_one_level(scene, &history.config)? || keys.len() != history.meshes.len() {
             return Ok(None);
         }
         let changed: Vec<usize> = (0..keys.len()).filter(|&i| keys[i] != history.meshes[i]).collect();
-        let mut update = BvhUpdate { accel: history.config.accel, options, updates: Updates::default() };
-        match structure {
-            Structure::One(flat) => {
+        let mut update = BvhUpdate { config: history.config, options, updates: Updates::default() };
+        match levels {
+            SceneLevels::One(flat) => {
                 if changed.is_empty() && scene.instances == history.instances {
                     update.updates.unchanged = 1;
                 } else {
@@ -143,13 +142,13 @@ impl<K: LaneKernel> Prepared<K> {
                     let before = |i: &Instance| (i.mesh, history.meshes[i.mesh.0 as usize].triangles);
                     let may_refit = scene.instances.iter().map(same).eq(history.instances.iter().map(before));
                     let (positions, triangles, first) = flatten(scene)?;
-                    let Flat { bvh, first: old_first } = flat;
+                    let FlatBvh { bvh, first: old_first } = flat;
                     let triangles = Triangles { positions: &positions, close: None, triangles: &triangles };
                     update.apply(bvh, &mut history.costs[0], triangles, may_refit, 1.0)?;
                     *old_first = first;
                 }
             }
-            Structure::Two(tlas) => {
+            SceneLevels::Two(tlas) => {
                 let n_placed = |mesh: usize| scene.instances.iter().filter(|i| i.mesh.0 as usize == mesh).count();
                 let shares = if changed.is_empty() { Vec::new() } else { triangle_shares(scene, n_placed) };
                 update.updates.unchanged = keys.len() - changed.len();
@@ -197,16 +196,16 @@ impl<K: LaneKernel> Prepared<K> {
 
 /// Updates of BVHs over triangles.
 struct BvhUpdate<'a> {
-    accel: Accel,
+    config: SceneBvhConfig,
     options: &'a UpdateOptions,
     updates: Updates,
 }
 
 impl BvhUpdate<'_> {
     /// Refits or rebuilds a BVH through which a fraction `share` of all rays go.
-    fn apply<K: LaneKernel>(
+    fn apply(
         &mut self,
-        bvh: &mut Bvh<K>,
+        bvh: &mut BottomLevel,
         costs: &mut BvhCosts,
         triangles: Triangles,
         may_refit: bool,
@@ -232,7 +231,7 @@ impl BvhUpdate<'_> {
             }
             start = Instant::now();
         }
-        *bvh = self.accel.build(triangles)?;
+        *bvh = self.config.build(triangles)?;
         let time = start.elapsed();
         self.updates.rebuild_time += time;
         self.updates.rebuilds += 1;

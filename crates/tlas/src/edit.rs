@@ -1,10 +1,11 @@
 use canted_lbvh::par;
 use canted_obb::Affine;
-use canted_trace::InstanceId;
+use canted_trace::{InstanceId, Intersect};
 
 use crate::placement::{Bounds, JOB, Placement};
+use crate::tlas::deepest;
 use crate::top::Top;
-use crate::{Blas, Instance, InstanceError, Tlas};
+use crate::{Instance, InstanceError, Tlas};
 
 /// Changes in place.
 ///
@@ -12,22 +13,19 @@ use crate::{Blas, Instance, InstanceError, Tlas};
 /// of the top level, which takes time linear in the number of instances; it is built again instead where an instance becomes
 /// so ill-conditioned, compared with the others, that it would slow rays that do not meet it. [`Tlas::edit`] makes several changes with one
 /// refit, or rebuilds the top level. Hits do not depend on it: after any change they are those of a new [`Tlas`].
-impl<B: Blas> Tlas<B> {
+impl<B: Intersect> Tlas<B> {
     /// Starts several changes.
     ///
     /// ```
-    /// use canted_bvh2::{BuildConfig, Bvh2};
     /// use canted_obb::Affine;
-    /// use canted_tlas::{Instance, Tlas, TopConfig};
-    /// use canted_trace::{InstanceId, Ray, Watertight};
+    /// use canted_tlas::{Instance, Tlas};
+    /// use canted_trace::{InstanceId, Intersect, Ray};
+    /// use canted_wide::TriangleBvh;
     ///
-    /// let build = |z: f32| {
-    ///     let positions = [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
-    ///     Bvh2::<Watertight>::build(&positions, &[[0, 1, 2]], &BuildConfig::default())
-    /// };
+    /// let build = |z: f32| TriangleBvh::build(&[[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]], &[[0, 1, 2]]);
     /// let [x, y, z, _] = Affine::IDENTITY.columns;
     /// let at = |depth: f32| Affine { columns: [x, y, z, [0.0, 0.0, depth]] };
-    /// let mut tlas = Tlas::new(vec![build(0.0)?], &[Instance::new(0, at(5.0)); 2], TopConfig::default())?;
+    /// let mut tlas = Tlas::new(vec![build(0.0)?], &[Instance::new(0, at(5.0)); 2], Default::default())?;
     ///
     /// let mut edit = tlas.edit();
     /// edit.set_transform(InstanceId(1), at(3.0))?;
@@ -99,12 +97,12 @@ type Placed = (Placement, Bounds);
 ///
 /// [`TlasEdit::refit`] and [`TlasEdit::rebuild`] finish it. Dropping it refits too.
 #[derive(Debug)]
-pub struct TlasEdit<'a, B: Blas> {
+pub struct TlasEdit<'a, B: Intersect> {
     tlas: &'a mut Tlas<B>,
     bounds_changed: bool,
 }
 
-impl<B: Blas> TlasEdit<'_, B> {
+impl<B: Intersect> TlasEdit<'_, B> {
     /// Moves an instance. A moving instance becomes static; [`TlasEdit::set_instance`] gives it another motion.
     ///
     /// # Errors
@@ -129,7 +127,7 @@ impl<B: Blas> TlasEdit<'_, B> {
     /// An instance that does not exist, or a new one that [`Tlas::new`] would reject. The old one then stays.
     pub fn set_instance(&mut self, instance: InstanceId, new: Instance) -> Result<(), InstanceError> {
         self.instance(instance)?;
-        let index = instance.0 as usize;
+        let index = instance.index();
         let placed = self.tlas.place(index, &new)?;
         self.commit(index, placed);
         self.tlas.instances[index] = new;
@@ -140,15 +138,15 @@ impl<B: Blas> TlasEdit<'_, B> {
     ///
     /// ```
     /// use canted_obb::Affine;
-    /// use canted_tlas::{Instance, Tlas, TopConfig};
-    /// use canted_trace::{InstanceId, Ray};
-    /// use canted_wide::{Config, TriangleBvh};
+    /// use canted_tlas::{Instance, Tlas};
+    /// use canted_trace::{InstanceId, Intersect, Ray};
+    /// use canted_wide::TriangleBvh;
     ///
     /// let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-    /// let bvh: TriangleBvh = TriangleBvh::build(&triangle, &[[0, 1, 2]], &Config::default())?;
+    /// let bvh = TriangleBvh::build(&triangle, &[[0, 1, 2]])?;
     /// let [x, y, z, _] = Affine::IDENTITY.columns;
     /// let at = |depth: f32| Instance::new(0, Affine { columns: [x, y, z, [0.0, 0.0, depth]] });
-    /// let mut tlas = Tlas::new(vec![bvh], &[at(5.0); 3], TopConfig::default())?;
+    /// let mut tlas = Tlas::new(vec![bvh], &[at(5.0); 3], Default::default())?;
     /// tlas.edit().set_each(&[(InstanceId(2), at(3.0)), (InstanceId(0), at(4.0))])?;
     /// let hit = tlas.closest_hit(&Ray::new([0.2, 0.2, 0.0], [0.0, 0.0, 1.0])).expect("a hit");
     /// assert_eq!((hit.t, hit.instance), (3.0, InstanceId(2)));
@@ -160,13 +158,13 @@ impl<B: Blas> TlasEdit<'_, B> {
     pub fn set_each(&mut self, changes: &[(InstanceId, Instance)]) -> Result<(), InstanceError> {
         let placed = par::map(changes, JOB, |(id, new)| {
             self.instance(*id)?;
-            self.tlas.place(id.0 as usize, new)
+            self.tlas.place(id.index(), new)
         });
         if let Some(Err(error)) = placed.iter().find(|placed| placed.is_err()) {
             return Err(*error);
         }
         for ((id, new), placed) in changes.iter().zip(placed) {
-            let index = id.0 as usize;
+            let index = id.index();
             self.commit(index, placed?);
             self.tlas.instances[index] = *new;
         }
@@ -182,6 +180,7 @@ impl<B: Blas> TlasEdit<'_, B> {
         self.blas(index)?;
         let placed = self.place_all(index, &blas)?;
         let old = std::mem::replace(&mut self.tlas.blas[index as usize], blas);
+        self.tlas.bottom_stack_len = deepest(&self.tlas.blas);
         placed.into_iter().for_each(|(instance, placed)| self.commit(instance, placed));
         Ok(old)
     }
@@ -195,13 +194,13 @@ impl<B: Blas> TlasEdit<'_, B> {
     ///
     /// ```
     /// use canted_obb::Affine;
-    /// use canted_tlas::{Instance, Tlas, TopConfig};
-    /// use canted_trace::Ray;
-    /// use canted_wide::{Config, TriangleBvh};
+    /// use canted_tlas::{Instance, Tlas};
+    /// use canted_trace::{Intersect, Ray};
+    /// use canted_wide::TriangleBvh;
     ///
     /// let triangle = |z: f32| [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
-    /// let bvh: TriangleBvh = TriangleBvh::build(&triangle(1.0), &[[0, 1, 2]], &Config::default())?;
-    /// let mut tlas = Tlas::new(vec![bvh], &[Instance::new(0, Affine::IDENTITY)], TopConfig::default())?;
+    /// let bvh = TriangleBvh::build(&triangle(1.0), &[[0, 1, 2]])?;
+    /// let mut tlas = Tlas::new(vec![bvh], &[Instance::new(0, Affine::IDENTITY)], Default::default())?;
     /// let refit = tlas.update_blas(0, |bvh| bvh.refit(&triangle(2.0), &[[0, 1, 2]]))??;
     /// assert!(!refit.rebuild_advised());
     /// let hit = tlas.closest_hit(&Ray::new([0.2, 0.2, 0.0], [0.0, 0.0, 1.0]));
@@ -212,6 +211,7 @@ impl<B: Blas> TlasEdit<'_, B> {
         self.blas(index)?;
         self.tlas.hide(index);
         let result = change(&mut self.tlas.blas[index as usize]);
+        self.tlas.bottom_stack_len = deepest(&self.tlas.blas);
         let placed = self.place_all(index, &self.tlas.blas[index as usize])?;
         placed.into_iter().for_each(|(instance, placed)| self.commit(instance, placed));
         Ok(result)
@@ -235,8 +235,8 @@ impl<B: Blas> TlasEdit<'_, B> {
     /// The instance of this index.
     fn instance(&self, instance: InstanceId) -> Result<Instance, InstanceError> {
         let instances = &self.tlas.instances;
-        let error = || InstanceError::NoSuchInstance { instance: instance.0 as usize, n_instances: instances.len() };
-        instances.get(instance.0 as usize).copied().ok_or_else(error)
+        let error = || InstanceError::NoSuchInstance { instance: instance.index(), n_instances: instances.len() };
+        instances.get(instance.index()).copied().ok_or_else(error)
     }
 
     /// The BVH of this index.
@@ -261,7 +261,7 @@ impl<B: Blas> TlasEdit<'_, B> {
     }
 }
 
-impl<B: Blas> Drop for TlasEdit<'_, B> {
+impl<B: Intersect> Drop for TlasEdit<'_, B> {
     fn drop(&mut self) {
         if self.bounds_changed {
             let Tlas { top, bounds, config, path, .. } = &mut *self.tlas;

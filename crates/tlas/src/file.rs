@@ -12,85 +12,31 @@
 //!
 //! Integers and floats are little-endian. The top level is not stored: it is built again from the instances.
 
-mod error;
-mod fields;
+use std::error::Error;
+use std::fmt;
 
 use canted_obb::Affine;
-use canted_wide::{LoadError, SavedLeaves, WideBvh};
+use canted_trace::Intersect;
+use canted_trace::SaveBlas;
 
-use crate::{Blas, Instance, Tlas, TopConfig};
-pub use error::TlasLoadError;
-use fields::{Fields, VERSION, checksum};
+use crate::{Instance, InstanceError, Tlas, TopConfig};
 
 const MAGIC: [u8; 8] = *b"CANTTLAS";
 const HEADER_BYTES: usize = 32;
 const INSTANCE_BYTES: usize = 3 * 4 + 24 * 4;
 const CHECKSUM_BYTES: usize = 8;
 
-/// A bottom-level BVH that can be saved and loaded.
-///
-/// An enum of several kinds writes a byte for the kind, then the bytes of the BVH.
-pub trait SaveBlas: Blas + Sized {
-    /// Why bytes are not such a BVH.
-    type Error;
-
-    /// The BVH as bytes.
-    fn to_bytes(&self) -> Vec<u8>;
-
-    /// The BVH that [`SaveBlas::to_bytes`] wrote.
-    ///
-    /// # Errors
-    /// Bytes that it did not write: they may come from anywhere.
-    fn from_bytes(bytes: &[u8]) -> Result<Self, Self::Error>;
-}
-
-impl<P: SavedLeaves> SaveBlas for WideBvh<P> {
-    type Error = LoadError;
-
-    fn to_bytes(&self) -> Vec<u8> {
-        Self::to_bytes(self)
-    }
-
-    fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
-        Self::from_bytes(bytes)
-    }
-}
-
-impl<B: SaveBlas> SaveBlas for Box<B> {
-    type Error = B::Error;
-
-    fn to_bytes(&self) -> Vec<u8> {
-        B::to_bytes(self)
-    }
-
-    fn from_bytes(bytes: &[u8]) -> Result<Self, B::Error> {
-        B::from_bytes(bytes).map(Self::new)
-    }
-}
-
-impl<B: SaveBlas> SaveBlas for std::sync::Arc<B> {
-    type Error = B::Error;
-
-    fn to_bytes(&self) -> Vec<u8> {
-        B::to_bytes(self)
-    }
-
-    fn from_bytes(bytes: &[u8]) -> Result<Self, B::Error> {
-        B::from_bytes(bytes).map(Self::new)
-    }
-}
-
-impl<B: SaveBlas> Tlas<B> {
+impl<B: Intersect + SaveBlas> Tlas<B> {
     /// The instances and the bottom-level BVHs as bytes, for [`Tlas::from_bytes`]: the same bytes on every machine.
     ///
     /// ```
     /// use canted_obb::Affine;
     /// use canted_tlas::{Instance, Tlas, TopConfig};
-    /// use canted_trace::Ray;
-    /// use canted_wide::{Config, TriangleBvh};
+    /// use canted_trace::{Intersect, Ray};
+    /// use canted_wide::TriangleBvh;
     ///
     /// let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-    /// let bvh: TriangleBvh = TriangleBvh::build(&positions, &[[0, 1, 2]], &Config::default())?;
+    /// let bvh = TriangleBvh::build(&positions, &[[0, 1, 2]])?;
     /// let tlas = Tlas::new(vec![bvh], &[Instance::new(0, Affine::IDENTITY)], TopConfig::default())?;
     /// let bytes = tlas.to_bytes();
     /// let loaded: Tlas<TriangleBvh> = Tlas::from_bytes(&bytes, TopConfig::default())?;
@@ -191,6 +137,140 @@ fn read_instance(fields: &mut Fields<'_>) -> Option<Instance> {
         _ => return None,
     };
     Some(Instance { blas, world_from_object, world_from_object_close, mask })
+}
+
+/// Changes with the meaning of the bytes.
+const VERSION: u32 = 1;
+
+/// Little-endian fields, one after the other.
+struct Fields<'a>(&'a [u8]);
+
+impl<'a> Fields<'a> {
+    fn new(bytes: &'a [u8]) -> Self {
+        Self(bytes)
+    }
+
+    fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The next `n` bytes; `None` if there are fewer.
+    fn bytes(&mut self, n: usize) -> Option<&'a [u8]> {
+        let (bytes, rest) = self.0.split_at_checked(n)?;
+        self.0 = rest;
+        Some(bytes)
+    }
+
+    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        self.bytes(N)?.try_into().ok()
+    }
+
+    fn word(&mut self) -> Option<u32> {
+        self.take().map(u32::from_le_bytes)
+    }
+
+    /// A number of records of at least `n_bytes` each; `None` if the rest cannot hold as many.
+    fn count(&mut self, n_bytes: usize) -> Option<usize> {
+        let count = usize::try_from(u64::from_le_bytes(self.take()?)).ok()?;
+        (count <= self.0.len() / n_bytes).then_some(count)
+    }
+
+    fn affine(&mut self) -> Option<Affine> {
+        let mut affine = Affine::IDENTITY;
+        for number in affine.columns.as_flattened_mut() {
+            *number = f32::from_le_bytes(self.take()?);
+        }
+        Some(affine)
+    }
+}
+
+/// FNV-1a with 64 bits: each step is a bijection of the sum, so every change of a single byte is found.
+/// Source: Fowler, Noll & Vo, RFC 9923.
+fn checksum(bytes: &[u8]) -> u64 {
+    let step = |sum: u64, &byte: &u8| (sum ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, step)
+}
+
+/// Why bytes are not a TLAS. `E` is the error of a bottom-level BVH.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum TlasLoadError<E> {
+    /// The bytes are not a saved TLAS.
+    Magic {
+        /// The first bytes.
+        found: [u8; 8],
+    },
+    /// Saved by a release with another format.
+    Version {
+        /// The version of the format.
+        found: u32,
+    },
+    /// Fewer or more bytes than the counts in them require.
+    Length {
+        /// Number of bytes.
+        n_bytes: usize,
+    },
+    /// The contents do not match the checksum in the file: it is damaged.
+    Checksum {
+        /// Checksum in the file.
+        stored: u64,
+        /// Checksum of the contents.
+        computed: u64,
+    },
+    /// An unused word of the header is not zero.
+    Header {
+        /// The word.
+        found: u32,
+    },
+    /// An instance is neither static nor moving.
+    Motion {
+        /// The instance.
+        instance: usize,
+    },
+    /// An instance cannot be placed.
+    Instance(InstanceError),
+    /// A bottom-level BVH cannot be loaded.
+    Blas {
+        /// Index of the bottom-level BVH.
+        blas: usize,
+        /// Why it cannot be loaded.
+        error: E,
+    },
+}
+
+impl<E> From<InstanceError> for TlasLoadError<E> {
+    fn from(error: InstanceError) -> Self {
+        Self::Instance(error)
+    }
+}
+
+impl<E: fmt::Display> fmt::Display for TlasLoadError<E> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Magic { found } => write!(f, "not a TLAS file: it begins with \"{}\"", found.escape_ascii()),
+            Self::Version { found } => {
+                write!(f, "unsupported version {found} of the TLAS format; this release reads version {VERSION}")
+            }
+            Self::Length { n_bytes } => write!(f, "{n_bytes} bytes do not match the counts in the file"),
+            Self::Checksum { stored, computed } => {
+                write!(f, "checksum mismatch: the file says {stored:#018x}, its contents give {computed:#018x}")
+            }
+            Self::Header { found } => write!(f, "the unused word of the header is {found}, not 0"),
+            Self::Motion { instance } => write!(f, "instance {instance} is neither static nor moving"),
+            Self::Instance(error) => error.fmt(f),
+            Self::Blas { blas, error } => write!(f, "bottom-level BVH {blas}: {error}"),
+        }
+    }
+}
+
+impl<E: Error + 'static> Error for TlasLoadError<E> {
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        match self {
+            Self::Instance(error) => Some(error),
+            Self::Blas { error, .. } => Some(error),
+            _ => None,
+        }
+    }
 }
 
 #[cfg(test)]

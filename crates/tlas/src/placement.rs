@@ -1,9 +1,9 @@
 use canted_obb::round::{down, up};
 use canted_obb::{Aabb, Affine, Obb, vector};
-use canted_trace::{Query, ReferencePoint};
+use canted_trace::ReferencePoint;
 
-use crate::matrix::{MAX_CONDITION, Rows, condition, invert, row_sum_norm};
-use crate::world_ray::{ObjectRay, WorldRay};
+use crate::instance::{MAX_CONDITION, Rows, condition, invert, row_sum_norm};
+use crate::query::{ObjectRay, WorldRay};
 use crate::{Instance, InstanceError, Motion};
 
 /// Half of `f32::EPSILON`: the relative error of one rounding to `f32`.
@@ -103,13 +103,15 @@ impl Placement {
     ///
     /// A world ray `o + t·d` is traced as the object ray `o' = fl(M⁻¹(o - c))`, `d' = fl(M⁻¹d)`, but for a power of two in `d` and
     /// `t`: computed in `f64`, each component rounded once, by at most `u` relative. A hit accepted at `t` lies within `e·(|o'| + ρ)` of the bounds in
-    /// object space (all norms ∞; `e <= 1/8` the hit error, ρ the reach of the bottom-level BVH). The world point differs
+    /// object space (all norms ∞; `e` the hit error, at most 1/8 but for a TLAS below, ρ the reach of the bottom-level BVH). The world point differs
     /// from the image of the object point by `M` times at most `u·|o'| + u·t|d'|`, where
     /// `t|d'| <= (1 + e)·(|o'| + ρ)`: together at most `2.2u·(|o'| + ρ)`. With `1.8u` more for `f64` rounding
     /// and second-order terms, the hit lies within `‖M‖·(e + 4u)·(|o'| + ρ)` of the image of the
     /// bounds, and `|o'| <= ‖M⁻¹‖·(|o - r| + |r - c|)` for every point `r`.
     ///
-    /// Where the hit error is relative to the distance of ray and content (`is_local`, [`Blas::has_local_error`](crate::Blas::has_local_error)), the part
+    /// A TLAS below may have a greater `e`: then `u·t|d'|` and second-order terms grow with it, and `e·u` more covers them.
+    ///
+    /// Where the hit error is relative to the distance of ray and content (`is_local`, [`Intersect::has_local_error`](canted_trace::Intersect::has_local_error)), the part
     /// of `e` and of `t|d'|` is relative to the center `q` of the bounds, whose image is `m`: `|o' - q| <= ‖M⁻¹‖·(|o - r| + |r - m|)`, and ρ the
     /// greatest distance from `q`. Only the rounding of `o'` remains, `u·|o'| <= u·(|o' - q| + |q|)`. Otherwise `q` is the origin
     /// of object space, and `m = c`.
@@ -163,7 +165,8 @@ impl Placement {
             all.union(Aabb { min: at.map(|x| down(x.next_down())), max: at.map(|x| up(x.next_up())) })
         });
         let translation = greatest(&|m| m.columns[3].iter().map(|c| f64::from(c.abs())).fold(0.0, f64::max));
-        let relative = f64::from(hit_error) + 4.0 * U;
+        let hit_error = f64::from(hit_error);
+        let relative = hit_error + 4.0 * U + if hit_error > 0.125 { 4.0 * U * hit_error } else { 0.0 };
         let residual = motion.as_ref().map_or(0.0, |_| Motion::residual(condition(forward, backward)));
         let error = WorldError {
             per_origin: relative * (forward * backward),
@@ -184,19 +187,19 @@ impl Placement {
         Ok((placement, Bounds { obb: bounds_world, aabb, error }))
     }
 
-    /// The world ray in object space, up to the scaled `t_max`; `query` supplies the time if the instance moves. `None` where
-    /// its interval is empty.
+    /// The world ray in object space, at its time, up to the scaled `t_max`. `None` where its interval is empty.
     #[inline(always)]
-    pub(crate) fn ray_object<Q: Query>(&self, ray: &WorldRay, t_max: f64, query: &Q) -> Option<ObjectRay> {
+    pub(crate) fn ray_object(&self, ray: &WorldRay, t_max: f64) -> Option<ObjectRay> {
         let moved;
         let inverse = match &self.motion {
             None => &self.object_from_world,
             Some(motion) => {
-                moved = Inverse::new(&motion.object_from_world(query.time()));
+                moved = Inverse::new(&motion.object_from_world(ray.top.time));
                 &moved
             }
         };
-        let ([ox, oy, oz, _], [dx, dy, dz, _]) = (inverse.point(ray.origin), inverse.linear(ray.direction));
+        let [origin, direction] = [ray.top.origin, ray.top.direction].map(|v| v.map(f64::from));
+        let ([ox, oy, oz, _], [dx, dy, dz, _]) = (inverse.point(origin), inverse.linear(direction));
         ray.in_object([ox, oy, oz], [dx, dy, dz], t_max)
     }
 }

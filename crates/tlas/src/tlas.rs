@@ -2,19 +2,52 @@ use std::fmt;
 
 use canted_lbvh::par;
 use canted_obb::{Aabb, Obb};
+use canted_trace::Intersect;
 use canted_wide::SimdPath;
 
 use crate::placement::{Bounds, JOB, Placement};
 use crate::top::{Top, TopConfig};
-use crate::{Blas, Instance, InstanceError};
+use crate::{Instance, InstanceError};
 
 /// A two-level BVH: a top level over instances, each a bottom-level BVH under an affine transform.
 ///
+/// [`Intersect`] and [`Crossings`](canted_trace::Crossings) have the queries.
 /// The top level is built over the bounds of the bottom-level BVHs in world space. [`Tlas::set_transform`],
 /// [`Tlas::update_blas`], [`Tlas::replace_blas`] and [`Tlas::edit`] change a TLAS in place.
+///
+/// # Several kinds in one TLAS
+/// Bottom-level BVHs may be anything that implements [`Intersect`]. A `Tlas<Box<dyn Intersect>>` has several kinds:
+///
+/// ```
+/// use canted_bvh2::{Bvh2, Bvh2Config};
+/// use canted_obb::Affine;
+/// use canted_tlas::{Instance, Tlas};
+/// use canted_trace::{Intersect, Ray, Sphere};
+/// use canted_wide::{TriangleBvh, WideBvh};
+///
+/// let (positions, triangles) = ([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]);
+/// let shapes: Vec<Box<dyn Intersect>> = vec![
+///     Box::new(TriangleBvh::build(&positions, &triangles)?),
+///     Box::new(Bvh2::build(&positions, &triangles, &Bvh2Config::default())?),
+///     Box::new(WideBvh::over(vec![Sphere { center: [0.0, 0.0, -4.0], radius: 1.0 }])?),
+/// ];
+/// let instances = [0, 1, 2].map(|kind| Instance::new(kind, Affine::IDENTITY));
+/// let tlas = Tlas::new(shapes, &instances, Default::default())?;
+/// let mut hits = vec![];
+/// tlas.all_hits(&Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0]), &mut hits);
+/// assert_eq!(hits.iter().map(|hit| hit.instance.0).collect::<Vec<_>>(), [0, 1, 2, 2]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # A TLAS of TLASes
+/// A TLAS implements [`Intersect`] itself, so it may be below another one. The instance of a hit is then that of the outermost TLAS, and its
+/// primitive that of the innermost BVH; each TLAS on the way tests the mask of its instances and moves them at the time of the ray.
+/// `t` is rounded once at each level.
 #[derive(Clone)]
-pub struct Tlas<B: Blas> {
+pub struct Tlas<B> {
     pub(crate) blas: Vec<B>,
+    /// Entries of memory that the traversals of the bottom-level BVHs need.
+    pub(crate) bottom_stack_len: usize,
     pub(crate) instances: Vec<Instance>,
     /// What traversal needs of each instance.
     pub(crate) placements: Vec<Placement>,
@@ -26,7 +59,7 @@ pub struct Tlas<B: Blas> {
     pub(crate) path: SimdPath,
 }
 
-impl<B: Blas> Tlas<B> {
+impl<B: Intersect> Tlas<B> {
     /// Places `instances` of the bottom-level BVHs in `blas`.
     ///
     /// # Errors
@@ -36,6 +69,7 @@ impl<B: Blas> Tlas<B> {
     pub fn new(blas: Vec<B>, instances: &[Instance], config: TopConfig) -> Result<Self, InstanceError> {
         let path = SimdPath::detect();
         let mut tlas = Self {
+            bottom_stack_len: deepest(&blas),
             blas,
             instances: vec![],
             placements: vec![],
@@ -136,8 +170,13 @@ impl<B: Blas> Tlas<B> {
     }
 }
 
+/// The greatest need of memory of some BVHs.
+pub(crate) fn deepest<B: Intersect>(blas: &[B]) -> usize {
+    blas.iter().map(B::stack_len).fold(0, usize::max)
+}
+
 /// Bottom-level BVHs, sizes and bounds, not every instance.
-impl<B: Blas + fmt::Debug> fmt::Debug for Tlas<B> {
+impl<B: Intersect + fmt::Debug> fmt::Debug for Tlas<B> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Tlas")
             .field("blas", &self.blas)
@@ -150,19 +189,20 @@ impl<B: Blas + fmt::Debug> fmt::Debug for Tlas<B> {
 
 #[cfg(test)]
 mod tests {
+    use canted_bvh2::Bvh2Boxes;
     use canted_lbvh::VolumeConfig;
     use canted_obb::Affine;
-    use canted_trace::Watertight;
-    use canted_wide::{Config, TriangleBvh};
+    use canted_wide::TriangleBvh;
 
     use super::*;
 
     #[test]
     fn too_many_instances_are_reported_before_any_is_checked() {
         let positions = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        let bvh = || TriangleBvh::<Watertight>::build(&positions, &[[0, 1, 2]], &Config::default()).unwrap();
+        let bvh = || TriangleBvh::build(&positions, &[[0, 1, 2]]).unwrap();
         let good = Instance::new(0, Affine::IDENTITY);
-        for config in [TopConfig::default(), TopConfig::Binary(VolumeConfig::default())] {
+        let binary = || TopConfig::other(Bvh2Boxes::builder(VolumeConfig::default()));
+        for config in [TopConfig::default(), binary()] {
             let mut tlas = Tlas::new(vec![bvh()], &[good], config).unwrap();
             tlas.set_instances_within(3, &[good; 3]).unwrap();
             // A BVH that does not exist would be reported if instances were checked first; the old instances stay.
@@ -173,6 +213,6 @@ mod tests {
             }
         }
         assert_eq!(TopConfig::default().max_instances(), 1 << 26);
-        assert_eq!(TopConfig::Binary(VolumeConfig::default()).max_instances(), 1 << 30);
+        assert_eq!(binary().max_instances(), 1 << 30);
     }
 }

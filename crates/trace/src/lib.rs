@@ -24,9 +24,12 @@
 //!
 //! | item | purpose |
 //! |---|---|
-//! | [`Ray`], [`Hit`], [`Query`] | input and output of every traversal; hit filters and counters |
+//! | [`Intersect`], [`Crossings`] | the queries of everything that rays can hit, in all their forms |
+//! | [`Ray`], [`Hit`], [`Query`] | input and output of every query; hit filters and counters |
 //! | [`SurfacePoint`] | rays that continue from a hit without hitting the same surface again |
-//! | [`Kernel`]: [`Watertight`], [`MollerTrumbore`], [`BaldwinWeber`] | ray-triangle tests |
+//! | [`Kernel`]: [`Watertight`], [`MollerTrumbore`], [`BaldwinWeber`]; [`TriangleTest`] | ray-triangle tests; the choice of one |
+//! | [`Leaves`], [`LeafTriangles`] | queries of a BVH with a triangle at each leaf position |
+//! | [`BoxBvh`], [`SaveBlas`] | the top level of a TLAS; bottom levels that it can save |
 //! | [`SlabRay`], [`Slabs`], [`pad_aabb`] | ray-box tests, axis-aligned and oriented, for a traversal |
 //! | [`ReferencePoint`] | boxes near a mesh that is far from the origin |
 //! | [`ray_aabb`], [`ray_obb`], [`Sphere`], [`segment_overlaps_aabb`] | single tests |
@@ -42,39 +45,50 @@
 //!
 //! # Features
 //! - `std` (default): square roots of the standard library.
+//! - `parallel`: the forms of queries with `par_` use all threads of rayon.
 //! - `libm`: square roots of the crate `libm`, for `no_std` targets; disable the default features.
 #![no_std]
 #![forbid(unsafe_code)]
 
+extern crate alloc;
+#[cfg(feature = "std")]
+extern crate std;
+
 mod closest_point;
 mod convex;
-mod filter;
 mod hit;
-#[doc(hidden)]
-pub mod lanes;
+mod intersect;
+mod leaf;
+mod levels;
 mod moving;
 mod query;
 mod ray;
 mod reference;
 mod rounding;
-mod segment;
+mod shapes;
 mod slab;
-mod sphere;
+mod stack;
 mod surface_point;
 mod triangle;
 
 pub use closest_point::{DISTANCE_ERROR, TrianglePoint, closest_point_on_triangle};
 pub use convex::Convex;
-pub use filter::HitFilter;
-pub use hit::{Hit, InstanceId, Side};
+pub use hit::{Hit, HitLists, InstanceId, Side};
+pub use intersect::{AcceptAt, Answer, Answers, Crossings, Intersect, Pointer, Triangles};
+pub use leaf::{LeafTriangles, Leaves};
+pub use levels::{BoxBvh, SaveBlas};
 pub use moving::position_at;
-pub use query::{Counts, Query};
+pub use query::{Accept, Counts, Query};
 pub use ray::{Ray, ScaledRay};
 pub use reference::ReferencePoint;
-pub use segment::segment_overlaps_aabb;
+#[doc(hidden)]
+pub use rounding::lanes;
+pub use shapes::{Sphere, segment_overlaps_aabb};
 pub use slab::{AABB_PAD, MIN_DIRECTION, SLABS_PAD, SlabRay, Slabs, pad_aabb, ray_aabb, ray_obb};
-pub use sphere::Sphere;
+#[doc(hidden)]
+pub use stack::with_stack;
 pub use surface_point::{SurfacePoint, position_error};
 pub use triangle::{
-    Axis, BaldwinWeber, BaldwinWeberRecord, HIT_ERROR, Kernel, MollerTrumbore, Shear, TriangleHit, Watertight,
+    Axis, BaldwinWeber, BaldwinWeberRecord, HIT_ERROR, Kernel, MollerTrumbore, Shear, TriangleHit, TriangleTest,
+    UnknownTriangleTest, Watertight,
 };

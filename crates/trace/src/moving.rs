@@ -2,7 +2,7 @@
 
 /// The position at `time` of a vertex that moves in a straight line from `open` to `close`, as the shutter does.
 ///
-/// `time` is that of [`Query::time`](crate::Query::time): 0 as the shutter opens, 1 as it closes; clamped to `[0, 1]`, and NaN is 0.
+/// `time` is that of [`Ray::time`](crate::Ray::time): 0 as the shutter opens, 1 as it closes; clamped to `[0, 1]`, and NaN is 0.
 /// At 0 the result is `open`, at 1 it is `close`. In between, each coordinate is `(1 - time)·open + time·close`, computed in `f64` from
 /// left to right, rounded to `f32`, and clamped to the interval between both ends.
 ///
@@ -20,7 +20,6 @@
 /// ```
 #[inline]
 #[must_use]
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 pub fn position_at(open: &[f32; 3], close: &[f32; 3], time: f32) -> [f32; 3] {
     if time.is_nan() || time <= 0.0 {
         return *open;

@@ -1,43 +1,37 @@
 use crate::Hit;
 
-/// Callbacks of a traversal: a filter for hits, counters of its work, and the time of the ray.
+/// What a ray asks of what it hits: a filter of hits, and counters of the work.
 ///
-/// `()` accepts every hit, counts nothing and costs nothing. [`Query::accepts`] must decide by the hit alone, not by the
-/// order of calls, which depends on the BVH.
+/// `()` accepts every hit and counts nothing, [`Accept`] filters by a function, [`Counts`] counts. A query decides by the hit alone, not
+/// by the order of calls, which depends on the BVH.
 pub trait Query {
-    /// Whether [`Query::accepts`] may reject a hit. If `false`, it must return `true`, and a traversal may skip the call.
-    const MAY_REJECT: bool = true;
+    /// Whether [`Query::accepts`] may return `false`. Where not, a traversal may skip the call.
+    fn may_reject(&self) -> bool {
+        true
+    }
+
+    /// Whether the query counts. Where it neither counts nor rejects, a traversal makes no call at all.
+    fn counts(&self) -> bool {
+        true
+    }
+
+    /// Whether the query neither rejects nor counts.
+    #[doc(hidden)]
+    fn is_plain(&self) -> bool {
+        !self.may_reject() && !self.counts()
+    }
 
     /// Counts `n` ray-box tests.
-    #[inline(always)]
     fn boxes(&mut self, n: u32) {
         let _ = n;
     }
 
-    /// Counts `n` ray-triangle tests.
-    #[inline(always)]
+    /// Counts `n` ray-primitive tests.
     fn triangles(&mut self, n: u32) {
         let _ = n;
     }
 
-    /// Time of the ray for moving instances and vertices: 0 when the shutter opens, 1 when it closes; clamped to that interval.
-    ///
-    /// Called only where something moves. It must return the same value for the whole ray.
-    #[inline(always)]
-    fn time(&self) -> f32 {
-        0.0
-    }
-
-    /// Which instances the ray tests: those whose own mask shares a bit with this one.
-    ///
-    /// Called once per ray, only by BVHs over instances. A query that wraps another one must forward it.
-    #[inline(always)]
-    fn mask(&self) -> u32 {
-        u32::MAX
-    }
-
     /// Whether to accept `hit`; on `false` the ray continues through the surface, as for alpha masks.
-    #[inline(always)]
     fn accepts(&mut self, hit: &Hit) -> bool {
         let _ = hit;
         true
@@ -45,26 +39,58 @@ pub trait Query {
 }
 
 impl Query for () {
-    const MAY_REJECT: bool = false;
+    #[inline(always)]
+    fn may_reject(&self) -> bool {
+        false
+    }
+    #[inline(always)]
+    fn counts(&self) -> bool {
+        false
+    }
+    #[inline(always)]
+    fn boxes(&mut self, _: u32) {}
+    #[inline(always)]
+    fn triangles(&mut self, _: u32) {}
+    #[inline(always)]
+    fn accepts(&mut self, _: &Hit) -> bool {
+        true
+    }
 }
 
-/// Numbers of tests.
+/// A query that accepts the hits for which a function returns `true`.
+///
+/// The function must decide by the hit alone: it is called for some of the hits only, in an order that depends on the BVH.
+#[derive(Clone, Copy, Debug)]
+pub struct Accept<F>(pub F);
+
+impl<F: FnMut(&Hit) -> bool> Query for Accept<F> {
+    fn counts(&self) -> bool {
+        false
+    }
+
+    fn accepts(&mut self, hit: &Hit) -> bool {
+        (self.0)(hit)
+    }
+}
+
+/// Numbers of tests; as a [`Query`], accepts every hit and counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Ray-box tests.
     pub boxes: u64,
-    /// Ray-triangle tests.
+    /// Ray-primitive tests.
     pub triangles: u64,
 }
 
 impl Query for Counts {
-    const MAY_REJECT: bool = false;
+    fn may_reject(&self) -> bool {
+        false
+    }
 
-    #[inline]
     fn boxes(&mut self, n: u32) {
         self.boxes += u64::from(n);
     }
-    #[inline]
+
     fn triangles(&mut self, n: u32) {
         self.triangles += u64::from(n);
     }

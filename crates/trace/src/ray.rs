@@ -20,16 +20,41 @@ pub struct Ray {
     pub t_min: f32,
     /// Maximum `t`; may be infinite.
     pub t_max: f32,
+    /// The time of what moves: 0 as the shutter opens, 1 as it closes; clamped to `[0, 1]`. 0 by default.
+    pub time: f32,
+    /// Instances are tested whose own mask shares a bit with this one. All bits by default; without any bit, nothing is hit.
+    pub mask: u32,
 }
 
 impl Ray {
-    /// An infinite ray from `origin`.
+    /// An infinite ray from `origin`, at time 0, that sees every instance.
     ///
     /// To continue from a hit use [`crate::SurfacePoint::spawn_ray`]: a ray from `ray.at(t)` often hits the same surface
     /// again.
     #[must_use]
     pub fn new(origin: impl Into<[f32; 3]>, direction: impl Into<[f32; 3]>) -> Self {
-        Self { origin: origin.into(), direction: direction.into(), t_min: 0.0, t_max: f32::INFINITY }
+        Self { origin: origin.into(), direction: direction.into(), ..Self::DEFAULT }
+    }
+
+    const DEFAULT: Self =
+        Self { origin: [0.0; 3], direction: [0.0; 3], t_min: 0.0, t_max: f32::INFINITY, time: 0.0, mask: u32::MAX };
+
+    /// The same ray over `t_min <= t <= t_max`.
+    #[must_use]
+    pub fn between(self, t_min: f32, t_max: f32) -> Self {
+        Self { t_min, t_max, ..self }
+    }
+
+    /// The same ray at another time.
+    #[must_use]
+    pub fn at_time(self, time: f32) -> Self {
+        Self { time, ..self }
+    }
+
+    /// The same ray with another mask.
+    #[must_use]
+    pub fn with_mask(self, mask: u32) -> Self {
+        Self { mask, ..self }
     }
 
     /// The point at `t`, computed in `f64`.
@@ -59,6 +84,12 @@ pub struct ScaledRay {
     pub t_min: f32,
     /// Maximum scaled `t`.
     pub t_max: f32,
+    /// Time of the ray, as given.
+    pub time: f32,
+    /// Mask of the ray.
+    pub mask: u32,
+    /// The caller's interval.
+    interval: [f32; 2],
     /// Scaled `t` over `t`: an exact power of two.
     to_scaled: f64,
 }
@@ -68,27 +99,27 @@ impl ScaledRay {
     /// interval.
     #[inline(always)]
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "powers of two: exact but for overflow and underflow")]
     pub fn new(ray: &Ray) -> Option<Self> {
         let [x, y, z] = ray.direction.map(f32::abs);
         let greatest = greatest([x, y, z]);
         let finite = (x + y + z).is_finite() || (x.is_finite() && y.is_finite() && z.is_finite());
         let origin_finite = ray.origin.iter().all(|o| o.is_finite());
         // Negated to reject a NaN in the interval too.
-        if !(greatest > 0.0 && finite && origin_finite && ray.t_min >= 0.0 && ray.t_min <= ray.t_max) {
+        if !(greatest > 0.0 && finite && origin_finite && ray.t_min >= 0.0 && ray.t_min <= ray.t_max && ray.mask != 0) {
             return None;
         }
+        let &Ray { origin, direction, t_min, t_max, time, mask } = ray;
+        let interval = [t_min, t_max];
         // As instances pass rays on: nothing to scale.
         if (1.0..2.0).contains(&greatest) {
-            let Ray { origin, direction, t_min, t_max } = *ray;
-            return Some(Self { origin, direction, t_min, t_max, to_scaled: 1.0 });
+            return Some(Self { origin, direction, t_min, t_max, time, mask, interval, to_scaled: 1.0 });
         }
         let to_scaled = power_below(greatest.into());
         let from_scaled = reciprocal_of_power(to_scaled);
-        let (t_min, t_max) = (up(f64::from(ray.t_min) * to_scaled), down(f64::from(ray.t_max) * to_scaled));
-        let direction = ray.direction.map(|d| (f64::from(d) * from_scaled) as f32);
+        let (t_min, t_max) = (up(f64::from(t_min) * to_scaled), down(f64::from(t_max) * to_scaled));
+        let direction = direction.map(|d| (f64::from(d) * from_scaled) as f32);
         // No f32 lies between both ends where they underflow.
-        (t_min <= t_max).then_some(Self { origin: ray.origin, direction, t_min, t_max, to_scaled })
+        (t_min <= t_max).then_some(Self { origin, direction, t_min, t_max, time, mask, interval, to_scaled })
     }
 
     /// Scaled `t` over `t` of the original ray: a power of two from 2^-149 to 2^127.
@@ -98,26 +129,33 @@ impl ScaledRay {
         self.to_scaled
     }
 
-    /// A ray from what [`ScaledRay::new`] computes; `to_scaled` must be a power of two.
+    /// A ray from what [`ScaledRay::new`] computes: a scaled ray, the interval before it was scaled, and the power of two.
     #[doc(hidden)]
     #[inline]
     #[must_use]
-    pub fn from_parts(origin: [f32; 3], direction: [f32; 3], [t_min, t_max]: [f32; 2], to_scaled: f64) -> Self {
-        Self { origin, direction, t_min, t_max, to_scaled }
+    pub fn from_parts(scaled: &Ray, interval: [f32; 2], to_scaled: f64) -> Self {
+        let &Ray { origin, direction, t_min, t_max, time, mask } = scaled;
+        Self { origin, direction, t_min, t_max, time, mask, interval, to_scaled }
+    }
+
+    /// Both ends of the caller's interval, scaled, without rounding.
+    #[inline]
+    #[must_use]
+    pub fn exact_interval(&self) -> [f64; 2] {
+        self.interval.map(|t| f64::from(t) * self.to_scaled)
     }
 
     /// The ray along the scaled direction, whose `t` is the scaled one.
     #[inline]
     #[must_use]
     pub fn to_ray(&self) -> Ray {
-        let Self { origin, direction, t_min, t_max, .. } = *self;
-        Ray { origin, direction, t_min, t_max }
+        let Self { origin, direction, t_min, t_max, time, mask, .. } = *self;
+        Ray { origin, direction, t_min, t_max, time, mask }
     }
 
     /// The scaled `t` of a `t` of the original ray.
     #[inline]
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "a power of two: exact but for overflow and underflow")]
     pub fn scaled_t(&self, t: f32) -> f32 {
         (f64::from(t) * self.to_scaled) as f32
     }
@@ -125,7 +163,6 @@ impl ScaledRay {
     /// The `t` of the original ray of a scaled `t`; infinite or subnormal where it leaves the range of normal numbers.
     #[inline]
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "a power of two: exact but for overflow and underflow")]
     pub fn caller_t(&self, scaled_t: f32) -> f32 {
         (f64::from(scaled_t) * reciprocal_of_power(self.to_scaled)) as f32
     }

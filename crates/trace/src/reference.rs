@@ -125,7 +125,6 @@ impl ReferencePoint {
 }
 
 /// The nearest f32; infinite where there is none, and no candidate then.
-#[expect(clippy::cast_possible_truncation, reason = "any point is a valid reference")]
 fn nearest(x: f64) -> f32 {
     x as f32
 }
@@ -136,7 +135,6 @@ fn growth(sample: &[Sampled], point: [f64; 3]) -> f64 {
         let distance = (0..3).map(|k| (center[k] - point[k]).abs()).fold(0.0, f64::max) * GROWTH;
         if distance < *size { distance / size } else { 1.0 }
     };
-    #[expect(clippy::cast_precision_loss, reason = "at most 256")]
     let n = sample.len().max(1) as f64;
     sample.iter().map(of_box).sum::<f64>() / n
 }
@@ -157,7 +155,6 @@ mod tests {
     use super::*;
 
     /// `n` boxes of this size in a cube of side 1 at `center`.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "test data")]
     fn cube(n: usize, size: f64, center: [f64; 3]) -> impl Fn(usize) -> Aabb {
         move |i| {
             let at = |k: usize| (i as f64 * [0.618, 0.414, 0.732][k]).fract() + center[k] - 0.5;

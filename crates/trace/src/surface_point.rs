@@ -99,15 +99,29 @@ impl SurfacePoint {
         reach_object: f32,
         world_from_object: &Affine,
     ) -> Self {
+        let columns = world_from_object.columns.map(to_f64);
+        Self::under_map(hit, vertices_object, &columns, world_from_object.reach(reach_object))
+    }
+
+    /// As [`Self::in_instance`], under an invertible map of `f64` by its columns, such as that of a moving instance at a time.
+    ///
+    /// `reach_world` is the greatest absolute coordinate of the mesh in world space; of a moving instance, at all times.
+    #[must_use]
+    pub fn under_map(
+        hit: &Hit,
+        vertices_object: [impl Into<[f32; 3]>; 3],
+        world_from_object: &[[f64; 3]; 4],
+        reach_world: f64,
+    ) -> Self {
         let (position, normal) = on_triangle(hit, vertices_object);
+        let [x, y, z, translation] = *world_from_object;
         // The cofactors of the linear part take normals to world space; a mirror reverses them.
-        let [x, y, z] = core::array::from_fn(|k| to_f64(world_from_object.columns[k]));
         let [a, b, c] = [cross(y, z), cross(z, x), cross(x, y)];
         let image = add(scale(a, normal[0]), add(scale(b, normal[1]), scale(c, normal[2])));
-        let side = 1f64.copysign(world_from_object.determinant());
+        let side = 1f64.copysign(dot(x, a));
         let normal = unit(image).map_or(FALLBACK_NORMAL, |normal| scale(normal, side));
-        let error = position_error(world_from_object.reach(reach_object));
-        Self::with_error(world_from_object.point_f64(position), normal, error)
+        let linear: Vector = core::array::from_fn(|k| x[k] * position[0] + y[k] * position[1] + z[k] * position[2]);
+        Self::with_error(add(linear, translation), normal, position_error(reach_world))
     }
 
     /// A point of a surface with this unit normal, from [`position_error`].
@@ -139,7 +153,6 @@ impl SurfacePoint {
         let gap = self.offset / length(span) + 2.0 * f64::from(f32::EPSILON);
         // False for a span of length zero, whose gap is infinite or NaN.
         (gap < 1.0).then(|| {
-            #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is within the gap")]
             let t_max = (1.0 - gap) as f32;
             Ray { t_max, ..Ray::new(origin, to_f32(span)) }
         })

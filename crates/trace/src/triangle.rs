@@ -4,17 +4,15 @@
 //! the triangle alone; the f64 test decides and computes the hit. So SIMD lanes may filter in any width and order without
 //! changing a bit of the results.
 
-mod axis;
 pub(crate) mod baldwin_weber;
-pub(crate) mod filter;
-pub(crate) mod finish;
 pub(crate) mod moller_trumbore;
 mod watertight;
 
-pub use axis::Axis;
 pub use baldwin_weber::{BaldwinWeber, BaldwinWeberRecord};
 pub use moller_trumbore::MollerTrumbore;
-pub use watertight::{Shear, Watertight};
+pub use watertight::{Axis, Shear, Watertight};
+
+use core::fmt;
 
 use crate::rounding::UNIT_ROUNDOFF;
 use crate::{ScaledRay, Side};
@@ -24,7 +22,7 @@ use crate::{ScaledRay, Side};
 ///
 /// `M` is the greatest `|v - o|∞` of the vertices `v` and the ray's origin `o`: the error does not depend on where both are
 /// in their space. For every point `c` it is at most `|o - c|∞ + ρ∞`, ρ∞ the greatest `|v - c|∞`. With u = 2^-24 the
-/// watertight kernel needs 6.1 u (proof at [`Watertight`]), the other two 18.1 u (proof at `finish`); the rest
+/// watertight kernel needs 6.1 u (proof at [`Watertight`]), the other two 18.1 u (proof at `moller_trumbore::finish`); the rest
 /// allows the caller one more rounding of the point.
 pub const HIT_ERROR: f32 = 20.0 * UNIT_ROUNDOFF;
 
@@ -60,4 +58,84 @@ pub trait Kernel: Send + Sync + 'static {
     ///
     /// `prepared` must come from `ray`; `t_max` replaces the ray's own, so that a traversal can shrink it.
     fn intersect(prepared: &Self::Prepared, ray: &ScaledRay, record: &Self::Record, t_max: f32) -> Option<TriangleHit>;
+}
+
+/// A triangle test, chosen at run time: each is a [`Kernel`].
+///
+/// Its names, in [`Display`](fmt::Display) and [`FromStr`](core::str::FromStr), are `watertight`, `moller-trumbore` and `baldwin-weber`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum TriangleTest {
+    /// [`Watertight`]: no ray passes between the triangles of a closed mesh.
+    #[default]
+    Watertight,
+    /// [`MollerTrumbore`], for comparison.
+    MollerTrumbore,
+    /// [`BaldwinWeber`], for comparison: records of 68 bytes instead of 36, where they are stored one by one.
+    BaldwinWeber,
+}
+
+impl TriangleTest {
+    /// All tests.
+    pub const ALL: [Self; 3] = [Self::Watertight, Self::MollerTrumbore, Self::BaldwinWeber];
+
+    /// Its name in options and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Watertight => "watertight",
+            Self::MollerTrumbore => "moller-trumbore",
+            Self::BaldwinWeber => "baldwin-weber",
+        }
+    }
+
+    /// How far its hits may lie from their triangle, relative to the greatest `|v - o|∞` of its vertices and the ray's origin: at most
+    /// [`HIT_ERROR`].
+    #[must_use]
+    pub const fn hit_error(self) -> f32 {
+        match self {
+            Self::Watertight => 7.0 * UNIT_ROUNDOFF,
+            Self::MollerTrumbore | Self::BaldwinWeber => HIT_ERROR,
+        }
+    }
+}
+
+impl fmt::Display for TriangleTest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// A name that no [`TriangleTest`] has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UnknownTriangleTest;
+
+impl fmt::Display for UnknownTriangleTest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "no triangle test; expected watertight, moller-trumbore or baldwin-weber")
+    }
+}
+
+impl core::error::Error for UnknownTriangleTest {}
+
+impl core::str::FromStr for TriangleTest {
+    type Err = UnknownTriangleTest;
+
+    fn from_str(name: &str) -> Result<Self, UnknownTriangleTest> {
+        Self::ALL.into_iter().find(|test| test.name() == name).ok_or(UnknownTriangleTest)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use alloc::string::ToString;
+
+    use super::*;
+
+    #[test]
+    fn tests_have_the_names_that_they_are_read_by() {
+        for test in TriangleTest::ALL {
+            assert_eq!(test.to_string().parse(), Ok(test));
+        }
+        assert_eq!("Watertight".parse::<TriangleTest>(), Err(UnknownTriangleTest));
+    }
 }

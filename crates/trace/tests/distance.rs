@@ -65,7 +65,6 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "24 bits")]
     fn unit(&mut self) -> f32 {
         (self.next() >> 40) as f32 / (1_u64 << 23) as f32 - 1.0
     }

@@ -2,11 +2,11 @@
 //!
 //! # Ten lines
 //! ```
-//! use canted_trace::Ray;
-//! use canted_wide::{Config, Triangle, WideBvh};
+//! use canted_trace::{Intersect, Ray};
+//! use canted_wide::TriangleBvh;
 //!
 //! let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-//! let bvh = WideBvh::<Triangle>::build(&positions, &[[0, 1, 2]], &Config::default())?;
+//! let bvh = TriangleBvh::build(&positions, &[[0, 1, 2]])?;
 //! let ray = Ray::new([0.25, 0.5, 1.0], [0.0, 0.0, -1.0]);
 //! let hit = bvh.closest_hit(&ray).expect("the ray hits the triangle");
 //! assert_eq!((hit.t, hit.u, hit.v, hit.primitive.0), (1.0, 0.25, 0.5, 0));
@@ -33,27 +33,28 @@
 //! | type | content |
 //! | --- | --- |
 //! | [`WideBvh`] | the BVH; `P` is what it is over |
-//! | [`TriangleBvh`] | `WideBvh<Triangle<K>>`: over triangles, with the triangle test `K` |
+//! | [`TriangleBvh`], [`MovingBvh`] | `WideBvh<Triangle>`: over triangles; over triangles that move while the shutter is open |
 //! | [`Primitive`] | the trait of your own shapes; spheres and boxes implement it |
-//! | [`Config`], [`Preset`], [`Costs`] | how a BVH is built |
+//! | [`Config`], [`Preset`], [`Costs`] | how a BVH is built, and its triangle test |
 //! | [`RawBvh`] | nodes and leaves as words, for devices |
 //!
 //! | task | method |
 //! | --- | --- |
-//! | the first hit, or whether there is one | [`WideBvh::closest_hit`], [`WideBvh::occluded`] |
-//! | every hit; every crossing of a surface, once | [`WideBvh::all_hits`], [`TriangleBvh::crossings`] |
-//! | only hits that a function accepts | [`WideBvh::closest_hit_where`], [`WideBvh::occluded_where`] |
-//! | slices, on one thread or on all | [`WideBvh::closest_hits`], [`WideBvh::par_closest_hits`], and similar |
-//! | which boxes a ray enters | [`WideBvh::traverse_ordered`] of a `WideBvh<Aabb>` |
+//! | the first hit, or whether there is one | [`Intersect::closest_hit`](canted_trace::Intersect::closest_hit), [`Intersect::occluded`](canted_trace::Intersect::occluded) |
+//! | every hit; every crossing of a surface, once | [`Intersect::all_hits`](canted_trace::Intersect::all_hits), [`Crossings::crossings`](canted_trace::Crossings::crossings) |
+//! | only hits that a function accepts | [`Intersect::closest_hit_with`](canted_trace::Intersect::closest_hit_with) and an [`Accept`](canted_trace::Accept) |
+//! | slices, on one thread or on all | [`Intersect::closest_hits`](canted_trace::Intersect::closest_hits), [`Intersect::par_closest_hits`](canted_trace::Intersect::par_closest_hits), and similar |
+//! | which boxes a ray enters | [`WideBvh::traverse`] of a `WideBvh<Aabb>` |
+//! | distances, containment, overlaps | [`WideBvh::nearest_point`], [`TriangleBvh::contains`], [`WideBvh::overlapping`] |
 //! | moved primitives | [`TriangleBvh::refit`], which reports when to rebuild |
 //! | the primitives | [`TriangleBvh::triangle`], [`TriangleBvh::triangles`], `primitives` |
-//! | counts of visited nodes and leaves | [`WideBvh::traversal_counts`] |
+//! | counts of visited nodes and leaves | [`TriangleBvh::traversal_counts`] |
 //! | a BVH as bytes | [`TriangleBvh::to_bytes`], [`TriangleBvh::from_bytes`] |
 //!
 //! # Guarantees
 //! * **No lost hit.** Results are those of testing every primitive: the same `t`, `u`, `v` and primitive. Box tests are padded
-//!   by a proven error bound that grows with the distance of a ray's origin; the proof is at the head of `traverse.rs`. Coordinates may
-//!   reach 2^62 in magnitude. With [`Watertight`](canted_trace::Watertight) a closed mesh has no leaks.
+//!   by a proven error bound that grows with the distance of a ray's origin; the proof is at the head of `traverse`. Coordinates may
+//!   reach 2^62 in magnitude. With the default test, [`Watertight`](canted_trace::Watertight), a closed mesh has no leaks.
 //! * **Ties** go to the lowest primitive, so results do not depend on the builder or the preset.
 //! * **Determinism.** The same input gives the same BVH and the same hits, bit for bit, on any number of threads and
 //!   every [`SimdPath`].
@@ -74,78 +75,48 @@
 //!
 //! # How it works
 //! ```text
-//! triangles, primitives -> items                           item: boxes along any frame
-//!           -> mesh frame -> binary tree (canted-sah)      binary: dominant directions; groups of primitives
-//!           -> sample -> frames                            only where oriented nodes may pay: a primitive per leaf,
-//!                                                          bottom-up, few candidates for each subtree
-//!           -> collapse                                    dynamic programming over node kinds, by predicted cost
-//!           -> layout -> emit                              nodes of 256 and 512 bytes, leaves
-//! rays      -> path (once a slice) -> traverse -> sink     scalar, avx2, avx512 or neon; one traversal for every query
-//! moved primitives -> pieces -> refit           BVH <-> file
+//! build      items (boxes along any frame) -> frame of the mesh -> binary tree (canted-sah), over groups of primitives
+//!            -> frames, where a sample of subtrees shows that oriented nodes may pay: bottom-up, few candidates for each
+//!            -> collapse: dynamic programming over node kinds, by predicted cost -> layout -> records
+//! node       nodes of 256 and 512 bytes, words that name children; their checks
+//! leaf       triangles in blocks of eight, primitives of the caller
+//! traverse   one ray through nodes, with scalar, avx2, avx512 or neon instructions; the proof that no hit is lost
+//! query      what becomes of hits: closest, any, all, crossings
+//! update     new boxes for primitives that have moved
 //! ```
+//!
+//! A ray goes from [`Intersect::closest_hit`](canted_trace::Intersect::closest_hit) to `closest_hit_scaled` in `query/triangles.rs`, to `walk` in `traverse/walk.rs` with the
+//! instructions of the machine, and to the triangle test of a leaf in `query/triangles.rs` and `traverse/block.rs`. All traversals are
+//! compiled in this crate, whatever the primitive.
 //!
 //! Sources: Woop et al. 2014 for nodes with a frame for each child, which they use for curves; Ylitie et al. 2017 for the
 //! collapse by dynamic programming, here over kinds of nodes too; Wald et al. 2020 for frames carried up a binary tree.
 #![deny(unsafe_code)]
 
-mod batch;
-mod binary;
-mod boxes;
 mod build;
 mod bvh;
-mod collapse;
 mod config;
-mod costs;
-mod counts;
-mod crossings;
 mod distance;
-mod emit;
 mod file;
-mod flaw;
-mod frames;
-mod item;
-mod layout;
 mod leaf;
-mod lists;
-mod measure;
-mod members;
-mod moving;
-mod outline;
-mod pieces;
-mod primitive;
-mod queries;
-mod raw;
-mod reach;
-mod records;
-mod refit;
-mod sample;
-mod shape;
+mod node;
+mod query;
 mod simd;
-mod sink;
-mod slices;
-mod trace;
 mod traverse;
-mod triangle;
+mod update;
 
 use canted_lbvh::par;
 
 pub use build::PrimitiveError;
 pub use bvh::{PredictedCost, Sizes, WideBvh};
-pub use config::{Config, Preset};
-pub use costs::Costs;
-pub use counts::TraversalCounts;
+pub use config::{Config, Costs, Preset};
 pub use distance::{ClosestPoint, DistanceShape, NearestPoint};
-pub use file::{LoadError, SavedLeaves};
-pub use flaw::Flaw;
-pub use layout::{MAX_PRIMITIVES, MAX_TRIANGLES, NodeKind};
-pub use leaf::LeafPrimitive;
-pub use lists::HitLists;
-pub use moving::MovingBvh;
-pub use primitive::{Primitive, PrimitiveHit, SavedPrimitive, bounds_of_points, extent_of_box, extent_of_points};
-pub use raw::RawBvh;
-pub use refit::{Refit, RefitError};
+pub use file::LoadError;
+pub use leaf::{
+    LeafPrimitive, Primitive, PrimitiveHit, SavedPrimitive, Triangle, TriangleBvh, bounds_of_points, extent_of_box,
+    extent_of_points,
+};
+pub use node::{Flaw, MAX_PRIMITIVES, MAX_TRIANGLES, NodeKind, RawBvh};
+pub use query::{MovingBvh, Order, TraversalCounts};
 pub use simd::SimdPath;
-pub use traverse::LaneKernel;
-#[doc(hidden)]
-pub use traverse::Stack;
-pub use triangle::{Triangle, TriangleBvh};
+pub use update::{Refit, RefitError};

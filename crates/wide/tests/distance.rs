@@ -5,14 +5,14 @@
 use canted_fixtures::{self as fixtures, Mesh, SplitMix64};
 use canted_obb::{Obb, PrimId};
 use canted_trace::{Convex, Sphere, closest_point_on_triangle};
-use canted_wide::{Config, NearestPoint, Preset, SimdPath, TriangleBvh, WideBvh};
+use canted_wide::{NearestPoint, Preset, SimdPath, TriangleBvh, WideBvh};
 
 fn corners(mesh: &Mesh, triangle: usize) -> [[f32; 3]; 3] {
     mesh.triangles[triangle].map(|vertex| mesh.positions[vertex as usize])
 }
 
 fn build(mesh: &Mesh, preset: Preset) -> TriangleBvh {
-    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)).unwrap()
+    TriangleBvh::build_with(&mesh.positions, &mesh.triangles, preset).unwrap()
 }
 
 /// Meshes that are thin, flat, far, of mixed scale, and with duplicates.
@@ -37,7 +37,6 @@ fn points(mesh: &Mesh, seed: u64, n: usize) -> Vec<[f32; 3]> {
     let mut rng = SplitMix64::new(seed);
     let [min, max] = mesh.bounds();
     let size = mesh.diagonal().max(1e-3);
-    #[expect(clippy::cast_possible_truncation, reason = "any point will do")]
     let mut point = |i: usize| -> [f32; 3] {
         if i.is_multiple_of(5) && !mesh.positions.is_empty() {
             return mesh.positions[rng.below(mesh.positions.len())];
@@ -61,7 +60,6 @@ fn by_distance(mesh: &Mesh, point: [f32; 3]) -> Vec<(f64, u32)> {
     all
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "as the query rounds")]
 fn rounded(all: &[(f64, u32)]) -> Vec<(f32, u32)> {
     all.iter().map(|&(squared, primitive)| (squared.sqrt() as f32, primitive)).collect()
 }
@@ -120,7 +118,7 @@ fn points_without_an_answer() {
     assert_eq!(bvh.nearest_point([0.0; 3], -1.0), None);
     assert_eq!(bvh.nearest_point([0.0; 3], f32::NAN), None);
     assert_eq!(bvh.nearest_point([0.0; 3], 0.1), None);
-    let nothing = <TriangleBvh>::build(&[], &[], &Config::default()).unwrap();
+    let nothing = TriangleBvh::build::<[f32; 3], u32>(&[], &[]).unwrap();
     assert_eq!((nothing.contains([0.0; 3]), nothing.signed_distance([0.0; 3])), (false, f32::INFINITY));
 }
 
@@ -131,7 +129,6 @@ struct Integers {
 }
 
 impl Integers {
-    #[expect(clippy::cast_possible_truncation, reason = "small integers")]
     fn new(mesh: &Mesh, scale: f32, offset: f32) -> Self {
         let mesh = mesh.placed(|p| p.map(|x| (scale * x).round() + offset));
         let corners = (0..mesh.triangles.len()).map(|i| corners(&mesh, i).map(|p| p.map(|x| x as i128)));
@@ -188,7 +185,6 @@ fn is_on(point: [i128; 3], triangle: &[[i128; 3]; 3]) -> bool {
 
 /// Points inside, outside, on vertices, edges and faces, and straight below and above vertices and edges.
 #[test]
-#[expect(clippy::cast_possible_truncation, reason = "small integers")]
 fn containment_is_exact() {
     let shapes = [
         ("sphere", fixtures::icosphere(2)),
@@ -265,7 +261,6 @@ fn overlaps_are_those_of_a_loop() {
     for (name, mesh) in meshes() {
         let bvh = build(&mesh, Preset::Quality);
         let points = points(&mesh, 11, 40);
-        #[expect(clippy::cast_possible_truncation, reason = "any size will do")]
         let size = 0.1 * mesh.diagonal() as f32;
         for (i, &point) in points.iter().enumerate() {
             let half = [size, if i % 3 == 0 { 0.0 } else { 0.3 * size }, 2.0 * size];
@@ -308,13 +303,11 @@ fn overlaps_are_those_of_a_loop() {
 #[test]
 fn nearest_spheres_are_those_of_a_loop() {
     let mut rng = SplitMix64::new(9);
-    #[expect(clippy::cast_possible_truncation, reason = "any sphere will do")]
     let spheres: Vec<Sphere> = (0..300)
         .map(|_| Sphere { center: rng.signed3().map(|x| 10.0 * x as f32), radius: 0.3 * rng.unit() as f32 })
         .collect();
-    let bvh = WideBvh::<Sphere>::build(spheres.clone(), &Config::default()).unwrap();
+    let bvh = WideBvh::over(spheres.clone()).unwrap();
     for _ in 0..300 {
-        #[expect(clippy::cast_possible_truncation, reason = "any point will do")]
         let point = rng.signed3().map(|x| 12.0 * x as f32);
         let distance = |sphere: &Sphere| {
             let offset: [f64; 3] = std::array::from_fn(|k| f64::from(point[k]) - f64::from(sphere.center[k]));

@@ -1,11 +1,11 @@
 //! BVHs as bytes: what is written is read, what is damaged is rejected. Forged files are tested inside the crate.
 
 use canted_fixtures::{self as fixtures, Mesh};
-use canted_trace::{Counts, InstanceId, MollerTrumbore, Ray, Watertight};
+use canted_trace::{Counts, Intersect, Ray, TriangleTest};
 use canted_wide::{Config, LoadError, Preset, SimdPath, TriangleBvh};
 
-fn build(mesh: &Mesh, preset: Preset) -> TriangleBvh<Watertight> {
-    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)).unwrap()
+fn build(mesh: &Mesh, preset: Preset) -> TriangleBvh {
+    TriangleBvh::build_with(&mesh.positions, &mesh.triangles, preset).unwrap()
 }
 
 fn meshes() -> Vec<(&'static str, Mesh)> {
@@ -30,7 +30,7 @@ fn what_is_written_is_read_bit_for_bit() {
         for preset in [Preset::Balanced, Preset::Fast, Preset::Quality].into_iter().take(n_presets) {
             let wide = build(&mesh, preset);
             let bytes = wide.to_bytes();
-            let back = TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
+            let back = TriangleBvh::from_bytes(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
             assert_eq!(back.to_bytes(), bytes, "{name}");
             assert_eq!(
                 (back.aabb(), back.frame(), back.n_primitives()),
@@ -42,8 +42,8 @@ fn what_is_written_is_read_bit_for_bit() {
                 for ray in rays(&mesh) {
                     // The same bvh: not only the same hits but the same way to them.
                     let [mut a, mut b] = [Counts::default(); 2];
-                    let hit = wide.closest_hit_with(&ray, InstanceId(0), &mut a);
-                    assert_eq!(back.closest_hit_with(&ray, InstanceId(0), &mut b), hit, "{name} {path:?}");
+                    let hit = wide.closest_hit_with(&ray, &mut a);
+                    assert_eq!(back.closest_hit_with(&ray, &mut b), hit, "{name} {path:?}");
                     assert_eq!(a, b, "{name} {path:?}");
                 }
             }
@@ -63,23 +63,27 @@ fn rays(mesh: &Mesh) -> Vec<Ray> {
 #[test]
 fn a_file_can_be_read_for_any_triangle_test() {
     let mesh = fixtures::soup(2, 500);
-    let config = Config::default();
-    let wanted = TriangleBvh::<MollerTrumbore>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+    let config = Config { test: TriangleTest::MollerTrumbore, ..Config::default() };
+    let wanted = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config).unwrap();
     let bytes = build(&mesh, Preset::default()).to_bytes();
-    let back = TriangleBvh::<MollerTrumbore>::from_bytes(&bytes).unwrap();
+    let back = TriangleBvh::from_bytes_with(&bytes, TriangleTest::MollerTrumbore).unwrap();
     assert!(rays(&mesh).iter().all(|ray| back.closest_hit(ray) == wanted.closest_hit(ray)));
+    // Without a choice it is that of the writer.
+    assert_eq!(back.to_bytes(), wanted.to_bytes());
+    let tests = [&bytes, &back.to_bytes()].map(|bytes| TriangleBvh::from_bytes(bytes).unwrap().test());
+    assert_eq!(tests, [TriangleTest::Watertight, TriangleTest::MollerTrumbore]);
 }
 
 #[test]
 fn truncated_files_are_rejected_by_length() {
     let bytes = build(&fixtures::soup(1, 20), Preset::Fast).to_bytes();
     for n in 0..bytes.len() {
-        let error = TriangleBvh::<Watertight>::from_bytes(&bytes[..n]).unwrap_err();
+        let error = TriangleBvh::from_bytes(&bytes[..n]).unwrap_err();
         assert!(matches!(error, LoadError::Length { n_bytes, .. } if n_bytes == n), "{n}: {error}");
     }
     let mut longer = bytes;
     longer.push(0);
-    assert!(matches!(TriangleBvh::<Watertight>::from_bytes(&longer), Err(LoadError::Length { .. })));
+    assert!(matches!(TriangleBvh::from_bytes(&longer), Err(LoadError::Length { .. })));
 }
 
 #[test]
@@ -89,7 +93,7 @@ fn every_changed_byte_is_detected() {
         for change in [1, 0x80, 0xff] {
             let mut damaged = bytes.clone();
             damaged[i] ^= change;
-            assert!(TriangleBvh::<Watertight>::from_bytes(&damaged).is_err(), "byte {i}");
+            assert!(TriangleBvh::from_bytes(&damaged).is_err(), "byte {i}");
         }
     }
 }
@@ -100,9 +104,11 @@ fn other_files_and_other_versions_are_reported() {
     let with = |at: usize, new: &[u8]| {
         let mut bytes = bytes.clone();
         bytes[at..at + new.len()].copy_from_slice(new);
-        TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_err()
+        TriangleBvh::from_bytes(&bytes).unwrap_err()
     };
     assert_eq!(with(0, b"\x7fELF").to_string(), "not a BVH file: it begins with \"\\x7fELFWIDE\"");
+    let text = TriangleBvh::from_bytes(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap_err();
+    assert_eq!(text.to_string(), "not a BVH file: it begins with \"v 0 0 0\\n\"");
     assert_eq!(with(8, &[1]).to_string(), "unsupported format version 1; expected 5");
 }
 
@@ -113,7 +119,7 @@ fn a_wrong_checksum_is_reported_with_that_of_the_contents() {
     let expected = u64::from_le_bytes(*stored);
     *stored = 7u64.to_le_bytes();
     assert_eq!(
-        TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_err().to_string(),
+        TriangleBvh::from_bytes(&bytes).unwrap_err().to_string(),
         format!("checksum mismatch: the file says 0x0000000000000007, its contents give {expected:#018x}")
     );
 }
@@ -125,7 +131,7 @@ fn huge_counts_are_rejected_before_anything_is_allocated() {
         for count in [u64::MAX, u64::MAX / 64, 1 << 40] {
             let mut bytes = bytes.clone();
             bytes[at..at + 8].copy_from_slice(&count.to_le_bytes());
-            assert!(matches!(TriangleBvh::<Watertight>::from_bytes(&bytes), Err(LoadError::Length { .. })));
+            assert!(matches!(TriangleBvh::from_bytes(&bytes), Err(LoadError::Length { .. })));
         }
     }
     // The number of triangles does not follow from the length: the checksum is corrected, by the definition of FNV-1a.
@@ -137,7 +143,7 @@ fn huge_counts_are_rejected_before_anything_is_allocated() {
         sum = (sum ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
     }
     bytes[end..].copy_from_slice(&sum.to_le_bytes());
-    let error = TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_err();
+    let error = TriangleBvh::from_bytes(&bytes).unwrap_err();
     assert_eq!(error, LoadError::Count { n_expected: 1 << 40, n_found: 20 });
 }
 
@@ -151,8 +157,7 @@ fn coordinates_of_any_size_are_saved() {
             let huge = mesh.placed(|p| p.map(|x| (x / reach).clamp(-1.0, 1.0) * scale));
             for preset in [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality] {
                 let bytes = build(&huge, preset).to_bytes();
-                let back =
-                    TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_or_else(|error| panic!("{scale}: {error}"));
+                let back = TriangleBvh::from_bytes(&bytes).unwrap_or_else(|error| panic!("{scale}: {error}"));
                 assert_eq!(back.to_bytes(), bytes, "{scale} {preset:?}");
             }
         }

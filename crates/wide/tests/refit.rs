@@ -3,14 +3,15 @@
 use canted_fixtures::{self as fixtures, Hair, Mesh, SplitMix64, Strand};
 use canted_lbvh::GeometryError;
 use canted_obb::{Aabb, PrimId};
-use canted_trace::{Counts, Hit, InstanceId, Kernel, MollerTrumbore, Ray, ScaledRay, Watertight};
-use canted_wide::{Config, LaneKernel, RefitError, TriangleBvh};
+use canted_trace::{
+    Counts, Hit, InstanceId, Intersect, Kernel, MollerTrumbore, Ray, ScaledRay, TriangleTest, Watertight,
+};
+use canted_wide::{Config, RefitError, TriangleBvh};
 
-fn build<K: LaneKernel>(mesh: &Mesh) -> TriangleBvh<K> {
-    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
+fn build(mesh: &Mesh) -> TriangleBvh {
+    TriangleBvh::build(&mesh.positions, &mesh.triangles).unwrap()
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how vertices are stored")]
 fn moved(mesh: &Mesh, motion: impl FnMut([f64; 3]) -> [f64; 3]) -> Mesh {
     let place = mesh.positions.iter().map(|p| p.map(f64::from)).map(motion);
     let positions = place.map(|p| p.map(|x| x as f32)).collect();
@@ -80,7 +81,7 @@ fn brute<K: Kernel>(records: &[K::Record], ray: &Ray) -> Option<Hit> {
 }
 
 /// Number of rays with other results than the loop over all triangles, and of rays that hit.
-fn disagree<K: LaneKernel>(wide: &TriangleBvh<K>, mesh: &Mesh) -> (usize, usize) {
+fn disagree<K: Kernel>(wide: &TriangleBvh, mesh: &Mesh) -> (usize, usize) {
     let corners = mesh.triangles.iter().map(|t| t.map(|i| mesh.positions[i as usize]));
     let records: Vec<K::Record> = corners.map(K::record).collect();
     let answers = rays(mesh).into_iter().map(|ray| {
@@ -90,14 +91,15 @@ fn disagree<K: LaneKernel>(wide: &TriangleBvh<K>, mesh: &Mesh) -> (usize, usize)
     answers.fold((0, 0), |(wrong, hits), (right, hit)| (wrong + usize::from(!right), hits + usize::from(hit)))
 }
 
-fn hits_survive_motion<K: LaneKernel>() {
+fn hits_survive_motion<K: Kernel>(test: TriangleTest) {
     for (name, mesh) in meshes() {
         // One BVH for all motions, so that each refit starts from the boxes of the last one.
-        let mut wide = build::<K>(&mesh);
+        let config = Config { test, ..Config::default() };
+        let mut wide = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config).unwrap();
         let mut n_hits = 0;
         for (motion, moved) in motions(&mesh) {
             wide.refit(&moved.positions, &moved.triangles).unwrap();
-            let (wrong, hits) = disagree(&wide, &moved);
+            let (wrong, hits) = disagree::<K>(&wide, &moved);
             assert_eq!(wrong, 0, "{name} {motion}");
             n_hits += hits;
             let used = moved.triangles.iter().flatten().map(|&i| moved.positions[i as usize]);
@@ -109,24 +111,24 @@ fn hits_survive_motion<K: LaneKernel>() {
 
 #[test]
 fn watertight_hits_survive_any_motion() {
-    hits_survive_motion::<Watertight>();
+    hits_survive_motion::<Watertight>(TriangleTest::Watertight);
 }
 
 #[test]
 fn moller_trumbore_hits_survive_any_motion() {
-    hits_survive_motion::<MollerTrumbore>();
+    hits_survive_motion::<MollerTrumbore>(TriangleTest::MollerTrumbore);
 }
 
 #[test]
 fn a_bvh_that_is_not_refitted_is_detected() {
     let mesh = fixtures::scaffold_of(1, true, 3);
-    let wide = build::<Watertight>(&mesh);
-    let (wrong, _) = disagree(&wide, &motions(&mesh)[0].1);
+    let wide = build(&mesh);
+    let (wrong, _) = disagree::<Watertight>(&wide, &motions(&mesh)[0].1);
     assert!(wrong > 50, "{wrong}");
 }
 
 /// Nodes and blocks, between the header and the checksum.
-fn records(wide: &TriangleBvh<Watertight>) -> Vec<u8> {
+fn records(wide: &TriangleBvh) -> Vec<u8> {
     let bytes = wide.to_bytes();
     bytes[160..bytes.len() - 8].to_vec()
 }
@@ -134,7 +136,7 @@ fn records(wide: &TriangleBvh<Watertight>) -> Vec<u8> {
 #[test]
 fn the_same_vertices_give_the_same_bvh() {
     for (name, mesh) in meshes() {
-        let mut wide = build::<Watertight>(&mesh);
+        let mut wide = build(&mesh);
         let built = records(&wide);
         let refit = wide.refit(&mesh.positions, &mesh.triangles).unwrap();
         assert_eq!(records(&wide), built, "{name}");
@@ -151,7 +153,7 @@ fn the_same_vertices_give_the_same_bvh() {
 #[test]
 fn rejected_vertices_change_nothing() {
     let mesh = fixtures::soup(2, 100);
-    let mut wide = build::<Watertight>(&mesh);
+    let mut wide = build(&mesh);
     let before = wide.to_bytes();
     let mut bad = mesh.clone();
     bad.positions[mesh.triangles[41][1] as usize][2] = f32::INFINITY;
@@ -170,7 +172,7 @@ fn rejected_vertices_change_nothing() {
 fn threads_change_nothing() {
     let mesh = fixtures::scaffold_of(1, true, 6);
     let (_, moved) = &motions(&mesh)[0];
-    let wide = build::<Watertight>(&mesh);
+    let wide = build(&mesh);
     let on = |n_threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
         let mut wide = wide.clone();
@@ -185,21 +187,21 @@ fn threads_change_nothing() {
 fn a_refitted_bvh_can_be_saved_and_keeps_its_drift() {
     let mesh = fixtures::scaffold_of(1, true, 4);
     let motions = motions(&mesh);
-    let mut wide = build::<Watertight>(&mesh);
+    let mut wide = build(&mesh);
     let (_, shaken) = &motions[0];
     let refit = wide.refit(&shaken.positions, &shaken.triangles).unwrap();
     let bytes = wide.to_bytes();
-    let mut back = TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap();
+    let mut back = TriangleBvh::from_bytes(&bytes).unwrap();
     assert_eq!(back.to_bytes(), bytes);
     let again = back.refit(&shaken.positions, &shaken.triangles).unwrap();
     assert_eq!((again.cost_built, again.cost_before, again.drift), (refit.cost_built, refit.cost_now, refit.drift));
 }
 
 /// Tests of camera rays: nodes, and four triangles as one more, since trees trade one for the other by the size of their leaves.
-fn work(wide: &TriangleBvh<Watertight>, mesh: &Mesh) -> f64 {
+fn work(wide: &TriangleBvh, mesh: &Mesh) -> f64 {
     let mut counts = Counts::default();
     for ray in fixtures::object_views(mesh).iter().flat_map(|view| view.rays(48)) {
-        wide.closest_hit_with(&Ray::new(ray.origin, ray.direction), InstanceId(0), &mut counts);
+        wide.closest_hit_with(&Ray::new(ray.origin, ray.direction), &mut counts);
     }
     counts.boxes as f64 / 8.0 + counts.triangles as f64 / 4.0
 }
@@ -216,7 +218,7 @@ fn twisted(mesh: &Mesh, turns: f64) -> Mesh {
 fn a_rebuild_is_advised_where_it_gains() {
     let hair = Hair { n_strands: 600, n_segments: 12, width: 0.004, strand: Strand::Ribbon };
     let mesh = fixtures::hair(3, &hair);
-    let mut wide = build::<Watertight>(&mesh);
+    let mut wide = build(&mesh);
     let mut last = 0.0;
     for turns in [0.02, 0.06, 1.0, 3.0] {
         let moved = twisted(&mesh, turns);
@@ -234,7 +236,7 @@ fn a_rebuild_is_advised_where_it_gains() {
     }
     // Motions of the mesh as one cause no drift.
     for moved in [moved(&mesh, |p| p.map(|x| 7.0 * x)), moved(&mesh, |[x, y, z]| [x + 4.0, y, z])] {
-        let mut wide = build::<Watertight>(&mesh);
+        let mut wide = build(&mesh);
         let refit = wide.refit(&moved.positions, &moved.triangles).unwrap();
         assert!((refit.drift - 1.0).abs() < 0.01, "{}", refit.drift);
     }

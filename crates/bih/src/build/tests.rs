@@ -12,12 +12,12 @@ fn boxes(mesh: &Mesh) -> Vec<Aabb> {
     mesh.triangles.iter().map(|t| Aabb::from_points(t.map(|v| mesh.positions[v as usize]))).collect()
 }
 
-fn config(leaf_size: u32, tight_factor: f32) -> Config {
-    Config { leaf_size: LeafSize::AtMost(leaf_size), tight_factor }
+fn config(leaf_size: u32, tight_factor: f32) -> BihConfig {
+    BihConfig { leaf_size: LeafSize::AtMost(leaf_size), tight_factor, ..BihConfig::default() }
 }
 
 /// A BIH whose planes are not padded.
-fn bare(boxes: &[Aabb], config: &Config) -> BoxBih {
+fn bare(boxes: &[Aabb], config: &BihConfig) -> BoxBih {
     let items: Vec<Item> = (0..).zip(boxes).map(|(i, aabb)| Item::new(i, aabb)).collect();
     let content = Content::of(&items);
     BoxBih::with_pad(items, content, config, 0.0)
@@ -51,7 +51,14 @@ enum Literal {
 const PATIENCE: usize = 400;
 
 /// The source's build as corrected: a filter for every attempt, and nothing known before it.
-fn literal(boxes: &[Aabb], ids: &[u32], mut space: Aabb, mut visible: Aabb, config: &Config, out: &mut Vec<Literal>) {
+fn literal(
+    boxes: &[Aabb],
+    ids: &[u32],
+    mut space: Aabb,
+    mut visible: Aabb,
+    config: &BihConfig,
+    out: &mut Vec<Literal>,
+) {
     let of = |id: u32| boxes[id as usize];
     let center = |id: u32, axis: usize| of(id).min[axis] + of(id).max[axis];
     let leaf = || {
@@ -128,7 +135,7 @@ fn nodes_are_those_of_the_literal_algorithm() {
             literal(boxes, &(0..).take(boxes.len()).collect::<Vec<u32>>(), bounds, bounds, &config, &mut want);
             assert_eq!(read(&bih), want);
             // The comparison notices another configuration.
-            let other = Config { leaf_size: LeafSize::AtMost(leaf_size + 1), ..config };
+            let other = BihConfig { leaf_size: LeafSize::AtMost(leaf_size + 1), ..config };
             n_noticed += usize::from(read(&bare(boxes, &other)) != want);
             n_clips += want.iter().filter(|node| matches!(node, Literal::Clip(..))).count();
         }
@@ -202,7 +209,6 @@ fn geometric(n: usize) -> Vec<Aabb> {
 fn no_input_exceeds_the_depth() {
     // A chain, then a cluster at its end that is as far from its neighbor as the chain allows.
     let mut rng = SplitMix64::new(5);
-    #[expect(clippy::cast_possible_truncation, reason = "random coordinates")]
     let cluster = (0..20_000).map(|_| {
         let min: [f32; 3] = std::array::from_fn(|_| 2.0f32.powi(-120) * rng.unit() as f32);
         Aabb { min, max: min }
@@ -220,7 +226,7 @@ fn no_input_exceeds_the_depth() {
 fn equal_primitives_are_one_leaf() {
     let n = 100_000;
     let boxes = vec![Aabb { min: [1.0, 2.0, 3.0], max: [1.5, 2.0, 4.0] }; n];
-    let bih = BoxBih::build(&boxes, &Config::default()).unwrap();
+    let bih = BoxBih::build(&boxes, &BihConfig::default()).unwrap();
     let stats = check(&bih, &boxes).unwrap();
     assert_eq!((stats.n_leaves, stats.largest_leaf, stats.depth), (1, n, 1));
 }

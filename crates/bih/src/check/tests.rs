@@ -1,6 +1,6 @@
 use super::*;
 use crate::node::Node;
-use crate::{Config, LeafSize};
+use crate::{BihConfig, LeafSize};
 use canted_fixtures::soup;
 
 /// Random triangles in two clusters, so that there are clip nodes.
@@ -16,11 +16,11 @@ fn boxes(n: u32) -> Vec<Aabb> {
 }
 
 fn build(boxes: &[Aabb], leaf_size: u32) -> BoxBih {
-    BoxBih::build(boxes, &Config { leaf_size: LeafSize::AtMost(leaf_size), ..Config::default() }).unwrap()
+    BoxBih::build(boxes, &BihConfig { leaf_size: LeafSize::AtMost(leaf_size), ..BihConfig::default() }).unwrap()
 }
 
 /// The flaw after a change.
-fn flaw(change: impl FnOnce(&mut BoxBih)) -> Flaw {
+fn flaw(change: impl FnOnce(&mut BoxBih)) -> BihFlaw {
     let boxes = boxes(40);
     let mut bih = build(&boxes, 2);
     check(&bih, &boxes).unwrap();
@@ -59,10 +59,10 @@ fn valid_bihs_have_no_flaw() {
 #[test]
 fn primitives_in_two_leaves_or_none_are_detected() {
     let repeated = flaw(|bih| bih.primitives[3] = bih.primitives[4]);
-    assert!(matches!(repeated, Flaw::NotOnce { .. }), "{repeated}");
-    assert_eq!(flaw(|bih| bih.primitives[3] = PrimId(99)), Flaw::NotOnce { primitive: PrimId(99) });
+    assert!(matches!(repeated, BihFlaw::NotOnce { .. }), "{repeated}");
+    assert_eq!(flaw(|bih| bih.primitives[3] = PrimId(99)), BihFlaw::NotOnce { primitive: PrimId(99) });
     let missing = flaw(|bih| bih.primitives.truncate(39));
-    assert!(matches!(missing, Flaw::NotOnce { .. }), "{missing}");
+    assert!(matches!(missing, BihFlaw::NotOnce { .. }), "{missing}");
 }
 
 #[test]
@@ -72,7 +72,7 @@ fn leaves_that_do_not_continue_the_references_are_detected() {
             let leaf = find_leaf(bih);
             bih.nodes[leaf] = replacement;
         });
-        assert!(matches!(found, Flaw::WrongReferences { .. }), "{found}");
+        assert!(matches!(found, BihFlaw::WrongReferences { .. }), "{found}");
     }
 }
 
@@ -81,7 +81,7 @@ fn references_in_no_leaf_are_detected() {
     let boxes = boxes(2);
     let mut bih = build(&boxes, 2);
     bih.nodes[0] = Node::leaf(0, 1);
-    assert_eq!(check(&bih, &boxes), Err(Flaw::WrongReferences { node: 0 }));
+    assert_eq!(check(&bih, &boxes), Err(BihFlaw::WrongReferences { node: 0 }));
 }
 
 #[test]
@@ -90,7 +90,7 @@ fn empty_leaves_are_detected() {
         let leaf = find_leaf(bih);
         bih.nodes[leaf] = Node::leaf(0, 0);
     });
-    assert!(matches!(found, Flaw::EmptyLeaf { .. }), "{found}");
+    assert!(matches!(found, BihFlaw::EmptyLeaf { .. }), "{found}");
 }
 
 #[test]
@@ -101,11 +101,11 @@ fn wrong_and_missing_children_are_detected() {
             let NodeKind::Split { axis, second } = bih.nodes[at].kind() else { unreachable!("a split was found") };
             bih.nodes[at] = Node::split(axis, second.wrapping_add(change), bih.nodes[at].planes);
         });
-        assert!(matches!(found, Flaw::WrongChild { .. }), "{found}");
+        assert!(matches!(found, BihFlaw::WrongChild { .. }), "{found}");
     }
     let found = flaw(|bih| bih.nodes.truncate(bih.nodes.len() - 1));
-    assert!(matches!(found, Flaw::WrongChild { .. }), "{found}");
-    assert_eq!(flaw(|bih| bih.nodes.clear()), Flaw::WrongChild { node: 0 });
+    assert!(matches!(found, BihFlaw::WrongChild { .. }), "{found}");
+    assert_eq!(flaw(|bih| bih.nodes.clear()), BihFlaw::WrongChild { node: 0 });
 }
 
 #[test]
@@ -115,7 +115,7 @@ fn unreached_nodes_are_detected() {
         n = bih.nodes.len();
         bih.nodes.push(Node::leaf(0, 1));
     });
-    assert_eq!(found, Flaw::Unreached { node: n });
+    assert_eq!(found, BihFlaw::Unreached { node: n });
 }
 
 /// One step of the least unit is enough.
@@ -133,7 +133,7 @@ fn planes_that_cut_content_are_detected() {
                 let planes = &mut bih.nodes[at].planes;
                 planes[plane] = if plane == 0 { planes[0].next_down() } else { planes[1].next_up() };
             });
-            assert_eq!(found, Flaw::Escapes { node: at }, "plane {plane}, clip node: {is_clip}");
+            assert_eq!(found, BihFlaw::Escapes { node: at }, "plane {plane}, clip node: {is_clip}");
         }
     }
 }
@@ -143,13 +143,13 @@ fn a_root_box_that_cuts_content_is_detected() {
     for k in 0..3 {
         assert_eq!(
             flaw(|bih| bih.padded_bounds.min[k] = bih.padded_bounds.min[k].next_up()),
-            Flaw::Escapes { node: 0 }
+            BihFlaw::Escapes { node: 0 }
         );
         assert_eq!(
             flaw(|bih| bih.padded_bounds.max[k] = bih.padded_bounds.max[k].next_down()),
-            Flaw::Escapes { node: 0 }
+            BihFlaw::Escapes { node: 0 }
         );
-        assert_eq!(flaw(|bih| bih.bounds.max[k] = bih.bounds.max[k].next_down()), Flaw::Escapes { node: 0 });
+        assert_eq!(flaw(|bih| bih.bounds.max[k] = bih.bounds.max[k].next_down()), BihFlaw::Escapes { node: 0 });
     }
 }
 
@@ -160,7 +160,7 @@ fn a_wrong_depth_is_detected() {
         actual = bih.depth;
         bih.depth += 1;
     });
-    assert_eq!(found, Flaw::WrongDepth { stated: actual + 1, actual });
+    assert_eq!(found, BihFlaw::WrongDepth { stated: actual + 1, actual });
 }
 
 #[test]
@@ -171,5 +171,5 @@ fn excessive_depth_is_detected() {
         bih.nodes.splice(0..0, std::iter::repeat_n(Node::clip(0, [f32::MAX, f32::MIN]), BoxBih::MAX_DEPTH as usize));
         assert!(bih.nodes.contains(&node));
     });
-    assert_eq!(found, Flaw::TooDeep { node: BoxBih::MAX_DEPTH as usize });
+    assert_eq!(found, BihFlaw::TooDeep { node: BoxBih::MAX_DEPTH as usize });
 }

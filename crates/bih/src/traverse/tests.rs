@@ -2,11 +2,10 @@
 
 use super::*;
 use crate::partition::{Content, Item};
-use crate::{Config, LeafSize};
-use canted_bvh2::leaf_triangles::LeafTriangles;
+use crate::{BihConfig, LeafSize};
 use canted_fixtures::{Grazing, Mesh, coplanar_quads, grazing, soup};
-use canted_obb::{Aabb, PrimId};
-use canted_trace::{AABB_PAD, InstanceId, Kernel, Ray, ReferencePoint, ScaledRay, Watertight};
+use canted_obb::Aabb;
+use canted_trace::{AABB_PAD, Kernel, LeafTriangles, Ray, ReferencePoint, ScaledRay, TriangleTest, Watertight};
 
 /// A traversal whose rays carry no padding.
 struct WithoutRayPads<'a>(&'a BoxBih, Ray);
@@ -34,7 +33,7 @@ fn trace(mesh: &Mesh, rays: &[Ray]) -> Outcome {
     let corners: Vec<_> = mesh.triangles.iter().map(|t| t.map(|v| mesh.positions[v as usize])).collect();
     let boxes: Vec<Aabb> = corners.iter().map(|corners| Aabb::from_points(*corners)).collect();
     let bounds = boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb));
-    let config = Config { leaf_size: LeafSize::AtMost(1), tight_factor: 1.0 };
+    let config = BihConfig { leaf_size: LeafSize::AtMost(1), tight_factor: 1.0, ..BihConfig::default() };
     let bih = |pad: f32| {
         let items: Vec<Item> = (0..).zip(&boxes).map(|(i, aabb)| Item::new(i, aabb)).collect();
         let content = Content::of(&items);
@@ -44,19 +43,11 @@ fn trace(mesh: &Mesh, rays: &[Ray]) -> Outcome {
         bih
     };
     let (padded, bare) = (bih(AABB_PAD), bih(0.0));
-    let records = |bih: &BoxBih| -> Vec<_> {
-        bih.primitives.iter().map(|primitive| Watertight::record(corners[primitive.index()])).collect()
-    };
-    let (padded_records, bare_records) = (records(&padded), records(&bare));
-    fn hits<N: Leaves>(
-        nodes: &N,
-        records: &[<Watertight as Kernel>::Record],
-        primitives: &[PrimId],
-        ray: &Ray,
-    ) -> usize {
-        let (mut hits, reference) = (vec![], ReferencePoint::ORIGIN);
-        let triangles = LeafTriangles::<N, Watertight> { nodes, records, primitives, reference };
-        triangles.all_hits(ray, InstanceId(0), &mut (), &mut hits);
+    fn hits(nodes: &impl Leaves, bih: &BoxBih, corners: &[[[f32; 3]; 3]], ray: &Ray) -> usize {
+        let sorted = bih.primitives.iter().map(|primitive| corners[primitive.index()]).collect();
+        let triangles = LeafTriangles::new(TriangleTest::Watertight, sorted, ReferencePoint::ORIGIN);
+        let (ray, mut hits) = (ScaledRay::new(ray).expect("rays of fixtures are valid"), vec![]);
+        triangles.all_hits(nodes, &bih.primitives, &ray, &mut (), &mut hits);
         hits.len()
     }
     let mut outcome = Outcome { n_hits: 0, n_lost: [0; 3] };
@@ -68,9 +59,9 @@ fn trace(mesh: &Mesh, rays: &[Ray]) -> Outcome {
         };
         let want = corners.iter().filter(|corners| is_hit(corners)).count();
         let found = [
-            hits(&padded, &padded_records, &padded.primitives, ray),
-            hits(&bare, &bare_records, &bare.primitives, ray),
-            hits(&WithoutRayPads(&padded, *ray), &padded_records, &padded.primitives, ray),
+            hits(&padded, &padded, &corners, ray),
+            hits(&bare, &bare, &corners, ray),
+            hits(&WithoutRayPads(&padded, *ray), &padded, &corners, ray),
         ];
         outcome.n_hits += want;
         for (lost, found) in outcome.n_lost.iter_mut().zip(found) {
@@ -81,7 +72,6 @@ fn trace(mesh: &Mesh, rays: &[Ray]) -> Outcome {
 }
 
 #[test]
-#[expect(clippy::cast_possible_truncation, reason = "any point near the mesh")]
 fn each_half_of_the_padding_is_needed() {
     // Far content needs the padding of planes, far origins that of rays.
     // At an edge of flat content, a ray enters through one plane and leaves through another at the same point.

@@ -1,13 +1,14 @@
 //! Hits are those of the loop, to the bit.
 
-use canted_bih::Bih;
+use canted_bih::{Bih, BihConfig};
 use canted_fixtures::Mesh;
-use canted_trace::{BaldwinWeber, Hit, Kernel, MollerTrumbore, Ray, Watertight};
+use canted_fixtures::kinds::{self, RayKind};
+use canted_trace::{Accept, BaldwinWeber, Hit, Intersect, MollerTrumbore, Ray, Watertight};
 
-use crate::common::{build, config, configs, doubled, loop_over_all, meshes, placed_meshes, rays};
+use crate::common::{Named, build, config, configs, doubled, loop_over_all, meshes, placed_meshes, rays};
 
 /// Compares all single queries with the loop. Returns the number of rays that hit.
-fn agrees<K: Kernel>(name: &str, bih: &Bih<K>, rays: &[Ray], wants: &[Vec<Hit>]) -> usize {
+fn agrees(name: &str, bih: &Bih, rays: &[Ray], wants: &[Vec<Hit>]) -> usize {
     let mut hits = vec![];
     for (ray, want) in rays.iter().zip(wants) {
         let first = want.first().copied();
@@ -19,7 +20,7 @@ fn agrees<K: Kernel>(name: &str, bih: &Bih<K>, rays: &[Ray], wants: &[Vec<Hit>])
     wants.iter().filter(|want| !want.is_empty()).count()
 }
 
-fn agrees_on<K: Kernel>(name: &str, mesh: &Mesh, n: usize, configs: &[canted_bih::Config]) -> usize {
+fn agrees_on<K: Named>(name: &str, mesh: &Mesh, n: usize, configs: &[BihConfig]) -> usize {
     let rays = rays(mesh, n);
     let wants: Vec<_> = rays.iter().map(|ray| loop_over_all::<K>(mesh, ray)).collect();
     configs.iter().map(|config| agrees(name, &build::<K>(mesh, config), &rays, &wants)).sum()
@@ -75,12 +76,12 @@ fn slices_are_single_queries() {
             assert_eq!((closest[k][i], occluded[k][i], &all[k][i]), (want.first().copied(), !want.is_empty(), &want));
         }
     }
-    bih.closest_hits_where(&rays, &mut closest[0], |i, _, hit| accepts(i, hit));
-    bih.par_closest_hits_where(&rays, &mut closest[1], |i, _, hit| accepts(i, hit));
-    bih.occluded_many_where(&rays, &mut occluded[0], |i, _, hit| accepts(i, hit));
-    bih.par_occluded_many_where(&rays, &mut occluded[1], |i, _, hit| accepts(i, hit));
-    bih.all_hits_many_where(&rays, &mut all[0], |i, _, hit| accepts(i, hit));
-    bih.par_all_hits_many_where(&rays, &mut all[1], |i, _, hit| accepts(i, hit));
+    bih.closest_hits_with(&rays, &mut closest[0], &|i, _, hit| accepts(i, hit));
+    bih.par_closest_hits_with(&rays, &mut closest[1], &|i, _, hit| accepts(i, hit));
+    bih.occluded_many_with(&rays, &mut occluded[0], &|i, _, hit| accepts(i, hit));
+    bih.par_occluded_many_with(&rays, &mut occluded[1], &|i, _, hit| accepts(i, hit));
+    bih.all_hits_many_with(&rays, &mut all[0], &|i, _, hit| accepts(i, hit));
+    bih.par_all_hits_many_with(&rays, &mut all[1], &|i, _, hit| accepts(i, hit));
     let mut hits = vec![];
     for (i, ray) in rays.iter().enumerate() {
         let mut want = loop_over_all::<Watertight>(&mesh, ray);
@@ -88,9 +89,9 @@ fn slices_are_single_queries() {
         for k in [0, 1] {
             assert_eq!((closest[k][i], occluded[k][i], &all[k][i]), (want.first().copied(), !want.is_empty(), &want));
         }
-        assert_eq!(bih.closest_hit_where(ray, |_, hit| accepts(i, hit)), closest[0][i]);
-        assert_eq!(bih.occluded_where(ray, |_, hit| accepts(i, hit)), occluded[0][i]);
-        bih.all_hits_where(ray, &mut hits, |_, hit| accepts(i, hit));
+        assert_eq!(bih.closest_hit_with(ray, &mut Accept(|hit: &Hit| accepts(i, hit))), closest[0][i]);
+        assert_eq!(bih.occluded_with(ray, &mut Accept(|hit: &Hit| accepts(i, hit))), occluded[0][i]);
+        bih.all_hits_with(ray, &mut Accept(|hit: &Hit| accepts(i, hit)), &mut hits);
         assert_eq!(hits, all[0][i]);
     }
 }
@@ -107,6 +108,7 @@ fn scales_by_powers_of_two_change_no_bit() {
             t_min: 0.0,
             t_max: f32::INFINITY,
             direction: ray.direction.map(|d| d.clamp(-1e6, 1e6)),
+            ..*ray
         };
         let hits = rays.iter().map(|ray| bih.closest_hit(&scaled(ray)).map(|h| (h.t / scale, h.u, h.v, h.primitive)));
         hits.collect()
@@ -114,5 +116,24 @@ fn scales_by_powers_of_two_change_no_bit() {
     assert!(hits(0).iter().flatten().count() > 100);
     for exponent in [-40, -20, 20, 40] {
         assert_eq!(hits(exponent), hits(0), "2^{exponent}");
+    }
+}
+
+#[test]
+fn every_kind_of_scene_agrees_with_the_loop() {
+    for kind in kinds::all() {
+        let scene = kind.generate(2_000, 11);
+        let of_kinds = RayKind::ALL.into_iter().flat_map(|kind| scene.rays(kind, 40, 5));
+        let of_kinds = of_kinds.map(|ray| Ray { t_max: ray.t_max, ..Ray::new(ray.origin, ray.direction) });
+        let mesh = &scene.meshes[0];
+        let rays: Vec<Ray> = of_kinds.chain(rays(mesh, 8)).collect();
+        let bihs = [BihConfig::default(), config(1, 1.0)].map(|config| build::<Watertight>(mesh, &config));
+        for ray in &rays {
+            let want = loop_over_all::<Watertight>(mesh, ray).first().copied();
+            for bih in &bihs {
+                assert_eq!(bih.closest_hit(ray), want, "{}, {bih:?}, {ray:?}", kind.name);
+                assert_eq!(bih.occluded(ray), want.is_some(), "{}, {bih:?}, {ray:?}", kind.name);
+            }
+        }
     }
 }

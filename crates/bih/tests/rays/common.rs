@@ -1,28 +1,47 @@
 //! Meshes, rays and the loop.
 
-use canted_bih::{Bih, Config, LeafSize};
+use canted_bih::{Bih, BihConfig, LeafSize};
 use canted_fixtures::{
     Grazing, Mesh, Rotation, SplitMix64, coplanar_quads, displaced_icosphere, equal_centroids, fan, grazing, identical,
     outlier, slivers, soup, thin_box, torus,
 };
 use canted_obb::PrimId;
-use canted_trace::{Hit, InstanceId, Kernel, Ray, ScaledRay};
+use canted_trace::{BaldwinWeber, Hit, InstanceId, Kernel, MollerTrumbore, Ray, ScaledRay, TriangleTest, Watertight};
 
-pub(crate) fn config(leaf_size: u32, tight_factor: f32) -> Config {
-    Config { leaf_size: LeafSize::AtMost(leaf_size), tight_factor }
+pub(crate) fn config(leaf_size: u32, tight_factor: f32) -> BihConfig {
+    BihConfig { leaf_size: LeafSize::AtMost(leaf_size), tight_factor, ..BihConfig::default() }
 }
 
 /// Every leaf size that matters with every extreme of the tight-box rule.
-pub(crate) fn configs() -> Vec<Config> {
-    let mut configs = vec![Config::default()];
+pub(crate) fn configs() -> Vec<BihConfig> {
+    let mut configs = vec![BihConfig::default()];
     for leaf_size in [0, 1, 2, 5, 30, u32::MAX] {
         configs.extend([1.3, 1.0, 0.0, f32::NAN, f32::INFINITY].map(|factor| config(leaf_size, factor)));
     }
     configs
 }
 
-pub(crate) fn build<K: Kernel>(mesh: &Mesh, config: &Config) -> Bih<K> {
-    Bih::build(&mesh.positions, &mesh.triangles, config).unwrap()
+/// A kernel, and its name in a configuration.
+pub(crate) trait Named: Kernel {
+    const TEST: TriangleTest;
+}
+
+impl Named for Watertight {
+    const TEST: TriangleTest = TriangleTest::Watertight;
+}
+
+impl Named for MollerTrumbore {
+    const TEST: TriangleTest = TriangleTest::MollerTrumbore;
+}
+
+impl Named for BaldwinWeber {
+    const TEST: TriangleTest = TriangleTest::BaldwinWeber;
+}
+
+pub(crate) fn build<K: Named>(mesh: &Mesh, config: &BihConfig) -> Bih {
+    let bih = Bih::build(&mesh.positions, &mesh.triangles, &BihConfig { test: K::TEST, ..*config }).unwrap();
+    assert_eq!(bih.test(), K::TEST);
+    bih
 }
 
 /// Two soups in the same position, so that every hit is a tie.

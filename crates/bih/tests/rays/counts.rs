@@ -2,29 +2,28 @@
 
 use std::time::{Duration, Instant};
 
-use canted_bih::{BoxBih, Config};
+use canted_bih::{BihConfig, BoxBih};
 use canted_fixtures::{Mesh, equal_centroids, identical, outlier, soup, torus};
-use canted_trace::{Counts, Hit, InstanceId, Ray, Watertight};
+use canted_trace::{Counts, Intersect, Ray, Watertight};
 
 use crate::common::{build, config, loop_over_all, rays};
 
-fn counted(mesh: &Mesh, config: &Config, rays: &[Ray]) -> Counts {
+fn counted(mesh: &Mesh, config: &BihConfig, rays: &[Ray]) -> Counts {
     let bih = build::<Watertight>(mesh, config);
     let mut counts = Counts::default();
     for ray in rays {
-        bih.closest_hit_with(ray, InstanceId(0), &mut counts);
+        bih.closest_hit_with(ray, &mut counts);
     }
     counts
 }
 
 #[test]
-fn queries_count_their_tests_and_name_the_instance() {
+fn queries_count_their_tests() {
     let mesh = torus(10, 6);
-    let bih = build::<Watertight>(&mesh, &Config::default());
+    let bih = build::<Watertight>(&mesh, &BihConfig::default());
     let ray = rays(&mesh, 50).into_iter().find(|ray| bih.occluded(ray)).unwrap();
     let mut counts = Counts::default();
-    let hit = bih.closest_hit_with(&ray, InstanceId(7), &mut counts).unwrap();
-    assert_eq!(hit, Hit { instance: InstanceId(7), ..bih.closest_hit(&ray).unwrap() });
+    assert_eq!(bih.closest_hit_with(&ray, &mut counts), bih.closest_hit(&ray));
     assert!(counts.boxes > 0 && (1..120).contains(&counts.triangles), "{counts:?}");
     let printed = format!("{bih:?}");
     assert!(printed.starts_with("Bih { n_triangles: 120, "), "{printed}");
@@ -33,7 +32,7 @@ fn queries_count_their_tests_and_name_the_instance() {
 #[test]
 fn a_ray_that_misses_the_root_visits_no_node() {
     let mesh = torus(10, 6);
-    let counts = counted(&mesh, &Config::default(), &[Ray::new([9.0, 9.0, 9.0], [1.0, 0.0, 0.0])]);
+    let counts = counted(&mesh, &BihConfig::default(), &[Ray::new([9.0, 9.0, 9.0], [1.0, 0.0, 0.0])]);
     assert_eq!(counts, Counts { boxes: 1, triangles: 0 });
 }
 
@@ -123,7 +122,7 @@ fn degenerate_scenes_build_in_linear_time() {
         for _ in 0..50 {
             for (mesh, least) in meshes.iter().zip(&mut least) {
                 let start = Instant::now();
-                let bih = pool.install(|| build::<Watertight>(mesh, &Config::default()));
+                let bih = pool.install(|| build::<Watertight>(mesh, &BihConfig::default()));
                 *least = start.elapsed().min(*least);
                 assert!(bih.boxes().depth() <= BoxBih::MAX_DEPTH, "{name}: {bih:?}");
             }

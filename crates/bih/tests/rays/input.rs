@@ -1,16 +1,16 @@
 //! Invalid and empty input.
 
-use canted_bih::{Bih, BoxBih, BoxError, Config};
+use canted_bih::{Bih, BihConfig, BoxBih, BoxBihError};
 use canted_fixtures::Mesh;
 use canted_lbvh::GeometryError;
 use canted_obb::{Aabb, PrimId};
-use canted_trace::{Ray, Watertight};
+use canted_trace::{Intersect, Ray, Watertight};
 
 use crate::common::{build, config};
 
 #[test]
 fn an_empty_bih_is_never_hit() {
-    let bih = build::<Watertight>(&Mesh::default(), &Config::default());
+    let bih = build::<Watertight>(&Mesh::default(), &BihConfig::default());
     let ray = Ray::new([0.0; 3], [1.0, 0.0, 0.0]);
     let mut hits = vec![];
     bih.all_hits(&ray, &mut hits);
@@ -41,7 +41,7 @@ fn invalid_rays_never_hit() {
 fn invalid_geometry_is_an_error_with_its_index() {
     let mut positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, f32::NAN, 0.0]];
     let error = |positions: &[[f32; 3]], triangles: &[[u32; 3]]| {
-        Bih::<Watertight>::build(positions, triangles, &Config::default()).unwrap_err()
+        Bih::build(positions, triangles, &BihConfig::default()).unwrap_err()
     };
     assert_eq!(error(&positions, &[[0, 1, 2], [0, 1, 3]]), GeometryError::NotFinite { triangle: PrimId(1) });
     positions.pop();
@@ -58,11 +58,11 @@ fn invalid_boxes_are_an_error_with_their_index() {
         Aabb { max: [1.0, f32::INFINITY, 1.0], ..valid },
         Aabb { min: [0.0, 0.0, f32::NAN], ..valid },
     ] {
-        let error = BoxBih::build(&[valid, valid, invalid], &Config::default()).unwrap_err();
-        assert_eq!(error, BoxError::Invalid { index: 2 }, "{invalid:?}");
+        let error = BoxBih::build(&[valid, valid, invalid], &BihConfig::default()).unwrap_err();
+        assert_eq!(error, BoxBihError::Invalid { index: 2 }, "{invalid:?}");
         assert_eq!(error.to_string(), "box 2 is empty or not finite");
     }
-    let error = BoxError::TooMany { n_boxes: 1 << 31 };
+    let error = BoxBihError::TooMany { n_boxes: 1 << 31 };
     assert_eq!(error.to_string(), "2147483648 boxes exceed the maximum of 1073741824");
 }
 

@@ -4,4 +4,3 @@ mod agree;
 mod common;
 mod counts;
 mod input;
-mod kinds;

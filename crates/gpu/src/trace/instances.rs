@@ -41,7 +41,7 @@ impl TopLevel {
         };
         let config = Config::preset(Preset::Fast).axis_aligned();
         let bvh =
-            WideBvh::<Aabb>::build(packing.boxes.clone(), &config).map_err(|error| untraceable(&of_instance(error)))?;
+            WideBvh::over_with(packing.boxes.clone(), config).map_err(|error| untraceable(&of_instance(error)))?;
         Ok(Self { packing, bvh })
     }
 
@@ -361,17 +361,16 @@ impl Level {
 #[cfg(test)]
 mod tests {
     use canted_shaders::{Shader, Variant};
-    use canted_trace::Watertight;
     use canted_wide::TriangleBvh;
     use std::mem::offset_of;
 
     use super::*;
 
     /// A triangle with largest coordinate `reach`; an empty mesh for zero.
-    fn mesh(reach: f32) -> TriangleBvh<Watertight> {
+    fn mesh(reach: f32) -> TriangleBvh {
         let triangles: &[[u32; 3]] = if reach > 0.0 { &[[0, 1, 2]] } else { &[] };
         let positions = [[0.0; 3], [reach, 0.0, 0.0], [0.0, reach, 0.0]];
-        TriangleBvh::build(&positions, triangles, &Config::preset(Preset::Fast)).unwrap()
+        TriangleBvh::build_with(&positions, triangles, Preset::Fast).unwrap()
     }
 
     fn placed(reaches: &[f32], instances: &[Instance]) -> Result<TopLevel, String> {

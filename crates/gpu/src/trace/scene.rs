@@ -3,7 +3,7 @@
 use canted_lbvh::Corners;
 use canted_obb::Aabb;
 use canted_tlas::Instance;
-use canted_wide::{LaneKernel, RawBvh, TriangleBvh};
+use canted_wide::{RawBvh, TriangleBvh};
 
 use super::instances::{Instances, Level, MeshBounds, Packing, TopLevel, placed_boxes};
 use super::layout::{BvhHeader, CENTER_REACH, HitError, check_coordinates};
@@ -71,7 +71,7 @@ enum Levels<'a> {
 impl<'a> SceneInput<'a> {
     /// BVHs that the CPU built, which are uploaded.
     #[must_use]
-    pub fn upload<K: LaneKernel>(bvhs: impl IntoIterator<Item = &'a TriangleBvh<K>>) -> Self {
+    pub fn upload(bvhs: impl IntoIterator<Item = &'a TriangleBvh>) -> Self {
         let bvhs = bvhs.into_iter().map(|bvh| (bvh.raw(), bvh.aabb())).collect();
         Self { bvhs: Bvhs::Uploaded(bvhs), levels: Levels::One(&[]) }
     }

@@ -6,8 +6,8 @@ use canted_gpu::build::{BuildConfig, WideConfig};
 use canted_gpu::{Gpu, GpuError, Outcome, SceneInput, TracedScene};
 use canted_obb::Affine;
 use canted_tlas::Instance;
-use canted_trace::{Ray, Watertight};
-use canted_wide::{Config, TriangleBvh};
+use canted_trace::Ray;
+use canted_wide::TriangleBvh;
 
 pub(crate) fn tests() -> Vec<Test> {
     vec![
@@ -25,7 +25,7 @@ pub(crate) fn tests() -> Vec<Test> {
     ]
 }
 
-type Bvh = TriangleBvh<Watertight>;
+type Bvh = TriangleBvh;
 
 /// A floor of `n` by `n` squares in the plane z = 0, from 0 to `n`.
 fn floor(n: u32) -> Bvh {
@@ -34,11 +34,11 @@ fn floor(n: u32) -> Bvh {
         .flat_map(|y| (0..n).map(move |x| y * (n + 1) + x))
         .flat_map(|i| [[i, i + 1, i + n + 2], [i, i + n + 2, i + n + 1]])
         .collect();
-    TriangleBvh::build(&positions, &triangles, &Config::default()).unwrap()
+    TriangleBvh::build(&positions, &triangles).unwrap()
 }
 
 fn nothing() -> Bvh {
-    TriangleBvh::build(&[], &[], &Config::default()).unwrap()
+    TriangleBvh::build::<[f32; 3], u32>(&[], &[]).unwrap()
 }
 
 fn down(x: f32, y: f32) -> Ray {
@@ -91,7 +91,7 @@ fn empty_scenes_have_no_hits() {
     let empty = nothing();
     for scene in [
         TracedScene::new(&gpu, SceneInput::upload([&empty]).parts(&[])),
-        TracedScene::new(&gpu, SceneInput::upload::<Watertight>([]).instances(&[])),
+        TracedScene::new(&gpu, SceneInput::upload([]).instances(&[])),
         TracedScene::new(&gpu, SceneInput::upload([&empty]).instances(&[Instance::new(0, Affine::IDENTITY)])),
     ] {
         let scene = scene.unwrap();
@@ -136,7 +136,7 @@ fn too_large_coordinates_are_rejected() {
     let gpu = gpu();
     let reaching = |far: f32| {
         let positions = [[0.0; 3], [far, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        Bvh::build(&positions, &[[0, 1, 2]], &Config::default()).unwrap()
+        Bvh::build(&positions, &[[0, 1, 2]]).unwrap()
     };
     let there = |shift: f32| {
         let mut map = Affine::IDENTITY;

@@ -4,10 +4,10 @@ use canted_trace::{Kernel, Ray, ScaledRay, Watertight};
 
 use super::*;
 use crate::build::build_padded;
-use crate::{Config, KdNodes, Traversal};
+use crate::{KdNodes, KdTraversal, KdTreeConfig};
 
-fn deep() -> Config {
-    Config { traversal_cost: 0.01, traversal: Traversal::Ropes, ..Config::default() }
+fn deep() -> KdTreeConfig {
+    KdTreeConfig { traversal_cost: 0.01, traversal: KdTraversal::Ropes, ..KdTreeConfig::default() }
 }
 
 fn corners(mesh: &Mesh) -> Vec<Corners> {
@@ -50,7 +50,7 @@ fn both_walks_visit_the_same_leaves_in_the_same_order() {
     ] {
         let corners = corners(&mesh);
         let ropes = KdNodes::new(&corners, &deep());
-        let stack = ropes.clone().with_traversal(Traversal::Stack);
+        let stack = ropes.clone().with_traversal(KdTraversal::Stack);
         let (planes, mut rng) = (ropes.planes(), SplitMix64::new(1));
         for (i, mut ray) in rays(&mesh, 400, 3).into_iter().enumerate() {
             if i % 4 == 0 && !planes.is_empty() {
@@ -106,9 +106,9 @@ fn without_either_half_of_the_padding_hits_are_lost() {
         .zip(far.positions.iter().cycle())
         .map(|(_, &target)| Ray::new([0.0; 3], target))
         .collect();
-    for traversal in [Traversal::Stack, Traversal::Ropes] {
+    for traversal in [KdTraversal::Stack, KdTraversal::Ropes] {
         let [near, far] = [&near, &far].map(corners);
-        let config = Config { traversal, ..deep() };
+        let config = KdTreeConfig { traversal, ..deep() };
         let padded = |corners: &[Corners]| KdNodes::new(corners, &config);
         let (lost, n_hits) = n_lost(&padded(&near), &near, &from_afar, true);
         assert!(lost == 0 && n_hits > 500, "{lost} of {n_hits} hits are lost");
@@ -127,20 +127,20 @@ fn without_either_half_of_the_padding_hits_are_lost() {
 fn cells_are_visited_in_order_if_the_interval_reaches_them() {
     let triangle = |x: f32| [[x, 0.0, 0.0], [x + 1.0, 1.0, 0.0], [x, 0.5, 1.0]];
     let corners = [triangle(0.0), triangle(7.0)];
-    let tree = KdNodes::new(&corners, &Config { max_depth: Some(1), traversal_cost: 0.01, ..deep() });
+    let tree = KdNodes::new(&corners, &KdTreeConfig { max_depth: Some(1), traversal_cost: 0.01, ..deep() });
     let [(0, plane)] = tree.planes()[..] else { panic!("one plane on the first axis: {tree:?}") };
     let (start, end) = (f64::from(tree.cell().min[0]), f64::from(tree.cell().max[0]));
-    let trees = [tree.clone().with_traversal(Traversal::Stack), tree];
+    let trees = [tree.clone().with_traversal(KdTraversal::Stack), tree];
     let (mut seen, plane) = (std::collections::BTreeSet::new(), f64::from(plane));
     for origin in [-3.0, 0.3, plane, 0.5 * (plane + end), 11.0] {
         for direction in [4.0, 1.0, 0.0, -0.0, -1.0, -4.0] {
             for [t_min, t_max] in [[0.0, f64::INFINITY], [0.0, 0.2], [0.5, 0.9], [1.5, 3.6], [2.7, 30.0]] {
-                #[expect(clippy::cast_possible_truncation, reason = "any numbers")]
                 let ray = Ray {
                     origin: [origin as f32, 0.4, 0.3],
                     direction: [direction as f32, 0.0, 1e-3],
                     t_min: t_min as f32,
                     t_max: (t_max as f32).min(600.0),
+                    ..Ray::new([0.0; 3], [0.0; 3])
                 };
                 // The part of the axis that the ray covers in the root.
                 let ends = [t_min, t_max.min(600.0)].map(|t| origin + t * direction);

@@ -1,9 +1,26 @@
 //! The loop over all triangles, and rays that graze them.
 
 use canted_fixtures::{Grazing, Mesh, grazing, soup};
-use canted_kdtree::{Config, KdTree, Traversal};
+use canted_kdtree::{KdTraversal, KdTree, KdTreeConfig};
 use canted_obb::PrimId;
-use canted_trace::{Hit, InstanceId, Kernel, Ray, ScaledRay};
+use canted_trace::{BaldwinWeber, Hit, InstanceId, Kernel, MollerTrumbore, Ray, ScaledRay, TriangleTest, Watertight};
+
+/// A kernel, and its name in a configuration.
+pub(crate) trait NamedKernel: Kernel {
+    const TEST: TriangleTest;
+}
+
+impl NamedKernel for Watertight {
+    const TEST: TriangleTest = TriangleTest::Watertight;
+}
+
+impl NamedKernel for MollerTrumbore {
+    const TEST: TriangleTest = TriangleTest::MollerTrumbore;
+}
+
+impl NamedKernel for BaldwinWeber {
+    const TEST: TriangleTest = TriangleTest::BaldwinWeber;
+}
 
 /// All triangles, tested one after the other.
 pub(crate) struct Oracle<K: Kernel>(Vec<K::Record>);
@@ -44,18 +61,19 @@ pub(crate) fn rays(mesh: &Mesh, n: usize) -> Vec<Ray> {
         .enumerate()
         .map(|(i, ray)| {
             let (t_min, t_max) = [(0.0, f32::INFINITY), (0.0, 1.0), (0.5, f32::INFINITY)][i % 3];
-            Ray { origin: ray.origin, direction: ray.direction, t_min, t_max }
+            Ray::new(ray.origin, ray.direction).between(t_min, t_max)
         })
         .collect()
 }
 
 /// A tree traced both ways.
-pub(crate) fn both<K: Kernel>(mesh: &Mesh, config: &Config) -> [KdTree<K>; 2] {
-    let tree = KdTree::build(&mesh.positions, &mesh.triangles, config).unwrap();
-    [tree.clone().with_traversal(Traversal::Stack), tree.with_traversal(Traversal::Ropes)]
+pub(crate) fn both<K: NamedKernel>(mesh: &Mesh, config: &KdTreeConfig) -> [KdTree; 2] {
+    let tree = KdTree::build(&mesh.positions, &mesh.triangles, &KdTreeConfig { test: K::TEST, ..*config }).unwrap();
+    assert_eq!(tree.test(), K::TEST);
+    [tree.clone().with_traversal(KdTraversal::Stack), tree.with_traversal(KdTraversal::Ropes)]
 }
 
 /// Small leaves, so that there are many planes.
-pub(crate) fn deep() -> Config {
-    Config { traversal_cost: 0.01, ..Config::default() }
+pub(crate) fn deep() -> KdTreeConfig {
+    KdTreeConfig { traversal_cost: 0.01, ..KdTreeConfig::default() }
 }

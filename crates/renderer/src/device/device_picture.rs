@@ -5,7 +5,6 @@ use std::sync::Arc;
 use canted_film::{Aov, Film, Filter, Tile};
 use canted_gpu::{Buffer, Gpu, GpuError, Kernel, NamedBinding, TracedScene, Variant};
 use canted_scene::{Camera, Scene};
-use canted_wide::LaneKernel;
 
 use super::collector::{self, SampleCollector, SampleDispatcher};
 use super::lights::{DeviceSky, SampledLights};
@@ -16,7 +15,7 @@ use super::traced::{Traced, traced_frame, traced_scene};
 use super::{DeviceError, DeviceFrames};
 use crate::light::bounded;
 use crate::render::{RenderTiles, Rendering, Schedule, Worker};
-use crate::{Integrator, Lights, Monitor, SampleSums, Settings, Structure, Surfaces};
+use crate::{Integrator, Lights, Monitor, SampleSums, SceneBvh, SceneLevels, Settings, Surfaces};
 
 /// A film that a GPU and the CPU rendered together.
 pub struct SharedFilm {
@@ -29,12 +28,12 @@ pub struct SharedFilm {
 }
 
 /// A scene and the settings of a picture on a GPU, ready to render.
-pub struct DevicePicture<'a, K: LaneKernel> {
+pub struct DevicePicture<'a> {
     pub(super) gpu: &'a Gpu,
     pub(super) surfaces: &'a Surfaces<'a>,
     pub(super) settings: &'a Settings,
     /// The same picture on the CPU.
-    pub(super) cpu: Rendering<'a, Structure<K>>,
+    pub(super) cpu: Rendering<'a>,
     traced: Traced<'a>,
     pub(super) packed: PackedScene,
     sky: DeviceSky,
@@ -52,7 +51,7 @@ pub struct DevicePicture<'a, K: LaneKernel> {
 /// What kernels lack of [`canted_scene::Lobes`].
 const LOBES: &str = "clear coats, sheen, anisotropy, thin films, colored reflections of dielectrics and absorption";
 
-impl<'a, K: LaneKernel> DevicePicture<'a, K> {
+impl<'a> DevicePicture<'a> {
     /// Uploads what the picture needs of the scene and its acceleration structure, and compiles kernels.
     ///
     /// # Errors
@@ -60,11 +59,11 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
     pub fn new(
         gpu: &'a Gpu,
         surfaces: &'a Surfaces<'a>,
-        structure: &'a Structure<K>,
+        bvh: &'a SceneBvh,
         camera: &Camera,
         settings: &'a Settings,
     ) -> Result<Self, DeviceError> {
-        Self::over(gpu, surfaces, structure, camera, settings, |scene| traced_scene(gpu, scene, structure))
+        Self::over(gpu, surfaces, bvh, camera, settings, |scene| traced_scene(gpu, scene, bvh))
     }
 
     /// The same with other BVHs on the device, in as many levels as `structure`: those that `make` returns for the scene, such as
@@ -75,12 +74,12 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
     pub fn over(
         gpu: &'a Gpu,
         surfaces: &'a Surfaces<'a>,
-        structure: &'a Structure<K>,
+        bvh: &'a SceneBvh,
         camera: &Camera,
         settings: &'a Settings,
         make: impl FnOnce(&Scene) -> Result<TracedScene, DeviceError>,
     ) -> Result<Self, DeviceError> {
-        Self::made(gpu, surfaces, structure, camera, settings, |scene| Ok(Traced::Own(make(scene)?)))
+        Self::made(gpu, surfaces, bvh, camera, settings, |scene| Ok(Traced::Own(make(scene)?)))
     }
 
     /// [`Self::new`] for a frame of a sequence: uploads what changed since the last one, which must be dropped before. Where the device
@@ -91,24 +90,24 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
     pub fn in_frame(
         gpu: &'a Gpu,
         surfaces: &'a Surfaces<'a>,
-        structure: &'a Structure<K>,
+        bvh: &'a SceneBvh,
         camera: &Camera,
         settings: &'a Settings,
         frames: &'a mut DeviceFrames,
     ) -> Result<Self, DeviceError> {
-        Self::made(gpu, surfaces, structure, camera, settings, |scene| traced_frame(gpu, scene, structure, frames))
+        Self::made(gpu, surfaces, bvh, camera, settings, |scene| traced_frame(gpu, scene, bvh, frames))
     }
 
     fn made(
         gpu: &'a Gpu,
         surfaces: &'a Surfaces<'a>,
-        structure: &'a Structure<K>,
+        bvh: &'a SceneBvh,
         camera: &Camera,
         settings: &'a Settings,
         make: impl FnOnce(&Scene) -> Result<Traced<'a>, DeviceError>,
     ) -> Result<Self, DeviceError> {
         let scene = surfaces.scene();
-        let cpu = Rendering::new(scene, structure, surfaces, camera, settings)?;
+        let cpu = Rendering::new(scene, bvh, surfaces, camera, settings)?;
         collector::check_size(settings)?;
         picture::check_supported(settings)?;
         // AOVs show the materials of the path integrator.
@@ -117,7 +116,7 @@ impl<'a, K: LaneKernel> DevicePicture<'a, K> {
             return Err(DeviceError::Unsupported { what: LOBES });
         }
         let traced = make(scene)?;
-        let is_flat = matches!(structure, Structure::One(_));
+        let is_flat = matches!(bvh.levels(), SceneLevels::One(_));
         let packed = PackedScene::new(gpu, scene, surfaces.textures(), settings.lod, is_flat, materials)?;
         let sky = DeviceSky::new(gpu, scene)?;
         let ambient = bounded(Lights::new(scene).ambient());

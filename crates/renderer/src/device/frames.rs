@@ -17,7 +17,7 @@ use canted_scene::{Mesh, Scene};
 
 use super::DeviceError;
 use crate::UpdatePolicy;
-use crate::structure::flatten;
+use crate::scene_bvh::flatten;
 
 /// What the frames of a sequence share on a device.
 ///

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::materials::{Columns, Materials};
 use super::slack::{self, cofactors};
-use crate::structure::instances;
+use crate::scene_bvh::instances;
 use canted_obb::vector::{Vector, add, cross, length, scale, sub, to_f32 as narrow, to_f64 as wide, unit};
 
 /// `Triangle` of `shared/surface/mesh`.

@@ -6,7 +6,6 @@ use canted_gpu::{AdapterKind, Draw, GpuError, RasterOutput, Variant};
 use canted_obb::PrimId;
 use canted_scene::{MaterialId, Scene};
 use canted_trace::InstanceId;
-use canted_wide::LaneKernel;
 
 use super::collector::SampleDispatcher;
 use super::records::{PackedSample, PackedSum, SampleRecord, SampleRun};
@@ -42,7 +41,7 @@ pub struct GBuffer {
     pub time: Duration,
 }
 
-impl<K: LaneKernel> DevicePicture<'_, K> {
+impl DevicePicture<'_> {
     /// Rasterizes the first surface at the center of each pixel.
     ///
     /// The result is that of primary rays, except where an edge passes within 1/256 of a pixel of a center, which is the
@@ -120,7 +119,7 @@ const MEASURED_CELLS: u32 = 256;
 /// Rounds of a measurement, of which the fastest counts. The driver compiles before the first.
 const ROUNDS: usize = 3;
 
-impl<K: LaneKernel> DevicePicture<'_, K> {
+impl DevicePicture<'_> {
     /// The same picture with first hits found in this way. Returns what is used for [`FirstHit::Auto`], too.
     ///
     /// # Errors

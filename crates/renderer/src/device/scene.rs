@@ -9,7 +9,7 @@ use super::lights::SampledLights;
 use super::materials::{Columns, ImageHeads, Images, Materials, PackedMaterial, Slot, Texels, used_textures};
 use crate::light::{ListLight, is_shape};
 use crate::texture::Textures;
-use crate::{Integrator, Lod, mask};
+use crate::{Integrator, Lod, alpha};
 
 /// A scene on the GPU, without its acceleration structure.
 pub(super) struct PackedScene {
@@ -80,7 +80,7 @@ impl PackedScene {
             motion: scene.has_motion(),
             normals: columns.normal > 0,
             normal_maps,
-            masks: mask::is_needed(scene),
+            masks: alpha::is_needed(scene),
             mask_textures,
             gloss: scene.materials.iter().any(is_glossy),
             glass: scene.materials.iter().any(|material| material.transmission > 0.0),

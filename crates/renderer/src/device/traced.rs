@@ -6,19 +6,19 @@ use canted_gpu::build::BuildConfig;
 use canted_gpu::{DeviceBvh, Gpu, SceneInput, TracedScene};
 use canted_lbvh::{Corners, Strategy, triangle_corners};
 use canted_scene::Scene;
-use canted_wide::{LaneKernel, TriangleBvh};
+use canted_wide::TriangleBvh;
 
 use super::{DeviceError, DeviceFrames};
-use crate::prepare::has_one_level;
-use crate::structure::{flatten, instances};
-use crate::{Bvh, PrepareError, Structure, StructureConfig};
+use crate::scene_bvh::has_one_level;
+use crate::scene_bvh::{flatten, instances};
+use crate::{BottomLevel, PrepareError, SceneBvh, SceneBvhConfig, SceneLevels};
 
 const DEFORMING: DeviceError = DeviceError::Unsupported { what: "meshes that deform while the shutter is open" };
 
 /// What the device traces.
-enum Kind<'a, K: LaneKernel> {
+enum Kind<'a> {
     /// The CPU's BVH of each mesh.
-    Wide(Vec<&'a TriangleBvh<K>>),
+    Wide(Vec<&'a TriangleBvh>),
     /// Binary BVHs with these volumes, which the device builds.
     Binary(Strategy),
 }
@@ -28,12 +28,8 @@ enum Kind<'a, K: LaneKernel> {
 /// # Errors
 /// Structures other than wide and binary BVHs; strategies and instances that the kernels do not support; too little memory on the
 /// device.
-pub fn traced_scene<K: LaneKernel>(
-    gpu: &Gpu,
-    scene: &Scene,
-    structure: &Structure<K>,
-) -> Result<TracedScene, DeviceError> {
-    uploaded(gpu, scene, structure, kind(structure.bottom())?)
+pub fn traced_scene(gpu: &Gpu, scene: &Scene, bvh: &SceneBvh) -> Result<TracedScene, DeviceError> {
+    uploaded(gpu, scene, bvh, kind(bvh.bottom())?)
 }
 
 /// A structure that a picture owns, or one that the frames of a sequence share.
@@ -62,52 +58,47 @@ impl Deref for Traced<'_> {
 ///
 /// # Errors
 /// As for [`traced_scene`].
-pub fn traced_frame<'a, K: LaneKernel>(
+pub fn traced_frame<'a>(
     gpu: &Gpu,
     scene: &Scene,
-    structure: &Structure<K>,
+    bvh: &SceneBvh,
     frames: &'a mut DeviceFrames,
 ) -> Result<Traced<'a>, DeviceError> {
     gpu.start_frame();
-    let is_flat = matches!(structure, Structure::One(_));
-    let kind = kind(structure.bottom())?;
-    let bvh = match (&kind, frames.wide()) {
+    let is_flat = matches!(bvh.levels(), SceneLevels::One(_));
+    let kind = kind(bvh.bottom())?;
+    let on_device = match (&kind, frames.wide()) {
         (Kind::Binary(strategy), _) => Some(config(*strategy).into()),
         (Kind::Wide(_), wide) => wide.map(DeviceBvh::from),
     };
-    let Some(bvh) = bvh.filter(|_| !scene.has_motion()) else {
+    let Some(on_device) = on_device.filter(|_| !scene.has_motion()) else {
         frames.forget();
-        return Ok(Traced::Own(uploaded(gpu, scene, structure, kind)?));
+        return Ok(Traced::Own(uploaded(gpu, scene, bvh, kind)?));
     };
-    match frames.built(gpu, scene, bvh, is_flat) {
+    match frames.built(gpu, scene, on_device, is_flat) {
         // The CPU's wide BVHs are there, too.
         Err(DeviceError::Gpu(error)) if matches!(kind, Kind::Wide(_)) && error.is_of_scene() => {
-            Ok(Traced::Own(uploaded(gpu, scene, structure, kind)?))
+            Ok(Traced::Own(uploaded(gpu, scene, bvh, kind)?))
         }
         built => Ok(Traced::Shared(built?)),
     }
 }
 
-fn uploaded<K: LaneKernel>(
-    gpu: &Gpu,
-    scene: &Scene,
-    structure: &Structure<K>,
-    kind: Kind<'_, K>,
-) -> Result<TracedScene, DeviceError> {
-    Ok(match (kind, structure) {
-        (Kind::Wide(meshes), Structure::One(flat)) => {
-            TracedScene::new(gpu, SceneInput::upload(meshes).parts(flat.first()))?
+fn uploaded(gpu: &Gpu, scene: &Scene, bvh: &SceneBvh, kind: Kind<'_>) -> Result<TracedScene, DeviceError> {
+    Ok(match (kind, bvh.levels()) {
+        (Kind::Wide(meshes), SceneLevels::One(flat)) => {
+            TracedScene::new(gpu, SceneInput::upload(meshes).parts(&flat.first))?
         }
-        (Kind::Wide(meshes), Structure::Two(_)) => {
+        (Kind::Wide(meshes), SceneLevels::Two(_)) => {
             TracedScene::new(gpu, SceneInput::upload(meshes).instances(&instances(scene)))?
         }
         (Kind::Binary(strategy), _) => {
-            built(gpu, scene, matches!(structure, Structure::One(_)), config(strategy).into())?
+            built(gpu, scene, matches!(bvh.levels(), SceneLevels::One(_)), config(strategy).into())?
         }
     })
 }
 
-/// BVHs of a scene that the device builds from its triangles, in as many levels as [`prepare`](crate::prepare) with `config`
+/// BVHs of a scene that the device builds from its triangles, in as many levels as [`SceneBvh::build`](crate::SceneBvh::build) with `config`
 /// gives it. The CPU builds nothing.
 ///
 /// # Errors
@@ -115,7 +106,7 @@ fn uploaded<K: LaneKernel>(
 pub fn built_scene(
     gpu: &Gpu,
     scene: &Scene,
-    config: &StructureConfig,
+    config: &SceneBvhConfig,
     bvh: DeviceBvh,
 ) -> Result<TracedScene, DeviceError> {
     if scene.meshes.iter().any(|mesh| mesh.close.is_some()) {
@@ -136,15 +127,15 @@ fn built(gpu: &Gpu, scene: &Scene, is_flat: bool, bvh: DeviceBvh) -> Result<Trac
     Ok(TracedScene::new(gpu, SceneInput::build(&meshes, bvh).instances(&instances(scene)))?)
 }
 
-fn kind<K: LaneKernel>(bvhs: &[Bvh<K>]) -> Result<Kind<'_, K>, DeviceError> {
+fn kind(bvhs: &[BottomLevel]) -> Result<Kind<'_>, DeviceError> {
     let mut meshes = vec![];
     for bvh in bvhs {
         match bvh {
-            Bvh::Wide(wide) => meshes.push(wide),
-            Bvh::Binary(_, strategy) => return Ok(Kind::Binary(*strategy)),
-            Bvh::Moving(_) => return Err(DEFORMING),
-            Bvh::Bih(_) => return Err(DeviceError::Unsupported { what: "a bounding interval hierarchy" }),
-            Bvh::KdTree(_) => return Err(DeviceError::Unsupported { what: "a kd-tree" }),
+            BottomLevel::Wide(wide) => meshes.push(wide),
+            BottomLevel::Binary(_, strategy) => return Ok(Kind::Binary(*strategy)),
+            BottomLevel::Moving(_) => return Err(DEFORMING),
+            BottomLevel::Bih(_) => return Err(DeviceError::Unsupported { what: "a bounding interval hierarchy" }),
+            BottomLevel::KdTree(_) => return Err(DeviceError::Unsupported { what: "a kd-tree" }),
         }
     }
     Ok(Kind::Wide(meshes))

@@ -35,14 +35,13 @@
 
 use std::f64::consts::PI;
 
-use canted_trace::{Hit, Ray};
+use canted_trace::{Hit, Intersect, Ray};
 use glam::{DVec3, Vec3};
 
 use super::{Path, Sample, Start, Transport};
 use crate::light::{IncomingLight, LightId, Lights};
-use crate::query::RayKeyed;
 use crate::sampling::{Basis, cosine_density, cosine_hemisphere};
-use crate::{Surface, Tracer, narrow, wide};
+use crate::{AlphaTest, Surface, narrow, wide};
 
 /// Sampler dimensions: the position in the pixel first, then one per bounce.
 const FIRST_BOUNCE: u32 = 1;
@@ -50,19 +49,19 @@ const FIRST_BOUNCE: u32 = 1;
 /// Dimensions beyond all bounces, one per vertex and light.
 const FIRST_LIGHT: u32 = 1 << 16;
 
-impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
+impl Transport<'_> {
     /// Samples of the hybrid integrator; see [`Transport::samples`].
     pub(super) fn hybrid_samples(
         &self,
         camera_rays: impl Iterator<Item = (Start, Option<Hit>)>,
         ao_radius: f64,
     ) -> Vec<Sample> {
-        self.batch(camera_rays, |path: &mut Path<Q, ()>, n| self.hybrid_step(path, n, ao_radius))
+        self.batch(camera_rays, |path: &mut Path<()>, n| self.hybrid_step(path, n, ao_radius))
     }
 
     /// Shades the `n`-th vertex of a path; returns whether there is a next ray.
-    fn hybrid_step(&self, path: &mut Path<Q, ()>, n: u32, ao_radius: f64) -> bool {
-        let Path { start: Start { time, pixel, sample, .. }, query, ray, cone, hit, accumulated, .. } = path;
+    fn hybrid_step(&self, path: &mut Path<()>, n: u32, ao_radius: f64) -> bool {
+        let Path { start: Start { pixel, sample, .. }, query, ray, cone, hit, accumulated, .. } = path;
         let hit = match (self.lights.intersect(ray, hit.as_ref()), &*hit) {
             (None, Some(hit)) => hit,
             (light, _) => {
@@ -76,10 +75,10 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
             accumulated.add(self.lights.ambient(), unoccluded(ray, hit, ao_radius));
             return false;
         }
-        let surface = self.surfaces.at_time(hit, ray.direction, *time, *cone);
+        let surface = self.surfaces.at_time(hit, ray.direction, ray.time, *cone);
         accumulated.add(surface.emission, 1.0);
         let square = |light| self.sampler.pair(*pixel, *sample, self.light_dimension(n, light));
-        let (radiance, n_shadow_rays) = direct(&self.lights, self.tracer, &query.keyed(1 + n), &surface, square);
+        let (radiance, n_shadow_rays) = direct(&self.lights, self.bvh, query.keyed(1 + n), &surface, square);
         accumulated.add(radiance, 1.0);
         accumulated.n_rays += n_shadow_rays;
 
@@ -114,10 +113,10 @@ fn unoccluded(ray: &Ray, occluder: &Hit, ao_radius: f64) -> f32 {
 /// sun is `E·cosθ`, that of a point light `I·cosθ/r²`; `square` samples a point of a sphere or disk light by the
 /// light's index. Only light above the horizons of both the triangle and the shading normal counts, on the viewer's
 /// side.
-pub(crate) fn direct<T: Tracer, Q: RayKeyed>(
+pub(crate) fn direct(
     lights: &Lights,
-    tracer: &T,
-    query: &Q,
+    bvh: &dyn Intersect,
+    query: AlphaTest,
     surface: &Surface,
     square: impl Fn(u32) -> [f32; 2],
 ) -> (Vec3, u64) {
@@ -131,7 +130,7 @@ pub(crate) fn direct<T: Tracer, Q: RayKeyed>(
         }
         if let Some(ray) = incoming.shadow_ray {
             n_rays += 1;
-            if !lights.is_unoccluded(&ray, LightId::Light(index), tracer, &mut query.keyed(index)) {
+            if !lights.is_unoccluded(&ray, LightId::Light(index), bvh, &mut query.keyed(index)) {
                 continue;
             }
         }

@@ -16,9 +16,8 @@ use glam::{DVec3, Vec3};
 use super::{Path, PathRadiance, Sample, Start, Transport};
 use crate::bsdf::{Bsdf, Evaluation};
 use crate::light::{LightId, LightSampler};
-use crate::query::{RayKeyed, Timed};
 use crate::sampling::Basis;
-use crate::{Surface, Tracer, narrow, wide};
+use crate::{AlphaTest, Surface, narrow, wide};
 
 /// Sampler dimensions at each vertex, after the position in the pixel.
 #[derive(Clone, Copy)]
@@ -141,18 +140,18 @@ impl Vertex {
     }
 }
 
-impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
+impl Transport<'_> {
     /// Samples of the path integrator; see [`Transport::samples`].
     pub(super) fn path_samples(
         &self,
         camera_rays: impl Iterator<Item = (Start, Option<Hit>)>,
         lights: &LightSampler,
     ) -> Vec<Sample> {
-        self.batch(camera_rays, |path: &mut Path<Q, PathState>, n| self.path_step(path, n, lights))
+        self.batch(camera_rays, |path: &mut Path<PathState>, n| self.path_step(path, n, lights))
     }
 
     /// Shades the `n`-th vertex of a path; returns whether there is a next ray.
-    fn path_step(&self, path: &mut Path<Q, PathState>, n: u32, lights: &LightSampler) -> bool {
+    fn path_step(&self, path: &mut Path<PathState>, n: u32, lights: &LightSampler) -> bool {
         let Path {
             start,
             query,
@@ -173,7 +172,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
             return false;
         }
         let Some(hit) = hit.filter(|_| n <= self.bounces) else { return false };
-        let surface = self.surfaces.at_time(&hit, ray.direction, start.time, *cone);
+        let surface = self.surfaces.at_time(&hit, ray.direction, start.ray.time, *cone);
         if let Some(lobes) = surface.bsdf.lobes.filter(|_| surface.bsdf.is_inside) {
             // Beer's law along the way through the solid.
             let way = (f64::from(hit.t) * wide(ray.direction).length()) as f32;
@@ -184,7 +183,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
         }
         let vertex = &*previous.insert(Vertex::new(surface, ray.direction, self.is_compensated));
         if !vertex.bsdf().is_delta_only() {
-            self.add_light(accumulated, lights, vertex, n, &query.keyed(1 + n), start);
+            self.add_light(accumulated, lights, vertex, n, query.keyed(1 + n), start);
         }
         let Some(next) = self.scatter(accumulated, compression, vertex, n, start) else { return false };
         (*ray, *density) = next;
@@ -199,7 +198,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
         lights: &LightSampler,
         vertex: &Vertex,
         n: u32,
-        query: &Timed<Q>,
+        query: AlphaTest,
         &Start { pixel, sample, .. }: &Start,
     ) {
         let choice =
@@ -217,7 +216,7 @@ impl<T: Tracer, Q: RayKeyed> Transport<'_, T, Q> {
         if let Some(ray) = &light.shadow_ray {
             accumulated.n_rays += 1;
             // Not the number of the ray that leaves the vertex.
-            if !lights.lights().is_unoccluded(ray, light.light, self.tracer, &mut query.keyed(0)) {
+            if !lights.lights().is_unoccluded(ray, light.light, self.bvh, &mut query.keyed(0)) {
                 return;
             }
         }

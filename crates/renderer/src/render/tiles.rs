@@ -5,12 +5,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use canted_film::{Aov, CELL, Film, FilmBuilder, FilterSampler, Guide, Pixel, Sums, Tile, Tiling};
-use canted_trace::{Counts, Hit, Query};
+use canted_trace::{Counts, Hit};
 
 use super::Adaptive;
 use crate::integrate::{Start, Transport};
-use crate::query::{RayKeyed, forward};
-use crate::{Monitor, RenderError, Sampler, Settings, Tracer, View};
+use crate::{CountedAlphaTest, Monitor, RenderError, Sampler, Settings, View};
 
 /// Dimension of the sampler for the position in the pixel.
 const PIXEL_POSITION: u32 = 0;
@@ -34,8 +33,8 @@ pub(crate) trait RenderTiles: Sync {
 }
 
 /// What all tiles of a picture share.
-pub(super) struct TileRenderer<'a, T, Q> {
-    pub(super) transport: &'a Transport<'a, T, Q>,
+pub(super) struct TileRenderer<'a> {
+    pub(super) transport: &'a Transport<'a>,
     pub(super) view: &'a View,
     /// Whether samples have different times.
     pub(super) has_motion: bool,
@@ -44,7 +43,7 @@ pub(super) struct TileRenderer<'a, T, Q> {
     pub(super) tiling: Tiling,
 }
 
-impl<T: Tracer, Q: RayKeyed + Sync> RenderTiles for TileRenderer<'_, T, Q> {
+impl RenderTiles for TileRenderer<'_> {
     fn tile(&self, number: usize, stop: &dyn Fn() -> bool) -> Option<Tile> {
         let [left, top] = self.tiling.corner(number);
         let mut tile = self.tiling.tile(number);
@@ -63,7 +62,7 @@ impl<T: Tracer, Q: RayKeyed + Sync> RenderTiles for TileRenderer<'_, T, Q> {
     }
 }
 
-impl<T: Tracer, Q: RayKeyed> TileRenderer<'_, T, Q> {
+impl TileRenderer<'_> {
     /// Takes the samples of the pixels of a cell.
     fn cell(
         &self,
@@ -106,13 +105,14 @@ impl<T: Tracer, Q: RayKeyed> TileRenderer<'_, T, Q> {
             self.view.ray(position)
         };
         let time = if self.has_motion { self.transport.sampler.single(number, sample, TIME) } else { 0.0 };
-        let start = Start { ray, cone: self.view.cone(position, sample), time, pixel: number, sample };
+        let ray = ray.at_time(time);
+        let start = Start { ray, cone: self.view.cone(position, sample), pixel: number, sample };
         let hit = if self.tiling.has_guides() {
             let (hit, guide) = self.guide(&start);
             sums.guide.push_sample(sample, guide);
             hit
         } else {
-            self.transport.tracer.closest_hit(&ray, &mut self.transport.camera_query(&start))
+            self.transport.bvh.closest_hit_with(&ray, &mut self.transport.camera_query(&start))
         };
         Started { start, hit, index, weight }
     }
@@ -130,14 +130,14 @@ impl<T: Tracer, Q: RayKeyed> TileRenderer<'_, T, Q> {
 
     /// The first hit of a camera ray, and its AOVs.
     fn guide(&self, start: &Start) -> (Option<Hit>, Guide) {
-        let Start { ray, cone, time, .. } = start;
+        let Start { ray, cone, .. } = start;
         let query = self.transport.camera_query(start);
         let (hit, tests) = if self.settings.aovs.contains(Aov::Tests) {
-            let mut counted = Counted { inner: query, counts: Counts::default() };
-            let hit = self.transport.tracer.closest_hit(ray, &mut counted);
+            let mut counted = CountedAlphaTest { test: query, counts: Counts::default() };
+            let hit = self.transport.bvh.closest_hit_with(ray, &mut counted);
             (hit, [counted.counts.boxes as f64, counted.counts.triangles as f64])
         } else {
-            (self.transport.tracer.closest_hit(ray, &mut { query }), [0.0; 2])
+            (self.transport.bvh.closest_hit_with(ray, &mut { query }), [0.0; 2])
         };
         if let Some((t, normal)) = self.transport.lights.shape_light_before(ray, hit.as_ref()) {
             // A light has no albedo and no instance.
@@ -155,7 +155,7 @@ impl<T: Tracer, Q: RayKeyed> TileRenderer<'_, T, Q> {
             );
         }
         let Some(hit) = hit else { return (None, Guide { tests, ..Guide::default() }) };
-        let surface = self.transport.surfaces.at_time(&hit, ray.direction, *time, *cone);
+        let surface = self.transport.surfaces.at_time(&hit, ray.direction, ray.time, *cone);
         let guide = Guide {
             n_hits: 1,
             first: Some([hit.instance.0, hit.primitive.0]),
@@ -182,26 +182,6 @@ struct Started {
     index: usize,
     /// Weight by the filter.
     weight: f32,
-}
-
-/// Counts tests; `inner` accepts hits.
-struct Counted<Q> {
-    inner: Q,
-    counts: Counts,
-}
-
-impl<Q: Query> Query for Counted<Q> {
-    const MAY_REJECT: bool = Q::MAY_REJECT;
-
-    forward!(counters: counts, mask: inner);
-
-    fn time(&self) -> f32 {
-        self.inner.time()
-    }
-
-    fn accepts(&mut self, hit: &Hit) -> bool {
-        self.inner.accepts(hit)
-    }
 }
 
 // Distributes tiles among the threads of the CPU and a GPU.

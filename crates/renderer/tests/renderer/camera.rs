@@ -1,9 +1,8 @@
 use std::path::PathBuf;
 
 use canted_fixtures::skip;
-use canted_renderer::{CameraError, StructureConfig, View, frame, prepare};
+use canted_renderer::{CameraError, SceneBvh, SceneBvhConfig, View, frame};
 use canted_scene::{Camera, Lens, Material, Mesh, Projection, Scene};
-use canted_trace::Watertight;
 
 use crate::common::{
     BruteForce, U, Vector, cross, cuboid, dot, film, floor, grey, inside_out, parallelogram, scene, settings, sphere,
@@ -357,8 +356,8 @@ fn of_model(name: &str) -> Option<(Camera, bool)> {
         return skip(&format!("the view of {name}"), format_args!("not in {}", models().display()));
     }
     let scene = canted_scene::read(&path).unwrap();
-    let prepared = prepare::<Watertight>(&scene, &StructureConfig::default()).unwrap();
-    let camera = frame(&scene, &prepared.structure, 16.0 / 9.0);
+    let prepared = SceneBvh::build(&scene, &SceneBvhConfig::default()).unwrap();
+    let camera = frame(&scene, &prepared, 16.0 / 9.0);
     Some((camera, scene.bounds_world().contains(camera.eye)))
 }
 

@@ -3,10 +3,10 @@
 use std::sync::atomic::AtomicBool;
 
 use canted_film::Film;
-use canted_obb::{Affine, PrimId};
-use canted_renderer::{Settings, Tracer, render};
+use canted_obb::{Affine, Obb, PrimId};
+use canted_renderer::{Settings, render};
 use canted_scene::{Camera, Instance, Material, MaterialId, Mesh, MeshId, Part, Scene};
-use canted_trace::{Hit, InstanceId, Query, Ray, Side};
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Intersect, Query, ScaledRay, Side};
 
 pub(crate) type Vector = [f64; 3];
 
@@ -52,7 +52,7 @@ impl<'a> BruteForce<'a> {
         Self { scene, inverses: scene.instances.iter().map(inverse).collect() }
     }
 
-    fn each_hit(&self, ray: &Ray, query: &mut impl Query, mut found: impl FnMut(Hit)) {
+    fn each_hit(&self, ray: &ScaledRay, query: &mut dyn Query, mut found: impl FnMut(Hit)) {
         for (i, instance) in self.scene.instances.iter().enumerate() {
             let shift = instance.world_from_object.columns[3].map(f64::from);
             let to_object = |v: Vector| narrow(self.inverses[i].map(|row| dot(row, v))).map(f64::from);
@@ -66,7 +66,7 @@ impl<'a> BruteForce<'a> {
                 let Some((t, u, v, side)) = intersect(origin, direction, corners) else { continue };
                 let (t, u, v) = (t as f32, u as f32, v as f32);
                 let hit = Hit {
-                    t,
+                    t: ray.caller_t(t),
                     u,
                     v,
                     primitive: PrimId(primitive),
@@ -100,8 +100,16 @@ fn intersect(origin: Vector, direction: Vector, [v0, v1, v2]: [Vector; 3]) -> Op
     (u >= -EDGE && v >= -EDGE && u + v <= 1.0 + EDGE && t >= 0.0).then_some((t, u, v, side))
 }
 
-impl Tracer for BruteForce<'_> {
-    fn closest_hit<Q: Query>(&self, ray: &Ray, query: &mut Q) -> Option<Hit> {
+impl Intersect for BruteForce<'_> {
+    fn bounds(&self) -> Obb {
+        Obb::from_aabb(&self.scene.bounds_world())
+    }
+
+    fn hit_error(&self) -> f32 {
+        HIT_ERROR
+    }
+
+    fn closest_hit_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, _: &mut [u64]) -> Option<Hit> {
         let mut closest: Option<Hit> = None;
         self.each_hit(ray, query, |hit| {
             if closest.is_none_or(|best| hit.before(&best)) {
@@ -111,10 +119,16 @@ impl Tracer for BruteForce<'_> {
         closest
     }
 
-    fn occluded<Q: Query>(&self, ray: &Ray, query: &mut Q) -> bool {
+    fn occluded_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, _: &mut [u64]) -> bool {
         let mut any = false;
         self.each_hit(ray, query, |_| any = true);
         any
+    }
+
+    fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, _: &mut [u64], hits: &mut Vec<Hit>) {
+        let first = hits.len();
+        self.each_hit(ray, query, |hit| hits.push(hit));
+        hits[first..].sort_by(|a, b| a.t.total_cmp(&b.t));
     }
 }
 

@@ -6,8 +6,9 @@ use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
 use canted_film::{Aov, Aovs, Film, Filter, FilterSampler, Guide, Part, Tile};
-use canted_renderer::{Monitor, Pattern, RenderError, Sampler, Settings, Tracer, View, render, resume};
+use canted_renderer::{Monitor, Pattern, RenderError, Sampler, Settings, View, render, resume};
 use canted_scene::{Camera, Light, Material, MaterialId, Mesh, Part as MeshPart, Scene};
+use canted_trace::Intersect;
 
 use crate::common::{BruteForce, camera, cuboid, film, floor, grey, parallelogram, scene, settings, unit};
 
@@ -79,7 +80,7 @@ fn guides_match_camera_ray_hits() {
         for sample in 0..4 {
             let [dx, dy] = sampler.pair(number, sample, 0).map(f64::from);
             let ray = view.ray([f64::from(number % SIZE[0]) + dx, f64::from(number / SIZE[0]) + dy]);
-            let Some(hit) = tracer.closest_hit(&ray, &mut ()) else { continue };
+            let Some(hit) = tracer.closest_hit(&ray) else { continue };
             expected.n_hits += 1;
             expected.first = expected.first.or(Some([hit.instance.0, hit.primitive.0]));
             expected.depth += f64::from(hit.t) * (0..3).map(|k| axis[k] * f64::from(ray.direction[k])).sum::<f64>();

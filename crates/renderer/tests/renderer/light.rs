@@ -6,10 +6,10 @@ use std::f64::consts::{PI, TAU};
 
 use canted_film::Pixel;
 use canted_renderer::{
-    Bsdf, Cone, Integrator, LightId, LightSampler, Lights, Pattern, Sampler, Settings, Surface, Surfaces, Tracer,
+    Bsdf, Cone, Integrator, LightId, LightSampler, Lights, Pattern, Sampler, Settings, Surface, Surfaces,
 };
 use canted_scene::{Camera, Light, Material, Projection, Scene};
-use canted_trace::{Hit, InstanceId, Ray, Side};
+use canted_trace::{Hit, InstanceId, Intersect, Ray, Side};
 
 use crate::common::{
     BruteForce, Vector, camera, deviation, dot, film, floor, grey, mesh, narrow, parallelogram, probe, scene, settings,
@@ -29,6 +29,7 @@ pub(crate) fn receiver(position: Vector, normal: Vector) -> Surface {
         emission: [0.0; 3],
         offset: 1e-6,
         cone: Cone::ZERO,
+        time: 0.0,
     }
 }
 
@@ -128,7 +129,7 @@ pub(crate) fn counts(sampler: &LightSampler) -> Vec<f64> {
 /// The PDF of a direction: the sum over the environment and each light that the ray hits.
 fn density(sampler: &LightSampler, tracer: &BruteForce, direction: [f32; 3]) -> f32 {
     let ray = Ray::new(narrow(from().position), direction);
-    let hit = tracer.closest_hit(&ray, &mut ());
+    let hit = tracer.closest_hit(&ray);
     let of = |light| sampler.density(&from(), false, direction, light);
     let shape_light =
         sampler.lights().intersect(&ray, None).map(|hit| hit.light).filter(|light| *light != LightId::Environment);

@@ -3,25 +3,24 @@
 use std::sync::atomic::AtomicBool;
 
 use canted_film::{Film, Filter};
-use canted_lbvh::Strategy;
 use canted_obb::Affine;
 use canted_renderer::{
-    Accel, Cone, Integrator, Levels, Pattern, PrepareError, Prepared, Settings, Structure, StructureConfig, Surfaces,
-    Tracer, UpdateOptions, UpdatePolicy, prepare, render,
+    BvhKind, Cone, Integrator, Levels, Pattern, PrepareError, SceneBvh, SceneBvhConfig, SceneLevels, Settings,
+    Surfaces, UpdateOptions, UpdatePolicy, render,
 };
 use canted_scene::{Camera, Material, Mesh, MeshClose, Scene};
-use canted_trace::{Hit, InstanceId, Query, Ray, Side, Watertight, position_at};
+use canted_trace::{Hit, InstanceId, Intersect, Ray, Side, position_at};
 
 use crate::common::{camera, cuboid, grey, parallelogram, place, scene, settings, sphere};
 
 const OPEN: Affine = Affine::IDENTITY;
 
-fn prepared(scene: &Scene, levels: Levels) -> Prepared<Watertight> {
-    prepare(scene, &StructureConfig { levels, ..StructureConfig::default() }).unwrap()
+fn prepared(scene: &Scene, levels: Levels) -> SceneBvh {
+    SceneBvh::build(scene, &SceneBvhConfig { levels, ..SceneBvhConfig::default() }).unwrap()
 }
 
 fn film(scene: &Scene, view: &Camera, settings: &Settings) -> Film {
-    let structure = prepared(scene, Levels::Auto).structure;
+    let structure = prepared(scene, Levels::Auto);
     render(scene, &structure, view, settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
 }
 
@@ -95,14 +94,14 @@ fn moving_object_in_a_white_furnace_shows_its_albedo() {
 #[test]
 fn motion_requires_two_levels_and_is_skipped_without_moving_instances() {
     let stage = || scene(vec![sphere([0.0; 3], 1.0, 2, 0)], vec![grey(0.5)]);
-    let parts = |prepared: &Prepared<Watertight>| -> Vec<&str> { prepared.unused.iter().map(|l| l.feature).collect() };
+    let parts = |prepared: &SceneBvh| -> Vec<&str> { prepared.unused.iter().map(|l| l.feature).collect() };
     for levels in [Levels::Auto, Levels::One, Levels::Two] {
         let moving = prepared(&moving(stage(), shifted(1.0, 0.0)), levels);
-        assert!(matches!(moving.structure, Structure::Two(_)), "{levels:?}");
+        assert!(matches!(moving.levels(), SceneLevels::Two(_)), "{levels:?}");
         assert!(!parts(&moving).contains(&"motion") && !parts(&moving).contains(&"top-level BVH"));
     }
     let still = prepared(&stage(), Levels::Auto);
-    assert!(matches!(still.structure, Structure::One(_)) && parts(&still).contains(&"motion"));
+    assert!(matches!(still.levels(), SceneLevels::One(_)) && parts(&still).contains(&"motion"));
     assert!(parts(&prepared(&moving(stage(), OPEN), Levels::Auto)).contains(&"motion"), "start and end are equal");
 }
 
@@ -121,7 +120,7 @@ fn zero_motion_does_not_change_the_image() {
 fn motion_through_a_singular_transform_is_rejected() {
     let stage = scene(vec![sphere([0.0; 3], 1.0, 1, 0)], vec![grey(0.5)]);
     let turned = Affine { columns: [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]] };
-    let error = prepare::<Watertight>(&moving(stage, turned), &StructureConfig::default()).err().unwrap();
+    let error = SceneBvh::build(&moving(stage, turned), &SceneBvhConfig::default()).err().unwrap();
     let sentence = "the transform of moving instance 0 is too close to singular at shutter time 0.5: its condition \
                     number is inf, at most 1.048576e6 is supported";
     assert_eq!(error.to_string(), sentence);
@@ -162,23 +161,12 @@ fn surfaces_match_static_instances() {
 
 // Meshes that deform while the shutter is open: at each time they are the static meshes of that time.
 
-/// A ray at a time.
-struct At(f32);
-
-impl Query for At {
-    const MAY_REJECT: bool = false;
-
-    fn time(&self) -> f32 {
-        self.0
-    }
-}
-
-fn prepared_shutter(scene: &Scene, levels: Levels) -> Prepared<Watertight> {
-    prepare(scene, &StructureConfig { levels, ..StructureConfig::default() }).unwrap()
+fn prepared_shutter(scene: &Scene, levels: Levels) -> SceneBvh {
+    SceneBvh::build(scene, &SceneBvhConfig { levels, ..SceneBvhConfig::default() }).unwrap()
 }
 
 fn shutter_film(scene: &Scene, view: &Camera, settings: &Settings) -> Film {
-    let structure = prepared_shutter(scene, Levels::Auto).structure;
+    let structure = prepared_shutter(scene, Levels::Auto);
     render(scene, &structure, view, settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
 }
 
@@ -234,25 +222,25 @@ fn rays() -> impl Iterator<Item = Ray> {
     })
 }
 
-fn hits(tracer: &impl Tracer, time: f32) -> Vec<Option<Hit>> {
-    rays().map(|ray| tracer.closest_hit(&ray, &mut At(time))).collect()
+fn hits(bvh: &dyn Intersect, time: f32) -> Vec<Option<Hit>> {
+    rays().map(|ray| bvh.closest_hit(&ray.at_time(time))).collect()
 }
 
 #[test]
 fn hits_and_surfaces_at_a_time_are_those_of_the_static_scene() {
     let moving = stage(1.5);
-    let structure = prepared_shutter(&moving, Levels::Auto).structure;
+    let structure = prepared_shutter(&moving, Levels::Auto);
     let surfaces = Surfaces::new(&moving);
     let mut seen = Vec::new();
     for time in [0.0, 0.1, 0.5, 0.77, 1.0] {
         let still = still(&moving, time);
-        let fixed = prepared_shutter(&still, Levels::Two).structure;
+        let fixed = prepared_shutter(&still, Levels::Two);
         let (ours, theirs) = (hits(&structure, time), hits(&fixed, 0.0));
         assert!(ours == theirs, "time {time}");
         let are_occluded = |tracer: &dyn Fn(&Ray) -> bool| rays().map(|ray| tracer(&ray)).collect::<Vec<bool>>();
         assert_eq!(
-            are_occluded(&|ray| structure.occluded(ray, &mut At(time))),
-            are_occluded(&|ray| fixed.occluded(ray, &mut At(0.0)))
+            are_occluded(&|ray| structure.occluded(&ray.at_time(time))),
+            are_occluded(&|ray| fixed.occluded(ray))
         );
         let of_still = Surfaces::new(&still);
         for (ray, hit) in rays().zip(&ours) {
@@ -281,9 +269,9 @@ fn updates_follow_deforming_meshes() {
             let options = UpdateOptions { policy, trace_time: std::time::Duration::from_millis(20) };
             let updates = updated.update(&now, &options).unwrap();
             n_refits += updates.refits;
-            let fresh = prepared_shutter(&now, Levels::Auto).structure;
+            let fresh = prepared_shutter(&now, Levels::Auto);
             for time in [0.0, 0.6] {
-                assert!(hits(&updated.structure, time) == hits(&fresh, time), "{policy:?}, frame {frame}, time {time}");
+                assert!(hits(&updated, time) == hits(&fresh, time), "{policy:?}, frame {frame}, time {time}");
             }
         }
         assert!((policy == UpdatePolicy::Refit) == (n_refits >= 7) || policy == UpdatePolicy::Auto, "{n_refits}");
@@ -333,15 +321,14 @@ fn a_deforming_object_in_a_white_furnace_shows_its_albedo() {
 
 #[test]
 fn structures_that_cannot_move_are_one_error() {
-    let binary = Accel::Binary { strategy: Strategy::Aabb, builder: None };
-    for accel in [binary, Accel::Bih, Accel::KdTree] {
-        let config = StructureConfig { accel, ..StructureConfig::default() };
-        let error = prepare::<Watertight>(&stage(1.0), &config).err();
+    for kind in [BvhKind::Bvh2, BvhKind::Bih, BvhKind::KdTree] {
+        let config = SceneBvhConfig { kind, ..SceneBvhConfig::default() };
+        let error = SceneBvh::build(&stage(1.0), &config).err();
         assert_eq!(error, Some(PrepareError::MovingTriangles));
-        assert!(prepare::<Watertight>(&still(&stage(1.0), 0.5), &config).is_ok());
+        assert!(SceneBvh::build(&still(&stage(1.0), 0.5), &config).is_ok());
     }
     let mut torn = stage(1.0);
     torn.meshes[0].close.as_mut().unwrap().positions[3][1] = f32::INFINITY;
-    let error = prepare::<Watertight>(&torn, &StructureConfig::default()).err().unwrap().to_string();
+    let error = SceneBvh::build(&torn, &SceneBvhConfig::default()).err().unwrap().to_string();
     assert!(error.contains("not finite"), "{error}");
 }

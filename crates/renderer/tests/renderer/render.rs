@@ -8,11 +8,11 @@ use canted_film::{Aovs, Film};
 use canted_fixtures::{self as fixtures, SplitMix64};
 use canted_obb::Affine;
 use canted_renderer::{
-    Bvh, CameraError, Heatmap, Levels, Measure, Prepared, RenderError, Settings, StructureConfig, Surfaces, Tracer,
-    UpdateOptions, UpdatePolicy, Updates, environment_of, heatmap, prepare, render,
+    BottomLevel, CameraError, Heatmap, Levels, Measure, RenderError, SceneBvh, SceneBvhConfig, Settings, Surfaces,
+    UpdateOptions, UpdatePolicy, Updates, environment_of, heatmap, render,
 };
 use canted_scene::{AnimatedScene, Camera, Light, Material, Projection, ReadOptions, Scene};
-use canted_trace::{Counts, Hit, Ray, Watertight};
+use canted_trace::{Counts, Hit, Intersect, Ray};
 use canted_wide::SimdPath;
 
 use crate::common::{BruteForce, camera, cuboid, film, floor, grey, mesh, place, scene, settings, sphere};
@@ -199,36 +199,36 @@ fn rays(scene: &Scene, n: usize, seed: u64) -> Vec<Ray> {
     (0..n).map(ray).collect()
 }
 
-fn hits(tracer: &impl Tracer, rays: &[Ray]) -> Vec<Option<Hit>> {
-    rays.iter().map(|ray| tracer.closest_hit(ray, &mut ())).collect()
+fn hits(tracer: &dyn Intersect, rays: &[Ray]) -> Vec<Option<Hit>> {
+    rays.iter().map(|ray| tracer.closest_hit(ray)).collect()
 }
 
 /// The hits of each BVH over triangles, on a path.
-fn hits_below(prepared: &Prepared<Watertight>, rays: &[Ray], path: SimdPath) -> Vec<Option<Hit>> {
-    let of_one = |bvh: &Bvh<Watertight>| {
-        let Bvh::Wide(wide) = bvh else { panic!("the default is wide") };
+fn hits_below(prepared: &SceneBvh, rays: &[Ray], path: SimdPath) -> Vec<Option<Hit>> {
+    let of_one = |bvh: &BottomLevel| {
+        let BottomLevel::Wide(wide) = bvh else { panic!("the default is wide") };
         let wide = wide.clone().with_path(path);
         rays.iter().map(|ray| wide.closest_hit(ray)).collect::<Vec<_>>()
     };
-    prepared.structure.bottom().iter().flat_map(of_one).collect()
+    prepared.bottom().iter().flat_map(of_one).collect()
 }
 
 /// Follows a sequence in one and in two levels.
 #[track_caller]
 fn follows(name: &str, mut frame_of: impl FnMut(u16) -> Scene) {
     for (levels, policy) in [(Levels::One, UpdatePolicy::Auto), (Levels::Two, UpdatePolicy::Refit)] {
-        let config = StructureConfig { levels, ..StructureConfig::default() };
-        let mut updated = prepare::<Watertight>(&frame_of(0), &config).unwrap();
+        let config = SceneBvhConfig { levels, ..SceneBvhConfig::default() };
+        let mut updated = SceneBvh::build(&frame_of(0), &config).unwrap();
         let (mut all, mut n_hits) = (Updates::default(), 0);
         for frame in 1..N_FRAMES {
             let now = frame_of(frame);
             let options = UpdateOptions { policy, trace_time: std::time::Duration::from_millis(5) };
-            let old = (frame == 30).then(|| hits(&updated.structure, &rays(&now, 120, frame.into())));
+            let old = (frame == 30).then(|| hits(&updated, &rays(&now, 120, frame.into())));
             all += updated.update(&now, &options).unwrap();
-            let fresh = prepare::<Watertight>(&now, &config).unwrap();
+            let fresh = SceneBvh::build(&now, &config).unwrap();
             let rays = rays(&now, 120, frame.into());
-            let ours = hits(&updated.structure, &rays);
-            assert!(ours == hits(&fresh.structure, &rays), "{name}, {levels:?}, frame {frame}");
+            let ours = hits(&updated, &rays);
+            assert!(ours == hits(&fresh, &rays), "{name}, {levels:?}, frame {frame}");
             n_hits += ours.iter().flatten().count();
             // The comparison can fail: before the update, hits are others.
             assert!(old.is_none_or(|old| old != ours), "{name}, {levels:?}");
@@ -245,7 +245,7 @@ fn follows(name: &str, mut frame_of: impl FnMut(u16) -> Scene) {
             let (view, settings) = (camera(eye, middle, 50.0), settings(16, 12, 1, 1));
             let film =
                 |structure| render(&now, structure, &view, &settings, &|_, _| (), &AtomicBool::new(false)).unwrap();
-            assert_eq!(film(&updated.structure), film(&fresh.structure), "{name}, {levels:?}, frame {frame}");
+            assert_eq!(film(&updated), film(&fresh), "{name}, {levels:?}, frame {frame}");
         }
         assert!(n_hits > 300, "{name}: {n_hits} hits");
         assert!(all.refits + all.rebuilds + all.top_refits >= 55, "{name}, {levels:?}: {all:?}");

@@ -3,10 +3,11 @@
 use std::sync::atomic::AtomicBool;
 
 use canted_obb::{Affine, PrimId};
-use canted_renderer::{Bsdf, Cone, Levels, Masked, StructureConfig, Surface, Surfaces, Tracer, prepare, render};
+use canted_renderer::{
+    AlphaTest, Bsdf, Cone, CountedAlphaTest, Levels, SceneBvh, SceneBvhConfig, Surface, Surfaces, render,
+};
 use canted_scene::{AlphaMode, Encoding, Material, Mesh, Scene, Texture, TextureId, TextureRef, UvTransform, Wrap};
-use canted_trace::{Counts, Hit, InstanceId, MollerTrumbore, Ray, Side, Watertight};
-use canted_wide::LaneKernel;
+use canted_trace::{Counts, Hit, InstanceId, Intersect, Ray, Side, TriangleTest};
 
 use crate::common::{
     BruteForce, Vector, camera, cross, dot, film, grey, inside_out, mesh, narrow, place, scene, settings, sphere, sub,
@@ -96,6 +97,7 @@ fn surface(normal: Vector, shading_normal: Vector) -> Surface {
         emission: [0.0; 3],
         offset: 1e-3,
         cone: Cone::ZERO,
+        time: 0.0,
     }
 }
 
@@ -150,10 +152,10 @@ fn textures_color_and_alpha_masks_cut_out() {
     let (tracer, surfaces) = (BruteForce::new(&scene), Surfaces::new(&scene));
     let shade = |x: f32| {
         let ray = Ray::new([x, 0.3, 2.0], [0.0, 0.0, -1.0]);
-        let mut query = Masked::new(&surfaces, Counts::default());
-        let hit = tracer.closest_hit(&ray, &mut query).unwrap();
-        assert_eq!(query.inner.triangles, 4, "counts are forwarded");
-        assert!(tracer.occluded(&ray, &mut query));
+        let mut query = CountedAlphaTest { test: AlphaTest::new(&surfaces), counts: Counts::default() };
+        let hit = tracer.closest_hit_with(&ray, &mut query).unwrap();
+        assert_eq!(query.counts.triangles, 4, "counts are forwarded");
+        assert!(tracer.occluded_with(&ray, &mut query));
         (hit.instance.0, surfaces.at(&hit, ray.direction).bsdf.base_color)
     };
     assert_eq!(shade(0.2), (0, [0.5, 0.0, 0.0]));
@@ -398,7 +400,7 @@ fn surfaces_of(
     let view = canted_renderer::View::new(&camera(eye, center, 15.0), 16, 16).unwrap();
     for i in 0..256_u32 {
         let ray = view.ray([f64::from(i % 16) + 0.3, f64::from(i / 16) + 0.7]);
-        let hit = tracer.closest_hit(&ray, &mut ()).unwrap();
+        let hit = tracer.closest_hit(&ray).unwrap();
         check(&ray, &hit, &surfaces.at(&hit, ray.direction));
     }
 }
@@ -438,8 +440,8 @@ fn rays_without_offset_hit_the_surface_again() {
     let mut n_hits = 0;
     surfaces_of(&scene, eye, center, |_, _, surface| {
         let bare = Ray::new(narrow(surface.position), narrow(surface.normal));
-        n_hits += u32::from(tracer.occluded(&bare, &mut ()));
-        assert!(!tracer.occluded(&surface.spawn_ray(narrow(surface.normal)), &mut ()));
+        n_hits += u32::from(tracer.occluded(&bare));
+        assert!(!tracer.occluded(&surface.spawn_ray(narrow(surface.normal))));
     });
     assert!(n_hits > 32, "{n_hits} of 256");
 }
@@ -468,7 +470,7 @@ fn instances_far_from_the_origin_have_no_self_intersection() {
 }
 
 /// Furnace tests with one-level and two-level BVHs. Only a watertight triangle test guarantees that edges do not leak.
-fn check_furnaces<K: LaneKernel>(is_watertight: bool) {
+fn check_furnaces(triangles: TriangleTest, is_watertight: bool) {
     let emissive = Material { emission: [1.0; 3], ..grey(0.5) };
     let rotated = Affine { columns: [[0.36, 0.48, -0.8], [0.8, -0.6, 0.1], [0.0, 0.3, 2.0], [300.0, -90.0, 40.0]] };
     for s in [1e-3, 1.0, 1e3] {
@@ -483,10 +485,12 @@ fn check_furnaces<K: LaneKernel>(is_watertight: bool) {
                 let mut scene = scene(vec![object.clone()], vec![material.clone()]);
                 scene.instances = vec![place(0, map)];
                 scene.environment = Some([sky; 3].into());
-                let prepared = prepare::<K>(&scene, &StructureConfig { levels, ..StructureConfig::default() }).unwrap();
+                let prepared =
+                    SceneBvh::build(&scene, &SceneBvhConfig { levels, triangles, ..SceneBvhConfig::default() })
+                        .unwrap();
                 let view = camera(eye, target, fov);
                 let cancel = AtomicBool::new(false);
-                let film = render(&scene, &prepared.structure, &view, &settings(24, 24, 6, 2), &|_, _| (), &cancel);
+                let film = render(&scene, &prepared, &view, &settings(24, 24, 6, 2), &|_, _| (), &cancel);
                 film.unwrap().pixels().iter().map(|pixel| pixel.mean()[0]).collect::<Vec<_>>()
             };
             let outside = rendered(&ball, &grey(0.5), 1.0, eye, center, 4.0);
@@ -501,10 +505,10 @@ fn check_furnaces<K: LaneKernel>(is_watertight: bool) {
 
 #[test]
 fn watertight_bvhs_have_no_self_intersection_and_no_leaks() {
-    check_furnaces::<Watertight>(true);
+    check_furnaces(TriangleTest::Watertight, true);
 }
 
 #[test]
 fn moller_trumbore_bvhs_have_no_self_intersection() {
-    check_furnaces::<MollerTrumbore>(false);
+    check_furnaces(TriangleTest::MollerTrumbore, false);
 }

@@ -6,10 +6,10 @@ use std::sync::atomic::AtomicBool;
 use canted_lbvh::Strategy;
 use canted_obb::PrimId;
 use canted_renderer::{
-    Accel, Levels, Lod, Masked, Pattern, Settings, StructureConfig, Surfaces, Tracer, View, prepare, render,
+    AlphaTest, BvhKind, Levels, Lod, Pattern, SceneBvh, SceneBvhConfig, Settings, Surfaces, View, render,
 };
 use canted_scene::{AlphaMode, Camera, Encoding, Light, Material, Mesh, Scene, Texture, TextureId, TextureRef, Wrap};
-use canted_trace::{Hit, InstanceId, Ray, Side, Watertight};
+use canted_trace::{Hit, InstanceId, Intersect, Ray, Side};
 
 use crate::common::{BruteForce, U, Vector, camera, film, floor, grey, mesh, scene, settings};
 
@@ -63,7 +63,7 @@ fn distances() -> Vec<Option<f64>> {
     let tracer = BruteForce::new(&scene);
     let view = View::new(&view(0.0), WIDTH, HEIGHT).unwrap();
     let middle = |i: u32| [f64::from(i % WIDTH) + 0.5, f64::from(i / WIDTH) + 0.5];
-    (0..WIDTH * HEIGHT).map(|i| tracer.closest_hit(&view.ray(middle(i)), &mut ()).map(|hit| f64::from(hit.t))).collect()
+    (0..WIDTH * HEIGHT).map(|i| tracer.closest_hit(&view.ray(middle(i))).map(|hit| f64::from(hit.t))).collect()
 }
 
 fn mean_square(of: impl Iterator<Item = f64> + Clone) -> f64 {
@@ -261,9 +261,9 @@ const N: u32 = 40_000;
 /// Fraction of `N` rays with independent keys that pass all sheets.
 fn passing(scene: &Scene) -> f64 {
     let (tracer, surfaces) = (BruteForce::new(scene), Surfaces::new(scene));
-    let all = Masked::new(&surfaces, ());
+    let all = AlphaTest::new(&surfaces);
     let ray = Ray { t_max: 9.5, ..Ray::new([0.3, 10.0, 0.2], [0.0, -1.0, 0.0]) };
-    let n = (0..N).filter(|&number| !tracer.occluded(&ray, &mut all.keyed(number))).count();
+    let n = (0..N).filter(|&number| !tracer.occluded_with(&ray, &mut all.keyed(number))).count();
     n as f64 / f64::from(N)
 }
 
@@ -315,16 +315,16 @@ fn pictures_do_not_depend_on_the_bvh() {
     let scene = sheets(&[0.4, 0.7]);
     let view = camera([1.0, 6.0, 0.5], [0.0; 3], 60.0);
     let settings = settings(24, 16, 4, 1);
-    let picture = |config: &StructureConfig| {
-        let prepared = prepare::<Watertight>(&scene, config).unwrap();
-        let film = render(&scene, &prepared.structure, &view, &settings, &|_, _| (), &AtomicBool::new(false)).unwrap();
+    let picture = |config: &SceneBvhConfig| {
+        let prepared = SceneBvh::build(&scene, config).unwrap();
+        let film = render(&scene, &prepared, &view, &settings, &|_, _| (), &AtomicBool::new(false)).unwrap();
         film.picture().pixels
     };
-    let first = picture(&StructureConfig { levels: Levels::One, ..StructureConfig::default() });
+    let first = picture(&SceneBvhConfig { levels: Levels::One, ..SceneBvhConfig::default() });
     for levels in [Levels::One, Levels::Two] {
-        let binary = |strategy| Accel::Binary { strategy, builder: None };
-        for accel in [Accel::default(), binary(Strategy::Aabb), binary(Strategy::PcaBounded)] {
-            let config = StructureConfig { levels, accel };
+        let (wide, binary) = ((BvhKind::Wide, Strategy::Aabb), |volumes| (BvhKind::Bvh2, volumes));
+        for (kind, volumes) in [wide, binary(Strategy::Aabb), binary(Strategy::PcaBounded)] {
+            let config = SceneBvhConfig { levels, kind, volumes, ..SceneBvhConfig::default() };
             assert!(picture(&config) == first, "{config:?}");
         }
     }

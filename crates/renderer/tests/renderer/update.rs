@@ -4,11 +4,9 @@ use std::sync::atomic::AtomicBool;
 
 use canted_lbvh::Strategy;
 use canted_obb::Affine;
-use canted_renderer::{
-    Accel, Levels, Prepared, StructureConfig, Tracer, UpdateOptions, UpdatePolicy, Updates, prepare, render,
-};
+use canted_renderer::{BvhKind, Levels, SceneBvh, SceneBvhConfig, UpdateOptions, UpdatePolicy, Updates, render};
 use canted_scene::Scene;
-use canted_trace::{Hit, Ray, Watertight};
+use canted_trace::{Hit, Intersect, Ray};
 
 use crate::common::{camera, cuboid, grey, parallelogram, place, scene, settings, sphere};
 
@@ -18,12 +16,12 @@ fn options(policy: UpdatePolicy) -> UpdateOptions {
     UpdateOptions { policy, trace_time: std::time::Duration::from_millis(20) }
 }
 
-fn config(levels: Levels, accel: Accel) -> StructureConfig {
-    StructureConfig { levels, accel }
+fn config(levels: Levels) -> SceneBvhConfig {
+    SceneBvhConfig { levels, ..SceneBvhConfig::default() }
 }
 
-fn prepared(scene: &Scene, config: &StructureConfig) -> Prepared<Watertight> {
-    prepare(scene, config).unwrap()
+fn prepared(scene: &Scene, config: &SceneBvhConfig) -> SceneBvh {
+    SceneBvh::build(scene, config).unwrap()
 }
 
 /// A rotation about the z axis, sheared, scaled and shifted.
@@ -59,7 +57,7 @@ fn stage(frame: u16, offset: f32) -> Scene {
 }
 
 /// Closest hits of rays from all around, with directions of many lengths, as text with every bit.
-fn hits(structure: &impl Tracer, offset: f32) -> Vec<Option<Hit>> {
+fn hits(structure: &dyn Intersect, offset: f32) -> Vec<Option<Hit>> {
     let mut state = 1_u32;
     let mut number = move || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -72,28 +70,28 @@ fn hits(structure: &impl Tracer, offset: f32) -> Vec<Option<Hit>> {
         let direction = std::array::from_fn(|k| if i % 7 == k { -0.0 } else { (target[k] - origin[k]) * length });
         Ray::new(origin.map(|x| x + offset), direction)
     });
-    rays.map(|ray| structure.closest_hit(&ray, &mut ())).collect()
+    rays.map(|ray| structure.closest_hit(&ray)).collect()
 }
 
 /// Updates through all frames, and compares hits and pictures of each with those of a new structure.
 #[track_caller]
-fn follows(config: &StructureConfig, policy: UpdatePolicy, offset: f32) -> Updates {
+fn follows(config: &SceneBvhConfig, policy: UpdatePolicy, offset: f32) -> Updates {
     let view = camera([3.0 + offset, 2.0 + offset, 6.0 + offset], [offset; 3], 50.0);
     let settings = settings(24, 16, 1, 1);
     let mut updated = prepared(&stage(0, offset), config);
     let (mut all, mut n_changed) = (Updates::default(), 0);
-    let first = hits(&updated.structure, offset);
+    let first = hits(&updated, offset);
     for frame in 1..10 {
         let stage = stage(frame, offset);
         let updates = updated.update(&stage, &options(policy)).unwrap();
         all += updates;
         let fresh = prepared(&stage, config);
-        let (ours, theirs) = (hits(&updated.structure, offset), hits(&fresh.structure, offset));
+        let (ours, theirs) = (hits(&updated, offset), hits(&fresh, offset));
         assert!(ours == theirs, "{config:?}, {policy:?}, frame {frame}");
         n_changed += u32::from(theirs != first);
         let film =
             |structure| render(&stage, structure, &view, &settings, &|_, _| (), &AtomicBool::new(false)).unwrap();
-        assert_eq!(film(&updated.structure), film(&fresh.structure), "{config:?}, {policy:?}, frame {frame}");
+        assert_eq!(film(&updated), film(&fresh), "{config:?}, {policy:?}, frame {frame}");
         assert_eq!(updated.unused.len(), fresh.unused.len());
     }
     // The comparison can fail: a structure that is not updated has other hits.
@@ -107,18 +105,18 @@ fn updated_structures_have_the_hits_and_pictures_of_new_ones() {
     for levels in [Levels::One, Levels::Two] {
         for policy in POLICIES {
             for offset in [0.0, 1e4] {
-                follows(&config(levels, Accel::default()), policy, offset);
+                follows(&config(levels), policy, offset);
             }
         }
-        let binary = Accel::Binary { strategy: Strategy::Combined, builder: None };
-        let updates = follows(&config(levels, binary), UpdatePolicy::Refit, 0.0);
+        let binary = SceneBvhConfig { kind: BvhKind::Bvh2, volumes: Strategy::Combined, ..config(levels) };
+        let updates = follows(&binary, UpdatePolicy::Refit, 0.0);
         assert_eq!(updates.refits, 0, "binary BVHs cannot be refitted");
     }
 }
 
 #[test]
 fn only_changed_meshes_are_updated() {
-    let two = config(Levels::Two, Accel::default());
+    let two = config(Levels::Two);
     // In nine updates the sphere changes nine times, the wall four times, the box never.
     let refits = follows(&two, UpdatePolicy::Refit, 0.0);
     let counts =
@@ -127,12 +125,12 @@ fn only_changed_meshes_are_updated() {
     assert!(refits.max_drift > 1.0);
     assert_eq!(counts(&follows(&two, UpdatePolicy::Rebuild, 0.0)), [14, 0, 13, 0, 0, 9, 0]);
     // One level is one BVH.
-    let one = config(Levels::One, Accel::default());
+    let one = config(Levels::One);
     assert_eq!(counts(&follows(&one, UpdatePolicy::Refit, 0.0)), [0, 9, 0, 0, 0, 0, 0]);
     for config in [one, two] {
         let mut still = prepared(&stage(3, 0.0), &config);
         let updates = still.update(&stage(3, 0.0), &UpdateOptions::default()).unwrap();
-        let n = still.structure.bottom().len();
+        let n = still.bottom().len();
         assert_eq!(counts(&updates), [n, 0, 0, usize::from(n > 1), 0, 0, 0], "nothing changed");
     }
     // Only instances move: the BVHs over triangles stay.
@@ -141,7 +139,7 @@ fn only_changed_meshes_are_updated() {
     moving.instances[2].world_from_object.columns[3][0] += 0.5;
     let updates = updated.update(&moving, &options(UpdatePolicy::Refit)).unwrap();
     assert_eq!(counts(&updates), [3, 0, 0, 0, 1, 0, 0]);
-    assert!(hits(&updated.structure, 0.0) == hits(&prepared(&moving, &two).structure, 0.0));
+    assert!(hits(&updated, 0.0) == hits(&prepared(&moving, &two), 0.0));
 }
 
 /// A change of a scene, and what it is.
@@ -164,7 +162,7 @@ fn meshes_instances_and_triangles_may_come_and_go() {
         }),
     ];
     for levels in [Levels::Auto, Levels::One, Levels::Two] {
-        let config = config(levels, Accel::default());
+        let config = config(levels);
         let mut updated = prepared(&stage(0, 0.0), &config);
         for (what, change) in changes {
             for changed in [true, false] {
@@ -174,7 +172,7 @@ fn meshes_instances_and_triangles_may_come_and_go() {
                 }
                 updated.update(&stage, &options(UpdatePolicy::Refit)).unwrap();
                 let fresh = prepared(&stage, &config);
-                assert!(hits(&updated.structure, 0.0) == hits(&fresh.structure, 0.0), "{levels:?}: {what}, {changed}");
+                assert!(hits(&updated, 0.0) == hits(&fresh, 0.0), "{levels:?}: {what}, {changed}");
             }
         }
     }
@@ -183,16 +181,16 @@ fn meshes_instances_and_triangles_may_come_and_go() {
 #[test]
 fn a_failed_update_is_repaired_by_the_next() {
     for levels in [Levels::One, Levels::Two] {
-        let config = config(levels, Accel::default());
+        let config = config(levels);
         let mut updated = prepared(&stage(0, 0.0), &config);
         for bad in [f32::NAN, f32::INFINITY] {
             let mut torn = stage(1, 0.0);
             torn.meshes[0].positions[7][1] = bad;
             let error = updated.update(&torn, &UpdateOptions::default()).unwrap_err();
-            assert_eq!(Some(error), prepare::<Watertight>(&torn, &config).err());
+            assert_eq!(Some(error), SceneBvh::build(&torn, &config).err());
             let updates = updated.update(&stage(2, 0.0), &UpdateOptions::default()).unwrap();
             assert_eq!(updates.whole, 1);
-            assert!(hits(&updated.structure, 0.0) == hits(&prepared(&stage(2, 0.0), &config).structure, 0.0));
+            assert!(hits(&updated, 0.0) == hits(&prepared(&stage(2, 0.0), &config), 0.0));
         }
     }
 }
@@ -202,14 +200,14 @@ fn a_failed_update_is_repaired_by_the_next() {
 fn memory_does_not_grow() {
     for levels in [Levels::One, Levels::Two] {
         for policy in POLICIES {
-            let config = config(levels, Accel::default());
+            let config = config(levels);
             let mut updated = prepared(&stage(0, 0.0), &config);
             let mut most = 0;
             // Refits take place in the old memory, builds in new one.
             let n_frames = if policy == UpdatePolicy::Refit { 1000 } else { 100 };
             for frame in 0..n_frames {
                 updated.update(&stage(frame % 8, 0.0), &options(policy)).unwrap();
-                let n_bytes = updated.structure.n_bytes();
+                let n_bytes = updated.n_bytes();
                 if frame < 16 {
                     most = most.max(n_bytes);
                 }

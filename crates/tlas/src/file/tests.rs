@@ -1,15 +1,16 @@
+use canted_bvh2::Bvh2Boxes;
 use canted_lbvh::VolumeConfig;
-use canted_trace::{Ray, Watertight};
-use canted_wide::{Config, TriangleBvh};
+use canted_trace::Ray;
+use canted_wide::{LoadError, TriangleBvh};
 
 use super::*;
 use crate::InstanceError;
 
-type Saved = Tlas<TriangleBvh<Watertight>>;
+type Saved = Tlas<TriangleBvh>;
 
-fn triangle(z: f32) -> TriangleBvh<Watertight> {
+fn triangle(z: f32) -> TriangleBvh {
     let positions = [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
-    TriangleBvh::build(&positions, &[[0, 1, 2]], &Config::default()).unwrap()
+    TriangleBvh::build(&positions, &[[0, 1, 2]]).unwrap()
 }
 
 fn at(x: f32) -> Affine {
@@ -38,8 +39,8 @@ fn with_checksum(mut content: Vec<u8>) -> Vec<u8> {
 #[test]
 fn a_loaded_tlas_saves_the_same_bytes() {
     let bytes = tlas().to_bytes();
-    for config in [TopConfig::default(), TopConfig::Binary(VolumeConfig::default())] {
-        let loaded = Saved::from_bytes(&bytes, config).unwrap();
+    for config in [TopConfig::default(), TopConfig::other(Bvh2Boxes::builder(VolumeConfig::default()))] {
+        let loaded = Saved::from_bytes(&bytes, config.clone()).unwrap();
         assert_eq!((loaded.instances(), loaded.config()), (tlas().instances(), &config));
         assert_eq!(loaded.to_bytes(), bytes);
         for x in [0.2, 2.2, 4.2, -2.8, 9.0] {

@@ -1,7 +1,6 @@
 use super::*;
 
 fn rotated(angle: f64, scale: [f64; 3], shift: [f32; 3]) -> Affine {
-    #[expect(clippy::cast_possible_truncation, reason = "test data")]
     let column = |c: [f64; 3], s: f64| c.map(|x| (x * s) as f32);
     let (sine, cosine) = angle.sin_cos();
     let columns = [[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]];
@@ -56,7 +55,6 @@ fn a_singular_map_at_any_time_is_found() {
     const LIMIT: f64 = 1e6;
     let bound = 1.0 / LIMIT + 0.5 * f64::from(f32::EPSILON);
     for singular_at in [0.1, 1.0 / 3.0, 0.77, 0.999] {
-        #[expect(clippy::cast_possible_truncation, reason = "test data")]
         let close = ((singular_at - 1.0) / singular_at) as f32;
         let close = Affine { columns: [[close, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]] };
         let (time, norm) = Motion::new(&Affine::IDENTITY, &close).norm_of_inverse(LIMIT).unwrap_err();
@@ -110,10 +108,8 @@ fn inverses_are_as_good_as_stated() {
         // Columns along one direction but for `thin`.
         let mut map = || {
             let direction = [(); 3].map(|()| next());
-            let column = |length: f64, next: &mut dyn FnMut() -> f64| {
-                #[expect(clippy::cast_possible_truncation, reason = "test data")]
-                direction.map(|d| (length * d + thin * next()) as f32)
-            };
+            let column =
+                |length: f64, next: &mut dyn FnMut() -> f64| direction.map(|d| (length * d + thin * next()) as f32);
             Affine { columns: [column(1.0, &mut next), column(-0.7, &mut next), column(0.4, &mut next), [0.0; 3]] }
         };
         let motion = Motion::new(&map(), &map());

@@ -1,16 +1,17 @@
 //! Directions of any length, and `t` of any size.
 
+use canted_bvh2::Bvh2Boxes;
 use canted_fixtures::{Mesh, SplitMix64, soup};
 use canted_lbvh::VolumeConfig;
 use canted_obb::Affine;
-use canted_tlas::{Instance, RayOptions, Tlas, TopConfig};
-use canted_trace::{Hit, HitFilter, InstanceId, Ray};
-use canted_wide::{Config, TriangleBvh};
+use canted_tlas::{Instance, Tlas, TopConfig};
+use canted_trace::{Accept, Crossings, Hit, InstanceId, Intersect, Ray};
+use canted_wide::TriangleBvh;
 
 use crate::oracle::{affine, all_hits};
 
 fn bvh(mesh: &Mesh) -> TriangleBvh {
-    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
+    TriangleBvh::build(&mesh.positions, &mesh.triangles).unwrap()
 }
 
 fn triangle() -> Mesh {
@@ -26,7 +27,7 @@ fn tlas_of(meshes: &[Mesh], instances: &[Instance], top: TopConfig) -> Tlas<Tria
 }
 
 fn tops() -> [TopConfig; 2] {
-    [TopConfig::default(), TopConfig::Binary(VolumeConfig::default())]
+    [TopConfig::default(), TopConfig::other(Bvh2Boxes::builder(VolumeConfig::default()))]
 }
 
 /// A ray from above the middle of a scaled triangle, straight down.
@@ -124,7 +125,6 @@ fn random_scene(rng: &mut SplitMix64, scale: f64) -> (Vec<Mesh>, Vec<Instance>) 
     (meshes, instances)
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "test data")]
 fn to_f32(x: f64) -> f32 {
     x as f32
 }
@@ -142,7 +142,6 @@ fn a_power_of_two_changes_nothing_but_t() {
         for top in tops() {
             let tlas = tlas_of(&meshes, &instances, top);
             for _ in 0..100 {
-                #[expect(clippy::cast_possible_truncation, reason = "test data")]
                 let [origin, direction] =
                     [rng.signed3().map(|x| (0.5 * scale * x) as f32), rng.on_sphere().map(|x| x as f32)];
                 // No component becomes subnormal in the shortest direction.
@@ -156,7 +155,6 @@ fn a_power_of_two_changes_nothing_but_t() {
                     let t = |t: f32| {
                         f64::from(t) * f64::from(power(-exponent / 2)) * f64::from(power(exponent / 2 - exponent))
                     };
-                    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
                     let expected = hit.map(|hit| Hit { t: t(hit.t) as f32, ..hit });
                     assert_eq!(other, expected, "{scale} {exponent} {:?}", ray(exponent));
                     assert_eq!(tlas.occluded(&ray(exponent)), hit.is_some());
@@ -181,7 +179,6 @@ fn one_answer_where_t_is_tiny() {
         for i in 0..40 {
             let length = LENGTHS[i % LENGTHS.len()];
             let time = [0.0, 0.3, 1.0][i % 3];
-            #[expect(clippy::cast_possible_truncation, reason = "test data")]
             let [origin, direction] =
                 [rng.signed3().map(|x| (scale * x) as f32), rng.on_sphere().map(|x| (x * f64::from(length)) as f32)];
             let mut ray = Ray::new(origin, direction);
@@ -202,13 +199,13 @@ fn one_answer_where_t_is_tiny() {
                 (a.t, a.instance, a.primitive).partial_cmp(&(b.t, b.instance, b.primitive)).expect("no NaN")
             });
             n_other += u32::from(lowest != expected.first());
-            let mut options = RayOptions { time, ..RayOptions::default() };
+            let ray = ray.at_time(time);
             for (name, tlas) in ["wide", "binary"].into_iter().zip(&tlas) {
-                let hit = tlas.closest_hit_with(&ray, &mut options);
+                let hit = tlas.closest_hit(&ray);
                 assert_eq!(hit, expected.first().copied(), "{name}: {ray:?} at {time}");
-                assert_eq!(tlas.occluded_with(&ray, &mut options), hit.is_some(), "{name}: {ray:?}");
+                assert_eq!(tlas.occluded(&ray), hit.is_some(), "{name}: {ray:?}");
                 let mut all = vec![];
-                tlas.all_hits_with(&ray, &mut options, &mut all);
+                tlas.all_hits(&ray, &mut all);
                 assert_eq!(all, expected, "{name}: {ray:?} at {time}");
             }
         }
@@ -228,7 +225,7 @@ fn filters_see_the_callers_t() {
         let mut seen = vec![];
         let hit = tlas.closest_hit_with(
             &ray,
-            &mut HitFilter(|hit: &Hit| {
+            &mut Accept(|hit: &Hit| {
                 seen.push(hit.t);
                 hit.instance != InstanceId(0)
             }),

@@ -1,11 +1,12 @@
 //! Box tests of the top level depend on the instance in the box, not on the worst of all.
 
+use canted_bvh2::Bvh2Boxes;
 use canted_fixtures::{Mesh, SplitMix64, soup};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::Affine;
 use canted_tlas::{Instance, Tlas, TopConfig};
-use canted_trace::{Counts, InstanceId, Ray};
-use canted_wide::{Config, TriangleBvh};
+use canted_trace::{Counts, InstanceId, Intersect, Ray};
+use canted_wide::TriangleBvh;
 
 use crate::oracle::{affine, all_hits};
 
@@ -13,7 +14,7 @@ use crate::oracle::{affine, all_hits};
 const MOST: f64 = 1.5;
 
 fn tops() -> [TopConfig; 3] {
-    let binary = |strategy| TopConfig::Binary(VolumeConfig { strategy, ..VolumeConfig::default() });
+    let binary = |strategy| TopConfig::other(Bvh2Boxes::builder(VolumeConfig { strategy, ..VolumeConfig::default() }));
     [TopConfig::default(), binary(Strategy::Aabb), binary(Strategy::PcaBounded)]
 }
 
@@ -40,16 +41,15 @@ fn mesh() -> Mesh {
 fn rays(rng: &mut SplitMix64, n: usize) -> Vec<Ray> {
     let mut ray = || {
         let ([x, y, z], d) = (rng.signed3(), rng.on_sphere());
-        #[expect(clippy::cast_possible_truncation, reason = "test data")]
         Ray::new([(40.0 * x) as f32, (40.0 * y) as f32, z as f32], [d[0] as f32, d[1] as f32, (0.05 * d[2]) as f32])
     };
     (0..n).map(|_| ray()).collect()
 }
 
-fn tlas(instances: &[Instance], top: TopConfig) -> Tlas<TriangleBvh> {
+fn tlas(instances: &[Instance], top: &TopConfig) -> Tlas<TriangleBvh> {
     let mesh = mesh();
-    let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap();
-    Tlas::new(vec![bvh], instances, top).unwrap()
+    let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles).unwrap();
+    Tlas::new(vec![bvh], instances, top.clone()).unwrap()
 }
 
 /// Box tests a ray; the first rays' hits are compared with the loop.
@@ -62,7 +62,6 @@ fn n_boxes(tlas: &Tlas<TriangleBvh>, rays: &[Ray], n_checked: usize) -> f64 {
             assert_eq!(hit, all.first().map(|&(_, hit)| hit), "{ray:?}");
         }
     }
-    #[expect(clippy::cast_precision_loss, reason = "a number of tests")]
     return counts.boxes as f64 / rays.len() as f64;
 }
 
@@ -85,11 +84,11 @@ fn one_unusual_instance_does_not_slow_the_others() {
         ("moving, of condition 2^19", Instance::moving(0, flat, placed(0.0, 1.0, [0.0, 0.0, -12.0]))),
     ];
     for top in tops() {
-        let alone = n_boxes(&tlas(&field, top), &rays, 0);
+        let alone = n_boxes(&tlas(&field, &top), &rays, 0);
         for (what, instance) in unusual {
             let all = [&field[..], &[instance]].concat();
             let n_checked = if matches!(top, TopConfig::Wide(_)) { 25 } else { 5 };
-            let together = n_boxes(&tlas(&all, top), &rays, n_checked);
+            let together = n_boxes(&tlas(&all, &top), &rays, n_checked);
             assert!(together <= MOST * alone, "{what}, {top:?}: {together} box tests a ray instead of {alone}");
         }
     }
@@ -102,14 +101,14 @@ fn a_distant_field_is_as_fast_as_one_at_the_origin() {
     let mut rng = SplitMix64::new(33);
     let (field, rays) = (field(&mut rng), rays(&mut rng, 500));
     for top in tops() {
-        let alone = n_boxes(&tlas(&field, top), &rays, 0);
+        let alone = n_boxes(&tlas(&field, &top), &rays, 0);
         for at in [[1e4, 2e4, -3e4], [0.0, -2e5, 1e5]] {
             let (field, rays) = (shifted(&field, at), shifted_rays(&rays, at));
-            let away = n_boxes(&tlas(&field, top), &rays, 5);
+            let away = n_boxes(&tlas(&field, &top), &rays, 5);
             assert!(away <= MOST * alone, "at {at:?}, {top:?}: {away} box tests a ray instead of {alone}");
         }
         // Moved there, without a build.
-        let mut moved = tlas(&field, top);
+        let mut moved = tlas(&field, &top);
         let at = [-5e4, 3e4, 2e4];
         let mut edit = moved.edit();
         for (i, instance) in (0..).zip(shifted(&field, at)) {
@@ -121,7 +120,6 @@ fn a_distant_field_is_as_fast_as_one_at_the_origin() {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "test data")]
 fn shifted(instances: &[Instance], at: [f64; 3]) -> Vec<Instance> {
     let shift = |instance: &Instance| {
         let mut instance = *instance;
@@ -132,7 +130,6 @@ fn shifted(instances: &[Instance], at: [f64; 3]) -> Vec<Instance> {
     instances.iter().map(shift).collect()
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "test data")]
 fn shifted_rays(rays: &[Ray], at: [f64; 3]) -> Vec<Ray> {
     rays.iter().map(|ray| Ray { origin: [0, 1, 2].map(|k| ray.origin[k] + at[k] as f32), ..*ray }).collect()
 }
@@ -143,7 +140,7 @@ fn an_edited_instance_does_not_slow_the_others() {
     let mut rng = SplitMix64::new(32);
     let (field, rays) = (field(&mut rng), rays(&mut rng, 500));
     for top in tops() {
-        let mut tlas = tlas(&field, top);
+        let mut tlas = tlas(&field, &top);
         let before = n_boxes(&tlas, &rays, 3);
         for map in [ill_conditioned([45.0, 45.0, -9.0]), placed(0.3, 1.0, [1e8, 0.0, 0.0]), placed(0.1, 1.0, [0.0; 3])]
         {

@@ -2,5 +2,6 @@
 
 mod directions;
 mod distant;
+mod kinds;
 mod local;
 mod oracle;

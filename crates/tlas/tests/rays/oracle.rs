@@ -22,8 +22,23 @@ fn inverse(instance: &Instance, time: f32) -> [[f64; 4]; 3] {
     })
 }
 
+/// The ray in the object space of an instance, its direction scaled by a power of two and its interval unbounded; `None` for an instance
+/// that it does not see.
+pub(crate) fn in_object(instance: &Instance, ray: &Ray) -> Option<Ray> {
+    if instance.mask & ray.mask == 0 {
+        return None;
+    }
+    let rows = inverse(instance, ray.time);
+    let apply = |row: &[f64; 4], v: [f64; 3]| (row[0] * v[0] + row[1] * v[1]) + row[2] * v[2];
+    let (o, d) = (ray.origin.map(f64::from), ray.direction.map(f64::from));
+    let direction = [0, 1, 2].map(|k| apply(&rows[k], d));
+    let greatest = direction.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+    let power = greatest.log2().floor().exp2();
+    let origin = [0, 1, 2].map(|k| (apply(&rows[k], o) + rows[k][3]) as f32);
+    Some(Ray::new(origin, direction.map(|x| (x / power) as f32)))
+}
+
 /// All hits with their exact `t`: least `t` first, then lowest (instance, primitive).
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 pub(crate) fn all_hits(meshes: &[Mesh], instances: &[Instance], ray: &Ray, time: f32) -> Vec<(f64, Hit)> {
     let mut hits = vec![];
     for (number, instance) in (0..).zip(instances) {
@@ -64,7 +79,6 @@ pub(crate) fn all_hits(meshes: &[Mesh], instances: &[Instance], ray: &Ray, time:
 }
 
 /// An affine map by its columns in `f64`.
-#[expect(clippy::cast_possible_truncation, reason = "test data")]
 pub(crate) fn affine(columns: [[f64; 3]; 4]) -> Affine {
     Affine { columns: columns.map(|column| column.map(|x| x as f32)) }
 }

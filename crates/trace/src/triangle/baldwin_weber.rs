@@ -1,5 +1,4 @@
-use super::filter::{Weights, norm};
-use super::finish::finish;
+use super::moller_trumbore::{Weights, finish, norm};
 use super::{Axis, Kernel, TriangleHit};
 use crate::ScaledRay;
 use crate::rounding::{UNIT_ROUNDOFF, nearest};

@@ -25,7 +25,6 @@ impl Rng {
     /// Uniform in [-1, 1).
     pub(crate) fn signed(&mut self) -> f32 {
         let cells = u32::try_from(self.bits() >> 40).expect("24 bits");
-        #[expect(clippy::cast_precision_loss, reason = "24 bits fit")]
         let unit = cells as f32 / (1u32 << 24) as f32;
         2.0 * unit - 1.0
     }

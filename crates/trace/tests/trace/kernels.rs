@@ -167,7 +167,7 @@ fn one_hit<K: Kernel>() {
     }
     // The interval is closed at both ends.
     let within = |t_min, t_max| {
-        let ray = Ray { origin: [1.0, 1.0, 2.0], direction: [0.0, 0.0, -1.0], t_min, t_max };
+        let ray = Ray::new([1.0, 1.0, 2.0], [0.0, 0.0, -1.0]).between(t_min, t_max);
         hit::<K>(&ScaledRay::new(&ray).unwrap(), &triangle).is_some()
     };
     assert!(within(0.0, 2.0) && within(2.0, 2.0) && within(2.0, f32::INFINITY));

@@ -3,11 +3,11 @@
 use canted_fixtures::{Mesh, soup};
 use canted_lbvh::{GeometryError, triangle_corners};
 use canted_obb::{Aabb, PrimId};
-use canted_trace::{Ray, Watertight};
+use canted_trace::{Intersect, Ray};
 
 use super::{Built, over_indexed};
-use crate::layout::{Limits, PART_LANES, PARTS};
-use crate::triangle::Blocks;
+use crate::leaf::{Blocks, PART_LANES, PARTS};
+use crate::node::Limits;
 use crate::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, PrimitiveError, TriangleBvh, WideBvh};
 
 /// Enough for some nodes below the root.
@@ -18,11 +18,11 @@ fn many() -> Mesh {
 }
 
 fn build(mesh: &Mesh, limits: &Limits) -> Result<Built<Blocks>, GeometryError> {
-    over_indexed(limits, &mesh.positions, &mesh.triangles, &Config::default(), canted_trace::HIT_ERROR)
+    over_indexed(limits, &mesh.positions, &mesh.triangles, &Config::default())
 }
 
 fn build_boxes(boxes: &[Aabb], limits: &Limits) -> Result<WideBvh<Aabb>, PrimitiveError> {
-    WideBvh::build_within(limits, boxes.to_vec(), &Config::default())
+    WideBvh::over_within(limits, boxes.to_vec(), &Config::default())
 }
 
 fn boxes_of(mesh: &Mesh) -> Vec<Aabb> {
@@ -85,7 +85,7 @@ fn limits_are_the_documented_ones() {
 fn parts_of_triangles_lose_no_hit_and_cost_less() {
     let mut n_extra = 0;
     for mesh in [soup(4, 2_000), canted_fixtures::scaffold_of(1, true, 4), canted_fixtures::scaffold_of(2, false, 4)] {
-        let whole = TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap();
+        let whole = TriangleBvh::build(&mesh.positions, &mesh.triangles).unwrap();
         let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
         let spatial = canted_sah::SpatialConfig { extra_references: 1.0, min_overlap: 0.0, ..Default::default() };
         let (mut tree, references) = canted_sah::spatial(&corners, &spatial);
@@ -93,8 +93,8 @@ fn parts_of_triangles_lose_no_hit_and_cost_less() {
         let parts: Vec<Aabb> = tree.leaves.iter().map(|part| references.boxes[part.index()]).collect();
         tree.leaves.iter_mut().for_each(|leaf| *leaf = references.primitives[leaf.index()]);
         let config = Config { oriented: false, ..Config::default() };
-        let of_whole = TriangleBvh::<Watertight>::over(&tree, &corners, &bounds, &config).unwrap();
-        let of_parts = TriangleBvh::<Watertight>::over_parts(&tree, parts, &corners, &bounds, &config).unwrap();
+        let of_whole = TriangleBvh::from_tree(&tree, &corners, &bounds, config).unwrap();
+        let of_parts = TriangleBvh::from_tree_of_parts(&tree, parts, &corners, &bounds, config).unwrap();
         assert!(of_parts.predicted().chosen <= 1.001 * of_whole.predicted().chosen);
         let mut n_hits = 0;
         for view in canted_fixtures::object_views(&mesh) {

@@ -8,20 +8,18 @@
 use std::cmp::Ordering;
 
 use canted_obb::{PrimId, orient_2d, orient_3d};
-use canted_trace::{Ray, ScaledRay};
+use canted_trace::{Ray, ScaledRay, with_stack};
 
-use crate::bvh::WideBvh;
-use crate::layout::NodeKind;
-use crate::leaf::{LeafPrimitive, LeafRange};
+use crate::leaf::{LeafPrimitive, LeafRange, Triangle, TriangleBvh};
+use crate::node::NodeKind;
 use crate::par;
 use crate::simd::{Simd, Task};
-use crate::traverse::{LaneKernel, Pads, RayLanes, RayNumbers, Stack, Visitor, walk};
-use crate::triangle::Triangle;
+use crate::traverse::{RayLanes, Visitor, walk};
 
 /// Points of one parallel job.
 const CHUNK: usize = 1 << 8;
 
-impl<K: LaneKernel> WideBvh<Triangle<K>> {
+impl TriangleBvh {
     /// Whether `point` is inside of a closed mesh or on its surface.
     ///
     /// The answer is exact for every finite point, also where the upward ray passes through edges and vertices. Nested
@@ -30,14 +28,16 @@ impl<K: LaneKernel> WideBvh<Triangle<K>> {
     #[must_use]
     pub fn contains(&self, point: impl Into<[f32; 3]>) -> bool {
         let mut inside = [false];
-        self.path.run(Containment { bvh: self, points: &[point.into()], inside: &mut inside });
+        self.contains_many(&[point.into()], &mut inside);
         inside[0]
     }
 
     /// Whether each point is inside; see [`WideBvh::contains`]. Panics where the slices differ in length.
     pub fn contains_many(&self, points: &[[f32; 3]], inside: &mut [bool]) {
         assert_eq!(points.len(), inside.len(), "one answer per point");
-        self.path.run(Containment { bvh: self, points, inside });
+        with_stack(self.nodes.stack_len(), |stack| {
+            self.path.run(Containment { bvh: self, points, inside, stack });
+        });
     }
 
     /// Whether each point is inside, on all threads.
@@ -45,7 +45,7 @@ impl<K: LaneKernel> WideBvh<Triangle<K>> {
         assert_eq!(points.len(), inside.len(), "one answer per point");
         let jobs = points.chunks(CHUNK).zip(inside.chunks_mut(CHUNK)).collect();
         par::for_jobs(jobs, |(points, inside): (&[[f32; 3]], &mut [bool])| {
-            self.path.run(Containment { bvh: self, points, inside });
+            self.contains_many(points, inside);
         });
     }
 
@@ -60,28 +60,27 @@ impl<K: LaneKernel> WideBvh<Triangle<K>> {
     }
 }
 
-struct Containment<'a, K: LaneKernel> {
-    bvh: &'a WideBvh<Triangle<K>>,
+struct Containment<'a> {
+    bvh: &'a TriangleBvh,
     points: &'a [[f32; 3]],
     inside: &'a mut [bool],
+    stack: &'a mut [u64],
 }
 
-impl<K: LaneKernel> Task for Containment<'_, K> {
+impl Task for Containment<'_> {
     type Output = ();
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) {
-        let mut stack = Stack::new();
+        let Self { bvh, points, inside, stack } = self;
         let mut crossings = vec![];
-        for (&point, inside) in self.points.iter().zip(self.inside) {
+        for (&point, inside) in points.iter().zip(inside) {
             *inside = false;
             let Some(ray) = ScaledRay::new(&Ray::new(point, [0.0, 0.0, 1.0])) else { continue };
-            let moved = self.bvh.frame.reference.moved_ray(&ray);
-            let pads = const { Pads::of(K::ERROR) }.along(&moved);
-            let lanes = RayLanes::new(simd, &RayNumbers::new(&moved, &self.bvh.frame, &pads));
+            let lanes = RayLanes::new(simd, &bvh.prepare(&ray).numbers);
             crossings.clear();
-            let mut visit = Crossed { bvh: self.bvh, point, is_on_surface: false, crossings: &mut crossings };
-            walk::<S, false>(simd, &self.bvh.nodes, &lanes, ray.t_max, &mut stack, &mut visit);
+            let mut visit = Crossed { bvh, point, is_on_surface: false, crossings: &mut crossings };
+            walk::<S, false>(simd, &bvh.nodes, &lanes, ray.t_max, stack, &mut visit);
             let is_on_surface = visit.is_on_surface;
             // A triangle with two references crosses once.
             crossings.sort_unstable();
@@ -92,22 +91,20 @@ impl<K: LaneKernel> Task for Containment<'_, K> {
 }
 
 /// Triangles above a point.
-struct Crossed<'a, K: LaneKernel> {
-    bvh: &'a WideBvh<Triangle<K>>,
+struct Crossed<'a> {
+    bvh: &'a TriangleBvh,
     point: [f32; 3],
     is_on_surface: bool,
     crossings: &'a mut Vec<PrimId>,
 }
 
-impl<K: LaneKernel> Visitor for Crossed<'_, K> {
+impl Visitor for Crossed<'_> {
     #[inline(always)]
     fn leaf(&mut self, leaf: LeafRange) -> f32 {
-        Triangle::<K>::for_each_shape(&self.bvh.leaves, leaf, |primitive, vertices| {
-            match position(self.point, vertices) {
-                Position::On => self.is_on_surface = true,
-                Position::Below => self.crossings.push(primitive),
-                Position::Elsewhere => {}
-            }
+        Triangle::for_each_shape(&self.bvh.leaves, leaf, |primitive, vertices| match position(self.point, vertices) {
+            Position::On => self.is_on_surface = true,
+            Position::Below => self.crossings.push(primitive),
+            Position::Elsewhere => {}
         });
         if self.is_on_surface { -1.0 } else { leaf.t_max }
     }

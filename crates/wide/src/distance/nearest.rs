@@ -1,13 +1,14 @@
 //! Nearest and k nearest primitives.
 
 use canted_obb::PrimId;
+use canted_trace::with_stack;
 
 use super::{ClosestPoint, DistanceShape, PointLanes};
 use crate::bvh::WideBvh;
-use crate::layout::{ALIGNED_LINES, NodeKind, ORIENTED_LINES, Word, WordKind, node_words, rows};
 use crate::leaf::{LeafPrimitive, LeafRange};
+use crate::node::{ALIGNED_LINES, ChildWord, DecodedWord, NodeKind, Nodes, ORIENTED_LINES, node_words, rows};
 use crate::simd::{Simd, Task};
-use crate::traverse::Stack;
+use crate::traverse::MeshFrame;
 
 /// A primitive near a query point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,15 +24,6 @@ pub struct NearestPoint {
 /// A primitive that was found: squared distance, number, closest point.
 type Found = (f64, PrimId, [f64; 3]);
 
-/// Keeps what is searched for.
-pub(super) trait Collector {
-    /// Squared distance beyond which nothing is searched for.
-    fn bound(&self) -> f64;
-
-    /// Takes a primitive; it may come twice.
-    fn take(&mut self, found: Found);
-}
-
 /// The `k` nearest primitives, in order: least distance, then lowest primitive.
 struct Nearest {
     found: Vec<Found>,
@@ -39,13 +31,13 @@ struct Nearest {
     limit: f64,
 }
 
-impl Collector for Nearest {
-    #[inline]
+impl Nearest {
+    /// Squared distance beyond which nothing is searched for.
     fn bound(&self) -> f64 {
         if self.found.len() < self.k { self.limit } else { self.found[self.k - 1].0 }
     }
 
-    #[inline]
+    /// Takes a primitive; it may come twice.
     fn take(&mut self, found: Found) {
         if found.0.is_nan() || found.0 > self.bound() {
             return;
@@ -55,26 +47,6 @@ impl Collector for Nearest {
         if let Err(index) = self.found.binary_search_by(order) {
             self.found.insert(index, found);
             self.found.truncate(self.k);
-        }
-    }
-}
-
-/// All primitives within a distance, in any order.
-pub(super) struct Within<'a> {
-    pub(super) primitives: &'a mut Vec<PrimId>,
-    pub(super) limit: f64,
-}
-
-impl Collector for Within<'_> {
-    #[inline]
-    fn bound(&self) -> f64 {
-        self.limit
-    }
-
-    #[inline]
-    fn take(&mut self, (distance_squared, primitive, _): Found) {
-        if distance_squared <= self.limit {
-            self.primitives.push(primitive);
         }
     }
 }
@@ -102,6 +74,8 @@ where
     /// primitive.
     ///
     /// Replaces the contents of `nearest`.
+    #[doc(alias = "k_nearest")]
+    #[doc(alias = "knn")]
     pub fn nearest_points(
         &self,
         point: impl Into<[f32; 3]>,
@@ -112,8 +86,10 @@ where
         nearest.clear();
         let Some(limit) = squared(max_distance).filter(|_| k > 0) else { return };
         let mut collector = Nearest { found: vec![], k, limit };
-        self.collect_near(point.into(), &mut collector);
-        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
+        self.collect_near(point.into(), limit, |found| {
+            collector.take(found);
+            collector.bound()
+        });
         nearest.extend(collector.found.into_iter().map(|(distance_squared, primitive, position)| NearestPoint {
             distance: distance_squared.sqrt() as f32,
             position: position.map(|x| x as f32),
@@ -121,57 +97,61 @@ where
         }));
     }
 
-    /// Calls the collector with every primitive that may be near enough.
-    pub(super) fn collect_near(&self, point: [f32; 3], collector: &mut impl Collector) {
+    /// Calls `take` with every primitive that may be nearer than a bound, a squared distance; it returns the new bound.
+    pub(super) fn collect_near(&self, point: [f32; 3], bound: f64, mut take: impl FnMut(Found) -> f64) {
+        let (path, nodes, frame) = (self.path, &self.nodes, &self.frame);
         if point.iter().all(|x| x.is_finite()) {
-            self.path.run(Search { bvh: self, point, collector });
+            with_stack(nodes.stack_len(), |stack| {
+                let leaf = &mut |leaf: LeafRange, mut bound| {
+                    P::for_each_shape(&self.leaves, leaf, |primitive, shape| {
+                        let ClosestPoint { distance_squared, position } = shape.closest_point(point);
+                        bound = take((distance_squared, primitive, position));
+                    });
+                    bound
+                };
+                path.run(Search { nodes, frame, stack, point, bound, leaf });
+            });
         }
     }
 }
 
-struct Search<'a, P: LeafPrimitive, C> {
-    bvh: &'a WideBvh<P>,
+/// Visits leaves nearer than a bound, nearest first. `leaf` gets the bound and returns the new one.
+struct Search<'a> {
+    nodes: &'a Nodes,
+    frame: &'a MeshFrame,
+    stack: &'a mut [u64],
     point: [f32; 3],
-    collector: &'a mut C,
+    bound: f64,
+    leaf: &'a mut dyn FnMut(LeafRange, f64) -> f64,
 }
 
-impl<P: LeafPrimitive, C: Collector> Task for Search<'_, P, C>
-where
-    P::Shape: DistanceShape,
-{
+impl Task for Search<'_> {
     type Output = ();
 
     #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "halves of a key; a bound rounded up")]
     fn on<S: Simd>(self, simd: S) {
-        let Self { bvh, point, collector } = self;
-        let lanes = PointLanes::new(simd, point, &bvh.frame);
-        let mut stack = Stack::new();
-        let (stack, mut n_waiting) = (stack.slots(bvh.nodes.depth), 0);
-        let mut word = bvh.nodes.root;
+        let Self { nodes, frame, stack, point, mut bound, leaf } = self;
+        let lanes = PointLanes::new(simd, point, frame);
+        let mut n_waiting = 0;
+        let mut word = nodes.root;
         loop {
             match word.kind() {
-                WordKind::Leaf { first, n } => {
-                    P::for_each_shape(&bvh.leaves, LeafRange::new(first, n), |primitive, shape| {
-                        let ClosestPoint { distance_squared, position } = shape.closest_point(point);
-                        collector.take((distance_squared, primitive, position));
-                    });
-                }
-                WordKind::Node(kind, line) => {
-                    let lines = &bvh.nodes.lines;
+                DecodedWord::Leaf { first, n } => bound = leaf(LeafRange::new(first, n), bound),
+                DecodedWord::Node(kind, line) => {
+                    let lines = &nodes.lines;
                     let words = node_words(lines, kind, line);
                     let bounds = match kind {
                         NodeKind::Aligned => lanes.aligned(simd, rows::<ALIGNED_LINES, 8>(lines, line)),
                         NodeKind::Oriented => lanes.oriented(simd, rows::<ORIENTED_LINES, 16>(lines, line)),
                     };
-                    let limit = simd.splat((collector.bound() as f32).next_up());
+                    let limit = simd.splat((bound as f32).next_up());
                     let mut mask = simd.le(bounds, limit);
                     let bounds = simd.store(bounds);
                     let base = n_waiting;
                     while mask != 0 {
                         let child = mask.trailing_zeros() as usize;
                         mask &= mask - 1;
-                        if words[child] != Word::EMPTY {
+                        if words[child] != ChildWord::EMPTY {
                             stack[n_waiting] = u64::from(bounds[child].to_bits()) << 32 | u64::from(words[child].0);
                             n_waiting += 1;
                         }
@@ -179,7 +159,7 @@ where
                     // The nearest child is on top.
                     stack[base..n_waiting].sort_unstable_by(|a, b| b.cmp(a));
                 }
-                WordKind::Empty => {}
+                DecodedWord::Empty => {}
             }
             loop {
                 if n_waiting == 0 {
@@ -187,8 +167,8 @@ where
                 }
                 n_waiting -= 1;
                 let key = stack[n_waiting];
-                if f64::from(f32::from_bits((key >> 32) as u32)) <= collector.bound() {
-                    word = Word(key as u32);
+                if f64::from(f32::from_bits((key >> 32) as u32)) <= bound {
+                    word = ChildWord(key as u32);
                     break;
                 }
             }

@@ -5,10 +5,10 @@ use canted_obb::{Obb, PrimId};
 use canted_trace::Convex;
 
 use super::DistanceShape;
-use super::nearest::{Within, squared};
+use super::nearest::squared;
 use crate::bvh::WideBvh;
-use crate::layout::{ALIGNED_LINES, Line, NodeKind, ORIENTED_LINES, Word, WordKind, node_words, rows};
 use crate::leaf::{LeafPrimitive, LeafRange};
+use crate::node::{ALIGNED_LINES, CacheLine, ChildWord, DecodedWord, NodeKind, ORIENTED_LINES, node_words, rows};
 
 /// Rounding of a box corner and its projections, relative to the coordinates: f32 rows, and sums in f64; eight u.
 const CORNER_ERROR: f64 = 8.0 / 16_777_216.0;
@@ -36,20 +36,20 @@ where
         let mut waiting = vec![self.nodes.root];
         while let Some(word) = waiting.pop() {
             match word.kind() {
-                WordKind::Empty => {}
-                WordKind::Leaf { first, n } => {
+                DecodedWord::Empty => {}
+                DecodedWord::Leaf { first, n } => {
                     P::for_each_shape(&self.leaves, LeafRange::new(first, n), |primitive, shape| {
                         if shape.overlaps(region) {
                             primitives.push(primitive);
                         }
                     })
                 }
-                WordKind::Node(kind, line) => {
+                DecodedWord::Node(kind, line) => {
                     let words = *node_words(&self.nodes.lines, kind, line);
                     let boxes = boxes(&self.nodes.lines, kind, line, self.frame.rows);
                     let reference = to_f64(self.frame.reference.point());
                     for (word, (rows, lo, hi)) in words.into_iter().zip(boxes) {
-                        if word != Word::EMPTY && may_overlap(region, reference, rows, lo, hi) {
+                        if word != ChildWord::EMPTY && may_overlap(region, reference, rows, lo, hi) {
                             waiting.push(word);
                         }
                     }
@@ -64,7 +64,12 @@ where
     pub fn overlapping_sphere(&self, center: impl Into<[f32; 3]>, radius: f32, primitives: &mut Vec<PrimId>) {
         primitives.clear();
         let Some(limit) = squared(radius) else { return };
-        self.collect_near(center.into(), &mut Within { primitives, limit });
+        self.collect_near(center.into(), limit, |(distance_squared, primitive, _)| {
+            if distance_squared <= limit {
+                primitives.push(primitive);
+            }
+            limit
+        });
         primitives.sort_unstable();
         primitives.dedup();
     }
@@ -74,7 +79,7 @@ where
 type BoxRows = ([[f32; 3]; 3], [f64; 3], [f64; 3]);
 
 /// The eight boxes of a node.
-fn boxes(lines: &[Line], kind: NodeKind, line: u32, frame: [[f32; 3]; 3]) -> [BoxRows; 8] {
+fn boxes(lines: &[CacheLine], kind: NodeKind, line: u32, frame: [[f32; 3]; 3]) -> [BoxRows; 8] {
     std::array::from_fn(|i| match kind {
         NodeKind::Aligned => {
             let rows = rows::<ALIGNED_LINES, 8>(lines, line);

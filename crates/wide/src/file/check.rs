@@ -6,23 +6,20 @@ use canted_trace::ReferencePoint;
 
 use super::error::LoadError;
 use super::header::Header;
+use crate::build::item::Item;
 use crate::build::{PrimitiveError, bounds_of};
-use crate::flaw::Flaw;
-use crate::item::Item;
-use crate::layout::{Half, LeafLayout, NodeKind, Nodes};
-use crate::outline::Outline;
-use crate::pieces;
-use crate::primitive::Primitive;
-use crate::refit::{self, Triangles, by_place, ids_by_place};
-use crate::shape::Shapes;
+use crate::leaf::{self, HalfBlock, LeafLayout, Primitive, Shapes, StoredTriangles};
+use crate::node::checked::Hierarchy;
+use crate::node::{Flaw, NodeKind, Nodes, checked};
 use crate::traverse::{BoxPads, MeshFrame, Pads};
+use crate::update::{self, by_place, ids_by_place};
 
 /// How many oriented boxes may hold a primitive, on average: more than the depth of any binary tree that a builder makes,
 /// few enough that a file is checked in time proportional to its length.
 const MOST_NESTED: u64 = 4_096;
 
 /// What the header states about the records.
-pub struct Expected {
+pub(super) struct Expected {
     pub(super) n_primitives: usize,
     depth: u32,
     pub(super) bounds: Aabb,
@@ -34,7 +31,7 @@ pub struct Expected {
 impl Expected {
     /// `hit_error` is that of the primitives, `is_local` whether it holds relative to every point.
     pub(super) fn of(header: &Header, hit_error: f32, is_local: bool) -> Result<Self, LoadError> {
-        header.frame.iter().try_for_each(|&row| refit::check_row(row, None))?;
+        header.frame.iter().try_for_each(|&row| update::check_row(row, None))?;
         let Ok(n_primitives) = usize::try_from(header.n_primitives) else {
             return Err(LoadError::Count { n_expected: header.n_primitives, n_found: 0 });
         };
@@ -54,19 +51,19 @@ impl Expected {
 ///
 /// References reach every record once. Boxes are compared with those that a refit writes for the same primitives: it writes
 /// those of a build, so they are equal, and what is proven of built boxes holds for loaded ones.
-pub(super) fn check_triangles(nodes: &mut Nodes, blocks: &[Half], expected: &Expected) -> Result<(), LoadError> {
-    let outline = outline(nodes, blocks.len(), &LeafLayout::BLOCKS, expected)?;
-    if let Some(leaf) = outline.leaves.iter().find(|leaf| !refit::unused_lanes_are_zero(leaf, blocks)) {
+pub(super) fn check_triangles(nodes: &mut Nodes, blocks: &[HalfBlock], expected: &Expected) -> Result<(), LoadError> {
+    let hierarchy = hierarchy(nodes, blocks.len(), &LeafLayout::BLOCKS, expected)?;
+    if let Some(leaf) = hierarchy.leaves.iter().find(|leaf| !leaf::unused_lanes_are_zero(leaf, blocks)) {
         return Err(Flaw::Lane { block: leaf.unit(&LeafLayout::BLOCKS) }.into());
     }
-    let Triangles { corners, ids } = Triangles::read(&outline, blocks);
+    let StoredTriangles { corners, ids } = StoredTriangles::read(&hierarchy, blocks);
     if let Some((&primitive, _)) = ids.iter().zip(&corners).find(|(_, corners)| !is_finite(corners)) {
         return Err(Flaw::NotFinite { primitive }.into());
     }
     let bits = |corners: &Corners| corners.map(|vertex| vertex.map(f32::to_bits));
     check_ids(&ids, expected, |a, b| bits(&corners[a]) == bits(&corners[b]))?;
     let bounds = Aabb::from_points(corners.iter().flatten().copied());
-    check_boxes(&outline, &corners, bounds, expected, nodes)
+    check_boxes(&hierarchy, &corners, bounds, expected, nodes)
 }
 
 /// The same for primitives of the caller.
@@ -75,32 +72,37 @@ pub(super) fn check_shapes<P: Primitive>(
     leaves: &Shapes<P>,
     expected: &Expected,
 ) -> Result<(), LoadError> {
-    let outline = outline(nodes, leaves.order.len(), &LeafLayout::IDS, expected)?;
-    let ids = ids_by_place(&outline, &leaves.order);
+    let hierarchy = hierarchy(nodes, leaves.order.len(), &LeafLayout::IDS, expected)?;
+    let ids = ids_by_place(&hierarchy, &leaves.order);
     check_ids(&ids, expected, |_, _| true)?;
     let bounds = match bounds_of(&leaves.primitives) {
         Ok(bounds) => bounds,
         Err(PrimitiveError::Bounds { primitive }) => return Err(Flaw::NotFinite { primitive }.into()),
         Err(PrimitiveError::TooMany { .. }) => unreachable!("leaves hold as many"),
     };
-    check_boxes(&outline, &by_place(&ids, &leaves.primitives), bounds, expected, nodes)
+    check_boxes(&hierarchy, &by_place(&ids, &leaves.primitives), bounds, expected, nodes)
 }
 
-/// The outline of the records; completes `nodes` by it.
-fn outline(nodes: &mut Nodes, n_units: usize, layout: &LeafLayout, expected: &Expected) -> Result<Outline, LoadError> {
-    let outline = Outline::of(nodes, n_units, layout)?;
-    if outline.depth != expected.depth {
-        return Err(LoadError::Depth { expected: expected.depth, found: outline.depth });
+/// The hierarchy of the records; completes `nodes` by it.
+fn hierarchy(
+    nodes: &mut Nodes,
+    n_units: usize,
+    layout: &LeafLayout,
+    expected: &Expected,
+) -> Result<Hierarchy, LoadError> {
+    let hierarchy = Hierarchy::of(nodes, n_units, layout)?;
+    if hierarchy.depth != expected.depth {
+        return Err(LoadError::Depth { expected: expected.depth, found: hierarchy.depth });
     }
-    let oriented = outline.nodes.iter().filter(|node| node.kind == NodeKind::Oriented);
+    let oriented = hierarchy.nodes.iter().filter(|node| node.kind == NodeKind::Oriented);
     let n_inside = oriented.map(|node| node.places.len() as u64).sum();
-    let most = MOST_NESTED.saturating_mul(outline.n_places as u64);
+    let most = MOST_NESTED.saturating_mul(hierarchy.n_places as u64);
     if n_inside > most {
         return Err(Flaw::Nested { n_inside, most }.into());
     }
-    nodes.has_oriented = outline.nodes.iter().any(|node| node.kind == NodeKind::Oriented);
-    nodes.pieces = pieces::of_outline(&outline, layout, nodes.root, nodes.lines.len(), n_units);
-    Ok(outline)
+    nodes.has_oriented = hierarchy.nodes.iter().any(|node| node.kind == NodeKind::Oriented);
+    nodes.pieces = checked::subtrees_of(&hierarchy, layout, nodes.root, nodes.lines.len(), n_units);
+    Ok(hierarchy)
 }
 
 fn is_finite(corners: &Corners) -> bool {
@@ -131,7 +133,7 @@ fn check_ids(ids: &[PrimId], expected: &Expected, is_same: impl Fn(usize, usize)
 }
 
 fn check_boxes<I: Item>(
-    outline: &Outline,
+    hierarchy: &Hierarchy,
     items: &[I],
     bounds: Aabb,
     expected: &Expected,
@@ -140,13 +142,13 @@ fn check_boxes<I: Item>(
     if bounds != expected.bounds {
         return Err(LoadError::Bounds { expected: expected.bounds, found: bounds });
     }
-    outline.nodes.iter().try_for_each(|node| refit::check_frame(node, &nodes.lines))?;
+    hierarchy.nodes.iter().try_for_each(|node| update::check_frame(node, &nodes.lines))?;
     let mut right = nodes.lines.to_vec();
     let [written, traced] = &expected.pads;
-    refit::write_boxes(outline, items, &expected.frame, written, &mut right);
-    outline.nodes.iter().try_for_each(|node| refit::compare(node, &nodes.lines, &right))?;
+    update::write_boxes(hierarchy, items, &expected.frame, written, &mut right);
+    hierarchy.nodes.iter().try_for_each(|node| update::compare(node, &nodes.lines, &right))?;
     if traced != written {
-        refit::write_boxes(outline, items, &expected.frame, traced, &mut nodes.lines);
+        update::write_boxes(hierarchy, items, &expected.frame, traced, &mut nodes.lines);
     }
     Ok(())
 }

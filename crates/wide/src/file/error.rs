@@ -3,7 +3,7 @@ use std::{error::Error, fmt};
 use canted_obb::Aabb;
 
 use super::header::VERSION;
-use crate::flaw::Flaw;
+use crate::node::Flaw;
 
 /// Why bytes are not a BVH.
 #[derive(Clone, Copy, Debug, PartialEq)]

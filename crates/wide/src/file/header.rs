@@ -2,8 +2,8 @@ use canted_obb::Aabb;
 
 use super::LoadError;
 use crate::bvh::PredictedCost;
-use crate::costs::{Baseline, Costs, RayCost};
-use crate::layout::{Line, MAX_LEAF, Word};
+use crate::config::{Baseline, Costs, RayCost};
+use crate::node::{CacheLine, ChildWord, MAX_LEAF};
 
 /// First bytes of every file.
 pub(super) const MAGIC: [u8; 8] = *b"CANTWIDE";
@@ -27,7 +27,7 @@ pub(super) struct Header {
     /// Units of all leaves.
     pub(super) n_units: u64,
     pub(super) n_primitives: u64,
-    pub(super) root: Word,
+    pub(super) root: ChildWord,
     pub(super) depth: u32,
     pub(super) frame: [[f32; 3]; 3],
     pub(super) bounds: Aabb,
@@ -75,14 +75,18 @@ impl Header {
 
     /// Reads it; checks only the number of bytes, the magic bytes, the version and that costs are numbers.
     pub(super) fn read(bytes: &[u8]) -> Result<Self, LoadError> {
+        // A file of another kind is no truncated BVH, however short it is.
+        let start = &bytes[..bytes.len().min(MAGIC.len())];
+        if !MAGIC.starts_with(start) {
+            let mut found = [0; MAGIC.len()];
+            found[..start.len()].copy_from_slice(start);
+            return Err(LoadError::Magic { found });
+        }
         let Some(header) = bytes.first_chunk::<HEADER_BYTES>() else {
             return Err(LoadError::Length { n_bytes: bytes.len(), n_expected: HEADER_BYTES as u64 });
         };
         let mut fields = Fields(header);
-        let magic = fields.take();
-        if magic != MAGIC {
-            return Err(LoadError::Magic { found: magic });
-        }
+        fields.take::<8>();
         let version = fields.word();
         if version != VERSION {
             return Err(LoadError::Version { found: version });
@@ -106,7 +110,7 @@ impl Header {
             n_lines,
             n_units,
             n_primitives,
-            root: Word(root),
+            root: ChildWord(root),
             depth,
             frame,
             bounds: Aabb { min, max },
@@ -121,7 +125,7 @@ impl Header {
 
     /// Bytes of nodes, of leaves, and of primitives that are stored in addition; saturates.
     pub(super) fn section_bytes(&self) -> [u64; 3] {
-        let lines = self.n_lines.saturating_mul(size_of::<Line>() as u64);
+        let lines = self.n_lines.saturating_mul(size_of::<CacheLine>() as u64);
         let units = self.n_units.saturating_mul(self.n_unit_bytes.into());
         [lines, units, self.n_primitives.saturating_mul(self.n_primitive_bytes.into())]
     }
@@ -149,5 +153,26 @@ impl Fields<'_> {
 
     fn number(&mut self) -> f32 {
         f32::from_le_bytes(self.take())
+    }
+}
+
+const OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
+const PRIME: u64 = 0x0000_0100_0000_01b3;
+
+/// Checksum of `bytes`.
+pub(super) fn checksum(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(OFFSET, |sum, &byte| (sum ^ u64::from(byte)).wrapping_mul(PRIME))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::checksum;
+
+    /// The values of the RFC's own test.
+    #[test]
+    fn known_sums() {
+        assert_eq!(checksum(b""), 0xcbf2_9ce4_8422_2325);
+        assert_eq!(checksum(b"a"), 0xaf63_dc4c_8601_ec8c);
+        assert_eq!(checksum(b"foobar"), 0x8594_4171_f739_67e8);
     }
 }

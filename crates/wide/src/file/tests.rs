@@ -4,24 +4,24 @@ use std::collections::BTreeMap;
 
 use canted_fixtures::{self as fixtures, Mesh, SplitMix64};
 use canted_obb::PrimId;
-use canted_trace::{Hit, InstanceId, Kernel, Ray, ReferencePoint, ScaledRay, Watertight};
+use canted_trace::{Hit, InstanceId, Intersect, Kernel, Ray, ReferencePoint, ScaledRay, Watertight};
 
 use super::*;
-use crate::layout::{LeafLayout, NodeKind};
-use crate::outline::Outline;
-use crate::refit::Triangles;
-use crate::{Config, Flaw, TriangleBvh};
+use crate::leaf::{LeafLayout, StoredTriangles};
+use crate::node::NodeKind;
+use crate::node::checked::Hierarchy;
+use crate::{Flaw, TriangleBvh};
 
 fn build(mesh: &Mesh) -> TriangleBvh {
-    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
+    TriangleBvh::build(&mesh.positions, &mesh.triangles).unwrap()
 }
 
 fn load(bytes: &[u8]) -> Result<TriangleBvh, LoadError> {
     TriangleBvh::from_bytes(bytes)
 }
 
-fn outline(bvh: &TriangleBvh) -> Outline {
-    Outline::of(&bvh.nodes, bvh.leaves.halves.len(), &LeafLayout::BLOCKS).unwrap()
+fn hierarchy(bvh: &TriangleBvh) -> Hierarchy {
+    Hierarchy::of(&bvh.nodes, bvh.leaves.halves.len(), &LeafLayout::BLOCKS).unwrap()
 }
 
 /// The bytes with a correct checksum.
@@ -46,7 +46,7 @@ fn rays(mesh: &Mesh) -> Vec<Ray> {
 }
 
 /// Hits by testing every triangle of the BVH's own blocks.
-fn brute(triangles: &Triangles, ray: &Ray) -> Option<Hit> {
+fn brute(triangles: &StoredTriangles, ray: &Ray) -> Option<Hit> {
     let ray = ScaledRay::new(ray)?;
     let prepared = Watertight::prepare(&ray);
     let mut best: Option<Hit> = None;
@@ -64,8 +64,8 @@ fn brute(triangles: &Triangles, ray: &Ray) -> Option<Hit> {
 
 /// Whether all of `rays` hit what testing every stored triangle hits.
 fn agrees(bvh: &TriangleBvh, rays: &[Ray]) -> bool {
-    let outline = outline(bvh);
-    let triangles = Triangles::read(&outline, &bvh.leaves.halves);
+    let hierarchy = hierarchy(bvh);
+    let triangles = StoredTriangles::read(&hierarchy, &bvh.leaves.halves);
     rays.iter().all(|ray| {
         let hit = brute(&triangles, ray);
         bvh.closest_hit(ray) == hit && bvh.occluded(ray) == hit.is_some()
@@ -128,9 +128,9 @@ fn mangled_files_with_correct_checksums_are_rejected_or_valid() {
 fn boxes_that_would_lose_a_hit_are_rejected() {
     let mesh = fixtures::scaffold_of(1, true, 3);
     let bvh = build(&mesh);
-    let outline = outline(&bvh);
+    let hierarchy = hierarchy(&bvh);
     for kind in [NodeKind::Aligned, NodeKind::Oriented] {
-        let node = outline.nodes.iter().find(|node| node.kind == kind).expect("both kinds exist");
+        let node = hierarchy.nodes.iter().find(|node| node.kind == kind).expect("both kinds exist");
         let rows: &[usize] = if kind == NodeKind::Aligned { &[0, 1, 2, 3, 4, 5] } else { &[3, 4, 8, 9, 13, 14] };
         for &row in rows {
             for step in [f32::next_up, f32::next_down] {
@@ -150,7 +150,7 @@ fn a_bvh_that_loses_hits_is_detected() {
     let mesh = fixtures::scaffold_of(1, true, 2);
     let mut bvh = build(&mesh);
     assert!(agrees(&bvh, &rays(&mesh)));
-    let first = outline(&bvh).nodes[0].line;
+    let first = hierarchy(&bvh).nodes[0].line;
     let rows: &mut [[f32; 8]] = bytemuck::cast_slice_mut(&mut bvh.nodes.lines[first..]);
     rows[4] = rows[4].map(|x| x * 0.5);
     rows[5] = rows[5].map(|x| x * 0.5);
@@ -161,11 +161,11 @@ fn a_bvh_that_loses_hits_is_detected() {
 fn triangles_are_checked_by_id_and_vertex() {
     let mesh = fixtures::soup(4, 30);
     let bvh = build(&mesh);
-    let outline = outline(&bvh);
-    let leaf = outline.leaves.iter().find(|leaf| (2..5).contains(&leaf.places.len())).expect("a leaf of a few");
-    let triangles = Triangles::read(&outline, &bvh.leaves.halves);
+    let hierarchy = hierarchy(&bvh);
+    let leaf = hierarchy.leaves.iter().find(|leaf| (2..5).contains(&leaf.places.len())).expect("a leaf of a few");
+    let triangles = StoredTriangles::read(&hierarchy, &bvh.leaves.halves);
     let [a, b] = [0, 1].map(|i| triangles.ids[leaf.places.start + i]);
-    let lane = crate::layout::PART_LANES * leaf.part(&LeafLayout::BLOCKS);
+    let lane = crate::leaf::PART_LANES * leaf.part(&LeafLayout::BLOCKS);
     let error = |word: usize, value: u32| {
         load(&forged(&bvh, |bvh| bvh.leaves.halves[leaf.unit(&LeafLayout::BLOCKS)].0[word + lane] = value)).err()
     };

@@ -53,27 +53,27 @@ impl SimdPath {
     }
 
     /// The proof that this machine has the instructions, or that of the scalar path.
-    pub(crate) fn proven(self) -> Proven {
+    pub(crate) fn available(self) -> AvailablePath {
         match self {
             Self::Scalar => None,
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => super::Avx2::new().map(Proven::Avx2),
+            Self::Avx2 => super::Avx2::new().map(AvailablePath::Avx2),
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512 => super::Avx512::new().map(Proven::Avx512),
+            Self::Avx512 => super::Avx512::new().map(AvailablePath::Avx512),
             #[cfg(not(target_arch = "x86_64"))]
             Self::Avx2 | Self::Avx512 => None,
             #[cfg(target_arch = "aarch64")]
-            Self::Neon => super::Neon::new().map(Proven::Neon),
+            Self::Neon => super::Neon::new().map(AvailablePath::Neon),
             #[cfg(not(target_arch = "aarch64"))]
             Self::Neon => None,
         }
-        .unwrap_or(Proven::Scalar)
+        .unwrap_or(AvailablePath::Scalar)
     }
 }
 
 /// A path that this machine has. A ray may take less time than asking for the instructions, so a BVH asks once.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Proven {
+pub(crate) enum AvailablePath {
     Scalar,
     #[cfg(target_arch = "x86_64")]
     Avx2(super::Avx2),
@@ -83,10 +83,10 @@ pub(crate) enum Proven {
     Neon(super::Neon),
 }
 
-impl Proven {
+impl AvailablePath {
     /// The fastest path of this machine.
     pub(crate) fn detect() -> Self {
-        SimdPath::detect().proven()
+        SimdPath::detect().available()
     }
 
     /// Its name.

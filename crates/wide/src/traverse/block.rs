@@ -1,52 +1,17 @@
+//! The triangle test of eight triangles at once: a filter that rejects only triangles that the kernel certainly rejects, so that hits are
+//! those of the kernel itself, bit for bit.
+
 use canted_obb::PrimId;
 use canted_trace::lanes::{UNIT_ROUNDOFF as U, WEIGHTS_ERROR, WEIGHTS_HEADROOM};
-use canted_trace::{BaldwinWeber, Kernel, MollerTrumbore, ScaledRay, Shear, TriangleHit, Watertight};
+use canted_trace::{Kernel, MollerTrumbore, ScaledRay, Shear, TriangleHit, Watertight};
 
 use super::ray::splat3;
-use crate::layout::{HALF_WORDS, Half};
+use crate::leaf::{HALF_BLOCK_WORDS, HalfBlock};
 use crate::simd::Simd;
-
-/// A triangle test whose filter runs over eight triangles at once.
-///
-/// Hits are those of the kernel itself, bit for bit: the filter only rejects triangles that the kernel certainly rejects.
-pub trait LaneKernel: Kernel + Clone + std::fmt::Debug {
-    #[doc(hidden)]
-    const TEST: LaneTest;
-
-    /// How far hits may lie from their triangle, relative to the greatest `|v - o|∞` of its vertices and the ray's origin.
-    #[doc(hidden)]
-    const ERROR: f32;
-}
-
-/// The filter that runs in lanes.
-#[doc(hidden)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LaneTest {
-    /// Signs of the watertight kernel's edge functions; its exact part takes the vertices as the filter has sheared them.
-    Edges,
-    /// Weights of Möller and Trumbore with their error bound, then their kernel.
-    Weights,
-}
-
-impl LaneKernel for Watertight {
-    const TEST: LaneTest = LaneTest::Edges;
-    const ERROR: f32 = 7.0 * U;
-}
-
-impl LaneKernel for MollerTrumbore {
-    const TEST: LaneTest = LaneTest::Weights;
-    const ERROR: f32 = canted_trace::HIT_ERROR;
-}
-
-/// Its hits are those of Möller and Trumbore by contract, so blocks hold vertices for it too.
-impl LaneKernel for BaldwinWeber {
-    const TEST: LaneTest = LaneTest::Weights;
-    const ERROR: f32 = canted_trace::HIT_ERROR;
-}
 
 /// What the lanes' filters need of a ray.
 #[derive(Clone, Copy)]
-pub struct RayTriangles<S: Simd> {
+pub(crate) struct RayTriangles<S: Simd> {
     /// Origin, permuted so that the kernel's z is last.
     origin: [S::F; 3],
     /// Shear factors, and the reciprocal of the direction along z.
@@ -101,7 +66,7 @@ pub(crate) struct Candidates<S: Simd> {
 impl<S: Simd> Candidates<S> {
     /// The kernel's hit on a lane with these vertices.
     #[inline(always)]
-    pub(crate) fn hit<K: LaneKernel>(
+    pub(crate) fn hit<const WATERTIGHT: bool>(
         &self,
         simd: S,
         ray: &RayTriangles<S>,
@@ -109,26 +74,25 @@ impl<S: Simd> Candidates<S> {
         (lane, vertices): (usize, &[[f32; 3]; 3]),
         t_max: f32,
     ) -> Option<TriangleHit> {
-        match K::TEST {
-            LaneTest::Edges => {
-                let [a, b, c] = self.sheared;
-                let sheared = [lane_of(simd, a, lane), lane_of(simd, b, lane), lane_of(simd, c, lane)];
-                Watertight::intersect_sheared(scaled, ray.d_z, sheared, t_max)
-            }
-            LaneTest::Weights => MollerTrumbore::intersect(&(), scaled, vertices, t_max),
+        if WATERTIGHT {
+            let [a, b, c] = self.sheared;
+            let sheared = [lane_of(simd, a, lane), lane_of(simd, b, lane), lane_of(simd, c, lane)];
+            return Watertight::intersect_sheared(scaled, ray.d_z, sheared, t_max);
         }
+        // The hits of Baldwin and Weber are the same, by contract.
+        MollerTrumbore::intersect(&(), scaled, vertices, t_max)
     }
 }
 
 impl<'a> Block<'a> {
     /// The block from half-block `first` that holds at most `n` triangles.
     #[inline(always)]
-    pub(crate) fn at(halves: &'a [Half], first: usize, n: u32) -> Self {
+    pub(crate) fn at(halves: &'a [HalfBlock], first: usize, n: u32) -> Self {
         if n > 4 {
-            let both: &[Half; 2] = halves[first..first + 2].try_into().expect("the length is that of the range");
-            Self::Eight(bytemuck::cast_ref::<[u32; 2 * HALF_WORDS], _>(bytemuck::cast_ref(both)))
+            let both: &[HalfBlock; 2] = halves[first..first + 2].try_into().expect("the length is that of the range");
+            Self::Eight(bytemuck::cast_ref::<[u32; 2 * HALF_BLOCK_WORDS], _>(bytemuck::cast_ref(both)))
         } else {
-            Self::Four(bytemuck::cast_ref::<[u32; HALF_WORDS], _>(&halves[first].0))
+            Self::Four(bytemuck::cast_ref::<[u32; HALF_BLOCK_WORDS], _>(&halves[first].0))
         }
     }
 
@@ -160,22 +124,20 @@ impl<'a> Block<'a> {
         PrimId(self.value(9, lane).to_bits())
     }
 
-    /// Lanes that `ray` may hit at `t_min <= t <= t_max`; every lane that the kernel accepts is among them. With `SURE` also
+    /// Lanes that `ray` may hit at `t_min <= t <= t_max`; every lane that the kernel accepts is among them. The kernel is the watertight one
+    /// where `WATERTIGHT`, by the signs of its edge functions, else that of Möller and Trumbore, by weights with their error bound. With `SURE` also
     /// the lanes that it certainly hits, with `INSIDE` those that it certainly does not hit on an edge.
     #[inline(always)]
-    pub(crate) fn candidates<S: Simd, K: LaneKernel, const SURE: bool, const INSIDE: bool>(
+    pub(crate) fn candidates<S: Simd, const WATERTIGHT: bool, const SURE: bool, const INSIDE: bool>(
         &self,
         simd: S,
         ray: &RayTriangles<S>,
         t_max: f32,
     ) -> Candidates<S> {
-        match K::TEST {
-            LaneTest::Edges => self.edges::<S, SURE, INSIDE>(simd, ray, t_max),
-            LaneTest::Weights => {
-                let nothing = [[ray.zero; 3]; 3];
-                Candidates { mask: self.weights(simd, ray), sure: 0, inside: 0, sheared: nothing }
-            }
+        if WATERTIGHT {
+            return self.edges::<S, SURE, INSIDE>(simd, ray, t_max);
         }
+        Candidates { mask: self.weights(simd, ray), sure: 0, inside: 0, sheared: [[ray.zero; 3]; 3] }
     }
 
     /// The watertight kernel's filter, then one of `t`.

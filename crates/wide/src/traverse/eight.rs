@@ -1,7 +1,7 @@
 use canted_trace::{MIN_DIRECTION, Ray, ScaledRay};
 
 use super::ray::{MeshFrame, Pads, RayNumbers, TracedRay};
-use crate::simd::Simd;
+use crate::simd::{AvailablePath, Simd, Task};
 
 /// Up to eight rays, prepared at once: each row holds one number of each.
 ///
@@ -42,12 +42,14 @@ impl EightRays {
     /// Prepares the first eight of `rays`, in the memory of earlier ones: copies would take as long as a node.
     #[inline(always)]
     pub(crate) fn prepare<S: Simd>(&mut self, simd: S, rays: &[Ray], frame: &MeshFrame, pads: Pads) {
-        let mut rows = [[0.0; 8]; 8];
-        for (row, ray) in rows.iter_mut().zip(rays) {
+        let (mut rows, mut seeing) = ([[0.0; 8]; 8], 0);
+        for (i, (row, ray)) in rows.iter_mut().zip(rays).enumerate() {
             let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin, ray.direction);
             *row = [ox, oy, oz, dx, dy, dz, ray.t_min, ray.t_max];
+            seeing |= u32::from(ray.mask != 0) << i;
         }
         self.set_rows(simd, &rows, frame, pads);
+        self.valid &= seeing;
         if self.beyond != 0 {
             self.set_beyond(rays, frame, pads);
         }
@@ -151,9 +153,9 @@ impl EightRays {
         self.to_scaled[i] = ray.scale();
     }
 
-    /// Ray `i`, one of the first eight; `None` where it cannot hit.
+    /// Ray `i`, one of the first eight, which is `given`; `None` where it cannot hit.
     #[inline(always)]
-    pub(crate) fn ray(&self, i: usize) -> Option<TracedRay> {
+    pub(crate) fn ray(&self, i: usize, given: &Ray) -> Option<TracedRay> {
         let i = i & 7;
         if self.valid >> i & 1 == 0 {
             return None;
@@ -168,10 +170,45 @@ impl EightRays {
             direction: [direction[0][i], direction[1][i], direction[2][i]],
             pad_oriented: pad_oriented[i],
         };
-        let interval = [t_min[i], self.t_max[i]];
         let [x, y, z] = &self.origin;
-        let scaled = ScaledRay::from_parts([x[i], y[i], z[i]], numbers.direction, interval, self.to_scaled[i]);
+        let (origin, direction) = ([x[i], y[i], z[i]], numbers.direction);
+        let scaled = Ray { origin, direction, t_min: t_min[i], t_max: self.t_max[i], ..*given };
+        let scaled = ScaledRay::from_parts(&scaled, [given.t_min, given.t_max], self.to_scaled[i]);
         Some(TracedRay { scaled, numbers })
+    }
+}
+
+/// Calls `each` with the index of each ray and the ray prepared for traversal; `None` where it cannot hit.
+pub(crate) fn for_each_of_eight(
+    path: AvailablePath,
+    rays: &[Ray],
+    frame: &MeshFrame,
+    pads: Pads,
+    each: &mut dyn FnMut(usize, Option<&TracedRay>),
+) {
+    path.run(EachOfEight { rays, frame, pads, each });
+}
+
+struct EachOfEight<'a> {
+    rays: &'a [Ray],
+    frame: &'a MeshFrame,
+    pads: Pads,
+    each: &'a mut dyn FnMut(usize, Option<&TracedRay>),
+}
+
+impl Task for EachOfEight<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) {
+        let Self { rays, frame, pads, each } = self;
+        let mut eight = EightRays::new();
+        for (i, rays) in rays.chunks(8).enumerate() {
+            eight.prepare(simd, rays, frame, pads);
+            for (lane, ray) in rays.iter().enumerate() {
+                each(8 * i + lane, eight.ray(lane, ray).as_ref());
+            }
+        }
     }
 }
 
@@ -220,7 +257,6 @@ mod tests {
 
     use super::*;
     use crate::SimdPath;
-    use crate::simd::Task;
 
     /// Prepares rays together, and each by itself.
     struct Both<'a> {
@@ -237,21 +273,19 @@ mod tests {
             let pads = Pads::of(canted_trace::HIT_ERROR);
             let mut eight = EightRays::new();
             eight.prepare(simd, rays, frame, pads);
-            let alone = |ray: &Ray| {
-                let scaled = ScaledRay::new(ray)?;
-                let moved = frame.reference.moved_ray(&scaled);
-                Some(TracedRay { scaled, numbers: RayNumbers::new(&moved, frame, &pads.along(&moved)) })
-            };
-            [(0..rays.len()).map(|i| eight.ray(i)).collect(), rays.iter().map(alone).collect()]
+            let alone = |ray: &Ray| Some(TracedRay::new(&ScaledRay::new(ray)?, frame, pads));
+            let together = rays.iter().enumerate().map(|(i, ray)| eight.ray(i, ray));
+            [together.collect(), rays.iter().map(alone).collect()]
         }
     }
 
     fn bits(ray: &TracedRay) -> Vec<u64> {
         let TracedRay { scaled, numbers: n } = ray;
         let rows = [n.recip, n.near, n.far, n.origin, n.direction, [n.t_min, n.pad_oriented, scaled.t_max]];
-        let scaled_rows = [scaled.origin, scaled.direction, [scaled.t_min, scaled.t_max, 0.0]];
+        let scaled_rows = [scaled.origin, scaled.direction, [scaled.t_min, scaled.t_max, scaled.time]];
         let numbers = rows.iter().chain(&scaled_rows).flatten().map(|x| u64::from(x.to_bits()));
-        numbers.chain([scaled.scale().to_bits()]).collect()
+        let interval = scaled.exact_interval().map(f64::to_bits);
+        numbers.chain(interval).chain([scaled.scale().to_bits(), scaled.mask.into()]).collect()
     }
 
     /// A number of any size, or one of those that need care.
@@ -284,17 +318,17 @@ mod tests {
                     let finite = |v: [f32; 3]| v.map(|x| if x.is_finite() { x } else { 3.0 });
                     let (origin, direction) =
                         if round % 4 == 0 { (origin, direction) } else { (finite(origin), finite(direction)) };
+                    let t_max = if round % 3 == 0 { f32::INFINITY } else { a.max(b) };
                     Ray {
-                        origin,
-                        direction,
-                        t_min: a.min(b),
-                        t_max: if round % 3 == 0 { f32::INFINITY } else { a.max(b) },
+                        time: number(&mut rng).abs(),
+                        mask: if round % 5 == 0 { 0 } else { 6 },
+                        ..Ray::new(origin, direction).between(a.min(b), t_max)
                     }
                 })
                 .collect();
             for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
                 let frame = &frames[round % 4];
-                let [together, alone] = path.proven().run(Both { rays: &rays, frame });
+                let [together, alone] = path.available().run(Both { rays: &rays, frame });
                 for ((ray, a), b) in rays.iter().zip(together).zip(alone) {
                     let (a, b) = (a.as_ref().map(bits), b.as_ref().map(bits));
                     assert_eq!(a, b, "{ray:?}, {}", path.name());

@@ -2,7 +2,7 @@ use canted_obb::round::greatest;
 use canted_trace::lanes::{SQRT_3, UNIT_ROUNDOFF as U, reciprocal};
 use canted_trace::{MIN_DIRECTION, ReferencePoint, ScaledRay};
 
-use crate::layout::NodeKind;
+use crate::node::NodeKind;
 use crate::simd::Simd;
 
 /// Padding of box tests, relative to `|o|∞` on the side of the ray and to the reach of the content on that of the box, both from the
@@ -37,7 +37,6 @@ impl Pads {
     ///
     /// The hit is farther by the error, so roundings are relative to `S + e` instead of `S`.
     #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "the step upward covers the rounding")]
     pub(crate) fn within(error: f64, ray: &ScaledRay) -> Self {
         let scale = f64::from(greatest(ray.origin.map(f32::abs))) + error;
         let Self { aligned, rotated, oriented } = const { Self::of(0.0) };
@@ -96,7 +95,6 @@ impl MeshFrame {
 
 /// A coordinate along a row of the frame, computed in f64 and rounded once.
 #[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "the pad covers this rounding")]
 fn along([a, b, c]: [f32; 3], [x, y, z]: [f32; 3]) -> f32 {
     (f64::from(a) * f64::from(x) + f64::from(b) * f64::from(y) + f64::from(c) * f64::from(z)) as f32
 }
@@ -191,6 +189,22 @@ impl<S: Simd> RayLanes<S> {
 pub(crate) struct TracedRay {
     pub(crate) scaled: ScaledRay,
     pub(crate) numbers: RayNumbers<f32>,
+}
+
+impl TracedRay {
+    /// A ray with its part of these relative pads.
+    #[inline(always)]
+    pub(crate) fn new(ray: &ScaledRay, frame: &MeshFrame, pads: Pads) -> Self {
+        let moved = frame.reference.moved_ray(ray);
+        Self { scaled: *ray, numbers: RayNumbers::new(&moved, frame, &pads.along(&moved)) }
+    }
+
+    /// A ray that enters boxes which lie within `error` of a hit, in units of the space.
+    #[inline(always)]
+    pub(crate) fn within(ray: &ScaledRay, frame: &MeshFrame, error: f64) -> Self {
+        let moved = frame.reference.moved_ray(ray);
+        Self { scaled: *ray, numbers: RayNumbers::new(&moved, frame, &Pads::within(error, &moved)) }
+    }
 }
 
 /// Three numbers, each in all lanes.

@@ -1,7 +1,6 @@
-use super::node::{Entries, enter_aligned, enter_oriented, words};
-use super::{RayLanes, Stack};
-use crate::layout::{ALIGNED_LINES, Line, NodeKind, Nodes, ORIENTED_LINES, Word, WordKind, rows};
+use super::RayLanes;
 use crate::leaf::LeafRange;
+use crate::node::{ALIGNED_LINES, CacheLine, ChildWord, DecodedWord, NodeKind, Nodes, ORIENTED_LINES, Row, rows};
 use crate::simd::Simd;
 
 /// What a traversal calls.
@@ -16,33 +15,32 @@ pub(crate) trait Visitor {
 /// Visits every leaf that `ray` enters at or before `t_max`, nearer subtrees first where `ORDERED`.
 ///
 /// A box is entered no later than any hit in it and is visited while that is `<= t_max`, so ties reach the leaf in every
-/// BVH.
+/// BVH. `stack` has at least [`Nodes::stack_len`] entries: the entry of each subtree that waits above its child word, so that entries are
+/// ordered as integers.
 #[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "halves of a key")]
 pub(crate) fn walk<S: Simd, const ORDERED: bool>(
     simd: S,
     nodes: &Nodes,
     ray: &RayLanes<S>,
     mut t_max: f32,
-    stack: &mut Stack,
+    stack: &mut [u64],
     visitor: &mut impl Visitor,
 ) {
-    let Nodes { lines, root, depth, .. } = nodes;
-    let lines: &[Line] = lines;
-    let stack = stack.slots(*depth);
+    let Nodes { lines, root, .. } = nodes;
+    let lines: &[CacheLine] = lines;
     let mut waiting = 0;
     let mut word = *root;
     loop {
         let t_max_lanes = simd.splat(t_max);
         let entered = match word.kind() {
-            WordKind::Leaf { first, n } => {
+            DecodedWord::Leaf { first, n } => {
                 t_max = visitor.leaf(LeafRange { first, n, t_max });
                 if t_max < 0.0 {
                     return;
                 }
                 None
             }
-            WordKind::Node(kind, line) => {
+            DecodedWord::Node(kind, line) => {
                 visitor.node(kind);
                 Some(match kind {
                     NodeKind::Aligned => {
@@ -55,7 +53,7 @@ pub(crate) fn walk<S: Simd, const ORDERED: bool>(
                     }
                 })
             }
-            WordKind::Empty => None,
+            DecodedWord::Empty => None,
         };
         if let Some((Entries { near, mask }, words)) = entered
             && mask != 0
@@ -82,7 +80,7 @@ pub(crate) fn walk<S: Simd, const ORDERED: bool>(
             waiting -= 1;
             let key = stack[waiting];
             if f32::from_bits((key >> 32) as u32) <= t_max {
-                word = Word(key as u32);
+                word = ChildWord(key as u32);
                 break;
             }
         }
@@ -91,15 +89,20 @@ pub(crate) fn walk<S: Simd, const ORDERED: bool>(
 
 /// A stack entry: a child and where the ray enters it.
 #[inline(always)]
-fn key(near: &[f32; 8], words: &[Word; 8], child: u32) -> u64 {
+fn key(near: &[f32; 8], words: &[ChildWord; 8], child: u32) -> u64 {
     let child = (child & 7) as usize;
     u64::from(near[child].to_bits()) << 32 | u64::from(words[child].0)
 }
 
 /// Pushes all children but the nearest, the farthest first, and returns the nearest.
 #[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "the lower half is the word")]
-fn push_ordered(stack: &mut [u64], waiting: &mut usize, mut mask: u32, near: &[f32; 8], words: &[Word; 8]) -> Word {
+fn push_ordered(
+    stack: &mut [u64],
+    waiting: &mut usize,
+    mut mask: u32,
+    near: &[f32; 8],
+    words: &[ChildWord; 8],
+) -> ChildWord {
     let first = key(near, words, mask.trailing_zeros());
     mask &= mask - 1;
     let second = key(near, words, mask.trailing_zeros());
@@ -123,12 +126,12 @@ fn push_ordered(stack: &mut [u64], waiting: &mut usize, mut mask: u32, near: &[f
         top += 1;
     }
     *waiting = top;
-    Word(nearest as u32)
+    ChildWord(nearest as u32)
 }
 
 /// Pushes all children but the first, and returns it.
 #[inline(always)]
-fn push(stack: &mut [u64], waiting: &mut usize, mut mask: u32, near: &[f32; 8], words: &[Word; 8]) -> Word {
+fn push(stack: &mut [u64], waiting: &mut usize, mut mask: u32, near: &[f32; 8], words: &[ChildWord; 8]) -> ChildWord {
     let first = words[(mask.trailing_zeros() & 7) as usize];
     mask &= mask - 1;
     while mask != 0 {
@@ -137,4 +140,63 @@ fn push(stack: &mut [u64], waiting: &mut usize, mut mask: u32, near: &[f32; 8], 
         mask &= mask - 1;
     }
     first
+}
+
+/// Where a ray enters eight children, and which of them it enters.
+#[derive(Clone, Copy)]
+pub(crate) struct Entries<S: Simd> {
+    pub(crate) near: S::F,
+    pub(crate) mask: u32,
+}
+
+/// The child words of a node's last row.
+#[inline(always)]
+pub(crate) fn words(row: &Row) -> &[ChildWord; 8] {
+    bytemuck::cast_ref(row)
+}
+
+/// Aligned node: rows lo x, hi x, lo y, hi y, lo z, hi z.
+#[inline(always)]
+pub(crate) fn enter_aligned<S: Simd>(simd: S, ray: &RayLanes<S>, rows: &[Row; 8], t_max: S::F) -> Entries<S> {
+    let near_x = plane(simd, ray, rows, 0, ray.flipped[0], ray.near[0]);
+    let near_y = plane(simd, ray, rows, 1, ray.flipped[1], ray.near[1]);
+    let near_z = plane(simd, ray, rows, 2, ray.flipped[2], ray.near[2]);
+    let far_x = plane(simd, ray, rows, 0, !ray.flipped[0], ray.far[0]);
+    let far_y = plane(simd, ray, rows, 1, !ray.flipped[1], ray.far[1]);
+    let far_z = plane(simd, ray, rows, 2, !ray.flipped[2], ray.far[2]);
+    let near = simd.max(simd.max(near_x, near_y), simd.max(near_z, ray.t_min));
+    let far = simd.min(simd.min(far_x, far_y), simd.min(far_z, t_max));
+    Entries { near, mask: simd.le(near, far) }
+}
+
+/// Where the ray crosses the lower or upper planes of an axis.
+#[inline(always)]
+fn plane<S: Simd>(simd: S, ray: &RayLanes<S>, rows: &[Row; 8], k: usize, upper: bool, moved: S::F) -> S::F {
+    simd.mul_sub(simd.load(&rows[2 * k + usize::from(upper)]), ray.recip[k], moved)
+}
+
+/// Oriented node: for each axis three components of the rows, the centers, the half-extents.
+#[inline(always)]
+pub(crate) fn enter_oriented<S: Simd>(simd: S, ray: &RayLanes<S>, rows: &[Row; 16], t_max: S::F) -> Entries<S> {
+    let mut near = ray.t_min;
+    let mut far = t_max;
+    for k in 0..3 {
+        let row = [simd.load(&rows[5 * k]), simd.load(&rows[5 * k + 1]), simd.load(&rows[5 * k + 2])];
+        let center = simd.load(&rows[5 * k + 3]);
+        let half = simd.add(simd.load(&rows[5 * k + 4]), ray.pad_oriented);
+        let p = simd.mul_sub(row[2], ray.origin[2], center);
+        let p = simd.mul_add(row[0], ray.origin[0], simd.mul_add(row[1], ray.origin[1], p));
+        let direction = project(simd, row, ray.direction);
+        let size = simd.max(simd.abs(direction), ray.min_direction);
+        let a = simd.div(ray.one, size);
+        let q = simd.mul(simd.xor_sign(p, direction), a);
+        near = simd.max(simd.neg_mul_sub(half, a, q), near);
+        far = simd.min(simd.mul_sub(half, a, q), far);
+    }
+    Entries { near, mask: simd.le(near, far) }
+}
+
+#[inline(always)]
+fn project<S: Simd>(simd: S, row: [S::F; 3], v: [S::F; 3]) -> S::F {
+    simd.mul_add(row[0], v[0], simd.mul_add(row[1], v[1], simd.mul(row[2], v[2])))
 }

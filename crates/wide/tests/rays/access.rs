@@ -2,20 +2,20 @@
 
 use canted_fixtures as fixtures;
 use canted_obb::PrimId;
-use canted_trace::{Counts, InstanceId, Ray, Watertight};
-use canted_wide::{Config, Preset, SimdPath, TraversalCounts, TriangleBvh};
+use canted_trace::{Counts, Intersect, Ray};
+use canted_wide::{Preset, SimdPath, TraversalCounts, TriangleBvh};
 
 use crate::common::{build, scenes};
 
 #[test]
 fn traversal_counts_are_the_tests_that_a_query_counts() {
     let mesh = fixtures::scaffold(1, false);
-    let bvh = build::<Watertight>(&mesh, Preset::Fast);
+    let bvh = build(&mesh, Preset::Fast);
     let rays: Vec<Ray> =
         fixtures::object_views(&mesh)[0].rays(24).iter().map(|ray| Ray::new(ray.origin, ray.direction)).collect();
     let mut counts = Counts::default();
     for ray in &rays {
-        bvh.closest_hit_with(ray, InstanceId(0), &mut counts);
+        bvh.closest_hit_with(ray, &mut counts);
     }
     let visits = bvh.traversal_counts(&rays);
     assert_eq!(8 * visits.nodes.iter().sum::<u64>(), counts.boxes);
@@ -33,8 +33,8 @@ fn triangles_are_returned_as_they_were_given() {
             mesh.triangles.iter().map(|t| t.map(|i| positions[i as usize])).collect()
         };
         for preset in [Preset::Fast, Preset::Quality] {
-            let mut bvh = build::<Watertight>(&mesh, preset);
-            let check = |bvh: &TriangleBvh<Watertight>, want: &[[[f32; 3]; 3]]| {
+            let mut bvh = build(&mesh, preset);
+            let check = |bvh: &TriangleBvh, want: &[[[f32; 3]; 3]]| {
                 assert_eq!(bvh.triangles(), want, "{name}");
                 for (id, want) in (0..).map(PrimId).zip(want) {
                     assert_eq!(bvh.triangle(id), *want, "{name}");
@@ -47,6 +47,6 @@ fn triangles_are_returned_as_they_were_given() {
             check(&bvh, &corners(&moved));
         }
     }
-    let none = TriangleBvh::<Watertight>::build(&[], &[], &Config::default()).unwrap();
+    let none = TriangleBvh::build::<[f32; 3], u32>(&[], &[]).unwrap();
     assert!(none.triangles().is_empty());
 }

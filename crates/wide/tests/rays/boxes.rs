@@ -1,12 +1,12 @@
 //! Which boxes a ray enters: by traversal, and by a loop in `f64`.
-#![expect(clippy::cast_possible_truncation, reason = "fixtures are small, and rounding is how rays are stored")]
 
 use std::collections::BTreeSet;
+use std::ops::ControlFlow;
 
 use canted_fixtures::SplitMix64;
 use canted_obb::{Aabb, PrimId};
-use canted_trace::{Ray, ScaledRay};
-use canted_wide::{Config, Preset, PrimitiveError, WideBvh};
+use canted_trace::{Intersect, Ray, ScaledRay};
+use canted_wide::{Order, Preset, PrimitiveError, WideBvh};
 
 use crate::common::paths;
 
@@ -76,12 +76,13 @@ fn entered(boxes: &[Aabb], ray: &ScaledRay, grown: f64, slack: f64) -> BTreeSet<
 
 fn visited(bvh: &WideBvh<Aabb>, ray: &ScaledRay, error: f64) -> BTreeSet<u32> {
     let mut numbers = BTreeSet::new();
-    bvh.traverse_ordered(ray, error, &mut (), |PrimId(number), t_max, ()| {
+    let stack = &mut vec![0; bvh.stack_len()][..];
+    bvh.traverse_scaled(ray, error, Order::Nearest, stack, &mut |PrimId(number), t_max| {
         assert!(numbers.insert(number), "box {number} is entered twice");
         t_max
     });
     let mut in_any_order = BTreeSet::new();
-    bvh.traverse_any(ray, error, &mut (), |PrimId(number), t_max, ()| {
+    bvh.traverse_scaled(ray, error, Order::Any, stack, &mut |PrimId(number), t_max| {
         in_any_order.insert(number);
         t_max
     });
@@ -96,7 +97,7 @@ fn boxes_that_an_exact_ray_enters_are_entered_and_few_others() {
         let reach = boxes.iter().map(Aabb::reach).fold(0.0, f32::max);
         let rays = rays(&boxes, 400, scale);
         for preset in [Preset::Fast, Preset::Quality] {
-            let bvh = WideBvh::<Aabb>::build(boxes.clone(), &Config::preset(preset)).expect("valid boxes");
+            let bvh = WideBvh::over_with(boxes.clone(), preset).expect("valid boxes");
             for path in paths() {
                 let bvh = bvh.clone().with_path(path);
                 for (i, ray) in rays.iter().enumerate() {
@@ -121,7 +122,7 @@ fn boxes_that_an_exact_ray_enters_are_entered_and_few_others() {
 #[test]
 fn the_stated_error_admits_near_misses() {
     let boxes = boxes(300, 1.0, 0.0);
-    let bvh = WideBvh::<Aabb>::build(boxes.clone(), &Config::default()).expect("valid boxes");
+    let bvh = WideBvh::over(boxes.clone()).expect("valid boxes");
     let lost = |error: f64| {
         let rays = rays(&boxes, 400, 1.0).into_iter().filter_map(|ray| ScaledRay::new(&ray));
         rays.map(|ray| entered(&boxes, &ray, 0.1, -F64_SLACK).difference(&visited(&bvh, &ray, error)).count())
@@ -134,35 +135,43 @@ fn the_stated_error_admits_near_misses() {
 #[test]
 fn traversal_is_ordered_and_ends_at_the_returned_t_max() {
     let row: Vec<Aabb> = (0..100u8).map(f32::from).map(|x| Aabb { min: [x; 3], max: [x + 0.5; 3] }).collect();
-    let bvh = WideBvh::<Aabb>::build(row.clone(), &Config::default()).expect("valid boxes");
-    let ray = ScaledRay::new(&Ray::new([-1.0; 3], [1.0; 3])).expect("a valid ray");
-    let (mut order, mut n) = (vec![], 0);
+    let bvh = WideBvh::over(row.clone()).expect("valid boxes");
+    let ray = Ray::new([-1.0; 3], [0.25; 3]);
+    let scaled = ScaledRay::new(&ray).expect("a valid ray");
+    let (mut order, mut n, stack) = (vec![], 0, &mut vec![0; bvh.stack_len()][..]);
     // Something in box 40 is hit.
-    bvh.traverse_ordered(&ray, 0.0, &mut (), |PrimId(number), t_max, ()| {
+    bvh.traverse_scaled(&scaled, 0.0, Order::Nearest, stack, &mut |PrimId(number), t_max| {
         order.push(number);
         if number == 40 { 41.25 } else { t_max }
     });
     assert_eq!(order, (0..=40).collect::<Vec<_>>());
-    bvh.traverse_any(&ray, 0.0, &mut (), |_, _, ()| {
+    let n_boxes = bvh.traverse_scaled(&scaled, 0.0, Order::Any, stack, &mut |_, _| {
         n += 1;
         if n == 3 { -1.0 } else { 1e9 }
     });
-    assert_eq!(n, 3);
+    assert_eq!((n, n_boxes % 8), (3, 0));
+    // The same in units of the ray's own direction.
+    order.clear();
+    bvh.traverse(&ray, |PrimId(number), t_max| {
+        order.push(number);
+        ControlFlow::Continue(if number == 40 { 4.0 * 41.25 } else { t_max })
+    });
+    assert_eq!(order, (0..=40).collect::<Vec<_>>());
+    bvh.traverse(&ray, |PrimId(number), _| {
+        order.push(number);
+        ControlFlow::Break(())
+    });
+    assert_eq!(order[41..], [0]);
 }
 
 #[test]
 fn invalid_boxes_are_rejected_by_id() {
     let valid = Aabb { min: [0.0; 3], max: [1.0; 3] };
     for bad in [Aabb::EMPTY, Aabb { min: [f32::NAN; 3], ..valid }, Aabb { max: [f32::INFINITY; 3], ..valid }] {
-        let rejected = WideBvh::<Aabb>::build(vec![valid, bad, valid], &Config::default()).map(|_| ());
+        let rejected = WideBvh::over(vec![valid, bad, valid]).map(|_| ());
         assert_eq!(rejected, Err(PrimitiveError::Bounds { primitive: PrimId(1) }), "{bad:?}");
     }
-    let none = WideBvh::<Aabb>::build(vec![], &Config::default()).expect("no box is invalid");
+    let none = WideBvh::<Aabb>::over(vec![]).expect("no box is invalid");
     assert!(none.aabb().is_empty());
-    none.traverse_ordered(
-        &ScaledRay::new(&Ray::new([0.0; 3], [1.0; 3])).expect("a valid ray"),
-        1.0,
-        &mut (),
-        |_, _, ()| panic!("nothing can be entered"),
-    );
+    none.traverse(&Ray::new([0.0; 3], [1.0; 3]), |_, _| panic!("nothing can be entered"));
 }

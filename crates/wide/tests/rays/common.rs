@@ -1,11 +1,10 @@
 //! Scenes, rays, and the oracle: every triangle tested.
-#![expect(clippy::cast_possible_truncation, reason = "fixtures are small, and rounding is how rays are stored")]
 
 use canted_fixtures as fixtures;
 use canted_fixtures::{Grazing, Hair, Mesh, SplitMix64, Strand};
 use canted_obb::PrimId;
-use canted_trace::{Hit, InstanceId, Kernel, Ray, ScaledRay};
-use canted_wide::{Config, LaneKernel, Preset, SimdPath, TriangleBvh};
+use canted_trace::{Hit, InstanceId, Kernel, Ray, ScaledRay, TriangleTest};
+use canted_wide::{Config, Preset, SimdPath, TriangleBvh};
 
 /// Scenes on which BVHs and triangle tests fail first.
 pub(crate) fn scenes() -> Vec<(&'static str, Mesh)> {
@@ -66,8 +65,14 @@ pub(crate) fn brute<K: Kernel<Record = [[f32; 3]; 3]>>(mesh: &Mesh, ray: &Ray) -
 }
 
 /// A BVH over the mesh.
-pub(crate) fn build<K: LaneKernel>(mesh: &Mesh, preset: Preset) -> TriangleBvh<K> {
-    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)).expect("fixtures are valid")
+pub(crate) fn build(mesh: &Mesh, preset: Preset) -> TriangleBvh {
+    build_for(TriangleTest::Watertight, mesh, preset)
+}
+
+/// A BVH over the mesh with another triangle test.
+pub(crate) fn build_for(test: TriangleTest, mesh: &Mesh, preset: Preset) -> TriangleBvh {
+    let config = Config { test, ..Config::preset(preset) };
+    TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config).expect("fixtures are valid")
 }
 
 /// Paths of this machine; prints those that are missing.

@@ -1,7 +1,7 @@
 //! Extreme costs: hits equal those of testing every triangle.
 
 use canted_fixtures as fixtures;
-use canted_trace::{Sphere, Watertight};
+use canted_trace::{Intersect, Sphere, Watertight};
 use canted_wide::{Config, Costs, NodeKind, Preset, TriangleBvh, WideBvh};
 
 use crate::common::{brute, rays};
@@ -37,7 +37,7 @@ fn triangles_are_hit_with_any_costs() {
             for preset in [Preset::Balanced, Preset::Quality] {
                 for oriented in [false, true] {
                     let config = Config { costs, oriented, ..Config::preset(preset) };
-                    let bvh = TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+                    let bvh = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config).unwrap();
                     let hits: Vec<_> = rays.iter().map(|ray| bvh.closest_hit(ray)).collect();
                     assert_eq!(hits, want, "{name}, {preset:?}, oriented {oriented}");
                 }
@@ -51,11 +51,11 @@ fn a_bvh_of_any_costs_is_refitted_written_and_read() {
     let mesh = fixtures::soup(1, 300);
     for (name, costs) in extremes() {
         let config = Config { costs, ..Config::default() };
-        let mut bvh = TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+        let mut bvh = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config).unwrap();
         let refit = bvh.refit(&mesh.positions, &mesh.triangles).unwrap();
         assert!(!refit.drift.is_nan(), "{name}: {refit:?}");
         let bytes = bvh.to_bytes();
-        let back = TriangleBvh::<Watertight>::from_bytes(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let back = TriangleBvh::from_bytes(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
         assert_eq!(back.to_bytes(), bytes, "{name}");
     }
 }
@@ -65,7 +65,7 @@ fn primitives_are_hit_with_any_costs() {
     let spheres: Vec<Sphere> =
         (0..100u8).map(|i| Sphere { center: [3.0 * f32::from(i), 0.0, 0.0], radius: 1.0 }).collect();
     for (name, costs) in extremes() {
-        let bvh = WideBvh::<Sphere>::build(spheres.clone(), &Config { costs, ..Config::default() }).unwrap();
+        let bvh = WideBvh::over_with(spheres.clone(), Config { costs, ..Config::default() }).unwrap();
         for i in 0..100u8 {
             let ray = canted_trace::Ray::new([3.0 * f32::from(i), 5.0, 0.0], [0.0, -1.0, 0.0]);
             let hit = bvh.closest_hit(&ray).map(|hit| (hit.t, hit.primitive.0));
@@ -79,7 +79,7 @@ fn an_infinite_cost_disables_a_kind_of_node() {
     let mesh = fixtures::scaffold_of(1, true, 3);
     let n_nodes = |costs: Costs, oriented: bool| {
         let config = Config { costs, oriented, ..Config::default() };
-        TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap().sizes().nodes
+        TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config).unwrap().sizes().nodes
     };
     let usual = Costs::default();
     let of = |kind: NodeKind, nodes: [usize; 2]| nodes[kind as usize];
@@ -98,7 +98,7 @@ fn leaves_hold_one_to_thirty_two_triangles() {
     let mesh = fixtures::soup(1, 300);
     let bytes = |max_leaf: usize| {
         let config = Config { costs: Costs { max_leaf, ..Costs::default() }, ..Config::default() };
-        TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap().to_bytes()
+        TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config).unwrap().to_bytes()
     };
     assert_eq!(bytes(0), bytes(1));
     assert_eq!(bytes(33), bytes(32));

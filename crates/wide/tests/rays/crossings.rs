@@ -1,13 +1,12 @@
 //! Crossings: one for each surface, also through edges and vertices.
-#![expect(clippy::cast_possible_truncation, reason = "fixtures are small, and rounding is how rays are stored")]
 
 use canted_fixtures::{Mesh, SplitMix64};
-use canted_trace::{Hit, Ray, Side, Watertight};
+use canted_trace::{Crossings, Hit, Intersect, Ray, Side, Watertight};
 use canted_wide::{Preset, TriangleBvh};
 
 use crate::common::{brute, build, paths};
 
-fn crossings(bvh: &TriangleBvh<Watertight>, ray: &Ray) -> Vec<Hit> {
+fn crossings(bvh: &TriangleBvh, ray: &Ray) -> Vec<Hit> {
     let mut hits = vec![];
     bvh.crossings(ray, &mut hits);
     hits
@@ -57,7 +56,7 @@ fn closed() -> [(&'static str, Mesh); 4] {
 fn closed_meshes_are_left_as_often_as_entered() {
     for (name, mesh) in closed() {
         assert_eq!(mesh.open_edge(), None, "{name} is closed");
-        let bvh = build::<Watertight>(&mesh, Preset::Balanced);
+        let bvh = build(&mesh, Preset::Balanced);
         let (mut through_edges, mut odd) = (0, 0);
         for ray in exact_rays(&mesh, 4000, 3) {
             let hits = crossings(&bvh, &ray);
@@ -78,7 +77,7 @@ fn closed_meshes_are_left_as_often_as_entered() {
 fn from_inside_a_convex_mesh_is_crossed_once() {
     let mesh = on_grid(canted_fixtures::icosphere(2));
     for path in paths() {
-        let bvh = build::<Watertight>(&mesh, Preset::Quality).with_path(path);
+        let bvh = build(&mesh, Preset::Quality).with_path(path);
         for vertex in &mesh.positions {
             // From the center through each vertex, and from far outside through two vertices at once.
             let hits = crossings(&bvh, &Ray::new([0.0; 3], *vertex));
@@ -97,7 +96,7 @@ fn crossings_of_a_folded_mesh_are_those_of_a_slightly_moved_ray() {
     for x in mesh.positions.iter_mut().flatten() {
         *x = (*x * 4.0).round();
     }
-    let bvh = build::<Watertight>(&mesh, Preset::Balanced);
+    let bvh = build(&mesh, Preset::Balanced);
     let (mut touched, mut crossed) = (0, 0);
     for x in -5i8..=5 {
         for y in -5i8..=5 {
@@ -123,7 +122,7 @@ fn crossings_of_a_folded_mesh_are_those_of_a_slightly_moved_ray() {
 #[test]
 fn a_plane_is_crossed_once_where_triangles_share_edges() {
     let mesh = canted_fixtures::coplanar_quads(8);
-    let bvh = build::<Watertight>(&mesh, Preset::Balanced);
+    let bvh = build(&mesh, Preset::Balanced);
     for x in 0..=16u8 {
         for y in 0..=16u8 {
             let ray = Ray::new([0.5 * f32::from(x), 0.5 * f32::from(y), 3.0], [0.0, 0.0, -2.0]);
@@ -146,7 +145,7 @@ fn two_layers_count_twice_and_intervals_are_closed() {
     let mut mesh = one.clone();
     mesh.positions.extend(one.positions.iter().map(|&[x, y, _]| [x, y, 1.0]));
     mesh.triangles.extend(one.triangles.iter().map(|t| t.map(|v| v + n)));
-    let bvh = build::<Watertight>(&mesh, Preset::Balanced);
+    let bvh = build(&mesh, Preset::Balanced);
     let ray = Ray::new([2.0, 2.0, 4.0], [0.0, 0.0, -1.0]);
     let ts = |ray: &Ray| crossings(&bvh, ray).iter().map(|hit| hit.t).collect::<Vec<_>>();
     assert_eq!(ts(&ray), [3.0, 4.0]);
@@ -156,6 +155,6 @@ fn two_layers_count_twice_and_intervals_are_closed() {
     // Equal copies are as many surfaces.
     let mut twice = one.clone();
     twice.triangles.extend(&one.triangles);
-    let bvh = build::<Watertight>(&twice, Preset::Balanced);
+    let bvh = build(&twice, Preset::Balanced);
     assert_eq!(crossings(&bvh, &ray).len(), 2);
 }

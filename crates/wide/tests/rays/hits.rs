@@ -1,20 +1,19 @@
 //! Hits equal those of testing every triangle, bit for bit.
-#![expect(clippy::cast_possible_truncation, reason = "fixtures are small, and rounding is how rays are stored")]
 
 use canted_obb::PrimId;
-use canted_trace::{BaldwinWeber, Hit, Kernel, MollerTrumbore, Ray, Watertight};
-use canted_wide::{Config, LaneKernel, Preset, TriangleBvh};
+use canted_trace::{Crossings, Hit, Intersect, Kernel, MollerTrumbore, Ray, TriangleTest, Watertight};
+use canted_wide::{Preset, TriangleBvh};
 
-use crate::common::{brute, build, paths, rays, scenes};
+use crate::common::{brute, build, build_for, paths, rays, scenes};
 
-/// `K` traced, compared with `B` tested on every triangle.
-fn equals_brute_force<K: LaneKernel, B: Kernel<Record = [[f32; 3]; 3]>>() {
+/// `test` traced, compared with `B` tested on every triangle.
+fn equals_brute_force<B: Kernel<Record = [[f32; 3]; 3]>>(test: TriangleTest) {
     let paths = paths();
     for (name, mesh) in scenes() {
         let rays = rays(&mesh, 60, 7);
         let want: Vec<Vec<Hit>> = rays.iter().map(|ray| brute::<B>(&mesh, ray)).collect();
         for preset in [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality] {
-            let mut bvh = build::<K>(&mesh, preset);
+            let mut bvh = build_for(test, &mesh, preset);
             for &path in &paths {
                 bvh = bvh.with_path(path);
                 let mut hits = vec![];
@@ -32,18 +31,18 @@ fn equals_brute_force<K: LaneKernel, B: Kernel<Record = [[f32; 3]; 3]>>() {
 
 #[test]
 fn watertight_hits_equal_brute_force() {
-    equals_brute_force::<Watertight, Watertight>();
+    equals_brute_force::<Watertight>(TriangleTest::Watertight);
 }
 
 #[test]
 fn moller_trumbore_hits_equal_brute_force() {
-    equals_brute_force::<MollerTrumbore, MollerTrumbore>();
+    equals_brute_force::<MollerTrumbore>(TriangleTest::MollerTrumbore);
 }
 
 /// By contract its hits are those of Möller and Trumbore, whose records brute force can make.
 #[test]
 fn baldwin_weber_hits_equal_brute_force() {
-    equals_brute_force::<BaldwinWeber, MollerTrumbore>();
+    equals_brute_force::<MollerTrumbore>(TriangleTest::BaldwinWeber);
 }
 
 #[test]
@@ -60,7 +59,7 @@ fn enough_rays_hit_and_enough_miss() {
 fn an_empty_bvh_is_never_hit() {
     let mesh = canted_fixtures::Mesh::default();
     for preset in [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality] {
-        let bvh = build::<Watertight>(&mesh, preset);
+        let bvh = build(&mesh, preset);
         let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0]);
         let mut hits = hits_of_one_triangle();
         bvh.all_hits(&ray, &mut hits);
@@ -72,7 +71,7 @@ fn an_empty_bvh_is_never_hit() {
 
 fn hits_of_one_triangle() -> Vec<Hit> {
     let mesh = canted_fixtures::identical(1);
-    let bvh = build::<Watertight>(&mesh, Preset::Balanced);
+    let bvh = build(&mesh, Preset::Balanced);
     let mut hits = vec![];
     bvh.all_hits(&Ray::new([0.2, 0.2, 3.0], [0.0, 0.0, -1.0]), &mut hits);
     assert_eq!(hits.len(), 1);
@@ -85,7 +84,7 @@ fn of_a_hundred_thousand_equal_triangles_the_lowest_is_hit() {
     let mesh = canted_fixtures::identical(100_000);
     let ray = Ray::new([0.2, 0.2, 3.0], [0.0, 0.0, -1.0]);
     for preset in [Preset::Fast, Preset::Balanced] {
-        let bvh = build::<Watertight>(&mesh, preset);
+        let bvh = build(&mesh, preset);
         assert_eq!(bvh.closest_hit(&ray).map(|hit| hit.primitive), Some(PrimId(0)), "{preset:?}");
         let mut hits = vec![];
         bvh.all_hits(&ray, &mut hits);
@@ -101,7 +100,7 @@ fn of_a_hundred_thousand_equal_triangles_the_lowest_is_hit() {
 fn intervals_are_closed_for_both_zeros() {
     let mesh = canted_fixtures::coplanar_quads(4);
     for path in paths() {
-        let bvh = build::<Watertight>(&mesh, Preset::Balanced).with_path(path);
+        let bvh = build(&mesh, Preset::Balanced).with_path(path);
         let (start, above) = ([1.3, 2.2, 0.0], [1.3, 2.2, 2.0]);
         let down = [0.0, -0.0, -1.0];
         let hits = |ray: Ray| bvh.closest_hit(&ray).map(|hit| hit.t);
@@ -124,7 +123,7 @@ fn intervals_are_closed_for_both_zeros() {
 fn ties_go_to_the_lowest_primitive() {
     // Four squares share each integer point: up to eight triangles at the same t.
     let mesh = canted_fixtures::coplanar_quads(9);
-    let bvh = build::<Watertight>(&mesh, Preset::Quality);
+    let bvh = build(&mesh, Preset::Quality);
     for x in 0..=9u8 {
         for y in 0..=9u8 {
             let ray = Ray::new([f32::from(x), f32::from(y), 1.0], [0.0, 0.0, -1.0]);
@@ -145,7 +144,7 @@ fn triangles_with_many_references_are_reported_once() {
     let leaves: Vec<PrimId> = (0..3 * n).map(|i| PrimId(i.wrapping_mul(7919) % n)).collect();
     let codes = (0..leaves.len() as u64).collect();
     let tree = canted_lbvh::radix(canted_lbvh::Sorted { codes, leaves });
-    let wide = TriangleBvh::<Watertight>::over(&tree, &corners, &bounds, &Config::default()).expect("few triangles");
+    let wide = TriangleBvh::from_tree(&tree, &corners, &bounds, Preset::Balanced).expect("few triangles");
     for ray in rays(&mesh, 100, 3) {
         let want = brute::<Watertight>(&mesh, &ray);
         let mut hits = vec![];

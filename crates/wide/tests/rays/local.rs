@@ -3,15 +3,14 @@
 //! Counted, so the results are the same on every machine. Not covered: scenes where the far part is hit.
 
 use canted_fixtures::{Mesh, SplitMix64};
-use canted_trace::{Counts, InstanceId, MollerTrumbore, Ray, Watertight};
+use canted_trace::{Counts, Intersect, MollerTrumbore, Ray, TriangleTest, Watertight};
 use canted_wide::{Preset, TriangleBvh};
 
-use crate::common::{brute, build};
+use crate::common::{brute, build, build_for};
 
 /// By how much a far part may raise the number of box tests.
 const MOST: f64 = 1.5;
 
-#[expect(clippy::cast_possible_truncation, reason = "test data")]
 fn to_f32(v: [f64; 3]) -> [f32; 3] {
     v.map(|x| x as f32)
 }
@@ -52,13 +51,12 @@ fn n_boxes(mesh: &Mesh, rays: &[Ray], n_checked: usize) -> Vec<(Preset, f64)> {
     let expected: Vec<_> =
         rays[..n_checked].iter().map(|ray| brute::<Watertight>(mesh, ray).first().copied()).collect();
     let count = |preset: Preset| {
-        let bvh = build::<Watertight>(mesh, preset);
+        let bvh = build(mesh, preset);
         let mut counts = Counts::default();
         for (i, ray) in rays.iter().enumerate() {
-            let hit = bvh.closest_hit_with(ray, InstanceId(0), &mut counts);
+            let hit = bvh.closest_hit_with(ray, &mut counts);
             assert!(i >= n_checked || hit == expected[i], "{preset:?}: {ray:?}: {hit:?}, {:?}", expected[i]);
         }
-        #[expect(clippy::cast_precision_loss, reason = "a number of tests")]
         (preset, counts.boxes as f64 / rays.len() as f64)
     };
     [Preset::Fast, Preset::Balanced].map(count).into()
@@ -127,11 +125,11 @@ fn a_distant_mesh_may_have_distant_parts_and_move() {
     let [rays_near, rays_far] = [near, far].map(|center| rays(1_000, 1.0, center, 23));
     assert_local("a floor from afar to the origin", &away, &floor(1e6, 1e4 - 1.1), &rays_far);
 
-    let mut bvh = build::<Watertight>(&mesh, Preset::Fast);
+    let mut bvh = build(&mesh, Preset::Fast);
     let count = |bvh: &TriangleBvh, mesh: &Mesh, rays: &[Ray]| {
         let mut counts = Counts::default();
         for (i, ray) in rays.iter().enumerate() {
-            let hit = bvh.closest_hit_with(ray, InstanceId(0), &mut counts);
+            let hit = bvh.closest_hit_with(ray, &mut counts);
             assert!(i > 30 || hit == brute::<Watertight>(mesh, ray).first().copied(), "{ray:?}");
         }
         counts.boxes
@@ -141,7 +139,7 @@ fn a_distant_mesh_may_have_distant_parts_and_move() {
         bvh.refit(&mesh.positions, &mesh.triangles).unwrap();
         let after = count(&bvh, mesh, rays);
         assert!(2 * after <= 3 * before, "{after} box tests instead of {before}");
-        let loaded = TriangleBvh::<Watertight>::from_bytes(&bvh.to_bytes()).unwrap();
+        let loaded = TriangleBvh::from_bytes(&bvh.to_bytes()).unwrap();
         assert_eq!(count(&loaded, mesh, rays), after);
     }
 }
@@ -152,21 +150,24 @@ fn refitted_and_loaded_boxes_are_local() {
     let mesh = detail(20_000, 1.0, 0.015, [0.0; 3], 9).joined(&floor(1e6, -1.1));
     let shrunk = mesh.placed(|p| p.map(|x| 0.5 * x));
     let rays = rays(500, 0.5, [0.0; 3], 10);
-    let mut bvh = build::<Watertight>(&mesh, Preset::Fast);
+    let mut bvh = build(&mesh, Preset::Fast);
     bvh.refit(&shrunk.positions, &shrunk.triangles).unwrap();
-    let other = build::<MollerTrumbore>(&shrunk, Preset::Fast).to_bytes();
+    let other = build_for(TriangleTest::MollerTrumbore, &shrunk, Preset::Fast).to_bytes();
     let [mut built, mut refitted, mut loaded] = [Counts::default(); 3];
-    let of_build = build::<Watertight>(&shrunk, Preset::Fast);
-    let of_other = TriangleBvh::<Watertight>::from_bytes(&other).unwrap();
+    let of_build = build(&shrunk, Preset::Fast);
+    let of_other = TriangleBvh::from_bytes_with(&other, TriangleTest::Watertight).unwrap();
     for ray in &rays {
-        let hit = of_build.closest_hit_with(ray, InstanceId(0), &mut built);
-        assert_eq!(bvh.closest_hit_with(ray, InstanceId(0), &mut refitted), hit, "{ray:?}");
-        assert_eq!(of_other.closest_hit_with(ray, InstanceId(0), &mut loaded), hit, "{ray:?}");
+        let hit = of_build.closest_hit_with(ray, &mut built);
+        assert_eq!(bvh.closest_hit_with(ray, &mut refitted), hit, "{ray:?}");
+        assert_eq!(of_other.closest_hit_with(ray, &mut loaded), hit, "{ray:?}");
     }
     // A power of two changes no decision of the build, so that the boxes are the same bit for bit.
     assert_eq!((refitted, loaded), (built, built));
     assert_eq!(of_other.to_bytes(), of_build.to_bytes());
-    assert_eq!(TriangleBvh::<MollerTrumbore>::from_bytes(&of_build.to_bytes()).unwrap().to_bytes(), other);
+    assert_eq!(
+        TriangleBvh::from_bytes_with(&of_build.to_bytes(), TriangleTest::MollerTrumbore).unwrap().to_bytes(),
+        other
+    );
 }
 
 /// Rays at corners and edges of triangles, hence of boxes, with origins from close by to 1e7, in a mesh of mixed scales.
@@ -194,7 +195,7 @@ fn grazing_rays_in_mixed_scales_hit_what_the_loop_hits() {
     let rays: Vec<Ray> = (0..6_000).map(&mut ray).collect();
     let mut n_hits = 0;
     for preset in [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality] {
-        let (watertight, weights) = (build::<Watertight>(&mesh, preset), build::<MollerTrumbore>(&mesh, preset));
+        let (watertight, weights) = (build(&mesh, preset), build_for(TriangleTest::MollerTrumbore, &mesh, preset));
         for ray in &rays {
             let hit = brute::<Watertight>(&mesh, ray).first().copied();
             n_hits += u32::from(hit.is_some());
@@ -210,8 +211,8 @@ fn grazing_rays_in_mixed_scales_hit_what_the_loop_hits() {
 /// The counter counts: a ray that misses all tests the root alone.
 #[test]
 fn a_miss_tests_one_node() {
-    let bvh = build::<Watertight>(&detail(1_000, 1.0, 0.01, [0.0; 3], 11), Preset::Fast);
+    let bvh = build(&detail(1_000, 1.0, 0.01, [0.0; 3], 11), Preset::Fast);
     let mut counts = Counts::default();
-    assert_eq!(bvh.closest_hit_with(&Ray::new([5.0, 0.0, 0.0], [1.0, 0.0, 0.0]), InstanceId(0), &mut counts), None);
+    assert_eq!(bvh.closest_hit_with(&Ray::new([5.0, 0.0, 0.0], [1.0, 0.0, 0.0]), &mut counts), None);
     assert_eq!(counts.boxes, 8);
 }

@@ -1,10 +1,9 @@
 //! Spheres, and primitives that break their contract.
-#![expect(clippy::cast_possible_truncation, reason = "fixtures are small, and rounding is how rays are stored")]
 
 use canted_fixtures::SplitMix64;
 use canted_obb::{Aabb, PrimId};
-use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay, Side, Sphere};
-use canted_wide::{Config, Preset, Primitive, PrimitiveError, PrimitiveHit, WideBvh};
+use canted_trace::{Hit, Intersect, Query, Ray, ScaledRay, Side, Sphere};
+use canted_wide::{Preset, Primitive, PrimitiveError, PrimitiveHit, WideBvh};
 
 use crate::common::paths;
 
@@ -71,7 +70,7 @@ fn spheres_are_hit_as_by_testing_each() {
         let spheres = spheres(300, scale);
         let rays = rays(&spheres, 600, scale);
         for preset in [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality] {
-            let mut bvh = WideBvh::<Sphere>::build(spheres.clone(), &Config::preset(preset)).expect("valid spheres");
+            let mut bvh = WideBvh::over_with(spheres.clone(), preset).expect("valid spheres");
             for path in paths() {
                 bvh = bvh.with_path(path);
                 let (mut hits, mut n_hits) = (vec![], 0);
@@ -94,7 +93,7 @@ fn spheres_are_hit_as_by_testing_each() {
 fn slices_and_borrowed_primitives_equal_single_rays() {
     let spheres = spheres(200, 1.0);
     let rays = rays(&spheres, 1500, 1.0);
-    let bvh = WideBvh::<&Sphere>::build(spheres.iter().collect(), &Config::default()).expect("valid spheres");
+    let bvh = WideBvh::<&Sphere>::over(spheres.iter().collect()).expect("valid spheres");
     let n = rays.len();
     let want: Vec<_> = rays.iter().map(|ray| bvh.closest_hit(ray)).collect();
     let (mut hits, mut par_hits) = (vec![None; n], vec![None; n]);
@@ -121,13 +120,12 @@ fn where_the_entry_is_rejected_the_exit_is_hit() {
             hit.side == Side::Back
         }
     }
-    let bvh =
-        WideBvh::<Sphere>::build(vec![Sphere { center: [0.0; 3], radius: 1.0 }], &Config::default()).expect("valid");
+    let bvh = WideBvh::over(vec![Sphere { center: [0.0; 3], radius: 1.0 }]).expect("valid");
     let ray = Ray::new([0.0, 0.0, -3.0], [0.0, 0.0, 0.5]);
     assert_eq!(bvh.closest_hit(&ray).map(|hit| (hit.t, hit.side)), Some((4.0, Side::Front)));
-    let left = bvh.closest_hit_with(&ray, InstanceId(7), &mut Leaving);
-    assert_eq!(left.map(|hit| (hit.t, hit.side, hit.instance)), Some((8.0, Side::Back, InstanceId(7))));
-    assert!(bvh.occluded_with(&ray, InstanceId(0), &mut Leaving));
+    let left = bvh.closest_hit_with(&ray, &mut Leaving);
+    assert_eq!(left.map(|hit| (hit.t, hit.side)), Some((8.0, Side::Back)));
+    assert!(bvh.occluded_with(&ray, &mut Leaving));
 }
 
 #[test]
@@ -135,10 +133,10 @@ fn invalid_bounds_are_rejected_by_id() {
     let valid = Sphere { center: [0.0; 3], radius: 1.0 };
     for radius in [-1.0, f32::NAN, f32::INFINITY] {
         let primitives = vec![valid, Sphere { radius, ..valid }, valid];
-        let rejected = WideBvh::<Sphere>::build(primitives, &Config::default()).map(|_| ());
+        let rejected = WideBvh::over(primitives).map(|_| ());
         assert_eq!(rejected, Err(PrimitiveError::Bounds { primitive: PrimId(1) }), "{radius}");
     }
-    let none = WideBvh::<Sphere>::build(vec![], &Config::default()).expect("no primitive is invalid");
+    let none = WideBvh::<Sphere>::over(vec![]).expect("no primitive is invalid");
     assert!(none.closest_hit(&Ray::new([0.0; 3], [1.0; 3])).is_none());
     assert!(none.aabb().is_empty());
 }
@@ -159,7 +157,7 @@ impl Primitive for WrongT {
 #[test]
 fn hits_outside_the_interval_are_ignored() {
     for t in [f32::NAN, f32::INFINITY, -1.0, 100.0] {
-        let bvh = WideBvh::<WrongT>::build(vec![WrongT(t)], &Config::default()).expect("valid bounds");
+        let bvh = WideBvh::over(vec![WrongT(t)]).expect("valid bounds");
         let ray = Ray { t_max: 50.0, ..Ray::new([0.5, 0.5, -1.0], [0.0, 0.0, 1.0]) };
         assert_eq!(bvh.closest_hit(&ray), None, "{t}");
         let endless = Ray { t_max: f32::INFINITY, ..ray };
@@ -206,10 +204,7 @@ fn pads_follow_the_stated_error() {
     fn lost<const STATED: bool>() -> usize {
         let spheres = spheres(200, 1.0);
         let rays = rays(&spheres, 2000, 1.0);
-        let bvh = WideBvh::<Inexact<STATED>>::build(
-            spheres.iter().map(|&s| Inexact::<STATED>(s)).collect(),
-            &Config::default(),
-        );
+        let bvh = WideBvh::<Inexact<STATED>>::over(spheres.iter().map(|&s| Inexact::<STATED>(s)).collect());
         let bvh = bvh.expect("valid spheres");
         rays.iter()
             .filter(|ray| {

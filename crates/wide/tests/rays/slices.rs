@@ -1,10 +1,10 @@
 //! Slices equal single rays, on any number of threads, with and without a filter.
 
 use canted_fixtures::Mesh;
-use canted_trace::{Hit, MollerTrumbore, Ray, Side, Watertight};
-use canted_wide::{HitLists, LaneKernel, Preset, TriangleBvh};
+use canted_trace::{Accept, Crossings, Hit, HitLists, Intersect, Ray, Side, TriangleTest, Watertight};
+use canted_wide::Preset;
 
-use crate::common::{brute, build, paths, rays};
+use crate::common::{brute, build, build_for, paths, rays};
 
 /// Rays of more than three jobs, the last one part of a job.
 fn scene() -> (Mesh, Vec<Ray>) {
@@ -26,9 +26,10 @@ fn on_threads(n: usize, work: impl FnOnce() + Send) {
 
 #[test]
 fn slices_equal_single_rays() {
-    fn check<K: LaneKernel>(mesh: &Mesh, rays: &[Ray]) {
+    let (mesh, rays) = scene();
+    for test in TriangleTest::ALL {
         for path in paths() {
-            let bvh: TriangleBvh<K> = build::<K>(mesh, Preset::Balanced).with_path(path);
+            let (bvh, rays) = (build_for(test, &mesh, Preset::Balanced).with_path(path), &rays[..]);
             let want: Vec<_> = rays.iter().map(|ray| bvh.closest_hit(ray)).collect();
             let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
             bvh.closest_hits(rays, &mut hits);
@@ -37,23 +38,20 @@ fn slices_equal_single_rays() {
             assert!(occluded.iter().zip(&want).all(|(occluded, hit)| *occluded == hit.is_some()), "{}", path.name());
         }
     }
-    let (mesh, rays) = scene();
-    check::<Watertight>(&mesh, &rays);
-    check::<MollerTrumbore>(&mesh, &rays);
 }
 
 #[test]
 fn threads_change_nothing() {
     let (mesh, rays) = scene();
-    let bvh = build::<Watertight>(&mesh, Preset::Balanced);
+    let bvh = build(&mesh, Preset::Balanced);
     let n = rays.len();
     let (mut hits, mut occluded, mut all) = (vec![None; n], vec![false; n], vec![vec![]; n]);
-    let (mut hits_where, mut occluded_where) = (vec![None; n], vec![false; n]);
+    let (mut hits_with, mut occluded_with) = (vec![None; n], vec![false; n]);
     bvh.closest_hits(&rays, &mut hits);
     bvh.occluded_many(&rays, &mut occluded);
     bvh.all_hits_many(&rays, &mut all);
-    bvh.closest_hits_where(&rays, &mut hits_where, odd);
-    bvh.occluded_many_where(&rays, &mut occluded_where, odd);
+    bvh.closest_hits_with(&rays, &mut hits_with, &odd);
+    bvh.occluded_many_with(&rays, &mut occluded_with, &odd);
     for threads in [1, 2, 7] {
         on_threads(threads, || {
             // Old answers must be overwritten.
@@ -64,9 +62,9 @@ fn threads_change_nothing() {
             bvh.par_occluded_many(&rays, &mut par_occluded);
             bvh.par_all_hits_many(&rays, &mut par_all);
             assert_eq!((&par_hits, &par_occluded, &par_all), (&hits, &occluded, &all), "{threads} threads");
-            bvh.par_closest_hits_where(&rays, &mut par_hits, odd);
-            bvh.par_occluded_many_where(&rays, &mut par_occluded, odd);
-            assert_eq!((&par_hits, &par_occluded), (&hits_where, &occluded_where), "{threads} threads");
+            bvh.par_closest_hits_with(&rays, &mut par_hits, &odd);
+            bvh.par_occluded_many_with(&rays, &mut par_occluded, &odd);
+            assert_eq!((&par_hits, &par_occluded), (&hits_with, &occluded_with), "{threads} threads");
         });
     }
 }
@@ -81,7 +79,7 @@ fn lists_equal_single_rays() {
         Ray::new([target[0], target[1], target[2] - 4.0], [0.0, 0.0, 1.0])
     }));
     for path in paths() {
-        let bvh = build::<Watertight>(&mesh, Preset::Balanced).with_path(path);
+        let bvh = build(&mesh, Preset::Balanced).with_path(path);
         let (mut lists, mut hits, mut n_all) = (HitLists::new(), vec![], 0);
         // Old answers must be overwritten.
         bvh.all_hits_listed(&rays[..9], &mut lists);
@@ -101,17 +99,17 @@ fn lists_equal_single_rays() {
         assert!(lists.hits().len() < n_all && lists.of_rays().count() == rays.len());
     }
     let mut lists = HitLists::new();
-    build::<MollerTrumbore>(&mesh, Preset::Fast).all_hits_listed(&[], &mut lists);
+    build_for(TriangleTest::MollerTrumbore, &mesh, Preset::Fast).all_hits_listed(&[], &mut lists);
     assert_eq!(lists, HitLists::default());
 }
 
 #[test]
 fn filters_choose_among_all_hits() {
     let (mesh, rays) = scene();
-    let bvh = build::<Watertight>(&mesh, Preset::Quality);
+    let bvh = build(&mesh, Preset::Quality);
     let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
-    bvh.closest_hits_where(&rays, &mut hits, odd);
-    bvh.occluded_many_where(&rays, &mut occluded, odd);
+    bvh.closest_hits_with(&rays, &mut hits, &odd);
+    bvh.occluded_many_with(&rays, &mut occluded, &odd);
     let (mut rejected, mut passed) = (0, 0);
     for (i, ray) in rays.iter().enumerate() {
         let all = brute::<Watertight>(&mesh, ray);
@@ -119,16 +117,17 @@ fn filters_choose_among_all_hits() {
         assert_eq!((hits[i], occluded[i]), (want, want.is_some()), "ray {i}");
         rejected += usize::from(want.is_none() && !all.is_empty());
         passed += usize::from(want.is_some() && want != all.first().copied());
-        let back = |_: &Ray, hit: &Hit| hit.side == Side::Back;
-        let want = all.iter().copied().find(|hit| back(ray, hit));
-        assert_eq!((bvh.closest_hit_where(ray, back), bvh.occluded_where(ray, back)), (want, want.is_some()));
+        let back = |hit: &Hit| hit.side == Side::Back;
+        let want = all.iter().copied().find(back);
+        assert_eq!(bvh.closest_hit_with(ray, &mut Accept(back)), want);
+        assert_eq!(bvh.occluded_with(ray, &mut Accept(back)), want.is_some());
     }
     assert!(rejected > 10 && passed > 50, "{rejected} rays lost all hits, {passed} passed through some");
 }
 
 #[test]
-#[should_panic(expected = "rays and answers differ in number")]
+#[should_panic(expected = "one answer for each ray")]
 fn slices_of_different_length_panic() {
-    let bvh = build::<Watertight>(&canted_fixtures::fan(3), Preset::Fast);
+    let bvh = build(&canted_fixtures::fan(3), Preset::Fast);
     bvh.par_closest_hits(&[Ray::new([0.0; 3], [1.0; 3])], &mut []);
 }

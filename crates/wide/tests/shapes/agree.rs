@@ -1,7 +1,9 @@
 //! Queries equal the loop over all shapes.
 
 use canted_obb::Aabb;
-use canted_trace::{Counts, Hit, InstanceId, Ray, ScaledRay, Side};
+use std::ops::ControlFlow;
+
+use canted_trace::{Accept, Counts, Hit, Intersect, Ray, ScaledRay, Side};
 use canted_wide::{Config, Costs, NodeKind, Preset, Primitive, PrimitiveHit, SimdPath, WideBvh};
 
 use crate::scenes::{self, boxes, capsules, disks, rays, spheres, struts};
@@ -46,7 +48,7 @@ fn agrees<P: Primitive>(name: &str, shapes: &[P], n_rays: usize) -> usize {
     assert!(n_hits > n_rays / 8, "{name}: {n_hits} of {n_rays} rays hit");
     let mut n = 0;
     for (config_name, config) in configs() {
-        let mut bvh = WideBvh::<&P>::build(shapes.iter().collect(), &config).unwrap();
+        let mut bvh = WideBvh::over_with(shapes.iter().collect(), config).unwrap();
         n += n_oriented(&bvh);
         for path in paths() {
             bvh = bvh.with_path(path);
@@ -87,7 +89,7 @@ fn few_and_equal_shapes_are_hit_as_by_the_loop() {
     let thick = Capsule { ends: [[0.0; 3], [1.0, 1.0, -0.5]], radius: 0.75 };
     agrees("one", &[thick], 80);
     agrees("equal", &[thick; 70], 80);
-    let none = WideBvh::<Capsule>::build(vec![], &Config::default()).unwrap();
+    let none = WideBvh::<Capsule>::over(vec![]).unwrap();
     assert_eq!(none.closest_hit(&Ray::new([0.0; 3], [1.0; 3])), None);
 }
 
@@ -98,47 +100,47 @@ fn diagonal_capsules_get_oriented_nodes_that_save_tests() {
     // From far away pads exceed the width of the capsules.
     let mut rays = rays(&shapes, 1_000);
     rays.retain(|ray| ray.origin.into_iter().all(|x| x.abs() < 100.0));
-    let count = |config: &Config| {
-        let bvh = WideBvh::<Capsule>::build(shapes.clone(), config).unwrap();
+    let count = |config: Config| {
+        let bvh = WideBvh::over_with(shapes.clone(), config).unwrap();
         let mut counts = Counts::default();
         for ray in &rays {
-            bvh.closest_hit_with(ray, InstanceId(0), &mut counts);
+            bvh.closest_hit_with(ray, &mut counts);
         }
-        (n_oriented(&bvh), counts, bvh.traversal_counts(&rays))
+        (n_oriented(&bvh), counts)
     };
-    let (n, oriented, counts) = count(&Config::default());
-    let (none, aligned, _) = count(&Config::default().axis_aligned());
+    let (n, oriented) = count(Config::default());
+    let (none, aligned) = count(Config::default().axis_aligned());
     assert!(n > 100 && none == 0, "{n} oriented nodes");
     assert!(2 * oriented.triangles < aligned.triangles && oriented.boxes < aligned.boxes, "{oriented:?}, {aligned:?}");
-    assert_eq!(8 * counts.nodes.iter().sum::<u64>(), oriented.boxes);
 }
 
 #[test]
 fn slices_and_filters_equal_single_rays() {
     let shapes = capsules(150, 1.0, 0.0);
     let rays = rays(&shapes, 1_500);
-    let bvh = WideBvh::<Capsule>::build(shapes, &Config::default()).unwrap();
+    let bvh = WideBvh::over(shapes).unwrap();
     let accepts = |index: usize, _: &Ray, hit: &Hit| !(index + hit.primitive.index()).is_multiple_of(3);
     let n = rays.len();
     let (mut hits, mut par_hits) = (vec![None; n], vec![None; n]);
     let (mut occluded, mut par_occluded) = (vec![false; n], vec![true; n]);
     let (mut all, mut par_all) = (vec![vec![]; n], vec![vec![]; n]);
-    bvh.closest_hits_where(&rays, &mut hits, accepts);
-    bvh.par_closest_hits_where(&rays, &mut par_hits, accepts);
-    bvh.occluded_many_where(&rays, &mut occluded, accepts);
-    bvh.par_occluded_many_where(&rays, &mut par_occluded, accepts);
-    bvh.all_hits_many_where(&rays, &mut all, accepts);
-    bvh.par_all_hits_many_where(&rays, &mut par_all, accepts);
+    bvh.closest_hits_with(&rays, &mut hits, &accepts);
+    bvh.par_closest_hits_with(&rays, &mut par_hits, &accepts);
+    bvh.occluded_many_with(&rays, &mut occluded, &accepts);
+    bvh.par_occluded_many_with(&rays, &mut par_occluded, &accepts);
+    bvh.all_hits_many_with(&rays, &mut all, &accepts);
+    bvh.par_all_hits_many_with(&rays, &mut par_all, &accepts);
     assert_eq!((&hits, &occluded, &all), (&par_hits, &par_occluded, &par_all));
     let mut single = vec![];
     for (i, ray) in rays.iter().enumerate() {
         let want: Vec<Hit> =
             loop_over_all(bvh.primitives(), ray).into_iter().filter(|hit| accepts(i, ray, hit)).collect();
         assert_eq!((hits[i], occluded[i], &all[i]), (want.first().copied(), !want.is_empty(), &want), "{ray:?}");
-        bvh.all_hits_where(ray, &mut single, |ray, hit| accepts(i, ray, hit));
+        let mut accepts = Accept(|hit: &Hit| accepts(i, ray, hit));
+        bvh.all_hits_with(ray, &mut accepts, &mut single);
         assert_eq!(single, want);
-        assert_eq!(bvh.closest_hit_where(ray, |ray, hit| accepts(i, ray, hit)), want.first().copied());
-        assert_eq!(bvh.occluded_where(ray, |ray, hit| accepts(i, ray, hit)), !want.is_empty());
+        assert_eq!(bvh.closest_hit_with(ray, &mut accepts), want.first().copied());
+        assert_eq!(bvh.occluded_with(ray, &mut accepts), !want.is_empty());
     }
     assert!(hits.iter().flatten().count() > 200);
 }
@@ -149,26 +151,18 @@ fn traversal_visits_all_shapes_that_are_hit() {
     let shapes = capsules(200, 1.0, 0.0);
     let rays = rays(&shapes, 500);
     for (name, config) in configs() {
-        let bvh = WideBvh::<&Capsule>::build(shapes.iter().collect(), &config).unwrap();
+        let bvh = WideBvh::over_with(shapes.iter().collect(), config).unwrap();
         let mut n_visited = 0;
         for ray in &rays {
-            let scaled = ScaledRay::new(ray).expect("rays are valid");
-            let scale = f64::from(scaled.origin.into_iter().fold(bvh.aabb().reach(), |a, x| a.max(x.abs())));
-            let error = 2.0 * f64::from(Capsule::ERROR) * scale;
-            let (mut ordered, mut any) = (vec![], vec![]);
-            bvh.traverse_ordered(&scaled, error, &mut (), |id, t_max, ()| {
-                ordered.push(id);
-                t_max
+            let mut visited = vec![];
+            bvh.traverse(ray, |id, t_max| {
+                visited.push(id);
+                ControlFlow::Continue(t_max)
             });
-            bvh.traverse_any(&scaled, error, &mut (), |id, t_max, ()| {
-                any.push(id);
-                t_max
-            });
-            assert!(loop_over_all(&shapes, ray).iter().all(|hit| ordered.contains(&hit.primitive)), "{name} {ray:?}");
-            n_visited += ordered.len();
-            ordered.sort_unstable();
-            any.sort_unstable();
-            assert_eq!(ordered, any, "{name} {ray:?}");
+            assert!(loop_over_all(&shapes, ray).iter().all(|hit| visited.contains(&hit.primitive)), "{name} {ray:?}");
+            n_visited += visited.len();
+            visited.sort_unstable();
+            assert!(visited.windows(2).all(|pair| pair[0] < pair[1]), "{name} {ray:?}");
         }
         assert!(n_visited < rays.len() * shapes.len() / 2, "{name}: {n_visited} shapes visited");
     }
@@ -182,7 +176,6 @@ impl<const PARTS: u32> Primitive for Shrunk<PARTS> {
         self.0.bounds()
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "intervals are rounded")]
     fn extent_along(&self, direction: [f32; 3]) -> [f32; 2] {
         let [lo, hi] = self.0.extent_along(direction).map(f64::from);
         let by = 1e-6 * f64::from(PARTS) * (hi - lo);
@@ -205,7 +198,7 @@ fn intervals_that_are_too_short_lose_hits() {
         let rays = scenes::rays(&shapes, 4_000);
         let (_, config) = configs().pop().expect("the last one has oriented nodes only");
         let shrunk = shapes.iter().map(|&shape| Shrunk::<PARTS>(shape)).collect();
-        let bvh = WideBvh::<Shrunk<PARTS>>::build(shrunk, &config).unwrap();
+        let bvh = WideBvh::<Shrunk<PARTS>>::over_with(shrunk, config).unwrap();
         rays.iter().filter(|ray| bvh.closest_hit(ray) != loop_over_all(&shapes, ray).first().copied()).count()
     }
     assert_eq!(n_lost::<0>(), 0);
@@ -249,7 +242,7 @@ fn useless_intervals_and_moments_lose_no_hit() {
 #[test]
 fn boxes_are_entered_and_left() {
     let unit = Aabb { min: [0.0; 3], max: [1.0; 3] };
-    let bvh = WideBvh::<Aabb>::build(vec![unit], &Config::default()).unwrap();
+    let bvh = WideBvh::over(vec![unit]).unwrap();
     let mut hits = vec![];
     bvh.all_hits(&Ray::new([0.5, 0.5, -1.0], [0.0, -0.0, 2.0]), &mut hits);
     assert_eq!(hits.iter().map(|hit| (hit.t, hit.side)).collect::<Vec<_>>(), [(0.5, Side::Front), (1.0, Side::Back)]);

@@ -26,7 +26,6 @@ fn contains([lo, hi]: [f32; 2], direction: [f32; 3], point: [f32; 3]) -> bool {
     sum_is_positive(&[x, y, z, -f64::from(lo)]) && sum_is_positive(&[-x, -y, -z, f64::from(hi)])
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how points are stored")]
 fn random(rng: &mut SplitMix64, scale: f64, offset: f64) -> [f32; 3] {
     std::array::from_fn(|_| (scale * rng.signed() + offset) as f32)
 }
@@ -37,7 +36,6 @@ fn intervals_contain_exact_projections_and_little_else() {
     for i in 0..20_000 {
         let (scale, offset) = [(1.0, 0.0), (1e-30, 0.0), (1e15, 0.0), (1.0, 1e7), (1e-3, -1.0)][i % 5];
         let points = [(); 3].map(|()| random(&mut rng, scale, offset));
-        #[expect(clippy::cast_possible_truncation, reason = "a unit vector but for rounding")]
         let direction = rng.on_sphere().map(|x| x as f32);
         let extent = extent_of_points(points, 0.0, direction);
         assert!(points.iter().all(|&point| contains(extent, direction, point)), "{points:?} {direction:?}");

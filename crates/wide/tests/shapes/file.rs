@@ -2,8 +2,8 @@
 
 use canted_fixtures::SplitMix64;
 use canted_obb::Aabb;
-use canted_trace::{Counts, Hit, InstanceId, Sphere};
-use canted_wide::{Config, LoadError, TriangleBvh, WideBvh};
+use canted_trace::{Counts, Hit, Intersect, Sphere};
+use canted_wide::{LoadError, TriangleBvh, WideBvh};
 
 use crate::agree::{configs, first_difference};
 use crate::scenes::{boxes, capsules, rays, spheres, struts};
@@ -13,7 +13,7 @@ use crate::shape::{Capsule, loop_over_all};
 fn what_is_written_is_read() {
     for shapes in [vec![], struts(1), struts(300), capsules(200, 1e-6, 0.0)] {
         for (name, config) in configs() {
-            let bvh = WideBvh::<Capsule>::build(shapes.clone(), &config).unwrap();
+            let bvh = WideBvh::over_with(shapes.clone(), config).unwrap();
             let bytes = bvh.to_bytes();
             let back = WideBvh::<Capsule>::from_bytes(&bytes).unwrap();
             assert_eq!(back.to_bytes(), bytes, "{name}");
@@ -22,8 +22,8 @@ fn what_is_written_is_read() {
             let rays = if shapes.is_empty() { vec![] } else { rays(&shapes, 100) };
             for ray in rays {
                 let [mut a, mut b] = [Counts::default(); 2];
-                let hit = bvh.closest_hit_with(&ray, InstanceId(0), &mut a);
-                assert_eq!(back.closest_hit_with(&ray, InstanceId(0), &mut b), hit, "{name}");
+                let hit = bvh.closest_hit_with(&ray, &mut a);
+                assert_eq!(back.closest_hit_with(&ray, &mut b), hit, "{name}");
                 assert_eq!(a, b, "{name}");
             }
         }
@@ -32,24 +32,20 @@ fn what_is_written_is_read() {
 
 #[test]
 fn spheres_and_boxes_are_saved_too() {
-    let bvh = WideBvh::<Sphere>::build(spheres(50, 1.0, 0.0), &Config::default()).unwrap();
+    let bvh = WideBvh::over(spheres(50, 1.0, 0.0)).unwrap();
     assert_eq!(WideBvh::<Sphere>::from_bytes(&bvh.to_bytes()).unwrap().primitives(), bvh.primitives());
-    let bvh = WideBvh::<Aabb>::build(boxes(50, 1.0, 0.0), &Config::default()).unwrap();
+    let bvh = WideBvh::over(boxes(50, 1.0, 0.0)).unwrap();
     assert_eq!(WideBvh::<Aabb>::from_bytes(&bvh.to_bytes()).unwrap().primitives(), bvh.primitives());
 }
 
 #[test]
 fn files_of_other_primitives_are_rejected() {
-    let capsules = WideBvh::<Capsule>::build(struts(20), &Config::default()).unwrap().to_bytes();
+    let capsules = WideBvh::over(struts(20)).unwrap().to_bytes();
     let error = WideBvh::<Sphere>::from_bytes(&capsules).unwrap_err();
     assert_eq!(error, LoadError::Primitives { found: [4, 28], expected: [4, 16] });
-    assert!(matches!(
-        TriangleBvh::<canted_trace::Watertight>::from_bytes(&capsules),
-        Err(LoadError::Primitives { .. })
-    ));
+    assert!(matches!(TriangleBvh::from_bytes(&capsules), Err(LoadError::Primitives { .. })));
     let mesh = canted_fixtures::soup(1, 20);
-    let triangles =
-        TriangleBvh::<canted_trace::Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default());
+    let triangles = TriangleBvh::build(&mesh.positions, &mesh.triangles);
     assert!(matches!(
         WideBvh::<Capsule>::from_bytes(&triangles.unwrap().to_bytes()),
         Err(LoadError::Primitives { .. })
@@ -58,7 +54,7 @@ fn files_of_other_primitives_are_rejected() {
 
 #[test]
 fn every_changed_byte_is_detected() {
-    let bytes = WideBvh::<Capsule>::build(struts(12), &Config::default()).unwrap().to_bytes();
+    let bytes = WideBvh::over(struts(12)).unwrap().to_bytes();
     for i in 0..bytes.len() {
         let mut damaged = bytes.clone();
         damaged[i] ^= 0x40;
@@ -81,7 +77,7 @@ fn mangled_files_with_correct_checksums_are_rejected_or_valid() {
     const SPECIAL: [u32; 6] = [0, u32::MAX, 0x7fff_ffff, 0x7fc0_0000, 0x7f80_0000, 0x8000_0000];
     let shapes = struts(40);
     let rays = rays(&shapes, 60);
-    let bytes = WideBvh::<Capsule>::build(shapes, &Config::default()).unwrap().to_bytes();
+    let bytes = WideBvh::over(shapes).unwrap().to_bytes();
     let n_words = (bytes.len() - 8) / 4;
     let mut rng = SplitMix64::new(2);
     let mut n_accepted = 0;

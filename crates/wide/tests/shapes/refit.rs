@@ -3,13 +3,12 @@
 use canted_fixtures::SplitMix64;
 use canted_obb::PrimId;
 use canted_trace::Hit;
-use canted_wide::{Config, PrimitiveError, RefitError, WideBvh};
+use canted_wide::{PrimitiveError, RefitError, WideBvh};
 
 use crate::agree::{configs, first_difference, paths};
 use crate::scenes::{capsules, rays, struts};
 use crate::shape::{Capsule, loop_over_all};
 
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how shapes are stored")]
 fn moved(shapes: &[Capsule], size: f64, seed: u64) -> Vec<Capsule> {
     let mut rng = SplitMix64::new(seed);
     let mut step = |x: f32| (f64::from(x) + size * rng.signed()) as f32;
@@ -20,7 +19,7 @@ fn moved(shapes: &[Capsule], size: f64, seed: u64) -> Vec<Capsule> {
 fn hits_equal_the_loop_after_any_motion() {
     for shapes in [capsules(120, 1.0, 0.0), struts(200)] {
         for (name, config) in configs() {
-            let mut bvh = WideBvh::<Capsule>::build(shapes.clone(), &config).unwrap();
+            let mut bvh = WideBvh::over_with(shapes.clone(), config).unwrap();
             let flat = shapes.iter().map(|s| Capsule { ends: s.ends.map(|[x, y, _]| [x, y, -0.0]), radius: 0.0 });
             let motions = [moved(&shapes, 0.1, 1), moved(&shapes, 5.0, 2), flat.collect(), shapes.clone()];
             for shapes in motions {
@@ -41,7 +40,7 @@ fn hits_equal_the_loop_after_any_motion() {
 fn the_same_shapes_give_the_same_bvh() {
     let shapes = struts(500);
     for (name, config) in configs() {
-        let mut bvh = WideBvh::<Capsule>::build(shapes.clone(), &config).unwrap();
+        let mut bvh = WideBvh::over_with(shapes.clone(), config).unwrap();
         let records = |bvh: &WideBvh<Capsule>| bvh.to_bytes()[160..bvh.to_bytes().len() - 8].to_vec();
         let built = records(&bvh);
         let refit = bvh.refit(shapes.clone()).unwrap();
@@ -59,7 +58,7 @@ fn the_same_shapes_give_the_same_bvh() {
 fn a_bvh_that_is_not_refitted_is_detected() {
     let shapes = struts(200);
     let after = moved(&shapes, 0.5, 1);
-    let bvh = WideBvh::<Capsule>::build(shapes, &Config::default()).unwrap();
+    let bvh = WideBvh::over(shapes).unwrap();
     let rays = rays(&after, 150);
     let wants: Vec<Vec<Hit>> = rays.iter().map(|ray| loop_over_all(&after, ray)).collect();
     assert!(first_difference(&bvh, &rays, &wants).is_some());
@@ -68,7 +67,7 @@ fn a_bvh_that_is_not_refitted_is_detected() {
 #[test]
 fn rejected_shapes_change_nothing() {
     let shapes = struts(50);
-    let mut bvh = WideBvh::<Capsule>::build(shapes.clone(), &Config::default()).unwrap();
+    let mut bvh = WideBvh::over(shapes.clone()).unwrap();
     let before = bvh.to_bytes();
     let mut bad = shapes.clone();
     bad[17].ends[1][2] = f32::NAN;

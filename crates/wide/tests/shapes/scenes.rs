@@ -1,5 +1,4 @@
 //! Shapes of all sizes and orientations, and rays at them.
-#![expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how shapes and rays are stored")]
 
 use canted_fixtures::SplitMix64;
 use canted_obb::Aabb;

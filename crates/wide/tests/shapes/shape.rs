@@ -1,5 +1,4 @@
 //! Capsules and disks, and the loop over all shapes.
-#![expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how hits are stored")]
 
 use canted_obb::{Aabb, Moments, PrimId};
 use canted_trace::{Hit, InstanceId, Ray, ScaledRay, Side};

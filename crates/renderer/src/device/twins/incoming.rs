@@ -75,6 +75,7 @@ fn surface(position: [f32; 3]) -> Surface {
         emission: [0.0; 3],
         offset: 0.0,
         cone: Cone::ZERO,
+        time: 0.0,
     }
 }
 

@@ -63,6 +63,7 @@ impl Query {
             emission: [0.0; 3],
             offset: 0.0,
             cone: Cone::ZERO,
+            time: 0.0,
         }
     }
 

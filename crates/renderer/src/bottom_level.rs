@@ -1,0 +1,331 @@
+//! The BVH over the triangles of one mesh, or of all instances: which one, and how it is built.
+
+use canted_bih::{Bih, BihConfig};
+use canted_bvh2::{Bvh2, Bvh2Boxes, Bvh2Config, PairOrder};
+use canted_kdtree::{KdTree, KdTreeConfig};
+use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig};
+use canted_obb::{Aabb, Obb, PrimId};
+use canted_sah::{SpatialConfig, TopDownConfig};
+use canted_scene::Mesh;
+use canted_tlas::TopConfig;
+use canted_trace::{AcceptAt, Answers, HIT_ERROR, Hit, Intersect, Query, Ray, ScaledRay, pad_aabb};
+use canted_wide::{Config, MAX_TRIANGLES, MovingBvh, RefitError, Sizes, TriangleBvh};
+
+use crate::{PrepareError, SceneBvhConfig};
+
+/// Kind of acceleration structure over triangles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BvhKind {
+    /// Eight-wide nodes, aligned or oriented, whichever is predicted to be cheaper.
+    #[default]
+    Wide,
+    /// Binary nodes with one kind of bounding volume.
+    Bvh2,
+    /// A bounding interval hierarchy, below wide nodes over instances.
+    Bih,
+    /// A SAH kd-tree, below wide nodes over instances.
+    KdTree,
+}
+
+/// Builder of binary trees.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Builder {
+    /// Merges neighbors along the Morton curve by area, then reinserts subtrees.
+    Ploc,
+    /// The radix tree over Morton codes.
+    Lbvh,
+    /// Top down by the surface area heuristic.
+    Sah,
+    /// As [`Builder::Sah`], but triangles that cross a split may be in both children, each with the box of its part.
+    Sbvh,
+    /// The external crate `obvhs`, of which only the tree is used.
+    #[cfg(feature = "baseline")]
+    Obvhs,
+}
+
+impl Builder {
+    /// Our own builder; `None` for an external one, and where leaves are parts of triangles.
+    fn own(self) -> Option<canted_sah::Builder> {
+        match self {
+            Self::Lbvh => Some(canted_sah::Builder::Lbvh),
+            Self::Ploc => Some(canted_sah::Builder::BALANCED),
+            Self::Sah => Some(canted_sah::Builder::TopDown(TopDownConfig::BINNED, None)),
+            Self::Sbvh => None,
+            #[cfg(feature = "baseline")]
+            Self::Obvhs => None,
+        }
+    }
+
+    /// The tree over triangles, one per leaf.
+    fn tree(self, corners: &[Corners], bounds: &Aabb) -> Result<lbvh::Tree, PrepareError> {
+        match self {
+            #[cfg(feature = "baseline")]
+            Self::Obvhs if corners.len() > 1 => Ok(obvhs_tree(corners, obvhs::BvhBuildParams::medium_build())?),
+            // Over centroids, as `canted tree` writes it; `canted_sah` builds its radix tree over boxes.
+            Self::Lbvh => {
+                let bits = lbvh::Bits::B63;
+                let codes = lbvh::morton_codes(&lbvh::Domain::new(bounds, 3, bits), corners);
+                Ok(lbvh::radix(lbvh::sort_by_code(&codes, bits)))
+            }
+            _ => {
+                let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
+                Ok(canted_sah::build(&boxes, bounds, &self.own().unwrap_or_default()))
+            }
+        }
+    }
+}
+
+/// The topology of a BVH that `obvhs` builds over at least two triangles, one per leaf; volumes are fitted by our own code.
+///
+/// # Errors
+/// If the nodes do not form a tree over the triangles.
+#[cfg(feature = "baseline")]
+pub fn obvhs_tree(corners: &[Corners], params: obvhs::BvhBuildParams) -> Result<lbvh::Tree, lbvh::TopologyError> {
+    use obvhs::{aabb, bvh2::builder::build_bvh2};
+
+    let boxes = corners.iter().map(|c| aabb::Aabb::from_points(&c.map(glam::Vec3A::from_array)));
+    let params = obvhs::BvhBuildParams { pre_split: false, max_prims_per_leaf: 1, ..params };
+    let bvh = build_bvh2(&boxes.collect::<Vec<_>>(), params, &mut std::time::Duration::default());
+    let mut children = Vec::with_capacity(bvh.primitive_indices.len());
+    // The `obvhs` index of each inner node, in our numbering.
+    let mut inner = vec![0usize];
+    let mut next = 0;
+    while let Some(&node) = inner.get(next) {
+        next += 1;
+        let first = bvh.nodes[node].first_index as usize;
+        children.push([first, first + 1].map(|child| {
+            let node = &bvh.nodes[child];
+            if node.is_leaf() {
+                lbvh::Child::leaf(bvh.primitive_indices[node.first_index as usize])
+            } else {
+                inner.push(child);
+                lbvh::Child::inner(lbvh::NodeId(inner.len() as u32 - 1))
+            }
+        }));
+    }
+    lbvh::Tree::from_children(&children)
+}
+
+impl SceneBvhConfig {
+    /// Triangles that one BVH can index.
+    pub(crate) fn max_triangles(&self) -> usize {
+        if self.kind == BvhKind::Wide { MAX_TRIANGLES } else { lbvh::MAX_PRIMITIVES }
+    }
+
+    /// The BVH over instances.
+    pub(crate) fn top(&self) -> TopConfig {
+        match self.kind {
+            BvhKind::Wide => TopConfig::Wide(Config::preset(self.preset)),
+            BvhKind::Bvh2 => {
+                TopConfig::other(Bvh2Boxes::builder(VolumeConfig { strategy: self.volumes, fallback: true }))
+            }
+            BvhKind::Bih | BvhKind::KdTree => TopConfig::Wide(Config::default()),
+        }
+    }
+
+    fn wide(&self) -> Config {
+        Config { test: self.triangles, ..Config::preset(self.preset) }
+    }
+
+    /// Builds the BVH of a mesh.
+    pub(crate) fn build(&self, of: Triangles) -> Result<BottomLevel, PrepareError> {
+        let Triangles { positions, close, triangles } = of;
+        if let Some(close) = close {
+            if self.kind != BvhKind::Wide {
+                return Err(PrepareError::MovingTriangles);
+            }
+            return Ok(BottomLevel::Moving(MovingBvh::build_with(positions, close, triangles, self.wide())?));
+        }
+        let test = self.triangles;
+        match self.kind {
+            BvhKind::Wide => self.build_wide(positions, triangles).map(BottomLevel::Wide),
+            BvhKind::Bvh2 => Ok(BottomLevel::Binary(self.build_binary(positions, triangles)?, self.volumes)),
+            BvhKind::Bih => {
+                Ok(BottomLevel::Bih(Bih::build(positions, triangles, &BihConfig { test, ..BihConfig::default() })?))
+            }
+            BvhKind::KdTree => {
+                let config = KdTreeConfig { test, ..KdTreeConfig::default() };
+                Ok(BottomLevel::KdTree(KdTree::build(positions, triangles, &config)?))
+            }
+        }
+    }
+
+    fn build_binary(&self, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Bvh2, PrepareError> {
+        let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
+        let volumes = VolumeConfig { strategy: self.volumes, fallback: true };
+        let builder = self.builder.unwrap_or(Builder::Ploc);
+        if builder != Builder::Sbvh {
+            let config = Bvh2Config { volumes, test: self.triangles, ..Bvh2Config::default() };
+            return Ok(Bvh2::over(builder.tree(&corners, &bounds)?, &corners, &bounds, &config));
+        }
+        let (tree, parts) = parts(&corners);
+        // Padded by the reach of the whole triangle, to which the errors of its hits are relative.
+        let padded = |(part, leaf): (&Aabb, &PrimId)| pad_aabb(part, corners[leaf.index()].aabb().reach());
+        let leaves: Vec<Obb> = parts.iter().zip(&tree.leaves).map(|of| Obb::from_aabb(&padded(of))).collect();
+        let volumes = lbvh::volumes(&tree, &leaves, &volumes);
+        let sorted = lbvh::in_leaf_order(&corners, &tree.leaves);
+        Ok(Bvh2::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst, self.triangles))
+    }
+
+    fn build_wide(&self, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<TriangleBvh, PrepareError> {
+        let preset = self.wide();
+        let config = match self.builder.map(|builder| (builder, builder.own())) {
+            None => preset,
+            Some((_, Some(own))) => Config { builder: own, alternative_builder: None, groups: None, ..preset },
+            Some((Builder::Sbvh, _)) => {
+                let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
+                let (tree, parts) = parts(&corners);
+                return Ok(TriangleBvh::from_tree_of_parts(&tree, parts, &corners, &bounds, preset)?);
+            }
+            Some((external, None)) if triangles.len() > 1 => {
+                let (corners, bounds) = lbvh::triangle_corners(positions, triangles)?;
+                let tree = external.tree(&corners, &bounds)?;
+                return Ok(TriangleBvh::from_tree(&tree, &corners, &bounds, preset)?);
+            }
+            Some(_) => preset,
+        };
+        Ok(TriangleBvh::build_with(positions, triangles, config)?)
+    }
+}
+
+/// A tree with spatial splits whose leaves name triangles, and the boxes of their parts in leaf order.
+fn parts(corners: &[Corners]) -> (lbvh::Tree, Vec<Aabb>) {
+    let (mut tree, references) = canted_sah::spatial(corners, &SpatialConfig::default());
+    let parts = tree.leaves.iter().map(|part| references.boxes[part.index()]).collect();
+    tree.leaves.iter_mut().for_each(|leaf| *leaf = references.primitives[leaf.index()]);
+    (tree, parts)
+}
+
+/// The triangles of a mesh, or of all instances.
+#[derive(Clone, Copy)]
+pub(crate) struct Triangles<'a> {
+    pub(crate) positions: &'a [[f32; 3]],
+    /// Positions at shutter close, if the vertices move.
+    pub(crate) close: Option<&'a [[f32; 3]]>,
+    pub(crate) triangles: &'a [[u32; 3]],
+}
+
+impl<'a> From<&'a Mesh> for Triangles<'a> {
+    fn from(Mesh { positions, close, triangles, .. }: &'a Mesh) -> Self {
+        Self { positions, close: close.as_ref().map(|close| &close.positions[..]), triangles }
+    }
+}
+
+/// The acceleration structure over the triangles of one mesh, or of all instances.
+pub enum BottomLevel {
+    /// Eight-wide, with aligned and oriented nodes.
+    Wide(TriangleBvh),
+    /// As `Wide`, over triangles whose vertices move while the shutter is open.
+    Moving(MovingBvh),
+    /// Binary, with volumes of one strategy.
+    Binary(Bvh2, Strategy),
+    /// A bounding interval hierarchy.
+    Bih(Bih),
+    /// A kd-tree.
+    KdTree(KdTree),
+}
+
+impl BottomLevel {
+    fn inner(&self) -> &dyn Intersect {
+        match self {
+            Self::Wide(bvh) => bvh,
+            Self::Moving(bvh) => bvh,
+            Self::Binary(bvh, _) => bvh,
+            Self::Bih(bih) => bih,
+            Self::KdTree(tree) => tree,
+        }
+    }
+
+    /// Memory of nodes and triangles.
+    #[must_use]
+    pub fn n_bytes(&self) -> usize {
+        match self {
+            Self::Wide(bvh) => bvh.n_bytes(),
+            Self::Moving(bvh) => bvh.n_bytes(),
+            Self::Binary(bvh, _) => bvh.n_bytes(),
+            Self::Bih(bih) => bih.n_bytes(),
+            Self::KdTree(tree) => tree.n_bytes(),
+        }
+    }
+
+    /// Updates the boxes to new vertices of the same triangles; returns the drift, or `None` where this kind of structure cannot be
+    /// refitted.
+    pub(crate) fn refit(
+        &mut self,
+        Triangles { positions, close, triangles }: Triangles,
+    ) -> Result<Option<f32>, PrepareError> {
+        let refit = match (self, close) {
+            (Self::Wide(wide), None) => wide.refit(positions, triangles),
+            (Self::Moving(moving), Some(close)) => moving.refit(positions, close, triangles),
+            _ => return Ok(None),
+        };
+        match refit {
+            Ok(refit) => Ok(Some(refit.drift)),
+            Err(RefitError::Geometry(error)) => Err(error.into()),
+            // The caller then builds a BVH over the new number of triangles.
+            Err(_) => Ok(None),
+        }
+    }
+
+    /// Calls `visit` with the box of each node and leaf, object space: the box, its level, 0 for the root, and whether it is a leaf.
+    pub fn each_box(&self, mut visit: impl FnMut(Obb, u32, bool)) {
+        match self {
+            Self::Wide(bvh) => bvh.each_box(visit),
+            Self::Moving(bvh) => bvh.each_box(visit),
+            Self::Binary(bvh, _) => {
+                bvh.pairs().each_box(|obb, level, is_leaf| visit(bvh.reference().given_box(obb), level, is_leaf));
+            }
+            Self::Bih(bih) => {
+                bih.boxes().each_box(|obb, level, is_leaf| visit(bih.reference().given_box(obb), level, is_leaf));
+            }
+            Self::KdTree(tree) => {
+                tree.nodes().each_box(|obb, level, is_leaf| visit(tree.reference().given_box(obb), level, is_leaf));
+            }
+        }
+    }
+
+    /// Whether it has oriented nodes.
+    pub(crate) fn has_oriented_nodes(&self) -> bool {
+        let of_wide = |Sizes { nodes: [_, oriented], .. }, frame| oriented > 0 || frame != Obb::IDENTITY_FRAME;
+        match self {
+            Self::Wide(wide) => of_wide(wide.sizes(), wide.frame()),
+            Self::Moving(moving) => of_wide(moving.sizes(), moving.frame()),
+            Self::Binary(_, strategy) => *strategy != Strategy::Aabb,
+            Self::Bih(_) | Self::KdTree(_) => false,
+        }
+    }
+}
+
+impl Intersect for BottomLevel {
+    fn bounds(&self) -> Obb {
+        self.inner().bounds()
+    }
+
+    fn hit_error(&self) -> f32 {
+        HIT_ERROR
+    }
+
+    fn has_local_error(&self) -> bool {
+        true
+    }
+
+    fn stack_len(&self) -> usize {
+        self.inner().stack_len()
+    }
+
+    fn closest_hit_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> Option<Hit> {
+        self.inner().closest_hit_scaled(ray, query, stack)
+    }
+
+    fn occluded_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> bool {
+        self.inner().occluded_scaled(ray, query, stack)
+    }
+
+    fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>) {
+        self.inner().all_hits_scaled(ray, query, stack, hits);
+    }
+
+    fn answer(&self, rays: &[Ray], first: usize, accept: Option<&AcceptAt>, answers: Answers) {
+        self.inner().answer(rays, first, accept, answers);
+    }
+}

@@ -1,0 +1,500 @@
+//! The acceleration structure of a scene, in one level or two: built once, updated from frame to frame.
+
+use std::time::{Duration, Instant};
+
+use canted_film::Hash;
+use canted_lbvh::Strategy;
+use canted_obb::{Affine, Obb, PrimId};
+use canted_scene::{Instance, Material, Mesh, Scene};
+use canted_tlas::Tlas;
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Intersect, Query, ScaledRay, TriangleTest};
+use canted_wide::Preset;
+use rayon::prelude::*;
+
+use crate::bottom_level::Triangles;
+use crate::update_policy::BvhCosts;
+use crate::{BottomLevel, Builder, BvhKind, PrepareError, light};
+
+/// How many levels of BVHs a scene gets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Levels {
+    /// Two where instances multiply the number of triangles or exceed what one BVH can index; else one.
+    #[default]
+    Auto,
+    /// One BVH over all triangles in world space; two levels all the same where an instance moves.
+    One,
+    /// A BVH per mesh, and one over the instances.
+    Two,
+}
+
+/// The acceleration structure to build.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SceneBvhConfig {
+    /// Number of levels.
+    pub levels: Levels,
+    /// The structure over triangles.
+    pub kind: BvhKind,
+    /// Build effort of a wide BVH.
+    pub preset: Preset,
+    /// Builder of the binary tree of a wide or binary BVH; `None` for the preset's, or [`Builder::Ploc`].
+    pub builder: Option<Builder>,
+    /// Bounding volumes of a binary BVH.
+    pub volumes: Strategy,
+    /// The triangle test.
+    pub triangles: TriangleTest,
+}
+
+impl Default for SceneBvhConfig {
+    fn default() -> Self {
+        Self {
+            levels: Levels::default(),
+            kind: BvhKind::default(),
+            preset: Preset::default(),
+            builder: None,
+            volumes: Strategy::Aabb,
+            triangles: TriangleTest::default(),
+        }
+    }
+}
+
+/// A feature that a scene does not need, and for which nothing is built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UnusedFeature {
+    /// The feature.
+    pub feature: &'static str,
+    /// Why this scene does not need it.
+    pub reason: &'static str,
+}
+
+/// The acceleration structure of a scene.
+///
+/// Its rays are in world space. In every hit, including those that a query sees, `instance` is an index into the scene's instances and
+/// `primitive` a triangle index in the mesh of that instance.
+pub struct SceneBvh {
+    pub(crate) levels: SceneLevels,
+    /// What the scene does not need.
+    pub unused: Vec<UnusedFeature>,
+    /// Time to build all levels, or of the last update.
+    pub build_time: Duration,
+    /// For [`SceneBvh::update`].
+    pub(crate) history: History,
+}
+
+/// The levels of a [`SceneBvh`].
+pub enum SceneLevels {
+    /// One BVH over the triangles of all instances, in world space.
+    One(FlatBvh),
+    /// A BVH per mesh, and one over the instances.
+    Two(Tlas<BottomLevel>),
+}
+
+/// One BVH over the triangles of all instances, in world space.
+pub struct FlatBvh {
+    pub(crate) bvh: BottomLevel,
+    /// Index of the first triangle of each instance.
+    pub(crate) first: Vec<u32>,
+}
+
+impl FlatBvh {
+    /// The BVH.
+    #[must_use]
+    pub fn bvh(&self) -> &BottomLevel {
+        &self.bvh
+    }
+
+    /// Replaces the index of a triangle among all instances by its instance and its index in the mesh.
+    #[inline]
+    fn in_instance(&self, hit: Hit) -> Hit {
+        let instance = self.first.partition_point(|&first| first <= hit.primitive.0) - 1;
+        let primitive = PrimId(hit.primitive.0 - self.first[instance]);
+        Hit { instance: InstanceId(instance as u32), primitive, ..hit }
+    }
+}
+
+/// Passes hits of the flat BVH on to `query` by instance.
+struct InInstance<'a> {
+    flat: &'a FlatBvh,
+    query: &'a mut dyn Query,
+}
+
+impl Query for InInstance<'_> {
+    fn may_reject(&self) -> bool {
+        self.query.may_reject()
+    }
+
+    fn counts(&self) -> bool {
+        self.query.counts()
+    }
+
+    fn boxes(&mut self, n: u32) {
+        self.query.boxes(n);
+    }
+
+    fn triangles(&mut self, n: u32) {
+        self.query.triangles(n);
+    }
+
+    fn accepts(&mut self, hit: &Hit) -> bool {
+        self.query.accepts(&self.flat.in_instance(*hit))
+    }
+}
+
+/// Triangles in world space for each one in a mesh up to which one level is faster and its memory acceptable.
+const WORTH_FLATTENING: f64 = 1.5;
+
+impl SceneBvh {
+    /// Builds what a scene needs for tracing, and nothing else.
+    ///
+    /// # Errors
+    /// Invalid geometry or transforms, by index; more triangles than one BVH can index.
+    pub fn build(scene: &Scene, config: &SceneBvhConfig) -> Result<Self, PrepareError> {
+        Self::build_in(Capacity::of(config), scene, config)
+    }
+
+    /// [`SceneBvh::build`] with the capacity of one BVH.
+    fn build_in(capacity: Capacity, scene: &Scene, config: &SceneBvhConfig) -> Result<Self, PrepareError> {
+        let start = Instant::now();
+        let one = has_one_level_in(capacity, scene, config)?;
+        let levels = if one { one_level(scene, config)? } else { two_levels(scene, config)? };
+        let unused = unused_features(&levels, scene, config);
+        let build_time = start.elapsed();
+        Ok(Self { levels, unused, build_time, history: History::new(scene, config, one, build_time) })
+    }
+
+    /// One level or two.
+    #[must_use]
+    pub fn levels(&self) -> &SceneLevels {
+        &self.levels
+    }
+
+    /// The BVHs over triangles.
+    #[must_use]
+    pub fn bottom(&self) -> &[BottomLevel] {
+        self.levels.bottom()
+    }
+
+    /// Memory of all levels.
+    #[must_use]
+    pub fn n_bytes(&self) -> usize {
+        let bottom: usize = self.bottom().iter().map(BottomLevel::n_bytes).sum();
+        match &self.levels {
+            SceneLevels::One(_) => bottom,
+            SceneLevels::Two(tlas) => bottom + tlas.n_bytes(),
+        }
+    }
+}
+
+impl SceneLevels {
+    pub(crate) fn bottom(&self) -> &[BottomLevel] {
+        match self {
+            Self::One(flat) => std::slice::from_ref(&flat.bvh),
+            Self::Two(tlas) => tlas.blas(),
+        }
+    }
+}
+
+impl Intersect for SceneBvh {
+    fn bounds(&self) -> Obb {
+        match &self.levels {
+            SceneLevels::One(flat) => flat.bvh.bounds(),
+            SceneLevels::Two(tlas) => tlas.bounds(),
+        }
+    }
+
+    fn hit_error(&self) -> f32 {
+        match &self.levels {
+            SceneLevels::One(_) => HIT_ERROR,
+            SceneLevels::Two(tlas) => tlas.hit_error(),
+        }
+    }
+
+    fn stack_len(&self) -> usize {
+        match &self.levels {
+            SceneLevels::One(flat) => flat.bvh.stack_len(),
+            SceneLevels::Two(tlas) => tlas.stack_len(),
+        }
+    }
+
+    fn closest_hit_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> Option<Hit> {
+        match &self.levels {
+            SceneLevels::One(flat) => {
+                let hit = if query.may_reject() {
+                    flat.bvh.closest_hit_scaled(ray, &mut InInstance { flat, query }, stack)
+                } else {
+                    flat.bvh.closest_hit_scaled(ray, query, stack)
+                };
+                hit.map(|hit| flat.in_instance(hit))
+            }
+            SceneLevels::Two(tlas) => tlas.closest_hit_scaled(ray, query, stack),
+        }
+    }
+
+    fn occluded_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> bool {
+        match &self.levels {
+            SceneLevels::One(flat) if query.may_reject() => {
+                flat.bvh.occluded_scaled(ray, &mut InInstance { flat, query }, stack)
+            }
+            SceneLevels::One(flat) => flat.bvh.occluded_scaled(ray, query, stack),
+            SceneLevels::Two(tlas) => tlas.occluded_scaled(ray, query, stack),
+        }
+    }
+
+    fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>) {
+        match &self.levels {
+            SceneLevels::One(flat) => {
+                let start = hits.len();
+                flat.bvh.all_hits_scaled(ray, &mut InInstance { flat, query }, stack, hits);
+                hits[start..].iter_mut().for_each(|hit| *hit = flat.in_instance(*hit));
+            }
+            SceneLevels::Two(tlas) => tlas.all_hits_scaled(ray, query, stack, hits),
+        }
+    }
+}
+
+/// Builds one BVH over the triangles of all instances.
+fn one_level(scene: &Scene, config: &SceneBvhConfig) -> Result<SceneLevels, PrepareError> {
+    // A mesh that stays where it is needs no copy.
+    if let [instance] = &scene.instances[..]
+        && instance.world_from_object == Affine::IDENTITY
+    {
+        let Mesh { positions, triangles, .. } = &scene.meshes[instance.mesh.0 as usize];
+        let triangles = Triangles { positions, close: None, triangles };
+        return Ok(SceneLevels::One(FlatBvh { bvh: config.build(triangles)?, first: vec![0] }));
+    }
+    let (positions, triangles, first) = flatten(scene)?;
+    let triangles = Triangles { positions: &positions, close: None, triangles: &triangles };
+    Ok(SceneLevels::One(FlatBvh { bvh: config.build(triangles)?, first }))
+}
+
+/// Builds a BVH per mesh, and one over the instances.
+fn two_levels(scene: &Scene, config: &SceneBvhConfig) -> Result<SceneLevels, PrepareError> {
+    let meshes = scene.meshes.par_iter().map(|mesh| config.build(mesh.into()));
+    let tlas = Tlas::new(meshes.collect::<Result<Vec<_>, _>>()?, &instances(scene), config.top())?;
+    Ok(SceneLevels::Two(tlas))
+}
+
+/// A scene as one mesh in world space: positions, triangles, and the first triangle of each instance.
+pub type Flattened = (Vec<[f32; 3]>, Vec<[u32; 3]>, Vec<u32>);
+
+/// Transforms all instances into one mesh in world space; what moves, as the shutter opens.
+///
+/// # Errors
+/// [`PrepareError::TooMany`], before any instance is transformed.
+pub fn flatten(scene: &Scene) -> Result<Flattened, PrepareError> {
+    Capacity { n_triangles: canted_lbvh::MAX_PRIMITIVES, ..Capacity::MAX }.check(scene)?;
+    let (mut positions, mut triangles, mut first) = (vec![], vec![], vec![]);
+    for instance in &scene.instances {
+        let mesh = &scene.meshes[instance.mesh.0 as usize];
+        let base = positions.len() as u32;
+        first.push(triangles.len() as u32);
+        positions.extend(mesh.positions.iter().map(|&p| instance.world_from_object.point(p)));
+        triangles.extend(mesh.triangles.iter().map(|t| t.map(|i| base + i)));
+    }
+    Ok((positions, triangles, first))
+}
+
+/// How many triangles and vertices one BVH can index.
+#[derive(Clone, Copy, Debug)]
+struct Capacity {
+    n_triangles: usize,
+    n_vertices: usize,
+}
+
+impl Capacity {
+    /// What `u32` can index.
+    const MAX: Self = Self { n_triangles: u32::MAX as usize, n_vertices: u32::MAX as usize };
+
+    fn of(config: &SceneBvhConfig) -> Self {
+        Self { n_triangles: config.max_triangles(), ..Self::MAX }
+    }
+
+    /// Rejects a scene whose instances together exceed it.
+    fn check(self, scene: &Scene) -> Result<(), PrepareError> {
+        let n_triangles = scene.n_placed_triangles();
+        let n_vertices = scene.instances.iter().map(|i| scene.meshes[i.mesh.0 as usize].positions.len()).sum();
+        if n_triangles > self.n_triangles || n_vertices > self.n_vertices {
+            return Err(PrepareError::TooMany { n_triangles, n_vertices });
+        }
+        Ok(())
+    }
+}
+
+/// The instances of a scene for the top-level BVH.
+pub(crate) fn instances(scene: &Scene) -> Vec<canted_tlas::Instance> {
+    scene
+        .instances
+        .iter()
+        .map(|instance| canted_tlas::Instance {
+            world_from_object_close: instance.world_from_object_close,
+            ..canted_tlas::Instance::new(instance.mesh.0, instance.world_from_object)
+        })
+        .collect()
+}
+
+/// Whether [`SceneBvh::build`] gives a scene one level.
+///
+/// # Errors
+/// One level was requested, and the scene exceeds what one BVH can index.
+pub(crate) fn has_one_level(scene: &Scene, config: &SceneBvhConfig) -> Result<bool, PrepareError> {
+    has_one_level_in(Capacity::of(config), scene, config)
+}
+
+fn has_one_level_in(capacity: Capacity, scene: &Scene, config: &SceneBvhConfig) -> Result<bool, PrepareError> {
+    let n_triangles = scene.n_placed_triangles();
+    let fits = capacity.check(scene);
+    let one = match config.levels {
+        _ if scene.has_motion() => false,
+        // One level traces faster: no bounds of whole meshes that overlap, and no transforms.
+        Levels::Auto => fits.is_ok() && n_triangles as f64 <= WORTH_FLATTENING * scene.n_unique_triangles() as f64,
+        Levels::One => true,
+        Levels::Two => false,
+    };
+    if one {
+        fits?;
+    }
+    Ok(one)
+}
+
+/// Features that `scene` does not need in this structure.
+pub(crate) fn unused_features(levels: &SceneLevels, scene: &Scene, config: &SceneBvhConfig) -> Vec<UnusedFeature> {
+    let aligned = match config.kind {
+        BvhKind::Bvh2 if config.volumes == Strategy::Aabb => Some("axis-aligned boxes were requested"),
+        BvhKind::Bih | BvhKind::KdTree => Some("the requested structure has none"),
+        _ if levels.bottom().iter().any(BottomLevel::has_oriented_nodes) => None,
+        _ => Some("no gain in predicted cost"),
+    };
+    let one_level = match config.levels {
+        _ if !matches!(levels, SceneLevels::One(_)) => None,
+        Levels::One => Some("one level was requested"),
+        _ => Some("few meshes have several instances"),
+    };
+    let any_material = |has: fn(&Material) -> bool| scene.materials.iter().any(has);
+    let unless = |needed: bool, reason| (!needed).then_some(reason);
+    [
+        ("top-level BVH", one_level),
+        ("motion", unless(scene.has_motion(), "no instance moves")),
+        ("oriented nodes", aligned),
+        ("textures", unless(any_material(|m| m.textures().next().is_some()), "no material has one")),
+        ("texture coordinates", unless(scene.meshes.iter().any(|m| m.uvs.is_some()), "no texture is looked up")),
+        ("alpha test", unless(any_material(Material::uses_alpha), "every surface is opaque")),
+        ("shading normals", unless(scene.meshes.iter().any(|m| m.normals.is_some()), "no mesh has normals")),
+        ("listed lights", unless(!scene.lights.is_empty(), "the scene lists none")),
+        ("emission", unless(any_material(Material::is_emissive), "no surface emits")),
+        ("light selection", unless(light::has_multiple_lights(scene), "there is at most one light")),
+    ]
+    .into_iter()
+    .filter_map(|(feature, reason)| Some(UnusedFeature { feature, reason: reason? }))
+    .collect()
+}
+
+/// Hashes of the vertices and of the triangles of a mesh: different ones are equal with probability 2^-64.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct MeshKey {
+    pub(crate) positions: u64,
+    pub(crate) triangles: u64,
+}
+
+impl MeshKey {
+    pub(crate) fn of(mesh: &Mesh) -> Self {
+        let [mut positions, mut triangles] = [Hash::default(); 2];
+        positions.floats(&mesh.positions);
+        // The number of positions is that of the first list.
+        positions.floats(mesh.close.as_ref().map(|close| &close.positions[..]).unwrap_or_default());
+        triangles.words(mesh.triangles.iter().flatten().copied());
+        Self { positions: positions.finish(), triangles: triangles.finish() }
+    }
+}
+
+/// What a [`SceneBvh`] was built or updated for.
+#[derive(Clone, Debug)]
+pub(crate) struct History {
+    pub(crate) config: SceneBvhConfig,
+    pub(crate) meshes: Vec<MeshKey>,
+    pub(crate) instances: Vec<Instance>,
+    /// Costs of each bottom-level BVH.
+    pub(crate) costs: Vec<BvhCosts>,
+    /// Whether an update failed, so that the structure may be a mixture.
+    pub(crate) is_stale: bool,
+}
+
+impl History {
+    fn new(scene: &Scene, config: &SceneBvhConfig, one_level: bool, build_time: Duration) -> Self {
+        let seconds = build_time.as_secs_f64();
+        let shares = if one_level { vec![1.0] } else { triangle_shares(scene, |_| 1) };
+        Self {
+            config: *config,
+            meshes: scene.meshes.par_iter().map(MeshKey::of).collect(),
+            instances: scene.instances.clone(),
+            costs: shares.into_iter().map(|share| BvhCosts::built_in(share * seconds)).collect(),
+            is_stale: false,
+        }
+    }
+}
+
+/// For each mesh, the fraction of all triangles that is in it, if mesh `i` counts `weight(i)` times.
+pub(crate) fn triangle_shares(scene: &Scene, weight: impl Fn(usize) -> usize) -> Vec<f64> {
+    let weighted = |(i, mesh): (usize, &Mesh)| (mesh.triangles.len() * weight(i)) as f64;
+    let all: Vec<f64> = scene.meshes.iter().enumerate().map(weighted).collect();
+    let sum = all.iter().sum::<f64>().max(1.0);
+    all.into_iter().map(|n| n / sum).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_obb::Affine;
+    use canted_scene::{Instance, Mesh, MeshId};
+
+    use super::*;
+
+    /// Two triangles over four vertices; `is_bad` where one has an invalid index.
+    fn mesh(is_bad: bool) -> Mesh {
+        let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+        Mesh { positions, triangles: vec![[0, 1, 2], [1, 2, if is_bad { 9 } else { 3 }]], ..Mesh::default() }
+    }
+
+    /// Three meshes with an instance each: six triangles, twelve vertices.
+    fn scene(is_bad: bool) -> Scene {
+        let instance = |i| Instance {
+            mesh: MeshId(i),
+            world_from_object: Affine::IDENTITY,
+            world_from_object_close: None,
+            first_primitive: 2 * i,
+        };
+        Scene { meshes: vec![mesh(is_bad); 3], instances: (0..3).map(instance).collect(), ..Scene::default() }
+    }
+
+    fn levels(capacity: Capacity, levels: Levels, is_bad: bool) -> Result<usize, PrepareError> {
+        let config = SceneBvhConfig { levels, ..SceneBvhConfig::default() };
+        let bvh = SceneBvh::build_in(capacity, &scene(is_bad), &config)?;
+        Ok(if matches!(bvh.levels, SceneLevels::One(_)) { 1 } else { 2 })
+    }
+
+    #[test]
+    fn one_level_is_rejected_just_above_its_capacity() {
+        let exact = Capacity { n_triangles: 6, n_vertices: 12 };
+        assert_eq!(
+            [Levels::One, Levels::Auto].map(|levels_wanted| levels(exact, levels_wanted, false)),
+            [Ok(1), Ok(1)]
+        );
+        for low in [Capacity { n_triangles: 5, ..exact }, Capacity { n_vertices: 11, ..exact }] {
+            let too_many = PrepareError::TooMany { n_triangles: 6, n_vertices: 12 };
+            // The invalid index would be reported if the triangles were read.
+            assert_eq!(
+                [false, true].map(|is_bad| levels(low, Levels::One, is_bad)),
+                [&too_many; 2].map(|e| Err(e.clone()))
+            );
+            assert_eq!(
+                [Levels::Auto, Levels::Two].map(|levels_wanted| levels(low, levels_wanted, false)),
+                [Ok(2), Ok(2)],
+                "{low:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_capacity_is_that_of_the_bvh() {
+        let config = SceneBvhConfig::default();
+        assert_eq!(config.max_triangles(), 1 << 27);
+        assert_eq!(SceneBvhConfig { kind: BvhKind::Bvh2, ..config }.max_triangles(), 1 << 30);
+    }
+}

@@ -1,0 +1,328 @@
+//! Rays through instances: directions of any length, and every `t` exact.
+//!
+//! ```text
+//! caller's ray -> ScaledRay: direction times a power of two -> ObjectRay: mapped, times another -> bottom-level BVH
+//! caller's t   <- rounded once, at the end                  <- an f32 times a power of two, exact in f64
+//! ```
+//!
+//! A `t` in object space is an `f32`, that of the bottom-level BVH for a direction whose greatest component lies in `[1, 2)`. In
+//! world space it is that number times a power of two, which `f64` holds exactly, as it holds both ends of the caller's
+//! interval. So hits of different instances are compared without rounding, and multiplying a direction by a power of two
+//! changes nothing but the `t` that is reported.
+//!
+//! # Exponents
+//! The power of two of the caller's direction is from 2^-149 to 2^127. That of an instance is the length of a mapped direction:
+//! as the norm of a transform is below 2^130 and at least 2^-149, and its condition at most 2^20, it is from 2^-131 to 2^172. A
+//! `t` is from 2^-149 to 2^128. So every product lies between 2^-430 and 2^430, in the range of `f64`.
+
+use canted_obb::Obb;
+use canted_obb::round::{down, greatest, power_below, reciprocal_of_power, up};
+use canted_trace::{Crossings, Hit, InstanceId, Intersect, Query, Ray, ScaledRay, SurfacePoint, Triangles};
+use canted_wide::Order;
+
+use crate::{Motion, Tlas};
+
+/// Queries, of rays in world space. A hit has the number of its instance, and so have the hits that a query sees.
+///
+/// ```
+/// use canted_obb::Affine;
+/// use canted_tlas::{Instance, Tlas};
+/// use canted_trace::{Accept, Counts, Hit, InstanceId, Intersect, Ray};
+/// use canted_wide::TriangleBvh;
+///
+/// let bvh = TriangleBvh::build(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]])?;
+/// // Two instances in the same position; only rays with bit 0 see the first.
+/// let instances = [1, 2].map(|mask| Instance::new(0, Affine::IDENTITY).with_mask(mask));
+/// let tlas = Tlas::new(vec![bvh], &instances, Default::default())?;
+/// let ray = Ray::new([0.2, 0.2, -1.0], [0.0, 0.0, 1.0]);
+/// assert_eq!(tlas.closest_hit(&ray).map(|hit| hit.instance), Some(InstanceId(0)));
+/// assert_eq!(tlas.closest_hit(&ray.with_mask(2)).map(|hit| hit.instance), Some(InstanceId(1)));
+/// let second = tlas.closest_hit_with(&ray, &mut Accept(|hit: &Hit| hit.instance != InstanceId(0)));
+/// assert_eq!(second.map(|hit| hit.instance), Some(InstanceId(1)));
+///
+/// let mut counts = Counts::default();
+/// tlas.closest_hit_with(&ray, &mut counts);
+/// assert_eq!(counts.triangles, 2);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+impl<B: Intersect> Intersect for Tlas<B> {
+    /// Contains all instances and what of the error of their hits does not depend on rays.
+    fn bounds(&self) -> Obb {
+        self.top.bounds()
+    }
+
+    /// The greatest of the instances, each with the condition of its transform.
+    fn hit_error(&self) -> f32 {
+        self.top.hit_error()
+    }
+
+    fn stack_len(&self) -> usize {
+        self.top.stack_len() + self.bottom_stack_len
+    }
+
+    fn closest_hit_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> Option<Hit> {
+        let ray = WorldRay::new(ray);
+        let (top, bottom) = stack.split_at_mut(self.top.stack_len());
+        // With its scaled `t`, which is exact.
+        let mut best: Option<(f64, Hit)> = None;
+        let n_boxes = self.top.traverse(&ray.top, Order::Nearest, top, &mut |instance, t_max| {
+            let limit = best.map_or(ray.t_max, |(t, _)| t);
+            let Some((blas, object)) = self.enter(instance, &ray, limit) else { return t_max };
+            let hit = object.ask(query, instance, |query| blas.closest_hit_scaled(&object.ray, query, bottom));
+            let Some(hit) = hit.map(|hit| Hit { instance, ..hit }) else { return t_max };
+            let t = object.world_t(hit.t);
+            let order = |t: f64, hit: &Hit| (t, hit.instance, hit.primitive);
+            if best.is_none_or(|(best_t, best)| order(t, &hit) < order(best_t, &best)) {
+                best = Some((t, hit));
+                return up(t);
+            }
+            t_max
+        });
+        query.boxes(n_boxes);
+        best.map(|(t, hit)| Hit { t: ray.caller_t(t), ..hit })
+    }
+
+    fn occluded_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> bool {
+        let ray = WorldRay::new(ray);
+        let (top, bottom) = stack.split_at_mut(self.top.stack_len());
+        let mut found = false;
+        let n_boxes = self.top.traverse(&ray.top, Order::Any, top, &mut |instance, t_max| {
+            let Some((blas, object)) = self.enter(instance, &ray, ray.t_max) else { return t_max };
+            found = object.ask(query, instance, |query| blas.occluded_scaled(&object.ray, query, bottom));
+            if found { -1.0 } else { t_max }
+        });
+        query.boxes(n_boxes);
+        found
+    }
+
+    fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>) {
+        let n_boxes = self.collect(ray, stack, hits, &mut |blas, object, instance, stack, hits| {
+            object.ask(query, instance, |query| blas.all_hits_scaled(&object.ray, query, stack, hits));
+        });
+        query.boxes(n_boxes);
+    }
+}
+
+/// Crossings, once in each instance.
+///
+/// Instances are separate surfaces: where faces of two instances coincide, the ray crosses both. Where two open
+/// instances share an edge, each rounds its edge for itself, so a ray through this seam may cross one of them, both
+/// or neither; merge such meshes into one BVH instead.
+///
+/// ```
+/// use canted_obb::Affine;
+/// use canted_tlas::{Instance, Tlas};
+/// use canted_trace::{Crossings, Intersect, Ray, Side};
+/// use canted_wide::TriangleBvh;
+///
+/// // A square of two triangles; the ray passes through their shared edge.
+/// let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+/// let bvh = TriangleBvh::build(&positions, &[[0, 1, 2], [0, 2, 3]])?;
+/// let [x, y, z, _] = Affine::IDENTITY.columns;
+/// let at = |depth: f32| Instance::new(0, Affine { columns: [x, y, z, [0.0, 0.0, depth]] });
+/// let tlas = Tlas::new(vec![bvh], &[at(2.0), at(1.0)], Default::default())?;
+/// let ray = Ray::new([0.5, 0.5, 0.0], [0.0, 0.0, 1.0]);
+/// let mut hits = vec![];
+/// tlas.all_hits(&ray, &mut hits);
+/// assert_eq!(hits.len(), 4);
+/// tlas.crossings(&ray, &mut hits);
+/// let found: Vec<_> = hits.iter().map(|hit| (hit.t, hit.instance.0, hit.side)).collect();
+/// assert_eq!(found, [(1.0, 1, Side::Back), (2.0, 0, Side::Back)]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+impl<B: Crossings> Crossings for Tlas<B> {
+    fn crossings_scaled(&self, ray: &ScaledRay, stack: &mut [u64], crossings: &mut Vec<Hit>) {
+        self.collect(ray, stack, crossings, &mut |blas, object, _, stack, crossings| {
+            blas.crossings_scaled(&object.ray, stack, crossings);
+        });
+    }
+}
+
+impl<B: Triangles> Tlas<B> {
+    /// The point of a hit in world space: its position, its normal, and rays that continue from it. Of a moving instance, as the shutter
+    /// opens.
+    ///
+    /// ```
+    /// use canted_obb::Affine;
+    /// use canted_tlas::{Instance, Tlas};
+    /// use canted_trace::{Intersect, Ray};
+    /// use canted_wide::TriangleBvh;
+    ///
+    /// let bvh = TriangleBvh::build(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]])?;
+    /// let [x, y, z, _] = Affine::IDENTITY.columns;
+    /// let above = Affine { columns: [x, y, z, [0.0, 0.0, 5.0]] };
+    /// let tlas = Tlas::new(vec![bvh], &[Instance::new(0, above)], Default::default())?;
+    /// let hit = tlas.closest_hit(&Ray::new([0.25, 0.25, 9.0], [0.0, 0.0, -1.0])).expect("the ray points at the triangle");
+    /// let point = tlas.surface_point(&hit);
+    /// assert_eq!((point.position, point.normal), ([0.25, 0.25, 5.0], [0.0, 0.0, 1.0]));
+    /// assert!(!tlas.occluded(&point.spawn_ray([0.1, 0.1, -1.0])));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Panics
+    /// If there is no such instance or triangle.
+    #[must_use]
+    pub fn surface_point(&self, hit: &Hit) -> SurfacePoint {
+        self.surface_point_at(hit, 0.0)
+    }
+
+    /// [`Tlas::surface_point`] at the time of the ray that hit.
+    ///
+    /// # Panics
+    /// If there is no such instance or triangle.
+    #[must_use]
+    pub fn surface_point_at(&self, hit: &Hit, time: f32) -> SurfacePoint {
+        let instance = &self.instances[hit.instance.index()];
+        let blas = &self.blas[instance.blas as usize];
+        let (vertices, reach) = (blas.triangle(hit.primitive), blas.bounds().aabb().reach());
+        let open = &instance.world_from_object;
+        match &instance.world_from_object_close {
+            None => SurfacePoint::in_instance(hit, vertices, reach, open),
+            Some(close) => {
+                let columns = Motion::new(open, close).world_from_object(time);
+                SurfacePoint::under_map(hit, vertices, &columns, open.reach(reach).max(close.reach(reach)))
+            }
+        }
+    }
+}
+
+impl<B: Intersect> Tlas<B> {
+    /// The BVH of an instance, and the ray in its object space up to the scaled `t_max`; `None` if the ray does not see it.
+    #[inline(always)]
+    fn enter(&self, instance: InstanceId, ray: &WorldRay, t_max: f64) -> Option<(&B, ObjectRay)> {
+        let placement = &self.placements[instance.index()];
+        if placement.mask & ray.top.mask == 0 {
+            return None;
+        }
+        Some((&self.blas[placement.blas as usize], placement.ray_object(ray, t_max)?))
+    }
+
+    /// Appends what `trace` finds on each instance that the ray may hit, in order. Returns the number of box tests.
+    fn collect(
+        &self,
+        ray: &ScaledRay,
+        stack: &mut [u64],
+        hits: &mut Vec<Hit>,
+        trace: &mut dyn FnMut(&B, &ObjectRay, InstanceId, &mut [u64], &mut Vec<Hit>),
+    ) -> u32 {
+        let ray = WorldRay::new(ray);
+        let (top, bottom) = stack.split_at_mut(self.top.stack_len());
+        let (mut of_instance, mut with_t): (Vec<Hit>, Vec<(f64, Hit)>) = (vec![], vec![]);
+        let n_boxes = self.top.traverse(&ray.top, Order::Any, top, &mut |instance, t_max| {
+            if let Some((blas, object)) = self.enter(instance, &ray, ray.t_max) {
+                trace(blas, &object, instance, bottom, &mut of_instance);
+                with_t.extend(of_instance.drain(..).map(|hit| (object.world_t(hit.t), Hit { instance, ..hit })));
+            }
+            t_max
+        });
+        with_t.sort_unstable_by(|(t_a, a), (t_b, b)| {
+            // Adding zero makes -0.0 positive: the two zeros are one `t`.
+            let by_t = (t_a + 0.0).total_cmp(&(t_b + 0.0));
+            by_t.then((a.instance, a.primitive).cmp(&(b.instance, b.primitive)))
+        });
+        hits.extend(with_t.into_iter().map(|(t, hit)| Hit { t: ray.caller_t(t), ..hit }));
+        n_boxes
+    }
+}
+
+/// A world-space ray whose direction is scaled by a power of two; `t` is scaled, and exact.
+pub(crate) struct WorldRay {
+    /// The ray for boxes of the top level, its interval rounded outward.
+    pub(crate) top: ScaledRay,
+    t_min: f64,
+    pub(crate) t_max: f64,
+    /// The caller's `t` over the scaled one.
+    from_scaled: f64,
+}
+
+impl WorldRay {
+    #[inline(always)]
+    fn new(ray: &ScaledRay) -> Self {
+        let [t_min, t_max] = ray.exact_interval();
+        let mut top = *ray;
+        (top.t_min, top.t_max) = (down(t_min), up(t_max));
+        Self { top, t_min, t_max, from_scaled: reciprocal_of_power(ray.scale()) }
+    }
+
+    /// The ray from `origin` along `direction` in object space, which are those of the instance but for the length of the
+    /// direction, with hits up to the scaled `t_max`. `None` where no `f32` lies in the interval, or the origin is beyond the range.
+    #[inline(always)]
+    pub(crate) fn in_object(&self, origin: [f64; 3], direction: [f64; 3], t_max: f64) -> Option<ObjectRay> {
+        let greatest = greatest(direction.map(f64::abs));
+        let mut to_object = power_below(greatest);
+        // Rounding may reach 2; the greatest component is then 1.
+        if (greatest * reciprocal_of_power(to_object)) as f32 >= 2.0 {
+            to_object *= 2.0;
+        }
+        let to_world = reciprocal_of_power(to_object);
+        let (origin, direction) = (origin.map(|o| o as f32), direction.map(|d| (d * to_world) as f32));
+        // Inward: the `t` of a bottom-level BVH is an f32, so these are the same hits as in the exact interval.
+        let (t_min, t_max) = (up(self.t_min * to_object), down(t_max * to_object));
+        let [x, y, z] = origin.map(f32::is_finite);
+        if !((t_min <= t_max) & x & y & z) {
+            return None;
+        }
+        let ScaledRay { time, mask, .. } = self.top;
+        let ray = Ray { origin, direction, t_min, t_max, time, mask };
+        let ray = ScaledRay::from_parts(&ray, [t_min, t_max], 1.0);
+        Some(ObjectRay { ray, to_world, to_caller: to_world * self.from_scaled })
+    }
+
+    /// The caller's `t` of a scaled one, rounded.
+    #[inline]
+    fn caller_t(&self, scaled_t: f64) -> f32 {
+        (scaled_t * self.from_scaled) as f32
+    }
+}
+
+/// A ray in the object space of an instance, with a direction whose greatest component lies in `[1, 2)`, as the caller's.
+pub(crate) struct ObjectRay {
+    ray: ScaledRay,
+    /// Scaled world `t` over object `t`.
+    to_world: f64,
+    /// The caller's `t` over object `t`.
+    to_caller: f64,
+}
+
+impl ObjectRay {
+    /// The scaled world `t` of an object `t`, exactly.
+    #[inline]
+    fn world_t(&self, t: f32) -> f64 {
+        f64::from(t) * self.to_world
+    }
+
+    /// Calls `ask` with the caller's query, for hits in object space.
+    #[inline(always)]
+    fn ask<R>(&self, query: &mut dyn Query, instance: InstanceId, ask: impl FnOnce(&mut dyn Query) -> R) -> R {
+        if !query.may_reject() {
+            return ask(query);
+        }
+        ask(&mut InInstance { query, instance, to_caller: self.to_caller })
+    }
+}
+
+/// Passes hits with the instance and the caller's `t` on to a query.
+struct InInstance<'a> {
+    query: &'a mut dyn Query,
+    instance: InstanceId,
+    to_caller: f64,
+}
+
+impl Query for InInstance<'_> {
+    fn counts(&self) -> bool {
+        self.query.counts()
+    }
+
+    fn boxes(&mut self, n: u32) {
+        self.query.boxes(n);
+    }
+
+    fn triangles(&mut self, n: u32) {
+        self.query.triangles(n);
+    }
+
+    fn accepts(&mut self, hit: &Hit) -> bool {
+        let t = (f64::from(hit.t) * self.to_caller) as f32;
+        self.query.accepts(&Hit { t, instance: self.instance, ..*hit })
+    }
+}

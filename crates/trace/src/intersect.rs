@@ -1,0 +1,431 @@
+use alloc::{boxed::Box, sync::Arc, vec::Vec};
+
+use canted_obb::{Obb, PrimId};
+
+use crate::stack::with_stack;
+use crate::{Accept, Hit, HitLists, Query, Ray, ScaledRay, SurfacePoint};
+
+/// Rays that a thread takes at a time.
+const CHUNK: usize = 1024;
+
+/// A function that accepts or rejects a hit, by the index of the ray in its slice, the ray and the hit alone.
+pub type AcceptAt<'a> = dyn Fn(usize, &Ray, &Hit) -> bool + Sync + 'a;
+
+/// Where the answers for a slice of rays go, one for each ray.
+pub enum Answers<'a> {
+    /// The closest hits.
+    Closest(&'a mut [Option<Hit>]),
+    /// Whether there is a hit.
+    Occluded(&'a mut [bool]),
+    /// All hits, each ray's in memory of its own.
+    All(&'a mut [Vec<Hit>]),
+    /// All hits, in one array. Rays are added.
+    Lists(&'a mut HitLists),
+}
+
+/// Where the answer for one ray goes.
+pub enum Answer<'a> {
+    /// The closest hit; none so far.
+    Closest(&'a mut Option<Hit>),
+    /// Whether there is a hit; none so far.
+    Occluded(&'a mut bool),
+    /// All hits are appended.
+    All(&'a mut Vec<Hit>),
+}
+
+impl Answers<'_> {
+    /// Calls `fill` with where the answer for ray `i` goes. Rays come in order.
+    #[inline(always)]
+    pub fn fill(&mut self, i: usize, fill: impl FnOnce(Answer)) {
+        match self {
+            Self::Closest(hits) => {
+                hits[i] = None;
+                fill(Answer::Closest(&mut hits[i]));
+            }
+            Self::Occluded(occluded) => {
+                occluded[i] = false;
+                fill(Answer::Occluded(&mut occluded[i]));
+            }
+            Self::All(hits) => {
+                hits[i].clear();
+                fill(Answer::All(&mut hits[i]));
+            }
+            Self::Lists(lists) => lists.add_ray(|hits| fill(Answer::All(hits))),
+        }
+    }
+}
+
+/// Whatever rays can hit: a BVH, instances of BVHs, a shape.
+///
+/// An implementor answers three queries of one scaled ray; all other forms are provided. BVHs, `&B`, `Box<B>` and `Arc<B>` implement it,
+/// and so does `dyn Intersect`: a TLAS may be over `Box<dyn Intersect>`, each of another kind.
+///
+/// A hit is the one of least `t`; ties go to the lowest (instance, primitive). So it does not depend on the BVH. A ray with a NaN
+/// component, an infinite origin or direction, a zero direction, an empty mask or an empty interval never hits.
+///
+/// # Forms
+/// * Methods ending in `_with` take a [`Query`], which filters hits and counts tests: [`Accept`] wraps a function.
+/// * Slices give the same answers as single rays, at a lower cost per ray. Their `_with` forms take a function that accepts a hit by the
+///   index of the ray, the ray and the hit alone. Forms with `par_` use all threads of the current rayon pool, and one thread
+///   without the feature `parallel`; answers are the same. All panic if the slices differ in length.
+///
+/// # Examples
+/// ```
+/// use canted_obb::{Aabb, Obb, PrimId};
+/// use canted_trace::{Accept, HIT_ERROR, Hit, InstanceId, Intersect, Kernel, Query, Ray, ScaledRay, Watertight};
+///
+/// /// One triangle, without a BVH.
+/// struct Single([[f32; 3]; 3]);
+///
+/// impl Intersect for Single {
+///     fn bounds(&self) -> Obb {
+///         Obb::from_aabb(&Aabb::from_points(self.0))
+///     }
+///     fn hit_error(&self) -> f32 {
+///         HIT_ERROR
+///     }
+///     fn closest_hit_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, _: &mut [u64]) -> Option<Hit> {
+///         let found = Watertight::intersect(&Watertight::prepare(ray), ray, &Watertight::record(self.0), ray.t_max)?;
+///         let (instance, primitive) = (InstanceId(0), PrimId(0));
+///         let hit = Hit { t: ray.caller_t(found.t), u: found.u, v: found.v, side: found.side, instance, primitive };
+///         query.accepts(&hit).then_some(hit)
+///     }
+///     fn occluded_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> bool {
+///         self.closest_hit_scaled(ray, query, stack).is_some()
+///     }
+///     fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>) {
+///         hits.extend(self.closest_hit_scaled(ray, query, stack));
+///     }
+/// }
+///
+/// let triangle = Single([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]]);
+/// let ray = Ray::new([2.0, 1.0, 3.0], [0.0, 0.0, -10.0]);
+/// assert_eq!(triangle.closest_hit(&ray).map(|hit| hit.t), Some(0.3));
+/// assert!(!triangle.occluded_with(&ray, &mut Accept(|hit: &Hit| hit.u > 0.5)));
+/// ```
+pub trait Intersect: Send + Sync {
+    /// A box around everything, object space.
+    fn bounds(&self) -> Obb;
+
+    /// How far a hit may lie outside of the bounds: each coordinate of `o + t·d`, in real arithmetic, by at most
+    /// `hit_error·(|o|∞ + ρ∞)`, with `|o|∞` the greatest coordinate of the ray's origin and `ρ∞` that of the bounds.
+    ///
+    /// [`HIT_ERROR`](crate::HIT_ERROR) for triangles. A TLAS pads its boxes by it: if it is too small, hits are lost.
+    fn hit_error(&self) -> f32;
+
+    /// Whether that holds relative to every point of object space, and not to its origin alone: with distances from the point instead of
+    /// coordinates. A TLAS then has smaller boxes for content that is far from the origin.
+    fn has_local_error(&self) -> bool {
+        false
+    }
+
+    /// How many entries of memory its traversals need for subtrees that wait.
+    fn stack_len(&self) -> usize {
+        0
+    }
+
+    /// The hit of least `t` that the query accepts, as instance 0; ties go to the lowest primitive.
+    ///
+    /// `t` of the hit and of those that the query sees is the caller's: [`ScaledRay::caller_t`]. `stack` has at least
+    /// [`Intersect::stack_len`] entries of any content.
+    fn closest_hit_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> Option<Hit>;
+
+    /// Whether the query accepts any hit: agrees with [`Intersect::closest_hit_scaled`].
+    fn occluded_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> bool;
+
+    /// Appends every hit that the query accepts, each once: least `t` first, then lowest (instance, primitive). The query may see a
+    /// hit twice.
+    fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>);
+
+    /// Answers the rays of a slice, of which the first has the index `first`; without `accept`, every hit is accepted.
+    ///
+    /// Provided: one ray after another. A BVH that prepares several rays at once replaces it.
+    fn answer(&self, rays: &[Ray], first: usize, accept: Option<&AcceptAt>, mut answers: Answers) {
+        with_stack(self.stack_len(), |stack| {
+            for (i, ray) in rays.iter().enumerate() {
+                answers.fill(i, |answer| {
+                    let Some(scaled) = ScaledRay::new(ray) else { return };
+                    let mut filter;
+                    let query: &mut dyn Query = match accept {
+                        None => &mut (),
+                        Some(accept) => {
+                            filter = Accept(|hit: &Hit| accept(first + i, ray, hit));
+                            &mut filter
+                        }
+                    };
+                    match answer {
+                        Answer::Closest(hit) => *hit = self.closest_hit_scaled(&scaled, query, stack),
+                        Answer::Occluded(occluded) => *occluded = self.occluded_scaled(&scaled, query, stack),
+                        Answer::All(hits) => self.all_hits_scaled(&scaled, query, stack, hits),
+                    }
+                });
+            }
+        });
+    }
+
+    /// The hit of least `t`; ties go to the lowest (instance, primitive).
+    #[doc(alias = "intersect")]
+    #[doc(alias = "first_hit")]
+    #[inline]
+    #[must_use]
+    fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
+        self.closest_hit_with(ray, &mut ())
+    }
+
+    /// Whether the ray hits anything: agrees with [`Intersect::closest_hit`].
+    #[doc(alias = "any_hit")]
+    #[inline]
+    #[must_use]
+    fn occluded(&self, ray: &Ray) -> bool {
+        self.occluded_with(ray, &mut ())
+    }
+
+    /// Every hit with `t_min <= t <= t_max`, each once: least `t` first, then lowest (instance, primitive). Replaces the content of
+    /// `hits`.
+    ///
+    /// All triangles around an edge or a vertex that the ray passes through appear; `crossings` counts surfaces instead.
+    fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>) {
+        self.all_hits_with(ray, &mut (), hits);
+    }
+
+    /// The hit of least `t` that the query accepts; ties go to the lowest (instance, primitive).
+    #[inline]
+    fn closest_hit_with(&self, ray: &Ray, query: &mut dyn Query) -> Option<Hit> {
+        let ray = ScaledRay::new(ray)?;
+        with_stack(self.stack_len(), |stack| self.closest_hit_scaled(&ray, query, stack))
+    }
+
+    /// Whether the query accepts any hit.
+    #[inline]
+    fn occluded_with(&self, ray: &Ray, query: &mut dyn Query) -> bool {
+        let Some(ray) = ScaledRay::new(ray) else { return false };
+        with_stack(self.stack_len(), |stack| self.occluded_scaled(&ray, query, stack))
+    }
+
+    /// Every hit that the query accepts, in the order of [`Intersect::all_hits`]. Replaces the content of `hits`.
+    fn all_hits_with(&self, ray: &Ray, query: &mut dyn Query, hits: &mut Vec<Hit>) {
+        hits.clear();
+        if let Some(ray) = ScaledRay::new(ray) {
+            with_stack(self.stack_len(), |stack| self.all_hits_scaled(&ray, query, stack, hits));
+        }
+    }
+
+    /// The closest hit of each ray.
+    fn closest_hits(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        check(rays, hits);
+        self.answer(rays, 0, None, Answers::Closest(hits));
+    }
+
+    /// The closest hit of each ray, on all threads.
+    fn par_closest_hits(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        parallel(rays, hits, &|first, rays, hits| self.answer(rays, first, None, Answers::Closest(hits)));
+    }
+
+    /// The closest hit of each ray that `accept` accepts.
+    fn closest_hits_with(&self, rays: &[Ray], hits: &mut [Option<Hit>], accept: &AcceptAt) {
+        check(rays, hits);
+        self.answer(rays, 0, Some(accept), Answers::Closest(hits));
+    }
+
+    /// The same on all threads.
+    fn par_closest_hits_with(&self, rays: &[Ray], hits: &mut [Option<Hit>], accept: &AcceptAt) {
+        parallel(rays, hits, &|first, rays, hits| self.answer(rays, first, Some(accept), Answers::Closest(hits)));
+    }
+
+    /// Whether each ray hits anything.
+    fn occluded_many(&self, rays: &[Ray], occluded: &mut [bool]) {
+        check(rays, occluded);
+        self.answer(rays, 0, None, Answers::Occluded(occluded));
+    }
+
+    /// Whether each ray hits anything, on all threads.
+    fn par_occluded_many(&self, rays: &[Ray], occluded: &mut [bool]) {
+        parallel(rays, occluded, &|first, rays, out| self.answer(rays, first, None, Answers::Occluded(out)));
+    }
+
+    /// Whether `accept` accepts any hit of each ray.
+    fn occluded_many_with(&self, rays: &[Ray], occluded: &mut [bool], accept: &AcceptAt) {
+        check(rays, occluded);
+        self.answer(rays, 0, Some(accept), Answers::Occluded(occluded));
+    }
+
+    /// The same on all threads.
+    fn par_occluded_many_with(&self, rays: &[Ray], occluded: &mut [bool], accept: &AcceptAt) {
+        parallel(rays, occluded, &|first, rays, out| self.answer(rays, first, Some(accept), Answers::Occluded(out)));
+    }
+
+    /// Every hit of each ray, in the order of [`Intersect::all_hits`].
+    fn all_hits_many(&self, rays: &[Ray], hits: &mut [Vec<Hit>]) {
+        check(rays, hits);
+        self.answer(rays, 0, None, Answers::All(hits));
+    }
+
+    /// Every hit of each ray, on all threads.
+    fn par_all_hits_many(&self, rays: &[Ray], hits: &mut [Vec<Hit>]) {
+        parallel(rays, hits, &|first, rays, hits| self.answer(rays, first, None, Answers::All(hits)));
+    }
+
+    /// Every hit of each ray that `accept` accepts.
+    fn all_hits_many_with(&self, rays: &[Ray], hits: &mut [Vec<Hit>], accept: &AcceptAt) {
+        check(rays, hits);
+        self.answer(rays, 0, Some(accept), Answers::All(hits));
+    }
+
+    /// The same on all threads.
+    fn par_all_hits_many_with(&self, rays: &[Ray], hits: &mut [Vec<Hit>], accept: &AcceptAt) {
+        parallel(rays, hits, &|first, rays, hits| self.answer(rays, first, Some(accept), Answers::All(hits)));
+    }
+
+    /// Every hit of each ray, in the order of [`Intersect::all_hits`], in one array. Replaces the content of `lists`.
+    fn all_hits_listed(&self, rays: &[Ray], lists: &mut HitLists) {
+        lists.clear(rays.len());
+        self.answer(rays, 0, None, Answers::Lists(lists));
+    }
+}
+
+fn check<T>(rays: &[Ray], answers: &[T]) {
+    assert_eq!(rays.len(), answers.len(), "one answer for each ray");
+}
+
+/// Calls `answer` with consecutive rays, the index of the first, and their answers.
+fn parallel<T: Send>(rays: &[Ray], answers: &mut [T], answer: &(dyn Fn(usize, &[Ray], &mut [T]) + Sync)) {
+    check(rays, answers);
+    #[cfg(feature = "parallel")]
+    {
+        use rayon::prelude::*;
+        let chunks = rays.par_chunks(CHUNK).zip(answers.par_chunks_mut(CHUNK)).enumerate();
+        chunks.for_each(|(i, (rays, answers))| answer(i * CHUNK, rays, answers));
+    }
+    #[cfg(not(feature = "parallel"))]
+    for (i, (rays, answers)) in rays.chunks(CHUNK).zip(answers.chunks_mut(CHUNK)).enumerate() {
+        answer(i * CHUNK, rays, answers);
+    }
+}
+
+/// What counts how often rays cross its surfaces: BVHs over triangles, and instances of them.
+///
+/// A ray through an edge or a vertex hits all triangles around it. Of these, those are crossings that the ray would hit if it were moved by
+/// an infinitesimal step that depends on its direction alone. So a ray that starts and ends outside a closed mesh crosses it an
+/// even number of times, half of them inward, and equal copies of a surface count as many times.
+///
+/// Hits are those of the watertight test.
+pub trait Crossings: Intersect {
+    /// Appends every crossing with `t_min <= t <= t_max`, once, as [`Intersect::all_hits_scaled`] appends hits.
+    fn crossings_scaled(&self, ray: &ScaledRay, stack: &mut [u64], crossings: &mut Vec<Hit>);
+
+    /// Every crossing of a surface with `t_min <= t <= t_max`, once: least `t` first, then lowest (instance, primitive). Replaces the
+    /// content of `crossings`.
+    ///
+    /// The crossings are the hits of [`Intersect::all_hits`] except for those exactly on an edge or a vertex. These are reported as the
+    /// lowest primitives that are hit there from the same side. Where a ray touches a silhouette without crossing, nothing is reported. The
+    /// border of an open surface belongs to it or not, such that of two adjacent surfaces one is crossed. Triangles share a vertex if its
+    /// coordinates are equal; its index does not matter.
+    fn crossings(&self, ray: &Ray, crossings: &mut Vec<Hit>) {
+        crossings.clear();
+        if let Some(ray) = ScaledRay::new(ray) {
+            with_stack(self.stack_len(), |stack| self.crossings_scaled(&ray, stack, crossings));
+        }
+    }
+
+    /// Every crossing of each ray, as [`Crossings::crossings`] returns them, in one array. Replaces the content of `lists`.
+    fn crossings_listed(&self, rays: &[Ray], lists: &mut HitLists) {
+        lists.clear(rays.len());
+        with_stack(self.stack_len(), |stack| {
+            for ray in rays {
+                lists.add_ray(|crossings| {
+                    if let Some(ray) = ScaledRay::new(ray) {
+                        self.crossings_scaled(&ray, stack, crossings);
+                    }
+                });
+            }
+        });
+    }
+}
+
+/// Triangles that a hit can be looked up in.
+pub trait Triangles: Intersect {
+    /// The vertices of a triangle, in the order of the caller.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    fn triangle(&self, id: PrimId) -> [[f32; 3]; 3];
+
+    /// The point of a hit of [`Intersect::closest_hit`]: its position, its normal, and rays that continue from it.
+    fn surface_point(&self, hit: &Hit) -> SurfacePoint {
+        SurfacePoint::new(hit, self.triangle(hit.primitive), self.bounds().aabb().reach())
+    }
+}
+
+/// A pointer answers as what it points to.
+impl<B: Intersect + ?Sized, P: core::ops::Deref<Target = B> + Send + Sync> Intersect for P
+where
+    P: Pointer,
+{
+    fn bounds(&self) -> Obb {
+        (**self).bounds()
+    }
+
+    fn hit_error(&self) -> f32 {
+        (**self).hit_error()
+    }
+
+    fn has_local_error(&self) -> bool {
+        (**self).has_local_error()
+    }
+
+    fn stack_len(&self) -> usize {
+        (**self).stack_len()
+    }
+
+    #[inline]
+    fn closest_hit_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> Option<Hit> {
+        (**self).closest_hit_scaled(ray, query, stack)
+    }
+
+    #[inline]
+    fn occluded_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> bool {
+        (**self).occluded_scaled(ray, query, stack)
+    }
+
+    fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>) {
+        (**self).all_hits_scaled(ray, query, stack, hits);
+    }
+
+    fn answer(&self, rays: &[Ray], first: usize, accept: Option<&AcceptAt>, answers: Answers) {
+        (**self).answer(rays, first, accept, answers);
+    }
+}
+
+impl<B: Crossings + ?Sized, P: core::ops::Deref<Target = B> + Send + Sync> Crossings for P
+where
+    P: Pointer,
+{
+    fn crossings_scaled(&self, ray: &ScaledRay, stack: &mut [u64], crossings: &mut Vec<Hit>) {
+        (**self).crossings_scaled(ray, stack, crossings);
+    }
+
+    fn crossings_listed(&self, rays: &[Ray], lists: &mut HitLists) {
+        (**self).crossings_listed(rays, lists);
+    }
+}
+
+impl<B: Triangles + ?Sized, P: core::ops::Deref<Target = B> + Send + Sync> Triangles for P
+where
+    P: Pointer,
+{
+    fn triangle(&self, id: PrimId) -> [[f32; 3]; 3] {
+        (**self).triangle(id)
+    }
+
+    fn surface_point(&self, hit: &Hit) -> SurfacePoint {
+        (**self).surface_point(hit)
+    }
+}
+
+/// `&B`, `Box<B>` and `Arc<B>`, which answer as what they point to.
+#[doc(hidden)]
+pub trait Pointer {}
+
+impl<B: ?Sized> Pointer for &B {}
+impl<B: ?Sized> Pointer for Box<B> {}
+impl<B: ?Sized> Pointer for Arc<B> {}

@@ -1,0 +1,350 @@
+//! Which binary tree is collapsed, in which frame its boxes are aligned, and whether nodes may be oriented.
+//!
+//! A tree over groups of primitives is quick to build and good for aligned nodes. Only where a sample of its subtrees shows
+//! that oriented nodes may pay, trees with a primitive per leaf are built, and frames for them.
+//!
+//! Frames and their plan take longer than all the rest of a quick build, and on scans, terrain and architecture the plan then
+//! has few oriented nodes or none. So subtrees are sampled, in proportion to their cost; each is built again with a
+//! primitive per leaf, and planned with frames and without. The result is the same for any number of threads.
+
+use std::ops::Range;
+
+use canted_lbvh::{Child, ChildKind, NodeId, Tree};
+use canted_obb::{Aabb, Obb, PrimId};
+use canted_sah::{Axes, Builder, GroupConfig, Groups, Split, TopDownConfig};
+
+use crate::build::collapse::{ALIGNED, Areas, BOTH, Plan, Table, positive, tables};
+use crate::build::frames::mesh_frame::{self, MeshFrameConfig};
+use crate::build::frames::{self, BoxAreas, Fits, FrameConfig};
+use crate::build::item::{self, Item, Items};
+use crate::build::subtrees;
+use crate::build::subtrees::{Aligned, LeafContents};
+use crate::config::{Config, Costs};
+use crate::par;
+
+/// The mesh is rotated where the cost of a quickly built tree falls to this part.
+const MAX_ROTATED_COST: f32 = 0.87;
+
+/// Trees that show whether a rotation pays.
+const QUICK: GroupConfig = GroupConfig { improvement: None, ..GroupConfig::FAST };
+
+/// Nodes may be oriented where that lowers the predicted cost to this part: closer to 1, the prediction is not reliable.
+pub(crate) const MAX_ORIENTED_COST: f32 = 0.92;
+
+/// Primitives of one job.
+const CHUNK: usize = 1 << 13;
+
+/// A binary tree over primitives, what it is collapsed by, and the costs of that.
+pub(crate) struct Chosen<'a, I: Item> {
+    /// In input order.
+    pub(crate) items: Items<'a, I>,
+    pub(crate) tree: Tree,
+    /// `None` where each leaf is one primitive.
+    pub(crate) groups: Option<Groups>,
+    /// Whether leaves may share a primitive.
+    pub(crate) is_shared: bool,
+    /// Rows of the frame of its boxes.
+    pub(crate) rows: [[f32; 3]; 3],
+    pub(crate) aligned: Aligned,
+    /// Of collapses into aligned nodes only.
+    pub(crate) aligned_tables: Vec<Table<ALIGNED>>,
+    pub(crate) oriented: Option<Oriented<I>>,
+}
+
+/// Frames, and the collapses that may use them.
+pub(crate) struct Oriented<I> {
+    /// The primitives in leaf order.
+    pub(crate) sorted: Vec<I>,
+    pub(crate) fits: Fits,
+    pub(crate) tables: Vec<Table<BOTH>>,
+}
+
+impl<'a, I: Item> Chosen<'a, I> {
+    /// A tree over `items` with boxes along `rows`; leaves are groups, or else primitives.
+    pub(crate) fn of(
+        (tree, mut groups): (Tree, Option<Groups>),
+        items: Items<'a, I>,
+        boxes: &[Aabb],
+        rows: [[f32; 3]; 3],
+        scale: f32,
+        costs: &Costs,
+    ) -> Self {
+        let aligned = match &mut groups {
+            Some(groups) => Aligned::of_leaves(&tree, std::mem::take(&mut groups.boxes), scale),
+            None => Aligned::of(&tree, boxes, scale),
+        };
+        let (aligned_tables, oriented) = (vec![], None);
+        let mut chosen = Self { items, tree, groups, is_shared: false, rows, aligned, aligned_tables, oriented };
+        chosen.aligned_tables = chosen.tables_of_aligned(costs);
+        chosen
+    }
+
+    fn tables_of_aligned(&self, costs: &Costs) -> Vec<Table<ALIGNED>> {
+        tables_of_aligned(&self.tree, self.members(), &self.aligned, costs)
+    }
+
+    /// Finds frames and plans with oriented nodes; each leaf must be one primitive.
+    fn fit(&mut self, config: &Config, scale: f32) {
+        let areas = BoxAreas { inner: &self.aligned.inner_areas, leaf: &self.aligned.leaf_areas };
+        let sorted = self.sorted(0..self.primitives().len());
+        let fits = frames::fit(&self.tree, &I::fitted(&sorted, scale), self.rows, &areas, &FrameConfig::default());
+        let inner = |id: NodeId| both(self.aligned.inner_areas[id.index()], fits.inner[id.index()].half_area);
+        let leaf = |i: usize| both(self.aligned.leaf_areas[i], fits.leaf[i].half_area);
+        let tables = tables(&self.tree, self.members(), inner, leaf, &config.costs);
+        self.oriented = Some(Oriented { sorted, fits, tables });
+    }
+
+    /// The primitives of each leaf.
+    pub(crate) fn members(&self) -> LeafContents<'_> {
+        self.groups.as_ref().map_or(LeafContents::Single, |groups| LeafContents::Groups(&groups.starts))
+    }
+
+    /// The primitive of each place in leaf order.
+    pub(crate) fn primitives(&self) -> &[PrimId] {
+        self.groups.as_ref().map_or(&self.tree.leaves, |groups| &groups.primitives)
+    }
+
+    /// The primitives of a range of places.
+    pub(crate) fn sorted(&self, places: Range<usize>) -> Vec<I> {
+        par::map(&self.primitives()[places], CHUNK, |primitive| self.items.get(primitive.index()))
+    }
+
+    /// Areas of a leaf for a plan of aligned nodes.
+    pub(crate) fn aligned_leaf(&self, i: usize) -> Areas<ALIGNED> {
+        [positive(self.aligned.leaf_areas[i])]
+    }
+
+    /// Areas of a leaf for a plan of both kinds; without frames as for aligned nodes.
+    pub(crate) fn both_leaf(&self, i: usize) -> Areas<BOTH> {
+        let aligned = self.aligned.leaf_areas[i];
+        both(aligned, self.oriented.as_ref().map_or(aligned, |oriented| oriented.fits.leaf[i].half_area))
+    }
+
+    /// Predicted cost with aligned nodes only, in tests of aligned nodes times area.
+    pub(crate) fn aligned_cost(&self, costs: &Costs) -> f32 {
+        root_cost(&self.tree, self.members(), &self.aligned, &self.aligned_tables, costs)
+    }
+
+    /// The same of the cheaper of both plans.
+    fn cost(&self, costs: &Costs) -> f32 {
+        self.oriented_cost(costs).unwrap_or(f32::INFINITY).min(self.aligned_cost(costs))
+    }
+
+    /// The same where nodes may be oriented.
+    fn oriented_cost(&self, costs: &Costs) -> Option<f32> {
+        let tables = &self.oriented.as_ref()?.tables;
+        let leaf_areas = |i: usize| self.both_leaf(i);
+        let (tree, members) = (&self.tree, self.members());
+        let plan = Plan { tree, members, costs: *costs, tables, leaf_areas: &leaf_areas };
+        Some(tree.root().map_or(0.0, |root| plan.cost(root)))
+    }
+}
+
+fn tables_of_aligned(tree: &Tree, members: LeafContents, aligned: &Aligned, costs: &Costs) -> Vec<Table<ALIGNED>> {
+    let inner = |id: NodeId| [positive(aligned.inner_areas[id.index()])];
+    tables(tree, members, inner, |i| [positive(aligned.leaf_areas[i])], costs)
+}
+
+/// Predicted cost of aligned nodes, whose tables these are.
+fn root_cost(tree: &Tree, members: LeafContents, aligned: &Aligned, tables: &[Table<ALIGNED>], costs: &Costs) -> f32 {
+    let leaf_areas = |i: usize| [positive(aligned.leaf_areas[i])];
+    let plan = Plan { tree, members, costs: *costs, tables, leaf_areas: &leaf_areas };
+    tree.root().map_or(0.0, |root| plan.cost(root))
+}
+
+/// Areas of a box in the mesh frame and in its own.
+fn both(aligned: f32, oriented: f32) -> Areas<BOTH> {
+    let aligned = positive(aligned);
+    [aligned, positive(oriented).min(aligned)]
+}
+
+/// Builds the binary tree over `items`, which `bounds` enclose.
+pub(crate) fn choose<'a, I: Item>(items: Items<'a, I>, bounds: &Aabb, config: &Config) -> Chosen<'a, I> {
+    let scale = subtrees::unit_scale(bounds);
+    let unrotated = item::boxes(items, Obb::IDENTITY_FRAME);
+    let candidates = if config.rotate_mesh {
+        mesh_frame::candidates(items.n(), &|i| items.get(i).edges(), &MeshFrameConfig::default())
+    } else {
+        vec![]
+    };
+    let boxes_along = |rows: &[[f32; 3]; 3]| item::boxes(items, *rows);
+    let (rows, boxes) = match rotation(candidates, &unrotated, &boxes_along, scale, config) {
+        Some(rows) => (rows, boxes_along(&rows)),
+        None => (Obb::IDENTITY_FRAME, unrotated),
+    };
+    let costs = &config.costs;
+    if let Some(groups) = config.groups {
+        // Boxes are made again in the few cases that need them: they take half the memory of a BVH.
+        let (tree, groups) = canted_sah::grouped(boxes, &limited(groups, costs));
+        let coarse = Chosen::of((tree, Some(groups)), items, &[], rows, scale, costs);
+        if !config.oriented || sampled_cost(&coarse, config, scale) > MAX_SAMPLED_COST {
+            return coarse;
+        }
+        let full = full(items, &boxes_along(&rows), rows, scale, config);
+        return oriented_or(full, coarse, costs);
+    }
+    let full = full(items, &boxes, rows, scale, config);
+    let is_worth_it =
+        full.oriented_cost(costs).is_some_and(|cost| cost <= MAX_ORIENTED_COST * full.aligned_cost(costs));
+    Chosen { oriented: if is_worth_it { full.oriented } else { None }, ..full }
+}
+
+/// Groups that fit into leaves.
+fn limited(groups: GroupConfig, costs: &Costs) -> GroupConfig {
+    GroupConfig { max_group: groups.max_group.min(costs.max_leaf as u32), ..groups }
+}
+
+/// `full` with oriented nodes where that is worth it, else the cheaper tree with aligned ones.
+fn oriented_or<'a, I: Item>(full: Chosen<'a, I>, coarse: Chosen<'a, I>, costs: &Costs) -> Chosen<'a, I> {
+    let [of_full, of_coarse] = [&full, &coarse].map(|chosen| chosen.aligned_cost(costs));
+    if full.oriented_cost(costs).is_some_and(|cost| cost <= MAX_ORIENTED_COST * of_full.min(of_coarse)) {
+        return full;
+    }
+    if of_full < of_coarse { Chosen { oriented: None, ..full } } else { coarse }
+}
+
+/// Builds trees with a primitive per leaf, and frames where nodes may be oriented; returns the cheaper one.
+pub(crate) fn full<'a, I: Item>(
+    items: Items<'a, I>,
+    boxes: &[Aabb],
+    rows: [[f32; 3]; 3],
+    scale: f32,
+    config: &Config,
+) -> Chosen<'a, I> {
+    let built = |builder: &Builder| {
+        let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
+        let tree = canted_sah::build(boxes, &bounds, builder);
+        let mut chosen = Chosen::of((tree, None), items, boxes, rows, scale, &config.costs);
+        if config.oriented {
+            chosen.fit(config, scale);
+        }
+        chosen
+    };
+    let first = || built(&config.builder);
+    let Some(alternative) = &config.alternative_builder else { return first() };
+    // Each has serial parts of its own.
+    let (first, alternative) = par::join(first, || built(alternative));
+    // Compared as they would be built: at their leaf sizes, with their frames.
+    if alternative.cost(&config.costs) < first.cost(&config.costs) { alternative } else { first }
+}
+
+/// A tree of any builder, with oriented nodes where that is worth it. `parts` are the boxes of the leaves, in leaf order, where they
+/// hold parts of primitives.
+pub(crate) fn over_tree<'a, I: Item>(
+    tree: Tree,
+    parts: Option<Vec<Aabb>>,
+    items: Items<'a, I>,
+    bounds: &Aabb,
+    config: &Config,
+) -> Chosen<'a, I> {
+    let (scale, rows) = (subtrees::unit_scale(bounds), Obb::IDENTITY_FRAME);
+    let aligned = match parts {
+        Some(parts) => Aligned::of_leaves(&tree, parts, scale),
+        None => Aligned::of(&tree, &item::boxes(items, rows), scale),
+    };
+    // Trees with spatial splits have several references to a primitive.
+    let (groups, is_shared, aligned_tables, oriented) = (None, true, vec![], None);
+    let mut chosen = Chosen { items, tree, groups, is_shared, rows, aligned, aligned_tables, oriented };
+    chosen.aligned_tables = chosen.tables_of_aligned(&config.costs);
+    if config.oriented {
+        chosen.fit(config, scale);
+        let most = MAX_ORIENTED_COST * chosen.aligned_cost(&config.costs);
+        chosen.oriented = chosen.oriented_cost(&config.costs).filter(|&cost| cost <= most).and(chosen.oriented);
+    }
+    chosen
+}
+
+/// Predicted costs of a subset of the mesh, in a tree of its own: with aligned nodes only, and with oriented ones.
+pub(crate) fn costs_of_subset<I: Item>(items: &[I], rows: [[f32; 3]; 3], scale: f32, config: &Config) -> [f32; 2] {
+    let items = Items::Array(items);
+    let boxes = item::boxes(items, rows);
+    let bounds = boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
+    let tree = canted_sah::build(&boxes, &bounds, &SAMPLE_BUILDER);
+    let mut chosen = Chosen::of((tree, None), items, &boxes, rows, scale, &config.costs);
+    chosen.fit(config, scale);
+    [chosen.aligned_cost(&config.costs), chosen.cost(&config.costs)]
+}
+
+/// The candidate in which a quickly built tree is so much cheaper that the mesh is rotated; `None` for the axes of the space.
+fn rotation(
+    candidates: Vec<[[f32; 3]; 3]>,
+    unrotated: &[Aabb],
+    boxes_along: &(dyn Fn(&[[f32; 3]; 3]) -> Vec<Aabb> + Sync),
+    scale: f32,
+    config: &Config,
+) -> Option<[[f32; 3]; 3]> {
+    if candidates.is_empty() {
+        return None;
+    }
+    let quick = |boxes: &[Aabb]| {
+        let (tree, groups) = canted_sah::grouped(boxes, &limited(QUICK, &config.costs));
+        let aligned = Aligned::of_leaves(&tree, groups.boxes, scale);
+        let members = LeafContents::Groups(&groups.starts);
+        root_cost(&tree, members, &aligned, &tables_of_aligned(&tree, members, &aligned, &config.costs), &config.costs)
+    };
+    let (unrotated, rotated) =
+        par::join(|| quick(unrotated), || par::map(&candidates, 1, |rows| quick(&boxes_along(rows))));
+    let (least, rows) = rotated.into_iter().zip(candidates).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (least <= MAX_ROTATED_COST * unrotated).then_some(rows)
+}
+
+/// Frames are found for the whole mesh where the estimate is at most this part of the cost of aligned nodes. The sample does
+/// not see nodes above its subtrees, so it may miss some of the gain.
+const MAX_SAMPLED_COST: f32 = 0.91;
+
+/// Most primitives of a sampled subtree.
+const MAX_SAMPLED: usize = 256;
+
+/// Most subtrees that are sampled.
+const N_SAMPLED: usize = 16;
+
+/// Builds sampled subtrees.
+const SAMPLE_BUILDER: Builder = Builder::TopDown(
+    TopDownConfig { split: Split::Binned { bins: 16, sweep_threshold: 8 }, axes: Axes::All, ..TopDownConfig::BINNED },
+    None,
+);
+
+/// An estimate of the cost with oriented nodes, relative to that with aligned nodes only.
+fn sampled_cost<I: Item>(chosen: &Chosen<I>, config: &Config, scale: f32) -> f32 {
+    let leaf_areas = |i: usize| chosen.aligned_leaf(i);
+    let (tree, members) = (&chosen.tree, chosen.members());
+    let plan = Plan { tree, members, costs: config.costs, tables: &chosen.aligned_tables, leaf_areas: &leaf_areas };
+    let Some(root) = tree.root() else { return 1.0 };
+    let range = |child: Child| {
+        let range = match child.kind() {
+            ChildKind::Leaf(position) => members.range(position, position),
+            ChildKind::Inner(id) => members.range(tree.nodes[id.index()].first, tree.nodes[id.index()].last),
+        };
+        range.start as usize..range.end as usize
+    };
+    // Subtrees, and the sum of the costs of those before and of each.
+    let mut subtrees = vec![];
+    let (mut below, mut open) = (0.0f64, vec![root]);
+    while let Some(child) = open.pop() {
+        match child.kind() {
+            ChildKind::Inner(id) if range(child).len() > MAX_SAMPLED => {
+                let node = &tree.nodes[id.index()];
+                open.extend([node.right, node.left]);
+            }
+            _ => {
+                below += f64::from(plan.cost(child));
+                subtrees.push((child, below));
+            }
+        }
+    }
+    let mut sampled: Vec<usize> = (0..N_SAMPLED)
+        .map(|i| {
+            let at = (i as f64 + 0.5) / N_SAMPLED as f64 * below;
+            subtrees.partition_point(|&(_, end)| end < at).min(subtrees.len() - 1)
+        })
+        .collect();
+    sampled.dedup();
+    let costs =
+        par::map(&sampled, 1, |&i| costs_of_subset(&chosen.sorted(range(subtrees[i].0)), chosen.rows, scale, config));
+    // Expensive subtrees are sampled more often, so each counts by the part that remains.
+    let remaining: f64 = costs.iter().map(|&[aligned, oriented]| f64::from(oriented / aligned)).sum();
+    let part = remaining / costs.len() as f64;
+    let total = f64::from(plan.cost(root)).max(below);
+    let cost = ((total - below + part * below) / total) as f32;
+    cost
+}

@@ -1,0 +1,393 @@
+//! From primitives to records: a binary tree, frames, a collapse, positions, records.
+
+pub(crate) mod binary;
+mod collapse;
+mod emit;
+pub(crate) mod frames;
+pub(crate) mod item;
+mod layout;
+pub(crate) mod subtrees;
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+mod tree_tests;
+
+use std::fmt;
+use std::ops::DerefMut;
+
+use canted_lbvh::{self as lbvh, Child, ChildKind, Corners, GeometryError, Tree};
+use canted_obb::{Aabb, Obb, PrimId};
+use canted_trace::ReferencePoint;
+
+use crate::build::binary::{Chosen, Oriented};
+use crate::build::collapse::{ALIGNED, Plan, Table};
+use crate::build::emit::{Leaves, emit, write_ids, write_triangles};
+use crate::build::item::{Item, Items, Placed};
+use crate::build::layout::{Source, TooLarge, layout};
+use crate::build::subtrees::SubtreeReaches;
+use crate::bvh::{PredictedCost, WideBvh};
+use crate::config::{Baseline, Config, Costs};
+use crate::leaf::{Blocks, HalfBlock, LeafLayout, LeafPrimitive, Primitive, Shapes, TriangleBvh};
+use crate::node::{Limits, NodeKind, Nodes, Records};
+use crate::par;
+use crate::simd::AvailablePath;
+use crate::traverse::{BoxPads, MeshFrame, Pads};
+
+/// Primitives of one job.
+const CHUNK: usize = 1 << 12;
+
+/// Why no BVH can be built over primitives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PrimitiveError {
+    /// Bounds are empty or not finite.
+    Bounds {
+        /// The primitive.
+        primitive: PrimId,
+    },
+    /// More primitives than a BVH can name.
+    TooMany {
+        /// Number of primitives.
+        n_primitives: usize,
+    },
+}
+
+impl fmt::Display for PrimitiveError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bounds { primitive } => write!(f, "primitive {primitive} has bounds that are empty or not finite"),
+            Self::TooMany { n_primitives } => write!(f, "{n_primitives} primitives are more than a BVH can hold"),
+        }
+    }
+}
+
+impl std::error::Error for PrimitiveError {}
+
+impl TriangleBvh {
+    /// Builds a BVH over triangles, with the default configuration.
+    ///
+    /// Vertices may have any type that converts into `[f32; 3]`, indices any integer type. They are not copied where they are `[f32; 3]`
+    /// and `u32`. A flat list of indices is a list of triangles by `as_chunks::<3>().0`.
+    ///
+    /// ```
+    /// use canted_wide::TriangleBvh;
+    ///
+    /// let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    /// let bvh = TriangleBvh::build(&positions, &[[0, 1, 2]])?;
+    /// assert_eq!(bvh.n_primitives(), 1);
+    ///
+    /// let (vertices, indices) = (positions.map(glam::Vec3::from_array), vec![0_u16, 1, 2, 2, 1, 0]);
+    /// assert_eq!(TriangleBvh::build(&vertices, indices.as_chunks::<3>().0)?.n_primitives(), 2);
+    /// # Ok::<(), canted_lbvh::GeometryError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// More than [`MAX_TRIANGLES`](crate::MAX_TRIANGLES), before any is read, or so many that the BVH is too large; the first
+    /// triangle with an index out of range or a vertex that is not finite.
+    pub fn build<V, I>(positions: &[V], triangles: &[[I; 3]]) -> Result<Self, GeometryError>
+    where
+        V: Into<[f32; 3]> + Copy + 'static,
+        I: TryInto<u32> + Copy + 'static,
+    {
+        Self::build_with(positions, triangles, Config::default())
+    }
+
+    /// As [`TriangleBvh::build`], with a [`Preset`](crate::Preset) or a [`Config`].
+    ///
+    /// # Errors
+    /// As [`TriangleBvh::build`].
+    pub fn build_with<V, I>(
+        positions: &[V],
+        triangles: &[[I; 3]],
+        config: impl Into<Config>,
+    ) -> Result<Self, GeometryError>
+    where
+        V: Into<[f32; 3]> + Copy + 'static,
+        I: TryInto<u32> + Copy + 'static,
+    {
+        let (positions, triangles) = (lbvh::as_positions(positions), lbvh::as_triangles(triangles));
+        Ok(over_indexed(&Limits::OF_WORDS, &positions, &triangles, &config.into())?.into())
+    }
+
+    /// Collapses a binary tree of any builder; `corners` in input order and finite, `bounds` around them.
+    ///
+    /// # Errors
+    /// Too many triangles, as for [`TriangleBvh::build`].
+    pub fn from_tree(
+        tree: &Tree,
+        corners: &[Corners],
+        bounds: &Aabb,
+        config: impl Into<Config>,
+    ) -> Result<Self, GeometryError> {
+        Ok(over_tree(tree, None, corners, bounds, &config.into())?.into())
+    }
+
+    /// Collapses a binary tree whose leaves are parts of triangles, as [`canted_sah::spatial()`] makes it; a leaf names its triangle, of
+    /// which it may hold a part only. `parts` are the boxes of the leaves, in leaf order; the boxes of a triangle together
+    /// contain all of its points. [`TriangleBvh::refit`] replaces the parts by whole triangles; only then a file of the BVH can be loaded.
+    ///
+    /// ```
+    /// use canted_lbvh::triangle_corners;
+    /// use canted_sah::{SpatialConfig, spatial};
+    /// use canted_wide::{Preset, TriangleBvh};
+    ///
+    /// let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    /// let (corners, bounds) = triangle_corners(&positions, &[[0, 1, 2], [1, 2, 3]])?;
+    /// let (mut tree, references) = spatial(&corners, &SpatialConfig::default());
+    /// let parts: Vec<_> = tree.leaves.iter().map(|part| references.boxes[part.index()]).collect();
+    /// tree.leaves.iter_mut().for_each(|leaf| *leaf = references.primitives[leaf.index()]);
+    /// let bvh = TriangleBvh::from_tree_of_parts(&tree, parts, &corners, &bounds, Preset::Balanced)?;
+    /// assert_eq!(bvh.n_primitives(), 2);
+    /// # Ok::<(), canted_lbvh::GeometryError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Too many triangles, as for [`TriangleBvh::build`].
+    ///
+    /// # Panics
+    /// If `parts` and the leaves of the tree differ in number.
+    pub fn from_tree_of_parts(
+        tree: &Tree,
+        parts: Vec<Aabb>,
+        corners: &[Corners],
+        bounds: &Aabb,
+        config: impl Into<Config>,
+    ) -> Result<Self, GeometryError> {
+        assert_eq!(parts.len(), tree.leaves.len(), "each leaf has a box");
+        Ok(over_tree(tree, Some(parts), corners, bounds, &config.into())?.into())
+    }
+}
+
+impl<P: Primitive> WideBvh<P> {
+    /// Builds a BVH over primitives of your own, with the default configuration.
+    ///
+    /// ```
+    /// use canted_trace::Sphere;
+    /// use canted_wide::WideBvh;
+    ///
+    /// let spheres = vec![Sphere { center: [0.0; 3], radius: 1.0 }, Sphere { center: [4.0, 0.0, 0.0], radius: 2.0 }];
+    /// let bvh = WideBvh::over(spheres)?;
+    /// assert_eq!(bvh.primitives()[1].radius, 2.0);
+    /// # Ok::<(), canted_wide::PrimitiveError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// More than [`MAX_PRIMITIVES`](crate::MAX_PRIMITIVES), before any is read, or so many that the BVH is too large; the first
+    /// primitive whose bounds are empty or not finite.
+    pub fn over(primitives: Vec<P>) -> Result<Self, PrimitiveError> {
+        Self::over_with(primitives, Config::default())
+    }
+
+    /// As [`WideBvh::over`], with a [`Preset`](crate::Preset) or a [`Config`].
+    ///
+    /// # Errors
+    /// As [`WideBvh::over`].
+    pub fn over_with(primitives: Vec<P>, config: impl Into<Config>) -> Result<Self, PrimitiveError> {
+        Self::over_within(&Limits::OF_WORDS, primitives, &config.into())
+    }
+
+    /// As [`WideBvh::over_with`], with smaller limits.
+    pub(crate) fn over_within(limits: &Limits, primitives: Vec<P>, config: &Config) -> Result<Self, PrimitiveError> {
+        let n_primitives = primitives.len();
+        if n_primitives > limits.n_parts {
+            return Err(PrimitiveError::TooMany { n_primitives });
+        }
+        let bounds = bounds_of(&primitives)?;
+        let costs = Costs { max_leaf: config.costs.max_leaf.min(P::MAX_LEAF), ..config.costs };
+        let config = Config { costs, ..*config }.usable();
+        let reference = reference_of(&primitives);
+        let place = |i: usize| Placed { primitive: &primitives[i], reference };
+        let items = Items::Made(n_primitives, &place);
+        let mut chosen = binary::choose(items, &reference.moved_box(&bounds), &config);
+        let tables = std::mem::take(&mut chosen.aligned_tables);
+        let ids = chosen.primitives();
+        let write = |at: &[u32], _: usize, out: &mut [PrimId]| write_ids(at.iter().map(|&i| ids[i as usize]), out);
+        let leaves = Leaves { layout: &LeafLayout::IDS, units: &|n| vec![PrimId(0); n], write: &write };
+        let (nodes, order, predicted) = collapse(&chosen, tables, &config.costs, P::ERROR, limits, &leaves)
+            .map_err(|TooLarge| PrimitiveError::TooMany { n_primitives })?;
+        let (frame, costs) = (MeshFrame::new(chosen.rows, reference), config.costs);
+        let leaves = Shapes { order, primitives };
+        Ok(Built { nodes, leaves, frame, bounds, n_primitives, predicted, costs }.into())
+    }
+
+    /// The primitives in input order.
+    #[must_use]
+    pub fn primitives(&self) -> &[P] {
+        &self.leaves.primitives
+    }
+
+    /// The primitives in input order.
+    #[must_use]
+    pub fn into_primitives(self) -> Vec<P> {
+        self.leaves.primitives
+    }
+}
+
+/// A BVH before it has what only traversal needs.
+pub(crate) struct Built<L> {
+    nodes: Nodes,
+    leaves: L,
+    frame: MeshFrame,
+    bounds: Aabb,
+    n_primitives: usize,
+    predicted: PredictedCost,
+    costs: Costs,
+}
+
+impl<P: LeafPrimitive> From<Built<P::Leaves>> for WideBvh<P> {
+    fn from(built: Built<P::Leaves>) -> Self {
+        let Built { nodes, leaves, frame, bounds, n_primitives, predicted, costs } = built;
+        let (baseline, path) = (Baseline::new(costs), AvailablePath::detect());
+        Self { nodes, leaves, frame, bounds, n_primitives, predicted, baseline, path }
+    }
+}
+
+/// The box around all primitives.
+///
+/// # Errors
+/// The first whose bounds are empty or not finite.
+pub(crate) fn bounds_of<P: Primitive>(primitives: &[P]) -> Result<Aabb, PrimitiveError> {
+    let boxes = par::map(primitives, CHUNK, P::bounds);
+    // Negated comparisons would accept NaN.
+    let is_valid = |aabb: &Aabb| (0..3).all(|k| aabb.min[k] <= aabb.max[k]) && aabb.is_finite();
+    match (0..).map(PrimId).zip(&boxes).find(|(_, aabb)| !is_valid(aabb)) {
+        Some((primitive, _)) => Err(PrimitiveError::Bounds { primitive }),
+        None => Ok(boxes.iter().fold(Aabb::EMPTY, |all, aabb| all.union(*aabb))),
+    }
+}
+
+/// The point that boxes of these primitives are relative to; the origin of their space where their hits have errors relative to it.
+pub(crate) fn reference_of<P: Primitive>(primitives: &[P]) -> ReferencePoint {
+    if P::IS_LOCAL {
+        ReferencePoint::near(primitives.len(), |i| primitives[i].bounds())
+    } else {
+        ReferencePoint::ORIGIN
+    }
+}
+
+/// The same of triangles.
+pub(crate) fn reference_of_triangles(n: usize, corners: impl Fn(usize) -> Corners) -> ReferencePoint {
+    ReferencePoint::near(n, |i| Aabb::from_points(corners(i)))
+}
+
+/// Builds over indexed triangles.
+fn over_indexed(
+    limits: &Limits,
+    positions: &[[f32; 3]],
+    triangles: &[[u32; 3]],
+    config: &Config,
+) -> Result<Built<Blocks>, GeometryError> {
+    check_number(triangles.len(), limits)?;
+    let bounds = lbvh::triangle_bounds(positions, triangles)?;
+    let config = config.usable();
+    let n = triangles.len();
+    let given = |i: usize| lbvh::corners_of(positions, &triangles[i]);
+    let reference = reference_of_triangles(n, given);
+    let moved = |i: usize| given(i).moved(reference);
+    let (given, moved) = (Items::Made(n, &given), Items::Made(n, &moved));
+    let items = if reference.is_origin() { given } else { moved };
+    let mut chosen = binary::choose(items, &reference.moved_box(&bounds), &config);
+    over_chosen(&mut chosen, given, (reference, &bounds), &config, limits)
+}
+
+/// Builds over a binary tree of any builder.
+fn over_tree(
+    tree: &Tree,
+    parts: Option<Vec<Aabb>>,
+    corners: &[Corners],
+    bounds: &Aabb,
+    config: &Config,
+) -> Result<Built<Blocks>, GeometryError> {
+    check_number(corners.len(), &Limits::OF_WORDS)?;
+    let config = config.usable();
+    let reference = reference_of_triangles(corners.len(), |i| corners[i]);
+    let moved = item::moved(corners, reference);
+    let parts = parts.map(|parts| parts.iter().map(|part| reference.moved_box(part)).collect());
+    let items = Items::Array(moved.as_deref().unwrap_or(corners));
+    let mut chosen = binary::over_tree(tree.clone(), parts, items, &reference.moved_box(bounds), &config);
+    over_chosen(&mut chosen, Items::Array(corners), (reference, bounds), &config, &Limits::OF_WORDS)
+}
+
+/// Rejects more triangles than leaves can name.
+fn check_number(n_triangles: usize, limits: &Limits) -> Result<(), GeometryError> {
+    if n_triangles > limits.n_triangles() { Err(GeometryError::TooMany { n_triangles }) } else { Ok(()) }
+}
+
+/// Writes the records of a tree over triangles, which are relative to the reference point there; `given` are as they were given, and
+/// so are `bounds`.
+pub(crate) fn over_chosen(
+    chosen: &mut Chosen<Corners>,
+    given: Items<Corners>,
+    (reference, bounds): (ReferencePoint, &Aabb),
+    config: &Config,
+    limits: &Limits,
+) -> Result<Built<Blocks>, GeometryError> {
+    let tables = std::mem::take(&mut chosen.aligned_tables);
+    let (n_primitives, ids) = (given.n(), chosen.primitives());
+    let write = |at: &[u32], part: usize, out: &mut [HalfBlock]| {
+        let ids = at.iter().map(|&i| ids[i as usize]);
+        write_triangles(ids.map(|id| (given.get(id.index()), id)), part, out);
+    };
+    let leaves = Leaves { layout: &LeafLayout::BLOCKS, units: &Records::zeroed, write: &write };
+    let (nodes, halves, predicted) = collapse(chosen, tables, &config.costs, config.test.hit_error(), limits, &leaves)
+        .map_err(|TooLarge| GeometryError::TooMany { n_triangles: n_primitives })?;
+    let leaves = Blocks::new(halves, config.test);
+    let frame = MeshFrame::new(chosen.rows, reference);
+    Ok(Built { nodes, leaves, frame, bounds: *bounds, n_primitives, predicted, costs: config.costs })
+}
+
+/// Writes the records of the cheapest plan; `error` is that of hits.
+fn collapse<I: Item, U: Send, B: DerefMut<Target = [U]>>(
+    chosen: &Chosen<I>,
+    aligned_tables: Vec<Table<ALIGNED>>,
+    costs: &Costs,
+    error: f32,
+    limits: &Limits,
+    leaves: &Leaves<'_, U, B>,
+) -> Result<(Nodes, B, PredictedCost), TooLarge> {
+    let Chosen { items, tree, rows, aligned, oriented, .. } = chosen;
+    let members = chosen.members();
+    let frame_of = |child: Child| match (oriented, child.kind()) {
+        (None, _) => *rows,
+        (Some(Oriented { fits, .. }), ChildKind::Leaf(i)) => fits.leaf[i as usize].rows,
+        (Some(Oriented { fits, .. }), ChildKind::Inner(id)) => fits.inner[id.index()].rows,
+    };
+    // The box of a part may reach less far than the triangle, to whose reach the errors of hits are relative.
+    let own_boxes = (*rows == Obb::IDENTITY_FRAME && !chosen.is_shared).then_some(aligned);
+    let reaches = SubtreeReaches::of_tree(tree, members, chosen.primitives(), *items, own_boxes);
+    let source = Source {
+        tree,
+        members,
+        primitives: chosen.primitives(),
+        is_shared: chosen.is_shared,
+        leaf_boxes: &aligned.leaf_boxes,
+        inner_boxes: &aligned.inner_boxes,
+        frames: &frame_of,
+        slabs: &|range, rows| {
+            let sorted = oriented.as_ref().expect("only oriented nodes have boxes of their own");
+            I::slabs(&sorted.sorted[range], rows)
+        },
+        reach: &|child| reaches.of_child(child),
+        pads: BoxPads::new(Pads::of(error), *rows == Obb::IDENTITY_FRAME),
+    };
+    let (aligned_areas, both_areas) = (|i: usize| chosen.aligned_leaf(i), |i: usize| chosen.both_leaf(i));
+    let plan = Plan { tree, members, costs: *costs, tables: &aligned_tables, leaf_areas: &aligned_areas };
+    let costs_of_aligned = tree.root().map(|root| (plan.area(root, NodeKind::Aligned), plan.cost(root)));
+    let predicted = |chosen: Option<f32>| {
+        costs_of_aligned.map_or_else(PredictedCost::default, |(area, aligned)| PredictedCost {
+            aligned: aligned / area,
+            chosen: chosen.unwrap_or(aligned) / area,
+        })
+    };
+    let (Some(Oriented { tables, .. }), Some(root)) = (oriented, tree.root()) else {
+        let layout = layout(&source, &plan, limits, leaves.layout)?;
+        // They take half the memory of a BVH, and records are only now allocated.
+        drop(aligned_tables);
+        let (nodes, units) = emit(&source, &layout, leaves);
+        return Ok((nodes, units, predicted(None)));
+    };
+    drop(aligned_tables);
+    let plan = Plan { tree, members, costs: *costs, tables, leaf_areas: &both_areas };
+    let layout = layout(&source, &plan, limits, leaves.layout)?;
+    let (nodes, units) = emit(&source, &layout, leaves);
+    Ok((nodes, units, predicted(Some(plan.cost(root)))))
+}

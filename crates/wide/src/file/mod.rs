@@ -1,0 +1,215 @@
+//! A BVH as bytes, and back.
+//!
+//! ```text
+//! offset   bytes        content
+//! 0        8            "CANTWIDE"
+//! 8        4            version, 5
+//! 12       4, 4, 4      root word; depth; most primitives of a leaf
+//! 24       8, 8, 8      cache lines of nodes; units of leaves; primitives
+//! 48       36           rows of the mesh frame
+//! 84       24           least and greatest coordinates
+//! 108      16, 8, 8     traversal costs; predicted costs; those before the first refit, -1 where there was none
+//! 140      4, 4         bytes of a unit: 160 of a half-block of triangles, 4 of an id; bytes of a primitive: 0 of triangles
+//! 148      4            error of hits that boxes are padded for, relative to the coordinates
+//! 152      12           reference point, which boxes are relative to
+//! 164      12           unused, zero
+//! 176      64 a line    nodes
+//!                       units of leaves
+//!                       primitives in input order
+//!          8            checksum of all before
+//! ```
+//!
+//! All of it is 32-bit words with the least byte first, on every machine.
+
+mod check;
+mod error;
+mod header;
+
+use bytemuck::Pod;
+use canted_obb::PrimId;
+use canted_trace::{SaveBlas, TriangleTest};
+
+use crate::bvh::WideBvh;
+use crate::leaf::{Blocks, HalfBlock, LeafPrimitive, SavedPrimitive, Shapes, TriangleBvh};
+use crate::node::{Nodes, Records};
+use crate::simd::AvailablePath;
+
+use check::{Expected, check_shapes, check_triangles};
+pub use error::LoadError;
+use header::{CHECKSUM_BYTES, HEADER_BYTES, Header, checksum};
+
+impl TriangleBvh {
+    /// The BVH with its triangles as bytes, for [`TriangleBvh::from_bytes`]: about as many as [`WideBvh::n_bytes`], the same on
+    /// every machine.
+    ///
+    /// The SIMD path is not part of them: the reader chooses it.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        write(self, SIZES, self.leaves.test.hit_error(), [bytemuck::cast_slice(&self.leaves.halves), &[]])
+    }
+
+    /// The BVH that [`TriangleBvh::to_bytes`] wrote, bit for bit.
+    ///
+    /// `bytes` may be damaged or malicious, whatever their checksum: a BVH that is returned cannot panic, loop or overflow a
+    /// stack, and finds every hit on its primitives. Needs memory in proportion to `bytes`.
+    ///
+    /// The bytes hold the error of hits that boxes are padded for; it tells the watertight test from the other two, whose hits are the same.
+    ///
+    /// # Errors
+    /// The first thing in `bytes` that is not part of a valid BVH over triangles.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
+        let is_of = |test: &TriangleTest, header: &Header| test.hit_error() == header.hit_error;
+        Self::read(bytes, |header| TriangleTest::ALL.into_iter().find(|test| is_of(test, header)).unwrap_or_default())
+    }
+
+    /// As [`TriangleBvh::from_bytes`], with a triangle test of the reader's choice. Where its error differs from that of the writer's test,
+    /// boxes are padded again.
+    ///
+    /// # Errors
+    /// As [`TriangleBvh::from_bytes`].
+    pub fn from_bytes_with(bytes: &[u8], test: TriangleTest) -> Result<Self, LoadError> {
+        Self::read(bytes, |_| test)
+    }
+
+    fn read(bytes: &[u8], test: impl FnOnce(&Header) -> TriangleTest) -> Result<Self, LoadError> {
+        let (header, mut nodes, [units, _]) = read(bytes, SIZES)?;
+        let test = test(&header);
+        let leaves = Blocks::new(Records::from(words_of::<HalfBlock>(units)), test);
+        let expected = Expected::of(&header, test.hit_error(), true)?;
+        check_triangles(&mut nodes, &leaves.halves, &expected)?;
+        Ok(loaded(&header, nodes, leaves, expected))
+    }
+}
+
+/// Bytes of a half-block of triangles, and of what is stored for a triangle in addition.
+const SIZES: [usize; 2] = [size_of::<HalfBlock>(), 0];
+
+impl<P: SavedPrimitive> WideBvh<P> {
+    /// Bytes of an id, and of a primitive.
+    const SIZES: [usize; 2] = {
+        let (size, align) = (size_of::<P::Data>(), align_of::<P::Data>());
+        assert!(size > 0 && size.is_multiple_of(4) && align >= 4, "primitives are written as 32-bit words");
+        [size_of::<PrimId>(), size]
+    };
+
+    /// The BVH with its primitives as bytes, for [`WideBvh::from_bytes`], as [`TriangleBvh::to_bytes`].
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let data: Vec<P::Data> = self.leaves.primitives.iter().map(P::to_data).collect();
+        let order: Vec<u32> = self.leaves.order.iter().map(|id| id.0).collect();
+        write(self, Self::SIZES, P::ERROR, [&order, bytemuck::cast_slice(&data)])
+    }
+
+    /// The BVH that [`WideBvh::to_bytes`] wrote, bit for bit if [`Primitive::ERROR`](crate::Primitive::ERROR) is the same; bytes need not be
+    /// trusted, as for [`TriangleBvh::from_bytes`].
+    ///
+    /// # Errors
+    /// The first thing in `bytes` that is not part of a valid BVH over these primitives.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
+        let (header, mut nodes, [units, primitives]) = read(bytes, Self::SIZES)?;
+        let order = words_of(units).into_iter().map(PrimId).collect();
+        let leaves = Shapes { order, primitives: words_of::<P::Data>(primitives).iter().map(P::from_data).collect() };
+        let expected = Expected::of(&header, P::ERROR, P::IS_LOCAL)?;
+        check_shapes(&mut nodes, &leaves, &expected)?;
+        Ok(loaded(&header, nodes, leaves, expected))
+    }
+}
+
+/// A BVH with these units of leaves and primitives as bytes.
+fn write<P: LeafPrimitive>(bvh: &WideBvh<P>, sizes: [usize; 2], hit_error: f32, sections: [&[u32]; 2]) -> Vec<u8> {
+    let [n_unit_bytes, n_primitive_bytes] = sizes.map(|n| n as u32);
+    let header = Header {
+        n_lines: bvh.nodes.lines.len() as u64,
+        n_units: (size_of_val(sections[0]) / sizes[0]) as u64,
+        n_primitives: bvh.n_primitives as u64,
+        root: bvh.nodes.root,
+        depth: bvh.nodes.depth,
+        frame: bvh.frame.rows,
+        reference: bvh.frame.reference.point(),
+        bounds: bvh.bounds,
+        predicted: bvh.predicted,
+        baseline: bvh.baseline,
+        n_unit_bytes,
+        n_primitive_bytes,
+        hit_error,
+    };
+    let mut bytes = Vec::with_capacity(HEADER_BYTES + bvh.n_bytes() + CHECKSUM_BYTES);
+    header.write(&mut bytes);
+    for words in [bytemuck::cast_slice(&bvh.nodes.lines), sections[0], sections[1]] {
+        bytes.extend(words.iter().flat_map(|word: &u32| word.to_le_bytes()));
+    }
+    let sum = checksum(&bytes);
+    bytes.extend(sum.to_le_bytes());
+    bytes
+}
+
+impl SaveBlas for TriangleBvh {
+    type Error = LoadError;
+
+    fn to_bytes(&self) -> Vec<u8> {
+        Self::to_bytes(self)
+    }
+
+    fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
+        Self::from_bytes(bytes)
+    }
+}
+
+impl<P: SavedPrimitive> SaveBlas for WideBvh<P> {
+    type Error = LoadError;
+
+    fn to_bytes(&self) -> Vec<u8> {
+        Self::to_bytes(self)
+    }
+
+    fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
+        Self::from_bytes(bytes)
+    }
+}
+
+/// A BVH of records that were checked.
+fn loaded<P: LeafPrimitive>(header: &Header, nodes: Nodes, leaves: P::Leaves, expected: Expected) -> WideBvh<P> {
+    let Expected { n_primitives, bounds, frame, .. } = expected;
+    let (predicted, baseline, path) = (header.predicted, header.baseline, AvailablePath::detect());
+    WideBvh { nodes, leaves, frame, bounds, n_primitives, predicted, baseline, path }
+}
+
+/// The header, the nodes, and the bytes of leaves and primitives.
+fn read(bytes: &[u8], sizes: [usize; 2]) -> Result<(Header, Nodes, [&[u8]; 2]), LoadError> {
+    let header = Header::read(bytes)?;
+    if header.n_bytes() != bytes.len() as u64 {
+        return Err(LoadError::Length { n_bytes: bytes.len(), n_expected: header.n_bytes() });
+    }
+    // The header was read, so there are more bytes than a checksum has.
+    let (content, stored) = bytes.split_last_chunk::<CHECKSUM_BYTES>().unwrap_or((bytes, &[0; CHECKSUM_BYTES]));
+    let (stored, computed) = (u64::from_le_bytes(*stored), checksum(content));
+    if stored != computed {
+        return Err(LoadError::Checksum { stored, computed });
+    }
+    let found = [header.n_unit_bytes, header.n_primitive_bytes];
+    let expected = sizes.map(|n| n as u32);
+    if found != expected {
+        return Err(LoadError::Primitives { found, expected });
+    }
+    // The file has the length by the header, so all sections fit into memory.
+    let [n_line_bytes, n_unit_bytes, _] = header.section_bytes().map(|n| n as usize);
+    let (lines, rest) = content[HEADER_BYTES..].split_at(n_line_bytes);
+    let (units, primitives) = rest.split_at(n_unit_bytes);
+    // What the hierarchy of the checked records gives is added then.
+    let (has_oriented, pieces) = (false, vec![]);
+    let nodes = Nodes { lines: words_of(lines).into(), root: header.root, depth: header.depth, has_oriented, pieces };
+    Ok((header, nodes, [units, primitives]))
+}
+
+/// Records made of 32-bit words, least byte first.
+fn words_of<T: Pod>(bytes: &[u8]) -> Vec<T> {
+    let mut records = vec![T::zeroed(); bytes.len() / size_of::<T>()];
+    let words: &mut [u32] = bytemuck::cast_slice_mut(&mut records);
+    for (word, bytes) in words.iter_mut().zip(bytes.as_chunks::<4>().0) {
+        *word = u32::from_le_bytes(*bytes);
+    }
+    records
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,180 @@
+//! Primitives of the caller.
+
+use canted_obb::{Aabb, Moments, Obb, PrimId};
+use canted_trace::{HIT_ERROR, ScaledRay, Side};
+
+use super::{LeafData, LeafPrimitive, LeafRange, extent_of_box};
+
+/// Where a ray hits a primitive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PrimitiveHit {
+    /// Distance in units of the scaled direction.
+    pub t: f32,
+    /// Coordinates on the surface, as the primitive defines them.
+    pub u: f32,
+    /// See `u`.
+    pub v: f32,
+    /// The side that is hit, as the primitive defines it.
+    pub side: Side,
+}
+
+/// A shape of your own in a [`WideBvh`](crate::WideBvh).
+///
+/// It is a surface that a ray hits in a few points, each of which is reported. Two methods are required, [`Primitive::bounds`] and
+/// [`Primitive::intersect`]; the others make the boxes around shapes that are not aligned with the axes smaller. A disk, with all of them:
+///
+/// ```
+/// use canted_obb::{Aabb, Moments};
+/// use canted_trace::{Intersect, Ray, ScaledRay, Side};
+/// use canted_wide::{Primitive, PrimitiveHit, WideBvh, bounds_of_points, extent_of_points};
+///
+/// /// All points `center + x·a + y·b` with `x² + y² <= 1`; `a` and `b` are orthogonal and of equal length.
+/// struct Disk { center: [f32; 3], a: [f32; 3], b: [f32; 3] }
+///
+/// fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+///     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+/// }
+///
+/// impl Disk {
+///     /// Corners of a square around it.
+///     fn corners(&self) -> [[f32; 3]; 4] {
+///         [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+///             .map(|[x, y]| [0, 1, 2].map(|k| self.center[k] + x * self.a[k] + y * self.b[k]))
+///     }
+/// }
+///
+/// impl Primitive for Disk {
+///     fn bounds(&self) -> Aabb {
+///         bounds_of_points(self.corners(), 0.0)
+///     }
+///
+///     fn extent_along(&self, direction: [f32; 3]) -> [f32; 2] {
+///         extent_of_points(self.corners(), 0.0, direction)
+///     }
+///
+///     fn moments(&self) -> Moments {
+///         Moments::from_points(self.corners())
+///     }
+///
+///     fn intersect(&self, ray: &ScaledRay, t_max: f32) -> Option<PrimitiveHit> {
+///         let [o, d, c, a, b] = [ray.origin, ray.direction, self.center, self.a, self.b].map(|v| v.map(f64::from));
+///         let normal = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+///         let to_center = [c[0] - o[0], c[1] - o[1], c[2] - o[2]];
+///         let t = (dot(to_center, normal) / dot(d, normal)) as f32;
+///         let p: [f64; 3] = [0, 1, 2].map(|k| f64::from(t) * d[k] - to_center[k]);
+///         let (x, y) = (dot(p, a) / dot(a, a), dot(p, b) / dot(b, b));
+///         let is_hit = ray.t_min <= t && t <= t_max && x * x + y * y <= 1.0;
+///         let side = if dot(d, normal) < 0.0 { Side::Front } else { Side::Back };
+///         is_hit.then_some(PrimitiveHit { t, u: x as f32, v: y as f32, side })
+///     }
+/// }
+///
+/// let disks = (0..100u8)
+///     .map(|i| Disk { center: [f32::from(i), 0.0, 0.0], a: [0.5, 0.5, 0.0], b: [0.0, 0.0, 0.5f32.sqrt()] })
+///     .collect();
+/// let bvh = WideBvh::over(disks)?;
+/// let hit = bvh.closest_hit(&Ray::new([7.25, 3.0, 0.0], [0.0, -1.0, 0.0])).expect("the ray hits a disk");
+/// assert_eq!((hit.primitive.0, hit.t), (7, 2.75));
+/// # Ok::<(), canted_wide::PrimitiveError>(())
+/// ```
+pub trait Primitive: Send + Sync {
+    /// How far a reported point may lie from the primitive: `o + t·d`, in real arithmetic with the reported `t`, is within
+    /// `ERROR·(|o|∞ + ρ∞)`, in each coordinate, of a point that [`Primitive::bounds`] and [`Primitive::extent_along`] of every
+    /// direction contain; `|o|∞` is the greatest coordinate of the ray's origin, `ρ∞` that of the bounds. At most 1/8.
+    ///
+    /// A `t` computed in f64 and rounded once needs 2^-24. If the stated error is too small, hits are lost.
+    const ERROR: f32 = HIT_ERROR;
+
+    /// Whether [`Primitive::ERROR`] is relative to the greatest `|x - o|∞` of the points `x` of the bounds instead, which is smaller: the
+    /// error then does not depend on where ray and primitive are in their space. So it is if the test subtracts the origin
+    /// first. Boxes are then relative to a point near the primitives, so that those far from the origin are traced as fast.
+    const IS_LOCAL: bool = false;
+
+    /// Most primitives of a leaf, at most 32. Primitives of a leaf are tested one by one, boxes eight at a time: the more
+    /// expensive the test, the fewer.
+    const MAX_LEAF: usize = 2;
+
+    /// A box around the primitive, object space: finite, not empty.
+    fn bounds(&self) -> Aabb;
+
+    /// An interval that contains `direction·x`, in real arithmetic, of all points `x` of the primitive: the extent of an
+    /// oriented box. The direction is a unit vector but for rounding, of length at most 1 + 4u.
+    ///
+    /// The default is that of the bounds, with which oriented boxes cannot be smaller than the bounds. An interval
+    /// wider than that is replaced by it. [`extent_of_points`] computes the interval of points and of shapes around them.
+    fn extent_along(&self, direction: [f32; 3]) -> [f32; 2] {
+        extent_of_box(&self.bounds(), direction)
+    }
+
+    /// Mean and scatter, whose principal axes are candidates for the axes of oriented boxes; hits do not depend on them.
+    ///
+    /// The default is that of the corners of the bounds, which does not depend on the orientation of a primitive. The ends
+    /// of a long shape, or the corners of a flat one, do: [`Moments::from_points`].
+    fn moments(&self) -> Moments {
+        Moments::from_box_corners(&Obb::from_aabb(&self.bounds()), 1.0)
+    }
+
+    /// The first hit with `ray.t_min <= t <= t_max`. `t` must depend on the ray's origin and direction alone: another
+    /// interval may hide a hit but not change it.
+    fn intersect(&self, ray: &ScaledRay, t_max: f32) -> Option<PrimitiveHit>;
+}
+
+impl<P: Primitive> Primitive for &P {
+    const ERROR: f32 = P::ERROR;
+    const IS_LOCAL: bool = P::IS_LOCAL;
+    const MAX_LEAF: usize = P::MAX_LEAF;
+
+    fn bounds(&self) -> Aabb {
+        P::bounds(self)
+    }
+
+    fn extent_along(&self, direction: [f32; 3]) -> [f32; 2] {
+        P::extent_along(self, direction)
+    }
+
+    fn moments(&self) -> Moments {
+        P::moments(self)
+    }
+
+    #[inline]
+    fn intersect(&self, ray: &ScaledRay, t_max: f32) -> Option<PrimitiveHit> {
+        P::intersect(self, ray, t_max)
+    }
+}
+
+/// A primitive that [`WideBvh::to_bytes`](crate::WideBvh::to_bytes) can write.
+pub trait SavedPrimitive: Primitive + Sized {
+    /// Its numbers: an array of 32-bit ones such as `[f32; 4]`, written with the least byte first on every machine.
+    type Data: bytemuck::Pod;
+
+    /// The numbers from which [`SavedPrimitive::from_data`] makes an equal primitive.
+    fn to_data(&self) -> Self::Data;
+
+    /// The primitive of these numbers. They may be any that a file holds; the loader then checks the bounds and all boxes.
+    fn from_data(data: &Self::Data) -> Self;
+}
+
+/// Leaves of a BVH over primitives of the caller.
+#[derive(Clone, Debug)]
+pub struct Shapes<P> {
+    /// Primitives by position in the leaves.
+    pub(crate) order: Vec<PrimId>,
+    /// In input order.
+    pub(crate) primitives: Vec<P>,
+}
+
+impl<P: Primitive> LeafPrimitive for P {
+    type Leaves = Shapes<P>;
+    type Shape = P;
+
+    #[inline]
+    fn for_each_shape(leaves: &Shapes<P>, leaf: LeafRange, mut visit: impl FnMut(PrimId, &P)) {
+        let ids = &leaves.order[leaf.first as usize..(leaf.first + leaf.n) as usize];
+        ids.iter().for_each(|&id| visit(id, &leaves.primitives[id.index()]));
+    }
+
+    fn leaf_data(leaves: &Shapes<P>) -> LeafData<'_> {
+        let n_bytes = size_of_val(&leaves.order[..]) + size_of_val(&leaves.primitives[..]);
+        LeafData { blocks: &[], order: &leaves.order, n_bytes }
+    }
+}

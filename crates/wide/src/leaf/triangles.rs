@@ -1,0 +1,168 @@
+//! Triangles as leaves hold them.
+
+use std::sync::OnceLock;
+
+use canted_lbvh::Corners;
+use canted_obb::PrimId;
+use canted_trace::{TriangleTest, Triangles};
+
+use super::{
+    HALF_BLOCK_WORDS, HalfBlock, LaneWords, LeafData, LeafLayout, LeafPrimitive, LeafRange, PART_LANES, PARTS,
+};
+use crate::bvh::WideBvh;
+use crate::node::checked::{CheckedLeaf, Hierarchy};
+use crate::node::{DecodedWord, Nodes, Records};
+use crate::par;
+use crate::traverse::Block;
+
+/// A triangle, as the primitive of a [`TriangleBvh`].
+///
+/// It has no value: leaves hold vertices in blocks of four and eight.
+#[derive(Clone, Copy, Debug)]
+pub enum Triangle {}
+
+/// A [`WideBvh`] over triangles. [`Config::test`](crate::Config::test) is the triangle test.
+pub type TriangleBvh = WideBvh<Triangle>;
+
+impl LeafPrimitive for Triangle {
+    type Leaves = Blocks;
+    type Shape = [[f32; 3]; 3];
+
+    #[inline]
+    fn for_each_shape(Blocks { halves, .. }: &Blocks, leaf: LeafRange, mut visit: impl FnMut(PrimId, &[[f32; 3]; 3])) {
+        lanes(halves, leaf).for_each(|(block, lane)| visit(block.primitive(lane), &block.vertices(lane)));
+    }
+
+    fn leaf_data(Blocks { halves, lanes, .. }: &Blocks) -> LeafData<'_> {
+        let n_bytes = size_of_val(&halves[..]) + lanes.get().map_or(0, |lanes| size_of_val(&lanes[..]));
+        LeafData { blocks: bytemuck::cast_slice(halves), order: &[], n_bytes }
+    }
+}
+
+/// The blocks and lanes of a leaf's triangles.
+#[inline]
+fn lanes(halves: &[HalfBlock], LeafRange { first, n, .. }: LeafRange) -> impl Iterator<Item = (Block<'_>, usize)> {
+    let (half, part) = (first as usize / PARTS, first as usize % PARTS);
+    (0..n)
+        .map(move |i| (Block::at(halves, half + i as usize / 8 * 2, n - i / 8 * 8), part * PART_LANES + i as usize % 8))
+}
+
+impl TriangleBvh {
+    /// The vertices of a triangle, as they were given.
+    ///
+    /// The first call makes an index of four bytes for each triangle.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    #[must_use]
+    pub fn triangle(&self, id: PrimId) -> [[f32; 3]; 3] {
+        self.leaves.triangle(&self.nodes, self.n_primitives, id)
+    }
+
+    /// The vertices of all triangles, in input order.
+    #[must_use]
+    pub fn triangles(&self) -> Vec<[[f32; 3]; 3]> {
+        let mut triangles = vec![[[0.0; 3]; 3]; self.n_primitives];
+        self.leaves.each_triangle(&self.nodes, |id, lane| triangles[id.index()] = self.leaves.vertices(lane));
+        triangles
+    }
+}
+
+impl Triangles for TriangleBvh {
+    fn triangle(&self, id: PrimId) -> [[f32; 3]; 3] {
+        Self::triangle(self, id)
+    }
+}
+
+/// All triangles of a BVH.
+#[derive(Clone, Debug)]
+pub struct Blocks {
+    pub(crate) halves: Records<HalfBlock>,
+    pub(crate) test: TriangleTest,
+    /// Of each triangle the first word, and in the lowest bit whether its rows have eight words.
+    lanes: OnceLock<Vec<u32>>,
+}
+
+impl Blocks {
+    pub(crate) fn new(halves: Records<HalfBlock>, test: TriangleTest) -> Self {
+        Self { halves, test, lanes: OnceLock::new() }
+    }
+
+    fn triangle(&self, nodes: &Nodes, n: usize, id: PrimId) -> [[f32; 3]; 3] {
+        let lanes = self.lanes.get_or_init(|| {
+            let mut lanes = vec![0; n];
+            self.each_triangle(nodes, |id, LaneWords { first, step }| {
+                let first = first as u32;
+                lanes[id.index()] = first << 1 | u32::from(step == 8);
+            });
+            lanes
+        });
+        let lane = lanes[id.index()];
+        self.vertices(LaneWords { first: (lane >> 1) as usize, step: if lane & 1 == 0 { 4 } else { 8 } })
+    }
+
+    fn each_triangle(&self, nodes: &Nodes, mut visit: impl FnMut(PrimId, LaneWords)) {
+        let words: &[u32] = bytemuck::cast_slice(&self.halves);
+        nodes.each_word(|word| {
+            let DecodedWord::Leaf { first, n } = word else { return };
+            let (first, n) = (first as usize, n as usize);
+            for i in 0..n {
+                let LaneWords { first: in_leaf, step } = LaneWords::of(i, n, first % PARTS);
+                let lane = LaneWords { first: first / PARTS * HALF_BLOCK_WORDS + in_leaf, step };
+                visit(PrimId(words[lane.word(LaneWords::ID_ROW)]), lane);
+            }
+        });
+    }
+
+    fn vertices(&self, lane: LaneWords) -> [[f32; 3]; 3] {
+        let words: &[u32] = bytemuck::cast_slice(&self.halves);
+        std::array::from_fn(|i| std::array::from_fn(|k| f32::from_bits(words[lane.word(3 * i + k)])))
+    }
+}
+
+const LAYOUT: &LeafLayout = &LeafLayout::BLOCKS;
+
+/// Triangles by their place: vertices, and ids.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct StoredTriangles {
+    pub(crate) corners: Vec<Corners>,
+    pub(crate) ids: Vec<PrimId>,
+}
+
+impl StoredTriangles {
+    /// Reads all leaves.
+    pub(crate) fn read(hierarchy: &Hierarchy, halves: &[HalfBlock]) -> Self {
+        let words: &[u32] = bytemuck::cast_slice(halves);
+        let mut all = vec![([[0.0; 3]; 3], PrimId(0)); hierarchy.n_places];
+        par::for_pieces(
+            &hierarchy.leaves,
+            &mut all,
+            |leaf| leaf.places.start,
+            |leaf, out| {
+                let words = &words[leaf.unit(LAYOUT) * HALF_BLOCK_WORDS..];
+                let n = out.len();
+                for (i, (corners, id)) in out.iter_mut().enumerate() {
+                    let lane = LaneWords::of(i, n, leaf.part(LAYOUT));
+                    for (row, x) in corners.as_flattened_mut().iter_mut().enumerate() {
+                        *x = f32::from_bits(words[lane.word(row)]);
+                    }
+                    *id = PrimId(words[lane.word(LaneWords::ID_ROW)]);
+                }
+            },
+        );
+        let (corners, ids) = all.into_iter().unzip();
+        Self { corners, ids }
+    }
+}
+
+/// Whether all words of a leaf's unused lanes are zero; lanes of a part that no leaf shares are its own.
+pub(crate) fn unused_lanes_are_zero(leaf: &CheckedLeaf, halves: &[HalfBlock]) -> bool {
+    let (n, first) = (leaf.places.len(), leaf.unit(LAYOUT));
+    let words: &[u32] = bytemuck::cast_slice(&halves[first..first + LAYOUT.n_units(n)]);
+    let n_lanes = if leaf.is_shared { PART_LANES } else { n.next_multiple_of(4) };
+    (n..n_lanes).all(|i| {
+        // The lane of a triangle if its block were filled.
+        let lane = LaneWords::of(i, n, leaf.part(LAYOUT));
+        (0..=LaneWords::ID_ROW).all(|row| words[lane.word(row)] == 0)
+    })
+}

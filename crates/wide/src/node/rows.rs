@@ -1,0 +1,71 @@
+//! Nodes as rows of eight lanes, and boxes as they hold them.
+
+use canted_obb::Aabb;
+use canted_trace::Slabs;
+use canted_trace::lanes::lower;
+
+use super::{ALIGNED_LINES, CacheLine, ChildWord, NodeKind, ORIENTED_LINES};
+
+/// The lower planes of an empty slot, beyond all supported coordinates; its upper planes are the negative.
+pub(crate) const NOWHERE: f32 = 9.223_372e18;
+
+/// Eight lanes of a record.
+pub(crate) type Row = [f32; 8];
+
+/// The rows of a node's lines.
+#[inline(always)]
+pub(crate) fn rows<const LINES: usize, const ROWS: usize>(lines: &[CacheLine], first: u32) -> &[Row; ROWS] {
+    const { assert!(LINES * 2 == ROWS) };
+    let first = first as usize;
+    let lines: &[CacheLine; LINES] = lines[first..first + LINES].try_into().expect("the length is that of the range");
+    bytemuck::cast_ref::<[CacheLine; LINES], [Row; ROWS]>(lines)
+}
+
+/// The child words of a node.
+pub(crate) fn node_words(lines: &[CacheLine], kind: NodeKind, line: u32) -> &[ChildWord; 8] {
+    match kind {
+        NodeKind::Aligned => bytemuck::cast_ref(&rows::<ALIGNED_LINES, 8>(lines, line)[6]),
+        NodeKind::Oriented => bytemuck::cast_ref(&rows::<ORIENTED_LINES, 16>(lines, line)[15]),
+    }
+}
+
+/// Rows lower x, upper x, lower y and so on, of boxes with their pads; slots without a box hold one that no ray enters.
+pub(crate) fn write_boxes(rows: &mut [Row], padded: impl Fn(usize) -> Option<(Aabb, f64)>) {
+    for i in 0..8 {
+        let (min, max) = match padded(i) {
+            Some((aabb, pad)) => (aabb.min.map(|x| lower(x, pad)), aabb.max.map(|x| -lower(-x, pad))),
+            None => ([NOWHERE; 3], [-NOWHERE; 3]),
+        };
+        for (k, planes) in rows.chunks_exact_mut(2).enumerate() {
+            planes[0][i] = min[k];
+            planes[1][i] = max[k];
+        }
+    }
+}
+
+/// For each axis a row, a center and a half-extent, of a box with its pad; a slot without a box holds one that no ray enters.
+pub(crate) fn write_slabs(rows: &mut [Row], i: usize, padded: Option<(Slabs, f64)>) {
+    for k in 0..3 {
+        let (row, (center, half)) = match &padded {
+            Some((slabs, pad)) => (slabs.rows[k], center_and_half(slabs.lo[k], slabs.hi[k], *pad)),
+            None => ([0.0; 3], (0.0, -NOWHERE)),
+        };
+        for axis in 0..3 {
+            rows[5 * k + axis][i] = row[axis];
+        }
+        rows[5 * k + 3][i] = center;
+        rows[5 * k + 4][i] = half;
+    }
+}
+
+/// The center of an interval and a half-extent that exceeds both ends by `pad`.
+fn center_and_half(lo: f32, hi: f32, pad: f64) -> (f32, f32) {
+    // Projections of coordinates near the end of the range may exceed it; no box holds an infinity or NaN.
+    let [lo, hi] = [lo, hi].map(|x| x.clamp(f32::MIN, f32::MAX));
+    let center = (0.5 * (f64::from(lo) + f64::from(hi))) as f32;
+    // Differences of f32 are exact in f64 except for a last bit, which the step upward covers; the proof of the pads covers the
+    // rounding of the sum.
+    let reach = (f64::from(hi) - f64::from(center)).max(f64::from(center) - f64::from(lo)).next_up() + pad;
+    let half = reach as f32;
+    (center, if f64::from(half) < reach { half.next_up() } else { half }.min(f32::MAX))
+}

@@ -1,0 +1,155 @@
+//! Traversals that call a function for each primitive of the leaves that a ray enters.
+
+use std::ops::ControlFlow;
+
+use canted_obb::{Aabb, PrimId};
+use canted_trace::{Ray, ScaledRay, with_stack};
+
+use super::sink::Visits;
+use crate::bvh::WideBvh;
+use crate::leaf::{LeafRange, Primitive};
+use crate::node::{NodeKind, Nodes};
+use crate::simd::{AvailablePath, Simd, Task};
+use crate::traverse::{Pads, RayLanes, TracedRay, Visitor, walk};
+
+/// In which order a traversal visits what a ray enters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// Nearer subtrees first: for the closest hit.
+    Nearest,
+    /// Any order, at a lower cost: for all hits, or whether there is one.
+    Any,
+}
+
+impl<P: Primitive> WideBvh<P> {
+    /// Calls `visit` with each primitive of each leaf that `ray` enters, nearer subtrees first, without testing it.
+    ///
+    /// `visit` gets the greatest `t` that is still searched, and returns the new one; [`ControlFlow::Break`] ends the traversal. A leaf is
+    /// entered no later than any hit on one of its primitives, and while that is at most `t`. A `WideBvh<Aabb>` has one box in each
+    /// leaf, so it reports the boxes that a ray enters: the building block for a level above other structures.
+    ///
+    /// ```
+    /// use std::ops::ControlFlow;
+    ///
+    /// use canted_obb::Aabb;
+    /// use canted_trace::Ray;
+    /// use canted_wide::WideBvh;
+    ///
+    /// let boxes = [9.0, 0.0, 6.0, 3.0].map(|x| Aabb { min: [x, 0.0, 0.0], max: [x + 1.0, 1.0, 1.0] });
+    /// let bvh = WideBvh::over(boxes.to_vec())?;
+    /// let mut entered = vec![];
+    /// bvh.traverse(&Ray::new([2.0, 0.5, 0.5], [1.0, 0.0, 0.0]), |id, t_max| {
+    ///     entered.push(id.0);
+    ///     // A hit at 4.5, inside the second box, hides the last one.
+    ///     ControlFlow::Continue(if id.0 == 2 { 4.5 } else { t_max })
+    /// });
+    /// assert_eq!(entered, [3, 2]);
+    /// # Ok::<(), canted_wide::PrimitiveError>(())
+    /// ```
+    pub fn traverse(&self, ray: &Ray, mut visit: impl FnMut(PrimId, f32) -> ControlFlow<(), f32>) {
+        let Some(scaled) = ScaledRay::new(ray) else { return };
+        let traced = TracedRay::new(&scaled, &self.frame, Pads::of(P::ERROR));
+        with_stack(self.nodes.stack_len(), |stack| {
+            self.visit(&traced, Order::Nearest, stack, &mut |id, t_max| match visit(id, scaled.caller_t(t_max)) {
+                // What the caller leaves as it is stays as it is, bit for bit.
+                ControlFlow::Continue(t) if t == scaled.caller_t(t_max) => t_max,
+                ControlFlow::Continue(t) => scaled.scaled_t(t).min(t_max),
+                ControlFlow::Break(()) => -1.0,
+            });
+        });
+    }
+
+    /// Calls `visit` with each primitive of each leaf that a ray enters; the work.
+    pub(super) fn visit(
+        &self,
+        ray: &TracedRay,
+        order: Order,
+        stack: &mut [u64],
+        visit: &mut dyn FnMut(PrimId, f32) -> f32,
+    ) -> Visits {
+        visit_primitives(self.path, &self.nodes, &self.leaves.order, ray, order, stack, visit)
+    }
+}
+
+impl WideBvh<Aabb> {
+    /// Calls `visit` with each box that a scaled ray enters: what a level above other structures needs. Returns the number of box tests.
+    ///
+    /// `visit` gets the scaled `t_max` and returns the new one; a negative value ends the traversal. A box is entered no later than any
+    /// hit that lies within `error` of it in each coordinate, in units of the space, and while that is `<= t_max`: so ties do not
+    /// depend on the BVH. `stack` has at least [`Intersect::stack_len`](canted_trace::Intersect::stack_len) entries.
+    pub fn traverse_scaled(
+        &self,
+        ray: &ScaledRay,
+        error: f64,
+        order: Order,
+        stack: &mut [u64],
+        visit: &mut dyn FnMut(PrimId, f32) -> f32,
+    ) -> u32 {
+        let ray = TracedRay::within(ray, &self.frame, error);
+        self.visit(&ray, order, stack, visit).n_boxes()
+    }
+}
+
+/// Calls `visit` with each primitive of each leaf that a ray enters; `ids` are those of all leaves. Compiled once for each SIMD path.
+pub(super) fn visit_primitives(
+    path: AvailablePath,
+    nodes: &Nodes,
+    ids: &[PrimId],
+    ray: &TracedRay,
+    order: Order,
+    stack: &mut [u64],
+    visit: &mut dyn FnMut(PrimId, f32) -> f32,
+) -> Visits {
+    path.run(VisitPrimitives { nodes, ids, ray, order, stack, visit })
+}
+
+struct VisitPrimitives<'a> {
+    nodes: &'a Nodes,
+    ids: &'a [PrimId],
+    ray: &'a TracedRay,
+    order: Order,
+    stack: &'a mut [u64],
+    visit: &'a mut dyn FnMut(PrimId, f32) -> f32,
+}
+
+impl Task for VisitPrimitives<'_> {
+    type Output = Visits;
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) -> Visits {
+        let Self { nodes, ids, ray, order, stack, visit } = self;
+        let lanes = RayLanes::new(simd, &ray.numbers);
+        let mut called = CalledForIds { ids, visit, visits: Visits::default() };
+        match order {
+            Order::Nearest => walk::<S, true>(simd, nodes, &lanes, ray.scaled.t_max, stack, &mut called),
+            Order::Any => walk::<S, false>(simd, nodes, &lanes, ray.scaled.t_max, stack, &mut called),
+        }
+        called.visits
+    }
+}
+
+/// Calls a function for each primitive of a leaf.
+struct CalledForIds<'a> {
+    ids: &'a [PrimId],
+    visit: &'a mut dyn FnMut(PrimId, f32) -> f32,
+    visits: Visits,
+}
+
+impl Visitor for CalledForIds<'_> {
+    #[inline(always)]
+    fn leaf(&mut self, LeafRange { first, n, mut t_max }: LeafRange) -> f32 {
+        self.visits.leaf(n);
+        for &id in &self.ids[first as usize..(first + n) as usize] {
+            t_max = (self.visit)(id, t_max);
+            if t_max < 0.0 {
+                break;
+            }
+        }
+        t_max
+    }
+
+    #[inline(always)]
+    fn node(&mut self, kind: NodeKind) {
+        self.visits.node(kind);
+    }
+}

@@ -1,0 +1,23 @@
+//! What rays ask of a BVH, over the traversal.
+//!
+//! ```text
+//! triangles    tests eight at a time inside of the traversal; one match on the triangle test for each ray
+//! primitives   tests of the caller, called from the traversal for each leaf
+//! boxes        a function of the caller, called for each box
+//! ```
+//!
+//! All traversals are compiled in this crate, once for each SIMD path: what is generic calls them through a function pointer for each leaf.
+
+mod boxes;
+mod crossings;
+mod moving;
+mod primitives;
+mod sink;
+mod triangles;
+
+#[cfg(test)]
+mod tests;
+
+pub use boxes::Order;
+pub use moving::MovingBvh;
+pub use sink::TraversalCounts;

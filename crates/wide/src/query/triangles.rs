@@ -1,0 +1,336 @@
+//! Rays through a BVH over triangles.
+//!
+//! From [`Intersect::closest_hit`] to the triangle test: `closest_hit_scaled` below chooses the triangle test, [`Task::on`] has the
+//! instructions of the SIMD path, `walk` visits the leaves, and [`TriangleLeaves`] tests the triangles of one.
+
+use canted_obb::Obb;
+use canted_trace::{
+    Accept, AcceptAt, Answer, Answers, Hit, Intersect, Query, Ray, ScaledRay, TriangleTest, with_stack,
+};
+
+use super::sink::{AllHits, AnyHit, BestHit, HitSink, TraversalCounts, Visits};
+use crate::leaf::{HalfBlock, LeafRange, PART_LANES, PARTS, TriangleBvh, hit};
+use crate::node::NodeKind;
+use crate::simd::{Simd, Task};
+use crate::traverse::{Block, EightRays, Pads, RayLanes, RayTriangles, TracedRay, Visitor, for_each_of_eight, walk};
+
+/// Pads for the default triangle test.
+pub(super) const PADS: Pads = Pads::of(TriangleTest::Watertight.hit_error());
+
+impl Intersect for TriangleBvh {
+    fn bounds(&self) -> Obb {
+        Self::bounds(self)
+    }
+
+    fn hit_error(&self) -> f32 {
+        self.leaves.test.hit_error()
+    }
+
+    fn has_local_error(&self) -> bool {
+        true
+    }
+
+    fn stack_len(&self) -> usize {
+        self.nodes.stack_len()
+    }
+
+    fn closest_hit_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> Option<Hit> {
+        if self.is_plain(query) {
+            return self.path.run(PlainClosest { bvh: self, ray, stack });
+        }
+        self.closest(&self.prepare(ray), query, stack).0
+    }
+
+    fn occluded_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> bool {
+        if self.is_plain(query) {
+            return self.path.run(PlainOccluded { bvh: self, ray, stack });
+        }
+        self.occluded_by(&self.prepare(ray), query, stack)
+    }
+
+    fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>) {
+        self.every(&self.prepare(ray), query, stack, hits);
+    }
+
+    fn answer(&self, rays: &[Ray], first: usize, accept: Option<&AcceptAt>, mut answers: Answers) {
+        with_stack(self.stack_len(), |stack| {
+            let is_plain = accept.is_none() && self.leaves.test == TriangleTest::Watertight;
+            if is_plain && matches!(answers, Answers::Closest(_) | Answers::Occluded(_)) {
+                return self.path.run(PlainSlice { bvh: self, rays, answers, stack });
+            }
+            for_each_of_eight(self.path, rays, &self.frame, self.pads(), &mut |i, traced| {
+                answers.fill(i, |answer| {
+                    let Some(ray) = traced else { return };
+                    let mut filter;
+                    let query: &mut dyn Query = match accept {
+                        None => &mut (),
+                        Some(accept) => {
+                            filter = Accept(|hit: &Hit| accept(first + i, &rays[i], hit));
+                            &mut filter
+                        }
+                    };
+                    match answer {
+                        Answer::Closest(hit) => *hit = self.closest(ray, query, stack).0,
+                        Answer::Occluded(occluded) => *occluded = self.occluded_by(ray, query, stack),
+                        Answer::All(hits) => self.every(ray, query, stack, hits),
+                    }
+                });
+            });
+        });
+    }
+}
+
+impl TriangleBvh {
+    /// The triangle test that rays are traced with.
+    #[must_use]
+    pub fn test(&self) -> TriangleTest {
+        self.leaves.test
+    }
+
+    /// Counts what the search for the closest hit of each ray visits.
+    #[must_use]
+    pub fn traversal_counts(&self, rays: &[Ray]) -> TraversalCounts {
+        let mut counts = TraversalCounts::default();
+        with_stack(self.stack_len(), |stack| {
+            for ray in rays.iter().filter_map(ScaledRay::new) {
+                let (_, visits) = self.closest(&self.prepare(&ray), &mut (), stack);
+                counts.add(&visits.counts);
+            }
+        });
+        counts
+    }
+
+    /// Whether the query is one that has a traversal of its own: it accepts every hit, counts nothing, and the triangle test is the
+    /// default.
+    #[inline]
+    fn is_plain(&self, query: &dyn Query) -> bool {
+        self.leaves.test == TriangleTest::Watertight && query.is_plain()
+    }
+
+    /// Relative pads of box tests.
+    #[inline(always)]
+    pub(crate) fn pads(&self) -> Pads {
+        Pads::of(self.leaves.test.hit_error())
+    }
+
+    #[inline(always)]
+    pub(crate) fn prepare(&self, ray: &ScaledRay) -> TracedRay {
+        TracedRay::new(ray, &self.frame, self.pads())
+    }
+
+    fn closest(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64]) -> (Option<Hit>, Visits) {
+        let mut best = BestHit::<false>::new(query);
+        self.pass_hits(ray, &mut best, stack);
+        let visits = best.visits;
+        (best.hit(&ray.scaled), visits)
+    }
+
+    fn occluded_by(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64]) -> bool {
+        let mut any = AnyHit::<false>::new(query);
+        self.pass_hits(ray, &mut any, stack);
+        any.found()
+    }
+
+    fn every(&self, ray: &TracedRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>) {
+        let mut all = AllHits::new(query, hits);
+        self.pass_hits(ray, &mut all, stack);
+        all.finish(&ray.scaled);
+    }
+
+    /// Passes all hits of a ray to `sink`.
+    fn pass_hits<T: HitSink>(&self, ray: &TracedRay, sink: &mut T, stack: &mut [u64]) {
+        match self.leaves.test {
+            TriangleTest::Watertight => self.path.run(PassHits::<T, true> { bvh: self, ray, sink, stack }),
+            TriangleTest::MollerTrumbore | TriangleTest::BaldwinWeber => {
+                self.path.run(PassHits::<T, false> { bvh: self, ray, sink, stack });
+            }
+        }
+    }
+}
+
+/// The closest hit of one ray under a query that is plain.
+struct PlainClosest<'a> {
+    bvh: &'a TriangleBvh,
+    ray: &'a ScaledRay,
+    stack: &'a mut [u64],
+}
+
+impl Task for PlainClosest<'_> {
+    type Output = Option<Hit>;
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) -> Option<Hit> {
+        let ray = TracedRay::new(self.ray, &self.bvh.frame, PADS);
+        let mut query = ();
+        let mut best = BestHit::<true>::new(&mut query);
+        pass_hits::<S, _, true>(simd, self.bvh, &ray, self.stack, &mut best);
+        best.hit(self.ray)
+    }
+}
+
+/// Whether one ray is occluded under a query that is plain.
+struct PlainOccluded<'a> {
+    bvh: &'a TriangleBvh,
+    ray: &'a ScaledRay,
+    stack: &'a mut [u64],
+}
+
+impl Task for PlainOccluded<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) -> bool {
+        let ray = TracedRay::new(self.ray, &self.bvh.frame, PADS);
+        let mut query = ();
+        let mut any = AnyHit::<true>::new(&mut query);
+        pass_hits::<S, _, true>(simd, self.bvh, &ray, self.stack, &mut any);
+        any.found()
+    }
+}
+
+/// The answers for a slice of rays under a query that is plain.
+struct PlainSlice<'a> {
+    bvh: &'a TriangleBvh,
+    rays: &'a [Ray],
+    answers: Answers<'a>,
+    stack: &'a mut [u64],
+}
+
+impl Task for PlainSlice<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) {
+        let Self { bvh, rays, answers, stack } = self;
+        let mut eight = EightRays::new();
+        match answers {
+            Answers::Closest(hits) => {
+                for (rays, hits) in rays.chunks(8).zip(hits.chunks_mut(8)) {
+                    eight.prepare(simd, rays, &bvh.frame, PADS);
+                    for (lane, (ray, hit)) in rays.iter().zip(hits).enumerate() {
+                        *hit = eight.ray(lane, ray).and_then(|ray| {
+                            let mut query = ();
+                            let mut best = BestHit::<true>::new(&mut query);
+                            pass_hits::<S, _, true>(simd, bvh, &ray, stack, &mut best);
+                            best.hit(&ray.scaled)
+                        });
+                    }
+                }
+            }
+            Answers::Occluded(occluded) => {
+                for (rays, occluded) in rays.chunks(8).zip(occluded.chunks_mut(8)) {
+                    eight.prepare(simd, rays, &bvh.frame, PADS);
+                    for (lane, (ray, occluded)) in rays.iter().zip(occluded).enumerate() {
+                        *occluded = eight.ray(lane, ray).is_some_and(|ray| {
+                            let mut query = ();
+                            let mut any = AnyHit::<true>::new(&mut query);
+                            pass_hits::<S, _, true>(simd, bvh, &ray, stack, &mut any);
+                            any.found()
+                        });
+                    }
+                }
+            }
+            Answers::All(_) | Answers::Lists(_) => unreachable!("all hits have one traversal"),
+        }
+    }
+}
+
+/// Passes all hits of a ray to a sink; the triangle test is the default where `WATERTIGHT`.
+struct PassHits<'a, T, const WATERTIGHT: bool> {
+    bvh: &'a TriangleBvh,
+    ray: &'a TracedRay,
+    sink: &'a mut T,
+    stack: &'a mut [u64],
+}
+
+impl<T: HitSink, const WATERTIGHT: bool> Task for PassHits<'_, T, WATERTIGHT> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) {
+        pass_hits::<S, T, WATERTIGHT>(simd, self.bvh, self.ray, self.stack, self.sink);
+    }
+}
+
+/// Passes all hits of `ray` to `sink`. Must be inlined where the path's instructions are enabled, like all callers of [`Simd`].
+#[inline(always)]
+pub(super) fn pass_hits<S: Simd, T: HitSink, const WATERTIGHT: bool>(
+    simd: S,
+    bvh: &TriangleBvh,
+    ray: &TracedRay,
+    stack: &mut [u64],
+    sink: &mut T,
+) {
+    // Two values instead of one in memory: the kernels index the direction, and what is indexed stays in memory.
+    let TracedRay { scaled, numbers } = *ray;
+    let (scaled, numbers) = (&scaled, &numbers);
+    let (halves, prepared) = (&bvh.leaves.halves[..], RayTriangles::new(simd, scaled));
+    let mut leaves = TriangleLeaves::<S, T, WATERTIGHT> { simd, halves, prepared, ray: scaled, sink };
+    let lanes = RayLanes::new(simd, numbers);
+    if T::ORDERED {
+        walk::<S, true>(simd, &bvh.nodes, &lanes, scaled.t_max, stack, &mut leaves);
+    } else {
+        walk::<S, false>(simd, &bvh.nodes, &lanes, scaled.t_max, stack, &mut leaves);
+    }
+}
+
+/// Tests the triangles of each leaf that a ray enters, eight at a time.
+struct TriangleLeaves<'a, S: Simd, T, const WATERTIGHT: bool> {
+    simd: S,
+    halves: &'a [HalfBlock],
+    prepared: RayTriangles<S>,
+    ray: &'a ScaledRay,
+    sink: &'a mut T,
+}
+
+impl<S: Simd, T: HitSink, const WATERTIGHT: bool> Visitor for TriangleLeaves<'_, S, T, WATERTIGHT> {
+    #[inline(always)]
+    fn leaf(&mut self, leaf: LeafRange) -> f32 {
+        let Self { simd, halves, prepared, ray, sink } = self;
+        let simd = *simd;
+        let LeafRange { first, mut n, mut t_max } = leaf;
+        sink.leaf(n);
+        // A leaf that starts in the second part of a half-block holds no more than that.
+        let shift = first as usize % PARTS * PART_LANES;
+        let mut first = first as usize / PARTS;
+        loop {
+            let block = Block::at(halves, first, n);
+            let filled = if n < 8 { ((1 << n) - 1) << shift } else { 0xff };
+            let candidates = match (T::ANY, T::SPLITS) {
+                (true, _) => block.candidates::<S, WATERTIGHT, true, false>(simd, prepared, t_max),
+                (false, true) => block.candidates::<S, WATERTIGHT, false, true>(simd, prepared, t_max),
+                (false, false) => block.candidates::<S, WATERTIGHT, false, false>(simd, prepared, t_max),
+            };
+            let mut mask = candidates.mask & filled;
+            if T::ANY && candidates.sure & filled != 0 {
+                return sink.take_any();
+            }
+            while mask != 0 {
+                let lane = mask.trailing_zeros() as usize;
+                mask &= mask - 1;
+                let vertices = block.vertices(lane);
+                let found = candidates.hit::<WATERTIGHT>(simd, prepared, ray, (lane, &vertices), t_max);
+                let Some(found) = found else { continue };
+                let found = hit(found.t, [found.u, found.v], found.side, block.primitive(lane));
+                t_max = if T::SPLITS && candidates.inside >> lane & 1 == 1 {
+                    sink.take_inside(found, t_max)
+                } else {
+                    sink.take(ray, found, &vertices, t_max)
+                };
+                if t_max < 0.0 {
+                    return t_max;
+                }
+            }
+            if n <= 8 {
+                return t_max;
+            }
+            n -= 8;
+            first += 2;
+        }
+    }
+
+    #[inline(always)]
+    fn node(&mut self, kind: NodeKind) {
+        self.sink.node(kind);
+    }
+}
