@@ -2,11 +2,16 @@
 //!
 //! Rays are transformed as `canted-tlas` documents it.
 
+use std::cmp::Ordering;
+
+use canted_fixtures::Mesh;
 use canted_obb::{
     Affine, PrimId,
     vector::{Vector, cross, dot, length, sub},
 };
-use canted_trace::{HIT_ERROR, Hit, InstanceId, Kernel, Query, Ray, ScaledRay};
+use canted_trace::{
+    BaldwinWeber, HIT_ERROR, Hit, InstanceId, Kernel, MollerTrumbore, Ray, ScaledRay, TriangleTest, Watertight,
+};
 
 /// The closest hit, ties to the lowest primitive, by a loop over all triangles with the kernel itself.
 ///
@@ -33,17 +38,28 @@ pub fn records<K: Kernel>(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec
     triangles.iter().map(|t| K::record(t.map(|i| positions[i as usize]))).collect()
 }
 
-/// Half of `f32::EPSILON`: the relative error of one rounding.
-const U: f64 = 0.5 * f32::EPSILON as f64;
+/// The closest hit of a ray on one mesh.
+pub type Loop = Box<dyn Fn(&Ray) -> Option<Hit> + Send + Sync>;
 
-/// A query that only sets the ray's time.
-pub struct At(pub f32);
-
-impl Query for At {
-    fn time(&self) -> f32 {
-        self.0
+/// The loop over the triangles of a mesh.
+#[must_use]
+pub fn of_mesh(mesh: &Mesh, test: TriangleTest) -> Loop {
+    fn of<K: Kernel>(mesh: &Mesh) -> Loop
+    where
+        K::Record: Send + Sync + 'static,
+    {
+        let records = records::<K>(&mesh.positions, &mesh.triangles);
+        Box::new(move |ray| closest_hit::<K>(&records, ray))
+    }
+    match test {
+        TriangleTest::Watertight => of::<Watertight>(mesh),
+        TriangleTest::MollerTrumbore => of::<MollerTrumbore>(mesh),
+        TriangleTest::BaldwinWeber => of::<BaldwinWeber>(mesh),
     }
 }
+
+/// Half of `f32::EPSILON`: the relative error of one rounding.
+const U: f64 = 0.5 * f32::EPSILON as f64;
 
 /// Rows of the inverse, translation last: cofactors divided by the determinant, in `f64`.
 #[must_use]
@@ -130,6 +146,14 @@ fn norms(world_from_object: &Affine) -> [f64; 2] {
 
 fn greatest(v: Vector) -> f64 {
     v.iter().fold(0.0, |all: f64, x| all.max(x.abs()))
+}
+
+/// The hits, least `t` first, ties by (instance, primitive); equal ones once.
+#[must_use]
+pub fn in_order(mut hits: Vec<Hit>) -> Vec<Hit> {
+    hits.sort_by(|a, b| if a.before(b) { Ordering::Less } else { Ordering::Greater });
+    hits.dedup();
+    hits
 }
 
 /// Distance of a point from a triangle, including degenerate ones: from its plane if the projection is inside, else from its edges.

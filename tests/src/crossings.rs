@@ -9,7 +9,7 @@ use canted_trace::{Hit, InstanceId, Query, Ray, ScaledRay, Shear, Side};
 use crate::reference::corners;
 
 /// Records every hit of the first instance and accepts none, so that the query reports all of them.
-pub(crate) struct Everything(Vec<Hit>);
+struct Everything(Vec<Hit>);
 
 impl Query for Everything {
     fn accepts(&mut self, hit: &Hit) -> bool {
@@ -21,7 +21,7 @@ impl Query for Everything {
 }
 
 /// Every hit on the first instance that a closest-hit query considers, unordered and possibly repeated.
-pub(crate) fn all_hits(ask: impl FnOnce(&mut Everything) -> Option<Hit>) -> Vec<Hit> {
+pub(crate) fn all_hits(ask: impl FnOnce(&mut dyn Query) -> Option<Hit>) -> Vec<Hit> {
     let mut everything = Everything(vec![]);
     let accepted = ask(&mut everything);
     assert!(accepted.is_none(), "the query accepted a hit: {accepted:?}");
@@ -103,8 +103,8 @@ pub fn are_alternating(crossings: &[Hit], inward: Side, from_inside: bool) -> bo
 #[cfg(test)]
 mod tests {
     use canted_obb::Affine;
-    use canted_trace::Watertight;
-    use canted_wide::{Config, TriangleBvh};
+    use canted_trace::{Crossings, Intersect};
+    use canted_wide::TriangleBvh;
 
     use super::*;
     use crate::closed::{Closed, closed, rays};
@@ -115,9 +115,7 @@ mod tests {
     /// Rays at vertices and edges of closed meshes; even ones start inside.
     fn traced() -> Vec<(Mesh, Vec<Traced>)> {
         let of = |closed: Closed| {
-            let tree =
-                TriangleBvh::<Watertight>::build(&closed.mesh.positions, &closed.mesh.triangles, &Config::default())
-                    .expect("fixtures are valid");
+            let tree = TriangleBvh::build(&closed.mesh.positions, &closed.mesh.triangles).expect("fixtures are valid");
             let both = |ray: Ray| {
                 let (mut hits, mut crossings) = (vec![], vec![]);
                 tree.all_hits(&ray, &mut hits);

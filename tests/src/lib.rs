@@ -8,7 +8,6 @@ pub mod crossings;
 pub mod device;
 pub mod exact;
 pub mod extremes;
-pub mod judge;
 pub mod rays;
 pub mod reference;
 pub mod rotations;

@@ -5,9 +5,13 @@ use canted_obb::vector::{Vector, cross, length, sub};
 use canted_trace::{HIT_ERROR, Ray};
 
 /// An arbitrary ray for meshes without triangles.
-const ASIDE: Ray = Ray { origin: [0.0; 3], direction: [1.0, 0.0, 0.0], t_min: 0.0, t_max: f32::INFINITY };
+fn aside() -> Ray {
+    Ray::new([0.0; 3], [1.0, 0.0, 0.0])
+}
 
-fn endless(ray: RayData) -> Ray {
+/// The ray of a fixture, from its origin on.
+#[must_use]
+pub fn endless(ray: RayData) -> Ray {
     Ray { t_max: ray.t_max, ..Ray::new(ray.origin, ray.direction) }
 }
 
@@ -16,7 +20,7 @@ fn endless(ray: RayData) -> Ray {
 #[must_use]
 pub fn of_classes(mesh: &Mesh, classes: &[Grazing], n: usize, seed: u64) -> Vec<Ray> {
     if mesh.triangles.is_empty() {
-        return vec![ASIDE];
+        return vec![aside()];
     }
     let mut rays: Vec<Ray> =
         classes.iter().zip(seed..).flat_map(|(&class, seed)| grazing(mesh, class, n, seed)).map(endless).collect();
@@ -61,7 +65,7 @@ fn aimed(origin: [f64; 3], target: [f64; 3]) -> Ray {
 #[must_use]
 pub fn from_afar(mesh: &Mesh, sizes: f64, n: usize, seed: u64) -> Vec<Ray> {
     if mesh.triangles.is_empty() {
-        return vec![ASIDE];
+        return vec![aside()];
     }
     let mut rng = SplitMix64::new(seed);
     let away = sizes * mesh.diagonal();
@@ -79,7 +83,7 @@ pub fn from_afar(mesh: &Mesh, sizes: f64, n: usize, seed: u64) -> Vec<Ray> {
 #[must_use]
 pub fn from_inside(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
     if mesh.triangles.is_empty() {
-        return vec![ASIDE];
+        return vec![aside()];
     }
     let mut rng = SplitMix64::new(seed);
     let [min, max] = mesh.bounds().map(|p| p.map(f64::from));
@@ -137,7 +141,7 @@ pub fn on_lattice(mesh: &Mesh) -> Mesh {
 #[must_use]
 pub fn in_planes(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
     if mesh.triangles.is_empty() {
-        return vec![ASIDE];
+        return vec![aside()];
     }
     let mut rng = SplitMix64::new(seed);
     let mut ray = |i: usize| {

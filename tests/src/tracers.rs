@@ -2,15 +2,15 @@
 
 use std::{cell::Cell, rc::Rc};
 
-use canted_bih::{Bih, Config as BihConfig, LeafSize};
-use canted_bvh2::{BuildConfig, Bvh2};
+use canted_bih::{Bih, BihConfig, LeafSize};
+use canted_bvh2::{Bvh2, Bvh2Config};
 use canted_fixtures::Mesh;
 use canted_gpu::{Choice, DeviceHit, Gpu, HIT_ERROR, Outcome, SceneInput, TracedScene};
-use canted_kdtree::{Config as KdTreeConfig, KdTree, Traversal};
+use canted_kdtree::{KdTraversal, KdTree, KdTreeConfig};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, PrimId};
-use canted_tlas::{Blas, Instance, Tlas, TopConfig};
-use canted_trace::{Hit, InstanceId, Ray, Side, Watertight};
+use canted_tlas::{Instance, Tlas, TopConfig};
+use canted_trace::{Accept, Crossings, Hit, InstanceId, Intersect, Query, Ray, Side};
 use canted_wide::{Config, Costs, Preset, SimdPath, TriangleBvh};
 
 use crate::{
@@ -84,7 +84,7 @@ impl Method {
         Self::new(name, Guarantee::Loop, make)
     }
 
-    fn of_two<B: Blas + 'static>(name: impl Into<String>, make: impl Fn(&Mesh) -> B + 'static) -> Self {
+    fn of_two<B: Intersect + 'static>(name: impl Into<String>, make: impl Fn(&Mesh) -> B + 'static) -> Self {
         let make: Make = Box::new(move |mesh, placement| Box::new(TwoLevels::new(make(mesh), mesh, placement)));
         Self::new(name, Guarantee::Loop, make)
     }
@@ -101,11 +101,11 @@ pub fn ours() -> (Vec<Method>, Vec<String>) {
         Method::of_one("binary combined", |mesh| OneLevel::new(mesh, |mesh| binary(mesh, Strategy::Combined))),
         Method::of_one("bih", |mesh| OneLevel::new(mesh, |mesh| bih(mesh, 4))),
         Method::of_one("bih leaf 1", |mesh| OneLevel::new(mesh, |mesh| bih(mesh, 1))),
-        Method::of_one("kd-tree", |mesh| OneLevel::new(mesh, |mesh| kd_tree(mesh, Traversal::Stack))),
-        Method::of_one("kd-tree ropes", |mesh| OneLevel::new(mesh, |mesh| kd_tree(mesh, Traversal::Ropes))),
+        Method::of_one("kd-tree", |mesh| OneLevel::new(mesh, |mesh| kd_tree(mesh, KdTraversal::Stack))),
+        Method::of_one("kd-tree ropes", |mesh| OneLevel::new(mesh, |mesh| kd_tree(mesh, KdTraversal::Ropes))),
         Method::of_two("two-level binary", |mesh| binary(mesh, Strategy::Dop)),
         Method::of_two("two-level bih", |mesh| bih(mesh, 4)),
-        Method::of_two("two-level kd-tree", |mesh| kd_tree(mesh, Traversal::Stack)),
+        Method::of_two("two-level kd-tree", |mesh| kd_tree(mesh, KdTraversal::Stack)),
     ];
     for path in there {
         let name = path.name();
@@ -128,7 +128,7 @@ pub fn ours() -> (Vec<Method>, Vec<String>) {
 pub fn two_levels() -> Vec<Method> {
     let mut methods =
         vec![Method::of_two("binary", |mesh| binary(mesh, Strategy::Dop)), Method::of_two("bih", |mesh| bih(mesh, 4))];
-    methods.push(Method::of_two("kd-tree", |mesh| kd_tree(mesh, Traversal::Stack)));
+    methods.push(Method::of_two("kd-tree", |mesh| kd_tree(mesh, KdTraversal::Stack)));
     for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
         let make: Make = Box::new(move |mesh, placement| {
             let tree = wide(mesh, &Config::default()).with_path(path);
@@ -144,26 +144,26 @@ pub fn two_levels() -> Vec<Method> {
 }
 
 /// A binary BVH with these volumes.
-fn binary(mesh: &Mesh, strategy: Strategy) -> Bvh2<Watertight> {
-    let config = BuildConfig { volumes: VolumeConfig { strategy, fallback: true }, ..BuildConfig::default() };
+fn binary(mesh: &Mesh, strategy: Strategy) -> Bvh2 {
+    let config = Bvh2Config { volumes: VolumeConfig { strategy, fallback: true }, ..Bvh2Config::default() };
     Bvh2::build(&mesh.positions, &mesh.triangles, &config).expect("a mesh of finite vertices")
 }
 
 /// A BIH with leaves of this size.
-fn bih(mesh: &Mesh, leaf_size: u32) -> Bih<Watertight> {
+fn bih(mesh: &Mesh, leaf_size: u32) -> Bih {
     let config = BihConfig { leaf_size: LeafSize::AtMost(leaf_size), ..BihConfig::default() };
     Bih::build(&mesh.positions, &mesh.triangles, &config).expect("a mesh of finite vertices")
 }
 
 /// A kd-tree.
-fn kd_tree(mesh: &Mesh, traversal: Traversal) -> KdTree<Watertight> {
+fn kd_tree(mesh: &Mesh, traversal: KdTraversal) -> KdTree {
     let config = KdTreeConfig { traversal, ..KdTreeConfig::default() };
     KdTree::build(&mesh.positions, &mesh.triangles, &config).expect("a mesh of finite vertices")
 }
 
 /// A wide BVH.
-fn wide(mesh: &Mesh, config: &Config) -> TriangleBvh<Watertight> {
-    TriangleBvh::build(&mesh.positions, &mesh.triangles, config).expect("a mesh of finite vertices")
+fn wide(mesh: &Mesh, config: &Config) -> TriangleBvh {
+    TriangleBvh::build_with(&mesh.positions, &mesh.triangles, *config).expect("a mesh of finite vertices")
 }
 
 /// A configuration with many oriented nodes: their cost is nearly zero, and leaves hold one triangle.
@@ -175,32 +175,32 @@ pub fn many_oriented() -> Config {
 
 /// A structure over triangles with its mesh.
 struct OneLevel<B> {
-    blas: B,
+    bvh: B,
     mesh: Mesh,
 }
 
-impl<B: Blas> OneLevel<B> {
+impl<B: Intersect> OneLevel<B> {
     fn new(mesh: Mesh, build: impl Fn(&Mesh) -> B) -> Self {
-        Self { blas: build(&mesh), mesh }
+        Self { bvh: build(&mesh), mesh }
     }
 }
 
-impl<B: Blas> Tracer for OneLevel<B> {
+impl<B: Intersect> Tracer for OneLevel<B> {
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        rays.iter().map(|ray| self.blas.closest_hit_with(ray, InstanceId(0), &mut ())).collect()
+        rays.iter().map(|ray| self.bvh.closest_hit(ray)).collect()
     }
 
     fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
-        rays.iter().map(|ray| self.blas.occluded_with(ray, InstanceId(0), &mut ())).collect()
+        rays.iter().map(|ray| self.bvh.occluded(ray)).collect()
     }
 
     fn crossings(&self, ray: &Ray) -> Option<Vec<Hit>> {
-        let hits = all_hits(|query| self.blas.closest_hit_with(ray, InstanceId(0), query));
+        let hits = all_hits(|query| self.bvh.closest_hit_with(ray, query));
         Some(crossings::of_hits(&self.mesh, ray, hits))
     }
 }
 
-impl Tracer for TriangleBvh<Watertight> {
+impl Tracer for TriangleBvh {
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
         let mut hits = vec![None; rays.len()];
         self.closest_hits(rays, &mut hits);
@@ -215,19 +215,19 @@ impl Tracer for TriangleBvh<Watertight> {
 
     fn crossings(&self, ray: &Ray) -> Option<Vec<Hit>> {
         let mut found = vec![];
-        Self::crossings(self, ray, &mut found);
+        Crossings::crossings(self, ray, &mut found);
         Some(found)
     }
 }
 
 /// An instanced mesh, and a second instance far away so that the top level has more than one leaf.
-struct TwoLevels<B: Blas> {
+struct TwoLevels<B: Intersect> {
     tlas: Tlas<B>,
     mesh: Mesh,
     placement: Affine,
 }
 
-impl<B: Blas> TwoLevels<B> {
+impl<B: Intersect> TwoLevels<B> {
     fn new(blas: B, mesh: &Mesh, placement: &Affine) -> Self {
         let instances = with_another(mesh, placement);
         let tlas = Tlas::new(vec![blas], &instances, TopConfig::default()).expect("a shift is invertible");
@@ -239,14 +239,14 @@ impl<B: Blas> TwoLevels<B> {
     }
 }
 
-impl<B: Blas> Tracer for TwoLevels<B> {
+impl<B: Intersect> Tracer for TwoLevels<B> {
     /// Only the first instance is queried.
     fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        rays.iter().map(|ray| self.tlas.closest_hit_with(ray, &mut OfTheFirst)).collect()
+        rays.iter().map(|ray| self.tlas.closest_hit_with(ray, &mut of_the_first())).collect()
     }
 
     fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
-        rays.iter().map(|ray| self.tlas.occluded_with(ray, &mut OfTheFirst)).collect()
+        rays.iter().map(|ray| self.tlas.occluded_with(ray, &mut of_the_first())).collect()
     }
 
     /// Computed in object space, where the kernel runs; a mirror swaps the sides.
@@ -261,12 +261,8 @@ impl<B: Blas> Tracer for TwoLevels<B> {
 }
 
 /// Accepts only hits of the first instance.
-struct OfTheFirst;
-
-impl canted_trace::Query for OfTheFirst {
-    fn accepts(&mut self, hit: &Hit) -> bool {
-        hit.instance == InstanceId(0)
-    }
+fn of_the_first() -> impl Query {
+    Accept(|hit: &Hit| hit.instance == InstanceId(0))
 }
 
 /// The device with one level and with two.

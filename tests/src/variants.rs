@@ -1,8 +1,11 @@
 //! Configurations of wide BVHs, SIMD paths, and comparison with the loop over all triangles.
 
+use canted_bvh2::{Bvh2, Bvh2Boxes, Bvh2Config};
 use canted_fixtures::Mesh;
-use canted_trace::{Hit, Ray};
-use canted_wide::{Config, Costs, LaneKernel, NodeKind, Preset, SimdPath, TriangleBvh};
+use canted_lbvh::{Strategy, VolumeConfig};
+use canted_tlas::TopConfig;
+use canted_trace::{Hit, Intersect, Ray, TriangleTest};
+use canted_wide::{Config, Costs, NodeKind, Preset, SimdPath, TriangleBvh};
 
 use crate::brute;
 
@@ -58,8 +61,39 @@ pub fn of_one_kind(kind: NodeKind) -> Config {
 ///
 /// # Panics
 /// Panics for invalid meshes.
-pub fn build<K: LaneKernel>(mesh: &Mesh, config: &Config) -> TriangleBvh<K> {
-    TriangleBvh::build(&mesh.positions, &mesh.triangles, config).expect("fixtures are valid")
+pub fn build(mesh: &Mesh, config: &Config) -> TriangleBvh {
+    TriangleBvh::build_with(&mesh.positions, &mesh.triangles, *config).expect("fixtures are valid")
+}
+
+/// A binary BVH with boxes of this strategy, which fall back to axis-aligned ones.
+///
+/// # Panics
+/// Panics for invalid meshes.
+pub fn binary(mesh: &Mesh, strategy: Strategy, test: TriangleTest) -> Bvh2 {
+    let config = Bvh2Config { volumes: VolumeConfig { strategy, fallback: true }, test, ..Bvh2Config::default() };
+    Bvh2::build(&mesh.positions, &mesh.triangles, &config).expect("fixtures are valid")
+}
+
+/// Binary BVHs of every strategy and wide ones of few variants on every SIMD path, by name.
+#[must_use]
+pub fn every_bvh(mesh: &Mesh) -> Vec<(String, Box<dyn Intersect>)> {
+    let mut bvhs: Vec<(String, Box<dyn Intersect>)> = vec![];
+    for strategy in Strategy::ALL {
+        bvhs.push((format!("binary, {strategy:?}"), Box::new(binary(mesh, strategy, TriangleTest::Watertight))));
+    }
+    for (variant, config) in few_variants() {
+        let bvh = build(mesh, &config);
+        for path in paths().0 {
+            bvhs.push((format!("wide, {variant}, {}", path.name()), Box::new(bvh.clone().with_path(path))));
+        }
+    }
+    bvhs
+}
+
+/// A top level of binary nodes with these volumes.
+#[must_use]
+pub fn binary_top(volumes: VolumeConfig) -> TopConfig {
+    TopConfig::other(Bvh2Boxes::builder(volumes))
 }
 
 /// Available SIMD paths, and the names of the others.
@@ -71,19 +105,18 @@ pub fn paths() -> (Vec<SimdPath>, Vec<&'static str>) {
 
 /// The answers of the loop over all triangles.
 #[must_use]
-pub fn loop_over_all<K: LaneKernel>(mesh: &Mesh, rays: &[Ray]) -> Vec<Option<Hit>> {
-    let records = brute::records::<K>(&mesh.positions, &mesh.triangles);
-    rays.iter().map(|ray| brute::closest_hit::<K>(&records, ray)).collect()
+pub fn loop_over_all(mesh: &Mesh, test: TriangleTest, rays: &[Ray]) -> Vec<Option<Hit>> {
+    rays.iter().map(brute::of_mesh(mesh, test)).collect()
 }
 
-/// The first ray for which the BVH differs from `wants`: alone, in a slice or for occlusion.
+/// The first ray for which a BVH differs from `wants`: alone, in a slice or for occlusion.
 #[must_use]
-pub fn first_difference<K: LaneKernel>(tree: &TriangleBvh<K>, rays: &[Ray], wants: &[Option<Hit>]) -> Option<String> {
+pub fn first_difference(bvh: &dyn Intersect, rays: &[Ray], wants: &[Option<Hit>]) -> Option<String> {
     let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
-    tree.closest_hits(rays, &mut hits);
-    tree.occluded_many(rays, &mut occluded);
+    bvh.closest_hits(rays, &mut hits);
+    bvh.occluded_many(rays, &mut occluded);
     rays.iter().zip(wants).enumerate().find_map(|(i, (ray, want))| {
-        let alone = (tree.closest_hit(ray), tree.occluded(ray));
+        let alone = (bvh.closest_hit(ray), bvh.occluded(ray));
         let all = [(hits[i], occluded[i]), alone];
         let is_equal = all.iter().all(|&(hit, occluded)| is_same(hit, *want) && occluded == want.is_some());
         (!is_equal).then(|| format!("ray {i}, {ray:?}: {all:?}, not {want:?}"))
@@ -91,7 +124,8 @@ pub fn first_difference<K: LaneKernel>(tree: &TriangleBvh<K>, rays: &[Ray], want
 }
 
 /// Whether two answers have the same bits; `==` does not distinguish -0.0 from 0.0.
-fn is_same(a: Option<Hit>, b: Option<Hit>) -> bool {
+#[must_use]
+pub fn is_same(a: Option<Hit>, b: Option<Hit>) -> bool {
     let bits = |hit: Hit| ([hit.t, hit.u, hit.v].map(f32::to_bits), hit.primitive, hit.instance, hit.side);
     a.map(bits) == b.map(bits)
 }
@@ -100,14 +134,14 @@ fn is_same(a: Option<Hit>, b: Option<Hit>) -> bool {
 ///
 /// # Panics
 /// Panics if one differs.
-pub fn agrees<K: LaneKernel>(name: &str, mesh: &Mesh, variants: &[Variant], rays: &[Ray]) {
-    let wants = loop_over_all::<K>(mesh, rays);
+pub fn agrees(test: TriangleTest, name: &str, mesh: &Mesh, variants: &[Variant], rays: &[Ray]) {
+    let wants = loop_over_all(mesh, test, rays);
     for (variant, config) in variants {
-        let mut tree = build::<K>(mesh, config);
+        let mut bvh = build(mesh, &Config { test, ..*config });
         for path in paths().0 {
-            tree = tree.with_path(path);
-            let difference = first_difference(&tree, rays, &wants);
-            assert_eq!(difference, None, "{name}, {variant}, {}", path.name());
+            bvh = bvh.with_path(path);
+            let difference = first_difference(&bvh, rays, &wants);
+            assert_eq!(difference, None, "{name}, {test}, {variant}, {}", path.name());
         }
     }
 }

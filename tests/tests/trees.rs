@@ -5,14 +5,14 @@
 //! Not covered here: how much smaller oriented volumes are (the program's `stats` reports it); traversal (`hits`); the build without the
 //! feature `parallel`, which needs a separate compilation.
 
-use canted_bvh2::{BuildConfig, Bvh2};
+use canted_bvh2::{Bvh2, Bvh2Config};
 use canted_fixtures::{Grazing, Mesh, grazing, grid, soup};
 use canted_lbvh::{
     self as lbvh, Bits, ChildKind, Corners, Domain, Flaw, NodeId, Strategy, Tree, Volume, VolumeConfig, Volumes,
 };
 use canted_obb::{Obb, merge};
 use canted_tests::{exact, scenes};
-use canted_trace::{Counts, InstanceId, Ray, Watertight};
+use canted_trace::{Counts, Intersect, Ray};
 
 fn configs() -> impl Iterator<Item = VolumeConfig> {
     Strategy::ALL.into_iter().flat_map(|strategy| [true, false].map(|fallback| VolumeConfig { strategy, fallback }))
@@ -143,11 +143,11 @@ fn build_bits(mesh: &Mesh, config: &VolumeConfig) -> (Tree, Vec<u32>) {
             bits.extend([*center, *x, *y, *z, *half].into_iter().flatten().map(f32::to_bits));
         }
     }
-    let config = BuildConfig { bits: Bits::B63, volumes: *config };
-    let blas = Bvh2::<Watertight>::build(&mesh.positions, &mesh.triangles, &config).unwrap();
+    let config = Bvh2Config { volumes: *config, ..Bvh2Config::default() };
+    let blas = Bvh2::build(&mesh.positions, &mesh.triangles, &config).unwrap();
     let mut counts = Counts::default();
     for ray in grazing(mesh, Grazing::Edges, 200, 8) {
-        let hit = blas.closest_hit_with(&Ray::new(ray.origin, ray.direction), InstanceId(0), &mut counts);
+        let hit = blas.closest_hit_with(&Ray::new(ray.origin, ray.direction), &mut counts);
         bits.extend(hit.iter().flat_map(|hit| [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive.0]));
     }
     bits.extend([counts.boxes, counts.triangles].map(|n| u32::try_from(n).unwrap()));

@@ -50,7 +50,6 @@
 mod bottom_up;
 mod check;
 mod cost;
-mod input;
 mod leaf;
 mod morton;
 #[doc(hidden)]
@@ -63,9 +62,9 @@ mod volumes;
 pub use bottom_up::bottom_up;
 pub use check::{Flaw, Stats, check};
 pub use cost::{Costs, TreeCost, tree_cost};
-pub use input::{as_positions, as_triangles};
 pub use leaf::{
-    Corners, GeometryError, Leaf, MAX_PRIMITIVES, corners_of, in_leaf_order, triangle_bounds, triangle_corners,
+    Corners, GeometryError, Leaf, MAX_PRIMITIVES, as_positions, as_triangles, corners_of, in_leaf_order,
+    triangle_bounds, triangle_corners,
 };
 pub use morton::{Bits, Domain, morton_codes, morton_codes_of_boxes};
 pub use radix::radix;

@@ -104,7 +104,6 @@ impl<'a> Rows<'a> {
             Data::F32(array) => std::array::from_fn(|k| f64::from(array[[i, k]])),
             Data::F64(array) => std::array::from_fn(|k| array[[i, k]]),
         };
-        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
         if self.origin == NO_ORIGIN {
             // Without a subtraction, which would make a negative zero positive.
             exact.map(|x| x as f32)
@@ -139,7 +138,6 @@ impl Column {
         let array = as_array(argument, name)?;
         if array.ndim() == 0 {
             let number: f64 = as_floats(&array, name)?.extract()?;
-            #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
             return Ok(Self::One(number as f32));
         }
         let shape = array.shape();
@@ -152,7 +150,6 @@ impl Column {
             values.iter_mut().zip(array.as_array()).for_each(|(value, &x)| *value = x);
         } else {
             let array: PyReadonlyArray1<'_, f64> = array.extract()?;
-            #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
             values.iter_mut().zip(array.as_array()).for_each(|(value, &x)| *value = x as f32);
         }
         Ok(Self::Each(values))

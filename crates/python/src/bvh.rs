@@ -1,6 +1,8 @@
 use std::path::PathBuf;
 use std::sync::{Arc, PoisonError, RwLock};
 
+use canted::kernel::HitLists;
+use canted::{Config, Crossings, Intersect, Ray, TriangleTest};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyType};
@@ -10,7 +12,7 @@ use crate::error::invalid;
 use crate::file;
 use crate::geometry::{self, Geometry};
 use crate::hits::Hits;
-use crate::mesh::{self, Crossings, Test};
+use crate::names;
 use crate::nearest::{self, Nearest};
 use crate::points::{Surface, table};
 use crate::query::{RayArrays, all_hits, closest_hits, occluded};
@@ -31,6 +33,8 @@ use crate::work;
 ///     How much build time is spent on how fast a BVH. Answers do not depend on it.
 /// triangle_test : "watertight", "moller-trumbore" or "baldwin-weber"
 ///     Only watertight has no leaks between triangles, and crossings.
+/// aligned : bool
+///     Builds without oriented nodes, to compare. Answers do not depend on it.
 /// origin : (3,) floats, optional
 ///     Subtracted in float64 from vertices, and from origins and points of queries; added to positions of results. Use a point near the mesh
 ///     where coordinates are large.
@@ -73,11 +77,16 @@ impl Bvh {
         let origin = geometry.origin(call.origin)?;
         let arrays = RayArrays::new(call.origins, call.directions, call.interval)?;
         let rays = arrays.rays(origin);
-        let columns = if only_crossings {
-            all_hits(py, &threads, &Crossings(geometry.mesh.watertight()?), &rays, false)?
-        } else {
-            all_hits(py, &threads, &*geometry.mesh, &rays, false)?
+        let mesh = &*geometry.mesh;
+        if only_crossings && mesh.test() != TriangleTest::Watertight {
+            let test = mesh.test();
+            return Err(invalid(format!("crossings need triangle_test='watertight'; this BVH has '{test}'")));
+        }
+        let list = |rays: &[Ray], lists: &mut HitLists| match only_crossings {
+            true => mesh.crossings_listed(rays, lists),
+            false => mesh.all_hits_listed(rays, lists),
         };
+        let columns = all_hits(py, &threads, &list, &rays, false)?;
         Ok(Hits::new(py, columns, Surface::Mesh { geometry, origin }, rays.len()))
     }
 }
@@ -85,24 +94,28 @@ impl Bvh {
 #[pymethods]
 impl Bvh {
     #[new]
-    #[pyo3(signature = (vertices, triangles, preset="balanced", triangle_test="watertight", *, origin=None, threads=None))]
+    #[pyo3(signature = (vertices, triangles, preset="balanced", triangle_test="watertight", *, aligned=false, origin=None, threads=None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn new(
         py: Python<'_>,
         vertices: &Bound<'_, PyAny>,
         triangles: &Bound<'_, PyAny>,
         preset: &str,
         triangle_test: &str,
+        aligned: bool,
         origin: Option<&Bound<'_, PyAny>>,
         threads: Option<i64>,
     ) -> PyResult<Self> {
-        let ((preset_name, preset), test) = (mesh::preset(preset)?, Test::named(triangle_test)?);
+        let ((preset_name, preset), test) = (names::preset(preset)?, names::triangle_test(triangle_test)?);
+        let config = Config { test, ..Config::preset(preset) };
+        let config = if aligned { config.axis_aligned() } else { config };
         let threads = Threads::new(threads)?;
         let origin = arrays::origin(origin)?.unwrap_or(NO_ORIGIN);
         let vertices = Table::new(vertices, "vertices", false)?;
         let positions = vertices.rows(origin).all()?;
         let n_vertices = positions.len();
         let triangles = Arc::new(arrays::triangles(triangles, n_vertices)?);
-        let mesh = Arc::new(geometry::build(py, &threads, test, preset, positions, &triangles)?);
+        let mesh = Arc::new(geometry::build(py, &threads, config, positions, &triangles)?);
         let triangles = Some(triangles);
         Ok(Self::of(Geometry { mesh, triangles, n_vertices, origin, preset: Some(preset_name) }))
     }
@@ -246,7 +259,7 @@ impl Bvh {
         let (geometry, threads) = (self.geometry(), Threads::new(threads)?);
         let (points, origin) = (Table::new(points, "points", true)?, geometry.origin(origin)?);
         let inside = nearest::of_points(py, &threads, &points.rows(origin), false, |points, inside| {
-            geometry.mesh.contains(points, inside);
+            geometry.mesh.contains_many(points, inside);
         })?;
         Ok(PyArray1::from_vec(py, inside).unbind())
     }
@@ -386,7 +399,7 @@ impl Bvh {
     }
 
     fn __len__(&self) -> usize {
-        self.geometry().mesh.n_triangles()
+        self.geometry().mesh.n_primitives()
     }
 
     fn __bool__(&self) -> bool {

@@ -19,12 +19,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use canted::{TriangleBvh, TriangleTest};
 use pyo3::prelude::*;
 
 use crate::arrays::NO_ORIGIN;
 use crate::error::{invalid, of_file};
 use crate::geometry::Geometry;
-use crate::mesh::{Mesh, PRESETS, Test};
+use crate::names::PRESETS;
 
 const MAGIC: &[u8; 8] = b"CANTEDPY";
 const VERSION: u32 = 1;
@@ -55,7 +56,7 @@ pub(crate) fn load(path: &Path) -> PyResult<Geometry> {
 pub(crate) fn to_bytes(geometry: &Geometry) -> Vec<u8> {
     let mut bytes = MAGIC.to_vec();
     let known = PRESETS.iter().position(|&(name, _)| Some(name) == geometry.preset);
-    let test = Test::ALL.iter().position(|&test| test == geometry.mesh.test());
+    let test = TriangleTest::ALL.iter().position(|&test| test == geometry.mesh.test());
     let numbers = [test.unwrap_or(0), known.unwrap_or(PRESETS.len()), usize::from(geometry.triangles.is_some())];
     bytes.extend(VERSION.to_le_bytes());
     for number in numbers {
@@ -76,7 +77,7 @@ pub(crate) fn to_bytes(geometry: &Geometry) -> Vec<u8> {
 /// The BVH, or a sentence about what is wrong.
 pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Geometry, String> {
     if bytes.starts_with(RUST_MAGIC) {
-        let mesh = Mesh::from_bytes(Test::Watertight, bytes).map_err(|error| error.to_string())?;
+        let mesh = TriangleBvh::from_bytes_with(bytes, TriangleTest::Watertight).map_err(|error| error.to_string())?;
         let mesh = Arc::new(mesh);
         return Ok(Geometry { mesh, triangles: None, n_vertices: 0, origin: NO_ORIGIN, preset: None });
     }
@@ -97,15 +98,16 @@ pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Geometry, String> {
     if u64::from_le_bytes(*stored) != checksum(&bytes[..HEADER_BYTES + indices.len()]) {
         return Err("the file is damaged: its checksum is wrong".to_owned());
     }
-    let test = Test::ALL.get(word(3) as usize).ok_or_else(|| format!("the file has triangle test {}", word(3)))?;
-    let mesh = Mesh::from_bytes(*test, rest).map_err(|error| error.to_string())?;
+    let test =
+        TriangleTest::ALL.get(word(3) as usize).ok_or_else(|| format!("the file has triangle test {}", word(3)))?;
+    let mesh = TriangleBvh::from_bytes_with(rest, *test).map_err(|error| error.to_string())?;
     let origin = std::array::from_fn(|k| f64::from_le_bytes(doubles[3 + k]));
     let n_vertices = u64::from_le_bytes(doubles[6]);
     let triangles: Vec<[u32; 3]> =
         indices.as_chunks::<12>().0.iter().map(|t| std::array::from_fn(|k| index(t, k))).collect();
     let has_triangles = word(5) == 1;
     let is_valid = origin.iter().all(|x| x.is_finite())
-        && (!has_triangles || triangles.len() == mesh.n_triangles())
+        && (!has_triangles || triangles.len() == mesh.n_primitives())
         && triangles.as_flattened().iter().all(|&index| u64::from(index) < n_vertices);
     if !is_valid {
         return Err("the file has an origin or vertex indices that do not belong to its BVH".to_owned());

@@ -4,13 +4,13 @@ use std::borrow::Cow;
 use std::fmt;
 use std::sync::{Arc, PoisonError, RwLock};
 
-use canted::{Preset, Refit};
+use canted::build::Refit;
+use canted::{Config, TriangleBvh};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{self, Table};
 use crate::error::{guard, invalid};
-use crate::mesh::{Mesh, Test};
 use crate::threads::Threads;
 use crate::work;
 
@@ -21,7 +21,7 @@ const LONG: usize = 1 << 16;
 /// A mesh and its BVH.
 #[derive(Clone)]
 pub(crate) struct Geometry {
-    pub(crate) mesh: Arc<Mesh>,
+    pub(crate) mesh: Arc<TriangleBvh>,
     /// The indices of the build, which a refit needs; none in a file of the Rust library.
     pub(crate) triangles: Option<Arc<Vec<[u32; 3]>>>,
     pub(crate) n_vertices: usize,
@@ -35,17 +35,16 @@ pub(crate) struct Geometry {
 pub(crate) fn build(
     py: Python<'_>,
     threads: &Threads,
-    test: Test,
-    preset: Preset,
+    config: Config,
     positions: Cow<'_, [[f32; 3]]>,
     triangles: &Arc<Vec<[u32; 3]>>,
-) -> PyResult<Mesh> {
+) -> PyResult<TriangleBvh> {
     let built = if triangles.len() < LONG {
-        let build = || Mesh::build(test, &positions, triangles, preset);
+        let build = || TriangleBvh::build_with(&positions, triangles, config);
         py.detach(|| guard(|| threads.run(build)))?
     } else {
         let (positions, triangles) = (positions.into_owned(), Arc::clone(triangles));
-        work::run(py, threads, move || Mesh::build(test, &positions, &triangles, preset))?
+        work::run(py, threads, move || TriangleBvh::build_with(&positions, &triangles, config))?
     };
     built.map_err(invalid)
 }
@@ -58,7 +57,7 @@ pub(crate) fn refit(
     vertices: &Bound<'_, PyAny>,
 ) -> PyResult<Refit> {
     let old = Arc::clone(&place.read().unwrap_or_else(PoisonError::into_inner));
-    let (n_vertices, n_triangles) = (old.n_vertices, old.mesh.n_triangles());
+    let (n_vertices, n_triangles) = (old.n_vertices, old.mesh.n_primitives());
     let Some(triangles) = old.triangles.clone() else {
         return Err(invalid("a BVH from a file of the Rust library has no vertex indices, so it cannot be refitted"));
     };
@@ -124,7 +123,7 @@ impl Geometry {
     pub(crate) fn stats<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (sizes, predicted) = (self.mesh.sizes(), self.mesh.predicted());
         let stats = PyDict::new(py);
-        stats.set_item("triangles", self.mesh.n_triangles())?;
+        stats.set_item("triangles", self.mesh.n_primitives())?;
         stats.set_item("vertices", self.n_vertices)?;
         stats.set_item("bytes", self.n_bytes())?;
         stats.set_item("node_bytes", sizes.node_bytes)?;
@@ -145,7 +144,7 @@ impl Geometry {
 impl fmt::Display for Geometry {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [aligned, oriented] = self.mesh.sizes().nodes;
-        let (n, kib) = (self.mesh.n_triangles(), self.n_bytes().div_ceil(1024));
+        let (n, kib) = (self.mesh.n_primitives(), self.n_bytes().div_ceil(1024));
         write!(f, "Bvh({n} triangles, {aligned} aligned and {oriented} oriented nodes, {kib} KiB)")
     }
 }

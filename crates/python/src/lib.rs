@@ -24,7 +24,7 @@ mod error;
 mod file;
 mod geometry;
 mod hits;
-mod mesh;
+mod names;
 mod nearest;
 mod points;
 mod query;

@@ -1,9 +1,9 @@
+use canted::TriangleBvh;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use crate::arrays::{Rows, Table};
 use crate::error::filled;
-use crate::mesh::Mesh;
 use crate::points::table;
 use crate::threads::Threads;
 use crate::work::for_jobs;
@@ -47,13 +47,12 @@ impl Nearest {
 pub(crate) fn nearest(
     py: Python<'_>,
     threads: &Threads,
-    mesh: &Mesh,
+    mesh: &TriangleBvh,
     points: &Table<'_>,
     origin: [f64; 3],
     max_distance: f64,
 ) -> PyResult<Nearest> {
     let points = points.rows(origin);
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is documented")]
     let max_distance = max_distance as f32;
     let n = points.len();
     let (mut distance, mut primitive) = (filled(n, f32::INFINITY)?, filled(n, -1)?);
@@ -63,7 +62,7 @@ pub(crate) fn nearest(
     for_jobs(py, threads, parts.collect(), |(job, ((distance, primitive), position))| {
         for (i, position) in position.as_chunks_mut::<3>().0.iter_mut().enumerate() {
             let point = points.get(job * POINTS_OF_JOB + i);
-            let Some(nearest) = mesh.nearest(point, max_distance) else { continue };
+            let Some(nearest) = mesh.nearest_point(point, max_distance) else { continue };
             distance[i] = nearest.distance;
             primitive[i] = i32::try_from(nearest.primitive.0).unwrap_or(i32::MAX);
             *position = std::array::from_fn(|k| f64::from(nearest.position[k]) + origin[k]);

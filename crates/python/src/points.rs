@@ -2,14 +2,13 @@
 
 use std::sync::Arc;
 
-use canted::{Hit, InstanceId, PrimId, Side, SurfacePoint};
+use canted::{Hit, InstanceId, PrimId, Side, SurfacePoint, TriangleBvh};
 use numpy::ndarray::Array2;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
 use crate::error::{filled, invalid};
 use crate::geometry::Geometry;
-use crate::mesh::Mesh;
 use crate::threads::Threads;
 use crate::work::for_jobs;
 
@@ -19,7 +18,7 @@ const HITS_OF_JOB: usize = 4096;
 /// What was hit, as it was then: a refit makes a copy.
 pub(crate) enum Surface {
     Mesh { geometry: Arc<Geometry>, origin: [f64; 3] },
-    Tlas(Arc<canted::Tlas<Arc<Mesh>>>),
+    Tlas(Arc<canted::Tlas<Arc<TriangleBvh>>>),
 }
 
 /// The arrays that say which points.
@@ -36,7 +35,8 @@ pub(crate) type Points = [Py<PyArray2<f64>>; 2];
 impl Surface {
     /// The point of a hit, in the space of the caller; an error names what does not exist.
     fn point(&self, hit: &Hit) -> Option<SurfacePoint> {
-        let vertices = |mesh: &Mesh| (hit.primitive.index() < mesh.n_triangles()).then(|| mesh.triangle(hit.primitive));
+        let vertices =
+            |mesh: &TriangleBvh| (hit.primitive.index() < mesh.n_primitives()).then(|| mesh.triangle(hit.primitive));
         match self {
             Self::Mesh { geometry, origin } => {
                 let point = SurfacePoint::new(hit, vertices(&geometry.mesh)?, geometry.mesh.aabb().reach());

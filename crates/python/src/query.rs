@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use canted::{Hit, Ray, Side};
+use canted::kernel::HitLists;
+use canted::{Hit, Intersect, Ray, Side};
 use pyo3::prelude::*;
 
 use crate::arrays::{Column, NO_ORIGIN, Rows, Table};
 use crate::error::{filled, invalid, reserved};
-use crate::mesh::Target;
 use crate::threads::Threads;
 use crate::work::for_jobs;
 
@@ -76,11 +76,9 @@ impl Rays<'_> {
     fn read(&self, range: Range<usize>, rays: &mut Vec<Ray>) {
         let [first_origin, first_direction] = [&self.origins, &self.directions].map(|rows| usize::from(rows.len() > 1));
         rays.clear();
-        rays.extend(range.map(|i| Ray {
-            origin: self.origins.get(i * first_origin),
-            direction: self.directions.get(i * first_direction),
-            t_min: self.t_min.get(i),
-            t_max: self.t_max.get(i),
+        rays.extend(range.map(|i| {
+            Ray::new(self.origins.get(i * first_origin), self.directions.get(i * first_direction))
+                .between(self.t_min.get(i), self.t_max.get(i))
         }));
     }
 }
@@ -108,7 +106,7 @@ fn signed(index: u32) -> i32 {
 pub(crate) fn closest_hits(
     py: Python<'_>,
     threads: &Threads,
-    target: &impl Target,
+    target: &dyn Intersect,
     rays: &Rays<'_>,
     has_instances: bool,
 ) -> PyResult<Columns> {
@@ -149,7 +147,7 @@ pub(crate) fn closest_hits(
 pub(crate) fn occluded(
     py: Python<'_>,
     threads: &Threads,
-    target: &impl Target,
+    target: &dyn Intersect,
     rays: &Rays<'_>,
 ) -> PyResult<Vec<bool>> {
     let mut occluded = filled(rays.len(), false)?;
@@ -158,7 +156,7 @@ pub(crate) fn occluded(
         let first = i * RAYS_OF_JOB;
         let mut read = Vec::with_capacity(occluded.len());
         rays.read(first..first + occluded.len(), &mut read);
-        target.occluded(&read, occluded);
+        target.occluded_many(&read, occluded);
     })?;
     Ok(occluded)
 }
@@ -167,7 +165,7 @@ pub(crate) fn occluded(
 pub(crate) fn all_hits(
     py: Python<'_>,
     threads: &Threads,
-    target: &impl Target,
+    list: &(dyn Fn(&[Ray], &mut HitLists) + Sync),
     rays: &Rays<'_>,
     has_instances: bool,
 ) -> PyResult<Columns> {
@@ -179,14 +177,11 @@ pub(crate) fn all_hits(
         let range = i * RAYS_OF_LIST_JOB..rays.len().min((i + 1) * RAYS_OF_LIST_JOB);
         let mut read = Vec::with_capacity(range.len());
         rays.read(range.clone(), &mut read);
-        let (mut own, mut ray) = (vec![], range.start);
-        target.all_hits(&read, |hits| {
-            #[expect(clippy::cast_possible_wrap, reason = "the number of rays of an array in memory")]
-            own.extend(hits.iter().map(|_| ray as i64));
-            part.push(hits, has_instances);
-            ray += 1;
-        });
-        part.ray = Some(own);
+        let mut lists = HitLists::new();
+        list(&read, &mut lists);
+        let of_rays = range.zip(lists.of_rays());
+        part.ray = Some(of_rays.flat_map(|(ray, hits)| hits.iter().map(move |_| ray as i64)).collect());
+        part.push(lists.hits(), has_instances);
     })?;
     joined(&parts, has_instances)
 }

@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
-use canted::{Affine, Instance, TopConfig};
+use canted::kernel::HitLists;
+use canted::{Affine, Instance, Intersect, Ray, TriangleBvh};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -10,12 +11,11 @@ use crate::bvh::Bvh;
 use crate::error::{guard, invalid};
 use crate::geometry::Geometry;
 use crate::hits::Hits;
-use crate::mesh::Mesh;
 use crate::points::{Surface, table};
 use crate::query::{RayArrays, all_hits, closest_hits, occluded};
 use crate::threads::Threads;
 
-type Inner = canted::Tlas<Arc<Mesh>>;
+type Inner = canted::Tlas<Arc<TriangleBvh>>;
 
 /// Instances of meshes under affine transforms, with ray queries.
 ///
@@ -63,7 +63,7 @@ impl Tlas {
         });
         let instances = instances.collect::<PyResult<Vec<_>>>()?;
         let blas = geometries.iter().map(|geometry| Arc::clone(&geometry.mesh)).collect();
-        let build = || Inner::new(blas, &instances, TopConfig::default());
+        let build = || Inner::new(blas, &instances, Default::default());
         let threads = Threads::all()?;
         let tlas = py.detach(|| guard(|| threads.run(build)))?.map_err(invalid)?;
         Ok(Self { tlas: Arc::new(tlas) })
@@ -123,7 +123,8 @@ impl Tlas {
     ) -> PyResult<Hits> {
         let arrays = RayArrays::new(origins, directions, [t_min, t_max])?;
         let rays = arrays.rays(NO_ORIGIN);
-        let columns = all_hits(py, &Threads::new(threads)?, &*self.tlas, &rays, true)?;
+        let list = |rays: &[Ray], lists: &mut HitLists| self.tlas.all_hits_listed(rays, lists);
+        let columns = all_hits(py, &Threads::new(threads)?, &list, &rays, true)?;
         Ok(Hits::new(py, columns, Surface::Tlas(Arc::clone(&self.tlas)), rays.len()))
     }
 
@@ -134,7 +135,7 @@ impl Tlas {
         let stats = PyDict::new(py);
         stats.set_item("bvhs", self.tlas.blas().len())?;
         stats.set_item("instances", self.tlas.n_instances())?;
-        stats.set_item("triangles", self.tlas.blas().iter().map(|mesh| mesh.n_triangles()).sum::<usize>())?;
+        stats.set_item("triangles", self.tlas.blas().iter().map(|mesh| mesh.n_primitives()).sum::<usize>())?;
         stats.set_item("bytes", self.tlas.n_bytes())?;
         Ok(stats)
     }
@@ -192,10 +193,8 @@ fn index_and_matrix(i: usize, instance: &Bound<'_, PyAny>, n_meshes: usize) -> P
 
 /// The map of a mesh whose coordinates are less `origin`.
 fn affine(rows: &Rows, origin: [f64; 3]) -> Affine {
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is documented")]
     let column = |j: usize| rows.map(|row| row[j] as f32);
     let shift = rows.map(|[x, y, z, w]| {
-        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is documented")]
         if origin == NO_ORIGIN { w as f32 } else { (x * origin[0] + y * origin[1] + z * origin[2] + w) as f32 }
     });
     Affine { columns: [column(0), column(1), column(2), shift] }

@@ -16,8 +16,6 @@ mod ply;
 mod polygon;
 #[cfg(feature = "stl")]
 mod stl;
-#[cfg(test)]
-mod tests;
 mod text;
 
 use std::ffi::OsStr;
@@ -198,4 +196,259 @@ fn decompress(path: &Path, bytes: &[u8]) -> Result<Vec<u8>, ReadError> {
 #[cfg(not(feature = "gzip"))]
 fn decompress(path: &Path, _: &[u8]) -> Result<Vec<u8>, ReadError> {
     Err(ReadError::missing_feature(path, "gzip", "gzip"))
+}
+
+#[cfg(test)]
+mod tests {
+    //! Arbitrary input to the OBJ, MTL and PLY readers gives an error or a valid scene.
+
+    use std::path::Path;
+
+    use proptest::prelude::*;
+
+    use super::obj::materials::parse_library;
+    use super::{ReadError, obj, ply, read};
+    use crate::Scene;
+
+    /// The first error in a scene: an index out of range, a non-finite position, mismatched counts.
+    fn flaw(scene: &Scene) -> Option<String> {
+        let mut next = 0;
+        for instance in &scene.instances {
+            let mesh = scene.meshes.get(instance.mesh.0 as usize)?;
+            if instance.first_primitive != next {
+                return Some(format!("primitive {} instead of {next}", instance.first_primitive));
+            }
+            next += u32::try_from(mesh.triangles.len()).unwrap();
+        }
+        for mesh in &scene.meshes {
+            let n = mesh.positions.len();
+            let is_usable =
+                |&index: &u32| mesh.positions.get(index as usize).is_some_and(|p| p.iter().all(|x| x.is_finite()));
+            if let Some(index) = mesh.triangles.iter().flatten().find(|index| !is_usable(index)) {
+                return Some(format!("vertex {index} of {n} is missing or not finite"));
+            }
+            if mesh.normals.as_ref().is_some_and(|normals| normals.len() != n)
+                || mesh.uvs.as_ref().is_some_and(|uvs| uvs.len() != n)
+                || mesh.colors.as_ref().is_some_and(|colors| colors.len() != n)
+            {
+                return Some("attributes and positions differ in number".into());
+            }
+            if mesh
+                .parts
+                .first()
+                .is_none_or(|part| part.first_triangle != 0 || part.material.0 as usize >= scene.materials.len())
+            {
+                return Some("triangle 0 has no material".into());
+            }
+        }
+        (next == 0).then(|| "no triangle".into())
+    }
+
+    const OBJ: &str = "mtllib a.mtl\no a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nvt 0 1\nvn 0 0 1\ng b\nusemtl c\nf 1 2 3 4\nf -1/1/1 -2/1 -3//1\n";
+    const MTL: &str =
+        "newmtl a\nKd 1 0.5 0\nKe 1 1 1\nmap_Kd -s 1 1 1 a.png\nd 0.5\nnewmtl b\nmap_d -o 0 b.png\nTr 1\n";
+    const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n\
+                       property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+
+    /// A file with bytes overwritten, removed or duplicated.
+    fn mutated(text: &'static str) -> impl Strategy<Value = Vec<u8>> {
+        let edit = (any::<prop::sample::Index>(), any::<prop::sample::Index>(), 0..4_u8, any::<u8>());
+        prop::collection::vec(edit, 1..6).prop_map(move |edits| {
+            let mut bytes = text.as_bytes().to_vec();
+            for (a, b, kind, byte) in edits {
+                let (a, b) = (a.index(bytes.len() + 1), b.index(bytes.len() + 1));
+                let range = a.min(b)..a.max(b).min(a.min(b) + 8);
+                match kind {
+                    0 => drop(bytes.splice(range, [byte])),
+                    1 => drop(bytes.splice(range, [])),
+                    2 => bytes.splice(range.end..range.end, bytes[range].to_vec()).for_each(drop),
+                    _ => drop(bytes.splice(a..a, *b"-9")),
+                }
+            }
+            bytes
+        })
+    }
+
+    /// Plausible statements with small numbers, so that indices are often valid.
+    fn obj_lines() -> impl Strategy<Value = Vec<u8>> {
+        let number = prop_oneof![
+            (-2..7_i32).prop_map(|x| x.to_string()),
+            Just("nan".into()),
+            Just("1e39".into()),
+            Just("-0.0".into())
+        ];
+        let line = (
+            prop::sample::select(vec!["v", "v", "v", "vt", "vn", "f", "f", "f", "g", "usemtl"]),
+            prop::collection::vec(number, 0..7),
+        );
+        prop::collection::vec(line, 0..40).prop_map(|lines| {
+            lines
+                .into_iter()
+                .flat_map(|(keyword, numbers)| format!("{keyword} {}\n", numbers.join(" ")).into_bytes())
+                .collect()
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn obj_gives_an_error_or_a_valid_scene(bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..300), mutated(OBJ), obj_lines()]) {
+            if let Ok(scene) = obj::parse(Path::new("a.obj"), &bytes) {
+                prop_assert_eq!(flaw(&scene), None);
+            }
+        }
+
+        #[test]
+        fn mtl_gives_valid_materials(bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..300), mutated(MTL)]) {
+            let mut warnings = Vec::new();
+            for material in parse_library("a.mtl", &bytes, &mut warnings).values() {
+                prop_assert!(material.base_color.iter().flatten().all(|x| (0.0..=1.0).contains(x)));
+                prop_assert!(material.emission.iter().flatten().all(|x| *x >= 0.0 && x.is_finite()));
+            }
+        }
+
+        #[test]
+        fn ply_gives_an_error_or_a_valid_scene(bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..300), mutated(PLY)]) {
+            if let Ok(scene) = ply::parse(Path::new("a.ply"), &bytes) {
+                prop_assert_eq!(flaw(&scene), None);
+            }
+        }
+    }
+
+    #[cfg(feature = "stl")]
+    const STL: &str = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n";
+    #[cfg(feature = "off")]
+    const OFF: &str = "CNOFF\n4 2 0\n0 0 0 0 0 1 255 0 0\n1 0 0 0 0 1 0 9 0\n1 1 0 0 0 1 0 0 9\n0 1 0 0 0 1 1 1 1\n3 0 1 2\n4 0 1 2 3 9\n";
+
+    /// Checks every file that differs in one byte, for some values of it.
+    #[cfg(any(feature = "stl", feature = "off"))]
+    fn every_changed_byte(file: &[u8], parse: impl Fn(&Path, &[u8]) -> Result<Scene, ReadError>) {
+        assert_eq!(flaw(&parse(Path::new("a"), file).unwrap()), None);
+        for at in 0..file.len() {
+            for byte in [0, b' ', b'\n', b'-', b'.', b'9', b'e', 0x7f, 0xff] {
+                let mut bytes = file.to_vec();
+                bytes[at] = byte;
+                if let Ok(scene) = parse(Path::new("a"), &bytes) {
+                    assert_eq!(flaw(&scene), None, "byte {at} = {byte}");
+                }
+            }
+        }
+    }
+
+    #[cfg(feature = "stl")]
+    #[test]
+    fn changed_stl_files_give_an_error_or_a_valid_scene() {
+        every_changed_byte(STL.as_bytes(), super::stl::parse);
+        let mut binary = [vec![0; 80], vec![1, 0, 0, 0], vec![0; 12]].concat();
+        binary.extend([0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|x| x.to_le_bytes()));
+        binary.extend([0; 2]);
+        every_changed_byte(&binary, super::stl::parse);
+    }
+
+    #[cfg(feature = "off")]
+    #[test]
+    fn changed_off_files_give_an_error_or_a_valid_scene() {
+        every_changed_byte(OFF.as_bytes(), super::off::parse);
+    }
+
+    #[cfg(all(feature = "stl", feature = "off"))]
+    #[test]
+    fn stl_and_off_are_recognized_by_content_and_by_extension() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            read(&path).map(|scene| scene.n_placed_triangles())
+        };
+        for name in ["a.stl", "a.STL", "a.obj", "a"] {
+            assert_eq!(file(name, STL).unwrap(), 1, "{name}");
+        }
+        for name in ["a.off", "a.OFF", "a.obj", "a"] {
+            assert_eq!(file(name, OFF).unwrap(), 3, "{name}");
+        }
+        assert_eq!(file("b.off", &OFF["CNOFF\n".len()..]).unwrap(), 3);
+        assert!(matches!(file("c.stl", ""), Err(ReadError::Malformed { .. })));
+        assert!(matches!(file("c.off", ""), Err(ReadError::Malformed { .. })));
+    }
+
+    #[test]
+    fn flaw_detects_each_error() {
+        let spoiled = |spoil: fn(&mut Scene)| {
+            let mut scene = obj::parse(Path::new("a.obj"), &OBJ.as_bytes()["mtllib a.mtl\n".len()..]).unwrap();
+            assert_eq!(flaw(&scene), None);
+            spoil(&mut scene);
+            flaw(&scene)
+        };
+        assert!(spoiled(|scene| scene.instances[0].first_primitive = 1).is_some());
+        assert!(spoiled(|scene| scene.meshes[0].triangles[0][2] = 99).is_some());
+        assert!(spoiled(|scene| scene.meshes[0].positions[0][1] = f32::INFINITY).is_some());
+        assert!(spoiled(|scene| scene.meshes[0].normals.as_mut().unwrap().truncate(1)).is_some());
+        assert!(spoiled(|scene| scene.materials.clear()).is_some());
+        assert!(spoiled(|scene| scene.instances.clear()).is_some());
+    }
+
+    #[test]
+    fn format_is_determined_by_content_then_extension() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            read(&path)
+        };
+        let obj = &OBJ["mtllib a.mtl\n".len()..];
+        assert_eq!(file("a.OBJ", obj).unwrap().n_placed_triangles(), 3);
+        assert_eq!(file("a.ply", PLY).unwrap().n_placed_triangles(), 1);
+        assert_eq!(file("a.obj", PLY).unwrap().n_placed_triangles(), 1);
+        assert_eq!(file("a", &PLY.replace('\n', "\r\n")).unwrap().n_placed_triangles(), 1);
+        assert!(matches!(file("b.ply", obj), Err(ReadError::Malformed { .. })));
+        assert!(matches!(file("b.gltf", obj), Err(ReadError::Malformed { .. })));
+        assert!(matches!(file("b", obj), Err(ReadError::UnknownFormat { .. })));
+        assert!(matches!(file("c.3ds", ""), Err(ReadError::UnknownFormat { .. })));
+    }
+
+    #[test]
+    fn io_errors_contain_path_and_source() {
+        let error = read(Path::new("absent/model.obj")).unwrap_err();
+        assert!(error.to_string().starts_with("absent/model.obj: cannot read file: "), "{error}");
+        assert!(std::error::Error::source(&error).is_some());
+        assert_eq!(error.path(), Path::new("absent/model.obj"));
+        assert!(matches!(read(Path::new(".")), Err(ReadError::Io { .. })));
+    }
+
+    #[cfg(feature = "gzip")]
+    #[test]
+    fn gzip_files_are_decompressed() {
+        use std::io::Write;
+
+        let folder = tempfile::tempdir().unwrap();
+        let compressed = |bytes: &[u8]| {
+            let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+            encoder.write_all(bytes).unwrap();
+            encoder.finish().unwrap()
+        };
+        let file = |name: &str, bytes: &[u8]| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            read(&path)
+        };
+        let obj = &OBJ.as_bytes()["mtllib a.mtl\n".len()..];
+        assert_eq!(file("a.obj.gz", &compressed(obj)).unwrap().n_placed_triangles(), 3);
+        assert_eq!(file("a.OBJ.GZ", &compressed(obj)).unwrap().n_placed_triangles(), 3);
+        assert_eq!(file("a.obj", &compressed(obj)).unwrap().n_placed_triangles(), 3);
+        assert_eq!(file("a.gz", &compressed(PLY.as_bytes())).unwrap().n_placed_triangles(), 1);
+        let (a, b) = PLY.as_bytes().split_at(40);
+        assert_eq!(file("b.gz", &[compressed(a), compressed(b)].concat()).unwrap().n_placed_triangles(), 1);
+        assert!(matches!(file("c.gz", &compressed(obj)), Err(ReadError::UnknownFormat { .. })));
+        let full = compressed(PLY.as_bytes());
+        for length in 2..full.len() {
+            assert!(file("d.ply.gz", &full[..length]).is_err(), "{length} bytes");
+        }
+        for at in 2..full.len() {
+            let mut bytes = full.clone();
+            bytes[at] ^= 0x55;
+            // Bytes of the header such as the time do not matter; the checksum covers the content.
+            if let Ok(scene) = file("e.ply.gz", &bytes) {
+                assert_eq!(scene.n_placed_triangles(), 1);
+            }
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! Traces millions of grazing rays through wide BVHs and compares every answer bit for bit.
 //!
 //! `cargo xtask grazing [--rays N]` runs it and records the table. `cargo xtask grazing-device [--rays N]` runs it with `--device`: BVHs that
-//! a device builds, with every volume strategy, and their answers judged as `canted_tests::judge` describes. The reference is the loop over all triangles for small scenes,
+//! a device builds, with every volume strategy, and their answers judged as `canted_tests::device` describes. The reference is the loop over all triangles for small scenes,
 //! and for large ones the binary BVH with axis-aligned boxes, which the tests compare with the loop. The number of rays determines
 //! the rays on every machine. Exits with 1 if an answer differs.
 #![forbid(unsafe_code)]
@@ -12,11 +12,14 @@ use std::{
     sync::atomic::{AtomicUsize, Ordering},
 };
 
-use canted_bvh2::{BuildConfig, Bvh2};
 use canted_fixtures::{Grazing, Mesh, displaced_icosphere, poles, scaffold, scaffold_of, soup, truss};
-use canted_tests::{brute, rays, scenes};
-use canted_trace::{Hit, Ray, Watertight};
-use canted_wide::{Config, Preset, TriangleBvh};
+use canted_lbvh::Strategy;
+use canted_tests::{
+    brute, rays, scenes,
+    variants::{binary, build},
+};
+use canted_trace::{Intersect, Ray, TriangleTest};
+use canted_wide::{Config, Preset};
 use rayon::prelude::*;
 
 mod on_device;
@@ -31,40 +34,24 @@ const JOB: usize = 1_000;
 const MOST_FOR_THE_LOOP: usize = 2_000;
 
 /// The reference.
-enum Oracle {
-    Loop(Vec<[[f32; 3]; 3]>),
-    Binary(Box<Bvh2<Watertight>>),
+struct Oracle {
+    name: &'static str,
+    closest_hit: brute::Loop,
 }
 
 impl Oracle {
     fn new(mesh: &Mesh) -> Self {
         if mesh.triangles.len() <= MOST_FOR_THE_LOOP {
-            return Self::Loop(brute::records::<Watertight>(&mesh.positions, &mesh.triangles));
+            let closest_hit = brute::of_mesh(mesh, TriangleTest::Watertight);
+            return Self { name: "loop over all triangles", closest_hit };
         }
-        let blas = Bvh2::build(&mesh.positions, &mesh.triangles, &BuildConfig::default());
-        Self::Binary(Box::new(blas.expect("fixtures are valid")))
-    }
-
-    fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
-        match self {
-            Self::Loop(records) => brute::closest_hit::<Watertight>(records, ray),
-            Self::Binary(blas) => blas.closest_hit(ray),
-        }
-    }
-
-    fn name(&self) -> &'static str {
-        match self {
-            Self::Loop(_) => "loop over all triangles",
-            Self::Binary(_) => "binary BVH",
-        }
+        let bvh = binary(mesh, Strategy::Aabb, TriangleTest::Watertight);
+        Self { name: "binary BVH", closest_hit: Box::new(move |ray| bvh.closest_hit(ray)) }
     }
 }
 
 fn scenes() -> Vec<(&'static str, Mesh)> {
-    let at_1e7 = |mesh: Mesh| Mesh {
-        positions: mesh.positions.iter().map(|p| [p[0] * 50.0 + 1e7, p[1] * 50.0 - 1e7, p[2] * 50.0 + 1e7]).collect(),
-        triangles: mesh.triangles,
-    };
+    let at_1e7 = |mesh: Mesh| mesh.placed(|p| [p[0] * 50.0 + 1e7, p[1] * 50.0 - 1e7, p[2] * 50.0 + 1e7]);
     let mut all: Vec<(&'static str, Mesh)> = vec![
         ("soup", soup(7, 500)),
         ("displaced icosphere", displaced_icosphere(3, 2)),
@@ -104,15 +91,11 @@ struct Row {
 
 fn shoot(mesh: &Mesh, oracle: &Oracle, n_rays: usize) -> Row {
     let presets = [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality];
-    let trees: Vec<TriangleBvh<Watertight>> = presets
-        .iter()
-        .map(|&preset| TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::preset(preset)))
-        .map(|tree| tree.expect("fixtures are valid"))
-        .collect();
+    let trees = presets.map(|preset| build(mesh, &Config::preset(preset)));
     let row = Row::default();
     (0..n_rays.div_ceil(JOB)).into_par_iter().for_each(|job| {
         let rays = rays_of(mesh, job % N_KINDS, 1_000 + job as u64);
-        let wants: Vec<_> = rays.iter().map(|ray| oracle.closest_hit(ray)).collect();
+        let wants: Vec<_> = rays.iter().map(|ray| (oracle.closest_hit)(ray)).collect();
         row.rays.fetch_add(rays.len(), Ordering::Relaxed);
         row.hits.fetch_add(wants.iter().flatten().count(), Ordering::Relaxed);
         for tree in &trees {
@@ -154,11 +137,7 @@ fn main() -> ExitCode {
         let Row { rays, hits, different } = shoot(mesh, &oracle, n_rays.div_ceil(scenes.len()));
         let counts = [rays, hits, different].map(AtomicUsize::into_inner);
         let [rays, hits, different] = counts;
-        lines.push(format!(
-            "| {name} | {} | {} | {rays} | {hits} | {different} |",
-            mesh.triangles.len(),
-            oracle.name()
-        ));
+        lines.push(format!("| {name} | {} | {} | {rays} | {hits} | {different} |", mesh.triangles.len(), oracle.name));
         sums = [0, 1, 2].map(|k| sums[k] + counts[k]);
     }
     let [rays, hits, different] = sums;

@@ -6,7 +6,7 @@ use canted_fixtures::Mesh;
 use canted_gpu::build::{BuildConfig, STRATEGIES, Topology, WideConfig};
 use canted_gpu::{BufferScene, Choice, DeviceBvh, Gpu, IndexBuffer, MeshBuffers, wgpu};
 use canted_lbvh::Strategy;
-use canted_tests::judge::{Tally, World, error_of_one_level};
+use canted_tests::device::{Tally, World, error_of_one_level};
 use canted_trace::{Hit, Ray};
 use rayon::prelude::*;
 
@@ -86,7 +86,7 @@ fn batches(mesh: &Mesh, n_rays: usize) -> Vec<Batch> {
     let jobs: Vec<usize> = (0..n_rays.div_ceil(JOB)).collect();
     let batch = |jobs: &[usize]| {
         let rays: Vec<Ray> = jobs.iter().flat_map(|&job| rays_of(mesh, job % N_KINDS, 1_000 + job as u64)).collect();
-        let hits = rays.iter().map(|ray| oracle.closest_hit(ray)).collect();
+        let hits = rays.iter().map(|ray| (oracle.closest_hit)(ray)).collect();
         (rays, hits)
     };
     jobs.par_chunks(N_KINDS).map(batch).collect()

@@ -5,9 +5,8 @@ use std::{fs, path::Path, sync::atomic::AtomicBool};
 use canted_film::{Film, Part, Picture, Pixel, write_exr, write_png};
 use canted_fixtures::{icosphere, thin_box};
 use canted_obb::Affine;
-use canted_renderer::{Settings, StructureConfig, prepare, render};
+use canted_renderer::{SceneBvh, SceneBvhConfig, Settings, render};
 use canted_scene::{Camera, Instance, Light, Material, MaterialId, Mesh, MeshId, Part as MeshPart, Scene};
-use canted_trace::Watertight;
 
 use super::{Oracle, Promise, Row};
 
@@ -166,8 +165,8 @@ fn film(n_threads: usize, settings: &Settings) -> Film {
     let camera = Camera::pinhole([3.0, -4.0, 2.0], [0.0, 0.0, -0.2], [0.0, 0.0, 1.0], 45.0);
     pool.install(|| {
         let scene = scene();
-        let prepared = prepare::<Watertight>(&scene, &StructureConfig::default()).expect("a valid scene");
-        render(&scene, &prepared.structure, &camera, settings, &|_, _| (), &AtomicBool::new(false))
+        let bvh = SceneBvh::build(&scene, &SceneBvhConfig::default()).expect("a valid scene");
+        render(&scene, &bvh, &camera, settings, &|_, _| (), &AtomicBool::new(false))
             .expect("the render is not cancelled")
     })
 }

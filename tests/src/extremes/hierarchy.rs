@@ -7,15 +7,15 @@
 //! meshes (`benches/results/grazing.md`).
 
 use canted_fixtures::{Grazing, Mesh, coplanar_quads, identical, outlier, scaffold_of, slivers, soup, thin_box};
-use canted_trace::{Hit, Ray, Watertight};
+use canted_trace::{Hit, Ray, TriangleTest};
 
 use super::{Oracle, Promise, Row};
 use crate::{
-    brute,
     exact::{Margin, Verdict, near_plane, verdict},
     rays::{at_insides, from_inside, of_classes},
     reference::{self, corners},
     tracers::{Guarantee, Method},
+    variants::{is_same, loop_over_all},
 };
 
 /// A mesh and rays.
@@ -112,8 +112,7 @@ pub fn rows(effort: usize, methods: &[Method]) -> Vec<Row> {
     for Case { name, mesh, rays } in cases(effort) {
         // Classified once for each error bound.
         let mut checked: Vec<(f32, Vec<Vec<Verdict>>)> = vec![];
-        let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
-        let wants: Vec<Option<Hit>> = rays.iter().map(|ray| brute::closest_hit::<Watertight>(&records, ray)).collect();
+        let wants = loop_over_all(&mesh, TriangleTest::Watertight, &rays);
         let promise = |promise, oracle| Promise::none("triangle BVH", name, promise, oracle, "rays");
         let mut by_promise: [Vec<Row>; 3] = Default::default();
         for method in methods {
@@ -202,12 +201,6 @@ fn is_invented(guarantee: Guarantee, mesh: &Mesh, ray: &Ray, verdicts: &[Verdict
 fn begins_in(guarantee: Guarantee, mesh: &Mesh, ray: &Ray, hit: &Hit) -> bool {
     let corners = corners(mesh, &mesh.triangles[hit.primitive.index()]);
     near_plane(ray, ray.t_min, corners, margin(guarantee, ray, &corners).along)
-}
-
-/// Whether two answers have the same bits; `==` does not distinguish -0.0 from 0.0.
-pub(super) fn is_same(a: Option<Hit>, b: Option<Hit>) -> bool {
-    let bits = |hit: Hit| ([hit.t, hit.u, hit.v].map(f32::to_bits), hit.primitive, hit.instance, hit.side);
-    a.map(bits) == b.map(bits)
 }
 
 /// Invalid variants of a ray.

@@ -6,20 +6,19 @@ use canted_gpu::{Choice, Gpu, SceneInput, TracedScene};
 use canted_lbvh::VolumeConfig;
 use canted_obb::Affine;
 use canted_tlas::{Instance, MAX_CONDITION, Tlas, TopConfig};
-use canted_trace::{Hit, Ray, Watertight};
-use canted_wide::{Config, SimdPath, TriangleBvh};
+use canted_trace::{Hit, Intersect, Ray, TriangleTest};
+use canted_wide::{SimdPath, TriangleBvh};
 
-use super::{
-    Oracle, Promise, Row,
-    hierarchy::{SAME, is_same},
-};
+use super::{Oracle, Promise, Row, hierarchy::SAME};
 use crate::{
     brute::{self, distance},
     scenes::affine,
     tracers::{Guarantee, Method},
+    variants::{binary_top, is_same},
 };
 
 #[path = "../../../crates/tlas/tests/rays/oracle.rs"]
+#[expect(dead_code, reason = "shared with the tests of canted-tlas, which use more of it")]
 mod exact;
 
 /// Transforms by name.
@@ -115,13 +114,13 @@ pub fn rows(effort: usize, methods: &[&Method]) -> Vec<Row> {
     let mut rows = vec![];
     let mesh = &soup(25, 80);
     let reach = mesh.positions.iter().flatten().fold(0.0f32, |all, x| all.max(x.abs()));
-    let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
+    let in_mesh = brute::of_mesh(mesh, TriangleTest::Watertight);
     for (name, world_from_object) in placements() {
         let same = Promise::none("instance", name, SAME, Oracle::Loop, "rays");
         let near = Promise { promise: NEAR, oracle: Oracle::Known, bound: 1.0, unit: "of the stated error", ..same };
         let placement = Placement { mesh, world_from_object, reach };
         let rays = rays(mesh, &world_from_object, 300 * effort);
-        let trace = |_: usize, ray: &Ray| brute::closest_hit::<Watertight>(&records, ray);
+        let trace = |_: usize, ray: &Ray| in_mesh(ray);
         let wants: Vec<_> =
             rays.iter().map(|ray| brute::closest_hit_of_instances(&[world_from_object], ray, trace)).collect();
         let mut by_promise: [Vec<Row>; 2] = Default::default();
@@ -189,9 +188,7 @@ fn refused(mesh: &Mesh) -> Vec<Row> {
         map.columns[1][2] = x;
         bad.push(map);
     }
-    let wide = || {
-        TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default()).expect("finite vertices")
-    };
+    let wide = || TriangleBvh::build(&mesh.positions, &mesh.triangles).expect("finite vertices");
     let row = |promise: Promise, routine: &str, bad: &[Affine], error: &dyn Fn(&[Instance]) -> Option<String>| {
         let instances = |map: &Affine| [Affine::IDENTITY, *map].map(|map| Instance::new(0, map));
         let is_taken = |map: &&Affine| error(&instances(map)).is_none_or(|error| !error.contains("instance 1"));
@@ -208,7 +205,7 @@ fn refused(mesh: &Mesh) -> Vec<Row> {
                 .err()
                 .map(|error| error.to_string())
         };
-        rows.push(row(ON_DEVICE, "TracedScene::two_level", &bad, &on_device));
+        rows.push(row(ON_DEVICE, "TracedScene::new", &bad, &on_device));
     }
     rows
 }
@@ -339,16 +336,13 @@ pub(super) fn rows_of_many(effort: usize) -> Vec<Row> {
         Mesh { positions, triangles: (0..12).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect() }
     };
     let meshes = [large, soup(26, 12)];
-    let bvh = |mesh: &Mesh| {
-        TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default())
-            .expect("a mesh of finite vertices")
-    };
+    let bvh = |mesh: &Mesh| TriangleBvh::build(&mesh.positions, &mesh.triangles).expect("a mesh of finite vertices");
     let mut rows = vec![];
     for (seed, case) in (200..).zip(&CASES) {
         let mut rng = SplitMix64::new(seed);
         let promise = Promise::none("instance", case.name, CLOSEST, Oracle::Exact, "rays");
         let mut tops: Vec<(String, TopConfig, SimdPath)> =
-            vec![("binary".to_owned(), TopConfig::Binary(VolumeConfig::default()), SimdPath::Scalar)];
+            vec![("binary".to_owned(), binary_top(VolumeConfig::default()), SimdPath::Scalar)];
         for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
             tops.push((format!("wide {}", path.name()), TopConfig::default(), path));
         }
@@ -362,7 +356,8 @@ pub(super) fn rows_of_many(effort: usize) -> Vec<Row> {
                 .collect();
             for ((_, top, path), [n, n_failed]) in tops.iter().zip(&mut counts) {
                 let blas = meshes.iter().map(|mesh| bvh(mesh).with_path(*path)).collect();
-                let tlas = Tlas::new(blas, &instances, *top).expect("transforms far from singular").with_path(*path);
+                let tlas =
+                    Tlas::new(blas, &instances, top.clone()).expect("transforms far from singular").with_path(*path);
                 for (ray, want) in rays.iter().zip(&wants) {
                     let hit = tlas.closest_hit(ray);
                     *n += usize::from(want.is_some() || hit.is_some());

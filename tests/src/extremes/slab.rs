@@ -6,9 +6,9 @@
 //! `hierarchy`: their test has no public entry point.
 
 use canted_fixtures::SplitMix64;
-use canted_obb::{Aabb, Obb};
-use canted_trace::{Ray, ScaledRay, ray_aabb, ray_obb};
-use canted_wide::{Config, SimdPath, WideBvh};
+use canted_obb::{Aabb, Obb, PrimId};
+use canted_trace::{Intersect, Ray, ScaledRay, ray_aabb, ray_obb, with_stack};
+use canted_wide::{Order, SimdPath, WideBvh};
 
 use super::{Oracle, Promise, Row};
 use crate::{clouds::random_rotation, exact};
@@ -230,7 +230,7 @@ const LANES: usize = 8;
 /// Every row of a box in a wide node.
 pub(super) fn rows_of_nodes(effort: usize) -> Vec<Row> {
     let paths = || SimdPath::ALL.into_iter().filter(|path| path.is_available());
-    let mut rows_of_nodes = vec![];
+    let mut rows = vec![];
     for Case { name, pairs } in cases(effort) {
         let lost = Promise::none(
             "box in an eight-wide node",
@@ -271,23 +271,24 @@ pub(super) fn rows_of_nodes(effort: usize) -> Vec<Row> {
                 by_promise[2].push(same.share(path.name(), pairs.len(), n_other));
             }
         }
-        rows_of_nodes.extend(by_promise.concat());
+        rows.extend(by_promise.concat());
     }
-    rows_of_nodes
+    rows
 }
 
 /// For each ray the indices of the boxes of its node that it enters, ascending; its own box keeps its index among the pairs.
 fn entered(pairs: &[Pair], path: SimdPath) -> Vec<Vec<usize>> {
     let of_node = |pairs: &[Pair]| {
         let boxes: Vec<Aabb> = pairs.iter().map(|(_, obb)| obb.aabb()).collect();
-        let tree = WideBvh::<Aabb>::build(boxes.clone(), &Config::default()).expect("boxes are finite").with_path(path);
+        let tree = WideBvh::over(boxes).expect("boxes are finite").with_path(path);
         let of_ray = |(ray, _): &Pair| {
             let mut entered = vec![];
             if let Some(ray) = ScaledRay::new(ray) {
-                tree.traverse_any(&ray, 0.0, &mut (), |number, t_max, ()| {
+                let mut enter = |number: PrimId, t_max| {
                     entered.push(number.index());
                     t_max
-                });
+                };
+                with_stack(tree.stack_len(), |stack| tree.traverse_scaled(&ray, 0.0, Order::Any, stack, &mut enter));
             }
             entered.sort_unstable();
             entered

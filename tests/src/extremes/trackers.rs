@@ -2,15 +2,15 @@
 //!
 //! Inputs follow the text of the reports; attached files are replaced by the shape that the report describes.
 
-use canted_bvh2::{BuildConfig, Bvh2};
+use canted_bvh2::{Bvh2, Bvh2Config};
 use canted_fixtures::{Mesh, Rotation, SplitMix64, coplanar_quads, displaced_icosphere, icosphere, thin_box};
 use canted_obb::{
     Affine,
     vector::{cross, dot, sub},
 };
-use canted_tlas::{Blas, Instance, Tlas, TopConfig};
-use canted_trace::{Hit, InstanceId, Query, Ray, Side, Watertight};
-use canted_wide::{Config, TriangleBvh};
+use canted_tlas::{Instance, Tlas, TopConfig};
+use canted_trace::{Hit, InstanceId, Intersect, Query, Ray, Side, TriangleTest};
+use canted_wide::TriangleBvh;
 
 use super::{
     Oracle, Promise, Row,
@@ -312,7 +312,7 @@ pub(super) fn tinybvh_277(methods: &[Method]) -> Vec<Row> {
         Oracle::Known,
         "rays",
     );
-    fn of_levels<B: Blas>(blas: B, name: &str) -> Row {
+    fn of_levels<B: Intersect>(blas: B, name: &str) -> Row {
         let instances = plates().map(|(placement, _)| Instance::new(0, placement));
         let tlas = Tlas::new(vec![blas], &instances, TopConfig::default()).expect("scales are invertible");
         let is_wrong = |(ray, plate, want): &&(Ray, usize, Option<f32>)| {
@@ -327,8 +327,8 @@ pub(super) fn tinybvh_277(methods: &[Method]) -> Vec<Row> {
         PROMISE.count(name, asked.len(), asked.iter().filter(is_wrong).count())
     }
     let plate = thin_box(0.0);
-    let binary = Bvh2::<Watertight>::build(&plate.positions, &plate.triangles, &BuildConfig::default());
-    let wide = TriangleBvh::<Watertight>::build(&plate.positions, &plate.triangles, &Config::default());
+    let binary = Bvh2::build(&plate.positions, &plate.triangles, &Bvh2Config::default());
+    let wide = TriangleBvh::build(&plate.positions, &plate.triangles);
     let mut rows = vec![
         of_levels(binary.expect("fixtures are valid"), "two-level binary"),
         of_levels(wide.expect("fixtures are valid"), "two-level wide"),
@@ -432,9 +432,8 @@ pub(super) fn tinybvh_286(methods: &[Method]) -> Vec<Row> {
     let meshes = [cubes(), tenths];
     let asked = meshes.map(|mesh| {
         let rays = along_axes(&mesh, 0.0);
-        let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
         let wants: Vec<bool> =
-            rays.iter().map(|ray| brute::closest_hit::<Watertight>(&records, ray).is_some()).collect();
+            rays.iter().map(brute::of_mesh(&mesh, TriangleTest::Watertight)).map(|hit| hit.is_some()).collect();
         (mesh, rays, wants)
     });
     each(PROMISE, methods, |method| {

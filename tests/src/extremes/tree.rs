@@ -15,11 +15,11 @@ use canted_gpu::{
 };
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Corners, Domain, Strategy, Tree, VolumeConfig};
 use canted_obb::{Aabb, Affine, Obb};
-use canted_renderer::{Accel, Levels, StructureConfig, flatten, prepare};
+use canted_renderer::{BvhKind, Levels, SceneBvh, SceneBvhConfig, flatten};
 use canted_sah::{Builder, PlocConfig, TopDownConfig, build};
 use canted_scene::{Instance, MeshId, Scene};
-use canted_trace::{ScaledRay, Watertight};
-use canted_wide::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, Primitive, PrimitiveHit, TriangleBvh, WideBvh};
+use canted_trace::ScaledRay;
+use canted_wide::{MAX_PRIMITIVES, MAX_TRIANGLES, Primitive, PrimitiveHit, TriangleBvh, WideBvh};
 use rayon::prelude::*;
 
 use super::{Oracle, Promise, Row};
@@ -137,7 +137,7 @@ const BELOW_NORMAL: &str = "denormal extent";
 
 const STAGE_ON_DEVICE: &str = "tree on a device";
 
-/// Why there are no rows_of_device if there is no adapter.
+/// Why there are no rows if there is no adapter.
 pub(super) fn not_tried() -> Option<String> {
     let there_is_none = Gpu::open(&Choice::Best).is_err();
     there_is_none.then(|| format!("the stage \"{STAGE_ON_DEVICE}\" and instances on a device: no device"))
@@ -157,19 +157,19 @@ fn of_case(gpu: &Gpu, case: &'static str, meshes: &[Mesh]) -> Vec<Row> {
     let same = of("the CPU's leaves and nodes", Oracle::Same, "trees differ");
     let contains = of("contains every vertex below a node_of_device", Oracle::Exact, "vertices outside");
     let twins: Vec<Twin> = meshes.iter().map(Twin::of).collect();
-    let mut rows_of_device = vec![];
+    let mut rows = vec![];
     for strategy in STRATEGIES {
         let built: Vec<Built> = twins.iter().map(|twin| twin.built(gpu, strategy)).collect();
         if strategy == Strategy::Aabb {
             let n_others = twins.iter().zip(&built).filter(|(twin, built)| twin.differs(gpu, built)).count();
-            rows_of_device.push(same.count("device, 63 bits", twins.len(), n_others));
+            rows.push(same.count("device, 63 bits", twins.len(), n_others));
         } else {
             let counts = twins.iter().zip(&built).map(|(twin, built)| twin.outside(gpu, built));
             let [n_outside, n] = counts.fold([0; 2], |[a, b], [c, d]| [a + c, b + d]);
-            rows_of_device.push(contains.count_certain(format!("device, {strategy:?}"), n, n_outside));
+            rows.push(contains.count_certain(format!("device, {strategy:?}"), n, n_outside));
         }
     }
-    rows_of_device
+    rows
 }
 
 /// A mesh and the tree that the CPU builds over it.
@@ -269,25 +269,21 @@ pub(super) fn rows_of_limits() -> Vec<Row> {
         Oracle::Known,
         "inputs accepted",
     );
-    let mut rows_of_limits = vec![];
-    let mut row =
-        |routine: &str, is_reported: bool| rows_of_limits.push(REPORTED.count(routine, 1, usize::from(!is_reported)));
+    let mut rows = vec![];
+    let mut row = |routine: &str, is_reported: bool| rows.push(REPORTED.count(routine, 1, usize::from(!is_reported)));
     // The system maps zero pages lazily, so the memory is never touched.
     let triangles = vec![[0u32; 3]; MAX_TRIANGLES + 1];
-    row(
-        "Wide::build",
-        is_reported(TriangleBvh::<Watertight>::build(&[], &triangles, &Config::default()), triangles.len()),
-    );
+    row("TriangleBvh::build", is_reported(TriangleBvh::build::<[f32; 3], u32>(&[], &triangles), triangles.len()));
     let shapes = vec![Flawed; MAX_PRIMITIVES + 1];
-    row("WideBvh::build", is_reported(WideBvh::<Flawed>::build(shapes, &Config::default()), MAX_PRIMITIVES + 1));
-    let one = StructureConfig { levels: Levels::One, ..StructureConfig::default() };
+    row("WideBvh::over", is_reported(WideBvh::over(shapes), MAX_PRIMITIVES + 1));
+    let one = SceneBvhConfig { levels: Levels::One, ..SceneBvhConfig::default() };
     let crowd = scene(MAX_TRIANGLES);
-    row("prepare, one level", is_reported(prepare::<Watertight>(&crowd, &one), crowd.n_placed_triangles()));
+    row("SceneBvh::build, one level", is_reported(SceneBvh::build(&crowd, &one), crowd.n_placed_triangles()));
     let crowd = scene(canted_lbvh::MAX_PRIMITIVES);
-    let binary = StructureConfig { accel: Accel::Binary { strategy: Strategy::Dop, builder: None }, ..one };
-    row("prepare, one binary level", is_reported(prepare::<Watertight>(&crowd, &binary), crowd.n_placed_triangles()));
+    let binary = SceneBvhConfig { kind: BvhKind::Bvh2, volumes: Strategy::Dop, ..one };
+    row("SceneBvh::build, one binary level", is_reported(SceneBvh::build(&crowd, &binary), crowd.n_placed_triangles()));
     row("flatten", is_reported(flatten(&crowd), crowd.n_placed_triangles()));
-    rows_of_limits
+    rows
 }
 
 #[cfg(test)]

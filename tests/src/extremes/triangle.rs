@@ -3,7 +3,7 @@
 //! Not covered: rays within the margin of an edge, which matter only for closed meshes (`watertight`).
 
 use canted_fixtures::{Mesh, SplitMix64, fan};
-use canted_trace::{BaldwinWeber, HIT_ERROR, Kernel, MollerTrumbore, Ray, ScaledRay, Side, Watertight};
+use canted_trace::{BaldwinWeber, HIT_ERROR, Kernel, MollerTrumbore, Ray, ScaledRay, Side, TriangleTest, Watertight};
 
 use super::{Oracle, Promise, Row};
 use crate::{
@@ -199,16 +199,15 @@ fn ties() -> Vec<Row> {
         let down = if origin[2] > 1.0 { -1.0 } else { 1.0 };
         Ray::new(origin, [0.0, 0.0, down])
     });
-    fn first<K: Kernel>(mesh: &Mesh, ray: &Ray) -> bool {
-        let hit = brute::closest_hit::<K>(&brute::records::<K>(&mesh.positions, &mesh.triangles), ray);
-        let wanted = if ray.direction[2] < 0.0 { Side::Front } else { Side::Back };
-        hit.is_some_and(|hit| hit.primitive.0 == 0 && hit.side == wanted)
-    }
-    let firsts: [fn(&Mesh, &Ray) -> bool; 3] = [first::<Watertight>, first::<MollerTrumbore>, first::<BaldwinWeber>];
-    let row = |((name, _), first): (&Routine, fn(&Mesh, &Ray) -> bool)| {
-        TIES.count(*name, rays.len(), rays.iter().filter(|ray| !first(&mesh, ray)).count())
+    let row = |((name, _), test): (&Routine, TriangleTest)| {
+        let closest = brute::of_mesh(&mesh, test);
+        let is_other = |ray: &&Ray| {
+            let wanted = if ray.direction[2] < 0.0 { Side::Front } else { Side::Back };
+            closest(ray).is_none_or(|hit| hit.primitive.0 != 0 || hit.side != wanted)
+        };
+        TIES.count(*name, rays.len(), rays.iter().filter(is_other).count())
     };
-    ROUTINES.iter().zip(firsts).map(row).collect()
+    ROUTINES.iter().zip(TriangleTest::ALL).map(row).collect()
 }
 
 /// Rays at the shared vertex of closed fans.
@@ -224,7 +223,7 @@ fn hubs() -> Vec<Row> {
     let (mut n, mut slipped) = (0, 0);
     for spokes in 3..40 {
         let mesh = fan(spokes).off_axis();
-        let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
+        let closest = brute::of_mesh(&mesh, TriangleTest::Watertight);
         let hub = mesh.positions[0].map(f64::from);
         for i in 0..20 {
             let corner = mesh.positions[1 + rng.below(spokes as usize)].map(f64::from);
@@ -235,7 +234,7 @@ fn hubs() -> Vec<Row> {
             let stray = rng.signed3();
             let origin = rounded(std::array::from_fn(|k| hub[k] + 2.0 * axis[k] + 0.2 * stray[k]));
             let ray = Ray::new(origin, rounded(std::array::from_fn(|k| target[k] - f64::from(origin[k]))));
-            slipped += usize::from(brute::closest_hit::<Watertight>(&records, &ray).is_none());
+            slipped += usize::from(closest(&ray).is_none());
             n += 1;
         }
     }

@@ -9,11 +9,10 @@ mod tiles;
 use canted_film::Film;
 use canted_gpu::Gpu;
 use canted_renderer::{
-    DeviceError, DevicePicture, Levels, Monitor, Prepared, Settings, StructureConfig, Surfaces, prepare, render,
+    DeviceError, DevicePicture, Levels, Monitor, SceneBvh, SceneBvhConfig, Settings, Surfaces, render,
 };
 use canted_scene::{Camera, Scene};
 pub(crate) use canted_tests::device::gpu;
-use canted_trace::Watertight;
 use std::sync::atomic::AtomicBool;
 
 pub(crate) fn small() -> Settings {
@@ -31,18 +30,18 @@ pub(crate) fn with_picture<R>(
     scene: &Scene,
     levels: Levels,
     settings: &Settings,
-    ask: impl FnOnce(&DevicePicture<'_, Watertight>) -> R,
+    ask: impl FnOnce(&DevicePicture<'_>) -> R,
 ) -> Result<R, DeviceError> {
-    let config = StructureConfig { levels, ..StructureConfig::default() };
-    let Prepared { structure, .. } = prepare::<Watertight>(scene, &config).unwrap();
+    let config = SceneBvhConfig { levels, ..SceneBvhConfig::default() };
+    let bvh = SceneBvh::build(scene, &config).unwrap();
     let surfaces = Surfaces::with_lod(scene, settings.lod);
-    Ok(ask(&DevicePicture::new(gpu, &surfaces, &structure, &camera(), settings)?))
+    Ok(ask(&DevicePicture::new(gpu, &surfaces, &bvh, &camera(), settings)?))
 }
 
 /// The CPU's picture.
 pub(crate) fn on_cpu(scene: &Scene, settings: &Settings) -> Film {
-    let Prepared { structure, .. } = prepare::<Watertight>(scene, &StructureConfig::default()).unwrap();
-    render(scene, &structure, &camera(), settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
+    let bvh = SceneBvh::build(scene, &SceneBvhConfig::default()).unwrap();
+    render(scene, &bvh, &camera(), settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
 }
 
 /// A monitor that ignores reports.

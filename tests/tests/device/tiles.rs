@@ -5,9 +5,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use canted_film::{Aov, Film, Pixel};
 use canted_gpu::Gpu;
-use canted_renderer::{DevicePicture, Integrator, Monitor, Prepared, Settings, StructureConfig, Surfaces, prepare};
+use canted_renderer::{DevicePicture, Integrator, Monitor, SceneBvh, SceneBvhConfig, Settings, Surfaces};
 use canted_scene::Scene;
-use canted_trace::Watertight;
 
 use super::scenes::full;
 use super::{camera, gpu, small};
@@ -27,9 +26,9 @@ fn odd(integrator: Integrator) -> Settings {
 
 /// The device's picture, and its number of tiles.
 fn picture(gpu: &Gpu, scene: &Scene, settings: &Settings) -> (Film, usize) {
-    let Prepared { structure, .. } = prepare::<Watertight>(scene, &StructureConfig::default()).unwrap();
+    let bvh = SceneBvh::build(scene, &SceneBvhConfig::default()).unwrap();
     let surfaces = Surfaces::with_lod(scene, settings.lod);
-    let picture = DevicePicture::new(gpu, &surfaces, &structure, &camera(), settings).unwrap();
+    let picture = DevicePicture::new(gpu, &surfaces, &bvh, &camera(), settings).unwrap();
     let (n_tiles, cancel) = (AtomicUsize::new(0), AtomicBool::new(false));
     let progress = |_, all| n_tiles.store(all, Ordering::Relaxed);
     let monitor = Monitor { progress: &progress, finished: &|_| (), cancel: &cancel };

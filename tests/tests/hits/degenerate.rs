@@ -6,59 +6,79 @@
 
 use std::time::{Duration, Instant};
 
-use canted_bvh2::{BuildConfig, Bvh2};
-use canted_fixtures::{Grazing, Mesh, equal_centroids, grazing, identical, outlier, soup};
+use canted_bvh2::{Bvh2, Bvh2Config};
+use canted_fixtures::{Grazing, Mesh, equal_centroids, grazing, identical, outlier, slivers, soup};
 use canted_lbvh::{self as lbvh, Bits, Domain, Strategy, VolumeConfig};
-use canted_tests::brute;
-use canted_trace::{Counts, InstanceId, Ray, Watertight};
+use canted_tests::{
+    rays,
+    scenes::chain,
+    variants::{agrees, binary, build, every_variant, few_variants, first_difference, loop_over_all},
+};
+use canted_trace::{Counts, Intersect, Ray, TriangleTest};
+use canted_wide::{Config, Preset};
 
-fn config(strategy: Strategy, bits: Bits) -> BuildConfig {
-    BuildConfig { bits, volumes: VolumeConfig { strategy, fallback: true } }
-}
-
-fn build(mesh: &Mesh, config: &BuildConfig) -> Bvh2<Watertight> {
-    Bvh2::build(&mesh.positions, &mesh.triangles, config).unwrap()
+/// Binary, with axis-aligned boxes over Morton codes of this length.
+fn of_codes(mesh: &Mesh, bits: Bits, strategy: Strategy) -> Bvh2 {
+    let config = Bvh2Config { bits, volumes: VolumeConfig { strategy, fallback: true }, ..Bvh2Config::default() };
+    Bvh2::build(&mesh.positions, &mesh.triangles, &config).unwrap()
 }
 
 /// A scene of `n` triangles by name.
 type Kind = (&'static str, fn(u32) -> Mesh);
 
-const KINDS: [Kind; 3] = [("identical", identical), ("outlier", outlier), ("equal centroids", equal_centroids)];
+const KINDS: [Kind; 4] = [
+    ("identical", identical),
+    ("outlier", outlier),
+    ("equal centroids", equal_centroids),
+    ("slivers", |n| slivers(5, n)),
+];
 
-fn build_time(mesh: &Mesh, config: &BuildConfig) -> Duration {
-    let start = Instant::now();
-    build(mesh, config);
-    start.elapsed()
-}
-
-/// Greatest time ratio for ten times the triangles: linear time gives 10, sorting passes and caches add some, quadratic time
+/// Greatest time ratio for ten times the triangles: linear time gives 10, levels, sorting passes and caches add some, quadratic time
 /// gives 100.
 const LINEAR: u32 = 30;
+const LINEAR_WIDE: u32 = 40;
+
+/// The bound if all nodes are reinserted and one triangle lies 10⁷ away: relative to its areas those of the cluster round to
+/// zero, the search cannot prune, and time grows as the square.
+const QUADRATIC: u32 = 150;
 
 /// Greatest number of repeated builds.
 const N_BUILDS: u32 = 50;
 
-/// The least build times of both meshes on one thread, alternating, because other load only adds time. Stops as soon as the
+/// Compares the least build times of both meshes on one thread, alternating, because other load only adds time. Stops as soon as the
 /// times are in proportion.
-fn least_times(meshes: [&Mesh; 2], config: &BuildConfig) -> [Duration; 2] {
+#[track_caller]
+fn takes_at_most(name: &str, bound: u32, meshes: &[Mesh; 2], build: &(dyn Fn(&Mesh) + Sync)) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let mut least = [Duration::MAX; 2];
     for _ in 0..N_BUILDS {
-        least = pool.install(|| [0, 1].map(|i| least[i].min(build_time(meshes[i], config))));
-        if least[1] < LINEAR * least[0] {
-            break;
+        for (least, mesh) in least.iter_mut().zip(meshes) {
+            let start = Instant::now();
+            pool.install(|| build(mesh));
+            *least = start.elapsed().min(*least);
+        }
+        if least[1] < bound * least[0] {
+            return;
         }
     }
-    least
+    panic!("{name}: {least:?}");
 }
 
 #[test]
 fn build_time_is_nearly_linear() {
     for (name, mesh) in KINDS {
-        let (small, large) = (mesh(10_000), mesh(100_000));
+        let meshes = [mesh(10_000), mesh(100_000)];
         for strategy in Strategy::ALL {
-            let [small, large] = least_times([&small, &large], &config(strategy, Bits::B63));
-            assert!(large < LINEAR * small, "{name}, {strategy:?}: {small:?}, then {large:?}");
+            takes_at_most(&format!("{name}, {strategy:?}"), LINEAR, &meshes, &|mesh| {
+                binary(mesh, strategy, TriangleTest::Watertight);
+            });
+        }
+        let meshes = [mesh(2_000), mesh(20_000)];
+        for preset in [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality] {
+            let bound = if name == "outlier" && preset == Preset::Quality { QUADRATIC } else { LINEAR_WIDE };
+            takes_at_most(&format!("{name}, {preset:?}"), bound, &meshes, &|mesh| {
+                build(mesh, &Config::preset(preset));
+            });
         }
     }
 }
@@ -85,24 +105,28 @@ fn depth_stays_within_its_bound() {
 fn equal_codes_make_a_balanced_tree() {
     for (name, mesh) in [KINDS[0], KINDS[2]] {
         let mesh = mesh(100_000);
-        let blas = build(&mesh, &config(Strategy::Aabb, Bits::B63));
+        let blas = of_codes(&mesh, Bits::B63, Strategy::Aabb);
         // 2^17 is the next power of two; the leaf adds one level.
         assert_eq!(blas.pairs().depth(), 18, "{name}");
     }
 }
 
 /// Mean number of box and triangle tests per ray.
-fn tests_per_ray(blas: &Bvh2<Watertight>, rays: &[Ray]) -> f64 {
+fn tests_per_ray(blas: &Bvh2, rays: &[Ray]) -> f64 {
     let mut counts = Counts::default();
     for ray in rays {
-        blas.closest_hit_with(ray, InstanceId(0), &mut counts);
+        blas.closest_hit_with(ray, &mut counts);
     }
     (counts.boxes + counts.triangles) as f64 / rays.len() as f64
 }
 
 fn rays_at(mesh: &Mesh, n: usize) -> Vec<Ray> {
-    let ray = |ray: canted_fixtures::RayData| Ray::new(ray.origin, ray.direction);
-    [Grazing::Vertices, Grazing::Far].into_iter().flat_map(|class| grazing(mesh, class, n, 5)).map(ray).collect()
+    let classes = [Grazing::Vertices, Grazing::Far];
+    classes
+        .into_iter()
+        .flat_map(|class| grazing(mesh, class, n, 5))
+        .map(|ray| Ray::new(ray.origin, ray.direction))
+        .collect()
 }
 
 /// `n` triangles in the unit cube and one at `distance`.
@@ -118,7 +142,7 @@ fn cluster(n: u32, distance: f32) -> Mesh {
 fn an_outlier_costs_only_its_share_of_the_grid() {
     let alone = soup(9, 20_000);
     let rays = rays_at(&alone, 300);
-    let tests = |mesh: &Mesh, bits| tests_per_ray(&build(mesh, &config(Strategy::Aabb, bits)), &rays);
+    let tests = |mesh: &Mesh, bits| tests_per_ray(&of_codes(mesh, bits, Strategy::Aabb), &rays);
     let without = tests(&alone, Bits::B63);
     // 2^21 cells over 1e3 leave 2,000 for the unit cube, where 20,000 triangles need 27.
     let with = tests(&cluster(20_000, 1e3), Bits::B63);
@@ -131,46 +155,59 @@ fn an_outlier_costs_only_its_share_of_the_grid() {
     }
 }
 
+/// The greatest numbers of tests of a ray that misses, and of one that looks for any hit.
+struct Few {
+    boxes_missed: u64,
+    any: Counts,
+}
+
+/// All of `n` coincident triangles tie, so each must be tested and every box entered.
+fn coincident(name: &str, n: u32, bvh: &dyn Intersect, few: &Few) {
+    let [at, beside] = [0.25, -2.0].map(|x| Ray::new([x, 0.25, -1.0], [0.0, 0.0, 1.0]));
+    let trace = |ray: &Ray| {
+        let mut counts = Counts::default();
+        (bvh.closest_hit_with(ray, &mut counts).map(|hit| hit.primitive.0), counts)
+    };
+    let (hit, counts) = trace(&at);
+    assert_eq!((hit, counts.triangles), (Some(0), u64::from(n)), "{name}");
+    assert!(counts.boxes < 2 * u64::from(n), "{name}: {counts:?}");
+    let (hit, counts) = trace(&beside);
+    assert_eq!((hit, counts.triangles), (None, 0), "{name}");
+    assert!(counts.boxes <= few.boxes_missed, "{name}: {counts:?}");
+    let mut any = Counts::default();
+    assert!(bvh.occluded_with(&at, &mut any));
+    assert!(any.triangles <= few.any.triangles && any.boxes <= few.any.boxes, "{name}: {any:?}");
+}
+
 #[test]
 fn coincident_triangles_are_tested_once_each_and_missed_early() {
     let n = 100_000;
     let mesh = identical(n);
     for strategy in Strategy::ALL {
-        let blas = build(&mesh, &config(strategy, Bits::B63));
-        let trace = |ray: &Ray| {
-            let mut counts = Counts::default();
-            (blas.closest_hit_with(ray, InstanceId(0), &mut counts).map(|hit| hit.primitive.0), counts)
-        };
-        let (hit, counts) = trace(&Ray::new([0.25, 0.25, -1.0], [0.0, 0.0, 1.0]));
-        assert_eq!((hit, counts.triangles), (Some(0), u64::from(n)), "{strategy:?}");
-        assert!(counts.boxes < 2 * u64::from(n), "{strategy:?}: {counts:?}");
-        let (hit, counts) = trace(&Ray::new([-2.0, 0.25, -1.0], [0.0, 0.0, 1.0]));
-        assert_eq!((hit, counts.triangles), (None, 0), "{strategy:?}");
-        assert!(counts.boxes <= 3, "{strategy:?}: {counts:?}");
-        let mut any = Counts::default();
-        assert!(blas.occluded_with(&Ray::new([0.25, 0.25, -1.0], [0.0, 0.0, 1.0]), InstanceId(0), &mut any));
-        assert_eq!(any.triangles, 1, "{strategy:?}");
-        assert!(any.boxes < 40, "{strategy:?}: {any:?}");
+        let few = Few { boxes_missed: 3, any: Counts { triangles: 1, boxes: 39 } };
+        coincident(&format!("{strategy:?}"), n, &binary(&mesh, strategy, TriangleTest::Watertight), &few);
+    }
+    for (variant, config) in few_variants() {
+        let bvh = build(&mesh, &config);
+        // Eight children per node and 17 levels of halving; one child too few at each level adds one.
+        assert!(bvh.sizes().depth <= 17, "{variant}: {:?}", bvh.sizes());
+        let few = Few { boxes_missed: 8, any: Counts { triangles: 32, boxes: 8 * 17 } };
+        coincident(&variant, n, &bvh, &few);
     }
 }
 
 #[test]
 fn degenerate_scenes_match_the_loop() {
     for (name, mesh) in KINDS {
-        for n in [0, 1, 2, 3, 500] {
+        for n in [0, 1, 2, 3, 8, 9, 500] {
             let mesh = mesh(n);
-            let records = brute::records::<Watertight>(&mesh.positions, &mesh.triangles);
-            let rays = if n == 0 { vec![Ray::new([0.0; 3], [1.0, 0.0, 0.0])] } else { rays_at(&mesh, 40) };
-            for strategy in Strategy::ALL {
-                for bits in [Bits::B30, Bits::B63] {
-                    let blas = build(&mesh, &config(strategy, bits));
-                    for ray in &rays {
-                        let want = brute::closest_hit::<Watertight>(&records, ray);
-                        assert_eq!(blas.closest_hit(ray), want, "{name}, {n}, {strategy:?}, {ray:?}");
-                        assert_eq!(blas.occluded(ray), want.is_some());
-                    }
-                }
+            let rays = [rays::of_all_classes(&mesh, 12, 190), rays::from_inside(&mesh, 40, 191)].concat();
+            let wants = loop_over_all(&mesh, TriangleTest::Watertight, &rays);
+            for (strategy, bits) in Strategy::ALL.into_iter().flat_map(|s| [(s, Bits::B30), (s, Bits::B63)]) {
+                let difference = first_difference(&of_codes(&mesh, bits, strategy), &rays, &wants);
+                assert_eq!(difference, None, "{name}, {n}, {strategy:?}, {bits:?}");
             }
+            agrees(TriangleTest::Watertight, &format!("{name}, {n}"), &mesh, &every_variant(), &rays);
         }
     }
 }
@@ -181,16 +218,12 @@ fn a_chain_exceeds_the_bounds() {
     let n = 2_000u32;
     let mesh = soup(9, n);
     let (corners, bounds) = lbvh::triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
-    let chain: Vec<_> = (0..n - 1)
-        .map(|i| {
-            let rest = if i + 2 < n { lbvh::Child::inner(lbvh::NodeId(i + 1)) } else { lbvh::Child::leaf(n - 1) };
-            [lbvh::Child::leaf(i), rest]
-        })
-        .collect();
-    let tree = lbvh::Tree::from_children(&chain).unwrap();
+    let tree = chain(n, |_| true);
     assert_eq!(tree.depth, n);
-    let config = config(Strategy::Aabb, Bits::B63);
     let rays = rays_at(&mesh, 100);
-    let chained = tests_per_ray(&Bvh2::over(tree, &corners, &bounds, &config), &rays);
-    assert!(chained > 10.0 * tests_per_ray(&build(&mesh, &config), &rays), "{chained} tests a ray");
+    let chained = tests_per_ray(&Bvh2::over(tree, &corners, &bounds, &Bvh2Config::default()), &rays);
+    assert!(
+        chained > 10.0 * tests_per_ray(&of_codes(&mesh, Bits::B63, Strategy::Aabb), &rays),
+        "{chained} tests a ray"
+    );
 }

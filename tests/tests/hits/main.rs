@@ -2,6 +2,7 @@
 
 mod binary;
 mod degenerate;
+mod exact;
 mod kinds;
 mod watertight;
 mod wide;

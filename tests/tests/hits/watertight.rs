@@ -5,17 +5,17 @@
 //! rays, also at the bunny. Not covered here: meshes whose neighbors do not share vertices, and seams between two instances, whose data
 //! have gaps.
 
-use canted_bvh2::{BuildConfig, Bvh2, PairOrder};
+use canted_bvh2::{Bvh2, PairOrder};
 use canted_fixtures::Mesh;
 use canted_lbvh::{self as lbvh, Bits, Domain, Strategy, VolumeConfig};
 use canted_obb::Affine;
 use canted_tests::{
     closed::{Found, Placement, all_placements, baked, closed, placements, rays, search, with_another},
     tracers,
-    variants::{build, every_variant, few_variants, paths},
+    variants::{binary, binary_top, build, every_variant, few_variants, paths},
 };
-use canted_tlas::{Blas, Tlas, TopConfig};
-use canted_trace::{InstanceId, Ray, Watertight};
+use canted_tlas::{Tlas, TopConfig};
+use canted_trace::{InstanceId, Intersect, Ray, TriangleTest};
 use canted_wide::{Config, TriangleBvh};
 
 const N_OF_SEARCH: usize = 1_000_000;
@@ -39,12 +39,8 @@ fn a_million_rays_find_no_leak() {
 /// Rays from inside, and as many from outside, for each mesh, placement, strategy and number of levels.
 const N_RAYS: usize = 5_000;
 
-fn config(strategy: Strategy) -> BuildConfig {
-    BuildConfig { bits: Bits::B63, volumes: VolumeConfig { strategy, fallback: true } }
-}
-
 /// Number of leaks through one of two instances.
-fn leaks_of_two<B: Blas>(blas: B, mesh: &Mesh, world_from_object: &Affine, top: TopConfig, rays: &[Ray]) -> usize {
+fn leaks_of_two<B: Intersect>(blas: B, mesh: &Mesh, world_from_object: &Affine, top: TopConfig, rays: &[Ray]) -> usize {
     let tlas = Tlas::new(vec![blas], &with_another(mesh, world_from_object), top).unwrap();
     let leaks =
         |ray: &&Ray| tlas.closest_hit(ray).is_none_or(|hit| hit.instance != InstanceId(0)) || !tlas.occluded(ray);
@@ -54,10 +50,9 @@ fn leaks_of_two<B: Blas>(blas: B, mesh: &Mesh, world_from_object: &Affine, top: 
 /// Number of leaks with one level over the transformed mesh, and with two levels over the mesh itself.
 fn leaks(mesh: &Mesh, world_from_object: &Affine, strategy: Strategy, rays: &[Ray]) -> [usize; 2] {
     let world = baked(mesh, world_from_object);
-    let one = Bvh2::<Watertight>::build(&world.positions, &world.triangles, &config(strategy)).unwrap();
-    let bottom = Bvh2::<Watertight>::build(&mesh.positions, &mesh.triangles, &config(strategy)).unwrap();
+    let [one, bottom] = [&world, mesh].map(|mesh| binary(mesh, strategy, TriangleTest::Watertight));
     let leaks_of_one = rays.iter().filter(|ray| one.closest_hit(ray).is_none() || !one.occluded(ray)).count();
-    let top = TopConfig::Binary(config(strategy).volumes);
+    let top = binary_top(VolumeConfig { strategy, fallback: true });
     [leaks_of_one, leaks_of_two(bottom, mesh, world_from_object, top, rays)]
 }
 
@@ -102,7 +97,8 @@ fn a_box_too_small_is_detected() {
     let mut volumes = lbvh::volumes(&tree, &sorted, &VolumeConfig::default());
     let rays = rays(&closed.mesh, closed, &Affine::IDENTITY, N_RAYS, 7);
     let leaks = |volumes: &lbvh::Volumes| {
-        let blas = Bvh2::<Watertight>::new(tree.clone(), volumes, sorted.clone(), &bounds, PairOrder::Numbered);
+        let blas =
+            Bvh2::new(tree.clone(), volumes, sorted.clone(), &bounds, PairOrder::Numbered, TriangleTest::Watertight);
         rays.iter().filter(|ray| blas.closest_hit(ray).is_none()).count()
     };
     assert_eq!(leaks(&volumes), 0);
@@ -115,7 +111,7 @@ fn a_box_too_small_is_detected() {
 /// Rays of each kind for each mesh, placement and configuration.
 const N_RAYS_WIDE: usize = 1_500;
 
-fn leaks_of_one(tree: &TriangleBvh<Watertight>, rays: &[Ray]) -> usize {
+fn leaks_of_one(tree: &TriangleBvh, rays: &[Ray]) -> usize {
     let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
     tree.closest_hits(rays, &mut hits);
     tree.occluded_many(rays, &mut occluded);
@@ -124,7 +120,7 @@ fn leaks_of_one(tree: &TriangleBvh<Watertight>, rays: &[Ray]) -> usize {
 
 /// Leaks through one of two instances of a wide BVH.
 fn leaks_of_wide_instances(mesh: &Mesh, world_from_object: &Affine, config: &Config, rays: &[Ray]) -> usize {
-    leaks_of_two(build::<Watertight>(mesh, config), mesh, world_from_object, TopConfig::default(), rays)
+    leaks_of_two(build(mesh, config), mesh, world_from_object, TopConfig::default(), rays)
 }
 
 #[test]
@@ -134,7 +130,7 @@ fn no_ray_leaks_from_wide_bvhs() {
             let world = baked(&closed.mesh, world_from_object);
             let rays = rays(&world, &closed, world_from_object, N_RAYS_WIDE, seed);
             for (variant, config) in every_variant() {
-                let tree = build::<Watertight>(&world, &config);
+                let tree = build(&world, &config);
                 for path in paths().0 {
                     let leaks = leaks_of_one(&tree.clone().with_path(path), &rays);
                     assert_eq!(leaks, 0, "{}, {name}, {variant}, {}", closed.name, path.name());

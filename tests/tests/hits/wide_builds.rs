@@ -1,22 +1,22 @@
-//! Builds of wide BVHs: the same bytes for any number of threads, bounded time on degenerate scenes, trees of any builder and shape.
+//! Builds of wide BVHs: the same bytes for any number of threads, trees of any builder and shape.
 
 use std::time::{Duration, Instant};
 
-use canted_fixtures::{Mesh, equal_centroids, identical, outlier, scaffold_of, slivers, soup};
+use canted_fixtures::{Mesh, identical, scaffold_of, soup};
 use canted_lbvh::{Tree, triangle_corners};
 use canted_obb::Aabb;
 use canted_sah::{Builder, ReinsertConfig, SpatialConfig, TopDownConfig};
 use canted_tests::{
     rays,
     scenes::{self, chain},
-    variants::{agrees, build, every_variant, few_variants, first_difference, loop_over_all, paths},
+    variants::{agrees, build, few_variants, first_difference, loop_over_all, paths},
 };
-use canted_trace::{Counts, InstanceId, Ray, Watertight};
+use canted_trace::{Ray, TriangleTest};
 use canted_wide::{Config, Preset, TriangleBvh};
 
 fn bytes(n_threads: usize, mesh: &Mesh, config: &Config) -> Vec<u8> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
-    pool.install(|| build::<Watertight>(mesh, config).to_bytes())
+    pool.install(|| build(mesh, config).to_bytes())
 }
 
 #[test]
@@ -42,63 +42,20 @@ fn bytes_differ_between_scenes_and_presets() {
     assert_ne!(of(1, Preset::Fast), of(1, Preset::Quality));
 }
 
-/// A scene of `n` triangles by name.
-type Kind = (&'static str, fn(u32) -> Mesh);
-
-const KINDS: [Kind; 4] = [
-    ("identical", identical),
-    ("outlier", outlier),
-    ("equal centroids", equal_centroids),
-    ("slivers", |n| slivers(5, n)),
-];
-
-/// Greatest time ratio for ten times the triangles: linear time gives 10, levels, sorts and caches add some, quadratic time
-/// gives 100.
-const LINEAR: u32 = 40;
-
-/// The bound if all nodes are reinserted and one triangle lies 10⁷ away: relative to its areas those of the cluster round to
-/// zero, the search cannot prune, and time grows as the square.
-const QUADRATIC: u32 = 150;
-
 /// Greatest number of repeated builds.
 const N_BUILDS: u32 = 20;
-
-#[test]
-fn build_time_is_nearly_linear() {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    for (name, mesh) in KINDS {
-        let meshes = [mesh(2_000), mesh(20_000)];
-        for preset in [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality] {
-            let config = Config::preset(preset);
-            let bound = if name == "outlier" && preset == Preset::Quality { QUADRATIC } else { LINEAR };
-            let mut least = [Duration::MAX; 2];
-            for _ in 0..N_BUILDS {
-                for (least, mesh) in least.iter_mut().zip(&meshes) {
-                    let start = Instant::now();
-                    pool.install(|| build::<Watertight>(mesh, &config));
-                    *least = start.elapsed().min(*least);
-                }
-                if least[1] < bound * least[0] {
-                    break;
-                }
-            }
-            assert!(least[1] < bound * least[0], "{name}, {preset:?}: {least:?}");
-        }
-    }
-}
 
 /// Triangles stretched along an axis become nearly parallel needles without a best frame, so the search must give up. Without
 /// a bound this took two hundred times as long.
 #[test]
 fn nearly_parallel_needles_take_no_longer_to_build() {
     for scenes::Case { name, mesh } in scenes::needles() {
-        let stretched = mesh.positions.iter().map(|p| [p[0] * 20.0 + 1e7, p[1] * 1e-3, p[2] * 1e-3]).collect();
-        let meshes = [Mesh { positions: stretched, triangles: mesh.triangles.clone() }, mesh];
+        let meshes = [mesh.placed(|p| [p[0] * 20.0 + 1e7, p[1] * 1e-3, p[2] * 1e-3]), mesh];
         let mut least = [Duration::MAX; 2];
         for _ in 0..N_BUILDS {
             for (least, mesh) in least.iter_mut().zip(&meshes) {
                 let start = Instant::now();
-                build::<Watertight>(mesh, &Config::default());
+                build(mesh, &Config::default());
                 *least = start.elapsed().min(*least);
             }
             if least[0] < 10 * least[1] {
@@ -109,48 +66,12 @@ fn nearly_parallel_needles_take_no_longer_to_build() {
     }
 }
 
-#[test]
-fn a_hundred_thousand_equal_triangles_are_tested_once_each_and_missed_early() {
-    let n = 100_000;
-    let mesh = identical(n);
-    for (variant, config) in few_variants() {
-        let tree = build::<Watertight>(&mesh, &config);
-        // Eight children per node and 17 levels of halving; one child too few at each level adds one.
-        assert!(tree.sizes().depth <= 17, "{variant}: {:?}", tree.sizes());
-        let trace = |ray: &Ray| {
-            let mut counts = Counts::default();
-            (tree.closest_hit_with(ray, InstanceId(0), &mut counts).map(|hit| hit.primitive.0), counts)
-        };
-        let (hit, counts) = trace(&Ray::new([0.25, 0.25, -1.0], [0.0, 0.0, 1.0]));
-        // All tie, so each triangle must be tested and every box entered.
-        assert_eq!((hit, counts.triangles), (Some(0), u64::from(n)), "{variant}");
-        assert!(counts.boxes < 2 * u64::from(n), "{variant}: {counts:?}");
-        let (hit, counts) = trace(&Ray::new([-2.0, 0.25, -1.0], [0.0, 0.0, 1.0]));
-        assert_eq!((hit, counts.triangles), (None, 0), "{variant}");
-        assert!(counts.boxes <= 8, "{variant}: {counts:?}");
-        let mut any = Counts::default();
-        assert!(tree.occluded_with(&Ray::new([0.25, 0.25, -1.0], [0.0, 0.0, 1.0]), InstanceId(0), &mut any));
-        assert!(any.triangles <= 32 && any.boxes <= 8 * 17, "{variant}: {any:?}");
-    }
-}
-
-#[test]
-fn degenerate_scenes_match_the_loop() {
-    for (name, mesh) in KINDS {
-        for n in [0, 1, 2, 3, 8, 9, 500] {
-            let mesh = mesh(n);
-            let rays = [rays::of_all_classes(&mesh, 12, 190), rays::from_inside(&mesh, 40, 191)].concat();
-            agrees::<Watertight>(&format!("{name}, {n}"), &mesh, &every_variant(), &rays);
-        }
-    }
-}
-
 /// Collapses `tree` with every configuration and compares with the loop.
 fn over_agrees(name: &str, mesh: &Mesh, tree: &Tree, rays: &[Ray]) {
     let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
-    let wants = loop_over_all::<Watertight>(mesh, rays);
+    let wants = loop_over_all(mesh, TriangleTest::Watertight, rays);
     for (variant, config) in few_variants() {
-        let wide = TriangleBvh::<Watertight>::over(tree, &corners, &bounds, &config).unwrap();
+        let wide = TriangleBvh::from_tree(tree, &corners, &bounds, config).unwrap();
         for path in paths().0 {
             let difference = first_difference(&wide.clone().with_path(path), rays, &wants);
             assert_eq!(difference, None, "{name}, {variant}, {}", path.name());
@@ -161,14 +82,14 @@ fn over_agrees(name: &str, mesh: &Mesh, tree: &Tree, rays: &[Ray]) {
 /// Collapses `tree`, whose leaves have the boxes `parts`, with every configuration; compares with the loop, before a refit and after it.
 fn parts_agree(name: &str, mesh: &Mesh, (tree, parts): (&Tree, Vec<Aabb>), rays: &[Ray]) {
     let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
-    let wants = loop_over_all::<Watertight>(mesh, rays);
+    let wants = loop_over_all(mesh, TriangleTest::Watertight, rays);
     for (variant, config) in few_variants() {
-        let mut wide = TriangleBvh::<Watertight>::over_parts(tree, parts.clone(), &corners, &bounds, &config).unwrap();
+        let mut wide = TriangleBvh::from_tree_of_parts(tree, parts.clone(), &corners, &bounds, config).unwrap();
         for path in paths().0 {
             let difference = first_difference(&wide.clone().with_path(path), rays, &wants);
             assert_eq!(difference, None, "parts of {name}, {variant}, {}", path.name());
         }
-        let whole = TriangleBvh::<Watertight>::over(tree, &corners, &bounds, &config).unwrap();
+        let whole = TriangleBvh::from_tree(tree, &corners, &bounds, config).unwrap();
         let [of_parts, of_whole] = [&wide, &whole].map(|bvh| bvh.predicted().aligned);
         assert!(of_parts <= 1.001 * of_whole, "{name}, {variant}: {of_parts}, {of_whole}");
         wide.refit(&mesh.positions, &mesh.triangles).unwrap();
@@ -198,7 +119,7 @@ fn chains_overflow_no_stack_and_lose_no_hit() {
     });
     // The wide BVH must be deep for this test.
     let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
-    let wide = TriangleBvh::<Watertight>::over(&chain(n, |_| true), &corners, &bounds, &Config::default()).unwrap();
+    let wide = TriangleBvh::from_tree(&chain(n, |_| true), &corners, &bounds, Config::default()).unwrap();
     assert!(wide.sizes().depth >= n / 7 / 16, "{:?}", wide.sizes());
 }
 
@@ -210,11 +131,11 @@ fn a_chain_of_a_hundred_thousand_builds_in_a_minute() {
     let mesh = soup(9, n);
     let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let start = Instant::now();
-    let wide = TriangleBvh::<Watertight>::over(&chain(n, |_| true), &corners, &bounds, &Config::default()).unwrap();
+    let wide = TriangleBvh::from_tree(&chain(n, |_| true), &corners, &bounds, Config::default()).unwrap();
     let time = start.elapsed();
     assert!(time < Duration::from_secs(60), "{time:?}");
     let rays = rays::of_all_classes(&mesh, 2, 150);
-    assert_eq!(first_difference(&wide, &rays, &loop_over_all::<Watertight>(&mesh, &rays)), None);
+    assert_eq!(first_difference(&wide, &rays, &loop_over_all(&mesh, TriangleTest::Watertight, &rays)), None);
 }
 
 /// A scaffold, hair, a soup: a few thousand triangles each.
@@ -241,7 +162,7 @@ fn every_builder_of_ours_loses_no_hit() {
                 )
             })
             .collect();
-        agrees::<Watertight>(&name, &mesh, &variants, &rays);
+        agrees(TriangleTest::Watertight, &name, &mesh, &variants, &rays);
     }
 }
 

@@ -1,27 +1,24 @@
 //! A changed TLAS gives the hits of a new one and touches only what a change concerns; invalid instances are reported with their index.
 
-use std::{
-    panic::{AssertUnwindSafe, catch_unwind},
-    sync::atomic::{AtomicUsize, Ordering},
-};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use canted_bvh2::Bvh2;
 use canted_fixtures::{Mesh, Rotation, SplitMix64, soup, torus};
 use canted_lbvh::{Strategy, VolumeConfig};
-use canted_obb::{Affine, Obb};
-use canted_tlas::{Blas, Instance, InstanceError, MAX_CONDITION, Tlas, TopConfig};
-use canted_trace::{HIT_ERROR, Hit, InstanceId, Query, Ray, Watertight};
-use canted_wide::{Config, TriangleBvh};
+use canted_obb::Affine;
+use canted_tlas::{Instance, InstanceError, MAX_CONDITION, Tlas, TopConfig};
+use canted_trace::{Hit, InstanceId, Intersect, Ray};
+use canted_wide::TriangleBvh;
 
-use super::setup::{Altered, affine, all_rays, build, crowd, instances, meshes};
+use super::setup::{Altered, affine, all_rays, binary_top, build, crowd, instances, meshes};
 
 fn tops() -> [TopConfig; 3] {
-    let binary = |strategy| TopConfig::Binary(VolumeConfig { strategy, fallback: true });
+    let binary = |strategy| binary_top(VolumeConfig { strategy, fallback: true });
     [TopConfig::default(), binary(Strategy::Aabb), binary(Strategy::Dop)]
 }
 
-fn bvh(mesh: &Mesh) -> TriangleBvh<Watertight> {
-    TriangleBvh::build(&mesh.positions, &mesh.triangles, &Config::default()).unwrap()
+fn bvh(mesh: &Mesh) -> TriangleBvh {
+    TriangleBvh::build(&mesh.positions, &mesh.triangles).unwrap()
 }
 
 fn random_affine(rng: &mut SplitMix64) -> Affine {
@@ -31,7 +28,7 @@ fn random_affine(rng: &mut SplitMix64) -> Affine {
 }
 
 /// Every hit of every ray.
-fn hits<B: Blas>(tlas: &Tlas<B>, rays: &[Ray]) -> Vec<(Option<Hit>, bool, Vec<Hit>)> {
+fn hits(tlas: &dyn Intersect, rays: &[Ray]) -> Vec<(Option<Hit>, bool, Vec<Hit>)> {
     let mut all = vec![];
     let mut ask = |ray| {
         tlas.all_hits(ray, &mut all);
@@ -47,7 +44,7 @@ fn edits_equal_a_new_tlas() {
         let [soup, torus] = meshes();
         let mut placed = instances(&crowd());
         let mut blas = vec![bvh(&soup), bvh(&torus)];
-        let mut tlas = Tlas::new(blas.clone(), &placed, top).unwrap();
+        let mut tlas = Tlas::new(blas.clone(), &placed, top.clone()).unwrap();
         let (mut before, mut n_changed) = (vec![], 0);
         for round in 0..12 {
             let mut edit = tlas.edit();
@@ -90,7 +87,7 @@ fn edits_equal_a_new_tlas() {
             }
             let transforms: Vec<Affine> = placed.iter().map(|instance| instance.world_from_object).collect();
             let rays = all_rays(&transforms, 2);
-            let fresh = Tlas::new(blas.clone(), &placed, top).unwrap();
+            let fresh = Tlas::new(blas.clone(), &placed, top.clone()).unwrap();
             assert_eq!(tlas.instances(), placed);
             assert_eq!(tlas.aabb().union(fresh.aabb()), tlas.aabb());
             let found = hits(&tlas, &rays);
@@ -111,7 +108,7 @@ fn single_changes_update_the_top_level() {
     let at = |z: f32| affine(&Rotation::IDENTITY, [1.0; 3], [0.0, 0.0, z]);
     let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0]);
     for top in tops() {
-        let mut tlas = Tlas::new(vec![plate(0.0)], &[5.0, 7.0].map(|z| Instance::new(0, at(z))), top).unwrap();
+        let mut tlas = Tlas::new(vec![plate(0.0)], &[5.0, 7.0].map(|z| Instance::new(0, at(z))), top.clone()).unwrap();
         let hit = |tlas: &Tlas<_>| tlas.closest_hit(&ray).map(|hit| (hit.t, hit.instance.0));
         assert_eq!(hit(&tlas), Some((5.0, 0)));
         tlas.set_transform(InstanceId(1), at(100.0)).unwrap();
@@ -132,7 +129,7 @@ fn drift_advises_a_rebuild() {
         let mut rng = SplitMix64::new(5);
         let near = |i: usize| affine(&Rotation::IDENTITY, [0.3; 3], [i as f32, 0.0, 0.0]);
         let placed: Vec<Instance> = (0..200).map(|i| Instance::new(0, near(i))).collect();
-        let mut tlas = Tlas::new(vec![bvh(&torus(10, 6))], &placed, top).unwrap();
+        let mut tlas = Tlas::new(vec![bvh(&torus(10, 6))], &placed, top.clone()).unwrap();
         assert_eq!((tlas.drift(), tlas.rebuild_advised()), (1.0, false));
         tlas.set_transform(InstanceId(3), affine(&Rotation::IDENTITY, [0.3; 3], [3.0, 0.1, 0.0])).unwrap();
         assert!(!tlas.rebuild_advised(), "{}", tlas.drift());
@@ -152,8 +149,9 @@ fn drift_advises_a_rebuild() {
 fn a_change_reads_the_bounds_of_no_other_bvh() {
     let counted = |mesh: &Mesh| Altered::unchanged(bvh(mesh));
     let [soup, torus] = meshes();
-    let mut tlas = Tlas::new(vec![counted(&soup), counted(&torus)], &instances(&crowd()), tops()[0]).unwrap();
-    let n_reads = |tlas: &Tlas<Altered<TriangleBvh<Watertight>>>| [0, 1].map(|i| tlas.blas()[i].take_n_reads());
+    let mut tlas =
+        Tlas::new(vec![counted(&soup), counted(&torus)], &instances(&crowd()), TopConfig::default()).unwrap();
+    let n_reads = |tlas: &Tlas<Altered<TriangleBvh>>| [0, 1].map(|i| tlas.blas()[i].take_counts().0);
     n_reads(&tlas);
     tlas.set_transform(InstanceId(3), Affine::IDENTITY).unwrap();
     assert_eq!(n_reads(&tlas), [0, 1]);
@@ -168,7 +166,8 @@ fn a_change_reads_the_bounds_of_no_other_bvh() {
 
 #[test]
 fn changes_that_do_not_exist_are_rejected() {
-    let mut tlas = Tlas::new(vec![bvh(&soup(5, 20))], &[Instance::new(0, Affine::IDENTITY)], tops()[0]).unwrap();
+    let mut tlas =
+        Tlas::new(vec![bvh(&soup(5, 20))], &[Instance::new(0, Affine::IDENTITY)], TopConfig::default()).unwrap();
     let no_instance = InstanceError::NoSuchInstance { instance: 4, n_instances: 1 };
     assert_eq!(tlas.set_transform(InstanceId(4), Affine::IDENTITY), Err(no_instance));
     assert_eq!(no_instance.to_string(), "there is no instance 4: the TLAS has 1 instances");
@@ -188,12 +187,12 @@ fn changes_that_do_not_exist_are_rejected() {
 #[test]
 fn failed_changes_lose_no_hits() {
     let small = soup(5, 20);
-    let huge = Mesh { positions: small.positions.iter().map(|p| p.map(|x| x * 1e30)).collect(), ..small.clone() };
+    let huge = small.placed(|p| p.map(|x| x * 1e30));
     let large = affine(&Rotation::IDENTITY, [1e10; 3], [0.0; 3]);
     let placed = [Instance::new(0, large), Instance::new(1, Affine::IDENTITY), Instance::new(0, Affine::IDENTITY)];
     let rays = all_rays(&placed.map(|instance| instance.world_from_object), 8);
     for top in tops() {
-        let mut tlas = Tlas::new(vec![bvh(&small), bvh(&small)], &placed, top).unwrap();
+        let mut tlas = Tlas::new(vec![bvh(&small), bvh(&small)], &placed, top.clone()).unwrap();
         let before = hits(&tlas, &rays);
         let out_of_range = InstanceError::OutOfRange { instance: 0 };
         assert_eq!(tlas.replace_blas(0, bvh(&huge)).map(|_| ()), Err(out_of_range));
@@ -225,7 +224,7 @@ fn a_clone_is_independent() {
     let [soup, torus] = meshes();
     let placed = crowd();
     let rays = all_rays(&placed, 1);
-    let mut tlas = Tlas::new(vec![bvh(&soup), bvh(&torus)], &instances(&placed), tops()[0]).unwrap();
+    let mut tlas = Tlas::new(vec![bvh(&soup), bvh(&torus)], &instances(&placed), TopConfig::default()).unwrap();
     let copy = tlas.clone();
     let before = hits(&tlas, &rays);
     tlas.set_instances(&[]).unwrap();
@@ -242,7 +241,7 @@ fn many_changes_at_once_equal_a_new_tlas() {
         let mut random = || Instance::new(0, random_affine(&mut rng));
         let blas = vec![bvh(&torus(10, 6))];
         let mut placed: Vec<Instance> = (0..1000).map(|_| random()).collect();
-        let mut tlas = Tlas::new(blas.clone(), &placed, top).unwrap();
+        let mut tlas = Tlas::new(blas.clone(), &placed, top.clone()).unwrap();
         let mut changes: Vec<_> = (0..900).map(|i| (InstanceId(i), random())).collect();
         // The last change of an instance counts.
         changes.push((InstanceId(7), random()));
@@ -256,63 +255,22 @@ fn many_changes_at_once_equal_a_new_tlas() {
         tlas.edit().set_each(&changes).unwrap();
         assert_eq!(tlas.instances(), placed);
         let after = hits(&tlas, &rays);
-        assert!(after == hits(&Tlas::new(blas.clone(), &placed, top).unwrap(), &rays) && after != before, "{top:?}");
+        assert!(
+            after == hits(&Tlas::new(blas.clone(), &placed, top.clone()).unwrap(), &rays) && after != before,
+            "{top:?}"
+        );
     }
 }
 
-/// A bottom level that counts calls; `set_instances` has no way to rebuild it.
-struct Counted {
-    inner: Bvh2<Watertight>,
-    n_bounds: AtomicUsize,
-    n_rays: AtomicUsize,
-}
-
-impl Counted {
-    fn new(inner: Bvh2<Watertight>) -> Self {
-        Self { inner, n_bounds: AtomicUsize::new(0), n_rays: AtomicUsize::new(0) }
-    }
-
-    /// Calls since the last take: for bounds, for rays.
-    fn take(&self) -> (usize, usize) {
-        (self.n_bounds.swap(0, Ordering::Relaxed), self.n_rays.swap(0, Ordering::Relaxed))
-    }
-}
-
-impl Blas for Counted {
-    fn bounds(&self) -> Obb {
-        self.n_bounds.fetch_add(1, Ordering::Relaxed);
-        self.inner.bounds()
-    }
-
-    fn hit_error(&self) -> f32 {
-        HIT_ERROR
-    }
-
-    fn closest_hit_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> Option<Hit> {
-        self.n_rays.fetch_add(1, Ordering::Relaxed);
-        self.inner.closest_hit_with(ray_object, instance, query)
-    }
-
-    fn occluded_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q) -> bool {
-        self.n_rays.fetch_add(1, Ordering::Relaxed);
-        self.inner.occluded_with(ray_object, instance, query)
-    }
-
-    fn all_hits_with<Q: Query>(&self, ray_object: &Ray, instance: InstanceId, query: &mut Q, hits: &mut Vec<Hit>) {
-        self.n_rays.fetch_add(1, Ordering::Relaxed);
-        self.inner.all_hits_with(ray_object, instance, query, hits);
-    }
-}
-
-const TOP: TopConfig = TopConfig::Binary(VolumeConfig { strategy: Strategy::Dop, fallback: true });
-
-fn counted(instances: &[Instance]) -> Tlas<Counted> {
+/// A TLAS over bottom levels that count calls; `set_instances` has no way to rebuild them.
+fn counted(instances: &[Instance]) -> Tlas<Altered<Bvh2>> {
     let [soup, torus] = meshes();
-    let bottom = vec![Counted::new(build(&soup, Strategy::Dop)), Counted::new(build(&torus, Strategy::Combined))];
-    Tlas::new(bottom, instances, TOP).unwrap()
+    let bottom = [build(&soup, Strategy::Dop), build(&torus, Strategy::Combined)].map(Altered::unchanged);
+    let [.., top] = tops();
+    Tlas::new(bottom.into(), instances, top).unwrap()
 }
 
-fn closest_hits(tlas: &Tlas<Counted>, rays: &[Ray]) -> Vec<Option<Hit>> {
+fn closest_hits(tlas: &dyn Intersect, rays: &[Ray]) -> Vec<Option<Hit>> {
     rays.iter().map(|ray| tlas.closest_hit(ray)).collect()
 }
 
@@ -326,9 +284,9 @@ fn moved(placed: &[Affine]) -> Vec<Affine> {
 fn set_instances_queries_each_bound_once_and_traces_nothing() {
     let placed = crowd();
     let mut tlas = counted(&instances(&placed));
-    let asked = |tlas: &Tlas<Counted>| tlas.blas().iter().map(Counted::take).collect::<Vec<_>>();
+    let asked = |tlas: &Tlas<Altered<Bvh2>>| tlas.blas().iter().map(Altered::take_counts).collect::<Vec<_>>();
     assert_eq!(asked(&tlas), [(placed.len() / 2, 0); 2]);
-    let before: Vec<*const Counted> = tlas.blas().iter().map(std::ptr::from_ref).collect();
+    let before: Vec<*const Altered<Bvh2>> = tlas.blas().iter().map(std::ptr::from_ref).collect();
     tlas.set_instances(&instances(&moved(&placed))).unwrap();
     assert_eq!(asked(&tlas), [(placed.len() / 2, 0); 2]);
     assert_eq!(tlas.blas().iter().map(std::ptr::from_ref).collect::<Vec<_>>(), before);
@@ -371,7 +329,7 @@ fn rejected_instances_leave_the_old_ones() {
 
 fn add(blas: u32, third: Affine) -> Result<(), InstanceError> {
     let [soup, torus] = meshes();
-    let bottom: Vec<Bvh2<Watertight>> = vec![build(&soup, Strategy::Aabb), build(&torus, Strategy::Aabb)];
+    let bottom = vec![build(&soup, Strategy::Aabb), build(&torus, Strategy::Aabb)];
     let sound = Instance::new(0, Affine::IDENTITY);
     let instances = [sound, sound, Instance::new(blas, third)];
     Tlas::new(bottom, &instances, TopConfig::default()).map(|_| ())

@@ -10,9 +10,9 @@ use canted_tests::{
     exact,
 };
 use canted_tlas::{Tlas, TopConfig};
-use canted_trace::{Hit, Ray, Watertight};
+use canted_trace::{Hit, Intersect, Ray};
 
-use super::setup::{all_rays, blas_of, build, crowd, instances, meshes, rays, transforms};
+use super::setup::{all_rays, binary_top, blas_of, build, crowd, instances, meshes, rays, transforms};
 
 /// A triangle in world space with the error bound of its hits.
 struct Target {
@@ -91,7 +91,7 @@ fn hits_lie_on_the_images_of_triangles_and_none_is_nearer() {
     for (name, affine) in transforms() {
         let placed = [affine, affine];
         let [soup, torus] = meshes();
-        let bottom = vec![build::<Watertight>(&soup, Strategy::Dop), build(&torus, Strategy::Quaternion)];
+        let bottom = vec![build(&soup, Strategy::Dop), build(&torus, Strategy::Quaternion)];
         let tlas = Tlas::new(bottom, &instances(&placed), TopConfig::default()).unwrap();
         let mut n_certain = 0;
         for ray in rays(&soup, &affine, 60, 9).iter().chain(&rays(&torus, &affine, 60, 10)) {
@@ -111,8 +111,8 @@ fn hits_lie_on_the_images_of_triangles_and_none_is_nearer() {
 fn a_crowd_of_instances_agrees_with_exact_geometry() {
     let placed = crowd();
     let [soup, torus] = meshes();
-    let bottom = vec![build::<Watertight>(&soup, Strategy::Aabb), build(&torus, Strategy::Dop)];
-    let top = TopConfig::Binary(VolumeConfig { strategy: Strategy::Combined, fallback: true });
+    let bottom = vec![build(&soup, Strategy::Aabb), build(&torus, Strategy::Dop)];
+    let top = binary_top(VolumeConfig { strategy: Strategy::Combined, fallback: true });
     let tlas = Tlas::new(bottom, &instances(&placed), top).unwrap();
     let n_certain: usize = all_rays(&placed, 4)
         .iter()
@@ -125,7 +125,7 @@ fn a_crowd_of_instances_agrees_with_exact_geometry() {
 fn the_check_detects_displaced_late_and_lost_hits() {
     let placed = [transforms()[1].1; 2];
     let [soup, torus] = meshes();
-    let bottom = vec![build::<Watertight>(&soup, Strategy::Dop), build(&torus, Strategy::Dop)];
+    let bottom = vec![build(&soup, Strategy::Dop), build(&torus, Strategy::Dop)];
     let tlas = Tlas::new(bottom, &instances(&placed), TopConfig::default()).unwrap();
     let (mut n_lost, mut n_off) = (0, 0);
     for ray in rays(&torus, &placed[1], 40, 3) {
@@ -173,7 +173,7 @@ fn root_boxes_contain_the_images_of_all_vertices() {
     for (name, affine) in transforms() {
         for strategy in Strategy::ALL {
             for mesh in [&soup, &torus] {
-                let image = build::<Watertight>(mesh, strategy).bounds().transformed(&affine).aabb();
+                let image = build(mesh, strategy).bounds().transformed(&affine).aabb();
                 for p in mesh.positions.iter().map(|p| affine.point_f64(p.map(f64::from))) {
                     let inside = (0..3).all(|k| f64::from(image.min[k]) <= p[k] && p[k] <= f64::from(image.max[k]));
                     assert!(inside, "{name}, {strategy:?}: {p:?} outside {image:?}");

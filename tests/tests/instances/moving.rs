@@ -7,17 +7,18 @@ use canted_bvh2::Bvh2;
 use canted_fixtures::{Rotation, SplitMix64};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::Affine;
-use canted_tests::brute::At;
-use canted_tlas::{Blas, Instance, InstanceError, MAX_CONDITION, Tlas, TopConfig};
-use canted_trace::{Ray, Watertight};
+use canted_tlas::{Instance, InstanceError, MAX_CONDITION, Tlas, TopConfig};
+use canted_trace::{Intersect, Ray, TriangleTest};
 
 use super::{
     geometry::{check_hit, reaches},
     queries::loop_over_all,
-    setup::{Altered, affine, blas_of, build, meshes, rays},
+    setup::{Altered, affine, binary_top, blas_of, build, meshes, rays},
 };
 
-const TOP: TopConfig = TopConfig::Binary(VolumeConfig { strategy: Strategy::Dop, fallback: true });
+fn top() -> TopConfig {
+    binary_top(VolumeConfig { strategy: Strategy::Dop, fallback: true })
+}
 
 /// One of 1025 times, of ten bits.
 fn time(rng: &mut SplitMix64) -> f32 {
@@ -80,7 +81,7 @@ fn moving(motions: &[[Affine; 2]]) -> Vec<Instance> {
         .collect()
 }
 
-fn bottom() -> Vec<Bvh2<Watertight>> {
+fn bottom() -> Vec<Bvh2> {
     let [soup, torus] = meshes();
     vec![build(&soup, Strategy::Dop), build(&torus, Strategy::Aabb)]
 }
@@ -94,10 +95,10 @@ fn shots(motions: &[[Affine; 2]], time: f32, n: usize, seed: u64) -> (Vec<Affine
 }
 
 /// The first ray whose answer differs from a loop over all triangles at their positions at that time.
-fn first_difference<B: Blas>(tlas: &Tlas<B>, placed: &[Affine], rays: &[Ray], time: f32) -> Option<String> {
-    rays.iter().zip(loop_over_all::<Watertight>(placed, rays)).find_map(|(ray, want)| {
-        let got = tlas.closest_hit_with(ray, &mut At(time));
-        let occluded = tlas.occluded_with(ray, &mut At(time));
+fn first_difference(tlas: &dyn Intersect, placed: &[Affine], rays: &[Ray], time: f32) -> Option<String> {
+    rays.iter().zip(loop_over_all(placed, TriangleTest::Watertight, rays)).find_map(|(ray, want)| {
+        let got = tlas.closest_hit(&ray.at_time(time));
+        let occluded = tlas.occluded(&ray.at_time(time));
         (got != want || occluded != want.is_some()).then(|| format!("{ray:?} at {time}: {got:?}, not {want:?}"))
     })
 }
@@ -107,12 +108,12 @@ fn moving_instances_match_still_ones_and_exact_geometry() {
     let mut rng = SplitMix64::new(5);
     for (name, motion) in motions() {
         let motions = [motion; 2];
-        let tlas = Tlas::new(bottom(), &moving(&motions), TOP).unwrap();
+        let tlas = Tlas::new(bottom(), &moving(&motions), top()).unwrap();
         for (i, time) in [0.0, 1.0, 0.5].into_iter().chain((0..6).map(|_| time(&mut rng))).enumerate() {
             let (placed, rays) = shots(&motions, time, 12, i as u64);
             assert_eq!(first_difference(&tlas, &placed, &rays, time), None, "{name}");
             for ray in rays.iter().step_by(7) {
-                let hit = tlas.closest_hit_with(ray, &mut At(time));
+                let hit = tlas.closest_hit(&ray.at_time(time));
                 check_hit(ray, hit.as_ref(), &placed, reaches())
                     .unwrap_or_else(|error| panic!("{name} at {time}: {error}"));
             }
@@ -128,9 +129,9 @@ fn many_moving_instances_match_at_any_time() {
     let motions: Vec<_> =
         motions.iter().enumerate().map(|(i, motion)| if i % 3 == 0 { [motion[0]; 2] } else { *motion }).collect();
     instances.iter_mut().step_by(3).for_each(|instance| instance.world_from_object_close = None);
-    let binary = |strategy| TopConfig::Binary(VolumeConfig { strategy, fallback: true });
+    let binary = |strategy| binary_top(VolumeConfig { strategy, fallback: true });
     for top in [TopConfig::default(), binary(Strategy::Aabb), binary(Strategy::Dop), binary(Strategy::Quaternion)] {
-        let tlas = Tlas::new(bottom(), &instances, top).unwrap();
+        let tlas = Tlas::new(bottom(), &instances, top.clone()).unwrap();
         let mut rng = SplitMix64::new(6);
         for i in 0..8 {
             let time = time(&mut rng);
@@ -145,11 +146,11 @@ fn equal_transforms_match_a_still_instance() {
     let motions: Vec<[Affine; 2]> = motions().into_iter().map(|(_, [open, _])| [open; 2]).collect();
     let still: Vec<Instance> =
         moving(&motions).into_iter().map(|i| Instance { world_from_object_close: None, ..i }).collect();
-    let [moving, still] = [moving(&motions), still].map(|instances| Tlas::new(bottom(), &instances, TOP).unwrap());
+    let [moving, still] = [moving(&motions), still].map(|instances| Tlas::new(bottom(), &instances, top()).unwrap());
     let (_, rays) = shots(&motions, 0.0, 8, 1);
     for ray in &rays {
         for time in [0.0, 0.3, 1.0, f32::NAN] {
-            assert_eq!(moving.closest_hit_with(ray, &mut At(time)), still.closest_hit(ray));
+            assert_eq!(moving.closest_hit(&ray.at_time(time)), still.closest_hit(ray));
         }
     }
     assert_eq!(moving.aabb(), still.aabb());
@@ -158,16 +159,12 @@ fn equal_transforms_match_a_still_instance() {
 #[test]
 fn times_outside_the_shutter_are_clamped() {
     let motions: Vec<[Affine; 2]> = motions().into_iter().map(|(_, motion)| motion).collect();
-    let tlas = Tlas::new(bottom(), &moving(&motions), TOP).unwrap();
+    let tlas = Tlas::new(bottom(), &moving(&motions), top()).unwrap();
     for (beyond, end) in [(-1.0, 0.0), (f32::NEG_INFINITY, 0.0), (f32::NAN, 0.0), (2.0, 1.0), (f32::INFINITY, 1.0)] {
         let (placed, rays) = shots(&motions, end, 2, 3);
         assert_eq!(first_difference(&tlas, &placed, &rays, end), None);
         for ray in &rays {
-            assert_eq!(
-                tlas.closest_hit_with(ray, &mut At(beyond)),
-                tlas.closest_hit_with(ray, &mut At(end)),
-                "{beyond}"
-            );
+            assert_eq!(tlas.closest_hit(&ray.at_time(beyond)), tlas.closest_hit(&ray.at_time(end)), "{beyond}");
         }
     }
 }
@@ -177,9 +174,9 @@ fn the_check_detects_a_small_sweep_and_a_wrong_time() {
     for (name, motion) in motions() {
         let motions = [motion; 2];
         let (placed, rays) = shots(&motions, 1.0, 40, 8);
-        let shrunk = Tlas::new(bottom().into_iter().map(Altered::shrunk).collect(), &moving(&motions), TOP).unwrap();
+        let shrunk = Tlas::new(bottom().into_iter().map(Altered::shrunk).collect(), &moving(&motions), top()).unwrap();
         assert!(first_difference(&shrunk, &placed, &rays, 1.0).is_some(), "{name}");
-        let sound = Tlas::new(bottom(), &moving(&motions), TOP).unwrap();
+        let sound = Tlas::new(bottom(), &moving(&motions), top()).unwrap();
         assert_eq!(first_difference(&sound, &placed, &rays, 1.0), None, "{name}");
         assert!(first_difference(&sound, &placed, &rays, 1.0 - 1.0 / 1024.0).is_some(), "{name}");
     }
@@ -190,7 +187,7 @@ fn motions_through_singular_transforms_are_rejected_with_the_time() {
     let refused = |open: Affine, close: Affine| {
         let still = Instance::new(0, Affine::IDENTITY);
         let moving = Instance::moving(0, open, close);
-        Tlas::new(bottom(), &[still, moving], TOP).map(|_| ()).unwrap_err()
+        Tlas::new(bottom(), &[still, moving], top()).map(|_| ()).unwrap_err()
     };
     let about_z = |angle: f64| affine(&Rotation::euler(0.0, 0.0, angle), [1.0; 3], [0.0; 3]);
     let half_turn = refused(Affine::IDENTITY, about_z(std::f64::consts::PI));

@@ -1,48 +1,40 @@
 //! Every kind of query against a loop over all instances and all their triangles.
 
-use canted_fixtures::{Mesh, Rotation, SplitMix64, thin_box};
+use canted_bvh2::Bvh2;
+use canted_fixtures::{Mesh, Rotation, SplitMix64, thin_box, torus};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, PrimId};
 use canted_tests::{
-    brute::{self, At, ray_object},
-    crossings,
+    brute::{self, ray_object},
+    crossings, variants,
 };
-use canted_tlas::{Blas, Instance, RayOptions, Tlas, TopConfig};
-use canted_trace::{Counts, Hit, InstanceId, Kernel, MollerTrumbore, Query, Ray, ScaledRay, Side, Watertight};
+use canted_tlas::{Instance, Tlas, TopConfig};
+use canted_trace::{
+    Accept, Counts, Crossings, Hit, InstanceId, Intersect, Kernel, Ray, ScaledRay, Side, TriangleTest, Watertight,
+};
 use canted_wide::{Config, Preset, TriangleBvh};
 
-use super::setup::{Altered, affine, all_rays, blas_of, build, crowd, instances, meshes};
+use super::setup::{
+    Altered, affine, all_rays, binary_top, blas_of, bottom, build, crowd, first_difference, instances, meshes, tops,
+};
 
-pub(crate) fn loop_over_all<K: Kernel>(placed: &[Affine], rays: &[Ray]) -> Vec<Option<Hit>> {
-    let records = meshes().map(|mesh| brute::records::<K>(&mesh.positions, &mesh.triangles));
-    let trace = |i: usize, ray: &Ray| brute::closest_hit::<K>(&records[blas_of(i)], ray);
+pub(crate) fn loop_over_all(placed: &[Affine], test: TriangleTest, rays: &[Ray]) -> Vec<Option<Hit>> {
+    let in_mesh = meshes().map(|mesh| brute::of_mesh(&mesh, test));
+    let trace = |i: usize, ray: &Ray| in_mesh[blas_of(i)](ray);
     rays.iter().map(|ray| brute::closest_hit_of_instances(placed, ray, trace)).collect()
 }
 
-/// The first ray for which the two levels differ from `wants`.
-fn first_difference<K: Kernel>(
-    tlas: &Tlas<canted_bvh2::Bvh2<K>>,
-    rays: &[Ray],
-    wants: &[Option<Hit>],
-) -> Option<String> {
-    rays.iter().zip(wants).find_map(|(ray, want)| {
-        let got = tlas.closest_hit(ray);
-        let occluded = tlas.occluded(ray);
-        (got != *want || occluded != want.is_some()).then(|| format!("{ray:?}: {got:?}, {occluded}, not {want:?}"))
-    })
-}
-
-fn agrees<K: Kernel>(n: usize) {
-    let (placed, [soup, torus]) = (crowd(), meshes());
+fn agrees(test: TriangleTest, n: usize) {
+    let placed = crowd();
     let rays = all_rays(&placed, n);
-    let wants = loop_over_all::<K>(&placed, &rays);
+    let wants = loop_over_all(&placed, test, &rays);
     assert!(wants.iter().flatten().count() * 3 > rays.len(), "too few rays hit");
     for strategy in Strategy::ALL {
-        let binary = |fallback| TopConfig::Binary(VolumeConfig { strategy, fallback });
+        let binary = |fallback| binary_top(VolumeConfig { strategy, fallback });
         let wide = |preset| TopConfig::Wide(Config::preset(preset));
         for top in [binary(true), binary(false), wide(Preset::Fast), wide(Preset::Quality)] {
-            let bottom = vec![build::<K>(&soup, strategy), build::<K>(&torus, strategy)];
-            let tlas = Tlas::new(bottom, &instances(&placed), top).unwrap();
+            let bottom = meshes().map(|mesh| variants::binary(&mesh, strategy, test));
+            let tlas = Tlas::new(bottom.into(), &instances(&placed), top.clone()).unwrap();
             assert_eq!(first_difference(&tlas, &rays, &wants), None, "{strategy:?} under {top:?}");
         }
     }
@@ -50,22 +42,22 @@ fn agrees<K: Kernel>(n: usize) {
 
 #[test]
 fn watertight_agrees_to_the_bit() {
-    agrees::<Watertight>(30);
+    agrees(TriangleTest::Watertight, 30);
 }
 
 #[test]
 fn moller_trumbore_agrees_to_the_bit() {
-    agrees::<MollerTrumbore>(8);
+    agrees(TriangleTest::MollerTrumbore, 8);
 }
 
 #[test]
 fn a_slightly_moved_instance_is_detected() {
     let (placed, [soup, torus]) = (crowd(), meshes());
     let rays = all_rays(&placed, 4);
-    let wants = loop_over_all::<Watertight>(&placed, &rays);
+    let wants = loop_over_all(&placed, TriangleTest::Watertight, &rays);
     let mut moved = instances(&placed);
     moved[1].world_from_object.columns[3][0] += 1e-5;
-    let bottom = vec![build::<Watertight>(&soup, Strategy::Dop), build(&torus, Strategy::Dop)];
+    let bottom = vec![build(&soup, Strategy::Dop), build(&torus, Strategy::Dop)];
     let tlas = Tlas::new(bottom, &moved, TopConfig::default()).unwrap();
     assert!(first_difference(&tlas, &rays, &wants).is_some());
 }
@@ -74,8 +66,8 @@ fn a_slightly_moved_instance_is_detected() {
 fn the_top_level_skips_most_instances() {
     let (placed, [soup, torus]) = (crowd(), meshes());
     let rays = all_rays(&placed, 10);
-    for top in [TopConfig::default(), TopConfig::Binary(VolumeConfig::default())] {
-        let bottom = vec![build::<Watertight>(&soup, Strategy::Dop), build(&torus, Strategy::Dop)];
+    for top in [TopConfig::default(), binary_top(VolumeConfig::default())] {
+        let bottom = vec![build(&soup, Strategy::Dop), build(&torus, Strategy::Dop)];
         let tlas = Tlas::new(bottom, &instances(&placed), top).unwrap();
         let mut counts = Counts::default();
         for ray in &rays {
@@ -100,8 +92,8 @@ fn ties_go_to_the_lowest_instance_then_primitive() {
             .map(|(transform, blas)| Instance::new(blas, transforms[transform]))
             .collect();
         for strategy in [Strategy::Aabb, Strategy::Dop] {
-            for top in [TopConfig::default(), TopConfig::Binary(VolumeConfig { strategy, fallback: true })] {
-                let bottom = vec![build::<Watertight>(&doubled, strategy), build(&doubled, Strategy::Aabb)];
+            for top in [TopConfig::default(), binary_top(VolumeConfig { strategy, fallback: true })] {
+                let bottom = vec![build(&doubled, strategy), build(&doubled, Strategy::Aabb)];
                 let tlas = Tlas::new(bottom, &instances, top).unwrap();
                 let mut n_hits = 0;
                 for hit in all_rays(&transforms, 40).iter().filter_map(|ray| tlas.closest_hit(ray)) {
@@ -121,7 +113,7 @@ fn t_is_the_same_at_every_scale() {
     let plate = thin_box(0.0);
     let at = |scale: f64, z: f32| Instance::new(0, affine(&Rotation::IDENTITY, [scale; 3], [0.0, 0.0, z]));
     let instances = [at(1024.0, 16.0), at(1.0 / 1024.0, 5.0), at(-1.0, 7.0)];
-    let tlas = Tlas::new(vec![build::<Watertight>(&plate, Strategy::Aabb)], &instances, TopConfig::default()).unwrap();
+    let tlas = Tlas::new(vec![build(&plate, Strategy::Aabb)], &instances, TopConfig::default()).unwrap();
     for length in [1.0, 8.0, 1.0 / 64.0] {
         let nearest = |x: f32| {
             let hit = tlas.closest_hit(&Ray::new([x, 0.0, 0.0], [0.0, 0.0, length])).unwrap();
@@ -135,26 +127,16 @@ fn t_is_the_same_at_every_scale() {
 
 #[test]
 fn an_empty_top_level_is_never_hit() {
-    for top in [TopConfig::default(), TopConfig::Binary(VolumeConfig::default())] {
-        let mut tlas = Tlas::<canted_bvh2::Bvh2<Watertight>>::new(vec![], &[], top).unwrap();
+    for top in [TopConfig::default(), binary_top(VolumeConfig::default())] {
+        let mut tlas = Tlas::<Bvh2>::new(vec![], &[], top.clone()).unwrap();
         let ray = Ray::new([0.0; 3], [1.0, 0.0, 0.0]);
         assert_eq!((tlas.closest_hit(&ray), tlas.occluded(&ray)), (None, false));
         assert!(tlas.set_instances(&[]).is_ok());
         assert!(tlas.aabb().is_empty());
-        let nothing = build::<Watertight>(&Mesh::default(), Strategy::Dop);
+        let nothing = build(&Mesh::default(), Strategy::Dop);
         let tlas = Tlas::new(vec![nothing], &[Instance::new(0, Affine::IDENTITY)], top).unwrap();
         assert_eq!((tlas.closest_hit(&ray), tlas.occluded(&ray)), (None, false));
     }
-}
-
-type Bvh = canted_bvh2::Bvh2<Watertight>;
-
-pub(crate) fn tops() -> [TopConfig; 2] {
-    [TopConfig::default(), TopConfig::Binary(VolumeConfig { strategy: Strategy::Combined, fallback: true })]
-}
-
-pub(crate) fn bottom() -> Vec<Bvh> {
-    meshes().iter().map(|mesh| build(mesh, Strategy::Dop)).collect()
 }
 
 /// Every hit of a ray on every triangle of every instance: least `t` first, then lowest (instance, primitive).
@@ -171,8 +153,7 @@ fn all_hits_of_loop(placed: &[Affine], ray: &Ray) -> Vec<Hit> {
             }
         }
     }
-    hits.sort_by(|a, b| if a.before(b) { std::cmp::Ordering::Less } else { std::cmp::Ordering::Greater });
-    hits
+    brute::in_order(hits)
 }
 
 /// Rays at all instances, some with directions of other lengths, some with negative zeros.
@@ -195,19 +176,18 @@ fn rays(placed: &[Affine], n: usize) -> Vec<Ray> {
     rays
 }
 
-/// The first ray whose queries disagree with `want`, which lists the hits of each ray.
-fn first_difference_of_queries<B: Blas, Q: Query>(
-    tlas: &Tlas<B>,
+/// The first ray whose queries disagree with `want`, which lists the hits of each ray; `asked` changes time or mask of a ray.
+fn first_difference_of_queries(
+    tlas: &dyn Intersect,
     rays: &[Ray],
-    query: impl Fn(usize, &Ray) -> Q,
+    asked: impl Fn(usize, Ray) -> Ray,
     want: impl Fn(usize, &Ray) -> Vec<Hit>,
 ) -> Option<String> {
     let mut hits = vec![];
     rays.iter().enumerate().find_map(|(i, ray)| {
-        let want = want(i, ray);
-        tlas.all_hits_with(ray, &mut query(i, ray), &mut hits);
-        let closest = tlas.closest_hit_with(ray, &mut query(i, ray));
-        let occluded = tlas.occluded_with(ray, &mut query(i, ray));
+        let (want, ray) = (want(i, ray), asked(i, *ray));
+        tlas.all_hits(&ray, &mut hits);
+        let (closest, occluded) = (tlas.closest_hit(&ray), tlas.occluded(&ray));
         let agrees = hits == want && closest == want.first().copied() && occluded != want.is_empty();
         (!agrees).then(|| format!("{ray:?}: {closest:?}, {occluded}, {hits:?}, not {want:?}"))
     })
@@ -220,11 +200,17 @@ fn all_hits_equal_the_loop() {
     let n_hits: usize = rays.iter().map(|ray| all_hits_of_loop(&placed, ray).len()).sum();
     assert!(n_hits > 2 * rays.len(), "{n_hits} hits of {} rays", rays.len());
     for top in tops() {
-        let tlas = Tlas::new(bottom(), &instances(&placed), top).unwrap();
-        assert_eq!(first_difference_of_queries(&tlas, &rays, |_, _| (), |_, ray| all_hits_of_loop(&placed, ray)), None);
-        let wide = meshes().map(|m| TriangleBvh::build(&m.positions, &m.triangles, &Config::default()).unwrap());
+        let tlas = Tlas::new(bottom(), &instances(&placed), top.clone()).unwrap();
+        assert_eq!(
+            first_difference_of_queries(&tlas, &rays, |_, ray| ray, |_, ray| all_hits_of_loop(&placed, ray)),
+            None
+        );
+        let wide = meshes().map(|m| TriangleBvh::build(&m.positions, &m.triangles).unwrap());
         let tlas: Tlas<TriangleBvh> = Tlas::new(wide.into(), &instances(&placed), top).unwrap();
-        assert_eq!(first_difference_of_queries(&tlas, &rays, |_, _| (), |_, ray| all_hits_of_loop(&placed, ray)), None);
+        assert_eq!(
+            first_difference_of_queries(&tlas, &rays, |_, ray| ray, |_, ray| all_hits_of_loop(&placed, ray)),
+            None
+        );
     }
 }
 
@@ -233,9 +219,10 @@ fn the_check_detects_lost_hits_and_wrong_masks() {
     let placed = crowd();
     let rays = rays(&placed, 4);
     for top in tops() {
-        let lost = Tlas::new(bottom().into_iter().map(Altered::shrunk).collect(), &instances(&placed), top).unwrap();
+        let shrunk = bottom().into_iter().map(Altered::shrunk).collect();
+        let lost = Tlas::new(shrunk, &instances(&placed), top.clone()).unwrap();
         assert!(
-            first_difference_of_queries(&lost, &rays, |_, _| (), |_, ray| all_hits_of_loop(&placed, ray)).is_some()
+            first_difference_of_queries(&lost, &rays, |_, ray| ray, |_, ray| all_hits_of_loop(&placed, ray)).is_some()
         );
         let mut hidden = instances(&placed);
         hidden[12].mask = 1;
@@ -243,14 +230,14 @@ fn the_check_detects_lost_hits_and_wrong_masks() {
         let seen = first_difference_of_queries(
             &hidden,
             &rays,
-            |_, _| RayOptions::mask(1),
+            |_, ray| ray.with_mask(1),
             |_, ray| all_hits_of_loop(&placed, ray),
         );
         assert_eq!(seen, None);
         let seen = first_difference_of_queries(
             &hidden,
             &rays,
-            |_, _| RayOptions::mask(2),
+            |_, ray| ray.with_mask(2),
             |_, ray| all_hits_of_loop(&placed, ray),
         );
         assert!(seen.is_some());
@@ -260,9 +247,9 @@ fn the_check_detects_lost_hits_and_wrong_masks() {
 #[test]
 fn squashed_instances_of_flat_meshes_are_hit() {
     let plate = thin_box(0.0);
-    let squashed = affine(&canted_fixtures::Rotation::off_axis(), [1.0, 1.0, 1e-5], [0.5, 0.0, 0.0]);
+    let squashed = affine(&Rotation::off_axis(), [1.0, 1.0, 1e-5], [0.5, 0.0, 0.0]);
     let placed = [Affine::IDENTITY, squashed, squashed];
-    let bvh: Bvh = build(&plate, Strategy::Aabb);
+    let bvh = build(&plate, Strategy::Aabb);
     for top in tops() {
         let tlas = Tlas::new(vec![&bvh], &placed.map(|affine| Instance::new(0, affine)), top).unwrap();
         for (i, affine) in placed.iter().enumerate() {
@@ -296,7 +283,7 @@ fn masks_hide_instances() {
     for top in tops() {
         let tlas = Tlas::new(bottom(), &masked, top).unwrap();
         assert_eq!(tlas.instances(), masked);
-        assert_eq!(first_difference_of_queries(&tlas, &rays, |i, _| RayOptions::mask(of_ray(i)), want), None);
+        assert_eq!(first_difference_of_queries(&tlas, &rays, |i, ray| ray.with_mask(of_ray(i)), want), None);
     }
 }
 
@@ -307,25 +294,26 @@ fn filters_see_every_ray_and_hit() {
     let accepts = |i: usize, hit: &Hit| ((hit.primitive.0 + hit.instance.0) as usize + i).is_multiple_of(3);
     let tlas = Tlas::new(bottom(), &instances(&placed), TopConfig::default()).unwrap();
     let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
-    tlas.par_closest_hits_where(&rays, &mut hits, |i, _, hit| accepts(i, hit));
-    tlas.par_occluded_many_where(&rays, &mut occluded, |i, _, hit| accepts(i, hit));
+    tlas.par_closest_hits_with(&rays, &mut hits, &|i, _, hit| accepts(i, hit));
+    tlas.par_occluded_many_with(&rays, &mut occluded, &|i, _, hit| accepts(i, hit));
     let (mut serial_hits, mut serial_occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
-    tlas.closest_hits_where(&rays, &mut serial_hits, |i, _, hit| accepts(i, hit));
-    tlas.occluded_many_where(&rays, &mut serial_occluded, |i, _, hit| accepts(i, hit));
+    tlas.closest_hits_with(&rays, &mut serial_hits, &|i, _, hit| accepts(i, hit));
+    tlas.occluded_many_with(&rays, &mut serial_occluded, &|i, _, hit| accepts(i, hit));
     assert_eq!((&serial_hits, &serial_occluded), (&hits, &occluded));
     let (mut many, mut par_many) = (vec![vec![]; rays.len()], vec![vec![]; rays.len()]);
-    tlas.all_hits_many_where(&rays, &mut many, |i, _, hit| accepts(i, hit));
-    tlas.par_all_hits_many_where(&rays, &mut par_many, |i, _, hit| accepts(i, hit));
+    tlas.all_hits_many_with(&rays, &mut many, &|i, _, hit| accepts(i, hit));
+    tlas.par_all_hits_many_with(&rays, &mut par_many, &|i, _, hit| accepts(i, hit));
     assert_eq!(many, par_many);
     let mut all = vec![];
     for (i, ray) in rays.iter().enumerate() {
         let mut want = all_hits_of_loop(&placed, ray);
         want.retain(|hit| accepts(i, hit));
-        tlas.all_hits_where(ray, &mut all, |_, hit| accepts(i, hit));
+        let mut query = Accept(|hit: &Hit| accepts(i, hit));
+        tlas.all_hits_with(ray, &mut query, &mut all);
         assert_eq!((&all, &many[i]), (&want, &want), "{ray:?}");
         assert_eq!((hits[i], occluded[i]), (want.first().copied(), !want.is_empty()), "{ray:?}");
-        assert_eq!(tlas.closest_hit_where(ray, |_, hit| accepts(i, hit)), hits[i]);
-        assert_eq!(tlas.occluded_where(ray, |_, hit| accepts(i, hit)), occluded[i]);
+        assert_eq!(tlas.closest_hit_with(ray, &mut query), hits[i]);
+        assert_eq!(tlas.occluded_with(ray, &mut query), occluded[i]);
     }
 }
 
@@ -354,13 +342,13 @@ fn slices_equal_single_rays() {
             assert_eq!((closest[i], occluded[i], &all[i]), (tlas.closest_hit(ray), tlas.occluded(ray), &hits));
         }
     }
-    let masks: Vec<u32> = (0..n).map(|i| u32::try_from(i % 2).unwrap()).collect();
-    tlas.par_all_hits_many_with(&rays, &mut all, |i, _| RayOptions::mask(masks[i]));
+    let masked: Vec<Ray> = rays.iter().zip([0, 1].into_iter().cycle()).map(|(ray, mask)| ray.with_mask(mask)).collect();
+    tlas.par_all_hits_many(&masked, &mut all);
     assert!(all.iter().step_by(2).all(Vec::is_empty) && all.iter().any(|hits| !hits.is_empty()));
 }
 
 #[test]
-#[should_panic = "one result for each ray"]
+#[should_panic = "one answer for each ray"]
 fn slices_of_other_lengths_panic() {
     let tlas = Tlas::new(bottom(), &[], TopConfig::default()).unwrap();
     tlas.par_closest_hits(&[Ray::new([0.0; 3], [1.0, 0.0, 0.0])], &mut []);
@@ -369,7 +357,7 @@ fn slices_of_other_lengths_panic() {
 #[test]
 fn rays_see_moving_instances_at_their_time() {
     // Shifts by whole numbers, so that every position is exact.
-    let at = |x: f32| affine(&canted_fixtures::Rotation::IDENTITY, [1.0; 3], [x, 0.0, 0.0]);
+    let at = |x: f32| affine(&Rotation::IDENTITY, [1.0; 3], [x, 0.0, 0.0]);
     let moving = [Instance::moving(0, at(0.0), at(8.0)), Instance::moving(1, at(2.0), at(-6.0)).with_mask(2)];
     for time in [0.0, 0.25, 1.0] {
         let placed = [at(8.0 * time), at(2.0 - 8.0 * time)];
@@ -377,12 +365,17 @@ fn rays_see_moving_instances_at_their_time() {
         for top in tops() {
             let tlas = Tlas::new(bottom(), &moving, top).unwrap();
             assert_eq!(
-                first_difference_of_queries(&tlas, &rays, |_, _| At(time), |_, ray| all_hits_of_loop(&placed, ray)),
+                first_difference_of_queries(
+                    &tlas,
+                    &rays,
+                    |_, ray| ray.at_time(time),
+                    |_, ray| all_hits_of_loop(&placed, ray)
+                ),
                 None
             );
             let first_alone = |_, ray: &Ray| all_hits_of_loop(&placed[..1], ray);
             assert_eq!(
-                first_difference_of_queries(&tlas, &rays, |_, _| RayOptions { mask: 1, time }, first_alone),
+                first_difference_of_queries(&tlas, &rays, |_, ray| ray.with_mask(1).at_time(time), first_alone),
                 None
             );
         }
@@ -414,9 +407,9 @@ fn rays_that_cannot_hit_find_nothing() {
 /// Crossings of closed meshes, counted for each instance by an independent rule.
 #[test]
 fn crossings_of_each_instance_are_counted_once() {
-    let torus = canted_fixtures::torus(10, 6);
+    let torus = torus(10, 6);
     let placed = crowd();
-    let build = || TriangleBvh::<Watertight>::build(&torus.positions, &torus.triangles, &Config::default()).unwrap();
+    let build = || TriangleBvh::build(&torus.positions, &torus.triangles).unwrap();
     let instances: Vec<Instance> =
         placed.iter().enumerate().map(|(i, &affine)| Instance::new(0, affine).with_mask(1 << (i % 2))).collect();
     // From outside at edges and vertices of the image, without an end.
@@ -456,7 +449,7 @@ fn crossings_of_each_instance_are_counted_once() {
                 assert_eq!(2 * n_front, got.len(), "instance {i}, {ray:?}");
             }
             n_crossings += found.len();
-            tlas.crossings_with(ray, &RayOptions::mask(1), &mut even);
+            tlas.crossings(&ray.with_mask(1), &mut even);
             found.retain(|hit| hit.instance.0 % 2 == 0);
             assert_eq!(even, found);
         }

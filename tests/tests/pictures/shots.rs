@@ -7,13 +7,12 @@ use std::{collections::BTreeSet, fs};
 
 use canted_film::{Film, read_picture};
 use canted_obb::Affine;
-use canted_renderer::{Integrator, Lod, Pattern, Settings, prepare, render};
+use canted_renderer::{Integrator, Lod, Pattern, SceneBvh, SceneBvhConfig, Settings, render};
 use canted_scene::{
     Camera, Encoding, Environment, Instance, Lens, Light, Material, MaterialId, Mesh, MeshId, Part, Scene, Texture,
     TextureId, TextureRef, Wrap, read, read_environment,
 };
 use canted_tests::scenes::models;
-use canted_trace::Watertight;
 
 use crate::agree::{Block, blocks_of_film, blocks_of_reference};
 
@@ -220,8 +219,8 @@ impl Shot {
             ao_radius,
             ..Settings::default()
         };
-        let prepared = prepare::<Watertight>(&self.scene, &canted_renderer::StructureConfig::default()).unwrap();
-        render(&self.scene, &prepared.structure, &self.camera, &settings, &|_, _| {}, &false.into()).unwrap()
+        let bvh = SceneBvh::build(&self.scene, &SceneBvhConfig::default()).unwrap();
+        render(&self.scene, &bvh, &self.camera, &settings, &|_, _| {}, &false.into()).unwrap()
     }
 
     /// The reference.

@@ -9,10 +9,9 @@ use canted_film::Picture;
 use canted_fixtures::{Rotation, SplitMix64, grid, icosphere, torus};
 use canted_lbvh::Strategy;
 use canted_obb::Affine;
-use canted_renderer::{Accel, Builder, Levels, Settings, StructureConfig, prepare, render};
+use canted_renderer::{Builder, BvhKind, Levels, SceneBvh, SceneBvhConfig, Settings, render};
 use canted_scene::{Camera, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene};
 use canted_tests::scenes::affine;
-use canted_trace::Watertight;
 use canted_wide::Preset;
 
 fn mesh(mesh: canted_fixtures::Mesh, material: u32) -> Mesh {
@@ -77,22 +76,22 @@ const SETTINGS: Settings = Settings {
     aovs: canted_film::Aovs::NONE,
 };
 
-const BASE: StructureConfig = StructureConfig {
-    levels: Levels::One,
-    accel: Accel::Binary { strategy: Strategy::Aabb, builder: Some(Builder::Lbvh) },
-};
+/// One level of axis-aligned boxes over the radix tree.
+fn base() -> SceneBvhConfig {
+    binary(Levels::One, Strategy::Aabb, Some(Builder::Lbvh))
+}
 
-fn binary(strategy: Strategy, builder: Option<Builder>) -> Accel {
-    Accel::Binary { strategy, builder }
+fn binary(levels: Levels, volumes: Strategy, builder: Option<Builder>) -> SceneBvhConfig {
+    SceneBvhConfig { levels, kind: BvhKind::Bvh2, volumes, builder, ..SceneBvhConfig::default() }
 }
 
 /// Builds and renders in its own thread pool.
-fn picture(n_threads: usize, structure: StructureConfig, settings: &Settings) -> Picture {
+fn picture(n_threads: usize, config: SceneBvhConfig, settings: &Settings) -> Picture {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
     pool.install(|| {
         let scene = scene();
-        let prepared = prepare::<Watertight>(&scene, &structure).unwrap();
-        let film = render(&scene, &prepared.structure, &CAMERA, settings, &|_, _| (), &AtomicBool::new(false)).unwrap();
+        let bvh = SceneBvh::build(&scene, &config).unwrap();
+        let film = render(&scene, &bvh, &CAMERA, settings, &|_, _| (), &AtomicBool::new(false)).unwrap();
         assert_eq!(film.n_dropped(), 0);
         film.picture()
     })
@@ -105,15 +104,12 @@ fn bits(picture: &Picture) -> Vec<u32> {
 #[test]
 fn threads_and_tiles_change_no_byte() {
     for levels in [Levels::One, Levels::Two] {
-        let structure = StructureConfig { levels, accel: binary(Strategy::Combined, Some(Builder::Lbvh)) };
-        let want = bits(&picture(1, structure, &SETTINGS));
+        let config = binary(levels, Strategy::Combined, Some(Builder::Lbvh));
+        let want = bits(&picture(1, config, &SETTINGS));
         for n_threads in 1..=4 {
             for tile in [1, 7, 32, 1000] {
                 let settings = Settings { tile, ..SETTINGS };
-                assert!(
-                    bits(&picture(n_threads, structure, &settings)) == want,
-                    "{n_threads} threads, tiles of {tile}"
-                );
+                assert!(bits(&picture(n_threads, config, &settings)) == want, "{n_threads} threads, tiles of {tile}");
             }
         }
     }
@@ -122,13 +118,12 @@ fn threads_and_tiles_change_no_byte() {
 #[test]
 fn volumes_and_builders_change_no_byte() {
     for levels in [Levels::One, Levels::Two] {
-        let want = bits(&picture(2, StructureConfig { levels, ..BASE }, &SETTINGS));
+        let want = bits(&picture(2, SceneBvhConfig { levels, ..base() }, &SETTINGS));
         let builders = [Builder::Ploc, Builder::Lbvh, Builder::Sah, Builder::Obvhs].map(Some);
         for builder in builders.into_iter().chain([None]) {
-            let accels = Strategy::ALL.map(|strategy| binary(strategy, builder));
-            for accel in accels.into_iter().chain([Accel::Wide { preset: Preset::Balanced, builder }]) {
-                let structure = StructureConfig { levels, accel };
-                assert!(bits(&picture(2, structure, &SETTINGS)) == want, "{structure:?}");
+            let wide = SceneBvhConfig { levels, preset: Preset::Balanced, builder, ..SceneBvhConfig::default() };
+            for config in Strategy::ALL.map(|volumes| binary(levels, volumes, builder)).into_iter().chain([wide]) {
+                assert!(bits(&picture(2, config, &SETTINGS)) == want, "{config:?}");
             }
         }
     }
@@ -137,11 +132,11 @@ fn volumes_and_builders_change_no_byte() {
 #[test]
 fn presets_change_no_byte() {
     for levels in [Levels::One, Levels::Two] {
-        let want = bits(&picture(2, StructureConfig { levels, ..BASE }, &SETTINGS));
+        let want = bits(&picture(2, SceneBvhConfig { levels, ..base() }, &SETTINGS));
         for preset in [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality] {
-            let structure = StructureConfig { levels, accel: Accel::Wide { preset, builder: None } };
+            let config = SceneBvhConfig { levels, preset, ..SceneBvhConfig::default() };
             for n_threads in [1, 3] {
-                assert!(bits(&picture(n_threads, structure, &SETTINGS)) == want, "{structure:?}");
+                assert!(bits(&picture(n_threads, config, &SETTINGS)) == want, "{config:?}");
             }
         }
     }
@@ -149,9 +144,9 @@ fn presets_change_no_byte() {
 
 #[test]
 fn another_seed_or_a_longer_path_changes_the_picture() {
-    let want = bits(&picture(2, BASE, &SETTINGS));
+    let want = bits(&picture(2, base(), &SETTINGS));
     for settings in [Settings { seed: 4, ..SETTINGS }, Settings { bounces: 1, ..SETTINGS }] {
-        assert!(bits(&picture(2, BASE, &settings)) != want, "{settings:?}");
+        assert!(bits(&picture(2, base(), &settings)) != want, "{settings:?}");
     }
     // The picture is not blank: it has more than a hundred colors.
     let mut colors = want;
@@ -181,10 +176,10 @@ fn differing(a: &Picture, b: &Picture) -> f64 {
 
 #[test]
 fn one_and_two_levels_agree_up_to_rounding() {
-    let one = picture(2, BASE, &SETTINGS);
-    let two = picture(2, StructureConfig { levels: Levels::Two, ..BASE }, &SETTINGS);
+    let one = picture(2, base(), &SETTINGS);
+    let two = picture(2, SceneBvhConfig { levels: Levels::Two, ..base() }, &SETTINGS);
     let share = differing(&one, &two);
     assert!(share <= PIXELS_PAST_AN_EDGE, "{share} of the pixels differ");
-    let reseeded = picture(2, BASE, &Settings { seed: 4, ..SETTINGS });
+    let reseeded = picture(2, base(), &Settings { seed: 4, ..SETTINGS });
     assert!(differing(&one, &reseeded) > 0.25);
 }

@@ -10,11 +10,8 @@ use std::sync::atomic::AtomicBool;
 
 use canted_film::Film;
 use canted_gpu::Gpu;
-use canted_renderer::{
-    DevicePicture, Levels, Monitor, Prepared, Settings, StructureConfig, Surfaces, frame, prepare, render,
-};
+use canted_renderer::{DevicePicture, Levels, Monitor, SceneBvh, SceneBvhConfig, Settings, Surfaces, frame, render};
 use canted_scene::{Camera, Scene};
-use canted_trace::Watertight;
 
 /// Relative difference of a pixel, above a floor of a twentieth of white, that rounding explains: ten bounces of 30 roundings of
 /// 2⁻²³ each are `2⁻¹⁵`; texture lookups with f32 coordinates may have eight times that.
@@ -46,38 +43,32 @@ impl Difference {
     }
 }
 
-pub(super) fn prepared(scene: &Scene, levels: Levels) -> Prepared<Watertight> {
-    prepare(scene, &StructureConfig { levels, ..StructureConfig::default() }).unwrap()
+pub(super) fn scene_bvh(scene: &Scene, levels: Levels) -> SceneBvh {
+    SceneBvh::build(scene, &SceneBvhConfig { levels, ..SceneBvhConfig::default() }).unwrap()
 }
 
 /// The scene's camera, or one that shows all of it.
 pub(super) fn frame_of(scene: &Scene) -> Camera {
-    let prepared = prepared(scene, Levels::Auto);
-    scene.cameras.first().copied().unwrap_or_else(|| frame(scene, &prepared.structure, 64.0 / 36.0))
+    let bvh = scene_bvh(scene, Levels::Auto);
+    scene.cameras.first().copied().unwrap_or_else(|| frame(scene, &bvh, 64.0 / 36.0))
 }
 
-pub(super) fn on_device(
-    gpu: &Gpu,
-    scene: &Scene,
-    prepared: &Prepared<Watertight>,
-    camera: &Camera,
-    settings: &Settings,
-) -> Film {
+pub(super) fn on_device(gpu: &Gpu, scene: &Scene, bvh: &SceneBvh, camera: &Camera, settings: &Settings) -> Film {
     let surfaces = Surfaces::with_lod(scene, settings.lod);
-    let picture = DevicePicture::new(gpu, &surfaces, &prepared.structure, camera, settings).unwrap();
+    let picture = DevicePicture::new(gpu, &surfaces, &bvh, camera, settings).unwrap();
     let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &AtomicBool::new(false) };
     picture.render(vec![], &monitor).unwrap()
 }
 
-pub(super) fn on_cpu(scene: &Scene, prepared: &Prepared<Watertight>, camera: &Camera, settings: &Settings) -> Film {
-    render(scene, &prepared.structure, camera, settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
+pub(super) fn on_cpu(scene: &Scene, bvh: &SceneBvh, camera: &Camera, settings: &Settings) -> Film {
+    render(scene, &bvh, camera, settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
 }
 
 /// Renders the scene on both devices and compares.
 pub(super) fn compared(gpu: &Gpu, scene: &Scene, camera: &Camera, levels: Levels, settings: &Settings) -> Difference {
-    let prepared = prepared(scene, levels);
-    let ours = on_device(gpu, scene, &prepared, camera, settings);
-    difference(&ours, &on_cpu(scene, &prepared, camera, settings))
+    let bvh = scene_bvh(scene, levels);
+    let ours = on_device(gpu, scene, &bvh, camera, settings);
+    difference(&ours, &on_cpu(scene, &bvh, camera, settings))
 }
 
 pub(super) fn difference(ours: &Film, theirs: &Film) -> Difference {

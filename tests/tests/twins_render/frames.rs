@@ -8,11 +8,10 @@ use canted_fixtures::icosphere;
 use canted_gpu::{Gpu, Traffic};
 use canted_lbvh::Strategy;
 use canted_renderer::{
-    Accel, DeviceFrames, DevicePicture, Integrator, Levels, Monitor, Settings, StructureConfig, Surfaces,
-    UpdateOptions, prepare,
+    BvhKind, DeviceFrames, DevicePicture, Integrator, Levels, Monitor, SceneBvh, SceneBvhConfig, Settings, Surfaces,
+    UpdateOptions,
 };
 use canted_scene::{Camera, Scene};
-use canted_trace::Watertight;
 
 use super::gpu;
 use super::scenes::{instance, mesh, room};
@@ -38,33 +37,36 @@ fn crowd() -> (Scene, Camera) {
     (scene, camera)
 }
 
-fn rendered(picture: &DevicePicture<'_, Watertight>) -> Film {
+fn rendered(picture: &DevicePicture<'_>) -> Film {
     let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &AtomicBool::new(false) };
     picture.render(vec![], &monitor).unwrap()
 }
 
+fn two_levels() -> SceneBvhConfig {
+    SceneBvhConfig { levels: Levels::Two, ..SceneBvhConfig::default() }
+}
+
 /// What each frame uploads before its first ray, its size on the device, and that its picture is that of a new start.
-fn uploads(gpu: &Gpu, accel: Accel, steps: &[fn(&mut Scene, &mut Camera)]) -> Vec<(Traffic, u64)> {
+fn uploads(gpu: &Gpu, config: &SceneBvhConfig, steps: &[fn(&mut Scene, &mut Camera)]) -> Vec<(Traffic, u64)> {
     let (mut scene, mut camera) = crowd();
-    let (settings, config) = (settings(), StructureConfig { levels: Levels::Two, accel });
-    let mut prepared = prepare::<Watertight>(&scene, &config).unwrap();
+    let settings = settings();
+    let mut bvh = SceneBvh::build(&scene, config).unwrap();
     let mut frames = DeviceFrames::default();
     let mut found = vec![];
     for step in steps {
         step(&mut scene, &mut camera);
-        prepared.update(&scene, &UpdateOptions::default()).unwrap();
+        bvh.update(&scene, &UpdateOptions::default()).unwrap();
         let surfaces = Surfaces::with_lod(&scene, settings.lod);
         let before = gpu.traffic();
-        let picture =
-            DevicePicture::in_frame(gpu, &surfaces, &prepared.structure, &camera, &settings, &mut frames).unwrap();
+        let picture = DevicePicture::in_frame(gpu, &surfaces, &bvh, &camera, &settings, &mut frames).unwrap();
         let size = picture.buffers().iter().map(|(_, bytes)| bytes).sum();
         found.push((gpu.traffic() - before, size));
         let film = rendered(&picture);
         drop(picture);
         let anew = Gpu::open(&canted_gpu::Choice::Best).unwrap();
-        let fresh = prepare::<Watertight>(&scene, &config).unwrap();
-        let picture = DevicePicture::new(&anew, &surfaces, &fresh.structure, &camera, &settings).unwrap();
-        assert!(film.pixels() == rendered(&picture).pixels(), "frame {}, {accel:?}", found.len());
+        let fresh = SceneBvh::build(&scene, config).unwrap();
+        let picture = DevicePicture::new(&anew, &surfaces, &fresh, &camera, &settings).unwrap();
+        assert!(film.pixels() == rendered(&picture).pixels(), "frame {}, {config:?}", found.len());
     }
     found
 }
@@ -88,7 +90,7 @@ const STEPS: [fn(&mut Scene, &mut Camera); 5] = [nothing, nothing, turn_camera, 
 
 fn frames_upload_what_changed() {
     let gpu = gpu();
-    let found = uploads(&gpu, Accel::default(), &STEPS);
+    let found = uploads(&gpu, &two_levels(), &STEPS);
     let bytes = |frame: usize| found[frame].0.uploaded_bytes;
     let whole = found[0].1;
     assert!(bytes(0) >= whole && whole > 200_000, "{found:?}");
@@ -107,7 +109,7 @@ fn frames_upload_what_changed() {
 fn frames_of_binary_bvhs_are_updated_on_the_device() {
     let gpu = gpu();
     for strategy in [Strategy::Aabb, Strategy::Combined] {
-        let found = uploads(&gpu, Accel::Binary { strategy, builder: None }, &STEPS);
+        let found = uploads(&gpu, &SceneBvhConfig { kind: BvhKind::Bvh2, volumes: strategy, ..two_levels() }, &STEPS);
         let of = |frame: usize| found[frame].0;
         // Nothing is built for the camera. What is read back is the size of the structure.
         let Traffic { downloaded_bytes, .. } = of(1);

@@ -4,7 +4,7 @@ use canted_film::{Aov, Aovs, Film, Guide};
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_renderer::{Integrator, Levels, Settings};
 
-use super::compared::{on_cpu, on_device, prepared};
+use super::compared::{on_cpu, on_device, scene_bvh};
 use super::{gpu, scenes};
 
 pub(crate) fn tests() -> Vec<Test> {
@@ -36,7 +36,7 @@ fn guides_match_the_cpu_for_both_integrators() {
     let gpu = gpu();
     let all: Aovs = Aov::ALL.into_iter().collect();
     for (scene, camera) in [scenes::textured(), scenes::in_motion(scenes::room())] {
-        let prepared = prepared(&scene, Levels::Auto);
+        let bvh = scene_bvh(&scene, Levels::Auto);
         for integrator in [Integrator::Hybrid, Integrator::Path] {
             let settings = Settings {
                 width: 60,
@@ -47,8 +47,8 @@ fn guides_match_the_cpu_for_both_integrators() {
                 integrator,
                 ..Settings::default()
             };
-            let ours = on_device(&gpu, &scene, &prepared, &camera, &settings);
-            let theirs = on_cpu(&scene, &prepared, &camera, &settings);
+            let ours = on_device(&gpu, &scene, &bvh, &camera, &settings);
+            let theirs = on_cpu(&scene, &bvh, &camera, &settings);
             // Rays that graze an edge may hit either side of it.
             assert!(apart(&ours, &theirs) < 0.02, "{}", apart(&ours, &theirs));
             let sum = |film: &Film, k: usize| film.guides().iter().map(|guide| guide.tests[k]).sum::<f64>();
@@ -57,11 +57,11 @@ fn guides_match_the_cpu_for_both_integrators() {
                 let (ours, theirs) = (sum(&ours, k), sum(&theirs, k));
                 assert!(ours >= 0.9 * theirs && ours <= 1.3 * theirs, "{ours} and {theirs} of kind {k}");
             }
-            let other = on_cpu(&scene, &prepared, &camera, &Settings { seed: 1, ..settings });
+            let other = on_cpu(&scene, &bvh, &camera, &Settings { seed: 1, ..settings });
             assert!(apart(&ours, &other) > 0.1);
             // Only requested guides are recorded, and the light is the same.
             let depth = Settings { aovs: [Aov::Depth].into_iter().collect(), ..settings };
-            let fewer = on_device(&gpu, &scene, &prepared, &camera, &depth);
+            let fewer = on_device(&gpu, &scene, &bvh, &camera, &depth);
             assert!(fewer.guides().iter().all(|guide| guide.tests == [0.0; 2]));
             assert!(fewer.pixels() == ours.pixels());
         }

@@ -8,7 +8,7 @@ use canted_renderer::{DevicePicture, Integrator, Levels, Pattern, Settings, Surf
 use canted_scene::{Camera, Environment, Material, Scene, SceneFile};
 use std::path::Path;
 
-use super::compared::{compared, difference, on_cpu, on_device, prepared};
+use super::compared::{compared, difference, on_cpu, on_device, scene_bvh};
 use super::{gpu, scenes};
 
 pub(crate) fn tests() -> Vec<Test> {
@@ -81,10 +81,11 @@ fn motion_while_the_shutter_is_open() {
     let settings = Settings { integrator: Integrator::Hybrid, ..small(4) };
     compared(&gpu, &scene, &camera, Levels::Auto, &settings).check("room", [0.3, 0.01]);
     // The comparison detects a scene without motion.
-    let prepared = prepared(&scene, Levels::Auto);
-    let ours = on_device(&gpu, &scene, &prepared, &camera, &settings);
+    let bvh = scene_bvh(&scene, Levels::Auto);
+    let ours = on_device(&gpu, &scene, &bvh, &camera, &settings);
     let (still, _) = scenes::room();
-    let found = difference(&ours, &on_cpu(&still, &super::compared::prepared(&still, Levels::Two), &camera, &settings));
+    let found =
+        difference(&ours, &on_cpu(&still, &super::compared::scene_bvh(&still, Levels::Two), &camera, &settings));
     assert!(found.astray > 0.5, "{found:?}");
 }
 
@@ -107,12 +108,12 @@ fn textures_of_every_slot() {
 fn the_comparison_detects_another_light() {
     let gpu = gpu();
     let (scene, camera) = of_all_materials();
-    let prepared = prepared(&scene, Levels::One);
+    let bvh = scene_bvh(&scene, Levels::One);
     let settings = small(8);
-    let ours = on_device(&gpu, &scene, &prepared, &camera, &settings);
+    let ours = on_device(&gpu, &scene, &bvh, &camera, &settings);
     let mut brighter = scene.clone();
     brighter.materials[0].base_color = [0.71; 3];
-    let found = difference(&ours, &on_cpu(&brighter, &prepared, &camera, &settings));
+    let found = difference(&ours, &on_cpu(&brighter, &bvh, &camera, &settings));
     assert!(found.astray > 0.8 && found.drift.iter().all(|&drift| drift > 6.0), "{found:?}");
 }
 
@@ -121,9 +122,9 @@ fn a_bare_scene_binds_few_buffers() {
     let gpu = gpu();
     let settings = small(1);
     let bindings = |scene: &Scene, camera: &Camera, levels: Levels| {
-        let prepared = prepared(scene, levels);
+        let bvh = scene_bvh(scene, levels);
         let surfaces = Surfaces::with_lod(scene, settings.lod);
-        let picture = DevicePicture::new(&gpu, &surfaces, &prepared.structure, camera, &settings).unwrap();
+        let picture = DevicePicture::new(&gpu, &surfaces, &bvh, camera, &settings).unwrap();
         let mut names: Vec<String> = picture.buffers().into_iter().map(|(name, _)| name.to_owned()).collect();
         names.sort();
         names

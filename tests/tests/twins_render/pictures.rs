@@ -4,7 +4,7 @@ use canted_fixtures::device_tests::{Test, needs_device};
 use canted_renderer::{Levels, Settings};
 use canted_scene::Environment;
 
-use super::compared::{compared, difference, frame_of, on_cpu, on_device, prepared};
+use super::compared::{compared, difference, frame_of, on_cpu, on_device, scene_bvh};
 use super::{gpu, scenes};
 
 pub(crate) fn tests() -> Vec<Test> {
@@ -41,10 +41,10 @@ fn a_room_with_all_kinds_of_light() {
 fn the_comparison_detects_another_light() {
     let gpu = gpu();
     let (scene, camera) = scenes::room();
-    let prepared = prepared(&scene, Levels::One);
-    let ours = on_device(&gpu, &scene, &prepared, &camera, &small(2));
+    let bvh = scene_bvh(&scene, Levels::One);
+    let ours = on_device(&gpu, &scene, &bvh, &camera, &small(2));
     let mut brighter = scene.clone();
     brighter.materials[0].base_color[1] += 0.01;
-    let found = difference(&ours, &on_cpu(&brighter, &prepared, &camera, &small(2)));
+    let found = difference(&ours, &on_cpu(&brighter, &bvh, &camera, &small(2)));
     assert!(found.astray > 0.5 && found.of_means > 0.001 && found.drift[1] > 6.0, "{found:?}");
 }

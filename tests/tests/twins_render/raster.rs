@@ -8,13 +8,13 @@ use std::sync::atomic::AtomicBool;
 
 use canted_gpu::Gpu;
 use canted_renderer::{
-    DevicePicture, FirstHit, Integrator, Levels, Lod, Masked, Monitor, Prepared, Settings, Surface, SurfaceInfo,
-    Surfaces, Tracer, View,
+    AlphaTest, DevicePicture, FirstHit, Integrator, Levels, Lod, Monitor, SceneBvh, Settings, Surface, SurfaceInfo,
+    Surfaces, View,
 };
 use canted_scene::{Camera, Scene};
-use canted_trace::{Hit, Watertight};
+use canted_trace::{Hit, Intersect};
 
-use super::compared::{frame_of, prepared};
+use super::compared::{frame_of, scene_bvh};
 use super::{gpu, scenes};
 
 pub(crate) fn tests() -> Vec<Test> {
@@ -45,14 +45,14 @@ fn settings() -> Settings {
 struct Rays<'a> {
     view: View,
     surfaces: &'a Surfaces<'a>,
-    prepared: &'a Prepared<Watertight>,
+    bvh: &'a SceneBvh,
 }
 
 impl Rays<'_> {
     /// The first hit through a position of the picture, in pixels, with its surface.
     fn seen(&self, at: [f64; 2]) -> Option<(Hit, Surface)> {
         let ray = self.view.ray(at);
-        let hit = self.prepared.structure.closest_hit(&ray, &mut Masked::new(self.surfaces, ()))?;
+        let hit = self.bvh.closest_hit_with(&ray, &mut AlphaTest::new(self.surfaces))?;
         Some((hit, self.surfaces.at_time(&hit, ray.direction, 0.0, self.view.cone(at, 0))))
     }
 
@@ -119,11 +119,11 @@ fn differs(
 /// Pixels that differ where rays exclude it, and the share of pixels on edges.
 fn wrong(gpu: &Gpu, scene: &Scene, camera: &Camera, levels: Levels, spoil: fn(&mut SurfaceInfo)) -> (Vec<String>, f64) {
     let settings = settings();
-    let prepared = prepared(scene, levels);
+    let bvh = scene_bvh(scene, levels);
     let surfaces = Surfaces::with_lod(scene, settings.lod);
     let [width, height] = SIZE;
-    let rays = Rays { view: View::new(camera, width, height).unwrap(), surfaces: &surfaces, prepared: &prepared };
-    let picture = DevicePicture::new(gpu, &surfaces, &prepared.structure, camera, &settings).unwrap();
+    let rays = Rays { view: View::new(camera, width, height).unwrap(), surfaces: &surfaces, bvh: &bvh };
+    let picture = DevicePicture::new(gpu, &surfaces, &bvh, camera, &settings).unwrap();
     let drawn = picture.first_surfaces().unwrap();
     let reach = scene.bounds_world().reach().max(camera.eye.iter().fold(0.0, |most, x| x.abs().max(most)));
     let (mut wrong, mut n_edges) = (vec![], 0.0);
@@ -193,10 +193,10 @@ fn rasterized_first_hits_change_no_picture() {
             if is_flat && scene.has_motion() {
                 continue;
             }
-            let prepared = prepared(&scene, levels);
+            let bvh = scene_bvh(&scene, levels);
             let surfaces = Surfaces::with_lod(&scene, settings.lod);
             let film = |first_hit: FirstHit| {
-                let picture = DevicePicture::new(&gpu, &surfaces, &prepared.structure, &camera, &settings).unwrap();
+                let picture = DevicePicture::new(&gpu, &surfaces, &bvh, &camera, &settings).unwrap();
                 let (picture, used) = picture.with_first_hit(first_hit).unwrap();
                 assert_eq!(used, first_hit);
                 picture.render(vec![], &monitor).unwrap()
@@ -210,9 +210,9 @@ fn first_hits_of_paths_are_not_rasterized() {
     let gpu = gpu();
     let (scene, camera) = scenes::room();
     let settings = Settings { integrator: Integrator::Path, ..settings() };
-    let prepared = prepared(&scene, Levels::One);
+    let bvh = scene_bvh(&scene, Levels::One);
     let surfaces = Surfaces::with_lod(&scene, settings.lod);
-    let picture = || DevicePicture::new(&gpu, &surfaces, &prepared.structure, &camera, &settings).unwrap();
+    let picture = || DevicePicture::new(&gpu, &surfaces, &bvh, &camera, &settings).unwrap();
     let error = picture().with_first_hit(FirstHit::Raster).err().expect("a path is not rasterized");
     assert!(error.to_string().contains("the path integrator are not rasterized"), "{error}");
     assert_eq!(picture().with_first_hit(FirstHit::Auto).unwrap().1, FirstHit::Trace);

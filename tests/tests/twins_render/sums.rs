@@ -8,12 +8,11 @@ use std::sync::atomic::AtomicBool;
 use canted_film::{Aov, Film, Filter, Part, Pixel};
 use canted_gpu::{Gpu, TracedScene};
 use canted_renderer::{
-    DevicePicture, Integrator, Levels, Monitor, Prepared, SampleSums, Settings, Surfaces, traced_scene,
+    DevicePicture, Integrator, Levels, Monitor, SampleSums, SceneBvh, Settings, Surfaces, traced_scene,
 };
 use canted_scene::{Camera, Environment, Scene};
-use canted_trace::Watertight;
 
-use super::compared::{difference, on_cpu, on_device, prepared};
+use super::compared::{difference, on_cpu, on_device, scene_bvh};
 use super::{gpu, scenes};
 
 pub(crate) fn tests() -> Vec<Test> {
@@ -80,13 +79,13 @@ fn check(ours: &Film, theirs: &Film, name: &str) {
 fn sums_of_the_device_are_those_of_the_host() {
     let gpu = gpu();
     let (scene, camera) = scenes::room();
-    let prepared = prepared(&scene, Levels::One);
+    let bvh = scene_bvh(&scene, Levels::One);
     for integrator in [Integrator::Hybrid, Integrator::Path] {
         for (samples, filter) in [1, 3, 64, 100].map(|n| (n, Filter::BOX)).into_iter().chain([(37, Filter::MITCHELL)]) {
             let host = Settings { filter, ..settings(integrator, samples) };
-            let theirs = on_device(&gpu, &scene, &prepared, &camera, &host);
+            let theirs = on_device(&gpu, &scene, &bvh, &camera, &host);
             let device = Settings { sums: SampleSums::Device, ..host };
-            let ours = on_device(&gpu, &scene, &prepared, &camera, &device);
+            let ours = on_device(&gpu, &scene, &bvh, &camera, &device);
             let name = format!("{integrator:?}, {samples} samples, {filter}");
             check(&ours, &theirs, &name);
             assert_eq!(ours == theirs, samples == 1, "{name}: only single samples are not summed");
@@ -94,7 +93,7 @@ fn sums_of_the_device_are_those_of_the_host() {
             if samples == 64 {
                 // Cells end between tiles of another size, and dispatches between cells.
                 for tile in [8, 16] {
-                    let film = on_device(&gpu, &scene, &prepared, &camera, &Settings { tile, ..device });
+                    let film = on_device(&gpu, &scene, &bvh, &camera, &Settings { tile, ..device });
                     assert!(film == ours, "{name}, tiles of {tile}");
                 }
             }
@@ -105,12 +104,12 @@ fn sums_of_the_device_are_those_of_the_host() {
 fn a_missing_sample_is_detected() {
     let gpu = gpu();
     let (scene, camera) = scenes::room();
-    let prepared = prepared(&scene, Levels::One);
+    let bvh = scene_bvh(&scene, Levels::One);
     for integrator in [Integrator::Hybrid, Integrator::Path] {
         let host = settings(integrator, 64);
-        let theirs = on_device(&gpu, &scene, &prepared, &camera, &host);
+        let theirs = on_device(&gpu, &scene, &bvh, &camera, &host);
         let without_last = Settings { part: Some([0, 63]), sums: SampleSums::Device, ..host };
-        let ours = on_device(&gpu, &scene, &prepared, &camera, &without_last);
+        let ours = on_device(&gpu, &scene, &bvh, &camera, &without_last);
         let n = n_apart(&ours, &theirs);
         assert!(2 * n > theirs.pixels().len(), "{integrator:?}: {n} of {}", theirs.pixels().len());
     }
@@ -120,12 +119,12 @@ fn a_missing_sample_is_detected() {
 fn parts_join() {
     let gpu = gpu();
     let (scene, camera) = scenes::room();
-    let prepared = prepared(&scene, Levels::One);
+    let bvh = scene_bvh(&scene, Levels::One);
     let device = Settings { sums: SampleSums::Device, ..settings(Integrator::Hybrid, 100) };
-    let whole = on_device(&gpu, &scene, &prepared, &camera, &device);
+    let whole = on_device(&gpu, &scene, &bvh, &camera, &device);
     let joined = |at: u32| {
         let parts = [[0, at], [at, 100]].map(|range| {
-            let film = on_device(&gpu, &scene, &prepared, &camera, &Settings { part: Some(range), ..device });
+            let film = on_device(&gpu, &scene, &bvh, &camera, &Settings { part: Some(range), ..device });
             (film.part().unwrap().clone(), film.n_rays())
         });
         let n_rays = parts.iter().map(|(_, n)| n).sum();
@@ -141,11 +140,11 @@ fn parts_join() {
 fn noise_and_channels_are_those_of_the_host() {
     let gpu = gpu();
     let (scene, camera) = scenes::room();
-    let prepared = prepared(&scene, Levels::One);
+    let bvh = scene_bvh(&scene, Levels::One);
     let host =
         Settings { noise: Some(0.05), aovs: Aov::ALL.into_iter().collect(), ..settings(Integrator::Hybrid, 128) };
-    let theirs = on_device(&gpu, &scene, &prepared, &camera, &host);
-    let ours = on_device(&gpu, &scene, &prepared, &camera, &Settings { sums: SampleSums::Device, ..host });
+    let theirs = on_device(&gpu, &scene, &bvh, &camera, &host);
+    let ours = on_device(&gpu, &scene, &bvh, &camera, &Settings { sums: SampleSums::Device, ..host });
     check(&ours, &theirs, "noise");
     assert!(counts(&theirs).iter().any(|[n, ..]| *n == 128) && counts(&theirs).iter().any(|[n, ..]| *n < 128));
     assert!(ours.guides() == theirs.guides());
@@ -155,13 +154,13 @@ fn noise_and_channels_are_those_of_the_host() {
 fn summed(
     gpu: &Gpu,
     (scene, camera): (&Scene, &Camera),
-    prepared: &Prepared<Watertight>,
+    bvh: &SceneBvh,
     settings: &Settings,
     make: impl FnOnce(TracedScene) -> TracedScene,
 ) -> Film {
     let surfaces = Surfaces::with_lod(scene, settings.lod);
-    let of = |scene: &Scene| Ok(make(traced_scene(gpu, scene, &prepared.structure)?));
-    let picture = DevicePicture::over(gpu, &surfaces, &prepared.structure, camera, settings, of).unwrap();
+    let of = |scene: &Scene| Ok(make(traced_scene(gpu, scene, &bvh)?));
+    let picture = DevicePicture::over(gpu, &surfaces, &bvh, camera, settings, of).unwrap();
     monitored(|monitor| picture.render(vec![], monitor)).unwrap()
 }
 
@@ -169,31 +168,30 @@ fn summed(
 fn the_cpu_takes_unfinished_samples() {
     let gpu = gpu();
     let (mut scene, camera) = scenes::room();
-    let prepared = prepared(&scene, Levels::One);
+    let bvh = scene_bvh(&scene, Levels::One);
     let device = Settings {
         sums: SampleSums::Device,
         aovs: [Aov::Depth].into_iter().collect(),
         ..settings(Integrator::Path, 6)
     };
-    let theirs = on_cpu(&scene, &prepared, &camera, &device);
+    let theirs = on_cpu(&scene, &bvh, &camera, &device);
     // No ray is finished: each sample is the CPU's.
-    let none = summed(&gpu, (&scene, &camera), &prepared, &device, |traced| traced.with_max_iterations(0));
+    let none = summed(&gpu, (&scene, &camera), &bvh, &device, |traced| traced.with_max_iterations(0));
     assert!(none == theirs);
     // Some are.
     let host = Settings { sums: SampleSums::Host, ..device };
-    let few = |settings: &Settings| {
-        summed(&gpu, (&scene, &camera), &prepared, settings, |traced| traced.with_max_iterations(100))
-    };
+    let few =
+        |settings: &Settings| summed(&gpu, (&scene, &camera), &bvh, settings, |traced| traced.with_max_iterations(100));
     let (ours, some) = (few(&device), few(&host));
     check(&ours, &some, "some samples");
     assert!(ours.guides() == some.guides());
-    assert!(some != theirs && some != on_device(&gpu, &scene, &prepared, &camera, &host));
+    assert!(some != theirs && some != on_device(&gpu, &scene, &bvh, &camera, &host));
     // Brighter than 2^56. The others are summed on the device.
     scene.environment = Some(Environment::Constant([1e20; 3]));
     scene.lights.clear();
     let bright = settings(Integrator::Hybrid, 6);
-    let ours = on_device(&gpu, &scene, &prepared, &camera, &Settings { sums: SampleSums::Device, ..bright });
-    let theirs = on_cpu(&scene, &prepared, &camera, &bright);
+    let ours = on_device(&gpu, &scene, &bvh, &camera, &Settings { sums: SampleSums::Device, ..bright });
+    let theirs = on_cpu(&scene, &bvh, &camera, &bright);
     assert_eq!(counts(&ours), counts(&theirs));
     let n_equal = ours.pixels().iter().zip(theirs.pixels()).filter(|(a, b)| a == b && a.sum[0] > 1e18).count();
     assert!(2 * n_equal > theirs.pixels().len(), "{n_equal} of {}", theirs.pixels().len());

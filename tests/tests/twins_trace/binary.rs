@@ -9,7 +9,7 @@ use canted_gpu::{
 };
 use canted_lbvh::{Bits, Corners, Strategy};
 use canted_tests::{rays, scenes};
-use canted_trace::{Ray, Watertight};
+use canted_trace::{Intersect, Ray};
 use canted_wide::{Config, TriangleBvh};
 
 use super::gpu;
@@ -49,7 +49,7 @@ fn compared(gpu: &Gpu, mesh: &Mesh, there: &Mesh, strategy: Strategy, rays: &[Ra
 /// Compares with the CPU's BVH over `mesh`.
 fn compared_with(
     mesh: &Mesh,
-    check: impl FnOnce(&World<'_>, &TriangleBvh<Watertight>, &mut Tally) -> Result<(), String>,
+    check: impl FnOnce(&World<'_>, &TriangleBvh, &mut Tally) -> Result<(), String>,
 ) -> Result<Tally, String> {
     let reach = reach(mesh);
     let world = World {
@@ -57,7 +57,7 @@ fn compared_with(
         error: &|ray, _| error_of_one_level(ray, reach),
     };
     let mut tally = Tally::default();
-    check(&world, &build::<Watertight>(mesh, &Config::default()), &mut tally)?;
+    check(&world, &build(mesh, &Config::default()), &mut tally)?;
     Ok(tally)
 }
 

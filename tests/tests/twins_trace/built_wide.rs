@@ -6,7 +6,7 @@ use canted_gpu::build::{STRATEGIES, Topology, WideConfig};
 use canted_gpu::{BufferScene, Gpu, SceneInput, TracedScene};
 use canted_lbvh::{Bits, Strategy};
 use canted_tests::scenes;
-use canted_trace::{Ray, Watertight};
+use canted_trace::{Intersect, Ray};
 use canted_wide::Config;
 
 use super::binary::{Buffers, all_rays, corners, in_buffers, reach};
@@ -43,7 +43,7 @@ fn compared_with(gpu: &Gpu, mesh: &Mesh, scene: &TracedScene, rays: &[Ray]) -> R
         corners: &|_, primitive| mesh.corners(primitive as usize),
         error: &|ray, _| error_of_one_level(ray, reach),
     };
-    let on_cpu = build::<Watertight>(mesh, &Config::default());
+    let on_cpu = build(mesh, &Config::default());
     let mut tally = Tally::default();
     world.check_all(gpu, scene, rays, |ray| on_cpu.closest_hit(ray), &mut tally)?;
     Ok(tally)

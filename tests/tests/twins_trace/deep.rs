@@ -7,7 +7,7 @@ use canted_lbvh::triangle_corners;
 use canted_obb::Affine;
 use canted_tests::scenes::chain;
 use canted_tlas::Instance;
-use canted_trace::{Ray, Watertight};
+use canted_trace::{Ray, TriangleTest};
 use canted_wide::{NodeKind, TriangleBvh};
 
 use super::gpu;
@@ -46,7 +46,7 @@ fn n_triangles(depth: u16) -> u16 {
 }
 
 /// Triangles across x, one behind another from 0 to 1, and their BVH of this depth.
-fn deep(depth: u16) -> (Mesh, TriangleBvh<Watertight>) {
+fn deep(depth: u16) -> (Mesh, TriangleBvh) {
     let n = n_triangles(depth);
     let sector = |i: u16| {
         let rare = (1..RARE).find(|&rare| i == (rare - 1) * (n - 1) / (RARE - 2));
@@ -60,7 +60,7 @@ fn deep(depth: u16) -> (Mesh, TriangleBvh<Watertight>) {
     let mesh = Mesh { positions, triangles: (0..u32::from(n)).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect() };
     let (corners, bounds) = triangle_corners(&mesh.positions, &mesh.triangles).unwrap();
     let tree = chain(n.into(), |i| i % 2 == 0);
-    let wide = TriangleBvh::over(&tree, &corners, &bounds, &of_one_kind(NodeKind::Aligned)).unwrap();
+    let wide = TriangleBvh::from_tree(&tree, &corners, &bounds, of_one_kind(NodeKind::Aligned)).unwrap();
     assert_eq!(wide.raw().depth, u32::from(depth));
     (mesh, wide)
 }
@@ -98,7 +98,7 @@ fn first_difference(gpu: &Gpu, scene: &TracedScene, rays: &[Ray], wants: &[Optio
 }
 
 fn wants(mesh: &Mesh, rays: &[Ray]) -> Vec<Option<u32>> {
-    loop_over_all::<Watertight>(mesh, rays).into_iter().map(|hit| hit.map(|hit| hit.primitive.0)).collect()
+    loop_over_all(mesh, TriangleTest::Watertight, rays).into_iter().map(|hit| hit.map(|hit| hit.primitive.0)).collect()
 }
 
 fn hits_are_found_up_to_the_greatest_depth() {
@@ -136,7 +136,7 @@ fn the_comparison_detects_a_lost_hit_in_a_deep_bvh() {
     let mut fewer = mesh.clone();
     let n = fewer.triangles.len();
     fewer.triangles[n - 1] = fewer.triangles[0];
-    let tree = build::<Watertight>(&fewer, &of_one_kind(NodeKind::Aligned));
+    let tree = build(&fewer, &of_one_kind(NodeKind::Aligned));
     let scene = TracedScene::new(&gpu, SceneInput::upload([&tree])).unwrap();
     assert!(first_difference(&gpu, &scene, &rays, &wants(&mesh, &rays)).is_some());
 }

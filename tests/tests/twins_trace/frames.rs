@@ -7,11 +7,11 @@ use canted_gpu::build::{Topology, WideConfig};
 use canted_lbvh::Strategy;
 use canted_obb::Affine;
 use canted_renderer::{
-    Accel, DeviceFrames, Levels, Prepared, StructureConfig, Tracer, UpdateOptions, UpdatePolicy, prepare, traced_frame,
+    BvhKind, DeviceFrames, Levels, SceneBvh, SceneBvhConfig, UpdateOptions, UpdatePolicy, traced_frame,
 };
 use canted_scene::{Instance, MaterialId, MeshId, Part, Scene};
 use canted_tests::{closed::baked, rays, scenes};
-use canted_trace::{Ray, Watertight};
+use canted_trace::{Intersect, Ray};
 
 use super::gpu;
 use super::reference::{Tally, World, error_of_instance, error_of_one_level};
@@ -80,7 +80,7 @@ fn scene(meshes: &[Mesh], placed: &[(usize, Affine)]) -> Scene {
 fn compare(
     gpu: &Gpu,
     (meshes, placed): &(Vec<Mesh>, Vec<(usize, Affine)>),
-    prepared: &Prepared<Watertight>,
+    bvh: &SceneBvh,
     traced: &canted_gpu::TracedScene,
     is_flat: bool,
     tally: &mut Tally,
@@ -107,27 +107,28 @@ fn compare(
             }
         },
     };
-    world.check_all(gpu, traced, &all_rays, |ray| prepared.structure.closest_hit(ray, &mut ()), tally)
+    world.check_all(gpu, traced, &all_rays, |ray| bvh.closest_hit(ray), tally)
 }
 
 fn sixty_frames_have_the_hits_of_the_cpu() {
     let gpu = gpu();
-    let binary = |strategy| Accel::Binary { strategy, builder: None };
+    let binary = |volumes| SceneBvhConfig { kind: BvhKind::Bvh2, volumes, ..SceneBvhConfig::default() };
+    let eight = SceneBvhConfig::default();
     let wide = |topology, strategy| Some(WideConfig { topology, strategy, ..WideConfig::default() });
-    for (accel, wide, levels, policy) in [
-        (Accel::default(), None, Levels::Two, UpdatePolicy::Auto),
-        (Accel::default(), None, Levels::One, UpdatePolicy::Refit),
+    for (config, wide, levels, policy) in [
+        (eight, None, Levels::Two, UpdatePolicy::Auto),
+        (eight, None, Levels::One, UpdatePolicy::Refit),
         (binary(Strategy::Aabb), None, Levels::Two, UpdatePolicy::Refit),
         (binary(Strategy::Combined), None, Levels::Two, UpdatePolicy::Rebuild),
         (binary(Strategy::Dop), None, Levels::One, UpdatePolicy::Auto),
-        (Accel::default(), wide(Topology::Ploc, Strategy::Combined), Levels::Two, UpdatePolicy::Refit),
-        (Accel::default(), wide(Topology::Radix, Strategy::Aabb), Levels::Two, UpdatePolicy::Rebuild),
-        (Accel::default(), wide(Topology::Radix, Strategy::Combined), Levels::One, UpdatePolicy::Auto),
+        (eight, wide(Topology::Ploc, Strategy::Combined), Levels::Two, UpdatePolicy::Refit),
+        (eight, wide(Topology::Radix, Strategy::Aabb), Levels::Two, UpdatePolicy::Rebuild),
+        (eight, wide(Topology::Radix, Strategy::Combined), Levels::One, UpdatePolicy::Auto),
     ] {
-        let name = format!("{accel:?}, {wide:?}, {levels:?}, {policy:?}");
+        let name = format!("{config:?}, {wide:?}, {levels:?}, {policy:?}");
         let first = state(0);
-        let config = StructureConfig { accel, levels };
-        let mut prepared = prepare::<Watertight>(&scene(&first.0, &first.1), &config).unwrap();
+        let config = SceneBvhConfig { levels, ..config };
+        let mut bvh = SceneBvh::build(&scene(&first.0, &first.1), &config).unwrap();
         let mut frames = DeviceFrames::new(policy);
         if let Some(wide) = wide {
             frames = frames.with_wide(wide);
@@ -137,15 +138,15 @@ fn sixty_frames_have_the_hits_of_the_cpu() {
             let state = state(frame);
             let scene = scene(&state.0, &state.1);
             let options = UpdateOptions { policy, ..UpdateOptions::default() };
-            prepared.update(&scene, &options).unwrap();
-            let traced = traced_frame(&gpu, &scene, &prepared.structure, &mut frames).unwrap();
-            compare(&gpu, &state, &prepared, &traced, levels == Levels::One, &mut tally)
+            bvh.update(&scene, &options).unwrap();
+            let traced = traced_frame(&gpu, &scene, &bvh, &mut frames).unwrap();
+            compare(&gpu, &state, &bvh, &traced, levels == Levels::One, &mut tally)
                 .unwrap_or_else(|error| panic!("{name}, frame {frame}: {error}"));
         }
         tally.report(&name);
         // The device updated its BVHs, and built them once.
         let updates = frames.updates();
-        let is_of_device = wide.is_some() || matches!(accel, Accel::Binary { .. });
+        let is_of_device = wide.is_some() || config.kind == BvhKind::Bvh2;
         match levels {
             _ if !is_of_device => assert_eq!(updates.whole, 0, "{name}: {updates:?}"),
             Levels::Two => {
@@ -174,22 +175,22 @@ fn many_meshes_that_deform_have_the_hits_of_the_cpu() {
         };
         ((0..20).map(mesh).collect::<Vec<_>>(), (0..20).map(placed).collect::<Vec<_>>())
     };
-    let config = StructureConfig { levels: Levels::Two, ..StructureConfig::default() };
+    let config = SceneBvhConfig { levels: Levels::Two, ..SceneBvhConfig::default() };
     for (strategy, policy) in [(Strategy::Combined, UpdatePolicy::Refit), (Strategy::Aabb, UpdatePolicy::Rebuild)] {
         let first = state(0);
-        let mut prepared = prepare::<Watertight>(&scene(&first.0, &first.1), &config).unwrap();
+        let mut bvh = SceneBvh::build(&scene(&first.0, &first.1), &config).unwrap();
         let wide = WideConfig { strategy, ..WideConfig::default() };
         let mut frames = DeviceFrames::new(policy).with_wide(wide);
         let mut tally = Tally::default();
         for frame in 0..4 {
             let state = state(frame);
             let scene = scene(&state.0, &state.1);
-            prepared.update(&scene, &UpdateOptions { policy, ..UpdateOptions::default() }).unwrap();
+            bvh.update(&scene, &UpdateOptions { policy, ..UpdateOptions::default() }).unwrap();
             let before = gpu.traffic();
-            let traced = traced_frame(&gpu, &scene, &prepared.structure, &mut frames).unwrap();
+            let traced = traced_frame(&gpu, &scene, &bvh, &mut frames).unwrap();
             let n_dispatches = (gpu.traffic() - before).n_dispatches;
             assert!(frame == 0 || n_dispatches < 1000, "{strategy:?}: {n_dispatches} dispatches for twenty meshes");
-            compare(&gpu, &state, &prepared, &traced, false, &mut tally)
+            compare(&gpu, &state, &bvh, &traced, false, &mut tally)
                 .unwrap_or_else(|error| panic!("{strategy:?}, frame {frame}: {error}"));
         }
         tally.report(&format!("many meshes, {strategy:?}, {policy:?}"));
@@ -202,10 +203,10 @@ fn many_meshes_that_deform_have_the_hits_of_the_cpu() {
 fn a_frame_that_lags_is_seen() {
     let gpu = gpu();
     let (before, after) = (state(3), state(8));
-    let config = StructureConfig { levels: Levels::Two, ..StructureConfig::default() };
-    let prepared = prepare::<Watertight>(&scene(&after.0, &after.1), &config).unwrap();
-    let old = prepare::<Watertight>(&scene(&before.0, &before.1), &config).unwrap();
+    let config = SceneBvhConfig { levels: Levels::Two, ..SceneBvhConfig::default() };
+    let bvh = SceneBvh::build(&scene(&after.0, &after.1), &config).unwrap();
+    let old = SceneBvh::build(&scene(&before.0, &before.1), &config).unwrap();
     let mut frames = DeviceFrames::default();
-    let traced = traced_frame(&gpu, &scene(&before.0, &before.1), &old.structure, &mut frames).unwrap();
-    compare(&gpu, &after, &prepared, &traced, false, &mut Tally::default()).expect_err("the old frame is not seen");
+    let traced = traced_frame(&gpu, &scene(&before.0, &before.1), &old, &mut frames).unwrap();
+    compare(&gpu, &after, &bvh, &traced, false, &mut Tally::default()).expect_err("the old frame is not seen");
 }

@@ -8,7 +8,7 @@ use canted_tests::{
     scenes::{self, transforms},
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
-use canted_trace::{Ray, Watertight};
+use canted_trace::{Intersect, Ray};
 use canted_wide::TriangleBvh;
 
 use super::{
@@ -53,7 +53,7 @@ fn rays_through_instances_lose_no_hit() {
     };
     let world = World { corners: &corners, error: &error };
     for (variant, config) in few_variants() {
-        let bottom: Vec<TriangleBvh<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
+        let bottom: Vec<TriangleBvh> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
         let scene =
             canted_gpu::TracedScene::new(&gpu, canted_gpu::SceneInput::upload(&bottom).instances(&instances)).unwrap();
         let tlas = Tlas::new(bottom, &instances, TopConfig::default()).unwrap();

@@ -13,7 +13,10 @@ mod moving;
 mod placed;
 mod small;
 
-pub(crate) use canted_tests::{device::gpu, judge as reference, variants as setup};
+pub(crate) use canted_tests::{
+    device::{self as reference, gpu},
+    variants as setup,
+};
 
 fn main() -> std::process::ExitCode {
     canted_tests::device::run_tests([

@@ -4,7 +4,7 @@ use canted_fixtures::Mesh;
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::{Gpu, SceneInput, TracedScene};
 use canted_tests::{rays, scenes};
-use canted_trace::{Ray, Watertight};
+use canted_trace::{Intersect, Ray};
 use canted_wide::Config;
 
 use super::gpu;
@@ -30,8 +30,8 @@ fn compared(gpu: &Gpu, mesh: &Mesh, there: &Mesh, config: &Config, rays: &[Ray])
         corners: &|_, primitive| mesh.corners(primitive as usize),
         error: &|ray, _| error_of_one_level(ray, reach),
     };
-    let scene = TracedScene::new(gpu, SceneInput::upload([&build::<Watertight>(there, config)])).unwrap();
-    let on_cpu = build::<Watertight>(mesh, config);
+    let scene = TracedScene::new(gpu, SceneInput::upload([&build(there, config)])).unwrap();
+    let on_cpu = build(mesh, config);
     let mut tally = Tally::default();
     world.check_all(gpu, &scene, rays, |ray| on_cpu.closest_hit(ray), &mut tally)?;
     Ok(tally)

@@ -5,9 +5,9 @@ use std::path::Path;
 
 use canted_fixtures::Mesh;
 use canted_gpu::Gpu;
-use canted_renderer::{Levels, Prepared, StructureConfig, Tracer, flatten, prepare, traced_scene};
+use canted_renderer::{Levels, SceneBvh, SceneBvhConfig, flatten, traced_scene};
 use canted_tests::{rays, scenes as models};
-use canted_trace::{Ray, Watertight};
+use canted_trace::{Intersect, Ray};
 
 use super::gpu;
 use super::reference::{Tally, World, error_of_instance, error_of_one_level};
@@ -23,9 +23,9 @@ fn reach(positions: &[[f32; 3]]) -> f64 {
 /// Compares a model on the device with the CPU, in one level or in two.
 fn check(gpu: &Gpu, folder: &Path, file: &str, levels: Levels) {
     let scene = canted_scene::read(&folder.join(file)).unwrap();
-    let config = StructureConfig { levels, ..StructureConfig::default() };
-    let Prepared { structure, .. } = prepare::<Watertight>(&scene, &config).unwrap();
-    let traced = traced_scene(gpu, &scene, &structure).unwrap();
+    let config = SceneBvhConfig { levels, ..SceneBvhConfig::default() };
+    let bvh = SceneBvh::build(&scene, &config).unwrap();
+    let traced = traced_scene(gpu, &scene, &bvh).unwrap();
     let (positions, triangles, first) = flatten(&scene).unwrap();
     let reach_world = reach(&positions);
     let reaches: Vec<f64> = scene.meshes.iter().map(|mesh| reach(&mesh.positions)).collect();
@@ -53,7 +53,7 @@ fn check(gpu: &Gpu, folder: &Path, file: &str, levels: Levels) {
     };
     let mut tally = Tally::default();
     world
-        .check_all(gpu, &traced, &all_rays, |ray| structure.closest_hit(ray, &mut ()), &mut tally)
+        .check_all(gpu, &traced, &all_rays, |ray| bvh.closest_hit(ray), &mut tally)
         .unwrap_or_else(|error| panic!("{file}, {levels:?}: {error}"));
     tally.report(&format!("{file}, {levels:?}"));
 }

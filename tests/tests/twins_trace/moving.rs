@@ -5,12 +5,11 @@ use canted_fixtures::{Mesh, SplitMix64};
 use canted_gpu::{DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Outcome, SceneInput, TracedScene, Variant};
 use canted_obb::Affine;
 use canted_tests::{
-    brute::At,
     closed::{baked, placements},
     rays, scenes,
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
-use canted_trace::{Ray, ScaledRay, Watertight};
+use canted_trace::{Intersect, Ray, ScaledRay};
 use canted_wide::TriangleBvh;
 
 use super::{
@@ -102,7 +101,7 @@ fn compared(gpu: &Gpu, late: f32) -> Result<Tally, String> {
         meshes.each_ref().map(|m| m.positions.iter().flatten().fold(0.0, |all: f64, &x| all.max(f64::from(x).abs())));
     let crowd = crowd();
     let (_, config) = few_variants().remove(0);
-    let bottom: Vec<TriangleBvh<Watertight>> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
+    let bottom: Vec<TriangleBvh> = meshes.iter().map(|mesh| build(mesh, &config)).collect();
     let scene = TracedScene::new(gpu, SceneInput::upload(&bottom).instances(&crowd)).unwrap();
     let tlas = Tlas::new(bottom, &crowd, TopConfig::default()).unwrap();
     let mut tally = Tally::default();
@@ -140,7 +139,7 @@ fn compared(gpu: &Gpu, late: f32) -> Result<Tally, String> {
             },
         };
         for (ray, hit) in rays.iter().zip(hits(gpu, &scene, &rays, time + late)) {
-            world.check(ray, tlas.closest_hit_with(ray, &mut At(time)), hit, &mut tally)?;
+            world.check(ray, tlas.closest_hit(&ray.at_time(time)), hit, &mut tally)?;
         }
     }
     Ok(tally)

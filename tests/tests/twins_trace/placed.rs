@@ -10,7 +10,7 @@ use canted_tests::{
     scenes::{self, transforms},
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
-use canted_trace::{Ray, Watertight};
+use canted_trace::{Intersect, Ray};
 use canted_wide::{Config, TriangleBvh};
 
 use super::{
@@ -23,7 +23,7 @@ use super::{
 pub(super) struct Placed {
     meshes: [Mesh; 4],
     instances: Vec<Instance>,
-    tlas: Tlas<TriangleBvh<Watertight>>,
+    tlas: Tlas<TriangleBvh>,
     rays: Vec<Ray>,
 }
 
@@ -52,7 +52,7 @@ impl Placed {
                 [rays::of_all_classes(&there, 20, 90 + seed), rays::from_inside(&there, 40, 120 + seed)].concat()
             })
             .collect();
-        let bottom: Vec<TriangleBvh<Watertight>> = meshes.iter().map(|mesh| build(mesh, &Config::default())).collect();
+        let bottom: Vec<TriangleBvh> = meshes.iter().map(|mesh| build(mesh, &Config::default())).collect();
         let tlas = Tlas::new(bottom, &instances, TopConfig::default()).unwrap();
         Self { meshes, instances, tlas, rays }
     }

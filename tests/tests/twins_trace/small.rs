@@ -7,7 +7,7 @@ use canted_gpu::{DeviceHit, Gpu, Outcome, SceneInput, TracedScene};
 use canted_lbvh::{Bits, Corners, Strategy};
 use canted_obb::Affine;
 use canted_tlas::{Instance, Tlas, TopConfig};
-use canted_trace::{Hit, Ray, Watertight};
+use canted_trace::{Hit, Intersect, Ray};
 use canted_wide::{Config, TriangleBvh};
 
 use super::gpu;
@@ -66,7 +66,7 @@ fn spheres_and_rays(extent: f64, radius: f64, n_rays: usize) -> (Vec<[f32; 3]>, 
         let reach = 1.1 * radius * rng.unit().sqrt();
         let to: [f64; 3] = std::array::from_fn(|k| f64::from(center[k]) + reach * beside[k] - f64::from(origin[k]));
         let length = to.iter().map(|x| x * x).sum::<f64>().sqrt();
-        Ray { origin, direction: to.map(|x| (x / length) as f32), t_min: 0.0, t_max: f32::INFINITY }
+        Ray::new(origin, to.map(|x| (x / length) as f32))
     });
     let rays = rays.collect();
     (centers, rays)
@@ -122,7 +122,7 @@ fn small_spheres_in_one_level_are_hit_as_on_the_cpu() {
     for (extent, radius) in SCENES {
         let (centers, rays) = spheres_and_rays(extent, radius, 8000);
         let mesh = merged(&centers, radius);
-        let bvh: TriangleBvh<Watertight> = build(&mesh, &Config::default());
+        let bvh: TriangleBvh = build(&mesh, &Config::default());
         let name = |kind: &str| format!("{kind}, radius {radius} in {extent}");
         let wide = TracedScene::new(&gpu, SceneInput::upload([&bvh])).unwrap();
         check(&name("wide"), &answers(&gpu, &wide, &rays, radius, |ray| bvh.closest_hit(ray)));
@@ -153,7 +153,7 @@ fn small_spheres_in_two_levels_are_hit_as_on_the_cpu() {
                 Instance::new(0, Affine { columns })
             })
             .collect();
-        let bvh: TriangleBvh<Watertight> = build(&icosphere(2), &Config::default());
+        let bvh: TriangleBvh = build(&icosphere(2), &Config::default());
         let scene = TracedScene::new(&gpu, SceneInput::upload([&bvh]).instances(&instances)).unwrap();
         let tlas = Tlas::new(vec![bvh], &instances, TopConfig::default()).unwrap();
         let differences = answers(&gpu, &scene, &rays, radius, |ray| tlas.closest_hit(ray));
@@ -177,7 +177,7 @@ fn steps_below_the_precision_of_the_origin_are_hit_as_on_the_cpu() {
     let corners = |mesh: &Mesh| -> Vec<Corners> {
         mesh.triangles.iter().map(|triangle| triangle.map(|i| mesh.positions[i as usize])).collect()
     };
-    let bvh: TriangleBvh<Watertight> = build(&mesh, &Config::default());
+    let bvh: TriangleBvh = build(&mesh, &Config::default());
     let two = [
         TracedScene::new(&gpu, SceneInput::upload([&bvh]).instances(&instances)).unwrap(),
         TracedScene::new(&gpu, SceneInput::build(&[&corners(&mesh)], BuildConfig::default()).instances(&instances))
@@ -186,7 +186,7 @@ fn steps_below_the_precision_of_the_origin_are_hit_as_on_the_cpu() {
     let tlas = Tlas::new(vec![bvh], &instances, TopConfig::default()).unwrap();
     let mut there = mesh;
     there.positions.iter_mut().for_each(|p| *p = map.point(*p));
-    let bvh: TriangleBvh<Watertight> = build(&there, &Config::default());
+    let bvh: TriangleBvh = build(&there, &Config::default());
     let one = [
         TracedScene::new(&gpu, SceneInput::upload([&bvh])).unwrap(),
         TracedScene::new(&gpu, SceneInput::build([&corners(&there)], BuildConfig::default())).unwrap(),
@@ -221,8 +221,8 @@ fn other_spheres_are_detected() {
     let gpu = gpu();
     let (extent, radius) = SCENES[0];
     let (centers, rays) = spheres_and_rays(extent, radius, 8000);
-    let on_cpu: TriangleBvh<Watertight> = build(&merged(&centers, radius), &Config::default());
-    let there: TriangleBvh<Watertight> = build(&merged(&centers, 1.005 * radius), &Config::default());
+    let on_cpu: TriangleBvh = build(&merged(&centers, radius), &Config::default());
+    let there: TriangleBvh = build(&merged(&centers, 1.005 * radius), &Config::default());
     let scene = TracedScene::new(&gpu, SceneInput::upload([&there])).unwrap();
     let differences = answers(&gpu, &scene, &rays, radius, |ray| on_cpu.closest_hit(ray));
     assert!(differences.n_invented > 20, "{differences:?}");

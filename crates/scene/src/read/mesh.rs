@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use canted_obb::Affine;
-use canted_obb::vector::{cross, sub};
+use canted_obb::vector::{cross, length, sub};
 
 use super::ReadError;
 use super::polygon::{self, Cut};
@@ -96,7 +96,7 @@ fn is_flat(corners: [[f32; 3]; 3]) -> bool {
 /// A normalized shading normal; zero if it has no direction.
 pub(crate) fn unit_normal(normal: [f32; 3]) -> [f32; 3] {
     let normal = normal.map(f64::from);
-    let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let length = length(normal);
     if length > 0.0 && length.is_finite() { normal.map(|x| (x / length) as f32) } else { [0.0; 3] }
 }
 

@@ -5,6 +5,8 @@
 
 use std::collections::VecDeque;
 
+use canted_obb::vector::{sub, to_f64};
+
 /// Work limit per corner, in ear tests and point tests. Beyond it the remaining polygon is clipped without tests, so that
 /// the time stays linear. Polygons in which every ear spans all corners reach the limit at about 4000 corners.
 const STEPS_PER_CORNER: usize = 2048;
@@ -40,8 +42,8 @@ pub(crate) fn triangulate(polygon: &[[f32; 3]], triangles: &mut Vec<[usize; 3]>)
 /// `None` if it has no normal: a corner is not finite, or the area is zero.
 fn project(polygon: &[[f32; 3]]) -> Option<Vec<[f64; 2]>> {
     // Relative to the first corner, for precision far from the origin.
-    let origin = polygon[0].map(f64::from);
-    let relative = |corner: [f32; 3]| -> [f64; 3] { std::array::from_fn(|k| f64::from(corner[k]) - origin[k]) };
+    let origin = to_f64(polygon[0]);
+    let relative = |corner: [f32; 3]| sub(to_f64(corner), origin);
     let mut normal = [0.0_f64; 3];
     let mut before = relative(polygon[polygon.len() - 1]);
     for &corner in polygon {

@@ -191,11 +191,7 @@ impl MaterialReader<'_, '_, '_> {
     }
 
     /// A roughness texture, 1 minus the glossiness of the alpha channel times `factor`.
-    fn roughness_of(
-        &mut self,
-        info: Option<TextureInfo>,
-        factor: f32,
-    ) -> Result<Option<TextureRef>, ReadError> {
+    fn roughness_of(&mut self, info: Option<TextureInfo>, factor: f32) -> Result<Option<TextureRef>, ReadError> {
         self.texture_with(info, Encoding::Linear, Some(factor.to_bits()))
     }
 

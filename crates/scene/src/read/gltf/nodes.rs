@@ -5,7 +5,7 @@
 //! radiometric ones. The numbers are not converted, which only changes the exposure.
 
 use canted_obb::Affine;
-use canted_obb::vector::{cross, dot};
+use canted_obb::vector::{add, cross, dot};
 use gltf::json::camera::{Camera as SourceCamera, Type as CameraType};
 use gltf::json::extensions::scene::khr_lights_punctual::{Light as SourceLight, Spot, Type as LightType};
 use gltf::json::scene::Node;
@@ -193,8 +193,7 @@ impl Matrix {
 
     /// Transforms a point.
     pub(super) fn point(&self, p: [f64; 3]) -> [f64; 3] {
-        let linear = self.vector(p);
-        std::array::from_fn(|k| linear[k] + self.columns[3][k])
+        add(self.vector(p), self.columns[3])
     }
 
     /// Transforms a vector.

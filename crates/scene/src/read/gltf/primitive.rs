@@ -3,6 +3,7 @@
 
 use std::collections::HashMap;
 
+use canted_obb::vector::{add, cross, length, sub};
 use gltf::json::Index;
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::mesh::{Mode, MorphTarget, Primitive, Semantic};
@@ -264,7 +265,7 @@ impl Attributes<'_> {
         let normal = |(k, &vertex): (usize, &usize)| {
             let mut normal = normals.at(vertex);
             if let Some(changes) = &changes {
-                normal = std::array::from_fn(|axis| normal[axis] + changes[k][axis]);
+                normal = add(normal, changes[k]);
             }
             Ok(unit(transform(vertex)?.map_or(normal, |transform| transform.normal(normal))).unwrap_or_default())
         };
@@ -410,12 +411,11 @@ fn normal_changes(
 
 /// The difference of two unit normals; zero where one has no direction.
 fn change((before, after): ([f64; 3], [f64; 3])) -> [f64; 3] {
-    let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let (a, b) = (length(before), length(after));
     if !(a > 0.0 && b > 0.0 && a.is_finite() && b.is_finite()) {
         return [0.0; 3];
     }
-    std::array::from_fn(|k| after[k] / b - before[k] / a)
+    sub(after.map(|x| x / b), before.map(|x| x / a))
 }
 
 /// Sums of the normals of the triangles around each group of vertices, as long as twice the area.
@@ -423,14 +423,10 @@ fn mean_normals(positions: &[[f64; 3]], triangles: &[[u32; 3]], groups: &[usize]
     let mut sums = vec![[0.0; 3]; n_groups];
     for triangle in triangles {
         let [a, b, c] = triangle.map(|i| positions[i as usize]);
-        let [u, v]: [[f64; 3]; 2] = [b, c].map(|end| std::array::from_fn(|k| end[k] - a[k]));
-        let normal: [f64; 3] = std::array::from_fn(|k| {
-            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-            u[i] * v[j] - u[j] * v[i]
-        });
+        let normal = cross(sub(b, a), sub(c, a));
         for &corner in triangle {
             let sum = &mut sums[groups[corner as usize]];
-            *sum = std::array::from_fn(|k| sum[k] + normal[k]);
+            *sum = add(*sum, normal);
         }
     }
     sums

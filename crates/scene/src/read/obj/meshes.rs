@@ -7,6 +7,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use canted_obb::Affine;
+use canted_obb::vector::{sub, to_f32, to_f64};
 
 use super::{ABSENT, Corner, Statements};
 use crate::read::ReadError;
@@ -129,8 +130,8 @@ impl MeshDedup {
 
 /// Vertices relative to the first one; equal for exactly translated meshes, as `f64` differences are exact there.
 fn relative(mesh: &Mesh) -> impl Iterator<Item = [f64; 3]> {
-    let first = mesh.positions.first().copied().unwrap_or_default().map(f64::from);
-    mesh.positions.iter().map(move |&position| std::array::from_fn(|k| f64::from(position[k]) - first[k]))
+    let first = to_f64(mesh.positions.first().copied().unwrap_or_default());
+    mesh.positions.iter().map(move |&position| sub(to_f64(position), first))
 }
 
 /// A translation-invariant hash.
@@ -159,10 +160,9 @@ fn translation(original: &Mesh, copy: &Mesh) -> Option<[f32; 3]> {
     }
     let mut pairs = original.positions.iter().zip(&copy.positions);
     let (&from, &to) = pairs.next()?;
-    let moved: [f64; 3] = std::array::from_fn(|k| f64::from(to[k]) - f64::from(from[k]));
-    let translation = moved.map(|x| x as f32);
-    let is_exact = translation.map(f64::from) == moved
-        && pairs.all(|(from, to)| (0..3).all(|k| f64::from(to[k]) - f64::from(from[k]) == moved[k]));
+    let moved = sub(to_f64(to), to_f64(from));
+    let translation = to_f32(moved);
+    let is_exact = to_f64(translation) == moved && pairs.all(|(&from, &to)| sub(to_f64(to), to_f64(from)) == moved);
     is_exact.then_some(translation)
 }
 
