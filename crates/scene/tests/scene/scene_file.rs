@@ -274,7 +274,7 @@ fn load(text: &str) -> Result<Scene, ReadError> {
 
 /// Asserts that loading fails with a message that contains all `words`.
 #[track_caller]
-fn rejected_text(text: &str, words: &[&str]) {
+fn not_loaded(text: &str, words: &[&str]) {
     let message = load(text).expect_err(text).to_string();
     assert!(words.iter().all(|word| message.contains(word)), "{message}");
 }
@@ -356,16 +356,22 @@ fn scene_file_replaces_lights_and_cameras_of_assets() {
 #[test]
 fn loading_errors_name_the_line() {
     let a = "[[assets]]\nname = 'a'\nfile = 'a.obj'\n";
-    rejected_text(&format!("{a}[[overrides]]\nmaterial = 'rod'"), &["line 4", "unknown material 'rod'", "'red'"]);
-    rejected_text(&format!("{a}[[overrides]]\nmaterial = 'red'\nbase_color_texture = 'a.mtl'"), &["line 4", "a.mtl", "PNG"]);
-    rejected_text(&format!("{a}[[overrides]]\nmaterial = 'red'\nbase_color_texture = 'no.png'"), &["line 4", "no.png"]);
+    not_loaded(&format!("{a}[[overrides]]\nmaterial = 'rod'"), &["line 4", "unknown material 'rod'", "'red'"]);
+    not_loaded(
+        &format!("{a}[[overrides]]\nmaterial = 'red'\nbase_color_texture = 'a.mtl'"),
+        &["line 4", "a.mtl", "PNG"],
+    );
+    not_loaded(&format!("{a}[[overrides]]\nmaterial = 'red'\nbase_color_texture = 'no.png'"), &["line 4", "no.png"]);
     let of_file = "scene.toml: line 2: 'file' in [[assets]]: ";
-    rejected_text("# a\n[[assets]]\nname = 'a'\nfile = 'no.obj'", &[of_file, "no.obj: cannot read file: "]);
-    rejected_text("# a\n[[assets]]\nname = 'a'\nfile = 'a.mtl'", &[of_file, "a.mtl: unsupported scene format"]);
+    not_loaded("# a\n[[assets]]\nname = 'a'\nfile = 'no.obj'", &[of_file, "no.obj: cannot read file: "]);
+    not_loaded("# a\n[[assets]]\nname = 'a'\nfile = 'a.mtl'", &[of_file, "a.mtl: unsupported scene format"]);
     let of_image = "scene.toml: line 4: 'image' in [environment]: ";
-    rejected_text(&format!("{a}[environment]\nimage = 'no.hdr'"), &[of_image, "no.hdr: cannot read file: "]);
-    rejected_text(&format!("{a}[environment]\nimage = 'a.obj'"), &[of_image, "a.obj: environment map: unsupported format"]);
-    rejected_text("", &["nothing to draw"]);
+    not_loaded(&format!("{a}[environment]\nimage = 'no.hdr'"), &[of_image, "no.hdr: cannot read file: "]);
+    not_loaded(
+        &format!("{a}[environment]\nimage = 'a.obj'"),
+        &[of_image, "a.obj: environment map: unsupported format"],
+    );
+    not_loaded("", &["nothing to draw"]);
 }
 
 /// A generated scene file has no lines.
