@@ -7,7 +7,7 @@
 use std::fmt::Write;
 
 use anyhow::{Result, ensure};
-use canted_trace::Watertight;
+use canted_trace::Intersect;
 use canted_wide::{Config, Costs, Preset, TriangleBvh};
 
 use crate::{
@@ -64,7 +64,7 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
 fn row(name: &str, model: &Model, options: &Options) -> Result<String> {
     let mesh = &model.mesh;
     let usual = Config::preset(Preset::Balanced);
-    let build = |config| TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config);
+    let build = |config| TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config);
     let aligned = build(Config { oriented: false, ..usual })?;
     let chosen = build(usual)?;
     let oriented_node = FORCED_COST * usual.costs.oriented_node;

@@ -3,9 +3,8 @@
 use std::{fmt::Write, sync::atomic::AtomicBool, time::Instant};
 
 use anyhow::Result;
-use canted_renderer::{Settings, StructureConfig, frame, prepare, render};
+use canted_renderer::{SceneBvh, SceneBvhConfig, Settings, frame, render};
 use canted_scene::{Light, Scene};
-use canted_trace::Watertight;
 
 use crate::models;
 
@@ -77,13 +76,13 @@ pub(crate) fn section(out: &mut String) -> Result<()> {
 fn rendered(row: &Row, scene: &Scene) -> Result<Rendered> {
     let [width, height] = SIZE;
     let start = Instant::now();
-    let prepared = prepare::<Watertight>(scene, &StructureConfig::default())?;
+    let prepared = SceneBvh::build(scene, &SceneBvhConfig::default())?;
     let build_seconds = start.elapsed().as_secs_f64();
     let own = scene.cameras.first().copied();
-    let camera = own.unwrap_or_else(|| frame(scene, &prepared.structure, f64::from(width) / f64::from(height)));
+    let camera = own.unwrap_or_else(|| frame(scene, &prepared, f64::from(width) / f64::from(height)));
     let settings = Settings { width, height, samples: row.samples, bounces: 2, ..Settings::default() };
     let start = Instant::now();
-    let film = render(scene, &prepared.structure, &camera, &settings, &|_, _| {}, &AtomicBool::new(false))?;
+    let film = render(scene, &prepared, &camera, &settings, &|_, _| {}, &AtomicBool::new(false))?;
     let seconds = start.elapsed().as_secs_f64();
     let (n_rays, n_dropped) = (film.n_rays(), film.n_dropped());
     Ok(Rendered { n_triangles: scene.n_placed_triangles(), build_seconds, seconds, n_rays, n_dropped })

@@ -48,7 +48,7 @@ pub(crate) fn secondary(model: &Model, camera: &[Ray], hits: &[Option<Hit>]) -> 
 
 /// Converts a fixture's ray.
 pub(crate) fn ray(data: &RayData) -> Ray {
-    Ray { origin: data.origin, direction: data.direction, t_min: 0.0, t_max: data.t_max }
+    Ray::new(data.origin, data.direction).between(0.0, data.t_max)
 }
 
 /// The hit point, with the normal that faces the ray.

@@ -18,7 +18,7 @@ pub(crate) mod tinybvh;
 use std::io::Write;
 
 use anyhow::Result;
-use canted_trace::{Ray, Watertight};
+use canted_trace::Ray;
 use canted_wide::TriangleBvh;
 
 use crate::{models, options::Options};
@@ -83,7 +83,7 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
 }
 
 /// Thread seconds of each BVH and round for the nearest hits of `rays`, in turn.
-pub(crate) fn closest_seconds(trees: Vec<TriangleBvh<Watertight>>, rays: &[Ray], rounds: usize) -> Vec<Vec<f64>> {
+pub(crate) fn closest_seconds(trees: Vec<TriangleBvh>, rays: &[Ray], rounds: usize) -> Vec<Vec<f64>> {
     let engines: Vec<Box<dyn engine::Engine>> = trees.into_iter().map(|tree| Box::new(tree) as _).collect();
     let (seconds, _) = engine::closest(&engines, rays, rounds);
     seconds.iter().map(|rounds| rounds.iter().map(|seconds| seconds.cpu).collect()).collect()

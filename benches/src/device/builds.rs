@@ -12,7 +12,6 @@ use canted_gpu::{
 };
 use canted_lbvh::{self as lbvh, Bits, Corners, Domain, Strategy, VolumeConfig};
 use canted_obb::Aabb;
-use canted_trace::Watertight;
 use canted_wide::{Config, Preset, TriangleBvh};
 
 use super::Bench;
@@ -275,9 +274,9 @@ pub(super) fn frames(out: &mut String, bench: &Bench) -> Result<()> {
         let rebuild_wide = least(bench.rounds, || Ok(frame(gpu, |encoder| wide.rebuild(gpu, encoder, &[mesh]))?))?;
         let refit_wide = least(bench.rounds, || Ok(frame(gpu, |encoder| wide.refit(gpu, encoder, &[mesh]))?))?;
         let config = Config::preset(Preset::Dynamic);
-        let mut on_cpu = TriangleBvh::<Watertight>::build(positions, triangles, &config)?;
+        let mut on_cpu = TriangleBvh::build_with(positions, triangles, config)?;
         let cpu_rebuild = least(bench.rounds, || {
-            on_cpu = TriangleBvh::build(positions, triangles, &config)?;
+            on_cpu = TriangleBvh::build_with(positions, triangles, config)?;
             Ok(())
         })?;
         let cpu_refit = least(bench.rounds, || {

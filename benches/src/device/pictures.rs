@@ -9,9 +9,8 @@ use std::{
 use anyhow::{Result, ensure};
 use canted_film::{Aov, AovValues, Aovs, Film, srgb};
 use canted_gpu::AdapterKind;
-use canted_renderer::{DevicePicture, FirstHit, Monitor, Settings, StructureConfig, Surfaces, frame, prepare, render};
+use canted_renderer::{DevicePicture, FirstHit, Monitor, SceneBvh, SceneBvhConfig, Settings, Surfaces, frame, render};
 use canted_scene::Scene;
-use canted_trace::Watertight;
 
 use super::Bench;
 use crate::{
@@ -32,13 +31,13 @@ pub(super) fn sponza_picture(out: &mut String, bench: &Bench) -> Result<()> {
         return Ok(());
     };
     let start = Instant::now();
-    let prepared = prepare::<Watertight>(&scene, &StructureConfig::default())?;
+    let prepared = SceneBvh::build(&scene, &SceneBvhConfig::default())?;
     let build = start.elapsed().as_secs_f64();
-    let camera = frame(&scene, &prepared.structure, f64::from(width) / f64::from(height));
+    let camera = frame(&scene, &prepared, f64::from(width) / f64::from(height));
     let settings = Settings { width, height, samples, bounces: 2, ..Settings::default() };
     let surfaces = Surfaces::with_lod(&scene, settings.lod);
     let start = Instant::now();
-    let picture = DevicePicture::new(&bench.gpu, &surfaces, &prepared.structure, &camera, &settings)?;
+    let picture = DevicePicture::new(&bench.gpu, &surfaces, &prepared, &camera, &settings)?;
     bench.gpu.finish()?;
     let upload = start.elapsed().as_secs_f64();
     let monitor = Monitor { progress: &|_, _| {}, finished: &|_| {}, cancel: &AtomicBool::new(false) };
@@ -46,7 +45,7 @@ pub(super) fn sponza_picture(out: &mut String, bench: &Bench) -> Result<()> {
     let n_rays = picture.render(vec![], &monitor)?.n_rays();
     let first = start.elapsed().as_secs_f64();
     let start = Instant::now();
-    let other = DevicePicture::new(&bench.gpu, &surfaces, &prepared.structure, &camera, &settings)?;
+    let other = DevicePicture::new(&bench.gpu, &surfaces, &prepared, &camera, &settings)?;
     let (rasterized, _) = other.with_first_hit(FirstHit::Raster)?;
     let pass = start.elapsed().as_secs_f64();
     // The CPU, the device that traces first hits, and the device that rasterizes them, in turn.
@@ -54,7 +53,7 @@ pub(super) fn sponza_picture(out: &mut String, bench: &Bench) -> Result<()> {
     let mut least = [f64::MAX; 3];
     for _ in 0..rounds {
         let start = Instant::now();
-        drop(render(&scene, &prepared.structure, &camera, &settings, &|_, _| {}, monitor.cancel)?);
+        drop(render(&scene, &prepared, &camera, &settings, &|_, _| {}, monitor.cancel)?);
         least[0] = least[0].min(start.elapsed().as_secs_f64());
         for (picture, least) in [&picture, &rasterized].into_iter().zip(&mut least[1..]) {
             let start = Instant::now();
@@ -101,19 +100,19 @@ pub(super) fn both(out: &mut String, bench: &Bench) -> Result<()> {
         bench.rounds
     );
     let scene = canted_scene::builtin();
-    let prepared = prepare::<Watertight>(&scene, &StructureConfig::default())?;
+    let prepared = SceneBvh::build(&scene, &SceneBvhConfig::default())?;
     let own = scene.cameras.first().copied();
-    let camera = own.unwrap_or_else(|| frame(&scene, &prepared.structure, f64::from(width) / f64::from(height)));
+    let camera = own.unwrap_or_else(|| frame(&scene, &prepared, f64::from(width) / f64::from(height)));
     let settings = Settings { width, height, samples, bounces: 2, ..Settings::default() };
     let surfaces = Surfaces::with_lod(&scene, settings.lod);
-    let picture = DevicePicture::new(&bench.gpu, &surfaces, &prepared.structure, &camera, &settings)?;
+    let picture = DevicePicture::new(&bench.gpu, &surfaces, &prepared, &camera, &settings)?;
     let cancel = AtomicBool::new(false);
     let n_all = AtomicUsize::new(0);
     let count = |_, of: usize| n_all.store(of, Ordering::Relaxed);
     let monitor = Monitor { progress: &count, finished: &|_| {}, cancel: &cancel };
     let mut n_tiles = 0;
     let by_cpu = || -> Result<()> {
-        drop(render(&scene, &prepared.structure, &camera, &settings, &|_, _| {}, &cancel)?);
+        drop(render(&scene, &prepared, &camera, &settings, &|_, _| {}, &cancel)?);
         Ok(())
     };
     let by_device = || -> Result<()> {
@@ -204,8 +203,8 @@ struct Counts {
 }
 
 fn counted(bench: &Bench, scene: &Scene, settings: &Settings) -> Result<Counts> {
-    let prepared = prepare::<Watertight>(scene, &StructureConfig::default())?;
-    let structure = &prepared.structure;
+    let prepared = SceneBvh::build(scene, &SceneBvhConfig::default())?;
+    let structure = &prepared;
     let aspect = f64::from(settings.width) / f64::from(settings.height);
     let camera = scene.cameras.first().copied().unwrap_or_else(|| frame(scene, structure, aspect));
     let surfaces = Surfaces::with_lod(scene, settings.lod);

@@ -9,7 +9,7 @@ use canted_gpu::{
     build::{BuildConfig, Topology, WideConfig},
 };
 use canted_lbvh::{self as lbvh, Bits, Strategy};
-use canted_trace::{Ray, ScaledRay, Watertight};
+use canted_trace::{Intersect, Ray, ScaledRay};
 use canted_wide::{Config, Preset, TriangleBvh};
 
 use super::Bench;
@@ -67,12 +67,12 @@ pub(super) fn section(out: &mut String, bench: &Bench) -> Result<()> {
     Ok(())
 }
 
-fn build(model: &Model, config: &Config) -> Result<TriangleBvh<Watertight>> {
-    Ok(TriangleBvh::build(&model.mesh.positions, &model.mesh.triangles, config)?)
+fn build(model: &Model, config: &Config) -> Result<TriangleBvh> {
+    Ok(TriangleBvh::build_with(&model.mesh.positions, &model.mesh.triangles, *config)?)
 }
 
 /// Rays of each kind: camera rays in squares, then rays from their hits.
-fn sets(model: &Model, tree: &TriangleBvh<Watertight>, bench: &Bench) -> [Vec<Ray>; 3] {
+fn sets(model: &Model, tree: &TriangleBvh, bench: &Bench) -> [Vec<Ray>; 3] {
     let camera = rays::camera(model, bench.scale.resolution);
     let mut hits = vec![None; camera.len()];
     tree.par_closest_hits(&camera, &mut hits);
@@ -253,7 +253,7 @@ impl Made {
         };
         match *self {
             Self::Uploaded(preset) => {
-                let bvh = TriangleBvh::<Watertight>::build(positions, triangles, &Config::preset(preset))?;
+                let bvh = TriangleBvh::build_with(positions, triangles, Config::preset(preset))?;
                 Ok(TracedScene::new(gpu, SceneInput::upload([&bvh]))?)
             }
             Self::Binary(strategy) => {

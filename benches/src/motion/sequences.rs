@@ -12,11 +12,9 @@ use anyhow::{Result, ensure};
 use canted_film::write_png;
 use canted_fixtures::{self as fixtures, Rotation, SplitMix64, View};
 use canted_obb::Affine;
-use canted_renderer::{
-    Prepared, Settings, StructureConfig, Tracer, UpdateOptions, UpdatePolicy, Updates, prepare, render,
-};
+use canted_renderer::{SceneBvh, SceneBvhConfig, Settings, UpdateOptions, UpdatePolicy, Updates, render};
 use canted_scene::{AnimatedScene, Camera, Instance, Mesh, MeshId, ReadOptions, Scene};
-use canted_trace::{Hit, Ray, Watertight};
+use canted_trace::{Hit, Intersect, Ray};
 use elastic::{Material, Stage, torus};
 
 use crate::{
@@ -97,7 +95,7 @@ fn measure(sequence: &Sequence, width: u32, rounds: usize) -> Result<Vec<Took>> 
     let mut all = vec![Took::default(); POLICIES.len()];
     let rays = rays(sequence, width);
     for round in 0..rounds {
-        let first = || -> Result<_> { Ok(prepare::<Watertight>(&sequence.frames[0], &StructureConfig::default())?) };
+        let first = || -> Result<_> { Ok(SceneBvh::build(&sequence.frames[0], &SceneBvhConfig::default())?) };
         let mut prepared = POLICIES.iter().map(|_| first()).collect::<Result<Vec<_>>>()?;
         // The rays of the first frame.
         let mut traces: Vec<f64> = prepared.iter().map(|prepared| traced(prepared, &rays).1).collect();
@@ -128,9 +126,8 @@ fn measure(sequence: &Sequence, width: u32, rounds: usize) -> Result<Vec<Took>> 
 }
 
 /// Hits of all rays, and the seconds of processor time that they took.
-fn traced(prepared: &Prepared<Watertight>, rays: &[Ray]) -> (Vec<Option<Hit>>, f64) {
-    let (hits, took) =
-        timing::time(|| rays.iter().map(|ray| prepared.structure.closest_hit(ray, &mut ())).collect::<Vec<_>>());
+fn traced(prepared: &SceneBvh, rays: &[Ray]) -> (Vec<Option<Hit>>, f64) {
+    let (hits, took) = timing::time(|| rays.iter().map(|ray| prepared.closest_hit(ray)).collect::<Vec<_>>());
     (hits, took.cpu)
 }
 
@@ -330,7 +327,7 @@ fn frames(path: &std::path::Path, [width, height]: [u32; 2]) -> Result<PictureTo
     let eye = std::array::from_fn(|k| target[k] + extent * away[k]);
     let camera = Camera::pinhole(eye, target, [0.0, 1.0, 0.0], 45.0);
     let settings = Settings { width, height, samples: SAMPLES, ..Settings::default() };
-    let mut prepared = prepare::<Watertight>(&scene, &StructureConfig::default())?;
+    let mut prepared = SceneBvh::build(&scene, &SceneBvhConfig::default())?;
     took.load = start.elapsed().as_secs_f64();
     let mut trace_time = Duration::ZERO;
     for frame in 0..N_FRAMES {
@@ -341,7 +338,7 @@ fn frames(path: &std::path::Path, [width, height]: [u32; 2]) -> Result<PictureTo
         took.updates += prepared.update(&scene, &UpdateOptions { trace_time, ..UpdateOptions::default() })?;
         took.update += start.elapsed().as_secs_f64();
         let start = Instant::now();
-        let film = render(&scene, &prepared.structure, &camera, &settings, &|_, _| (), &AtomicBool::new(false))?;
+        let film = render(&scene, &prepared, &camera, &settings, &|_, _| (), &AtomicBool::new(false))?;
         trace_time = start.elapsed();
         took.rays += trace_time.as_secs_f64();
         let start = Instant::now();

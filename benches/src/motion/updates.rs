@@ -5,12 +5,12 @@ use std::{fmt::Write, hint::black_box, time::Duration};
 
 use anyhow::Result;
 use canted_bih::Bih;
-use canted_bvh2::{BuildConfig, Bvh2};
+use canted_bvh2::{Bvh2, Bvh2Config};
 use canted_fixtures::{Mesh, SplitMix64, grid, grid_cells, scaffold_nodes, scaffold_of};
 use canted_kdtree::KdTree;
 use canted_obb::Affine;
 use canted_tlas::{Instance, Tlas, TopConfig};
-use canted_trace::{InstanceId, Watertight};
+use canted_trace::InstanceId;
 use canted_wide::{Config, Preset, TriangleBvh};
 use obvhs::{BvhBuildParams, bvh2::builder::build_bvh2_from_tris};
 
@@ -91,7 +91,7 @@ fn refitted(frames: &Frames) -> Result<Vec<Updated<'_>>> {
     let mut all = vec![];
     for (name, preset) in PRESETS {
         let config = Config::preset(preset);
-        let mut bvh = TriangleBvh::<Watertight>::build(&frames.mesh.positions, triangles, &config)?;
+        let mut bvh = TriangleBvh::build_with(&frames.mesh.positions, triangles, config)?;
         all.push(Updated::new(format!("WideBvh {name}, refit"), move |frame| {
             bvh.refit(frames.positions(frame), triangles)?;
             Ok(())
@@ -100,12 +100,12 @@ fn refitted(frames: &Frames) -> Result<Vec<Updated<'_>>> {
     for (name, preset) in &PRESETS[..2] {
         let config = Config::preset(*preset);
         all.push(Updated::new(format!("WideBvh {name}, rebuild"), move |frame| {
-            TriangleBvh::<Watertight>::build(frames.positions(frame), triangles, &config)?;
+            TriangleBvh::build_with(frames.positions(frame), triangles, config)?;
             Ok(())
         }));
     }
     all.push(Updated::new("BIH, rebuild", move |frame| {
-        Bih::<Watertight>::build(frames.positions(frame), triangles, &canted_bih::Config::default())?;
+        Bih::build(frames.positions(frame), triangles, &canted_bih::BihConfig::default())?;
         Ok(())
     }));
     Ok(all)
@@ -178,17 +178,17 @@ fn structures(model: &Model) -> Vec<Updated<'_>> {
     let wide = |preset| {
         let config = Config::preset(preset);
         move |_| {
-            black_box(TriangleBvh::<Watertight>::build(positions, triangles, &config)?);
+            black_box(TriangleBvh::build_with(positions, triangles, config)?);
             Ok(())
         }
     };
     vec![
         Updated::new("BIH", move |_| {
-            black_box(Bih::<Watertight>::build(positions, triangles, &canted_bih::Config::default())?);
+            black_box(Bih::build(positions, triangles, &canted_bih::BihConfig::default())?);
             Ok(())
         }),
         Updated::new("SAH kd-tree", move |_| {
-            black_box(KdTree::<Watertight>::build(positions, triangles, &canted_kdtree::Config::default())?);
+            black_box(KdTree::build(positions, triangles, &canted_kdtree::KdTreeConfig::default())?);
             Ok(())
         }),
         Updated::new("obvhs BVH2 fastest", move |_| {
@@ -197,7 +197,7 @@ fn structures(model: &Model) -> Vec<Updated<'_>> {
             Ok(())
         }),
         Updated::new("Bvh2, radix tree", move |_| {
-            black_box(Bvh2::<Watertight>::build(positions, triangles, &BuildConfig::default())?);
+            black_box(Bvh2::build(positions, triangles, &Bvh2Config::default())?);
             Ok(())
         }),
         Updated::new("WideBvh dynamic", wide(Preset::Dynamic)),
@@ -243,7 +243,7 @@ pub(super) fn instances(out: &mut String, options: &Options) -> Result<()> {
 fn placed<'a>(mesh: &Mesh, frames: &'a [Vec<Affine>; 2]) -> Result<Vec<Updated<'a>>> {
     let instances = |frame: usize| frames[frame % 2].iter().map(|&at| Instance::new(0, at)).collect::<Vec<_>>();
     let tlas = || -> Result<_> {
-        let bvh = TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::default())?;
+        let bvh = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, Config::default())?;
         Ok(Tlas::new(vec![bvh], &instances(0), TopConfig::Wide(Config::preset(Preset::Fast)))?)
     };
     let [mut refitted, mut rebuilt] = [tlas()?, tlas()?];

@@ -8,14 +8,12 @@ use canted_fixtures::grid;
 use canted_gpu::{Choice, Gpu};
 use canted_obb::Affine;
 use canted_renderer::{
-    DevicePicture, Integrator, Levels, Monitor, Pattern, Prepared, Settings, StructureConfig, Surfaces, frame, prepare,
-    render,
+    DevicePicture, Integrator, Levels, Monitor, Pattern, SceneBvh, SceneBvhConfig, Settings, Surfaces, frame, render,
 };
 use canted_scene::{
     AlphaMode, Camera, Encoding, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene, Texture, TextureId,
     TextureRef, Wrap,
 };
-use canted_trace::Watertight;
 
 use super::{
     model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
@@ -28,7 +26,7 @@ use crate::{models, timing};
 struct Variant {
     what: &'static str,
     scene: Scene,
-    prepared: Prepared<Watertight>,
+    prepared: SceneBvh,
 }
 
 /// The cost of a variant.
@@ -129,7 +127,7 @@ fn sentence(name: &str, features: &[Saving]) -> String {
 fn add(chapter: &mut Chapter, name: &str, scene: &Scene, effort: Effort) -> Result<Vec<Saving>> {
     let variants = variants(scene)?;
     let [width, height] = size(effort);
-    let camera = frame(scene, &variants[0].prepared.structure, f64::from(width) / f64::from(height));
+    let camera = frame(scene, &variants[0].prepared, f64::from(width) / f64::from(height));
     let costs = measure(&variants, &camera, effort)?;
     let plain = &costs[0];
     let mut table = Table::new(
@@ -177,14 +175,14 @@ fn more<N: TryInto<i64>>(n_bytes: N, plain: N) -> i64 {
 
 /// The scene as it is, then with each unused feature forced in.
 fn variants(scene: &Scene) -> Result<Vec<Variant>> {
-    let usual = StructureConfig::default();
-    let prepared = prepare::<Watertight>(scene, &usual)?;
+    let usual = SceneBvhConfig::default();
+    let prepared = SceneBvh::build(scene, &usual)?;
     let is_unused = |forcing: &&Forcing| prepared.unused.iter().any(|item| item.feature == forcing.feature);
     let forcings: Vec<&Forcing> = FORCINGS.iter().filter(is_unused).collect();
     let mut variants = vec![Variant { what: "nothing", scene: scene.clone(), prepared }];
     for forcing in forcings {
         let (scene, levels) = (forcing.force)(scene.clone());
-        let prepared = prepare(&scene, &StructureConfig { levels, ..usual })?;
+        let prepared = SceneBvh::build(&scene, &SceneBvhConfig { levels, ..usual })?;
         variants.push(Variant { what: forcing.feature, scene, prepared });
     }
     Ok(variants)
@@ -231,8 +229,7 @@ fn measure(variants: &[Variant], camera: &Camera, effort: Effort) -> Result<Vec<
     for round in 0..=rounds {
         for (i, Variant { scene, prepared, .. }) in variants.iter().enumerate() {
             let cancel = AtomicBool::new(false);
-            let (film, took) =
-                timing::time_all(|| render(scene, &prepared.structure, camera, &settings, &|_, _| {}, &cancel));
+            let (film, took) = timing::time_all(|| render(scene, &prepared, camera, &settings, &|_, _| {}, &cancel));
             films[i] = Some(film?);
             if round > 0 {
                 seconds[i].push(took.cpu);
@@ -243,7 +240,7 @@ fn measure(variants: &[Variant], camera: &Camera, effort: Effort) -> Result<Vec<
     let cost = |(i, (variant, seconds)): (usize, (&Variant, Vec<f64>))| Cost {
         what: variant.what,
         seconds: seconds.into(),
-        n_bytes: variant.prepared.structure.n_bytes() + n_bytes(&variant.scene),
+        n_bytes: variant.prepared.n_bytes() + n_bytes(&variant.scene),
         is_same: pixels(i) == pixels(0),
     };
     Ok(variants.iter().zip(seconds).enumerate().map(cost).collect())
@@ -281,7 +278,7 @@ fn add_bindings(
         variants.iter().map(|variant| Surfaces::with_lod(&variant.scene, settings.lod)).collect();
     let mut pictures = vec![];
     for (variant, surfaces) in variants.iter().zip(&surfaces) {
-        match DevicePicture::new(&gpu, surfaces, &variant.prepared.structure, camera, &settings) {
+        match DevicePicture::new(&gpu, surfaces, &variant.prepared, camera, &settings) {
             Ok(picture) => pictures.push((variant.what, picture)),
             Err(error) => chapter.skipped.push(format!("{name}, {} on a device: {error}.", variant.what)),
         }

@@ -1,12 +1,12 @@
 //! Our BVHs, and the list of all engines.
 
 use anyhow::Result;
-use canted_bvh2::{BuildConfig, Bvh2};
+use canted_bvh2::{Bvh2, Bvh2Boxes, Bvh2Config};
 use canted_fixtures::Mesh;
 use canted_lbvh::{Strategy, VolumeConfig};
-use canted_tlas::{Blas, Tlas, TopConfig};
-use canted_trace::{Hit, Kernel, MollerTrumbore, Ray, Watertight};
-use canted_wide::{Config, LaneKernel, Preset, TriangleBvh};
+use canted_tlas::{Tlas, TopConfig};
+use canted_trace::{Hit, Intersect, Ray, TriangleTest};
+use canted_wide::{Config, Preset, TriangleBvh};
 
 use super::{
     engine::{Build, Engine, Entry, Owner, Promise},
@@ -17,7 +17,7 @@ use crate::{
     options::Options,
 };
 
-impl<K: LaneKernel> Engine for TriangleBvh<K> {
+impl Engine for TriangleBvh {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         self.closest_hits(rays, hits);
     }
@@ -32,9 +32,9 @@ impl<K: LaneKernel> Engine for TriangleBvh<K> {
 }
 
 /// BVHs of meshes, and a TLAS of their instances.
-struct TwoLevels<B: Blas>(Tlas<B>, usize);
+struct TwoLevels(Tlas<TriangleBvh>, usize);
 
-impl<B: Blas> Engine for TwoLevels<B> {
+impl Engine for TwoLevels {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         self.0.closest_hits(rays, hits);
     }
@@ -61,8 +61,8 @@ const PRESETS: [(&str, Preset); 4] = [
 
 /// Ours, for one scene: watertight with each preset, and `quality` once with the Möller-Trumbore test.
 pub(crate) fn entries(model: &Model) -> Vec<Entry<'_>> {
-    let mut entries = promising::<Watertight>(Promise::Watertight, &PRESETS, model);
-    entries.extend(promising::<MollerTrumbore>(Promise::Fast, &PRESETS[..1], model));
+    let mut entries = promising(TriangleTest::Watertight, Promise::Watertight, &PRESETS, model);
+    entries.extend(promising(TriangleTest::MollerTrumbore, Promise::Fast, &PRESETS[..1], model));
     entries
 }
 
@@ -76,8 +76,8 @@ pub(crate) fn presets(model: &Model) -> Vec<Entry<'_>> {
     let configs = PRESETS.map(|(name, preset)| (name, Config::preset(preset))).into_iter().chain([(ALIGNED, aligned)]);
     let entry = |(name, config): (&str, Config)| {
         let build: Build<'_> = match &model.placed {
-            Some(placed) => Box::new(move |_| Ok(Box::new(wide_levels::<Watertight>(placed, config)?))),
-            None => one_level_wide::<Watertight>(&model.mesh, config),
+            Some(placed) => Box::new(move |_| Ok(Box::new(wide_levels(placed, config)?))),
+            None => one_level_wide(&model.mesh, config),
         };
         let (name, promise, is_placed) = (name.to_owned(), Promise::Watertight, model.placed.is_some());
         Entry { name, owner: Owner::Ours, promise, is_placed, is_parallel: true, build }
@@ -85,47 +85,44 @@ pub(crate) fn presets(model: &Model) -> Vec<Entry<'_>> {
     configs.map(entry).collect()
 }
 
-fn promising<'a, K: LaneKernel + 'static>(
-    promise: Promise,
-    presets: &[(&str, Preset)],
-    model: &'a Model,
-) -> Vec<Entry<'a>> {
+fn promising<'a>(test: TriangleTest, promise: Promise, presets: &[(&str, Preset)], model: &'a Model) -> Vec<Entry<'a>> {
     let entry = |name: &str, is_placed, build| {
         let name = name.to_owned();
         Entry { name, owner: Owner::Ours, promise, is_placed, is_parallel: true, build }
     };
-    let wide = |preset| one_level_wide::<K>(&model.mesh, Config::preset(preset));
+    let config = move |preset| Config { test, ..Config::preset(preset) };
+    let wide = |preset| one_level_wide(&model.mesh, config(preset));
     let mut entries: Vec<Entry<'a>> = presets.iter().map(|&(name, preset)| entry(name, false, wide(preset))).collect();
     if let Some(placed) = &model.placed {
-        let build: Build<'a> = Box::new(|_| Ok(Box::new(wide_levels::<K>(placed, Config::preset(Preset::Quality))?)));
+        let build: Build<'a> = Box::new(move |_| Ok(Box::new(wide_levels(placed, config(Preset::Quality))?)));
         entries.insert(0, entry("TLAS, WideBvh quality", true, build));
     }
     entries
 }
 
 /// A binary BVH of a mesh.
-pub(crate) fn one_level<K: Kernel>(mesh: &Mesh) -> Result<Bvh2<K>> {
+pub(crate) fn one_level(mesh: &Mesh) -> Result<Bvh2> {
     let (corners, bounds) = canted_lbvh::triangle_corners(&mesh.positions, &mesh.triangles)?;
     let volumes = VolumeConfig { strategy: Strategy::Combined, fallback: true };
-    let config = BuildConfig { volumes, ..BuildConfig::default() };
+    let config = Bvh2Config { volumes, ..Bvh2Config::default() };
     Ok(Bvh2::over(crate::models::binary_tree(&corners, &bounds), &corners, &bounds, &config))
 }
 
 /// A binary BVH of each mesh, and a TLAS of the instances.
-pub(crate) fn two_levels<K: Kernel>(placed: &Placed) -> Result<Tlas<Bvh2<K>>> {
+pub(crate) fn two_levels(placed: &Placed) -> Result<Tlas<Bvh2>> {
     let blas = placed.meshes.iter().map(one_level).collect::<Result<_>>()?;
-    let top = TopConfig::Binary(VolumeConfig { strategy: Strategy::Combined, fallback: true });
+    let top = TopConfig::other(Bvh2Boxes::builder(VolumeConfig { strategy: Strategy::Combined, fallback: true }));
     Ok(Tlas::new(blas, &placed.instances, top)?)
 }
 
 /// A WideBvh of a mesh.
-fn one_level_wide<K: LaneKernel + 'static>(mesh: &Mesh, config: Config) -> Build<'_> {
-    Box::new(move |_| Ok(Box::new(TriangleBvh::<K>::build(&mesh.positions, &mesh.triangles, &config)?)))
+fn one_level_wide(mesh: &Mesh, config: Config) -> Build<'_> {
+    Box::new(move |_| Ok(Box::new(TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config)?)))
 }
 
 /// A WideBvh of each mesh, and a TLAS of the instances.
-fn wide_levels<K: LaneKernel>(placed: &Placed, config: Config) -> Result<TwoLevels<TriangleBvh<K>>> {
-    let build = |mesh: &Mesh| Ok(TriangleBvh::<K>::build(&mesh.positions, &mesh.triangles, &config)?);
+fn wide_levels(placed: &Placed, config: Config) -> Result<TwoLevels> {
+    let build = |mesh: &Mesh| Ok(TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config)?);
     let blas = placed.meshes.iter().map(build).collect::<Result<Vec<_>>>()?;
     let n_bytes = blas.iter().map(TriangleBvh::n_bytes).sum();
     Ok(TwoLevels(Tlas::new(blas, &placed.instances, TopConfig::Wide(config))?, n_bytes))

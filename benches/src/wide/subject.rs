@@ -3,7 +3,7 @@
 use anyhow::Result;
 use canted_bvh2::Bvh2;
 use canted_tlas::Tlas;
-use canted_trace::{Hit, Ray, Watertight};
+use canted_trace::{Hit, Intersect, Ray};
 use rayon::prelude::*;
 
 use super::{
@@ -19,9 +19,9 @@ use crate::{
 
 /// BVHs that return the same hits as testing every triangle.
 struct Truth {
-    flat: Bvh2<Watertight>,
+    flat: Bvh2,
     /// For engines with instances: transforms round differently, so other rays graze past.
-    placed: Option<Tlas<Bvh2<Watertight>>>,
+    placed: Option<Tlas<Bvh2>>,
 }
 
 impl Truth {
@@ -35,8 +35,8 @@ impl Truth {
 
     fn occluded(&self, is_placed: bool, rays: &[Ray]) -> Vec<bool> {
         let occluded = |ray: &Ray| match &self.placed {
-            Some(placed) if is_placed => placed.occluded(ray),
-            _ => self.flat.occluded(ray),
+            Some(placed) if is_placed => Intersect::occluded(placed, ray),
+            _ => Intersect::occluded(&self.flat, ray),
         };
         rays.par_iter().map(occluded).collect()
     }

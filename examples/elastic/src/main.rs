@@ -56,7 +56,7 @@ fn run(options: &Options) -> Result<()> {
         total += updates;
 
         let start = Instant::now();
-        let (structure, camera) = (&stage.prepared.structure, &stage.scene.cameras[0]);
+        let (structure, camera) = (&stage.prepared, &stage.scene.cameras[0]);
         let film = render(&stage.scene, structure, camera, &settings, &|_, _| (), &AtomicBool::new(false))?;
         trace_time = start.elapsed();
         let path = options.folder.join(format!("frame_{frame:04}.png"));

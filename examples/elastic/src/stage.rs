@@ -5,10 +5,9 @@ use std::f64::consts::TAU;
 
 use anyhow::{Result, ensure};
 use canted_obb::{Aabb, Affine};
-use canted_renderer::{Prepared, StructureConfig, UpdateOptions, Updates, prepare};
+use canted_renderer::{SceneBvh, SceneBvhConfig, UpdateOptions, Updates};
 use canted_scene::{Camera, Instance, Light, Material as Paint, MaterialId, Mesh, MeshId, Part, Scene};
-use canted_trace::Watertight;
-use canted_wide::{Config, Preset, Triangle, WideBvh};
+use canted_wide::{Preset, TriangleBvh};
 use glam::{DMat3, DVec3, Vec3};
 
 use crate::{
@@ -31,7 +30,7 @@ pub struct Stage {
     /// Mesh 0 is the surface of the body, mesh 1 the floor.
     pub scene: Scene,
     /// The acceleration structure of the scene, updated with it.
-    pub prepared: Prepared<Watertight>,
+    pub prepared: SceneBvh,
     surface: Surface,
     floor: Floor,
 }
@@ -47,7 +46,7 @@ impl Stage {
         // A phyxel stands for a cell, which is half a spacing deeper than its center.
         let floor = Floor { height: 0.5 * spacing, friction: 0.4 };
         let scene = scene(mesh);
-        let prepared = prepare(&scene, &StructureConfig::default())?;
+        let prepared = SceneBvh::build(&scene, &SceneBvhConfig::default())?;
         Ok(Self { body, scene, prepared, surface, floor })
     }
 
@@ -175,7 +174,7 @@ pub fn torus([major, minor]: [f64; 2], n: [u32; 2], height: f64, tilt_rad: f64) 
 /// A spacing that is not above zero, or gives more than 2^24 cells; invalid geometry, by index.
 pub fn lattice_inside(mesh: &TriangleMesh, spacing: f64) -> Result<Vec<[f32; 3]>> {
     const MAX_CELLS: f64 = (1 << 24) as f64;
-    let bvh = WideBvh::<Triangle>::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Fast))?;
+    let bvh = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, Preset::Fast)?;
     let bounds = Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize]));
     let n = std::array::from_fn(|k| ((f64::from(bounds.max[k]) - f64::from(bounds.min[k])) / spacing).ceil());
     let [nx, ny, nz]: [f64; 3] = n;

@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use canted_obb::PrimId;
-use canted_renderer::{Tracer, UpdateOptions, UpdatePolicy};
+use canted_renderer::{UpdateOptions, UpdatePolicy};
 use canted_scene::Scene;
-use canted_trace::{Hit, InstanceId, Kernel, Ray, ScaledRay, Watertight};
+use canted_trace::{Hit, InstanceId, Intersect, Kernel, Ray, ScaledRay, Watertight};
 use elastic::{Body, BodyError, Floor, Grid, Material, Stage, Surface, torus};
 
 /// Without losses.
@@ -588,12 +588,12 @@ fn rays(random: &mut Random, scene: &Scene) -> Vec<Ray> {
 
 /// The numbers of rays that hit, and of those whose answers differ from the loop's.
 fn compare(stage: &Stage, rays: &[Ray]) -> (usize, usize) {
-    let structure = &stage.prepared.structure;
+    let structure = &stage.prepared;
     let (mut n_hits, mut n_differences) = (0, 0);
     for ray in rays {
         let want = loop_over(&stage.scene, ray);
         let is_equal =
-            structure.closest_hit(ray, &mut ()) == want && structure.occluded(ray, &mut ()) == want.is_some();
+            structure.closest_hit(ray) == want && structure.occluded(ray) == want.is_some();
         n_hits += usize::from(want.is_some());
         n_differences += usize::from(!is_equal);
     }

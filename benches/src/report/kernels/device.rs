@@ -2,7 +2,7 @@
 
 use anyhow::{Result, ensure};
 use canted_gpu::{AdapterKind, Choice, DeviceRay, Gpu, SceneInput, TracedScene, Variant};
-use canted_trace::{Ray, ScaledRay, Watertight};
+use canted_trace::{Ray, ScaledRay};
 use canted_wide::TriangleBvh;
 
 use super::contest::{Answer, LANES, Tested};
@@ -46,12 +46,7 @@ impl Device {
     }
 
     /// Each ray and the only triangle of its tree.
-    pub(super) fn triangles(
-        &self,
-        trees: &[TriangleBvh<Watertight>],
-        rays: &[Ray],
-        rounds: usize,
-    ) -> Result<Tested<Answer>> {
+    pub(super) fn triangles(&self, trees: &[TriangleBvh], rays: &[Ray], rounds: usize) -> Result<Tested<Answer>> {
         ensure!(trees.iter().all(|tree| tree.sizes().depth == 0), "a BVH of one triangle has a node");
         let (hits, ns) = self.tested(("check/triangle", "hits"), trees, rays, rounds)?;
         let answer = |(ray, &[t, u, v, primitive, _]): (&Ray, &[u32; 5])| {
@@ -62,12 +57,7 @@ impl Device {
     }
 
     /// Each ray and the eight equal boxes of its tree's only node.
-    pub(super) fn boxes(
-        &self,
-        trees: &[TriangleBvh<Watertight>],
-        rays: &[Ray],
-        rounds: usize,
-    ) -> Result<Tested<Option<f32>>> {
+    pub(super) fn boxes(&self, trees: &[TriangleBvh], rays: &[Ray], rounds: usize) -> Result<Tested<Option<f32>>> {
         ensure!(trees.iter().all(|tree| tree.sizes().nodes == [1, 0]), "a BVH of eight boxes is not one node");
         let (entries, ns) = self.tested(("check/node", "entries"), trees, rays, rounds)?;
         let answer = |(ray, &[entry]): (&Ray, &[u32; 1])| {
@@ -85,7 +75,7 @@ impl Device {
     fn tested<const N: usize>(
         &self,
         (name, into): (&str, &str),
-        trees: &[TriangleBvh<Watertight>],
+        trees: &[TriangleBvh],
         rays: &[Ray],
         rounds: usize,
     ) -> Result<(Vec<[u32; N]>, Samples)> {

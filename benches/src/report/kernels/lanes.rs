@@ -1,6 +1,8 @@
 //! Eight triangles or boxes at a time on every path: those of a case, and the same ones for all paths and a device; rays that pass
 //! oriented boxes at a distance.
 
+use std::ops::ControlFlow;
+
 use anyhow::{Result, ensure};
 use canted_fixtures::{SplitMix64, soup};
 use canted_gpu::{SceneInput, TracedScene};
@@ -11,7 +13,7 @@ use canted_tests::{
     extremes::slab::{self, Pair},
     rays::from_inside,
 };
-use canted_trace::{Hit, Ray, ScaledRay, Watertight};
+use canted_trace::{Hit, Intersect, Ray};
 use canted_wide::{Config, Costs, SimdPath, TriangleBvh, WideBvh};
 
 use super::{
@@ -35,13 +37,13 @@ fn one_leaf() -> Config {
     Config { costs, rotate_mesh: false, ..Config::default() }
 }
 
-fn leaf(corners: &[Corners]) -> Result<TriangleBvh<Watertight>> {
+fn leaf(corners: &[Corners]) -> Result<TriangleBvh> {
     let triangles: Vec<[u32; 3]> = (0..).step_by(3).take(corners.len()).map(|i| [i, i + 1, i + 2]).collect();
-    Ok(TriangleBvh::build(corners.as_flattened(), &triangles, &one_leaf())?)
+    Ok(TriangleBvh::build_with(corners.as_flattened(), &triangles, one_leaf())?)
 }
 
 /// A BVH for each triangle.
-pub(super) fn singles(corners: &[Corners]) -> Result<Vec<TriangleBvh<Watertight>>> {
+pub(super) fn singles(corners: &[Corners]) -> Result<Vec<TriangleBvh>> {
     corners.iter().map(|corners| leaf(std::slice::from_ref(corners))).collect()
 }
 
@@ -54,20 +56,19 @@ pub(super) fn paths() -> (Vec<SimdPath>, Vec<SimdPath>) {
 /// of the case's triangles.
 pub(super) fn tests(
     pairs: &[TrianglePair],
-    trees: &[TriangleBvh<Watertight>],
+    trees: &[TriangleBvh],
     singly: &[Answer],
 ) -> Result<Vec<Test<'static, Answer>>> {
     let (rays, corners): (Vec<Ray>, Vec<Corners>) = pairs.iter().copied().unzip();
     let leaves = corners.chunks(LEAF).map(leaf).collect::<Result<Vec<_>>>()?;
     let n_tests = leaves.iter().zip(rays.chunks(LEAF)).map(|(leaf, rays)| leaf.n_primitives() * rays.len()).sum();
     let test = |path: SimdPath| {
-        let on_path = |tree: &TriangleBvh<Watertight>| tree.clone().with_path(path);
-        let answer = |(tree, ray): (&TriangleBvh<Watertight>, &Ray)| {
-            on_path(tree).closest_hit(ray).map(|Hit { t, u, v, .. }| [t, u, v])
-        };
+        let on_path = |tree: &TriangleBvh| tree.clone().with_path(path);
+        let answer =
+            |(tree, ray): (&TriangleBvh, &Ray)| on_path(tree).closest_hit(ray).map(|Hit { t, u, v, .. }| [t, u, v]);
         let answers: Vec<Answer> = trees.iter().zip(&rays).map(answer).collect();
         ensure!(bits(&answers) == bits(singly), "{} differs from the single test", path.name());
-        let leaves: Vec<TriangleBvh<Watertight>> = leaves.iter().map(on_path).collect();
+        let leaves: Vec<TriangleBvh> = leaves.iter().map(on_path).collect();
         let rays = rays.clone();
         let work = move || {
             let mut hits: [Option<Hit>; LEAF] = [None; LEAF];
@@ -88,11 +89,11 @@ fn bits(answers: &[Answer]) -> Vec<Option<[u32; 3]>> {
 /// Times a ray on every available path, and on the device if there is one.
 pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) -> Result<Table> {
     let mesh = soup(32, u32::try_from(LEAF)?);
-    let tree = TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &one_leaf())?;
+    let tree = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, one_leaf())?;
     let rays: Vec<Ray> = from_inside(&mesh, effort.pick(500, 100_000, 100_000), 7);
     let (there, _) = paths();
-    let trees: Vec<TriangleBvh<Watertight>> = there.iter().map(|&path| tree.clone().with_path(path)).collect();
-    let hits = |tree: &TriangleBvh<Watertight>| {
+    let trees: Vec<TriangleBvh> = there.iter().map(|&path| tree.clone().with_path(path)).collect();
+    let hits = |tree: &TriangleBvh| {
         let mut hits: Vec<Option<Hit>> = vec![None; rays.len()];
         tree.closest_hits(&rays, &mut hits);
         hits
@@ -137,10 +138,9 @@ impl Node<'_> {
     /// Calls `see` with the pairs whose boxes each ray enters, ray by ray.
     fn enter(&self, mut see: impl FnMut(usize, usize)) {
         for (i, (ray, _)) in self.pairs.iter().enumerate() {
-            let Some(ray) = ScaledRay::new(ray) else { continue };
-            self.tree.traverse_any(&ray, 0.0, &mut (), |number, t_max, ()| {
+            self.tree.traverse(ray, |number, t_max| {
                 see(i, self.first + number.index());
-                t_max
+                ControlFlow::Continue(t_max)
             });
         }
     }
@@ -153,7 +153,7 @@ fn nodes<'a>(pairs: &'a [Pair], path: SimdPath) -> Result<Vec<(usize, Node<'a>)>
     let node = |(i, own): (usize, &'a [Pair])| {
         let start = i * LANES;
         let first = start.min(last);
-        let tree = WideBvh::<Aabb>::build(boxes[first..boxes.len().min(first + LANES)].to_vec(), &Config::default())?;
+        let tree = WideBvh::<Aabb>::over(boxes[first..boxes.len().min(first + LANES)].to_vec())?;
         Ok((start, Node { tree: tree.with_path(path), first, pairs: own }))
     };
     pairs.chunks(LANES).enumerate().map(node).collect()
@@ -188,11 +188,11 @@ pub(super) fn node_tests(pairs: &[Pair]) -> Result<Vec<Test<'_, Option<f32>>>> {
 }
 
 /// Each box eight times in a BVH of one node, as bounds of triangles, because devices only hold triangle BVHs.
-pub(super) fn of_equal(boxes: &[Aabb]) -> Result<Vec<TriangleBvh<Watertight>>> {
+pub(super) fn of_equal(boxes: &[Aabb]) -> Result<Vec<TriangleBvh>> {
     let costs = Costs { leaf: 0.0, max_leaf: 1, ..Costs::default() };
     let config = Config { costs, oriented: false, rotate_mesh: false, ..Config::default() };
     let of_one = |&Aabb { min, max }: &Aabb| {
-        Ok(TriangleBvh::build(&[min, max, [min[0], max[1], min[2]]], &[[0, 1, 2]; LANES], &config)?)
+        Ok(TriangleBvh::build_with(&[min, max, [min[0], max[1], min[2]]], &[[0, 1, 2]; LANES], config)?)
     };
     boxes.iter().map(of_one).collect()
 }

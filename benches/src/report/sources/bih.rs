@@ -2,13 +2,13 @@
 
 use anyhow::{Result, ensure};
 use canted_bih::{Bih, LeafSize};
-use canted_bvh2::{BuildConfig, Bvh2};
+use canted_bvh2::{Bvh2, Bvh2Config};
 use canted_fixtures::Mesh;
-use canted_kdtree::{KdTree, Traversal};
+use canted_kdtree::{KdTraversal, KdTree};
 use canted_lbvh::Leaf;
 use canted_obb::Aabb;
 use canted_sah::{Builder, TopDownConfig};
-use canted_trace::{Hit, Ray, Watertight};
+use canted_trace::{Hit, Intersect, Ray};
 use canted_wide::{Config, Costs, Preset, TriangleBvh};
 
 use super::{
@@ -42,9 +42,9 @@ const OURS: [Kind; 10] = [
     Kind::Bih(1),
     Kind::Bih(5),
     Kind::Bih(10),
-    Kind::KdTree(Traversal::Ropes),
+    Kind::KdTree(KdTraversal::Ropes),
     Kind::Bih(0),
-    Kind::KdTree(Traversal::Stack),
+    Kind::KdTree(KdTraversal::Stack),
     Kind::Binary(Builder::Lbvh),
     SWEPT,
     Kind::Wide(Preset::Dynamic),
@@ -239,7 +239,7 @@ pub(super) fn charts(chapter: &mut Chapter, effort: Effort) -> Result<()> {
 pub(super) enum Kind {
     /// With at most this many triangles per leaf; 0 chooses.
     Bih(u32),
-    KdTree(Traversal),
+    KdTree(KdTraversal),
     Binary(Builder),
     Wide(Preset),
     /// The preset `fast` with at most this many triangles per leaf.
@@ -253,8 +253,8 @@ impl Kind {
         match self {
             Self::Bih(0) => "BIH, leaves chosen".to_owned(),
             Self::Bih(n) => format!("BIH, leaves of {n}"),
-            Self::KdTree(Traversal::Stack) => "kd-tree with a stack".to_owned(),
-            Self::KdTree(Traversal::Ropes) => "kd-tree with ropes".to_owned(),
+            Self::KdTree(KdTraversal::Stack) => "kd-tree with a stack".to_owned(),
+            Self::KdTree(KdTraversal::Ropes) => "kd-tree with ropes".to_owned(),
             Self::Binary(Builder::Lbvh) => "Bvh2, radix tree".to_owned(),
             Self::Binary(_) => "Bvh2, full SAH sweep".to_owned(),
             Self::Wide(preset) => format!("WideBvh, {preset:?}").to_lowercase().replace("widebvh", "WideBvh"),
@@ -267,26 +267,24 @@ impl Kind {
         Ok(match self {
             Self::Bih(n) => {
                 let leaf_size = if n == 0 { LeafSize::Auto } else { LeafSize::AtMost(n) };
-                let config = canted_bih::Config { leaf_size, ..canted_bih::Config::default() };
-                Box::new(Bih::<Watertight>::build(positions, triangles, &config)?)
+                let config = canted_bih::BihConfig { leaf_size, ..canted_bih::BihConfig::default() };
+                Box::new(Bih::build(positions, triangles, &config)?)
             }
             Self::KdTree(traversal) => {
-                let config = canted_kdtree::Config { traversal, ..canted_kdtree::Config::default() };
-                Box::new(KdTree::<Watertight>::build(positions, triangles, &config)?)
+                let config = canted_kdtree::KdTreeConfig { traversal, ..canted_kdtree::KdTreeConfig::default() };
+                Box::new(KdTree::build(positions, triangles, &config)?)
             }
             Self::Binary(builder) => {
                 let (corners, bounds) = canted_lbvh::triangle_corners(positions, triangles)?;
                 let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
                 let tree = canted_sah::build(&boxes, &bounds, &builder);
-                Box::new(Bvh2::<Watertight>::over(tree, &corners, &bounds, &BuildConfig::default()))
+                Box::new(Bvh2::over(tree, &corners, &bounds, &Bvh2Config::default()))
             }
-            Self::Wide(preset) => {
-                Box::new(TriangleBvh::<Watertight>::build(positions, triangles, &Config::preset(preset))?)
-            }
+            Self::Wide(preset) => Box::new(TriangleBvh::build_with(positions, triangles, Config::preset(preset))?),
             Self::WideLeaf(max_leaf) => {
                 let usual = Config::preset(Preset::Fast);
                 let config = Config { costs: Costs { max_leaf, ..usual.costs }, ..usual };
-                Box::new(TriangleBvh::<Watertight>::build(positions, triangles, &config)?)
+                Box::new(TriangleBvh::build_with(positions, triangles, config)?)
             }
         })
     }
@@ -328,20 +326,20 @@ macro_rules! structure {
     };
 }
 
-structure!(Bih<Watertight>, |of| {
+structure!(Bih, |of| {
     let memory = of.memory();
     [memory.nodes, memory.references, memory.triangles]
 });
-structure!(KdTree<Watertight>, |of| {
+structure!(KdTree, |of| {
     let memory = of.memory();
     [memory.nodes + memory.ropes, memory.references, memory.triangles]
 });
-structure!(Bvh2<Watertight>, |of| {
+structure!(Bvh2, |of| {
     let (nodes, references) = (of.pairs().n_bytes(), 4 * of.n_triangles());
     [nodes, references, of.n_bytes() - nodes - references]
 });
 // The numbers of the triangles are in their blocks.
-structure!(bytes TriangleBvh<Watertight>, |of| {
+structure!(bytes TriangleBvh, |of| {
     let (nodes, references) = (of.sizes().node_bytes, 4 * of.n_primitives());
     [nodes, references, of.sizes().leaf_bytes - references]
 });

@@ -4,12 +4,12 @@
 use std::collections::HashMap;
 
 use anyhow::Result;
-use canted_bvh2::{BuildConfig, Bvh2, PairOrder};
+use canted_bvh2::{Bvh2, Bvh2Boxes, Bvh2Config, PairOrder};
 use canted_fixtures::Mesh;
 use canted_lbvh::{Bits, Costs, Domain, Strategy, Tree, TreeCost, VolumeConfig};
 use canted_obb::{Aabb, Affine, Obb};
-use canted_tlas::{Blas, Instance, Tlas, TopConfig};
-use canted_trace::{Counts, InstanceId, Ray, Watertight};
+use canted_tlas::{Instance, Tlas, TopConfig};
+use canted_trace::{Counts, Intersect, Ray, TriangleTest};
 use canted_wide::{Config, Preset, TriangleBvh};
 
 use super::orders::{Found, Pairs, scenes};
@@ -166,10 +166,11 @@ fn volume_rows(model: &crate::models::Model, effort: Effort) -> Result<Vec<Volum
     for strategy in Strategy::ALL {
         let volumes = canted_lbvh::volumes(&tree, &sorted, &VolumeConfig { strategy, fallback: true });
         let sums = canted_lbvh::tree_cost(&tree, &volumes, &sorted, &Costs::default(), 1.0);
-        let blas = Bvh2::<Watertight>::new(tree.clone(), &volumes, sorted.clone(), &bounds, PairOrder::DepthFirst);
+        let blas =
+            Bvh2::new(tree.clone(), &volumes, sorted.clone(), &bounds, PairOrder::DepthFirst, TriangleTest::Watertight);
         let mut counts = Counts::default();
         for ray in &rays {
-            blas.closest_hit_with(ray, InstanceId(0), &mut counts);
+            blas.closest_hit_with(ray, &mut counts);
         }
         if strategy == Strategy::Aabb {
             aligned_volume = sums.volume;
@@ -466,16 +467,15 @@ fn test_rows(name: &str, model: &Model, rays: &[Ray]) -> Result<(usize, Vec<Test
     let mut test_rows = vec![];
     for strategy in STRATEGIES {
         let volumes = VolumeConfig { strategy, fallback: true };
-        let config = BuildConfig { volumes, ..BuildConfig::default() };
-        let one = Bvh2::<Watertight>::build(&model.mesh.positions, &model.mesh.triangles, &config)?;
-        let blas = pieces.iter().map(|piece| Bvh2::<Watertight>::build(&piece.positions, &piece.triangles, &config));
-        let two = Tlas::new(blas.collect::<Result<Vec<_>, _>>()?, &instances, TopConfig::Binary(volumes))?;
+        let config = Bvh2Config { volumes, ..Bvh2Config::default() };
+        let one = Bvh2::build(&model.mesh.positions, &model.mesh.triangles, &config)?;
+        let blas = pieces.iter().map(|piece| Bvh2::build(&piece.positions, &piece.triangles, &config));
+        let two =
+            Tlas::new(blas.collect::<Result<Vec<_>, _>>()?, &instances, TopConfig::other(Bvh2Boxes::builder(volumes)))?;
         test_rows.push(TestRow { name: format!("Bvh2, radix tree, {strategy:?}"), counts: counted(&one, &two, rays) });
     }
     let config = Config::preset(Preset::Balanced);
-    let build = |positions: &[[f32; 3]], triangles: &[[u32; 3]]| {
-        TriangleBvh::<Watertight>::build(positions, triangles, &config)
-    };
+    let build = |positions: &[[f32; 3]], triangles: &[[u32; 3]]| TriangleBvh::build_with(positions, triangles, config);
     let one = build(&model.mesh.positions, &model.mesh.triangles)?;
     let blas = pieces.iter().map(|piece| build(&piece.positions, &piece.triangles));
     let two = Tlas::new(blas.collect::<Result<Vec<_>, _>>()?, &instances, TopConfig::Wide(config))?;
@@ -484,7 +484,7 @@ fn test_rows(name: &str, model: &Model, rays: &[Ray]) -> Result<(usize, Vec<Test
 }
 
 /// Tests of each ray in one level and in two.
-fn counted<B: Blas>(one: &B, two: &Tlas<B>, rays: &[Ray]) -> [Vec<Counts>; 2] {
+fn counted<B: Intersect>(one: &B, two: &Tlas<B>, rays: &[Ray]) -> [Vec<Counts>; 2] {
     let of = |trace: &dyn Fn(&Ray, &mut Counts)| {
         let count = |ray: &Ray| {
             let mut counts = Counts::default();
@@ -495,7 +495,7 @@ fn counted<B: Blas>(one: &B, two: &Tlas<B>, rays: &[Ray]) -> [Vec<Counts>; 2] {
     };
     [
         of(&|ray, counts| {
-            let _ = one.closest_hit_with(ray, InstanceId(0), counts);
+            let _ = one.closest_hit_with(ray, counts);
         }),
         of(&|ray, counts| {
             let _ = two.closest_hit_with(ray, counts);

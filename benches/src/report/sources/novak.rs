@@ -1,12 +1,12 @@
 //! Novak's thesis: a fast builder compared with an SAH builder (his tables), and bytes.
 
 use anyhow::Result;
-use canted_bvh2::{BuildConfig, Bvh2};
+use canted_bvh2::{Bvh2, Bvh2Config};
 use canted_fixtures::{scaffold_nodes, scaffold_of};
 use canted_lbvh::Leaf;
 use canted_obb::Aabb;
 use canted_sah::{Builder, TopDownConfig};
-use canted_trace::Watertight;
+use canted_trace::Intersect;
 
 use super::{orders::Found, passes::one_thread};
 use crate::{
@@ -54,7 +54,7 @@ fn measure_here(model: &Model, builders: &[(&'static str, Builder)], effort: Eff
             let (blas, build) = timing::time(|| {
                 let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
                 let tree = canted_sah::build(&boxes, &bounds, builder);
-                Bvh2::<Watertight>::over(tree, &corners, &bounds, &BuildConfig::default())
+                Bvh2::over(tree, &corners, &bounds, &Bvh2Config::default())
             });
             let (_, picture) = timing::time(|| {
                 for ray in &rays {

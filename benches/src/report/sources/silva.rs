@@ -5,7 +5,7 @@ use std::time::Instant;
 use anyhow::Result;
 use canted_gpu::{AdapterKind, Choice, Gpu, SceneInput, TracedScene};
 use canted_tests::brute;
-use canted_trace::{Hit, Kernel, Ray, Watertight};
+use canted_trace::{Hit, Intersect, Kernel, Ray, Watertight};
 use canted_wide::{Config, Preset, SimdPath, TriangleBvh};
 
 use super::{
@@ -44,8 +44,7 @@ pub(super) fn paths(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     for (name, model) in scenes(effort, effort.pick(&[][..], &["truss"], &["truss", "bunny", "sponza"]), chapter)? {
         let mesh = &model.mesh;
         let paths: Vec<SimdPath> = SimdPath::ALL.into_iter().filter(|path| path.is_available()).collect();
-        let tree =
-            TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Balanced))?;
+        let tree = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, Config::preset(Preset::Balanced))?;
         let trees = paths.iter().map(|&path| tree.clone().with_path(path)).collect();
         let rays = rays::camera(&model, effort.pick(16, 128, 128));
         let seconds = one_thread(|| closest_seconds(trees, &rays, effort.pick(2, 5, 9)))?;
@@ -126,8 +125,7 @@ pub(super) fn hierarchy(chapter: &mut Chapter, effort: Effort) -> Result<Found> 
         let model = scaffold(log2);
         let mesh = &model.mesh;
         let n = mesh.triangles.len();
-        let tree =
-            TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &Config::preset(Preset::Balanced))?;
+        let tree = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, Config::preset(Preset::Balanced))?;
         let every = Every(brute::records::<Watertight>(&mesh.positions, &mesh.triangles));
         let engines: [Box<dyn Engine>; 2] = [Box::new(every), Box::new(tree)];
         let rays = rays::camera(&model, effort.pick(8, 48, 48));
@@ -258,7 +256,7 @@ fn on_threads(
     for round in 0..=rounds {
         for (pool, [builds, traces]) in pools.iter().zip(&mut ms) {
             let config = Config::preset(Preset::Balanced);
-            let build = || TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config);
+            let build = || TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config);
             let (bvh, built) = timing::time(|| pool.install(build));
             let bvh = bvh?;
             let trace = || {
@@ -281,7 +279,7 @@ fn on_device(gpu: &Gpu, mesh: &canted_fixtures::Mesh, rays: &[Ray], effort: Effo
     let most = if gpu.info().kind == AdapterKind::Software { 1 << 14 } else { rays.len() };
     let rays = &rays[..most.min(rays.len())];
     let config = Config::preset(Preset::Balanced);
-    let (bvh, built) = timing::time(|| TriangleBvh::<Watertight>::build(&mesh.positions, &mesh.triangles, &config));
+    let (bvh, built) = timing::time(|| TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config));
     let bvh = bvh?;
     let (mut transfer, mut trace) = (f64::NAN, f64::NAN);
     for _ in 0..effort.pick(1, 2, 3) {

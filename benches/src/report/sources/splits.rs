@@ -5,7 +5,7 @@ use canted_bvh2::{Bvh2, PairOrder};
 use canted_lbvh::{Child, ChildKind, Corners, Costs, Leaf, NodeId, Strategy, Tree, VolumeConfig, Volumes};
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_sah::{Axes, Builder, SpatialConfig, Split, TopDownConfig};
-use canted_trace::{Hit, Watertight, pad_aabb};
+use canted_trace::{Hit, TriangleTest, pad_aabb};
 
 use super::{
     orders::{Found, scenes},
@@ -193,7 +193,7 @@ fn measure(model: &Model, ways: &[Way], effort: Effort) -> Result<Vec<Took>> {
                     canted_lbvh::tree_cost(&tree, &volumes, &sorted, &Costs::default(), model.mesh.diagonal()).sah
                 });
                 let n_references = tree.leaves.len();
-                let bvh = Bvh2::<Watertight>::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst);
+                let bvh = Bvh2::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst, TriangleTest::Watertight);
                 (bvh, cost.map(|cost| (cost, n_references as f64 / corners.len() as f64)))
             });
             // The first round also computes costs.
