@@ -295,6 +295,11 @@ pub(crate) struct StructureOptions {
     #[arg(long, default_value = "auto", value_parser = named::<Volumes>(), value_name = "VOLUMES")]
     #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
     pub(crate) volumes: Option<Volumes>,
+    /// Builds the wide BVH without oriented nodes.
+    #[arg(long, num_args = 0..=1, require_equals = true, default_value = "off", default_missing_value = "on", value_parser = named::<bool>(),
+        value_name = "on|off")]
+    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
+    aligned: Option<bool>,
     /// Ray-triangle intersection test.
     #[arg(long, default_value = "watertight", value_parser = named::<TriangleTest>(), value_name = "TEST")]
     #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
@@ -369,13 +374,14 @@ impl Structure {
 impl StructureOptions {
     /// These options, and others for those that are not set.
     pub(crate) fn or(self, other: Self) -> Self {
-        let Self { levels, accel, preset, builder, volumes, triangles } = self;
+        let Self { levels, accel, preset, builder, volumes, aligned, triangles } = self;
         Self {
             levels: levels.or(other.levels),
             accel: accel.or(other.accel),
             preset: preset.or(other.preset),
             builder: builder.or(other.builder),
             volumes: volumes.or(other.volumes),
+            aligned: aligned.or(other.aligned),
             triangles: triangles.or(other.triangles),
         }
     }
@@ -426,8 +432,12 @@ impl StructureOptions {
             preset: self.preset.unwrap_or(Preset::Balanced),
             builder,
             volumes: volumes.unwrap_or(Strategy::Aabb),
+            aligned: self.aligned.unwrap_or_default(),
             triangles: self.triangles.unwrap_or_default(),
         };
+        if config.aligned && kind != BvhKind::Wide {
+            bail!("--aligned requires --accel wide, not {}", kind.name());
+        }
         Ok(Structure {
             config,
             #[cfg(feature = "gpu")]
@@ -462,6 +472,7 @@ fn built_on_gpu(config: &SceneBvhConfig) -> Option<canted_gpu::DeviceBvh> {
             return Some(BuildConfig { strategy: config.volumes, ..BuildConfig::default() }.into());
         }
         (BvhKind::Wide, Some(Builder::Lbvh)) => (Topology::Radix, Strategy::Aabb),
+        (BvhKind::Wide, Some(Builder::Ploc)) if config.aligned => (Topology::Ploc, Strategy::Aabb),
         (BvhKind::Wide, Some(Builder::Ploc)) => (Topology::Ploc, Strategy::Combined),
         _ => return None,
     };

@@ -233,6 +233,7 @@ fn options_without_effect_are_reported() {
     run("small.obj --accel wide --volumes dop").refused(&["--volumes dop requires --accel bvh2, not wide"]);
     run("small.obj --accel bih --volumes aabb").refused(&["--volumes aabb requires --accel bvh2, not bih"]);
     run("small.obj --accel kdtree --builder sah").refused(&["--builder sah requires --accel wide or bvh2, not kdtree"]);
+    run("small.obj --accel bih --aligned").refused(&["--aligned requires --accel wide, not bih"]);
     let asset = "[[assets]]\nname = 'a'\nfile = 'small.obj'\n[settings]\nspp = 1\n";
     let moves = "[[instances]]\nasset = 'a'\nclose = { translation = [1, 0, 0] }\n";
     folder.write("still.toml", asset);

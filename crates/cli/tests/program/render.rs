@@ -57,6 +57,7 @@ fn the_report_describes_the_volumes() {
     assert_eq!(fact("small.obj --accel bih", "volumes"), "bounding intervals");
     assert_eq!(fact("small.obj --accel kdtree", "volumes"), "kd-tree cells");
     assert!(["scalar", "avx2", "avx512", "neon"].contains(&fact("small.obj", "simd").as_str()));
+    assert!(fact("--aligned", "volumes").starts_with("wide, 0 of "));
     // The built-in scene has diagonal beams.
     for options in ["", "--preset fast", "--levels two", "--builder sah"] {
         let words = fact(options, "volumes");
@@ -139,6 +140,8 @@ fn structures_do_not_change_a_byte() {
         "--preset dynamic",
         "--preset quality --levels two",
         "--accel wide",
+        "--aligned",
+        "--aligned=off --preset quality",
         "--accel bvh2",
         "--accel bvh2 --volumes dop --levels two",
         "--accel bih",
