@@ -101,6 +101,10 @@ fn open(_: Options) -> Result<()> {
 /// One sentence that names the file and the event.
 fn replay(options: Options, events: &Path, folder: &Path, as_json: bool) -> Result<()> {
     let timed = events::read(events)?;
+    // A file that cannot be read is reported before what its events contain.
+    if let Some(scene) = options.scene() {
+        fs::File::open(scene).map_err(|error| anyhow!("{}: cannot read file: {error}", scene.display()))?;
+    }
     let named = |number: usize, error: anyhow::Error| anyhow!("{}: event {number}: {error}", events.display());
     // Options that are unknown or invalid are reported before anything is rendered.
     let mut changed = options.clone();
