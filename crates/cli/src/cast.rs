@@ -1,9 +1,6 @@
 //! `canted cast`: traces rays from a file.
 
-#[cfg(feature = "gpu")]
-mod gpu;
-mod hits;
-mod rays;
+mod files;
 
 use std::{
     cell::OnceCell,
@@ -14,23 +11,25 @@ use std::{
 use anyhow::{Result, anyhow};
 use canted_film::AtomicFile;
 #[cfg(feature = "gpu")]
-use canted_renderer::traced_scene;
-use canted_renderer::{PrepareError, Prepared, Tracer, prepare};
+use canted_gpu::{DeviceHit, Gpu, Outcome, TracedScene};
+#[cfg(feature = "gpu")]
+use canted_renderer::{DeviceError, traced_scene};
+use canted_renderer::{PrepareError, SceneBvh};
 use canted_scene::Scene;
-use canted_trace::{Hit, Ray};
-use canted_wide::LaneKernel;
+use canted_trace::{Hit, Intersect as _, Ray};
 use rayon::prelude::*;
 use serde_json::json;
 
 #[cfg(feature = "gpu")]
-use crate::device::built_or;
+use crate::device::{built_or, named};
 use crate::{
     device::{Machine, RunArgs},
     load,
-    options::{self, StructureArgs, one_of, with_kernel},
+    options::{self, Given, Structure, StructureOptions, one_of},
     output::{self, Named},
+    settings::{self, SceneSettings},
 };
-use hits::{Answer, Format};
+use files::{Answer, Format};
 
 /// Options of `canted cast`.
 #[derive(clap::Args)]
@@ -63,11 +62,16 @@ pub(crate) struct Args {
     #[command(flatten)]
     run: RunArgs,
     #[command(flatten)]
-    structure: StructureArgs,
+    structure: Given<StructureOptions>,
 }
 
 /// Traces all rays.
 pub(crate) fn run(args: &Args) -> Result<()> {
+    let of_file = settings::scene_file(Some(&args.scene))?.as_ref().map(SceneSettings::of_file).transpose()?;
+    let given = &args.structure.0;
+    let with_file = given.clone().or(of_file.unwrap_or_default().structure.without_replaced(given));
+    with_file.warn_ignored_preset(given);
+    let structure = &given.resolve()?;
     let format = Format::of(&args.hits, args.format)?;
     if is_stream(&args.hits) && args.run.json {
         return Err(anyhow!("--hits - and --json both write to standard output; write the hits to a file"));
@@ -80,21 +84,21 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         Some(("--hits", args.hits.as_path())).into_iter().filter(|(_, path)| !is_stream(path)).collect();
     output::check_distinct(&inputs.named(), &outputs)?;
     args.run.start()?;
-    let rays = rays::read(&args.rays, args.format)?;
+    let rays = files::read(&args.rays, args.format)?;
     let scene = load::scene(Some(&args.scene), args.time, args.animation.as_deref())?;
     load::check_outputs(Some(&args.scene), &scene, &outputs)?;
     if !is_stream(&args.hits) {
         output::probe(&args.hits)?;
     }
-    let machine = Machine::open(&args.run.device, &args.structure)?;
-    let (answers, seconds) = with_kernel!(args.structure.triangles, trace(&scene, &rays, args, &machine))?;
+    let machine = Machine::open(&args.run.device, structure)?;
+    let (answers, seconds) = trace(&scene, &rays, args, structure, &machine)?;
     if is_stream(&args.hits) {
         let mut bytes = Vec::new();
-        hits::write(&mut bytes, format, &answers)?;
+        files::write(&mut bytes, format, &answers)?;
         output::bytes_to_stdout(&bytes)?;
     } else {
         let mut out = AtomicFile::create(&args.hits)?;
-        out.write(|out| hits::write(out, format, &answers))?;
+        out.write(|out| files::write(out, format, &answers))?;
         out.finish()?;
     }
     report(&answers, seconds, args)
@@ -108,7 +112,6 @@ fn is_stream(path: &Path) -> bool {
 /// Reports the number of rays and the time: as a note on standard error, or as JSON on standard output.
 fn report(answers: &[Answer], seconds: f64, args: &Args) -> Result<()> {
     let n_rays = answers.len();
-    #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
     let rate = n_rays as f64 / seconds.max(1e-9);
     if !args.run.json {
         if !output::is_quiet() {
@@ -129,45 +132,51 @@ fn report(answers: &[Answer], seconds: f64, args: &Args) -> Result<()> {
 
 /// All answers, and the seconds spent tracing.
 #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "the CPU is the only machine"))]
-fn trace<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Machine) -> Result<(Vec<Answer>, f64)> {
-    let config = args.structure.config(scene)?;
+fn trace(
+    scene: &Scene,
+    rays: &[Ray],
+    args: &Args,
+    structure: &Structure,
+    machine: &Machine,
+) -> Result<(Vec<Answer>, f64)> {
+    let config = structure.config_for(scene);
     let on_cpu = OnceCell::new();
-    let prepared = || -> Result<&Prepared<K>, PrepareError> {
+    let bvh = || -> Result<&SceneBvh, PrepareError> {
         match on_cpu.get() {
-            Some(prepared) => Ok(prepared),
-            None => prepare(scene, &config).map(|prepared| on_cpu.get_or_init(|| prepared)),
+            Some(bvh) => Ok(bvh),
+            None => SceneBvh::build(scene, &config).map(|bvh| on_cpu.get_or_init(|| bvh)),
         }
     };
     // The CPU has nothing to build where a GPU builds for itself and completes all rays.
     #[cfg(feature = "gpu")]
-    let built = match args.structure.built_on_gpu() {
-        Some(bvh) => gpu::trace(machine, scene, rays, args, |gpu| {
-            built_or(gpu, scene, &config, bvh, || traced_scene(gpu, scene, &prepared()?.structure))
+    let of_gpu = match structure.built_on_gpu {
+        Some(own) => on_gpu(machine, scene, rays, args, structure, |gpu| {
+            built_or(gpu, scene, &config, own, || traced_scene(gpu, scene, bvh()?))
         })?,
         None => None,
     };
     #[cfg(feature = "gpu")]
-    if let Some((answers, seconds)) = &built
+    if let Some((answers, seconds)) = &of_gpu
         && let Some(answers) = answers.iter().copied().collect::<Option<Vec<_>>>()
     {
         return Ok((answers, *seconds));
     }
-    let Prepared { structure, .. } = prepared().map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
+    let built = bvh().map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
     let on_cpu = |ray: &Ray| {
         if args.occluded {
-            return if structure.occluded(ray, &mut ()) { Answer::OCCLUDED } else { Answer::MISS };
+            return if built.occluded(ray) { Answer::OCCLUDED } else { Answer::MISS };
         }
-        structure.closest_hit(ray, &mut ()).map_or(Answer::MISS, |Hit { t, u, v, primitive, instance, .. }| {
+        built.closest_hit(ray).map_or(Answer::MISS, |Hit { t, u, v, primitive, instance, .. }| {
             Answer::hit([t, u, v], primitive.0, instance.0, scene)
         })
     };
     #[cfg(feature = "gpu")]
     {
-        let traced = match built {
+        let traced = match of_gpu {
             Some(traced) => Some(traced),
             // After a fallback to the CPU, once is enough.
-            None if args.structure.built_on_gpu().is_some() => None,
-            None => gpu::trace(machine, scene, rays, args, |gpu| traced_scene(gpu, scene, structure))?,
+            None if structure.built_on_gpu.is_some() => None,
+            None => on_gpu(machine, scene, rays, args, structure, |gpu| traced_scene(gpu, scene, built))?,
         };
         if let Some((answers, seconds)) = traced {
             let start = Instant::now();
@@ -179,4 +188,45 @@ fn trace<K: LaneKernel>(scene: &Scene, rays: &[Ray], args: &Args, machine: &Mach
     let start = Instant::now();
     let answers = rays.par_iter().map(on_cpu).collect();
     Ok((answers, start.elapsed().as_secs_f64()))
+}
+
+/// Traces all rays; also returns the seconds spent tracing. Rays whose traversal the GPU does not complete have no answer. `None`
+/// where the CPU traces all rays. `make` brings the scene to the GPU.
+#[cfg(feature = "gpu")]
+fn on_gpu(
+    machine: &Machine,
+    scene: &Scene,
+    rays: &[Ray],
+    args: &Args,
+    structure: &Structure,
+    make: impl FnOnce(&Gpu) -> Result<TracedScene, DeviceError>,
+) -> Result<Option<(Vec<Option<Answer>>, f64)>> {
+    let ready = machine.ready(structure, make).map_err(|error| match error.downcast_ref() {
+        Some(DeviceError::Prepare(of_scene)) => anyhow!("{}: {of_scene}", args.scene.display()),
+        _ => error,
+    })?;
+    let Some((gpu, traced)) = ready else { return Ok(None) };
+    let start = Instant::now();
+    let hit = |hit: &Option<DeviceHit>| {
+        hit.map_or(Answer::MISS, |DeviceHit { t, u, v, primitive, instance }| {
+            Answer::hit([t, u, v], primitive, instance, scene)
+        })
+    };
+    let occluded = |&is_hit: &bool| if is_hit { Answer::OCCLUDED } else { Answer::MISS };
+    let answers = if args.occluded {
+        traced.occluded(gpu, rays).map(|found| completed(&found, occluded))
+    } else {
+        traced.closest_hits(gpu, rays).map(|found| completed(&found, hit))
+    };
+    let answers = answers.map_err(|error| named(gpu, error.into()))?;
+    Ok(Some((answers, start.elapsed().as_secs_f64())))
+}
+
+#[cfg(feature = "gpu")]
+fn completed<T: Sync>(found: &[Outcome<T>], answer: impl Fn(&T) -> Answer + Sync) -> Vec<Option<Answer>> {
+    let complete = |found: &Outcome<T>| match found {
+        Outcome::Complete(found) => Some(answer(found)),
+        Outcome::Incomplete => None,
+    };
+    found.par_iter().map(complete).collect()
 }

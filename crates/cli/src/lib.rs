@@ -5,45 +5,37 @@
 //!
 //! Each subcommand is one file. Exit codes: 0 success, 1 a comparison above its limit, 2 invalid input or options,
 //! 130 interrupted. Modules depend on each other in one direction:
-//! `settings -> {render, ...} -> {load, light, device} -> {options, output}`.
+//! `{render, ...} -> settings -> {load, light, camera, device} -> {options, output}`.
 #![forbid(unsafe_code)]
 
+mod camera;
 mod cast;
+mod command_line;
 mod compare;
-mod completions;
 mod device;
-mod devices;
-mod features;
-mod interrupt;
 mod light;
 mod load;
-mod man;
-mod memory;
 mod merge;
-#[cfg(not(feature = "gpu"))]
-mod no_gpu;
-mod not_needed;
 mod options;
 mod output;
-#[cfg(feature = "ktx2")]
-mod panics;
+mod pages;
 mod picture;
+mod process;
 mod render;
 mod scene;
 mod settings;
 mod stats;
 mod tree;
 mod view;
-mod words;
 
 use std::process::ExitCode;
 
 use anyhow::Result;
 use canted_renderer::RenderError;
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, parser::ValueSource};
 
+use command_line::{Words, picture_of};
 pub use picture::{Picture, Source, picture};
-use words::Words;
 
 /// Ray tracing with oriented bounding boxes.
 ///
@@ -53,7 +45,7 @@ use words::Words;
     name = "canted",
     version,
     override_usage = "canted [FILE] [OPTIONS of render]\n       canted <COMMAND> [OPTIONS]",
-    after_help = features::help()
+    after_help = pages::features()
 )]
 struct Cli {
     /// Print results and errors only: no warnings, no progress, no report of `render` as text.
@@ -71,7 +63,7 @@ enum Command {
     /// Render a picture.
     Render(Box<render::Args>),
     /// Look at a scene in a window, or replay events.
-    View(view::Args),
+    View(Box<view::Args>),
     /// Write a scene file that contains every setting of a picture.
     Scene(Box<scene::Args>),
     /// Compare bounding-volume strategies.
@@ -83,39 +75,39 @@ enum Command {
     /// Compare two pictures.
     Compare(compare::Args),
     /// List compute devices.
-    Devices(devices::Args),
+    Devices(device::DevicesArgs),
     /// Merge sample ranges of one picture.
     Merge(merge::Args),
     /// Print completions of the command line for a shell.
-    Completions(completions::Args),
+    Completions(pages::CompletionArgs),
     /// Print a manual page.
-    Man(man::Args),
+    Man(pages::ManArgs),
 }
 
 fn run() -> Result<ExitCode> {
     let words = Words::of_process(&Cli::command());
-    let matches = settings::command_line(&Cli::command(), &words)?;
+    let matches = words.parse(Cli::command());
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     output::set_verbosity(cli.quiet, cli.verbose);
     match cli.command {
-        None => render::run(&options::defaults())?,
+        None => render::run(options::defaults())?,
         Some(Command::Render(mut args)) => {
-            let is_default = matches.subcommand().is_some_and(|(_, options)| !settings::is_given(options, "output"));
-            if let Some(file) = words.file().filter(|_| is_default) {
-                args.output = words::picture_of(file);
+            let of_output = matches.subcommand().and_then(|(_, options)| options.value_source("output"));
+            if let Some(file) = words.file().filter(|_| of_output != Some(ValueSource::CommandLine)) {
+                args.own.output = picture_of(file);
             }
-            render::run(&args)?;
+            render::run(*args)?;
         }
-        Some(Command::View(args)) => view::run(args)?,
-        Some(Command::Scene(args)) => scene::run(&args, &matches)?,
+        Some(Command::View(args)) => view::run(*args)?,
+        Some(Command::Scene(args)) => scene::run(*args)?,
         Some(Command::Stats(args)) => stats::run(&args)?,
         Some(Command::Cast(args)) => cast::run(&args)?,
         Some(Command::Tree(args)) => tree::run(&args)?,
         Some(Command::Compare(args)) => return compare::run(&args),
-        Some(Command::Devices(args)) => devices::run(&args)?,
+        Some(Command::Devices(args)) => device::list(&args)?,
         Some(Command::Merge(args)) => merge::run(&args)?,
-        Some(Command::Completions(args)) => completions::run(&args, Cli::command())?,
-        Some(Command::Man(args)) => man::run(&args, Cli::command())?,
+        Some(Command::Completions(args)) => pages::completions(&args, Cli::command())?,
+        Some(Command::Man(args)) => pages::man(&args, Cli::command())?,
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -123,12 +115,12 @@ fn run() -> Result<ExitCode> {
 /// Runs the program with the arguments of this process. Installs handlers of signals.
 #[must_use]
 pub fn main() -> ExitCode {
-    interrupt::install_handlers();
+    process::install_handlers();
     #[cfg(feature = "ktx2")]
-    panics::quieten();
+    process::quieten_panics();
     run().unwrap_or_else(|error| {
         if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) {
-            return ExitCode::from(interrupt::EXIT_CODE);
+            return ExitCode::from(process::EXIT_CODE);
         }
         output::to_stderr(&format!("error: {error}"));
         ExitCode::from(2)

@@ -5,37 +5,70 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, anyhow};
 use canted_scene::{Environment, EnvironmentImage, Light, Material, Scene};
 
-use crate::{load, options, output};
+use serde::Serialize;
+
+use crate::{
+    load,
+    options::{self, Text, as_text, as_texts},
+    output,
+};
+
+/// Help heading of lights.
+const LIGHT: &str = "Light (--env, --sun, --point and --sphere replace all lights of the scene)";
 
 /// Lights from the command line. They replace all lights of the file and its environment.
-#[derive(clap::Args, Clone, Debug)]
-#[command(next_help_heading = "Light (--env, --sun, --point and --sphere replace all lights of the scene)")]
+#[derive(clap::Args, Clone, Debug, Default, PartialEq, Serialize)]
+#[command(next_help_heading = LIGHT, next_display_order = 100)]
 pub(crate) struct LightArgs {
-    /// Environment light: constant radiance in W/(m² sr), or an environment map (.hdr or .exr) [default: black]
-    #[arg(long, value_parser = environment, value_name = "R,G,B|FILE", allow_hyphen_values = true)]
-    env: Option<EnvironmentArg>,
-    /// Rotation of the environment map about the y axis, in degrees, counter-clockwise seen from above.
-    #[arg(long, value_parser = options::number, value_name = "DEG", requires = "env", allow_hyphen_values = true)]
-    env_turn: Option<f32>,
-    /// Factor for the radiance of --env.
-    #[arg(long, value_parser = options::factor, value_name = "X", requires = "env", allow_hyphen_values = true)]
-    env_scale: Option<f32>,
+    #[command(flatten)]
+    #[serde(flatten)]
+    environment: EnvironmentArgs,
     /// Sun: direction in which the light travels, and irradiance in W/m² on a surface that faces it; repeatable.
     #[arg(long, value_parser = options::numbers::<6>, value_name = "DX,DY,DZ,R,G,B", allow_hyphen_values = true)]
+    #[serde(serialize_with = "as_texts")]
     sun: Vec<[f32; 6]>,
     /// Point light: position and radiant intensity in W/sr; repeatable.
     #[arg(long, value_parser = options::numbers::<6>, value_name = "X,Y,Z,R,G,B", allow_hyphen_values = true)]
+    #[serde(serialize_with = "as_texts")]
     point: Vec<[f32; 6]>,
     /// Sphere light: center, radius and radiance in W/(m² sr); repeatable (spot and disk lights require a scene file).
     #[arg(long, value_parser = options::numbers::<7>, value_name = "X,Y,Z,RADIUS,R,G,B", allow_hyphen_values = true)]
+    #[serde(serialize_with = "as_texts")]
     sphere: Vec<[f32; 7]>,
 }
 
+/// Light from all around.
+#[derive(clap::Args, Clone, Debug, Default, PartialEq, Serialize)]
+#[command(next_help_heading = LIGHT)]
+pub(crate) struct EnvironmentArgs {
+    /// Environment light: constant radiance in W/(m² sr), or an environment map (.hdr or .exr) [default: black]
+    #[arg(long, value_parser = environment, value_name = "R,G,B|FILE", allow_hyphen_values = true)]
+    #[serde(serialize_with = "as_text")]
+    env: Option<EnvironmentArg>,
+    /// Rotation of the environment map about the y axis, in degrees, counter-clockwise seen from above.
+    #[arg(long, value_parser = options::number, value_name = "DEG", requires = "env", allow_hyphen_values = true)]
+    #[serde(serialize_with = "as_text")]
+    env_turn: Option<f32>,
+    /// Factor for the radiance of --env.
+    #[arg(long, value_parser = options::factor, value_name = "X", requires = "env", allow_hyphen_values = true)]
+    #[serde(serialize_with = "as_text")]
+    env_scale: Option<f32>,
+}
+
 /// The value of `--env`.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 enum EnvironmentArg {
     Constant([f32; 3]),
     Map(PathBuf),
+}
+
+impl Text for EnvironmentArg {
+    fn text(&self) -> String {
+        match self {
+            Self::Constant(radiance) => radiance.text(),
+            Self::Map(path) => path.display().to_string(),
+        }
+    }
 }
 
 /// A file by its extension, else three numbers.
@@ -67,12 +100,15 @@ impl LightArgs {
 
     /// The environment of the options, else the one of the scene.
     pub(crate) fn environment_or(&self, of_scene: Option<Environment>) -> Result<Option<Environment>> {
-        if self.is_empty() { Ok(of_scene) } else { self.environment().map(Some) }
+        if self.is_empty() { Ok(of_scene) } else { self.environment.read().map(Some) }
     }
 
     /// Whether no light is given.
     pub(crate) fn is_empty(&self) -> bool {
-        self.env.is_none() && self.sun.is_empty() && self.point.is_empty() && self.sphere.is_empty()
+        self.environment == EnvironmentArgs::default()
+            && self.sun.is_empty()
+            && self.point.is_empty()
+            && self.sphere.is_empty()
     }
 
     /// [`LightArgs::apply`] to a scene that has its environment.
@@ -111,12 +147,19 @@ impl LightArgs {
 
     /// The file of `--env`, the factor of its radiance and its rotation in degrees.
     pub(crate) fn environment_file(&self) -> Option<(&Path, [f32; 3], f32)> {
+        self.environment.file()
+    }
+}
+
+impl EnvironmentArgs {
+    /// The file of `--env`, the factor of its radiance and its rotation in degrees.
+    fn file(&self) -> Option<(&Path, [f32; 3], f32)> {
         let Some(EnvironmentArg::Map(path)) = &self.env else { return None };
         Some((path, [self.env_scale.unwrap_or(1.0); 3], self.env_turn.unwrap_or(0.0)))
     }
 
-    fn environment(&self) -> Result<Environment> {
-        if let Some((path, scale, turn_degrees)) = self.environment_file() {
+    fn read(&self) -> Result<Environment> {
+        if let Some((path, scale, turn_degrees)) = self.file() {
             let mut warnings = Vec::new();
             let image = canted_scene::read_environment(path, &mut warnings)?;
             load::warn(&warnings);
@@ -171,7 +214,6 @@ fn turned([x, y, z]: [f32; 3], up: [f32; 3]) -> [f32; 3] {
 }
 
 /// Normalizes a nonzero vector.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 fn unit(v: [f32; 3]) -> [f32; 3] {
     let v = v.map(f64::from);
     let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();

@@ -6,16 +6,13 @@ use std::path::Path;
 use anyhow::{Result, anyhow};
 use canted_film::{Aovs, Film};
 use canted_renderer::{Monitor, Surfaces, resume_with};
-use canted_scene::{Scene, SceneFile, closest_match};
-use canted_wide::LaneKernel;
-use clap::FromArgMatches;
+use canted_scene::{Scene, SceneFile, suggestion};
+use clap::{Args as _, Command, FromArgMatches as _};
 
 use crate::{
-    load,
-    options::with_kernel,
-    output,
-    render::{self, Args, Setup},
-    settings,
+    load, options, output,
+    render::{self, Setup},
+    settings::{self, LookOptions, PictureArgs, Plan, Purpose},
 };
 
 /// A rendered picture.
@@ -54,78 +51,71 @@ pub fn picture(source: &Source<'_>, options: &[(String, String)], monitor: &Moni
     Ok(Picture { film, aovs, warnings })
 }
 
+/// Options of a picture in memory besides those of every picture.
+#[derive(clap::Args, Clone, Debug, Default)]
+struct Channels {
+    /// Additional channels.
+    #[arg(long, value_parser = render::aov, value_delimiter = ',')]
+    aovs: Vec<Aovs>,
+}
+
 fn film(source: &Source<'_>, options: &[(String, String)], monitor: &Monitor<'_>) -> Result<(Film, Aovs)> {
-    let read;
-    let scene_file = match source {
-        Source::File(path) if load::is_scene_file(path) => {
-            read = load::scene_file(path)?;
-            Some(&read)
-        }
-        Source::SceneFile(file) => Some(*file),
-        _ => None,
-    };
     let path = if let Source::File(path) = source { Some(*path) } else { None };
-    let args = parse(scene_file, path, options, settings::is_of_picture)?;
-    args.settings()?;
+    let read = settings::scene_file(path)?;
+    let scene_file = if let Source::SceneFile(file) = source { Some(*file) } else { read.as_ref() };
+    // A film is linear: exposure and tone curve belong to the formats of files.
+    let of_files = options::names::<LookOptions>();
+    let args: PictureArgs<Channels> = parse(path, options, |name| !of_files.iter().any(|other| other == name))?;
+    let purpose = Purpose { aovs: render::union(&args.own.aovs), is_linear: true, ..Purpose::default() };
+    let plan = args.resolve(scene_file, &purpose)?;
     let mut scene = match source {
         Source::SceneFile(file) => {
             let scene = file.load()?;
             load::warn(&scene.warnings);
             scene
         }
-        _ => load::scene_with(path, &args.read_options(args.time))?,
+        _ => load::scene_with(path, &plan.source.read_options(plan.source.time))?,
     };
-    let triangles = args.structure.triangles;
-    with_kernel!(triangles, render(&mut scene, args, monitor))
+    render(&mut scene, plan, monitor)
 }
 
-fn render<K: LaneKernel>(scene: &mut Scene, mut args: Args, monitor: &Monitor<'_>) -> Result<(Film, Aovs)> {
-    let source = args.light.apply(scene)?;
-    // The film is linear: no exposure is chosen for it.
-    args.look.set_stops(Some(0.0));
-    let Setup { prepared, camera, .. } = render::setup::<K>(scene, &mut args, source)?;
-    let settings = &args.settings()?;
+fn render(scene: &mut Scene, mut plan: Plan, monitor: &Monitor<'_>) -> Result<(Film, Aovs)> {
+    let source = plan.light.apply(scene)?;
+    let Setup { bvh, camera, .. } = render::setup(scene, &mut plan, source)?;
+    let settings = &plan.settings;
     let surfaces = Surfaces::with_lod(scene, settings.lod);
-    let film = resume_with(&surfaces, &prepared.structure, &camera, settings, Vec::new(), monitor)?;
+    let film = resume_with(&surfaces, &bvh, &camera, settings, Vec::new(), monitor)?;
     if let Some(warning) = render::dropped_samples(&film) {
         output::warn(&warning);
     }
     Ok((film, settings.aovs))
 }
 
-/// The options of a picture after the settings of the scene file, which they override. `is_option` says which of the options of
-/// `canted render` there are.
-pub(crate) fn parse(
-    file: Option<&SceneFile>,
+/// Options by name: the long name without dashes in front, with `_` or `-` between words. `is_option` says which of those of `R` there are.
+///
+/// # Errors
+/// One sentence: an unknown option, or an invalid value.
+pub(crate) fn parse<R: clap::Args>(
     scene: Option<&Path>,
     options: &[(String, String)],
-    is_option: fn(&str) -> bool,
-) -> Result<Args> {
-    let command = settings::render_command().args_override_self(true);
-    let known = |id: &str| command.get_arguments().any(|arg| arg.get_id().as_str() == id && is_option(id));
-    let mut words: Vec<OsString> = Vec::new();
+    is_option: impl Fn(&str) -> bool,
+) -> Result<PictureArgs<R>> {
+    let known: Vec<String> = options::names::<PictureArgs<R>>();
+    let known: Vec<&str> = known.iter().map(|name| &name[..]).filter(|name| is_option(name)).collect();
+    let mut words = vec![OsString::from("render")];
     for (name, value) in options {
         let id = name.replace('-', "_");
-        if !known(&id) {
-            let names = command.get_arguments().map(|arg| arg.get_id().as_str()).filter(|id| is_option(id));
-            let near = closest_match(&id, names).unwrap_or_default();
-            return Err(anyhow!("unknown option '{}'; did you mean '{near}'?", name.escape_debug()));
+        if id == "scene" || !known.contains(&&id[..]) {
+            let near = suggestion(&id, known.iter().copied());
+            return Err(anyhow!("unknown option '{}'{near}", name.escape_debug()));
         }
-        words.push(settings::option(&id, value));
+        words.push(format!("{}={value}", options::flag(&id)).into());
     }
-    let scene = scene.map(|path| [OsString::from("--"), path.into()]);
-    let matches = |own: Vec<OsString>| {
-        let all = [OsString::from("render")].into_iter().chain(own).chain(scene.iter().flatten().cloned());
-        command.clone().try_get_matches_from(all).map_err(|error| anyhow!("{}", sentence(&error)))
-    };
-    let mut found = matches(words.clone())?;
-    if let Some(file) = file {
-        settings::check(&file.settings, file.path())?;
-        let mut all = settings::as_options(&file.settings, &found);
-        all.extend(words);
-        found = matches(all)?;
-    }
-    Args::from_arg_matches(&found).map_err(|error| anyhow!("{}", sentence(&error)))
+    words.extend(scene.map(|path| [OsString::from("--"), path.into()]).into_iter().flatten());
+    let command = PictureArgs::<R>::augment_args(Command::new("render")).disable_help_flag(true);
+    let found = command.args_override_self(true).try_get_matches_from(words);
+    let args = found.and_then(|matches| PictureArgs::from_arg_matches(&matches));
+    args.map_err(|error| anyhow!("{}", sentence(&error)))
 }
 
 /// The error of a command line on one line, without advice about the program.

@@ -1,131 +1,45 @@
 //! `canted render`: a picture of a scene, and a report.
+//!
+//! ```text
+//! Args -> Job (resolved once) -> scene, machine -> setup -> film -> output file, facts
+//! ```
 
 mod args;
-mod camera;
-mod checkpoint;
-mod denoise;
-mod exposure;
 mod facts;
 mod film;
 mod frames;
 #[cfg(feature = "gpu")]
 mod gpu;
-mod look;
-mod overlay;
-mod passes;
-mod samples;
+mod output;
 mod setup;
 
-use std::{
-    borrow::Cow,
-    time::{Duration, Instant},
-};
+use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow};
-use canted_film::{Film, Format, Record, Tile, encode, write_film_as};
+use canted_film::{Record, Tile};
 #[cfg(feature = "gpu")]
 use canted_renderer::DeviceFrames;
-use canted_renderer::{FirstHit, MipMaps, Prepared, SampleSums, Settings, Surfaces, heatmap};
+use canted_renderer::{FirstHit, MipMaps, SampleSums, SceneBvh, Settings, Surfaces, heatmap, light_hash, scene_hash};
 use canted_scene::{Camera, Scene};
-use canted_wide::LaneKernel;
 use serde_json::json;
 
 use crate::{
+    camera,
     device::{DeviceArg, Machine},
     light::LightSource,
-    load, memory, not_needed,
-    options::{self, with_kernel},
-    output::{self, Named},
+    load, options, output as print, process,
+    settings::Plan,
 };
-pub(crate) use args::Args;
-use args::checkpoint_record;
-use checkpoint::CheckpointWriter;
-pub(crate) use checkpoint::difference;
-pub(crate) use denoise::denoised as denoised_film;
+use args::Job;
+pub(crate) use args::{Args, DiagramArgs, aov, union};
 use facts::Fact;
 pub(crate) use facts::dropped_samples;
-use film::{CpuRenderer, FilmRenderer};
-use look::LookArgs;
-use overlay::Overlay;
-pub(crate) use overlay::no_boxes;
-pub(crate) use passes::{next as next_pass, whole as whole_film};
+pub(crate) use facts::{not_needed, parts_text};
+use film::{CheckpointWriter, CpuRenderer, FilmJob, FilmRenderer};
+pub(crate) use film::{difference, next as next_pass, whole as whole_film};
+use output::{Output, OutputFile, Overlay};
+pub(crate) use output::{denoised as denoised_film, no_boxes};
 pub(crate) use setup::{Choice, Setup, choose, decided, setup};
-
-/// A rendered picture or film.
-enum Output {
-    Picture(canted_film::Picture),
-    /// A film, and its denoised picture.
-    Film(Box<Film>, Record, Option<canted_film::Picture>),
-}
-
-impl Output {
-    fn write(self, args: &Args, overlay: Option<&Overlay>) -> Result<()> {
-        match self {
-            Self::Film(film, record, denoised) => write(args, *film, denoised, &record, overlay),
-            // A heat map is a diagram: its colors are not exposed.
-            Self::Picture(picture) => write_encoded(args, picture, overlay),
-        }
-    }
-}
-
-/// Writes a film as it is so far.
-fn show(args: &Args, film: Film) -> Result<()> {
-    let denoised = denoised(args, &film)?;
-    write(args, film, denoised, &Record::new(), None)
-}
-
-/// The denoised picture of a film, if it is requested.
-fn denoised(args: &Args, film: &Film) -> Result<Option<canted_film::Picture>> {
-    args.samples.denoise.then(|| denoise::denoised(film, args.crop)).transpose()
-}
-
-/// Writes the part of a film that is shown, or its denoised picture, and the requested channels.
-///
-/// Takes the film, so that its memory is free before the file is encoded.
-fn write(
-    args: &Args,
-    film: Film,
-    denoised: Option<canted_film::Picture>,
-    record: &Record,
-    overlay: Option<&Overlay>,
-) -> Result<()> {
-    let film = if args.crop.is_some() { cropped(&film, args.crop).into_owned() } else { film };
-    let aovs = args.samples.aovs();
-    if film.part().is_some() || !aovs.is_empty() {
-        let mut picture = denoised.unwrap_or_else(|| film.picture());
-        draw(args, &mut picture, overlay);
-        return Ok(write_film_as(&args.output, &picture, &film, aovs, record)?);
-    }
-    write_picture(args, denoised.unwrap_or_else(|| film.into_picture()), overlay)
-}
-
-/// Draws boxes over the part of a picture that is shown.
-fn draw(args: &Args, picture: &mut canted_film::Picture, overlay: Option<&Overlay>) {
-    if let Some(overlay) = overlay {
-        overlay.draw(picture, args.crop.map_or([0, 0], |[left, top, ..]| [left, top]));
-    }
-}
-
-/// The part of a film that is shown.
-fn cropped(film: &Film, crop: Option<[u32; 4]>) -> Cow<'_, Film> {
-    crop.map_or(Cow::Borrowed(film), |[x, y, width, height]| Cow::Owned(film.cropped([x, y], [width, height])))
-}
-
-/// Writes a picture with the look of the options.
-fn write_picture(args: &Args, picture: canted_film::Picture, overlay: Option<&Overlay>) -> Result<()> {
-    let is_linear = args.format()?.is_linear();
-    write_encoded(args, if is_linear { picture } else { args.look.apply(picture) }, overlay)
-}
-
-fn write_encoded(args: &Args, mut picture: canted_film::Picture, overlay: Option<&Overlay>) -> Result<()> {
-    draw(args, &mut picture, overlay);
-    let format = args.format()?;
-    if args.is_stream() {
-        let bytes = encode(&picture, format).map_err(|reason| anyhow!("cannot write standard output: {reason}"))?;
-        return output::bytes_to_stdout(&bytes);
-    }
-    Ok(canted_film::write_picture(&args.output, &picture, format)?)
-}
 
 /// What rendering returns. The checkpoint is removed once the output is written.
 struct Rendered {
@@ -137,16 +51,16 @@ struct Rendered {
 
 impl Rendered {
     /// A warning about a picture that is nearly black; heat maps and parts of pictures may be.
-    fn darkness(&self, args: &Args) -> Option<String> {
+    fn darkness(&self, file: &OutputFile) -> Option<String> {
         match &self.output {
-            Output::Film(film, ..) if film.part().is_none() => exposure::darkness(&cropped(film, args.crop)),
+            Output::Film(film, ..) if film.part().is_none() => setup::darkness(&file.cropped(film)),
             _ => None,
         }
     }
 
     /// Writes the output, then removes the checkpoint. Returns the facts.
-    fn write(self, args: &Args) -> Result<Vec<Fact>> {
-        let written = self.output.write(args, self.overlay.as_ref());
+    fn write(self, file: &OutputFile) -> Result<Vec<Fact>> {
+        let written = file.write(self.output, self.overlay.as_ref());
         if let Some(checkpoint) = self.checkpoint {
             // If the output cannot be written, the next run continues from the checkpoint.
             if written.is_ok() { checkpoint.remove()? } else { checkpoint.save() }
@@ -156,111 +70,71 @@ impl Rendered {
 }
 
 /// Renders the picture, or the pictures of all frames.
-pub(crate) fn run(args: &Args) -> Result<()> {
-    options::use_threads(args.run.threads)?;
-    let format = args.format()?;
-    args.samples.check(format == Format::Exr, args.heatmap.is_some())?;
-    if args.is_stream() {
-        args.samples.check_stream()?;
-        if args.run.json {
-            return Err(anyhow!("-o - and --json both write to standard output; write the picture to a file"));
-        }
+pub(crate) fn run(args: Args) -> Result<()> {
+    let job = args.job()?;
+    options::use_threads(job.run.threads)?;
+    match job.sequence.frames {
+        Some(range) => frames::run(&job, range),
+        None => one(job),
     }
-    let checkpoint = args.samples.checkpoint.as_deref().map(|path| ("--checkpoint", path));
-    let picture = [("--output", args.output.as_path())].into_iter().filter(|_| !args.is_stream());
-    let outputs: Vec<Named> = picture.chain(checkpoint).collect();
-    output::check_distinct(&args.inputs()?.named(), &outputs)?;
-    args.settings()?;
-    args.check_crop()?;
-    args.look.warn_ignored(format.is_linear());
-    if args.animation.is_some() && args.time.is_none() && args.sequence.frames.is_none() {
-        return Err(anyhow!("--animation requires --time or --frames"));
-    }
-    args.sequence.check_shutter(args.scene.as_deref(), args.time)?;
-    check_device(args)?;
-    if let Some(range) = args.sequence.frames {
-        return frames::run(args, range);
-    }
-    if !args.is_stream() {
-        output::probe(&args.output)?;
-    }
-    let start = Instant::now();
-    let (path, options) = (args.scene.as_deref(), args.read_options(args.time));
-    let mut scene = match (path, args.time.and_then(|time| args.sequence.shutter_times(time))) {
-        (Some(path), Some(times)) => load::scene_in_shutter(path, times, &options)?,
-        _ => load::scene_with(path, &options)?,
-    };
-    load::check_outputs(args.scene.as_deref(), &scene, &outputs)?;
-    let source = args.light.apply(&mut scene)?;
-    let load_time = start.elapsed();
-    output::detail(|| format!("scene read in {:.3} s", load_time.as_secs_f64()));
-    let machine = open_machine(args)?;
-    let (rendered, look) =
-        with_kernel!(args.structure.triangles, render(&mut scene, args, &machine, source, load_time))?;
-    let args = &Args { look, ..args.clone() };
-    if let Some(warning) = rendered.darkness(args) {
-        output::warn(&warning);
-    }
-    let of_render = rendered.write(args)?;
-    let mut facts = vec![
-        ("scene", json!(load::name(args.scene.as_deref()))),
-        ("picture", json!(args.output.display().to_string())),
-        ("size", json!(args.output_size())),
-    ];
-    facts.extend(of_render);
-    facts.extend(memory::peak_bytes().map(|bytes| ("peak_memory_bytes", json!(bytes))));
-    facts.push(("seconds", json!(start.elapsed().as_secs_f64())));
-    if args.is_stream() {
-        return Ok(());
-    }
-    facts::report(&facts, args.run.json)
 }
 
-/// Rejects a heat map on a GPU, and sums of a device on the CPU.
-fn check_device(args: &Args) -> Result<()> {
-    if args.sums == SampleSums::Device && args.heatmap.is_none() && args.run.device == DeviceArg::Cpu {
-        return Err(anyhow!("--sums device requires a GPU; use --device gpu, or --sums host"));
+/// Renders one picture.
+fn one(mut job: Job) -> Result<()> {
+    if !job.output.is_stream {
+        print::probe(&job.output.path)?;
     }
-    match (args.heatmap, &args.run.device) {
-        (None, _) | (Some(_), DeviceArg::Auto | DeviceArg::Cpu) => Ok(()),
-        (Some(_), _) => Err(anyhow!("--heatmap is not supported on the GPU; use --device cpu")),
+    let start = Instant::now();
+    let mut scene = read(&job)?;
+    load::check_outputs(job.plan.source.scene.as_deref(), &scene, &job.outputs())?;
+    let source = job.plan.light.apply(&mut scene)?;
+    let load_time = start.elapsed();
+    print::detail(|| format!("scene read in {:.3} s", load_time.as_secs_f64()));
+    let machine = open_machine(&job)?;
+    let rendered = render(&mut scene, &mut job, &machine, source)?;
+    if let Some(warning) = rendered.darkness(&job.output) {
+        print::warn(&warning);
+    }
+    let of_render = rendered.write(&job.output)?;
+    let mut facts = vec![
+        ("scene", json!(load::name(job.plan.source.scene.as_deref()))),
+        ("picture", json!(job.output.path.display().to_string())),
+        ("size", json!(job.output.shown_size())),
+    ];
+    facts.extend(of_render);
+    facts.push(("load_seconds", json!(load_time.as_secs_f64())));
+    facts.extend(process::peak_bytes().map(|bytes| ("peak_memory_bytes", json!(bytes))));
+    facts.push(("seconds", json!(start.elapsed().as_secs_f64())));
+    if job.output.is_stream {
+        return Ok(());
+    }
+    facts::report(&facts, job.run.json)
+}
+
+/// Reads the scene in its pose, or in those of a shutter that is open for some time.
+fn read(job: &Job) -> Result<Scene> {
+    let source = &job.plan.source;
+    let (path, options) = (source.scene.as_deref(), source.read_options(source.time));
+    match (path, source.time.and_then(|time| job.sequence.shutter_times(time))) {
+        (Some(path), Some(times)) => load::scene_in_shutter(path, times, &options),
+        _ => load::scene_with(path, &options),
     }
 }
 
 /// Opens the device, after the scene is read: an invalid scene does not wait for drivers.
-fn open_machine(args: &Args) -> Result<Machine> {
-    let has_passes = args.samples.has_passes() && args.run.device == DeviceArg::Auto;
-    if args.heatmap.is_some() || has_passes {
+fn open_machine(job: &Job) -> Result<Machine> {
+    let has_passes = job.passes.is_some() && job.run.device == DeviceArg::Auto;
+    if job.plan.heatmap.is_some() || has_passes {
         return Ok(Machine::Cpu);
     }
-    Machine::open(&args.run.device, &args.structure)
+    Machine::open(&job.run.device, &job.plan.structure)
 }
 
-fn render<K: LaneKernel>(
-    scene: &mut Scene,
-    args: &Args,
-    machine: &Machine,
-    source: LightSource,
-    load_time: Duration,
-) -> Result<(Rendered, LookArgs)> {
-    let mut args = args.clone();
-    let Setup { prepared, camera, choice } = setup::<K>(scene, &mut args, source)?;
-    let mut last = LastFrame::default();
-    let mut rendered = render_picture(scene, &args, machine, &prepared, &camera, choice, &mut last)?.rendered;
-    rendered.facts.push(("load_seconds", json!(load_time.as_secs_f64())));
-    Ok((rendered, args.look))
-}
-
-/// Empty tiles for all that a crop does not show and the filter does not read, so that they are not rendered.
-fn outside(args: &Args, settings: &Settings) -> Vec<Tile> {
-    let Some(crop) = args.crop else { return Vec::new() };
-    let [left, top, width, height] = if args.samples.denoise { denoise::with_margin(crop, args.size) } else { crop };
-    let tiling = settings.tiling();
-    let is_shown = |number: usize| {
-        let ([x, y], [columns, rows]) = (tiling.corner(number), tiling.size(number));
-        x < left + width && left < x + columns && y < top + height && top < y + rows
-    };
-    (0..tiling.n_tiles()).filter(|&number| !is_shown(number)).map(|number| tiling.tile(number)).collect()
+fn render(scene: &mut Scene, job: &mut Job, machine: &Machine, source: LightSource) -> Result<Rendered> {
+    let Setup { bvh, camera, choice } = setup(scene, &mut job.plan, source)?;
+    job.output.look = job.plan.look.clone();
+    let view = Frame { scene, bvh: &bvh, camera: &camera, choice, label: "" };
+    Ok(render_picture(&view, job, machine, &mut LastFrame::default())?.rendered)
 }
 
 /// A rendered picture.
@@ -279,87 +153,143 @@ struct LastFrame {
     device: Option<DeviceFrames>,
 }
 
-/// Renders a scene that is ready, with what the frame before left, if there is one; leaves the same of this frame.
-#[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "the CPU is the only machine"))]
-fn render_picture<K: LaneKernel>(
-    scene: &Scene,
-    args: &Args,
-    machine: &Machine,
-    prepared: &Prepared<K>,
-    camera: &Camera,
+/// A scene that is ready to render.
+struct Frame<'a> {
+    scene: &'a Scene,
+    bvh: &'a SceneBvh,
+    camera: &'a Camera,
     choice: Choice,
-    last: &mut LastFrame,
-) -> Result<Picture> {
-    let settings = Settings { means_only: args.samples.needs_means_only(), ..args.settings()? };
-    let mut facts = facts::of_structure(scene, prepared);
+    /// Stands before the progress bar.
+    label: &'a str,
+}
+
+/// Renders a scene that is ready, with what the frame before left, if there is one; leaves the same of this frame.
+fn render_picture(frame: &Frame, job: &Job, machine: &Machine, last: &mut LastFrame) -> Result<Picture> {
+    let &Frame { scene, bvh, camera, choice, .. } = frame;
+    let mut facts = facts::of_structure(scene, bvh);
     facts.extend(choice.default_light.map(|strength| ("default_light", json!(strength))));
     facts.extend(choice.exposure.map(|stops| ("exposure", json!(stops))));
-    if args.heatmap.is_none() {
+    if job.plan.heatmap.is_none() {
         facts.push(("integrator_reason", json!(choice.integrator_reason)));
     }
     let start = Instant::now();
     let mut checkpoint = None;
-    let output = if let Some(measure) = args.heatmap {
-        let surfaces = Surfaces::new(scene);
-        let map = heatmap(&surfaces, &prepared.structure, camera, args.size, measure, args.heatmap_scale)?;
+    let output = if let Some((measure, scale)) = job.plan.heatmap {
+        let map = heatmap(&Surfaces::new(scene), bvh, camera, job.plan.size(), measure, scale)?;
         let [boxes, triangles] = map.mean();
         facts.push(("box_tests_per_ray", json!(boxes)));
         facts.push(("triangle_tests_per_ray", json!(triangles)));
         Output::Picture(map.picture)
     } else {
-        let (structure, settings) = (&prepared.structure, &settings);
+        let lod = job.plan.settings.lod;
         let surfaces = match &last.mip_maps {
-            Some(known) => Surfaces::with_mip_maps(scene, settings.lod, known),
-            None => Surfaces::with_lod(scene, settings.lod),
+            Some(known) => Surfaces::with_mip_maps(scene, lod, known),
+            None => Surfaces::with_lod(scene, lod),
         };
         last.mip_maps = Some(surfaces.mip_maps());
         #[cfg(feature = "gpu")]
-        let on_gpu = match machine.has_gpu() {
-            true => gpu::GpuRenderer::new(machine, args, &surfaces, structure, camera, settings, last.device.as_mut())?,
-            false => None,
-        };
+        let device = last.device.as_mut();
+        #[cfg(feature = "gpu")]
+        let on_gpu = gpu::GpuRenderer::new(machine, &job.plan, &surfaces, bvh, camera, device)?;
         #[cfg(not(feature = "gpu"))]
-        let on_gpu: Option<CpuRenderer<K>> = None;
-        if on_gpu.is_none() && args.first_hit == FirstHit::Raster {
-            return Err(anyhow!(
-                "--first-hit raster requires a GPU, and the CPU renders this picture; use --device gpu, or --first-hit auto"
-            ));
-        }
-        if on_gpu.is_none() && args.sums == SampleSums::Device {
-            return Err(anyhow!(
-                "--sums device requires a GPU, and the CPU renders this picture; use --device gpu, or --sums host"
-            ));
-        }
-        let on_cpu = CpuRenderer { surfaces: &surfaces, structure, camera, settings };
-        let renderer: &dyn FilmRenderer = on_gpu.as_ref().map_or(&on_cpu, |on_gpu| on_gpu as &dyn FilmRenderer);
-        let needs_record = settings.part.is_some() || args.samples.checkpoint.is_some();
-        let record = if needs_record { args.record(scene, camera, settings, renderer.device()) } else { Record::new() };
-        let mut done = Vec::new();
-        if let Some(path) = &args.samples.checkpoint {
-            let interval = Duration::from_secs(args.samples.checkpoint_every.into());
-            let (opened, tiles) =
-                CheckpointWriter::open(path.clone(), interval, &checkpoint_record(&record, settings))?;
-            (checkpoint, done) = (Some(opened), tiles);
-        }
-        done.extend(outside(args, settings));
-        let (film, of_device) = film::render(renderer, args, settings, checkpoint.as_ref(), done)?;
-        facts.extend(of_device);
-        let of_film = facts::of_film(&film, settings, start.elapsed(), &facts);
-        facts.extend(of_film);
-        if let Some(warning) = facts::dropped_samples(&film) {
-            output::warn(&warning);
-        }
-        let start = Instant::now();
-        let denoised = denoised(args, &film)?;
-        if denoised.is_some() {
-            facts.push(("denoise_seconds", json!(start.elapsed().as_secs_f64())));
-        }
-        Output::Film(Box::new(film), record, denoised)
+        let on_gpu: Option<CpuRenderer> = match machine {
+            Machine::Cpu => None,
+        };
+        let renderer: &dyn FilmRenderer = match &on_gpu {
+            Some(on_gpu) => on_gpu,
+            None => {
+                check_for_cpu(&job.plan)?;
+                &CpuRenderer { surfaces: &surfaces, bvh, camera, settings: &job.plan.settings }
+            }
+        };
+        film_of(frame, job, renderer, &mut facts, &mut checkpoint)?
     };
     let trace_time = start.elapsed();
-    let overlay = Overlay::new(args, &prepared.structure, camera)?;
+    let overlay = job.boxes.map(|level| Overlay::new(level, bvh, camera, job.plan.size())).transpose()?;
     facts.push(("trace_seconds", json!(trace_time.as_secs_f64())));
     facts.push(("threads", json!(rayon::current_num_threads())));
-    facts.push(("not_needed", not_needed::json(&prepared.unused, args.heatmap.is_some())));
+    facts.push(("not_needed", not_needed(&bvh.unused, job.plan.heatmap.is_some())));
     Ok(Picture { rendered: Rendered { output, facts, checkpoint, overlay }, trace_time })
+}
+
+/// Rejects what only GPUs do.
+fn check_for_cpu(plan: &Plan) -> Result<()> {
+    let needs_gpu = [
+        ("--first-hit raster", plan.first_hit == FirstHit::Raster, "--first-hit auto"),
+        ("--sums device", plan.settings.sums == SampleSums::Device, "--sums host"),
+    ];
+    match needs_gpu.into_iter().find(|&(_, is_given, _)| is_given) {
+        None => Ok(()),
+        Some((option, _, other)) => {
+            Err(anyhow!("{option} requires a GPU, and the CPU renders this picture; use --device gpu, or {other}"))
+        }
+    }
+}
+
+/// Renders a film and denoises it, from a checkpoint and with one if they are requested.
+fn film_of(
+    frame: &Frame,
+    job: &Job,
+    renderer: &dyn FilmRenderer,
+    facts: &mut Vec<Fact>,
+    checkpoint: &mut Option<CheckpointWriter>,
+) -> Result<Output> {
+    let (start, settings) = (Instant::now(), &job.plan.settings);
+    let needs_record = settings.part.is_some() || job.checkpoint.is_some();
+    let record = if needs_record { record(frame, &job.plan, renderer.device()) } else { Record::new() };
+    let mut done: Vec<Tile> = Vec::new();
+    if let Some((path, interval)) = &job.checkpoint {
+        let (opened, tiles) = CheckpointWriter::open(path.clone(), *interval, &checkpoint_record(&record, settings))?;
+        (*checkpoint, done) = (Some(opened), tiles);
+    }
+    done.extend(job.output.outside(settings));
+    let film_job = FilmJob {
+        settings,
+        output: &job.output,
+        passes: job.passes.clone(),
+        checkpoint: checkpoint.as_ref(),
+        label: frame.label,
+        is_frame: job.sequence.frames.is_some(),
+    };
+    let (film, of_device) = film::render(renderer, &film_job, done)?;
+    facts.extend(of_device);
+    let of_film = facts::of_film(&film, settings, start.elapsed(), facts);
+    facts.extend(of_film);
+    if let Some(warning) = facts::dropped_samples(&film) {
+        print::warn(&warning);
+    }
+    let start = Instant::now();
+    let denoised = job.output.denoised(&film)?;
+    if denoised.is_some() {
+        facts.push(("denoise_seconds", json!(start.elapsed().as_secs_f64())));
+    }
+    Ok(Output::Film(Box::new(film), record, denoised))
+}
+
+/// Everything that determines the value of a sample, by name. The device is included because devices round differently.
+fn record(frame: &Frame, plan: &Plan, device: String) -> Record {
+    let own = [
+        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+        ("scene", format!("{:016x}", scene_hash(frame.scene))),
+        ("light", format!("{:016x}", light_hash(frame.scene))),
+        ("triangles", plan.structure.config.triangles.name().to_owned()),
+        ("device", device),
+    ];
+    let named = |(name, value): (&str, String)| (name.to_owned(), value);
+    // The camera is last: a camera that frames the scene depends on the size, which is the more useful difference.
+    let of_camera = camera::record(frame.camera).map(named);
+    own.map(named).into_iter().chain(plan.settings.record()).chain(of_camera).collect()
+}
+
+/// The record of a checkpoint, which also states what its tiles are sums of.
+fn checkpoint_record(record: &Record, settings: &Settings) -> Record {
+    let noise = settings.noise.map_or_else(|| "none".to_owned(), |noise| noise.to_string());
+    let own = [
+        ("samples", format!("{:?}", settings.range())),
+        ("use", if settings.part.is_some() { "a part to merge" } else { "a picture" }.to_owned()),
+        ("noise", noise),
+        ("aovs", settings.aovs.to_string()),
+        ("tile", settings.tile.to_string()),
+    ];
+    record.iter().cloned().chain(own.map(|(name, value)| (name.to_owned(), value))).collect()
 }

@@ -1,281 +1,685 @@
-//! Settings of scene files: the options of `canted render` that determine the picture, under their long names.
+//! What determines a picture: options over settings of a scene file over defaults, resolved once.
 //!
-//! Every option is a setting except the few listed here, so a new option needs no further code. Settings are inserted
-//! before the options of the command line, which therefore override them.
+//! ```text
+//! command line -> PictureArgs --+
+//!                               +-> SceneSettings (merged) -> Plan -> renderer
+//! scene file -> SceneSettings --+
+//! ```
+//!
+//! An option is a setting of scene files if its struct is part of [`SceneSettings`]; a new option of these structs needs no further code.
 
 use std::{
-    ffi::OsString,
-    num::{IntErrorKind, ParseIntError},
     path::{Path, PathBuf},
+    str::FromStr,
 };
 
 use anyhow::{Result, anyhow};
-use canted_film::Format;
-use canted_scene::{Setting, suggestion};
-use clap::{
-    ArgMatches, Args as _, Command,
-    error::{ContextKind, ContextValue},
-    parser::ValueSource,
+use canted_film::{Aovs, Filter, Picture, ToneMap};
+use canted_renderer::{FirstHit, Integrator, Lod, Measure, Pattern, SceneBvh, Settings};
+use canted_scene::{Camera, Material, ReadOptions, Scene, SceneFile, Setting, suggestion};
+use clap::Command;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    camera::CameraArgs,
+    light::{EnvironmentArgs, LightArgs},
+    load,
+    options::{
+        self, Given, Named, Names, Structure, StructureOptions, Text, as_text, flag, from_name, from_text, given,
+        named, names, whole,
+    },
+    output,
 };
 
-use crate::{load, output, render, words::Words};
+/// The maximum number of samples per pixel, a guard against typing errors.
+pub(crate) const MAX_SAMPLES: u32 = 1 << 20;
 
-/// Options about a run: its files, devices and reports.
-const RUN_OPTIONS: [&str; 24] = [
-    "scene",
-    "output",
-    "crop",
-    "preview",
-    "denoise",
-    "seconds",
-    "format",
-    "samples",
-    "aovs",
-    "checkpoint",
-    "checkpoint_every",
-    "heatmap",
-    "heatmap_scale",
-    "boxes",
-    "device",
-    "sums",
-    "threads",
-    "json",
-    "frames",
-    "fps",
-    "shutter",
-    "turntable",
-    "resume",
-    "update",
-];
+const DEFAULT_SAMPLES: u32 = 16;
 
-/// Options that have their own table in a scene file.
-const OPTIONS_WITH_TABLE: [(&str, &str); 17] = [
-    ("eye", "[camera]"),
-    ("target", "[camera]"),
-    ("up", "[camera]"),
-    ("fov", "[camera]"),
-    ("ortho", "[camera]"),
-    ("camera", "[camera]"),
-    ("aperture", "[camera]"),
-    ("focus", "[camera]"),
-    ("env", "[environment]"),
-    ("env_turn", "[environment]"),
-    ("env_scale", "[environment]"),
-    ("sun", "[[lights]]"),
-    ("point", "[[lights]]"),
-    ("sphere", "[[lights]]"),
-    ("time", "[[assets]]"),
-    ("animation", "[[assets]]"),
-    ("variant", "[[assets]]"),
-];
+const MAX_BOUNCES: u32 = 4096;
 
-/// Options without effect on a heat map, which shows camera rays through the center of the lens.
-const IGNORED_BY_HEATMAP: [&str; 19] = [
-    "spp",
-    "sampler",
-    "seed",
-    "filter",
-    "lod",
-    "integrator",
-    "bounces",
-    "energy_compensation",
-    "first_hit",
-    "sums",
-    "ao_radius",
-    "env",
-    "env_turn",
-    "env_scale",
-    "sun",
-    "point",
-    "sphere",
-    "aperture",
-    "focus",
-];
+/// Help headings. Structs state the order of their options in the help, because headings mix options of several structs.
+pub(crate) const PICTURE: &str = "Picture";
+pub(crate) const RENDERING: &str = "Rendering";
+pub(crate) const CAMERA: &str = "Camera";
+const LOOK: &str = "Look (formats of 8 and 16 bits; .exr and .hdr stay linear)";
 
-pub(crate) fn render_command() -> Command {
-    render::Args::augment_args(Command::new("render")).disable_help_flag(true)
+/// The options of a command that makes pictures, with those of its own in `R`.
+#[derive(clap::Args, Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct PictureArgs<R: clap::Args> {
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub(crate) source: SceneArgs,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub(crate) own: R,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub(crate) options: Given<PictureOptions>,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub(crate) camera: CameraArgs,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub(crate) light: LightArgs,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub(crate) structure: Given<StructureOptions>,
 }
 
-/// The options that are settings.
-fn setting_options(command: &Command) -> impl Iterator<Item = &clap::Arg> {
-    let is_setting = |id: &str| !RUN_OPTIONS.contains(&id) && OPTIONS_WITH_TABLE.iter().all(|&(other, _)| other != id);
-    command.get_arguments().filter(move |arg| is_setting(arg.get_id().as_str()))
+/// Which scene, and in which pose. Scene files state the pose of each asset.
+#[derive(clap::Args, Clone, Debug, Default, PartialEq, Serialize)]
+#[command(next_help_heading = "Scene")]
+pub(crate) struct SceneArgs {
+    /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml) [default: the built-in scene]
+    #[arg(help_heading = None)]
+    #[serde(skip)]
+    pub(crate) scene: Option<PathBuf>,
+    /// Time in the animation of the file [default: rest pose]
+    #[arg(long, value_parser = options::number, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]
+    #[serde(serialize_with = "as_text")]
+    pub(crate) time: Option<f32>,
+    /// Animation of the file, by name or by number from 0 [default: the first]
+    #[arg(long, requires = "scene", value_name = "NAME|INDEX")]
+    #[serde(serialize_with = "as_text")]
+    pub(crate) animation: Option<String>,
+    /// Material variant of a glTF file, by name or by number from 0 [default: the materials of its primitives]
+    #[arg(long, requires = "scene", value_name = "NAME|INDEX")]
+    #[serde(serialize_with = "as_text")]
+    pub(crate) variant: Option<String>,
 }
 
-/// Rejects settings that are unknown or have an invalid value.
-pub(crate) fn check(settings: &[Setting], path: &Path) -> Result<()> {
-    let command = render_command();
-    for setting in settings {
-        check_one(setting, &command).map_err(|error| anyhow!("{}: line {}: {error}", path.display(), setting.line))?;
+impl SceneArgs {
+    /// How the file is read, at a time in seconds.
+    pub(crate) fn read_options(&self, time: Option<f32>) -> ReadOptions {
+        ReadOptions { time, animation: self.animation.clone(), variant: self.variant.clone() }
     }
-    Ok(())
 }
 
-fn check_one(Setting { key, value, .. }: &Setting, command: &Command) -> Result<(), String> {
-    if let Some((_, table)) = OPTIONS_WITH_TABLE.iter().find(|(other, _)| other == key) {
-        return Err(format!("'{key}' is not a key of [settings]; set it in {table}"));
+/// Everything that a scene file can set in `[settings]`.
+#[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
+pub(crate) struct SceneSettings {
+    #[serde(flatten)]
+    pub(crate) picture: PictureOptions,
+    #[serde(flatten)]
+    pub(crate) structure: StructureOptions,
+}
+
+/// Options of the picture.
+#[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
+#[serde(default)]
+pub(crate) struct PictureOptions {
+    /// Image size in pixels.
+    #[arg(long, help_heading = PICTURE, display_order = 5, value_parser = options::size, default_value = "1280x720", value_name = "WxH", allow_hyphen_values = true)]
+    #[serde(serialize_with = "as_text", deserialize_with = "size")]
+    pub(crate) size: Option<[u32; 2]>,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub(crate) rendering: RenderingOptions,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub(crate) look: LookOptions,
+    /// Up axis of the scene: `z` for files of CAD and GIS programs. Sets the view that frames the scene and the default light.
+    #[arg(long, help_heading = CAMERA, display_order = 93, default_value = "y", value_parser = named::<UpAxis>(), value_name = "AXIS")]
+    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
+    pub(crate) up_axis: Option<UpAxis>,
+}
+
+/// Options of samples and light transport, which a heat map ignores.
+#[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
+#[command(next_help_heading = RENDERING, next_display_order = 60)]
+#[serde(default)]
+pub(crate) struct RenderingOptions {
+    /// Samples per pixel; with --noise, the maximum [default: 16]
+    #[arg(long, display_order = 40, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SAMPLES)), value_name = "N")]
+    #[serde(serialize_with = "as_text", deserialize_with = "spp")]
+    pub(crate) spp: Option<u32>,
+    /// Sample pattern [default: stratified; sobol with --samples or --noise]
+    #[arg(long, display_order = 42, value_parser = named::<Pattern>(), value_name = "PATTERN")]
+    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
+    pub(crate) sampler: Option<Pattern>,
+    /// Stop sampling a pixel when its relative standard error falls below ERROR, e.g. 0.02.
+    #[arg(long, display_order = 43, value_parser = options::noise, value_name = "ERROR")]
+    #[serde(serialize_with = "as_text", deserialize_with = "noise")]
+    pub(crate) noise: Option<f32>,
+    /// Random seed.
+    #[arg(long, default_value = "0", value_name = "N", allow_hyphen_values = true)]
+    #[serde(serialize_with = "as_text", deserialize_with = "seed")]
+    seed: Option<u32>,
+    /// Pixel reconstruction filter.
+    #[arg(long, default_value = "box", value_parser = named::<Filter>(), value_name = "FILTER")]
+    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
+    filter: Option<Filter>,
+    /// Texture filtering: `none` (bilinear), `cone` (isotropic ray cones) or `aniso` (anisotropic).
+    #[arg(long, default_value = "aniso", value_parser = named::<Lod>(), value_name = "LOD")]
+    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
+    lod: Option<Lod>,
+    /// Light transport: `hybrid` is fast and approximate, `path` is a path tracer [default: path for glossy surfaces, glass
+    /// and scenes lit by their own surfaces, else hybrid]
+    #[arg(long, value_parser = named::<Integrator>(), value_name = "INTEGRATOR")]
+    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
+    pub(crate) integrator: Option<Integrator>,
+    /// Maximum number of bounces after the first hit [default: 2 for hybrid, 32 for path]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(0..=i64::from(MAX_BOUNCES)), value_name = "N")]
+    #[serde(serialize_with = "as_text", deserialize_with = "bounces")]
+    pub(crate) bounces: Option<u32>,
+    /// Ambient occlusion radius of `hybrid` in world units; inf disables ambient light [default: a tenth of the scene's
+    /// diagonal]
+    #[arg(long, value_parser = options::radius, value_name = "LENGTH", allow_hyphen_values = true)]
+    #[serde(serialize_with = "as_text", deserialize_with = "radius")]
+    ao_radius: Option<f32>,
+    /// Give back the light that rough metal, coats and glass lose between their microfacets: on or off. `off` is for
+    /// comparison with renderers that scatter once; `hybrid` has no such surfaces.
+    #[arg(long, default_value = "on", value_parser = named::<bool>(), value_name = "on|off")]
+    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
+    energy_compensation: Option<bool>,
+    /// First hits of `hybrid` on a GPU: `raster` starts rays at what a raster pass saw, `trace` traces them, `auto` measures which is
+    /// faster. The picture is the same.
+    #[arg(long, default_value = "auto", value_parser = named::<FirstHit>(), value_name = "auto|raster|trace")]
+    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
+    first_hit: Option<FirstHit>,
+}
+
+/// Exposure and tone curve of pictures in formats that are not linear.
+#[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
+#[command(next_help_heading = LOOK, next_display_order = 80)]
+#[serde(default)]
+pub(crate) struct LookOptions {
+    /// Exposure in stops, each of which doubles the brightness, or `auto` for a mean of middle gray [default: 0]
+    #[arg(long, value_name = "EV|auto", allow_hyphen_values = true)]
+    #[serde(serialize_with = "as_text", deserialize_with = "exposure")]
+    exposure: Option<Exposure>,
+    /// Tone curve: `none` clamps, `filmic-neutral` (Khronos PBR Neutral) keeps the colors of glTF materials, `agx` and `aces` are
+    /// those of films.
+    #[arg(long, default_value = "none", value_parser = named::<ToneMap>(), value_name = "CURVE")]
+    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
+    pub(crate) tone_map: Option<ToneMap>,
+}
+
+macro_rules! text_readers {
+    ($($name:ident: $type:ty = $parse:expr;)*) => {
+        $(fn $name<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<$type>, D::Error> {
+            from_text(deserializer, $parse)
+        })*
+    };
+}
+
+text_readers! {
+    size: [u32; 2] = options::size;
+    spp: u32 = |text| whole(text, 1..=MAX_SAMPLES);
+    noise: f32 = options::noise;
+    seed: u32 = |text| whole(text, 0..=u32::MAX);
+    bounces: u32 = |text| whole(text, 0..=MAX_BOUNCES);
+    radius: f32 = options::radius;
+    exposure: Exposure = str::parse;
+}
+
+/// The direction that is up in world space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct UpAxis(pub(crate) [f32; 3]);
+
+impl Named for UpAxis {
+    const NAMES: &'static Names<Self> = &[("y", Self([0.0, 1.0, 0.0])), ("z", Self([0.0, 0.0, 1.0]))];
+}
+
+impl Named for Pattern {
+    const NAMES: &'static Names<Self> =
+        &[("random", Self::Random), ("stratified", Self::Stratified), ("sobol", Self::Sobol)];
+}
+
+impl Named for Filter {
+    const NAMES: &'static Names<Self> = &[
+        ("box", Self::BOX),
+        ("tent", Self::TENT),
+        ("gaussian", Self::GAUSSIAN),
+        ("mitchell", Self::MITCHELL),
+        ("blackman-harris", Self::BLACKMAN_HARRIS),
+    ];
+}
+
+impl Named for Lod {
+    const NAMES: &'static Names<Self> = &[("none", Self::None), ("cone", Self::Cone), ("aniso", Self::Aniso)];
+}
+
+impl Named for Integrator {
+    const NAMES: &'static Names<Self> = &[("hybrid", Self::Hybrid), ("path", Self::Path)];
+}
+
+impl Named for bool {
+    const NAMES: &'static Names<Self> = &[("on", true), ("off", false)];
+}
+
+impl Named for FirstHit {
+    const NAMES: &'static Names<Self> = &[("auto", Self::Auto), ("raster", Self::Raster), ("trace", Self::Trace)];
+}
+
+impl Named for ToneMap {
+    const NAMES: &'static Names<Self> =
+        &[("none", Self::None), ("agx", Self::Agx), ("aces", Self::Aces), ("filmic-neutral", Self::FilmicNeutral)];
+}
+
+impl Named for Measure {
+    const NAMES: &'static Names<Self> = &[("boxes", Self::Boxes), ("triangles", Self::Triangles)];
+}
+
+/// The value of `--exposure`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Exposure {
+    Auto,
+    Stops(f32),
+}
+
+impl FromStr for Exposure {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        /// More stops than between the darkest and the brightest `f32`.
+        const LIMIT: f32 = 200.0;
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
+        match options::number(text) {
+            Ok(stops) if stops.abs() <= LIMIT => Ok(Self::Stops(stops)),
+            _ => Err(format!("'{text}' is neither auto nor a number of stops from -{LIMIT} to {LIMIT}")),
+        }
     }
-    let names: Vec<&str> = setting_options(command).map(|arg| arg.get_id().as_str()).collect();
-    if !names.contains(&&key[..]) {
-        return Err(format!("unknown key '{}' in [settings]{}", key.escape_debug(), suggestion(key, names)));
+}
+
+impl Text for Exposure {
+    fn text(&self) -> String {
+        match self {
+            Self::Auto => "auto".to_owned(),
+            Self::Stops(stops) => stops.to_string(),
+        }
     }
-    let Some(value) = value else { return Ok(()) };
-    let parsed = command.clone().try_get_matches_from(["render".into(), option(key, value)]);
-    let invalid = |error| format!("invalid value {value:?} for '{key}' in [settings]{}", reason(&error, value));
-    parsed.map(drop).map_err(invalid)
 }
 
-/// A setting as an option.
-pub(crate) fn option(key: &str, value: &str) -> OsString {
-    format!("{}={value}", flag(key)).into()
-}
-
-/// The name of an option on the command line.
-fn flag(id: &str) -> String {
-    format!("--{}", id.replace('_', "-"))
-}
-
-/// The reason of a parser's error, on one line.
-fn reason(error: &clap::Error, value: &str) -> String {
-    if let Some(ContextValue::Strings(words)) = error.get(ContextKind::ValidValue) {
-        let near = suggestion(value, words.iter().map(|word| &word[..]));
-        return format!(": expected one of {}{near}", words.join(", "));
+impl LookOptions {
+    /// Whether no exposure is given.
+    fn is_unset(&self) -> bool {
+        self.exposure.is_none()
     }
-    let source = std::error::Error::source(error);
-    let kind = source.and_then(|source| source.downcast_ref::<ParseIntError>()).map(ParseIntError::kind);
-    if matches!(kind, Some(IntErrorKind::InvalidDigit | IntErrorKind::Empty)) {
-        return ": expected a whole number".to_owned();
+
+    /// The number of stops, unless it depends on the picture.
+    pub(crate) fn stops(&self) -> Option<f32> {
+        match self.exposure {
+            Some(Exposure::Stops(stops)) => Some(stops),
+            _ => None,
+        }
     }
-    let source = source.map(ToString::to_string).unwrap_or_default();
-    format!(": {}", source.split_whitespace().collect::<Vec<_>>().join(" "))
+
+    /// Exposes by a number of stops; `None` for no given exposure.
+    pub(crate) fn set_stops(&mut self, stops: Option<f32>) {
+        self.exposure = stops.map(Exposure::Stops);
+    }
+
+    /// Warns about options without effect on a linear format.
+    pub(crate) fn warn_ignored(&self, is_linear: bool) {
+        if is_linear && (self.exposure.is_some() || self.tone_map.is_some_and(|curve| curve != ToneMap::None)) {
+            output::warn("--exposure and --tone-map have no effect on linear formats");
+        }
+    }
+
+    /// The picture as it is encoded.
+    pub(crate) fn apply(&self, picture: Picture) -> Picture {
+        let stops = match self.exposure {
+            None => 0.0,
+            Some(Exposure::Stops(stops)) => stops,
+            Some(Exposure::Auto) => {
+                let stops = picture.auto_exposure();
+                output::note(&format!("--exposure auto: {stops:+.2}"));
+                stops
+            }
+        };
+        let exposed = if stops == 0.0 { picture } else { picture.exposed(stops) };
+        match self.tone_map {
+            None | Some(ToneMap::None) => exposed,
+            Some(curve) => exposed.tone_mapped(curve),
+        }
+    }
 }
 
-/// The arguments of the program, after the settings of the scene file that they name.
+impl SceneSettings {
+    /// The settings of a scene file.
+    ///
+    /// # Errors
+    /// A setting that is unknown or has an invalid value, with its line.
+    pub(crate) fn of_file(file: &SceneFile) -> Result<Self> {
+        let fail = |line: usize, error: String| anyhow!("{}: line {line}: {error}", file.path().display());
+        file.settings.iter().try_fold(Self::default(), |all, setting| {
+            Ok(Self::of_one(setting).map_err(|error| fail(setting.line, error))?.or(all))
+        })
+    }
+
+    /// Rejects a scene file with an invalid setting, for commands that use none.
+    pub(crate) fn check(scene: Option<&Path>) -> Result<()> {
+        scene_file(scene)?.as_ref().map(Self::of_file).transpose().map(drop)
+    }
+
+    fn of_one(Setting { key, value, .. }: &Setting) -> Result<Self, String> {
+        let is_of = |names: Vec<String>| names.contains(key);
+        let table = match () {
+            () if is_of(names::<CameraArgs>()) => "[camera]",
+            () if is_of(names::<EnvironmentArgs>()) => "[environment]",
+            () if is_of(names::<LightArgs>()) => "[[lights]]",
+            () if key != "scene" && is_of(names::<SceneArgs>()) => "[[assets]]",
+            () => {
+                let known = Self::names();
+                if !known.contains(key) {
+                    let near = suggestion(key, known.iter().map(|name| &name[..]));
+                    return Err(format!("unknown key '{}' in [settings]{near}", key.escape_debug()));
+                }
+                let Some(value) = value else { return Ok(Self::default()) };
+                return serde_json::from_value(serde_json::json!({ key: value }))
+                    .map_err(|error| format!("invalid value {value:?} for '{key}' in [settings]: {error}"));
+            }
+        };
+        Err(format!("'{key}' is not a key of [settings]; set it in {table}"))
+    }
+
+    /// The names of all settings, in the order in which they are written.
+    fn names() -> Vec<String> {
+        [names::<PictureOptions>(), names::<StructureOptions>()].concat()
+    }
+
+    /// These settings, and others for those that are not set.
+    pub(crate) fn or(self, other: Self) -> Self {
+        let PictureOptions { size, rendering: r, look, up_axis } = self.picture;
+        let PictureOptions { rendering: other_r, look: other_look, .. } = other.picture;
+        Self {
+            picture: PictureOptions {
+                size: size.or(other.picture.size),
+                rendering: RenderingOptions {
+                    spp: r.spp.or(other_r.spp),
+                    sampler: r.sampler.or(other_r.sampler),
+                    noise: r.noise.or(other_r.noise),
+                    seed: r.seed.or(other_r.seed),
+                    filter: r.filter.or(other_r.filter),
+                    lod: r.lod.or(other_r.lod),
+                    integrator: r.integrator.or(other_r.integrator),
+                    bounces: r.bounces.or(other_r.bounces),
+                    ao_radius: r.ao_radius.or(other_r.ao_radius),
+                    energy_compensation: r.energy_compensation.or(other_r.energy_compensation),
+                    first_hit: r.first_hit.or(other_r.first_hit),
+                },
+                look: LookOptions {
+                    exposure: look.exposure.or(other_look.exposure),
+                    tone_map: look.tone_map.or(other_look.tone_map),
+                },
+                up_axis: up_axis.or(other.picture.up_axis),
+            },
+            structure: self.structure.or(other.structure),
+        }
+    }
+
+    /// Settings of a file without those that contradict options of the command line: settings for one kind of picture do not prevent
+    /// another.
+    fn without_replaced(mut self, given: &Self, purpose: &Purpose) -> Self {
+        let rendering = &mut self.picture.rendering;
+        if purpose.is_linear {
+            self.picture.look = LookOptions::default();
+        }
+        if purpose.part.is_some() || purpose.heatmap.is_some() {
+            rendering.noise = None;
+        }
+        // A part determines the number of samples, except for patterns that depend on the total.
+        let sampler = given.picture.rendering.sampler.or(rendering.sampler);
+        if purpose.part.is_some() && sampler != Some(Pattern::Stratified) {
+            rendering.spp = None;
+        }
+        if given.picture.rendering.integrator == Some(Integrator::Path) {
+            rendering.ao_radius = None;
+        }
+        self.structure = self.structure.without_replaced(&given.structure);
+        self
+    }
+
+    /// All settings as they are written, with the default values of those that are not set.
+    pub(crate) fn written(self) -> Vec<Setting> {
+        let defaults =
+            Self { picture: options::defaults::<PictureOptions>(), structure: options::defaults::<StructureOptions>() };
+        let all = self.or(defaults);
+        let texts = [given(&all.picture), given(&all.structure)].concat();
+        let command = <StructureOptions as clap::Args>::augment_args(<PictureOptions as clap::Args>::augment_args(
+            Command::new("canted"),
+        ));
+        let setting = |arg: &clap::Arg| {
+            let key = arg.get_id().to_string();
+            let value = texts.iter().find(|(name, _)| *name == key).map(|(_, text)| text.clone());
+            let comment = arg.get_help().map(|help| help.to_string().replace('\n', " ")).unwrap_or_default();
+            Setting { key, value, comment, line: 0 }
+        };
+        command.get_arguments().map(setting).collect()
+    }
+}
+
+/// What a picture is made for, besides what is in a scene file.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Purpose {
+    /// The samples of a part.
+    pub(crate) part: Option<[u32; 2]>,
+    /// Whether a time limit decides the number of samples.
+    pub(crate) has_time_limit: bool,
+    /// Additional channels.
+    pub(crate) aovs: Aovs,
+    /// A heat map in place of light, and the tests of its brightest color.
+    pub(crate) heatmap: Option<(Measure, u32)>,
+    /// Whether the picture has no exposure and no tone curve.
+    pub(crate) is_linear: bool,
+}
+
+/// Everything that determines a picture, once it is resolved. The scene decides what is left: camera, light and integrator.
+#[derive(Clone, Debug)]
+pub(crate) struct Plan {
+    pub(crate) source: SceneArgs,
+    pub(crate) camera: CameraArgs,
+    pub(crate) light: LightArgs,
+    pub(crate) structure: Structure,
+    pub(crate) look: LookOptions,
+    pub(crate) heatmap: Option<(Measure, u32)>,
+    /// With the integrator that was chosen last.
+    pub(crate) settings: Settings,
+    /// The integrator that is given, or was chosen.
+    pub(crate) integrator: Option<Integrator>,
+    pub(crate) first_hit: FirstHit,
+    /// The options over the settings of the scene file.
+    pub(crate) options: SceneSettings,
+    is_linear: bool,
+}
+
+impl<R: clap::Args> PictureArgs<R> {
+    /// The options over the settings of a scene file.
+    ///
+    /// # Errors
+    /// Options that contradict each other, or a scene file with an invalid setting.
+    pub(crate) fn resolve(self, file: Option<&SceneFile>, purpose: &Purpose) -> Result<Plan> {
+        let given = SceneSettings { picture: self.options.0, structure: self.structure.0 };
+        let of_file = file.map(SceneSettings::of_file).transpose()?.unwrap_or_default();
+        let options = given.clone().or(of_file.without_replaced(&given, purpose));
+        let rendering = &options.picture.rendering;
+        if rendering.ao_radius.is_some() && rendering.integrator == Some(Integrator::Path) {
+            return Err(anyhow!("--ao-radius requires --integrator hybrid"));
+        }
+        let mut plan = Plan {
+            source: self.source,
+            camera: self.camera,
+            light: self.light,
+            structure: options.structure.resolve()?,
+            look: options.picture.look.clone(),
+            heatmap: purpose.heatmap,
+            settings: settings(&options.picture, purpose)?,
+            integrator: rendering.integrator,
+            first_hit: rendering.first_hit.unwrap_or_default(),
+            is_linear: purpose.is_linear,
+            options,
+        };
+        plan.set_integrator(plan.integrator.unwrap_or(Integrator::Hybrid));
+        Ok(plan)
+    }
+}
+
+/// The renderer's settings, but for integrator and bounces.
+fn settings(options: &PictureOptions, purpose: &Purpose) -> Result<Settings> {
+    let (default, rendering) = (Settings::default(), &options.rendering);
+    let [width, height] = options.size.unwrap_or([default.width, default.height]);
+    let Purpose { part, has_time_limit, aovs, .. } = *purpose;
+    // Both need samples that do not depend on the total number.
+    let needs_prefix = part.is_some() || rendering.noise.is_some() || has_time_limit;
+    let pattern = rendering.sampler.unwrap_or(if needs_prefix { Pattern::Sobol } else { Pattern::Stratified });
+    let samples = match (part, rendering.spp) {
+        (None, None) if has_time_limit => MAX_SAMPLES,
+        (None, spp) => spp.unwrap_or(DEFAULT_SAMPLES),
+        (Some([start, end]), Some(spp)) if pattern == Pattern::Stratified => {
+            if end > spp {
+                return Err(anyhow!("--samples {start}..{end} exceeds --spp {spp}"));
+            }
+            spp
+        }
+        (Some([start, end]), Some(spp)) => {
+            return Err(anyhow!(
+                "--samples {start}..{end} sets the number of samples; leave out --spp {spp}, or add --sampler stratified, which needs the total"
+            ));
+        }
+        (Some([start, end]), None) if pattern == Pattern::Stratified => {
+            return Err(anyhow!(
+                "--samples {start}..{end} with --sampler stratified requires --spp, the total of all parts"
+            ));
+        }
+        (Some([_, end]), None) => end,
+    };
+    Ok(Settings {
+        width,
+        height,
+        samples,
+        part,
+        noise: rendering.noise,
+        aovs,
+        seed: rendering.seed.unwrap_or(default.seed),
+        pattern,
+        filter: rendering.filter.unwrap_or(default.filter),
+        lod: rendering.lod.unwrap_or(default.lod),
+        energy_compensation: rendering.energy_compensation.unwrap_or(default.energy_compensation),
+        ao_radius: rendering.ao_radius,
+        ..default
+    })
+}
+
+impl Plan {
+    /// The size of the picture in pixels.
+    pub(crate) fn size(&self) -> [u32; 2] {
+        [self.settings.width, self.settings.height]
+    }
+
+    /// Up in world space.
+    pub(crate) fn up(&self) -> [f32; 3] {
+        self.camera.up(self.up_axis())
+    }
+
+    fn up_axis(&self) -> [f32; 3] {
+        self.options.picture.up_axis.map_or(crate::light::DEFAULT_UP, |axis| axis.0)
+    }
+
+    /// The camera of the options, else of the file, else one that frames the scene.
+    ///
+    /// # Errors
+    /// A focus distance for a camera without a lens, or a camera that the file does not have.
+    pub(crate) fn camera(&self, scene: &Scene, bvh: &SceneBvh) -> Result<Camera> {
+        self.camera.camera(scene, bvh, self.size(), self.up_axis())
+    }
+
+    /// Sets the integrator, and its bounces unless they are given.
+    fn set_integrator(&mut self, integrator: Integrator) {
+        self.settings.integrator = integrator;
+        self.settings.bounces = self.options.picture.rendering.bounces.unwrap_or(integrator.bounces());
+    }
+
+    /// Renders with an integrator from now on.
+    pub(crate) fn choose(&mut self, integrator: Integrator) {
+        self.integrator = Some(integrator);
+        self.set_integrator(integrator);
+    }
+
+    /// Chooses the integrator unless it is given: the one that shows the materials and lights of the scene. Returns why.
+    pub(crate) fn choose_integrator(&mut self, scene: &Scene, is_lit_by_emission: bool) -> &'static str {
+        /// Reflections of rougher surfaces look like those of a diffuse one.
+        const ROUGH: f32 = 0.6;
+        let is_shiny = |m: &Material| {
+            let is_glossy = m.roughness < ROUGH || m.metallic_roughness_texture.is_some();
+            m.transmission > 0.0 || is_glossy && (m.metallic > 0.0 || m.specular > 0.0)
+        };
+        let (integrator, reason) = match self.integrator {
+            Some(given) => (given, "given"),
+            None if self.settings.ao_radius.is_some() => (Integrator::Hybrid, "--ao-radius is given"),
+            None if is_lit_by_emission => (Integrator::Path, "surfaces light the scene"),
+            None if scene.materials.iter().any(is_shiny) => (Integrator::Path, "some surfaces reflect or transmit"),
+            None => (Integrator::Hybrid, "all surfaces are diffuse"),
+        };
+        self.choose(integrator);
+        reason
+    }
+
+    /// Whether the exposure may be chosen: for a model without exposure, its own lights and a format that is not linear. Scene files
+    /// are made for the exposure that they have. A heat map shows no light.
+    pub(crate) fn needs_exposure(&self) -> bool {
+        let is_model = self.source.scene.as_deref().is_some_and(|path| !load::is_scene_file(path));
+        is_model && !self.is_linear && self.heatmap.is_none() && self.look.is_unset() && self.light.is_empty()
+    }
+
+    /// The settings, with what was decided for the scene. Scene files have the exposure that they say.
+    pub(crate) fn decided_settings(&self) -> SceneSettings {
+        let mut decided = SceneSettings::default();
+        let Settings { samples, pattern, bounces, integrator, .. } = self.settings;
+        decided.picture.rendering = RenderingOptions {
+            spp: Some(samples),
+            sampler: Some(pattern),
+            bounces: Some(bounces),
+            integrator: Some(integrator),
+            ..RenderingOptions::default()
+        };
+        let stops = self.look.stops().filter(|stops| *stops != 0.0);
+        decided.picture.look.exposure = stops.map(Exposure::Stops);
+        decided.or(self.options.clone())
+    }
+
+    /// The files that are read.
+    pub(crate) fn inputs(&self) -> Result<load::Inputs> {
+        let inputs = load::Inputs::of(self.source.scene.as_deref())?;
+        Ok(match self.light.environment_file() {
+            Some((image, ..)) => inputs.and("--env", image),
+            None => inputs,
+        })
+    }
+}
+
+/// The options that a heat map ignores. Settings of a scene file may be for other pictures.
+pub(crate) fn ignored_by_heatmap<R: clap::Args>(args: &PictureArgs<R>, more: Option<&str>) -> Vec<String> {
+    let of_scene = [given(&args.light), given(&args.camera.lens)].concat();
+    let names = given(&args.options.0.rendering).into_iter().chain(more.map(|name| (name.to_owned(), String::new())));
+    let mut ignored: Vec<String> = names.chain(of_scene).map(|(name, _)| flag(&name)).collect();
+    // An option may be repeated.
+    ignored.dedup();
+    ignored
+}
+
+/// The scene file that a path names.
 ///
 /// # Errors
-/// The scene file is unreadable, or has invalid content.
-pub(crate) fn command_line(program: &Command, words: &Words) -> Result<ArgMatches> {
-    // `-1` is a value and not an option, so that the option it belongs to reports it.
-    let allow_negative = |arg: clap::Arg| {
-        let takes_values = arg.get_action().takes_values();
-        arg.allow_negative_numbers(takes_values)
-    };
-    let program = program.clone().mut_subcommands(|command| command.mut_args(allow_negative));
-    let own = program.clone().get_matches_from(words.all());
-    let Some((name, options)) = own.subcommand() else { return Ok(own) };
-    let path = options.try_get_one::<PathBuf>("scene").ok().flatten().filter(|path| load::is_scene_file(path));
-    let mut settings = Vec::new();
-    if let Some(path) = path {
-        settings = load::scene_file(path)?.settings;
-        check(&settings, path)?;
+/// A scene file that is unreadable or invalid.
+pub(crate) fn scene_file(path: Option<&Path>) -> Result<Option<SceneFile>> {
+    path.filter(|path| load::is_scene_file(path)).map(load::scene_file).transpose()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What the help calls default is what the renderer does without the option.
+    #[test]
+    fn the_help_states_the_defaults() {
+        let (none, purpose) = (PictureOptions::default(), Purpose::default());
+        assert_eq!(settings(&options::defaults(), &purpose).unwrap(), settings(&none, &purpose).unwrap());
+        let structure = options::defaults::<StructureOptions>();
+        assert_eq!(structure.resolve().unwrap(), StructureOptions::default().resolve().unwrap());
+        assert_eq!(options::defaults::<PictureOptions>().look.tone_map, Some(ToneMap::None));
     }
-    match name {
-        "render" | "scene" => warn_ignored_by_heatmap(options),
-        "cast" => settings.clear(),
-        _ => return Ok(own),
-    }
-    warn_ignored_preset(options, &settings);
-    if settings.is_empty() {
-        return Ok(own);
-    }
-    let words = words.with(as_options(&settings, options));
-    Ok(program.mut_subcommand(name, |command| command.args_override_self(true)).get_matches_from(words))
-}
-
-/// The settings that apply together with the options of the command line, as options.
-pub(crate) fn as_options(settings: &[Setting], options: &ArgMatches) -> Vec<OsString> {
-    let applying = settings.iter().filter(|setting| applies(setting, settings, options));
-    applying.filter_map(|setting| Some(option(&setting.key, setting.value.as_deref()?))).collect()
-}
-
-/// The options that a picture in memory can have: those that determine it, and its additional channels.
-pub(crate) fn is_of_picture(id: &str) -> bool {
-    // A film is linear: exposure and tone curve belong to the formats of files.
-    id == "aovs" || !RUN_OPTIONS.contains(&id) && !["exposure", "tone_map"].contains(&id)
-}
-
-/// Whether an option is on the command line.
-pub(crate) fn is_given(options: &ArgMatches, id: &str) -> bool {
-    options.value_source(id) == Some(ValueSource::CommandLine)
-}
-
-/// Warns once about options that a heat map ignores. Settings of a scene file may be for other pictures.
-fn warn_ignored_by_heatmap(options: &ArgMatches) {
-    let ignored: Vec<String> = IGNORED_BY_HEATMAP.into_iter().filter(|id| is_given(options, id)).map(flag).collect();
-    if is_given(options, "heatmap") && !ignored.is_empty() {
-        output::warn(&format!("--heatmap ignores {}", ignored.join(", ")));
-    }
-}
-
-/// Warns about a preset, which is for wide BVHs, together with another structure.
-fn warn_ignored_preset(options: &ArgMatches, settings: &[Setting]) {
-    if !is_given(options, "preset") {
-        return;
-    }
-    let volumes = value_of("volumes", options, settings).unwrap_or("auto");
-    let accel = value_of("accel", options, settings).unwrap_or("wide");
-    if is_given(options, "accel") && accel != "wide" {
-        output::warn(&format!("--preset has no effect on --accel {accel}"));
-    } else if volumes != "auto" {
-        output::warn(&format!("--preset has no effect on the binary BVH of --volumes {volumes}"));
-    }
-}
-
-/// Whether a setting applies together with the options of the command line, or would contradict them.
-fn applies(setting: &Setting, all: &[Setting], options: &ArgMatches) -> bool {
-    let is_given = |id: &str| is_given(options, id);
-    match &setting.key[..] {
-        // Formats that are linear have neither.
-        "exposure" | "tone_map" => !is_linear(options),
-        "noise" => !is_given("samples") && !is_given("heatmap"),
-        // `--samples` determines the number of samples, except for patterns that depend on the total.
-        "spp" if is_given("samples") => value_of("sampler", options, all) == Some("stratified"),
-        "ao_radius" if is_given("integrator") => value_of("integrator", options, all) == Some("hybrid"),
-        // A structure on the command line replaces that of the file.
-        "volumes" if is_given("accel") => value_of("accel", options, all) == Some("bvh2"),
-        "builder" if is_given("accel") => matches!(value_of("accel", options, all), Some("wide" | "bvh2")),
-        "accel" if is_given("volumes") => setting.value.as_deref() == Some("bvh2"),
-        _ => true,
-    }
-}
-
-/// Whether the picture is written in a linear format.
-fn is_linear(options: &ArgMatches) -> bool {
-    let of_name = || Format::of_path(options.get_one::<PathBuf>("output")?);
-    options.get_one::<Format>("format").copied().or_else(of_name).is_some_and(Format::is_linear)
-}
-
-/// The value of an option on the command line, else in the file.
-fn value_of<'a>(id: &str, options: &'a ArgMatches, settings: &'a [Setting]) -> Option<&'a str> {
-    if is_given(options, id) {
-        return options.get_raw(id)?.next()?.to_str();
-    }
-    settings.iter().find(|setting| setting.key == id)?.value.as_deref()
-}
-
-/// All settings with the values of `options`, or with those in `resolved`.
-pub(crate) fn all(options: &ArgMatches, resolved: &[(&str, String)]) -> Vec<Setting> {
-    let command = render_command();
-    let setting = |arg: &clap::Arg| {
-        let key = arg.get_id().as_str();
-        let given = || {
-            let words: Option<Vec<&str>> = options.get_raw(key)?.map(|word| word.to_str()).collect();
-            Some(words?.join(","))
-        };
-        let value = resolved.iter().find(|(name, _)| *name == key).map(|(_, value)| value.clone()).or_else(given);
-        let help = arg.get_help().map(|help| help.to_string().replace('\n', " ")).unwrap_or_default();
-        Setting { key: key.to_owned(), value, comment: help, line: 0 }
-    };
-    setting_options(&command).map(setting).collect()
-}
-
-/// The first option about a run on the command line, other than scene and output.
-pub(crate) fn run_option(options: &ArgMatches) -> Option<String> {
-    RUN_OPTIONS[2..].iter().copied().find(|id| is_given(options, id)).map(flag)
-}
-
-/// Hides an option about a run from the help.
-pub(crate) fn hide_run_option(arg: clap::Arg) -> clap::Arg {
-    let is_hidden = RUN_OPTIONS[2..].contains(&arg.get_id().as_str());
-    arg.hide(is_hidden)
 }

@@ -13,17 +13,17 @@ mod wide_tables;
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
-use canted_renderer::prepare;
+use canted_renderer::SceneBvh;
 use canted_scene::Scene;
-use canted_trace::Watertight;
 use canted_wide::Preset;
 
 use crate::{
     device::{Machine, RunArgs},
     light::LightArgs,
-    load, not_needed,
-    options::{self, PRESETS, StructureArgs, one_of},
-    output,
+    load,
+    options::{self, Structure, named},
+    output, render,
+    settings::SceneSettings,
 };
 
 /// Options of `canted stats`.
@@ -42,7 +42,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "NAME|INDEX", requires = "time")]
     animation: Option<String>,
     /// Presets of the wide BVH to build, separated by commas. `quality` takes longest.
-    #[arg(long, value_delimiter = ',', default_value = "balanced", value_parser = one_of(&PRESETS), value_name = "PRESETS")]
+    #[arg(long, value_delimiter = ',', default_value = "balanced", value_parser = named::<Preset>(), value_name = "PRESETS")]
     presets: Vec<Preset>,
     #[command(flatten)]
     run: RunArgs,
@@ -53,12 +53,13 @@ const DEVICE: &str = "Device whose build times and buffers are included: auto (a
 
 /// Builds the scene with every strategy and with presets, in one level and in two, and prints the tables.
 pub(crate) fn run(args: &Args) -> Result<()> {
+    SceneSettings::check(args.scene.as_deref())?;
     args.run.start()?;
     let mut scene = load::scene(args.scene.as_deref(), args.time, args.animation.as_deref())?;
     // Adds the default light, as `canted render` does.
     options::defaults::<LightArgs>().apply(&mut scene)?;
     let name = load::name(args.scene.as_deref());
-    let machine = Machine::open(&args.run.device, &options::defaults())?;
+    let machine = Machine::open(&args.run.device, &Structure::default())?;
     let report = report(&name, &scene, args, &machine).map_err(|error| anyhow!("{name}: {error}"))?;
     output::to_stdout(&if args.run.json { report.json() } else { report.text() })
 }
@@ -68,12 +69,12 @@ fn report<'a>(name: &'a str, scene: &'a Scene, args: &Args, machine: &Machine) -
     let binary = binary::measure(scene)?;
     let wide = wide::measure(scene, &args.presets)?;
     let planes = planes::measure(scene)?;
-    let config = options::defaults::<StructureArgs>().config(scene)?;
-    let prepared = prepare::<Watertight>(scene, &config)?;
-    let not_needed = not_needed::json(&prepared.unused, false);
+    let config = Structure::default().config_for(scene);
+    let bvh = SceneBvh::build(scene, &config)?;
+    let not_needed = render::not_needed(&bvh.unused, false);
     let motion = motion::measure(args.scene.as_deref(), args.time, args.animation.as_deref(), &config)?;
     #[cfg(feature = "gpu")]
-    let gpu = gpu::measure(machine, scene, &prepared.structure)?;
+    let gpu = gpu::measure(machine, scene, &bvh)?;
     #[cfg(not(feature = "gpu"))]
     let gpu = None;
     Ok(tables::Report { name, scene, binary, wide, planes, not_needed, motion, gpu })

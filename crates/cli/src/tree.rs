@@ -11,6 +11,7 @@ use crate::{
     load,
     options::one_of,
     output::{self, Named},
+    settings::SceneSettings,
 };
 
 /// Options of `canted tree`.
@@ -34,6 +35,7 @@ pub(crate) struct Args {
 
 /// Builds the tree and writes both files.
 pub(crate) fn run(args: &Args) -> Result<()> {
+    SceneSettings::check(Some(&args.scene))?;
     let inputs = load::Inputs::of(Some(&args.scene))?;
     let outputs: [Named; 2] = [("--codes", &args.codes), ("--nodes", &args.nodes)];
     output::check_distinct(&inputs.named(), &outputs)?;

@@ -1,120 +1,83 @@
 //! `canted view`: a scene to look at, in a window or by recorded events.
 //!
 //! ```text
-//! window | script -> events -> session -> worker -> passes (coarse, refine) -> stage -> traced -> device
+//! window | events of a file -> session (options, camera) -> job -> passes (coarse, refined) -> frame
 //! ```
 
-mod channel;
-mod device;
 mod events;
 mod frame;
 mod motion;
 mod options;
 mod passes;
-mod refine;
-mod replay;
-mod script;
+mod scene;
 mod session;
-mod stage;
-mod traced;
 #[cfg(feature = "view")]
 mod window;
-mod worker;
 
-use std::path::PathBuf;
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
-use anyhow::Result;
-use clap::{Arg, ArgAction, ArgMatches, Command, FromArgMatches};
+use anyhow::{Result, anyhow};
+use canted_film::Format;
+use serde_json::{Value, json};
 
-use crate::{options as shared, settings};
-use options::Options;
+use crate::{options as shared, output, settings::PictureArgs};
+use events::{Event, Timed};
+use frame::Seen;
+use options::{Options, ScreenArgs, SessionArgs};
+use session::{Effect, Session};
 
 /// Options of `canted view`: those of `canted render` that determine a picture on the screen, and its own.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
-    scene: Option<PathBuf>,
-    /// Name and value of each option of `canted render`.
-    words: Vec<(String, String)>,
+    #[command(flatten)]
+    picture: PictureArgs<ViewArgs>,
+    #[command(flatten)]
+    replay: ReplayArgs,
+}
+
+/// How the session runs.
+#[derive(clap::Args, Clone)]
+struct ViewArgs {
+    #[command(flatten)]
+    screen: ScreenArgs,
+    /// Number of CPU threads [default: all]
+    #[arg(long, help_heading = "Run", value_parser = shared::threads, value_name = "N")]
     threads: Option<usize>,
-    replay: Option<PathBuf>,
-    frames: Option<PathBuf>,
+    /// Print the report as JSON.
+    #[arg(long, help_heading = "Run")]
     json: bool,
+}
+
+/// A session without a window.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Replay", next_display_order = 120)]
+struct ReplayArgs {
+    /// Apply the events of a file, without a window; the format is in docs/view.md
+    #[arg(long, value_name = "EVENTS.toml", requires = "frames")]
+    replay: Option<PathBuf>,
+    /// Folder for a picture after each event: event_001.png, ...
+    #[arg(long, value_name = "DIR", requires = "replay")]
+    frames: Option<PathBuf>,
 }
 
 const EXAMPLES: &str = "Examples:\n  canted view helmet.glb --size 960x540\n  canted view --replay events.toml --frames pictures\n\n\
     Drag to orbit, with the right button to pan; scroll to zoom; w a s d q e to fly; home for the first view.\n\
     Keys: h heat map, i integrator, v channel, x structure, b boxes, p screenshot, c copy as command.";
 
-const DEVICE: &str = "Compute device: cpu, gpu, auto, or part of an adapter name (see `canted devices`). The CPU renders coarse pictures, \
-                      heat maps and what the device does not support";
-
-/// Not derived: the options are some of those of [`crate::render::Args`].
-impl clap::Args for Args {
-    fn augment_args(command: Command) -> Command {
-        let render = settings::render_command();
-        let is_ours = |arg: &&Arg| {
-            let id = arg.get_id().as_str();
-            options::is_option(id) || ["scene", "threads", "json", "time", "animation"].contains(&id)
-        };
-        let shared = render.get_arguments().filter(is_ours).cloned().map(|arg| match arg.get_id().as_str() {
-            "device" => arg.default_value("cpu").help(DEVICE),
-            _ => arg,
-        });
-        let path = |name: &'static str, value: &'static str| {
-            Arg::new(name)
-                .long(name)
-                .value_name(value)
-                .value_parser(clap::value_parser!(PathBuf))
-                .help_heading("Replay")
-        };
-        let replay = path("replay", "EVENTS.toml")
-            .requires("frames")
-            .help("Apply the events of a file, without a window; the format is in docs/view.md");
-        let frames =
-            path("frames", "DIR").requires("replay").help("Folder for a picture after each event: event_001.png, ...");
-        command.args(shared).args([replay, frames]).after_help(EXAMPLES)
-    }
-
-    fn augment_args_for_update(command: Command) -> Command {
-        Self::augment_args(command)
-    }
-}
-
-impl FromArgMatches for Args {
-    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        let path = |id: &str| matches.try_get_one::<PathBuf>(id).ok().flatten().cloned();
-        let given = settings::render_command();
-        let ids = given.get_arguments().filter(|arg| !matches!(arg.get_action(), ArgAction::SetTrue));
-        let ids = ids.map(|arg| arg.get_id().as_str()).filter(|id| options::is_option(id) && *id != "scene");
-        let mut words = Vec::new();
-        for id in ids.filter(|id| settings::is_given(matches, id)) {
-            let values = matches.get_raw(id).into_iter().flatten();
-            words.extend(values.map(|value| (id.to_owned(), value.to_string_lossy().into_owned())));
-        }
-        Ok(Self {
-            scene: path("scene"),
-            words,
-            threads: matches.try_get_one::<usize>("threads").ok().flatten().copied(),
-            replay: path("replay"),
-            frames: path("frames"),
-            json: matches.get_flag("json"),
-        })
-    }
-
-    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        *self = Self::from_arg_matches(matches)?;
-        Ok(())
-    }
-}
-
 /// Opens the window, or replays events.
 pub(crate) fn run(args: Args) -> Result<()> {
-    let Args { scene, words, threads, replay, frames, json } = args;
-    let options = Options::new(scene, words)?;
+    let PictureArgs { source, own, options, camera, light, structure } = args.picture;
+    let ViewArgs { screen, threads, json } = own;
+    let options = Options::new(SessionArgs { source, own: screen, options, camera, light, structure })?;
     shared::use_threads(threads)?;
-    if let (Some(events), Some(folder)) = (replay, frames) {
-        return replay::run(options, &events, &folder, json);
+    match (args.replay.replay, args.replay.frames) {
+        (Some(events), Some(folder)) => replay(options, &events, &folder, json),
+        _ => open(options),
     }
-    open(options)
 }
 
 #[cfg(feature = "view")]
@@ -124,7 +87,91 @@ fn open(options: Options) -> Result<()> {
 
 #[cfg(not(feature = "view"))]
 fn open(_: Options) -> Result<()> {
-    Err(anyhow::anyhow!(
+    Err(anyhow!(
         "this build has no window; use `cargo run --release --features view -- view`, or --replay EVENTS.toml --frames DIR"
     ))
+}
+
+/// Applies the events of a file, waits after each until the picture is settled, and writes it to `folder`: event_001.png, ... in the
+/// order of their times. Prints a line for each: the file, what a click shows, and the command that renders the picture.
+///
+/// The clock of the session stands still while a picture is rendered, so `at_s` gives the order and no time is spent waiting.
+///
+/// # Errors
+/// One sentence that names the file and the event.
+fn replay(options: Options, events: &Path, folder: &Path, as_json: bool) -> Result<()> {
+    let timed = events::read(events)?;
+    // A file that cannot be read is reported before what its events contain.
+    if let Some(scene) = options.scene() {
+        fs::File::open(scene).map_err(|error| anyhow!("{}: cannot read file: {error}", scene.display()))?;
+    }
+    let named = |number: usize, error: anyhow::Error| anyhow!("{}: event {number}: {error}", events.display());
+    // Options that are unknown or invalid are reported before anything is rendered.
+    let mut changed = options.clone();
+    for Timed { event, number, .. } in &timed {
+        if let Event::Set(changes) = event {
+            changed.set_all(changes).map_err(|error| named(*number, error))?;
+        }
+    }
+    fs::create_dir_all(folder).map_err(|error| anyhow!("cannot create the folder {}: {error}", folder.display()))?;
+    output::probe(&folder.join("event_001.png"))?;
+    let mut session = Session::start(options, Box::new(|| {}))?;
+    session.ready()?;
+    let mut n_screenshots = 0;
+    for (i, Timed { at_s, event, number }) in timed.iter().enumerate() {
+        session.seen = None;
+        let effect = session.apply(event).map_err(|error| named(*number, error))?;
+        session.settle().map_err(|error| named(*number, error))?;
+        let path = folder.join(format!("event_{:03}.png", i + 1));
+        save(&session, &path)?;
+        if effect == Effect::Screenshot {
+            n_screenshots += 1;
+            save(&session, &folder.join(format!("screenshot_{n_screenshots:03}.png")))?;
+        }
+        report(*number, *at_s, &path, event, &session, as_json)?;
+        if effect == Effect::Close {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Writes the picture as `canted render` does.
+fn save(session: &Session, path: &Path) -> Result<()> {
+    let frame = session.frame.as_ref().ok_or_else(|| anyhow!("there is no picture yet"))?;
+    Ok(canted_film::write_picture(path, &frame.picture, Format::Png)?)
+}
+
+/// What is at the position of a click, on one line.
+fn described(seen: Option<&Seen>) -> String {
+    let Some(seen) = seen else { return "nothing".to_owned() };
+    seen.rows().into_iter().map(|(name, value)| format!("{name} {value}")).collect::<Vec<_>>().join(", ")
+}
+
+fn report(number: usize, at_s: f64, path: &Path, event: &Event, session: &Session, as_json: bool) -> Result<()> {
+    let (seen, is_click) = (session.seen.as_ref(), matches!(event, Event::Click(_)));
+    let command = session.command();
+    if as_json {
+        let mut fact =
+            json!({ "event": number, "at_s": at_s, "picture": path.display().to_string(), "command": command });
+        if is_click {
+            fact["hit"] = seen.map_or(Value::Null, |seen| {
+                json!({
+                    "instance": seen.instance,
+                    "primitive": seen.primitive,
+                    "t": seen.t,
+                    "barycentric": seen.barycentric,
+                    "uv": seen.texture,
+                    "mesh": seen.mesh,
+                    "material": seen.material,
+                })
+            });
+        }
+        return output::to_stdout(&fact.to_string());
+    }
+    if output::is_quiet() {
+        return Ok(());
+    }
+    let hit = if is_click { format!("  {}", described(seen)) } else { String::new() };
+    output::to_stdout(&format!("{}  event {number} at {at_s} s{hit}  {command}", path.display()))
 }

@@ -65,7 +65,10 @@ fn an_empty_tree_is_never_hit() {
 fn invalid_geometry_is_reported() {
     let positions = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, f32::NAN, 0.0]];
     let error = |triangles: &[[u32; 3]]| KdTree::build(&positions, triangles, &KdTreeConfig::default()).unwrap_err();
-    assert_eq!(error(&[[0, 1, 0], [0, 1, 2]]).to_string(), "triangle 1 has a vertex that is not finite");
+    assert_eq!(
+        error(&[[0, 1, 0], [0, 1, 2]]).to_string(),
+        "triangle 1 has a vertex that is not finite: vertex 2 is (0, NaN, 0)"
+    );
     assert_eq!(error(&[[0, 1, 3]]).to_string(), "triangle 0 has vertex index 3, but there are 3 vertices");
     // Beyond the promised range hits may be missed, but nothing panics.
     let far = [[f32::MAX; 3], [f32::MIN; 3], [f32::MAX, f32::MIN, 0.0], [0.0, 1.0, 0.0]];

@@ -29,6 +29,10 @@ pub enum GeometryError {
     NotFinite {
         /// The triangle.
         triangle: PrimId,
+        /// The index of the vertex.
+        vertex: u32,
+        /// Its position.
+        position: BadPosition,
     },
     /// More triangles than a tree supports.
     TooMany {
@@ -43,7 +47,9 @@ impl std::fmt::Display for GeometryError {
             Self::IndexOutOfRange { triangle, index, n_vertices } => {
                 write!(f, "triangle {triangle} has vertex index {index}, but there are {n_vertices} vertices")
             }
-            Self::NotFinite { triangle } => write!(f, "triangle {triangle} has a vertex that is not finite"),
+            Self::NotFinite { triangle, vertex, position } => {
+                write!(f, "triangle {triangle} has a vertex that is not finite: vertex {vertex} is {position}")
+            }
             Self::TooMany { n_triangles } => {
                 write!(f, "{n_triangles} triangles exceed the maximum of {MAX_PRIMITIVES}")
             }
@@ -52,6 +58,35 @@ impl std::fmt::Display for GeometryError {
 }
 
 impl std::error::Error for GeometryError {}
+
+/// A position that is not finite. Equal ones have the same bits, NaN included.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct BadPosition([u32; 3]);
+
+impl From<[f32; 3]> for BadPosition {
+    fn from(position: [f32; 3]) -> Self {
+        Self(position.map(f32::to_bits))
+    }
+}
+
+impl From<BadPosition> for [f32; 3] {
+    fn from(position: BadPosition) -> Self {
+        position.0.map(f32::from_bits)
+    }
+}
+
+impl std::fmt::Display for BadPosition {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let [x, y, z] = <[f32; 3]>::from(*self);
+        write!(f, "({x}, {y}, {z})")
+    }
+}
+
+impl std::fmt::Debug for BadPosition {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        std::fmt::Display::fmt(self, f)
+    }
+}
 
 /// Maximum number of primitives of a tree: a child reference reserves two bits.
 pub const MAX_PRIMITIVES: usize = 1 << 30;
@@ -127,7 +162,9 @@ fn first_flaw(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> GeometryError {
         for &index in indices {
             match positions.get(index as usize) {
                 None => return GeometryError::IndexOutOfRange { triangle, index, n_vertices: positions.len() },
-                Some(p) if !p.iter().all(|x| x.is_finite()) => return GeometryError::NotFinite { triangle },
+                Some(&p) if !p.iter().all(|x| x.is_finite()) => {
+                    return GeometryError::NotFinite { triangle, vertex: index, position: p.into() };
+                }
                 Some(_) => {}
             }
         }
@@ -297,7 +334,7 @@ mod tests {
         let positions = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, f32::NAN, 0.0]];
         assert_eq!(
             triangle_corners(&positions, &[[0, 1, 0], [0, 1, 2], [0, 1, 9]]).unwrap_err(),
-            GeometryError::NotFinite { triangle: PrimId(1) }
+            GeometryError::NotFinite { triangle: PrimId(1), vertex: 2, position: positions[2].into() }
         );
         assert_eq!(
             triangle_corners(&positions, &[[0, 1, 0], [0, 3, 1]]).unwrap_err(),

@@ -63,7 +63,7 @@ pub use bottom_up::bottom_up;
 pub use check::{Flaw, Stats, check};
 pub use cost::{Costs, TreeCost, tree_cost};
 pub use leaf::{
-    Corners, GeometryError, Leaf, MAX_PRIMITIVES, as_positions, as_triangles, corners_of, in_leaf_order,
+    BadPosition, Corners, GeometryError, Leaf, MAX_PRIMITIVES, as_positions, as_triangles, corners_of, in_leaf_order,
     triangle_bounds, triangle_corners,
 };
 pub use morton::{Bits, Domain, morton_codes, morton_codes_of_boxes};

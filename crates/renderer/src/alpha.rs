@@ -2,7 +2,7 @@ use canted_scene::{Material, Scene};
 use canted_trace::{Counts, Hit, Query};
 
 use crate::Surfaces;
-use crate::sampler::{mix, unit};
+use crate::sampler::mix;
 
 /// A query with alpha testing: ignores hits where alpha makes the surface transparent.
 ///
@@ -72,13 +72,8 @@ impl Query for CountedAlphaTest<'_> {
 }
 
 /// The key of the ray with this number, below the ray or path with `key`.
-pub(crate) fn derived_key(key: u32, number: u32) -> u32 {
+fn derived_key(key: u32, number: u32) -> u32 {
     mix(key ^ number)
-}
-
-/// A uniform number in `[0, 1)` for a ray and a triangle.
-pub(crate) fn alpha_threshold(key: u32, hit: &Hit) -> f32 {
-    unit(mix(mix(key ^ hit.instance.0) ^ hit.primitive.0) >> 8)
 }
 
 /// Whether any material of the scene uses alpha; if not, no ray is tested for it.

@@ -124,7 +124,8 @@ impl SceneBvhConfig {
     }
 
     fn wide(&self) -> Config {
-        Config { test: self.triangles, ..Config::preset(self.preset) }
+        let preset = Config::preset(self.preset);
+        Config { test: self.triangles, ..if self.aligned { preset.axis_aligned() } else { preset } }
     }
 
     /// Builds the BVH of a mesh.

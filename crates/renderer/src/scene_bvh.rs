@@ -40,6 +40,8 @@ pub struct SceneBvhConfig {
     pub builder: Option<Builder>,
     /// Bounding volumes of a binary BVH.
     pub volumes: Strategy,
+    /// Whether a wide BVH is built without oriented nodes.
+    pub aligned: bool,
     /// The triangle test.
     pub triangles: TriangleTest,
 }
@@ -52,6 +54,7 @@ impl Default for SceneBvhConfig {
             preset: Preset::default(),
             builder: None,
             volumes: Strategy::Aabb,
+            aligned: false,
             triangles: TriangleTest::default(),
         }
     }
@@ -360,6 +363,7 @@ pub(crate) fn unused_features(levels: &SceneLevels, scene: &Scene, config: &Scen
     let aligned = match config.kind {
         BvhKind::Bvh2 if config.volumes == Strategy::Aabb => Some("axis-aligned boxes were requested"),
         BvhKind::Bih | BvhKind::KdTree => Some("the requested structure has none"),
+        BvhKind::Wide if config.aligned => Some("aligned nodes were requested"),
         _ if levels.bottom().iter().any(BottomLevel::has_oriented_nodes) => None,
         _ => Some("no gain in predicted cost"),
     };

@@ -8,7 +8,7 @@ use canted_scene::{AlphaMode, Material, MaterialId, Mesh, Scene, TextureRef};
 use canted_trace::{Hit, InstanceId, Ray, SurfacePoint};
 use glam::DVec3;
 
-use crate::alpha::alpha_threshold;
+use crate::sampler::{mix, unit};
 use crate::texture::{MipMaps, Plane, Textures, filtered_textures};
 use crate::{Bsdf, Cone, Lod, narrow, wide};
 use hit_triangle::{HitTriangle, PlacedTriangle, Placement, TextureLookup};
@@ -278,6 +278,11 @@ fn bsdf(material: &Material, tint: [f32; 4], is_front: bool, texel: impl Fn(&Opt
         is_compensated: false,
         lobes: None,
     }
+}
+
+/// A uniform number in `[0, 1)` for a ray and a triangle.
+fn alpha_threshold(key: u32, hit: &Hit) -> f32 {
+    unit(mix(mix(key ^ hit.instance.0) ^ hit.primitive.0) >> 8)
 }
 
 /// Maximum absolute coordinate of the vertices that triangles use, at any shutter time.

@@ -18,7 +18,7 @@
 //! least that was measured, which grows slowly where all measurements are greater. A build that was measured once may be far too
 //! long: until the second one it counts as at most [`BvhCosts::MOST_REFITS`] refits.
 
-/// How [`Prepared::update`](crate::Prepared::update) updates BVHs whose triangles have moved.
+/// How [`SceneBvh::update`](crate::SceneBvh::update) updates BVHs whose triangles have moved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum UpdatePolicy {
     /// Refits until a rebuild pays for itself over the rays of the following frames.

@@ -1,23 +1,18 @@
 //! Scene files in TOML: assets, instances, camera, lights, environment, materials, render settings.
 //!
 //! ```text
-//! text -> table -> {camera, light, environment, material, placement} -> SceneFile -> load -> Scene
+//! text -> tables {camera, light, material, placement} -> read -> SceneFile -> load -> Scene
 //! SceneFile -> write -> text
 //! ```
 
-mod assembly;
 mod camera;
-mod closest_match;
-mod direction;
-mod environment;
 mod light;
 mod load;
 mod material;
 mod paths;
 mod placement;
 mod read;
-mod table;
-mod toml_writer;
+mod tables;
 mod write;
 
 use std::path::Path;
@@ -25,10 +20,10 @@ use std::sync::Arc;
 
 use crate::{Camera, Light, Scene};
 
-pub use closest_match::{closest_match, suggestion};
-pub use environment::EnvironmentSource;
+pub use light::EnvironmentSource;
 pub use material::MaterialEdits;
 pub use placement::Placement;
+pub use tables::{closest_match, suggestion};
 
 /// A scene file: assets, instances, camera, lights, environment, materials and render settings.
 ///

@@ -158,7 +158,10 @@ fn rejected_vertices_change_nothing() {
     let mut bad = mesh.clone();
     bad.positions[mesh.triangles[41][1] as usize][2] = f32::INFINITY;
     let rejected = wide.refit(&bad.positions, &bad.triangles);
-    assert_eq!(rejected, Err(RefitError::Geometry(GeometryError::NotFinite { triangle: PrimId(41) })));
+    let vertex = mesh.triangles[41][1];
+    let position = bad.positions[vertex as usize].into();
+    let error = GeometryError::NotFinite { triangle: PrimId(41), vertex, position };
+    assert_eq!(rejected, Err(RefitError::Geometry(error)));
     let n_vertices = mesh.positions.len();
     let rejected = wide.refit(&mesh.positions[..n_vertices - 1], &mesh.triangles);
     assert!(matches!(rejected, Err(RefitError::Geometry(GeometryError::IndexOutOfRange { .. }))), "{rejected:?}");

@@ -205,7 +205,7 @@ fn refused(mesh: &Mesh) -> Vec<Row> {
                 .err()
                 .map(|error| error.to_string())
         };
-        rows.push(row(ON_DEVICE, "TracedScene::two_level", &bad, &on_device));
+        rows.push(row(ON_DEVICE, "TracedScene::new", &bad, &on_device));
     }
     rows
 }

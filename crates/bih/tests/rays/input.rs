@@ -43,7 +43,8 @@ fn invalid_geometry_is_an_error_with_its_index() {
     let error = |positions: &[[f32; 3]], triangles: &[[u32; 3]]| {
         Bih::build(positions, triangles, &BihConfig::default()).unwrap_err()
     };
-    assert_eq!(error(&positions, &[[0, 1, 2], [0, 1, 3]]), GeometryError::NotFinite { triangle: PrimId(1) });
+    let bad = GeometryError::NotFinite { triangle: PrimId(1), vertex: 3, position: positions[3].into() };
+    assert_eq!(error(&positions, &[[0, 1, 2], [0, 1, 3]]), bad);
     positions.pop();
     let missing = GeometryError::IndexOutOfRange { triangle: PrimId(0), index: 3, n_vertices: 3 };
     assert_eq!(error(&positions, &[[0, 1, 3]]), missing);

@@ -2,12 +2,12 @@
 
 use anyhow::{Result, anyhow};
 use canted_gpu::{AdapterKind, Choice, DeviceBvh, Gpu, GpuError, TracedScene};
-use canted_renderer::{DeviceError, StructureConfig, built_scene};
+use canted_renderer::{DeviceError, SceneBvhConfig, built_scene};
 use canted_scene::Scene;
 use serde_json::{Value, json};
 
-use super::{DeviceArg, quiet::quietly};
-use crate::{memory, options::StructureArgs, output};
+use super::DeviceArg;
+use crate::{options::Structure, output, process};
 
 /// An open compute device.
 pub(crate) enum Machine {
@@ -27,10 +27,10 @@ impl Machine {
     ///
     /// # Errors
     /// There is no such adapter, or it provides no device.
-    pub(crate) fn open(device: &DeviceArg, structure: &StructureArgs) -> Result<Self> {
+    pub(crate) fn open(device: &DeviceArg, structure: &Structure) -> Result<Self> {
         Ok(match device {
             DeviceArg::Cpu => Self::Cpu,
-            DeviceArg::Auto if structure.unsupported_on_gpu().is_some() || !may_have_hardware() => Self::Cpu,
+            DeviceArg::Auto if structure.unsupported_on_gpu.is_some() || !may_have_hardware() => Self::Cpu,
             DeviceArg::Auto => match open_quietly(&Choice::Hardware) {
                 Ok(gpu) => Self::Auto(gpu),
                 Err(GpuError::NoAdapter { .. }) => Self::Cpu,
@@ -91,11 +91,11 @@ impl Machine {
     /// An adapter that was requested explicitly does not support the request, or the error is not the adapter's.
     pub(crate) fn ready<'a, T>(
         &'a self,
-        structure: &StructureArgs,
+        structure: &Structure,
         prepare: impl FnOnce(&'a Gpu) -> Result<T, DeviceError>,
     ) -> Result<Option<(&'a Gpu, T)>> {
         let Some(gpu) = self.gpu() else { return Ok(None) };
-        let error = match structure.unsupported_on_gpu() {
+        let error = match &structure.unsupported_on_gpu {
             Some(option) => anyhow!("{option} is not supported on the GPU; use --device cpu"),
             None => match prepare(gpu) {
                 Ok(ready) => return Ok(Some((gpu, ready))),
@@ -117,7 +117,7 @@ impl Machine {
 pub(crate) fn built_or(
     gpu: &Gpu,
     scene: &Scene,
-    config: &StructureConfig,
+    config: &SceneBvhConfig,
     bvh: DeviceBvh,
     uploaded: impl FnOnce() -> Result<TracedScene, DeviceError>,
 ) -> Result<TracedScene, DeviceError> {
@@ -179,7 +179,7 @@ fn open_adapter(choice: &Choice) -> Result<Gpu> {
         let name = &info.name;
         output::warn(&format!("'{name}' is a software driver: it runs on the CPU and is slower than --device cpu"));
         // A software driver shares the memory of the machine, and reports more than there is.
-        if let Some(n_bytes) = memory::available_bytes() {
+        if let Some(n_bytes) = process::available_bytes() {
             gpu.limit_memory(n_bytes);
         }
     }
@@ -202,37 +202,64 @@ pub(crate) fn adapters() -> Vec<Value> {
     adapters.collect()
 }
 
+/// Messages of GPU drivers and of the Vulkan loader are kept off standard error: they complain about a missing desktop.
+///
+/// Runs `open` while standard error is discarded, unless `-v` is given.
+#[cfg(unix)]
+fn quietly<T>(open: impl FnOnce() -> T) -> T {
+    use std::{
+        fs::File,
+        os::fd::{AsFd, OwnedFd},
+    };
+
+    /// Standard error as it was; restored on drop, also by a panic.
+    struct Kept(OwnedFd);
+    impl Drop for Kept {
+        fn drop(&mut self) {
+            let _ = rustix::stdio::dup2_stderr(&self.0);
+        }
+    }
+
+    if crate::output::is_verbose() {
+        return open();
+    }
+    let kept = std::io::stderr().as_fd().try_clone_to_owned();
+    let (Ok(kept), Ok(nothing)) = (kept, File::options().write(true).open("/dev/null")) else { return open() };
+    // Restored even if the call fails halfway.
+    let _kept = Kept(kept);
+    let _ = rustix::stdio::dup2_stderr(&nothing);
+    open()
+}
+
+/// Runs `open`: loaders of other systems print nothing.
+#[cfg(not(unix))]
+fn quietly<T>(open: impl FnOnce() -> T) -> T {
+    open()
+}
+
 #[cfg(test)]
 mod tests {
-    use canted_fixtures::or_skip;
-    use clap::Parser;
-
     use super::*;
-
-    #[derive(Parser)]
-    struct Options {
-        #[command(flatten)]
-        structure: StructureArgs,
-    }
+    use canted_fixtures::or_skip;
 
     /// What a device lacks is an error where the device was named, and the CPU's with `auto`.
     #[test]
     fn auto_takes_the_cpu_where_a_device_lacks_something() {
         let test = "auto_takes_the_cpu_where_a_device_lacks_something";
         let Some(gpu) = or_skip(test, Gpu::open(&Choice::Best)) else { return };
-        let structure = |line: &str| Options::parse_from(line.split(' ')).structure;
+        let unsupported = Structure { unsupported_on_gpu: Some("--accel kdtree".to_owned()), ..Structure::default() };
         let lacks = |_: &Gpu| Err::<(), _>(DeviceError::Unsupported { what: "clear coats" });
         let machine = Machine::Device(gpu);
-        let error = machine.ready(&structure("canted"), lacks).map(|_| ()).unwrap_err().to_string();
+        let error = machine.ready(&Structure::default(), lacks).map(|_| ()).unwrap_err().to_string();
         assert!(error.contains("clear coats") && error.ends_with("; use --device cpu"), "{error}");
         let traced_only = |_: &Gpu| Err::<(), _>(DeviceError::Raster { what: "a lens" });
-        let error = machine.ready(&structure("canted"), traced_only).map(|_| ()).unwrap_err().to_string();
+        let error = machine.ready(&Structure::default(), traced_only).map(|_| ()).unwrap_err().to_string();
         assert!(error.ends_with("; use --first-hit trace"), "{error}");
-        assert!(machine.ready(&structure("canted"), |_| Ok(())).unwrap().is_some());
+        assert!(machine.ready(&Structure::default(), |_| Ok(())).unwrap().is_some());
         let Machine::Device(gpu) = machine else { unreachable!() };
         let machine = Machine::Auto(gpu);
-        assert!(machine.ready(&structure("canted"), lacks).unwrap().is_none());
-        assert!(machine.ready(&structure("canted --accel kdtree"), |_| Ok(())).unwrap().is_none());
-        assert!(machine.ready(&structure("canted"), |_| Ok(())).unwrap().is_some());
+        assert!(machine.ready(&Structure::default(), lacks).unwrap().is_none());
+        assert!(machine.ready(&unsupported, |_| Ok(())).unwrap().is_none());
+        assert!(machine.ready(&Structure::default(), |_| Ok(())).unwrap().is_some());
     }
 }

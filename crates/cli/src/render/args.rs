@@ -1,142 +1,384 @@
-//! Options of `canted render`.
+//! Options of `canted render`, and what they come to.
 
-use std::path::PathBuf;
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use anyhow::{Result, anyhow};
-use canted_film::{Filter, Format, Record};
-use canted_renderer::{BoxLevel, FirstHit, Integrator, Lod, Measure, SampleSums, Settings, light_hash, scene_hash};
-use canted_scene::{Camera, Material, ReadOptions, Scene};
+use canted_film::{Aov, Aovs, Format};
+use canted_renderer::{BoxLevel, Measure, SampleSums, UpdatePolicy};
+use clap::ArgGroup;
+use serde::Serialize;
 
-use super::{
-    camera::{self, CameraArgs},
-    frames::FrameArgs,
-    look::LookArgs,
-    samples::SampleArgs,
-};
+use super::{film::Passes, output::OutputFile};
 use crate::{
     device::{DeviceArg, RunArgs},
-    light::LightArgs,
-    load::Inputs,
-    options::{self, StructureArgs, one_of},
-    output,
+    load,
+    options::{self, Given, Named, Names, Text, as_text, named, one_of},
+    output::{self, Named as NamedFile},
+    settings::{self, MAX_SAMPLES, PICTURE, PictureArgs, Plan, Purpose, RENDERING},
 };
 
 /// Options of `canted render`.
+pub(crate) type Args = PictureArgs<RenderArgs>;
+
+/// Options of `canted render` about a run: its files, devices and reports.
 #[derive(clap::Args, Clone)]
 #[command(mut_arg("device", |arg| arg.help(DEVICE)))]
 #[command(after_help = "Examples:\n  canted render helmet.glb -o helmet.png --size 1920x1080 --spp 64\n  \
                         canted render fox.glb --frames 0..48 -o fox_%04d.png --env studio.hdr")]
-pub(crate) struct Args {
-    /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml) [default: the built-in scene]
-    pub(crate) scene: Option<PathBuf>,
-    /// Time in the animation of the file [default: rest pose]
-    #[arg(long, help_heading = SCENE, value_parser = options::number, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]
-    pub(crate) time: Option<f32>,
-    /// Animation of the file, by name or by number from 0 [default: the first]
-    #[arg(long, help_heading = SCENE, requires = "scene", value_name = "NAME|INDEX")]
-    pub(crate) animation: Option<String>,
-    /// Material variant of a glTF file, by name or by number from 0 [default: the materials of its primitives]
-    #[arg(long, help_heading = SCENE, requires = "scene", value_name = "NAME|INDEX")]
-    pub(crate) variant: Option<String>,
+pub(crate) struct RenderArgs {
     /// Output image: .png, .jpg, .webp (sRGB), .hdr or .exr (linear); `-` is standard output.
-    #[arg(short, long, help_heading = PICTURE, default_value = "canted.png", value_name = "FILE", allow_hyphen_values = true)]
+    #[arg(short, long, help_heading = PICTURE, display_order = 3, default_value = "canted.png", value_name = "FILE", allow_hyphen_values = true)]
     pub(crate) output: PathBuf,
     /// Format of the output, in place of that of its name [default: by the extension; png for -]
-    #[arg(long, help_heading = PICTURE, value_parser = one_of(&Format::ALL), value_name = "FORMAT")]
-    pub(super) format: Option<Format>,
-    /// Image size in pixels.
-    #[arg(long, help_heading = PICTURE, value_parser = options::size, default_value = "1280x720", value_name = "WxH", allow_hyphen_values = true)]
-    pub(crate) size: [u32; 2],
+    #[arg(long, help_heading = PICTURE, display_order = 4, value_parser = one_of(&Format::ALL), value_name = "FORMAT")]
+    format: Option<Format>,
     /// Render only a part of the picture, whose output it is: left, top, width and height in pixels of the whole.
-    #[arg(long, help_heading = PICTURE, value_parser = crop, value_name = "X,Y,W,H", allow_hyphen_values = true)]
-    pub(super) crop: Option<[u32; 4]>,
-    /// Show the number of intersection tests per camera ray instead of light.
-    #[arg(long, help_heading = PICTURE, value_parser = one_of(&[("boxes", Measure::Boxes), ("triangles", Measure::Triangles)]), value_name = "TESTS")]
-    pub(crate) heatmap: Option<Measure>,
-    /// Number of tests shown in the brightest color of the heat map; a wide node counts as eight boxes.
-    #[arg(long, help_heading = PICTURE, value_parser = clap::value_parser!(u32).range(1..), default_value_t = 128, requires = "heatmap", value_name = "N")]
-    pub(crate) heatmap_scale: u32,
-    /// Draw boxes of the acceleration structure over the picture: those of a level, 0 for the root, or of all leaves. Axis-aligned boxes are
-    /// blue, oriented ones orange.
-    #[arg(long, help_heading = PICTURE, value_name = "LEVEL|leaves")]
-    pub(crate) boxes: Option<BoxLevel>,
+    #[arg(long, help_heading = PICTURE, display_order = 6, value_parser = crop, value_name = "X,Y,W,H", allow_hyphen_values = true)]
+    crop: Option<[u32; 4]>,
     #[command(flatten)]
-    pub(super) run: RunArgs,
+    diagram: Given<DiagramArgs>,
     #[command(flatten)]
-    pub(super) sequence: FrameArgs,
+    run: RunArgs,
     #[command(flatten)]
-    pub(super) samples: SampleArgs,
-    /// Random seed.
-    #[arg(long, help_heading = RENDERING, default_value_t = 0, value_name = "N", allow_hyphen_values = true)]
-    pub(super) seed: u32,
-    /// Pixel reconstruction filter.
-    #[arg(long, help_heading = RENDERING, default_value = "box", value_parser = one_of(&FILTERS), value_name = "FILTER")]
-    pub(super) filter: Filter,
-    /// Texture filtering: `none` (bilinear), `cone` (isotropic ray cones) or `aniso` (anisotropic).
-    #[arg(long, help_heading = RENDERING, default_value = "aniso", value_parser = one_of(&LODS), value_name = "LOD")]
-    pub(super) lod: Lod,
-    /// Light transport: `hybrid` is fast and approximate, `path` is a path tracer [default: path for glossy surfaces, glass
-    /// and scenes lit by their own surfaces, else hybrid]
-    #[arg(long, help_heading = RENDERING, value_parser = one_of(&INTEGRATORS), value_name = "INTEGRATOR")]
-    pub(crate) integrator: Option<Integrator>,
-    /// Maximum number of bounces after the first hit [default: 2 for hybrid, 32 for path]
-    #[arg(long, help_heading = RENDERING, value_parser = clap::value_parser!(u32).range(0..=4096), value_name = "N")]
-    pub(super) bounces: Option<u32>,
-    /// Ambient occlusion radius of `hybrid` in world units; inf disables ambient light [default: a tenth of the scene's
-    /// diagonal]
-    #[arg(long, help_heading = RENDERING, value_parser = options::radius, value_name = "LENGTH", allow_hyphen_values = true)]
-    pub(super) ao_radius: Option<f32>,
-    /// Give back the light that rough metal, coats and glass lose between their microfacets: on or off. `off` is for
-    /// comparison with renderers that scatter once; `hybrid` has no such surfaces.
-    #[arg(long, help_heading = RENDERING, action = clap::ArgAction::Set, default_value = "on", value_parser = one_of(&SWITCH), value_name = "on|off")]
-    pub(super) energy_compensation: bool,
-    /// First hits of `hybrid` on a GPU: `raster` starts rays at what a raster pass saw, `trace` traces them, `auto` measures which is
-    /// faster. The picture is the same.
-    #[arg(long, help_heading = RENDERING, default_value = "auto", value_parser = one_of(&FIRST_HITS), value_name = "auto|raster|trace")]
-    pub(super) first_hit: FirstHit,
+    sequence: FrameArgs,
+    #[command(flatten)]
+    samples: SampleArgs,
     /// Where samples of a GPU are summed: `host` downloads each of them, `device` downloads sums of up to 64 samples of a pixel. Use `device`
     /// where the download takes long: many samples per pixel on a fast GPU. Pictures differ by roundings only.
-    #[arg(long, help_heading = RENDERING, default_value = "host", value_parser = one_of(&SUMS), value_name = "host|device")]
-    pub(super) sums: SampleSums,
-    #[command(flatten)]
-    pub(crate) look: LookArgs,
-    #[command(flatten)]
-    pub(crate) camera: CameraArgs,
-    #[command(flatten)]
-    pub(crate) light: LightArgs,
-    #[command(flatten)]
-    pub(crate) structure: StructureArgs,
+    #[arg(long, help_heading = RENDERING, display_order = 79, default_value = "host", value_parser = named::<SampleSums>(), value_name = "host|device")]
+    sums: SampleSums,
 }
-
-const SCENE: &str = "Scene";
-
-const PICTURE: &str = "Picture";
-
-/// Help heading of the options about light transport.
-pub(super) const RENDERING: &str = "Rendering";
 
 const DEVICE: &str = "Compute device: auto, cpu, gpu, both (CPU and GPU share the tiles), both:NAME, or part of an adapter \
                       name (see `canted devices`). `auto` uses a hardware GPU that supports the scene, else the CPU";
 
-const FILTERS: [(&str, Filter); 5] = [
-    ("box", Filter::BOX),
-    ("tent", Filter::TENT),
-    ("gaussian", Filter::GAUSSIAN),
-    ("mitchell", Filter::MITCHELL),
-    ("blackman-harris", Filter::BLACKMAN_HARRIS),
-];
+/// Options of what a picture shows of the acceleration structure.
+#[derive(clap::Args, Clone, Debug, Default, PartialEq, Serialize)]
+#[command(next_help_heading = PICTURE, next_display_order = 10)]
+pub(crate) struct DiagramArgs {
+    /// Show the number of intersection tests per camera ray instead of light.
+    #[arg(long, value_parser = named::<Measure>(), value_name = "TESTS")]
+    #[serde(serialize_with = "as_text")]
+    pub(crate) heatmap: Option<Measure>,
+    /// Number of tests shown in the brightest color of the heat map; a wide node counts as eight boxes.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..), default_value = "128", requires = "heatmap", value_name = "N")]
+    #[serde(serialize_with = "as_text")]
+    pub(crate) heatmap_scale: Option<u32>,
+    /// Draw boxes of the acceleration structure over the picture: those of a level, 0 for the root, or of all leaves. Axis-aligned boxes are
+    /// blue, oriented ones orange.
+    #[arg(long, value_name = "LEVEL|leaves")]
+    #[serde(serialize_with = "as_text")]
+    pub(crate) boxes: Option<BoxLevel>,
+}
 
-const LODS: [(&str, Lod); 3] = [("none", Lod::None), ("cone", Lod::Cone), ("aniso", Lod::Aniso)];
+const HEATMAP_SCALE: u32 = 128;
 
-const SWITCH: [(&str, bool); 2] = [("on", true), ("off", false)];
+impl DiagramArgs {
+    /// What the heat map measures, and the tests of its brightest color.
+    pub(crate) fn measure(&self) -> Option<(Measure, u32)> {
+        Some((self.heatmap?, self.heatmap_scale.unwrap_or(HEATMAP_SCALE)))
+    }
+}
 
-/// Names of [`FirstHit`].
-pub(super) const FIRST_HITS: [(&str, FirstHit); 3] =
-    [("auto", FirstHit::Auto), ("raster", FirstHit::Raster), ("trace", FirstHit::Trace)];
+impl Text for BoxLevel {
+    fn text(&self) -> String {
+        self.to_string()
+    }
+}
 
-const SUMS: [(&str, SampleSums); 2] = [("host", SampleSums::Host), ("device", SampleSums::Device)];
+impl Named for SampleSums {
+    const NAMES: &'static Names<Self> = &[("host", Self::Host), ("device", Self::Device)];
+}
 
-const INTEGRATORS: [(&str, Integrator); 2] = [("hybrid", Integrator::Hybrid), ("path", Integrator::Path)];
+/// Options of `canted render` about samples.
+#[derive(clap::Args, Clone, Debug)]
+#[command(next_help_heading = RENDERING, next_display_order = 50)]
+pub(crate) struct SampleArgs {
+    /// Render only the samples A to B-1 and store their exact sums in the EXR, for `canted merge`.
+    #[arg(long, display_order = 41, value_parser = samples, value_name = "A..B", conflicts_with_all = ["noise", "boxes"], allow_hyphen_values = true)]
+    samples: Option<[u32; 2]>,
+    /// Render on the CPU in passes over the whole picture, and rewrite the output after each; Ctrl-C leaves the passes that are complete.
+    #[arg(long, conflicts_with_all = ["samples", "noise", "checkpoint", "frames"])]
+    preview: bool,
+    /// Render on the CPU in passes for at most this time, up to --spp samples per pixel, if it is given. One sample is always taken.
+    #[arg(long, value_parser = options::noise, value_name = "N", conflicts_with_all = ["samples", "noise", "checkpoint", "frames"])]
+    seconds: Option<f32>,
+    /// Additional EXR channels: depth, normal, shading-normal, albedo, instance, primitive, tests, or all.
+    #[arg(long, value_parser = aov, value_delimiter = ',', value_name = "LIST")]
+    aovs: Vec<Aovs>,
+    /// Remove noise with a filter guided by albedo, normals and depth; other channels are not filtered.
+    #[arg(long)]
+    denoise: bool,
+    /// Checkpoint file: continue from it if it exists, update it while rendering, remove it when the picture is written.
+    #[arg(long, value_name = "FILE")]
+    checkpoint: Option<PathBuf>,
+    /// Time between checkpoint updates in seconds.
+    #[arg(long, default_value_t = 60, requires = "checkpoint", value_name = "SECONDS")]
+    checkpoint_every: u32,
+}
+
+/// The channels that guide the filter.
+const GUIDES: [Aov; 3] = [Aov::Albedo, Aov::ShadingNormal, Aov::Depth];
+
+/// Options about frames.
+#[derive(clap::Args, Clone, Debug)]
+#[command(next_help_heading = "Frames", next_display_order = 30, group = ArgGroup::new("timed").args(["frames", "shutter"]).multiple(true))]
+pub(crate) struct FrameArgs {
+    /// Render the frames A to B-1, frame N at N / FPS seconds of the animation. --output requires a field for the frame number,
+    /// e.g. frame_%04d.png.
+    #[arg(long, value_parser = frames, value_name = "A..B", conflicts_with = "time", allow_hyphen_values = true)]
+    pub(super) frames: Option<[u32; 2]>,
+    /// Frames per second.
+    #[arg(long, default_value = "24", value_parser = rate, requires = "timed", value_name = "N", allow_hyphen_values = true)]
+    fps: f64,
+    /// Open the shutter A to B frames after the time of the picture, e.g. 0..0.5: what the animation moves or deforms is
+    /// blurred. Requires --time or --frames.
+    #[arg(long, value_parser = interval, requires = "scene", value_name = "A..B", allow_hyphen_values = true)]
+    shutter: Option<[f64; 2]>,
+    /// Turn the camera around its target by DEGREES in the course of all frames, counter-clockwise seen from above.
+    #[arg(long, value_parser = options::number, requires = "frames", value_name = "DEGREES", allow_hyphen_values = true)]
+    pub(super) turntable: Option<f32>,
+    /// Keep frames whose pictures exist and are whole.
+    #[arg(long, requires = "frames")]
+    pub(super) resume: bool,
+    /// How BVHs follow moving triangles. `auto` refits until a rebuild pays for itself.
+    #[arg(long, default_value = "auto", value_parser = named::<UpdatePolicy>(), requires = "frames", value_name = "POLICY")]
+    pub(super) update: UpdatePolicy,
+}
+
+impl Named for UpdatePolicy {
+    const NAMES: &'static Names<Self> = &[("auto", Self::Auto), ("refit", Self::Refit), ("rebuild", Self::Rebuild)];
+}
+
+/// A picture to render, or the pictures of a sequence: options that are checked and agree with each other.
+#[derive(Clone)]
+pub(super) struct Job {
+    pub(super) plan: Plan,
+    pub(super) output: OutputFile,
+    pub(super) sequence: FrameArgs,
+    pub(super) run: RunArgs,
+    pub(super) boxes: Option<BoxLevel>,
+    /// Rendering in passes, if it is requested.
+    pub(super) passes: Option<Passes>,
+    /// A file of finished tiles, and the time between its updates.
+    pub(super) checkpoint: Option<(PathBuf, Duration)>,
+}
+
+impl Args {
+    /// Checks the options and resolves them. Warns about options without effect.
+    ///
+    /// # Errors
+    /// Options that contradict each other or the scene file, or outputs that would replace an input.
+    pub(super) fn job(self) -> Result<Job> {
+        let RenderArgs { output: path, format, crop, diagram: Given(diagram), run, sequence, samples, sums } =
+            self.own.clone();
+        let is_stream = path.as_os_str() == "-";
+        let by_name = || if is_stream { Some(Format::Png) } else { Format::of_path(&path) };
+        let format =
+            format.or_else(by_name).ok_or_else(|| output::unsupported(&path, ".png, .jpg, .webp, .hdr or .exr"))?;
+        let heatmap = diagram.measure();
+        let file = settings::scene_file(self.source.scene.as_deref())?;
+        let purpose = Purpose {
+            part: samples.samples,
+            has_time_limit: samples.seconds.is_some(),
+            aovs: samples.channels(),
+            heatmap,
+            is_linear: format.is_linear(),
+        };
+        let ignored = heatmap.map(|_| {
+            let sums = (sums != SampleSums::Host).then_some("sums");
+            settings::ignored_by_heatmap(&self, sums)
+        });
+        let given = self.structure.0.clone();
+        let mut plan = self.resolve(file.as_ref(), &purpose)?;
+        plan.options.structure.warn_ignored_preset(&given);
+        let has_noise = plan.settings.noise.is_some();
+        let passes = (samples.preview || samples.seconds.is_some()).then(|| Passes {
+            budget: samples.seconds.map(Duration::from_secs_f32),
+            is_shown: samples.preview && !is_stream,
+        });
+        samples.check(&purpose, format == Format::Exr, has_noise)?;
+        if let Some(ignored) = ignored.filter(|ignored| !ignored.is_empty()) {
+            output::warn(&format!("--heatmap ignores {}", ignored.join(", ")));
+        }
+        if is_stream {
+            samples.check_stream()?;
+            if run.json {
+                return Err(anyhow!("-o - and --json both write to standard output; write the picture to a file"));
+            }
+        }
+        plan.settings.sums = sums;
+        plan.settings.means_only = passes.is_none();
+        let every = Duration::from_secs(samples.checkpoint_every.into());
+        let job = Job {
+            output: OutputFile {
+                path,
+                format,
+                is_stream,
+                crop,
+                size: plan.size(),
+                aovs: samples.shown(),
+                is_denoised: samples.denoise,
+                look: plan.look.clone(),
+            },
+            plan,
+            sequence,
+            run,
+            boxes: diagram.boxes,
+            passes,
+            checkpoint: samples.checkpoint.clone().map(|path| (path, every)),
+        };
+        output::check_distinct(&job.plan.inputs()?.named(), &job.outputs())?;
+        job.output.check_crop()?;
+        if crop.is_some() {
+            samples.check_crop()?;
+        }
+        job.plan.look.warn_ignored(format.is_linear());
+        job.check_times()?;
+        job.check_device()?;
+        Ok(job)
+    }
+}
+
+impl Job {
+    /// The files that are written, but for those of frames.
+    pub(super) fn outputs(&self) -> Vec<NamedFile<'_>> {
+        let picture = [("--output", self.output.path.as_path())].into_iter().filter(|_| !self.output.is_stream);
+        picture.chain(self.checkpoint_file()).collect()
+    }
+
+    /// The checkpoint.
+    pub(super) fn checkpoint_file(&self) -> Option<NamedFile<'_>> {
+        self.checkpoint.as_ref().map(|(path, _)| ("--checkpoint", path.as_path()))
+    }
+
+    /// Rejects options of times that contradict each other.
+    fn check_times(&self) -> Result<()> {
+        let source = &self.plan.source;
+        if source.animation.is_some() && source.time.is_none() && self.sequence.frames.is_none() {
+            return Err(anyhow!("--animation requires --time or --frames"));
+        }
+        self.sequence.check_shutter(source.scene.as_deref(), source.time)
+    }
+
+    /// Rejects a heat map on a GPU, and sums of a device on the CPU.
+    fn check_device(&self) -> Result<()> {
+        let is_heatmap = self.plan.heatmap.is_some();
+        match &self.run.device {
+            DeviceArg::Cpu if !is_heatmap && self.plan.settings.sums == SampleSums::Device => {
+                Err(anyhow!("--sums device requires a GPU; use --device gpu, or --sums host"))
+            }
+            DeviceArg::Auto | DeviceArg::Cpu => Ok(()),
+            _ if is_heatmap => Err(anyhow!("--heatmap is not supported on the GPU; use --device cpu")),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl SampleArgs {
+    /// Rejects options that the output format or a heat map does not support.
+    fn check(&self, purpose: &Purpose, is_exr: bool, has_noise: bool) -> Result<()> {
+        let given = [
+            ("--samples", self.samples.is_some(), true),
+            ("--aovs", !self.aovs.is_empty(), true),
+            ("--noise", has_noise, false),
+            ("--checkpoint", self.checkpoint.is_some(), false),
+            ("--denoise", self.denoise, false),
+            ("--preview", self.preview, false),
+            ("--seconds", self.seconds.is_some(), false),
+        ];
+        for (name, _, needs_exr) in given.into_iter().filter(|&(_, is_given, _)| is_given) {
+            if purpose.heatmap.is_some() {
+                return Err(anyhow!("{name} and --heatmap cannot be used together"));
+            }
+            if needs_exr && !is_exr {
+                return Err(anyhow!("{name} requires an .exr output"));
+            }
+            if has_noise && ["--preview", "--seconds"].contains(&name) {
+                return Err(anyhow!("{name} and --noise, which the scene file sets, cannot be used together"));
+            }
+        }
+        if self.denoise && self.samples.is_some() {
+            return Err(anyhow!(
+                "--denoise and --samples cannot be used together; render the parts with --aovs albedo and use canted merge --denoise"
+            ));
+        }
+        Ok(())
+    }
+
+    /// Rejects options that need a file.
+    fn check_stream(&self) -> Result<()> {
+        self.reject(!self.aovs.is_empty(), "requires an output file, not -")
+    }
+
+    /// Rejects options that need the whole picture.
+    fn check_crop(&self) -> Result<()> {
+        self.reject(false, "and --crop cannot be used together")
+    }
+
+    fn reject(&self, has_aovs: bool, reason: &str) -> Result<()> {
+        let given =
+            [("--samples", self.samples.is_some()), ("--aovs", has_aovs), ("--checkpoint", self.checkpoint.is_some())];
+        match given.into_iter().find(|&(_, is_given)| is_given) {
+            None => Ok(()),
+            Some((name, _)) => Err(anyhow!("{name} {reason}")),
+        }
+    }
+
+    /// The additional channels that are written.
+    fn shown(&self) -> Aovs {
+        union(&self.aovs)
+    }
+
+    /// The additional channels that are rendered.
+    fn channels(&self) -> Aovs {
+        let guides = GUIDES.into_iter().filter(|_| self.denoise);
+        guides.fold(self.shown(), Aovs::with)
+    }
+}
+
+/// All channels of lists.
+pub(crate) fn union(lists: &[Aovs]) -> Aovs {
+    lists.iter().flat_map(|aovs| aovs.iter()).collect()
+}
+
+impl FrameArgs {
+    /// Time of a frame in seconds: that of `--time N/FPS`, so the quotient is rounded once.
+    pub(super) fn time(&self, frame: u32) -> f32 {
+        (f64::from(frame) / self.fps) as f32
+    }
+
+    /// Times in seconds as the shutter opens and as it closes, for the picture of a time; `None` without --shutter.
+    pub(super) fn shutter_times(&self, time: f32) -> Option<[f32; 2]> {
+        Some(self.shutter?.map(|frames| (f64::from(time) + frames / self.fps) as f32))
+    }
+
+    /// Rejects --shutter without a time, or with a scene file.
+    fn check_shutter(&self, scene: Option<&Path>, time: Option<f32>) -> Result<()> {
+        let (Some([a, b]), Some(scene)) = (self.shutter, scene) else { return Ok(()) };
+        if load::is_scene_file(scene) {
+            let scene = scene.display();
+            return Err(anyhow!("{scene}: --shutter requires a glTF file; a scene file sets the time of each asset"));
+        }
+        let last = time.or_else(|| self.frames.map(|[_, end]| self.time(end - 1)));
+        let last = last.ok_or_else(|| anyhow!("--shutter requires --time or --frames"))?;
+        match self.shutter_times(last) {
+            Some(times) if times.iter().all(|time| time.is_finite()) => Ok(()),
+            _ => Err(anyhow!("--shutter {a}..{b}: the time exceeds single precision")),
+        }
+    }
+
+    /// Rejects frames whose time is not a number of `f32`.
+    pub(super) fn check_time(&self, last: u32) -> Result<()> {
+        if self.time(last).is_finite() {
+            return Ok(());
+        }
+        Err(anyhow!("--fps {}: the time of frame {last} exceeds single precision", self.fps))
+    }
+}
 
 /// Left, top, width and height of a rectangle.
 fn crop(text: &str) -> Result<[u32; 4], String> {
@@ -147,139 +389,46 @@ fn crop(text: &str) -> Result<[u32; 4], String> {
     }
 }
 
-impl Args {
-    /// The format of the output.
-    ///
-    /// # Errors
-    /// An extension without a format.
-    pub(super) fn format(&self) -> Result<Format> {
-        let by_name = || if self.is_stream() { Some(Format::Png) } else { Format::of_path(&self.output) };
-        let format = self.format.or_else(by_name);
-        format.ok_or_else(|| output::unsupported(&self.output, ".png, .jpg, .webp, .hdr or .exr"))
+/// Sample numbers as `A..B`.
+fn samples(text: &str) -> Result<[u32; 2], String> {
+    let [start, end] = range(text, "0..16")?;
+    if end > MAX_SAMPLES {
+        return Err(format!("{end} exceeds the limit of {MAX_SAMPLES} samples"));
     }
-
-    /// Whether the output is standard output.
-    pub(super) fn is_stream(&self) -> bool {
-        self.output.as_os_str() == "-"
-    }
-
-    /// The device.
-    pub(crate) fn device(&self) -> &DeviceArg {
-        &self.run.device
-    }
-
-    /// How a GPU finds first hits.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn first_hit(&self) -> FirstHit {
-        self.first_hit
-    }
-
-    /// The size of the output.
-    pub(super) fn output_size(&self) -> [u32; 2] {
-        self.crop.map_or(self.size, |[.., width, height]| [width, height])
-    }
-
-    /// Rejects a crop that exceeds the picture, or goes with options that need the whole picture.
-    pub(super) fn check_crop(&self) -> Result<()> {
-        let Some([left, top, width, height]) = self.crop else { return Ok(()) };
-        let ends = [u64::from(left) + u64::from(width), u64::from(top) + u64::from(height)];
-        if ends[0] > self.size[0].into() || ends[1] > self.size[1].into() {
-            let [w, h] = self.size;
-            return Err(anyhow!("--crop {left},{top},{width},{height} exceeds the picture of {w} x {h} pixels"));
-        }
-        self.samples.check_crop()
-    }
-
-    /// Chooses the integrator unless it is given: the one that shows the materials and lights of the scene.
-    /// Returns why.
-    pub(crate) fn choose_integrator(&mut self, scene: &Scene, is_lit_by_emission: bool) -> &'static str {
-        /// Reflections of rougher surfaces look like those of a diffuse one.
-        const ROUGH: f32 = 0.6;
-        let is_shiny = |m: &Material| {
-            let is_glossy = m.roughness < ROUGH || m.metallic_roughness_texture.is_some();
-            m.transmission > 0.0 || is_glossy && (m.metallic > 0.0 || m.specular > 0.0)
-        };
-        let (integrator, reason) = match self.integrator {
-            Some(given) => (given, "given"),
-            None if self.ao_radius.is_some() => (Integrator::Hybrid, "--ao-radius is given"),
-            None if is_lit_by_emission => (Integrator::Path, "surfaces light the scene"),
-            None if scene.materials.iter().any(is_shiny) => (Integrator::Path, "some surfaces reflect or transmit"),
-            None => (Integrator::Hybrid, "all surfaces are diffuse"),
-        };
-        self.integrator = Some(integrator);
-        reason
-    }
-
-    /// Whether the exposure may be chosen: for a model without exposure, its own lights and a format that is not linear. Scene files
-    /// are made for the exposure that they have. A heat map shows no light.
-    pub(crate) fn needs_exposure(&self) -> bool {
-        let is_model = self.scene.as_deref().is_some_and(|path| !output::has_extension(path, "toml"));
-        let is_linear = self.format().is_ok_and(Format::is_linear);
-        is_model && !is_linear && self.heatmap.is_none() && self.look.is_unset() && self.light.is_empty()
-    }
-
-    /// How the file of the scene is read, at a time in seconds.
-    pub(crate) fn read_options(&self, time: Option<f32>) -> ReadOptions {
-        ReadOptions { time, animation: self.animation.clone(), variant: self.variant.clone() }
-    }
-
-    /// The files that are read.
-    pub(crate) fn inputs(&self) -> Result<Inputs> {
-        let inputs = Inputs::of(self.scene.as_deref())?;
-        Ok(match self.light.environment_file() {
-            Some((image, ..)) => inputs.and("--env", image),
-            None => inputs,
-        })
-    }
-
-    pub(crate) fn settings(&self) -> Result<Settings> {
-        let Self { size: [width, height], filter, lod, seed, ao_radius, energy_compensation, sums, .. } = *self;
-        let integrator = self.integrator.unwrap_or(Integrator::Hybrid);
-        if ao_radius.is_some() && integrator != Integrator::Hybrid {
-            return Err(anyhow!("--ao-radius requires --integrator hybrid"));
-        }
-        let bounces = self.bounces.unwrap_or(integrator.bounces());
-        let mut settings = Settings {
-            width,
-            height,
-            integrator,
-            filter,
-            lod,
-            bounces,
-            seed,
-            energy_compensation,
-            ao_radius,
-            sums,
-            ..Settings::default()
-        };
-        self.samples.apply(&mut settings)?;
-        Ok(settings)
-    }
-
-    /// Everything that determines the value of a sample, by name. The device is included because devices round differently.
-    pub(super) fn record(&self, scene: &Scene, camera: &Camera, settings: &Settings, device: String) -> Record {
-        let own = [
-            ("version", env!("CARGO_PKG_VERSION").to_owned()),
-            ("scene", format!("{:016x}", scene_hash(scene))),
-            ("light", format!("{:016x}", light_hash(scene))),
-            ("triangles", options::name_of(&options::TRIANGLE_TESTS, &self.structure.triangles).to_owned()),
-            ("device", device),
-        ];
-        let named = |(name, value): (&str, String)| (name.to_owned(), value);
-        // The camera is last: a camera that frames the scene depends on the size, which is the more useful difference.
-        own.map(named).into_iter().chain(settings.record()).chain(camera::record(camera).map(named)).collect()
-    }
+    Ok([start, end])
 }
 
-/// The record of a checkpoint, which also states what its tiles are sums of.
-pub(super) fn checkpoint_record(record: &Record, settings: &Settings) -> Record {
-    let noise = settings.noise.map_or_else(|| "none".to_owned(), |noise| noise.to_string());
-    let own = [
-        ("samples", format!("{:?}", settings.range())),
-        ("use", if settings.part.is_some() { "a part to merge" } else { "a picture" }.to_owned()),
-        ("noise", noise),
-        ("aovs", settings.aovs.to_string()),
-        ("tile", settings.tile.to_string()),
-    ];
-    record.iter().cloned().chain(own.map(|(name, value)| (name.to_owned(), value))).collect()
+/// Frame numbers as `A..B`.
+fn frames(text: &str) -> Result<[u32; 2], String> {
+    range(text, "0..48")
+}
+
+fn range(text: &str, example: &str) -> Result<[u32; 2], String> {
+    let parsed = text.split_once("..").and_then(|(a, b)| Some([a.parse().ok()?, b.parse().ok()?]));
+    let [start, end]: [u32; 2] = parsed.ok_or_else(|| format!("expected A..B, e.g. {example}"))?;
+    if start >= end { Err(format!("{start}..{end} is empty")) } else { Ok([start, end]) }
+}
+
+/// An interval of finite numbers as `A..B`.
+fn interval(text: &str) -> Result<[f64; 2], String> {
+    let number = |text: &str| text.trim().parse().ok().filter(|x: &f64| x.is_finite());
+    let parsed = text.split_once("..").and_then(|(a, b)| Some([number(a)?, number(b)?]));
+    let [open, close] = parsed.ok_or("expected A..B, e.g. 0..0.5")?;
+    if open < close { Ok([open, close]) } else { Err(format!("{open}..{close} is empty")) }
+}
+
+/// A number of frames per second.
+fn rate(text: &str) -> Result<f64, String> {
+    let rate = text.trim().parse().ok().filter(|&rate: &f64| rate > 0.0 && rate.is_finite());
+    rate.ok_or_else(|| format!("'{text}' is not a finite number greater than 0"))
+}
+
+/// One channel name, or all.
+pub(crate) fn aov(text: &str) -> Result<Aovs, String> {
+    if text == "all" {
+        return Ok(Aov::ALL.into_iter().collect());
+    }
+    let found = Aov::ALL.into_iter().find(|aov| aov.name() == text);
+    let unknown = || format!("unknown channel '{text}'; use {} or all", Aov::ALL.map(Aov::name).join(", "));
+    found.map(|aov| Aovs::NONE.with(aov)).ok_or_else(unknown)
 }

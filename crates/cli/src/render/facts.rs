@@ -5,30 +5,30 @@ use std::time::Duration;
 use anyhow::Result;
 use canted_film::Film;
 use canted_obb::Obb;
-use canted_renderer::{Bvh, Prepared, Settings, Structure};
+use canted_renderer::{BottomLevel, SceneBvh, SceneLevels, Settings, UnusedFeature};
 use canted_scene::Scene;
-use canted_wide::{LaneKernel, NodeKind, SimdPath};
+use canted_wide::{NodeKind, SimdPath};
 use serde_json::{Value, json};
 
-use crate::{memory, not_needed, options::strategy_name, output};
+use crate::{options::strategy_name, output, process};
 
 /// A name and a value.
 pub(super) type Fact = (&'static str, Value);
 
 /// Facts about the scene and its acceleration structure.
-pub(super) fn of_structure<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>) -> Vec<Fact> {
-    let bvhs = prepared.structure.bottom();
+pub(super) fn of_structure(scene: &Scene, scene_bvh: &SceneBvh) -> Vec<Fact> {
+    let bvhs = scene_bvh.bottom();
     let mut facts = vec![
         ("meshes", json!(scene.meshes.len())),
         ("instances", json!(scene.instances.len())),
         ("unique_triangles", json!(scene.n_unique_triangles())),
         ("placed_triangles", json!(scene.n_placed_triangles())),
-        ("levels", json!(if matches!(prepared.structure, Structure::Two(_)) { 2 } else { 1 })),
+        ("levels", json!(if matches!(scene_bvh.levels(), SceneLevels::Two(_)) { 2 } else { 1 })),
         ("volumes", json!(volumes_of(bvhs))),
-        ("structure_bytes", json!(prepared.structure.n_bytes())),
-        ("build_seconds", json!(prepared.build_time.as_secs_f64())),
+        ("structure_bytes", json!(scene_bvh.n_bytes())),
+        ("build_seconds", json!(scene_bvh.build_time.as_secs_f64())),
     ];
-    if bvhs.iter().any(|bvh| matches!(bvh, Bvh::Wide(_) | Bvh::Moving(_))) {
+    if bvhs.iter().any(|bvh| matches!(bvh, BottomLevel::Wide(_) | BottomLevel::Moving(_))) {
         facts.push(("simd", json!(SimdPath::detect().name())));
     }
     facts
@@ -36,7 +36,6 @@ pub(super) fn of_structure<K: LaneKernel>(scene: &Scene, prepared: &Prepared<K>)
 
 /// Facts about the samples.
 pub(super) fn of_film(film: &Film, settings: &Settings, time: Duration, known: &[Fact]) -> Vec<Fact> {
-    #[expect(clippy::cast_precision_loss, reason = "rays and samples are fewer than 2^53")]
     let [n_rays, n_samples] = [film.n_rays(), film.n_samples()].map(|n| n as f64);
     let mut facts = vec![
         ("integrator", json!(format!("{:?}", settings.integrator).to_lowercase())),
@@ -107,7 +106,7 @@ pub(crate) fn dropped_samples(film: &Film) -> Option<String> {
 }
 
 /// A description of the bounding volumes. All bottom-level BVHs are of one kind.
-fn volumes_of<K: LaneKernel>(bvhs: &[Bvh<K>]) -> String {
+fn volumes_of(bvhs: &[BottomLevel]) -> String {
     let mut nodes = [0; NodeKind::ALL.len()];
     let mut n_rotated = 0;
     let mut add = |of_one: [usize; NodeKind::ALL.len()], frame| {
@@ -116,11 +115,11 @@ fn volumes_of<K: LaneKernel>(bvhs: &[Bvh<K>]) -> String {
     };
     for bvh in bvhs {
         match bvh {
-            Bvh::Binary(_, strategy) => return strategy_name(*strategy).to_owned(),
-            Bvh::Bih(_) => return "bounding intervals".to_owned(),
-            Bvh::KdTree(_) => return "kd-tree cells".to_owned(),
-            Bvh::Wide(wide) => add(wide.sizes().nodes, wide.frame()),
-            Bvh::Moving(moving) => add(moving.sizes().nodes, moving.frame()),
+            BottomLevel::Binary(_, strategy) => return strategy_name(*strategy).to_owned(),
+            BottomLevel::Bih(_) => return "bounding intervals".to_owned(),
+            BottomLevel::KdTree(_) => return "kd-tree cells".to_owned(),
+            BottomLevel::Wide(wide) => add(wide.sizes().nodes, wide.frame()),
+            BottomLevel::Moving(moving) => add(moving.sizes().nodes, moving.frame()),
         }
     }
     let n: usize = nodes.iter().sum();
@@ -137,6 +136,20 @@ fn volumes_of<K: LaneKernel>(bvhs: &[Bvh<K>]) -> String {
     }
 }
 
+/// The pipeline parts that a scene does not need, as JSON. Test counters are a part too: only heat maps count tests.
+pub(crate) fn not_needed(parts: &[UnusedFeature], has_counters: bool) -> Value {
+    const COUNTERS: UnusedFeature = UnusedFeature { feature: "counters", reason: "no heat map was requested" };
+    let counters = (!has_counters).then_some(&COUNTERS);
+    parts.iter().chain(counters).map(|unused| json!({ "part": unused.feature, "reason": unused.reason })).collect()
+}
+
+/// The parts of [`not_needed`] in one line.
+pub(crate) fn parts_text(parts: &Value) -> String {
+    let word = |part: &Value, key: &str| part[key].as_str().unwrap_or_default().to_owned();
+    let parts = parts.as_array().into_iter().flatten();
+    parts.map(|part| format!("{} ({})", word(part, "part"), word(part, "reason"))).collect::<Vec<_>>().join(", ")
+}
+
 /// Prints the facts: one line each, unless `-q` is given, or as one JSON object.
 pub(super) fn report(facts: &[Fact], as_json: bool) -> Result<()> {
     if as_json {
@@ -149,14 +162,14 @@ pub(super) fn report(facts: &[Fact], as_json: bool) -> Result<()> {
     }
     for (key, value) in facts {
         let text = match (*key, value) {
-            (key, Value::Number(n)) if key.ends_with("_bytes") => memory::human(n.as_u64().unwrap_or(0)),
+            (key, Value::Number(n)) if key.ends_with("_bytes") => process::human(n.as_u64().unwrap_or(0)),
             (key, Value::Number(n)) if key.ends_with("seconds") => format!("{:.3} s", n.as_f64().unwrap_or(0.0)),
             ("rays_per_second", Value::Number(n)) => format!("{:.2} M", n.as_f64().unwrap_or(0.0) * 1e-6),
             ("noise_reached", Value::Number(n)) => format!("{:.5}", n.as_f64().unwrap_or(0.0)),
             ("noise_reached", Value::Null) => "unknown".to_owned(),
             (_, Value::Number(n)) if n.is_f64() => format!("{:.2}", n.as_f64().unwrap_or(0.0)),
             ("size", Value::Array(sides)) => format!("{} x {}", sides[0], sides[1]),
-            ("not_needed", parts) => not_needed::text(parts),
+            ("not_needed", parts) => parts_text(parts),
             (_, Value::String(text)) => text.clone(),
             (_, other) => other.to_string(),
         };
@@ -170,9 +183,8 @@ mod tests {
     use std::sync::atomic::AtomicBool;
 
     use canted_obb::Affine;
-    use canted_renderer::{Prepared, StructureConfig, prepare, render};
+    use canted_renderer::{SceneBvhConfig, render};
     use canted_scene::{Camera, Instance, Material, MaterialId, Mesh, MeshId, Part, Projection};
-    use canted_trace::Watertight;
 
     use super::*;
 
@@ -198,8 +210,8 @@ mod tests {
         let projection = Projection::Orthographic { height: 2.0 };
         let camera = Camera { projection, ..Camera::pinhole([2.0, -1.0, 5.0], [2.0, -1.0, 0.0], [0.0, 1.0, 0.0], 1.0) };
         let settings = Settings { width: 4, height: 2, samples, ..Settings::default() };
-        let Prepared { structure, .. } = prepare::<Watertight>(&scene, &StructureConfig::default()).unwrap();
-        render(&scene, &structure, &camera, &settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
+        let bvh = SceneBvh::build(&scene, &SceneBvhConfig::default()).unwrap();
+        render(&scene, &bvh, &camera, &settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
     }
 
     #[test]

@@ -1,17 +1,22 @@
-//! Renders the film of a picture, with a progress bar, and keeps the finished tiles if it is stopped.
+//! Renders the film of a picture: in one go with a progress bar, where the finished tiles are kept if it is stopped, or in passes of
+//! 1, 1, 2, 4, ... samples, whose sums have the bits of a render in one go.
 
-use std::sync::{Mutex, PoisonError};
+use std::{
+    fs,
+    path::PathBuf,
+    sync::{Mutex, PoisonError},
+    time::{Duration, Instant},
+};
 
 use anyhow::{Result, anyhow};
-use canted_film::{Film, Partial, Tile};
-use canted_renderer::{Monitor, RenderError, Settings, Structure, Surfaces, resume_with};
+use canted_film::{Checkpoint, Film, Part, Partial, Record, Tile};
+use canted_renderer::{Monitor, RenderError, SceneBvh, Settings, Surfaces, resume_with};
 use canted_scene::Camera;
-use canted_wide::LaneKernel;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
-use super::{Args, checkpoint::CheckpointWriter, facts::Fact, outside, passes, show, write_picture};
-use crate::{interrupt, output};
+use super::{facts::Fact, output::OutputFile};
+use crate::{output, process};
 
 /// Renders films on one kind of device.
 pub(super) trait FilmRenderer {
@@ -21,70 +26,74 @@ pub(super) trait FilmRenderer {
     /// Renders the tiles that are not in `done`. Adds facts to the report.
     fn render(&self, done: Vec<Tile>, monitor: &Monitor, facts: &mut Vec<Fact>) -> Result<Film>;
 
-    /// Renders the samples of `settings`, which may differ from those of the renderer in their range only.
-    ///
-    /// # Errors
-    /// The device renders no passes.
-    fn pass(&self, _settings: &Settings, args: &Args, _monitor: &Monitor) -> Result<Film> {
-        let option = if args.samples.seconds.is_some() { "--seconds" } else { "--preview" };
-        Err(anyhow!("{option} renders in passes, which only the CPU does; use --device cpu"))
+    /// Renders the tiles of a pass that are not in `done`; `None` where the device renders no passes. `settings` may differ from those
+    /// of the renderer in their range only.
+    fn pass(&self, _settings: &Settings, _done: Vec<Tile>, _monitor: &Monitor) -> Option<Result<Film>> {
+        None
     }
 }
 
 /// Renders on the CPU.
-pub(super) struct CpuRenderer<'a, K: LaneKernel> {
+pub(super) struct CpuRenderer<'a> {
     pub(super) surfaces: &'a Surfaces<'a>,
-    pub(super) structure: &'a Structure<K>,
+    pub(super) bvh: &'a SceneBvh,
     pub(super) camera: &'a Camera,
     pub(super) settings: &'a Settings,
 }
 
-impl<K: LaneKernel> FilmRenderer for CpuRenderer<'_, K> {
+impl FilmRenderer for CpuRenderer<'_> {
     fn device(&self) -> String {
         "cpu".to_owned()
     }
 
     fn render(&self, done: Vec<Tile>, monitor: &Monitor, _: &mut Vec<Fact>) -> Result<Film> {
-        Ok(resume_with(self.surfaces, self.structure, self.camera, self.settings, done, monitor)?)
+        Ok(resume_with(self.surfaces, self.bvh, self.camera, self.settings, done, monitor)?)
     }
 
-    fn pass(&self, settings: &Settings, args: &Args, monitor: &Monitor) -> Result<Film> {
-        let done = outside(args, settings);
-        Ok(resume_with(self.surfaces, self.structure, self.camera, settings, done, monitor)?)
+    fn pass(&self, settings: &Settings, done: Vec<Tile>, monitor: &Monitor) -> Option<Result<Film>> {
+        let film = resume_with(self.surfaces, self.bvh, self.camera, settings, done, monitor);
+        Some(film.map_err(anyhow::Error::from))
     }
+}
+
+/// How a film is rendered.
+pub(super) struct FilmJob<'a> {
+    pub(super) settings: &'a Settings,
+    pub(super) output: &'a OutputFile,
+    pub(super) passes: Option<Passes>,
+    pub(super) checkpoint: Option<&'a CheckpointWriter>,
+    /// Stands before the progress bar.
+    pub(super) label: &'a str,
+    /// Whether a later run makes the picture if this one does not.
+    pub(super) is_frame: bool,
 }
 
 /// Renders the tiles that are not in `done`, with a progress bar.
 ///
 /// After Ctrl-C or a failure, the finished tiles are written to the checkpoint if there is one; else to the output file,
 /// except for parts, which must be complete to be merged, and frames, which a later run makes.
-pub(super) fn render(
-    renderer: &dyn FilmRenderer,
-    args: &Args,
-    settings: &Settings,
-    checkpoint: Option<&CheckpointWriter>,
-    done: Vec<Tile>,
-) -> Result<(Film, Vec<Fact>)> {
+pub(super) fn render(renderer: &dyn FilmRenderer, job: &FilmJob, done: Vec<Tile>) -> Result<(Film, Vec<Fact>)> {
+    let &FilmJob { settings, output: file, checkpoint, .. } = job;
     let mut facts = vec![("device", json!(renderer.device()))];
     // indicatif hides the bar if standard error is not a terminal.
     let bar = if output::is_quiet() { ProgressBar::hidden() } else { ProgressBar::new(0) };
     if let Ok(style) = ProgressStyle::with_template("{prefix}{bar:40} {percent:>3} %  {elapsed} of about {duration}") {
         bar.set_style(style);
     }
-    if args.samples.has_passes() {
-        let film = passes::render(renderer, args, settings, &bar);
+    if let Some(passes) = &job.passes {
+        let film = passes.render(renderer, settings, file, &bar);
         bar.finish_and_clear();
         let (film, n_samples) = film?;
         facts.push(("samples_per_pixel", json!(n_samples)));
         return Ok((film, facts));
     }
-    bar.set_prefix(args.sequence.label.clone());
+    bar.set_prefix(job.label.to_owned());
     let progress = |done: usize, all: usize| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
     };
     // A frame with black tiles would look whole to `--resume`.
-    let keeps_partial = settings.part.is_none() && checkpoint.is_none() && args.sequence.frames.is_none();
+    let keeps_partial = settings.part.is_none() && checkpoint.is_none() && !job.is_frame;
     let partial = keeps_partial.then(|| Mutex::new(Partial::new(settings.tiling())));
     let add = |tile: &Tile| {
         if let Some(partial) = &partial {
@@ -98,7 +107,7 @@ pub(super) fn render(
             checkpoint.add(tile);
         }
     };
-    let monitor = Monitor { progress: &progress, finished: &finished, cancel: interrupt::cancel_flag() };
+    let monitor = Monitor { progress: &progress, finished: &finished, cancel: process::cancel_flag() };
     let film = renderer.render(done, &monitor, &mut facts);
     bar.finish_and_clear();
     let Err(error) = film else { return Ok((film?, facts)) };
@@ -106,7 +115,7 @@ pub(super) fn render(
         checkpoint.save();
     }
     let partial = partial.as_ref().map(|partial| partial.lock().unwrap_or_else(PoisonError::into_inner));
-    let written = partial.map_or(Ok(()), |partial| write_partial(args, &partial));
+    let written = partial.map_or(Ok(()), |partial| file.write_partial(&partial));
     Err(stopped(error, written))
 }
 
@@ -122,63 +131,238 @@ fn stopped(error: anyhow::Error, written: Result<()>) -> anyhow::Error {
     }
 }
 
-/// Writes the finished tiles of a picture, if there are any.
-fn write_partial(args: &Args, partial: &Partial) -> Result<()> {
-    let [n_done, n_tiles] = partial.n_tiles();
-    if n_done == 0 {
-        return Ok(());
+/// `--preview` and `--seconds`: passes over the whole picture.
+#[derive(Clone, Debug)]
+pub(super) struct Passes {
+    /// The time that passes may take.
+    pub(super) budget: Option<Duration>,
+    /// Whether the output is written after each pass.
+    pub(super) is_shown: bool,
+}
+
+impl Passes {
+    /// The film of all passes, and the number of samples per pixel.
+    ///
+    /// Ctrl-C writes the passes that are complete.
+    ///
+    /// # Errors
+    /// A device that renders no passes, or what rendering a pass returns.
+    fn render(
+        &self,
+        renderer: &dyn FilmRenderer,
+        settings: &Settings,
+        file: &OutputFile,
+        bar: &ProgressBar,
+    ) -> Result<(Film, u32)> {
+        let start = Instant::now();
+        let (mut joined, mut n_rays, mut n_done, mut n_next) = (None, 0, 0, 1);
+        while n_next > 0 {
+            let range = [n_done, n_done + n_next];
+            let progress = |done: usize, all: usize| {
+                bar.set_length(all as u64);
+                bar.set_position(done as u64);
+            };
+            bar.set_prefix(format!("samples {}..{} ", range[0], range[1]));
+            let monitor = Monitor { progress: &progress, finished: &|_| {}, cancel: process::cancel_flag() };
+            let of_pass = Settings { part: Some(range), ..*settings };
+            let film = renderer.pass(&of_pass, file.outside(&of_pass), &monitor).unwrap_or_else(|| {
+                let option = if self.budget.is_some() { "--seconds" } else { "--preview" };
+                Err(anyhow!("{option} renders in passes, which only the CPU does; use --device cpu"))
+            });
+            let film = match film {
+                Err(error) if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) => {
+                    if let Some(part) = joined {
+                        file.write_unfinished(whole(settings, part, n_rays)?)?;
+                        let n = settings.samples;
+                        output::warn(&format!("the picture has {n_done} of {n} samples per pixel"));
+                    }
+                    return Err(error);
+                }
+                film => film?,
+            };
+            n_rays += film.n_rays();
+            let parts = joined.take().into_iter().chain(film.part().cloned()).collect();
+            let part = Part::join(parts).map_err(|error| anyhow!("{error}"))?;
+            n_done = range[1];
+            n_next = next(n_done, settings.samples, start.elapsed(), self.budget);
+            if self.is_shown && n_next > 0 {
+                file.write_unfinished(whole(settings, part.clone(), n_rays)?)?;
+            }
+            joined = Some(part);
+        }
+        let part = joined.ok_or_else(|| anyhow!("no sample was rendered"))?;
+        Ok((whole(settings, part, n_rays)?, n_done))
     }
-    match partial.film() {
-        Some(film) => show(args, film)?,
-        None => {
-            let picture = partial.picture();
-            let shown = args.crop.map(|[x, y, width, height]| picture.cropped([x, y], [width, height]));
-            write_picture(args, shown.unwrap_or_else(|| picture.clone()), None)?;
+}
+
+/// The number of samples of the next pass: as many as are done, fewer where they exceed the total or the time that is left.
+pub(crate) fn next(n_done: u32, n_all: u32, elapsed: Duration, budget: Option<Duration>) -> u32 {
+    let n = n_done.min(n_all.saturating_sub(n_done));
+    let Some(budget) = budget else { return n };
+    let left = budget.saturating_sub(elapsed).as_secs_f64();
+    let fitting = left / elapsed.as_secs_f64().max(1e-9) * f64::from(n_done);
+    n.min(fitting.min(f64::from(n)) as u32)
+}
+
+/// The film of a part that starts at sample 0, as a picture in its own right.
+pub(crate) fn whole(settings: &Settings, part: Part, n_rays: u64) -> Result<Film> {
+    if part.range().start != 0 {
+        return Err(anyhow!("the first pass is missing"));
+    }
+    Ok(Film::of_part(settings.width, settings.height, part, n_rays).without_part())
+}
+
+/// `--checkpoint`: collects finished tiles and writes them at intervals, so that an interrupted render continues from them.
+pub(super) struct CheckpointWriter {
+    path: PathBuf,
+    interval: Duration,
+    state: Mutex<State>,
+}
+
+struct State {
+    tiles: Checkpoint,
+    written: Instant,
+    has_failed: bool,
+}
+
+impl CheckpointWriter {
+    /// Opens the checkpoint of the render that `record` describes, and returns its finished tiles.
+    ///
+    /// # Errors
+    /// The file cannot be written, is damaged, or belongs to another render.
+    pub(super) fn open(path: PathBuf, interval: Duration, record: &Record) -> Result<(Self, Vec<Tile>)> {
+        output::probe(&path)?;
+        let mut done = Vec::new();
+        if path.exists() {
+            let (found, tiles) = Checkpoint::read(&path)?;
+            if let Some((name, theirs, ours)) = difference(&found, record) {
+                let path = path.display();
+                return Err(anyhow!(
+                    "{path}: checkpoint of another picture: {name} is {theirs}, not {ours}; use another file"
+                ));
+            }
+            done = tiles;
+        }
+        let mut tiles = Checkpoint::new(record);
+        done.iter().for_each(|tile| tiles.add(tile));
+        let state = State { tiles, written: Instant::now(), has_failed: false };
+        Ok((Self { path, interval, state: Mutex::new(state) }, done))
+    }
+
+    /// Adds a tile. Writes the file if the interval has passed.
+    pub(super) fn add(&self, tile: &Tile) {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        state.tiles.add(tile);
+        if state.written.elapsed() >= self.interval {
+            self.write(&mut state);
         }
     }
-    output::warn(&format!("{} contains {n_done} of {n_tiles} tiles; the others are black", args.output.display()));
-    Ok(())
+
+    /// Writes the file now.
+    pub(super) fn save(&self) {
+        self.write(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner));
+    }
+
+    /// A failure, such as a full disk, does not stop the render. It is reported once.
+    fn write(&self, state: &mut State) {
+        if let Err(error) = state.tiles.write(&self.path)
+            && !state.has_failed
+        {
+            state.has_failed = true;
+            output::warn(&error.to_string());
+        }
+        state.written = Instant::now();
+    }
+
+    /// Removes the file of a complete picture.
+    pub(super) fn remove(self) -> Result<()> {
+        match fs::remove_file(&self.path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                Err(anyhow!("cannot remove {}: {error}", self.path.display()))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The first difference of two records: name and both values.
+pub(crate) fn difference(a: &Record, b: &Record) -> Option<(String, String, String)> {
+    let value = |record: &Record, name: &str| {
+        let found = record.iter().find(|(known, _)| known == name).map(|(_, value)| value.clone());
+        // Only sums on a device are recorded.
+        found.unwrap_or_else(|| if name == "sums" { "host" } else { "missing" }.to_owned())
+    };
+    let names = a.iter().chain(b).map(|(name, _)| name);
+    names.map(|name| (name.clone(), value(a, name), value(b, name))).find(|(_, a, b)| a != b)
 }
 
 #[cfg(test)]
 mod tests {
     use std::sync::atomic::AtomicBool;
 
-    use canted_film::read_picture;
-    use canted_renderer::{Prepared, StructureConfig, frame, prepare, resume};
-    use canted_trace::Watertight;
+    use canted_film::{Aovs, Format, read_picture};
+    use canted_renderer::{SceneBvhConfig, frame, resume};
 
     use super::*;
-    use crate::options;
+    use crate::settings::LookOptions;
 
     /// Stands for the loss of a device, which a test cannot provoke: every failure after the first tile takes this path.
     #[test]
     fn a_failure_writes_the_finished_tiles_and_is_reported() {
         let folder = tempfile::tempdir().unwrap();
-        let args = Args { output: folder.path().join("out.exr"), ..options::defaults() };
+        let file = OutputFile {
+            path: folder.path().join("out.exr"),
+            format: Format::Exr,
+            is_stream: false,
+            crop: None,
+            size: [16, 8],
+            aovs: Aovs::NONE,
+            is_denoised: false,
+            look: LookOptions::default(),
+        };
         let settings = Settings { width: 16, height: 8, samples: 1, tile: 8, ..Settings::default() };
         let scene = canted_scene::builtin();
-        let Prepared { structure, .. } = prepare::<Watertight>(&scene, &StructureConfig::default()).unwrap();
-        let camera = frame(&scene, &structure, 2.0);
+        let bvh = SceneBvh::build(&scene, &SceneBvhConfig::default()).unwrap();
+        let camera = frame(&scene, &bvh, 2.0);
         let tiles = Mutex::new(Vec::new());
         let (finished, cancel) = (|tile: &Tile| tiles.lock().unwrap().push(tile.clone()), AtomicBool::new(false));
         let monitor = Monitor { progress: &|_, _| (), finished: &finished, cancel: &cancel };
-        let complete = resume(&scene, &structure, &camera, &settings, Vec::new(), &monitor).unwrap().picture();
+        let complete = resume(&scene, &bvh, &camera, &settings, Vec::new(), &monitor).unwrap().picture();
         let mut partial = Partial::new(settings.tiling());
-        write_partial(&args, &partial).unwrap();
-        assert!(!args.output.exists(), "no tile is finished");
+        file.write_partial(&partial).unwrap();
+        assert!(!file.path.exists(), "no tile is finished");
         tiles.lock().unwrap().iter().filter(|tile| tile.number == 1).for_each(|tile| partial.add(tile));
-        let error = stopped(anyhow!("the device is lost"), write_partial(&args, &partial));
+        let error = stopped(anyhow!("the device is lost"), file.write_partial(&partial));
         assert_eq!(error.to_string(), "the device is lost");
-        let left = read_picture(&args.output).unwrap();
+        let left = read_picture(&file.path).unwrap();
         for (x, y) in (0..8).flat_map(|y| (0..16).map(move |x| (x, y))) {
             let at = left.index(x, y);
             assert_eq!(left.pixels[at], if x < 8 { [0.0; 3] } else { complete.pixels[at] }, "{x}, {y}");
         }
-        let nowhere = Args { output: folder.path().join("no/out.exr"), ..args };
-        let error = stopped(anyhow!("the device is lost"), write_partial(&nowhere, &partial));
+        let nowhere = OutputFile { path: folder.path().join("no/out.exr"), ..file };
+        let error = stopped(anyhow!("the device is lost"), nowhere.write_partial(&partial));
         assert_eq!(error.to_string(), "the device is lost");
-        let error = stopped(RenderError::Cancelled.into(), write_partial(&nowhere, &partial));
+        let error = stopped(RenderError::Cancelled.into(), nowhere.write_partial(&partial));
         assert!(error.to_string().starts_with("cannot write"), "{error}");
+    }
+
+    #[test]
+    fn passes_double_up_to_the_total_and_the_time() {
+        let second = Duration::from_secs(1);
+        let sizes = |n_all: u32| {
+            let mut sizes = vec![1];
+            while let n @ 1.. = next(sizes.iter().sum(), n_all, second, None) {
+                sizes.push(n);
+            }
+            sizes
+        };
+        assert_eq!(sizes(1), [1]);
+        assert_eq!(sizes(16), [1, 1, 2, 4, 8]);
+        assert_eq!(sizes(11), [1, 1, 2, 4, 3]);
+        // 8 samples took a second: one and a half more are 12.
+        assert_eq!(next(8, 100, second, Some(Duration::from_millis(2500))), 8);
+        assert_eq!(next(8, 100, second, Some(Duration::from_millis(1500))), 4);
+        assert_eq!(next(8, 100, second, Some(Duration::from_millis(1100))), 0);
+        assert_eq!(next(8, 100, second, Some(Duration::from_millis(900))), 0);
     }
 }

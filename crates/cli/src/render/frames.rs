@@ -4,12 +4,8 @@
 //! source (pose) -> prepare or update -> camera (turntable) -> picture -> file (names)
 //! ```
 
-mod args;
-mod kept;
-mod list;
-mod names;
+mod resume;
 mod source;
-mod turntable;
 
 use std::{
     path::PathBuf,
@@ -18,12 +14,11 @@ use std::{
 
 use anyhow::{Error, Result, anyhow};
 use canted_film::{Aov, Record};
-use canted_renderer::{Integrator, Prepared, RenderError, UpdateOptions, Updates, prepare};
+use canted_renderer::{Integrator, RenderError, SceneBvh, UpdateOptions, UpdatePolicy, Updates};
 use canted_scene::Scene;
-use canted_wide::LaneKernel;
 use serde_json::{Value, json};
 
-use super::{Args, LastFrame, Picture, facts, look::LookArgs, open_machine, render_picture, setup};
+use super::{Frame, Job, LastFrame, Picture, facts, facts::Fact, open_machine, render_picture, setup};
 #[cfg(feature = "gpu")]
 use canted_gpu::DeviceBvh;
 #[cfg(feature = "gpu")]
@@ -32,72 +27,67 @@ use canted_renderer::{DeviceFrames, DeviceUpdates};
 use crate::{
     device::Machine,
     light::LightSource,
-    load, memory,
-    options::{name_of, with_kernel},
+    load,
+    options::Named as _,
     output::{self, Named},
+    process,
+    settings::LookOptions,
 };
-pub(crate) use args::FrameArgs;
-use args::POLICY_NAMES;
-use facts::Fact;
-use list::FrameList;
-use names::FrameNames;
-use source::Source;
+use resume::FrameList;
+use source::{FrameNames, Source, degrees, turned};
 
 /// Renders all frames and prints the report.
-pub(super) fn run(args: &Args, [first, end]: [u32; 2]) -> Result<()> {
+pub(super) fn run(job: &Job, [first, end]: [u32; 2]) -> Result<()> {
     let start = Instant::now();
-    let names = FrameNames::parse(&args.output)?;
-    args.sequence.check_time(end - 1)?;
-    let (inputs, checkpoint) = (args.inputs()?, args.samples.checkpoint.as_deref());
-    let others: Vec<Named> = inputs.named().into_iter().chain(checkpoint.map(|path| ("--checkpoint", path))).collect();
+    let names = FrameNames::parse(&job.output.path)?;
+    job.sequence.check_time(end - 1)?;
+    let (inputs, scene_file) = (job.plan.inputs()?, job.plan.source.scene.as_deref());
+    let others: Vec<Named> = inputs.named().into_iter().chain(job.checkpoint_file()).collect();
     output::check_distinct(&[], &others)?;
     let (mut todo, mut whole) = (Vec::new(), Vec::new());
     for frame in first..end {
         let path = names.path(frame);
         output::check_distinct(&others, &[("--output", &path)])?;
-        let is_whole = args.sequence.resume && kept::is_whole(&path, args.output_size())?;
+        let is_whole = job.sequence.resume && resume::is_whole(&path, job.output.shown_size())?;
         if is_whole { &mut whole } else { &mut todo }.push(frame);
     }
     if let Some(&frame) = todo.first() {
         output::probe(&names.path(frame))?;
     }
-    let time = args.sequence.time(whole.iter().chain(&todo).copied().min().unwrap_or(first));
-    let mut source = Source::open(args, time).map_err(|error| in_frame(first, error))?;
-    let machine = &open_machine(args)?;
+    let time = job.sequence.time(whole.iter().chain(&todo).copied().min().unwrap_or(first));
+    let mut source = Source::open(job, time).map_err(|error| in_frame(first, error))?;
+    let machine = &open_machine(job)?;
     let mut list = FrameList::read(names.list());
-    let (shared, range) = (source.shared_record(args, machine)?, [first, end]);
+    let (shared, range) = (source.shared_record(job, machine)?, [first, end]);
     for &frame in &whole {
-        source.pose(args, args.sequence.time(frame)).map_err(|error| in_frame(frame, error))?;
-        kept::check(&names.path(frame), &list, &kept::of_frame(&shared, args, range, frame, &source.scene))?;
+        source.pose(job, job.sequence.time(frame)).map_err(|error| in_frame(frame, error))?;
+        resume::check(&names.path(frame), &list, &resume::of_frame(&shared, job, range, frame, &source.scene))?;
     }
     let n_kept = (end - first) as usize - todo.len();
     let mut facts = vec![
-        ("scene", json!(load::name(args.scene.as_deref()))),
-        ("picture", json!(args.output.display().to_string())),
-        ("size", json!(args.output_size())),
+        ("scene", json!(load::name(scene_file))),
+        ("picture", json!(job.output.path.display().to_string())),
+        ("size", json!(job.output.shown_size())),
         ("frames", json!(format!("{first}..{end}"))),
         ("rendered_frames", json!(todo.len())),
         ("kept_frames", json!(n_kept)),
     ];
     if !todo.is_empty() {
-        load::check_outputs(args.scene.as_deref(), &source.scene, &outputs_of(checkpoint))?;
+        let checkpoint: Vec<Named> = job.checkpoint_file().into_iter().collect();
+        load::check_outputs(scene_file, &source.scene, &checkpoint)?;
         for &frame in &todo {
             let path = names.path(frame);
-            load::check_outputs(args.scene.as_deref(), &source.scene, &[("--output", &path)])?;
+            load::check_outputs(scene_file, &source.scene, &[("--output", &path)])?;
         }
         let paths: Vec<PathBuf> = todo.iter().map(|&frame| names.path(frame)).collect();
         list.forget(paths.iter().map(PathBuf::as_path))?;
         let load_time = start.elapsed();
-        let sequence = Sequence { args, machine, names: &names, range, todo: &todo, shared: &shared, load_time };
-        facts.extend(with_kernel!(args.structure.triangles, render_all(&sequence, source, list))?);
+        let sequence = Sequence { job, machine, names: &names, range, todo: &todo, shared: &shared, load_time };
+        facts.extend(render_all(&sequence, source, list)?);
     }
-    facts.extend(memory::peak_bytes().map(|bytes| ("peak_memory_bytes", json!(bytes))));
+    facts.extend(process::peak_bytes().map(|bytes| ("peak_memory_bytes", json!(bytes))));
     facts.push(("seconds", json!(start.elapsed().as_secs_f64())));
-    facts::report(&facts, args.run.json)
-}
-
-fn outputs_of(checkpoint: Option<&std::path::Path>) -> Vec<Named<'_>> {
-    checkpoint.map(|path| ("--checkpoint", path)).into_iter().collect()
+    facts::report(&facts, job.run.json)
 }
 
 /// An error with the number of its frame; an interruption stays one.
@@ -110,7 +100,7 @@ fn in_frame(frame: u32, error: Error) -> Error {
 
 /// The frames to render.
 struct Sequence<'a> {
-    args: &'a Args,
+    job: &'a Job,
     machine: &'a Machine,
     names: &'a FrameNames,
     range: [u32; 2],
@@ -122,9 +112,9 @@ struct Sequence<'a> {
 
 /// What frames share on a device, which builds the BVHs itself with some builders.
 #[cfg(feature = "gpu")]
-fn on_device(args: &Args) -> DeviceFrames {
-    let frames = DeviceFrames::new(args.sequence.update);
-    match args.structure.built_on_gpu() {
+fn on_device(job: &Job) -> DeviceFrames {
+    let frames = DeviceFrames::new(job.sequence.update);
+    match job.plan.structure.built_on_gpu {
         Some(DeviceBvh::Wide(wide)) => frames.with_wide(wide),
         // The device builds binary BVHs anyway.
         Some(DeviceBvh::Binary(_)) | None => frames,
@@ -132,19 +122,19 @@ fn on_device(args: &Args) -> DeviceFrames {
 }
 
 /// Renders the frames in order. Returns the facts of the whole sequence.
-fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source, mut list: FrameList) -> Result<Vec<Fact>> {
-    let mut progress = Progress::<K> {
-        prepared: None,
+fn render_all(sequence: &Sequence, mut source: Source, mut list: FrameList) -> Result<Vec<Fact>> {
+    let mut progress = Progress {
+        bvh: None,
         updates: Updates::default(),
         trace_time: Duration::ZERO,
         last: LastFrame {
             #[cfg(feature = "gpu")]
-            device: sequence.machine.has_gpu().then(|| on_device(sequence.args)),
+            device: sequence.machine.has_gpu().then(|| on_device(sequence.job)),
             ..LastFrame::default()
         },
         emission: None,
         integrator: None,
-        look: sequence.args.look.clone(),
+        look: sequence.job.plan.look.clone(),
         #[cfg(feature = "gpu")]
         is_noted: false,
         is_dark: false,
@@ -158,24 +148,24 @@ fn render_all<K: LaneKernel>(sequence: &Sequence, mut source: Source, mut list: 
         facts = facts::sum(facts, of_frame);
         pictures.push(json!({
             "frame": frame,
-            "time": sequence.args.sequence.time(frame),
+            "time": sequence.job.sequence.time(frame),
             "picture": sequence.names.path(frame).display().to_string(),
             "seconds": start.elapsed().as_secs_f64(),
         }));
     }
-    let updated = of_updates(sequence.args, &progress.updates);
+    let updated = of_updates(sequence.job.sequence.update, &progress.updates);
     #[cfg(feature = "gpu")]
     let updated = of_device(updated, progress.last.device.as_ref().map(DeviceFrames::updates).unwrap_or_default());
     facts.extend(updated);
-    if sequence.args.run.json {
+    if sequence.job.run.json {
         facts.push(("pictures", Value::Array(pictures)));
     }
     Ok(facts)
 }
 
 /// What one frame hands to the next.
-struct Progress<K: LaneKernel> {
-    prepared: Option<Prepared<K>>,
+struct Progress {
+    bvh: Option<SceneBvh>,
     updates: Updates,
     trace_time: Duration,
     last: LastFrame,
@@ -183,7 +173,7 @@ struct Progress<K: LaneKernel> {
     emission: Option<LightSource>,
     integrator: Option<Integrator>,
     /// With the exposure that the first picture decided.
-    look: LookArgs,
+    look: LookOptions,
     /// Whether it was said that the device does not build the BVHs.
     #[cfg(feature = "gpu")]
     is_noted: bool,
@@ -192,50 +182,55 @@ struct Progress<K: LaneKernel> {
 }
 
 /// Renders and writes a frame. Returns what it was rendered with, too.
-fn render_frame<K: LaneKernel>(
+fn render_frame(
     sequence: &Sequence,
     source: &mut Source,
-    progress: &mut Progress<K>,
+    progress: &mut Progress,
     frame: u32,
     done: usize,
 ) -> Result<(Vec<Fact>, Record)> {
-    let &Sequence { args, machine, names, range, todo, shared, load_time } = sequence;
-    let (start, name) = (Instant::now(), load::name(args.scene.as_deref()));
-    let mut light = source.pose(args, args.sequence.time(frame))?;
+    let &Sequence { job, machine, names, range, todo, shared, load_time } = sequence;
+    let (start, name) = (Instant::now(), load::name(job.plan.source.scene.as_deref()));
+    let mut light = source.pose(job, job.sequence.time(frame))?;
     let load_time = start.elapsed() + if done == 0 { load_time } else { Duration::ZERO };
     let scene = &mut source.scene;
-    let record = kept::of_frame(shared, args, range, frame, scene);
-    let prepared = match progress.prepared.take() {
-        Some(mut prepared) if updates_in_place(args) => {
-            let options = UpdateOptions { policy: args.sequence.update, trace_time: progress.trace_time };
-            progress.updates += prepared.update(scene, &options).map_err(|error| rejected(scene, &name, &error))?;
-            prepared
+    let record = resume::of_frame(shared, job, range, frame, scene);
+    let bvh = match progress.bvh.take() {
+        Some(mut bvh) if updates_in_place(job) => {
+            let options = UpdateOptions { policy: job.sequence.update, trace_time: progress.trace_time };
+            progress.updates += bvh.update(scene, &options).map_err(|error| rejected(scene, &name, &error))?;
+            bvh
         }
-        _ => prepare(scene, &args.structure.config(scene)?).map_err(|error| rejected(scene, &name, &error))?,
+        _ => SceneBvh::build(scene, &job.plan.structure.config_for(scene))
+            .map_err(|error| rejected(scene, &name, &error))?,
     };
-    let prepared = progress.prepared.insert(prepared);
-    let mut camera = args.camera.camera(scene, prepared, args.size)?;
-    let mut own = Args { output: names.path(frame), ..args.clone() };
+    let bvh = progress.bvh.insert(bvh);
+    let mut camera = job.plan.camera(scene, bvh)?;
+    let mut own = job.clone();
+    own.output.path = names.path(frame);
     // Decided once, so that a sequence does not flicker.
     if light == LightSource::Emission {
         light = match progress.emission {
             Some(decided) => decided,
-            None => setup::decided(scene, prepared, &camera, args, light)?,
+            None => setup::decided(scene, bvh, &camera, &job.plan, light)?,
         };
         progress.emission = Some(light);
     }
-    own.integrator = progress.integrator.or(own.integrator);
-    own.look = progress.look.clone();
-    // By the camera at rest, so that a turntable does not flicker.
-    let choice = setup::choose(scene, prepared, &camera, &mut own, light)?;
-    progress.integrator = own.integrator;
-    progress.look = own.look.clone();
-    if let Some(degrees) = args.sequence.turntable {
-        camera = turntable::turned(camera, turntable::degrees(degrees, range, frame));
+    if let Some(integrator) = progress.integrator {
+        own.plan.choose(integrator);
     }
-    own.sequence.label = format!("frame {frame} ({} of {}) ", done + 1, todo.len());
-    let Picture { rendered, trace_time } =
-        render_picture(scene, &own, machine, prepared, &camera, choice, &mut progress.last)?;
+    own.plan.look = progress.look.clone();
+    // By the camera at rest, so that a turntable does not flicker.
+    let choice = setup::choose(scene, bvh, &camera, &mut own.plan, light)?;
+    progress.integrator = own.plan.integrator;
+    progress.look = own.plan.look.clone();
+    own.output.look = own.plan.look.clone();
+    if let Some(degrees) = job.sequence.turntable {
+        camera = turned(camera, self::degrees(degrees, range, frame));
+    }
+    let label = format!("frame {frame} ({} of {}) ", done + 1, todo.len());
+    let view = Frame { scene, bvh, camera: &camera, choice, label: &label };
+    let Picture { rendered, trace_time } = render_picture(&view, &own, machine, &mut progress.last)?;
     progress.trace_time = trace_time;
     #[cfg(feature = "gpu")]
     if let Some(reason) = progress.last.device.as_ref().and_then(DeviceFrames::fallback_reason)
@@ -244,19 +239,19 @@ fn render_frame<K: LaneKernel>(
         output::note(&format!("frame {frame}: the CPU builds the BVHs: {reason}"));
     }
     if !progress.is_dark
-        && let Some(warning) = rendered.darkness(&own)
+        && let Some(warning) = rendered.darkness(&own.output)
     {
         progress.is_dark = true;
         output::warn(&format!("frame {frame}: {warning}"));
     }
-    let mut facts = rendered.write(&own)?;
+    let mut facts = rendered.write(&own.output)?;
     facts.push(("load_seconds", json!(load_time.as_secs_f64())));
     Ok((facts, record))
 }
 
 /// Whether a frame may use the updated BVHs of the last one: not where the picture shows the BVH itself.
-fn updates_in_place(args: &Args) -> bool {
-    args.heatmap.is_none() && !args.samples.aovs().contains(Aov::Tests)
+fn updates_in_place(job: &Job) -> bool {
+    job.plan.heatmap.is_none() && !job.output.aovs.contains(Aov::Tests)
 }
 
 /// The error of a scene that cannot be traced, with the first vertex that is not finite in world space, if there is one.
@@ -298,7 +293,7 @@ fn of_device(mut facts: Vec<Fact>, updates: DeviceUpdates) -> Vec<Fact> {
 }
 
 /// Facts about the updates between frames.
-fn of_updates(args: &Args, updates: &Updates) -> Vec<Fact> {
+fn of_updates(policy: UpdatePolicy, updates: &Updates) -> Vec<Fact> {
     let Updates { unchanged, refits, rebuilds, top_unchanged, top_refits, top_rebuilds, whole, .. } = *updates;
     let milliseconds = |time: Duration, n: usize| 1e3 * time.as_secs_f64() / n.max(1) as f64;
     let decision = match (refits, rebuilds) {
@@ -311,7 +306,7 @@ fn of_updates(args: &Args, updates: &Updates) -> Vec<Fact> {
         ),
     };
     vec![
-        ("update", json!(name_of(POLICY_NAMES, &args.sequence.update))),
+        ("update", json!(policy.name())),
         ("update_decision", json!(decision)),
         ("bvhs_unchanged", json!(unchanged)),
         ("bvh_refits", json!(refits)),

@@ -4,23 +4,23 @@ use anyhow::{Result, anyhow};
 use canted_film::{Film, Tile};
 use canted_gpu::{Gpu, Traffic};
 use canted_renderer::{
-    DeviceFrames, DevicePicture, FirstHit, Integrator, Monitor, Settings, SharedFilm, Structure, Surfaces, traced_scene,
+    DeviceFrames, DevicePicture, FirstHit, Integrator, Monitor, SceneBvh, SharedFilm, Surfaces, traced_scene,
 };
 use canted_scene::{Camera, Scene};
-use canted_wide::LaneKernel;
 use serde_json::json;
 
-use super::{Args, args::FIRST_HITS, facts::Fact, film::FilmRenderer};
+use super::{facts::Fact, film::FilmRenderer};
 use crate::{
     device::{Machine, built_or, named},
-    options::name_of,
+    options::Named,
     output,
+    settings::Plan,
 };
 
 /// Renders on the GPU.
-pub(super) struct GpuRenderer<'a, K: LaneKernel> {
+pub(super) struct GpuRenderer<'a> {
     gpu: &'a Gpu,
-    picture: DevicePicture<'a, K>,
+    picture: DevicePicture<'a>,
     with_cpu: bool,
     /// How first hits are found, where the integrator has a choice.
     first_hit: Option<FirstHit>,
@@ -28,38 +28,39 @@ pub(super) struct GpuRenderer<'a, K: LaneKernel> {
     before: Traffic,
 }
 
-impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
+impl<'a> GpuRenderer<'a> {
     /// Uploads the scene, or what changed since the last of these frames; `None` where the CPU renders alone.
     ///
     /// # Errors
     /// A GPU that was requested explicitly does not support the scene or the settings.
     pub(super) fn new(
         machine: &'a Machine,
-        args: &Args,
+        plan: &'a Plan,
         surfaces: &'a Surfaces<'a>,
-        structure: &'a Structure<K>,
+        bvh: &'a SceneBvh,
         camera: &Camera,
-        settings: &'a Settings,
         frames: Option<&'a mut DeviceFrames>,
     ) -> Result<Option<Self>> {
+        if !machine.has_gpu() {
+            return Ok(None);
+        }
+        let settings = &plan.settings;
         let with_cpu = matches!(machine, Machine::Both(_));
         if settings.part.is_some() && with_cpu {
             return Err(anyhow!("--samples requires one device; --device both mixes CPU and GPU rounding"));
         }
         let before = machine.gpu().map(Gpu::traffic).unwrap_or_default();
-        let bvh = args.structure.built_on_gpu();
-        let built = bvh.map(|bvh| anyhow::Ok((args.structure.config_quietly()?, bvh))).transpose()?;
-        let ready = machine.ready(&args.structure, |gpu| {
-            let picture = match (frames, &built) {
-                (Some(frames), _) => DevicePicture::in_frame(gpu, surfaces, structure, camera, settings, frames)?,
-                (None, Some((config, bvh))) => {
-                    let make =
-                        |scene: &Scene| built_or(gpu, scene, config, *bvh, || traced_scene(gpu, scene, structure));
-                    DevicePicture::over(gpu, surfaces, structure, camera, settings, make)?
+        let config = &plan.structure.config;
+        let ready = machine.ready(&plan.structure, |gpu| {
+            let picture = match (frames, plan.structure.built_on_gpu) {
+                (Some(frames), _) => DevicePicture::in_frame(gpu, surfaces, bvh, camera, settings, frames)?,
+                (None, Some(own)) => {
+                    let make = |scene: &Scene| built_or(gpu, scene, config, own, || traced_scene(gpu, scene, bvh));
+                    DevicePicture::over(gpu, surfaces, bvh, camera, settings, make)?
                 }
-                (None, None) => DevicePicture::new(gpu, surfaces, structure, camera, settings)?,
+                (None, None) => DevicePicture::new(gpu, surfaces, bvh, camera, settings)?,
             };
-            picture.with_first_hit(args.first_hit)
+            picture.with_first_hit(plan.first_hit)
         })?;
         let has_choice = settings.integrator == Integrator::Hybrid;
         Ok(ready.map(|(gpu, (picture, first_hit))| Self {
@@ -72,7 +73,7 @@ impl<'a, K: LaneKernel> GpuRenderer<'a, K> {
     }
 }
 
-impl<K: LaneKernel> GpuRenderer<'_, K> {
+impl GpuRenderer<'_> {
     /// What went to the GPU and came back for this picture.
     fn traffic(&self) -> [Fact; 3] {
         let Traffic { uploaded_bytes, n_dispatches, downloaded_bytes, .. } = self.gpu.traffic() - self.before;
@@ -84,7 +85,7 @@ impl<K: LaneKernel> GpuRenderer<'_, K> {
     }
 }
 
-impl<K: LaneKernel> FilmRenderer for GpuRenderer<'_, K> {
+impl FilmRenderer for GpuRenderer<'_> {
     fn device(&self) -> String {
         let name = &self.gpu.info().name;
         if self.with_cpu { format!("cpu and {name}") } else { name.clone() }
@@ -92,7 +93,7 @@ impl<K: LaneKernel> FilmRenderer for GpuRenderer<'_, K> {
 
     fn render(&self, done: Vec<Tile>, monitor: &Monitor, facts: &mut Vec<Fact>) -> Result<Film> {
         let named = |error| named(self.gpu, error);
-        facts.extend(self.first_hit.map(|first_hit| ("first_hit", json!(name_of(&FIRST_HITS, &first_hit)))));
+        facts.extend(self.first_hit.map(|first_hit| ("first_hit", json!(first_hit.name()))));
         if !self.with_cpu {
             let film = self.picture.render(done, monitor).map_err(named);
             facts.extend(self.traffic());

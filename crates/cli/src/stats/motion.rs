@@ -3,9 +3,8 @@
 use std::path::Path;
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Prepared, StructureConfig, UpdateOptions, UpdatePolicy, prepare};
+use canted_renderer::{SceneBvh, SceneBvhConfig, UpdateOptions, UpdatePolicy};
 use canted_scene::{AnimatedScene, ReadOptions};
-use canted_trace::Watertight;
 use serde_json::{Value, json};
 
 use crate::load;
@@ -31,7 +30,7 @@ pub(super) fn measure(
     path: Option<&Path>,
     time: Option<f32>,
     animation: Option<&str>,
-    config: &StructureConfig,
+    config: &SceneBvhConfig,
 ) -> Result<Option<Motion>> {
     let Some(path) = path.filter(|path| !load::is_scene_file(path)) else { return Ok(None) };
     let first = time.unwrap_or(0.0);
@@ -40,17 +39,17 @@ pub(super) fn measure(
     if !animated.is_animated() {
         return Ok(None);
     }
-    let mut prepared: Prepared<Watertight> = prepare(&scene, config)?;
-    let build = prepared.build_time.as_secs_f64();
+    let mut bvh = SceneBvh::build(&scene, config)?;
+    let build = bvh.build_time.as_secs_f64();
     let options = UpdateOptions { policy: UpdatePolicy::Refit, ..UpdateOptions::default() };
     let (mut refits, mut n_changing) = (Vec::new(), 0);
     for frame in 1..=N_FRAMES {
         animated.pose(first + f32::from(frame) / FPS, &mut scene)?;
-        let updates = prepared.update(&scene, &options).map_err(|error| anyhow!("frame {frame}: {error}"))?;
+        let updates = bvh.update(&scene, &options).map_err(|error| anyhow!("frame {frame}: {error}"))?;
         n_changing = n_changing.max(updates.refits + updates.rebuilds);
         refits.push((updates.time.as_secs_f64(), f64::from(updates.max_drift).max(1.0)));
     }
-    Ok(Some(Motion { build, refits, n_changing, n_bvhs: prepared.structure.bottom().len() }))
+    Ok(Some(Motion { build, refits, n_changing, n_bvhs: bvh.bottom().len() }))
 }
 
 impl Motion {

@@ -4,13 +4,12 @@ use std::fmt::Write;
 use std::time::Instant;
 
 use anyhow::Result;
-use canted_bih::Bih;
-use canted_kdtree::KdTree;
+use canted_bih::{Bih, BihConfig};
+use canted_kdtree::{KdTree, KdTreeConfig};
 use canted_scene::Scene;
-use canted_trace::Watertight;
 use serde_json::{Value, json};
 
-use crate::memory;
+use crate::process;
 
 /// One structure, summed over the meshes of a level.
 #[derive(Clone, Copy, Default)]
@@ -53,7 +52,7 @@ pub(super) fn measure(scene: &Scene) -> Result<PlaneStats> {
 impl Level {
     fn add(&mut self, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<()> {
         let start = Instant::now();
-        let bih = Bih::<Watertight>::build(positions, triangles, &canted_bih::Config::default())?;
+        let bih = Bih::build(positions, triangles, &BihConfig::default())?;
         let (row, memory) = (&mut self.bih, bih.memory());
         row.build_ms += milliseconds(start);
         row.references += bih.n_triangles();
@@ -63,7 +62,7 @@ impl Level {
         row.triangle_bytes += memory.triangles;
 
         let start = Instant::now();
-        let kd_tree = KdTree::<Watertight>::build(positions, triangles, &canted_kdtree::Config::default())?;
+        let kd_tree = KdTree::build(positions, triangles, &KdTreeConfig::default())?;
         let (row, memory) = (&mut self.kd_tree, kd_tree.memory());
         row.build_ms += milliseconds(start);
         row.references += kd_tree.nodes().n_references();
@@ -116,9 +115,9 @@ impl PlaneStats {
                     format!("{name}, {level}"),
                     row.references,
                     row.depth,
-                    memory::human(row.node_bytes as u64),
-                    memory::human(row.reference_bytes as u64),
-                    memory::human(row.triangle_bytes as u64),
+                    process::human(row.node_bytes as u64),
+                    process::human(row.reference_bytes as u64),
+                    process::human(row.triangle_bytes as u64),
                     row.build_ms
                 );
             }

@@ -13,7 +13,7 @@ use super::{
     wide::WideStats,
     wide_tables,
 };
-use crate::{memory, not_needed, options::strategy_name};
+use crate::{options::strategy_name, process, render};
 
 /// Everything that `canted stats` prints.
 pub(super) struct Report<'a> {
@@ -75,7 +75,7 @@ impl Report<'_> {
         wide_tables::text(&mut out, wide);
         planes.text(&mut out);
         passes(&mut out, binary);
-        let _ = writeln!(out, "\nNot needed to render the scene: {}", not_needed::text(not_needed));
+        let _ = writeln!(out, "\nNot needed to render the scene: {}", render::parts_text(not_needed));
         if let Some(motion) = motion {
             out.push_str(&motion.text());
         }
@@ -113,7 +113,6 @@ fn rows(level: &Level) -> impl Iterator<Item = (Strategy, &Row)> {
     Strategy::ALL.into_iter().zip(&level.rows)
 }
 
-#[expect(clippy::cast_precision_loss, reason = "a fraction is shown with a few digits")]
 fn oriented_share(row: &Row) -> f64 {
     row.oriented as f64 / (row.nodes as f64).max(1.0)
 }
@@ -153,7 +152,7 @@ fn volumes(out: &mut String, title: &str, level: &Level) {
             100.0 * oriented_share(row),
             row.sah,
             row.depth,
-            memory::human(row.bytes as u64)
+            process::human(row.bytes as u64)
         );
     }
     let _ = write!(out, "{:<14}", "volume ratio");

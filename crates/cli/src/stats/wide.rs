@@ -5,8 +5,7 @@ use std::time::Instant;
 use anyhow::Result;
 use canted_obb::Obb;
 use canted_scene::Scene;
-use canted_trace::Watertight;
-use canted_wide::{Config, NodeKind, Preset, TriangleBvh};
+use canted_wide::{NodeKind, Preset, TriangleBvh};
 
 /// One preset on one level of BVHs.
 #[derive(Clone, Copy, Default)]
@@ -58,19 +57,17 @@ impl Row {
     }
 
     /// Fraction of nodes of one kind.
-    #[expect(clippy::cast_precision_loss, reason = "a fraction is shown with a few digits")]
     pub(super) fn share(&self, kind: NodeKind) -> f64 {
         let of_kind = NodeKind::ALL.iter().zip(self.nodes).filter(|(each, _)| **each == kind).map(|(_, n)| n);
         of_kind.sum::<usize>() as f64 / (self.n_nodes() as f64).max(1.0)
     }
 
     /// Memory of nodes and blocks per triangle.
-    #[expect(clippy::cast_precision_loss, reason = "a mean is shown with a few digits")]
     pub(super) fn bytes_per_triangle(&self) -> f64 {
         (self.node_bytes + self.block_bytes) as f64 / (self.n_triangles as f64).max(1.0)
     }
 
-    fn add(&mut self, wide: &TriangleBvh<Watertight>, area: f64, build_ms: f64) {
+    fn add(&mut self, wide: &TriangleBvh, area: f64, build_ms: f64) {
         let (sizes, predicted) = (wide.sizes(), wide.predicted());
         for (sum, n) in self.nodes.iter_mut().zip(sizes.nodes) {
             *sum += n;
@@ -113,7 +110,7 @@ fn add_mesh(level: &mut Level, positions: &[[f32; 3]], triangles: &[[u32; 3]], w
     level.n_bvhs += 1;
     for (preset, row) in &mut level.rows {
         let start = Instant::now();
-        let wide = TriangleBvh::<Watertight>::build(positions, triangles, &Config::preset(*preset))?;
+        let wide = TriangleBvh::build_with(positions, triangles, *preset)?;
         let build_ms = start.elapsed().as_secs_f64() * 1e3;
         row.add(&wide, wide.bounds().area() * world_scale * world_scale, build_ms);
     }
@@ -187,7 +184,6 @@ mod tests {
         }
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
     fn rounded(x: f64) -> f32 {
         x as f32
     }

@@ -6,10 +6,7 @@ use canted_wide::{NodeKind, SimdPath};
 use serde_json::{Value, json};
 
 use super::wide::{Level, Row, WideStats};
-use crate::{
-    memory,
-    options::{PRESETS, name_of},
-};
+use crate::{options::Named as _, process};
 
 /// Below this ratio of predicted costs, the reason states a percentage instead of a factor.
 const ABOUT_EQUAL: f64 = 1.05;
@@ -47,7 +44,7 @@ fn level_json(level: &Level) -> Value {
 }
 
 fn rows(level: &Level) -> impl Iterator<Item = (&'static str, &Row)> {
-    level.rows.iter().map(|(preset, row)| (name_of(&PRESETS, preset), row))
+    level.rows.iter().map(|(preset, row)| (preset.name(), row))
 }
 
 /// One table per level, each with a reason per preset.
@@ -87,8 +84,8 @@ fn level_text(out: &mut String, title: &str, level: &Level) {
             percent(NodeKind::Oriented),
             format!("{}/{}", row.n_rotated, level.n_bvhs),
             row.depth,
-            memory::human(row.node_bytes as u64),
-            memory::human(row.block_bytes as u64),
+            process::human(row.node_bytes as u64),
+            process::human(row.block_bytes as u64),
             row.bytes_per_triangle(),
             row.build_ms
         );

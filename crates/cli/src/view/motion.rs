@@ -81,7 +81,6 @@ pub(super) fn with_target_at(camera: &Camera, distance: f64) -> Camera {
     Camera { target: add(eye, scale(forward, distance)).map(narrow), ..*camera }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
 fn narrow(x: f64) -> f32 {
     x as f32
 }

@@ -1,177 +1,208 @@
 //! The options of a session: those of `canted render` that it starts from and that events change.
 
-use std::{
-    fmt::Write,
-    path::{Path, PathBuf},
+use std::path::Path;
+
+use anyhow::{Result, anyhow};
+use canted_film::Aov;
+use canted_renderer::BoxLevel;
+use canted_scene::{Camera, Lens, Projection, SceneFile};
+use serde::Serialize;
+
+use crate::{
+    camera::{CameraArgs, LensArgs},
+    device::DeviceArg,
+    light::LightArgs,
+    options::{Given, StructureOptions, Text, flag, given},
+    picture,
+    render::DiagramArgs,
+    settings::{self, LookOptions, PictureArgs, Plan, Purpose},
 };
 
-use anyhow::Result;
-use canted_film::Aov;
-use canted_scene::{Camera, Lens, Projection, SceneFile};
+/// The options of `canted render` that a session has.
+pub(crate) type SessionArgs = PictureArgs<ScreenArgs>;
 
-use super::device;
-use crate::{load, picture, render, settings};
-
-/// Options that determine which geometry and lights there are, besides the time.
-const OF_SCENE: [&str; 8] = ["animation", "variant", "env", "env_turn", "env_scale", "sun", "point", "sphere"];
-
-/// Options that determine the acceleration structure.
-const OF_STRUCTURE: [&str; 6] = ["levels", "accel", "preset", "builder", "volumes", "triangles"];
-
-/// Options that apply to a finished film.
-const OF_LOOK: [&str; 3] = ["exposure", "tone_map", "boxes"];
-
-/// Options that choose a camera where neither eye nor target is given.
-const OF_FRAMING: [&str; 4] = ["size", "camera", "up_axis", "animation"];
-
-/// Options that a moving camera sets.
-const OF_CAMERA: [&str; 7] = ["eye", "target", "up", "fov", "ortho", "aperture", "focus"];
-
-/// Whether `canted view` has an option of `canted render`.
-pub(super) fn is_option(id: &str) -> bool {
-    let is_more = || OF_LOOK.contains(&id) || ["heatmap", "heatmap_scale", "device"].contains(&id);
-    settings::is_of_picture(id) && id != "aovs" || is_more()
+/// What is shown besides light, and what renders it.
+#[derive(clap::Args, Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct ScreenArgs {
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub(crate) diagram: Given<DiagramArgs>,
+    /// Compute device: cpu, gpu, auto, or part of an adapter name (see `canted devices`). The CPU renders coarse pictures, heat maps and what
+    /// the device does not support.
+    #[arg(long, help_heading = "Run", default_value = "cpu", value_name = "DEVICE")]
+    #[serde(serialize_with = "device_text")]
+    pub(crate) device: DeviceArg,
 }
 
-/// The scene and the options of a picture, by name in the order in which they were set.
+fn device_text<S: serde::Serializer>(device: &DeviceArg, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&device.text())
+}
+
+/// The scene and the options of a picture.
 #[derive(Clone, Debug)]
 pub(crate) struct Options {
-    scene: Option<PathBuf>,
+    args: SessionArgs,
     /// The scene file, if the scene is one.
     file: Option<SceneFile>,
-    words: Vec<(String, String)>,
     /// The channel that is shown in place of light.
     pub(crate) aov: Option<Aov>,
 }
+
+/// What determines meshes and lights, besides the time.
+pub(super) type SceneKey = (Option<String>, Option<String>, LightArgs);
+
+/// What determines the film: all but exposure, tone curve and boxes.
+#[derive(PartialEq)]
+pub(super) struct FilmKey(SessionArgs, Option<Aov>);
 
 impl Options {
     /// Options as on the command line.
     ///
     /// # Errors
-    /// One sentence: a scene file that is unreadable, or an invalid option.
-    pub(super) fn new(scene: Option<PathBuf>, words: Vec<(String, String)>) -> Result<Self> {
-        let file = scene.as_deref().filter(|path| load::is_scene_file(path)).map(load::scene_file).transpose()?;
-        let options = Self { scene, file, words, aov: None };
-        device::check(&options.args()?)?;
+    /// One sentence: a scene file that is unreadable, or options that contradict each other.
+    pub(super) fn new(args: SessionArgs) -> Result<Self> {
+        let file = settings::scene_file(args.source.scene.as_deref())?;
+        let options = Self { args, file, aov: None };
+        options.check()?;
         Ok(options)
+    }
+
+    /// The options by their types.
+    pub(crate) fn args(&self) -> &SessionArgs {
+        &self.args
     }
 
     /// The file of the scene; `None` for the built-in scene.
     pub(super) fn scene(&self) -> Option<&Path> {
-        self.scene.as_deref()
+        self.args.source.scene.as_deref()
     }
 
-    /// The value of an option that was given or set.
-    pub(super) fn get(&self, id: &str) -> Option<&str> {
-        self.words.iter().rfind(|(name, _)| name == id).map(|(_, value)| &value[..])
+    /// Sets the size of the picture.
+    #[cfg(feature = "view")]
+    pub(super) fn set_size(&mut self, size: [u32; 2]) {
+        self.args.options.0.size = Some(size);
     }
 
-    /// Sets an option; an empty value returns it to its default.
-    pub(super) fn set(&mut self, id: &str, value: &str) {
-        self.words.retain(|(name, _)| name != id);
-        if !value.is_empty() {
-            self.words.push((id.to_owned(), value.to_owned()));
+    /// The boxes that are shown.
+    pub(super) fn boxes(&self) -> Option<BoxLevel> {
+        self.args.own.diagram.0.boxes
+    }
+
+    /// Whether neither eye nor target is given.
+    pub(super) fn has_file_camera(&self) -> bool {
+        self.args.camera.eye.is_none() && self.args.camera.target.is_none()
+    }
+
+    /// The picture of the options.
+    pub(super) fn plan(&self) -> Result<Plan> {
+        let purpose = Purpose { heatmap: self.args.own.diagram.0.measure(), ..Purpose::default() };
+        self.args.clone().resolve(self.file.as_ref(), &purpose)
+    }
+
+    /// Rejects options that contradict each other, and a device that a session cannot have.
+    fn check(&self) -> Result<()> {
+        self.plan()?;
+        match self.args.own.device {
+            DeviceArg::Both(_) => {
+                Err(anyhow!("--device both requires `canted render`; use cpu, gpu or an adapter name"))
+            }
+            _ => Ok(()),
         }
     }
 
-    /// Sets options, or none of them if one is unknown or has an invalid value. Beside the options of a picture there is `aov`, a channel
-    /// or `none`. `heatmap` and `boxes` may be `none`.
+    /// Sets options by name, or none of them if one is unknown or has an invalid value; an empty value returns an option to its default.
+    /// Beside the options of a picture there is `aov`, a channel or `none`. `heatmap` and `boxes` may be `none`.
     pub(super) fn set_all(&mut self, changes: &[(String, String)]) -> Result<()> {
         let mut changed = self.clone();
+        let mut words = given(&self.args);
         for (name, value) in changes {
-            match (&name.replace('-', "_")[..], &value[..]) {
-                ("aov", "" | "none") => changed.aov = None,
-                ("aov", _) => changed.aov = Some(channel(value)?),
-                ("heatmap" | "boxes", "none") => changed.set(&name.replace('-', "_"), ""),
-                (id, _) => changed.set(id, value),
+            let name = name.replace('-', "_");
+            let value = match (&name[..], &value[..]) {
+                ("aov", value) => {
+                    changed.aov = if ["", "none"].contains(&value) { None } else { Some(channel(value)?) };
+                    continue;
+                }
+                ("heatmap" | "boxes", "none") => "",
+                (_, value) => value,
+            };
+            words.retain(|(known, _)| *known != name);
+            if !value.is_empty() {
+                words.push((name, value.to_owned()));
             }
         }
-        let args = changed.args()?;
-        args.settings()?;
-        device::check(&args)?;
+        // The scale of a heat map that is not shown is kept for the next one.
+        let has = |name: &str| words.iter().any(|(known, _)| known == name);
+        let is_hidden = has("heatmap_scale") && !has("heatmap");
+        words.extend(is_hidden.then(|| ("heatmap".to_owned(), "boxes".to_owned())));
+        changed.args = picture::parse(self.scene(), &words, |_| true)?;
+        if is_hidden {
+            changed.args.own.diagram.0.heatmap = None;
+        }
+        changed.check()?;
         *self = changed;
         Ok(())
     }
 
     /// Sets the options that give exactly this camera. `up` is set only if it was given before, since it sets the default light, too.
     pub(super) fn set_camera(&mut self, camera: &Camera) {
-        let triple = |[x, y, z]: [f32; 3]| format!("{x},{y},{z}");
-        self.set("eye", &triple(camera.eye));
-        self.set("target", &triple(camera.target));
-        let (fov, ortho) = match camera.projection {
-            Projection::Perspective { fov_degrees } => (fov_degrees.to_string(), String::new()),
-            Projection::Orthographic { height } => (String::new(), height.to_string()),
+        let own = &mut self.args.camera;
+        (own.eye, own.target) = (Some(camera.eye), Some(camera.target));
+        (own.fov, own.ortho) = match camera.projection {
+            Projection::Perspective { fov_degrees } => (Some(fov_degrees), None),
+            Projection::Orthographic { height } => (None, Some(height)),
         };
-        self.set("fov", &fov);
-        self.set("ortho", &ortho);
         if let Some(Lens { radius, focus_distance }) = camera.lens {
-            self.set("aperture", &radius.to_string());
-            self.set("focus", &focus_distance.to_string());
+            own.lens = LensArgs { aperture: Some(radius), focus: Some(focus_distance) };
         }
     }
 
-    /// Whether options leave the camera as it is.
-    pub(super) fn keep_camera(&self, changes: &[(String, String)]) -> bool {
-        let is_framed = self.get("eye").is_none() || self.get("target").is_none();
-        changes.iter().all(|(name, _)| {
-            let id = &name.replace('-', "_")[..];
-            !(OF_CAMERA.contains(&id) || is_framed && OF_FRAMING.contains(&id))
-        })
+    /// Whether the camera is that of other options.
+    pub(super) fn has_camera_of(&self, other: &Self) -> bool {
+        let own = |options: &Self| CameraArgs { camera: None, ..options.args.camera.clone() };
+        let framing = |options: &Self| {
+            let SessionArgs { source, options: Given(picture), camera, .. } = &options.args;
+            (picture.size, picture.up_axis, camera.camera.clone(), source.animation.clone())
+        };
+        let is_framed = self.args.camera.eye.is_none() || self.args.camera.target.is_none();
+        own(self) == own(other) && (!is_framed || framing(self) == framing(other))
     }
 
     /// Gives the options of the camera the values that they have in `start`.
     pub(super) fn reset_camera(&mut self, start: &Self) {
-        for id in OF_CAMERA {
-            self.set(id, start.get(id).unwrap_or_default());
-        }
+        let camera = self.args.camera.camera.take();
+        self.args.camera = CameraArgs { camera, ..start.args.camera.clone() };
     }
 
-    /// The options as `canted render` has them.
-    pub(super) fn args(&self) -> Result<render::Args> {
-        picture::parse(self.file.as_ref(), self.scene.as_deref(), &self.effective(), is_option)
-    }
-
-    /// The options without the scale of a heat map that is not shown. The device is the CPU unless another one is given.
-    fn effective(&self) -> Vec<(String, String)> {
-        let has_heatmap = self.get("heatmap").is_some();
-        let device = ("device".to_owned(), "cpu".to_owned());
-        let default = [device].into_iter().filter(|_| self.get("device").is_none());
-        default.chain(self.words.iter().filter(|(name, _)| has_heatmap || name != "heatmap_scale").cloned()).collect()
-    }
-
-    /// What determines meshes and lights.
-    pub(super) fn scene_key(&self) -> String {
-        self.key(|id| OF_SCENE.contains(&id))
+    pub(super) fn scene_key(&self) -> SceneKey {
+        let source = &self.args.source;
+        (source.animation.clone(), source.variant.clone(), self.args.light.clone())
     }
 
     /// What determines the structure, besides the scene.
-    pub(super) fn structure_key(&self) -> String {
-        self.key(|id| OF_STRUCTURE.contains(&id))
+    pub(super) fn structure_key(&self) -> &StructureOptions {
+        &self.args.structure.0
     }
 
-    /// What determines the film: all but exposure and tone curve.
-    pub(super) fn film_key(&self) -> String {
-        format!("{}{:?}", self.key(|id| !OF_LOOK.contains(&id)), self.aov)
-    }
-
-    fn key(&self, is_part: impl Fn(&str) -> bool) -> String {
-        self.words.iter().filter(|(id, _)| is_part(id)).fold(String::new(), |mut key, (id, value)| {
-            let _ = write!(key, "{id}={value:?} ");
-            key
-        })
+    pub(super) fn film_key(&self) -> FilmKey {
+        let mut args = self.args.clone();
+        args.options.0.look = LookOptions::default();
+        args.own.diagram.0.boxes = None;
+        FilmKey(args, self.aov)
     }
 
     /// The command line that renders this picture on a device, for a POSIX shell. A channel is written as it is, to an EXR.
     pub(super) fn command(&self, device: &str) -> String {
         let mut line = "canted render".to_owned();
-        if let Some(scene) = &self.scene {
+        if let Some(scene) = self.scene() {
             let path = scene.display().to_string();
             let path = if path.starts_with('-') { format!("./{path}") } else { path };
             line += &format!(" {}", quoted(&path));
         }
         line += &format!(" --device={}", quoted(device));
-        for (id, value) in self.effective().into_iter().filter(|(id, _)| id != "device") {
-            line += &format!(" --{}={}", id.replace('_', "-"), quoted(&value));
+        let has_heatmap = self.args.own.diagram.0.heatmap.is_some();
+        let is_shown = |name: &str| name != "device" && (has_heatmap || name != "heatmap_scale");
+        for (name, value) in given(&self.args).into_iter().filter(|(name, _)| is_shown(name)) {
+            line += &format!(" {}={}", flag(&name), quoted(&value));
         }
         match self.aov {
             Some(aov) => line + &format!(" --aovs={} -o canted.exr", aov.name()),
@@ -184,7 +215,7 @@ impl Options {
 fn channel(name: &str) -> Result<Aov> {
     let found = Aov::ALL.into_iter().find(|aov| aov.name() == name);
     let all = Aov::ALL.map(Aov::name).join(", ");
-    found.ok_or_else(|| anyhow::anyhow!("unknown channel '{}'; use {all} or none", name.escape_debug()))
+    found.ok_or_else(|| anyhow!("unknown channel '{}'; use {all} or none", name.escape_debug()))
 }
 
 /// A word of a command line, in quotes where a shell needs them.
@@ -209,12 +240,12 @@ mod tests {
 
     #[test]
     fn changes_apply_together_or_not_at_all() {
-        let mut options = Options::new(None, vec![("spp".to_owned(), "4".to_owned())]).unwrap();
+        let mut options = Options::new(crate::options::defaults()).unwrap();
         let change = |name: &str, value: &str| (name.to_owned(), value.to_owned());
         options.set_all(&[change("tone-map", "agx"), change("spp", "2"), change("aov", "depth")]).unwrap();
         assert_eq!(
             options.command("cpu"),
-            "canted render --device=cpu --tone-map=agx --spp=2 --aovs=depth -o canted.exr"
+            "canted render --device=cpu --spp=2 --tone-map=agx --aovs=depth -o canted.exr"
         );
         let before = options.command("cpu");
         for wrong in [change("spp", "x"), change("spq", "1"), change("output", "a.png"), change("aov", "z")] {
@@ -223,5 +254,11 @@ mod tests {
         assert_eq!(options.command("cpu"), before);
         options.set_all(&[change("spp", ""), change("aov", "none"), change("tone_map", "")]).unwrap();
         assert_eq!(options.command("cpu"), "canted render --device=cpu -o canted.png");
+        options.set_all(&[change("heatmap_scale", "64")]).unwrap();
+        options.set_all(&[change("heatmap", "boxes")]).unwrap();
+        assert_eq!(
+            options.command("cpu"),
+            "canted render --device=cpu --heatmap=boxes --heatmap-scale=64 -o canted.png"
+        );
     }
 }

@@ -4,19 +4,30 @@
 //! Event -> Session (options, camera) -> job -> thread -> Frame
 //! ```
 
+use std::{
+    sync::{
+        Arc,
+        mpsc::{self, Receiver},
+    },
+    time::Duration,
+};
+
 use anyhow::{Result, anyhow};
 use canted_film::Aov;
-use canted_renderer::Integrator;
+use canted_renderer::{BoxLevel, Integrator, Measure};
 use canted_scene::Camera;
 
 use super::{
     events::{Button, Event, Key},
-    frame::{Frame, Seen},
+    frame::{Frame, FrameSender, Job, JobQueue, Message, Seen},
     motion::{self, Motion},
     options::Options,
-    worker::{Job, Message, Worker},
+    passes,
 };
-use crate::output;
+use crate::{
+    options::{Named, Text, strategy_name},
+    output,
+};
 
 /// Structures to compare: `--accel` and `--volumes`, which may be empty.
 pub(super) const STRUCTURES: [(&str, &str); 9] = [
@@ -71,7 +82,7 @@ impl Session {
     /// # Errors
     /// One sentence about an invalid option.
     pub(super) fn start(options: Options, wake: Box<dyn Fn() + Send>) -> Result<Self> {
-        let has_file_target = options.get("eye").is_none() && options.get("target").is_none();
+        let has_file_target = options.has_file_camera();
         let mut session = Self {
             start: options.clone(),
             options,
@@ -98,8 +109,8 @@ impl Session {
     /// The command line that renders the picture, on the device that rendered it.
     pub(crate) fn command(&self) -> String {
         let current = self.frame.as_ref().filter(|frame| frame.view.number == self.n_jobs);
-        let device = current.map(|frame| &frame.view.device[..]);
-        self.options.command(device.or(self.options.get("device")).unwrap_or("cpu"))
+        let device = current.map(|frame| frame.view.device.clone());
+        self.options.command(&device.unwrap_or_else(|| self.options.args().own.device.text()))
     }
 
     /// Whether the picture of the latest options is complete, and clicks are answered.
@@ -179,7 +190,7 @@ impl Session {
             &Event::Scroll(notches) => self.turn(Motion::Zoom(notches))?,
             &Event::Key(key) => return self.press(key),
             &Event::Click(position) => {
-                let [width, height] = self.options.args()?.size;
+                let [width, height] = self.options.plan()?.size();
                 let is_inside = |x: f64, side: u32| x >= 0.0 && x < f64::from(side);
                 let [x, y] = position;
                 if !is_inside(x, width) || !is_inside(y, height) {
@@ -197,8 +208,9 @@ impl Session {
                 if let Some(camera) = self.camera.filter(|_| framed.is_some()) {
                     changed.set_camera(&camera);
                 }
+                let before = changed.clone();
                 changed.set_all(changes)?;
-                if !changed.keep_camera(changes) {
+                if !changed.has_camera_of(&before) {
                     self.camera = None;
                 }
                 self.options = changed;
@@ -221,21 +233,21 @@ impl Session {
         match key {
             Key::Fly(signs) => self.turn(Motion::Fly(signs.map(f64::from)))?,
             Key::Orbit([x, y]) => {
-                let rows = f64::from(self.options.args()?.size[1]);
+                let rows = f64::from(self.options.plan()?.size()[1]);
                 self.turn(Motion::Orbit([-f64::from(x), f64::from(y)].map(|sign| sign * STEP * rows)))?;
             }
             Key::Zoom(sign) => self.turn(Motion::Zoom(f64::from(sign)))?,
             Key::Home => {
                 self.options.reset_camera(&self.start);
-                self.has_file_target = self.start.get("eye").is_none() && self.start.get("target").is_none();
+                self.has_file_target = self.start.has_file_camera();
                 self.camera = None;
                 self.render(false);
             }
             Key::NextHeatmap => {
-                let next = match self.options.get("heatmap") {
+                let next = match self.options.args().own.diagram.0.heatmap {
                     None => "boxes",
-                    Some("boxes") => "triangles",
-                    Some(_) => "none",
+                    Some(Measure::Boxes) => "triangles",
+                    Some(Measure::Triangles) => "none",
                 };
                 self.set(&[("heatmap", next.to_owned())])?;
             }
@@ -254,13 +266,11 @@ impl Session {
             Key::NextStructure => self.set_structure((self.structure() + 1) % STRUCTURES.len())?,
             Key::NextBoxes => {
                 let n_levels = self.frame.as_ref().map_or(0, |frame| frame.view.n_levels);
-                let next = match self.options.get("boxes") {
+                let next = match self.options.boxes() {
                     None => "0".to_owned(),
-                    Some("leaves") => "none".to_owned(),
-                    Some(level) => match level.parse::<u32>() {
-                        Ok(level) if level + 1 < n_levels => (level + 1).to_string(),
-                        _ => "leaves".to_owned(),
-                    },
+                    Some(BoxLevel::Leaves) => "none".to_owned(),
+                    Some(BoxLevel::Level(level)) if level + 1 < n_levels => (level + 1).to_string(),
+                    Some(BoxLevel::Level(_)) => "leaves".to_owned(),
                 };
                 self.set(&[("boxes", next)])?;
             }
@@ -273,8 +283,9 @@ impl Session {
 
     /// Which of [`STRUCTURES`] is traced.
     pub(crate) fn structure(&self) -> usize {
-        let (accel, volumes) = (self.options.get("accel"), self.options.get("volumes").unwrap_or_default());
-        let accel = accel.unwrap_or(if volumes.is_empty() { "wide" } else { "bvh2" });
+        let of = self.options.structure_key();
+        let volumes = of.volumes.flatten().map_or("", strategy_name);
+        let accel = of.accel.map_or(if volumes.is_empty() { "wide" } else { "bvh2" }, Named::name);
         STRUCTURES.iter().position(|of| *of == (accel, volumes)).unwrap_or(if accel == "bvh2" { 1 } else { 0 })
     }
 
@@ -287,13 +298,13 @@ impl Session {
     /// Moves the camera; nothing happens before the first picture, or where no valid camera results.
     fn turn(&mut self, motion: Motion) -> Result<()> {
         let Some(mut camera) = self.camera else { return Ok(()) };
-        let args = self.options.args()?;
+        let plan = self.options.plan()?;
         if std::mem::take(&mut self.has_file_target)
             && let Some(distance) = self.frame.as_ref().and_then(|frame| frame.view.center_distance)
         {
             camera = motion::with_target_at(&camera, distance);
         }
-        if let Some(moved) = motion::moved(&camera, args.camera.up(), motion, args.size[1]) {
+        if let Some(moved) = motion::moved(&camera, plan.up(), motion, plan.size()[1]) {
             self.camera = Some(moved);
             self.options.set_camera(&moved);
             self.render(true);
@@ -306,5 +317,48 @@ impl Session {
         self.n_jobs += 1;
         self.failure = None;
         self.worker.render(Job { number: self.n_jobs, options: self.options.clone(), is_moving });
+    }
+}
+
+/// The thread and the ends of its channels.
+struct Worker {
+    queue: Arc<JobQueue>,
+    messages: Receiver<Message>,
+    /// Disconnected once the thread has ended.
+    ended: Receiver<()>,
+}
+
+/// How long a session that closes waits for its thread. One that still reads a file or builds a structure ends with the program.
+const LONGEST_END: Duration = Duration::from_millis(300);
+
+impl Worker {
+    /// Starts the thread, which calls `wake` after each message.
+    fn start(wake: Box<dyn Fn() + Send>) -> Self {
+        let (sender, messages) = mpsc::channel();
+        let (alive, ended) = mpsc::channel();
+        let queue = Arc::new(JobQueue::default());
+        let of_thread = Arc::clone(&queue);
+        std::thread::spawn(move || {
+            let _alive = alive;
+            passes::serve(&of_thread, &FrameSender { sender, wake });
+        });
+        Self { queue, messages, ended }
+    }
+
+    /// Replaces the job that waits, and cancels the one that runs.
+    fn render(&self, job: Job) {
+        self.queue.post(|pending| pending.job = Some(job));
+    }
+
+    /// Asks what is at a position in pixels of the latest picture.
+    fn click(&self, position: [f64; 2]) {
+        self.queue.post(|pending| pending.clicks.push(position));
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        self.queue.post(|pending| pending.is_closed = true);
+        let _ = self.ended.recv_timeout(LONGEST_END);
     }
 }

@@ -1,14 +1,11 @@
-//! `canted cast` against a linear scan over all triangles in `f64`.
-//!
-//! Coordinates are small integers, so the determinants of the oracle are exact and only the program rounds.
+//! `canted cast`, judged by a linear scan over all triangles in `f64`; `canted tree`.
 
-mod oracle;
+use std::collections::HashSet;
 
 use crate::{
     gpu::adapter,
-    support::{BUILDERS, Folder, rows},
+    support::{BUILDERS, Folder, Random, SMALL, rows},
 };
-use oracle::{By, Judged, Model, judged_rays, model};
 
 const HEADER: &str = "t,prim,u,v,instance";
 
@@ -230,4 +227,312 @@ fn invalid_rays_are_rejected_with_their_line() {
     folder.write("rays.csv", "");
     folder.run("cast small.obj --rays rays.csv --hits hits.csv").done();
     assert_eq!(folder.text("hits.csv"), format!("{HEADER}\n"));
+}
+
+// A linear scan over all triangles in `f64`, with bounds for the rounding errors of the program.
+
+/// Relative error of `n` roundings (Higham 2002, §3.1), in units of `f32`.
+fn gamma(n: f64) -> f64 {
+    let u = f64::from(f32::EPSILON) / 2.0;
+    n * u / (1.0 - n * u)
+}
+
+/// Whose rounding errors are bounded.
+#[derive(Clone, Copy)]
+enum By {
+    /// The CPU: differences, shear, two products, sums and the division, for each term of a determinant.
+    Cpu,
+    /// The GPU: hits are off their triangles by at most 64 rounding errors, each twice that of the CPU, of the largest
+    /// coordinates of origin and triangle (`canted_gpu::HIT_ERROR`).
+    Device,
+}
+
+impl By {
+    /// Error of coordinates, for the largest distance between origin and triangle and the largest coordinates.
+    fn error(self, distance: f64, size: f64) -> f64 {
+        match self {
+            Self::Cpu => gamma(16.0) * distance,
+            Self::Device => gamma(128.0) * size,
+        }
+    }
+}
+
+/// Terms of all three edge functions: each is a difference of two products of sheared coordinates of two terms.
+const TERMS: f64 = 24.0;
+
+type Point = [i32; 3];
+
+/// Triangles in file order, and the file.
+struct Model {
+    triangles: Vec<[Point; 3]>,
+    obj: String,
+}
+
+/// Triangles and parallelograms in alternating objects and groups.
+fn model(n_faces: usize) -> Model {
+    let mut random = Random(11);
+    let (mut triangles, mut obj, mut n_vertices) = (vec![], String::new(), 0);
+    for face in 0..n_faces {
+        match face % 12 {
+            0 => obj.push_str(&format!("o object{}\n", face / 12)),
+            4 => obj.push_str(&format!("g group{}\n", face % 5)),
+            6 => obj.push_str("s off\n"),
+            _ => {}
+        }
+        let [a, b, d] = [random.point(8), random.point(8), random.point(8)];
+        let sum = |k: usize| b[k] + d[k] - a[k];
+        let c = [sum(0), sum(1), sum(2)];
+        let corners = if face % 3 == 0 { vec![a, b, c, d] } else { vec![a, b, d] };
+        for [x, y, z] in &corners {
+            obj.push_str(&format!("v {x} {y} {z}\n"));
+        }
+        let indices: Vec<String> = (1..=corners.len()).map(|i| (n_vertices + i).to_string()).collect();
+        obj.push_str(&format!("f {}\n", indices.join(" ")));
+        n_vertices += corners.len();
+        // A convex polygon is a fan around its first corner.
+        triangles.extend((2..corners.len()).map(|i| [corners[0], corners[i - 1], corners[i]]));
+    }
+    Model { triangles, obj }
+}
+
+fn sub(a: Point, b: Point) -> [f64; 3] {
+    std::array::from_fn(|k| f64::from(a[k] - b[k]))
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The intersection of a line and the plane of a triangle: `[t, u, v]`, each with a bound of the program's error.
+struct Crossing {
+    tuv: [f64; 3],
+    bounds: [f64; 3],
+}
+
+impl Crossing {
+    /// By Cramer's rule; not finite where the line is parallel to the plane.
+    fn of(origin: Point, direction: Point, [a, b, c]: [Point; 3], by: By) -> Self {
+        let (e1, e2, s, d) = (sub(b, a), sub(c, a), sub(origin, a), direction.map(f64::from));
+        let determinant = dot(cross(d, e2), e1);
+        let tuv = [dot(cross(s, e1), e2), dot(cross(d, e2), s), dot(cross(s, e1), d)].map(|x| x / determinant);
+        let largest = |v: [f64; 3]| v.into_iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        let reach = [a, b, c].map(|p| largest(sub(p, origin))).into_iter().fold(0.0, f64::max);
+        let speed = largest(d);
+        let size = largest(origin.map(f64::from))
+            + [a, b, c].map(|p| largest(p.map(f64::from))).into_iter().fold(0.0, f64::max);
+        // The error of numerator and denominator, relative to the determinant.
+        let term = TERMS * by.error(reach, size) * reach / determinant.abs();
+        let unit = |x: f64| term * speed * (1.0 + x.abs());
+        let bounds = [term * (reach + tuv[0].abs() * speed), unit(tuv[1]), unit(tuv[2])];
+        Self { tuv, bounds }
+    }
+
+    /// Whether the ray hits; `None` if rounding may decide.
+    fn is_hit(&self) -> Option<bool> {
+        let ([t, u, v], [bt, bu, bv]) = (self.tuv, self.bounds);
+        // Distances inside the limits, each with its error bound.
+        let margins = [(t, bt), (u, bu), (v, bv), (1.0 - u - v, bu + bv)];
+        if margins.iter().any(|(x, bound)| *x < -bound) {
+            Some(false)
+        } else if margins.iter().all(|(x, bound)| x > bound) {
+            Some(true)
+        } else {
+            None
+        }
+    }
+}
+
+/// The closest triangle; `Err` if rounding may decide which it is.
+fn closest(model: &Model, origin: Point, direction: Point, by: By) -> Result<Option<(usize, Crossing)>, TooClose> {
+    let mut best: Option<(usize, Crossing)> = None;
+    for (i, &triangle) in model.triangles.iter().enumerate() {
+        let crossing = Crossing::of(origin, direction, triangle, by);
+        if !crossing.is_hit().ok_or(TooClose)? {
+            continue;
+        }
+        if let Some((_, other)) = &best {
+            let gap = crossing.tuv[0] - other.tuv[0];
+            if gap.abs() <= crossing.bounds[0] + other.bounds[0] {
+                return Err(TooClose);
+            }
+            if gap > 0.0 {
+                continue;
+            }
+        }
+        best = Some((i, crossing));
+    }
+    Ok(best)
+}
+
+/// Rounding may decide the result.
+struct TooClose;
+
+/// A ray and the result of the oracle.
+type Judged = ([Point; 2], Option<(usize, Crossing)>);
+
+/// Rays whose result does not depend on rounding.
+fn judged_rays(model: &Model, n: usize, by: By) -> Vec<Judged> {
+    let mut random = Random(12);
+    let mut rays = vec![];
+    while rays.len() < n {
+        let origin = random.point(16);
+        let aim = random.point(24);
+        let direction = std::array::from_fn(|k| aim[k] - origin[k]);
+        if let Ok(answer) = closest(model, origin, direction, by) {
+            rays.push(([origin, direction], answer));
+        }
+    }
+    rays
+}
+
+// `canted tree` against codes and topology computed from their definitions.
+
+/// The bits of the cell of a coordinate sum on one axis.
+fn cell(sum: f32, three_m: f32, scale: f32, k: i32) -> u64 {
+    let cell = f64::from((sum - three_m) * scale).floor();
+    let last = 2f64.powi(k) - 1.0;
+    // NaN is the product of 0 and infinity, and belongs to the first cell.
+    let cell = if cell.is_nan() { 0.0 } else { cell.clamp(0.0, last) };
+    (0..k).filter(|bit| (cell / 2f64.powi(*bit)).floor() % 2.0 == 1.0).map(|bit| 1 << bit).sum()
+}
+
+/// Morton codes in the order of the triangles.
+fn codes(triangles: &[[[f32; 3]; 3]], k: i32) -> Vec<u64> {
+    let corners = || triangles.iter().flatten();
+    let least: [f32; 3] = std::array::from_fn(|axis| corners().map(|p| p[axis]).fold(f32::INFINITY, f32::min));
+    let greatest: [f32; 3] = std::array::from_fn(|axis| corners().map(|p| p[axis]).fold(f32::NEG_INFINITY, f32::max));
+    let extent = (0..3).map(|axis| greatest[axis] - least[axis]).fold(0.0, f32::max);
+    let scale = 2f32.powi(k) / (3.0 * extent);
+    let scale = if scale.is_finite() { scale } else { 0.0 };
+    let code = |[a, b, c]: &[[f32; 3]; 3]| {
+        let cells: [u64; 3] =
+            std::array::from_fn(|axis| cell((a[axis] + b[axis]) + c[axis], 3.0 * least[axis], scale, k));
+        // From the highest bit down, x before y before z.
+        (0..k).rev().flat_map(|bit| cells.map(|cell| cell >> bit & 1)).fold(0, |code, bit| code << 1 | bit)
+    };
+    triangles.iter().map(code).collect()
+}
+
+/// Nodes `[left, right, first, last]`, by splitting ranges top-down at the highest differing bit.
+fn nodes(codes: &[u64]) -> Vec<Vec<i64>> {
+    let n = codes.len();
+    let mut nodes = vec![vec![]; n.saturating_sub(1)];
+    let mut open = if n > 1 { vec![(0, 0, n - 1)] } else { vec![] };
+    let number = |i: usize| i64::try_from(i).unwrap();
+    while let Some((node, first, last)) = open.pop() {
+        // Equal codes are split by position.
+        let key = |i: usize| u128::from(codes[i]) << 64 | i as u128;
+        let highest = 127 - (key(first) ^ key(last)).leading_zeros();
+        let split = (first..last).rfind(|&i| key(i) >> highest & 1 == 0).unwrap();
+        let mut child = |first: usize, last: usize, inner: usize| {
+            if first == last {
+                return -number(first) - 1;
+            }
+            open.push((inner, first, last));
+            number(inner)
+        };
+        nodes[node] = vec![child(first, split, split), child(split + 1, last, split + 1), number(first), number(last)];
+    }
+    nodes
+}
+
+fn obj(triangles: &[[[f32; 3]; 3]]) -> String {
+    let vertex = |[x, y, z]: &[f32; 3]| format!("v {x} {y} {z}\n");
+    let face = |i: usize| format!("f {} {} {}\n", 3 * i + 1, 3 * i + 2, 3 * i + 3);
+    let vertices: String = triangles.iter().flatten().map(vertex).collect();
+    vertices + &(0..triangles.len()).map(face).collect::<String>()
+}
+
+#[track_caller]
+fn assert_tree(name: &str, obj: &str, triangles: &[[[f32; 3]; 3]]) {
+    let folder = Folder::new();
+    folder.write("scene.obj", obj);
+    for (bits, k) in [(30, 10), (63, 21)] {
+        folder.run(&format!("tree scene.obj --bits {bits} --codes codes.csv --nodes nodes.csv")).done();
+        let of_prim = codes(triangles, k);
+        let mut want: Vec<(u64, usize)> = of_prim.iter().copied().zip(0..).collect();
+        want.sort_unstable();
+        let got: Vec<Vec<u64>> = rows(&folder.text("codes.csv"), "code,prim");
+        let want_rows: Vec<Vec<u64>> = want.iter().map(|&(code, prim)| vec![code, prim as u64]).collect();
+        assert_eq!(got, want_rows, "{name}, {bits} bits");
+        let sorted: Vec<u64> = want.iter().map(|&(code, _)| code).collect();
+        let got: Vec<Vec<i64>> = rows(&folder.text("nodes.csv"), "left,right,first,last");
+        assert_eq!(got, nodes(&sorted), "{name}, {bits} bits");
+    }
+}
+
+/// Triangles with corners `center + size * integers`, of which every tenth is a duplicate.
+fn soup(n: usize, center: f32, size: f32) -> Vec<[[f32; 3]; 3]> {
+    let mut random = Random(3);
+    let mut triangles: Vec<[[f32; 3]; 3]> = vec![];
+    while triangles.len() < n {
+        let base = random.point(1000);
+        let mut corner = || {
+            let near = random.point(20);
+            std::array::from_fn(|k| center + size * f32::from(i16::try_from(base[k] + near[k]).unwrap()))
+        };
+        let triangle =
+            if triangles.len() % 10 == 9 { triangles[triangles.len() / 2] } else { [corner(), corner(), corner()] };
+        let distinct: HashSet<[u32; 3]> = triangle.iter().map(|p| p.map(f32::to_bits)).collect();
+        if distinct.len() == 3 {
+            triangles.push(triangle);
+        }
+    }
+    triangles
+}
+
+#[test]
+fn random_triangles_of_all_sizes_and_positions() {
+    for (name, center, size) in [
+        ("as they are", 0.0, 1.0),
+        ("tiny", 0.0, 1e-15),
+        ("large", 0.0, 1e10),
+        ("far away", 1e7, 8.0),
+        ("inexact", 0.1, 0.3),
+    ] {
+        let triangles = soup(300, center, size);
+        assert_tree(name, &obj(&triangles), &triangles);
+    }
+}
+
+#[test]
+fn one_two_and_equal_triangles() {
+    let one = soup(1, 0.0, 1.0);
+    assert_tree("one", &obj(&one), &one);
+    let two = soup(2, 0.0, 1.0);
+    assert_tree("two", &obj(&two), &two);
+    let equal = vec![one[0]; 77];
+    assert_tree("equal", &obj(&equal), &equal);
+}
+
+#[test]
+fn prim_numbers_the_triangles_of_polygons_across_groups() {
+    let triangles = [
+        [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]],
+        [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]],
+        [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]],
+    ];
+    assert_tree("small", SMALL, &triangles);
+}
+
+#[test]
+fn unused_vertices_do_not_change_the_codes() {
+    let triangles = soup(50, 0.0, 1.0);
+    assert_tree("unused vertex", &(obj(&triangles) + "v 1e6 -1e6 1e6\n"), &triangles);
+}
+
+#[test]
+fn the_oracle_detects_changes() {
+    let triangles = soup(100, 0.0, 1.0);
+    let mut moved = triangles.clone();
+    moved[42] = moved[42].map(|[x, y, z]| [x, y + 100.0, z]);
+    assert_ne!(codes(&triangles, 21), codes(&moved, 21));
+    let mut sorted = codes(&triangles, 21);
+    sorted.sort_unstable();
+    // Equal codes are split by position.
+    assert_ne!(nodes(&sorted), nodes(&[0; 100]));
 }

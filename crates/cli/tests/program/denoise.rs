@@ -6,7 +6,7 @@ use std::time::Duration;
 use canted_film::{Picture, read_picture};
 use serde_json::Value;
 
-use crate::interrupted::{interrupt, is_ignored};
+use crate::process::{interrupt, is_ignored};
 use crate::support::Folder;
 
 const CORNELL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/cornell.toml");

@@ -1,6 +1,6 @@
 //! Scene files: writing, rendering, and errors.
 
-use crate::{environment::animated, support::Folder};
+use crate::{render::animated, support::Folder};
 
 /// Asserts that a scene and its scene file give the same picture.
 #[track_caller]

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde_json::Value;
 
-use crate::{random::Random, support::Folder};
+use crate::support::{Folder, Random};
 
 /// Thin diagonal bars in two objects, two triangles each.
 fn lattice(n_bars: usize) -> String {

@@ -1,16 +1,13 @@
-//! The window of `canted view` on a virtual X server, with events of mouse and keyboard as a person makes them.
-
-mod screen;
+//! The window of `canted view` on a virtual X server (`Xvfb`, `xdotool`, `xwd`), with events of mouse and keyboard as a person makes them.
 
 use std::{
     io::{BufRead, BufReader, Read},
-    process::Stdio,
+    process::{Child, ChildStdout, Command, Stdio},
     sync::mpsc::{self, Receiver},
     time::{Duration, Instant},
 };
 
 use crate::support::Folder;
-use screen::{PATIENCE, Running, Screen};
 
 /// The picture that a command renders, row by row, and its size.
 fn rendered(folder: &Folder, command: &str) -> (Vec<[u8; 3]>, [usize; 2]) {
@@ -59,7 +56,7 @@ impl<'a> Session<'a> {
     #[track_caller]
     fn copied(&self) -> (String, Vec<[u8; 3]>) {
         self.does(&["key c"]);
-        let command = self.lines.recv_timeout(PATIENCE).unwrap();
+        let command = self.lines.recv_timeout(LONGEST_WAIT).unwrap();
         let picture = self.shows(&command);
         (command, picture)
     }
@@ -82,7 +79,7 @@ impl<'a> Session<'a> {
             if let Some(status) = self.running.0.try_wait().unwrap() {
                 break status;
             }
-            assert!(start.elapsed() < PATIENCE, "the window does not close");
+            assert!(start.elapsed() < LONGEST_WAIT, "the window does not close");
             std::thread::sleep(Duration::from_millis(20));
         };
         let mut stderr = String::new();
@@ -94,7 +91,7 @@ impl<'a> Session<'a> {
 
 /// Runs a test, or skips it by name where a program is missing.
 fn on_screen(size: [u32; 2], test: impl FnOnce(&Folder, &Screen)) {
-    match screen::missing() {
+    match missing() {
         Some(program) => println!("skipped: {program} is not installed"),
         None => test(&Folder::with_small(), &Screen::start(size)),
     }
@@ -188,4 +185,123 @@ fn the_window_answers_while_it_renders() {
         let (n_frames, n_long) = (number("window: "), number("ms, "));
         assert!(n_frames > 20.0 && n_long <= 0.1 * n_frames, "{line}");
     });
+}
+
+// A virtual X server, and a person before it: `Xvfb`, `xdotool` and `xwd`.
+
+/// Time that any step may take on a busy machine.
+const LONGEST_WAIT: Duration = Duration::from_secs(60);
+
+/// A running X server; ends on drop.
+struct Screen {
+    server: Child,
+    display: String,
+}
+
+/// A program that ends on drop.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+/// The first of the programs that is not installed.
+fn missing() -> Option<&'static str> {
+    let is_there = |name: &str| {
+        let folders = std::env::var_os("PATH").unwrap_or_default();
+        std::env::split_paths(&folders).any(|folder| folder.join(name).is_file())
+    };
+    ["Xvfb", "xdotool", "xwd"].into_iter().find(|name| !is_there(name))
+}
+
+impl Screen {
+    /// Starts a server on a display that nobody uses.
+    fn start([width, height]: [u32; 2]) -> Self {
+        let mut server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-nolisten", "tcp", "-screen", "0", &format!("{width}x{height}x24")])
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let stdout: ChildStdout = server.stdout.take().unwrap();
+        let mut number = String::new();
+        BufReader::new(stdout).read_line(&mut number).unwrap();
+        Self { server, display: format!(":{}", number.trim()) }
+    }
+
+    /// Runs a command of `xdotool`; returns what it prints.
+    #[track_caller]
+    fn xdotool(&self, line: &str) -> String {
+        let output =
+            Command::new("xdotool").args(line.split_whitespace()).env("DISPLAY", &self.display).output().unwrap();
+        assert!(output.status.success(), "xdotool {line}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap().trim().to_owned()
+    }
+
+    /// Waits for the window of a program, and brings it to the top left corner.
+    #[track_caller]
+    fn window(&self, name: &str) -> String {
+        let start = Instant::now();
+        loop {
+            let search = Command::new("xdotool")
+                .args(["search", "--onlyvisible", "--name", name])
+                .env("DISPLAY", &self.display)
+                .output()
+                .unwrap();
+            let ids = String::from_utf8(search.stdout).unwrap();
+            if let Some(id) = ids.lines().next() {
+                self.xdotool(&format!("windowmove {id} 0 0"));
+                self.xdotool(&format!("windowfocus {id}"));
+                return id.to_owned();
+            }
+            assert!(start.elapsed() < LONGEST_WAIT, "no window {name}");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// The colors of the top left part of the screen, row by row.
+    #[track_caller]
+    fn picture(&self, [width, height]: [usize; 2]) -> Vec<[u8; 3]> {
+        let mut xwd =
+            Command::new("xwd").args(["-root", "-display", &self.display]).stdout(Stdio::piped()).spawn().unwrap();
+        let mut bytes = Vec::new();
+        xwd.stdout.take().unwrap().read_to_end(&mut bytes).unwrap();
+        assert!(xwd.wait().unwrap().success());
+        // XWDFileHeader: 32-bit numbers, most significant byte first.
+        let number = |i: usize| u32::from_be_bytes(bytes[4 * i..4 * i + 4].try_into().unwrap()) as usize;
+        let (size, order, bits, stride, n_colors) = (number(0), number(7), number(11), number(12), number(19));
+        // 24 where a window has another visual than the root.
+        assert!(matches!(bits, 24 | 32) && order == 0, "pixels of three or four bytes, blue first");
+        let start = size + 12 * n_colors;
+        let pixel = |x: usize, y: usize| {
+            let at = start + y * stride + bits / 8 * x;
+            [bytes[at + 2], bytes[at + 1], bytes[at]]
+        };
+        (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pixel(x, y)).collect()
+    }
+
+    /// Waits until the top left part of the screen fulfills a condition; returns it.
+    #[track_caller]
+    fn wait_for(&self, size: [usize; 2], what: &str, is_so: impl Fn(&[[u8; 3]]) -> bool) -> Vec<[u8; 3]> {
+        let start = Instant::now();
+        loop {
+            let picture = self.picture(size);
+            if is_so(&picture) {
+                return picture;
+            }
+            assert!(start.elapsed() < LONGEST_WAIT, "the screen does not show {what}");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
 }

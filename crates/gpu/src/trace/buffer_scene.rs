@@ -16,8 +16,8 @@ use super::scene::TracedScene;
 use crate::build::{BuildEncoder, Built, Change, Faults, MeshBuffers, Primitives, Scales, Which, fault, refit_aabbs};
 use crate::{Gpu, GpuError, NamedBinding, wait::block_on};
 
-/// How a [`BufferScene`] or an [`InstancedScene`](crate::InstancedScene) is built. A [`DeviceBvh`], a [`BuildConfig`] and a [`WideConfig`] convert into
-/// this type.
+/// How a [`BufferScene`] or an [`InstancedScene`](crate::InstancedScene) is built. A [`DeviceBvh`], a [`BuildConfig`](crate::build::BuildConfig) and a
+/// [`WideConfig`](crate::build::WideConfig) convert into this type.
 #[derive(Clone, Copy, Debug)]
 pub struct BufferConfig<'a> {
     /// Which BVHs.

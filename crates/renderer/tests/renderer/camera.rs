@@ -5,7 +5,7 @@ use canted_renderer::{CameraError, SceneBvh, SceneBvhConfig, View, frame};
 use canted_scene::{Camera, Lens, Material, Mesh, Projection, Scene};
 
 use crate::common::{
-    BruteForce, U, Vector, cross, cuboid, dot, film, floor, grey, inside_out, parallelogram, scene, settings, sphere,
+    BruteForce, U, Vector, cross, cuboid, dot, film, floor, gray, inside_out, parallelogram, scene, settings, sphere,
     sub, unit,
 };
 
@@ -143,7 +143,7 @@ fn blur(camera: &Camera, depth: f32, pixel: f32, samples: u32) -> f64 {
     const SIDE: f32 = 3.0;
     let half = 0.5 * SIDE * pixel;
     let lamp = parallelogram([-half, -half, -depth], [2.0 * half, 0.0, 0.0], [0.0, 2.0 * half, 0.0], 0);
-    let stage = scene(vec![lamp], vec![Material { emission: [1.0; 3], ..grey(0.0) }]);
+    let stage = scene(vec![lamp], vec![Material { emission: [1.0; 3], ..gray(0.0) }]);
     let film = film(&stage, camera, &settings(N, N, samples, 0));
     let (mut light, mut squares, mut edge) = (0.0, 0.0, 0.0_f64);
     for (index, pixel) in (0..).zip(film.pixels()).filter(|(_, pixel)| pixel.sum[0] > 0.0) {
@@ -252,7 +252,7 @@ fn objects() -> [(&'static str, Mesh); 4] {
 #[test]
 fn objects_fill_the_image_from_the_default_direction() {
     for (name, object) in objects() {
-        let scene = scene(vec![object], vec![grey(0.5)]);
+        let scene = scene(vec![object], vec![gray(0.5)]);
         for aspect in [0.5, 1.0, 16.0 / 9.0, 3.0] {
             let camera = framed(&scene, aspect);
             let from = unit([1.0, 0.6, 0.8]);
@@ -264,7 +264,7 @@ fn objects_fill_the_image_from_the_default_direction() {
 
 #[test]
 fn test_detects_cameras_that_are_too_far_or_off_center() {
-    let scene = scene(vec![cuboid([-1.0; 3], [1.0; 3], 0)], vec![grey(0.5)]);
+    let scene = scene(vec![cuboid([-1.0; 3], [1.0; 3], 0)], vec![gray(0.5)]);
     let camera = framed(&scene, 1.5);
     let moved = |way: Vector| {
         let shift = |p: [f32; 3]| crate::common::narrow(std::array::from_fn(|k| f64::from(p[k]) + way[k]));
@@ -278,13 +278,13 @@ fn test_detects_cameras_that_are_too_far_or_off_center() {
 #[test]
 fn camera_scales_exactly_with_powers_of_two() {
     let object = sphere([3.0, -2.0, 1.0], 0.5, 2, 0);
-    let camera = framed(&scene(vec![object.clone()], vec![grey(0.5)]), 1.5);
+    let camera = framed(&scene(vec![object.clone()], vec![gray(0.5)]), 1.5);
     for scale in [2.0_f32.powi(-40), 2.0_f32.powi(40)] {
         let mut scaled = object.clone();
         for position in &mut scaled.positions {
             *position = position.map(|x| x * scale);
         }
-        let scaled = framed(&scene(vec![scaled], vec![grey(0.5)]), 1.5);
+        let scaled = framed(&scene(vec![scaled], vec![gray(0.5)]), 1.5);
         assert_eq!(scaled.eye, camera.eye.map(|x| x * scale));
         assert_eq!(scaled.target, camera.target.map(|x| x * scale));
     }
@@ -305,7 +305,7 @@ fn interior_with_one_open_side_is_viewed_through_it() {
     for (face, axis, sign) in [(0, 2, -1.0), (1, 2, 1.0), (4, 0, -1.0), (5, 0, 1.0)] {
         let room = open_room([0.0; 3], [5.5, 5.4, 5.6], &[face]);
         let block = cuboid([1.0, 0.0, 1.0], [2.5, 3.0, 2.5], 0);
-        let scene = scene(vec![room, block], vec![grey(0.5)]);
+        let scene = scene(vec![room, block], vec![gray(0.5)]);
         let camera = framed(&scene, 4.0 / 3.0);
         assert!(sign * f64::from(camera.eye[axis]) > 5.0, "face {face}: {camera:?}");
         assert!((sign * forward(&camera)[axis] + 1.0).abs() < 1e-6, "face {face}: {camera:?}");
@@ -324,7 +324,7 @@ fn closed_interior_is_viewed_along_its_length() {
                 bodies.push(cuboid([x - 0.3, 0.0, z - 0.3], [x + 0.3, 6.0, z + 0.3], 0));
             }
         }
-        let scene = scene(bodies, vec![grey(0.5)]);
+        let scene = scene(bodies, vec![gray(0.5)]);
         let camera = framed(&scene, 16.0 / 9.0);
         assert!(scene.bounds_world().contains(camera.eye), "{camera:?}");
         assert!((camera.eye[1] - 2.4).abs() < 1e-5);
@@ -337,7 +337,7 @@ fn closed_interior_is_viewed_along_its_length() {
 
 #[test]
 fn scenes_without_extent_have_a_valid_camera() {
-    let point = scene(vec![crate::common::mesh(vec![[1.0, 2.0, 3.0]; 3], vec![[0, 1, 2]], 0)], vec![grey(0.5)]);
+    let point = scene(vec![crate::common::mesh(vec![[1.0, 2.0, 3.0]; 3], vec![[0, 1, 2]], 0)], vec![gray(0.5)]);
     for scene in [Scene::default(), point] {
         assert!(View::new(&framed(&scene, 1.5), 30, 20).is_ok());
     }

@@ -202,7 +202,7 @@ pub(crate) fn inside_out(mut mesh: Mesh) -> Mesh {
     mesh
 }
 
-pub(crate) fn grey(albedo: f32) -> Material {
+pub(crate) fn gray(albedo: f32) -> Material {
     Material { base_color: [albedo; 3], ..Material::default() }
 }
 

@@ -10,12 +10,12 @@ use canted_renderer::{Monitor, Pattern, RenderError, Sampler, Settings, View, re
 use canted_scene::{Camera, Light, Material, MaterialId, Mesh, Part as MeshPart, Scene};
 use canted_trace::Intersect;
 
-use crate::common::{BruteForce, camera, cuboid, film, floor, grey, parallelogram, scene, settings, unit};
+use crate::common::{BruteForce, camera, cuboid, film, floor, gray, parallelogram, scene, settings, unit};
 
 fn stage() -> (Scene, Camera) {
     let mut stage = scene(
         vec![floor(3.0, 0.0, 0), cuboid([-1.0, 0.0, -1.0], [1.0, 1.5, 0.5], 1)],
-        vec![grey(0.8), Material { base_color: [0.9, 0.4, 0.1], ..Material::default() }],
+        vec![gray(0.8), Material { base_color: [0.9, 0.4, 0.1], ..Material::default() }],
     );
     stage.environment = Some([0.3, 0.4, 0.6].into());
     stage.lights = vec![Light::Sun { direction: [-0.6, -0.8, 0.0], irradiance: [2.0; 3] }];
@@ -109,7 +109,7 @@ fn guides_include_shape_lights() {
         Light::Sphere { center: [0.0; 3], radius: 1.0, radiance: [5.0; 3] },
         Light::Disk { center: [0.5, 0.0, 2.0], normal: [0.0, 0.0, -1.0], radius: 0.5, radiance: [5.0; 3] },
     ];
-    let stage = Scene { lights, ..scene(vec![wall], vec![grey(0.5)]) };
+    let stage = Scene { lights, ..scene(vec![wall], vec![gray(0.5)]) };
     // At the depth of the sphere's center, a world unit is eight pixels.
     let view = camera([0.0, 0.0, 6.0], [0.0; 3], 2.0 * (2.0_f32 / 6.0).atan().to_degrees());
     let film = film(&stage, &view, &Settings { aovs: all(), ..settings(33, 33, 1, 1) });

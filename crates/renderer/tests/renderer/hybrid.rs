@@ -8,7 +8,7 @@ use canted_renderer::{Integrator, Pattern, Settings};
 use canted_scene::{Camera, Light, Material, Mesh, Projection, Scene};
 
 use crate::common::{
-    Vector, camera, cross, cuboid, dot, film, floor, grey, inside_out, parallelogram, place, probe, scene, settings,
+    Vector, camera, cross, cuboid, dot, film, floor, gray, inside_out, parallelogram, place, probe, scene, settings,
     sphere, sub, unit,
 };
 
@@ -23,7 +23,7 @@ fn ambient(scene: &Scene, eye: [f32; 3], target: [f32; 3], radius: f32, samples:
 
 #[test]
 fn open_plane_is_unoccluded() {
-    let plane = in_white_sky(scene(vec![floor(10.0, 0.0, 0)], vec![grey(1.0)]));
+    let plane = in_white_sky(scene(vec![floor(10.0, 0.0, 0)], vec![gray(1.0)]));
     for radius in [0.1, 1.0, f32::INFINITY] {
         assert_eq!(ambient(&plane, [1.0, 2.0, 3.0], [0.0; 3], radius, 64), 1.0);
     }
@@ -33,14 +33,14 @@ fn open_plane_is_unoccluded() {
 #[test]
 fn very_large_wall_occludes_half() {
     let wall = parallelogram([0.0, 0.0, -1e6], [0.0, 1e6, 0.0], [0.0, 0.0, 2e6], 0);
-    let corner = in_white_sky(scene(vec![floor(10.0, 0.0, 0), wall], vec![grey(1.0)]));
+    let corner = in_white_sky(scene(vec![floor(10.0, 0.0, 0), wall], vec![gray(1.0)]));
     let value = ambient(&corner, [2.0, 2.0, 0.0], [1e-3, 0.0, 0.0], f32::INFINITY, 4096);
     assert!((value - 0.5).abs() < 0.005, "{value}");
 }
 
 #[test]
 fn closed_box_is_fully_occluded() {
-    let closed = in_white_sky(scene(vec![cuboid([-1.0; 3], [1.0; 3], 0)], vec![grey(1.0)]));
+    let closed = in_white_sky(scene(vec![cuboid([-1.0; 3], [1.0; 3], 0)], vec![gray(1.0)]));
     assert_eq!(ambient(&closed, [0.5, 0.5, 0.5], [0.0, -1.0, 0.0], f32::INFINITY, 64), 0.0);
 }
 
@@ -54,7 +54,7 @@ fn noise(n: u32) -> f64 {
 /// `1 - exp(-kc)` is `1 - 2(1 - (1 + k)·exp(-k))/k²`.
 #[test]
 fn closed_sphere_matches_closed_form() {
-    let ball = in_white_sky(scene(vec![inside_out(sphere([0.0; 3], 1.0, 4, 0))], vec![grey(1.0)]));
+    let ball = in_white_sky(scene(vec![inside_out(sphere([0.0; 3], 1.0, 4, 0))], vec![gray(1.0)]));
     for radius in [0.25_f32, 1.0, 4.0] {
         let k = 2.0 / f64::from(radius);
         let expected = 1.0 - 2.0 * (1.0 - (1.0 + k) * (-k).exp()) / (k * k);
@@ -68,7 +68,7 @@ fn closed_sphere_matches_closed_form() {
 #[test]
 fn closed_box_matches_quadrature() {
     let (min, max): (Vector, Vector) = ([-1.0, 0.0, -2.0], [1.5, 1.0, 2.0]);
-    let closed = in_white_sky(scene(vec![cuboid([-1.0, 0.0, -2.0], [1.5, 1.0, 2.0], 0)], vec![grey(1.0)]));
+    let closed = in_white_sky(scene(vec![cuboid([-1.0, 0.0, -2.0], [1.5, 1.0, 2.0], 0)], vec![gray(1.0)]));
     let distance = |d: Vector| {
         let to_side =
             |k: usize| if d[k] == 0.0 { f64::INFINITY } else { (if d[k] > 0.0 { max[k] } else { min[k] }) / d[k] };
@@ -97,7 +97,7 @@ fn closed_box_matches_quadrature() {
 #[test]
 fn corner_is_darker_than_open_floor() {
     let wall = parallelogram([0.0, 0.0, -10.0], [0.0, 10.0, 0.0], [0.0, 0.0, 20.0], 0);
-    let corner = in_white_sky(scene(vec![floor(10.0, 0.0, 0), wall], vec![grey(1.0)]));
+    let corner = in_white_sky(scene(vec![floor(10.0, 0.0, 0), wall], vec![gray(1.0)]));
     let at = |x: f32| ambient(&corner, [x + 1.0, 2.0, 0.0], [x, 0.0, 0.0], 1.0, 256);
     let values = [at(0.01), at(0.3), at(1.0), at(5.0)];
     assert!(values.windows(2).all(|pair| pair[0] < pair[1]), "{values:?}");
@@ -106,7 +106,7 @@ fn corner_is_darker_than_open_floor() {
 /// The environment counts once: on an open plane an image of any depth shows albedo times environment.
 #[test]
 fn environment_counts_once() {
-    let plane = in_white_sky(scene(vec![floor(10.0, 0.0, 0)], vec![grey(0.5)]));
+    let plane = in_white_sky(scene(vec![floor(10.0, 0.0, 0)], vec![gray(0.5)]));
     for bounces in 0..4 {
         assert_eq!(
             probe(&plane, [1.0, 2.0, 3.0], [0.0; 3], Settings { ao_radius: Some(1.0), ..settings(1, 1, 16, bounces) }),
@@ -126,7 +126,7 @@ fn is_close(value: f64, expected: f64) -> bool {
 
 #[test]
 fn point_light_follows_inverse_square_and_cosine() {
-    let mut plane = scene(vec![floor(100.0, 0.0, 0)], vec![grey(0.5)]);
+    let mut plane = scene(vec![floor(100.0, 0.0, 0)], vec![gray(0.5)]);
     let height = 3.0;
     plane.lights = vec![Light::Point { position: [0.0, 3.0, 0.0], intensity: [10.0, 20.0, 40.0] }];
     for x in [0.0_f32, 1.0, 4.0, 30.0] {
@@ -141,7 +141,7 @@ fn point_light_follows_inverse_square_and_cosine() {
 
 #[test]
 fn sun_gives_irradiance_times_cosine() {
-    let mut plane = scene(vec![floor(100.0, 0.0, 0)], vec![grey(0.5)]);
+    let mut plane = scene(vec![floor(100.0, 0.0, 0)], vec![gray(0.5)]);
     for (direction, cosine) in [([0.0, -1.0, 0.0], 1.0), ([0.6, -0.8, 0.0], 0.8), ([0.0, 0.8, 0.6], 0.0)] {
         plane.lights = vec![Light::Sun { direction, irradiance: [std::f32::consts::PI; 3] }];
         let radiance = probe(&plane, [0.0, 5.0, 5.0], [0.0; 3], settings(1, 1, 4, 0));
@@ -217,7 +217,7 @@ fn sphere_under_a_sun_is_lambertian_in_every_pixel() {
 
 #[test]
 fn surfaces_facing_away_from_a_light_are_dark() {
-    let mut plane = scene(vec![floor(100.0, 0.0, 0)], vec![grey(0.5)]);
+    let mut plane = scene(vec![floor(100.0, 0.0, 0)], vec![gray(0.5)]);
     plane.lights = vec![
         Light::Sun { direction: [0.0, -1.0, 0.0], irradiance: [1.0; 3] },
         Light::Point { position: [0.0, 2.0, 0.0], intensity: [1.0; 3] },
@@ -230,7 +230,7 @@ fn surfaces_facing_away_from_a_light_are_dark() {
 fn light_below_the_geometric_horizon_does_not_count() {
     let mut tilted = floor(100.0, 0.0, 0);
     tilted.normals = Some(vec![[0.8, 0.6, 0.0]; 4]);
-    let mut plane = scene(vec![tilted], vec![grey(0.5)]);
+    let mut plane = scene(vec![tilted], vec![gray(0.5)]);
     let lit = |plane: &canted_scene::Scene| probe(plane, [0.0, 5.0, 5.0], [0.0; 3], settings(1, 1, 1, 0))[0];
     // The shading normal has the cosine 0.8·0.995 - 0.6·0.1 = 0.736 to the light from below, and 0.856 to that from
     // above.
@@ -245,7 +245,7 @@ fn light_below_the_geometric_horizon_does_not_count() {
 #[test]
 fn shadow_ends_at_the_projected_edge() {
     let screen = parallelogram([-50.0, 1.0, -50.0], [51.0, 0.0, 0.0], [0.0, 0.0, 100.0], 0);
-    let mut stage = scene(vec![floor(100.0, 0.0, 0), screen], vec![grey(0.5)]);
+    let mut stage = scene(vec![floor(100.0, 0.0, 0), screen], vec![gray(0.5)]);
     let lit = |stage: &canted_scene::Scene, x: f64| {
         let x = x as f32;
         // The eye is below the screen, which never hides the floor.
@@ -263,7 +263,7 @@ fn shadow_ends_at_the_projected_edge() {
 /// A light in the plane of a ceiling is not occluded by it; a light behind a wall is.
 #[test]
 fn shadow_rays_end_before_the_light() {
-    let mut room = scene(vec![cuboid([-5.0, 0.0, -5.0], [5.0, 4.0, 5.0], 0)], vec![grey(0.5)]);
+    let mut room = scene(vec![cuboid([-5.0, 0.0, -5.0], [5.0, 4.0, 5.0], 0)], vec![gray(0.5)]);
     for (height, is_lit) in [(3.999_99, true), (4.0, true), (4.001, false)] {
         room.lights = vec![Light::Point { position: [0.3, height, 0.2], intensity: [10.0; 3] }];
         let radiance = probe(&room, [1.0, 1.0, 1.0], [0.1, 0.0, 0.0], settings(1, 1, 1, 0));
@@ -278,7 +278,7 @@ fn indirect_light_is_colored() {
     // The wall at x = 0 faces +x; the roof keeps the sun off the floor near it.
     let wall = parallelogram([0.0, 0.0, -20.0], [0.0, 10.0, 0.0], [0.0, 0.0, 40.0], 1);
     let roof = parallelogram([0.5, 10.0, -20.0], [20.0, 0.0, 0.0], [0.0, 0.0, 40.0], 0);
-    let mut court = scene(vec![floor(100.0, 0.0, 0), wall, roof], vec![grey(0.8), red]);
+    let mut court = scene(vec![floor(100.0, 0.0, 0), wall, roof], vec![gray(0.8), red]);
     court.lights = vec![Light::Sun { direction: [-0.1, -0.995, 0.0], irradiance: [3.0; 3] }];
     let shaded = |bounces| probe(&court, [3.0, 2.0, 4.0], [3.0, 0.0, 0.0], settings(1, 1, 256, bounces));
     assert_eq!(shaded(0), [0.0; 3]);
@@ -292,7 +292,7 @@ fn indirect_light_is_colored() {
 fn error_falls_with_the_root_of_the_sample_count() {
     let mut room = scene(
         vec![cuboid([-2.0, 0.0, -2.0], [2.0, 3.0, 2.0], 0), cuboid([-0.5, 0.0, -0.5], [0.5, 1.0, 0.5], 0)],
-        vec![grey(0.7)],
+        vec![gray(0.7)],
     );
     room.lights = vec![Light::Point { position: [1.5, 2.5, 1.5], intensity: [10.0; 3] }];
     let view = camera([-1.5, 2.0, 1.0], [-1.0, 0.0, 0.0], 20.0);
@@ -325,7 +325,7 @@ fn pixels(scene: &canted_scene::Scene, eye: [f32; 3], target: [f32; 3], fov: f32
 #[test]
 fn convex_object_in_a_white_furnace_shows_its_albedo() {
     for (object, name) in [(sphere([0.0; 3], 1.0, 3, 0), "sphere"), (cuboid([-1.0; 3], [1.0; 3], 0), "cube")] {
-        let mut furnace = scene(vec![object], vec![grey(0.625)]);
+        let mut furnace = scene(vec![object], vec![gray(0.625)]);
         furnace.environment = Some([1.0; 3].into());
         for bounces in [0, 1, 3] {
             for pixel in pixels(&furnace, [2.0, 3.0, 4.0], [0.0; 3], 15.0, bounces) {
@@ -338,7 +338,7 @@ fn convex_object_in_a_white_furnace_shows_its_albedo() {
 /// Inside a closed object that emits 1 and reflects `a`, depth `d` gives `1 + a + ... + a^d`; no sample may leak.
 #[test]
 fn closed_emitter_gives_the_geometric_series() {
-    let glowing = Material { emission: [1.0; 3], ..grey(0.5) };
+    let glowing = Material { emission: [1.0; 3], ..gray(0.5) };
     for shell in [inside_out(sphere([0.0; 3], 1.0, 3, 0)), cuboid([-1.0; 3], [1.0, 2.0, 3.0], 0)] {
         // The environment would be visible through any leak.
         let mut room = scene(vec![shell], vec![glowing.clone()]);
@@ -359,7 +359,7 @@ fn white_furnace_never_exceeds_one() {
         cuboid([-1.0, 0.0, -1.0], [0.0, 2.0, 0.0], 0),
         sphere([1.0, 0.5, 0.5], 0.5, 2, 0),
     ];
-    let mut furnace = scene(bodies, vec![grey(1.0)]);
+    let mut furnace = scene(bodies, vec![gray(1.0)]);
     furnace.environment = Some([1.0; 3].into());
     let view = camera([4.0, 3.0, 5.0], [0.0, 0.5, 0.0], 40.0);
     for bounces in 0..3 {
@@ -385,7 +385,7 @@ fn white_furnace_never_exceeds_one() {
 fn smooth_normals_conserve_energy() {
     let mut object = sphere([0.0; 3], 1.0, 1, 0);
     object.normals = Some(object.positions.clone());
-    let mut furnace = scene(vec![object], vec![grey(0.75)]);
+    let mut furnace = scene(vec![object], vec![gray(0.75)]);
     furnace.environment = Some([1.0; 3].into());
     for pixel in pixels(&furnace, [2.0, 3.0, 4.0], [0.0; 3], 10.0, 2) {
         assert_eq!(pixel, [0.75; 3]);
@@ -397,7 +397,7 @@ fn smooth_normals_conserve_energy() {
 fn instances_conserve_energy() {
     let sheared = Affine { columns: [[-2.0, 0.3, 0.0], [0.5, 0.7, 0.2], [0.0, -0.4, 1.5], [10.0, 20.0, -30.0]] };
     assert!(sheared.determinant() < 0.0);
-    let mut furnace = scene(vec![sphere([0.0; 3], 1.0, 3, 0)], vec![grey(0.625)]);
+    let mut furnace = scene(vec![sphere([0.0; 3], 1.0, 3, 0)], vec![gray(0.625)]);
     furnace.instances = vec![place(0, sheared)];
     furnace.environment = Some([1.0; 3].into());
     for pixel in pixels(&furnace, [10.0, 24.0, -22.0], [10.0, 20.0, -30.0], 4.0, 2) {

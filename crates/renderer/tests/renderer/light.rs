@@ -12,7 +12,7 @@ use canted_scene::{Camera, Light, Material, Projection, Scene};
 use canted_trace::{Hit, InstanceId, Intersect, Ray, Side};
 
 use crate::common::{
-    BruteForce, Vector, camera, deviation, dot, film, floor, grey, mesh, narrow, parallelogram, probe, scene, settings,
+    BruteForce, Vector, camera, deviation, dot, film, floor, gray, mesh, narrow, parallelogram, probe, scene, settings,
     sub,
 };
 use crate::environment::{lambert, sunny};
@@ -351,7 +351,7 @@ const SPHERE: Light = Light::Sphere { center: [0.0, 5.0, 0.0], radius: 1.0, radi
 const DISK: Light = Light::Disk { center: [0.0, 9.0, 0.0], normal: [0.0, -1.0, 0.0], radius: 2.0, radiance: [4.0; 3] };
 
 fn lit_by(lights: Vec<Light>) -> Scene {
-    Scene { lights, ..scene(vec![floor(50.0, 0.0, 0)], vec![grey(0.5)]) }
+    Scene { lights, ..scene(vec![floor(50.0, 0.0, 0)], vec![gray(0.5)]) }
 }
 
 fn hit_at(t: f32) -> Hit {
@@ -431,7 +431,7 @@ fn sphere_illuminates_and_occludes() {
 #[test]
 fn disk_penumbra_matches_quadrature() {
     let screen = parallelogram([-60.0, 2.0, -60.0], [60.0, 0.0, 0.0], [0.0, 0.0, 120.0], 0);
-    let mut stage = scene(vec![floor(50.0, 0.0, 0), screen], vec![grey(0.5)]);
+    let mut stage = scene(vec![floor(50.0, 0.0, 0), screen], vec![gray(0.5)]);
     let (height, radius) = (4.0, 1.0);
     stage.lights =
         vec![Light::Disk { center: [0.0, 4.0, 0.0], normal: [0.0, -1.0, 0.0], radius: 1.0, radiance: [10.0; 3] }];
@@ -467,7 +467,7 @@ fn disk_penumbra_matches_quadrature() {
 /// up to x = 4/3, the center of the middle pixel. Pixels are 1/30 wide.
 fn shadow_of(light: Light, integrator: Integrator) -> Vec<Vector> {
     let screen = parallelogram([-50.0, 1.0, -50.0], [51.0, 0.0, 0.0], [0.0, 0.0, 100.0], 0);
-    let stage = Scene { lights: vec![light], ..scene(vec![floor(50.0, 0.0, 0), screen], vec![grey(0.5)]) };
+    let stage = Scene { lights: vec![light], ..scene(vec![floor(50.0, 0.0, 0), screen], vec![gray(0.5)]) };
     let edge = 4.0 / 3.0;
     // Below the screen, so that nothing occludes the view.
     let view = camera([edge, 0.9, 0.0], [edge, 0.0, 0.0], 1.0);

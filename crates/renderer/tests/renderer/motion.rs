@@ -11,7 +11,7 @@ use canted_renderer::{
 use canted_scene::{Camera, Material, Mesh, MeshClose, Scene};
 use canted_trace::{Hit, InstanceId, Intersect, Ray, Side, position_at};
 
-use crate::common::{camera, cuboid, grey, parallelogram, place, scene, settings, sphere};
+use crate::common::{camera, cuboid, gray, parallelogram, place, scene, settings, sphere};
 
 const OPEN: Affine = Affine::IDENTITY;
 
@@ -37,7 +37,7 @@ fn moving(mut stage: Scene, close: Affine) -> Scene {
 #[test]
 fn moving_strip_matches_coverage_over_time() {
     const SAMPLES: u32 = 1 << 10;
-    let bright = Material { emission: [1.0; 3], ..grey(0.0) };
+    let bright = Material { emission: [1.0; 3], ..gray(0.0) };
     // At time s it spans -0.5 + 0.75 s to -0.25 + 0.75 s; a pixel is an eighth wide.
     let strip = parallelogram([-0.5, -9.0, 0.0], [0.25, 0.0, 0.0], [0.0, 18.0, 0.0], 0);
     let stage = moving(scene(vec![strip], vec![bright]), shifted(0.75, 0.0));
@@ -78,7 +78,7 @@ fn moving_object_in_a_white_furnace_shows_its_albedo() {
                 let [x, y, z, t] = map.columns.map(|column| column.map(|c| c * scale));
                 Affine { columns: [x, y, z, t.map(|t| t + shift)] }
             };
-            let mut stage = scene(vec![object.clone()], vec![grey(0.625)]);
+            let mut stage = scene(vec![object.clone()], vec![gray(0.625)]);
             stage.instances = vec![place(0, placed(&OPEN))];
             let mut stage = moving(stage, placed(&turned));
             stage.environment = Some([1.0; 3].into());
@@ -93,7 +93,7 @@ fn moving_object_in_a_white_furnace_shows_its_albedo() {
 
 #[test]
 fn motion_requires_two_levels_and_is_skipped_without_moving_instances() {
-    let stage = || scene(vec![sphere([0.0; 3], 1.0, 2, 0)], vec![grey(0.5)]);
+    let stage = || scene(vec![sphere([0.0; 3], 1.0, 2, 0)], vec![gray(0.5)]);
     let parts = |prepared: &SceneBvh| -> Vec<&str> { prepared.unused.iter().map(|l| l.feature).collect() };
     for levels in [Levels::Auto, Levels::One, Levels::Two] {
         let moving = prepared(&moving(stage(), shifted(1.0, 0.0)), levels);
@@ -107,7 +107,7 @@ fn motion_requires_two_levels_and_is_skipped_without_moving_instances() {
 
 #[test]
 fn zero_motion_does_not_change_the_image() {
-    let mut stage = scene(vec![sphere([0.0; 3], 1.0, 2, 0), cuboid([-2.0; 3], [-1.0; 3], 0)], vec![grey(0.5)]);
+    let mut stage = scene(vec![sphere([0.0; 3], 1.0, 2, 0), cuboid([-2.0; 3], [-1.0; 3], 0)], vec![gray(0.5)]);
     stage.environment = Some([1.0, 0.8, 0.6].into());
     let view = camera([2.0, 3.0, 4.0], [0.0; 3], 50.0);
     let settings = settings(16, 12, 4, 2);
@@ -118,7 +118,7 @@ fn zero_motion_does_not_change_the_image() {
 
 #[test]
 fn motion_through_a_singular_transform_is_rejected() {
-    let stage = scene(vec![sphere([0.0; 3], 1.0, 1, 0)], vec![grey(0.5)]);
+    let stage = scene(vec![sphere([0.0; 3], 1.0, 1, 0)], vec![gray(0.5)]);
     let turned = Affine { columns: [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]] };
     let error = SceneBvh::build(&moving(stage, turned), &SceneBvhConfig::default()).err().unwrap();
     let sentence = "the transform of moving instance 0 is too close to singular at shutter time 0.5: its condition \
@@ -130,7 +130,7 @@ fn motion_through_a_singular_transform_is_rejected() {
 #[test]
 fn surfaces_match_static_instances() {
     let close = Affine { columns: [[0.0, 2.0, 0.0], [-1.0, 0.0, 0.5], [0.0, 0.25, 3.0], [4.0, -2.0, 1.0]] };
-    let stage = scene(vec![sphere([0.5, 0.0, 0.0], 1.0, 1, 0)], vec![grey(0.5)]);
+    let stage = scene(vec![sphere([0.5, 0.0, 0.0], 1.0, 1, 0)], vec![gray(0.5)]);
     let moving = moving(stage.clone(), close);
     for time in [0.0, 0.25, 0.5, 1.0] {
         let mut there = stage.clone();
@@ -198,7 +198,7 @@ fn stage(twist: f32) -> Scene {
         deforming(sphere([0.0; 3], 0.5, 2, 0), |_| [0.1; 3]),
         cuboid([-0.5; 3], [0.5, 0.25, 0.5], 0),
     ];
-    let mut stage = scene(meshes, vec![grey(0.5)]);
+    let mut stage = scene(meshes, vec![gray(0.5)]);
     let turned = Affine { columns: [[0.8, 0.6, 0.1], [-0.6, 0.8, 0.0], [0.0, 0.2, 1.5], [1.5, 0.0, 0.3]] };
     stage.instances.push(place(0, turned));
     stage.instances.push(place(1, turned));
@@ -281,7 +281,7 @@ fn updates_follow_deforming_meshes() {
 /// A bright strip whose vertices move has the picture of a strip that is moved, sample by sample.
 #[test]
 fn a_deforming_strip_is_blurred_as_a_moving_one() {
-    let bright = Material { emission: [1.0; 3], ..grey(0.0) };
+    let bright = Material { emission: [1.0; 3], ..gray(0.0) };
     let strip = || parallelogram([-0.5, -9.0, 0.0], [0.25, 0.0, 0.0], [0.0, 18.0, 0.0], 0);
     let view = camera([0.0, 0.0, 1.0], [0.0; 3], 90.0);
     for integrator in [Integrator::Hybrid, Integrator::Path] {
@@ -310,7 +310,7 @@ fn a_deforming_object_in_a_white_furnace_shows_its_albedo() {
         let mut ball = sphere([0.0; 3], 1.0, 3, 0);
         ball = deforming(ball, grown);
         ball.positions.iter_mut().for_each(|p| *p = at(*p));
-        let mut furnace = scene(vec![ball], vec![grey(0.625)]);
+        let mut furnace = scene(vec![ball], vec![gray(0.625)]);
         furnace.environment = Some([1.0; 3].into());
         let view = camera(at([0.0, 0.0, 4.0]), at([0.0; 3]), 8.0);
         for pixel in shutter_film(&furnace, &view, &settings(6, 6, 64, 2)).pixels() {

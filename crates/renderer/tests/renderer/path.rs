@@ -8,7 +8,7 @@ use canted_renderer::{Integrator, Settings, View};
 use canted_scene::{Camera, Instance, Light, Material, Mesh, Scene};
 
 use crate::common::{
-    U, Vector, camera, cuboid, dot, film, floor, grey, inside_out, mesh, parallelogram, place, probe, scene, settings,
+    U, Vector, camera, cuboid, dot, film, floor, gray, inside_out, mesh, parallelogram, place, probe, scene, settings,
     sphere, unit,
 };
 
@@ -58,7 +58,7 @@ fn white_sky(object: canted_scene::Mesh, material: Material) -> Scene {
 fn convex_object_in_a_white_furnace_shows_its_albedo() {
     let view = camera([2.0, 3.0, 4.0], [0.0; 3], 15.0);
     for albedo in [1.0, 0.625] {
-        let furnace = white_sky(sphere([0.0; 3], 1.0, 3, 0), grey(albedo));
+        let furnace = white_sky(sphere([0.0; 3], 1.0, 3, 0), gray(albedo));
         for bounces in [0, 1, 32] {
             check(&furnace, &view, &paths(16, 64, bounces), f64::from(albedo), 2e-3);
         }
@@ -70,14 +70,14 @@ fn convex_object_in_a_white_furnace_shows_its_albedo() {
 fn smooth_normals_conserve_energy() {
     let mut object = sphere([0.0; 3], 1.0, 1, 0);
     object.normals = Some(object.positions.clone());
-    let furnace = white_sky(object, grey(0.75));
+    let furnace = white_sky(object, gray(0.75));
     check(&furnace, &camera([2.0, 3.0, 4.0], [0.0; 3], 10.0), &paths(16, 256, 8), 0.75, 2e-3);
 }
 
 /// Inside a closed object that emits 1 and reflects `a`, `b` bounces give `1 + a + ... + a^b`.
 #[test]
 fn closed_emitter_gives_the_geometric_series() {
-    let emissive = Material { emission: [1.0; 3], ..grey(0.5) };
+    let emissive = Material { emission: [1.0; 3], ..gray(0.5) };
     for shell in [inside_out(sphere([0.0; 3], 1.0, 2, 0)), cuboid([-1.0; 3], [1.0, 2.0, 3.0], 0)] {
         // The environment would be visible through any leak.
         let mut room = scene(vec![shell], vec![emissive.clone()]);
@@ -92,7 +92,7 @@ fn closed_emitter_gives_the_geometric_series() {
 /// A closed object of clear glass under a constant environment is invisible.
 #[test]
 fn clear_glass_conserves_energy() {
-    let glass = Material { base_color: [1.0; 3], roughness: 0.0, specular: 1.0, transmission: 1.0, ..grey(1.0) };
+    let glass = Material { base_color: [1.0; 3], roughness: 0.0, specular: 1.0, transmission: 1.0, ..gray(1.0) };
     let view = camera([2.0, 3.0, 4.0], [0.0; 3], 25.0);
     for (ior, object) in [(1.5, sphere([0.0; 3], 1.0, 3, 0)), (2.4, cuboid([-1.0; 3], [1.0; 3], 0))] {
         let furnace = white_sky(object.clone(), Material { ior, ..glass.clone() });
@@ -109,7 +109,7 @@ const MIRRORED_ERROR: f64 = 4.0 * U;
 /// A polished metal under a constant environment shows its reflectance, up to white at grazing angles.
 #[test]
 fn mirror_shows_its_reflectance() {
-    let metal = Material { metallic: 1.0, roughness: 0.0, ..grey(0.5) };
+    let metal = Material { metallic: 1.0, roughness: 0.0, ..gray(0.5) };
     let (mean, _) =
         mean_of(&film(&white_sky(floor(1.0, 0.0, 0), metal), &camera([0.0, 5.0, 0.0], [0.0; 3], 1.0), &paths(4, 4, 8)));
     assert!(mean.iter().all(|x| (x / 0.5 - 1.0).abs() <= MIRRORED_ERROR), "{mean:?}");
@@ -124,8 +124,8 @@ fn path_and_hybrid_agree_on_lambertian_surfaces() {
         sphere([1.0, 0.5, 0.5], 0.5, 2, 2),
         floor(0.5, 3.0, 3),
     ];
-    let lamp = Material { emission: [4.0, 3.0, 2.0], ..grey(0.5) };
-    let mut stage = scene(bodies, vec![grey(0.5), grey(0.8), grey(0.3), lamp]);
+    let lamp = Material { emission: [4.0, 3.0, 2.0], ..gray(0.5) };
+    let mut stage = scene(bodies, vec![gray(0.5), gray(0.8), gray(0.3), lamp]);
     stage.environment = Some([0.3, 0.4, 0.6].into());
     stage.lights = vec![
         Light::Sun { direction: [0.0, -0.6, 0.8], irradiance: [1.0, 0.9, 0.8] },
@@ -148,7 +148,7 @@ fn path_and_hybrid_agree_on_lambertian_surfaces() {
 #[test]
 #[should_panic(expected = "for 0.625")]
 fn test_detects_missing_light() {
-    let furnace = white_sky(sphere([0.0; 3], 1.0, 3, 0), grey(0.62));
+    let furnace = white_sky(sphere([0.0; 3], 1.0, 3, 0), gray(0.62));
     check(&furnace, &camera([2.0, 3.0, 4.0], [0.0; 3], 15.0), &paths(16, 64, 1), 0.625, 2e-3);
 }
 
@@ -166,7 +166,7 @@ fn metal(base_color: [f32; 3], roughness: f32) -> Material {
 }
 
 fn emissive(emission: [f32; 3]) -> Material {
-    Material { emission, ..grey(0.0) }
+    Material { emission, ..gray(0.0) }
 }
 
 const LEFT: [f32; 3] = [1.0, 0.8, 0.25];

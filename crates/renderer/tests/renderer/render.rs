@@ -15,12 +15,12 @@ use canted_scene::{AnimatedScene, Camera, Light, Material, Projection, ReadOptio
 use canted_trace::{Counts, Hit, Intersect, Ray};
 use canted_wide::SimdPath;
 
-use crate::common::{BruteForce, camera, cuboid, film, floor, grey, mesh, place, scene, settings, sphere};
+use crate::common::{BruteForce, camera, cuboid, film, floor, gray, mesh, place, scene, settings, sphere};
 
 fn stage() -> (Scene, Camera) {
     let mut stage = scene(
         vec![floor(5.0, 0.0, 0), cuboid([-1.0, 0.0, -1.0], [1.0, 1.5, 0.5], 1)],
-        vec![grey(0.8), Material { base_color: [0.9, 0.4, 0.1], ..Material::default() }],
+        vec![gray(0.8), Material { base_color: [0.9, 0.4, 0.1], ..Material::default() }],
     );
     stage.environment = Some([0.3, 0.4, 0.6].into());
     stage.lights = vec![Light::Sun { direction: [-0.6, -0.8, 0.0], irradiance: [2.0; 3] }];
@@ -64,7 +64,7 @@ fn threads_and_tiles_do_not_change_the_image() {
 /// Ray counts: on a bare plane each sample traces a camera ray, a shadow ray and a bounce.
 #[test]
 fn rays_are_counted() {
-    let mut plane = scene(vec![floor(100.0, 0.0, 0)], vec![grey(0.5)]);
+    let mut plane = scene(vec![floor(100.0, 0.0, 0)], vec![gray(0.5)]);
     let view = camera([0.0, 5.0, 5.0], [0.0; 3], 20.0);
     assert_eq!(film(&plane, &view, &settings(4, 4, 3, 2)).n_rays(), 4 * 4 * 3 * 2);
     plane.lights = vec![Light::Sun { direction: [0.0, -1.0, 0.0], irradiance: [1.0; 3] }];
@@ -169,7 +169,7 @@ fn default_environment_is_white_only_without_other_lights() {
     assert_eq!(*environment_of(&bare), [1.0; 3].into());
     let lit = Scene { lights: vec![Light::Sun { direction: [0.0, -1.0, 0.0], irradiance: [1.0; 3] }], ..bare.clone() };
     assert_eq!(*environment_of(&lit), [0.0; 3].into());
-    let emissive = Scene { materials: vec![Material { emission: [1.0, 0.0, 0.0], ..grey(0.5) }], ..bare.clone() };
+    let emissive = Scene { materials: vec![Material { emission: [1.0, 0.0, 0.0], ..gray(0.5) }], ..bare.clone() };
     assert_eq!(*environment_of(&emissive), [0.0; 3].into());
     assert_eq!(*environment_of(&Scene { environment: Some([0.5; 3].into()), ..lit }), [0.5; 3].into());
 }
@@ -261,7 +261,7 @@ fn a_twisted_scaffold() {
             let (sin, cos) = (0.04 * f32::from(frame) * z).sin_cos();
             [cos * x - sin * y, sin * x + cos * y, z]
         });
-        let mut scene = scene(vec![mesh(positions.collect(), still.triangles.clone(), 0)], vec![grey(0.5)]);
+        let mut scene = scene(vec![mesh(positions.collect(), still.triangles.clone(), 0)], vec![gray(0.5)]);
         scene.environment = Some([1.0, 0.9, 0.8].into());
         scene
     });
@@ -271,7 +271,7 @@ fn a_twisted_scaffold() {
 fn exploding_instances() {
     follows("explosion", |frame| {
         let meshes = vec![cuboid([-0.1; 3], [0.1, 0.2, 0.1], 0), sphere([0.0; 3], 0.1, 1, 0)];
-        let mut scene = scene(meshes, vec![grey(0.5)]);
+        let mut scene = scene(meshes, vec![gray(0.5)]);
         scene.instances.clear();
         let mut rng = SplitMix64::new(5);
         let mut number = move || rng.unit() as f32 - 0.5;
@@ -364,7 +364,7 @@ fn animated_nodes() {
 
 /// The brute-force tracer counts one box test per instance and tests every triangle, so counts are known.
 fn known() -> Scene {
-    scene(vec![floor(1.0, 0.0, 0), sphere([0.0; 3], 0.5, 1, 0)], vec![grey(0.5)])
+    scene(vec![floor(1.0, 0.0, 0), sphere([0.0; 3], 0.5, 1, 0)], vec![gray(0.5)])
 }
 
 fn draw(size: [u32; 2], measure: Measure, full_scale: u32) -> Heatmap {

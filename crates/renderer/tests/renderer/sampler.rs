@@ -10,7 +10,6 @@ const PATTERNS: [Pattern; 3] = [Pattern::Stratified, Pattern::Random, Pattern::S
 const COUNTS: [u32; 17] = [1, 2, 3, 4, 5, 6, 7, 12, 13, 16, 24, 31, 36, 64, 97, 100, 210];
 
 /// The index of the stratum of `n` that contains `x`; exact, because `x` has 24 bits and `n` few.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "x is in [0, 1)")]
 fn stratum(x: f32, n: u32) -> usize {
     (f64::from(x) * f64::from(n)) as usize
 }

@@ -10,7 +10,7 @@ use canted_scene::{AlphaMode, Encoding, Material, Mesh, Scene, Texture, TextureI
 use canted_trace::{Counts, Hit, InstanceId, Intersect, Ray, Side, TriangleTest};
 
 use crate::common::{
-    BruteForce, Vector, camera, cross, dot, film, grey, inside_out, mesh, narrow, place, scene, settings, sphere, sub,
+    BruteForce, Vector, camera, cross, dot, film, gray, inside_out, mesh, narrow, place, scene, settings, sphere, sub,
     unit,
 };
 
@@ -27,7 +27,7 @@ fn hit(u: f32, v: f32) -> Hit {
 
 fn one_triangle(columns: [[f32; 3]; 4], normals: Option<Vec<[f32; 3]>>) -> Scene {
     let triangle = Mesh { normals, ..mesh(TRIANGLE.to_vec(), vec![[0, 1, 2]], 0) };
-    let mut scene = scene(vec![triangle], vec![grey(0.5)]);
+    let mut scene = scene(vec![triangle], vec![gray(0.5)]);
     scene.instances = vec![place(0, Affine { columns })];
     scene
 }
@@ -141,7 +141,7 @@ fn textured() -> Scene {
         ..Material::default()
     };
     let behind = crate::common::parallelogram([0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 1);
-    let mut scene = scene(vec![square, behind], vec![material, grey(0.125)]);
+    let mut scene = scene(vec![square, behind], vec![material, gray(0.125)]);
     scene.textures = vec![texture];
     scene
 }
@@ -366,7 +366,7 @@ fn convex_objects_have_no_self_intersection_at_any_scale_or_position() {
     for s in SCALES {
         for center in centers(s) {
             let (object, eye) = placed(&sphere([0.0; 3], 1.0, 3, 0), s, center);
-            let mut furnace = scene(vec![object], vec![grey(0.5)]);
+            let mut furnace = scene(vec![object], vec![gray(0.5)]);
             furnace.environment = Some([1.0; 3].into());
             let film = film(&furnace, &camera(eye, center, 15.0), &settings(12, 12, 6, 1));
             assert!(film.pixels().iter().all(|pixel| pixel.mean() == [0.5; 3]), "scale {s} at {center:?}");
@@ -376,7 +376,7 @@ fn convex_objects_have_no_self_intersection_at_any_scale_or_position() {
 
 #[test]
 fn closed_objects_do_not_leak_at_any_scale_or_position() {
-    let emissive = Material { emission: [1.0; 3], ..grey(0.5) };
+    let emissive = Material { emission: [1.0; 3], ..gray(0.5) };
     for s in SCALES {
         for center in centers(s) {
             let (object, _) = placed(&inside_out(sphere([0.0; 3], 1.0, 3, 0)), s, center);
@@ -412,7 +412,7 @@ fn origins_have_the_minimum_distance() {
     for s in SCALES {
         for center in centers(s) {
             let (object, eye) = placed(&sphere([0.0; 3], 1.0, 3, 0), s, center);
-            let scene = scene(vec![object], vec![grey(0.5)]);
+            let scene = scene(vec![object], vec![gray(0.5)]);
             let reach = f64::from(scene.bounds_world().reach());
             surfaces_of(&scene, eye, center, |_, hit, surface| {
                 let corner = scene.meshes[0].positions[scene.meshes[0].triangles[hit.primitive.index()][0] as usize];
@@ -435,7 +435,7 @@ fn origins_have_the_minimum_distance() {
 fn rays_without_offset_hit_the_surface_again() {
     let center = [1000.0, 700.0, -400.0];
     let (object, eye) = placed(&sphere([0.0; 3], 1.0, 3, 0), 1.0, center);
-    let scene = scene(vec![object], vec![grey(0.5)]);
+    let scene = scene(vec![object], vec![gray(0.5)]);
     let tracer = BruteForce::new(&scene);
     let mut n_hits = 0;
     surfaces_of(&scene, eye, center, |_, _, surface| {
@@ -459,7 +459,7 @@ fn instances_far_from_the_origin_have_no_self_intersection() {
                 narrow([shift, 0.3 * shift, -0.7 * shift]),
             ],
         };
-        let mut furnace: Scene = scene(vec![sphere([0.0; 3], 1.0, 3, 0)], vec![grey(0.5)]);
+        let mut furnace: Scene = scene(vec![sphere([0.0; 3], 1.0, 3, 0)], vec![gray(0.5)]);
         furnace.instances = vec![place(0, world_from_object)];
         furnace.environment = Some([1.0; 3].into());
         let center = world_from_object.columns[3];
@@ -471,7 +471,7 @@ fn instances_far_from_the_origin_have_no_self_intersection() {
 
 /// Furnace tests with one-level and two-level BVHs. Only a watertight triangle test guarantees that edges do not leak.
 fn check_furnaces(triangles: TriangleTest, is_watertight: bool) {
-    let emissive = Material { emission: [1.0; 3], ..grey(0.5) };
+    let emissive = Material { emission: [1.0; 3], ..gray(0.5) };
     let rotated = Affine { columns: [[0.36, 0.48, -0.8], [0.8, -0.6, 0.1], [0.0, 0.3, 2.0], [300.0, -90.0, 40.0]] };
     for s in [1e-3, 1.0, 1e3] {
         let ball = placed(&sphere([0.0; 3], 1.0, 4, 0), s, [10.0 * s; 3]).0;
@@ -493,7 +493,7 @@ fn check_furnaces(triangles: TriangleTest, is_watertight: bool) {
                 let film = render(&scene, &prepared, &view, &settings(24, 24, 6, 2), &|_, _| (), &cancel);
                 film.unwrap().pixels().iter().map(|pixel| pixel.mean()[0]).collect::<Vec<_>>()
             };
-            let outside = rendered(&ball, &grey(0.5), 1.0, eye, center, 4.0);
+            let outside = rendered(&ball, &gray(0.5), 1.0, eye, center, 4.0);
             assert!(outside.iter().all(|&x| x == 0.5), "self-intersection at scale {s}, {levels:?}");
             if is_watertight {
                 let inside = rendered(&inside_out(ball.clone()), &emissive, 100.0, center, eye, 100.0);

@@ -11,7 +11,7 @@ use canted_renderer::{
 use canted_scene::{AlphaMode, Camera, Encoding, Light, Material, Mesh, Scene, Texture, TextureId, TextureRef, Wrap};
 use canted_trace::{Hit, InstanceId, Intersect, Ray, Side};
 
-use crate::common::{BruteForce, U, Vector, camera, film, floor, grey, mesh, scene, settings};
+use crate::common::{BruteForce, U, Vector, camera, film, floor, gray, mesh, scene, settings};
 
 const WIDTH: u32 = 32;
 const HEIGHT: u32 = 24;
@@ -204,7 +204,7 @@ fn missing_coordinates_and_images_are_white() {
 
 #[test]
 fn vertex_colors_multiply() {
-    let mut scene = scene(vec![floor(1.0, 0.0, 0)], vec![grey(0.5)]);
+    let mut scene = scene(vec![floor(1.0, 0.0, 0)], vec![gray(0.5)]);
     scene.meshes[0].colors = Some(vec![[1.0, 0.5, 0.0, 1.0]; 4]);
     let surface = Surfaces::new(&scene).at(&only_hit(), [0.0, -1.0, 0.0]);
     assert_eq!(surface.bsdf.base_color, [0.5, 0.25, 0.0]);
@@ -213,7 +213,7 @@ fn vertex_colors_multiply() {
 /// A scene without textures does not depend on the level of detail.
 #[test]
 fn scenes_without_textures_do_not_depend_on_lod() {
-    let stage = Scene { environment: Some([1.0; 3].into()), ..scene(vec![floor(4.0, 0.0, 0)], vec![grey(0.5)]) };
+    let stage = Scene { environment: Some([1.0; 3].into()), ..scene(vec![floor(4.0, 0.0, 0)], vec![gray(0.5)]) };
     let camera = camera([0.0, 2.0, 5.0], [0.0; 3], 50.0);
     let pictures = [Lod::None, Lod::Cone, Lod::Aniso].map(|lod| {
         let settings = Settings { lod, ..settings(16, 16, 4, 2) };
@@ -244,14 +244,14 @@ fn cones_match_their_pixels() {
 
 /// Stacked sheets from y = 1 up with the given alphas, over a white floor; a white light shines straight down.
 fn sheets(alphas: &[f32]) -> Scene {
-    let sheet = |alpha: &f32| Material { alpha_mode: AlphaMode::Blend, alpha: *alpha, ..grey(0.0) };
+    let sheet = |alpha: &f32| Material { alpha_mode: AlphaMode::Blend, alpha: *alpha, ..gray(0.0) };
     let mut meshes = vec![floor(4.0, 0.0, 0)];
     let mut height = 0.0;
     for material in (1..).take(alphas.len()) {
         height += 1.0;
         meshes.push(floor(4.0, height, material));
     }
-    let materials = std::iter::once(grey(1.0)).chain(alphas.iter().map(sheet)).collect();
+    let materials = std::iter::once(gray(1.0)).chain(alphas.iter().map(sheet)).collect();
     let sun = Light::Sun { direction: [0.0, -1.0, 0.0], irradiance: [std::f32::consts::PI; 3] };
     Scene { lights: vec![sun], ..scene(meshes, materials) }
 }

@@ -8,7 +8,7 @@ use canted_renderer::{BvhKind, Levels, SceneBvh, SceneBvhConfig, UpdateOptions, 
 use canted_scene::Scene;
 use canted_trace::{Hit, Intersect, Ray};
 
-use crate::common::{camera, cuboid, grey, parallelogram, place, scene, settings, sphere};
+use crate::common::{camera, cuboid, gray, parallelogram, place, scene, settings, sphere};
 
 const POLICIES: [UpdatePolicy; 3] = [UpdatePolicy::Auto, UpdatePolicy::Refit, UpdatePolicy::Rebuild];
 
@@ -45,7 +45,7 @@ fn stage(frame: u16, offset: f32) -> Scene {
     let cube = cuboid([-0.5; 3], [0.5, 0.25, 0.5], 0);
     // Every other frame stays as it was.
     let wall = parallelogram([-2.0, -2.0, -1.5 - 0.1 * f32::from(frame / 2)], [4.0, 0.0, -0.0], [0.0, 4.0, 0.5], 0);
-    let mut stage = scene(vec![ball, cube, wall], vec![grey(0.5)]);
+    let mut stage = scene(vec![ball, cube, wall], vec![gray(0.5)]);
     stage.instances[1].world_from_object = placed(0.3, [1.5, 0.0, 0.0]);
     stage.instances.push(place(1, placed(time, [-1.5, 0.1 * time, 0.0])));
     stage.instances.push(place(1, placed(-time, [0.0, 1.5, time])));

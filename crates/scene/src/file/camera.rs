@@ -1,47 +1,62 @@
 use canted_obb::vector::{cross, sub, to_f64};
+use serde::Deserialize;
+use serde_spanned::Spanned;
 
-use super::table::{Bounds, Table};
-use super::toml_writer::{TomlWriter, number, numbers};
+use super::tables::{FieldOfView, In, NotNegative, Point, Positive, Source};
+use super::write::{TomlWriter, number, numbers};
 use crate::{Camera, Lens, Projection, ReadError};
 
-const KEYS: [&str; 7] = ["eye", "target", "up", "fov_degrees", "height", "aperture_radius", "focus_distance"];
+/// `[camera]`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CameraTable {
+    eye: Point,
+    target: Spanned<Point>,
+    up: Option<Spanned<Point>>,
+    fov_degrees: Option<In<f32, FieldOfView>>,
+    height: Option<Spanned<In<f32, Positive>>>,
+    aperture_radius: Option<In<f32, NotNegative>>,
+    focus_distance: Option<In<f32, Positive>>,
+}
+
+const NAME: &str = "[camera]";
 
 /// Default vertical field of view in degrees.
 const FOV_DEGREES: f32 = 45.0;
 
-/// Reads `[camera]`.
-pub(super) fn read(table: &Table<'_>) -> Result<Camera, ReadError> {
-    table.check_keys(&KEYS)?;
-    let eye = table.required("eye", table.numbers("eye", Bounds::Finite)?)?;
-    let target = table.required("target", table.numbers("target", Bounds::Finite)?)?;
-    let up = table.numbers("up", Bounds::Finite)?.unwrap_or([0.0, 1.0, 0.0]);
-    if eye == target {
-        return Err(table.invalid("target", "a point other than 'eye'"));
+/// The camera of `[camera]`.
+pub(super) fn camera(table: &Spanned<CameraTable>, source: &Source<'_>) -> Result<Camera, ReadError> {
+    let CameraTable { eye, target, up, fov_degrees, height, aperture_radius, focus_distance } = table.get_ref();
+    let (eye, to) = (eye.0, target.get_ref().0);
+    if eye == to {
+        return Err(source.invalid(target, "target", NAME, "a point other than 'eye'"));
     }
-    let [view_start, view_end, up_wide] = [eye, target, up].map(to_f64);
+    let up_direction = up.as_ref().map_or([0.0, 1.0, 0.0], |up| up.get_ref().0);
+    let [view_start, view_end, up_wide] = [eye, to, up_direction].map(to_f64);
     if cross(up_wide, sub(view_end, view_start)) == [0.0; 3] {
-        return Err(table.invalid("up", "a direction that is not parallel to the view direction"));
+        let expected = "a direction that is not parallel to the view direction";
+        return Err(match up {
+            Some(up) => source.invalid(up, "up", NAME, expected),
+            None => source.error(table.span().start, format!("missing key 'up' in {NAME}: expected {expected}")),
+        });
     }
-    let fov_degrees = table.number("fov_degrees", Bounds::FieldOfView)?;
-    let projection = match (fov_degrees, table.number("height", Bounds::Positive)?) {
-        (Some(_), Some(_)) => return Err(table.error("height", "use either 'height' or 'fov_degrees', not both")),
-        (fov_degrees, None) => Projection::Perspective { fov_degrees: fov_degrees.unwrap_or(FOV_DEGREES) },
-        (None, Some(height)) => Projection::Orthographic { height },
+    let projection = match (fov_degrees, height) {
+        (Some(_), Some(height)) => {
+            return Err(source.error(height.span().start, "use either 'height' or 'fov_degrees', not both"));
+        }
+        (fov_degrees, None) => {
+            Projection::Perspective { fov_degrees: fov_degrees.as_ref().map_or(FOV_DEGREES, |fov| fov.0) }
+        }
+        (None, Some(height)) => Projection::Orthographic { height: height.get_ref().0 },
     };
-    Ok(Camera { eye, target, up, projection, lens: lens(table, eye, target)? })
-}
-
-/// The lens, by default focused on the target.
-#[expect(clippy::cast_possible_truncation, reason = "a distance of points in f32")]
-fn lens(table: &Table<'_>, eye: [f32; 3], target: [f32; 3]) -> Result<Option<Lens>, ReadError> {
-    let radius = table.number("aperture_radius", Bounds::NotNegative)?.unwrap_or(0.0);
-    let focus_distance = table.number("focus_distance", Bounds::Positive)?;
-    if radius == 0.0 {
-        return Ok(None);
-    }
-    let square: f64 = eye.iter().zip(target).map(|(&a, b)| (f64::from(b) - f64::from(a)).powi(2)).sum();
-    let focus_distance = focus_distance.unwrap_or_else(|| (square.sqrt() as f32).clamp(f32::MIN_POSITIVE, f32::MAX));
-    Ok(Some(Lens { radius, focus_distance }))
+    // By default the lens is focused on the target.
+    let square: f64 = eye.iter().zip(to).map(|(&a, b)| (f64::from(b) - f64::from(a)).powi(2)).sum();
+    let distance = || (square.sqrt() as f32).clamp(f32::MIN_POSITIVE, f32::MAX);
+    let lens = aperture_radius.as_ref().filter(|radius| radius.0 > 0.0).map(|radius| Lens {
+        radius: radius.0,
+        focus_distance: focus_distance.as_ref().map_or_else(distance, |distance| distance.0),
+    });
+    Ok(Camera { eye, target: to, up: up_direction, projection, lens })
 }
 
 /// Writes `[camera]`.

@@ -1,6 +1,10 @@
-use super::table::{Bounds, Table};
-use super::toml_writer::{TomlWriter, number, numbers, quoted};
-use crate::{AlphaMode, Encoding, Lobes, Material, ReadError, TextureId, TextureRef};
+use std::fmt;
+
+use serde::de::{self, Deserialize, DeserializeSeed, Deserializer, MapAccess, Visitor};
+
+use super::tables::Bounds;
+use super::write::{TomlWriter, number, numbers, quoted};
+use crate::{AlphaMode, Encoding, Lobes, Material, TextureId, TextureRef};
 
 /// Type of a material field, with its accessor.
 #[derive(Clone, Copy)]
@@ -78,7 +82,7 @@ const FIELDS: [(&str, Field, &str); 29] = [
     ),
 ];
 
-const ALPHA_MODES: [&str; 3] = ["opaque", "mask", "blend"];
+static ALPHA_MODES: [&str; 3] = ["opaque", "mask", "blend"];
 
 /// Default alpha cutoff, as in glTF.
 const ALPHA_CUTOFF: f32 = 0.5;
@@ -105,25 +109,6 @@ pub struct MaterialEdits {
 }
 
 impl MaterialEdits {
-    /// Reads the fields of a table that may also have the keys `other`.
-    pub(super) fn read(table: &Table<'_>, other: &[&str]) -> Result<Self, ReadError> {
-        let known: Vec<&str> = other.iter().copied().chain(FIELDS.map(|(key, ..)| key)).collect();
-        table.check_keys(&known)?;
-        let mut values = Vec::new();
-        for (i, (key, field, _)) in FIELDS.into_iter().enumerate() {
-            let value = match field {
-                Field::Number(bounds, _) => table.number(key, bounds)?.map(Value::Number),
-                Field::Color(bounds, _) => table.numbers(key, bounds)?.map(Value::Color),
-                Field::Flag(_) => table.flag(key)?.map(Value::Flag),
-                Field::AlphaMode => table.choice(key, &ALPHA_MODES)?.map(Value::Mode),
-                Field::AlphaCutoff => table.number(key, Bounds::NotNegative)?.map(Value::Number),
-                Field::Texture(..) => table.text(key)?.map(|file| Value::Texture(file.to_owned())),
-            };
-            values.extend(value.map(|value| (i, value)));
-        }
-        Ok(Self { values })
-    }
-
     /// Applies the changes to `material`; `load` loads a texture file.
     pub(super) fn apply<E>(
         &self,
@@ -223,5 +208,83 @@ fn alpha_mode(mode: usize, before: AlphaMode) -> AlphaMode {
         (1, AlphaMode::Mask { cutoff }) => AlphaMode::Mask { cutoff },
         (1, _) => AlphaMode::Mask { cutoff: ALPHA_CUTOFF },
         _ => AlphaMode::Blend,
+    }
+}
+
+/// A table of `[[materials]]` or `[[overrides]]`: the fields that it sets, and names.
+#[derive(Default)]
+pub(super) struct MaterialTable<const IS_NEW: bool> {
+    pub(super) name: Option<String>,
+    pub(super) asset: Option<String>,
+    pub(super) material: Option<String>,
+    pub(super) edits: MaterialEdits,
+}
+
+impl<const IS_NEW: bool> MaterialTable<IS_NEW> {
+    const NAMES: &'static [&'static str] = if IS_NEW { &["name"] } else { &["asset", "material"] };
+}
+
+impl<'de, const IS_NEW: bool> Deserialize<'de> for MaterialTable<IS_NEW> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_map(TableVisitor::<IS_NEW>)
+    }
+}
+
+struct TableVisitor<const IS_NEW: bool>;
+
+impl<'de, const IS_NEW: bool> Visitor<'de> for TableVisitor<IS_NEW> {
+    type Value = MaterialTable<IS_NEW>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a table")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+        let mut table = MaterialTable::default();
+        while let Some(key) = map.next_key::<String>()? {
+            if MaterialTable::<IS_NEW>::NAMES.contains(&&key[..]) {
+                let value = Some(map.next_value()?);
+                *match &key[..] {
+                    "name" => &mut table.name,
+                    "asset" => &mut table.asset,
+                    _ => &mut table.material,
+                } = value;
+                continue;
+            }
+            let Some(i) = FIELDS.iter().position(|(known, ..)| *known == key) else {
+                return Err(de::Error::unknown_field(&key, known_keys(IS_NEW)));
+            };
+            table.edits.values.push((i, map.next_value_seed(FIELDS[i].1)?));
+        }
+        table.edits.values.sort_by_key(|(i, _)| *i);
+        Ok(table)
+    }
+}
+
+/// All keys of a table with material fields.
+fn known_keys(is_new: bool) -> &'static [&'static str] {
+    static KEYS: std::sync::LazyLock<[Vec<&str>; 2]> = std::sync::LazyLock::new(|| {
+        [MaterialTable::<false>::NAMES, MaterialTable::<true>::NAMES]
+            .map(|names| names.iter().copied().chain(FIELDS.map(|(key, ..)| key)).collect())
+    });
+    &KEYS[usize::from(is_new)]
+}
+
+impl<'de> DeserializeSeed<'de> for Field {
+    type Value = Value;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
+        Ok(match self {
+            Self::Number(bounds, _) => Value::Number(bounds.read(deserializer)?),
+            Self::Color(bounds, _) => Value::Color(bounds.read(deserializer)?),
+            Self::Flag(_) => Value::Flag(bool::deserialize(deserializer)?),
+            Self::AlphaMode => {
+                let name = String::deserialize(deserializer)?;
+                let mode = ALPHA_MODES.iter().position(|known| *known == name);
+                Value::Mode(mode.ok_or_else(|| de::Error::unknown_variant(&name, &ALPHA_MODES))?)
+            }
+            Self::AlphaCutoff => Value::Number(Bounds::NotNegative.read(deserializer)?),
+            Self::Texture(..) => Value::Texture(String::deserialize(deserializer)?),
+        })
     }
 }

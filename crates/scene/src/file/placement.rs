@@ -1,12 +1,10 @@
 use canted_obb::Affine;
+use serde::{Deserialize, Deserializer, de::Error as _};
+use serde_spanned::Spanned;
 
-use super::direction::unit;
-use super::table::{Bounds, Table};
-use super::toml_writer::{TomlWriter, number, numbers};
+use super::tables::{Direction, Finite, In, NotZero, Point, Source};
+use super::write::{TomlWriter, number, numbers};
 use crate::ReadError;
-
-/// Keys of a placement.
-pub(super) const KEYS: [&str; 5] = ["translation", "axis", "angle_degrees", "scale", "matrix"];
 
 /// A transform as specified in a scene file.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,7 +31,6 @@ impl Placement {
 
     /// The transform from asset space to world space, computed in `f64` and rounded once.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how transforms are stored")]
     pub fn affine(&self) -> Affine {
         let (translation, axis, angle_degrees, scale) = match *self {
             Self::Matrix(affine) => return affine,
@@ -69,35 +66,58 @@ fn sin_cos(degrees: f64) -> (f64, f64) {
     }
 }
 
-/// Reads a placement from a table that may have other keys; `base` supplies the defaults.
-pub(super) fn read(table: &Table<'_>, base: &Placement) -> Result<Placement, ReadError> {
-    if let Some(rows) = table.rows::<4, 3>("matrix")? {
-        if let Some(key) = KEYS[..4].iter().find(|key| table.has(key)) {
-            return Err(table.error(key, format!("use either 'matrix' or '{key}', not both")));
+/// A placement in a file, whole or what changes until the shutter closes.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PlacementTable {
+    pub(super) translation: Option<Spanned<Point>>,
+    pub(super) axis: Option<Spanned<Direction>>,
+    pub(super) angle_degrees: Option<Spanned<In<f32, Finite>>>,
+    pub(super) scale: Option<Spanned<In<[f32; 3], NotZero>>>,
+    pub(super) matrix: Option<Matrix>,
+}
+
+/// An invertible matrix.
+pub(super) struct Matrix(Affine);
+
+impl<'de> Deserialize<'de> for Matrix {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let rows = Vec::<In<[f32; 4], Finite>>::deserialize(deserializer);
+        let rows = rows.ok().and_then(|rows| <[_; 3]>::try_from(rows).ok());
+        let rows = rows.ok_or_else(|| D::Error::custom("3 rows of 4 finite numbers each"))?;
+        let affine = Affine { columns: std::array::from_fn(|j| std::array::from_fn(|i| rows[i].0[j])) };
+        match affine.determinant() {
+            0.0 => Err(D::Error::custom("an invertible matrix (the determinant is 0)")),
+            _ => Ok(Self(affine)),
         }
-        let affine = Affine { columns: std::array::from_fn(|j| std::array::from_fn(|i| rows[i][j])) };
-        return match affine.determinant() {
-            0.0 => Err(table.invalid("matrix", "an invertible matrix (the determinant is 0)")),
-            _ => Ok(Placement::Matrix(affine)),
-        };
     }
-    let Placement::Parts { translation, axis, angle_degrees, scale } = *base else {
-        return match KEYS[..4].iter().find(|key| table.has(key)) {
-            Some(key) => Err(table.error(key, format!("'{key}' cannot modify the 'matrix' of the instance"))),
-            None => Ok(*base),
-        };
-    };
-    let translation = table.numbers("translation", Bounds::Finite)?.unwrap_or(translation);
-    let angle_degrees = table.number("angle_degrees", Bounds::Finite)?.unwrap_or(angle_degrees);
-    let scale = table.numbers("scale", Bounds::Finite)?.unwrap_or(scale);
-    if scale.contains(&0.0) {
-        return Err(table.invalid("scale", "3 nonzero numbers"));
+}
+
+impl PlacementTable {
+    /// The placement; `base` supplies the defaults.
+    pub(super) fn placement(self, base: &Placement, source: &Source<'_>) -> Result<Placement, ReadError> {
+        let starts = [
+            ("translation", self.translation.as_ref().map(|value| value.span().start)),
+            ("axis", self.axis.as_ref().map(|value| value.span().start)),
+            ("angle_degrees", self.angle_degrees.as_ref().map(|value| value.span().start)),
+            ("scale", self.scale.as_ref().map(|value| value.span().start)),
+        ];
+        let part = starts.into_iter().find_map(|(key, start)| Some((key, start?)));
+        match (self.matrix, *base, part) {
+            (Some(_), _, Some((key, at))) => Err(source.error(at, format!("use either 'matrix' or '{key}', not both"))),
+            (Some(Matrix(affine)), ..) => Ok(Placement::Matrix(affine)),
+            (None, Placement::Matrix(_), Some((key, at))) => {
+                Err(source.error(at, format!("'{key}' cannot modify the 'matrix' of the instance")))
+            }
+            (None, Placement::Matrix(_), None) => Ok(*base),
+            (None, Placement::Parts { translation, axis, angle_degrees, scale }, _) => Ok(Placement::Parts {
+                translation: self.translation.map_or(translation, |new| new.into_inner().0),
+                axis: self.axis.map_or(axis, |new| new.into_inner().0),
+                angle_degrees: self.angle_degrees.map_or(angle_degrees, |new| new.into_inner().0),
+                scale: self.scale.map_or(scale, |new| new.into_inner().0),
+            }),
+        }
     }
-    let axis = match table.numbers("axis", Bounds::Finite)? {
-        None => axis,
-        Some(axis) => unit(axis).ok_or_else(|| table.invalid("axis", "a direction of nonzero length"))?,
-    };
-    Ok(Placement::Parts { translation, axis, angle_degrees, scale })
 }
 
 /// Writes a placement.
@@ -117,7 +137,6 @@ pub(super) fn write(placement: &Placement, out: &mut TomlWriter) {
 }
 
 /// `outer * inner`; exact if `outer` is the identity.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how transforms are stored")]
 pub(super) fn after(outer: &Affine, inner: &Affine) -> Affine {
     if *outer == Affine::IDENTITY {
         return *inner;

@@ -1,23 +1,23 @@
 //! TOML text to [`SceneFile`].
 
+use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
 
-use toml_edit::Document;
+use serde::Deserialize;
+use serde_spanned::Spanned;
 
-use super::table::{Bounds, Source, Table};
-use super::{
-    Asset, AssetInstance, AssetSource, MaterialEdits, NewMaterial, Override, Placement, SceneFile, Setting, camera,
-    closest_match, environment, light, placement,
-};
+use super::camera::{self, CameraTable};
+use super::light::{self, EnvironmentTable, LightTable};
+use super::material::MaterialTable;
+use super::placement::{Matrix, PlacementTable};
+use super::tables::{Direction, FileName, Finite, In, NotZero, OptionText, Point, Source, closest_match};
+use super::{Asset, AssetInstance, AssetSource, NewMaterial, Override, Placement, SceneFile, Setting};
 use crate::ReadError;
 use crate::read::quoted;
 
 /// Largest scene file in bytes, enough for hundreds of thousands of instances. Guards against reading a large binary file.
 const MAX_BYTES: u64 = 1 << 26;
-
-const KEYS: [&str; 8] =
-    ["assets", "instances", "camera", "lights", "environment", "materials", "overrides", "settings"];
 
 impl SceneFile {
     /// Reads a scene file, but not the files that it references.
@@ -41,31 +41,27 @@ impl SceneFile {
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, ReadError> {
         let text = std::str::from_utf8(bytes).map_err(|error| {
             let line = 1 + bytes[..error.valid_up_to()].iter().filter(|&&byte| byte == b'\n').count();
-            super::table::error_at(path, line, "invalid UTF-8")
+            super::tables::error_at(path, line, "invalid UTF-8")
         })?;
         let source = Source::new(path, text);
-        let document = Document::parse(text).map_err(|error| {
-            let at = error.span().map_or(0, |span| span.start);
-            let message = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
-            let key = error
-                .span()
-                .filter(|_| message == "duplicate key")
-                .map(|span| format!(" '{}'", source.quote(Some(span))));
-            source.error(at, message + &key.unwrap_or_default())
-        })?;
-        let root = Table::root(&source, document.as_table());
-        root.check_keys(&KEYS)?;
+        let document: Document = source.read()?;
+        let Document { assets, instances, camera, lights, environment, materials, overrides, settings } = document;
+        let each = |instances: Vec<_>| instances.into_iter().map(|table| instance(table, &source)).collect();
+        let mut settings: Vec<(String, Spanned<OptionText>)> = settings.into_iter().collect();
+        settings.sort_by_key(|(_, value)| value.span().start);
         let file = Self {
             path: path.to_owned(),
             given: Vec::new(),
-            assets: list(&root, "assets", asset)?.unwrap_or_default(),
-            instances: list(&root, "instances", instance)?,
-            camera: root.table("camera")?.map(|table| camera::read(&table)).transpose()?,
-            lights: list(&root, "lights", light::read)?,
-            environment: root.table("environment")?.map(|table| environment::read(&table)).transpose()?,
-            materials: list(&root, "materials", material)?.unwrap_or_default(),
-            overrides: list(&root, "overrides", override_)?.unwrap_or_default(),
-            settings: root.table("settings")?.map_or(Ok(Vec::new()), |table| settings(&table))?,
+            assets: assets.into_iter().map(|table| asset(table, &source)).collect::<Result<_, _>>()?,
+            instances: instances.map(each).transpose()?,
+            camera: camera.map(|table| camera::camera(&table, &source)).transpose()?,
+            lights: lights
+                .map(|lights| lights.into_iter().map(|table| light::light(table, &source)).collect())
+                .transpose()?,
+            environment: environment.map(|table| light::environment(table, &source)).transpose()?,
+            materials: materials.into_iter().map(|table| material(table, &source)).collect::<Result<_, _>>()?,
+            overrides: overrides.into_iter().map(|table| override_(table, &source)).collect::<Result<_, _>>()?,
+            settings: settings.into_iter().map(|(key, value)| setting(key, &value, &source)).collect(),
         };
         file.check_names()?;
         Ok(file)
@@ -73,7 +69,7 @@ impl SceneFile {
 
     /// Checks that names are unique and that referenced names exist.
     fn check_names(&self) -> Result<(), ReadError> {
-        let fail = |line, message: String| Err(super::table::error_at(&self.path, line, message));
+        let fail = |line, message: String| Err(super::tables::error_at(&self.path, line, message));
         let assets: Vec<&str> = self.assets.iter().map(|asset| &asset.name[..]).collect();
         let materials: Vec<&str> = self.materials.iter().map(|material| &material.name[..]).collect();
         let lines = self.assets.iter().map(|asset| asset.line);
@@ -114,56 +110,84 @@ fn repeated<'a>(names: &[&'a str], lines: impl Iterator<Item = usize>) -> Option
     names.iter().zip(lines).find(|(name, _)| !seen.insert(**name)).map(|(&name, line)| (line, name))
 }
 
-/// Reads an array of tables.
-fn list<T>(
-    root: &Table<'_>,
-    key: &str,
-    read: impl Fn(Table<'_>) -> Result<T, ReadError>,
-) -> Result<Option<Vec<T>>, ReadError> {
-    root.tables(key)?.map(|tables| tables.into_iter().map(read).collect()).transpose()
+/// A whole file.
+#[derive(Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Document {
+    assets: Vec<Spanned<AssetTable>>,
+    instances: Option<Vec<Spanned<InstanceTable>>>,
+    camera: Option<Spanned<CameraTable>>,
+    lights: Option<Vec<LightTable>>,
+    environment: Option<Spanned<EnvironmentTable>>,
+    materials: Vec<Spanned<MaterialTable<true>>>,
+    overrides: Vec<Spanned<MaterialTable<false>>>,
+    settings: HashMap<String, Spanned<OptionText>>,
 }
 
-fn asset(table: Table<'_>) -> Result<Asset, ReadError> {
-    table.check_keys(&["name", "file", "builtin", "time", "animation", "variant", "material"])?;
-    let name = table.required("name", table.text("name")?)?.to_owned();
-    let source = match (table.file("file")?, table.flag("builtin")?.unwrap_or(false)) {
-        (Some(file), false) => AssetSource::File(file.to_owned()),
-        (None, true) => AssetSource::Builtin,
-        (Some(_), true) => return Err(table.error("builtin", "use either 'file' or 'builtin', not both")),
-        (None, false) => table.required("file", None)?,
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AssetTable {
+    name: String,
+    file: Option<FileName>,
+    builtin: Option<Spanned<bool>>,
+    time: Option<In<f32, Finite>>,
+    animation: Option<String>,
+    variant: Option<String>,
+    material: Option<String>,
+}
+
+fn asset(table: Spanned<AssetTable>, source: &Source<'_>) -> Result<Asset, ReadError> {
+    let at = table.span().start;
+    let AssetTable { name, file, builtin, time, animation, variant, material } = table.into_inner();
+    let content = match (file, builtin.filter(|builtin| *builtin.get_ref())) {
+        (Some(file), None) => AssetSource::File(file.0),
+        (None, Some(_)) => AssetSource::Builtin,
+        (Some(_), Some(builtin)) => {
+            return Err(source.error(builtin.span().start, "use either 'file' or 'builtin', not both"));
+        }
+        (None, None) => return Err(source.error(at, "missing key 'file' in [[assets]]")),
     };
-    let time = table.number("time", Bounds::Finite)?;
-    let texts = [table.text("animation")?, table.text("variant")?, table.text("material")?];
-    let [animation, variant, material] = texts.map(|text| text.map(str::to_owned));
-    Ok(Asset { name, source, time, animation, variant, material, line: table.line() })
+    let line = source.line(at);
+    Ok(Asset { name, source: content, time: time.map(|time| time.0), animation, variant, material, line })
 }
 
-fn instance(table: Table<'_>) -> Result<AssetInstance, ReadError> {
-    table.check_keys(&[&["asset", "close"][..], &placement::KEYS].concat())?;
-    let asset = table.required("asset", table.text("asset")?)?.to_owned();
-    let open = placement::read(&table, &Placement::IDENTITY)?;
-    let close = table.table("close")?.map(|close| {
-        let close = close.with_name("[instances.close]");
-        close.check_keys(&placement::KEYS)?;
-        placement::read(&close, &open)
-    });
-    Ok(AssetInstance { asset, open, close: close.transpose()?, line: table.line() })
+/// A table of `[[instances]]`; its placement has the keys of [`PlacementTable`].
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct InstanceTable {
+    asset: String,
+    translation: Option<Spanned<Point>>,
+    axis: Option<Spanned<Direction>>,
+    angle_degrees: Option<Spanned<In<f32, Finite>>>,
+    scale: Option<Spanned<In<[f32; 3], NotZero>>>,
+    matrix: Option<Matrix>,
+    close: Option<PlacementTable>,
 }
 
-fn material(table: Table<'_>) -> Result<NewMaterial, ReadError> {
-    let edits = MaterialEdits::read(&table, &["name"])?;
-    Ok(NewMaterial { name: table.required("name", table.text("name")?)?.to_owned(), edits, line: table.line() })
+fn instance(table: Spanned<InstanceTable>, source: &Source<'_>) -> Result<AssetInstance, ReadError> {
+    let line = source.line(table.span().start);
+    let InstanceTable { asset, translation, axis, angle_degrees, scale, matrix, close } = table.into_inner();
+    let open = PlacementTable { translation, axis, angle_degrees, scale, matrix };
+    let open = open.placement(&Placement::IDENTITY, source)?;
+    let close = close.map(|close| close.placement(&open, source)).transpose()?;
+    Ok(AssetInstance { asset, open, close, line })
 }
 
-fn override_(table: Table<'_>) -> Result<Override, ReadError> {
-    let edits = MaterialEdits::read(&table, &["asset", "material"])?;
-    let material = table.required("material", table.text("material")?)?.to_owned();
-    Ok(Override { asset: table.text("asset")?.map(str::to_owned), material, edits, line: table.line() })
+fn material(table: Spanned<MaterialTable<true>>, source: &Source<'_>) -> Result<NewMaterial, ReadError> {
+    let at = table.span().start;
+    let MaterialTable { name, edits, .. } = table.into_inner();
+    let name = name.ok_or_else(|| source.error(at, "missing key 'name' in [[materials]]"))?;
+    Ok(NewMaterial { name, edits, line: source.line(at) })
 }
 
-fn settings(table: &Table<'_>) -> Result<Vec<Setting>, ReadError> {
-    let setting = |(key, line): (&str, usize)| {
-        Ok(Setting { key: key.to_owned(), value: Some(table.option_value(key)?), comment: String::new(), line })
-    };
-    table.keys().map(setting).collect()
+fn override_(table: Spanned<MaterialTable<false>>, source: &Source<'_>) -> Result<Override, ReadError> {
+    let at = table.span().start;
+    let MaterialTable { asset, material, edits, .. } = table.into_inner();
+    let material = material.ok_or_else(|| source.error(at, "missing key 'material' in [[overrides]]"))?;
+    Ok(Override { asset, material, edits, line: source.line(at) })
+}
+
+fn setting(key: String, value: &Spanned<OptionText>, source: &Source<'_>) -> Setting {
+    let line = source.line(value.span().start);
+    Setting { key, value: Some(value.get_ref().0.clone()), comment: String::new(), line }
 }

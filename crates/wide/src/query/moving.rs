@@ -136,7 +136,11 @@ impl MovingBvh {
         let config = config.into();
         let bvh = WideBvh::over_with(moving(open, close, triangles)?, config).map_err(|error| match error {
             PrimitiveError::TooMany { n_primitives } => GeometryError::TooMany { n_triangles: n_primitives },
-            PrimitiveError::Bounds { primitive } => GeometryError::NotFinite { triangle: primitive },
+            // Vertices are finite: only the box around both ends may not be.
+            PrimitiveError::Bounds { primitive: triangle } => {
+                let [vertex, ..] = triangles[triangle.index()].map(|index| index.try_into().unwrap_or(u32::MAX));
+                GeometryError::NotFinite { triangle, vertex, position: close[vertex as usize].into().into() }
+            }
         })?;
         Ok(Self { bvh, test: config.test })
     }

@@ -164,7 +164,8 @@ fn only_vertices_of_triangles_must_be_finite() {
     assert!(bvh.refit(&positions, &mesh.triangles).is_ok());
     let mut triangles = mesh.triangles.clone();
     triangles[7][1] = u32::try_from(mesh.positions.len()).unwrap();
-    let error = GeometryError::NotFinite { triangle: PrimId(7) };
+    let (vertex, position) = (triangles[7][1], [f32::NAN; 3].into());
+    let error = GeometryError::NotFinite { triangle: PrimId(7), vertex, position };
     assert_eq!(bvh.refit(&positions, &triangles), Err(RefitError::Geometry(error)));
     positions.pop();
     let index = triangles[7][1];

@@ -169,7 +169,8 @@ fn invalid_motions_are_errors_and_leave_the_bvh_as_it_is() {
     let mut torn = motion.close.clone();
     torn[5][1] = f32::NAN;
     let first = triangles.iter().position(|triangle| triangle.contains(&5)).unwrap();
-    let message = format!("triangle {first} has a vertex that is not finite");
+    let message =
+        format!("triangle {first} has a vertex that is not finite: vertex 5 is ({}, NaN, {})", torn[5][0], torn[5][2]);
     assert_eq!(build(&torn).unwrap_err().to_string(), message);
     assert_eq!(bvh.refit(open, &torn, triangles).unwrap_err().to_string(), message);
     assert!(build(&motion.close[1..]).unwrap_err().to_string().contains("vertex index"));

@@ -5,9 +5,9 @@ use std::time::Instant;
 use canted_film::Aov;
 use eframe::egui::{self, RichText, Slider, SliderClamping};
 
+use crate::options::{Named, Text as _};
 use crate::view::{
     events::{Event, Key},
-    replay,
     session::{STRUCTURES, Session},
 };
 
@@ -87,7 +87,7 @@ impl Panel {
 
     /// The time of the animation: a slider over the range of the file, and a switch that plays it again and again.
     fn time(&mut self, ui: &mut egui::Ui, session: &Session, [first, last]: [f32; 2], changes: &mut Changes) {
-        let mut time: f32 = session.options().get("time").and_then(|text| text.parse().ok()).unwrap_or(first);
+        let mut time: f32 = session.options().args().source.time.unwrap_or(first);
         let mut is_playing = self.playing.is_some();
         ui.horizontal(|ui| {
             ui.label("time");
@@ -127,17 +127,24 @@ fn rendering(ui: &mut egui::Ui, session: &Session, changes: &mut Changes) {
     let samples = frame.map_or(16, |frame| frame.view.n_samples);
     let counts = ["1", "4", "16", "64", "256", "1024", "4096"];
     changes.list(ui, "samples", "spp", &samples.to_string(), &counts);
-    let device = options.get("device").unwrap_or("cpu");
+    let device = options.args().own.device.text();
     let devices = if cfg!(feature = "gpu") { &["cpu", "gpu"][..] } else { &["cpu"] };
-    changes.list(ui, "device", "device", device, devices);
+    changes.list(ui, "device", "device", &device, devices);
     let channel = options.aov.map_or("none", Aov::name);
     let channels = ["none"].into_iter().chain(Aov::ALL.map(Aov::name));
     list(ui, "channel", channel, channels, |name| changes.set("aov", name));
-    changes.list(ui, "heat map", "heatmap", options.get("heatmap").unwrap_or("none"), &["none", "boxes", "triangles"]);
+    changes.list(
+        ui,
+        "heat map",
+        "heatmap",
+        options.args().own.diagram.0.heatmap.map_or("none", Named::name),
+        &["none", "boxes", "triangles"],
+    );
     let curves = ["none", "agx", "aces", "filmic-neutral"];
-    changes.list(ui, "tone curve", "tone_map", options.get("tone_map").unwrap_or("none"), &curves);
+    let look = &options.args().options.0.look;
+    changes.list(ui, "tone curve", "tone_map", look.tone_map.map_or("none", Named::name), &curves);
     ui.label("exposure");
-    let mut stops: f32 = options.get("exposure").and_then(|text| text.parse().ok()).unwrap_or(0.0);
+    let mut stops: f32 = look.stops().unwrap_or(0.0);
     ui.spacing_mut().slider_width = 88.0;
     let slider = Slider::new(&mut stops, -8.0..=8.0).clamping(SliderClamping::Never);
     if ui.add(slider.custom_formatter(|stops, _| format!("{stops:.1}"))).changed() {
@@ -161,9 +168,9 @@ fn structure(ui: &mut egui::Ui, session: &Session, changes: &mut Changes) {
     });
     let n_levels = session.frame.as_ref().map_or(0, |frame| frame.view.n_levels);
     let levels: Vec<String> = (0..n_levels).map(|level| level.to_string()).collect();
-    let shown = session.options().get("boxes").unwrap_or("none");
+    let shown = session.options().boxes().map_or_else(|| "none".to_owned(), |level| level.to_string());
     let values = ["none"].into_iter().chain(levels.iter().map(|level| &level[..])).chain(["leaves"]);
-    list(ui, "boxes of level", shown, values, |level| changes.set("boxes", level));
+    list(ui, "boxes of level", &shown, values, |level| changes.set("boxes", level));
 }
 
 fn actions(ui: &mut egui::Ui, events: &mut Vec<Event>) {
@@ -197,7 +204,7 @@ fn readout(ui: &mut egui::Ui, session: &Session, note: &str) {
         }
         Some(seen) => {
             egui::Grid::new("seen").num_columns(2).spacing([8.0, 2.0]).show(ui, |ui| {
-                for (name, value) in replay::rows(seen) {
+                for (name, value) in seen.rows() {
                     ui.label(RichText::new(name).weak());
                     ui.add(egui::Label::new(RichText::new(value).monospace()).wrap());
                     ui.end_row();

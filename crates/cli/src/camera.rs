@@ -1,51 +1,67 @@
 //! The camera: from the options, else from the scene, else one that frames the scene.
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{Prepared, frame_up};
+use canted_renderer::{SceneBvh, frame_up};
 use canted_scene::{Camera, Lens, Projection, Scene};
-use canted_wide::LaneKernel;
 
-use crate::options::{self, one_of};
+use serde::Serialize;
 
-/// The camera. Missing options come from the scene.
-#[derive(clap::Args, Clone, Debug)]
-#[command(next_help_heading = "Camera")]
+use crate::{
+    options::{self, as_text},
+    settings::CAMERA,
+};
+
+/// Options of the camera. Those that are missing come from the scene.
+#[derive(clap::Args, Clone, Debug, Default, PartialEq, Serialize)]
+#[command(next_help_heading = CAMERA, next_display_order = 91)]
 pub(crate) struct CameraArgs {
     /// Camera position in world space [default: the scene's camera, else a view that frames the scene]
-    #[arg(long, value_parser = options::numbers::<3>, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    eye: Option<[f32; 3]>,
+    #[arg(long, display_order = 90, value_parser = options::numbers::<3>, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    #[serde(serialize_with = "as_text")]
+    pub(crate) eye: Option<[f32; 3]>,
     /// Point that the camera looks at, in world space.
-    #[arg(long, value_parser = options::numbers::<3>, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    target: Option<[f32; 3]>,
+    #[arg(long, display_order = 91, value_parser = options::numbers::<3>, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    #[serde(serialize_with = "as_text")]
+    pub(crate) target: Option<[f32; 3]>,
     /// Up direction in world space. Without --eye and without a camera in the file, the scene is framed for it.
-    #[arg(long, value_parser = options::numbers::<3>, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    up: Option<[f32; 3]>,
-    /// Up axis of the scene: `z` for files of CAD and GIS programs. Sets the view that frames the scene and the default light.
-    #[arg(long, default_value = "y", value_parser = one_of(&UP_AXES), value_name = "AXIS")]
-    up_axis: [f32; 3],
+    #[arg(long, display_order = 92, value_parser = options::numbers::<3>, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    #[serde(serialize_with = "as_text")]
+    pub(crate) up: Option<[f32; 3]>,
     /// Camera of the file, by name or by number from 0 [default: the first]
     #[arg(long, value_name = "NAME|INDEX", requires = "scene")]
-    camera: Option<String>,
+    #[serde(serialize_with = "as_text")]
+    pub(crate) camera: Option<String>,
     /// Vertical field of view in degrees.
     #[arg(long, value_parser = options::fov, value_name = "DEG")]
-    fov: Option<f32>,
+    #[serde(serialize_with = "as_text")]
+    pub(crate) fov: Option<f32>,
     /// Parallel projection: height of the picture in scene units.
     #[arg(long, value_parser = options::noise, value_name = "HEIGHT", conflicts_with = "fov")]
-    ortho: Option<f32>,
-    /// Lens radius in scene units; 0 is a pinhole camera.
-    #[arg(long, value_parser = options::factor, value_name = "LENGTH")]
-    aperture: Option<f32>,
-    /// Focus distance along the view axis in scene units [default: distance of the target]
-    #[arg(long, value_parser = options::radius, value_name = "LENGTH")]
-    focus: Option<f32>,
+    #[serde(serialize_with = "as_text")]
+    pub(crate) ortho: Option<f32>,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub(crate) lens: LensArgs,
 }
 
-const UP_AXES: [(&str, [f32; 3]); 2] = [("y", [0.0, 1.0, 0.0]), ("z", [0.0, 0.0, 1.0])];
+/// Options of the lens.
+#[derive(clap::Args, Clone, Debug, Default, PartialEq, Serialize)]
+#[command(next_help_heading = CAMERA)]
+pub(crate) struct LensArgs {
+    /// Lens radius in scene units; 0 is a pinhole camera.
+    #[arg(long, value_parser = options::factor, value_name = "LENGTH")]
+    #[serde(serialize_with = "as_text")]
+    pub(crate) aperture: Option<f32>,
+    /// Focus distance along the view axis in scene units [default: distance of the target]
+    #[arg(long, value_parser = options::radius, value_name = "LENGTH")]
+    #[serde(serialize_with = "as_text")]
+    pub(crate) focus: Option<f32>,
+}
 
 impl CameraArgs {
-    /// Up in world space.
-    pub(crate) fn up(&self) -> [f32; 3] {
-        self.up.unwrap_or(self.up_axis)
+    /// Up in world space, where the scene has this up axis.
+    pub(crate) fn up(&self, up_axis: [f32; 3]) -> [f32; 3] {
+        self.up.unwrap_or(up_axis)
     }
 
     /// The camera of the file that is chosen, else its first.
@@ -69,26 +85,26 @@ impl CameraArgs {
     ///
     /// # Errors
     /// A focus distance for a camera without a lens, or a camera that the file does not have.
-    pub(crate) fn camera<K: LaneKernel>(
+    pub(crate) fn camera(
         &self,
         scene: &Scene,
-        prepared: &Prepared<K>,
+        bvh: &SceneBvh,
         [width, height]: [u32; 2],
+        up_axis: [f32; 3],
     ) -> Result<Camera> {
         let has_projection = self.fov.is_some() || self.ortho.is_some();
         let mut camera = match self.of_file(scene)? {
             Some(camera) => camera,
             // Nothing of the view that frames the scene would remain.
             None if self.eye.is_some() && self.target.is_some() && has_projection => {
-                Camera::pinhole([0.0; 3], [0.0; 3], self.up_axis, 1.0)
+                Camera::pinhole([0.0; 3], [0.0; 3], up_axis, 1.0)
             }
-            None => frame_up(scene, &prepared.structure, f64::from(width) / f64::from(height), self.up()),
+            None => frame_up(scene, bvh, f64::from(width) / f64::from(height), self.up(up_axis)),
         };
         if let Some(eye) = self.eye {
             // Without a target, the camera looks at the center of the scene.
-            #[expect(clippy::cast_possible_truncation, reason = "the center of f32 bounds")]
             let center = scene.bounds_world().center().map(|x| x as f32);
-            camera = Camera { eye, target: center, up: self.up_axis, ..camera };
+            camera = Camera { eye, target: center, up: up_axis, ..camera };
         }
         if let Some(target) = self.target {
             camera.target = target;
@@ -102,15 +118,17 @@ impl CameraArgs {
         if let Some(height) = self.ortho {
             camera.projection = Projection::Orthographic { height };
         }
-        camera.lens = self.lens(&camera);
-        if self.focus.is_some() && camera.lens.is_none() {
+        camera.lens = self.lens.of(&camera);
+        if self.lens.focus.is_some() && camera.lens.is_none() {
             return Err(anyhow!("--focus requires a lens: set --aperture greater than 0"));
         }
         Ok(camera)
     }
+}
 
+impl LensArgs {
     /// The lens of the camera, with the values of the options.
-    fn lens(&self, camera: &Camera) -> Option<Lens> {
+    fn of(&self, camera: &Camera) -> Option<Lens> {
         let own = camera.lens.filter(|_| self.aperture.is_none() && self.focus.is_none());
         if own.is_some() {
             return own;
@@ -118,7 +136,6 @@ impl CameraArgs {
         let radius = self.aperture.or(camera.lens.map(|lens| lens.radius)).filter(|&radius| radius > 0.0)?;
         let target_distance = || {
             let offset: [f64; 3] = std::array::from_fn(|k| f64::from(camera.target[k]) - f64::from(camera.eye[k]));
-            #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the result")]
             let distance = offset.iter().map(|x| x * x).sum::<f64>().sqrt() as f32;
             distance
         };
@@ -128,7 +145,7 @@ impl CameraArgs {
 }
 
 /// The options that give exactly this camera.
-pub(super) fn record(camera: &Camera) -> [(&'static str, String); 6] {
+pub(crate) fn record(camera: &Camera) -> [(&'static str, String); 6] {
     let Camera { eye, target, up, projection, lens } = camera;
     let triple = |[x, y, z]: &[f32; 3]| format!("{x},{y},{z}");
     let fov = match projection {
