@@ -20,7 +20,10 @@ fn every_chapter_has_a_sentence_tables_and_plots() {
     assert_eq!(chapters.len(), 4);
     for chapter in chapters {
         let (title, says) = (chapter["title"].as_str().unwrap(), chapter["says"].as_str().unwrap());
-        assert!(markdown.contains(&format!("## Report: {title}\n\n**{says}**")) && says.ends_with('.'), "{title}: {says}");
+        assert!(
+            markdown.contains(&format!("## Report: {title}\n\n**{says}**")) && says.ends_with('.'),
+            "{title}: {says}"
+        );
         let (tables, plots) = (chapter["tables"].as_array().unwrap(), chapter["plots"].as_array().unwrap());
         assert!(!tables.is_empty() && !plots.is_empty(), "{title}");
         for table in tables {

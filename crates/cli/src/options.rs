@@ -295,7 +295,7 @@ pub(crate) struct StructureOptions {
     #[arg(long, default_value = "auto", value_parser = named::<Volumes>(), value_name = "VOLUMES")]
     #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
     pub(crate) volumes: Option<Volumes>,
-    /// Builds the wide BVH without oriented nodes.
+    /// Builds the wide BVH of axis-aligned nodes alone: without oriented nodes, and without a frame of the mesh.
     #[arg(long, num_args = 0..=1, require_equals = true, default_value = "off", default_missing_value = "on", value_parser = named::<bool>(),
         value_name = "on|off")]
     #[serde(serialize_with = "as_text", deserialize_with = "from_name")]

@@ -40,7 +40,7 @@ pub struct SceneBvhConfig {
     pub builder: Option<Builder>,
     /// Bounding volumes of a binary BVH.
     pub volumes: Strategy,
-    /// Whether a wide BVH is built without oriented nodes.
+    /// Whether a wide BVH has axis-aligned nodes alone: neither oriented nodes nor a frame of the mesh.
     pub aligned: bool,
     /// The triangle test.
     pub triangles: TriangleTest,

@@ -7,6 +7,12 @@ use canted_obb::PrimId;
 #[repr(transparent)]
 pub struct InstanceId(pub u32);
 
+impl core::fmt::Display for InstanceId {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
 impl InstanceId {
     /// The number as an index into the caller's array.
     #[inline]

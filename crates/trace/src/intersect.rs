@@ -19,7 +19,7 @@ pub enum Answers<'a> {
     Occluded(&'a mut [bool]),
     /// All hits, each ray's in memory of its own.
     All(&'a mut [Vec<Hit>]),
-    /// All hits, in one array. Rays are added.
+    /// All hits, in one array; each ray appends its list.
     Lists(&'a mut HitLists),
 }
 
@@ -60,7 +60,7 @@ impl Answers<'_> {
 /// An implementor answers three queries of one scaled ray; all other forms are provided. BVHs, `&B`, `Box<B>` and `Arc<B>` implement it,
 /// and so does `dyn Intersect`: a TLAS may be over `Box<dyn Intersect>`, each of another kind.
 ///
-/// A hit is the one of least `t`; ties go to the lowest (instance, primitive). So it does not depend on the BVH. A ray with a NaN
+/// [`Intersect::closest_hit`] returns the hit of least `t`; ties go to the lowest (instance, primitive). So it does not depend on the BVH. A ray with a NaN
 /// component, an infinite origin or direction, a zero direction, an empty mask or an empty interval never hits.
 ///
 /// # Forms
@@ -113,13 +113,13 @@ pub trait Intersect: Send + Sync {
     /// [`HIT_ERROR`](crate::HIT_ERROR) for triangles. A TLAS pads its boxes by it: if it is too small, hits are lost.
     fn hit_error(&self) -> f32;
 
-    /// Whether that holds relative to every point of object space, and not to its origin alone: with distances from the point instead of
-    /// coordinates. A TLAS then has smaller boxes for content that is far from the origin.
+    /// Whether the bound of [`Intersect::hit_error`] also holds relative to every point of object space, with distances from that point
+    /// instead of coordinates. A TLAS then has smaller boxes for content that is far from the origin.
     fn has_local_error(&self) -> bool {
         false
     }
 
-    /// How many entries of memory its traversals need for subtrees that wait.
+    /// Number of stack entries that a traversal needs.
     fn stack_len(&self) -> usize {
         0
     }
@@ -227,7 +227,7 @@ pub trait Intersect: Send + Sync {
         self.answer(rays, 0, Some(accept), Answers::Closest(hits));
     }
 
-    /// The same on all threads.
+    /// As [`Intersect::closest_hits_with`], on all threads.
     fn par_closest_hits_with(&self, rays: &[Ray], hits: &mut [Option<Hit>], accept: &AcceptAt) {
         parallel(rays, hits, &|first, rays, hits| self.answer(rays, first, Some(accept), Answers::Closest(hits)));
     }
@@ -249,7 +249,7 @@ pub trait Intersect: Send + Sync {
         self.answer(rays, 0, Some(accept), Answers::Occluded(occluded));
     }
 
-    /// The same on all threads.
+    /// As [`Intersect::occluded_many_with`], on all threads.
     fn par_occluded_many_with(&self, rays: &[Ray], occluded: &mut [bool], accept: &AcceptAt) {
         parallel(rays, occluded, &|first, rays, out| self.answer(rays, first, Some(accept), Answers::Occluded(out)));
     }
@@ -271,7 +271,7 @@ pub trait Intersect: Send + Sync {
         self.answer(rays, 0, Some(accept), Answers::All(hits));
     }
 
-    /// The same on all threads.
+    /// As [`Intersect::all_hits_many_with`], on all threads.
     fn par_all_hits_many_with(&self, rays: &[Ray], hits: &mut [Vec<Hit>], accept: &AcceptAt) {
         parallel(rays, hits, &|first, rays, hits| self.answer(rays, first, Some(accept), Answers::All(hits)));
     }
@@ -356,7 +356,7 @@ pub trait Triangles: Intersect {
     }
 }
 
-/// A pointer answers as what it points to.
+/// a pointer forwards every query.
 impl<B: Intersect + ?Sized, P: core::ops::Deref<Target = B> + Send + Sync> Intersect for P
 where
     P: Pointer,

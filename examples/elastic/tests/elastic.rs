@@ -592,8 +592,7 @@ fn compare(stage: &Stage, rays: &[Ray]) -> (usize, usize) {
     let (mut n_hits, mut n_differences) = (0, 0);
     for ray in rays {
         let want = loop_over(&stage.scene, ray);
-        let is_equal =
-            structure.closest_hit(ray) == want && structure.occluded(ray) == want.is_some();
+        let is_equal = structure.closest_hit(ray) == want && structure.occluded(ray) == want.is_some();
         n_hits += usize::from(want.is_some());
         n_differences += usize::from(!is_equal);
     }
