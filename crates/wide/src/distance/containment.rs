@@ -32,7 +32,7 @@ impl TriangleBvh {
         inside[0]
     }
 
-    /// Whether each point is inside; see [`WideBvh::contains`]. Panics where the slices differ in length.
+    /// Whether each point is inside; see [`TriangleBvh::contains`](crate::TriangleBvh::contains). Panics where the slices differ in length.
     pub fn contains_many(&self, points: &[[f32; 3]], inside: &mut [bool]) {
         assert_eq!(points.len(), inside.len(), "one answer per point");
         with_stack(self.nodes.stack_len(), |stack| {
@@ -51,7 +51,7 @@ impl TriangleBvh {
 
     /// Distance to the surface of a closed mesh: negative inside, zero on it, infinite for an empty mesh.
     ///
-    /// The sign is that of [`WideBvh::contains`], the magnitude that of [`WideBvh::nearest_point`].
+    /// The sign is that of [`TriangleBvh::contains`](crate::TriangleBvh::contains), the magnitude that of [`TriangleBvh::nearest_point`](crate::TriangleBvh::nearest_point).
     #[must_use]
     pub fn signed_distance(&self, point: impl Into<[f32; 3]>) -> f32 {
         let point = point.into();

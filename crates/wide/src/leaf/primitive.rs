@@ -101,7 +101,7 @@ pub trait Primitive: Send + Sync {
     /// oriented box. The direction is a unit vector but for rounding, of length at most 1 + 4u.
     ///
     /// The default is that of the bounds, with which oriented boxes cannot be smaller than the bounds. An interval
-    /// wider than that is replaced by it. [`extent_of_points`] computes the interval of points and of shapes around them.
+    /// wider than that is replaced by it. [`extent_of_points`](crate::extent_of_points) computes the interval of points and of shapes around them.
     fn extent_along(&self, direction: [f32; 3]) -> [f32; 2] {
         extent_of_box(&self.bounds(), direction)
     }
