@@ -1,7 +1,7 @@
 //! The example in a browser: `cargo xtask browser` builds and serves the page, `cargo xtask test` runs it in headless Chromium.
 //!
 //! The page reports how the device's answers differ from the CPU's. The test judges that, once as it is and once with an instance missing
-//! on the device, which the judgement must notice.
+//! on the device, which the judgment must notice.
 
 mod serve;
 

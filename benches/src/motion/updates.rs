@@ -24,8 +24,11 @@ use crate::{
 /// Logarithm of the number of triangles.
 const LOG2: u32 = 20;
 
+/// A mesh of at most two to this power triangles.
+type MeshOfSize = fn(u32) -> Mesh;
+
 /// The scenes that exist in every size, given the logarithm of the maximum number of triangles.
-const DEFORMING: [(&str, fn(u32) -> Mesh); 2] =
+const DEFORMING: [(&str, MeshOfSize); 2] =
     [("scaffold", |log2| scaffold_of(1, false, scaffold_nodes(log2))), ("grid", |log2| grid(5, grid_cells(log2)))];
 
 const PRESETS: [(&str, Preset); 3] =

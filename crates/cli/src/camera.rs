@@ -136,8 +136,8 @@ impl LensArgs {
         let radius = self.aperture.or(camera.lens.map(|lens| lens.radius)).filter(|&radius| radius > 0.0)?;
         let target_distance = || {
             let offset: [f64; 3] = std::array::from_fn(|k| f64::from(camera.target[k]) - f64::from(camera.eye[k]));
-            let distance = offset.iter().map(|x| x * x).sum::<f64>().sqrt() as f32;
-            distance
+
+            offset.iter().map(|x| x * x).sum::<f64>().sqrt() as f32
         };
         let focus_distance = self.focus.or(camera.lens.map(|lens| lens.focus_distance)).unwrap_or_else(target_distance);
         Some(Lens { radius, focus_distance })

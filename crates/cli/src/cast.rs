@@ -67,10 +67,10 @@ pub(crate) struct Args {
 
 /// Traces all rays.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let of_file = settings::scene_file(Some(&args.scene))?.as_ref().map(SceneSettings::of_file).transpose()?;
+    // Checked, but a cast takes nothing of them: they are about pictures.
+    settings::scene_file(Some(&args.scene))?.as_ref().map(SceneSettings::of_file).transpose()?;
     let given = &args.structure.0;
-    let with_file = given.clone().or(of_file.unwrap_or_default().structure.without_replaced(given));
-    with_file.warn_ignored_preset(given);
+    given.warn_ignored_preset(given);
     let structure = &given.resolve()?;
     let format = Format::of(&args.hits, args.format)?;
     if is_stream(&args.hits) && args.run.json {

@@ -6,7 +6,7 @@
 //! scene file -> SceneSettings --+
 //! ```
 //!
-//! An option is a setting of scene files if its struct is part of [`SceneSettings`]; a new option of these structs needs no further code.
+//! An option is a setting of scene files if its struct is part of [`SceneSettings`]; a new option also needs a line in `or` and in `resolve`.
 
 use std::{
     path::{Path, PathBuf},

@@ -436,8 +436,8 @@ fn hash(chunk: &[u8]) -> u64 {
     const FACTOR: u64 = 0xa076_1d64_78bd_642f;
     let fold = |a: u64, b: u64| {
         let product = u128::from(a) * u128::from(b);
-        let folded = product as u64 ^ (product >> 64) as u64;
-        folded
+
+        product as u64 ^ (product >> 64) as u64
     };
     let mut state = FACTOR ^ chunk.len() as u64;
     for (number, word) in (1_u64..).zip(chunk.chunks(8)) {

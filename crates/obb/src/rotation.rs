@@ -1,4 +1,4 @@
-//! Extracts the rotation from a matrix: the one that maximises `trace(Rᵀ A)`, after Müller et al. 2016, for any matrix.
+//! Extracts the rotation from a matrix: the one that maximizes `trace(Rᵀ A)`, after Müller et al. 2016, for any matrix.
 //!
 //! The source rotates an estimate `R` by the torque `τ = Σ rᵢ × aᵢ` over `|trace|` until the torque vanishes. This
 //! implementation differs where the source fails:
@@ -6,7 +6,7 @@
 //! - The matrix is first scaled to about one by a power of two; the source's guard against zero assumes that size.
 //! - The torque also vanishes at 180 degrees from the answer. There `tr(S)·1 − S`, with `S` the symmetric part of `A Rᵀ`,
 //!   has a negative eigenvalue; its eigenvector is the axis to rotate about.
-//! - Each step rotates about Newton's direction `(tr(S)·1 − S)⁻¹ τ`, by the angle that maximises the trace about that axis.
+//! - Each step rotates about Newton's direction `(tr(S)·1 − S)⁻¹ τ`, by the angle that maximizes the trace about that axis.
 //!   The trace never decreases, and two small singular values take a few steps instead of thousands.
 //! - The start is the best of five candidates by trace instead of the identity.
 //! - A matrix of rank one leaves the rotation about its direction undetermined; the shortest rotation is built directly.

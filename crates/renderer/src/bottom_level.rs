@@ -303,11 +303,12 @@ impl Intersect for BottomLevel {
     }
 
     fn hit_error(&self) -> f32 {
-        HIT_ERROR
+        // One bound for all triangle tests, so that the boxes of instances are the same.
+        self.inner().hit_error().max(HIT_ERROR)
     }
 
     fn has_local_error(&self) -> bool {
-        true
+        self.inner().has_local_error()
     }
 
     fn stack_len(&self) -> usize {

@@ -22,6 +22,9 @@ use canted_wide::Order;
 
 use crate::{Motion, Tlas};
 
+/// Appends what a ray finds on one instance.
+type TraceInstance<'a, B> = dyn FnMut(&B, &ObjectRay, InstanceId, &mut [u64], &mut Vec<Hit>) + 'a;
+
 /// Queries, of rays in world space. A hit has the number of its instance, and so have the hits that a query sees.
 ///
 /// ```
@@ -195,13 +198,7 @@ impl<B: Intersect> Tlas<B> {
     }
 
     /// Appends what `trace` finds on each instance that the ray may hit, in order. Returns the number of box tests.
-    fn collect(
-        &self,
-        ray: &ScaledRay,
-        stack: &mut [u64],
-        hits: &mut Vec<Hit>,
-        trace: &mut dyn FnMut(&B, &ObjectRay, InstanceId, &mut [u64], &mut Vec<Hit>),
-    ) -> u32 {
+    fn collect(&self, ray: &ScaledRay, stack: &mut [u64], hits: &mut Vec<Hit>, trace: &mut TraceInstance<B>) -> u32 {
         let ray = WorldRay::new(ray);
         let (top, bottom) = stack.split_at_mut(self.top.stack_len());
         let (mut of_instance, mut with_t): (Vec<Hit>, Vec<(f64, Hit)>) = (vec![], vec![]);

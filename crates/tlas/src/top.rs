@@ -232,6 +232,7 @@ struct Class {
 }
 
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "one for each class of instances, and there are few")]
 enum Bvh {
     /// Over the instances' axis-aligned boxes; and the growth of the predicted traversal cost since the build.
     Wide(WideBvh<Aabb>, f32),

@@ -97,7 +97,21 @@ impl HitLists {
     /// Adds a ray: `append` appends its hits to those of the rays before.
     #[inline(always)]
     pub fn add_ray(&mut self, append: impl FnOnce(&mut Vec<Hit>)) {
-        append(&mut self.hits);
+        append(self.next_ray());
+        self.end_ray();
+    }
+
+    /// Where the hits of the next ray are appended, before [`HitLists::end_ray`].
+    #[doc(hidden)]
+    #[inline(always)]
+    pub fn next_ray(&mut self) -> &mut Vec<Hit> {
+        &mut self.hits
+    }
+
+    /// Ends the hits of a ray.
+    #[doc(hidden)]
+    #[inline(always)]
+    pub fn end_ray(&mut self) {
         self.ends.push(self.hits.len());
     }
 }

@@ -287,8 +287,11 @@ fn check<T>(rays: &[Ray], answers: &[T]) {
     assert_eq!(rays.len(), answers.len(), "one answer for each ray");
 }
 
+/// Answers consecutive rays, of which the first has the index given.
+type AnswerSome<'a, T> = dyn Fn(usize, &[Ray], &mut [T]) + Sync + 'a;
+
 /// Calls `answer` with consecutive rays, the index of the first, and their answers.
-fn parallel<T: Send>(rays: &[Ray], answers: &mut [T], answer: &(dyn Fn(usize, &[Ray], &mut [T]) + Sync)) {
+fn parallel<T: Send>(rays: &[Ray], answers: &mut [T], answer: &AnswerSome<T>) {
     check(rays, answers);
     #[cfg(feature = "parallel")]
     {

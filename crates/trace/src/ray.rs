@@ -145,14 +145,6 @@ impl ScaledRay {
         self.interval.map(|t| f64::from(t) * self.to_scaled)
     }
 
-    /// The ray along the scaled direction, whose `t` is the scaled one.
-    #[inline]
-    #[must_use]
-    pub fn to_ray(&self) -> Ray {
-        let Self { origin, direction, t_min, t_max, time, mask, .. } = *self;
-        Ray { origin, direction, t_min, t_max, time, mask }
-    }
-
     /// The scaled `t` of a `t` of the original ray.
     #[inline]
     #[must_use]

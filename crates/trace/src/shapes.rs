@@ -24,6 +24,14 @@ impl Sphere {
     #[must_use]
     pub fn roots(&self, ray: &Ray) -> Option<[f32; 2]> {
         let ray = ScaledRay::new(ray)?;
+        Some(self.roots_scaled(&ray)?.map(|t| ray.caller_t(t)))
+    }
+
+    /// The same of a scaled ray, whose `t` is scaled too.
+    #[doc(hidden)]
+    #[inline]
+    #[must_use]
+    pub fn roots_scaled(&self, ray: &ScaledRay) -> Option<[f32; 2]> {
         let (d, m) = (to_f64(ray.direction), sub(to_f64(ray.origin), to_f64(self.center)));
         let d_squared = dot(d, d);
         let closest_t = -dot(m, d) / d_squared;
@@ -35,7 +43,7 @@ impl Sphere {
         // Also false for NaN.
         (chord_squared >= 0.0).then(|| {
             let half_chord_t = sqrt(chord_squared / d_squared);
-            [closest_t - half_chord_t, closest_t + half_chord_t].map(|t| ray.caller_t(nearest(t)))
+            [closest_t - half_chord_t, closest_t + half_chord_t].map(nearest)
         })
     }
 

@@ -146,7 +146,7 @@ fn rays_from_afar_hit() {
     for Case { name, mesh } in shapes().iter().filter(|case| ["soup", "torus"].contains(&&*case.name)) {
         for sizes in [1e2, 1e3, 1e4] {
             let rays = rays::from_afar(mesh, sizes, 300, 50);
-            let n_hits = loop_over_all(&mesh, TriangleTest::Watertight, &rays).iter().flatten().count();
+            let n_hits = loop_over_all(mesh, TriangleTest::Watertight, &rays).iter().flatten().count();
             assert!(n_hits > 150, "{name}, from {sizes:e} sizes: {n_hits} hits");
         }
     }

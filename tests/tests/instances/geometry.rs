@@ -154,8 +154,8 @@ fn object_space_rays_are_rounded_once() {
                     .iter()
                     .flat_map(|row| row[..3].to_vec())
                     .fold(0.0, |all: f64, x| all.max(x.abs()));
-                let size = (6.0 * backward) as f32 * greatest;
-                size
+
+                (6.0 * backward) as f32 * greatest
             };
             let is_image =
                 |matrix: &Affine, from, to| exact::is_inverse_image(matrix, from, to, size(matrix, from), SLACK_BITS);

@@ -28,8 +28,8 @@ fn is_near(a: &Guide, b: &Guide) -> bool {
 fn apart(ours: &Film, theirs: &Film) -> f64 {
     assert_eq!((ours.guides().len(), theirs.guides().len()), (ours.pixels().len(), theirs.pixels().len()));
     let n_apart = ours.guides().iter().zip(theirs.guides()).filter(|(a, b)| !is_near(a, b)).count();
-    let share = n_apart as f64 / ours.guides().len() as f64;
-    share
+
+    n_apart as f64 / ours.guides().len() as f64
 }
 
 fn guides_match_the_cpu_for_both_integrators() {

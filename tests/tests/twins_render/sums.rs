@@ -159,8 +159,8 @@ fn summed(
     make: impl FnOnce(TracedScene) -> TracedScene,
 ) -> Film {
     let surfaces = Surfaces::with_lod(scene, settings.lod);
-    let of = |scene: &Scene| Ok(make(traced_scene(gpu, scene, &bvh)?));
-    let picture = DevicePicture::over(gpu, &surfaces, &bvh, camera, settings, of).unwrap();
+    let of = |scene: &Scene| Ok(make(traced_scene(gpu, scene, bvh)?));
+    let picture = DevicePicture::over(gpu, &surfaces, bvh, camera, settings, of).unwrap();
     monitored(|monitor| picture.render(vec![], monitor)).unwrap()
 }
 

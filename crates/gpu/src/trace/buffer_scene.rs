@@ -53,7 +53,7 @@ impl<T: Into<DeviceBvh>> From<T> for BufferConfig<'_> {
 ///
 /// # Rebuild or refit
 /// A refit takes a fifth to a quarter of the time of a rebuild, but keeps the topology: rays take longer the more the mesh deforms, and the device does not measure
-/// that. Refit what bends a little, as skinned meshes do; rebuild what changes its neighbours.
+/// that. Refit what bends a little, as skinned meshes do; rebuild what changes its neighbors.
 ///
 /// ```no_run
 /// use canted_gpu::{BufferScene, Gpu, IndexBuffer, MeshBuffers, build::BuildConfig};

@@ -32,10 +32,7 @@ fn bounds(soup: &[[f32; 9]]) -> Aabb {
 /// Transforms of all sizes, most of them sheared, some mirrored, some of the greatest condition that devices accept.
 fn transforms() -> Vec<Affine> {
     let mut random = SplitMix64::new(28);
-    let mut unit = move || {
-        let x = random.signed() as f32;
-        x
-    };
+    let mut unit = move || random.signed() as f32;
     let mut all = vec![Affine::IDENTITY];
     for i in 0..3000_i32 {
         let scale = 2.0_f32.powi(i % 81 - 40) * (1.0 + unit() * 0.5);

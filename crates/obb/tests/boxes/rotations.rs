@@ -27,7 +27,7 @@ fn diagonal(values: Vector) -> Matrix {
     [[values[0], 0.0, 0.0], [0.0, values[1], 0.0], [0.0, 0.0, values[2]]]
 }
 
-/// Trace of `rᵀ a`: what the extraction maximises.
+/// Trace of `rᵀ a`: what the extraction maximizes.
 fn trace(r: Matrix, a: Matrix) -> f64 {
     (0..3).map(|k| dot(r[k], a[k])).sum()
 }

@@ -7,10 +7,7 @@ use rayon::prelude::*;
 use super::Footprint;
 
 /// Each byte over 255.
-static FRACTION: LazyLock<[f32; 256]> = LazyLock::new(|| {
-    let fractions = std::array::from_fn(|byte| f32::from(byte as u8) / 255.0);
-    fractions
-});
+static FRACTION: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|byte| f32::from(byte as u8) / 255.0));
 
 /// A texture with its mip levels. Each level is half as wide and high as the previous one, rounded down, to a single
 /// texel.

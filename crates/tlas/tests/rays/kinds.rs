@@ -130,7 +130,7 @@ fn a_tlas_of_tlases_loses_no_hit() {
         let (mut counts, mut n_hits) = (Counts::default(), 0);
         for i in 0..3_000 {
             let [mut origin, direction] = [rng.signed3().map(|x| 3.0 * x as f32), rng.on_sphere().map(|x| x as f32)];
-            origin[1] += offset as f32;
+            origin[1] += offset;
             let ray =
                 Ray::new(origin, direction).with_mask([u32::MAX, 1, 2][i % 3]).at_time([0.0, 0.4, 1.0][i / 3 % 3]);
             let mut want = vec![];

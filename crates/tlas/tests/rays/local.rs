@@ -62,7 +62,7 @@ fn n_boxes(tlas: &Tlas<TriangleBvh>, rays: &[Ray], n_checked: usize) -> f64 {
             assert_eq!(hit, all.first().map(|&(_, hit)| hit), "{ray:?}");
         }
     }
-    return counts.boxes as f64 / rays.len() as f64;
+    counts.boxes as f64 / rays.len() as f64
 }
 
 /// A shear of condition 2^19, thin and small, in a corner of the field.

@@ -345,6 +345,6 @@ fn sampled_cost<I: Item>(chosen: &Chosen<I>, config: &Config, scale: f32) -> f32
     let remaining: f64 = costs.iter().map(|&[aligned, oriented]| f64::from(oriented / aligned)).sum();
     let part = remaining / costs.len() as f64;
     let total = f64::from(plan.cost(root)).max(below);
-    let cost = ((total - below + part * below) / total) as f32;
-    cost
+
+    ((total - below + part * below) / total) as f32
 }

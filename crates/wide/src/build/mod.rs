@@ -214,12 +214,6 @@ impl<P: Primitive> WideBvh<P> {
     pub fn primitives(&self) -> &[P] {
         &self.leaves.primitives
     }
-
-    /// The primitives in input order.
-    #[must_use]
-    pub fn into_primitives(self) -> Vec<P> {
-        self.leaves.primitives
-    }
 }
 
 /// A BVH before it has what only traversal needs.

@@ -7,7 +7,7 @@
 
 use canted_obb::Aabb;
 use canted_obb::round::{down, up};
-use canted_trace::{Ray, ReferencePoint, ScaledRay, Side, Sphere};
+use canted_trace::{ReferencePoint, ScaledRay, Side, Sphere};
 
 use super::{Primitive, PrimitiveHit, SavedPrimitive};
 use crate::build::item::Placed;
@@ -32,9 +32,7 @@ impl Primitive for Sphere {
 
     #[inline]
     fn intersect(&self, ray: &ScaledRay, t_max: f32) -> Option<PrimitiveHit> {
-        // The t of a scaled ray is that of the ray with its direction.
-        let roots = self.roots(&Ray::new(ray.origin, ray.direction))?;
-        entry_or_exit(roots, ray.t_min, t_max)
+        entry_or_exit(self.roots_scaled(ray)?, ray.t_min, t_max)
     }
 }
 

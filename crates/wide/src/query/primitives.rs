@@ -103,8 +103,10 @@ impl<P: Primitive> WideBvh<P> {
         mut t_max: f32,
         mut take: impl FnMut(&ScaledRay, Hit, f32) -> f32,
     ) -> f32 {
-        let (primitive, mut ray) = (&self.leaves.primitives[id.index()], *ray);
-        while let Some(found) = primitive.intersect(&ray, t_max) {
+        let primitive = &self.leaves.primitives[id.index()];
+        let Some(mut found) = primitive.intersect(ray, t_max) else { return t_max };
+        let mut ray = *ray;
+        loop {
             // A primitive that breaks its contract must not keep the traversal from ending.
             if !(ray.t_min <= found.t && found.t <= t_max && found.t.is_finite()) {
                 break;
@@ -113,6 +115,10 @@ impl<P: Primitive> WideBvh<P> {
             ray.t_min = found.t.next_up();
             if ray.t_min > t_max {
                 break;
+            }
+            match primitive.intersect(&ray, t_max) {
+                Some(next) => found = next,
+                None => break,
             }
         }
         t_max

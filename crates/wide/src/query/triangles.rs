@@ -54,9 +54,23 @@ impl Intersect for TriangleBvh {
 
     fn answer(&self, rays: &[Ray], first: usize, accept: Option<&AcceptAt>, mut answers: Answers) {
         with_stack(self.stack_len(), |stack| {
-            let is_plain = accept.is_none() && self.leaves.test == TriangleTest::Watertight;
-            if is_plain && matches!(answers, Answers::Closest(_) | Answers::Occluded(_)) {
-                return self.path.run(PlainSlice { bvh: self, rays, answers, stack });
+            let (bvh, is_plain) = (self, accept.is_none());
+            if self.leaves.test == TriangleTest::Watertight {
+                return match answers {
+                    Answers::Closest(answers) if is_plain => {
+                        self.path.run(Slice::<true, _> { bvh, rays, first, accept, answers, stack });
+                    }
+                    Answers::Occluded(answers) if is_plain => {
+                        self.path.run(Slice::<true, _> { bvh, rays, first, accept, answers, stack });
+                    }
+                    Answers::Closest(answers) => {
+                        self.path.run(Slice::<false, _> { bvh, rays, first, accept, answers, stack });
+                    }
+                    Answers::Occluded(answers) => {
+                        self.path.run(Slice::<false, _> { bvh, rays, first, accept, answers, stack });
+                    }
+                    answers => self.path.run(AllOfSlice { bvh, rays, first, accept, answers, stack }),
+                };
             }
             for_each_of_eight(self.path, rays, &self.frame, self.pads(), &mut |i, traced| {
                 answers.fill(i, |answer| {
@@ -188,49 +202,102 @@ impl Task for PlainOccluded<'_> {
     }
 }
 
-/// The answers for a slice of rays under a query that is plain.
-struct PlainSlice<'a> {
+/// The answers for a slice of rays, of which the first has the index `first`, with the default triangle test; without `accept`, where
+/// `PLAIN`.
+struct Slice<'a, const PLAIN: bool, A> {
     bvh: &'a TriangleBvh,
     rays: &'a [Ray],
-    answers: Answers<'a>,
+    first: usize,
+    accept: Option<&'a AcceptAt<'a>>,
+    answers: &'a mut [A],
     stack: &'a mut [u64],
 }
 
-impl Task for PlainSlice<'_> {
+impl<const PLAIN: bool> Task for Slice<'_, PLAIN, Option<Hit>> {
     type Output = ();
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) {
-        let Self { bvh, rays, answers, stack } = self;
+        let Self { bvh, rays, mut first, accept, answers, stack } = self;
         let mut eight = EightRays::new();
-        match answers {
-            Answers::Closest(hits) => {
-                for (rays, hits) in rays.chunks(8).zip(hits.chunks_mut(8)) {
-                    eight.prepare(simd, rays, &bvh.frame, PADS);
-                    for (lane, (ray, hit)) in rays.iter().zip(hits).enumerate() {
-                        *hit = eight.ray(lane, ray).and_then(|ray| {
-                            let mut query = ();
-                            let mut best = BestHit::<true>::new(&mut query);
-                            pass_hits::<S, _, true>(simd, bvh, &ray, stack, &mut best);
-                            best.hit(&ray.scaled)
-                        });
-                    }
-                }
+        for (rays, hits) in rays.chunks(8).zip(answers.chunks_mut(8)) {
+            eight.prepare(simd, rays, &bvh.frame, PADS);
+            for (lane, (given, hit)) in rays.iter().zip(hits).enumerate() {
+                *hit = None;
+                let Some(ray) = eight.ray(lane, given) else { continue };
+                let mut filter = Accept(|hit: &Hit| accept.is_none_or(|accept| accept(first + lane, given, hit)));
+                let mut best = BestHit::<PLAIN>::new(&mut filter);
+                pass_hits::<S, _, true>(simd, bvh, &ray, stack, &mut best);
+                *hit = best.hit(&ray.scaled);
             }
-            Answers::Occluded(occluded) => {
-                for (rays, occluded) in rays.chunks(8).zip(occluded.chunks_mut(8)) {
-                    eight.prepare(simd, rays, &bvh.frame, PADS);
-                    for (lane, (ray, occluded)) in rays.iter().zip(occluded).enumerate() {
-                        *occluded = eight.ray(lane, ray).is_some_and(|ray| {
-                            let mut query = ();
-                            let mut any = AnyHit::<true>::new(&mut query);
-                            pass_hits::<S, _, true>(simd, bvh, &ray, stack, &mut any);
-                            any.found()
-                        });
-                    }
-                }
+            first += 8;
+        }
+    }
+}
+
+impl<const PLAIN: bool> Task for Slice<'_, PLAIN, bool> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) {
+        let Self { bvh, rays, mut first, accept, answers, stack } = self;
+        let mut eight = EightRays::new();
+        for (rays, occluded) in rays.chunks(8).zip(answers.chunks_mut(8)) {
+            eight.prepare(simd, rays, &bvh.frame, PADS);
+            for (lane, (given, occluded)) in rays.iter().zip(occluded).enumerate() {
+                *occluded = false;
+                let Some(ray) = eight.ray(lane, given) else { continue };
+                let mut filter = Accept(|hit: &Hit| accept.is_none_or(|accept| accept(first + lane, given, hit)));
+                let mut any = AnyHit::<PLAIN>::new(&mut filter);
+                pass_hits::<S, _, true>(simd, bvh, &ray, stack, &mut any);
+                *occluded = any.found();
             }
-            Answers::All(_) | Answers::Lists(_) => unreachable!("all hits have one traversal"),
+            first += 8;
+        }
+    }
+}
+
+/// All hits of each ray of a slice, with the default triangle test.
+struct AllOfSlice<'a> {
+    bvh: &'a TriangleBvh,
+    rays: &'a [Ray],
+    first: usize,
+    accept: Option<&'a AcceptAt<'a>>,
+    answers: Answers<'a>,
+    stack: &'a mut [u64],
+}
+
+impl Task for AllOfSlice<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) {
+        let Self { bvh, rays, first, accept, mut answers, stack } = self;
+        let mut eight = EightRays::new();
+        for (i, given) in rays.iter().enumerate() {
+            let lane = i % 8;
+            if lane == 0 {
+                eight.prepare(simd, &rays[i..rays.len().min(i + 8)], &bvh.frame, PADS);
+            }
+            let mut filter = Accept(|hit: &Hit| accept.is_none_or(|accept| accept(first + i, given, hit)));
+            // Not in a function that `Answers::fill` calls: it might not be inlined where the instructions are enabled.
+            let hits = match &mut answers {
+                Answers::All(hits) => {
+                    hits[i].clear();
+                    &mut hits[i]
+                }
+                Answers::Lists(lists) => lists.next_ray(),
+                Answers::Closest(_) | Answers::Occluded(_) => unreachable!("they have slices of their own"),
+            };
+            if let Some(ray) = eight.ray(lane, given) {
+                let mut all = AllHits::new(&mut filter, hits);
+                all.may_reject = accept.is_some();
+                pass_hits::<S, _, true>(simd, bvh, &ray, stack, &mut all);
+                all.finish(&ray.scaled);
+            }
+            if let Answers::Lists(lists) = &mut answers {
+                lists.end_ray();
+            }
         }
     }
 }
