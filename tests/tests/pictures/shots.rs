@@ -325,14 +325,7 @@ fn across_sponza() -> Camera {
 pub(crate) fn sponza_sun(test: &str) -> Option<Shot> {
     let scene = Scene { environment: Some(BLUE.into()), ..model(test, "sponza/sponza.obj")? };
     let scene = with_sun(scene, [-0.15, -1.0, 0.12], [12.0, 11.0, 9.0]);
-    Some(Shot {
-        name: "sponza-sun-3",
-        scene,
-        camera: across_sponza(),
-        size: SIZE,
-        n_segments: Some(3),
-        samples: 128,
-    })
+    Some(Shot { name: "sponza-sun-3", scene, camera: across_sponza(), size: SIZE, n_segments: Some(3), samples: 128 })
 }
 
 /// The same with unlimited paths.
