@@ -26,6 +26,10 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("elastic", &["obb", "trace", "lbvh", "wide", "film", "scene", "renderer"]),
 ];
 
+/// Further packages that tests alone may depend on; those of any package may use `fixtures`.
+const ALLOWED_IN_TESTS: &[(&str, &[&str])] =
+    &[("obb", &["obb"]), ("tlas", &["bvh2", "bih", "kdtree"]), ("renderer", &["shaders"])];
+
 /// Crates with few dependencies, and those that they may have.
 const MINIMAL: &[&str] = &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "canted"];
 const MINIMAL_DEPENDENCIES: &[&str] = &["glam", "bytemuck", "rayon", "libm", "memmap2"];
@@ -84,12 +88,15 @@ fn dependencies(manifest: &str) -> Vec<Dependency> {
 fn violations(manifests: &BTreeMap<String, String>) -> Vec<String> {
     let mut violations = vec![];
     for (package, manifest) in manifests {
-        let allowed = ALLOWED.iter().find(|(name, _)| name == package).map(|(_, allowed)| *allowed);
+        let row = |table: &[(&str, &'static [&'static str])]| {
+            table.iter().find(|(name, _)| name == package).map(|(_, allowed)| *allowed)
+        };
+        let (allowed, in_tests) = (row(ALLOWED), row(ALLOWED_IN_TESTS).unwrap_or_default());
         for Dependency { name, for_tests, optional } in dependencies(manifest) {
             let ours = if name == "canted" { Some("canted") } else { name.strip_prefix("canted-") };
             let mut report = |what: &str| violations.push(format!("{package} needs {name}: {what}"));
             if let (Some(ours), Some(allowed)) = (ours, allowed) {
-                if !(allowed.contains(&ours) || for_tests && ours == "fixtures") {
+                if !(allowed.contains(&ours) || for_tests && (ours == "fixtures" || in_tests.contains(&ours))) {
                     report("not an allowed dependency");
                 }
             } else if MINIMAL.contains(&package.as_str()) && !for_tests {
@@ -116,7 +123,7 @@ fn violations(manifests: &BTreeMap<String, String>) -> Vec<String> {
 fn workspace() -> BTreeMap<String, String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
     let crates = fs::read_dir(root.join("crates")).unwrap().map(|entry| entry.unwrap().path());
-    let others = ["fixtures", "tests", "benches", "xtask", "examples/elastic"].map(|name| root.join(name));
+    let others = ["shaders", "fixtures", "tests", "benches", "xtask", "examples/elastic"].map(|name| root.join(name));
     crates
         .chain(others)
         .filter_map(|folder| {
@@ -135,6 +142,17 @@ fn dependencies_point_one_way() {
         assert!(manifests.contains_key(package), "no manifest of {package}");
     }
     assert_eq!(violations(&manifests), Vec::<String>::new());
+}
+
+#[test]
+fn every_allowed_dependency_exists() {
+    let manifests = workspace();
+    for (package, allowed) in ALLOWED.iter().chain(ALLOWED_IN_TESTS) {
+        let names: Vec<String> = dependencies(&manifests[*package]).into_iter().map(|found| found.name).collect();
+        let exists = |ours: &&&str| names.iter().any(|name| name.strip_prefix("canted-").unwrap_or(name) == **ours);
+        let missing: Vec<_> = allowed.iter().filter(|ours| !exists(ours)).collect();
+        assert!(missing.is_empty(), "{package} needs none of {missing:?}");
+    }
 }
 
 #[test]

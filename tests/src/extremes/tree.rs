@@ -155,7 +155,7 @@ fn of_case(gpu: &Gpu, case: &'static str, meshes: &[Mesh]) -> Vec<Row> {
         if case == BELOW_NORMAL { promise.reported() } else { promise }
     };
     let same = of("the CPU's leaves and nodes", Oracle::Same, "trees differ");
-    let contains = of("contains every vertex below a node_of_device", Oracle::Exact, "vertices outside");
+    let contains = of("contains every vertex below a node", Oracle::Exact, "vertices outside");
     let twins: Vec<Twin> = meshes.iter().map(Twin::of).collect();
     let mut rows = vec![];
     for strategy in STRATEGIES {
@@ -213,7 +213,7 @@ impl Twin {
     }
 }
 
-/// A CPU node_of_device in the device's layout.
+/// A CPU node in the device's layout.
 fn node_of_device(node_of_device: &lbvh::Node) -> Node {
     let child = |child: Child| match child.kind() {
         ChildKind::Leaf(position) => position | 1 << 31,

@@ -321,23 +321,16 @@ fn across_sponza() -> Camera {
     Camera::pinhole([700.0, 700.0, -100.0], [-300.0, 250.0, 100.0], [0.0, 1.0, 0.0], 60.0)
 }
 
-/// At noon, seen across_sponza its court; paths of three segments.
+/// At noon, seen across its court; paths of three segments.
 pub(crate) fn sponza_sun(test: &str) -> Option<Shot> {
     let scene = Scene { environment: Some(BLUE.into()), ..model(test, "sponza/sponza.obj")? };
     let scene = with_sun(scene, [-0.15, -1.0, 0.12], [12.0, 11.0, 9.0]);
-    Some(Shot {
-        name: "sponza-sponza_sun-3",
-        scene,
-        camera: across_sponza(),
-        size: SIZE,
-        n_segments: Some(3),
-        samples: 128,
-    })
+    Some(Shot { name: "sponza-sun-3", scene, camera: across_sponza(), size: SIZE, n_segments: Some(3), samples: 128 })
 }
 
 /// The same with unlimited paths.
 pub(crate) fn sponza_sun_paths(test: &str) -> Option<Shot> {
-    Some(Shot { name: "sponza-sponza_sun", n_segments: None, samples: 768, ..sponza_sun(test)? })
+    Some(Shot { name: "sponza-sun", n_segments: None, samples: 768, ..sponza_sun(test)? })
 }
 
 /// Lit by a sphere light in the court, above the visible part.

@@ -267,7 +267,7 @@ fn greatest(matrix: Symmetric) -> f64 {
     matrix.iter().fold(0.0, |greatest: f64, x| greatest.max(x.abs()))
 }
 
-/// Each rotation rounds an entry a few symmetric_times; six sweeps of three, with a margin of two.
+/// Each rotation rounds an entry a few times; six sweeps of three, with a margin of two.
 const RESIDUAL: f64 = 128.0 * f64::EPSILON;
 
 #[track_caller]
