@@ -3,6 +3,7 @@
 #[cfg(feature = "std")]
 use std::cell::Cell;
 
+#[cfg(feature = "std")]
 use alloc::vec::Vec;
 
 /// Entries without allocation for one level of twelve nodes' depth; a scaffold of 58,320 triangles has 7.
