@@ -103,6 +103,10 @@ fn with_near_misses(mut error: Error) -> Error {
                     error.insert(suggested, ContextValue::Strings(near));
                 }
             }
+            // The usage of an unknown option is that of the suggested one.
+            Some(_) if suggested == ContextKind::SuggestedArg => {
+                error.remove(ContextKind::Usage);
+            }
             _ => {}
         }
     }
