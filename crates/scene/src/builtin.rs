@@ -180,12 +180,13 @@ fn place_site(builder: &mut SceneBuilder, crane: MeshId) {
         {
             let (sin, cos) = f64::sin_cos(heading_rad);
             let position = on_ground(x + cos * along + sin * across, z - sin * along + cos * across);
-            let lean = [-0.004 * along, 1.0, 0.003 * across];
-            builder.place(scaffold, tilted(position, lean, heading_rad + turn_rad, [1.0; 3]));
+            let upward = [-0.004 * along, 1.0, 0.003 * across];
+            builder.place(scaffold, tilted(position, upward, heading_rad + turn_rad, [1.0; 3]));
         }
     }
-    for (x, z, lean, heading_rad) in [(-204.0, 108.0, [0.10, 1.0, 0.06], 0.7), (-196.0, 74.0, [-0.08, 1.0, 0.1], 0.2)] {
-        builder.place(scaffold, tilted(on_ground(x, z), lean, heading_rad, [1.0; 3]));
+    for (x, z, upward, heading_rad) in [(-204.0, 108.0, [0.10, 1.0, 0.06], 0.7), (-196.0, 74.0, [-0.08, 1.0, 0.1], 0.2)]
+    {
+        builder.place(scaffold, tilted(on_ground(x, z), upward, heading_rad, [1.0; 3]));
     }
 }
 

@@ -1,6 +1,6 @@
 use crate::Hit;
 
-/// What a ray asks of what it hits: a filter of hits, and counters of the work.
+/// A filter of hits, and counters of the work of a traversal.
 ///
 /// `()` accepts every hit and counts nothing, [`Accept`] filters by a function, [`Counts`] counts. A query decides by the hit alone, not
 /// by the order of calls, which depends on the BVH.

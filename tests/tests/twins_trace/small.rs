@@ -145,9 +145,9 @@ fn small_spheres_in_two_levels_are_hit_as_on_the_cpu() {
                 // Turned, stretched and mirrored in turn, so that no entry of the inverse is simple.
                 let mut columns = [[0.0f32; 3]; 4];
                 for (k, column) in columns.iter_mut().take(3).enumerate() {
-                    let lean = rng.on_sphere();
+                    let tilt = rng.on_sphere();
                     *column =
-                        std::array::from_fn(|j| (radius * (0.1 * lean[j] + if j == k { 1.0 } else { 0.0 })) as f32);
+                        std::array::from_fn(|j| (radius * (0.1 * tilt[j] + if j == k { 1.0 } else { 0.0 })) as f32);
                 }
                 columns[3] = center;
                 Instance::new(0, Affine { columns })

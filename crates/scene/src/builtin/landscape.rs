@@ -166,9 +166,9 @@ fn place_trees(builder: &mut SceneBuilder) {
             let kind = usize::from(hills(x / 120.0, z / 120.0, 30) + 0.7 * draw(4) > 0.62);
             let width = 0.8 + 0.7 * draw(5);
             let height = width * (0.85 + 0.4 * draw(9));
-            let lean = [0.1 * (draw(6) - 0.5), 1.0, 0.1 * (draw(7) - 0.5)];
+            let upward = [0.1 * (draw(6) - 0.5), 1.0, 0.1 * (draw(7) - 0.5)];
             let root = [x, ground(x, z) - 0.5, z];
-            builder.place(trees[kind], tilted(root, lean, TAU * draw(8), [width, height, width]));
+            builder.place(trees[kind], tilted(root, upward, TAU * draw(8), [width, height, width]));
         }
     }
 }

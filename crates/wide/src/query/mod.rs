@@ -1,4 +1,4 @@
-//! What rays ask of a BVH, over the traversal.
+//! Ray queries of a BVH, over the traversal.
 //!
 //! ```text
 //! triangles    tests eight at a time inside of the traversal; one match on the triangle test for each ray

@@ -221,7 +221,7 @@ impl<const PLAIN: bool> HitSink for AnyHit<'_, PLAIN> {
 /// Appends all hits that a query accepts, in traversal order, `t` scaled.
 pub(crate) struct AllHits<'a> {
     query: &'a mut dyn Query,
-    /// Whether the query is asked.
+    /// Whether the query may reject a hit.
     pub(crate) may_reject: bool,
     hits: &'a mut Vec<Hit>,
     /// Where those of this ray start.
