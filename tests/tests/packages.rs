@@ -17,7 +17,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("tlas", &["obb", "trace", "lbvh", "wide"]),
     ("canted", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "scene", "gpu"]),
     ("film", &[]),
-    ("scene", &["obb", "film"]),
+    ("scene", &["obb"]),
     ("shaders", &[]),
     ("gpu", &["obb", "trace", "lbvh", "wide", "tlas", "shaders"]),
     ("renderer", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "film", "scene", "gpu"]),

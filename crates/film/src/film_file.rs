@@ -17,7 +17,7 @@ use exr::prelude::{
 };
 
 use crate::atomic_file::write_file;
-use crate::picture_file::{ENCODING, canonical, declared_exr_samples};
+use crate::picture_file::{ENCODING, canonical, check_exr_size};
 use crate::{Aov, Aovs, Block, FileError, Film, Guide, Hash, Part, Picture, Pixel};
 
 /// Name of the attribute with the record, and of the lines that describe the film.
@@ -187,8 +187,7 @@ pub fn read_part(path: &Path) -> Result<(Film, Aovs, Record), FileError> {
 }
 
 fn decode(bytes: &[u8]) -> Result<(Film, Aovs, Record), String> {
-    // Reject sizes that the file cannot hold before anything is allocated.
-    declared_exr_samples(bytes)?;
+    check_exr_size(bytes)?;
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()

@@ -12,7 +12,7 @@ use image::ExtendedColorType::{Rgb8, Rgb16};
 use image::codecs::hdr::HdrEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
-use image::{DynamicImage, ImageEncoder, ImageReader};
+use image::{DynamicImage, ImageEncoder};
 
 use crate::atomic_file::write_file;
 use crate::{FileError, Picture, srgb};
@@ -178,7 +178,7 @@ pub fn read_picture(path: &Path) -> Result<Picture, FileError> {
 }
 
 fn read_image(bytes: &[u8]) -> Result<Picture, image::ImageError> {
-    let image = ImageReader::new(Cursor::new(bytes)).with_guessed_format()?.decode()?;
+    let image = image::load_from_memory(bytes)?;
     let (width, height) = (image.width(), image.height());
     let pixels = match image {
         DynamicImage::ImageLuma16(_)
@@ -194,8 +194,7 @@ fn read_image(bytes: &[u8]) -> Result<Picture, image::ImageError> {
 }
 
 fn read_exr(bytes: &[u8]) -> Result<Picture, String> {
-    // Reject sizes that the file cannot hold before anything is allocated.
-    declared_exr_samples(bytes)?;
+    check_exr_size(bytes)?;
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -216,11 +215,8 @@ fn read_exr(bytes: &[u8]) -> Result<Picture, String> {
 /// Upper bound of samples per byte of file: deflate, the strongest compression of EXR, expands at most 1032 times.
 const MAX_SAMPLES_PER_BYTE: u64 = 1032;
 
-/// Number of samples that the header of an OpenEXR file declares, in all channels of all layers.
-///
-/// # Errors
-/// The header is invalid, declares an empty layer, or declares more samples than `bytes` can hold.
-pub fn declared_exr_samples(bytes: &[u8]) -> Result<u64, String> {
+/// Rejects a header that declares an empty layer or more samples than `bytes` can hold, before anything is allocated.
+pub(crate) fn check_exr_size(bytes: &[u8]) -> Result<(), String> {
     let metadata = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(exr_error)?;
     let n_bytes = bytes.len();
     let max = MAX_SAMPLES_PER_BYTE.saturating_mul(n_bytes as u64);
@@ -233,31 +229,16 @@ pub fn declared_exr_samples(bytes: &[u8]) -> Result<u64, String> {
             return Err(format!("invalid image size {width} x {height} for {n_bytes} bytes of data"));
         }
     }
-    Ok(n_samples)
+    Ok(())
 }
 
 /// A sentence for an error of the decoder.
-#[must_use]
-pub fn exr_error(error: Error) -> String {
+fn exr_error(error: Error) -> String {
     match error {
         // The decoder's message for data that ends early.
         Error::Invalid(what) if what == "reference to missing bytes" => "unexpected end of OpenEXR data".to_owned(),
         Error::Invalid(what) => format!("invalid OpenEXR data: {what}"),
         Error::NotSupported(what) => format!("unsupported OpenEXR feature: {what}"),
         Error::Io(_) | Error::Aborted => format!("cannot decode OpenEXR data: {error}"),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn zero_and_nan_have_unique_bits() {
-        assert_eq!(canonical(-0.0).to_bits(), 0);
-        assert_eq!(canonical(f32::from_bits(0xffc0_1234)).to_bits(), f32::NAN.to_bits());
-        for x in [1.0, -1.0, f32::MIN_POSITIVE / 2.0, f32::INFINITY] {
-            assert_eq!(canonical(x).to_bits(), x.to_bits());
-        }
     }
 }

@@ -4,12 +4,11 @@ use std::fs;
 use std::io::Cursor;
 use std::path::Path;
 
-use canted_film::{declared_exr_samples, exr_error};
-use exr::prelude::{AnyChannels, FlatSamples, ReadChannels as _, ReadLayers as _, Vec2, read};
+use exr::prelude::{AnyChannels, Error, FlatSamples, MetaData, ReadChannels as _, ReadLayers as _, Vec2, read};
 use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageDecoder};
 
-use super::ReadError;
+use super::error::ReadError;
 use crate::EnvironmentImage;
 
 /// Largest number of texels: 16384 x 8192, 1.5 GiB as `f32`.
@@ -55,14 +54,43 @@ fn blacken(texel: &mut [f32; 3]) -> Option<()> {
     is_bad.then(|| *texel = [0.0; 3])
 }
 
-/// Decodes the first layer with color.
-fn decode_exr(bytes: &[u8]) -> Result<Texels, String> {
+/// Upper bound of texels, and of samples of EXR, per byte of file: deflate, the strongest compression, expands at most 1032 times.
+const MAX_PER_BYTE: u64 = 1032;
+
+/// Checks the sizes of all layers of an EXR against the data before anything is allocated.
+fn check_exr_size(bytes: &[u8]) -> Result<(), String> {
     /// Channels of the largest supported image: color and alpha.
     const N_CHANNELS: u64 = 4;
-    let n_samples = declared_exr_samples(bytes)?;
+    let metadata = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(exr_error)?;
+    let mut n_samples = 0_u64;
+    for header in &metadata.headers {
+        let Vec2(width, height) = header.layer_size;
+        let n_texels = (width as u64).saturating_mul(height as u64);
+        n_samples = n_samples.saturating_add(n_texels.saturating_mul(header.channels.list.len() as u64));
+        if n_texels == 0 || n_samples > MAX_PER_BYTE.saturating_mul(bytes.len() as u64) {
+            return Err(format!("invalid image size {width} x {height} for {} bytes of data", bytes.len()));
+        }
+    }
     if n_samples > N_CHANNELS * MAX_TEXELS {
         return Err(format!("{n_samples} samples (limit: {})", N_CHANNELS * MAX_TEXELS));
     }
+    Ok(())
+}
+
+/// A sentence for an error of the decoder.
+fn exr_error(error: Error) -> String {
+    match error {
+        // The decoder's message for data that ends early.
+        Error::Invalid(what) if what == "reference to missing bytes" => "unexpected end of OpenEXR data".to_owned(),
+        Error::Invalid(what) => format!("invalid OpenEXR data: {what}"),
+        Error::NotSupported(what) => format!("unsupported OpenEXR feature: {what}"),
+        Error::Io(_) | Error::Aborted => format!("cannot decode OpenEXR data: {error}"),
+    }
+}
+
+/// Decodes the first layer with color.
+fn decode_exr(bytes: &[u8]) -> Result<Texels, String> {
+    check_exr_size(bytes)?;
     let image = read()
         .no_deep_data()
         .largest_resolution_level()
@@ -98,14 +126,11 @@ fn texels(Vec2(width, height): Vec2<usize>, channels: &AnyChannels<FlatSamples>)
     Some(Texels { width: u32::try_from(width).ok()?, height: u32::try_from(height).ok()?, list })
 }
 
-/// Upper bound of texels per byte of file; run-length encoding reaches about 16.
-const MAX_TEXELS_PER_BYTE: u64 = 1032;
-
 /// Decodes the image.
 fn decode_hdr(bytes: &[u8]) -> Result<Texels, String> {
     let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(|error| error.to_string())?;
     let (width, height) = decoder.dimensions();
-    let max = MAX_TEXELS.min(MAX_TEXELS_PER_BYTE.saturating_mul(bytes.len() as u64));
+    let max = MAX_TEXELS.min(MAX_PER_BYTE.saturating_mul(bytes.len() as u64));
     if !(1..=max).contains(&(u64::from(width) * u64::from(height))) {
         return Err(format!("invalid image size {width} x {height} for {} bytes of data", bytes.len()));
     }
@@ -122,6 +147,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::read::testing::{damage, damaged, rejects_truncations};
 
     /// Channel `k` of texel `(x, y)`; exact in RGBE.
     fn value(x: usize, y: usize, k: usize) -> f32 {
@@ -212,9 +238,7 @@ mod tests {
     #[test]
     fn rejects_every_truncation() {
         for full in [hdr_bytes(), exr_bytes(Encoding::UNCOMPRESSED), exr_bytes(Encoding::SMALL_LOSSLESS)] {
-            for length in 0..full.len() {
-                assert!(read_bytes(&full[..length]).0.is_err(), "{length} of {} bytes", full.len());
-            }
+            rejects_truncations(&full, full.len(), |bytes| read_bytes(bytes).0);
         }
     }
 
@@ -252,24 +276,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn mutated_images_never_panic(
-            kind in 0..3_usize,
-            patches in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
-            cut in prop::option::of(any::<prop::sample::Index>()),
-        ) {
-            let mut bytes = match kind {
+        fn mutated_images_never_panic(kind in 0..3_usize, change in damage()) {
+            let file = match kind {
                 0 => hdr_bytes(),
                 1 => exr_bytes(Encoding::UNCOMPRESSED),
                 _ => exr_bytes(Encoding::SMALL_LOSSLESS),
             };
-            for (at, byte) in patches {
-                let at = at.index(bytes.len());
-                bytes[at] = byte;
-            }
-            if let Some(cut) = cut {
-                bytes.truncate(cut.index(bytes.len()));
-            }
-            if let Ok(image) = read_bytes(&bytes).0 {
+            if let Ok(image) = read_bytes(&damaged(file, &change)).0 {
                 prop_assert_eq!(image.texels.len() as u64, u64::from(image.width) * u64::from(image.height));
                 prop_assert!(image.texels.as_flattened().iter().all(|x| x.is_finite() && *x >= 0.0));
             }
