@@ -487,32 +487,22 @@ mod tests {
 
     #[test]
     fn finished_tiles_appear_and_the_rest_is_black() {
-        let tiling = Tiling::new([20, 10], 8, None, false);
-        let mut partial = Partial::new(tiling.clone());
-        // The last tile of the first row: columns 16 to 19.
-        let mut tile = tiling.tile(2);
-        tile.pixels.fill(Pixel::of([1.0, 2.0, 4.0]) + Pixel::of([3.0, 2.0, 0.0]));
-        partial.add(&tile);
-        assert_eq!(partial.n_tiles(), [1, 6]);
-        let picture = partial.picture();
-        for (x, y, color) in [(16, 0, [2.0; 3]), (19, 7, [2.0; 3]), (15, 7, [0.0; 3]), (19, 8, [0.0; 3])] {
-            assert_eq!(picture.pixels[picture.index(x, y)], color, "{x}, {y}");
-        }
-        assert!(partial.film().is_none(), "no AOV is stored");
-    }
-
-    #[test]
-    fn requested_aovs_are_stored() {
-        let tiling = Tiling::new([20, 10], 8, None, true);
-        let mut partial = Partial::new(tiling.clone());
-        let mut tile = tiling.tile(2);
-        tile.pixels.fill(Pixel::of([1.0, 2.0, 4.0]));
-        tile.guides.fill(Guide { n_hits: 1, depth: 3.0, ..Guide::default() });
-        partial.add(&tile);
-        let film = partial.film().unwrap();
-        assert_eq!(film.picture().pixels, partial.picture().pixels);
-        for (x, y, depth) in [(16, 0, 3.0), (19, 7, 3.0), (15, 7, 0.0), (19, 8, 0.0)] {
-            assert_eq!(film.guides()[partial.picture().index(x, y)].depth, depth, "{x}, {y}");
+        for has_aovs in [false, true] {
+            let tiling = Tiling::new([20, 10], 8, None, has_aovs);
+            let mut partial = Partial::new(tiling.clone());
+            // The last tile of the first row: columns 16 to 19.
+            let mut tile = tiling.tile(2);
+            tile.pixels.fill(Pixel::of([1.0, 2.0, 4.0]) + Pixel::of([3.0, 2.0, 0.0]));
+            tile.guides.fill(Guide { n_hits: 1, depth: 3.0, ..Guide::default() });
+            partial.add(&tile);
+            assert_eq!(partial.n_tiles(), [1, 6]);
+            let (picture, film) = (partial.picture(), partial.film());
+            assert_eq!(film.as_ref().map(Film::picture), has_aovs.then(|| picture.clone()));
+            for (x, y, color, depth) in [(16, 0, 2.0, 3.0), (19, 7, 2.0, 3.0), (15, 7, 0.0, 0.0), (19, 8, 0.0, 0.0)] {
+                let at = picture.index(x, y);
+                assert_eq!(picture.pixels[at], [color; 3], "{x}, {y}");
+                assert!(film.iter().all(|film| film.guides()[at].depth == depth), "{x}, {y}");
+            }
         }
     }
 

@@ -131,14 +131,6 @@ mod tests {
     }
 
     #[test]
-    fn digits_differ_and_fill_their_height() {
-        for (i, digit) in DIGITS.iter().enumerate() {
-            assert!(digit.iter().all(|&row| row != 0 && row < 1 << DIGIT_WIDTH), "digit {i}");
-            assert!(DIGITS[..i].iter().all(|other| other != digit), "digit {i}");
-        }
-    }
-
-    #[test]
     fn a_number_has_its_position_and_width() {
         let mut picture = Picture::filled(40, 20, [0.0; 3]);
         draw_number(&mut picture, 11, [3, 4], 2, [1.0; 3]);

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use canted_film::{Format, Picture, compare, encode, read_picture, srgb, write_exr, write_picture, write_png};
+use canted_film::{Format, Picture, encode, read_picture, srgb, write_exr, write_picture, write_png};
 
 /// Values that a PNG stores exactly, and some that it clamps.
 fn gradient() -> Picture {
@@ -62,21 +62,6 @@ fn png_stores_the_nearest_srgb_byte() {
     assert_eq!(names(folder.path()), ["picture.png"]);
 }
 
-#[test]
-fn an_exr_and_its_png_differ_by_less_than_a_byte() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut picture = gradient();
-    for x in picture.pixels.as_flattened_mut() {
-        *x = x.clamp(0.0, 1.0);
-    }
-    let (exr, png) = (folder.path().join("a.exr"), folder.path().join("a.png"));
-    write_exr(&exr, &picture).unwrap();
-    write_png(&png, &picture).unwrap();
-    let result = compare(&read_picture(&png).unwrap(), &read_picture(&exr).unwrap()).unwrap();
-    // The curve is steepest at white, where half a byte is 1.055/2.4/255/2... its inverse slope 2.275 times 0.5/255.
-    assert!(result.max_difference > 0.0 && result.max_difference < 2.3 * 0.5 / 255.0, "{result:?}");
-}
-
 /// Half of the last digit computed by hand, plus the rounding of numbers below a quarter.
 const BY_HAND: f32 = 0.5e-7 + 0.125 * f32::EPSILON;
 
@@ -111,28 +96,18 @@ fn errors_name_the_file_and_leave_no_temporary_file() {
     fs::write(taken.join("inside"), "x").unwrap();
     assert!(write_png(&taken, &gradient()).is_err());
     assert_eq!(names(folder.path()), ["taken.png"]);
-    assert!(write_png(&folder.path().join("empty.png"), &Picture::filled(0, 0, [0.0; 3])).is_err());
-    assert_eq!(names(folder.path()), ["taken.png"]);
-}
-
-#[test]
-fn the_previous_picture_stays_until_it_is_replaced() {
-    let folder = tempfile::tempdir().unwrap();
+    // The previous picture stays.
     let path = folder.path().join("picture.png");
-    write_png(&path, &Picture::filled(2, 2, [0.0; 3])).unwrap();
-    assert!(write_png(&path, &Picture::filled(0, 0, [0.0; 3])).is_err());
-    assert_eq!(read_picture(&path).unwrap().pixels, vec![[0.0; 3]; 4]);
     write_png(&path, &Picture::filled(2, 2, [1.0; 3])).unwrap();
+    assert!(write_png(&path, &Picture::filled(0, 0, [0.0; 3])).is_err());
     assert_eq!(read_picture(&path).unwrap().pixels, vec![[1.0; 3]; 4]);
+    assert_eq!(names(folder.path()), ["picture.png", "taken.png"]);
 }
 
 #[test]
 fn files_that_are_not_pictures_are_rejected_by_name() {
     let folder = tempfile::tempdir().unwrap();
-    let mut exr = Vec::new();
-    let whole = folder.path().join("whole.exr");
-    write_exr(&whole, &gradient()).unwrap();
-    exr.extend(fs::read(&whole).unwrap());
+    let exr = encode(&gradient(), Format::Exr).unwrap();
     let cases: [(&str, Vec<u8>); 5] = [
         ("empty.png", Vec::new()),
         ("text.png", b"not a picture".to_vec()),
@@ -184,11 +159,4 @@ fn formats_store_the_picture() {
             }
         }
     }
-}
-
-#[test]
-fn the_extension_gives_the_format() {
-    let of = |name: &str| Format::of_path(std::path::Path::new(name));
-    assert_eq!(["a.PNG", "a.jpeg", "a.Jpg", "a.webp", "a.hdr", "a.exr"].map(|name| of(name).is_some()), [true; 6]);
-    assert_eq!(["a.gif", "png", "a.png16", "a"].map(of), [None; 4]);
 }
