@@ -1,19 +1,18 @@
 //! Scene files in TOML: assets, instances, camera, lights, environment, materials, render settings.
 //!
 //! ```text
-//! text -> tables {camera, light, material, placement} -> read -> SceneFile -> load -> Scene
+//! text -> tables {light, material, placement} -> read -> SceneFile -> load -> Scene
 //! SceneFile -> write -> text
 //! ```
 
-mod camera;
 mod light;
 mod load;
 mod material;
-mod paths;
 mod placement;
 mod read;
 mod tables;
 mod write;
+mod writer;
 
 use std::path::Path;
 use std::sync::Arc;

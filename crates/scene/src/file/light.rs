@@ -4,7 +4,7 @@ use serde::Deserialize;
 use serde_spanned::Spanned;
 
 use super::tables::{Color, ConeAngle, Direction, FileName, Finite, In, NotNegative, Point, Positive, Source};
-use super::write::{TomlWriter, number, numbers, quoted};
+use super::writer::{TomlWriter, number, numbers, quoted};
 use crate::{Light, ReadError};
 
 /// Smallest angle, rounded up, whose cosine differs from 1 in single precision: 2^-12 radians.

@@ -1,10 +1,11 @@
-//! [`SceneFile`] to [`Scene`]: reads and instances the assets, edits materials.
+//! [`SceneFile`] to [`Scene`]: resolves paths, reads and instances the assets, edits materials.
 
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::fs;
+use std::io;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 
 use super::placement::after;
 use super::read::unknown;
@@ -26,7 +27,7 @@ impl SceneFile {
             None => ("builtin".to_owned(), AssetSource::Builtin),
             Some(scene) => {
                 let stem = scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-                (stem, AssetSource::File(super::paths::relative(scene, super::paths::folder(path))?))
+                (stem, AssetSource::File(relative(scene, folder(path))?))
             }
         };
         let asset = Asset { name, source, time: None, animation: None, variant: None, material: None, line: 0 };
@@ -59,7 +60,7 @@ impl SceneFile {
     /// # Errors
     /// `image` does not exist, or its path is not UTF-8.
     pub fn with_environment(mut self, image: &Path, scale: [f32; 3], turn_degrees: f32) -> Result<Self, ReadError> {
-        let file = super::paths::relative(image, super::paths::folder(&self.path))?;
+        let file = relative(image, folder(&self.path))?;
         self.environment = Some(EnvironmentSource::Image { file, scale, turn_degrees, line: 0 });
         Ok(self)
     }
@@ -159,7 +160,7 @@ impl SceneFile {
     }
 
     /// The error of a file that this one references by a key. Without a line this file was not read, so it is not mentioned.
-    pub(super) fn error_of(&self, line: usize, key: &str, error: ReadError) -> ReadError {
+    fn error_of(&self, line: usize, key: &str, error: ReadError) -> ReadError {
         if line == 0 { error } else { error_at(&self.path, line, format!("{key}: {error}")) }
     }
 
@@ -177,7 +178,7 @@ impl SceneFile {
 
 impl Override {
     /// Whether the override applies to a material of an asset.
-    pub(super) fn applies_to(&self, asset: &str, material: &Material) -> bool {
+    fn applies_to(&self, asset: &str, material: &Material) -> bool {
         self.asset.as_ref().is_none_or(|name| name == asset) && self.material == material.name
     }
 }
@@ -387,4 +388,80 @@ impl<'a> Assembly<'a> {
         self.textures.insert(key, TextureId(id));
         Ok(TextureId(id))
     }
+}
+
+impl SceneFile {
+    /// Resolves a path in this file.
+    fn resolve(&self, file: &str) -> PathBuf {
+        folder(&self.path).join(file)
+    }
+
+    /// Moves the scene file to `path`, rewriting its relative paths to refer to the same files.
+    ///
+    /// # Errors
+    /// A referenced file does not exist, or its path is not UTF-8.
+    pub fn moved_to(mut self, path: &Path) -> Result<Self, ReadError> {
+        let from = folder(&self.path).to_owned();
+        let to = folder(path);
+        for file in self.files_mut() {
+            *file = relative(&from.join(&file), to)?;
+        }
+        path.clone_into(&mut self.path);
+        Ok(self)
+    }
+
+    /// Resolved paths of all files that this one references.
+    #[must_use]
+    pub fn files(&self) -> Vec<PathBuf> {
+        self.clone().files_mut().map(|file| self.resolve(file)).collect()
+    }
+
+    /// All file names in this file.
+    fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
+        let assets = self.assets.iter_mut().filter_map(|asset| match &mut asset.source {
+            AssetSource::File(file) => Some(file),
+            AssetSource::Builtin => None,
+        });
+        let environment = self.environment.iter_mut().filter_map(|environment| match environment {
+            EnvironmentSource::Image { file, .. } => Some(file),
+            EnvironmentSource::Constant(_) => None,
+        });
+        let materials = self.materials.iter_mut().flat_map(|material| material.edits.files_mut());
+        let overrides = self.overrides.iter_mut().flat_map(|change| change.edits.files_mut());
+        assets.chain(environment).chain(materials).chain(overrides)
+    }
+}
+
+/// The folder of a file; empty for the current folder.
+fn folder(path: &Path) -> &Path {
+    path.parent().unwrap_or(Path::new(""))
+}
+
+/// `.` for the empty path.
+fn or_current(folder: &Path) -> &Path {
+    if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
+}
+
+/// The path from `folder` to `file`, separated by `/`. Both must exist.
+fn relative(file: &Path, folder: &Path) -> Result<String, ReadError> {
+    let real = |path: &Path| fs::canonicalize(path).map_err(|source| ReadError::Io { path: path.to_owned(), source });
+    let not_utf8 = || {
+        let source = io::Error::new(io::ErrorKind::InvalidInput, "the path is not UTF-8");
+        ReadError::Io { path: file.to_owned(), source }
+    };
+    // Does not follow a link in the last component: files it references lie next to the link.
+    let target = match (real(file)?, file.file_name()) {
+        (_, Some(name)) => real(or_current(self::folder(file)))?.join(name),
+        (target, None) => target,
+    };
+    let folder = real(or_current(folder))?;
+    let n_common = target.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+    if target.components().take(n_common).all(|component| matches!(component, Component::Prefix(_))) {
+        // Another drive: no relative path exists.
+        return target.to_str().map(str::to_owned).ok_or_else(not_utf8);
+    }
+    let up = folder.components().skip(n_common).map(|_| Some(".."));
+    let down = target.components().skip(n_common).map(|component| component.as_os_str().to_str());
+    let names: Option<Vec<&str>> = up.chain(down).collect();
+    Ok(names.ok_or_else(not_utf8)?.join("/"))
 }

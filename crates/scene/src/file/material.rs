@@ -3,7 +3,7 @@ use std::fmt;
 use serde::de::{self, Deserialize, DeserializeSeed, Deserializer, MapAccess, Visitor};
 
 use super::tables::Bounds;
-use super::write::{TomlWriter, number, numbers, quoted};
+use super::writer::{TomlWriter, number, numbers, quoted};
 use crate::{AlphaMode, Encoding, Lobes, Material, TextureId, TextureRef};
 
 /// Type of a material field, with its accessor.

@@ -7,10 +7,9 @@ use std::path::Path;
 use serde::Deserialize;
 use serde_spanned::Spanned;
 
-use super::camera::{self, CameraTable};
 use super::light::{self, EnvironmentTable, LightTable};
 use super::material::MaterialTable;
-use super::placement::{Matrix, PlacementTable};
+use super::placement::{self, CameraTable, Matrix, PlacementTable};
 use super::tables::{Direction, FileName, Finite, In, NotZero, OptionText, Point, Source, closest_match};
 use super::{Asset, AssetInstance, AssetSource, NewMaterial, Override, Placement, SceneFile, Setting};
 use crate::ReadError;
@@ -54,7 +53,7 @@ impl SceneFile {
             given: Vec::new(),
             assets: assets.into_iter().map(|table| asset(table, &source)).collect::<Result<_, _>>()?,
             instances: instances.map(each).transpose()?,
-            camera: camera.map(|table| camera::camera(&table, &source)).transpose()?,
+            camera: camera.map(|table| placement::camera(&table, &source)).transpose()?,
             lights: lights
                 .map(|lights| lights.into_iter().map(|table| light::light(table, &source)).collect())
                 .transpose()?,

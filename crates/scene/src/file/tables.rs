@@ -4,6 +4,7 @@
 
 use std::{marker::PhantomData, ops, path::Path};
 
+use canted_obb::vector::{dot, normalized, to_f32, to_f64};
 use serde::{
     Deserialize, Deserializer,
     de::{self, IntoDeserializer, SeqAccess, Unexpected, Visitor, value::StrDeserializer},
@@ -484,30 +485,17 @@ pub(super) enum Bounds {
 }
 
 impl Bounds {
-    fn contains(self, x: f64) -> bool {
-        x.is_finite()
-            && match self {
-                Self::Finite => true,
-                Self::NotZero => x != 0.0,
-                Self::NotNegative => x >= 0.0,
-                Self::Positive => x > 0.0,
-                Self::Fraction => (0.0..=1.0).contains(&x),
-                Self::Ior => (1.0..=f64::from(Material::MAX_IOR)).contains(&x),
-                Self::FieldOfView => x > 0.0 && x < 180.0,
-                Self::ConeAngle => (0.0..=180.0).contains(&x),
-            }
-    }
-
-    fn description(self) -> &'static str {
+    /// Whether a finite number is legal, and what is legal.
+    fn check(self, x: f64) -> (bool, &'static str) {
         match self {
-            Self::Finite => "finite",
-            Self::NotZero => "not 0",
-            Self::NotNegative => "0 or more",
-            Self::Positive => "greater than 0",
-            Self::Fraction => "from 0 to 1",
-            Self::Ior => "from 1 to 1000",
-            Self::FieldOfView => "between 0 and 180",
-            Self::ConeAngle => "from 0 to 180",
+            Self::Finite => (true, "finite"),
+            Self::NotZero => (x != 0.0, "not 0"),
+            Self::NotNegative => (x >= 0.0, "0 or more"),
+            Self::Positive => (x > 0.0, "greater than 0"),
+            Self::Fraction => ((0.0..=1.0).contains(&x), "from 0 to 1"),
+            Self::Ior => ((1.0..=f64::from(Material::MAX_IOR)).contains(&x), "from 1 to 1000"),
+            Self::FieldOfView => (x > 0.0 && x < 180.0, "between 0 and 180"),
+            Self::ConeAngle => ((0.0..=180.0).contains(&x), "from 0 to 180"),
         }
     }
 }
@@ -519,33 +507,25 @@ pub(super) trait Number: Sized {
     fn what() -> String;
 }
 
-impl Number for f32 {
-    fn read<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        Self::deserialize(deserializer)
-    }
+macro_rules! numbers {
+    ($($number:ident)*) => {
+        $(impl Number for $number {
+            fn read<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                Self::deserialize(deserializer)
+            }
 
-    fn is_in(&self, bounds: Bounds) -> bool {
-        bounds.contains((*self).into())
-    }
+            fn is_in(&self, bounds: Bounds) -> bool {
+                self.is_finite() && bounds.check((*self).into()).0
+            }
 
-    fn what() -> String {
-        "a number".to_owned()
-    }
+            fn what() -> String {
+                "a number".to_owned()
+            }
+        })*
+    };
 }
 
-impl Number for f64 {
-    fn read<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        Self::deserialize(deserializer)
-    }
-
-    fn is_in(&self, bounds: Bounds) -> bool {
-        bounds.contains(*self)
-    }
-
-    fn what() -> String {
-        "a number".to_owned()
-    }
-}
+numbers! { f32 f64 }
 
 impl<const N: usize> Number for [f32; N] {
     fn read<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -566,7 +546,7 @@ impl<const N: usize> Number for [f32; N] {
 impl Bounds {
     pub(super) fn read<'de, T: Number, D: Deserializer<'de>>(self, deserializer: D) -> Result<T, D::Error> {
         let number = T::read(deserializer).ok().filter(|number| number.is_in(self));
-        number.ok_or_else(|| de::Error::custom(format!("{} ({})", T::what(), self.description())))
+        number.ok_or_else(|| de::Error::custom(format!("{} ({})", T::what(), self.check(0.0).1)))
     }
 }
 
@@ -629,17 +609,10 @@ impl<'de> Deserialize<'de> for FileName {
 const UNIT_ERROR: f64 = HALF_EPSILON * (2.0 + HALF_EPSILON);
 const HALF_EPSILON: f64 = 0.5 * f32::EPSILON as f64;
 
-/// The normalized vector; `None` for zero.
-pub(super) fn unit(v: [f32; 3]) -> Option<[f32; 3]> {
-    let wide = v.map(f64::from);
-    let square: f64 = wide.iter().map(|x| x * x).sum();
-    if square == 0.0 {
-        return None;
-    }
-    if (square - 1.0).abs() <= UNIT_ERROR {
-        return Some(v);
-    }
-    Some(wide.map(|x| (x / square.sqrt()) as f32))
+/// The vector scaled to length 1; `None` for zero.
+fn unit(v: [f32; 3]) -> Option<[f32; 3]> {
+    let wide = to_f64(v);
+    if (dot(wide, wide) - 1.0).abs() <= UNIT_ERROR { Some(v) } else { normalized(wide).map(to_f32) }
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! [`SceneFile`] to TOML text.
 
-use super::{Asset, AssetInstance, AssetSource, SceneFile, Setting, camera, light, placement};
+use super::writer::{TomlWriter, number, quoted};
+use super::{Asset, AssetInstance, AssetSource, SceneFile, Setting, light, placement};
 
 impl SceneFile {
     /// TOML text with explanatory comments that parses back to this scene file.
@@ -14,7 +15,7 @@ impl SceneFile {
             self.settings.iter().for_each(|setting| write_setting(setting, &mut out));
         }
         if let Some(camera) = &self.camera {
-            camera::write(camera, &mut out);
+            placement::write_camera(camera, &mut out);
         }
         // Empty arrays are keys of the root table, which must precede all other tables.
         let mut keys = TomlWriter::default();
@@ -93,75 +94,4 @@ fn write_instance(instance: &AssetInstance, out: &mut TomlWriter) {
         out.comment("Transform at shutter close; matrix entries are interpolated linearly.");
         placement::write(close, out);
     }
-}
-
-/// Column at which comments start after short values.
-const COMMENT_COLUMN: usize = 44;
-
-/// TOML text under construction.
-#[derive(Default)]
-pub(super) struct TomlWriter {
-    pub(super) text: String,
-}
-
-impl TomlWriter {
-    /// Writes comment lines.
-    pub(super) fn comment(&mut self, text: &str) {
-        for line in text.lines() {
-            self.text.push_str(if line.is_empty() { "#" } else { "# " });
-            // TOML forbids control characters in comments.
-            self.text.extend(line.chars().filter(|c| !c.is_control()));
-            self.text.push('\n');
-        }
-    }
-
-    /// Writes a blank line and a table header.
-    pub(super) fn heading(&mut self, name: &str) {
-        self.blank();
-        self.text.push_str(name);
-        self.text.push('\n');
-    }
-
-    /// Writes a blank line unless the text is empty.
-    pub(super) fn blank(&mut self) {
-        if !self.text.is_empty() {
-            self.text.push('\n');
-        }
-    }
-
-    /// Writes a key, its value and an optional comment.
-    pub(super) fn entry(&mut self, key: &str, value: &str, comment: &str) {
-        let start = self.text.len();
-        self.text.push_str(&format!("{key} = {value}"));
-        if !comment.is_empty() {
-            let width = self.text.len() - start;
-            self.text.push_str(&" ".repeat(COMMENT_COLUMN.saturating_sub(width).max(1)));
-            self.text.push_str(&format!("# {comment}"));
-        }
-        self.text.push('\n');
-    }
-}
-
-/// The shortest digits that parse back to `x`.
-pub(super) fn number(x: f32) -> String {
-    format!("{x:?}")
-}
-
-/// An array of numbers.
-pub(super) fn numbers(numbers: &[f32]) -> String {
-    format!("[{}]", numbers.iter().map(|&x| number(x)).collect::<Vec<_>>().join(", "))
-}
-
-/// A quoted and escaped string.
-pub(super) fn quoted(text: &str) -> String {
-    let mut quoted = String::from('"');
-    for c in text.chars() {
-        match c {
-            '"' | '\\' => quoted.extend(['\\', c]),
-            c if c.is_control() => quoted.push_str(&format!("\\U{:08x}", u32::from(c))),
-            c => quoted.push(c),
-        }
-    }
-    quoted.push('"');
-    quoted
 }
