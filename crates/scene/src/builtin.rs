@@ -310,10 +310,11 @@ mod tests {
     use canted_obb::vector::{Vector as Vec3, cross, dot, length, sub};
 
     use super::{
-        build::{MeshBuilder, Paint, hills, noise, tilted, unit},
+        build::{MeshBuilder, Paint, unit},
         builtin,
         landscape::ground,
     };
+    use crate::flaw::{flaw, is_numbered};
     use crate::{Light, Mesh, Scene};
 
     /// Unit roundoff of `f32`.
@@ -321,37 +322,6 @@ mod tests {
 
     fn corners(mesh: &Mesh, triangle: usize) -> [Vec3; 3] {
         mesh.triangles[triangle].map(|index| mesh.positions[index as usize].map(f64::from))
-    }
-
-    /// Checks that indices are in range, positions finite, and transforms invertible.
-    fn check(scene: &Scene) -> Result<(), String> {
-        let require = |holds: bool, flaw: &dyn Fn() -> String| if holds { Ok(()) } else { Err(flaw()) };
-        for mesh in &scene.meshes {
-            let name = &mesh.name;
-            require(mesh.positions.iter().flatten().all(|x| x.is_finite()), &|| {
-                format!("{name}: a position is not finite")
-            })?;
-            let in_range = |&index: &u32| (index as usize) < mesh.positions.len();
-            require(mesh.triangles.iter().flatten().all(in_range), &|| format!("{name}: an index is out of range"))?;
-            let starts = mesh.parts.iter().map(|part| part.first_triangle as usize);
-            require(starts.clone().next() == Some(0), &|| format!("{name}: the first part starts late"))?;
-            let ends = starts.clone().skip(1).chain([mesh.triangles.len()]);
-            require(starts.zip(ends).all(|(start, end)| start < end), &|| format!("{name}: an empty part"))?;
-            let painted = mesh.parts.iter().all(|part| (part.material.0 as usize) < scene.materials.len());
-            require(painted, &|| format!("{name}: no such material"))?;
-        }
-        let mut n_primitives = 0;
-        for (i, instance) in scene.instances.iter().enumerate() {
-            let map = &instance.world_from_object;
-            let mesh = scene.meshes.get(instance.mesh.0 as usize).ok_or(format!("instance {i}: no such mesh"))?;
-            // Without shear the determinant is the product of the axis lengths, up to rounding.
-            let stretch: f64 = map.columns[..3].iter().map(|column| length(column.map(f64::from))).product();
-            let invertible = map.is_finite() && stretch > 0.0 && map.determinant().abs() > 0.999 * stretch;
-            require(invertible, &|| format!("instance {i}: cannot be inverted"))?;
-            require(instance.first_primitive as usize == n_primitives, &|| format!("instance {i}: wrong numbering"))?;
-            n_primitives += mesh.triangles.len();
-        }
-        Ok(())
     }
 
     /// Number of triangles with their centroid in a 16:9 image of the first camera.
@@ -386,27 +356,10 @@ mod tests {
     #[test]
     fn scene_is_valid() {
         let scene = builtin();
-        assert_eq!(check(&scene), Ok(()));
-        assert!(scene.materials.iter().flat_map(|material| material.base_color).all(|x| (0.0..=1.0).contains(&x)));
+        assert_eq!(flaw(&scene), None);
+        assert!(is_numbered(&scene));
         let [Light::Sun { direction, .. }] = scene.lights[..] else { panic!("one sun: {:?}", scene.lights) };
         assert!((length(direction.map(f64::from)) - 1.0).abs() <= 2.0 * U && direction[1] < 0.0);
-    }
-
-    #[test]
-    fn check_detects_each_error() {
-        let spoil = |damage: fn(&mut Scene)| {
-            let mut scene = builtin();
-            damage(&mut scene);
-            check(&scene).expect_err("a flaw")
-        };
-        assert!(spoil(|scene| scene.meshes[3].positions[2][1] = f32::NAN).contains("not finite"));
-        assert!(spoil(|scene| scene.meshes[3].triangles[5][0] = 1 << 20).contains("out of range"));
-        assert!(spoil(|scene| scene.meshes[3].parts[0].first_triangle = 1).contains("starts late"));
-        assert!(spoil(|scene| scene.meshes[0].parts[1].first_triangle = 0).contains("empty part"));
-        assert!(spoil(|scene| scene.materials.truncate(5)).contains("no such material"));
-        assert!(spoil(|scene| scene.meshes.truncate(5)).contains("no such mesh"));
-        assert!(spoil(|scene| scene.instances[9].world_from_object.columns[1] = [0.0; 3]).contains("inverted"));
-        assert!(spoil(|scene| scene.instances[9].first_primitive += 1).contains("numbering"));
     }
 
     #[test]
@@ -496,42 +449,5 @@ mod tests {
                 assert!(cross(sub(b, a), sub(c, a))[1] > 0.0, "{} {triangle}", mesh.name);
             }
         }
-    }
-
-    #[test]
-    fn parts_are_sorted_by_material() {
-        let mut mesh = MeshBuilder::default();
-        for paint in [Paint::Wood, Paint::Steel, Paint::Wood] {
-            mesh.block(paint, [0.0; 3], [1.0; 3]);
-        }
-        let mesh = mesh.finish("three blocks");
-        let parts: Vec<_> = mesh.parts.iter().map(|part| (part.first_triangle, part.material)).collect();
-        assert_eq!(parts, [(0, Paint::Steel.material()), (12, Paint::Wood.material())]);
-    }
-
-    #[test]
-    fn tilted_keeps_axes_orthogonal() {
-        let upward = [0.3, 2.0, -0.7];
-        let map = tilted([1.0, 2.0, 3.0], upward, 0.8, [2.0, 3.0, 5.0]);
-        let axes = [0, 1, 2].map(|k| map.columns[k].map(f64::from));
-        // Each component is rounded once to f32; the longest axis has length 5.
-        let error = 2.0 * 3.0_f64.sqrt() * U * 25.0;
-        for (k, scale) in [2.0, 3.0, 5.0].into_iter().enumerate() {
-            assert!((length(axes[k]) - scale).abs() < error && dot(axes[k], axes[(k + 1) % 3]).abs() < error);
-        }
-        assert!(length(cross(unit(axes[1]), unit(upward))) < error);
-        assert!((map.determinant() - 30.0).abs() < 30.0 * error);
-    }
-
-    #[test]
-    fn noise_is_bounded_and_periodic() {
-        for i in 0..2000 {
-            let [x, y] = [0.37, 0.71].map(|step| step * f64::from(i) - 300.0);
-            assert!(noise(x, y, 7, 1).abs() <= 1.0 && hills(x, y, 1).abs() <= 1.0);
-            // Coordinates are below 2,000 with one rounding; the gradient of the noise is below 4.
-            assert!((noise(x, y, 7, 1) - noise(x + 7.0, y - 14.0, 7, 1)).abs() < 8.0 * 2000.0 * f64::EPSILON);
-        }
-        let spread = (0..100).map(|i| noise(f64::from(i), 0.5, 1000, 1)).fold(0.0_f64, |most, x| most.max(x.abs()));
-        assert!(spread > 0.5, "not constant");
     }
 }

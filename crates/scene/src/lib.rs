@@ -30,7 +30,6 @@
 //! | [`Scene`] | meshes, instances, materials, textures, lights, cameras, warnings |
 //! | [`SceneFile`] | TOML scene files: assets, instances, camera, lights, material changes, render settings |
 //! | [`builtin`] | a generated scene: a cable-stayed bridge over a river |
-//! | [`SceneStats`] | element counts and memory use |
 //! | [`ReadError`] | one sentence with file, location and value |
 //!
 //! # Guarantees
@@ -63,8 +62,14 @@
 //! | `ktx2` | KTX2 textures and `KHR_texture_basisu`: 8 bits per channel or Basis Universal, also compressed by Zstandard |
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+extern crate self as canted_scene;
+
 mod builtin;
 mod file;
+#[cfg(test)]
+#[path = "../tests/scene/flaw.rs"]
+mod flaw;
 mod light;
 mod material;
 mod read;
@@ -81,7 +86,7 @@ pub use material::{
     UvTransform, Wrap,
 };
 pub use read::{AnimatedScene, ReadError, ReadOptions, read, read_environment, read_with};
-pub use scene::{Camera, Instance, Lens, Mesh, MeshClose, MeshId, Part, Projection, Scene, SceneStats};
+pub use scene::{Camera, Instance, Lens, Mesh, MeshClose, MeshId, Part, Projection, Scene};
 
 /// The features of this crate, and whether this build has them.
 pub const FEATURES: [(&str, bool); 9] = [

@@ -321,6 +321,14 @@ pub struct Texture {
     pub magnification: Magnification,
 }
 
+impl Texture {
+    /// A texture that repeats and is interpolated.
+    pub(crate) fn new(name: &str, [width, height]: [u32; 2], texels: Vec<[u8; 4]>, encoding: Encoding) -> Self {
+        let (wrap, magnification) = ([Wrap::Repeat; 2], Magnification::Linear);
+        Self { name: name.to_owned(), width, height, texels, encoding, wrap, magnification }
+    }
+}
+
 /// A reference from a material to a texture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureRef {

@@ -16,6 +16,8 @@ mod ply;
 mod polygon;
 #[cfg(feature = "stl")]
 mod stl;
+#[cfg(test)]
+mod testing;
 mod text;
 
 use std::ffi::OsStr;
@@ -209,39 +211,11 @@ mod tests {
     use super::obj::materials::parse_library;
     use super::{ReadError, obj, ply, read};
     use crate::Scene;
+    use crate::flaw::is_numbered;
 
-    /// The first error in a scene: an index out of range, a non-finite position, mismatched counts.
+    /// The first error in a scene of one format.
     fn flaw(scene: &Scene) -> Option<String> {
-        let mut next = 0;
-        for instance in &scene.instances {
-            let mesh = scene.meshes.get(instance.mesh.0 as usize)?;
-            if instance.first_primitive != next {
-                return Some(format!("primitive {} instead of {next}", instance.first_primitive));
-            }
-            next += u32::try_from(mesh.triangles.len()).unwrap();
-        }
-        for mesh in &scene.meshes {
-            let n = mesh.positions.len();
-            let is_usable =
-                |&index: &u32| mesh.positions.get(index as usize).is_some_and(|p| p.iter().all(|x| x.is_finite()));
-            if let Some(index) = mesh.triangles.iter().flatten().find(|index| !is_usable(index)) {
-                return Some(format!("vertex {index} of {n} is missing or not finite"));
-            }
-            if mesh.normals.as_ref().is_some_and(|normals| normals.len() != n)
-                || mesh.uvs.as_ref().is_some_and(|uvs| uvs.len() != n)
-                || mesh.colors.as_ref().is_some_and(|colors| colors.len() != n)
-            {
-                return Some("attributes and positions differ in number".into());
-            }
-            if mesh
-                .parts
-                .first()
-                .is_none_or(|part| part.first_triangle != 0 || part.material.0 as usize >= scene.materials.len())
-            {
-                return Some("triangle 0 has no material".into());
-            }
-        }
-        (next == 0).then(|| "no triangle".into())
+        crate::flaw::flaw(scene).or_else(|| (!is_numbered(scene)).then(|| "wrong numbers".to_owned()))
     }
 
     const OBJ: &str = "mtllib a.mtl\no a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nvt 0 1\nvn 0 0 1\ng b\nusemtl c\nf 1 2 3 4\nf -1/1/1 -2/1 -3//1\n";
@@ -350,15 +324,18 @@ mod tests {
         every_changed_byte(OFF.as_bytes(), super::off::parse);
     }
 
+    /// Reads a file of this name in a folder of its own.
+    fn file(name: &str, bytes: &[u8]) -> Result<Scene, ReadError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        read(&path)
+    }
+
     #[cfg(all(feature = "stl", feature = "off"))]
     #[test]
     fn stl_and_off_are_recognized_by_content_and_by_extension() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = |name: &str, text: &str| {
-            let path = folder.path().join(name);
-            std::fs::write(&path, text).unwrap();
-            read(&path).map(|scene| scene.n_placed_triangles())
-        };
+        let file = |name: &str, text: &str| file(name, text.as_bytes()).map(|scene| scene.n_placed_triangles());
         for name in ["a.stl", "a.STL", "a.obj", "a"] {
             assert_eq!(file(name, STL).unwrap(), 1, "{name}");
         }
@@ -371,29 +348,8 @@ mod tests {
     }
 
     #[test]
-    fn flaw_detects_each_error() {
-        let spoiled = |spoil: fn(&mut Scene)| {
-            let mut scene = obj::parse(Path::new("a.obj"), &OBJ.as_bytes()["mtllib a.mtl\n".len()..]).unwrap();
-            assert_eq!(flaw(&scene), None);
-            spoil(&mut scene);
-            flaw(&scene)
-        };
-        assert!(spoiled(|scene| scene.instances[0].first_primitive = 1).is_some());
-        assert!(spoiled(|scene| scene.meshes[0].triangles[0][2] = 99).is_some());
-        assert!(spoiled(|scene| scene.meshes[0].positions[0][1] = f32::INFINITY).is_some());
-        assert!(spoiled(|scene| scene.meshes[0].normals.as_mut().unwrap().truncate(1)).is_some());
-        assert!(spoiled(|scene| scene.materials.clear()).is_some());
-        assert!(spoiled(|scene| scene.instances.clear()).is_some());
-    }
-
-    #[test]
     fn format_is_determined_by_content_then_extension() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = |name: &str, text: &str| {
-            let path = folder.path().join(name);
-            std::fs::write(&path, text).unwrap();
-            read(&path)
-        };
+        let file = |name: &str, text: &str| file(name, text.as_bytes());
         let obj = &OBJ["mtllib a.mtl\n".len()..];
         assert_eq!(file("a.OBJ", obj).unwrap().n_placed_triangles(), 3);
         assert_eq!(file("a.ply", PLY).unwrap().n_placed_triangles(), 1);
@@ -419,16 +375,10 @@ mod tests {
     fn gzip_files_are_decompressed() {
         use std::io::Write;
 
-        let folder = tempfile::tempdir().unwrap();
         let compressed = |bytes: &[u8]| {
             let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
             encoder.write_all(bytes).unwrap();
             encoder.finish().unwrap()
-        };
-        let file = |name: &str, bytes: &[u8]| {
-            let path = folder.path().join(name);
-            std::fs::write(&path, bytes).unwrap();
-            read(&path)
         };
         let obj = &OBJ.as_bytes()["mtllib a.mtl\n".len()..];
         assert_eq!(file("a.obj.gz", &compressed(obj)).unwrap().n_placed_triangles(), 3);

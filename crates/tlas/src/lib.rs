@@ -64,7 +64,6 @@ mod instance;
 mod motion;
 mod placement;
 mod query;
-mod ray;
 mod tlas;
 mod top;
 

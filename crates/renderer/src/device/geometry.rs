@@ -4,14 +4,12 @@ use bytemuck::{Pod, Zeroable};
 use canted_gpu::{MAX_COORDINATE, MotionPolynomials};
 use canted_obb::{Aabb, Affine};
 use canted_scene::{Instance, Mesh, Scene};
-use glam::DVec3;
 use rayon::prelude::*;
 
 use super::materials::{Columns, Materials};
-use super::slack;
+use super::slack::{self, cofactors};
 use crate::scene_bvh::instances;
-use crate::surface::Pose;
-use crate::{narrow, wide};
+use canted_obb::vector::{Vector, add, cross, length, scale, sub, to_f32 as narrow, to_f64 as wide, unit};
 
 /// `Triangle` of `shared/surface/mesh`.
 #[repr(C)]
@@ -122,30 +120,38 @@ impl Geometry {
         let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|&p| map.point(p)).collect();
         let words = &mut self.vertices[start..];
         put(words, stride, 0, &positions);
-        let pose = Pose::fixed(map);
-        put_attributes(words, mesh, columns, &pose);
+        put_attributes(words, mesh, columns, map);
+        let cofactors = cofactors(&map.columns.map(wide));
         for (index, part) in mesh.parts.iter().enumerate() {
             let end = mesh.parts.get(index + 1).map_or(mesh.triangles.len(), |next| next.first_triangle as usize);
             let material = materials.number(part.material, mesh) | if is_mirrored { MIRRORED } else { 0 };
             let own = mesh.triangles[part.first_triangle as usize..end].par_iter();
-            self.triangles.par_extend(own.map(|&corners| packed_triangle(corners, base, mesh, &pose, material)));
+            self.triangles.par_extend(own.map(|&corners| packed_triangle(corners, base, mesh, &cofactors, material)));
         }
         Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach()
     }
 }
 
-/// A triangle of a mesh whose vertices start at `base`, placed in this pose.
+/// A triangle of a mesh whose vertices start at `base`, transformed with these cofactors.
 ///
 /// The normal comes from vertices in `f64`: far from the origin, rounded vertices would tilt a small triangle. It has the bits of
 /// the CPU's normal, because a tangent frame changes with the sign of a zero component.
-fn packed_triangle(corners: [u32; 3], base: u32, mesh: &Mesh, pose: &Pose, material: u32) -> PackedTriangle {
+fn packed_triangle(
+    corners: [u32; 3],
+    base: u32,
+    mesh: &Mesh,
+    cofactors: &[Vector; 3],
+    material: u32,
+) -> PackedTriangle {
     let [a, b, c] = corners.map(|i| wide(mesh.positions[i as usize]));
-    let winding = pose.normal_world((b - a).cross(c - a));
+    let [x, y, z] = cross(sub(b, a), sub(c, a));
+    // In the order of the CPU's `Pose::normal_world`.
+    let winding = add(scale(cofactors[0], x), add(scale(cofactors[1], y), scale(cofactors[2], z)));
     PackedTriangle {
         vertices: corners.map(|i| base + i),
         material,
-        normal: winding.try_normalize().map_or([0.0; 3], narrow),
-        area_root: winding.length().sqrt() as f32,
+        normal: unit(winding).map_or([0.0; 3], narrow),
+        area_root: length(winding).sqrt() as f32,
     }
 }
 
@@ -170,16 +176,16 @@ fn tame(x: f32) -> f32 {
 }
 
 /// Writes normals, tangents, colors and texture coordinates of the mesh, or their defaults.
-fn put_attributes(words: &mut [f32], mesh: &Mesh, columns: &Columns, pose: &Pose) {
+fn put_attributes(words: &mut [f32], mesh: &Mesh, columns: &Columns, map: &Affine) {
     let stride = columns.stride as usize;
     if let Some(normals) = mesh.normals.as_ref().filter(|_| columns.normal > 0) {
-        let cofactors = in_range(pose.cofactor);
+        let cofactors = in_range(&cofactors(&map.columns.map(wide)));
         let image = |n: &[f32; 3]| narrow(by_columns(&cofactors, wide(*n)));
         put(words, stride, columns.normal, &normals.iter().map(image).collect::<Vec<_>>());
     }
     if let Some(tangents) = mesh.tangents.as_ref().filter(|_| columns.tangent > 0) {
-        let [x, y, z, _] = pose.columns;
-        let linear = in_range([x, y, z]);
+        let [x, y, z, _] = map.columns.map(wide);
+        let linear = in_range(&[x, y, z]);
         let image = |&[x, y, z, sign]: &[f32; 4]| {
             let [x, y, z] = narrow(by_columns(&linear, wide([x, y, z])));
             [x, y, z, sign]
@@ -199,18 +205,15 @@ fn put_attributes(words: &mut [f32], mesh: &Mesh, columns: &Columns, pose: &Pose
     }
 }
 
-fn by_columns([a, b, c]: &[DVec3; 3], DVec3 { x, y, z }: DVec3) -> DVec3 {
-    *a * x + *b * y + *c * z
+fn by_columns(columns: &[Vector; 3], [x, y, z]: Vector) -> Vector {
+    let [a, b, c] = [scale(columns[0], x), scale(columns[1], y), scale(columns[2], z)];
+    std::array::from_fn(|k| a[k] + b[k] + c[k])
 }
 
 /// The columns scaled so that their lengths are about 1.
-fn in_range(columns: [DVec3; 3]) -> [DVec3; 3] {
-    columns.map(|column| column * (1.0 / length_of(columns)))
-}
-
-/// The Frobenius norm.
-fn length_of(columns: [DVec3; 3]) -> f64 {
-    DVec3::from(columns.map(DVec3::length)).length()
+fn in_range(columns: &[Vector; 3]) -> [Vector; 3] {
+    let size = length(columns.map(length));
+    columns.map(|column| scale(column, 1.0 / size))
 }
 
 fn rounded(x: f64) -> f32 {
@@ -219,8 +222,8 @@ fn rounded(x: f64) -> f32 {
 
 fn packed_placement(map: &Affine, first_triangle: u32, reach: f32) -> PackedPlacement {
     let [x, y, z, shift] = map.columns;
-    let Pose { cofactor, .. } = Pose::fixed(map);
-    let [cofactor_x, cofactor_y, cofactor_z] = in_range(cofactor).map(narrow);
+    let cofactors = cofactors(&map.columns.map(wide));
+    let [cofactor_x, cofactor_y, cofactor_z] = in_range(&cofactors).map(narrow);
     PackedPlacement {
         x,
         slack: slack::of_instance(map, reach),
@@ -229,7 +232,7 @@ fn packed_placement(map: &Affine, first_triangle: u32, reach: f32) -> PackedPlac
         z,
         first_triangle,
         shift,
-        scale_root: rounded(length_of(cofactor).sqrt()),
+        scale_root: rounded(length(cofactors.map(length)).sqrt()),
         cofactor_x,
         motion: u32::MAX,
         cofactor_y,

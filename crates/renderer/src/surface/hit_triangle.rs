@@ -141,9 +141,9 @@ impl<'a> PlacedTriangle<'a> {
 /// `world_from_object` at one time, prepared for points and normals.
 #[derive(Clone, Debug)]
 pub(crate) struct Pose {
-    pub(crate) columns: [DVec3; 4],
+    columns: [DVec3; 4],
     /// Columns of the cofactor matrix, which maps object normals to world normals up to length and sign.
-    pub(crate) cofactor: [DVec3; 3],
+    cofactor: [DVec3; 3],
 }
 
 impl Pose {

@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_4, SQRT_2, TAU};
 
 use canted_obb::Affine;
-use canted_obb::vector::{Vector as Vec3, cross, length, sub, to_f32};
+use canted_obb::vector::{Vector as Vec3, cross, normalized, sub, to_f32};
 
 use crate::{Instance, Material, MaterialId, Mesh, MeshId, Part, Scene};
 
@@ -184,10 +184,9 @@ pub(super) fn lerp(a: Vec3, b: Vec3, fraction: f64) -> Vec3 {
     std::array::from_fn(|k| a[k] + (b[k] - a[k]) * fraction)
 }
 
-/// `v` scaled to length 1 by division.
+/// `v` scaled to length 1.
 pub(super) fn unit(v: Vec3) -> Vec3 {
-    let length = length(v);
-    v.map(|x| x / length)
+    normalized(v).unwrap_or_default()
 }
 
 /// Two unit vectors that form a right-handed frame with `axis`; the first is horizontal.

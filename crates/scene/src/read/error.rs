@@ -131,6 +131,10 @@ impl ReadError {
 impl fmt::Display for ReadError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let file = self.path().display();
+        let list = |what: &str, known: &[String]| match known {
+            [] => format!(": the file has no {what}"),
+            known => format!("; the file has {}", known.join(", ")),
+        };
         let sentence = match self {
             Self::Io { source, .. } => format!("{file}: cannot read file: {source}"),
             Self::UnknownFormat { .. } => {
@@ -138,17 +142,11 @@ impl fmt::Display for ReadError {
             }
             Self::Malformed { location, message, .. } => format!("{file}: {location}: {message}"),
             Self::Unsupported { feature, .. } => format!("{file}: {feature} is not supported"),
-            Self::UnknownAnimation { wanted, known, .. } if known.is_empty() => {
-                format!("{file}: unknown animation '{wanted}': the file has no animation")
-            }
             Self::UnknownAnimation { wanted, known, .. } => {
-                format!("{file}: unknown animation '{wanted}'; the file has {}", known.join(", "))
-            }
-            Self::UnknownVariant { wanted, known, .. } if known.is_empty() => {
-                format!("{file}: unknown variant '{wanted}': the file has no material variant")
+                format!("{file}: unknown animation '{wanted}'{}", list("animation", known))
             }
             Self::UnknownVariant { wanted, known, .. } => {
-                format!("{file}: unknown variant '{wanted}'; the file has {}", known.join(", "))
+                format!("{file}: unknown variant '{wanted}'{}", list("material variant", known))
             }
             Self::VertexNotFinite { mesh, vertex, position: [x, y, z], .. } => {
                 format!("{file}: {mesh}: {vertex} is not finite: {x}, {y}, {z}")

@@ -18,8 +18,6 @@ mod material;
 mod meshopt;
 mod nodes;
 mod primitive;
-#[cfg(test)]
-mod tests;
 mod texture;
 
 use std::path::Path;

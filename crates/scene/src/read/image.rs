@@ -5,7 +5,7 @@ use std::io::Cursor;
 
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use crate::{Encoding, Magnification, Texture, Wrap};
+use crate::{Encoding, Texture};
 
 /// Largest number of texels: 1 GiB as RGBA.
 pub(super) const MAX_TEXELS: u64 = 1 << 28;
@@ -69,15 +69,7 @@ pub(crate) fn decode(name: &str, bytes: &[u8]) -> Result<Texture, String> {
     }
     let image = DynamicImage::from_decoder(decoder).map_err(one_line)?;
     let texels = image.into_rgba8().into_raw().as_chunks().0.to_vec();
-    Ok(Texture {
-        name: name.to_owned(),
-        width,
-        height,
-        texels,
-        encoding: Encoding::Srgb,
-        wrap: [Wrap::Repeat; 2],
-        magnification: Magnification::Linear,
-    })
+    Ok(Texture::new(name, [width, height], texels, Encoding::Srgb))
 }
 
 /// Converts an image to a white alpha mask: its alpha channel if that varies, else its luminance.
@@ -147,40 +139,21 @@ fn last_scan_ends(jpeg: &[u8]) -> bool {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
-    use super::*;
+mod tests {
     use proptest::prelude::*;
 
-    /// A 5 x 3 image with a different color in each texel.
-    pub(crate) fn encoded(format: ImageFormat) -> Vec<u8> {
-        let channel = |x: u32| u8::try_from(x).unwrap();
-        let image = image::RgbImage::from_fn(5, 3, |x, y| image::Rgb([channel(40 * x), channel(80 * y), 200]));
-        let mut bytes = Vec::new();
-        image.write_to(&mut Cursor::new(&mut bytes), format).unwrap();
-        bytes
-    }
+    use super::*;
+    use crate::read::testing::{damage, damaged, encoded};
 
     fn texture(texels: &[[u8; 4]]) -> Texture {
-        Texture {
-            name: String::new(),
-            width: u32::try_from(texels.len()).unwrap(),
-            height: 1,
-            texels: texels.to_vec(),
-            encoding: Encoding::Srgb,
-            wrap: [Wrap::Repeat; 2],
-            magnification: Magnification::Linear,
-        }
+        Texture::new("", [u32::try_from(texels.len()).unwrap(), 1], texels.to_vec(), Encoding::Srgb)
     }
 
     #[test]
-    fn decodes_png_regardless_of_extension() {
+    fn decodes_png_and_jpeg_regardless_of_extension() {
         let decoded = decode("wrong name.jpg", &encoded(ImageFormat::Png)).unwrap();
         assert_eq!((decoded.width, decoded.height), (5, 3));
         assert_eq!(decoded.texels[4 + 5 * 2], [160, 160, 200, 255], "row 0 is the top");
-    }
-
-    #[test]
-    fn decodes_jpeg_regardless_of_extension() {
         let decoded = decode("wrong name.png", &encoded(ImageFormat::Jpeg)).unwrap();
         assert_eq!((decoded.width, decoded.height, decoded.texels.len()), (5, 3, 15));
     }
@@ -266,11 +239,9 @@ pub(crate) mod tests {
 
     proptest! {
         #[test]
-        fn mutated_images_never_panic(at in 0_usize..2000, byte: u8, jpeg: bool) {
-            let mut bytes = encoded(if jpeg { ImageFormat::Jpeg } else { ImageFormat::Png });
-            let at = at % bytes.len();
-            bytes[at] = byte;
-            if let Ok(texture) = decode("", &bytes) {
+        fn mutated_images_never_panic(change in damage(), jpeg: bool) {
+            let file = encoded(if jpeg { ImageFormat::Jpeg } else { ImageFormat::Png });
+            if let Ok(texture) = decode("", &damaged(file, &change)) {
                 prop_assert_eq!(texture.texels.len() as u64, u64::from(texture.width) * u64::from(texture.height));
             }
         }

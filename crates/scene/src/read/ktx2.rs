@@ -9,7 +9,7 @@ use std::panic::catch_unwind;
 use basisu::{DecodeFlags, TargetFormat, Transcoder};
 use ktx2::{ColorModel, Format, Level, Reader, SupercompressionScheme, TransferFunction};
 
-use crate::{Encoding, Magnification, Texture, Wrap};
+use crate::{Encoding, Texture};
 
 /// Upper bound of texels per byte: a block of Zstandard repeats one byte up to 2^17 times and takes four bytes.
 const MAX_TEXELS_PER_BYTE: u64 = 1 << 16;
@@ -55,15 +55,7 @@ fn decode_trusting(name: &str, bytes: &[u8], max_texels: u64) -> Result<Texture,
             texels = texels.chunks(row).rev().flatten().copied().collect();
         }
     }
-    Ok(Texture {
-        name: name.to_owned(),
-        width,
-        height,
-        texels,
-        encoding: if is_srgb { Encoding::Srgb } else { Encoding::Linear },
-        wrap: [Wrap::Repeat; 2],
-        magnification: Magnification::Linear,
-    })
+    Ok(Texture::new(name, [width, height], texels, if is_srgb { Encoding::Srgb } else { Encoding::Linear }))
 }
 
 /// Texels of a format of 8-bit channels, and whether they are sRGB. Absent channels are 0, and 1 for alpha.
@@ -166,7 +158,7 @@ fn swizzle(texels: &mut [[u8; 4]], source: [u8; 4]) -> Result<(), String> {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use std::fs;
     use std::path::Path;
 
@@ -174,6 +166,7 @@ pub(crate) mod tests {
 
     use super::*;
     use crate::read::image::MAX_TEXELS;
+    use crate::read::testing::{damage, damaged};
 
     /// Words of the header of Vulkan formats.
     const R8_UNORM: u32 = 9;
@@ -184,7 +177,7 @@ pub(crate) mod tests {
 
     /// A file under construction.
     #[derive(Clone)]
-    pub(crate) struct File {
+    struct File {
         format: u32,
         /// Width, height, depth, layers, faces.
         counts: [u32; 5],
@@ -194,7 +187,7 @@ pub(crate) mod tests {
     }
 
     impl File {
-        pub(crate) fn bytes(&self) -> Vec<u8> {
+        fn bytes(&self) -> Vec<u8> {
             let mut pairs = Vec::new();
             for (key, value) in self.pairs {
                 let pair = [key.as_bytes(), b"\0", value.as_bytes(), b"\0"].concat();
@@ -225,7 +218,7 @@ pub(crate) mod tests {
     }
 
     /// Two texels in a column.
-    pub(crate) fn column() -> File {
+    fn column() -> File {
         let data = vec![10, 20, 30, 40, 50, 60, 70, 80];
         File { format: RGBA8_SRGB, counts: [1, 2, 0, 0, 1], scheme: 0, pairs: &[], data }
     }
@@ -322,16 +315,9 @@ pub(crate) mod tests {
         #![proptest_config(ProptestConfig::with_cases(3000))]
 
         #[test]
-        fn mutated_files_never_panic(which in 0..4_usize, changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..5), length: prop::sample::Index, cut: bool) {
-            let mut bytes = samples().get(which).map_or_else(|| column().bytes(), |(_, bytes)| bytes.clone());
-            for (at, byte) in changes {
-                let at = at.index(bytes.len());
-                bytes[at] = byte;
-            }
-            if cut {
-                bytes.truncate(length.index(bytes.len()));
-            }
-            if let Ok(texture) = decode("a", &bytes, MAX_TEXELS) {
+        fn mutated_files_never_panic(which in 0..4_usize, change in damage()) {
+            let file = samples().get(which).map_or_else(|| column().bytes(), |(_, bytes)| bytes.clone());
+            if let Ok(texture) = decode("a", &damaged(file, &change), MAX_TEXELS) {
                 prop_assert_eq!(texture.texels.len() as u64, u64::from(texture.width) * u64::from(texture.height));
             }
         }

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use canted_obb::Affine;
-use canted_obb::vector::{cross, length, sub};
+use canted_obb::vector::{cross, normalized, sub, to_f32, to_f64};
 
-use super::ReadError;
+use super::error::ReadError;
 use super::polygon::{self, Cut};
 use crate::{Instance, Material, MaterialId, Mesh, MeshId, Part, Scene};
 
@@ -21,14 +21,25 @@ pub(crate) struct MeshChecks {
     n_overlapping_faces: usize,
     /// Skinned vertices whose weights sum to zero.
     pub(crate) n_unweighted_vertices: usize,
+    /// Memory of [`MeshChecks::cut`]: corners of the face, and its triangles by the numbers of corners.
+    polygon: Vec<[f32; 3]>,
+    cuts: Vec<[usize; 3]>,
 }
 
 impl MeshChecks {
-    /// Triangulates a polygon into `triangles`, as corner numbers, without triangles that have a non-finite corner.
-    pub(crate) fn triangulate(&mut self, polygon: &[[f32; 3]], triangles: &mut Vec<[usize; 3]>) {
-        triangles.clear();
-        self.n_overlapping_faces += usize::from(polygon::triangulate(polygon, triangles) == Cut::Overlapping);
-        triangles.retain(|triangle| self.keeps(triangle.map(|k| polygon[k])));
+    /// Appends the triangles of a face, without those that have a non-finite corner; a face with fewer than three corners is counted.
+    pub(crate) fn cut<T: Copy>(&mut self, face: &[T], position: impl Fn(T) -> [f32; 3], triangles: &mut Vec<[T; 3]>) {
+        if face.len() < 3 {
+            self.n_small_faces += 1;
+            return;
+        }
+        let (mut polygon, mut cuts) = (std::mem::take(&mut self.polygon), std::mem::take(&mut self.cuts));
+        polygon.extend(face.iter().map(|&corner| position(corner)));
+        self.n_overlapping_faces += usize::from(polygon::triangulate(&polygon, &mut cuts) == Cut::Overlapping);
+        triangles.extend(cuts.iter().filter(|cut| self.keeps(cut.map(|k| polygon[k]))).map(|cut| cut.map(|k| face[k])));
+        polygon.clear();
+        cuts.clear();
+        (self.polygon, self.cuts) = (polygon, cuts);
     }
 
     /// Whether a triangle is kept: all corners are finite. Degenerate triangles are kept to preserve the numbering.
@@ -55,7 +66,7 @@ impl MeshChecks {
 
     /// Appends the warnings to the scene; fails if no triangle has a positive area.
     pub(crate) fn finish(self, path: &Path, scene: &mut Scene) -> Result<(), ReadError> {
-        let Self { n_kept, n_flat, n_dropped, n_small_faces, n_overlapping_faces, n_unweighted_vertices } = self;
+        let Self { n_kept, n_flat, n_dropped, n_small_faces, n_overlapping_faces, n_unweighted_vertices, .. } = self;
         if n_kept == 0 && n_dropped > 0 {
             return Err(ReadError::empty(path, format!("all {n_dropped} triangles have a non-finite vertex")));
         }
@@ -89,15 +100,18 @@ impl MeshChecks {
 /// Exact if the coordinates on each axis span few powers of two, so that edges have at most 26 bits and products at most
 /// 53. Otherwise rounding may hide a degenerate triangle; only warnings depend on it.
 fn is_flat(corners: [[f32; 3]; 3]) -> bool {
-    let [a, b, c] = corners.map(|corner| corner.map(f64::from));
+    let [a, b, c] = corners.map(to_f64);
     cross(sub(b, a), sub(c, a)) == [0.0; 3]
+}
+
+/// Normalizes a vector of any length to single precision; `None` if it has no direction.
+pub(crate) fn unit(v: [f64; 3]) -> Option<[f32; 3]> {
+    normalized(v).map(to_f32)
 }
 
 /// A normalized shading normal; zero if it has no direction.
 pub(crate) fn unit_normal(normal: [f32; 3]) -> [f32; 3] {
-    let normal = normal.map(f64::from);
-    let length = length(normal);
-    if length > 0.0 && length.is_finite() { normal.map(|x| (x / length) as f32) } else { [0.0; 3] }
+    unit(to_f64(normal)).unwrap_or_default()
 }
 
 /// Texture coordinates; zero if not finite.

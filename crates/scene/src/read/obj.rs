@@ -8,15 +8,20 @@
 //! faces with fewer than three corners have no number.
 
 pub(super) mod materials;
-mod meshes;
+mod statements;
 
 use std::collections::HashMap;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::ops::Range;
 use std::path::Path;
 
-use super::ReadError;
-use super::mesh::{MeshChecks, NO_COLOR, linear_colors};
-use super::text::{self, Line};
-use crate::Scene;
+use canted_obb::Affine;
+use canted_obb::vector::{sub, to_f32, to_f64};
+use statements::{ABSENT, Corner, Statements, parse_statements};
+
+use super::error::ReadError;
+use super::mesh::{MeshChecks, linear_colors, unit_normal, usable_uv};
+use crate::{Instance, MaterialId, Mesh, MeshId, Part, Scene};
 
 /// Parses an OBJ file. Consecutive faces with equal object, group and material form a mesh with one instance.
 ///
@@ -32,7 +37,7 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
     let colors = colors(&mut statements, &mut scene);
     let mut checks = MeshChecks::default();
     checks.n_small_faces = statements.n_small_faces;
-    meshes::meshes(path, &statements, colors.as_deref(), &mut scene, &mut checks)?;
+    meshes(path, &statements, colors.as_deref(), &mut scene, &mut checks)?;
     checks.finish(path, &mut scene)?;
     Ok(scene)
 }
@@ -52,300 +57,164 @@ fn colors(statements: &mut Statements, scene: &mut Scene) -> Option<Vec<[f32; 4]
     Some(linear)
 }
 
-/// Missing index in a [`Corner`].
-const ABSENT: u32 = u32::MAX;
-
-/// A corner of a face: zero-based indices into the arrays of [`Statements`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-struct Corner {
-    position: u32,
-    /// Or [`ABSENT`].
-    uv: u32,
-    /// Or [`ABSENT`].
-    normal: u32,
-}
-
-/// Consecutive faces with equal object, group and material.
-#[derive(Debug)]
-struct Run<'a> {
-    /// Name of the group, else of the object.
-    name: &'a [u8],
-    /// Index into [`Statements::materials`].
-    material: usize,
-    /// First face; the run ends where the next one starts.
-    first_face: usize,
-}
-
-/// Contents of an OBJ file.
-#[derive(Debug, Default)]
-struct Statements<'a> {
-    /// Positions; may be NaN or infinite.
-    positions: Vec<[f32; 3]>,
-    uvs: Vec<[f32; 2]>,
-    /// The color of each position after its coordinates; empty if no position has one.
-    colors: Vec<[f32; 3]>,
-    /// Normals of any length.
-    normals: Vec<[f32; 3]>,
-    /// Corners of all faces, concatenated.
-    corners: Vec<Corner>,
-    /// End of each face in `corners`.
-    face_ends: Vec<usize>,
-    runs: Vec<Run<'a>>,
-    /// Names of used materials in order of first use; `None` for faces without `usemtl`.
-    materials: Vec<Option<&'a [u8]>>,
-    /// Arguments of `mtllib` statements.
-    libraries: Vec<&'a [u8]>,
-    /// Skipped faces with fewer than three corners.
-    n_small_faces: usize,
-    /// What was ignored.
-    warnings: Vec<String>,
-}
-
-impl Statements<'_> {
-    /// Corners of a face.
-    fn face(&self, face: usize) -> &[Corner] {
-        let start = if face == 0 { 0 } else { self.face_ends[face - 1] };
-        &self.corners[start..self.face_ends[face]]
+/// Adds an instance for each nonempty run, with a new mesh unless an equal one exists.
+fn meshes(
+    path: &Path,
+    statements: &Statements,
+    colors: Option<&[[f32; 4]]>,
+    scene: &mut Scene,
+    checks: &mut MeshChecks,
+) -> Result<(), ReadError> {
+    let mut dedup = MeshDedup::default();
+    let mut first_primitive = 0_u32;
+    for (k, run) in statements.runs.iter().enumerate() {
+        let end = statements.runs.get(k + 1).map_or(statements.face_ends.len(), |next| next.first_face);
+        let material = &scene.materials[run.material];
+        let is_textured = material.textures().next().is_some();
+        let faces = triangles(statements, run.first_face..end, is_textured, checks);
+        let too_many = || ReadError::unsupported(path, "more than 2^32 triangles, vertices or materials");
+        let material = u32::try_from(run.material).map(MaterialId).map_err(|_| too_many())?;
+        let name = String::from_utf8_lossy(run.name).into_owned();
+        let mesh = mesh(name, material, &faces, statements, colors).ok_or_else(too_many)?;
+        let n_triangles = u32::try_from(faces.len()).map_err(|_| too_many())?;
+        if n_triangles > 0 {
+            dedup.add(mesh, first_primitive, scene).ok_or_else(too_many)?;
+        }
+        first_primitive = first_primitive.checked_add(n_triangles).ok_or_else(too_many)?;
     }
+    Ok(())
 }
 
-/// Parses all statements. Ignores lines, points, free-form surfaces, smoothing groups and unknown statements.
-fn parse_statements<'a>(path: &Path, bytes: &'a [u8]) -> Result<Statements<'a>, ReadError> {
-    let mut parser = Parser::default();
-    for line in text::lines(bytes) {
-        parser.line(&line).map_err(|message| malformed(path, line.number, message))?;
+/// Triangles of a range of faces. Texture coordinates are dropped if the material has no texture.
+fn triangles(
+    statements: &Statements,
+    faces: Range<usize>,
+    is_textured: bool,
+    checks: &mut MeshChecks,
+) -> Vec<[Corner; 3]> {
+    let mut kept = Vec::with_capacity(faces.len());
+    for face in faces {
+        checks.cut(statements.face(face), |corner| statements.positions[corner.position as usize], &mut kept);
     }
-    parser.check_indices(path)?;
-    parser.drop_unusable_indices();
-    let n = parser.statements.positions.len();
-    if !parser.statements.colors.is_empty() {
-        parser.statements.colors.resize(n, NO_COLOR);
+    if !is_textured {
+        kept.as_flattened_mut().iter_mut().for_each(|corner: &mut Corner| corner.uv = ABSENT);
     }
-    Ok(parser.statements)
+    kept
 }
 
-fn malformed(path: &Path, line: usize, message: String) -> ReadError {
-    ReadError::malformed(path, format!("line {line}"), message)
+/// The mesh of these triangles, with vertices numbered by first use; `None` for more than 2^32 vertices.
+fn mesh(
+    name: String,
+    material: MaterialId,
+    triangles: &[[Corner; 3]],
+    statements: &Statements,
+    colors: Option<&[[f32; 4]]>,
+) -> Option<Mesh> {
+    let mut mesh = Mesh { name, parts: vec![Part { first_triangle: 0, material }], ..Mesh::default() };
+    mesh.triangles.reserve_exact(triangles.len());
+    let mut vertices = Vec::new();
+    let mut numbers = HashMap::new();
+    for corners in triangles {
+        let mut triangle = [0; 3];
+        for (&corner, vertex) in corners.iter().zip(&mut triangle) {
+            let next = u32::try_from(vertices.len()).ok()?;
+            *vertex = *numbers.entry(corner).or_insert(next);
+            if *vertex == next {
+                vertices.push(corner);
+            }
+        }
+        mesh.triangles.push(triangle);
+    }
+    mesh.positions = vertices.iter().map(|vertex| statements.positions[vertex.position as usize]).collect();
+    if vertices.iter().any(|vertex| vertex.uv != ABSENT) {
+        let uv = |vertex: &Corner| statements.uvs.get(vertex.uv as usize).map_or([0.0; 2], |&uv| usable_uv(uv));
+        mesh.uvs = Some(vertices.iter().map(uv).collect());
+    }
+    if vertices.iter().any(|vertex| vertex.normal != ABSENT) {
+        let normal =
+            |vertex: &Corner| statements.normals.get(vertex.normal as usize).map_or([0.0; 3], |&n| unit_normal(n));
+        mesh.normals = Some(vertices.iter().map(normal).collect());
+    }
+    // White changes nothing.
+    let colors = colors.map(|all| vertices.iter().map(|vertex| all[vertex.position as usize]).collect::<Vec<_>>());
+    mesh.colors = colors.filter(|colors| colors.iter().any(|&color| color != [1.0; 4]));
+    Some(mesh)
 }
 
-/// The largest index used by a face, and its line. Vertices may be defined after use, so it is checked at the end.
-#[derive(Clone, Copy, Default)]
-struct MaxIndex {
-    index: i64,
-    line: usize,
-}
-
-/// The three kinds of vertex data, for messages.
-const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
-
-/// State for the next face.
-#[derive(Clone, Copy, Default, PartialEq)]
-struct State<'a> {
-    object: &'a [u8],
-    group: &'a [u8],
-    material: Option<&'a [u8]>,
-}
-
-/// Parser state.
+/// The first mesh of each shape hash.
 #[derive(Default)]
-struct Parser<'a> {
-    statements: Statements<'a>,
-    state: State<'a>,
-    last: Option<State<'a>>,
-    material_indices: HashMap<Option<&'a [u8]>, usize>,
-    max_indices: [MaxIndex; 3],
-    /// Indices of texture coordinates and of normals that are out of range: how many, and the first.
-    unusable: [(usize, String); 3],
-    /// Face corners with more than three indices: how many, and the first.
-    surplus: (usize, String),
+struct MeshDedup {
+    first: HashMap<u64, MeshId>,
 }
 
-impl<'a> Parser<'a> {
-    fn line(&mut self, line: &Line<'a>) -> Result<(), String> {
-        match line.keyword {
-            b"v" => {
-                self.statements.positions.push(coordinates(line.rest, 3, "vertex")?);
-                self.color(line.rest);
-            }
-            b"vt" => self.statements.uvs.push(coordinates(line.rest, 1, "texture coordinate")?),
-            b"vn" => self.statements.normals.push(coordinates(line.rest, 3, "normal")?),
-            b"f" => self.face(line)?,
-            b"o" => self.state.object = line.rest,
-            b"g" => self.state.group = line.rest,
-            b"usemtl" => self.state.material = Some(line.rest).filter(|name| !name.is_empty()),
-            b"mtllib" => self.statements.libraries.push(line.rest),
-            _ => {}
-        }
-        Ok(())
-    }
-
-    /// The color of the last position: three numbers after its coordinates.
-    fn color(&mut self, rest: &[u8]) {
-        let mut words = text::words(rest).skip(3).map(text::float);
-        if let (Some(Some(r)), Some(Some(g)), Some(Some(b))) = (words.next(), words.next(), words.next()) {
-            let colors = &mut self.statements.colors;
-            colors.resize(self.statements.positions.len() - 1, NO_COLOR);
-            colors.push([r, g, b]);
-        }
-    }
-
-    fn face(&mut self, line: &Line) -> Result<(), String> {
-        let start = self.statements.corners.len();
-        for word in text::words(line.rest) {
-            let corner = self.corner(word, line.number)?;
-            self.statements.corners.push(corner);
-        }
-        if self.statements.corners.len() - start < 3 {
-            self.statements.corners.truncate(start);
-            self.statements.n_small_faces += 1;
-            return Ok(());
-        }
-        self.open_run();
-        self.statements.face_ends.push(self.statements.corners.len());
-        Ok(())
-    }
-
-    /// Starts a new run if object, group or material has changed.
-    fn open_run(&mut self) {
-        if self.last == Some(self.state) {
-            return;
-        }
-        let State { object, group, material: name } = self.state;
-        let materials = &mut self.statements.materials;
-        let material = *self.material_indices.entry(name).or_insert_with(|| {
-            materials.push(name);
-            materials.len() - 1
-        });
-        let name = if group.is_empty() { object } else { group };
-        self.statements.runs.push(Run { name, material, first_face: self.statements.face_ends.len() });
-        self.last = Some(self.state);
-    }
-
-    /// `v`, `v/vt`, `v//vn` or `v/vt/vn`.
-    fn corner(&mut self, word: &[u8], line: usize) -> Result<Corner, String> {
-        let mut parts = word.split(|&byte| byte == b'/');
-        let counts = [self.statements.positions.len(), self.statements.uvs.len(), self.statements.normals.len()];
-        let mut indices = [ABSENT; 3];
-        for (k, index) in indices.iter_mut().enumerate() {
-            let part = parts.next().unwrap_or_default();
-            if k == 0 || !part.is_empty() {
-                *index = self.index(k, part, counts[k], line)?;
-            }
-        }
-        if parts.next().is_some() {
-            count(&mut self.surplus, || format!("line {line}: {}", text::quoted(word)));
-        }
-        let [position, uv, normal] = indices;
-        Ok(Corner { position, uv, normal })
-    }
-
-    /// Resolves a one-based index, or a negative one relative to the end of `count` elements.
-    fn index(&mut self, kind: usize, part: &[u8], count: usize, line: usize) -> Result<u32, String> {
-        let what = KINDS[kind];
-        let value = text::integer(part).ok_or_else(|| format!("invalid {what} index {}", text::quoted(part)))?;
-        let from_one = match value {
-            0 if kind > 0 => 0,
-            0 => return Err(format!("invalid {what} index 0 (indices start at 1)")),
-            1.. => value,
-            _ => i64::try_from(count).map_or(0, |count| count + value + 1),
+impl MeshDedup {
+    /// Adds an instance to the scene, and the mesh unless it is an exact translation of the first mesh with its hash.
+    ///
+    /// `None` for more than 2^32 meshes.
+    fn add(&mut self, mesh: Mesh, first_primitive: u32, scene: &mut Scene) -> Option<()> {
+        let next = MeshId(u32::try_from(scene.meshes.len()).ok()?);
+        let first = *self.first.entry(shape_hash(&mesh)).or_insert(next);
+        let copied = scene.meshes.get(first.0 as usize).and_then(|original| translation(original, &mesh));
+        let mut world_from_object = Affine::IDENTITY;
+        let id = if let Some(translation) = copied {
+            world_from_object.columns[3] = translation;
+            first
+        } else {
+            scene.meshes.push(mesh);
+            next
         };
-        if from_one < 1 && kind > 0 {
-            count_unusable(&mut self.unusable[kind], line, value);
-            return Ok(ABSENT);
-        }
-        if from_one < 1 {
-            return Err(format!("relative {what} index {value} out of range ({count} defined so far)"));
-        }
-        if from_one > self.max_indices[kind].index {
-            self.max_indices[kind] = MaxIndex { index: from_one, line };
-        }
-        match u32::try_from(from_one - 1) {
-            Ok(index) if index != ABSENT => Ok(index),
-            // Beyond all arrays; found to be unusable at the end.
-            _ if kind > 0 => Ok(ABSENT - 1),
-            _ => Err(format!("{what} index {value} exceeds 32 bits")),
-        }
-    }
-
-    /// Checks the vertex indices against the complete array.
-    fn check_indices(&self, path: &Path) -> Result<(), ReadError> {
-        let (max, n) = (self.max_indices[0], self.statements.positions.len());
-        match usize::try_from(max.index) {
-            Ok(index) if index > n => {
-                Err(malformed(path, max.line, format!("vertex index {} out of range ({n} defined)", max.index)))
-            }
-            _ => Ok(()),
-        }
-    }
-
-    /// Drops texture coordinates and normals of corners whose indices are out of range: the geometry is sound without.
-    fn drop_unusable_indices(&mut self) {
-        let counts = [0, self.statements.uvs.len(), self.statements.normals.len()];
-        for kind in [1, 2] {
-            let (n, max) = (counts[kind], self.max_indices[kind]);
-            if usize::try_from(max.index).is_ok_and(|index| index > n) {
-                for corner in &mut self.statements.corners {
-                    let index = if kind == 1 { &mut corner.uv } else { &mut corner.normal };
-                    if *index != ABSENT && *index as usize >= n {
-                        *index = ABSENT;
-                        count_unusable(&mut self.unusable[kind], max.line, max.index);
-                    }
-                }
-            }
-            let (n_unusable, first) = &self.unusable[kind];
-            if *n_unusable > 0 {
-                let what = KINDS[kind];
-                self.statements.warnings.push(format!(
-                    "ignoring {n_unusable} {what} indices that are out of range ({n} defined), such as {first}"
-                ));
-            }
-        }
-        if self.surplus.0 > 0 {
-            let (n, first) = &self.surplus;
-            self.statements.warnings.push(format!("ignoring a fourth index of {n} face corners, such as {first}"));
-        }
+        scene.instances.push(Instance { mesh: id, world_from_object, world_from_object_close: None, first_primitive });
+        Some(())
     }
 }
 
-/// Counts an event; the first one is described.
-fn count((n, first): &mut (usize, String), describe: impl FnOnce() -> String) {
-    if *n == 0 {
-        *first = describe();
-    }
-    *n += 1;
+/// Vertices relative to the first one; equal for exactly translated meshes, as `f64` differences are exact there.
+fn relative(mesh: &Mesh) -> impl Iterator<Item = [f64; 3]> {
+    let first = to_f64(mesh.positions.first().copied().unwrap_or_default());
+    mesh.positions.iter().map(move |&position| sub(to_f64(position), first))
 }
 
-fn count_unusable(unusable: &mut (usize, String), line: usize, value: i64) {
-    count(unusable, || format!("{value} in line {line}"));
+/// A translation-invariant hash.
+fn shape_hash(mesh: &Mesh) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    mesh.triangles.hash(&mut hasher);
+    for part in &mesh.parts {
+        part.material.hash(&mut hasher);
+    }
+    for position in relative(mesh) {
+        // -0.0 and 0.0 are equal and must have equal hashes.
+        position.map(|x| (x + 0.0).to_bits()).hash(&mut hasher);
+    }
+    hasher.finish()
 }
 
-/// The first `N` numbers of a statement; the first `n_needed` are required, the others default to 0.
-fn coordinates<const N: usize>(rest: &[u8], n_needed: usize, what: &str) -> Result<[f32; N], String> {
-    let mut numbers = [0.0; N];
-    let mut words = text::words(rest);
-    for (k, number) in numbers.iter_mut().enumerate() {
-        match words.next() {
-            Some(word) => {
-                *number = text::float(word)
-                    .ok_or_else(|| format!("{what}: expected a number, found {}", text::quoted(word)))?;
-            }
-            None if k >= n_needed => break,
-            None => return Err(format!("{what} has {k} coordinates (expected {n_needed})")),
-        }
+/// The exact `f32` translation from `original` to `copy`, if there is one.
+fn translation(original: &Mesh, copy: &Mesh) -> Option<[f32; 3]> {
+    let same_surface = original.triangles == copy.triangles
+        && original.parts == copy.parts
+        && original.normals == copy.normals
+        && original.uvs == copy.uvs
+        && original.colors == copy.colors;
+    if !same_surface || !relative(original).eq(relative(copy)) {
+        return None;
     }
-    Ok(numbers)
+    let mut pairs = original.positions.iter().zip(&copy.positions);
+    let (&from, &to) = pairs.next()?;
+    let moved = sub(to_f64(to), to_f64(from));
+    let translation = to_f32(moved);
+    let is_exact = to_f64(translation) == moved && pairs.all(|(&from, &to)| sub(to_f64(to), to_f64(from)) == moved);
+    is_exact.then_some(translation)
 }
 
 #[cfg(test)]
 mod tests {
-    //! Scenes, warnings and error messages of small files.
+    //! Scenes, warnings and error messages of small files; copies of meshes.
 
     mod against_tobj;
 
-    use canted_obb::vector::{cross, length, sub};
+    use canted_obb::vector::{cross, length};
 
     use super::*;
-    use crate::SceneStats;
 
     fn obj(text: impl AsRef<[u8]>) -> Result<Scene, ReadError> {
         parse(Path::new("model.obj"), text.as_ref())
@@ -411,8 +280,7 @@ mod tests {
     fn equal_groups_become_instances() {
         let moved = "v 5 0 2\nv 6 0 2\nv 5 1 2\nv 6 1 2\n";
         let scene = loads(square(&format!("g a\nf 1 2 4 3\n{moved}g b\nf -4 -3 -1 -2\n")), 4);
-        let counts = SceneStats::of(&scene);
-        assert_eq!((counts.n_meshes, counts.n_instances, counts.n_vertices), (1, 2, 4));
+        assert_eq!((scene.meshes.len(), scene.instances.len(), scene.meshes[0].positions.len()), (1, 2, 4));
         assert_eq!(scene.instances[1].first_primitive, 2);
         assert_eq!(scene.instances[1].world_from_object.columns[3], [5.0, 0.0, 2.0]);
         assert_eq!(area(&scene), 2.0);
@@ -424,19 +292,6 @@ mod tests {
         let arrow = "v 5 0 0\nv 7 0 0\nv 6 0.5 0\nv 6 3 0\nf -4 -2 -3 -1\n";
         assert_eq!(area(&loads(obj(format!("{hexagon}{arrow}")), 6)), 5.5);
         loads(obj("v 0 0 0\nv 1 0 1\nv 1 1 0\nv 0 1 1\nf 1 2 3 4"), 2);
-    }
-
-    #[test]
-    fn triangulates_a_polygon_of_1500_corners() {
-        let corner = |k: i32| {
-            let angle = std::f64::consts::TAU * f64::from(k) / 1500.0;
-            format!("v {} {} 0\n", angle.cos(), angle.sin())
-        };
-        let face: String = (1..=1500).map(|k| format!(" {k}")).collect();
-        let scene = loads(obj((0..1500).map(corner).collect::<String>() + "f" + &face), 1498);
-        // The expected area is exact to 2e-8; each coordinate is rounded by at most 2^-25, along a perimeter of about tau.
-        let inscribed = 750.0 * (std::f64::consts::TAU / 1500.0).sin();
-        assert!((area(&scene) - inscribed).abs() < std::f64::consts::TAU * f64::from(f32::EPSILON));
     }
 
     #[test]
@@ -508,5 +363,59 @@ mod tests {
         fails(obj([0x11, 0, 0xff, b'\n', 0x17]), &format!("{none}not a text file"));
         fails(square("v 2 0 0\nf 1 2 5\nf 1 1 1"), &format!("{none}all 2 triangles are degenerate (zero area)"));
         fails(square("v nan 0 0\nf 1 2 5"), &format!("{none}all 1 triangles have a non-finite vertex"));
+    }
+
+    fn triangle(positions: [[f32; 3]; 3], material: u32) -> Mesh {
+        Mesh {
+            positions: positions.to_vec(),
+            triangles: vec![[0, 1, 2]],
+            parts: vec![Part { first_triangle: 0, material: MaterialId(material) }],
+            ..Mesh::default()
+        }
+    }
+
+    const CORNERS: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+
+    #[track_caller]
+    fn adds(meshes: Vec<Mesh>, want: &[(u32, [f32; 3])]) {
+        let (mut scene, mut dedup) = (Scene::default(), MeshDedup::default());
+        for (k, mesh) in (0..).zip(meshes) {
+            dedup.add(mesh, 10 * k, &mut scene).unwrap();
+        }
+        let got: Vec<_> = scene.instances.iter().map(|i| (i.mesh.0, i.world_from_object.columns[3])).collect();
+        assert_eq!(got, want);
+        assert!(scene.instances.iter().zip(0..).all(|(instance, k)| instance.first_primitive == 10 * k));
+    }
+
+    #[test]
+    fn exact_copies_become_instances() {
+        let moved = CORNERS.map(|[x, y, z]| [x + 3.0, y - 4.5, z - 0.0]);
+        adds(vec![triangle(CORNERS, 0), triangle(moved, 0)], &[(0, [0.0; 3]), (0, [3.0, -4.5, 0.0])]);
+    }
+
+    #[test]
+    fn other_shapes_materials_and_inexact_copies_stay_meshes() {
+        let bent = [[3.0, 0.0, 0.0], [4.0, 0.0, 0.0], [3.0, 1.0, 1e-6]];
+        adds(vec![triangle(CORNERS, 0), triangle(CORNERS, 1)], &[(0, [0.0; 3]), (1, [0.0; 3])]);
+        adds(vec![triangle(CORNERS, 0), triangle(bent, 0)], &[(0, [0.0; 3]), (1, [0.0; 3])]);
+        // The translation 2^25 + 1 is not representable in `f32`.
+        let (far, farther) = (-1.0, 33_554_432.0);
+        let at = |x: f32| [[x, 0.0, 0.0], [x, 1.0, 0.0], [x, 0.0, 1.0]];
+        adds(vec![triangle(at(far), 0), triangle(at(farther), 0)], &[(0, [0.0; 3]), (1, [0.0; 3])]);
+    }
+
+    #[test]
+    fn copies_that_lose_detail_by_rounding_stay_meshes() {
+        // All differences to the far triangle round to the same number, but only one triangle has an area.
+        let near = [[1e-10, 0.0, 0.0], [2e-10, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let far = [[1e10, 0.0, 0.0], [1e10, 0.0, 0.0], [1e10, 1.0, 0.0]];
+        adds(vec![triangle(near, 0), triangle(far, 0)], &[(0, [0.0; 3]), (1, [0.0; 3])]);
+    }
+
+    #[test]
+    fn negative_zero_equals_zero() {
+        let mut negative = CORNERS;
+        negative[0] = [-0.0, 0.0, -0.0];
+        adds(vec![triangle(CORNERS, 0), triangle(negative, 0)], &[(0, [0.0; 3]), (0, [0.0; 3])]);
     }
 }

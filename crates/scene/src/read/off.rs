@@ -11,8 +11,7 @@
 
 use std::path::Path;
 
-use super::ReadError;
-use super::error::WarningGroups;
+use super::error::{ReadError, WarningGroups};
 use super::mesh::{MeshChecks, NO_COLOR, linear_colors, single_mesh, unit_normal};
 use super::text::{self, quoted};
 use crate::{Material, Mesh, Scene};
@@ -58,17 +57,10 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
         vertices.add(path, &header, &next("vertex", k, header.n_vertices)?, &mut grouped)?;
     }
     let (mut checks, mut triangles) = (MeshChecks::default(), Vec::new());
-    let (mut indices, mut polygon, mut cuts) = (Vec::new(), Vec::new(), Vec::new());
+    let mut indices = Vec::new();
     for k in 0..header.n_faces {
         face(path, &next("face", k, header.n_faces)?, vertices.positions.len(), &mut indices, &mut grouped)?;
-        if indices.len() < 3 {
-            checks.n_small_faces += 1;
-            continue;
-        }
-        polygon.clear();
-        polygon.extend(indices.iter().map(|&index| vertices.positions[index as usize]));
-        checks.triangulate(&polygon, &mut cuts);
-        triangles.extend(cuts.iter().map(|cut| cut.map(|k| indices[k])));
+        checks.cut(&indices, |index| vertices.positions[index as usize], &mut triangles);
     }
     if let Some(line) = lines.next() {
         grouped.add("ignoring lines after the last declared face", &format!("line {}", line.number));
@@ -233,6 +225,7 @@ fn read_header<'a>(path: &Path, lines: &mut impl Iterator<Item = Line<'a>>) -> R
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::read::testing::{is_cube, rejects_truncations};
 
     const CUBE: &str = "8 6 12\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 0 1\n1 0 1\n0 1 1\n1 1 1\n\
                         4 0 2 3 1\n4 4 5 7 6\n4 0 1 5 4\n4 2 6 7 3\n4 0 4 6 2\n4 1 3 7 5\n";
@@ -245,18 +238,6 @@ mod tests {
     fn cube(keyword: &str, attributes: &str) -> Result<Scene, ReadError> {
         let line = |(k, line): (usize, &str)| format!("{line}{}\n", if (1..9).contains(&k) { attributes } else { "" });
         off(format!("{keyword}\n{}", CUBE.lines().enumerate().map(line).collect::<String>()))
-    }
-
-    #[track_caller]
-    fn is_cube(scene: Result<Scene, ReadError>, warnings: &[&str]) -> Scene {
-        let scene = scene.unwrap();
-        assert_eq!(scene.warnings, warnings);
-        let mesh = &scene.meshes[0];
-        let corner = |k: u8| [0, 1, 2].map(|axis| f32::from(k >> axis & 1));
-        assert_eq!(mesh.positions, [0, 1, 2, 3, 4, 5, 6, 7].map(corner));
-        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        assert_eq!(mesh.triangles, quads.map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).as_flattened());
-        scene
     }
 
     #[test]
@@ -326,9 +307,7 @@ mod tests {
     #[test]
     fn rejects_every_truncation_up_to_the_last_corner() {
         let full = format!("OFF\n{CUBE}");
-        for length in 0..full.trim_end().len() {
-            assert!(off(&full[..length]).is_err(), "{length} bytes");
-        }
+        rejects_truncations(full.as_bytes(), full.trim_end().len(), off);
     }
 
     #[test]

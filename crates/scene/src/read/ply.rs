@@ -16,7 +16,7 @@ use body::{Body, Element, Header, Kind, Scalar, header};
 use super::folder::Folder;
 use super::mesh::{MeshChecks, linear_colors, single_mesh, unit_normal, usable_uv};
 use super::text::{self, quoted};
-use super::{ReadError, image};
+use super::{error::ReadError, image};
 use crate::{Material, Mesh, Scene, TextureId, TextureRef};
 
 /// Parses a PLY file; `path` gives the folder of the texture and is used in messages.
@@ -95,18 +95,11 @@ fn triangles(
         Err(polygons) => polygons,
     };
     let mut triangles = Vec::with_capacity(polygons.len());
-    let (mut corners, mut cuts) = (Vec::new(), Vec::new());
     for (face, indices) in polygons.iter().enumerate() {
-        if indices.len() < 3 {
-            checks.n_small_faces += 1;
-            continue;
+        if indices.len() >= 3 {
+            indices.iter().try_for_each(|&index| position(face, index).map(drop))?;
         }
-        corners.clear();
-        for &index in indices {
-            corners.push(position(face, index)?);
-        }
-        checks.triangulate(&corners, &mut cuts);
-        triangles.extend(cuts.iter().map(|cut| cut.map(|k| indices[k])));
+        checks.cut(indices, |index| positions[index as usize], &mut triangles);
     }
     Ok(triangles)
 }
@@ -384,16 +377,10 @@ mod tests {
     //! A cube in every encoding, and malformed files.
 
     use super::*;
+    use crate::read::testing::{QUADS, corner, encoded, is_cube, rejects_truncations};
 
     const VERTICES: &str = "element vertex 8\nproperty float x\nproperty float y\nproperty float z\n";
     const FACES: &str = "element face 6\nproperty list uchar int vertex_indices\n";
-    const QUADS: [[u8; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-
-    /// Corner `k` of the unit cube.
-    fn corner(k: u8) -> [f32; 3] {
-        [0, 1, 2].map(|axis| f32::from(k >> axis & 1))
-    }
-
     fn file(format: &str, elements: &str, body: impl AsRef<[u8]>) -> Vec<u8> {
         let header = format!("ply\nformat {format} 1.0\n{elements}end_header\n");
         [header.as_bytes(), body.as_ref()].concat()
@@ -429,23 +416,14 @@ mod tests {
         file("ascii", &elements, format!("0 {values} 0 0\n1 {values} 0 0\n0 {values} 1 0\n{face}"))
     }
 
-    #[track_caller]
-    fn is_cube(scene: Result<Scene, ReadError>) {
-        let scene = scene.unwrap();
-        assert_eq!(scene.warnings, [""; 0]);
-        let mesh = &scene.meshes[0];
-        assert_eq!(mesh.positions, [0, 1, 2, 3, 4, 5, 6, 7].map(corner));
-        let fans = QUADS.map(|quad| quad.map(u32::from)).map(|[a, b, c, d]| [[a, b, c], [a, c, d]]);
-        assert_eq!(mesh.triangles, fans.as_flattened());
-    }
-
     #[test]
     fn all_encodings_agree() {
         let elements = format!("{VERTICES}{FACES}");
-        is_cube(ply(file("ascii", &elements, ascii_cube())));
-        is_cube(ply(String::from_utf8(file("ascii", &elements, ascii_cube())).unwrap().replace('\n', "\r\n")));
-        is_cube(ply(file("binary_little_endian", &elements, little_endian_cube())));
-        is_cube(ply(file("binary_big_endian", &elements, binary_cube(f32::to_be_bytes, i32::to_be_bytes))));
+        let ascii = file("ascii", &elements, ascii_cube());
+        is_cube(ply(String::from_utf8(ascii.clone()).unwrap().replace('\n', "\r\n")), &[]);
+        is_cube(ply(ascii), &[]);
+        is_cube(ply(file("binary_little_endian", &elements, little_endian_cube())), &[]);
+        is_cube(ply(file("binary_big_endian", &elements, binary_cube(f32::to_be_bytes, i32::to_be_bytes))), &[]);
     }
 
     #[test]
@@ -453,16 +431,10 @@ mod tests {
         let types = ["char", "uint8", "short", "uint16", "int32", "uint", "float32", "double"];
         for (format, order) in [("binary_little_endian", false), ("binary_big_endian", true)] {
             let bytes = |value: i8| -> [Vec<u8>; 8] {
-                let mut all = [
-                    value.to_le_bytes().to_vec(),
-                    value.to_le_bytes().to_vec(),
-                    i16::from(value).to_le_bytes().to_vec(),
-                    i16::from(value).to_le_bytes().to_vec(),
-                    i32::from(value).to_le_bytes().to_vec(),
-                    i32::from(value).to_le_bytes().to_vec(),
-                    f32::from(value).to_le_bytes().to_vec(),
-                    f64::from(value).to_le_bytes().to_vec(),
-                ];
+                let (short, int) = (i16::from(value).to_le_bytes(), i32::from(value).to_le_bytes());
+                let (float, double) = (f32::from(value).to_le_bytes(), f64::from(value).to_le_bytes());
+                let byte = value.to_le_bytes();
+                let mut all = [&byte[..], &byte, &short, &short, &int, &int, &float, &double].map(<[u8]>::to_vec);
                 if order {
                     all.iter_mut().for_each(|bytes| bytes.reverse());
                 }
@@ -491,11 +463,8 @@ mod tests {
         );
         let faces = QUADS.iter().map(|quad| format!("9 4 {} 2 0 0\n", quad.map(|k| k.to_string()).join(" ")));
         let vertices = (0..8).map(|k| corner(k).map(|x| x.to_string()).join(" ") + "\n");
-        is_cube(ply(file(
-            "ascii",
-            &elements,
-            ["5 2 0.5 0.5\n".to_owned()].into_iter().chain(faces).chain(vertices).collect::<String>(),
-        )));
+        let body: String = ["5 2 0.5 0.5\n".to_owned()].into_iter().chain(faces).chain(vertices).collect();
+        is_cube(ply(file("ascii", &elements, body)), &[]);
     }
 
     #[test]
@@ -506,7 +475,7 @@ mod tests {
         assert_eq!(scene.meshes[0].uvs, None);
 
         let folder = tempfile::tempdir().unwrap();
-        std::fs::write(folder.path().join("a b.png"), image::tests::encoded(::image::ImageFormat::Png)).unwrap();
+        std::fs::write(folder.path().join("a b.png"), encoded(::image::ImageFormat::Png)).unwrap();
         let named = |name: &str| {
             let properties = format!("comment TextureFile {name}\n{normals}");
             parse(&folder.path().join("model.ply"), &triangle(&properties, "0 0 4 0.25 0.5", "3 0 1 2")).unwrap()
@@ -589,9 +558,6 @@ mod tests {
     #[test]
     fn rejects_every_truncation_of_a_binary_file() {
         let full = file("binary_little_endian", &format!("{VERTICES}{FACES}"), little_endian_cube());
-        is_cube(ply(&full));
-        for length in 0..full.len() {
-            assert!(ply(&full[..length]).is_err(), "{length} bytes");
-        }
+        rejects_truncations(&full, full.len(), ply);
     }
 }

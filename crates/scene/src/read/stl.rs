@@ -12,8 +12,7 @@
 use std::hash::{BuildHasher, RandomState};
 use std::path::Path;
 
-use super::ReadError;
-use super::error::WarningGroups;
+use super::error::{ReadError, WarningGroups};
 use super::mesh::{MeshChecks, single_mesh};
 use super::text::{self, quoted};
 use crate::{Material, Mesh, Scene};
@@ -208,18 +207,10 @@ fn vertex(path: &Path, words: &mut Words) -> Result<[f32; 3], ReadError> {
 }
 
 /// Adds the triangles of a facet; `None` for too many vertices.
-fn close(polygon: &[[f32; 3]], cuts: &mut Vec<[usize; 3]>, triangles: &mut Triangles) -> Option<()> {
-    match *polygon {
-        [a, b, c] => triangles.add([a, b, c])?,
-        [] | [_] | [_, _] => triangles.checks.n_small_faces += 1,
-        _ => {
-            triangles.checks.triangulate(polygon, cuts);
-            for cut in cuts {
-                triangles.push(cut.map(|k| polygon[k]))?;
-            }
-        }
-    }
-    Some(())
+fn close(polygon: &[[f32; 3]], cuts: &mut Vec<[[f32; 3]; 3]>, triangles: &mut Triangles) -> Option<()> {
+    cuts.clear();
+    triangles.checks.cut(polygon, |position| position, cuts);
+    cuts.iter().try_for_each(|&corners| triangles.push(corners))
 }
 
 /// Header and count.
@@ -347,6 +338,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::read::testing::{QUADS, corner, rejects_truncations};
 
     /// Few distinct values, both zeros and numbers that are not finite, so that equal positions are frequent.
     fn repeated() -> impl Strategy<Value = f32> {
@@ -378,9 +370,7 @@ mod tests {
 
     /// Corners of the triangles of a unit cube.
     fn cube() -> Vec<[[f32; 3]; 3]> {
-        let corner = |k: u8| [0, 1, 2].map(|axis| f32::from(k >> axis & 1));
-        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c].map(corner), [a, c, d].map(corner)]).collect()
+        QUADS.iter().flat_map(|&[a, b, c, d]| [[a, b, c].map(corner), [a, c, d].map(corner)]).collect()
     }
 
     fn binary(header: &[u8], triangles: &[[[f32; 3]; 3]]) -> Vec<u8> {
@@ -499,9 +489,7 @@ mod tests {
     #[test]
     fn rejects_every_truncation_of_a_binary_file() {
         let full = binary(b"", &cube());
-        for length in 0..full.len() {
-            assert!(stl(&full[..length]).is_err(), "{length} bytes");
-        }
+        rejects_truncations(&full, full.len(), stl);
     }
 
     #[test]

@@ -5,7 +5,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use canted_fixtures::models;
-use canted_scene::{ReadError, Scene, SceneStats, read, read_environment};
+use canted_scene::{ReadError, Scene, builtin, read, read_environment};
+
+use crate::flaw::{flaw, is_numbered};
 
 /// A row: file, outcome, triangles, materials, words of a message.
 struct Row<'a> {
@@ -152,15 +154,6 @@ fn load(test: &str, file: &str) -> Option<Scene> {
     Some(scene)
 }
 
-/// Asserts that triangles are numbered consecutively in file order.
-fn assert_numbered(scene: &Scene) {
-    let mut next = 0;
-    for instance in &scene.instances {
-        assert_eq!(instance.first_primitive, next);
-        next += u32::try_from(scene.meshes[instance.mesh.0 as usize].triangles.len()).unwrap();
-    }
-}
-
 #[test]
 fn ply_models() {
     for (file, n_triangles, n_vertices) in [
@@ -175,25 +168,24 @@ fn ply_models() {
         ("ply/triangle_face_colors.ply", 1, 3),
     ] {
         let Some(scene) = load("ply_models", file) else { return };
-        let counts = SceneStats::of(&scene);
-        assert_eq!((counts.n_placed_triangles, counts.n_vertices), (n_triangles, n_vertices), "{file}");
-        assert_numbered(&scene);
+        let found = (scene.n_placed_triangles(), scene.meshes[0].positions.len());
+        assert_eq!(found, (n_triangles, n_vertices), "{file}");
+        assert!(is_numbered(&scene));
     }
 }
 
 #[test]
 fn sponza() {
     let Some(scene) = load("sponza", "sponza/sponza.obj") else { return };
-    let counts = SceneStats::of(&scene);
-    assert_eq!(counts.n_placed_triangles, 262_267);
-    assert_eq!((counts.n_materials, counts.n_textures), (25, 27), "24 color images and 3 masks");
+    assert_eq!(scene.n_placed_triangles(), 262_267);
+    assert_eq!((scene.materials.len(), scene.textures.len()), (25, 27), "24 color images and 3 masks");
     assert_eq!(scene.materials.iter().filter(|material| material.alpha_texture.is_some()).count(), 3);
-    assert_eq!(counts.n_instances, 393, "381 groups, some with several materials");
+    assert_eq!(scene.instances.len(), 393, "381 groups, some with several materials");
     for mesh in &scene.meshes {
         let is_textured = scene.materials[mesh.material_of(0).0 as usize].base_color_texture.is_some();
         assert_eq!((mesh.uvs.is_some(), mesh.normals.is_some()), (is_textured, false), "{}", mesh.name);
     }
-    assert_numbered(&scene);
+    assert!(is_numbered(&scene));
 }
 
 #[test]
@@ -201,11 +193,11 @@ fn cornell_boxes() {
     let Some(scene) = load("cornell_boxes", "cornell/cornellBox.obj") else { return };
     assert_eq!((scene.n_placed_triangles(), scene.instances.len()), (32, 8));
     assert_eq!(scene.materials[0].emission, [1.0; 3]);
-    assert_numbered(&scene);
+    assert!(is_numbered(&scene));
 
     let Some(scene) = load("cornell_boxes", "cornell/cornell_box_suzanne.obj") else { return };
     assert_eq!((scene.n_placed_triangles(), scene.materials.len()), (3_968, 4));
-    assert_numbered(&scene);
+    assert!(is_numbered(&scene));
 }
 
 /// Warnings of a scene file.
@@ -358,6 +350,34 @@ fn triangle_counts() {
         let scene = read(&models.join("nasty").join(file)).unwrap();
         assert_eq!(scene.n_placed_triangles(), n_triangles, "{file}");
     }
+}
+
+#[test]
+fn flaw_detects_each_error() {
+    assert_eq!(flaw(&builtin()), None);
+    let spoiled: [fn(&mut Scene); 12] = [
+        |scene| scene.meshes[3].positions[2][1] = f32::NAN,
+        |scene| scene.meshes[3].triangles[5][0] = 1 << 20,
+        |scene| scene.meshes[3].normals = Some(vec![[0.0; 3]]),
+        |scene| scene.meshes[3].parts[0].first_triangle = 1,
+        |scene| scene.meshes[0].parts[1].first_triangle = 0,
+        |scene| scene.meshes[0].parts.clear(),
+        |scene| scene.materials.truncate(5),
+        |scene| scene.materials[0].ior = 0.5,
+        |scene| scene.meshes.truncate(5),
+        |scene| scene.instances[9].world_from_object.columns[1] = [0.0; 3],
+        |scene| scene.instances.clear(),
+        |scene| scene.cameras[0].target = scene.cameras[0].eye,
+    ];
+    for (k, spoil) in spoiled.iter().enumerate() {
+        let mut scene = builtin();
+        spoil(&mut scene);
+        assert!(flaw(&scene).is_some(), "{k}");
+    }
+    let mut scene = builtin();
+    assert!(is_numbered(&scene));
+    scene.instances[9].first_primitive += 1;
+    assert!(!is_numbered(&scene));
 }
 
 #[test]

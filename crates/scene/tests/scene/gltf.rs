@@ -1,404 +1,230 @@
-//! Real glTF files (counts, bounds, lights, cameras, animations and error locations), and poses of animated files: each equals the scene
-//! that is read at that time, and bad poses are reported.
+//! glTF: generated files, and those of real exporters.
+
+mod files;
+mod geometry;
+mod materials;
+mod nodes;
+mod poses;
+mod real;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use canted_fixtures::models;
-use canted_obb::Aabb;
-use canted_scene::{AnimatedScene, Light, Projection, ReadError, ReadOptions, Scene, UvSet, read, read_with};
+use canted_scene::{ReadError, ReadOptions, Scene, read, read_with};
 use serde_json::{Value, json};
 
-/// Known counts of a file, and the world bounds of its default pose, computed by another program in double precision and
-/// rounded to seven digits.
-struct Expected {
-    file: &'static str,
-    n_meshes: usize,
-    n_instances: usize,
-    n_unique: usize,
-    n_placed: usize,
-    bounds: [[f64; 3]; 2],
+/// Component type codes.
+const I8: u32 = 5120;
+const U8: u32 = 5121;
+const I16: u32 = 5122;
+const U16: u32 = 5123;
+const U32: u32 = 5125;
+const F32: u32 = 5126;
+
+/// Positions of the test triangle.
+const TRIANGLE: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+
+/// A file under construction: JSON and one buffer.
+#[derive(Clone)]
+struct File {
+    json: Value,
+    buffer: Vec<u8>,
 }
-
-/// Error of a bound relative to the largest coordinate: half a unit in the seventh digit, plus one rounding of the transform
-/// and one of the point, each of terms of at most eight times that coordinate.
-const BOUND_ERROR: f64 = 5e-7 + 16.0 * (f32::EPSILON as f64 / 2.0);
-
-/// `dragon_nodes.glb` has three meshes with equal geometry and different materials.
-#[rustfmt::skip]
-const FILES: [Expected; 29] = [
-    Expected { file: "gltf/AlphaBlendModeTest.glb", n_meshes: 9, n_instances: 9, n_unique: 61, n_placed: 61, bounds: [[-4.3, -0.1, -0.75], [4.3, 2.299533, 0.55]] },
-    Expected { file: "gltf/BoxInterleaved.glb", n_meshes: 1, n_instances: 1, n_unique: 12, n_placed: 12, bounds: [[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]] },
-    Expected { file: "gltf/BoxVertexColors.glb", n_meshes: 1, n_instances: 1, n_unique: 12, n_placed: 12, bounds: [[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]] },
-    Expected { file: "gltf/Cameras.gltf", n_meshes: 1, n_instances: 1, n_unique: 2, n_placed: 2, bounds: [[0.0, 0.0, -0.7075903], [1.0, 0.7066229, 0.0]] },
-    Expected { file: "gltf/CesiumMan.glb", n_meshes: 1, n_instances: 1, n_unique: 4_672, n_placed: 4_672, bounds: [[-0.1309999, 4.854345e-08, -0.5691368], [0.180954, 1.50655, 0.5691369]] },
-    Expected { file: "gltf/CornellBox_bevy.glb", n_meshes: 4, n_instances: 4, n_unique: 36, n_placed: 36, bounds: [[-556.0001, 0.0, -559.2], [0.0, 548.8, 0.0001220703]] },
-    Expected { file: "gltf/Fox.glb", n_meshes: 1, n_instances: 1, n_unique: 576, n_placed: 576, bounds: [[-12.59272, -0.1217442, -88.09501], [12.59272, 78.9072, 66.62486]] },
-    Expected { file: "gltf/SimpleMorph.gltf", n_meshes: 1, n_instances: 1, n_unique: 1, n_placed: 1, bounds: [[0.0, 0.0, 0.0], [1.0, 1.5, 0.0]] },
-    Expected { file: "gltf/SimpleSkin.gltf", n_meshes: 1, n_instances: 1, n_unique: 8, n_placed: 8, bounds: [[-0.5, 0.0, 0.0], [0.5, 2.0, 0.0]] },
-    Expected { file: "gltf/SimpleSparseAccessor.gltf", n_meshes: 1, n_instances: 1, n_unique: 12, n_placed: 12, bounds: [[0.0, 0.0, 0.0], [6.0, 4.0, 0.0]] },
-    Expected { file: "gltf/camera_light.glb", n_meshes: 2, n_instances: 2, n_unique: 14, n_placed: 14, bounds: [[-7.101788, -7.102191, -1.040371], [7.101788, 7.102191, 1.0]] },
-    Expected { file: "gltf/dragon_res3_quantized.glb", n_meshes: 1, n_instances: 1, n_unique: 47_794, n_placed: 47_794, bounds: [[-0.107673, 0.0527743, -0.050051], [0.0959825, 0.196643, 0.04082718]] },
-    Expected { file: "gltf/lights_punctual.glb", n_meshes: 1, n_instances: 1, n_unique: 12, n_placed: 12, bounds: [[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]] },
-    Expected { file: "gltf/pine_tree.glb", n_meshes: 2, n_instances: 2, n_unique: 1_650, n_placed: 1_650, bounds: [[-29.21664, 0.0168803, -29.10383], [29.13073, 75.01419, 28.16341]] },
-    Expected { file: "gltf/texture_transform.glb", n_meshes: 6, n_instances: 6, n_unique: 12, n_placed: 12, bounds: [[0.0, -1.2, 0.0], [3.4, 1.0, 0.0]] },
-    Expected { file: "instanced/dragon_nodes.glb", n_meshes: 3, n_instances: 64, n_unique: 33_306, n_placed: 710_528, bounds: [[-1.751641, -2.961728, -1.629013], [18.38636, 2.612018, 19.18472]] },
-    Expected { file: "instanced/pine_forest.glb", n_meshes: 3, n_instances: 1025, n_unique: 1_652, n_placed: 844_802, bounds: [[-4.0, -0.03054126, -4.0], [132.0, 4.475538, 68.0]] },
-    Expected { file: "instanced/simple_instancing.glb", n_meshes: 1, n_instances: 125, n_unique: 12, n_placed: 1_500, bounds: [[-1.666667, -1.666667, -1.666667], [12.73171, 12.73171, 12.73171]] },
-    Expected { file: "instanced/tower_field.glb", n_meshes: 3, n_instances: 401, n_unique: 13_629, n_placed: 2_264_242, bounds: [[-50.0, -1.819697, -50.0], [650.0, 41.90592, 450.0]] },
-    Expected { file: "kitchen/country_kitchen.glb", n_meshes: 209, n_instances: 286, n_unique: 842_167, n_placed: 1_021_815, bounds: [[-3.138698, -0.020776, -3.183705], [3.777411, 3.363901, 5.470591]] },
-    Expected { file: "sponza/sponza.gltf", n_meshes: 25, n_instances: 25, n_unique: 262_267, n_placed: 262_267, bounds: [[-19.20946, -1.264425, -11.82807], [17.99908, 14.29433, 11.05426]] },
-    Expected { file: "stanford/dragon_871k.glb", n_meshes: 1, n_instances: 1, n_unique: 871_414, n_placed: 871_414, bounds: [[-0.108324, 0.0527295, -0.0504143], [0.0965662, 0.197173, 0.0412075]] },
-    Expected { file: "truss/eiffel.glb", n_meshes: 1, n_instances: 1, n_unique: 228_892, n_placed: 228_892, bounds: [[-0.7788358, -1.201698, -7.612324], [12.39521, 23.3173, 3.497029]] },
-    Expected { file: "truss/ferris_wheel.glb", n_meshes: 4, n_instances: 4, n_unique: 2_800, n_placed: 2_800, bounds: [[-5.396988, -0.011452, -1.492694], [5.51695, 12.80141, 1.492694]] },
-    Expected { file: "truss/pirate_ship.glb", n_meshes: 26, n_instances: 26, n_unique: 1_763, n_placed: 1_763, bounds: [[-0.4501452, -0.03273198, -0.669361], [0.4568793, 1.198477, 0.6170363]] },
-    Expected { file: "truss/radio_tower.glb", n_meshes: 1, n_instances: 1, n_unique: 4_892, n_placed: 4_892, bounds: [[-230.9895, -1.612519e-12, -264.6021], [230.8113, 1738.898, 262.7857]] },
-    Expected { file: "truss/tower_crane.glb", n_meshes: 1, n_instances: 1, n_unique: 8_735, n_placed: 8_735, bounds: [[-128.8626, -5.30688e-06, -461.4536], [128.8626, 1379.063, 1077.31]] },
-    Expected { file: "truss/truss_bridge.glb", n_meshes: 1, n_instances: 1, n_unique: 3_404, n_placed: 3_404, bounds: [[-166.7668, -36.65508, -307.3536], [166.7668, 155.5309, 307.3535]] },
-    Expected { file: "truss/truss_stage.glb", n_meshes: 1, n_instances: 1, n_unique: 4_393, n_placed: 4_393, bounds: [[-0.1425819, -0.1433055, -0.7667899], [0.1479941, 0.1472705, 0.7572101]] },
-];
-
-/// The first difference between a scene and the expected values.
-fn compare(scene: &Scene, expected: &Expected) -> Result<(), String> {
-    let counts = [scene.meshes.len(), scene.instances.len(), scene.n_unique_triangles(), scene.n_placed_triangles()];
-    let expected_counts = [expected.n_meshes, expected.n_instances, expected.n_unique, expected.n_placed];
-    if counts != expected_counts {
-        return Err(format!("counts {counts:?} for {expected_counts:?}"));
-    }
-    let bounds = scene.bounds_world();
-    let found = [bounds.min, bounds.max].map(|corner| corner.map(f64::from));
-    let reach = expected.bounds.as_flattened().iter().fold(0.0, |most: f64, x| most.max(x.abs()));
-    let differs = |(a, b): (&f64, &f64)| (a - b).abs() > BOUND_ERROR * reach;
-    if found.as_flattened().iter().zip(expected.bounds.as_flattened()).any(differs) {
-        return Err(format!("bounds {found:?} for {:?}", expected.bounds));
-    }
-    Ok(())
-}
-
-/// Asserts the guarantees of [`Scene`].
-fn assert_consistent(scene: &Scene, file: &str) {
-    for mesh in &scene.meshes {
-        let n_vertices = mesh.positions.len();
-        assert!(mesh.triangles.as_flattened().iter().all(|&corner| (corner as usize) < n_vertices), "{file}");
-        assert!(mesh.positions.as_flattened().iter().all(|x| x.is_finite()), "{file}");
-        assert!(mesh.normals.as_ref().is_none_or(|normals| normals.len() == n_vertices), "{file}");
-        assert!(mesh.uvs.as_ref().is_none_or(|uvs| uvs.len() == n_vertices), "{file}");
-        assert_eq!(mesh.parts[0].first_triangle, 0, "{file}");
-        assert!(mesh.parts.is_sorted_by(|a, b| a.first_triangle < b.first_triangle), "{file}");
-        for part in &mesh.parts {
-            assert!((part.first_triangle as usize) < mesh.triangles.len(), "{file}");
-        }
-        for set in [UvSet::First, UvSet::Second] {
-            let mut materials = mesh.parts.iter().map(|part| &scene.materials[part.material.0 as usize]);
-            let is_used = materials.any(|material| material.textures().any(|texture| texture.uv_set == set));
-            assert_eq!(mesh.uv_set(set).map(<[_]>::len), is_used.then_some(n_vertices), "{file}");
-        }
-    }
-    assert!(scene.instances.iter().all(|instance| instance.world_from_object.determinant() != 0.0), "{file}");
-}
-
-#[test]
-fn real_files_have_the_expected_counts_and_bounds() {
-    let Some(folder) = models("real_files_have_the_expected_counts_and_bounds") else { return };
-    for expected in &FILES {
-        let scene = read(&folder.join(expected.file)).unwrap_or_else(|error| panic!("{error}"));
-        compare(&scene, expected).unwrap_or_else(|difference| panic!("{}: {difference}", expected.file));
-        assert_consistent(&scene, expected.file);
-    }
-}
-
-#[test]
-fn every_real_file_is_listed() {
-    let Some(folder) = models("every_real_file_is_listed") else { return };
-    for subfolder in ["gltf", "instanced", "kitchen", "sponza", "stanford", "truss"] {
-        for entry in fs::read_dir(folder.join(subfolder)).expect("folder exists") {
-            let name = entry.expect("readable folder").file_name().into_string().expect("UTF-8 names");
-            let is_gltf = name.ends_with(".gltf") || name.ends_with(".glb");
-            assert!(!is_gltf || FILES.iter().any(|expected| expected.file == format!("{subfolder}/{name}")), "{name}");
-        }
-    }
-}
-
-#[test]
-fn compare_detects_a_moved_instance() {
-    let Some(folder) = models("compare_detects_a_moved_instance") else { return };
-    let expected = FILES.iter().find(|expected| expected.file == "gltf/BoxInterleaved.glb").expect("listed");
-    let mut scene = read(&folder.join(expected.file)).unwrap_or_else(|error| panic!("{error}"));
-    scene.instances[0].world_from_object.columns[3][1] += 1e-5;
-    assert!(compare(&scene, expected).is_err());
-}
-
-#[test]
-fn errors_name_the_cause() {
-    let Some(folder) = models("errors_name_the_cause") else { return };
-    for (file, thing) in [
-        ("required_extension_unknown.gltf", "EXT_not_known"),
-        ("draco_required.glb", "KHR_draco_mesh_compression"),
-        ("buffer_missing.gltf", "not_there.bin"),
-        ("buffer_http.gltf", "http"),
-        ("accessor_past_end.gltf", "accessor 0"),
-        ("offset_overflow.gltf", "buffer view 0"),
-        ("index_out_of_range.gltf", "is 7, out of range (3 vertices)"),
-        ("node_cycle.gltf", "own ancestor"),
-        ("node_two_parents.gltf", "node 2"),
-        ("instancing_counts_differ.gltf", "3 and 2"),
-    ] {
-        let error = read(&folder.join("nasty/gltf").join(file)).expect_err(file).to_string();
-        assert!(error.contains(thing), "{error}");
-    }
-}
-
-/// The scene of a real file at a time.
-fn at(folder: &Path, file: &str, time: f32) -> Scene {
-    read_with(&folder.join(file), &ReadOptions { time: Some(time), ..ReadOptions::default() })
-        .unwrap_or_else(|error| panic!("{error}"))
-}
-
-/// A 2 x 1 sheet whose upper half is rotated by a joint at half height.
-#[test]
-fn simple_skin_at_known_times() {
-    let Some(folder) = models("simple_skin_at_known_times") else { return };
-    // Computed in double precision from numbers below 2 and rounded once.
-    let bound = 2.0 * f32::EPSILON;
-    let edge_rotated = [[-1.0, 0.5, 0.0], [-1.0, 1.5, 0.0]];
-    let edge_rotated_back = [[1.0, 1.5, 0.0], [1.0, 0.5, 0.0]];
-    let edge_at_rest = [[-0.5, 2.0, 0.0], [0.5, 2.0, 0.0]];
-    for (time, edge) in [
-        (-1.0, edge_at_rest),
-        (1.0, edge_rotated),
-        (1.25, edge_rotated),
-        (4.0, edge_rotated_back),
-        (5.5, edge_at_rest),
-        (99.0, edge_at_rest),
-    ] {
-        let scene = at(&folder, "gltf/SimpleSkin.gltf", time);
-        let positions = &scene.meshes[0].positions;
-        for (found, want) in positions[8..].iter().zip(edge) {
-            assert!((0..3).all(|k| (found[k] - want[k]).abs() <= bound), "{found:?} for {want:?} at {time}");
-        }
-        assert_eq!(positions[..2], [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]], "the lower edge does not move");
-    }
-    // Halfway between rotations of 45 and 90 degrees. The file stores the first quaternion with three digits. The error of the
-    // rotation is at most the sum of these errors (doubled for the angle, halved by interpolation) times the corner's distance.
-    let bound = 0.5e-3 * (0.924 + 0.383) * 1.25_f32.sqrt();
-    let scene = at(&folder, "gltf/SimpleSkin.gltf", 0.75);
-    let (sin, cos) = 67.5_f32.to_radians().sin_cos();
-    let [x, y, _] = scene.meshes[0].positions[9];
-    let want = [0.5 * cos - sin, 1.0 + 0.5 * sin + cos];
-    assert!((x - want[0]).abs() < bound && (y - want[1]).abs() < bound, "{x} {y} for {want:?}");
-}
-
-#[test]
-fn every_real_animation_changes_the_pose() {
-    let Some(folder) = models("every_real_animation_changes_the_pose") else { return };
-    for (file, warning) in [("Fox.glb", "animation 0 \"Survey\""), ("CesiumMan.glb", ""), ("SimpleMorph.gltf", "")] {
-        let file = format!("gltf/{file}");
-        let rest = read(&folder.join(&file)).unwrap_or_else(|error| panic!("{error}")).bounds_world();
-        let posed: Vec<Scene> = [0.5, 1.0].map(|time| at(&folder, &file, time)).into();
-        for scene in &posed {
-            assert_consistent(scene, &file);
-            assert!(scene.warnings.join("|").ends_with(warning), "{:?}", scene.warnings);
-            // An animated figure keeps about the same size.
-            let largest = |bounds: Aabb| bounds.extent().into_iter().fold(0.0, f64::max);
-            let ratio = largest(scene.bounds_world()) / largest(rest);
-            assert!((0.5..2.0).contains(&ratio), "{file}: {ratio}");
-        }
-        assert_ne!(posed[0].bounds_world(), posed[1].bounds_world(), "{file} moves");
-    }
-}
-
-#[test]
-fn lights_and_cameras_of_real_files() {
-    let Some(folder) = models("lights_and_cameras_of_real_files") else { return };
-    let scene = read(&folder.join("gltf/camera_light.glb")).unwrap_or_else(|error| panic!("{error}"));
-    assert!(scene.lights.iter().any(|light| matches!(light, Light::Sun { .. } | Light::Point { .. })));
-    let scene = read(&folder.join("gltf/Cameras.gltf")).unwrap_or_else(|error| panic!("{error}"));
-    let projections: Vec<_> = scene.cameras.iter().map(|camera| camera.projection).collect();
-    let [Projection::Perspective { fov_degrees }, Projection::Orthographic { height }] = projections[..] else {
-        panic!("{projections:?}")
-    };
-    assert_eq!((fov_degrees, height, scene.warnings.len()), (0.7_f32.to_degrees(), 2.0, 0));
-}
-
-/// A folder with a glTF file.
-struct File(tempfile::TempDir);
 
 impl File {
-    /// A triangle that node 0 moves by 8 in a second of animation 0, and by `far` of animation 1; node 2 shows the triangle
-    /// with a morph target `lift` of a weight that goes from 0 to 1.
-    fn new(far: f32, lift: [f32; 3]) -> Self {
-        Self::with(far, lift, |_| {})
+    /// An empty file.
+    fn new() -> Self {
+        Self { json: json!({ "asset": { "version": "2.0" } }), buffer: Vec::new() }
     }
 
-    fn with(far: f32, lift: [f32; 3], change: impl FnOnce(&mut Value)) -> Self {
-        let floats: [&[f32]; 6] = [
-            &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
-            &[0.0, 1.0],
-            &[0.0, 0.0, 0.0, 8.0, 0.0, 0.0],
-            &[0.0, 0.0, 0.0, far, 0.0, 0.0],
-            &[0.0, 0.0, 0.0, lift[0], lift[1], lift[2], 0.0, 0.0, 0.0],
-            &[0.0, 1.0],
-        ];
-        let (mut views, mut bytes) = (Vec::new(), Vec::new());
-        for list in floats {
-            views.push(json!({ "buffer": 0, "byteOffset": bytes.len(), "byteLength": 4 * list.len() }));
-            bytes.extend(list.iter().flat_map(|x| x.to_le_bytes()));
+    /// The test triangle as mesh 0, with the given nodes.
+    fn of_nodes(nodes: Value) -> Self {
+        let mut file = Self::new();
+        let positions = file.reals("VEC3", &TRIANGLE);
+        file.mesh(json!([{ "attributes": { "POSITION": positions } }]));
+        file.json["nodes"] = nodes;
+        file
+    }
+
+    /// Adds a mesh of these primitives and a node for it.
+    fn with_node(mut self, primitives: Value) -> Self {
+        let mesh = self.mesh(primitives);
+        self.push("nodes", json!({ "mesh": mesh }));
+        self
+    }
+
+    /// Appends to a list and returns the index.
+    fn push(&mut self, list: &str, item: Value) -> usize {
+        if self.json[list].is_null() {
+            self.json[list] = json!([]);
         }
-        let accessor = |view: usize, element: &str| {
-            let width = if element == "VEC3" { 3 } else { 1 };
-            json!({ "bufferView": view, "componentType": 5126, "type": element, "count": floats[view].len() / width })
+        let list = self.json[list].as_array_mut().unwrap();
+        list.push(item);
+        list.len() - 1
+    }
+
+    /// Appends a mesh.
+    fn mesh(&mut self, primitives: Value) -> usize {
+        self.push("meshes", json!({ "primitives": primitives }))
+    }
+
+    /// Appends bytes and a view of them.
+    fn view(&mut self, bytes: &[u8]) -> usize {
+        let offset = self.buffer.len();
+        self.buffer.extend(bytes);
+        self.push("bufferViews", json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes.len() }))
+    }
+
+    /// Appends an accessor of packed elements.
+    fn accessor(&mut self, component: u32, element: &str, count: usize, bytes: &[u8]) -> usize {
+        let view = self.view(bytes);
+        let accessor = json!({ "bufferView": view, "componentType": component, "type": element, "count": count });
+        self.push("accessors", accessor)
+    }
+
+    /// Appends an accessor of `f32` numbers.
+    fn reals(&mut self, element: &str, numbers: &[f32]) -> usize {
+        let width = ["SCALAR", "VEC2", "VEC3", "VEC4"].iter().position(|name| *name == element).map_or(16, |k| k + 1);
+        let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+        self.accessor(F32, element, numbers.len() / width, &bytes)
+    }
+
+    /// Appends an accessor of 16-bit indices.
+    fn indices(&mut self, indices: &[u16]) -> usize {
+        let bytes: Vec<u8> = indices.iter().flat_map(|index| index.to_le_bytes()).collect();
+        self.accessor(U16, "SCALAR", indices.len(), &bytes)
+    }
+
+    /// The file as GLB.
+    fn glb(&self) -> Vec<u8> {
+        let mut json = self.json.clone();
+        json["buffers"] = json!([{ "byteLength": self.buffer.len() }]);
+        let chunk = |kind: &[u8; 4], content: &[u8], padding: u8| {
+            let mut content = content.to_vec();
+            content.resize(content.len().next_multiple_of(4), padding);
+            [&word(content.len())[..], kind, &content].concat()
         };
-        let move_node = |output: usize| {
-            json!({
-                "channels": [{ "sampler": 0, "target": { "node": 0, "path": "translation" } }],
-                "samplers": [{ "input": 1, "output": output }],
-            })
-        };
-        let mut first = move_node(2);
-        first["name"] = json!("slide");
-        first["channels"]
-            .as_array_mut()
-            .unwrap()
-            .push(json!({ "sampler": 1, "target": { "node": 2, "path": "weights" } }));
-        first["samplers"].as_array_mut().unwrap().push(json!({ "input": 1, "output": 5 }));
-        let mut json = json!({
-            "asset": { "version": "2.0" },
-            "buffers": [{ "byteLength": bytes.len(), "uri": "data.bin" }],
-            "bufferViews": views,
-            "accessors": [accessor(0, "VEC3"), accessor(1, "SCALAR"), accessor(2, "VEC3"), accessor(3, "VEC3"),
-                accessor(4, "VEC3"), accessor(5, "SCALAR")],
-            "meshes": [
-                { "name": "fixed", "primitives": [{ "attributes": { "POSITION": 0 } }] },
-                { "name": "sail", "primitives": [{ "attributes": { "POSITION": 0 }, "targets": [{ "POSITION": 4 }] }] },
-            ],
-            "nodes": [{ "mesh": 0 }, { "mesh": 0, "translation": [0, 5, 0] }, { "mesh": 1 }],
-            "animations": [first, move_node(3)],
-        });
-        change(&mut json);
+        let chunks = [chunk(b"JSON", json.to_string().as_bytes(), b' '), chunk(b"BIN\0", &self.buffer, 0)].concat();
+        [b"glTF", &2_u32.to_le_bytes()[..], &word(12 + chunks.len()), &chunks].concat()
+    }
+
+    /// Writes the file and its buffer to a folder; the path.
+    fn write(&self, folder: &Path) -> PathBuf {
+        let mut json = self.json.clone();
+        if json["buffers"].is_null() && !self.buffer.is_empty() {
+            json["buffers"] = json!([{ "byteLength": self.buffer.len(), "uri": "buffer.bin" }]);
+        }
+        fs::write(folder.join("buffer.bin"), &self.buffer).unwrap();
+        let path = folder.join("test.gltf");
+        fs::write(&path, json.to_string()).unwrap();
+        path
+    }
+
+    /// The file in a folder of its own.
+    fn saved(&self) -> (tempfile::TempDir, PathBuf) {
         let folder = tempfile::tempdir().unwrap();
-        std::fs::write(folder.path().join("data.bin"), bytes).unwrap();
-        std::fs::write(folder.path().join("moving.gltf"), json.to_string()).unwrap();
-        Self(folder)
+        let path = self.write(folder.path());
+        (folder, path)
     }
 
-    fn path(&self) -> PathBuf {
-        self.0.path().join("moving.gltf")
+    /// Writes the file into a folder of its own and reads it.
+    fn read(&self) -> Result<Scene, ReadError> {
+        self.read_with(&ReadOptions::default())
+    }
+
+    /// As [`File::read`], at a time.
+    fn read_at(&self, time: f32) -> Result<Scene, ReadError> {
+        self.read_with(&ReadOptions { time: Some(time), ..ReadOptions::default() })
+    }
+
+    /// As [`File::read`], with options.
+    fn read_with(&self, options: &ReadOptions) -> Result<Scene, ReadError> {
+        let (_folder, path) = self.saved();
+        read_with(&path, options)
+    }
+
+    /// The scene, which must have no warnings.
+    #[track_caller]
+    fn scene(&self) -> Scene {
+        let scene = self.read().unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(scene.warnings, [""; 0]);
+        scene
+    }
+
+    /// Asserts that reading fails with a message that contains `thing`.
+    #[track_caller]
+    fn rejected(&self, thing: &str) {
+        let error = self.read().expect_err(thing).to_string();
+        assert!(error.contains("test.gltf") && error.contains(thing), "{error}");
+    }
+
+    /// Asserts that reading gives one warning, which contains `thing`.
+    #[track_caller]
+    fn warned(&self, thing: &str) -> Scene {
+        let scene = self.read().unwrap_or_else(|error| panic!("{error}"));
+        assert!(scene.warnings.len() == 1 && scene.warnings[0].contains(thing), "{:?}", scene.warnings);
+        scene
     }
 }
 
-fn options_at(time: f32, animation: Option<&str>) -> ReadOptions {
-    ReadOptions { time: Some(time), animation: animation.map(str::to_owned), variant: None }
+/// A length as a little-endian word.
+fn word(length: usize) -> [u8; 4] {
+    u32::try_from(length).unwrap().to_le_bytes()
 }
 
-/// Everything that a pose may change, and everything that it must not.
-fn everything(scene: &Scene) -> String {
-    format!("{scene:?}")
-}
-
-/// Compares poses in any order with the file read at that time.
-#[track_caller]
-fn poses_match(path: &Path, animation: Option<&str>, times: &[f32]) {
-    let (mut animated, mut scene) = AnimatedScene::open(path, &options_at(times[0], animation)).unwrap();
-    assert!(animated.is_animated());
-    for &time in times.iter().chain(times.iter().rev()) {
-        let mut read = read_with(path, &options_at(time, animation)).unwrap();
-        animated.pose(time, &mut scene).unwrap();
-        // The warnings of a pose do not repeat those of materials and images.
-        let without_warnings = |scene: &mut Scene| std::mem::take(&mut scene.warnings);
-        let (ours, theirs) = (without_warnings(&mut scene), without_warnings(&mut read));
-        assert!(ours.iter().all(|warning| theirs.contains(warning)), "{ours:?} {theirs:?}");
-        assert_eq!(everything(&scene), everything(&read), "{path:?} at {time}");
-    }
-}
-
-#[test]
-fn poses_are_those_of_the_file_read_at_that_time() {
-    let file = File::new(-4.0, [0.0, 0.0, 2.0]);
-    // At 0 the second mesh has its default weights, so that it is no deformed copy.
-    for animation in [None, Some("slide"), Some("0"), Some("1")] {
-        poses_match(&file.path(), animation, &[0.0, 0.25, 1.0, 7.0, -1.0, 0.5]);
-    }
-    let (mut animated, mut scene) = AnimatedScene::open(&file.path(), &options_at(0.0, Some("1"))).unwrap();
-    animated.pose(0.5, &mut scene).unwrap();
-    assert_eq!(scene.instances[0].world_from_object.columns[3], [-2.0, 0.0, 0.0], "the second animation");
-    assert!(scene.warnings.is_empty(), "an animation was chosen: {:?}", scene.warnings);
-}
-
-#[test]
-fn poses_of_real_models_are_those_of_the_file_read_at_that_time() {
-    let Some(folder) = models("poses_of_real_models_are_those_of_the_file_read_at_that_time") else { return };
-    for (name, animation) in [("Fox", None), ("Fox", Some("Run")), ("Fox", Some("2")), ("CesiumMan", None)] {
-        poses_match(&folder.join(format!("gltf/{name}.glb")), animation, &[0.0, 0.3, 1.1]);
-    }
-    for name in ["SimpleSkin", "SimpleMorph"] {
-        poses_match(&folder.join(format!("gltf/{name}.gltf")), None, &[0.0, 0.3, 1.1]);
-    }
+/// Writes and reads a file.
+fn read_bytes(folder: &Path, name: &str, bytes: &[u8]) -> Result<Scene, ReadError> {
+    let path = folder.join(name);
+    fs::write(&path, bytes).unwrap();
+    read(&path)
 }
 
 #[test]
-fn unknown_animations_are_reported_with_those_of_the_file() {
-    let file = File::new(1.0, [0.0; 3]);
-    let error = |animation: &str| match read_with(&file.path(), &options_at(0.0, Some(animation))) {
-        Err(error @ ReadError::UnknownAnimation { .. }) => error.to_string(),
-        other => panic!("{other:?}"),
+fn json_and_glb_give_the_same_scene() {
+    let file = File::of_nodes(json!([{ "mesh": 0, "translation": [1, 2, 3] }]));
+    let folder = tempfile::tempdir().unwrap();
+    let glb = read_bytes(folder.path(), "test.glb", &file.glb()).unwrap();
+    let json = file.scene();
+    assert_eq!(json.meshes[0].positions, glb.meshes[0].positions);
+    assert_eq!(json.instances, glb.instances);
+}
+
+#[test]
+fn checks_versions_and_required_extensions() {
+    let with = |key: &str, value: Value| {
+        let mut file = File::of_nodes(json!([{ "mesh": 0 }]));
+        file.json[key] = value;
+        file
     };
-    for wanted in ["swim", "2", "-1", ""] {
-        let want = format!("moving.gltf: unknown animation '{wanted}'; the file has 0 \"slide\", 1");
-        assert!(error(wanted).ends_with(&want), "{}", error(wanted));
-    }
-    let still = File::with(1.0, [0.0; 3], |json| drop(json.as_object_mut().unwrap().remove("animations")));
-    for options in [options_at(0.0, Some("slide")), ReadOptions { time: None, ..options_at(0.0, Some("0")) }] {
-        let error = read_with(&still.path(), &options).unwrap_err().to_string();
-        assert!(error.ends_with("the file has no animation"), "{error}");
-    }
-    assert!(!AnimatedScene::open(&still.path(), &ReadOptions::default()).unwrap().0.is_animated());
-}
-
-/// A name that looks like a number is a name.
-#[test]
-fn names_win_over_numbers() {
-    let file = File::with(-4.0, [0.0; 3], |json| json["animations"][1]["name"] = json!("0"));
-    let x = |animation| {
-        read_with(&file.path(), &options_at(1.0, Some(animation))).unwrap().instances[0].world_from_object.columns[3][0]
-    };
-    assert_eq!([x("0"), x("slide"), x("1")], [-4.0, 8.0, -4.0]);
+    with("asset", json!({ "version": "2.1" })).scene();
+    with("asset", json!({ "version": "1.0" })).rejected("glTF 1.0 is not supported");
+    let mut first = with("asset", json!({}));
+    first.json["meshes"] = json!({ "a": {} });
+    first.rejected("glTF 1.0 is not supported");
+    with("asset", json!({ "version": "2.1", "minVersion": "2.1" })).rejected("glTF 2.1 is not supported");
+    with("extensionsRequired", json!(["KHR_mesh_quantization"])).scene();
+    with("extensionsRequired", json!(["KHR_draco_mesh_compression"])).rejected("KHR_draco_mesh_compression");
+    with("extensionsUsed", json!(["KHR_mesh_quantization", "KHR_lights_punctual"])).scene();
+    with("extensionsUsed", json!(["EXT_unheard_of"])).warned("ignoring EXT_unheard_of (not supported): extensionsUsed");
+    let hidden = json!([{ "mesh": 0, "extensions": { "KHR_node_visibility": { "visible": false } } }]);
+    let mut file = with("nodes", hidden);
+    file.json["extensionsUsed"] = json!(["KHR_node_visibility"]);
+    file.warned("ignoring KHR_node_visibility (not supported): node 0");
 }
 
 #[test]
-fn poses_that_are_not_finite_are_reported_with_mesh_and_vertex() {
-    for bad in [f32::NAN, f32::INFINITY] {
-        let file = File::new(bad, [0.0, bad, 0.0]);
-        let (mut animated, mut scene) = AnimatedScene::open(&file.path(), &options_at(0.0, None)).unwrap();
-        let before = everything(&scene);
-        let error = animated.pose(0.5, &mut scene).unwrap_err();
-        let want = format!("mesh 1 \"sail\": primitive 0 vertex 1 is not finite: 1, {bad}, 0");
-        assert!(matches!(&error, ReadError::VertexNotFinite { .. }) && error.to_string().ends_with(&want), "{error}");
-        assert_eq!(everything(&scene), before, "the scene stays as it is");
-        // A static picture skips the triangle with a warning, as before.
-        assert!(
-            read_with(&file.path(), &options_at(0.5, None)).unwrap().warnings.join("").contains("non-finite vertex: 1")
-        );
-        // Infinity times zero is NaN, so the node is at NaN even at the first key.
-        let error = AnimatedScene::open(&file.path(), &options_at(0.5, Some("1"))).err().unwrap().to_string();
-        assert!(error.contains("mesh 0 \"fixed\": vertex 0 at node 0 is not finite: "), "{error}");
+fn invalid_json_is_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    for text in [
+        "",
+        "{",
+        "[1]",
+        "{\"asset\":{}}",
+        &"[".repeat(1 << 20),
+        "{\"asset\":{\"version\":\"2.0\"},\"nodes\":[{\"mesh\":-1}]}",
+        "\u{feff}{}",
+    ] {
+        let error = read_bytes(folder.path(), "test.gltf", text.as_bytes()).unwrap_err().to_string();
+        assert!(error.contains("test.gltf: json: "), "{error}");
     }
-}
-
-/// Vertices that are not finite in the file, at rest and in every pose, lose their triangles with a warning, as elsewhere.
-#[test]
-fn vertices_that_are_not_finite_at_rest_are_skipped() {
-    let file = File::with(f32::NAN, [0.0; 3], |json| {
-        // The first vertex of the first mesh becomes the last key of the second animation.
-        json["accessors"].as_array_mut().unwrap().push(
-            json!({ "bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3, "sparse": {
-            "count": 1,
-            "indices": { "bufferView": 1, "componentType": 5121 },
-            "values": { "bufferView": 3, "byteOffset": 12 },
-        } }),
-        );
-        json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = json!(6);
-    });
-    let (_, scene) = AnimatedScene::open(&file.path(), &options_at(0.5, Some("slide"))).unwrap();
-    assert_eq!((scene.meshes.len(), scene.instances.len()), (1, 1), "the other mesh");
-    assert!(scene.warnings.join("").contains("skipping triangles with a non-finite vertex: 1"), "{:?}", scene.warnings);
 }

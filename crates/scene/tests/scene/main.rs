@@ -1,5 +1,6 @@
 //! Tests of the public API: scene files, real models, malformed files.
 
 mod files;
+mod flaw;
 mod gltf;
 mod scene_file;

@@ -16,14 +16,15 @@ mod flaw;
 mod pod;
 mod records;
 mod rows;
-mod units;
+mod words;
 
 use std::ops::Range;
 
+use crate::leaf::PART_LANES;
 pub use flaw::Flaw;
 pub(crate) use records::Records;
 pub(crate) use rows::{NOWHERE, Row, node_words, rows, write_boxes, write_slabs};
-pub(crate) use units::{HALF_BLOCK_WORDS, HalfBlock, LaneWords, LeafLayout, PART_LANES, PARTS};
+pub use words::RawBvh;
 
 /// A cache line of two eight-lane rows; nodes start on one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -221,6 +222,5 @@ mod tests {
     #[test]
     fn records_have_the_documented_sizes() {
         assert_eq!(NodeKind::ALL.map(|kind| kind.n_lines() * size_of::<CacheLine>()), [256, 512]);
-        assert_eq!(size_of::<HalfBlock>(), 160);
     }
 }

@@ -32,10 +32,16 @@ pub(crate) trait HitSink {
     /// Takes a hit with `t_min <= t <= t_max`, all scaled. Returns the new `t_max`; a negative one ends the traversal.
     fn take(&mut self, ray: &ScaledRay, hit: Hit, vertices: &[[f32; 3]; 3], t_max: f32) -> f32;
 
-    /// Where the work is counted, if it is.
+    /// A leaf of `n` primitives is about to be tested.
     #[inline(always)]
-    fn visits(&mut self) -> Option<&mut Visits> {
-        None
+    fn leaf(&mut self, n: u32) {
+        let _ = n;
+    }
+
+    /// A node of this kind is about to be tested.
+    #[inline(always)]
+    fn node(&mut self, kind: NodeKind) {
+        let _ = kind;
     }
 }
 
@@ -138,8 +144,17 @@ impl<const PLAIN: bool> HitSink for BestHit<'_, PLAIN> {
     }
 
     #[inline(always)]
-    fn visits(&mut self) -> Option<&mut Visits> {
-        if PLAIN { None } else { Some(&mut self.visits) }
+    fn leaf(&mut self, n: u32) {
+        if !PLAIN {
+            self.visits.leaf(n);
+        }
+    }
+
+    #[inline(always)]
+    fn node(&mut self, kind: NodeKind) {
+        if !PLAIN {
+            self.visits.node(kind);
+        }
     }
 }
 
@@ -189,8 +204,17 @@ impl<const PLAIN: bool> HitSink for AnyHit<'_, PLAIN> {
     }
 
     #[inline(always)]
-    fn visits(&mut self) -> Option<&mut Visits> {
-        if PLAIN { None } else { Some(&mut self.visits) }
+    fn leaf(&mut self, n: u32) {
+        if !PLAIN {
+            self.visits.leaf(n);
+        }
+    }
+
+    #[inline(always)]
+    fn node(&mut self, kind: NodeKind) {
+        if !PLAIN {
+            self.visits.node(kind);
+        }
     }
 }
 
@@ -239,8 +263,13 @@ impl HitSink for AllHits<'_> {
     }
 
     #[inline(always)]
-    fn visits(&mut self) -> Option<&mut Visits> {
-        Some(&mut self.visits)
+    fn leaf(&mut self, n: u32) {
+        self.visits.leaf(n);
+    }
+
+    #[inline(always)]
+    fn node(&mut self, kind: NodeKind) {
+        self.visits.node(kind);
     }
 }
 

@@ -5,8 +5,7 @@ use canted_trace::{Intersect, Ray, ReferencePoint, ScaledRay};
 
 use super::sink::BestHit;
 use super::triangles::{PADS, pass_hits};
-use crate::leaf::StoredTriangles;
-use crate::node::LeafLayout;
+use crate::leaf::{LeafLayout, StoredTriangles};
 use crate::node::checked::Hierarchy;
 use crate::simd::{Simd, Task};
 use crate::traverse::{BoxPads, Pads, TracedRay};

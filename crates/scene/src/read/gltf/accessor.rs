@@ -4,7 +4,7 @@ use gltf::json::accessor::{ComponentType, Type, sparse};
 use gltf::json::validation::{Checked, USize64};
 
 use super::document::{Document, range};
-use crate::read::ReadError;
+use crate::read::error::ReadError;
 
 /// Component types of real numbers; integers are normalized or from `KHR_mesh_quantization`.
 pub(super) const REALS: &[ComponentType] =

@@ -12,8 +12,7 @@ use gltf::json::validation::Checked;
 
 use super::accessor::{Accessor, REALS};
 use super::document::Document;
-use crate::read::ReadError;
-use crate::read::error::WarningGroups;
+use crate::read::error::{ReadError, WarningGroups};
 
 /// A new value for a node property.
 enum Change {
@@ -258,15 +257,6 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-
-    #[test]
-    fn hermite_interpolates_values_and_tangents() {
-        let (ends, tangents) = ([[1.0], [4.0]], [[2.0], [-3.0]]);
-        assert_eq!(hermite(ends, tangents, 0.0), [1.0]);
-        assert_eq!(hermite(ends, tangents, 1.0), [4.0]);
-        // The mean of the ends plus an eighth of the difference of the tangents.
-        assert_eq!(hermite(ends, tangents, 0.5), [2.5 + 5.0 / 8.0]);
-    }
 
     proptest! {
         /// The angle of a rotation about one axis grows linearly along the shorter arc.

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::read::ReadError;
+use crate::read::error::ReadError;
 use crate::read::folder::Folder;
 
 /// Signature of GLB.
@@ -150,13 +150,17 @@ fn base64_value(digit: u8) -> Option<u8> {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use std::path::Path;
 
     use proptest::prelude::*;
 
     use super::*;
-    use crate::read::gltf::tests::word;
+
+    /// A length as a little-endian word.
+    fn word(length: usize) -> [u8; 4] {
+        u32::try_from(length).unwrap().to_le_bytes()
+    }
 
     /// A GLB with these chunks.
     fn glb(chunks: &[(&[u8; 4], &[u8])]) -> Vec<u8> {
@@ -206,7 +210,7 @@ pub(super) mod tests {
     }
 
     /// Encodes base64 from a string of bits, as an oracle for decoding.
-    pub(crate) fn to_base64(bytes: &[u8]) -> String {
+    fn to_base64(bytes: &[u8]) -> String {
         let digits: Vec<char> = ('A'..='Z').chain('a'..='z').chain('0'..='9').chain(['+', '/']).collect();
         let bits: String = bytes.iter().map(|byte| format!("{byte:08b}")).collect();
         let mut text: String = bits

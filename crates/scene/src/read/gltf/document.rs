@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
 use gltf::json::animation::Animation;
-use gltf::json::deserialize::{from_slice, from_value};
+use gltf::json::deserialize::from_slice;
 use gltf::json::validation::USize64;
 use gltf::json::{Error, Root, Value};
 #[cfg(feature = "meshopt")]
@@ -13,8 +13,7 @@ use rayon::prelude::*;
 
 use super::container;
 use super::meshopt::{self, Decompressed};
-use crate::read::ReadError;
-use crate::read::error::WarningGroups;
+use crate::read::error::{ReadError, WarningGroups};
 use crate::read::folder::Folder;
 
 /// Instances of a mesh by accessors: name of the extension, and its key in a node.
@@ -275,14 +274,31 @@ impl<'a> Document<'a> {
 
 /// Parses the JSON; the parser rejects more than 128 nesting levels.
 ///
-/// The `gltf` crate requires `nodes` in scenes and target nodes in animation channels, which are optional in glTF. This adds
-/// the list, and removes and counts such channels.
+/// Only [`Root::from_slice`] deserializes the structs: a generic function of serde would compile all of them here once more.
 fn parse(json: &[u8]) -> Result<(Root, UnparsedData), Error> {
+    let (value, unparsed, is_changed) = completed(json)?;
+    let text = is_changed.then(|| value.to_string());
+    drop(value);
+    let root = Root::from_slice(text.as_ref().map_or(json, |text| text.as_bytes()))
+        // The structs have no repeated keys; of those of a value the last counts.
+        .or_else(|_| Root::from_slice(completed(json)?.0.to_string().as_bytes()))
+        // For an error with the line in the file.
+        .or_else(|_| Root::from_slice(json))?;
+    Ok((root, unparsed))
+}
+
+/// The JSON as a value, what it has beyond the structs of the `gltf` crate, and whether it differs from the text.
+///
+/// The crate requires `nodes` in scenes and target nodes in animation channels, which are optional in glTF. This adds
+/// the list, and removes and counts such channels.
+fn completed(json: &[u8]) -> Result<(Value, UnparsedData, bool), Error> {
     let mut unparsed = UnparsedData::default();
     let mut value: Value = from_slice(json)?;
+    let mut is_changed = false;
     for scene in value.get_mut("scenes").and_then(Value::as_array_mut).into_iter().flatten() {
-        if let Some(scene) = scene.as_object_mut() {
-            scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
+        if let Some(scene) = scene.as_object_mut().filter(|scene| !scene.contains_key("nodes")) {
+            scene.insert("nodes".to_owned(), Value::Array(Vec::new()));
+            is_changed = true;
         }
     }
     unparsed.n_channels_without_node = vec![0; items(&value, "animations").count()];
@@ -291,6 +307,7 @@ fn parse(json: &[u8]) -> Result<(Root, UnparsedData), Error> {
             let n_channels = channels.len();
             channels.retain(|channel| channel.get("target").is_none_or(|target| target.get("node").is_some()));
             unparsed.n_channels_without_node[k] = n_channels - channels.len();
+            is_changed |= n_channels > channels.len();
         }
     }
     for (mesh, item) in items(&value, "meshes").enumerate() {
@@ -300,9 +317,7 @@ fn parse(json: &[u8]) -> Result<(Root, UnparsedData), Error> {
             }
         }
     }
-    // On failure parses the text again, for an error with a line number.
-    let root = from_value(value).or_else(|_| from_slice(json))?;
-    Ok((root, unparsed))
+    Ok((value, unparsed, is_changed))
 }
 
 /// The items of a list; none if it is absent.

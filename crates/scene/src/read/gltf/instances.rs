@@ -13,9 +13,9 @@ use super::accessor::{Accessor, REALS};
 use super::document::{Document, MESH_GPU_INSTANCING, UNSUPPORTED_TARGETS};
 use super::nodes::{Matrix, Nodes};
 use super::primitive::{self, Pose, PrimitiveMesh, PrimitiveReader};
-use crate::read::error::WarningGroups;
+use crate::read::error::{ReadError, WarningGroups};
 use crate::read::mesh::MeshChecks;
-use crate::read::{ReadError, quoted};
+use crate::read::text::quoted;
 use crate::{Instance, Material, MaterialId, Mesh, MeshId, Part, Scene};
 
 /// Reads the meshes and adds instances for the nodes of the default scene.

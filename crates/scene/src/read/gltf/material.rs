@@ -12,8 +12,7 @@ use gltf::json::{Material as Source, Value};
 
 use super::document::{Document, SPECULAR_GLOSSINESS};
 use super::texture::{TextureInfo, Textures};
-use crate::read::ReadError;
-use crate::read::error::WarningGroups;
+use crate::read::error::{ReadError, WarningGroups};
 use crate::{Encoding, Lobes, Material, Scene, TextureRef};
 
 /// Reads all materials and their textures, followed by the default material if a primitive uses it.

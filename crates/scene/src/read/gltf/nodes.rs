@@ -12,8 +12,8 @@ use gltf::json::scene::Node;
 use gltf::json::validation::Checked;
 
 use super::document::Document;
-use crate::read::ReadError;
-use crate::read::error::WarningGroups;
+use crate::read::error::{ReadError, WarningGroups};
+use crate::read::mesh::unit;
 use crate::{Camera, Light, Projection, Scene};
 
 /// The nodes of a file.
@@ -260,16 +260,6 @@ fn cross_of_absolutes(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     })
 }
 
-/// Normalizes a vector to single precision; `None` if it has no direction.
-pub(super) fn unit(v: [f64; 3]) -> Option<[f32; 3]> {
-    // Divides by the largest component first, so that squares neither overflow nor underflow.
-    let largest = v.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
-    let scaled = v.map(|x| x / largest);
-    let length = dot(scaled, scaled).sqrt();
-    let unit = scaled.map(|x| (x / length) as f32);
-    unit.iter().all(|x| x.is_finite()).then_some(unit)
-}
-
 /// Adds the cameras of the default scene; skips invalid ones with a warning.
 pub(super) fn read_cameras(document: &Document<'_>, nodes: &Nodes, scene: &mut Scene) -> Result<(), ReadError> {
     for &k in &nodes.drawn {
@@ -430,16 +420,6 @@ mod tests {
         fn composition_applies_inner_first(outer in prop::array::uniform4(integers()), inner in prop::array::uniform4(integers()), p in integers()) {
             let (outer, inner) = (Matrix { columns: outer }, Matrix { columns: inner });
             prop_assert_eq!(outer.after(&inner).point(p), outer.point(inner.point(p)));
-        }
-    }
-
-    #[test]
-    fn normalizes_vectors_of_any_length() {
-        for scale in [1.0, 1e-300, 5e-324, 1e300] {
-            assert_eq!(unit([0.0, -scale, 0.0]), Some([0.0, -1.0, 0.0]), "{scale:e}");
-        }
-        for v in [[0.0; 3], [f64::NAN, 1.0, 0.0], [f64::INFINITY, 1.0, 0.0]] {
-            assert_eq!(unit(v), None, "{v:?}");
         }
     }
 

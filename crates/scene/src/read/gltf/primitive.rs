@@ -12,9 +12,9 @@ use gltf::json::validation::Checked;
 use super::accessor::{Accessor, INDICES, REALS};
 use super::document::Document;
 use super::material::fraction;
-use super::nodes::{Matrix, Nodes, unit};
-use crate::read::ReadError;
-use crate::read::mesh::{MeshChecks, usable_uv};
+use super::nodes::{Matrix, Nodes};
+use crate::read::error::ReadError;
+use crate::read::mesh::{MeshChecks, unit, usable_uv};
 use crate::{Material, UvSet};
 
 /// Triangles and vertices of a primitive.
@@ -581,24 +581,6 @@ impl<'a> Skinning<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn lists_ignore_incomplete_triangles() {
-        let (list, rest) = triangles(Mode::Triangles, &[7, 8, 9, 1, 2, 3, 4, 5]).unwrap();
-        assert_eq!((list, rest), (vec![[7, 8, 9], [1, 2, 3]], 2));
-    }
-
-    #[test]
-    fn strips_alternate_winding() {
-        let (strip, rest) = triangles(Mode::TriangleStrip, &[0, 1, 2, 3, 4]).unwrap();
-        assert_eq!((strip, rest), (vec![[0, 1, 2], [1, 3, 2], [2, 3, 4]], 0));
-    }
-
-    #[test]
-    fn fans_share_their_first_corner() {
-        let (fan, rest) = triangles(Mode::TriangleFan, &[5, 6, 7, 8]).unwrap();
-        assert_eq!((fan, rest), (vec![[6, 7, 5], [7, 8, 5]], 0));
-    }
 
     #[test]
     fn strips_and_fans_of_a_convex_polygon_have_equal_winding() {

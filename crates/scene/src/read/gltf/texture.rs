@@ -12,9 +12,9 @@ use rayon::prelude::*;
 
 use super::container::load_uri;
 use super::document::Document;
-use crate::read::error::WarningGroups;
+use crate::read::error::{ReadError, WarningGroups};
+use crate::read::image;
 use crate::read::text::{self, printable};
-use crate::read::{ReadError, image};
 use crate::{Encoding, Magnification, Scene, Texture, TextureId, UvSet, UvTransform, Wrap};
 
 /// Textures requested by materials.

@@ -9,52 +9,31 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use crate::read::error::WarningGroups;
+use crate::read::error::{ReadError, WarningGroups};
 use crate::read::folder::Folder;
+use crate::read::image;
 use crate::read::text::{self, Line};
-use crate::read::{ReadError, image};
 use crate::{AlphaMode, Material, Scene, Texture, TextureId, TextureRef, UvTransform, Wrap};
 
 /// The material slot of a texture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Role {
     BaseColor,
     Mask,
     Emission,
-    Normals,
-    Roughness,
-    Metallic,
-}
-
-/// How an image is converted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-enum Content {
-    Color,
-    Mask,
     /// A normal map, or heights, as statements of bumps have either.
-    Bumps,
+    Normals,
     /// Luminance in green.
     Roughness,
     /// Luminance in blue.
     Metallic,
 }
 
-impl Role {
-    fn content(self) -> Content {
-        match self {
-            Self::BaseColor | Self::Emission => Content::Color,
-            Self::Mask => Content::Mask,
-            Self::Normals => Content::Bumps,
-            Self::Roughness => Content::Roughness,
-            Self::Metallic => Content::Metallic,
-        }
-    }
-}
-
 /// A texture to load and the first material that uses it.
 struct Request {
     path: PathBuf,
-    content: Content,
+    /// Its role there, by which the image is converted.
+    role: Role,
     wrap: Wrap,
     /// Name used in messages.
     name: String,
@@ -92,7 +71,7 @@ pub(super) fn materials(
             grouped.add("a fully transparent material is not seen", &location);
         }
         for (map, role) in maps(source) {
-            match requests.add(map, role.content(), k) {
+            match requests.add(map, role, k) {
                 Ok(request) => wanted.push((k, role, map, request)),
                 Err(error) => scene.warnings.push(texture_warning(&scene.materials[k], &map.file, &error)),
             }
@@ -222,20 +201,22 @@ fn assign(scene: &mut Scene, material: usize, role: Role, map: &Map, texture: Te
     }
 }
 
-/// Textures to load, one per file, content and wrap mode.
+/// Textures to load, one per file, kind of content and wrap mode.
 struct Requests<'a> {
     folder: &'a Folder,
     list: Vec<Request>,
-    ids: HashMap<(PathBuf, Content, Wrap), usize>,
+    ids: HashMap<(PathBuf, Role, Wrap), usize>,
 }
 
 impl Requests<'_> {
-    fn add(&mut self, map: &Map, content: Content, material: usize) -> Result<usize, String> {
+    fn add(&mut self, map: &Map, role: Role, material: usize) -> Result<usize, String> {
         let path = self.folder.resolve(&map.file)?;
         let (next, wrap) = (self.list.len(), map.wrap());
-        let id = *self.ids.entry((path.clone(), content, wrap)).or_insert(next);
+        // Both are colors.
+        let role = if role == Role::Emission { Role::BaseColor } else { role };
+        let id = *self.ids.entry((path.clone(), role, wrap)).or_insert(next);
         if id == next {
-            self.list.push(Request { path, content, wrap, name: map.file.clone(), material });
+            self.list.push(Request { path, role, wrap, name: map.file.clone(), material });
         }
         Ok(id)
     }
@@ -265,12 +246,12 @@ fn decode(request: &Request) -> Result<Texture, String> {
     let bytes = std::fs::read(&request.path).map_err(|error| error.to_string())?;
     let texture = image::decode(&request.name, &bytes)?;
     let texture = Texture { wrap: [request.wrap; 2], ..texture };
-    Ok(match request.content {
-        Content::Color => texture,
-        Content::Mask => image::into_mask(texture),
-        Content::Bumps => image::into_normals(texture),
-        Content::Roughness => image::into_channel(texture, 1),
-        Content::Metallic => image::into_channel(texture, 2),
+    Ok(match request.role {
+        Role::BaseColor | Role::Emission => texture,
+        Role::Mask => image::into_mask(texture),
+        Role::Normals => image::into_normals(texture),
+        Role::Roughness => image::into_channel(texture, 1),
+        Role::Metallic => image::into_channel(texture, 2),
     })
 }
 
@@ -419,12 +400,9 @@ impl MtlMaterial {
             b"Kd" => store(&mut self.base_color, color(line, 1.0), line),
             b"Ke" => store(&mut self.emission, color(line, f32::MAX), line),
             // Only used for mirrors and glass, so invalid values are not reported.
-            b"Ks" => {
-                self.specular = color(line, 1.0).ok().map(|(_, kept)| kept);
-                Ok(())
-            }
-            b"Tf" => {
-                self.filter = color(line, 1.0).ok().map(|(_, kept)| kept);
+            b"Ks" | b"Tf" => {
+                let slot = if line.keyword == b"Ks" { &mut self.specular } else { &mut self.filter };
+                *slot = color(line, 1.0).ok().map(|(_, kept)| kept);
                 Ok(())
             }
             b"Ns" => store(&mut self.shininess, number(line, 0.0..=f32::MAX), line),
@@ -446,9 +424,10 @@ impl MtlMaterial {
                 self.has_norm = true;
                 texture(&mut self.normal_map, line)
             }
-            // `norm` takes precedence.
-            b"bump" | b"map_bump" | b"map_Bump" if self.has_norm => Ok(()),
-            b"bump" | b"map_bump" | b"map_Bump" => texture(&mut self.normal_map, line),
+            b"bump" | b"map_bump" | b"map_Bump" => {
+                // `norm` takes precedence.
+                if self.has_norm { Ok(()) } else { texture(&mut self.normal_map, line) }
+            }
             b"map_Pr" => texture(&mut self.roughness_map, line),
             b"map_Pm" => texture(&mut self.metallic_map, line),
             _ => {

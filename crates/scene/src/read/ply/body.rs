@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::read::ReadError;
+use crate::read::error::ReadError;
 use crate::read::text::{self, quoted};
 
 /// Number encoding of the body.

@@ -13,8 +13,9 @@ use proptest::prelude::*;
 use tobj::{LoadError, LoadOptions};
 
 use crate::Scene;
+use crate::read::obj;
 use crate::read::obj::materials::{Map, MtlMaterial, parse_library};
-use crate::read::obj::{self, ABSENT, Statements, parse_statements};
+use crate::read::obj::statements::{self, ABSENT, Statements, parse_statements};
 use crate::read::text;
 
 /// Files with this extension below a folder, sorted.
@@ -244,7 +245,7 @@ fn check_triangles(path: &Path, bytes: &[u8], statements: &Statements) {
     }
 }
 
-fn our_corner(statements: &Statements, corner: &obj::Corner) -> Corner {
+fn our_corner(statements: &Statements, corner: &statements::Corner) -> Corner {
     let some = |index: u32| (index != ABSENT).then_some(index as usize);
     Corner {
         position: statements.positions[corner.position as usize].map(f32::to_bits),

@@ -1,0 +1,333 @@
+mod hit_triangle;
+mod shading_normal;
+
+use std::hint::black_box;
+
+use canted_obb::Aabb;
+use canted_scene::{AlphaMode, Material, MaterialId, Mesh, Scene, TextureRef};
+use canted_trace::{Hit, InstanceId, Ray, SurfacePoint};
+use glam::DVec3;
+
+use crate::sampler::{mix, unit};
+use crate::texture::{MipMaps, Plane, Textures, filtered_textures};
+use crate::{Bsdf, Cone, Lod, narrow, wide};
+use hit_triangle::{HitTriangle, PlacedTriangle, Placement, TextureLookup};
+use shading_normal::{anisotropy, facing, lobes, shading_normal};
+
+/// A surface point, ready for shading. World space; colors linear RGB.
+#[derive(Clone, Copy, Debug)]
+pub struct Surface {
+    /// The point, in the plane of its triangle up to a few `f64` roundings.
+    pub position: [f64; 3],
+    /// Unit geometric normal, on the side of the incoming ray.
+    pub normal: [f64; 3],
+    /// Unit shading normal, interpolated and perturbed by a normal map. Always on the viewer's side; falls back to
+    /// [`Self::normal`].
+    pub shading_normal: [f64; 3],
+    /// Whether the ray came from the front: the side from which the triangle is counter-clockwise in object space.
+    pub is_front: bool,
+    /// The BSDF.
+    pub bsdf: Bsdf,
+    /// Direction of the longer highlights of an anisotropic surface, world space, of any length.
+    pub along: Option<[f64; 3]>,
+    /// Emitted radiance, the same on both sides.
+    pub emission: [f32; 3],
+    /// Distance from the triangle's plane at which new rays start, in world units; see [`SurfacePoint`].
+    pub offset: f64,
+    /// The ray cone of the incoming ray, at this point.
+    pub cone: Cone,
+    /// The time of the incoming ray, and of those that continue from here.
+    pub time: f32,
+}
+
+impl Surface {
+    /// The point from which new rays start, with its error bound.
+    #[must_use]
+    pub fn point(&self) -> SurfacePoint {
+        SurfacePoint { position: self.position, normal: self.normal, offset: self.offset }
+    }
+
+    /// An infinite ray along `direction`: [`SurfacePoint::spawn_ray`].
+    #[must_use]
+    pub fn spawn_ray(&self, direction: [f32; 3]) -> Ray {
+        self.point().spawn_ray(direction).at_time(self.time)
+    }
+
+    /// A ray that ends just before `target`: [`SurfacePoint::spawn_ray_to`].
+    #[must_use]
+    pub fn spawn_ray_to(&self, target: [f32; 3]) -> Option<Ray> {
+        Some(self.point().spawn_ray_to(target)?.at_time(self.time))
+    }
+
+    /// Mirrors a direction below the triangle's horizon to the outside.
+    ///
+    /// A direction may be above the horizon of the shading normal and below that of the triangle. Mirroring keeps rays
+    /// out of the solid without losing energy, as rejecting the sample would.
+    #[must_use]
+    pub fn mirror_outward(&self, direction: [f32; 3]) -> [f32; 3] {
+        let height = DVec3::from(self.normal).dot(wide(direction));
+        if height >= 0.0 { direction } else { narrow(wide(direction) - DVec3::from(self.normal) * (2.0 * height)) }
+    }
+}
+
+/// The surfaces of a scene, with everything that is precomputed per instance and per texture.
+#[derive(Clone, Debug)]
+pub struct Surfaces<'a> {
+    scene: &'a Scene,
+    placements: Vec<Placement>,
+    textures: Textures<'a>,
+    lod: Lod,
+    /// For each material, whether it has textures other than alpha.
+    is_textured: Vec<bool>,
+    /// For each instance, whether any of its materials uses alpha.
+    uses_alpha: Vec<bool>,
+}
+
+impl<'a> Surfaces<'a> {
+    /// Prepares all instances of `scene`, without mip maps.
+    #[must_use]
+    pub fn new(scene: &'a Scene) -> Self {
+        Self::with_lod(scene, Lod::None)
+    }
+
+    /// Prepares all instances and textures of `scene`, in the current thread pool.
+    #[must_use]
+    pub fn with_lod(scene: &'a Scene, lod: Lod) -> Self {
+        Self::with_textures(scene, lod, Textures::new(scene, lod))
+    }
+
+    /// As [`Surfaces::with_lod`], with the mip maps of an earlier frame of the same textures and materials.
+    #[must_use]
+    pub fn with_mip_maps(scene: &'a Scene, lod: Lod, known: &MipMaps) -> Self {
+        Self::with_textures(scene, lod, Textures::with_mip_maps(scene, lod, known))
+    }
+
+    /// The mip maps, for later frames.
+    #[must_use]
+    pub fn mip_maps(&self) -> MipMaps {
+        self.textures.mip_maps(self.lod)
+    }
+
+    fn with_textures(scene: &'a Scene, lod: Lod, textures: Textures<'a>) -> Self {
+        let max_coordinates: Vec<f32> = scene.meshes.iter().map(max_coordinate).collect();
+        let placements = scene
+            .instances
+            .iter()
+            .map(|instance| {
+                let close = instance.world_from_object_close.as_ref().filter(|c| **c != instance.world_from_object);
+                Placement::new(&instance.world_from_object, close, max_coordinates[instance.mesh.0 as usize])
+            })
+            .collect();
+        let is_textured = scene.materials.iter().map(|material| filtered_textures(material).next().is_some()).collect();
+        let uses_alpha = scene
+            .instances
+            .iter()
+            .map(|instance| &scene.meshes[instance.mesh.0 as usize])
+            .map(|mesh| mesh.parts.iter().any(|part| scene.materials[part.material.0 as usize].uses_alpha()))
+            .collect();
+        Self { scene, placements, textures, lod, is_textured, uses_alpha }
+    }
+
+    /// The scene.
+    #[must_use]
+    pub fn scene(&self) -> &'a Scene {
+        self.scene
+    }
+
+    /// Its textures.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn textures(&self) -> &Textures<'a> {
+        &self.textures
+    }
+
+    /// The surface at a hit of a world-space ray along `direction`, at shutter time 0, with textures at full
+    /// resolution.
+    #[must_use]
+    pub fn at(&self, hit: &Hit, direction: [f32; 3]) -> Surface {
+        self.at_time(hit, direction, 0.0, Cone::ZERO)
+    }
+
+    /// The surface at a hit of a world-space ray along `direction` at shutter time `time` in 0..=1. `cone` is the ray
+    /// cone at the origin.
+    ///
+    /// The point is interpolated from the vertices, not computed from `t`, whose rounding would move it along the ray.
+    #[must_use]
+    pub fn at_time(&self, hit: &Hit, direction: [f32; 3], time: f32, cone: Cone) -> Surface {
+        let instance = &self.scene.instances[hit.instance.0 as usize];
+        let placement = &self.placements[hit.instance.0 as usize];
+        let triangle = HitTriangle::new(&self.scene.meshes[instance.mesh.0 as usize], hit, time);
+        let pose = placement.pose(time);
+        let placed = PlacedTriangle::new(triangle, &pose, placement.is_mirrored());
+
+        let direction = wide(direction);
+        let towards_viewer = -direction;
+        let winding = placed.winding;
+        // A triangle that was hit has an area; otherwise the direction to the viewer is a safe fallback.
+        let normal = winding
+            .try_normalize()
+            .map(|n| facing(n, towards_viewer))
+            .or_else(|| towards_viewer.try_normalize())
+            .unwrap_or(DVec3::Z);
+        // A mirroring transform reverses the winding.
+        let is_front = (winding.dot(direction) <= 0.0) != placement.is_mirrored();
+
+        let id = placed.triangle.mesh.material_of(hit.primitive.0);
+        let material = self.material(id);
+        let cone = cone.grown(f64::from(hit.t) * direction.length());
+        let lookups = self.is_textured[id.0 as usize].then(|| TextureLookup {
+            textures: &self.textures,
+            lod: self.lod,
+            triangle: &placed.triangle,
+            plane: Plane { edges: placed.edges_world(), normal: winding },
+            direction,
+            cone,
+        });
+        let texel = |slot: &Option<TextureRef>| lookups.as_ref().map_or([1.0; 4], |all| all.texel(slot.as_ref()));
+        let emission_texel = if material.is_emissive() { texel(&material.emission_texture) } else { [1.0; 4] };
+        let shading_normal = shading_normal(material, &placed, lookups.as_ref(), normal, towards_viewer);
+        let mut bsdf = bsdf(material, placed.triangle.color(), is_front, texel);
+        let mut along = None;
+        if let Some(source) = &material.lobes {
+            let (at_hit, specular) = lobes(source, texel);
+            bsdf.specular *= specular;
+            bsdf.lobes = Some(at_hit);
+            if at_hit.anisotropy > 0.0 {
+                along = anisotropy(source, &placed, lookups.as_ref(), shading_normal);
+            }
+        }
+        Surface {
+            position: placed.position().into(),
+            normal: normal.into(),
+            shading_normal: shading_normal.into(),
+            is_front,
+            bsdf,
+            along: along.map(DVec3::into),
+            emission: std::array::from_fn(|k| material.emission[k] * emission_texel[k]),
+            offset: placement.offset(normal),
+            cone,
+            time,
+        }
+    }
+
+    /// Whether the surface at a hit is opaque to a ray with this key, by alpha.
+    ///
+    /// A blended surface is opaque with probability alpha over all keys; each ray should have its own key. The answer
+    /// depends only on key, instance and triangle, and so not on the traversal.
+    #[must_use]
+    pub fn is_present(&self, hit: &Hit, key: u32) -> bool {
+        let presence = self.presence(hit);
+        presence >= 1.0 || alpha_threshold(key, hit) < presence
+    }
+
+    /// Probability that the surface at a hit is opaque: alpha if blended, else 0 or 1.
+    #[must_use]
+    pub fn presence(&self, hit: &Hit) -> f32 {
+        // Fast path.
+        if !self.uses_alpha[hit.instance.0 as usize] {
+            return 1.0;
+        }
+        let instance = &self.scene.instances[hit.instance.0 as usize];
+        let mesh = &self.scene.meshes[instance.mesh.0 as usize];
+        let material = self.material(mesh.material_of(hit.primitive.0));
+        match material.alpha_mode {
+            AlphaMode::Opaque => 1.0,
+            AlphaMode::Mask { cutoff } => {
+                let is_opaque = self.alpha(material, &HitTriangle::new(mesh, hit, 0.0)) >= cutoff;
+                if is_opaque { 1.0 } else { 0.0 }
+            }
+            AlphaMode::Blend => self.alpha(material, &HitTriangle::new(mesh, hit, 0.0)),
+        }
+    }
+
+    /// Ray offset of a static instance's surface with this unit normal, in world units.
+    pub(crate) fn offset(&self, instance: InstanceId, normal: DVec3) -> f64 {
+        self.placements[instance.0 as usize].offset(normal)
+    }
+
+    /// Alpha at a hit, from textures at full resolution.
+    fn alpha(&self, material: &Material, triangle: &HitTriangle) -> f32 {
+        let texture = material.alpha_texture.as_ref().and_then(|slot| {
+            let uv = slot.texture_from_mesh.point(triangle.uv(slot.uv_set)?);
+            Some(self.textures.get(slot.texture).alpha(uv))
+        });
+        let [.., vertices] = triangle.color();
+        material.alpha * texture.unwrap_or(1.0) * vertices
+    }
+
+    fn material(&self, id: MaterialId) -> &'a Material {
+        &self.scene.materials[id.0 as usize]
+    }
+}
+
+/// The BSDF of a material, where `tint` is the vertex color and `texel` evaluates a texture.
+fn bsdf(material: &Material, tint: [f32; 4], is_front: bool, texel: impl Fn(&Option<TextureRef>) -> [f32; 4]) -> Bsdf {
+    let color = texel(&material.base_color_texture);
+    let [_, rough, metal, _] = texel(&material.metallic_roughness_texture);
+    let [through, ..] = texel(&material.transmission_texture);
+    let transmission = material.transmission * through;
+    Bsdf {
+        base_color: std::array::from_fn(|k| material.base_color[k] * color[k] * tint[k]),
+        metallic: material.metallic * metal,
+        roughness: material.roughness * rough,
+        specular: material.specular,
+        transmission,
+        ior: material.ior,
+        thin_walled: material.thin_walled,
+        is_inside: !is_front && transmission > 0.0 && !material.thin_walled,
+        // A setting of the integrator.
+        is_compensated: false,
+        lobes: None,
+    }
+}
+
+/// A uniform number in `[0, 1)` for a ray and a triangle.
+fn alpha_threshold(key: u32, hit: &Hit) -> f32 {
+    unit(mix(mix(key ^ hit.instance.0) ^ hit.primitive.0) >> 8)
+}
+
+/// Maximum absolute coordinate of the vertices that triangles use, at any shutter time.
+fn max_coordinate(mesh: &Mesh) -> f32 {
+    let reach = |positions: &Vec<[f32; 3]>| {
+        Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach()
+    };
+    reach(&mesh.positions).max(mesh.close.as_ref().map_or(0.0, |close| reach(&close.positions)))
+}
+
+// Prefetching of the memory that shading reads.
+
+impl Surfaces<'_> {
+    /// Reads what [`Surfaces::at_time`] needs for these hits, so that it is in the cache.
+    ///
+    /// Each loop reads one thing for every hit, at an address that the previous loop determined. Its iterations are
+    /// short and independent, so that an out-of-order processor overlaps many cache misses; a full shading evaluation
+    /// would wait for them one by one. Texels are read only for lookups in level 0: smaller mip levels are mostly in
+    /// the cache.
+    pub(crate) fn prefetch<'h>(&self, hits: impl Iterator<Item = &'h Hit>) {
+        let triangles: Vec<(HitTriangle, u32)> = hits.map(|hit| (self.hit_triangle(hit), hit.primitive.0)).collect();
+        for (triangle, _) in &triangles {
+            triangle.prefetch();
+        }
+        if self.lod != Lod::None {
+            return;
+        }
+        let mut texels = Vec::with_capacity(triangles.len());
+        for (triangle, primitive) in &triangles {
+            let id = triangle.mesh.material_of(*primitive);
+            if !self.is_textured[id.0 as usize] {
+                continue;
+            }
+            for slot in filtered_textures(self.material(id)) {
+                if let Some(uv) = triangle.uv(slot.uv_set) {
+                    texels.extend(self.textures.get(slot.texture).texels(slot.texture_from_mesh.point(uv)));
+                }
+            }
+        }
+        for four in texels {
+            black_box(four.map(|row| row.map(|texel| texel[0])));
+        }
+    }
+
+    fn hit_triangle(&self, hit: &Hit) -> HitTriangle<'_> {
+        HitTriangle::new(&self.scene.meshes[self.scene.instances[hit.instance.0 as usize].mesh.0 as usize], hit, 0.0)
+    }
+}
