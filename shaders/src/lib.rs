@@ -46,5 +46,5 @@ pub use error::ShaderError;
 pub use files::{FILES, kernels};
 pub use lint::lint;
 pub use module::traversal_module;
-pub use reflection::{Binding, BindingKind, Entry, Layout, MAX_STORAGE_BUFFERS, Shader, Stage};
+pub use reflection::{Binding, BindingKind, Entry, Layout, MAX_STORAGE_BUFFERS, Shader, ShaderStage};
 pub use source::{Variant, assemble};

@@ -31,7 +31,7 @@ pub struct Entry {
     /// Name of the function.
     pub name: String,
     /// Its stage.
-    pub stage: Stage,
+    pub stage: ShaderStage,
     /// Invocations of a work-group along each axis; zero for other stages.
     pub workgroup_size: [u32; 3],
     /// Work-group memory in bytes.
@@ -42,7 +42,7 @@ pub struct Entry {
 
 /// Shader stages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
+pub enum ShaderStage {
     /// Compute.
     Compute,
     /// Vertex stage of a raster pass.
@@ -164,9 +164,9 @@ fn entry(module: &Module, info: &ModuleInfo, index: usize) -> Entry {
     Entry {
         name: point.name.clone(),
         stage: match point.stage {
-            naga::ShaderStage::Vertex => Stage::Vertex,
-            naga::ShaderStage::Fragment => Stage::Fragment,
-            _ => Stage::Compute,
+            naga::ShaderStage::Vertex => ShaderStage::Vertex,
+            naga::ShaderStage::Fragment => ShaderStage::Fragment,
+            _ => ShaderStage::Compute,
         },
         workgroup_size: point.workgroup_size,
         workgroup_bytes,
@@ -191,6 +191,19 @@ fn layout(ty: &naga::Type) -> Option<Layout> {
     let TypeInner::Struct { members, span } = &ty.inner else { return None };
     let members = members.iter().map(|member| (member.name.clone().unwrap_or_default(), member.offset)).collect();
     Some(Layout { name: ty.name.clone()?, members, size: *span })
+}
+
+/// Asserts that a Rust structure has the members and offsets of the kernel's structure of that name.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! same_layout {
+    ($kernel:expr, $chosen:expr, $name:literal, $ty:ty { $($member:ident),* $(,)? }) => {{
+        let shader = $crate::Shader::new($kernel, $chosen).unwrap();
+        let layout = shader.layout($name).unwrap();
+        let members = [$((stringify!($member).to_owned(), std::mem::offset_of!($ty, $member))),*];
+        let found: Vec<(String, usize)> = layout.members.iter().map(|(name, at)| (name.clone(), *at as usize)).collect();
+        assert_eq!((found.as_slice(), layout.size as usize), (members.as_slice(), size_of::<$ty>()));
+    }};
 }
 
 #[cfg(test)]

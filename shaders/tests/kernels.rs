@@ -1,7 +1,7 @@
 //! Every kernel with every choice for its slots: valid, free of lint findings, within the limits of every device.
 
 use canted_shaders::{
-    BindingKind, FILES, MAX_STORAGE_BUFFERS, Shader, ShaderError, Stage, Variant, assemble, kernels, lint,
+    BindingKind, FILES, MAX_STORAGE_BUFFERS, Shader, ShaderError, ShaderStage, Variant, assemble, kernels, lint,
     traversal_module,
 };
 
@@ -54,7 +54,7 @@ fn every_kernel_is_valid_and_within_the_limits_of_every_device() {
             let shader = Shader::new(kernel, &chosen).unwrap_or_else(|error| panic!("{error}"));
             assert!(!shader.entries.is_empty(), "{kernel} has no entry point");
             for entry in &shader.entries {
-                let is_compute = entry.stage == Stage::Compute;
+                let is_compute = entry.stage == ShaderStage::Compute;
                 assert_eq!(is_compute, entry.name == "main", "{kernel}: wrong name {} for its stage", entry.name);
                 let invocations: u32 = entry.workgroup_size.iter().product();
                 assert!(invocations <= MAX_INVOCATIONS, "{kernel}: {invocations} invocations");

@@ -109,10 +109,7 @@ impl Bih {
 impl Intersect for Bih {
     /// The box around all triangles; a point at the origin if there are none.
     fn bounds(&self) -> Obb {
-        match self.bounds.is_empty() {
-            true => Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [0.0; 3] },
-            false => Obb::from_aabb(&self.bounds),
-        }
+        Obb::from_aabb(&self.bounds)
     }
 
     fn hit_error(&self) -> f32 {

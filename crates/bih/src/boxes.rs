@@ -96,10 +96,7 @@ impl BoxBih {
     /// The box around everything; a point at the origin if there are no boxes.
     #[must_use]
     pub fn bounds(&self) -> Obb {
-        match self.bounds.is_empty() {
-            true => Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [0.0; 3] },
-            false => Obb::from_aabb(&self.bounds),
-        }
+        Obb::from_aabb(&self.bounds)
     }
 
     /// The index of the box at each leaf position. Every box is at one position.

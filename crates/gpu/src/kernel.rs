@@ -1,9 +1,9 @@
-//! Compiled kernels, and detection of drivers that end their loops early.
+//! Compiled kernels.
 
 use canted_shaders::{Binding, BindingKind, Entry, Shader, Variant};
 use wgpu::{ComputePipelineDescriptor, Limits, PipelineCompilationOptions, ShaderModuleDescriptor, ShaderSource};
 
-use crate::{Gpu, GpuError, wait::block_on};
+use crate::GpuError;
 
 /// A compute kernel on a device.
 pub struct Kernel {
@@ -76,41 +76,4 @@ pub(crate) fn fits(kernel: &str, entry: &Entry, limits: &Limits) -> Result<(), G
     check(storage, limits.max_storage_buffers_per_shader_stage, "storage buffers per stage")?;
     let uniform = count(|kind| matches!(kind, BindingKind::Uniform));
     check(uniform, limits.max_uniform_buffers_per_shader_stage, "uniform buffers per stage")
-}
-
-/// The number for [`LONG_LOOP`], which is counted once per device.
-pub(crate) async fn longest_loop(gpu: &Gpu) -> Result<u32, GpuError> {
-    if let Some(&counted) = gpu.longest_loop.get() {
-        return Ok(counted);
-    }
-    let counted = loop_iterations_async(gpu, LONG_LOOP).await?;
-    Ok(*gpu.longest_loop.get_or_init(|| counted))
-}
-
-/// Iterations requested to detect drivers that end loops early.
-pub(crate) const LONG_LOOP: u32 = 100_000;
-
-/// Number of iterations that a loop of `wanted` iterations actually runs on this device.
-///
-/// Some software drivers end loops early without an error: Mesa's llvmpipe before version 23 ends them after 65,535 iterations,
-/// summed over all loops of an invocation.
-///
-/// # Errors
-/// The device is lost or does not finish.
-pub fn loop_iterations(gpu: &Gpu, wanted: u32) -> Result<u32, GpuError> {
-    block_on(loop_iterations_async(gpu, wanted))
-}
-
-/// [`loop_iterations`] for browsers.
-///
-/// # Errors
-/// As for [`loop_iterations`].
-pub async fn loop_iterations_async(gpu: &Gpu, wanted: u32) -> Result<u32, GpuError> {
-    let kernel = gpu.kernel("check/loops", &Variant::none())?;
-    let parameters = gpu.uniform("loop check", &[wanted, 0, 0, 0])?;
-    let counted = gpu.zeroed::<u32>("loop iterations", 1)?;
-    let mut commands = gpu.commands();
-    commands.dispatch(&kernel, &[("wanted", &parameters), ("counted", &counted)], kernel.groups(1))?;
-    commands.run_async().await?;
-    Ok(gpu.read_async(&counted).await?[0])
 }

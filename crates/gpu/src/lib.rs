@@ -188,27 +188,31 @@
 //! Vulkan, Metal and DX12 are enabled in `wgpu`, and WebGPU in browsers.
 #![forbid(unsafe_code)]
 
+mod adapter;
 mod buffer;
 pub mod build;
 mod commands;
 mod device;
 mod error;
 mod kernel;
+mod memory;
 mod raster;
 #[cfg(not(target_family = "wasm"))]
 mod timeout;
 mod trace;
 mod wait;
 
-pub use buffer::{Buffer, Traffic};
+pub use adapter::{AdapterInfo, AdapterKind, Choice, adapters, adapters_async};
+pub use buffer::Buffer;
 pub use build::{DeviceInstance, IndexBuffer, InstanceBuffer, MeshBuffers, NOT_PLACED};
 pub use canted_lbvh::{Bits, Strategy};
 pub use canted_obb::Affine;
 pub use canted_shaders::Variant;
-pub use commands::{AsBinding, Commands, NamedBinding, PassTime};
-pub use device::{AdapterInfo, AdapterKind, Choice, Gpu, adapters, adapters_async};
+pub use commands::{AsBinding, Commands, NamedBinding, PassTime, loop_iterations, loop_iterations_async};
+pub use device::Gpu;
 pub use error::GpuError;
-pub use kernel::{Kernel, loop_iterations, loop_iterations_async};
+pub use kernel::Kernel;
+pub use memory::Traffic;
 pub use raster::{Draw, N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
     BufferConfig, BufferScene, DeviceBvh, DeviceHit, DeviceRay, HIT_ERROR, InstancedScene, MAX_CONDITION,

@@ -7,7 +7,8 @@ use std::{
 
 use wgpu::{PollError, PollType, SubmissionIndex};
 
-use crate::{AdapterKind, GpuError};
+use crate::GpuError;
+use crate::adapter::AdapterKind;
 
 /// Time after which a device counts as hung. A submission should take about 100 ms, and operating systems reset GPUs after
 /// about 2 to 10 seconds.

@@ -104,9 +104,6 @@ impl KdTree {
 impl Intersect for KdTree {
     /// The bounds of all triangles; a point at the origin if there are none.
     fn bounds(&self) -> Obb {
-        if self.triangles.is_empty() {
-            return Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [0.0; 3] };
-        }
         Obb::from_aabb(&self.bounds)
     }
 

@@ -1,11 +1,8 @@
 use canted_lbvh::Corners;
 use canted_obb::{Aabb, Obb, PrimId};
-use canted_trace::{Leaves, Query, SlabRay};
 
 use crate::build::{Built, build};
 use crate::node::{Node, NodeKind, Reference};
-use crate::traverse::ropes::{self, Ropes};
-use crate::traverse::{PlaneRay, stack};
 use crate::{KdTraversal, KdTreeConfig};
 
 /// Memory of the parts of a kd-tree in bytes.
@@ -81,7 +78,7 @@ impl KdNodes {
     pub fn with_traversal(self, traversal: KdTraversal) -> Self {
         let ropes = match traversal {
             KdTraversal::Stack => vec![],
-            KdTraversal::Ropes => ropes::ropes(&self.nodes, &self.cell),
+            KdTraversal::Ropes => ropes(&self.nodes, &self.cell),
         };
         Self { ropes, traversal, ..self }
     }
@@ -137,39 +134,6 @@ impl KdNodes {
         }
     }
 
-    /// Calls `visit` with the number of each triangle in the leaves that `ray` enters at or before `t_max`, nearer leaves first. A
-    /// triangle in several leaves is reported for each.
-    ///
-    /// `ray` is prepared with a reach of 0: `SlabRay::new(&ray, 0.0)`. `t_max` is scaled, and `visit` returns the new one; a
-    /// `t_max` below zero ends the walk. Every triangle with a hit at or before the last `t_max` is visited. A query counts
-    /// each plane as a box.
-    #[inline]
-    pub fn traverse<Q: Query>(
-        &self,
-        ray: &SlabRay,
-        t_max: f32,
-        query: &mut Q,
-        visit: impl FnMut(u32, f32, &mut Q) -> f32,
-    ) {
-        self.traverse_leaves(&PlaneRay::new(ray), t_max, query, |_| (), visit);
-    }
-
-    /// As [`Self::traverse`]; `leaf` receives the number of each leaf.
-    #[inline(always)]
-    pub(crate) fn traverse_leaves<Q: Query>(
-        &self,
-        ray: &PlaneRay,
-        t_max: f32,
-        query: &mut Q,
-        leaf: impl FnMut(u32),
-        visit: impl FnMut(u32, f32, &mut Q) -> f32,
-    ) {
-        match self.traversal {
-            KdTraversal::Stack => stack::walk(self, ray, t_max, query, leaf, visit),
-            KdTraversal::Ropes => ropes::walk(self, ray, t_max, query, leaf, visit),
-        }
-    }
-
     /// Calls `visit` with the cell of each node and leaf, but for leaves without triangles, relative to the reference point of what was
     /// given: the cell, its level, 0 for the root, and whether it is a leaf. Parents come before their children.
     pub fn each_box(&self, mut visit: impl FnMut(Obb, u32, bool)) {
@@ -193,16 +157,69 @@ impl KdNodes {
     }
 }
 
-/// Leaf positions are the numbers of triangles; order and end are those of [`KdNodes::traverse`] in both cases.
-impl Leaves for KdNodes {
-    #[inline(always)]
-    fn traverse<const ORDERED: bool, Q: Query>(
-        &self,
-        ray: &SlabRay,
-        t_max: f32,
-        query: &mut Q,
-        leaf: impl FnMut(u32, f32, &mut Q) -> f32,
-    ) {
-        self.traverse(ray, t_max, query, leaf);
+// Ropes: `crate::traverse::ropes` has the derivation.
+
+/// Where a leaf leads to. Faces are numbered by axis, twice, plus one for upper faces. One
+/// cache line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(64))]
+pub(crate) struct Ropes {
+    pub(crate) cell: Aabb,
+    /// The smallest subtree that covers each face from outside; the root itself for a face of the root.
+    pub(crate) targets: [u32; 6],
+    /// Number of nodes down to the one whose plane is the face, counted from one; 0 for a face of the root.
+    pub(crate) depths: [u8; 6],
+}
+
+impl Ropes {
+    /// The coordinate of a face.
+    pub(crate) fn plane(&self, face: usize) -> f32 {
+        [self.cell.min, self.cell.max][face & 1][face >> 1]
+    }
+}
+
+/// Ropes of every leaf, in the order of their numbers.
+pub(crate) fn ropes(nodes: &[Node], cell: &Aabb) -> Vec<Ropes> {
+    let mut ropes = vec![];
+    descend(nodes, 0, 0, Ropes { cell: *cell, targets: [0; 6], depths: [0; 6] }, &mut ropes);
+    ropes
+}
+
+/// Adds the ropes of the leaves below `node`; those of the node itself are given.
+fn descend(nodes: &[Node], node: u32, depth: u8, own: Ropes, ropes: &mut Vec<Ropes>) {
+    match nodes[node as usize].kind() {
+        NodeKind::Leaf { .. } => {
+            let mut own = own;
+            for face in 0..6 {
+                if own.depths[face] > 0 {
+                    own.targets[face] = smallest(nodes, own.targets[face], face, &own.cell);
+                }
+            }
+            ropes.push(own);
+        }
+        NodeKind::Inner { axis, plane, upper } => {
+            let (mut below, mut above) = (own, own);
+            (below.cell.max[axis], above.cell.min[axis]) = (plane, plane);
+            (below.targets[2 * axis + 1], above.targets[2 * axis]) = (upper, node + 1);
+            (below.depths[2 * axis + 1], above.depths[2 * axis]) = (depth + 1, depth + 1);
+            descend(nodes, node + 1, depth + 1, below, ropes);
+            descend(nodes, upper, depth + 1, above, ropes);
+        }
+    }
+}
+
+/// The smallest subtree below `node`, which covers a face of `cell`, that still covers it.
+fn smallest(nodes: &[Node], mut node: u32, face: usize, cell: &Aabb) -> u32 {
+    loop {
+        let NodeKind::Inner { axis, plane, upper } = nodes[node as usize].kind() else { return node };
+        node = if axis == face >> 1 {
+            if face & 1 == 1 { node + 1 } else { upper }
+        } else if plane >= cell.max[axis] {
+            node + 1
+        } else if plane <= cell.min[axis] {
+            upper
+        } else {
+            return node;
+        };
     }
 }

@@ -61,7 +61,7 @@ mod volumes;
 
 pub use bottom_up::bottom_up;
 pub use check::{Flaw, Stats, check};
-pub use cost::{Costs, TreeCost, tree_cost};
+pub use cost::{TreeCost, tree_cost};
 pub use leaf::{
     BadPosition, Corners, GeometryError, Leaf, MAX_PRIMITIVES, as_positions, as_triangles, corners_of, in_leaf_order,
     triangle_bounds, triangle_corners,
@@ -70,4 +70,4 @@ pub use morton::{Bits, Domain, morton_codes, morton_codes_of_boxes};
 pub use radix::radix;
 pub use sort::{Sorted, sort_by_code};
 pub use tree::{Child, ChildKind, MAX_DEPTH, Node, NodeId, Task, TopologyError, Tree};
-pub use volumes::{Strategy, Volume, VolumeConfig, Volumes, volumes};
+pub use volumes::{Costs, Strategy, Volume, VolumeConfig, Volumes, volumes};

@@ -3,7 +3,7 @@
 use canted_obb::{Aabb, Dop, Enclosure, Moments, Obb, eigen, merge};
 
 use crate::{
-    Child, ChildKind, Costs, Leaf, Node, NodeId, Tree,
+    Child, ChildKind, Leaf, Node, NodeId, Tree,
     bottom_up::{bottom_up, bottom_up_into},
     par,
 };
@@ -75,6 +75,24 @@ pub struct VolumeConfig {
 impl Default for VolumeConfig {
     fn default() -> Self {
         Self { strategy: Strategy::Aabb, fallback: true }
+    }
+}
+
+/// Relative traversal costs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Costs {
+    /// Test of an axis-aligned box.
+    pub aabb: f64,
+    /// Test of an oriented box.
+    pub obb: f64,
+    /// Test of a primitive.
+    pub primitive: f64,
+}
+
+impl Default for Costs {
+    /// Measured for a binary BVH: times of the tests, fitted to rays per second.
+    fn default() -> Self {
+        Self { aabb: 1.0, obb: 1.5, primitive: 2.0 }
     }
 }
 
@@ -235,12 +253,31 @@ impl Volumes {
                 let id = NodeId((first + i) as u32);
                 let children = [node.left, node.right];
                 *oriented = if fallback {
-                    costs.oriented_gain(self, leaves, id, children) > 0.0
+                    self.oriented_gain(&costs, leaves, id, children) > 0.0
                 } else {
                     children.iter().any(|&child| self.is_oriented(child))
                 };
             }
         });
         self.children_oriented = children_oriented;
+    }
+
+    /// Predicted saving of testing the children of a node as oriented boxes, in cost times area.
+    ///
+    /// A line through the node hits the box of a child with the ratio of areas. Each child that is missed saves the tests of
+    /// its own children, or its primitive; in return the test of this node costs more.
+    fn oriented_gain<L: Leaf>(&self, costs: &Costs, leaves: &[L], id: NodeId, children: [Child; 2]) -> f64 {
+        let saved = |child: Child| match child.kind() {
+            _ if !self.is_oriented(child) => 0.0,
+            ChildKind::Leaf(position) => {
+                let leaf = &leaves[position as usize];
+                (leaf.aabb().area() - leaf.oriented_area()) * costs.primitive
+            }
+            ChildKind::Inner(child) => {
+                (self.aabbs[child.index()].area() - self.obbs[child.index()].area()) * 2.0 * costs.aabb
+            }
+        };
+        let extra = self.of(id).area() * 2.0 * (costs.obb - costs.aabb);
+        saved(children[0]) + saved(children[1]) - extra
     }
 }

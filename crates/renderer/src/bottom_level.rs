@@ -8,10 +8,10 @@ use canted_obb::{Aabb, Obb, PrimId};
 use canted_sah::{SpatialConfig, TopDownConfig};
 use canted_scene::Mesh;
 use canted_tlas::TopConfig;
-use canted_trace::{AcceptAt, Answers, HIT_ERROR, Hit, Intersect, Query, Ray, ScaledRay, pad_aabb};
-use canted_wide::{Config, MAX_TRIANGLES, MovingBvh, RefitError, Sizes, TriangleBvh};
+use canted_trace::{AcceptAt, Answers, HIT_ERROR, Hit, Intersect, Query, Ray, ScaledRay, TriangleTest, pad_aabb};
+use canted_wide::{Config, MAX_TRIANGLES, MovingBvh, Preset, RefitError, Sizes, TriangleBvh};
 
-use crate::{PrepareError, SceneBvhConfig};
+use crate::PrepareError;
 
 /// Kind of acceleration structure over triangles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -104,6 +104,51 @@ pub fn obvhs_tree(corners: &[Corners], params: obvhs::BvhBuildParams) -> Result<
         }));
     }
     lbvh::Tree::from_children(&children)
+}
+
+/// How many levels of BVHs a scene gets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Levels {
+    /// Two where instances multiply the number of triangles or exceed what one BVH can index; else one.
+    #[default]
+    Auto,
+    /// One BVH over all triangles in world space; two levels all the same where an instance moves.
+    One,
+    /// A BVH per mesh, and one over the instances.
+    Two,
+}
+
+/// The acceleration structure to build.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SceneBvhConfig {
+    /// Number of levels.
+    pub levels: Levels,
+    /// The structure over triangles.
+    pub kind: BvhKind,
+    /// Build effort of a wide BVH.
+    pub preset: Preset,
+    /// Builder of the binary tree of a wide or binary BVH; `None` for the preset's, or [`Builder::Ploc`].
+    pub builder: Option<Builder>,
+    /// Bounding volumes of a binary BVH.
+    pub volumes: Strategy,
+    /// Whether a wide BVH has axis-aligned nodes alone: neither oriented nodes nor a frame of the mesh.
+    pub aligned: bool,
+    /// The triangle test.
+    pub triangles: TriangleTest,
+}
+
+impl Default for SceneBvhConfig {
+    fn default() -> Self {
+        Self {
+            levels: Levels::default(),
+            kind: BvhKind::default(),
+            preset: Preset::default(),
+            builder: None,
+            volumes: Strategy::Aabb,
+            aligned: false,
+            triangles: TriangleTest::default(),
+        }
+    }
 }
 
 impl SceneBvhConfig {

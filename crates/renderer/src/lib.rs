@@ -53,11 +53,14 @@ mod update_policy;
 pub use alpha::{AlphaTest, CountedAlphaTest};
 #[cfg(feature = "baseline")]
 pub use bottom_level::obvhs_tree;
-pub use bottom_level::{BottomLevel, Builder, BvhKind};
+pub use bottom_level::{BottomLevel, Builder, BvhKind, Levels, SceneBvhConfig};
 pub use boxes::{BoxLevel, draw_boxes};
 pub use bsdf::{Bsdf, BsdfSample, Evaluation, Lobes};
 pub use camera::{CameraError, View};
 pub use content::{geometry_hash, light_hash, material_hash, scene_hash};
+#[cfg(feature = "gpu")]
+#[doc(hidden)]
+pub use device::twins;
 #[cfg(feature = "gpu")]
 pub use device::{
     DeviceError, DeviceFrames, DevicePicture, DeviceUpdates, GBuffer, SharedFilm, SurfaceInfo, Traced, built_scene,
@@ -69,7 +72,7 @@ pub use heatmap::{Heatmap, Measure, heatmap};
 pub use light::{LightHit, LightId, LightSample, LightSampler, Lights, environment_of};
 pub use render::{Monitor, RenderError, render, resume, resume_with};
 pub use sampler::{Pattern, Sampler};
-pub use scene_bvh::{FlatBvh, Flattened, Levels, SceneBvh, SceneBvhConfig, SceneLevels, UnusedFeature, flatten};
+pub use scene_bvh::{FlatBvh, Flattened, SceneBvh, SceneLevels, UnusedFeature, flatten};
 pub use settings::{FirstHit, Integrator, SampleSums, Settings};
 pub use surface::{Surface, Surfaces};
 pub use texture::{Cone, Lod, MipMaps};

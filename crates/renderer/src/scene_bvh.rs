@@ -7,58 +7,12 @@ use canted_lbvh::Strategy;
 use canted_obb::{Affine, Obb, PrimId};
 use canted_scene::{Instance, Material, Mesh, Scene};
 use canted_tlas::Tlas;
-use canted_trace::{HIT_ERROR, Hit, InstanceId, Intersect, Query, ScaledRay, TriangleTest};
-use canted_wide::Preset;
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Intersect, Query, ScaledRay};
 use rayon::prelude::*;
 
 use crate::bottom_level::Triangles;
 use crate::update_policy::BvhCosts;
-use crate::{BottomLevel, Builder, BvhKind, PrepareError, light};
-
-/// How many levels of BVHs a scene gets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum Levels {
-    /// Two where instances multiply the number of triangles or exceed what one BVH can index; else one.
-    #[default]
-    Auto,
-    /// One BVH over all triangles in world space; two levels all the same where an instance moves.
-    One,
-    /// A BVH per mesh, and one over the instances.
-    Two,
-}
-
-/// The acceleration structure to build.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SceneBvhConfig {
-    /// Number of levels.
-    pub levels: Levels,
-    /// The structure over triangles.
-    pub kind: BvhKind,
-    /// Build effort of a wide BVH.
-    pub preset: Preset,
-    /// Builder of the binary tree of a wide or binary BVH; `None` for the preset's, or [`Builder::Ploc`].
-    pub builder: Option<Builder>,
-    /// Bounding volumes of a binary BVH.
-    pub volumes: Strategy,
-    /// Whether a wide BVH has axis-aligned nodes alone: neither oriented nodes nor a frame of the mesh.
-    pub aligned: bool,
-    /// The triangle test.
-    pub triangles: TriangleTest,
-}
-
-impl Default for SceneBvhConfig {
-    fn default() -> Self {
-        Self {
-            levels: Levels::default(),
-            kind: BvhKind::default(),
-            preset: Preset::default(),
-            builder: None,
-            volumes: Strategy::Aabb,
-            aligned: false,
-            triangles: TriangleTest::default(),
-        }
-    }
-}
+use crate::{BottomLevel, BvhKind, Levels, PrepareError, SceneBvhConfig, light};
 
 /// A feature that a scene does not need, and for which nothing is built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

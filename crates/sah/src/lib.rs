@@ -60,9 +60,9 @@ mod reinsertion;
 mod spatial;
 mod top_down;
 
-pub use builder::{Axes, Builder, ReinsertConfig, Split, TopDownConfig, build};
+pub use builder::{Builder, build};
 pub use grouped::{GroupConfig, GroupSplit, Groups, grouped};
 pub use ploc::{PlocConfig, ploc};
-pub use reinsertion::reinsert;
+pub use reinsertion::{ReinsertConfig, reinsert};
 pub use spatial::{References, SpatialConfig, spatial};
-pub use top_down::top_down;
+pub use top_down::{Axes, Split, TopDownConfig, top_down};

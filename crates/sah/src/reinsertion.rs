@@ -4,9 +4,38 @@ use canted_lbvh::{Child, ChildKind, MAX_DEPTH, NodeId, Tree};
 use canted_obb::Aabb;
 
 use crate::{
-    ReinsertConfig, par,
+    par,
     reference::{Lanes, unit_scale},
 };
+
+/// How far [`reinsert`] improves a tree.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReinsertConfig {
+    /// Maximum number of iterations.
+    pub iterations: u32,
+    /// Fraction of all nodes and leaves, those of largest area first, that the first iteration tries to move; iteration
+    /// `i` tries `1 / (2i + 1)` of it. At most 1.
+    pub fraction: f32,
+    /// The first iteration that reduces the sum of areas by less than this fraction is the last.
+    pub min_gain: f32,
+}
+
+impl ReinsertConfig {
+    /// For trees that are traced once or twice.
+    pub const FAST: Self = Self { iterations: 4, fraction: 0.05, min_gain: 1e-3 };
+
+    /// Most of the gain.
+    pub const BALANCED: Self = Self { iterations: 12, fraction: 0.1, min_gain: 1e-3 };
+
+    /// Nearly all of the gain; `benches/TRIED.md` lists what larger settings add.
+    pub const QUALITY: Self = Self { iterations: 8, fraction: 0.5, min_gain: 1e-3 };
+}
+
+impl Default for ReinsertConfig {
+    fn default() -> Self {
+        Self::BALANCED
+    }
+}
 
 /// Subtrees per job.
 const CHUNK: usize = 64;

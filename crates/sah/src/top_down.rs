@@ -1,14 +1,94 @@
 //! Top-down builds: references -> { midpoint, median, binned, sweep } -> assemble -> tree.
 
-use canted_lbvh::{Child, ChildKind, Node, NodeId, Task, Tree};
+use canted_lbvh::{Child, ChildKind, MAX_DEPTH, Node, NodeId, Task, Tree};
 use canted_obb::{Aabb, PrimId};
 
 use crate::{
-    Split, TopDownConfig,
     binned::{Grid, MAX_BINS, Plane, best_plane, halve, partition, split_at_median},
     par,
     reference::{Bounds, Reference, centers, unit_scale},
 };
+
+/// Where [`top_down()`] splits the primitives of a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Split {
+    /// At the midpoint between the outermost box centers. Deep where primitives cluster.
+    Midpoint,
+    /// At the median of the box centers: the shallowest tree.
+    Median,
+    /// Between any two box centers, at least SAH cost: the slowest to build.
+    Sweep,
+    /// Between bins, at least SAH cost.
+    Binned {
+        /// Bins per axis, 2 to 64.
+        bins: u32,
+        /// Up to this many primitives, at most 32, all splits are tried as in [`Split::Sweep`].
+        sweep_threshold: u32,
+    },
+}
+
+/// The axes on which splits are tried.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axes {
+    /// The axis with the largest extent of box centers.
+    Longest,
+    /// One axis after the other by depth, skipping axes on which all centers are equal.
+    Cyclic,
+    /// All three; the split of least SAH cost wins.
+    All,
+}
+
+impl Axes {
+    /// The axes tried on a node at `depth`.
+    pub(crate) fn at(self, depth: u32, centers: impl Fn() -> Bounds) -> &'static [usize] {
+        const EACH: [usize; 3] = [0, 1, 2];
+        let axis = match self {
+            Self::All => return &EACH,
+            Self::Longest => centers().longest(),
+            Self::Cyclic => {
+                let extent = centers().extent().to_array();
+                (0..3).map(|k| (depth as usize + k) % 3).find(|&axis| extent[axis] > 0.0).unwrap_or(0)
+            }
+        };
+        &EACH[axis..=axis]
+    }
+}
+
+/// How a tree is built from the root down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TopDownConfig {
+    /// Where nodes are split.
+    pub split: Split,
+    /// On which axes.
+    pub axes: Axes,
+    /// Maximum number of nodes from the root to a leaf, the leaf included. Nodes that would exceed it are halved by
+    /// count, so a limit below `1 + ceil(log2 n)` is raised to that.
+    pub max_depth: u32,
+}
+
+impl TopDownConfig {
+    /// 32 bins on all axes.
+    pub const BINNED: Self =
+        Self { split: Split::Binned { bins: 32, sweep_threshold: 16 }, axes: Axes::All, max_depth: MAX_DEPTH };
+
+    /// Every split on all axes.
+    pub const SWEEP: Self = Self { split: Split::Sweep, ..Self::BINNED };
+
+    /// Leaves above which the children of a node are built in parallel.
+    pub(crate) const FORK: usize = 1 << 12;
+
+    /// Whether only halving by count keeps `n` leaves below a node at `depth` within the limit.
+    pub(crate) fn must_halve(&self, n: usize, depth: u32) -> bool {
+        let levels = usize::BITS - (n - 1).leading_zeros();
+        depth + levels >= self.max_depth
+    }
+}
+
+impl Default for TopDownConfig {
+    fn default() -> Self {
+        Self::BINNED
+    }
+}
 
 /// Builds a tree from the root down, with one primitive per leaf.
 ///
@@ -19,12 +99,12 @@ use crate::{
 pub fn top_down(boxes: &[Aabb], config: &TopDownConfig) -> Tree {
     let scale = unit_scale(boxes).unwrap_or(1.0);
     let mut references = par::from_fn(boxes.len(), CHUNK, |i| Reference::new(i as u32, &boxes[i], scale));
-    assemble(boxes.len(), |plot| {
+    assemble(boxes.len(), |slots| {
         if config.split == Split::Sweep {
-            return sweep(&references, config, plot, 1);
+            return sweep(&references, config, slots, 1);
         }
         let mut scratch = references.clone();
-        build(Span { references: &mut references, scratch: &mut scratch }, config, plot, 1)
+        build(Span { references: &mut references, scratch: &mut scratch }, config, slots, 1)
     })
 }
 
@@ -47,22 +127,22 @@ impl<'a> Span<'a> {
 }
 
 /// Builds a subtree at `depth`; returns its height in nodes.
-fn build(mut span: Span<'_>, config: &TopDownConfig, plot: Plot<'_>, depth: u32) -> u32 {
+fn build(mut span: Span<'_>, config: &TopDownConfig, slots: SubtreeSlots<'_>, depth: u32) -> u32 {
     let n = span.references.len();
     if let [reference] = span.references {
-        plot.leaf(PrimId(reference.primitive()));
+        slots.leaf(PrimId(reference.primitive()));
         return 1;
     }
     if let Split::Binned { sweep_threshold, .. } = config.split
         && n <= (sweep_threshold as usize).min(MAX_BLOCK)
     {
-        return sweep_block(span.references, config, plot, depth);
+        return sweep_block(span.references, config, slots, depth);
     }
     let n_left = split(&mut span, config, depth);
     let [left, right] = span.at(n_left);
-    let (left_plot, right_plot) = plot.split(n_left);
+    let (left_slots, right_slots) = slots.split(n_left);
     let (build_left, build_right) =
-        (|| build(left, config, left_plot, depth + 1), || build(right, config, right_plot, depth + 1));
+        (|| build(left, config, left_slots, depth + 1), || build(right, config, right_slots, depth + 1));
     let (a, b) =
         if n > TopDownConfig::FORK { par::join(build_left, build_right) } else { (build_left(), build_right()) };
     1 + a.max(b)
@@ -108,7 +188,7 @@ fn max_bins(n: usize) -> u32 {
 const TASK_LEAVES: usize = 1 << 12;
 
 /// The slices that a subtree owns while a tree is built from the root: disjoint, so subtrees are built in parallel.
-pub(crate) struct Plot<'a> {
+pub(crate) struct SubtreeSlots<'a> {
     id: NodeId,
     first: u32,
     nodes: &'a mut [Node],
@@ -117,7 +197,7 @@ pub(crate) struct Plot<'a> {
     order: &'a mut [NodeId],
 }
 
-impl<'a> Plot<'a> {
+impl<'a> SubtreeSlots<'a> {
     pub(crate) fn n_leaves(&self) -> usize {
         self.leaves.len()
     }
@@ -128,7 +208,7 @@ impl<'a> Plot<'a> {
     }
 
     /// Creates the node, with `n_left` leaves on the left; returns the slices of its children.
-    pub(crate) fn split(self, n_left: usize) -> (Plot<'a>, Plot<'a>) {
+    pub(crate) fn split(self, n_left: usize) -> (SubtreeSlots<'a>, SubtreeSlots<'a>) {
         let n = self.leaves.len();
         let (first, last) = (self.first, self.first + n as u32 - 1);
         let (left_id, right_id) = (NodeId(first + n_left as u32 - 1), NodeId(first + n_left as u32));
@@ -140,8 +220,14 @@ impl<'a> Plot<'a> {
         let (leaves, right_leaves) = self.leaves.split_at_mut(n_left);
         let (order, right_order) = self.order[..n - 2].split_at_mut(n_left - 1);
         (
-            Plot { id: left_id, first, nodes, leaves, order },
-            Plot { id: right_id, first: right_id.0, nodes: right_nodes, leaves: right_leaves, order: right_order },
+            SubtreeSlots { id: left_id, first, nodes, leaves, order },
+            SubtreeSlots {
+                id: right_id,
+                first: right_id.0,
+                nodes: right_nodes,
+                leaves: right_leaves,
+                order: right_order,
+            },
         )
     }
 }
@@ -149,12 +235,12 @@ impl<'a> Plot<'a> {
 /// A tree over `n` leaves whose nodes `build` creates; `build` returns the height in nodes, the leaf included.
 ///
 /// Writes: a tree numbered as described at [`Node`].
-pub(crate) fn assemble(n: usize, build: impl FnOnce(Plot<'_>) -> u32) -> Tree {
+pub(crate) fn assemble(n: usize, build: impl FnOnce(SubtreeSlots<'_>) -> u32) -> Tree {
     let unset = Node { left: Child::leaf(0), right: Child::leaf(0), first: 0, last: 0 };
     let (mut nodes, mut leaves) = (vec![unset; n], vec![PrimId(0); n]);
     let mut order = vec![NodeId(0); n.saturating_sub(1)];
-    let plot = Plot { id: NodeId::ROOT, first: 0, nodes: &mut nodes, leaves: &mut leaves, order: &mut order };
-    let depth = if n == 0 { 0 } else { build(plot) };
+    let slots = SubtreeSlots { id: NodeId::ROOT, first: 0, nodes: &mut nodes, leaves: &mut leaves, order: &mut order };
+    let depth = if n == 0 { 0 } else { build(slots) };
     nodes.pop();
     let (bottom_up, tasks) = schedule(&nodes, &order);
     Tree { nodes, leaves, bottom_up, tasks, depth }
@@ -213,7 +299,7 @@ pub(crate) const MAX_BLOCK: usize = 32;
 /// Evaluates the SAH cost of every plane between two centers. Centers are sorted once and stay sorted when nodes are
 /// split.
 /// Source: MacDonald & Booth 1990; the presorting after Wald & Havran 2006.
-pub(crate) fn sweep(references: &[Reference], config: &TopDownConfig, plot: Plot<'_>, depth: u32) -> u32 {
+pub(crate) fn sweep(references: &[Reference], config: &TopDownConfig, slots: SubtreeSlots<'_>, depth: u32) -> u32 {
     let keys: Vec<[u32; 3]> = references.iter().map(|r| [r.key(0), r.key(1), r.key(2)]).collect();
     let sorted = |axis: usize| {
         let mut keyed: Vec<u64> = (0..).zip(&keys).map(|(i, keys)| u64::from(keys[axis]) << 32 | i).collect();
@@ -223,12 +309,17 @@ pub(crate) fn sweep(references: &[Reference], config: &TopDownConfig, plot: Plot
     let (mut x, (mut y, mut z)) = par::join(|| sorted(0), || par::join(|| sorted(1), || sorted(2)));
     let (mut scratch, mut costs) = (vec![0; keys.len()], vec![0.0; keys.len()]);
     let orders = Orders { by_axis: [&mut x, &mut y, &mut z], scratch: &mut scratch, costs: &mut costs };
-    Sweep { references, keys: &keys, config }.node(orders, plot, depth)
+    Sweep { references, keys: &keys, config }.node(orders, slots, depth)
 }
 
 /// The same for at most [`MAX_BLOCK`] references.
 #[inline(never)]
-pub(crate) fn sweep_block(references: &[Reference], config: &TopDownConfig, plot: Plot<'_>, depth: u32) -> u32 {
+pub(crate) fn sweep_block(
+    references: &[Reference],
+    config: &TopDownConfig,
+    slots: SubtreeSlots<'_>,
+    depth: u32,
+) -> u32 {
     let n = references.len();
     let (mut keys, mut orders) = ([[0; 3]; MAX_BLOCK], [[0; MAX_BLOCK]; 3]);
     let (mut scratch, mut costs) = ([0; MAX_BLOCK], [0.0; MAX_BLOCK]);
@@ -247,7 +338,7 @@ pub(crate) fn sweep_block(references: &[Reference], config: &TopDownConfig, plot
     }
     let by_axis = orders.each_mut().map(|order| &mut order[..n]);
     let orders = Orders { by_axis, scratch: &mut scratch[..n], costs: &mut costs[..n] };
-    Sweep { references, keys: &keys[..n], config }.node(orders, plot, depth)
+    Sweep { references, keys: &keys[..n], config }.node(orders, slots, depth)
 }
 
 fn lower_half(key: u64) -> u32 {
@@ -256,11 +347,11 @@ fn lower_half(key: u64) -> u32 {
 
 impl Sweep<'_> {
     /// Builds the node over all of `orders`; returns its height.
-    fn node(&self, mut orders: Orders<'_>, plot: Plot<'_>, depth: u32) -> u32 {
-        let n = plot.n_leaves();
+    fn node(&self, mut orders: Orders<'_>, slots: SubtreeSlots<'_>, depth: u32) -> u32 {
+        let n = slots.n_leaves();
         if n == 1 {
             let reference = &self.references[orders.by_axis[0][0] as usize];
-            plot.leaf(PrimId(reference.primitive()));
+            slots.leaf(PrimId(reference.primitive()));
             return 1;
         }
         let (axis, n_left) = match n {
@@ -270,9 +361,9 @@ impl Sweep<'_> {
         };
         self.partition(&mut orders, axis, n_left);
         let (left, right) = orders.split(n_left);
-        let (left_plot, right_plot) = plot.split(n_left);
+        let (left_slots, right_slots) = slots.split(n_left);
         let (build_left, build_right) =
-            (|| self.node(left, left_plot, depth + 1), || self.node(right, right_plot, depth + 1));
+            (|| self.node(left, left_slots, depth + 1), || self.node(right, right_slots, depth + 1));
         let (a, b) =
             if n > TopDownConfig::FORK { par::join(build_left, build_right) } else { (build_left(), build_right()) };
         1 + a.max(b)

@@ -64,6 +64,7 @@ mod instance;
 mod motion;
 mod placement;
 mod query;
+mod ray;
 mod tlas;
 mod top;
 

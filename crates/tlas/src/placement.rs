@@ -3,7 +3,7 @@ use canted_obb::{Aabb, Affine, Obb, vector};
 use canted_trace::ReferencePoint;
 
 use crate::instance::{MAX_CONDITION, Rows, condition, invert, row_sum_norm};
-use crate::query::{ObjectRay, WorldRay};
+use crate::ray::{ObjectRay, WorldRay};
 use crate::{Instance, InstanceError, Motion};
 
 /// Half of `f32::EPSILON`: the relative error of one rounding to `f32`.

@@ -81,8 +81,6 @@ pub use moving::position_at;
 pub use query::{Accept, Counts, Query};
 pub use ray::{Ray, ScaledRay};
 pub use reference::ReferencePoint;
-#[doc(hidden)]
-pub use rounding::lanes;
 pub use shapes::{Sphere, segment_overlaps_aabb};
 pub use slab::{AABB_PAD, MIN_DIRECTION, SLABS_PAD, SlabRay, Slabs, pad_aabb, ray_aabb, ray_obb};
 #[doc(hidden)]
@@ -92,3 +90,15 @@ pub use triangle::{
     Axis, BaldwinWeber, BaldwinWeberRecord, HIT_ERROR, Kernel, MollerTrumbore, Shear, TriangleHit, TriangleTest,
     UnknownTriangleTest, Watertight,
 };
+
+/// Constants and scalar steps that the SIMD kernels repeat lane by lane, so that one proof covers both. Not part of the
+/// stable interface.
+#[doc(hidden)]
+pub mod lanes {
+    pub use crate::rounding::{UNIT_ROUNDOFF, lower};
+    pub use crate::slab::{SQRT_3, reciprocal};
+    pub use crate::triangle::baldwin_weber::weights as baldwin_weber_weights;
+    pub use crate::triangle::moller_trumbore::{
+        ERROR as WEIGHTS_ERROR, HEADROOM as WEIGHTS_HEADROOM, Weights, finish, weights as moller_trumbore_weights,
+    };
+}

@@ -20,14 +20,3 @@ pub fn lower(x: f32, pad: f64) -> f32 {
 pub(crate) fn nearest(x: f64) -> f32 {
     x as f32 + 0.0
 }
-
-/// Constants and scalar steps that the SIMD kernels repeat lane by lane, so that one proof covers both. Not part of the
-/// stable interface.
-pub mod lanes {
-    pub use super::{UNIT_ROUNDOFF, lower};
-    pub use crate::slab::slab_ray::{SQRT_3, reciprocal};
-    pub use crate::triangle::baldwin_weber::weights as baldwin_weber_weights;
-    pub use crate::triangle::moller_trumbore::{
-        ERROR as WEIGHTS_ERROR, HEADROOM as WEIGHTS_HEADROOM, Weights, finish, weights as moller_trumbore_weights,
-    };
-}

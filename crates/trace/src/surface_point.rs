@@ -18,9 +18,10 @@ use crate::{HIT_ERROR, Hit, Ray};
 /// // `reach` is the greatest absolute coordinate of the mesh, as `Aabb::reach` of its bounds returns it.
 /// let point = SurfacePoint::new(&hit, vertices, 1004.0);
 /// let reflected = point.spawn_ray([0.1, 0.1, 10.0]);
+/// let along_normal = point.spawn_ray_f64(point.normal);
 /// let shadow = point.spawn_ray_to([1000.0, 0.0, 50.0]).unwrap();
 /// assert!(point.normal[2] > 0.9 && reflected.origin[2] > point.position[2] as f32);
-/// assert!(shadow.t_max < 1.0);
+/// assert!(shadow.t_max < 1.0 && along_normal.origin == reflected.origin);
 /// ```
 ///
 /// The vertices come from the BVH that was hit (`triangle(hit.primitive)`), the reach from its bounds. Read both again after a
@@ -135,8 +136,14 @@ impl SurfacePoint {
     #[inline]
     #[must_use]
     pub fn spawn_ray(&self, direction: impl Into<[f32; 3]>) -> Ray {
-        let direction = direction.into();
-        Ray::new(self.origin_toward(to_f64(direction)), direction)
+        self.spawn_ray_f64(to_f64(direction.into()))
+    }
+
+    /// [`SurfacePoint::spawn_ray`] along a direction of `f64`, such as one computed from [`SurfacePoint::normal`]; it is rounded.
+    #[inline]
+    #[must_use]
+    pub fn spawn_ray_f64(&self, direction: [f64; 3]) -> Ray {
+        Ray::new(self.origin_toward(direction), to_f32(direction))
     }
 
     /// A ray that ends just before `target`, for shadow rays: its direction spans the whole distance and its `t_max` is

@@ -1,12 +1,13 @@
-use canted_obb::{Aabb, Obb};
+use canted_obb::{Aabb, Obb, PrimId};
+use canted_trace::Triangles;
 
 use crate::config::Baseline;
-use crate::leaf::LeafPrimitive;
+use crate::leaf::{LeafPrimitive, Triangle};
 use crate::node::{ALIGNED_LINES, ChildWord, DecodedWord, NodeKind, Nodes, ORIENTED_LINES, Row, node_words, rows};
 use crate::simd::{AvailablePath, SimdPath};
 use crate::traverse::MeshFrame;
 
-/// A BVH of eight-wide nodes over primitives `P`: triangles ([`TriangleBvh`](crate::TriangleBvh)), spheres, boxes, or any
+/// A BVH of eight-wide nodes over primitives `P`: triangles ([`TriangleBvh`]), spheres, boxes, or any
 /// [`Primitive`](crate::Primitive).
 ///
 /// Every query returns what testing each primitive would return: the same `t`, `u`, `v` and primitive, and of equal `t` the
@@ -23,6 +24,9 @@ pub struct WideBvh<P: LeafPrimitive> {
     pub(crate) baseline: Baseline,
     pub(crate) path: AvailablePath,
 }
+
+/// A [`WideBvh`] over triangles. [`Config::test`](crate::Config::test) is the triangle test.
+pub type TriangleBvh = WideBvh<Triangle>;
 
 /// Predicted cost of a ray that enters the root, in tests of aligned nodes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -153,5 +157,32 @@ impl<P: LeafPrimitive> WideBvh<P> {
             }
         };
         Some(self.frame.reference.given_box(relative?))
+    }
+}
+
+impl TriangleBvh {
+    /// The vertices of a triangle, as they were given.
+    ///
+    /// The first call makes an index of four bytes for each triangle.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    #[must_use]
+    pub fn triangle(&self, id: PrimId) -> [[f32; 3]; 3] {
+        self.leaves.triangle(&self.nodes, self.n_primitives, id)
+    }
+
+    /// The vertices of all triangles, in input order.
+    #[must_use]
+    pub fn triangles(&self) -> Vec<[[f32; 3]; 3]> {
+        let mut triangles = vec![[[0.0; 3]; 3]; self.n_primitives];
+        self.leaves.each_triangle(&self.nodes, |id, lane| triangles[id.index()] = self.leaves.vertices(lane));
+        triangles
+    }
+}
+
+impl Triangles for TriangleBvh {
+    fn triangle(&self, id: PrimId) -> [[f32; 3]; 3] {
+        Self::triangle(self, id)
     }
 }

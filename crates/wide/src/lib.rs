@@ -108,15 +108,14 @@ mod update;
 use canted_lbvh::par;
 
 pub use build::PrimitiveError;
-pub use bvh::{PredictedCost, Sizes, WideBvh};
+pub use bvh::{PredictedCost, Sizes, TriangleBvh, WideBvh};
 pub use config::{Config, Costs, Preset};
 pub use distance::{ClosestPoint, DistanceShape, NearestPoint};
-pub use file::LoadError;
+pub use file::{LoadError, RawBvh};
 pub use leaf::{
-    LeafPrimitive, Primitive, PrimitiveHit, SavedPrimitive, Triangle, TriangleBvh, bounds_of_points, extent_of_box,
-    extent_of_points,
+    LeafPrimitive, Primitive, PrimitiveHit, SavedPrimitive, Triangle, bounds_of_points, extent_of_box, extent_of_points,
 };
-pub use node::{Flaw, MAX_PRIMITIVES, MAX_TRIANGLES, NodeKind, RawBvh};
+pub use node::{Flaw, MAX_PRIMITIVES, MAX_TRIANGLES, NodeKind};
 pub use query::{MovingBvh, Order, TraversalCounts};
 pub use simd::SimdPath;
 pub use update::{Refit, RefitError};

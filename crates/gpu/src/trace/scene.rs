@@ -9,7 +9,7 @@ use super::instances::{Instances, Level, MeshBounds, Packing, TopLevel, placed_b
 use super::layout::{BvhHeader, CENTER_REACH, HitError, check_coordinates};
 use super::nodes::{DEPTH_STEP, DeviceBvh, MAX_STACK, NewNodes, Nodes, WideNodes};
 use crate::build::{BuildConfig, BuildEncoder, Built, Primitives};
-use crate::kernel::{LONG_LOOP, longest_loop};
+use crate::commands::{LONG_LOOP, longest_loop};
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant, wait::block_on};
 
 /// Iteration limit of an invocation on other drivers: about a second on the slowest devices, far more than rays need.

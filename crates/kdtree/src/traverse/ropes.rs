@@ -22,77 +22,12 @@
 //! Source: Popov, Günther, Seidel, Slusallek 2007; Havran, Bittner, Žára 1998. Difference: intervals overlap, so that one face is not
 //! enough to choose the next leaf.
 
-use canted_obb::Aabb;
 use canted_trace::Query;
 
 use super::{PlaneRay, first_leaf, ordered, visit_leaf};
 use crate::KdNodes;
-use crate::node::{Node, NodeKind};
-
-/// Where a leaf leads to. Faces are numbered by axis, twice, plus one for upper faces. One
-/// cache line.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(C, align(64))]
-pub(crate) struct Ropes {
-    pub(crate) cell: Aabb,
-    /// The smallest subtree that covers each face from outside; the root itself for a face of the root.
-    pub(crate) targets: [u32; 6],
-    /// Number of nodes down to the one whose plane is the face, counted from one; 0 for a face of the root.
-    pub(crate) depths: [u8; 6],
-}
-
-impl Ropes {
-    /// The coordinate of a face.
-    pub(crate) fn plane(&self, face: usize) -> f32 {
-        [self.cell.min, self.cell.max][face & 1][face >> 1]
-    }
-}
-
-/// Ropes of every leaf, in the order of their numbers.
-pub(crate) fn ropes(nodes: &[Node], cell: &Aabb) -> Vec<Ropes> {
-    let mut ropes = vec![];
-    descend(nodes, 0, 0, Ropes { cell: *cell, targets: [0; 6], depths: [0; 6] }, &mut ropes);
-    ropes
-}
-
-/// Adds the ropes of the leaves below `node`; those of the node itself are given.
-fn descend(nodes: &[Node], node: u32, depth: u8, own: Ropes, ropes: &mut Vec<Ropes>) {
-    match nodes[node as usize].kind() {
-        NodeKind::Leaf { .. } => {
-            let mut own = own;
-            for face in 0..6 {
-                if own.depths[face] > 0 {
-                    own.targets[face] = smallest(nodes, own.targets[face], face, &own.cell);
-                }
-            }
-            ropes.push(own);
-        }
-        NodeKind::Inner { axis, plane, upper } => {
-            let (mut below, mut above) = (own, own);
-            (below.cell.max[axis], above.cell.min[axis]) = (plane, plane);
-            (below.targets[2 * axis + 1], above.targets[2 * axis]) = (upper, node + 1);
-            (below.depths[2 * axis + 1], above.depths[2 * axis]) = (depth + 1, depth + 1);
-            descend(nodes, node + 1, depth + 1, below, ropes);
-            descend(nodes, upper, depth + 1, above, ropes);
-        }
-    }
-}
-
-/// The smallest subtree below `node`, which covers a face of `cell`, that still covers it.
-fn smallest(nodes: &[Node], mut node: u32, face: usize, cell: &Aabb) -> u32 {
-    loop {
-        let NodeKind::Inner { axis, plane, upper } = nodes[node as usize].kind() else { return node };
-        node = if axis == face >> 1 {
-            if face & 1 == 1 { node + 1 } else { upper }
-        } else if plane >= cell.max[axis] {
-            node + 1
-        } else if plane <= cell.min[axis] {
-            upper
-        } else {
-            return node;
-        };
-    }
-}
+use crate::node::NodeKind;
+use crate::nodes::Ropes;
 
 /// Calls `leaf` with the number of each leaf in order, and `visit` with its triangles, until a `t_max` below zero.
 #[inline(always)]

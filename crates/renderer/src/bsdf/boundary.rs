@@ -4,8 +4,9 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
+use super::lobes::Lobes;
 use super::microfacet::{Ggx, fresnel, mean, mean_fresnel_below, reflect, refracted_cosine, schlick, unit};
-use super::{Bsdf, BsdfSample, Evaluation, Lobes, MIN_COSINE, Scatterer};
+use super::{Bsdf, BsdfSample, Evaluation, MIN_COSINE, Scatterer};
 use crate::sampling::cosine_hemisphere;
 
 /// The minimum difference of `eta` from 1 at which a rough boundary refracts; below, light passes straight.

@@ -4,12 +4,14 @@ use bytemuck::{Pod, Zeroable};
 use canted_gpu::{MAX_COORDINATE, MotionPolynomials};
 use canted_obb::{Aabb, Affine};
 use canted_scene::{Instance, Mesh, Scene};
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::materials::{Columns, Materials};
-use super::slack::{self, cofactors};
+use super::slack;
 use crate::scene_bvh::instances;
-use canted_obb::vector::{Vector, add, cross, length, scale, sub, to_f32 as narrow, to_f64 as wide, unit};
+use crate::surface::Pose;
+use crate::{narrow, wide};
 
 /// `Triangle` of `shared/surface/mesh`.
 #[repr(C)]
@@ -120,38 +122,30 @@ impl Geometry {
         let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|&p| map.point(p)).collect();
         let words = &mut self.vertices[start..];
         put(words, stride, 0, &positions);
-        put_attributes(words, mesh, columns, map);
-        let cofactors = cofactors(&map.columns.map(wide));
+        let pose = Pose::fixed(map);
+        put_attributes(words, mesh, columns, &pose);
         for (index, part) in mesh.parts.iter().enumerate() {
             let end = mesh.parts.get(index + 1).map_or(mesh.triangles.len(), |next| next.first_triangle as usize);
             let material = materials.number(part.material, mesh) | if is_mirrored { MIRRORED } else { 0 };
             let own = mesh.triangles[part.first_triangle as usize..end].par_iter();
-            self.triangles.par_extend(own.map(|&corners| packed_triangle(corners, base, mesh, &cofactors, material)));
+            self.triangles.par_extend(own.map(|&corners| packed_triangle(corners, base, mesh, &pose, material)));
         }
         Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach()
     }
 }
 
-/// A triangle of a mesh whose vertices start at `base`, transformed with these cofactors.
+/// A triangle of a mesh whose vertices start at `base`, placed in this pose.
 ///
 /// The normal comes from vertices in `f64`: far from the origin, rounded vertices would tilt a small triangle. It has the bits of
 /// the CPU's normal, because a tangent frame changes with the sign of a zero component.
-fn packed_triangle(
-    corners: [u32; 3],
-    base: u32,
-    mesh: &Mesh,
-    cofactors: &[Vector; 3],
-    material: u32,
-) -> PackedTriangle {
+fn packed_triangle(corners: [u32; 3], base: u32, mesh: &Mesh, pose: &Pose, material: u32) -> PackedTriangle {
     let [a, b, c] = corners.map(|i| wide(mesh.positions[i as usize]));
-    let [x, y, z] = cross(sub(b, a), sub(c, a));
-    // In the order of the CPU's `Pose::normal_world`.
-    let winding = add(scale(cofactors[0], x), add(scale(cofactors[1], y), scale(cofactors[2], z)));
+    let winding = pose.normal_world((b - a).cross(c - a));
     PackedTriangle {
         vertices: corners.map(|i| base + i),
         material,
-        normal: unit(winding).map_or([0.0; 3], narrow),
-        area_root: length(winding).sqrt() as f32,
+        normal: winding.try_normalize().map_or([0.0; 3], narrow),
+        area_root: winding.length().sqrt() as f32,
     }
 }
 
@@ -176,16 +170,16 @@ fn tame(x: f32) -> f32 {
 }
 
 /// Writes normals, tangents, colors and texture coordinates of the mesh, or their defaults.
-fn put_attributes(words: &mut [f32], mesh: &Mesh, columns: &Columns, map: &Affine) {
+fn put_attributes(words: &mut [f32], mesh: &Mesh, columns: &Columns, pose: &Pose) {
     let stride = columns.stride as usize;
     if let Some(normals) = mesh.normals.as_ref().filter(|_| columns.normal > 0) {
-        let cofactors = in_range(&cofactors(&map.columns.map(wide)));
+        let cofactors = in_range(pose.cofactor);
         let image = |n: &[f32; 3]| narrow(by_columns(&cofactors, wide(*n)));
         put(words, stride, columns.normal, &normals.iter().map(image).collect::<Vec<_>>());
     }
     if let Some(tangents) = mesh.tangents.as_ref().filter(|_| columns.tangent > 0) {
-        let [x, y, z, _] = map.columns.map(wide);
-        let linear = in_range(&[x, y, z]);
+        let [x, y, z, _] = pose.columns;
+        let linear = in_range([x, y, z]);
         let image = |&[x, y, z, sign]: &[f32; 4]| {
             let [x, y, z] = narrow(by_columns(&linear, wide([x, y, z])));
             [x, y, z, sign]
@@ -205,15 +199,18 @@ fn put_attributes(words: &mut [f32], mesh: &Mesh, columns: &Columns, map: &Affin
     }
 }
 
-fn by_columns(columns: &[Vector; 3], [x, y, z]: Vector) -> Vector {
-    let [a, b, c] = [scale(columns[0], x), scale(columns[1], y), scale(columns[2], z)];
-    std::array::from_fn(|k| a[k] + b[k] + c[k])
+fn by_columns([a, b, c]: &[DVec3; 3], DVec3 { x, y, z }: DVec3) -> DVec3 {
+    *a * x + *b * y + *c * z
 }
 
 /// The columns scaled so that their lengths are about 1.
-fn in_range(columns: &[Vector; 3]) -> [Vector; 3] {
-    let size = length(columns.map(length));
-    columns.map(|column| scale(column, 1.0 / size))
+fn in_range(columns: [DVec3; 3]) -> [DVec3; 3] {
+    columns.map(|column| column * (1.0 / length_of(columns)))
+}
+
+/// The Frobenius norm.
+fn length_of(columns: [DVec3; 3]) -> f64 {
+    DVec3::from(columns.map(DVec3::length)).length()
 }
 
 fn rounded(x: f64) -> f32 {
@@ -222,8 +219,8 @@ fn rounded(x: f64) -> f32 {
 
 fn packed_placement(map: &Affine, first_triangle: u32, reach: f32) -> PackedPlacement {
     let [x, y, z, shift] = map.columns;
-    let cofactors = cofactors(&map.columns.map(wide));
-    let [cofactor_x, cofactor_y, cofactor_z] = in_range(&cofactors).map(narrow);
+    let Pose { cofactor, .. } = Pose::fixed(map);
+    let [cofactor_x, cofactor_y, cofactor_z] = in_range(cofactor).map(narrow);
     PackedPlacement {
         x,
         slack: slack::of_instance(map, reach),
@@ -232,7 +229,7 @@ fn packed_placement(map: &Affine, first_triangle: u32, reach: f32) -> PackedPlac
         z,
         first_triangle,
         shift,
-        scale_root: rounded(length(cofactors.map(length)).sqrt()),
+        scale_root: rounded(length_of(cofactor).sqrt()),
         cofactor_x,
         motion: u32::MAX,
         cofactor_y,

@@ -25,8 +25,9 @@
 
 use canted_gpu::MotionPolynomials;
 use canted_obb::Affine;
+use glam::DVec3;
 
-use canted_obb::vector::{Vector, cross, dot, length, to_f64 as wide};
+use crate::surface::Pose;
 
 /// Relative bound of one rounding.
 const E: f64 = f32::EPSILON as f64;
@@ -45,14 +46,14 @@ pub(super) fn in_world(reach: f32) -> f32 {
 
 /// The same for an instance of a mesh with greatest absolute coordinate `reach_object`.
 pub(super) fn of_instance(world_from_object: &Affine, reach_object: f32) -> f32 {
-    let m: [Vector; 4] = world_from_object.columns.map(wide);
+    let Pose { columns: m, cofactor } = Pose::fixed(world_from_object);
     let reach_world = world_from_object.reach(reach_object);
     // Rows of the inverse are the columns of cofactors over the determinant.
-    let inverse = cofactors(&m).map(|row| row.map(|x| x / dot(m[0], cofactors(&m)[0])));
+    let inverse = cofactor.map(|row| row / m[0].dot(cofactor[0]));
     let row_sum =
         |i: usize| -> f64 { (0..3).map(|j| (0..3).map(|k| (inverse[i][k] * m[j][k]).abs()).sum::<f64>()).sum() };
     let kappa = (0..3).map(row_sum).fold(0.0, f64::max);
-    let frobenius = |rows: [Vector; 3]| length(rows.map(length));
+    let frobenius = |rows: [DVec3; 3]| DVec3::from(rows.map(DVec3::length)).length();
     let condition = frobenius([m[0], m[1], m[2]]) * frobenius(inverse);
     let tilt = 4.0 * 2.0 * 3.0_f64.sqrt() * condition;
     rounded_up((IN_WORLD + (2.0 * 22.0 * kappa + tilt) * E) * reach_world)
@@ -73,11 +74,6 @@ pub(super) fn of_moving(
 
 fn rounded_up(slack: f64) -> f32 {
     (MARGIN * slack).min(f64::from(f32::MAX)) as f32 + f32::MIN_POSITIVE
-}
-
-/// Columns of the cofactor matrix of the linear part.
-pub(super) fn cofactors([x, y, z, _]: &[Vector; 4]) -> [Vector; 3] {
-    [cross(*y, *z), cross(*z, *x), cross(*x, *y)]
 }
 
 #[cfg(test)]

@@ -1,83 +1,115 @@
-//! Compares shader functions with their CPU twins, over a buffer of inputs.
+//! What tests compare with kernels: lights on the CPU, and in the buffers of a device. Not part of the stable interface.
 
-mod bsdf;
-mod incoming;
-mod light;
+use canted_gpu::{AsBinding, Gpu, GpuError, NamedBinding, Variant};
+use canted_scene::{Light, Scene};
+use canted_trace::Ray;
 
-use bytemuck::Pod;
-use canted_fixtures::or_skip;
-use canted_gpu::{Choice, Gpu, NamedBinding, Variant};
+use super::lights::{DeviceSky, SampledLights};
+use crate::light::{IncomingLight, ListLight};
+use crate::{LightSampler, Surface};
 
-use crate::{Pattern, Sampler};
-
-/// Half a ULP of 1: the maximum relative error of one rounding.
-const U: f64 = 0.5 * f32::EPSILON as f64;
-
-/// The best adapter; reports a skipped test if there is none.
-fn gpu(test: &str) -> Option<Gpu> {
-    or_skip(test, Gpu::open(&Choice::Best))
+/// Light from one direction at a surface, before the occlusion test.
+pub struct Incoming {
+    /// Unit vector.
+    pub to_light: [f64; 3],
+    /// Radiance over `density`, or the irradiance of a delta light.
+    pub radiance: [f64; 3],
+    /// Per steradian; `None` for a delta light.
+    pub density: Option<f64>,
+    /// `None` if the light is too close for an occluder.
+    pub shadow_ray: Option<Ray>,
 }
 
-/// Runs a kernel of `check/`: its `answers` for `queries`.
-fn answers<Q: Pod, A: Pod>(
-    gpu: &Gpu,
-    kernel: &str,
-    chosen: &Variant,
-    queries: &[Q],
-    others: &[NamedBinding<'_>],
-) -> Vec<A> {
-    let kernel = gpu.kernel(kernel, chosen).unwrap();
-    let asked = gpu.buffer("queries", queries).unwrap();
-    let answers = gpu.zeroed::<A>("answers", queries.len()).unwrap();
-    let mut bound: Vec<NamedBinding<'_>> = vec![("queries", &asked), ("answers", &answers)];
-    bound.extend(others);
-    let mut commands = gpu.commands();
-    commands.dispatch(&kernel, &bound, kernel.groups(u32::try_from(queries.len()).unwrap())).unwrap();
-    commands.run().unwrap();
-    gpu.read(&answers).unwrap()
+/// The light of a point of the unit square at a surface.
+#[must_use]
+pub fn incoming_light(light: &Light, surface: &Surface, square: [f32; 2]) -> Option<Incoming> {
+    let IncomingLight { to_light, radiance, density, shadow_ray } = IncomingLight::of(light, surface, || square)?;
+    Some(Incoming { to_light: to_light.into(), radiance: radiance.into(), density, shadow_ray })
 }
 
-/// Number of answers that match the CPU's, and number of those at a discontinuity; or what is wrong with the first.
-fn compare<Q, A>(
-    one: impl Fn(&Q, &A) -> Result<bool, String>,
-    queries: &[Q],
-    answers: &[A],
-) -> Result<[usize; 2], String> {
-    let compared: Vec<_> = queries.iter().zip(answers).map(|(query, answer)| one(query, answer)).collect();
-    let wrong: Vec<_> = compared.iter().filter_map(|result| result.as_ref().err()).collect();
-    if let Some(first) = wrong.first() {
-        return Err(format!("{first}; {} of {} are wrong", wrong.len(), queries.len()));
+/// The buffer of a list of lights.
+///
+/// # Errors
+/// Too little memory on the device.
+pub fn light_list(gpu: &Gpu, lights: &[Light]) -> Result<impl AsBinding + use<>, GpuError> {
+    gpu.buffer("lights", &lights.iter().map(ListLight::from).collect::<Vec<_>>())
+}
+
+/// The buffers that kernels sample lights from, without the list.
+pub struct LightBuffers {
+    sampled: SampledLights,
+    sky: DeviceSky,
+}
+
+impl LightBuffers {
+    /// Those of a sampler, with the environment of a scene and rays that start on surfaces.
+    ///
+    /// # Errors
+    /// Too little memory on the device.
+    pub fn new(gpu: &Gpu, sampler: &LightSampler<'_>, scene: &Scene) -> Result<Self, GpuError> {
+        Ok(Self { sampled: SampledLights::new(gpu, sampler, |_| 0.0)?, sky: DeviceSky::new(gpu, scene)? })
     }
-    let n_equal = compared.iter().filter(|result| matches!(result, Ok(true))).count();
-    Ok([n_equal, queries.len() - n_equal])
+
+    /// All of them, by the names of their variables.
+    #[must_use]
+    pub fn bindings(&self) -> Vec<NamedBinding<'_>> {
+        self.sampled.bindings().into_iter().chain(self.sky.bindings()).collect()
+    }
+
+    /// Selects the parts of kernels that the lights need.
+    #[must_use]
+    pub fn specialize(&self, chosen: Variant) -> Variant {
+        self.sky.specialize(self.sampled.specialize(chosen))
+    }
 }
 
-/// A number in `[0, 1)` for each pair of indices.
-fn number(i: u32, k: u32) -> f32 {
-    Sampler::new(Pattern::Random, 1, 1).single(i, 0, k)
-}
+#[cfg(test)]
+mod tests {
+    use canted_shaders::same_layout;
 
-/// A unit vector for each pair of indices.
-fn direction(i: u32, k: u32) -> [f32; 3] {
-    let z = 2.0 * number(i, k) - 1.0;
-    let (s, c) = (std::f32::consts::TAU * number(i, k + 1)).sin_cos();
-    let r = ((1.0 - z) * (1.0 + z)).sqrt();
-    [r * c, r * s, z]
-}
+    use super::*;
+    use crate::light::environment::SkyImage;
+    use crate::light::tree::LightNode;
+    use crate::light::triangle::PackedEmitter;
 
-/// Whether each component of `a` is within `bound` of that of `b`.
-fn are_near(a: [f32; 3], b: [f64; 3], bound: f64) -> bool {
-    (0..3).all(|k| (f64::from(a[k]) - b[k]).abs() <= bound)
+    #[test]
+    fn layouts_match_the_kernels() {
+        let listed = Variant::none();
+        same_layout!(
+            "check/incoming",
+            &listed,
+            "ListLight",
+            ListLight { position, kind, direction, extent, color, cos_outer }
+        );
+        let sampled = Variant::none()
+            .part("local", "shared/light/sampler/local/both")
+            .part("skylight", "shared/light/environment/skylight/image")
+            .part("suns", "shared/light/sun/suns/list")
+            .part("emission", "shared/light/triangle/emission/constant")
+            .part("sky", "shared/light/environment/sky/image");
+        same_layout!(
+            "check/light",
+            &sampled,
+            "LightNode",
+            LightNode {
+                center,
+                radius,
+                axis,
+                cos_emission,
+                spread,
+                intensity,
+                is_two_sided,
+                parent,
+                first_child,
+                light
+            }
+        );
+        same_layout!(
+            "check/light",
+            &sampled,
+            "Emitter",
+            PackedEmitter { corner, instance, first, primitive, second, leaf, radiance, slack }
+        );
+        same_layout!("check/light", &sampled, "SkyImage", SkyImage { scale, width, height, turn });
+    }
 }
-
-/// Asserts that a Rust structure has the members and offsets of the kernel's structure of that name.
-macro_rules! same_layout {
-    ($kernel:expr, $chosen:expr, $name:literal, $ty:ty { $($member:ident),* $(,)? }) => {{
-        let shader = canted_shaders::Shader::new($kernel, $chosen).unwrap();
-        let layout = shader.layout($name).unwrap();
-        let members = [$((stringify!($member).to_owned(), std::mem::offset_of!($ty, $member))),*];
-        let found: Vec<(String, usize)> = layout.members.iter().map(|(name, at)| (name.clone(), *at as usize)).collect();
-        assert_eq!((found.as_slice(), layout.size as usize), (members.as_slice(), size_of::<$ty>()));
-    }};
-}
-use same_layout;

@@ -141,9 +141,9 @@ impl<'a> PlacedTriangle<'a> {
 /// `world_from_object` at one time, prepared for points and normals.
 #[derive(Clone, Debug)]
 pub(crate) struct Pose {
-    columns: [DVec3; 4],
+    pub(crate) columns: [DVec3; 4],
     /// Columns of the cofactor matrix, which maps object normals to world normals up to length and sign.
-    cofactor: [DVec3; 3],
+    pub(crate) cofactor: [DVec3; 3],
 }
 
 impl Pose {

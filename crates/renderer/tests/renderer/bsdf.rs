@@ -8,7 +8,7 @@ use canted_renderer::sampling::Basis;
 use canted_renderer::{Bsdf, BsdfSample, Evaluation, Integrator, Lobes, Pattern, Sampler, Settings};
 use canted_scene::{Lobes as Factors, Material};
 
-use crate::common::{Vector, camera, deviation, dot, film, narrow, scene, settings, sphere, unit};
+use crate::common::{Vector, camera, deviation, dot, film, narrow, scene, settings, sphere, under, unit};
 
 /// One material of each kind, then mixtures.
 pub(crate) fn materials(roughness: f32) -> Vec<(&'static str, Bsdf)> {
@@ -178,7 +178,8 @@ fn test_detects_wrong_pdfs() {
 #[test]
 fn sample_weight_is_value_over_pdf() {
     for roughness in [0.1, 0.5, 1.0] {
-        for (name, bsdf) in materials(roughness) {
+        let all = materials(roughness).into_iter();
+        for (name, bsdf) in all.flat_map(|(name, bsdf)| [(name, bsdf), (name, Bsdf { is_compensated: true, ..bsdf })]) {
             for (square, choice) in numbers(1000) {
                 let Some(scattered) = bsdf.sample(outgoing(0.4), square, choice) else { continue };
                 let Evaluation { value, density } = bsdf.evaluate(outgoing(0.4), scattered.incident);
@@ -243,12 +244,14 @@ fn white(roughness: f32) -> Vec<(&'static str, Bsdf)> {
 
 /// Flux of a material in its brightest channel by sampling, and its standard error. A base gets what the brightest channel of a colored
 /// reflection leaves, so that others lose.
-fn furnace(bsdf: &Bsdf, cosine: f64) -> (f64, f64) {
+pub(crate) fn furnace(bsdf: &Bsdf, cosine: f64) -> (f64, f64) {
     const N: u32 = 4000;
     let (mut sums, mut squares) = ([0.0; 3], [0.0; 3]);
     for (square, choice) in numbers(N) {
         let Some(scattered) = bsdf.sample(outgoing(cosine), square, choice) else { continue };
-        for (k, weight) in scattered.weight.map(f64::from).into_iter().enumerate() {
+        let factor = flux_factor(bsdf, scattered.is_transmitted);
+        for (k, weight) in scattered.weight.into_iter().enumerate() {
+            let weight = f64::from(weight) * factor;
             sums[k] += weight;
             squares[k] += weight * weight;
         }
@@ -369,8 +372,7 @@ fn solids_absorb() {
     let lobes = Some(Box::new(Factors { absorption: [0.0, 0.5, 2.0], ..Factors::default() }));
     let glass =
         Material { base_color: [1.0; 3], roughness: 0.0, transmission: 1.0, ior: 1.0, lobes, ..Material::default() };
-    let mut ball = scene(vec![sphere([0.0; 3], 1.0, 5, 0)], vec![glass]);
-    ball.environment = Some([1.0; 3].into());
+    let ball = under([1.0; 3], scene(vec![sphere([0.0; 3], 1.0, 5, 0)], vec![glass]));
     let settings = Settings { integrator: Integrator::Path, ..settings(1, 1, 16, 8) };
     let film = film(&ball, &camera([0.0, 0.0, 6.0], [0.0; 3], 0.1), &settings);
     for (got, absorption) in film.pixels()[0].mean().into_iter().zip([0.0_f64, 0.5, 2.0]) {

@@ -3,34 +3,20 @@
 use std::sync::atomic::AtomicBool;
 
 use canted_film::Film;
+use canted_obb::vector;
+pub(crate) use canted_obb::vector::{Vector, cross, dot, sub, to_f32 as narrow};
 use canted_obb::{Affine, Obb, PrimId};
-use canted_renderer::{Settings, render};
-use canted_scene::{Camera, Instance, Material, MaterialId, Mesh, MeshId, Part, Scene};
-use canted_trace::{HIT_ERROR, Hit, InstanceId, Intersect, Query, ScaledRay, Side};
-
-pub(crate) type Vector = [f64; 3];
+use canted_renderer::{Levels, SceneBvh, SceneBvhConfig, Settings, render};
+use canted_scene::{
+    Camera, Encoding, Instance, Light, Magnification, Material, MaterialId, Mesh, MeshId, Part, Scene, Texture, Wrap,
+};
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Intersect, Query, Ray, ScaledRay, Side};
 
 /// Half of `f32::EPSILON`: the relative error of one rounding.
 pub(crate) const U: f64 = 0.5 * f32::EPSILON as f64;
 
-pub(crate) fn sub(a: Vector, b: Vector) -> Vector {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
-pub(crate) fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(crate) fn cross(a: Vector, b: Vector) -> Vector {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
 pub(crate) fn unit(a: Vector) -> Vector {
-    a.map(|x| x / dot(a, a).sqrt())
-}
-
-pub(crate) fn narrow(v: Vector) -> [f32; 3] {
-    v.map(|x| x as f32)
+    vector::unit(a).expect("a direction")
 }
 
 /// Tests every triangle of every instance, in object space, in `f64`, including edges.
@@ -216,6 +202,15 @@ pub(crate) fn scene(meshes: Vec<Mesh>, materials: Vec<Material>) -> Scene {
     Scene { meshes, instances, materials, environment: Some([0.0; 3].into()), ..Scene::default() }
 }
 
+/// A box on a floor under a sky and a sun.
+pub(crate) fn box_on_floor(half: f32, fov_degrees: f32) -> (Scene, Camera) {
+    let bodies = vec![floor(half, 0.0, 0), cuboid([-1.0, 0.0, -1.0], [1.0, 1.5, 0.5], 1)];
+    let orange = Material { base_color: [0.9, 0.4, 0.1], ..Material::default() };
+    let lights = vec![Light::Sun { direction: [-0.6, -0.8, 0.0], irradiance: [2.0; 3] }];
+    let stage = Scene { lights, ..under([0.3, 0.4, 0.6], scene(bodies, vec![gray(0.8), orange])) };
+    (stage, camera([3.0, 3.0, 4.0], [0.0, 0.5, 0.0], fov_degrees))
+}
+
 pub(crate) fn camera(eye: [f32; 3], target: [f32; 3], fov_degrees: f32) -> Camera {
     // Any direction not parallel to the view works as up.
     let view = unit(sub(target.map(f64::from), eye.map(f64::from)));
@@ -229,7 +224,43 @@ pub(crate) fn settings(width: u32, height: u32, samples: u32, bounces: u32) -> S
 }
 
 pub(crate) fn film(scene: &Scene, camera: &Camera, settings: &Settings) -> Film {
-    render(scene, &BruteForce::new(scene), camera, settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
+    film_of(scene, &BruteForce::new(scene), camera, settings)
+}
+
+/// The film of a scene, traced through a structure.
+pub(crate) fn film_of(scene: &Scene, structure: &dyn Intersect, camera: &Camera, settings: &Settings) -> Film {
+    render(scene, structure, camera, settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
+}
+
+/// The structure of a scene with so many levels.
+pub(crate) fn prepared(scene: &Scene, levels: Levels) -> SceneBvh {
+    SceneBvh::build(scene, &SceneBvhConfig { levels, ..SceneBvhConfig::default() }).unwrap()
+}
+
+/// The scene under a sky of constant radiance.
+pub(crate) fn under(radiance: [f32; 3], scene: Scene) -> Scene {
+    Scene { environment: Some(radiance.into()), ..scene }
+}
+
+/// A texture with linear magnification.
+pub(crate) fn texture([width, height]: [u32; 2], texels: Vec<[u8; 4]>, encoding: Encoding, wrap: Wrap) -> Texture {
+    let (name, magnification) = (String::new(), Magnification::Linear);
+    Texture { name, width, height, texels, encoding, wrap: [wrap; 2], magnification }
+}
+
+/// Rays from all around the origin, with directions of many lengths.
+pub(crate) fn rays_from_all_around(n: usize) -> impl Iterator<Item = Ray> {
+    let mut state = 1_u32;
+    let mut number = move || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f32::from(u16::try_from(state >> 16).unwrap()) / 32768.0 - 1.0
+    };
+    (0..n).map(move |i| {
+        let origin = [(); 3].map(|()| 3.0 * number());
+        let target = [(); 3].map(|()| 1.5 * number());
+        let length = [1e-3, 1.0, 1e5][i % 3];
+        Ray::new(origin, std::array::from_fn(|k| if i % 7 == k { -0.0 } else { (target[k] - origin[k]) * length }))
+    })
 }
 
 /// Radiance from `target` towards `eye`: one pixel with a field of view of a hundredth of a degree.

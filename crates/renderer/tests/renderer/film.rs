@@ -7,20 +7,10 @@ use std::sync::atomic::AtomicBool;
 
 use canted_film::{Aov, Aovs, Film, Filter, FilterSampler, Guide, Part, Tile};
 use canted_renderer::{Monitor, Pattern, RenderError, Sampler, Settings, View, render, resume};
-use canted_scene::{Camera, Light, Material, MaterialId, Mesh, Part as MeshPart, Scene};
+use canted_scene::{Light, Material, MaterialId, Mesh, Part as MeshPart, Scene};
 use canted_trace::Intersect;
 
-use crate::common::{BruteForce, camera, cuboid, film, floor, gray, parallelogram, scene, settings, unit};
-
-fn stage() -> (Scene, Camera) {
-    let mut stage = scene(
-        vec![floor(3.0, 0.0, 0), cuboid([-1.0, 0.0, -1.0], [1.0, 1.5, 0.5], 1)],
-        vec![gray(0.8), Material { base_color: [0.9, 0.4, 0.1], ..Material::default() }],
-    );
-    stage.environment = Some([0.3, 0.4, 0.6].into());
-    stage.lights = vec![Light::Sun { direction: [-0.6, -0.8, 0.0], irradiance: [2.0; 3] }];
-    (stage, camera([3.0, 3.0, 4.0], [0.0, 0.5, 0.0], 60.0))
-}
+use crate::common::{BruteForce, box_on_floor, camera, film, gray, parallelogram, scene, settings, unit};
 
 fn all() -> Aovs {
     Aov::ALL.into_iter().collect()
@@ -34,7 +24,7 @@ fn sobol(samples: u32) -> Settings {
 
 #[test]
 fn merged_parts_equal_the_film_of_all_samples() {
-    let (mut stage, view) = stage();
+    let (mut stage, view) = box_on_floor(3.0, 60.0);
     // Dropped samples must be counted too.
     stage.materials[1].emission = [0.0, f32::NAN, 0.0];
     let part = |start, end| {
@@ -51,7 +41,7 @@ fn merged_parts_equal_the_film_of_all_samples() {
 
 #[test]
 fn tiles_and_threads_do_not_change_parts_or_stopping() {
-    let (stage, view) = stage();
+    let (stage, view) = box_on_floor(3.0, 60.0);
     for settings in [Settings { part: Some([3, 9]), ..sobol(9) }, Settings { noise: Some(0.06), ..sobol(64) }] {
         let with = |threads, tile| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -67,7 +57,7 @@ fn tiles_and_threads_do_not_change_parts_or_stopping() {
 /// Compared with brute force for each camera ray; sums are in a different order, so equal up to rounding.
 #[test]
 fn guides_match_camera_ray_hits() {
-    let (stage, camera) = stage();
+    let (stage, camera) = box_on_floor(3.0, 60.0);
     let settings = sobol(4);
     let film = film(&stage, &camera, &settings);
     let view = View::new(&camera, SIZE[0], SIZE[1]).unwrap();
@@ -128,7 +118,7 @@ fn guides_include_shape_lights() {
 
 #[test]
 fn aovs_that_are_not_requested_are_not_stored() {
-    let (stage, view) = stage();
+    let (stage, view) = box_on_floor(3.0, 60.0);
     let plain = film(&stage, &view, &Settings { aovs: Aovs::NONE, ..sobol(4) });
     assert!(plain.guides().is_empty());
     let guided = film(&stage, &view, &sobol(4));
@@ -139,7 +129,7 @@ fn aovs_that_are_not_requested_are_not_stored() {
 
 #[test]
 fn cells_stop_at_powers_of_two_when_converged() {
-    let (stage, view) = stage();
+    let (stage, view) = box_on_floor(3.0, 60.0);
     let film = film(&stage, &view, &Settings { noise: Some(0.03), ..sobol(100) });
     let mut counts: Vec<u32> = film.pixels().iter().map(canted_film::Pixel::n_taken).collect();
     let at = |x: u32, y: u32| film.pixels()[(y * SIZE[0] + x) as usize];
@@ -156,7 +146,7 @@ fn cells_stop_at_powers_of_two_when_converged() {
 
 #[test]
 fn finished_tiles_are_not_rendered_again() {
-    let (stage, view) = stage();
+    let (stage, view) = box_on_floor(3.0, 60.0);
     let settings = Settings { tile: 8, ..sobol(4) };
     let tracer = BruteForce::new(&stage);
     let run = |done: Vec<Tile>| {
@@ -180,7 +170,7 @@ fn finished_tiles_are_not_rendered_again() {
 
 #[test]
 fn invalid_parts_and_noise_are_rejected() {
-    let (stage, view) = stage();
+    let (stage, view) = box_on_floor(3.0, 60.0);
     let refused = |settings: Settings| {
         let never = AtomicBool::new(false);
         render(&stage, &BruteForce::new(&stage), &view, &settings, &|_, _| (), &never).unwrap_err().to_string()

@@ -9,7 +9,7 @@ use canted_scene::{Camera, Light, Material, Mesh, Projection, Scene};
 
 use crate::common::{
     Vector, camera, cross, cuboid, dot, film, floor, gray, inside_out, parallelogram, place, probe, scene, settings,
-    sphere, sub, unit,
+    sphere, sub, under, unit,
 };
 
 fn in_white_sky(mut scene: Scene) -> Scene {
@@ -325,8 +325,7 @@ fn pixels(scene: &canted_scene::Scene, eye: [f32; 3], target: [f32; 3], fov: f32
 #[test]
 fn convex_object_in_a_white_furnace_shows_its_albedo() {
     for (object, name) in [(sphere([0.0; 3], 1.0, 3, 0), "sphere"), (cuboid([-1.0; 3], [1.0; 3], 0), "cube")] {
-        let mut furnace = scene(vec![object], vec![gray(0.625)]);
-        furnace.environment = Some([1.0; 3].into());
+        let furnace = under([1.0; 3], scene(vec![object], vec![gray(0.625)]));
         for bounces in [0, 1, 3] {
             for pixel in pixels(&furnace, [2.0, 3.0, 4.0], [0.0; 3], 15.0, bounces) {
                 assert_eq!(pixel, [0.625; 3], "{name}, {bounces} bounces");
@@ -341,8 +340,7 @@ fn closed_emitter_gives_the_geometric_series() {
     let glowing = Material { emission: [1.0; 3], ..gray(0.5) };
     for shell in [inside_out(sphere([0.0; 3], 1.0, 3, 0)), cuboid([-1.0; 3], [1.0, 2.0, 3.0], 0)] {
         // The environment would be visible through any leak.
-        let mut room = scene(vec![shell], vec![glowing.clone()]);
-        room.environment = Some([100.0; 3].into());
+        let room = under([100.0; 3], scene(vec![shell], vec![glowing.clone()]));
         for (bounces, expected) in [(0, 1.0), (1, 1.5), (2, 1.75), (5, 1.968_75)] {
             for pixel in pixels(&room, [0.1, 0.2, 0.3], [0.5, 0.1, -0.4], 100.0, bounces) {
                 assert_eq!(pixel, [expected; 3], "{bounces} bounces");
@@ -359,8 +357,7 @@ fn white_furnace_never_exceeds_one() {
         cuboid([-1.0, 0.0, -1.0], [0.0, 2.0, 0.0], 0),
         sphere([1.0, 0.5, 0.5], 0.5, 2, 0),
     ];
-    let mut furnace = scene(bodies, vec![gray(1.0)]);
-    furnace.environment = Some([1.0; 3].into());
+    let furnace = under([1.0; 3], scene(bodies, vec![gray(1.0)]));
     let view = camera([4.0, 3.0, 5.0], [0.0, 0.5, 0.0], 40.0);
     for bounces in 0..3 {
         let mut means = Vec::new();
@@ -385,8 +382,7 @@ fn white_furnace_never_exceeds_one() {
 fn smooth_normals_conserve_energy() {
     let mut object = sphere([0.0; 3], 1.0, 1, 0);
     object.normals = Some(object.positions.clone());
-    let mut furnace = scene(vec![object], vec![gray(0.75)]);
-    furnace.environment = Some([1.0; 3].into());
+    let furnace = under([1.0; 3], scene(vec![object], vec![gray(0.75)]));
     for pixel in pixels(&furnace, [2.0, 3.0, 4.0], [0.0; 3], 10.0, 2) {
         assert_eq!(pixel, [0.75; 3]);
     }

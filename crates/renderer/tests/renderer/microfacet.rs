@@ -1,11 +1,11 @@
 //! GGX compared with an implementation in `f64` from angles, after Walter et al. 2007 and Heitz 2014.
 
 use canted_film::Pixel;
-use canted_renderer::{Bsdf, BsdfSample, Evaluation, Integrator, Pattern, Sampler, Settings};
+use canted_renderer::{Bsdf, BsdfSample, Integrator, Pattern, Sampler, Settings};
 use canted_scene::Material;
 
-use crate::bsdf::{Steps, flux, flux_factor, materials, numbers, outgoing};
-use crate::common::{Vector, camera, dot, film, narrow, scene, settings, sphere, unit};
+use crate::bsdf::{Steps, flux, flux_factor, furnace, materials, numbers, outgoing};
+use crate::common::{Vector, camera, dot, film, narrow, scene, settings, sphere, under, unit};
 
 /// `D` of Walter et al., equation 33.
 fn distribution(alpha: f64, normal: Vector) -> f64 {
@@ -473,20 +473,6 @@ fn mixtures_are_linear() {
 const COMPENSATED_ROUGHNESS: [f32; 7] = [0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0];
 const COMPENSATED_COSINES: [f64; 7] = [1.0, 0.8, 0.5, 0.3, 0.15, 0.05, 0.01];
 
-/// Flux of a material by sampling, and its standard error.
-fn furnace(bsdf: &Bsdf, cosine: f64) -> (f64, f64) {
-    const N: u32 = 4000;
-    let (mut sum, mut squares) = (0.0, 0.0);
-    for (square, choice) in numbers(N) {
-        let Some(scattered) = bsdf.sample(outgoing(cosine), square, choice) else { continue };
-        let weight = f64::from(scattered.weight[0]) * flux_factor(bsdf, scattered.is_transmitted);
-        sum += weight;
-        squares += weight * weight;
-    }
-    let mean = sum / f64::from(N);
-    (mean, ((squares / f64::from(N) - mean * mean).max(0.0) / f64::from(N)).sqrt())
-}
-
 /// White materials of kinds that are compensated completely.
 fn white(roughness: f32) -> [(&'static str, Bsdf); 6] {
     let plastic = Bsdf { roughness, specular: 1.0, is_compensated: true, ..Bsdf::lambert([1.0; 3]) };
@@ -525,24 +511,6 @@ fn single_scattering_fails_the_furnace() {
     }
 }
 
-/// PDFs are those of the sampled directions, and weights are values over PDFs.
-#[test]
-fn weights_are_values_over_pdfs() {
-    for roughness in [0.1, 0.5, 1.0] {
-        for (name, bsdf) in materials(roughness) {
-            let bsdf = Bsdf { is_compensated: true, ..bsdf };
-            for (square, choice) in numbers(300) {
-                let Some(found) = bsdf.sample(outgoing(0.4), square, choice).filter(|s| !s.is_delta) else { continue };
-                let Evaluation { value, density } = bsdf.evaluate(outgoing(0.4), found.incident);
-                assert_eq!(found.density, density, "{name}");
-                for (weight, value) in found.weight.into_iter().zip(value) {
-                    assert!((weight - value / density).abs() <= f32::EPSILON * weight, "{name}");
-                }
-            }
-        }
-    }
-}
-
 /// Mirrors, and glass that refracts, are as before.
 #[test]
 fn other_boundaries_are_unchanged() {
@@ -560,8 +528,7 @@ fn other_boundaries_are_unchanged() {
 /// Mean of a picture that is filled by a white sphere of rough metal in a white furnace.
 fn picture(energy_compensation: bool) -> f64 {
     let metal = Material { base_color: [1.0; 3], metallic: 1.0, roughness: 0.8, ..Material::default() };
-    let mut furnace = scene(vec![sphere([0.0; 3], 1.0, 3, 0)], vec![metal]);
-    furnace.environment = Some([1.0; 3].into());
+    let furnace = under([1.0; 3], scene(vec![sphere([0.0; 3], 1.0, 3, 0)], vec![metal]));
     let settings = Settings { integrator: Integrator::Path, energy_compensation, ..settings(12, 12, 64, 8) };
     let film = film(&furnace, &camera([2.0, 3.0, 4.0], [0.0; 3], 15.0), &settings);
     film.pixels().iter().map(|pixel: &Pixel| pixel.mean()[0]).sum::<f64>() / 144.0

@@ -1,27 +1,22 @@
 //! Motion blur of moving instances.
 
-use std::sync::atomic::AtomicBool;
-
 use canted_film::{Film, Filter};
 use canted_obb::Affine;
 use canted_renderer::{
     BvhKind, Cone, Integrator, Levels, Pattern, PrepareError, SceneBvh, SceneBvhConfig, SceneLevels, Settings,
-    Surfaces, UpdateOptions, UpdatePolicy, render,
+    Surfaces, UpdateOptions, UpdatePolicy,
 };
 use canted_scene::{Camera, Material, Mesh, MeshClose, Scene};
 use canted_trace::{Hit, InstanceId, Intersect, Ray, Side, position_at};
 
-use crate::common::{camera, cuboid, gray, parallelogram, place, scene, settings, sphere};
+use crate::common::{
+    camera, cuboid, film_of, gray, parallelogram, place, prepared, rays_from_all_around, scene, settings, sphere, under,
+};
 
 const OPEN: Affine = Affine::IDENTITY;
 
-fn prepared(scene: &Scene, levels: Levels) -> SceneBvh {
-    SceneBvh::build(scene, &SceneBvhConfig { levels, ..SceneBvhConfig::default() }).unwrap()
-}
-
 fn film(scene: &Scene, view: &Camera, settings: &Settings) -> Film {
-    let structure = prepared(scene, Levels::Auto);
-    render(scene, &structure, view, settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
+    film_of(scene, &prepared(scene, Levels::Auto), view, settings)
 }
 
 fn shifted(x: f32, y: f32) -> Affine {
@@ -107,8 +102,10 @@ fn motion_requires_two_levels_and_is_skipped_without_moving_instances() {
 
 #[test]
 fn zero_motion_does_not_change_the_image() {
-    let mut stage = scene(vec![sphere([0.0; 3], 1.0, 2, 0), cuboid([-2.0; 3], [-1.0; 3], 0)], vec![gray(0.5)]);
-    stage.environment = Some([1.0, 0.8, 0.6].into());
+    let stage = under(
+        [1.0, 0.8, 0.6],
+        scene(vec![sphere([0.0; 3], 1.0, 2, 0), cuboid([-2.0; 3], [-1.0; 3], 0)], vec![gray(0.5)]),
+    );
     let view = camera([2.0, 3.0, 4.0], [0.0; 3], 50.0);
     let settings = settings(16, 12, 4, 2);
     let still = film(&stage, &view, &settings);
@@ -161,15 +158,6 @@ fn surfaces_match_static_instances() {
 
 // Meshes that deform while the shutter is open: at each time they are the static meshes of that time.
 
-fn prepared_shutter(scene: &Scene, levels: Levels) -> SceneBvh {
-    SceneBvh::build(scene, &SceneBvhConfig { levels, ..SceneBvhConfig::default() }).unwrap()
-}
-
-fn shutter_film(scene: &Scene, view: &Camera, settings: &Settings) -> Film {
-    let structure = prepared_shutter(scene, Levels::Auto);
-    render(scene, &structure, view, settings, &|_, _| (), &AtomicBool::new(false)).unwrap()
-}
-
 /// The mesh, deforming.
 fn deforming(mesh: Mesh, close: impl Fn([f32; 3]) -> [f32; 3]) -> Mesh {
     let positions = mesh.positions.iter().copied().map(close).collect();
@@ -207,43 +195,29 @@ fn stage(twist: f32) -> Scene {
     stage
 }
 
-/// Rays from all around.
-fn rays() -> impl Iterator<Item = Ray> {
-    let mut state = 1_u32;
-    let mut number = move || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        f32::from(u16::try_from(state >> 16).unwrap()) / 32768.0 - 1.0
-    };
-    (0..1500).map(move |i| {
-        let origin = [(); 3].map(|()| 3.0 * number());
-        let target = [(); 3].map(|()| 1.5 * number());
-        let length = [1e-3, 1.0, 1e5][i % 3];
-        Ray::new(origin, std::array::from_fn(|k| if i % 7 == k { -0.0 } else { (target[k] - origin[k]) * length }))
-    })
-}
-
 fn hits(bvh: &dyn Intersect, time: f32) -> Vec<Option<Hit>> {
-    rays().map(|ray| bvh.closest_hit(&ray.at_time(time))).collect()
+    rays_from_all_around(1500).map(|ray| bvh.closest_hit(&ray.at_time(time))).collect()
 }
 
 #[test]
 fn hits_and_surfaces_at_a_time_are_those_of_the_static_scene() {
     let moving = stage(1.5);
-    let structure = prepared_shutter(&moving, Levels::Auto);
+    let structure = prepared(&moving, Levels::Auto);
     let surfaces = Surfaces::new(&moving);
     let mut seen = Vec::new();
     for time in [0.0, 0.1, 0.5, 0.77, 1.0] {
         let still = still(&moving, time);
-        let fixed = prepared_shutter(&still, Levels::Two);
+        let fixed = prepared(&still, Levels::Two);
         let (ours, theirs) = (hits(&structure, time), hits(&fixed, 0.0));
         assert!(ours == theirs, "time {time}");
-        let are_occluded = |tracer: &dyn Fn(&Ray) -> bool| rays().map(|ray| tracer(&ray)).collect::<Vec<bool>>();
+        let are_occluded =
+            |tracer: &dyn Fn(&Ray) -> bool| rays_from_all_around(1500).map(|ray| tracer(&ray)).collect::<Vec<bool>>();
         assert_eq!(
             are_occluded(&|ray| structure.occluded(&ray.at_time(time))),
             are_occluded(&|ray| fixed.occluded(ray))
         );
         let of_still = Surfaces::new(&still);
-        for (ray, hit) in rays().zip(&ours) {
+        for (ray, hit) in rays_from_all_around(1500).zip(&ours) {
             let Some(hit) = hit else { continue };
             let (a, b) = (surfaces.at_time(hit, ray.direction, time, Cone::ZERO), of_still.at(hit, ray.direction));
             assert_eq!((a.position, a.normal, a.is_front), (b.position, b.normal, b.is_front));
@@ -259,7 +233,7 @@ fn hits_and_surfaces_at_a_time_are_those_of_the_static_scene() {
 #[test]
 fn updates_follow_deforming_meshes() {
     for policy in [UpdatePolicy::Auto, UpdatePolicy::Refit, UpdatePolicy::Rebuild] {
-        let mut updated = prepared_shutter(&stage(0.2), Levels::Auto);
+        let mut updated = prepared(&stage(0.2), Levels::Auto);
         let mut n_refits = 0;
         for frame in 1..8_u8 {
             let mut now = stage(0.2 + 0.3 * f32::from(frame));
@@ -269,7 +243,7 @@ fn updates_follow_deforming_meshes() {
             let options = UpdateOptions { policy, trace_time: std::time::Duration::from_millis(20) };
             let updates = updated.update(&now, &options).unwrap();
             n_refits += updates.refits;
-            let fresh = prepared_shutter(&now, Levels::Auto);
+            let fresh = prepared(&now, Levels::Auto);
             for time in [0.0, 0.6] {
                 assert!(hits(&updated, time) == hits(&fresh, time), "{policy:?}, frame {frame}, time {time}");
             }
@@ -291,7 +265,7 @@ fn a_deforming_strip_is_blurred_as_a_moving_one() {
         let close = Affine { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.75, 0.0, 0.0]] };
         by_instance.instances[0].world_from_object_close = Some(close);
         let values = |scene: &Scene| {
-            shutter_film(scene, &view, &settings).pixels().iter().map(|pixel| pixel.mean()[0]).collect::<Vec<f64>>()
+            film(scene, &view, &settings).pixels().iter().map(|pixel| pixel.mean()[0]).collect::<Vec<f64>>()
         };
         let (ours, theirs, open) = (values(&by_vertices), values(&by_instance), values(&still(&by_vertices, 0.0)));
         // A sample at the very edge may be rounded to the other side.
@@ -310,10 +284,9 @@ fn a_deforming_object_in_a_white_furnace_shows_its_albedo() {
         let mut ball = sphere([0.0; 3], 1.0, 3, 0);
         ball = deforming(ball, grown);
         ball.positions.iter_mut().for_each(|p| *p = at(*p));
-        let mut furnace = scene(vec![ball], vec![gray(0.625)]);
-        furnace.environment = Some([1.0; 3].into());
+        let furnace = under([1.0; 3], scene(vec![ball], vec![gray(0.625)]));
         let view = camera(at([0.0, 0.0, 4.0]), at([0.0; 3]), 8.0);
-        for pixel in shutter_film(&furnace, &view, &settings(6, 6, 64, 2)).pixels() {
+        for pixel in film(&furnace, &view, &settings(6, 6, 64, 2)).pixels() {
             assert_eq!(pixel.mean(), [0.625; 3], "scale {scale}, shift {shift}");
         }
     }

@@ -9,7 +9,7 @@ use canted_scene::{Camera, Instance, Light, Material, Mesh, Scene};
 
 use crate::common::{
     U, Vector, camera, cuboid, dot, film, floor, gray, inside_out, mesh, parallelogram, place, probe, scene, settings,
-    sphere, unit,
+    sphere, under, unit,
 };
 
 /// Allowed deviation of a mean in standard deviations: one false alarm in ten million.
@@ -49,8 +49,7 @@ fn check(scene: &Scene, view: &Camera, settings: &Settings, expected: f64, preci
 }
 
 fn white_sky(object: canted_scene::Mesh, material: Material) -> Scene {
-    let mut scene = scene(vec![object], vec![material]);
-    scene.environment = Some([1.0; 3].into());
+    let scene = under([1.0; 3], scene(vec![object], vec![material]));
     scene
 }
 
@@ -80,8 +79,7 @@ fn closed_emitter_gives_the_geometric_series() {
     let emissive = Material { emission: [1.0; 3], ..gray(0.5) };
     for shell in [inside_out(sphere([0.0; 3], 1.0, 2, 0)), cuboid([-1.0; 3], [1.0, 2.0, 3.0], 0)] {
         // The environment would be visible through any leak.
-        let mut room = scene(vec![shell], vec![emissive.clone()]);
-        room.environment = Some([100.0; 3].into());
+        let room = under([100.0; 3], scene(vec![shell], vec![emissive.clone()]));
         let view = camera([0.1, 0.2, 0.3], [0.5, 0.1, -0.4], 100.0);
         for (bounces, expected) in [(0, 1.0), (1, 1.5), (2, 1.75), (5, 1.968_75), (64, 2.0)] {
             check(&room, &view, &paths(12, 128, bounces), expected, 1e-2);
@@ -125,8 +123,7 @@ fn path_and_hybrid_agree_on_lambertian_surfaces() {
         floor(0.5, 3.0, 3),
     ];
     let lamp = Material { emission: [4.0, 3.0, 2.0], ..gray(0.5) };
-    let mut stage = scene(bodies, vec![gray(0.5), gray(0.8), gray(0.3), lamp]);
-    stage.environment = Some([0.3, 0.4, 0.6].into());
+    let mut stage = under([0.3, 0.4, 0.6], scene(bodies, vec![gray(0.5), gray(0.8), gray(0.3), lamp]));
     stage.lights = vec![
         Light::Sun { direction: [0.0, -0.6, 0.8], irradiance: [1.0, 0.9, 0.8] },
         Light::Point { position: [2.0, 2.0, 2.0], intensity: [3.0; 3] },
@@ -232,8 +229,7 @@ fn facing_mirrors_reflect_a_lamp_once_per_bounce() {
 /// The environment is not a surface: the ray that leaves the last mirror adds it.
 #[test]
 fn facing_mirrors_reflect_the_environment_one_bounce_earlier() {
-    let mut open = facing(None);
-    open.environment = Some([0.5, 1.0, 4.0].into());
+    let open = under([0.5, 1.0, 4.0], facing(None));
     for k in 0..=3 {
         let expected = std::array::from_fn(|channel| [0.5, 1.0, 4.0][channel] * reflectance(k, channel));
         for bounces in 0..=3 {
@@ -316,8 +312,10 @@ fn images_of([x, y]: [f32; 2]) -> [Instance; 3] {
 /// The hybrid integrator treats all surfaces as Lambertian, including mirrors.
 #[test]
 fn hybrid_integrator_treats_mirrors_as_diffuse() {
-    let mut stage = scene(vec![floor(5.0, 0.0, 0), floor(1.0, 3.0, 1)], vec![metal(RIGHT, 0.0), emissive([3.0; 3])]);
-    stage.environment = Some([0.3, 0.4, 0.6].into());
+    let stage = under(
+        [0.3, 0.4, 0.6],
+        scene(vec![floor(5.0, 0.0, 0), floor(1.0, 3.0, 1)], vec![metal(RIGHT, 0.0), emissive([3.0; 3])]),
+    );
     let view = camera([4.0, 2.0, 5.0], [0.0; 3], 40.0);
     let of = |stage: &Scene, settings: &Settings| film(stage, &view, settings);
     let mut painted = stage.clone();

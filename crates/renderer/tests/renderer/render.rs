@@ -15,17 +15,9 @@ use canted_scene::{AnimatedScene, Camera, Light, Material, Projection, ReadOptio
 use canted_trace::{Counts, Hit, Intersect, Ray};
 use canted_wide::SimdPath;
 
-use crate::common::{BruteForce, camera, cuboid, film, floor, gray, mesh, place, scene, settings, sphere};
-
-fn stage() -> (Scene, Camera) {
-    let mut stage = scene(
-        vec![floor(5.0, 0.0, 0), cuboid([-1.0, 0.0, -1.0], [1.0, 1.5, 0.5], 1)],
-        vec![gray(0.8), Material { base_color: [0.9, 0.4, 0.1], ..Material::default() }],
-    );
-    stage.environment = Some([0.3, 0.4, 0.6].into());
-    stage.lights = vec![Light::Sun { direction: [-0.6, -0.8, 0.0], irradiance: [2.0; 3] }];
-    (stage, camera([3.0, 3.0, 4.0], [0.0, 0.5, 0.0], 50.0))
-}
+use crate::common::{
+    BruteForce, box_on_floor, camera, cuboid, film, film_of, floor, gray, mesh, place, scene, settings, sphere, under,
+};
 
 const SETTINGS: Settings = Settings {
     width: 37,
@@ -49,7 +41,7 @@ const SETTINGS: Settings = Settings {
 
 #[test]
 fn threads_and_tiles_do_not_change_the_image() {
-    let (stage, view) = stage();
+    let (stage, view) = box_on_floor(5.0, 50.0);
     let with = |threads, tile| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| film(&stage, &view, &Settings { tile, ..SETTINGS }))
@@ -75,7 +67,7 @@ fn rays_are_counted() {
 #[test]
 fn invalid_samples_are_dropped() {
     let poison = |emission| {
-        let (mut stage, view) = stage();
+        let (mut stage, view) = box_on_floor(5.0, 50.0);
         stage.materials[1].emission = [0.0, emission, 0.0];
         film(&stage, &view, &SETTINGS)
     };
@@ -105,7 +97,7 @@ fn invalid_samples_are_dropped() {
 
 #[test]
 fn progress_counts_every_tile_once() {
-    let (stage, view) = stage();
+    let (stage, view) = box_on_floor(5.0, 50.0);
     let heard = Mutex::new(Vec::new());
     let tell = |done, all| heard.lock().unwrap().push((done, all));
     let settings = Settings { tile: 8, ..SETTINGS };
@@ -117,7 +109,7 @@ fn progress_counts_every_tile_once() {
 
 #[test]
 fn cancelling_stops_the_work() {
-    let (stage, view) = stage();
+    let (stage, view) = box_on_floor(5.0, 50.0);
     let cancel = AtomicBool::new(false);
     let n_heard = std::sync::atomic::AtomicUsize::new(0);
     let stop_at_once = |_, _| {
@@ -134,7 +126,7 @@ fn cancelling_stops_the_work() {
 
 #[test]
 fn invalid_settings_are_rejected() {
-    let (stage, view) = stage();
+    let (stage, view) = box_on_floor(5.0, 50.0);
     let refused = |settings: Settings, view: &Camera| -> RenderError {
         let result: Result<Film, _> =
             render(&stage, &BruteForce::new(&stage), view, &settings, &|_, _| (), &AtomicBool::new(false));
@@ -243,8 +235,7 @@ fn follows(name: &str, mut frame_of: impl FnMut(u16) -> Scene) {
             let middle = std::array::from_fn(|k| 0.5 * (bounds.min[k] + bounds.max[k]));
             let eye = std::array::from_fn(|k| middle[k] + [1.1, 0.8, 1.3][k] * (bounds.max[k] - bounds.min[k]));
             let (view, settings) = (camera(eye, middle, 50.0), settings(16, 12, 1, 1));
-            let film =
-                |structure| render(&now, structure, &view, &settings, &|_, _| (), &AtomicBool::new(false)).unwrap();
+            let film = |structure| film_of(&now, structure, &view, &settings);
             assert_eq!(film(&updated), film(&fresh), "{name}, {levels:?}, frame {frame}");
         }
         assert!(n_hits > 300, "{name}: {n_hits} hits");
@@ -261,8 +252,8 @@ fn a_twisted_scaffold() {
             let (sin, cos) = (0.04 * f32::from(frame) * z).sin_cos();
             [cos * x - sin * y, sin * x + cos * y, z]
         });
-        let mut scene = scene(vec![mesh(positions.collect(), still.triangles.clone(), 0)], vec![gray(0.5)]);
-        scene.environment = Some([1.0, 0.9, 0.8].into());
+        let scene =
+            under([1.0, 0.9, 0.8], scene(vec![mesh(positions.collect(), still.triangles.clone(), 0)], vec![gray(0.5)]));
         scene
     });
 }

@@ -1,17 +1,13 @@
 //! Surfaces at hits: position, normals, colors, rays that leave.
 
-use std::sync::atomic::AtomicBool;
-
 use canted_obb::{Affine, PrimId};
-use canted_renderer::{
-    AlphaTest, Bsdf, Cone, CountedAlphaTest, Levels, SceneBvh, SceneBvhConfig, Surface, Surfaces, render,
-};
-use canted_scene::{AlphaMode, Encoding, Material, Mesh, Scene, Texture, TextureId, TextureRef, UvTransform, Wrap};
+use canted_renderer::{AlphaTest, Bsdf, Cone, CountedAlphaTest, Levels, SceneBvh, SceneBvhConfig, Surface, Surfaces};
+use canted_scene::{AlphaMode, Encoding, Material, Mesh, Scene, TextureId, TextureRef, UvTransform, Wrap};
 use canted_trace::{Counts, Hit, InstanceId, Intersect, Ray, Side, TriangleTest};
 
 use crate::common::{
-    BruteForce, Vector, camera, cross, dot, film, gray, inside_out, mesh, narrow, place, scene, settings, sphere, sub,
-    unit,
+    BruteForce, Vector, camera, cross, dot, film, film_of, gray, inside_out, mesh, narrow, place, scene, settings,
+    sphere, sub, texture, under, unit,
 };
 
 const TRIANGLE: [[f32; 3]; 3] = [[1.0, 2.0, -1.0], [4.0, 2.5, 0.5], [0.5, 3.0, 5.0]];
@@ -124,15 +120,7 @@ fn rays_start_on_their_side_and_end_before_their_target() {
 fn textured() -> Scene {
     let mut square = crate::common::parallelogram([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 0);
     square.uvs = Some(vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
-    let texture = Texture {
-        name: "halves".into(),
-        width: 2,
-        height: 1,
-        texels: vec![[255, 0, 0, 255], [0, 255, 0, 0]],
-        encoding: Encoding::Srgb,
-        wrap: [Wrap::Clamp; 2],
-        magnification: canted_scene::Magnification::Linear,
-    };
+    let halves = texture([2, 1], vec![[255, 0, 0, 255], [0, 255, 0, 0]], Encoding::Srgb, Wrap::Clamp);
     let material = Material {
         base_color: [0.5, 0.25, 1.0],
         base_color_texture: Some(TextureRef::new(TextureId(0))),
@@ -142,7 +130,7 @@ fn textured() -> Scene {
     };
     let behind = crate::common::parallelogram([0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 1);
     let mut scene = scene(vec![square, behind], vec![material, gray(0.125)]);
-    scene.textures = vec![texture];
+    scene.textures = vec![halves];
     scene
 }
 
@@ -177,15 +165,7 @@ fn stage(texel: [u8; 3], uvs: [[f32; 2]; 3]) -> Scene {
     let material = Material { normal_texture: Some(TextureRef::new(TextureId(0))), ..Material::default() };
     let mut scene = scene(vec![Mesh { uvs: Some(uvs.to_vec()), ..triangle }], vec![material]);
     let [r, g, b] = texel;
-    scene.textures = vec![Texture {
-        name: "normals".into(),
-        width: 1,
-        height: 1,
-        texels: vec![[r, g, b, 255]],
-        encoding: Encoding::Linear,
-        wrap: [Wrap::Repeat; 2],
-        magnification: canted_scene::Magnification::Linear,
-    }];
+    scene.textures = vec![texture([1, 1], vec![[r, g, b, 255]], Encoding::Linear, Wrap::Repeat)];
     scene
 }
 
@@ -366,8 +346,7 @@ fn convex_objects_have_no_self_intersection_at_any_scale_or_position() {
     for s in SCALES {
         for center in centers(s) {
             let (object, eye) = placed(&sphere([0.0; 3], 1.0, 3, 0), s, center);
-            let mut furnace = scene(vec![object], vec![gray(0.5)]);
-            furnace.environment = Some([1.0; 3].into());
+            let furnace = under([1.0; 3], scene(vec![object], vec![gray(0.5)]));
             let film = film(&furnace, &camera(eye, center, 15.0), &settings(12, 12, 6, 1));
             assert!(film.pixels().iter().all(|pixel| pixel.mean() == [0.5; 3]), "scale {s} at {center:?}");
         }
@@ -380,8 +359,7 @@ fn closed_objects_do_not_leak_at_any_scale_or_position() {
     for s in SCALES {
         for center in centers(s) {
             let (object, _) = placed(&inside_out(sphere([0.0; 3], 1.0, 3, 0)), s, center);
-            let mut room = scene(vec![object], vec![emissive.clone()]);
-            room.environment = Some([100.0; 3].into());
+            let room = under([100.0; 3], scene(vec![object], vec![emissive.clone()]));
             let target = std::array::from_fn(|k| center[k] + [0.3, -0.1, 0.2][k] * s);
             let film = film(&room, &camera(center, target, 100.0), &settings(12, 12, 6, 2));
             assert!(film.pixels().iter().all(|pixel| pixel.mean() == [1.75; 3]), "scale {s} at {center:?}");
@@ -485,13 +463,10 @@ fn check_furnaces(triangles: TriangleTest, is_watertight: bool) {
                 let mut scene = scene(vec![object.clone()], vec![material.clone()]);
                 scene.instances = vec![place(0, map)];
                 scene.environment = Some([sky; 3].into());
-                let prepared =
-                    SceneBvh::build(&scene, &SceneBvhConfig { levels, triangles, ..SceneBvhConfig::default() })
-                        .unwrap();
-                let view = camera(eye, target, fov);
-                let cancel = AtomicBool::new(false);
-                let film = render(&scene, &prepared, &view, &settings(24, 24, 6, 2), &|_, _| (), &cancel);
-                film.unwrap().pixels().iter().map(|pixel| pixel.mean()[0]).collect::<Vec<_>>()
+                let config = SceneBvhConfig { levels, triangles, ..SceneBvhConfig::default() };
+                let bvh = SceneBvh::build(&scene, &config).unwrap();
+                let film = film_of(&scene, &bvh, &camera(eye, target, fov), &settings(24, 24, 6, 2));
+                film.pixels().iter().map(|pixel| pixel.mean()[0]).collect::<Vec<_>>()
             };
             let outside = rendered(&ball, &gray(0.5), 1.0, eye, center, 4.0);
             assert!(outside.iter().all(|&x| x == 0.5), "self-intersection at scale {s}, {levels:?}");

@@ -1,17 +1,14 @@
 //! Texture filtering in images: noise, sharpness, and all texture slots.
 
 use std::sync::LazyLock;
-use std::sync::atomic::AtomicBool;
 
 use canted_lbvh::Strategy;
 use canted_obb::PrimId;
-use canted_renderer::{
-    AlphaTest, BvhKind, Levels, Lod, Pattern, SceneBvh, SceneBvhConfig, Settings, Surfaces, View, render,
-};
-use canted_scene::{AlphaMode, Camera, Encoding, Light, Material, Mesh, Scene, Texture, TextureId, TextureRef, Wrap};
+use canted_renderer::{AlphaTest, BvhKind, Levels, Lod, Pattern, SceneBvh, SceneBvhConfig, Settings, Surfaces, View};
+use canted_scene::{AlphaMode, Camera, Encoding, Light, Material, Mesh, Scene, TextureId, TextureRef, Wrap};
 use canted_trace::{Hit, InstanceId, Intersect, Ray, Side};
 
-use crate::common::{BruteForce, U, Vector, camera, film, floor, gray, mesh, scene, settings};
+use crate::common::{BruteForce, U, Vector, camera, film, film_of, floor, gray, mesh, scene, settings, texture};
 
 const WIDTH: u32 = 32;
 const HEIGHT: u32 = 24;
@@ -26,15 +23,7 @@ fn board() -> Scene {
     let side = 2 * FIELD;
     let texel =
         |i: u32| if (i / side / FIELD + i % side / FIELD).is_multiple_of(2) { [255; 4] } else { [0, 0, 0, 255] };
-    let texture = Texture {
-        name: "board".into(),
-        width: side,
-        height: side,
-        texels: (0..side * side).map(texel).collect(),
-        encoding: Encoding::Srgb,
-        wrap: [Wrap::Repeat; 2],
-        magnification: canted_scene::Magnification::Linear,
-    };
+    let board = texture([side; 2], (0..side * side).map(texel).collect(), Encoding::Srgb, Wrap::Repeat);
     let half = 400.0;
     let mut plane = floor(half, 0.0, 0);
     let repeats = half / (2.0 * FIELD_WORLD);
@@ -42,7 +31,7 @@ fn board() -> Scene {
     let texture_ref = Some(TextureRef::new(TextureId(0)));
     let material = Material { base_color: [1.0; 3], base_color_texture: texture_ref, ..Material::default() };
     let environment = Some([1.0; 3].into());
-    Scene { textures: vec![texture], environment, ..scene(vec![plane], vec![material]) }
+    Scene { textures: vec![board], environment, ..scene(vec![plane], vec![material]) }
 }
 
 fn view(yaw_rad: f32) -> Camera {
@@ -118,11 +107,6 @@ fn far_texels_do_not_flicker() {
     assert!(change(Lod::None) > 0.5);
 }
 
-fn one_texel(texel: [u8; 4], encoding: Encoding) -> Texture {
-    let (name, texels, wrap) = (String::new(), vec![texel], [Wrap::Clamp; 2]);
-    Texture { name, width: 1, height: 1, texels, encoding, wrap, magnification: canted_scene::Magnification::Linear }
-}
-
 fn only_hit() -> Hit {
     Hit { t: 1.0, u: 0.25, v: 0.25, primitive: PrimId(0), instance: InstanceId(0), side: Side::Front }
 }
@@ -148,9 +132,9 @@ fn slots() -> Scene {
     let mesh = Mesh { uvs: Some(vec![[0.0; 2], [1.0, 0.0], [0.0, 1.0]]), ..triangle };
     let mut scene = scene(vec![mesh], vec![material]);
     scene.textures = vec![
-        one_texel([255, 128, 0, 255], Encoding::Srgb),
-        one_texel([9, 51, 102, 255], Encoding::Linear),
-        one_texel([204, 0, 0, 255], Encoding::Linear),
+        texture([1, 1], vec![[255, 128, 0, 255]], Encoding::Srgb, Wrap::Clamp),
+        texture([1, 1], vec![[9, 51, 102, 255]], Encoding::Linear, Wrap::Clamp),
+        texture([1, 1], vec![[204, 0, 0, 255]], Encoding::Linear, Wrap::Clamp),
     ];
     scene
 }
@@ -303,7 +287,7 @@ fn camera_and_shadow_rays_are_independent() {
     let tracer = BruteForce::new(&scene);
     let view = camera([0.0, 6.0, 0.0], [0.0; 3], 10.0);
     let settings = settings(16, 16, 64, 0);
-    let film = render(&scene, &tracer, &view, &settings, &|_, _| (), &AtomicBool::new(false)).unwrap();
+    let film = film_of(&scene, &tracer, &view, &settings);
     let mean = film.pixels().iter().map(|pixel| pixel.mean()[0]).sum::<f64>() / 256.0;
     // The ray from the floor sees black: sheet or environment.
     let expected = (1.0 - alpha) * (1.0 - alpha);
@@ -316,9 +300,7 @@ fn pictures_do_not_depend_on_the_bvh() {
     let view = camera([1.0, 6.0, 0.5], [0.0; 3], 60.0);
     let settings = settings(24, 16, 4, 1);
     let picture = |config: &SceneBvhConfig| {
-        let prepared = SceneBvh::build(&scene, config).unwrap();
-        let film = render(&scene, &prepared, &view, &settings, &|_, _| (), &AtomicBool::new(false)).unwrap();
-        film.picture().pixels
+        film_of(&scene, &SceneBvh::build(&scene, config).unwrap(), &view, &settings).picture().pixels
     };
     let first = picture(&SceneBvhConfig { levels: Levels::One, ..SceneBvhConfig::default() });
     for levels in [Levels::One, Levels::Two] {

@@ -1,14 +1,14 @@
 //! Updates of a prepared scene, against scenes that are prepared anew.
 
-use std::sync::atomic::AtomicBool;
-
 use canted_lbvh::Strategy;
 use canted_obb::Affine;
-use canted_renderer::{BvhKind, Levels, SceneBvh, SceneBvhConfig, UpdateOptions, UpdatePolicy, Updates, render};
+use canted_renderer::{BvhKind, Levels, SceneBvh, SceneBvhConfig, UpdateOptions, UpdatePolicy, Updates};
 use canted_scene::Scene;
 use canted_trace::{Hit, Intersect, Ray};
 
-use crate::common::{camera, cuboid, gray, parallelogram, place, scene, settings, sphere};
+use crate::common::{
+    camera, cuboid, film_of, gray, parallelogram, place, rays_from_all_around, scene, settings, sphere,
+};
 
 const POLICIES: [UpdatePolicy; 3] = [UpdatePolicy::Auto, UpdatePolicy::Refit, UpdatePolicy::Rebuild];
 
@@ -58,19 +58,8 @@ fn stage(frame: u16, offset: f32) -> Scene {
 
 /// Closest hits of rays from all around, with directions of many lengths, as text with every bit.
 fn hits(structure: &dyn Intersect, offset: f32) -> Vec<Option<Hit>> {
-    let mut state = 1_u32;
-    let mut number = move || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        f32::from(u16::try_from(state >> 16).unwrap()) / 32768.0 - 1.0
-    };
-    let rays = (0..2000).map(|i| {
-        let origin = [(); 3].map(|()| 3.0 * number());
-        let target = [(); 3].map(|()| 1.5 * number());
-        let length = [1e-3, 1.0, 1e5][i % 3];
-        let direction = std::array::from_fn(|k| if i % 7 == k { -0.0 } else { (target[k] - origin[k]) * length });
-        Ray::new(origin.map(|x| x + offset), direction)
-    });
-    rays.map(|ray| structure.closest_hit(&ray)).collect()
+    let moved = |ray: Ray| Ray { origin: ray.origin.map(|x| x + offset), ..ray };
+    rays_from_all_around(2000).map(|ray| structure.closest_hit(&moved(ray))).collect()
 }
 
 /// Updates through all frames, and compares hits and pictures of each with those of a new structure.
@@ -89,8 +78,7 @@ fn follows(config: &SceneBvhConfig, policy: UpdatePolicy, offset: f32) -> Update
         let (ours, theirs) = (hits(&updated, offset), hits(&fresh, offset));
         assert!(ours == theirs, "{config:?}, {policy:?}, frame {frame}");
         n_changed += u32::from(theirs != first);
-        let film =
-            |structure| render(&stage, structure, &view, &settings, &|_, _| (), &AtomicBool::new(false)).unwrap();
+        let film = |structure| film_of(&stage, structure, &view, &settings);
         assert_eq!(film(&updated), film(&fresh), "{config:?}, {policy:?}, frame {frame}");
         assert_eq!(updated.unused.len(), fresh.unused.len());
     }

@@ -192,7 +192,7 @@ fn surface_points_are_in_world_space() {
         let at = ray.at(hit.t.into());
         let distance = (0..3).fold(0.0, |most: f64, k| most.max((at[k] - point.position[k]).abs()));
         assert!(distance < 1e-4, "{distance}: {ray:?}");
-        let outward = point.spawn_ray(point.normal.map(|x| x as f32)).at_time(ray.time);
+        let outward = point.spawn_ray_f64(point.normal).at_time(ray.time);
         let next = tlas.closest_hit(&outward);
         assert!(next.is_none_or(|next| next.primitive != hit.primitive || next.instance != hit.instance), "{next:?}");
     }

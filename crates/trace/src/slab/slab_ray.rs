@@ -1,24 +1,10 @@
 use canted_obb::Aabb;
 
-use super::Slabs;
-use crate::rounding::{UNIT_ROUNDOFF, up};
+use super::slabs::Slabs;
+use super::{AABB_PAD, SLABS_PAD, SQRT_3};
+use crate::rounding::up;
 use crate::{HIT_ERROR, ScaledRay};
 use canted_obb::vector::{dot, to_f64};
-
-/// Padding of axis-aligned boxes, relative to `|o|∞ + ρ∞`.
-///
-/// The error of hits, one rounding of coordinates relative to a [`ReferencePoint`](crate::ReferencePoint), one of the moved origin,
-/// three of a plane's `t`, and one for second-order terms.
-pub const AABB_PAD: f32 = HIT_ERROR + 6.0 * UNIT_ROUNDOFF;
-
-/// Square root of three, rounded up: the greatest sum of absolute components of a unit vector.
-pub const SQRT_3: f32 = 1.732_050_9;
-
-/// Padding of oriented boxes, relative to `|o|∞ + ρ∞`.
-///
-/// As [`AABB_PAD`], with three roundings each for the projected origin and direction, along a row whose components sum
-/// to √3 at most.
-pub const SLABS_PAD: f32 = SQRT_3 * (HIT_ERROR + 12.0 * UNIT_ROUNDOFF);
 
 /// Minimum absolute component of a direction in a box test, 2^-64; smaller components, and zero, are replaced by it.
 ///

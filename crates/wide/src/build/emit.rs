@@ -7,8 +7,9 @@ use canted_obb::{Aabb, PrimId};
 use canted_trace::Slabs;
 
 use crate::build::layout::{Layout, NodeDraft, Source, SubtreeDraft, distinct, range};
-use crate::leaf::{HalfBlock, LaneWords, LeafLayout};
-use crate::node::{CacheLine, ChildWord, NodeKind, Nodes, Records, Row, write_boxes, write_slabs};
+use crate::node::{
+    CacheLine, ChildWord, HalfBlock, LaneWords, LeafLayout, NodeKind, Nodes, Records, Row, write_boxes, write_slabs,
+};
 use crate::par;
 
 /// Writes a leaf: the positions of its primitives in leaf order, the part of the first unit that it starts with, the units.

@@ -6,7 +6,7 @@ use canted_obb::{Aabb, Obb, eigen};
 use canted_trace::{ReferencePoint, Slabs};
 
 use crate::build::frames::{Fitted, ScaledShape, ScaledTriangle};
-use crate::leaf::{Primitive, extents_within};
+use crate::leaf::{Placed, Primitive, extents_within};
 use crate::par;
 
 /// Items of one job.
@@ -84,28 +84,6 @@ pub(crate) fn boxes<I: Item>(items: Items<I>, rows: [[f32; 3]; 3]) -> Vec<Aabb> 
 pub(crate) fn rotated_box<I: Item>(item: &I, rows: &[[f32; 3]; 3]) -> Aabb {
     let slabs = I::slabs(std::slice::from_ref(item), *rows);
     Aabb { min: slabs.lo, max: slabs.hi }
-}
-
-/// A primitive of the caller, relative to a point of object space.
-#[derive(Debug)]
-pub(crate) struct Placed<'a, P> {
-    pub(crate) primitive: &'a P,
-    pub(crate) reference: ReferencePoint,
-}
-
-impl<P> Copy for Placed<'_, P> {}
-
-impl<P> Clone for Placed<'_, P> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<'a, P> Placed<'a, P> {
-    /// In object space itself.
-    pub(crate) fn given(primitive: &'a P) -> Self {
-        Self { primitive, reference: ReferencePoint::ORIGIN }
-    }
 }
 
 /// The items relative to `reference`; `None` where that is how they are given.

@@ -8,8 +8,7 @@ use canted_trace::Slabs;
 
 use crate::build::collapse::{Form, Plan, WIDTH};
 use crate::build::subtrees::LeafContents;
-use crate::leaf::LeafLayout;
-use crate::node::{self, ChildWord, DecodedWord, Limits, MAX_LEAF, MAX_SUBTREE, NodeKind};
+use crate::node::{self, ChildWord, DecodedWord, LeafLayout, Limits, MAX_LEAF, MAX_SUBTREE, NodeKind};
 use crate::par;
 use crate::traverse::BoxPads;
 

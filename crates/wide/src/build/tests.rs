@@ -6,8 +6,8 @@ use canted_obb::{Aabb, PrimId};
 use canted_trace::{Intersect, Ray};
 
 use super::{Built, over_indexed};
-use crate::leaf::{Blocks, PART_LANES, PARTS};
-use crate::node::Limits;
+use crate::leaf::Blocks;
+use crate::node::{Limits, PART_LANES, PARTS};
 use crate::{Config, MAX_PRIMITIVES, MAX_TRIANGLES, PrimitiveError, TriangleBvh, WideBvh};
 
 /// Enough for some nodes below the root.

@@ -10,11 +10,12 @@ use std::cmp::Ordering;
 use canted_obb::{PrimId, orient_2d, orient_3d};
 use canted_trace::{Ray, ScaledRay, with_stack};
 
-use crate::leaf::{LeafPrimitive, LeafRange, Triangle, TriangleBvh};
+use crate::bvh::TriangleBvh;
+use crate::leaf::{LeafPrimitive, Triangle};
 use crate::node::NodeKind;
 use crate::par;
 use crate::simd::{Simd, Task};
-use crate::traverse::{RayLanes, Visitor, walk};
+use crate::traverse::{LeafRange, RayLanes, Visitor, walk};
 
 /// Points of one parallel job.
 const CHUNK: usize = 1 << 8;

@@ -5,10 +5,10 @@ use canted_trace::with_stack;
 
 use super::{ClosestPoint, DistanceShape, PointLanes};
 use crate::bvh::WideBvh;
-use crate::leaf::{LeafPrimitive, LeafRange};
+use crate::leaf::LeafPrimitive;
 use crate::node::{ALIGNED_LINES, ChildWord, DecodedWord, NodeKind, Nodes, ORIENTED_LINES, node_words, rows};
 use crate::simd::{Simd, Task};
-use crate::traverse::MeshFrame;
+use crate::traverse::{LeafRange, MeshFrame};
 
 /// A primitive near a query point.
 #[derive(Clone, Copy, Debug, PartialEq)]

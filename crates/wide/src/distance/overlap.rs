@@ -7,8 +7,9 @@ use canted_trace::Convex;
 use super::DistanceShape;
 use super::nearest::squared;
 use crate::bvh::WideBvh;
-use crate::leaf::{LeafPrimitive, LeafRange};
+use crate::leaf::LeafPrimitive;
 use crate::node::{ALIGNED_LINES, CacheLine, ChildWord, DecodedWord, NodeKind, ORIENTED_LINES, node_words, rows};
+use crate::traverse::LeafRange;
 
 /// Rounding of a box corner and its projections, relative to the coordinates: f32 rows, and sums in f64; eight u.
 const CORNER_ERROR: f64 = 8.0 / 16_777_216.0;

@@ -8,9 +8,9 @@ use super::error::LoadError;
 use super::header::Header;
 use crate::build::item::Item;
 use crate::build::{PrimitiveError, bounds_of};
-use crate::leaf::{self, HalfBlock, LeafLayout, Primitive, Shapes, StoredTriangles};
+use crate::leaf::{self, Primitive, Shapes, StoredTriangles};
 use crate::node::checked::Hierarchy;
-use crate::node::{Flaw, NodeKind, Nodes, checked};
+use crate::node::{Flaw, HalfBlock, LeafLayout, NodeKind, Nodes, checked};
 use crate::traverse::{BoxPads, MeshFrame, Pads};
 use crate::update::{self, by_place, ids_by_place};
 

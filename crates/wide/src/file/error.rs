@@ -2,7 +2,7 @@ use std::{error::Error, fmt};
 
 use canted_obb::Aabb;
 
-use super::header::VERSION;
+use super::VERSION;
 use crate::node::Flaw;
 
 /// Why bytes are not a BVH.

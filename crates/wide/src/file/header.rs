@@ -1,15 +1,12 @@
 use canted_obb::Aabb;
 
-use super::LoadError;
+use super::{LoadError, VERSION};
 use crate::bvh::PredictedCost;
 use crate::config::{Baseline, Costs, RayCost};
 use crate::node::{CacheLine, ChildWord, MAX_LEAF};
 
 /// First bytes of every file.
 pub(super) const MAGIC: [u8; 8] = *b"CANTWIDE";
-
-/// Changes with what the bytes mean.
-pub(super) const VERSION: u32 = 5;
 
 /// Bytes before the first node.
 pub(super) const HEADER_BYTES: usize = 176;

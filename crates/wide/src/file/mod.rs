@@ -1,4 +1,4 @@
-//! A BVH as bytes, and back.
+//! A BVH as bytes, and back; its records as words, for other devices.
 //!
 //! ```text
 //! offset   bytes        content
@@ -24,19 +24,24 @@
 mod check;
 mod error;
 mod header;
+mod raw;
 
 use bytemuck::Pod;
 use canted_obb::PrimId;
 use canted_trace::{SaveBlas, TriangleTest};
 
-use crate::bvh::WideBvh;
-use crate::leaf::{Blocks, HalfBlock, LeafPrimitive, SavedPrimitive, Shapes, TriangleBvh};
-use crate::node::{Nodes, Records};
+use crate::bvh::{TriangleBvh, WideBvh};
+use crate::leaf::{Blocks, LeafPrimitive, SavedPrimitive, Shapes};
+use crate::node::{HalfBlock, Nodes, Records};
 use crate::simd::AvailablePath;
 
 use check::{Expected, check_shapes, check_triangles};
 pub use error::LoadError;
 use header::{CHECKSUM_BYTES, HEADER_BYTES, Header, checksum};
+pub use raw::RawBvh;
+
+/// Changes with what the bytes mean.
+const VERSION: u32 = 5;
 
 impl TriangleBvh {
     /// The BVH with its triangles as bytes, for [`TriangleBvh::from_bytes`]: about as many as [`WideBvh::n_bytes`], the same on

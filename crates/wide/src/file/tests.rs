@@ -7,9 +7,9 @@ use canted_obb::PrimId;
 use canted_trace::{Hit, InstanceId, Intersect, Kernel, Ray, ReferencePoint, ScaledRay, Watertight};
 
 use super::*;
-use crate::leaf::{LeafLayout, StoredTriangles};
-use crate::node::NodeKind;
+use crate::leaf::StoredTriangles;
 use crate::node::checked::Hierarchy;
+use crate::node::{LeafLayout, NodeKind};
 use crate::{Flaw, TriangleBvh};
 
 fn build(mesh: &Mesh) -> TriangleBvh {
@@ -165,7 +165,7 @@ fn triangles_are_checked_by_id_and_vertex() {
     let leaf = hierarchy.leaves.iter().find(|leaf| (2..5).contains(&leaf.places.len())).expect("a leaf of a few");
     let triangles = StoredTriangles::read(&hierarchy, &bvh.leaves.halves);
     let [a, b] = [0, 1].map(|i| triangles.ids[leaf.places.start + i]);
-    let lane = crate::leaf::PART_LANES * leaf.part(&LeafLayout::BLOCKS);
+    let lane = crate::node::PART_LANES * leaf.part(&LeafLayout::BLOCKS);
     let error = |word: usize, value: u32| {
         load(&forged(&bvh, |bvh| bvh.leaves.halves[leaf.unit(&LeafLayout::BLOCKS)].0[word + lane] = value)).err()
     };

@@ -1,9 +1,11 @@
 //! Primitives of the caller.
 
 use canted_obb::{Aabb, Moments, Obb, PrimId};
-use canted_trace::{HIT_ERROR, ScaledRay, Side};
+use canted_trace::{HIT_ERROR, ReferencePoint, ScaledRay, Side};
 
-use super::{LeafData, LeafPrimitive, LeafRange, extent_of_box};
+use super::extents::{extent_of_box, moved_extent};
+use super::{LeafData, LeafPrimitive};
+use crate::traverse::LeafRange;
 
 /// Where a ray hits a primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -140,6 +142,52 @@ impl<P: Primitive> Primitive for &P {
     fn intersect(&self, ray: &ScaledRay, t_max: f32) -> Option<PrimitiveHit> {
         P::intersect(self, ray, t_max)
     }
+}
+
+/// A primitive of the caller, relative to a point of object space.
+#[derive(Debug)]
+pub(crate) struct Placed<'a, P> {
+    pub(crate) primitive: &'a P,
+    pub(crate) reference: ReferencePoint,
+}
+
+impl<P> Copy for Placed<'_, P> {}
+
+impl<P> Clone for Placed<'_, P> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<'a, P> Placed<'a, P> {
+    /// In object space itself.
+    pub(crate) fn given(primitive: &'a P) -> Self {
+        Self { primitive, reference: ReferencePoint::ORIGIN }
+    }
+}
+
+/// The intervals along these rows around several primitives, rounded outward: least and greatest projections; empty for no
+/// primitive.
+///
+/// Each interval is the intersection of the primitive's own with that of its bounds: where a primitive reports NaN or too
+/// wide an interval, that of its bounds remains. So no projection exceeds those of the bounds, as the proof requires. Relative to a
+/// reference point, bounds are rounded to nearest ([`ReferencePoint::ROUNDING`](canted_trace::ReferencePoint::ROUNDING)), own intervals outward.
+pub(crate) fn extents_within<'a, P: Primitive + 'a, const N: usize>(
+    rows: &[[f32; 3]; N],
+    primitives: impl IntoIterator<Item = Placed<'a, P>>,
+) -> [[f32; N]; 2] {
+    let (mut lo, mut hi) = ([f32::MAX; N], [f32::MIN; N]);
+    for Placed { primitive, reference } in primitives {
+        let bounds = reference.moved_box(&primitive.bounds());
+        for k in 0..N {
+            let own = moved_extent(primitive.extent_along(rows[k]), rows[k], reference);
+            let of_bounds = extent_of_box(&bounds, rows[k]);
+            // The minimum or maximum of NaN and a number is the number.
+            lo[k] = lo[k].min(of_bounds[0].max(own[0]));
+            hi[k] = hi[k].max(of_bounds[1].min(own[1]));
+        }
+    }
+    [lo, hi]
 }
 
 /// A primitive that [`WideBvh::to_bytes`](crate::WideBvh::to_bytes) can write.

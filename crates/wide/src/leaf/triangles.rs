@@ -4,25 +4,19 @@ use std::sync::OnceLock;
 
 use canted_lbvh::Corners;
 use canted_obb::PrimId;
-use canted_trace::{TriangleTest, Triangles};
+use canted_trace::TriangleTest;
 
-use super::{
-    HALF_BLOCK_WORDS, HalfBlock, LaneWords, LeafData, LeafLayout, LeafPrimitive, LeafRange, PART_LANES, PARTS,
-};
-use crate::bvh::WideBvh;
+use super::{LeafData, LeafPrimitive};
 use crate::node::checked::{CheckedLeaf, Hierarchy};
-use crate::node::{DecodedWord, Nodes, Records};
+use crate::node::{DecodedWord, HALF_BLOCK_WORDS, HalfBlock, LaneWords, LeafLayout, Nodes, PART_LANES, PARTS, Records};
 use crate::par;
-use crate::traverse::Block;
+use crate::traverse::{Block, LeafRange};
 
-/// A triangle, as the primitive of a [`TriangleBvh`].
+/// A triangle, as the primitive of a [`TriangleBvh`](crate::TriangleBvh).
 ///
 /// It has no value: leaves hold vertices in blocks of four and eight.
 #[derive(Clone, Copy, Debug)]
 pub enum Triangle {}
-
-/// A [`WideBvh`] over triangles. [`Config::test`](crate::Config::test) is the triangle test.
-pub type TriangleBvh = WideBvh<Triangle>;
 
 impl LeafPrimitive for Triangle {
     type Leaves = Blocks;
@@ -47,33 +41,6 @@ fn lanes(halves: &[HalfBlock], LeafRange { first, n, .. }: LeafRange) -> impl It
         .map(move |i| (Block::at(halves, half + i as usize / 8 * 2, n - i / 8 * 8), part * PART_LANES + i as usize % 8))
 }
 
-impl TriangleBvh {
-    /// The vertices of a triangle, as they were given.
-    ///
-    /// The first call makes an index of four bytes for each triangle.
-    ///
-    /// # Panics
-    /// If there is no such triangle.
-    #[must_use]
-    pub fn triangle(&self, id: PrimId) -> [[f32; 3]; 3] {
-        self.leaves.triangle(&self.nodes, self.n_primitives, id)
-    }
-
-    /// The vertices of all triangles, in input order.
-    #[must_use]
-    pub fn triangles(&self) -> Vec<[[f32; 3]; 3]> {
-        let mut triangles = vec![[[0.0; 3]; 3]; self.n_primitives];
-        self.leaves.each_triangle(&self.nodes, |id, lane| triangles[id.index()] = self.leaves.vertices(lane));
-        triangles
-    }
-}
-
-impl Triangles for TriangleBvh {
-    fn triangle(&self, id: PrimId) -> [[f32; 3]; 3] {
-        Self::triangle(self, id)
-    }
-}
-
 /// All triangles of a BVH.
 #[derive(Clone, Debug)]
 pub struct Blocks {
@@ -88,7 +55,7 @@ impl Blocks {
         Self { halves, test, lanes: OnceLock::new() }
     }
 
-    fn triangle(&self, nodes: &Nodes, n: usize, id: PrimId) -> [[f32; 3]; 3] {
+    pub(crate) fn triangle(&self, nodes: &Nodes, n: usize, id: PrimId) -> [[f32; 3]; 3] {
         let lanes = self.lanes.get_or_init(|| {
             let mut lanes = vec![0; n];
             self.each_triangle(nodes, |id, LaneWords { first, step }| {
@@ -101,7 +68,7 @@ impl Blocks {
         self.vertices(LaneWords { first: (lane >> 1) as usize, step: if lane & 1 == 0 { 4 } else { 8 } })
     }
 
-    fn each_triangle(&self, nodes: &Nodes, mut visit: impl FnMut(PrimId, LaneWords)) {
+    pub(crate) fn each_triangle(&self, nodes: &Nodes, mut visit: impl FnMut(PrimId, LaneWords)) {
         let words: &[u32] = bytemuck::cast_slice(&self.halves);
         nodes.each_word(|word| {
             let DecodedWord::Leaf { first, n } = word else { return };
@@ -114,7 +81,7 @@ impl Blocks {
         });
     }
 
-    fn vertices(&self, lane: LaneWords) -> [[f32; 3]; 3] {
+    pub(crate) fn vertices(&self, lane: LaneWords) -> [[f32; 3]; 3] {
         let words: &[u32] = bytemuck::cast_slice(&self.halves);
         std::array::from_fn(|i| std::array::from_fn(|k| f32::from_bits(words[lane.word(3 * i + k)])))
     }

@@ -2,8 +2,7 @@
 
 use std::ops::Range;
 
-use crate::leaf::LeafLayout;
-use crate::node::{ChildWord, DecodedWord, Flaw, MAX_SUBTREE, NodeKind, Nodes, SubtreeSlots, node_words};
+use crate::node::{ChildWord, DecodedWord, Flaw, LeafLayout, MAX_SUBTREE, NodeKind, Nodes, SubtreeSlots, node_words};
 
 /// What a slot of a node holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -16,15 +16,14 @@ mod flaw;
 mod pod;
 mod records;
 mod rows;
-mod words;
+mod units;
 
 use std::ops::Range;
 
-use crate::leaf::PART_LANES;
 pub use flaw::Flaw;
 pub(crate) use records::Records;
 pub(crate) use rows::{NOWHERE, Row, node_words, rows, write_boxes, write_slabs};
-pub use words::RawBvh;
+pub(crate) use units::{HALF_BLOCK_WORDS, HalfBlock, LaneWords, LeafLayout, PART_LANES, PARTS};
 
 /// A cache line of two eight-lane rows; nodes start on one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -222,5 +221,6 @@ mod tests {
     #[test]
     fn records_have_the_documented_sizes() {
         assert_eq!(NodeKind::ALL.map(|kind| kind.n_lines() * size_of::<CacheLine>()), [256, 512]);
+        assert_eq!(size_of::<HalfBlock>(), 160);
     }
 }

@@ -3,8 +3,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{CacheLine, ChildWord};
-use crate::leaf::{HALF_BLOCK_WORDS, HalfBlock};
+use super::{CacheLine, ChildWord, HALF_BLOCK_WORDS, HalfBlock};
 
 // No padding: the sizes are those of the words.
 const _: () = assert!(size_of::<CacheLine>() == 64 && size_of::<ChildWord>() == 4);

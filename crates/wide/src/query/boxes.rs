@@ -7,10 +7,10 @@ use canted_trace::{Ray, ScaledRay, with_stack};
 
 use super::sink::Visits;
 use crate::bvh::WideBvh;
-use crate::leaf::{LeafRange, Primitive};
+use crate::leaf::Primitive;
 use crate::node::{NodeKind, Nodes};
 use crate::simd::{AvailablePath, Simd, Task};
-use crate::traverse::{Pads, RayLanes, TracedRay, Visitor, walk};
+use crate::traverse::{LeafRange, Pads, RayLanes, TracedRay, Visitor, walk};
 
 /// In which order a traversal visits what a ray enters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

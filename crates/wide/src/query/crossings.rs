@@ -12,7 +12,7 @@ use canted_trace::{Answer, Answers, Crossings, Hit, HitLists, Intersect, Ray, Sc
 
 use super::sink::{HitSink, by_t, sort_from, to_caller};
 use super::triangles::pass_hits;
-use crate::leaf::TriangleBvh;
+use crate::bvh::TriangleBvh;
 use crate::simd::{Simd, Task};
 use crate::traverse::{TracedRay, for_each_of_eight};
 

@@ -32,16 +32,10 @@ pub(crate) trait HitSink {
     /// Takes a hit with `t_min <= t <= t_max`, all scaled. Returns the new `t_max`; a negative one ends the traversal.
     fn take(&mut self, ray: &ScaledRay, hit: Hit, vertices: &[[f32; 3]; 3], t_max: f32) -> f32;
 
-    /// A leaf of `n` primitives is about to be tested.
+    /// Where the work is counted, if it is.
     #[inline(always)]
-    fn leaf(&mut self, n: u32) {
-        let _ = n;
-    }
-
-    /// A node of this kind is about to be tested.
-    #[inline(always)]
-    fn node(&mut self, kind: NodeKind) {
-        let _ = kind;
+    fn visits(&mut self) -> Option<&mut Visits> {
+        None
     }
 }
 
@@ -144,17 +138,8 @@ impl<const PLAIN: bool> HitSink for BestHit<'_, PLAIN> {
     }
 
     #[inline(always)]
-    fn leaf(&mut self, n: u32) {
-        if !PLAIN {
-            self.visits.leaf(n);
-        }
-    }
-
-    #[inline(always)]
-    fn node(&mut self, kind: NodeKind) {
-        if !PLAIN {
-            self.visits.node(kind);
-        }
+    fn visits(&mut self) -> Option<&mut Visits> {
+        if PLAIN { None } else { Some(&mut self.visits) }
     }
 }
 
@@ -204,17 +189,8 @@ impl<const PLAIN: bool> HitSink for AnyHit<'_, PLAIN> {
     }
 
     #[inline(always)]
-    fn leaf(&mut self, n: u32) {
-        if !PLAIN {
-            self.visits.leaf(n);
-        }
-    }
-
-    #[inline(always)]
-    fn node(&mut self, kind: NodeKind) {
-        if !PLAIN {
-            self.visits.node(kind);
-        }
+    fn visits(&mut self) -> Option<&mut Visits> {
+        if PLAIN { None } else { Some(&mut self.visits) }
     }
 }
 
@@ -263,13 +239,8 @@ impl HitSink for AllHits<'_> {
     }
 
     #[inline(always)]
-    fn leaf(&mut self, n: u32) {
-        self.visits.leaf(n);
-    }
-
-    #[inline(always)]
-    fn node(&mut self, kind: NodeKind) {
-        self.visits.node(kind);
+    fn visits(&mut self) -> Option<&mut Visits> {
+        Some(&mut self.visits)
     }
 }
 

@@ -5,7 +5,8 @@ use canted_trace::{Intersect, Ray, ReferencePoint, ScaledRay};
 
 use super::sink::BestHit;
 use super::triangles::{PADS, pass_hits};
-use crate::leaf::{LeafLayout, StoredTriangles};
+use crate::leaf::StoredTriangles;
+use crate::node::LeafLayout;
 use crate::node::checked::Hierarchy;
 use crate::simd::{Simd, Task};
 use crate::traverse::{BoxPads, Pads, TracedRay};

@@ -9,10 +9,13 @@ use canted_trace::{
 };
 
 use super::sink::{AllHits, AnyHit, BestHit, HitSink, TraversalCounts, Visits};
-use crate::leaf::{HalfBlock, LeafRange, PART_LANES, PARTS, TriangleBvh, hit};
-use crate::node::NodeKind;
+use crate::bvh::TriangleBvh;
+use crate::leaf::hit;
+use crate::node::{HalfBlock, NodeKind, PART_LANES, PARTS};
 use crate::simd::{Simd, Task};
-use crate::traverse::{Block, EightRays, Pads, RayLanes, RayTriangles, TracedRay, Visitor, for_each_of_eight, walk};
+use crate::traverse::{
+    Block, EightRays, LeafRange, Pads, RayLanes, RayTriangles, TracedRay, Visitor, for_each_of_eight, walk,
+};
 
 /// Pads for the default triangle test.
 pub(super) const PADS: Pads = Pads::of(TriangleTest::Watertight.hit_error());
@@ -356,7 +359,9 @@ impl<S: Simd, T: HitSink, const WATERTIGHT: bool> Visitor for TriangleLeaves<'_,
         let Self { simd, halves, prepared, ray, sink } = self;
         let simd = *simd;
         let LeafRange { first, mut n, mut t_max } = leaf;
-        sink.leaf(n);
+        if let Some(visits) = sink.visits() {
+            visits.leaf(n);
+        }
         // A leaf that starts in the second part of a half-block holds no more than that.
         let shift = first as usize % PARTS * PART_LANES;
         let mut first = first as usize / PARTS;
@@ -398,6 +403,8 @@ impl<S: Simd, T: HitSink, const WATERTIGHT: bool> Visitor for TriangleLeaves<'_,
 
     #[inline(always)]
     fn node(&mut self, kind: NodeKind) {
-        self.sink.node(kind);
+        if let Some(visits) = self.sink.visits() {
+            visits.node(kind);
+        }
     }
 }

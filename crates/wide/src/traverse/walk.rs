@@ -1,7 +1,21 @@
 use super::RayLanes;
-use crate::leaf::LeafRange;
 use crate::node::{ALIGNED_LINES, CacheLine, ChildWord, DecodedWord, NodeKind, Nodes, ORIENTED_LINES, Row, rows};
 use crate::simd::Simd;
+
+/// A leaf, and how far the ray still goes.
+#[derive(Clone, Copy, Debug)]
+pub struct LeafRange {
+    pub(crate) first: u32,
+    pub(crate) n: u32,
+    pub(crate) t_max: f32,
+}
+
+impl LeafRange {
+    /// A leaf outside of a traversal by rays.
+    pub(crate) fn new(first: u32, n: u32) -> Self {
+        Self { first, n, t_max: f32::INFINITY }
+    }
+}
 
 /// What a traversal calls.
 pub(crate) trait Visitor {

@@ -4,8 +4,9 @@ use canted_lbvh::Corners;
 use canted_obb::{Aabb, PrimId};
 
 use super::subtree::{Content, LeafState};
-use crate::build::item::{self, Item, Placed};
-use crate::leaf::{HALF_BLOCK_WORDS, HalfBlock, LaneWords, PART_LANES, PARTS, Primitive};
+use crate::build::item::{self, Item};
+use crate::leaf::{Placed, Primitive};
+use crate::node::{HALF_BLOCK_WORDS, HalfBlock, LaneWords, PART_LANES, PARTS};
 use crate::traverse::MeshFrame;
 
 /// Triangles of a mesh that has moved. Every index is valid.
@@ -228,9 +229,9 @@ mod tests {
     use canted_trace::ReferencePoint;
 
     use super::*;
-    use crate::leaf::{LeafLayout, StoredTriangles, unused_lanes_are_zero};
-    use crate::node::MAX_LEAF;
+    use crate::leaf::{StoredTriangles, unused_lanes_are_zero};
     use crate::node::checked::{CheckedLeaf, Hierarchy};
+    use crate::node::{LeafLayout, MAX_LEAF};
     use crate::traverse::{Block, MeshFrame};
 
     /// Reads a leaf as the traversal does.

@@ -18,13 +18,13 @@ use std::fmt;
 use canted_lbvh::{self as lbvh, Corners, GeometryError};
 use canted_obb::{Aabb, PrimId};
 
-use crate::build::item::{Item, Placed};
+use crate::build::item::Item;
 use crate::build::{PrimitiveError, bounds_of, reference_of, reference_of_triangles};
-use crate::bvh::WideBvh;
+use crate::bvh::{TriangleBvh, WideBvh};
 use crate::config::{Baseline, RayCost};
-use crate::leaf::{HalfBlock, PARTS, Primitive, TriangleBvh};
-use crate::node::Nodes;
+use crate::leaf::{Placed, Primitive};
 use crate::node::checked::Hierarchy;
+use crate::node::{HalfBlock, Nodes, PARTS};
 use crate::par;
 use crate::traverse::{BoxPads, Pads};
 

@@ -1,14 +1,14 @@
 //! Boxes after a refit, compared with exact sums; broken references.
 
-use canted_fixtures::{self as fixtures, Mesh, SplitMix64};
+use canted_fixtures::{self as fixtures, Mesh, SplitMix64, sum_is_positive};
 use canted_lbvh::Corners;
 use canted_obb::Aabb;
 use canted_trace::{Intersect, Ray};
 
 use super::*;
-use crate::leaf::{LeafLayout, StoredTriangles};
+use crate::leaf::StoredTriangles;
 use crate::node::checked::{CheckedNode, Slot, subtrees_of};
-use crate::node::{ChildWord, NodeKind, Row, SubtreeSlots, node_words};
+use crate::node::{ChildWord, LeafLayout, NodeKind, Row, SubtreeSlots, node_words};
 use crate::{Flaw, SimdPath, TriangleBvh};
 
 fn build(mesh: &Mesh) -> TriangleBvh {
@@ -28,23 +28,6 @@ fn shaken(mesh: &Mesh, size: f64, seed: u64) -> Mesh {
     let mut rng = SplitMix64::new(seed);
     let shake = |p: &[f32; 3]| p.map(|x| (f64::from(x) + size * rng.signed()) as f32);
     Mesh { positions: mesh.positions.iter().map(shake).collect(), triangles: mesh.triangles.clone() }
-}
-
-/// Whether the exact sum of `terms` is at least zero: partial sums and their errors are kept separately (Shewchuk 1997).
-fn sum_is_positive(terms: &[f64]) -> bool {
-    let mut parts: Vec<f64> = vec![];
-    for &term in terms {
-        let mut carried = term;
-        for part in &mut parts {
-            let sum = carried + *part;
-            let of_part = sum - carried;
-            *part = (carried - (sum - of_part)) + (*part - of_part);
-            carried = sum;
-        }
-        parts.push(carried);
-    }
-    // Parts do not overlap and increase in size: the last one that is not zero decides.
-    parts.iter().rev().find(|&&part| part != 0.0).is_none_or(|&part| part > 0.0)
 }
 
 /// Number of boxes that do not contain all vertices below them, by exact sums of exact products.

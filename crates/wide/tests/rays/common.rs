@@ -23,14 +23,19 @@ pub(crate) fn scenes() -> Vec<(&'static str, Mesh)> {
     ]
 }
 
+/// Rays of every grazing class; one for an empty mesh.
+pub(crate) fn grazing_rays(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
+    if mesh.triangles.is_empty() {
+        return vec![Ray::new([0.0; 3], [1.0, 0.0, 0.0])];
+    }
+    let rays = Grazing::ALL.into_iter().flat_map(|class| fixtures::grazing(mesh, class, n, seed));
+    rays.map(|ray| Ray { t_max: ray.t_max, ..Ray::new(ray.origin, ray.direction) }).collect()
+}
+
 /// Rays of every grazing class, some of them bounded, and some from anywhere to anywhere.
 pub(crate) fn rays(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
     let mut rng = SplitMix64::new(seed);
-    let mut rays: Vec<Ray> = Grazing::ALL
-        .into_iter()
-        .flat_map(|class| fixtures::grazing(mesh, class, n, seed))
-        .map(|ray| Ray { t_max: ray.t_max, ..Ray::new(ray.origin, ray.direction) })
-        .collect();
+    let mut rays = grazing_rays(mesh, n, seed);
     for ray in rays.iter_mut().step_by(5) {
         ray.t_min = rng.unit() as f32;
         ray.t_max = ray.t_min + rng.unit() as f32;

@@ -1,12 +1,13 @@
 //! Queries of rays, compared with tests of every primitive.
 
-mod access;
 mod boxes;
 mod common;
 mod costs;
 mod crossings;
+mod file;
 mod hits;
 mod local;
 mod moving;
 mod primitives;
+mod refit;
 mod slices;

@@ -6,8 +6,7 @@ use canted_obb::{Moments, eigen};
 use glam::{Vec3A, Vec4};
 
 use super::vector::{frame, to_glam};
-use crate::build::item::Placed;
-use crate::leaf::{Primitive, extents_within};
+use crate::leaf::{Placed, Primitive, extents_within};
 use crate::par;
 
 /// A primitive, scaled so that the largest extent of the scene is about one.

@@ -1,12 +1,10 @@
 //! BVHs as bytes: what is written is read, what is damaged is rejected. Forged files are tested inside the crate.
 
 use canted_fixtures::{self as fixtures, Mesh};
-use canted_trace::{Counts, Intersect, Ray, TriangleTest};
-use canted_wide::{Config, LoadError, Preset, SimdPath, TriangleBvh};
+use canted_trace::{Counts, Intersect, TriangleTest};
+use canted_wide::{LoadError, Preset, SimdPath, TriangleBvh};
 
-fn build(mesh: &Mesh, preset: Preset) -> TriangleBvh {
-    TriangleBvh::build_with(&mesh.positions, &mesh.triangles, preset).unwrap()
-}
+use crate::common::{build, build_for, grazing_rays};
 
 fn meshes() -> Vec<(&'static str, Mesh)> {
     vec![
@@ -39,7 +37,7 @@ fn what_is_written_is_read_bit_for_bit() {
             assert_eq!((back.sizes(), back.predicted()), (wide.sizes(), wide.predicted()), "{name}");
             for path in SimdPath::ALL {
                 let [wide, back] = [&wide, &back].map(|bvh| bvh.clone().with_path(path));
-                for ray in rays(&mesh) {
+                for ray in grazing_rays(&mesh, 40, 3) {
                     // The same bvh: not only the same hits but the same way to them.
                     let [mut a, mut b] = [Counts::default(); 2];
                     let hit = wide.closest_hit_with(&ray, &mut a);
@@ -51,23 +49,13 @@ fn what_is_written_is_read_bit_for_bit() {
     }
 }
 
-fn rays(mesh: &Mesh) -> Vec<Ray> {
-    if mesh.triangles.is_empty() {
-        return vec![Ray::new([0.0; 3], [1.0, 0.0, 0.0])];
-    }
-    let of = |class| fixtures::grazing(mesh, class, 40, 3);
-    let rays = fixtures::Grazing::ALL.into_iter().flat_map(of);
-    rays.map(|ray| Ray { t_max: ray.t_max, ..Ray::new(ray.origin, ray.direction) }).collect()
-}
-
 #[test]
 fn a_file_can_be_read_for_any_triangle_test() {
     let mesh = fixtures::soup(2, 500);
-    let config = Config { test: TriangleTest::MollerTrumbore, ..Config::default() };
-    let wanted = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config).unwrap();
+    let wanted = build_for(TriangleTest::MollerTrumbore, &mesh, Preset::default());
     let bytes = build(&mesh, Preset::default()).to_bytes();
     let back = TriangleBvh::from_bytes_with(&bytes, TriangleTest::MollerTrumbore).unwrap();
-    assert!(rays(&mesh).iter().all(|ray| back.closest_hit(ray) == wanted.closest_hit(ray)));
+    assert!(grazing_rays(&mesh, 40, 3).iter().all(|ray| back.closest_hit(ray) == wanted.closest_hit(ray)));
     // Without a choice it is that of the writer.
     assert_eq!(back.to_bytes(), wanted.to_bytes());
     let tests = [&bytes, &back.to_bytes()].map(|bytes| TriangleBvh::from_bytes(bytes).unwrap().test());

@@ -32,6 +32,7 @@
 
 mod boundary;
 mod layers;
+mod lobes;
 mod microfacet;
 
 use glam::Vec3;
@@ -39,7 +40,7 @@ use glam::Vec3;
 use crate::sampling::{cosine_density, cosine_hemisphere};
 use boundary::{Boundary, Choice};
 use layers::Layers;
-pub use layers::Lobes;
+pub use lobes::Lobes;
 use microfacet::{Ggx, fresnel};
 
 /// A material at a hit, and the side from which the ray came.

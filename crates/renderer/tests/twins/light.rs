@@ -1,15 +1,16 @@
 use bytemuck::{Pod, Zeroable};
+use canted_fixtures::device_tests::{Test, needs_device, needs_nothing};
 use canted_gpu::{Gpu, Variant};
 use canted_obb::Affine;
+use canted_renderer::twins::{LightBuffers, light_list};
+use canted_renderer::{Bsdf, Cone, LightId, LightSample, LightSampler, Lights, Surface, Surfaces};
 use canted_scene::{Environment, EnvironmentImage, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene};
 
-use super::super::lights::{DeviceSky, SampledLights};
-use super::{U, answers, compare, direction, gpu, number, same_layout};
-use crate::light::ListLight;
-use crate::light::environment::SkyImage;
-use crate::light::tree::LightNode;
-use crate::light::triangle::PackedEmitter;
-use crate::{Bsdf, Cone, LightId, LightSample, LightSampler, Lights, Surface, Surfaces};
+use crate::{U, answers, compare, direction, gpu, number};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![needs_device(light_samples_match_the_cpu), needs_nothing(layouts_match_the_kernel)]
+}
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -273,17 +274,14 @@ fn queries(sampler: &LightSampler, n: u32) -> Vec<Query> {
 fn check(gpu: &Gpu, scene: &Scene, n: u32, spoil: Option<fn(&mut Answer)>) -> Result<[usize; 2], String> {
     let surfaces = Surfaces::new(scene);
     let sampler = LightSampler::new(Lights::new(scene), &surfaces);
-    let sampled = SampledLights::new(gpu, &sampler, |_| 0.0).unwrap();
     // This kernel has no camera uniforms, which hold a constant sky; the share of the sky is then zero.
     let is_image = matches!(scene.environment, Some(Environment::Image(_)));
     let black = Scene { environment: Some(sky()), ..Scene::default() };
-    let sky = DeviceSky::new(gpu, if is_image { scene } else { &black }).unwrap();
-    let list: Vec<ListLight> = scene.lights.iter().map(ListLight::from).collect();
-    let list = gpu.buffer("lights", &list).unwrap();
-    let mut bound = sampled.bindings();
-    bound.extend(sky.bindings());
+    let buffers = LightBuffers::new(gpu, &sampler, if is_image { scene } else { &black }).unwrap();
+    let list = light_list(gpu, &scene.lights).unwrap();
+    let mut bound = buffers.bindings();
     bound.push(("lights", &list));
-    let chosen = sky.specialize(sampled.specialize(Variant::none()));
+    let chosen = buffers.specialize(Variant::none());
     let queries = queries(&sampler, n);
     let mut answers: Vec<Answer> = answers(gpu, "check/light", &chosen, &queries, &bound);
     if let Some(spoil) = spoil {
@@ -293,9 +291,8 @@ fn check(gpu: &Gpu, scene: &Scene, n: u32, spoil: Option<fn(&mut Answer)>) -> Re
     compare(|query, answer| compare_one(&sampler, query, answer), &queries, &answers)
 }
 
-#[test]
 fn light_samples_match_the_cpu() {
-    let Some(gpu) = gpu("light_samples_match_the_cpu") else { return };
+    let gpu = gpu();
     let black = || Environment::Constant([0.0; 3]);
     let scenes = [
         scene(1, vec![], black()),
@@ -313,7 +310,6 @@ fn light_samples_match_the_cpu() {
     assert!(error.starts_with("sample"), "{error}");
 }
 
-#[test]
 fn layouts_match_the_kernel() {
     let chosen = Variant::none()
         .part("local", "shared/light/sampler/local/both")
@@ -322,29 +318,16 @@ fn layouts_match_the_kernel() {
         .part("emission", "shared/light/triangle/emission/constant")
         .part("sky", "shared/light/environment/sky/image");
     let kernel = "check/light";
-    same_layout!(
+    canted_shaders::same_layout!(
         kernel,
         &chosen,
         "Query",
         Query { position, choice, normal, transmits, square, kind, number, to_light, primitive, shading_normal }
     );
-    same_layout!(
+    canted_shaders::same_layout!(
         kernel,
         &chosen,
         "Answer",
         Answer { to_light, density, radiance, shadow_ray, position, shape_light, is_emission, density_there }
     );
-    same_layout!(
-        kernel,
-        &chosen,
-        "LightNode",
-        LightNode { center, radius, axis, cos_emission, spread, intensity, is_two_sided, parent, first_child, light }
-    );
-    same_layout!(
-        kernel,
-        &chosen,
-        "Emitter",
-        PackedEmitter { corner, instance, first, primitive, second, leaf, radiance, slack }
-    );
-    same_layout!(kernel, &chosen, "SkyImage", SkyImage { scale, width, height, turn });
 }

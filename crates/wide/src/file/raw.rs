@@ -1,3 +1,5 @@
+//! The records of a BVH as words, for other devices.
+
 use std::borrow::Cow;
 
 use canted_obb::PrimId;
@@ -121,7 +123,8 @@ mod tests {
     use canted_fixtures as fixtures;
 
     use super::*;
-    use crate::leaf::{LeafLayout, StoredTriangles};
+    use crate::leaf::StoredTriangles;
+    use crate::node::LeafLayout;
     use crate::node::checked::Hierarchy;
     use crate::{Config, TriangleBvh};
 

@@ -3,14 +3,10 @@
 use canted_fixtures::{self as fixtures, Hair, Mesh, SplitMix64, Strand};
 use canted_lbvh::GeometryError;
 use canted_obb::{Aabb, PrimId};
-use canted_trace::{
-    Counts, Hit, InstanceId, Intersect, Kernel, MollerTrumbore, Ray, ScaledRay, TriangleTest, Watertight,
-};
-use canted_wide::{Config, RefitError, TriangleBvh};
+use canted_trace::{Counts, Intersect, Kernel, MollerTrumbore, Ray, TriangleTest, Watertight};
+use canted_wide::{Preset, RefitError, TriangleBvh};
 
-fn build(mesh: &Mesh) -> TriangleBvh {
-    TriangleBvh::build(&mesh.positions, &mesh.triangles).unwrap()
-}
+use crate::common::{brute, build, build_for, grazing_rays};
 
 fn moved(mesh: &Mesh, motion: impl FnMut([f64; 3]) -> [f64; 3]) -> Mesh {
     let place = mesh.positions.iter().map(|p| p.map(f64::from)).map(motion);
@@ -57,45 +53,19 @@ fn meshes() -> Vec<(&'static str, Mesh)> {
     ]
 }
 
-fn rays(mesh: &Mesh) -> Vec<Ray> {
-    if mesh.triangles.is_empty() {
-        return vec![Ray::new([0.0; 3], [1.0, 0.0, 0.0])];
-    }
-    let of = |class| fixtures::grazing(mesh, class, 30, 5);
-    let rays = fixtures::Grazing::ALL.into_iter().flat_map(of);
-    rays.map(|ray| Ray { t_max: ray.t_max, ..Ray::new(ray.origin, ray.direction) }).collect()
-}
-
-fn brute<K: Kernel>(records: &[K::Record], ray: &Ray) -> Option<Hit> {
-    let ray = ScaledRay::new(ray)?;
-    let prepared = K::prepare(&ray);
-    let mut best: Option<Hit> = None;
-    for (primitive, record) in (0..).map(PrimId).zip(records) {
-        let Some(hit) = K::intersect(&prepared, &ray, record, ray.t_max) else { continue };
-        let hit = Hit { t: hit.t, u: hit.u, v: hit.v, primitive, instance: InstanceId(0), side: hit.side };
-        if best.is_none_or(|best| hit.before(&best)) {
-            best = Some(hit);
-        }
-    }
-    best.map(|hit| Hit { t: ray.caller_t(hit.t), ..hit })
-}
-
 /// Number of rays with other results than the loop over all triangles, and of rays that hit.
-fn disagree<K: Kernel>(wide: &TriangleBvh, mesh: &Mesh) -> (usize, usize) {
-    let corners = mesh.triangles.iter().map(|t| t.map(|i| mesh.positions[i as usize]));
-    let records: Vec<K::Record> = corners.map(K::record).collect();
-    let answers = rays(mesh).into_iter().map(|ray| {
-        let hit = brute::<K>(&records, &ray);
+fn disagree<K: Kernel<Record = [[f32; 3]; 3]>>(wide: &TriangleBvh, mesh: &Mesh) -> (usize, usize) {
+    let answers = grazing_rays(mesh, 30, 5).into_iter().map(|ray| {
+        let hit = brute::<K>(mesh, &ray).first().copied();
         (wide.closest_hit(&ray) == hit && wide.occluded(&ray) == hit.is_some(), hit.is_some())
     });
     answers.fold((0, 0), |(wrong, hits), (right, hit)| (wrong + usize::from(!right), hits + usize::from(hit)))
 }
 
-fn hits_survive_motion<K: Kernel>(test: TriangleTest) {
+fn hits_survive_motion<K: Kernel<Record = [[f32; 3]; 3]>>(test: TriangleTest) {
     for (name, mesh) in meshes() {
         // One BVH for all motions, so that each refit starts from the boxes of the last one.
-        let config = Config { test, ..Config::default() };
-        let mut wide = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config).unwrap();
+        let mut wide = build_for(test, &mesh, Preset::default());
         let mut n_hits = 0;
         for (motion, moved) in motions(&mesh) {
             wide.refit(&moved.positions, &moved.triangles).unwrap();
@@ -122,7 +92,7 @@ fn moller_trumbore_hits_survive_any_motion() {
 #[test]
 fn a_bvh_that_is_not_refitted_is_detected() {
     let mesh = fixtures::scaffold_of(1, true, 3);
-    let wide = build(&mesh);
+    let wide = build(&mesh, Preset::default());
     let (wrong, _) = disagree::<Watertight>(&wide, &motions(&mesh)[0].1);
     assert!(wrong > 50, "{wrong}");
 }
@@ -136,7 +106,7 @@ fn records(wide: &TriangleBvh) -> Vec<u8> {
 #[test]
 fn the_same_vertices_give_the_same_bvh() {
     for (name, mesh) in meshes() {
-        let mut wide = build(&mesh);
+        let mut wide = build(&mesh, Preset::default());
         let built = records(&wide);
         let refit = wide.refit(&mesh.positions, &mesh.triangles).unwrap();
         assert_eq!(records(&wide), built, "{name}");
@@ -153,7 +123,7 @@ fn the_same_vertices_give_the_same_bvh() {
 #[test]
 fn rejected_vertices_change_nothing() {
     let mesh = fixtures::soup(2, 100);
-    let mut wide = build(&mesh);
+    let mut wide = build(&mesh, Preset::default());
     let before = wide.to_bytes();
     let mut bad = mesh.clone();
     bad.positions[mesh.triangles[41][1] as usize][2] = f32::INFINITY;
@@ -175,7 +145,7 @@ fn rejected_vertices_change_nothing() {
 fn threads_change_nothing() {
     let mesh = fixtures::scaffold_of(1, true, 6);
     let (_, moved) = &motions(&mesh)[0];
-    let wide = build(&mesh);
+    let wide = build(&mesh, Preset::default());
     let on = |n_threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
         let mut wide = wide.clone();
@@ -190,7 +160,7 @@ fn threads_change_nothing() {
 fn a_refitted_bvh_can_be_saved_and_keeps_its_drift() {
     let mesh = fixtures::scaffold_of(1, true, 4);
     let motions = motions(&mesh);
-    let mut wide = build(&mesh);
+    let mut wide = build(&mesh, Preset::default());
     let (_, shaken) = &motions[0];
     let refit = wide.refit(&shaken.positions, &shaken.triangles).unwrap();
     let bytes = wide.to_bytes();
@@ -221,14 +191,14 @@ fn twisted(mesh: &Mesh, turns: f64) -> Mesh {
 fn a_rebuild_is_advised_where_it_gains() {
     let hair = Hair { n_strands: 600, n_segments: 12, width: 0.004, strand: Strand::Ribbon };
     let mesh = fixtures::hair(3, &hair);
-    let mut wide = build(&mesh);
+    let mut wide = build(&mesh, Preset::default());
     let mut last = 0.0;
     for turns in [0.02, 0.06, 1.0, 3.0] {
         let moved = twisted(&mesh, turns);
         let refit = wide.refit(&moved.positions, &moved.triangles).unwrap();
         assert!(refit.drift > last, "{turns}: {}", refit.drift);
         last = refit.drift;
-        let (old, new) = (work(&wide, &moved), work(&build(&moved), &moved));
+        let (old, new) = (work(&wide, &moved), work(&build(&moved, Preset::default()), &moved));
         let gain = old / new;
         if refit.rebuild_advised() {
             assert!(gain > 1.2, "{turns}: drift {}, gain {gain}", refit.drift);
@@ -239,7 +209,7 @@ fn a_rebuild_is_advised_where_it_gains() {
     }
     // Motions of the mesh as one cause no drift.
     for moved in [moved(&mesh, |p| p.map(|x| 7.0 * x)), moved(&mesh, |[x, y, z]| [x + 4.0, y, z])] {
-        let mut wide = build(&mesh);
+        let mut wide = build(&mesh, Preset::default());
         let refit = wide.refit(&moved.positions, &moved.triangles).unwrap();
         assert!((refit.drift - 1.0).abs() < 0.01, "{}", refit.drift);
     }

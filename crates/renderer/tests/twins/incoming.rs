@@ -1,11 +1,16 @@
 use bytemuck::{Pod, Zeroable};
+use canted_fixtures::device_tests::{Test, needs_device, needs_nothing};
 use canted_gpu::Variant;
+use canted_renderer::twins::{incoming_light, light_list};
+use canted_renderer::{Bsdf, Cone, Surface};
 use canted_scene::Light;
 use glam::DVec3;
 
-use super::{U, answers, are_near, direction, gpu, number, same_layout};
-use crate::light::{IncomingLight, ListLight};
-use crate::{Bsdf, Cone, Surface, narrow, wide};
+use crate::{U, answers, are_near, direction, gpu, number};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![needs_device(incoming_light_matches_the_cpu), needs_nothing(layouts_match_the_kernel)]
+}
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -79,6 +84,10 @@ fn surface(position: [f32; 3]) -> Surface {
     }
 }
 
+fn wide(v: [f32; 3]) -> DVec3 {
+    v.map(f64::from).into()
+}
+
 /// Condition number of incoming light: the factor of `U` in its error bound.
 ///
 /// Vectors between points in f32 have one rounding per axis. Every formula from there is a chain of fewer than 32 roundings
@@ -107,7 +116,7 @@ fn compare(lights: &[Light], queries: &[Query], answers: &[Answer]) -> Result<[u
     for (query, answer) in queries.iter().zip(answers) {
         let light = &lights[query.light as usize];
         let surface = surface(query.at);
-        let expected = IncomingLight::of(light, &surface, || query.square);
+        let expected = incoming_light(light, &surface, query.square);
         let fail = |what: &str| Err(format!("{what}: {light:?} from {:?}: {answer:?}", query.at));
         let Some(expected) = expected else {
             if answer.shadow_ray != 0 {
@@ -127,12 +136,12 @@ fn compare(lights: &[Light], queries: &[Query], answers: &[Answer]) -> Result<[u
         let soft = match *light {
             // Slope of the falloff over the cosine, in units of the falloff.
             Light::Spot { direction, cos_outer, .. } => {
-                let cosine = -wide(direction).dot(expected.to_light);
+                let cosine = -wide(direction).dot(expected.to_light.into());
                 2.0 / (cosine - f64::from(cos_outer)).max(1e-30)
             }
             _ => 0.0,
         };
-        if !are_near(answer.to_light, expected.to_light.into(), bound.min(64.0 * U * (1.0 + point.length()))) {
+        if !are_near(answer.to_light, expected.to_light, bound.min(64.0 * U * (1.0 + point.length()))) {
             return fail("direction");
         }
         for k in 0..3 {
@@ -169,12 +178,10 @@ fn queries(lights: &[Light]) -> Vec<Query> {
         .collect()
 }
 
-#[test]
 fn incoming_light_matches_the_cpu() {
-    let Some(gpu) = gpu("incoming_light_matches_the_cpu") else { return };
+    let gpu = gpu();
     let lights = lights();
-    let packed: Vec<ListLight> = lights.iter().map(ListLight::from).collect();
-    let packed = gpu.buffer("lights", &packed).unwrap();
+    let packed = light_list(&gpu, &lights).unwrap();
     let queries = queries(&lights);
     let mut answers: Vec<Answer> = answers(&gpu, "check/incoming", &Variant::none(), &queries, &[("lights", &packed)]);
     let [n_compared, n_at_edges] = compare(&lights, &queries, &answers).unwrap();
@@ -182,18 +189,11 @@ fn incoming_light_matches_the_cpu() {
 
     // An error of 1e-5 in a direction is detected.
     let lit = answers.iter().position(|answer| answer.density > 0.0).unwrap();
-    answers[lit].to_light = narrow(wide(answers[lit].to_light) + DVec3::new(1.0, -1.0, 1.0) * 2e-5);
+    answers[lit].to_light = (wide(answers[lit].to_light) + DVec3::new(1.0, -1.0, 1.0) * 2e-5).as_vec3().into();
     let error = compare(&lights, &queries, &answers).unwrap_err();
     assert!(error.starts_with("direction"), "{error}");
 }
 
-#[test]
 fn layouts_match_the_kernel() {
-    same_layout!(
-        "check/incoming",
-        &Variant::none(),
-        "ListLight",
-        ListLight { position, kind, direction, extent, color, cos_outer }
-    );
-    same_layout!("check/incoming", &Variant::none(), "Query", Query { at, light, square });
+    canted_shaders::same_layout!("check/incoming", &Variant::none(), "Query", Query { at, light, square });
 }

@@ -12,8 +12,8 @@ mod records;
 mod scene;
 mod slack;
 mod traced;
-#[cfg(test)]
-mod twins;
+#[doc(hidden)]
+pub mod twins;
 
 pub use device_picture::{DevicePicture, SharedFilm};
 pub use frames::{DeviceFrames, DeviceUpdates};

@@ -1,8 +1,19 @@
 use bytemuck::{Pod, Zeroable};
+use canted_fixtures::device_tests::{Test, needs_device, needs_nothing};
 use canted_gpu::Variant;
+use canted_renderer::{Bsdf, BsdfSample, Evaluation};
 
-use super::{U, answers, compare, direction, gpu, number, same_layout};
-use crate::{Bsdf, BsdfSample, Evaluation};
+use crate::{U, answers, compare, direction, gpu, number};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(bsdfs_match_the_cpu),
+        needs_device(compensated_bsdfs_match_the_cpu),
+        needs_device(diffuse_bsdf_matches_the_full_one),
+        needs_device(opaque_bsdf_without_transmission_matches_the_full_one),
+        needs_nothing(layouts_match_the_kernel),
+    ]
+}
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -216,9 +227,8 @@ fn glossy(transmission: &str, energy: &str) -> Variant {
     Variant::none().part("bsdf", "shared/bsdf/full").part("transmission", transmission).part("energy", energy)
 }
 
-#[test]
 fn bsdfs_match_the_cpu() {
-    let Some(gpu) = gpu("bsdfs_match_the_cpu") else { return };
+    let gpu = gpu();
     let queries = queries(20_000);
     let chosen = full();
     let mut answers: Vec<Answer> = answers(&gpu, "check/bsdf", &chosen, &queries, &[]);
@@ -234,10 +244,9 @@ fn bsdfs_match_the_cpu() {
 
 /// The coefficients of the fits are a thousand times their values: rounding of a sum may move them by so much more than of the
 /// other factors. A wrong coefficient moves them more.
-#[test]
 fn compensated_bsdfs_match_the_cpu() {
     const FIT: f64 = 1e-3;
-    let Some(gpu) = gpu("compensated_bsdfs_match_the_cpu") else { return };
+    let gpu = gpu();
     let queries: Vec<Query> =
         queries(20_000).into_iter().map(|query| Query { flags: query.flags | COMPENSATED, ..query }).collect();
     let chosen = glossy("shared/bsdf/transmission/glass", "shared/bsdf/energy/compensated");
@@ -256,9 +265,8 @@ fn compensated_bsdfs_match_the_cpu() {
     assert!(n_changed > 2000, "{n_changed} of {} are compensated", queries.len());
 }
 
-#[test]
 fn diffuse_bsdf_matches_the_full_one() {
-    let Some(gpu) = gpu("diffuse_bsdf_matches_the_full_one") else { return };
+    let gpu = gpu();
     let diffuse =
         |query: Query| Query { metallic: 0.0, specular: 0.0, transmission: 0.0, roughness: 1.0, flags: 0, ..query };
     let queries: Vec<Query> = queries(2000).into_iter().map(diffuse).collect();
@@ -271,9 +279,8 @@ fn diffuse_bsdf_matches_the_full_one() {
     }
 }
 
-#[test]
 fn opaque_bsdf_without_transmission_matches_the_full_one() {
-    let Some(gpu) = gpu("opaque_bsdf_without_transmission_matches_the_full_one") else { return };
+    let gpu = gpu();
     let queries: Vec<Query> = queries(2000).into_iter().map(|query| Query { transmission: 0.0, ..query }).collect();
     let opaque = glossy("shared/bsdf/transmission/none", "shared/bsdf/energy/single");
     let answers: Vec<Answer> = answers(&gpu, "check/bsdf", &opaque, &queries, &[]);
@@ -286,10 +293,9 @@ fn opaque_bsdf_without_transmission_matches_the_full_one() {
     assert!(n_else * 1000 < n_equal, "{n_else} of {n_equal} fell to another side");
 }
 
-#[test]
 fn layouts_match_the_kernel() {
     let full = full();
-    same_layout!(
+    canted_shaders::same_layout!(
         "check/bsdf",
         &full,
         "Query",
@@ -307,7 +313,7 @@ fn layouts_match_the_kernel() {
             square
         }
     );
-    same_layout!(
+    canted_shaders::same_layout!(
         "check/bsdf",
         &full,
         "Answer",

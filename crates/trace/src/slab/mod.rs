@@ -40,16 +40,32 @@
 //! Source: the slab test of Kay, Kajiya 1986; conservative bounds after Ize 2013, extended from exact rays to rotated rays
 //! and inexact hits.
 
-pub(crate) mod slab_ray;
+mod slab_ray;
 mod slabs;
 
-pub use slab_ray::{AABB_PAD, MIN_DIRECTION, SLABS_PAD, SlabRay};
+pub use slab_ray::reciprocal;
+pub use slab_ray::{MIN_DIRECTION, SlabRay};
 pub use slabs::Slabs;
 
 use canted_obb::{Aabb, Obb};
 
-use crate::rounding::lower;
-use crate::{Ray, ScaledRay};
+use crate::rounding::{UNIT_ROUNDOFF, lower};
+use crate::{HIT_ERROR, Ray, ScaledRay};
+
+/// Padding of axis-aligned boxes, relative to `|o|∞ + ρ∞`.
+///
+/// The error of hits, one rounding of coordinates relative to a [`ReferencePoint`](crate::ReferencePoint), one of the moved origin,
+/// three of a plane's `t`, and one for second-order terms.
+pub const AABB_PAD: f32 = HIT_ERROR + 6.0 * UNIT_ROUNDOFF;
+
+/// Square root of three, rounded up: the greatest sum of absolute components of a unit vector.
+pub const SQRT_3: f32 = 1.732_050_9;
+
+/// Padding of oriented boxes, relative to `|o|∞ + ρ∞`.
+///
+/// As [`AABB_PAD`], with three roundings each for the projected origin and direction, along a row whose components sum
+/// to √3 at most.
+pub const SLABS_PAD: f32 = SQRT_3 * (HIT_ERROR + 12.0 * UNIT_ROUNDOFF);
 
 /// `aabb` enlarged by the part of the padding that depends on its content, for [`SlabRay::new`] with a reach of 0.
 ///

@@ -11,6 +11,8 @@ use glam::DVec3;
 use crate::sampler::{mix, unit};
 use crate::texture::{MipMaps, Plane, Textures, filtered_textures};
 use crate::{Bsdf, Cone, Lod, narrow, wide};
+#[cfg(feature = "gpu")]
+pub(crate) use hit_triangle::Pose;
 use hit_triangle::{HitTriangle, PlacedTriangle, Placement, TextureLookup};
 use shading_normal::{anisotropy, facing, lobes, shading_normal};
 

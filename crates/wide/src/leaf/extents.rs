@@ -1,0 +1,79 @@
+//! Intervals that contain projections, rounded outward.
+//!
+//! # Error
+//! Let u = 2^-53. Products of two f32 are exact in f64. The sum of three is off by at most 2.01 u·Σ|terms|, the length of a
+//! direction by 2.1 u, its product with a radius by 3.2 u, and the end of the interval by one more rounding: in all less
+//! than 4.3 u·(Σ|terms| + r·|d|), so [`EXTENT_ERROR`] covers it, its own rounding and that of its subtraction.
+
+use canted_obb::Aabb;
+use canted_obb::round::{down, up};
+use canted_trace::ReferencePoint;
+
+/// See the module.
+const EXTENT_ERROR: f64 = 4.0 * f64::EPSILON;
+
+/// The interval of `direction·x` over all points within `radius` of `points`, of their convex hull too; rounded outward.
+///
+/// One point makes a sphere, two a capsule, four a flat or solid shape. No points give the empty interval.
+#[must_use]
+pub fn extent_of_points(points: impl IntoIterator<Item = [f32; 3]>, radius: f32, direction: [f32; 3]) -> [f32; 2] {
+    let d = direction.map(f64::from);
+    let reach = f64::from(radius) * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+    let (mut lo, mut hi) = (f64::MAX, f64::MIN);
+    for point in points {
+        let terms: [f64; 3] = std::array::from_fn(|k| d[k] * f64::from(point[k]));
+        let at = terms[0] + terms[1] + terms[2];
+        let error = EXTENT_ERROR * (terms[0].abs() + terms[1].abs() + terms[2].abs() + reach);
+        lo = lo.min(at - reach - error);
+        hi = hi.max(at + reach + error);
+    }
+    [down(lo), up(hi)]
+}
+
+/// The interval of `direction·x` over a box, rounded outward.
+#[must_use]
+pub fn extent_of_box(aabb: &Aabb, direction: [f32; 3]) -> [f32; 2] {
+    let ends = |least: bool| {
+        // The corner that is farthest along the direction, or against it.
+        let corner = std::array::from_fn(|k| if (direction[k] < 0.0) == least { aabb.max[k] } else { aabb.min[k] });
+        extent_of_points([corner], 0.0, direction)
+    };
+    [ends(true)[0], ends(false)[1]]
+}
+
+/// The box around all points within `radius` of `points`, rounded outward; [`Aabb::EMPTY`] for none, and NaN, which builds
+/// reject, where a coordinate is NaN.
+#[must_use]
+pub fn bounds_of_points(points: impl IntoIterator<Item = [f32; 3]>, radius: f32) -> Aabb {
+    let mut has_nan = false;
+    let aabb = Aabb::from_points(points.into_iter().inspect(|point| has_nan |= point.iter().any(|x| x.is_nan())));
+    if has_nan {
+        return Aabb { min: [f32::NAN; 3], max: [f32::NAN; 3] };
+    }
+    if aabb.is_empty() {
+        return aabb;
+    }
+    Aabb { min: aabb.min.map(|x| -sum_up(-x, radius)), max: aabb.max.map(|x| sum_up(x, radius)) }
+}
+
+/// An interval along `direction`, relative to a point; rounded outward.
+pub(super) fn moved_extent([lo, hi]: [f32; 2], direction: [f32; 3], reference: ReferencePoint) -> [f32; 2] {
+    if reference.is_origin() {
+        return [lo, hi];
+    }
+    let terms: [f64; 3] = std::array::from_fn(|k| f64::from(direction[k]) * f64::from(reference.point()[k]));
+    let at = terms[0] + terms[1] + terms[2];
+    let (lo, hi) = (f64::from(lo), f64::from(hi));
+    let error = EXTENT_ERROR * (terms[0].abs() + terms[1].abs() + terms[2].abs() + lo.abs().max(hi.abs()));
+    [down(lo - at - error), up(hi - at + error)]
+}
+
+/// An f32 that is not below the real number `a + b`.
+fn sum_up(a: f32, b: f32) -> f32 {
+    let (a, b) = (f64::from(a), f64::from(b));
+    let sum = a + b;
+    // The rounding error of the sum (Knuth 1969).
+    let b_part = sum - a;
+    let error = (a - (sum - b_part)) + (b - b_part);
+    up(if error > 0.0 { sum.next_up() } else { sum })
+}
