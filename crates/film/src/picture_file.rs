@@ -4,6 +4,7 @@ use std::io::Cursor;
 use std::path::Path;
 use std::{fmt, fs};
 
+use exr::io::Tracking;
 use exr::prelude::{
     Blocks, Compression, Encoding, Error, Image, Layer, LayerAttributes, LineOrder, MetaData, ReadChannels, ReadLayers,
     RgbChannels, SpecificChannels, Vec2, WritableImage,
@@ -217,7 +218,8 @@ const MAX_SAMPLES_PER_BYTE: u64 = 1032;
 
 /// Rejects a header that declares an empty layer or more samples than `bytes` can hold, before anything is allocated.
 pub(crate) fn check_exr_size(bytes: &[u8]) -> Result<(), String> {
-    let metadata = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(exr_error)?;
+    // The type of reader that `read` makes, too, so that the parser of headers is compiled once.
+    let metadata = MetaData::read_from_buffered(Tracking::new(Cursor::new(bytes)), false).map_err(exr_error)?;
     let n_bytes = bytes.len();
     let max = MAX_SAMPLES_PER_BYTE.saturating_mul(n_bytes as u64);
     let mut n_samples = 0_u64;

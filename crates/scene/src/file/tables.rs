@@ -139,6 +139,10 @@ impl std::fmt::Display for Problem {
 
 impl std::error::Error for Problem {}
 
+fn expected(what: &str) -> Problem {
+    Problem::Expected(what.to_owned())
+}
+
 impl de::Error for Problem {
     fn custom<T: std::fmt::Display>(message: T) -> Self {
         Self::Expected(message.to_string())
@@ -181,13 +185,23 @@ struct Table<'a> {
 }
 
 impl<'a> Table<'a> {
-    /// Reads the table with a function, and gives its errors a place.
+    /// Reads the table with a function, and gives its errors a place. What does not depend on `T` is apart, so that it is compiled
+    /// once.
     fn read<T>(&self, read: impl FnOnce(Rows<'_, 'a>) -> Result<T, Problem>) -> Result<T, Problem> {
-        let Self { source, items, start, name, .. } = self;
-        let mut rows: Vec<_> = items.iter().collect();
-        // In the order of the file.
+        read(self.rows()).map_err(|problem| self.placed(problem))
+    }
+
+    /// The keys in the order of the file.
+    fn rows(&self) -> Rows<'_, 'a> {
+        let mut rows: Vec<_> = self.items.iter().collect();
         rows.sort_by_key(|(key, _)| key.span().start);
-        read(Rows { table: self, rows: rows.into_iter(), value: None }).map_err(|problem| match problem {
+        Rows { table: self, rows: rows.into_iter(), value: None }
+    }
+
+    /// An error with its place.
+    fn placed(&self, problem: Problem) -> Problem {
+        let Self { source, items, start, name, .. } = self;
+        match problem {
             Problem::UnknownKey(key, known) => {
                 let near = suggestion(&key, known.iter().copied());
                 let near = if near.is_empty() { format!("; the keys are {}", known.join(", ")) } else { near };
@@ -200,31 +214,39 @@ impl<'a> Table<'a> {
                 debug_assert!(source.text.len() >= at, "{message}");
                 Problem::At(at, message)
             }
-        })
+        }
     }
 
     /// The value of a key, read by `read`; an error states the key.
-    fn value<T>(
-        &self,
-        (key, value): (&'a Spanned<DeString<'a>>, &'a Spanned<DeValue<'a>>),
-        read: impl FnOnce(Value<'a>) -> Result<T, Problem>,
-    ) -> Result<T, Problem> {
+    fn value<T>(&self, row: Row<'a>, read: impl FnOnce(Value<'a>) -> Result<T, Problem>) -> Result<T, Problem> {
+        read(self.value_of(row)).map_err(|problem| self.keyed(row, problem))
+    }
+
+    fn value_of(&self, (key, value): Row<'a>) -> Value<'a> {
         let name = key.get_ref();
         let path = if self.path.is_empty() { name.to_string() } else { format!("{}.{name}", self.path) };
-        read(Value { source: self.source, value, path, is_element: false }).map_err(|problem| match problem {
+        Value { source: self.source, value, path, is_element: false }
+    }
+
+    /// An error with its key.
+    fn keyed(&self, (key, value): Row<'a>, problem: Problem) -> Problem {
+        match problem {
             Problem::Expected(expected) => {
-                Problem::At(key.span().start, self.source.message(value.span(), name, &self.name, &expected))
+                Problem::At(key.span().start, self.source.message(value.span(), key.get_ref(), &self.name, &expected))
             }
             other => other,
-        })
+        }
     }
 }
+
+/// A key and its value.
+type Row<'a> = (&'a Spanned<DeString<'a>>, &'a Spanned<DeValue<'a>>);
 
 /// The keys of a table that are still to be read, with their values.
 struct Rows<'t, 'a> {
     table: &'t Table<'a>,
-    rows: std::vec::IntoIter<(&'a Spanned<DeString<'a>>, &'a Spanned<DeValue<'a>>)>,
-    value: Option<(&'a Spanned<DeString<'a>>, &'a Spanned<DeValue<'a>>)>,
+    rows: std::vec::IntoIter<Row<'a>>,
+    value: Option<Row<'a>>,
 }
 
 impl<'de> de::MapAccess<'de> for Rows<'_, '_> {
@@ -237,7 +259,7 @@ impl<'de> de::MapAccess<'de> for Rows<'_, '_> {
     }
 
     fn next_value_seed<S: de::DeserializeSeed<'de>>(&mut self, seed: S) -> Result<S::Value, Problem> {
-        let row = self.value.take().ok_or_else(|| Problem::Expected("a key before its value".to_owned()))?;
+        let row = self.value.take().ok_or_else(|| expected("a key before its value"))?;
         self.table.value(row, |value| seed.deserialize(value))
     }
 }
@@ -329,16 +351,15 @@ impl<'de> Deserializer<'de> for Value<'_> {
     }
 
     fn deserialize_bool<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
-        let flag = self.value.get_ref().as_bool();
-        visitor.visit_bool(flag.ok_or_else(|| Problem::Expected("true or false".to_owned()))?)
+        visitor.visit_bool(self.value.get_ref().as_bool().ok_or_else(|| expected("true or false"))?)
     }
 
     fn deserialize_f32<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
-        visitor.visit_f32(self.number_f32().ok_or_else(|| Problem::Expected("a number".to_owned()))?)
+        visitor.visit_f32(self.number_f32().ok_or_else(|| expected("a number"))?)
     }
 
     fn deserialize_f64<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
-        visitor.visit_f64(self.number().ok_or_else(|| Problem::Expected("a number".to_owned()))?)
+        visitor.visit_f64(self.number().ok_or_else(|| expected("a number"))?)
     }
 
     fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Problem> {
@@ -349,8 +370,7 @@ impl<'de> Deserializer<'de> for Value<'_> {
         if name != "OptionText" {
             return visitor.visit_newtype_struct(self);
         }
-        let text = self.option_text();
-        let text = text.ok_or_else(|| Problem::Expected("a number, a string, or an array of them".to_owned()))?;
+        let text = self.option_text().ok_or_else(|| expected("a number, a string, or an array of them"))?;
         visitor.visit_newtype_struct(text.into_deserializer())
     }
 
@@ -452,7 +472,7 @@ impl<'de> de::VariantAccess<'de> for Tagged<'_> {
     }
 
     fn newtype_variant_seed<S: de::DeserializeSeed<'de>>(self, _: S) -> Result<S::Value, Problem> {
-        Err(Problem::Expected("a table".to_owned()))
+        Err(expected("a table"))
     }
 
     fn tuple_variant<V: Visitor<'de>>(self, _: usize, visitor: V) -> Result<V::Value, Problem> {

@@ -4,6 +4,7 @@ use std::fs;
 use std::io::Cursor;
 use std::path::Path;
 
+use exr::io::Tracking;
 use exr::prelude::{AnyChannels, Error, FlatSamples, MetaData, ReadChannels as _, ReadLayers as _, Vec2, read};
 use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageDecoder};
@@ -61,7 +62,8 @@ const MAX_PER_BYTE: u64 = 1032;
 fn check_exr_size(bytes: &[u8]) -> Result<(), String> {
     /// Channels of the largest supported image: color and alpha.
     const N_CHANNELS: u64 = 4;
-    let metadata = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(exr_error)?;
+    // The type of reader that `read` makes, too, so that the parser of headers is compiled once.
+    let metadata = MetaData::read_from_buffered(Tracking::new(Cursor::new(bytes)), false).map_err(exr_error)?;
     let mut n_samples = 0_u64;
     for header in &metadata.headers {
         let Vec2(width, height) = header.layer_size;
