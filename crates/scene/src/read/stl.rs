@@ -89,11 +89,12 @@ struct Words<'a> {
 
 impl<'a> Words<'a> {
     fn next(&mut self) -> Option<&'a [u8]> {
-        let rest = &self.bytes[self.at..];
-        let start = rest.iter().position(|byte| !byte.is_ascii_whitespace())?;
-        let length = rest[start..].iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len() - start);
-        self.at += start + length;
-        Some(&rest[start..start + length])
+        let (word, rest) = text::split_word(&self.bytes[self.at..]);
+        if word.is_empty() {
+            return None;
+        }
+        self.at = self.bytes.len() - rest.len();
+        Some(word)
     }
 
     /// Skips the rest of the line: the name of a solid.

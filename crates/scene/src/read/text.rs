@@ -32,8 +32,7 @@ pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
             bytes = rest;
             let text = line.trim_ascii();
             if !is_comment && !text.is_empty() {
-                let (keyword, rest) =
-                    text.split_at(text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len()));
+                let (keyword, rest) = split_word(text);
                 return Some(Line { number, keyword, rest: rest.trim_ascii() });
             }
         }
@@ -48,6 +47,12 @@ fn line_length(bytes: &[u8]) -> usize {
 
 fn is_continued(line: &[u8]) -> bool {
     line.strip_suffix(b"\n").is_some_and(|line| line.strip_suffix(b"\r").unwrap_or(line).ends_with(b"\\"))
+}
+
+/// The first word, and the text after it; both empty at the end.
+pub(crate) fn split_word(text: &[u8]) -> (&[u8], &[u8]) {
+    let text = text.trim_ascii_start();
+    text.split_at(text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len()))
 }
 
 /// Words separated by white space, up to a comment; line continuation backslashes are removed.

@@ -42,10 +42,10 @@ pub(super) fn read(document: &Document<'_>, grouped: &mut WarningGroups, scene: 
 /// Context for reading a material.
 struct MaterialReader<'a, 'b, 'c> {
     /// `material 3`.
-    pub(super) location: String,
-    pub(super) textures: &'a mut Textures<'b, 'c>,
-    pub(super) grouped: &'a mut WarningGroups,
-    pub(super) warnings: &'a mut Vec<String>,
+    location: String,
+    textures: &'a mut Textures<'b, 'c>,
+    grouped: &'a mut WarningGroups,
+    warnings: &'a mut Vec<String>,
 }
 
 impl MaterialReader<'_, '_, '_> {
@@ -56,7 +56,7 @@ impl MaterialReader<'_, '_, '_> {
         let mut material = Material {
             name,
             base_color: [red, green, blue],
-            base_color_texture: self.colors(pbr.base_color_texture.as_ref().map(TextureInfo::from))?,
+            base_color_texture: self.texture(pbr.base_color_texture.as_ref(), Encoding::Srgb)?,
             ..Material::default()
         };
         self.alpha(source, alpha, &mut material);
@@ -106,7 +106,7 @@ impl MaterialReader<'_, '_, '_> {
         [material.roughness] = self.fractions("roughness factor", [source.roughness_factor.0]);
         let texture = source.metallic_roughness_texture.as_ref();
         let is_used = material.metallic > 0.0 || material.roughness > 0.0;
-        material.metallic_roughness_texture = self.numbers(texture.filter(|_| is_used).map(TextureInfo::from))?;
+        material.metallic_roughness_texture = self.texture(texture.filter(|_| is_used), Encoding::Linear)?;
         Ok(())
     }
 
@@ -118,7 +118,7 @@ impl MaterialReader<'_, '_, '_> {
             return Ok(());
         }
         let info = TextureInfo::from_normal_texture(source, self.textures.document, &self.location)?;
-        material.normal_texture = self.numbers(Some(info))?;
+        material.normal_texture = self.texture(Some(info), Encoding::Linear)?;
         material.normal_scale = source.scale;
         Ok(())
     }
@@ -134,7 +134,7 @@ impl MaterialReader<'_, '_, '_> {
         }
         material.emission = emission;
         let texture = source.emissive_texture.as_ref().filter(|_| emission != [0.0; 3]);
-        material.emission_texture = self.colors(texture.map(TextureInfo::from))?;
+        material.emission_texture = self.texture(texture, Encoding::Srgb)?;
         Ok(())
     }
 
@@ -149,7 +149,7 @@ impl MaterialReader<'_, '_, '_> {
         if let Some(transmission) = &extensions.transmission {
             [material.transmission] = self.fractions("transmission factor", [transmission.transmission_factor.0]);
             let texture = transmission.transmission_texture.as_ref().filter(|_| material.transmission > 0.0);
-            material.transmission_texture = self.numbers(texture.map(TextureInfo::from))?;
+            material.transmission_texture = self.texture(texture, Encoding::Linear)?;
         }
         let volume = extensions.volume.as_ref();
         let is_body = volume.is_some_and(|volume| volume.thickness_factor.0 > 0.0);
@@ -181,27 +181,16 @@ impl MaterialReader<'_, '_, '_> {
         clamped
     }
 
-    pub(super) fn colors(&mut self, info: Option<TextureInfo>) -> Result<Option<TextureRef>, ReadError> {
-        self.texture(info, Encoding::Srgb)
-    }
-
-    pub(super) fn numbers(&mut self, info: Option<TextureInfo>) -> Result<Option<TextureRef>, ReadError> {
-        self.texture(info, Encoding::Linear)
-    }
-
-    /// A roughness texture, 1 minus the glossiness of the alpha channel times `factor`.
-    fn roughness_of(&mut self, info: Option<TextureInfo>, factor: f32) -> Result<Option<TextureRef>, ReadError> {
-        self.texture_with(info, Encoding::Linear, Some(factor.to_bits()))
-    }
-
-    pub(super) fn texture(
+    /// A texture of sRGB-encoded colors or of linear numbers.
+    fn texture(
         &mut self,
-        info: Option<TextureInfo>,
+        info: Option<impl Into<TextureInfo>>,
         encoding: Encoding,
     ) -> Result<Option<TextureRef>, ReadError> {
-        self.texture_with(info, encoding, None)
+        self.texture_with(info.map(Into::into), encoding, None)
     }
 
+    /// As [`Self::texture`]; with the bits of a factor it is of roughness, 1 minus the glossiness of the alpha channel times that.
     fn texture_with(
         &mut self,
         info: Option<TextureInfo>,
@@ -298,8 +287,8 @@ impl MaterialReader<'_, '_, '_> {
         } else {
             self.warnings.push(format!("ignoring the specular color {color:?} of {}", self.location));
         }
-        lobes.specular_texture = self.numbers(source.specular_texture.as_ref().map(TextureInfo::from))?;
-        lobes.specular_color_texture = self.colors(source.specular_color_texture.as_ref().map(TextureInfo::from))?;
+        lobes.specular_texture = self.texture(source.specular_texture.as_ref(), Encoding::Linear)?;
+        lobes.specular_color_texture = self.texture(source.specular_color_texture.as_ref(), Encoding::Srgb)?;
         Ok(())
     }
 
@@ -389,7 +378,7 @@ impl MaterialReader<'_, '_, '_> {
         let color = self.fractions("specular factor", numbers(source, "specularFactor", [1.0; 3]));
         let info = info(source, "specularGlossinessTexture", self)?;
         let specular_color_texture = self.texture(info.clone(), Encoding::Srgb)?;
-        let rough = self.roughness_of(info, glossiness)?;
+        let rough = self.texture_with(info, Encoding::Linear, Some(glossiness.to_bits()))?;
         material.roughness = if rough.is_some() { 1.0 } else { 1.0 - glossiness };
         material.metallic_roughness_texture = rough;
         material.lobes = Some(Box::new(Lobes { specular_color: color, specular_color_texture, ..Lobes::default() }));

@@ -271,9 +271,7 @@ impl<'a> Body<'a> {
 
     /// The next word of an ASCII body.
     fn word(&mut self) -> Result<&'a [u8], String> {
-        let start = self.rest.trim_ascii_start();
-        let end = start.iter().position(u8::is_ascii_whitespace).unwrap_or(start.len());
-        let (word, rest) = start.split_at(end);
+        let (word, rest) = text::split_word(self.rest);
         self.rest = rest;
         if word.is_empty() { Err(ENDS_EARLY.into()) } else { Ok(word) }
     }

@@ -78,6 +78,11 @@ impl File {
     /// Appends an accessor of packed elements.
     fn accessor(&mut self, component: u32, element: &str, count: usize, bytes: &[u8]) -> usize {
         let view = self.view(bytes);
+        self.accessor_of(view, component, element, count)
+    }
+
+    /// Appends an accessor of a view.
+    fn accessor_of(&mut self, view: usize, component: u32, element: &str, count: usize) -> usize {
         let accessor = json!({ "bufferView": view, "componentType": component, "type": element, "count": count });
         self.push("accessors", accessor)
     }

@@ -560,18 +560,19 @@ pub(super) fn read_map(line: &Line) -> Result<(Map, Vec<&'static str>), String> 
     let mut map = Map { file: String::new(), scale: [1.0; 2], offset: [0.0; 2], is_clamped: false, strength: 1.0 };
     let (mut rest, mut unsupported) = (line.rest, Vec::new());
     while let Some(&(name, max_arguments, effect)) =
-        OPTIONS.iter().find(|(name, ..)| first_word(rest) == name.as_bytes())
+        OPTIONS.iter().find(|(name, ..)| text::split_word(rest).0 == name.as_bytes())
     {
-        rest = after_word(rest, name.as_bytes());
+        rest = text::split_word(rest).1;
         let mut arguments = Vec::new();
         while arguments.len() < max_arguments {
-            let word = first_word(rest);
+            let (word, after) = text::split_word(rest);
             if word.is_empty() || !arguments.is_empty() && text::float(word).is_none() {
                 break;
             }
             arguments.push(word);
-            rest = after_word(rest, word);
+            rest = after;
         }
+        rest = rest.trim_ascii_start();
         if map.apply(effect, &arguments).is_none() && !unsupported.contains(&name) {
             unsupported.push(name);
         }
@@ -618,15 +619,6 @@ fn vector(arguments: &[&[u8]], default: f32) -> Option<[f32; 2]> {
 fn is_same(word: &[u8], neutral: &str) -> bool {
     word == neutral.as_bytes()
         || text::float(word).is_some_and(|number| Some(number) == text::float(neutral.as_bytes()))
-}
-
-fn first_word(text: &[u8]) -> &[u8] {
-    &text[..text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len())]
-}
-
-/// The text after the first word.
-fn after_word<'a>(text: &'a [u8], word: &[u8]) -> &'a [u8] {
-    text[word.len()..].trim_ascii_start()
 }
 
 #[cfg(test)]
