@@ -142,7 +142,7 @@ fn features() -> Result<End> {
         if has_cargo_command("clippy") { ("clippy", &["--", "-D", "warnings"]) } else { ("check", &[]) };
     let mut is_well = true;
     for (package, features) in workspace::packages_with_features()? {
-        // Without `std` and `libm` there is no square root.
+        // Without `std` and `libm` there is no square root: every other feature is checked together with `std`.
         let needs_math = features.iter().any(|feature| feature == "libm");
         let none = (!needs_math).then_some("");
         // Windows of other systems and their toolkit take minutes; `cargo clippy -p canted-cli --features view` checks it.
@@ -154,8 +154,10 @@ fn features() -> Result<End> {
         let features = features.filter(|&feature| feature != "view" && (has_cpp || feature != "meshopt"));
         for feature in none.into_iter().chain(features) {
             say(&format!("{package}, {}", if feature.is_empty() { "no feature" } else { feature }));
+            let root = if needs_math && feature != "libm" { "std," } else { "" };
+            let features = format!("{root}{feature}");
             // Not its tests: what they depend on turns features on again.
-            let args = [check, "--package", &package, "--no-default-features", "--features", feature];
+            let args = [check, "--package", &package, "--no-default-features", "--features", &features];
             is_well &= succeeds(cargo(&args).args(flags))?;
         }
     }

@@ -169,7 +169,8 @@ pub trait Intersect: Send + Sync {
     #[inline]
     #[must_use]
     fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
-        self.closest_hit_with(ray, &mut ())
+        let ray = ScaledRay::new(ray)?;
+        with_stack(self.stack_len(), |stack| self.closest_hit_scaled(&ray, &mut (), stack))
     }
 
     /// Whether the ray hits anything: agrees with [`Intersect::closest_hit`].
