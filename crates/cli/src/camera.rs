@@ -3,65 +3,57 @@
 use anyhow::{Result, anyhow};
 use canted_renderer::{SceneBvh, frame_up};
 use canted_scene::{Camera, Lens, Projection, Scene};
+use glam::{DVec3, Vec3};
+use serde::{Deserialize, Serialize};
 
-use serde::Serialize;
+use crate::options::{Fov, Length, NotNegative, Numbers, Positive, Text as _, Value};
 
-use crate::{
-    options::{self, as_text},
-    settings::CAMERA,
-};
+/// Help heading.
+pub(crate) const CAMERA: &str = "Camera";
 
 /// Options of the camera. Those that are missing come from the scene.
-#[derive(clap::Args, Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 #[command(next_help_heading = CAMERA, next_display_order = 91)]
 pub(crate) struct CameraArgs {
     /// Camera position in world space [default: the scene's camera, else a view that frames the scene]
-    #[arg(long, display_order = 90, value_parser = options::numbers::<3>, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    #[serde(serialize_with = "as_text")]
-    pub(crate) eye: Option<[f32; 3]>,
+    #[arg(long, display_order = 90, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub(crate) eye: Option<Value<Numbers<3>>>,
     /// Point that the camera looks at, in world space.
-    #[arg(long, display_order = 91, value_parser = options::numbers::<3>, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    #[serde(serialize_with = "as_text")]
-    pub(crate) target: Option<[f32; 3]>,
+    #[arg(long, display_order = 91, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub(crate) target: Option<Value<Numbers<3>>>,
     /// Up direction in world space. Without --eye and without a camera in the file, the scene is framed for it.
-    #[arg(long, display_order = 92, value_parser = options::numbers::<3>, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    #[serde(serialize_with = "as_text")]
-    pub(crate) up: Option<[f32; 3]>,
+    #[arg(long, display_order = 92, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub(crate) up: Option<Value<Numbers<3>>>,
     /// Camera of the file, by name or by number from 0 [default: the first]
     #[arg(long, value_name = "NAME|INDEX", requires = "scene")]
-    #[serde(serialize_with = "as_text")]
     pub(crate) camera: Option<String>,
     /// Vertical field of view in degrees.
-    #[arg(long, value_parser = options::fov, value_name = "DEG")]
-    #[serde(serialize_with = "as_text")]
-    pub(crate) fov: Option<f32>,
+    #[arg(long, value_name = "DEG")]
+    pub(crate) fov: Option<Value<Fov>>,
     /// Parallel projection: height of the picture in scene units.
-    #[arg(long, value_parser = options::noise, value_name = "HEIGHT", conflicts_with = "fov")]
-    #[serde(serialize_with = "as_text")]
-    pub(crate) ortho: Option<f32>,
+    #[arg(long, value_name = "HEIGHT", conflicts_with = "fov")]
+    pub(crate) ortho: Option<Value<Positive>>,
     #[command(flatten)]
     #[serde(flatten)]
     pub(crate) lens: LensArgs,
 }
 
 /// Options of the lens.
-#[derive(clap::Args, Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 #[command(next_help_heading = CAMERA)]
 pub(crate) struct LensArgs {
     /// Lens radius in scene units; 0 is a pinhole camera.
-    #[arg(long, value_parser = options::factor, value_name = "LENGTH")]
-    #[serde(serialize_with = "as_text")]
-    pub(crate) aperture: Option<f32>,
+    #[arg(long, value_name = "LENGTH")]
+    pub(crate) aperture: Option<Value<NotNegative>>,
     /// Focus distance along the view axis in scene units [default: distance of the target]
-    #[arg(long, value_parser = options::radius, value_name = "LENGTH")]
-    #[serde(serialize_with = "as_text")]
-    pub(crate) focus: Option<f32>,
+    #[arg(long, value_name = "LENGTH")]
+    pub(crate) focus: Option<Value<Length>>,
 }
 
 impl CameraArgs {
     /// Up in world space, where the scene has this up axis.
     pub(crate) fn up(&self, up_axis: [f32; 3]) -> [f32; 3] {
-        self.up.unwrap_or(up_axis)
+        self.up.map_or(up_axis, |up| up.0)
     }
 
     /// The camera of the file that is chosen, else its first.
@@ -101,21 +93,21 @@ impl CameraArgs {
             }
             None => frame_up(scene, bvh, f64::from(width) / f64::from(height), self.up(up_axis)),
         };
-        if let Some(eye) = self.eye {
+        if let Some(Value(eye)) = self.eye {
             // Without a target, the camera looks at the center of the scene.
             let center = scene.bounds_world().center().map(|x| x as f32);
             camera = Camera { eye, target: center, up: up_axis, ..camera };
         }
-        if let Some(target) = self.target {
+        if let Some(Value(target)) = self.target {
             camera.target = target;
         }
-        if let Some(up) = self.up {
+        if let Some(Value(up)) = self.up {
             camera.up = up;
         }
-        if let Some(fov) = self.fov {
-            camera.projection = Projection::Perspective { fov_degrees: fov };
+        if let Some(Value(fov_degrees)) = self.fov {
+            camera.projection = Projection::Perspective { fov_degrees };
         }
-        if let Some(height) = self.ortho {
+        if let Some(Value(height)) = self.ortho {
             camera.projection = Projection::Orthographic { height };
         }
         camera.lens = self.lens.of(&camera);
@@ -133,21 +125,22 @@ impl LensArgs {
         if own.is_some() {
             return own;
         }
-        let radius = self.aperture.or(camera.lens.map(|lens| lens.radius)).filter(|&radius| radius > 0.0)?;
-        let target_distance = || {
-            let offset: [f64; 3] = std::array::from_fn(|k| f64::from(camera.target[k]) - f64::from(camera.eye[k]));
-
-            offset.iter().map(|x| x * x).sum::<f64>().sqrt() as f32
-        };
-        let focus_distance = self.focus.or(camera.lens.map(|lens| lens.focus_distance)).unwrap_or_else(target_distance);
-        Some(Lens { radius, focus_distance })
+        let [eye, target] = [camera.eye, camera.target].map(|point| Vec3::from(point).as_dvec3());
+        let own = camera.lens.unwrap_or(Lens { radius: 0.0, focus_distance: DVec3::distance(eye, target) as f32 });
+        let radius = self.aperture.map_or(own.radius, |radius| radius.0);
+        let focus_distance = self.focus.map_or(own.focus_distance, |focus| focus.0);
+        (radius > 0.0).then_some(Lens { radius, focus_distance })
     }
+}
+
+/// `v` rotated about a unit axis by an angle with this sine and cosine, counter-clockwise seen from its tip (Rodrigues).
+pub(crate) fn rotated(v: DVec3, axis: DVec3, [sin, cos]: [f64; 2]) -> DVec3 {
+    cos * v + sin * axis.cross(v) + axis * axis.dot(v) * (1.0 - cos)
 }
 
 /// The options that give exactly this camera.
 pub(crate) fn record(camera: &Camera) -> [(&'static str, String); 6] {
     let Camera { eye, target, up, projection, lens } = camera;
-    let triple = |[x, y, z]: &[f32; 3]| format!("{x},{y},{z}");
     let fov = match projection {
         Projection::Perspective { fov_degrees } => fov_degrees.to_string(),
         Projection::Orthographic { height } => format!("none and the height {height}"),
@@ -157,9 +150,9 @@ pub(crate) fn record(camera: &Camera) -> [(&'static str, String); 6] {
         None => ["0", "none"].map(str::to_owned),
     };
     [
-        ("eye", triple(eye)),
-        ("target", triple(target)),
-        ("up", triple(up)),
+        ("eye", eye.text()),
+        ("target", target.text()),
+        ("up", up.text()),
         ("fov", fov),
         ("aperture", aperture),
         ("focus", focus),

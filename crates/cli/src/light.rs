@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, anyhow};
 use canted_scene::{Environment, EnvironmentImage, Light, Material, Scene};
-
-use serde::Serialize;
+use glam::{DVec3, Vec3};
+use serde::{Deserialize, Serialize};
 
 use crate::{
     load,
-    options::{self, Text, as_text, as_texts},
+    options::{Finite, Form, NotNegative, Numbers, Text, Value},
     output,
 };
 
@@ -17,42 +17,37 @@ use crate::{
 const LIGHT: &str = "Light (--env, --sun, --point and --sphere replace all lights of the scene)";
 
 /// Lights from the command line. They replace all lights of the file and its environment.
-#[derive(clap::Args, Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 #[command(next_help_heading = LIGHT, next_display_order = 100)]
+#[serde(default)]
 pub(crate) struct LightArgs {
     #[command(flatten)]
     #[serde(flatten)]
     environment: EnvironmentArgs,
     /// Sun: direction in which the light travels, and irradiance in W/m² on a surface that faces it; repeatable.
-    #[arg(long, value_parser = options::numbers::<6>, value_name = "DX,DY,DZ,R,G,B", allow_hyphen_values = true)]
-    #[serde(serialize_with = "as_texts")]
-    sun: Vec<[f32; 6]>,
+    #[arg(long, value_name = "DX,DY,DZ,R,G,B", allow_hyphen_values = true)]
+    sun: Vec<Value<Numbers<6>>>,
     /// Point light: position and radiant intensity in W/sr; repeatable.
-    #[arg(long, value_parser = options::numbers::<6>, value_name = "X,Y,Z,R,G,B", allow_hyphen_values = true)]
-    #[serde(serialize_with = "as_texts")]
-    point: Vec<[f32; 6]>,
+    #[arg(long, value_name = "X,Y,Z,R,G,B", allow_hyphen_values = true)]
+    point: Vec<Value<Numbers<6>>>,
     /// Sphere light: center, radius and radiance in W/(m² sr); repeatable (spot and disk lights require a scene file).
-    #[arg(long, value_parser = options::numbers::<7>, value_name = "X,Y,Z,RADIUS,R,G,B", allow_hyphen_values = true)]
-    #[serde(serialize_with = "as_texts")]
-    sphere: Vec<[f32; 7]>,
+    #[arg(long, value_name = "X,Y,Z,RADIUS,R,G,B", allow_hyphen_values = true)]
+    sphere: Vec<Value<Numbers<7>>>,
 }
 
 /// Light from all around.
-#[derive(clap::Args, Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 #[command(next_help_heading = LIGHT)]
 pub(crate) struct EnvironmentArgs {
     /// Environment light: constant radiance in W/(m² sr), or an environment map (.hdr or .exr) [default: black]
-    #[arg(long, value_parser = environment, value_name = "R,G,B|FILE", allow_hyphen_values = true)]
-    #[serde(serialize_with = "as_text")]
-    env: Option<EnvironmentArg>,
+    #[arg(long, value_name = "R,G,B|FILE", allow_hyphen_values = true)]
+    env: Option<Value<EnvironmentArg>>,
     /// Rotation of the environment map about the y axis, in degrees, counter-clockwise seen from above.
-    #[arg(long, value_parser = options::number, value_name = "DEG", requires = "env", allow_hyphen_values = true)]
-    #[serde(serialize_with = "as_text")]
-    env_turn: Option<f32>,
+    #[arg(long, value_name = "DEG", requires = "env", allow_hyphen_values = true)]
+    env_turn: Option<Value<Finite>>,
     /// Factor for the radiance of --env.
-    #[arg(long, value_parser = options::factor, value_name = "X", requires = "env", allow_hyphen_values = true)]
-    #[serde(serialize_with = "as_text")]
-    env_scale: Option<f32>,
+    #[arg(long, value_name = "X", requires = "env", allow_hyphen_values = true)]
+    env_scale: Option<Value<NotNegative>>,
 }
 
 /// The value of `--env`.
@@ -72,12 +67,16 @@ impl Text for EnvironmentArg {
 }
 
 /// A file by its extension, else three numbers.
-fn environment(text: &str) -> Result<EnvironmentArg, String> {
-    if ["hdr", "exr"].iter().any(|known| output::has_extension(Path::new(text), known)) {
-        return Ok(EnvironmentArg::Map(text.into()));
+impl Form for EnvironmentArg {
+    type Value = Self;
+
+    fn parse(text: &str) -> Result<Self, String> {
+        if ["hdr", "exr"].iter().any(|known| output::has_extension(Path::new(text), known)) {
+            return Ok(Self::Map(text.into()));
+        }
+        let color = Numbers::parse(text).map_err(|error| format!("{error}; use R,G,B or a .hdr or .exr file"))?;
+        Ok(Self::Constant(color))
     }
-    let color = options::numbers(text).map_err(|error| format!("{error}; use R,G,B or a .hdr or .exr file"))?;
-    Ok(EnvironmentArg::Constant(color))
 }
 
 /// Where the light of a scene comes from.
@@ -124,18 +123,18 @@ impl LightArgs {
             return Ok(LightSource::Default);
         }
         scene.lights.clear();
-        for &[x, y, z, r, g, b] in &self.sun {
+        for &Value([x, y, z, r, g, b]) in &self.sun {
             if [x, y, z] == [0.0; 3] {
                 return Err(anyhow!("--sun {x},{y},{z},{r},{g},{b}: the direction is zero"));
             }
             let irradiance = color("--sun", [r, g, b])?;
             scene.lights.push(Light::Sun { direction: unit([x, y, z]), irradiance });
         }
-        for &[x, y, z, r, g, b] in &self.point {
+        for &Value([x, y, z, r, g, b]) in &self.point {
             let intensity = color("--point", [r, g, b])?;
             scene.lights.push(Light::Point { position: [x, y, z], intensity });
         }
-        for &[x, y, z, radius, r, g, b] in &self.sphere {
+        for &Value([x, y, z, radius, r, g, b]) in &self.sphere {
             if radius <= 0.0 {
                 return Err(anyhow!("--sphere: radius {radius} is not greater than zero"));
             }
@@ -143,6 +142,15 @@ impl LightArgs {
             scene.lights.push(Light::Sphere { center: [x, y, z], radius, radiance });
         }
         Ok(LightSource::Given)
+    }
+
+    /// Rejects options of the environment without one, as the command line does.
+    pub(crate) fn check(&self) -> Result<()> {
+        let EnvironmentArgs { env, env_turn, env_scale } = &self.environment;
+        if env.is_none() && (env_turn.is_some() || env_scale.is_some()) {
+            return Err(anyhow!("--env-turn and --env-scale require --env"));
+        }
+        Ok(())
     }
 
     /// The file of `--env`, the factor of its radiance and its rotation in degrees.
@@ -154,8 +162,12 @@ impl LightArgs {
 impl EnvironmentArgs {
     /// The file of `--env`, the factor of its radiance and its rotation in degrees.
     fn file(&self) -> Option<(&Path, [f32; 3], f32)> {
-        let Some(EnvironmentArg::Map(path)) = &self.env else { return None };
-        Some((path, [self.env_scale.unwrap_or(1.0); 3], self.env_turn.unwrap_or(0.0)))
+        let Some(Value(EnvironmentArg::Map(path))) = &self.env else { return None };
+        Some((path, [self.scale(); 3], self.env_turn.map_or(0.0, |turn| turn.0)))
+    }
+
+    fn scale(&self) -> f32 {
+        self.env_scale.map_or(1.0, |scale| scale.0)
     }
 
     fn read(&self) -> Result<Environment> {
@@ -165,11 +177,11 @@ impl EnvironmentArgs {
             load::warn(&warnings);
             return Ok(Environment::Image(EnvironmentImage { scale, turn_degrees, ..image }));
         }
-        let Some(EnvironmentArg::Constant(radiance)) = &self.env else { return Ok([0.0; 3].into()) };
+        let Some(Value(EnvironmentArg::Constant(radiance))) = &self.env else { return Ok([0.0; 3].into()) };
         if self.env_turn.is_some() {
             return Err(anyhow!("--env-turn requires an environment map: --env FILE"));
         }
-        let scale = self.env_scale.unwrap_or(1.0);
+        let scale = self.scale();
         let scaled = color("--env", *radiance)?.map(|c| c * scale);
         if !scaled.iter().all(|c| c.is_finite()) {
             return Err(anyhow!("--env times --env-scale {scale} exceeds single precision"));
@@ -206,16 +218,12 @@ fn turned([x, y, z]: [f32; 3], up: [f32; 3]) -> [f32; 3] {
         [0.0, _, 0.0] => [x, y * up[1].signum(), z],
         [0.0, 0.0, _] => [x, -z, y * up[2].signum()],
         // Any part across does.
-        _ => {
-            let up = unit(up);
-            std::array::from_fn(|k| y * up[k] + 0.3 * [x, 0.0, z][k])
-        }
+        _ => (y * Vec3::from(unit(up)) + 0.3 * Vec3::new(x, 0.0, z)).into(),
     }
 }
 
 /// Normalizes a nonzero vector.
 fn unit(v: [f32; 3]) -> [f32; 3] {
-    let v = v.map(f64::from);
-    let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    v.map(|x| (x / length) as f32)
+    let v: DVec3 = Vec3::from(v).into();
+    (v / v.length()).as_vec3().into()
 }

@@ -1,44 +1,53 @@
-//! Values of options, as text and as types, and the options that several subcommands share.
+//! Options: what their values are, as text and as types; structs of options, which are set, merged and written by the names of their
+//! fields; the options of the acceleration structure.
+//!
+//! An option is a field of a struct that derives `clap::Args`, `Serialize` and `Deserialize`. Its type, an `Option` of a [`Value`], says how
+//! its text is read and written: on the command line, in scene files, in commands that `canted view` prints.
 
-use anyhow::{Result, bail};
+use std::fmt::{self, Debug};
+
+use anyhow::{Result, anyhow, bail};
+use canted_film::{Aov, Filter, ToneMap};
 use canted_lbvh::Strategy;
-use canted_renderer::{Builder, BvhKind, Levels, SceneBvhConfig};
+use canted_renderer::{
+    BoxLevel, Builder, BvhKind, FirstHit, Integrator, Levels, Lod, Measure, Pattern, SampleSums, SceneBvhConfig,
+    UpdatePolicy,
+};
 use canted_scene::{Scene, suggestion};
 use canted_trace::TriangleTest;
 use canted_wide::Preset;
 use clap::{
-    ArgMatches, Args, Command, FromArgMatches, Id,
-    builder::{PossibleValuesParser, TypedValueParser},
+    ArgAction, ArgMatches, Args, Command, FromArgMatches, Id,
+    builder::{PossibleValuesParser, TypedValueParser, ValueParser, ValueParserFactory},
     parser::ValueSource,
 };
-use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de::DeserializeOwned, de::Error as _};
+use serde_json::json;
 
 use crate::output;
 
-/// The values of an option by name.
-pub(crate) type Names<T> = [(&'static str, T)];
+/// The value of an option, in the form `F`.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) struct Value<F: Form>(pub(crate) F::Value);
 
-/// A type whose values have names.
-pub(crate) trait Named: Copy + PartialEq + Send + Sync + 'static {
-    /// All of them.
-    const NAMES: &'static Names<Self>;
-
-    /// The name of this value.
-    fn name(self) -> &'static str {
-        Self::NAMES.iter().find(|(_, known)| *known == self).map_or("unknown", |(name, _)| name)
+impl<F: Form> Debug for Value<F> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
     }
 }
 
-/// A parser of one value by its name.
-pub(crate) fn one_of<T: Copy + Send + Sync>(names: &'static Names<T>) -> impl TypedValueParser<Value = T> {
-    let value = |name: String| names.iter().find(|(known, _)| *known == name).map(|&(_, value)| value);
-    PossibleValuesParser::new(names.iter().map(|(name, _)| *name))
-        .try_map(move |name| value(name).ok_or("unknown name"))
-}
+/// The form of an option: which values it has, and their text.
+pub(crate) trait Form: Clone + Debug + PartialEq + Send + Sync + 'static {
+    /// A value.
+    type Value: Text + Clone + Debug + PartialEq + Send + Sync + 'static;
 
-/// A parser of the values of a type by their names.
-pub(crate) fn named<T: Named>() -> impl TypedValueParser<Value = T> {
-    one_of(T::NAMES)
+    /// The names of all values, if they have names.
+    fn names() -> Vec<&'static str> {
+        Vec::new()
+    }
+
+    /// The value of a text.
+    fn parse(text: &str) -> Result<Self::Value, String>;
 }
 
 /// A value as it stands on the command line and in scene files.
@@ -47,16 +56,136 @@ pub(crate) trait Text {
     fn text(&self) -> String;
 }
 
+impl<F: Form> ValueParserFactory for Value<F> {
+    type Parser = ValueParser;
+
+    fn value_parser() -> ValueParser {
+        let parse = |text: &str| F::parse(text).map(Self);
+        match F::names() {
+            names if names.is_empty() => ValueParser::new(parse),
+            names => ValueParser::new(PossibleValuesParser::new(names).try_map(move |name| parse(&name))),
+        }
+    }
+}
+
+impl<F: Form> Serialize for Value<F> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.0.text())
+    }
+}
+
+impl<'de, F: Form> Deserialize<'de> for Value<F> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        F::parse(&String::deserialize(deserializer)?).map(Self).map_err(D::Error::custom)
+    }
+}
+
+/// A type whose values have names.
+pub(crate) trait Named: Copy + Debug + PartialEq + Send + Sync + 'static {
+    /// All of them.
+    fn all() -> Vec<Self>;
+
+    /// The name of this value.
+    fn name(self) -> &'static str;
+}
+
 impl<T: Named> Text for T {
     fn text(&self) -> String {
         self.name().to_owned()
     }
 }
 
-impl Text for u32 {
-    fn text(&self) -> String {
-        self.to_string()
+impl<T: Named> Form for T {
+    type Value = T;
+
+    fn names() -> Vec<&'static str> {
+        T::all().into_iter().map(T::name).collect()
     }
+
+    fn parse(text: &str) -> Result<T, String> {
+        T::all().into_iter().find(|value| value.name() == text).ok_or_else(|| {
+            let names = <T as Form>::names();
+            format!("expected one of {}{}", names.join(", "), suggestion(text, names.iter().copied()))
+        })
+    }
+}
+
+/// Types that list and name their values themselves.
+macro_rules! named {
+    ($($name:ident)*) => {
+        $(impl Named for $name {
+            fn all() -> Vec<Self> {
+                <$name>::ALL.to_vec()
+            }
+
+            fn name(self) -> &'static str {
+                <$name>::name(self)
+            }
+        })*
+    };
+}
+
+named! {
+    Aov Builder BvhKind Filter FirstHit Integrator Levels Lod Measure Pattern Preset SampleSums Strategy ToneMap TriangleTest UpdatePolicy
+}
+
+impl Named for bool {
+    fn all() -> Vec<Self> {
+        vec![true, false]
+    }
+
+    fn name(self) -> &'static str {
+        if self { "on" } else { "off" }
+    }
+}
+
+/// A value, or `auto` where something else chooses it.
+impl<T: Named> Named for Option<T> {
+    fn all() -> Vec<Self> {
+        std::iter::once(None).chain(T::all().into_iter().map(Some)).collect()
+    }
+
+    fn name(self) -> &'static str {
+        self.map_or("auto", T::name)
+    }
+}
+
+/// A parser of one value by its name.
+pub(crate) fn one_of<T: Copy + Send + Sync>(names: &'static [(&'static str, T)]) -> impl TypedValueParser<Value = T> {
+    let value = |name: String| names.iter().find(|(known, _)| *known == name).map(|&(_, value)| value);
+    PossibleValuesParser::new(names.iter().map(|(name, _)| *name))
+        .try_map(move |name| value(name).ok_or("unknown name"))
+}
+
+/// A parser of the values of a type by their names.
+pub(crate) fn named<T: Named>() -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(<T as Form>::names()).try_map(|name| <T as Form>::parse(&name))
+}
+
+/// Forms of numbers.
+macro_rules! numbers {
+    ($($name:ident: $expected:literal, $is_valid:expr;)*) => {
+        $(#[doc = concat!("`", $expected, "`.")]
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub(crate) enum $name {}
+
+        impl Form for $name {
+            type Value = f32;
+
+            fn parse(text: &str) -> Result<f32, String> {
+                let is_valid: fn(&f32) -> bool = $is_valid;
+                text.trim().parse().ok().filter(is_valid).ok_or_else(|| format!("'{text}' is not {}", $expected))
+            }
+        })*
+    };
+}
+
+numbers! {
+    Finite: "a finite number", |x| x.is_finite();
+    NotNegative: "a finite number of at least 0", |x| *x >= 0.0 && x.is_finite();
+    Positive: "a finite number greater than zero", |x| *x > 0.0 && x.is_finite();
+    Length: "a length greater than zero", |x| *x > 0.0;
+    Fov: "an angle between 0 and 180 degrees", |x| *x > 0.0 && *x < 180.0;
 }
 
 impl Text for f32 {
@@ -65,16 +194,23 @@ impl Text for f32 {
     }
 }
 
-impl Text for String {
-    fn text(&self) -> String {
-        self.clone()
-    }
-}
+/// `N` finite numbers separated by commas.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Numbers<const N: usize> {}
 
-/// A size.
-impl Text for [u32; 2] {
-    fn text(&self) -> String {
-        format!("{}x{}", self[0], self[1])
+impl<const N: usize> Form for Numbers<N> {
+    type Value = [f32; N];
+
+    fn parse(text: &str) -> Result<[f32; N], String> {
+        let parts: Vec<&str> = text.split(',').collect();
+        if parts.len() != N {
+            return Err(format!("expected {N} numbers separated by commas, found {}", parts.len()));
+        }
+        let mut numbers = [0.0; N];
+        for (number, part) in numbers.iter_mut().zip(parts) {
+            *number = Finite::parse(part)?;
+        }
+        Ok(numbers)
     }
 }
 
@@ -84,47 +220,142 @@ impl<const N: usize> Text for [f32; N] {
     }
 }
 
-/// Serializes an option as text.
-pub(crate) fn as_text<T: Text, S: Serializer>(value: &Option<T>, serializer: S) -> Result<S::Ok, S::Error> {
-    value.as_ref().map(Text::text).serialize(serializer)
+/// A whole number from `FIRST` to `LAST`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Whole<const FIRST: u32, const LAST: u32> {}
+
+impl<const FIRST: u32, const LAST: u32> Form for Whole<FIRST, LAST> {
+    type Value = u32;
+
+    fn parse(text: &str) -> Result<u32, String> {
+        use std::num::IntErrorKind::{Empty, InvalidDigit};
+        let n: i64 = text.parse().map_err(|error: std::num::ParseIntError| match error.kind() {
+            InvalidDigit | Empty => "expected a whole number".to_owned(),
+            _ => error.to_string(),
+        })?;
+        let n = u32::try_from(n).ok().filter(|n| (FIRST..=LAST).contains(n));
+        n.ok_or_else(|| format!("{text} is not in {FIRST}..={LAST}"))
+    }
 }
 
-/// Serializes the values of an option that may be repeated as texts.
-pub(crate) fn as_texts<T: Text, S: Serializer>(values: &[T], serializer: S) -> Result<S::Ok, S::Error> {
-    let texts: Vec<String> = values.iter().map(Text::text).collect();
-    if texts.is_empty() { serializer.serialize_none() } else { texts.serialize(serializer) }
+impl Text for u32 {
+    fn text(&self) -> String {
+        self.to_string()
+    }
 }
 
-/// Deserializes an option from its text.
-pub(crate) fn from_text<'de, D, T>(deserializer: D, parse: fn(&str) -> Result<T, String>) -> Result<Option<T>, D::Error>
-where
-    D: Deserializer<'de>,
-{
-    parse(&String::deserialize(deserializer)?).map(Some).map_err(D::Error::custom)
+/// Width and height in pixels, as `WxH`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Size {}
+
+impl Form for Size {
+    type Value = [u32; 2];
+
+    fn parse(text: &str) -> Result<[u32; 2], String> {
+        /// More would not fit in the memory of ordinary machines.
+        const MAX_PIXELS: u64 = 1 << 26;
+        let (width, height) = text.split_once(['x', 'X']).ok_or("expected WIDTHxHEIGHT, e.g. 1280x720")?;
+        let side = |text: &str| match text.trim().parse::<u32>() {
+            Ok(n) if n > 0 => Ok(n),
+            _ => Err(format!("'{text}' is not a positive number of pixels")),
+        };
+        let size = [side(width)?, side(height)?];
+        if u64::from(size[0]) * u64::from(size[1]) > MAX_PIXELS {
+            return Err(format!("{} x {} pixels exceed the limit of {MAX_PIXELS}", size[0], size[1]));
+        }
+        Ok(size)
+    }
 }
 
-/// Deserializes an option from the name of its value.
-pub(crate) fn from_name<'de, D: Deserializer<'de>, T: Named>(deserializer: D) -> Result<Option<T>, D::Error> {
-    from_text(deserializer, |text| {
-        let found = T::NAMES.iter().find(|(name, _)| *name == text).map(|&(_, value)| value);
-        found.ok_or_else(|| {
-            let names: Vec<&str> = T::NAMES.iter().map(|(name, _)| *name).collect();
-            format!("expected one of {}{}", names.join(", "), suggestion(text, names.iter().copied()))
-        })
-    })
+impl Text for [u32; 2] {
+    fn text(&self) -> String {
+        format!("{}x{}", self[0], self[1])
+    }
+}
+
+impl Form for BoxLevel {
+    type Value = Self;
+
+    fn parse(text: &str) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl Text for BoxLevel {
+    fn text(&self) -> String {
+        self.to_string()
+    }
+}
+
+/// A number of threads from 1 to 1024.
+pub(crate) fn threads(text: &str) -> Result<usize, String> {
+    let n = text.parse().ok().filter(|n| (1..=1024).contains(n));
+    n.ok_or_else(|| format!("'{text}' is not a number of threads from 1 to 1024"))
+}
+
+/// The options of a struct that are set: their texts by name.
+fn table<A: Serialize>(options: &A) -> serde_json::Map<String, serde_json::Value> {
+    let mut table = match json!(options) {
+        serde_json::Value::Object(table) => table,
+        other => unreachable!("options are a table, not {other}"),
+    };
+    table.retain(|_, value| !value.is_null() && *value != json!([]));
+    table
+}
+
+fn from_table<A: DeserializeOwned>(table: serde_json::Map<String, serde_json::Value>) -> Result<A, serde_json::Error> {
+    serde_json::from_value(serde_json::Value::Object(table))
+}
+
+/// Options, and others for those that are not set.
+pub(crate) fn or<A: Serialize + DeserializeOwned>(options: &A, others: &A) -> A {
+    let mut all = table(others);
+    all.extend(table(options));
+    from_table(all).expect("every option reads what it writes")
+}
+
+/// Options after changes by name, with `_` or `-` between words; an empty text unsets an option.
+///
+/// # Errors
+/// One sentence: an unknown option, or an invalid value.
+pub(crate) fn changed<A: Args + Serialize + DeserializeOwned>(options: &A, changes: &[(String, String)]) -> Result<A> {
+    let command = A::augment_args(Command::new("canted"));
+    let known: Vec<&str> = command.get_opts().map(|arg| arg.get_id().as_str()).collect();
+    let mut table = table(options);
+    for (name, text) in changes {
+        let id = known_name(name, &known)?;
+        table.remove(&id);
+        if text.is_empty() {
+            continue;
+        }
+        let is_repeatable =
+            command.get_opts().any(|arg| *arg.get_id() == id && matches!(arg.get_action(), ArgAction::Append));
+        table.insert(id.clone(), if is_repeatable { json!([text]) } else { json!(text) });
+        from_table::<A>(table.clone())
+            .map_err(|error| anyhow!("invalid value '{text}' for '{}': {error}", flag(&id)))?;
+    }
+    Ok(from_table(table)?)
+}
+
+/// The name of an option with `_` between words, if it is among those that are known.
+pub(crate) fn known_name(name: &str, known: &[&str]) -> Result<String> {
+    let id = name.replace('-', "_");
+    if known.contains(&&id[..]) {
+        return Ok(id);
+    }
+    Err(anyhow!("unknown option '{}'{}", name.escape_debug(), suggestion(&id, known.iter().copied())))
 }
 
 /// The names and texts of the options of a struct that are set, in the order of its fields.
 pub(crate) fn given<A: Args + Serialize>(options: &A) -> Vec<(String, String)> {
-    let texts = serde_json::to_value(options).unwrap_or_default();
-    let of = |name: String| {
-        let all = match &texts[&name] {
-            serde_json::Value::String(text) => vec![text.clone()],
-            serde_json::Value::Array(all) => all.iter().filter_map(|text| Some(text.as_str()?.to_owned())).collect(),
-            _ => Vec::new(),
-        };
-        all.into_iter().map(move |text| (name.clone(), text))
+    let table = table(options);
+    let texts = |name: &String| match table.get(name) {
+        None => Vec::new(),
+        Some(serde_json::Value::Array(all)) => all.clone(),
+        Some(text) => vec![text.clone()],
     };
+    let text = |value: serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    let of = |name: String| texts(&name).into_iter().map(move |value| (name.clone(), text(value)));
     names::<A>().into_iter().flat_map(of).collect()
 }
 
@@ -146,7 +377,7 @@ pub(crate) fn defaults<A: Args>() -> A {
 }
 
 /// Options of which only those on the command line are set: default values are for the help, so that a scene file can set the others.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 #[serde(transparent)]
 pub(crate) struct Given<A>(pub(crate) A);
 
@@ -181,172 +412,36 @@ impl<A: Args> FromArgMatches for Given<A> {
     }
 }
 
-/// `N` finite numbers separated by commas.
-pub(crate) fn numbers<const N: usize>(text: &str) -> Result<[f32; N], String> {
-    let parts: Vec<&str> = text.split(',').collect();
-    if parts.len() != N {
-        return Err(format!("expected {N} numbers separated by commas, found {}", parts.len()));
-    }
-    let mut numbers = [0.0; N];
-    for (number, part) in numbers.iter_mut().zip(parts) {
-        *number = self::number(part)?;
-    }
-    Ok(numbers)
-}
-
-/// A finite number.
-pub(crate) fn number(text: &str) -> Result<f32, String> {
-    number_where(text, f32::is_finite).ok_or_else(|| format!("'{text}' is not a finite number"))
-}
-
-/// A finite number that is not negative.
-pub(crate) fn factor(text: &str) -> Result<f32, String> {
-    number_where(text, |x| x >= 0.0 && x.is_finite())
-        .ok_or_else(|| format!("'{text}' is not a finite number of at least 0"))
-}
-
-/// An angle in degrees, in the open interval (0, 180).
-pub(crate) fn fov(text: &str) -> Result<f32, String> {
-    number_where(text, |x| x > 0.0 && x < 180.0)
-        .ok_or_else(|| format!("'{text}' is not an angle between 0 and 180 degrees"))
-}
-
-/// A positive length, possibly infinite.
-pub(crate) fn radius(text: &str) -> Result<f32, String> {
-    number_where(text, |x| x > 0.0).ok_or_else(|| format!("'{text}' is not a length greater than zero"))
-}
-
-/// A positive finite number.
-pub(crate) fn noise(text: &str) -> Result<f32, String> {
-    number_where(text, |x| x > 0.0 && x.is_finite())
-        .ok_or_else(|| format!("'{text}' is not a finite number greater than zero"))
-}
-
-fn number_where(text: &str, is_valid: impl Fn(f32) -> bool) -> Option<f32> {
-    text.trim().parse().ok().filter(|&x| is_valid(x))
-}
-
-/// The largest picture in pixels. More would not fit in the memory of ordinary machines.
-const MAX_PIXELS: u64 = 1 << 26;
-
-/// Width and height as `WxH`.
-pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
-    let (width, height) = text.split_once(['x', 'X']).ok_or("expected WIDTHxHEIGHT, e.g. 1280x720")?;
-    let side = |text: &str| match text.trim().parse::<u32>() {
-        Ok(n) if n > 0 => Ok(n),
-        _ => Err(format!("'{text}' is not a positive number of pixels")),
-    };
-    let size = [side(width)?, side(height)?];
-    if u64::from(size[0]) * u64::from(size[1]) > MAX_PIXELS {
-        return Err(format!("{} x {} pixels exceed the limit of {MAX_PIXELS}", size[0], size[1]));
-    }
-    Ok(size)
-}
-
-/// A whole number in a range.
-pub(crate) fn whole(text: &str, range: std::ops::RangeInclusive<u32>) -> Result<u32, String> {
-    use std::num::IntErrorKind::{Empty, InvalidDigit};
-    let n: i64 = text.parse().map_err(|error: std::num::ParseIntError| match error.kind() {
-        InvalidDigit | Empty => "expected a whole number".to_owned(),
-        _ => error.to_string(),
-    })?;
-    let (first, last) = (range.start(), range.end());
-    let n = u32::try_from(n).ok().filter(|n| range.contains(n));
-    n.ok_or_else(|| format!("{text} is not in {first}..={last}"))
-}
-
-/// A number of threads from 1 to 1024.
-pub(crate) fn threads(text: &str) -> Result<usize, String> {
-    let n = text.parse().ok().filter(|n| (1..=1024).contains(n));
-    n.ok_or_else(|| format!("'{text}' is not a number of threads from 1 to 1024"))
-}
-
-/// Bounding volumes of a binary BVH; `None` for a wide BVH. An alias, because clap treats `Option` as a missing option.
-type Volumes = Option<Strategy>;
-
-/// A builder; `None` for the one that the structure chooses. An alias as [`Volumes`].
-type BuilderChoice = Option<Builder>;
-
 /// Options of the acceleration structure.
 #[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 #[command(next_help_heading = "Acceleration structure", next_display_order = 110)]
 #[serde(default)]
 pub(crate) struct StructureOptions {
     /// BVH levels. `auto` uses two levels where instancing saves memory, else one.
-    #[arg(long, default_value = "auto", value_parser = named::<Levels>(), value_name = "LEVELS")]
-    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
-    levels: Option<Levels>,
+    #[arg(long, default_value = "auto", value_name = "LEVELS")]
+    levels: Option<Value<Levels>>,
     /// Acceleration structure: eight-wide BVH, binary BVH, bounding interval hierarchy or kd-tree [default: wide, or bvh2 with --volumes
     /// NAME].
-    #[arg(long, value_parser = named::<BvhKind>(), value_name = "STRUCTURE")]
-    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
-    pub(crate) accel: Option<BvhKind>,
+    #[arg(long, value_name = "STRUCTURE")]
+    pub(crate) accel: Option<Value<BvhKind>>,
     /// Build effort of the wide BVH. `quality` builds slowest and traces fastest.
-    #[arg(long, default_value = "balanced", value_parser = named::<Preset>(), value_name = "PRESET")]
-    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
-    preset: Option<Preset>,
+    #[arg(long, default_value = "balanced", value_name = "PRESET")]
+    preset: Option<Value<Preset>>,
     /// Builder of the binary tree that becomes the BVH. `auto` is the builder of the preset; with --volumes it is `ploc` on the CPU and `lbvh` on
     /// a GPU. `sbvh` is `sah` with spatial splits. A GPU builds its BVHs itself with --volumes, `lbvh` and `ploc`; else the CPU does.
-    #[arg(long, default_value = "auto", value_parser = named::<BuilderChoice>(), value_name = "BUILDER")]
-    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
-    builder: Option<BuilderChoice>,
+    #[arg(long, default_value = "auto", value_name = "BUILDER")]
+    builder: Option<Value<Option<Builder>>>,
     /// Bounding volumes. `auto` builds a wide BVH of axis-aligned and oriented nodes, or with --accel bvh2 axis-aligned boxes; the others
     /// build a binary BVH.
-    #[arg(long, default_value = "auto", value_parser = named::<Volumes>(), value_name = "VOLUMES")]
-    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
-    pub(crate) volumes: Option<Volumes>,
+    #[arg(long, default_value = "auto", value_name = "VOLUMES")]
+    pub(crate) volumes: Option<Value<Option<Strategy>>>,
     /// Builds the wide BVH of axis-aligned nodes alone: without oriented nodes, and without a frame of the mesh.
-    #[arg(long, num_args = 0..=1, require_equals = true, default_value = "off", default_missing_value = "on", value_parser = named::<bool>(),
+    #[arg(long, num_args = 0..=1, require_equals = true, default_value = "off", default_missing_value = "on",
         value_name = "on|off")]
-    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
-    aligned: Option<bool>,
+    aligned: Option<Value<bool>>,
     /// Ray-triangle intersection test.
-    #[arg(long, default_value = "watertight", value_parser = named::<TriangleTest>(), value_name = "TEST")]
-    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
-    triangles: Option<TriangleTest>,
-}
-
-impl Named for BvhKind {
-    const NAMES: &'static Names<Self> =
-        &[("wide", Self::Wide), ("bvh2", Self::Bvh2), ("bih", Self::Bih), ("kdtree", Self::KdTree)];
-}
-
-impl Named for Levels {
-    const NAMES: &'static Names<Self> = &[("auto", Self::Auto), ("one", Self::One), ("two", Self::Two)];
-}
-
-impl Named for Preset {
-    const NAMES: &'static Names<Self> =
-        &[("dynamic", Self::Dynamic), ("fast", Self::Fast), ("balanced", Self::Balanced), ("quality", Self::Quality)];
-}
-
-impl Named for BuilderChoice {
-    const NAMES: &'static Names<Self> = &[
-        ("auto", None),
-        ("sah", Some(Builder::Sah)),
-        ("sbvh", Some(Builder::Sbvh)),
-        ("ploc", Some(Builder::Ploc)),
-        ("lbvh", Some(Builder::Lbvh)),
-        #[cfg(feature = "baseline")]
-        ("obvhs", Some(Builder::Obvhs)),
-    ];
-}
-
-impl Named for Volumes {
-    const NAMES: &'static Names<Self> = &[
-        ("auto", None),
-        ("aabb", Some(Strategy::Aabb)),
-        ("pca-unbounded", Some(Strategy::PcaUnbounded)),
-        ("pca-bounded", Some(Strategy::PcaBounded)),
-        ("quaternion", Some(Strategy::Quaternion)),
-        ("combined", Some(Strategy::Combined)),
-        ("dop", Some(Strategy::Dop)),
-    ];
-}
-
-/// The name of a strategy on the command line.
-pub(crate) fn strategy_name(strategy: Strategy) -> &'static str {
-    Some(strategy).name()
+    #[arg(long, default_value = "watertight", value_name = "TEST")]
+    triangles: Option<Value<TriangleTest>>,
 }
 
 /// The acceleration structure of a picture.
@@ -372,43 +467,40 @@ impl Structure {
 }
 
 impl StructureOptions {
-    /// These options, and others for those that are not set.
-    pub(crate) fn or(self, other: Self) -> Self {
-        let Self { levels, accel, preset, builder, volumes, aligned, triangles } = self;
-        Self {
-            levels: levels.or(other.levels),
-            accel: accel.or(other.accel),
-            preset: preset.or(other.preset),
-            builder: builder.or(other.builder),
-            volumes: volumes.or(other.volumes),
-            aligned: aligned.or(other.aligned),
-            triangles: triangles.or(other.triangles),
-        }
-    }
-
     /// Settings of a file without those that options replace: a structure on the command line replaces that of the file.
     pub(crate) fn without_replaced(mut self, given: &Self) -> Self {
-        if let Some(accel) = given.accel {
+        if let Some(Value(accel)) = given.accel {
             self.volumes = self.volumes.filter(|_| accel == BvhKind::Bvh2);
             self.builder = self.builder.filter(|_| matches!(accel, BvhKind::Wide | BvhKind::Bvh2));
         }
         if given.volumes.is_some() {
-            self.accel = self.accel.filter(|accel| *accel == BvhKind::Bvh2);
+            self.accel = self.accel.filter(|accel| accel.0 == BvhKind::Bvh2);
         }
         self
     }
 
+    /// The structure to trace, and the bounding volumes that are given.
+    pub(crate) fn kind(&self) -> (BvhKind, Option<Strategy>) {
+        let volumes = self.volumes.and_then(|volumes| volumes.0);
+        let usual = if volumes.is_some() { BvhKind::Bvh2 } else { BvhKind::Wide };
+        (self.accel.map_or(usual, |accel| accel.0), volumes)
+    }
+
+    /// Sets the structure to trace, and its bounding volumes.
+    pub(crate) fn set_kind(&mut self, (kind, volumes): (BvhKind, Option<Strategy>)) {
+        (self.accel, self.volumes) = (Some(Value(kind)), volumes.map(|volumes| Value(Some(volumes))));
+    }
+
     /// Warns about a preset among the options of the command line, which is for wide BVHs, together with another structure.
     pub(crate) fn warn_ignored_preset(&self, given: &Self) {
-        match (self.accel, self.volumes.flatten()) {
+        match self.kind() {
             _ if given.preset.is_none() => {}
-            (Some(accel), _) if given.accel.is_some() && accel != BvhKind::Wide => {
-                output::warn(&format!("--preset has no effect on --accel {}", accel.name()));
+            (kind, _) if given.accel.is_some() && kind != BvhKind::Wide => {
+                output::warn(&format!("--preset has no effect on --accel {}", kind.name()));
             }
-            (_, Some(volumes)) => output::warn(&format!(
-                "--preset has no effect on the binary BVH of --volumes {}",
-                strategy_name(volumes)
-            )),
+            (_, Some(volumes)) => {
+                output::warn(&format!("--preset has no effect on the binary BVH of --volumes {}", volumes.name()))
+            }
             _ => {}
         }
     }
@@ -418,22 +510,24 @@ impl StructureOptions {
     /// # Errors
     /// Options that contradict each other.
     pub(crate) fn resolve(&self) -> Result<Structure> {
-        let (builder, volumes) = (self.builder.flatten(), self.volumes.flatten());
-        let kind = self.accel.unwrap_or(if volumes.is_some() { BvhKind::Bvh2 } else { BvhKind::Wide });
+        // Without `..`, so that a new option cannot be forgotten.
+        let Self { levels, accel: _, preset, builder, volumes: _, aligned, triangles } = *self;
+        let ((kind, volumes), builder) = (self.kind(), builder.and_then(|builder| builder.0));
         if let Some(strategy) = volumes.filter(|_| kind != BvhKind::Bvh2) {
-            bail!("--volumes {} requires --accel bvh2, not {}", strategy_name(strategy), kind.name());
+            bail!("--volumes {} requires --accel bvh2, not {}", strategy.name(), kind.name());
         }
         if let Some(builder) = builder.filter(|_| matches!(kind, BvhKind::Bih | BvhKind::KdTree)) {
-            bail!("--builder {} requires --accel wide or bvh2, not {}", Some(builder).name(), kind.name());
+            bail!("--builder {} requires --accel wide or bvh2, not {}", builder.name(), kind.name());
         }
+        let default = SceneBvhConfig::default();
         let config = SceneBvhConfig {
-            levels: self.levels.unwrap_or_default(),
+            levels: levels.map_or(default.levels, |levels| levels.0),
             kind,
-            preset: self.preset.unwrap_or(Preset::Balanced),
+            preset: preset.map_or(default.preset, |preset| preset.0),
             builder,
-            volumes: volumes.unwrap_or(Strategy::Aabb),
-            aligned: self.aligned.unwrap_or_default(),
-            triangles: self.triangles.unwrap_or_default(),
+            volumes: volumes.unwrap_or(default.volumes),
+            aligned: aligned.is_some_and(|aligned| aligned.0),
+            triangles: triangles.map_or(default.triangles, |triangles| triangles.0),
         };
         if config.aligned && kind != BvhKind::Wide {
             bail!("--aligned requires --accel wide, not {}", kind.name());
@@ -457,7 +551,7 @@ fn unsupported_on_gpu(config: &SceneBvhConfig) -> Option<String> {
         (BvhKind::Bih | BvhKind::KdTree, _) => Some(format!("--accel {}", config.kind.name())),
         // The device builds binary BVHs itself, over a radix tree.
         (BvhKind::Bvh2, Some(builder)) if builder != Builder::Lbvh => {
-            Some(format!("--builder {} with a binary BVH", Some(builder).name()))
+            Some(format!("--builder {} with a binary BVH", builder.name()))
         }
         (BvhKind::Wide | BvhKind::Bvh2, _) => None,
     }
@@ -477,14 +571,6 @@ fn built_on_gpu(config: &SceneBvhConfig) -> Option<canted_gpu::DeviceBvh> {
         _ => return None,
     };
     Some(WideConfig { topology, strategy, ..WideConfig::default() }.into())
-}
-
-impl Named for TriangleTest {
-    const NAMES: &'static Names<Self> = &[
-        ("watertight", Self::Watertight),
-        ("moller-trumbore", Self::MollerTrumbore),
-        ("baldwin-weber", Self::BaldwinWeber),
-    ];
 }
 
 /// Sets the number of threads of the global pool; `None` for all processors.

@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Result, anyhow};
 use canted_film::{Aovs, Film};
 use canted_renderer::{Monitor, Surfaces, resume_with};
-use canted_scene::{Scene, SceneFile, suggestion};
+use canted_scene::{Scene, SceneFile};
 use clap::{Args as _, Command, FromArgMatches as _};
 
 use crate::{
@@ -74,7 +74,7 @@ fn film(source: &Source<'_>, options: &[(String, String)], monitor: &Monitor<'_>
             load::warn(&scene.warnings);
             scene
         }
-        _ => load::scene_with(path, &plan.source.read_options(plan.source.time))?,
+        _ => load::scene_with(path, &plan.source.read_options(plan.source.time()))?,
     };
     render(&mut scene, plan, monitor)
 }
@@ -101,15 +101,11 @@ pub(crate) fn parse<R: clap::Args>(
     is_option: impl Fn(&str) -> bool,
 ) -> Result<PictureArgs<R>> {
     let known: Vec<String> = options::names::<PictureArgs<R>>();
-    let known: Vec<&str> = known.iter().map(|name| &name[..]).filter(|name| is_option(name)).collect();
+    let known: Vec<&str> =
+        known.iter().map(|name| &name[..]).filter(|name| *name != "scene" && is_option(name)).collect();
     let mut words = vec![OsString::from("render")];
     for (name, value) in options {
-        let id = name.replace('-', "_");
-        if id == "scene" || !known.contains(&&id[..]) {
-            let near = suggestion(&id, known.iter().copied());
-            return Err(anyhow!("unknown option '{}'{near}", name.escape_debug()));
-        }
-        words.push(format!("{}={value}", options::flag(&id)).into());
+        words.push(format!("{}={value}", options::flag(&options::known_name(name, &known)?)).into());
     }
     words.extend(scene.map(|path| [OsString::from("--"), path.into()]).into_iter().flatten());
     let command = PictureArgs::<R>::augment_args(Command::new("render")).disable_help_flag(true);

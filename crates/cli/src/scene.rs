@@ -44,12 +44,12 @@ pub(crate) fn run(args: Args) -> Result<()> {
     options::use_threads(None)?;
     let mut file = match plan.source.scene.as_deref() {
         Some(scene) if load::is_scene_file(scene) => {
-            load::check_asset_options(scene, &plan.source.read_options(plan.source.time))?;
+            load::check_asset_options(scene, &plan.source.read_options(plan.source.time()))?;
             load::scene_file(scene)?.moved_to(path)?
         }
         scene => SceneFile::for_scene(scene, path)?,
     };
-    if let Some(time) = plan.source.time {
+    if let Some(time) = plan.source.time() {
         file = file.with_time(time);
     }
     if let Some(animation) = &plan.source.animation {

@@ -6,12 +6,9 @@
 //! scene file -> SceneSettings --+
 //! ```
 //!
-//! An option is a setting of scene files if its struct is part of [`SceneSettings`]; a new option also needs a line in `or` and in `resolve`.
+//! An option is a setting of scene files if its struct is part of [`SceneSettings`]. What a new option does is said in `resolve`.
 
-use std::{
-    path::{Path, PathBuf},
-    str::FromStr,
-};
+use std::path::{Path, PathBuf};
 
 use anyhow::{Result, anyhow};
 use canted_film::{Aovs, Filter, Picture, ToneMap};
@@ -21,12 +18,12 @@ use clap::Command;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    camera::CameraArgs,
+    camera::{CAMERA, CameraArgs},
     light::{EnvironmentArgs, LightArgs},
     load,
     options::{
-        self, Given, Named, Names, Structure, StructureOptions, Text, as_text, flag, from_name, from_text, given,
-        named, names, whole,
+        self, Finite, Form, Given, Length, Named, Positive, Size, Structure, StructureOptions, Text, Value, Whole,
+        flag, given, names,
     },
     output,
 };
@@ -41,11 +38,10 @@ const MAX_BOUNCES: u32 = 4096;
 /// Help headings. Structs state the order of their options in the help, because headings mix options of several structs.
 pub(crate) const PICTURE: &str = "Picture";
 pub(crate) const RENDERING: &str = "Rendering";
-pub(crate) const CAMERA: &str = "Camera";
 const LOOK: &str = "Look (formats of 8 and 16 bits; .exr and .hdr stay linear)";
 
 /// The options of a command that makes pictures, with those of its own in `R`.
-#[derive(clap::Args, Clone, Debug, PartialEq, Serialize)]
+#[derive(clap::Args, Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub(crate) struct PictureArgs<R: clap::Args> {
     #[command(flatten)]
     #[serde(flatten)]
@@ -68,7 +64,7 @@ pub(crate) struct PictureArgs<R: clap::Args> {
 }
 
 /// Which scene, and in which pose. Scene files state the pose of each asset.
-#[derive(clap::Args, Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 #[command(next_help_heading = "Scene")]
 pub(crate) struct SceneArgs {
     /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml) [default: the built-in scene]
@@ -76,20 +72,22 @@ pub(crate) struct SceneArgs {
     #[serde(skip)]
     pub(crate) scene: Option<PathBuf>,
     /// Time in the animation of the file [default: rest pose]
-    #[arg(long, value_parser = options::number, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]
-    #[serde(serialize_with = "as_text")]
-    pub(crate) time: Option<f32>,
+    #[arg(long, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]
+    pub(crate) time: Option<Value<Finite>>,
     /// Animation of the file, by name or by number from 0 [default: the first]
     #[arg(long, requires = "scene", value_name = "NAME|INDEX")]
-    #[serde(serialize_with = "as_text")]
     pub(crate) animation: Option<String>,
     /// Material variant of a glTF file, by name or by number from 0 [default: the materials of its primitives]
     #[arg(long, requires = "scene", value_name = "NAME|INDEX")]
-    #[serde(serialize_with = "as_text")]
     pub(crate) variant: Option<String>,
 }
 
 impl SceneArgs {
+    /// The time in seconds.
+    pub(crate) fn time(&self) -> Option<f32> {
+        self.time.map(|time| time.0)
+    }
+
     /// How the file is read, at a time in seconds.
     pub(crate) fn read_options(&self, time: Option<f32>) -> ReadOptions {
         ReadOptions { time, animation: self.animation.clone(), variant: self.variant.clone() }
@@ -110,9 +108,8 @@ pub(crate) struct SceneSettings {
 #[serde(default)]
 pub(crate) struct PictureOptions {
     /// Image size in pixels.
-    #[arg(long, help_heading = PICTURE, display_order = 5, value_parser = options::size, default_value = "1280x720", value_name = "WxH", allow_hyphen_values = true)]
-    #[serde(serialize_with = "as_text", deserialize_with = "size")]
-    pub(crate) size: Option<[u32; 2]>,
+    #[arg(long, help_heading = PICTURE, display_order = 5, default_value = "1280x720", value_name = "WxH", allow_hyphen_values = true)]
+    pub(crate) size: Option<Value<Size>>,
     #[command(flatten)]
     #[serde(flatten)]
     pub(crate) rendering: RenderingOptions,
@@ -120,9 +117,8 @@ pub(crate) struct PictureOptions {
     #[serde(flatten)]
     pub(crate) look: LookOptions,
     /// Up axis of the scene: `z` for files of CAD and GIS programs. Sets the view that frames the scene and the default light.
-    #[arg(long, help_heading = CAMERA, display_order = 93, default_value = "y", value_parser = named::<UpAxis>(), value_name = "AXIS")]
-    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
-    pub(crate) up_axis: Option<UpAxis>,
+    #[arg(long, help_heading = CAMERA, display_order = 93, default_value = "y", value_name = "AXIS")]
+    pub(crate) up_axis: Option<Value<UpAxis>>,
 }
 
 /// Options of samples and light transport, which a heat map ignores.
@@ -131,53 +127,42 @@ pub(crate) struct PictureOptions {
 #[serde(default)]
 pub(crate) struct RenderingOptions {
     /// Samples per pixel; with --noise, the maximum [default: 16]
-    #[arg(long, display_order = 40, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SAMPLES)), value_name = "N")]
-    #[serde(serialize_with = "as_text", deserialize_with = "spp")]
-    pub(crate) spp: Option<u32>,
+    #[arg(long, display_order = 40, value_name = "N")]
+    pub(crate) spp: Option<Value<Whole<1, MAX_SAMPLES>>>,
     /// Sample pattern [default: stratified; sobol with --samples or --noise]
-    #[arg(long, display_order = 42, value_parser = named::<Pattern>(), value_name = "PATTERN")]
-    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
-    pub(crate) sampler: Option<Pattern>,
+    #[arg(long, display_order = 42, value_name = "PATTERN")]
+    pub(crate) sampler: Option<Value<Pattern>>,
     /// Stop sampling a pixel when its relative standard error falls below ERROR, e.g. 0.02.
-    #[arg(long, display_order = 43, value_parser = options::noise, value_name = "ERROR")]
-    #[serde(serialize_with = "as_text", deserialize_with = "noise")]
-    pub(crate) noise: Option<f32>,
+    #[arg(long, display_order = 43, value_name = "ERROR")]
+    pub(crate) noise: Option<Value<Positive>>,
     /// Random seed.
     #[arg(long, default_value = "0", value_name = "N", allow_hyphen_values = true)]
-    #[serde(serialize_with = "as_text", deserialize_with = "seed")]
-    seed: Option<u32>,
+    seed: Option<Value<Whole<0, { u32::MAX }>>>,
     /// Pixel reconstruction filter.
-    #[arg(long, default_value = "box", value_parser = named::<Filter>(), value_name = "FILTER")]
-    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
-    filter: Option<Filter>,
+    #[arg(long, default_value = "box", value_name = "FILTER")]
+    filter: Option<Value<Filter>>,
     /// Texture filtering: `none` (bilinear), `cone` (isotropic ray cones) or `aniso` (anisotropic).
-    #[arg(long, default_value = "aniso", value_parser = named::<Lod>(), value_name = "LOD")]
-    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
-    lod: Option<Lod>,
+    #[arg(long, default_value = "aniso", value_name = "LOD")]
+    lod: Option<Value<Lod>>,
     /// Light transport: `hybrid` is fast and approximate, `path` is a path tracer [default: path for glossy surfaces, glass
     /// and scenes lit by their own surfaces, else hybrid]
-    #[arg(long, value_parser = named::<Integrator>(), value_name = "INTEGRATOR")]
-    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
-    pub(crate) integrator: Option<Integrator>,
+    #[arg(long, value_name = "INTEGRATOR")]
+    pub(crate) integrator: Option<Value<Integrator>>,
     /// Maximum number of bounces after the first hit [default: 2 for hybrid, 32 for path]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(0..=i64::from(MAX_BOUNCES)), value_name = "N")]
-    #[serde(serialize_with = "as_text", deserialize_with = "bounces")]
-    pub(crate) bounces: Option<u32>,
+    #[arg(long, value_name = "N")]
+    pub(crate) bounces: Option<Value<Whole<0, MAX_BOUNCES>>>,
     /// Ambient occlusion radius of `hybrid` in world units; inf disables ambient light [default: a tenth of the scene's
     /// diagonal]
-    #[arg(long, value_parser = options::radius, value_name = "LENGTH", allow_hyphen_values = true)]
-    #[serde(serialize_with = "as_text", deserialize_with = "radius")]
-    ao_radius: Option<f32>,
+    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true)]
+    ao_radius: Option<Value<Length>>,
     /// Give back the light that rough metal, coats and glass lose between their microfacets: on or off. `off` is for
     /// comparison with renderers that scatter once; `hybrid` has no such surfaces.
-    #[arg(long, default_value = "on", value_parser = named::<bool>(), value_name = "on|off")]
-    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
-    energy_compensation: Option<bool>,
+    #[arg(long, default_value = "on", value_name = "on|off")]
+    energy_compensation: Option<Value<bool>>,
     /// First hits of `hybrid` on a GPU: `raster` starts rays at what a raster pass saw, `trace` traces them, `auto` measures which is
     /// faster. The picture is the same.
-    #[arg(long, default_value = "auto", value_parser = named::<FirstHit>(), value_name = "auto|raster|trace")]
-    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
-    first_hit: Option<FirstHit>,
+    #[arg(long, default_value = "auto", value_name = "auto|raster|trace")]
+    first_hit: Option<Value<FirstHit>>,
 }
 
 /// Exposure and tone curve of pictures in formats that are not linear.
@@ -187,31 +172,11 @@ pub(crate) struct RenderingOptions {
 pub(crate) struct LookOptions {
     /// Exposure in stops, each of which doubles the brightness, or `auto` for a mean of middle gray [default: 0]
     #[arg(long, value_name = "EV|auto", allow_hyphen_values = true)]
-    #[serde(serialize_with = "as_text", deserialize_with = "exposure")]
-    exposure: Option<Exposure>,
+    exposure: Option<Value<Exposure>>,
     /// Tone curve: `none` clamps, `filmic-neutral` (Khronos PBR Neutral) keeps the colors of glTF materials, `agx` and `aces` are
     /// those of films.
-    #[arg(long, default_value = "none", value_parser = named::<ToneMap>(), value_name = "CURVE")]
-    #[serde(serialize_with = "as_text", deserialize_with = "from_name")]
-    pub(crate) tone_map: Option<ToneMap>,
-}
-
-macro_rules! text_readers {
-    ($($name:ident: $type:ty = $parse:expr;)*) => {
-        $(fn $name<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<$type>, D::Error> {
-            from_text(deserializer, $parse)
-        })*
-    };
-}
-
-text_readers! {
-    size: [u32; 2] = options::size;
-    spp: u32 = |text| whole(text, 1..=MAX_SAMPLES);
-    noise: f32 = options::noise;
-    seed: u32 = |text| whole(text, 0..=u32::MAX);
-    bounces: u32 = |text| whole(text, 0..=MAX_BOUNCES);
-    radius: f32 = options::radius;
-    exposure: Exposure = str::parse;
+    #[arg(long, default_value = "none", value_name = "CURVE")]
+    pub(crate) tone_map: Option<Value<ToneMap>>,
 }
 
 /// The direction that is up in world space.
@@ -219,47 +184,13 @@ text_readers! {
 pub(crate) struct UpAxis(pub(crate) [f32; 3]);
 
 impl Named for UpAxis {
-    const NAMES: &'static Names<Self> = &[("y", Self([0.0, 1.0, 0.0])), ("z", Self([0.0, 0.0, 1.0]))];
-}
+    fn all() -> Vec<Self> {
+        vec![Self([0.0, 1.0, 0.0]), Self([0.0, 0.0, 1.0])]
+    }
 
-impl Named for Pattern {
-    const NAMES: &'static Names<Self> =
-        &[("random", Self::Random), ("stratified", Self::Stratified), ("sobol", Self::Sobol)];
-}
-
-impl Named for Filter {
-    const NAMES: &'static Names<Self> = &[
-        ("box", Self::BOX),
-        ("tent", Self::TENT),
-        ("gaussian", Self::GAUSSIAN),
-        ("mitchell", Self::MITCHELL),
-        ("blackman-harris", Self::BLACKMAN_HARRIS),
-    ];
-}
-
-impl Named for Lod {
-    const NAMES: &'static Names<Self> = &[("none", Self::None), ("cone", Self::Cone), ("aniso", Self::Aniso)];
-}
-
-impl Named for Integrator {
-    const NAMES: &'static Names<Self> = &[("hybrid", Self::Hybrid), ("path", Self::Path)];
-}
-
-impl Named for bool {
-    const NAMES: &'static Names<Self> = &[("on", true), ("off", false)];
-}
-
-impl Named for FirstHit {
-    const NAMES: &'static Names<Self> = &[("auto", Self::Auto), ("raster", Self::Raster), ("trace", Self::Trace)];
-}
-
-impl Named for ToneMap {
-    const NAMES: &'static Names<Self> =
-        &[("none", Self::None), ("agx", Self::Agx), ("aces", Self::Aces), ("filmic-neutral", Self::FilmicNeutral)];
-}
-
-impl Named for Measure {
-    const NAMES: &'static Names<Self> = &[("boxes", Self::Boxes), ("triangles", Self::Triangles)];
+    fn name(self) -> &'static str {
+        if self.0[1] == 0.0 { "z" } else { "y" }
+    }
 }
 
 /// The value of `--exposure`.
@@ -269,16 +200,16 @@ pub(crate) enum Exposure {
     Stops(f32),
 }
 
-impl FromStr for Exposure {
-    type Err = String;
+impl Form for Exposure {
+    type Value = Self;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn parse(text: &str) -> Result<Self, String> {
         /// More stops than between the darkest and the brightest `f32`.
         const LIMIT: f32 = 200.0;
         if text == "auto" {
             return Ok(Self::Auto);
         }
-        match options::number(text) {
+        match Finite::parse(text) {
             Ok(stops) if stops.abs() <= LIMIT => Ok(Self::Stops(stops)),
             _ => Err(format!("'{text}' is neither auto nor a number of stops from -{LIMIT} to {LIMIT}")),
         }
@@ -302,39 +233,42 @@ impl LookOptions {
 
     /// The number of stops, unless it depends on the picture.
     pub(crate) fn stops(&self) -> Option<f32> {
-        match self.exposure {
-            Some(Exposure::Stops(stops)) => Some(stops),
-            _ => None,
+        match self.exposure?.0 {
+            Exposure::Stops(stops) => Some(stops),
+            Exposure::Auto => None,
         }
+    }
+
+    /// The tone curve.
+    pub(crate) fn curve(&self) -> ToneMap {
+        self.tone_map.map_or(ToneMap::None, |curve| curve.0)
     }
 
     /// Exposes by a number of stops; `None` for no given exposure.
     pub(crate) fn set_stops(&mut self, stops: Option<f32>) {
-        self.exposure = stops.map(Exposure::Stops);
+        self.exposure = stops.map(|stops| Value(Exposure::Stops(stops)));
     }
 
     /// Warns about options without effect on a linear format.
     pub(crate) fn warn_ignored(&self, is_linear: bool) {
-        if is_linear && (self.exposure.is_some() || self.tone_map.is_some_and(|curve| curve != ToneMap::None)) {
+        if is_linear && (self.exposure.is_some() || self.curve() != ToneMap::None) {
             output::warn("--exposure and --tone-map have no effect on linear formats");
         }
     }
 
     /// The picture as it is encoded.
     pub(crate) fn apply(&self, picture: Picture) -> Picture {
-        let stops = match self.exposure {
-            None => 0.0,
-            Some(Exposure::Stops(stops)) => stops,
-            Some(Exposure::Auto) => {
-                let stops = picture.auto_exposure();
-                output::note(&format!("--exposure auto: {stops:+.2}"));
-                stops
-            }
+        let stops = if self.exposure == Some(Value(Exposure::Auto)) {
+            let stops = picture.auto_exposure();
+            output::note(&format!("--exposure auto: {stops:+.2}"));
+            stops
+        } else {
+            self.stops().unwrap_or(0.0)
         };
         let exposed = if stops == 0.0 { picture } else { picture.exposed(stops) };
-        match self.tone_map {
-            None | Some(ToneMap::None) => exposed,
-            Some(curve) => exposed.tone_mapped(curve),
+        match self.curve() {
+            ToneMap::None => exposed,
+            curve => exposed.tone_mapped(curve),
         }
     }
 }
@@ -347,7 +281,8 @@ impl SceneSettings {
     pub(crate) fn of_file(file: &SceneFile) -> Result<Self> {
         let fail = |line: usize, error: String| anyhow!("{}: line {line}: {error}", file.path().display());
         file.settings.iter().try_fold(Self::default(), |all, setting| {
-            Ok(Self::of_one(setting).map_err(|error| fail(setting.line, error))?.or(all))
+            let one = Self::of_one(setting).map_err(|error| fail(setting.line, error))?;
+            Ok(options::or(&one, &all))
         })
     }
 
@@ -382,36 +317,6 @@ impl SceneSettings {
         [names::<PictureOptions>(), names::<StructureOptions>()].concat()
     }
 
-    /// These settings, and others for those that are not set.
-    pub(crate) fn or(self, other: Self) -> Self {
-        let PictureOptions { size, rendering: r, look, up_axis } = self.picture;
-        let PictureOptions { rendering: other_r, look: other_look, .. } = other.picture;
-        Self {
-            picture: PictureOptions {
-                size: size.or(other.picture.size),
-                rendering: RenderingOptions {
-                    spp: r.spp.or(other_r.spp),
-                    sampler: r.sampler.or(other_r.sampler),
-                    noise: r.noise.or(other_r.noise),
-                    seed: r.seed.or(other_r.seed),
-                    filter: r.filter.or(other_r.filter),
-                    lod: r.lod.or(other_r.lod),
-                    integrator: r.integrator.or(other_r.integrator),
-                    bounces: r.bounces.or(other_r.bounces),
-                    ao_radius: r.ao_radius.or(other_r.ao_radius),
-                    energy_compensation: r.energy_compensation.or(other_r.energy_compensation),
-                    first_hit: r.first_hit.or(other_r.first_hit),
-                },
-                look: LookOptions {
-                    exposure: look.exposure.or(other_look.exposure),
-                    tone_map: look.tone_map.or(other_look.tone_map),
-                },
-                up_axis: up_axis.or(other.picture.up_axis),
-            },
-            structure: self.structure.or(other.structure),
-        }
-    }
-
     /// Settings of a file without those that contradict options of the command line: settings for one kind of picture do not prevent
     /// another.
     fn without_replaced(mut self, given: &Self, purpose: &Purpose) -> Self {
@@ -424,10 +329,10 @@ impl SceneSettings {
         }
         // A part determines the number of samples, except for patterns that depend on the total.
         let sampler = given.picture.rendering.sampler.or(rendering.sampler);
-        if purpose.part.is_some() && sampler != Some(Pattern::Stratified) {
+        if purpose.part.is_some() && sampler != Some(Value(Pattern::Stratified)) {
             rendering.spp = None;
         }
-        if given.picture.rendering.integrator == Some(Integrator::Path) {
+        if given.picture.rendering.integrator == Some(Value(Integrator::Path)) {
             rendering.ao_radius = None;
         }
         self.structure = self.structure.without_replaced(&given.structure);
@@ -438,7 +343,7 @@ impl SceneSettings {
     pub(crate) fn written(self) -> Vec<Setting> {
         let defaults =
             Self { picture: options::defaults::<PictureOptions>(), structure: options::defaults::<StructureOptions>() };
-        let all = self.or(defaults);
+        let all = options::or(&self, &defaults);
         let texts = [given(&all.picture), given(&all.structure)].concat();
         let command = <StructureOptions as clap::Args>::augment_args(<PictureOptions as clap::Args>::augment_args(
             Command::new("canted"),
@@ -476,6 +381,8 @@ pub(crate) struct Plan {
     pub(crate) light: LightArgs,
     pub(crate) structure: Structure,
     pub(crate) look: LookOptions,
+    /// Up in world space, unless the camera says otherwise.
+    up_axis: [f32; 3],
     pub(crate) heatmap: Option<(Measure, u32)>,
     /// With the integrator that was chosen last.
     pub(crate) settings: Settings,
@@ -495,21 +402,25 @@ impl<R: clap::Args> PictureArgs<R> {
     pub(crate) fn resolve(self, file: Option<&SceneFile>, purpose: &Purpose) -> Result<Plan> {
         let given = SceneSettings { picture: self.options.0, structure: self.structure.0 };
         let of_file = file.map(SceneSettings::of_file).transpose()?.unwrap_or_default();
-        let options = given.clone().or(of_file.without_replaced(&given, purpose));
-        let rendering = &options.picture.rendering;
-        if rendering.ao_radius.is_some() && rendering.integrator == Some(Integrator::Path) {
+        let options = options::or(&given, &of_file.without_replaced(&given, purpose));
+        // Without `..`, so that a new option cannot be forgotten.
+        let SceneSettings { picture: PictureOptions { size: _, rendering: _, look, up_axis }, structure } = &options;
+        let RenderingOptions { ao_radius, integrator, first_hit, .. } = options.picture.rendering;
+        let integrator = integrator.map(|integrator| integrator.0);
+        if ao_radius.is_some() && integrator == Some(Integrator::Path) {
             return Err(anyhow!("--ao-radius requires --integrator hybrid"));
         }
         let mut plan = Plan {
             source: self.source,
             camera: self.camera,
             light: self.light,
-            structure: options.structure.resolve()?,
-            look: options.picture.look.clone(),
+            structure: structure.resolve()?,
+            look: look.clone(),
+            up_axis: up_axis.map_or(crate::light::DEFAULT_UP, |axis| axis.0.0),
             heatmap: purpose.heatmap,
             settings: settings(&options.picture, purpose)?,
-            integrator: rendering.integrator,
-            first_hit: rendering.first_hit.unwrap_or_default(),
+            integrator,
+            first_hit: first_hit.map_or(FirstHit::default(), |first_hit| first_hit.0),
             is_linear: purpose.is_linear,
             options,
         };
@@ -520,13 +431,28 @@ impl<R: clap::Args> PictureArgs<R> {
 
 /// The renderer's settings, but for integrator and bounces.
 fn settings(options: &PictureOptions, purpose: &Purpose) -> Result<Settings> {
-    let (default, rendering) = (Settings::default(), &options.rendering);
-    let [width, height] = options.size.unwrap_or([default.width, default.height]);
+    // Without `..`, so that a new option cannot be forgotten. What is not used here, `resolve` uses.
+    let RenderingOptions {
+        spp,
+        sampler,
+        noise,
+        seed,
+        filter,
+        lod,
+        integrator: _,
+        bounces: _,
+        ao_radius,
+        energy_compensation,
+        first_hit: _,
+    } = options.rendering;
+    let default = Settings::default();
+    let [width, height] = options.size.map_or([default.width, default.height], |size| size.0);
     let Purpose { part, has_time_limit, aovs, .. } = *purpose;
     // Both need samples that do not depend on the total number.
-    let needs_prefix = part.is_some() || rendering.noise.is_some() || has_time_limit;
-    let pattern = rendering.sampler.unwrap_or(if needs_prefix { Pattern::Sobol } else { Pattern::Stratified });
-    let samples = match (part, rendering.spp) {
+    let needs_prefix = part.is_some() || noise.is_some() || has_time_limit;
+    let usual = if needs_prefix { Pattern::Sobol } else { Pattern::Stratified };
+    let pattern = sampler.map_or(usual, |sampler| sampler.0);
+    let samples = match (part, spp.map(|spp| spp.0)) {
         (None, None) if has_time_limit => MAX_SAMPLES,
         (None, spp) => spp.unwrap_or(DEFAULT_SAMPLES),
         (Some([start, end]), Some(spp)) if pattern == Pattern::Stratified => {
@@ -552,14 +478,14 @@ fn settings(options: &PictureOptions, purpose: &Purpose) -> Result<Settings> {
         height,
         samples,
         part,
-        noise: rendering.noise,
+        noise: noise.map(|noise| noise.0),
         aovs,
-        seed: rendering.seed.unwrap_or(default.seed),
+        seed: seed.map_or(default.seed, |seed| seed.0),
         pattern,
-        filter: rendering.filter.unwrap_or(default.filter),
-        lod: rendering.lod.unwrap_or(default.lod),
-        energy_compensation: rendering.energy_compensation.unwrap_or(default.energy_compensation),
-        ao_radius: rendering.ao_radius,
+        filter: filter.map_or(default.filter, |filter| filter.0),
+        lod: lod.map_or(default.lod, |lod| lod.0),
+        energy_compensation: energy_compensation.map_or(default.energy_compensation, |is_on| is_on.0),
+        ao_radius: ao_radius.map(|radius| radius.0),
         ..default
     })
 }
@@ -572,11 +498,7 @@ impl Plan {
 
     /// Up in world space.
     pub(crate) fn up(&self) -> [f32; 3] {
-        self.camera.up(self.up_axis())
-    }
-
-    fn up_axis(&self) -> [f32; 3] {
-        self.options.picture.up_axis.map_or(crate::light::DEFAULT_UP, |axis| axis.0)
+        self.camera.up(self.up_axis)
     }
 
     /// The camera of the options, else of the file, else one that frames the scene.
@@ -584,13 +506,14 @@ impl Plan {
     /// # Errors
     /// A focus distance for a camera without a lens, or a camera that the file does not have.
     pub(crate) fn camera(&self, scene: &Scene, bvh: &SceneBvh) -> Result<Camera> {
-        self.camera.camera(scene, bvh, self.size(), self.up_axis())
+        self.camera.camera(scene, bvh, self.size(), self.up_axis)
     }
 
     /// Sets the integrator, and its bounces unless they are given.
     fn set_integrator(&mut self, integrator: Integrator) {
         self.settings.integrator = integrator;
-        self.settings.bounces = self.options.picture.rendering.bounces.unwrap_or(integrator.bounces());
+        let bounces = self.options.picture.rendering.bounces;
+        self.settings.bounces = bounces.map_or(integrator.bounces(), |bounces| bounces.0);
     }
 
     /// Renders with an integrator from now on.
@@ -630,15 +553,14 @@ impl Plan {
         let mut decided = SceneSettings::default();
         let Settings { samples, pattern, bounces, integrator, .. } = self.settings;
         decided.picture.rendering = RenderingOptions {
-            spp: Some(samples),
-            sampler: Some(pattern),
-            bounces: Some(bounces),
-            integrator: Some(integrator),
+            spp: Some(Value(samples)),
+            sampler: Some(Value(pattern)),
+            bounces: Some(Value(bounces)),
+            integrator: Some(Value(integrator)),
             ..RenderingOptions::default()
         };
-        let stops = self.look.stops().filter(|stops| *stops != 0.0);
-        decided.picture.look.exposure = stops.map(Exposure::Stops);
-        decided.or(self.options.clone())
+        decided.picture.look.set_stops(self.look.stops().filter(|stops| *stops != 0.0));
+        options::or(&decided, &self.options)
     }
 
     /// The files that are read.
@@ -680,6 +602,6 @@ mod tests {
         assert_eq!(settings(&options::defaults(), &purpose).unwrap(), settings(&none, &purpose).unwrap());
         let structure = options::defaults::<StructureOptions>();
         assert_eq!(structure.resolve().unwrap(), StructureOptions::default().resolve().unwrap());
-        assert_eq!(options::defaults::<PictureOptions>().look.tone_map, Some(ToneMap::None));
+        assert_eq!(options::defaults::<PictureOptions>().look.curve(), ToneMap::None);
     }
 }

@@ -19,17 +19,11 @@ pub enum Filter {
     BlackmanHarris(f32),
 }
 
-/// The name as in `--filter`, and the radius unless it is the default.
+/// The name, and the radius unless it is the usual one.
 impl fmt::Display for Filter {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (name, usual) = match self {
-            Self::Box(_) => ("box", Self::BOX),
-            Self::Tent(_) => ("tent", Self::TENT),
-            Self::Gaussian(_) => ("gaussian", Self::GAUSSIAN),
-            Self::Mitchell(_) => ("mitchell", Self::MITCHELL),
-            Self::BlackmanHarris(_) => ("blackman-harris", Self::BLACKMAN_HARRIS),
-        };
-        if *self == usual { f.write_str(name) } else { write!(f, "{name} of radius {}", self.radius()) }
+        let name = self.name();
+        if Self::ALL.contains(self) { f.write_str(name) } else { write!(f, "{name} of radius {}", self.radius()) }
     }
 }
 
@@ -44,6 +38,21 @@ impl Filter {
     pub const MITCHELL: Self = Self::Mitchell(2.0);
     /// Half of the maximum at about half a pixel.
     pub const BLACKMAN_HARRIS: Self = Self::BlackmanHarris(1.5);
+
+    /// All filters, with their usual radii.
+    pub const ALL: [Self; 5] = [Self::BOX, Self::TENT, Self::GAUSSIAN, Self::MITCHELL, Self::BLACKMAN_HARRIS];
+
+    /// Its name in options, scene files and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Box(_) => "box",
+            Self::Tent(_) => "tent",
+            Self::Gaussian(_) => "gaussian",
+            Self::Mitchell(_) => "mitchell",
+            Self::BlackmanHarris(_) => "blackman-harris",
+        }
+    }
 
     /// Radius along each axis, in pixels.
     #[must_use]

@@ -68,6 +68,20 @@ pub enum ToneMap {
 }
 
 impl ToneMap {
+    /// All curves.
+    pub const ALL: [Self; 4] = [Self::None, Self::Agx, Self::Aces, Self::FilmicNeutral];
+
+    /// Its name in options, scene files and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Agx => "agx",
+            Self::Aces => "aces",
+            Self::FilmicNeutral => "filmic-neutral",
+        }
+    }
+
     /// The display value of a radiance, each component in 0..=1. What is not a number or negative counts as 0.
     ///
     /// ```

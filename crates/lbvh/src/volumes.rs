@@ -60,6 +60,19 @@ impl Strategy {
     /// All strategies, the axis-aligned one first.
     pub const ALL: [Self; 6] =
         [Self::Aabb, Self::PcaUnbounded, Self::PcaBounded, Self::Quaternion, Self::Combined, Self::Dop];
+
+    /// Its name in options, scene files and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Aabb => "aabb",
+            Self::PcaUnbounded => "pca-unbounded",
+            Self::PcaBounded => "pca-bounded",
+            Self::Quaternion => "quaternion",
+            Self::Combined => "combined",
+            Self::Dop => "dop",
+        }
+    }
 }
 
 /// Configuration of [`crate::volumes()`].

@@ -106,7 +106,7 @@ impl Bvh {
         origin: Option<&Bound<'_, PyAny>>,
         threads: Option<i64>,
     ) -> PyResult<Self> {
-        let ((preset_name, preset), test) = (names::preset(preset)?, names::triangle_test(triangle_test)?);
+        let (preset, test) = (names::preset(preset)?, names::triangle_test(triangle_test)?);
         let config = Config { test, ..Config::preset(preset) };
         let config = if aligned { config.axis_aligned() } else { config };
         let threads = Threads::new(threads)?;
@@ -117,7 +117,7 @@ impl Bvh {
         let triangles = Arc::new(arrays::triangles(triangles, n_vertices)?);
         let mesh = Arc::new(geometry::build(py, &threads, config, positions, &triangles)?);
         let triangles = Some(triangles);
-        Ok(Self::of(Geometry { mesh, triangles, n_vertices, origin, preset: Some(preset_name) }))
+        Ok(Self::of(Geometry { mesh, triangles, n_vertices, origin, preset: Some(preset) }))
     }
 
     /// closest_hit(origins, directions, t_min=0, t_max=inf, *, origin=None, threads=None)

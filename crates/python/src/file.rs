@@ -19,13 +19,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use canted::{TriangleBvh, TriangleTest};
+use canted::{Preset, TriangleBvh, TriangleTest};
 use pyo3::prelude::*;
 
 use crate::arrays::NO_ORIGIN;
 use crate::error::{invalid, of_file};
 use crate::geometry::Geometry;
-use crate::names::PRESETS;
 
 const MAGIC: &[u8; 8] = b"CANTEDPY";
 const VERSION: u32 = 1;
@@ -55,9 +54,9 @@ pub(crate) fn load(path: &Path) -> PyResult<Geometry> {
 
 pub(crate) fn to_bytes(geometry: &Geometry) -> Vec<u8> {
     let mut bytes = MAGIC.to_vec();
-    let known = PRESETS.iter().position(|&(name, _)| Some(name) == geometry.preset);
+    let known = Preset::ALL.iter().position(|&known| Some(known) == geometry.preset);
     let test = TriangleTest::ALL.iter().position(|&test| test == geometry.mesh.test());
-    let numbers = [test.unwrap_or(0), known.unwrap_or(PRESETS.len()), usize::from(geometry.triangles.is_some())];
+    let numbers = [test.unwrap_or(0), known.unwrap_or(Preset::ALL.len()), usize::from(geometry.triangles.is_some())];
     bytes.extend(VERSION.to_le_bytes());
     for number in numbers {
         bytes.extend(u32::try_from(number).unwrap_or(u32::MAX).to_le_bytes());
@@ -117,7 +116,7 @@ pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Geometry, String> {
         triangles: has_triangles.then(|| Arc::new(triangles)),
         n_vertices: usize::try_from(n_vertices).map_err(|error| error.to_string())?,
         origin,
-        preset: PRESETS.get(word(4) as usize).map(|&(name, _)| name),
+        preset: Preset::ALL.get(word(4) as usize).copied(),
     })
 }
 

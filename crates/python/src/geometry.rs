@@ -5,7 +5,7 @@ use std::fmt;
 use std::sync::{Arc, PoisonError, RwLock};
 
 use canted::build::Refit;
-use canted::{Config, TriangleBvh};
+use canted::{Config, Preset, TriangleBvh};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -28,7 +28,7 @@ pub(crate) struct Geometry {
     /// What is subtracted from coordinates of the caller.
     pub(crate) origin: [f64; 3],
     /// None in a file of the Rust library.
-    pub(crate) preset: Option<&'static str>,
+    pub(crate) preset: Option<Preset>,
 }
 
 /// Builds a BVH, without Python's global lock.
@@ -133,7 +133,7 @@ impl Geometry {
         stats.set_item("depth", sizes.depth)?;
         stats.set_item("predicted_cost", predicted.chosen)?;
         stats.set_item("predicted_cost_aligned", predicted.aligned)?;
-        stats.set_item("preset", self.preset)?;
+        stats.set_item("preset", self.preset.map(Preset::name))?;
         stats.set_item("triangle_test", self.mesh.test().name())?;
         stats.set_item("simd", format!("{:?}", self.mesh.path()).to_lowercase())?;
         stats.set_item("origin", (self.origin[0], self.origin[1], self.origin[2]))?;

@@ -5,23 +5,15 @@ use pyo3::prelude::*;
 
 use crate::error::invalid;
 
-/// Values of `preset`.
-pub(crate) const PRESETS: [(&str, Preset); 4] = [
-    ("dynamic", Preset::Dynamic),
-    ("fast", Preset::Fast),
-    ("balanced", Preset::Balanced),
-    ("quality", Preset::Quality),
-];
-
 /// The value of `triangle_test`.
 pub(crate) fn triangle_test(name: &str) -> PyResult<TriangleTest> {
     name.parse().map_err(|_| unknown("triangle_test", name, &TriangleTest::ALL.map(TriangleTest::name)))
 }
 
 /// The value of `preset`.
-pub(crate) fn preset(name: &str) -> PyResult<(&'static str, Preset)> {
-    let known = PRESETS.into_iter().find(|(known, _)| *known == name);
-    known.ok_or_else(|| unknown("preset", name, &PRESETS.map(|(name, _)| name)))
+pub(crate) fn preset(name: &str) -> PyResult<Preset> {
+    let known = Preset::ALL.into_iter().find(|preset| preset.name() == name);
+    known.ok_or_else(|| unknown("preset", name, &Preset::ALL.map(Preset::name)))
 }
 
 fn unknown(argument: &str, value: &str, known: &[&str]) -> PyErr {

@@ -27,6 +27,22 @@ pub enum BvhKind {
     KdTree,
 }
 
+impl BvhKind {
+    /// All kinds.
+    pub const ALL: [Self; 4] = [Self::Wide, Self::Bvh2, Self::Bih, Self::KdTree];
+
+    /// Its name in options, scene files and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Wide => "wide",
+            Self::Bvh2 => "bvh2",
+            Self::Bih => "bih",
+            Self::KdTree => "kdtree",
+        }
+    }
+}
+
 /// Builder of binary trees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Builder {
@@ -44,6 +60,29 @@ pub enum Builder {
 }
 
 impl Builder {
+    /// All builders.
+    pub const ALL: &[Self] = &[
+        Self::Sah,
+        Self::Sbvh,
+        Self::Ploc,
+        Self::Lbvh,
+        #[cfg(feature = "baseline")]
+        Self::Obvhs,
+    ];
+
+    /// Its name in options, scene files and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sah => "sah",
+            Self::Sbvh => "sbvh",
+            Self::Ploc => "ploc",
+            Self::Lbvh => "lbvh",
+            #[cfg(feature = "baseline")]
+            Self::Obvhs => "obvhs",
+        }
+    }
+
     /// Our own builder; `None` for an external one, and where leaves are parts of triangles.
     fn own(self) -> Option<canted_sah::Builder> {
         match self {
@@ -116,6 +155,21 @@ pub enum Levels {
     One,
     /// A BVH per mesh, and one over the instances.
     Two,
+}
+
+impl Levels {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Auto, Self::One, Self::Two];
+
+    /// Its name in options, scene files and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::One => "one",
+            Self::Two => "two",
+        }
+    }
 }
 
 /// The acceleration structure to build.

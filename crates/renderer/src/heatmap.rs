@@ -14,6 +14,20 @@ pub enum Measure {
     Triangles,
 }
 
+impl Measure {
+    /// All measures.
+    pub const ALL: [Self; 2] = [Self::Boxes, Self::Triangles];
+
+    /// Its name in options, scene files and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Boxes => "boxes",
+            Self::Triangles => "triangles",
+        }
+    }
+}
+
 /// Intersection tests of primary rays, per pixel.
 #[derive(Clone, Debug)]
 pub struct Heatmap {

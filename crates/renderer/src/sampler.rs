@@ -12,6 +12,21 @@ pub enum Pattern {
     Sobol,
 }
 
+impl Pattern {
+    /// All patterns.
+    pub const ALL: [Self; 3] = [Self::Random, Self::Stratified, Self::Sobol];
+
+    /// Its name in options, scene files and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Random => "random",
+            Self::Stratified => "stratified",
+            Self::Sobol => "sobol",
+        }
+    }
+}
+
 /// Random numbers as a pure function of (pixel, sample, dimension, seed).
 ///
 /// All arithmetic is on integers, so every device computes the same bits. Numbers are multiples of 2⁻²⁴ in `[0, 1)`,

@@ -16,6 +16,18 @@ pub enum Integrator {
 }
 
 impl Integrator {
+    /// All integrators.
+    pub const ALL: [Self; 2] = [Self::Hybrid, Self::Path];
+
+    /// Its name in options, scene files and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Hybrid => "hybrid",
+            Self::Path => "path",
+        }
+    }
+
     /// The default number of bounces; with path tracing, Russian roulette ends nearly all paths earlier.
     #[must_use]
     pub fn bounces(self) -> u32 {
@@ -40,6 +52,21 @@ pub enum FirstHit {
     Trace,
 }
 
+impl FirstHit {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Auto, Self::Raster, Self::Trace];
+
+    /// Its name in options, scene files and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Raster => "raster",
+            Self::Trace => "trace",
+        }
+    }
+}
+
 /// Where the samples of a pixel are summed that a device takes.
 ///
 /// The host sums in `f64`. The device sums blocks of up to 64 samples in `f32`, by halves, and the host sums the blocks in `f64`.
@@ -55,6 +82,20 @@ pub enum SampleSums {
     /// A work-group sums the samples of its pixels: 40 bytes per block are downloaded instead of 16 per sample, a 25th for 64 samples and
     /// more than on the host for one, two, three or seven.
     Device,
+}
+
+impl SampleSums {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Host, Self::Device];
+
+    /// Its name in options, scene files and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Host => "host",
+            Self::Device => "device",
+        }
+    }
 }
 
 /// Everything that determines a picture besides scene and camera.
@@ -171,19 +212,19 @@ impl Settings {
         let pattern = match pattern {
             // The strata depend on the number of samples.
             Pattern::Stratified => format!("stratified of {samples}"),
-            pattern => format!("{pattern:?}").to_lowercase(),
+            pattern => pattern.name().to_owned(),
         };
         let radius = ao_radius.map_or_else(|| "auto".to_owned(), |radius| radius.to_string());
         // Not stated for the host, so that records without it keep their meaning.
         let sums = (*sums == SampleSums::Device).then(|| ("sums", "device".to_owned()));
         [
             ("size", format!("{width}x{height}")),
-            ("integrator", format!("{integrator:?}").to_lowercase()),
+            ("integrator", integrator.name().to_owned()),
             ("bounces", bounces.to_string()),
             ("seed", seed.to_string()),
             ("sampler", pattern),
             ("filter", filter.to_string()),
-            ("lod", format!("{lod:?}").to_lowercase()),
+            ("lod", lod.name().to_owned()),
             ("energy-compensation", if *energy_compensation { "on" } else { "off" }.to_owned()),
             ("ao-radius", radius),
         ]

@@ -30,6 +30,21 @@ pub enum UpdatePolicy {
     Rebuild,
 }
 
+impl UpdatePolicy {
+    /// All policies.
+    pub const ALL: [Self; 3] = [Self::Auto, Self::Refit, Self::Rebuild];
+
+    /// Its name in options, scene files and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Refit => "refit",
+            Self::Rebuild => "rebuild",
+        }
+    }
+}
+
 /// A time in seconds, measured again and again.
 #[derive(Clone, Copy, Debug)]
 struct Floor(f64);

@@ -53,6 +53,23 @@ pub enum Light {
     },
 }
 
+impl Light {
+    /// The names of all kinds, in the order of [`Light::kind`]: `type` in scene files.
+    pub const KINDS: [&'static str; 5] = ["sun", "point", "spot", "sphere", "disk"];
+
+    /// Its kind, as an index of [`Light::KINDS`].
+    #[must_use]
+    pub fn kind(&self) -> usize {
+        match self {
+            Self::Sun { .. } => 0,
+            Self::Point { .. } => 1,
+            Self::Spot { .. } => 2,
+            Self::Sphere { .. } => 3,
+            Self::Disk { .. } => 4,
+        }
+    }
+}
+
 /// Environment light: radiance from infinitely far away.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Environment {

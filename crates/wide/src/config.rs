@@ -17,6 +17,22 @@ pub enum Preset {
     Quality,
 }
 
+impl Preset {
+    /// All presets, in the order of their numbers in files of the Python package.
+    pub const ALL: [Self; 4] = [Self::Dynamic, Self::Fast, Self::Balanced, Self::Quality];
+
+    /// Its name in options, scene files and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Dynamic => "dynamic",
+            Self::Fast => "fast",
+            Self::Balanced => "balanced",
+            Self::Quality => "quality",
+        }
+    }
+}
+
 /// How a BVH is built. [`Config::preset`] makes the usual configurations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Config {

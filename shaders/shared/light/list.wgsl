@@ -1,6 +1,6 @@
 // Listed lights: everything but emissive triangles and the sky. World space, linear RGB.
 //
-// A kind of light is a file of its name. The switches of this file are the only places that list the kinds.
+// A kind of light is a file of its name. The switches of this file are the only places that list the kinds, and each lists all of them.
 //
 // All in f32. Results have a relative error of a few ULP of the largest coordinate over the distance, as the input has.
 // use shared/light/sun
@@ -9,6 +9,7 @@
 // use shared/light/sphere
 // use shared/light/disk
 
+// The kinds, by the order of `Light::KINDS` in crates/scene.
 const SUN: u32 = 0u;
 const POINT: u32 = 1u;
 const SPOT: u32 = 2u;
@@ -59,10 +60,11 @@ fn no_incoming_light() -> IncomingLight {
 fn incoming_light(light: ListLight, at: vec3<f32>, square: vec2<f32>) -> IncomingLight {
     switch light.kind {
         case SUN: { return incoming_from_sun(light); }
+        case POINT: { return incoming_from_point(light, at); }
         case SPOT: { return incoming_from_spot(light, at); }
         case SPHERE: { return incoming_from_sphere(light, at, square); }
         case DISK: { return incoming_from_disk(light, at, square); }
-        default: { return incoming_from_point(light, at); }
+        default: { return no_incoming_light(); }
     }
 }
 
@@ -71,7 +73,7 @@ fn light_density(light: ListLight, at: vec3<f32>, direction: vec3<f32>) -> f32 {
     switch light.kind {
         case SPHERE: { return sphere_density(light, at); }
         case DISK: { return disk_density(light, at, direction); }
-        default: { return 0.0; }
+        case SUN, POINT, SPOT, default: { return 0.0; }
     }
 }
 
@@ -124,14 +126,15 @@ fn shape_light_crossing(light: ListLight, ray: Ray) -> Crossing {
     switch light.kind {
         case SPHERE: { return sphere_crossing(light, ray); }
         case DISK: { return disk_crossing(light, ray); }
-        default: { return Crossing(NO_CROSSING, false); }
+        case SUN, POINT, SPOT, default: { return Crossing(NO_CROSSING, false); }
     }
 }
 
 /// Unit normal of a shape light at one of its points.
 fn normal_of_light(light: ListLight, point: vec3<f32>) -> vec3<f32> {
     switch light.kind {
+        case SPHERE: { return normalize(point - light.position); }
         case DISK: { return light.direction; }
-        default: { return normalize(point - light.position); }
+        case SUN, POINT, SPOT, default: { return vec3(0.0, 0.0, 1.0); }
     }
 }

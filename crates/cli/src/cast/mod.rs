@@ -25,7 +25,7 @@ use crate::device::{built_or, named};
 use crate::{
     device::{Machine, RunArgs},
     load,
-    options::{self, Given, Structure, StructureOptions, one_of},
+    options::{self, Form as _, Given, Structure, StructureOptions, one_of},
     output::{self, Named},
     settings::{self, SceneSettings},
 };
@@ -39,7 +39,7 @@ pub(crate) struct Args {
     /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml).
     scene: PathBuf,
     /// Time in the first animation of the file [default: rest pose]
-    #[arg(long, value_parser = options::number, value_name = "SECONDS", allow_hyphen_values = true)]
+    #[arg(long, value_parser = options::Finite::parse, value_name = "SECONDS", allow_hyphen_values = true)]
     time: Option<f32>,
     /// Animation of the file, by name or by number from 0 [default: the first]
     #[arg(long, value_name = "NAME|INDEX", requires = "time")]

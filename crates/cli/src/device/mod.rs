@@ -9,7 +9,7 @@ use anyhow::{Result, anyhow};
 use serde_json::{Value, json};
 
 use crate::{
-    options::{self, Text},
+    options::{self, Form, Text},
     output,
 };
 #[cfg(feature = "gpu")]
@@ -47,6 +47,14 @@ impl FromStr for DeviceArg {
     }
 }
 
+impl Form for DeviceArg {
+    type Value = Self;
+
+    fn parse(text: &str) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
 impl Text for DeviceArg {
     fn text(&self) -> String {
         match self {
@@ -61,7 +69,7 @@ impl Text for DeviceArg {
 }
 
 /// The options about how a command runs.
-#[derive(clap::Args, Clone)]
+#[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Run", next_display_order = 20)]
 pub(crate) struct RunArgs {
     /// Compute device: auto, cpu, gpu, or part of an adapter name (see `canted devices`). `auto` uses a hardware GPU that

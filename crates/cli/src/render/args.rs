@@ -9,13 +9,13 @@ use anyhow::{Result, anyhow};
 use canted_film::{Aov, Aovs, Format};
 use canted_renderer::{BoxLevel, Measure, SampleSums, UpdatePolicy};
 use clap::ArgGroup;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{film::Passes, output::OutputFile};
 use crate::{
     device::{DeviceArg, RunArgs},
     load,
-    options::{self, Given, Named, Names, Text, as_text, named, one_of},
+    options::{Finite, Form as _, Given, Positive, Value, Whole, named, one_of},
     output::{self, Named as NamedFile},
     settings::{self, MAX_SAMPLES, PICTURE, PictureArgs, Plan, Purpose, RENDERING},
 };
@@ -56,22 +56,19 @@ const DEVICE: &str = "Compute device: auto, cpu, gpu, both (CPU and GPU share th
                       name (see `canted devices`). `auto` uses a hardware GPU that supports the scene, else the CPU";
 
 /// Options of what a picture shows of the acceleration structure.
-#[derive(clap::Args, Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 #[command(next_help_heading = PICTURE, next_display_order = 10)]
 pub(crate) struct DiagramArgs {
     /// Show the number of intersection tests per camera ray instead of light.
-    #[arg(long, value_parser = named::<Measure>(), value_name = "TESTS")]
-    #[serde(serialize_with = "as_text")]
-    pub(crate) heatmap: Option<Measure>,
+    #[arg(long, value_name = "TESTS")]
+    pub(crate) heatmap: Option<Value<Measure>>,
     /// Number of tests shown in the brightest color of the heat map; a wide node counts as eight boxes.
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..), default_value = "128", requires = "heatmap", value_name = "N")]
-    #[serde(serialize_with = "as_text")]
-    pub(crate) heatmap_scale: Option<u32>,
+    #[arg(long, default_value = "128", requires = "heatmap", value_name = "N")]
+    pub(crate) heatmap_scale: Option<Value<Whole<1, { u32::MAX }>>>,
     /// Draw boxes of the acceleration structure over the picture: those of a level, 0 for the root, or of all leaves. Axis-aligned boxes are
     /// blue, oriented ones orange.
     #[arg(long, value_name = "LEVEL|leaves")]
-    #[serde(serialize_with = "as_text")]
-    pub(crate) boxes: Option<BoxLevel>,
+    pub(crate) boxes: Option<Value<BoxLevel>>,
 }
 
 const HEATMAP_SCALE: u32 = 128;
@@ -79,18 +76,13 @@ const HEATMAP_SCALE: u32 = 128;
 impl DiagramArgs {
     /// What the heat map measures, and the tests of its brightest color.
     pub(crate) fn measure(&self) -> Option<(Measure, u32)> {
-        Some((self.heatmap?, self.heatmap_scale.unwrap_or(HEATMAP_SCALE)))
+        Some((self.heatmap?.0, self.heatmap_scale.map_or(HEATMAP_SCALE, |scale| scale.0)))
     }
-}
 
-impl Text for BoxLevel {
-    fn text(&self) -> String {
-        self.to_string()
+    /// The boxes that are drawn.
+    pub(crate) fn boxes(&self) -> Option<BoxLevel> {
+        self.boxes.map(|boxes| boxes.0)
     }
-}
-
-impl Named for SampleSums {
-    const NAMES: &'static Names<Self> = &[("host", Self::Host), ("device", Self::Device)];
 }
 
 /// Options of `canted render` about samples.
@@ -104,7 +96,7 @@ pub(crate) struct SampleArgs {
     #[arg(long, conflicts_with_all = ["samples", "noise", "checkpoint", "frames"])]
     preview: bool,
     /// Render on the CPU in passes for at most this time, up to --spp samples per pixel, if it is given. One sample is always taken.
-    #[arg(long, value_parser = options::noise, value_name = "N", conflicts_with_all = ["samples", "noise", "checkpoint", "frames"])]
+    #[arg(long, value_parser = Positive::parse, value_name = "N", conflicts_with_all = ["samples", "noise", "checkpoint", "frames"])]
     seconds: Option<f32>,
     /// Additional EXR channels: depth, normal, shading-normal, albedo, instance, primitive, tests, or all.
     #[arg(long, value_parser = aov, value_delimiter = ',', value_name = "LIST")]
@@ -139,7 +131,7 @@ pub(crate) struct FrameArgs {
     #[arg(long, value_parser = interval, requires = "scene", value_name = "A..B", allow_hyphen_values = true)]
     shutter: Option<[f64; 2]>,
     /// Turn the camera around its target by DEGREES in the course of all frames, counter-clockwise seen from above.
-    #[arg(long, value_parser = options::number, requires = "frames", value_name = "DEGREES", allow_hyphen_values = true)]
+    #[arg(long, value_parser = Finite::parse, requires = "frames", value_name = "DEGREES", allow_hyphen_values = true)]
     pub(super) turntable: Option<f32>,
     /// Keep frames whose pictures exist and are whole.
     #[arg(long, requires = "frames")]
@@ -149,12 +141,8 @@ pub(crate) struct FrameArgs {
     pub(super) update: UpdatePolicy,
 }
 
-impl Named for UpdatePolicy {
-    const NAMES: &'static Names<Self> = &[("auto", Self::Auto), ("refit", Self::Refit), ("rebuild", Self::Rebuild)];
-}
-
 /// A picture to render, or the pictures of a sequence: options that are checked and agree with each other.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(super) struct Job {
     pub(super) plan: Plan,
     pub(super) output: OutputFile,
@@ -227,7 +215,7 @@ impl Args {
             plan,
             sequence,
             run,
-            boxes: diagram.boxes,
+            boxes: diagram.boxes(),
             passes,
             checkpoint: samples.checkpoint.clone().map(|path| (path, every)),
         };
@@ -261,7 +249,7 @@ impl Job {
         if source.animation.is_some() && source.time.is_none() && self.sequence.frames.is_none() {
             return Err(anyhow!("--animation requires --time or --frames"));
         }
-        self.sequence.check_shutter(source.scene.as_deref(), source.time)
+        self.sequence.check_shutter(source.scene.as_deref(), source.time())
     }
 
     /// Rejects a heat map on a GPU, and sums of a device on the CPU.
@@ -351,6 +339,16 @@ impl FrameArgs {
         (f64::from(frame) / self.fps) as f32
     }
 
+    /// How far the camera has turned at a frame.
+    pub(super) fn degrees(&self, frame: u32) -> f64 {
+        match (self.turntable, self.frames) {
+            (Some(degrees), Some([first, end])) => {
+                f64::from(degrees) * (f64::from(frame - first) / f64::from(end - first))
+            }
+            _ => 0.0,
+        }
+    }
+
     /// Times in seconds as the shutter opens and as it closes, for the picture of a time; `None` without --shutter.
     pub(super) fn shutter_times(&self, time: f32) -> Option<[f32; 2]> {
         Some(self.shutter?.map(|frames| (f64::from(time) + frames / self.fps) as f32))
@@ -431,4 +429,124 @@ pub(crate) fn aov(text: &str) -> Result<Aovs, String> {
     let found = Aov::ALL.into_iter().find(|aov| aov.name() == text);
     let unknown = || format!("unknown channel '{text}'; use {} or all", Aov::ALL.map(Aov::name).join(", "));
     found.map(|aov| Aovs::NONE.with(aov)).ok_or_else(unknown)
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_scene::{SceneFile, Setting};
+    use clap::{Arg, Args as _, Command, FromArgMatches as _};
+
+    use super::*;
+    use crate::{
+        options::{changed, given, names},
+        settings::SceneSettings,
+    };
+
+    /// A value of an option that is not its default, unless it is a flag, and the words that it needs beside it.
+    fn sample(arg: &Arg) -> (Option<String>, &'static str) {
+        let (value, others) = match arg.get_id().as_str() {
+            "scene" => ("b.glb", ""),
+            "output" => ("b.png", ""),
+            "crop" => ("1,1,2,2", ""),
+            "heatmap_scale" => ("9", "--heatmap=boxes"),
+            "boxes" => ("leaves", ""),
+            "device" => ("cpu", ""),
+            "threads" => ("3", ""),
+            "size" => ("6x4", ""),
+            "spp" => ("3", ""),
+            "samples" => ("2..5", "-oa.exr"),
+            "noise" | "ao_radius" => ("0.5", ""),
+            "seed" => ("7", ""),
+            "bounces" => ("5", ""),
+            "seconds" => ("0.5", ""),
+            "aovs" => ("depth", "-oa.exr"),
+            "checkpoint" => ("b.part", ""),
+            "checkpoint_every" => ("5", "--checkpoint=a.part"),
+            "exposure" => ("1.5", ""),
+            "frames" => ("1..4", ""),
+            "fps" => ("30", "--frames=0..2"),
+            "shutter" => ("0..0.5", "--time=1 a.glb"),
+            "turntable" => ("90", "--frames=0..2"),
+            "resume" | "update" => ("", "--frames=0..2"),
+            "time" => ("0.5", "a.glb"),
+            "animation" => ("walk", "--time=1 a.glb"),
+            "variant" | "camera" => ("red", "a.glb"),
+            "eye" | "target" | "up" | "env" => ("1,2,3", ""),
+            "fov" | "ortho" | "focus" => ("33", ""),
+            "aperture" => ("0.25", ""),
+            "env_turn" => ("30", "--env=a.hdr"),
+            "env_scale" => ("2", "--env=1,1,1"),
+            "sun" | "point" => ("1,2,3,4,5,6", ""),
+            "sphere" => ("1,2,3,4,5,6,7", ""),
+            _ => ("", ""),
+        };
+        if !arg.get_action().takes_values() {
+            return (None, others);
+        }
+        let (names, defaults) = (arg.get_possible_values(), arg.get_default_values());
+        let named = names.iter().rev().find(|name| defaults.iter().all(|default| default != name.get_name()));
+        let value = named.map_or(value, |name| name.get_name());
+        assert!(!value.is_empty(), "add a value of --{} here", arg.get_id());
+        (Some(value.to_owned()), others)
+    }
+
+    fn command() -> Command {
+        Args::augment_args(Command::new("render"))
+    }
+
+    fn parsed(words: &[String]) -> Args {
+        let words = words.iter().flat_map(|words| words.split_whitespace());
+        Args::from_arg_matches(&command().get_matches_from(["render"].into_iter().chain(words))).unwrap()
+    }
+
+    /// Everything that is resolved, without the options themselves.
+    fn resolved(args: Args) -> String {
+        let mut job = args.job().unwrap();
+        job.plan.options = SceneSettings::default();
+        format!("{job:?}")
+    }
+
+    /// Each option has an effect on what is rendered, from the command line and from scene files; `canted scene` writes it, and `canted view`
+    /// sets and prints it.
+    #[test]
+    fn no_option_is_forgotten() {
+        let settings =
+            [names::<crate::settings::PictureOptions>(), names::<crate::options::StructureOptions>()].concat();
+        for arg in command().get_arguments() {
+            let id = arg.get_id().as_str();
+            let (value, others) = sample(arg);
+            let option = match (&value, arg.get_long()) {
+                (Some(value), Some(long)) => format!("--{long}={value}"),
+                (Some(value), None) => value.clone(),
+                (None, _) => format!("--{}", arg.get_long().unwrap()),
+            };
+            let [with, without] = [vec![others.to_owned(), option.clone()], vec![others.to_owned()]]
+                .map(|words| resolved(parsed(&words)));
+            assert!(with != without, "--{id} has no effect");
+
+            let Some(value) = value else { continue };
+            if names::<PictureArgs<DiagramArgs>>().iter().any(|name| name == id) && id != "scene" {
+                let none: PictureArgs<DiagramArgs> = serde_json::from_str("{}").unwrap();
+                let set = changed(&none, &[(id.to_owned(), value.clone())]).unwrap();
+                assert_eq!(given(&set), [(id.to_owned(), value.clone())]);
+                assert_eq!(changed(&set, &[(id.to_owned(), String::new())]).unwrap(), none);
+            }
+            if !settings.iter().any(|name| name == id) {
+                continue;
+            }
+            let plan = |words: &[String], settings: Vec<Setting>| {
+                let mut file = SceneFile::default();
+                file.settings = settings;
+                let file = SceneFile::parse(file.to_toml().as_bytes(), Path::new("a.toml")).unwrap();
+                parsed(words).resolve(Some(&file), &Purpose::default()).unwrap()
+            };
+            let setting = Setting { key: id.to_owned(), value: Some(value.clone()), comment: String::new(), line: 0 };
+            let by_file = plan(&[], vec![setting]);
+            assert_eq!(format!("{by_file:?}"), format!("{:?}", plan(&[option], vec![])), "{id} in a scene file");
+            let written = by_file.decided_settings().written();
+            let reread = plan(&[], written.clone()).decided_settings().written();
+            assert!(written.iter().any(|one| one.key == id && one.value.as_ref() == Some(&value)), "{id}: {written:?}");
+            assert_eq!(reread, written, "{id}");
+        }
+    }
 }

@@ -10,7 +10,7 @@ use canted_scene::Scene;
 use canted_wide::{NodeKind, SimdPath};
 use serde_json::{Value, json};
 
-use crate::{options::strategy_name, output, process};
+use crate::{output, process};
 
 /// A name and a value.
 pub(super) type Fact = (&'static str, Value);
@@ -38,7 +38,7 @@ pub(super) fn of_structure(scene: &Scene, scene_bvh: &SceneBvh) -> Vec<Fact> {
 pub(super) fn of_film(film: &Film, settings: &Settings, time: Duration, known: &[Fact]) -> Vec<Fact> {
     let [n_rays, n_samples] = [film.n_rays(), film.n_samples()].map(|n| n as f64);
     let mut facts = vec![
-        ("integrator", json!(format!("{:?}", settings.integrator).to_lowercase())),
+        ("integrator", json!(settings.integrator.name())),
         ("bounces", json!(settings.bounces)),
         ("rays", json!(film.n_rays())),
         ("rays_per_second", json!(n_rays / time.as_secs_f64())),
@@ -115,7 +115,7 @@ fn volumes_of(bvhs: &[BottomLevel]) -> String {
     };
     for bvh in bvhs {
         match bvh {
-            BottomLevel::Binary(_, strategy) => return strategy_name(*strategy).to_owned(),
+            BottomLevel::Binary(_, strategy) => return strategy.name().to_owned(),
             BottomLevel::Bih(_) => return "bounding intervals".to_owned(),
             BottomLevel::KdTree(_) => return "kd-tree cells".to_owned(),
             BottomLevel::Wide(wide) => add(wide.sizes().nodes, wide.frame()),

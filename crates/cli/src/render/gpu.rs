@@ -12,7 +12,6 @@ use serde_json::json;
 use super::{facts::Fact, film::FilmRenderer};
 use crate::{
     device::{Machine, built_or, named},
-    options::Named,
     output,
     settings::Plan,
 };

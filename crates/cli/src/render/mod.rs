@@ -114,8 +114,8 @@ fn one(mut job: Job) -> Result<()> {
 /// Reads the scene in its pose, or in those of a shutter that is open for some time.
 fn read(job: &Job) -> Result<Scene> {
     let source = &job.plan.source;
-    let (path, options) = (source.scene.as_deref(), source.read_options(source.time));
-    match (path, source.time.and_then(|time| job.sequence.shutter_times(time))) {
+    let (path, options) = (source.scene.as_deref(), source.read_options(source.time()));
+    match (path, source.time().and_then(|time| job.sequence.shutter_times(time))) {
         (Some(path), Some(times)) => load::scene_in_shutter(path, times, &options),
         _ => load::scene_with(path, &options),
     }

@@ -13,11 +13,7 @@ use canted_renderer::{DevicePicture, SceneBvh, Settings, Surfaces, frame};
 use canted_scene::{Instance, Scene};
 use serde_json::{Map, Value, json};
 
-use crate::{
-    device::Machine,
-    options::{self, strategy_name},
-    process,
-};
+use crate::{device::Machine, options, process};
 
 /// Builds the scene on the GPU, and returns the measurements as JSON and as tables; `None` without a GPU.
 pub(super) fn measure(machine: &Machine, scene: &Scene, bvh: &SceneBvh) -> Result<Option<(Value, String)>> {
@@ -149,7 +145,7 @@ impl PassTimes {
             let _ = write!(out, "{title:>9}");
         }
         for strategy in STRATEGIES {
-            let _ = write!(out, "{:>14}", strategy_name(strategy));
+            let _ = write!(out, "{:>14}", strategy.name());
         }
         for (title, level) in &self.levels {
             let _ = write!(out, "\n{title:<20}");
@@ -198,11 +194,8 @@ impl PassTimes {
 
 fn level_json(level: &Level) -> Value {
     let Passes { domain, codes, sort, tree, boxes, error } = &level.passes;
-    let boxes: Map<String, Value> = STRATEGIES
-        .into_iter()
-        .zip(boxes)
-        .map(|(strategy, ms)| (strategy_name(strategy).to_owned(), (*ms).into()))
-        .collect();
+    let boxes: Map<String, Value> =
+        STRATEGIES.into_iter().zip(boxes).map(|(strategy, ms)| (strategy.name().to_owned(), (*ms).into())).collect();
     let mut all = json!({
         "items": level.n_items, "domain_ms": domain, "codes_ms": codes, "sort_ms": sort, "tree_ms": tree,
         "volumes_ms": boxes,

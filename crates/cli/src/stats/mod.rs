@@ -21,7 +21,7 @@ use crate::{
     device::{Machine, RunArgs},
     light::LightArgs,
     load,
-    options::{self, Structure, named},
+    options::{self, Form as _, Structure, named},
     output, render,
     settings::SceneSettings,
 };
@@ -36,7 +36,7 @@ pub(crate) struct Args {
     /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml) [default: the built-in scene]
     scene: Option<PathBuf>,
     /// Time in the first animation of the file [default: rest pose]
-    #[arg(long, value_parser = options::number, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]
+    #[arg(long, value_parser = options::Finite::parse, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]
     time: Option<f32>,
     /// Animation of the file, by name or by number from 0 [default: the first]
     #[arg(long, value_name = "NAME|INDEX", requires = "time")]

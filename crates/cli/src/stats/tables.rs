@@ -13,7 +13,7 @@ use super::{
     wide::WideStats,
     wide_tables,
 };
-use crate::{options::strategy_name, process, render};
+use crate::{process, render};
 
 /// Everything that `canted stats` prints.
 pub(super) struct Report<'a> {
@@ -91,7 +91,7 @@ fn level_json(level: &Level) -> Value {
     let rows: Vec<Value> = rows(level)
         .map(|(strategy, row)| {
             json!({
-                "volumes": strategy_name(strategy),
+                "volumes": strategy.name(),
                 "nodes": row.nodes,
                 "volume_sum": row.volume,
                 "area_sum": row.area,
@@ -143,7 +143,7 @@ fn volumes(out: &mut String, title: &str, level: &Level) {
         let _ = writeln!(
             out,
             "{:<14}{:>9}{:>12.5}{:>8.5}{:>12.4}{:>8.4}{:>8.2}%{:>9.3}{:>7}{:>11}",
-            strategy_name(strategy),
+            strategy.name(),
             row.nodes,
             row.volume,
             ratio(row.volume, aabb.volume),
@@ -157,10 +157,10 @@ fn volumes(out: &mut String, title: &str, level: &Level) {
     }
     let _ = write!(out, "{:<14}", "volume ratio");
     for strategy in Strategy::ALL {
-        let _ = write!(out, "{:>14}", strategy_name(strategy));
+        let _ = write!(out, "{:>14}", strategy.name());
     }
     for (strategy, row) in rows(level) {
-        let _ = write!(out, "\n{:<14}", strategy_name(strategy));
+        let _ = write!(out, "\n{:<14}", strategy.name());
         for (_, column) in rows(level) {
             let _ = write!(out, "{:>14.5}", ratio(row.volume, column.volume));
         }
@@ -175,7 +175,7 @@ fn passes(out: &mut String, stats: &BinaryStats) {
         let _ = write!(out, "{title:>9}");
     }
     for strategy in Strategy::ALL {
-        let _ = write!(out, "{:>14}", strategy_name(strategy));
+        let _ = write!(out, "{:>14}", strategy.name());
     }
     for (title, level) in [("one level", &stats.one), ("bottom levels", &stats.bottom), ("top level", &stats.top)] {
         let Passes { gather_ms, codes_ms, sort_ms, tree_ms } = level.passes;

@@ -6,7 +6,7 @@ use canted_wide::{NodeKind, SimdPath};
 use serde_json::{Value, json};
 
 use super::wide::{Level, Row, WideStats};
-use crate::{options::Named as _, process};
+use crate::process;
 
 /// Below this ratio of predicted costs, the reason states a percentage instead of a factor.
 const ABOUT_EQUAL: f64 = 1.05;

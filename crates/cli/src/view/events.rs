@@ -5,7 +5,7 @@ use std::{fs, path::Path};
 use anyhow::{Result, anyhow};
 use toml::{Table, Value};
 
-use crate::options;
+use crate::options::{Form as _, Size};
 
 /// A button of the mouse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -187,7 +187,7 @@ fn one(table: &Table) -> Result<(f64, Event), String> {
 fn size(item: &Value) -> Result<[u32; 2], String> {
     let sides = item.as_array().filter(|array| array.len() == 2).ok_or("expected [w, h]")?;
     let sides: Option<Vec<String>> = sides.iter().map(|side| side.as_integer().map(|n| n.to_string())).collect();
-    options::size(&sides.ok_or("expected two whole numbers")?.join("x"))
+    Size::parse(&sides.ok_or("expected two whole numbers")?.join("x"))
 }
 
 /// The options of `set` with their values as text.

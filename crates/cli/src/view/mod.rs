@@ -23,7 +23,11 @@ use anyhow::{Result, anyhow};
 use canted_film::Format;
 use serde_json::{Value, json};
 
-use crate::{options as shared, output, settings::PictureArgs};
+use crate::{
+    options::{self as shared, Given},
+    output,
+    settings::PictureArgs,
+};
 use events::{Event, Timed};
 use frame::Seen;
 use options::{Options, ScreenArgs, SessionArgs};
@@ -43,7 +47,7 @@ pub(crate) struct Args {
 #[derive(clap::Args, Clone)]
 struct ViewArgs {
     #[command(flatten)]
-    screen: ScreenArgs,
+    screen: Given<ScreenArgs>,
     /// Number of CPU threads [default: all]
     #[arg(long, help_heading = "Run", value_parser = shared::threads, value_name = "N")]
     threads: Option<usize>,

@@ -2,8 +2,9 @@
 
 use canted_renderer::View;
 use canted_scene::{Camera, Projection};
+use glam::{DVec3, Vec3};
 
-type Vector = [f64; 3];
+use crate::camera::rotated;
 
 /// A motion, in pixels of a picture of a given height or in steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,25 +27,24 @@ const STEP: f64 = 0.05;
 
 /// The camera after a motion, with this up direction; `None` where no valid camera results.
 pub(super) fn moved(camera: &Camera, up: [f32; 3], motion: Motion, height: u32) -> Option<Camera> {
-    let [eye, target, up_wide] = [camera.eye, camera.target, up].map(|v| v.map(f64::from));
-    let up_unit = unit(up_wide)?;
-    let offset = sub(eye, target);
-    let distance = dot(offset, offset).sqrt();
-    let forward = unit(scale(offset, -1.0))?;
-    let right = unit(cross(forward, up_unit)).or_else(|| unit(any_across(up_unit)))?;
-    let above = cross(right, forward);
+    let [eye, target, up_wide] = [camera.eye, camera.target, up].map(wide);
+    let up_unit = up_wide.try_normalize()?;
+    let offset = eye - target;
+    let distance = offset.length();
+    let forward = (-offset).try_normalize()?;
+    let right = forward.cross(up_unit).try_normalize().or_else(|| any_across(up_unit).try_normalize())?;
+    let above = right.cross(forward);
     let rows = f64::from(height.max(1));
     let mut moved = Camera { up, ..*camera };
     let (eye, target) = match motion {
         Motion::Orbit([x, y]) => {
             let per_pixel = std::f64::consts::PI / rows;
-            let offset = turned(offset, up_unit, -x * per_pixel);
-            let across = turned(right, up_unit, -x * per_pixel);
+            let [offset, across] = [offset, right].map(|v| turned(v, up_unit, -x * per_pixel));
             // The elevation stays below the zenith, where up would be undefined.
             const LIMIT: f64 = 1.55;
-            let elevation = (dot(offset, up_unit) / distance).clamp(-1.0, 1.0).asin();
+            let elevation = (offset.dot(up_unit) / distance).clamp(-1.0, 1.0).asin();
             let wanted = (elevation + y * per_pixel).clamp(-LIMIT, LIMIT);
-            (add(target, turned(offset, across, elevation - wanted)), target)
+            (target + turned(offset, across, elevation - wanted), target)
         }
         Motion::Pan([x, y]) => {
             let visible = match camera.projection {
@@ -53,74 +53,44 @@ pub(super) fn moved(camera: &Camera, up: [f32; 3], motion: Motion, height: u32) 
                 }
                 Projection::Orthographic { height } => f64::from(height),
             };
-            let shift = add(scale(right, -x * visible / rows), scale(above, y * visible / rows));
-            (add(eye, shift), add(target, shift))
+            let shift = (-x * visible / rows) * right + (y * visible / rows) * above;
+            (eye + shift, target + shift)
         }
         Motion::Zoom(notches) => {
             let factor = NOTCH.powf(notches.clamp(-20.0, 20.0));
             if let Projection::Orthographic { height } = &mut moved.projection {
-                *height = narrow(f64::from(*height) * factor);
+                *height = (f64::from(*height) * factor) as f32;
             }
-            (add(target, scale(offset, factor)), target)
+            (target + factor * offset, target)
         }
         Motion::Fly([x, y, z]) => {
-            let step = STEP * distance;
-            let shift = add(add(scale(right, x * step), scale(up_unit, y * step)), scale(forward, z * step));
-            (add(eye, shift), add(target, shift))
+            let shift = STEP * distance * (x * right + y * up_unit + z * forward);
+            (eye + shift, target + shift)
         }
     };
-    moved.eye = eye.map(narrow);
-    moved.target = target.map(narrow);
+    moved.eye = eye.as_vec3().into();
+    moved.target = target.as_vec3().into();
     View::new(&moved, 1, 1).ok().map(|_| moved)
 }
 
 /// The camera with its target at this distance along its axis; the same view.
 pub(super) fn with_target_at(camera: &Camera, distance: f64) -> Camera {
-    let [eye, target] = [camera.eye, camera.target].map(|v| v.map(f64::from));
-    let Some(forward) = unit(sub(target, eye)) else { return *camera };
-    Camera { target: add(eye, scale(forward, distance)).map(narrow), ..*camera }
+    let [eye, target] = [camera.eye, camera.target].map(wide);
+    let Some(forward) = (target - eye).try_normalize() else { return *camera };
+    Camera { target: (eye + distance * forward).as_vec3().into(), ..*camera }
 }
 
-fn narrow(x: f64) -> f32 {
-    x as f32
+fn wide(v: [f32; 3]) -> DVec3 {
+    Vec3::from(v).into()
 }
 
-/// `v` turned about a unit axis, counter-clockwise seen from its tip (Rodrigues).
-fn turned(v: Vector, axis: Vector, radians: f64) -> Vector {
-    let (sin, cos) = radians.sin_cos();
-    let along = scale(axis, dot(axis, v) * (1.0 - cos));
-    add(add(scale(v, cos), scale(cross(axis, v), sin)), along)
+fn turned(v: DVec3, axis: DVec3, radians: f64) -> DVec3 {
+    rotated(v, axis, radians.sin_cos().into())
 }
 
 /// A vector that is not parallel to a unit vector, made perpendicular to it.
-fn any_across(up: Vector) -> Vector {
-    cross(up, if up[0].abs() < 0.5 { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] })
-}
-
-fn add(a: Vector, b: Vector) -> Vector {
-    std::array::from_fn(|k| a[k] + b[k])
-}
-
-fn sub(a: Vector, b: Vector) -> Vector {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
-fn scale(a: Vector, s: f64) -> Vector {
-    a.map(|x| x * s)
-}
-
-fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-/// `v` with length 1; `None` for no direction.
-fn unit(v: Vector) -> Option<Vector> {
-    let length = dot(v, v).sqrt();
-    (length > 0.0 && length.is_finite()).then(|| scale(v, 1.0 / length))
+fn any_across(up: DVec3) -> DVec3 {
+    up.cross(if up.x.abs() < 0.5 { DVec3::X } else { DVec3::Z })
 }
 
 #[cfg(test)]

@@ -1,51 +1,45 @@
 //! The options of a session: those of `canted render` that it starts from and that events change.
 
-use std::path::Path;
+use std::{path::Path, sync::Arc};
 
 use anyhow::{Result, anyhow};
 use canted_film::Aov;
-use canted_renderer::BoxLevel;
+use canted_renderer::{BoxLevel, Measure};
 use canted_scene::{Camera, Lens, Projection, SceneFile};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::{
     camera::{CameraArgs, LensArgs},
     device::DeviceArg,
     light::LightArgs,
-    options::{Given, StructureOptions, Text, flag, given},
-    picture,
+    options::{self, Given, StructureOptions, Value, flag, given},
     render::DiagramArgs,
     settings::{self, LookOptions, PictureArgs, Plan, Purpose},
 };
 
 /// The options of `canted render` that a session has.
-pub(crate) type SessionArgs = PictureArgs<ScreenArgs>;
+pub(crate) type SessionArgs = PictureArgs<Given<ScreenArgs>>;
 
 /// What is shown besides light, and what renders it.
-#[derive(clap::Args, Clone, Debug, PartialEq, Serialize)]
+#[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 pub(crate) struct ScreenArgs {
     #[command(flatten)]
     #[serde(flatten)]
-    pub(crate) diagram: Given<DiagramArgs>,
+    pub(crate) diagram: DiagramArgs,
     /// Compute device: cpu, gpu, auto, or part of an adapter name (see `canted devices`). The CPU renders coarse pictures, heat maps and what
     /// the device does not support.
     #[arg(long, help_heading = "Run", default_value = "cpu", value_name = "DEVICE")]
-    #[serde(serialize_with = "device_text")]
-    pub(crate) device: DeviceArg,
-}
-
-fn device_text<S: serde::Serializer>(device: &DeviceArg, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(&device.text())
+    pub(crate) device: Option<Value<DeviceArg>>,
 }
 
 /// The scene and the options of a picture.
 #[derive(Clone, Debug)]
 pub(crate) struct Options {
-    args: SessionArgs,
+    pub(super) args: SessionArgs,
     /// The scene file, if the scene is one.
-    file: Option<SceneFile>,
+    file: Option<Arc<SceneFile>>,
     /// The channel that is shown in place of light.
-    pub(crate) aov: Option<Aov>,
+    pub(super) aov: Option<Aov>,
 }
 
 /// What determines meshes and lights, besides the time.
@@ -55,21 +49,23 @@ pub(super) type SceneKey = (Option<String>, Option<String>, LightArgs);
 #[derive(PartialEq)]
 pub(super) struct FilmKey(SessionArgs, Option<Aov>);
 
+impl PartialEq for Options {
+    /// The scene file is always that of `args`.
+    fn eq(&self, other: &Self) -> bool {
+        (&self.args, self.aov) == (&other.args, other.aov)
+    }
+}
+
 impl Options {
     /// Options as on the command line.
     ///
     /// # Errors
     /// One sentence: a scene file that is unreadable, or options that contradict each other.
     pub(super) fn new(args: SessionArgs) -> Result<Self> {
-        let file = settings::scene_file(args.source.scene.as_deref())?;
+        let file = settings::scene_file(args.source.scene.as_deref())?.map(Arc::new);
         let options = Self { args, file, aov: None };
         options.check()?;
         Ok(options)
-    }
-
-    /// The options by their types.
-    pub(crate) fn args(&self) -> &SessionArgs {
-        &self.args
     }
 
     /// The file of the scene; `None` for the built-in scene.
@@ -77,15 +73,24 @@ impl Options {
         self.args.source.scene.as_deref()
     }
 
-    /// Sets the size of the picture.
-    #[cfg(feature = "view")]
-    pub(super) fn set_size(&mut self, size: [u32; 2]) {
-        self.args.options.0.size = Some(size);
+    /// What is drawn in place of light and over it.
+    pub(super) fn diagram(&mut self) -> &mut DiagramArgs {
+        &mut self.args.own.0.diagram
     }
 
     /// The boxes that are shown.
     pub(super) fn boxes(&self) -> Option<BoxLevel> {
-        self.args.own.diagram.0.boxes
+        self.args.own.0.diagram.boxes()
+    }
+
+    /// What the heat map that is shown measures.
+    pub(super) fn measure(&self) -> Option<Measure> {
+        self.args.own.0.diagram.heatmap.map(|measure| measure.0)
+    }
+
+    /// The device that is asked for.
+    pub(super) fn device(&self) -> &DeviceArg {
+        self.args.own.0.device.as_ref().map_or(&DeviceArg::Cpu, |device| &device.0)
     }
 
     /// Whether neither eye nor target is given.
@@ -95,64 +100,70 @@ impl Options {
 
     /// The picture of the options.
     pub(super) fn plan(&self) -> Result<Plan> {
-        let purpose = Purpose { heatmap: self.args.own.diagram.0.measure(), ..Purpose::default() };
-        self.args.clone().resolve(self.file.as_ref(), &purpose)
+        let purpose = Purpose { heatmap: self.args.own.0.diagram.measure(), ..Purpose::default() };
+        self.args.clone().resolve(self.file.as_deref(), &purpose)
     }
 
-    /// Rejects options that contradict each other, and a device that a session cannot have.
-    fn check(&self) -> Result<()> {
-        self.plan()?;
-        match self.args.own.device {
-            DeviceArg::Both(_) => {
-                Err(anyhow!("--device both requires `canted render`; use cpu, gpu or an adapter name"))
-            }
-            _ => Ok(()),
+    /// Rejects options that contradict each other, and a device that a session cannot have. What one command line may not contain is
+    /// rejected here, too: changes come one by one.
+    pub(super) fn check(&self) -> Result<()> {
+        let SessionArgs { source, camera, light, .. } = &self.args;
+        let of_scene = [
+            ("--time", source.time.is_some()),
+            ("--animation", source.animation.is_some()),
+            ("--variant", source.variant.is_some()),
+            ("--camera", camera.camera.is_some()),
+        ];
+        if let Some((option, _)) = of_scene.into_iter().find(|&(_, is_given)| is_given && source.scene.is_none()) {
+            return Err(anyhow!("{option} requires a scene"));
         }
+        if camera.fov.is_some() && camera.ortho.is_some() {
+            return Err(anyhow!("--fov and --ortho cannot be used together"));
+        }
+        light.check()?;
+        if matches!(self.device(), DeviceArg::Both(_)) {
+            return Err(anyhow!("--device both requires `canted render`; use cpu, gpu or an adapter name"));
+        }
+        self.plan().map(drop)
     }
 
     /// Sets options by name, or none of them if one is unknown or has an invalid value; an empty value returns an option to its default.
     /// Beside the options of a picture there is `aov`, a channel or `none`. `heatmap` and `boxes` may be `none`.
     pub(super) fn set_all(&mut self, changes: &[(String, String)]) -> Result<()> {
-        let mut changed = self.clone();
-        let mut words = given(&self.args);
-        for (name, value) in changes {
-            let name = name.replace('-', "_");
-            let value = match (&name[..], &value[..]) {
-                ("aov", value) => {
-                    changed.aov = if ["", "none"].contains(&value) { None } else { Some(channel(value)?) };
-                    continue;
-                }
-                ("heatmap" | "boxes", "none") => "",
-                (_, value) => value,
-            };
-            words.retain(|(known, _)| *known != name);
-            if !value.is_empty() {
-                words.push((name, value.to_owned()));
+        let (mut aov, mut of_args) = (self.aov, Vec::new());
+        for (name, text) in changes {
+            match (&name[..], &text[..]) {
+                ("aov", "" | "none") => aov = None,
+                ("aov", text) => aov = Some(channel(text)?),
+                ("heatmap" | "boxes", "none") => of_args.push((name.clone(), String::new())),
+                _ => of_args.push((name.clone(), text.clone())),
             }
         }
-        // The scale of a heat map that is not shown is kept for the next one.
-        let has = |name: &str| words.iter().any(|(known, _)| known == name);
-        let is_hidden = has("heatmap_scale") && !has("heatmap");
-        words.extend(is_hidden.then(|| ("heatmap".to_owned(), "boxes".to_owned())));
-        changed.args = picture::parse(self.scene(), &words, |_| true)?;
-        if is_hidden {
-            changed.args.own.diagram.0.heatmap = None;
-        }
+        let mut args = options::changed(&self.args, &of_args)?;
+        args.source.scene.clone_from(&self.args.source.scene);
+        let changed = Self { args, file: self.file.clone(), aov };
         changed.check()?;
         *self = changed;
         Ok(())
     }
 
+    /// Whether these options differ from others in the time alone.
+    pub(super) fn has_other_time_than(&self, other: &Self) -> bool {
+        let mut at_its_time = self.clone();
+        at_its_time.args.source.time = other.args.source.time;
+        self != other && at_its_time == *other
+    }
+
     /// Sets the options that give exactly this camera. `up` is set only if it was given before, since it sets the default light, too.
     pub(super) fn set_camera(&mut self, camera: &Camera) {
         let own = &mut self.args.camera;
-        (own.eye, own.target) = (Some(camera.eye), Some(camera.target));
+        (own.eye, own.target) = (Some(Value(camera.eye)), Some(Value(camera.target)));
         (own.fov, own.ortho) = match camera.projection {
-            Projection::Perspective { fov_degrees } => (Some(fov_degrees), None),
-            Projection::Orthographic { height } => (None, Some(height)),
+            Projection::Perspective { fov_degrees } => (Some(Value(fov_degrees)), None),
+            Projection::Orthographic { height } => (None, Some(Value(height))),
         };
         if let Some(Lens { radius, focus_distance }) = camera.lens {
-            own.lens = LensArgs { aperture: Some(radius), focus: Some(focus_distance) };
+            own.lens = LensArgs { aperture: Some(Value(radius)), focus: Some(Value(focus_distance)) };
         }
     }
 
@@ -186,7 +197,7 @@ impl Options {
     pub(super) fn film_key(&self) -> FilmKey {
         let mut args = self.args.clone();
         args.options.0.look = LookOptions::default();
-        args.own.diagram.0.boxes = None;
+        args.own.0.diagram.boxes = None;
         FilmKey(args, self.aov)
     }
 
@@ -199,7 +210,7 @@ impl Options {
             line += &format!(" {}", quoted(&path));
         }
         line += &format!(" --device={}", quoted(device));
-        let has_heatmap = self.args.own.diagram.0.heatmap.is_some();
+        let has_heatmap = self.measure().is_some();
         let is_shown = |name: &str| name != "device" && (has_heatmap || name != "heatmap_scale");
         for (name, value) in given(&self.args).into_iter().filter(|(name, _)| is_shown(name)) {
             line += &format!(" {}={}", flag(&name), quoted(&value));

@@ -139,7 +139,7 @@ impl Renderer {
         if is_first && let Some(film) = self.coarse(ready, plan, &job.options, &view.camera)? {
             send(view.clone(), shown.picture(&film, &plan.look), 0, false);
         }
-        self.device.choose(&job.options.args().own.device, &plan.structure);
+        self.device.choose(job.options.device(), &plan.structure);
         let settings = settings(plan, &job.options)?;
         let (plan, ready) = (&*plan, &*ready);
         let result = ready.with_surfaces(settings.lod, |surfaces| {

@@ -66,7 +66,7 @@ impl SessionScene {
             source,
             scene_key: options.scene_key(),
             structure_key: options.structure_key().clone(),
-            time: plan.source.time,
+            time: plan.source.time(),
             mip_maps: RefCell::default(),
             boxes: None,
             n_levels: None,
@@ -77,7 +77,7 @@ impl SessionScene {
     /// The scene for other options, with everything that they do not change.
     pub(super) fn followed(self, options: &Options, plan: &Plan) -> Result<Self> {
         let is_same_scene = self.scene_key == options.scene_key();
-        let mut next = match (is_same_scene, plan.source.time == self.time, plan.source.time) {
+        let mut next = match (is_same_scene, plan.source.time() == self.time, plan.source.time()) {
             (true, true, _) => self,
             (true, false, Some(time)) if self.animated.is_some() => self.posed(plan, time)?,
             _ => return Self::open(options, plan),
@@ -85,15 +85,15 @@ impl SessionScene {
         let has_other_structure = next.structure_key != *options.structure_key();
         if has_other_structure {
             next.bvh = built(&next.scene, plan)?;
-        } else if next.time != plan.source.time {
+        } else if next.time != plan.source.time() {
             next.bvh.update(&next.scene, &UpdateOptions::default())?;
         }
-        if has_other_structure || next.time != plan.source.time {
+        if has_other_structure || next.time != plan.source.time() {
             next.boxes = None;
             next.n_levels = None;
         }
         next.structure_key = options.structure_key().clone();
-        next.time = plan.source.time;
+        next.time = plan.source.time();
         Ok(next)
     }
 
@@ -188,14 +188,14 @@ impl SessionScene {
 /// Reads the scene at the time of the options.
 fn read(options: &Options, plan: &Plan) -> Result<(Scene, Option<AnimatedScene>)> {
     let path = options.scene().filter(|path| !load::is_scene_file(path));
-    let of_file = plan.source.read_options(plan.source.time);
+    let of_file = plan.source.read_options(plan.source.time());
     if let Some(path) = path {
         let (animated, mut scene) = AnimatedScene::open(path, &of_file)?;
         if animated.is_animated() {
             load::warn(&std::mem::take(&mut scene.warnings));
             return Ok((scene, Some(animated)));
         }
-        if plan.source.time.is_none() && plan.source.animation.is_none() {
+        if plan.source.time().is_none() && plan.source.animation.is_none() {
             load::warn(&std::mem::take(&mut scene.warnings));
             return Ok((scene, None));
         }

@@ -14,7 +14,8 @@ use std::{
 
 use anyhow::{Result, anyhow};
 use canted_film::Aov;
-use canted_renderer::{BoxLevel, Integrator, Measure};
+use canted_lbvh::Strategy;
+use canted_renderer::{BoxLevel, BvhKind, Integrator, Measure};
 use canted_scene::Camera;
 
 use super::{
@@ -25,22 +26,21 @@ use super::{
     passes,
 };
 use crate::{
-    options::{Named, Text, strategy_name},
+    options::{Text as _, Value},
     output,
 };
 
-/// Structures to compare: `--accel` and `--volumes`, which may be empty.
-pub(super) const STRUCTURES: [(&str, &str); 9] = [
-    ("wide", ""),
-    ("bvh2", "aabb"),
-    ("bvh2", "pca-unbounded"),
-    ("bvh2", "pca-bounded"),
-    ("bvh2", "quaternion"),
-    ("bvh2", "combined"),
-    ("bvh2", "dop"),
-    ("bih", ""),
-    ("kdtree", ""),
-];
+/// A structure to compare: `--accel` and `--volumes`.
+pub(super) type StructureKind = (BvhKind, Option<Strategy>);
+
+/// All structures to compare.
+pub(super) fn structures() -> Vec<StructureKind> {
+    let of_kind = |kind| match kind {
+        BvhKind::Bvh2 => Strategy::ALL.map(|volumes| (kind, Some(volumes))).to_vec(),
+        _ => vec![(kind, None)],
+    };
+    BvhKind::ALL.into_iter().flat_map(of_kind).collect()
+}
 
 /// What the caller of [`Session::apply`] does after an event.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -110,7 +110,7 @@ impl Session {
     pub(crate) fn command(&self) -> String {
         let current = self.frame.as_ref().filter(|frame| frame.view.number == self.n_jobs);
         let device = current.map(|frame| frame.view.device.clone());
-        self.options.command(&device.unwrap_or_else(|| self.options.args().own.device.text()))
+        self.options.command(&device.unwrap_or_else(|| self.options.device().text()))
     }
 
     /// Whether the picture of the latest options is complete, and clicks are answered.
@@ -199,32 +199,37 @@ impl Session {
                 self.n_clicks += 1;
                 self.worker.click(position);
             }
-            &Event::Resize([width, height]) => self.set(&[("size", format!("{width}x{height}"))])?,
-            Event::Set(changes) => {
-                let is_time = changes.iter().all(|(name, _)| name == "time");
-                let mut changed = self.options.clone();
-                // A view that frames the scene would move with each pose.
-                let framed = self.frame.as_ref().filter(|frame| is_time && !frame.view.is_file_camera);
-                if let Some(camera) = self.camera.filter(|_| framed.is_some()) {
-                    changed.set_camera(&camera);
-                }
-                let before = changed.clone();
-                changed.set_all(changes)?;
-                if !changed.has_camera_of(&before) {
-                    self.camera = None;
-                }
-                self.options = changed;
-                self.render(is_time);
-            }
+            &Event::Resize(size) => self.set(|options| options.args.options.0.size = Some(Value(size)))?,
+            Event::Set(changes) => self.change(|options| options.set_all(changes))?,
             Event::Close => return Ok(Effect::Close),
         }
         Ok(Effect::None)
     }
 
-    /// Sets options by name.
-    pub(crate) fn set(&mut self, changes: &[(&str, String)]) -> Result<()> {
-        let changes: Vec<_> = changes.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
-        self.apply(&Event::Set(changes)).map(drop)
+    /// Takes over options that were changed.
+    ///
+    /// # Errors
+    /// One sentence: options that contradict each other. The session stays as it is.
+    #[cfg(feature = "view")]
+    pub(crate) fn take(&mut self, options: Options) -> Result<()> {
+        self.set(|own| *own = options)
+    }
+
+    fn change(&mut self, change: impl FnOnce(&mut Options) -> Result<()>) -> Result<()> {
+        let mut changed = self.options.clone();
+        change(&mut changed)?;
+        changed.check()?;
+        let is_time = changed.has_other_time_than(&self.options);
+        // A view that frames the scene would move with each pose.
+        let framed = self.frame.as_ref().filter(|frame| is_time && !frame.view.is_file_camera);
+        if let Some(camera) = self.camera.filter(|_| framed.is_some()) {
+            changed.set_camera(&camera);
+        } else if !changed.has_camera_of(&self.options) {
+            self.camera = None;
+        }
+        self.options = changed;
+        self.render(is_time);
+        Ok(())
     }
 
     fn press(&mut self, key: Key) -> Result<Effect> {
@@ -244,35 +249,37 @@ impl Session {
                 self.render(false);
             }
             Key::NextHeatmap => {
-                let next = match self.options.args().own.diagram.0.heatmap {
-                    None => "boxes",
-                    Some(Measure::Boxes) => "triangles",
-                    Some(Measure::Triangles) => "none",
+                let next = match self.options.measure() {
+                    None => Some(Measure::Boxes),
+                    Some(Measure::Boxes) => Some(Measure::Triangles),
+                    Some(Measure::Triangles) => None,
                 };
-                self.set(&[("heatmap", next.to_owned())])?;
+                self.set(|options| options.diagram().heatmap = next.map(Value))?;
             }
             Key::NextIntegrator => {
                 let is_path = self.frame.as_ref().is_some_and(|frame| frame.view.integrator == Integrator::Path);
-                self.set(&[("integrator", if is_path { "hybrid" } else { "path" }.to_owned())])?;
+                let next = if is_path { Integrator::Hybrid } else { Integrator::Path };
+                self.set(|options| options.args.options.0.rendering.integrator = Some(Value(next)))?;
             }
             Key::NextChannel => {
-                let next = match self.options.aov {
-                    None => Some(0),
-                    Some(aov) => Aov::ALL.iter().position(|&known| known == aov).map(|i| i + 1),
-                };
-                let name = next.and_then(|i| Aov::ALL.get(i)).map_or("none", |aov| aov.name());
-                self.set(&[("aov", name.to_owned())])?;
+                let (all, now) = (Aov::ALL.iter(), self.options.aov);
+                let next = all.skip_while(|aov| now.is_some_and(|now| now != **aov)).nth(now.is_some().into());
+                self.set(|options| options.aov = next.copied())?;
             }
-            Key::NextStructure => self.set_structure((self.structure() + 1) % STRUCTURES.len())?,
+            Key::NextStructure => {
+                let all = structures();
+                let number = all.iter().position(|kind| *kind == self.structure()).map_or(0, |i| (i + 1) % all.len());
+                self.set(|options| options.args.structure.0.set_kind(all[number]))?;
+            }
             Key::NextBoxes => {
                 let n_levels = self.frame.as_ref().map_or(0, |frame| frame.view.n_levels);
                 let next = match self.options.boxes() {
-                    None => "0".to_owned(),
-                    Some(BoxLevel::Leaves) => "none".to_owned(),
-                    Some(BoxLevel::Level(level)) if level + 1 < n_levels => (level + 1).to_string(),
-                    Some(BoxLevel::Level(_)) => "leaves".to_owned(),
+                    None => Some(BoxLevel::Level(0)),
+                    Some(BoxLevel::Leaves) => None,
+                    Some(BoxLevel::Level(level)) if level + 1 < n_levels => Some(BoxLevel::Level(level + 1)),
+                    Some(BoxLevel::Level(_)) => Some(BoxLevel::Leaves),
                 };
-                self.set(&[("boxes", next)])?;
+                self.set(|options| options.diagram().boxes = next.map(Value))?;
             }
             Key::Screenshot => return Ok(Effect::Screenshot),
             Key::Copy => return Ok(Effect::Copy(self.command())),
@@ -281,18 +288,19 @@ impl Session {
         Ok(Effect::None)
     }
 
-    /// Which of [`STRUCTURES`] is traced.
-    pub(crate) fn structure(&self) -> usize {
-        let of = self.options.structure_key();
-        let volumes = of.volumes.flatten().map_or("", strategy_name);
-        let accel = of.accel.map_or(if volumes.is_empty() { "wide" } else { "bvh2" }, Named::name);
-        STRUCTURES.iter().position(|of| *of == (accel, volumes)).unwrap_or(if accel == "bvh2" { 1 } else { 0 })
+    /// The structure that is traced.
+    pub(crate) fn structure(&self) -> StructureKind {
+        match self.options.structure_key().kind() {
+            (BvhKind::Bvh2, volumes) => (BvhKind::Bvh2, Some(volumes.unwrap_or_default())),
+            other => other,
+        }
     }
 
-    /// Traces one of [`STRUCTURES`].
-    pub(crate) fn set_structure(&mut self, number: usize) -> Result<()> {
-        let (accel, volumes) = STRUCTURES[number.min(STRUCTURES.len() - 1)];
-        self.set(&[("accel", accel.to_owned()), ("volumes", volumes.to_owned())])
+    fn set(&mut self, set: impl FnOnce(&mut Options)) -> Result<()> {
+        self.change(|options| {
+            set(options);
+            Ok(())
+        })
     }
 
     /// Moves the camera; nothing happens before the first picture, or where no valid camera results.

@@ -9,7 +9,7 @@ use crate::{Surface, wide};
 #[cfg(feature = "gpu")]
 use super::ListLight;
 use super::tree::{Cluster, Cone};
-use super::{IncomingLight, LightKind, luminance_of};
+use super::{IncomingLight, LightKind, LightShape, Place, luminance_of};
 
 /// [`Light::Disk`](canted_scene::Light::Disk): a disk that emits on the side of its normal, world space.
 pub(super) struct DiskLight {
@@ -43,16 +43,33 @@ impl LightKind for DiskLight {
         if -offset.dot(normal) > 0.0 { IncomingLight::of_target(surface, target, self.radiance, density) } else { None }
     }
 
+    fn place(&self) -> Place {
+        let (normal, intensity) = (wide(self.normal), self.intensity());
+        // The extent of a disk along an axis is its radius times the sine between the axis and its normal.
+        let half = normal.map(|n| f64::from(self.radius) * ((1.0 - n) * (1.0 + n)).max(0.0).sqrt());
+        let cluster = Cluster::of_box(self.center, half, Cone::about(normal, false), intensity);
+        // The mean cosine over a hemisphere is 1/2.
+        Place::Local(intensity * PI, cluster)
+    }
+
+    fn shape(&self) -> Option<&dyn LightShape> {
+        Some(self)
+    }
+
+    #[cfg(feature = "gpu")]
+    fn packed(&self) -> ListLight {
+        let Self { center: position, normal: direction, radius: extent, radiance: color } = *self;
+        ListLight { position, direction, extent, color, ..ListLight::default() }
+    }
+}
+
+impl LightShape for DiskLight {
     /// 0 from behind.
     fn density(&self, from: DVec3, direction: DVec3) -> f64 {
         let normal = wide(self.normal);
         plane_density(from, direction, wide(self.center), normal, self.area())
             .filter(|_| direction.dot(normal) < 0.0)
             .unwrap_or(0.0)
-    }
-
-    fn is_shape(&self) -> bool {
-        true
     }
 
     /// The edge counts as a hit. Computed in `f64` and rounded once. Rays in the plane miss.
@@ -72,24 +89,6 @@ impl LightKind for DiskLight {
 
     fn normal(&self, _: DVec3) -> Option<DVec3> {
         Some(wide(self.normal))
-    }
-
-    fn power(&self) -> f64 {
-        // The mean cosine over a hemisphere is 1/2.
-        self.intensity() * PI
-    }
-
-    fn bounds(&self) -> Option<Cluster> {
-        let normal = wide(self.normal);
-        // The extent of a disk along an axis is its radius times the sine between the axis and its normal.
-        let half = normal.map(|n| f64::from(self.radius) * ((1.0 - n) * (1.0 + n)).max(0.0).sqrt());
-        Cluster::of_box(self.center, half, Cone::about(normal, false), self.intensity())
-    }
-
-    #[cfg(feature = "gpu")]
-    fn packed(&self) -> ListLight {
-        let Self { center: position, normal: direction, radius: extent, radiance: color } = *self;
-        ListLight { kind: 4, position, direction, extent, color, cos_outer: 0.0 }
     }
 }
 

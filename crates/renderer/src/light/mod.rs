@@ -9,7 +9,7 @@
 //!
 //! A kind of light of the scene file is one type that answers all questions of [`LightKind`]; [`ask`] is the only place that lists the
 //! kinds. Its twin on the GPU is one file of the same name, which `shared/light/list.wgsl` lists. A new kind is a variant of [`Light`],
-//! these two files, and a line in each list.
+//! these two files, and a line in each list. A test finds what a switch of `list.wgsl` does not list.
 //!
 //! Sphere and disk lights are *shape lights*: camera rays and bounced rays hit them, and they occlude other lights.
 //! They reflect nothing. The back of a disk and the inside of a sphere are black.
@@ -39,49 +39,40 @@ pub(crate) use sampler::Choice;
 pub use sampler::{LightSample, LightSampler};
 use tree::Cluster;
 
-/// What the renderer asks a light of the scene file. The defaults are those of a light that is infinitely far away.
+/// What the renderer asks a light of the scene file.
 trait LightKind {
     /// Samples the light at a surface, before the occlusion test. Only lights with an area call `square`, for a point of the unit square.
     fn sample(&self, surface: &Surface, square: &mut dyn FnMut() -> [f32; 2]) -> Option<IncomingLight>;
 
-    /// PDF of [`LightKind::sample`] per steradian for a unit direction that hits the light.
-    fn density(&self, _from: DVec3, _direction: DVec3) -> f64 {
-        0.0
-    }
+    /// Where it is.
+    fn place(&self) -> Place;
 
-    /// Whether rays hit it.
-    fn is_shape(&self) -> bool {
-        false
-    }
+    /// What rays hit; `None` for a light without an area.
+    fn shape(&self) -> Option<&dyn LightShape>;
 
-    /// Where a ray hits it within its closed interval, and the radiance there.
-    fn hit(&self, _ray: &Ray) -> Option<(f32, [f32; 3])> {
-        None
-    }
-
-    /// A unit normal at a point that a ray hit, on either side.
-    fn normal(&self, _at: DVec3) -> Option<DVec3> {
-        None
-    }
-
-    /// Luminance of its irradiance on a surface that faces it; `None` for a light with a position.
-    fn irradiance(&self) -> Option<f64> {
-        None
-    }
-
-    /// Power of a light with a position, in watts of luminance.
-    fn power(&self) -> f64 {
-        0.0
-    }
-
-    /// Where a light with a position is and where it shines; `None` for a black one.
-    fn bounds(&self) -> Option<Cluster> {
-        None
-    }
-
-    /// The light on the GPU.
+    /// The light on the GPU, but for its kind.
     #[cfg(feature = "gpu")]
     fn packed(&self) -> ListLight;
+}
+
+/// Where a light is, and how bright.
+enum Place {
+    /// Infinitely far away, with the luminance of its irradiance on a surface that faces it.
+    Infinite(f64),
+    /// In the scene, with its power in watts of luminance. The cluster says where it is and where it shines; a black light has none.
+    Local(f64, Option<Cluster>),
+}
+
+/// What the renderer asks a light that rays hit.
+trait LightShape {
+    /// PDF of [`LightKind::sample`] per steradian for a unit direction that hits the light.
+    fn density(&self, from: DVec3, direction: DVec3) -> f64;
+
+    /// Where a ray hits it within its closed interval, and the radiance there.
+    fn hit(&self, ray: &Ray) -> Option<(f32, [f32; 3])>;
+
+    /// A unit normal at a point that a ray hit, on either side.
+    fn normal(&self, at: DVec3) -> Option<DVec3>;
 }
 
 /// Asks a light of the scene file.
@@ -101,7 +92,7 @@ fn ask<R>(light: &Light, question: impl FnOnce(&dyn LightKind) -> R) -> R {
 
 /// Whether rays hit a light of the scene file.
 pub(crate) fn is_shape(light: &Light) -> bool {
-    ask(light, |kind| kind.is_shape())
+    ask(light, |kind| kind.shape().is_some())
 }
 
 /// Luminance of a linear color.
@@ -125,8 +116,8 @@ pub(crate) struct ListLight {
 #[cfg(feature = "gpu")]
 impl From<&Light> for ListLight {
     fn from(light: &Light) -> Self {
-        let light = ask(light, |kind| kind.packed());
-        Self { color: bounded(light.color), ..light }
+        let packed = ask(light, |kind| kind.packed());
+        Self { kind: light.kind() as u32, color: bounded(packed.color), ..packed }
     }
 }
 
@@ -230,7 +221,7 @@ impl<'a> Lights<'a> {
     /// The shape light that a ray hits before `hit`: its `t`, and the unit normal on the side of the ray.
     pub(crate) fn shape_light_before(&self, ray: &Ray, hit: Option<&Hit>) -> Option<(f32, DVec3)> {
         let (t, index, _) = self.first_shape_light(ray, hit)?;
-        let normal = ask(&self.list[index as usize], |kind| kind.normal(ray.at(t.into()).into()))?;
+        let normal = ask(&self.list[index as usize], |kind| kind.shape()?.normal(ray.at(t.into()).into()))?;
         let side = if normal.dot(wide(ray.direction)) > 0.0 { -1.0 } else { 1.0 };
         Some((t, normal * side))
     }
@@ -262,7 +253,7 @@ impl<'a> Lights<'a> {
 
     /// Where a ray hits a shape light within its closed interval, and the radiance there.
     fn intersect_shape_light(&self, index: u32, ray: &Ray) -> Option<(f32, [f32; 3])> {
-        ask(&self.list[index as usize], |kind| kind.hit(ray))
+        ask(&self.list[index as usize], |kind| kind.shape()?.hit(ray))
     }
 }
 
@@ -292,4 +283,32 @@ pub(crate) fn has_multiple_lights(scene: &Scene) -> bool {
     let is_black = *environment_of(scene) == Environment::Constant([0.0; 3]);
     let others = scene.lights.len() + usize::from(!is_black);
     others > 1 || others + scene.instances.iter().map(n_emitters).sum::<usize>() > 1
+}
+
+#[cfg(all(test, feature = "gpu"))]
+mod tests {
+    use super::*;
+
+    /// The numbers of the kinds are those of `list.wgsl`, and each of its switches lists every kind once.
+    #[test]
+    fn kinds_are_those_of_the_shaders() {
+        let (_, list) = canted_shaders::FILES.iter().find(|(name, _)| *name == "shared/light/list").unwrap();
+        let (constants, functions) = list.split_once("struct ListLight").unwrap();
+        let kinds = Light::KINDS.map(str::to_uppercase);
+        let known: Vec<&str> = constants.lines().filter(|line| line.starts_with("const ")).collect();
+        let of_kind = |(number, kind)| format!("const {kind}: u32 = {number}u;");
+        assert_eq!(known, kinds.iter().enumerate().map(of_kind).collect::<Vec<_>>());
+        let switches =
+            functions.split("switch light.kind {").skip(1).map(|after| after.split_once("\n    }").unwrap().0);
+        let mut n_switches = 0;
+        for switch in switches {
+            let cases = switch.lines().filter_map(|line| line.trim().strip_prefix("case ")?.split_once(':'));
+            let mut listed: Vec<&str> =
+                cases.flat_map(|(kinds, _)| kinds.split(", ")).filter(|kind| *kind != "default").collect();
+            listed.sort_by_key(|listed| kinds.iter().position(|kind| kind == listed));
+            assert_eq!(listed, kinds, "{switch}");
+            n_switches += 1;
+        }
+        assert!(n_switches > 0);
+    }
 }

@@ -7,7 +7,7 @@ use crate::{Surface, wide};
 #[cfg(feature = "gpu")]
 use super::ListLight;
 use super::tree::{Cluster, Cone};
-use super::{IncomingLight, LightKind, luminance_of};
+use super::{IncomingLight, LightKind, LightShape, Place, luminance_of};
 
 /// [`Light::Point`](canted_scene::Light::Point): a point that emits equally in all directions.
 pub(super) struct Point {
@@ -21,17 +21,18 @@ impl LightKind for Point {
         sample_point(self.position, self.intensity, surface, |_| 1.0)
     }
 
-    fn power(&self) -> f64 {
-        4.0 * PI * luminance_of(self.intensity)
+    fn place(&self) -> Place {
+        let intensity = luminance_of(self.intensity);
+        Place::Local(4.0 * PI * intensity, Cluster::of_box(self.position, DVec3::ZERO, Cone::ALL, intensity))
     }
 
-    fn bounds(&self) -> Option<Cluster> {
-        Cluster::of_box(self.position, DVec3::ZERO, Cone::ALL, luminance_of(self.intensity))
+    fn shape(&self) -> Option<&dyn LightShape> {
+        None
     }
 
     #[cfg(feature = "gpu")]
     fn packed(&self) -> ListLight {
-        ListLight { kind: 1, position: self.position, color: self.intensity, ..ListLight::default() }
+        ListLight { position: self.position, color: self.intensity, ..ListLight::default() }
     }
 }
 

@@ -6,7 +6,7 @@ use canted_trace::Ray;
 use super::environment::{Sky, SkySampler};
 use super::tree::{Receiver, Tree};
 use super::triangle::Emitters;
-use super::{IncomingLight, LightId, Lights, ask};
+use super::{IncomingLight, LightId, Lights, Place, ask};
 use crate::{Surface, Surfaces, narrow, wide};
 
 /// A sample of the incoming light at a point.
@@ -63,28 +63,26 @@ impl<'a> LightSampler<'a> {
     #[must_use]
     pub fn new(lights: Lights<'a>, surfaces: &'a Surfaces<'a>) -> Self {
         let (emitters, mut clusters) = Emitters::new(surfaces);
-        let mut listed = Vec::new();
-        let tree_lights = (0..)
-            .zip(lights.list)
-            .map(|(index, light)| {
-                let cluster = ask(light, |kind| kind.bounds())?;
-                let number = clusters.len() as u32;
-                clusters.push(cluster);
-                listed.push(index);
-                Some(number)
-            })
-            .collect();
+        let of_emitters = clusters.iter().map(|cluster| 2.0 * PI * cluster.intensity).sum::<f64>();
+        let (mut of_list, mut suns) = (0.0, Vec::new());
+        let (mut listed, mut tree_lights) = (Vec::new(), Vec::new());
+        for (index, light) in (0..).zip(lights.list) {
+            let cluster = match ask(light, |kind| kind.place()) {
+                Place::Infinite(irradiance) => {
+                    suns.push((Choice::Sun(index), irradiance));
+                    None
+                }
+                Place::Local(power, cluster) => {
+                    of_list += if power.is_finite() { power } else { 0.0 };
+                    cluster
+                }
+            };
+            tree_lights.push(cluster.is_some().then_some(clusters.len() as u32));
+            listed.extend(cluster.is_some().then_some(index));
+            clusters.extend(cluster);
+        }
         let sky = lights.sky.image().and_then(SkySampler::new);
-        let local = clusters[..emitters.len()].iter().map(|cluster| 2.0 * PI * cluster.intensity).sum::<f64>()
-            + lights
-                .list
-                .iter()
-                .map(|light| ask(light, |kind| kind.power()))
-                .filter(|power| power.is_finite())
-                .sum::<f64>();
-        let suns = (0..)
-            .zip(lights.list)
-            .filter_map(|(index, light)| Some((Choice::Sun(index), ask(light, |kind| kind.irradiance())?)));
+        let local = of_emitters + of_list;
         let local_irradiance = if local > 0.0 { local / cross_section(surfaces.scene()) } else { 0.0 };
         let powers = [(Choice::Tree, local_irradiance), (Choice::Environment, lights.sky.irradiance(sky.as_ref()))];
         let kinds = kind_probabilities(powers.into_iter().chain(suns));
@@ -142,8 +140,9 @@ impl<'a> LightSampler<'a> {
                 return finite(self.kind_probability(Choice::Environment) * density);
             }
             LightId::Light(index) => {
-                let density =
-                    ask(&self.lights.list[index as usize], |kind| kind.density(from.position.into(), direction));
+                let density = ask(&self.lights.list[index as usize], |kind| {
+                    kind.shape().map_or(0.0, |shape| shape.density(from.position.into(), direction))
+                });
                 (self.tree_lights[index as usize], density)
             }
             LightId::Triangle(instance, primitive) => {

@@ -9,7 +9,7 @@ use crate::{Surface, wide};
 #[cfg(feature = "gpu")]
 use super::ListLight;
 use super::tree::{Cluster, Cone};
-use super::{IncomingLight, LightKind, luminance_of};
+use super::{IncomingLight, LightKind, LightShape, Place, luminance_of};
 
 /// [`Light::Sphere`](canted_scene::Light::Sphere): a sphere that emits outward, world space.
 pub(super) struct SphereLight {
@@ -67,13 +67,26 @@ impl LightKind for SphereLight {
         IncomingLight::of_target(surface, target, self.radiance, 1.0 / (TAU * height))
     }
 
+    fn place(&self) -> Place {
+        let (half, intensity) = (DVec3::splat(self.radius.into()), self.intensity());
+        Place::Local(intensity * (4.0 * PI), Cluster::of_box(self.center, half, Cone::ALL, intensity))
+    }
+
+    fn shape(&self) -> Option<&dyn LightShape> {
+        Some(self)
+    }
+
+    #[cfg(feature = "gpu")]
+    fn packed(&self) -> ListLight {
+        let Self { center: position, radius: extent, radiance: color } = *self;
+        ListLight { position, extent, color, ..ListLight::default() }
+    }
+}
+
+impl LightShape for SphereLight {
     /// The same for all directions that hit the sphere; 0 from inside.
     fn density(&self, from: DVec3, _: DVec3) -> f64 {
         self.sight_cone(from).map_or(0.0, |sight_cone| 1.0 / (TAU * sight_cone.height))
-    }
-
-    fn is_shape(&self) -> bool {
-        true
     }
 
     fn hit(&self, ray: &Ray) -> Option<(f32, [f32; 3])> {
@@ -85,19 +98,5 @@ impl LightKind for SphereLight {
 
     fn normal(&self, at: DVec3) -> Option<DVec3> {
         (at - wide(self.center)).try_normalize()
-    }
-
-    fn power(&self) -> f64 {
-        self.intensity() * (4.0 * PI)
-    }
-
-    fn bounds(&self) -> Option<Cluster> {
-        Cluster::of_box(self.center, DVec3::splat(self.radius.into()), Cone::ALL, self.intensity())
-    }
-
-    #[cfg(feature = "gpu")]
-    fn packed(&self) -> ListLight {
-        let Self { center: position, radius: extent, radiance: color } = *self;
-        ListLight { kind: 3, position, extent, color, ..ListLight::default() }
     }
 }

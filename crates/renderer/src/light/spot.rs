@@ -8,7 +8,7 @@ use crate::{Surface, wide};
 use super::ListLight;
 use super::point::sample_point;
 use super::tree::{Cluster, Cone};
-use super::{IncomingLight, LightKind, luminance_of};
+use super::{IncomingLight, LightKind, LightShape, Place, luminance_of};
 
 /// [`Light::Spot`](canted_scene::Light::Spot): a point that emits into a cone with a soft edge.
 pub(super) struct Spot {
@@ -41,25 +41,26 @@ impl LightKind for Spot {
         sample_point(self.position, self.intensity, surface, |to_light| self.falloff(-axis.dot(to_light)))
     }
 
-    fn power(&self) -> f64 {
+    fn place(&self) -> Place {
         let [inner, outer] = [self.cos_inner, self.cos_outer].map(f64::from);
         // The mean square of a linear ramp from 0 to 1 is 1/3.
-        luminance_of(self.intensity) * (2.0 * PI * (1.0 - inner + (inner - outer) / 3.0))
-    }
-
-    fn bounds(&self) -> Option<Cluster> {
+        let power = luminance_of(self.intensity) * (2.0 * PI * (1.0 - inner + (inner - outer) / 3.0));
         let cone = Cone {
             emission_rad: f64::from(self.cos_outer).clamp(-1.0, 1.0).acos(),
             ..Cone::about(wide(self.direction), false)
         };
         // Beyond 90 degrees the cosine in the importance would be negative.
         let cone = if self.cos_outer > 0.0 { cone } else { Cone::ALL };
-        Cluster::of_box(self.position, DVec3::ZERO, cone, luminance_of(self.intensity))
+        Place::Local(power, Cluster::of_box(self.position, DVec3::ZERO, cone, luminance_of(self.intensity)))
+    }
+
+    fn shape(&self) -> Option<&dyn LightShape> {
+        None
     }
 
     #[cfg(feature = "gpu")]
     fn packed(&self) -> ListLight {
         let Self { position, direction, intensity: color, cos_inner: extent, cos_outer } = *self;
-        ListLight { kind: 2, position, direction, extent, color, cos_outer }
+        ListLight { position, direction, extent, color, cos_outer, ..ListLight::default() }
     }
 }

@@ -2,7 +2,7 @@ use crate::{Surface, wide};
 
 #[cfg(feature = "gpu")]
 use super::ListLight;
-use super::{IncomingLight, LightKind, luminance_of};
+use super::{IncomingLight, LightKind, LightShape, Place, luminance_of};
 
 /// [`Light::Sun`](canted_scene::Light::Sun): light from one direction, infinitely far away.
 pub(super) struct Sun {
@@ -23,12 +23,16 @@ impl LightKind for Sun {
         })
     }
 
-    fn irradiance(&self) -> Option<f64> {
-        Some(luminance_of(self.irradiance))
+    fn place(&self) -> Place {
+        Place::Infinite(luminance_of(self.irradiance))
+    }
+
+    fn shape(&self) -> Option<&dyn LightShape> {
+        None
     }
 
     #[cfg(feature = "gpu")]
     fn packed(&self) -> ListLight {
-        ListLight { kind: 0, direction: self.direction, color: self.irradiance, ..ListLight::default() }
+        ListLight { direction: self.direction, color: self.irradiance, ..ListLight::default() }
     }
 }

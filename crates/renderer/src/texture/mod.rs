@@ -30,6 +30,21 @@ pub enum Lod {
     Aniso,
 }
 
+impl Lod {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::None, Self::Cone, Self::Aniso];
+
+    /// Its name in options, scene files and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Cone => "cone",
+            Self::Aniso => "aniso",
+        }
+    }
+}
+
 /// The textures of a scene with their mip maps.
 #[derive(Clone, Debug)]
 pub(crate) struct Textures<'a> {

@@ -10,8 +10,6 @@ use crate::{Light, ReadError};
 /// Smallest angle, rounded up, whose cosine differs from 1 in single precision: 2^-12 radians.
 const MIN_CONE_DEGREES: f64 = 0.014;
 
-const TYPES: &str = "sun, point, spot, sphere, disk";
-
 /// A table of `[[lights]]`, by its `type`.
 #[derive(Deserialize)]
 #[serde(rename = "light", rename_all = "lowercase", deny_unknown_fields)]
@@ -97,21 +95,18 @@ fn write_one(light: &Light, out: &mut TomlWriter) {
     const IRRADIANCE: &str = "on a perpendicular surface, W/m2, linear RGB";
     const INTENSITY: &str = "W/sr, linear RGB";
     const RADIANCE: &str = "W/(m2 sr), linear RGB";
-    let mut kind = |name: &str| out.entry("type", &quoted(name), TYPES);
+    out.entry("type", &quoted(Light::KINDS[light.kind()]), &Light::KINDS.join(", "));
     match light {
         Light::Sun { direction, irradiance } => {
-            kind("sun");
             out.entry("direction", &numbers(direction), "of propagation");
             out.entry("irradiance", &numbers(irradiance), IRRADIANCE);
         }
         Light::Point { position, intensity } => {
-            kind("point");
             out.entry("position", &numbers(position), "");
             out.entry("intensity", &numbers(intensity), INTENSITY);
         }
         Light::Spot { position, direction, intensity, cos_inner, cos_outer } => {
             let degrees = |cos: f32| format!("{:?}", f64::from(cos).acos().to_degrees());
-            kind("spot");
             out.entry("position", &numbers(position), "");
             out.entry("direction", &numbers(direction), "the axis");
             out.entry("intensity", &numbers(intensity), INTENSITY);
@@ -119,13 +114,11 @@ fn write_one(light: &Light, out: &mut TomlWriter) {
             out.entry("outer_degrees", &degrees(*cos_outer), "no light outside this angle");
         }
         Light::Sphere { center, radius, radiance } => {
-            kind("sphere");
             out.entry("center", &numbers(center), "");
             out.entry("radius", &number(*radius), "");
             out.entry("radiance", &numbers(radiance), RADIANCE);
         }
         Light::Disk { center, normal, radius, radiance } => {
-            kind("disk");
             out.entry("center", &numbers(center), "");
             out.entry("normal", &numbers(normal), "of the emitting side");
             out.entry("radius", &number(*radius), "");

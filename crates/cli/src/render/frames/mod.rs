@@ -28,13 +28,12 @@ use crate::{
     device::Machine,
     light::LightSource,
     load,
-    options::Named as _,
     output::{self, Named},
     process,
     settings::LookOptions,
 };
 use resume::FrameList;
-use source::{FrameNames, Source, degrees, turned};
+use source::{FrameNames, Source, turned};
 
 /// Renders all frames and prints the report.
 pub(super) fn run(job: &Job, [first, end]: [u32; 2]) -> Result<()> {
@@ -58,10 +57,10 @@ pub(super) fn run(job: &Job, [first, end]: [u32; 2]) -> Result<()> {
     let mut source = Source::open(job, time).map_err(|error| in_frame(first, error))?;
     let machine = &open_machine(job)?;
     let mut list = FrameList::read(names.list());
-    let (shared, range) = (source.shared_record(job, machine)?, [first, end]);
+    let shared = resume::shared(job, source.unposed(), machine.name());
     for &frame in &whole {
         source.pose(job, job.sequence.time(frame)).map_err(|error| in_frame(frame, error))?;
-        resume::check(&names.path(frame), &list, &resume::of_frame(&shared, job, range, frame, &source.scene))?;
+        resume::check(&names.path(frame), &list, &resume::of_frame(&shared, job, frame, &source.scene))?;
     }
     let n_kept = (end - first) as usize - todo.len();
     let mut facts = vec![
@@ -82,7 +81,7 @@ pub(super) fn run(job: &Job, [first, end]: [u32; 2]) -> Result<()> {
         let paths: Vec<PathBuf> = todo.iter().map(|&frame| names.path(frame)).collect();
         list.forget(paths.iter().map(PathBuf::as_path))?;
         let load_time = start.elapsed();
-        let sequence = Sequence { job, machine, names: &names, range, todo: &todo, shared: &shared, load_time };
+        let sequence = Sequence { job, machine, names: &names, todo: &todo, shared: &shared, load_time };
         facts.extend(render_all(&sequence, source, list)?);
     }
     facts.extend(process::peak_bytes().map(|bytes| ("peak_memory_bytes", json!(bytes))));
@@ -103,7 +102,6 @@ struct Sequence<'a> {
     job: &'a Job,
     machine: &'a Machine,
     names: &'a FrameNames,
-    range: [u32; 2],
     todo: &'a [u32],
     /// What the records of all frames share.
     shared: &'a Record,
@@ -189,12 +187,12 @@ fn render_frame(
     frame: u32,
     done: usize,
 ) -> Result<(Vec<Fact>, Record)> {
-    let &Sequence { job, machine, names, range, todo, shared, load_time } = sequence;
+    let &Sequence { job, machine, names, todo, shared, load_time } = sequence;
     let (start, name) = (Instant::now(), load::name(job.plan.source.scene.as_deref()));
     let mut light = source.pose(job, job.sequence.time(frame))?;
     let load_time = start.elapsed() + if done == 0 { load_time } else { Duration::ZERO };
     let scene = &mut source.scene;
-    let record = resume::of_frame(shared, job, range, frame, scene);
+    let record = resume::of_frame(shared, job, frame, scene);
     let bvh = match progress.bvh.take() {
         Some(mut bvh) if updates_in_place(job) => {
             let options = UpdateOptions { policy: job.sequence.update, trace_time: progress.trace_time };
@@ -225,8 +223,8 @@ fn render_frame(
     progress.integrator = own.plan.integrator;
     progress.look = own.plan.look.clone();
     own.output.look = own.plan.look.clone();
-    if let Some(degrees) = job.sequence.turntable {
-        camera = turned(camera, self::degrees(degrees, range, frame));
+    if job.sequence.turntable.is_some() {
+        camera = turned(camera, job.sequence.degrees(frame));
     }
     let label = format!("frame {frame} ({} of {}) ", done + 1, todo.len());
     let view = Frame { scene, bvh, camera: &camera, choice, label: &label };

@@ -18,7 +18,7 @@ use canted_renderer::{geometry_hash, light_hash, material_hash};
 use canted_scene::Scene;
 use serde_json::{Value, json};
 
-use super::{Job, source};
+use super::Job;
 use crate::{output, render::difference, settings::Plan};
 
 /// Whether a frame exists as a whole picture of this size. Warns about a file that is no whole picture: it is rendered again.
@@ -92,15 +92,14 @@ pub(super) fn shared(job: &Job, scene: &mut Scene, device: String) -> Record {
 }
 
 /// The record of a frame whose pose `scene` has.
-pub(super) fn of_frame(shared: &Record, job: &Job, [first, end]: [u32; 2], frame: u32, scene: &Scene) -> Record {
+pub(super) fn of_frame(shared: &Record, job: &Job, frame: u32, scene: &Scene) -> Record {
     let mut lights = Hash::default();
     lights.debug(&scene.lights);
     lights.debug(&scene.cameras);
-    let degrees = job.sequence.turntable.map_or(0.0, |degrees| source::degrees(degrees, [first, end], frame));
     let own = [
         ("pose", format!("{:016x}", geometry_hash(scene))),
         ("light or camera of the file", format!("{:016x}", lights.finish())),
-        ("turn in degrees", degrees.to_string()),
+        ("turn in degrees", job.sequence.degrees(frame).to_string()),
     ];
     shared.iter().cloned().chain(own.map(|(name, value)| (name.to_owned(), value))).collect()
 }

@@ -6,11 +6,11 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_film::Record;
 use canted_scene::{AnimatedScene, Camera, Environment, Light, Scene};
+use glam::Vec3;
 
-use super::{Job, resume};
-use crate::{device::Machine, light, load, output};
+use super::Job;
+use crate::{camera::rotated, light, load, output};
 
 /// A scene that is posed for each frame.
 pub(super) struct Source {
@@ -59,10 +59,10 @@ impl Source {
         Ok(source)
     }
 
-    /// What the records of all frames share.
-    pub(super) fn shared_record(&mut self, job: &Job, machine: &Machine) -> Result<Record> {
+    /// The scene with its own environment, before any pose.
+    pub(super) fn unposed(&mut self) -> &mut Scene {
         self.scene.environment.clone_from(&self.environment);
-        Ok(resume::shared(job, &mut self.scene, machine.name()))
+        &mut self.scene
     }
 
     /// Sets the scene to a time in seconds.
@@ -91,26 +91,13 @@ impl Source {
     }
 }
 
-/// How far the camera has turned at a frame of a range, if it turns by `degrees` in all.
-pub(super) fn degrees(degrees: f32, [first, end]: [u32; 2], frame: u32) -> f64 {
-    f64::from(degrees) * (f64::from(frame - first) / f64::from(end - first))
-}
-
 /// Turns the eye of a camera around the axis through its target along its up direction, counter-clockwise seen from the tip
 /// of that direction.
 pub(super) fn turned(camera: Camera, degrees: f64) -> Camera {
-    let [eye, target, up] = [camera.eye, camera.target, camera.up].map(|v| v.map(f64::from));
-    let length = up.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let axis = up.map(|x| x / length);
-    let arm: [f64; 3] = std::array::from_fn(|k| eye[k] - target[k]);
-    // Rodrigues' formula. A camera without an up direction is rejected later.
-    let [sin, cos] = sin_cos(degrees);
-    let along = axis.iter().zip(arm).map(|(a, b)| a * b).sum::<f64>();
-    let around: [f64; 3] =
-        std::array::from_fn(|k| axis[(k + 1) % 3] * arm[(k + 2) % 3] - axis[(k + 2) % 3] * arm[(k + 1) % 3]);
-    let eye =
-        std::array::from_fn(|k| (target[k] + arm[k] * cos + around[k] * sin + axis[k] * along * (1.0 - cos)) as f32);
-    Camera { eye, ..camera }
+    let [eye, target, up] = [camera.eye, camera.target, camera.up].map(|v| Vec3::from(v).as_dvec3());
+    // A camera without an up direction is rejected later.
+    let eye = target + rotated(eye - target, up / up.length(), sin_cos(degrees));
+    Camera { eye: eye.as_vec3().into(), ..camera }
 }
 
 /// Sine and cosine, exact for multiples of 90 degrees.

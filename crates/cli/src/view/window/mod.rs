@@ -23,7 +23,7 @@ use super::{
     options::Options,
     session::{Effect, Session},
 };
-use crate::{load, output};
+use crate::{load, options::Value, output};
 use panel::{PANEL_WIDTH, Panel};
 
 /// Opens the window, and returns when it is closed.
@@ -34,7 +34,7 @@ pub(super) fn run(mut options: Options) -> Result<()> {
     let start = Instant::now();
     let size = options.plan()?.size();
     // The picture of this size needs no other when the window is open.
-    options.set_size(size);
+    options.args.options.0.size = Some(Value(size));
     let [width, height] = size.map(|side| side as f32);
     let title = format!("{} - canted", load::name(options.scene()));
     let viewport = egui::ViewportBuilder::default()
@@ -98,7 +98,11 @@ impl eframe::App for Window {
         if let Some(reason) = &self.session.failure {
             self.note.clone_from(reason);
         }
-        self.panel.show(context, &self.session, &self.note, &mut events);
+        let mut options = self.session.options().clone();
+        self.panel.show(context, &self.session, &self.note, &mut options, &mut events);
+        if options != *self.session.options() {
+            self.note = self.session.take(options).map_or_else(|error| error.to_string(), |()| String::new());
+        }
         let central = egui::CentralPanel::default().frame(egui::Frame::NONE.fill(Color32::from_gray(24)));
         central.show(context, |ui| self.picture(ui, &mut events));
         if !context.wants_keyboard_input() {
@@ -203,7 +207,7 @@ impl Window {
                 Color32::from_gray(180),
             );
         }
-        if let Some(size) = wanted_size(area, scale, self.session.options().args().options.0.size) {
+        if let Some(size) = wanted_size(area, scale, self.session.options().args.options.0.size.map(|size| size.0)) {
             events.push(Event::Resize(size));
         }
     }

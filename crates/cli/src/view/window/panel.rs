@@ -2,13 +2,18 @@
 
 use std::time::Instant;
 
-use canted_film::Aov;
+use canted_film::{Aov, ToneMap};
+use canted_renderer::{BoxLevel, Integrator, Measure};
 use eframe::egui::{self, RichText, Slider, SliderClamping};
 
-use crate::options::{Named, Text as _};
-use crate::view::{
-    events::{Event, Key},
-    session::{STRUCTURES, Session},
+use crate::{
+    device::DeviceArg,
+    options::{Named, Text as _, Value},
+    view::{
+        events::{Event, Key},
+        options::Options,
+        session::{Session, StructureKind, structures},
+    },
 };
 
 /// Width of the controls in points.
@@ -29,53 +34,59 @@ pub(super) struct Panel {
     played_job: u64,
 }
 
-/// Collects changes of options.
-struct Changes<'a>(&'a mut Vec<Event>);
-
-impl Changes<'_> {
-    fn set(&mut self, name: &str, value: impl ToString) {
-        self.0.push(Event::Set(vec![(name.to_owned(), value.to_string())]));
-    }
-
-    /// A row with a list of values of an option.
-    fn list(&mut self, ui: &mut egui::Ui, label: &str, option: &str, now: &str, names: &[&str]) {
-        list(ui, label, now, names.iter().copied(), |name| self.set(option, name));
-    }
-}
-
-/// A row with a label and a list.
-fn list<'a>(
+/// A row with a label and a list of values by their names: the value that is chosen, if it is another one.
+fn list<T>(
     ui: &mut egui::Ui,
     label: &str,
     now: &str,
-    names: impl Iterator<Item = &'a str>,
-    mut choose: impl FnMut(&'a str),
-) {
+    values: impl IntoIterator<Item = (impl AsRef<str>, T)>,
+) -> Option<T> {
     ui.label(label);
+    let mut chosen = None;
     egui::ComboBox::from_id_salt(label).width(LIST).selected_text(now).height(320.0).show_ui(ui, |ui| {
-        for name in names {
+        for (name, value) in values {
+            let name = name.as_ref();
             if ui.selectable_label(name == now, name).clicked() && name != now {
-                choose(name);
+                chosen = Some(value);
             }
         }
     });
     ui.end_row();
+    chosen
+}
+
+/// Values with their names.
+fn named<T: Named>() -> impl Iterator<Item = (&'static str, T)> {
+    T::all().into_iter().map(|value| (value.name(), value))
+}
+
+/// None, and values with their names.
+fn none_or<T: Named>() -> impl Iterator<Item = (&'static str, Option<T>)> {
+    std::iter::once(("none", None)).chain(named::<T>().map(|(name, value)| (name, Some(value))))
 }
 
 impl Panel {
-    pub(super) fn show(&mut self, context: &egui::Context, session: &Session, note: &str, events: &mut Vec<Event>) {
+    /// Shows the controls, which change `options` and add events.
+    pub(super) fn show(
+        &mut self,
+        context: &egui::Context,
+        session: &Session,
+        note: &str,
+        options: &mut Options,
+        events: &mut Vec<Event>,
+    ) {
         let side = egui::SidePanel::right("controls").exact_width(PANEL_WIDTH).resizable(false);
         side.show(context, |ui| {
             egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                 ui.add_space(6.0);
                 let grid =
                     |name: &'static str| egui::Grid::new(name).num_columns(2).min_col_width(LABELS).spacing([8.0, 6.0]);
-                grid("rendering").show(ui, |ui| rendering(ui, session, &mut Changes(events)));
+                grid("rendering").show(ui, |ui| rendering(ui, session, options));
                 ui.separator();
-                grid("structure").show(ui, |ui| structure(ui, session, &mut Changes(events)));
+                grid("structure").show(ui, |ui| structure(ui, session, options));
                 if let Some(range) = session.frame.as_ref().and_then(|frame| frame.view.time_range) {
                     ui.separator();
-                    self.time(ui, session, range, &mut Changes(events));
+                    self.time(ui, session, range, options);
                 }
                 ui.separator();
                 actions(ui, events);
@@ -86,8 +97,8 @@ impl Panel {
     }
 
     /// The time of the animation: a slider over the range of the file, and a switch that plays it again and again.
-    fn time(&mut self, ui: &mut egui::Ui, session: &Session, [first, last]: [f32; 2], changes: &mut Changes) {
-        let mut time: f32 = session.options().args().source.time.unwrap_or(first);
+    fn time(&mut self, ui: &mut egui::Ui, session: &Session, [first, last]: [f32; 2], options: &mut Options) {
+        let mut time: f32 = options.args.source.time().unwrap_or(first);
         let mut is_playing = self.playing.is_some();
         ui.horizontal(|ui| {
             ui.label("time");
@@ -97,7 +108,7 @@ impl Panel {
             let slider = ui.add(slider.custom_formatter(|time, _| format!("{time:.3} s")));
             if slider.changed() {
                 is_playing = false;
-                changes.set("time", time);
+                options.args.source.time = Some(Value(time));
             }
         });
         ui.checkbox(&mut is_playing, "play");
@@ -112,7 +123,8 @@ impl Panel {
             let shown = session.frame.as_ref().map_or(0, |frame| frame.view.number);
             if shown > self.played_job {
                 self.played_job = shown;
-                changes.set("time", first + (from - first + since.elapsed().as_secs_f32()) % length);
+                let time = first + (from - first + since.elapsed().as_secs_f32()) % length;
+                options.args.source.time = Some(Value(time));
             }
             ui.ctx().request_repaint_after(std::time::Duration::from_millis(15));
         }
@@ -120,57 +132,59 @@ impl Panel {
 }
 
 /// What is rendered, and how it is shown.
-fn rendering(ui: &mut egui::Ui, session: &Session, changes: &mut Changes) {
-    let (options, frame) = (session.options(), session.frame.as_ref());
-    let integrator = frame.map(|frame| format!("{:?}", frame.view.integrator).to_lowercase()).unwrap_or_default();
-    changes.list(ui, "integrator", "integrator", &integrator, &["hybrid", "path"]);
+fn rendering(ui: &mut egui::Ui, session: &Session, options: &mut Options) {
+    let frame = session.frame.as_ref();
+    let integrator = frame.map_or("", |frame| frame.view.integrator.name());
+    if let Some(chosen) = list(ui, "integrator", integrator, named::<Integrator>()) {
+        options.args.options.0.rendering.integrator = Some(Value(chosen));
+    }
     let samples = frame.map_or(16, |frame| frame.view.n_samples);
-    let counts = ["1", "4", "16", "64", "256", "1024", "4096"];
-    changes.list(ui, "samples", "spp", &samples.to_string(), &counts);
-    let device = options.args().own.device.text();
-    let devices = if cfg!(feature = "gpu") { &["cpu", "gpu"][..] } else { &["cpu"] };
-    changes.list(ui, "device", "device", &device, devices);
-    let channel = options.aov.map_or("none", Aov::name);
-    let channels = ["none"].into_iter().chain(Aov::ALL.map(Aov::name));
-    list(ui, "channel", channel, channels, |name| changes.set("aov", name));
-    changes.list(
-        ui,
-        "heat map",
-        "heatmap",
-        options.args().own.diagram.0.heatmap.map_or("none", Named::name),
-        &["none", "boxes", "triangles"],
-    );
-    let curves = ["none", "agx", "aces", "filmic-neutral"];
-    let look = &options.args().options.0.look;
-    changes.list(ui, "tone curve", "tone_map", look.tone_map.map_or("none", Named::name), &curves);
+    let counts = [1, 4, 16, 64, 256, 1024, 4096].map(|n: u32| (n.to_string(), n));
+    if let Some(chosen) = list(ui, "samples", &samples.to_string(), counts) {
+        options.args.options.0.rendering.spp = Some(Value(chosen));
+    }
+    let devices = [DeviceArg::Cpu, DeviceArg::Gpu].map(|device| (device.text(), device));
+    let n_devices = if cfg!(feature = "gpu") { 2 } else { 1 };
+    if let Some(chosen) = list(ui, "device", &options.device().text(), devices.into_iter().take(n_devices)) {
+        options.args.own.0.device = Some(Value(chosen));
+    }
+    if let Some(chosen) = list(ui, "channel", options.aov.map_or("none", Aov::name), none_or::<Aov>()) {
+        options.aov = chosen;
+    }
+    if let Some(chosen) = list(ui, "heat map", options.measure().map_or("none", Measure::name), none_or::<Measure>()) {
+        options.diagram().heatmap = chosen.map(Value);
+    }
+    let look = &mut options.args.options.0.look;
+    if let Some(chosen) = list(ui, "tone curve", look.curve().name(), named::<ToneMap>()) {
+        look.tone_map = Some(Value(chosen));
+    }
     ui.label("exposure");
     let mut stops: f32 = look.stops().unwrap_or(0.0);
     ui.spacing_mut().slider_width = 88.0;
     let slider = Slider::new(&mut stops, -8.0..=8.0).clamping(SliderClamping::Never);
     if ui.add(slider.custom_formatter(|stops, _| format!("{stops:.1}"))).changed() {
-        changes.set("exposure", (10.0 * stops).round() / 10.0);
+        look.set_stops(Some((10.0 * stops).round() / 10.0));
     }
     ui.end_row();
 }
 
 /// The acceleration structure and its boxes.
-fn structure(ui: &mut egui::Ui, session: &Session, changes: &mut Changes) {
-    let name = |(accel, volumes): (&str, &str)| format!("{accel} {volumes}").trim().to_owned();
-    let names = STRUCTURES.map(name);
-    let now = &names[session.structure()];
-    list(ui, "structure", now, names.iter().map(|name| &name[..]), |chosen| {
-        if let Some(i) = names.iter().position(|name| name == chosen) {
-            let (accel, volumes) = STRUCTURES[i];
-            let both =
-                [("accel", accel), ("volumes", volumes)].map(|(name, value)| (name.to_owned(), value.to_owned()));
-            changes.0.push(Event::Set(both.to_vec()));
-        }
-    });
+fn structure(ui: &mut egui::Ui, session: &Session, options: &mut Options) {
+    let name = |(kind, volumes): StructureKind| match volumes {
+        Some(volumes) => format!("{} {}", kind.name(), volumes.name()),
+        None => kind.name().to_owned(),
+    };
+    let all = structures().into_iter().map(|kind| (name(kind), kind));
+    if let Some(chosen) = list(ui, "structure", &name(session.structure()), all) {
+        options.args.structure.0.set_kind(chosen);
+    }
     let n_levels = session.frame.as_ref().map_or(0, |frame| frame.view.n_levels);
-    let levels: Vec<String> = (0..n_levels).map(|level| level.to_string()).collect();
-    let shown = session.options().boxes().map_or_else(|| "none".to_owned(), |level| level.to_string());
-    let values = ["none"].into_iter().chain(levels.iter().map(|level| &level[..])).chain(["leaves"]);
-    list(ui, "boxes of level", &shown, values, |level| changes.set("boxes", level));
+    let text = |level: Option<BoxLevel>| level.map_or_else(|| "none".to_owned(), |level| level.to_string());
+    let levels = (0..n_levels).map(BoxLevel::Level).chain([BoxLevel::Leaves]).map(Some);
+    let levels = std::iter::once(None).chain(levels).map(|level| (text(level), level));
+    if let Some(chosen) = list(ui, "boxes of level", &text(options.boxes()), levels) {
+        options.diagram().boxes = chosen.map(Value);
+    }
 }
 
 fn actions(ui: &mut egui::Ui, events: &mut Vec<Event>) {
