@@ -91,20 +91,7 @@ impl Gpu {
                 keep(&lost, GpuError::Lost { message });
             }
         });
-        Ok(Self {
-            facts,
-            device,
-            queue,
-            limits,
-            stored_error,
-            memory: Memory::unbounded(),
-            #[cfg(not(target_family = "wasm"))]
-            timeout: AdaptiveTimeout::default(),
-            kernels: Mutex::default(),
-            frame_buffers: Mutex::default(),
-            counters: Counters::default(),
-            longest_loop: OnceLock::new(),
-        })
+        Ok(Self::of_parts(facts, device, queue, limits, stored_error))
     }
 
     /// A program's own device and queue, of the version of `wgpu` that this crate re-exports. The front page of this crate lists the limits that
@@ -127,12 +114,22 @@ impl Gpu {
     pub fn from_wgpu(device: wgpu::Device, queue: wgpu::Queue) -> Self {
         let limits = device.limits();
         let facts = facts_of(device.adapter_info(), &limits, device.features());
+        Self::of_parts(facts, device, queue, limits, Arc::default())
+    }
+
+    fn of_parts(
+        facts: AdapterInfo,
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+        limits: Limits,
+        stored_error: Arc<Mutex<Option<GpuError>>>,
+    ) -> Self {
         Self {
             facts,
             device,
             queue,
             limits,
-            stored_error: Arc::default(),
+            stored_error,
             memory: Memory::unbounded(),
             #[cfg(not(target_family = "wasm"))]
             timeout: AdaptiveTimeout::default(),

@@ -203,24 +203,24 @@ impl DeviceHit {
 mod tests {
     use std::mem::offset_of;
 
-    use canted_shaders::{Layout, Shader, Variant};
+    use canted_shaders::{Shader, Variant};
 
     use super::*;
 
-    fn layout(of: &str) -> Layout {
-        let chosen = Variant::none()
+    fn chosen() -> Variant {
+        Variant::none()
             .part("level", "shared/level/instances")
             .part("node_kinds", "shared/bvh/node_kinds/any")
             .part("traverse", "shared/traverse/wide")
             .part("mask", "shared/mask/none")
             .part("count", "shared/count/none")
             .number("STACK_SIZE", 4)
-            .number("MAX_ITERATIONS", 1000);
-        Shader::new("trace/closest", &chosen).unwrap().layout(of).unwrap().clone()
+            .number("MAX_ITERATIONS", 1000)
     }
 
     fn offsets(of: &str) -> (Vec<u32>, u32) {
-        let layout = layout(of);
+        let shader = Shader::new("trace/closest", &chosen()).unwrap();
+        let layout = shader.layout(of).unwrap();
         (layout.members.iter().map(|(_, offset)| *offset).collect(), layout.size)
     }
 
@@ -234,20 +234,7 @@ mod tests {
         let exact = offset_of!(InstanceData, exact_rows) as u32;
         let members = vec![rows, rows + 16, rows + 32, bvh, exact];
         assert_eq!(offsets("Instance"), (members, size_of::<InstanceData>() as u32));
-        let of_ray = [
-            offset_of!(DeviceRay, origin),
-            offset_of!(DeviceRay, t_min),
-            offset_of!(DeviceRay, direction),
-            offset_of!(DeviceRay, t_max),
-        ];
-        assert_eq!(offsets("Ray"), (of_ray.map(|x| x as u32).to_vec(), size_of::<DeviceRay>() as u32));
-        let of_hit = [
-            offset_of!(DeviceHit, t),
-            offset_of!(DeviceHit, u),
-            offset_of!(DeviceHit, v),
-            offset_of!(DeviceHit, primitive),
-            offset_of!(DeviceHit, instance),
-        ];
-        assert_eq!(offsets("Hit"), (of_hit.map(|x| x as u32).to_vec(), size_of::<DeviceHit>() as u32));
+        canted_shaders::same_layout!("trace/closest", &chosen(), "Ray", DeviceRay { origin, t_min, direction, t_max });
+        canted_shaders::same_layout!("trace/closest", &chosen(), "Hit", DeviceHit { t, u, v, primitive, instance });
     }
 }

@@ -49,8 +49,7 @@ fn check(scene: &Scene, view: &Camera, settings: &Settings, expected: f64, preci
 }
 
 fn white_sky(object: canted_scene::Mesh, material: Material) -> Scene {
-    let scene = under([1.0; 3], scene(vec![object], vec![material]));
-    scene
+    under([1.0; 3], scene(vec![object], vec![material]))
 }
 
 #[test]

@@ -252,9 +252,7 @@ fn a_twisted_scaffold() {
             let (sin, cos) = (0.04 * f32::from(frame) * z).sin_cos();
             [cos * x - sin * y, sin * x + cos * y, z]
         });
-        let scene =
-            under([1.0, 0.9, 0.8], scene(vec![mesh(positions.collect(), still.triangles.clone(), 0)], vec![gray(0.5)]));
-        scene
+        under([1.0, 0.9, 0.8], scene(vec![mesh(positions.collect(), still.triangles.clone(), 0)], vec![gray(0.5)]))
     });
 }
 

@@ -2,11 +2,10 @@ use bytemuck::{Pod, Zeroable};
 use canted_fixtures::device_tests::{Test, needs_device, needs_nothing};
 use canted_gpu::Variant;
 use canted_renderer::twins::{incoming_light, light_list};
-use canted_renderer::{Bsdf, Cone, Surface};
 use canted_scene::Light;
 use glam::DVec3;
 
-use crate::{U, answers, are_near, direction, gpu, number};
+use crate::{U, answers, are_near, direction, gpu, number, surface};
 
 pub(crate) fn tests() -> Vec<Test> {
     vec![needs_device(incoming_light_matches_the_cpu), needs_nothing(layouts_match_the_kernel)]
@@ -68,22 +67,6 @@ fn lights() -> Vec<Light> {
     lights
 }
 
-fn surface(position: [f32; 3]) -> Surface {
-    let up = [0.0, 0.0, 1.0];
-    Surface {
-        position: wide(position).into(),
-        normal: up,
-        shading_normal: up,
-        is_front: true,
-        bsdf: Bsdf::lambert([0.5; 3]),
-        along: None,
-        emission: [0.0; 3],
-        offset: 0.0,
-        cone: Cone::ZERO,
-        time: 0.0,
-    }
-}
-
 fn wide(v: [f32; 3]) -> DVec3 {
     v.map(f64::from).into()
 }
@@ -115,7 +98,8 @@ fn compare(lights: &[Light], queries: &[Query], answers: &[Answer]) -> Result<[u
     let mut counts = [0, 0];
     for (query, answer) in queries.iter().zip(answers) {
         let light = &lights[query.light as usize];
-        let surface = surface(query.at);
+        let up = [0.0, 0.0, 1.0];
+        let surface = surface(query.at, up, up);
         let expected = incoming_light(light, &surface, query.square);
         let fail = |what: &str| Err(format!("{what}: {light:?} from {:?}: {answer:?}", query.at));
         let Some(expected) = expected else {

@@ -3,10 +3,10 @@ use canted_fixtures::device_tests::{Test, needs_device, needs_nothing};
 use canted_gpu::{Gpu, Variant};
 use canted_obb::Affine;
 use canted_renderer::twins::{LightBuffers, light_list};
-use canted_renderer::{Bsdf, Cone, LightId, LightSample, LightSampler, Lights, Surface, Surfaces};
+use canted_renderer::{LightId, LightSample, LightSampler, Lights, Surface, Surfaces};
 use canted_scene::{Environment, EnvironmentImage, Instance, Light, Material, MaterialId, Mesh, MeshId, Part, Scene};
 
-use crate::{U, answers, compare, direction, gpu, number};
+use crate::{U, answers, compare, direction, gpu, number, surface};
 
 pub(crate) fn tests() -> Vec<Test> {
     vec![needs_device(light_samples_match_the_cpu), needs_nothing(layouts_match_the_kernel)]
@@ -54,18 +54,7 @@ const SPAN: f64 = 8.0;
 
 impl Query {
     fn surface(&self) -> Surface {
-        Surface {
-            position: self.position.map(f64::from),
-            normal: self.normal.map(f64::from),
-            shading_normal: self.shading_normal.map(f64::from),
-            is_front: true,
-            bsdf: Bsdf::lambert([0.5; 3]),
-            along: None,
-            emission: [0.0; 3],
-            offset: 0.0,
-            cone: Cone::ZERO,
-            time: 0.0,
-        }
+        surface(self.position, self.normal, self.shading_normal)
     }
 
     fn sample(&self, sampler: &LightSampler) -> Option<LightSample> {

@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use bytemuck::Pod;
 use canted_fixtures::device_tests;
 use canted_gpu::{Choice, Gpu, NamedBinding, Variant};
-use canted_renderer::{Pattern, Sampler};
+use canted_renderer::{Bsdf, Cone, Pattern, Sampler, Surface};
 
 fn main() -> ExitCode {
     device_tests::run(Gpu::open(&Choice::Best), [bsdf::tests(), incoming::tests(), light::tests()])
@@ -73,4 +73,20 @@ fn direction(i: u32, k: u32) -> [f32; 3] {
 /// Whether each component of `a` is within `bound` of that of `b`.
 fn are_near(a: [f32; 3], b: [f64; 3], bound: f64) -> bool {
     (0..3).all(|k| (f64::from(a[k]) - b[k]).abs() <= bound)
+}
+
+/// A receiver of light that scatters half of it.
+fn surface(position: [f32; 3], normal: [f32; 3], shading_normal: [f32; 3]) -> Surface {
+    Surface {
+        position: position.map(f64::from),
+        normal: normal.map(f64::from),
+        shading_normal: shading_normal.map(f64::from),
+        is_front: true,
+        bsdf: Bsdf::lambert([0.5; 3]),
+        along: None,
+        emission: [0.0; 3],
+        offset: 0.0,
+        cone: Cone::ZERO,
+        time: 0.0,
+    }
 }
