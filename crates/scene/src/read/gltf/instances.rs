@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::accessor::{Accessor, REALS};
 use super::document::{Document, MESH_GPU_INSTANCING, UNSUPPORTED_TARGETS};
 use super::nodes::{Matrix, Nodes};
-use super::primitive::{self, Pose, PrimitiveMesh, PrimitiveReader};
+use super::primitive::{self, Pose, PrimitiveReader};
 use crate::read::error::{ReadError, WarningGroups};
 use crate::read::mesh::MeshChecks;
 use crate::read::text::quoted;
@@ -320,7 +320,7 @@ fn n_virtual_elements(document: &Document<'_>, index: usize) -> usize {
 /// Appends a primitive; `None` for more than 2^32 vertices or triangles.
 ///
 /// If only some primitives have an attribute, the others get zeros, or white for colors.
-fn join(mesh: &mut Mesh, primitive_mesh: PrimitiveMesh, material: usize) -> Option<()> {
+fn join(mesh: &mut Mesh, primitive_mesh: Mesh, material: usize) -> Option<()> {
     if primitive_mesh.triangles.is_empty() {
         return Some(());
     }

@@ -15,20 +15,7 @@ use super::material::fraction;
 use super::nodes::{Matrix, Nodes};
 use crate::read::error::ReadError;
 use crate::read::mesh::{MeshChecks, unit, usable_uv};
-use crate::{Material, UvSet};
-
-/// Triangles and vertices of a primitive.
-#[derive(Default)]
-pub(super) struct PrimitiveMesh {
-    /// Indices into the lists below.
-    pub(super) triangles: Vec<[u32; 3]>,
-    pub(super) positions: Vec<[f32; 3]>,
-    pub(super) normals: Option<Vec<[f32; 3]>>,
-    pub(super) tangents: Option<Vec<[f32; 4]>>,
-    pub(super) uvs: Option<Vec<[f32; 2]>>,
-    pub(super) second_uvs: Option<Vec<[f32; 2]>>,
-    pub(super) colors: Option<Vec<[f32; 4]>>,
-}
+use crate::{Material, Mesh, UvSet};
 
 /// The skinning transform of a vertex, if any.
 type VertexTransform<'a> = dyn Fn(usize) -> Result<Option<Matrix>, ReadError> + 'a;
@@ -46,25 +33,25 @@ pub(super) struct PrimitiveReader<'a, 'b> {
 }
 
 impl PrimitiveReader<'_, '_> {
-    /// Reads a primitive. Primitives without triangles give an empty mesh and a warning.
+    /// Reads a primitive as a mesh without name and parts. Primitives without triangles give an empty mesh and a warning.
     pub(super) fn read(
         &self,
         primitive: &Primitive,
         checks: &mut MeshChecks,
         warnings: &mut Vec<String>,
-    ) -> Result<PrimitiveMesh, ReadError> {
+    ) -> Result<Mesh, ReadError> {
         let location = self.location;
         self.check_compression(primitive)?;
         let find = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
         let Some(position) = find(Semantic::Positions) else {
             warnings.push(format!("skipping {location}: missing POSITION"));
-            return Ok(PrimitiveMesh::default());
+            return Ok(Mesh::default());
         };
         let at = format!("{location} POSITION");
         let base = Accessor::open(self.document, position, &at, Type::Vec3, REALS)?;
         let positions = MorphedAttribute::open(self, primitive, base, |target| target.positions, &at)?;
         let Some(triangles) = self.triangles(primitive, positions.count(), warnings)? else {
-            return Ok(PrimitiveMesh::default());
+            return Ok(Mesh::default());
         };
         let skinning = self
             .pose
@@ -91,7 +78,7 @@ impl PrimitiveReader<'_, '_> {
             triangles: &primitive_mesh.triangles,
             warnings,
         };
-        Ok(PrimitiveMesh {
+        Ok(Mesh {
             normals: attributes.normals(&transform)?,
             tangents: attributes.tangents(&transform)?,
             uvs: attributes.uvs(UvSet::First)?,
@@ -184,10 +171,10 @@ impl PrimitiveReader<'_, '_> {
         positions: &MorphedAttribute<'_>,
         transform: &VertexTransform<'_>,
         checks: &mut MeshChecks,
-    ) -> Result<(PrimitiveMesh, Vec<usize>), ReadError> {
+    ) -> Result<(Mesh, Vec<usize>), ReadError> {
         let corners = triangles.as_flattened();
         let (Some(&min_index), Some(&max_index)) = (corners.iter().min(), corners.iter().max()) else {
-            return Ok((PrimitiveMesh::default(), Vec::new()));
+            return Ok((Mesh::default(), Vec::new()));
         };
         let position = |vertex: u32| {
             let position = positions.at(vertex as usize);
@@ -208,7 +195,7 @@ impl PrimitiveReader<'_, '_> {
             vertices.push(min_index as usize + k);
         }
         triangles.as_flattened_mut().iter_mut().for_each(|corner| *corner = renumbered[(*corner - min_index) as usize]);
-        Ok((PrimitiveMesh { triangles, positions: kept, ..PrimitiveMesh::default() }, vertices))
+        Ok((Mesh { triangles, positions: kept, ..Mesh::default() }, vertices))
     }
 }
 
