@@ -239,18 +239,30 @@ fn rows_of<'a>(table: &'a str, folder: &str) -> Vec<(&'a str, &'a str)> {
 
 #[test]
 fn malformed_models_give_the_results_of_their_table() {
-    let Some(models) = models("malformed_models_give_the_results_of_their_table") else { return };
-    let table = fs::read_to_string(models.join("nasty/EXPECT.tsv")).unwrap();
-    for (folder, min_rows) in [("obj", 36), ("ply", 15), ("gltf", 47)] {
-        let rows = rows_of(&table, folder);
+    let Some((folder, table)) = nasty("malformed_models_give_the_results_of_their_table") else { return };
+    for (format, min_rows) in [("obj", 36), ("ply", 15), ("gltf", 47)] {
+        let rows = rows_of(&table, format);
         assert!(rows.len() >= min_rows, "{} rows", rows.len());
-        let outcome = |(file, expected): &(&str, &str)| {
-            let path = models.join("nasty").join(file);
-            disagreement(expected, &path, &read_scene(&path))
-        };
-        let wrong: Vec<String> = rows.iter().filter_map(outcome).collect();
-        assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+        agree(&rows, |file| (folder.join(file), read_scene(&folder.join(file))));
     }
+}
+
+/// The folder of malformed models and its table.
+fn nasty(test: &str) -> Option<(PathBuf, String)> {
+    let folder = models(test)?.join("nasty");
+    let table = fs::read_to_string(folder.join("EXPECT.tsv")).unwrap();
+    Some((folder, table))
+}
+
+/// Asserts that files have the expected outcomes; `read` gives the path that an error names, and the outcome.
+#[track_caller]
+fn agree(rows: &[(&str, &str)], read: impl Fn(&str) -> (PathBuf, Result<Vec<String>, ReadError>)) {
+    let outcome = |(file, expected): &(&str, &str)| {
+        let (path, got) = read(file);
+        disagreement(expected, &path, &got).map(|difference| format!("{file}: {difference}"))
+    };
+    let wrong: Vec<String> = rows.iter().filter_map(outcome).collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
 /// HDR and EXR files are environment maps, not textures.
@@ -260,23 +272,16 @@ fn is_environment(file: &str) -> bool {
 
 #[test]
 fn environments() {
-    let Some(models) = models("environments") else { return };
-    let table = fs::read_to_string(models.join("nasty/EXPECT.tsv")).unwrap();
+    let Some((folder, table)) = nasty("environments") else { return };
     let rows: Vec<_> = rows_of(&table, "img").into_iter().filter(|(file, _)| is_environment(file)).collect();
     assert!(rows.len() >= 7, "{} rows", rows.len());
-    let outcome = |(file, expected): &(&str, &str)| {
-        let path = models.join("nasty").join(file);
-        disagreement(expected, &path, &read_map(&path))
-    };
-    let wrong: Vec<String> = rows.iter().filter_map(outcome).collect();
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    agree(&rows, |file| (folder.join(file), read_map(&folder.join(file))));
 }
 
 /// Every row is covered by one of the other tests.
 #[test]
 fn all_rows_are_covered() {
-    let Some(models) = models("all_rows_are_covered") else { return };
-    let table = fs::read_to_string(models.join("nasty/EXPECT.tsv")).unwrap();
+    let Some((_, table)) = nasty("all_rows_are_covered") else { return };
     let n_rows = table.lines().filter(|line| !line.starts_with('#')).count() - 1;
     assert_eq!(["obj", "ply", "gltf", "img"].map(|folder| rows_of(&table, folder).len()).iter().sum::<usize>(), n_rows);
     let is_covered = |file: &str| [".png", ".jpg", ".hdr", ".exr", "/images.obj"].iter().any(|end| file.ends_with(end));
@@ -286,26 +291,21 @@ fn all_rows_are_covered() {
 /// Each image as the texture of a triangle.
 #[test]
 fn img() {
-    let Some(models) = models("img") else { return };
-    let table = fs::read_to_string(models.join("nasty/EXPECT.tsv")).unwrap();
-    let rows: Vec<_> = rows_of(&table, "img")
-        .into_iter()
-        .filter(|(file, _)| file.ends_with(".png") || file.ends_with(".jpg"))
-        .collect();
+    let Some((models, table)) = nasty("img") else { return };
+    let is_image = |(file, _): &(&str, &str)| file.ends_with(".png") || file.ends_with(".jpg");
+    let rows: Vec<_> = rows_of(&table, "img").into_iter().filter(is_image).collect();
     assert!(rows.len() >= 10, "{} rows", rows.len());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.obj");
     fs::write(&path, "mtllib m.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
-    let outcome = |(file, expected): &(&str, &str)| {
+    agree(&rows, |file| {
         let name = file.trim_start_matches("img/");
-        fs::copy(models.join("nasty").join(file), folder.path().join(name)).unwrap();
+        fs::copy(models.join(file), folder.path().join(name)).unwrap();
         fs::write(folder.path().join("m.mtl"), format!("newmtl a\nmap_Kd {name}\n")).unwrap();
-        disagreement(expected, &path, &read_scene(&path)).map(|difference| format!("{name}: {difference}"))
-    };
-    let wrong: Vec<String> = rows.iter().filter_map(outcome).collect();
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+        (path.clone(), read_scene(&path))
+    });
 
-    let scene = read(&models.join("nasty/img/images.obj")).unwrap();
+    let scene = read(&models.join("img/images.obj")).unwrap();
     let bad = rows.iter().filter(|(_, expected)| *expected == "warn").count();
     assert_eq!(scene.warnings.len(), bad, "one warning for each bad image: {:?}", scene.warnings);
     assert_eq!(scene.textures.len(), rows.len() - bad);

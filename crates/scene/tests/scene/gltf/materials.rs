@@ -477,14 +477,10 @@ fn variants_choose_materials() {
 
 const STORED: [u8; 4] = [1, 2, 3, 4];
 
-/// A triangle with a texture of two images: the one of `texture`, and STORED data.
+/// The triangle with a texture of two images: STORED data or others, and the PNG.
 fn file_of_format(texture: Value, image: &[u8]) -> File {
-    let mut file = File::of_nodes(json!([{ "mesh": 0 }]));
-    file.json["materials"] = json!([{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }]);
-    let uvs = file.reals("VEC2", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
-    file.json["meshes"][0]["primitives"][0]["material"] = json!(0);
-    file.json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = json!(uvs);
-    let (special, plain) = (file.view(image), file.view(&png()));
+    let mut file = file(textured(json!({})));
+    let (special, plain) = (file.view(image), file.json["images"][0]["bufferView"].clone());
     file.json["images"] =
         json!([{ "bufferView": special, "name": "special" }, { "bufferView": plain, "name": "plain" }]);
     file.json["textures"] = json!([texture]);
