@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use super::{Format, Input, ReadError, ReadOptions, gltf, open, read_static};
+use super::error::ReadError;
+use super::input::{Format, Input, ReadOptions, open};
+use super::{gltf, read_static};
 use crate::{Instance, Mesh, MeshClose, Scene};
 
 /// An open file that poses its scene at any time of an animation, without reading materials and images again.

@@ -40,20 +40,20 @@ mod decoder {
     use super::Decompressed;
 
     /// What a compressed view declares.
-    pub(in super::super) struct Compressed<'a> {
+    pub(crate) struct Compressed<'a> {
         mode: &'a str,
         filter: &'a str,
         count: usize,
         stride: usize,
         /// Index of the buffer with the compressed bytes, offset and length there.
-        pub(in super::super) buffer: usize,
-        pub(in super::super) offset: u64,
-        pub(in super::super) length: u64,
+        pub(crate) buffer: usize,
+        pub(crate) offset: u64,
+        pub(crate) length: u64,
     }
 
     impl<'a> Compressed<'a> {
         /// Reads and checks the extension.
-        pub(in super::super) fn read(extension: &'a Value) -> Result<Self, String> {
+        pub(crate) fn read(extension: &'a Value) -> Result<Self, String> {
             let optional = |key: &str| match extension.get(key) {
                 None => Ok(0),
                 Some(value) => value.as_u64().ok_or_else(|| format!("{key} is {value}")),
@@ -76,7 +76,7 @@ mod decoder {
         }
 
         /// Bytes when decompressed.
-        pub(in super::super) fn n_bytes(&self) -> u64 {
+        pub(crate) fn n_bytes(&self) -> u64 {
             (self.count as u64).saturating_mul(self.stride as u64)
         }
 
@@ -113,7 +113,7 @@ mod decoder {
         }
 
         /// Decompresses the bytes of the view.
-        pub(in super::super) fn decompress(&self, bytes: &[u8]) -> Result<Decompressed, String> {
+        pub(crate) fn decompress(&self, bytes: &[u8]) -> Result<Decompressed, String> {
             let elements = match (self.mode, self.stride) {
                 ("TRIANGLES", 2) => meshopt::decode_index_buffer::<u16>(bytes, self.count)
                     .ok()

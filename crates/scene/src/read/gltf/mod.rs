@@ -27,9 +27,9 @@ use gltf::json::scene::Node;
 use gltf::json::{Index, Value};
 use nodes::Nodes;
 
-use super::error::WarningGroups;
+use super::error::{ReadError, WarningGroups};
+use super::input::ReadOptions;
 use super::mesh::MeshChecks;
-use super::{ReadError, ReadOptions};
 use crate::{Material, Scene};
 
 /// Reads the content of a `.gltf` or `.glb` file with its buffers and images.
@@ -83,7 +83,7 @@ fn read_geometry(
 }
 
 /// A parsed file with its buffers in memory: poses at many times, without reading its materials and images again.
-pub(in crate::read) struct Poses {
+pub(crate) struct Poses {
     document: Document<'static>,
     /// The nodes without an animation.
     rest: Vec<Node>,
@@ -96,11 +96,7 @@ pub(in crate::read) struct Poses {
 impl Poses {
     /// Reads a file as [`read`] does, except that a pose that makes a vertex infinite or NaN is an error. Keeps what
     /// further poses need, if the file has an animation.
-    pub(in crate::read) fn open(
-        path: &Path,
-        bytes: &[u8],
-        options: &ReadOptions,
-    ) -> Result<(Option<Self>, Scene), ReadError> {
+    pub(crate) fn open(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(Option<Self>, Scene), ReadError> {
         let mut document = Document::open(path, bytes)?;
         if document.animation(options.animation.as_deref())?.is_none() {
             return Ok((None, read_document(&mut document, options)?));
@@ -113,17 +109,17 @@ impl Poses {
     }
 
     /// The file.
-    pub(in crate::read) fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         self.document.path()
     }
 
     /// First and last key time of the animation in seconds.
-    pub(in crate::read) fn time_range(&self) -> Option<[f32; 2]> {
+    pub(crate) fn time_range(&self) -> Option<[f32; 2]> {
         animation::time_range(&self.document, self.animation.as_deref())
     }
 
     /// The meshes, instances, cameras, lights and warnings at a time in seconds.
-    pub(in crate::read) fn at(&mut self, time: f32) -> Result<Scene, ReadError> {
+    pub(crate) fn at(&mut self, time: f32) -> Result<Scene, ReadError> {
         let mut grouped = WarningGroups::default();
         self.document.root.nodes.clone_from(&self.rest);
         animation::pose(&mut self.document, self.animation.as_deref(), time, &mut grouped)?;

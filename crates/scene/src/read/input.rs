@@ -1,0 +1,122 @@
+//! A file to read: the options, and its format and content, decompressed.
+
+use std::ffi::OsStr;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use super::error::ReadError;
+#[cfg(feature = "off")]
+use super::off::is_off;
+#[cfg(feature = "stl")]
+use super::stl::is_stl;
+
+/// Options of [`read_with`](super::read_with).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ReadOptions {
+    /// Time in seconds at which an animation of the file poses the scene; `None` for the default pose. Times outside the
+    /// animation are clamped to it.
+    pub time: Option<f32>,
+    /// Name of the animation, or its number from 0 where no animation has that name. `None` for the first animation; others
+    /// are then ignored with a warning, as they are usually alternatives.
+    pub animation: Option<String>,
+    /// Name of a material variant of a glTF file, or its number from 0 where no variant has that name. `None` for the materials of the
+    /// primitives.
+    pub variant: Option<String>,
+}
+
+/// Bytes examined for signatures.
+const HEAD_BYTES: usize = 1024;
+
+/// Signature of gzip (RFC 1952).
+const GZIP: [u8; 2] = [0x1f, 0x8b];
+
+/// A format of meshes or scenes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Format {
+    Obj,
+    Ply,
+    Stl,
+    Off,
+    Gltf,
+}
+
+/// A file in memory, decompressed.
+pub(super) struct Input {
+    pub(super) format: Format,
+    pub(super) bytes: Vec<u8>,
+}
+
+/// Reads a file. One of an unknown format is not read beyond its start.
+pub(super) fn open(path: &Path) -> Result<Input, ReadError> {
+    let io_error = ReadError::io(path);
+    let mut file = File::open(path).map_err(&io_error)?;
+    let mut bytes = Vec::new();
+    (&mut file).take(HEAD_BYTES as u64).read_to_end(&mut bytes).map_err(&io_error)?;
+    if bytes.starts_with(&GZIP) {
+        file.read_to_end(&mut bytes).map_err(&io_error)?;
+        let bytes = decompress(path, &bytes)?;
+        // `model.obj.gz`: the format is that of the inner name.
+        let is_gz = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gz"));
+        let inner = path.file_stem().filter(|_| is_gz).map_or(path, Path::new);
+        let format = format_of(inner.extension(), &bytes, bytes.len() as u64);
+        return format.map(|format| Input { format, bytes }).ok_or(ReadError::UnknownFormat { path: path.to_owned() });
+    }
+    let n_bytes = file.metadata().map_err(&io_error)?.len();
+    let format = format_of(path.extension(), &bytes, n_bytes);
+    let format = format.ok_or_else(|| ReadError::UnknownFormat { path: path.to_owned() })?;
+    file.read_to_end(&mut bytes).map_err(&io_error)?;
+    Ok(Input { format, bytes })
+}
+
+/// The format by the first bytes of a file of `n_bytes`, then by extension.
+fn format_of(extension: Option<&OsStr>, bytes: &[u8], n_bytes: u64) -> Option<Format> {
+    let head = &bytes[..bytes.len().min(HEAD_BYTES)];
+    let extension = extension.unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    match (head, &extension[..]) {
+        ([b'g', b'l', b'T', b'F', ..], _) => Some(Format::Gltf),
+        ([b'p', b'l', b'y', b'\n' | b'\r', ..], _) => Some(Format::Ply),
+        _ if is_stl(head, n_bytes) => Some(Format::Stl),
+        _ if is_off(head) => Some(Format::Off),
+        (_, "gltf" | "glb") => Some(Format::Gltf),
+        (_, "ply") => Some(Format::Ply),
+        (_, "obj") => Some(Format::Obj),
+        (_, "stl") => Some(Format::Stl),
+        (_, "off") => Some(Format::Off),
+        _ => None,
+    }
+}
+
+/// Without the reader, STL is known by its extension only.
+#[cfg(not(feature = "stl"))]
+fn is_stl(_: &[u8], _: u64) -> bool {
+    false
+}
+
+/// Without the reader, OFF is known by its extension only.
+#[cfg(not(feature = "off"))]
+fn is_off(_: &[u8]) -> bool {
+    false
+}
+
+/// Largest size of decompressed content: a small file cannot exhaust the memory of usual machines.
+#[cfg(feature = "gzip")]
+const MAX_DECOMPRESSED_BYTES: u64 = 1 << 32;
+
+/// Decompresses all members of a gzip file.
+#[cfg(feature = "gzip")]
+fn decompress(path: &Path, bytes: &[u8]) -> Result<Vec<u8>, ReadError> {
+    let mut content = Vec::new();
+    let decoder = flate2::read::MultiGzDecoder::new(bytes);
+    let n_bytes = decoder.take(MAX_DECOMPRESSED_BYTES + 1).read_to_end(&mut content);
+    let n_bytes = n_bytes.map_err(|error| ReadError::malformed(path, "gzip", error.to_string()))?;
+    if n_bytes as u64 > MAX_DECOMPRESSED_BYTES {
+        return Err(ReadError::unsupported(path, "gzip with more than 4 GiB of content"));
+    }
+    Ok(content)
+}
+
+#[cfg(not(feature = "gzip"))]
+fn decompress(path: &Path, _: &[u8]) -> Result<Vec<u8>, ReadError> {
+    Err(ReadError::missing_feature(path, "gzip", "gzip"))
+}
