@@ -114,19 +114,13 @@ mod decoder {
 
         /// Decompresses the bytes of the view.
         pub(crate) fn decompress(&self, bytes: &[u8]) -> Result<Decompressed, String> {
+            let (short, long) =
+                (|list: Vec<u16>| of(&list, u16::to_ne_bytes), |list: Vec<u32>| of(&list, u32::to_ne_bytes));
             let elements = match (self.mode, self.stride) {
-                ("TRIANGLES", 2) => meshopt::decode_index_buffer::<u16>(bytes, self.count)
-                    .ok()
-                    .map(|list| of(&list, |x| x.to_ne_bytes())),
-                ("TRIANGLES", _) => meshopt::decode_index_buffer::<u32>(bytes, self.count)
-                    .ok()
-                    .map(|list| of(&list, |x| x.to_ne_bytes())),
-                ("INDICES", 2) => meshopt::decode_index_sequence::<u16>(bytes, self.count)
-                    .ok()
-                    .map(|list| of(&list, |x| x.to_ne_bytes())),
-                ("INDICES", _) => meshopt::decode_index_sequence::<u32>(bytes, self.count)
-                    .ok()
-                    .map(|list| of(&list, |x| x.to_ne_bytes())),
+                ("TRIANGLES", 2) => meshopt::decode_index_buffer(bytes, self.count).ok().map(short),
+                ("TRIANGLES", _) => meshopt::decode_index_buffer(bytes, self.count).ok().map(long),
+                ("INDICES", 2) => meshopt::decode_index_sequence(bytes, self.count).ok().map(short),
+                ("INDICES", _) => meshopt::decode_index_sequence(bytes, self.count).ok().map(long),
                 _ => attributes(self.stride, bytes, self.count),
             };
             let mut bytes = elements.ok_or("malformed compressed data")?;
