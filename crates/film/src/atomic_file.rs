@@ -101,6 +101,12 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     file.finish()
 }
 
+/// Reads a file and decodes it.
+pub(crate) fn read_file<T>(path: &Path, decode: impl FnOnce(&[u8]) -> Result<T, String>) -> Result<T, FileError> {
+    let bytes = fs::read(path).map_err(|error| FileError::read(path, error))?;
+    decode(&bytes).map_err(|reason| FileError::read(path, reason))
+}
+
 /// A path in the folder of `path` that no other call or process uses.
 fn temporary_beside(path: &Path) -> PathBuf {
     static COUNT: AtomicU32 = AtomicU32::new(0);
@@ -123,7 +129,7 @@ pub struct FileError {
 }
 
 impl FileError {
-    pub(crate) fn read(path: &Path, reason: impl fmt::Display) -> Self {
+    fn read(path: &Path, reason: impl fmt::Display) -> Self {
         Self { action: "read", path: path.to_owned(), reason: reason.to_string() }
     }
 

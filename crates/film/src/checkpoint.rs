@@ -7,8 +7,8 @@
 //! ```
 
 use std::path::Path;
-use std::{fmt, fs};
 
+use crate::atomic_file::read_file;
 use crate::film_file::{Record, record_from_lines, record_lines};
 use crate::{AtomicFile, FileError, Guide, Hash, Pixel, Tile};
 
@@ -59,9 +59,7 @@ impl Checkpoint {
     /// # Errors
     /// [`FileError`] where the file cannot be read, is not a checkpoint, or is damaged.
     pub fn read(path: &Path) -> Result<(Record, Vec<Tile>), FileError> {
-        let fail = |reason: &dyn fmt::Display| FileError::read(path, reason);
-        let bytes = fs::read(path).map_err(|error| fail(&error))?;
-        decode(&bytes).map_err(|reason| fail(&reason))
+        read_file(path, decode)
     }
 }
 

@@ -9,14 +9,13 @@
 
 use std::io::Cursor;
 use std::path::Path;
-use std::{fmt, fs};
 
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, FlatSamples, Image, ImageAttributes, IntegerBounds, Layer,
     LayerAttributes, ReadChannels, ReadLayers, Text, Vec2, WritableImage,
 };
 
-use crate::atomic_file::write_file;
+use crate::atomic_file::{read_file, write_file};
 use crate::picture_file::{ENCODING, canonical, check_exr_size};
 use crate::{Aov, Aovs, Block, FileError, Film, Guide, Hash, Part, Picture, Pixel};
 
@@ -181,9 +180,7 @@ fn checksum(channels: &[Vec<u32>]) -> u64 {
 /// # Errors
 /// [`FileError`] where the file cannot be read, has no part, or is damaged.
 pub fn read_part(path: &Path) -> Result<(Film, Aovs, Record), FileError> {
-    let fail = |reason: &dyn fmt::Display| FileError::read(path, reason);
-    let bytes = fs::read(path).map_err(|error| fail(&error))?;
-    decode(&bytes).map_err(|reason| fail(&reason))
+    read_file(path, decode)
 }
 
 fn decode(bytes: &[u8]) -> Result<(Film, Aovs, Record), String> {

@@ -2,7 +2,6 @@
 
 use std::io::Cursor;
 use std::path::Path;
-use std::{fmt, fs};
 
 use exr::io::Tracking;
 use exr::prelude::{
@@ -15,7 +14,7 @@ use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
 use image::{DynamicImage, ImageEncoder};
 
-use crate::atomic_file::write_file;
+use crate::atomic_file::{read_file, write_file};
 use crate::{FileError, Picture, srgb};
 
 /// Writes `picture` as an 8-bit RGB PNG: clamped to 0..=1, encoded by the sRGB curve, rounded to the nearest byte.
@@ -169,13 +168,10 @@ const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 /// # Errors
 /// [`FileError`] with the file and the reason.
 pub fn read_picture(path: &Path) -> Result<Picture, FileError> {
-    let fail = |reason: &dyn fmt::Display| FileError::read(path, reason);
-    let bytes = fs::read(path).map_err(|error| fail(&error))?;
-    if bytes.starts_with(&EXR_MAGIC) {
-        read_exr(&bytes).map_err(|reason| fail(&reason))
-    } else {
-        read_image(&bytes).map_err(|error| fail(&error))
-    }
+    read_file(path, |bytes| match bytes.starts_with(&EXR_MAGIC) {
+        true => read_exr(bytes),
+        false => read_image(bytes).map_err(|error| error.to_string()),
+    })
 }
 
 fn read_image(bytes: &[u8]) -> Result<Picture, image::ImageError> {

@@ -473,26 +473,11 @@ mod tests {
     #[test]
     fn addition_keeps_the_first_hit() {
         let miss = Guide { tests: [4.0, 1.0], ..Guide::default() };
-        let hit = |id: u32, x: f64| Guide {
-            n_hits: 1,
-            first: Some([id, id + 1]),
-            depth: x,
-            normal: [x + 1.0, x + 2.0, x + 3.0],
-            shading_normal: [x + 4.0, x + 5.0, x + 6.0],
-            albedo: [x + 7.0, x + 8.0, x + 9.0],
-            tests: [x + 10.0, x + 11.0],
-        };
+        let hit = |id: u32, x: f64| Guide::from_sums(1, Some([id, id + 1]), std::array::from_fn(|k| x + k as f64));
         let sum = miss + hit(5, 0.0) + hit(7, 100.0);
-        let expected = Guide {
-            n_hits: 2,
-            first: Some([5, 6]),
-            depth: 100.0,
-            normal: [102.0, 104.0, 106.0],
-            shading_normal: [108.0, 110.0, 112.0],
-            albedo: [114.0, 116.0, 118.0],
-            tests: [124.0, 123.0],
-        };
-        assert_eq!(sum, expected);
+        assert_eq!((sum.n_hits, sum.first, sum.depth), (2, Some([5, 6]), 100.0));
+        assert_eq!([sum.normal, sum.shading_normal], [[102.0, 104.0, 106.0], [108.0, 110.0, 112.0]]);
+        assert_eq!((sum.albedo, sum.tests), ([114.0, 116.0, 118.0], [124.0, 123.0]));
     }
 
     /// The sum of a block by definition.
