@@ -351,7 +351,7 @@ impl<'a> Boundary<'a> {
 //
 // `shared/bsdf.wgsl` has the same coefficients.
 
-/// Coefficients of [`albedo`]: a row for each power of `s`, a column for each power of the roughness.
+/// Coefficients of [`facet_albedo`]: a row for each power of `s`, a column for each power of the roughness.
 const ALBEDO: [[f32; 5]; 7] = [
     [0.99442667, -0.0046965606, 0.041189846, -0.09276388, 0.06731132],
     [0.3289856, 1.2405112, -5.7699223, 9.250136, -5.371819],
@@ -371,7 +371,7 @@ const COSINE: [[f32; 5]; 5] = [
     [-6.960863, 47.86098, -134.71822, 160.38995, -66.25904],
 ];
 
-/// Coefficients of [`mean_reflectance`]: rows for the roughness, columns for `(eta - 1) / (eta + 1)`.
+/// Coefficients of [`mean_coat`]: rows for the roughness, columns for `(eta - 1) / (eta + 1)`.
 const MEAN: [[f32; 3]; 3] =
     [[1.3273436, -1.2267793, 1.2081856], [-1.7918327, 5.616328, -4.4670687], [0.44777808, -3.2862773, 2.5457828]];
 
