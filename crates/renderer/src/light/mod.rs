@@ -285,7 +285,7 @@ pub(crate) fn has_multiple_lights(scene: &Scene) -> bool {
     others > 1 || others + scene.instances.iter().map(n_emitters).sum::<usize>() > 1
 }
 
-#[cfg(all(test, feature = "gpu"))]
+#[cfg(test)]
 mod tests {
     use super::*;
 
