@@ -3,8 +3,6 @@
 #[cfg(feature = "gpu")]
 mod gpu;
 
-use std::str::FromStr;
-
 use anyhow::{Result, anyhow};
 use serde_json::{Value, json};
 
@@ -29,10 +27,10 @@ pub(crate) enum DeviceArg {
     Named(String),
 }
 
-impl FromStr for DeviceArg {
-    type Err = String;
+impl Form for DeviceArg {
+    type Value = Self;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn parse(text: &str) -> Result<Self, String> {
         Ok(match text {
             "auto" => Self::Auto,
             "cpu" => Self::Cpu,
@@ -44,14 +42,6 @@ impl FromStr for DeviceArg {
                 name => Self::Named(name.to_owned()),
             },
         })
-    }
-}
-
-impl Form for DeviceArg {
-    type Value = Self;
-
-    fn parse(text: &str) -> Result<Self, String> {
-        text.parse()
     }
 }
 
@@ -74,7 +64,7 @@ impl Text for DeviceArg {
 pub(crate) struct RunArgs {
     /// Compute device: auto, cpu, gpu, or part of an adapter name (see `canted devices`). `auto` uses a hardware GPU that
     /// supports the scene, else the CPU.
-    #[arg(long, default_value = "auto", value_name = "DEVICE")]
+    #[arg(long, default_value = "auto", value_parser = DeviceArg::parse, value_name = "DEVICE")]
     pub(crate) device: DeviceArg,
     /// Number of CPU threads [default: all]
     #[arg(long, value_parser = options::threads, value_name = "N")]
@@ -182,7 +172,7 @@ mod tests {
 
     #[test]
     fn parses_device_names() {
-        let parse = |text: &str| text.parse::<DeviceArg>();
+        let parse = DeviceArg::parse;
         assert_eq!(parse("auto"), Ok(DeviceArg::Auto));
         assert_eq!(parse("both"), Ok(DeviceArg::Both(None)));
         assert_eq!(parse("both: Big GPU "), Ok(DeviceArg::Both(Some("Big GPU".to_owned()))));

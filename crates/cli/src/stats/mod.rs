@@ -8,7 +8,6 @@ mod motion;
 mod planes;
 mod tables;
 mod wide;
-mod wide_tables;
 
 use std::path::PathBuf;
 

@@ -10,8 +10,7 @@ use super::{
     binary::{BinaryStats, Level, Passes, Row},
     motion::Motion,
     planes::PlaneStats,
-    wide::WideStats,
-    wide_tables,
+    wide::{self, WideStats},
 };
 use crate::{process, render};
 
@@ -42,7 +41,7 @@ impl Report<'_> {
             "placed_triangles": scene.n_placed_triangles(),
             "one_level": level_json(&binary.one),
             "two_level": { "bottom": level_json(&binary.bottom), "top": level_json(&binary.top) },
-            "wide": wide_tables::json(wide),
+            "wide": wide::json(wide),
             "planes": planes.json(),
             "not_needed": not_needed,
         });
@@ -72,7 +71,7 @@ impl Report<'_> {
         volumes(&mut out, "one level", &binary.one);
         volumes(&mut out, "two levels, bottom", &binary.bottom);
         volumes(&mut out, "two levels, top", &binary.top);
-        wide_tables::text(&mut out, wide);
+        wide::text(&mut out, wide);
         planes.text(&mut out);
         passes(&mut out, binary);
         let _ = writeln!(out, "\nNot needed to render the scene: {}", render::parts_text(not_needed));

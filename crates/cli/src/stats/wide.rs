@@ -1,69 +1,72 @@
-//! Wide BVHs of presets.
+//! Wide BVHs of presets, and their tables as text and as JSON.
 
-use std::time::Instant;
+use std::{fmt::Write, time::Instant};
 
 use anyhow::Result;
 use canted_obb::Obb;
 use canted_scene::Scene;
-use canted_wide::{NodeKind, Preset, TriangleBvh};
+use canted_wide::{NodeKind, Preset, SimdPath, TriangleBvh};
+use serde_json::{Value, json};
+
+use crate::process;
 
 /// One preset on one level of BVHs.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Row {
+struct Row {
     /// Nodes of each kind, in the order of [`NodeKind::ALL`].
-    pub(super) nodes: [usize; NodeKind::ALL.len()],
+    nodes: [usize; NodeKind::ALL.len()],
     /// Predicted traversal cost if all nodes were aligned, for a ray that enters the root, in visits of aligned nodes; over
     /// several BVHs, the mean weighted by root area.
-    pub(super) aligned_cost: f64,
+    aligned_cost: f64,
     /// Predicted traversal cost of the BVHs as built.
-    pub(super) cost: f64,
+    cost: f64,
     /// BVHs whose mesh is rotated into a local frame.
-    pub(super) n_rotated: usize,
+    n_rotated: usize,
     /// The largest angle of such a rotation.
-    pub(super) max_angle_rad: f64,
+    max_angle_rad: f64,
     /// Memory of the nodes.
-    pub(super) node_bytes: usize,
+    node_bytes: usize,
     /// Memory of the triangle blocks.
-    pub(super) block_bytes: usize,
+    block_bytes: usize,
     /// Triangles of all BVHs.
-    pub(super) n_triangles: usize,
+    n_triangles: usize,
     /// Nodes on the longest path from a root.
-    pub(super) depth: u32,
+    depth: u32,
     /// Milliseconds to build all BVHs from indexed triangles.
-    pub(super) build_ms: f64,
+    build_ms: f64,
     /// Sum of the root areas, the weights of the costs.
-    pub(super) root_area: f64,
+    root_area: f64,
 }
 
 /// All presets on one level of BVHs.
-pub(super) struct Level {
-    pub(super) n_bvhs: usize,
+struct Level {
+    n_bvhs: usize,
     /// In the order of the command line.
-    pub(super) rows: Vec<(Preset, Row)>,
+    rows: Vec<(Preset, Row)>,
 }
 
 /// All levels.
 pub(super) struct WideStats {
     /// One BVH over all triangles in world space.
-    pub(super) one: Level,
+    one: Level,
     /// One BVH per mesh.
-    pub(super) bottom: Level,
+    bottom: Level,
 }
 
 impl Row {
     /// Nodes of all kinds.
-    pub(super) fn n_nodes(&self) -> usize {
+    fn n_nodes(&self) -> usize {
         self.nodes.iter().sum()
     }
 
     /// Fraction of nodes of one kind.
-    pub(super) fn share(&self, kind: NodeKind) -> f64 {
+    fn share(&self, kind: NodeKind) -> f64 {
         let of_kind = NodeKind::ALL.iter().zip(self.nodes).filter(|(each, _)| **each == kind).map(|(_, n)| n);
         of_kind.sum::<usize>() as f64 / (self.n_nodes() as f64).max(1.0)
     }
 
     /// Memory of nodes and blocks per triangle.
-    pub(super) fn bytes_per_triangle(&self) -> f64 {
+    fn bytes_per_triangle(&self) -> f64 {
         (self.node_bytes + self.block_bytes) as f64 / (self.n_triangles as f64).max(1.0)
     }
 
@@ -139,9 +142,152 @@ fn angle_rad(rows: [[f32; 3]; 3]) -> f64 {
     (0.5 * (trace - 1.0)).clamp(-1.0, 1.0).acos()
 }
 
+/// Below this ratio of predicted costs, the reason states a percentage instead of a factor.
+const ABOUT_EQUAL: f64 = 1.05;
+
+/// The levels as JSON.
+pub(super) fn json(stats: &WideStats) -> Value {
+    json!({
+        "simd": SimdPath::detect().name(),
+        "one_level": level_json(&stats.one),
+        "two_level": level_json(&stats.bottom),
+    })
+}
+
+fn level_json(level: &Level) -> Value {
+    let presets: Vec<Value> = rows(level)
+        .map(|(name, row)| {
+            json!({
+                "preset": name,
+                "predicted_aligned_cost": row.aligned_cost,
+                "predicted_cost": row.cost,
+                "nodes": row.n_nodes(),
+                "aligned_share": row.share(NodeKind::Aligned),
+                "oriented_share": row.share(NodeKind::Oriented),
+                "rotated": row.n_rotated,
+                "max_angle_degrees": row.max_angle_rad.to_degrees(),
+                "depth": row.depth,
+                "node_bytes": row.node_bytes,
+                "block_bytes": row.block_bytes,
+                "bytes_per_triangle": row.bytes_per_triangle(),
+                "build_ms": row.build_ms,
+                "reason": reason(level, row),
+            })
+        })
+        .collect();
+    json!({ "bvhs": level.n_bvhs, "presets": presets })
+}
+
+fn rows(level: &Level) -> impl Iterator<Item = (&'static str, &Row)> {
+    level.rows.iter().map(|(preset, row)| (preset.name(), row))
+}
+
+/// One table per level, each with a reason per preset.
+pub(super) fn text(out: &mut String, stats: &WideStats) {
+    level_text(out, "one level", &stats.one);
+    level_text(out, "two levels, bottom", &stats.bottom);
+}
+
+fn level_text(out: &mut String, title: &str, level: &Level) {
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        out,
+        "\nWide BVH, {title} (predicted cost of a ray that enters the root, in aligned node visits)\n\
+         {:<14}{:>13}{:>9}{:>9}{:>9}{:>10}{:>9}{:>7}{:>11}{:>11}{:>9}{:>10}",
+        "",
+        "aligned cost",
+        "cost",
+        "nodes",
+        "aligned",
+        "oriented",
+        "rotated",
+        "depth",
+        "node mem",
+        "leaf mem",
+        "B/tri",
+        "build ms"
+    );
+    for (name, row) in rows(level) {
+        let percent = |kind| format!("{:.1}%", 100.0 * row.share(kind));
+        let _ = writeln!(
+            out,
+            "{name:<14}{:>13.2}{:>9.2}{:>9}{:>9}{:>10}{:>9}{:>7}{:>11}{:>11}{:>9.1}{:>10.2}",
+            row.aligned_cost,
+            row.cost,
+            row.n_nodes(),
+            percent(NodeKind::Aligned),
+            percent(NodeKind::Oriented),
+            format!("{}/{}", row.n_rotated, level.n_bvhs),
+            row.depth,
+            process::human(row.node_bytes as u64),
+            process::human(row.block_bytes as u64),
+            row.bytes_per_triangle(),
+            row.build_ms
+        );
+    }
+    for (name, row) in rows(level) {
+        let _ = writeln!(out, "{name}: {}", reason(level, row));
+    }
+}
+
+/// The reason for the kinds of nodes, in a sentence.
+fn reason(level: &Level, row: &Row) -> String {
+    if row.n_nodes() == 0 {
+        return "the root is a leaf".to_owned();
+    }
+    let degrees = row.max_angle_rad.to_degrees();
+    let rotated = match (row.n_rotated, level.n_bvhs) {
+        (0, _) => String::new(),
+        (_, 1) => format!("; the mesh is rotated by {degrees:.0} degrees"),
+        (1, n) => format!("; 1 of {n} meshes is rotated, by {degrees:.0} degrees"),
+        (rotated, n) => format!("; {rotated} of {n} meshes are rotated, by at most {degrees:.0} degrees"),
+    };
+    let share = row.share(NodeKind::Oriented);
+    // The builder chooses the cheaper kind of node, so the ratio is at least 1.
+    let ratio = row.aligned_cost / row.cost;
+    if share == 0.0 {
+        return format!("aligned nodes are cheapest: no node is oriented{rotated}");
+    }
+    let more = if ratio < ABOUT_EQUAL {
+        format!("{:.1} % more", 100.0 * (ratio - 1.0))
+    } else {
+        format!("{ratio:.1} times as much")
+    };
+    format!("aligned nodes alone would cost {more}: {} of nodes are oriented{rotated}", percent(share))
+}
+
+/// A nonzero fraction in words.
+fn percent(share: f64) -> String {
+    if share < 0.005 { "less than 1 %".to_owned() } else { format!("{:.0} %", 100.0 * share) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn reason_of(row: Row) -> String {
+        reason(&Level { n_bvhs: 1, rows: vec![] }, &row)
+    }
+
+    #[test]
+    fn the_reason_follows_the_numbers() {
+        let row = Row { nodes: [10, 90], aligned_cost: 39.0, cost: 10.0, ..Row::default() };
+        let many = "aligned nodes alone would cost 3.9 times as much: 90 % of nodes are oriented";
+        assert_eq!(reason_of(row), many);
+        let rotated = Row { n_rotated: 1, max_angle_rad: 0.5, nodes: [100, 0], cost: 39.0, ..row };
+        let none = "aligned nodes are cheapest: no node is oriented; the mesh is rotated by 29 degrees";
+        assert_eq!(reason_of(rotated), none);
+        assert_eq!(reason_of(Row { nodes: [0; 2], ..row }), "the root is a leaf");
+    }
+
+    #[test]
+    fn a_small_gain_is_a_percentage() {
+        let row = Row { nodes: [999, 1], aligned_cost: 100.0, ..Row::default() };
+        let few = "aligned nodes alone would cost 4.9 % more: less than 1 % of nodes are oriented";
+        assert_eq!(reason_of(Row { cost: 100.0 / 1.049, ..row }), few);
+        let above = reason_of(Row { cost: 94.0, ..row });
+        assert!(above.starts_with("aligned nodes alone would cost 1.1 times as much: "), "{above}");
+    }
 
     /// Rounding three entries changes the cosine of an angle by at most 3/2 of a rounding error `e`. The angle changes by at
     /// most `sqrt(2 * 1.5 * e)`, for small angles.

@@ -6,7 +6,7 @@ use std::{
     time::Instant,
 };
 
-use anyhow::{Result, anyhow};
+use anyhow::{Error, Result, anyhow};
 use canted_film::Film;
 use canted_obb::Obb;
 use canted_renderer::{
@@ -19,12 +19,14 @@ use super::{
     frame::Seen,
     options::{Options, SceneKey},
 };
-use crate::{light::LightSource, load, options::StructureOptions, output, render, settings::Plan};
-
-#[cfg(not(feature = "gpu"))]
-pub(super) use on_cpu::Device;
-#[cfg(feature = "gpu")]
-pub(super) use on_gpu::Device;
+use crate::{
+    device::{DeviceArg, Machine},
+    light::LightSource,
+    load,
+    options::{Structure, StructureOptions},
+    output, render,
+    settings::Plan,
+};
 
 /// A scene that is ready to render, and what it was made from.
 pub(super) struct SessionScene {
@@ -256,44 +258,47 @@ fn built(scene: &Scene, plan: &Plan) -> Result<SceneBvh> {
     SceneBvh::build(scene, &plan.structure.config_for(scene)).map_err(|error| anyhow!("{name}: {error}"))
 }
 
+/// The device of the options, open while they name it.
+#[derive(Default)]
+pub(super) struct Device(Option<(DeviceArg, Machine)>);
+
+impl Device {
+    /// Opens the device of the options, if it is not open. Warns where the CPU is used in its place.
+    pub(super) fn choose(&mut self, wanted: &DeviceArg, structure: &Structure) {
+        if self.0.as_ref().is_some_and(|(open, _)| open == wanted) {
+            return;
+        }
+        let machine = Machine::open(wanted, structure).unwrap_or_else(|error| {
+            warn_fallback(&error);
+            Machine::Cpu
+        });
+        self.0 = Some((wanted.clone(), machine));
+    }
+
+    /// Opens the device again with the next job: it may have been lost.
+    pub(super) fn reset(&mut self) {
+        self.0 = None;
+    }
+}
+
+fn warn_fallback(error: &Error) {
+    output::warn(&format!("the CPU renders: {error}"));
+}
+
 #[cfg(feature = "gpu")]
 mod on_gpu {
     use std::sync::atomic::AtomicBool;
 
-    use anyhow::{Error, Result, anyhow};
+    use anyhow::{Result, anyhow};
     use canted_film::Film;
     use canted_gpu::Gpu;
     use canted_renderer::{DeviceError, DevicePicture, FirstHit, Monitor, Settings, traced_scene};
     use canted_scene::Scene;
 
-    use super::{FrameInput, Passes};
-    use crate::{
-        device::{DeviceArg, Machine, built_or, named},
-        options, output,
-    };
-
-    /// The device of the options, open while they name it.
-    #[derive(Default)]
-    pub(in crate::view) struct Device(Option<(DeviceArg, Machine)>);
+    use super::{Device, FrameInput, Passes, warn_fallback};
+    use crate::device::{DeviceArg, built_or, named};
 
     impl Device {
-        /// Opens the device of the options, if it is not open. Warns where the CPU is used in its place.
-        pub(in crate::view) fn choose(&mut self, wanted: &DeviceArg, structure: &options::Structure) {
-            if self.0.as_ref().is_some_and(|(open, _)| open == wanted) {
-                return;
-            }
-            let machine = Machine::open(wanted, structure).unwrap_or_else(|error| {
-                warn_fallback(&error);
-                Machine::Cpu
-            });
-            self.0 = Some((wanted.clone(), machine));
-        }
-
-        /// Opens the device again with the next job: it may have been lost.
-        pub(in crate::view) fn reset(&mut self) {
-            self.0 = None;
-        }
-
         /// The picture on the GPU; `None` where the CPU renders, with a warning if the GPU does not support the picture.
         pub(in crate::view) fn picture<'a>(&'a self, input: &'a FrameInput<'a>) -> Result<Option<OnGpu<'a>>> {
             let Some((wanted, machine)) = &self.0 else { return Ok(None) };
@@ -323,10 +328,6 @@ mod on_gpu {
         }
     }
 
-    fn warn_fallback(error: &Error) {
-        output::warn(&format!("the CPU renders: {error}"));
-    }
-
     /// The value of `--device`.
     fn name_of(device: &DeviceArg) -> String {
         match device {
@@ -351,32 +352,5 @@ mod on_gpu {
             let monitor = Monitor { progress: &|_, _| {}, finished: &|_| {}, cancel };
             self.picture.render_part(settings.part, &monitor).map_err(|error| named(self.gpu, error))
         }
-    }
-}
-
-#[cfg(not(feature = "gpu"))]
-mod on_cpu {
-    use crate::{
-        device::{DeviceArg, Machine},
-        options, output,
-    };
-
-    /// The CPU.
-    #[derive(Default)]
-    pub(in crate::view) struct Device(Option<DeviceArg>);
-
-    impl Device {
-        /// Warns where the options name another device.
-        pub(in crate::view) fn choose(&mut self, wanted: &DeviceArg, structure: &options::Structure) {
-            if self.0.as_ref() != Some(wanted)
-                && let Err(error) = Machine::open(wanted, structure)
-            {
-                output::warn(&format!("the CPU renders: {error}"));
-            }
-            self.0 = Some(wanted.clone());
-        }
-
-        /// There is nothing to open again.
-        pub(in crate::view) fn reset(&mut self) {}
     }
 }

@@ -7,6 +7,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+use canted_fixtures::skip;
+
 use crate::support::Folder;
 
 /// The picture that a command renders, row by row, and its size.
@@ -92,7 +94,7 @@ impl<'a> Session<'a> {
 /// Runs a test, or skips it by name where a program is missing.
 fn on_screen(size: [u32; 2], test: impl FnOnce(&Folder, &Screen)) {
     match missing() {
-        Some(program) => println!("skipped: {program} is not installed"),
+        Some(program) => drop(skip::<()>("the window", format_args!("{program} is not installed"))),
         None => test(&Folder::with_small(), &Screen::start(size)),
     }
 }
