@@ -11,7 +11,6 @@ mod motion;
 mod nodes;
 mod options;
 mod picture;
-mod rays;
 mod records;
 mod report;
 mod timing;

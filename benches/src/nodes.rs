@@ -11,9 +11,8 @@ use canted_trace::Intersect;
 use canted_wide::{Config, Costs, Preset, TriangleBvh};
 
 use crate::{
-    models::{self, Model},
+    models::{self, Kind, Model},
     options::Options,
-    rays::{self, Kind},
     timing::{median, ratio, spread},
     wide::engine::{self, Engine},
 };
@@ -70,26 +69,19 @@ fn row(name: &str, model: &Model, options: &Options) -> Result<String> {
     let oriented_node = FORCED_COST * usual.costs.oriented_node;
     let everywhere = build(Config { costs: Costs { oriented_node, ..usual.costs }, ..usual })?;
     let resolution = canted_fixtures::RESOLUTION / if options.is_quick { 2 } else { 1 };
-    let camera = rays::camera(model, resolution);
+    let camera = models::camera(model, resolution);
     let mut hits = vec![None; camera.len()];
     chosen.closest_hits(&camera, &mut hits);
-    let [diffuse, occlusion] = rays::secondary(model, &camera, &hits);
+    let [diffuse, occlusion] = models::secondary(model, &camera, &hits);
     let predicted = chosen.predicted();
     let [n_aligned, n_oriented] = chosen.sizes().nodes;
     let engines: Vec<Box<dyn Engine>> = vec![Box::new(aligned), Box::new(chosen), Box::new(everywhere)];
     let mut cells: [Vec<String>; 3] = Default::default();
     for (kind, rays) in Kind::ALL.into_iter().zip([camera, diffuse, occlusion]) {
-        let (seconds, is_equal) = if kind == Kind::Occlusion {
-            let (seconds, answers) = engine::occluded(&engines, &rays, options.rounds);
-            (seconds, answers.iter().all(|answer| *answer == answers[0]))
-        } else {
-            let (seconds, answers) = engine::closest(&engines, &rays, options.rounds);
-            (seconds, answers.iter().all(|answer| *answer == answers[0]))
-        };
+        let (seconds, answers) = engine::answers(&engines, &rays, options.rounds, kind == Kind::Occlusion);
+        let is_equal = answers.iter().all(|answer| *answer == answers[0]);
         ensure!(is_equal, "{name}, {} rays: the kind of the nodes changes a hit", kind.name());
-        let cpu: Vec<Vec<f64>> =
-            seconds.iter().map(|rounds| rounds.iter().map(|seconds| seconds.cpu).collect()).collect();
-        #[expect(clippy::cast_precision_loss, reason = "two digits are shown")]
+        let cpu: Vec<Vec<f64>> = seconds.iter().map(|seconds| engine::cpu(seconds)).collect();
         let rate = rays.len() as f64 * 1e-6 / median(&cpu[0]);
         cells[0].push(format!("{rate:.2}"));
         for (cells, other) in cells[1..].iter_mut().zip(&cpu[1..]) {
@@ -98,7 +90,6 @@ fn row(name: &str, model: &Model, options: &Options) -> Result<String> {
         }
     }
     let [rates, as_built, everywhere] = cells.map(|cells| cells.join(" / "));
-    #[expect(clippy::cast_precision_loss, reason = "a percentage is shown")]
     let share = 100.0 * n_oriented as f64 / (n_aligned + n_oriented).max(1) as f64;
     let predicted = predicted.aligned / predicted.chosen;
     let n_triangles = mesh.triangles.len();

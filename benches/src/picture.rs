@@ -93,7 +93,6 @@ fn line(row: &Row, rendered: &Rendered) -> String {
     let [width, height] = SIZE.map(f64::from);
     let paths_millions = width * height * f64::from(row.samples) * 1e-6;
     let &Rendered { n_triangles, build_seconds, seconds, n_rays, n_dropped } = rendered;
-    #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
     let rays_millions = n_rays as f64 * 1e-6;
     let is_replaced = if row.is_replaced { " (replacement)" } else { "" };
     format!(

@@ -43,7 +43,6 @@ fn process_seconds() -> Option<f64> {
 }
 
 #[cfg(unix)]
-#[expect(clippy::cast_precision_loss, reason = "the seconds of a process's life fit 52 bits")]
 fn seconds_of(clock: rustix::time::ClockId) -> f64 {
     let time = rustix::time::clock_gettime(clock);
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9

@@ -38,24 +38,45 @@ pub fn records<K: Kernel>(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec
     triangles.iter().map(|t| K::record(t.map(|i| positions[i as usize]))).collect()
 }
 
-/// The closest hit of a ray on one mesh.
-pub type Loop = Box<dyn Fn(&Ray) -> Option<Hit> + Send + Sync>;
-
-/// The loop over the triangles of a mesh.
+/// Every hit, least `t` first, ties to the lowest primitive.
 #[must_use]
-pub fn of_mesh(mesh: &Mesh, test: TriangleTest) -> Loop {
-    fn of<K: Kernel>(mesh: &Mesh) -> Loop
-    where
-        K::Record: Send + Sync + 'static,
-    {
-        let records = records::<K>(&mesh.positions, &mesh.triangles);
-        Box::new(move |ray| closest_hit::<K>(&records, ray))
-    }
+pub fn all_hits<K: Kernel>(records: &[K::Record], ray: &Ray) -> Vec<Hit> {
+    let Some(ray) = ScaledRay::new(ray) else { return vec![] };
+    let prepared = K::prepare(&ray);
+    let hits = (0..).map(PrimId).zip(records).filter_map(|(primitive, record)| {
+        let hit = K::intersect(&prepared, &ray, record, ray.t_max)?;
+        Some(Hit { t: hit.t, u: hit.u, v: hit.v, primitive, instance: InstanceId(0), side: hit.side })
+    });
+    // By the scaled `t`: that of the caller may be rounded to equal numbers.
+    in_order(hits.collect()).into_iter().map(|hit| Hit { t: ray.caller_t(hit.t), ..hit }).collect()
+}
+
+/// The answer for a ray on one mesh.
+pub type Loop<A> = Box<dyn Fn(&Ray) -> A + Send + Sync>;
+
+/// The closest hit of the loop over the triangles of a mesh.
+#[must_use]
+pub fn of_mesh(mesh: &Mesh, test: TriangleTest) -> Loop<Option<Hit>> {
     match test {
-        TriangleTest::Watertight => of::<Watertight>(mesh),
-        TriangleTest::MollerTrumbore => of::<MollerTrumbore>(mesh),
-        TriangleTest::BaldwinWeber => of::<BaldwinWeber>(mesh),
+        TriangleTest::Watertight => of::<Watertight, _>(mesh, closest_hit::<Watertight>),
+        TriangleTest::MollerTrumbore => of::<MollerTrumbore, _>(mesh, closest_hit::<MollerTrumbore>),
+        TriangleTest::BaldwinWeber => of::<BaldwinWeber, _>(mesh, closest_hit::<BaldwinWeber>),
     }
+}
+
+/// Every hit of the loop over the triangles of a mesh.
+#[must_use]
+pub fn all_of_mesh(mesh: &Mesh, test: TriangleTest) -> Loop<Vec<Hit>> {
+    match test {
+        TriangleTest::Watertight => of::<Watertight, _>(mesh, all_hits::<Watertight>),
+        TriangleTest::MollerTrumbore => of::<MollerTrumbore, _>(mesh, all_hits::<MollerTrumbore>),
+        TriangleTest::BaldwinWeber => of::<BaldwinWeber, _>(mesh, all_hits::<BaldwinWeber>),
+    }
+}
+
+fn of<K: Kernel<Record: Send + Sync + 'static>, A: 'static>(mesh: &Mesh, ask: fn(&[K::Record], &Ray) -> A) -> Loop<A> {
+    let records = records::<K>(&mesh.positions, &mesh.triangles);
+    Box::new(move |ray| ask(&records, ray))
 }
 
 /// Half of `f32::EPSILON`: the relative error of one rounding.

@@ -12,12 +12,11 @@ use canted_obb::{
     Affine,
     vector::{cross, dot},
 };
-use canted_tlas::Instance;
 use canted_trace::{Ray, Side};
 
 use crate::{
     crossings::{are_alternating, are_balanced, opposite},
-    scenes::affine,
+    scenes::{affine, baked, mirrors},
     tracers::{Guarantee, Method, Tracer},
 };
 
@@ -90,27 +89,6 @@ pub fn placements() -> Vec<Placement> {
         placement("at 1e7", Rotation::off_axis(), [2e3; 3], 1e7),
         sheared,
     ]
-}
-
-/// The mesh in world space with rounded vertices; neighbors still share them.
-#[must_use]
-pub fn baked(mesh: &Mesh, world_from_object: &Affine) -> Mesh {
-    let positions = mesh.positions.iter().map(|&p| world_from_object.point(p)).collect();
-    Mesh { positions, triangles: mesh.triangles.clone() }
-}
-
-/// An instance of the mesh, and a second one far away, so that a top level has more than one leaf.
-#[must_use]
-pub fn with_another(mesh: &Mesh, world_from_object: &Affine) -> [Instance; 2] {
-    let far = 9.0 * baked(mesh, world_from_object).diagonal();
-    let other = world_from_object.then(&Affine::translation([far as f32, 0.0, 0.0]));
-    [*world_from_object, other].map(|world_from_object| Instance::new(0, world_from_object))
-}
-
-/// Whether a transform swaps inside and outside.
-#[must_use]
-pub fn mirrors(placement: &Affine) -> bool {
-    placement.determinant() < 0.0
 }
 
 /// `a + by·(b - a)`.

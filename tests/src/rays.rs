@@ -44,6 +44,33 @@ pub fn of_all_classes(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
     of_classes(mesh, &Grazing::ALL, n, seed)
 }
 
+/// `n` rays of each class, and three times `n` in the planes of triangles and along axes, with intervals, lengths and signs of zero of
+/// every kind.
+#[must_use]
+pub fn of_any_length(mesh: &Mesh, n: usize, seed: u64) -> Vec<Ray> {
+    if mesh.triangles.is_empty() {
+        return vec![aside()];
+    }
+    let mut rng = SplitMix64::new(seed);
+    let mut rays: Vec<Ray> =
+        Grazing::ALL.iter().flat_map(|&class| grazing(mesh, class, n, seed)).map(endless).collect();
+    for _ in 0..n {
+        // From a vertex to a vertex, along an axis through one, and nearly so.
+        let mut vertex = || mesh.positions[mesh.triangles[rng.below(mesh.triangles.len())][rng.below(3)] as usize];
+        let [a, b] = [vertex(), vertex()];
+        let mut along = [0.0; 3];
+        along[rng.below(3)] = if rng.signed() < 0.0 { -1.0 } else { 1.0 };
+        let nearly = along.map(|d: f32| if d == 0.0 { 1e-30 } else { d });
+        rays.extend([std::array::from_fn(|k| b[k] - a[k]), along, nearly].map(|direction| Ray::new(a, direction)));
+    }
+    for (i, ray) in rays.iter_mut().enumerate() {
+        (ray.t_min, ray.t_max) = [(0.0, f32::INFINITY), (0.0, 1.0), (0.5, f32::INFINITY), (0.0, f32::MAX)][i % 4];
+        let scale = [1.0, 2.0f32.powi(-40), -1.0, 1e18, 3.0][i % 5];
+        ray.direction = ray.direction.map(|d| if d == 0.0 && i % 2 == 0 { -0.0 } else { d * scale });
+    }
+    rays
+}
+
 /// A point of a random triangle: in turn a vertex, a point on an edge, a point inside.
 fn target(mesh: &Mesh, i: usize, rng: &mut SplitMix64) -> [f64; 3] {
     let [a, b, c] = mesh.corners(rng.below(mesh.triangles.len()));

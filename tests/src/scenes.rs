@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use canted_fixtures::{
-    Hair, Mesh, Rotation, SplitMix64, Strand, coplanar_quads, displaced_icosphere, fan, grid, hair, icosphere,
-    identical, outlier, scaffold_of, skip, slivers, soup, thin_box, torus, truss,
+    Hair, Mesh, Rotation, SplitMix64, Strand, coplanar_quads, displaced_icosphere, equal_centroids, fan, grid, hair,
+    icosphere, identical, outlier, scaffold_of, skip, slivers, soup, thin_box, torus, truss,
 };
 use canted_lbvh::{Child, NodeId, Tree};
 use canted_obb::Affine;
+use canted_tlas::Instance;
 
 /// A mesh with its name.
 pub struct Case {
@@ -40,15 +41,75 @@ pub fn shapes() -> Vec<Case> {
     ]
 }
 
+/// Small meshes on which every hit is a tie, planes and vertices coincide, or scales differ by 1e11.
+#[must_use]
+pub fn ugly() -> Vec<Case> {
+    let case = |name: &str, mesh: Mesh| Case { name: name.to_owned(), mesh };
+    let mut doubled = soup(5, 120);
+    doubled.triangles.extend_from_within(..);
+    // Points and segments, some of them in one place, and a vertex of -0.0.
+    let mut points = soup(11, 60);
+    for (i, triangle) in points.triangles.iter_mut().enumerate() {
+        match i % 3 {
+            0 => triangle[1] = triangle[0],
+            1 => *triangle = [triangle[0]; 3],
+            _ => {}
+        }
+    }
+    points.positions[0] = [-0.0; 3];
+    // Flat quads along the axes: every plane is shared by many vertices.
+    let mut quads = Mesh::default();
+    for (x, y) in (0..64u8).map(|i| (f32::from(i / 8), f32::from(i % 8))) {
+        let corners = [[x, y, 0.0], [x + 1.0, y, 0.0], [x, y + 1.0, 0.0], [x, y, 1.0], [x, y + 1.0, 1.0]];
+        quads = quads.joined(&Mesh { positions: corners.into(), triangles: vec![[0, 1, 2], [0, 2, 3], [2, 3, 4]] });
+    }
+    let floor =
+        Mesh { positions: vec![[-1e6, -1e6, -9.0], [1e6, -1e6, -9.0], [0.0, 1e6, -9.0]], triangles: vec![[0, 1, 2]] };
+    let tiny = soup(8, 100).placed(|p| p.map(|x| 1e-5 * x + 0.3));
+    vec![
+        case("doubled", doubled),
+        case("equal centroids", equal_centroids(80)),
+        case("whole numbers", whole_numbers(1, 200)),
+        case("points and segments", points),
+        case("quads along the axes", quads),
+        case("mixed scales", soup(6, 150).joined(&floor).joined(&tiny)),
+    ]
+}
+
+/// Triangles whose vertices are whole numbers from -4 to 4: flats, needles, points, duplicates, shared planes, both zeros.
+fn whole_numbers(seed: u64, n: u32) -> Mesh {
+    let mut rng = SplitMix64::new(seed);
+    let mut mesh = Mesh::default();
+    for i in 0..n {
+        let start: [f32; 3] = std::array::from_fn(|_| rng.below(9) as f32 - 4.0);
+        for _ in 0..3 {
+            mesh.positions.push(start.map(|x| {
+                let moved = x + rng.below(3) as f32 - 1.0;
+                if moved == 0.0 && rng.signed() < 0.0 { -0.0 } else { moved }
+            }));
+        }
+        mesh.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
+        if rng.below(4) == 0 {
+            mesh.triangles.push(mesh.triangles[rng.below(mesh.triangles.len())]);
+        }
+    }
+    mesh.triangles.truncate(n as usize);
+    mesh
+}
+
 /// Each shape unchanged, rotated, scaled to 1e-6 and 1e6, and far from the origin.
 #[must_use]
 pub fn cases() -> Vec<Case> {
+    placed(shapes())
+}
+
+/// Each mesh unchanged, rotated, scaled to 1e-6 and 1e6, and far from the origin.
+#[must_use]
+pub fn placed(shapes: Vec<Case>) -> Vec<Case> {
     let mut cases = vec![];
-    for Case { name, mesh } in shapes() {
+    for Case { name, mesh } in shapes {
         let mut add = |how: &str, change: &dyn Fn([f32; 3]) -> [f32; 3]| {
-            let positions = mesh.positions.iter().map(|&p| change(p)).collect();
-            let triangles = mesh.triangles.clone();
-            cases.push(Case { name: format!("{name}, {how}"), mesh: Mesh { positions, triangles } });
+            cases.push(Case { name: format!("{name}, {how}"), mesh: mesh.placed(change) });
         };
         let turn = Rotation::off_axis();
         add("unchanged", &|p| p);
@@ -178,4 +239,25 @@ pub fn crowd() -> Vec<Affine> {
         affine(&turn, scale, shift)
     }));
     placed
+}
+
+/// The mesh in world space with rounded vertices; neighbors still share them.
+#[must_use]
+pub fn baked(mesh: &Mesh, world_from_object: &Affine) -> Mesh {
+    let positions = mesh.positions.iter().map(|&p| world_from_object.point(p)).collect();
+    Mesh { positions, triangles: mesh.triangles.clone() }
+}
+
+/// An instance of the mesh, and a second one far away, so that a top level has more than one leaf.
+#[must_use]
+pub fn with_another(mesh: &Mesh, world_from_object: &Affine) -> [Instance; 2] {
+    let far = 9.0 * baked(mesh, world_from_object).diagonal();
+    let other = world_from_object.then(&Affine::translation([far as f32, 0.0, 0.0]));
+    [*world_from_object, other].map(|world_from_object| Instance::new(0, world_from_object))
+}
+
+/// Whether a transform swaps inside and outside.
+#[must_use]
+pub fn mirrors(placement: &Affine) -> bool {
+    placement.determinant() < 0.0
 }

@@ -15,8 +15,8 @@ use canted_wide::{Config, Costs, Preset, SimdPath, TriangleBvh};
 
 use crate::{
     brute,
-    closed::{baked, mirrors, with_another},
     crossings::{self, all_hits, opposite},
+    scenes::{baked, mirrors, with_another},
 };
 
 /// A mesh that can be queried with rays.

@@ -4,7 +4,7 @@ use canted_bvh2::{Bvh2, Bvh2Boxes, Bvh2Config};
 use canted_fixtures::Mesh;
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_tlas::TopConfig;
-use canted_trace::{Hit, Intersect, Ray, TriangleTest};
+use canted_trace::{Accept, Hit, Intersect, Ray, TriangleTest};
 use canted_wide::{Config, Costs, NodeKind, Preset, SimdPath, TriangleBvh};
 
 use crate::brute;
@@ -76,13 +76,13 @@ pub fn binary(mesh: &Mesh, strategy: Strategy, test: TriangleTest) -> Bvh2 {
 
 /// Binary BVHs of every strategy and wide ones of few variants on every SIMD path, by name.
 #[must_use]
-pub fn every_bvh(mesh: &Mesh) -> Vec<(String, Box<dyn Intersect>)> {
+pub fn every_bvh(mesh: &Mesh, test: TriangleTest) -> Vec<(String, Box<dyn Intersect>)> {
     let mut bvhs: Vec<(String, Box<dyn Intersect>)> = vec![];
     for strategy in Strategy::ALL {
-        bvhs.push((format!("binary, {strategy:?}"), Box::new(binary(mesh, strategy, TriangleTest::Watertight))));
+        bvhs.push((format!("binary, {strategy:?}"), Box::new(binary(mesh, strategy, test))));
     }
     for (variant, config) in few_variants() {
-        let bvh = build(mesh, &config);
+        let bvh = build(mesh, &Config { test, ..config });
         for path in paths().0 {
             bvhs.push((format!("wide, {variant}, {}", path.name()), Box::new(bvh.clone().with_path(path))));
         }
@@ -121,6 +121,69 @@ pub fn first_difference(bvh: &dyn Intersect, rays: &[Ray], wants: &[Option<Hit>]
         let is_equal = all.iter().all(|&(hit, occluded)| is_same(hit, *want) && occluded == want.is_some());
         (!is_equal).then(|| format!("ray {i}, {ray:?}: {all:?}, not {want:?}"))
     })
+}
+
+/// The first query that differs from `wants`, the list of all hits of each ray: single rays, slices, and slices in parallel, each with
+/// and without a filter.
+#[must_use]
+pub fn first_wrong_query(bvh: &dyn Intersect, rays: &[Ray], wants: &[Vec<Hit>]) -> Option<String> {
+    let n = rays.len();
+    let accepts = |i: usize, _: &Ray, hit: &Hit| !((hit.primitive.0 + hit.instance.0) as usize + i).is_multiple_of(3);
+    let filtered: Vec<Vec<Hit>> = wants
+        .iter()
+        .enumerate()
+        .map(|(i, hits)| hits.iter().copied().filter(|hit| accepts(i, &rays[i], hit)).collect())
+        .collect();
+    for (wants, is_filtered, is_parallel) in
+        [(wants, false, false), (wants, false, true), (&filtered, true, false), (&filtered, true, true)]
+    {
+        // Old answers must be overwritten.
+        let stale = wants.iter().flatten().next().copied();
+        let (mut closest, mut occluded) = (vec![stale; n], vec![true; n]);
+        let mut all = vec![Vec::from_iter(stale); n];
+        match (is_filtered, is_parallel) {
+            (false, false) => {
+                bvh.closest_hits(rays, &mut closest);
+                bvh.occluded_many(rays, &mut occluded);
+                bvh.all_hits_many(rays, &mut all);
+            }
+            (false, true) => {
+                bvh.par_closest_hits(rays, &mut closest);
+                bvh.par_occluded_many(rays, &mut occluded);
+                bvh.par_all_hits_many(rays, &mut all);
+            }
+            (true, false) => {
+                bvh.closest_hits_with(rays, &mut closest, &accepts);
+                bvh.occluded_many_with(rays, &mut occluded, &accepts);
+                bvh.all_hits_many_with(rays, &mut all, &accepts);
+            }
+            (true, true) => {
+                bvh.par_closest_hits_with(rays, &mut closest, &accepts);
+                bvh.par_occluded_many_with(rays, &mut occluded, &accepts);
+                bvh.par_all_hits_many_with(rays, &mut all, &accepts);
+            }
+        }
+        for (i, (ray, want)) in rays.iter().zip(wants).enumerate() {
+            let mut hits = vec![];
+            let alone = if is_filtered {
+                let mut query = Accept(|hit: &Hit| accepts(i, ray, hit));
+                bvh.all_hits_with(ray, &mut query, &mut hits);
+                (bvh.closest_hit_with(ray, &mut query), bvh.occluded_with(ray, &mut query), hits)
+            } else {
+                bvh.all_hits(ray, &mut hits);
+                (bvh.closest_hit(ray), bvh.occluded(ray), hits)
+            };
+            let of_slice = (closest[i], occluded[i], std::mem::take(&mut all[i]));
+            let is_right = |(closest, occluded, hits): &(Option<Hit>, bool, Vec<Hit>)| {
+                is_same(*closest, want.first().copied()) && *occluded != want.is_empty() && hits == want
+            };
+            if !is_right(&alone) || !is_right(&of_slice) {
+                let how = format!("ray {i}, {ray:?}, filtered {is_filtered}, parallel {is_parallel}");
+                return Some(format!("{how}: {alone:?}, in a slice {of_slice:?}, not {want:?}"));
+            }
+        }
+    }
+    None
 }
 
 /// Whether two answers have the same bits; `==` does not distinguish -0.0 from 0.0.

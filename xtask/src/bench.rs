@@ -12,7 +12,6 @@ use anyhow::{Context, Result, bail};
 use crate::{
     command::{self, cargo, say},
     results::{self, Facts},
-    workspace,
 };
 
 /// The argument that adds peers written in other languages.
@@ -23,8 +22,7 @@ pub(crate) const KEEP: &str = "--keep";
 /// Environment variables that change results.
 const VARIABLES: [&str; 2] = ["RUSTFLAGS", "CANTED_EMBREE"];
 
-/// Folders of what is not kept, from the root of the workspace.
-const MEASURED: &str = "target/bench";
+/// The folder of a report, from the root of the workspace.
 const REPORT: &str = "target/report";
 
 /// Runs the benchmark program with `args`.
@@ -42,7 +40,7 @@ pub(crate) fn run(args: &[&str]) -> Result<bool> {
     if args.contains(&KEEP) {
         results::keep(&measured, facts, &words("bench", args, variable))?;
     } else {
-        write(&workspace::root().join(MEASURED).join("measured.md"), &measured)?;
+        command::write("target/bench/measured.md", &measured)?;
         say(&format!("not recorded: add {KEEP} to write {}", results::RECORD));
     }
     Ok(true)
@@ -63,7 +61,7 @@ pub(crate) fn report(args: &[&str]) -> Result<bool> {
     if !command::succeeds(command.args(own(args)))? {
         return Ok(false);
     }
-    let page = workspace::root().join(REPORT).join("report.md");
+    let page = command::root().join(REPORT).join("report.md");
     if args.contains(&KEEP) {
         let text = fs::read_to_string(&page).with_context(|| format!("cannot read {}", page.display()))?;
         results::keep(&text, facts, &words)?;
@@ -132,13 +130,7 @@ fn model_name(cpuinfo: &str) -> Option<String> {
     Some(line.split_once(':')?.1.trim().to_owned())
 }
 
-fn write(path: &PathBuf, text: &str) -> Result<()> {
-    fs::create_dir_all(path.parent().unwrap_or(path))
-        .and_then(|()| fs::write(path, text))
-        .with_context(|| format!("cannot write {}", path.display()))
-}
-
-/// A long run whose last kept result is a page of its own in `benches/results`.
+/// A long run whose last kept result is a page of its own in `benches/results`, below the text that says what it is.
 pub(crate) struct Long {
     /// Name of the task; also of the page.
     name: &'static str,
@@ -149,7 +141,6 @@ pub(crate) struct Long {
     built: Option<&'static str>,
     /// First arguments of the program.
     program: &'static [&'static str],
-    preamble: &'static str,
 }
 
 const BUILD_BENCH: &[&str] = &["build", "--release", "--bin", "canted-bench"];
@@ -157,70 +148,16 @@ const RUN_GRAZING: &[&str] = &["run", "--release", "--package", "canted-tests", 
 
 /// All long runs.
 pub(crate) const LONG: [Long; 5] = [
-    Long {
-        name: "grazing",
-        cargo: RUN_GRAZING,
-        built: None,
-        program: &[],
-        preamble: "# Grazing rays
-
-Rays pass through vertices and edges, within 10⁻³ rad of face planes, along axes, from inside, and from 100, 1,000 and 10,000 mesh
-sizes away. Each is traced through the BVHs of all three presets. `t`, `u`, `v`, primitive and occlusion are compared with a reference.
-",
-    },
-    Long {
-        name: "grazing-device",
-        cargo: RUN_GRAZING,
-        built: None,
-        program: &["--device"],
-        preamble: "# Grazing rays on a device
-
-The rays are those of `grazing.md`. Each is traced through binary and eight-wide BVHs that the device builds over a program's own
-buffers, with boxes of each volume strategy, in one level. A hit of the CPU's reference is lost if the device finds nothing, or
-something behind it that is not within the stated error of the ray. Other triangles are ties within that error. Rays that the driver
-ended early are not answered.
-",
-    },
-    Long {
-        name: "watertight",
-        cargo: BUILD_BENCH,
-        built: Some("canted-bench"),
-        program: &["watertight"],
-        preamble: "# Closed meshes
-
-Rays pass through shared vertices and edges of closed meshes, half of them from inside, half from outside towards a point inside.
-Meshes are unchanged, scaled by 1e-6, 2^-10, 2^10 and 1e6, moved to 1e7, sheared and mirrored. A ray leaks if it has no closest hit or
-no occlusion, or if its crossings do not alternate between entering and leaving (leaving first from inside). The bunny's holes are
-closed by fans that may intersect the rest, so its crossings must only be balanced. Crossings are counted on the CPU; devices return
-first hits. Where a driver ends a traversal early, the CPU traces the ray; the table states how often.
-",
-    },
-    Long {
-        name: "extremes",
-        cargo: BUILD_BENCH,
-        built: Some("canted-bench"),
-        program: &["extremes"],
-        preamble: "# Extremes
-
-The numerical contract, case by case: the promise, the reference that checks it, the bound, and the worst result of each of our
-routines. A test asserts every line. Inputs are those that the reference decides with certainty. A count is the number of failed
-inputs; any other value is the worst over all inputs, followed by the routines it belongs to. The bound `reported` promises nothing:
-the value is for information, or no input is certain. Rays that a driver ended early on a device are traced by the CPU. Peers promise
-nothing here: their values are shown because their users requested the same, and a peer may decide an edge differently.
-",
-    },
+    Long { name: "grazing", cargo: RUN_GRAZING, built: None, program: &[] },
+    Long { name: "grazing-device", cargo: RUN_GRAZING, built: None, program: &["--device"] },
+    Long { name: "watertight", cargo: BUILD_BENCH, built: Some("canted-bench"), program: &["watertight"] },
+    Long { name: "extremes", cargo: BUILD_BENCH, built: Some("canted-bench"), program: &["extremes"] },
     Long {
         name: "fuzz",
         // In the test profile, which checks for overflow. Requires a C++ compiler.
         cargo: &["run", "--package", "canted-scene", "--example", "fuzz", "--features", "meshopt,ktx2"],
         built: None,
         program: &[],
-        preamble: "# Mutated files
-
-Real and malformed files of every format are mutated one to four times (bytes, ranges, numbers) and read. Half of the JSON and scene
-file cases stay well-formed: values, elements and tables are changed, swapped, duplicated or removed. A reader must return a valid
-scene or an error, without a panic and within half a minute.
-",
     },
 ];
 
@@ -235,9 +172,9 @@ impl Long {
         anyhow::ensure!(table.starts_with('|'), "the run failed: {}", output.status);
         say(table.trim_end());
         if args.contains(&KEEP) {
-            let path = workspace::root().join(self.page());
-            write(&path, &format!("{}\n{facts}\n\n{}\n", self.preamble, table.trim_end()))?;
-            say(&format!("wrote {}", path.display()));
+            let page = self.page();
+            let old = fs::read_to_string(command::root().join(&page)).with_context(|| format!("cannot read {page}"))?;
+            command::write(&page, &format!("{}{facts}\n\n{}\n", preamble(&old), table.trim_end()))?;
         } else {
             say(&format!("not recorded: add {KEEP} to write {}", self.page()));
         }
@@ -255,7 +192,7 @@ impl Long {
             Some(built) => {
                 anyhow::ensure!(command::succeeds(&mut command)?, "cargo {} failed", self.cargo.join(" "));
                 let target = env::var_os("CARGO_TARGET_DIR");
-                let target = target.map_or_else(|| workspace::root().join("target"), PathBuf::from);
+                let target = target.map_or_else(|| command::root().join("target"), PathBuf::from);
                 command = Command::new(target.join("release").join(format!("{built}{}", env::consts::EXE_SUFFIX)));
             }
         }
@@ -263,6 +200,7 @@ impl Long {
         Ok(command)
     }
 
+    /// The page, from the root of the workspace.
     fn page(&self) -> String {
         format!("benches/results/{}.md", self.name)
     }
@@ -271,6 +209,11 @@ impl Long {
     pub(crate) fn named(name: &str) -> Option<&'static Self> {
         LONG.iter().find(|long| long.name == name)
     }
+}
+
+/// What stands on a page before the line of machine and command.
+fn preamble(page: &str) -> &str {
+    &page[..page.find("\n*").map_or(page.len(), |at| at + 1)]
 }
 
 #[cfg(test)]
@@ -298,10 +241,12 @@ mod tests {
     }
 
     #[test]
-    fn every_long_run_has_its_page() {
+    fn every_long_run_has_its_page_with_a_text_that_is_kept() {
         for long in &LONG {
-            let page = fs::read_to_string(workspace::root().join(long.page())).unwrap();
-            assert!(page.starts_with(long.preamble.lines().next().unwrap()), "{}", long.name);
+            let page = fs::read_to_string(command::root().join(long.page())).unwrap();
+            let preamble = preamble(&page);
+            assert!(preamble.starts_with("# ") && preamble.ends_with("\n\n") && preamble.len() > 200, "{}", long.name);
+            assert!(page[preamble.len()..].starts_with('*'), "{}", long.name);
         }
     }
 }

@@ -15,21 +15,20 @@ use crate::{
     command::{self, cargo, has_cargo_command, say, succeeds},
     looping,
     publish::{self, Outcome},
-    python, test, tidy, window, workspace,
+    python, test, tidy, window,
 };
 
 /// How a step ended.
 enum End {
     Passed,
-    Failed,
-    /// Failed, with lines that say why.
-    Because(String),
+    /// With lines that say why; none where cargo has said it.
+    Failed(String),
     Skipped(String),
 }
 
 impl End {
     fn of(is_well: bool) -> Self {
-        if is_well { Self::Passed } else { Self::Failed }
+        if is_well { Self::Passed } else { Self::Failed(String::new()) }
     }
 }
 
@@ -57,7 +56,7 @@ pub(crate) fn run() -> Result<bool> {
     let mut is_well = true;
     for (name, step) in STEPS {
         let (end, time) = timed(name, step);
-        is_well &= !matches!(end, End::Failed | End::Because(_));
+        is_well &= !matches!(end, End::Failed(_));
         report.push((name, end, time));
     }
     let mut count = None;
@@ -72,9 +71,8 @@ pub(crate) fn run() -> Result<bool> {
     for (name, end, time) in &report {
         let word = match end {
             End::Passed => "passed".to_owned(),
-            End::Failed => "FAILED".to_owned(),
             // The output of a step may be long gone where only the end of a log is kept.
-            End::Because(lines) => format!("FAILED\n{lines}"),
+            End::Failed(lines) => format!("FAILED\n{lines}").trim_end().to_owned(),
             End::Skipped(reason) => format!("skipped: {reason}"),
         };
         say(&format!("{name:<18}{:>7.1} s  {word}", time.as_secs_f64()));
@@ -90,7 +88,7 @@ fn timed(name: &str, step: impl FnOnce() -> Result<End>) -> (End, Duration) {
     let start = Instant::now();
     let end = step().unwrap_or_else(|error| {
         say(&format!("{error:#}"));
-        End::Because(format!("{error:#}"))
+        End::Failed(format!("{error:#}"))
     });
     (end, start.elapsed())
 }
@@ -141,7 +139,7 @@ fn features() -> Result<End> {
     let (check, flags): (_, &[_]) =
         if has_cargo_command("clippy") { ("clippy", &["--", "-D", "warnings"]) } else { ("check", &[]) };
     let mut is_well = true;
-    for (package, features) in workspace::packages_with_features()? {
+    for (package, features) in command::packages_with_features()? {
         // Without `std` and `libm` there is no square root: every other feature is checked together with `std`.
         let needs_math = features.iter().any(|feature| feature == "libm");
         let none = (!needs_math).then_some("");
@@ -177,8 +175,8 @@ fn optional_readers() -> Result<End> {
 
 /// Checks the library with the oldest supported compiler, where it is installed.
 fn oldest_compiler() -> Result<End> {
-    let manifest = fs::read_to_string(workspace::root().join("Cargo.toml")).context("cannot read Cargo.toml")?;
-    let version = workspace::value(&manifest, "workspace.package", "rust-version").context("no rust-version")?;
+    let manifest = fs::read_to_string(command::root().join("Cargo.toml")).context("cannot read Cargo.toml")?;
+    let version = command::value(&manifest, "workspace.package", "rust-version").context("no rust-version")?;
     let toolchains = command::output("rustup", &["toolchain", "list"]).unwrap_or_default();
     let Some(toolchain) = toolchains.split_whitespace().find(|name| name.starts_with(version)) else {
         return Ok(End::Skipped(format!("the Rust {version} toolchain is not installed")));
@@ -186,8 +184,8 @@ fn oldest_compiler() -> Result<End> {
     let mut command = Command::new("cargo");
     command.arg(format!("+{toolchain}")).args(["check", "--package", "canted", "--package", "canted-cli"]);
     // A cargo that runs this program pins its own toolchain for children.
-    command.current_dir(workspace::root()).env_remove("RUSTUP_TOOLCHAIN").env_remove("CARGO");
-    command.env("CARGO_TARGET_DIR", workspace::root().join("target/oldest"));
+    command.current_dir(command::root()).env_remove("RUSTUP_TOOLCHAIN").env_remove("CARGO");
+    command.env("CARGO_TARGET_DIR", command::root().join("target/oldest"));
     succeeds(&mut command).map(End::of)
 }
 
@@ -206,7 +204,7 @@ fn wasm() -> Result<End> {
 fn packages() -> Result<End> {
     Ok(match publish::dry_run()? {
         Outcome::Well => End::Passed,
-        Outcome::Faulty(lines) => End::Because(lines),
+        Outcome::Faulty(lines) => End::Failed(lines),
         Outcome::Undecided(reason) => End::Skipped(reason.to_owned()),
     })
 }
@@ -232,7 +230,7 @@ fn window() -> Result<End> {
 /// Renders the built-in scene with the release program.
 fn short_render() -> Result<End> {
     const SIZE: [u32; 2] = [160, 90];
-    let folder = workspace::root().join("target/ci");
+    let folder = command::root().join("target/ci");
     fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
     let picture = folder.join("canted.png");
     // A picture from an earlier run would hide a failure.
@@ -242,7 +240,7 @@ fn short_render() -> Result<End> {
     let mut command = cargo(&["run", "--release", "--package", "canted-cli", "--", "render", "--spp", "1"]);
     command.args(["--size", &format!("{}x{}", SIZE[0], SIZE[1]), "--output"]).arg(&picture);
     if !succeeds(&mut command)? {
-        return Ok(End::Failed);
+        return Ok(End::of(false));
     }
     let (size, _) = looping::read(&picture)?;
     ensure!(size == SIZE, "{} has {} x {} pixels", picture.display(), size[0], size[1]);

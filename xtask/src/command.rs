@@ -1,14 +1,14 @@
-//! Runs other programs, and prints.
+//! Runs other programs, prints, and knows the folders and manifests of the workspace.
 
 use std::{
     ffi::OsString,
-    io::{BufRead, BufReader, Write},
+    fs,
+    io::{BufRead, BufReader, Read, Write},
+    path::{Path, PathBuf},
     process::{Command, Stdio},
 };
 
 use anyhow::{Context, Result, bail};
-
-use crate::workspace;
 
 /// Writes a line to standard output.
 pub(crate) fn say(text: &str) {
@@ -22,11 +22,16 @@ pub(crate) fn warn(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// The same cargo that runs this program, in the root of the workspace.
-pub(crate) fn cargo(args: &[&str]) -> Command {
-    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo")));
-    command.args(args).current_dir(workspace::root()).stdin(Stdio::null());
+/// A program in the root of the workspace, without input.
+pub(crate) fn program(name: impl Into<OsString>, args: &[&str]) -> Command {
+    let mut command = Command::new(name.into());
+    command.args(args).current_dir(root()).stdin(Stdio::null());
     command
+}
+
+/// The same cargo that runs this program.
+pub(crate) fn cargo(args: &[&str]) -> Command {
+    program(std::env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo")), args)
 }
 
 /// Runs a command with its output shown; whether it ended with exit code 0.
@@ -35,56 +40,121 @@ pub(crate) fn succeeds(command: &mut Command) -> Result<bool> {
     Ok(status.success())
 }
 
+/// Runs a command without output; whether it ended with exit code 0.
+pub(crate) fn succeeds_silently(command: &mut Command) -> bool {
+    command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|status| status.success())
+}
+
 /// Runs a command with its errors shown and returned; whether it ended with exit code 0.
 pub(crate) fn with_errors(command: &mut Command) -> Result<(bool, String)> {
     let mut child =
         command.stderr(Stdio::piped()).spawn().with_context(|| format!("cannot start {}", name(command)))?;
-    let mut reader = BufReader::new(child.stderr.take().context("standard error is piped")?);
-    let (mut errors, mut line) = (String::new(), vec![]);
-    // Compilers may print any bytes.
-    while reader.read_until(b'\n', &mut line).context("cannot read standard error")? > 0 {
-        let text = String::from_utf8_lossy(&line);
-        warn(text.trim_end_matches(['\n', '\r']));
-        errors += &text;
-        line.clear();
-    }
+    let mut errors = String::new();
+    read_lines(child.stderr.take().context("standard error is piped")?, |line| {
+        warn(line);
+        errors += line;
+        errors.push('\n');
+    })?;
     Ok((child.wait()?.success(), errors))
 }
 
 /// Runs a command and calls `each` with every line of its standard output; whether it ended with exit code 0.
-pub(crate) fn for_each_line(command: &mut Command, mut each: impl FnMut(&str)) -> Result<bool> {
+pub(crate) fn for_each_line(command: &mut Command, each: impl FnMut(&str)) -> Result<bool> {
     let mut child =
         command.stdout(Stdio::piped()).spawn().with_context(|| format!("cannot start {}", name(command)))?;
-    let mut lines = BufReader::new(child.stdout.take().context("standard output is piped")?);
-    let mut line = vec![];
-    // Tests may print any bytes.
-    while lines.read_until(b'\n', &mut line)? > 0 {
-        each(String::from_utf8_lossy(&line).trim_end_matches(['\n', '\r']));
-        line.clear();
-    }
+    read_lines(child.stdout.take().context("standard output is piped")?, each)?;
     Ok(child.wait()?.success())
 }
 
-/// Standard output of a program run in the root of the workspace.
-pub(crate) fn output(program: &str, args: &[&str]) -> Result<String> {
-    let mut command = Command::new(program);
-    command.args(args).current_dir(workspace::root()).stdin(Stdio::null());
-    let output = command.output().with_context(|| format!("cannot start {program}"))?;
-    if !output.status.success() {
-        bail!("{program} {} failed: {}", args.join(" "), String::from_utf8_lossy(&output.stderr).trim());
+/// Compilers and tests may print any bytes.
+fn read_lines(from: impl Read, mut each: impl FnMut(&str)) -> Result<()> {
+    for line in BufReader::new(from).split(b'\n') {
+        each(String::from_utf8_lossy(&line.context("cannot read its output")?).trim_end_matches('\r'));
     }
-    String::from_utf8(output.stdout).with_context(|| format!("{program} wrote invalid UTF-8"))
+    Ok(())
+}
+
+/// Standard output of a program run in the root of the workspace.
+pub(crate) fn output(name: &str, args: &[&str]) -> Result<String> {
+    let output = program(name, args).output().with_context(|| format!("cannot start {name}"))?;
+    if !output.status.success() {
+        bail!("{name} {} failed: {}", args.join(" "), String::from_utf8_lossy(&output.stderr).trim());
+    }
+    String::from_utf8(output.stdout).with_context(|| format!("{name} wrote invalid UTF-8"))
 }
 
 /// Whether `cargo NAME` is installed.
 pub(crate) fn has_cargo_command(name: &str) -> bool {
-    let mut command = cargo(&[name, "--version"]);
-    command.stdout(Stdio::null()).stderr(Stdio::null());
-    command.status().is_ok_and(|status| status.success())
+    succeeds_silently(&mut cargo(&[name, "--version"]))
 }
 
 fn name(command: &Command) -> String {
     command.get_program().to_string_lossy().into_owned()
+}
+
+/// The folder of the workspace's manifest.
+pub(crate) fn root() -> PathBuf {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
+    own.parent().unwrap_or(own).to_owned()
+}
+
+/// The optional folder of real models: `CANTED_SCENES`, else `../shared/scenes`.
+pub(crate) fn models() -> PathBuf {
+    std::env::var_os("CANTED_SCENES").map_or_else(|| root().join("../shared/scenes"), PathBuf::from)
+}
+
+/// Writes a file of the workspace, with its folder, and prints its path.
+pub(crate) fn write(path: &str, text: &str) -> Result<()> {
+    let full = root().join(path);
+    fs::create_dir_all(full.parent().unwrap_or(&full))
+        .and_then(|()| fs::write(&full, text))
+        .with_context(|| format!("cannot write {}", full.display()))?;
+    say(&format!("wrote {path}"));
+    Ok(())
+}
+
+/// Paths in a folder whose name ends with `.extension`, sorted; none if there is no folder.
+pub(crate) fn files_with(folder: &Path, extension: &str) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
+    let mut paths: Vec<_> = entries.filter(|path| path.extension().is_some_and(|found| found == extension)).collect();
+    paths.sort();
+    paths
+}
+
+/// Paths, relative to the root, of all files that are tracked or would be added by `git add`.
+pub(crate) fn files() -> Result<Vec<PathBuf>> {
+    let list = output("git", &["ls-files", "-z", "--cached", "--others", "--exclude-standard"])?;
+    // A file deleted but not yet committed is still listed.
+    Ok(list.split_terminator('\0').map(PathBuf::from).filter(|path| root().join(path).is_file()).collect())
+}
+
+/// The value of `key` in the section `[section]` of a manifest: the first such line, without quotes.
+pub(crate) fn value<'a>(manifest: &'a str, section: &str, key: &str) -> Option<&'a str> {
+    entries(manifest, section).find(|(name, _)| *name == key).map(|(_, value)| value.trim_matches('"'))
+}
+
+/// The lines `key = value` of the section `[section]` of a manifest.
+fn entries<'a>(manifest: &'a str, section: &str) -> impl Iterator<Item = (&'a str, &'a str)> {
+    let lines = manifest.lines().skip_while(move |line| line.trim() != format!("[{section}]")).skip(1);
+    let own = lines.take_while(|line| !line.starts_with('[')).filter(|line| !line.starts_with('#'));
+    own.filter_map(|line| line.split_once('=')).map(|(key, value)| (key.trim(), value.trim()))
+}
+
+/// Name and features, without `default`, of every package under `crates/` that has features.
+pub(crate) fn packages_with_features() -> Result<Vec<(String, Vec<String>)>> {
+    let mut packages = vec![];
+    for entry in fs::read_dir(root().join("crates")).context("cannot list the crates")? {
+        let path = entry?.path().join("Cargo.toml");
+        let Ok(manifest) = fs::read_to_string(&path) else { continue };
+        let name = value(&manifest, "package", "name").with_context(|| format!("{}: no name", path.display()))?;
+        let features = entries(&manifest, "features").map(|(key, _)| key.to_owned());
+        let features: Vec<String> = features.filter(|feature| feature != "default").collect();
+        if !features.is_empty() {
+            packages.push((name.to_owned(), features));
+        }
+    }
+    packages.sort();
+    Ok(packages)
 }
 
 #[cfg(test)]
@@ -95,16 +165,21 @@ mod tests {
     fn lines_arrive_one_by_one_and_failure_is_returned() {
         let mut lines = vec![];
         assert!(for_each_line(&mut cargo(&["--version"]), |line| lines.push(line.to_owned())).unwrap());
-        assert_eq!(lines.len(), 1);
-        assert!(lines[0].starts_with("cargo "), "{lines:?}");
-        let mut wrong = cargo(&["no-such-command"]);
-        assert!(!for_each_line(wrong.stderr(Stdio::null()), |_| ()).unwrap());
+        assert!(lines.len() == 1 && lines[0].starts_with("cargo "), "{lines:?}");
+        assert!(!for_each_line(cargo(&["no-such-command"]).stderr(Stdio::null()), |_| ()).unwrap());
+        let error = output("canted-has-no-such-program", &[]).unwrap_err();
+        assert!(!has_cargo_command("no-such-command") && error.to_string().contains("canted-has-no-such-program"));
     }
 
     #[test]
-    fn a_missing_program_is_named() {
-        assert!(!has_cargo_command("no-such-command"));
-        let error = output("canted-has-no-such-program", &[]).unwrap_err();
-        assert!(error.to_string().contains("canted-has-no-such-program"));
+    fn values_come_from_their_section() {
+        let manifest = "[package]\nname = \"a\"\n\n[features]\n# why = \"not\"\ndefault = [\"x\"]\nx = [\"dep:y\"]\n\n\
+                        [dependencies]\nname = \"b\"\n";
+        let names = ["package", "dependencies", "lints"].map(|section| value(manifest, section, "name"));
+        assert_eq!(names, [Some("a"), Some("b"), None]);
+        assert!(entries(manifest, "features").map(|(key, _)| key).eq(["default", "x"]));
+        let packages = packages_with_features().unwrap();
+        assert!(packages.iter().any(|(name, features)| name == "canted-lbvh" && features[..] == ["parallel"]));
+        assert!(packages.iter().all(|(name, _)| name != "canted-gpu"), "canted-gpu has no features");
     }
 }

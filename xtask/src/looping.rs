@@ -53,7 +53,7 @@ mod tests {
 
     #[test]
     fn frames_are_joined_in_order_and_others_rejected() {
-        let folder = crate::workspace::root().join("target/looping");
+        let folder = crate::command::root().join("target/looping");
         std::fs::create_dir_all(&folder).unwrap();
         let path = |name: &str| folder.join(name).to_str().unwrap().to_owned();
         let (a, b, wide, out) = (path("a.png"), path("b.png"), path("wide.png"), path("out.png"));

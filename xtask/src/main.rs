@@ -6,8 +6,8 @@
 mod bench;
 mod browser;
 mod ci;
+mod circles;
 mod command;
-mod driver;
 mod looping;
 mod publish;
 mod python;
@@ -15,7 +15,6 @@ mod results;
 mod test;
 mod tidy;
 mod window;
-mod workspace;
 
 use std::{path::Path, process::ExitCode};
 
@@ -65,12 +64,9 @@ fn main() -> ExitCode {
         ["report", ref args @ ..] => bench::report(args),
         ["results"] => results::run(),
         ["loop", out, fps, ref frames @ ..] => looping::run(out.as_ref(), fps, frames),
-        ["fixtures"] => fixtures(&workspace::root().join("target/fixtures")),
+        ["fixtures"] => fixtures(&command::root().join("target/fixtures")),
         ["fixtures", dir] => fixtures(dir.as_ref()),
-        [name, ref args @ ..] => match bench::Long::named(name) {
-            Some(long) => long.run(args),
-            None => Err(anyhow::anyhow!("{USAGE}")),
-        },
+        [name, ref args @ ..] => bench::Long::named(name).with_context(|| USAGE).and_then(|long| long.run(args)),
         [] => Err(anyhow::anyhow!("{USAGE}")),
     };
     match outcome {

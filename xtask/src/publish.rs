@@ -6,15 +6,12 @@
 use std::{
     fs,
     path::{Path, PathBuf},
-    process::{Command, Stdio},
+    process::Command,
 };
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{
-    command::{self, cargo, succeeds},
-    workspace,
-};
+use crate::command::{self, cargo, files_with, succeeds};
 
 const UNREACHABLE: &str = "the registry cannot be reached";
 
@@ -45,8 +42,8 @@ pub(crate) enum Outcome {
 /// Packages all crates without uploading them, and checks what would be uploaded.
 pub(crate) fn dry_run() -> Result<Outcome> {
     // Where `cargo publish --dry-run` leaves its files.
-    let packages = workspace::root().join("target/package/tmp-crate");
-    for path in files_in(&packages)? {
+    let packages = command::root().join("target/package/tmp-crate");
+    for path in files_with(&packages, "crate") {
         // Files of earlier versions would be checked, too.
         fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
     }
@@ -56,7 +53,7 @@ pub(crate) fn dry_run() -> Result<Outcome> {
     }
     let folder = unpacked(&packages)?;
     let mut check = cargo(&["check", "--workspace", "--target-dir"]);
-    check.arg(workspace::root().join("target")).current_dir(&folder);
+    check.arg(command::root().join("target")).current_dir(&folder);
     Ok(fault(check)?.unwrap_or(Outcome::Well))
 }
 
@@ -83,12 +80,12 @@ fn unpacked(packages: &Path) -> Result<PathBuf> {
         fs::remove_dir_all(&folder).with_context(|| format!("cannot remove {}", folder.display()))?;
     }
     fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
-    let files = files_in(packages)?;
+    let files = files_with(packages, "crate");
     ensure!(!files.is_empty(), "cargo publish left no package in {}", packages.display());
     let mut manifest = "[workspace]\nresolver = \"3\"\nmembers = [\"*\"]\n\n[patch.crates-io]\n".to_owned();
     for file in files {
-        let mut tar = Command::new("tar");
-        tar.arg("-xzf").arg(&file).arg("-C").arg(&folder).stdin(Stdio::null());
+        let mut tar = command::program("tar", &["-xzf"]);
+        tar.arg(&file).arg("-C").arg(&folder);
         ensure!(succeeds(&mut tar)?, "{} cannot be unpacked", file.display());
         // `canted-obb-0.1.0`: the version is behind the last hyphen.
         let unpacked = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -97,21 +94,8 @@ fn unpacked(packages: &Path) -> Result<PathBuf> {
     }
     fs::write(folder.join("Cargo.toml"), manifest).context("cannot write the manifest of the packages")?;
     // The versions that everything else was checked with.
-    fs::copy(workspace::root().join("Cargo.lock"), folder.join("Cargo.lock")).context("cannot copy Cargo.lock")?;
+    fs::copy(command::root().join("Cargo.lock"), folder.join("Cargo.lock")).context("cannot copy Cargo.lock")?;
     Ok(folder)
-}
-
-/// The packages in a folder, which may not exist.
-fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
-    if !folder.is_dir() {
-        return Ok(vec![]);
-    }
-    let entries = fs::read_dir(folder).with_context(|| format!("cannot list {}", folder.display()))?;
-    let paths = entries.filter_map(|entry| entry.ok().map(|entry| entry.path()));
-    let mut paths: Vec<_> =
-        paths.filter(|path| path.extension().is_some_and(|extension| extension == "crate")).collect();
-    paths.sort();
-    Ok(paths)
 }
 
 #[cfg(test)]

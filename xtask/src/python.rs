@@ -6,16 +6,15 @@
 use std::{
     fs,
     path::{Path, PathBuf},
-    process::{Command, Stdio},
+    process::Command,
 };
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 
 use crate::{
     bench::KEEP,
-    command::{self, cargo, say, succeeds},
+    command::{self, cargo, files_with, say, succeeds, succeeds_silently},
     test::Count,
-    workspace,
 };
 
 /// The manifest of the package, which is no member of the workspace.
@@ -62,25 +61,17 @@ fn kib(path: &Path) -> Result<u64> {
 
 /// Measures the package and its peers, and with `--keep` writes [`RECORD`]. `args`: the number of rays and of rounds.
 pub(crate) fn measure(args: &[&str]) -> Result<bool> {
-    let Some(python) = program() else { bail!("Python 3.9 or newer is not found") };
-    let environment = Environment::new(python)?;
-    if !environment.pip(&["maturin"])? || !environment.pip(&NEEDED)? {
-        bail!("the package registry cannot be reached");
-    }
-    for peer in PEERS.iter().chain(&MEASURED) {
-        if !environment.pip(&["--only-binary", ":all:", peer])? {
-            say(&format!("skipped comparisons with {peer}: it cannot be installed"));
-        }
-    }
+    let environment = match Environment::ready(PEERS.iter().chain(&MEASURED))? {
+        Ok(environment) => environment,
+        Err(reason) => bail!("{reason}"),
+    };
     let Some(wheels) = environment.build(&[])? else { return Ok(false) };
     environment.install(&wheels)?;
-    let scenes =
-        std::env::var_os("CANTED_SCENES").map_or_else(|| workspace::root().join("../shared/scenes"), PathBuf::from);
     let mut script = environment.command(&["crates/python/examples/table.py"]);
     let keeps = args.contains(&KEEP);
     let args: Vec<&str> = args.iter().copied().filter(|&arg| arg != KEEP).collect();
     let numbers: &[&str] = if args.is_empty() { &["1000000", "5"] } else { &args };
-    script.env("CANTED_RATE", rate()?).arg(scenes.join("stanford/bunny.ply")).args(numbers);
+    script.env("CANTED_RATE", rate()?).arg(command::models().join("stanford/bunny.ply")).args(numbers);
     let mut text = String::new();
     let is_well = command::for_each_line(&mut script, |line| {
         say(line);
@@ -95,15 +86,14 @@ pub(crate) fn measure(args: &[&str]) -> Result<bool> {
         text += &format!("\nWheel of {}: {} KiB.\n", package.split('-').next().unwrap_or_default(), kib(wheel)?);
     }
     if keeps {
-        fs::write(workspace::root().join(RECORD), text).with_context(|| format!("cannot write {RECORD}"))?;
-        say(&format!("wrote {RECORD}"));
+        command::write(RECORD, &text)?;
     }
     Ok(true)
 }
 
 /// Builds the program that measures the same call in Rust, with the link time optimization of the wheel; its path.
 fn rate() -> Result<PathBuf> {
-    let folder = workspace::root().join("target");
+    let folder = command::root().join("target");
     let mut command = cargo(&["build", "--release", "--package", "canted", "--example", "bindings", "--target-dir"]);
     if !succeeds(command.arg(&folder).env("CARGO_PROFILE_RELEASE_LTO", "thin"))? {
         bail!("the example bindings does not build");
@@ -113,21 +103,13 @@ fn rate() -> Result<PathBuf> {
 
 /// Builds and installs the package, runs its tests and adds them to `count`. Returns whether none failed.
 pub(crate) fn test(count: &mut Count) -> Result<bool> {
-    let skip = |reason: &str| {
-        say(&format!("skipped the tests of the Python package: {reason}"));
-        Ok(true)
-    };
-    let Some(python) = program() else { return skip("Python 3.9 or newer is not found") };
-    let environment = Environment::new(python)?;
-    if !environment.pip(&["maturin"])? || !environment.pip(&NEEDED)? {
-        return skip("the package registry cannot be reached");
-    }
-    for peer in PEERS {
-        // Wheels only: a peer is not worth a compiler.
-        if !environment.pip(&["--only-binary", ":all:", peer])? {
-            say(&format!("skipped comparisons with {peer}: it cannot be installed"));
+    let environment = match Environment::ready(&PEERS)? {
+        Ok(environment) => environment,
+        Err(reason) => {
+            say(&format!("skipped the tests of the Python package: {reason}"));
+            return Ok(true);
         }
-    }
+    };
     let Some(wheels) = environment.build(&QUICK)? else {
         say("a Python package does not build: counted as one failure");
         count.failed += 1;
@@ -135,7 +117,7 @@ pub(crate) fn test(count: &mut Count) -> Result<bool> {
     };
     environment.install(&wheels)?;
     let mut pytest = environment.command(&["-m", "pytest", "-q", "-rs", "-p", "no:cacheprovider"]);
-    pytest.current_dir(workspace::root().join("crates/python"));
+    pytest.current_dir(command::root().join("crates/python"));
     let mut last = String::new();
     let is_well = command::for_each_line(&mut pytest, |line| {
         say(line);
@@ -161,11 +143,7 @@ fn summary(line: &str) -> [usize; 3] {
 
 /// The first program that is Python 3.9 or newer with virtual environments.
 pub(crate) fn program() -> Option<&'static str> {
-    PROGRAMS.into_iter().find(|program| {
-        let mut command = Command::new(program);
-        command.args(["-c", IS_RECENT]).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-        command.status().is_ok_and(|status| status.success())
-    })
+    PROGRAMS.into_iter().find(|program| succeeds_silently(&mut command::program(*program, &["-c", IS_RECENT])))
 }
 
 /// A virtual environment.
@@ -176,15 +154,29 @@ struct Environment {
 impl Environment {
     /// Makes it, or takes that of an earlier run.
     fn new(python: &str) -> Result<Self> {
-        let environment = Self { folder: workspace::root().join("target/python/venv") };
+        let environment = Self { folder: command::root().join("target/python/venv") };
         if !environment.program().is_file() {
-            let mut command = Command::new(python);
-            command.args(["-m", "venv"]).arg(&environment.folder).stdin(Stdio::null());
-            if !succeeds(&mut command)? {
+            if !succeeds(command::program(python, &["-m", "venv"]).arg(&environment.folder))? {
                 bail!("{python} cannot make the virtual environment {}", environment.folder.display());
             }
         }
         Ok(environment)
+    }
+
+    /// With everything that tests and peers need, or the reason why there is none.
+    fn ready<'a>(peers: impl IntoIterator<Item = &'a &'static str>) -> Result<Result<Self, &'static str>> {
+        let Some(python) = program() else { return Ok(Err("Python 3.9 or newer is not found")) };
+        let environment = Self::new(python)?;
+        if !environment.pip(&["maturin"])? || !environment.pip(&NEEDED)? {
+            return Ok(Err("the package registry cannot be reached"));
+        }
+        for peer in peers {
+            // Wheels only: a peer is not worth a compiler.
+            if !environment.pip(&["--only-binary", ":all:", peer])? {
+                say(&format!("skipped comparisons with {peer}: it cannot be installed"));
+            }
+        }
+        Ok(Ok(environment))
     }
 
     fn program(&self) -> PathBuf {
@@ -193,9 +185,7 @@ impl Environment {
 
     /// Its Python with these arguments, in the root of the workspace.
     fn command(&self, args: &[&str]) -> Command {
-        let mut command = Command::new(self.program());
-        command.args(args).current_dir(workspace::root()).stdin(Stdio::null());
-        command
+        command::program(self.program(), args)
     }
 
     /// Installs packages; whether that succeeded.
@@ -216,7 +206,7 @@ impl Environment {
 
     /// Builds the wheels; their paths, or `None` where one does not build. `variables` are added to the environment of cargo.
     fn build(&self, variables: &[(&str, &str)]) -> Result<Option<Vec<PathBuf>>> {
-        let wheels = workspace::root().join("target/wheels");
+        let wheels = command::root().join("target/wheels");
         if wheels.is_dir() {
             // Only these wheels are there afterwards, whatever their version.
             fs::remove_dir_all(&wheels).with_context(|| format!("cannot remove {}", wheels.display()))?;
@@ -224,25 +214,16 @@ impl Environment {
         for manifest in PACKAGES {
             let args = ["-m", "maturin", "build", "--release", "--quiet", "--manifest-path", manifest, "--out"];
             let mut command = self.command(&args);
-            command.arg(&wheels).env("CARGO_TARGET_DIR", workspace::root().join("target/python/build"));
+            command.arg(&wheels).env("CARGO_TARGET_DIR", command::root().join("target/python/build"));
             command.envs(variables.iter().copied());
             if !succeeds(&mut command)? {
                 return Ok(None);
             }
         }
-        wheels_in(&wheels).map(Some)
+        let built = files_with(&wheels, "whl");
+        ensure!(built.len() == PACKAGES.len(), "there are {} wheels in {}", built.len(), wheels.display());
+        Ok(Some(built))
     }
-}
-
-/// The wheels in a folder.
-fn wheels_in(folder: &Path) -> Result<Vec<PathBuf>> {
-    let entries = fs::read_dir(folder).with_context(|| format!("cannot list {}", folder.display()))?;
-    let paths = entries.filter_map(|entry| entry.ok().map(|entry| entry.path()));
-    let wheels: Vec<_> = paths.filter(|path| path.extension().is_some_and(|extension| extension == "whl")).collect();
-    if wheels.len() != PACKAGES.len() {
-        bail!("there are {} wheels in {}, not {}", wheels.len(), folder.display(), PACKAGES.len());
-    }
-    Ok(wheels)
 }
 
 #[cfg(test)]

@@ -1,56 +1,42 @@
 //! `cargo xtask tidy`: rules that formatters and lints do not cover, one function each: it checks one file and adds its findings.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::{fs, path::Path};
 
 use anyhow::Result;
 
-use crate::{command::say, results, workspace};
-
-/// A violated rule.
-#[derive(Clone, Debug, PartialEq, Eq)]
-struct Finding {
-    /// The file, relative to the root.
-    path: PathBuf,
-    /// What is wrong, with line and value.
-    message: String,
-}
-
-impl Finding {
-    fn new(path: &Path, message: String) -> Self {
-        Self { path: path.to_owned(), message }
-    }
-}
+use crate::{
+    circles,
+    command::{self, say},
+    results,
+};
 
 /// Prints all findings. Returns whether there is none.
 pub(crate) fn run() -> Result<bool> {
     let findings = findings()?;
-    for Finding { path, message } in &findings {
-        say(&format!("error: {}: {message}", path.display()));
-    }
+    findings.iter().for_each(|finding| say(&format!("error: {finding}")));
     Ok(findings.is_empty())
 }
 
-/// Checks every text file of the workspace.
-fn findings() -> Result<Vec<Finding>> {
-    let root = workspace::root();
+/// What is wrong in any text file of the workspace: path, and message with line and value.
+fn findings() -> Result<Vec<String>> {
     let mut findings = vec![];
-    findings.extend(results::flaw()?.map(|message| Finding::new(Path::new(results::PAGE), message)));
-    for path in workspace::files()? {
-        name(&path, &mut findings);
+    findings.extend(results::flaw()?.map(|message| format!("{}: {message}", results::PAGE)));
+    let mut sources = vec![];
+    for path in command::files()? {
+        let mut rules = vec![name(&path)];
         // Files that are not UTF-8 are pictures or models.
-        let Ok(text) = fs::read_to_string(root.join(&path)) else { continue };
-        if path.extension().is_some_and(|extension| extension == "rs") {
-            length(&path, &text, &mut findings);
-            unfinished(&path, &text, &mut findings);
-            allows_no_unsafe(&path, &text, &mut findings);
+        if let Ok(text) = fs::read_to_string(command::root().join(&path)) {
+            if is_crate_root(&path) {
+                rules.push(forbids_unsafe(&path, &text));
+            }
+            if path.extension().is_some_and(|extension| extension == "rs") {
+                rules.extend([length(&text), unfinished(&text), allows_no_unsafe(&path, &text)]);
+                sources.push((path.clone(), text));
+            }
         }
-        if is_crate_root(&path) {
-            forbids_unsafe(&path, &text, &mut findings);
-        }
+        findings.extend(rules.concat().iter().map(|message| format!("{}: {message}", path.display())));
     }
+    findings.extend(circles::findings(&sources));
     Ok(findings)
 }
 
@@ -63,19 +49,16 @@ fn is_crate_root(path: &Path) -> bool {
 const MAX_LINES: usize = 800;
 
 /// A source file is one sitting.
-fn length(path: &Path, text: &str, findings: &mut Vec<Finding>) {
+fn length(text: &str) -> Vec<String> {
     let n = text.lines().count();
-    if n > MAX_LINES {
-        findings.push(Finding::new(path, format!("{n} lines; at most {MAX_LINES} are allowed")));
-    }
+    Vec::from_iter((n > MAX_LINES).then(|| format!("{n} lines; at most {MAX_LINES} are allowed")))
 }
 
 /// Every file has a name that can be packaged and that every file system accepts.
-fn name(path: &Path, findings: &mut Vec<Finding>) {
+fn name(path: &Path) -> Vec<String> {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "._-/\\".contains(c);
-    if let Some(c) = path.to_string_lossy().chars().find(|&c| !is_plain(c)) {
-        findings.push(Finding::new(path, format!("the name contains {c:?}")));
-    }
+    let odd = path.to_string_lossy().chars().find(|&c| !is_plain(c));
+    Vec::from_iter(odd.map(|c| format!("the name contains {c:?}")))
 }
 
 /// Marks of unfinished work, in halves so that this file has none.
@@ -88,12 +71,11 @@ const UNFINISHED: [&str; 5] = [
 ];
 
 /// No test is ignored and nothing is unfinished.
-fn unfinished(path: &Path, text: &str, findings: &mut Vec<Finding>) {
-    for (i, line) in text.lines().enumerate() {
-        for mark in UNFINISHED.into_iter().filter(|mark| line.contains(mark)) {
-            findings.push(Finding::new(path, format!("line {}: {mark}", i + 1)));
-        }
-    }
+fn unfinished(text: &str) -> Vec<String> {
+    let marks = |(line, i): (&str, usize)| {
+        UNFINISHED.into_iter().filter(|mark| line.contains(mark)).map(|mark| format!("line {i}: {mark}")).collect()
+    };
+    text.lines().zip(1..).flat_map::<Vec<String>, _>(marks).collect()
 }
 
 /// The only files with unsafe code, and the root of their crate.
@@ -106,103 +88,80 @@ const UNSAFE_FILES: [&str; 4] = [
 ];
 
 /// Every crate forbids unsafe code; the crate with SIMD denies it except in the named files.
-fn forbids_unsafe(path: &Path, text: &str, findings: &mut Vec<Finding>) {
+fn forbids_unsafe(path: &Path, text: &str) -> Vec<String> {
     let wanted = if path == Path::new(UNSAFE_ROOT) { "deny" } else { "forbid" };
-    if !text.lines().any(|line| line == format!("#![{wanted}(unsafe_code)]")) {
-        findings.push(Finding::new(path, format!("does not {wanted} unsafe code")));
-    }
+    let is_there = text.lines().any(|line| line == format!("#![{wanted}(unsafe_code)]"));
+    Vec::from_iter((!is_there).then(|| format!("does not {wanted} unsafe code")))
 }
 
 /// Only the named files allow unsafe code; benches call foreign libraries.
-fn allows_no_unsafe(path: &Path, text: &str, findings: &mut Vec<Finding>) {
+fn allows_no_unsafe(path: &Path, text: &str) -> Vec<String> {
     if !path.starts_with("crates") || UNSAFE_FILES.iter().any(|file| path == Path::new(file)) {
-        return;
+        return vec![];
     }
-    for (i, line) in text.lines().enumerate() {
-        let allows = |word: &&str| line.trim_start().starts_with(word) && line.contains("unsafe_code");
-        // In halves, so that this file allows nothing.
-        if [concat!("#![ex", "pect("), concat!("#![al", "low("), concat!("#[ex", "pect("), concat!("#[al", "low(")]
-            .iter()
-            .any(allows)
-        {
-            findings.push(Finding::new(path, format!("line {}: unsafe code is not allowed here", i + 1)));
-        }
-    }
+    // In halves, so that this file allows nothing.
+    let attributes =
+        [concat!("#![ex", "pect("), concat!("#![al", "low("), concat!("#[ex", "pect("), concat!("#[al", "low(")];
+    let allows =
+        |line: &str| line.contains("unsafe_code") && attributes.iter().any(|word| line.trim_start().starts_with(word));
+    let lines = text.lines().zip(1..).filter(|(line, _)| allows(line));
+    lines.map(|(_, i)| format!("line {i}: unsafe code is not allowed here")).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
     use super::*;
 
     #[test]
     fn this_workspace_is_tidy() {
-        assert_eq!(findings().unwrap(), []);
+        assert_eq!(findings().unwrap(), [""; 0]);
     }
 
     #[test]
     fn crate_roots_of_this_workspace_are_found() {
-        let files = workspace::files().unwrap();
-        let roots: Vec<&PathBuf> = files.iter().filter(|path| is_crate_root(path)).collect();
+        let roots: Vec<PathBuf> = command::files().unwrap().into_iter().filter(|path| is_crate_root(path)).collect();
         for root in ["xtask/src/main.rs", "crates/obb/src/lib.rs", "fixtures/src/lib.rs"] {
-            assert!(roots.contains(&&PathBuf::from(root)), "{root} is not among {roots:?}");
+            assert!(roots.contains(&PathBuf::from(root)), "{root} is not among {roots:?}");
+        }
+        for file in UNSAFE_FILES.into_iter().chain([UNSAFE_ROOT]) {
+            assert!(command::root().join(file).is_file(), "{file}");
         }
     }
 
-    fn found(rule: impl Fn(&Path, &str, &mut Vec<Finding>), text: &str) -> Vec<String> {
-        let mut findings = vec![];
-        rule(Path::new("file.rs"), text, &mut findings);
-        findings.into_iter().map(|finding| finding.message).collect()
-    }
-
     #[test]
-    fn lengths_at_the_limit() {
-        assert_eq!(found(length, &"x\n".repeat(800)), [""; 0]);
-        assert_eq!(found(length, &"x\n".repeat(801)), ["801 lines; at most 800 are allowed"]);
-    }
-
-    #[test]
-    fn names_are_plain() {
-        let n_found = |path: &str| {
-            let mut findings = vec![];
-            name(Path::new(path), &mut findings);
-            findings.len()
-        };
+    fn lengths_and_names_at_the_limit() {
+        assert_eq!(length(&"x\n".repeat(800)), [""; 0]);
+        assert_eq!(length(&"x\n".repeat(801)), ["801 lines; at most 800 are allowed"]);
         for plain in ["README.md", "crates/obb/src/lib.rs", ".ci/run", "a-b_c/x.tar.gz"] {
-            assert_eq!(n_found(plain), 0, "{plain}");
+            assert_eq!(name(Path::new(plain)), [""; 0], "{plain}");
         }
         for odd in ["shaders/*.rs", "a b.rs", "what?.rs", "c:x.rs", "größe.rs"] {
-            assert_eq!(n_found(odd), 1, "{odd}");
+            assert_eq!(name(Path::new(odd)).len(), 1, "{odd}");
         }
     }
 
     #[test]
     fn every_mark_of_unfinished_work_is_found() {
         for mark in UNFINISHED {
-            assert_eq!(found(unfinished, &format!("fn f() {{\n    {mark} \n}}")), [format!("line 2: {mark}")]);
+            assert_eq!(unfinished(&format!("fn f() {{\n    {mark} \n}}")), [format!("line 2: {mark}")]);
         }
-        assert_eq!(found(unfinished, "fn ignored() { method(todo) }"), [""; 0]);
+        assert_eq!(unfinished("fn ignored() { method(todo) }"), [""; 0]);
     }
 
     #[test]
     fn crates_must_forbid_unsafe_code() {
-        assert_eq!(found(forbids_unsafe, "//! A crate.\n#![forbid(unsafe_code)]\n"), [""; 0]);
-        assert_eq!(found(forbids_unsafe, "// #![forbid(unsafe_code)]\n").len(), 1);
-        assert_eq!(found(forbids_unsafe, "#![deny(unsafe_code)]\n").len(), 1, "only the SIMD crate may deny it");
-        let simd_root = |text: &str| {
-            let mut findings = vec![];
-            forbids_unsafe(Path::new(UNSAFE_ROOT), text, &mut findings);
-            findings.len()
-        };
-        assert_eq!([simd_root("#![deny(unsafe_code)]\n"), simd_root("//! Lanes.\n")], [0, 1]);
+        let n_found = |root: &str, text: &str| forbids_unsafe(Path::new(root), text).len();
+        assert_eq!(n_found("file.rs", "//! A crate.\n#![forbid(unsafe_code)]\n"), 0);
+        assert_eq!(n_found("file.rs", "// #![forbid(unsafe_code)]\n"), 1);
+        assert_eq!(n_found("file.rs", "#![deny(unsafe_code)]\n"), 1, "only the SIMD crate may deny it");
+        assert_eq!([n_found(UNSAFE_ROOT, "#![deny(unsafe_code)]\n"), n_found(UNSAFE_ROOT, "//! Lanes.\n")], [0, 1]);
     }
 
     #[test]
     fn unsafe_code_is_allowed_in_named_files_only() {
-        let n_found = |file: &str, text: &str| {
-            let mut findings = vec![];
-            allows_no_unsafe(Path::new(file), text, &mut findings);
-            findings.len()
-        };
+        let n_found = |file: &str, text: &str| allows_no_unsafe(Path::new(file), text).len();
         for line in
             [concat!("#![al", "low(unsafe_code)]"), concat!("    #[ex", "pect(unsafe_code, reason = \"fast\")]")]
         {
@@ -211,14 +170,6 @@ mod tests {
                 assert_eq!(n_found(file, line), 0, "{file}: {line}");
             }
         }
-        let harmless = "#![forbid(unsafe_code)]\n// #![expect(unsafe_code)]\n";
-        assert_eq!(n_found("crates/obb/src/lib.rs", harmless), 0);
-    }
-
-    #[test]
-    fn the_named_files_exist() {
-        for file in UNSAFE_FILES.into_iter().chain([UNSAFE_ROOT]) {
-            assert!(workspace::root().join(file).is_file(), "{file}");
-        }
+        assert_eq!(n_found("crates/obb/src/lib.rs", "#![forbid(unsafe_code)]\n// #![expect(unsafe_code)]\n"), 0);
     }
 }

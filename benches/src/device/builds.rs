@@ -207,7 +207,6 @@ pub(super) fn sort(out: &mut String, bench: &Bench) -> Result<()> {
     let sorter = Sorter::new(&bench.gpu)?;
     for &log2 in bench.scale.sorted {
         let mut rng = SplitMix64::new(u64::from(log2));
-        #[expect(clippy::cast_possible_truncation, reason = "any bits will do")]
         let mut word = || -> Vec<u32> { (0..1u32 << log2).map(|_| rng.below(1 << 32) as u32).collect() };
         let [low, high] = [word(), word()].map(|words| bench.gpu.buffer("keys", &words));
         let (low, high) = (low?, high?);
@@ -219,7 +218,6 @@ pub(super) fn sort(out: &mut String, bench: &Bench) -> Result<()> {
 }
 
 /// Million pairs per second.
-#[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
 fn pairs_rate(bench: &Bench, sorter: &Sorter, words: &[(&Buffer<u32>, u32)]) -> Result<f64> {
     let mut least = f64::MAX;
     for round in 0..=bench.rounds {

@@ -79,7 +79,6 @@ pub(super) fn sponza_picture(out: &mut String, bench: &Bench) -> Result<()> {
 }
 
 /// Million rays.
-#[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
 fn millions(n_rays: u64) -> f64 {
     n_rays as f64 * 1e-6
 }
@@ -235,7 +234,6 @@ fn classified(pixels: impl Iterator<Item = ([[f64; 3]; 2], bool)>) -> Counts {
         } else {
             counts.camera += 1;
         }
-        #[expect(clippy::cast_possible_truncation, reason = "as pictures are written")]
         let encoded = |color: [f64; 3]| color.map(|c| srgb::encode(c as f32));
         counts.visible += usize::from(encoded(a) != encoded(b));
     }

@@ -13,10 +13,7 @@ use canted_trace::{Intersect, Ray, ScaledRay};
 use canted_wide::{Config, Preset, TriangleBvh};
 
 use super::Bench;
-use crate::{
-    models::{self, Model},
-    rays::{self, Kind},
-};
+use crate::models::{self, Kind, Model};
 
 /// An ordinary scene, and two of thin diagonal parts.
 const SCENES: [&str; 3] = ["sponza", "eiffel", "truss"];
@@ -73,10 +70,10 @@ fn build(model: &Model, config: &Config) -> Result<TriangleBvh> {
 
 /// Rays of each kind: camera rays in squares, then rays from their hits.
 fn sets(model: &Model, tree: &TriangleBvh, bench: &Bench) -> [Vec<Ray>; 3] {
-    let camera = rays::camera(model, bench.scale.resolution);
+    let camera = models::camera(model, bench.scale.resolution);
     let mut hits = vec![None; camera.len()];
     tree.par_closest_hits(&camera, &mut hits);
-    let [diffuse, occlusion] = rays::secondary(model, &camera, &hits);
+    let [diffuse, occlusion] = models::secondary(model, &camera, &hits);
     [in_squares(&camera, bench.scale.resolution as usize), diffuse, occlusion]
 }
 
@@ -100,7 +97,6 @@ struct Cast {
 
 impl Cast {
     /// Million rays a second.
-    #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
     fn rate(&self, n_rays: usize) -> f64 {
         n_rays as f64 / (1e3 * self.milliseconds)
     }
@@ -231,7 +227,6 @@ pub(super) fn structures(out: &mut String, bench: &Bench) -> Result<()> {
                 }
             }
             let traced = made.traced(&bench.gpu, &model)?;
-            #[expect(clippy::cast_precision_loss, reason = "one digit is shown")]
             let megabytes = traced.n_bytes() as f64 * 1e-6;
             let _ = write!(out, "| {name} | {structure} | {ready:.1} | {megabytes:.1} |");
             for (kind, set) in Kind::ALL.into_iter().zip(&sets) {
@@ -274,7 +269,6 @@ mod tests {
 
     #[test]
     fn squares_keep_every_ray() {
-        #[expect(clippy::cast_precision_loss, reason = "small numbers")]
         let rays: Vec<Ray> = (0..2 * 16 * 16).map(|i| Ray::new([i as f32, 0.0, 0.0], [1.0; 3])).collect();
         let squared: Vec<f32> = in_squares(&rays, 16).iter().map(|ray| ray.origin[0]).collect();
         assert_eq!(squared[7..9], [7.0, 16.0]);

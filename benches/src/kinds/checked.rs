@@ -10,8 +10,11 @@ use canted_tests::brute;
 use canted_trace::{Hit, Kernel, Ray, Watertight};
 use rayon::prelude::*;
 
-use super::subject::{Answers, Check, Difference, Measured, OURS, Set, Subject};
-use crate::models::Model;
+use crate::{
+    kinds::{Check, Difference, Measured, OURS, Set, Subject},
+    models::Model,
+    wide::engine::Answers,
+};
 
 /// Triangles that the loop tests for each set of rays, about: a second of processor time.
 const BUDGET: usize = 40_000_000;

@@ -7,11 +7,14 @@ use std::fmt::Write;
 
 use canted_fixtures::kinds::{Family, RayKind};
 
-use super::subject::{Difference, Measured, OURS, Set};
 use crate::{
+    kinds::{Difference, Measured, OURS, Set},
     options::Options,
     timing::{median, ratio},
-    wide::ours::{ALIGNED, BALANCED},
+    wide::{
+        engine::cpu,
+        ours::{ALIGNED, BALANCED},
+    },
 };
 
 /// A kind on which any kind of rays is slower than this, relative to Embree's default, is listed.
@@ -49,8 +52,8 @@ impl Measured {
     fn plan(&self) -> Option<f64> {
         let engine = |name| self.engines.iter().position(|(found, _)| found == name);
         let (chosen, aligned) = (engine(BALANCED)?, engine(ALIGNED)?);
-        let cpu = |set: &Set, engine: usize| set.seconds[engine].iter().map(|seconds| seconds.cpu).collect::<Vec<_>>();
-        mean(self.sets.iter().map(|set| Some(ratio(&cpu(set, aligned), &cpu(set, chosen)))))
+        let of = |set: &Set| ratio(&cpu(&set.seconds[aligned]), &cpu(&set.seconds[chosen]));
+        mean(self.sets.iter().map(|set| Some(of(set))))
     }
 
     /// Our engines.
@@ -70,16 +73,13 @@ impl Measured {
     /// Rays a second relative to a mode of Embree.
     fn speed(&self, i: usize, rays: RayKind, mode: Mode) -> Option<f64> {
         let set = self.sets.iter().find(|set| set.kind == rays)?;
-        let cpu = |engine: usize| set.seconds[engine].iter().map(|seconds| seconds.cpu).collect::<Vec<f64>>();
-        Some(ratio(&cpu(self.embree(mode)?), &cpu(i)))
+        Some(ratio(&cpu(&set.seconds[self.embree(mode)?]), &cpu(&set.seconds[i])))
     }
 
     /// Million rays a second.
-    #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
     fn rate(&self, i: usize, rays: RayKind) -> Option<f64> {
         let set = self.sets.iter().find(|set| set.kind == rays)?;
-        let cpu: Vec<f64> = set.seconds[i].iter().map(|seconds| seconds.cpu).collect();
-        Some(set.n_rays as f64 / median(&cpu) * 1e-6)
+        Some(set.n_rays as f64 / median(&cpu(&set.seconds[i])) * 1e-6)
     }
 
     /// Build time on one or two threads relative to a mode of Embree.
@@ -91,7 +91,6 @@ impl Measured {
         Some(seconds(i)? / seconds(self.embree(mode)?)?)
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
     fn bytes(&self, i: usize) -> Option<f64> {
         Some(self.engines[i].1.n_bytes? as f64 / self.n_triangles as f64)
     }
@@ -164,7 +163,6 @@ fn wrong(out: &mut String, measured: &Measured, i: usize) {
 }
 
 /// Geometric mean of what is there; `None` if nothing is.
-#[expect(clippy::cast_precision_loss, reason = "at most fifty")]
 fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     let logarithms: Vec<f64> = values.flatten().map(f64::ln).collect();
     (!logarithms.is_empty()).then(|| (logarithms.iter().sum::<f64>() / logarithms.len() as f64).exp())

@@ -15,12 +15,11 @@ use canted_obb::Affine;
 use canted_renderer::{SceneBvh, SceneBvhConfig, Settings, UpdateOptions, UpdatePolicy, Updates, render};
 use canted_scene::{AnimatedScene, Camera, Instance, Mesh, MeshId, ReadOptions, Scene};
 use canted_trace::{Hit, Intersect, Ray};
-use elastic::{Material, Stage, torus};
+use elastic::{Material, Simulation, torus};
 
 use crate::{
     models,
     options::Options,
-    rays,
     timing::{self, median},
 };
 
@@ -41,7 +40,6 @@ struct Took {
 impl Took {
     /// Milliseconds of a frame: updates, rays, both; medians over the rounds.
     fn ms(&self, n_frames: usize) -> [f64; 3] {
-        #[expect(clippy::cast_precision_loss, reason = "few frames")]
         let scale = 1e3 / n_frames as f64;
         let of = |pick: fn(&[f64; 2]) -> f64| scale * median(&self.seconds.iter().map(pick).collect::<Vec<_>>());
         [of(|s| s[0]), of(|s| s[1]), of(|s| s[0] + s[1])]
@@ -141,7 +139,7 @@ fn rays(sequence: &Sequence, width: u32) -> Vec<Ray> {
         let away = [0.9, 0.7, 1.1];
         [std::array::from_fn(|k| center[k] + extent * away[k]), center]
     });
-    View { eye, target, fov_degrees: 50.0, rotation: Rotation::IDENTITY }.rays(width).iter().map(rays::ray).collect()
+    View { eye, target, fov_degrees: 50.0, rotation: Rotation::IDENTITY }.rays(width).iter().map(models::ray).collect()
 }
 
 /// Frames per second of the fox and of the elastic body.
@@ -199,7 +197,6 @@ fn morphed(n_frames: u16, level: u32) -> Sequence {
 }
 
 /// Instances of two meshes that fly apart and spin.
-#[expect(clippy::cast_possible_truncation, reason = "random directions")]
 fn exploding(n_frames: u16, n: u32) -> Sequence {
     let mesh = |mesh: fixtures::Mesh| Mesh {
         positions: mesh.positions.iter().map(|p| p.map(|x| 0.02 * x)).collect(),
@@ -229,12 +226,12 @@ fn exploding(n_frames: u16, n: u32) -> Sequence {
 
 /// The elastic ring of `examples/elastic`, which falls and bounces.
 fn elastic_body(n_frames: u16, segments: [u32; 2]) -> Result<Sequence> {
-    let mut stage = Stage::new(&torus([0.45, 0.2], segments, 1.25, 0.5), 0.08, &Material::RUBBER)?;
+    let mut simulation = Simulation::new(&torus([0.45, 0.2], segments, 1.25, 0.5), 0.08, &Material::RUBBER)?;
     let options = UpdateOptions { policy: UpdatePolicy::Refit, ..UpdateOptions::default() };
-    let mut frames = vec![stage.scene.clone()];
+    let mut frames = vec![simulation.scene.clone()];
     for _ in 1..n_frames {
-        stage.advance(1.0 / f64::from(FPS), &options)?;
-        frames.push(stage.scene.clone());
+        simulation.advance(1.0 / f64::from(FPS), &options)?;
+        frames.push(simulation.scene.clone());
     }
     Ok(Sequence { name: "falling elastic body", frames, view: Some([[1.3, 1.25, 3.6], [0.0, 0.62, 0.0]]) })
 }

@@ -136,7 +136,6 @@ fn outcomes(
     rounds: usize,
     n_boxes: usize,
 ) -> Vec<Outcome> {
-    #[expect(clippy::cast_precision_loss, reason = "few boxes")]
     let to_ns = 1e9 / (REPEATS * n_boxes) as f64;
     let timings = timing::run(rounds, contenders);
     let outcome = |((method, ratios), timing): ((&'static str, [Vec<f64>; 2]), timing::Timing)| Outcome {
@@ -183,9 +182,9 @@ fn plot(title: &str, size: &str, i: usize, all: &[(&'static str, Vec<Outcome>)])
     for (kind, outcomes) in all {
         for (method, outcome) in outcomes.iter().enumerate() {
             if series.len() <= method {
-                series.push(Series { name: outcome.method.to_owned(), points: vec![], is_joined: false });
+                series.push(Series::dots(outcome.method, vec![]));
             }
-            let point = Point { label: (*kind).to_owned(), x: outcome.ns.clone(), y: outcome.ratios[i].clone() };
+            let point = Point::new(*kind, outcome.ns.clone(), outcome.ratios[i].clone());
             series[method].points.push(point);
         }
     }

@@ -79,6 +79,11 @@ impl Chapter {
     pub(crate) fn took(&self) -> String {
         formatted(self.seconds)
     }
+
+    /// Adds a plot.
+    pub(crate) fn plot(&mut self, title: impl Into<String>, x: Axis, y: Axis, series: Vec<Series>) {
+        self.plots.push(Plot { title: title.into(), x, y, series });
+    }
 }
 
 fn formatted(Seconds { wall, cpu }: Seconds) -> String {
@@ -146,6 +151,18 @@ pub(crate) struct Series {
     pub(crate) is_joined: bool,
 }
 
+impl Series {
+    /// Points that no line connects.
+    pub(crate) fn dots(name: impl Into<String>, points: Vec<Point>) -> Self {
+        Self { name: name.into(), points, is_joined: false }
+    }
+
+    /// Points that a line connects in order.
+    pub(crate) fn line(name: impl Into<String>, points: Vec<Point>) -> Self {
+        Self { name: name.into(), points, is_joined: true }
+    }
+}
+
 /// A measured point: the medians, with bars from minimum to maximum.
 #[derive(Debug, Serialize)]
 pub(crate) struct Point {
@@ -153,6 +170,12 @@ pub(crate) struct Point {
     pub(crate) label: String,
     pub(crate) x: Samples,
     pub(crate) y: Samples,
+}
+
+impl Point {
+    pub(crate) fn new(label: impl Into<String>, x: impl Into<Samples>, y: impl Into<Samples>) -> Self {
+        Self { label: label.into(), x: x.into(), y: y.into() }
+    }
 }
 
 /// Rows under a head.

@@ -28,7 +28,6 @@ pub(super) fn svg(plot: &Plot) -> String {
     ];
     let at_x = |value: f64| left + x.position(value) * (width - left - right);
     let at_y = |value: f64| height - bottom - y.position(value) * (height - top - bottom);
-    #[expect(clippy::cast_precision_loss, reason = "a few series")]
     let whole = height + LINE * plot.series.len() as f64 + 8.0;
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {whole}\" font-family=\"sans-serif\" font-size=\"12\">\n\
@@ -76,7 +75,6 @@ pub(super) fn svg(plot: &Plot) -> String {
                 escaped(&title(plot, series, point))
             );
         }
-        #[expect(clippy::cast_precision_loss, reason = "a few series")]
         let y = height + LINE * (number as f64 + 0.5);
         let _ = writeln!(
             out,

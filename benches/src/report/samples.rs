@@ -37,7 +37,6 @@ impl Samples {
     }
 
     pub(crate) fn mean(&self) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "repetitions are few")]
         let n = self.0.len() as f64;
         self.0.iter().sum::<f64>() / n
     }
@@ -114,7 +113,6 @@ const CERTAINTY: f64 = 0.93;
 /// The probability that the median lies between the value of this rank, counted from 0, and its mirror image: more than
 /// `rank` of `n` coin tosses fall on either side.
 fn certainty(n: usize, rank: usize) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "repetitions are few")]
     let ways = (1..=rank).scan(1.0, |ways, k| {
         *ways *= (n - k + 1) as f64 / k as f64;
         Some(*ways)
@@ -146,11 +144,6 @@ pub(crate) fn number(x: f64) -> String {
     } else if !(1e-3..1e6).contains(&size) {
         format!("{x:.2e}")
     } else {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a logarithm in -3..=2 of the size"
-        )]
         let digits = (2.0 - size.log10().floor()).clamp(0.0, 5.0) as usize;
         format!("{x:.digits$}")
     }

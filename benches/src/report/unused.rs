@@ -16,7 +16,7 @@ use canted_scene::{
 };
 
 use super::{
-    model::{Axis, Cell, Chapter, Plot, Point, Series, Table},
+    model::{Axis, Cell, Chapter, Point, Series, Table},
     samples::{Samples, number},
 };
 use crate::report::model::Effort;
@@ -97,7 +97,6 @@ fn over_scenes(savings: &[(&str, Vec<Saving>)]) -> String {
             format!(", at most {}% ('{}' on {scene})", number(100.0 * feature.time), feature.feature)
         });
     let largest = all().max_by_key(|(_, feature)| feature.n_bytes).map_or_else(String::new, |(scene, feature)| {
-        #[expect(clippy::cast_precision_loss, reason = "bytes are fewer than 2^53")]
         let megabytes = feature.n_bytes as f64 / 1e6;
         format!(", and up to {} MB ('{}' on {scene})", number(megabytes), feature.feature)
     });
@@ -205,19 +204,18 @@ fn settings([width, height]: [u32; 2], samples: u32) -> Settings {
     }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "bytes are fewer than 2^53")]
 fn plot(chapter: &mut Chapter, name: &str, costs: &[Cost]) {
     let series = costs.iter().map(|cost| Series {
         name: cost.what.to_owned(),
-        points: vec![Point { label: String::new(), x: (cost.n_bytes as f64).into(), y: cost.seconds.scaled(1e3) }],
+        points: vec![Point::new(String::new(), cost.n_bytes as f64, cost.seconds.scaled(1e3))],
         is_joined: false,
     });
-    chapter.plots.push(Plot {
-        title: format!("{name}: time and memory with unused features forced in"),
-        x: Axis::linear("bytes"),
-        y: Axis::linear("render, processor ms"),
-        series: series.collect(),
-    });
+    chapter.plot(
+        format!("{name}: time and memory with unused features forced in"),
+        Axis::linear("bytes"),
+        Axis::linear("render, processor ms"),
+        series.collect(),
+    );
 }
 
 /// Renders all variants in turn.
@@ -463,7 +461,6 @@ fn of_corners<T: Copy>(values: &[T], triangles: &[[u32; 3]]) -> Vec<T> {
     triangles.iter().flatten().map(|&i| values[i as usize]).collect()
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is how normals are stored")]
 fn normal(&[a, b, c]: &[[f32; 3]; 3]) -> [f32; 3] {
     let sub = |p: [f32; 3], q: [f32; 3]| -> [f64; 3] { std::array::from_fn(|k| f64::from(p[k]) - f64::from(q[k])) };
     let ([p, q, r], [x, y, z]) = (sub(b, a), sub(c, a));

@@ -7,10 +7,13 @@ use canted_trace::{Hit, InstanceId, Ray, Side};
 use super::engine::{Engine, Entry, Owner, Promise};
 use crate::models::Model;
 
-impl Engine for Scene {
+/// A scene of Embree.
+struct Embree(Scene);
+
+impl Engine for Embree {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         for (ray, out) in rays.iter().zip(hits) {
-            *out = Scene::closest(self, ray.origin, ray.direction, [ray.t_min, ray.t_max]).map(|found| Hit {
+            *out = self.0.closest(ray.origin, ray.direction, [ray.t_min, ray.t_max]).map(|found| Hit {
                 t: found.t,
                 u: found.u,
                 v: found.v,
@@ -23,12 +26,12 @@ impl Engine for Scene {
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
         for (ray, out) in rays.iter().zip(occluded) {
-            *out = Scene::occluded(self, ray.origin, ray.direction, [ray.t_min, ray.t_max]);
+            *out = self.0.occluded(ray.origin, ray.direction, [ray.t_min, ray.t_max]);
         }
     }
 
     fn n_bytes(&self) -> Option<usize> {
-        Some(Scene::n_bytes(self))
+        Some(self.0.n_bytes())
     }
 }
 
@@ -60,7 +63,7 @@ fn entry<'a>(model: &'a Model, (library, mode, quality, is_robust): (Library, &s
         is_parallel: true,
         build: Box::new(move |n_threads| {
             let options = Options { quality, is_robust, n_threads };
-            Ok(Box::new(match &model.placed {
+            Ok(Box::new(Embree(match &model.placed {
                 None => Scene::of_mesh(&library, &mesh(&model.mesh), &options)?,
                 Some(placed) => {
                     let meshes: Vec<_> = placed.meshes.iter().map(mesh).collect();
@@ -71,7 +74,7 @@ fn entry<'a>(model: &'a Model, (library, mode, quality, is_robust): (Library, &s
                     let placements: Vec<_> = placed.instances.iter().map(placement).collect();
                     Scene::of_instances(&library, &meshes, &placements, &options)?
                 }
-            }))
+            })))
         }),
     }
 }

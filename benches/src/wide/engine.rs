@@ -4,7 +4,7 @@
 //! Holds: within a round every engine traces every ray once; the order changes from chunk to chunk.
 
 use anyhow::{Context, Result};
-use canted_trace::{Hit, Ray};
+use canted_trace::{Hit, Intersect, Ray};
 
 use crate::timing::{self, Seconds, median};
 
@@ -19,6 +19,33 @@ pub(crate) trait Engine {
     /// Bytes of everything that tracing reads; `None` if an engine does not report it.
     fn n_bytes(&self) -> Option<usize> {
         None
+    }
+}
+
+impl<B: Intersect> Engine for B {
+    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        self.closest_hits(rays, hits);
+    }
+
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
+        self.occluded_many(rays, occluded);
+    }
+}
+
+/// One of our structures that reports its bytes.
+pub(crate) struct WithBytes<B>(pub(crate) B, pub(crate) usize);
+
+impl<B: Intersect> Engine for WithBytes<B> {
+    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        self.0.closest_hits(rays, hits);
+    }
+
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
+        self.0.occluded_many(rays, occluded);
+    }
+
+    fn n_bytes(&self) -> Option<usize> {
+        Some(self.1)
     }
 }
 
@@ -129,13 +156,32 @@ pub(crate) fn closest(
     alternate(engines, rays, rounds, |engine, rays, hits| engine.closest(rays, hits))
 }
 
-/// Occlusion of all engines.
-pub(crate) fn occluded(
+/// Answers of one engine, or the true ones.
+#[derive(PartialEq)]
+pub(crate) enum Answers {
+    Closest(Vec<Option<Hit>>),
+    Occluded(Vec<bool>),
+}
+
+/// Nearest hits of all engines, or occlusion.
+pub(crate) fn answers(
     engines: &[Box<dyn Engine>],
     rays: &[Ray],
     rounds: usize,
-) -> (Vec<Vec<Seconds>>, Vec<Vec<bool>>) {
-    alternate(engines, rays, rounds, |engine, rays, occluded| engine.occluded(rays, occluded))
+    is_occlusion: bool,
+) -> (Vec<Vec<Seconds>>, Vec<Answers>) {
+    if is_occlusion {
+        let (seconds, all) = alternate(engines, rays, rounds, |engine, rays, answers| engine.occluded(rays, answers));
+        (seconds, all.into_iter().map(Answers::Occluded).collect())
+    } else {
+        let (seconds, all) = closest(engines, rays, rounds);
+        (seconds, all.into_iter().map(Answers::Closest).collect())
+    }
+}
+
+/// Seconds of processor time.
+pub(crate) fn cpu(seconds: &[Seconds]) -> Vec<f64> {
+    seconds.iter().map(|seconds| seconds.cpu).collect()
 }
 
 /// Seconds by engine and round, and the answers by engine.
@@ -198,7 +244,6 @@ mod tests {
     }
 
     #[test]
-    #[expect(clippy::cast_precision_loss, reason = "small numbers")]
     fn every_engine_answers_every_ray_each_round() {
         let rays: Vec<Ray> =
             (0..20_000).map(|i| Ray { t_max: i as f32, ..Ray::new([0.0; 3], [1.0, 0.0, 0.0]) }).collect();
@@ -210,7 +255,9 @@ mod tests {
         for hits in hits {
             assert!(hits.iter().zip(&rays).all(|(hit, ray)| hit.is_some_and(|hit| hit.t == ray.t_max)));
         }
-        let (_, occluded) = occluded(&engines, &rays, 1);
-        assert!(occluded.iter().all(|answers| answers.iter().filter(|&&is| !is).count() == 6));
+        for answers in answers(&engines, &rays, 1, true).1 {
+            let Answers::Occluded(occluded) = answers else { panic!("occlusion was asked for") };
+            assert_eq!(occluded.iter().filter(|&&is| !is).count(), 6);
+        }
     }
 }

@@ -7,9 +7,8 @@
 #[cfg(feature = "peers")]
 pub(crate) mod embree;
 pub(crate) mod engine;
-pub(crate) mod obvhs;
 pub(crate) mod ours;
-mod peers;
+pub(crate) mod peers;
 mod subject;
 mod tables;
 #[cfg(all(feature = "peers", target_feature = "avx2"))]
@@ -20,9 +19,10 @@ use std::io::Write;
 use anyhow::Result;
 use canted_trace::Ray;
 use canted_wide::TriangleBvh;
+use subject::Subject;
+use tables::Tables;
 
 use crate::{models, options::Options};
-use {subject::Subject, tables::Tables};
 
 pub(crate) use peers::{methods as peers, skipped as skipped_peers};
 pub(crate) use tables::Record;
@@ -86,5 +86,5 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
 pub(crate) fn closest_seconds(trees: Vec<TriangleBvh>, rays: &[Ray], rounds: usize) -> Vec<Vec<f64>> {
     let engines: Vec<Box<dyn engine::Engine>> = trees.into_iter().map(|tree| Box::new(tree) as _).collect();
     let (seconds, _) = engine::closest(&engines, rays, rounds);
-    seconds.iter().map(|rounds| rounds.iter().map(|seconds| seconds.cpu).collect()).collect()
+    seconds.iter().map(|seconds| engine::cpu(seconds)).collect()
 }

@@ -5,48 +5,15 @@ use canted_bvh2::{Bvh2, Bvh2Boxes, Bvh2Config};
 use canted_fixtures::Mesh;
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_tlas::{Tlas, TopConfig};
-use canted_trace::{Hit, Intersect, Ray, TriangleTest};
+use canted_trace::TriangleTest;
 use canted_wide::{Config, Preset, TriangleBvh};
 
-use super::{
-    engine::{Build, Engine, Entry, Owner, Promise},
-    obvhs,
-};
+use super::engine::{Build, Entry, Owner, Promise, WithBytes};
 use crate::{
     models::{Model, Placed},
     options::Options,
+    wide::peers,
 };
-
-impl Engine for TriangleBvh {
-    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        self.closest_hits(rays, hits);
-    }
-
-    fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
-        self.occluded_many(rays, occluded);
-    }
-
-    fn n_bytes(&self) -> Option<usize> {
-        Some(TriangleBvh::n_bytes(self))
-    }
-}
-
-/// BVHs of meshes, and a TLAS of their instances.
-struct TwoLevels(Tlas<TriangleBvh>, usize);
-
-impl Engine for TwoLevels {
-    fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        self.0.closest_hits(rays, hits);
-    }
-
-    fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
-        self.0.occluded_many(rays, occluded);
-    }
-
-    fn n_bytes(&self) -> Option<usize> {
-        Some(self.1 + self.0.n_bytes())
-    }
-}
 
 /// The name of the preset `balanced`.
 pub(crate) const BALANCED: &str = "WideBvh balanced";
@@ -117,15 +84,21 @@ pub(crate) fn two_levels(placed: &Placed) -> Result<Tlas<Bvh2>> {
 
 /// A WideBvh of a mesh.
 fn one_level_wide(mesh: &Mesh, config: Config) -> Build<'_> {
-    Box::new(move |_| Ok(Box::new(TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config)?)))
+    Box::new(move |_| {
+        let bvh = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config)?;
+        let n_bytes = bvh.n_bytes();
+        Ok(Box::new(WithBytes(bvh, n_bytes)))
+    })
 }
 
 /// A WideBvh of each mesh, and a TLAS of the instances.
-fn wide_levels(placed: &Placed, config: Config) -> Result<TwoLevels> {
+fn wide_levels(placed: &Placed, config: Config) -> Result<WithBytes<Tlas<TriangleBvh>>> {
     let build = |mesh: &Mesh| Ok(TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config)?);
     let blas = placed.meshes.iter().map(build).collect::<Result<Vec<_>>>()?;
-    let n_bytes = blas.iter().map(TriangleBvh::n_bytes).sum();
-    Ok(TwoLevels(Tlas::new(blas, &placed.instances, TopConfig::Wide(config))?, n_bytes))
+    let n_bytes: usize = blas.iter().map(TriangleBvh::n_bytes).sum();
+    let tlas = Tlas::new(blas, &placed.instances, TopConfig::Wide(config))?;
+    let n_bytes = n_bytes + tlas.n_bytes();
+    Ok(WithBytes(tlas, n_bytes))
 }
 
 /// Every available and requested engine, ours first.
@@ -133,7 +106,7 @@ pub(crate) fn with_peers<'a>(scene: &str, model: &'a Model, options: &Options) -
     let mut entries = entries(model);
     #[cfg(feature = "peers")]
     entries.extend(super::embree::entries(model));
-    entries.extend(obvhs::entries(&model.mesh));
+    entries.extend(peers::entries(&model.mesh));
     #[cfg(all(feature = "peers", target_feature = "avx2"))]
     if options.wants_engine("tinybvh") {
         entries.extend(super::tinybvh::entry(scene, &model.mesh));

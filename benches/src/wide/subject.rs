@@ -3,17 +3,16 @@
 use anyhow::Result;
 use canted_bvh2::Bvh2;
 use canted_tlas::Tlas;
-use canted_trace::{Hit, Intersect, Ray};
+use canted_trace::{Intersect, Ray};
 use rayon::prelude::*;
 
 use super::{
-    engine::{self, Built, Engine, Owner, Promise},
+    engine::{self, Answers, Built, Engine, Owner, Promise},
     ours,
 };
 use crate::{
-    models::Model,
+    models::{self, Kind, Model},
     options::Options,
-    rays::{self, Kind},
     timing::Seconds,
 };
 
@@ -25,20 +24,14 @@ struct Truth {
 }
 
 impl Truth {
-    fn closest(&self, is_placed: bool, rays: &[Ray]) -> Vec<Option<Hit>> {
-        let hit = |ray: &Ray| match &self.placed {
-            Some(placed) if is_placed => placed.closest_hit(ray),
-            _ => self.flat.closest_hit(ray),
-        };
-        rays.par_iter().map(hit).collect()
-    }
-
-    fn occluded(&self, is_placed: bool, rays: &[Ray]) -> Vec<bool> {
-        let occluded = |ray: &Ray| match &self.placed {
-            Some(placed) if is_placed => Intersect::occluded(placed, ray),
-            _ => Intersect::occluded(&self.flat, ray),
-        };
-        rays.par_iter().map(occluded).collect()
+    /// The true answers, flat and placed.
+    fn answers(&self, kind: Kind, rays: &[Ray]) -> [Answers; 2] {
+        let all: [&(dyn Intersect + Sync); 2] =
+            [&self.flat, self.placed.as_ref().map_or(&self.flat as _, |placed| placed as _)];
+        all.map(|bvh| match kind {
+            Kind::Occlusion => Answers::Occluded(rays.par_iter().map(|ray| bvh.occluded(ray)).collect()),
+            Kind::Camera | Kind::Diffuse => Answers::Closest(rays.par_iter().map(|ray| bvh.closest_hit(ray)).collect()),
+        })
     }
 }
 
@@ -53,8 +46,7 @@ pub(crate) struct Subject {
 struct Set {
     kind: Kind,
     rays: Vec<Ray>,
-    closest: [Vec<Option<Hit>>; 2],
-    occluded: [Vec<bool>; 2],
+    truth: [Answers; 2],
 }
 
 impl Subject {
@@ -64,18 +56,11 @@ impl Subject {
         let flat = ours::one_level(&model.mesh)?;
         let placed = model.placed.as_ref().map(ours::two_levels).transpose()?;
         let truth = Truth { flat, placed };
-        let camera = rays::camera(&model, resolution);
-        let [diffuse, occlusion] = rays::secondary(&model, &camera, &truth.closest(false, &camera));
-        let set = |(kind, rays): (Kind, Vec<Ray>)| match kind {
-            Kind::Occlusion => {
-                let occluded = [false, true].map(|is_placed| truth.occluded(is_placed, &rays));
-                Set { kind, rays, closest: Default::default(), occluded }
-            }
-            Kind::Camera | Kind::Diffuse => {
-                let closest = [false, true].map(|is_placed| truth.closest(is_placed, &rays));
-                Set { kind, rays, closest, occluded: Default::default() }
-            }
-        };
+        let camera = models::camera(&model, resolution);
+        let mut hits = vec![None; camera.len()];
+        truth.flat.par_closest_hits(&camera, &mut hits);
+        let [diffuse, occlusion] = models::secondary(&model, &camera, &hits);
+        let set = |(kind, rays): (Kind, Vec<Ray>)| Set { kind, truth: truth.answers(kind, &rays), rays };
         let sets = Kind::ALL.into_iter().zip([camera, diffuse, occlusion]).map(set).collect();
         Ok(Self { name, model, sets })
     }
@@ -108,16 +93,9 @@ impl Set {
         options: &Options,
         is_placed: impl Fn(usize) -> bool,
     ) -> MeasuredSet {
-        let truth = |i: usize| usize::from(is_placed(i));
-        let (seconds, verdicts): (_, Vec<Verdict>) = if self.kind == Kind::Occlusion {
-            let (seconds, answers) = engine::occluded(engines, &self.rays, options.rounds);
-            let verdicts = answers.iter().enumerate().map(|(i, a)| differing_occluded(&self.occluded[truth(i)], a));
-            (seconds, verdicts.collect())
-        } else {
-            let (seconds, answers) = engine::closest(engines, &self.rays, options.rounds);
-            let verdicts = answers.iter().enumerate().map(|(i, a)| differing_closest(&self.closest[truth(i)], a));
-            (seconds, verdicts.collect())
-        };
+        let (seconds, answers) = engine::answers(engines, &self.rays, options.rounds, self.kind == Kind::Occlusion);
+        let verdict = |(i, answers)| differing(&self.truth[usize::from(is_placed(i))], answers);
+        let verdicts = answers.iter().enumerate().map(verdict).collect();
         MeasuredSet { kind: self.kind, n_rays: self.rays.len(), seconds, verdicts }
     }
 }
@@ -163,16 +141,26 @@ pub(crate) struct Verdict {
     pub(crate) elsewhere: usize,
 }
 
-/// Compares nearest hits.
-fn differing_closest(truth: &[Option<Hit>], answers: &[Option<Hit>]) -> Verdict {
+/// Compares answers.
+fn differing(truth: &Answers, answers: &Answers) -> Verdict {
     let mut verdict = Verdict::default();
-    for (truth, answer) in truth.iter().zip(answers) {
-        match (truth, answer) {
-            (Some(_), None) => verdict.lost += 1,
-            (None, Some(_)) => verdict.invented += 1,
-            (Some(truth), Some(answer)) if !is_near(truth.t, answer.t) => verdict.elsewhere += 1,
-            _ => {}
+    match (truth, answers) {
+        (Answers::Closest(truth), Answers::Closest(answers)) => {
+            for (truth, answer) in truth.iter().zip(answers) {
+                match (truth, answer) {
+                    (Some(_), None) => verdict.lost += 1,
+                    (None, Some(_)) => verdict.invented += 1,
+                    (Some(truth), Some(answer)) if !is_near(truth.t, answer.t) => verdict.elsewhere += 1,
+                    _ => {}
+                }
+            }
         }
+        (Answers::Occluded(truth), Answers::Occluded(answers)) => {
+            let count =
+                |is: bool| truth.iter().zip(answers).filter(|&(&truth, &answer)| truth == is && answer != is).count();
+            (verdict.lost, verdict.invented) = (count(true), count(false));
+        }
+        _ => unreachable!("both are of the same kind of rays"),
     }
     verdict
 }
@@ -182,16 +170,10 @@ fn is_near(truth: f32, t: f32) -> bool {
     (truth - t).abs() <= T_TOLERANCE * truth
 }
 
-/// Compares occlusion.
-fn differing_occluded(truth: &[bool], answers: &[bool]) -> Verdict {
-    let count = |is: bool| truth.iter().zip(answers).filter(|&(&truth, &answer)| truth == is && answer != is).count();
-    Verdict { lost: count(true), invented: count(false), elsewhere: 0 }
-}
-
 #[cfg(test)]
 mod tests {
     use canted_obb::PrimId;
-    use canted_trace::{InstanceId, Side};
+    use canted_trace::{Hit, InstanceId, Side};
 
     use super::*;
 
@@ -201,11 +183,12 @@ mod tests {
 
     #[test]
     fn each_difference_is_counted_once() {
-        let truth = [None, None, at(1.0), at(1.0), at(1.0), at(1.0)];
-        let answers = [None, at(1.0), None, at(1.000_05), at(1.001), at(f32::NAN)];
-        assert_eq!(differing_closest(&truth, &answers), Verdict { lost: 1, invented: 1, elsewhere: 2 });
-        assert_eq!(differing_closest(&truth, &truth), Verdict::default());
-        let verdict = differing_occluded(&[true, true, false, false], &[true, false, false, true]);
+        let truth = Answers::Closest(vec![None, None, at(1.0), at(1.0), at(1.0), at(1.0)]);
+        let answers = Answers::Closest(vec![None, at(1.0), None, at(1.000_05), at(1.001), at(f32::NAN)]);
+        assert_eq!(differing(&truth, &answers), Verdict { lost: 1, invented: 1, elsewhere: 2 });
+        assert_eq!(differing(&truth, &truth), Verdict::default());
+        let [truth, answers] = [[true, true, false, false], [true, false, false, true]].map(|all| all.to_vec());
+        let verdict = differing(&Answers::Occluded(truth), &Answers::Occluded(answers));
         assert_eq!(verdict, Verdict { lost: 1, invented: 1, elsewhere: 0 });
     }
 }

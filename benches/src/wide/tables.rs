@@ -14,10 +14,14 @@ use anyhow::{Context, Result};
 use serde_json::json;
 
 use super::{
-    engine::{Owner, Promise},
+    engine::{Owner, Promise, cpu},
     subject::{Contestant, Measured, MeasuredSet, Verdict},
 };
-use crate::{options::Options, rays::Kind, timing::median};
+use crate::{
+    models::Kind,
+    options::Options,
+    timing::{median, spread},
+};
 
 /// What was measured, scene by scene.
 #[derive(Default)]
@@ -35,9 +39,7 @@ pub(crate) struct Ratio {
 
 impl Ratio {
     fn of(values: &[f64]) -> Self {
-        let (least, greatest) = values.iter().fold((f64::MAX, 0.0_f64), |(l, g), &v| (l.min(v), g.max(v)));
-        let median = median(values);
-        Self { median, spread: 0.5 * (greatest - least) / median }
+        Self { median: median(values), spread: spread(values) }
     }
 }
 
@@ -92,10 +94,8 @@ impl Measured {
 
 impl MeasuredSet {
     /// Million rays per second of an engine, in processor time.
-    #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
     pub(crate) fn rate(&self, i: usize) -> f64 {
-        let cpu: Vec<f64> = self.seconds[i].iter().map(|seconds| seconds.cpu).collect();
-        self.n_rays as f64 / median(&cpu) * 1e-6
+        self.n_rays as f64 / median(&cpu(&self.seconds[i])) * 1e-6
     }
 
     /// Speed relative to the best of `peers` in the same round; `None` without peers.
@@ -200,7 +200,6 @@ impl Tables {
             measured.row(out, &columns, |i| {
                 let built = measured.contestants[i].built;
                 let two = built.two_threads.map_or_else(String::new, |two| format!(" ({two:.3})"));
-                #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
                 let a_triangle = |n_bytes: usize| format!("{:.0} B", n_bytes as f64 / measured.n_triangles as f64);
                 let bytes = built.n_bytes.map_or_else(|| "–".to_owned(), a_triangle);
                 format!("{:.3}{two} s, {bytes}", built.one_thread)
@@ -344,7 +343,7 @@ impl Record {
                 let set = json!({
                     "set": set.kind.name(),
                     "rays": set.n_rays,
-                    "cpu_s": set.seconds[i].iter().map(|s| s.cpu).collect::<Vec<_>>(),
+                    "cpu_s": cpu(&set.seconds[i]),
                     "wall_s": set.seconds[i].iter().map(|s| s.wall).collect::<Vec<_>>(),
                     "lost": verdict.lost,
                     "invented": verdict.invented,

@@ -17,7 +17,6 @@ use super::engine::{Engine, Entry, Owner, Promise};
 use crate::{
     models,
     options::{self, Options},
-    rays,
 };
 
 /// Primitives a leaf may hold in the wide layout.
@@ -121,10 +120,10 @@ pub(crate) fn trial(options: &Options) -> Result<()> {
     for name in options.scenes(&[]) {
         let Some(model) = models::load(&name)? else { continue };
         let tiny = Tiny::build(&model.mesh)?;
-        let camera = rays::camera(&model, canted_fixtures::RESOLUTION);
+        let camera = models::camera(&model, canted_fixtures::RESOLUTION);
         let mut hits = vec![None; camera.len()];
         tiny.closest(&camera, &mut hits);
-        for rays in rays::secondary(&model, &camera, &hits) {
+        for rays in models::secondary(&model, &camera, &hits) {
             tiny.closest(&rays, &mut hits[..rays.len()]);
         }
     }

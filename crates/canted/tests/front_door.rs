@@ -1,4 +1,4 @@
-//! What a user of `canted` alone relies on: names, vectors of other libraries, threads.
+//! What a user of `canted` alone relies on: names, vectors of other libraries, threads, examples.
 
 use canted::{Intersect, Ray, TriangleBvh, WideBvh};
 
@@ -41,4 +41,21 @@ fn the_root_has_at_most_thirty_names() {
         in_module &= line != "}";
     }
     assert!((20..=30).contains(&n_names), "{n_names} names");
+}
+
+/// Cargo builds the examples beside the tests, except where it is asked for one test alone.
+#[test]
+fn every_example_runs() {
+    let built = std::env::current_exe().unwrap().ancestors().nth(2).unwrap().join("examples");
+    let mut n_run = 0;
+    for source in std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/examples")).unwrap() {
+        let program =
+            built.join(source.unwrap().path().file_stem().unwrap()).with_extension(std::env::consts::EXE_EXTENSION);
+        if program.is_file() {
+            let output = std::process::Command::new(&program).output().unwrap();
+            assert!(output.status.success() && !output.stdout.is_empty(), "{}: {output:?}", program.display());
+            n_run += 1;
+        }
+    }
+    assert!(n_run == 0 || n_run >= 9, "{n_run} examples");
 }

@@ -103,14 +103,12 @@ impl View {
 }
 
 /// A linear color as bytes of sRGB, opaque.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 255")]
 fn encoded(color: Vector) -> [u8; 4] {
     let [r, g, b] = color.map(|c| (255.0 * c.clamp(0.0, 1.0).powf(1.0 / 2.2)).round() as u8);
     [r, g, b, 255]
 }
 
 /// A count as a coordinate.
-#[expect(clippy::cast_precision_loss, reason = "pixels of a small picture")]
 fn from(n: usize) -> f64 {
     n as f64
 }

@@ -30,11 +30,9 @@
 #![forbid(unsafe_code)]
 
 mod body;
-mod forces;
 mod neighbors;
-mod stage;
+mod simulation;
 
-pub use body::{Body, BodyError, Material};
-pub use forces::Floor;
+pub use body::{Body, BodyError, Floor, Material};
 pub use neighbors::Grid;
-pub use stage::{Stage, Surface, TriangleMesh, lattice_inside, torus};
+pub use simulation::{Simulation, Surface, TriangleMesh, lattice_inside, torus};

@@ -15,7 +15,7 @@ use std::{
 use anyhow::{Context, Result, bail, ensure};
 use canted_film::write_png;
 use canted_renderer::{Integrator, Settings, UpdateOptions, UpdatePolicy, Updates, render};
-use elastic::{Material, Stage, torus};
+use elastic::{Material, Simulation, torus};
 
 fn main() -> ExitCode {
     match Options::parse(std::env::args().skip(1)).and_then(|options| options.as_ref().map_or_else(help, run)) {
@@ -35,8 +35,8 @@ fn help() -> Result<()> {
 fn run(options: &Options) -> Result<()> {
     fs::create_dir_all(&options.folder).with_context(|| format!("cannot create {}", options.folder.display()))?;
     let mesh = torus([0.45, 0.2], [192, 64], 1.25, 0.5);
-    let mut stage = Stage::new(&mesh, options.spacing, &Material::RUBBER)?;
-    println!("{} triangles follow {} phyxels", mesh.triangles.len(), stage.body.n_phyxels());
+    let mut simulation = Simulation::new(&mesh, options.spacing, &Material::RUBBER)?;
+    println!("{} triangles follow {} phyxels", mesh.triangles.len(), simulation.body.n_phyxels());
     let [width, height] = options.size;
     let settings = Settings {
         width,
@@ -51,13 +51,13 @@ fn run(options: &Options) -> Result<()> {
         let start = Instant::now();
         let update = UpdateOptions { policy: options.update, trace_time };
         let frame_seconds = if frame == 0 { 0.0 } else { 1.0 / f64::from(options.fps) };
-        let (n_steps, updates) = stage.advance(frame_seconds, &update)?;
+        let (n_steps, updates) = simulation.advance(frame_seconds, &update)?;
         let move_time = start.elapsed();
         total += updates;
 
         let start = Instant::now();
-        let (structure, camera) = (&stage.prepared, &stage.scene.cameras[0]);
-        let film = render(&stage.scene, structure, camera, &settings, &|_, _| (), &AtomicBool::new(false))?;
+        let (structure, camera) = (&simulation.prepared, &simulation.scene.cameras[0]);
+        let film = render(&simulation.scene, structure, camera, &settings, &|_, _| (), &AtomicBool::new(false))?;
         trace_time = start.elapsed();
         let path = options.folder.join(format!("frame_{frame:04}.png"));
         write_png(&path, &film.picture())?;

@@ -52,7 +52,6 @@ pub(crate) fn radii_of_action(points: &[[f32; 3]]) -> Vec<f64> {
     let Some(first) = points.first() else { return radii };
     let farthest = points.iter().map(|&point| distance_squared(*first, point)).fold(0.0, f64::max).sqrt();
     // All pairs are closer than twice that. A first guess is the spacing of a cube of as many points.
-    #[expect(clippy::cast_precision_loss, reason = "a guess")]
     let mut radius = 2.0 * farthest / (points.len() as f64).cbrt();
     while !pending.is_empty() {
         let is_last = radius >= 2.0 * farthest;
@@ -67,7 +66,6 @@ pub(crate) fn radii_of_action(points: &[[f32; 3]]) -> Vec<f64> {
                 others.map(|&j| distance_squared(points[i], points[j as usize]).sqrt()).collect();
             distances.sort_unstable_by(f64::total_cmp);
             distances.truncate(N_NEAREST);
-            #[expect(clippy::cast_precision_loss, reason = "at most 6")]
             let n = distances.len().max(1) as f64;
             radii[i] = SUPPORT * distances.iter().sum::<f64>() / n;
             false
@@ -150,7 +148,6 @@ impl<'a> Grid<'a> {
         let extent = (0..3).map(|k| f64::from(bounds.max[k]) - f64::from(bounds.min[k])).fold(0.0, f64::max);
         let width = (radius * (1.0 + PAD)).max(extent / f64::from(1 << BITS.per_axis()));
         // A box is located by the sum of two points.
-        #[expect(clippy::cast_possible_truncation, reason = "one of the three roundings")]
         let scale = (0.5 / width) as f32;
         // Where the scale is not a normal number, one cell holds everything.
         let scale = if scale.is_normal() { scale } else { 0.0 };
@@ -195,7 +192,6 @@ impl<'a> Grid<'a> {
         for i in around(0, x) {
             for j in around(1, y) {
                 for k in around(2, z) {
-                    #[expect(clippy::cast_precision_loss, reason = "below 2^10")]
                     let cell = [i, j, k].map(|n| n as f32);
                     cells.push(Aabb { min: cell, max: cell });
                 }

@@ -6,7 +6,7 @@ use canted_obb::PrimId;
 use canted_renderer::{UpdateOptions, UpdatePolicy};
 use canted_scene::Scene;
 use canted_trace::{Hit, InstanceId, Intersect, Kernel, Ray, ScaledRay, Watertight};
-use elastic::{Body, BodyError, Floor, Grid, Material, Stage, Surface, torus};
+use elastic::{Body, BodyError, Floor, Grid, Material, Simulation, Surface, torus};
 
 /// Without losses.
 const ELASTIC: Material = Material { viscosity_s: 0.0, ..Material::RUBBER };
@@ -482,7 +482,6 @@ fn loop_over_points(points: &[[f32; 3]], center: [f32; 3], radius: f64) -> Vec<u
 }
 
 /// Random points at a scale about an offset, with duplicates, a plane, a line, and one far outlier.
-#[expect(clippy::cast_possible_truncation, reason = "rounds")]
 fn points(random: &mut Random, scale: f64, offset: f64, with_outlier: bool) -> Vec<[f32; 3]> {
     let mut points: Vec<[f32; 3]> = (0..150).map(|_| random.vector(scale).map(|x| (x + offset) as f32)).collect();
     points.extend_from_within(0..20);
@@ -505,7 +504,6 @@ fn a_query_equals_a_loop() {
                 for part in [0.0, 0.003, 0.1, 0.5, 10.0] {
                     let radius = part * scale;
                     let grid = Grid::new(&points, radius);
-                    #[expect(clippy::cast_possible_truncation, reason = "rounds")]
                     let elsewhere = (0..20).map(|_| random.vector(3.0 * scale).map(|x| (x + offset) as f32));
                     for center in points.iter().copied().chain(elsewhere.collect::<Vec<_>>()) {
                         let want = loop_over_points(&points, center, radius);
@@ -569,7 +567,6 @@ fn loop_over(scene: &Scene, ray: &Ray) -> Option<Hit> {
 }
 
 /// Rays of any length from all around towards the body, and onto edges and vertices of it.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "rounds; indices")]
 fn rays(random: &mut Random, scene: &Scene) -> Vec<Ray> {
     let mesh = &scene.meshes[0];
     let mut rays = Vec::new();
@@ -587,11 +584,11 @@ fn rays(random: &mut Random, scene: &Scene) -> Vec<Ray> {
 }
 
 /// The numbers of rays that hit, and of those whose answers differ from the loop's.
-fn compare(stage: &Stage, rays: &[Ray]) -> (usize, usize) {
-    let structure = &stage.prepared;
+fn compare(simulation: &Simulation, rays: &[Ray]) -> (usize, usize) {
+    let structure = &simulation.prepared;
     let (mut n_hits, mut n_differences) = (0, 0);
     for ray in rays {
-        let want = loop_over(&stage.scene, ray);
+        let want = loop_over(&simulation.scene, ray);
         let is_equal = structure.closest_hit(ray) == want && structure.occluded(ray) == want.is_some();
         n_hits += usize::from(want.is_some());
         n_differences += usize::from(!is_equal);
@@ -607,15 +604,15 @@ fn hits_of_every_frame_equal_a_loop() {
     let mesh = torus([0.45, 0.2], [24, 12], 1.0, 0.5);
     for (policy, n_frames) in N_FRAMES {
         let mut random = Random(11);
-        let mut stage = Stage::new(&mesh, 0.1, &Material::RUBBER).unwrap();
+        let mut simulation = Simulation::new(&mesh, 0.1, &Material::RUBBER).unwrap();
         let (mut refits, mut rebuilds) = (0, 0);
         for frame in 0..n_frames {
             let options = UpdateOptions { policy, trace_time: Duration::from_millis(100) };
-            let (n_steps, updates) = stage.advance(1.0 / 24.0, &options).unwrap();
+            let (n_steps, updates) = simulation.advance(1.0 / 24.0, &options).unwrap();
             assert!(n_steps > 0);
             (refits, rebuilds) = (refits + updates.refits, rebuilds + updates.rebuilds);
-            let rays = rays(&mut random, &stage.scene);
-            let (n_hits, n_differences) = compare(&stage, &rays);
+            let rays = rays(&mut random, &simulation.scene);
+            let (n_hits, n_differences) = compare(&simulation, &rays);
             assert!(n_hits > rays.len() / 3, "only {n_hits} of {} rays hit", rays.len());
             assert_eq!(n_differences, 0, "frame {frame}, {policy:?}");
         }
@@ -626,17 +623,17 @@ fn hits_of_every_frame_equal_a_loop() {
         };
         assert!(expected, "{policy:?}: {refits} refits, {rebuilds} rebuilds");
         // The same check must reject a BVH of the last frame.
-        let old = stage.scene.meshes[0].positions.clone();
-        stage.scene.meshes[0].positions = old.into_iter().map(|[x, y, z]| [x, y + 0.05, z]).collect();
-        assert!(compare(&stage, &rays(&mut random, &stage.scene)).1 > 0, "an old BVH passes");
+        let old = simulation.scene.meshes[0].positions.clone();
+        simulation.scene.meshes[0].positions = old.into_iter().map(|[x, y, z]| [x, y + 0.05, z]).collect();
+        assert!(compare(&simulation, &rays(&mut random, &simulation.scene)).1 > 0, "an old BVH passes");
     }
 }
 
 #[test]
-fn stages_that_cannot_be_made_are_errors() {
+fn simulations_that_cannot_be_made_are_errors() {
     let error = |spacing: f64| {
         let mesh = torus([0.45, 0.2], [24, 12], 1.0, 0.5);
-        Stage::new(&mesh, spacing, &Material::RUBBER).map(|_| ()).unwrap_err().to_string()
+        Simulation::new(&mesh, spacing, &Material::RUBBER).map(|_| ()).unwrap_err().to_string()
     };
     for spacing in [0.0, -1.0, f64::NAN, 1e-6] {
         assert_eq!(error(spacing), format!("spacing {spacing} m of phyxels: use a larger one"));

@@ -73,7 +73,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and 255")]
 fn to_srgb(brightness: f32) -> u8 {
     (255.0 * brightness.clamp(0.0, 1.0).powf(1.0 / 2.2)).round() as u8
 }

@@ -18,7 +18,7 @@ use canted_tests::{
     brute, rays, scenes,
     variants::{binary, build},
 };
-use canted_trace::{Intersect, Ray, TriangleTest};
+use canted_trace::{Hit, Intersect, Ray, TriangleTest};
 use canted_wide::{Config, Preset};
 use rayon::prelude::*;
 
@@ -36,7 +36,7 @@ const MOST_FOR_THE_LOOP: usize = 2_000;
 /// The reference.
 struct Oracle {
     name: &'static str,
-    closest_hit: brute::Loop,
+    closest_hit: brute::Loop<Option<Hit>>,
 }
 
 impl Oracle {

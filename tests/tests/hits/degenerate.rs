@@ -6,8 +6,10 @@
 
 use std::time::{Duration, Instant};
 
+use canted_bih::{Bih, BihConfig, BoxBih};
 use canted_bvh2::{Bvh2, Bvh2Config};
 use canted_fixtures::{Grazing, Mesh, equal_centroids, grazing, identical, outlier, slivers, soup};
+use canted_kdtree::{KdTree, KdTreeConfig};
 use canted_lbvh::{self as lbvh, Bits, Domain, Strategy, VolumeConfig};
 use canted_tests::{
     rays,
@@ -71,6 +73,18 @@ fn build_time_is_nearly_linear() {
         for strategy in Strategy::ALL {
             takes_at_most(&format!("{name}, {strategy:?}"), LINEAR, &meshes, &|mesh| {
                 binary(mesh, strategy, TriangleTest::Watertight);
+            });
+        }
+        takes_at_most(&format!("{name}, BIH"), LINEAR, &meshes, &|Mesh { positions, triangles }| {
+            let bih = Bih::build(positions, triangles, &BihConfig::default()).unwrap();
+            assert!(bih.boxes().depth() <= BoxBih::MAX_DEPTH, "{name}: {bih:?}");
+        });
+        // Small enough that other load often does not interrupt a build.
+        if name != "slivers" {
+            takes_at_most(&format!("{name}, kd-tree"), LINEAR, &[3_000, 30_000].map(mesh), &|mesh| {
+                let tree = KdTree::build(&mesh.positions, &mesh.triangles, &KdTreeConfig::default()).unwrap();
+                let nodes = tree.nodes();
+                assert!(nodes.n_references() <= 16 * mesh.triangles.len() && nodes.depth() <= 29, "{name}");
             });
         }
         let meshes = [mesh(2_000), mesh(20_000)];

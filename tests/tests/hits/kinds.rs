@@ -1,11 +1,13 @@
-//! Every kind of scene through every preset: hits and occlusion are those of a loop over all triangles and instances.
+//! Every kind of scene through every preset, BIHs and kd-trees: hits and occlusion are those of a loop over all triangles and instances.
 //!
 //! Not covered: large scenes, and speed. `cargo xtask bench kinds` compares both.
 
+use canted_bih::{Bih, BihConfig, LeafSize};
 use canted_fixtures::{
     Mesh,
     kinds::{self, RayKind, Scene},
 };
+use canted_kdtree::{KdTraversal, KdTree, KdTreeConfig};
 use canted_obb::Affine;
 use canted_tests::{brute, rays::endless, variants::first_difference};
 use canted_tlas::{Instance, Tlas, TopConfig};
@@ -18,16 +20,34 @@ const N_RAYS: usize = 150;
 const PRESETS: [Preset; 4] = [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality];
 
 /// A scene of either number of levels.
-fn traced(scene: &Scene, preset: Preset) -> Box<dyn Intersect> {
-    let build = |mesh: &Mesh| TriangleBvh::build_with(&mesh.positions, &mesh.triangles, preset).unwrap();
-    let mut blas: Vec<TriangleBvh> = scene.meshes.iter().map(build).collect();
+fn traced<B: Intersect + 'static>(scene: &Scene, top: Preset, build: impl Fn(&Mesh) -> B) -> Box<dyn Intersect> {
+    let mut blas: Vec<B> = scene.meshes.iter().map(build).collect();
     if scene.instances.is_empty() {
         return Box::new(blas.remove(0));
     }
     let placed = transforms(scene).into_iter().zip(&scene.instances);
     let instances: Vec<Instance> =
         placed.map(|(map, placed)| Instance::new(u32::try_from(placed.mesh).unwrap(), map)).collect();
-    Box::new(Tlas::new(blas, &instances, TopConfig::Wide(Config::preset(preset))).unwrap())
+    Box::new(Tlas::new(blas, &instances, TopConfig::Wide(Config::preset(top))).unwrap())
+}
+
+fn wide(scene: &Scene, preset: Preset) -> Box<dyn Intersect> {
+    let build = |mesh: &Mesh| TriangleBvh::build_with(&mesh.positions, &mesh.triangles, preset).unwrap();
+    traced(scene, preset, build)
+}
+
+/// BIHs of two configurations, and kd-trees with both traversals.
+fn others(scene: &Scene) -> [Box<dyn Intersect>; 4] {
+    let [one, automatic] =
+        [BihConfig { leaf_size: LeafSize::AtMost(1), tight_factor: 1.0, ..Default::default() }, BihConfig::default()];
+    let bih = |config: BihConfig| {
+        traced(scene, Preset::Fast, |mesh| Bih::build(&mesh.positions, &mesh.triangles, &config).unwrap())
+    };
+    let kd_tree = |traversal| {
+        let config = KdTreeConfig { traversal, ..KdTreeConfig::default() };
+        traced(scene, Preset::Fast, |mesh| KdTree::build(&mesh.positions, &mesh.triangles, &config).unwrap())
+    };
+    [bih(one), bih(automatic), kd_tree(KdTraversal::Stack), kd_tree(KdTraversal::Ropes)]
 }
 
 fn transforms(scene: &Scene) -> Vec<Affine> {
@@ -51,15 +71,18 @@ fn looped(scene: &Scene, rays: &[Ray]) -> Vec<Option<Hit>> {
 }
 
 #[test]
-fn every_preset_hits_what_the_loop_hits() {
+fn every_structure_hits_what_the_loop_hits() {
     kinds::all().par_iter().for_each(|kind| {
         for seed in [1, 2] {
             let scene = kind.generate(SIZE, seed);
             let rays = rays(&scene, seed);
             let truth = looped(&scene, &rays);
             for preset in PRESETS {
-                let wrong = first_difference(&traced(&scene, preset), &rays, &truth);
+                let wrong = first_difference(&wide(&scene, preset), &rays, &truth);
                 assert_eq!(wrong, None, "{}, seed {seed}, {preset:?}", kind.name);
+            }
+            for (i, other) in others(&scene).iter().enumerate() {
+                assert_eq!(first_difference(other, &rays, &truth), None, "{}, seed {seed}, {i}", kind.name);
             }
         }
     });
@@ -80,6 +103,6 @@ fn the_comparison_sees_a_lost_triangle_and_a_lost_instance() {
         } else {
             lost.instances.remove(hit.instance.0 as usize);
         }
-        assert!(first_difference(&traced(&lost, Preset::Fast), &rays, &truth).is_some(), "{name}");
+        assert!(first_difference(&wide(&lost, Preset::Fast), &rays, &truth).is_some(), "{name}");
     }
 }

@@ -10,7 +10,8 @@ use canted_fixtures::Mesh;
 use canted_lbvh::{self as lbvh, Bits, Domain, Strategy, VolumeConfig};
 use canted_obb::Affine;
 use canted_tests::{
-    closed::{Found, Placement, all_placements, baked, closed, placements, rays, search, with_another},
+    closed::{Found, Placement, all_placements, closed, placements, rays, search},
+    scenes::{baked, with_another},
     tracers,
     variants::{binary, binary_top, build, every_variant, few_variants, paths},
 };

@@ -11,9 +11,9 @@ use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Aabb, Affine, PrimId};
 use canted_tests::{
     brute,
-    closed::{baked, placements},
+    closed::placements,
     rays,
-    scenes::{self, Case},
+    scenes::{self, Case, baked},
     variants::{
         agrees, binary_top, build, every_variant, few_variants, first_difference, loop_over_all, of_one_kind, paths,
         single_kind_variants,

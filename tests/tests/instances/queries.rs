@@ -6,12 +6,11 @@ use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, PrimId};
 use canted_tests::{
     brute::{self, ray_object},
-    crossings, variants,
+    crossings,
+    variants::{self, first_wrong_query},
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
-use canted_trace::{
-    Accept, Counts, Crossings, Hit, InstanceId, Intersect, Kernel, Ray, ScaledRay, Side, TriangleTest, Watertight,
-};
+use canted_trace::{Counts, Crossings, Hit, InstanceId, Intersect, Ray, Side, TriangleTest, Watertight};
 use canted_wide::{Config, Preset, TriangleBvh};
 
 use super::setup::{
@@ -142,18 +141,22 @@ fn an_empty_top_level_is_never_hit() {
 /// Every hit of a ray on every triangle of every instance: least `t` first, then lowest (instance, primitive).
 fn all_hits_of_loop(placed: &[Affine], ray: &Ray) -> Vec<Hit> {
     let records = meshes().map(|mesh| brute::records::<Watertight>(&mesh.positions, &mesh.triangles));
-    let mut hits = vec![];
-    for (i, world_from_object) in placed.iter().enumerate() {
-        let Some(ray) = ScaledRay::new(&ray_object(world_from_object, ray)) else { continue };
-        let prepared = Watertight::prepare(&ray);
-        for (primitive, record) in (0..).map(PrimId).zip(&records[blas_of(i)]) {
-            if let Some(hit) = Watertight::intersect(&prepared, &ray, record, ray.t_max) {
-                let instance = InstanceId(u32::try_from(i).unwrap());
-                hits.push(Hit { t: ray.caller_t(hit.t), u: hit.u, v: hit.v, primitive, instance, side: hit.side });
-            }
-        }
-    }
-    brute::in_order(hits)
+    let of = |(i, world_from_object): (usize, &Affine)| {
+        let hits = brute::all_hits::<Watertight>(&records[blas_of(i)], &ray_object(world_from_object, ray));
+        let instance = InstanceId(u32::try_from(i).unwrap());
+        hits.into_iter().map(move |hit| Hit { instance, ..hit })
+    };
+    brute::in_order(placed.iter().enumerate().flat_map(of).collect())
+}
+
+/// The hits of every ray.
+fn all_wanted(placed: &[Affine], rays: &[Ray]) -> Vec<Vec<Hit>> {
+    rays.iter().map(|ray| all_hits_of_loop(placed, ray)).collect()
+}
+
+/// Rays with another mask or time.
+fn changed(rays: &[Ray], change: impl Fn(usize, &Ray) -> Ray) -> Vec<Ray> {
+    rays.iter().enumerate().map(|(i, ray)| change(i, ray)).collect()
 }
 
 /// Rays at all instances, some with directions of other lengths, some with negative zeros.
@@ -176,41 +179,20 @@ fn rays(placed: &[Affine], n: usize) -> Vec<Ray> {
     rays
 }
 
-/// The first ray whose queries disagree with `want`, which lists the hits of each ray; `asked` changes time or mask of a ray.
-fn first_difference_of_queries(
-    tlas: &dyn Intersect,
-    rays: &[Ray],
-    asked: impl Fn(usize, Ray) -> Ray,
-    want: impl Fn(usize, &Ray) -> Vec<Hit>,
-) -> Option<String> {
-    let mut hits = vec![];
-    rays.iter().enumerate().find_map(|(i, ray)| {
-        let (want, ray) = (want(i, ray), asked(i, *ray));
-        tlas.all_hits(&ray, &mut hits);
-        let (closest, occluded) = (tlas.closest_hit(&ray), tlas.occluded(&ray));
-        let agrees = hits == want && closest == want.first().copied() && occluded != want.is_empty();
-        (!agrees).then(|| format!("{ray:?}: {closest:?}, {occluded}, {hits:?}, not {want:?}"))
-    })
-}
-
 #[test]
-fn all_hits_equal_the_loop() {
+fn every_query_equals_the_loop() {
     let placed = crowd();
-    let rays = rays(&placed, 6);
-    let n_hits: usize = rays.iter().map(|ray| all_hits_of_loop(&placed, ray).len()).sum();
-    assert!(n_hits > 2 * rays.len(), "{n_hits} hits of {} rays", rays.len());
+    let rays = rays(&placed, 9);
+    // More than one chunk of a slice, and not a multiple of one.
+    assert!(rays.len() > 2048 && !rays.len().is_multiple_of(1024), "{}", rays.len());
+    let wants = all_wanted(&placed, &rays);
+    assert!(wants.iter().map(Vec::len).sum::<usize>() > 2 * rays.len(), "few of {} rays hit", rays.len());
     for top in tops() {
         let tlas = Tlas::new(bottom(), &instances(&placed), top.clone()).unwrap();
-        assert_eq!(
-            first_difference_of_queries(&tlas, &rays, |_, ray| ray, |_, ray| all_hits_of_loop(&placed, ray)),
-            None
-        );
+        assert_eq!(first_wrong_query(&tlas, &rays, &wants), None);
         let wide = meshes().map(|m| TriangleBvh::build(&m.positions, &m.triangles).unwrap());
         let tlas: Tlas<TriangleBvh> = Tlas::new(wide.into(), &instances(&placed), top).unwrap();
-        assert_eq!(
-            first_difference_of_queries(&tlas, &rays, |_, ray| ray, |_, ray| all_hits_of_loop(&placed, ray)),
-            None
-        );
+        assert_eq!(first_wrong_query(&tlas, &rays, &wants), None);
     }
 }
 
@@ -218,29 +200,16 @@ fn all_hits_equal_the_loop() {
 fn the_check_detects_lost_hits_and_wrong_masks() {
     let placed = crowd();
     let rays = rays(&placed, 4);
+    let wants = all_wanted(&placed, &rays);
     for top in tops() {
         let shrunk = bottom().into_iter().map(Altered::shrunk).collect();
         let lost = Tlas::new(shrunk, &instances(&placed), top.clone()).unwrap();
-        assert!(
-            first_difference_of_queries(&lost, &rays, |_, ray| ray, |_, ray| all_hits_of_loop(&placed, ray)).is_some()
-        );
+        assert!(first_wrong_query(&lost, &rays, &wants).is_some());
         let mut hidden = instances(&placed);
         hidden[12].mask = 1;
         let hidden = Tlas::new(bottom(), &hidden, top).unwrap();
-        let seen = first_difference_of_queries(
-            &hidden,
-            &rays,
-            |_, ray| ray.with_mask(1),
-            |_, ray| all_hits_of_loop(&placed, ray),
-        );
-        assert_eq!(seen, None);
-        let seen = first_difference_of_queries(
-            &hidden,
-            &rays,
-            |_, ray| ray.with_mask(2),
-            |_, ray| all_hits_of_loop(&placed, ray),
-        );
-        assert!(seen.is_some());
+        let seen = |mask| first_wrong_query(&hidden, &changed(&rays, |_, ray| ray.with_mask(mask)), &wants);
+        assert!(seen(1).is_none() && seen(2).is_some());
     }
 }
 
@@ -275,76 +244,16 @@ fn masks_hide_instances() {
     let masked: Vec<Instance> =
         instances(&placed).into_iter().zip(&masks).map(|(instance, &mask)| instance.with_mask(mask)).collect();
     let of_ray = |i: usize| [u32::MAX, 1, 2, 4, 0x8000_0000, 0, 8][i % 7];
-    let want = |i: usize, ray: &Ray| {
-        let mut hits = all_hits_of_loop(&placed, ray);
+    let mut wants = all_wanted(&placed, &rays);
+    for (i, hits) in wants.iter_mut().enumerate() {
         hits.retain(|hit| masks[hit.instance.0 as usize] & of_ray(i) != 0);
-        hits
-    };
+    }
+    let asked = changed(&rays, |i, ray| ray.with_mask(of_ray(i)));
     for top in tops() {
         let tlas = Tlas::new(bottom(), &masked, top).unwrap();
         assert_eq!(tlas.instances(), masked);
-        assert_eq!(first_difference_of_queries(&tlas, &rays, |i, ray| ray.with_mask(of_ray(i)), want), None);
+        assert_eq!(first_wrong_query(&tlas, &asked, &wants), None);
     }
-}
-
-#[test]
-fn filters_see_every_ray_and_hit() {
-    let placed = crowd();
-    let rays = rays(&placed, 3);
-    let accepts = |i: usize, hit: &Hit| ((hit.primitive.0 + hit.instance.0) as usize + i).is_multiple_of(3);
-    let tlas = Tlas::new(bottom(), &instances(&placed), TopConfig::default()).unwrap();
-    let (mut hits, mut occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
-    tlas.par_closest_hits_with(&rays, &mut hits, &|i, _, hit| accepts(i, hit));
-    tlas.par_occluded_many_with(&rays, &mut occluded, &|i, _, hit| accepts(i, hit));
-    let (mut serial_hits, mut serial_occluded) = (vec![None; rays.len()], vec![false; rays.len()]);
-    tlas.closest_hits_with(&rays, &mut serial_hits, &|i, _, hit| accepts(i, hit));
-    tlas.occluded_many_with(&rays, &mut serial_occluded, &|i, _, hit| accepts(i, hit));
-    assert_eq!((&serial_hits, &serial_occluded), (&hits, &occluded));
-    let (mut many, mut par_many) = (vec![vec![]; rays.len()], vec![vec![]; rays.len()]);
-    tlas.all_hits_many_with(&rays, &mut many, &|i, _, hit| accepts(i, hit));
-    tlas.par_all_hits_many_with(&rays, &mut par_many, &|i, _, hit| accepts(i, hit));
-    assert_eq!(many, par_many);
-    let mut all = vec![];
-    for (i, ray) in rays.iter().enumerate() {
-        let mut want = all_hits_of_loop(&placed, ray);
-        want.retain(|hit| accepts(i, hit));
-        let mut query = Accept(|hit: &Hit| accepts(i, hit));
-        tlas.all_hits_with(ray, &mut query, &mut all);
-        assert_eq!((&all, &many[i]), (&want, &want), "{ray:?}");
-        assert_eq!((hits[i], occluded[i]), (want.first().copied(), !want.is_empty()), "{ray:?}");
-        assert_eq!(tlas.closest_hit_with(ray, &mut query), hits[i]);
-        assert_eq!(tlas.occluded_with(ray, &mut query), occluded[i]);
-    }
-}
-
-#[test]
-fn slices_equal_single_rays() {
-    let placed = crowd();
-    let rays = rays(&placed, 9);
-    // More than one chunk, and not a multiple of one.
-    assert!(rays.len() > 2048 && !rays.len().is_multiple_of(1024), "{}", rays.len());
-    let tlas = Tlas::new(bottom(), &instances(&placed), TopConfig::default()).unwrap();
-    let n = rays.len();
-    let (mut closest, mut occluded, mut all) = (vec![None; n], vec![false; n], vec![vec![]; n]);
-    for is_parallel in [false, true] {
-        if is_parallel {
-            tlas.par_closest_hits(&rays, &mut closest);
-            tlas.par_occluded_many(&rays, &mut occluded);
-            tlas.par_all_hits_many(&rays, &mut all);
-        } else {
-            tlas.closest_hits(&rays, &mut closest);
-            tlas.occluded_many(&rays, &mut occluded);
-            tlas.all_hits_many(&rays, &mut all);
-        }
-        let mut hits = vec![];
-        for (i, ray) in rays.iter().enumerate() {
-            tlas.all_hits(ray, &mut hits);
-            assert_eq!((closest[i], occluded[i], &all[i]), (tlas.closest_hit(ray), tlas.occluded(ray), &hits));
-        }
-    }
-    let masked: Vec<Ray> = rays.iter().zip([0, 1].into_iter().cycle()).map(|(ray, mask)| ray.with_mask(mask)).collect();
-    tlas.par_all_hits_many(&masked, &mut all);
-    assert!(all.iter().step_by(2).all(Vec::is_empty) && all.iter().any(|hits| !hits.is_empty()));
 }
 
 #[test]
@@ -364,20 +273,10 @@ fn rays_see_moving_instances_at_their_time() {
         let rays = all_rays(&placed, 20);
         for top in tops() {
             let tlas = Tlas::new(bottom(), &moving, top).unwrap();
-            assert_eq!(
-                first_difference_of_queries(
-                    &tlas,
-                    &rays,
-                    |_, ray| ray.at_time(time),
-                    |_, ray| all_hits_of_loop(&placed, ray)
-                ),
-                None
-            );
-            let first_alone = |_, ray: &Ray| all_hits_of_loop(&placed[..1], ray);
-            assert_eq!(
-                first_difference_of_queries(&tlas, &rays, |_, ray| ray.with_mask(1).at_time(time), first_alone),
-                None
-            );
+            for (mask, placed) in [(u32::MAX, &placed[..]), (1, &placed[..1])] {
+                let asked = changed(&rays, |_, ray| ray.with_mask(mask).at_time(time));
+                assert_eq!(first_wrong_query(&tlas, &asked, &all_wanted(placed, &rays)), None);
+            }
         }
     }
 }

@@ -6,14 +6,15 @@ use canted_bvh2::Bvh2;
 use canted_fixtures::{Grazing, Mesh, grazing, soup, torus};
 use canted_lbvh::{Strategy, VolumeConfig};
 use canted_obb::{Affine, Obb};
-use canted_tests::{closed::baked, variants};
+use canted_tests::{scenes::baked, variants};
+use canted_tlas::{Instance, TopConfig};
+use canted_trace::{HIT_ERROR, Hit, Intersect, Query, Ray, ScaledRay, TriangleTest};
+
 pub(crate) use canted_tests::{
     rays::endless,
     scenes::{affine, crowd, transforms},
     variants::{binary_top, first_difference},
 };
-use canted_tlas::{Instance, TopConfig};
-use canted_trace::{HIT_ERROR, Hit, Intersect, Query, Ray, ScaledRay, TriangleTest};
 
 /// Two bottom levels that instances alternate between.
 pub(crate) fn meshes() -> [Mesh; 2] {

@@ -1,6 +1,5 @@
 //! Pictures: compared with another renderer's, and the same bytes for any number of threads, tile size, volumes and builder.
 
-mod agree;
 mod oracle;
 mod shots;
 mod threads;

@@ -14,7 +14,7 @@ use canted_scene::{
 };
 use canted_tests::scenes::models;
 
-use crate::agree::{Block, blocks_of_film, blocks_of_reference};
+use crate::oracle::{Block, blocks_of_film, blocks_of_reference};
 
 /// A picture that both renderers make.
 pub(crate) struct Shot {

@@ -1,16 +1,24 @@
-//! Trees of locally-ordered clustering compared with the CPU's.
+//! Clustered trees equal to those of the CPU; repeated builds with the same bits.
 
-use canted_fixtures::device_tests::{Test, needs_device};
-use canted_fixtures::{Mesh, soup};
-use canted_gpu::Gpu;
-use canted_gpu::build::{BuildEncoder, Built, Topology, WideConfig};
-use canted_lbvh::Bits;
+use bytemuck::Pod;
+use canted_fixtures::{
+    Mesh,
+    device_tests::{Test, needs_device},
+    soup,
+};
+use canted_gpu::{
+    Buffer, Gpu,
+    build::{self, BuildConfig, BuildEncoder, Built, STRATEGIES, Topology, WideConfig},
+};
+use canted_lbvh::{Bits, Strategy};
 use canted_obb::Aabb;
 use canted_sah::{PlocConfig, ploc};
 use canted_tests::scenes as models;
 
-use crate::compare::end_to_end;
-use crate::setup::{Twin, gpu, large, meshes, needles, primitives, twins};
+use crate::{
+    setup::{Twin, gpu, large, meshes, needles, primitives, twins},
+    stages::end_to_end,
+};
 
 pub(crate) fn tests() -> Vec<Test> {
     vec![
@@ -18,6 +26,8 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(slow_iterations_are_followed_by_merging_all_neighbors),
         needs_device(the_comparison_detects_another_topology),
         needs_device(the_bunny_is_clustered_as_on_the_cpu).unless(models::missing()),
+        needs_device(repeated_builds_have_the_same_bits),
+        needs_device(the_comparison_detects_one_ulp_of_one_vertex),
     ]
 }
 
@@ -92,4 +102,78 @@ fn the_bunny_is_clustered_as_on_the_cpu() {
     let meshes: Vec<Mesh> =
         scene.meshes.into_iter().map(|mesh| Mesh { positions: mesh.positions, triangles: mesh.triangles }).collect();
     same(&gpu, &meshes, "bunny");
+}
+
+/// Builds compared with the first.
+const ROUNDS: usize = 20;
+
+/// Words of buffers by name.
+pub(crate) type Words = Vec<(&'static str, Vec<u32>)>;
+
+fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer<T>) -> Vec<u32> {
+    bytemuck::cast_slice(&gpu.read(buffer).unwrap()).to_vec()
+}
+
+/// All buffers that a build leaves on the device.
+pub(crate) fn words_of(gpu: &Gpu, built: &Built) -> Words {
+    let trees = &built.trees;
+    let obbs = built.obbs.as_ref().map(|obbs| read(gpu, obbs)).unwrap_or_default();
+    vec![
+        ("leaves", read(gpu, &built.leaves)),
+        ("nodes", read(gpu, &trees.nodes)),
+        ("parents", read(gpu, &trees.parents)),
+        ("heights", read(gpu, &trees.heights)),
+        ("depth", read(gpu, &trees.depth)),
+        ("axis-aligned boxes", read(gpu, &built.aabbs)),
+        ("oriented boxes", obbs),
+    ]
+}
+
+/// All results of the stages of a build, including the grids and codes that it drops.
+fn stages(gpu: &Gpu, twins: &[Twin], strategy: Strategy) -> Words {
+    let bits = Bits::B63;
+    let mut build = BuildEncoder::new(gpu);
+    let primitives = primitives(gpu, twins);
+    let domains = build::domain(&mut build, &primitives, bits).unwrap();
+    let codes = build::codes(&mut build, &primitives, &domains, bits).unwrap();
+    let built = Built::new(&mut build, primitives, BuildConfig { bits, strategy }).unwrap();
+    let mut words = vec![
+        ("grids", read(gpu, &domains)),
+        ("low words of codes", read(gpu, &codes.low)),
+        ("high words of codes", read(gpu, codes.high.as_ref().unwrap())),
+    ];
+    words.extend(words_of(gpu, &built));
+    words
+}
+
+/// The first buffer that differs.
+pub(crate) fn changed(before: &Words, after: &Words) -> Option<&'static str> {
+    before.iter().zip(after).find(|(before, after)| before != after).map(|((name, _), _)| *name)
+}
+
+/// A mesh of many work-groups, and needles, most of whose boxes are oriented.
+fn two_meshes() -> [Mesh; 2] {
+    [large(7, 4_000), needles().remove(0)]
+}
+
+fn repeated_builds_have_the_same_bits() {
+    let gpu = gpu();
+    let twins = twins(&two_meshes(), Bits::B63);
+    for strategy in STRATEGIES {
+        let first = stages(&gpu, &twins, strategy);
+        for round in 1..ROUNDS {
+            let again = stages(&gpu, &twins, strategy);
+            assert_eq!(changed(&first, &again), None, "{strategy:?}, build {round}");
+        }
+    }
+}
+
+fn the_comparison_detects_one_ulp_of_one_vertex() {
+    let gpu = gpu();
+    let mut twins = twins(&two_meshes(), Bits::B63);
+    let first = stages(&gpu, &twins, Strategy::Combined);
+    let corner = twins[0].primitives.iter_mut().flatten().max_by(|a, b| a[0].total_cmp(&b[0])).unwrap();
+    corner[0] = corner[0].next_up();
+    let moved = stages(&gpu, &twins, Strategy::Combined);
+    assert!(changed(&first, &moved).is_some());
 }

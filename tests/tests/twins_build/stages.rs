@@ -1,13 +1,23 @@
-//! Domain, codes, order and tree, each on the CPU's previous result and then from end to end, all meshes in one set of dispatches.
+//! Scans, sorts, and every stage of a build up to the nodes: integers equal to those of the CPU, also for models of others.
 
-use canted_fixtures::device_tests::{Test, needs_device};
-use canted_fixtures::{Mesh, SplitMix64, soup};
-use canted_gpu::build::{self, BuildConfig, BuildEncoder, Built};
-use canted_lbvh::Bits;
+use std::fmt::Debug;
+
+use bytemuck::{Pod, Zeroable};
+use canted_fixtures::{
+    Mesh, SplitMix64,
+    device_tests::{Test, needs_device},
+    soup,
+};
+use canted_gpu::{
+    Gpu, NamedBinding, Variant,
+    build::{self, BuildConfig, BuildEncoder, Built, Codes, Grid, Node, Primitives, STRATEGIES, Sorter, Trees},
+};
+use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Leaf, Tree, VolumeConfig, sort_by_code};
+use canted_tests::scenes;
 
 use crate::{
-    compare::{assert_equal, bits_of, end_to_end, grids, stages},
-    setup::{BOTH, Twin, gpu, large, meshes, primitives, twins},
+    setup::{BOTH, Twin, gpu, large, meshes, primitives, twins, words},
+    volumes::assert_contained,
 };
 
 pub(crate) fn tests() -> Vec<Test> {
@@ -18,6 +28,14 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(grids_round_as_on_the_cpu),
         needs_device(the_comparison_detects_an_error_in_each_stage),
         needs_device(the_comparison_detects_a_wrong_box),
+        needs_device(sums_match_the_cpu_at_every_length),
+        needs_device(the_comparison_detects_one_wrong_sum),
+        needs_device(the_sort_is_stable_across_sizes_and_duplicates),
+        needs_device(a_million_pairs_are_sorted_stably),
+        needs_device(the_comparison_detects_one_wrong_bit),
+        needs_device(the_bunny_is_built_as_on_the_cpu).unless(scenes::missing()),
+        needs_device(sponza_is_built_as_on_the_cpu).unless(scenes::missing()),
+        needs_device(the_kitchen_is_built_as_on_the_cpu).unless(scenes::missing()),
     ]
 }
 
@@ -91,4 +109,290 @@ fn the_comparison_detects_a_wrong_box() {
     twins[1].primitives[7] = [[9.0; 3]; 3];
     let error = end_to_end(&gpu, &built, &twins).unwrap_err();
     assert!(error.starts_with("boxes of tree 1: "), "{error}");
+}
+
+/// Codes in the device's layout.
+fn on_device(gpu: &Gpu, codes: [Vec<u32>; 2], bits: Bits) -> Codes {
+    let [low, high] = codes.map(|word| gpu.buffer("codes", &word).unwrap());
+    Codes { low, high: (bits == Bits::B63).then_some(high) }
+}
+
+fn read(gpu: &Gpu, codes: &Codes) -> [Vec<u32>; 2] {
+    let low = gpu.read(&codes.low).unwrap();
+    let high = codes.high.as_ref().map_or_else(|| vec![0; low.len()], |high| gpu.read(high).unwrap());
+    [low, high]
+}
+
+/// The CPU's grids; empty inputs have none.
+pub(crate) fn grids<L>(twins: &[Twin<L>]) -> Vec<Grid> {
+    let of = |twin: &Twin<L>| Grid { offset: twin.domain.offset, scale: twin.domain.scale };
+    let none = Grid { offset: [0.0; 3], scale: 0.0 };
+    twins.iter().map(|twin| if twin.primitives.is_empty() { none } else { of(twin) }).collect()
+}
+
+/// The bits with both zeros equal, because the minimum of two zeros may be either.
+pub(crate) fn bits_of(grids: &[Grid]) -> Vec<[u32; 4]> {
+    grids
+        .iter()
+        .map(|Grid { offset: [x, y, z], scale }| [x, y, z, scale].map(|number| (number + 0.0).to_bits()))
+        .collect()
+}
+
+/// The first difference between two lists.
+fn unequal<T: PartialEq + Debug>(what: &str, device: &[T], cpu: &[T]) -> Result<(), String> {
+    if device.len() != cpu.len() {
+        return Err(format!("{what}: {} for {}", device.len(), cpu.len()));
+    }
+    match device.iter().zip(cpu).position(|(device, cpu)| device != cpu) {
+        None => Ok(()),
+        Some(i) => Err(format!("{what}: number {i} is {:?} for {:?}", device[i], cpu[i])),
+    }
+}
+
+/// Compares every stage, each on the CPU's result of the previous one.
+///
+/// # Errors
+/// The first difference from the CPU.
+pub(crate) fn stages<L>(gpu: &Gpu, primitives: &Primitives, twins: &[Twin<L>], bits: Bits) -> Result<(), String> {
+    let mut build = BuildEncoder::new(gpu);
+    let domains = build::domain(&mut build, primitives, bits).unwrap();
+    unequal("grids", &bits_of(&gpu.read(&domains).unwrap()), &bits_of(&grids(twins)))?;
+
+    let domains = gpu.buffer("domains", &grids(twins)).unwrap();
+    let codes = build::codes(&mut build, primitives, &domains, bits).unwrap();
+    let cpu_codes = words(twins.iter().flat_map(|twin| &twin.codes));
+    for (device, cpu) in read(gpu, &codes).iter().zip(&cpu_codes) {
+        unequal("codes", device, cpu)?;
+    }
+
+    let sorted = build::sort(&mut build, primitives, &on_device(gpu, cpu_codes, bits)).unwrap();
+    let cpu_sorted = words(twins.iter().flat_map(|twin| &twin.sorted.codes));
+    for (device, cpu) in read(gpu, &sorted.codes).iter().zip(&cpu_sorted) {
+        unequal("sorted codes", device, cpu)?;
+    }
+    unequal("leaves", &gpu.read(&sorted.leaves).unwrap(), &leaves(primitives, twins))?;
+
+    let trees = build::tree(&mut build, primitives, &on_device(gpu, cpu_sorted, bits)).unwrap();
+    topology(gpu, primitives, &trees, twins)
+}
+
+/// Compares trees built from end to end.
+///
+/// # Errors
+/// The first difference from the CPU: leaves, nodes or axis-aligned boxes.
+pub(crate) fn end_to_end<L: Leaf>(gpu: &Gpu, built: &Built, twins: &[Twin<L>]) -> Result<(), String> {
+    unequal("leaves", &gpu.read(&built.leaves).unwrap(), &leaves(&built.primitives, twins))?;
+    topology(gpu, &built.primitives, &built.trees, twins)?;
+    let aabbs = gpu.read(&built.aabbs).unwrap();
+    for (index, (twin, range)) in twins.iter().zip(built.primitives.ranges()).enumerate() {
+        let cpu = lbvh::volumes(&twin.tree, &twin.leaves(), &VolumeConfig::default()).aabbs;
+        unequal(&format!("boxes of tree {index}"), &aabbs[range.first as usize..][..cpu.len()], &cpu)?;
+    }
+    Ok(())
+}
+
+/// Asserts that every stage gives the CPU's integers, alone and one after another.
+pub(crate) fn assert_equal(gpu: &Gpu, twins: &[Twin], bits: Bits, name: &str) {
+    let alone = stages(gpu, &primitives(gpu, twins), twins, bits);
+    alone.unwrap_or_else(|error| panic!("{name}, {bits:?}, {error}"));
+    let built =
+        Built::new(&mut BuildEncoder::new(gpu), primitives(gpu, twins), BuildConfig { bits, ..BuildConfig::default() });
+    let together = end_to_end(gpu, &built.unwrap(), twins);
+    together.unwrap_or_else(|error| panic!("{name}, {bits:?} from end to end, {error}"));
+}
+
+/// The item of each leaf, numbered over all trees.
+fn leaves<L>(primitives: &Primitives, twins: &[Twin<L>]) -> Vec<u32> {
+    let firsts = primitives.ranges().iter().map(|range| range.first);
+    twins
+        .iter()
+        .zip(firsts)
+        .flat_map(|(twin, first)| twin.sorted.leaves.iter().map(move |leaf| leaf.0 + first))
+        .collect()
+}
+
+fn topology<L>(gpu: &Gpu, primitives: &Primitives, trees: &Trees, twins: &[Twin<L>]) -> Result<(), String> {
+    let nodes = gpu.read(&trees.nodes).unwrap();
+    for (index, (twin, range)) in twins.iter().zip(primitives.ranges()).enumerate() {
+        let cpu = shifted(&twin.tree, range.first);
+        unequal(&format!("nodes of tree {index}"), &nodes[range.first as usize..][..cpu.len()], &cpu)?;
+    }
+    check_parents(&nodes, &gpu.read(&trees.parents).unwrap(), primitives);
+    let depth = twins.iter().map(|twin| twin.tree.depth).max().unwrap_or(0);
+    unequal("depth", &gpu.read(&trees.depth).unwrap(), &[depth])
+}
+
+/// Nodes of a separate tree, renumbered for items that begin at `first`.
+fn shifted(tree: &Tree, first: u32) -> Vec<Node> {
+    let child = |child: Child| match child.kind() {
+        ChildKind::Leaf(position) => (position + first) | 1 << 31,
+        ChildKind::Inner(id) => id.0 + first,
+    };
+    let node = |node: &lbvh::Node| Node {
+        left: child(node.left),
+        right: child(node.right),
+        first: node.first + first,
+        last: node.last + first,
+    };
+    tree.nodes.iter().map(node).collect()
+}
+
+/// Asserts that each node's children name it as their parent.
+fn check_parents(nodes: &[Node], parents: &[u32], primitives: &Primitives) {
+    const LEAF: u32 = 1 << 31;
+    let at = |child: u32| if child & LEAF == 0 { child as usize } else { nodes.len() + (child & !LEAF) as usize };
+    for range in primitives.ranges() {
+        for slot in range.first..(range.first + range.count).max(1) - 1 {
+            let node = nodes[slot as usize];
+            assert_eq!([node.left, node.right].map(|child| parents[at(child)]), [slot; 2]);
+        }
+        match range.count {
+            0 => {}
+            1 => assert_eq!(parents[at(range.first | LEAF)], u32::MAX),
+            _ => assert_eq!(parents[at(range.first)], u32::MAX),
+        }
+    }
+}
+
+/// Rows of one dispatch, each summed by its own work-group.
+const ROWS: u32 = 3;
+
+/// As in `shared/build.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Digit {
+    n_keys: u32,
+    n_tiles: u32,
+    shift: u32,
+}
+
+/// The exclusive prefix sums of each row, and the rows' totals; by work-groups of `group` invocations.
+fn scanned(gpu: &Gpu, group: u32, rows: &[Vec<u32>]) -> (Vec<u32>, Vec<u32>) {
+    let tiled = Variant::none().number("GROUP", group).number("KEYS_EACH", 16).number("RADIX", ROWS);
+    let kernel = gpu.kernel("build/sort_scan", &tiled).unwrap();
+    let n_tiles = u32::try_from(rows[0].len()).unwrap();
+    let digit = gpu.uniform("digit", &Digit { n_keys: 0, n_tiles, shift: 0 }).unwrap();
+    let counts = gpu.buffer("counts", &rows.concat()).unwrap();
+    // The initial content must not matter.
+    let totals = gpu.buffer("totals", &[7; ROWS as usize]).unwrap();
+    let bound: [NamedBinding<'_>; 3] = [("digit", &digit), ("counts", &counts), ("totals", &totals)];
+    let mut commands = gpu.commands();
+    commands.dispatch(&kernel, &bound, [ROWS, 1, 1]).unwrap();
+    commands.run().unwrap();
+    (gpu.read(&counts).unwrap(), gpu.read(&totals).unwrap())
+}
+
+/// The same as a loop. Sums wrap around on both sides.
+fn scanned_by_cpu(rows: &[Vec<u32>]) -> (Vec<u32>, Vec<u32>) {
+    let (mut before, mut totals) = (vec![], vec![]);
+    for row in rows {
+        let mut sum = 0_u32;
+        for &number in row {
+            before.push(sum);
+            sum = sum.wrapping_add(number);
+        }
+        totals.push(sum);
+    }
+    (before, totals)
+}
+
+fn rows(n: usize) -> Vec<Vec<u32>> {
+    let mut rng = SplitMix64::new(n as u64);
+    (0..ROWS).map(|row| (0..n).map(|_| u32::try_from(rng.below(1 << (10 * (row + 1)))).unwrap()).collect()).collect()
+}
+
+/// Up to the tiles of 67 million keys, but not a million numbers: llvmpipe ends a kernel's loops after some 65,535 iterations in
+/// total, which corresponds to 600,000 numbers.
+fn sums_match_the_cpu_at_every_length() {
+    let gpu = gpu();
+    for n in [0, 1, 2, 63, 64, 65, 255, 256, 257, 65_537] {
+        let rows = rows(n);
+        for group in [64, 256] {
+            assert!(scanned(&gpu, group, &rows) == scanned_by_cpu(&rows), "{n} numbers, {group} invocations");
+        }
+    }
+}
+
+fn the_comparison_detects_one_wrong_sum() {
+    let gpu = gpu();
+    let rows = rows(1000);
+    let mut other = rows.clone();
+    other[1][999] ^= 1;
+    let ((before, totals), (before_there, totals_there)) = (scanned(&gpu, 64, &other), scanned_by_cpu(&rows));
+    // The last number affects only the total of its row.
+    assert!(before == before_there && totals != totals_there);
+    other[1][0] ^= 1;
+    assert!(scanned(&gpu, 64, &other).0 != before_there);
+}
+
+/// `n` codes of 63 bits with `distinct` values.
+fn codes(n: usize, distinct: usize) -> Vec<u64> {
+    let mut rng = SplitMix64::new(n as u64);
+    (0..n).map(|_| (rng.below(distinct) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 1).collect()
+}
+
+fn sorted(gpu: &Gpu, sorter: &Sorter, codes: &[u64]) -> Vec<u32> {
+    let [low, high] = words(codes.iter()).map(|word| gpu.buffer("codes", &word).unwrap());
+    gpu.read(&sorter.sort(&mut BuildEncoder::new(gpu), &[(&low, 32), (&high, 31)]).unwrap()).unwrap()
+}
+
+fn sorted_by_cpu(codes: &[u64]) -> Vec<u32> {
+    sort_by_code(codes, Bits::B63).leaves.iter().map(|leaf| leaf.0).collect()
+}
+
+fn the_sort_is_stable_across_sizes_and_duplicates() {
+    let gpu = gpu();
+    let sorter = Sorter::new(&gpu).unwrap();
+    for n in [0, 1, 2, 255, 256, 257, 1023, 1024, 1025, 70_000] {
+        for distinct in [1, 3, 1 << 40] {
+            let codes = codes(n, distinct);
+            assert_eq!(sorted(&gpu, &sorter, &codes), sorted_by_cpu(&codes), "{n} codes, {distinct} distinct");
+        }
+    }
+}
+
+/// A million pairs, which take several slices of items: short codes with many duplicates, and long ones with few.
+fn a_million_pairs_are_sorted_stably() {
+    let gpu = gpu();
+    let sorter = Sorter::new(&gpu).unwrap();
+    for distinct in [1000, 1 << 40] {
+        let codes = codes(1 << 20, distinct);
+        assert!(sorted(&gpu, &sorter, &codes) == sorted_by_cpu(&codes), "{distinct} distinct");
+    }
+}
+
+fn the_comparison_detects_one_wrong_bit() {
+    let gpu = gpu();
+    let sorter = Sorter::new(&gpu).unwrap();
+    let codes = codes(1000, 1 << 40);
+    let mut other = codes.clone();
+    other[500] ^= 1 << 62;
+    assert_ne!(sorted(&gpu, &sorter, &other), sorted_by_cpu(&codes));
+}
+
+/// Compares a model with the CPU: integers for codes of both lengths, oriented boxes with what is below them.
+fn look_at(file: &str) {
+    let (folder, gpu) = (scenes::folder(), gpu());
+    let scene = canted_scene::read(&folder.join(file)).unwrap();
+    let meshes: Vec<Mesh> =
+        scene.meshes.into_iter().map(|mesh| Mesh { positions: mesh.positions, triangles: mesh.triangles }).collect();
+    for bits in BOTH {
+        assert_equal(&gpu, &twins(&meshes, bits), bits, file);
+    }
+    let twins = twins(&meshes, Bits::B63);
+    for strategy in &STRATEGIES[1..] {
+        assert_contained(&gpu, &twins, *strategy, file);
+    }
+}
+
+fn the_bunny_is_built_as_on_the_cpu() {
+    look_at("stanford/bunny.ply");
+}
+
+fn sponza_is_built_as_on_the_cpu() {
+    look_at("sponza/sponza.obj");
+}
+
+fn the_kitchen_is_built_as_on_the_cpu() {
+    look_at("kitchen/country_kitchen.glb");
 }

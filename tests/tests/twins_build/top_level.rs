@@ -1,7 +1,10 @@
 //! The tree over instances: the same stages over boxes.
 
-use canted_fixtures::device_tests::{Test, needs_device};
-use canted_fixtures::{Mesh, icosphere, soup};
+use canted_fixtures::{
+    Mesh,
+    device_tests::{Test, needs_device},
+    icosphere, soup,
+};
 use canted_gpu::{
     Gpu,
     build::{BuildConfig, BuildEncoder, Built, Primitives, STRATEGIES},
@@ -15,8 +18,8 @@ use canted_tests::{
 use canted_tlas::Instance;
 
 use crate::{
-    compare::{end_to_end, stages},
     setup::{Twin, gpu, primitives, twins},
+    stages::{end_to_end, stages},
 };
 
 pub(crate) fn tests() -> Vec<Test> {

@@ -1,15 +1,17 @@
-//! Pictures of the path integrator: the same samples on both devices.
-//!
-//! Mirrors and glass amplify rounding, and paths have many vertices that may diverge, so more pixels diverge than with the hybrid
-//! integrator. The shares here are about twice the measured ones, and sums over diverging pixels must be unbiased.
+//! Pictures of both integrators, and guides, compared with those of the CPU: generated scenes and models of others.
 
-use canted_fixtures::device_tests::{Test, needs_device};
-use canted_renderer::{DevicePicture, Integrator, Levels, Pattern, Settings, Surfaces};
-use canted_scene::{Camera, Environment, Material, Scene, SceneFile};
 use std::path::Path;
 
-use super::compared::{compared, difference, on_cpu, on_device, scene_bvh};
-use super::{gpu, scenes};
+use canted_film::{Aov, Aovs, Film, Guide};
+use canted_fixtures::device_tests::{Test, needs_device};
+use canted_renderer::{DevicePicture, Integrator, Levels, Pattern, Settings, Surfaces};
+use canted_scene::{Camera, Environment, Light, Material, Scene, SceneFile};
+use canted_tests::scenes as model_files;
+
+use crate::{
+    gpu,
+    scenes::{self, compared, difference, frame_of, on_cpu, on_device, scene_bvh},
+};
 
 pub(crate) fn tests() -> Vec<Test> {
     vec![
@@ -20,6 +22,11 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(textures_of_every_slot),
         needs_device(the_comparison_detects_another_light),
         needs_device(a_bare_scene_binds_few_buffers),
+        needs_device(the_built_in_scene),
+        needs_device(a_hybrid_room_with_all_kinds_of_light),
+        needs_device(the_comparison_detects_another_hybrid_light),
+        needs_device(guides_match_the_cpu_for_both_integrators),
+        needs_device(models_render_the_same_pictures).unless(model_files::missing()),
     ]
 }
 
@@ -84,8 +91,7 @@ fn motion_while_the_shutter_is_open() {
     let bvh = scene_bvh(&scene, Levels::Auto);
     let ours = on_device(&gpu, &scene, &bvh, &camera, &settings);
     let (still, _) = scenes::room();
-    let found =
-        difference(&ours, &on_cpu(&still, &super::compared::scene_bvh(&still, Levels::Two), &camera, &settings));
+    let found = difference(&ours, &on_cpu(&still, &scene_bvh(&still, Levels::Two), &camera, &settings));
     assert!(found.astray > 0.5, "{found:?}");
 }
 
@@ -154,4 +160,120 @@ fn a_bare_scene_binds_few_buffers() {
 
     bare.environment = Some(Environment::Constant([0.0; 3]));
     assert_eq!(bindings(&bare, &camera, Levels::One).len(), expected.len());
+}
+
+fn hybrid(samples: u32) -> Settings {
+    Settings { width: 64, height: 36, samples, ..Settings::default() }
+}
+
+fn the_built_in_scene() {
+    let gpu = gpu();
+    let scene = canted_scene::builtin();
+    let camera = frame_of(&scene);
+    compared(&gpu, &scene, &camera, Levels::Auto, &hybrid(4)).check("built-in", [0.2, 0.005]);
+}
+
+fn a_hybrid_room_with_all_kinds_of_light() {
+    let gpu = gpu();
+    let (mut scene, camera) = scenes::room();
+    for levels in [Levels::One, Levels::Two] {
+        compared(&gpu, &scene, &camera, levels, &hybrid(4)).check("room", [0.1, 0.005]);
+    }
+    for environment in [scenes::sky(), Environment::Constant([0.0; 3])] {
+        scene.environment = Some(environment);
+        compared(&gpu, &scene, &camera, Levels::One, &hybrid(4)).check("another sky", [0.1, 0.005]);
+    }
+}
+
+fn the_comparison_detects_another_hybrid_light() {
+    let gpu = gpu();
+    let (scene, camera) = scenes::room();
+    let bvh = scene_bvh(&scene, Levels::One);
+    let ours = on_device(&gpu, &scene, &bvh, &camera, &hybrid(2));
+    let mut brighter = scene.clone();
+    brighter.materials[0].base_color[1] += 0.01;
+    let found = difference(&ours, &on_cpu(&brighter, &bvh, &camera, &hybrid(2)));
+    assert!(found.astray > 0.5 && found.of_means > 0.001 && found.drift[1] > 6.0, "{found:?}");
+}
+
+/// Rounding error of positions, normals and textures in a pixel's mean, relative to the scene's size or to 1.
+const ROUNDING: f64 = 1.0 / 4096.0;
+
+fn is_near(a: &Guide, b: &Guide) -> bool {
+    let pairs = [[a.depth / 8.0, b.depth / 8.0]]
+        .into_iter()
+        .chain((0..3).map(|k| [a.normal[k], b.normal[k]]))
+        .chain((0..3).map(|k| [a.shading_normal[k], b.shading_normal[k]]))
+        .chain((0..3).map(|k| [a.albedo[k], b.albedo[k]]));
+    let n = f64::from(a.n_hits.max(1));
+    a.n_hits == b.n_hits && a.first == b.first && pairs.into_iter().all(|[a, b]| (a - b).abs() <= n * ROUNDING)
+}
+
+/// The share of pixels with different guides.
+fn apart(ours: &Film, theirs: &Film) -> f64 {
+    assert_eq!((ours.guides().len(), theirs.guides().len()), (ours.pixels().len(), theirs.pixels().len()));
+    let n_apart = ours.guides().iter().zip(theirs.guides()).filter(|(a, b)| !is_near(a, b)).count();
+
+    n_apart as f64 / ours.guides().len() as f64
+}
+
+fn guides_match_the_cpu_for_both_integrators() {
+    let gpu = gpu();
+    let all: Aovs = Aov::ALL.into_iter().collect();
+    for (scene, camera) in [scenes::textured(), scenes::in_motion(scenes::room())] {
+        let bvh = scene_bvh(&scene, Levels::Auto);
+        for integrator in [Integrator::Hybrid, Integrator::Path] {
+            let settings = Settings {
+                width: 60,
+                height: 35,
+                samples: 4,
+                bounces: 1,
+                aovs: all,
+                integrator,
+                ..Settings::default()
+            };
+            let ours = on_device(&gpu, &scene, &bvh, &camera, &settings);
+            let theirs = on_cpu(&scene, &bvh, &camera, &settings);
+            // Rays that graze an edge may hit either side of it.
+            assert!(apart(&ours, &theirs) < 0.02, "{}", apart(&ours, &theirs));
+            let sum = |film: &Film, k: usize| film.guides().iter().map(|guide| guide.tests[k]).sum::<f64>();
+            // Both traverse the same nodes, but the device's boxes have slightly more padding.
+            for k in 0..2 {
+                let (ours, theirs) = (sum(&ours, k), sum(&theirs, k));
+                assert!(ours >= 0.9 * theirs && ours <= 1.3 * theirs, "{ours} and {theirs} of kind {k}");
+            }
+            let other = on_cpu(&scene, &bvh, &camera, &Settings { seed: 1, ..settings });
+            assert!(apart(&ours, &other) > 0.1);
+            // Only requested guides are recorded, and the light is the same.
+            let depth = Settings { aovs: [Aov::Depth].into_iter().collect(), ..settings };
+            let fewer = on_device(&gpu, &scene, &bvh, &camera, &depth);
+            assert!(fewer.guides().iter().all(|guide| guide.tests == [0.0; 2]));
+            assert!(fewer.pixels() == ours.pixels());
+        }
+    }
+}
+
+/// Files in the folder of model_files, and the greatest share of diverging pixels: leaves and thin textured cloth split many paths.
+const FILES: [(&str, f64); 4] = [
+    ("sponza/sponza.gltf", 0.3),
+    ("kitchen/country_kitchen.glb", 0.3),
+    ("truss/eiffel.glb", 0.3),
+    ("instanced/pine_forest.glb", 0.4),
+];
+
+fn models_render_the_same_pictures() {
+    let gpu = gpu();
+    let folder = model_files::folder();
+    for (file, astray) in FILES {
+        let scene = canted_scene::read(&folder.join(file)).unwrap();
+        let sun = Light::Sun { direction: [-0.2, -0.95, -0.25], irradiance: [3.0, 2.9, 2.6] };
+        let scene = Scene { environment: Some([0.6, 0.8, 1.0].into()), lights: vec![sun], ..scene };
+        let camera = frame_of(&scene);
+        for integrator in [Integrator::Hybrid, Integrator::Path] {
+            let settings =
+                Settings { width: 48, height: 27, samples: 2, integrator, bounces: 3, ..Settings::default() };
+            let found = compared(&gpu, &scene, &camera, Levels::Auto, &settings);
+            found.check(&format!("{file}, {integrator:?}"), [astray, 0.02]);
+        }
+    }
 }

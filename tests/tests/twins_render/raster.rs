@@ -3,9 +3,9 @@
 //! A rasterizer snaps vertices to a grid of 1/256 of a pixel, after f32 rounding of some 2⁻²² of the picture's width. A pixel center
 //! that close to an edge may be on either side of it; elsewhere both methods give the same triangle.
 
-use canted_fixtures::device_tests::{Test, needs_device};
 use std::sync::atomic::AtomicBool;
 
+use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::Gpu;
 use canted_renderer::{
     AlphaTest, DevicePicture, FirstHit, Integrator, Levels, Lod, Monitor, SceneBvh, Settings, Surface, SurfaceInfo,
@@ -14,8 +14,8 @@ use canted_renderer::{
 use canted_scene::{Camera, Scene};
 use canted_trace::{Hit, Intersect};
 
-use super::compared::{frame_of, scene_bvh};
 use super::{gpu, scenes};
+use crate::scenes::{frame_of, scene_bvh};
 
 pub(crate) fn tests() -> Vec<Test> {
     vec![

@@ -1,20 +1,30 @@
 //! Sixty frames of moving instances and deforming meshes, updated on the device: its hits are those of the CPU in every frame.
 
-use canted_fixtures::device_tests::{Test, needs_device};
-use canted_fixtures::{Mesh, icosphere};
-use canted_gpu::Gpu;
-use canted_gpu::build::{Topology, WideConfig};
+use canted_fixtures::{
+    Mesh,
+    device_tests::{Test, needs_device},
+    icosphere,
+};
+use canted_gpu::{
+    Gpu,
+    build::{Topology, WideConfig},
+};
 use canted_lbvh::Strategy;
 use canted_obb::Affine;
 use canted_renderer::{
     BvhKind, DeviceFrames, Levels, SceneBvh, SceneBvhConfig, UpdateOptions, UpdatePolicy, traced_frame,
 };
 use canted_scene::{Instance, MaterialId, MeshId, Part, Scene};
-use canted_tests::{closed::baked, rays, scenes};
+use canted_tests::{
+    rays,
+    scenes::{self, baked},
+};
 use canted_trace::{Intersect, Ray};
 
-use super::gpu;
-use super::reference::{Tally, World, error_of_instance, error_of_one_level};
+use super::{
+    gpu,
+    reference::{Tally, World, error_of_instance, error_of_one_level},
+};
 
 pub(crate) fn tests() -> Vec<Test> {
     vec![

@@ -2,16 +2,11 @@
 //!
 //! Not covered here: masks (`twins_render`), rejections other than for depth, and traversals ended early (`canted-gpu`).
 
-mod binary;
-mod built_wide;
 mod deep;
 mod frames;
-mod instances;
-mod meshes;
-mod models;
 mod moving;
-mod placed;
 mod small;
+mod triangles;
 
 pub(crate) use canted_tests::{
     device::{self as reference, gpu},
@@ -20,14 +15,10 @@ pub(crate) use canted_tests::{
 
 fn main() -> std::process::ExitCode {
     canted_tests::device::run_tests([
-        binary::tests(),
-        built_wide::tests(),
         deep::tests(),
         frames::tests(),
-        instances::tests(),
-        meshes::tests(),
-        models::tests(),
         moving::tests(),
         small::tests(),
+        triangles::tests(),
     ])
 }

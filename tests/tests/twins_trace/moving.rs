@@ -1,12 +1,15 @@
 //! Instances that move while the shutter is open: at each ray's time the device agrees with the CPU.
 
-use canted_fixtures::device_tests::{Test, needs_device};
-use canted_fixtures::{Mesh, SplitMix64};
+use canted_fixtures::{
+    Mesh, SplitMix64,
+    device_tests::{Test, needs_device},
+};
 use canted_gpu::{DeviceHit, DeviceRay, Gpu, HIT_ERROR, MotionPolynomials, Outcome, SceneInput, TracedScene, Variant};
 use canted_obb::Affine;
 use canted_tests::{
-    closed::{baked, placements},
-    rays, scenes,
+    closed::placements,
+    rays,
+    scenes::{self, baked},
 };
 use canted_tlas::{Instance, Tlas, TopConfig};
 use canted_trace::{Intersect, Ray, ScaledRay};

@@ -3,23 +3,22 @@
 //! The page reports how the device's answers differ from the CPU's. The test judges that, once as it is and once with an instance missing
 //! on the device, which the judgment must notice.
 
-mod serve;
-
 use std::{
     fs,
-    net::TcpListener,
+    io::{BufRead, BufReader, Read, Write},
+    net::{TcpListener, TcpStream},
     path::{Path, PathBuf},
-    process::{Child, Command, Stdio},
-    time::Duration,
+    process::{Child, Stdio},
+    thread,
+    time::{Duration, Instant},
 };
 
 use anyhow::{Context, Result, bail};
 use serde_json::Value;
 
 use crate::{
-    command::{self, cargo, say, succeeds},
+    command::{self, cargo, say, succeeds, succeeds_silently},
     test::Count,
-    workspace,
 };
 
 /// The compiler's target of browsers.
@@ -63,7 +62,11 @@ pub(crate) fn run() -> Result<bool> {
     let Some(page) = build()? else { return Ok(false) };
     let listener = TcpListener::bind("127.0.0.1:8080").context("cannot listen on port 8080")?;
     say(&format!("{} is at http://localhost:8080/ until this program stops", page.display()));
-    serve::forever(&listener, &page)
+    loop {
+        let (stream, _) = listener.accept().context("cannot accept a connection")?;
+        // A browser that closes a connection ends only that.
+        let _ = answer(stream, &page);
+    }
 }
 
 /// Runs the page in headless Chromium and prints the count.
@@ -102,26 +105,32 @@ pub(crate) fn test(count: &mut Count) -> Result<bool> {
             say(&report.to_string());
             judged(&report)
         });
-        if let Some(NoAdapter(reason)) = verdict.as_ref().err().and_then(|error| error.downcast_ref()) {
-            say(&format!("skipped browser::{test}: {program} has no WebGPU: {reason}"));
-            count.skipped += 1;
-        } else if verdict.is_ok() == wanted && (wanted || verdict.as_ref().is_err_and(|error| error.is::<Different>()))
-        {
-            say(&format!("test browser::{test} ... ok"));
-            count.passed += 1;
-        } else {
-            let reason = verdict.err().map_or_else(|| "nothing differs".to_owned(), |error| format!("{error:#}"));
-            say(&format!("test browser::{test} ... FAILED: {reason}"));
-            count.failed += 1;
-            is_well = false;
+        match verdict {
+            Ok(Verdict::NoAdapter(reason)) => {
+                say(&format!("skipped browser::{test}: {program} has no WebGPU: {reason}"));
+                count.skipped += 1;
+                continue;
+            }
+            Ok(Verdict::Same) if wanted => count.passed += 1,
+            Ok(Verdict::Different(how)) if !wanted => {
+                say(&how);
+                count.passed += 1;
+            }
+            other => {
+                say(&format!("test browser::{test} ... FAILED: {other:?}"));
+                count.failed += 1;
+                is_well = false;
+                continue;
+            }
         }
+        say(&format!("test browser::{test} ... ok"));
     }
     Ok(is_well)
 }
 
 /// Builds the page; its folder, or `None` where it does not build.
 fn build() -> Result<Option<PathBuf>> {
-    let folder = workspace::root().join("target/browser");
+    let folder = command::root().join("target/browser");
     let (target, page) = (folder.join("build"), folder.join("page"));
     let with_target = |args: &[&str]| {
         let mut command = cargo(args);
@@ -135,18 +144,14 @@ fn build() -> Result<Option<PathBuf>> {
     if !succeeds(with_target(&["run", "--release", "--package", "bundle"]).arg("--").arg(program).arg(&page))? {
         return Ok(None);
     }
-    fs::copy(workspace::root().join("examples/browser/index.html"), page.join("index.html"))
+    fs::copy(command::root().join("examples/browser/index.html"), page.join("index.html"))
         .context("cannot copy index.html")?;
     Ok(Some(page))
 }
 
 /// The first program that is Chromium.
 fn program() -> Option<&'static str> {
-    PROGRAMS.into_iter().find(|program| {
-        let mut command = Command::new(program);
-        command.arg("--version").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-        command.status().is_ok_and(|status| status.success())
-    })
+    PROGRAMS.into_iter().find(|program| succeeds_silently(&mut command::program(*program, &["--version"])))
 }
 
 /// A running browser, which ends with this value.
@@ -164,49 +169,34 @@ impl Drop for Browser {
 fn visited(program: &str, page: &Path, query: &str) -> Result<Value> {
     let listener = TcpListener::bind("127.0.0.1:0").context("cannot listen on any port")?;
     let address = format!("http://localhost:{}/?{query}", listener.local_addr()?.port());
-    let profile = workspace::root().join("target/browser/profile");
-    let mut command = Command::new(program);
-    command.args(FLAGS).arg(format!("--user-data-dir={}", profile.display())).arg(address);
-    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    let profile = command::root().join("target/browser/profile");
+    let mut command = command::program(program, &FLAGS);
+    command.arg(format!("--user-data-dir={}", profile.display())).arg(address);
+    command.stdout(Stdio::null()).stderr(Stdio::null());
     let mut browser = Browser(command.spawn().with_context(|| format!("cannot start {program}"))?);
     let check = || match browser.0.try_wait().with_context(|| format!("cannot wait for {program}"))? {
         Some(status) => bail!("{program} has ended before the page reported: {status}"),
         None => Ok(()),
     };
-    let report = serve::until_reported(&listener, page, PATIENCE, check)?;
+    let report = until_reported(&listener, page, PATIENCE, check)?;
     drop(browser);
     serde_json::from_str(&report).context("the page reports what is not JSON")
 }
 
-/// What makes the device's answers wrong.
+/// How the device's answers differ from the CPU's.
 #[derive(Debug)]
-struct Different(String);
-
-impl std::fmt::Display for Different {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.0)
-    }
+enum Verdict {
+    Same,
+    Different(String),
+    /// The browser offers no adapter: it has no WebGPU.
+    NoAdapter(String),
 }
-
-impl std::error::Error for Different {}
-
-/// The browser offers no adapter: it has no WebGPU.
-#[derive(Debug)]
-struct NoAdapter(String);
-
-impl std::fmt::Display for NoAdapter {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl std::error::Error for NoAdapter {}
 
 /// Checks what the page reports: the device hits what the CPU hits, except for ties.
-fn judged(report: &Value) -> Result<()> {
+fn judged(report: &Value) -> Result<Verdict> {
     if let Some(error) = report["error"].as_str() {
         if error.starts_with("no adapter") {
-            return Err(NoAdapter(error.to_owned()).into());
+            return Ok(Verdict::NoAdapter(error.to_owned()));
         }
         bail!("the page reports: {error}");
     }
@@ -218,26 +208,103 @@ fn judged(report: &Value) -> Result<()> {
             bail!("{hits} of {rays} {kind} rays hit: that tests little");
         }
         // Two triangles whose distances differ by less than a rounding may be taken for each other.
-        let faults = [
-            ("one_side", n("one_side")?, 0),
-            ("triangle", n("triangle")?, rays / 500),
-            ("incomplete", n("incomplete")?, 0),
-        ];
-        for (what, found, most) in faults {
+        for (what, most) in [("one_side", 0), ("triangle", rays / 500), ("incomplete", 0)] {
+            let found = n(what)?;
             if found > most {
-                return Err(Different(format!("{kind} rays: {what} {found} of {rays}, at most {most}")).into());
+                return Ok(Verdict::Different(format!("{kind} rays: {what} {found} of {rays}, at most {most}")));
             }
         }
         let distance = counts["distance"].as_f64().with_context(|| format!("the page reports no {kind}.distance"))?;
         if distance > MAX_DISTANCE {
-            return Err(Different(format!("{kind} rays: t differs by {distance:e} of it")).into());
+            return Ok(Verdict::Different(format!("{kind} rays: t differs by {distance:e} of it")));
         }
     }
-    Ok(())
+    Ok(Verdict::Same)
 }
 
 /// The greatest difference of `t` relative to it: 64 roundings of the scene's extent, which is some hundred times the least distance.
 const MAX_DISTANCE: f64 = 64.0 * 100.0 / (1 << 24) as f64;
+
+/// Kinds of files of a page.
+const KINDS: [(&str, &str); 3] = [("html", "text/html"), ("js", "text/javascript"), ("wasm", "application/wasm")];
+
+/// The path that reports are sent to.
+const REPORT: &str = "report";
+
+/// How long a connection may be silent.
+const SILENCE: Duration = Duration::from_secs(10);
+
+/// Serves `folder` until a report arrives, and returns it. An error of `check`, which is called while nothing comes, ends the wait.
+fn until_reported(
+    listener: &TcpListener,
+    folder: &Path,
+    patience: Duration,
+    mut check: impl FnMut() -> Result<()>,
+) -> Result<String> {
+    listener.set_nonblocking(true).context("cannot wait for connections")?;
+    let start = Instant::now();
+    while start.elapsed() < patience {
+        match listener.accept() {
+            Ok((stream, _)) => {
+                if let Ok(Some(report)) = answer(stream, folder) {
+                    return Ok(report);
+                }
+            }
+            Err(_) => {
+                check()?;
+                thread::sleep(Duration::from_millis(20));
+            }
+        }
+    }
+    bail!("the page reports nothing within {} s", patience.as_secs())
+}
+
+/// Answers one request; a report that it brings.
+fn answer(stream: TcpStream, folder: &Path) -> Result<Option<String>> {
+    stream.set_nonblocking(false)?;
+    stream.set_read_timeout(Some(SILENCE))?;
+    let mut reader = BufReader::new(stream);
+    let mut first = String::new();
+    reader.read_line(&mut first)?;
+    let mut length = 0;
+    loop {
+        let mut line = String::new();
+        if reader.read_line(&mut line)? <= 2 {
+            break;
+        }
+        if let Some(value) = line.to_lowercase().strip_prefix("content-length:") {
+            length = value.trim().parse()?;
+        }
+    }
+    let mut words = first.split_whitespace();
+    let (method, path) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
+    let name = path.split('?').next().unwrap_or_default().trim_start_matches('/');
+    if (method, name) == ("POST", REPORT) {
+        let mut body = vec![0; length];
+        reader.read_exact(&mut body)?;
+        reply(reader.into_inner(), "204 No Content", "text/plain", &[])?;
+        return Ok(Some(String::from_utf8(body)?));
+    }
+    let name = if name.is_empty() { "index.html" } else { name };
+    let kind = KINDS.iter().find(|(extension, _)| name.ends_with(&format!(".{extension}")));
+    // Names of plain files only: nothing outside of the folder.
+    let file =
+        kind.filter(|_| method == "GET" && !name.contains(['/', '\\'])).map(|(_, kind)| (kind, folder.join(name)));
+    match file.and_then(|(kind, path)| Some((kind, fs::read(path).ok()?))) {
+        Some((kind, content)) => reply(reader.into_inner(), "200 OK", kind, &content)?,
+        None => reply(reader.into_inner(), "404 Not Found", "text/plain", b"not found")?,
+    }
+    Ok(None)
+}
+
+fn reply(mut stream: TcpStream, status: &str, kind: &str, content: &[u8]) -> Result<()> {
+    let length = content.len();
+    let head =
+        format!("HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n");
+    stream.write_all(head.as_bytes())?;
+    stream.write_all(content)?;
+    Ok(stream.flush()?)
+}
 
 #[cfg(test)]
 mod tests {
@@ -254,11 +321,40 @@ mod tests {
 
     #[test]
     fn differences_are_noticed() {
-        assert!(judged(&report(700, 0, 1e-6)).is_ok());
-        assert!(judged(&report(700, 1, 1e-6)).unwrap_err().is::<Different>());
-        assert!(judged(&report(700, 0, 1e-2)).unwrap_err().is::<Different>());
-        assert!(!judged(&report(3, 0, 1e-6)).unwrap_err().is::<Different>());
-        assert!(judged(&json!({ "error": "no adapter for device 'best'" })).unwrap_err().is::<NoAdapter>());
-        assert!(!judged(&json!({ "error": "device lost" })).unwrap_err().is::<NoAdapter>());
+        assert!(matches!(judged(&report(700, 0, 1e-6)), Ok(Verdict::Same)));
+        assert!(matches!(judged(&report(700, 1, 1e-6)), Ok(Verdict::Different(_))));
+        assert!(matches!(judged(&report(700, 0, 1e-2)), Ok(Verdict::Different(_))));
+        assert!(judged(&report(3, 0, 1e-6)).is_err());
+        assert!(matches!(judged(&json!({ "error": "no adapter for device 'best'" })), Ok(Verdict::NoAdapter(_))));
+        assert!(judged(&json!({ "error": "device lost" })).is_err());
+    }
+
+    fn asked(address: std::net::SocketAddr, request: &str) -> String {
+        let mut stream = TcpStream::connect(address).unwrap();
+        stream.write_all(request.as_bytes()).unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    }
+
+    #[test]
+    fn files_are_served_until_a_report_arrives() {
+        let folder = command::root().join("target/xtask-serve-test");
+        fs::create_dir_all(&folder).unwrap();
+        fs::write(folder.join("index.html"), "page").unwrap();
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        let browser = thread::spawn(move || {
+            assert!(asked(address, "GET /?report HTTP/1.1\r\nHost: x\r\n\r\n").ends_with("\r\n\r\npage"));
+            assert!(asked(address, "GET /../Cargo.toml HTTP/1.1\r\n\r\n").starts_with("HTTP/1.1 404"));
+            asked(address, "POST /report HTTP/1.1\r\nContent-Length: 4\r\n\r\n{\"a\"")
+        });
+        let report = until_reported(&listener, &folder, Duration::from_secs(20), || Ok(())).unwrap();
+        assert_eq!(report, "{\"a\"");
+        assert!(browser.join().unwrap().starts_with("HTTP/1.1 204"));
+        assert!(until_reported(&listener, &folder, Duration::from_millis(50), || Ok(())).is_err());
+        let ended = until_reported(&listener, &folder, Duration::from_secs(20), || bail!("ended")).unwrap_err();
+        assert_eq!(ended.to_string(), "ended");
+        fs::remove_dir_all(&folder).unwrap();
     }
 }

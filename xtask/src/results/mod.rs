@@ -2,12 +2,12 @@
 //!
 //! The record is one run of one commit on one machine: a run of another commit replaces it. Older ones are in the history.
 
-use std::{collections::BTreeMap, fmt::Write as _, fs, path::PathBuf};
+use std::{collections::BTreeMap, fs, path::PathBuf};
 
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
-use crate::{command::say, workspace};
+use crate::command;
 
 mod page;
 
@@ -79,9 +79,7 @@ pub(crate) struct Record {
 pub(crate) fn run() -> Result<bool> {
     let record = read()?;
     for (path, text) in page::files(&record) {
-        let full = workspace::root().join(&path);
-        fs::write(&full, text).with_context(|| format!("cannot write {}", full.display()))?;
-        say(&format!("wrote {}", path.display()));
+        command::write(&path.to_string_lossy(), &text)?;
     }
     Ok(true)
 }
@@ -89,7 +87,7 @@ pub(crate) fn run() -> Result<bool> {
 /// What is wrong with the page, if anything.
 pub(crate) fn flaw() -> Result<Option<String>> {
     for (path, text) in page::files(&read()?) {
-        if fs::read_to_string(workspace::root().join(&path)).ok().as_deref() != Some(&text) {
+        if fs::read_to_string(command::root().join(&path)).ok().as_deref() != Some(&text) {
             return Ok(Some(format!("{} is not what {RECORD} gives; run `cargo xtask results`", path.display())));
         }
     }
@@ -109,21 +107,19 @@ pub(crate) fn keep(measured: &str, facts: Facts, command: &str) -> Result<()> {
             None => record.sections.push(section),
         }
     }
-    let path = workspace::root().join(RECORD);
-    fs::write(&path, record.json()?).with_context(|| format!("cannot write {}", path.display()))?;
-    say(&format!("wrote {RECORD}"));
+    command::write(RECORD, &record.json()?)?;
     run().map(drop)
 }
 
 fn read() -> Result<Record> {
-    let path = workspace::root().join(RECORD);
+    let path = command::root().join(RECORD);
     let text = fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
     serde_json::from_str(&text).with_context(|| format!("{RECORD} is no record"))
 }
 
 /// The models of this machine with their checksums, which the folder of scenes lists.
 fn models() -> Vec<Model> {
-    let sums = fs::read_to_string(workspace::models().join("SHA256SUMS")).unwrap_or_default();
+    let sums = fs::read_to_string(command::models().join("SHA256SUMS")).unwrap_or_default();
     let sums: BTreeMap<&str, &str> =
         sums.lines().filter_map(|line| line.split_once("  ").map(|(sum, file)| (file, sum))).collect();
     let model = |(file, source): (&str, &str)| {
@@ -141,32 +137,10 @@ impl Record {
 
     /// JSON with a line for each row of a table.
     fn json(&self) -> Result<String> {
-        let mut out = format!("{{\n\"facts\": {},\n\"models\": [\n", serde_json::to_string(&self.facts)?);
-        let models = self.models.iter().map(serde_json::to_string).collect::<Result<Vec<_>, _>>()?;
-        let _ = write!(out, "{}\n],\n\"sections\": [\n", models.join(",\n"));
-        let mut sections = vec![];
-        for Section { title, command, text, tables } in &self.sections {
-            let mut written = vec![];
-            for Table { title, text, head, rows } in tables {
-                let rows = rows.iter().map(serde_json::to_string).collect::<Result<Vec<_>, _>>()?;
-                written.push(format!(
-                    "{{\"title\": {}, \"text\": {}, \"head\": {}, \"rows\": [\n{}\n]}}",
-                    serde_json::to_string(title)?,
-                    serde_json::to_string(text)?,
-                    serde_json::to_string(head)?,
-                    rows.join(",\n")
-                ));
-            }
-            sections.push(format!(
-                "{{\"title\": {}, \"command\": {}, \"text\": {}, \"tables\": [\n{}\n]}}",
-                serde_json::to_string(title)?,
-                serde_json::to_string(command)?,
-                serde_json::to_string(text)?,
-                written.join(",\n")
-            ));
-        }
-        let _ = write!(out, "{}\n]\n}}\n", sections.join(",\n"));
-        Ok(out)
+        // Quotes within a string are escaped, so that no text contains these.
+        let [rows, objects] = [("\"],[\"", "\"],\n[\""), ("},{\"", "},\n{\"")];
+        let json = serde_json::to_string(self)?.replace(rows.0, rows.1).replace(objects.0, objects.1);
+        Ok(json.replace("\"rows\":[[", "\"rows\":[\n[") + "\n")
     }
 }
 
@@ -239,7 +213,7 @@ mod tests {
     #[test]
     fn the_page_is_that_of_the_record_and_short() {
         assert_eq!(flaw().unwrap(), None);
-        let n_lines = fs::read_to_string(workspace::root().join(PAGE)).unwrap().lines().count();
+        let n_lines = fs::read_to_string(command::root().join(PAGE)).unwrap().lines().count();
         assert!(n_lines <= 400, "{n_lines} lines");
     }
 }

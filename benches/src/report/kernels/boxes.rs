@@ -6,12 +6,9 @@ use canted_tests::{exact::BoxEntry, extremes::slab};
 use canted_trace::{Ray, ray_aabb, ray_obb};
 use obvhs::{aabb::Aabb as TheirAabb, ray::Ray as TheirRay};
 
-use super::{
-    contest::{self, LEAST_ULPS, Test, Tested},
-    device::Device,
-    lanes,
-};
+use super::lanes;
 use crate::report::{
+    kernels::{self, Device, LEAST_ULPS, Test, Tested},
     model::{Axis, Cell, Plot, Point, Series, Table},
     samples::{Samples, number},
 };
@@ -98,7 +95,6 @@ impl Accuracy {
     }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "small counts")]
 fn percent(n: usize, all: usize) -> f64 {
     100.0 * n as f64 / all as f64
 }
@@ -132,12 +128,12 @@ pub(super) fn measure(effort: usize, rounds: usize, device: Option<&Device>) -> 
             row.push(Cell::measured(ns.clone(), "ns"));
             table.rows.push(row);
             if entered.len() <= i {
-                entered.push(Series { name: name.clone(), points: vec![], is_joined: false });
-                errors.push(Series { name, points: vec![], is_joined: false });
+                entered.push(Series::dots(name.clone(), vec![]));
+                errors.push(Series::dots(name, vec![]));
                 ns_of_each.push(vec![]);
             }
             ns_of_each[i].push(ns.median());
-            let point = |y: Samples| Point { label: (*case).to_owned(), x: ns.clone(), y };
+            let point = |y: Samples| Point::new(*case, ns.clone(), y);
             entered[i].points.extend(found.false_percent().map(|percent| point(percent.into())));
             if !found.ulps.values().is_empty() {
                 let shown = found.ulps.values().iter().map(|x| x.max(LEAST_ULPS)).collect::<Vec<_>>();
@@ -184,7 +180,7 @@ fn tested(pairs: &[slab::Pair], rounds: usize, device: Option<&Device>) -> Resul
     };
     let mut tests: Vec<Test<'_, Option<f32>>> = ROUTINES.iter().map(single).collect();
     tests.extend(lanes::node_tests(pairs)?);
-    let mut tested = contest::run(tests, rounds);
+    let mut tested = kernels::run(tests, rounds);
     if let Some(device) = device {
         let (rays, boxes): (Vec<Ray>, Vec<Aabb>) = pairs.iter().map(|(ray, obb)| (*ray, obb.aabb())).unzip();
         tested.push(device.boxes(&lanes::of_equal(&boxes)?, &rays, rounds)?);

@@ -16,12 +16,9 @@ use canted_tests::{
 use canted_trace::{Hit, Intersect, Ray};
 use canted_wide::{Config, Costs, SimdPath, TriangleBvh, WideBvh};
 
-use super::{
-    contest::{Answer, LANES, Pair as TrianglePair, Test},
-    device::Device,
-};
 use crate::{
     report::{
+        kernels::{Answer, Device, LANES, Pair as TrianglePair, Test},
         model::{Cell, Effort, Table},
         samples::Samples,
     },
@@ -114,7 +111,6 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
     }
     let title = format!("{LEAF} triangles in a leaf, closest hits of rays from inside, one thread or one device");
     let mut table = Table::new(title, &["path", "time per ray", "speed over scalar"]);
-    #[expect(clippy::cast_precision_loss, reason = "small counts")]
     let to_ns = 1e9 / rays.len() as f64;
     for timing in timing::run(rounds, contenders) {
         table.rows.push(vec![
@@ -213,7 +209,6 @@ pub(super) fn pairs(share: f64, n: usize) -> Vec<slab::Pair> {
     (0..n).map(|_| pair(&mut rng, share)).collect()
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rays and boxes are rounded like everything")]
 fn pair(rng: &mut SplitMix64, share: f64) -> slab::Pair {
     let [center, half] = [0; 2].map(|_: u8| rng.signed3());
     let obb = Obb {
@@ -309,7 +304,6 @@ mod tests {
             // A box enlarged by a third of the distance is still missed, one enlarged by twice the distance is hit.
             let grown = |obb: &Obb, by: f64| {
                 let size = 2.0 * obb.half_extents.into_iter().fold(0.0, f32::max);
-                #[expect(clippy::cast_possible_truncation, reason = "a box that is about so large")]
                 let by = (by * share) as f32 * size;
                 Obb { half_extents: obb.half_extents.map(|half| half + by), ..*obb }
             };

@@ -5,13 +5,12 @@ use canted_tests::extremes::triangle::cases;
 use canted_trace::{BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, Watertight};
 use obvhs::{ray::Ray as TheirRay, triangle::Triangle};
 
-use super::contest::{self, Test, Tested};
-use super::contest::{Accuracy, Answer, ExactHit, LEAST_ULPS, Pair};
-use super::device::Device;
 use super::lanes;
-use crate::report::model::Effort;
-use crate::report::model::{Axis, Cell, Plot, Point, Series, Table};
-use crate::report::samples::{Samples, number};
+use crate::report::{
+    kernels::{self, Accuracy, Answer, Device, ExactHit, LEAST_ULPS, Pair, Test, Tested},
+    model::{Axis, Cell, Effort, Plot, Point, Series, Table},
+    samples::{Samples, number},
+};
 
 /// Tests all pairs in a row, with prepared data as in a BVH.
 type Run = Box<dyn Fn() -> Vec<Answer>>;
@@ -76,7 +75,7 @@ fn tested(pairs: &[Pair], rounds: usize, device: Option<&Device>) -> Result<Vec<
     let mut tests = Vec::from(singles(pairs));
     let on_paths = lanes::tests(pairs, &trees, &tests[0].answers)?;
     tests.extend(on_paths);
-    let mut tested = contest::run(tests, rounds);
+    let mut tested = kernels::run(tests, rounds);
     tested.extend(device.map(|device| device.triangles(&trees, &rays, rounds)).transpose()?);
     Ok(tested)
 }
@@ -113,17 +112,17 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
                 table.rows.push(line(case, &name, &found, &ns));
             }
             if sums.len() <= i {
-                errors.push(Series { name: name.clone(), points: vec![], is_joined: false });
-                wrongs.push(Series { name: name.clone(), points: vec![], is_joined: false });
+                errors.push(Series::dots(name.clone(), vec![]));
+                wrongs.push(Series::dots(name.clone(), vec![]));
                 sums.push(Sum { name, ..Sum::default() });
             }
             if !found.t_ulps.values().is_empty() {
                 let y = Samples::from(found.t_ulps.values().iter().map(|x| x.max(LEAST_ULPS)).collect::<Vec<_>>());
-                errors[i].points.push(Point { label: case.to_owned(), x: ns.clone(), y });
+                errors[i].points.push(Point::new(case, ns.clone(), y));
                 sums[i].ulps.push(found.t_ulps.median());
             }
             let wrong = 100.0 * (found.wrong_hits + found.wrong_misses);
-            wrongs[i].points.push(Point { label: case.to_owned(), x: ns.clone(), y: wrong.into() });
+            wrongs[i].points.push(Point::new(case, ns.clone(), wrong));
             sums[i].wrong.push(wrong);
             sums[i].cases.push(case);
             sums[i].ns.push(ns.median());

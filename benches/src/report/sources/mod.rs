@@ -2,18 +2,16 @@
 //!
 //! Their machines differ from ours: only shares, ratios and orders are comparable.
 
-mod bih;
 mod dissertation;
-mod novak;
-mod orders;
-mod passes;
 mod silva;
 mod splits;
+mod structures;
 
 use anyhow::Result;
+use canted_fixtures::{scaffold_nodes, scaffold_of};
 
 use super::model::{Chapter, Effort};
-use orders::{Found, Pairs};
+use crate::models::{self, Model};
 
 /// A part of the chapter, which adds its tables.
 type Part = fn(&mut Chapter, Effort) -> Result<Found>;
@@ -27,12 +25,12 @@ const SOURCES: [(&str, &[Part]); 4] = [
             dissertation::volumes,
             dissertation::two_levels_table,
             dissertation::tests_per_ray,
-            passes::on_cpu,
-            passes::on_device,
+            dissertation::on_cpu,
+            dissertation::on_device,
         ],
     ),
-    ("the BIH thesis", &[bih::add]),
-    ("Novak's thesis", &[novak::add, splits::add]),
+    ("the BIH thesis", &[structures::rebuilt]),
+    ("Novak's thesis", &[structures::builders, splits::add]),
     ("Silva's study", &[silva::paths, silva::hierarchy, silva::threads]),
 ];
 
@@ -107,6 +105,82 @@ const ABSENT: [&str; 6] = [
     "Silva's intersections per second in OpenCL: the chapter on kernels has single tests and complete rays on a device.",
 ];
 
+/// Scenes of the dissertation, or a small lattice for tests.
+fn scenes(effort: Effort, names: &[&'static str], chapter: &mut Chapter) -> Result<Vec<(&'static str, Model)>> {
+    let names = if effort == Effort::Tiny { &[models::SMALL] } else { names };
+    let mut scenes = vec![];
+    for &name in names {
+        match models::load(name)? {
+            Some(model) => scenes.push((name, model)),
+            None => {
+                let lacking = format!("{name}: the model is not available.");
+                if !chapter.skipped.contains(&lacking) {
+                    chapter.skipped.push(lacking);
+                }
+            }
+        }
+    }
+    if scenes.is_empty() {
+        // Generated, so always available.
+        scenes.extend(models::load("truss")?.map(|model| ("truss", model)));
+    }
+    Ok(scenes)
+}
+
+/// The findings of a part of the chapter.
+#[derive(Default)]
+struct Found {
+    /// A sentence; may be empty.
+    says: String,
+    /// Lists of compared items: the source's value and ours.
+    compared: Vec<Vec<[f64; 2]>>,
+}
+
+impl From<String> for Found {
+    fn from(says: String) -> Self {
+        Self { says, ..Self::default() }
+    }
+}
+
+/// Numbers of ordered pairs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Pairs {
+    /// In the same order in theirs and ours.
+    n_same: usize,
+    /// Ordered in theirs.
+    n_all: usize,
+}
+
+impl Pairs {
+    /// All pairs of every list whose values differ in the source.
+    fn of(compared: &[Vec<[f64; 2]>]) -> Self {
+        let mut pairs = Self::default();
+        for list in compared {
+            for (i, a) in list.iter().enumerate() {
+                for b in list[..i].iter().filter(|b| b[0] != a[0]) {
+                    pairs.n_all += 1;
+                    pairs.n_same += usize::from((a[0] < b[0]) == (a[1] < b[1]) && a[1] != b[1]);
+                }
+            }
+        }
+        pairs
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self { n_same: self.n_same + other.n_same, n_all: self.n_all + other.n_all }
+    }
+}
+
+/// A scaffold of about `2^log2` triangles.
+fn scaffold(log2: u32) -> Model {
+    models::of_mesh(scaffold_of(1, false, scaffold_nodes(log2)))
+}
+
+/// Runs on a pool of one thread.
+fn one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T> {
+    Ok(rayon::ThreadPoolBuilder::new().num_threads(1).build()?.install(work))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -121,5 +195,14 @@ mod tests {
             "{text}"
         );
         assert!(text.ends_with("4 have the same order here (a: 3 of 4, c: 1 of 1)."), "{text}");
+    }
+
+    #[test]
+    fn reversed_pairs_are_not_the_same() {
+        // The last two are swapped, and the first two are equal in the source: five pairs remain, one of them reversed.
+        let list = vec![[1.0, 9.0], [1.0, 8.0], [2.0, 30.0], [3.0, 20.0]];
+        assert_eq!(Pairs::of(std::slice::from_ref(&list)), Pairs { n_same: 4, n_all: 5 });
+        // Equal values here have no order.
+        assert_eq!(Pairs::of(&[vec![[1.0, 5.0], [2.0, 5.0]], list]), Pairs { n_same: 4, n_all: 6 });
     }
 }

@@ -8,15 +8,11 @@ use canted_tests::brute;
 use canted_trace::{Hit, Intersect, Kernel, Ray, Watertight};
 use canted_wide::{Config, Preset, SimdPath, TriangleBvh};
 
-use super::{
-    novak::scaffold,
-    orders::{Found, scenes},
-    passes::one_thread,
-};
+use super::{Found, one_thread, scaffold, scenes};
 use crate::{
-    rays,
+    models,
     report::{
-        model::{Axis, Cell, Chapter, Effort, Plot, Point, Series, Table},
+        model::{Axis, Cell, Chapter, Effort, Point, Series, Table},
         samples::{Samples, faster, number},
     },
     timing,
@@ -46,9 +42,8 @@ pub(super) fn paths(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         let paths: Vec<SimdPath> = SimdPath::ALL.into_iter().filter(|path| path.is_available()).collect();
         let tree = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, Config::preset(Preset::Balanced))?;
         let trees = paths.iter().map(|&path| tree.clone().with_path(path)).collect();
-        let rays = rays::camera(&model, effort.pick(16, 128, 128));
+        let rays = models::camera(&model, effort.pick(16, 128, 128));
         let seconds = one_thread(|| closest_seconds(trees, &rays, effort.pick(2, 5, 9)))?;
-        #[expect(clippy::cast_precision_loss, reason = "rays are counted in thousands")]
         let ns: Vec<Samples> = seconds.into_iter().map(|s| Samples::from(s).scaled(1e9 / rays.len() as f64)).collect();
         let mut points = vec![];
         for (i, path) in paths.iter().enumerate() {
@@ -59,7 +54,6 @@ pub(super) fn paths(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
                 Cell::measured(ns[i].clone(), "ns"),
                 Cell::text(number(gain)),
             ]);
-            #[expect(clippy::cast_precision_loss, reason = "paths are few")]
             let place = i as f64;
             points.push(Point { label: format!("{path:?}"), x: place.into(), y: ns[i].clone() });
             if i > 0 {
@@ -72,7 +66,7 @@ pub(super) fn paths(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
             }
         }
         let order = paths.iter().map(|path| format!("{path:?}")).collect::<Vec<_>>().join(", ");
-        series.push(Series { name: format!("{name}: {order}"), points, is_joined: true });
+        series.push(Series::line(format!("{name}: {order}"), points));
     }
     table.says = format!(
         "Silva's four lanes gain 1.32 on triangles and 1.5 on boxes alone. Here, eight lanes of whole rays gain, relative to the scalar path: {}.",
@@ -82,12 +76,12 @@ pub(super) fn paths(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         table.rows.push([what, path, "–", gain].map(Cell::text).to_vec());
     }
     chapter.tables.push(table);
-    chapter.plots.push(Plot {
-        title: "A camera ray through WideBvh, by path".to_owned(),
-        x: Axis::linear("path, in the order of the legend"),
-        y: Axis::linear("ns"),
+    chapter.plot(
+        "A camera ray through WideBvh, by path",
+        Axis::linear("path, in the order of the legend"),
+        Axis::linear("ns"),
         series,
-    });
+    );
     Ok(says.into())
 }
 
@@ -114,7 +108,6 @@ impl Engine for Every {
 
 const NAMES: [&str; 2] = ["every triangle", "WideBvh, balanced"];
 
-#[expect(clippy::cast_precision_loss, reason = "counts of rays and triangles")]
 pub(super) fn hierarchy(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let mut table = Table::new(
         "With and without a hierarchy (Silva's chart): a camera ray",
@@ -128,7 +121,7 @@ pub(super) fn hierarchy(chapter: &mut Chapter, effort: Effort) -> Result<Found> 
         let tree = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, Config::preset(Preset::Balanced))?;
         let every = Every(brute::records::<Watertight>(&mesh.positions, &mesh.triangles));
         let engines: [Box<dyn Engine>; 2] = [Box::new(every), Box::new(tree)];
-        let rays = rays::camera(&model, effort.pick(8, 48, 48));
+        let rays = models::camera(&model, effort.pick(8, 48, 48));
         let (seconds, _) = engine::closest(&engines, &rays, effort.pick(2, 5, 7));
         let ns = |i: usize| -> Samples {
             seconds[i].iter().map(|s| s.cpu * 1e9 / rays.len() as f64).collect::<Vec<_>>().into()
@@ -168,12 +161,12 @@ pub(super) fn hierarchy(chapter: &mut Chapter, effort: Effort) -> Result<Found> 
             .collect(),
         is_joined: true,
     });
-    chapter.plots.push(Plot {
-        title: "A camera ray over triangles, without a hierarchy and with one".to_owned(),
-        x: Axis::log("triangles"),
-        y: Axis::log("ns"),
-        series: series.collect(),
-    });
+    chapter.plot(
+        "A camera ray over triangles, without a hierarchy and with one",
+        Axis::log("triangles"),
+        Axis::log("ns"),
+        series.collect(),
+    );
     let [every, tree] = exponents;
     Ok(Found::from(format!(
         "The time per ray grows as triangles to the power {every} without a hierarchy, and {tree} with a BVH."
@@ -197,7 +190,7 @@ pub(super) fn threads(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     }
     for &log2 in effort.pick(&[8][..], &[11, 14, 17], &[11, 14, 17]) {
         let model = scaffold(log2);
-        let rays = rays::camera(&model, effort.pick(16, 128, 256));
+        let rays = models::camera(&model, effort.pick(16, 128, 256));
         let n = model.mesh.triangles.len();
         let took = on_threads(&model.mesh, &rays, &counts, effort.pick(2, 3, 5))?;
         let fastest = took.iter().zip(&counts).min_by(|a, b| a.0[1].median().total_cmp(&b.0[1].median()));
@@ -208,14 +201,13 @@ pub(super) fn threads(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
             let rate = rate(rays.len(), trace.median());
             table.rows.push(cells.into_iter().chain(times).chain([&rate, "0 ms", &rate].map(Cell::text)).collect());
         }
-        #[expect(clippy::cast_precision_loss, reason = "threads are few")]
         let point = |(took, &threads): (&[Samples; 2], &usize)| Point {
             label: format!("{threads} threads"),
             x: (threads as f64).into(),
             y: took[1].clone(),
         };
         let points = took.iter().zip(&counts).map(point).collect();
-        series.push(Series { name: format!("{n} triangles"), points, is_joined: true });
+        series.push(Series::line(format!("{n} triangles"), points));
         if let Ok(gpu) = &gpu {
             table.rows.push(on_device(gpu, &model.mesh, &rays, effort)?);
         }
@@ -226,16 +218,15 @@ pub(super) fn threads(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         best.join(", ")
     );
     chapter.tables.push(table);
-    chapter.plots.push(Plot {
-        title: "Camera rays over threads, 1 to twice all (Silva's chart)".to_owned(),
-        x: Axis::linear("threads"),
-        y: Axis::log("camera rays, ms"),
+    chapter.plot(
+        "Camera rays over threads, 1 to twice all (Silva's chart)",
+        Axis::linear("threads"),
+        Axis::log("camera rays, ms"),
         series,
-    });
+    );
     Ok(Found::default())
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts of rays")]
 fn rate(n_rays: usize, ms: f64) -> String {
     number(n_rays as f64 * 1e-3 / ms)
 }
@@ -303,7 +294,6 @@ fn on_device(gpu: &Gpu, mesh: &canted_fixtures::Mesh, rays: &[Ray], effort: Effo
 }
 
 /// The exponent of the power law through points, by least squares of logarithms, with its standard error.
-#[expect(clippy::cast_precision_loss, reason = "points are few")]
 fn exponent(points: &[[f64; 2]]) -> String {
     let logs: Vec<[f64; 2]> = points.iter().map(|point| point.map(f64::ln)).collect();
     let n = logs.len() as f64;

@@ -7,15 +7,11 @@ use canted_obb::{Aabb, Obb, PrimId};
 use canted_sah::{Axes, Builder, SpatialConfig, Split, TopDownConfig};
 use canted_trace::{Hit, TriangleTest, pad_aabb};
 
-use super::{
-    orders::{Found, scenes},
-    passes::one_thread,
-};
+use super::{Found, one_thread, scenes};
 use crate::{
-    models::Model,
-    rays,
+    models::{self, Model},
     report::{
-        model::{Axis, Cell, Chapter, Effort, Plot, Point, Series, Table},
+        model::{Axis, Cell, Chapter, Effort, Point, Series, Table},
         samples::{Samples, number, percent},
     },
     timing,
@@ -140,8 +136,8 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         took[..ways.len()].iter().for_each(|took| rules.rows.push(row(name, n, took)));
         [radix, top, reinserted, binned].iter().for_each(|took| tops.rows.push(row(name, n, took)));
         [binned, split].iter().for_each(|took| spatial.rows.push(row(name, n, took)));
-        let point = |took: &Took| Point { label: took.way.name(), x: took.build.clone(), y: took.rays[0].clone() };
-        series.push(Series { name: name.to_owned(), points: took.iter().map(point).collect(), is_joined: false });
+        let point = |took: &Took| Point::new(took.way.name(), took.build.clone(), took.rays[0].clone());
+        series.push(Series::dots(name, took.iter().map(point).collect()));
     }
     rules.says = format!(
         "Novak suspects that one axis and few candidates cost his SAH builder quality. Fastest camera rays here, {}.",
@@ -152,12 +148,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         "Novak describes spatial splits without measuring them; `--builder sbvh` uses them. Compared with binned object splits here, {}.",
         of_spatial.join("; ")
     );
-    chapter.plots.push(Plot {
-        title: "Splits: camera rays over build".to_owned(),
-        x: Axis::log("build, ms"),
-        y: Axis::log("camera rays, ms"),
-        series,
-    });
+    chapter.plot("Splits: camera rays over build", Axis::log("build, ms"), Axis::log("camera rays, ms"), series);
     let says = spatial.says.clone();
     chapter.tables.extend([rules, tops, spatial]);
     Ok(says.into())
@@ -178,7 +169,6 @@ fn row(scene: &str, n: usize, took: &Took) -> Vec<Cell> {
     ]
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts of triangles")]
 fn measure(model: &Model, ways: &[Way], effort: Effort) -> Result<Vec<Took>> {
     let (corners, bounds) = canted_lbvh::triangle_corners(&model.mesh.positions, &model.mesh.triangles)?;
     let rounds = effort.pick(2, 3, 5);
@@ -205,10 +195,10 @@ fn measure(model: &Model, ways: &[Way], effort: Effort) -> Result<Vec<Took>> {
             }
         }
     }
-    let camera = rays::camera(model, effort.pick(16, 128, 128));
+    let camera = models::camera(model, effort.pick(16, 128, 128));
     let (of_camera, hits) = engine::closest(&engines, &camera, rounds);
     same_hits(ways, &hits)?;
-    let [diffuse, _] = rays::secondary(model, &camera, &hits[0]);
+    let [diffuse, _] = models::secondary(model, &camera, &hits[0]);
     let (of_diffuse, hits) = engine::closest(&engines, &diffuse, rounds);
     same_hits(ways, &hits)?;
     let ms = |seconds: &[timing::Seconds]| Samples::from(seconds.iter().map(|s| s.cpu * 1e3).collect::<Vec<_>>());

@@ -1,8 +1,9 @@
 //! Devices, buffers and dispatches.
 
-use crate::common::{gpu, lowered};
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::{GpuError, Traffic, Variant, loop_iterations};
+
+use crate::{gpu, lowered};
 
 pub(crate) fn tests() -> Vec<Test> {
     vec![

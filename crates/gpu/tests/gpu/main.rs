@@ -1,9 +1,7 @@
 //! Tests of the device, of construction and of ray tracing. Ignored without an adapter.
 
-mod again;
 mod buffers;
 mod build;
-mod common;
 mod device;
 mod instanced;
 mod kernels;
@@ -13,11 +11,10 @@ mod trace;
 use std::process::ExitCode;
 
 use canted_fixtures::device_tests;
-use canted_gpu::{Choice, Gpu};
+use canted_gpu::{Choice, Gpu, Limits, TracedScene};
 
 fn main() -> ExitCode {
     let tests = [
-        again::tests(),
         buffers::tests(),
         build::tests(),
         device::tests(),
@@ -27,4 +24,25 @@ fn main() -> ExitCode {
         trace::tests(),
     ];
     device_tests::run(Gpu::open(&Choice::Best), tests)
+}
+
+/// The best adapter.
+pub(crate) fn gpu() -> Gpu {
+    Gpu::open(&Choice::Best).unwrap()
+}
+
+/// The best adapter, with this maximum size of storage bindings.
+pub(crate) fn lowered(most: u64) -> Gpu {
+    let lower = |limits| Limits { max_storage_buffer_binding_size: most, ..limits };
+    Gpu::with_limits(&Choice::Best, lower).unwrap()
+}
+
+/// The words of a buffer of a scene, read back; `None` if the scene has no such variable.
+pub(crate) fn words(gpu: &Gpu, scene: &TracedScene, variable: &str) -> Option<Vec<u32>> {
+    let raw = scene.buffer(variable)?;
+    let copy = gpu.zeroed::<u32>("a copy", usize::try_from(raw.size() / 4).unwrap()).unwrap();
+    let mut encoder = gpu.encoder();
+    encoder.copy_buffer_to_buffer(raw, 0, copy.wgpu(), 0, raw.size());
+    gpu.submit(encoder).unwrap();
+    Some(gpu.read(&copy).unwrap())
 }

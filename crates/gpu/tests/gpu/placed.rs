@@ -1,7 +1,9 @@
 //! What the device places, compared with the CPU.
 
-use canted_fixtures::SplitMix64;
-use canted_fixtures::device_tests::{Test, needs_device};
+use canted_fixtures::{
+    SplitMix64,
+    device_tests::{Test, needs_device},
+};
 use canted_gpu::{
     BufferConfig, DeviceBvh, DeviceInstance, Gpu, InstanceBuffer, InstancedScene, MeshBuffers, NOT_PLACED, Outcome,
     wgpu,
@@ -9,7 +11,7 @@ use canted_gpu::{
 use canted_obb::{Aabb, Affine};
 use canted_tlas::Instance;
 
-use crate::common::{gpu, words};
+use crate::{gpu, words};
 
 pub(crate) fn tests() -> Vec<Test> {
     vec![

@@ -1,13 +1,16 @@
 //! Ray tracing for each kind of scene and driver limit. The package of tests compares whole scenes with the CPU.
 
-use crate::common::{gpu, lowered};
 use canted_fixtures::device_tests::{Test, needs_device};
-use canted_gpu::build::{BuildConfig, WideConfig};
-use canted_gpu::{Gpu, GpuError, Outcome, SceneInput, TracedScene};
+use canted_gpu::{
+    Gpu, GpuError, Outcome, SceneInput, TracedScene,
+    build::{BuildConfig, WideConfig},
+};
 use canted_obb::Affine;
 use canted_tlas::Instance;
 use canted_trace::Ray;
 use canted_wide::TriangleBvh;
+
+use crate::{gpu, lowered};
 
 pub(crate) fn tests() -> Vec<Test> {
     vec![

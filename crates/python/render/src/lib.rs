@@ -134,7 +134,6 @@ fn render<'py>(
     Ok((array(py, &film, 3, pixels)?, by_name))
 }
 
-#[expect(clippy::cast_precision_loss, reason = "tiles are fewer than 2^53")]
 fn ratio(n_done: usize, n_tiles: usize) -> f64 {
     n_done as f64 / n_tiles as f64
 }

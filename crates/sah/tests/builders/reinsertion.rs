@@ -10,10 +10,7 @@ use canted_sah::{PlocConfig, ReinsertConfig, reinsert};
 use obvhs::{BvhBuildParams, bvh2::builder::build_bvh2};
 use proptest::prelude::*;
 
-use crate::{
-    inputs::{checked_triangles, corners, leaf_boxes, radix_tree},
-    ploc::ploc_tree,
-};
+use crate::{checked_triangles, corners, grouped::ploc_tree, leaf_boxes, radix_tree};
 
 /// Relative error of a sum of `n` positive `f64` terms, each with a few roundings, in another order.
 fn sum_error(n: usize) -> f64 {

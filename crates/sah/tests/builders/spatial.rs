@@ -3,7 +3,7 @@ use canted_lbvh::Corners;
 use canted_obb::{Aabb, PrimId};
 use canted_sah::{References, SpatialConfig, TopDownConfig, spatial, top_down};
 
-use crate::inputs::{boxes, checked, corners, degenerate};
+use crate::{boxes, checked, corners, degenerate};
 
 /// Rounding of a sampled point relative to the greatest coordinate: two products, two sums, and
 /// barycentric coordinates of two roundings each that need not sum to 1.

@@ -4,7 +4,7 @@ use canted_obb::Aabb;
 use canted_sah::{Axes, Split, TopDownConfig, top_down};
 use proptest::prelude::*;
 
-use crate::inputs::{boxes, checked, corners, degenerate, weigh};
+use crate::{boxes, checked, corners, degenerate, weigh};
 
 const SPLITS: [Split; 5] = [
     Split::Midpoint,

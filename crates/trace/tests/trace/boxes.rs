@@ -1,15 +1,14 @@
 use canted_obb::{Aabb, Obb};
+use canted_trace::{
+    BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, SlabRay, Slabs, Watertight, lanes::UNIT_ROUNDOFF, ray_aabb,
+    ray_obb,
+};
 use num_traits::Signed;
 
-use crate::exact::{self, Q, contains, q, q3};
-use crate::inputs::{self, Rng, SETTINGS, Triangle, any_bits, obb_near, ray_at};
-use canted_trace::lanes::UNIT_ROUNDOFF;
-use canted_trace::{
-    BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, SlabRay, Slabs, Watertight, ray_aabb, ray_obb,
-};
+use crate::inputs::{self, Q, Rng, SETTINGS, Triangle, any_bits, contains, obb_near, q, q3, ray_at};
 
 /// The exact corners of a box.
-fn exact_corners(obb: &Obb) -> impl Iterator<Item = exact::Q3> {
+fn exact_corners(obb: &Obb) -> impl Iterator<Item = inputs::Q3> {
     (0..8).map(|i| {
         std::array::from_fn(|k| {
             (0..3).fold(q(obb.center[k]), |sum, a| {
@@ -31,8 +30,8 @@ fn slabs_contain_their_boxes_and_points() {
             for k in 0..3 {
                 // Tight: the outward rounding to f32 and the error of f64.
                 let row = q3(slabs.rows[k]);
-                let least = exact_corners(&obb).map(|corner| exact::dot(&row, &corner)).min().expect("eight");
-                let magnitude = exact_corners(&obb).map(|corner| exact::reach(&corner)).max().expect("eight");
+                let least = exact_corners(&obb).map(|corner| inputs::dot(&row, &corner)).min().expect("eight");
+                let magnitude = exact_corners(&obb).map(|corner| inputs::reach(&corner)).max().expect("eight");
                 let slack = q(f32::EPSILON) * q(slabs.lo[k].abs()) + q(32.0 * f64::EPSILON) * magnitude;
                 assert!(least - q(slabs.lo[k]) <= slack + q(f32::from_bits(1)), "row {k} of {obb:?}");
             }
@@ -55,9 +54,9 @@ fn rows_are_unit_and_span_the_faces() {
     for _ in 0..300 {
         let obb = obb_near(&mut rng, &SETTINGS[0]);
         for (k, row) in Slabs::from_obb(&obb).rows.into_iter().enumerate() {
-            assert!(exact::dot(&q3(row), &q3(row)) <= greatest);
+            assert!(inputs::dot(&q3(row), &q3(row)) <= greatest);
             for side in [obb.frame[(k + 1) % 3], obb.frame[(k + 2) % 3]] {
-                let slant = exact::dot(&q3(row), &q3(side));
+                let slant = inputs::dot(&q3(row), &q3(side));
                 assert!(slant.abs() <= q(4.0 * f32::EPSILON), "row {k} of {obb:?}");
             }
         }
@@ -107,7 +106,7 @@ fn rays_missed(
             slab_ray.clip_aabb(&aabb, f32::INFINITY)
         };
         assert!(!near.is_nan() && !far.is_nan());
-        if let Some((exact_near, exact_far)) = exact::clip(&slabs, &ray) {
+        if let Some((exact_near, exact_far)) = inputs::clip(&slabs, &ray) {
             entered += 1;
             let covers = q(near) <= exact_near && (far == f32::INFINITY || exact_far.is_some_and(|x| x <= q(far)));
             lost += u32::from(!(near <= far && covers));
@@ -188,7 +187,7 @@ fn a_given_error_adds_to_the_padding() {
             if inner.is_empty() {
                 continue;
             }
-            let Some((near, _)) = exact::clip(&Slabs::from_aabb(&outer), &ray) else { continue };
+            let Some((near, _)) = inputs::clip(&Slabs::from_aabb(&outer), &ray) else { continue };
             entered += 1;
             let slab_ray = SlabRay::with_error(&ray, inner.reach(), f64::from(error));
             let slabs = Slabs::from_points(rng.frame(), inner.corners());
@@ -233,7 +232,7 @@ fn public_tests_agree_with_six_planes() {
         let scaled = ray_at(&mut rng, &aim, setting.distance);
         let ray = Ray::new(scaled.origin, scaled.direction);
         // `Slabs::from_obb` holds the box, so every exact hit must be reported.
-        if let Some((near, far)) = exact::clip(&Slabs::from_obb(&obb), &scaled) {
+        if let Some((near, far)) = inputs::clip(&Slabs::from_obb(&obb), &scaled) {
             n_entered += 1;
             let (entry, exit) = ray_obb(&ray, &obb).unwrap();
             assert!(q(entry) <= near && far.unwrap() <= q(exit), "{obb:?} {ray:?}");

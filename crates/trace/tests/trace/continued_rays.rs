@@ -2,11 +2,16 @@
 //!
 //! Every ray is tested against every triangle of its mesh. Not covered: BVHs, which report the same hits.
 
-use canted_obb::vector::{Vector, add, cross, dot, length, scale, sub, to_f32, to_f64};
-use canted_obb::{Aabb, Affine, PrimId};
+use canted_obb::{
+    Aabb, Affine, PrimId,
+    vector::{Vector, add, cross, dot, length, scale, sub, to_f32, to_f64},
+};
 use canted_trace::{BaldwinWeber, Hit, InstanceId, Kernel, MollerTrumbore, Ray, Side, SurfacePoint, Watertight};
 
-use crate::meshes::{Random, Triangle, closest_hit, needles, sphere, torus};
+use crate::{
+    inputs::Triangle,
+    watertight::{Random, closest_hit, needles, sphere, torus},
+};
 
 /// Rays at random points of random triangles from random sides, and their hits.
 fn hits<K: Kernel>(mesh: &[Triangle], n: u32, mut check: impl FnMut(&mut Random, &Ray, Hit)) {

@@ -1,9 +1,10 @@
+use canted_trace::{
+    BaldwinWeber, Kernel, ScaledRay,
+    lanes::{Weights, baldwin_weber_weights, finish, moller_trumbore_weights},
+};
 use num_traits::{Signed, Zero};
 
-use crate::exact::{self, Q, q, q3};
-use crate::inputs::{self, Rng, SETTINGS, Setting, TWO_POW_60, Triangle, any_bits};
-use canted_trace::lanes::{Weights, baldwin_weber_weights, finish, moller_trumbore_weights};
-use canted_trace::{BaldwinWeber, Kernel, ScaledRay};
+use crate::inputs::{self, Q, Rng, SETTINGS, Setting, TWO_POW_60, Triangle, any_bits, q, q3};
 
 type Filter = fn(&ScaledRay, &Triangle) -> Weights;
 
@@ -34,7 +35,7 @@ fn cases(seed: u64, n_each: usize) -> impl Iterator<Item = (Triangle, ScaledRay)
 
 /// Whether the line intersects the closed triangle, in rationals.
 fn pierces(ray: &ScaledRay, triangle: &Triangle) -> bool {
-    let (det, u, v, _) = exact::triangle(ray, triangle);
+    let (det, u, v, _) = inputs::triangle(ray, triangle);
     !det.is_zero() && !u.is_negative() && !v.is_negative() && u + v <= det
 }
 
@@ -80,16 +81,16 @@ fn filters_without_their_error_reject_hits() {
 /// `det`, `u·det`, `v·det` in rationals, by Möller and Trumbore's formulas.
 fn exact_weights(ray: &ScaledRay, triangle: &Triangle) -> [Q; 3] {
     let [v0, v1, v2] = triangle.map(q3);
-    let (e1, e2, s) = (exact::sub(&v1, &v0), exact::sub(&v2, &v0), exact::sub(&q3(ray.origin), &v0));
+    let (e1, e2, s) = (inputs::sub(&v1, &v0), inputs::sub(&v2, &v0), inputs::sub(&q3(ray.origin), &v0));
     let d = q3(ray.direction);
-    let p = exact::cross(&d, &e2);
-    [exact::dot(&p, &e1), exact::dot(&p, &s), exact::dot(&exact::cross(&s, &e1), &d)]
+    let p = inputs::cross(&d, &e2);
+    [inputs::dot(&p, &e1), inputs::dot(&p, &s), inputs::dot(&inputs::cross(&s, &e1), &d)]
 }
 
 /// The greatest component of the normal, negated: the factor between the maps of Baldwin and Weber and the above.
 fn scale(triangle: &Triangle) -> Q {
     let [v0, v1, v2] = triangle.map(q3);
-    let normal = exact::cross(&exact::sub(&v1, &v0), &exact::sub(&v2, &v0));
+    let normal = inputs::cross(&inputs::sub(&v1, &v0), &inputs::sub(&v2, &v0));
     -normal.into_iter().reduce(|a, b| if b.abs() > a.abs() { b } else { a }).expect("three components")
 }
 

@@ -1,9 +1,9 @@
 //! Rays, triangles and frames: random and degenerate.
 
-use canted_obb::Obb;
-
-use canted_obb::vector::{cross, dot, sub};
-use canted_trace::{Ray, ScaledRay};
+use canted_obb::{Obb, vector};
+use canted_trace::{Ray, ScaledRay, Slabs};
+use num_rational::BigRational;
+use num_traits::{Signed, Zero};
 
 pub(crate) type Triangle = [[f32; 3]; 3];
 
@@ -35,10 +35,10 @@ impl Rng {
 
     /// An orthonormal frame, up to f32.
     pub(crate) fn frame(&mut self) -> [[f32; 3]; 3] {
-        let unit = |a: [f32; 3]| a.map(|x| x / dot(a, a).sqrt());
+        let unit = |a: [f32; 3]| a.map(|x| x / vector::dot(a, a).sqrt());
         let x = unit(self.vector(1.0));
-        let z = unit(cross(x, self.vector(1.0)));
-        [x, cross(z, x), z]
+        let z = unit(vector::cross(x, self.vector(1.0)));
+        [x, vector::cross(z, x), z]
     }
 
     /// Barycentric coordinates; often on an edge or at a vertex.
@@ -106,12 +106,12 @@ pub(crate) fn ray_at(rng: &mut Rng, triangle: &Triangle, distance: f32) -> Scale
     match rng.below(6) {
         0 => back = std::array::from_fn(|k| if k == axis { back[k] } else { 0.0 }),
         1 => back[axis] = -0.0,
-        2 => back = sub(triangle[1], triangle[0]).map(|x| x * 3.0),
+        2 => back = vector::sub(triangle[1], triangle[0]).map(|x| x * 3.0),
         3 => back[axis] = 1e-40 * distance,
         _ => {}
     }
     let origin: [f32; 3] = std::array::from_fn(|k| target[k] + back[k]);
-    let direction = if rng.below(2) == 0 { sub(target, origin) } else { back.map(|x| -x) };
+    let direction = if rng.below(2) == 0 { vector::sub(target, origin) } else { back.map(|x| -x) };
     let stray = [rng.signed(), 1.0, 0.0];
     let direction = if direction == [0.0; 3] { stray } else { direction };
     ScaledRay::new(&Ray::new(origin, direction)).expect("a finite ray with a direction")
@@ -132,7 +132,7 @@ pub(crate) fn any_bits(rng: &mut Rng) -> (Triangle, ScaledRay) {
         ([vector(), vector(), vector()], vector(), vector());
     let weights = rng.weights();
     let target: [f32; 3] = std::array::from_fn(|k| (0..3).map(|i| weights[i] * triangle[i][k]).sum());
-    let ray = ScaledRay::new(&Ray::new(origin, sub(target, origin)));
+    let ray = ScaledRay::new(&Ray::new(origin, vector::sub(target, origin)));
     (triangle, ray.or_else(|| ScaledRay::new(&Ray::new(origin, other))).unwrap_or_else(|| ray_at(rng, &triangle, 1.0)))
 }
 
@@ -151,4 +151,81 @@ pub(crate) fn obb_near(rng: &mut Rng, setting: &Setting) -> Obb {
         _ => {}
     }
     obb
+}
+
+/// Relative error of one rounding to `f64`.
+pub(crate) const UNIT_ROUNDOFF_F64: f64 = f64::EPSILON / 2.0;
+
+pub(crate) type Q = BigRational;
+pub(crate) type Q3 = [Q; 3];
+
+/// The exact number.
+pub(crate) fn q(x: impl Into<f64>) -> Q {
+    BigRational::from_float(x.into()).expect("a finite number")
+}
+
+pub(crate) fn q3(a: [f32; 3]) -> Q3 {
+    a.map(q)
+}
+
+pub(crate) fn dot(a: &Q3, b: &Q3) -> Q {
+    &a[0] * &b[0] + &a[1] * &b[1] + &a[2] * &b[2]
+}
+
+pub(crate) fn sub(a: &Q3, b: &Q3) -> Q3 {
+    std::array::from_fn(|k| &a[k] - &b[k])
+}
+
+pub(crate) fn cross(a: &Q3, b: &Q3) -> Q3 {
+    std::array::from_fn(|k| {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        &a[i] * &b[j] - &a[j] * &b[i]
+    })
+}
+
+pub(crate) fn at(ray: &ScaledRay, t: &Q) -> Q3 {
+    std::array::from_fn(|k| q(ray.origin[k]) + t * q(ray.direction[k]))
+}
+
+/// Greatest absolute coordinate.
+pub(crate) fn reach(a: &Q3) -> Q {
+    a.iter().map(Signed::abs).max().expect("three coordinates")
+}
+
+pub(crate) fn contains(slabs: &Slabs, point: &Q3) -> bool {
+    (0..3).all(|k| {
+        let place = dot(&q3(slabs.rows[k]), point);
+        q(slabs.lo[k]) <= place && place <= q(slabs.hi[k])
+    })
+}
+
+/// The interval of all real `t >= ray.t_min` at which the ray is in the box; without rounding.
+pub(crate) fn clip(slabs: &Slabs, ray: &ScaledRay) -> Option<(Q, Option<Q>)> {
+    let (mut near, mut far) = (q(ray.t_min), None::<Q>);
+    for k in 0..3 {
+        let row = q3(slabs.rows[k]);
+        let (origin, slope) = (dot(&row, &q3(ray.origin)), dot(&row, &q3(ray.direction)));
+        let (below, above) = (q(slabs.lo[k]) - &origin, q(slabs.hi[k]) - &origin);
+        if slope.is_zero() {
+            if below.is_positive() || above.is_negative() {
+                return None;
+            }
+            continue;
+        }
+        let (enter, leave) = if slope.is_positive() { (below, above) } else { (above, below) };
+        near = near.max(enter / &slope);
+        let leave = leave / &slope;
+        far = Some(far.map_or(leave.clone(), |far| far.min(leave)));
+    }
+    far.as_ref().is_none_or(|far| near <= *far).then_some((near, far))
+}
+
+/// `(det, u·det, v·det, t·det)` of the line of the ray and the plane of the triangle, with signs such that `det >= 0`.
+pub(crate) fn triangle(ray: &ScaledRay, vertices: &[[f32; 3]; 3]) -> (Q, Q, Q, Q) {
+    let [v0, v1, v2] = vertices.map(q3);
+    let (o, d) = (q3(ray.origin), q3(ray.direction));
+    let (e1, e2, s) = (sub(&v1, &v0), sub(&v2, &v0), sub(&o, &v0));
+    let (p, n) = (cross(&d, &e2), cross(&s, &e1));
+    let solved = (dot(&p, &e1), dot(&p, &s), dot(&n, &d), dot(&n, &e2));
+    if solved.0.is_negative() { (-solved.0, -solved.1, -solved.2, -solved.3) } else { solved }
 }

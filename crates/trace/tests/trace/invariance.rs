@@ -1,8 +1,13 @@
-use canted_obb::Aabb;
+use canted_obb::{Aabb, Affine, Dop, Enclosure, Moments, Obb, PrimId, bound};
+use canted_trace::{
+    BaldwinWeber, Hit, InstanceId, Kernel, MollerTrumbore, Ray, ScaledRay, Side, SlabRay, Slabs, SurfacePoint,
+    Watertight, segment_overlaps_aabb,
+};
 
-use crate::inputs::{Rng, SETTINGS, TWO_POW_60, Triangle, ray_at};
-use crate::kernels::{bits, hit};
-use canted_trace::{BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, SlabRay, Slabs, Watertight};
+use crate::{
+    inputs::{Rng, SETTINGS, TWO_POW_60, Triangle, ray_at},
+    kernels::{bits, hit},
+};
 
 /// The hit and the entries into the boxes, as bits.
 fn answer<K: Kernel>(ray: &Ray, triangle: &Triangle, frame: [[f32; 3]; 3]) -> [Option<Vec<u32>>; 3] {
@@ -120,4 +125,38 @@ fn scaling_is_exact_and_reversible() {
         (0.25 / 65536.0, 2.0 / 65536.0, 0.25)
     );
     assert_eq!((scaled.t_max, scaled.caller_t(f32::INFINITY)), (f32::INFINITY, f32::INFINITY));
+}
+
+fn accepts<V: Copy + Into<[f32; 3]> + From<[f32; 3]>>() {
+    let [a, b, c] = [[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 2.0, 3.0]].map(V::from);
+    let arrays = [a, b, c].map(Into::into);
+
+    let aabb = Aabb::from_points([a, b, c]);
+    assert_eq!(aabb, Aabb::from_points(arrays));
+    assert!(aabb.contains(b) && segment_overlaps_aabb(a, c, &aabb));
+    let obb = bound(Obb::IDENTITY_FRAME, [a, b, c]);
+    assert!(obb.contains(c));
+    assert_eq!(obb, bound(Obb::IDENTITY_FRAME, arrays));
+    let mut enclosure = Enclosure::new(Obb::IDENTITY_FRAME, a);
+    enclosure.add_point(b);
+    assert!(enclosure.finish().contains(b));
+    assert_eq!(Moments::from_points([a, b, c]), Moments::from_points(arrays));
+    assert_eq!(Dop::from_points([a, b, c]), Dop::from_points(arrays));
+    assert_eq!(Affine::IDENTITY.point(b), b.into());
+
+    assert_eq!(Ray::new(a, b), Ray::new(arrays[0], arrays[1]));
+    let hit = Hit { t: 1.0, u: 0.25, v: 0.25, primitive: PrimId(0), instance: InstanceId(0), side: Side::Front };
+    let point = SurfacePoint::new(&hit, [a, b, c], aabb.reach());
+    assert_eq!(point, SurfacePoint::new(&hit, arrays, aabb.reach()));
+    assert_eq!(point.spawn_ray(c), point.spawn_ray(arrays[2]));
+    assert_eq!(point.spawn_ray_to(c), point.spawn_ray_to(arrays[2]));
+}
+
+#[test]
+fn vectors_of_other_libraries_are_accepted() {
+    accepts::<[f32; 3]>();
+    accepts::<(f32, f32, f32)>();
+    accepts::<glam::Vec3>();
+    accepts::<mint::Vector3<f32>>();
+    accepts::<mint::Point3<f32>>();
 }

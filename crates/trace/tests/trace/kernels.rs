@@ -1,10 +1,11 @@
+use canted_obb::vector::{cross, dot, reach, sub, to_f64};
+use canted_trace::{
+    BaldwinWeber, HIT_ERROR, Kernel, MollerTrumbore, Ray, ScaledRay, Side, TriangleHit, Watertight,
+    lanes::UNIT_ROUNDOFF,
+};
 use num_traits::{Signed, Zero};
 
-use crate::exact::{self, Q, q, q3};
-use crate::inputs::{self, Rng, SETTINGS, Triangle, any_bits, ray_at};
-use canted_obb::vector::{cross, dot, reach, sub, to_f64};
-use canted_trace::lanes::UNIT_ROUNDOFF;
-use canted_trace::{BaldwinWeber, HIT_ERROR, Kernel, MollerTrumbore, Ray, ScaledRay, Side, TriangleHit, Watertight};
+use crate::inputs::{self, Q, Rng, SETTINGS, Triangle, any_bits, q, q3, ray_at};
 
 pub(crate) fn hit<K: Kernel>(ray: &ScaledRay, triangle: &Triangle) -> Option<TriangleHit> {
     K::intersect(&K::prepare(ray), ray, &K::record(*triangle), ray.t_max)
@@ -15,8 +16,8 @@ pub(crate) fn hit<K: Kernel>(ray: &ScaledRay, triangle: &Triangle) -> Option<Tri
 /// Candidates for the nearest point are the exact coordinates of the hit on the plane, or those of the kernel, clamped to
 /// the triangle; any candidate within the bound is a proof.
 fn lies_near(ray: &ScaledRay, triangle: &Triangle, hit: &TriangleHit, bound: &Q) -> bool {
-    let (det, u, v, _) = exact::triangle(ray, triangle);
-    let on_ray = exact::at(ray, &q(hit.t));
+    let (det, u, v, _) = inputs::triangle(ray, triangle);
+    let on_ray = inputs::at(ray, &q(hit.t));
     let mut guesses = vec![(q(hit.u), q(hit.v))];
     if !det.is_zero() {
         guesses.push((u / &det, v / &det));
@@ -36,9 +37,9 @@ fn lies_near(ray: &ScaledRay, triangle: &Triangle, hit: &TriangleHit, bound: &Q)
 
 /// `n_roundings` of `|o|∞ + ρ∞`, plus underflow.
 fn hit_bound(ray: &ScaledRay, triangle: &Triangle, n_roundings: f32) -> Q {
-    let vertices = triangle.iter().map(|&v| exact::reach(&q3(v))).max().expect("three vertices");
+    let vertices = triangle.iter().map(|&v| inputs::reach(&q3(v))).max().expect("three vertices");
     let relative = q(n_roundings) * q(UNIT_ROUNDOFF);
-    relative * (exact::reach(&q3(ray.origin)) + vertices) + q(f32::MIN_POSITIVE) / q(2.0)
+    relative * (inputs::reach(&q3(ray.origin)) + vertices) + q(f32::MIN_POSITIVE) / q(2.0)
 }
 
 fn points_lie_near<K: Kernel>(name: &str, n_roundings: f32) {

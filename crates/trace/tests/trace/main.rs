@@ -4,13 +4,9 @@
 
 mod boxes;
 mod continued_rays;
-mod exact;
-mod fans;
 mod filters;
 mod inputs;
 mod invariance;
 mod kernels;
-mod meshes;
 mod shapes;
-mod vector_types;
 mod watertight;

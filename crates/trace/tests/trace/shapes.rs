@@ -1,12 +1,8 @@
 use canted_obb::Aabb;
+use canted_trace::{Ray, Sphere, lanes::UNIT_ROUNDOFF, segment_overlaps_aabb};
 use num_traits::{Signed, Zero};
 
-use crate::exact::{self, Q, q, q3};
-use crate::inputs::{Rng, SETTINGS};
-use canted_trace::lanes::UNIT_ROUNDOFF;
-
-use crate::exact::UNIT_ROUNDOFF_F64;
-use canted_trace::{Ray, Sphere, segment_overlaps_aabb};
+use crate::inputs::{self, Q, Rng, SETTINGS, UNIT_ROUNDOFF_F64, q, q3};
 
 #[test]
 fn five_cases_of_a_sphere() {
@@ -38,16 +34,16 @@ fn small_distant_spheres_are_accurate() {
             let (origin, offset) = (rng.vector(distance), rng.vector(1.2 * radius));
             let direction = std::array::from_fn(|k| sphere.center[k] + offset[k] - origin[k]);
             let from_center = |t: &Q| -> Q {
-                let at: exact::Q3 = std::array::from_fn(|k| q(origin[k]) + t * q(direction[k]) - q(sphere.center[k]));
-                exact::dot(&at, &at)
+                let at: inputs::Q3 = std::array::from_fn(|k| q(origin[k]) + t * q(direction[k]) - q(sphere.center[k]));
+                inputs::dot(&at, &at)
             };
-            let (d, m) = (q3(direction), exact::sub(&q3(sphere.center), &q3(origin)));
-            let closest = exact::dot(&m, &d) / exact::dot(&d, &d);
-            let span = q(IN_F64) * (exact::reach(&m) + q(radius)) / exact::reach(&d);
+            let (d, m) = (q3(direction), inputs::sub(&q3(sphere.center), &q3(origin)));
+            let closest = inputs::dot(&m, &d) / inputs::dot(&d, &d);
+            let span = q(IN_F64) * (inputs::reach(&m) + q(radius)) / inputs::reach(&d);
             let squared = q(radius) * q(radius);
             let Some([near, far]) = sphere.roots(&Ray::new(origin, direction)) else {
                 // A miss, or a tangent within f64.
-                let slack = q(IN_F64) * exact::dot(&m, &m);
+                let slack = q(IN_F64) * inputs::dot(&m, &m);
                 assert!(from_center(&closest) + slack > squared, "{sphere:?} is lost");
                 continue;
             };

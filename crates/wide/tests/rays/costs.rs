@@ -1,10 +1,11 @@
-//! Extreme costs: hits equal those of testing every triangle.
+//! Extreme costs: hits equal those of testing every triangle. What a BVH reports of itself: counts of visits, and its triangles.
 
 use canted_fixtures as fixtures;
-use canted_trace::{Intersect, Sphere, Watertight};
-use canted_wide::{Config, Costs, NodeKind, Preset, TriangleBvh, WideBvh};
+use canted_obb::PrimId;
+use canted_trace::{Counts, Intersect, Ray, Sphere, Watertight};
+use canted_wide::{Config, Costs, NodeKind, Preset, SimdPath, TraversalCounts, TriangleBvh, WideBvh};
 
-use crate::common::{brute, rays};
+use crate::common::{brute, build, rays, scenes};
 
 /// Default costs with one of them, or all, at each extreme value.
 fn extremes() -> Vec<(String, Costs)> {
@@ -67,7 +68,7 @@ fn primitives_are_hit_with_any_costs() {
     for (name, costs) in extremes() {
         let bvh = WideBvh::over_with(spheres.clone(), Config { costs, ..Config::default() }).unwrap();
         for i in 0..100u8 {
-            let ray = canted_trace::Ray::new([3.0 * f32::from(i), 5.0, 0.0], [0.0, -1.0, 0.0]);
+            let ray = Ray::new([3.0 * f32::from(i), 5.0, 0.0], [0.0, -1.0, 0.0]);
             let hit = bvh.closest_hit(&ray).map(|hit| (hit.t, hit.primitive.0));
             assert_eq!(hit, Some((4.0, u32::from(i))), "{name}");
         }
@@ -103,4 +104,48 @@ fn leaves_hold_one_to_thirty_two_triangles() {
     assert_eq!(bytes(0), bytes(1));
     assert_eq!(bytes(33), bytes(32));
     assert_ne!(bytes(1), bytes(32));
+}
+
+#[test]
+fn traversal_counts_are_the_tests_that_a_query_counts() {
+    let mesh = fixtures::scaffold(1, false);
+    let bvh = build(&mesh, Preset::Fast);
+    let rays: Vec<Ray> =
+        fixtures::object_views(&mesh)[0].rays(24).iter().map(|ray| Ray::new(ray.origin, ray.direction)).collect();
+    let mut counts = Counts::default();
+    for ray in &rays {
+        bvh.closest_hit_with(ray, &mut counts);
+    }
+    let visits = bvh.traversal_counts(&rays);
+    assert_eq!(8 * visits.nodes.iter().sum::<u64>(), counts.boxes);
+    assert!(visits.nodes.iter().all(|&n| n > 0), "{visits:?}");
+    let most = counts.triangles.div_ceil(8) + visits.leaves;
+    assert!(visits.leaves <= visits.blocks && visits.blocks <= most, "{visits:?} for {counts:?}");
+    assert_eq!(bvh.clone().with_path(SimdPath::Scalar).traversal_counts(&rays), visits);
+    assert_eq!(bvh.traversal_counts(&[]), TraversalCounts::default());
+}
+
+#[test]
+fn triangles_are_returned_as_they_were_given() {
+    for (name, mesh) in scenes() {
+        let corners = |positions: &[[f32; 3]]| -> Vec<[[f32; 3]; 3]> {
+            mesh.triangles.iter().map(|t| t.map(|i| positions[i as usize])).collect()
+        };
+        for preset in [Preset::Fast, Preset::Quality] {
+            let mut bvh = build(&mesh, preset);
+            let check = |bvh: &TriangleBvh, want: &[[[f32; 3]; 3]]| {
+                assert_eq!(bvh.triangles(), want, "{name}");
+                for (id, want) in (0..).map(PrimId).zip(want) {
+                    assert_eq!(bvh.triangle(id), *want, "{name}");
+                }
+            };
+            check(&bvh, &corners(&mesh.positions));
+            check(&TriangleBvh::from_bytes(&bvh.to_bytes()).unwrap(), &corners(&mesh.positions));
+            let moved: Vec<_> = mesh.positions.iter().map(|p| p.map(|x| 1.0 - x)).collect();
+            bvh.refit(&moved, &mesh.triangles).unwrap();
+            check(&bvh, &corners(&moved));
+        }
+    }
+    let none = TriangleBvh::build::<[f32; 3], u32>(&[], &[]).unwrap();
+    assert!(none.triangles().is_empty());
 }

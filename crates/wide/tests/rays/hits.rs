@@ -1,59 +1,11 @@
-//! Hits equal those of testing every triangle, bit for bit.
+//! Intervals, ties of many triangles and references, lists. Every query is compared with a loop over all triangles in the tests of the
+//! workspace.
 
 use canted_obb::PrimId;
-use canted_trace::{Counts, Crossings, Hit, Intersect, Kernel, MollerTrumbore, Ray, TriangleTest, Watertight};
-use canted_wide::{Preset, SimdPath, TraversalCounts, TriangleBvh};
+use canted_trace::{Crossings, Hit, HitLists, Intersect, Ray, TriangleTest, Watertight};
+use canted_wide::{Preset, TriangleBvh};
 
-use crate::common::{brute, build, build_for, paths, rays, scenes};
-
-/// `test` traced, compared with `B` tested on every triangle.
-fn equals_brute_force<B: Kernel<Record = [[f32; 3]; 3]>>(test: TriangleTest) {
-    let paths = paths();
-    for (name, mesh) in scenes() {
-        let rays = rays(&mesh, 60, 7);
-        let want: Vec<Vec<Hit>> = rays.iter().map(|ray| brute::<B>(&mesh, ray)).collect();
-        for preset in [Preset::Dynamic, Preset::Fast, Preset::Balanced, Preset::Quality] {
-            let mut bvh = build_for(test, &mesh, preset);
-            for &path in &paths {
-                bvh = bvh.with_path(path);
-                let mut hits = vec![];
-                for (i, (ray, want)) in rays.iter().zip(&want).enumerate() {
-                    let at = || format!("{name}, {preset:?}, {}, ray {i} {ray:?}", path.name());
-                    assert_eq!(bvh.closest_hit(ray), want.first().copied(), "{}", at());
-                    assert_eq!(bvh.occluded(ray), !want.is_empty(), "{}", at());
-                    bvh.all_hits(ray, &mut hits);
-                    assert_eq!(&hits, want, "{}", at());
-                }
-            }
-        }
-    }
-}
-
-#[test]
-fn watertight_hits_equal_brute_force() {
-    equals_brute_force::<Watertight>(TriangleTest::Watertight);
-}
-
-#[test]
-fn moller_trumbore_hits_equal_brute_force() {
-    equals_brute_force::<MollerTrumbore>(TriangleTest::MollerTrumbore);
-}
-
-/// By contract its hits are those of Möller and Trumbore, whose records brute force can make.
-#[test]
-fn baldwin_weber_hits_equal_brute_force() {
-    equals_brute_force::<MollerTrumbore>(TriangleTest::BaldwinWeber);
-}
-
-#[test]
-fn enough_rays_hit_and_enough_miss() {
-    for (name, mesh) in scenes() {
-        let rays = rays(&mesh, 60, 7);
-        let hit = rays.iter().filter(|ray| !brute::<Watertight>(&mesh, ray).is_empty()).count();
-        let least = if name == "slivers" { 5 } else { 60 };
-        assert!((least..rays.len() - 10).contains(&hit), "{name}: {hit} of {} rays hit", rays.len());
-    }
-}
+use crate::common::{brute, build, build_for, paths, rays};
 
 #[test]
 fn an_empty_bvh_is_never_hit() {
@@ -119,21 +71,6 @@ fn intervals_are_closed_for_both_zeros() {
     }
 }
 
-#[test]
-fn ties_go_to_the_lowest_primitive() {
-    // Four squares share each integer point: up to eight triangles at the same t.
-    let mesh = canted_fixtures::coplanar_quads(9);
-    let bvh = build(&mesh, Preset::Quality);
-    for x in 0..=9u8 {
-        for y in 0..=9u8 {
-            let ray = Ray::new([f32::from(x), f32::from(y), 1.0], [0.0, 0.0, -1.0]);
-            let want = brute::<Watertight>(&mesh, &ray);
-            assert!(want.iter().all(|hit| hit.t == 1.0) && !want.is_empty());
-            assert_eq!(bvh.closest_hit(&ray), want.first().copied());
-        }
-    }
-}
-
 /// A binary tree as spatial splits make them: triangles are in several leaves.
 #[test]
 fn triangles_with_many_references_are_reported_once() {
@@ -158,51 +95,44 @@ fn triangles_with_many_references_are_reported_once() {
     }
 }
 
-// What a BVH reports of itself: counts of visits, and its triangles.
-
 #[test]
-fn traversal_counts_are_the_tests_that_a_query_counts() {
-    let mesh = canted_fixtures::scaffold(1, false);
-    let bvh = build(&mesh, Preset::Fast);
-    let rays: Vec<Ray> = canted_fixtures::object_views(&mesh)[0]
-        .rays(24)
-        .iter()
-        .map(|ray| Ray::new(ray.origin, ray.direction))
-        .collect();
-    let mut counts = Counts::default();
-    for ray in &rays {
-        bvh.closest_hit_with(ray, &mut counts);
+fn lists_equal_single_rays() {
+    let mesh = canted_fixtures::soup(4, 400);
+    let mut rays = rays(&mesh, 700, 5);
+    rays.push(Ray::new([f32::NAN, 0.0, 0.0], [0.0, 0.0, 1.0]));
+    // Through corners, where crossings and hits differ.
+    rays.extend(mesh.triangles.iter().map(|t| {
+        let target = mesh.positions[t[0] as usize];
+        Ray::new([target[0], target[1], target[2] - 4.0], [0.0, 0.0, 1.0])
+    }));
+    for path in paths() {
+        let bvh = build(&mesh, Preset::Balanced).with_path(path);
+        let (mut lists, mut hits, mut n_all) = (HitLists::new(), vec![], 0);
+        // Old answers must be overwritten.
+        bvh.all_hits_listed(&rays[..9], &mut lists);
+        bvh.all_hits_listed(&rays, &mut lists);
+        assert_eq!(lists.of_rays().count(), rays.len());
+        for (ray, own) in rays.iter().zip(lists.of_rays()) {
+            bvh.all_hits(ray, &mut hits);
+            assert_eq!(own, hits, "{ray:?} {}", path.name());
+            n_all += hits.len();
+        }
+        assert_eq!((n_all, lists.hits().len()), (lists.hits().len(), n_all));
+        bvh.crossings_listed(&rays, &mut lists);
+        for (ray, own) in rays.iter().zip(lists.of_rays()) {
+            bvh.crossings(ray, &mut hits);
+            assert_eq!(own, hits, "{ray:?} {}", path.name());
+        }
+        assert!(lists.hits().len() < n_all && lists.of_rays().count() == rays.len());
     }
-    let visits = bvh.traversal_counts(&rays);
-    assert_eq!(8 * visits.nodes.iter().sum::<u64>(), counts.boxes);
-    assert!(visits.nodes.iter().all(|&n| n > 0), "{visits:?}");
-    let most = counts.triangles.div_ceil(8) + visits.leaves;
-    assert!(visits.leaves <= visits.blocks && visits.blocks <= most, "{visits:?} for {counts:?}");
-    assert_eq!(bvh.clone().with_path(SimdPath::Scalar).traversal_counts(&rays), visits);
-    assert_eq!(bvh.traversal_counts(&[]), TraversalCounts::default());
+    let mut lists = HitLists::new();
+    build_for(TriangleTest::MollerTrumbore, &mesh, Preset::Fast).all_hits_listed(&[], &mut lists);
+    assert_eq!(lists, HitLists::default());
 }
 
 #[test]
-fn triangles_are_returned_as_they_were_given() {
-    for (name, mesh) in scenes() {
-        let corners = |positions: &[[f32; 3]]| -> Vec<[[f32; 3]; 3]> {
-            mesh.triangles.iter().map(|t| t.map(|i| positions[i as usize])).collect()
-        };
-        for preset in [Preset::Fast, Preset::Quality] {
-            let mut bvh = build(&mesh, preset);
-            let check = |bvh: &TriangleBvh, want: &[[[f32; 3]; 3]]| {
-                assert_eq!(bvh.triangles(), want, "{name}");
-                for (id, want) in (0..).map(PrimId).zip(want) {
-                    assert_eq!(bvh.triangle(id), *want, "{name}");
-                }
-            };
-            check(&bvh, &corners(&mesh.positions));
-            check(&TriangleBvh::from_bytes(&bvh.to_bytes()).unwrap(), &corners(&mesh.positions));
-            let moved: Vec<_> = mesh.positions.iter().map(|p| p.map(|x| 1.0 - x)).collect();
-            bvh.refit(&moved, &mesh.triangles).unwrap();
-            check(&bvh, &corners(&moved));
-        }
-    }
-    let none = TriangleBvh::build::<[f32; 3], u32>(&[], &[]).unwrap();
-    assert!(none.triangles().is_empty());
+#[should_panic(expected = "one answer for each ray")]
+fn slices_of_different_length_panic() {
+    let bvh = build(&canted_fixtures::fan(3), Preset::Fast);
+    bvh.par_closest_hits(&[Ray::new([0.0; 3], [1.0; 3])], &mut []);
 }

@@ -8,6 +8,4 @@ mod file;
 mod hits;
 mod local;
 mod moving;
-mod primitives;
 mod refit;
-mod slices;

@@ -1,13 +1,16 @@
-//! Queries equal the loop over all shapes.
+//! Queries equal the loop over all shapes; shapes that break their contract; intervals contain the exact projections.
 
-use canted_obb::Aabb;
 use std::ops::ControlFlow;
 
-use canted_trace::{Accept, Counts, Hit, Intersect, Ray, ScaledRay, Side};
-use canted_wide::{Config, Costs, NodeKind, Preset, Primitive, PrimitiveHit, SimdPath, WideBvh};
+use canted_fixtures::{SplitMix64, sum_is_positive};
+use canted_obb::{Aabb, PrimId};
+use canted_trace::{Accept, Counts, Hit, Intersect, Ray, ScaledRay, Side, Sphere};
+use canted_wide::{
+    Config, Costs, NodeKind, Preset, Primitive, PrimitiveError, PrimitiveHit, SimdPath, WideBvh, bounds_of_points,
+    extent_of_box, extent_of_points,
+};
 
-use crate::scenes::{self, boxes, capsules, disks, rays, spheres, struts};
-use crate::shape::{Capsule, loop_over_all};
+use crate::shape::{Capsule, boxes, capsules, disks, loop_over_all, rays, spheres, struts};
 
 /// Presets with and without oriented nodes, and oriented nodes only.
 pub(crate) fn configs() -> Vec<(&'static str, Config)> {
@@ -195,7 +198,7 @@ impl<const PARTS: u32> Primitive for Shrunk<PARTS> {
 fn intervals_that_are_too_short_lose_hits() {
     fn n_lost<const PARTS: u32>() -> usize {
         let shapes = struts(300);
-        let rays = scenes::rays(&shapes, 4_000);
+        let rays = rays(&shapes, 4_000);
         let (_, config) = configs().pop().expect("the last one has oriented nodes only");
         let shrunk = shapes.iter().map(|&shape| Shrunk::<PARTS>(shape)).collect();
         let bvh = WideBvh::<Shrunk<PARTS>>::over_with(shrunk, config).unwrap();
@@ -248,4 +251,160 @@ fn boxes_are_entered_and_left() {
     assert_eq!(hits.iter().map(|hit| (hit.t, hit.side)).collect::<Vec<_>>(), [(0.5, Side::Front), (1.0, Side::Back)]);
     assert_eq!(bvh.closest_hit(&Ray::new([0.5; 3], [1.0, 0.0, 0.0])).map(|hit| hit.t), Some(0.5));
     assert!(!bvh.occluded(&Ray::new([2.0, 0.5, 0.5], [0.0, 1.0, 0.0])));
+}
+
+#[test]
+fn where_the_entry_is_rejected_the_exit_is_hit() {
+    let leaving = |hit: &Hit| hit.side == Side::Back;
+    let bvh = WideBvh::over(vec![Sphere { center: [0.0; 3], radius: 1.0 }]).expect("valid");
+    let ray = Ray::new([0.0, 0.0, -3.0], [0.0, 0.0, 0.5]);
+    assert_eq!(bvh.closest_hit(&ray).map(|hit| (hit.t, hit.side)), Some((4.0, Side::Front)));
+    let left = bvh.closest_hit_with(&ray, &mut Accept(leaving));
+    assert_eq!(left.map(|hit| (hit.t, hit.side)), Some((8.0, Side::Back)));
+    assert!(bvh.occluded_with(&ray, &mut Accept(leaving)));
+}
+
+#[test]
+fn invalid_bounds_are_rejected_by_id() {
+    let valid = Sphere { center: [0.0; 3], radius: 1.0 };
+    for radius in [-1.0, f32::NAN, f32::INFINITY] {
+        let primitives = vec![valid, Sphere { radius, ..valid }, valid];
+        let rejected = WideBvh::over(primitives).map(|_| ());
+        assert_eq!(rejected, Err(PrimitiveError::Bounds { primitive: PrimId(1) }), "{radius}");
+    }
+    let none = WideBvh::<Sphere>::over(vec![]).expect("no primitive is invalid");
+    assert!(none.closest_hit(&Ray::new([0.0; 3], [1.0; 3])).is_none());
+    assert!(none.aabb().is_empty());
+}
+
+/// Reports hits outside the interval, and NaN.
+struct WrongT(f32);
+
+impl Primitive for WrongT {
+    fn bounds(&self) -> Aabb {
+        Aabb { min: [0.0; 3], max: [1.0; 3] }
+    }
+
+    fn intersect(&self, _: &ScaledRay, _: f32) -> Option<PrimitiveHit> {
+        Some(PrimitiveHit { t: self.0, u: 0.0, v: 0.0, side: Side::Front })
+    }
+}
+
+#[test]
+fn hits_outside_the_interval_are_ignored() {
+    for t in [f32::NAN, f32::INFINITY, -1.0, 100.0] {
+        let bvh = WideBvh::over(vec![WrongT(t)]).expect("valid bounds");
+        let ray = Ray { t_max: 50.0, ..Ray::new([0.5, 0.5, -1.0], [0.0, 0.0, 1.0]) };
+        assert_eq!(bvh.closest_hit(&ray), None, "{t}");
+        let endless = Ray { t_max: f32::INFINITY, ..ray };
+        let mut hits = vec![];
+        bvh.all_hits(&endless, &mut hits);
+        assert_eq!(hits.len(), usize::from(t == 100.0));
+    }
+}
+
+/// A sphere whose error is larger than stated.
+struct Inexact<const STATED: bool>(Sphere);
+
+/// Its error, relative to `|o|∞ + ρ∞`.
+const ACTUAL_ERROR: f32 = 1e-3;
+
+impl<const STATED: bool> Primitive for Inexact<STATED> {
+    const ERROR: f32 = if STATED { 2.0 * ACTUAL_ERROR } else { 0.0 };
+
+    fn bounds(&self) -> Aabb {
+        self.0.bounds()
+    }
+
+    fn intersect(&self, ray: &ScaledRay, t_max: f32) -> Option<PrimitiveHit> {
+        let reach = |v: [f32; 3]| v.into_iter().fold(0.0f32, |a, x| a.max(x.abs()));
+        let scale = reach(ray.origin) + self.bounds().reach();
+        // Grown by the error, so that rays which miss the bounds hit it.
+        let grown = Sphere { radius: self.0.radius + ACTUAL_ERROR * scale, ..self.0 };
+        Primitive::intersect(&grown, ray, t_max)
+    }
+}
+
+#[test]
+fn pads_follow_the_stated_error() {
+    fn lost<const STATED: bool>() -> usize {
+        let spheres = spheres(200, 1.0, 0.0);
+        let rays = rays(&spheres, 2000);
+        let bvh = WideBvh::<Inexact<STATED>>::over(spheres.iter().map(|&s| Inexact::<STATED>(s)).collect());
+        let bvh = bvh.expect("valid spheres");
+        rays.iter()
+            .filter(|ray| {
+                let Some(scaled) = ScaledRay::new(ray) else { return false };
+                let tried = bvh.primitives().iter().filter_map(|p| p.intersect(&scaled, scaled.t_max));
+                let want = tried.map(|hit| scaled.caller_t(hit.t)).reduce(f32::min);
+                bvh.closest_hit(ray).map(|hit| hit.t) != want
+            })
+            .count()
+    }
+    assert_eq!(lost::<true>(), 0);
+    let lost = lost::<false>();
+    assert!(lost > 20, "an error that is not stated loses {lost} hits");
+}
+
+/// Whether `lo <= direction·point <= hi`, by exact products and sums.
+fn contains([lo, hi]: [f32; 2], direction: [f32; 3], point: [f32; 3]) -> bool {
+    let [x, y, z]: [f64; 3] = std::array::from_fn(|k| f64::from(direction[k]) * f64::from(point[k]));
+    sum_is_positive(&[x, y, z, -f64::from(lo)]) && sum_is_positive(&[-x, -y, -z, f64::from(hi)])
+}
+
+fn random(rng: &mut SplitMix64, scale: f64, offset: f64) -> [f32; 3] {
+    std::array::from_fn(|_| (scale * rng.signed() + offset) as f32)
+}
+
+#[test]
+fn intervals_contain_exact_projections_and_little_else() {
+    let mut rng = SplitMix64::new(1);
+    for i in 0..20_000 {
+        let (scale, offset) = [(1.0, 0.0), (1e-30, 0.0), (1e15, 0.0), (1.0, 1e7), (1e-3, -1.0)][i % 5];
+        let points = [(); 3].map(|()| random(&mut rng, scale, offset));
+        let direction = rng.on_sphere().map(|x| x as f32);
+        let extent = extent_of_points(points, 0.0, direction);
+        assert!(points.iter().all(|&point| contains(extent, direction, point)), "{points:?} {direction:?}");
+        // An interval one unit shorter at either end misses a point.
+        for shorter in [[extent[0].next_up(), extent[1]], [extent[0], extent[1].next_down()]] {
+            let loose = points.iter().all(|&point| contains(shorter, direction, point));
+            let exact = points.iter().any(|&point| contains([extent[0], extent[0]], direction, point));
+            let _ = exact;
+            // Errors of f64 may widen the interval by one unit of f32, not by two.
+            let [lo, hi] = [shorter[0].next_up(), shorter[1].next_down()];
+            assert!(!loose || !points.iter().all(|&point| contains([lo, hi], direction, point)));
+        }
+        let aabb = Aabb::from_points(points);
+        let extent = extent_of_box(&aabb, direction);
+        assert!(aabb.corners().iter().all(|&corner| contains(extent, direction, corner)));
+    }
+}
+
+#[test]
+fn radii_widen_intervals_and_boxes() {
+    let (points, radius) = ([[1.0, 2.0, 3.0], [-4.0, 0.5, 0.25]], 0.1_f32);
+    let bounds = bounds_of_points(points, radius);
+    for k in 0..3 {
+        let axis = std::array::from_fn(|i| if i == k { 1.0 } else { 0.0 });
+        let [lo, hi] = extent_of_points(points, radius, axis);
+        let (least, greatest) = (points[0][k].min(points[1][k]), points[0][k].max(points[1][k]));
+        for (lo, hi) in [(lo, hi), (bounds.min[k], bounds.max[k])] {
+            // In f64 these sums are exact.
+            assert!(f64::from(lo) <= f64::from(least) - f64::from(radius));
+            assert!(f64::from(hi) >= f64::from(greatest) + f64::from(radius));
+            assert!(hi - lo < 1.000_001 * (greatest - least + 2.0 * radius));
+        }
+    }
+    assert_eq!(bounds_of_points([[3.0, 0.0, 0.0]], 1.0), Aabb { min: [2.0, -1.0, -1.0], max: [4.0, 1.0, 1.0] });
+    // What f64 cannot hold is rounded outward, too.
+    let tiny = bounds_of_points([[1.0; 3]], 1e-30);
+    assert_eq!((tiny.min, tiny.max), ([1.0f32.next_down(); 3], [1.0f32.next_up(); 3]));
+}
+
+#[test]
+fn no_points_and_nan_give_no_box() {
+    assert!(bounds_of_points([], 1.0).is_empty());
+    assert!(bounds_of_points([[0.0; 3], [0.0, f32::NAN, 0.0]], 1.0).min[0].is_nan());
+    let [lo, hi] = extent_of_points([], 1.0, [1.0, 0.0, 0.0]);
+    assert!(lo > hi);
 }

@@ -1,4 +1,5 @@
-//! The BIH thesis: structures rebuilt for each picture (its table 1) and primitives per leaf (its charts 1 and 2).
+//! Structures of two theses. The BIH thesis: structures rebuilt for each picture (its table 1) and primitives per leaf (its charts 1
+//! and 2). Novak's thesis: a fast builder compared with an SAH builder (his tables), and bytes.
 
 use anyhow::{Result, ensure};
 use canted_bih::{Bih, LeafSize};
@@ -8,20 +9,14 @@ use canted_kdtree::{KdTraversal, KdTree};
 use canted_lbvh::Leaf;
 use canted_obb::Aabb;
 use canted_sah::{Builder, TopDownConfig};
-use canted_trace::{Hit, Intersect, Ray};
 use canted_wide::{Config, Costs, Preset, TriangleBvh};
 
-use super::{
-    novak::scaffold,
-    orders::{Found, scenes},
-    passes::one_thread,
-};
+use super::{Found, one_thread, scaffold, scenes};
 use crate::{
-    models::Model,
-    rays,
+    models::{self, Model},
     report::{
-        model::{Axis, Cell, Chapter, Effort, Plot, Point, Series, Table},
-        samples::{Samples, first, number},
+        model::{Axis, Cell, Chapter, Effort, Point, Series, Table},
+        samples::{Samples, faster, first, number},
     },
     timing,
     wide::engine::{self, Engine},
@@ -51,7 +46,7 @@ const OURS: [Kind; 10] = [
     Kind::Wide(Preset::Balanced),
 ];
 
-pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
+pub(super) fn rebuilt(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
     let found = table_1(chapter, effort)?;
     charts(chapter, effort)?;
     Ok(found)
@@ -75,15 +70,13 @@ fn table_1(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
             table.rows.push(cells);
         };
     let ours = OURS.iter().map(|kind| kind.name());
-    let mut series: Vec<Series> = std::iter::once("BIH thesis".to_owned())
-        .chain(ours)
-        .map(|name| Series { name, points: vec![], is_joined: false })
-        .collect();
+    let mut series: Vec<Series> =
+        std::iter::once("BIH thesis".to_owned()).chain(ours).map(|name| Series::dots(name, vec![])).collect();
     for (scene, n, structures) in THEIRS {
         for (structure, [build, picture]) in STRUCTURES.into_iter().zip(structures) {
             row(["BIH thesis", scene, &n.to_string(), structure], [build.into(), picture.into()], None);
             let label = format!("{scene}, {structure}");
-            series[0].points.push(Point { label, x: build.into(), y: picture.into() });
+            series[0].points.push(Point::new(label, build, picture));
         }
     }
     let (mut found, mut first_of, mut gains) = (Found::default(), vec![], vec![]);
@@ -112,7 +105,7 @@ fn table_1(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         first_of.push(format!("{name} of {n} triangles with {} ({} among theirs)", first(&both), first(&both[..4])));
         for ((took, structure), series) in took.into_iter().zip(&names).zip(&mut series[1..]) {
             let label = format!("{name}, {n} triangles");
-            series.points.push(Point { label, x: took.build.clone(), y: took.picture.clone() });
+            series.points.push(Point::new(label, took.build.clone(), took.picture.clone()));
             row(["ours", name, &n.to_string(), structure], [took.build, took.picture], Some(took.bytes));
         }
     }
@@ -123,17 +116,16 @@ fn table_1(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
         gains.join(", ")
     );
     chapter.tables.push(table);
-    chapter.plots.push(Plot {
-        title: "Structures rebuilt for each picture: picture over build".to_owned(),
-        x: Axis::log("build, ms"),
-        y: Axis::log("picture, ms"),
+    chapter.plot(
+        "Structures rebuilt for each picture: picture over build",
+        Axis::log("build, ms"),
+        Axis::log("picture, ms"),
         series,
-    });
+    );
     Ok(found)
 }
 
 fn megabytes(bytes: usize) -> String {
-    #[expect(clippy::cast_precision_loss, reason = "bytes are fewer than 2^53")]
     let bytes = bytes as f64;
     format!("{} MB", number(bytes * 1e-6))
 }
@@ -208,7 +200,7 @@ pub(super) fn charts(chapter: &mut Chapter, effort: Effort) -> Result<()> {
             row.extend([Cell::measured(samples, ""), Cell::text(megabytes(took.bytes.iter().sum()))]);
             table.rows.push(row);
             if let (Kind::Bih(1..), Ok(most)) = (took.kind, most.parse::<f64>()) {
-                points.push(Point { label: scene.clone(), x: most.into(), y: (*rate).into() });
+                points.push(Point::new(scene.clone(), most, *rate));
             }
         }
         let best = (1..=MOST.len()).max_by(|&a, &b| rates[a].total_cmp(&rates[b])).unwrap_or(1);
@@ -218,19 +210,19 @@ pub(super) fn charts(chapter: &mut Chapter, effort: Effort) -> Result<()> {
             number(rates[best] / rates[1]),
             number(rates[0] / rates[best])
         ));
-        series.push(Series { name: format!("BIH, {scene}"), points, is_joined: true });
+        series.push(Series::line(format!("BIH, {scene}"), points));
     }
     table.says = format!(
         "The thesis: leaves of 5 to 30 give 11 to 88 % more pictures per second than leaves of 1, and a fifth of the memory. Here, {}.",
         found.join("; ")
     );
     chapter.tables.push(table);
-    chapter.plots.push(Plot {
-        title: "Pictures per second over primitives per leaf, built anew for each".to_owned(),
-        x: Axis::log("maximum primitives per leaf"),
-        y: Axis::log("pictures per second"),
+    chapter.plot(
+        "Pictures per second over primitives per leaf, built anew for each",
+        Axis::log("maximum primitives per leaf"),
+        Axis::log("pictures per second"),
         series,
-    });
+    );
     Ok(())
 }
 
@@ -262,87 +254,47 @@ impl Kind {
         }
     }
 
-    fn build(self, mesh: &Mesh) -> Result<Box<dyn Structure>> {
+    /// The structure, and bytes of its nodes, references and triangles.
+    fn build(self, mesh: &Mesh) -> Result<(Box<dyn Engine>, [usize; 3])> {
         let (positions, triangles) = (&mesh.positions[..], &mesh.triangles[..]);
+        // The numbers of the triangles are in their blocks.
+        let wide = |config: Config| -> Result<(Box<dyn Engine>, [usize; 3])> {
+            let of = TriangleBvh::build_with(positions, triangles, config)?;
+            let (nodes, references) = (of.sizes().node_bytes, 4 * of.n_primitives());
+            let bytes = [nodes, references, of.sizes().leaf_bytes - references];
+            Ok((Box::new(of), bytes))
+        };
         Ok(match self {
             Self::Bih(n) => {
                 let leaf_size = if n == 0 { LeafSize::Auto } else { LeafSize::AtMost(n) };
                 let config = canted_bih::BihConfig { leaf_size, ..canted_bih::BihConfig::default() };
-                Box::new(Bih::build(positions, triangles, &config)?)
+                let of = Bih::build(positions, triangles, &config)?;
+                let memory = of.memory();
+                (Box::new(of), [memory.nodes, memory.references, memory.triangles])
             }
             Self::KdTree(traversal) => {
                 let config = canted_kdtree::KdTreeConfig { traversal, ..canted_kdtree::KdTreeConfig::default() };
-                Box::new(KdTree::build(positions, triangles, &config)?)
+                let of = KdTree::build(positions, triangles, &config)?;
+                let memory = of.memory();
+                (Box::new(of), [memory.nodes + memory.ropes, memory.references, memory.triangles])
             }
             Self::Binary(builder) => {
                 let (corners, bounds) = canted_lbvh::triangle_corners(positions, triangles)?;
                 let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
                 let tree = canted_sah::build(&boxes, &bounds, &builder);
-                Box::new(Bvh2::over(tree, &corners, &bounds, &Bvh2Config::default()))
+                let of = Bvh2::over(tree, &corners, &bounds, &Bvh2Config::default());
+                let (nodes, references) = (of.pairs().n_bytes(), 4 * of.n_triangles());
+                let bytes = [nodes, references, of.n_bytes() - nodes - references];
+                (Box::new(of), bytes)
             }
-            Self::Wide(preset) => Box::new(TriangleBvh::build_with(positions, triangles, Config::preset(preset))?),
+            Self::Wide(preset) => wide(Config::preset(preset))?,
             Self::WideLeaf(max_leaf) => {
                 let usual = Config::preset(Preset::Fast);
-                let config = Config { costs: Costs { max_leaf, ..usual.costs }, ..usual };
-                Box::new(TriangleBvh::build_with(positions, triangles, config)?)
+                wide(Config { costs: Costs { max_leaf, ..usual.costs }, ..usual })?
             }
         })
     }
 }
-
-/// A built structure.
-trait Structure: Engine + Send {
-    /// Bytes of nodes, references and triangles.
-    fn bytes(&self) -> [usize; 3];
-    fn engine(self: Box<Self>) -> Box<dyn Engine>;
-}
-
-/// Structures have queries of the same names, but no common trait.
-macro_rules! structure {
-    ($structure:ty, |$of:ident| $bytes:expr) => {
-        impl Engine for $structure {
-            fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-                self.closest_hits(rays, hits);
-            }
-
-            fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
-                self.occluded_many(rays, occluded);
-            }
-        }
-
-        structure!(bytes $structure, |$of| $bytes);
-    };
-    (bytes $structure:ty, |$of:ident| $bytes:expr) => {
-        impl Structure for $structure {
-            fn bytes(&self) -> [usize; 3] {
-                let $of = self;
-                $bytes
-            }
-
-            fn engine(self: Box<Self>) -> Box<dyn Engine> {
-                self
-            }
-        }
-    };
-}
-
-structure!(Bih, |of| {
-    let memory = of.memory();
-    [memory.nodes, memory.references, memory.triangles]
-});
-structure!(KdTree, |of| {
-    let memory = of.memory();
-    [memory.nodes + memory.ropes, memory.references, memory.triangles]
-});
-structure!(Bvh2, |of| {
-    let (nodes, references) = (of.pairs().n_bytes(), 4 * of.n_triangles());
-    [nodes, references, of.n_bytes() - nodes - references]
-});
-// The numbers of the triangles are in their blocks.
-structure!(bytes TriangleBvh, |of| {
-    let (nodes, references) = (of.sizes().node_bytes, 4 * of.n_primitives());
-    [nodes, references, of.sizes().leaf_bytes - references]
-});
 
 /// The measurements of one structure.
 pub(super) struct Took {
@@ -368,7 +320,7 @@ pub(super) fn measure(model: &Model, kinds: &[Kind], effort: Effort) -> Result<V
 
 fn measure_here(model: &Model, kinds: &[Kind], effort: Effort) -> Result<Vec<Took>> {
     // Four views together have the pixels of one picture of twice the width and height.
-    let rays = rays::camera(model, effort.pick(16, 128, 128));
+    let rays = models::camera(model, effort.pick(16, 128, 128));
     let rounds = effort.pick(2, 3, 5);
     let mut built = vec![];
     let mut builds = vec![vec![]; kinds.len()];
@@ -383,8 +335,7 @@ fn measure_here(model: &Model, kinds: &[Kind], effort: Effort) -> Result<Vec<Too
             }
         }
     }
-    let bytes: Vec<[usize; 3]> = built.iter().map(|structure| structure.bytes()).collect();
-    let engines: Vec<Box<dyn Engine>> = built.into_iter().map(Structure::engine).collect();
+    let (engines, bytes): (Vec<Box<dyn Engine>>, Vec<[usize; 3]>) = built.into_iter().unzip();
     let (seconds, hits) = engine::closest(&engines, &rays, rounds);
     for (kind, hits_of_kind) in kinds.iter().zip(&hits) {
         let n = hits_of_kind.iter().zip(&hits[0]).filter(|(a, b)| a != b).count();
@@ -393,8 +344,126 @@ fn measure_here(model: &Model, kinds: &[Kind], effort: Effort) -> Result<Vec<Too
     let took = kinds.iter().zip(builds).zip(seconds).zip(bytes).map(|(((&kind, build), seconds), bytes)| Took {
         kind,
         build: build.into(),
-        picture: seconds.iter().map(|seconds| seconds.cpu * 1e3).collect::<Vec<_>>().into(),
+        picture: Samples::from(engine::cpu(&seconds)).scaled(1e3),
         bytes,
     });
     Ok(took.collect())
+}
+
+/// Novak's scenes: triangles if known, megabytes of the tree built on the CPU and of the one built on the GPU.
+const NOVAK_SCENES: [(&str, Option<usize>, [f64; 2]); 6] = [
+    ("scene 1", None, [59.0, 66.0]),
+    ("scene 2", None, [94.0, 125.0]),
+    ("scene 3", None, [106.0, 162.0]),
+    ("scene 4", Some(1_099_995), [213.0, 302.0]),
+    ("scene 5", Some(1_468_284), [251.0, 347.0]),
+    ("scene 6", Some(2_880_000), [372.0, 446.0]),
+];
+
+/// By scene and machine: build and frame milliseconds of the GPU's radix tree, then of the CPU's SAH tree.
+const NOVAK_MS: [[[f64; 4]; 3]; 6] = [
+    [[153.02, 34.82, 218.87, 62.52], [18.04, 4.89, 167.81, 7.49], [19.21, 5.73, 167.85, 9.11]],
+    [[186.15, 117.22, 582.61, 231.91], [35.13, 17.35, 477.59, 21.91], [37.77, 21.26, 476.81, 25.18]],
+    [[197.33, 117.28, 1271.21, 155.82], [77.11, 7.74, 1033.91, 14.38], [81.56, 10.94, 1033.98, 17.63]],
+    [[466.33, 62.13, 2745.89, 95.72], [222.04, 5.82, 2241.39, 8.63], [231.86, 8.21, 2241.89, 11.58]],
+    [[539.11, 134.82, 3774.12, 272.22], [181.62, 32.31, 3063.49, 44.55], [192.71, 36.19, 3063.46, 49.74]],
+    [[792.15, 891.92, 9359.67, 896.72], [371.08, 368.45, 7263.72, 319.68], [384.16, 386.65, 7264.15, 347.55]],
+];
+
+const MACHINES: [&str; 3] = ["GTX 950", "RTX 2080 Ti", "RX Vega 64"];
+
+pub(super) fn builders(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
+    let head = [
+        "source",
+        "scene",
+        "triangles",
+        "fast: build",
+        "picture",
+        "SAH: build",
+        "picture",
+        "build gain",
+        "picture gain",
+        "pictures until SAH is ahead",
+    ];
+    let mut times = Table::new("A fast builder compared with an SAH builder (Novak's tables)", &head);
+    let mut memory = Table::new(
+        "Bytes of BVHs (Novak's memory)",
+        &["source", "scene", "triangles", "fast", "SAH", "fast, per triangle", "SAH, per triangle"],
+    );
+    let mut series: Vec<Series> = MACHINES
+        .iter()
+        .map(|machine| format!("Novak, {machine}"))
+        .chain(["ours".to_owned()])
+        .map(|name| Series::dots(name, vec![]))
+        .collect();
+    let point = |scene: &str, (build, picture): (f64, f64)| Point::new(scene, build, picture);
+    for ((scene, n_triangles, megabytes), machines) in NOVAK_SCENES.into_iter().zip(NOVAK_MS) {
+        let n = n_triangles.map_or_else(|| "lost".to_owned(), |n| n.to_string());
+        for ((machine, ms), series) in MACHINES.iter().zip(machines).zip(&mut series) {
+            let gains = novak_row(&mut times, [&format!("Novak, {machine}"), scene, &n], ms.map(Samples::from));
+            series.points.push(point(scene, gains));
+        }
+        // The first column belongs to the CPU.
+        memory.rows.push(novak_bytes(["Novak", scene, &n], n_triangles, [megabytes[1] * 1e6, megabytes[0] * 1e6]));
+    }
+    let (mut says, mut gains_of) = (String::new(), vec![]);
+    for &log2 in effort.pick(&[8][..], &[15, 17], &[15, 17, 20, 21]) {
+        let model = scaffold(log2);
+        let n_triangles = model.mesh.triangles.len();
+        let n = n_triangles.to_string();
+        let took = measure(&model, &[Kind::Binary(Builder::Lbvh), SWEPT], effort)?;
+        let [fast, sah] = [&took[0], &took[1]];
+        says = format!(
+            "On a scaffold of {n} triangles {}; {}.",
+            faster(("the radix tree's build", &fast.build), ("the SAH build", &sah.build)),
+            faster(("the SAH tree's picture", &sah.picture), ("the radix tree's", &fast.picture)),
+        );
+        let ms = [&fast.build, &fast.picture, &sah.build, &sah.picture].map(Samples::clone);
+        let gains = novak_row(&mut times, ["ours", "scaffold", &n], ms);
+        series[MACHINES.len()].points.push(point("scaffold", gains));
+        gains_of.push(format!("{} with {n} triangles", number(gains.1)));
+        let sizes = [0, 1].map(|i| took[i].bytes.iter().sum::<usize>() as f64);
+        memory.rows.push(novak_bytes(["ours", "scaffold", &n], Some(n_triangles), sizes));
+    }
+    chapter.plot(
+        "SAH compared with a fast builder: picture gain over build cost",
+        Axis::log("SAH build over fast build"),
+        Axis::log("fast picture over SAH picture"),
+        series,
+    );
+    times.says = format!(
+        "On Novak's machines, pictures through the fast tree are faster than through the SAH tree in all but two of 18 cases, so the SAH builder never pays. That \
+         does not hold here: picture gains of the SAH tree are {}.",
+        gains_of.join(", ")
+    );
+    "Novak's fast tree takes more memory than his SAH tree, whose leaves hold several triangles; here both have a triangle per leaf and the same size."
+        .clone_into(&mut memory.says);
+    chapter.tables.extend([times, memory]);
+    Ok(says.into())
+}
+
+/// Adds a row; returns build gain and picture gain.
+fn novak_row(table: &mut Table, [source, scene, n]: [&str; 3], ms: [Samples; 4]) -> (f64, f64) {
+    let [build, picture, sah_build, sah_picture] = ms.each_ref().map(Samples::median);
+    let gain = picture - sah_picture;
+    let is_noise = ms[1].differs_by_noise(&ms[3]);
+    let crossing = match (is_noise, gain > 0.0) {
+        (true, _) => "noise".to_owned(),
+        (false, true) => number(((sah_build - build) / gain).ceil()),
+        (false, false) => "never".to_owned(),
+    };
+    let [a, b, c, d] = ms.map(|samples| Cell::measured(samples, "ms"));
+    let [source, scene, n] = [source, scene, n].map(Cell::text);
+    let gains = (sah_build / build, picture / sah_picture);
+    let [build_gain, picture_gain] = [gains.0, gains.1].map(|gain| Cell::text(number(gain)));
+    table.rows.push(vec![source, scene, n, a, b, c, d, build_gain, picture_gain, Cell::text(crossing)]);
+    gains
+}
+
+fn novak_bytes([source, scene, n]: [&str; 3], n_triangles: Option<usize>, sizes: [f64; 2]) -> Vec<Cell> {
+    let mut cells = [source, scene, n].map(Cell::text).to_vec();
+    cells.extend(sizes.map(|size| Cell::text(format!("{} MB", number(size * 1e-6)))));
+    let each = |size: f64| n_triangles.map_or_else(|| "–".to_owned(), |n| format!("{} B", number(size / n as f64)));
+    cells.extend(sizes.map(|size| Cell::text(each(size))));
+    cells
 }

@@ -24,7 +24,7 @@ const N_STRIPES: u32 = 16;
 const N_TILES: u32 = 24;
 
 /// An elastic body that falls onto a floor at height 0, and the scene of it.
-pub struct Stage {
+pub struct Simulation {
     /// The body.
     pub body: Body,
     /// Mesh 0 is the surface of the body, mesh 1 the floor.
@@ -35,7 +35,7 @@ pub struct Stage {
     floor: Floor,
 }
 
-impl Stage {
+impl Simulation {
     /// Fills a closed mesh with phyxels of the given spacing in m.
     ///
     /// # Errors
@@ -112,7 +112,6 @@ fn floor() -> Mesh {
             material: MaterialId(2 + parity),
         });
         for tile in (0..N_TILES * N_TILES).filter(|tile| (tile % N_TILES + tile / N_TILES) % 2 == parity) {
-            #[expect(clippy::cast_precision_loss, reason = "small numbers")]
             let [x, z] = [tile % N_TILES, tile / N_TILES].map(|i| SIDE * (i as f32 - 0.5 * N_TILES as f32));
             let first = u32::try_from(mesh.positions.len()).expect("few tiles");
             mesh.positions.extend([[x, 0.0, z], [x, 0.0, z + SIDE], [x + SIDE, 0.0, z + SIDE], [x + SIDE, 0.0, z]]);
@@ -153,7 +152,6 @@ pub fn torus([major, minor]: [f64; 2], n: [u32; 2], height: f64, tilt_rad: f64) 
         let ((sin_i, cos_i), (sin_j, cos_j)) = (angle(i, n[0]), angle(j, n[1]));
         let from_axis = major + minor * cos_j;
         let [x, y, z] = [from_axis * cos_i, from_axis * sin_i, minor * sin_j];
-        #[expect(clippy::cast_possible_truncation, reason = "rounds")]
         [x, height + cos_tilt * y - sin_tilt * z, sin_tilt * y + cos_tilt * z].map(|x| x as f32)
     };
     let rings = || (0..n[0]).flat_map(|i| (0..n[1]).map(move |j| (i, j)));
@@ -180,11 +178,6 @@ pub fn lattice_inside(mesh: &TriangleMesh, spacing: f64) -> Result<Vec<[f32; 3]>
     let [nx, ny, nz]: [f64; 3] = n;
     ensure!(spacing > 0.0 && nx * ny * nz <= MAX_CELLS, "spacing {spacing} m of phyxels: use a larger one");
     let counter = |n: f64| {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "at most 2^24; 0 without triangles"
-        )]
         let n = n as u32;
         0..n
     };
@@ -193,7 +186,6 @@ pub fn lattice_inside(mesh: &TriangleMesh, spacing: f64) -> Result<Vec<[f32; 3]>
         for j in counter(ny) {
             for k in counter(nz) {
                 let cell = [i, j, k].map(|i| (f64::from(i) + 0.5) * spacing);
-                #[expect(clippy::cast_possible_truncation, reason = "rounds")]
                 centers.push(std::array::from_fn(|k| (f64::from(bounds.min[k]) + cell[k]) as f32));
             }
         }
@@ -224,7 +216,6 @@ impl Surface {
     /// # Errors
     /// [`BodyError::Detached`] where a surfel, possibly one that is not finite, is in the radius of action of no phyxel.
     pub fn new(body: &Body, positions: &[[f32; 3]]) -> Result<Self, BodyError> {
-        #[expect(clippy::cast_possible_truncation, reason = "the rest positions came from f32")]
         let phyxels: Vec<[f32; 3]> = body.rest.iter().map(|rest| rest.to_array().map(|x| x as f32)).collect();
         let radius = body.radii.iter().copied().fold(0.0, f64::max);
         let grid = Grid::new(&phyxels, radius);
@@ -261,7 +252,6 @@ impl Surface {
                     weight * (body.displacements[i] + gradients[i] * offset)
                 })
                 .sum();
-            #[expect(clippy::cast_possible_truncation, reason = "rounds")]
             (rest + displacement).to_array().map(|x| x as f32)
         });
         moved.collect()
