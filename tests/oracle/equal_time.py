@@ -62,9 +62,9 @@ class Canted:
     def __init__(self, program, sampler, samples, folder):
         self.name, self.samples = f"canted, `{sampler}`", samples
         self.folder, self.out = folder, folder / "out.exr"
-        shot = scenes.SPONZA
+        picture = scenes.SPONZA
         words = lambda numbers: ",".join(map(str, numbers))
-        view = f"--eye={words(shot.eye)} --target={words(shot.target)} --fov={shot.fov} --env={words(scenes.BLUE)}"
+        view = f"--eye={words(picture.eye)} --target={words(picture.target)} --fov={picture.fov} --env={words(scenes.BLUE)}"
         how = f"--integrator=path --lod=none --device=cpu --sampler={sampler} --json -o {self.out}"
         self.command = [program, "render", folder / "sponza.obj", *view.split(), *how.split()]
         # Overhead, measured with a picture of one sample.

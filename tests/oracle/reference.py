@@ -43,11 +43,11 @@ def main(names):
     mi.set_variant("llvm_ad_rgb")
     import scenes
 
-    for name in names or scenes.SHOTS:
-        shot, start = scenes.SHOTS[name], time.time()
+    for name in names or scenes.PICTURES:
+        picture, start = scenes.PICTURES[name], time.time()
         with tempfile.TemporaryDirectory() as folder:
-            scene = mi.load_dict(scenes.scene(shot, Path(folder)))
-        pictures = runs(scene, shot.samples)
+            scene = mi.load_dict(scenes.scene(picture, Path(folder)))
+        pictures = runs(scene, picture.samples)
         mean = pictures.mean(axis=0)
         error = np.std([blocks(picture) for picture in pictures], axis=0, ddof=1) / N_RUNS**0.5
         here = Path(__file__).parent

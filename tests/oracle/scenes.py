@@ -1,6 +1,6 @@
 """The scenes of the oracle for Mitsuba.
 
-`SHOTS` lists every picture: model, surface simplification, camera, lights and path length. `tests/tests/pictures/shots.rs` has the
+`PICTURES` lists every picture: model, surface simplification, camera, lights and path length. `tests/tests/pictures/scenes.rs` has the
 same numbers. World +y is up, angles are in degrees, colors are linear.
 """
 
@@ -50,7 +50,7 @@ class Sky:
 
 
 @dataclass(frozen=True)
-class Shot:
+class Picture:
     model: str
     size: tuple
     eye: tuple
@@ -66,24 +66,24 @@ class Shot:
 
 
 BLUE = (0.4, 0.5, 0.65)
-CORNELL = Shot("cornell/cornellBox.obj", (64, 64), (-0.23, 2.58, 9.0), (-0.23, 2.58, -3.0), 36.0)
-SPONZA = Shot(
+CORNELL = Picture("cornell/cornellBox.obj", (64, 64), (-0.23, 2.58, 9.0), (-0.23, 2.58, -3.0), 36.0)
+SPONZA = Picture(
     "sponza/sponza.obj", (96, 64), (700.0, 700.0, -100.0), (-300.0, 250.0, 100.0), 60.0, samples=2048
 )
-KITCHEN = Shot(
+KITCHEN = Picture(
     "kitchen/country_kitchen.glb", (112, 64), (1.211, 1.80475, 3.85239), (0.7729, 1.76308, 2.95443), 36.5, is_lambert=False, samples=1024
 )
 # The court from above its opening, and the kitchen floor lit by the sun through the window. Most light there is direct, so few
 # samples suffice.
 COURT = replace(SPONZA, eye=(600.0, 1350.0, 0.0), target=(-300.0, 450.0, 0.0))
 KITCHEN_FLOOR = replace(KITCHEN, size=(96, 64), eye=(0.7, 2.0, 3.0), target=(1.5, 0.0, 1.3), fov=36.0, samples=4096)
-FLOOR = Shot("floor", (64, 64), (0.0, 4.0, 8.0), (0.0, 0.0, 0.0), 40.0)
+FLOOR = Picture("floor", (64, 64), (0.0, 4.0, 8.0), (0.0, 0.0, 0.0), 40.0)
 
 CORNELL_SUN = Sun((0.3, -0.5, -1.0), (3.0, 2.8, 2.5))
 SPONZA_SUN = Sun((-0.15, -1.0, 0.12), (12.0, 11.0, 9.0))
 KITCHEN_SUN = Sun((0.3, -0.5, 1.0), (60.0, 55.0, 45.0))
 
-SHOTS = {
+PICTURES = {
     "cornell-env": replace(CORNELL, environment=BLUE),
     "cornell-sun": replace(CORNELL, environment=BLUE, lights=(CORNELL_SUN,)),
     # The model's lamp hangs 9 mm below the ceiling, and only rare paths find the light from that gap, so it is moved down. It is
@@ -104,10 +104,10 @@ SHOTS = {
 }
 # Limited paths of one, two and three bounces.
 for n in (2, 3, 4):
-    SHOTS[f"cornell-env-{n}"] = replace(SHOTS["cornell-env"], n_segments=n)
-SHOTS["cornell-sun-3"] = replace(SHOTS["cornell-sun"], n_segments=3)
-SHOTS["cornell-point-3"] = replace(CORNELL, lights=(Point((-0.9, 3.5, -1.2), (8.0, 7.0, 6.0)),), n_segments=3)
-SHOTS["sponza-sun-3"] = replace(SHOTS["sponza-sun"], n_segments=3)
+    PICTURES[f"cornell-env-{n}"] = replace(PICTURES["cornell-env"], n_segments=n)
+PICTURES["cornell-sun-3"] = replace(PICTURES["cornell-sun"], n_segments=3)
+PICTURES["cornell-point-3"] = replace(CORNELL, lights=(Point((-0.9, 3.5, -1.2), (8.0, 7.0, 6.0)),), n_segments=3)
+PICTURES["sponza-sun-3"] = replace(PICTURES["sponza-sun"], n_segments=3)
 
 
 def quad(a, b, c, d):
@@ -194,19 +194,19 @@ class Cutoff(mi.Texture):
         return "Cutoff"
 
 
-def shape(folder, number, part, shot):
+def shape(folder, number, part, picture):
     """The triangles of a part; emissive ones also get back faces, because Mitsuba's emitters are one-sided."""
     def one(suffix, part):
         path = folder / f"{number}{suffix}.ply"
         meshes.write_ply(path, part)
-        mesh = {"type": "ply", "filename": str(path), "face_normals": True, "bsdf": bsdf(part.material, shot.is_lambert)}
+        mesh = {"type": "ply", "filename": str(path), "face_normals": True, "bsdf": bsdf(part.material, picture.is_lambert)}
         if emits:
             mesh["emitter"] = {"type": "area", "radiance": rgb(part.material.emission)}
         return mesh
 
-    emits = shot.lamp_drop is not None and any(part.material.emission)
+    emits = picture.lamp_drop is not None and any(part.material.emission)
     if emits:
-        part = replace(part, corners=part.corners - np.float32([0.0, shot.lamp_drop, 0.0]))
+        part = replace(part, corners=part.corners - np.float32([0.0, picture.lamp_drop, 0.0]))
     shapes = {f"part-{number}": one("", part)}
     if emits:
         a, b, c = np.moveaxis(part.corners.astype(float), 1, 0)
@@ -259,30 +259,30 @@ def light(light):
     raise TypeError(light)
 
 
-def camera(shot):
-    film = {"type": "hdrfilm", "width": shot.size[0], "height": shot.size[1], "rfilter": {"type": "box"}}
+def camera(picture):
+    film = {"type": "hdrfilm", "width": picture.size[0], "height": picture.size[1], "rfilter": {"type": "box"}}
     film |= {"pixel_format": "rgb", "component_format": "float32"}
     view = {"type": "perspective"}
-    if shot.lens:
-        view = {"type": "thinlens", "aperture_radius": shot.lens[0], "focus_distance": shot.lens[1]}
-    place = mi.ScalarTransform4f().look_at(shot.eye, shot.target, [0, 1, 0])
+    if picture.lens:
+        view = {"type": "thinlens", "aperture_radius": picture.lens[0], "focus_distance": picture.lens[1]}
+    place = mi.ScalarTransform4f().look_at(picture.eye, picture.target, [0, 1, 0])
     clip = {"near_clip": 1e-3, "far_clip": 1e5}
-    return view | clip | {"fov": shot.fov, "fov_axis": "y", "to_world": place, "film": film}
+    return view | clip | {"fov": picture.fov, "fov_axis": "y", "to_world": place, "film": film}
 
 
-def scene(shot, folder):
-    """The dictionary of a shot; triangles go through files in `folder`."""
+def scene(picture, folder):
+    """The dictionary of a picture; triangles go through files in `folder`."""
     if mi.variant() != scene.variant:
         mi.register_texture("cutoff", Cutoff)
         scene.variant = mi.variant()
     # Only this integrator passes shadow rays through masked parts without counting them as an event.
-    integrator = {"type": "volpath", "max_depth": shot.n_segments or -1}
-    made = {"type": "scene", "integrator": integrator, "camera": camera(shot)}
-    for number, part in enumerate(parts(shot.model)):
-        made |= shape(folder, number, part, shot)
-    made |= {f"light-{i}": light(each) for i, each in enumerate(shot.lights)}
-    if any(shot.environment):
-        made["environment"] = {"type": "constant", "radiance": rgb(shot.environment)}
+    integrator = {"type": "volpath", "max_depth": picture.n_segments or -1}
+    made = {"type": "scene", "integrator": integrator, "camera": camera(picture)}
+    for number, part in enumerate(parts(picture.model)):
+        made |= shape(folder, number, part, picture)
+    made |= {f"light-{i}": light(each) for i, each in enumerate(picture.lights)}
+    if any(picture.environment):
+        made["environment"] = {"type": "constant", "radiance": rgb(picture.environment)}
     return made
 
 

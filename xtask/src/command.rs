@@ -2,7 +2,7 @@
 
 use std::{
     ffi::OsString,
-    fs,
+    fmt, fs,
     io::{BufRead, BufReader, Read, Write},
     path::{Path, PathBuf},
     process::{Command, Stdio},
@@ -157,6 +157,40 @@ pub(crate) fn packages_with_features() -> Result<Vec<(String, Vec<String>)>> {
     Ok(packages)
 }
 
+/// Numbers of tests.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Count {
+    pub(crate) passed: usize,
+    pub(crate) failed: usize,
+    /// Tests that were ignored.
+    pub(crate) skipped: usize,
+}
+
+impl Count {
+    /// Adds the numbers of a line like `test result: ok. 3 passed; 0 failed; 1 ignored; ...`; other lines have none.
+    pub(crate) fn add(&mut self, line: &str) {
+        let Some((_, totals)) = line.strip_prefix("test result: ").and_then(|result| result.split_once(". ")) else {
+            return;
+        };
+        for part in totals.split("; ") {
+            let Some((n, kind)) = part.split_once(' ') else { continue };
+            let n = n.parse().unwrap_or(0);
+            match kind {
+                "passed" => self.passed += n,
+                "failed" => self.failed += n,
+                "ignored" => self.skipped += n,
+                _ => {}
+            }
+        }
+    }
+}
+
+impl fmt::Display for Count {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} passed, {} failed, {} skipped", self.passed, self.failed, self.skipped)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -181,5 +215,20 @@ mod tests {
         let packages = packages_with_features().unwrap();
         assert!(packages.iter().any(|(name, features)| name == "canted-lbvh" && features[..] == ["parallel"]));
         assert!(packages.iter().all(|(name, _)| name != "canted-gpu"), "canted-gpu has no features");
+    }
+
+    #[test]
+    fn results_of_programs_are_summed() {
+        let mut count = Count::default();
+        for line in [
+            "running 4 tests",
+            "test a ... ok",
+            "test result: FAILED. 2 passed; 1 failed; 1 ignored; 0 measured; 0 filtered out; finished in 0.00s",
+            "test result: ok. 30 passed; 0 failed; 5 ignored; 0 measured; 0 filtered out; finished in 1.2s",
+            "error: could not compile",
+        ] {
+            count.add(line);
+        }
+        assert_eq!(count.to_string(), "32 passed, 1 failed, 6 skipped");
     }
 }

@@ -13,8 +13,7 @@ use anyhow::{Context, Result, bail, ensure};
 
 use crate::{
     bench::KEEP,
-    command::{self, cargo, files_with, say, succeeds, succeeds_silently},
-    test::Count,
+    command::{self, Count, cargo, files_with, say, succeeds, succeeds_silently},
 };
 
 /// The manifest of the package, which is no member of the workspace.

@@ -2,7 +2,7 @@
 //! finds a GPU driver for them, or installs the software driver where that is allowed.
 
 use std::{
-    env, fmt,
+    env,
     path::Path,
     process::{Command, Stdio},
 };
@@ -11,43 +11,9 @@ use anyhow::Result;
 
 use crate::{
     browser,
-    command::{self, files_with, say},
+    command::{self, Count, files_with, say},
     python,
 };
-
-/// Numbers of tests.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Count {
-    pub(crate) passed: usize,
-    pub(crate) failed: usize,
-    /// Tests that were ignored.
-    pub(crate) skipped: usize,
-}
-
-impl Count {
-    /// Adds the numbers of a line like `test result: ok. 3 passed; 0 failed; 1 ignored; ...`; other lines have none.
-    fn add(&mut self, line: &str) {
-        let Some((_, totals)) = line.strip_prefix("test result: ").and_then(|result| result.split_once(". ")) else {
-            return;
-        };
-        for part in totals.split("; ") {
-            let Some((n, kind)) = part.split_once(' ') else { continue };
-            let n = n.parse().unwrap_or(0);
-            match kind {
-                "passed" => self.passed += n,
-                "failed" => self.failed += n,
-                "ignored" => self.skipped += n,
-                _ => {}
-            }
-        }
-    }
-}
-
-impl fmt::Display for Count {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} passed, {} failed, {} skipped", self.passed, self.failed, self.skipped)
-    }
-}
 
 /// Runs all tests and prints their count last. Returns whether none failed.
 pub(crate) fn run() -> Result<bool> {
@@ -123,24 +89,4 @@ fn apt(words: &[&str]) {
     let mut command = command::program("apt-get", words);
     // Whether it succeeded shows in what is installed.
     let _ = command.env("DEBIAN_FRONTEND", "noninteractive").stdout(Stdio::null()).status();
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn results_of_programs_are_summed() {
-        let mut count = Count::default();
-        for line in [
-            "running 4 tests",
-            "test a ... ok",
-            "test result: FAILED. 2 passed; 1 failed; 1 ignored; 0 measured; 0 filtered out; finished in 0.00s",
-            "test result: ok. 30 passed; 0 failed; 5 ignored; 0 measured; 0 filtered out; finished in 1.2s",
-            "error: could not compile",
-        ] {
-            count.add(line);
-        }
-        assert_eq!(count.to_string(), "32 passed, 1 failed, 6 skipped");
-    }
 }

@@ -6,16 +6,16 @@
 
 use canted_film::{Film, Picture};
 
-use crate::shots::{
-    BLUE, Shot, checker, cornell_env, cornell_lamp, cornell_paths, cornell_point, cornell_sun, kitchen_ball,
+use crate::scenes::{
+    BLUE, OraclePicture, checker, cornell_env, cornell_lamp, cornell_paths, cornell_point, cornell_sun, kitchen_ball,
     kitchen_sky, kitchen_sun, lens, penumbra, sponza_ball, sponza_blue_sky, sponza_image_sky, sponza_sun,
     sponza_sun_paths, spot,
 };
 
-fn check(shot: Option<Shot>) {
-    let Some(shot) = shot else { return };
-    let verdict = agree(&shot.ours(), &shot.theirs());
-    assert_eq!(verdict, Ok(()), "{}", shot.name);
+fn check(picture: Option<OraclePicture>) {
+    let Some(picture) = picture else { return };
+    let verdict = agree(&picture.ours(), &picture.theirs());
+    assert_eq!(verdict, Ok(()), "{}", picture.name);
 }
 
 #[test]
@@ -26,10 +26,10 @@ fn sky_in_the_cornell_box() {
 #[test]
 fn sky_in_the_cornell_box_after_bounces() {
     for (name, n_segments) in [("cornell-env-3", 3), ("cornell-env-4", 4)] {
-        check(cornell_env("sky_in_the_cornell_box_after_bounces").map(|shot| Shot {
+        check(cornell_env("sky_in_the_cornell_box_after_bounces").map(|picture| OraclePicture {
             name,
             n_segments: Some(n_segments),
-            ..shot
+            ..picture
         }));
     }
 }
@@ -57,13 +57,13 @@ fn a_spot_on_a_floor() {
 /// A sphere light that is two per cent larger.
 #[test]
 fn a_larger_sphere_light_is_detected() {
-    let mut shot = penumbra();
-    for light in &mut shot.scene.lights {
+    let mut picture = penumbra();
+    for light in &mut picture.scene.lights {
         if let canted_scene::Light::Sphere { radius, .. } = light {
             *radius *= 1.02;
         }
     }
-    let verdict = agree(&shot.ours(), &shot.theirs());
+    let verdict = agree(&picture.ours(), &picture.theirs());
     assert!(matches!(verdict, Err(Disagreement::Mean { ratio, .. }) if ratio > 1.01), "{verdict:?}");
 }
 
@@ -75,11 +75,11 @@ fn bilinear_texels_of_a_wall() {
 /// A texture upside down.
 #[test]
 fn a_texture_upside_down_is_detected() {
-    let mut shot = checker();
-    for [_, v] in shot.scene.meshes[0].uvs.iter_mut().flatten() {
+    let mut picture = checker();
+    for [_, v] in picture.scene.meshes[0].uvs.iter_mut().flatten() {
         *v = 1.0 - *v;
     }
-    let verdict = agree(&shot.ours(), &shot.theirs());
+    let verdict = agree(&picture.ours(), &picture.theirs());
     assert!(matches!(verdict, Err(Disagreement::Block { .. })), "{verdict:?}");
 }
 
@@ -90,8 +90,8 @@ fn sun_over_sponza() {
 
 #[test]
 fn paths_in_the_cornell_box() {
-    for shot in cornell_paths("paths_in_the_cornell_box").into_iter().flatten() {
-        check(Some(shot));
+    for picture in cornell_paths("paths_in_the_cornell_box").into_iter().flatten() {
+        check(Some(picture));
     }
 }
 
@@ -143,9 +143,9 @@ fn a_lens_blurs_the_floor() {
 /// A lens that is a tenth wider.
 #[test]
 fn a_wider_lens_is_detected() {
-    let mut shot = lens();
-    shot.camera.lens = shot.camera.lens.map(|lens| canted_scene::Lens { radius: 1.1 * lens.radius, ..lens });
-    let verdict = agree(&shot.ours(), &shot.theirs());
+    let mut picture = lens();
+    picture.camera.lens = picture.camera.lens.map(|lens| canted_scene::Lens { radius: 1.1 * lens.radius, ..lens });
+    let verdict = agree(&picture.ours(), &picture.theirs());
     assert!(matches!(verdict, Err(Disagreement::Block { .. })), "{verdict:?}");
 }
 
@@ -153,7 +153,7 @@ fn a_wider_lens_is_detected() {
 #[test]
 fn paths_cut_short_are_detected() {
     let Some([sky, ..]) = cornell_paths("paths_cut_short_are_detected") else { return };
-    let short = Shot { n_segments: Some(5), ..sky };
+    let short = OraclePicture { n_segments: Some(5), ..sky };
     let verdict = agree(&short.ours(), &short.theirs());
     assert!(verdict.is_err(), "{verdict:?}");
 }
@@ -161,39 +161,39 @@ fn paths_cut_short_are_detected() {
 /// Two per cent more light from the environment.
 #[test]
 fn a_brighter_sky_is_detected() {
-    let Some(mut shot) = cornell_env("a_brighter_sky_is_detected") else { return };
-    shot.scene.environment = Some(BLUE.map(|x| 1.02 * x).into());
-    let verdict = agree(&shot.ours(), &shot.theirs());
+    let Some(mut picture) = cornell_env("a_brighter_sky_is_detected") else { return };
+    picture.scene.environment = Some(BLUE.map(|x| 1.02 * x).into());
+    let verdict = agree(&picture.ours(), &picture.theirs());
     assert!(matches!(verdict, Err(Disagreement::Mean { ratio, .. }) if ratio > 1.01), "{verdict:?}");
 }
 
 /// Boxes that are four per cent darker.
 #[test]
 fn a_wrong_albedo_is_detected() {
-    let Some(mut shot) = cornell_env("a_wrong_albedo_is_detected") else { return };
-    for material in shot.scene.materials.iter_mut().filter(|material| material.name == "Khaki") {
+    let Some(mut picture) = cornell_env("a_wrong_albedo_is_detected") else { return };
+    for material in picture.scene.materials.iter_mut().filter(|material| material.name == "Khaki") {
         material.base_color = material.base_color.map(|x| 0.96 * x);
     }
-    let verdict = agree(&shot.ours(), &shot.theirs());
+    let verdict = agree(&picture.ours(), &picture.theirs());
     assert!(verdict.is_err(), "{verdict:?}");
 }
 
 /// Swapping two blocks keeps the mean.
 #[test]
 fn another_picture_is_detected() {
-    let Some(shot) = cornell_env("another_picture_is_detected") else { return };
-    let mut ours = shot.ours();
+    let Some(picture) = cornell_env("another_picture_is_detected") else { return };
+    let mut ours = picture.ours();
     ours.swap(5, 6);
-    let verdict = agree(&ours, &shot.theirs());
+    let verdict = agree(&ours, &picture.theirs());
     assert!(matches!(verdict, Err(Disagreement::Block { block: 5, .. })), "{verdict:?}");
 }
 
 /// A picture that is too noisy proves nothing and is rejected.
 #[test]
 fn a_noisy_picture_is_rejected() {
-    let Some(mut shot) = cornell_env("a_noisy_picture_is_rejected") else { return };
-    shot.samples = 2;
-    let verdict = agree(&shot.ours(), &shot.theirs());
+    let Some(mut picture) = cornell_env("a_noisy_picture_is_rejected") else { return };
+    picture.samples = 2;
+    let verdict = agree(&picture.ours(), &picture.theirs());
     assert!(matches!(verdict, Err(Disagreement::Noise { .. })), "{verdict:?}");
 }
 

@@ -16,10 +16,7 @@ use std::{
 use anyhow::{Context, Result, bail};
 use serde_json::Value;
 
-use crate::{
-    command::{self, cargo, say, succeeds, succeeds_silently},
-    test::Count,
-};
+use crate::command::{self, Count, cargo, say, succeeds, succeeds_silently};
 
 /// The compiler's target of browsers.
 pub(crate) const TARGET: &str = "wasm32-unknown-unknown";

@@ -17,7 +17,7 @@ use canted_tests::scenes::models;
 use crate::oracle::{Block, blocks_of_film, blocks_of_reference};
 
 /// A picture that both renderers make.
-pub(crate) struct Shot {
+pub(crate) struct OraclePicture {
     /// Name of the reference.
     pub(crate) name: &'static str,
     pub(crate) scene: Scene,
@@ -56,25 +56,25 @@ pub(crate) fn with_sun(scene: Scene, towards: [f64; 3], irradiance: [f32; 3]) ->
 }
 
 /// The Cornell box under a blue sky.
-pub(crate) fn cornell_env(test: &str) -> Option<Shot> {
+pub(crate) fn cornell_env(test: &str) -> Option<OraclePicture> {
     let scene = Scene { environment: Some(BLUE.into()), ..model(test, "cornell/cornellBox.obj")? };
     let camera = Camera::pinhole([-0.23, 2.58, 9.0], [-0.23, 2.58, -3.0], [0.0, 1.0, 0.0], 36.0);
-    Some(Shot { name: "cornell-env-2", scene, camera, size: [64, 64], n_segments: Some(2), samples: 128 })
+    Some(OraclePicture { name: "cornell-env-2", scene, camera, size: [64, 64], n_segments: Some(2), samples: 128 })
 }
 
 /// The same with a sun that shines in through the open side.
-pub(crate) fn cornell_sun(test: &str) -> Option<Shot> {
-    let shot = cornell_env(test)?;
-    let scene = with_sun(shot.scene, [0.3, -0.5, -1.0], [3.0, 2.8, 2.5]);
-    Some(Shot { name: "cornell-sun-3", scene, n_segments: Some(3), ..shot })
+pub(crate) fn cornell_sun(test: &str) -> Option<OraclePicture> {
+    let picture = cornell_env(test)?;
+    let scene = with_sun(picture.scene, [0.3, -0.5, -1.0], [3.0, 2.8, 2.5]);
+    Some(OraclePicture { name: "cornell-sun-3", scene, n_segments: Some(3), ..picture })
 }
 
 /// The box lit by a point light between its ceiling and its blocks.
-pub(crate) fn cornell_point(test: &str) -> Option<Shot> {
-    let shot = cornell_env(test)?;
+pub(crate) fn cornell_point(test: &str) -> Option<OraclePicture> {
+    let picture = cornell_env(test)?;
     let lights = vec![Light::Point { position: [-0.9, 3.5, -1.2], intensity: [8.0, 7.0, 6.0] }];
-    let scene = Scene { environment: None, lights, ..shot.scene };
-    Some(Shot { name: "cornell-point-3", scene, n_segments: Some(3), ..shot })
+    let scene = Scene { environment: None, lights, ..picture.scene };
+    Some(OraclePicture { name: "cornell-point-3", scene, n_segments: Some(3), ..picture })
 }
 
 /// Lambert triangles without texture; each part has a color and corners in threes.
@@ -103,15 +103,15 @@ pub(crate) fn floor() -> ([f32; 3], Vec<[f32; 3]>) {
     ([0.6, 0.5, 0.4], vec![a, b, c, a, c, d])
 }
 
-fn over_floor(name: &'static str, scene: Scene, light: Light) -> Shot {
+fn over_floor(name: &'static str, scene: Scene, light: Light) -> OraclePicture {
     let scene = Scene { lights: vec![light], environment: None, ..scene };
     let camera = Camera::pinhole([0.0, 4.0, 8.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0);
-    Shot { name, scene, camera, size: [64, 64], n_segments: Some(2), samples: 128 }
+    OraclePicture { name, scene, camera, size: [64, 64], n_segments: Some(2), samples: 128 }
 }
 
 /// A disk of 64 corners between a floor and a sphere light. The reference has unlimited paths; after eight bounces between floor
 /// and disk no visible light is left.
-pub(crate) fn penumbra() -> Shot {
+pub(crate) fn penumbra() -> OraclePicture {
     let corner = |i: u32| {
         let (s, c) = (std::f64::consts::TAU * f64::from(i) / 64.0).sin_cos();
         [(0.8 * c) as f32, 1.0, (-0.8 * s) as f32]
@@ -119,11 +119,11 @@ pub(crate) fn penumbra() -> Shot {
     let disc = (0..64).flat_map(|i| [[0.0, 1.0, 0.0], corner(i), corner(i + 1)]).collect();
     let light = Light::Sphere { center: [0.5, 3.0, 0.0], radius: 0.4, radiance: [8.0; 3] };
     let scene = parts(&[floor(), ([0.2, 0.3, 0.6], disc)]);
-    Shot { n_segments: Some(10), samples: 1024, ..over_floor("penumbra", scene, light) }
+    OraclePicture { n_segments: Some(10), samples: 1024, ..over_floor("penumbra", scene, light) }
 }
 
 /// A spot light with a hard edge.
-pub(crate) fn spot() -> Shot {
+pub(crate) fn spot() -> OraclePicture {
     let [x, y, z] = [-1.5_f64, -4.0, -1.0];
     let length = (x * x + y * y + z * z).sqrt();
     let (direction, cosine) = ([x, y, z].map(|x| (x / length) as f32), 20.0_f64.to_radians().cos() as f32);
@@ -138,7 +138,7 @@ pub(crate) fn spot() -> Shot {
 }
 
 /// A tilted wall of four times four texels, enlarged to show the filter, under a white sky.
-pub(crate) fn checker() -> Shot {
+pub(crate) fn checker() -> OraclePicture {
     let mesh = Mesh {
         positions: vec![[-2.0, 0.5, 0.0], [2.0, 0.5, 0.0], [2.0, 3.5, -1.0], [-2.0, 3.5, -1.0]],
         triangles: vec![[0, 1, 2], [0, 2, 3]],
@@ -176,21 +176,21 @@ pub(crate) fn checker() -> Shot {
         ..Scene::default()
     };
     let camera = Camera::pinhole([0.0, 4.0, 8.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0);
-    Shot { name: "checker", scene, camera, size: [64, 64], n_segments: Some(2), samples: 256 }
+    OraclePicture { name: "checker", scene, camera, size: [64, 64], n_segments: Some(2), samples: 256 }
 }
 
 /// Unlimited paths in the Cornell box: under its sky, with the sun, and with a sphere light.
-pub(crate) fn cornell_paths(test: &str) -> Option<[Shot; 3]> {
-    let sky = Shot { name: "cornell-env", n_segments: None, samples: 256, ..cornell_env(test)? };
-    let sun = Shot { name: "cornell-sun", n_segments: None, samples: 256, ..cornell_sun(test)? };
-    let shot = cornell_env(test)?;
+pub(crate) fn cornell_paths(test: &str) -> Option<[OraclePicture; 3]> {
+    let sky = OraclePicture { name: "cornell-env", n_segments: None, samples: 256, ..cornell_env(test)? };
+    let sun = OraclePicture { name: "cornell-sun", n_segments: None, samples: 256, ..cornell_sun(test)? };
+    let picture = cornell_env(test)?;
     let lights = vec![Light::Sphere { center: [-0.9, 2.2, -1.2], radius: 0.3, radiance: [9.0, 8.0, 6.0] }];
-    let scene = Scene { environment: None, lights, ..shot.scene };
-    let ball = Shot { name: "cornell-sphere", scene, n_segments: None, samples: 2048, ..shot };
+    let scene = Scene { environment: None, lights, ..picture.scene };
+    let ball = OraclePicture { name: "cornell-sphere", scene, n_segments: None, samples: 2048, ..picture };
     Some([sky, sun, ball])
 }
 
-impl Shot {
+impl OraclePicture {
     /// Our picture, with independent samples.
     ///
     /// Without ambient occlusion the hybrid integrator is a path tracer with limited path length. Light from the environment and
@@ -255,32 +255,32 @@ fn as_the_other_has_it(material: &mut Material) {
 }
 
 /// The kitchen under a blue sky through its window.
-pub(crate) fn kitchen_sky(test: &str) -> Option<Shot> {
+pub(crate) fn kitchen_sky(test: &str) -> Option<OraclePicture> {
     let mut scene = model(test, "kitchen/country_kitchen.glb")?;
     scene.materials.iter_mut().for_each(as_the_other_has_it);
     (scene.lights, scene.environment) = (Vec::new(), Some(BLUE.into()));
     let camera = Camera::pinhole([1.211, 1.80475, 3.85239], [0.7729, 1.76308, 2.95443], [0.0, 1.0, 0.0], 36.5);
-    Some(Shot { name: "kitchen-env", scene, camera, size: [112, 64], n_segments: None, samples: 256 })
+    Some(OraclePicture { name: "kitchen-env", scene, camera, size: [112, 64], n_segments: None, samples: 256 })
 }
 
 /// The same lit by a sphere light inside.
-pub(crate) fn kitchen_ball(test: &str) -> Option<Shot> {
-    let shot = kitchen_sky(test)?;
+pub(crate) fn kitchen_ball(test: &str) -> Option<OraclePicture> {
+    let picture = kitchen_sky(test)?;
     let ball = Light::Sphere { center: [1.9, 2.5, 2.2], radius: 0.15, radiance: [20.0, 18.0, 15.0] };
-    let scene = Scene { lights: vec![ball], environment: None, ..shot.scene };
-    Some(Shot { name: "kitchen-sphere", scene, samples: 512, ..shot })
+    let scene = Scene { lights: vec![ball], environment: None, ..picture.scene };
+    Some(OraclePicture { name: "kitchen-sphere", scene, samples: 512, ..picture })
 }
 
 /// Its floor, where the sun reaches it through the window.
-pub(crate) fn kitchen_sun(test: &str) -> Option<Shot> {
-    let shot = kitchen_sky(test)?;
-    let scene = with_sun(shot.scene, [0.3, -0.5, 1.0], [60.0, 55.0, 45.0]);
+pub(crate) fn kitchen_sun(test: &str) -> Option<OraclePicture> {
+    let picture = kitchen_sky(test)?;
+    let scene = with_sun(picture.scene, [0.3, -0.5, 1.0], [60.0, 55.0, 45.0]);
     let camera = Camera::pinhole([0.7, 2.0, 3.0], [1.5, 0.0, 1.3], [0.0, 1.0, 0.0], 36.0);
-    Some(Shot { name: "kitchen-sun", scene, camera, size: [96, 64], samples: 512, ..shot })
+    Some(OraclePicture { name: "kitchen-sun", scene, camera, size: [96, 64], samples: 512, ..picture })
 }
 
 /// The Cornell box lit by its own lamp, hung lower.
-pub(crate) fn cornell_lamp(test: &str) -> Option<Shot> {
+pub(crate) fn cornell_lamp(test: &str) -> Option<OraclePicture> {
     const DROP: f32 = 0.5;
     let mut scene = flat_model(test, "cornell/cornellBox.obj")?;
     for mesh in &mut scene.meshes {
@@ -294,13 +294,13 @@ pub(crate) fn cornell_lamp(test: &str) -> Option<Shot> {
         }
     }
     let camera = Camera::pinhole([-0.23, 2.58, 9.0], [-0.23, 1.74, -3.0], [0.0, 1.0, 0.0], 27.0);
-    Some(Shot { name: "cornell-light", scene, camera, n_segments: None, samples: 1536, ..cornell_env(test)? })
+    Some(OraclePicture { name: "cornell-light", scene, camera, n_segments: None, samples: 1536, ..cornell_env(test)? })
 }
 
 /// A wall in the focus of a wide lens, and a floor out of focus.
-pub(crate) fn lens() -> Shot {
-    let shot = checker();
-    let mut scene = Scene { environment: Some(BLUE.into()), ..shot.scene };
+pub(crate) fn lens() -> OraclePicture {
+    let picture = checker();
+    let mut scene = Scene { environment: Some(BLUE.into()), ..picture.scene };
     let mut ground = parts(&[floor()]);
     for mesh in &mut ground.meshes {
         mesh.parts[0].material = MaterialId(1);
@@ -311,8 +311,8 @@ pub(crate) fn lens() -> Shot {
     scene.meshes.append(&mut ground.meshes);
     scene.instances.append(&mut ground.instances);
     scene.materials.append(&mut ground.materials);
-    let camera = Camera { lens: Some(Lens { radius: 0.3, focus_distance: 6.0 }), ..shot.camera };
-    Shot { name: "lens", scene, camera, n_segments: None, samples: 512, ..shot }
+    let camera = Camera { lens: Some(Lens { radius: 0.3, focus_distance: 6.0 }), ..picture.camera };
+    OraclePicture { name: "lens", scene, camera, n_segments: None, samples: 512, ..picture }
 }
 
 const SIZE: [u32; 2] = [96, 64];
@@ -322,35 +322,49 @@ fn across_sponza() -> Camera {
 }
 
 /// At noon, seen across its court; paths of three segments.
-pub(crate) fn sponza_sun(test: &str) -> Option<Shot> {
+pub(crate) fn sponza_sun(test: &str) -> Option<OraclePicture> {
     let scene = Scene { environment: Some(BLUE.into()), ..model(test, "sponza/sponza.obj")? };
     let scene = with_sun(scene, [-0.15, -1.0, 0.12], [12.0, 11.0, 9.0]);
-    Some(Shot { name: "sponza-sun-3", scene, camera: across_sponza(), size: SIZE, n_segments: Some(3), samples: 128 })
+    Some(OraclePicture {
+        name: "sponza-sun-3",
+        scene,
+        camera: across_sponza(),
+        size: SIZE,
+        n_segments: Some(3),
+        samples: 128,
+    })
 }
 
 /// The same with unlimited paths.
-pub(crate) fn sponza_sun_paths(test: &str) -> Option<Shot> {
-    Some(Shot { name: "sponza-sun", n_segments: None, samples: 768, ..sponza_sun(test)? })
+pub(crate) fn sponza_sun_paths(test: &str) -> Option<OraclePicture> {
+    Some(OraclePicture { name: "sponza-sun", n_segments: None, samples: 768, ..sponza_sun(test)? })
 }
 
 /// Lit by a sphere light in the court, above the visible part.
-pub(crate) fn sponza_ball(test: &str) -> Option<Shot> {
+pub(crate) fn sponza_ball(test: &str) -> Option<OraclePicture> {
     let light = Light::Sphere { center: [200.0, 1000.0, 0.0], radius: 100.0, radiance: [30.0, 27.0, 20.0] };
     let scene = Scene { lights: vec![light], ..model(test, "sponza/sponza.obj")? };
-    Some(Shot { name: "sponza-sphere", scene, camera: across_sponza(), size: SIZE, n_segments: None, samples: 256 })
+    Some(OraclePicture {
+        name: "sponza-sphere",
+        scene,
+        camera: across_sponza(),
+        size: SIZE,
+        n_segments: None,
+        samples: 256,
+    })
 }
 
 /// The court from above, under a blue sky.
-pub(crate) fn sponza_blue_sky(test: &str) -> Option<Shot> {
+pub(crate) fn sponza_blue_sky(test: &str) -> Option<OraclePicture> {
     let scene = Scene { environment: Some(BLUE.into()), ..model(test, "sponza/sponza.obj")? };
     let camera = Camera::pinhole([600.0, 1350.0, 0.0], [-300.0, 450.0, 0.0], [0.0, 1.0, 0.0], 60.0);
-    Some(Shot { name: "sponza-env", scene, camera, size: SIZE, n_segments: None, samples: 512 })
+    Some(OraclePicture { name: "sponza-env", scene, camera, size: SIZE, n_segments: None, samples: 512 })
 }
 
 /// The same under an image of the sky.
-pub(crate) fn sponza_image_sky(test: &str) -> Option<Shot> {
-    let shot = sponza_blue_sky(test)?;
+pub(crate) fn sponza_image_sky(test: &str) -> Option<OraclePicture> {
+    let picture = sponza_blue_sky(test)?;
     let image = read_environment(&models(test)?.join("env/sky_64x32.exr"), &mut Vec::new()).unwrap();
-    let scene = Scene { environment: Some(Environment::Image(image)), ..shot.scene };
-    Some(Shot { name: "sponza-sky", scene, ..shot })
+    let scene = Scene { environment: Some(Environment::Image(image)), ..picture.scene };
+    Some(OraclePicture { name: "sponza-sky", scene, ..picture })
 }
