@@ -64,10 +64,10 @@ fn tokens(text: &str) -> Vec<&str> {
         let is_word = |c: char| c.is_alphanumeric() || c == '_';
         let length = if rest.starts_with("//") {
             rest.find('\n').unwrap_or(rest.len())
-        } else if rest.starts_with("r\"") {
-            rest[2..].find('"').map_or(rest.len(), |at| at + 3)
-        } else if rest.starts_with("r#\"") {
-            rest[3..].find("\"#").map_or(rest.len(), |at| at + 5)
+        } else if let Some(string) = rest.strip_prefix("r\"") {
+            string.find('"').map_or(rest.len(), |at| at + 3)
+        } else if let Some(string) = rest.strip_prefix("r#\"") {
+            string.find("\"#").map_or(rest.len(), |at| at + 5)
         } else if c == '"' {
             let mut is_escaped = true;
             let end = rest.find(|c| {
@@ -195,7 +195,8 @@ impl Crate {
     fn resolve(&self, from: &Module, path: &[String], depth: usize) -> Option<Module> {
         let mut current = from.clone();
         let mut path = path;
-        let is_child = |module: &Module, name: &String| self.modules.contains(&[&module[..], &[name.clone()]].concat());
+        let is_child =
+            |module: &Module, name: &String| self.modules.contains(&[&module[..], std::slice::from_ref(name)].concat());
         match path.first().map(String::as_str) {
             Some("crate") => current.clear(),
             Some("self" | "super") => {}

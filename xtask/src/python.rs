@@ -154,10 +154,10 @@ impl Environment {
     /// Makes it, or takes that of an earlier run.
     fn new(python: &str) -> Result<Self> {
         let environment = Self { folder: command::root().join("target/python/venv") };
-        if !environment.program().is_file() {
-            if !succeeds(command::program(python, &["-m", "venv"]).arg(&environment.folder))? {
-                bail!("{python} cannot make the virtual environment {}", environment.folder.display());
-            }
+        if !environment.program().is_file()
+            && !succeeds(command::program(python, &["-m", "venv"]).arg(&environment.folder))?
+        {
+            bail!("{python} cannot make the virtual environment {}", environment.folder.display());
         }
         Ok(environment)
     }

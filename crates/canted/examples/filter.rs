@@ -15,7 +15,7 @@ fn main() -> Result<(), canted::GeometryError> {
         let corners = triangles[hit.primitive.index()].map(|vertex| positions[vertex as usize]);
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
         let x: f32 = (0..3).map(|k| weights[k] * corners[k][0]).sum();
-        hit.primitive.0 >= 2 || (10.0 * x) as u32 % 2 == 0
+        hit.primitive.0 >= 2 || ((10.0 * x) as u32).is_multiple_of(2)
     };
     for x in [0.05, 0.15] {
         let ray = Ray::new([x, 0.4, 5.0], [0.0, 0.0, -1.0]);

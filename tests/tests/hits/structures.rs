@@ -18,7 +18,7 @@ use canted_tests::{
     scenes::{self, Case},
     variants::{binary, every_bvh, first_difference, first_wrong_query, loop_over_all},
 };
-use canted_trace::{Accept, Counts, Hit, Intersect, Ray, TriangleTest};
+use canted_trace::{Accept, Counts, Hit, Intersect, Ray, ScaledRay, SlabRay, TriangleTest};
 
 /// A structure by name.
 type Named = (String, Box<dyn Intersect>);
@@ -70,11 +70,8 @@ fn agrees(Case { name, mesh }: &Case, test: TriangleTest, n: usize) -> usize {
 fn every_query_of_every_structure_is_that_of_the_loop() {
     for case in scenes::cases().iter().chain(&scenes::placed(scenes::ugly())) {
         let n_hits = agrees(case, TriangleTest::Watertight, 8);
-        assert!(
-            n_hits > 20 || case.mesh.triangles.len() < 3 || case.name.contains("slivers"),
-            "{}: {n_hits}",
-            case.name
-        );
+        let is_enough = n_hits > 5 || case.mesh.triangles.len() < 3 || case.name.contains("slivers");
+        assert!(is_enough, "{}: {n_hits}", case.name);
     }
 }
 
@@ -186,27 +183,53 @@ fn structures_print_their_size_instead_of_their_arrays() {
     }
 }
 
-/// Boxes carry pads by their own content, so that a floor of 1e6 does not slow rays among small triangles.
+/// Small triangles, and the same with a floor of 1e6.
+fn without_and_with_a_floor() -> [Mesh; 2] {
+    let small = soup(6, 3_000);
+    let floor = vec![[-1e6, -1e6, -9.0], [1e6, -1e6, -9.0], [0.0, 1e6, -9.0]];
+    let both = small.joined(&Mesh { positions: floor, triangles: vec![[0, 1, 2]] });
+    [small, both]
+}
+
+/// Planes carry pads by their own content, so that a floor does not slow rays among small triangles.
+#[test]
+fn a_large_triangle_does_not_loosen_other_planes() {
+    let meshes = without_and_with_a_floor();
+    let rays = rays::of_all_classes(&meshes[0], 40, 9);
+    let rays: Vec<Ray> = rays.into_iter().filter(|ray| ray.origin.iter().all(|x| x.abs() < 5.0)).collect();
+    let counts = |structure: &dyn Intersect| {
+        let mut counts = Counts::default();
+        for ray in &rays {
+            structure.closest_hit_with(ray, &mut counts);
+        }
+        counts
+    };
+    let [alone, with] = meshes.each_ref().map(|mesh| counts(&bih(mesh, 1, 1.3, TriangleTest::Watertight)));
+    assert!(with.boxes + with.triangles < 2 * (alone.boxes + alone.triangles), "{alone:?}, with the floor {with:?}");
+    let [alone, with] =
+        meshes.each_ref().map(|mesh| kd_trees(mesh, &KdTreeConfig::default()).map(|tree| counts(&tree)));
+    for (alone, with) in alone.iter().zip(&with) {
+        assert!(with.triangles < 3 * alone.triangles && with.boxes < 3 * alone.boxes, "{alone:?}, then {with:?}");
+    }
+}
+
+/// The same of boxes: compared with pads by the reach of the whole mesh.
 #[test]
 fn a_large_triangle_does_not_loosen_other_boxes() {
-    let small = soup(6, 3_000);
-    let floor =
-        Mesh { positions: vec![[-1e6, -1e6, -9.0], [1e6, -1e6, -9.0], [0.0, 1e6, -9.0]], triangles: vec![[0, 1, 2]] };
-    let rays = rays::of_all_classes(&small, 40, 9);
-    let rays: Vec<Ray> = rays.into_iter().filter(|ray| ray.origin.iter().all(|x| x.abs() < 5.0)).collect();
-    let counts = |mesh: &Mesh| {
-        let count = |(name, bvh): Named| {
-            let mut counts = Counts::default();
-            for ray in &rays {
-                bvh.closest_hit_with(ray, &mut counts);
-            }
-            (name, counts)
-        };
-        structures(mesh, TriangleTest::Watertight).into_iter().map(count).collect::<Vec<_>>()
-    };
-    for ((name, alone), (_, with)) in counts(&small).iter().zip(&counts(&small.joined(&floor))) {
-        let of = |counts: &Counts| counts.boxes + counts.triangles;
-        assert!(of(with) < 2 * of(alone), "{name}: {alone:?}, with the floor {with:?}");
+    let [small, mesh] = without_and_with_a_floor();
+    let rays = rays::of_all_classes(&small, 20, 9);
+    let wants = loop_over_all(&mesh, TriangleTest::Watertight, &rays);
+    for strategy in Strategy::ALL {
+        let bvh = binary(&mesh, strategy, TriangleTest::Watertight);
+        let [mut local, mut global] = [Counts::default(); 2];
+        for (ray, &want) in rays.iter().zip(&wants) {
+            assert_eq!(bvh.closest_hit_with(ray, &mut local), want, "{strategy:?}: {ray:?}");
+            let scaled = ScaledRay::new(ray).unwrap();
+            let t_max = want.map_or(scaled.t_max, |hit| scaled.scaled_t(hit.t));
+            let by_mesh = SlabRay::new(&scaled, bvh.pairs().reach());
+            bvh.pairs().traverse_ordered(&by_mesh, t_max, &mut global, |_, t_max, _| t_max);
+        }
+        assert!(3 * local.boxes < global.boxes, "{strategy:?}: {local:?}, by the mesh {global:?}");
     }
 }
 
