@@ -71,9 +71,6 @@ impl TopDownConfig {
     pub const BINNED: Self =
         Self { split: Split::Binned { bins: 32, sweep_threshold: 16 }, axes: Axes::All, max_depth: MAX_DEPTH };
 
-    /// Every split on all axes.
-    pub const SWEEP: Self = Self { split: Split::Sweep, ..Self::BINNED };
-
     /// Leaves above which the children of a node are built in parallel.
     pub(crate) const FORK: usize = 1 << 12;
 

@@ -8,7 +8,7 @@ use canted_fixtures::Mesh;
 use canted_kdtree::{KdTraversal, KdTree};
 use canted_lbvh::Leaf;
 use canted_obb::Aabb;
-use canted_sah::{Builder, TopDownConfig};
+use canted_sah::{Builder, Split, TopDownConfig};
 use canted_wide::{Config, Costs, Preset, TriangleBvh};
 
 use super::{Found, one_thread, scaffold, scenes};
@@ -238,7 +238,8 @@ pub(super) enum Kind {
     WideLeaf(usize),
 }
 
-pub(super) const SWEPT: Kind = Kind::Binary(Builder::TopDown(TopDownConfig::SWEEP, None));
+pub(super) const SWEPT: Kind =
+    Kind::Binary(Builder::TopDown(TopDownConfig { split: Split::Sweep, ..TopDownConfig::BINNED }, None));
 
 impl Kind {
     pub(super) fn name(self) -> String {

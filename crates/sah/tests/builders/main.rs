@@ -12,7 +12,7 @@ use canted_lbvh::{
     morton_codes, radix, sort_by_code, tree_cost, triangle_corners, volumes,
 };
 use canted_obb::Aabb;
-use canted_sah::{Builder, PlocConfig, ReinsertConfig, TopDownConfig, build};
+use canted_sah::{Builder, PlocConfig, ReinsertConfig, Split, TopDownConfig, build};
 
 const BUILDERS: [Builder; 7] = [
     Builder::Lbvh,
@@ -21,7 +21,7 @@ const BUILDERS: [Builder; 7] = [
     Builder::BALANCED,
     Builder::QUALITY,
     Builder::TopDown(TopDownConfig::BINNED, None),
-    Builder::TopDown(TopDownConfig::SWEEP, Some(ReinsertConfig::BALANCED)),
+    Builder::TopDown(TopDownConfig { split: Split::Sweep, ..TopDownConfig::BINNED }, Some(ReinsertConfig::BALANCED)),
 ];
 
 fn bounds(boxes: &[Aabb]) -> Aabb {

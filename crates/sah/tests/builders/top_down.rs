@@ -179,7 +179,8 @@ proptest! {
             centers.windows(2).all(|pair| pair[0] != pair[1])
         };
         prop_assume!((0..3).all(distinct) || boxes.len() > 5);
-        let config = if sweep { TopDownConfig::SWEEP } else { TopDownConfig::BINNED };
+        let split = if sweep { Split::Sweep } else { TopDownConfig::BINNED.split };
+        let config = TopDownConfig { split, ..TopDownConfig::BINNED };
         let (tree, best) = (top_down(&boxes, &config), best_of_all(&boxes));
         let found = root_cost(&tree, &boxes);
         if (0..3).all(distinct) {
