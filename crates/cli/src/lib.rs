@@ -3,7 +3,7 @@
 //! [`main`] is the program. [`picture()`] renders as `canted render` does, with the same options, into memory: for bindings to other
 //! languages.
 //!
-//! Each subcommand is one file. Exit codes: 0 success, 1 a comparison above its limit, 2 invalid input or options,
+//! Each subcommand is one module. Exit codes: 0 success, 1 a comparison above its limit, 2 invalid input or options,
 //! 130 interrupted. Modules depend on each other in one direction:
 //! `{render, ...} -> settings -> {load, light, camera, device} -> {options, output}`.
 #![forbid(unsafe_code)]

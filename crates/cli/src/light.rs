@@ -104,10 +104,7 @@ impl LightArgs {
 
     /// Whether no light is given.
     pub(crate) fn is_empty(&self) -> bool {
-        self.environment == EnvironmentArgs::default()
-            && self.sun.is_empty()
-            && self.point.is_empty()
-            && self.sphere.is_empty()
+        *self == Self::default()
     }
 
     /// [`LightArgs::apply`] to a scene that has its environment.
@@ -123,18 +120,20 @@ impl LightArgs {
             return Ok(LightSource::Default);
         }
         scene.lights.clear();
-        for &Value([x, y, z, r, g, b]) in &self.sun {
+        // Without `..`, so that a new kind cannot be forgotten.
+        let Self { environment: _, sun, point, sphere } = self;
+        for &Value([x, y, z, r, g, b]) in sun {
             if [x, y, z] == [0.0; 3] {
                 return Err(anyhow!("--sun {x},{y},{z},{r},{g},{b}: the direction is zero"));
             }
             let irradiance = color("--sun", [r, g, b])?;
             scene.lights.push(Light::Sun { direction: unit([x, y, z]), irradiance });
         }
-        for &Value([x, y, z, r, g, b]) in &self.point {
+        for &Value([x, y, z, r, g, b]) in point {
             let intensity = color("--point", [r, g, b])?;
             scene.lights.push(Light::Point { position: [x, y, z], intensity });
         }
-        for &Value([x, y, z, radius, r, g, b]) in &self.sphere {
+        for &Value([x, y, z, radius, r, g, b]) in sphere {
             if radius <= 0.0 {
                 return Err(anyhow!("--sphere: radius {radius} is not greater than zero"));
             }

@@ -471,7 +471,7 @@ impl StructureOptions {
     pub(crate) fn without_replaced(mut self, given: &Self) -> Self {
         if let Some(Value(accel)) = given.accel {
             self.volumes = self.volumes.filter(|_| accel == BvhKind::Bvh2);
-            self.builder = self.builder.filter(|_| matches!(accel, BvhKind::Wide | BvhKind::Bvh2));
+            self.builder = self.builder.filter(|_| accel.has_builders());
         }
         if given.volumes.is_some() {
             self.accel = self.accel.filter(|accel| accel.0 == BvhKind::Bvh2);
@@ -516,7 +516,7 @@ impl StructureOptions {
         if let Some(strategy) = volumes.filter(|_| kind != BvhKind::Bvh2) {
             bail!("--volumes {} requires --accel bvh2, not {}", strategy.name(), kind.name());
         }
-        if let Some(builder) = builder.filter(|_| matches!(kind, BvhKind::Bih | BvhKind::KdTree)) {
+        if let Some(builder) = builder.filter(|_| !kind.has_builders()) {
             bail!("--builder {} requires --accel wide or bvh2, not {}", builder.name(), kind.name());
         }
         let default = SceneBvhConfig::default();

@@ -6,7 +6,8 @@
 //! scene file -> SceneSettings --+
 //! ```
 //!
-//! An option is a setting of scene files if its struct is part of [`SceneSettings`]. What a new option does is said in `resolve`.
+//! An option is a setting of scene files if its struct is part of [`SceneSettings`]. What it does is said where its struct is taken apart: in
+//! `settings`, [`LookOptions::apply`], [`StructureOptions::resolve`] or `resolve`, none of which compiles without a new one.
 
 use std::path::{Path, PathBuf};
 
@@ -251,14 +252,17 @@ impl LookOptions {
 
     /// Warns about options without effect on a linear format.
     pub(crate) fn warn_ignored(&self, is_linear: bool) {
-        if is_linear && (self.exposure.is_some() || self.curve() != ToneMap::None) {
+        let Self { exposure, tone_map: _ } = self;
+        if is_linear && (exposure.is_some() || self.curve() != ToneMap::None) {
             output::warn("--exposure and --tone-map have no effect on linear formats");
         }
     }
 
     /// The picture as it is encoded.
     pub(crate) fn apply(&self, picture: Picture) -> Picture {
-        let stops = if self.exposure == Some(Value(Exposure::Auto)) {
+        // Without `..`, so that a new option cannot be forgotten.
+        let Self { exposure, tone_map: _ } = self;
+        let stops = if *exposure == Some(Value(Exposure::Auto)) {
             let stops = picture.auto_exposure();
             output::note(&format!("--exposure auto: {stops:+.2}"));
             stops
@@ -463,7 +467,7 @@ fn settings(options: &PictureOptions, purpose: &Purpose) -> Result<Settings> {
         }
         (Some([start, end]), Some(spp)) => {
             return Err(anyhow!(
-                "--samples {start}..{end} sets the number of samples; leave out --spp {spp}, or add --sampler stratified, which needs the total"
+                "--samples {start}..{end} sets the number of samples; remove --spp {spp}, or add --sampler stratified, which needs the total"
             ));
         }
         (Some([start, end]), None) if pattern == Pattern::Stratified => {

@@ -41,6 +41,15 @@ impl BvhKind {
             Self::KdTree => "kdtree",
         }
     }
+
+    /// Whether a [`Builder`] can be chosen for it; the others have one of their own.
+    #[must_use]
+    pub fn has_builders(self) -> bool {
+        match self {
+            Self::Wide | Self::Bvh2 => true,
+            Self::Bih | Self::KdTree => false,
+        }
+    }
 }
 
 /// Builder of binary trees.
@@ -208,7 +217,10 @@ impl Default for SceneBvhConfig {
 impl SceneBvhConfig {
     /// Triangles that one BVH can index.
     pub(crate) fn max_triangles(&self) -> usize {
-        if self.kind == BvhKind::Wide { MAX_TRIANGLES } else { lbvh::MAX_PRIMITIVES }
+        match self.kind {
+            BvhKind::Wide => MAX_TRIANGLES,
+            BvhKind::Bvh2 | BvhKind::Bih | BvhKind::KdTree => lbvh::MAX_PRIMITIVES,
+        }
     }
 
     /// The BVH over instances.
@@ -239,7 +251,7 @@ impl SceneBvhConfig {
         let test = self.triangles;
         match self.kind {
             BvhKind::Wide => self.build_wide(positions, triangles).map(BottomLevel::Wide),
-            BvhKind::Bvh2 => Ok(BottomLevel::Binary(self.build_binary(positions, triangles)?, self.volumes)),
+            BvhKind::Bvh2 => Ok(BottomLevel::Bvh2(self.build_binary(positions, triangles)?, self.volumes)),
             BvhKind::Bih => {
                 Ok(BottomLevel::Bih(Bih::build(positions, triangles, &BihConfig { test, ..BihConfig::default() })?))
             }
@@ -318,7 +330,7 @@ pub enum BottomLevel {
     /// As `Wide`, over triangles whose vertices move while the shutter is open.
     Moving(MovingBvh),
     /// Binary, with volumes of one strategy.
-    Binary(Bvh2, Strategy),
+    Bvh2(Bvh2, Strategy),
     /// A bounding interval hierarchy.
     Bih(Bih),
     /// A kd-tree.
@@ -330,7 +342,7 @@ impl BottomLevel {
         match self {
             Self::Wide(bvh) => bvh,
             Self::Moving(bvh) => bvh,
-            Self::Binary(bvh, _) => bvh,
+            Self::Bvh2(bvh, _) => bvh,
             Self::Bih(bih) => bih,
             Self::KdTree(tree) => tree,
         }
@@ -342,7 +354,7 @@ impl BottomLevel {
         match self {
             Self::Wide(bvh) => bvh.n_bytes(),
             Self::Moving(bvh) => bvh.n_bytes(),
-            Self::Binary(bvh, _) => bvh.n_bytes(),
+            Self::Bvh2(bvh, _) => bvh.n_bytes(),
             Self::Bih(bih) => bih.n_bytes(),
             Self::KdTree(tree) => tree.n_bytes(),
         }
@@ -357,7 +369,7 @@ impl BottomLevel {
         let refit = match (self, close) {
             (Self::Wide(wide), None) => wide.refit(positions, triangles),
             (Self::Moving(moving), Some(close)) => moving.refit(positions, close, triangles),
-            _ => return Ok(None),
+            (Self::Wide(_) | Self::Moving(_) | Self::Bvh2(..) | Self::Bih(_) | Self::KdTree(_), _) => return Ok(None),
         };
         match refit {
             Ok(refit) => Ok(Some(refit.drift)),
@@ -372,7 +384,7 @@ impl BottomLevel {
         match self {
             Self::Wide(bvh) => bvh.each_box(visit),
             Self::Moving(bvh) => bvh.each_box(visit),
-            Self::Binary(bvh, _) => {
+            Self::Bvh2(bvh, _) => {
                 bvh.pairs().each_box(|obb, level, is_leaf| visit(bvh.reference().given_box(obb), level, is_leaf));
             }
             Self::Bih(bih) => {
@@ -390,7 +402,7 @@ impl BottomLevel {
         match self {
             Self::Wide(wide) => of_wide(wide.sizes(), wide.frame()),
             Self::Moving(moving) => of_wide(moving.sizes(), moving.frame()),
-            Self::Binary(_, strategy) => *strategy != Strategy::Aabb,
+            Self::Bvh2(_, strategy) => *strategy != Strategy::Aabb,
             Self::Bih(_) | Self::KdTree(_) => false,
         }
     }

@@ -318,8 +318,10 @@ pub(crate) fn unused_features(levels: &SceneLevels, scene: &Scene, config: &Scen
         BvhKind::Bvh2 if config.volumes == Strategy::Aabb => Some("axis-aligned boxes were requested"),
         BvhKind::Bih | BvhKind::KdTree => Some("the requested structure has none"),
         BvhKind::Wide if config.aligned => Some("aligned nodes were requested"),
-        _ if levels.bottom().iter().any(BottomLevel::has_oriented_nodes) => None,
-        _ => Some("no gain in predicted cost"),
+        BvhKind::Bvh2 | BvhKind::Wide => {
+            let has_any = levels.bottom().iter().any(BottomLevel::has_oriented_nodes);
+            (!has_any).then_some("no gain in predicted cost")
+        }
     };
     let one_level = match config.levels {
         _ if !matches!(levels, SceneLevels::One(_)) => None,

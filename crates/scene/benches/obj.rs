@@ -1,4 +1,4 @@
-//! Reading OBJ, beside `tobj`. Ours also welds corners, finds copies of meshes and checks every triangle.
+//! Reading OBJ, compared with `tobj`. Ours also welds corners, finds copies of meshes and checks every triangle.
 
 use std::fmt::Write;
 

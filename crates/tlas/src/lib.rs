@@ -23,7 +23,8 @@
 //! | --- | --- |
 //! | [`Tlas`] | a top-level BVH over instances, and their bottom-level BVHs |
 //! | [`Instance`] | a bottom-level BVH under a transform, with a mask; static or moving |
-//! | [`Intersect`](canted_trace::Intersect), [`SaveBlas`] | what a bottom-level BVH supplies; implemented by all of ours |
+//! | [`Intersect`](canted_trace::Intersect) | what a bottom-level BVH supplies; implemented by all of ours |
+//! | [`SaveBlas`] | a bottom-level BVH that a TLAS can save: `WideBvh` |
 //! | [`TopConfig`] | how the top level is built |
 //! | [`TlasEdit`] | several changes with one update of the top level |
 //!

@@ -56,6 +56,10 @@ pub(super) fn room() -> (Scene, Camera) {
         Light::Disk { center: [0.0, 1.9, 0.0], normal: down, radius: 0.6, radiance: [5.0; 3] },
         Light::Sun { direction: [0.6, -0.48, -0.64], irradiance: [0.5; 3] },
     ];
+    assert!(
+        (0..Light::KINDS.len()).all(|kind| lights.iter().any(|light| light.kind() == kind)),
+        "a light of each kind"
+    );
     let materials = vec![grey, red, glowing];
     let environment = Some([0.2, 0.3, 0.4].into());
     let scene = Scene { meshes, instances, materials, lights, environment, ..Scene::default() };

@@ -1,4 +1,4 @@
-//! Small things far from each other: hits are the CPU's, however small a triangle is beside its distance from the ray's origin.
+//! Small things far from each other: hits are the CPU's, however small a triangle is relative to its distance from the ray's origin.
 
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_fixtures::{Mesh, SplitMix64, icosphere};
@@ -61,10 +61,10 @@ fn spheres_and_rays(extent: f64, radius: f64, n_rays: usize) -> (Vec<[f32; 3]>, 
     let mut rng = SplitMix64::new(18);
     let rays = (0..n_rays).map(|i| {
         let center = centers[i % N_SPHERES];
-        let beside = rng.on_sphere();
+        let toward = rng.on_sphere();
         // Up to the silhouette and a little beyond it.
         let reach = 1.1 * radius * rng.unit().sqrt();
-        let to: [f64; 3] = std::array::from_fn(|k| f64::from(center[k]) + reach * beside[k] - f64::from(origin[k]));
+        let to: [f64; 3] = std::array::from_fn(|k| f64::from(center[k]) + reach * toward[k] - f64::from(origin[k]));
         let length = to.iter().map(|x| x * x).sum::<f64>().sqrt();
         Ray::new(origin, to.map(|x| (x / length) as f32))
     });

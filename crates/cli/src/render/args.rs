@@ -35,7 +35,7 @@ pub(crate) struct RenderArgs {
     /// Format of the output, in place of that of its name [default: by the extension; png for -]
     #[arg(long, help_heading = PICTURE, display_order = 4, value_parser = one_of(&Format::ALL), value_name = "FORMAT")]
     format: Option<Format>,
-    /// Render only a part of the picture, whose output it is: left, top, width and height in pixels of the whole.
+    /// Render and write only a rectangle of the picture: left, top, width and height, in pixels of the whole picture.
     #[arg(long, help_heading = PICTURE, display_order = 6, value_parser = crop, value_name = "X,Y,W,H", allow_hyphen_values = true)]
     crop: Option<[u32; 4]>,
     #[command(flatten)]

@@ -115,7 +115,7 @@ fn volumes_of(bvhs: &[BottomLevel]) -> String {
     };
     for bvh in bvhs {
         match bvh {
-            BottomLevel::Binary(_, strategy) => return strategy.name().to_owned(),
+            BottomLevel::Bvh2(_, strategy) => return strategy.name().to_owned(),
             BottomLevel::Bih(_) => return "bounding intervals".to_owned(),
             BottomLevel::KdTree(_) => return "kd-tree cells".to_owned(),
             BottomLevel::Wide(wide) => add(wide.sizes().nodes, wide.frame()),

@@ -132,7 +132,7 @@ fn kind(bvhs: &[BottomLevel]) -> Result<Kind<'_>, DeviceError> {
     for bvh in bvhs {
         match bvh {
             BottomLevel::Wide(wide) => meshes.push(wide),
-            BottomLevel::Binary(_, strategy) => return Ok(Kind::Binary(*strategy)),
+            BottomLevel::Bvh2(_, strategy) => return Ok(Kind::Binary(*strategy)),
             BottomLevel::Moving(_) => return Err(DEFORMING),
             BottomLevel::Bih(_) => return Err(DeviceError::Unsupported { what: "a bounding interval hierarchy" }),
             BottomLevel::KdTree(_) => return Err(DeviceError::Unsupported { what: "a kd-tree" }),

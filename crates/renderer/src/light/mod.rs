@@ -8,8 +8,9 @@
 //! ```
 //!
 //! A kind of light of the scene file is one type that answers all questions of [`LightKind`]; [`ask`] is the only place that lists the
-//! kinds. Its twin on the GPU is one file of the same name, which `shared/light/list.wgsl` lists. A new kind is a variant of [`Light`],
-//! these two files, and a line in each list. A test finds what a switch of `list.wgsl` does not list.
+//! kinds. Its twin on the GPU is one file of the same name, which `shared/light/list.wgsl` lists. A new kind is a variant of [`Light`] with its
+//! table in scene files, these two files, and a line in each list; `ListLight` has twelve words for all its numbers. Tests find a kind that
+//! a switch of `list.wgsl`, a scene file or a comparison with the GPU does not have.
 //!
 //! Sphere and disk lights are *shape lights*: camera rays and bounced rays hit them, and they occlude other lights.
 //! They reflect nothing. The back of a disk and the inside of a sphere are black.

@@ -285,11 +285,11 @@ fn opaque_bsdf_without_transmission_matches_the_full_one() {
     let opaque = glossy("shared/bsdf/transmission/none", "shared/bsdf/energy/single");
     let answers: Vec<Answer> = answers(&gpu, "check/bsdf", &opaque, &queries, &[]);
     // The transmission factor is used only where light is transmitted.
-    let told = |query: &Query, answer: &Answer| {
+    let check = |query: &Query, answer: &Answer| {
         let compression = query.bsdf().compression();
         compare_one(query, &Answer { compression, ..*answer })
     };
-    let [n_equal, n_else] = compare(told, &queries, &answers).unwrap();
+    let [n_equal, n_else] = compare(check, &queries, &answers).unwrap();
     assert!(n_else * 1000 < n_equal, "{n_else} of {n_equal} fell to another side");
 }
 

@@ -64,6 +64,10 @@ fn lights() -> Vec<Light> {
         lights.push(Light::Sphere { center, radius, radiance });
         lights.push(Light::Disk { center, normal: direction(i, 50), radius, radiance });
     }
+    assert!(
+        (0..Light::KINDS.len()).all(|kind| lights.iter().any(|light| light.kind() == kind)),
+        "a light of each kind"
+    );
     lights
 }
 

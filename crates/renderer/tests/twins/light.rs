@@ -163,8 +163,9 @@ fn emitting(n: u32) -> Mesh {
     mesh
 }
 
+/// Lights of each kind.
 fn listed() -> Vec<Light> {
-    (0..6)
+    let lights: Vec<Light> = (0..6)
         .flat_map(|i| {
             let center = direction(i, 210).map(|x| 3.0 * x);
             let radiance = [0, 1, 2].map(|k| 0.1 + number(i, 220 + k));
@@ -183,7 +184,12 @@ fn listed() -> Vec<Light> {
                 Light::Disk { center: direction(i, 250).map(|x| 4.0 * x), normal, radius: 0.5, radiance },
             ]
         })
-        .collect()
+        .collect();
+    assert!(
+        (0..Light::KINDS.len()).all(|kind| lights.iter().any(|light| light.kind() == kind)),
+        "a light of each kind"
+    );
+    lights
 }
 
 /// An environment map with a bright texel and a black row.

@@ -166,6 +166,14 @@ fn rejected(from: &str, to: &str, words: &[&str]) {
 }
 
 #[test]
+fn every_kind_of_light_is_read() {
+    let lights = parse(FULL).unwrap().lights.unwrap();
+    for (kind, name) in Light::KINDS.iter().enumerate() {
+        assert!(lights.iter().any(|light| light.kind() == kind), "FULL has no light of type {name}");
+    }
+}
+
+#[test]
 fn unknown_keys_suggest_the_closest() {
     rejected("[camera]", "[kamera]", &["unknown key 'kamera' in the file", "'camera'"]);
     rejected("eye =", "eyes =", &["unknown key 'eyes' in [camera]", "'eye'"]);

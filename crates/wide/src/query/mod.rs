@@ -1,7 +1,7 @@
 //! Ray queries of a BVH, over the traversal.
 //!
 //! ```text
-//! triangles    tests eight at a time inside of the traversal; one match on the triangle test for each ray
+//! triangles    tests eight at a time inside of the traversal; one match on the triangle test for each query that is not plain
 //! primitives   tests of the caller, called from the traversal for each leaf
 //! boxes        a function of the caller, called for each box
 //! ```

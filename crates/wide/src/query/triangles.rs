@@ -1,7 +1,8 @@
 //! Rays through a BVH over triangles.
 //!
-//! From [`Intersect::closest_hit`] to the triangle test: `closest_hit_scaled` below chooses the triangle test, [`Task::on`] has the
-//! instructions of the SIMD path, `walk` visits the leaves, and [`TriangleLeaves`] tests the triangles of one.
+//! From [`Intersect::closest_hit`] to the triangle test: `closest_hit_scaled` below runs [`PlainClosest`] with the instructions of the SIMD
+//! path, [`pass_hits`] prepares the ray for eight boxes and triangles at a time, `walk` visits the leaves, and [`TriangleLeaves`] tests the
+//! triangles of one. Queries that filter or count, and other triangle tests, run [`PassHits`] instead, after one match.
 
 use canted_obb::Obb;
 use canted_trace::{

@@ -29,8 +29,8 @@ pub(crate) trait Visitor {
 /// Visits every leaf that `ray` enters at or before `t_max`, nearer subtrees first where `ORDERED`.
 ///
 /// A box is entered no later than any hit in it and is visited while that is `<= t_max`, so ties reach the leaf in every
-/// BVH. `stack` has at least [`Nodes::stack_len`] entries: the entry of each subtree that waits above its child word, so that entries are
-/// ordered as integers.
+/// BVH. `stack` has room for at least [`Nodes::stack_len`] subtrees that wait. Each is an integer: in its upper half the `t` at which the ray enters
+/// the subtree, in its lower half the child word. So the order of these integers is the order along the ray.
 #[inline(always)]
 pub(crate) fn walk<S: Simd, const ORDERED: bool>(
     simd: S,

@@ -1,7 +1,7 @@
 //! `--frames`: the pictures of an animation or of a turning camera.
 //!
 //! ```text
-//! source (pose) -> prepare or update -> camera (turntable) -> picture -> file (names)
+//! source (pose) -> build or update -> camera (turntable) -> picture -> file (names)
 //! ```
 
 mod resume;

@@ -1,6 +1,4 @@
-//! `--resume`: frames that exist, and the list of what they were rendered with.
-//!
-//! The list of frames: what each picture of a sequence was rendered with, by which `--resume` keeps or rejects it.
+//! The list of finished frames: what each picture of a sequence was rendered with, by which `--resume` keeps or rejects it.
 //!
 //! A text file beside the pictures, with a line of JSON for each: its name, a hash of its bytes, and a record of everything
 //! that determines its pixels. A line is added once the picture is whole. A line that cannot be read is no line.
