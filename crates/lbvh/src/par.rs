@@ -151,9 +151,10 @@ pub fn map_pieces<I: Sync, T: Send, R: Send>(
 pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
     #[cfg(feature = "parallel")]
     {
-        let (mut a, mut b) = (Work::Waiting(a), Work::Waiting(b));
-        join_both(&mut || a.run(), &mut || b.run());
-        (a.result(), b.result())
+        let (mut a, mut b) = (Some(a), Some(b));
+        let (mut of_a, mut of_b) = (None, None);
+        join_both(&mut || of_a = a.take().map(|a| a()), &mut || of_b = b.take().map(|b| b()));
+        of_a.zip(of_b).expect("both have run")
     }
     #[cfg(not(feature = "parallel"))]
     {
@@ -161,30 +162,7 @@ pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> 
     }
 }
 
-/// A function to run once, and then its result.
-#[cfg(feature = "parallel")]
-enum Work<F, R> {
-    Waiting(F),
-    Running,
-    Done(R),
-}
-
-#[cfg(feature = "parallel")]
-impl<R, F: FnOnce() -> R> Work<F, R> {
-    fn run(&mut self) {
-        if let Self::Waiting(function) = std::mem::replace(self, Self::Running) {
-            *self = Self::Done(function());
-        }
-    }
-
-    fn result(self) -> R {
-        match self {
-            Self::Done(result) => result,
-            Self::Waiting(_) | Self::Running => unreachable!("both have run"),
-        }
-    }
-}
-
+/// Calls both, on two threads where one is free.
 #[cfg(feature = "parallel")]
 fn join_both(a: &mut (dyn FnMut() + Send), b: &mut (dyn FnMut() + Send)) {
     rayon::join(a, b);
