@@ -77,7 +77,7 @@ fn own<'a>(args: &[&'a str]) -> impl Iterator<Item = &'a str> {
 
 /// The benchmark program with thin LTO, as the results were recorded, and with the peers where `args` request them.
 fn program(args: &[&str]) -> Command {
-    let mut command = cargo(&["run", "--release", "--bin", "canted-bench"]);
+    let mut command = cargo(&["run", "--release", "--package", "canted-benches"]);
     command.env("CARGO_PROFILE_RELEASE_LTO", "thin");
     if args.contains(&PEERS) {
         command.args(["--features", "canted-benches/peers"]);
@@ -143,7 +143,7 @@ pub(crate) struct Long {
     program: &'static [&'static str],
 }
 
-const BUILD_BENCH: &[&str] = &["build", "--release", "--bin", "canted-bench"];
+const BUILD_BENCH: &[&str] = &["build", "--release", "--package", "canted-benches", "--bin", "canted-bench"];
 const RUN_GRAZING: &[&str] = &["run", "--release", "--package", "canted-tests", "--example", "grazing"];
 
 /// All long runs.
