@@ -34,8 +34,8 @@
 //!
 //! # Guarantees
 //!
-//! * No input makes a reader panic, loop forever, or read outside the folder of the file it was given. [`SceneFile`] is the
-//!   exception: its author chooses the paths. The feature `ktx2` relies on unwinding for this: with `panic = "abort"` a
+//! * No input makes a reader panic, loop forever, or read outside the folder of the file it was given, unless [`ReadOptions`] permit it.
+//!   [`SceneFile`] is the exception: its author chooses the paths. The feature `ktx2` relies on unwinding for this: with `panic = "abort"` a
 //!   malformed KTX2 texture may end the program.
 //! * In a [`Scene`] every index is in range, every referenced position is finite, every transform is invertible, and every
 //!   texture has `width * height` texels.

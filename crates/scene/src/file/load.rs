@@ -30,7 +30,9 @@ impl SceneFile {
                 (stem, AssetSource::File(relative(scene, folder(path))?))
             }
         };
-        let asset = Asset { name, source, time: None, animation: None, variant: None, material: None, line: 0 };
+        let (time, animation, variant, material) = (None, None, None, None);
+        let (texture_path, allow_parent, line) = (Vec::new(), false, 0);
+        let asset = Asset { name, source, time, animation, variant, material, texture_path, allow_parent, line };
         Ok(Self { path: path.to_owned(), assets: vec![asset], ..Self::default() })
     }
 
@@ -52,6 +54,24 @@ impl SceneFile {
     #[must_use]
     pub fn with_variant(mut self, variant: &str) -> Self {
         self.assets.iter_mut().for_each(|asset| asset.variant = Some(variant.to_owned()));
+        self
+    }
+
+    /// Searches in these folders for the images of all assets, see [`ReadOptions::texture_paths`].
+    ///
+    /// # Errors
+    /// A folder does not exist, or its path is not UTF-8.
+    pub fn with_texture_paths(mut self, folders: &[PathBuf]) -> Result<Self, ReadError> {
+        let own = folder(&self.path);
+        let paths: Vec<String> = folders.iter().map(|path| relative(path, own)).collect::<Result<_, _>>()?;
+        self.assets.iter_mut().for_each(|asset| asset.texture_path.clone_from(&paths));
+        Ok(self)
+    }
+
+    /// Sets whether assets may refer to files outside their folders, see [`ReadOptions::allow_parent`].
+    #[must_use]
+    pub fn with_allow_parent(mut self, is_allowed: bool) -> Self {
+        self.assets.iter_mut().for_each(|asset| asset.allow_parent = is_allowed);
         self
     }
 
@@ -168,8 +188,8 @@ impl SceneFile {
         match source {
             EnvironmentSource::Constant(radiance) => Ok(Environment::Constant(*radiance)),
             EnvironmentSource::Image { file, scale, turn_degrees, line } => {
-                let image = read_environment(&self.resolve(file), &mut scene.warnings)
-                    .map_err(|error| self.error_of(*line, "'image' in [environment]", error))?;
+                let image = self.regular(file).and_then(|path| read_environment(&path, &mut scene.warnings));
+                let image = image.map_err(|error| self.error_of(*line, "'image' in [environment]", error))?;
                 Ok(Environment::Image(EnvironmentImage { scale: *scale, turn_degrees: *turn_degrees, ..image }))
             }
         }
@@ -224,9 +244,11 @@ impl<'a> Assembly<'a> {
                         time: asset.time,
                         animation: asset.animation.clone(),
                         variant: asset.variant.clone(),
+                        texture_paths: asset.texture_path.iter().map(|path| self.file.resolve(path)).collect(),
+                        allow_parent: asset.allow_parent,
                     };
-                    read_with(&self.file.resolve(file), &options)
-                        .map_err(|error| self.file.error_of(asset.line, "'file' in [[assets]]", error))?
+                    let own = self.file.regular(file).and_then(|path| read_with(&path, &options));
+                    own.map_err(|error| self.file.error_of(asset.line, "'file' in [[assets]]", error))?
                 }
             };
             self.append(asset, own)?;
@@ -380,7 +402,8 @@ impl<'a> Assembly<'a> {
         let error_for = |reason: String| {
             error_at(&self.file.path, line, format!("cannot load texture {}: {reason}", quoted(file.as_bytes())))
         };
-        let bytes = fs::read(self.file.resolve(file)).map_err(|error| error_for(error.to_string()))?;
+        let path = self.file.regular(file).map_err(|error| error_for(error.to_string()))?;
+        let bytes = fs::read(path).map_err(|error| error_for(error.to_string()))?;
         let texture = crate::read::decode(file, &bytes).map_err(&error_for)?;
         let id = u32::try_from(self.scene.textures.len())
             .map_err(|_| error_for("too many textures (limit: 2^32)".into()))?;
@@ -394,6 +417,16 @@ impl SceneFile {
     /// Resolves a path in this file.
     fn resolve(&self, file: &str) -> PathBuf {
         folder(&self.path).join(file)
+    }
+
+    /// As [`SceneFile::resolve`], for a file to read: a pipe or a device may have no end.
+    fn regular(&self, file: &str) -> Result<PathBuf, ReadError> {
+        let path = self.resolve(file);
+        let metadata = fs::metadata(&path).map_err(ReadError::io(&path))?;
+        if !metadata.is_file() {
+            return Err(ReadError::io(&path)(io::Error::other("not a regular file")));
+        }
+        Ok(path)
     }
 
     /// Moves the scene file to `path`, rewriting its relative paths to refer to the same files.
@@ -416,11 +449,14 @@ impl SceneFile {
         self.clone().files_mut().map(|file| self.resolve(file)).collect()
     }
 
-    /// All file names in this file.
+    /// All paths of files and folders in this file.
     fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
-        let assets = self.assets.iter_mut().filter_map(|asset| match &mut asset.source {
-            AssetSource::File(file) => Some(file),
-            AssetSource::Builtin => None,
+        let assets = self.assets.iter_mut().flat_map(|asset| {
+            let file = match &mut asset.source {
+                AssetSource::File(file) => Some(file),
+                AssetSource::Builtin => None,
+            };
+            file.into_iter().chain(&mut asset.texture_path)
         });
         let environment = self.environment.iter_mut().filter_map(|environment| match environment {
             EnvironmentSource::Image { file, .. } => Some(file),
@@ -442,7 +478,7 @@ fn or_current(folder: &Path) -> &Path {
     if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
 }
 
-/// The path from `folder` to `file`, separated by `/`. Both must exist.
+/// The path from `folder` to `file`, separated by `/`; `.` for the folder itself. Both must exist.
 fn relative(file: &Path, folder: &Path) -> Result<String, ReadError> {
     let real = |path: &Path| fs::canonicalize(path).map_err(|source| ReadError::Io { path: path.to_owned(), source });
     let not_utf8 = || {
@@ -463,5 +499,6 @@ fn relative(file: &Path, folder: &Path) -> Result<String, ReadError> {
     let up = folder.components().skip(n_common).map(|_| Some(".."));
     let down = target.components().skip(n_common).map(|component| component.as_os_str().to_str());
     let names: Option<Vec<&str>> = up.chain(down).collect();
-    Ok(names.ok_or_else(not_utf8)?.join("/"))
+    let path = names.ok_or_else(not_utf8)?.join("/");
+    Ok(if path.is_empty() { ".".to_owned() } else { path })
 }

@@ -49,8 +49,8 @@ pub use tables::{closest_match, suggestion};
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
-/// Paths are relative to the folder of the scene file and may lead out of it. Files that an asset references must lie in
-/// the asset's folder.
+/// Paths are relative to the folder of the scene file and may lead out of it, but not to pipes and devices. Files that an asset
+/// references must lie in the asset's folder, unless its table permits more.
 ///
 /// Camera, lights and environment replace those of all assets. If one is absent, those of the assets are used, untransformed
 /// by instances.
@@ -111,6 +111,10 @@ pub struct Asset {
     pub variant: Option<String>,
     /// Name of a new material that replaces all materials of the asset.
     pub material: Option<String>,
+    /// Folders of images, see [`crate::ReadOptions::texture_paths`].
+    pub texture_path: Vec<String>,
+    /// Whether the asset may refer to files outside its folder, see [`crate::ReadOptions::allow_parent`].
+    pub allow_parent: bool,
     /// Line in the file; 0 if not read from one.
     pub line: usize,
 }

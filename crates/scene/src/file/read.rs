@@ -1,7 +1,8 @@
 //! TOML text to [`SceneFile`].
 
 use std::collections::HashMap;
-use std::fs;
+use std::fs::File;
+use std::io::Read as _;
 use std::path::Path;
 
 use serde::Deserialize;
@@ -10,10 +11,10 @@ use serde_spanned::Spanned;
 use super::light::{self, EnvironmentTable, LightTable};
 use super::material::MaterialTable;
 use super::placement::{self, CameraTable, Matrix, PlacementTable};
-use super::tables::{Direction, FileName, Finite, In, NotZero, OptionText, Point, Source, closest_match};
+use super::tables::{Direction, FileName, Finite, Folders, In, NotZero, OptionText, Point, Source, closest_match};
 use super::{Asset, AssetInstance, AssetSource, NewMaterial, Override, Placement, SceneFile, Setting};
 use crate::ReadError;
-use crate::read::quoted;
+use crate::read::{quoted, with_line_feeds};
 
 /// Largest scene file in bytes, enough for hundreds of thousands of instances. Guards against reading a large binary file.
 const MAX_BYTES: u64 = 1 << 26;
@@ -24,13 +25,13 @@ impl SceneFile {
     /// # Errors
     /// [`ReadError`] with file, line, key and value; for an unknown key also the closest known key.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
-        let io_error = ReadError::io(path);
-        let n_bytes = fs::metadata(path).map_err(&io_error)?.len();
-        if n_bytes > MAX_BYTES {
-            let feature = format!("a scene file of {n_bytes} bytes (limit: {MAX_BYTES})");
-            return Err(ReadError::unsupported(path, feature));
+        let mut bytes = Vec::new();
+        let file = File::open(path).map_err(ReadError::io(path))?;
+        file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(ReadError::io(path))?;
+        if bytes.len() as u64 > MAX_BYTES {
+            return Err(ReadError::unsupported(path, format!("a scene file of more than {MAX_BYTES} bytes")));
         }
-        Self::parse(&fs::read(path).map_err(&io_error)?, path)
+        Self::parse(&bytes, path)
     }
 
     /// Parses the bytes of a scene file at `path`.
@@ -42,7 +43,8 @@ impl SceneFile {
             let line = 1 + bytes[..error.valid_up_to()].iter().filter(|&&byte| byte == b'\n').count();
             super::tables::error_at(path, line, "invalid UTF-8")
         })?;
-        let source = Source::new(path, text);
+        let text = with_line_feeds(text);
+        let source = Source::new(path, &text);
         let document: Document = source.read()?;
         let Document { assets, instances, camera, lights, environment, materials, overrides, settings } = document;
         let each = |instances: Vec<_>| instances.into_iter().map(|table| instance(table, &source)).collect();
@@ -133,11 +135,16 @@ struct AssetTable {
     animation: Option<String>,
     variant: Option<String>,
     material: Option<String>,
+    #[serde(default)]
+    texture_path: Folders,
+    #[serde(default)]
+    allow_parent: bool,
 }
 
 fn asset(table: Spanned<AssetTable>, source: &Source<'_>) -> Result<Asset, ReadError> {
     let at = table.span().start;
-    let AssetTable { name, file, builtin, time, animation, variant, material } = table.into_inner();
+    let AssetTable { name, file, builtin, time, animation, variant, material, texture_path, allow_parent } =
+        table.into_inner();
     let content = match (file, builtin.filter(|builtin| *builtin.get_ref())) {
         (Some(file), None) => AssetSource::File(file.0),
         (None, Some(_)) => AssetSource::Builtin,
@@ -147,7 +154,8 @@ fn asset(table: Spanned<AssetTable>, source: &Source<'_>) -> Result<Asset, ReadE
         (None, None) => return Err(source.error(at, "missing key 'file' in [[assets]]")),
     };
     let line = source.line(at);
-    Ok(Asset { name, source: content, time: time.map(|time| time.0), animation, variant, material, line })
+    let (time, texture_path) = (time.map(|time| time.0), texture_path.0);
+    Ok(Asset { name, source: content, time, animation, variant, material, texture_path, allow_parent, line })
 }
 
 /// A table of `[[instances]]`; its placement has the keys of [`PlacementTable`].

@@ -623,6 +623,38 @@ impl<'de> Deserialize<'de> for FileName {
     }
 }
 
+/// Folders: a path, or a list of paths.
+#[derive(Default)]
+pub(super) struct Folders(pub(super) Vec<String>);
+
+impl<'de> Deserialize<'de> for Folders {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(FoldersVisitor)
+    }
+}
+
+struct FoldersVisitor;
+
+impl<'de> Visitor<'de> for FoldersVisitor {
+    type Value = Folders;
+
+    fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("a folder or a list of folders")
+    }
+
+    fn visit_str<E: de::Error>(self, path: &str) -> Result<Folders, E> {
+        Ok(Folders(vec![path.to_owned()]))
+    }
+
+    fn visit_seq<A: de::SeqAccess<'de>>(self, mut paths: A) -> Result<Folders, A::Error> {
+        let mut all = Vec::new();
+        while let Some(path) = paths.next_element::<String>()? {
+            all.push(path);
+        }
+        Ok(Folders(all))
+    }
+}
+
 /// Largest deviation from 1 of the squared length of a unit vector rounded to `f32`.
 ///
 /// Each coordinate has a relative error of at most u, half of `f32::EPSILON`, so the square has at most (1 + u)² - 1.

@@ -80,6 +80,21 @@ fn write_asset(asset: &Asset, out: &mut TomlWriter) {
     if let Some(variant) = &asset.variant {
         out.entry("variant", &quoted(variant), "name or number of the material variant");
     }
+    match &asset.texture_path[..] {
+        [] => {}
+        [folder] => out.entry("texture_path", &quoted(folder), "folder of images that are not beside the file"),
+        folders => {
+            let folders: Vec<String> = folders.iter().map(|folder| quoted(folder)).collect();
+            out.entry(
+                "texture_path",
+                &format!("[{}]", folders.join(", ")),
+                "folders of images that are not beside the file",
+            );
+        }
+    }
+    if asset.allow_parent {
+        out.entry("allow_parent", "true", "the file may refer to files outside its folder");
+    }
     if let Some(material) = &asset.material {
         out.entry("material", &quoted(material), "replaces all materials of the asset");
     }

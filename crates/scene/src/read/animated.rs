@@ -32,7 +32,7 @@ impl AnimatedScene {
     /// # Errors
     /// As [`read_with`](super::read_with), and [`ReadError::VertexNotFinite`].
     pub fn open(path: &Path, options: &ReadOptions) -> Result<(Self, Scene), ReadError> {
-        let Input { format, bytes } = open(path)?;
+        let Input { format, bytes } = open(path, options)?;
         if format == Format::Gltf {
             let (poses, scene) = gltf::Poses::open(path, &bytes, options)?;
             return Ok((Self(poses), scene));

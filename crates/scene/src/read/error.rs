@@ -177,16 +177,31 @@ pub(crate) struct WarningGroups {
 
 struct WarningGroup {
     what: String,
+    /// Where it happened first, or a sentence about it.
     first: String,
+    is_sentence: bool,
     n_more: usize,
 }
 
 impl WarningGroups {
     /// Adds the warning `what` at `location`.
     pub(crate) fn add(&mut self, what: &str, location: &str) {
-        match self.list.iter_mut().find(|group| group.what == what) {
+        self.count(what, location, false);
+    }
+
+    /// Adds a whole sentence, which stands for all of its kind.
+    pub(crate) fn add_sentence(&mut self, kind: &str, sentence: &str) {
+        self.count(kind, sentence, true);
+    }
+
+    fn count(&mut self, what: &str, first: &str, is_sentence: bool) {
+        let is_same = |group: &&mut WarningGroup| group.what == what && group.is_sentence == is_sentence;
+        match self.list.iter_mut().find(is_same) {
             Some(group) => group.n_more += 1,
-            None => self.list.push(WarningGroup { what: what.to_owned(), first: location.to_owned(), n_more: 0 }),
+            None => {
+                let (what, first) = (what.to_owned(), first.to_owned());
+                self.list.push(WarningGroup { what, first, is_sentence, n_more: 0 });
+            }
         }
     }
 
@@ -199,9 +214,14 @@ impl WarningGroups {
 
     /// Appends one line per kind.
     pub(crate) fn finish(self, warnings: &mut Vec<String>) {
-        warnings.extend(self.list.into_iter().map(|WarningGroup { what, first, n_more }| match n_more {
-            0 => printable(&format!("{what}: {first}")).into_owned(),
-            _ => printable(&format!("{what}: {first} and {n_more} more")).into_owned(),
+        warnings.extend(self.list.into_iter().map(|WarningGroup { what, first, is_sentence, n_more }| {
+            let sentence = if is_sentence { first } else { format!("{what}: {first}") };
+            let more = match (n_more, is_sentence) {
+                (0, _) => String::new(),
+                (n, true) => format!(", and {n} more"),
+                (n, false) => format!(" and {n} more"),
+            };
+            printable(&format!("{sentence}{more}")).into_owned()
         }));
     }
 }
@@ -217,8 +237,12 @@ mod tests {
             groups.add(what, location);
         }
         groups.add_once("ignoring b", "the file");
+        for name in ["c", "d", "e"] {
+            groups.add_sentence("absent", &format!("skipping {name}: absent"));
+        }
         let mut warnings = Vec::new();
         groups.finish(&mut warnings);
-        assert_eq!(warnings, ["ignoring b: node 1 and 1 more", "ignoring a: node 2"]);
+        let of_c = "skipping c: absent, and 2 more";
+        assert_eq!(warnings, ["ignoring b: node 1 and 1 more", "ignoring a: node 2", of_c]);
     }
 }

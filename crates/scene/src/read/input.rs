@@ -3,13 +3,14 @@
 use std::ffi::OsStr;
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::error::ReadError;
 #[cfg(feature = "off")]
 use super::off::is_off;
 #[cfg(feature = "stl")]
 use super::stl::is_stl;
+use super::text;
 
 /// Options of [`read_with`](super::read_with).
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -23,6 +24,10 @@ pub struct ReadOptions {
     /// Name of a material variant of a glTF file, or its number from 0 where no variant has that name. `None` for the materials of the
     /// primitives.
     pub variant: Option<String>,
+    /// Folders in which images are searched for that are neither where the file says nor in its own folder.
+    pub texture_paths: Vec<PathBuf>,
+    /// Whether the file may refer to files outside its folder by `..` and by links.
+    pub allow_parent: bool,
 }
 
 /// Bytes examined for signatures.
@@ -48,7 +53,13 @@ pub(super) struct Input {
 }
 
 /// Reads a file. One of an unknown format is not read beyond its start.
-pub(super) fn open(path: &Path) -> Result<Input, ReadError> {
+pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Input, ReadError> {
+    for folder in &options.texture_paths {
+        let is_folder = folder.metadata().map_err(ReadError::io(folder))?.is_dir();
+        if !is_folder {
+            return Err(ReadError::io(folder)(std::io::ErrorKind::NotADirectory.into()));
+        }
+    }
     let io_error = ReadError::io(path);
     let mut file = File::open(path).map_err(&io_error)?;
     let mut bytes = Vec::new();
@@ -75,7 +86,7 @@ fn format_of(extension: Option<&OsStr>, bytes: &[u8], n_bytes: u64) -> Option<Fo
     let extension = extension.unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     match (head, &extension[..]) {
         ([b'g', b'l', b'T', b'F', ..], _) => Some(Format::Gltf),
-        ([b'p', b'l', b'y', b'\n' | b'\r', ..], _) => Some(Format::Ply),
+        _ if matches!(text::after_mark(head), [b'p', b'l', b'y', b'\n' | b'\r', ..]) => Some(Format::Ply),
         _ if is_stl(head, n_bytes) => Some(Format::Stl),
         _ if is_off(head) => Some(Format::Off),
         (_, "gltf" | "glb") => Some(Format::Gltf),

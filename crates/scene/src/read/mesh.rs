@@ -119,20 +119,22 @@ pub(crate) fn usable_uv(uv: [f32; 2]) -> [f32; 2] {
     if uv.iter().all(|x| x.is_finite()) { uv } else { [0.0; 2] }
 }
 
-/// Adds `mesh`, named after the file, and its material to a scene without meshes, as PLY, STL and OFF files give it.
+/// Adds `mesh`, named after the file, and its materials to a scene without meshes, as PLY, STL and OFF files give it. Without parts, the
+/// whole mesh has the first material.
 pub(crate) fn single_mesh(
     path: &Path,
     mesh: Mesh,
-    material: Material,
+    materials: Vec<Material>,
     checks: MeshChecks,
     mut scene: Scene,
 ) -> Result<Scene, ReadError> {
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let parts = vec![Part { first_triangle: 0, material: MaterialId(0) }];
+    let whole = || vec![Part { first_triangle: 0, material: MaterialId(0) }];
+    let parts = if mesh.parts.is_empty() { whole() } else { mesh.parts };
     if u32::try_from(mesh.triangles.len()).is_err() {
         return Err(ReadError::unsupported(path, "more than 2^32 triangles"));
     }
-    scene.materials.push(material);
+    scene.materials = materials;
     scene.meshes.push(Mesh { name, parts, ..mesh });
     let (mesh, world_from_object) = (MeshId(0), Affine::IDENTITY);
     scene.instances.push(Instance { mesh, world_from_object, world_from_object_close: None, first_primitive: 0 });
@@ -148,11 +150,11 @@ pub(crate) const NO_COLOR: [f32; 3] = [f32::NAN; 3];
 /// PLY, OFF and OBJ do not state the encoding. Colors are taken as sRGB-encoded, as MeshLab and Blender write them.
 ///
 /// Without `max` it is 255 if any value exceeds 1, else 1. Values that are not finite become 1, others are clamped. The error
-/// is a warning: negative values are not colors (some files have normals in their place).
-pub(crate) fn linear_colors(colors: Vec<[f32; 3]>, max: Option<f32>) -> Result<Vec<[f32; 4]>, String> {
+/// is a warning: negative values are not colors (some files have normals in their place). `of` is what has a color: `vertex` or `face`.
+pub(crate) fn linear_colors(of: &str, colors: Vec<[f32; 3]>, max: Option<f32>) -> Result<Vec<[f32; 4]>, String> {
     if let Some(at) = colors.iter().position(|color| color.iter().any(|&x| x < 0.0)) {
         let [r, g, b] = colors[at];
-        return Err(format!("ignoring vertex colors: negative value at vertex {at}: {r} {g} {b}"));
+        return Err(format!("ignoring {of} colors: negative value at {of} {at}: {r} {g} {b}"));
     }
     let exceeds_one = || colors.iter().flatten().any(|&x| x > 1.0 && x.is_finite());
     let max = max.unwrap_or_else(|| if exceeds_one() { 255.0 } else { 1.0 });
@@ -199,19 +201,19 @@ mod tests {
 
     #[test]
     fn scales_of_bytes_and_unit_numbers_agree() {
-        let unit = linear_colors(vec![[0.0, 1.0, 0.2], NO_COLOR], None).unwrap();
+        let unit = linear_colors("vertex", vec![[0.0, 1.0, 0.2], NO_COLOR], None).unwrap();
         assert_eq!(unit[1], [1.0; 4]);
-        assert_eq!(linear_colors(vec![[0.0, 255.0, 51.0], NO_COLOR], None).unwrap(), unit);
-        assert_eq!(linear_colors(vec![[0.0, 65535.0, 13107.0], NO_COLOR], Some(65535.0)).unwrap(), unit);
+        assert_eq!(linear_colors("vertex", vec![[0.0, 255.0, 51.0], NO_COLOR], None).unwrap(), unit);
+        assert_eq!(linear_colors("vertex", vec![[0.0, 65535.0, 13107.0], NO_COLOR], Some(65535.0)).unwrap(), unit);
         // 0.2 is 0.0331 in linear light, by the published table.
         assert!((unit[0][2] - 0.0331).abs() < 5e-5, "{}", unit[0][2]);
         assert_eq!(unit[0], [0.0, 1.0, unit[0][2], 1.0]);
-        assert_eq!(linear_colors(vec![[300.0, 0.0, 0.0]], Some(255.0)).unwrap(), [[1.0, 0.0, 0.0, 1.0]]);
+        assert_eq!(linear_colors("vertex", vec![[300.0, 0.0, 0.0]], Some(255.0)).unwrap(), [[1.0, 0.0, 0.0, 1.0]]);
     }
 
     #[test]
     fn negative_values_are_not_colors() {
-        let warning = linear_colors(vec![[0.0; 3], [0.0, -1.0, 0.0]], None).unwrap_err();
+        let warning = linear_colors("vertex", vec![[0.0; 3], [0.0, -1.0, 0.0]], None).unwrap_err();
         assert_eq!(warning, "ignoring vertex colors: negative value at vertex 1: 0 -1 0");
     }
 }

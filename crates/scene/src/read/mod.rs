@@ -32,13 +32,13 @@ pub use environment::read_environment;
 pub use error::ReadError;
 pub(crate) use image::decode;
 pub use input::ReadOptions;
-pub(crate) use text::quoted;
+pub(crate) use text::{quoted, with_line_feeds};
 
 /// Reads an OBJ (with MTL), PLY, STL, OFF, glTF or GLB file with the buffers and images it references.
 ///
 /// The format is determined by the content (PLY, GLB, STL, OFF), else by the extension. Files compressed by gzip are
 /// decompressed first. Referenced files are only read from the
-/// folder of `path` and below. Repairs and skipped elements are reported in [`Scene::warnings`]. Coordinates keep the file's
+/// folder of `path` and below, unless [`ReadOptions`] permit more. Repairs and skipped elements are reported in [`Scene::warnings`]. Coordinates keep the file's
 /// unit.
 ///
 /// # Errors
@@ -52,7 +52,7 @@ pub fn read(path: &Path) -> Result<Scene, ReadError> {
 /// # Errors
 /// As [`read`].
 pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError> {
-    let Input { format, bytes } = open(path)?;
+    let Input { format, bytes } = open(path, options)?;
     if format == Format::Gltf {
         return gltf::read(path, &bytes, options);
     }
@@ -72,8 +72,8 @@ fn read_static(path: &Path, format: Format, bytes: &[u8], options: &ReadOptions)
         return Err(ReadError::UnknownVariant { path: path.to_owned(), wanted: wanted.clone(), known: Vec::new() });
     }
     match format {
-        Format::Obj => obj::parse(path, bytes),
-        Format::Ply => ply::parse(path, bytes),
+        Format::Obj => obj::parse(path, bytes, options),
+        Format::Ply => ply::parse(path, bytes, options),
         #[cfg(feature = "stl")]
         Format::Stl => stl::parse(path, bytes),
         #[cfg(not(feature = "stl"))]
@@ -95,7 +95,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::obj::materials::parse_library;
-    use super::{ReadError, obj, ply, read};
+    use super::{ReadError, ReadOptions, obj, ply, read};
     use crate::Scene;
     use crate::flaw::is_numbered;
 
@@ -152,7 +152,7 @@ mod tests {
     proptest! {
         #[test]
         fn obj_gives_an_error_or_a_valid_scene(bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..300), mutated(OBJ), obj_lines()]) {
-            if let Ok(scene) = obj::parse(Path::new("a.obj"), &bytes) {
+            if let Ok(scene) = obj::parse(Path::new("a.obj"), &bytes, &ReadOptions::default()) {
                 prop_assert_eq!(flaw(&scene), None);
             }
         }
@@ -168,7 +168,7 @@ mod tests {
 
         #[test]
         fn ply_gives_an_error_or_a_valid_scene(bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..300), mutated(PLY)]) {
-            if let Ok(scene) = ply::parse(Path::new("a.ply"), &bytes) {
+            if let Ok(scene) = ply::parse(Path::new("a.ply"), &bytes, &ReadOptions::default()) {
                 prop_assert_eq!(flaw(&scene), None);
             }
         }

@@ -30,9 +30,9 @@ impl Line<'_> {
 
 /// Lines with words; comments are skipped.
 fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let bytes = text::after_mark(bytes);
     let line = |(line, number): (_, usize)| Line { number, words: text::words(line).collect() };
-    bytes.split(|&byte| byte == b'\n').zip(1..).map(line).filter(|line| !line.words.is_empty())
+    text::physical_lines(bytes).zip(1..).map(line).filter(|line| !line.words.is_empty())
 }
 
 /// Vertices of a file, and the problems of their attributes.
@@ -67,7 +67,7 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
     }
     grouped.finish(&mut scene.warnings);
     let (mesh, material) = vertices.into_mesh(triangles, &mut scene.warnings);
-    single_mesh(path, mesh, material, checks, scene)
+    single_mesh(path, mesh, vec![material], checks, scene)
 }
 
 impl Vertices {
@@ -118,7 +118,7 @@ impl Vertices {
             mesh.normals = Some(normals.into_iter().map(unit_normal).collect());
         }
         if !colors.is_empty() {
-            match linear_colors(colors, None) {
+            match linear_colors("vertex", colors, None) {
                 Ok(colors) => {
                     mesh.colors = Some(colors);
                     material.base_color = [1.0; 3];
@@ -174,7 +174,7 @@ struct Header {
 
 /// Whether the first word of a file is a keyword of OFF.
 pub(super) fn is_off(head: &[u8]) -> bool {
-    let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head).trim_ascii_start();
+    let head = text::after_mark(head).trim_ascii_start();
     let word = head.split(u8::is_ascii_whitespace).next().unwrap_or_default();
     keyword(word).is_some()
 }
@@ -248,6 +248,7 @@ mod tests {
         is_cube(off(CUBE), &[]);
         is_cube(off(format!("# c\n\nOFF # d\n# e\n{CUBE}\n# f\n")), &[]);
         is_cube(off(format!("OFF\n{}", CUBE.replacen(" 12", "", 1)).replace('\n', "\r\n")), &[]);
+        is_cube(off(format!("OFF # d\n# e\n{CUBE}").replace('\n', "\r")), &[]);
     }
 
     #[test]

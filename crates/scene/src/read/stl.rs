@@ -24,29 +24,45 @@ const HEAD_BYTES: usize = 1024;
 pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
     let mut triangles = Triangles::new();
     let mut scene = Scene::default();
-    if is_ascii(bytes) {
-        read_ascii(path, bytes, &mut triangles, &mut scene.warnings)?;
-    } else {
-        read_binary(path, bytes, &mut triangles, &mut scene.warnings)?;
+    match ascii_start(bytes) {
+        Some(start) => read_ascii(path, Words { bytes, at: start }, &mut triangles, &mut scene.warnings)?,
+        None => read_binary(path, bytes, &mut triangles, &mut scene.warnings)?,
     }
     let Triangles { weld, triangles, checks } = triangles;
     let mesh = Mesh { positions: weld.finish(), triangles, ..Mesh::default() };
-    single_mesh(path, mesh, Material::default(), checks, scene)
+    single_mesh(path, mesh, vec![Material::default()], checks, scene)
 }
 
-/// Whether a file is ASCII: it begins with `solid` and has neither the size that a binary file declares nor a zero byte.
+/// Where the statements of an ASCII file begin: at a line with `solid` or `facet`. `None` for a binary file, which has the size that it
+/// declares, or a zero byte.
 ///
 /// Headers of binary files may begin with `solid` too, but their triangle count has a zero byte up to 2^24 triangles.
-fn is_ascii(bytes: &[u8]) -> bool {
-    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
-    let is_solid = text.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
-    is_solid && !has_declared_size(bytes, bytes.len() as u64) && !bytes[..bytes.len().min(HEAD_BYTES)].contains(&0)
+fn ascii_start(bytes: &[u8]) -> Option<usize> {
+    if has_declared_size(bytes, bytes.len() as u64) || bytes[..bytes.len().min(HEAD_BYTES)].contains(&0) {
+        return None;
+    }
+    let mut start = bytes.len() - text::after_mark(bytes).len();
+    for line in text::physical_lines(&bytes[start..]) {
+        if is_statement(line) {
+            return Some(start);
+        }
+        start += line.len();
+    }
+    None
 }
 
-/// Whether the first bytes of a file of `n_bytes` are STL: ASCII with a facet, or binary of the size that it declares.
+/// Whether a line begins as the first statement of a file does.
+fn is_statement(line: &[u8]) -> bool {
+    let (word, _) = text::split_word(line);
+    [&b"solid"[..], b"facet"].iter().any(|known| word.eq_ignore_ascii_case(known))
+}
+
+/// Whether the first bytes of a file of `n_bytes` are STL: ASCII that begins with a solid and has a facet, or binary of the size that it
+/// declares.
 pub(super) fn is_stl(head: &[u8], n_bytes: u64) -> bool {
+    let is_text = || text::after_mark(head).trim_ascii_start().to_ascii_lowercase().starts_with(b"solid");
     let has_facet = || head.to_ascii_lowercase().windows(5).any(|word| word == b"facet");
-    has_declared_size(head, n_bytes) || is_ascii(head) && has_facet()
+    has_declared_size(head, n_bytes) || is_text() && !head.contains(&0) && has_facet()
 }
 
 /// Triangles with welded vertices.
@@ -82,6 +98,7 @@ fn too_many(path: &Path) -> ReadError {
 }
 
 /// The unread words of a file.
+#[derive(Clone, Copy)]
 struct Words<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -97,15 +114,36 @@ impl<'a> Words<'a> {
         Some(word)
     }
 
-    /// Skips the rest of the line: the name of a solid.
-    fn skip_line(&mut self) {
+    /// As [`Words::next`], unless a line ends before the word.
+    fn next_on_line(&mut self) -> Option<&'a [u8]> {
         let rest = &self.bytes[self.at..];
-        self.at += rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
+        let first = rest.iter().find(|&&byte| matches!(byte, b'\n' | b'\r') || !byte.is_ascii_whitespace());
+        if first.is_none_or(u8::is_ascii_whitespace) { None } else { self.next() }
+    }
+
+    /// Skips words of the line up to one that `ends_before`, given the words after it.
+    fn skip_line_until(&mut self, ends_before: impl Fn(&[u8], Self) -> bool) {
+        let mut ahead = *self;
+        while let Some(word) = ahead.next_on_line() {
+            if ends_before(word, ahead) {
+                return;
+            }
+            *self = ahead;
+        }
+    }
+
+    /// Skips the name of a solid: the rest of the line, or where all of a file is one line, the words before a facet.
+    fn skip_name(&mut self) {
+        self.skip_line_until(|word, mut after| {
+            keyword(word) == Some(Keyword::Facet)
+                && after.next().and_then(keyword) == Some(Keyword::Normal)
+                && after.next().is_some_and(|word| text::float(word).is_some())
+        });
     }
 
     /// The line of the last word, from 1.
     fn line(&self) -> String {
-        format!("line {}", 1 + self.bytes[..self.at].iter().filter(|&&byte| byte == b'\n').count())
+        format!("line {}", text::physical_lines(&self.bytes[..self.at]).count().max(1))
     }
 
     fn malformed(&self, path: &Path, message: impl Into<String>) -> ReadError {
@@ -125,9 +163,12 @@ enum Keyword {
     EndFacet,
     Solid,
     EndSolid,
+    /// The first of the two words that some programs write for one of the last four.
+    End,
+    Color,
 }
 
-const KEYWORDS: [(&[u8], Keyword); 9] = [
+const KEYWORDS: [(&[u8], Keyword); 12] = [
     (b"vertex", Keyword::Vertex),
     (b"facet", Keyword::Facet),
     (b"normal", Keyword::Normal),
@@ -137,27 +178,56 @@ const KEYWORDS: [(&[u8], Keyword); 9] = [
     (b"endfacet", Keyword::EndFacet),
     (b"solid", Keyword::Solid),
     (b"endsolid", Keyword::EndSolid),
+    (b"end", Keyword::End),
+    (b"color", Keyword::Color),
+    (b"colour", Keyword::Color),
 ];
+
+/// The keyword that a word is, in any case.
+fn keyword(word: &[u8]) -> Option<Keyword> {
+    KEYWORDS.iter().find(|(name, _)| name.eq_ignore_ascii_case(word)).map(|&(_, keyword)| keyword)
+}
+
+/// Whether a word begins a comment, which lasts to the end of the line.
+fn is_comment(word: &[u8]) -> bool {
+    [&b"#"[..], b"//", b";", b"!"].iter().any(|mark| word.starts_with(mark))
+}
 
 /// Reads all facets of all solids: words separated by white space. Keywords are accepted in any case, facets with more than three
 /// vertices are triangulated.
 fn read_ascii(
     path: &Path,
-    bytes: &[u8],
+    mut words: Words,
     triangles: &mut Triangles,
     warnings: &mut Vec<String>,
 ) -> Result<(), ReadError> {
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let mut words = Words { bytes, at: 0 };
-    let (mut polygon, mut cuts, mut grouped) = (Vec::new(), Vec::new(), WarningGroups::default());
-    let mut is_in_facet = false;
+    let (mut polygon, mut cuts, mut ignored) = (Vec::new(), Vec::new(), Ignored::default());
+    let before = text::physical_lines(text::after_mark(&words.bytes[..words.at]));
+    let is_text = |line: &&[u8]| !line.trim_ascii().is_empty() && !is_comment(line.trim_ascii_start());
+    if before.filter(is_text).count() > 0 {
+        ignored.add("ignoring text before the first solid", "line 1");
+    }
+    let (mut is_in_facet, mut has_solid) = (false, false);
     let mut last = Keyword::Solid;
     while let Some(word) = words.next() {
-        let Some(&(_, keyword)) = KEYWORDS.iter().find(|(name, _)| name.eq_ignore_ascii_case(word)) else {
+        if is_comment(word) {
+            words.skip_line_until(|_, _| false);
+            continue;
+        }
+        let mut known = keyword(word);
+        if known == Some(Keyword::End) {
+            known = match words.next().and_then(keyword) {
+                Some(Keyword::Loop) => Some(Keyword::EndLoop),
+                Some(Keyword::Facet) => Some(Keyword::EndFacet),
+                Some(Keyword::Solid) => Some(Keyword::EndSolid),
+                _ => None,
+            };
+        }
+        let Some(keyword) = known else {
             if text::float(word).is_none() {
                 return Err(words.malformed(path, format!("unknown statement {}", quoted(word))));
             }
-            grouped.add_once("ignoring surplus numbers", &words.line());
+            ignored.add_at("ignoring surplus numbers", &words);
             continue;
         };
         match keyword {
@@ -182,19 +252,46 @@ fn read_ascii(
                 return Err(words.malformed(path, format!("expected 'endloop', found {}", quoted(word))));
             }
             Keyword::EndFacet => is_in_facet = false,
-            Keyword::Solid | Keyword::EndSolid => words.skip_line(),
-            Keyword::Loop => {}
+            Keyword::Solid | Keyword::EndSolid => {
+                words.skip_name();
+                has_solid = true;
+            }
+            Keyword::Color => {
+                ignored.add_at("ignoring colors", &words);
+                words.skip_line_until(|word, _| self::keyword(word).is_some());
+            }
+            Keyword::Loop | Keyword::End => {}
         }
         last = keyword;
     }
     if is_in_facet || !polygon.is_empty() {
         return Err(words.malformed(path, "unexpected end of file in a facet"));
     }
-    if last != Keyword::EndSolid {
-        grouped.add("missing 'endsolid'", &words.line());
+    if has_solid && last != Keyword::EndSolid {
+        ignored.add_at("missing 'endsolid'", &words);
     }
-    grouped.finish(warnings);
+    ignored.groups.finish(warnings);
     Ok(())
+}
+
+/// What is ignored, each kind once. A location is only found for the first of a kind, as it takes time.
+#[derive(Default)]
+struct Ignored {
+    groups: WarningGroups,
+    known: Vec<&'static str>,
+}
+
+impl Ignored {
+    fn add_at(&mut self, what: &'static str, words: &Words) {
+        if !self.known.contains(&what) {
+            self.add(what, &words.line());
+        }
+    }
+
+    fn add(&mut self, what: &'static str, location: &str) {
+        self.known.push(what);
+        self.groups.add(what, location);
+    }
 }
 
 fn vertex(path: &Path, words: &mut Words) -> Result<[f32; 3], ReadError> {
@@ -230,7 +327,10 @@ fn has_declared_size(start: &[u8], n_bytes: u64) -> bool {
     count(start).is_some_and(|n| n_bytes == expected(n))
 }
 
-/// Reads all triangles of a binary file: a header of 80 bytes, a count, and 50 bytes per triangle, little-endian. Bytes after the last one and attributes are reported.
+/// Reads all triangles of a binary file: a header of 80 bytes, a count, and 50 bytes per triangle, little-endian.
+///
+/// Where the count does not agree with the data, which is so if a program does not know it when it begins to write, the data counts, unless
+/// bytes after the declared triangles are no whole triangles. Either is reported, as attributes are.
 fn read_binary(
     path: &Path,
     bytes: &[u8],
@@ -242,11 +342,18 @@ fn read_binary(
         ReadError::malformed(path, "header", message)
     })?;
     let (records, rest) = bytes[START_BYTES..].as_chunks::<TRIANGLE_BYTES>();
-    let n = usize::try_from(n_declared).ok().filter(|&n| n <= records.len()).ok_or_else(|| {
-        let message = format!("{n_declared} triangles declared, but the remaining data holds {}", records.len());
-        ReadError::malformed(path, "header", message)
-    })?;
-    if n < records.len() || !rest.is_empty() {
+    let n_held = records.len() as u64;
+    let differ = format!("{n_declared} triangles declared, but the remaining data holds {n_held}");
+    if n_held == 0 && n_declared > 0 {
+        return Err(ReadError::malformed(path, "header", differ));
+    }
+    let mut n = records.len();
+    if u64::from(n_declared) < n_held && n_declared > 0 && !rest.is_empty() {
+        n = n_declared as usize;
+    }
+    if u64::from(n_declared) != n as u64 {
+        warnings.push(format!("reading all whole triangles: {differ}"));
+    } else if n < records.len() || !rest.is_empty() {
         warnings.push("ignoring bytes after the last declared triangle".to_owned());
     }
     triangles.triangles.reserve_exact(n);
@@ -420,11 +527,66 @@ mod tests {
         is_cube(stl(binary(b"", &cube())), &[]);
         is_cube(stl(binary(b"solid but binary\nfacet", &cube())), &[]);
         is_cube(stl(ascii(&cube()).replace('\n', "\r\n")), &[]);
+        is_cube(stl(ascii(&cube()).replace('\n', "\r")), &[]);
         is_cube(stl(ascii(&cube()).to_uppercase()), &[]);
         is_cube(stl(format!("\u{feff}\n{}", ascii(&cube()))), &[]);
         let text = ascii(&cube());
         let (name, rest) = text.split_once('\n').unwrap();
         is_cube(stl(format!("{name}\n{}", rest.split_whitespace().collect::<Vec<_>>().join("\t"))), &[]);
+    }
+
+    /// What programs write besides the specification: one cube for each.
+    #[test]
+    fn reads_what_programs_write() {
+        let text = ascii(&cube());
+        let one_line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+        let facets = &text["solid a facet\n".len()..text.len() - "endsolid a\n".len()];
+        for (what, bytes, warnings) in [
+            ("end solid", text.replace("endsolid", "end solid"), &[][..]),
+            ("END LOOP", text.replace("endloop", "END LOOP").replace("endfacet", "End Facet"), &[]),
+            (
+                "color after a loop",
+                text.replacen("  endfacet", "  color 1 0 0\n  endfacet", 2),
+                &["ignoring colors: line 8"],
+            ),
+            ("color of a solid", text.replacen('\n', "\ncolour red\n", 1), &["ignoring colors: line 2"]),
+            ("comments first", format!("# a mesh\n\n// in mm\n{text}"), &[]),
+            ("comments between", text.replace("  endloop", "# c\n  endloop"), &[]),
+            ("text first", format!("made by hand\n{text}"), &["ignoring text before the first solid: line 1"]),
+            ("no solid", facets.to_owned(), &[]),
+            ("one line", one_line(&text), &[]),
+            ("one line without a name", one_line(&format!("solid\n{facets}endsolid")), &[]),
+            ("one line without a solid", one_line(facets), &[]),
+            ("one line after a comment", format!("# c\r{}", one_line(&text)), &[]),
+            ("two solids on a line", one_line(&format!("solid facet 1\nendsolid\n{text}")), &[]),
+        ] {
+            let scene = stl(&bytes).unwrap_or_else(|error| panic!("{what}: {error}"));
+            assert_eq!(scene.warnings, warnings, "{what}");
+            is_cube(Ok(scene), warnings);
+        }
+        let beyond_the_head = format!("{}{text}", "# a comment of many lines\n".repeat(100));
+        is_cube(stl(beyond_the_head), &[]);
+    }
+
+    #[test]
+    fn the_data_counts_where_the_number_of_triangles_does_not_agree() {
+        let declared = |n: u32, more: &[u8]| {
+            let mut bytes = [binary(b"", &cube()), more.to_vec()].concat();
+            bytes[80..84].copy_from_slice(&n.to_le_bytes());
+            stl(bytes)
+        };
+        let reads_all =
+            |n: u32| format!("reading all whole triangles: {n} triangles declared, but the remaining data holds 12");
+        for n in [0, 5, 13, u32::MAX] {
+            is_cube(declared(n, &[]), &[&reads_all(n)]);
+        }
+        is_cube(declared(0, &[1; 7]), &[&reads_all(0)]);
+        is_cube(declared(13, &[1; 7]), &[&reads_all(13)]);
+        let five = declared(5, &[1; 7]).unwrap();
+        assert_eq!(
+            (five.warnings, five.meshes[0].triangles.len()),
+            (vec!["ignoring bytes after the last declared triangle".to_owned()], 5)
+        );
     }
 
     #[test]
@@ -465,12 +627,12 @@ mod tests {
     #[test]
     fn errors_contain_location_and_value() {
         let text = |from: &str, to: &str| ascii(&cube()).replacen(from, to, 1).into_bytes();
-        let mut long = binary(b"", &cube());
-        long[80] = 13;
+        let mut none = binary(b"", &[]);
+        none[80] = 13;
         for (bytes, message) in [
             (b"".to_vec(), "header: 0 bytes, but a binary STL file has at least 84"),
             (b"cube".to_vec(), "header: 4 bytes, but a binary STL file has at least 84"),
-            (long, "header: 13 triangles declared, but the remaining data holds 12"),
+            (none, "header: 13 triangles declared, but the remaining data holds 0"),
             (b"solid a\nendsolid a\n".to_vec(), "nothing to draw: no triangles"),
             (binary(b"", &[]), "nothing to draw: no triangles"),
             (text("vertex 0e0", "vertex 0,5"), "line 4: vertex: expected a number, found '0,5'"),
@@ -488,9 +650,15 @@ mod tests {
     }
 
     #[test]
-    fn rejects_every_truncation_of_a_binary_file() {
+    fn no_truncation_of_a_binary_file_is_silent() {
         let full = binary(b"", &cube());
-        rejects_truncations(&full, full.len(), stl);
+        rejects_truncations(&full, START_BYTES + TRIANGLE_BYTES, stl);
+        for length in START_BYTES + TRIANGLE_BYTES..full.len() {
+            let warning =
+                format!("12 triangles declared, but the remaining data holds {}", (length - START_BYTES) / 50);
+            // The first side alone has two triangles, so there is always something to draw.
+            assert_eq!(stl(&full[..length]).unwrap().warnings, [format!("reading all whole triangles: {warning}")]);
+        }
     }
 
     #[test]

@@ -13,9 +13,38 @@ pub(crate) struct Line<'a> {
     pub(crate) rest: &'a [u8],
 }
 
+/// Number of bytes up to and including the next line end: `\n`, `\r\n`, the `\r` of old Macintosh programs, or `\r\r\n`, which writing
+/// `\r\n` in text mode makes.
+pub(crate) fn line_length(bytes: &[u8]) -> usize {
+    let Some(end) = bytes.iter().position(|&byte| byte == b'\n' || byte == b'\r') else { return bytes.len() };
+    match bytes[end..] {
+        [b'\r', b'\n', ..] => end + 2,
+        [b'\r', b'\r', b'\n', ..] => end + 3,
+        _ => end + 1,
+    }
+}
+
+/// The lines of a text file, with their line ends.
+pub(crate) fn physical_lines(mut bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
+    std::iter::from_fn(move || {
+        let (line, rest) = bytes.split_at(line_length(bytes));
+        bytes = rest;
+        (!line.is_empty()).then_some(line)
+    })
+}
+
+/// The text with `\n` for line ends that TOML does not have.
+pub(crate) fn with_line_feeds(text: &str) -> Cow<'_, str> {
+    let is_lone = |at: usize| !text[at + 1..].starts_with('\n');
+    if !text.match_indices('\r').any(|(at, _)| is_lone(at)) {
+        return text.into();
+    }
+    text.replace("\r\r\n", "\n").replace("\r\n", "\n").replace('\r', "\n").into()
+}
+
 /// Logical lines of an OBJ or MTL file: `#` starts a comment, a trailing backslash continues a line, a byte order mark is skipped.
 pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
-    let mut bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let mut bytes = after_mark(bytes);
     let mut n_lines = 0;
     std::iter::from_fn(move || {
         while !bytes.is_empty() {
@@ -40,13 +69,9 @@ pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
     })
 }
 
-/// Number of bytes up to and including the next line feed.
-fn line_length(bytes: &[u8]) -> usize {
-    bytes.iter().position(|&byte| byte == b'\n').map_or(bytes.len(), |at| at + 1)
-}
-
+/// Whether a line ends with a backslash, which may have white space after it.
 fn is_continued(line: &[u8]) -> bool {
-    line.strip_suffix(b"\n").is_some_and(|line| line.strip_suffix(b"\r").unwrap_or(line).ends_with(b"\\"))
+    line.trim_ascii_end().ends_with(b"\\")
 }
 
 /// The first word, and the text after it; both empty at the end.
@@ -61,6 +86,19 @@ pub(crate) fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
         .map(|word| word.strip_suffix(b"\\").unwrap_or(word))
         .filter(|word| !word.is_empty())
         .take_while(|word| word[0] != b'#')
+}
+
+/// A text without its quotes, if it has any.
+pub(crate) fn unquoted(text: &[u8]) -> &[u8] {
+    match text {
+        [b'"', inner @ .., b'"'] | [b'\'', inner @ .., b'\''] => inner.trim_ascii(),
+        _ => text,
+    }
+}
+
+/// Text after a byte order mark of UTF-8.
+pub(crate) fn after_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
 }
 
 /// Parses a number, including exporter variants such as `nan(ind)` and `1.#INF`.
@@ -125,6 +163,19 @@ mod tests {
         is_lines("\u{feff}# a\n\n  v 1 2\r\n\t# b\ng x", &[(3, "v", "1 2"), (5, "g", "x")]);
         is_lines("\n# a\nv 1", &[(3, "v", "1")]);
         is_lines("", &[]);
+    }
+
+    #[test]
+    fn lines_end_in_four_ways() {
+        for end in ["\n", "\r\n", "\r", "\r\r\n"] {
+            let text = "# a\n\nv 1 2\nf 1 \\\n2\n# b\\\ng x".replace('\n', end);
+            let continued = format!("1 \\{end}2");
+            is_lines(&text, &[(3, "v", "1 2"), (4, "f", &continued), (7, "g", "x")]);
+            assert_eq!(physical_lines(text.as_bytes()).count(), 7, "{end:?}");
+            assert_eq!(with_line_feeds("a\nb\n".replace('\n', end).as_str()).replace('\r', ""), "a\nb\n", "{end:?}");
+        }
+        is_lines("v 1\rv 2\nv 3\r\n\rv 4", &[(1, "v", "1"), (2, "v", "2"), (3, "v", "3"), (5, "v", "4")]);
+        assert!(matches!(with_line_feeds("a\r\nb\n"), Cow::Borrowed(_)), "nothing to change");
     }
 
     #[test]

@@ -382,6 +382,92 @@ fn errors_of_generated_files_only_name_the_asset() {
     assert!(message.contains("bad.obj: ") && !message.contains("s.toml"), "{message}");
 }
 
+/// A pipe has no end until its writer closes it, and a device may have none.
+#[cfg(unix)]
+#[test]
+fn pipes_and_devices_are_refused_by_name() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    assert!(std::process::Command::new("mkfifo").arg(path("p.obj")).status().unwrap().success());
+    std::os::unix::fs::symlink("/dev/zero", path("z.obj")).unwrap();
+    std::os::unix::fs::symlink("/dev/zero", path("z.toml")).unwrap();
+    for name in ["p.obj", "z.obj", "."] {
+        for (text, key) in [
+            (format!("[[assets]]\nname = 'a'\nfile = '{name}'"), "'file' in [[assets]]: "),
+            (
+                format!("[environment]\nimage = '{name}'\n[[assets]]\nname = 'a'\nfile = 'a.obj'"),
+                "'image' in [environment]: ",
+            ),
+            (
+                format!(
+                    "[[overrides]]\nmaterial = 'red'\nbase_color_texture = '{name}'\n[[assets]]\nname = 'a'\nfile = 'a.obj'"
+                ),
+                "cannot load texture ",
+            ),
+        ] {
+            let error = SceneFile::parse(text.as_bytes(), &path("s.toml")).unwrap().load().unwrap_err().to_string();
+            assert!(error.contains("s.toml: line 1: ") && error.contains(key), "{error}");
+            assert!(error.contains(name) && error.ends_with("not a regular file"), "{error}");
+        }
+    }
+    let error = SceneFile::read(&path("z.toml")).unwrap_err().to_string();
+    assert!(error.contains("z.toml: a scene file of more than 67108864 bytes"), "{error}");
+}
+
+#[test]
+fn assets_state_where_their_images_are() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::create_dir_all(path("models/deep")).unwrap();
+    std::fs::create_dir(path("maps")).unwrap();
+    image::RgbImage::new(1, 1).save(path("maps/a.png")).unwrap();
+    image::RgbImage::new(1, 1).save(path("models/b.png")).unwrap();
+    let quad = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3/1\n";
+    std::fs::write(path("models/deep/m.obj"), quad).unwrap();
+    std::fs::write(path("models/deep/m.mtl"), "newmtl a\nmap_Kd A.png\nnewmtl b\nmap_Kd ../b.png\n").unwrap();
+    let read = |keys: &str| {
+        let text = format!("[[assets]]\nname = 'm'\nfile = 'models/deep/m.obj'\n{keys}");
+        SceneFile::parse(text.as_bytes(), &path("s.toml"))
+    };
+    let textures = |keys: &str| {
+        let scene = read(keys).unwrap().load().unwrap();
+        (scene.textures.len(), scene.warnings.len())
+    };
+    assert_eq!(textures(""), (0, 2));
+    assert_eq!(textures("texture_path = 'maps'"), (1, 1));
+    assert_eq!(textures("texture_path = ['models', 'maps']"), (2, 0));
+    assert_eq!(textures("allow_parent = true"), (1, 1));
+    assert_eq!(textures("texture_path = 'maps'\nallow_parent = true"), (2, 0));
+    let error = read("texture_path = 'none'").unwrap().load().unwrap_err().to_string();
+    assert!(error.contains("'file' in [[assets]]") && error.contains("none: cannot read file"), "{error}");
+    let error = read("texture_path = 3").unwrap_err().to_string();
+    assert!(
+        error.contains("invalid value 3 for 'texture_path'") && error.contains("a folder or a list of folders"),
+        "{error}"
+    );
+
+    let generated = SceneFile::for_scene(Some(&path("models/deep/m.obj")), &path("models/s.toml")).unwrap();
+    let generated = generated.with_texture_paths(&[path("maps")]).unwrap().with_allow_parent(true);
+    let reread = SceneFile::parse(generated.to_toml().as_bytes(), generated.path()).unwrap();
+    assert_eq!(reread.assets[0].texture_path, ["../maps"]);
+    assert!(reread.assets[0].allow_parent);
+    let moved = read("texture_path = ['maps', 'models']").unwrap().moved_to(&path("models/t.toml")).unwrap();
+    assert_eq!(moved.assets[0].texture_path, ["../maps", "."]);
+    let reread = SceneFile::parse(moved.to_toml().as_bytes(), moved.path()).unwrap();
+    assert_eq!(reread.assets[0].texture_path, moved.assets[0].texture_path);
+}
+
+#[test]
+fn lines_may_end_in_any_way() {
+    for end in ["\n", "\r\n", "\r", "\r\r\n"] {
+        let file = SceneFile::parse(FULL.replace('\n', end).as_bytes(), Path::new("s.toml"));
+        assert_eq!(file.unwrap().settings.len(), 5, "{end:?}");
+        let wrong = "[[assets]]\n\nname = 3\n".replace('\n', end);
+        let error = SceneFile::parse(wrong.as_bytes(), Path::new("s.toml")).unwrap_err().to_string();
+        assert!(error.contains("line 3"), "{error}");
+    }
+}
+
 #[test]
 fn textures_require_texture_coordinates() {
     let folder = folder();

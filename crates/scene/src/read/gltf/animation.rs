@@ -13,6 +13,7 @@ use gltf::json::validation::Checked;
 use super::accessor::{Accessor, REALS};
 use super::document::Document;
 use crate::read::error::{ReadError, WarningGroups};
+use crate::read::text::quoted;
 
 /// A new value for a node property.
 enum Change {
@@ -42,10 +43,15 @@ pub(super) fn pose(
         let name = animation.name.as_deref().unwrap_or_default();
         grouped.add("using only the first of several animations", &format!("animation 0 {name:?}"));
     }
-    let n_without_node = document.unparsed.n_channels_without_node.get(number).copied().unwrap_or(0);
-    if n_without_node > 0 {
-        let location = format!("animation {number}, {n_without_node} channels");
-        grouped.add("ignoring channels without a target node", &location);
+    if let Some(dropped) = document.unparsed.dropped_channels.get(number) {
+        if dropped.n_without_node > 0 {
+            let location = format!("animation {number}, {} channels", dropped.n_without_node);
+            grouped.add("ignoring channels without a target node", &location);
+        }
+        for pointer in &dropped.pointers {
+            let what = "ignoring animated properties other than transforms and weights of nodes";
+            grouped.add(what, &format!("animation {number}, {}", quoted(pointer.as_bytes())));
+        }
     }
     let mut changes = Vec::new();
     for (k, channel) in animation.channels.iter().enumerate() {

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use crate::read::error::ReadError;
 use crate::read::folder::Folder;
+use crate::read::text;
 
 /// Signature of GLB.
 const MAGIC: &[u8; 4] = b"glTF";
@@ -22,15 +23,17 @@ pub(super) struct Container<'a> {
     pub(super) bin: Option<&'a [u8]>,
 }
 
-/// Splits a file into its parts. A file without the GLB signature is JSON, unless its extension is `.glb`.
+/// Splits a file into its parts. A file without the GLB signature is JSON, unless its extension is `.glb` and it does not begin as JSON does.
 pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Container<'a>, ReadError> {
     if bytes.starts_with(MAGIC) {
         return split_glb(path, bytes);
     }
-    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("glb")) {
+    let json = text::after_mark(bytes);
+    let is_json = json.trim_ascii_start().starts_with(b"{");
+    if !is_json && path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("glb")) {
         return Err(ReadError::malformed(path, "header", "missing signature 'glTF'"));
     }
-    Ok(Container { json: bytes, bin: None })
+    Ok(Container { json, bin: None })
 }
 
 fn split_glb<'a>(path: &Path, bytes: &'a [u8]) -> Result<Container<'a>, ReadError> {
@@ -68,6 +71,16 @@ fn words<const N: usize>(bytes: &[u8]) -> Option<([u32; N], &[u8])> {
     let (head, rest) = bytes.split_at_checked(4 * N)?;
     let (words, _) = head.as_chunks();
     Some((std::array::from_fn(|k| u32::from_le_bytes(words[k])), rest))
+}
+
+/// Loads the bytes of the URI of an image, which is searched for where a file of that path does not exist: see [`Folder::find`].
+pub(super) fn load_image(uri: &str, folder: &Folder) -> Result<Vec<u8>, String> {
+    let is_path = scheme(uri).is_none_or(|scheme| scheme.len() == 1);
+    if let Some(path) = uri.strip_prefix("file://").or(Some(uri).filter(|_| is_path)) {
+        let name = unescaped(path).ok_or("the uri is not UTF-8")?;
+        return folder.read_image(&name).map_err(|error| format!("'{name}': {error}"));
+    }
+    load_uri(uri, folder)
 }
 
 /// Loads the bytes of a URI. Never accesses the network.
@@ -156,6 +169,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::read::input::ReadOptions;
 
     /// A length as a little-endian word.
     fn word(length: usize) -> [u8; 4] {
@@ -179,7 +193,9 @@ mod tests {
         assert_eq!(split_named("a.glb", &both).unwrap(), Container { json: b"{}  ", bin: Some(&[1, 2, 3, 4]) });
         let unknown = glb(&[(b"JSON", b"{}"), (b"ABCD", b"x")]);
         assert_eq!(split_named("a.glb", &unknown).unwrap().bin, None);
-        assert_eq!(split_named("a.gltf", b"{}").unwrap(), Container { json: b"{}", bin: None });
+        for (name, bytes) in [("a.gltf", &b"{}"[..]), ("a.glb", b"{}"), ("a.glb", b"\xef\xbb\xbf{}")] {
+            assert_eq!(split_named(name, bytes).unwrap(), Container { json: b"{}", bin: None });
+        }
     }
 
     #[test]
@@ -262,7 +278,7 @@ mod tests {
         std::fs::create_dir(temp.path().join("scene")).unwrap();
         std::fs::write(temp.path().join("out.bin"), "out").unwrap();
         std::fs::write(temp.path().join("scene/a b.bin"), "in").unwrap();
-        let folder = Folder::of(&temp.path().join(Path::new("scene/x.gltf"))).unwrap();
+        let folder = Folder::of(&temp.path().join("scene/x.gltf"), &ReadOptions::default()).unwrap();
         assert_eq!(load_uri("a%20b.bin", &folder).unwrap(), b"in");
         assert_eq!(load_uri("./a b.bin", &folder).unwrap(), b"in");
         for uri in ["../out.bin", "%2e%2e/out.bin", "%2E%2E%2Fout.bin", "..%5Cout.bin", "/out.bin"] {
@@ -271,11 +287,15 @@ mod tests {
         for uri in ["http://example.invalid/a.bin", "file:///out.bin", "C:\\out.bin"] {
             assert!(load_uri(uri, &folder).unwrap_err().contains("uri scheme"), "{uri}");
         }
+        for uri in ["A%20B.bin", "C:\\maps\\a b.bin", "file:///home/someone/a%20b.bin", "../other/a b.bin"] {
+            assert_eq!(load_image(uri, &folder).unwrap(), b"in", "{uri}");
+        }
+        assert!(load_image("http://example.invalid/a b.bin", &folder).unwrap_err().contains("uri scheme"));
     }
 
     #[test]
     fn rejects_data_uris_without_base64() {
-        let folder = Folder::of(Path::new("x.gltf")).unwrap();
+        let folder = Folder::of(Path::new("x.gltf"), &ReadOptions::default()).unwrap();
         assert_eq!(load_uri("data:application/octet-stream;base64,Zm9v", &folder).unwrap(), b"foo");
         for uri in ["data:;base64", "data:text/plain,foo", "data:;base64,@@@"] {
             assert!(load_uri(uri, &folder).unwrap_err().contains("base64"), "{uri}");

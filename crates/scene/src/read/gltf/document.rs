@@ -10,14 +10,18 @@ use gltf::json::validation::USize64;
 use gltf::json::{Error, Root, Value};
 #[cfg(feature = "meshopt")]
 use rayon::prelude::*;
+use serde_json::Map;
 
 use super::container;
 use super::meshopt::{self, Decompressed};
 use crate::read::error::{ReadError, WarningGroups};
 use crate::read::folder::Folder;
+use crate::read::input::ReadOptions;
 
 /// Instances of a mesh by accessors: name of the extension, and its key in a node.
 pub(super) const MESH_GPU_INSTANCING: &str = "EXT_mesh_gpu_instancing";
+/// Animation of properties by JSON pointers; those of nodes are supported.
+const ANIMATION_POINTER: &str = "KHR_animation_pointer";
 /// Diffuse and specular color instead of base color and metallic.
 pub(super) const SPECULAR_GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
 /// Other materials for the primitives of a file, by name.
@@ -27,10 +31,11 @@ pub(super) const VARIANTS: &str = "KHR_materials_variants";
 ///
 /// Unsupported material extensions and image formats are included: ignoring them gives an approximate image but correct
 /// geometry, and a warning is reported.
-const SUPPORTED: [&str; 23] = [
+const SUPPORTED: [&str; 24] = [
     meshopt::NAMES[0],
     meshopt::NAMES[1],
     MESH_GPU_INSTANCING,
+    ANIMATION_POINTER,
     "EXT_texture_avif",
     "EXT_texture_webp",
     "KHR_lights_punctual",
@@ -59,10 +64,19 @@ pub(super) const UNSUPPORTED_TARGETS: [&str; 3] = ["TEXCOORD_0", "TEXCOORD_1", "
 /// Parts of the JSON that the `gltf` crate does not represent.
 #[derive(Default)]
 pub(super) struct UnparsedData {
-    /// For each animation, the number of channels without a target node.
-    pub(super) n_channels_without_node: Vec<usize>,
+    /// For each animation, the channels that are not read.
+    pub(super) dropped_channels: Vec<DroppedChannels>,
     /// By mesh, the morph targets that affect one of [`UNSUPPORTED_TARGETS`], with the attribute.
     pub(super) unsupported_targets: HashMap<usize, BTreeSet<(usize, &'static str)>>,
+}
+
+/// Channels of an animation that are not read.
+#[derive(Clone, Default)]
+pub(super) struct DroppedChannels {
+    /// Number of channels without a target node.
+    pub(super) n_without_node: usize,
+    /// Pointers of `KHR_animation_pointer` to something else than the transform or the weights of a node.
+    pub(super) pointers: Vec<String>,
 }
 
 /// A file in memory.
@@ -83,7 +97,7 @@ pub(super) struct Document<'a> {
 
 impl<'a> Document<'a> {
     /// Parses the file and loads its buffers.
-    pub(super) fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self, ReadError> {
+    pub(super) fn open(path: &'a Path, bytes: &'a [u8], options: &ReadOptions) -> Result<Self, ReadError> {
         let container = container::split(path, bytes)?;
         let (root, unparsed) = parse(container.json).map_err(|source| match is_version_1(container.json) {
             true => ReadError::unsupported(path, "glTF 1.0"),
@@ -97,7 +111,7 @@ impl<'a> Document<'a> {
         if let Some(name) = root.extensions_required.iter().find(|name| meshopt::NAMES.contains(&name.as_str())) {
             return Err(ReadError::missing_feature(path, name, "meshopt"));
         }
-        let folder = Folder::of(path).map_err(ReadError::io(path))?;
+        let folder = Folder::of(path, options).map_err(ReadError::io(path))?;
         let path = Cow::Borrowed(path);
         let (buffers, decompressed) = (Vec::new(), Vec::new());
         let mut document = Self { root, folder, unparsed, requires_finite: false, path, buffers, decompressed };
@@ -290,7 +304,7 @@ fn parse(json: &[u8]) -> Result<(Root, UnparsedData), Error> {
 /// The JSON as a value, what it has beyond the structs of the `gltf` crate, and whether it differs from the text.
 ///
 /// The crate requires `nodes` in scenes and target nodes in animation channels, which are optional in glTF. This adds
-/// the list, and removes and counts such channels.
+/// the list, replaces pointers to properties of nodes by the node and the property, and removes and counts channels without a node.
 fn completed(json: &[u8]) -> Result<(Value, UnparsedData, bool), Error> {
     let mut unparsed = UnparsedData::default();
     let mut value: Value = from_slice(json)?;
@@ -301,14 +315,22 @@ fn completed(json: &[u8]) -> Result<(Value, UnparsedData, bool), Error> {
             is_changed = true;
         }
     }
-    unparsed.n_channels_without_node = vec![0; items(&value, "animations").count()];
-    for (k, animation) in value.get_mut("animations").and_then(Value::as_array_mut).into_iter().flatten().enumerate() {
+    for animation in value.get_mut("animations").and_then(Value::as_array_mut).into_iter().flatten() {
+        let mut dropped = DroppedChannels::default();
         if let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) {
-            let n_channels = channels.len();
-            channels.retain(|channel| channel.get("target").is_none_or(|target| target.get("node").is_some()));
-            unparsed.n_channels_without_node[k] = n_channels - channels.len();
-            is_changed |= n_channels > channels.len();
+            channels.retain_mut(|channel| {
+                let Some(target) = channel.get_mut("target").and_then(Value::as_object_mut) else { return true };
+                if target.get("path").and_then(Value::as_str) == Some("pointer") {
+                    is_changed = true;
+                    return follow(target).map_err(|pointer| dropped.pointers.push(pointer)).is_ok();
+                }
+                let has_node = target.contains_key("node");
+                dropped.n_without_node += usize::from(!has_node);
+                is_changed |= !has_node;
+                has_node
+            });
         }
+        unparsed.dropped_channels.push(dropped);
     }
     for (mesh, item) in items(&value, "meshes").enumerate() {
         for (target, moved) in items(item, "primitives").flat_map(|primitive| items(primitive, "targets").enumerate()) {
@@ -318,6 +340,25 @@ fn completed(json: &[u8]) -> Result<(Value, UnparsedData, bool), Error> {
         }
     }
     Ok((value, unparsed, is_changed))
+}
+
+/// Replaces a pointer to the transform or the weights of a node in the target of an animation channel: `/nodes/4/rotation`.
+///
+/// # Errors
+/// A pointer to something else.
+fn follow(target: &mut Map<String, Value>) -> Result<(), String> {
+    let pointer = target.get("extensions").and_then(|all| all.get(ANIMATION_POINTER)?.get("pointer")?.as_str());
+    let pointer = pointer.unwrap_or_default().to_owned();
+    let property = pointer.strip_prefix("/nodes/").and_then(|rest| rest.split_once('/'));
+    let node = property.and_then(|(node, _)| node.parse::<u32>().ok());
+    match (node, property) {
+        (Some(node), Some((_, path @ ("translation" | "rotation" | "scale" | "weights")))) => {
+            target.insert("node".to_owned(), node.into());
+            target.insert("path".to_owned(), path.into());
+            Ok(())
+        }
+        _ => Err(pointer),
+    }
 }
 
 /// The items of a list; none if it is absent.

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::accessor::{Accessor, REALS};
 use super::document::{Document, MESH_GPU_INSTANCING, UNSUPPORTED_TARGETS};
 use super::nodes::{Matrix, Nodes};
-use super::primitive::{self, Pose, PrimitiveReader};
+use super::primitive::{self, Pose, PrimitiveReader, Warnings};
 use crate::read::error::{ReadError, WarningGroups};
 use crate::read::mesh::MeshChecks;
 use crate::read::text::quoted;
@@ -48,7 +48,7 @@ pub(super) fn read(
             note_weights(document, mesh_index, pose.weights, &location, grouped);
             mesh = meshes.len();
             let read = read_mesh(document, mesh_index, &pose, &scene.materials)?;
-            meshes.push(finish(read, checks, scene));
+            meshes.push(finish(read, checks, grouped));
         }
         if meshes[mesh].triangles.is_empty() {
             continue;
@@ -66,11 +66,10 @@ pub(super) fn read(
         let n_skipped = transforms.iter().filter(|transform| transform.is_none()).count();
         if n_skipped > 0 {
             let name = node.name.as_deref().unwrap_or_default();
-            scene.warnings.push(format!(
-                "skipping {n_skipped} of {} instances of node {k} {}: transform is not invertible",
-                transforms.len(),
-                quoted(name.as_bytes())
-            ));
+            let n = transforms.len();
+            let which = format!("skipping {n_skipped} of {n} instances of node {k} {}", quoted(name.as_bytes()));
+            let why = "transform is not invertible";
+            grouped.add_sentence(why, &format!("{which}: {why}"));
         }
         let mesh_id = to_id(document, mesh)?;
         scene.instances.extend(transforms.into_iter().flatten().map(|world_from_object| Instance {
@@ -85,9 +84,9 @@ pub(super) fn read(
 }
 
 /// Takes over the checks and warnings of a mesh.
-fn finish(read: ReadMesh, checks: &mut MeshChecks, scene: &mut Scene) -> Mesh {
+fn finish(read: ReadMesh, checks: &mut MeshChecks, grouped: &mut WarningGroups) -> Mesh {
     checks.add(&read.checks);
-    scene.warnings.extend(read.warnings);
+    read.warnings.iter().for_each(|(what, location)| grouped.add(what, location));
     read.mesh
 }
 
@@ -118,7 +117,7 @@ fn read_unposed(
     mesh_nodes: &[(usize, &Node, usize)],
     checks: &mut MeshChecks,
     grouped: &mut WarningGroups,
-    scene: &mut Scene,
+    scene: &Scene,
 ) -> Result<(Vec<Mesh>, Vec<u32>), ReadError> {
     let mut is_placed = vec![false; document.root.meshes.len()];
     for &(_, node, mesh) in mesh_nodes {
@@ -136,7 +135,7 @@ fn read_unposed(
         if is_placed {
             note_weights(document, index, weights_of(index), &format!("mesh {index}"), grouped);
         }
-        let mesh = if is_placed { finish(read, checks, scene) } else { read.mesh };
+        let mesh = if is_placed { finish(read, checks, grouped) } else { read.mesh };
         first_primitives.push(to_id(document, n_triangles)?);
         n_triangles += mesh.triangles.len();
         meshes.push(mesh);
@@ -265,7 +264,7 @@ fn gpu_instances(document: &Document<'_>, node_index: usize) -> Result<Option<Ve
 struct ReadMesh {
     mesh: Mesh,
     checks: MeshChecks,
-    warnings: Vec<String>,
+    warnings: Warnings,
 }
 
 /// Reads mesh `index` in a pose; primitives without triangles add no part.

@@ -41,7 +41,7 @@ use crate::{Material, Scene};
 /// # Errors
 /// [`ReadError`] if the geometry is invalid or there is nothing to draw.
 pub(crate) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Scene, ReadError> {
-    read_document(&mut Document::open(path, bytes)?, options)
+    read_document(&mut Document::open(path, bytes, options)?, options)
 }
 
 /// Reads everything, and poses the nodes of the document.
@@ -97,7 +97,7 @@ impl Poses {
     /// Reads a file as [`read`] does, except that a pose that makes a vertex infinite or NaN is an error. Keeps what
     /// further poses need, if the file has an animation.
     pub(crate) fn open(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(Option<Self>, Scene), ReadError> {
-        let mut document = Document::open(path, bytes)?;
+        let mut document = Document::open(path, bytes, options)?;
         if document.animation(options.animation.as_deref())?.is_none() {
             return Ok((None, read_document(&mut document, options)?));
         }

@@ -20,6 +20,9 @@ use crate::{Material, Mesh, UvSet};
 /// The skinning transform of a vertex, if any.
 type VertexTransform<'a> = dyn Fn(usize) -> Result<Option<Matrix>, ReadError> + 'a;
 
+/// What is skipped or replaced, and where.
+pub(super) type Warnings = Vec<(String, String)>;
+
 /// Context for reading a primitive.
 pub(super) struct PrimitiveReader<'a, 'b> {
     pub(super) document: &'a Document<'b>,
@@ -38,13 +41,13 @@ impl PrimitiveReader<'_, '_> {
         &self,
         primitive: &Primitive,
         checks: &mut MeshChecks,
-        warnings: &mut Vec<String>,
+        warnings: &mut Warnings,
     ) -> Result<Mesh, ReadError> {
         let location = self.location;
         self.check_compression(primitive)?;
         let find = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
         let Some(position) = find(Semantic::Positions) else {
-            warnings.push(format!("skipping {location}: missing POSITION"));
+            warnings.push(("skipping primitives without POSITION".to_owned(), location.to_owned()));
             return Ok(Mesh::default());
         };
         let at = format!("{location} POSITION");
@@ -110,7 +113,7 @@ impl PrimitiveReader<'_, '_> {
         &self,
         primitive: &Primitive,
         n_vertices: usize,
-        warnings: &mut Vec<String>,
+        warnings: &mut Warnings,
     ) -> Result<Option<Vec<[u32; 3]>>, ReadError> {
         let (document, location) = (self.document, self.location);
         let Checked::Valid(mode) = primitive.mode else {
@@ -133,11 +136,11 @@ impl PrimitiveReader<'_, '_> {
             );
         }
         let Some((triangles, n_unused)) = triangles(mode, &corners) else {
-            warnings.push(format!("skipping {location}: points and lines are not supported"));
+            warnings.push(("skipping points and lines (not supported)".to_owned(), location.to_owned()));
             return Ok(None);
         };
         if n_unused > 0 {
-            warnings.push(format!("ignoring {n_unused} trailing indices of {location}"));
+            warnings.push((format!("ignoring {n_unused} trailing indices"), location.to_owned()));
         }
         Ok(Some(triangles))
     }
@@ -236,7 +239,7 @@ struct Attributes<'a> {
     vertices: &'a [usize],
     /// Indices of that list.
     triangles: &'a [[u32; 3]],
-    warnings: &'a mut Vec<String>,
+    warnings: &'a mut Warnings,
 }
 
 impl Attributes<'_> {
@@ -295,8 +298,8 @@ impl Attributes<'_> {
         };
         let name = format!("TEXCOORD_{number}");
         let Some(index) = self.find(Semantic::TexCoords(number)) else {
-            self.warnings
-                .push(format!("missing {name}, using a single texel of the texture: {}", self.reader.location));
+            let what = format!("missing {name}, using a single texel of the texture");
+            self.warnings.push((what, self.reader.location.to_owned()));
             return Ok(Some(vec![[0.0, 1.0]; self.vertices.len()]));
         };
         let uvs = Accessor::open(self.reader.document, index, &self.location(&name), Type::Vec2, REALS)?;

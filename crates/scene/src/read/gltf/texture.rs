@@ -10,7 +10,7 @@ use gltf::json::texture::{Info, MagFilter, MinFilter, Sampler, WrappingMode};
 use gltf::json::validation::Checked;
 use rayon::prelude::*;
 
-use super::container::load_uri;
+use super::container::load_image;
 use super::document::Document;
 use crate::read::error::{ReadError, WarningGroups};
 use crate::read::image;
@@ -180,7 +180,7 @@ fn decode(document: &Document<'_>, index: usize, location: &str) -> Result<Resul
     let loaded;
     let bytes = match (image.buffer_view, &image.uri) {
         (Some(view), _) => document.view(view.value(), &format!("image {index}"))?.0,
-        (None, Some(uri)) => match load_uri(uri, &document.folder) {
+        (None, Some(uri)) => match load_image(uri, &document.folder) {
             Ok(bytes) => {
                 loaded = bytes;
                 &loaded[..]

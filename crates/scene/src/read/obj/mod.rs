@@ -20,20 +20,21 @@ use canted_obb::vector::{sub, to_f32, to_f64};
 use statements::{ABSENT, Corner, Statements, parse_statements};
 
 use super::error::ReadError;
+use super::input::ReadOptions;
 use super::mesh::{MeshChecks, linear_colors, unit_normal, usable_uv};
 use crate::{Instance, MaterialId, Mesh, MeshId, Part, Scene};
 
 /// Parses an OBJ file. Consecutive faces with equal object, group and material form a mesh with one instance.
 ///
 /// `path` gives the folder of the material libraries and is used in messages.
-pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
+pub(super) fn parse(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Scene, ReadError> {
     let mut statements = parse_statements(path, bytes)?;
     if statements.face_ends.is_empty() {
-        let reason = if bytes.contains(&0) { "not a text file" } else { "no faces" };
+        let reason = if bytes.contains(&0) { "not a text file".to_owned() } else { no_faces(&statements) };
         return Err(ReadError::empty(path, reason));
     }
     let mut scene = Scene { warnings: std::mem::take(&mut statements.warnings), ..Scene::default() };
-    materials::materials(path, &statements.libraries, &statements.materials, &mut scene)?;
+    materials::materials(path, options, &statements.libraries, &statements.materials, &mut scene)?;
     let colors = colors(&mut statements, &mut scene);
     let mut checks = MeshChecks::default();
     checks.n_small_faces = statements.n_small_faces;
@@ -42,13 +43,18 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
     Ok(scene)
 }
 
+/// Why a file without faces is empty: what it has instead.
+fn no_faces(statements: &Statements) -> String {
+    statements.skipped().map_or_else(|| "no faces".to_owned(), |others| format!("no faces ({others})"))
+}
+
 /// Linear vertex colors, if the file has usable ones. Faces without a material are white under them.
 fn colors(statements: &mut Statements, scene: &mut Scene) -> Option<Vec<[f32; 4]>> {
     let colors = std::mem::take(&mut statements.colors);
     if colors.is_empty() {
         return None;
     }
-    let linear = linear_colors(colors, None).map_err(|warning| scene.warnings.push(warning)).ok()?;
+    let linear = linear_colors("vertex", colors, None).map_err(|warning| scene.warnings.push(warning)).ok()?;
     for (material, name) in scene.materials.iter_mut().zip(&statements.materials) {
         if name.is_none() {
             material.base_color = [1.0; 3];
@@ -217,7 +223,7 @@ mod tests {
     use super::*;
 
     fn obj(text: impl AsRef<[u8]>) -> Result<Scene, ReadError> {
-        parse(Path::new("model.obj"), text.as_ref())
+        parse(Path::new("model.obj"), text.as_ref(), &ReadOptions::default())
     }
 
     const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\n";
@@ -309,9 +315,20 @@ mod tests {
         loads(square("f -4 -3 -2\nf 2/ 4/ 3/\n"), 2);
         loads(square("\u{feff}# c\nf 1 \\\r\n 2\\\n 3 # 4\r\n"), 1);
         loads(obj("f 1 2 3\nv +0 -.0 0. 1\nv 1e0 .0 0E+0 0.5 0.5 0.5\nv 0 1.000000000000000000000000001 -0\n"), 1);
-        loads(square("s off\nl 1 2\np 1\ncstype bezier\ncurv 0 1 1 2 3 4\nend\nfoo bar\nf 1 2 3"), 1);
+        loads(square("s off\ncstype bezier\nparm u 0 1\nend\nfoo bar\nf 1 2 3"), 1);
+        loads(obj(format!("{SQUARE}f 1 \\\n2 3\n# \\\nf 2 3 4\n").replace('\n', "\r")), 2);
         loads(obj([b"# \xff\xfe\n", SQUARE.as_bytes(), b"g gr\xfcn\nf 1 2 3"].concat()), 1);
         loads(square(&format!("#{}\nf 1 2 3", "x".repeat(70_000))), 1);
+    }
+
+    #[test]
+    fn elements_that_are_not_faces_are_reported_once() {
+        let others =
+            "l 1 2\nl 2 3\np 1\ncstype bezier\ncurv 0 1 1 2 3 4\ncurv2 1 2\nsurf 0 1 0 1 1 2 3 4\ncall a.obj\nend\n";
+        let counted = "2 lines, 1 point, 3 curves and surfaces, 1 call of another file";
+        warns(square(&format!("{others}f 1 2 3")), 1, &format!("skipping elements that are not faces: {counted}"));
+        fails(square(others), &format!("model.obj: nothing to draw: no faces ({counted})"));
+        warns(square("l 1 2\nf 1 2 3"), 1, "skipping elements that are not faces: 1 line");
     }
 
     #[test]

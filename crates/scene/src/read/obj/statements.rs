@@ -52,11 +52,29 @@ pub(super) struct Statements<'a> {
     pub(super) libraries: Vec<&'a [u8]>,
     /// Skipped faces with fewer than three corners.
     pub(super) n_small_faces: usize,
+    /// Skipped statements by entry of [`OTHERS`].
+    n_others: [usize; OTHERS.len()],
     /// What was ignored.
     pub(super) warnings: Vec<String>,
 }
 
+/// Elements that are no faces: keywords, the name of one and the name of several.
+const OTHERS: [(&[&[u8]], &str, &str); 4] = [
+    (&[b"l"], "line", "lines"),
+    (&[b"p"], "point", "points"),
+    (&[b"curv", b"curv2", b"surf"], "curve or surface", "curves and surfaces"),
+    (&[b"call", b"csh"], "call of another file", "calls of other files"),
+];
+
 impl Statements<'_> {
+    /// How many elements were skipped that are no faces: `2 lines, 1 point`; `None` without any.
+    pub(super) fn skipped(&self) -> Option<String> {
+        let counts = OTHERS.iter().zip(self.n_others).filter(|&(_, n)| n > 0);
+        let texts: Vec<String> =
+            counts.map(|((_, one, several), n)| format!("{n} {}", if n == 1 { one } else { several })).collect();
+        (!texts.is_empty()).then(|| texts.join(", "))
+    }
+
     /// Corners of a face.
     pub(super) fn face(&self, face: usize) -> &[Corner] {
         let start = if face == 0 { 0 } else { self.face_ends[face - 1] };
@@ -64,7 +82,8 @@ impl Statements<'_> {
     }
 }
 
-/// Parses all statements. Ignores lines, points, free-form surfaces, smoothing groups and unknown statements.
+/// Parses all statements. Skips lines, points, free-form curves and surfaces and calls, which are reported, and ignores smoothing groups
+/// and unknown statements.
 pub(super) fn parse_statements<'a>(path: &Path, bytes: &'a [u8]) -> Result<Statements<'a>, ReadError> {
     let mut parser = Parser::default();
     for line in text::lines(bytes) {
@@ -72,6 +91,9 @@ pub(super) fn parse_statements<'a>(path: &Path, bytes: &'a [u8]) -> Result<State
     }
     parser.check_indices(path)?;
     parser.drop_unusable_indices();
+    if let Some(skipped) = parser.statements.skipped() {
+        parser.statements.warnings.push(format!("skipping elements that are not faces: {skipped}"));
+    }
     let n = parser.statements.positions.len();
     if !parser.statements.colors.is_empty() {
         parser.statements.colors.resize(n, NO_COLOR);
@@ -129,7 +151,11 @@ impl<'a> Parser<'a> {
             b"g" => self.state.group = line.rest,
             b"usemtl" => self.state.material = Some(line.rest).filter(|name| !name.is_empty()),
             b"mtllib" => self.statements.libraries.push(line.rest),
-            _ => {}
+            other => {
+                if let Some(kind) = OTHERS.iter().position(|(keywords, ..)| keywords.contains(&other)) {
+                    self.statements.n_others[kind] += 1;
+                }
+            }
         }
         Ok(())
     }

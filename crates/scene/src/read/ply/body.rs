@@ -23,6 +23,8 @@ pub(super) enum Scalar {
     U16,
     I32,
     U32,
+    I64,
+    U64,
     F32,
     F64,
 }
@@ -36,6 +38,9 @@ impl Scalar {
             b"ushort" | b"uint16" => Self::U16,
             b"int" | b"int32" => Self::I32,
             b"uint" | b"uint32" => Self::U32,
+            // Not in the specification, but written.
+            b"long" | b"int64" => Self::I64,
+            b"ulong" | b"uint64" => Self::U64,
             b"float" | b"float32" => Self::F32,
             b"double" | b"float64" => Self::F64,
             _ => return None,
@@ -48,12 +53,8 @@ impl Scalar {
             Self::I8 | Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
             Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
+            Self::I64 | Self::U64 | Self::F64 => 8,
         }
-    }
-
-    pub(super) fn is_integer(self) -> bool {
-        !matches!(self, Self::F32 | Self::F64)
     }
 }
 
@@ -82,8 +83,8 @@ pub(super) struct Element<'a> {
 pub(super) struct Header<'a> {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element<'a>>,
-    /// Texture from MeshLab's comment `TextureFile`.
-    pub(super) texture: Option<&'a [u8]>,
+    /// Textures from MeshLab's comments `TextureFile`.
+    pub(super) textures: Vec<&'a [u8]>,
     /// Lines that were ignored.
     pub(super) warnings: Vec<String>,
 }
@@ -91,15 +92,23 @@ pub(super) struct Header<'a> {
 /// Header lines that may be ignored; with more, the file is something else.
 const MAX_IGNORED: usize = 16;
 
-/// Splits a file into header and body. Lines end with LF or CRLF.
+/// Splits a file into header and body. Lines end with LF, CRLF or CR.
 pub(super) fn header<'a>(path: &Path, bytes: &'a [u8]) -> Result<(Header<'a>, &'a [u8]), ReadError> {
-    let mut rest = bytes;
+    let mut rest = text::after_mark(bytes);
     let mut encoding = None;
-    let mut header = Header { encoding: Encoding::Ascii, elements: Vec::new(), texture: None, warnings: Vec::new() };
+    let mut header =
+        Header { encoding: Encoding::Ascii, elements: Vec::new(), textures: Vec::new(), warnings: Vec::new() };
+    // Where lines end with CR, an LF after the last one is the first byte of the body.
+    let is_cr = rest[..text::line_length(rest)].ends_with(b"\r");
     for number in 1.. {
-        let Some(end) = rest.iter().position(|&byte| byte == b'\n') else { break };
-        let line = rest[..end].trim_ascii();
-        rest = &rest[end + 1..];
+        let length = if is_cr { rest.iter().position(|&byte| byte == b'\r').map(|at| at + 1) } else { None };
+        let length = length.unwrap_or_else(|| text::line_length(rest));
+        let (line, after) = rest.split_at(length);
+        if !line.ends_with(b"\n") && !line.ends_with(b"\r") {
+            break;
+        }
+        rest = after;
+        let line = line.trim_ascii();
         let malformed = |message: String| ReadError::malformed(path, format!("header line {number}"), message);
         if number == 1 {
             if line != b"ply" {
@@ -110,8 +119,8 @@ pub(super) fn header<'a>(path: &Path, bytes: &'a [u8]) -> Result<(Header<'a>, &'
         let words: Vec<&[u8]> = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
         match words[..] {
             [] | [b"obj_info", ..] => {}
-            [b"comment", b"TextureFile", _, ..] => {
-                header.texture = Some(line[b"comment TextureFile".len()..].trim_ascii())
+            [b"comment", name, _, ..] if name.eq_ignore_ascii_case(b"TextureFile") => {
+                header.textures.push(text::split_word(text::split_word(line).1).1.trim_ascii());
             }
             [b"comment", ..] => {}
             [b"format", name, b"1.0", ..] => encoding = Some(encoding_named(name).map_err(malformed)?),
@@ -162,11 +171,7 @@ fn property<'a>(words: &[&'a [u8]]) -> Result<Property<'a>, String> {
     let scalar = |name: &[u8]| Scalar::named(name).ok_or_else(|| format!("unknown property type {}", quoted(name)));
     match *words {
         [b"list", count, item, name, ..] => {
-            let (count, item) = (scalar(count)?, scalar(item)?);
-            if !count.is_integer() {
-                return Err("a list length needs an integer type".into());
-            }
-            Ok(Property { name, kind: Kind::List { count, item } })
+            Ok(Property { name, kind: Kind::List { count: scalar(count)?, item: scalar(item)? } })
         }
         [kind, name, ..] => Ok(Property { name, kind: Kind::Scalar(scalar(kind)?) }),
         _ => Err("expected a property type and a name".into()),
@@ -180,6 +185,13 @@ pub(super) struct Body<'a> {
 }
 
 const ENDS_EARLY: &str = "unexpected end of file";
+
+/// A number without fraction as an integer.
+fn whole(real: f64) -> Option<i64> {
+    // 2^53: all integers up to here are exact.
+    let is_whole = real.fract() == 0.0 && real.abs() <= 9_007_199_254_740_992.0;
+    is_whole.then_some(real as i64)
+}
 
 impl<'a> Body<'a> {
     pub(super) fn new(encoding: Encoding, bytes: &'a [u8]) -> Self {
@@ -243,12 +255,15 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// An integer; `scalar` must be an integer type.
+    /// An integer, which may be stored as a number of another type.
     pub(super) fn integer(&mut self, scalar: Scalar) -> Result<i64, String> {
         if self.encoding == Encoding::Ascii {
             let word = self.word()?;
-            return text::integer(word).ok_or_else(|| format!("expected an integer, found {}", text::quoted(word)));
+            let real = || std::str::from_utf8(word).ok()?.parse().ok().and_then(whole);
+            let number = text::integer(word).or_else(real);
+            return number.ok_or_else(|| format!("expected an integer, found {}", text::quoted(word)));
         }
+        let of_real = |real: f64| whole(real).ok_or_else(|| format!("expected an integer, found '{real}'"));
         match scalar {
             Scalar::I8 => self.bytes().map(i8::from_le_bytes).map(i64::from),
             Scalar::U8 => self.bytes().map(u8::from_le_bytes).map(i64::from),
@@ -256,7 +271,13 @@ impl<'a> Body<'a> {
             Scalar::U16 => self.bytes().map(u16::from_le_bytes).map(i64::from),
             Scalar::I32 => self.bytes().map(i32::from_le_bytes).map(i64::from),
             Scalar::U32 => self.bytes().map(u32::from_le_bytes).map(i64::from),
-            Scalar::F32 | Scalar::F64 => Err("expected an integer type".into()),
+            Scalar::I64 => self.bytes().map(i64::from_le_bytes),
+            Scalar::U64 => {
+                let number = self.bytes().map(u64::from_le_bytes)?;
+                i64::try_from(number).map_err(|_| format!("integer {number} exceeds 63 bits"))
+            }
+            Scalar::F32 => self.bytes().map(f32::from_le_bytes).map(f64::from).and_then(of_real),
+            Scalar::F64 => self.bytes().map(f64::from_le_bytes).and_then(of_real),
         }
     }
 

@@ -119,11 +119,18 @@ fn skipped_primitives_are_reported() {
     let (positions, indices) = (file.reals("VEC3", &TRIANGLE), file.indices(&[0, 1, 2, 1]));
     let valid = json!({ "attributes": { "POSITION": positions } });
     let with = |primitive| file.clone().with_node(json!([valid, primitive]));
-    with(json!({ "attributes": { "POSITION": positions }, "mode": 1 })).warned("primitive 1: points and lines");
-    with(json!({ "attributes": { "NORMAL": positions } })).warned("primitive 1: missing POSITION");
+    with(json!({ "attributes": { "POSITION": positions }, "mode": 1 }))
+        .warned("skipping points and lines (not supported): mesh 0 primitive 1");
+    with(json!({ "attributes": { "NORMAL": positions } }))
+        .warned("skipping primitives without POSITION: mesh 0 primitive 1");
     let scene =
         with(json!({ "attributes": { "POSITION": positions }, "indices": indices })).warned("1 trailing indices");
     assert_eq!(scene.n_unique_triangles(), 2);
+    let mut many = file.clone().with_node(json!([valid]));
+    for _ in 0..16 {
+        many = many.with_node(json!([{ "attributes": { "POSITION": positions }, "mode": 1 }]));
+    }
+    many.warned("skipping points and lines (not supported): mesh 1 primitive 0 and 15 more");
     file.clone().with_node(json!([{ "attributes": { "POSITION": positions }, "mode": 0 }])).rejected("nothing to draw");
 }
 

@@ -354,10 +354,47 @@ fn unsupported_animations_are_reported() {
     let fixed = with(&|json| json["nodes"][0]["matrix"] = json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]));
     assert_eq!(warnings(&fixed), "ignoring the animation of a node with a matrix: node 0");
     let odd = with(&|json| json["animations"][0]["channels"][0]["target"]["path"] = json!("pointer"));
-    assert!(warnings(&odd).contains("animation 0 channel 0"));
+    assert!(warnings(&odd).contains("animation 0, ''"), "{}", warnings(&odd));
     let loose =
         with(&|json| drop(json["animations"][0]["channels"][0]["target"].as_object_mut().unwrap().remove("node")));
     assert_eq!(warnings(&loose), "ignoring channels without a target node: animation 0, 1 channels");
+}
+
+/// `KHR_animation_pointer`: the same poses as by a node and a path.
+#[test]
+fn pointers_to_nodes_animate_them() {
+    let turn = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0];
+    for (path, element, values) in [
+        ("translation", "VEC3", &POSITIONS[..]),
+        ("scale", "VEC3", &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]),
+        ("rotation", "VEC4", &turn),
+    ] {
+        let by_node = animated(path, element, values, "LINEAR");
+        let mut file = by_node.clone();
+        let pointer = json!({ "pointer": format!("/nodes/0/{path}") });
+        file.json["animations"][0]["channels"][0]["target"] =
+            json!({ "path": "pointer", "extensions": { "KHR_animation_pointer": pointer } });
+        file.json["extensionsUsed"] = json!(["KHR_animation_pointer"]);
+        file.json["extensionsRequired"] = json!(["KHR_animation_pointer"]);
+        for time in [0.0, 1.5, 3.0, 9.0] {
+            assert_eq!(columns(&file, time), columns(&by_node, time), "{path} at {time}");
+        }
+        let target = &mut file.json["animations"][0]["channels"][0]["target"];
+        target["extensions"]["KHR_animation_pointer"]["pointer"] = json!("/materials/0/alphaCutoff");
+        let what = "ignoring animated properties other than transforms and weights of nodes";
+        let warnings = file.read_at(1.0).unwrap().warnings;
+        assert_eq!(warnings, [format!("{what}: animation 0, '/materials/0/alphaCutoff'")]);
+    }
+    let mut weights = File::new();
+    let (times, near) = (weights.reals("SCALAR", &[0.0, 1.0]), weights.reals("SCALAR", &[0.0, 1.0]));
+    let (positions, moved) = (weights.reals("VEC3", &TRIANGLE), weights.reals("VEC3", &[1.0; 9]));
+    weights.mesh(json!([{ "attributes": { "POSITION": positions }, "targets": [{ "POSITION": moved }] }]));
+    weights.json["nodes"] = json!([{ "mesh": 0 }]);
+    let target =
+        json!({ "path": "pointer", "extensions": { "KHR_animation_pointer": { "pointer": "/nodes/0/weights" } } });
+    weights.json["animations"] =
+        json!([{ "channels": [{ "sampler": 0, "target": target }], "samplers": [{ "input": times, "output": near }] }]);
+    assert_eq!(weights.read_at(0.5).unwrap().meshes[0].positions[0], [0.5; 3]);
 }
 
 #[test]
@@ -417,7 +454,7 @@ fn moving(far: f32, [x, y, z]: [f32; 3]) -> File {
 }
 
 fn options_at(time: f32, animation: Option<&str>) -> ReadOptions {
-    ReadOptions { time: Some(time), animation: animation.map(str::to_owned), variant: None }
+    ReadOptions { time: Some(time), animation: animation.map(str::to_owned), ..ReadOptions::default() }
 }
 
 /// Everything that a pose may change, and everything that it must not.

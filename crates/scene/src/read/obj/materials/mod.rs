@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use crate::read::error::{ReadError, WarningGroups};
 use crate::read::folder::Folder;
 use crate::read::image;
+use crate::read::input::ReadOptions;
 use crate::read::text::{self, Line};
 use crate::{AlphaMode, Material, Scene, Texture, TextureId, TextureRef, UvTransform, Wrap};
 
@@ -45,11 +46,12 @@ struct Request {
 /// A missing library, material or texture gives a warning and a default.
 pub(super) fn materials(
     path: &Path,
+    options: &ReadOptions,
     libraries: &[&[u8]],
     names: &[Option<&[u8]>],
     scene: &mut Scene,
 ) -> Result<(), ReadError> {
-    let folder = Folder::of(path).map_err(ReadError::io(path))?;
+    let folder = Folder::of(path, options).map_err(ReadError::io(path))?;
     let files = library_files(&folder, libraries, &mut scene.warnings);
     let mut library = HashMap::new();
     for (name, bytes) in &files {
@@ -73,7 +75,7 @@ pub(super) fn materials(
         for (map, role) in maps(source) {
             match requests.add(map, role, k) {
                 Ok(request) => wanted.push((k, role, map, request)),
-                Err(error) => scene.warnings.push(texture_warning(&scene.materials[k], &map.file, &error)),
+                Err(error) => grouped.add_sentence(&error, &texture_warning(&scene.materials[k], &map.file, &error)),
             }
         }
         let others = unsupported_filter(source, &scene.materials[k]).into_iter().chain(unused_specular_map(source));
@@ -117,18 +119,18 @@ fn find<'a>(
 /// Names and contents of all `mtllib` files, each once. A statement is one name with spaces if that file exists, else several.
 fn library_files(folder: &Folder, statements: &[&[u8]], warnings: &mut Vec<String>) -> Vec<(String, Vec<u8>)> {
     let (mut known, mut files) = (HashSet::new(), Vec::new());
-    for argument in statements.iter().map(|statement| String::from_utf8_lossy(statement)) {
-        let names = match folder.resolve(&argument) {
+    for argument in statements.iter().map(|statement| String::from_utf8_lossy(text::unquoted(statement))) {
+        let names = match folder.find(&argument) {
             Ok(_) => vec![&argument[..]],
             Err(_) => argument.split_ascii_whitespace().collect(),
         };
         for name in names {
             // Files may be referenced thousands of times; missing ones are identified by name.
-            let path = folder.resolve(name).unwrap_or_else(|_| PathBuf::from(name));
+            let path = folder.find(name).unwrap_or_else(|_| PathBuf::from(name));
             if !known.insert(path) {
                 continue;
             }
-            match folder.read(name) {
+            match folder.read_image(name) {
                 Ok(bytes) => files.push((name.to_owned(), bytes)),
                 Err(error) => {
                     warnings.push(format!("cannot read material library {}: {error}", text::quoted(name.as_bytes())))
@@ -210,7 +212,7 @@ struct Requests<'a> {
 
 impl Requests<'_> {
     fn add(&mut self, map: &Map, role: Role, material: usize) -> Result<usize, String> {
-        let path = self.folder.resolve(&map.file)?;
+        let path = self.folder.find(&map.file)?;
         let (next, wrap) = (self.list.len(), map.wrap());
         // Both are colors.
         let role = if role == Role::Emission { Role::BaseColor } else { role };
@@ -319,7 +321,7 @@ fn roughness(shininess: Option<f32>) -> f32 {
 }
 
 /// Unsupported texture keys.
-const UNSUPPORTED_MAPS: &str = "disp map_disp map_Disp decal map_decal refl map_refl map_Ns map_Tr \
+const UNSUPPORTED_MAPS: &str = "disp map_disp decal map_decal refl map_refl map_Ns map_Tr \
                            map_Tf map_Ps map_Pc map_RMA map_ORM map_aniso";
 
 /// Unsupported strengths of sheen, clearcoat and anisotropy. 0 disables them, as Blender writes for every material. `Pcr` and
@@ -380,7 +382,7 @@ pub(crate) fn parse_library<'a>(
     let mut library = HashMap::new();
     let mut current: Option<(&[u8], MtlMaterial)> = None;
     for line in text::lines(bytes) {
-        if line.keyword == b"newmtl" {
+        if line.keyword.eq_ignore_ascii_case(b"newmtl") {
             library.extend(current.replace((line.rest, MtlMaterial::default())));
         } else if let Some((name, material)) = &mut current
             && let Err(problem) = material.read(&line)
@@ -394,42 +396,45 @@ pub(crate) fn parse_library<'a>(
 }
 
 impl MtlMaterial {
-    /// Reads one line; the error is a warning.
+    /// Reads one line, whose keyword may be in any case; the error is a warning.
     fn read(&mut self, line: &Line) -> Result<(), String> {
-        match line.keyword {
-            b"Kd" => store(&mut self.base_color, color(line, 1.0), line),
-            b"Ke" => store(&mut self.emission, color(line, f32::MAX), line),
+        match &line.keyword.to_ascii_lowercase()[..] {
+            b"kd" => store(&mut self.base_color, color(line, 1.0), line),
+            b"ke" => store(&mut self.emission, color(line, f32::MAX), line),
             // Only used for mirrors and glass, so invalid values are not reported.
-            b"Ks" | b"Tf" => {
-                let slot = if line.keyword == b"Ks" { &mut self.specular } else { &mut self.filter };
-                *slot = color(line, 1.0).ok().map(|(_, kept)| kept);
+            b"ks" => {
+                self.specular = color(line, 1.0).ok().map(|(_, kept)| kept);
                 Ok(())
             }
-            b"Ns" => store(&mut self.shininess, number(line, 0.0..=f32::MAX), line),
-            b"Pr" => store(&mut self.roughness, number(line, 0.0..=1.0), line),
-            b"Pm" => store(&mut self.metallic, number(line, 0.0..=1.0), line),
-            b"Ni" => store(&mut self.ior, number(line, 1.0..=Material::MAX_IOR), line),
+            b"tf" => {
+                self.filter = color(line, 1.0).ok().map(|(_, kept)| kept);
+                Ok(())
+            }
+            b"ns" => store(&mut self.shininess, number(line, 0.0..=f32::MAX), line),
+            b"pr" => store(&mut self.roughness, number(line, 0.0..=1.0), line),
+            b"pm" => store(&mut self.metallic, number(line, 0.0..=1.0), line),
+            b"ni" => store(&mut self.ior, number(line, 1.0..=Material::MAX_IOR), line),
             b"d" => store(&mut self.opacity, number(line, 0.0..=1.0), line),
-            b"Tr" => store(&mut self.transparency, number(line, 0.0..=1.0), line),
+            b"tr" => store(&mut self.transparency, number(line, 0.0..=1.0), line),
             b"illum" => {
                 let number = text::words(line.rest).next().and_then(|word| std::str::from_utf8(word).ok());
                 self.illumination = number.and_then(|number| number.parse().ok());
                 Ok(())
             }
-            b"map_Kd" => texture(&mut self.base_color_map, line),
-            b"map_Ks" => texture(&mut self.specular_map, line),
+            b"map_kd" => texture(&mut self.base_color_map, line),
+            b"map_ks" => texture(&mut self.specular_map, line),
             b"map_d" => texture(&mut self.mask, line),
-            b"map_Ke" => texture(&mut self.emission_map, line),
+            b"map_ke" => texture(&mut self.emission_map, line),
             b"norm" => {
                 self.has_norm = true;
                 texture(&mut self.normal_map, line)
             }
-            b"bump" | b"map_bump" | b"map_Bump" => {
+            b"bump" | b"map_bump" => {
                 // `norm` takes precedence.
                 if self.has_norm { Ok(()) } else { texture(&mut self.normal_map, line) }
             }
-            b"map_Pr" => texture(&mut self.roughness_map, line),
-            b"map_Pm" => texture(&mut self.metallic_map, line),
+            b"map_pr" => texture(&mut self.roughness_map, line),
+            b"map_pm" => texture(&mut self.metallic_map, line),
             _ => {
                 self.note_unsupported(line);
                 Ok(())
@@ -439,7 +444,8 @@ impl MtlMaterial {
 
     /// Records an unsupported key once.
     fn note_unsupported(&mut self, line: &Line) {
-        let known = |names: &'static str| names.split(' ').find(|name| name.as_bytes() == line.keyword);
+        let known =
+            |names: &'static str| names.split(' ').find(|name| name.as_bytes().eq_ignore_ascii_case(line.keyword));
         let is_none = || text::words(line.rest).all(|word| text::float(word) == Some(0.0));
         let name = known(UNSUPPORTED_MAPS).or_else(|| known(UNSUPPORTED_FACTORS).filter(|_| !is_none()));
         self.unsupported.extend(name.filter(|name| !self.unsupported.contains(name)));
@@ -509,6 +515,13 @@ pub(crate) struct Map {
     pub(crate) strength: f32,
 }
 
+impl Default for Map {
+    /// Without options and file name.
+    fn default() -> Self {
+        Self { file: String::new(), scale: [1.0; 2], offset: [0.0; 2], is_clamped: false, strength: 1.0 }
+    }
+}
+
 impl Map {
     /// Wrap mode.
     pub(crate) fn wrap(&self) -> Wrap {
@@ -555,33 +568,95 @@ const OPTIONS: [(&str, usize, Effect); 13] = [
     ("-type", 1, Effect::Ignored),
 ];
 
-/// The texture of a statement and its unsupported options.
+/// The texture of a statement and its unsupported options. The file name may be in quotes; options are before it, or after it.
 pub(super) fn read_map(line: &Line) -> Result<(Map, Vec<&'static str>), String> {
-    let mut map = Map { file: String::new(), scale: [1.0; 2], offset: [0.0; 2], is_clamped: false, strength: 1.0 };
-    let (mut rest, mut unsupported) = (line.rest, Vec::new());
-    while let Some(&(name, max_arguments, effect)) =
-        OPTIONS.iter().find(|(name, ..)| text::split_word(rest).0 == name.as_bytes())
-    {
-        rest = text::split_word(rest).1;
-        let mut arguments = Vec::new();
-        while arguments.len() < max_arguments {
-            let (word, after) = text::split_word(rest);
-            if word.is_empty() || !arguments.is_empty() && text::float(word).is_none() {
-                break;
-            }
-            arguments.push(word);
-            rest = after;
+    let mut map = Map::default();
+    let mut unsupported = Vec::new();
+    let mut read = |given: Given| {
+        if map.apply(given.effect, &given.arguments).is_none() && !unsupported.contains(&given.name) {
+            unsupported.push(given.name);
         }
-        rest = rest.trim_ascii_start();
-        if map.apply(effect, &arguments).is_none() && !unsupported.contains(&name) {
-            unsupported.push(name);
-        }
+    };
+    let mut rest = line.rest;
+    while let Some((given, after)) = option(rest) {
+        read(given);
+        rest = after;
     }
-    if rest.is_empty() {
+    let (name, options_after) = split_name(rest);
+    options_after.into_iter().for_each(read);
+    if name.is_empty() {
         return Err(format!("ignoring {}: no file name", String::from_utf8_lossy(line.keyword)));
     }
-    map.file = String::from_utf8_lossy(rest).into_owned();
+    map.file = String::from_utf8_lossy(name).into_owned();
     Ok((map, unsupported))
+}
+
+/// An option of a texture statement, as it is given.
+struct Given<'a> {
+    name: &'static str,
+    effect: Effect,
+    arguments: Vec<&'a [u8]>,
+}
+
+/// The option at the start of a text, and the text after it.
+fn option(text: &[u8]) -> Option<(Given<'_>, &[u8])> {
+    let (word, mut rest) = text::split_word(text);
+    let &(name, max_arguments, effect) =
+        OPTIONS.iter().find(|(name, ..)| word.eq_ignore_ascii_case(name.as_bytes()))?;
+    let mut arguments = Vec::new();
+    while arguments.len() < max_arguments {
+        let (word, after) = text::split_word(rest);
+        if word.is_empty() || !arguments.is_empty() && text::float(word).is_none() {
+            break;
+        }
+        arguments.push(word);
+        rest = after;
+    }
+    Some((Given { name, effect, arguments }, rest.trim_ascii_start()))
+}
+
+/// Most options that are read after a file name, so that the time for a long line is bounded.
+const MAX_OPTIONS_AFTER: usize = 32;
+
+/// Splits a file name from options after it. Words of a name may look like an option, so these are options only where all up to the
+/// end of the line are, with sound arguments.
+fn split_name(text: &[u8]) -> (&[u8], Vec<Given<'_>>) {
+    if let [quote @ (b'"' | b'\''), inner @ ..] = text
+        && let Some(end) = inner.iter().position(|byte| byte == quote)
+    {
+        let options = only_options(inner[end + 1..].trim_ascii_start());
+        return (inner[..end].trim_ascii(), options.unwrap_or_default());
+    }
+    let is_start = |&at: &usize| text[at - 1].is_ascii_whitespace() && text[at] == b'-';
+    let mut starts: Vec<usize> = (1..text.len()).rev().filter(is_start).take(MAX_OPTIONS_AFTER).collect();
+    starts.reverse();
+    for start in starts {
+        if let Some(options) = only_options(&text[start..]) {
+            return (text[..start].trim_ascii_end(), options);
+        }
+    }
+    (text, Vec::new())
+}
+
+/// The options of a text that has nothing else and arguments that they support.
+fn only_options(mut text: &[u8]) -> Option<Vec<Given<'_>>> {
+    let (mut options, mut scratch) = (Vec::new(), Map::default());
+    while !text.is_empty() {
+        let (given, rest) = option(text)?;
+        let is_sound = match given.effect {
+            Effect::Unsupported(_) => given.arguments.iter().all(|word| is_argument(word)),
+            Effect::Ignored => !given.arguments.is_empty(),
+            effect => scratch.apply(effect, &given.arguments).is_some(),
+        };
+        options.push(Some(given).filter(|_| is_sound)?);
+        text = rest;
+    }
+    Some(options)
+}
+
+/// Whether a word is a number, a switch or a channel.
+fn is_argument(word: &[u8]) -> bool {
+    text::float(word).is_some() || [&b"on"[..], b"off", b"r", b"g", b"b", b"m", b"l", b"z"].contains(&word)
 }
 
 impl Map {

@@ -3,7 +3,7 @@
 use std::fs;
 
 use super::*;
-use crate::{Encoding, TextureRef, Wrap, read};
+use crate::{Encoding, TextureRef, Wrap, read, read_with};
 
 /// A folder with images, `m.mtl`, and `model.obj`, which uses each of `names` once.
 struct Case {
@@ -98,7 +98,24 @@ fn unsupported_keys_are_reported() {
 
 #[test]
 fn finds_images_inside_the_folder() {
-    for file in ["rgb.png", "two words.png", "sub\\deep.png", "./sub/../rgb.png", "-s 1 1 1 -o 0 -clamp off rgb.png"] {
+    for file in [
+        "rgb.png",
+        "two words.png",
+        "sub\\deep.png",
+        "./sub/../rgb.png",
+        "-s 1 1 1 -o 0 -clamp off rgb.png",
+        "RGB.png",
+        "Two Words.PNG",
+        "\"rgb.png\"",
+        "\"two words.png\" -bm 1",
+        "'two words.png'",
+        "-s 1 1 \"two words.png\"",
+        "two words.png -bm 0.5 -blendu on",
+        "rgb.png -TEXRES 512",
+        "C:\\Users\\someone\\maps\\rgb.png",
+        "/home/someone/sub/Deep.png",
+        "maps/two words.png -clamp off",
+    ] {
         let (material, warnings) = only(&format!("map_Kd {file}\nd 0.5\nmap_d {file}"));
         assert_eq!(warnings, [""; 0], "{file}");
         assert_eq!(material.base_color, [1.0; 3]);
@@ -153,11 +170,11 @@ fn reads_emission_and_normal_maps() {
 fn unreadable_images_are_skipped() {
     let skipping = "skipping texture 'FILE' of material 'a': ";
     for (file, reason) in [
-        ("../outside.png", "the path is outside the folder of the scene"),
-        ("sub/../../outside.png", "the path is outside the folder of the scene"),
-        ("..\\outside.png", "the path is outside the folder of the scene"),
+        ("../outside.png", "the path is outside the folder of the scene; allow_parent permits it"),
+        ("sub/../../outside.png", "the path is outside the folder of the scene; allow_parent permits it"),
+        ("..\\outside.png", "the path is outside the folder of the scene; allow_parent permits it"),
         ("/etc/hostname", "the path is outside the folder of the scene"),
-        ("C:\\rgb.png", "the path is outside the folder of the scene"),
+        ("C:\\none.png", "the path is outside the folder of the scene"),
         ("sub", "not a regular file"),
         ("model.obj", "unsupported image format (expected PNG, JPEG, BMP, TGA, TIFF, WebP or KTX2)"),
     ] {
@@ -219,8 +236,39 @@ fn reads_several_libraries_with_spaces_or_missing() {
     let (_, warnings) = with("mtllib ../outside.png");
     assert_eq!(
         warnings[0],
-        "cannot read material library '../outside.png': the path is outside the folder of the scene"
+        "cannot read material library '../outside.png': the path is outside the folder of the scene; allow_parent permits it"
     );
+}
+
+#[test]
+fn missing_images_are_reported_once() {
+    let case = Case::new("newmtl a\nmap_Kd no.png\nnewmtl b\nmap_Kd none.png\nmap_d ../outside.png", &["a", "b"]);
+    let warnings = case.read().warnings;
+    assert!(warnings[0].starts_with("skipping texture 'no.png' of material 'a': "), "{warnings:?}");
+    assert!(warnings[0].ends_with(", and 1 more") && warnings.len() == 2, "{warnings:?}");
+
+    let options = ReadOptions { allow_parent: true, ..ReadOptions::default() };
+    let permitted = read_with(&case.path("model.obj"), &options).unwrap();
+    assert!(permitted.materials[1].alpha_texture.is_some());
+    let options = ReadOptions { texture_paths: vec![case.path("none")], ..ReadOptions::default() };
+    let error = read_with(&case.path("model.obj"), &options).unwrap_err().to_string();
+    assert!(error.contains("none: cannot read file: "), "{error}");
+    let options = ReadOptions { texture_paths: vec![case.path("rgb.png")], ..ReadOptions::default() };
+    assert!(read_with(&case.path("model.obj"), &options).is_err(), "not a folder");
+}
+
+#[test]
+fn keywords_are_read_in_any_case() {
+    let stated = "Kd 0.1 0.2 0.3\nKe 1 2 3\nNi 1.25\nPr 0.5\nPm 0.25\nd 0.5\nmap_Kd rgb.png\nmap_Ke rgb.png\n\
+                  map_Bump -bm 0.5 rgb.png\nmap_Pr rgb.png\nmap_Pm rgb.png\nmap_D rgb.png\ndisp rgb.png";
+    let want = only(stated);
+    assert_eq!(want.1, ["ignoring disp (not supported): material 'a'"]);
+    for other in [stated.to_lowercase(), stated.to_uppercase().replace("RGB.PNG", "rgb.png")] {
+        assert_eq!(only(&other), want, "{other}");
+    }
+    let shouted = Case::new("NEWMTL a\rKD 1 0 0\rNewMtl b\rkd 0 1 0\r", &["a", "b"]).read();
+    assert_eq!(shouted.warnings, [""; 0]);
+    assert_eq!([shouted.materials[0].base_color, shouted.materials[1].base_color], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
 }
 
 fn material_of(source: MtlMaterial) -> Material {
@@ -303,6 +351,21 @@ fn applies_scale_before_offset() {
         ("-s 3 -s 2 -texres 512 -type sphere", [0.5, 0.5]),
     ] {
         assert_eq!(looked_up(options), want, "{options}");
+    }
+}
+
+#[test]
+fn reads_options_after_the_name() {
+    let read = |rest: &str| {
+        let (map, unsupported) = read_map(&Line { number: 1, keyword: b"map_Kd", rest: rest.as_bytes() }).unwrap();
+        (map.file.clone(), map.scale, map.strength, map.is_clamped, unsupported)
+    };
+    let plain = |name: &str| (name.to_owned(), [1.0; 2], 1.0, false, Vec::new());
+    assert_eq!(read("a b.png -bm 0.5 -s 2 3 -clamp on"), ("a b.png".to_owned(), [2.0, 3.0], 0.5, true, Vec::new()));
+    assert_eq!(read("-s 2 a.png -bm 0.5"), ("a.png".to_owned(), [2.0, 1.0], 0.5, false, Vec::new()));
+    assert_eq!(read("\"a -s 2.png\" -mm 0.5 1").4, ["-mm"]);
+    for name in ["a -s b.png", "a -bm 1.png", "a - b.png", "a -x 1", "a-s 1 1.png", "a -bm", "a.png -clamp maybe"] {
+        assert_eq!(read(name), plain(name));
     }
 }
 

@@ -13,6 +13,7 @@ use proptest::prelude::*;
 use tobj::{LoadError, LoadOptions};
 
 use crate::Scene;
+use crate::read::input::ReadOptions;
 use crate::read::obj;
 use crate::read::obj::materials::{Map, MtlMaterial, parse_library};
 use crate::read::obj::statements::{self, ABSENT, Statements, parse_statements};
@@ -211,7 +212,7 @@ fn ours(path: &Path, bytes: &[u8]) -> Result<Vec<Face>, String> {
     let statements = parse_statements(path, bytes).map_err(|error| error.to_string())?;
     check_triangles(path, bytes, &statements);
     let mut scene = Scene::default();
-    obj::materials::materials(path, &statements.libraries, &statements.materials, &mut scene)
+    obj::materials::materials(path, &ReadOptions::default(), &statements.libraries, &statements.materials, &mut scene)
         .map_err(|error| error.to_string())?;
     let is_known = |name: &[u8]| {
         let not_found = format!("material {} not found", text::quoted(name));
@@ -236,7 +237,7 @@ fn check_triangles(path: &Path, bytes: &[u8], statements: &Statements) {
     if !statements.positions.as_flattened().iter().all(|x| x.is_finite()) {
         return;
     }
-    match obj::parse(path, bytes) {
+    match obj::parse(path, bytes, &ReadOptions::default()) {
         Ok(scene) => {
             let n_triangles: usize = (0..statements.face_ends.len()).map(|face| statements.face(face).len() - 2).sum();
             assert_eq!(scene.n_placed_triangles(), n_triangles, "{:?}", scene.warnings);
@@ -337,13 +338,15 @@ fn their_library(bytes: &[u8]) -> Option<HashMap<String, Common>> {
 /// * `tobj` rejects a library, or panics on it, for one color or number that is malformed.
 /// * Colors of four numbers are rejected by ours and cut by `tobj`: either.
 /// * NaN is no color; `tobj` keeps it.
+/// * `tobj` knows keywords in one case only, keeps quotes and takes options after a name for a part of it.
 fn is_known(bytes: &[u8]) -> bool {
     let text = String::from_utf8_lossy(bytes);
     text.lines().map(|line| line.split_whitespace().collect::<Vec<_>>()).any(|words| match words.first() {
         Some(&"norm") => true,
         Some(name) if name.starts_with("map_") || *name == "bump" => {
-            words.get(1).is_some_and(|word| word.starts_with('-'))
+            words.iter().skip(1).any(|word| word.starts_with(['-', '"']))
         }
+        Some(name) if name.to_ascii_lowercase().starts_with("map_") => true,
         Some(&("Kd" | "Ks" | "Ke")) => words.len() > 4 || words.iter().any(|word| word.eq_ignore_ascii_case("nan")),
         Some(&("Ns" | "Ni" | "d")) => words.iter().any(|word| word.eq_ignore_ascii_case("nan")),
         _ => false,
