@@ -4,8 +4,39 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, anyhow};
 use canted_scene::{AnimatedScene, ReadOptions, Scene, SceneFile};
+use serde::{Deserialize, Serialize};
 
-use crate::output::{self, Named};
+use crate::{
+    options::{self, Value},
+    output::{self, Named},
+};
+
+/// Which files a scene may refer to. Scene files state it for each asset.
+#[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
+pub(crate) struct FileArgs {
+    /// Folder of images that are neither where the file says nor beside it; repeatable.
+    #[arg(long, requires = "scene", value_name = "DIR")]
+    #[serde(default)]
+    pub(crate) texture_path: Vec<PathBuf>,
+    /// Read files outside the folder of the scene, to which it refers by `../`: on or off [default: off]
+    #[arg(long, requires = "scene", num_args = 0..=1, require_equals = true, default_missing_value = "on", value_name = "on|off")]
+    pub(crate) allow_parent: Option<Value<bool>>,
+}
+
+impl FileArgs {
+    /// Whether files outside the folder of the scene are permitted.
+    pub(crate) fn allows_parent(&self) -> bool {
+        self.allow_parent.is_some_and(|is_on| is_on.0)
+    }
+
+    /// How a file is read, in a pose.
+    pub(crate) fn read_options(&self, time: Option<f32>, animation: Option<&str>) -> ReadOptions {
+        // Without `..`, so that a new option cannot be forgotten.
+        let Self { texture_path, allow_parent: _ } = self;
+        let (animation, allow_parent) = (animation.map(str::to_owned), self.allows_parent());
+        ReadOptions { time, animation, variant: None, texture_paths: texture_path.clone(), allow_parent }
+    }
+}
 
 /// The files that a command reads, each with its name on the command line.
 pub(crate) struct Inputs(Vec<(String, PathBuf)>);
@@ -48,14 +79,8 @@ fn input_of(scene: &Path) -> String {
     format!("an input of {}", scene.display())
 }
 
-/// Reads a scene, posed at a time in seconds of an animation given by name or number, or makes the built-in scene. Prints
-/// each warning once.
-pub(crate) fn scene(path: Option<&Path>, time: Option<f32>, animation: Option<&str>) -> Result<Scene> {
-    scene_with(path, &ReadOptions { time, animation: animation.map(str::to_owned), variant: None })
-}
-
-/// As [`scene`], with a material variant.
-pub(crate) fn scene_with(path: Option<&Path>, options: &ReadOptions) -> Result<Scene> {
+/// Reads a scene, or makes the built-in scene. Prints each warning once.
+pub(crate) fn scene(path: Option<&Path>, options: &ReadOptions) -> Result<Scene> {
     let Some(path) = path else { return Ok(canted_scene::builtin()) };
     let scene = if is_scene_file(path) {
         check_asset_options(path, options)?;
@@ -84,14 +109,21 @@ pub(crate) fn scene_in_shutter(path: &Path, times: [f32; 2], options: &ReadOptio
 }
 
 /// Rejects options for a scene file, which states them for each asset.
-pub(crate) fn check_asset_options(scene_file: &Path, options: &ReadOptions) -> Result<()> {
-    let ReadOptions { time, animation, variant } = options;
-    let given = [("time", time.is_some()), ("animation", animation.is_some()), ("variant", variant.is_some())];
-    match given.into_iter().find(|&(_, is_given)| is_given) {
+pub(crate) fn check_asset_options(scene_file: &Path, read: &ReadOptions) -> Result<()> {
+    let ReadOptions { time, animation, variant, texture_paths, allow_parent } = read;
+    let given = [
+        ("time", "a glTF file", time.is_some()),
+        ("animation", "a glTF file", animation.is_some()),
+        ("variant", "a glTF file", variant.is_some()),
+        ("texture_path", "the file of a model", !texture_paths.is_empty()),
+        ("allow_parent", "the file of a model", *allow_parent),
+    ];
+    match given.into_iter().find(|&(.., is_given)| is_given) {
         None => Ok(()),
-        Some((option, _)) => Err(anyhow!(
-            "{}: --{option} requires a glTF file; in a scene file, set `{option}` in [[assets]]",
-            scene_file.display()
+        Some((key, what, _)) => Err(anyhow!(
+            "{}: {} requires {what}; in a scene file, set `{key}` in [[assets]]",
+            scene_file.display(),
+            options::flag(key)
         )),
     }
 }

@@ -74,7 +74,7 @@ fn film(source: &Source<'_>, options: &[(String, String)], monitor: &Monitor<'_>
             load::warn(&scene.warnings);
             scene
         }
-        _ => load::scene_with(path, &plan.source.read_options(plan.source.time()))?,
+        _ => load::scene(path, &plan.source.read_options(plan.source.time()))?,
     };
     render(&mut scene, plan, monitor)
 }

@@ -58,6 +58,12 @@ pub(crate) fn run(args: Args) -> Result<()> {
     if let Some(variant) = &plan.source.variant {
         file = file.with_variant(variant);
     }
+    if !plan.source.files.texture_path.is_empty() {
+        file = file.with_texture_paths(&plan.source.files.texture_path)?;
+    }
+    if plan.source.files.allows_parent() {
+        file = file.with_allow_parent(true);
+    }
     if let Some((image, scale, turn_degrees)) = plan.light.environment_file() {
         file = file.with_environment(image, scale, turn_degrees)?;
     }

@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     camera::{CAMERA, CameraArgs},
     light::{EnvironmentArgs, LightArgs},
-    load,
+    load::{self, FileArgs},
     options::{
         self, Finite, Form, Given, Length, Named, Positive, Size, Structure, StructureOptions, Text, Value, Whole,
         flag, given, names,
@@ -81,6 +81,9 @@ pub(crate) struct SceneArgs {
     /// Material variant of a glTF file, by name or by number from 0 [default: the materials of its primitives]
     #[arg(long, requires = "scene", value_name = "NAME|INDEX")]
     pub(crate) variant: Option<String>,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub(crate) files: FileArgs,
 }
 
 impl SceneArgs {
@@ -91,7 +94,7 @@ impl SceneArgs {
 
     /// How the file is read, at a time in seconds.
     pub(crate) fn read_options(&self, time: Option<f32>) -> ReadOptions {
-        ReadOptions { time, animation: self.animation.clone(), variant: self.variant.clone() }
+        ReadOptions { variant: self.variant.clone(), ..self.files.read_options(time, self.animation.as_deref()) }
     }
 }
 

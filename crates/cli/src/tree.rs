@@ -8,7 +8,7 @@ use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Domain, Sorted, Tree};
 use canted_scene::Scene;
 
 use crate::{
-    load,
+    load::{self, FileArgs},
     options::one_of,
     output::{self, Named},
     settings::SceneSettings,
@@ -22,6 +22,8 @@ use crate::{
 pub(crate) struct Args {
     /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml). All instances form one mesh in world space.
     scene: PathBuf,
+    #[command(flatten)]
+    files: FileArgs,
     /// Number of bits of a Morton code.
     #[arg(long, default_value = "63", value_parser = one_of(&[("30", Bits::B30), ("63", Bits::B63)]), value_name = "BITS")]
     bits: Bits,
@@ -39,7 +41,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let inputs = load::Inputs::of(Some(&args.scene))?;
     let outputs: [Named; 2] = [("--codes", &args.codes), ("--nodes", &args.nodes)];
     output::check_distinct(&inputs.named(), &outputs)?;
-    let scene = load::scene(Some(&args.scene), None, None)?;
+    let scene = load::scene(Some(&args.scene), &args.files.read_options(None, None))?;
     load::check_outputs(Some(&args.scene), &scene, &outputs)?;
     output::probe(&args.codes)?;
     output::probe(&args.nodes)?;

@@ -123,7 +123,8 @@ fn from_csv(bytes: &[u8]) -> Result<Vec<Ray>> {
     let text = std::str::from_utf8(bytes).map_err(|_| anyhow!("the file is not UTF-8 text"))?;
     let mut rays = vec![];
     let mut is_first = true;
-    for (line, row) in text.lines().enumerate() {
+    // Lines of old Macintosh programs end with CR alone.
+    for (line, row) in text.lines().flat_map(|line| line.split('\r')).enumerate() {
         let row = row.trim().trim_start_matches('\u{feff}');
         if row.is_empty() || row.starts_with('#') {
             continue;
@@ -187,6 +188,16 @@ mod tests {
         assert_eq!(rays.len(), 2);
         assert_eq!(rays[0].t_max, f32::INFINITY);
         assert_eq!((rays[1].origin, rays[1].direction, rays[1].t_max), ([1.0, 2.0, 3.0], [4.0, 5.0, 6.0], 7.0));
+    }
+
+    #[test]
+    fn lines_end_in_four_ways() {
+        for end in ["\n", "\r\n", "\r", "\r\r\n"] {
+            let text = "ox,oy,oz,dx,dy,dz,tmax\n# comment\n0,0,1,0,0,-1,inf\n1,2,3,4,5,6,7\n".replace('\n', end);
+            assert_eq!(from_csv(text.as_bytes()).unwrap().len(), 2, "{end:?}");
+        }
+        let error = from_csv(b"0,0,0,1,0,0,1\r0,0,0,1,zero,0,1\r").unwrap_err().to_string();
+        assert_eq!(error, "line 2: 'zero' is not a number");
     }
 
     #[test]

@@ -24,7 +24,7 @@ use serde_json::json;
 use crate::device::{built_or, named};
 use crate::{
     device::{Machine, RunArgs},
-    load,
+    load::{self, FileArgs},
     options::{self, Form as _, Given, Structure, StructureOptions, one_of},
     output::{self, Named},
     settings::{self, SceneSettings},
@@ -44,6 +44,8 @@ pub(crate) struct Args {
     /// Animation of the file, by name or by number from 0 [default: the first]
     #[arg(long, value_name = "NAME|INDEX", requires = "time")]
     animation: Option<String>,
+    #[command(flatten)]
+    files: FileArgs,
     /// Rays in world space: .csv (ox,oy,oz,dx,dy,dz,tmax) or .bin (seven little-endian f32 per ray). tmax is in units of the
     /// direction's length.
     /// `-` is standard input.
@@ -85,7 +87,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     output::check_distinct(&inputs.named(), &outputs)?;
     args.run.start()?;
     let rays = files::read(&args.rays, args.format)?;
-    let scene = load::scene(Some(&args.scene), args.time, args.animation.as_deref())?;
+    let scene = load::scene(Some(&args.scene), &args.files.read_options(args.time, args.animation.as_deref()))?;
     load::check_outputs(Some(&args.scene), &scene, &outputs)?;
     if !is_stream(&args.hits) {
         output::probe(&args.hits)?;

@@ -471,6 +471,8 @@ mod tests {
             "time" => ("0.5", "a.glb"),
             "animation" => ("walk", "--time=1 a.glb"),
             "variant" | "camera" => ("red", "a.glb"),
+            "texture_path" => ("maps", "a.glb"),
+            "allow_parent" => ("on", "a.glb"),
             "eye" | "target" | "up" | "env" => ("1,2,3", ""),
             "fov" | "ortho" | "focus" => ("33", ""),
             "aperture" => ("0.25", ""),

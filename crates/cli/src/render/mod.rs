@@ -117,7 +117,7 @@ fn read(job: &Job) -> Result<Scene> {
     let (path, options) = (source.scene.as_deref(), source.read_options(source.time()));
     match (path, source.time().and_then(|time| job.sequence.shutter_times(time))) {
         (Some(path), Some(times)) => load::scene_in_shutter(path, times, &options),
-        _ => load::scene_with(path, &options),
+        _ => load::scene(path, &options),
     }
 }
 

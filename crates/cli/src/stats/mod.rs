@@ -13,13 +13,13 @@ use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
 use canted_renderer::SceneBvh;
-use canted_scene::Scene;
+use canted_scene::{ReadOptions, Scene};
 use canted_wide::Preset;
 
 use crate::{
     device::{Machine, RunArgs},
     light::LightArgs,
-    load,
+    load::{self, FileArgs},
     options::{self, Form as _, Structure, named},
     output, render,
     settings::SceneSettings,
@@ -40,11 +40,20 @@ pub(crate) struct Args {
     /// Animation of the file, by name or by number from 0 [default: the first]
     #[arg(long, value_name = "NAME|INDEX", requires = "time")]
     animation: Option<String>,
+    #[command(flatten)]
+    files: FileArgs,
     /// Presets of the wide BVH to build, separated by commas. `quality` takes longest.
     #[arg(long, value_delimiter = ',', default_value = "balanced", value_parser = named::<Preset>(), value_name = "PRESETS")]
     presets: Vec<Preset>,
     #[command(flatten)]
     run: RunArgs,
+}
+
+impl Args {
+    /// How the file is read, at a time in seconds.
+    fn read_options(&self, time: Option<f32>) -> ReadOptions {
+        self.files.read_options(time, self.animation.as_deref())
+    }
 }
 
 const DEVICE: &str = "Device whose build times and buffers are included: auto (a hardware GPU, if there is one), cpu (none), \
@@ -54,7 +63,7 @@ const DEVICE: &str = "Device whose build times and buffers are included: auto (a
 pub(crate) fn run(args: &Args) -> Result<()> {
     SceneSettings::check(args.scene.as_deref())?;
     args.run.start()?;
-    let mut scene = load::scene(args.scene.as_deref(), args.time, args.animation.as_deref())?;
+    let mut scene = load::scene(args.scene.as_deref(), &args.read_options(args.time))?;
     // Adds the default light, as `canted render` does.
     options::defaults::<LightArgs>().apply(&mut scene)?;
     let name = load::name(args.scene.as_deref());
@@ -71,7 +80,8 @@ fn report<'a>(name: &'a str, scene: &'a Scene, args: &Args, machine: &Machine) -
     let config = Structure::default().config_for(scene);
     let bvh = SceneBvh::build(scene, &config)?;
     let not_needed = render::not_needed(&bvh.unused, false);
-    let motion = motion::measure(args.scene.as_deref(), args.time, args.animation.as_deref(), &config)?;
+    let first = args.time.unwrap_or(0.0);
+    let motion = motion::measure(args.scene.as_deref(), first, &args.read_options(Some(first)), &config)?;
     #[cfg(feature = "gpu")]
     let gpu = gpu::measure(machine, scene, &bvh)?;
     #[cfg(not(feature = "gpu"))]

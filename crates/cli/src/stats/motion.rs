@@ -28,14 +28,12 @@ pub(super) struct Motion {
 /// Refits the structure of an animated file through some frames; `None` for other scenes.
 pub(super) fn measure(
     path: Option<&Path>,
-    time: Option<f32>,
-    animation: Option<&str>,
+    first: f32,
+    options: &ReadOptions,
     config: &SceneBvhConfig,
 ) -> Result<Option<Motion>> {
     let Some(path) = path.filter(|path| !load::is_scene_file(path)) else { return Ok(None) };
-    let first = time.unwrap_or(0.0);
-    let options = ReadOptions { time: Some(first), animation: animation.map(str::to_owned), variant: None };
-    let (mut animated, mut scene) = AnimatedScene::open(path, &options)?;
+    let (mut animated, mut scene) = AnimatedScene::open(path, options)?;
     if !animated.is_animated() {
         return Ok(None);
     }

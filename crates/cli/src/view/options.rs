@@ -14,7 +14,7 @@ use crate::{
     light::LightArgs,
     options::{self, Given, StructureOptions, Value, flag, given},
     render::DiagramArgs,
-    settings::{self, LookOptions, PictureArgs, Plan, Purpose},
+    settings::{self, LookOptions, PictureArgs, Plan, Purpose, SceneArgs},
 };
 
 /// The options of `canted render` that a session has.
@@ -43,7 +43,7 @@ pub(crate) struct Options {
 }
 
 /// What determines meshes and lights, besides the time.
-pub(super) type SceneKey = (Option<String>, Option<String>, LightArgs);
+pub(super) type SceneKey = (SceneArgs, LightArgs);
 
 /// What determines the film: all but exposure, tone curve and boxes.
 #[derive(PartialEq)]
@@ -112,6 +112,8 @@ impl Options {
             ("--time", source.time.is_some()),
             ("--animation", source.animation.is_some()),
             ("--variant", source.variant.is_some()),
+            ("--texture-path", !source.files.texture_path.is_empty()),
+            ("--allow-parent", source.files.allow_parent.is_some()),
             ("--camera", camera.camera.is_some()),
         ];
         if let Some((option, _)) = of_scene.into_iter().find(|&(_, is_given)| is_given && source.scene.is_none()) {
@@ -186,7 +188,7 @@ impl Options {
 
     pub(super) fn scene_key(&self) -> SceneKey {
         let source = &self.args.source;
-        (source.animation.clone(), source.variant.clone(), self.args.light.clone())
+        (SceneArgs { scene: None, time: None, ..source.clone() }, self.args.light.clone())
     }
 
     /// What determines the structure, besides the scene.

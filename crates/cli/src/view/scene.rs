@@ -203,7 +203,7 @@ fn read(options: &Options, plan: &Plan) -> Result<(Scene, Option<AnimatedScene>)
         }
     }
     // Reports options that do not apply to the file.
-    Ok((load::scene_with(options.scene(), &of_file)?, None))
+    Ok((load::scene(options.scene(), &of_file)?, None))
 }
 
 /// A device that renders the samples of one picture.

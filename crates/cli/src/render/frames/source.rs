@@ -50,7 +50,7 @@ impl Source {
             None if job.sequence.turntable.is_none() => {
                 return Err(anyhow!("--frames of the built-in scene requires --turntable"));
             }
-            _ => (None, load::scene_with(path, &job.plan.source.read_options(None))?),
+            _ => (None, load::scene(path, &job.plan.source.read_options(None))?),
         };
         let mut source =
             Self { animated, lights: scene.lights.clone(), environment: None, scene, warned: BTreeSet::new() };
