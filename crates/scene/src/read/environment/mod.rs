@@ -278,7 +278,7 @@ mod tests {
             .concat();
         assert_eq!(read_bytes(&cr).0.unwrap().texels, [[10.0; 3], [1.0, 0.5, 0.25]]);
         // White of Radiance in XYZ is white.
-        let xyz = format!("#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n");
+        let xyz = "#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n";
         let white = read_bytes(&[xyz.as_bytes(), &[128, 128, 128, 129]].concat()).0.unwrap().texels[0];
         assert!(white.iter().all(|x| (x - 1.0).abs() < 1e-6), "{white:?}");
         rejected(b"#?RADIANCE\nFORMAT=64-bit\n\n-Y 1 +X 1\n0000", "unsupported format '64-bit'");

@@ -576,7 +576,7 @@ mod tests {
             ply(file("ascii", &elements, "0 0 0 255 0 0\n1 0 0 255 0 0\n0 1 0 255 0 0\n3 0 1 2 0 0 255\n")).unwrap();
         assert_eq!(scene.meshes[0].colors.as_deref(), Some(&[red; 3][..]));
         assert_eq!(scene.warnings, ["ignoring colors of faces, as vertices have colors"]);
-        let [negative, _] = square("", &floats, &["3 0 1 2 1 0 0", "3 0 2 3 0 -1 1"], "fff");
+        let [negative, _] = square("", floats, &["3 0 1 2 1 0 0", "3 0 2 3 0 -1 1"], "fff");
         assert_eq!(ply(negative).unwrap().warnings, ["ignoring face colors: negative value at face 1: 0 -1 1"]);
     }
 
