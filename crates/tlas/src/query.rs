@@ -1,6 +1,6 @@
 use canted_obb::Obb;
 use canted_obb::round::up;
-use canted_trace::{Crossings, Hit, InstanceId, Intersect, Query, ScaledRay, SurfacePoint, Triangles};
+use canted_trace::{Crossings, Hit, InstanceId, Intersect, Query, ScaledRay, SurfacePoint, Triangles, alternate_sides};
 use canted_wide::Order;
 
 use crate::ray::{ObjectRay, WorldRay};
@@ -118,9 +118,11 @@ impl<B: Intersect> Intersect for Tlas<B> {
 /// ```
 impl<B: Crossings> Crossings for Tlas<B> {
     fn crossings_scaled(&self, ray: &ScaledRay, stack: &mut [u64], crossings: &mut Vec<Hit>) {
+        let first = crossings.len();
         self.collect(ray, stack, crossings, &mut |blas, object, _, stack, crossings| {
             blas.crossings_scaled(&object.ray, stack, crossings);
         });
+        alternate_sides(&mut crossings[first..]);
     }
 }
 

@@ -38,7 +38,12 @@ pub const DISTANCE_ERROR: f64 = 24.0 * UNIT_ROUNDOFF_F64;
 pub fn closest_point_on_triangle(point: [f32; 3], vertices: &[[f32; 3]; 3]) -> TrianglePoint {
     let point = to_f64(point);
     // All vectors start at the query point, which keeps differences small.
-    let [a, b, c] = vertices.map(|vertex| sub(to_f64(vertex), point));
+    closest_to_zero(&vertices.map(|vertex| sub(to_f64(vertex), point)))
+}
+
+/// As [`closest_point_on_triangle`], for a query point at zero.
+#[must_use]
+pub fn closest_to_zero(&[a, b, c]: &[[f64; 3]; 3]) -> TrianglePoint {
     let (ab, ac, bc) = (sub(b, a), sub(c, a), sub(c, b));
     let along = [on_edge(a, ab), on_edge(a, ac), on_edge(b, bc)];
     let edges = [[along[0], 0.0], [0.0, along[1]], [1.0 - along[2], along[2]]];

@@ -23,17 +23,25 @@ pub struct Convex {
     corners: [[f64; 3]; 8],
     /// Directions across the faces, of which some may be equal, and the coordinate axes.
     axes: [[f64; 3]; 9],
-    edges: [[f64; 3]; 6],
+    /// Directions of the edges, and how many are stored: parallel ones of boxes once.
+    edges: [[f64; 3]; 12],
+    n_edges: usize,
+    /// Whether all corners are in a plane.
+    is_flat: bool,
+    /// NaN if a coordinate is not finite, or of an empty box: such a region overlaps nothing.
     magnitude: f64,
 }
 
 impl Convex {
-    /// The axis-aligned box from `min` to `max`.
+    /// The axis-aligned box from `min` to `max`, which may be infinite. It overlaps nothing where `min` exceeds `max` or one is NaN.
     #[must_use]
     pub fn from_aabb(min: impl Into<[f32; 3]>, max: impl Into<[f32; 3]>) -> Self {
-        let planes = [to_f64(min.into()), to_f64(max.into())];
+        let (min, max) = (min.into(), max.into());
+        let planes = [min, max].map(|corner| to_f64(corner.map(|x| x.clamp(-f32::MAX, f32::MAX))));
         let corners = core::array::from_fn(|corner| core::array::from_fn(|k| planes[corner >> k & 1][k]));
-        Self::new(corners, twice(COORDINATE_AXES), twice(COORDINATE_AXES))
+        let region = Self::new(corners, twice(COORDINATE_AXES), &COORDINATE_AXES);
+        let is_empty = (0..3).any(|k| min[k].is_nan() || max[k].is_nan() || min[k] > max[k]);
+        Self { magnitude: if is_empty { f64::NAN } else { region.magnitude }, ..region }
     }
 
     /// An oriented box.
@@ -48,28 +56,65 @@ impl Convex {
         });
         let [x, y, z] = axes;
         let faces = [cross(y, z), cross(z, x), cross(x, y)];
-        Self::new(corners, twice(faces), twice(axes))
+        Self::new(corners, twice(faces), &axes)
     }
 
-    /// A frustum, or any solid with six flat faces: four corners of the near face in order around it, then those of the far
-    /// face in the same order.
+    /// A frustum, or any convex solid with six flat faces: four corners of the near face in order around it, then those of the far
+    /// face in the same order. Corners may coincide: the near face of a pyramid is a point.
+    ///
+    /// Faces are flat up to the rounding of their corners, and gaps as small may be reported as overlaps. A region with a coordinate
+    /// that is not finite overlaps nothing.
     #[must_use]
     pub fn from_frustum(near: [[f32; 3]; 4], far: [[f32; 3]; 4]) -> Self {
         let [near, far] = [near, far].map(|face| face.map(to_f64));
         let corners: [[f64; 3]; 8] = core::array::from_fn(|i| if i < 4 { near[i] } else { far[i - 4] });
-        let sides: [[f64; 3]; 4] = core::array::from_fn(|i| sub(far[i], near[i]));
-        let around = [sub(far[1], far[0]), sub(far[2], far[1])];
-        // The far face is the larger one; a near face may be a point.
-        let facing = cross(around[0], around[1]);
-        let normals = |i: usize| if i < 4 { cross(sub(far[(i + 1) % 4], far[i]), sides[i]) } else { facing };
-        let edges = |i: usize| if i < 4 { sides[i] } else { around[i - 4] };
-        Self::new(corners, core::array::from_fn(normals), core::array::from_fn(edges))
+        // Perpendicular to both diagonals, so a corner may coincide with its neighbor.
+        let across = |[a, b, c, d]: [[f64; 3]; 4]| cross(sub(c, a), sub(d, b));
+        let next = |i: usize| (i + 1) % 4;
+        let side = |i: usize| across([near[i], far[i], far[next(i)], near[next(i)]]);
+        let normals = core::array::from_fn(|i| if i < 4 { side(i) } else { across([near, far][i - 4]) });
+        let edges: [[f64; 3]; 12] = core::array::from_fn(|i| match i / 4 {
+            0 => sub(far[i], near[i]),
+            face => {
+                let (face, i) = ([near, far][face - 1], i % 4);
+                sub(face[next(i)], face[i])
+            }
+        });
+        Self::new(corners, normals, &edges)
     }
 
-    fn new(corners: [[f64; 3]; 8], normals: [[f64; 3]; 6], edges: [[f64; 3]; 6]) -> Self {
-        let magnitude = corners.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
+    fn new(corners: [[f64; 3]; 8], normals: [[f64; 3]; 6], given: &[[f64; 3]]) -> Self {
+        let is_finite = corners.iter().flatten().all(|x| x.is_finite());
+        let greatest = corners.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
+        let magnitude = if is_finite { greatest } else { f64::NAN };
         let axes = core::array::from_fn(|i| if i < 6 { normals[i] } else { COORDINATE_AXES[i - 6] });
-        Self { corners, axes, edges, magnitude }
+        let mut edges = [[0.0; 3]; 12];
+        edges[..given.len()].copy_from_slice(given);
+        let is_thin = |axis: &[f64; 3]| {
+            let [min, max] = interval(&corners, *axis);
+            max - min <= slack(magnitude, *axis)
+        };
+        let is_flat = normals.iter().all(is_thin);
+        Self { corners, axes, edges, n_edges: given.len(), is_flat, magnitude }
+    }
+
+    /// The region under an affine map, given by its rows with the translation last, and the map's inverse.
+    ///
+    /// The map is computed in `f64`. Its roundings, and those of an inverse that was computed, are at most those of coordinates times the
+    /// condition number of the map.
+    #[must_use]
+    pub fn transformed(&self, to: &[[f64; 4]; 3], from: &[[f64; 4]; 3]) -> Self {
+        let linear = |v: [f64; 3]| to.map(|[x, y, z, _]| x * v[0] + y * v[1] + z * v[2]);
+        let corners = self.corners.map(|corner| core::array::from_fn(|k| linear(corner)[k] + to[k][3]));
+        // A normal is mapped by the transposed inverse.
+        let normal = |n: [f64; 3]| core::array::from_fn(|k| from[0][k] * n[0] + from[1][k] * n[1] + from[2][k] * n[2]);
+        let axes = core::array::from_fn(|i| if i < 6 { normal(self.axes[i]) } else { COORDINATE_AXES[i - 6] });
+        // Terms of sums, which may cancel.
+        let row_sum = |[x, y, z, _]: [f64; 4]| x.abs() + y.abs() + z.abs();
+        let [norm, norm_of_inverse] = [to, from].map(|rows| rows.map(row_sum).into_iter().fold(0.0, f64::max));
+        let terms = to.map(|row| (row_sum(row) * self.magnitude + row[3].abs()) * (1.0 + norm * norm_of_inverse));
+        let magnitude = if self.magnitude.is_finite() { terms.into_iter().fold(0.0, f64::max) } else { f64::NAN };
+        Self { corners, axes, edges: self.edges.map(linear), magnitude, ..*self }
     }
 
     /// The interval of the region along `axis`.
@@ -84,7 +129,7 @@ impl Convex {
         &self.axes
     }
 
-    /// Greatest absolute coordinate.
+    /// Greatest absolute coordinate; NaN if one is not finite, and of an empty box.
     #[must_use]
     pub fn magnitude(&self) -> f64 {
         self.magnitude
@@ -105,24 +150,43 @@ impl Convex {
     #[must_use]
     pub fn overlaps_aabb(&self, aabb: &Aabb) -> bool {
         let other = Self::from_aabb(aabb.min, aabb.max);
-        !aabb.is_empty() && self.overlaps(&other.corners, &other.axes[..3], &other.edges[..3])
+        !aabb.is_empty() && self.overlaps(&other.corners, &COORDINATE_AXES, &COORDINATE_AXES)
     }
 
     fn overlaps(&self, points: &[[f64; 3]], normals: &[[f64; 3]], edges: &[[f64; 3]]) -> bool {
         let magnitude = points.iter().flatten().fold(self.magnitude, |most, x| most.max(x.abs()));
         let is_separating = |axis: [f64; 3]| {
             let ([a_min, a_max], [b_min, b_max]) = (self.interval(axis), interval(points, axis));
-            let slack = PROJECTION_ERROR * magnitude * (axis[0].abs() + axis[1].abs() + axis[2].abs());
-            (a_min - b_max).max(b_min - a_max) > slack
+            (a_min - b_max).max(b_min - a_max) > slack(magnitude, axis)
         };
-        let mut crossed = self.edges.iter().flat_map(|&a| edges.iter().map(move |&b| cross(a, b)));
-        !(self.axes.iter().chain(normals).any(|&axis| is_separating(axis)) || crossed.any(is_separating))
+        let own_edges = &self.edges[..self.n_edges];
+        let mut crossed = own_edges.iter().flat_map(|&a| edges.iter().map(move |&b| cross(a, b)));
+        // Two figures in one plane are separated within it.
+        let plane = if self.is_flat { plane_of(&self.corners, points) } else { [0.0; 3] };
+        let mut in_plane = own_edges.iter().chain(edges).map(|&edge| cross(plane, edge));
+        self.magnitude.is_finite()
+            && !(self.axes.iter().chain(normals).any(|&axis| is_separating(axis))
+                || crossed.any(is_separating)
+                || in_plane.any(is_separating))
     }
 }
 
 /// Three axes, each listed twice.
 fn twice(axes: [[f64; 3]; 3]) -> [[f64; 3]; 6] {
     core::array::from_fn(|i| axes[i % 3])
+}
+
+/// The normal of the plane through all points of two figures, if there is one; zero if they are on a line.
+fn plane_of(corners: &[[f64; 3]], points: &[[f64; 3]]) -> [f64; 3] {
+    let offsets = || corners.iter().chain(points).map(|&point| sub(point, corners[0]));
+    let longer = |a: [f64; 3], b: [f64; 3]| if dot(b, b) > dot(a, a) { b } else { a };
+    let longest = offsets().fold([0.0; 3], longer);
+    offsets().map(|offset| cross(longest, offset)).fold([0.0; 3], longer)
+}
+
+/// What roundings may add to a gap along `axis`.
+fn slack(magnitude: f64, axis: [f64; 3]) -> f64 {
+    PROJECTION_ERROR * magnitude * (axis[0].abs() + axis[1].abs() + axis[2].abs())
 }
 
 fn interval(points: &[[f64; 3]], axis: [f64; 3]) -> [f64; 2] {

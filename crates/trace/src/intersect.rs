@@ -3,7 +3,7 @@ use alloc::{boxed::Box, sync::Arc, vec::Vec};
 use canted_obb::{Obb, PrimId};
 
 use crate::stack::with_stack;
-use crate::{Accept, Hit, HitLists, Query, Ray, ScaledRay, SurfacePoint};
+use crate::{Accept, Hit, HitLists, Query, Ray, ScaledRay, Side, SurfacePoint};
 
 /// Rays that a thread takes at a time.
 const CHUNK: usize = 1024;
@@ -314,11 +314,13 @@ fn parallel<T: Send>(rays: &[Ray], answers: &mut [T], answer: &AnswerSome<T>) {
 ///
 /// Hits are those of the watertight test.
 pub trait Crossings: Intersect {
-    /// Appends every crossing with `t_min <= t <= t_max`, once, as [`Intersect::all_hits_scaled`] appends hits.
+    /// Appends every crossing with `t_min <= t <= t_max`, once, in the order of [`Crossings::crossings`].
     fn crossings_scaled(&self, ray: &ScaledRay, stack: &mut [u64], crossings: &mut Vec<Hit>);
 
-    /// Every crossing of a surface with `t_min <= t <= t_max`, once: least `t` first, then lowest (instance, primitive). Replaces the
-    /// content of `crossings`.
+    /// Every crossing of a surface with `t_min <= t <= t_max`, once: least `t` first. Replaces the content of `crossings`.
+    ///
+    /// Of equal `t`, crossings inward and outward take turns, so that a ray that only touches an edge enters before it leaves; else the
+    /// lowest (instance, primitive) comes first.
     ///
     /// The crossings are the hits of [`Intersect::all_hits`] except for those exactly on an edge or a vertex. These are reported as the
     /// lowest primitives that are hit there from the same side. Where a ray touches a silhouette without crossing, nothing is reported. The
@@ -343,6 +345,29 @@ pub trait Crossings: Intersect {
                 });
             }
         });
+    }
+}
+
+/// Reorders crossings of equal `t` so that ways in and ways out take turns, after the crossing before them; `crossings` are those of one ray,
+/// in the order of hits.
+///
+/// A ray that leaves more often than it enters starts inside, so its first crossing is a way out.
+pub fn alternate_sides(crossings: &mut [Hit]) {
+    if !crossings.windows(2).any(|pair| pair[0].t == pair[1].t && pair[0].side != pair[1].side) {
+        return;
+    }
+    let n_in = crossings.iter().filter(|hit| hit.side == Side::Front).count();
+    let mut is_inside = 2 * n_in < crossings.len();
+    for group in crossings.chunk_by_mut(|a, b| a.t == b.t) {
+        let (mut ways_in, mut ways_out): (Vec<Hit>, Vec<Hit>) =
+            group.iter().rev().partition(|hit| hit.side == Side::Front);
+        for place in group {
+            let (next, other) = if is_inside { (&mut ways_out, &mut ways_in) } else { (&mut ways_in, &mut ways_out) };
+            if let Some(hit) = next.pop().or_else(|| other.pop()) {
+                *place = hit;
+                is_inside = hit.side == Side::Front;
+            }
+        }
     }
 }
 

@@ -71,10 +71,10 @@ mod stack;
 mod surface_point;
 mod triangle;
 
-pub use closest_point::{DISTANCE_ERROR, TrianglePoint, closest_point_on_triangle};
+pub use closest_point::{DISTANCE_ERROR, TrianglePoint, closest_point_on_triangle, closest_to_zero};
 pub use convex::Convex;
 pub use hit::{Hit, HitLists, InstanceId, Side};
-pub use intersect::{AcceptAt, Answer, Answers, Crossings, Intersect, Pointer, Triangles};
+pub use intersect::{AcceptAt, Answer, Answers, Crossings, Intersect, Pointer, Triangles, alternate_sides};
 pub use leaf::{LeafTriangles, Leaves};
 pub use levels::{BoxBvh, SaveBlas};
 pub use moving::position_at;

@@ -18,7 +18,7 @@ pub struct Ray {
     pub direction: [f32; 3],
     /// Minimum `t`, at least 0: a ray with a negative one never hits.
     pub t_min: f32,
-    /// Maximum `t`; may be infinite.
+    /// Maximum `t`; may be infinite. No hit has a `t` that is not finite.
     pub t_max: f32,
     /// The time of what moves: 0 as the shutter opens, 1 as it closes; clamped to `[0, 1]`. 0 by default.
     pub time: f32,
@@ -72,8 +72,8 @@ impl Ray {
 /// # Over- and underflow of `t`
 /// Hits are compared, and tested against the interval, by their scaled `t`, which is an `f32`. The ends of the interval are
 /// rounded inward, so that a scaled `t` lies between them if and only if the original ray's `t` lies in its interval, in real
-/// arithmetic. A `t` of the original ray that leaves the range of `f32` is infinite, and one below the smallest normal number
-/// is rounded to a subnormal or zero, when the hit is reported: hits in order may then have equal `t`.
+/// arithmetic. An infinite interval ends at the greatest finite `t`: what a very short direction would reach only beyond it is not hit. A `t`
+/// below the smallest normal number is rounded to a subnormal or zero when the hit is reported: hits in order may then have equal `t`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScaledRay {
     /// Origin.
@@ -108,7 +108,8 @@ impl ScaledRay {
         if !(greatest > 0.0 && finite && origin_finite && ray.t_min >= 0.0 && ray.t_min <= ray.t_max && ray.mask != 0) {
             return None;
         }
-        let &Ray { origin, direction, t_min, t_max, time, mask } = ray;
+        let &Ray { origin, direction, t_min, time, mask, .. } = ray;
+        let t_max = ray.t_max.min(f32::MAX);
         let interval = [t_min, t_max];
         // As instances pass rays on: nothing to scale.
         if (1.0..2.0).contains(&greatest) {
@@ -152,7 +153,7 @@ impl ScaledRay {
         (f64::from(t) * self.to_scaled) as f32
     }
 
-    /// The `t` of the original ray of a scaled `t`; infinite or subnormal where it leaves the range of normal numbers.
+    /// The `t` of the original ray of a scaled `t`; subnormal or zero where it leaves the range of normal numbers.
     #[inline]
     #[must_use]
     pub fn caller_t(&self, scaled_t: f32) -> f32 {

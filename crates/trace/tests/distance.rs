@@ -192,3 +192,91 @@ fn oriented_boxes_and_frusta_are_not_their_bounds() {
     assert!(pyramid.overlaps_triangle(&[[-1.0, 0.0, 0.5], [1.0, 0.01, 0.5], [1.0, -0.01, 0.5]]));
     assert!(!pyramid.overlaps_triangle(&[[-1.0, 0.2, 0.5], [1.0, 0.2, 0.5], [1.0, 0.3, 0.5]]));
 }
+
+/// A cube whose top is cut by a slanted plane: no two faces are parallel but the upright ones.
+#[test]
+fn hexahedra_have_six_faces() {
+    let near = [[-1.0, -1.0, 1.2], [1.0, -1.0, 2.8], [1.0, 1.0, 2.8], [-1.0, 1.0, 1.2]];
+    let far = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
+    let above = [[-0.9, 0.0, 2.6], [-0.8, 0.0, 2.6], [-0.85, 0.1, 2.6]];
+    let below = above.map(|[x, y, z]| [x, y, z - 1.5]);
+    for region in [Convex::from_frustum(near, far), Convex::from_frustum(far, near)] {
+        assert!(!region.overlaps_triangle(&above));
+        assert!(region.overlaps_triangle(&below));
+    }
+}
+
+/// A quad without volume, and a triangle in its plane: separated within the plane, along no coordinate axis.
+#[test]
+fn figures_in_one_plane() {
+    let quad = [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 2.0, 0.0], [-1.0, 1.0, 0.0]];
+    let region = Convex::from_frustum(quad, quad);
+    assert!(!region.overlaps_triangle(&[[0.8, 0.3, 0.0], [0.9, 0.3, 0.0], [0.8, 0.2, 0.0]]));
+    assert!(region.overlaps_triangle(&[[0.2, 0.3, 0.0], [0.9, 0.3, 0.0], [0.8, 0.2, 0.0]]));
+    let point = Convex::from_frustum([[0.8, 0.3, 0.0]; 4], [[0.8, 0.3, 0.0]; 4]);
+    assert!(!point.overlaps_triangle(&[[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 2.0, 0.0]]));
+    assert!(point.overlaps_triangle(&[[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.8, 2.0, 0.0]]));
+}
+
+/// Figures of fewer dimensions than two, and boxes without an inside.
+#[test]
+fn degenerate_regions() {
+    let segment = |a: [f32; 3], b: [f32; 3]| Convex::from_frustum([a, b, b, a], [a, b, b, a]);
+    let line = [[0.0, 0.0, 0.0], [2.0, 1.0, 3.0], [4.0, 2.0, 6.0]];
+    let point = |p: [f32; 3]| Convex::from_frustum([p; 4], [p; 4]);
+    // (region, triangle, whether they share a point)
+    let cases = [
+        (point([2.0, 1.0, 3.0]), line, true),
+        (point([1.0, 0.5, 1.5]), line, true),
+        // In the box around the line, and beside it.
+        (point([2.0, 1.0, 2.0]), line, false),
+        (segment([2.0, 1.0, 2.0], [2.0, 1.0, 4.0]), line, true),
+        (segment([2.0, 0.0, 2.0], [2.0, 0.0, 4.0]), line, false),
+        // In one plane, and on one line.
+        (segment([1.0, 0.5, 2.5], [3.0, 1.5, 5.5]), line, false),
+        (segment([8.0, 4.0, 12.0], [6.0, 3.0, 9.0]), line, false),
+        (segment([8.0, 4.0, 12.0], [4.0, 2.0, 6.0]), line, true),
+        (segment([0.2, 0.2, 0.0], [0.4, 0.1, 0.0]), [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], true),
+        (segment([0.6, 0.6, 0.0], [0.7, 0.5, 0.0]), [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], false),
+        (segment([0.2, 0.2, 0.1], [0.2, 0.2, 1.0]), [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], false),
+        (Convex::from_aabb([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]), line, true),
+        (Convex::from_aabb([1.0; 3], [0.0; 3]), [[0.5; 3]; 3], false),
+        (Convex::from_aabb([f32::NAN; 3], [1.0; 3]), [[0.5; 3]; 3], false),
+    ];
+    for (region, triangle, overlaps) in cases {
+        assert_eq!(region.overlaps_triangle(&triangle), overlaps, "{region:?} {triangle:?}");
+    }
+}
+
+/// A region and a triangle under a map overlap as they do without it.
+#[test]
+fn regions_under_affine_maps() {
+    let mut state = 31_u64;
+    let identity = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+    // A shear with integers, and its inverse: images of short numbers are exact.
+    let to = [[1.0, 2.0, 0.0, 5.0], [0.0, 1.0, 0.0, -3.0], [1.0, 0.0, -1.0, 8.0]];
+    let from = [[1.0, -2.0, 0.0, -11.0], [0.0, 1.0, 0.0, 3.0], [1.0, -2.0, -1.0, -3.0]];
+    let mut counts = [0; 2];
+    for i in 0..2000 {
+        // Sixteenths from -4 to 4.
+        let mut vector = || {
+            [0; 3].map(|_| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                ((state >> 33) % 129) as f32 / 16.0 - 4.0
+            })
+        };
+        let (a, b, c, triangle) = (vector(), vector(), vector(), [vector(), vector(), vector()]);
+        let at = |u: f32, v: f32, w: f32| -> [f32; 3] { std::array::from_fn(|k| u * a[k] + v * b[k] + w * c[k]) };
+        let thick = if i % 5 == 0 { 0.0 } else { 1.0 };
+        let face = |w: f32| [at(-0.5, -0.5, w), at(0.5, -0.5, w), at(0.5, 0.5, w), at(-0.5, 0.5, w)];
+        let region = Convex::from_frustum(face(0.0), face(thick));
+        let image = |p: [f32; 3]| {
+            to.map(|[x, y, z, w]| (x * f64::from(p[0]) + y * f64::from(p[1]) + z * f64::from(p[2]) + w) as f32)
+        };
+        let expected = region.overlaps_triangle(&triangle);
+        assert_eq!(region.transformed(&to, &from).overlaps_triangle(&triangle.map(image)), expected, "{region:?}");
+        assert_eq!(region.transformed(&identity, &identity).overlaps_triangle(&triangle), expected);
+        counts[usize::from(expected)] += 1;
+    }
+    assert!(counts[0] > 200 && counts[1] > 200, "{counts:?}");
+}

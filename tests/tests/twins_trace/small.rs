@@ -18,6 +18,7 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(small_spheres_in_one_level_are_hit_as_on_the_cpu),
         needs_device(small_spheres_in_two_levels_are_hit_as_on_the_cpu),
         needs_device(steps_below_the_precision_of_the_origin_are_hit_as_on_the_cpu),
+        needs_device(directions_of_any_length_hit_at_a_finite_t),
         needs_device(other_spheres_are_detected),
     ]
 }
@@ -214,6 +215,38 @@ fn steps_below_the_precision_of_the_origin_are_hit_as_on_the_cpu() {
     };
     two.iter().for_each(|scene| compare("two levels", scene, &|ray| tlas.closest_hit(ray)));
     one.iter().for_each(|scene| compare("one level", scene, &|ray| bvh.closest_hit(ray)));
+}
+
+/// What a short direction reaches only beyond the greatest number is not hit, on either device, at one level and at two.
+fn directions_of_any_length_hit_at_a_finite_t() {
+    let gpu = gpu();
+    let bvh: TriangleBvh = build(&icosphere(1), &Config::default());
+    let instance = Instance::new(0, Affine::scale([0.5, 1.0, 2.0]));
+    let one = TracedScene::new(&gpu, SceneInput::upload([&bvh])).unwrap();
+    let two = TracedScene::new(&gpu, SceneInput::upload([&bvh]).instances(&[instance])).unwrap();
+    let tlas = Tlas::new(vec![bvh.clone()], &[instance], TopConfig::default()).unwrap();
+    let mut rng = SplitMix64::new(29);
+    let mut rays = vec![];
+    // The surface is at a distance of 4 to 8: `t` is far from the greatest number, but for what it is beyond.
+    for length in [1e30, 1.0, 1e-20, 1e-36, 1e-37, 5e-39, 1e-40, 1e-45] {
+        for _ in 0..40 {
+            let [away, aside] = [rng.on_sphere(), rng.signed3()];
+            let origin: [f32; 3] = std::array::from_fn(|k| (7.0 * away[k] + 0.3 * aside[k]) as f32);
+            rays.push(Ray::new(origin, away.map(|x| (-length * x) as f32)));
+        }
+    }
+    for (name, scene, on_cpu) in
+        [("one level", &one, &bvh as &dyn Intersect), ("two levels", &two, &tlas as &dyn Intersect)]
+    {
+        let mut counts = [0; 2];
+        for (ray, hit) in rays.iter().zip(scene.closest_hits(&gpu, &rays).unwrap()) {
+            let Outcome::Complete(hit) = hit else { panic!("{name}: {ray:?} is incomplete") };
+            assert_eq!(hit.is_some(), on_cpu.closest_hit(ray).is_some(), "{name}: {ray:?} {hit:?}");
+            assert!(hit.is_none_or(|hit| hit.t.is_finite()), "{name}: {ray:?} {hit:?}");
+            counts[usize::from(hit.is_some())] += 1;
+        }
+        assert!(counts.iter().all(|&n| n >= 100), "{name}: {counts:?}");
+    }
 }
 
 /// A two-hundredth more of the radius is seen.

@@ -66,7 +66,7 @@ pub(crate) fn all_hits(meshes: &[Mesh], instances: &[Instance], ray: &Ray, time:
             let vertices = triangle.map(|v| mesh.positions[v as usize]);
             let Some(hit) = Watertight::intersect(&prepared, &scaled, &vertices, f32::INFINITY) else { continue };
             let t = f64::from(hit.t) / scaled.scale() / scale;
-            if f64::from(ray.t_min) <= t && t <= f64::from(ray.t_max) {
+            if f64::from(ray.t_min) <= t && t <= f64::from(ray.t_max.min(f32::MAX)) {
                 let instance = InstanceId(number);
                 hits.push((t, Hit { t: t as f32, u: hit.u, v: hit.v, primitive, instance, side: hit.side }));
             }

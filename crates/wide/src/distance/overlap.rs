@@ -34,7 +34,7 @@ where
     /// All primitives that overlap a frustum or another convex solid; see [`WideBvh::overlapping_aabb`].
     pub fn overlapping(&self, region: &Convex, primitives: &mut Vec<PrimId>) {
         primitives.clear();
-        let mut waiting = vec![self.nodes.root];
+        let mut waiting = if region.magnitude().is_finite() { vec![self.nodes.root] } else { vec![] };
         while let Some(word) = waiting.pop() {
             match word.kind() {
                 DecodedWord::Empty => {}

@@ -8,7 +8,9 @@
 //! Source: the rule is that of rasterizers for shared edges, by the perturbation of Edelsbrunner & Mücke 1990; reporting
 //! the lowest primitive is ours.
 
-use canted_trace::{Answer, Answers, Crossings, Hit, HitLists, Intersect, Ray, ScaledRay, Shear, Side, with_stack};
+use canted_trace::{
+    Answer, Answers, Crossings, Hit, HitLists, Intersect, Ray, ScaledRay, Shear, Side, alternate_sides, with_stack,
+};
 
 use super::sink::{HitSink, by_t, sort_from, to_caller};
 use super::triangles::pass_hits;
@@ -62,6 +64,7 @@ impl Task for CrossingsOf<'_> {
             sort_from(crossings, first);
         }
         to_caller(&ray.scaled, &mut crossings[first..]);
+        alternate_sides(&mut crossings[first..]);
     }
 }
 

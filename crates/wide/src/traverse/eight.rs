@@ -100,9 +100,11 @@ impl EightRays {
         let power = simd.power_of_two(greatest);
         let from_scaled = simd.div(one, power);
         let direction = [simd.mul(dx, from_scaled), simd.mul(dy, from_scaled), simd.mul(dz, from_scaled)];
-        let (scaled_t_min, scaled_t_max) = (simd.mul(t_min, power), simd.mul(t_max, power));
+        let finite_t_max = simd.min(t_max, largest);
+        // An end that overflows is rounded inward, to the greatest number.
+        let (scaled_t_min, scaled_t_max) = (simd.mul(t_min, power), simd.min(simd.mul(finite_t_max, power), largest));
         let normal = simd.le(simd.splat(f32::MIN_POSITIVE), greatest) & simd.lt(greatest, simd.splat(BEYOND));
-        let beyond = valid & !(normal & exact(simd, t_min, scaled_t_min) & exact(simd, t_max, scaled_t_max));
+        let beyond = valid & !(normal & exact(simd, t_min, scaled_t_min) & exact(simd, finite_t_max, scaled_t_max));
 
         let given = [simd.store(ox), simd.store(oy), simd.store(oz)];
         let [cx, cy, cz] = frame.reference.point();
@@ -173,7 +175,7 @@ impl EightRays {
         let [x, y, z] = &self.origin;
         let (origin, direction) = ([x[i], y[i], z[i]], numbers.direction);
         let scaled = Ray { origin, direction, t_min: t_min[i], t_max: self.t_max[i], ..*given };
-        let scaled = ScaledRay::from_parts(&scaled, [given.t_min, given.t_max], self.to_scaled[i]);
+        let scaled = ScaledRay::from_parts(&scaled, [given.t_min, given.t_max.min(f32::MAX)], self.to_scaled[i]);
         Some(TracedRay { scaled, numbers })
     }
 }

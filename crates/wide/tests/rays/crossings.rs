@@ -1,7 +1,8 @@
 //! Crossings: one for each surface, also through edges and vertices.
 
 use canted_fixtures::{Mesh, SplitMix64};
-use canted_trace::{Crossings, Hit, Intersect, Ray, Side, Watertight};
+use canted_obb::PrimId;
+use canted_trace::{Crossings, Hit, HitLists, InstanceId, Intersect, Ray, Side, Watertight, alternate_sides};
 use canted_wide::{Preset, TriangleBvh};
 
 use crate::common::{brute, build, paths};
@@ -66,10 +67,61 @@ fn closed_meshes_are_left_as_often_as_entered() {
             odd += usize::from(balance(&all) != 0);
             // Each crossing is a hit, and none twice.
             assert!(hits.iter().all(|hit| all.contains(hit)), "{name} {ray:?}");
-            assert!(hits.windows(2).all(|pair| pair[0].before(&pair[1])), "{name} {ray:?}");
+            assert!(hits.windows(2).all(|pair| pair[0].t <= pair[1].t), "{name} {ray:?}");
         }
         // The check would fail for all hits: these rays pass through edges and vertices.
         assert!(through_edges > 1000 && odd > 100, "{name}: {through_edges}, {odd}");
+    }
+}
+
+/// A ray that touches an edge of the outline enters and leaves at one `t`.
+#[test]
+fn where_t_is_equal_ways_in_and_out_take_turns() {
+    // (rays, rays with two crossings of one `t`)
+    let mut counts = [0; 2];
+    for (name, mesh) in closed().into_iter().chain([("sphere", canted_fixtures::icosphere(3))]) {
+        for bvh in [Preset::Fast, Preset::Quality].map(|preset| build(&mesh, preset)) {
+            let mut rays = exact_rays(&mesh, 3000, 8);
+            // Across an edge, so that it may be a part of the outline.
+            for (i, ray) in rays.iter_mut().enumerate() {
+                let [a, b, c] = mesh.triangles[i % mesh.triangles.len()].map(|v| mesh.positions[v as usize]);
+                let middle: [f32; 3] = std::array::from_fn(|k| 0.5 * (a[k] + b[k]));
+                let direction: [f32; 3] =
+                    std::array::from_fn(|k| if i % 2 == 0 { c[k] - middle[k] } else { ray.direction[k] });
+                *ray = Ray::new(std::array::from_fn(|k| middle[k] - 8.0 * direction[k]), direction);
+            }
+            let mut lists = HitLists::new();
+            bvh.crossings_listed(&rays, &mut lists);
+            for (ray, hits) in rays.iter().zip(lists.of_rays()) {
+                assert_eq!(hits, crossings(&bvh, ray), "{name} {ray:?}");
+                let ties: Vec<usize> = (1..hits.len()).filter(|&i| hits[i - 1].t == hits[i].t).collect();
+                counts[0] += 1;
+                counts[1] += usize::from(!ties.is_empty());
+                let (starts_inside, is_on) = (bvh.contains(ray.origin), bvh.signed_distance(ray.origin) == 0.0);
+                for i in ties.into_iter().filter(|_| !is_on) {
+                    // An even number of crossings before: as at the start.
+                    let is_first_in = hits[i - 1].side == Side::Front;
+                    assert_eq!(is_first_in, (i % 2 == 1) != starts_inside, "{name} {ray:?} {hits:?}");
+                    assert_ne!(hits[i - 1].side, hits[i].side, "{name} {ray:?} {hits:?}");
+                }
+            }
+        }
+    }
+    assert!(counts[1] > 20, "{counts:?}");
+    // From inside, the first crossing is a way out.
+    let hit =
+        |t: f32, side: Side, id: u32| Hit { t, u: 0.0, v: 0.0, primitive: PrimId(id), instance: InstanceId(0), side };
+    let (front, back) = (Side::Front, Side::Back);
+    for (given, expected) in [
+        (vec![(1.0, back, 0), (1.0, front, 1)], [1, 0].as_slice()),
+        (vec![(1.0, back, 0), (1.0, front, 1), (2.0, back, 2)], &[0, 1, 2]),
+        (vec![(1.0, front, 0), (2.0, front, 1), (2.0, back, 2), (3.0, back, 3)], &[0, 2, 1, 3]),
+        (vec![(1.0, front, 0), (1.0, front, 1), (1.0, back, 2), (1.0, back, 3)], &[0, 2, 1, 3]),
+        (vec![(1.0, front, 0), (1.0, front, 1)], &[0, 1]),
+    ] {
+        let mut hits: Vec<Hit> = given.iter().map(|&(t, side, id)| hit(t, side, id)).collect();
+        alternate_sides(&mut hits);
+        assert_eq!(hits.iter().map(|hit| hit.primitive.0).collect::<Vec<_>>(), expected, "{given:?}");
     }
 }
 
