@@ -32,6 +32,7 @@
 //! | --- | --- |
 //! | hits, filters, counters, slices of rays | those of [`Intersect`](canted_trace::Intersect) |
 //! | crossings of surfaces | those of [`Crossings`](canted_trace::Crossings) |
+//! | nearest points, overlaps, containment | [`Tlas::nearest_points`], [`Tlas::overlapping`], [`Tlas::contains`] |
 //! | masks, time | [`Ray::mask`](canted_trace::Ray::mask), [`Ray::time`](canted_trace::Ray::time) |
 //! | position and normal of a hit, rays that continue | [`Tlas::surface_point`] |
 //! | move, replace or refit | [`Tlas::set_transform`], [`Tlas::replace_blas`], [`Tlas::update_blas`], [`Tlas::edit`] |
@@ -44,8 +45,8 @@
 //! * **One `t`.** Hits have the `t` of the caller's direction, whatever its length. Below, directions are scaled by powers of two,
 //!   so a power of two on the direction changes nothing but `t`, by that factor.
 //! * **Exact order.** `t` of different instances are compared, and tested against the interval, before they are rounded to the
-//!   caller's `f32`. Where `t` leaves the normal range of `f32` it is reported as infinite, subnormal or zero, and hits in
-//!   order may have equal `t`.
+//!   caller's `f32`. Where `t` is below the normal range of `f32` it is reported as subnormal or zero, and hits in order may have
+//!   equal `t`; what is reached only beyond the greatest `f32` is not hit.
 //! * **Ties** go to the lowest (instance, primitive), so results do not depend on the top level.
 //! * **Determinism.** The same input gives the same bits on any number of threads and every SIMD path.
 //! * **Invalid input is reported** with the index of the instance. Transforms may scale, shear and mirror, up to a
@@ -59,6 +60,7 @@
 //! `parallel` (default): build and trace slices on all threads of the current rayon pool.
 #![forbid(unsafe_code)]
 
+mod distance;
 mod edit;
 mod file;
 mod instance;
@@ -70,6 +72,7 @@ mod tlas;
 mod top;
 
 pub use canted_trace::SaveBlas;
+pub use distance::NearestSurface;
 pub use edit::TlasEdit;
 pub use file::TlasLoadError;
 pub use instance::{Instance, InstanceError, MAX_CONDITION, row_sum_norm};

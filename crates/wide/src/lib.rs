@@ -45,7 +45,7 @@
 //! | only hits that a function accepts | [`Intersect::closest_hit_with`](canted_trace::Intersect::closest_hit_with) and an [`Accept`](canted_trace::Accept) |
 //! | slices, on one thread or on all | [`Intersect::closest_hits`](canted_trace::Intersect::closest_hits), [`Intersect::par_closest_hits`](canted_trace::Intersect::par_closest_hits), and similar |
 //! | which boxes a ray enters | [`WideBvh::traverse`] of a `WideBvh<Aabb>` |
-//! | distances, containment, overlaps | [`WideBvh::nearest_point`], [`TriangleBvh::contains`], [`WideBvh::overlapping`] |
+//! | distances, containment, overlaps | [`WideBvh::nearest_point`], [`TriangleBvh::contains`], [`TriangleBvh::winding_numbers`], [`WideBvh::overlapping`] |
 //! | moved primitives | [`TriangleBvh::refit`], which reports when to rebuild |
 //! | the primitives | [`TriangleBvh::triangle`], [`TriangleBvh::triangles`], `primitives` |
 //! | counts of visited nodes and leaves | [`TriangleBvh::traversal_counts`] |
@@ -110,7 +110,7 @@ use canted_lbvh::par;
 pub use build::PrimitiveError;
 pub use bvh::{PredictedCost, Sizes, TriangleBvh, WideBvh};
 pub use config::{Config, Costs, Preset};
-pub use distance::{ClosestPoint, DistanceShape, NearestPoint};
+pub use distance::{ClosestPoint, DistanceShape, NearestPoint, WindingNumbers};
 pub use file::{LoadError, RawBvh};
 pub use leaf::{
     LeafPrimitive, Primitive, PrimitiveHit, SavedPrimitive, Triangle, bounds_of_points, extent_of_box, extent_of_points,

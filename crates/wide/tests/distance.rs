@@ -120,6 +120,14 @@ fn points_without_an_answer() {
     assert_eq!(bvh.nearest_point([0.0; 3], 0.1), None);
     let nothing = TriangleBvh::build::<[f32; 3], u32>(&[], &[]).unwrap();
     assert_eq!((nothing.contains([0.0; 3]), nothing.signed_distance([0.0; 3])), (false, f32::INFINITY));
+    for bvh in [bvh, nothing] {
+        let winding = bvh.winding_numbers();
+        for point in [[f32::NAN, 0.0, 0.0], [0.0, f32::NEG_INFINITY, f32::NAN]] {
+            assert!(bvh.signed_distance(point).is_nan() && winding.signed_distance(&bvh, point).is_nan());
+        }
+        let infinite = [0.0, f32::NEG_INFINITY, 0.0];
+        assert_eq!([bvh.signed_distance(infinite), winding.signed_distance(&bvh, infinite)], [f32::INFINITY; 2]);
+    }
 }
 
 /// A closed mesh with integer coordinates, and whether a point with integer coordinates is inside, on the surface included.
@@ -251,6 +259,52 @@ fn signed_distances_of_a_sphere() {
     assert_eq!(bvh.signed_distance(fixtures::icosphere(4).positions[7]), -0.0);
 }
 
+/// The distance is zero exactly where the point is on the surface, however the faces lean.
+#[test]
+fn signed_distances_are_zero_on_the_surface() {
+    let mut rng = SplitMix64::new(6);
+    let (mut n_on, mut n_near) = (0, 0);
+    for scale in [1.0, 2_f32.powi(-66), 2_f32.powi(35)] {
+        // Sums of such coordinates are exact, so midpoints of edges and points of faces are on the surface.
+        let mesh = fixtures::displaced_icosphere(2, 2).placed(|p| p.map(|x| (x * 1024.0).round() * 8.0 * scale));
+        let bvh = build(&mesh, Preset::Balanced);
+        let winding = bvh.winding_numbers();
+        for i in 0..mesh.triangles.len() {
+            let [a, b, c] = corners(&mesh, i);
+            let weights = [[1.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.25, 0.75, 0.0], [0.25, 0.25, 0.5]][rng.below(4)];
+            let on: [f32; 3] = std::array::from_fn(|k| (weights[0] * a[k] + weights[1] * b[k]) + weights[2] * c[k]);
+            let near = [on[0], on[1].next_up(), on[2]];
+            for point in [on, near] {
+                let is_on = by_exact_sides(&mesh, point);
+                n_on += usize::from(is_on);
+                n_near += usize::from(!is_on);
+                for distance in [bvh.signed_distance(point), winding.signed_distance(&bvh, point)] {
+                    assert!(!is_on || distance == 0.0, "{point:?}: {distance:e}");
+                }
+                // A sum of angles does not tell on which side of the surface a point is that all but touches it.
+                if is_on || bvh.signed_distance(point).abs() > 1e-9 * 8192.0 * scale {
+                    assert_eq!(winding.contains(point), bvh.contains(point), "{point:?}");
+                }
+            }
+        }
+    }
+    assert!(n_on > 200 && n_near > 200, "{n_on}, {n_near}");
+}
+
+/// Whether a point is on a triangle: in its plane, and on no outer side of an edge, all exact.
+fn by_exact_sides(mesh: &Mesh, point: [f32; 3]) -> bool {
+    (0..mesh.triangles.len()).any(|i| {
+        let triangle = corners(mesh, i);
+        let greatest = triangle.iter().flatten().chain(&point).fold(0.0_f32, |most, x| most.max(x.abs()));
+        // To integers: coordinates are multiples of the last bit of the greatest, or finer ones of points next to them.
+        let unit = 2_f64.powi(25) / f64::from(greatest);
+        let unit = 2_f64.powi(unit.log2().floor() as i32);
+        let integer = |p: [f32; 3]| p.map(|x| (f64::from(x) * unit) as i128);
+        let is_exact = |p: [f32; 3]| p.iter().all(|&x| (f64::from(x) * unit).fract() == 0.0);
+        is_exact(point) && is_on(integer(point), &triangle.map(integer))
+    })
+}
+
 fn ids(mesh: &Mesh, is_in: impl Fn(usize) -> bool) -> Vec<PrimId> {
     (0..mesh.triangles.len()).filter(|&i| is_in(i)).map(|i| PrimId(u32::try_from(i).unwrap())).collect()
 }
@@ -318,4 +372,180 @@ fn nearest_spheres_are_those_of_a_loop() {
         assert!((distance(&spheres[nearest.primitive.index()]) - best).abs() < 1e-9);
         assert!((f64::from(nearest.distance) - best).abs() <= 1e-6 * best.max(1.0));
     }
+}
+
+/// Below 1e-19 squared distances are not normal in single precision, and lower bounds may be rounded upward.
+#[test]
+fn nearest_points_of_the_smallest_meshes() {
+    let mesh = fixtures::soup(5, 200);
+    for power in [-60, -66, -70, -73, -74, -76, -78, -90, -126] {
+        let size = 2_f32.powi(power) / mesh.diagonal() as f32;
+        let small = mesh.placed(|p| p.map(|x| x * size));
+        for preset in [Preset::Fast, Preset::Quality] {
+            let bvh = build(&small, preset);
+            for point in points(&mesh, 3, 200).into_iter().map(|p| p.map(|x| x * size)) {
+                let (squared, primitive) = by_distance(&small, point)[0];
+                let nearest = bvh.nearest_point(point, f32::INFINITY).unwrap();
+                assert_eq!((nearest.distance, nearest.primitive.0), (squared.sqrt() as f32, primitive), "2^{power}");
+            }
+        }
+    }
+}
+
+/// Zeros of both signs are equal, also where each triangle has vertices of its own.
+#[test]
+fn negative_zeros_change_no_side() {
+    let octahedron = fixtures::icosphere(0).placed(|p| p.map(|x| (2.0 * x).round()));
+    let mut rng = SplitMix64::new(4);
+    let mut n_inside = 0;
+    for _ in 0..20 {
+        let mut loose = Mesh { positions: vec![], triangles: vec![] };
+        for i in 0..octahedron.triangles.len() {
+            let first = u32::try_from(loose.positions.len()).unwrap();
+            let signed = |x: f32, rng: &mut SplitMix64| if x == 0.0 && rng.below(2) == 0 { -0.0 } else { x + 0.0 };
+            loose.positions.extend(corners(&octahedron, i).map(|p| p.map(|x| signed(x, &mut rng))));
+            loose.triangles.push([first, first + 1, first + 2]);
+        }
+        let [bvh, plain] = [&loose, &octahedron].map(|mesh| build(mesh, Preset::Balanced));
+        for i in 0..1000 {
+            let point = [i % 10, i / 10 % 10, i / 100].map(|x| 0.5 * (x - 5) as f32);
+            assert_eq!(bvh.contains(point), plain.contains(point), "{point:?}");
+            n_inside += usize::from(plain.contains(point));
+        }
+    }
+    assert!(n_inside > 100, "{n_inside}");
+}
+
+/// The sum of all solid angles, divided by 4π, and a bound of its error: 64 roundings of an angle's sine and cosine, which are relative to
+/// the greatest, 4.
+fn summed_winding(mesh: &Mesh, point: [f32; 3]) -> [f64; 2] {
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let mut sum = [0.0; 2];
+    for i in 0..mesh.triangles.len() {
+        let [a, b, c] = corners(mesh, i).map(|v| {
+            let v: [f64; 3] = std::array::from_fn(|k| f64::from(v[k]) - f64::from(point[k]));
+            v.map(|x| x / dot(v, v).sqrt())
+        });
+        let volume = a[0] * (b[1] * c[2] - b[2] * c[1])
+            + a[1] * (b[2] * c[0] - b[0] * c[2])
+            + a[2] * (b[0] * c[1] - b[1] * c[0]);
+        let rest = 1.0 + dot(a, b) + dot(b, c) + dot(c, a);
+        sum[0] += 2.0 * volume.atan2(rest);
+        sum[1] += 4.0 * 64.0 * f64::EPSILON / volume.hypot(rest);
+    }
+    sum.map(|x| x / (4.0 * std::f64::consts::PI))
+}
+
+#[test]
+fn winding_numbers_are_those_of_a_loop_within_their_tolerance() {
+    let mut open = fixtures::icosphere(4);
+    open.triangles.truncate(3 * open.triangles.len() / 4);
+    let all = meshes().into_iter().chain([("sphere", fixtures::icosphere(5)), ("open sphere", open)]);
+    let (mut worst, mut n) = (0.0_f64, 0);
+    for (name, mesh) in all {
+        for preset in [Preset::Dynamic, Preset::Quality] {
+            let winding = build(&mesh, preset).winding_numbers();
+            for point in points(&mesh, 8, 60)
+                .into_iter()
+                .filter(|point| by_distance(&mesh, *point).first().is_some_and(|near| near.0 > 0.0))
+            {
+                let [summed, rounding] = summed_winding(&mesh, point);
+                for tolerance in [0.1, 1e-3, 0.0] {
+                    let error = (winding.number(point, tolerance) - summed).abs();
+                    // Both round.
+                    assert!(
+                        error <= tolerance + 2.0 * rounding,
+                        "{name}, {point:?}: {error:e} > {tolerance:e} + {rounding:e}, {summed}"
+                    );
+                    worst = worst.max(error);
+                    n += 1;
+                }
+                if (summed.abs() - 0.5).abs() > 2.0 * rounding {
+                    assert_eq!(winding.contains(point), summed.abs() > 0.5, "{name}, {point:?}: {summed}");
+                }
+            }
+        }
+    }
+    // Clusters are used: nothing would differ if each triangle were summed.
+    assert!(worst > 1e-6 && n > 1000, "{worst:e}, {n}");
+}
+
+#[test]
+fn solids_that_overlap_are_inside_of_both() {
+    let cube = |at: f32| fixtures::thin_box(1.0).placed(|p| p.map(|x| x + at));
+    let one = cube(0.0);
+    let [min, max] = one.bounds();
+    let at = |f: f32| -> [f32; 3] { std::array::from_fn(|k| min[k] + f * (max[k] - min[k])) };
+    let shift = 0.5 * (max[0] - min[0]);
+    let two = build(&one.joined(&cube(shift)), Preset::Balanced).winding_numbers();
+    let mut listed_twice = one.clone();
+    listed_twice.triangles.extend_from_within(..);
+    let twice = build(&listed_twice, Preset::Balanced);
+    let mut inside_out = one.clone();
+    inside_out.triangles.iter_mut().for_each(|triangle| triangle.swap(0, 1));
+    let inside_out = build(&inside_out, Preset::Balanced).winding_numbers();
+    for (f, n) in [(0.3, 1.0), (0.7, 2.0), (-0.2, 0.0)] {
+        let number = two.number(at(f), 1e-9);
+        assert!((number.abs() - n).abs() < 1e-9, "{f}: {number}");
+        assert_eq!(two.contains(at(f)), n > 0.5);
+        let is_in_first = (0.0..1.0).contains(&f);
+        assert_eq!(twice.winding_numbers().contains(at(f)), is_in_first);
+        assert_eq!(inside_out.contains(at(f)), is_in_first);
+    }
+    // Neighbors agree in all of them, but not where one triangle is turned.
+    let mut turned = one.clone();
+    turned.triangles[3].swap(1, 2);
+    assert!(two.is_oriented() && twice.winding_numbers().is_oriented() && inside_out.is_oriented());
+    assert!(!build(&turned, Preset::Balanced).winding_numbers().is_oriented());
+    // On a face the number is 1/2, within the tolerance as elsewhere.
+    let sphere = fixtures::icosphere(3);
+    let [a, b, c] = corners(&fixtures::thin_box(1.0), 0);
+    let on: [f32; 3] = std::array::from_fn(|k| 0.5 * a[k] + 0.25 * b[k] + 0.25 * c[k]);
+    let both = build(&one.joined(&sphere.placed(|[x, y, z]| [x + 9.0, y, z])), Preset::Balanced).winding_numbers();
+    assert!((both.number(on, 1e-9).abs() - 0.5).abs() < 1e-9, "{}", both.number(on, 1e-9));
+    // The surface belongs to it: corners, edges and faces. Parity is wrong for doubled faces.
+    assert!(one.positions.iter().all(|&corner| two.contains(corner)));
+    assert!(two.contains([at(0.3)[0], at(0.4)[1], min[2]]) && !twice.contains(at(0.5)));
+    assert!(two.number([f32::NAN, 0.0, 0.0], 0.1).is_nan() && !two.contains([f32::INFINITY, 0.0, 0.0]));
+}
+
+/// Pyramids, wedges, quads, segments and points as regions.
+#[test]
+fn regions_without_volume_have_the_overlaps_of_a_loop() {
+    let mut rng = SplitMix64::new(12);
+    let (mut found, mut n_found) = (vec![], 0);
+    for (name, mesh) in meshes() {
+        let bvh = build(&mesh, Preset::Quality);
+        let size = 0.2 * mesh.diagonal() as f32;
+        for (i, &point) in points(&mesh, 13, 60).iter().enumerate() {
+            let mut vector = || rng.signed3().map(|x| size * x as f32);
+            let (a, b, c) = (vector(), vector(), vector());
+            let zero = [0.0; 3];
+            let [a, b, c] = match i % 6 {
+                0 => [a, b, c],
+                1 => [a, b, zero],
+                2 => [a, zero, zero],
+                3 => [zero; 3],
+                4 => [a, a, c],
+                _ => [a, b, a],
+            };
+            let shrink = [1.0, 0.5, 0.0][i % 3];
+            let at = |u: f32, v: f32, w: f32| -> [f32; 3] {
+                std::array::from_fn(|k| point[k] + u * a[k] + v * b[k] + w * c[k])
+            };
+            let face = |s: f32, w: f32| [at(-s, -s, w), at(s, -s, w), at(s, s, w), at(-s, s, w)];
+            for region in [
+                Convex::from_frustum(face(shrink, 0.0), face(1.0, 1.0)),
+                Convex::from_frustum(face(1.0, 1.0), face(shrink, 0.0)),
+            ] {
+                bvh.overlapping(&region, &mut found);
+                assert_eq!(found, ids(&mesh, |i| region.overlaps_triangle(&corners(&mesh, i))), "{name}, {region:?}");
+                n_found += found.len();
+            }
+        }
+        let beyond = Convex::from_frustum([[0.0; 3]; 4], [[f32::INFINITY; 3]; 4]);
+        bvh.overlapping(&beyond, &mut found);
+        assert!(found.is_empty() && !beyond.overlaps_triangle(&[[0.0; 3]; 3]));
+    }
+    assert!(n_found > 500, "{n_found}");
 }

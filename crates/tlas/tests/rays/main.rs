@@ -1,6 +1,7 @@
 //! Rays through instances, compared with a loop over all instances and all triangles.
 
 mod directions;
+mod distance;
 mod distant;
 mod kinds;
 mod local;

@@ -36,8 +36,13 @@ impl TriangleBvh {
     /// Whether each point is inside; see [`TriangleBvh::contains`](crate::TriangleBvh::contains). Panics where the slices differ in length.
     pub fn contains_many(&self, points: &[[f32; 3]], inside: &mut [bool]) {
         assert_eq!(points.len(), inside.len(), "one answer per point");
+        self.each_place(points, &mut |i, place| inside[i] = place != Place::Outside);
+    }
+
+    /// Calls `answer` with the index of each point and its place.
+    fn each_place(&self, points: &[[f32; 3]], answer: &mut dyn FnMut(usize, Place)) {
         with_stack(self.nodes.stack_len(), |stack| {
-            self.path.run(Containment { bvh: self, points, inside, stack });
+            self.path.run(Containment { bvh: self, points, answer, stack });
         });
     }
 
@@ -50,21 +55,46 @@ impl TriangleBvh {
         });
     }
 
-    /// Distance to the surface of a closed mesh: negative inside, zero on it, infinite for an empty mesh.
+    /// Distance to the surface of a closed mesh: negative inside, zero on it, infinite for an empty mesh and for an infinite point, NaN for
+    /// a point with a NaN.
     ///
-    /// The sign is that of [`TriangleBvh::contains`](crate::TriangleBvh::contains), the magnitude that of [`TriangleBvh::nearest_point`](crate::TriangleBvh::nearest_point).
+    /// The sign is that of [`TriangleBvh::contains`](crate::TriangleBvh::contains), the magnitude that of [`TriangleBvh::nearest_point`](crate::TriangleBvh::nearest_point), but for
+    /// points exactly on a triangle, which nearest points are computed too coarsely to tell.
     #[must_use]
     pub fn signed_distance(&self, point: impl Into<[f32; 3]>) -> f32 {
         let point = point.into();
-        let distance = self.nearest_point(point, f32::INFINITY).map_or(f32::INFINITY, |nearest| nearest.distance);
-        if self.contains(point) { -distance } else { distance }
+        let mut place = Place::Outside;
+        self.each_place(&[point], &mut |_, found| place = found);
+        self.distance_at(point, place)
     }
+
+    /// The signed distance of a point whose place is known.
+    pub(super) fn distance_at(&self, point: [f32; 3], place: Place) -> f32 {
+        if point.iter().any(|x| x.is_nan()) {
+            return f32::NAN;
+        }
+        let distance = || self.nearest_point(point, f32::INFINITY).map_or(f32::INFINITY, |nearest| nearest.distance);
+        match place {
+            Place::On => 0.0,
+            Place::Inside => -distance(),
+            Place::Outside => distance(),
+        }
+    }
+}
+
+/// Where a point is, relative to a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    /// On a triangle.
+    On,
+    Inside,
+    Outside,
 }
 
 struct Containment<'a> {
     bvh: &'a TriangleBvh,
     points: &'a [[f32; 3]],
-    inside: &'a mut [bool],
+    answer: &'a mut dyn FnMut(usize, Place),
     stack: &'a mut [u64],
 }
 
@@ -73,11 +103,13 @@ impl Task for Containment<'_> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) {
-        let Self { bvh, points, inside, stack } = self;
+        let Self { bvh, points, answer, stack } = self;
         let mut crossings = vec![];
-        for (&point, inside) in points.iter().zip(inside) {
-            *inside = false;
-            let Some(ray) = ScaledRay::new(&Ray::new(point, [0.0, 0.0, 1.0])) else { continue };
+        for (i, &point) in points.iter().enumerate() {
+            let Some(ray) = ScaledRay::new(&Ray::new(point, [0.0, 0.0, 1.0])) else {
+                answer(i, Place::Outside);
+                continue;
+            };
             let lanes = RayLanes::new(simd, &bvh.prepare(&ray).numbers);
             crossings.clear();
             let mut visit = Crossed { bvh, point, is_on_surface: false, crossings: &mut crossings };
@@ -86,7 +118,17 @@ impl Task for Containment<'_> {
             // A triangle with two references crosses once.
             crossings.sort_unstable();
             crossings.dedup();
-            *inside = is_on_surface || crossings.len() % 2 == 1;
+            let is_inside = crossings.len() % 2 == 1;
+            answer(
+                i,
+                if is_on_surface {
+                    Place::On
+                } else if is_inside {
+                    Place::Inside
+                } else {
+                    Place::Outside
+                },
+            );
         }
     }
 }
@@ -125,15 +167,14 @@ enum Position {
 }
 
 fn position(point: [f32; 3], vertices: &[[f32; 3]; 3]) -> Position {
-    let outside = |k: usize| {
-        let [a, b, c] = vertices.map(|vertex| vertex[k]);
-        point[k] < a.min(b).min(c) || point[k] > a.max(b).max(c)
-    };
-    if outside(0) || outside(1) || point[2] > vertices[0][2].max(vertices[1][2]).max(vertices[2][2]) {
+    if is_beyond(point, vertices, 0)
+        || is_beyond(point, vertices, 1)
+        || point[2] > vertices[0][2].max(vertices[1][2]).max(vertices[2][2])
+    {
         return Position::Elsewhere;
     }
     let volume = orient_3d(vertices[0], vertices[1], vertices[2], point);
-    if volume == Ordering::Equal && !outside(2) && is_on(point, vertices) {
+    if volume == Ordering::Equal && is_on(point, vertices) {
         return Position::On;
     }
     let project = |v: [f32; 3]| [v[0], v[1]];
@@ -147,9 +188,18 @@ fn position(point: [f32; 3], vertices: &[[f32; 3]; 3]) -> Position {
     if volume == area { Position::Below } else { Position::Elsewhere }
 }
 
-/// Whether a point in the plane of a triangle is on it: its projections along all axes are.
-fn is_on(point: [f32; 3], vertices: &[[f32; 3]; 3]) -> bool {
+/// Whether a point is outside of the bounds of a triangle along an axis.
+fn is_beyond(point: [f32; 3], vertices: &[[f32; 3]; 3], axis: usize) -> bool {
+    let [a, b, c] = vertices.map(|vertex| vertex[axis]);
+    point[axis] < a.min(b).min(c) || point[axis] > a.max(b).max(c)
+}
+
+/// Whether a point in the plane of a triangle is on it: it is within its bounds, and so are its projections along all axes.
+pub(super) fn is_on(point: [f32; 3], vertices: &[[f32; 3]; 3]) -> bool {
     (0..3).all(|axis| {
+        if is_beyond(point, vertices, axis) {
+            return false;
+        }
         let project = |v: [f32; 3]| [v[(axis + 1) % 3], v[(axis + 2) % 3]];
         let [a, b, c] = vertices.map(project);
         let sides = [[a, b], [b, c], [c, a]].map(|[start, end]| orient_2d(start, end, project(point)));
@@ -161,8 +211,9 @@ fn is_on(point: [f32; 3], vertices: &[[f32; 3]; 3]) -> bool {
 ///
 /// The moved area is `area + (start_y - end_y)·ε + (end_x - start_x)·ε²`.
 fn moved(start: [f32; 2], end: [f32; 2], p: [f32; 2]) -> Ordering {
-    let by_epsilon = || start[1].total_cmp(&end[1]);
-    orient_2d(start, end, p).then_with(by_epsilon).then_with(|| end[0].total_cmp(&start[0]))
+    // Adding zero makes -0.0 positive: equal numbers are equal.
+    let order = |a: f32, b: f32| (a + 0.0).total_cmp(&(b + 0.0));
+    orient_2d(start, end, p).then_with(|| order(start[1], end[1])).then_with(|| order(end[0], start[0]))
 }
 
 #[cfg(test)]

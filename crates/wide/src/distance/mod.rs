@@ -3,6 +3,7 @@
 //! ```text
 //! point          -> PointLanes -> lower bounds of eight children -> nearest.rs      nearest point, k nearest, signed distance
 //! point          -> upward ray -> exact orientation              -> containment.rs  inside of a closed mesh
+//! point          -> clusters far away, triangles close by     -> winding.rs      winding number, also of meshes that are not closed
 //! convex, sphere -> eight children                               -> overlap.rs      all primitives that overlap a region
 //! ```
 //!
@@ -29,6 +30,7 @@
 mod containment;
 mod nearest;
 mod overlap;
+mod winding;
 
 use canted_obb::vector::{length, sub, to_f64};
 use canted_trace::lanes::{SQRT_3, UNIT_ROUNDOFF as U};
@@ -40,6 +42,7 @@ use crate::simd::Simd;
 use crate::traverse::MeshFrame;
 
 pub use nearest::NearestPoint;
+pub use winding::WindingNumbers;
 
 /// The point of a primitive that is closest to a query point.
 #[derive(Clone, Copy, Debug, PartialEq)]

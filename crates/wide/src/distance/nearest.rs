@@ -99,20 +99,38 @@ where
 
     /// Calls `take` with every primitive that may be nearer than a bound, a squared distance; it returns the new bound.
     pub(super) fn collect_near(&self, point: [f32; 3], bound: f64, mut take: impl FnMut(Found) -> f64) {
+        self.visit_near(point, bound, |primitive, shape, _| {
+            let ClosestPoint { distance_squared, position } = shape.closest_point(point);
+            take((distance_squared, primitive, position))
+        });
+    }
+}
+
+impl<P: LeafPrimitive> WideBvh<P> {
+    /// Calls `visit` with every primitive that may be nearer to `point` than a bound, a squared distance, and with the bound; it returns the
+    /// new one. Nearer nodes come first; a primitive may come twice. Nothing is near a point that is not finite.
+    pub fn visit_near(&self, point: [f32; 3], bound: f64, mut visit: impl FnMut(PrimId, &P::Shape, f64) -> f64) {
         let (path, nodes, frame) = (self.path, &self.nodes, &self.frame);
         if point.iter().all(|x| x.is_finite()) {
             with_stack(nodes.stack_len(), |stack| {
                 let leaf = &mut |leaf: LeafRange, mut bound| {
-                    P::for_each_shape(&self.leaves, leaf, |primitive, shape| {
-                        let ClosestPoint { distance_squared, position } = shape.closest_point(point);
-                        bound = take((distance_squared, primitive, position));
-                    });
+                    P::for_each_shape(&self.leaves, leaf, |primitive, shape| bound = visit(primitive, shape, bound));
                     bound
                 };
                 path.run(Search { nodes, frame, stack, point, bound, leaf });
             });
         }
     }
+}
+
+/// What lower bounds of squared distances must not exceed so that nothing at most `bound` away is lost.
+///
+/// Where numbers are not normal, the three squares, their scale and the quotient of a lower bound are rounded by half the least number each, and
+/// the sum of the squares is exact: less than four least numbers in all.
+fn reach(bound: f64) -> f32 {
+    /// The least number greater than zero.
+    const LEAST: f32 = f32::from_bits(1);
+    (bound as f32).next_up() + 4.0 * LEAST
 }
 
 /// Visits leaves nearer than a bound, nearest first. `leaf` gets the bound and returns the new one.
@@ -144,7 +162,7 @@ impl Task for Search<'_> {
                         NodeKind::Aligned => lanes.aligned(simd, rows::<ALIGNED_LINES, 8>(lines, line)),
                         NodeKind::Oriented => lanes.oriented(simd, rows::<ORIENTED_LINES, 16>(lines, line)),
                     };
-                    let limit = simd.splat((bound as f32).next_up());
+                    let limit = simd.splat(reach(bound));
                     let mut mask = simd.le(bounds, limit);
                     let bounds = simd.store(bounds);
                     let base = n_waiting;
@@ -167,7 +185,7 @@ impl Task for Search<'_> {
                 }
                 n_waiting -= 1;
                 let key = stack[n_waiting];
-                if f64::from(f32::from_bits((key >> 32) as u32)) <= bound {
+                if f32::from_bits((key >> 32) as u32) <= reach(bound) {
                     word = ChildWord(key as u32);
                     break;
                 }
