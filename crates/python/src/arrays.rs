@@ -2,13 +2,16 @@
 //!
 //! Arrays of native, aligned `float32` and `float64` are read in place, whatever their strides. Other numbers are converted by
 //! NumPy. `float64` is rounded to `float32` once, to nearest, after the origin is subtracted.
-
-use std::borrow::Cow;
+//!
+//! Other threads may write into arrays while the global lock is released. What a build checks and uses is copied before; a ray or a point of a
+//! query is read once, so writing changes the answer of that row at most.
 
 use numpy::ndarray::ArrayView2;
-use numpy::{PyArrayDescrMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::{
+    Element, PyArray1, PyArrayDescrMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 
 use crate::error::{filled, invalid, of_argument, reserved};
 
@@ -18,6 +21,8 @@ pub(crate) const NO_ORIGIN: [f64; 3] = [0.0; 3];
 /// An array of rows of three numbers, kept alive.
 pub(crate) struct Table<'py> {
     array: Floats<'py>,
+    /// The shape of the argument without its last axis; (1,) for a row.
+    pub(crate) shape: Vec<usize>,
     /// Whether the argument is a row instead of an array of rows.
     pub(crate) is_one: bool,
 }
@@ -42,26 +47,49 @@ enum Data<'a> {
 }
 
 impl<'py> Table<'py> {
-    /// The argument `name`, of shape (n, 3); of shape (3,) for one row where `allows_one`.
-    pub(crate) fn new(argument: &Bound<'py, PyAny>, name: &str, allows_one: bool) -> PyResult<Self> {
+    /// The argument `name`, of shape (n, 3).
+    pub(crate) fn new(argument: &Bound<'py, PyAny>, name: &str) -> PyResult<Self> {
         let array = as_array(argument, name)?;
-        let shape = array.shape().to_vec();
-        let n_rows = match shape[..] {
-            [n, 3] => n,
-            [0] => 0,
-            [3] if allows_one => 1,
-            _ => {
-                let wanted = if allows_one { "(n, 3) or (3,)" } else { "(n, 3)" };
-                return Err(invalid(format!("{name} has shape {}, not {wanted}", shown(&shape))));
-            }
+        let shape = match *array.shape() {
+            [n, 3] => vec![n],
+            [0] => vec![0],
+            _ => return Err(invalid(format!("{name} has shape {}, not (n, 3)", shown(array.shape())))),
         };
-        let array = as_floats(&array, name)?;
-        let array = if shape.len() == 2 { array } else { array.call_method1("reshape", ((n_rows, 3),))? };
-        let array = match array.extract() {
+        Self::of(&array, name, shape, false)
+    }
+
+    /// The argument `name`, of shape (..., 3), that of a row included.
+    pub(crate) fn of_any_shape(argument: &Bound<'py, PyAny>, name: &str) -> PyResult<Self> {
+        Self::of_rows(argument, name, &[3], "(n, 3) or (3,) or (..., 3)")
+    }
+
+    /// The argument `name`, of shape (..., 4, 3), as rows: four for each item.
+    pub(crate) fn of_faces(argument: &Bound<'py, PyAny>, name: &str) -> PyResult<Self> {
+        Self::of_rows(argument, name, &[4, 3], "(..., 4, 3)")
+    }
+
+    fn of_rows(argument: &Bound<'py, PyAny>, name: &str, last: &[usize], wanted: &str) -> PyResult<Self> {
+        let array = as_array(argument, name)?;
+        let is_one = array.shape() == last;
+        let shape = match array.shape().strip_suffix(last) {
+            Some([]) => vec![1],
+            Some(shape) => shape.to_vec(),
+            None if array.shape() == [0] => vec![0],
+            None => return Err(invalid(format!("{name} has shape {}, not {wanted}", shown(array.shape())))),
+        };
+        Self::of(&array, name, shape, is_one)
+    }
+
+    fn of(array: &Bound<'py, PyUntypedArray>, name: &str, shape: Vec<usize>, is_one: bool) -> PyResult<Self> {
+        let floats = as_floats(array, name)?;
+        let n_rows = array.len() / 3;
+        let floats =
+            if array.shape() == [n_rows, 3] { floats } else { floats.call_method1("reshape", ((n_rows, 3),))? };
+        let array = match floats.extract() {
             Ok(array) => Floats::F32(array),
-            Err(_) => Floats::F64(array.extract()?),
+            Err(_) => Floats::F64(floats.extract()?),
         };
-        Ok(Self { array, is_one: shape == [3] })
+        Ok(Self { array, shape, is_one })
     }
 
     /// Number of rows.
@@ -70,6 +98,11 @@ impl<'py> Table<'py> {
             Floats::F32(array) => array.shape()[0],
             Floats::F64(array) => array.shape()[0],
         }
+    }
+
+    /// Whether its numbers are `float32`, so that nothing is rounded without an origin.
+    pub(crate) fn is_f32(&self) -> bool {
+        matches!(self.array, Floats::F32(_))
     }
 
     /// Its rows less `origin`.
@@ -86,7 +119,7 @@ impl<'py> Table<'py> {
     }
 }
 
-impl<'a> Rows<'a> {
+impl Rows<'_> {
     pub(crate) fn len(&self) -> usize {
         match self.data {
             Data::Packed(rows) => rows.len(),
@@ -98,65 +131,94 @@ impl<'a> Rows<'a> {
     /// A row, rounded to `f32`.
     #[inline]
     pub(crate) fn get(&self, i: usize) -> [f32; 3] {
-        let exact = match self.data {
-            Data::Packed(rows) if self.origin == NO_ORIGIN => return rows[i],
+        match self.data {
+            Data::Packed(rows) if self.origin == NO_ORIGIN => rows[i],
+            _ => self.exact(i).map(|x| x as f32),
+        }
+    }
+
+    /// A row.
+    #[inline]
+    pub(crate) fn exact(&self, i: usize) -> [f64; 3] {
+        let given = match self.data {
             Data::Packed(rows) => rows[i].map(f64::from),
             Data::F32(array) => std::array::from_fn(|k| f64::from(array[[i, k]])),
             Data::F64(array) => std::array::from_fn(|k| array[[i, k]]),
         };
         if self.origin == NO_ORIGIN {
             // Without a subtraction, which would make a negative zero positive.
-            exact.map(|x| x as f32)
+            given
         } else {
-            std::array::from_fn(|k| (exact[k] - self.origin[k]) as f32)
+            std::array::from_fn(|k| given[k] - self.origin[k])
         }
     }
 
-    /// All rows, without a copy where they are packed and there is no origin.
-    pub(crate) fn all(&self) -> PyResult<Cow<'a, [[f32; 3]]>> {
-        if let Data::Packed(rows) = self.data
-            && self.origin == NO_ORIGIN
-        {
-            return Ok(Cow::Borrowed(rows));
-        }
+    /// A copy of all rows, rounded to `f32`.
+    pub(crate) fn all(&self) -> PyResult<Vec<[f32; 3]>> {
         let mut rows = reserved(self.len())?;
         rows.extend((0..self.len()).map(|i| self.get(i)));
-        Ok(Cow::Owned(rows))
+        Ok(rows)
     }
+
+    /// A copy of all rows.
+    pub(crate) fn all_exact(&self) -> PyResult<Vec<[f64; 3]>> {
+        let mut rows = reserved(self.len())?;
+        rows.extend((0..self.len()).map(|i| self.exact(i)));
+        Ok(rows)
+    }
+}
+
+/// The numbers as an array of this shape, with the axes of `inner` last.
+pub(crate) fn shaped<T: Element>(
+    py: Python<'_>,
+    numbers: Vec<T>,
+    shape: &[usize],
+    inner: &[usize],
+) -> PyResult<Py<PyAny>> {
+    let array = PyArray1::from_vec(py, numbers);
+    if shape.len() == 1 && inner.is_empty() {
+        return Ok(array.into_any().unbind());
+    }
+    let shape = PyTuple::new(py, [shape, inner].concat())?;
+    Ok(array.call_method1("reshape", (shape,))?.unbind())
 }
 
 /// One number for all rays, or one for each.
 pub(crate) enum Column {
-    One(f32),
-    Each(Vec<f32>),
+    One(f64),
+    Each(Vec<f64>),
 }
 
 impl Column {
-    /// The argument `name`: a number, or an array of shape (n,).
-    pub(crate) fn new(argument: Option<&Bound<'_, PyAny>>, name: &str, n: usize, default: f32) -> PyResult<Self> {
+    /// The argument `name`: a number, or an array of this shape.
+    pub(crate) fn new(
+        argument: Option<&Bound<'_, PyAny>>,
+        name: &str,
+        shape: &[usize],
+        default: f64,
+    ) -> PyResult<Self> {
         let Some(argument) = argument else { return Ok(Self::One(default)) };
         let array = as_array(argument, name)?;
         if array.ndim() == 0 {
-            let number: f64 = as_floats(&array, name)?.extract()?;
-            return Ok(Self::One(number as f32));
+            return Ok(Self::One(as_floats(&array, name)?.extract()?));
         }
-        let shape = array.shape();
-        if shape != [n] {
-            return Err(invalid(format!("{name} has shape {}; it must be one number or ({n},)", shown(shape))));
+        if array.shape() != shape {
+            let given = shown(array.shape());
+            return Err(invalid(format!("{name} has shape {given}; it must be one number or {}", shown(shape))));
         }
-        let array = as_floats(&array, name)?;
-        let mut values = filled(n, 0.0)?;
-        if let Ok(array) = array.extract::<PyReadonlyArray1<'_, f32>>() {
-            values.iter_mut().zip(array.as_array()).for_each(|(value, &x)| *value = x);
+        let floats = as_floats(&array, name)?.call_method1("reshape", (array.len(),))?;
+        let mut values = filled(array.len(), 0.0)?;
+        if let Ok(array) = floats.extract::<PyReadonlyArray1<'_, f32>>() {
+            values.iter_mut().zip(array.as_array()).for_each(|(value, &x)| *value = f64::from(x));
         } else {
-            let array: PyReadonlyArray1<'_, f64> = array.extract()?;
-            values.iter_mut().zip(array.as_array()).for_each(|(value, &x)| *value = x as f32);
+            let array: PyReadonlyArray1<'_, f64> = floats.extract()?;
+            values.iter_mut().zip(array.as_array()).for_each(|(value, &x)| *value = x);
         }
         Ok(Self::Each(values))
     }
 
     #[inline]
-    pub(crate) fn get(&self, i: usize) -> f32 {
+    pub(crate) fn get(&self, i: usize) -> f64 {
         match self {
             Self::One(number) => *number,
             Self::Each(numbers) => numbers[i],
@@ -238,10 +300,14 @@ fn indices<T: Copy + TryInto<u32> + Into<i128>>(
     Ok(triangles)
 }
 
-/// The argument as a plain NumPy array of any type, without a copy where it is one.
+/// The argument as a plain NumPy array of any type, without a copy where it is one, or shares its memory by DLPack.
 pub(crate) fn as_array<'py>(argument: &Bound<'py, PyAny>, name: &str) -> PyResult<Bound<'py, PyUntypedArray>> {
     let py = argument.py();
-    let array = py.import("numpy")?.call_method1("asarray", (argument,));
+    let array = if argument.hasattr("__dlpack__")? || argument.hasattr("numpy")? {
+        py.import("canted.mesh")?.call_method1("array_of", (argument,))
+    } else {
+        py.import("numpy")?.call_method1("asarray", (argument,))
+    };
     Ok(array.map_err(|error| of_argument(py, name, error))?.cast_into()?)
 }
 
@@ -272,7 +338,7 @@ fn kind_of(array: &Bound<'_, PyUntypedArray>) -> PyResult<char> {
 }
 
 /// A shape as Python writes it.
-fn shown(shape: &[usize]) -> String {
+pub(crate) fn shown(shape: &[usize]) -> String {
     match shape {
         [n] => format!("({n},)"),
         _ => format!("({})", shape.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")),

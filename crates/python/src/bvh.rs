@@ -3,21 +3,21 @@ use std::sync::{Arc, PoisonError, RwLock};
 
 use canted::kernel::HitLists;
 use canted::{Config, Crossings, Intersect, Ray, TriangleTest};
-use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyType};
 
-use crate::arrays::{self, NO_ORIGIN, Table};
+use crate::arrays::{Table, shaped};
 use crate::error::invalid;
 use crate::file;
+use crate::frame::OriginArgument;
 use crate::geometry::{self, Geometry};
 use crate::hits::Hits;
-use crate::names;
-use crate::nearest::{self, Nearest};
-use crate::points::{Surface, table};
+use crate::names::{self, Inside};
+use crate::nearest::{self, Nearest, Wanted, distances, of_points, rounded};
+use crate::overlaps::{Region, Regions};
+use crate::points::Surface;
 use crate::query::{RayArrays, all_hits, closest_hits, occluded};
-use crate::threads::Threads;
-use crate::work;
+use crate::work::Call;
 
 /// A bounding volume hierarchy over a triangle mesh: ray, containment and distance queries.
 ///
@@ -25,9 +25,10 @@ use crate::work;
 ///
 /// Parameters
 /// ----------
-/// vertices : (n, 3) float32 or float64
-///     Finite coordinates. Triangles use float32: float64 is rounded once, to nearest, after origin is subtracted.
-/// triangles : (m, 3) integers
+/// vertices : (n, 3) float32 or float64, or a mesh
+///     Finite coordinates. Triangles use float32: float64 is rounded once, to nearest, after origin is subtracted. Without triangles: a mesh
+///     of trimesh or Open3D (legacy or tensor), or an array of shape (m, 3, 3), the three vertices of each triangle. Arrays are copied.
+/// triangles : (m, 3) integers, optional
 ///     Vertex indices from 0.
 /// preset : "dynamic", "fast", "balanced" or "quality"
 ///     How much build time is spent on how fast a BVH. Answers do not depend on it.
@@ -35,17 +36,20 @@ use crate::work;
 ///     Only watertight has no leaks between triangles, and crossings.
 /// aligned : bool
 ///     Builds without oriented nodes, to compare. Answers do not depend on it.
-/// origin : (3,) floats, optional
-///     Subtracted in float64 from vertices, and from origins and points of queries; added to positions of results. Use a point near the mesh
-///     where coordinates are large.
+/// origin : "auto", "near", (3,) floats or None
+///     Subtracted in float64 from vertices, and from origins and points of queries; added to positions of results. None: nothing. "near": a
+///     point near the mesh; rays then start near it, in float64, and t and distances of results are float64. "auto": as "near" where
+///     rounding to float32 would move a vertex by more than 1e-4 of the smallest edge, else None.
 /// threads : int, optional
 ///     Threads of the build, 1 to 1024. Default: all processors.
+/// progress : function, optional
+///     Called with 0 several times a second, and with 1 at the end; an exception that it raises ends the build.
 ///
 /// Raises
 /// ------
 /// ValueError
 ///     Wrong shapes or types; the first triangle with an index out of range or a vertex that is not finite.
-#[pyclass(frozen, module = "canted")]
+#[pyclass(frozen, weakref, module = "canted")]
 pub(crate) struct Bvh {
     geometry: RwLock<Arc<Geometry>>,
 }
@@ -57,7 +61,11 @@ impl Bvh {
     }
 
     pub(crate) fn of(geometry: Geometry) -> Self {
-        Self { geometry: RwLock::new(Arc::new(geometry)) }
+        Self::shared(Arc::new(geometry))
+    }
+
+    pub(crate) fn shared(geometry: Arc<Geometry>) -> Self {
+        Self { geometry: RwLock::new(geometry) }
     }
 }
 
@@ -67,16 +75,41 @@ struct RayCall<'a, 'py> {
     directions: &'a Bound<'py, PyAny>,
     interval: [Option<&'a Bound<'py, PyAny>>; 2],
     origin: Option<&'a Bound<'py, PyAny>>,
-    threads: Option<i64>,
+    call: Call<'py>,
+}
+
+/// The options of a build, as Python passes them.
+struct Options<'a, 'py> {
+    preset: &'a str,
+    triangle_test: &'a str,
+    aligned: bool,
+    origin: OriginArgument<'py>,
 }
 
 impl Bvh {
+    /// Builds a BVH; without triangles, `vertices` is a mesh.
+    fn build<'py>(
+        call: &Call<'py>,
+        vertices: &Bound<'py, PyAny>,
+        triangles: Option<&Bound<'py, PyAny>>,
+        options: &Options<'_, 'py>,
+    ) -> PyResult<Self> {
+        let (preset, test) = (names::preset(options.preset)?, names::triangle_test(options.triangle_test)?);
+        let config = Config { test, ..Config::preset(preset) };
+        let config = if options.aligned { config.axis_aligned() } else { config };
+        let origin = options.origin.read()?;
+        let arrays = match triangles {
+            Some(triangles) => (vertices.clone(), triangles.clone()),
+            None => call.py.import("canted.mesh")?.call_method1("arrays_of", (vertices,))?.extract()?,
+        };
+        Ok(Self::of(geometry::build(call, config, preset, (&arrays.0, &arrays.1), origin)?))
+    }
+
     /// All hits, or the crossings.
-    fn list(&self, py: Python<'_>, call: &RayCall<'_, '_>, only_crossings: bool) -> PyResult<Hits> {
-        let (geometry, threads) = (self.geometry(), Threads::new(call.threads)?);
-        let origin = geometry.origin(call.origin)?;
-        let arrays = RayArrays::new(call.origins, call.directions, call.interval)?;
-        let rays = arrays.rays(origin);
+    fn list(&self, rays: &RayCall<'_, '_>, only_crossings: bool) -> PyResult<Hits> {
+        let (geometry, call) = (self.geometry(), &rays.call);
+        let origin = geometry.origin(rays.origin)?;
+        let arrays = RayArrays::new(rays.origins, rays.directions, rays.interval)?;
         let mesh = &*geometry.mesh;
         if only_crossings && mesh.test() != TriangleTest::Watertight {
             let test = mesh.test();
@@ -86,132 +119,190 @@ impl Bvh {
             true => mesh.crossings_listed(rays, lists),
             false => mesh.all_hits_listed(rays, lists),
         };
-        let columns = all_hits(py, &threads, &list, &rays, false)?;
-        Ok(Hits::new(py, columns, Surface::Mesh { geometry, origin }, rays.len()))
+        let columns = all_hits(call, &list, &arrays.rays(origin, geometry.near()), false)?;
+        Hits::new(call.py, columns, Surface::Mesh { geometry, origin }, arrays.shape())
+    }
+
+    /// Nearest triangles of each point.
+    fn near<'py>(
+        &self,
+        call: &Call<'py>,
+        points: &Bound<'py, PyAny>,
+        wanted: &Wanted,
+        origin: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Nearest> {
+        let (geometry, points) = (self.geometry(), Table::of_any_shape(points, "points")?);
+        let origin = geometry.origin(origin)?;
+        nearest::nearest(call, &points, origin, wanted, (false, geometry.is_near), |point, k, max_distance| {
+            nearest::of_mesh(&geometry, point, k, max_distance)
+        })
+    }
+
+    /// Triangles that overlap regions.
+    fn overlaps<'py>(
+        &self,
+        call: &Call<'py>,
+        regions: &Regions<'_>,
+        origin: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let geometry = self.geometry();
+        regions.overlaps(call, geometry.origin(origin)?, false, |region, pairs| {
+            let mut found = vec![];
+            match region {
+                Region::Convex(region) => geometry.mesh.overlapping(region, &mut found),
+                Region::Sphere { center, radius } => {
+                    geometry.mesh.overlapping_sphere(center.map(|x| x as f32), *radius as f32, &mut found);
+                }
+            }
+            pairs.extend(found.into_iter().map(|primitive| (0, primitive.0)));
+        })
     }
 }
 
 #[pymethods]
 impl Bvh {
     #[new]
-    #[pyo3(signature = (vertices, triangles, preset="balanced", triangle_test="watertight", *, aligned=false, origin=None, threads=None))]
+    #[pyo3(
+        signature = (vertices, triangles=None, preset="balanced", triangle_test="watertight", *, aligned=false, origin=OriginArgument::auto(), threads=None, progress=None),
+        text_signature = "(vertices, triangles=None, preset='balanced', triangle_test='watertight', *, aligned=False, origin='auto', threads=None, progress=None)"
+    )]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
-    fn new(
-        py: Python<'_>,
-        vertices: &Bound<'_, PyAny>,
-        triangles: &Bound<'_, PyAny>,
+    fn new<'py>(
+        py: Python<'py>,
+        vertices: &Bound<'py, PyAny>,
+        triangles: Option<&Bound<'py, PyAny>>,
         preset: &str,
         triangle_test: &str,
         aligned: bool,
-        origin: Option<&Bound<'_, PyAny>>,
+        origin: OriginArgument<'py>,
         threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Self> {
-        let (preset, test) = (names::preset(preset)?, names::triangle_test(triangle_test)?);
-        let config = Config { test, ..Config::preset(preset) };
-        let config = if aligned { config.axis_aligned() } else { config };
-        let threads = Threads::new(threads)?;
-        let origin = arrays::origin(origin)?.unwrap_or(NO_ORIGIN);
-        let vertices = Table::new(vertices, "vertices", false)?;
-        let positions = vertices.rows(origin).all()?;
-        let n_vertices = positions.len();
-        let triangles = Arc::new(arrays::triangles(triangles, n_vertices)?);
-        let mesh = Arc::new(geometry::build(py, &threads, config, positions, &triangles)?);
-        let triangles = Some(triangles);
-        Ok(Self::of(Geometry { mesh, triangles, n_vertices, origin, preset: Some(preset) }))
+        let options = Options { preset, triangle_test, aligned, origin };
+        Self::build(&Call::new(py, threads, progress)?, vertices, triangles, &options)
     }
 
-    /// closest_hit(origins, directions, t_min=0, t_max=inf, *, origin=None, threads=None)
+    /// from_mesh(mesh, preset='balanced', triangle_test='watertight', *, aligned=False, origin='auto', threads=None, progress=None)
+    ///
+    /// The BVH of a mesh of trimesh (a scene included) or Open3D (legacy or tensor), or of an array of shape (m, 3, 3): as Bvh(mesh).
+    #[staticmethod]
+    #[pyo3(
+        signature = (mesh, preset="balanced", triangle_test="watertight", *, aligned=false, origin=OriginArgument::auto(), threads=None, progress=None),
+        text_signature = "(mesh, preset='balanced', triangle_test='watertight', *, aligned=False, origin='auto', threads=None, progress=None)"
+    )]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+    fn from_mesh<'py>(
+        py: Python<'py>,
+        mesh: &Bound<'py, PyAny>,
+        preset: &str,
+        triangle_test: &str,
+        aligned: bool,
+        origin: OriginArgument<'py>,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Self> {
+        let options = Options { preset, triangle_test, aligned, origin };
+        Self::build(&Call::new(py, threads, progress)?, mesh, None, &options)
+    }
+
+    /// closest_hit(origins, directions, t_min=0, t_max=inf, *, origin=None, threads=None, progress=None)
     ///
     /// The first hit of each ray.
     ///
     /// Parameters
     /// ----------
-    /// origins, directions : (n, 3) or (3,) floats
-    ///     Arrays of n rays, or one ray, which counts as n = 1; one origin or direction of shape (3,) serves all. Directions may have
-    ///     any length but zero. float64 is rounded to float32, origins after the BVH's origin is subtracted.
-    /// t_min, t_max : float or (n,) floats
+    /// origins, directions : (..., 3) floats
+    ///     Rays of any shape, such as (n, 3) or (h, w, 3); a ray of shape (3,) counts as n = 1. One origin or direction of shape (3,) serves
+    ///     all. Directions may have any length but zero. float64 is rounded to float32, origins after the BVH's origin is subtracted.
+    /// t_min, t_max : float or (...,) floats
     ///     The closed interval of t, in units of the direction.
     /// origin : (3,) floats, optional
     ///     Subtracted from origins in float64. Default: that of the BVH.
     /// threads : int, optional
     ///     1 to 1024. Default: all processors.
+    /// progress : function, optional
+    ///     Called with the finished fraction several times a second, and with 1 at the end; an exception that it raises ends the query.
     ///
     /// Returns
     /// -------
     /// Hits
-    ///     One row for each ray. A ray with a NaN, an infinite origin or direction, a zero direction, a negative t_min or
-    ///     an empty interval never hits. Of equal t the lowest triangle is reported.
+    ///     One row for each ray, in the shape of the rays. A ray with a NaN, an infinite origin or direction, a zero direction, a negative
+    ///     t_min or an empty interval never hits, nor does one that would reach a triangle only beyond the greatest float32. Of equal t the
+    ///     lowest triangle is reported.
     ///
     /// Raises
     /// ------
     /// ValueError
     ///     Wrong shapes or types, or different numbers of origins and directions.
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, origin=None, threads=None))]
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, origin=None, threads=None, progress=None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
-    fn closest_hit(
+    fn closest_hit<'py>(
         &self,
-        py: Python<'_>,
-        origins: &Bound<'_, PyAny>,
-        directions: &Bound<'_, PyAny>,
-        t_min: Option<&Bound<'_, PyAny>>,
-        t_max: Option<&Bound<'_, PyAny>>,
-        origin: Option<&Bound<'_, PyAny>>,
+        py: Python<'py>,
+        origins: &Bound<'py, PyAny>,
+        directions: &Bound<'py, PyAny>,
+        t_min: Option<&Bound<'py, PyAny>>,
+        t_max: Option<&Bound<'py, PyAny>>,
+        origin: Option<&Bound<'py, PyAny>>,
         threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Hits> {
-        let (geometry, threads) = (self.geometry(), Threads::new(threads)?);
+        let (geometry, call) = (self.geometry(), Call::new(py, threads, progress)?);
         let origin = geometry.origin(origin)?;
         let arrays = RayArrays::new(origins, directions, [t_min, t_max])?;
-        let rays = arrays.rays(origin);
-        let columns = closest_hits(py, &threads, &*geometry.mesh, &rays, false)?;
-        Ok(Hits::new(py, columns, Surface::Mesh { geometry, origin }, rays.len()))
+        let columns = closest_hits(&call, &*geometry.mesh, &arrays.rays(origin, geometry.near()), false)?;
+        Hits::new(py, columns, Surface::Mesh { geometry, origin }, arrays.shape())
     }
 
-    /// occluded(origins, directions, t_min=0, t_max=inf, *, origin=None, threads=None)
+    /// occluded(origins, directions, t_min=0, t_max=inf, *, origin=None, threads=None, progress=None)
     ///
-    /// Whether each ray hits anything: (n,) bool. Agrees with closest_hit, whose parameters and errors it has, and is faster.
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, origin=None, threads=None))]
+    /// Whether each ray hits anything: (...,) bool. Agrees with closest_hit, whose parameters and errors it has, and is faster.
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, origin=None, threads=None, progress=None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
-    fn occluded(
+    fn occluded<'py>(
         &self,
-        py: Python<'_>,
-        origins: &Bound<'_, PyAny>,
-        directions: &Bound<'_, PyAny>,
-        t_min: Option<&Bound<'_, PyAny>>,
-        t_max: Option<&Bound<'_, PyAny>>,
-        origin: Option<&Bound<'_, PyAny>>,
+        py: Python<'py>,
+        origins: &Bound<'py, PyAny>,
+        directions: &Bound<'py, PyAny>,
+        t_min: Option<&Bound<'py, PyAny>>,
+        t_max: Option<&Bound<'py, PyAny>>,
+        origin: Option<&Bound<'py, PyAny>>,
         threads: Option<i64>,
-    ) -> PyResult<Py<PyArray1<bool>>> {
-        let (geometry, threads) = (self.geometry(), Threads::new(threads)?);
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Py<PyAny>> {
+        let (geometry, call) = (self.geometry(), Call::new(py, threads, progress)?);
         let arrays = RayArrays::new(origins, directions, [t_min, t_max])?;
-        let found = occluded(py, &threads, &*geometry.mesh, &arrays.rays(geometry.origin(origin)?))?;
-        Ok(PyArray1::from_vec(py, found).unbind())
+        let found = occluded(&call, &*geometry.mesh, &arrays.rays(geometry.origin(origin)?, geometry.near()))?;
+        shaped(py, found, arrays.shape(), &[])
     }
 
-    /// all_hits(origins, directions, t_min=0, t_max=inf, *, origin=None, threads=None)
+    /// all_hits(origins, directions, t_min=0, t_max=inf, *, origin=None, threads=None, progress=None)
     ///
     /// Every hit of every ray: Hits with one row for each hit, in order of ray, then t, then triangle.
     ///
     /// Each triangle appears once for a ray, and all triangles around an edge or a vertex that a ray passes through appear;
     /// crossings counts surfaces instead. Parameters and errors are those of closest_hit.
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, origin=None, threads=None))]
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, origin=None, threads=None, progress=None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
-    fn all_hits(
+    fn all_hits<'py>(
         &self,
-        py: Python<'_>,
-        origins: &Bound<'_, PyAny>,
-        directions: &Bound<'_, PyAny>,
-        t_min: Option<&Bound<'_, PyAny>>,
-        t_max: Option<&Bound<'_, PyAny>>,
-        origin: Option<&Bound<'_, PyAny>>,
+        py: Python<'py>,
+        origins: &Bound<'py, PyAny>,
+        directions: &Bound<'py, PyAny>,
+        t_min: Option<&Bound<'py, PyAny>>,
+        t_max: Option<&Bound<'py, PyAny>>,
+        origin: Option<&Bound<'py, PyAny>>,
         threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Hits> {
-        let call = RayCall { origins, directions, interval: [t_min, t_max], origin, threads };
-        self.list(py, &call, false)
+        let call = Call::new(py, threads, progress)?;
+        self.list(&RayCall { origins, directions, interval: [t_min, t_max], origin, call }, false)
     }
 
-    /// crossings(origins, directions, t_min=0, t_max=inf, *, origin=None, threads=None)
+    /// crossings(origins, directions, t_min=0, t_max=inf, *, origin=None, threads=None, progress=None)
     ///
-    /// Every crossing of a surface once, also through edges and vertices: Hits in the order of all_hits.
+    /// Every crossing of a surface once, also through edges and vertices: Hits in order of ray, then t. Of equal t, crossings inward and
+    /// outward take turns.
     ///
     /// entering says whether a ray enters a solid, whose triangles run counter-clockwise as seen from outside. A ray that starts
     /// and ends outside of a closed mesh enters it as often as it leaves. Where a ray touches a silhouette without crossing,
@@ -221,91 +312,247 @@ impl Bvh {
     /// ------
     /// ValueError
     ///     As closest_hit, and for a BVH with another triangle test than "watertight".
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, origin=None, threads=None))]
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, origin=None, threads=None, progress=None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
-    fn crossings(
+    fn crossings<'py>(
         &self,
-        py: Python<'_>,
-        origins: &Bound<'_, PyAny>,
-        directions: &Bound<'_, PyAny>,
-        t_min: Option<&Bound<'_, PyAny>>,
-        t_max: Option<&Bound<'_, PyAny>>,
-        origin: Option<&Bound<'_, PyAny>>,
+        py: Python<'py>,
+        origins: &Bound<'py, PyAny>,
+        directions: &Bound<'py, PyAny>,
+        t_min: Option<&Bound<'py, PyAny>>,
+        t_max: Option<&Bound<'py, PyAny>>,
+        origin: Option<&Bound<'py, PyAny>>,
         threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Hits> {
-        let call = RayCall { origins, directions, interval: [t_min, t_max], origin, threads };
-        self.list(py, &call, true)
+        let call = Call::new(py, threads, progress)?;
+        self.list(&RayCall { origins, directions, interval: [t_min, t_max], origin, call }, true)
     }
 
-    /// contains(points, *, origin=None, threads=None)
+    /// contains(points, mode=None, *, origin=None, threads=None, progress=None)
     ///
-    /// Whether each point is inside of a closed mesh or on its surface: (n,) bool.
-    ///
-    /// Exact for every finite point of float32. Nested surfaces alternate: a hole in a solid is outside. The orientation of
-    /// triangles does not matter. For a mesh that is not closed it is the parity of the crossings above the point.
+    /// Whether each point is inside of a mesh or on its surface: (...,) bool.
     ///
     /// Parameters
     /// ----------
-    /// points : (n, 3) or (3,) floats
-    ///     float64 is rounded to float32 after origin is subtracted.
-    #[pyo3(signature = (points, *, origin=None, threads=None))]
-    fn contains(
+    /// points : (..., 3) floats
+    ///     float64 is rounded to float32 after origin is subtracted. A point that is not finite is outside.
+    /// mode : "winding", "parity" or None
+    ///     "winding": whether the winding number exceeds 1/2, with either sign. Inside of solids that overlap, of doubled faces and of scans
+    ///     with holes. Neighboring triangles must agree in orientation, and the surface of a hollow must face the other way.
+    ///     "parity": whether a ray crosses the surface an odd number of times, exact for every point of a closed mesh. Nested surfaces
+    ///     alternate: a hollow in a solid is outside, and so is what two solids have in common. The orientation of triangles does not matter.
+    ///     None: "winding", or "parity" for a mesh in which neighbors disagree in orientation.
+    #[pyo3(signature = (points, mode=None, *, origin=None, threads=None, progress=None))]
+    fn contains<'py>(
         &self,
-        py: Python<'_>,
-        points: &Bound<'_, PyAny>,
-        origin: Option<&Bound<'_, PyAny>>,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+        mode: Option<&str>,
+        origin: Option<&Bound<'py, PyAny>>,
         threads: Option<i64>,
-    ) -> PyResult<Py<PyArray1<bool>>> {
-        let (geometry, threads) = (self.geometry(), Threads::new(threads)?);
-        let (points, origin) = (Table::new(points, "points", true)?, geometry.origin(origin)?);
-        let inside = nearest::of_points(py, &threads, &points.rows(origin), false, |points, inside| {
-            geometry.mesh.contains_many(points, inside);
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Py<PyAny>> {
+        let (geometry, call) = (self.geometry(), Call::new(py, threads, progress)?);
+        let (mode, points) = (names::inside(mode)?, Table::of_any_shape(points, "points")?);
+        let origin = geometry.origin(origin)?;
+        let mode = geometry::inside(&call, &geometry, mode)?;
+        let inside = of_points(&call, &points.rows(origin), false, |points, inside| match mode {
+            Inside::Parity => geometry.mesh.contains_many(&rounded(points), inside),
+            Inside::Winding => geometry.winding().contains_many(&rounded(points), inside),
         })?;
-        Ok(PyArray1::from_vec(py, inside).unbind())
+        shaped(py, inside, &points.shape, &[])
     }
 
-    /// nearest(points, max_distance=inf, *, origin=None, threads=None)
+    /// winding_number(points, tolerance=1e-6, *, origin=None, threads=None, progress=None)
+    ///
+    /// How often the surface winds around each point, (...,) float64: 1 inside of a closed mesh, 0 outside, 2 where two solids overlap, a
+    /// fraction near the border of an open one, 1/2 on a flat face; NaN for a point that is not finite.
+    ///
+    /// It is the sum of the solid angles of all triangles over 4 pi, counterclockwise ones seen from outside being positive.
+    ///
+    /// Parameters
+    /// ----------
+    /// points : (..., 3) floats
+    ///     float64 is rounded to float32 after origin is subtracted.
+    /// tolerance : float
+    ///     The numbers are off by at most this, apart from roundings of float64; with 0, each triangle is summed, as it is for meshes of up
+    ///     to 64 triangles.
+    #[pyo3(signature = (points, tolerance=1e-6, *, origin=None, threads=None, progress=None))]
+    fn winding_number<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+        tolerance: f64,
+        origin: Option<&Bound<'py, PyAny>>,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Py<PyAny>> {
+        let (geometry, call) = (self.geometry(), Call::new(py, threads, progress)?);
+        if tolerance.is_nan() || tolerance < 0.0 {
+            return Err(invalid(format!("tolerance is {tolerance}; use 0 or more")));
+        }
+        let points = Table::of_any_shape(points, "points")?;
+        let origin = geometry.origin(origin)?;
+        geometry::inside(&call, &geometry, Some(Inside::Winding))?;
+        let numbers = of_points(&call, &points.rows(origin), 0.0, |points, numbers| {
+            geometry.winding().numbers(&rounded(points), tolerance, numbers);
+        })?;
+        shaped(py, numbers, &points.shape, &[])
+    }
+
+    /// nearest(points, max_distance=inf, *, origin=None, threads=None, progress=None)
     ///
     /// The nearest point of the mesh to each point: Nearest.
     ///
     /// Parameters
     /// ----------
-    /// points : (n, 3) or (3,) floats
+    /// points : (..., 3) floats
     ///     float64 is rounded to float32 after origin is subtracted.
     /// max_distance : float
     ///     Triangles farther away are not found; nothing is found for a negative one.
-    #[pyo3(signature = (points, max_distance=f64::INFINITY, *, origin=None, threads=None))]
-    fn nearest(
+    #[pyo3(signature = (points, max_distance=f64::INFINITY, *, origin=None, threads=None, progress=None))]
+    fn nearest<'py>(
         &self,
-        py: Python<'_>,
-        points: &Bound<'_, PyAny>,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
         max_distance: f64,
-        origin: Option<&Bound<'_, PyAny>>,
+        origin: Option<&Bound<'py, PyAny>>,
         threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Nearest> {
-        let (geometry, threads) = (self.geometry(), Threads::new(threads)?);
-        let (points, origin) = (Table::new(points, "points", true)?, geometry.origin(origin)?);
-        nearest::nearest(py, &threads, &geometry.mesh, &points, origin, max_distance)
+        self.near(&Call::new(py, threads, progress)?, points, &Wanted::one(max_distance), origin)
     }
 
-    /// signed_distance(points, *, origin=None, threads=None)
+    /// k_nearest(points, k, max_distance=inf, *, origin=None, threads=None, progress=None)
     ///
-    /// Distance of each point to the surface of a closed mesh, (n,) float32: negative inside, zero on it, inf for an empty mesh.
-    #[pyo3(signature = (points, *, origin=None, threads=None))]
-    fn signed_distance(
+    /// The k nearest triangles to each point, nearest first: Nearest with columns of shape (..., k), filled up with inf and -1.
+    ///
+    /// Parameters
+    /// ----------
+    /// points : (..., 3) floats
+    ///     float64 is rounded to float32 after origin is subtracted.
+    /// k : int
+    ///     1 or more.
+    /// max_distance : float
+    ///     Triangles farther away are not found.
+    #[pyo3(signature = (points, k, max_distance=f64::INFINITY, *, origin=None, threads=None, progress=None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+    fn k_nearest<'py>(
         &self,
-        py: Python<'_>,
-        points: &Bound<'_, PyAny>,
-        origin: Option<&Bound<'_, PyAny>>,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+        k: i64,
+        max_distance: f64,
+        origin: Option<&Bound<'py, PyAny>>,
         threads: Option<i64>,
-    ) -> PyResult<Py<PyArray1<f32>>> {
-        let (geometry, threads) = (self.geometry(), Threads::new(threads)?);
-        let (points, origin) = (Table::new(points, "points", true)?, geometry.origin(origin)?);
-        let distances = nearest::of_points(py, &threads, &points.rows(origin), 0.0, |points, distances| {
-            let each = points.iter().zip(distances);
-            each.for_each(|(point, distance)| *distance = geometry.mesh.signed_distance(*point));
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Nearest> {
+        self.near(&Call::new(py, threads, progress)?, points, &Wanted::some(k, max_distance)?, origin)
+    }
+
+    /// signed_distance(points, mode=None, *, origin=None, threads=None, progress=None)
+    ///
+    /// Distance of each point to the surface of a mesh, (...,) float32: negative where contains is true with this mode, zero exactly on the
+    /// surface, inf for an empty mesh, NaN for a point with a NaN. float64 for a mesh whose origin was chosen near it.
+    #[pyo3(signature = (points, mode=None, *, origin=None, threads=None, progress=None))]
+    fn signed_distance<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+        mode: Option<&str>,
+        origin: Option<&Bound<'py, PyAny>>,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Py<PyAny>> {
+        let (geometry, call) = (self.geometry(), Call::new(py, threads, progress)?);
+        let (mode, points) = (names::inside(mode)?, Table::of_any_shape(points, "points")?);
+        let origin = geometry.origin(origin)?;
+        let mode = geometry::inside(&call, &geometry, mode)?;
+        let found = of_points(&call, &points.rows(origin), 0.0, |points, found| {
+            for (&point, distance) in points.iter().zip(found) {
+                let rounded = point.map(|x| x as f32);
+                let signed = match mode {
+                    Inside::Parity => geometry.mesh.signed_distance(rounded),
+                    Inside::Winding => geometry.winding().signed_distance(&geometry.mesh, rounded),
+                };
+                *distance = f64::from(signed);
+                // Its size by the point that is not rounded.
+                let is_inexact = geometry.is_near && signed.is_finite() && signed != 0.0;
+                if let Some(near) = is_inexact.then(|| nearest::of_mesh(&geometry, point, 1, f64::INFINITY)) {
+                    *distance = near.first().map_or(*distance, |near| near.distance.copysign(*distance));
+                }
+            }
         })?;
-        Ok(PyArray1::from_vec(py, distances).unbind())
+        distances(py, found, geometry.is_near, &points.shape, &[])
+    }
+
+    /// overlapping_box(low, high, *, origin=None, threads=None, progress=None)
+    ///
+    /// The triangles that overlap each axis-aligned box, touching included: a dict of region, the index of the box, int64, and primitive,
+    /// int32, in order of both.
+    ///
+    /// No overlap is missed; a gap below 2^-46 of the coordinates may be reported as an overlap. A box whose low exceeds its high is empty.
+    ///
+    /// Parameters
+    /// ----------
+    /// low, high : (..., 3) floats
+    ///     The corners of the boxes. float64 is rounded to float32 after origin is subtracted.
+    #[pyo3(signature = (low, high, *, origin=None, threads=None, progress=None))]
+    fn overlapping_box<'py>(
+        &self,
+        py: Python<'py>,
+        low: &Bound<'py, PyAny>,
+        high: &Bound<'py, PyAny>,
+        origin: Option<&Bound<'py, PyAny>>,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        self.overlaps(&Call::new(py, threads, progress)?, &Regions::boxes(low, high)?, origin)
+    }
+
+    /// overlapping_sphere(center, radius, *, origin=None, threads=None, progress=None)
+    ///
+    /// The triangles at most radius away from each center: a dict as that of overlapping_box.
+    ///
+    /// Parameters
+    /// ----------
+    /// center : (..., 3) floats
+    ///     float64 is rounded to float32 after origin is subtracted.
+    /// radius : float or (...,) floats
+    ///     Nothing overlaps a sphere with a negative one.
+    #[pyo3(signature = (center, radius, *, origin=None, threads=None, progress=None))]
+    fn overlapping_sphere<'py>(
+        &self,
+        py: Python<'py>,
+        center: &Bound<'py, PyAny>,
+        radius: &Bound<'py, PyAny>,
+        origin: Option<&Bound<'py, PyAny>>,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        self.overlaps(&Call::new(py, threads, progress)?, &Regions::spheres(center, radius)?, origin)
+    }
+
+    /// overlapping_frustum(near, far, *, origin=None, threads=None, progress=None)
+    ///
+    /// The triangles that overlap each frustum, or any convex solid with six flat faces: a dict as that of overlapping_box.
+    ///
+    /// Parameters
+    /// ----------
+    /// near, far : (..., 4, 3) floats
+    ///     The corners of the near face in order around it, and those of the far face in the same order; corners may coincide.
+    #[pyo3(signature = (near, far, *, origin=None, threads=None, progress=None))]
+    fn overlapping_frustum<'py>(
+        &self,
+        py: Python<'py>,
+        near: &Bound<'py, PyAny>,
+        far: &Bound<'py, PyAny>,
+        origin: Option<&Bound<'py, PyAny>>,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        self.overlaps(&Call::new(py, threads, progress)?, &Regions::frusta(near, far)?, origin)
     }
 
     /// refit(vertices, *, threads=None)
@@ -331,8 +578,7 @@ impl Bvh {
         vertices: &Bound<'py, PyAny>,
         threads: Option<i64>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let threads = Threads::new(threads)?;
-        let refit = geometry::refit(py, &threads, &self.geometry, vertices)?;
+        let refit = geometry::refit(&Call::new(py, threads, None)?, &self.geometry, vertices)?;
         geometry::report(py, &refit)
     }
 
@@ -346,7 +592,7 @@ impl Bvh {
     ///     The file cannot be written.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let geometry = self.geometry();
-        work::run(py, &Threads::all()?, move || file::save(&path, &geometry))?
+        Call::plain(py)?.run(move || file::save(&path, &geometry))?
     }
 
     /// load(path)
@@ -361,19 +607,19 @@ impl Bvh {
     ///     The file is not a BVH, or is damaged.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        Ok(Self::of(work::run(py, &Threads::all()?, move || file::load(&path))??))
+        Ok(Self::of(Call::plain(py)?.run(move || file::load(&path))??))
     }
 
     #[classmethod]
     fn _from_bytes(_class: &Bound<'_, PyType>, py: Python<'_>, bytes: Vec<u8>) -> PyResult<Self> {
-        let geometry = work::run(py, &Threads::all()?, move || file::from_bytes(&bytes))?;
+        let geometry = Call::plain(py)?.run(move || file::from_bytes(&bytes))?;
         Ok(Self::of(geometry.map_err(invalid)?))
     }
 
     /// For pickle and copy.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
         let geometry = self.geometry();
-        let bytes = work::run(py, &Threads::all()?, move || file::to_bytes(&geometry))?;
+        let bytes = Call::plain(py)?.run(move || file::to_bytes(&geometry))?;
         Ok((py.get_type::<Self>().getattr("_from_bytes")?, (PyBytes::new(py, &bytes),)))
     }
 
@@ -386,10 +632,25 @@ impl Bvh {
         self.geometry().stats(py)
     }
 
-    /// The least and the greatest coordinates, (2, 3) float64 in the space of the caller; inf and -inf for an empty mesh.
+    /// The least and the greatest coordinates, (2, 3) float64 in the space of the caller; None for an empty mesh.
     #[getter]
-    fn bounds(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
-        table(py, self.geometry().bounds().as_flattened().to_vec())
+    fn bounds(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
+        let bounds = self.geometry().bounds();
+        bounds.map(|bounds| shaped(py, bounds.as_flattened().to_vec(), &[2], &[3])).transpose()
+    }
+
+    /// The vertices, (n, 3) float64 in the space of the caller: rounded to float32 less origin, and NaN for those that no triangle has.
+    #[getter]
+    fn vertices(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        let vertices = self.geometry().vertices()?;
+        shaped(py, vertices.as_flattened().to_vec(), &[vertices.len()], &[3])
+    }
+
+    /// The vertex indices of the triangles, (m, 3) int64, as in the build.
+    #[getter]
+    fn triangles(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        let triangles = self.geometry().triangles();
+        shaped(py, triangles.as_flattened().iter().map(|&index| i64::from(index)).collect(), &[triangles.len()], &[3])
     }
 
     /// What is subtracted from coordinates, as a tuple of three floats.

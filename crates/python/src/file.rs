@@ -5,7 +5,7 @@
 //! 0        8            "CANTEDPY"
 //! 8        4            version, 1
 //! 12       4, 4         triangle test and preset, by their order; the number of presets: unknown
-//! 20       4            whether there are indices
+//! 20       4            bit 0: whether there are indices; bit 1: whether the origin was chosen near the mesh
 //! 24       24           origin
 //! 48       8, 8         vertices; triangles
 //! 64       12 each      indices
@@ -56,7 +56,8 @@ pub(crate) fn to_bytes(geometry: &Geometry) -> Vec<u8> {
     let mut bytes = MAGIC.to_vec();
     let known = Preset::ALL.iter().position(|&known| Some(known) == geometry.preset);
     let test = TriangleTest::ALL.iter().position(|&test| test == geometry.mesh.test());
-    let numbers = [test.unwrap_or(0), known.unwrap_or(Preset::ALL.len()), usize::from(geometry.triangles.is_some())];
+    let flags = usize::from(geometry.triangles.is_some()) | usize::from(geometry.is_near) << 1;
+    let numbers = [test.unwrap_or(0), known.unwrap_or(Preset::ALL.len()), flags];
     bytes.extend(VERSION.to_le_bytes());
     for number in numbers {
         bytes.extend(u32::try_from(number).unwrap_or(u32::MAX).to_le_bytes());
@@ -78,7 +79,17 @@ pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Geometry, String> {
     if bytes.starts_with(RUST_MAGIC) {
         let mesh = TriangleBvh::from_bytes_with(bytes, TriangleTest::Watertight).map_err(|error| error.to_string())?;
         let mesh = Arc::new(mesh);
-        return Ok(Geometry { mesh, triangles: None, n_vertices: 0, origin: NO_ORIGIN, preset: None });
+        let winding = Arc::default();
+        let n_vertices = 0;
+        return Ok(Geometry {
+            mesh,
+            triangles: None,
+            n_vertices,
+            origin: NO_ORIGIN,
+            is_near: false,
+            preset: None,
+            winding,
+        });
     }
     let short = || format!("the file has {} bytes and ends too early", bytes.len());
     let (header, rest) = bytes.split_at_checked(HEADER_BYTES).ok_or_else(short)?;
@@ -104,7 +115,7 @@ pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Geometry, String> {
     let n_vertices = u64::from_le_bytes(doubles[6]);
     let triangles: Vec<[u32; 3]> =
         indices.as_chunks::<12>().0.iter().map(|t| std::array::from_fn(|k| index(t, k))).collect();
-    let has_triangles = word(5) == 1;
+    let has_triangles = word(5) & 1 != 0;
     let is_valid = origin.iter().all(|x| x.is_finite())
         && (!has_triangles || triangles.len() == mesh.n_primitives())
         && triangles.as_flattened().iter().all(|&index| u64::from(index) < n_vertices);
@@ -116,7 +127,9 @@ pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Geometry, String> {
         triangles: has_triangles.then(|| Arc::new(triangles)),
         n_vertices: usize::try_from(n_vertices).map_err(|error| error.to_string())?,
         origin,
+        is_near: word(5) & 2 != 0,
         preset: Preset::ALL.get(word(4) as usize).copied(),
+        winding: Arc::default(),
     })
 }
 

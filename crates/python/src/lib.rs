@@ -7,9 +7,9 @@
 //! | file | purpose |
 //! | --- | --- |
 //! | `arrays` | NumPy arrays of any layout as rows of three numbers, columns, indices |
-//! | `threads`, `work` | thread pools; jobs that Ctrl-C interrupts |
-//! | `mesh`, `query` | a BVH with any triangle test; queries of slices over it |
-//! | `geometry` | builds and refits |
+//! | `threads`, `work` | thread pools; jobs that Ctrl-C interrupts, and whom they tell how far they are |
+//! | `query`, `overlaps` | queries of slices of rays; of regions |
+//! | `geometry`, `frame` | builds and refits; origins near a mesh |
 //! | `bvh`, `tlas`, `hits`, `nearest` | the classes of the package |
 //! | `points` | positions and normals of hits |
 //! | `file` | BVHs as files |
@@ -22,10 +22,12 @@ mod arrays;
 mod bvh;
 mod error;
 mod file;
+mod frame;
 mod geometry;
 mod hits;
 mod names;
 mod nearest;
+mod overlaps;
 mod points;
 mod query;
 mod threads;

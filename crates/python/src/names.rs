@@ -1,4 +1,4 @@
-//! Names of presets and triangle tests.
+//! Names of presets, triangle tests and kinds of inside.
 
 use canted::{Preset, TriangleTest};
 use pyo3::prelude::*;
@@ -14,6 +14,25 @@ pub(crate) fn triangle_test(name: &str) -> PyResult<TriangleTest> {
 pub(crate) fn preset(name: &str) -> PyResult<Preset> {
     let known = Preset::ALL.into_iter().find(|preset| preset.name() == name);
     known.ok_or_else(|| unknown("preset", name, &Preset::ALL.map(Preset::name)))
+}
+
+/// What is inside of a mesh.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Inside {
+    /// What has an odd number of surfaces above it.
+    Parity,
+    /// What the surface winds around.
+    Winding,
+}
+
+/// The value of `mode`.
+pub(crate) fn inside(name: Option<&str>) -> PyResult<Option<Inside>> {
+    match name {
+        None => Ok(None),
+        Some("parity") => Ok(Some(Inside::Parity)),
+        Some("winding") => Ok(Some(Inside::Winding)),
+        Some(name) => Err(unknown("mode", name, &["winding", "parity"])),
+    }
 }
 
 fn unknown(argument: &str, value: &str, known: &[&str]) -> PyErr {

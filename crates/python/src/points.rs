@@ -3,68 +3,73 @@
 use std::sync::Arc;
 
 use canted::{Hit, InstanceId, PrimId, Side, SurfacePoint, TriangleBvh};
-use numpy::ndarray::Array2;
-use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
+use crate::arrays::shaped;
 use crate::error::{filled, invalid};
 use crate::geometry::Geometry;
-use crate::threads::Threads;
-use crate::work::for_jobs;
+use crate::work::Call;
 
 /// Hits of a job.
 const HITS_OF_JOB: usize = 4096;
 
 /// What was hit, as it was then: a refit makes a copy.
+#[derive(Clone)]
 pub(crate) enum Surface {
     Mesh { geometry: Arc<Geometry>, origin: [f64; 3] },
-    Tlas(Arc<canted::Tlas<Arc<TriangleBvh>>>),
+    Tlas { tlas: Arc<canted::Tlas<Arc<TriangleBvh>>>, origin: [f64; 3], is_near: bool },
 }
 
 /// The arrays that say which points.
-pub(crate) struct Places<'a> {
-    pub(crate) primitive: &'a Py<PyArray1<i32>>,
-    pub(crate) u: &'a Py<PyArray1<f32>>,
-    pub(crate) v: &'a Py<PyArray1<f32>>,
-    pub(crate) instance: Option<&'a Py<PyArray1<i32>>>,
+pub(crate) struct Places<'py> {
+    pub(crate) primitive: PyReadonlyArray1<'py, i32>,
+    pub(crate) u: PyReadonlyArray1<'py, f32>,
+    pub(crate) v: PyReadonlyArray1<'py, f32>,
+    pub(crate) instance: Option<PyReadonlyArray1<'py, i32>>,
 }
 
-/// Positions and unit normals, of shape (n, 3).
-pub(crate) type Points = [Py<PyArray2<f64>>; 2];
+/// Positions and unit normals, of shape (..., 3).
+pub(crate) type Points = [Py<PyAny>; 2];
 
 impl Surface {
+    /// Whether the origin was chosen near it, so that results are `float64`.
+    pub(crate) fn is_near(&self) -> bool {
+        match self {
+            Self::Mesh { geometry, .. } => geometry.is_near,
+            Self::Tlas { is_near, .. } => *is_near,
+        }
+    }
+
     /// The point of a hit, in the space of the caller; an error names what does not exist.
     fn point(&self, hit: &Hit) -> Option<SurfacePoint> {
         let vertices =
             |mesh: &TriangleBvh| (hit.primitive.index() < mesh.n_primitives()).then(|| mesh.triangle(hit.primitive));
-        match self {
+        let (point, origin) = match self {
             Self::Mesh { geometry, origin } => {
-                let point = SurfacePoint::new(hit, vertices(&geometry.mesh)?, geometry.mesh.aabb().reach());
-                let position = std::array::from_fn(|k| point.position[k] + origin[k]);
-                Some(SurfacePoint { position, ..point })
+                (SurfacePoint::new(hit, vertices(&geometry.mesh)?, geometry.mesh.aabb().reach()), origin)
             }
-            Self::Tlas(tlas) => {
+            Self::Tlas { tlas, origin, .. } => {
                 let instance = tlas.instances().get(hit.instance.0 as usize)?;
                 let mesh = tlas.blas().get(instance.blas as usize)?;
                 let reach = mesh.aabb().reach();
-                Some(SurfacePoint::in_instance(hit, vertices(mesh)?, reach, &instance.world_from_object))
+                (SurfacePoint::in_instance(hit, vertices(mesh)?, reach, &instance.world_from_object), origin)
             }
-        }
+        };
+        let position = std::array::from_fn(|k| point.position[k] + origin[k]);
+        Some(SurfacePoint { position, ..point })
     }
 
-    /// The points of all hits; NaN for a miss.
-    pub(crate) fn points(&self, py: Python<'_>, places: &Places<'_>) -> PyResult<Points> {
-        let [u, v] = [places.u, places.v].map(|array| array.bind(py).readonly());
-        let primitive = places.primitive.bind(py).readonly();
-        let instance = places.instance.map(|array| array.bind(py).readonly());
-        let (primitive, u, v) = (primitive.as_array(), u.as_array(), v.as_array());
-        let instance = instance.as_ref().map(|array| array.as_array());
+    /// The points of all hits, in columns of this shape; NaN for a miss.
+    pub(crate) fn points(&self, call: &Call<'_>, places: &Places<'_>, shape: &[usize]) -> PyResult<Points> {
+        let (primitive, u, v) = (places.primitive.as_array(), places.u.as_array(), places.v.as_array());
+        let instance = places.instance.as_ref().map(|array| array.as_array());
         let n = primitive.len();
         let mut points = [filled(3 * n, f64::NAN)?, filled(3 * n, f64::NAN)?];
         let [position, normal] = &mut points;
         let flaw = std::sync::Mutex::new(None);
         let parts = position.chunks_mut(3 * HITS_OF_JOB).zip(normal.chunks_mut(3 * HITS_OF_JOB));
-        for_jobs(py, &Threads::all()?, parts.enumerate().collect(), |(job, (position, normal))| {
+        call.for_jobs(parts.enumerate().collect(), |(job, (position, normal))| {
             let rows = position.as_chunks_mut().0.iter_mut().zip(normal.as_chunks_mut().0);
             for (i, (position, normal)) in (job * HITS_OF_JOB..).zip(rows) {
                 // Negative for a miss.
@@ -89,13 +94,6 @@ impl Surface {
             return Err(invalid(format!("hit {i} is on triangle {}, which does not exist", primitive[i])));
         }
         let [position, normal] = points;
-        Ok([table(py, position)?, table(py, normal)?])
+        Ok([shaped(call.py, position, shape, &[3])?, shaped(call.py, normal, shape, &[3])?])
     }
-}
-
-/// Rows of three numbers as an array of shape (n, 3).
-pub(crate) fn table(py: Python<'_>, numbers: Vec<f64>) -> PyResult<Py<PyArray2<f64>>> {
-    let n = numbers.len() / 3;
-    let array = Array2::from_shape_vec((n, 3), numbers).map_err(invalid)?;
-    Ok(PyArray2::from_owned_array(py, array).unbind())
 }

@@ -56,11 +56,6 @@ impl Threads {
         Ok(threads)
     }
 
-    /// The pool of all processors, for small tasks without an argument `threads`.
-    pub(crate) fn all() -> PyResult<Self> {
-        Self::new(None)
-    }
-
     /// Runs `task` inside of the pool, so that parallel parts of it use its threads.
     pub(crate) fn run<T: Send>(&self, task: impl FnOnce() -> T + Send) -> T {
         self.pool.install(task)

@@ -1,40 +1,118 @@
 use std::sync::Arc;
 
 use canted::kernel::HitLists;
-use canted::{Affine, Instance, Intersect, Ray, TriangleBvh};
-use numpy::{PyArray1, PyArray2};
+use canted::{Affine, Crossings, Instance, Intersect, Ray, TriangleBvh, TriangleTest};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyDict, PyTuple, PyType};
 
-use crate::arrays::{NO_ORIGIN, matrix};
+use crate::arrays::{NO_ORIGIN, Table, matrix, shaped};
 use crate::bvh::Bvh;
-use crate::error::{guard, invalid};
-use crate::geometry::Geometry;
+use crate::error::invalid;
+use crate::frame::{self, Near};
+use crate::geometry::{self, Geometry};
 use crate::hits::Hits;
-use crate::points::{Surface, table};
-use crate::query::{RayArrays, all_hits, closest_hits, occluded};
-use crate::threads::Threads;
+use crate::names::{self, Inside};
+use crate::nearest::{self, Found, Nearest, Wanted, distances, of_points};
+use crate::overlaps::{Region, Regions};
+use crate::points::Surface;
+use crate::query::{RayArrays, Rays, all_hits, closest_hits, occluded};
+use crate::work::Call;
 
 type Inner = canted::Tlas<Arc<TriangleBvh>>;
 
-/// Instances of meshes under affine transforms, with ray queries.
+/// Instances of meshes under affine transforms, with ray, containment and distance queries.
 ///
 /// Parameters
 /// ----------
 /// bvhs : sequence of Bvh
-///     The meshes, as they are now: a later refit does not change the Tlas. An origin of a Bvh is part of its transforms.
+///     The meshes, as they are now: a later refit does not change the Tlas. An origin of a Bvh is part of its transforms. Where one was
+///     chosen near a mesh, the Tlas has one too: rays then start near it, in float64, and t and distances of results are float64.
 /// instances : sequence of (int, (4, 4) floats), optional
 ///     For each instance the index of its mesh and world_from_object: points are columns, so the translation is the last column. Any
-///     invertible map, rounded to float32. Default: each mesh once, as it is.
+///     invertible map, rounded to float32 after the origin is subtracted. Default: each mesh once, as it is.
 ///
 /// Raises
 /// ------
 /// ValueError
 ///     A mesh that does not exist; a matrix of another shape, with a last row other than 0, 0, 0, 1, that is not finite or too
 ///     close to singular.
-#[pyclass(frozen, module = "canted")]
+#[pyclass(frozen, weakref, module = "canted")]
 pub(crate) struct Tlas {
     tlas: Arc<Inner>,
+    geometries: Vec<Arc<Geometry>>,
+    /// What is subtracted from coordinates of the caller.
+    origin: [f64; 3],
+    /// Whether that was chosen near the instances.
+    is_near: bool,
+}
+
+impl Tlas {
+    fn build(
+        py: Python<'_>,
+        geometries: Vec<Arc<Geometry>>,
+        instances: &[Instance],
+        (origin, is_near): ([f64; 3], bool),
+    ) -> PyResult<Self> {
+        let blas = geometries.iter().map(|geometry| Arc::clone(&geometry.mesh)).collect();
+        let build = || Inner::new(blas, instances, Default::default());
+        let tlas = Call::plain(py)?.run_short(build)?.map_err(invalid)?;
+        Ok(Self { tlas: Arc::new(tlas), geometries, origin, is_near })
+    }
+
+    fn rays<'a>(&self, arrays: &'a RayArrays<'_>) -> Rays<'a> {
+        let near = (self.is_near && self.tlas.n_instances() > 0).then(|| Near::new(&self.tlas.aabb()));
+        arrays.rays(self.origin, near)
+    }
+
+    fn surface(&self) -> Surface {
+        Surface::Tlas { tlas: Arc::clone(&self.tlas), origin: self.origin, is_near: self.is_near }
+    }
+
+    /// All hits, or the crossings.
+    fn list(&self, call: &Call<'_>, arrays: &RayArrays<'_>, only_crossings: bool) -> PyResult<Hits> {
+        let list = |rays: &[Ray], lists: &mut HitLists| match only_crossings {
+            true => self.tlas.crossings_listed(rays, lists),
+            false => self.tlas.all_hits_listed(rays, lists),
+        };
+        let columns = all_hits(call, &list, &self.rays(arrays), true)?;
+        Hits::new(call.py, columns, self.surface(), arrays.shape())
+    }
+
+    /// What inside means for each mesh.
+    fn inside(&self, call: &Call<'_>, mode: Option<&str>) -> PyResult<Vec<Inside>> {
+        let mode = names::inside(mode)?;
+        self.geometries.iter().map(|geometry| geometry::inside(call, geometry, mode)).collect()
+    }
+
+    /// Whether a point, relative to the origin, is inside of any instance.
+    fn contains_point(&self, point: [f64; 3], modes: &[Inside]) -> bool {
+        self.tlas.contains_with(point, |blas, mesh, point| match modes[blas as usize] {
+            Inside::Parity => mesh.contains(point),
+            Inside::Winding => self.geometries[blas as usize].winding().contains(point),
+        })
+    }
+
+    /// Nearest triangles of each point.
+    fn near<'py>(&self, call: &Call<'py>, points: &Bound<'py, PyAny>, wanted: &Wanted) -> PyResult<Nearest> {
+        let points = Table::of_any_shape(points, "points")?;
+        nearest::nearest(call, &points, self.origin, wanted, (true, self.is_near), |point, k, max_distance| {
+            let mut near = vec![];
+            self.tlas.nearest_points(point, k, max_distance, &mut near);
+            near.into_iter().map(Found::from).collect()
+        })
+    }
+
+    /// Triangles that overlap regions.
+    fn overlaps<'py>(&self, call: &Call<'py>, regions: &Regions<'_>) -> PyResult<Bound<'py, PyDict>> {
+        regions.overlaps(call, self.origin, true, |region, pairs| {
+            let mut found = vec![];
+            match region {
+                Region::Convex(region) => self.tlas.overlapping(region, &mut found),
+                Region::Sphere { center, radius } => self.tlas.overlapping_sphere(*center, *radius, &mut found),
+            }
+            pairs.extend(found.into_iter().map(|(instance, primitive)| (instance.0, primitive.0)));
+        })
+    }
 }
 
 #[pymethods]
@@ -42,12 +120,7 @@ impl Tlas {
     #[new]
     #[pyo3(signature = (bvhs, instances=None))]
     fn new(py: Python<'_>, bvhs: &Bound<'_, PyAny>, instances: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
-        let mut geometries: Vec<Arc<Geometry>> = vec![];
-        for (i, bvh) in items(bvhs, "bvhs")?.enumerate() {
-            let bvh = bvh?;
-            let bvh = bvh.cast::<Bvh>().map_err(|_| invalid(format!("item {i} of bvhs is not a Bvh")))?;
-            geometries.push(bvh.get().geometry());
-        }
+        let geometries = meshes(bvhs)?;
         let mut placed = vec![];
         match instances {
             None => placed.extend((0..geometries.len()).map(|index| (index, IDENTITY))),
@@ -57,94 +130,309 @@ impl Tlas {
                 }
             }
         }
+        let is_near = geometries.iter().any(|geometry| geometry.is_near);
+        let corners = placed.iter().flat_map(|(index, matrix)| corners(matrix, &geometries[*index]));
+        let origin = if is_near { frame::origin_of(corners) } else { NO_ORIGIN };
         let instances = placed.iter().map(|(index, matrix)| {
-            let affine = affine(matrix, geometries[*index].origin);
+            let affine = affine(matrix, geometries[*index].origin, origin);
             Ok(Instance::new(u32::try_from(*index).map_err(invalid)?, affine))
         });
         let instances = instances.collect::<PyResult<Vec<_>>>()?;
-        let blas = geometries.iter().map(|geometry| Arc::clone(&geometry.mesh)).collect();
-        let build = || Inner::new(blas, &instances, Default::default());
-        let threads = Threads::all()?;
-        let tlas = py.detach(|| guard(|| threads.run(build)))?.map_err(invalid)?;
-        Ok(Self { tlas: Arc::new(tlas) })
+        Self::build(py, geometries, &instances, (origin, is_near))
     }
 
-    /// closest_hit(origins, directions, t_min=0, t_max=inf, *, threads=None)
+    /// closest_hit(origins, directions, t_min=0, t_max=inf, *, threads=None, progress=None)
     ///
     /// The first hit of each ray, world space: Hits with instance. Of equal t the lowest (instance, triangle) is reported.
     ///
     /// Parameters and errors are those of Bvh.closest_hit; t is in units of the caller's direction.
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=None))]
-    fn closest_hit(
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=None, progress=None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+    fn closest_hit<'py>(
         &self,
-        py: Python<'_>,
-        origins: &Bound<'_, PyAny>,
-        directions: &Bound<'_, PyAny>,
-        t_min: Option<&Bound<'_, PyAny>>,
-        t_max: Option<&Bound<'_, PyAny>>,
+        py: Python<'py>,
+        origins: &Bound<'py, PyAny>,
+        directions: &Bound<'py, PyAny>,
+        t_min: Option<&Bound<'py, PyAny>>,
+        t_max: Option<&Bound<'py, PyAny>>,
         threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Hits> {
-        let arrays = RayArrays::new(origins, directions, [t_min, t_max])?;
-        let rays = arrays.rays(NO_ORIGIN);
-        let columns = closest_hits(py, &Threads::new(threads)?, &*self.tlas, &rays, true)?;
-        Ok(Hits::new(py, columns, Surface::Tlas(Arc::clone(&self.tlas)), rays.len()))
+        let (arrays, call) = (RayArrays::new(origins, directions, [t_min, t_max])?, Call::new(py, threads, progress)?);
+        let columns = closest_hits(&call, &*self.tlas, &self.rays(&arrays), true)?;
+        Hits::new(py, columns, self.surface(), arrays.shape())
     }
 
-    /// occluded(origins, directions, t_min=0, t_max=inf, *, threads=None)
+    /// occluded(origins, directions, t_min=0, t_max=inf, *, threads=None, progress=None)
     ///
-    /// Whether each ray hits anything: (n,) bool. Agrees with closest_hit, and is faster.
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=None))]
-    fn occluded(
+    /// Whether each ray hits anything: (...,) bool. Agrees with closest_hit, and is faster.
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=None, progress=None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+    fn occluded<'py>(
         &self,
-        py: Python<'_>,
-        origins: &Bound<'_, PyAny>,
-        directions: &Bound<'_, PyAny>,
-        t_min: Option<&Bound<'_, PyAny>>,
-        t_max: Option<&Bound<'_, PyAny>>,
+        py: Python<'py>,
+        origins: &Bound<'py, PyAny>,
+        directions: &Bound<'py, PyAny>,
+        t_min: Option<&Bound<'py, PyAny>>,
+        t_max: Option<&Bound<'py, PyAny>>,
         threads: Option<i64>,
-    ) -> PyResult<Py<PyArray1<bool>>> {
-        let arrays = RayArrays::new(origins, directions, [t_min, t_max])?;
-        let found = occluded(py, &Threads::new(threads)?, &*self.tlas, &arrays.rays(NO_ORIGIN))?;
-        Ok(PyArray1::from_vec(py, found).unbind())
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Py<PyAny>> {
+        let (arrays, call) = (RayArrays::new(origins, directions, [t_min, t_max])?, Call::new(py, threads, progress)?);
+        shaped(py, occluded(&call, &*self.tlas, &self.rays(&arrays))?, arrays.shape(), &[])
     }
 
-    /// all_hits(origins, directions, t_min=0, t_max=inf, *, threads=None)
+    /// all_hits(origins, directions, t_min=0, t_max=inf, *, threads=None, progress=None)
     ///
     /// Every hit of every ray: Hits with instance, one row for each hit, in order of ray, then t, then (instance, triangle).
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=None))]
-    fn all_hits(
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=None, progress=None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+    fn all_hits<'py>(
         &self,
-        py: Python<'_>,
-        origins: &Bound<'_, PyAny>,
-        directions: &Bound<'_, PyAny>,
-        t_min: Option<&Bound<'_, PyAny>>,
-        t_max: Option<&Bound<'_, PyAny>>,
+        py: Python<'py>,
+        origins: &Bound<'py, PyAny>,
+        directions: &Bound<'py, PyAny>,
+        t_min: Option<&Bound<'py, PyAny>>,
+        t_max: Option<&Bound<'py, PyAny>>,
         threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Hits> {
-        let arrays = RayArrays::new(origins, directions, [t_min, t_max])?;
-        let rays = arrays.rays(NO_ORIGIN);
-        let list = |rays: &[Ray], lists: &mut HitLists| self.tlas.all_hits_listed(rays, lists);
-        let columns = all_hits(py, &Threads::new(threads)?, &list, &rays, true)?;
-        Ok(Hits::new(py, columns, Surface::Tlas(Arc::clone(&self.tlas)), rays.len()))
+        self.list(&Call::new(py, threads, progress)?, &RayArrays::new(origins, directions, [t_min, t_max])?, false)
+    }
+
+    /// crossings(origins, directions, t_min=0, t_max=inf, *, threads=None, progress=None)
+    ///
+    /// Every crossing of a surface once in each instance, also through edges and vertices: Hits with instance, in order of ray, then t. Of
+    /// equal t, crossings inward and outward take turns.
+    ///
+    /// Where faces of two instances coincide, a ray crosses both.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     As Bvh.closest_hit, and for a BVH with another triangle test than "watertight".
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=None, progress=None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+    fn crossings<'py>(
+        &self,
+        py: Python<'py>,
+        origins: &Bound<'py, PyAny>,
+        directions: &Bound<'py, PyAny>,
+        t_min: Option<&Bound<'py, PyAny>>,
+        t_max: Option<&Bound<'py, PyAny>>,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Hits> {
+        let mut tests = self.geometries.iter().map(|geometry| geometry.mesh.test()).enumerate();
+        if let Some((i, test)) = tests.find(|(_, test)| *test != TriangleTest::Watertight) {
+            return Err(invalid(format!("crossings need triangle_test='watertight'; item {i} of bvhs has '{test}'")));
+        }
+        self.list(&Call::new(py, threads, progress)?, &RayArrays::new(origins, directions, [t_min, t_max])?, true)
+    }
+
+    /// contains(points, mode=None, *, threads=None, progress=None)
+    ///
+    /// Whether each point, (..., 3) floats, is inside of any instance or on its surface: (...,) bool.
+    ///
+    /// mode is that of Bvh.contains, for each mesh by itself. In the space of an instance the point is rounded to float32.
+    #[pyo3(signature = (points, mode=None, *, threads=None, progress=None))]
+    fn contains<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+        mode: Option<&str>,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Py<PyAny>> {
+        let (points, call) = (Table::of_any_shape(points, "points")?, Call::new(py, threads, progress)?);
+        let modes = self.inside(&call, mode)?;
+        let inside = of_points(&call, &points.rows(self.origin), false, |points, inside| {
+            let each = points.iter().zip(inside);
+            each.for_each(|(&point, inside)| *inside = self.contains_point(point, &modes));
+        })?;
+        shaped(py, inside, &points.shape, &[])
+    }
+
+    /// nearest(points, max_distance=inf, *, threads=None, progress=None)
+    ///
+    /// The nearest point of all instances to each point, world space: Nearest with instance. Of equal distances the lowest (instance,
+    /// triangle) is reported.
+    ///
+    /// Distances are exact under any transform. The time grows with the number of instances. Parameters are those of Bvh.nearest.
+    #[pyo3(signature = (points, max_distance=f64::INFINITY, *, threads=None, progress=None))]
+    fn nearest<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+        max_distance: f64,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Nearest> {
+        self.near(&Call::new(py, threads, progress)?, points, &Wanted::one(max_distance))
+    }
+
+    /// k_nearest(points, k, max_distance=inf, *, threads=None, progress=None)
+    ///
+    /// The k nearest triangles of all instances to each point, nearest first: Nearest with columns of shape (..., k), filled up with inf and
+    /// -1. Parameters are those of Bvh.k_nearest.
+    #[pyo3(signature = (points, k, max_distance=f64::INFINITY, *, threads=None, progress=None))]
+    fn k_nearest<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+        k: i64,
+        max_distance: f64,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Nearest> {
+        self.near(&Call::new(py, threads, progress)?, points, &Wanted::some(k, max_distance)?)
+    }
+
+    /// signed_distance(points, mode=None, *, threads=None, progress=None)
+    ///
+    /// Distance of each point, (..., 3) floats, to the nearest surface of any instance, (...,) float32: negative where contains is true with
+    /// this mode, inf without triangles, NaN for a point with a NaN. float64 where the origin was chosen.
+    #[pyo3(signature = (points, mode=None, *, threads=None, progress=None))]
+    fn signed_distance<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+        mode: Option<&str>,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Py<PyAny>> {
+        let (points, call) = (Table::of_any_shape(points, "points")?, Call::new(py, threads, progress)?);
+        let modes = self.inside(&call, mode)?;
+        let found = of_points(&call, &points.rows(self.origin), 0.0, |points, found| {
+            for (&point, distance) in points.iter().zip(found) {
+                let near = self.tlas.nearest_point(point, f64::INFINITY);
+                let is_number = !point.iter().any(|x| x.is_nan());
+                let size = near.map_or(if is_number { f64::INFINITY } else { f64::NAN }, |near| near.distance);
+                *distance = if size > 0.0 && self.contains_point(point, &modes) { -size } else { size };
+            }
+        })?;
+        distances(py, found, self.is_near, &points.shape, &[])
+    }
+
+    /// overlapping_box(low, high, *, threads=None, progress=None)
+    ///
+    /// The triangles that overlap each axis-aligned box of world space, touching included: a dict of region, the index of the box, int64,
+    /// instance and primitive, int32, in order of all three. Parameters are those of Bvh.overlapping_box.
+    #[pyo3(signature = (low, high, *, threads=None, progress=None))]
+    fn overlapping_box<'py>(
+        &self,
+        py: Python<'py>,
+        low: &Bound<'py, PyAny>,
+        high: &Bound<'py, PyAny>,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        self.overlaps(&Call::new(py, threads, progress)?, &Regions::boxes(low, high)?)
+    }
+
+    /// overlapping_sphere(center, radius, *, threads=None, progress=None)
+    ///
+    /// The triangles at most radius away from each center, world space: a dict as that of overlapping_box.
+    #[pyo3(signature = (center, radius, *, threads=None, progress=None))]
+    fn overlapping_sphere<'py>(
+        &self,
+        py: Python<'py>,
+        center: &Bound<'py, PyAny>,
+        radius: &Bound<'py, PyAny>,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        self.overlaps(&Call::new(py, threads, progress)?, &Regions::spheres(center, radius)?)
+    }
+
+    /// overlapping_frustum(near, far, *, threads=None, progress=None)
+    ///
+    /// The triangles that overlap each frustum of world space: a dict as that of overlapping_box. Parameters are those of
+    /// Bvh.overlapping_frustum.
+    #[pyo3(signature = (near, far, *, threads=None, progress=None))]
+    fn overlapping_frustum<'py>(
+        &self,
+        py: Python<'py>,
+        near: &Bound<'py, PyAny>,
+        far: &Bound<'py, PyAny>,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        self.overlaps(&Call::new(py, threads, progress)?, &Regions::frusta(near, far)?)
+    }
+
+    #[classmethod]
+    fn _of_parts(
+        _class: &Bound<'_, PyType>,
+        py: Python<'_>,
+        bvhs: &Bound<'_, PyAny>,
+        instances: Vec<(u32, Vec<f32>)>,
+        origin: [f64; 3],
+        is_near: bool,
+    ) -> PyResult<Self> {
+        let instances = instances.into_iter().map(|(blas, columns)| match columns.as_chunks::<3>().0 {
+            &[x, y, z, w] => Ok(Instance::new(blas, Affine { columns: [x, y, z, w] })),
+            _ => Err(invalid(format!("an instance has {} numbers, not 12", columns.len()))),
+        });
+        let instances = instances.collect::<PyResult<Vec<_>>>()?;
+        if !origin.iter().all(|x| x.is_finite()) {
+            return Err(invalid(format!("origin {origin:?} is not finite")));
+        }
+        Self::build(py, meshes(bvhs)?, &instances, (origin, is_near))
+    }
+
+    /// For pickle and copy.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let bvhs = self.geometries.iter().map(|geometry| Py::new(py, Bvh::shared(Arc::clone(geometry))));
+        let instances = self
+            .tlas
+            .instances()
+            .iter()
+            .map(|instance| (instance.blas, instance.world_from_object.columns.as_flattened().to_vec()));
+        let (bvhs, instances) = (bvhs.collect::<PyResult<Vec<_>>>()?, instances.collect::<Vec<_>>());
+        let parts = (bvhs, instances, self.origin, self.is_near).into_pyobject(py)?;
+        Ok((py.get_type::<Self>().getattr("_of_parts")?, parts))
     }
 
     /// stats()
     ///
-    /// Numbers about the Tlas, as a dict: bvhs, instances, triangles (of each mesh once), bytes (of the top level).
+    /// Numbers about the Tlas, as a dict: bvhs, instances, triangles (of each mesh once), bytes (of the top level), origin.
     fn stats<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let stats = PyDict::new(py);
         stats.set_item("bvhs", self.tlas.blas().len())?;
         stats.set_item("instances", self.tlas.n_instances())?;
         stats.set_item("triangles", self.tlas.blas().iter().map(|mesh| mesh.n_primitives()).sum::<usize>())?;
         stats.set_item("bytes", self.tlas.n_bytes())?;
+        stats.set_item("origin", self.origin())?;
         Ok(stats)
     }
 
-    /// The least and the greatest coordinates, (2, 3) float64, world space; inf and -inf without instances.
+    /// The least and the greatest coordinates, (2, 3) float64, world space; None without instances of meshes that have triangles.
     #[getter]
-    fn bounds(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
-        let aabb = self.tlas.aabb();
-        table(py, [aabb.min, aabb.max].as_flattened().iter().map(|&x| f64::from(x)).collect())
+    fn bounds(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
+        let is_empty = |instance: &Instance| self.geometries[instance.blas as usize].mesh.n_primitives() == 0;
+        let instances = self.tlas.instances();
+        if instances.iter().all(is_empty) {
+            return Ok(None);
+        }
+        let aabb = if instances.iter().any(is_empty) {
+            // Those without triangles are points.
+            let corners = instances.iter().filter(|instance| !is_empty(instance)).flat_map(|instance| {
+                let aabb = self.geometries[instance.blas as usize].mesh.aabb();
+                aabb.corners().map(|corner| instance.world_from_object.point(corner))
+            });
+            canted::Aabb::from_points(corners)
+        } else {
+            self.tlas.aabb()
+        };
+        let given = |end: [f32; 3]| -> [f64; 3] { std::array::from_fn(|k| f64::from(end[k]) + self.origin[k]) };
+        Ok(Some(shaped(py, [given(aabb.min), given(aabb.max)].as_flattened().to_vec(), &[2], &[3])?))
+    }
+
+    /// What is subtracted from coordinates, as a tuple of three floats.
+    #[getter]
+    fn origin(&self) -> (f64, f64, f64) {
+        self.origin.into()
     }
 
     fn __len__(&self) -> usize {
@@ -161,9 +449,19 @@ impl Tlas {
 }
 
 /// Rows of a map to world space, translations last.
-type Rows = [[f64; 4]; 3];
+type Rows4 = [[f64; 4]; 3];
 
-const IDENTITY: Rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+const IDENTITY: Rows4 = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+
+/// The meshes of a sequence of BVHs, as they are now.
+fn meshes(bvhs: &Bound<'_, PyAny>) -> PyResult<Vec<Arc<Geometry>>> {
+    let of_item = |(i, bvh): (usize, PyResult<Bound<'_, PyAny>>)| {
+        let bvh = bvh?;
+        let bvh = bvh.cast::<Bvh>().map_err(|_| invalid(format!("item {i} of bvhs is not a Bvh")))?;
+        Ok(bvh.get().geometry())
+    };
+    items(bvhs, "bvhs")?.enumerate().map(of_item).collect()
+}
 
 /// The items of a sequence.
 fn items<'py>(
@@ -174,7 +472,7 @@ fn items<'py>(
 }
 
 /// One item of `instances`.
-fn index_and_matrix(i: usize, instance: &Bound<'_, PyAny>, n_meshes: usize) -> PyResult<(usize, Rows)> {
+fn index_and_matrix(i: usize, instance: &Bound<'_, PyAny>, n_meshes: usize) -> PyResult<(usize, Rows4)> {
     let pair = instance.py().get_type::<PyTuple>().call1((instance,));
     let pair: Vec<Bound<'_, PyAny>> = pair.and_then(|pair| pair.extract()).unwrap_or_default();
     let [index, rows] = &pair[..] else {
@@ -191,11 +489,20 @@ fn index_and_matrix(i: usize, instance: &Bound<'_, PyAny>, n_meshes: usize) -> P
     Ok((index, [x, y, z]))
 }
 
-/// The map of a mesh whose coordinates are less `origin`.
-fn affine(rows: &Rows, origin: [f64; 3]) -> Affine {
+/// The map of a mesh whose coordinates are less `from`, to a space whose coordinates are less `to`.
+fn affine(rows: &Rows4, from: [f64; 3], to: [f64; 3]) -> Affine {
     let column = |j: usize| rows.map(|row| row[j] as f32);
-    let shift = rows.map(|[x, y, z, w]| {
-        if origin == NO_ORIGIN { w as f32 } else { (x * origin[0] + y * origin[1] + z * origin[2] + w) as f32 }
+    let shift: [f64; 3] = std::array::from_fn(|k| {
+        let [x, y, z, w] = rows[k];
+        if from == NO_ORIGIN && to == NO_ORIGIN { w } else { x * from[0] + y * from[1] + z * from[2] + w - to[k] }
     });
-    Affine { columns: [column(0), column(1), column(2), shift] }
+    Affine { columns: [column(0), column(1), column(2), shift.map(|x| x as f32)] }
+}
+
+/// The corners of a placed mesh, world space.
+fn corners(rows: &Rows4, geometry: &Geometry) -> Vec<[f64; 3]> {
+    let Some(bounds) = geometry.bounds() else { return vec![] };
+    let corner = |i: usize| [0, 1, 2].map(|k| bounds[i >> k & 1][k]);
+    let image = |p: [f64; 3]| rows.map(|[x, y, z, w]| x * p[0] + y * p[1] + z * p[2] + w);
+    (0..8).map(|i| image(corner(i))).collect()
 }

@@ -78,11 +78,11 @@ def test_float64_is_rounded_once_after_the_origin_is_subtracted():
     hit = hits.hit
     assert np.array_equal(hits.position[hit], local_hits.position[hit] + shift)
     # Without an origin, float32 cannot tell the vertices apart.
-    assert len(np.unique(canted.Bvh(vertices, triangles).closest_hit(origins, directions).primitive)) < 10
+    assert len(np.unique(canted.Bvh(vertices, triangles, origin=None).closest_hit(origins, directions).primitive)) < 10
     # The origin of a query replaces that of the BVH.
     assert (expected.closest_hit(origins, directions, origin=shift).t == hits.t).all()
     assert (bvh.closest_hit(origins - shift, directions, origin=(0, 0, 0)).t[0] == hits.t[0]).all()
-    assert bvh.origin == tuple(shift) and canted.Bvh(vertices, triangles).origin == (0, 0, 0)
+    assert bvh.origin == tuple(shift) and canted.Bvh(vertices, triangles, origin=None).origin == (0, 0, 0)
     assert (bvh.contains(origins) == expected.contains(origins - shift)).all()
     near, local_near = bvh.nearest(origins), expected.nearest(origins - shift)
     assert (near.distance == local_near.distance).all() and np.array_equal(near.position, local_near.position + shift)
@@ -97,7 +97,8 @@ def test_empty_arrays():
             bvh = canted.Bvh(vertices, triangles)
             assert len(bvh) == 0 and not bvh.closest_hit(ORIGINS, DIRECTIONS).hit.any()
             assert not bvh.contains([[0, 0, 0]])[0] and bvh.nearest([[0, 0, 0]]).primitive[0] == -1
-            assert np.isinf(bvh.signed_distance([[0, 0, 0]]))[0]
+            assert np.isinf(bvh.signed_distance([[0, 0, 0]]))[0] and bvh.bounds is None
+            assert bvh.winding_number([[0, 0, 0]]).tolist() == [0] and bvh.k_nearest([0, 0, 0], 2).primitive.tolist() == [[-1, -1]]
     bvh = canted.Bvh(VERTICES, TRIANGLES)
     for empty in (np.zeros((0, 3), np.float32), []):
         for hits in (bvh.closest_hit(empty, empty), bvh.all_hits(empty, empty), bvh.crossings(empty, empty)):
@@ -128,6 +129,26 @@ def test_rays_that_cannot_hit():
         assert len(bvh.all_hits([[0, 0, 5]], [[0, 0, -1]], *interval)) == 0
     assert not bvh.contains([[np.nan, 0, 0]])[0]
     assert bvh.nearest([[np.inf, 0, 0]]).primitive[0] == -1
+    for short in (1e-39, 1e-44):
+        hits = bvh.all_hits([[0.25, 0.5, 5]] * 2, [[0, 0, -short], [0, 0, -1]])
+        assert hits.ray.tolist() == [1, 1] and np.isfinite(hits.t).all(), "no hit at t = inf"
+
+
+@pytest.mark.parametrize("mode", ["parity", "winding", None])
+def test_points_that_are_not_numbers_have_no_distance(mode):
+    bvh = canted.Bvh(*meshes.box((-1, -1, -1), (1, 1, 1)))
+    tlas = canted.Tlas([bvh])
+    points = [[np.nan, 0, 0], [0, np.nan, np.inf], [0, 0, 0], [np.inf, 0, 0]]
+    for answers in (bvh, tlas):
+        near = answers.nearest(points)
+        assert np.isnan(near.distance[:2]).all() and near.distance[2:].tolist() == [1, np.inf]
+        assert np.isnan(near.position[:2]).all() and (near.primitive[:2] == -1).all()
+        assert np.isnan(answers.k_nearest(points, 3).distance[:2]).all()
+        signed = answers.signed_distance(points, mode)
+        assert np.isnan(signed[:2]).all() and signed[2:].tolist() == [-1, np.inf]
+        assert answers.contains(points, mode).tolist() == [False, False, True, False]
+    winding = bvh.winding_number(points)
+    assert np.isnan(winding[[0, 1, 3]]).all() and abs(winding[2] - 1) < 1e-14
 
 
 BOX, BOX_TRIANGLES = meshes.box()
@@ -155,6 +176,10 @@ BAD_BUILDS = [
     ((BOX, BOX_TRIANGLES), {"triangle_test": "x"}, "triangle_test is 'x'; use watertight, moller-trumbore or baldwin-weber"),
     ((BOX, BOX_TRIANGLES), {"origin": (0, 0)}, "origin has shape (2,), not (3,)"),
     ((BOX, BOX_TRIANGLES), {"origin": (0, np.nan, 0)}, "origin [0.0, NaN, 0.0] is not finite"),
+    ((BOX, BOX_TRIANGLES), {"origin": "far"}, "origin is 'far'; use 'auto', 'near', three numbers or None"),
+    ((BOX, BOX_TRIANGLES), {"progress": "x"}, "progress is a <class 'str'>; use a function of the finished fraction"),
+    ((BOX[:4],), {}, "an array of shape (4, 3) and dtype float32 without triangles is no mesh"),
+    ((object(),), {}, "a object without triangles is no mesh"),
     ((BOX, BOX_TRIANGLES), {"threads": 0}, "0 is not a number of threads from 1 to 1024"),
     ((BOX, BOX_TRIANGLES), {"threads": 1025}, "1025 is not a number of threads from 1 to 1024"),
 ]
@@ -168,10 +193,13 @@ def test_bad_builds_are_value_errors_with_a_sentence(arguments, keywords, senten
 
 
 BAD_RAYS = [
-    ((RAY, RAY[:, :2]), {}, "directions has shape (2, 2), not (n, 3) or (3,)"),
+    ((RAY, RAY[:, :2]), {}, "directions has shape (2, 2), not (n, 3) or (3,) or (..., 3)"),
     ((np.zeros((3, 3)), RAY), {}, "there are 3 origins, but 2 directions"),
     ((np.zeros((1, 3)), RAY), {}, "there are 1 origins, but 2 directions"),
     ((RAY, RAY), {"t_min": [0, 0, 0]}, "t_min has shape (3,); it must be one number or (2,)"),
+    ((np.zeros((2, 4, 3)), np.zeros((4, 2, 3))), {}, "there are origins of shape (2, 4), but directions of shape (4, 2)"),
+    ((np.zeros((2, 4, 3)), RAY[0]), {"t_max": [1, 2]}, "t_max has shape (2,); it must be one number or (2, 4)"),
+    ((RAY, RAY), {"progress": 3}, "progress is a <class 'int'>; use a function of the finished fraction"),
     ((RAY, RAY), {"t_max": "far"}, "t_max has dtype <U3; use float32 or float64"),
     ((RAY, RAY), {"threads": -1}, "-1 is not a number of threads from 1 to 1024"),
     ((RAY, RAY), {"origin": [[0, 0, 0]]}, "origin has shape (1, 3), not (3,)"),

@@ -35,6 +35,30 @@ def test_pickle_and_copy():
         assert other.stats() == bvh.stats() and same(bvh, other)
 
 
+def columns_of(hits):
+    return {name: column for name, column in hits.to_dict().items()}
+
+
+def test_hits_nearest_points_and_instances_are_pickled():
+    """Without the mesh: hits have their positions, whatever happens to it."""
+    bvh = canted.Bvh(VERTICES, TRIANGLES, "fast", origin=(0.25, 0, 0))
+    tlas = canted.Tlas([bvh, canted.Bvh(*meshes.box())], [(1, np.diag([2, 2, 2, 1])), (0, np.eye(4)), (1, np.diag([-1, 1, 3, 1]))])
+    for answers in (bvh, tlas):
+        for hits in (answers.closest_hit(ORIGINS, DIRECTIONS), answers.crossings(ORIGINS, DIRECTIONS), answers.closest_hit([0, 0, -5], [0, 0, 1])):
+            for other in (pickle.loads(pickle.dumps(hits)), copy.deepcopy(hits), copy.copy(hits), pickle.loads(pickle.dumps(hits, 0))):
+                a, b = columns_of(hits), columns_of(other)
+                assert a.keys() == b.keys() and repr(other) == repr(hits) and len(other) == len(hits)
+                assert all(np.array_equal(a[name], b[name], equal_nan=a[name].dtype.kind == "f") and a[name].dtype == b[name].dtype for name in a)
+                assert np.array_equal(other[::2].position, hits[::2].position, equal_nan=True)
+        near = answers.nearest(ORIGINS)
+        other = pickle.loads(pickle.dumps(near))
+        assert (other.distance == near.distance).all() and (other.primitive == near.primitive).all() and (other.position == near.position).all()
+        assert (other.instance is None) == (near.instance is None) and repr(other) == repr(near)
+    for other in (pickle.loads(pickle.dumps(tlas)), copy.deepcopy(tlas)):
+        assert other.stats() == tlas.stats() and (other.bounds == tlas.bounds).all() and same(other, tlas)
+        assert (other.contains(ORIGINS) == tlas.contains(ORIGINS)).all()
+
+
 def test_missing_files_are_os_errors(tmp_path):
     with pytest.raises(FileNotFoundError, match="nothing.bvh"):
         canted.Bvh.load(tmp_path / "nothing.bvh")

@@ -135,6 +135,9 @@ def test_crossings_through_edges_and_vertices_are_balanced(mesh):
     assert entering.sum() > 1500
     # A box is entered once at most.
     assert entering.max() == 1 or len(triangles) > 12
+    # Entering and leaving take turns, also where a ray touches an edge of the outline.
+    turn = np.arange(len(crossings)) - np.searchsorted(crossings.ray, crossings.ray)
+    assert (crossings.entering == (turn % 2 == 0)).all() or (np.diff(crossings.t)[crossings.entering[1:] == crossings.entering[:-1]] != 0).all()
     # The same rays hit several triangles, so the test sees edges.
     every = np.bincount(bvh.all_hits(origins, directions).ray, minlength=3000)
     assert (every > 2).sum() > 1000
@@ -156,17 +159,123 @@ def test_containment_is_exact_on_a_box_and_that_of_solid_angles_on_a_sphere():
     # Nested boxes alternate.
     inner_vertices, inner_triangles = meshes.box((0, 0, 0), (0.5, 0.5, 0.5))
     hollow = canted.Bvh(np.concatenate([vertices, inner_vertices]), np.concatenate([triangles, inner_triangles + 8]))
-    assert not hollow.contains([0.25, 0.25, 0.25])[0] and hollow.contains([0.75, 0.25, 0.25])[0]
+    assert hollow.contains([[0.25, 0.25, 0.25], [0.75, 0.25, 0.25]], mode="parity").tolist() == [False, True]
+    # By winding numbers, where the inner one is turned.
+    turned = canted.Bvh(np.concatenate([vertices, inner_vertices]), np.concatenate([triangles, inner_triangles[:, ::-1] + 8]))
+    for mode in ("parity", "winding", None):
+        assert turned.contains([[0.25, 0.25, 0.25], [0.75, 0.25, 0.25]], mode=mode).tolist() == [False, True]
     vertices, triangles = meshes.sphere(2)
     points = np.random.default_rng(3).uniform(-1.2, 1.2, (2000, 3)).astype(np.float32)
     bvh = canted.Bvh(vertices, triangles)
     far = bvh.nearest(points).distance > 1e-4
     assert far.sum() > 1900
     winding = brute.winding(vertices, triangles, points[far])
-    assert (bvh.contains(points)[far] == (winding > 0.5)).all()
-    signed = bvh.signed_distance(points)
-    assert ((signed[far] < 0) == bvh.contains(points)[far]).all()
+    for mode in ("parity", "winding", None):
+        assert (bvh.contains(points, mode)[far] == (winding > 0.5)).all()
+        signed = bvh.signed_distance(points, mode)
+        assert ((signed[far] < 0) == bvh.contains(points, mode)[far]).all()
+    for tolerance in (0.1, 1e-6, 0.0):
+        # Both sum angles of float64.
+        assert np.abs(bvh.winding_number(points, tolerance)[far] - winding).max() <= tolerance + 1e-11
+    with pytest.raises(ValueError, match="tolerance is -1; use 0 or more"):
+        bvh.winding_number(points, -1)
+    with pytest.raises(ValueError, match="mode is 'both'; use winding or parity"):
+        bvh.contains(points, "both")
     assert (np.abs(signed) == bvh.nearest(points).distance).all()
+
+
+def test_what_is_inside_of_solids_that_overlap_and_of_doubled_faces():
+    one, triangles = meshes.box((0, 0, 0), (2, 2, 2))
+    points = [[1.5, 1.5, 1.5], [0.5, 0.5, 0.5], [2.5, 2.5, 2.5], [4, 4, 4], [2, 2, 2], [0, 1, 1]]
+    two = canted.Bvh(np.concatenate([one, one + 1]), np.concatenate([triangles, triangles + 8]))
+    assert two.contains(points).tolist() == [True, True, True, False, True, True]
+    assert two.contains(points, "parity").tolist() == [False, True, True, False, True, True]
+    assert np.abs(two.winding_number(points)[:4] - [2, 1, 1, 0]).max() < 1e-12 and abs(two.winding_number(points[5])[0] - 0.5) < 1e-12
+    # To the nearest surface, be it inside of the other solid.
+    signed = two.signed_distance(points)
+    assert signed.tolist() == [-0.5, -0.5, -0.5, np.float32(np.sqrt(3)), 0, 0]
+    twice = canted.Bvh(one, np.concatenate([triangles, triangles]))
+    assert twice.contains([1, 1, 1])[0] and not twice.contains([1, 1, 1], "parity")[0] and not twice.contains([3, 1, 1])[0]
+    some = canted.Bvh(one, np.concatenate([triangles, triangles[:2]]))
+    assert some.contains(np.random.default_rng(0).uniform(0.1, 1.9, (1000, 3))).all()
+    # Inside out, and with one face turned: then parity decides.
+    assert canted.Bvh(one, triangles[:, ::-1]).contains([[1, 1, 1], [3, 1, 1]]).tolist() == [True, False]
+    mixed = np.concatenate([triangles[:6], triangles[6:, ::-1]])
+    grid = np.stack(np.meshgrid(*[np.linspace(-0.9, 2.9, 12)] * 3), axis=-1).reshape(-1, 3)
+    bvh = canted.Bvh(one, mixed)
+    assert (bvh.contains(grid) == ((grid >= 0) & (grid <= 2)).all(axis=1)).all()
+    assert (bvh.contains(grid) == bvh.contains(grid, "parity")).all() and (bvh.contains(grid) != bvh.contains(grid, "winding")).any()
+
+
+def test_an_open_scan_has_an_inside():
+    vertices, triangles = meshes.sphere(3)
+    bvh = canted.Bvh(vertices, triangles[vertices[triangles].min(axis=1)[:, 2] > -0.7])
+    points = [[0, 0, 0], [0.5, 0.5, 0.3], [0, 0, -1.5], [1.2, 0, 0], [0.3, 0, 5]]
+    assert bvh.contains(points, "winding").tolist() == [True, True, False, False, False]
+    number = bvh.winding_number(points)
+    assert ((number > 0.5) == [True, True, False, False, False]).all() and (np.abs(number) < 1).all()
+    # Of the part of a sphere above z = -0.7: 1 - (1 - 0.7) / 2, seen from the center.
+    assert abs(number[0] - 0.85) < 0.05
+
+
+def test_zeros_of_both_signs_are_equal():
+    """Loose triangles: each has vertices of its own, with -0.0 or 0.0 by chance."""
+    random = np.random.default_rng(12)
+    corners = np.float32([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
+    faces = [[a, b, c] if (a == 0) == ((b == 2) == (c == 4)) else [a, c, b] for a in (0, 1) for b in (2, 3) for c in (4, 5)]
+    grid = np.stack(np.meshgrid(*[np.arange(-2, 2, 0.5)] * 3), axis=-1).reshape(-1, 3)
+    expected = np.abs(grid).sum(axis=1) <= 1
+    for _ in range(20):
+        loose = corners[faces].reshape(-1, 3)
+        loose = np.where((loose == 0) & (random.random(loose.shape) < 0.5), np.float32(-0.0), loose)
+        bvh = canted.Bvh(loose, np.arange(24).reshape(8, 3))
+        for mode in ("parity", "winding", None):
+            assert (bvh.contains(grid, mode) == expected).all()
+            signed = bvh.signed_distance(grid, mode)
+            assert ((signed <= 0) == expected).all() and ((signed == 0) == (np.abs(grid).sum(axis=1) == 1)).all()
+
+
+def test_regions_overlap_what_they_touch():
+    vertices, triangles = meshes.box()
+    bvh = canted.Bvh(vertices, triangles)
+    low, high = np.float32([[0.25, 0.25, 0.25], [0.25, 0.25, 1.0], [2, 2, 2], [1, 1, 1], [-9, -9, -9]]), np.float32([0.5, 0.5, 0.5])
+    found = bvh.overlapping_box(low, [high, [0.5, 0.5, 3], [3, 3, 3], [0, 0, 0], [9, 9, 9]])
+    assert found["region"].dtype == "int64" and found["primitive"].dtype == "int32" and set(found) == {"region", "primitive"}
+    count = np.bincount(found["region"], minlength=5)
+    # Within the box there is no face; one touches the top; one is elsewhere; one is empty; one has all.
+    assert count.tolist() == [0, count[1], 0, 0, 12] and 1 <= count[1] <= 2
+    assert (vertices[triangles[found["primitive"][found["region"] == 1]]][:, :, 2] == 1).all()
+    assert len(bvh.overlapping_sphere([0.5, 0.5, 0.5], [0.25])["region"]) == 0
+    assert len(bvh.overlapping_sphere([0.5, 0.5, 0.5], 0.5)["region"]) == 12
+    assert bvh.overlapping_sphere([[0.5, 0.5, 5], [0.5, 0.5, 5]], [4.0, 3.5])["region"].tolist() == [0, 0]
+    # A cube whose top is cut by a slanted plane, in both orders of its faces, and a triangle above that plane.
+    near = [[-1, -1, 1.2], [1, -1, 2.8], [1, 1, 2.8], [-1, 1, 1.2]]
+    far = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    above = canted.Bvh([[[-0.9, 0, 2.6], [-0.8, 0, 2.6], [-0.85, 0.1, 2.6]], [[-0.9, 0, 1.1], [-0.8, 0, 1.1], [-0.85, 0.1, 1.1]]])
+    for faces in ((near, far), (far, near)):
+        assert above.overlapping_frustum(*faces)["primitive"].tolist() == [1]
+    with pytest.raises(ValueError, match=r"near has shape \(3, 3\), not \(..., 4, 3\)"):
+        above.overlapping_frustum(near[:3], far)
+    with pytest.raises(ValueError, match=r"there are regions of shape \(5,\) in low, but of shape \(1,\) in high"):
+        bvh.overlapping_box(low, high)
+
+
+def test_the_k_nearest_are_those_of_a_loop():
+    vertices, triangles = meshes.soup(100)
+    points = np.random.default_rng(14).uniform(-2, 2, (4, 25, 3)).astype(np.float32)
+    bvh = canted.Bvh(vertices, triangles)
+    found = bvh.k_nearest(points, 7)
+    assert found.distance.shape == found.primitive.shape == (4, 25, 7) and found.position.shape == (4, 25, 7, 3)
+    assert (bvh.nearest(points).distance == found.distance[..., 0]).all() and bvh.nearest(points).primitive.shape == (4, 25)
+    for point, distance, primitive in zip(points.reshape(-1, 3), found.distance.reshape(-1, 7), found.primitive.reshape(-1, 7)):
+        distances = brute.nearest(vertices, triangles, point)
+        assert np.allclose(distance, np.sort(distances)[:7], rtol=1e-6, atol=1e-7) and len(set(primitive.tolist())) == 7
+    few = bvh.k_nearest(points[0], 300, max_distance=0.25)
+    for distance, primitive in zip(few.distance, few.primitive):
+        n = np.isfinite(distance).sum()
+        assert (distance[:n] <= 0.25).all() and (primitive[n:] == -1).all() and (primitive[:n] >= 0).all()
+    with pytest.raises(ValueError, match="k is 0; use 1 or more"):
+        bvh.k_nearest(points, 0)
 
 
 def test_nearest_points_are_those_of_a_loop():

@@ -61,12 +61,12 @@ def test_every_query_has_the_bits_of_rust(answers, tmp_path, name):
             hits = query(*arguments, threads=threads)
             assert len(hits) == len(rust[name]) > 1000
             assert (hits.ray == rust[name][:, 0]).all() and (rows(hits) == rust[name][:, 1:]).all()
-        assert (bvh.contains(points, threads=threads) == rust["contains"]).all()
+        assert (bvh.contains(points, "parity", threads=threads) == rust["contains"]).all()
         near = bvh.nearest(points, threads=threads)
         assert (near.distance.view(np.uint32) == rust["nearest"][:, 0]).all()
         assert (near.primitive.view(np.uint32) == rust["nearest"][:, 1]).all()
         assert (near.position.astype(np.float32).view(np.uint32) == rust["nearest"][:, 2:]).all()
-        assert (bvh.signed_distance(points, threads=threads).view(np.uint32) == rust["signed"]).all()
+        assert (bvh.signed_distance(points, "parity", threads=threads).view(np.uint32) == rust["signed"]).all()
     # The comparison notices one changed bit.
     hits = bvh.closest_hit(origins, directions, t_min, t_max)
     hits.t.view(np.uint32)[17] ^= 1

@@ -1,5 +1,6 @@
 """Threads, interrupts, forks and leaks."""
 
+import copy
 import multiprocessing
 import os
 import signal
@@ -172,3 +173,82 @@ def test_ten_thousand_builds_do_not_leak():
         build()
     # A leak of the least array, 50 bytes a build, would be half of this.
     assert resident() - before < 1 << 20
+
+
+def test_writing_into_arrays_during_a_build_makes_no_invalid_bvh():
+    """Each row is read once: what was checked is what is used."""
+    base, triangles = meshes.soup(3000)
+    vertices, stop = base.copy(), threading.Event()
+    bad = np.float32([np.nan, np.inf, -np.inf, 1e30, -1e38])
+    origins, directions = meshes.rays(300)
+
+    def write():
+        random = np.random.default_rng(1)
+        i = 0
+        while not stop.is_set():
+            rows = random.integers(0, len(vertices), 200)
+            vertices[rows] = bad[i % 5]
+            vertices[rows] = base[rows]
+            i += 1
+
+    thread = threading.Thread(target=write)
+    thread.start()
+    counts = {"built": 0, "refused": 0}
+    try:
+        for i in range(60):
+            try:
+                bvh = canted.Bvh(vertices, triangles, ["dynamic", "fast", "balanced"][i % 3])
+                bvh.closest_hit(vertices[:300], directions)
+                bvh.nearest(vertices[:300])
+                bvh.contains(vertices[:300])
+                counts["built"] += 1
+                # A damaged BVH would not load.
+                copy.deepcopy(bvh).closest_hit(origins, directions)
+                bvh.refit(vertices)
+            except ValueError as error:
+                assert "has a vertex that is not finite" in str(error)
+                counts["refused"] += 1
+    finally:
+        stop.set()
+        thread.join()
+    assert counts["built"] > 0, counts
+
+
+def test_progress_is_reported_and_may_end_a_call():
+    vertices, triangles = meshes.soup(2000)
+    origins, directions = meshes.rays(100_000)
+    told = []
+    bvh = canted.Bvh(vertices, triangles, progress=told.append)
+    assert told[0] == 0 and told[-1] == 1
+    calls = [
+        lambda tell: bvh.closest_hit(origins, directions, progress=tell),
+        lambda tell: bvh.occluded(origins, directions, progress=tell, threads=1),
+        lambda tell: bvh.all_hits(origins, directions, progress=tell),
+        lambda tell: bvh.crossings(origins, directions, progress=tell),
+        lambda tell: bvh.nearest(origins, progress=tell),
+        lambda tell: bvh.k_nearest(origins, 3, progress=tell),
+        lambda tell: bvh.contains(origins, progress=tell),
+        lambda tell: bvh.winding_number(origins[:1000], progress=tell),
+        lambda tell: bvh.signed_distance(origins, "parity", progress=tell),
+        lambda tell: bvh.overlapping_sphere(origins[:1000], 0.1, progress=tell),
+        lambda tell: canted.Tlas([bvh]).closest_hit(origins, directions, progress=tell),
+    ]
+    n_between = 0
+    for call in calls:
+        told.clear()
+        call(told.append)
+        assert told[-1] == 1 and told == sorted(told) and min(told) >= 0
+        n_between += len(told) - 1
+    assert n_between > 0
+
+    class Enough(Exception):
+        pass
+
+    def end(fraction):
+        raise Enough
+
+    for call in calls:
+        with pytest.raises(Enough):
+            call(end)
+    with pytest.raises(Enough):
+        canted.Bvh(vertices, triangles, progress=end)

@@ -95,6 +95,82 @@ def test_bad_instances_are_value_errors_with_a_sentence(instances, sentence):
         canted.Tlas([3])
 
 
+def world_mesh():
+    """Instances, and the same mesh in world space, in order of (instance, triangle)."""
+    box, ball = meshes.box((-1, -1, -1), (1, 1, 1)), meshes.sphere(2)
+    shear = transform([[2, 1, 0], [0, 1, 0], [0, 0, 0.5]], (0, 6, 0))
+    placed = [(0, transform(shift=(4, 0, 0))), (0, shear), (1, transform(np.eye(3) * 1.5, (-3, 1, 0))), (1, transform(shift=(5, 0.5, 0)))]
+    parts = [((box, ball)[index], matrix) for index, matrix in placed]
+    vertices = [(mesh[0] @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32) for mesh, matrix in parts]
+    starts = np.cumsum([0] + [len(v) for v in vertices])
+    triangles = [mesh[1] + start for (mesh, _), start in zip(parts, starts)]
+    tlas = canted.Tlas([canted.Bvh(*box), canted.Bvh(*ball)], placed)
+    firsts = np.cumsum([0] + [len(part) for part in triangles])[:-1]
+    return tlas, canted.Bvh(np.concatenate(vertices), np.concatenate(triangles)), firsts
+
+
+def test_points_have_the_answers_of_the_mesh_in_world_space():
+    tlas, world, firsts = world_mesh()
+    points = np.random.default_rng(15).uniform(-6, 8, (20, 50, 3))
+    near, expected = tlas.nearest(points), world.nearest(points)
+    assert near.distance.shape == (20, 50) and near.distance.dtype == "float32" and near.instance.dtype == "int32"
+    assert np.allclose(near.distance, expected.distance, rtol=1e-5, atol=1e-5)
+    assert ((firsts[near.instance] + near.primitive) == expected.primitive).mean() > 0.9
+    assert np.abs(np.linalg.norm(near.position - points, axis=-1) - near.distance).max() < 1e-5
+    several, all_expected = tlas.k_nearest(points, 5), world.k_nearest(points, 5)
+    assert several.distance.shape == (20, 50, 5) and np.allclose(several.distance, all_expected.distance, rtol=1e-5, atol=1e-5)
+    assert np.isinf(tlas.nearest(points, max_distance=0.01).distance).mean() > 0.9
+    # The fourth instance overlaps the first.
+    assert tlas.contains([4.9, 0.5, 0])[0]
+    for mode in (None, "winding", "parity"):
+        # By parity the mesh in world space has no inside where two solids overlap.
+        agree = (tlas.contains(points, mode) == world.contains(points, "winding")) | (expected.distance < 1e-4)
+        assert agree.all() and 0.005 < tlas.contains(points, mode).mean() < 0.5
+        signed = tlas.signed_distance(points, mode)
+        assert (np.abs(signed) == near.distance).all() and ((signed < 0) == tlas.contains(points, mode))[near.distance > 0].all()
+
+
+def test_crossings_are_those_of_each_instance():
+    tlas, world, _ = world_mesh()
+    origins, directions = meshes.rays(2000, scale=6.0)
+    crossings, expected = tlas.crossings(origins, directions), world.crossings(origins, directions)
+    counts = [np.bincount(hits.ray, minlength=2000) for hits in (crossings, expected)]
+    # Rays that graze a silhouette may differ.
+    assert (counts[0] != counts[1]).sum() <= 3 and counts[0].sum() > 500
+    assert crossings.instance.shape == crossings.t.shape and (np.diff(crossings.t)[np.diff(crossings.ray) == 0] >= 0).all()
+    loose = canted.Tlas([canted.Bvh(*meshes.box()), canted.Bvh(*meshes.box(), triangle_test="baldwin-weber")])
+    with pytest.raises(ValueError, match="crossings need triangle_test='watertight'; item 1 of bvhs has 'baldwin-weber'"):
+        loose.crossings(origins, directions)
+
+
+def test_regions_overlap_instances_as_the_mesh_in_world_space():
+    tlas, world, firsts = world_mesh()
+    low = np.random.default_rng(16).uniform(-6, 8, (200, 3)).astype(np.float32)
+    high = low + np.float32(1.5)
+    corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    faces = [np.stack([np.stack([low[:, 0] + x * 1.5, low[:, 1] + y * 1.5, low[:, 2] + z], axis=-1) for x, y in corners], axis=1) for z in (0, 1.5)]
+    queries = [
+        lambda answers: answers.overlapping_box(low, high),
+        lambda answers: answers.overlapping_sphere(low, 1.25),
+        lambda answers: answers.overlapping_frustum(*faces),
+    ]
+    for query in queries:
+        found, expected = query(tlas), query(world)
+        assert set(found) == {"region", "instance", "primitive"}
+        found = set(zip(found["region"].tolist(), (firsts[found["instance"]] + found["primitive"]).tolist()))
+        expected = set(zip(expected["region"].tolist(), expected["primitive"].tolist()))
+        # Vertices are rounded in world space: what all but touches may differ.
+        assert len(found) > 200 and len(found ^ expected) <= 3
+
+
+def test_empty_meshes_have_no_bounds():
+    nothing = canted.Bvh(np.zeros((0, 3)), [])
+    box = canted.Bvh(*meshes.box((1, 1, 1), (2, 3, 4)))
+    assert nothing.bounds is None and canted.Tlas([]).bounds is None and canted.Tlas([nothing]).bounds is None
+    assert np.abs(canted.Tlas([nothing, box]).bounds - [[1, 1, 1], [2, 3, 4]]).max() < 1e-5
+
+
 def test_no_instances():
     tlas = canted.Tlas([], [])
+    assert np.isinf(tlas.signed_distance([0, 0, 0]))[0] and not tlas.contains([0, 0, 0])[0] and tlas.nearest([0, 0, 0]).instance[0] == -1
     assert not tlas.occluded([[0, 0, 0]], [[0, 0, 1]])[0] and len(tlas.all_hits([[0, 0, 0]], [[0, 0, 1]])) == 0

@@ -11,7 +11,7 @@ import pytest
 N_ROUNDS = 1500
 
 # What may be raised: other types of arguments than arrays are Python's TypeError.
-ORDINARY = (ValueError, TypeError, OSError, MemoryError, OverflowError)
+ORDINARY = (ValueError, TypeError, IndexError, OSError, MemoryError, OverflowError)
 
 
 def ugly(random, shapes):
@@ -56,7 +56,7 @@ def calls(random):
     vertices = ugly(random, [(6, 3), (1, 3), (0, 3)]) if random.random() < 0.5 else random.uniform(-1, 1, (6, 3))
     options = {"preset": number(random, "fast"), "triangle_test": number(random, "watertight")}
     if random.random() < 0.3:
-        options["origin"] = ugly(random, [(3,)])
+        options["origin"] = ugly(random, [(3,)]) if random.random() < 0.7 else random.choice(["near", "auto"])
     try:
         bvh = canted.Bvh(vertices, triangles(random, 6), **options)
     except ORDINARY:
@@ -68,11 +68,22 @@ def calls(random):
         yield lambda name=name, interval=interval: getattr(bvh, name)(one(), one(), *interval, threads=number(random, 1))
     yield lambda: bvh.closest_hit(one(), one(), origin=one()).position
     yield lambda: bvh.contains(one(), origin=number(random, None))
+    yield lambda: bvh.contains(one(), number(random, "winding"))
+    yield lambda: bvh.winding_number(one(), number(random, 0.1))
+    yield lambda: bvh.k_nearest(one(), number(random, 3), number(random, 1.0)).position
+    yield lambda: bvh.overlapping_box(one(), one())
+    yield lambda: bvh.overlapping_sphere(one(), ugly(random, [(), (4,)]))
+    yield lambda: bvh.overlapping_frustum(ugly(random, [(4, 3), (2, 4, 3)]), ugly(random, [(4, 3), (2, 4, 3)]))
+    yield lambda: bvh.all_hits(one(), one())[ugly(random, [(), (2,)])].normal
+    yield lambda: canted.Bvh(ugly(random, [(2, 3, 3), (6, 3)])).vertices
     yield lambda: bvh.nearest(one(), number(random, 2.0)).position
     yield lambda: bvh.signed_distance(one(), threads=number(random, 2))
     yield lambda: bvh.refit(one())
     yield lambda: bvh.refit(random.uniform(-1, 1, (6, 3)) * 10.0 ** random.integers(-40, 39))
     yield lambda: canted.Tlas([bvh, bvh], [(number(random, 1), ugly(random, [(4, 4)]))]).all_hits(one(), one()).normal
+    yield lambda: canted.Tlas([bvh]).signed_distance(one(), number(random, None))
+    yield lambda: canted.Tlas([bvh]).overlapping_box(one(), one())
+    yield lambda: pickle.loads(pickle.dumps(canted.Tlas([bvh], [(0, ugly(random, [(4, 4)]))]).closest_hit(one(), one())))
     yield lambda: canted.Tlas(number(random, [bvh]), number(random, None)).closest_hit(one(), one())
     yield lambda: (bvh.stats(), bvh.bounds, repr(bvh), copy.deepcopy(bvh), pickle.loads(pickle.dumps(bvh)))
     yield lambda: canted.Bvh._from_bytes(damaged(random, bvh.__reduce__()[1][0]))

@@ -8,7 +8,7 @@
 >>> hits.t[0].item(), hits.primitive[0].item(), hits.position[0].tolist()
 (1.0, 0, [0.25, 0.5, 0.0])
 
-Every answer is that of a loop over all triangles; there is no epsilon. Bvh and Tlas answer queries. canted.trimesh and
+Every answer is that of a loop over all triangles; there is no epsilon. Bvh, also of a mesh of trimesh or Open3D, and Tlas answer queries. canted.trimesh and
 canted.open3d have the interfaces of these packages. render makes pictures; it needs the package canted_render.
 """
 

@@ -1,5 +1,5 @@
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, Optional, Union
 
 import numpy as np
@@ -9,10 +9,13 @@ __version__: str
 
 _Preset = Literal["dynamic", "fast", "balanced", "quality"]
 _Test = Literal["watertight", "moller-trumbore", "baldwin-weber"]
+_Mode = Literal["winding", "parity"]
+_Progress = Callable[[float], object]
+_Reals = Union[NDArray[np.float32], NDArray[np.float64]]
 
 class Hits:
     @property
-    def t(self) -> NDArray[np.float32]: ...
+    def t(self) -> _Reals: ...
     @property
     def primitive(self) -> NDArray[np.int32]: ...
     @property
@@ -31,13 +34,19 @@ class Hits:
     def position(self) -> NDArray[np.float64]: ...
     @property
     def normal(self) -> NDArray[np.float64]: ...
+    def to_dict(self) -> dict[str, NDArray[Any]]: ...
+    def __getitem__(self, index: Any) -> Hits: ...
+    def __iter__(self) -> Iterator[Hits]: ...
     def __len__(self) -> int: ...
+    def __bool__(self) -> bool: ...
 
 class Nearest:
     @property
-    def distance(self) -> NDArray[np.float32]: ...
+    def distance(self) -> _Reals: ...
     @property
     def primitive(self) -> NDArray[np.int32]: ...
+    @property
+    def instance(self) -> Optional[NDArray[np.int32]]: ...
     @property
     def position(self) -> NDArray[np.float64]: ...
     def __len__(self) -> int: ...
@@ -45,14 +54,27 @@ class Nearest:
 class Bvh:
     def __init__(
         self,
-        vertices: ArrayLike,
-        triangles: ArrayLike,
+        vertices: Any,
+        triangles: Optional[ArrayLike] = None,
         preset: _Preset = "balanced",
         triangle_test: _Test = "watertight",
         *,
-        origin: Optional[ArrayLike] = None,
+        aligned: bool = False,
+        origin: Union[Literal["auto", "near"], ArrayLike, None] = "auto",
         threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
     ) -> None: ...
+    @staticmethod
+    def from_mesh(
+        mesh: Any,
+        preset: _Preset = "balanced",
+        triangle_test: _Test = "watertight",
+        *,
+        aligned: bool = False,
+        origin: Union[Literal["auto", "near"], ArrayLike, None] = "auto",
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> Bvh: ...
     def closest_hit(
         self,
         origins: ArrayLike,
@@ -62,6 +84,7 @@ class Bvh:
         *,
         origin: Optional[ArrayLike] = None,
         threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
     ) -> Hits: ...
     def occluded(
         self,
@@ -72,6 +95,7 @@ class Bvh:
         *,
         origin: Optional[ArrayLike] = None,
         threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
     ) -> NDArray[np.bool_]: ...
     def all_hits(
         self,
@@ -82,6 +106,7 @@ class Bvh:
         *,
         origin: Optional[ArrayLike] = None,
         threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
     ) -> Hits: ...
     def crossings(
         self,
@@ -92,10 +117,26 @@ class Bvh:
         *,
         origin: Optional[ArrayLike] = None,
         threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
     ) -> Hits: ...
     def contains(
-        self, points: ArrayLike, *, origin: Optional[ArrayLike] = None, threads: Optional[int] = None
+        self,
+        points: ArrayLike,
+        mode: Optional[_Mode] = None,
+        *,
+        origin: Optional[ArrayLike] = None,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
     ) -> NDArray[np.bool_]: ...
+    def winding_number(
+        self,
+        points: ArrayLike,
+        tolerance: float = ...,
+        *,
+        origin: Optional[ArrayLike] = None,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> NDArray[np.float64]: ...
     def nearest(
         self,
         points: ArrayLike,
@@ -103,17 +144,65 @@ class Bvh:
         *,
         origin: Optional[ArrayLike] = None,
         threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> Nearest: ...
+    def k_nearest(
+        self,
+        points: ArrayLike,
+        k: int,
+        max_distance: float = ...,
+        *,
+        origin: Optional[ArrayLike] = None,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
     ) -> Nearest: ...
     def signed_distance(
-        self, points: ArrayLike, *, origin: Optional[ArrayLike] = None, threads: Optional[int] = None
-    ) -> NDArray[np.float32]: ...
+        self,
+        points: ArrayLike,
+        mode: Optional[_Mode] = None,
+        *,
+        origin: Optional[ArrayLike] = None,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> _Reals: ...
+    def overlapping_box(
+        self,
+        low: ArrayLike,
+        high: ArrayLike,
+        *,
+        origin: Optional[ArrayLike] = None,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> dict[str, NDArray[Any]]: ...
+    def overlapping_sphere(
+        self,
+        center: ArrayLike,
+        radius: ArrayLike,
+        *,
+        origin: Optional[ArrayLike] = None,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> dict[str, NDArray[Any]]: ...
+    def overlapping_frustum(
+        self,
+        near: ArrayLike,
+        far: ArrayLike,
+        *,
+        origin: Optional[ArrayLike] = None,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> dict[str, NDArray[Any]]: ...
     def refit(self, vertices: ArrayLike, *, threads: Optional[int] = None) -> dict[str, Any]: ...
     def save(self, path: Union[str, os.PathLike[str]]) -> None: ...
     @staticmethod
     def load(path: Union[str, os.PathLike[str]]) -> Bvh: ...
     def stats(self) -> dict[str, Any]: ...
     @property
-    def bounds(self) -> NDArray[np.float64]: ...
+    def vertices(self) -> NDArray[np.float64]: ...
+    @property
+    def triangles(self) -> NDArray[np.int64]: ...
+    @property
+    def bounds(self) -> Optional[NDArray[np.float64]]: ...
     @property
     def origin(self) -> tuple[float, float, float]: ...
     def __len__(self) -> int: ...
@@ -130,6 +219,7 @@ class Tlas:
         t_max: Optional[ArrayLike] = None,
         *,
         threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
     ) -> Hits: ...
     def occluded(
         self,
@@ -139,6 +229,7 @@ class Tlas:
         t_max: Optional[ArrayLike] = None,
         *,
         threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
     ) -> NDArray[np.bool_]: ...
     def all_hits(
         self,
@@ -148,8 +239,78 @@ class Tlas:
         t_max: Optional[ArrayLike] = None,
         *,
         threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
     ) -> Hits: ...
+    def crossings(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        t_min: Optional[ArrayLike] = None,
+        t_max: Optional[ArrayLike] = None,
+        *,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> Hits: ...
+    def contains(
+        self,
+        points: ArrayLike,
+        mode: Optional[_Mode] = None,
+        *,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> NDArray[np.bool_]: ...
+    def nearest(
+        self,
+        points: ArrayLike,
+        max_distance: float = ...,
+        *,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> Nearest: ...
+    def k_nearest(
+        self,
+        points: ArrayLike,
+        k: int,
+        max_distance: float = ...,
+        *,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> Nearest: ...
+    def signed_distance(
+        self,
+        points: ArrayLike,
+        mode: Optional[_Mode] = None,
+        *,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> _Reals: ...
+    def overlapping_box(
+        self,
+        low: ArrayLike,
+        high: ArrayLike,
+        *,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> dict[str, NDArray[Any]]: ...
+    def overlapping_sphere(
+        self,
+        center: ArrayLike,
+        radius: ArrayLike,
+        *,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> dict[str, NDArray[Any]]: ...
+    def overlapping_frustum(
+        self,
+        near: ArrayLike,
+        far: ArrayLike,
+        *,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> dict[str, NDArray[Any]]: ...
     def stats(self) -> dict[str, Any]: ...
     @property
-    def bounds(self) -> NDArray[np.float64]: ...
+    def bounds(self) -> Optional[NDArray[np.float64]]: ...
+    @property
+    def origin(self) -> tuple[float, float, float]: ...
     def __len__(self) -> int: ...

@@ -5,12 +5,15 @@
 >>> geometry_id = scene.add_triangles(vertices, triangles)
 >>> scene.cast_rays(rays)["t_hit"]
 
-Open3D is not needed. Arguments are arrays or tensors, results are NumPy arrays of the same shapes and types.
+Open3D is not needed. Arguments are arrays or tensors, results are NumPy arrays of the same shapes and types. Where vertices are float64 and
+rounding would move one by more than 1e-4 of the smallest edge, an origin near the meshes is chosen, and distances, t and points are float64.
 """
 
 import numpy as np
 
 from ._canted import Bvh
+from .mesh import array_of as _array
+from .mesh import arrays_of
 
 __all__ = ["RaycastingScene"]
 
@@ -20,7 +23,7 @@ class RaycastingScene:
 
     The names and meanings of Open3D's class, with these differences: rays through edges and vertices count each crossing of a
     surface once in count_intersections and list_intersections; signs and occupancy are exact, so nsamples changes nothing;
-    misses have normals and coordinates of zero.
+    misses have normals and coordinates of zero; inside means that a ray crosses the meshes an odd number of times.
 
     Parameters
     ----------
@@ -45,9 +48,9 @@ class RaycastingScene:
 
         Parameters
         ----------
-        vertex_positions : (n, 3) float32
+        vertex_positions : (n, 3) float32 or float64
         triangle_indices : (m, 3) integers
-        mesh : open3d.t.geometry.TriangleMesh
+        mesh : open3d.t.geometry.TriangleMesh, open3d.geometry.TriangleMesh or trimesh.Trimesh
 
         Returns
         -------
@@ -62,7 +65,7 @@ class RaycastingScene:
         names = ("vertex_positions", "triangle_indices")
         if len(args) + len(kwargs) == 1:
             (mesh,) = args or kwargs.values()
-            vertices, triangles = mesh.vertex.positions, mesh.triangle.indices
+            vertices, triangles = arrays_of(mesh)
         else:
             given = {**dict(zip(names, args)), **kwargs}
             if set(given) != set(names) or len(args) > 2:
@@ -71,7 +74,8 @@ class RaycastingScene:
         vertices, triangles = _array(vertices), _array(triangles)
         # Checks the mesh alone, so that errors name its own triangles; cheap compared with the build of the scene.
         Bvh(vertices, triangles, preset="fast")
-        self._vertices.append(np.asarray(vertices, dtype=np.float32).reshape(-1, 3))
+        precision = np.float32 if vertices.dtype == np.float32 else np.float64
+        self._vertices.append(vertices.astype(precision).reshape(-1, 3))
         self._triangles.append(np.asarray(triangles, dtype=np.int64).reshape(-1, 3) + self._n_vertices)
         self._n_vertices += len(self._vertices[-1])
         self._starts.append(self._starts[-1] + len(self._triangles[-1]))
@@ -151,7 +155,7 @@ class RaycastingScene:
         geometry, primitive = self._ids(nearest.primitive)
         uvs, normals = self._surface(nearest.primitive, nearest.position)
         return {
-            "points": nearest.position.astype(np.float32).reshape(*shape, 3),
+            "points": nearest.position.astype(nearest.distance.dtype).reshape(*shape, 3),
             "geometry_ids": geometry.reshape(shape),
             "primitive_ids": primitive.reshape(shape),
             "primitive_uvs": uvs.astype(np.float32).reshape(*shape, 2),
@@ -166,12 +170,12 @@ class RaycastingScene:
     def compute_signed_distance(self, query_points, nthreads=0, nsamples=1):
         """Distance to closed meshes, negative inside: (...,) float32. nsamples changes nothing."""
         points, shape = _points(query_points)
-        return self._bvh().signed_distance(points, threads=self._threads(nthreads)).reshape(shape)
+        return self._bvh().signed_distance(points, mode="parity", threads=self._threads(nthreads)).reshape(shape)
 
     def compute_occupancy(self, query_points, nthreads=0, nsamples=1):
         """1 for points inside of closed meshes or on them, else 0: (...,) float32. nsamples changes nothing."""
         points, shape = _points(query_points)
-        return self._bvh().contains(points, threads=self._threads(nthreads)).astype(np.float32).reshape(shape)
+        return self._bvh().contains(points, mode="parity", threads=self._threads(nthreads)).astype(np.float32).reshape(shape)
 
     @staticmethod
     def create_rays_pinhole(*args, **kwargs):
@@ -260,11 +264,6 @@ def _matrices(fov_deg, center, eye, up, width_px, height_px):
     extrinsic[:3, 3] = -extrinsic[:3, :3] @ eye
     focal_px = 0.5 * width_px / np.tan(0.5 * np.deg2rad(fov_deg))
     return np.array([[focal_px, 0, 0.5 * width_px], [0, focal_px, 0.5 * height_px], [0, 0, 1]]), extrinsic
-
-
-def _array(argument):
-    """A NumPy array of a tensor or of anything else."""
-    return np.asarray(argument.numpy() if hasattr(argument, "numpy") else argument)
 
 
 def _rays(rays):

@@ -13,7 +13,6 @@ import trimesh as _trimesh
 from trimesh import caching as _caching
 
 from ._canted import Bvh
-from .frame import origin_of, start_near
 
 __all__ = ["RayMeshIntersector", "disable", "enable"]
 
@@ -52,7 +51,7 @@ class RayMeshIntersector:
         """The canted.Bvh of the mesh."""
         vertices = np.asarray(self.mesh.vertices, dtype=np.float64).reshape(-1, 3)
         faces = np.asarray(self.mesh.faces, dtype=np.int64).reshape(-1, 3)
-        return Bvh(vertices, faces, origin=origin_of(vertices), threads=self._threads)
+        return Bvh(vertices, faces, origin="near", threads=self._threads)
 
     def intersects_location(self, ray_origins, ray_directions, multiple_hits=True, **kwargs):
         """Where rays hit the mesh.
@@ -99,12 +98,11 @@ class RayMeshIntersector:
             Only with return_locations.
         """
         origins, directions = _rays(ray_origins, ray_directions)
-        starts = start_near(origins, directions, self.bvh.bounds)
         if multiple_hits:
-            hits = self.bvh.crossings(starts, directions, threads=self._threads)
+            hits = self.bvh.crossings(origins, directions, threads=self._threads)
             rows = slice(None) if max_hits is None else _first_of_each(hits.ray, max_hits)
         else:
-            hits = self.bvh.closest_hit(starts, directions, threads=self._threads)
+            hits = self.bvh.closest_hit(origins, directions, threads=self._threads)
             rows = hits.hit
         index_tri, index_ray = hits.primitive[rows].astype(np.int64), hits.ray[rows]
         if not return_locations:
@@ -115,24 +113,24 @@ class RayMeshIntersector:
     def intersects_first(self, ray_origins, ray_directions):
         """The first triangle that each ray hits: (n,) int64, -1 for a miss."""
         origins, directions = _rays(ray_origins, ray_directions)
-        starts = start_near(origins, directions, self.bvh.bounds)
-        return self.bvh.closest_hit(starts, directions, threads=self._threads).primitive.astype(np.int64)
+        return self.bvh.closest_hit(origins, directions, threads=self._threads).primitive.astype(np.int64)
 
     def intersects_any(self, ray_origins, ray_directions):
         """Whether each ray hits the mesh: (n,) bool."""
         origins, directions = _rays(ray_origins, ray_directions)
-        starts = start_near(origins, directions, self.bvh.bounds)
-        return self.bvh.occluded(starts, directions, threads=self._threads)
+        return self.bvh.occluded(origins, directions, threads=self._threads)
 
     def contains_points(self, points):
-        """Whether each point, (n, 3) float, is inside of the closed mesh or on its surface: (n,) bool."""
+        """Whether each point, (n, 3) float, is inside of the closed mesh or on its surface, by parity as in trimesh: (n,) bool."""
         points = np.asanyarray(points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError("points must be (n,3)")
-        return self.bvh.contains(points, threads=self._threads)
+        return self.bvh.contains(points, mode="parity", threads=self._threads)
 
     def _locations(self, origins, directions, index_tri, index_ray, u, v):
         """Hit points of the float64 rays on the float64 mesh."""
+        if len(index_tri) == 0:
+            return np.zeros((0, 3))
         a, b, c = np.swapaxes(np.asarray(self.mesh.triangles, dtype=np.float64)[index_tri], 0, 1)
         o, d = origins[index_ray], directions[index_ray]
         by_corners = a + u[:, None] * (b - a) + v[:, None] * (c - a)

@@ -1,0 +1,119 @@
+//! An origin that keeps `float32` coordinates accurate, and rays that start near a mesh.
+
+use canted::Aabb;
+use pyo3::prelude::*;
+
+use crate::arrays;
+use crate::error::invalid;
+
+/// A mesh is traced relative to an origin where rounding moves a vertex by more than this part of its smallest edge.
+const HARMFUL: f64 = 1e-4;
+
+/// How far outside of the sphere around a mesh rays start, relative to its radius: far more than roundings of `f64` and of the `f32`
+/// coordinates, so that no hit lies before the start.
+const MARGIN: f64 = 1.0 + 1.0 / 1024.0;
+
+/// The argument `origin` of a mesh as Python passes it.
+#[derive(FromPyObject)]
+pub(crate) enum OriginArgument<'py> {
+    Name(String),
+    Other(Bound<'py, PyAny>),
+}
+
+/// How the origin of a mesh is chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Origin {
+    /// Near the mesh, where rounding without an origin is harmful.
+    Auto,
+    /// Near the mesh.
+    Near,
+    /// Given; results are `float32`.
+    At([f64; 3]),
+}
+
+impl OriginArgument<'_> {
+    pub(crate) fn auto() -> Self {
+        Self::Name("auto".to_owned())
+    }
+
+    pub(crate) fn read(&self) -> PyResult<Origin> {
+        match self {
+            Self::Name(name) => match &name[..] {
+                "auto" => Ok(Origin::Auto),
+                "near" => Ok(Origin::Near),
+                _ => Err(invalid(format!("origin is '{name}'; use 'auto', 'near', three numbers or None"))),
+            },
+            Self::Other(given) if given.is_none() => Ok(Origin::At(arrays::NO_ORIGIN)),
+            Self::Other(given) => Ok(Origin::At(arrays::origin(Some(given))?.unwrap_or(arrays::NO_ORIGIN))),
+        }
+    }
+}
+
+/// Whether rounding to `f32` moves a vertex by more than [`HARMFUL`] of the smallest edge that has a length.
+pub(crate) fn is_rounding_harmful(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> bool {
+    let squared = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum::<f64>();
+    let (mut greatest, mut smallest) = (0.0_f64, f64::INFINITY);
+    for triangle in triangles {
+        // A build reports indices that are out of range.
+        let [Some(&a), Some(&b), Some(&c)] = triangle.map(|index| vertices.get(index as usize)) else { return false };
+        for (start, end) in [(a, b), (b, c), (c, a)] {
+            greatest = greatest.max(squared(start, start.map(|x| f64::from(x as f32))));
+            let edge = squared(start, end);
+            if edge > 0.0 {
+                smallest = smallest.min(edge);
+            }
+        }
+    }
+    smallest.is_finite() && greatest > HARMFUL * HARMFUL * smallest
+}
+
+/// A point to subtract from vertices before they are rounded to `f32`.
+///
+/// It is within one extent of them, so that an error of `f32` is relative to the extent and not to the distance from zero. It is a multiple
+/// of a power of two above the extent, so that integers and other short numbers stay exact, and zero for a mesh around zero.
+pub(crate) fn origin_of(vertices: impl IntoIterator<Item = [f64; 3]>) -> [f64; 3] {
+    let finite = vertices.into_iter().filter(|vertex| vertex.iter().all(|x| x.is_finite()));
+    let bounds = finite.map(|vertex| [vertex; 2]).reduce(|[low, high], [vertex, _]| {
+        [std::array::from_fn(|k| low[k].min(vertex[k])), std::array::from_fn(|k| high[k].max(vertex[k]))]
+    });
+    let Some([low, high]) = bounds else { return arrays::NO_ORIGIN };
+    let extent = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
+    if extent == 0.0 {
+        // All vertices at one point, which becomes zero.
+        return low;
+    }
+    let unit = extent.log2().ceil().exp2();
+    let near: [f64; 3] = std::array::from_fn(|k| ((low[k] / 2.0 + high[k] / 2.0) / unit).round_ties_even() * unit);
+    // Not so where the extent overflows.
+    if near.iter().all(|x| x.is_finite()) { near } else { arrays::NO_ORIGIN }
+}
+
+/// The sphere around a mesh, relative to its origin.
+#[derive(Clone, Copy)]
+pub(crate) struct Near {
+    center: [f64; 3],
+    radius: f64,
+}
+
+impl Near {
+    pub(crate) fn new(bounds: &Aabb) -> Self {
+        let [low, high] = [bounds.min, bounds.max].map(|end| end.map(f64::from));
+        let half: [f64; 3] = std::array::from_fn(|k| 0.5 * (high[k] - low[k]));
+        Self { center: std::array::from_fn(|k| low[k] + half[k]), radius: dot(half, half).sqrt() }
+    }
+
+    /// The `t` at which a ray reaches the sphere; zero for one that starts there, or whose `t` is not finite.
+    ///
+    /// Rounding a direction to `f32` moves a hit by the distance times 2^-24: from near the mesh that is little.
+    #[inline]
+    pub(crate) fn start(&self, origin: [f64; 3], direction: [f64; 3]) -> f64 {
+        let squared = dot(direction, direction);
+        let to_center = std::array::from_fn(|k| self.center[k] - origin[k]);
+        let t = (dot(to_center, direction) - self.radius * MARGIN * squared.sqrt()) / squared;
+        if t.is_finite() { t.max(0.0) } else { 0.0 }
+    }
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
