@@ -154,8 +154,8 @@ pub(crate) const LONG: [Long; 5] = [
     Long { name: "extremes", cargo: BUILD_BENCH, built: Some("canted-bench"), program: &["extremes"] },
     Long {
         name: "fuzz",
-        // In the test profile, which checks for overflow. Requires a C++ compiler.
-        cargo: &["run", "--package", "canted-scene", "--example", "fuzz", "--features", "meshopt,ktx2"],
+        // In the test profile, which checks for overflow.
+        cargo: &["run", "--package", "canted-scene", "--example", "fuzz"],
         built: None,
         program: &[],
     },

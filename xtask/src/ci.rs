@@ -34,13 +34,12 @@ impl End {
 
 type Step = (&'static str, fn() -> Result<End>);
 
-const STEPS: [Step; 13] = [
+const STEPS: [Step; 12] = [
     ("formatting", formatting),
     ("tidy", || tidy::run().map(End::of)),
     ("lints", lints),
     ("documentation", documentation),
     ("features", features),
-    ("optional readers", optional_readers),
     ("oldest compiler", oldest_compiler),
     ("wasm32", wasm),
     ("dependencies", dependencies),
@@ -144,12 +143,7 @@ fn features() -> Result<End> {
         let needs_math = features.iter().any(|feature| feature == "libm");
         let none = (!needs_math).then_some("");
         // Windows of other systems and their toolkit take minutes; `cargo clippy -p canted-cli --features view` checks it.
-        let has_cpp = command::output("c++", &["--version"]).is_ok();
-        if !has_cpp && features.iter().any(|feature| feature == "meshopt") {
-            say(&format!("skipped {package}, meshopt: no C++ compiler"));
-        }
-        let features = features.iter().map(String::as_str);
-        let features = features.filter(|&feature| feature != "view" && (has_cpp || feature != "meshopt"));
+        let features = features.iter().map(String::as_str).filter(|&feature| feature != "view");
         for feature in none.into_iter().chain(features) {
             say(&format!("{package}, {}", if feature.is_empty() { "no feature" } else { feature }));
             let root = if needs_math && feature != "libm" { "std," } else { "" };
@@ -160,17 +154,6 @@ fn features() -> Result<End> {
         }
     }
     Ok(End::of(is_well))
-}
-
-/// Tests the readers that are off by default; that of `meshopt` requires a C++ compiler.
-fn optional_readers() -> Result<End> {
-    let has_cpp = command::output("c++", &["--version"]).is_ok();
-    if !has_cpp {
-        say("skipped meshopt: no C++ compiler");
-    }
-    let features = if has_cpp { "meshopt,ktx2" } else { "ktx2" };
-    let args = ["test", "--package", "canted-scene", "--lib", "--test", "scene", "--features", features, "--"];
-    succeeds(cargo(&args).args(["ktx2", "files::", "gltf::tests::materials"])).map(End::of)
 }
 
 /// Checks the library with the oldest supported compiler, where it is installed.

@@ -116,8 +116,6 @@ fn run() -> Result<ExitCode> {
 #[must_use]
 pub fn main() -> ExitCode {
     process::install_handlers();
-    #[cfg(feature = "ktx2")]
-    process::quieten_panics();
     run().unwrap_or_else(|error| {
         if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) {
             return ExitCode::from(process::EXIT_CODE);

@@ -1,9 +1,7 @@
-//! The process: signals that end it (Ctrl-C, and SIGTERM and SIGHUP, by which schedulers end a job), panics that are caught, and its memory.
+//! The process: signals that end it (Ctrl-C, and SIGTERM and SIGHUP, by which schedulers end a job), and its memory.
 //!
 //! No half-written file remains, whether the work stops by itself or the process ends at once.
 
-#[cfg(feature = "ktx2")]
-use std::panic;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The exit code of an interrupted run, as shells report it.
@@ -94,43 +92,5 @@ pub(crate) fn human(n_bytes: u64) -> String {
         1000..1_000_000 => format!("{:.1} kB", n / 1e3),
         1_000_000..1_000_000_000 => format!("{:.1} MB", n / 1e6),
         _ => format!("{:.2} GB", n / 1e9),
-    }
-}
-
-/// Crates whose panics `canted-scene` catches, as they are in the paths of their sources. They are errors of a file, which is reported
-/// with its name, and print nothing themselves.
-#[cfg(feature = "ktx2")]
-const CAUGHT: [&str; 2] = ["basisu", "ktx2"];
-
-/// Prints panics as before, except those that are caught.
-#[cfg(feature = "ktx2")]
-pub(crate) fn quieten_panics() {
-    let print = panic::take_hook();
-    panic::set_hook(Box::new(move |info: &panic::PanicHookInfo<'_>| {
-        if !info.location().is_some_and(|at| is_caught(at.file())) {
-            print(info);
-        }
-    }));
-}
-
-/// Whether a source file is one of those crates: `.../ktx2-0.5.0/src/lib.rs`.
-#[cfg(feature = "ktx2")]
-fn is_caught(file: &str) -> bool {
-    let mut folders = file.split(['/', '\\']);
-    folders.any(|folder| folder.split_once('-').is_some_and(|(name, _)| CAUGHT.contains(&name)))
-}
-
-#[cfg(all(test, feature = "ktx2"))]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_panics_of_these_crates_are_silent() {
-        for file in ["/registry/src/index/ktx2-0.5.0/src/lib.rs", "C:\\src\\basisu-0.1.0\\src\\etc1s.rs"] {
-            assert!(is_caught(file), "{file}");
-        }
-        for file in ["crates/scene/src/read/ktx2.rs", "/src/index/png-0.17/src/lib.rs", "library/core/src/option.rs"] {
-            assert!(!is_caught(file), "{file}");
-        }
     }
 }

@@ -35,8 +35,7 @@
 //! # Guarantees
 //!
 //! * No input makes a reader panic, loop forever, or read outside the folder of the file it was given, unless [`ReadOptions`] permit it.
-//!   [`SceneFile`] is the exception: its author chooses the paths. The feature `ktx2` relies on unwinding for this: with `panic = "abort"` a
-//!   malformed KTX2 texture may end the program.
+//!   [`SceneFile`] is the exception: its author chooses the paths.
 //! * In a [`Scene`] every index is in range, every referenced position is finite, every transform is invertible, and every
 //!   texture has `width * height` texels.
 //! * What a reader repairs or skips is reported once in [`Scene::warnings`].
@@ -49,7 +48,7 @@
 //!
 //! # Features
 //!
-//! All but the last two are on by default. A mesh that needs an absent one is an error, and a texture a warning, that names
+//! All are on by default. A mesh that needs an absent one is an error, and a texture a warning, that names
 //! the feature.
 //!
 //! | feature | purpose |
@@ -58,8 +57,8 @@
 //! | `off` | OFF meshes |
 //! | `gzip` | meshes compressed by gzip, such as `model.obj.gz` |
 //! | `bmp`, `tga`, `tiff`, `webp` | textures of these formats; PNG and JPEG are always read |
-//! | `meshopt` | glTF compressed by `EXT_meshopt_compression` or `KHR_meshopt_compression`; requires a C++ compiler |
 //! | `ktx2` | KTX2 textures and `KHR_texture_basisu`: 8 bits per channel or Basis Universal, also compressed by Zstandard |
+//! | `draco` | glTF compressed by `KHR_draco_mesh_compression` |
 #![forbid(unsafe_code)]
 
 #[cfg(test)]
@@ -97,6 +96,6 @@ pub const FEATURES: [(&str, bool); 9] = [
     ("tga", cfg!(feature = "tga")),
     ("tiff", cfg!(feature = "tiff")),
     ("webp", cfg!(feature = "webp")),
-    ("meshopt", cfg!(feature = "meshopt")),
     ("ktx2", cfg!(feature = "ktx2")),
+    ("draco", cfg!(feature = "draco")),
 ];

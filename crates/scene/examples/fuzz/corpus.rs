@@ -32,6 +32,8 @@ pub(crate) enum Kind {
     Ktx2,
     /// glTF compressed by `meshopt`.
     Meshopt,
+    /// glTF compressed by Draco.
+    Draco,
 }
 
 impl Kind {
@@ -46,7 +48,7 @@ impl Kind {
             Self::Tiff => cfg!(feature = "tiff"),
             Self::Webp => cfg!(feature = "webp"),
             Self::Ktx2 => cfg!(feature = "ktx2"),
-            Self::Meshopt => cfg!(feature = "meshopt"),
+            Self::Draco => cfg!(feature = "draco"),
             _ => true,
         }
     }
@@ -169,6 +171,7 @@ fn kind(file: &Path) -> Option<(Kind, PathBuf)> {
         "webp" => return Some((Kind::Webp, through(file))),
         "ktx2" => return Some((Kind::Ktx2, through(file))),
         "gltf" if file.starts_with("meshopt") => Kind::Meshopt,
+        "gltf" if file.starts_with("draco") => Kind::Draco,
         "ply" => Kind::Ply,
         "gltf" => Kind::Gltf,
         "glb" => Kind::Glb,

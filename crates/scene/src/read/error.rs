@@ -101,7 +101,7 @@ impl ReadError {
     }
 
     /// A format whose reader is not part of this build.
-    #[cfg(not(all(feature = "stl", feature = "off", feature = "gzip", feature = "meshopt")))]
+    #[cfg(not(all(feature = "stl", feature = "off", feature = "gzip")))]
     pub(crate) fn missing_feature(path: &Path, format: &str, feature: &str) -> Self {
         Self::unsupported(path, format!("{format} (built without the feature '{feature}')"))
     }

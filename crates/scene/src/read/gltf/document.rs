@@ -4,11 +4,14 @@ use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
+#[cfg(feature = "draco")]
+use gltf::json::Index;
 use gltf::json::animation::Animation;
+use gltf::json::buffer::View;
 use gltf::json::deserialize::from_slice;
-use gltf::json::validation::USize64;
+use gltf::json::mesh::Primitive;
+use gltf::json::validation::{Checked, USize64};
 use gltf::json::{Error, Root, Value};
-#[cfg(feature = "meshopt")]
 use rayon::prelude::*;
 use serde_json::Map;
 
@@ -22,6 +25,8 @@ use crate::read::input::ReadOptions;
 pub(super) const MESH_GPU_INSTANCING: &str = "EXT_mesh_gpu_instancing";
 /// Animation of properties by JSON pointers; those of nodes are supported.
 const ANIMATION_POINTER: &str = "KHR_animation_pointer";
+/// Geometry compressed by Draco.
+pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 /// Diffuse and specular color instead of base color and metallic.
 pub(super) const SPECULAR_GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
 /// Other materials for the primitives of a file, by name.
@@ -31,7 +36,8 @@ pub(super) const VARIANTS: &str = "KHR_materials_variants";
 ///
 /// Unsupported material extensions and image formats are included: ignoring them gives an approximate image but correct
 /// geometry, and a warning is reported.
-const SUPPORTED: [&str; 24] = [
+const SUPPORTED: [&str; 25] = [
+    DRACO,
     meshopt::NAMES[0],
     meshopt::NAMES[1],
     MESH_GPU_INSTANCING,
@@ -107,10 +113,6 @@ impl<'a> Document<'a> {
         if let Some(extension) = root.extensions_required.iter().find(|name| !SUPPORTED.contains(&name.as_str())) {
             return Err(ReadError::unsupported(path, format!("required extension {extension}")));
         }
-        #[cfg(not(feature = "meshopt"))]
-        if let Some(name) = root.extensions_required.iter().find(|name| meshopt::NAMES.contains(&name.as_str())) {
-            return Err(ReadError::missing_feature(path, name, "meshopt"));
-        }
         let folder = Folder::of(path, options).map_err(ReadError::io(path))?;
         let path = Cow::Borrowed(path);
         let (buffers, decompressed) = (Vec::new(), Vec::new());
@@ -118,7 +120,6 @@ impl<'a> Document<'a> {
         document.buffers = (0..document.root.buffers.len())
             .map(|k| document.load_buffer(k, container.bin))
             .collect::<Result<_, _>>()?;
-        #[cfg(feature = "meshopt")]
         document.decompress()?;
         Ok(document)
     }
@@ -210,6 +211,47 @@ impl<'a> Document<'a> {
         Ok((bytes, view.byte_stride.map(|stride| stride.0)))
     }
 
+    /// Adds a buffer view with a content of its own; the index of the view.
+    #[cfg(feature = "draco")]
+    pub(super) fn add_view(&mut self, bytes: Vec<u8>, stride: usize) -> usize {
+        let view = self.root.buffer_views.len();
+        self.root.buffer_views.push(View {
+            buffer: Index::new(0),
+            byte_length: USize64(bytes.len() as u64),
+            byte_offset: None,
+            byte_stride: None,
+            name: None,
+            target: None,
+            extensions: None,
+            extras: None,
+        });
+        self.decompressed.resize_with(view, || None);
+        self.decompressed.push(Some(Decompressed { bytes, stride }));
+        view
+    }
+
+    /// Whether a primitive has data that is compressed by Draco, and no other: it may have both, for programs that do not
+    /// decompress it.
+    pub(super) fn needs_draco(&self, primitive: &Primitive) -> bool {
+        let extension = primitive.extensions.as_ref().and_then(|all| all.others.get(DRACO));
+        let Some(extension) = extension else { return false };
+        let compressed = extension.get("attributes");
+        let attributes = primitive.attributes.iter().filter(|(semantic, _)| match semantic {
+            Checked::Valid(semantic) => compressed.is_some_and(|all| all.get(semantic.to_string()).is_some()),
+            Checked::Invalid => false,
+        });
+        // Accessors without data would be zeros.
+        attributes.map(|(_, &index)| index).chain(primitive.indices).any(|index| {
+            let accessor = self.root.accessors.get(index.value());
+            accessor.is_some_and(|accessor| accessor.buffer_view.is_none() && accessor.sparse.is_none())
+        })
+    }
+
+    /// Bytes of all buffers.
+    pub(super) fn n_stored_bytes(&self) -> u64 {
+        self.buffers.iter().map(|buffer| buffer.len() as u64).sum()
+    }
+
     /// Limit of elements that are not backed by bytes of their own (no buffer view, or shared): the total buffer size in bytes,
     /// but at least 2^20.
     pub(super) fn max_virtual_elements(&self) -> usize {
@@ -217,7 +259,6 @@ impl<'a> Document<'a> {
     }
 
     /// Decompresses the buffer views that are compressed, in parallel.
-    #[cfg(feature = "meshopt")]
     fn decompress(&mut self) -> Result<(), ReadError> {
         let malformed = |index: usize, error: String| self.malformed(format!("buffer view {index}"), error);
         let mut declared = Vec::with_capacity(self.root.buffer_views.len());
@@ -230,7 +271,7 @@ impl<'a> Document<'a> {
             declared.push(compressed);
         }
         // Views may share compressed bytes.
-        let n_stored: u64 = self.buffers.iter().map(|buffer| buffer.len() as u64).sum();
+        let n_stored = self.n_stored_bytes();
         if n_bytes > meshopt::MAX_BYTES.min(1024 * n_stored.saturating_add(1024)) {
             return Err(self.malformed("bufferViews", format!("{n_bytes} decompressed bytes in a file of {n_stored}")));
         }
@@ -250,18 +291,23 @@ impl<'a> Document<'a> {
         Ok(())
     }
 
+    /// Whether a buffer has views that are compressed, and no others: some programs do not mark those that stand in for them.
+    fn has_only_compressed_views(&self, buffer: usize) -> bool {
+        let mut views = self.root.buffer_views.iter().filter(|view| view.buffer.value() == buffer).peekable();
+        let is_compressed = |view: &View| {
+            view.extensions.as_ref().is_some_and(|all| meshopt::extension(|name| all.others.get(name)).is_some())
+        };
+        views.peek().is_some() && views.all(is_compressed)
+    }
+
     fn load_buffer(&self, index: usize, bin: Option<&'a [u8]>) -> Result<Cow<'a, [u8]>, ReadError> {
         let buffer = &self.root.buffers[index];
         let location = format!("buffer {index}");
         let others = buffer.extensions.as_ref().map(|all| &all.others);
         let is_fallback = meshopt::is_fallback(meshopt::extension(|name| others?.get(name)));
-        #[cfg(feature = "meshopt")]
-        if is_fallback {
+        if is_fallback || buffer.uri.is_none() && (index > 0 || bin.is_none()) && self.has_only_compressed_views(index)
+        {
             return Ok(Cow::Borrowed(&[]));
-        }
-        #[cfg(not(feature = "meshopt"))]
-        if is_fallback && buffer.uri.is_none() {
-            return Err(ReadError::missing_feature(&self.path, meshopt::NAMES[1], "meshopt"));
         }
         let mut bytes = match (&buffer.uri, bin) {
             (Some(uri), _) => {

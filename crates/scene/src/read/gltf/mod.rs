@@ -1,7 +1,7 @@
 //! glTF 2.0 as JSON or GLB.
 //!
 //! ```text
-//! bytes -> container, meshopt -> document -> accessor -> animation -> nodes
+//! bytes -> container, meshopt -> document -> draco -> accessor -> animation -> nodes
 //!          texture -> material
 //!          primitive -> instances
 //! ```
@@ -13,6 +13,8 @@ mod accessor;
 mod animation;
 mod container;
 mod document;
+#[cfg(feature = "draco")]
+mod draco;
 mod instances;
 mod material;
 mod meshopt;
@@ -41,7 +43,16 @@ use crate::{Material, Scene};
 /// # Errors
 /// [`ReadError`] if the geometry is invalid or there is nothing to draw.
 pub(crate) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Scene, ReadError> {
-    read_document(&mut Document::open(path, bytes, options)?, options)
+    read_document(&mut open(path, bytes, options)?, options)
+}
+
+/// Parses a file and loads its buffers; decompresses its geometry.
+fn open<'a>(path: &'a Path, bytes: &'a [u8], options: &ReadOptions) -> Result<Document<'a>, ReadError> {
+    #[cfg_attr(not(feature = "draco"), expect(unused_mut, reason = "only Draco changes the document"))]
+    let mut document = Document::open(path, bytes, options)?;
+    #[cfg(feature = "draco")]
+    draco::make_plain(&mut document)?;
+    Ok(document)
 }
 
 /// Reads everything, and poses the nodes of the document.
@@ -97,7 +108,7 @@ impl Poses {
     /// Reads a file as [`read`] does, except that a pose that makes a vertex infinite or NaN is an error. Keeps what
     /// further poses need, if the file has an animation.
     pub(crate) fn open(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(Option<Self>, Scene), ReadError> {
-        let mut document = Document::open(path, bytes, options)?;
+        let mut document = open(path, bytes, options)?;
         if document.animation(options.animation.as_deref())?.is_none() {
             return Ok((None, read_document(&mut document, options)?));
         }

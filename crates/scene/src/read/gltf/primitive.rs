@@ -10,7 +10,7 @@ use gltf::json::mesh::{Mode, MorphTarget, Primitive, Semantic};
 use gltf::json::validation::Checked;
 
 use super::accessor::{Accessor, INDICES, REALS};
-use super::document::Document;
+use super::document::{DRACO, Document};
 use super::material::fraction;
 use super::nodes::{Matrix, Nodes};
 use crate::read::error::ReadError;
@@ -44,7 +44,11 @@ impl PrimitiveReader<'_, '_> {
         warnings: &mut Warnings,
     ) -> Result<Mesh, ReadError> {
         let location = self.location;
-        self.check_compression(primitive)?;
+        // With the feature there are none left.
+        if self.document.needs_draco(primitive) {
+            let what = format!("Draco compression ({DRACO}, {location}; built without the feature 'draco')");
+            return Err(ReadError::unsupported(self.document.path(), what));
+        }
         let find = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
         let Some(position) = find(Semantic::Positions) else {
             warnings.push(("skipping primitives without POSITION".to_owned(), location.to_owned()));
@@ -89,23 +93,6 @@ impl PrimitiveReader<'_, '_> {
             colors: attributes.colors()?,
             ..primitive_mesh
         })
-    }
-
-    /// Rejects compressed geometry, which the file may not declare as required. Accessors without data would be zeros.
-    fn check_compression(&self, primitive: &Primitive) -> Result<(), ReadError> {
-        const DRACO: &str = "KHR_draco_mesh_compression";
-        let is_compressed = primitive.extensions.as_ref().is_some_and(|all| all.others.contains_key(DRACO));
-        let position = primitive.attributes.get(&Checked::Valid(Semantic::Positions)).copied();
-        let mut accessors = position.into_iter().chain(primitive.indices);
-        let has_no_data = |index: Index<_>| {
-            let accessor = self.document.root.accessors.get(index.value());
-            accessor.is_some_and(|accessor| accessor.buffer_view.is_none() && accessor.sparse.is_none())
-        };
-        if is_compressed && accessors.any(has_no_data) {
-            let what = format!("Draco compression ({DRACO}, {})", self.location);
-            return Err(ReadError::unsupported(self.document.path(), what));
-        }
-        Ok(())
     }
 
     /// Triangles with indices below `n_vertices`; `None` with a warning for points and lines.

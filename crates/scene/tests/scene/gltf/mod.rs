@@ -1,5 +1,6 @@
 //! glTF: generated files, and those of real exporters.
 
+mod compressed;
 mod files;
 mod geometry;
 mod materials;
@@ -208,7 +209,8 @@ fn checks_versions_and_required_extensions() {
     first.rejected("glTF 1.0 is not supported");
     with("asset", json!({ "version": "2.1", "minVersion": "2.1" })).rejected("glTF 2.1 is not supported");
     with("extensionsRequired", json!(["KHR_mesh_quantization"])).scene();
-    with("extensionsRequired", json!(["KHR_draco_mesh_compression"])).rejected("KHR_draco_mesh_compression");
+    with("extensionsRequired", json!(["EXT_unheard_of"]))
+        .rejected("required extension EXT_unheard_of is not supported");
     with("extensionsUsed", json!(["KHR_mesh_quantization", "KHR_lights_punctual"])).scene();
     with("extensionsUsed", json!(["EXT_unheard_of"])).warned("ignoring EXT_unheard_of (not supported): extensionsUsed");
     let hidden = json!([{ "mesh": 0, "extensions": { "KHR_node_visibility": { "visible": false } } }]);

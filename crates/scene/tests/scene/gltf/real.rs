@@ -124,7 +124,6 @@ fn errors_name_the_cause() {
     let Some(folder) = models("errors_name_the_cause") else { return };
     for (file, thing) in [
         ("required_extension_unknown.gltf", "EXT_not_known"),
-        ("draco_required.glb", "KHR_draco_mesh_compression"),
         ("buffer_missing.gltf", "not_there.bin"),
         ("buffer_http.gltf", "http"),
         ("accessor_past_end.gltf", "accessor 0"),
