@@ -34,10 +34,20 @@ impl Words {
         let own = |word: &OsString| [&b"-q"[..], b"-v", b"--quiet", b"--verbose"].contains(&word.as_encoded_bytes());
         let command = words.iter().skip(1).position(|word| !own(word)).map_or(words.len(), |i| i + 1);
         let Some(first) = words.get(command) else { return Self { words, command, file: None } };
+        if first == "merge" {
+            return Self { words, command, file: None };
+        }
         let is_help = ["-h", "--help", "-V", "--version"].iter().any(|word| first == OsStr::new(word));
         let file = is_file(first, program).then(|| PathBuf::from(first));
         if file.is_some() || is_option(first) && !is_help {
             words.insert(command, "render".into());
+        }
+        // The value of `--denoise` may be missing. Then the next word is not taken for it.
+        for i in command..words.len() {
+            let has_value = words.get(i + 1).is_some_and(|next| next == "on" || next == "off");
+            if words[i] == "--denoise" && !has_value {
+                words[i] = "--denoise=on".into();
+            }
         }
         Self { words, command, file }
     }
@@ -150,6 +160,9 @@ mod tests {
             ("canted a.obj", "canted render a.obj"),
             ("canted -q models/a --spp 4", "canted -q render models/a --spp 4"),
             ("canted --spp 4 a.obj", "canted render --spp 4 a.obj"),
+            ("canted --denoise a.obj", "canted render --denoise=on a.obj"),
+            ("canted a.obj --denoise off", "canted render a.obj --denoise off"),
+            ("canted merge a.exr --denoise", "canted merge a.exr --denoise"),
             ("canted stats a.obj", "canted stats a.obj"),
             ("canted help", "canted help"),
             ("canted -v --help", "canted -v --help"),

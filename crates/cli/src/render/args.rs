@@ -7,11 +7,14 @@ use std::{
 
 use anyhow::{Result, anyhow};
 use canted_film::{Aov, Aovs, Format};
-use canted_renderer::{BoxLevel, Measure, SampleSums, UpdatePolicy};
+use canted_renderer::{BoxLevel, Measure, SampleSums, Settings, UpdatePolicy};
 use clap::ArgGroup;
 use serde::{Deserialize, Serialize};
 
-use super::{film::Passes, output::OutputFile};
+use super::{
+    film::Passes,
+    output::{Denoising, FEW_SAMPLES, OutputFile},
+};
 use crate::{
     device::{DeviceArg, RunArgs},
     load,
@@ -101,9 +104,10 @@ pub(crate) struct SampleArgs {
     /// Additional EXR channels: depth, normal, shading-normal, albedo, instance, primitive, tests, or all.
     #[arg(long, value_parser = aov, value_delimiter = ',', value_name = "LIST")]
     aovs: Vec<Aovs>,
-    /// Remove noise with a filter guided by albedo, normals and depth; other channels are not filtered.
-    #[arg(long)]
-    denoise: bool,
+    /// Remove noise with a filter guided by albedo, normals and depth: on or off; other channels are not filtered [default: on below 64
+    /// samples per pixel in formats of 8 bits, else off]
+    #[arg(long, value_parser = named::<bool>(), num_args = 0..=1, default_missing_value = "on", value_name = "on|off")]
+    denoise: Option<bool>,
     /// Checkpoint file: continue from it if it exists, update it while rendering, remove it when the picture is written.
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
@@ -172,7 +176,7 @@ impl Args {
         let purpose = Purpose {
             part: samples.samples,
             has_time_limit: samples.seconds.is_some(),
-            aovs: samples.channels(),
+            aovs: samples.shown(),
             heatmap,
             is_linear: format.is_linear(),
         };
@@ -183,6 +187,10 @@ impl Args {
         let given = self.structure.0.clone();
         let mut plan = self.resolve(file.as_ref(), &purpose)?;
         plan.options.structure.warn_ignored_preset(&given);
+        let denoising = samples.denoising(&plan.settings, &purpose);
+        if denoising != Denoising::Off {
+            plan.settings.aovs = GUIDES.into_iter().fold(plan.settings.aovs, Aovs::with);
+        }
         let has_noise = plan.settings.noise.is_some();
         let passes = (samples.preview || samples.seconds.is_some()).then(|| Passes {
             budget: samples.seconds.map(Duration::from_secs_f32),
@@ -209,7 +217,7 @@ impl Args {
                 crop,
                 size: plan.size(),
                 aovs: samples.shown(),
-                is_denoised: samples.denoise,
+                denoising,
                 look: plan.look.clone(),
             },
             plan,
@@ -274,7 +282,7 @@ impl SampleArgs {
             ("--aovs", !self.aovs.is_empty(), true),
             ("--noise", has_noise, false),
             ("--checkpoint", self.checkpoint.is_some(), false),
-            ("--denoise", self.denoise, false),
+            ("--denoise", self.denoise == Some(true), false),
             ("--preview", self.preview, false),
             ("--seconds", self.seconds.is_some(), false),
         ];
@@ -289,7 +297,7 @@ impl SampleArgs {
                 return Err(anyhow!("{name} and --noise, which the scene file sets, cannot be used together"));
             }
         }
-        if self.denoise && self.samples.is_some() {
+        if self.denoise == Some(true) && self.samples.is_some() {
             return Err(anyhow!(
                 "--denoise and --samples cannot be used together; render the parts with --aovs albedo and use canted merge --denoise"
             ));
@@ -321,10 +329,17 @@ impl SampleArgs {
         union(&self.aovs)
     }
 
-    /// The additional channels that are rendered.
-    fn channels(&self) -> Aovs {
-        let guides = GUIDES.into_iter().filter(|_| self.denoise);
-        guides.fold(self.shown(), Aovs::with)
+    /// Whether the picture is denoised.
+    fn denoising(&self, settings: &Settings, purpose: &Purpose) -> Denoising {
+        /// Pixels up to which pictures are denoised without an option: what guides the filter takes 300 bytes of each.
+        const MOST_PIXELS: u64 = 1 << 24;
+        let n_pixels = u64::from(settings.width) * u64::from(settings.height);
+        let is_small = n_pixels <= MOST_PIXELS && (purpose.has_time_limit || settings.samples < FEW_SAMPLES);
+        match self.denoise {
+            Some(true) => Denoising::On,
+            None if is_small && !purpose.is_linear && purpose.heatmap.is_none() => Denoising::OfFewSamples,
+            Some(false) | None => Denoising::Off,
+        }
     }
 }
 
@@ -455,7 +470,7 @@ mod tests {
             "size" => ("6x4", ""),
             "spp" => ("3", ""),
             "samples" => ("2..5", "-oa.exr"),
-            "noise" | "ao_radius" => ("0.5", ""),
+            "noise" | "ao_radius" | "clamp" => ("0.5", ""),
             "seed" => ("7", ""),
             "bounces" => ("5", ""),
             "seconds" => ("0.5", ""),

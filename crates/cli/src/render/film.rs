@@ -304,7 +304,7 @@ mod tests {
     use canted_renderer::{SceneBvhConfig, frame, resume};
 
     use super::*;
-    use crate::settings::LookOptions;
+    use crate::{render::output::Denoising, settings::LookOptions};
 
     /// Stands for the loss of a device, which a test cannot provoke: every failure after the first tile takes this path.
     #[test]
@@ -317,7 +317,7 @@ mod tests {
             crop: None,
             size: [16, 8],
             aovs: Aovs::NONE,
-            is_denoised: false,
+            denoising: Denoising::Off,
             look: LookOptions::default(),
         };
         let settings = Settings { width: 16, height: 8, samples: 1, tile: 8, ..Settings::default() };

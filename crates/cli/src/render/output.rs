@@ -27,9 +27,32 @@ pub(super) struct OutputFile {
     pub(super) size: [u32; 2],
     /// Additional channels.
     pub(super) aovs: Aovs,
-    pub(super) is_denoised: bool,
+    pub(super) denoising: Denoising,
     pub(super) look: LookOptions,
 }
+
+/// Whether a picture is denoised.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Denoising {
+    Off,
+    /// If it has fewer than [`FEW_SAMPLES`] samples per pixel, which a time limit may decide.
+    OfFewSamples,
+    On,
+}
+
+impl Denoising {
+    /// Its name in messages.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::OfFewSamples => "for few samples",
+            Self::On => "on",
+        }
+    }
+}
+
+/// Pictures with fewer samples per pixel are denoised without an option.
+pub(super) const FEW_SAMPLES: u32 = 64;
 
 /// A rendered picture or film.
 pub(super) enum Output {
@@ -58,7 +81,10 @@ impl OutputFile {
     /// Empty tiles for all that a crop does not show and the filter does not read, so that they are not rendered.
     pub(super) fn outside(&self, settings: &canted_renderer::Settings) -> Vec<Tile> {
         let Some(crop) = self.crop else { return Vec::new() };
-        let [left, top, width, height] = if self.is_denoised { with_margin(crop, self.size) } else { crop };
+        let [left, top, width, height] = match self.denoising {
+            Denoising::Off => crop,
+            Denoising::OfFewSamples | Denoising::On => with_margin(crop, self.size),
+        };
         let tiling = settings.tiling();
         let is_shown = |number: usize| {
             let ([x, y], [columns, rows]) = (tiling.corner(number), tiling.size(number));
@@ -101,9 +127,14 @@ impl OutputFile {
         Ok(())
     }
 
-    /// The denoised picture of a film, if it is requested.
+    /// The denoised picture of a film, if it is to be denoised.
     pub(super) fn denoised(&self, film: &Film) -> Result<Option<Picture>> {
-        self.is_denoised.then(|| denoised(film, self.crop)).transpose()
+        let is_denoised = match self.denoising {
+            Denoising::Off => false,
+            Denoising::OfFewSamples => film.pixels().iter().all(|pixel| pixel.n_taken() < FEW_SAMPLES),
+            Denoising::On => true,
+        };
+        is_denoised.then(|| denoised(film, self.crop)).transpose()
     }
 
     /// Writes the part of a film that is shown, or its denoised picture, and the requested channels.

@@ -39,6 +39,25 @@ fn the_error_falls_on_every_scene() {
     }
 }
 
+/// Formats of 8 bits, below 64 samples per pixel; and the option may stand before the file, without a value.
+#[test]
+fn pictures_of_few_samples_are_filtered_by_default() {
+    let folder = Folder::new();
+    for (spp, name, default) in
+        [(4, "a.png", "on"), (63, "a.jpg", "on"), (64, "a.png", "off"), (4, "a.exr", "off"), (4, "a.hdr", "off")]
+    {
+        let bytes = |option: &str| {
+            folder.run(&format!("render {option} {CORNELL} --device cpu --size 24x20 --spp {spp} -o {name}")).done();
+            folder.bytes(name)
+        };
+        let [by_default, on, off] = ["", "--denoise", "--denoise off"].map(bytes);
+        assert_eq!(on, bytes("--denoise on"), "{name}");
+        assert_ne!(on, off, "{name}");
+        assert_eq!(by_default, if default == "on" { on } else { off }, "{name}, {spp} samples");
+    }
+    folder.run("render --denoise maybe -o b.png").refused(&["maybe"]);
+}
+
 fn pixels(folder: &Folder, name: &str) -> Picture {
     read_picture(&folder.path(name)).unwrap()
 }
