@@ -252,6 +252,9 @@ fn unit_of(v: vec3<f32>) -> vec3<f32> {
 // use ?transmission
 // use ?energy
 
+/// Smallest difference of `eta` from 1 at which a rough boundary refracts; below, light passes straight.
+const MIN_ETA_DIFFERENCE: f32 = 1.0 / 128.0;
+
 /// A material and an outgoing direction.
 struct Boundary {
     bsdf: Bsdf,
@@ -263,8 +266,10 @@ struct Boundary {
     alpha: f32,
     /// What a metal reflects is multiplied by 1 plus this times its base color.
     metal_gain: f32,
-    /// Factor of what a thin wall transmits.
+    /// Factor of what is transmitted.
     transmission_gain: f32,
+    /// Factor of what the dielectric reflects.
+    reflection_gain: f32,
     diffuse_probability: f32,
 }
 
@@ -279,10 +284,15 @@ struct Facet {
 fn boundary_of(bsdf: Bsdf, outgoing: vec3<f32>) -> Boundary {
     let is_inside = bsdf.is_inside && bsdf.transmission > 0.0 && !bsdf.thin_walled;
     let eta = select(bsdf.ior, 1.0 / bsdf.ior, is_inside);
-    var boundary = Boundary(bsdf, outgoing, is_inside, eta, slope_width(bsdf.roughness), 0.0, 1.0, 0.0);
+    var boundary = Boundary(bsdf, outgoing, is_inside, eta, slope_width(bsdf.roughness), 0.0, 1.0, 1.0, 0.0);
     compensate(&boundary);
     boundary.diffuse_probability = share_of_base(boundary);
     return boundary;
+}
+
+/// Whether a rough boundary refracts by more than rounding does.
+fn bends(boundary: Boundary) -> bool {
+    return abs(boundary.eta - 1.0) >= MIN_ETA_DIFFERENCE;
 }
 
 /// Light from `incident`, whose z is not 0.
@@ -371,7 +381,8 @@ fn facet_of(boundary: Boundary, cosine_to_facet: f32) -> Facet {
     // Rounding may leave the cosine slightly outside the range.
     let cosine = clamp(cosine_to_facet, 0.0, 1.0);
     let layer = layer_of(boundary, cosine);
-    let gloss = (1.0 - bsdf.metallic) * layer * select(1.0, bsdf.transmission, boundary.is_inside);
+    let of_side = select(1.0, bsdf.transmission, boundary.is_inside);
+    let gloss = (1.0 - bsdf.metallic) * layer * of_side * boundary.reflection_gain;
     let metal = bsdf.metallic * schlick(cosine, bsdf.base_color) * (1.0 + bsdf.base_color * boundary.metal_gain);
     let reflected = metal + gloss;
     let transmitted = ((1.0 - bsdf.metallic) * bsdf.transmission * (1.0 - layer) * boundary.transmission_gain) * bsdf.base_color;
@@ -457,9 +468,6 @@ fn sample_transmitted(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> Bs
 // use shared/bsdf/fresnel
 // use shared/bsdf/ggx
 
-/// Smallest difference of `eta` from 1 at which a rough boundary refracts; below, light passes straight.
-const MIN_ETA_DIFFERENCE: f32 = 1.0 / 128.0;
-
 /// Whether the material transmits light.
 fn is_transmitting(bsdf: Bsdf) -> bool {
     return bsdf.transmission > 0.0;
@@ -543,11 +551,6 @@ fn sample_transmitted(boundary: Boundary, facet: Facet, normal: vec3<f32>) -> Bs
     return into_lobe(incident);
 }
 
-/// Whether a rough boundary refracts by more than rounding does.
-fn bends(boundary: Boundary) -> bool {
-    return abs(boundary.eta - 1.0) >= MIN_ETA_DIFFERENCE;
-}
-
 // choice energy/single
 // Single scattering: what facets lose is lost.
 // use shared/bsdf/fresnel
@@ -566,7 +569,65 @@ fn mean_reflectance(boundary: Boundary) -> f32 {
 }
 
 // choice energy/compensated
-// Metal, coats and thin walls get back what their facets lose.
+// Metal, coats and thin walls get back what their facets lose; no glass refracts.
+// use shared/bsdf/energy/gains
+
+/// Factor of what rough glass reflects and refracts.
+fn glass_gain(boundary: Boundary) -> f32 {
+    return 1.0;
+}
+
+// choice energy/refracting
+// Metal, coats, thin walls and rough glass get back what their facets lose.
+// use shared/bsdf/energy/gains
+
+/// Albedo of white glass without a reflection where it is not total, and what the whole reflection adds: by the side, the index of
+/// refraction, the roughness and the cosine; see crates/renderer/src/bsdf/glass.rs.
+@group(2) @binding(10) var<storage, read> glass_albedos: array<vec2<f32>>;
+
+const N_IORS: u32 = 16u;
+const N_ROUGHNESSES: u32 = 12u;
+const N_COSINES: u32 = 12u;
+const MIN_ROUGHNESS: f32 = 1.0 / 32.0;
+
+/// Smaller albedos of glass count as this.
+const MIN_ALBEDO: f32 = 0.1;
+
+/// Factor of what rough glass reflects and refracts.
+fn glass_gain(boundary: Boundary) -> f32 {
+    let bsdf = boundary.bsdf;
+    if bsdf.transmission <= 0.0 || bsdf.thin_walled || !bends(boundary) {
+        return 1.0;
+    }
+    let i = place_in(sqrt((bsdf.ior - 1.0) / (bsdf.ior + 1.0)), N_IORS);
+    let j = place_in((bsdf.roughness - MIN_ROUGHNESS) / (1.0 - MIN_ROUGHNESS), N_ROUGHNESSES);
+    let k = place_in(sqrt(boundary.outgoing.z), N_COSINES);
+    let first = ((select(0u, N_IORS, boundary.is_inside) + i.first) * N_ROUGHNESSES + j.first) * N_COSINES + k.first;
+    let next = first + N_ROUGHNESSES * N_COSINES;
+    let here = mix(along_cosine(first, k.rest), along_cosine(first + N_COSINES, k.rest), j.rest);
+    let there = mix(along_cosine(next, k.rest), along_cosine(next + N_COSINES, k.rest), j.rest);
+    let albedo = mix(here, there, i.rest);
+    return 1.0 / max(albedo.x + bsdf.specular * albedo.y, MIN_ALBEDO);
+}
+
+fn along_cosine(first: u32, rest: f32) -> vec2<f32> {
+    return mix(glass_albedos[first], glass_albedos[first + 1u], rest);
+}
+
+/// The entry before a number in 0..=1, and the way from it to the next.
+struct Place {
+    first: u32,
+    rest: f32,
+}
+
+fn place_in(number: f32, n: u32) -> Place {
+    let x = clamp(number, 0.0, 1.0) * f32(n - 1u);
+    let first = min(u32(x), n - 2u);
+    return Place(first, x - f32(first));
+}
+
+// part energy/gains
+// What facets lose, and the factors that give it back. `glass_gain` is that of rough glass.
 // use shared/bsdf/fresnel
 
 fn compensate(boundary: ptr<function, Boundary>) {
@@ -575,6 +636,10 @@ fn compensate(boundary: ptr<function, Boundary>) {
     }
     let bsdf = (*boundary).bsdf;
     let cosine = (*boundary).outgoing.z;
+    let gain = glass_gain(*boundary);
+    (*boundary).transmission_gain = gain;
+    // From outside, only a part of the reflection belongs to glass: that over a diffuse base loses nothing.
+    (*boundary).reflection_gain = 1.0 + select(bsdf.transmission, 1.0, (*boundary).is_inside) * (gain - 1.0);
     let albedo = facet_albedo(cosine, bsdf.roughness);
     (*boundary).metal_gain = (1.0 - albedo) / albedo;
     if bsdf.thin_walled {

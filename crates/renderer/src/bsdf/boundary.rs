@@ -4,6 +4,7 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
+use super::glass;
 use super::lobes::Lobes;
 use super::microfacet::{Ggx, fresnel, mean, mean_fresnel_below, reflect, refracted_cosine, schlick, unit};
 use super::{Bsdf, BsdfSample, Evaluation, MIN_COSINE, Scatterer};
@@ -28,8 +29,10 @@ pub(super) struct Boundary<'a> {
     compensates: bool,
     /// What a metal reflects is multiplied by 1 plus this times its base color.
     metal_gain: f32,
-    /// Factor of what a thin wall transmits.
+    /// Factor of what is transmitted.
     transmission_gain: f32,
+    /// Factor of what the dielectric reflects.
+    reflection_gain: f32,
     diffuse_probability: f32,
     /// Lobes that change the reflection, if any.
     lobes: Option<&'a Lobes>,
@@ -90,6 +93,7 @@ impl<'a> Boundary<'a> {
             compensates: bsdf.is_compensated && facets.is_some(),
             metal_gain: 0.0,
             transmission_gain: 1.0,
+            reflection_gain: 1.0,
             diffuse_probability: 0.0,
             lobes,
             roughness,
@@ -105,12 +109,20 @@ impl<'a> Boundary<'a> {
     fn compensate(&mut self) {
         /// Smaller transmittances count as this.
         const MIN_PASSED: f32 = 1e-3;
-        let Bsdf { metallic, thin_walled, .. } = *self.bsdf;
-        let roughness = self.roughness;
+        /// Smaller albedos of glass count as this.
+        const MIN_ALBEDO: f32 = 0.1;
+        let Bsdf { metallic, thin_walled, transmission, ior, specular, .. } = *self.bsdf;
+        let (roughness, cosine) = (self.roughness, self.outgoing.z);
+        if transmission > 0.0 && !thin_walled && self.refracts() {
+            let albedo = glass::albedo(cosine, roughness, ior, self.is_inside, specular);
+            self.transmission_gain = 1.0 / albedo.max(MIN_ALBEDO);
+            // From outside, only a part of the reflection belongs to glass: that over a diffuse base loses nothing.
+            let of_glass = if self.is_inside { 1.0 } else { transmission };
+            self.reflection_gain = 1.0 + of_glass * (self.transmission_gain - 1.0);
+        }
         if metallic == 0.0 && !thin_walled && self.lobes.is_none() {
             return;
         }
-        let cosine = self.outgoing.z;
         let albedo = match self.facets.filter(|facets| !facets.is_isotropic()) {
             Some(facets) => facets.albedo(self.outgoing).max(MIN_PASSED),
             None => facet_albedo(cosine, roughness),
@@ -245,7 +257,8 @@ impl<'a> Boundary<'a> {
         let reflected = match self.lobes {
             Some(lobes) => self.colored(lobes, cosine),
             None => {
-                let coat_reflectance = (1.0 - metallic) * coat * if self.is_inside { transmission } else { 1.0 };
+                let of_side = if self.is_inside { transmission } else { 1.0 };
+                let coat_reflectance = (1.0 - metallic) * coat * of_side * self.reflection_gain;
                 let metal = |c| metallic * schlick(cosine, c) * (1.0 + c * self.metal_gain);
                 base_color.map(|c| metal(c) + coat_reflectance)
             }
@@ -339,9 +352,10 @@ impl<'a> Boundary<'a> {
 //   cosine between light and facets. The base gets what the coat does not reflect, `(1 - R(μo))·(1 - R(μi)) / (1 - R̄)`
 //   (Kelemen and Szirmay-Kalos 2001), in place of the reflectances of a smooth coat.
 // * **Thin walls** transmit what they do not reflect.
-// * **Rough glass** that refracts is not compensated: there is no fit for the light that its facets lose.
+// * **Rough glass** that refracts: reflection and refraction are divided by their sum for white glass, as a function of the direction to the
+//   viewer, the roughness, the index of refraction and the side (`glass`).
 //
-// The factors of metal and thin walls depend on the direction to the viewer only, so these lobes are not reciprocal.
+// The factors of metal, thin walls and glass depend on the direction to the viewer only, so these lobes are not reciprocal.
 //
 // # Fits
 //

@@ -52,15 +52,19 @@ impl Ggx {
         const STEPS: [f32; 2] = [1.0 / 144.0, 89.0 / 144.0];
         let reflected = |i: u16| {
             let square = STEPS.map(|step| ((0.5 + f32::from(i)) * step).fract());
-            let incident = reflect(outgoing, self.sample(outgoing, square));
-            // Value over density.
-            if incident.z <= 0.0 {
-                0.0
-            } else {
-                2.0 * self.masking(outgoing, incident) * (outgoing.z + self.root(outgoing))
-            }
+            self.passed(outgoing, reflect(outgoing, self.sample(outgoing, square)))
         };
         (0..N).map(reflected).sum::<f32>() / f32::from(N)
+    }
+
+    /// The part of the light from `incident` that other facets do not block on the way from the sampled facet: value over density. 0 from
+    /// below the horizon.
+    pub(super) fn passed(self, outgoing: Vec3, incident: Vec3) -> f32 {
+        if incident.z <= 0.0 {
+            0.0
+        } else {
+            2.0 * self.masking(outgoing, incident) * (outgoing.z + self.root(outgoing))
+        }
     }
 
     /// Whether there is one width for all directions.

@@ -21,8 +21,7 @@
 //! * Seen from inside, the diffuse part of a partly transmissive boundary has no coat: `(1 - transmission)` Lambert and
 //!   `transmission` glass. Total internal reflection would otherwise count the energy of the base twice.
 //! * Microfacets lose the light that they scatter more than once: a rough white metal reflects a third of it. With
-//!   [`Bsdf::is_compensated`] it is given back (see `energy`), except for glass that refracts; without, the BSDF is that
-//!   of single scattering.
+//!   [`Bsdf::is_compensated`] it is given back (see `boundary`); without, the BSDF is that of single scattering.
 //!
 //! # Radiance
 //!
@@ -31,6 +30,7 @@
 //! should factor this out of the throughput ([`Bsdf::compression`]). Thin walls have the same medium on both sides.
 
 mod boundary;
+pub(crate) mod glass;
 mod layers;
 mod lobes;
 mod microfacet;
