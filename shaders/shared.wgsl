@@ -384,20 +384,106 @@ fn n_tested() -> vec2<u32> {
     return tested;
 }
 
+// part facing
+// Which faces the ray of an invocation passes; only scenes with single-sided materials read it.
+
+/// What the camera sees, by mirrors and clear glass, too.
+const SEEN: u32 = 0u;
+/// What a surface scatters.
+const SCATTERED: u32 = 1u;
+/// Whether light arrives.
+const ARRIVING: u32 = 2u;
+
+/// Direction of the ray.
+var<private> facing_direction: vec3<f32>;
+
+/// What the ray is for.
+var<private> facing_rays: u32;
+
+fn face_along(direction: vec3<f32>, rays: u32) {
+    facing_direction = direction;
+    facing_rays = rays;
+}
+
 // choice mask/none
 // All hits count.
+// use shared/mask_no_faces
 
 fn accepts(hit: Hit) -> bool {
     return true;
 }
 
 // choice mask/alpha
+// Hits count by alpha.
+// use shared/mask_alpha
+// use shared/mask_no_faces
+
+fn accepts(hit: Hit) -> bool {
+    return is_present(hit);
+}
+
+// choice mask/faces
+// Hits count by the side of their face.
+// use shared/mask_faces
+
+fn accepts(hit: Hit) -> bool {
+    return !is_passed(hit);
+}
+
+// choice mask/both
+// Hits count by the side of their face and by alpha.
+// use shared/mask_alpha
+// use shared/mask_faces
+
+fn accepts(hit: Hit) -> bool {
+    return !is_passed(hit) && is_present(hit);
+}
+
+// part mask_no_faces
+// All faces are hit from both sides.
+
+fn is_hidden(hit: Hit) -> bool {
+    return false;
+}
+
+// part mask_faces
+// Faces of single-sided materials; twin of crates/renderer/src/hit_filter.rs, which says what rays pass and why.
+// use shared/camera
+// use shared/facing
+// use shared/surface
+
+/// Whether light passes the face at a hit of the ray: it is hit from the front, and the eye is behind it.
+fn is_hidden(hit: Hit) -> bool {
+    let triangle = triangles[triangle_of(hit)];
+    let front = front_of(triangle, hit.instance);
+    return dot(front, facing_direction) < 0.0
+        && dot(front, towards_eye(point_world(hit.instance, position_of(triangle.vertices.x)))) < 0.0;
+}
+
+fn is_passed(hit: Hit) -> bool {
+    if facing_rays == SEEN {
+        return dot(front_of(triangles[triangle_of(hit)], hit.instance), facing_direction) > 0.0;
+    }
+    return facing_rays == ARRIVING && is_hidden(hit);
+}
+
+/// Unit normal on the front of a triangle; zero where its material is not single-sided.
+fn front_of(triangle: Triangle, instance: u32) -> vec3<f32> {
+    if materials[triangle.material & 0x7fffffffu].single_sided == 0u {
+        return vec3(0.0);
+    }
+    let winding = normal_world(instance, triangle.normal);
+    let is_mirrored = ((triangle.material >> 31u) == 1u) != mirrors(instance);
+    return select(winding, -winding, is_mirrored);
+}
+
+// part mask_alpha
 // Alpha test: a hit counts with the probability given by alpha.
 // use shared/hash
 // use ?alpha
 // use shared/hash/ray_key
 
-fn accepts(hit: Hit) -> bool {
+fn is_present(hit: Hit) -> bool {
     let triangle = triangles[triangle_of(hit)];
     let material = triangle.material & 0x7fffffffu;
     if materials[material].cutoff < 0.0 {
@@ -437,6 +523,8 @@ struct Picture {
     ambient: vec3<f32>,
     /// Error along each axis between the plane of a triangle and a ray that leaves it, for a single-level scene.
     slack: f32,
+    /// Greatest radiance of light that several surfaces scattered.
+    limit: f32,
 }
 
 /// Work-groups of a dispatch. Each takes a block of samples of 64 / block pixels of a cell of 8 x 8.
@@ -482,6 +570,16 @@ fn taken(group: u32, local: u32) -> PixelSample {
     let at = 8u * vec2(cell & 0xffffu, cell >> 16u) + vec2(pixel_of_cell % 8u, pixel_of_cell / 8u);
     let is_inside = at.x < picture.size.x && at.y < picture.size.y;
     return PixelSample(at, at.y * picture.size.x + at.x, first + local % slice.block, is_inside);
+}
+
+/// Light after so many surfaces scattered it, within the limit of the picture. Mirrors and clear glass in front of the first surface do
+/// not count.
+fn limited(light: vec3<f32>, n_scattered: u32) -> vec3<f32> {
+    let greatest = max(light.x, max(light.y, light.z));
+    if n_scattered < 2u || greatest <= picture.limit {
+        return light;
+    }
+    return light * (picture.limit / greatest);
 }
 
 /// The point of the unit square of a sample for `dimension`.

@@ -6,6 +6,7 @@
 // pixel center that close to an edge may fall on either side.
 // use shared/camera
 // use shared/hash/ray_key
+// use shared/facing
 // use shared/camera/first/triangle
 // use shared/surface
 // use ?mask
@@ -50,6 +51,7 @@ fn fragment(corner: Corner) -> Texels {
     let hit = in_triangle(ray, corner.instance, corner.primitive);
     let at = vec2<u32>(corner.pixel.xy);
     ray_key = derived_key(derived_key(0u, bits(picture.sampler, at.y * picture.size.x + at.x, 0u, ALPHA_DIMENSION)), 0u);
+    face_along(ray.direction, SEEN);
     if !accepts(hit) {
         discard;
     }

@@ -6,6 +6,7 @@
 // use shared/camera
 // use shared/picture
 // use shared/hash/ray_key
+// use shared/facing
 // use shared/surface
 // use ?traverse
 // use ?shape_lights
@@ -46,6 +47,7 @@ fn main(id: Invocation) {
 }
 
 fn guide_of(camera: CameraRay) -> Guide {
+    face_along(camera.ray.direction, SEEN);
     let hit = traverse(camera.ray, false);
     let tests = vec2<f32>(n_tested());
     let ray = camera.ray;

@@ -1,7 +1,7 @@
 // Hybrid integrator: direct light, diffuse bounces, ambient occlusion. One sample of one pixel per invocation. Twin of the CPU's
 // hybrid integrator, whose documentation describes the estimate and its bias.
 //
-// `?film` is what is kept of samples, `?direct` and `?shape_lights` are the listed lights, `?sky` the background, `?time` the time of
+// `?film` is what is kept of samples, `?mask` which hits count, `?direct` and `?shape_lights` are the listed lights, `?sky` the background, `?time` the time of
 // rays, `?first` what is known of the first hits.
 //
 // All rays of a path share one call site. Compilers inline functions at each call, and traversal is by far the largest.
@@ -9,12 +9,14 @@
 // use shared/camera
 // use shared/picture
 // use shared/hash/ray_key
+// use shared/facing
 // use shared/sampling
 // use shared/surface
 // use ?traverse
 // use ?shape_lights
 // use ?direct
 // use ?film
+// use ?mask
 // use ?sky
 // use ?time
 // use ?first
@@ -57,25 +59,41 @@ fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
     // While a shadow ray is traced: its contribution, and the number of lights visited.
     var shadow = NO_SHADOW_RAY;
     var n_visited = 0u;
+    // The hidden face at which the scattered ray that is traced again ends.
+    var hidden = miss();
     loop {
-        let hit = traverse(ray, shadow.exists);
+        let is_scattered = !shadow.exists && vertex > 0u;
+        let is_arriving = shadow.exists || hidden.instance != NONE;
+        face_along(ray.direction, select(select(SEEN, SCATTERED, is_scattered), ARRIVING, is_arriving));
+        var hit = traverse(ray, is_arriving);
         if hit.instance == NONE && light.n_rays == 0u && ray.t_max < camera.t_max {
             ray.t_max = camera.t_max;
             continue;
         }
         light.n_rays += 1u;
+        if hidden.instance != NONE {
+            // The ray leaves the scene, or ends at the hidden face.
+            if hit.instance != NONE {
+                hit = hidden;
+            }
+            hidden = miss();
+        } else if is_scattered && hit.instance != NONE && is_hidden(hit) && !is_incomplete {
+            hidden = hit;
+            continue;
+        }
         if shadow.exists {
             if hit.instance == NONE {
+                // Shadow rays find no rare bright light, so none is limited.
                 light.radiance += throughput * shadow.radiance;
             }
         } else {
             let end = end_of(ray, hit, vertex);
-            light.radiance += throughput * end.radiance;
+            light.radiance += limited(throughput * end.radiance, vertex);
             if end.ends {
                 break;
             }
             surface = surface_at(hit, ray.direction, cone);
-            light.radiance += throughput * surface.emission;
+            light.radiance += limited(throughput * surface.emission, vertex);
             vertex_key = derived_key(path_key, 1u + vertex);
             n_visited = 0u;
         }

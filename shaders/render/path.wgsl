@@ -1,11 +1,14 @@
 // Path tracer: one sample of one pixel per invocation.
 //
-// `?film` is what is kept of samples, `?time` the time of rays. All rays of a path, including shadow rays, share one call site, and so does all shading.
+// `?film` is what is kept of samples, `?mask` which hits count, `?time` the time of rays. All rays of a path, including shadow rays, share one call site, and so does all shading.
 // Compilers inline functions at each call.
 // use shared/invocation/index
+// use shared/facing
 // use shared/path
+// use shared/ray
 // use ?traverse
 // use ?film
+// use ?mask
 // use ?time
 
 @compute @workgroup_size(64)
@@ -17,9 +20,25 @@ fn main(id: Invocation) {
     if one.is_inside {
         choose_time(one);
         var path = path_from(camera_ray(one));
+        // The hidden face at which the scattered ray that is traced again ends.
+        var hidden = miss();
         loop {
             ray_key = key_of(path, one);
-            let hit = traverse(path.ray, path.stage == TO_LIGHT);
+            let is_scattered = path.stage == ONWARD && path.n_scattered > 0u;
+            let is_arriving = path.stage == TO_LIGHT || hidden.instance != NONE;
+            face_along(path.ray.direction, select(select(SEEN, SCATTERED, is_scattered), ARRIVING, is_arriving));
+            var hit = traverse(path.ray, is_arriving);
+            if hidden.instance != NONE {
+                // The ray leaves the scene, or ends at the hidden face.
+                if hit.instance != NONE {
+                    hit = hidden;
+                }
+                hidden = miss();
+            } else if is_scattered && hit.instance != NONE && is_hidden(hit) && !is_incomplete {
+                hidden = hit;
+                path.n_rays += 1u;
+                continue;
+            }
             advance(&path, one, hit);
             if path.stage == DONE || is_incomplete {
                 break;

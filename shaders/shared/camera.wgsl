@@ -44,6 +44,11 @@ fn line_of(position: vec2<f32>) -> Ray {
     return infinite_ray(picture.eye, normalize(direction));
 }
 
+/// A vector from a point to the eye.
+fn towards_eye(point: vec3<f32>) -> vec3<f32> {
+    return picture.eye - point;
+}
+
 /// The cone of a pixel: its spread is the root of the pixel's solid angle.
 fn pixel_cone(position: vec2<f32>, sample: u32) -> Cone {
     let offset = position * picture.pixel;
@@ -58,6 +63,11 @@ fn pixel_cone(position: vec2<f32>, sample: u32) -> Cone {
 /// The ray through a position in pixels relative to the center of the picture.
 fn line_of(position: vec2<f32>) -> Ray {
     return infinite_ray(picture.eye + (position.x * picture.right + position.y * picture.down), picture.forward);
+}
+
+/// A vector from a point towards the eye, which is infinitely far away.
+fn towards_eye(point: vec3<f32>) -> vec3<f32> {
+    return -picture.forward;
 }
 
 /// The cone of a pixel.

@@ -7,6 +7,7 @@
 // use shared/camera
 // use shared/picture
 // use shared/hash/ray_key
+// use shared/facing
 // use shared/surface/vertex
 // use shared/light/sampler
 // use ?shape_lights
@@ -63,6 +64,8 @@ struct Path {
     cone_spread: f32,
     cone_scale: f32,
     cone_is_direct: u32,
+    /// Surfaces that scattered the path. Mirrors and clear glass in front of the first one do not count.
+    n_scattered: u32,
 }
 
 /// A path that starts at the camera.
@@ -103,7 +106,7 @@ fn advance(path: ptr<function, Path>, one: PixelSample, hit: Hit) {
         gather(path, surface.emission, density);
     }
     let vertex = vertex_of(surface);
-    let receiver = Receiver(surface.position, is_transmitting(vertex.bsdf), surface.normal, surface.shading_normal);
+    let receiver = Receiver(surface.position, is_transmitting(vertex.bsdf), vertex.normal, surface.shading_normal);
     (*path).n_vertices += 1u;
     let has_shadow_ray = !is_delta_only(vertex.bsdf) && sample_direct(path, one, surface, vertex, receiver, number);
     if !scatter(path, one, surface, vertex, number) {
@@ -146,7 +149,7 @@ fn ends(path: ptr<function, Path>, hit: Hit) -> bool {
 /// Adds light that the onward ray hit, weighted by the density with which light sampling finds its direction.
 fn gather(path: ptr<function, Path>, radiance: vec3<f32>, density: f32) {
     let weight = select(power_heuristic((*path).density, density), 1.0, (*path).density < 0.0);
-    (*path).radiance += (*path).throughput * radiance * weight;
+    (*path).radiance += limited((*path).throughput * radiance * weight, (*path).n_scattered);
 }
 
 /// The vertex that the onward ray left.
@@ -177,7 +180,8 @@ fn sample_direct(
     // No other technique samples a light without extent.
     let density = light.incoming.density;
     let weight = select(power_heuristic(density, found.density), 1.0, density == 0.0);
-    let contribution = (*path).throughput * (found.value * light.incoming.radiance) * weight;
+    let unlimited = (*path).throughput * (found.value * light.incoming.radiance) * weight;
+    let contribution = limited(unlimited, (*path).n_scattered + 1u);
     let is_near = light.incoming.shadow_ray == FINITE;
     let ray = towards(surface, select(light.incoming.to_light, light.incoming.position, is_near), is_near);
     if ray.t_max <= 0.0 {
@@ -202,6 +206,7 @@ fn scatter(path: ptr<function, Path>, one: PixelSample, surface: Surface, vertex
     }
     let direction = world_direction(vertex, found.incident);
     (*path).throughput *= found.weight;
+    (*path).n_scattered += select(0u, 1u, (*path).n_scattered > 0u || !found.is_delta);
     if found.is_transmitted {
         (*path).compression *= compression_of(vertex.bsdf);
     }

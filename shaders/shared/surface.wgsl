@@ -32,6 +32,8 @@ struct Material {
     normal_slot: u32,
     emission_slot: u32,
     alpha_slot: u32,
+    /// Whether rays pass one of its sides.
+    single_sided: u32,
 }
 
 const NO_SLOT: u32 = 0xffffffffu;
@@ -45,6 +47,8 @@ struct Surface {
     normal: vec3<f32>,
     /// Unit shading normal on the same side.
     shading_normal: vec3<f32>,
+    /// The surface that vertex normals describe, where it bulges out of the triangle, else the point and `normal`.
+    smooth_surface: SmoothSurface,
     /// Whether the ray came from the side that sees the triangle counter-clockwise, in object space.
     is_front: bool,
     base_color: vec3<f32>,
@@ -56,6 +60,12 @@ struct Surface {
     material: u32,
     /// Input of texture lookups.
     lookup: TextureLookup,
+}
+
+/// A point of a surface, and its unit normal on the side of the ray.
+struct SmoothSurface {
+    position: vec3<f32>,
+    normal: vec3<f32>,
 }
 
 /// The surface at a hit of a ray along `direction`, of any length, with this cone at its origin.
@@ -72,10 +82,16 @@ fn surface_at(hit: Hit, direction: vec3<f32>, cone: Cone) -> Surface {
     let breadth = area_root(hit.instance, triangle);
     let lookup = TextureLookup(triangle.vertices, weights, hit.instance, winding, breadth, unit(direction), arrived);
     let tint = vertex_color(triangle.vertices, weights).rgb;
+    let position = point_world(hit.instance, blend_positions(triangle.vertices, weights));
+    var smooth_surface = SmoothSurface(position, normal);
+    if materials[material].transmission == 0.0 {
+        smooth_surface = bulge(lookup, position, normal);
+    }
     return Surface(
-        point_world(hit.instance, blend_positions(triangle.vertices, weights)),
+        position,
         normal,
         shading_normal(material, lookup, normal, is_mirrored),
+        smooth_surface,
         (dot(winding, direction) <= 0.0) != is_mirrored,
         materials[material].base_color * texel(materials[material].base_color_slot, lookup).rgb * tint,
         materials[material].emission * texel(materials[material].emission_slot, lookup).rgb,
@@ -114,16 +130,22 @@ fn spawn_ray(surface: Surface, direction: vec3<f32>) -> Ray {
 /// roundings of the distance.
 fn towards(surface: Surface, goal: vec3<f32>, is_point: bool) -> Ray {
     let direction = select(goal, goal - surface.position, is_point);
-    let side = with_sign(surface.offset, dot(surface.normal, direction));
-    let origin = surface.position + surface.normal * side;
+    var start = SmoothSurface(surface.position, surface.normal);
+    if dot(surface.normal, direction) < 0.0 && dot(surface.smooth_surface.normal, direction) > 0.0 {
+        // Between the horizons of the triangle and of the smooth surface.
+        start = surface.smooth_surface;
+    }
+    let side = with_sign(surface.offset, dot(start.normal, direction));
+    let origin = start.position + start.normal * side;
     let delta = select(goal, goal - origin, is_point);
     let gap = surface.offset / max(size(delta), 1e-30) + 8.0 * 0x1p-23f;
     return Ray(origin, 0.0, delta, select(FAR, 1.0 - gap, is_point));
 }
 
-/// Mirrors `direction` to the outer side of the triangle if shading normal and triangle disagree about it.
+/// Mirrors `direction` to the outer side of the surface if shading normal and horizon disagree about it.
 fn mirror_outward(surface: Surface, direction: vec3<f32>) -> vec3<f32> {
-    return direction - surface.normal * (2.0 * min(dot(surface.normal, direction), 0.0));
+    let horizon = surface.smooth_surface.normal;
+    return direction - horizon * (2.0 * min(dot(horizon, direction), 0.0));
 }
 
 // part mesh
@@ -351,6 +373,38 @@ fn smooth_normal(lookup: TextureLookup) -> vec3<f32> {
     return normal_world(lookup.instance, blend_three(lookup.vertices, lookup.weights, NORMAL));
 }
 
+/// How far the planes of the vertices must lie above a point in the mean, relative to their mean distance from it.
+const MIN_BULGE: f32 = 1.0 / 1024.0;
+
+/// The smooth surface over a point of the triangle with this normal on the viewer's side; twin of the CPU's `smooth_surface`.
+fn bulge(lookup: TextureLookup, position: vec3<f32>, normal: vec3<f32>) -> SmoothSurface {
+    let none = SmoothSurface(position, normal);
+    let smooth_one = smooth_normal(lookup);
+    let side = select(1.0, -1.0, dot(smooth_one, normal) < 0.0);
+    if NORMAL == 0u || side * dot(smooth_one, lookup.direction) >= 0.0 {
+        return none;
+    }
+    // Relative to the point, so that far from the origin it does not round.
+    var raised = vec3(0.0);
+    var height = 0.0;
+    var size_of_all = 0.0;
+    for (var k = 0u; k < 3u; k++) {
+        let vertex = lookup.vertices[k];
+        let of_vertex = side * normal_world(lookup.instance, three_of(vertex, NORMAL));
+        if dot(of_vertex, normal) <= 0.0 {
+            return none;
+        }
+        let above = lookup.weights[k] * dot(point_world(lookup.instance, position_of(vertex)) - position, of_vertex);
+        height += above;
+        size_of_all += abs(above);
+        raised += max(above, 0.0) * of_vertex;
+    }
+    if height <= MIN_BULGE * size_of_all {
+        return none;
+    }
+    return SmoothSurface(position + raised, side * smooth_one);
+}
+
 /// The interpolated normal on the viewer's side; `normal` of the triangle if it faces away from the viewer.
 fn facing_smooth_normal(blended: vec3<f32>, lookup: TextureLookup, normal: vec3<f32>) -> vec3<f32> {
     let facing = select(blended, -blended, dot(blended, normal) < 0.0);
@@ -359,6 +413,10 @@ fn facing_smooth_normal(blended: vec3<f32>, lookup: TextureLookup, normal: vec3<
 
 // choice normal/flat
 // Flat shading: the normal of the triangle.
+
+fn bulge(lookup: TextureLookup, position: vec3<f32>, normal: vec3<f32>) -> SmoothSurface {
+    return SmoothSurface(position, normal);
+}
 
 fn shading_normal(material: u32, lookup: TextureLookup, normal: vec3<f32>, is_mirrored: bool) -> vec3<f32> {
     return normal;
@@ -450,8 +508,8 @@ fn lifted(perturbed: vec3<f32>, normal: vec3<f32>, towards_viewer: vec3<f32>) ->
 }
 
 // part vertex
-// A path vertex with the frame of its BSDF. Directions on which shading normal and triangle disagree are mirrored in the plane
-// of the triangle; a direction receives both its own scattering and that of the mirrored one.
+// A path vertex with the frame of its BSDF. Directions on which shading normal and horizon disagree are mirrored at the horizon;
+// a direction receives both its own scattering and that of the mirrored one.
 //
 // `?material` reads the parameters of `?bsdf`.
 // use shared/sampling
@@ -466,9 +524,9 @@ struct Vertex {
     basis: mat3x3<f32>,
     /// Unit vector towards the viewer, in that frame.
     outgoing: vec3<f32>,
-    /// Unit normal of the triangle.
+    /// Unit normal of the horizon.
     normal: vec3<f32>,
-    /// Whether the frame's normal differs from the triangle's.
+    /// Whether the frame's normal differs from it.
     is_perturbed: bool,
 }
 
@@ -478,7 +536,8 @@ fn vertex_of(surface: Surface) -> Vertex {
     let faces = dot(surface.shading_normal, viewer) > 0.0;
     let normal = select(surface.normal, surface.shading_normal, faces);
     let basis = basis_about(normal);
-    return Vertex(bsdf_of(surface), basis, viewer * basis, surface.normal, any(normal != surface.normal));
+    let horizon = surface.smooth_surface.normal;
+    return Vertex(bsdf_of(surface), basis, viewer * basis, horizon, any(normal != horizon));
 }
 
 /// Scattering of a world-space direction, including its mirrored direction.
@@ -486,7 +545,7 @@ fn evaluate(vertex: Vertex, to_light: vec3<f32>) -> Evaluation {
     let height = dot(vertex.normal, to_light);
     var local = to_light * vertex.basis;
     var sum = no_evaluation();
-    // One call site, because the code is large. A direction is used as it is where triangle and frame agree on its side, and
+    // One call site, because the code is large. A direction is used as it is where horizon and frame agree on its side, and
     // mirrored otherwise.
     for (var i = 0u; i < 2u; i++) {
         iterations += 1u;
@@ -502,14 +561,14 @@ fn evaluate(vertex: Vertex, to_light: vec3<f32>) -> Evaluation {
     return sum;
 }
 
-/// A sampled local direction in world space, on the same side of the triangle as in the frame.
+/// A sampled local direction in world space, on the same side of the horizon as in the frame.
 fn world_direction(vertex: Vertex, incident: vec3<f32>) -> vec3<f32> {
     let direction = vertex.basis * incident;
     let agrees = !vertex.is_perturbed || incident.z * dot(vertex.normal, direction) >= 0.0;
     return select(in_plane_mirrored(vertex, direction), direction, agrees);
 }
 
-/// A direction mirrored in the plane of the triangle.
+/// A direction mirrored at the horizon.
 fn in_plane_mirrored(vertex: Vertex, direction: vec3<f32>) -> vec3<f32> {
     return direction - vertex.normal * (2.0 * dot(vertex.normal, direction));
 }

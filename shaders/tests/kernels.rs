@@ -30,12 +30,12 @@ fn choices(kernel: &str) -> Vec<Variant> {
         let mut chosen = Variant::none();
         while let Err(error) = assemble(kernel, &chosen) {
             let ShaderError::MissingChoice { what, .. } = error else { panic!("{error}") };
-            // Alpha needs surfaces, which kernels that only trace do not have.
+            // Alpha and faces need surfaces, which kernels that only trace do not have.
             let only_traces = kernel.starts_with("trace/")
                 || kernel == "shared/traverse"
                 || ["check/moving", "check/triangle"].contains(&kernel);
             let mut parts = parts(&what);
-            parts.retain(|part| !only_traces || part != "shared/mask/alpha");
+            parts.retain(|part| !only_traces || !part.starts_with("shared/mask/") || part == "shared/mask/none");
             n_choices = n_choices.max(parts.len());
             chosen = match parts.get(all.len() % parts.len().max(1)) {
                 Some(part) => chosen.part(&what, part),

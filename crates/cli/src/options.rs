@@ -10,7 +10,7 @@ use anyhow::{Result, anyhow, bail};
 use canted_film::{Aov, Filter, ToneMap};
 use canted_lbvh::Strategy;
 use canted_renderer::{
-    BoxLevel, Builder, BvhKind, FirstHit, Integrator, Levels, Lod, Measure, Pattern, SampleSums, SceneBvhConfig,
+    BoxLevel, Builder, BvhKind, Cull, FirstHit, Integrator, Levels, Lod, Measure, Pattern, SampleSums, SceneBvhConfig,
     UpdatePolicy,
 };
 use canted_scene::{Scene, suggestion};
@@ -126,7 +126,7 @@ macro_rules! named {
 }
 
 named! {
-    Aov Builder BvhKind Filter FirstHit Integrator Levels Lod Measure Pattern Preset SampleSums Strategy ToneMap TriangleTest UpdatePolicy
+    Aov Builder BvhKind Cull Filter FirstHit Integrator Levels Lod Measure Pattern Preset SampleSums Strategy ToneMap TriangleTest UpdatePolicy
 }
 
 impl Named for bool {

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, anyhow};
 use canted_film::{Aovs, Filter, Picture, ToneMap};
-use canted_renderer::{FirstHit, Integrator, Lod, Measure, Pattern, SceneBvh, Settings};
+use canted_renderer::{Cull, FirstHit, Integrator, Lod, Measure, Pattern, SceneBvh, Settings};
 use canted_scene::{Camera, Material, ReadOptions, Scene, SceneFile, Setting, suggestion};
 use clap::Command;
 use serde::{Deserialize, Serialize};
@@ -159,6 +159,14 @@ pub(crate) struct RenderingOptions {
     /// diagonal]
     #[arg(long, value_name = "LENGTH", allow_hyphen_values = true)]
     ao_radius: Option<Value<Length>>,
+    /// Back faces: `auto` passes those of materials that their glTF file calls single-sided, for the camera and for the light that
+    /// arrives through them; `off` shows both sides of all, `back` one side of all. Glass always has both.
+    #[arg(long, default_value = "auto", value_name = "auto|off|back")]
+    cull: Option<Value<Cull>>,
+    /// Limit of the radiance that a sample brings from light scattered by two surfaces or more, or `off`. Removes bright specks, and some
+    /// light with them.
+    #[arg(long, default_value = "off", value_name = "VALUE|off", allow_hyphen_values = true)]
+    clamp: Option<Value<Clamp>>,
     /// Give back the light that rough metal, coats and glass lose between their microfacets: on or off. `off` is for
     /// comparison with renderers that scatter once; `hybrid` has no such surfaces.
     #[arg(long, default_value = "on", value_name = "on|off")]
@@ -181,6 +189,29 @@ pub(crate) struct LookOptions {
     /// those of films.
     #[arg(long, default_value = "none", value_name = "CURVE")]
     pub(crate) tone_map: Option<Value<ToneMap>>,
+}
+
+/// The value of `--clamp`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Clamp(Option<f32>);
+
+impl Form for Clamp {
+    type Value = Self;
+
+    fn parse(text: &str) -> Result<Self, String> {
+        if text == "off" {
+            return Ok(Self(None));
+        }
+        let limit = Positive::parse(text)
+            .map_err(|_| format!("'{text}' is neither off nor a finite number greater than zero"))?;
+        Ok(Self(Some(limit)))
+    }
+}
+
+impl Text for Clamp {
+    fn text(&self) -> String {
+        self.0.map_or_else(|| "off".to_owned(), |limit| limit.to_string())
+    }
 }
 
 /// The direction that is up in world space.
@@ -449,6 +480,8 @@ fn settings(options: &PictureOptions, purpose: &Purpose) -> Result<Settings> {
         integrator: _,
         bounces: _,
         ao_radius,
+        cull,
+        clamp,
         energy_compensation,
         first_hit: _,
     } = options.rendering;
@@ -491,6 +524,8 @@ fn settings(options: &PictureOptions, purpose: &Purpose) -> Result<Settings> {
         pattern,
         filter: filter.map_or(default.filter, |filter| filter.0),
         lod: lod.map_or(default.lod, |lod| lod.0),
+        cull: cull.map_or(default.cull, |cull| cull.0),
+        clamp: clamp.and_then(|clamp| clamp.0.0),
         energy_compensation: energy_compensation.map_or(default.energy_compensation, |is_on| is_on.0),
         ao_radius: ao_radius.map(|radius| radius.0),
         ..default

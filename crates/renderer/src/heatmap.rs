@@ -3,7 +3,7 @@ use canted_scene::Camera;
 use canted_trace::{Counts, Intersect};
 use rayon::prelude::*;
 
-use crate::{AlphaTest, CameraError, CountedAlphaTest, Surfaces, View};
+use crate::{CameraError, CountedHitFilter, HitFilter, Surfaces, View};
 
 /// Which tests a heat map shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -58,7 +58,7 @@ impl Heatmap {
 
 /// Traces one ray through the center of each pixel, in the caller's thread pool, and shows its tests in false color.
 ///
-/// The scale is fixed, so that heat maps of different BVHs are comparable: see [`false_color`].
+/// Surfaces are seen from both sides. The scale is fixed, so that heat maps of different BVHs are comparable: see [`false_color`].
 ///
 /// # Errors
 /// [`CameraError`] if the camera is invalid.
@@ -73,7 +73,7 @@ pub fn heatmap(
     let view = View::new(camera, width, height)?;
     let row = |y: u32| {
         (0..width).map(move |x| {
-            let mut query = CountedAlphaTest { test: AlphaTest::new(surfaces), counts: Counts::default() };
+            let mut query = CountedHitFilter { filter: HitFilter::new(surfaces), counts: Counts::default() };
             bvh.closest_hit_with(&view.ray([f64::from(x) + 0.5, f64::from(y) + 0.5]), &mut query);
             query.counts
         })

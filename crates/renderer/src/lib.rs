@@ -27,7 +27,6 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "shared with the GPU renderer, which uses more of it"))]
 
-mod alpha;
 mod bottom_level;
 mod boxes;
 mod bsdf;
@@ -38,6 +37,7 @@ mod device;
 mod error;
 mod framing;
 mod heatmap;
+mod hit_filter;
 mod integrate;
 mod light;
 mod render;
@@ -50,7 +50,6 @@ mod texture;
 mod update;
 mod update_policy;
 
-pub use alpha::{AlphaTest, CountedAlphaTest};
 #[cfg(feature = "baseline")]
 pub use bottom_level::obvhs_tree;
 pub use bottom_level::{BottomLevel, Builder, BvhKind, Levels, SceneBvhConfig};
@@ -69,12 +68,13 @@ pub use device::{
 pub use error::PrepareError;
 pub use framing::{frame, frame_up};
 pub use heatmap::{Heatmap, Measure, heatmap};
+pub use hit_filter::{CountedHitFilter, HitFilter};
 pub use light::{LightHit, LightId, LightSample, LightSampler, Lights, environment_of};
 pub use render::{Monitor, RenderError, render, resume, resume_with};
 pub use sampler::{Pattern, Sampler};
 pub use scene_bvh::{FlatBvh, Flattened, SceneBvh, SceneLevels, UnusedFeature, flatten};
-pub use settings::{FirstHit, Integrator, SampleSums, Settings};
-pub use surface::{Surface, Surfaces};
+pub use settings::{Cull, FirstHit, Integrator, SampleSums, Settings};
+pub use surface::{SmoothSurface, Surface, Surfaces};
 pub use texture::{Cone, Lod, MipMaps};
 pub use update::{UpdateOptions, Updates};
 pub use update_policy::UpdatePolicy;

@@ -7,7 +7,7 @@ use canted_lbvh::Strategy;
 use canted_obb::{Affine, Obb, PrimId};
 use canted_scene::{Instance, Material, Mesh, Scene};
 use canted_tlas::Tlas;
-use canted_trace::{HIT_ERROR, Hit, InstanceId, Intersect, Query, ScaledRay};
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Intersect, Query, ScaledRay, Side};
 use rayon::prelude::*;
 
 use crate::bottom_level::Triangles;
@@ -50,6 +50,8 @@ pub struct FlatBvh {
     pub(crate) bvh: BottomLevel,
     /// Index of the first triangle of each instance.
     pub(crate) first: Vec<u32>,
+    /// Whether each instance mirrors, so that triangles are wound the other way round than in object space.
+    pub(crate) mirrors: Vec<bool>,
 }
 
 impl FlatBvh {
@@ -59,12 +61,18 @@ impl FlatBvh {
         &self.bvh
     }
 
-    /// Replaces the index of a triangle among all instances by its instance and its index in the mesh.
+    /// Replaces the index of a triangle among all instances by its instance and its index in the mesh, and the side by that in object
+    /// space.
     #[inline]
     fn in_instance(&self, hit: Hit) -> Hit {
         let instance = self.first.partition_point(|&first| first <= hit.primitive.0) - 1;
         let primitive = PrimId(hit.primitive.0 - self.first[instance]);
-        Hit { instance: InstanceId(instance as u32), primitive, ..hit }
+        let side = match (self.mirrors[instance], hit.side) {
+            (false, side) => side,
+            (true, Side::Front) => Side::Back,
+            (true, Side::Back) => Side::Front,
+        };
+        Hit { instance: InstanceId(instance as u32), primitive, side, ..hit }
     }
 }
 
@@ -216,11 +224,11 @@ fn one_level(scene: &Scene, config: &SceneBvhConfig) -> Result<SceneLevels, Prep
     {
         let Mesh { positions, triangles, .. } = &scene.meshes[instance.mesh.0 as usize];
         let triangles = Triangles { positions, close: None, triangles };
-        return Ok(SceneLevels::One(FlatBvh { bvh: config.build(triangles)?, first: vec![0] }));
+        return Ok(SceneLevels::One(FlatBvh { bvh: config.build(triangles)?, first: vec![0], mirrors: vec![false] }));
     }
     let (positions, triangles, first) = flatten(scene)?;
     let triangles = Triangles { positions: &positions, close: None, triangles: &triangles };
-    Ok(SceneLevels::One(FlatBvh { bvh: config.build(triangles)?, first }))
+    Ok(SceneLevels::One(FlatBvh { bvh: config.build(triangles)?, first, mirrors: mirrors(scene) }))
 }
 
 /// Builds a BVH per mesh, and one over the instances.
@@ -248,6 +256,11 @@ pub fn flatten(scene: &Scene) -> Result<Flattened, PrepareError> {
         triangles.extend(mesh.triangles.iter().map(|t| t.map(|i| base + i)));
     }
     Ok((positions, triangles, first))
+}
+
+/// Whether each instance mirrors.
+pub(crate) fn mirrors(scene: &Scene) -> Vec<bool> {
+    scene.instances.iter().map(|instance| instance.world_from_object.determinant() < 0.0).collect()
 }
 
 /// How many triangles and vertices one BVH can index.

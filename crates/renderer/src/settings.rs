@@ -38,6 +38,36 @@ impl Integrator {
     }
 }
 
+/// Which faces of surfaces rays pass from behind. Surfaces that transmit light are seen from both sides.
+///
+/// A face that camera rays pass lets light through from behind, too, where the eye is behind it. Closed solids look the same with any of
+/// them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Cull {
+    /// Faces of materials that their file says to be single-sided: [`canted_scene::Material::double_sided`].
+    #[default]
+    Auto,
+    /// None.
+    Off,
+    /// All faces.
+    Back,
+}
+
+impl Cull {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Auto, Self::Off, Self::Back];
+
+    /// Its name in options, scene files and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Off => "off",
+            Self::Back => "back",
+        }
+    }
+}
+
 /// How the hybrid integrator finds the first hits of camera rays on a device. The picture does not depend on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FirstHit {
@@ -127,6 +157,12 @@ pub struct Settings {
     pub filter: Filter,
     /// Texture filtering.
     pub lod: Lod,
+    /// Which faces rays pass.
+    pub cull: Cull,
+    /// Greatest radiance, in the brightest channel, of light that at least two surfaces scattered before it reaches the camera, by
+    /// sample; mirrors and clear glass in front of the first count as none. `None` for no limit. It removes rare bright samples, and
+    /// the light that they carry.
+    pub clamp: Option<f32>,
     /// Whether `path` gives back the light that rough surfaces lose by multiple scattering between their microfacets. Renderers
     /// with single scattering give the picture without.
     pub energy_compensation: bool,
@@ -158,6 +194,8 @@ impl Default for Settings {
             pattern: Pattern::Stratified,
             filter: Filter::BOX,
             lod: Lod::default(),
+            cull: Cull::default(),
+            clamp: None,
             energy_compensation: true,
             ao_radius: None,
             means_only: false,
@@ -203,6 +241,8 @@ impl Settings {
             pattern,
             filter,
             lod,
+            cull,
+            clamp,
             energy_compensation,
             ao_radius,
             means_only: _,
@@ -225,6 +265,8 @@ impl Settings {
             ("sampler", pattern),
             ("filter", filter.to_string()),
             ("lod", lod.name().to_owned()),
+            ("cull", cull.name().to_owned()),
+            ("clamp", clamp.map_or_else(|| "off".to_owned(), |clamp| clamp.to_string())),
             ("energy-compensation", if *energy_compensation { "on" } else { "off" }.to_owned()),
             ("ao-radius", radius),
         ]

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use crate::bottom_level::Triangles;
 use crate::scene_bvh::{
-    FlatBvh, MeshKey, SceneLevels, flatten, has_one_level, instances, triangle_shares, unused_features,
+    FlatBvh, MeshKey, SceneLevels, flatten, has_one_level, instances, mirrors, triangle_shares, unused_features,
 };
 use crate::update_policy::{BvhCosts, UpdatePolicy};
 use crate::{BottomLevel, PrepareError, SceneBvh, SceneBvhConfig};
@@ -142,10 +142,10 @@ impl SceneBvh {
                     let before = |i: &Instance| (i.mesh, history.meshes[i.mesh.0 as usize].triangles);
                     let may_refit = scene.instances.iter().map(same).eq(history.instances.iter().map(before));
                     let (positions, triangles, first) = flatten(scene)?;
-                    let FlatBvh { bvh, first: old_first } = flat;
+                    let FlatBvh { bvh, first: old_first, mirrors: old_mirrors } = flat;
                     let triangles = Triangles { positions: &positions, close: None, triangles: &triangles };
                     update.apply(bvh, &mut history.costs[0], triangles, may_refit, 1.0)?;
-                    *old_first = first;
+                    (*old_first, *old_mirrors) = (first, mirrors(scene));
                 }
             }
             SceneLevels::Two(tlas) => {

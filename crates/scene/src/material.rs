@@ -25,8 +25,7 @@ pub enum AlphaMode {
 /// `specular` and `transmission` to 0; for a mirror set `metallic` to 1 and `roughness` to 0; for glass set `transmission`
 /// to 1. Each factor is multiplied by its texture.
 ///
-/// All surfaces are two-sided: the back looks like the front, with the shading normal flipped. glTF's `doubleSided` is
-/// ignored, as in other path tracers (Mitsuba, Cycles): culling back faces would let light pass through walls.
+/// The back of a surface looks like the front, with the shading normal flipped, unless [`Material::double_sided`] is false.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// Name from the file, used in messages.
@@ -65,6 +64,8 @@ pub struct Material {
     pub alpha: f32,
     /// Texture whose alpha channel is multiplied by `alpha`; its color channels are ignored.
     pub alpha_texture: Option<TextureRef>,
+    /// Whether the back is seen, too; glTF's `doubleSided`. Surfaces that transmit light are seen from both sides.
+    pub double_sided: bool,
     /// Further lobes; `None` for most materials.
     pub lobes: Option<Box<Lobes>>,
 }
@@ -91,6 +92,7 @@ impl Default for Material {
             alpha_mode: AlphaMode::Opaque,
             alpha: 1.0,
             alpha_texture: None,
+            double_sided: true,
             lobes: None,
         }
     }

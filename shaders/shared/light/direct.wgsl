@@ -27,7 +27,7 @@ const NO_SHADOW_RAY: ShadowRay = ShadowRay(false, vec3<f32>(), NO_RAY, 0u, vec3<
 const FIRST_LIGHT: u32 = 65536u;
 
 /// The shadow ray to the next light after the first `n_visited` that may reach the surface on the viewer's side, above the
-/// horizons of both the geometric and the shading normal. Its key is derived from `vertex_key` by the index of the light.
+/// horizons of both the surface and the shading normal. Its key is derived from `vertex_key` by the index of the light.
 fn next_shadow_ray(one: PixelSample, vertex: u32, surface: Surface, vertex_key: u32, n_visited: u32) -> ShadowRay {
     let n_lights = arrayLength(&lights);
     var shadow = NO_SHADOW_RAY;
@@ -37,7 +37,7 @@ fn next_shadow_ray(one: PixelSample, vertex: u32, surface: Surface, vertex_key: 
         let dimension = FIRST_LIGHT + vertex * n_lights + number;
         let incoming = incoming_light(lights[number], surface.position, square(one, dimension));
         let cosine = dot(surface.shading_normal, incoming.to_light);
-        if incoming.shadow_ray == NO_LIGHT || cosine <= 0.0 || dot(surface.normal, incoming.to_light) <= 0.0 {
+        if incoming.shadow_ray == NO_LIGHT || cosine <= 0.0 || dot(surface.smooth_surface.normal, incoming.to_light) <= 0.0 {
             continue;
         }
         let reflected = surface.base_color * (incoming.radiance * (cosine / PI));

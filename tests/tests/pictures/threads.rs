@@ -66,6 +66,8 @@ const SETTINGS: Settings = Settings {
     pattern: canted_renderer::Pattern::Stratified,
     filter: canted_film::Filter::BOX,
     lod: canted_renderer::Lod::Aniso,
+    cull: canted_renderer::Cull::Auto,
+    clamp: None,
     energy_compensation: true,
     ao_radius: None,
     means_only: false,

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use canted_film::{Aov, Aovs, Film, Guide};
 use canted_fixtures::device_tests::{Test, needs_device};
-use canted_renderer::{DevicePicture, Integrator, Levels, Pattern, Settings, Surfaces};
-use canted_scene::{Camera, Environment, Light, Material, Scene, SceneFile};
+use canted_renderer::{Cull, DevicePicture, Integrator, Levels, Pattern, Settings, Surfaces};
+use canted_scene::{AlphaMode, Camera, Environment, Light, Material, Scene, SceneFile};
 use canted_tests::scenes as model_files;
 
 use crate::{
@@ -16,6 +16,7 @@ use crate::{
 pub(crate) fn tests() -> Vec<Test> {
     vec![
         needs_device(a_room_with_all_kinds_of_light),
+        needs_device(back_faces_and_limits),
         needs_device(metal_and_glass_before_a_sky),
         needs_device(motion_while_the_shutter_is_open),
         needs_device(the_motion_example),
@@ -43,6 +44,32 @@ fn a_room_with_all_kinds_of_light() {
     }
     scene.environment = Some(scenes::sky());
     compared(&gpu, &scene, &camera, Levels::One, &small(4)).check("sky", [0.3, 0.01]);
+}
+
+/// Single-sided materials, seen and lit from both sides; and light up to a limit.
+fn back_faces_and_limits() {
+    let gpu = gpu();
+    let (mut scene, camera) = scenes::dollhouse();
+    for (cull, clamp) in [(Cull::Auto, None), (Cull::Back, Some(0.2)), (Cull::Off, Some(0.2))] {
+        for levels in [Levels::One, Levels::Two] {
+            let with = |settings: Settings| Settings { cull, clamp, ..settings };
+            let found = compared(&gpu, &scene, &camera, levels, &with(small(4)));
+            found.check(&format!("path {cull:?} {levels:?}"), [0.3, 0.01]);
+            let found = compared(&gpu, &scene, &camera, levels, &with(hybrid(4)));
+            found.check(&format!("hybrid {cull:?} {levels:?}"), [0.1, 0.005]);
+        }
+    }
+    // With alpha, in motion, and before a sky.
+    scene.environment = Some(scenes::sky());
+    scene.materials[1].alpha_mode = AlphaMode::Blend;
+    scene.materials[1].alpha = 0.5;
+    compared(&gpu, &scene, &camera, Levels::One, &small(4)).check("alpha", [0.4, 0.02]);
+    let (scene, _) = scenes::in_motion((scene, camera));
+    compared(&gpu, &scene, &camera, Levels::Two, &small(4)).check("in motion", [0.4, 0.02]);
+    // The comparison detects a device that culls nothing.
+    let bvh = scene_bvh(&scene, Levels::Auto);
+    let ours = on_device(&gpu, &scene, &bvh, &camera, &Settings { cull: Cull::Off, ..small(4) });
+    assert!(difference(&ours, &on_cpu(&scene, &bvh, &camera, &small(4))).astray > 0.5);
 }
 
 /// The room with a different material for each block.

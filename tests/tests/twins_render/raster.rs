@@ -8,8 +8,8 @@ use std::sync::atomic::AtomicBool;
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_gpu::Gpu;
 use canted_renderer::{
-    AlphaTest, DevicePicture, FirstHit, Integrator, Levels, Lod, Monitor, SceneBvh, Settings, Surface, SurfaceInfo,
-    Surfaces, View,
+    Cull, DevicePicture, FirstHit, HitFilter, Integrator, Levels, Lod, Monitor, SceneBvh, Settings, Surface,
+    SurfaceInfo, Surfaces, View,
 };
 use canted_scene::{Camera, Scene};
 use canted_trace::{Hit, Intersect};
@@ -52,7 +52,8 @@ impl Rays<'_> {
     /// The first hit through a position of the picture, in pixels, with its surface.
     fn seen(&self, at: [f64; 2]) -> Option<(Hit, Surface)> {
         let ray = self.view.ray(at);
-        let hit = self.bvh.closest_hit_with(&ray, &mut AlphaTest::new(self.surfaces))?;
+        let hit =
+            self.bvh.closest_hit_with(&ray, &mut HitFilter::new(self.surfaces).culling(Cull::Auto, &self.view))?;
         Some((hit, self.surfaces.at_time(&hit, ray.direction, 0.0, self.view.cone(at, 0))))
     }
 
@@ -158,12 +159,14 @@ fn the_raster_pass_matches_primary_rays() {
     let gpu = gpu();
     let builtin = canted_scene::builtin();
     let (room, room_camera) = scenes::room();
+    let (dollhouse, dollhouse_camera) = scenes::dollhouse();
     let (mut textured, textured_camera) = scenes::textured();
     // Hits of blended surfaces are random, and random numbers may differ between both methods.
     textured.materials[2].alpha = 1.0;
     for levels in [Levels::One, Levels::Two] {
         check(&gpu, &builtin, &frame_of(&builtin), levels);
         check(&gpu, &room, &room_camera, levels);
+        check(&gpu, &dollhouse, &dollhouse_camera, levels);
         check(&gpu, &textured, &textured_camera, levels);
     }
     // From inside, so that triangles extend behind the eye.
@@ -187,7 +190,7 @@ fn rasterized_first_hits_change_no_picture() {
     let gpu = gpu();
     let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &AtomicBool::new(false) };
     let settings = Settings { samples: 3, ..settings() };
-    for (scene, camera) in [scenes::textured(), scenes::in_motion(scenes::room())] {
+    for (scene, camera) in [scenes::textured(), scenes::dollhouse(), scenes::in_motion(scenes::room())] {
         for levels in [Levels::One, Levels::Two] {
             let is_flat = levels == Levels::One;
             if is_flat && scene.has_motion() {

@@ -66,6 +66,16 @@ pub(super) fn room() -> (Scene, Camera) {
     (scene, Camera::pinhole([0.0, 0.0, 8.0], [0.0, -0.2, 0.0], [0.0, 1.0, 0.0], 38.0))
 }
 
+/// The room with four walls, seen from outside: all materials are single-sided, and walls face inwards.
+pub(super) fn dollhouse() -> (Scene, Camera) {
+    let (mut scene, _) = room();
+    scene.materials.iter_mut().for_each(|material| material.double_sided = false);
+    let mut walls = cuboid([3.0, 2.0, 3.0], 0);
+    walls.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+    scene.meshes[0] = walls;
+    (scene, Camera::pinhole([5.0, 4.0, 8.0], [0.0, -0.6, 0.0], [0.0, 1.0, 0.0], 38.0))
+}
+
 /// A sky with a bright spot and a dark ground.
 pub(super) fn sky() -> Environment {
     let (width, height) = (16, 8);

@@ -32,8 +32,8 @@ const REST: Duration = Duration::from_millis(150);
 /// Renders jobs, and keeps what the next one can use.
 #[derive(Default)]
 struct Renderer {
-    /// The scene, camera and size of the latest job.
-    latest: Option<(SessionScene, Camera, [u32; 2])>,
+    /// The scene, camera and settings of the latest job.
+    latest: Option<(SessionScene, Camera, Settings)>,
     device: Device,
     /// Seconds that the CPU takes for a sample of a pixel.
     pace: Option<f64>,
@@ -56,7 +56,7 @@ impl Renderer {
             Ok(camera) => camera,
             Err(error) => {
                 let camera = Camera::pinhole([0.0; 3], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], 45.0);
-                self.latest = Some((ready, camera, plan.size()));
+                self.latest = Some((ready, camera, plan.settings));
                 return Err(error);
             }
         };
@@ -72,7 +72,7 @@ impl Renderer {
             is_file_camera: !ready.scene.cameras.is_empty(),
             integrator: chosen.settings.integrator,
             device: "cpu".to_owned(),
-            center_distance: ready.seen_at(&camera, plan.size(), center).map(|seen| f64::from(seen.t)),
+            center_distance: ready.seen_at(&camera, &plan.settings, center).map(|seen| f64::from(seen.t)),
             time_range: ready.time_range,
             n_levels: ready.n_levels(),
             ready: ready.ready,
@@ -82,7 +82,7 @@ impl Renderer {
         if result.as_ref().is_err_and(|error| !is_cancelled(error)) {
             self.device.reset();
         }
-        self.latest = Some((ready, camera, plan.size()));
+        self.latest = Some((ready, camera, plan.settings));
         result
     }
 
@@ -144,7 +144,7 @@ impl Renderer {
         let (plan, ready) = (&*plan, &*ready);
         let result = ready.with_surfaces(settings.lod, |surfaces| {
             let input = FrameInput { surfaces, bvh: &ready.bvh, camera: &view.camera, plan, settings: &settings };
-            let answer = |position| sender.send(Message::Seen(ready.seen_at(&view.camera, view.size, position)));
+            let answer = |position| sender.send(Message::Seen(ready.seen_at(&view.camera, &settings, position)));
             let send = |refined: &Refined| {
                 send(refined.view(view), shown.picture(&refined.film, &plan.look), refined.n_samples(), false);
             };
@@ -219,7 +219,9 @@ impl Renderer {
     /// Reports what is at positions of the latest picture.
     fn answer(&self, clicks: Vec<[f64; 2]>, sender: &FrameSender) {
         for position in clicks {
-            let at = |(ready, camera, size): &(SessionScene, Camera, [u32; 2])| ready.seen_at(camera, *size, position);
+            let at = |(ready, camera, settings): &(SessionScene, Camera, Settings)| {
+                ready.seen_at(camera, settings, position)
+            };
             let seen: Option<Seen> = self.latest.as_ref().and_then(at);
             sender.send(Message::Seen(seen));
         }

@@ -10,7 +10,7 @@ use anyhow::{Error, Result, anyhow};
 use canted_film::Film;
 use canted_obb::Obb;
 use canted_renderer::{
-    AlphaTest, BoxLevel, Lod, MipMaps, Monitor, SceneBvh, Settings, Surfaces, UpdateOptions, View, resume_with,
+    BoxLevel, HitFilter, Lod, MipMaps, Monitor, SceneBvh, Settings, Surfaces, UpdateOptions, View, resume_with,
 };
 use canted_scene::{AnimatedScene, Camera, Environment, Scene};
 use canted_trace::Intersect as _;
@@ -163,10 +163,11 @@ impl SessionScene {
     }
 
     /// What a camera sees at a position in pixels.
-    pub(super) fn seen_at(&self, camera: &Camera, [width, height]: [u32; 2], position: [f64; 2]) -> Option<Seen> {
-        let ray = View::new(camera, width, height).ok()?.ray(position);
+    pub(super) fn seen_at(&self, camera: &Camera, settings: &Settings, position: [f64; 2]) -> Option<Seen> {
+        let view = View::new(camera, settings.width, settings.height).ok()?;
         let surfaces = Surfaces::new(&self.scene);
-        let hit = self.bvh.closest_hit_with(&ray, &mut AlphaTest::new(&surfaces))?;
+        let mut filter = HitFilter::new(&surfaces).culling(settings.cull, &view);
+        let hit = self.bvh.closest_hit_with(&view.ray(position), &mut filter)?;
         let instance = self.scene.instances.get(hit.instance.0 as usize)?;
         let mesh = self.scene.meshes.get(instance.mesh.0 as usize)?;
         let material = self.scene.materials.get(mesh.material_of(hit.primitive.0).0 as usize)?;

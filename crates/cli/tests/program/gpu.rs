@@ -217,7 +217,7 @@ fn unsupported_requests_are_rejected() {
     folder.write(
         "coat.toml",
         "[[assets]]\nname = \"small\"\nfile = \"small.obj\"\nmaterial = \"coat\"\n\n\
-         [[materials]]\nname = \"coat\"\nclearcoat = 0.5\n",
+         [[materials]]\nname = \"coat\"\nclearcoat = 0.5\nspecular_color = [1, 0.5, 0.5]\n",
     );
     let coat = format!("{DEVICES} gpu --integrator").replace("small.obj", "coat.toml");
     let cases = [

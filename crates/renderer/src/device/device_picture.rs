@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use canted_film::{Aov, Film, Filter, Tile};
 use canted_gpu::{Buffer, Gpu, GpuError, Kernel, NamedBinding, TracedScene, Variant};
-use canted_scene::{Camera, Scene};
+use canted_scene::{Camera, Lobes, Scene};
 
 use super::collector::{self, SampleCollector, SampleDispatcher};
 use super::lights::{DeviceSky, SampledLights};
@@ -50,6 +50,12 @@ pub struct DevicePicture<'a> {
 
 /// What kernels lack of [`canted_scene::Lobes`].
 const LOBES: &str = "clear coats, sheen, anisotropy, thin films, colored reflections of dielectrics and absorption";
+
+/// Whether lobes change the albedo that AOVs show.
+fn changes_albedo(lobes: &Lobes) -> bool {
+    let Lobes { specular_color, specular_color_texture, specular_texture, iridescence, .. } = lobes;
+    *specular_color != [1.0; 3] || specular_color_texture.is_some() || specular_texture.is_some() || *iridescence > 0.0
+}
 
 impl<'a> DevicePicture<'a> {
     /// Uploads what the picture needs of the scene and its acceleration structure, and compiles kernels.
@@ -112,12 +118,16 @@ impl<'a> DevicePicture<'a> {
         picture::check_supported(settings)?;
         // AOVs show the materials of the path integrator.
         let materials = if settings.aovs.is_empty() { settings.integrator } else { Integrator::Path };
-        if materials == Integrator::Path && scene.materials.iter().any(|material| material.lobes.is_some()) {
+        let lacks = |lobes: &Lobes| match settings.integrator {
+            Integrator::Path => true,
+            Integrator::Hybrid => materials == Integrator::Path && changes_albedo(lobes),
+        };
+        if scene.materials.iter().filter_map(|material| material.lobes.as_deref()).any(lacks) {
             return Err(DeviceError::Unsupported { what: LOBES });
         }
         let traced = make(scene)?;
         let is_flat = matches!(bvh.levels(), SceneLevels::One(_));
-        let packed = PackedScene::new(gpu, scene, surfaces.textures(), settings.lod, is_flat, materials)?;
+        let packed = PackedScene::new(gpu, scene, surfaces.textures(), settings, is_flat, materials)?;
         let sky = DeviceSky::new(gpu, scene)?;
         let ambient = bounded(Lights::new(scene).ambient());
         let Rendering { view, filter, ao_radius, .. } = &cpu;

@@ -8,8 +8,9 @@ use canted_scene::{
     AlphaMode, Encoding, Magnification, Material, MaterialId, Mesh, Scene, Texture, TextureId, TextureRef, UvSet, Wrap,
 };
 
+use crate::hit_filter::is_single_sided;
 use crate::texture::{MipMap, Textures};
-use crate::{Integrator, Lod};
+use crate::{Cull, Integrator, Lod};
 
 /// Offsets of the attributes of a vertex, in words; 0 for an attribute that no vertex has. Positions come first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -68,7 +69,8 @@ pub(super) struct PackedMaterial {
     pub(super) normal_slot: u32,
     pub(super) emission_slot: u32,
     pub(super) alpha_slot: u32,
-    padding: [u32; 3],
+    pub(super) single_sided: u32,
+    padding: [u32; 2],
 }
 
 /// `Slot` of `shared/texture/lookup`: a texture as a material refers to it.
@@ -85,6 +87,7 @@ pub(super) struct Slot {
 pub(super) struct Materials<'a> {
     scene: &'a Scene,
     integrator: Integrator,
+    cull: Cull,
     columns: &'a Columns,
     heads: &'a ImageHeads,
     numbers: BTreeMap<(u32, [bool; 2]), u32>,
@@ -95,8 +98,15 @@ pub(super) struct Materials<'a> {
 }
 
 impl<'a> Materials<'a> {
-    pub(super) fn new(scene: &'a Scene, integrator: Integrator, columns: &'a Columns, heads: &'a ImageHeads) -> Self {
-        Self { scene, integrator, columns, heads, numbers: BTreeMap::new(), packed: vec![], ids: vec![], slots: vec![] }
+    pub(super) fn new(
+        scene: &'a Scene,
+        integrator: Integrator,
+        cull: Cull,
+        columns: &'a Columns,
+        heads: &'a ImageHeads,
+    ) -> Self {
+        let numbers = BTreeMap::new();
+        Self { scene, integrator, cull, columns, heads, numbers, packed: vec![], ids: vec![], slots: vec![] }
     }
 
     /// Number of the packed material for triangles of `mesh`.
@@ -139,7 +149,8 @@ impl<'a> Materials<'a> {
             normal_slot,
             emission_slot,
             alpha_slot,
-            padding: [0; 3],
+            single_sided: (self.cull != Cull::Off && is_single_sided(material, self.cull == Cull::Back)).into(),
+            padding: [0; 2],
         }
     }
 

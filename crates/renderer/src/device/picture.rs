@@ -29,6 +29,8 @@ pub(super) struct PackedPicture {
     pub(super) sampler: [u32; 4],
     pub(super) ambient: [f32; 3],
     pub(super) slack: f32,
+    pub(super) limit: f32,
+    pub(super) padding: [f32; 3],
 }
 
 /// `Slice` of `shared/picture`.
@@ -44,7 +46,9 @@ pub(super) struct Slice {
 
 /// All members except those that depend on the scene.
 pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> PackedPicture {
-    let Settings { width, height, samples, bounces, seed, pattern, .. } = *settings;
+    /// Stands for infinity.
+    const FAR: f32 = 3e38;
+    let Settings { width, height, samples, bounces, seed, pattern, clamp, .. } = *settings;
     let [columns, rows] = Sampler::new(pattern, samples, seed).grid();
     let lens = view.lens;
     PackedPicture {
@@ -63,6 +67,8 @@ pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> Packe
         sampler: [seed, columns, rows, columns.saturating_mul(rows)],
         ambient: [0.0; 3],
         slack: 0.0,
+        limit: clamp.map_or(FAR, |clamp| clamp.min(FAR)),
+        padding: [0.0; 3],
     }
 }
 

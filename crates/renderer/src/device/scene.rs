@@ -9,7 +9,7 @@ use super::lights::SampledLights;
 use super::materials::{Columns, ImageHeads, Images, Materials, PackedMaterial, Slot, Texels, used_textures};
 use crate::light::{ListLight, is_shape};
 use crate::texture::Textures;
-use crate::{Integrator, Lod, alpha};
+use crate::{Integrator, Lod, Settings, bsdf, hit_filter};
 
 /// A scene on the GPU, without its acceleration structure.
 pub(super) struct PackedScene {
@@ -20,6 +20,8 @@ pub(super) struct PackedScene {
     placements: Option<Buffer<PackedPlacement>>,
     images: Option<(Buffer<Slot>, Buffer<[u32; 4]>, Texels)>,
     lights: Option<Buffer<ListLight>>,
+    /// What rough glass scatters.
+    glass: Option<Buffer<[f32; 2]>>,
     columns: Columns,
     has: Has,
     lod: Lod,
@@ -39,19 +41,23 @@ struct Has {
     normal_maps: bool,
     masks: bool,
     mask_textures: bool,
+    /// Whether rays pass faces.
+    single_sided: bool,
     shape_lights: bool,
     /// Materials that are not diffuse.
     gloss: bool,
     glass: bool,
+    /// Rough glass that refracts, and gets back what its facets lose.
+    compensated_glass: bool,
 }
 
 impl PackedScene {
-    /// Packs and uploads `scene`, with meshes in world space if `is_flat`.
+    /// Packs and uploads what an integrator reads of `scene`, with meshes in world space if `is_flat`.
     pub(super) fn new(
         gpu: &Gpu,
         scene: &Scene,
         textures: &Textures,
-        lod: Lod,
+        &Settings { lod, cull, energy_compensation, .. }: &Settings,
         is_flat: bool,
         integrator: Integrator,
     ) -> Result<Self, GpuError> {
@@ -64,7 +70,7 @@ impl PackedScene {
         let columns = Columns::of(scene, images.is_some(), normal_maps);
         let none = ImageHeads::none();
         let heads = images.as_ref().map_or(&none, |images| &images.heads);
-        let mut materials = Materials::new(scene, integrator, &columns, heads);
+        let mut materials = Materials::new(scene, integrator, cull, &columns, heads);
         let geometry = Geometry::pack(scene, &columns, is_flat, &mut materials);
         let slacks = match &geometry.placed {
             Placed::Instances(placements) => placements.iter().map(|placement| placement.slack).collect(),
@@ -75,15 +81,20 @@ impl PackedScene {
             Placed::Flat(firsts) => (Some(gpu.read_only("first triangles", firsts)?), None),
             Placed::Instances(placements) => (None, Some(gpu.read_only("placements", placements)?)),
         };
+        let refracts = |material: &Material| material.transmission > 0.0 && !material.thin_walled;
+        let compensated_glass =
+            integrator == Integrator::Path && energy_compensation && scene.materials.iter().any(refracts);
         let has = Has {
             instances: placements.is_some(),
             motion: scene.has_motion(),
             normals: columns.normal > 0,
             normal_maps,
-            masks: alpha::is_needed(scene),
+            masks: hit_filter::uses_alpha(scene),
+            single_sided: hit_filter::culls(scene, cull),
             mask_textures,
             gloss: scene.materials.iter().any(is_glossy),
             glass: scene.materials.iter().any(|material| material.transmission > 0.0),
+            compensated_glass,
             shape_lights: scene.lights.iter().any(is_shape),
         };
         let images = match &images {
@@ -95,6 +106,7 @@ impl PackedScene {
         };
         let lights: Vec<ListLight> = scene.lights.iter().map(ListLight::from).collect();
         let lights = if lights.is_empty() { None } else { Some(gpu.read_only("lights", &lights)?) };
+        let glass = compensated_glass.then(|| gpu.read_only("albedos of glass", bsdf::glass::table())).transpose()?;
         Ok(Self {
             materials: gpu.read_only("materials", &materials.packed)?,
             triangles: gpu.read_only("triangles", &geometry.triangles)?,
@@ -103,6 +115,7 @@ impl PackedScene {
             placements,
             images,
             lights,
+            glass,
             columns,
             has,
             lod,
@@ -119,6 +132,7 @@ impl PackedScene {
         bound.extend(self.firsts.as_ref().map(|firsts| -> NamedBinding<'_> { ("firsts", firsts) }));
         bound.extend(self.placements.as_ref().map(|placements| -> NamedBinding<'_> { ("placements", placements) }));
         bound.extend(self.lights.as_ref().map(|lights| -> NamedBinding<'_> { ("lights", lights) }));
+        bound.extend(self.glass.as_ref().map(|glass| -> NamedBinding<'_> { ("glass_albedos", glass) }));
         if let Some((slots, images, texels)) = &self.images {
             bound.push(("slots", slots));
             bound.push(("images", images));
@@ -134,7 +148,7 @@ impl PackedScene {
 
     /// Selects the parts of a kernel that read the scene.
     pub(super) fn specialize(&self, chosen: Variant) -> Variant {
-        let Has { instances, motion, normals, normal_maps, masks, .. } = self.has;
+        let Has { instances, motion, normals, normal_maps, masks, single_sided, .. } = self.has;
         let pick = |is_there: bool, part: &'static str, other: &'static str| if is_there { part } else { other };
         let placed = match (instances, &self.firsts) {
             (true, _) => pick(motion, "shared/surface/placed/moving", "shared/surface/placed/instances"),
@@ -146,10 +160,16 @@ impl PackedScene {
             "shared/surface/normal/mapped",
             pick(normals, "shared/surface/normal/smooth", "shared/surface/normal/flat"),
         );
+        let mask = match (masks, single_sided) {
+            (false, false) => "shared/mask/none",
+            (true, false) => "shared/mask/alpha",
+            (false, true) => "shared/mask/faces",
+            (true, true) => "shared/mask/both",
+        };
         let chosen = chosen
             .part("placed", placed)
             .part("normal", bent)
-            .part("mask", pick(masks, "shared/mask/alpha", "shared/mask/none"))
+            .part("mask", mask)
             .number("STRIDE", self.columns.stride)
             .number("COLOR", self.columns.color);
         let chosen = if normals || normal_maps { chosen.number("NORMAL", self.columns.normal) } else { chosen };
@@ -176,7 +196,11 @@ impl PackedScene {
             return self.with_material(chosen).part("bsdf", "shared/bsdf/lambert");
         }
         let through = if self.has.glass { "shared/bsdf/transmission/glass" } else { "shared/bsdf/transmission/none" };
-        let energy = if is_compensated { "shared/bsdf/energy/compensated" } else { "shared/bsdf/energy/single" };
+        let energy = match (is_compensated, self.has.compensated_glass) {
+            (false, _) => "shared/bsdf/energy/single",
+            (true, false) => "shared/bsdf/energy/compensated",
+            (true, true) => "shared/bsdf/energy/refracting",
+        };
         self.with_material(chosen).part("bsdf", "shared/bsdf/full").part("transmission", through).part("energy", energy)
     }
 

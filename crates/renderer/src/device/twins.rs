@@ -27,6 +27,14 @@ pub fn incoming_light(light: &Light, surface: &Surface, square: [f32; 2]) -> Opt
     Some(Incoming { to_light: to_light.into(), radiance: radiance.into(), density, shadow_ray })
 }
 
+/// The albedos of rough glass that kernels read.
+///
+/// # Errors
+/// Too little memory on the device.
+pub fn glass_albedos(gpu: &Gpu) -> Result<impl AsBinding + use<>, GpuError> {
+    gpu.buffer("albedos of glass", crate::bsdf::glass::table())
+}
+
 /// The buffer of a list of lights.
 ///
 /// # Errors

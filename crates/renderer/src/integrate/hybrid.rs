@@ -41,7 +41,7 @@ use glam::{DVec3, Vec3};
 use super::{Path, Sample, Start, Transport};
 use crate::light::{IncomingLight, LightId, Lights};
 use crate::sampling::{Basis, cosine_density, cosine_hemisphere};
-use crate::{AlphaTest, Surface, narrow, wide};
+use crate::{HitFilter, Surface, narrow, wide};
 
 /// Sampler dimensions: the position in the pixel first, then one per bounce.
 const FIRST_BOUNCE: u32 = 1;
@@ -78,9 +78,12 @@ impl Transport<'_> {
         let surface = self.surfaces.at_time(hit, ray.direction, ray.time, *cone);
         accumulated.add(surface.emission, 1.0);
         let square = |light| self.sampler.pair(*pixel, *sample, self.light_dimension(n, light));
-        let (radiance, n_shadow_rays) = direct(&self.lights, self.bvh, query.keyed(1 + n), &surface, square);
-        accumulated.add(radiance, 1.0);
+        let shadows = query.keyed(1 + n).lighting(surface.time);
+        let (radiance, n_shadow_rays) = direct(&self.lights, self.bvh, shadows, &surface, square);
+        // Shadow rays find no rare bright light, so none is clamped.
+        accumulated.radiance += accumulated.throughput * radiance;
         accumulated.n_rays += n_shadow_rays;
+        accumulated.count_scattering(false);
 
         // The weight of a cosine-sampled direction is the albedo.
         accumulated.throughput *= Vec3::from(surface.bsdf.base_color);
@@ -111,12 +114,12 @@ fn unoccluded(ray: &Ray, occluder: &Hit, ao_radius: f64) -> f32 {
 ///
 /// A Lambertian surface with reflectance `ρ` reflects `ρ/π` of its irradiance in every direction. The irradiance of a
 /// sun is `E·cosθ`, that of a point light `I·cosθ/r²`; `square` samples a point of a sphere or disk light by the
-/// light's index. Only light above the horizons of both the triangle and the shading normal counts, on the viewer's
+/// light's index. Only light above the horizons of both the surface and the shading normal counts, on the viewer's
 /// side.
 pub(crate) fn direct(
     lights: &Lights,
     bvh: &dyn Intersect,
-    query: AlphaTest,
+    query: HitFilter,
     surface: &Surface,
     square: impl Fn(u32) -> [f32; 2],
 ) -> (Vec3, u64) {
@@ -125,7 +128,7 @@ pub(crate) fn direct(
     for (index, light) in (0..).zip(lights.list()) {
         let Some(incoming) = IncomingLight::of(light, surface, || square(index)) else { continue };
         let cosine = DVec3::from(surface.shading_normal).dot(incoming.to_light);
-        if cosine <= 0.0 || DVec3::from(surface.normal).dot(incoming.to_light) <= 0.0 {
+        if cosine <= 0.0 || DVec3::from(surface.horizon()).dot(incoming.to_light) <= 0.0 {
             continue;
         }
         if let Some(ray) = incoming.shadow_ray {

@@ -4,7 +4,7 @@ use canted_trace::{Hit, Intersect, Ray};
 use glam::Vec3;
 
 use crate::light::{LightSampler, Lights};
-use crate::{AlphaTest, Cone, Sampler, Surfaces};
+use crate::{Cone, HitFilter, Sampler, Surfaces};
 
 mod hybrid;
 mod path;
@@ -13,10 +13,12 @@ mod path;
 pub(crate) struct Transport<'a> {
     pub(crate) bvh: &'a dyn Intersect,
     pub(crate) surfaces: &'a Surfaces<'a>,
-    pub(crate) alpha: AlphaTest<'a>,
+    pub(crate) filter: HitFilter<'a>,
     pub(crate) sampler: Sampler,
     pub(crate) lights: Lights<'a>,
     pub(crate) bounces: u32,
+    /// Greatest radiance of light that several surfaces scattered, see [`crate::Settings::clamp`]; infinite for no limit.
+    pub(crate) clamp: f32,
     /// Whether rough surfaces are compensated for multiple scattering; `hybrid` has none.
     pub(crate) is_compensated: bool,
     pub(crate) method: Method<'a>,
@@ -67,13 +69,13 @@ impl<'a> Transport<'a> {
     }
 
     /// The query of a camera ray: number 0 of its path.
-    pub(crate) fn camera_query(&self, start: &Start) -> AlphaTest<'a> {
+    pub(crate) fn camera_query(&self, start: &Start) -> HitFilter<'a> {
         self.path_query(start).keyed(0)
     }
 
     /// The query of a path; each ray derives its own key.
-    fn path_query(&self, start: &Start) -> AlphaTest<'a> {
-        self.alpha.keyed(self.sampler.bits(start.pixel, start.sample, ALPHA_DIMENSION))
+    fn path_query(&self, start: &Start) -> HitFilter<'a> {
+        self.filter.keyed(self.sampler.bits(start.pixel, start.sample, ALPHA_DIMENSION))
     }
 }
 
@@ -86,7 +88,7 @@ impl<'a> Transport<'a> {
 struct Path<'a, W> {
     start: Start,
     /// The query of the path; each ray derives its own key.
-    query: AlphaTest<'a>,
+    query: HitFilter<'a>,
     /// The last ray traced, or the next one to trace.
     ray: Ray,
     /// The ray cone.
@@ -104,11 +106,37 @@ struct PathRadiance {
     /// Factor of light at the next vertex.
     throughput: Vec3,
     n_rays: u64,
+    /// Surfaces that scattered the path. Mirrors and clear glass in front of the first one do not count.
+    n_scattered: u32,
+    /// See [`Transport::clamp`].
+    clamp: f32,
 }
 
 impl PathRadiance {
+    fn new(clamp: f32) -> Self {
+        Self { radiance: Vec3::ZERO, throughput: Vec3::ONE, n_rays: 1, n_scattered: 0, clamp }
+    }
+
+    /// Adds light that the last ray found.
     fn add(&mut self, radiance: impl Into<Vec3>, weight: f32) {
-        self.radiance += self.throughput * radiance.into() * weight;
+        self.add_after(self.n_scattered, radiance.into(), weight);
+    }
+
+    /// Adds light that the surface scatters at which the last ray ended.
+    fn add_direct(&mut self, radiance: impl Into<Vec3>, weight: f32) {
+        self.add_after(self.n_scattered + 1, radiance.into(), weight);
+    }
+
+    fn add_after(&mut self, n_scattered: u32, radiance: Vec3, weight: f32) {
+        let light = self.throughput * radiance * weight;
+        let greatest = light.max_element();
+        let is_clamped = n_scattered > 1 && greatest > self.clamp;
+        self.radiance += if is_clamped { light * (self.clamp / greatest) } else { light };
+    }
+
+    /// Counts a surface that scattered the path.
+    fn count_scattering(&mut self, is_delta: bool) {
+        self.n_scattered += u32::from(self.n_scattered > 0 || !is_delta);
     }
 }
 
@@ -127,7 +155,7 @@ impl<'a> Transport<'a> {
             ray: start.ray,
             cone: start.cone,
             hit,
-            accumulated: PathRadiance { radiance: Vec3::ZERO, throughput: Vec3::ONE, n_rays: 1 },
+            accumulated: PathRadiance::new(self.clamp),
             state: W::default(),
         };
         let mut paths: Vec<Path<'a, W>> = camera_rays.map(begin).collect();
@@ -143,12 +171,27 @@ impl<'a> Transport<'a> {
             }
             for &i in &active {
                 let Path { query, ray, hit, accumulated, .. } = &mut paths[i];
+                let query = query.keyed(1 + n);
                 accumulated.n_rays += 1;
-                *hit = self.bvh.closest_hit_with(ray, &mut query.keyed(1 + n));
+                *hit = if accumulated.n_scattered == 0 {
+                    self.bvh.closest_hit_with(ray, &mut { query })
+                } else {
+                    self.scattered_hit(ray, query, &mut accumulated.n_rays)
+                };
             }
         }
         let sample =
             |path: Path<'a, W>| Sample { radiance: path.accumulated.radiance.into(), n_rays: path.accumulated.n_rays };
         paths.into_iter().map(sample).collect()
+    }
+
+    /// What a scattered ray hits; nothing where it leaves the scene through hidden faces, see [`HitFilter`].
+    fn scattered_hit(&self, ray: &Ray, query: HitFilter, n_rays: &mut u64) -> Option<Hit> {
+        let hit = self.bvh.closest_hit_with(ray, &mut query.scattered())?;
+        if !query.hides(&hit, ray.time) {
+            return Some(hit);
+        }
+        *n_rays += 1;
+        self.bvh.occluded_with(ray, &mut query.lighting(ray.time)).then_some(hit)
     }
 }

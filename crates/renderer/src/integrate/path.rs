@@ -6,9 +6,10 @@
 //! other lights and the environment also for the ray that leaves the last. Russian roulette ends paths with low
 //! throughput without bias.
 //!
-//! If shading normal and triangle disagree about the side of a direction, the direction is mirrored at the plane of the
-//! triangle. Light from a direction is then scattered for that direction and for the one folded onto it, so that no
-//! energy is lost and none leaks through the back of a triangle. Sampling and evaluation fold in the same way.
+//! If shading normal and surface disagree about the side of a direction, the direction is mirrored at the horizon of the
+//! surface: that of its triangle, or of the smooth surface that bulges out of it. Light from a direction is then scattered for that
+//! direction and for the one folded onto it, so that no energy is lost and none leaks through the back of a triangle. Sampling and
+//! evaluation fold in the same way.
 
 use canted_trace::{Hit, Ray};
 use glam::{DVec3, Vec3};
@@ -17,7 +18,7 @@ use super::{Path, PathRadiance, Sample, Start, Transport};
 use crate::bsdf::{Bsdf, Evaluation};
 use crate::light::{LightId, LightSampler};
 use crate::sampling::Basis;
-use crate::{AlphaTest, Surface, narrow, wide};
+use crate::{HitFilter, Surface, narrow, wide};
 
 /// Sampler dimensions at each vertex, after the position in the pixel.
 #[derive(Clone, Copy)]
@@ -71,7 +72,9 @@ struct Vertex {
     basis: Basis,
     /// Towards the viewer, in that frame.
     outgoing: [f32; 3],
-    /// Whether the shading normal differs from the geometric normal.
+    /// Unit normal of the horizon.
+    horizon: DVec3,
+    /// Whether the shading normal differs from it.
     is_perturbed: bool,
 }
 
@@ -93,7 +96,9 @@ impl Vertex {
                 lobes.direction = [x / length, y / length];
             }
         }
-        Self { surface, basis, outgoing: basis.coordinates(viewer), is_perturbed: normal != surface.normal }
+        let horizon = surface.horizon();
+        let outgoing = basis.coordinates(viewer);
+        Self { surface, basis, outgoing, horizon: horizon.into(), is_perturbed: normal != horizon }
     }
 
     fn bsdf(&self) -> &Bsdf {
@@ -114,7 +119,7 @@ impl Vertex {
         let height = self.height(to_light);
         let folded = self.basis.coordinates(self.mirrored(to_light));
         let mut total = Evaluation::default();
-        // A direction is kept if triangle and frame agree on its side, else it is folded.
+        // A direction is kept if horizon and frame agree on its side, else it is folded.
         for local in [incident, folded].into_iter().filter(|local| f64::from(local[2]) * height > 0.0) {
             let Evaluation { value, density } = self.bsdf().evaluate(self.outgoing, local);
             total.value = (Vec3::from(total.value) + Vec3::from(value)).into();
@@ -123,7 +128,7 @@ impl Vertex {
         total
     }
 
-    /// World-space direction of a sample, folded to the side of the triangle that it has in the frame.
+    /// World-space direction of a sample, folded to the side of the horizon that it has in the frame.
     fn direction(&self, incident: [f32; 3]) -> [f32; 3] {
         let direction = self.basis.direction(incident);
         let agrees = !self.is_perturbed || f64::from(incident[2]) * self.height(direction) >= 0.0;
@@ -131,12 +136,12 @@ impl Vertex {
     }
 
     fn height(&self, direction: [f32; 3]) -> f64 {
-        DVec3::from(self.surface.normal).dot(wide(direction))
+        self.horizon.dot(wide(direction))
     }
 
-    /// Mirrors a direction at the plane of the triangle.
+    /// Mirrors a direction at the horizon.
     fn mirrored(&self, direction: [f32; 3]) -> [f32; 3] {
-        narrow(wide(direction) - DVec3::from(self.surface.normal) * (2.0 * self.height(direction)))
+        narrow(wide(direction) - self.horizon * (2.0 * self.height(direction)))
     }
 }
 
@@ -183,7 +188,8 @@ impl Transport<'_> {
         }
         let vertex = &*previous.insert(Vertex::new(surface, ray.direction, self.is_compensated));
         if !vertex.bsdf().is_delta_only() {
-            self.add_light(accumulated, lights, vertex, n, query.keyed(1 + n), start);
+            let shadows = query.keyed(1 + n).lighting(start.ray.time);
+            self.add_light(accumulated, lights, vertex, n, shadows, start);
         }
         let Some(next) = self.scatter(accumulated, compression, vertex, n, start) else { return false };
         (*ray, *density) = next;
@@ -198,7 +204,7 @@ impl Transport<'_> {
         lights: &LightSampler,
         vertex: &Vertex,
         n: u32,
-        query: AlphaTest,
+        query: HitFilter,
         &Start { pixel, sample, .. }: &Start,
     ) {
         let choice =
@@ -222,7 +228,7 @@ impl Transport<'_> {
         }
         // BSDF sampling never finds delta lights.
         let mis_weight = if light.is_delta { 1.0 } else { weight(light.density, density) };
-        accumulated.add(Vec3::from(value) * Vec3::from(light.radiance), mis_weight);
+        accumulated.add_direct(Vec3::from(value) * Vec3::from(light.radiance), mis_weight);
     }
 
     /// Samples the BSDF: the next ray and its PDF, `None` for a delta lobe. Updates the throughput.
@@ -245,6 +251,7 @@ impl Transport<'_> {
         let scattered = vertex.bsdf().sample(vertex.outgoing, square, choice)?;
         let direction = vertex.direction(scattered.incident);
         accumulated.throughput *= Vec3::from(scattered.weight);
+        accumulated.count_scattering(scattered.is_delta);
         if scattered.is_transmitted {
             *compression *= vertex.bsdf().compression();
         }
@@ -314,7 +321,7 @@ mod tests {
                 let mut n_left = 0;
                 for choice in 0..N {
                     let rgb = Vec3::new(throughput, 0.5 * throughput, 0.0);
-                    let mut path = PathRadiance { radiance: Vec3::ZERO, throughput: rgb, n_rays: 1 };
+                    let mut path = PathRadiance { throughput: rgb, ..PathRadiance::new(f32::INFINITY) };
                     if survives(&mut path, compression, n, || (choice as f32 + 0.5) / N as f32) {
                         n_left += 1;
                         sum += path.throughput[0];

@@ -201,7 +201,7 @@ fn cross_section(scene: &Scene) -> f64 {
 }
 
 fn receiver(from: &Surface, transmits: bool) -> Receiver {
-    Receiver { position: from.position.into(), normal: (!transmits).then(|| from.normal.into()) }
+    Receiver { position: from.position.into(), normal: (!transmits).then(|| from.horizon().into()) }
 }
 
 /// Clamps a PDF to the range of `f32`.

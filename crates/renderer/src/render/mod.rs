@@ -13,7 +13,7 @@ use canted_scene::{Camera, Scene};
 use canted_trace::Intersect;
 
 use crate::integrate::{Method, Transport};
-use crate::{AlphaTest, CameraError, Integrator, LightSampler, Lights, Sampler, Settings, Surfaces, View};
+use crate::{CameraError, HitFilter, Integrator, LightSampler, Lights, Sampler, Settings, Surfaces, View};
 use tiles::TileRenderer;
 #[cfg(feature = "gpu")]
 pub(crate) use tiles::Worker;
@@ -132,14 +132,15 @@ impl<'a> Rendering<'a> {
 
     /// Calls `then` with the tile renderer of the scene.
     pub(crate) fn with_tiles<R>(&self, then: impl FnOnce(&dyn RenderTiles) -> R) -> R {
-        let Settings { samples, bounces, seed, pattern, energy_compensation, .. } = *self.settings;
+        let Settings { samples, bounces, seed, pattern, cull, clamp, energy_compensation, .. } = *self.settings;
         let transport = Transport {
             bvh: self.bvh,
             surfaces: self.surfaces,
-            alpha: AlphaTest::new(self.surfaces),
+            filter: HitFilter::new(self.surfaces).culling(cull, &self.view),
             sampler: Sampler::new(pattern, samples, seed),
             lights: Lights::new(self.scene),
             bounces,
+            clamp: clamp.unwrap_or(f32::INFINITY),
             is_compensated: energy_compensation,
             method: match self.settings.integrator {
                 Integrator::Hybrid => Method::Hybrid { ao_radius: self.ao_radius },
@@ -173,7 +174,7 @@ fn ao_radius(scene: &Scene, settings: &Settings) -> f64 {
 
 /// Rejects settings that no picture can have.
 pub(crate) fn check(settings: &Settings) -> Result<(), RenderError> {
-    let Settings { width, height, samples, ao_radius, part, noise, .. } = *settings;
+    let Settings { width, height, samples, ao_radius, part, noise, clamp, .. } = *settings;
     // Pixels are numbered in 32 bits.
     if u64::from(width) * u64::from(height) > u64::from(u32::MAX) || width == 0 || height == 0 {
         return Err(RenderError::Size { width, height });
@@ -188,6 +189,9 @@ pub(crate) fn check(settings: &Settings) -> Result<(), RenderError> {
         Some(_) if part.is_some() => return Err(RenderError::NoiseOfPart),
         Some(noise) if noise.is_nan() || noise <= 0.0 => return Err(RenderError::Noise { noise }),
         _ => {}
+    }
+    if let Some(clamp) = clamp.filter(|clamp| clamp.is_nan() || *clamp <= 0.0) {
+        return Err(RenderError::Clamp { clamp });
     }
     match ao_radius {
         Some(radius) if radius.is_nan() || radius <= 0.0 => Err(RenderError::AoRadius { radius }),
@@ -274,6 +278,11 @@ pub enum RenderError {
         /// The radius.
         radius: f32,
     },
+    /// [`crate::Settings::clamp`] is not positive.
+    Clamp {
+        /// The limit.
+        clamp: f32,
+    },
     /// The radius of the pixel filter is not finite and positive.
     FilterRadius {
         /// The radius in pixels.
@@ -296,6 +305,7 @@ impl fmt::Display for RenderError {
             Self::NoiseOfPart => write!(f, "a noise target and a part of the samples exclude each other"),
             Self::Tile { number } => write!(f, "tile {number} does not belong to this picture"),
             Self::NoSamples => write!(f, "a picture needs at least one sample per pixel"),
+            Self::Clamp { clamp } => write!(f, "a limit of radiance of {clamp} is not above zero"),
             Self::AoRadius { radius } => write!(f, "ambient occlusion radius {radius} is not above zero"),
             Self::FilterRadius { radius } => write!(f, "pixel filter radius {radius} is not finite and above zero"),
             Self::Camera(error) => error.fmt(f),

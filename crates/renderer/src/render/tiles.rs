@@ -9,7 +9,7 @@ use canted_trace::{Counts, Hit};
 
 use super::Adaptive;
 use crate::integrate::{Start, Transport};
-use crate::{CountedAlphaTest, Monitor, RenderError, Sampler, Settings, View};
+use crate::{CountedHitFilter, Monitor, RenderError, Sampler, Settings, View};
 
 /// Dimension of the sampler for the position in the pixel.
 const PIXEL_POSITION: u32 = 0;
@@ -133,7 +133,7 @@ impl TileRenderer<'_> {
         let Start { ray, cone, .. } = start;
         let query = self.transport.camera_query(start);
         let (hit, tests) = if self.settings.aovs.contains(Aov::Tests) {
-            let mut counted = CountedAlphaTest { test: query, counts: Counts::default() };
+            let mut counted = CountedHitFilter { filter: query, counts: Counts::default() };
             let hit = self.transport.bvh.closest_hit_with(ray, &mut counted);
             (hit, [counted.counts.boxes as f64, counted.counts.triangles as f64])
         } else {

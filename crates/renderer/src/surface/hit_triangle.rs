@@ -66,6 +66,14 @@ impl<'a> HitTriangle<'a> {
         self.interpolate(self.gather(values))
     }
 
+    /// A vertex attribute at the three vertices, between both ends of the shutter where it changes.
+    fn moving_corners<const N: usize>(&self, open: &[[f32; N]], close: Option<&Vec<[f32; N]>>) -> [[f64; N]; 3] {
+        let at_open = self.gather(open);
+        let Some(close) = close else { return at_open };
+        let (at_close, time) = (self.gather(close), f64::from(self.time));
+        std::array::from_fn(|i| std::array::from_fn(|k| (1.0 - time) * at_open[i][k] + time * at_close[i][k]))
+    }
+
     /// Interpolates three values.
     pub(super) fn interpolate<const N: usize>(&self, [a, b, c]: [[f64; N]; 3]) -> [f64; N] {
         let DVec3 { x: u, y: v, z: w } = self.weights;
@@ -132,6 +140,59 @@ impl<'a> PlacedTriangle<'a> {
         let Mesh { normals, close, .. } = self.triangle.mesh;
         let close = close.as_ref().and_then(|close| close.normals.as_ref());
         self.pose.normal_world(self.triangle.moving_attribute(normals.as_ref()?, close).into()).try_normalize()
+    }
+}
+
+/// A point of the surface that vertex normals describe, over a point of its triangle. World space.
+///
+/// The triangles of a coarse mesh face away from light that still reaches the surface they stand for, and shade each other, so that their
+/// edges are seen where light grazes. Where this surface bulges out of the triangle, its horizon counts instead of that of the triangle,
+/// and rays between both start here. Source: Hanika 2021, *Hacking the Shadow Terminator* (Ray Tracing Gems II, chapter 4).
+///
+/// Departures from the source: rays above the horizon of the triangle start on it, as the bulge may reach into what touches the mesh; and
+/// scattered rays start like shadow rays, so that both find the same light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SmoothSurface {
+    /// The point.
+    pub position: [f64; 3],
+    /// Unit normal, interpolated between the vertices, on the viewer's side.
+    pub normal: [f64; 3],
+}
+
+/// How far the planes of the vertices must lie above a point in the mean, relative to their mean distance from it: more than rounding
+/// in `f32` explains where they do not.
+const MIN_BULGE: f64 = 1.0 / 1024.0;
+
+impl PlacedTriangle<'_> {
+    /// The smooth surface over the hit; `None` without vertex normals, where it lies in the triangle or behind, and where one of the
+    /// normals faces away from the triangle or their mean from the viewer.
+    ///
+    /// `normal` is that of the triangle on the viewer's side. Each vertex has a plane perpendicular to its normal. The point is raised to the
+    /// planes that lie above it, each by its barycentric weight. Planes of equal normals that are tilted against the triangle lie
+    /// as far above the point as below, and in a hollow they lie below.
+    pub(super) fn smooth_surface(&self, normal: DVec3, towards_viewer: DVec3) -> Option<SmoothSurface> {
+        let Mesh { normals, close, .. } = self.triangle.mesh;
+        let close = close.as_ref().and_then(|close| close.normals.as_ref());
+        let smooth = self.smooth_normal()?;
+        let side = if smooth.dot(normal) < 0.0 { -1.0 } else { 1.0 };
+        if side * smooth.dot(towards_viewer) <= 0.0 {
+            return None;
+        }
+        let corners = self.triangle.moving_corners(normals.as_ref()?, close);
+        let (position, vertices) = (self.position(), self.triangle.vertices().map(|v| self.pose.point_world(v)));
+        let weights = self.triangle.weights.to_array();
+        let mut raised = position;
+        let (mut height, mut size) = (0.0, 0.0);
+        for k in 0..3 {
+            let of_vertex = side * self.pose.normal_world(corners[k].into()).try_normalize()?;
+            if of_vertex.dot(normal) <= 0.0 {
+                return None;
+            }
+            let above = weights[k] * (vertices[k] - position).dot(of_vertex);
+            (height, size) = (height + above, size + above.abs());
+            raised += above.max(0.0) * of_vertex;
+        }
+        (height > MIN_BULGE * size).then(|| SmoothSurface { position: raised.into(), normal: (side * smooth).into() })
     }
 }
 

@@ -10,9 +10,10 @@ use glam::DVec3;
 
 use crate::sampler::{mix, unit};
 use crate::texture::{MipMaps, Plane, Textures, filtered_textures};
-use crate::{Bsdf, Cone, Lod, narrow, wide};
+use crate::{Bsdf, Cone, Lod, hit_filter, narrow, wide};
 #[cfg(feature = "gpu")]
 pub(crate) use hit_triangle::Pose;
+pub use hit_triangle::SmoothSurface;
 use hit_triangle::{HitTriangle, PlacedTriangle, Placement, TextureLookup};
 use shading_normal::{anisotropy, facing, lobes, shading_normal};
 
@@ -26,6 +27,8 @@ pub struct Surface {
     /// Unit shading normal, interpolated and perturbed by a normal map. Always on the viewer's side; falls back to
     /// [`Self::normal`].
     pub shading_normal: [f64; 3],
+    /// The surface that the vertex normals describe, where it bulges out of the triangle.
+    pub smooth: Option<SmoothSurface>,
     /// Whether the ray came from the front: the side from which the triangle is counter-clockwise in object space.
     pub is_front: bool,
     /// The BSDF.
@@ -49,26 +52,46 @@ impl Surface {
         SurfacePoint { position: self.position, normal: self.normal, offset: self.offset }
     }
 
+    /// Unit normal of the plane that separates light from the viewer's side from light from behind.
+    #[must_use]
+    pub fn horizon(&self) -> [f64; 3] {
+        self.smooth.map_or(self.normal, |smooth| smooth.normal)
+    }
+
     /// An infinite ray along `direction`: [`SurfacePoint::spawn_ray`].
     #[must_use]
     pub fn spawn_ray(&self, direction: [f32; 3]) -> Ray {
-        self.point().spawn_ray(direction).at_time(self.time)
+        self.point_towards(wide(direction)).spawn_ray(direction).at_time(self.time)
     }
 
     /// A ray that ends just before `target`: [`SurfacePoint::spawn_ray_to`].
     #[must_use]
     pub fn spawn_ray_to(&self, target: [f32; 3]) -> Option<Ray> {
-        Some(self.point().spawn_ray_to(target)?.at_time(self.time))
+        let towards = wide(target) - DVec3::from(self.position);
+        Some(self.point_towards(towards).spawn_ray_to(target)?.at_time(self.time))
     }
 
-    /// Mirrors a direction below the triangle's horizon to the outside.
+    /// Where rays along `direction` start.
+    fn point_towards(&self, direction: DVec3) -> SurfacePoint {
+        match self.smooth {
+            Some(SmoothSurface { position, normal })
+                if DVec3::from(self.normal).dot(direction) < 0.0 && DVec3::from(normal).dot(direction) > 0.0 =>
+            {
+                SurfacePoint { position, normal, offset: self.offset }
+            }
+            _ => self.point(),
+        }
+    }
+
+    /// Mirrors a direction below the horizon to the outside.
     ///
-    /// A direction may be above the horizon of the shading normal and below that of the triangle. Mirroring keeps rays
+    /// A direction may be above the horizon of the shading normal and below that of the surface. Mirroring keeps rays
     /// out of the solid without losing energy, as rejecting the sample would.
     #[must_use]
     pub fn mirror_outward(&self, direction: [f32; 3]) -> [f32; 3] {
-        let height = DVec3::from(self.normal).dot(wide(direction));
-        if height >= 0.0 { direction } else { narrow(wide(direction) - DVec3::from(self.normal) * (2.0 * height)) }
+        let horizon = DVec3::from(self.horizon());
+        let height = horizon.dot(wide(direction));
+        if height >= 0.0 { direction } else { narrow(wide(direction) - horizon * (2.0 * height)) }
     }
 }
 
@@ -83,6 +106,8 @@ pub struct Surfaces<'a> {
     is_textured: Vec<bool>,
     /// For each instance, whether any of its materials uses alpha.
     uses_alpha: Vec<bool>,
+    /// For each instance, whether any of its materials is single-sided.
+    is_single_sided: Vec<bool>,
 }
 
 impl<'a> Surfaces<'a> {
@@ -121,13 +146,14 @@ impl<'a> Surfaces<'a> {
             })
             .collect();
         let is_textured = scene.materials.iter().map(|material| filtered_textures(material).next().is_some()).collect();
-        let uses_alpha = scene
-            .instances
-            .iter()
-            .map(|instance| &scene.meshes[instance.mesh.0 as usize])
-            .map(|mesh| mesh.parts.iter().any(|part| scene.materials[part.material.0 as usize].uses_alpha()))
-            .collect();
-        Self { scene, placements, textures, lod, is_textured, uses_alpha }
+        let of_instances = |is: &dyn Fn(&Material) -> bool| {
+            let meshes = scene.instances.iter().map(|instance| &scene.meshes[instance.mesh.0 as usize]);
+            let any = |mesh: &Mesh| mesh.parts.iter().any(|part| is(&scene.materials[part.material.0 as usize]));
+            meshes.map(any).collect()
+        };
+        let uses_alpha = of_instances(&Material::uses_alpha);
+        let is_single_sided = of_instances(&|material| hit_filter::is_single_sided(material, false));
+        Self { scene, placements, textures, lod, is_textured, uses_alpha, is_single_sided }
     }
 
     /// The scene.
@@ -201,6 +227,7 @@ impl<'a> Surfaces<'a> {
             position: placed.position().into(),
             normal: normal.into(),
             shading_normal: shading_normal.into(),
+            smooth: if material.transmission > 0.0 { None } else { placed.smooth_surface(normal, towards_viewer) },
             is_front,
             bsdf,
             along: along.map(DVec3::into),
@@ -239,6 +266,29 @@ impl<'a> Surfaces<'a> {
             }
             AlphaMode::Blend => self.alpha(material, &HitTriangle::new(mesh, hit, 0.0)),
         }
+    }
+
+    /// Whether the material at a hit is single-sided, or may be where `all` are, see [`hit_filter::is_single_sided`].
+    pub(crate) fn is_single_sided(&self, hit: &Hit, all: bool) -> bool {
+        // Fast path.
+        if !(all || self.is_single_sided[hit.instance.0 as usize]) {
+            return false;
+        }
+        let instance = &self.scene.instances[hit.instance.0 as usize];
+        let mesh = &self.scene.meshes[instance.mesh.0 as usize];
+        hit_filter::is_single_sided(self.material(mesh.material_of(hit.primitive.0)), all)
+    }
+
+    /// The point at a hit, and the normal of any length on the front side, the one from which the triangle is counter-clockwise in
+    /// object space. World space.
+    pub(crate) fn face(&self, hit: &Hit, time: f32) -> (DVec3, DVec3) {
+        let instance = &self.scene.instances[hit.instance.0 as usize];
+        let placement = &self.placements[hit.instance.0 as usize];
+        let triangle = HitTriangle::new(&self.scene.meshes[instance.mesh.0 as usize], hit, time);
+        let pose = placement.pose(time);
+        let placed = PlacedTriangle::new(triangle, &pose, placement.is_mirrored());
+        // A mirroring transform reverses the winding.
+        (placed.position(), if placement.is_mirrored() { -placed.winding } else { placed.winding })
     }
 
     /// Ray offset of a static instance's surface with this unit normal, in world units.

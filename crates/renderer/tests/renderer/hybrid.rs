@@ -44,6 +44,21 @@ fn closed_box_is_fully_occluded() {
     assert_eq!(ambient(&closed, [0.5, 0.5, 0.5], [0.0, -1.0, 0.0], f32::INFINITY, 64), 0.0);
 }
 
+/// In a closed emitter with emission 1 and albedo 1/2, `n` surfaces scatter light of `1/2^n`. Of what more than one scattered, each sample
+/// brings at most the limit.
+#[test]
+fn a_limit_counts_for_light_that_several_surfaces_scattered() {
+    let emissive = Material { emission: [1.0; 3], ..gray(0.5) };
+    let closed = scene(vec![inside_out(cuboid([-1.0; 3], [1.0; 3], 0))], vec![emissive]);
+    for (clamp, want) in
+        [(None, 1.9375), (Some(1.0), 1.9375), (Some(0.1), 1.5 + 0.1 + 0.1 + 0.0625), (Some(0.05), 1.5 + 3.0 * 0.05)]
+    {
+        let settings = Settings { clamp, ..settings(1, 1, 16, 4) };
+        let got = probe(&closed, [0.0; 3], [0.1, 0.2, 1.0], settings)[0];
+        assert!((got - want).abs() < 1e-5, "{clamp:?}: {got} for {want}");
+    }
+}
+
 /// Four standard errors of `n` samples in 0..=1, whose standard deviation is at most 1/2; stratified samples are
 /// better.
 fn noise(n: u32) -> f64 {

@@ -23,6 +23,7 @@ pub(crate) fn receiver(position: Vector, normal: Vector) -> Surface {
         position,
         normal,
         shading_normal: normal,
+        smooth: None,
         is_front: true,
         bsdf: Bsdf::lambert([1.0; 3]),
         along: None,

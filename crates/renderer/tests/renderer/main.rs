@@ -3,6 +3,7 @@
 mod bsdf;
 mod camera;
 mod common;
+mod cull;
 mod environment;
 mod film;
 mod hybrid;
@@ -13,5 +14,6 @@ mod path;
 mod render;
 mod sampler;
 mod surface;
+mod terminator;
 mod texture;
 mod update;

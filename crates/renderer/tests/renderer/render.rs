@@ -31,6 +31,8 @@ const SETTINGS: Settings = Settings {
     lod: canted_renderer::Lod::Aniso,
     energy_compensation: true,
     ao_radius: None,
+    cull: canted_renderer::Cull::Auto,
+    clamp: None,
     means_only: false,
     sums: canted_renderer::SampleSums::Host,
     tile: 32,

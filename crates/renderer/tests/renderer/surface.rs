@@ -1,7 +1,7 @@
 //! Surfaces at hits: position, normals, colors, rays that leave.
 
 use canted_obb::{Affine, PrimId};
-use canted_renderer::{AlphaTest, Bsdf, Cone, CountedAlphaTest, Levels, SceneBvh, SceneBvhConfig, Surface, Surfaces};
+use canted_renderer::{Bsdf, Cone, CountedHitFilter, HitFilter, Levels, SceneBvh, SceneBvhConfig, Surface, Surfaces};
 use canted_scene::{AlphaMode, Encoding, Material, Mesh, Scene, TextureId, TextureRef, UvTransform, Wrap};
 use canted_trace::{Counts, Hit, InstanceId, Intersect, Ray, Side, TriangleTest};
 
@@ -87,6 +87,7 @@ fn surface(normal: Vector, shading_normal: Vector) -> Surface {
         position: [0.0; 3],
         normal,
         shading_normal,
+        smooth: None,
         is_front: true,
         bsdf: Bsdf::lambert([0.5; 3]),
         along: None,
@@ -140,7 +141,7 @@ fn textures_color_and_alpha_masks_cut_out() {
     let (tracer, surfaces) = (BruteForce::new(&scene), Surfaces::new(&scene));
     let shade = |x: f32| {
         let ray = Ray::new([x, 0.3, 2.0], [0.0, 0.0, -1.0]);
-        let mut query = CountedAlphaTest { test: AlphaTest::new(&surfaces), counts: Counts::default() };
+        let mut query = CountedHitFilter { filter: HitFilter::new(&surfaces), counts: Counts::default() };
         let hit = tracer.closest_hit_with(&ray, &mut query).unwrap();
         assert_eq!(query.counts.triangles, 4, "counts are forwarded");
         assert!(tracer.occluded_with(&ray, &mut query));

@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use canted_lbvh::Strategy;
 use canted_obb::PrimId;
-use canted_renderer::{AlphaTest, BvhKind, Levels, Lod, Pattern, SceneBvh, SceneBvhConfig, Settings, Surfaces, View};
+use canted_renderer::{BvhKind, HitFilter, Levels, Lod, Pattern, SceneBvh, SceneBvhConfig, Settings, Surfaces, View};
 use canted_scene::{AlphaMode, Camera, Encoding, Light, Material, Mesh, Scene, TextureId, TextureRef, Wrap};
 use canted_trace::{Hit, InstanceId, Intersect, Ray, Side};
 
@@ -245,7 +245,7 @@ const N: u32 = 40_000;
 /// Fraction of `N` rays with independent keys that pass all sheets.
 fn passing(scene: &Scene) -> f64 {
     let (tracer, surfaces) = (BruteForce::new(scene), Surfaces::new(scene));
-    let all = AlphaTest::new(&surfaces);
+    let all = HitFilter::new(&surfaces);
     let ray = Ray { t_max: 9.5, ..Ray::new([0.3, 10.0, 0.2], [0.0, -1.0, 0.0]) };
     let n = (0..N).filter(|&number| !tracer.occluded_with(&ray, &mut all.keyed(number))).count();
     n as f64 / f64::from(N)

@@ -81,6 +81,7 @@ fn surface(position: [f32; 3], normal: [f32; 3], shading_normal: [f32; 3]) -> Su
         position: position.map(f64::from),
         normal: normal.map(f64::from),
         shading_normal: shading_normal.map(f64::from),
+        smooth: None,
         is_front: true,
         bsdf: Bsdf::lambert([0.5; 3]),
         along: None,

@@ -18,7 +18,7 @@ enum Field {
 }
 
 /// All material keys in the order in which they are applied: key, field, comment.
-const FIELDS: [(&str, Field, &str); 29] = [
+const FIELDS: [(&str, Field, &str); 30] = [
     (
         "base_color",
         Field::Color(Bounds::Fraction, |m| &mut m.base_color),
@@ -35,6 +35,7 @@ const FIELDS: [(&str, Field, &str); 29] = [
     ("alpha", Field::Number(Bounds::Fraction, |m| &mut m.alpha), "0 to 1"),
     ("alpha_mode", Field::AlphaMode, "opaque, mask, blend"),
     ("alpha_cutoff", Field::AlphaCutoff, "for mask: smallest visible alpha"),
+    ("double_sided", Field::Flag(|m| &mut m.double_sided), "whether the back is seen, too"),
     ("base_color_texture", Field::Texture(Encoding::Srgb, |m| &mut m.base_color_texture), ""),
     ("metallic_roughness_texture", Field::Texture(Encoding::Linear, |m| &mut m.metallic_roughness_texture), ""),
     ("transmission_texture", Field::Texture(Encoding::Linear, |m| &mut m.transmission_texture), ""),

@@ -57,6 +57,7 @@ impl MaterialReader<'_, '_, '_> {
             name,
             base_color: [red, green, blue],
             base_color_texture: self.texture(pbr.base_color_texture.as_ref(), Encoding::Srgb)?,
+            double_sided: source.double_sided,
             ..Material::default()
         };
         self.alpha(source, alpha, &mut material);

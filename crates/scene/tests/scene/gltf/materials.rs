@@ -257,9 +257,25 @@ fn default_is_rough_metal() {
         metallic: 1.0,
         roughness: 1.0,
         specular: 1.0,
+        double_sided: false,
         ..Material::default()
     };
     assert_eq!(surface(json!({})), want);
+}
+
+/// glTF 2.0, section 3.9.6: materials are single-sided unless they say otherwise; other formats have no such property.
+#[test]
+fn reads_sides() {
+    for (material, double_sided) in [
+        (json!({}), false),
+        (json!({ "doubleSided": false }), false),
+        (json!({ "doubleSided": true }), true),
+        (json!({ "doubleSided": true, "extensions": { "KHR_materials_unlit": {} } }), true),
+        (json!({ "extensions": { "KHR_materials_unlit": {} } }), false),
+    ] {
+        assert_eq!(file(material.clone()).read().unwrap().materials[0].double_sided, double_sided, "{material}");
+    }
+    assert!(Material::default().double_sided);
 }
 
 #[test]
@@ -367,6 +383,7 @@ fn unlit_materials_become_emissive() {
         alpha_mode: AlphaMode::Blend,
         alpha: 0.5,
         alpha_texture: texture,
+        double_sided: false,
         ..Material::default()
     };
     assert_eq!(scene.materials[0], want);
