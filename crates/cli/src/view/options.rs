@@ -219,7 +219,9 @@ impl Options {
         }
         match self.aov {
             Some(aov) => line + &format!(" --aovs={} -o canted.exr", aov.name()),
-            None => line + " -o canted.png",
+            None if has_heatmap => line + " -o canted.png",
+            // What is shown is not denoised.
+            None => line + " --denoise=off -o canted.png",
         }
     }
 }
@@ -266,7 +268,7 @@ mod tests {
         }
         assert_eq!(options.command("cpu"), before);
         options.set_all(&[change("spp", ""), change("aov", "none"), change("tone_map", "")]).unwrap();
-        assert_eq!(options.command("cpu"), "canted render --device=cpu -o canted.png");
+        assert_eq!(options.command("cpu"), "canted render --device=cpu --denoise=off -o canted.png");
         options.set_all(&[change("heatmap_scale", "64")]).unwrap();
         options.set_all(&[change("heatmap", "boxes")]).unwrap();
         assert_eq!(

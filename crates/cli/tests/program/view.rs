@@ -88,8 +88,8 @@ fn sessions_repeat_and_start_where_render_does() {
     let events = ["key = \"c\"", "key = \"left\"", "key = \"home\"", "key = \"p\""];
     let facts = replayed(&folder, LINE, &events);
     let first: Vec<Vec<u8>> = (1..=4).map(|i| folder.bytes(&format!("out/event_00{i}.png"))).collect();
-    assert_eq!(words(&facts[0]), "render small.obj --device=cpu --size=64x48 --spp=4");
-    folder.run("render small.obj --size 64x48 --spp 4 --device cpu -o start.png").done();
+    assert_eq!(words(&facts[0]), "render small.obj --device=cpu --size=64x48 --spp=4 --denoise=off");
+    folder.run("render small.obj --size 64x48 --spp 4 --device cpu --denoise off -o start.png").done();
     let start = folder.bytes("start.png");
     assert!(
         first[0] == start && first[1] != start && first[2] == start && folder.bytes("out/screenshot_001.png") == start

@@ -106,7 +106,7 @@ const LINE: &str = "small.obj --size 320x240 --spp 4";
 fn the_window_shows_what_its_commands_render() {
     on_screen([800, 500], |folder, screen| {
         let session = Session::start(folder, screen, LINE);
-        let first = session.shows("canted render small.obj --device=cpu --size=320x240 --spp=4");
+        let first = session.shows("canted render small.obj --device=cpu --size=320x240 --spp=4 --denoise=off");
         session.does(&["mousemove 100 100", "mousedown 1", "mousemove 110 102", "mousemove 130 105"]);
         session.does(&["mousemove 160 110", "mouseup 1"]);
         let (command, orbited) = session.copied();
@@ -138,7 +138,7 @@ fn the_window_shows_what_its_commands_render() {
 fn the_window_survives_what_windows_go_through() {
     on_screen([900, 600], |folder, screen| {
         let session = Session::start(folder, screen, LINE);
-        session.shows("canted render small.obj --device=cpu --size=320x240 --spp=4");
+        session.shows("canted render small.obj --device=cpu --size=320x240 --spp=4 --denoise=off");
         session.does(&[&format!("windowsize --sync {} 700 310", session.window)]);
         let (command, _) = session.copied();
         assert!(command.contains("x310"), "{command}");
@@ -151,7 +151,7 @@ fn the_window_survives_what_windows_go_through() {
         std::thread::sleep(Duration::from_millis(300));
         // 320 pixels to the left of the controls.
         session.does(&[&format!("windowsize --sync {} 584 560", session.window)]);
-        session.shows("canted render small.obj --device=cpu --size=320x560 --spp=4");
+        session.shows("canted render small.obj --device=cpu --size=320x560 --spp=4 --denoise=off");
         let side = screen.picture([584, 560]);
         session.does(&["mousemove 160 280", "click 1"]);
         screen.wait_for([584, 560], "what is at a click", |pixels| {
