@@ -193,7 +193,8 @@ mod decoded {
 
     #[test]
     fn wrong_declarations_are_refused() {
-        let edits: [(&str, fn(&mut Value)); 7] = [
+        type Edit = fn(&mut Value);
+        let edits: [(&str, Edit); 7] = [
             ("mesh 0 primitive 0: KHR_draco_mesh_compression: bufferView", |json| {
                 json["meshes"][0]["primitives"][0]["extensions"][DRACO]["bufferView"] = json!("0");
             }),
