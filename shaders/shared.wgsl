@@ -523,6 +523,9 @@ struct Picture {
     ambient: vec3<f32>,
     /// Error along each axis between the plane of a triangle and a ray that leaves it, for a single-level scene.
     slack: f32,
+    /// What camera rays see in place of the environment, if `has_background` is not 0.
+    background: vec3<f32>,
+    has_background: u32,
     /// Greatest radiance of light that several surfaces scattered.
     limit: f32,
 }

@@ -129,7 +129,8 @@ fn end_of(ray: Ray, hit: Hit, n_vertices: u32) -> End {
         return End(true, select(vec3(0.0), light_hit.radiance, n_vertices == 0u));
     }
     if is_miss {
-        return End(true, sky_radiance(ray.direction));
+        let sees_background = n_vertices == 0u && picture.has_background != 0u;
+        return End(true, select(sky_radiance(ray.direction), picture.background, sees_background));
     }
     if n_vertices > picture.bounces {
         return End(true, picture.ambient * unoccluded(hit.t * length(ray.direction)));

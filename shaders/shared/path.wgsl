@@ -140,7 +140,9 @@ fn ends(path: ptr<function, Path>, hit: Hit) -> bool {
         return true;
     }
     if is_miss {
-        gather(path, sky_radiance(ray.direction), sky_light_density(previous_receiver(*path), ray.direction));
+        let sees_background = (*path).n_vertices == 0u && picture.has_background != 0u;
+        let radiance = select(sky_radiance(ray.direction), picture.background, sees_background);
+        gather(path, radiance, sky_light_density(previous_receiver(*path), ray.direction));
         return true;
     }
     return (*path).n_vertices > picture.bounces;

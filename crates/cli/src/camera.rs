@@ -1,12 +1,15 @@
 //! The camera: from the options, else from the scene, else one that frames the scene.
 
 use anyhow::{Result, anyhow};
-use canted_renderer::{SceneBvh, frame_up};
+use canted_renderer::{SceneBvh, Shown, Subject};
 use canted_scene::{Camera, Lens, Projection, Scene};
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
-use crate::options::{Fov, Length, NotNegative, Numbers, Positive, Text as _, Value};
+use crate::{
+    options::{Fov, Length, NotNegative, Numbers, Positive, Text as _, Value},
+    output,
+};
 
 /// Help heading.
 pub(crate) const CAMERA: &str = "Camera";
@@ -15,7 +18,7 @@ pub(crate) const CAMERA: &str = "Camera";
 #[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 #[command(next_help_heading = CAMERA, next_display_order = 91)]
 pub(crate) struct CameraArgs {
-    /// Camera position in world space [default: the scene's camera, else a view that frames the scene]
+    /// Camera position in world space [default: the scene's camera, if it shows the subject, else a view that frames it]
     #[arg(long, display_order = 90, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub(crate) eye: Option<Value<Numbers<3>>>,
     /// Point that the camera looks at, in world space.
@@ -24,7 +27,7 @@ pub(crate) struct CameraArgs {
     /// Up direction in world space. Without --eye and without a camera in the file, the scene is framed for it.
     #[arg(long, display_order = 92, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub(crate) up: Option<Value<Numbers<3>>>,
-    /// Camera of the file, by name or by number from 0 [default: the first]
+    /// Camera of the file, by name or by number from 0 [default: the first that shows the subject]
     #[arg(long, value_name = "NAME|INDEX", requires = "scene")]
     pub(crate) camera: Option<String>,
     /// Vertical field of view in degrees.
@@ -56,12 +59,12 @@ impl CameraArgs {
         self.up.map_or(up_axis, |up| up.0)
     }
 
-    /// The camera of the file that is chosen, else its first.
-    fn of_file(&self, scene: &Scene) -> Result<Option<Camera>> {
-        let Some(wanted) = &self.camera else { return Ok(scene.cameras.first().copied()) };
+    /// The camera of the file that is chosen, by its index.
+    fn of_file(&self, scene: &Scene) -> Result<Option<usize>> {
+        let Some(wanted) = &self.camera else { return Ok(None) };
         let named = scene.camera_names.iter().position(|name| name == wanted);
         let index = named.or_else(|| wanted.parse().ok());
-        index.and_then(|index| scene.cameras.get(index)).map(|camera| Some(*camera)).ok_or_else(|| {
+        index.filter(|&index| index < scene.cameras.len()).map(Some).ok_or_else(|| {
             let n = scene.cameras.len();
             let names: Vec<&str> =
                 scene.camera_names.iter().map(|name| &name[..]).filter(|name| !name.is_empty()).collect();
@@ -73,7 +76,24 @@ impl CameraArgs {
         })
     }
 
-    /// The camera of the options, else of the file, else one that frames the scene.
+    /// Whether options leave nothing of a camera of the file or of a view that frames the scene.
+    fn is_complete(&self) -> bool {
+        self.eye.is_some() && self.target.is_some() && (self.fov.is_some() || self.ortho.is_some())
+    }
+
+    /// Whether the first camera of a file must show the subject: where options do not choose or change it, and not in scene files.
+    fn is_checked(&self, is_model: bool) -> bool {
+        is_model && self.camera.is_none() && self.eye.is_none() && self.target.is_none()
+    }
+
+    /// Whether the camera depends on what the scene is about.
+    pub(crate) fn needs_framing(&self, scene: &Scene, is_model: bool) -> bool {
+        let is_framed = if scene.cameras.is_empty() { !self.is_complete() } else { self.is_checked(is_model) };
+        is_framed && self.camera.is_none()
+    }
+
+    /// The camera of the options, else of the file if it shows the subject, else one that frames the scene. `staged` is there if
+    /// [`CameraArgs::needs_framing`].
     ///
     /// # Errors
     /// A focus distance for a camera without a lens, or a camera that the file does not have.
@@ -81,18 +101,33 @@ impl CameraArgs {
         &self,
         scene: &Scene,
         bvh: &SceneBvh,
-        [width, height]: [u32; 2],
+        staged: Option<&Staged>,
+        aspect: f64,
         up_axis: [f32; 3],
-    ) -> Result<Camera> {
-        let has_projection = self.fov.is_some() || self.ortho.is_some();
-        let mut camera = match self.of_file(scene)? {
-            Some(camera) => camera,
-            // Nothing of the view that frames the scene would remain.
-            None if self.eye.is_some() && self.target.is_some() && has_projection => {
-                Camera::pinhole([0.0; 3], [0.0; 3], up_axis, 1.0)
+        is_model: bool,
+    ) -> Result<(Camera, CameraSource)> {
+        let shows = |subject: &Subject, camera: &Camera| subject.is_shown_by(scene, bvh, camera, aspect);
+        let chosen = match (self.of_file(scene)?, staged) {
+            (Some(index), _) => Some(index),
+            (None, Some(Staged { subject, .. })) if self.is_checked(is_model) => {
+                let found = scene.cameras.iter().position(|camera| shows(subject, camera));
+                if found.is_none() && !scene.cameras.is_empty() {
+                    output::note(
+                        "the view frames the scene: no camera of the file shows it; --camera 0 uses the first",
+                    );
+                }
+                found
             }
-            None => frame_up(scene, bvh, f64::from(width) / f64::from(height), self.up(up_axis)),
+            (None, _) => (!scene.cameras.is_empty()).then_some(0),
         };
+        let (mut camera, source) = match (chosen, staged) {
+            (Some(index), _) => (scene.cameras[index], CameraSource::OfFile(index)),
+            (None, Some(staged)) if !self.is_complete() => (staged.framed.0, CameraSource::Framed),
+            // Nothing of the view that frames the scene would remain.
+            _ => (Camera::pinhole([0.0; 3], [0.0; 3], up_axis, 1.0), CameraSource::Given),
+        };
+        let is_given = self.eye.is_some() || self.target.is_some();
+        let source = if is_given { CameraSource::Given } else { source };
         if let Some(Value(eye)) = self.eye {
             // Without a target, the camera looks at the center of the scene.
             let center = scene.bounds_world().center().map(|x| x as f32);
@@ -114,7 +149,42 @@ impl CameraArgs {
         if self.lens.focus.is_some() && camera.lens.is_none() {
             return Err(anyhow!("--focus requires a lens: set --aperture greater than 0"));
         }
-        Ok(camera)
+        Ok((camera, source))
+    }
+}
+
+/// What a scene is about, and the view that frames it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Staged {
+    pub(crate) subject: Subject,
+    /// The camera that frames the subject, and what it shows.
+    pub(crate) framed: (Camera, Shown),
+    /// Whether most of what is seen reflects light: surfaces that are pictures of themselves cast no shadow.
+    pub(crate) reflects: bool,
+}
+
+/// Where a camera comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum CameraSource {
+    /// From options.
+    Given,
+    /// From the file, by its index.
+    OfFile(usize),
+    /// Chosen for the scene.
+    Framed,
+}
+
+impl CameraSource {
+    /// What it is, in reports.
+    pub(crate) fn text(self, scene: &Scene) -> String {
+        match self {
+            Self::Given => "given by options".to_owned(),
+            Self::Framed => "frames the scene".to_owned(),
+            Self::OfFile(index) => match scene.camera_names.get(index).filter(|name| !name.is_empty()) {
+                Some(name) => format!("camera {index} of the file, {name}"),
+                None => format!("camera {index} of the file"),
+            },
+        }
     }
 }
 

@@ -65,7 +65,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let joined = Part::join(parts).map_err(|error| named(&error, &ranges))?;
     let film = Film::of_part(width, height, joined, 0);
     let picture = if args.denoise { denoised(&film, first.path)? } else { film.picture() };
-    write_film_as(&args.output, &picture, &film, first.aovs, &first.record)?;
+    write_film_as(&args.output, &picture, None, &film, first.aovs, &first.record)?;
     report(args, &film)
 }
 

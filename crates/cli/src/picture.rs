@@ -66,7 +66,8 @@ fn film(source: &Source<'_>, options: &[(String, String)], monitor: &Monitor<'_>
     // A film is linear: exposure and tone curve belong to the formats of files.
     let of_files = options::names::<LookOptions>();
     let args: PictureArgs<Channels> = parse(path, options, |name| !of_files.iter().any(|other| other == name))?;
-    let purpose = Purpose { aovs: render::union(&args.own.aovs), is_linear: true, ..Purpose::default() };
+    let aovs = render::union(&args.own.aovs);
+    let purpose = Purpose { aovs, is_linear: true, shows_data: !aovs.is_empty(), ..Purpose::default() };
     let plan = args.resolve(scene_file, &purpose)?;
     let mut scene = match source {
         Source::SceneFile(file) => {
@@ -80,7 +81,7 @@ fn film(source: &Source<'_>, options: &[(String, String)], monitor: &Monitor<'_>
 }
 
 fn render(scene: &mut Scene, mut plan: Plan, monitor: &Monitor<'_>) -> Result<(Film, Aovs)> {
-    let source = plan.light.apply(scene)?;
+    let source = plan.light.apply(scene, plan.stage.light)?;
     let Setup { bvh, camera, .. } = render::setup(scene, &mut plan, source)?;
     let settings = &plan.settings;
     let surfaces = Surfaces::with_lod(scene, settings.lod);

@@ -77,11 +77,17 @@ pub(crate) fn run(args: Args) -> Result<()> {
 
 /// Sets the camera, the lights and the environment of the file.
 fn set_view_and_light(file: &mut SceneFile, scene: &mut Scene, plan: &mut Plan) -> Result<()> {
-    let source = plan.light.apply(scene)?;
-    let Setup { camera, .. } = render::setup(scene, plan, source)?;
+    let source = plan.light.apply(scene, plan.stage.light)?;
+    let Setup { camera, choice, .. } = render::setup(scene, plan, source)?;
     let [width, height] = plan.size();
     View::new(&camera, width, height)?;
     file.camera = Some(camera);
+    if choice.default_light.is_some() {
+        // The setting `light` says it.
+        file.lights = Some(Vec::new());
+        file.environment = Some(EnvironmentSource::Constant([0.0; 3]));
+        return Ok(());
+    }
     file.lights = Some(scene.lights.clone());
     // The file already refers to an environment map.
     if let Environment::Constant(radiance) = environment_of(scene) {

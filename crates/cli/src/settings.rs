@@ -12,15 +12,15 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, anyhow};
-use canted_film::{Aovs, Filter, Picture, ToneMap};
-use canted_renderer::{Cull, FirstHit, Integrator, Lod, Measure, Pattern, SceneBvh, Settings};
+use canted_film::{Aov, Aovs, Filter, Picture, ToneMap};
+use canted_renderer::{Cull, FirstHit, Integrator, Lod, Measure, Pattern, SceneBvh, Settings, stands_on_z};
 use canted_scene::{Camera, Material, ReadOptions, Scene, SceneFile, Setting, suggestion};
 use clap::Command;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    camera::{CAMERA, CameraArgs},
-    light::{EnvironmentArgs, LightArgs},
+    camera::{CAMERA, CameraArgs, CameraSource, Staged},
+    light::{Background, EnvironmentArgs, LightArgs, Preset, StageOptions},
     load::{self, FileArgs},
     options::{
         self, Finite, Form, Given, Length, Named, Positive, Size, Structure, StructureOptions, Text, Value, Whole,
@@ -120,8 +120,12 @@ pub(crate) struct PictureOptions {
     #[command(flatten)]
     #[serde(flatten)]
     pub(crate) look: LookOptions,
-    /// Up axis of the scene: `z` for files of CAD and GIS programs. Sets the view that frames the scene and the default light.
-    #[arg(long, help_heading = CAMERA, display_order = 93, default_value = "y", value_name = "AXIS")]
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub(crate) stage: StageOptions,
+    /// Up axis of the scene: `z` for files of CAD and GIS programs. Sets the view that frames the scene and the default light
+    /// [default: y; z for an STL, PLY or OFF file that clearly stands on a flat base across z]
+    #[arg(long, help_heading = CAMERA, display_order = 93, value_name = "AXIS")]
     pub(crate) up_axis: Option<Value<UpAxis>>,
 }
 
@@ -218,9 +222,14 @@ impl Text for Clamp {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct UpAxis(pub(crate) [f32; 3]);
 
+impl UpAxis {
+    const Y: Self = Self(crate::light::DEFAULT_UP);
+    const Z: Self = Self([0.0, 0.0, 1.0]);
+}
+
 impl Named for UpAxis {
     fn all() -> Vec<Self> {
-        vec![Self([0.0, 1.0, 0.0]), Self([0.0, 0.0, 1.0])]
+        vec![Self::Y, Self::Z]
     }
 
     fn name(self) -> &'static str {
@@ -409,6 +418,8 @@ pub(crate) struct Purpose {
     pub(crate) heatmap: Option<(Measure, u32)>,
     /// Whether the picture has no exposure and no tone curve.
     pub(crate) is_linear: bool,
+    /// Whether the picture shows data of the scene: channels or boxes, of which a ground is no part.
+    pub(crate) shows_data: bool,
 }
 
 /// Everything that determines a picture, once it is resolved. The scene decides what is left: camera, light and integrator.
@@ -430,6 +441,31 @@ pub(crate) struct Plan {
     /// The options over the settings of the scene file.
     pub(crate) options: SceneSettings,
     is_linear: bool,
+    /// Whether the picture shows data of the scene, of which a ground is no part.
+    pub(crate) shows_data: bool,
+    pub(crate) stage: Stage,
+    /// What was decided about the surroundings of the scene.
+    decided_stage: Option<StageOptions>,
+}
+
+/// The surroundings of a scene as far as they are given.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stage {
+    pub(crate) light: Option<Preset>,
+    pub(crate) background: Option<Background>,
+    pub(crate) ground: Option<bool>,
+}
+
+impl Stage {
+    fn new(options: &StageOptions) -> Self {
+        // Without `..`, so that a new option cannot be forgotten.
+        let StageOptions { light, background, ground } = options;
+        Self {
+            light: light.map(|light| light.0),
+            background: background.map(|background| background.0),
+            ground: ground.and_then(|ground| ground.0),
+        }
+    }
 }
 
 impl<R: clap::Args> PictureArgs<R> {
@@ -440,9 +476,16 @@ impl<R: clap::Args> PictureArgs<R> {
     pub(crate) fn resolve(self, file: Option<&SceneFile>, purpose: &Purpose) -> Result<Plan> {
         let given = SceneSettings { picture: self.options.0, structure: self.structure.0 };
         let of_file = file.map(SceneSettings::of_file).transpose()?.unwrap_or_default();
-        let options = options::or(&given, &of_file.without_replaced(&given, purpose));
+        if given.picture.stage.light.is_some() && !self.light.is_empty() {
+            return Err(anyhow!("--light and --env, --sun, --point or --sphere cannot be used together"));
+        }
+        let mut options = options::or(&given, &of_file.without_replaced(&given, purpose));
+        if !self.light.is_empty() {
+            options.picture.stage.light = None;
+        }
         // Without `..`, so that a new option cannot be forgotten.
-        let SceneSettings { picture: PictureOptions { size: _, rendering: _, look, up_axis }, structure } = &options;
+        let SceneSettings { picture: PictureOptions { size: _, rendering: _, look, stage: _, up_axis }, structure } =
+            &options;
         let RenderingOptions { ao_radius, integrator, first_hit, .. } = options.picture.rendering;
         let integrator = integrator.map(|integrator| integrator.0);
         if ao_radius.is_some() && integrator == Some(Integrator::Path) {
@@ -460,8 +503,15 @@ impl<R: clap::Args> PictureArgs<R> {
             integrator,
             first_hit: first_hit.map_or(FirstHit::default(), |first_hit| first_hit.0),
             is_linear: purpose.is_linear,
+            shows_data: purpose.shows_data || purpose.heatmap.is_some(),
+            stage: Stage::new(&options.picture.stage),
+            decided_stage: None,
             options,
         };
+        if plan.is_transparent() {
+            // Where it has hits, the picture is opaque.
+            plan.settings.aovs = plan.settings.aovs.with(Aov::Depth);
+        }
         plan.set_integrator(plan.integrator.unwrap_or(Integrator::Hybrid));
         Ok(plan)
     }
@@ -547,8 +597,63 @@ impl Plan {
     ///
     /// # Errors
     /// A focus distance for a camera without a lens, or a camera that the file does not have.
-    pub(crate) fn camera(&self, scene: &Scene, bvh: &SceneBvh) -> Result<Camera> {
-        self.camera.camera(scene, bvh, self.size(), self.up_axis)
+    pub(crate) fn camera(
+        &self,
+        scene: &Scene,
+        bvh: &SceneBvh,
+        staged: Option<&Staged>,
+    ) -> Result<(Camera, CameraSource)> {
+        self.camera.camera(scene, bvh, staged, self.aspect(), self.up_axis, self.is_model())
+    }
+
+    /// Whether the camera depends on what the scene is about.
+    pub(crate) fn needs_framing(&self, scene: &Scene) -> bool {
+        self.camera.needs_framing(scene, self.is_model())
+    }
+
+    /// Width over height of the picture.
+    pub(crate) fn aspect(&self) -> f64 {
+        let [width, height] = self.size().map(f64::from);
+        width / height
+    }
+
+    /// Whether the scene is a file of a model, whose cameras and lights may be leftovers; those of scene files are there on purpose.
+    fn is_model(&self) -> bool {
+        self.source.scene.as_deref().is_some_and(|path| !load::is_scene_file(path))
+    }
+
+    /// Whether the unit of the scene is the meter, as in glTF files.
+    pub(crate) fn is_in_meters(&self) -> bool {
+        let of_gltf = |path: &Path| ["gltf", "glb", "toml"].iter().any(|known| output::has_extension(path, known));
+        self.source.scene.as_deref().is_none_or(of_gltf)
+    }
+
+    /// Whether z is up because the scene shows it, where neither options nor the format say which axis is.
+    pub(crate) fn shows_z_up(&self, scene: &Scene) -> bool {
+        /// Least area of a flat base relative to that of the box. Programs for printing, which write STL, have z up more often than others.
+        const BASES: [(&str, f64); 3] = [("stl", 0.05), ("ply", 0.3), ("off", 0.3)];
+        let Some(path) = self.source.scene.clone().filter(|_| self.options.picture.up_axis.is_none()) else {
+            return false;
+        };
+        let inner = if output::has_extension(&path, "gz") { path.with_extension("") } else { path };
+        let least = BASES.iter().find(|(known, _)| output::has_extension(&inner, known)).map(|&(_, least)| least);
+        self.camera.up.is_none() && least.is_some_and(|least| stands_on_z(scene, least))
+    }
+
+    /// Makes z the up axis.
+    pub(crate) fn set_z_up(&mut self) {
+        self.up_axis = UpAxis::Z.0;
+    }
+
+    /// Whether the picture has transparency.
+    pub(crate) fn is_transparent(&self) -> bool {
+        self.heatmap.is_none() && self.stage.background == Some(Background::Transparent)
+    }
+
+    /// Stores what was decided about the surroundings, for scene files.
+    pub(crate) fn keep_stage(&mut self, light: Preset, background: Background, has_ground: bool) {
+        let (light, background, ground) = (Some(Value(light)), Some(Value(background)), Some(Value(Some(has_ground))));
+        self.decided_stage = Some(StageOptions { light, background, ground });
     }
 
     /// Sets the integrator, and its bounces unless they are given.
@@ -568,8 +673,11 @@ impl Plan {
     pub(crate) fn choose_integrator(&mut self, scene: &Scene, is_lit_by_emission: bool) -> &'static str {
         /// Reflections of rougher surfaces look like those of a diffuse one.
         const ROUGH: f32 = 0.6;
+        /// Nothing but the reflection shows the shape of a darker surface.
+        const BLACK: f32 = 0.1;
         let is_shiny = |m: &Material| {
-            let is_glossy = m.roughness < ROUGH || m.metallic_roughness_texture.is_some();
+            let is_black = m.base_color.iter().all(|&c| c < BLACK);
+            let is_glossy = m.roughness < ROUGH || m.metallic_roughness_texture.is_some() || is_black;
             m.transmission > 0.0 || is_glossy && (m.metallic > 0.0 || m.specular > 0.0)
         };
         let (integrator, reason) = match self.integrator {
@@ -586,8 +694,7 @@ impl Plan {
     /// Whether the exposure may be chosen: for a model without exposure, its own lights and a format that is not linear. Scene files
     /// are made for the exposure that they have. A heat map shows no light.
     pub(crate) fn needs_exposure(&self) -> bool {
-        let is_model = self.source.scene.as_deref().is_some_and(|path| !load::is_scene_file(path));
-        is_model && !self.is_linear && self.heatmap.is_none() && self.look.is_unset() && self.light.is_empty()
+        self.is_model() && !self.is_linear && self.heatmap.is_none() && self.look.is_unset() && self.light.is_empty()
     }
 
     /// The settings, with what was decided for the scene. Scene files have the exposure that they say.
@@ -601,6 +708,10 @@ impl Plan {
             integrator: Some(Value(integrator)),
             ..RenderingOptions::default()
         };
+        if let Some(stage) = &self.decided_stage {
+            decided.picture.stage = stage.clone();
+        }
+        decided.picture.up_axis = Some(Value(UpAxis(self.up_axis)));
         decided.picture.look.set_stops(self.look.stops().filter(|stops| *stops != 0.0));
         options::or(&decided, &self.options)
     }
@@ -618,7 +729,8 @@ impl Plan {
 /// The options that a heat map ignores. Settings of a scene file may be for other pictures.
 pub(crate) fn ignored_by_heatmap<R: clap::Args>(args: &PictureArgs<R>, more: Option<&str>) -> Vec<String> {
     let of_scene = [given(&args.light), given(&args.camera.lens)].concat();
-    let names = given(&args.options.0.rendering).into_iter().chain(more.map(|name| (name.to_owned(), String::new())));
+    let of_options = [given(&args.options.0.rendering), given(&args.options.0.stage)].concat();
+    let names = of_options.into_iter().chain(more.map(|name| (name.to_owned(), String::new())));
     let mut ignored: Vec<String> = names.chain(of_scene).map(|(name, _)| flag(&name)).collect();
     // An option may be repeated.
     ignored.dedup();

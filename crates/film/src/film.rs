@@ -144,6 +144,13 @@ impl Film {
         }
     }
 
+    /// The part of the samples of each pixel that hit something, row by row; empty without AOVs. Samples of negative weight count as others.
+    #[must_use]
+    pub fn alpha(&self) -> Vec<f32> {
+        let part = |(guide, pixel): (&Guide, &Pixel)| guide.n_hits as f32 / pixel.n_taken().max(1) as f32;
+        self.guides.iter().zip(&self.pixels).map(part).collect()
+    }
+
     /// The means, row by row.
     pub fn colors(&self) -> impl Iterator<Item = [f32; 3]> + '_ {
         let means = self.means.iter().flat_map(|means| means.pixels.iter().copied());

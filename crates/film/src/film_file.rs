@@ -37,10 +37,11 @@ const COUNTS: [&str; 3] = ["count.summed", "count.negative", "count.dropped"];
 /// # Errors
 /// [`FileError`] with the file and the reason.
 pub fn write_film(path: &Path, film: &Film, aovs: Aovs, record: &[(String, String)]) -> Result<(), FileError> {
-    write_film_as(path, &film.picture(), film, aovs, record)
+    write_film_as(path, &film.picture(), None, film, aovs, record)
 }
 
-/// [`write_film`] with another picture in R, G, B, such as the denoised one; AOVs and sums are those of the film.
+/// [`write_film`] with another picture in R, G, B, such as the denoised one, and alpha as in [`encode`](crate::encode); AOVs and sums are
+/// those of the film.
 ///
 /// # Errors
 /// [`FileError`] with the file and the reason.
@@ -50,6 +51,7 @@ pub fn write_film(path: &Path, film: &Film, aovs: Aovs, record: &[(String, Strin
 pub fn write_film_as(
     path: &Path,
     picture: &Picture,
+    alpha: Option<&[f32]>,
     film: &Film,
     aovs: Aovs,
     record: &[(String, String)],
@@ -57,7 +59,7 @@ pub fn write_film_as(
     assert_eq!([picture.width, picture.height], [film.width(), film.height()], "the picture of this film");
     let size = Vec2(film.width() as usize, film.height() as usize);
     let named = |name: &str| LayerAttributes { layer_name: Some(Text::from(name)), ..LayerAttributes::default() };
-    let picture = AnyChannels::sort(picture_channels(picture, film, aovs).into_iter().collect());
+    let picture = AnyChannels::sort(picture_channels(picture, alpha, film, aovs).into_iter().collect());
     let mut layers = vec![Layer::new(size, named("picture"), ENCODING, picture)];
     if let Some(part) = film.part() {
         let numbers = numbers(part);
@@ -88,9 +90,14 @@ fn channel(name: &str, samples: FlatSamples) -> AnyChannel<FlatSamples> {
     AnyChannel::new(Text::from(name), samples)
 }
 
-fn picture_channels(picture: &Picture, film: &Film, aovs: Aovs) -> Vec<AnyChannel<FlatSamples>> {
-    let color = |k: usize| FlatSamples::F32(picture.pixels.iter().map(|pixel| canonical(pixel[k])).collect());
+fn picture_channels(picture: &Picture, alpha: Option<&[f32]>, film: &Film, aovs: Aovs) -> Vec<AnyChannel<FlatSamples>> {
+    let alpha_of = |i: usize| alpha.map_or(1.0, |alpha| alpha[i]);
+    let color = |k: usize| {
+        let all = picture.pixels.iter().enumerate();
+        FlatSamples::F32(all.map(|(i, pixel)| canonical(pixel[k] * alpha_of(i))).collect())
+    };
     let mut channels: Vec<_> = ["R", "G", "B"].iter().enumerate().map(|(k, name)| channel(name, color(k))).collect();
+    channels.extend(alpha.map(|alpha| channel("A", FlatSamples::F32(alpha.iter().map(|&x| canonical(x)).collect()))));
     for aov in aovs.iter() {
         for (k, name) in aov.channels().iter().enumerate() {
             let mut samples = aov.values(k, film.pixels(), film.guides());

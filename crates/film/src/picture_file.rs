@@ -8,7 +8,7 @@ use exr::prelude::{
     Blocks, Compression, Encoding, Error, Image, Layer, LayerAttributes, LineOrder, MetaData, ReadChannels, ReadLayers,
     RgbChannels, SpecificChannels, Vec2, WritableImage,
 };
-use image::ExtendedColorType::{Rgb8, Rgb16};
+use image::ExtendedColorType::{Rgb8, Rgb16, Rgba8, Rgba16};
 use image::codecs::hdr::HdrEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
@@ -24,7 +24,7 @@ use crate::{FileError, Picture, srgb};
 /// # Errors
 /// [`FileError`] with the file and the reason.
 pub fn write_png(path: &Path, picture: &Picture) -> Result<(), FileError> {
-    write_picture(path, picture, Format::Png)
+    write_picture(path, picture, None, Format::Png)
 }
 
 /// Writes `picture` as an EXR of three `f32` channels, linear RGB, losslessly compressed.
@@ -35,7 +35,7 @@ pub fn write_png(path: &Path, picture: &Picture) -> Result<(), FileError> {
 /// # Errors
 /// [`FileError`] with the file and the reason.
 pub fn write_exr(path: &Path, picture: &Picture) -> Result<(), FileError> {
-    write_picture(path, picture, Format::Exr)
+    write_picture(path, picture, None, Format::Exr)
 }
 
 /// Lossless, with lines in order so that the file does not depend on threads.
@@ -97,6 +97,12 @@ impl Format {
         Self::ALL.into_iter().find(|&(known, format)| known == name && format != Self::Png16).map(|(_, format)| format)
     }
 
+    /// Whether pixels may have alpha.
+    #[must_use]
+    pub fn has_alpha(self) -> bool {
+        matches!(self, Self::Png | Self::Png16 | Self::WebP | Self::Exr)
+    }
+
     /// Whether values are stored without curve and without limit.
     #[must_use]
     pub fn is_linear(self) -> bool {
@@ -104,20 +110,40 @@ impl Format {
     }
 }
 
-/// The bytes of a file of `picture`.
+/// The bytes of a file of `picture`. Where `alpha` has a number in 0..=1 for each pixel, the file has alpha; colors are those of what covers the
+/// pixel, not multiplied by alpha. EXR files have colors that are multiplied, as is usual there.
 ///
 /// # Errors
-/// A size that the format does not support, or a format that this build does not have.
-pub fn encode(picture: &Picture, format: Format) -> Result<Vec<u8>, String> {
+/// A size that the format does not support, alpha in a format without it, or a format that this build does not have.
+pub fn encode(picture: &Picture, alpha: Option<&[f32]>, format: Format) -> Result<Vec<u8>, String> {
     let Picture { width, height, pixels } = picture;
+    if alpha.is_some() && !format.has_alpha() {
+        return Err("the format has no alpha".to_owned());
+    }
+    if alpha.is_some_and(|alpha| alpha.len() != pixels.len()) {
+        return Err("alpha and colors differ in size".to_owned());
+    }
     let mut file = Vec::new();
-    let bytes = || pixels.iter().flatten().map(|&x| srgb::encode(x)).collect::<Vec<u8>>();
+    // Each pixel with its alpha, which is linear in all formats.
+    let each = || pixels.iter().enumerate().map(|(i, color)| (color, alpha.map(|alpha| alpha[i].clamp(0.0, 1.0))));
+    let bytes = || {
+        let of_pixel = |(color, alpha): (&[f32; 3], Option<f32>)| {
+            let alpha = alpha.map(|alpha| (255.0 * alpha).round() as u8);
+            color.map(srgb::encode).into_iter().chain(alpha)
+        };
+        each().flat_map(of_pixel).collect::<Vec<u8>>()
+    };
+    let [of_bytes, of_words] = if alpha.is_some() { [Rgba8, Rgba16] } else { [Rgb8, Rgb16] };
     let written = match format {
-        Format::Png => PngEncoder::new(&mut file).write_image(&bytes(), *width, *height, Rgb8),
+        Format::Png => PngEncoder::new(&mut file).write_image(&bytes(), *width, *height, of_bytes),
         Format::Png16 => {
             // The encoder takes words in the order of the machine.
-            let words: Vec<u8> = pixels.iter().flatten().flat_map(|&x| srgb::encode_16(x).to_ne_bytes()).collect();
-            PngEncoder::new(&mut file).write_image(&words, *width, *height, Rgb16)
+            let of_pixel = |(color, alpha): (&[f32; 3], Option<f32>)| {
+                let alpha = alpha.map(|alpha| (65535.0 * alpha).round() as u16);
+                color.map(srgb::encode_16).into_iter().chain(alpha).flat_map(u16::to_ne_bytes)
+            };
+            let words: Vec<u8> = each().flat_map(of_pixel).collect();
+            PngEncoder::new(&mut file).write_image(&words, *width, *height, of_words)
         }
         Format::Jpeg => JpegEncoder::new_with_quality(&mut file, 92).write_image(&bytes(), *width, *height, Rgb8),
         Format::Hdr => {
@@ -128,33 +154,46 @@ pub fn encode(picture: &Picture, format: Format) -> Result<Vec<u8>, String> {
         }
         #[cfg(feature = "webp")]
         Format::WebP => {
-            image::codecs::webp::WebPEncoder::new_lossless(&mut file).write_image(&bytes(), *width, *height, Rgb8)
+            image::codecs::webp::WebPEncoder::new_lossless(&mut file).write_image(&bytes(), *width, *height, of_bytes)
         }
         #[cfg(not(feature = "webp"))]
         Format::WebP => return Err("built without the feature 'webp'".to_owned()),
-        Format::Exr => return exr(picture),
+        Format::Exr => return exr(picture, alpha),
     };
     written.map(|()| file).map_err(|error| error.to_string())
 }
 
-fn exr(picture: &Picture) -> Result<Vec<u8>, String> {
+fn exr(picture: &Picture, alpha: Option<&[f32]>) -> Result<Vec<u8>, String> {
     let size = Vec2(picture.width as usize, picture.height as usize);
-    let pixel = |position: Vec2<usize>| {
-        let [r, g, b] = picture.pixels[position.1 * size.0 + position.0].map(canonical);
-        (r, g, b)
-    };
-    let layer = Layer::new(size, LayerAttributes::default(), ENCODING, SpecificChannels::rgb(pixel));
+    let index = |position: Vec2<usize>| position.1 * size.0 + position.0;
     let mut file = Cursor::new(Vec::new());
-    Image::from_layer(layer).write().non_parallel().to_buffered(&mut file).map_err(|error| error.to_string())?;
+    let attributes = LayerAttributes::default();
+    let written = if let Some(alpha) = alpha {
+        let pixel = |position: Vec2<usize>| {
+            let alpha = alpha[index(position)];
+            let [r, g, b] = picture.pixels[index(position)].map(|x| canonical(x * alpha));
+            (r, g, b, canonical(alpha))
+        };
+        let layer = Layer::new(size, attributes, ENCODING, SpecificChannels::rgba(pixel));
+        Image::from_layer(layer).write().non_parallel().to_buffered(&mut file)
+    } else {
+        let pixel = |position: Vec2<usize>| {
+            let [r, g, b] = picture.pixels[index(position)].map(canonical);
+            (r, g, b)
+        };
+        let layer = Layer::new(size, attributes, ENCODING, SpecificChannels::rgb(pixel));
+        Image::from_layer(layer).write().non_parallel().to_buffered(&mut file)
+    };
+    written.map_err(|error| error.to_string())?;
     Ok(file.into_inner())
 }
 
-/// Writes `picture` to a file atomically.
+/// Writes `picture` to a file atomically, with alpha as in [`encode`].
 ///
 /// # Errors
 /// [`FileError`] with the file and the reason.
-pub fn write_picture(path: &Path, picture: &Picture, format: Format) -> Result<(), FileError> {
-    let file = encode(picture, format).map_err(|reason| FileError::write(path, reason))?;
+pub fn write_picture(path: &Path, picture: &Picture, alpha: Option<&[f32]>, format: Format) -> Result<(), FileError> {
+    let file = encode(picture, alpha, format).map_err(|reason| FileError::write(path, reason))?;
     write_file(path, &file)
 }
 

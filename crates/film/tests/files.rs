@@ -107,7 +107,7 @@ fn errors_name_the_file_and_leave_no_temporary_file() {
 #[test]
 fn files_that_are_not_pictures_are_rejected_by_name() {
     let folder = tempfile::tempdir().unwrap();
-    let exr = encode(&gradient(), Format::Exr).unwrap();
+    let exr = encode(&gradient(), None, Format::Exr).unwrap();
     let cases: [(&str, Vec<u8>); 5] = [
         ("empty.png", Vec::new()),
         ("text.png", b"not a picture".to_vec()),
@@ -124,6 +124,32 @@ fn files_that_are_not_pictures_are_rejected_by_name() {
     assert!(read_picture(&folder.path().join("absent.png")).is_err());
 }
 
+/// Colors that cover a pixel in part: straight in PNG files, multiplied by alpha in EXR files.
+#[test]
+fn formats_with_alpha_store_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = Picture::filled(2, 1, [1.0, 0.25, 0.0]);
+    let alpha = [0.5, 0.0];
+    for (name, format) in Format::ALL {
+        let encoded = encode(&picture, Some(&alpha), format);
+        if !format.has_alpha() || format == Format::WebP && cfg!(not(feature = "webp")) {
+            assert!(encoded.is_err(), "{name}");
+            continue;
+        }
+        let decoded = image::load_from_memory(&encoded.unwrap());
+        if format == Format::Exr {
+            let path = folder.path().join("a.exr");
+            write_picture(&path, &picture, Some(&alpha), format).unwrap();
+            assert_eq!(read_picture(&path).unwrap().pixels, [[0.5, 0.125, 0.0], [0.0; 3]]);
+            continue;
+        }
+        let decoded = decoded.unwrap().to_rgba8();
+        assert_eq!(decoded.get_pixel(0, 0).0, [255, srgb::encode(0.25), 0, 128], "{name}");
+        assert_eq!(decoded.get_pixel(1, 0).0[3], 0, "{name}");
+    }
+    assert!(encode(&picture, Some(&[1.0]), Format::Png).is_err(), "one pixel has no alpha");
+}
+
 /// Each format stores what its bits hold.
 #[test]
 fn formats_store_the_picture() {
@@ -132,14 +158,14 @@ fn formats_store_the_picture() {
     let picture = gradient();
     for (name, format) in Format::ALL {
         if format == Format::WebP && cfg!(not(feature = "webp")) {
-            assert!(encode(&picture, format).is_err());
+            assert!(encode(&picture, None, format).is_err());
             continue;
         }
         let path = folder.path().join(format!("picture.{}", name.trim_end_matches("16")));
-        write_picture(&path, &picture, format).unwrap();
+        write_picture(&path, &picture, None, format).unwrap();
         assert_eq!(Format::of_path(&path).unwrap() == format, format != Format::Png16, "{name}");
         let bytes = fs::read(&path).unwrap();
-        assert_eq!(bytes, encode(&picture, format).unwrap(), "{name}");
+        assert_eq!(bytes, encode(&picture, None, format).unwrap(), "{name}");
         let image = match format {
             Format::Exr => continue,
             _ => image::load_from_memory(&bytes).unwrap(),

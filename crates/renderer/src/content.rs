@@ -39,7 +39,7 @@ pub fn material_hash(Scene { materials, textures, .. }: &Scene) -> u64 {
     hash.finish()
 }
 
-/// A hash of the lights and the environment.
+/// A hash of the lights, the environment and the background.
 #[must_use]
 pub fn light_hash(scene: &Scene) -> u64 {
     let mut hash = Hash::default();
@@ -50,6 +50,9 @@ pub fn light_hash(scene: &Scene) -> u64 {
             hash.floats(texels);
         }
         environment => hash.debug(environment),
+    }
+    if let Some(background) = &scene.background {
+        hash.floats(&[*background]);
     }
     hash.finish()
 }

@@ -21,6 +21,10 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Environment light; `None` if the file defines none.
     pub environment: Option<Environment>,
+    /// The instance that is a ground which the program added, and which is not part of the bounds; `None` without one.
+    pub ground: Option<u32>,
+    /// What camera rays see where they meet nothing, linear RGB; `None` for the environment.
+    pub background: Option<[f32; 3]>,
     /// Cameras in file order.
     pub cameras: Vec<Camera>,
     /// The name of each camera, else of its node; empty without a name.
@@ -60,7 +64,10 @@ impl Scene {
         // Transforms each vertex once rather than once per triangle.
         let used: Vec<Vec<[f32; 3]>> = self.meshes.iter().map(Mesh::used_positions).collect();
         let mut bounds = Aabb::EMPTY;
-        for instance in &self.instances {
+        for (number, instance) in (0..).zip(&self.instances) {
+            if self.ground == Some(number) {
+                continue;
+            }
             for &position in &used[instance.mesh.0 as usize] {
                 bounds.grow(instance.world_from_object.point(position));
                 if let Some(close) = instance.world_from_object_close {

@@ -44,6 +44,11 @@ fn a_room_with_all_kinds_of_light() {
     }
     scene.environment = Some(scenes::sky());
     compared(&gpu, &scene, &camera, Levels::One, &small(4)).check("sky", [0.3, 0.01]);
+    scene.background = Some([0.9, 0.1, 0.4]);
+    for integrator in Integrator::ALL {
+        let settings = Settings { integrator, ..small(4) };
+        compared(&gpu, &scene, &camera, Levels::One, &settings).check("background", [0.3, 0.01]);
+    }
 }
 
 /// Single-sided materials, seen and lit from both sides; and light up to a limit.

@@ -179,6 +179,7 @@ impl Args {
             aovs: samples.shown(),
             heatmap,
             is_linear: format.is_linear(),
+            shows_data: !samples.aovs.is_empty() || diagram.measure().is_some() || diagram.boxes().is_some(),
         };
         let ignored = heatmap.map(|_| {
             let sums = (sums != SampleSums::Host).then_some("sums");
@@ -196,6 +197,11 @@ impl Args {
             budget: samples.seconds.map(Duration::from_secs_f32),
             is_shown: samples.preview && !is_stream,
         });
+        if plan.is_transparent() && (!format.has_alpha() || samples.samples.is_some()) {
+            return Err(anyhow!(
+                "--background transparent requires a .png, .webp or .exr output, and all samples in one picture"
+            ));
+        }
         samples.check(&purpose, format == Format::Exr, has_noise)?;
         if let Some(ignored) = ignored.filter(|ignored| !ignored.is_empty()) {
             output::warn(&format!("--heatmap ignores {}", ignored.join(", ")));
@@ -218,6 +224,7 @@ impl Args {
                 size: plan.size(),
                 aovs: samples.shown(),
                 denoising,
+                is_transparent: plan.is_transparent(),
                 look: plan.look.clone(),
             },
             plan,
@@ -478,6 +485,7 @@ mod tests {
             "checkpoint" => ("b.part", ""),
             "checkpoint_every" => ("5", "--checkpoint=a.part"),
             "exposure" => ("1.5", ""),
+            "background" => ("0,0.5,1", ""),
             "frames" => ("1..4", ""),
             "fps" => ("30", "--frames=0..2"),
             "shutter" => ("0..0.5", "--time=1 a.glb"),

@@ -6,11 +6,12 @@ use anyhow::Result;
 use canted_film::Film;
 use canted_obb::Obb;
 use canted_renderer::{BottomLevel, SceneBvh, SceneLevels, Settings, UnusedFeature};
-use canted_scene::Scene;
+use canted_scene::{Camera, Environment, Scene};
 use canted_wide::{NodeKind, SimdPath};
 use serde_json::{Value, json};
 
-use crate::{output, process};
+use super::Choice;
+use crate::{light::LightSource, options::Named as _, output, process};
 
 /// A name and a value.
 pub(super) type Fact = (&'static str, Value);
@@ -18,11 +19,14 @@ pub(super) type Fact = (&'static str, Value);
 /// Facts about the scene and its acceleration structure.
 pub(super) fn of_structure(scene: &Scene, scene_bvh: &SceneBvh) -> Vec<Fact> {
     let bvhs = scene_bvh.bottom();
+    // The ground is no part of what the file has.
+    let n_ground = usize::from(scene.ground.is_some());
+    let of_ground = scene.ground.and_then(|_| scene.meshes.last()).map_or(0, |mesh| mesh.triangles.len());
     let mut facts = vec![
-        ("meshes", json!(scene.meshes.len())),
-        ("instances", json!(scene.instances.len())),
-        ("unique_triangles", json!(scene.n_unique_triangles())),
-        ("placed_triangles", json!(scene.n_placed_triangles())),
+        ("meshes", json!(scene.meshes.len() - n_ground)),
+        ("instances", json!(scene.instances.len() - n_ground)),
+        ("unique_triangles", json!(scene.n_unique_triangles() - of_ground)),
+        ("placed_triangles", json!(scene.n_placed_triangles() - of_ground)),
         ("levels", json!(if matches!(scene_bvh.levels(), SceneLevels::Two(_)) { 2 } else { 1 })),
         ("volumes", json!(volumes_of(bvhs))),
         ("structure_bytes", json!(scene_bvh.n_bytes())),
@@ -31,6 +35,42 @@ pub(super) fn of_structure(scene: &Scene, scene_bvh: &SceneBvh) -> Vec<Fact> {
     if bvhs.iter().any(|bvh| matches!(bvh, BottomLevel::Wide(_) | BottomLevel::Moving(_))) {
         facts.push(("simd", json!(SimdPath::detect().name())));
     }
+    facts
+}
+
+/// Facts about the camera, the light and what surrounds the scene.
+pub(super) fn of_view(scene: &Scene, camera: &Camera, choice: &Choice) -> Vec<Fact> {
+    let light = match (choice.source, choice.default_light) {
+        (_, Some((preset, _))) => preset.name().to_owned(),
+        (LightSource::Emission, None) => "surfaces that emit".to_owned(),
+        (LightSource::Given | LightSource::Default, None) => {
+            let lights = match scene.lights.len() {
+                0 => None,
+                1 => Some("1 light".to_owned()),
+                n => Some(format!("{n} lights")),
+            };
+            let environment = scene.environment.as_ref().map(|environment| match environment {
+                Environment::Constant(_) => "a constant environment".to_owned(),
+                Environment::Image(image) => format!("the environment {}", image.name),
+            });
+            let parts: Vec<String> = lights.into_iter().chain(environment).collect();
+            if parts.is_empty() { "none".to_owned() } else { parts.join(", ") }
+        }
+    };
+    let background = match scene.background {
+        Some(color) => json!(color),
+        None => json!("environment"),
+    };
+    let mut facts = vec![
+        ("camera", json!(choice.camera.text(scene))),
+        ("eye", json!(camera.eye)),
+        ("target", json!(camera.target)),
+        ("light", json!(light)),
+        ("background", background),
+        ("ground", json!(if scene.ground.is_some() { "on" } else { "off" })),
+    ];
+    facts.extend(choice.default_light.map(|(_, strength)| ("default_light", json!(strength))));
+    facts.extend(choice.exposure.map(|stops| ("exposure", json!(stops))));
     facts
 }
 
@@ -169,6 +209,10 @@ pub(super) fn report(facts: &[Fact], as_json: bool) -> Result<()> {
             ("noise_reached", Value::Null) => "unknown".to_owned(),
             (_, Value::Number(n)) if n.is_f64() => format!("{:.2}", n.as_f64().unwrap_or(0.0)),
             ("size", Value::Array(sides)) => format!("{} x {}", sides[0], sides[1]),
+            ("eye" | "target" | "background", Value::Array(numbers)) => {
+                let numbers = numbers.iter().map(|n| format!("{:.4}", n.as_f64().unwrap_or(0.0)));
+                numbers.collect::<Vec<_>>().join(", ")
+            }
             ("not_needed", parts) => parts_text(parts),
             (_, Value::String(text)) => text.clone(),
             (_, other) => other.to_string(),

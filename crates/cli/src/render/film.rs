@@ -318,6 +318,7 @@ mod tests {
             size: [16, 8],
             aovs: Aovs::NONE,
             denoising: Denoising::Off,
+            is_transparent: false,
             look: LookOptions::default(),
         };
         let settings = Settings { width: 16, height: 8, samples: 1, tile: 8, ..Settings::default() };

@@ -11,6 +11,7 @@ mod frames;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod output;
+mod probes;
 mod setup;
 
 use std::time::{Duration, Instant};
@@ -39,7 +40,7 @@ use film::{CheckpointWriter, CpuRenderer, FilmJob, FilmRenderer};
 pub(crate) use film::{difference, next as next_pass, whole as whole_film};
 use output::{Output, OutputFile, Overlay};
 pub(crate) use output::{denoised as denoised_film, no_boxes};
-pub(crate) use setup::{Choice, Setup, choose, decided, setup};
+pub(crate) use setup::{Choice, Setup, choose, decided, settle, setup, stage, staged};
 
 /// What rendering returns. The checkpoint is removed once the output is written.
 struct Rendered {
@@ -53,7 +54,7 @@ impl Rendered {
     /// A warning about a picture that is nearly black; heat maps and parts of pictures may be.
     fn darkness(&self, file: &OutputFile) -> Option<String> {
         match &self.output {
-            Output::Film(film, ..) if film.part().is_none() => setup::darkness(&file.cropped(film)),
+            Output::Film(film, ..) if film.part().is_none() => probes::darkness(&file.cropped(film)),
             _ => None,
         }
     }
@@ -87,7 +88,7 @@ fn one(mut job: Job) -> Result<()> {
     let start = Instant::now();
     let mut scene = read(&job)?;
     load::check_outputs(job.plan.source.scene.as_deref(), &scene, &job.outputs())?;
-    let source = job.plan.light.apply(&mut scene)?;
+    let source = job.plan.light.apply(&mut scene, job.plan.stage.light)?;
     let load_time = start.elapsed();
     print::detail(|| format!("scene read in {:.3} s", load_time.as_secs_f64()));
     let machine = open_machine(&job)?;
@@ -167,8 +168,7 @@ struct Frame<'a> {
 fn render_picture(frame: &Frame, job: &Job, machine: &Machine, last: &mut LastFrame) -> Result<Picture> {
     let &Frame { scene, bvh, camera, choice, .. } = frame;
     let mut facts = facts::of_structure(scene, bvh);
-    facts.extend(choice.default_light.map(|strength| ("default_light", json!(strength))));
-    facts.extend(choice.exposure.map(|stops| ("exposure", json!(stops))));
+    facts.extend(facts::of_view(scene, camera, &choice));
     if job.plan.heatmap.is_none() {
         facts.push(("integrator_reason", json!(choice.integrator_reason)));
     }

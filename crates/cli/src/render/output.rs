@@ -28,6 +28,8 @@ pub(super) struct OutputFile {
     /// Additional channels.
     pub(super) aovs: Aovs,
     pub(super) denoising: Denoising,
+    /// Whether what the camera sees behind the scene is transparent.
+    pub(super) is_transparent: bool,
     pub(super) look: LookOptions,
 }
 
@@ -98,7 +100,7 @@ impl OutputFile {
         match output {
             Output::Film(film, record, denoised) => self.write_film(*film, denoised, &record, overlay),
             // A heat map is a diagram: its colors are not exposed.
-            Output::Picture(picture) => self.write_encoded(picture, overlay),
+            Output::Picture(picture) => self.write_encoded(picture, None, overlay),
         }
     }
 
@@ -119,7 +121,7 @@ impl OutputFile {
             None => {
                 let picture = partial.picture();
                 let shown = self.crop.map(|[x, y, width, height]| picture.cropped([x, y], [width, height]));
-                self.write_picture(shown.unwrap_or_else(|| picture.clone()), None)?;
+                self.write_picture(shown.unwrap_or_else(|| picture.clone()), None, None)?;
             }
         }
         let path = self.path.display();
@@ -148,29 +150,31 @@ impl OutputFile {
         overlay: Option<&Overlay>,
     ) -> Result<()> {
         let film = if self.crop.is_some() { self.cropped(&film).into_owned() } else { film };
+        let alpha = self.is_transparent.then(|| film.alpha());
         if film.part().is_some() || !self.aovs.is_empty() {
-            let mut picture = denoised.unwrap_or_else(|| film.picture());
+            let mut picture = covering(denoised.unwrap_or_else(|| film.picture()), alpha.as_deref());
             self.draw(&mut picture, overlay);
-            return Ok(write_film_as(&self.path, &picture, &film, self.aovs, record)?);
+            return Ok(write_film_as(&self.path, &picture, alpha.as_deref(), &film, self.aovs, record)?);
         }
-        self.write_picture(denoised.unwrap_or_else(|| film.into_picture()), overlay)
+        self.write_picture(denoised.unwrap_or_else(|| film.into_picture()), alpha.as_deref(), overlay)
     }
 
     /// Writes a picture with the look of the options.
-    fn write_picture(&self, picture: Picture, overlay: Option<&Overlay>) -> Result<()> {
+    fn write_picture(&self, picture: Picture, alpha: Option<&[f32]>, overlay: Option<&Overlay>) -> Result<()> {
+        let picture = covering(picture, alpha);
         let picture = if self.format.is_linear() { picture } else { self.look.apply(picture) };
-        self.write_encoded(picture, overlay)
+        self.write_encoded(picture, alpha, overlay)
     }
 
-    fn write_encoded(&self, mut picture: Picture, overlay: Option<&Overlay>) -> Result<()> {
+    fn write_encoded(&self, mut picture: Picture, alpha: Option<&[f32]>, overlay: Option<&Overlay>) -> Result<()> {
         self.draw(&mut picture, overlay);
         if self.is_stream {
-            let bytes = encode(&picture, self.format);
+            let bytes = encode(&picture, alpha, self.format);
             return output::bytes_to_stdout(
                 &bytes.map_err(|reason| anyhow!("cannot write standard output: {reason}"))?,
             );
         }
-        Ok(canted_film::write_picture(&self.path, &picture, self.format)?)
+        Ok(canted_film::write_picture(&self.path, &picture, alpha, self.format)?)
     }
 
     /// The part of a film that is shown.
@@ -185,6 +189,15 @@ impl OutputFile {
             draw_boxes(picture, self.crop.map_or([0, 0], |[left, top, ..]| [left, top]), view, boxes);
         }
     }
+}
+
+/// The colors of what covers each pixel of a picture that is black where nothing does.
+fn covering(mut picture: Picture, alpha: Option<&[f32]>) -> Picture {
+    for (color, &alpha) in picture.pixels.iter_mut().zip(alpha.unwrap_or_default()) {
+        // A denoised picture may be bright where nothing was hit.
+        *color = if alpha > 0.0 { color.map(|x| x / alpha) } else { [0.0; 3] };
+    }
+    picture
 }
 
 /// Boxes that are drawn over a picture.

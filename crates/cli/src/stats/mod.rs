@@ -65,7 +65,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     args.run.start()?;
     let mut scene = load::scene(args.scene.as_deref(), &args.read_options(args.time))?;
     // Adds the default light, as `canted render` does.
-    options::defaults::<LightArgs>().apply(&mut scene)?;
+    options::defaults::<LightArgs>().apply(&mut scene, None)?;
     let name = load::name(args.scene.as_deref());
     let machine = Machine::open(&args.run.device, &Structure::default())?;
     let report = report(&name, &scene, args, &machine).map_err(|error| anyhow!("{name}: {error}"))?;

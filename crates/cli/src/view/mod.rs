@@ -143,7 +143,7 @@ fn replay(options: Options, events: &Path, folder: &Path, as_json: bool) -> Resu
 /// Writes the picture as `canted render` does.
 fn save(session: &Session, path: &Path) -> Result<()> {
     let frame = session.frame.as_ref().ok_or_else(|| anyhow!("there is no picture yet"))?;
-    Ok(canted_film::write_picture(path, &frame.picture, Format::Png)?)
+    Ok(canted_film::write_picture(path, &frame.picture, None, Format::Png)?)
 }
 
 /// What is at the position of a click, on one line.

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     camera::{CameraArgs, LensArgs},
     device::DeviceArg,
-    light::LightArgs,
+    light::{LightArgs, Preset},
     options::{self, Given, StructureOptions, Value, flag, given},
     render::DiagramArgs,
     settings::{self, LookOptions, PictureArgs, Plan, Purpose, SceneArgs},
@@ -43,11 +43,11 @@ pub(crate) struct Options {
 }
 
 /// What determines meshes and lights, besides the time.
-pub(super) type SceneKey = (SceneArgs, LightArgs);
+pub(super) type SceneKey = (SceneArgs, LightArgs, Option<Value<Preset>>);
 
 /// What determines the film: all but exposure, tone curve and boxes.
 #[derive(PartialEq)]
-pub(super) struct FilmKey(SessionArgs, Option<Aov>);
+pub(super) struct FilmKey(SessionArgs, Option<Aov>, bool);
 
 impl PartialEq for Options {
     /// The scene file is always that of `args`.
@@ -100,7 +100,9 @@ impl Options {
 
     /// The picture of the options.
     pub(super) fn plan(&self) -> Result<Plan> {
-        let purpose = Purpose { heatmap: self.args.own.0.diagram.measure(), ..Purpose::default() };
+        let diagram = &self.args.own.0.diagram;
+        let shows_data = self.aov.is_some() || diagram.boxes.is_some();
+        let purpose = Purpose { heatmap: diagram.measure(), shows_data, ..Purpose::default() };
         self.args.clone().resolve(self.file.as_deref(), &purpose)
     }
 
@@ -188,7 +190,8 @@ impl Options {
 
     pub(super) fn scene_key(&self) -> SceneKey {
         let source = &self.args.source;
-        (SceneArgs { scene: None, time: None, ..source.clone() }, self.args.light.clone())
+        let light = self.args.options.0.stage.light;
+        (SceneArgs { scene: None, time: None, ..source.clone() }, self.args.light.clone(), light)
     }
 
     /// What determines the structure, besides the scene.
@@ -199,8 +202,9 @@ impl Options {
     pub(super) fn film_key(&self) -> FilmKey {
         let mut args = self.args.clone();
         args.options.0.look = LookOptions::default();
-        args.own.0.diagram.boxes = None;
-        FilmKey(args, self.aov)
+        // Boxes are drawn over the film, but a scene with boxes has no ground.
+        let has_boxes = args.own.0.diagram.boxes.take().is_some();
+        FilmKey(args, self.aov, has_boxes)
     }
 
     /// The command line that renders this picture on a device, for a POSIX shell. A channel is written as it is, to an EXR.

@@ -52,7 +52,7 @@ impl Renderer {
             Some((ready, ..)) => ready.followed(&job.options, &plan)?,
             None => SessionScene::open(&job.options, &plan)?,
         };
-        let camera = match plan.camera(&ready.scene, &ready.bvh) {
+        let camera = match ready.camera(&mut plan) {
             Ok(camera) => camera,
             Err(error) => {
                 let camera = Camera::pinhole([0.0; 3], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], 45.0);

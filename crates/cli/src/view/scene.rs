@@ -20,8 +20,9 @@ use super::{
     options::{Options, SceneKey},
 };
 use crate::{
+    camera::{CameraSource, Staged},
     device::{DeviceArg, Machine},
-    light::LightSource,
+    light::{LightSource, ground},
     load,
     options::{Structure, StructureOptions},
     output, render,
@@ -49,15 +50,24 @@ pub(super) struct SessionScene {
     n_levels: Option<u32>,
     /// Whether the light was decided for some camera.
     is_chosen: bool,
+    /// What the scene is about, if that was needed, and for which up direction.
+    staged: Option<([f32; 3], Staged)>,
+    /// Whether the scene shows that z is up.
+    is_z_up: bool,
 }
 
 impl SessionScene {
     /// Reads the scene and builds the structure.
     pub(super) fn open(options: &Options, plan: &Plan) -> Result<Self> {
         let (mut scene, animated) = read(options, plan)?;
-        let source = plan.light.apply(&mut scene)?;
+        let source = plan.light.apply(&mut scene, plan.stage.light)?;
         let environment = scene.environment.clone().filter(|_| source == LightSource::Given);
-        let bvh = built(&scene, plan)?;
+        let is_z_up = plan.shows_z_up(&scene);
+        let mut plan = plan.clone();
+        if is_z_up {
+            plan.set_z_up();
+        }
+        let (bvh, staged) = render::stage(&mut scene, &plan, source, &mut |scene| built(scene, &plan))?;
         Ok(Self {
             scene,
             bvh,
@@ -73,6 +83,8 @@ impl SessionScene {
             boxes: None,
             n_levels: None,
             is_chosen: false,
+            staged: staged.map(|staged| (plan.up(), staged)),
+            is_z_up,
         })
     }
 
@@ -102,10 +114,13 @@ impl SessionScene {
     /// The scene at another time.
     fn posed(mut self, plan: &Plan, time: f32) -> Result<Self> {
         if let Some(animated) = &mut self.animated {
+            ground::remove(&mut self.scene);
+            self.staged = None;
             animated.pose(time, &mut self.scene)?;
+            self.is_z_up = plan.shows_z_up(&self.scene);
             self.scene.environment.clone_from(&self.environment);
             // Reading an environment map again is not needed.
-            self.source = plan.light.apply_lights(&mut self.scene)?;
+            self.source = plan.light.apply_lights(&mut self.scene, plan.stage.light)?;
             load::warn(&std::mem::take(&mut self.scene.warnings));
         }
         Ok(self)
@@ -116,6 +131,35 @@ impl SessionScene {
         self.is_chosen
     }
 
+    /// The camera of the options, with the up axis of the scene in `plan`, and the ground that this camera sees.
+    pub(super) fn camera(&mut self, plan: &mut Plan) -> Result<Camera> {
+        if self.is_z_up {
+            plan.set_z_up();
+        }
+        let up = plan.up();
+        if self.staged.is_none_or(|(of, _)| of != up) {
+            let staged = render::staged(&self.scene, &self.bvh, plan, self.source);
+            self.staged = staged.map(|staged| (up, staged));
+        }
+        let (camera, _) = plan.camera(&self.scene, &self.bvh, self.staged())?;
+        self.settle(&camera, plan, self.source)?;
+        Ok(camera)
+    }
+
+    fn staged(&self) -> Option<&Staged> {
+        self.staged.as_ref().map(|(_, staged)| staged)
+    }
+
+    /// Adds or removes the ground.
+    fn settle(&mut self, camera: &Camera, plan: &Plan, source: LightSource) -> Result<()> {
+        let staged = self.staged.map(|(_, staged)| staged);
+        if render::settle(&mut self.scene, &mut self.bvh, camera, plan, source, staged.as_ref())? {
+            self.boxes = None;
+            self.n_levels = None;
+        }
+        Ok(())
+    }
+
     /// Decides light and integrator for a camera.
     pub(super) fn choose(&mut self, camera: &Camera, plan: &mut Plan) -> Result<()> {
         self.is_chosen = true;
@@ -124,8 +168,13 @@ impl SessionScene {
             self.scene.lights.clear();
             self.scene.environment = None;
         }
-        let source = render::decided(&mut self.scene, &mut self.bvh, camera, plan, self.source)?;
-        render::choose(&mut self.scene, &self.bvh, camera, plan, source).map(drop)
+        let mut staged = self.staged.map(|(_, staged)| Staged { reflects: true, ..staged });
+        let source = render::decided(&self.scene, &self.bvh, camera, plan, self.source, &mut staged)?;
+        self.staged = self.staged.and_then(|(up, _)| Some((up, staged?)));
+        self.settle(camera, plan, source)?;
+        // No report says where the camera comes from.
+        let camera = (camera, CameraSource::Given);
+        render::choose(&mut self.scene, &mut self.bvh, camera, plan, source, staged.as_ref()).map(drop)
     }
 
     /// Chooses the integrator for a first, coarse picture, with the light as it is.

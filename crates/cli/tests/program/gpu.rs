@@ -256,7 +256,7 @@ fn stats_list_gpu_buffers() {
     let names: Vec<&str> = buffers.iter().map(|buffer| buffer["name"].as_str().unwrap()).collect();
     // Three triangles without textures and emission, in the default light.
     let has = |name: &str| names.contains(&name);
-    assert!(has("triangles") && has("lights") && !has("texels_0") && !has("emitters"), "{names:?}");
+    assert!(has("triangles") && has("sky_texels") && !has("texels_0") && !has("emitters"), "{names:?}");
     let text = folder.run("stats small.obj --device gpu").done().stdout;
     assert!(text.contains(&format!("Buffers for a picture on {name}: {},", names.len())), "{text}");
 }

@@ -16,6 +16,7 @@ mod samples;
 mod scene_file;
 #[cfg(target_os = "linux")]
 mod slurm;
+mod stage;
 mod stats;
 mod support;
 mod view;

@@ -64,10 +64,10 @@ fn the_command_line_overrides_the_file() {
 #[test]
 fn settings_that_contradict_options_are_ignored() {
     let folder = Folder::with_small();
-    folder.run("scene small.obj --size 24x16 --spp 2 --noise 0.5 --ao-radius 1 -o s.toml").done();
+    folder.run("scene small.obj --size 24x16 --spp 2 --bounces 8 --noise 0.5 --ao-radius 1 -o s.toml").done();
     folder.run("render s.toml --heatmap boxes -o heat.png").done();
     folder.run("render s.toml --integrator path --noise 0.5 -o a.exr").done();
-    folder.run("render small.obj --size 24x16 --spp 2 --noise 0.5 --integrator path -o b.exr").done();
+    folder.run("render small.obj --size 24x16 --spp 2 --bounces 8 --noise 0.5 --integrator path -o b.exr").done();
     assert_eq!(folder.bytes("a.exr"), folder.bytes("b.exr"));
     folder.run("scene s.toml --integrator path -o t.toml").done();
     folder.run("render t.toml -o c.exr").done();

@@ -132,7 +132,9 @@ impl<'a> DevicePicture<'a> {
         let ambient = bounded(Lights::new(scene).ambient());
         let Rendering { view, filter, ao_radius, .. } = &cpu;
         let facts = picture::picture(view, settings, *ao_radius);
-        let facts = PackedPicture { ambient, slack: packed.slack, ..facts };
+        let background = bounded(scene.background.unwrap_or_default());
+        let has_background = u32::from(scene.background.is_some());
+        let facts = PackedPicture { ambient, slack: packed.slack, background, has_background, ..facts };
         let filter_table = match settings.filter {
             Filter::Box(_) => None,
             _ => Some(gpu.read_only("filter", &filter.table())?),

@@ -29,6 +29,8 @@ pub(super) struct PackedPicture {
     pub(super) sampler: [u32; 4],
     pub(super) ambient: [f32; 3],
     pub(super) slack: f32,
+    pub(super) background: [f32; 3],
+    pub(super) has_background: u32,
     pub(super) limit: f32,
     pub(super) padding: [f32; 3],
 }
@@ -67,6 +69,8 @@ pub(super) fn picture(view: &View, settings: &Settings, ao_radius: f64) -> Packe
         sampler: [seed, columns, rows, columns.saturating_mul(rows)],
         ambient: [0.0; 3],
         slack: 0.0,
+        background: [0.0; 3],
+        has_background: 0,
         limit: clamp.map_or(FAR, |clamp| clamp.min(FAR)),
         padding: [0.0; 3],
     }

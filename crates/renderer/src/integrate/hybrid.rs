@@ -62,7 +62,7 @@ impl Transport<'_> {
     /// Shades the `n`-th vertex of a path; returns whether there is a next ray.
     fn hybrid_step(&self, path: &mut Path<()>, n: u32, ao_radius: f64) -> bool {
         let Path { start: Start { pixel, sample, .. }, query, ray, cone, hit, accumulated, .. } = path;
-        let hit = match (self.lights.intersect(ray, hit.as_ref()), &*hit) {
+        let hit = match (self.lights.intersect_nth(n, ray, hit.as_ref()), &*hit) {
             (None, Some(hit)) => hit,
             (light, _) => {
                 let visible = light.filter(|light| n == 0 || light.light == LightId::Environment);

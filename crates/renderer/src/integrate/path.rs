@@ -172,7 +172,7 @@ impl Transport<'_> {
                 weight(density, lights.density(&vertex.surface, vertex.transmits(), ray.direction, light))
             })
         };
-        if let Some(light) = lights.lights().intersect(ray, hit.as_ref()) {
+        if let Some(light) = lights.lights().intersect_nth(n, ray, hit.as_ref()) {
             accumulated.add(light.radiance, mis_weight(light.light));
             return false;
         }

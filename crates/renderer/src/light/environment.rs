@@ -76,6 +76,24 @@ impl<'a> Sky<'a> {
         PI * if is_black { 0.0 } else { super::luminance_of(self.mean) }
     }
 
+    /// Irradiance on a surface with this unit normal, linear RGB: the sum over texels, each with the cosine of its center.
+    pub(super) fn irradiance_on(&self, normal: DVec3) -> DVec3 {
+        let image = match self.environment {
+            Environment::Constant(radiance) => return PI * wide(*radiance),
+            Environment::Image(image) => image,
+        };
+        let row = |row: usize| {
+            let solid_angle = solid_angle(image, row);
+            let cosine = 0.5 * (cosine_above(image, row) + cosine_above(image, row + 1));
+            row_means(image, row).enumerate().fold(DVec3::ZERO, |sum, (column, radiance)| {
+                let across = (column as f64 + 0.5) / f64::from(image.width);
+                sum + radiance * (solid_angle * normal.dot(direction_of(image, across, cosine)).max(0.0))
+            })
+        };
+        let rows: Vec<DVec3> = (0..image.height as usize).into_par_iter().map(row).collect();
+        rows.into_iter().sum()
+    }
+
     pub(super) fn image(&self) -> Option<&'a EnvironmentImage> {
         match self.environment {
             Environment::Constant(_) => None,

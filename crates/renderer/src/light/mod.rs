@@ -194,6 +194,8 @@ pub struct Lights<'a> {
     /// Indices of the shape lights.
     shape_lights: Vec<u32>,
     sky: Sky<'a>,
+    /// What camera rays see in place of the environment.
+    background: Option<[f32; 3]>,
 }
 
 impl<'a> Lights<'a> {
@@ -201,7 +203,12 @@ impl<'a> Lights<'a> {
     #[must_use]
     pub fn new(scene: &'a Scene) -> Self {
         let shape_lights = (0..).zip(&scene.lights).filter(|(_, light)| is_shape(light)).map(|(index, _)| index);
-        Self { list: &scene.lights, shape_lights: shape_lights.collect(), sky: Sky::new(environment_of(scene)) }
+        Self {
+            list: &scene.lights,
+            shape_lights: shape_lights.collect(),
+            sky: Sky::new(environment_of(scene)),
+            background: scene.background,
+        }
     }
 
     /// Mean radiance of the environment over all directions, linear RGB.
@@ -217,6 +224,33 @@ impl<'a> Lights<'a> {
             return Some(LightHit { radiance, light: LightId::Light(index) });
         }
         hit.is_none().then(|| LightHit { radiance: self.sky.radiance(ray.direction), light: LightId::Environment })
+    }
+
+    /// [`Lights::intersect`] for the `n`-th ray of a path: the camera ray, which is the first, sees [`Scene::background`].
+    pub(crate) fn intersect_nth(&self, n: u32, ray: &Ray, hit: Option<&Hit>) -> Option<LightHit> {
+        let light = self.intersect(ray, hit)?;
+        let background = self.background.filter(|_| n == 0 && light.light == LightId::Environment);
+        Some(background.map_or(light, |radiance| LightHit { radiance, ..light }))
+    }
+
+    /// Radiance of the environment from a direction of any length, linear RGB.
+    #[must_use]
+    pub fn radiance_from_afar(&self, direction: [f32; 3]) -> [f32; 3] {
+        self.sky.radiance(direction)
+    }
+
+    /// Irradiance on a surface with this unit normal that nothing occludes, by the environment and the suns; linear RGB.
+    #[must_use]
+    pub fn irradiance_from_afar(&self, normal: [f32; 3]) -> [f32; 3] {
+        let normal = wide(normal);
+        let mut sum = self.sky.irradiance_on(normal);
+        for light in self.list {
+            if let Light::Sun { direction, irradiance } = light {
+                let cosine = -normal.dot(wide(*direction).normalize_or_zero());
+                sum += wide(*irradiance) * cosine.max(0.0);
+            }
+        }
+        narrow(sum)
     }
 
     /// The shape light that a ray hits before `hit`: its `t`, and the unit normal on the side of the ray.

@@ -3,11 +3,13 @@
 use std::f64::consts::{PI, TAU};
 
 use canted_obb::Affine;
-use canted_renderer::{LightId, Lights, environment_of};
-use canted_scene::{EnvironmentImage, Light, Scene};
+use canted_renderer::{Integrator, LightId, Lights, Settings, environment_of};
+use canted_scene::{EnvironmentImage, Light, Material, Scene};
 use canted_trace::Ray;
 
-use crate::common::{U, Vector, cross, dot, mesh, narrow, place, scene, sub, unit};
+use crate::common::{
+    U, Vector, camera, cross, dot, film, mesh, narrow, parallelogram, place, scene, settings, sub, unit,
+};
 use crate::light::{Estimate, emissive, irradiance, numbers, receiver, with_sampler};
 
 /// A dim environment map with a single bright texel, like a sun.
@@ -191,6 +193,42 @@ fn every_bright_direction_has_positive_pdf() {
         }
         assert!(lit > 100 && dark > 10_000, "{lit} {dark}");
     });
+}
+
+/// The sum over texels is the estimate by light sampling; a sun counts by the cosine to it.
+#[test]
+fn irradiance_from_afar_is_that_of_sampled_light() {
+    for normal in [[0.0, 1.0, 0.0], [0.6, 0.0, -0.8], [0.0, -1.0, 0.0]] {
+        let mut scene = under(sunny(20.0));
+        let Estimate { mean, .. } = irradiance(&scene, &receiver([0.0; 3], normal), N);
+        let found = f64::from(Lights::new(&scene).irradiance_from_afar(normal.map(|x| x as f32))[0]);
+        // One per cent of noise, and the cosine of a texel's center.
+        assert!((found / mean - 1.0).abs() < 0.05, "{normal:?}: {found} {mean}");
+        let irradiance = [2.0, 1.0, 0.0];
+        scene.lights.push(Light::Sun { direction: normal.map(|x| -x as f32), irradiance });
+        let sun = f64::from(Lights::new(&scene).irradiance_from_afar(normal.map(|x| x as f32))[0]) - found;
+        assert!((sun - 2.0).abs() < 1e-3, "{normal:?}: {sun}");
+    }
+}
+
+/// Camera rays see the background, and reflections see the environment.
+#[test]
+fn the_background_is_seen_by_camera_rays_alone() {
+    let mirror = Material { metallic: 1.0, roughness: 0.0, base_color: [1.0; 3], ..Material::default() };
+    let square = parallelogram([-1.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], 0);
+    let sky = [0.25, 0.5, 0.125];
+    let mut lit = crate::common::under(sky, scene(vec![square], vec![mirror]));
+    lit.background = Some([0.5, 0.25, 1.0]);
+    // The square fills the middle half of the width and of the height.
+    let view = camera([0.0, 0.0, 4.0], [0.0; 3], 2.0 * 0.5_f64.atan().to_degrees() as f32);
+    for integrator in Integrator::ALL {
+        let settings = Settings { integrator, ..settings(8, 8, 4, 2) };
+        let film = film(&lit, &view, &settings);
+        assert_eq!(film.pixels()[0].mean(), [0.5, 0.25, 1.0], "{integrator:?}");
+        let reflected = film.pixels()[4 * 8 + 4].mean();
+        // The hybrid integrator has no mirrors, but the same light.
+        assert!((0..3).all(|k| (reflected[k] - f64::from(sky[k])).abs() < 1e-3), "{integrator:?} {reflected:?}");
+    }
 }
 
 // Irradiance from each kind of light, without occlusion.

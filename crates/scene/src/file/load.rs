@@ -280,6 +280,9 @@ impl<'a> Assembly<'a> {
             textures,
             lights,
             environment,
+            // No reader sets them.
+            ground: _,
+            background: _,
             cameras,
             camera_names,
             warnings,

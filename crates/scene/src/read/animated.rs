@@ -105,6 +105,7 @@ impl AnimatedScene {
 fn replace(scene: &mut Scene, posed: Scene) {
     let Scene { meshes, instances, cameras, camera_names, lights, warnings, .. } = posed;
     scene.meshes = meshes;
+    scene.ground = None;
     scene.instances = instances;
     scene.cameras = cameras;
     scene.camera_names = camera_names;

@@ -167,8 +167,8 @@ struct Progress {
     updates: Updates,
     trace_time: Duration,
     last: LastFrame,
-    /// Whether emission lights the scene.
-    emission: Option<LightSource>,
+    /// Whether emission lights the scene, and whether most of what is seen reflects light.
+    emission: Option<(LightSource, bool)>,
     integrator: Option<Integrator>,
     /// With the exposure that the first picture decided.
     look: LookOptions,
@@ -193,33 +193,48 @@ fn render_frame(
     let load_time = start.elapsed() + if done == 0 { load_time } else { Duration::ZERO };
     let scene = &mut source.scene;
     let record = resume::of_frame(shared, job, frame, scene);
-    let bvh = match progress.bvh.take() {
-        Some(mut bvh) if updates_in_place(job) => {
-            let options = UpdateOptions { policy: job.sequence.update, trace_time: progress.trace_time };
-            progress.updates += bvh.update(scene, &options).map_err(|error| rejected(scene, &name, &error))?;
-            bvh
-        }
-        _ => SceneBvh::build(scene, &job.plan.structure.config_for(scene))
-            .map_err(|error| rejected(scene, &name, &error))?,
-    };
-    let bvh = progress.bvh.insert(bvh);
-    let mut camera = job.plan.camera(scene, bvh)?;
     let mut own = job.clone();
     own.output.path = names.path(frame);
+    if own.plan.shows_z_up(scene) {
+        own.plan.set_z_up();
+        if done == 0 {
+            output::note(setup::Z_UP);
+        }
+    }
+    let options = UpdateOptions { policy: job.sequence.update, trace_time: progress.trace_time };
+    let Progress { bvh: last_bvh, updates, .. } = progress;
+    let mut build = |scene: &Scene| match last_bvh.take() {
+        Some(mut bvh) if updates_in_place(job) => {
+            *updates += bvh.update(scene, &options).map_err(|error| rejected(scene, &name, &error))?;
+            Ok(bvh)
+        }
+        _ => SceneBvh::build(scene, &job.plan.structure.config_for(scene))
+            .map_err(|error| rejected(scene, &name, &error)),
+    };
+    let (bvh, mut staged) = setup::stage(scene, &own.plan, light, &mut build)?;
+    let bvh = progress.bvh.insert(bvh);
+    let (mut camera, of_camera) = own.plan.camera(scene, bvh, staged.as_ref())?;
     // Decided once, so that a sequence does not flicker.
     if light == LightSource::Emission {
-        light = match progress.emission {
-            Some(decided) => decided,
-            None => setup::decided(scene, bvh, &camera, &job.plan, light)?,
+        let (decided, reflects) = match progress.emission {
+            Some(known) => known,
+            None => {
+                let decided = setup::decided(scene, bvh, &camera, &own.plan, light, &mut staged)?;
+                (decided, staged.is_none_or(|staged| staged.reflects))
+            }
         };
-        progress.emission = Some(light);
+        if let Some(staged) = &mut staged {
+            staged.reflects = reflects;
+        }
+        (light, progress.emission) = (decided, Some((decided, reflects)));
     }
+    setup::settle(scene, bvh, &camera, &own.plan, light, staged.as_ref())?;
     if let Some(integrator) = progress.integrator {
         own.plan.choose(integrator);
     }
     own.plan.look = progress.look.clone();
     // By the camera at rest, so that a turntable does not flicker.
-    let choice = setup::choose(scene, bvh, &camera, &mut own.plan, light)?;
+    let choice = setup::choose(scene, bvh, (&camera, of_camera), &mut own.plan, light, staged.as_ref())?;
     progress.integrator = own.plan.integrator;
     progress.look = own.plan.look.clone();
     own.output.look = own.plan.look.clone();

@@ -83,7 +83,7 @@ pub(super) fn shared(job: &Job, scene: &mut Scene, device: String) -> Record {
         ("choice of integrator", integrator.map_or_else(|| "by the scene".to_owned(), |given| format!("{given:?}"))),
         ("acceleration structure", format!("{structure:?}")),
         ("camera", format!("{camera:?} {:?}", options.picture.up_axis)),
-        ("light", format!("{light:?} {environment:016x}")),
+        ("light", format!("{light:?} {:?} {environment:016x}", options.picture.stage)),
         ("material", format!("{:016x}", material_hash(scene))),
     ];
     own.map(|(name, value)| (name.to_owned(), value)).into_iter().chain(settings.record()).collect()

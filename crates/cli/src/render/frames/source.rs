@@ -67,6 +67,7 @@ impl Source {
 
     /// Sets the scene to a time in seconds.
     pub(super) fn pose(&mut self, job: &Job, time: f32) -> Result<light::LightSource> {
+        light::ground::remove(&mut self.scene);
         match (&mut self.animated, job.sequence.shutter_times(time)) {
             (Some(animated), None) => animated.pose(time, &mut self.scene)?,
             (Some(animated), Some(times)) => animated.pose_shutter(times, &mut self.scene)?,
@@ -77,7 +78,7 @@ impl Source {
         if self.scene.environment.is_none() || self.environment.is_none() {
             self.scene.environment.clone_from(&self.environment);
         }
-        job.plan.light.apply_lights(&mut self.scene)
+        job.plan.light.apply_lights(&mut self.scene, job.plan.stage.light)
     }
 
     /// Prints new kinds of warnings: what stands before the first colon and the values.

@@ -157,7 +157,7 @@ impl Window {
         "Saving ...".clone_into(&mut self.note);
         std::thread::spawn(move || {
             let path = new_screenshot(Path::new("."));
-            let saved = write_picture(&path, &picture, Format::Png);
+            let saved = write_picture(&path, &picture, None, Format::Png);
             let note = saved.map_or_else(|error| error.to_string(), |()| format!("Saved {}", path.display()));
             let _ = sender.send(note);
             context.request_repaint();

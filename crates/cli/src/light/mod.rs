@@ -1,4 +1,9 @@
-//! The light of a scene: from the options, else from the file, else a default sky and sun.
+//! The light of a scene: from the options, else from the file, else one that needs no file.
+
+pub(crate) mod ground;
+mod sky;
+mod stage;
+mod studio;
 
 use std::path::{Path, PathBuf};
 
@@ -13,8 +18,8 @@ use crate::{
     output,
 };
 
-/// Help heading of lights.
-const LIGHT: &str = "Light (--env, --sun, --point and --sphere replace all lights of the scene)";
+use stage::LIGHT;
+pub(crate) use stage::{Background, Preset, StageOptions, set_light};
 
 /// Lights from the command line. They replace all lights of the file and its environment.
 #[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
@@ -84,17 +89,17 @@ impl Form for EnvironmentArg {
 pub(crate) enum LightSource {
     /// From options, or from lights or the environment of the file.
     Given,
-    /// From surfaces that emit alone, which may be too weak to light the scene.
+    /// From surfaces that emit alone, which may light no others.
     Emission,
-    /// The default light, because there is no other.
+    /// A light that needs no file: because it was chosen, or there is no other.
     Default,
 }
 
 impl LightArgs {
-    /// Sets the lights of the scene.
-    pub(crate) fn apply(&self, scene: &mut Scene) -> Result<LightSource> {
+    /// Sets the lights of the scene. `preset` replaces those of the scene, and options replace it.
+    pub(crate) fn apply(&self, scene: &mut Scene, preset: Option<Preset>) -> Result<LightSource> {
         scene.environment = self.environment_or(scene.environment.take())?;
-        self.apply_lights(scene)
+        self.apply_lights(scene, preset)
     }
 
     /// The environment of the options, else the one of the scene.
@@ -108,15 +113,16 @@ impl LightArgs {
     }
 
     /// [`LightArgs::apply`] to a scene that has its environment.
-    pub(crate) fn apply_lights(&self, scene: &mut Scene) -> Result<LightSource> {
+    pub(crate) fn apply_lights(&self, scene: &mut Scene, preset: Option<Preset>) -> Result<LightSource> {
         if self.is_empty() {
-            if !scene.lights.is_empty() || scene.environment.is_some() {
+            if preset.is_none() && (!scene.lights.is_empty() || scene.environment.is_some()) {
                 return Ok(LightSource::Given);
             }
-            if scene.materials.iter().any(Material::is_emissive) {
+            if preset.is_none() && scene.materials.iter().any(Material::is_emissive) {
                 return Ok(LightSource::Emission);
             }
-            set_default(scene, 1.0, DEFAULT_UP);
+            // Until the scene decides.
+            set_light(scene, preset.unwrap_or(Preset::Studio), 1.0, DEFAULT_UP);
             return Ok(LightSource::Default);
         }
         scene.lights.clear();
@@ -199,27 +205,6 @@ fn color(name: &str, color: [f32; 3]) -> Result<[f32; 3]> {
 
 /// Up where nothing else is said.
 pub(crate) const DEFAULT_UP: [f32; 3] = [0.0, 1.0, 0.0];
-
-/// Where the light of the default sun travels, with +y up. It comes over the left shoulder of who looks along the default view, so that
-/// the three sides of a box that are seen have three shades, none of which is that of the sky.
-const SUN: [f32; 3] = [0.35, -0.75, -0.6];
-
-/// Sets the default light: a blue sky and a high sun, times `strength`.
-pub(crate) fn set_default(scene: &mut Scene, strength: f32, up: [f32; 3]) {
-    scene.environment = Some([0.40, 0.50, 0.65].map(|c| c * strength).into());
-    let irradiance = [2.0, 1.9, 1.7].map(|c| c * strength);
-    scene.lights = vec![Light::Sun { direction: unit(turned(SUN, up)), irradiance }];
-}
-
-/// A direction of a scene with +y up in a scene with this up direction; exact for +y and +z.
-fn turned([x, y, z]: [f32; 3], up: [f32; 3]) -> [f32; 3] {
-    match up {
-        [0.0, _, 0.0] => [x, y * up[1].signum(), z],
-        [0.0, 0.0, _] => [x, -z, y * up[2].signum()],
-        // Any part across does.
-        _ => (y * Vec3::from(unit(up)) + 0.3 * Vec3::new(x, 0.0, z)).into(),
-    }
-}
 
 /// Normalizes a nonzero vector.
 fn unit(v: [f32; 3]) -> [f32; 3] {
