@@ -4,9 +4,9 @@ use image::RgbaImage;
 
 use crate::support::Folder;
 
-const SIZE: &str = "--size 64x48 --device cpu";
+const SIZE: &str = "--size 64x48 --device cpu --denoise off";
 
-const LINE: &str = "--size 64x48 --spp 8 --device cpu";
+const LINE: &str = "--size 64x48 --spp 8 --device cpu --denoise off";
 
 /// A cube of side 2 around the origin, of a material without specular reflection, in a file with vertices moved by `shift`.
 fn cube(shift: [f32; 3]) -> String {
@@ -164,14 +164,14 @@ fn scene_files_keep_light_background_and_ground() {
     for options in ["", "--light sky", "--background 1,0.5,0 --ground off"] {
         folder.run(&format!("render cube.obj {LINE} -o a.png {options}")).done();
         folder.run(&format!("scene cube.obj --size 64x48 --spp 8 -o a.toml {options}")).done();
-        folder.run("render a.toml --device cpu -o b.png").done();
+        folder.run("render a.toml --device cpu --denoise off -o b.png").done();
         assert!(folder.bytes("a.png") == folder.bytes("b.png"), "{options}");
     }
     let text = folder.text("a.toml");
     for line in ["light = \"studio\"", "background = \"1,0.5,0\"", "ground = \"off\""] {
         assert!(text.contains(line), "{line}: {text}");
     }
-    folder.run("render a.toml --device cpu -o b.png --env 1,1,1").done();
+    folder.run("render a.toml --device cpu --denoise off -o b.png --env 1,1,1").done();
     assert!(folder.bytes("a.png") != folder.bytes("b.png"), "a light of the command line replaces it");
 }
 
