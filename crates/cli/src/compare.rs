@@ -14,9 +14,9 @@ use crate::{options::one_of, output};
     after_help = "Examples:\n  canted compare test.png reference.png --errors errors.png\n  canted compare test.exr reference.exr --max 0.01 --flip hdr"
 )]
 pub(crate) struct Args {
-    /// Test picture, PNG or EXR.
+    /// Test picture: .png, .jpg, .webp, .hdr or .exr.
     a: PathBuf,
-    /// Reference picture, PNG or EXR.
+    /// Reference picture, in any of these formats.
     b: PathBuf,
     /// Exit with code 1 if the relative mean squared error exceeds RELMSE or a pixel is not finite.
     #[arg(long, value_name = "RELMSE")]

@@ -32,7 +32,7 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 use canted_renderer::RenderError;
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, parser::ValueSource};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use command_line::{Words, picture_of};
 pub use picture::{Picture, Source, picture};
@@ -92,9 +92,8 @@ fn run() -> Result<ExitCode> {
     match cli.command {
         None => render::run(options::defaults())?,
         Some(Command::Render(mut args)) => {
-            let of_output = matches.subcommand().and_then(|(_, options)| options.value_source("output"));
-            if let Some(file) = words.file().filter(|_| of_output != Some(ValueSource::CommandLine)) {
-                args.own.output = picture_of(file);
+            if let Some(file) = words.file() {
+                args.own.default_output = picture_of(file);
             }
             render::run(*args)?;
         }
@@ -115,6 +114,7 @@ fn run() -> Result<ExitCode> {
 /// Runs the program with the arguments of this process. Installs handlers of signals.
 #[must_use]
 pub fn main() -> ExitCode {
+    process::set_runtime_folder();
     process::install_handlers();
     run().unwrap_or_else(|error| {
         if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) {

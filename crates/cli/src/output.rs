@@ -5,7 +5,7 @@ use std::{
     fs,
     io::{ErrorKind, Write},
     path::{Path, PathBuf},
-    sync::atomic::{AtomicU8, Ordering},
+    sync::atomic::{AtomicU8, AtomicUsize, Ordering},
 };
 
 use anyhow::{Result, anyhow};
@@ -68,9 +68,18 @@ fn is_collected(text: &str) -> bool {
     COLLECTED.with_borrow_mut(|all| all.as_mut().map(|all| all.push(text.to_owned())).is_some())
 }
 
+/// Number of warnings written.
+static N_WARNINGS: AtomicUsize = AtomicUsize::new(0);
+
+/// The number of warnings that were written to standard error.
+pub(crate) fn n_warnings() -> usize {
+    N_WARNINGS.load(Ordering::Relaxed)
+}
+
 /// Writes a warning to standard error, unless `-q` is given, or collects it.
 pub(crate) fn warn(text: &str) {
     if !is_collected(text) && !is_quiet() {
+        N_WARNINGS.fetch_add(1, Ordering::Relaxed);
         to_stderr(&format!("warning: {text}"));
     }
 }

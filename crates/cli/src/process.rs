@@ -15,8 +15,8 @@ static CANCEL: AtomicBool = AtomicBool::new(false);
 /// Makes signals end the process until [`cancel_flag`] is called.
 pub(crate) fn install_handlers() {
     on_signals(|| {
-        if IS_POLLED.load(Ordering::Relaxed) {
-            CANCEL.store(true, Ordering::Relaxed);
+        // A second signal does not wait for the partial result.
+        if IS_POLLED.load(Ordering::Relaxed) && !CANCEL.swap(true, Ordering::Relaxed) {
             return;
         }
         let _discarded = canted_film::discard_unfinished();
@@ -24,7 +24,27 @@ pub(crate) fn install_handlers() {
     });
 }
 
-/// A flag that signals set from now on instead of ending the process, so that the caller can write its partial result.
+/// Starts the program anew with a folder in `XDG_RUNTIME_DIR` where it is missing: a layer of Mesa's Vulkan driver, which asks Wayland for
+/// the default adapter, reports that as an error.
+#[cfg(all(target_os = "linux", feature = "gpu"))]
+pub(crate) fn set_runtime_folder() {
+    use std::{env, os::unix::process::CommandExt, path::Path, process::Command};
+    const VARIABLE: &str = "XDG_RUNTIME_DIR";
+    if env::var_os(VARIABLE).is_some_and(|folder| Path::new(&folder).is_absolute()) {
+        return;
+    }
+    let mut args = env::args_os();
+    if let (Ok(program), Some(name)) = (env::current_exe(), args.next()) {
+        // Returns only where the program cannot be started.
+        let _ = Command::new(program).arg0(name).args(args).env(VARIABLE, "/tmp").exec();
+    }
+}
+
+/// Only that driver needs it.
+#[cfg(not(all(target_os = "linux", feature = "gpu")))]
+pub(crate) fn set_runtime_folder() {}
+
+/// A flag that the first signal from now on sets instead of ending the process, so that the caller can write its partial result.
 pub(crate) fn cancel_flag() -> &'static AtomicBool {
     IS_POLLED.store(true, Ordering::Relaxed);
     &CANCEL

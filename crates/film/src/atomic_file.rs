@@ -54,10 +54,9 @@ impl AtomicFile {
             Err(error) if error.kind() != ErrorKind::NotFound => return Err(write_error(path, &error)),
             _ => {}
         }
-        let temporary = temporary_beside(&target);
         // Created and listed under one lock, so that no file is missing in the list.
         let mut unfinished = unfinished();
-        let file = File::create_new(&temporary).map_err(|error| write_error(path, &error))?;
+        let (temporary, file) = create_beside(&target).map_err(|error| write_error(path, &error))?;
         unfinished.push(temporary.clone());
         Ok(Self { path: path.to_owned(), target, temporary, writer: BufWriter::new(file) })
     }
@@ -107,11 +106,19 @@ pub(crate) fn read_file<T>(path: &Path, decode: impl FnOnce(&[u8]) -> Result<T, 
     decode(&bytes).map_err(|reason| FileError::read(path, reason))
 }
 
-/// A path in the folder of `path` that no other call or process uses.
-fn temporary_beside(path: &Path) -> PathBuf {
+/// Creates a file in the folder of `path` with a name that no other call or process uses.
+fn create_beside(path: &Path) -> io::Result<(PathBuf, File)> {
     static COUNT: AtomicU32 = AtomicU32::new(0);
-    // Without the name of the file, which may have the maximum length.
-    path.with_file_name(format!(".canted-{}-{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed)))
+    loop {
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        // Without the name of the file, which may have the maximum length.
+        let temporary = path.with_file_name(format!(".canted-{}-{number}.tmp", std::process::id()));
+        match File::create_new(&temporary) {
+            // In containers, processes have equal numbers, and one that was killed leaves its file.
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+            created => return created.map(|file| (temporary, file)),
+        }
+    }
 }
 
 /// The system's reason without its error number.
@@ -197,6 +204,18 @@ mod tests {
         assert_eq!(error.to_string(), format!("cannot write {}: of the caller", path.display()));
         drop(file);
         assert!(names(folder.path()).is_empty());
+    }
+
+    #[test]
+    fn files_that_a_killed_process_left_are_passed_by() {
+        let folder = tempfile::tempdir().unwrap();
+        let left = |n: u32| folder.path().join(format!(".canted-{}-{n}.tmp", std::process::id()));
+        // Other tests of this process count as well.
+        (0..1000).for_each(|n| fs::write(left(n), "left").unwrap());
+        let path = folder.path().join("file");
+        write_file(&path, b"new").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert!((0..1000).all(|n| fs::read(left(n)).unwrap() == b"left"));
     }
 
     #[test]

@@ -242,7 +242,8 @@ impl FilmBuilder {
 /// The picture of a render that was stopped: its finished tiles, and black elsewhere.
 pub struct Partial {
     tiling: Tiling,
-    n_finished: usize,
+    /// Of each tile.
+    is_finished: Vec<bool>,
     picture: Picture,
     /// Sums of each pixel, stored only where AOVs are requested.
     sums: Vec<(Pixel, Guide)>,
@@ -256,7 +257,8 @@ impl Partial {
         let [width, height] = tiling.picture_size();
         let picture = Picture::filled(width, height, [0.0; 3]);
         let n_sums = if tiling.has_guides() { picture.pixels.len() } else { 0 };
-        Self { tiling, n_finished: 0, picture, sums: vec![Default::default(); n_sums], n_rays: 0 }
+        let is_finished = vec![false; tiling.n_tiles()];
+        Self { tiling, is_finished, picture, sums: vec![Default::default(); n_sums], n_rays: 0 }
     }
 
     /// Adds a finished tile.
@@ -271,14 +273,21 @@ impl Partial {
                 *sums = (pixel, guide);
             }
         }
-        self.n_finished += 1;
+        self.is_finished[tile.number] = true;
         self.n_rays += tile.n_rays;
     }
 
     /// Number of tiles added, and of all tiles.
     #[must_use]
     pub fn n_tiles(&self) -> [usize; 2] {
-        [self.n_finished, self.tiling.n_tiles()]
+        [self.is_finished.iter().filter(|&&is_finished| is_finished).count(), self.tiling.n_tiles()]
+    }
+
+    /// An empty tile in place of each that was added: a render that begins with these takes samples of the others alone.
+    #[must_use]
+    pub fn placeholders(&self) -> Vec<Tile> {
+        let numbers = (0..).zip(&self.is_finished).filter(|&(_, &is_finished)| is_finished);
+        numbers.map(|(number, _)| self.tiling.tile(number)).collect()
     }
 
     /// The film, where AOVs are requested.

@@ -1,6 +1,7 @@
-//! Files of pictures: writes PNG, JPEG, WebP, HDR and EXR, reads PNG and EXR.
+//! Files of pictures: writes and reads PNG, JPEG, WebP, HDR and EXR.
 
-use std::io::Cursor;
+use std::fs::File;
+use std::io::{Cursor, Read};
 use std::path::Path;
 
 use exr::io::Tracking;
@@ -160,7 +161,25 @@ pub fn encode(picture: &Picture, alpha: Option<&[f32]>, format: Format) -> Resul
         Format::WebP => return Err("built without the feature 'webp'".to_owned()),
         Format::Exr => return exr(picture, alpha),
     };
-    written.map(|()| file).map_err(|error| error.to_string())
+    written.map_err(|error| error.to_string())?;
+    if matches!(format, Format::Png | Format::Png16) {
+        file.splice(PNG_HEADER..PNG_HEADER, PNG_MARK);
+    }
+    Ok(file)
+}
+
+/// Bytes of a PNG up to the end of its chunk `IHDR`, which is the first.
+const PNG_HEADER: usize = 8 + 12 + 13;
+
+/// A chunk of text: length, kind, the keyword `Software` of the PNG specification with our name, checksum.
+const PNG_MARK: [u8; 27] = *b"\0\0\0\x0ftEXtSoftware\0canted\x21\x7a\x06\x8d";
+
+/// Whether [`write_picture`] wrote this file as PNG, by its chunk `Software`.
+#[must_use]
+pub fn is_own_png(path: &Path) -> bool {
+    let mut start = [0; PNG_HEADER + PNG_MARK.len()];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
+    read.is_ok() && start[PNG_HEADER..] == PNG_MARK
 }
 
 fn exr(picture: &Picture, alpha: Option<&[f32]>) -> Result<Vec<u8>, String> {
@@ -200,7 +219,8 @@ pub fn write_picture(path: &Path, picture: &Picture, alpha: Option<&[f32]>, form
 /// The first four bytes of an EXR file.
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// Reads a picture as linear RGB from EXR or PNG, which the content distinguishes; PNG values are decoded from sRGB.
+/// Reads a picture as linear RGB in any format of [`write_picture`], which the content distinguishes. EXR and HDR hold linear values; those of
+/// the other formats are decoded from sRGB.
 ///
 /// Alpha is ignored; gray becomes RGB.
 ///
@@ -224,6 +244,8 @@ fn read_image(bytes: &[u8]) -> Result<Picture, image::ImageError> {
             let linear = |x: u16| srgb::to_linear(f64::from(x) / 65535.0) as f32;
             image.to_rgb16().pixels().map(|pixel| pixel.0.map(linear)).collect()
         }
+        // Radiance HDR.
+        DynamicImage::ImageRgb32F(image) => image.pixels().map(|pixel| pixel.0).collect(),
         _ => image.to_rgb8().pixels().map(|pixel| pixel.0.map(srgb::decode)).collect(),
     };
     Ok(Picture { width, height, pixels })

@@ -32,9 +32,16 @@ pub(crate) type Args = PictureArgs<RenderArgs>;
 #[command(after_help = "Examples:\n  canted render helmet.glb -o helmet.png --size 1920x1080 --spp 64\n  \
                         canted render fox.glb --frames 0..48 -o fox_%04d.png --env studio.hdr")]
 pub(crate) struct RenderArgs {
-    /// Output image: .png, .jpg, .webp (sRGB), .hdr or .exr (linear); `-` is standard output.
-    #[arg(short, long, help_heading = PICTURE, display_order = 3, default_value = "canted.png", value_name = "FILE", allow_hyphen_values = true)]
-    pub(crate) output: PathBuf,
+    /// Output image: .png, .jpg, .webp (sRGB), .hdr or .exr (linear); `-` is standard output. A file of this name is replaced
+    /// [default: canted.png]
+    #[arg(short, long, help_heading = PICTURE, display_order = 3, value_name = "FILE", allow_hyphen_values = true)]
+    pub(crate) output: Option<PathBuf>,
+    /// The output without --output.
+    #[arg(skip = DEFAULT_OUTPUT)]
+    pub(crate) default_output: PathBuf,
+    /// Without --output, replace a file of the picture's name even if another program wrote it.
+    #[arg(long, help_heading = PICTURE, display_order = 3)]
+    force: bool,
     /// Format of the output, in place of that of its name [default: by the extension; png for -]
     #[arg(long, help_heading = PICTURE, display_order = 4, value_parser = one_of(&Format::ALL), value_name = "FORMAT")]
     format: Option<Format>,
@@ -57,6 +64,9 @@ pub(crate) struct RenderArgs {
 
 const DEVICE: &str = "Compute device: auto, cpu, gpu, both (CPU and GPU share the tiles), both:NAME, or part of an adapter \
                       name (see `canted devices`). `auto` uses a hardware GPU that supports the scene, else the CPU";
+
+/// The output without `--output`.
+const DEFAULT_OUTPUT: &str = "canted.png";
 
 /// Options of what a picture shows of the acceleration structure.
 #[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
@@ -165,12 +175,23 @@ impl Args {
     /// # Errors
     /// Options that contradict each other or the scene file, or outputs that would replace an input.
     pub(super) fn job(self) -> Result<Job> {
-        let RenderArgs { output: path, format, crop, diagram: Given(diagram), run, sequence, samples, sums } =
-            self.own.clone();
+        let RenderArgs {
+            output,
+            default_output,
+            force,
+            format,
+            crop,
+            diagram: Given(diagram),
+            run,
+            sequence,
+            samples,
+            sums,
+        } = self.own.clone();
+        let keeps_others = output.is_none() && !force;
+        let path = output.unwrap_or(default_output);
         let is_stream = path.as_os_str() == "-";
         let by_name = || if is_stream { Some(Format::Png) } else { Format::of_path(&path) };
-        let format =
-            format.or_else(by_name).ok_or_else(|| output::unsupported(&path, ".png, .jpg, .webp, .hdr or .exr"))?;
+        let format = format.or_else(by_name).ok_or_else(|| unsupported(&path))?;
         let heatmap = diagram.measure();
         let file = settings::scene_file(self.source.scene.as_deref())?;
         let purpose = Purpose {
@@ -194,7 +215,8 @@ impl Args {
         }
         let has_noise = plan.settings.noise.is_some();
         let passes = (samples.preview || samples.seconds.is_some()).then(|| Passes {
-            budget: samples.seconds.map(Duration::from_secs_f32),
+            // A time that exceeds the type is no limit.
+            budget: samples.seconds.map(|time| Duration::try_from_secs_f32(time).unwrap_or(Duration::MAX)),
             is_shown: samples.preview && !is_stream,
         });
         if plan.is_transparent() && (!format.has_alpha() || samples.samples.is_some()) {
@@ -220,6 +242,7 @@ impl Args {
                 path,
                 format,
                 is_stream,
+                keeps_others,
                 crop,
                 size: plan.size(),
                 aovs: samples.shown(),
@@ -400,6 +423,22 @@ impl FrameArgs {
     }
 }
 
+/// The error for an output that is not written, with a way to get it.
+fn unsupported(path: &Path) -> anyhow::Error {
+    const VIDEOS: [&str; 8] = ["mp4", "m4v", "mov", "mkv", "webm", "avi", "ogv", "gif"];
+    let error = output::unsupported(path, ".png, .jpg, .webp, .hdr or .exr");
+    let name = path.display();
+    if VIDEOS.iter().any(|video| output::has_extension(path, video)) {
+        return anyhow!(
+            "{error}; for a video, render --frames 0..48 -o frame_%04d.png and run ffmpeg -framerate 24 -i frame_%04d.png {name}"
+        );
+    }
+    match path.extension() {
+        Some(_) => anyhow!("{error}, and convert it, e.g. magick canted.png {name}"),
+        None => error,
+    }
+}
+
 /// Left, top, width and height of a rectangle.
 fn crop(text: &str) -> Result<[u32; 4], String> {
     let numbers: Vec<Option<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
@@ -469,6 +508,7 @@ mod tests {
         let (value, others) = match arg.get_id().as_str() {
             "scene" => ("b.glb", ""),
             "output" => ("b.png", ""),
+            "force" => ("", ""),
             "crop" => ("1,1,2,2", ""),
             "heatmap_scale" => ("9", "--heatmap=boxes"),
             "boxes" => ("leaves", ""),

@@ -190,7 +190,7 @@ pub(crate) fn parts_text(parts: &Value) -> String {
     parts.map(|part| format!("{} ({})", word(part, "part"), word(part, "reason"))).collect::<Vec<_>>().join(", ")
 }
 
-/// Prints the facts: one line each, unless `-q` is given, or as one JSON object.
+/// Prints the facts: in a few lines, with `-v` one line each, with `-q` none; or as one JSON object.
 pub(super) fn report(facts: &[Fact], as_json: bool) -> Result<()> {
     if as_json {
         let object: serde_json::Map<String, Value> =
@@ -199,6 +199,10 @@ pub(super) fn report(facts: &[Fact], as_json: bool) -> Result<()> {
     }
     if output::is_quiet() {
         return Ok(());
+    }
+    if !output::is_verbose() {
+        let lines = Summary(facts).lines(output::n_warnings());
+        return lines.iter().try_for_each(|(name, text)| output::to_stdout(&format!("{name:<9} {text}")));
     }
     for (key, value) in facts {
         let text = match (*key, value) {
@@ -220,6 +224,129 @@ pub(super) fn report(facts: &[Fact], as_json: bool) -> Result<()> {
         output::to_stdout(&format!("{:<24} {text}", key.replace('_', " ").replace(" bytes", "")))?;
     }
     Ok(())
+}
+
+/// The facts for a person.
+struct Summary<'a>(&'a [Fact]);
+
+impl Summary<'_> {
+    fn get(&self, key: &str) -> Option<&Value> {
+        self.0.iter().find(|(known, _)| *known == key).map(|(_, value)| value).filter(|value| !value.is_null())
+    }
+
+    fn text(&self, key: &str) -> Option<String> {
+        self.get(key).map(|value| value.as_str().map_or_else(|| value.to_string(), str::to_owned))
+    }
+
+    fn seconds(&self, key: &str) -> Option<String> {
+        self.get(key)?.as_f64().map(|seconds| format!("{seconds:.2} s"))
+    }
+
+    /// At most eight lines, each with its name.
+    fn lines(&self, n_warnings: usize) -> Vec<(&'static str, String)> {
+        let ignored = (n_warnings > 0).then(|| match n_warnings {
+            1 => "see the warning above".to_owned(),
+            n => format!("see the {n} warnings above"),
+        });
+        let all = [
+            ("picture", self.picture()),
+            ("scene", self.scene()),
+            ("camera", self.camera()),
+            ("light", self.light()),
+            ("samples", self.samples()),
+            ("tests", self.tests()),
+            ("time", self.time()),
+            ("ignored", ignored),
+        ];
+        all.into_iter().filter_map(|(name, text)| Some((name, text?))).collect()
+    }
+
+    fn picture(&self) -> Option<String> {
+        let mut text = self.text("picture")?;
+        if let Some(Value::Array(sides)) = self.get("size") {
+            text += &format!(", {} x {}", sides[0], sides[1]);
+        }
+        if let (Some(rendered), Some(kept)) = (self.get("rendered_frames"), self.get("kept_frames")) {
+            text += &format!(", {rendered} frames rendered, {kept} kept");
+        }
+        let is_replaced = self.get("replaced") == Some(&Value::Bool(true));
+        Some(text + if is_replaced { "; the file that was there is replaced" } else { "" })
+    }
+
+    fn scene(&self) -> Option<String> {
+        let (name, Some(n)) = (self.text("scene")?, self.get("placed_triangles").and_then(Value::as_u64)) else {
+            return self.text("scene");
+        };
+        let plural = |n: u64, what: &str| format!("{} {what}{}", grouped(n), if n == 1 { "" } else { "s" });
+        let instances = self.get("instances").and_then(Value::as_u64).filter(|&n| n > 1);
+        let instances = instances.map(|n| format!(" in {}", plural(n, "instance"))).unwrap_or_default();
+        Some(format!("{name}, {}{instances}", plural(n, "triangle")))
+    }
+
+    /// Where the camera comes from, its position and what it looks at.
+    fn camera(&self) -> Option<String> {
+        let point = |key: &str| self.get(key)?.as_array()?.iter().map(Value::as_f64).collect::<Option<Vec<f64>>>();
+        let (eye, target) = (point("eye")?, point("target")?);
+        // Five digits of the largest coordinate.
+        let scale = eye.iter().chain(&target).fold(0.0, |scale: f64, x| scale.max(x.abs()));
+        let n_decimals = if scale > 0.0 { 4.0 - scale.log10().floor() } else { 0.0 };
+        let text = |point: &[f64]| {
+            point.iter().map(|&x| rounded(x, n_decimals.max(0.0) as usize)).collect::<Vec<_>>().join(",")
+        };
+        Some(format!("{}: --eye {} --target {}", self.text("camera")?, text(&eye), text(&target)))
+    }
+
+    fn light(&self) -> Option<String> {
+        let exposure = self.get("exposure").map(|stops| format!(", --exposure {stops}")).unwrap_or_default();
+        self.text("light").map(|text| text + &exposure)
+    }
+
+    fn samples(&self) -> Option<String> {
+        let at_most = self.text("samples_per_pixel")?;
+        let number = |key: &str| self.get(key).and_then(Value::as_f64);
+        let n = match number("mean_samples_per_pixel") {
+            Some(mean) => format!("mean {mean:.1} of at most {at_most}"),
+            None => at_most,
+        };
+        let noise = number("noise_reached").map(|noise| format!(", noise {noise:.4}")).unwrap_or_default();
+        let integrator = self.text("integrator").map(|name| format!(", --integrator {name}")).unwrap_or_default();
+        let denoised = if self.get("denoise_seconds").is_some() { ", denoised" } else { "" };
+        let device = self.text("device").map(|name| format!(", on {name}")).unwrap_or_default();
+        Some(format!("{n} per pixel{noise}{integrator}{denoised}{device}"))
+    }
+
+    /// The means of a heat map.
+    fn tests(&self) -> Option<String> {
+        let mean = |key: &str| self.get(key)?.as_f64().map(|mean| format!("{mean:.2}"));
+        let (boxes, triangles) = (mean("box_tests_per_ray")?, mean("triangle_tests_per_ray")?);
+        Some(format!("{boxes} of boxes and {triangles} of triangles per ray"))
+    }
+
+    fn time(&self) -> Option<String> {
+        let stages = [
+            ("load_seconds", "reading"),
+            ("build_seconds", "building"),
+            ("trace_seconds", "tracing"),
+            ("denoise_seconds", "denoising"),
+        ];
+        let stages = stages.iter().filter_map(|(key, name)| Some(format!("{name} {}", self.seconds(key)?)));
+        let stages = stages.collect::<Vec<_>>().join(", ");
+        Some(format!("{}{}", self.seconds("seconds")?, if stages.is_empty() { stages } else { format!(" ({stages})") }))
+    }
+}
+
+/// A number with commas between thousands.
+fn grouped(n: u64) -> String {
+    let digits = n.to_string();
+    let groups = digits.as_bytes().rchunks(3).rev();
+    groups.map(|group| String::from_utf8_lossy(group).into_owned()).collect::<Vec<_>>().join(",")
+}
+
+/// A number with at most this many decimals.
+fn rounded(x: f64, n_decimals: usize) -> String {
+    let text = format!("{x:.n_decimals$}");
+    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }
 
 #[cfg(test)]
@@ -273,5 +400,47 @@ mod tests {
             Some("dropped 1 sample that was not finite, in pixel (3, 0)")
         );
         assert_eq!(warning(1.0, two, 3), None);
+    }
+
+    #[test]
+    fn the_report_has_at_most_eight_lines() {
+        let facts: Vec<Fact> = vec![
+            ("scene", json!("a.glb")),
+            ("picture", json!("canted.png")),
+            ("replaced", json!(true)),
+            ("size", json!([64, 48])),
+            ("instances", json!(2)),
+            ("placed_triangles", json!(1_234_567)),
+            ("camera", json!("frames the scene")),
+            ("eye", json!([1.23456, -0.00001, 1234.5])),
+            ("target", json!([0.5, 0.0, 20.0])),
+            ("light", json!("studio")),
+            ("exposure", json!(-1.5)),
+            ("integrator", json!("path")),
+            ("samples_per_pixel", json!(16)),
+            ("device", json!("cpu")),
+            ("load_seconds", json!(0.5)),
+            ("trace_seconds", json!(1.254)),
+            ("denoise_seconds", json!(0.25)),
+            ("box_tests_per_ray", json!(1.0)),
+            ("triangle_tests_per_ray", json!(2.5)),
+            ("seconds", json!(2.004)),
+        ];
+        let lines = Summary(&facts).lines(2);
+        let text: Vec<String> = lines.iter().map(|(name, text)| format!("{name}: {text}")).collect();
+        assert_eq!(
+            text,
+            [
+                "picture: canted.png, 64 x 48; the file that was there is replaced",
+                "scene: a.glb, 1,234,567 triangles in 2 instances",
+                "camera: frames the scene: --eye 1.2,0,1234.5 --target 0.5,0,20",
+                "light: studio, --exposure -1.5",
+                "samples: 16 per pixel, --integrator path, denoised, on cpu",
+                "tests: 1.00 of boxes and 2.50 of triangles per ray",
+                "time: 2.00 s (reading 0.50 s, tracing 1.25 s, denoising 0.25 s)",
+                "ignored: see the 2 warnings above",
+            ]
+        );
+        assert_eq!(Summary(&facts[..2]).lines(0).len(), 2);
     }
 }

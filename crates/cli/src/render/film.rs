@@ -1,10 +1,10 @@
-//! Renders the film of a picture: in one go with a progress bar, where the finished tiles are kept if it is stopped, or in passes of
-//! 1, 1, 2, 4, ... samples, whose sums have the bits of a render in one go.
+//! Renders the film of a picture: in one go with a progress bar, or in passes of 1, 1, 2, 4, ... samples, whose sums have the bits of a
+//! render in one go. A render that is stopped leaves a whole picture with fewer samples.
 
 use std::{
     fs,
     path::PathBuf,
-    sync::{Mutex, PoisonError},
+    sync::{Mutex, PoisonError, atomic::AtomicBool},
     time::{Duration, Instant},
 };
 
@@ -66,12 +66,14 @@ pub(super) struct FilmJob<'a> {
     pub(super) label: &'a str,
     /// Whether a later run makes the picture if this one does not.
     pub(super) is_frame: bool,
+    /// Completes a picture that is stopped.
+    pub(super) cpu: &'a CpuRenderer<'a>,
 }
 
 /// Renders the tiles that are not in `done`, with a progress bar.
 ///
-/// After Ctrl-C or a failure, the finished tiles are written to the checkpoint if there is one; else to the output file,
-/// except for parts, which must be complete to be merged, and frames, which a later run makes.
+/// After Ctrl-C or a failure, the finished tiles are written to the checkpoint if there is one; else to the output file with one sample per
+/// pixel in the others, except for parts, which must be complete to be merged, and frames, which a later run makes.
 pub(super) fn render(renderer: &dyn FilmRenderer, job: &FilmJob, done: Vec<Tile>) -> Result<(Film, Vec<Fact>)> {
     let &FilmJob { settings, output: file, checkpoint, .. } = job;
     let mut facts = vec![("device", json!(renderer.device()))];
@@ -92,7 +94,7 @@ pub(super) fn render(renderer: &dyn FilmRenderer, job: &FilmJob, done: Vec<Tile>
         bar.set_length(all as u64);
         bar.set_position(done as u64);
     };
-    // A frame with black tiles would look whole to `--resume`.
+    // A noisy frame would look whole to `--resume`.
     let keeps_partial = settings.part.is_none() && checkpoint.is_none() && !job.is_frame;
     let partial = keeps_partial.then(|| Mutex::new(Partial::new(settings.tiling())));
     let add = |tile: &Tile| {
@@ -114,9 +116,31 @@ pub(super) fn render(renderer: &dyn FilmRenderer, job: &FilmJob, done: Vec<Tile>
     if let Some(checkpoint) = checkpoint {
         checkpoint.save();
     }
-    let partial = partial.as_ref().map(|partial| partial.lock().unwrap_or_else(PoisonError::into_inner));
-    let written = partial.map_or(Ok(()), |partial| file.write_partial(&partial));
+    let written = partial.map_or(Ok(()), |partial| {
+        let partial = partial.into_inner().unwrap_or_else(PoisonError::into_inner);
+        write_stopped(partial, job.cpu, file)
+    });
     Err(stopped(error, written))
+}
+
+/// Writes a picture that was stopped, with one sample per pixel where no tile is finished.
+fn write_stopped(partial: Partial, cpu: &CpuRenderer, file: &OutputFile) -> Result<()> {
+    let [n_done, n_tiles] = partial.n_tiles();
+    output::note(&format!(
+        "finished {n_done} of {n_tiles} tiles; the others get 1 sample per pixel; interrupt again to end without a picture"
+    ));
+    let settings = Settings { samples: 1, noise: None, ..*cpu.settings };
+    let done = partial.placeholders();
+    let partial = Mutex::new(partial);
+    let lock = || partial.lock().unwrap_or_else(PoisonError::into_inner);
+    let monitor = Monitor {
+        progress: &|_, _| {},
+        finished: &|tile: &Tile| lock().add(tile),
+        // A second signal ends the process.
+        cancel: &AtomicBool::new(false),
+    };
+    resume_with(cpu.surfaces, cpu.bvh, cpu.camera, &settings, done, &monitor)?;
+    file.write_partial(&lock())
 }
 
 /// The error to report for a stopped render. If it failed, a further failure to write the partial picture is only a warning.
@@ -143,7 +167,7 @@ pub(super) struct Passes {
 impl Passes {
     /// The film of all passes, and the number of samples per pixel.
     ///
-    /// Ctrl-C writes the passes that are complete.
+    /// Ctrl-C writes the passes that are complete, at least the first.
     ///
     /// # Errors
     /// A device that renders no passes, or what rendering a pass returns.
@@ -163,7 +187,9 @@ impl Passes {
                 bar.set_position(done as u64);
             };
             bar.set_prefix(format!("samples {}..{} ", range[0], range[1]));
-            let monitor = Monitor { progress: &progress, finished: &|_| {}, cancel: process::cancel_flag() };
+            let of_signals = process::cancel_flag();
+            let cancel = if n_done == 0 { &AtomicBool::new(false) } else { of_signals };
+            let monitor = Monitor { progress: &progress, finished: &|_| {}, cancel };
             let of_pass = Settings { part: Some(range), ..*settings };
             let film = renderer.pass(&of_pass, file.outside(&of_pass), &monitor).unwrap_or_else(|| {
                 let option = if self.budget.is_some() { "--seconds" } else { "--preview" };
@@ -314,6 +340,7 @@ mod tests {
             path: folder.path().join("out.exr"),
             format: Format::Exr,
             is_stream: false,
+            keeps_others: false,
             crop: None,
             size: [16, 8],
             aovs: Aovs::NONE,
@@ -330,8 +357,6 @@ mod tests {
         let monitor = Monitor { progress: &|_, _| (), finished: &finished, cancel: &cancel };
         let complete = resume(&scene, &bvh, &camera, &settings, Vec::new(), &monitor).unwrap().picture();
         let mut partial = Partial::new(settings.tiling());
-        file.write_partial(&partial).unwrap();
-        assert!(!file.path.exists(), "no tile is finished");
         tiles.lock().unwrap().iter().filter(|tile| tile.number == 1).for_each(|tile| partial.add(tile));
         let error = stopped(anyhow!("the device is lost"), file.write_partial(&partial));
         assert_eq!(error.to_string(), "the device is lost");

@@ -82,9 +82,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
 
 /// Renders one picture.
 fn one(mut job: Job) -> Result<()> {
-    if !job.output.is_stream {
-        print::probe(&job.output.path)?;
-    }
+    let is_replaced = job.output.probe()?;
     let start = Instant::now();
     let mut scene = read(&job)?;
     load::check_outputs(job.plan.source.scene.as_deref(), &scene, &job.outputs())?;
@@ -100,6 +98,7 @@ fn one(mut job: Job) -> Result<()> {
     let mut facts = vec![
         ("scene", json!(load::name(job.plan.source.scene.as_deref()))),
         ("picture", json!(job.output.path.display().to_string())),
+        ("replaced", json!(is_replaced)),
         ("size", json!(job.output.shown_size())),
     ];
     facts.extend(of_render);
@@ -195,14 +194,15 @@ fn render_picture(frame: &Frame, job: &Job, machine: &Machine, last: &mut LastFr
         let on_gpu: Option<CpuRenderer> = match machine {
             Machine::Cpu => None,
         };
+        let cpu = CpuRenderer { surfaces: &surfaces, bvh, camera, settings: &job.plan.settings };
         let renderer: &dyn FilmRenderer = match &on_gpu {
             Some(on_gpu) => on_gpu,
             None => {
                 check_for_cpu(&job.plan)?;
-                &CpuRenderer { surfaces: &surfaces, bvh, camera, settings: &job.plan.settings }
+                &cpu
             }
         };
-        film_of(frame, job, renderer, &mut facts, &mut checkpoint)?
+        film_of(frame, job, renderer, &cpu, &mut facts, &mut checkpoint)?
     };
     let trace_time = start.elapsed();
     let overlay = job.boxes.map(|level| Overlay::new(level, bvh, camera, job.plan.size())).transpose()?;
@@ -231,6 +231,7 @@ fn film_of(
     frame: &Frame,
     job: &Job,
     renderer: &dyn FilmRenderer,
+    cpu: &CpuRenderer,
     facts: &mut Vec<Fact>,
     checkpoint: &mut Option<CheckpointWriter>,
 ) -> Result<Output> {
@@ -250,6 +251,7 @@ fn film_of(
         checkpoint: checkpoint.as_ref(),
         label: frame.label,
         is_frame: job.sequence.frames.is_some(),
+        cpu,
     };
     let (film, of_device) = film::render(renderer, &film_job, done)?;
     facts.extend(of_device);

@@ -6,7 +6,7 @@ use anyhow::{Result, anyhow};
 use canted_film::{
     Aovs, Film, Format, Partial, Picture, Record, Tile,
     denoise::{Denoise, Noisy, REACH, denoise},
-    encode, write_film_as,
+    encode, is_own_png, write_film_as,
 };
 use canted_obb::Obb;
 use canted_renderer::{BoxLevel, SceneBvh, View, draw_boxes};
@@ -21,6 +21,8 @@ pub(super) struct OutputFile {
     pub(super) format: Format,
     /// Whether the output is standard output.
     pub(super) is_stream: bool,
+    /// Whether a file that another program wrote stays.
+    pub(super) keeps_others: bool,
     /// The part that is shown: left, top, width and height.
     pub(super) crop: Option<[u32; 4]>,
     /// The size of the whole picture.
@@ -69,6 +71,22 @@ impl OutputFile {
         self.crop.map_or(self.size, |[.., width, height]| [width, height])
     }
 
+    /// Fails if the file cannot be written, or must stay. Returns whether there is one that is replaced.
+    pub(super) fn probe(&self) -> Result<bool> {
+        if self.is_stream {
+            return Ok(false);
+        }
+        output::probe(&self.path)?;
+        let exists = self.path.exists();
+        if exists && self.keeps_others && !is_own_png(&self.path) {
+            let name = self.path.display();
+            return Err(anyhow!(
+                "{name} is not a picture that canted wrote; use -o for another name, or --force to replace it"
+            ));
+        }
+        Ok(exists)
+    }
+
     /// Rejects a crop that exceeds the picture.
     pub(super) fn check_crop(&self) -> Result<()> {
         let Some([left, top, width, height]) = self.crop else { return Ok(()) };
@@ -110,23 +128,14 @@ impl OutputFile {
         self.write_film(film, denoised, &Record::new(), None)
     }
 
-    /// Writes the finished tiles of a picture, if there are any.
+    /// Writes the tiles of a picture that were added.
     pub(super) fn write_partial(&self, partial: &Partial) -> Result<()> {
-        let [n_done, n_tiles] = partial.n_tiles();
-        if n_done == 0 {
-            return Ok(());
+        if let Some(film) = partial.film() {
+            return self.write_unfinished(film);
         }
-        match partial.film() {
-            Some(film) => self.write_unfinished(film)?,
-            None => {
-                let picture = partial.picture();
-                let shown = self.crop.map(|[x, y, width, height]| picture.cropped([x, y], [width, height]));
-                self.write_picture(shown.unwrap_or_else(|| picture.clone()), None, None)?;
-            }
-        }
-        let path = self.path.display();
-        output::warn(&format!("{path} contains {n_done} of {n_tiles} tiles; the others are black"));
-        Ok(())
+        let picture = partial.picture();
+        let shown = self.crop.map(|[x, y, width, height]| picture.cropped([x, y], [width, height]));
+        self.write_picture(shown.unwrap_or_else(|| picture.clone()), None, None)
     }
 
     /// The denoised picture of a film, if it is to be denoised.

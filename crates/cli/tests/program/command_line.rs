@@ -275,7 +275,11 @@ fn unsupported_formats_are_rejected() {
     folder.write("rays.csv", "0,0,1,0,0,-1,9\n");
     folder
         .run("render small.obj -o out.gif --size 8x8")
-        .refused(&["out.gif: unsupported format '.gif'; use .png, .jpg, .webp, .hdr or .exr"]);
+        .refused(&["out.gif: unsupported format '.gif'; use .png, .jpg, .webp, .hdr or .exr", "ffmpeg"]);
+    folder
+        .run("render small.obj -o out.mp4 --size 8x8")
+        .refused(&["--frames 0..48 -o frame_%04d.png", "ffmpeg -framerate 24 -i frame_%04d.png out.mp4"]);
+    folder.run("render small.obj -o out.tif --size 8x8").refused(&["'.tif'", "magick canted.png out.tif"]);
     folder
         .run("render small.obj -o out --size 8x8")
         .refused(&["out: unsupported format; use .png, .jpg, .webp, .hdr or .exr"]);

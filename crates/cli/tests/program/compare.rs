@@ -132,3 +132,19 @@ fn both_formats_of_one_render_agree_within_eight_bits() {
     let run = folder.run("compare out.png out.exr --max 0");
     assert_eq!(run.code, Some(1), "rounding is detected: {}", run.stdout);
 }
+
+/// Every format that `render` writes can be compared: JPEG loses most, HDR has seven bits of mantissa.
+#[test]
+fn every_format_of_render_is_read() {
+    let folder = Folder::with_small();
+    for format in ["png", "jpg", "webp", "hdr", "exr"] {
+        folder.run(&format!("render small.obj -o out.{format} --size 24x16 --spp 16 --env 4,3,2")).done();
+        let json = folder.run(&format!("compare out.{format} out.{format} --json --max 0")).done().json();
+        assert_eq!(json["rmse"].as_f64(), Some(0.0), "{format}");
+    }
+    // Linear formats keep what is brighter than white.
+    let json = folder.run("compare out.hdr out.exr --json").done().json();
+    assert!(json["relmse"].as_f64().unwrap() < (1.0f64 / 128.0).powi(2), "{json}");
+    let json = folder.run("compare out.jpg out.png --json").done().json();
+    assert!(json["relmse"].as_f64().unwrap() < 0.02, "{json}");
+}

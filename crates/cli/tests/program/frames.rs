@@ -219,13 +219,13 @@ fn a_pose_that_is_not_finite_names_frame_mesh_and_vertex() {
         let line = "render moving.gltf --size 8x6 --spp 1 --animation tear --fps 20 --frames 0..60 -o frame_%02d.png";
         let named = ["frame 30: moving.gltf: mesh 1 \"sail\": primitive 0 vertex 0 is not finite: NaN, NaN, NaN"];
         folder.run(line).refused(&named);
-        let whole = |end: u32| {
+        let whole = |end: u32, list: &[&str]| {
             let mut names: Vec<String> = (0..end).map(|n| format!("frame_{n:02}.png")).collect();
-            names.extend(["frame_%02d.png.frames", "moving.bin", "moving.gltf", "small.obj"].map(str::to_owned));
+            names.extend(["moving.bin", "moving.gltf", "small.obj"].iter().chain(list).map(|&name| name.to_owned()));
             names.sort();
             names
         };
-        assert_eq!(folder.names(), whole(30));
+        assert_eq!(folder.names(), whole(30, &["frame_%02d.png.frames"]));
         let pictures = || -> Vec<Vec<u8>> { (0..30).map(|n| folder.bytes(&format!("frame_{n:02}.png"))).collect() };
         let before = pictures();
         // The file is mended, and the run resumes.
@@ -234,7 +234,7 @@ fn a_pose_that_is_not_finite_names_frame_mesh_and_vertex() {
         folder.write("moving.bin", bytes);
         let facts = folder.run(&format!("{line} --resume --json")).done().json();
         assert_eq!((&facts["rendered_frames"], &facts["kept_frames"]), (&30.into(), &30.into()));
-        assert_eq!(folder.names(), whole(60));
+        assert_eq!(folder.names(), whole(60, &[]), "a finished sequence has no list");
         assert!(pictures() == before);
     }
 }
@@ -388,46 +388,47 @@ fn whole_frames_are_kept_and_others_rendered_again() {
     assert_eq!(all(), expected);
 }
 
-/// A frame is kept only by the options, the pose and the file that it was rendered with.
+/// Options that make other pictures of [`SEQUENCE`], what `--resume` reports of an unfinished sequence, and the frame that differs first.
+const OTHERS: [(&str, [&str; 2]); 12] = [
+    ("--seed 7", ["f0.png", "another seed: 0, not 7"]),
+    ("--integrator hybrid", ["f0.png", "another choice of integrator: by the scene, not Hybrid"]),
+    ("--spp 3", ["f0.png", "another range of samples: 0..2, not 0..3"]),
+    ("--fps 4", ["f1.png", "another pose"]),
+    ("--animation tear", ["f1.png", "another pose"]),
+    ("--shutter 0..0.5", ["f0.png", "another pose"]),
+    ("--turntable 90", ["f1.png", "another turn in degrees: 0, not 22.5"]),
+    ("--eye 1,1,8 --target 1,0,0", ["f0.png", "another camera"]),
+    ("--sun 0.2,-0.3,-1,3,3,3", ["f0.png", "another light"]),
+    ("--env 0.5,0.6,0.7", ["f0.png", "another light"]),
+    ("--levels two", ["f0.png", "another acceleration structure"]),
+    ("--heatmap boxes", ["f0.png", "another heat map"]),
+];
+
+const SEQUENCE: &str = "--fps 3 -o f%d.png --frames";
+
+/// The line of a sequence with other options.
+fn with(line: &str, other: &str) -> String {
+    let replaced = ["--spp 2", "--fps 3"].into_iter().find(|replaced| other.starts_with(&replaced[..5]));
+    let line = replaced.map_or_else(|| line.to_owned(), |replaced| line.replace(replaced, ""));
+    format!("{line} --resume {other}")
+}
+
+/// A frame of an unfinished sequence is kept only by the options, the pose and the file that it was rendered with.
 #[test]
 fn frames_of_other_options_or_scenes_are_not_kept() {
     let folder = folder(3.0);
-    let line = format!("render moving.gltf {QUICK} --frames 0..3 --fps 3 -o f%d.png");
-    folder.run(&line).done();
+    // A folder has the name of the last frame.
+    std::fs::create_dir(folder.path("f3.png")).unwrap();
+    let line = format!("render moving.gltf {QUICK} {SEQUENCE} 0..4");
+    folder.run(&line).refused(&["f3.png", "it is a folder"]);
+    std::fs::remove_dir(folder.path("f3.png")).unwrap();
     let all = || [0, 1, 2].map(|n| folder.bytes(&format!("f{n}.png")));
     let expected = all();
-    for (other, words) in [
-        ("--seed 7", ["f0.png", "another seed: 0, not 7"]),
-        ("--integrator hybrid", ["f0.png", "another choice of integrator: by the scene, not Hybrid"]),
-        ("--spp 3", ["f0.png", "another range of samples: 0..2, not 0..3"]),
-        ("--fps 4", ["f1.png", "another pose"]),
-        ("--animation tear", ["f1.png", "another pose"]),
-        ("--shutter 0..0.5", ["f0.png", "another pose"]),
-        ("--turntable 90", ["f1.png", "another turn in degrees: 0, not 30"]),
-        ("--eye 1,1,8 --target 1,0,0", ["f0.png", "another camera"]),
-        ("--sun 0.2,-0.3,-1,3,3,3", ["f0.png", "another light"]),
-        ("--env 0.5,0.6,0.7", ["f0.png", "another light"]),
-        ("--levels two", ["f0.png", "another acceleration structure"]),
-        ("--heatmap boxes", ["f0.png", "another heat map"]),
-    ] {
-        let mut line = line.clone();
-        for replaced in ["--spp 2", "--fps 3"] {
-            if other.starts_with(&replaced[..5]) {
-                line = line.replace(replaced, "");
-            }
-        }
-        folder.run(&format!("{line} --resume {other}")).refused(&words);
+    for (other, words) in OTHERS {
+        folder.run(&with(&line, other)).refused(&words);
         assert_eq!(all(), expected, "{other}");
     }
-    // What does not change a pixel may differ.
-    let facts = folder.run(&format!("{line} --resume --update rebuild --threads 1 --json")).done().json();
-    assert_eq!(facts["kept_frames"], 3);
-    // More frames are added to those that exist, and the list then has them all.
-    for (end, kept) in [(5, 3), (5, 5)] {
-        let facts = folder.run(&format!("{} --resume --json", line.replace("0..3", &format!("0..{end}")))).done();
-        assert_eq!(facts.json()["kept_frames"], kept);
-    }
-    // Another picture of the same size, a scene that changed, and a list that is gone or has no such line.
+    // Another picture of the same size, a scene that changed, and a list without such a line.
     folder.write("f0.png", &expected[1]);
     folder.run(&format!("{line} --resume")).refused(&["f0.png", "f%d.png.frames does not state"]);
     folder.write("f0.png", &expected[0]);
@@ -437,13 +438,40 @@ fn frames_of_other_options_or_scenes_are_not_kept() {
     folder.write("moving.gltf", file.to_string());
     folder.run(&format!("{line} --resume")).refused(&["f0.png", "another pose"]);
     folder.write("moving.gltf", moving(3.0).0.to_string());
-    folder.run(&format!("{line} --resume")).done();
     let list = folder.text("f%d.png.frames");
     folder.write("f%d.png.frames", &list[..list.len() / 8]);
     folder.run(&format!("{line} --resume")).refused(&["f%d.png.frames does not state"]);
-    std::fs::remove_file(folder.path("f%d.png.frames")).unwrap();
-    folder.run(&format!("{line} --resume")).refused(&["f0.png", "remove the picture, or render without --resume"]);
-    folder.run(&line).done();
+    folder.write("f%d.png.frames", list);
+    // What does not change a pixel may differ.
+    let facts = folder.run(&format!("{line} --resume --update rebuild --threads 1 --json")).done().json();
+    assert_eq!(facts["kept_frames"], 3);
     assert_eq!(all(), expected);
-    folder.run(&format!("{line} --resume")).done();
+    assert!(!folder.path("f%d.png.frames").exists());
+}
+
+/// A finished sequence has no list: its first and its last frame are rendered again and compared.
+#[test]
+fn a_finished_sequence_is_checked_by_its_pictures() {
+    let folder = folder(3.0);
+    let line = format!("render moving.gltf {QUICK} {SEQUENCE} 0..3");
+    folder.run(&line).done();
+    let names = folder.names();
+    assert!(!names.iter().any(|name| name.contains("frames")), "{names:?}");
+    let all = || [0, 1, 2].map(|n| folder.bytes(&format!("f{n}.png")));
+    let expected = all();
+    // The scene chooses the hybrid integrator, and two levels give the same pixels.
+    let differs = |other: &str| !["--levels two", "--integrator hybrid"].contains(&other);
+    for (other, _) in OTHERS.into_iter().filter(|(other, _)| differs(other)) {
+        folder
+            .run(&with(&line, other))
+            .refused(&["differs from the picture of these options", "render without --resume"]);
+        assert_eq!((all(), folder.names()), (expected.clone(), names.clone()), "{other}");
+    }
+    // What does not change a pixel may differ, and more frames are added to those that exist.
+    for (end, options, kept) in [(3, "--levels two --integrator hybrid", 3), (5, "", 3), (5, "", 5)] {
+        let line = format!("{} --resume --json {options}", line.replace("0..3", &format!("0..{end}")));
+        assert_eq!(folder.run(&line).done().json()["kept_frames"], kept);
+    }
+    folder.write("f0.png", &expected[1]);
+    folder.run(&format!("{line} --resume")).refused(&["f0.png", "differs"]);
 }

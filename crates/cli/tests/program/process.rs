@@ -56,20 +56,38 @@ pub(crate) fn catches(signal: &str, child: &Child) -> Option<bool> {
 }
 
 #[test]
-fn an_interrupted_render_leaves_no_files() {
-    if is_ignored("an_interrupted_render_leaves_no_files") {
+fn parts_and_interruptions_at_the_start_leave_no_files() {
+    if is_ignored("parts_and_interruptions_at_the_start_leave_no_files") {
         return;
     }
     let folder = Folder::with_small();
-    // Before and while rays are traced.
-    for milliseconds in [0, 2000] {
-        let mut command = folder.command("render small.obj -o out.png --size 1024x1024 --spp 1048576");
+    // Before the first ray, or a part of a picture, which must have all its samples to be merged.
+    for (milliseconds, options) in [(0, "out.png --spp 65536"), (2000, "out.exr --samples 0..4096")] {
+        let mut command = folder.command(&format!("render small.obj --size 1024x1024 -o {options}"));
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         wait_until(|| catches("INT", &child).unwrap_or(true));
         sleep(Duration::from_millis(milliseconds));
         assert_eq!(interrupt(&mut child), Some(130));
-        assert_eq!(folder.names(), ["small.obj"]);
+        let names = folder.names();
+        assert!(names == ["small.obj"] || milliseconds == 0 && names == ["out.png", "small.obj"], "{names:?}");
     }
+}
+
+/// The second signal does not wait for one sample in each of the pixels that are left.
+#[test]
+fn a_second_interruption_ends_the_program_at_once() {
+    if is_ignored("a_second_interruption_ends_the_program_at_once") {
+        return;
+    }
+    let folder = Folder::with_small();
+    let line = "render small.obj --size 8192x8192 --spp 64 --integrator path --env 1,1,1 -o out.png --threads 1";
+    let mut child = folder.command(line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    wait_until(|| catches("INT", &child).unwrap_or(true));
+    sleep(Duration::from_millis(1000));
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    sleep(Duration::from_millis(300));
+    assert_eq!(interrupt(&mut child), Some(130));
+    assert_eq!(folder.names(), ["small.obj"]);
 }
 
 /// While the scene is read, as the bytes read by the process show, nothing polls the cancel flag.

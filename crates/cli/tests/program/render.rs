@@ -26,6 +26,43 @@ fn pictures_have_the_requested_size_and_format() {
     assert_eq!(png_size(&folder.bytes("canted.png")), [1, 1]);
 }
 
+/// Without -o, only pictures that the program wrote are replaced.
+#[test]
+fn files_of_others_are_not_replaced() {
+    let folder = Folder::with_small();
+    let line = "--size 8x8 --spp 1";
+    for name in ["small.png", "canted.png"] {
+        let command = if name == "small.png" { "small.obj" } else { "render small.obj" };
+        // A photograph beside its scan.
+        image::RgbImage::new(4, 4).save(folder.path(name)).unwrap();
+        let before = folder.bytes(name);
+        folder.run(&format!("{command} {line}")).refused(&[name, "not a picture that canted wrote", "-o", "--force"]);
+        assert!(folder.bytes(name) == before);
+        let run = folder.run(&format!("{command} {line} --force")).done();
+        assert!(run.stdout.contains("the file that was there is replaced"), "{}", run.stdout);
+        assert_eq!(png_size(&folder.bytes(name)), [8, 8]);
+        folder.run(&format!("{command} {line}")).done();
+        folder.write(name, &before);
+        folder.run(&format!("{command} {line} -o {name}")).done();
+        assert_eq!(png_size(&folder.bytes(name)), [8, 8]);
+    }
+}
+
+#[test]
+fn the_report_has_a_line_for_each_question() {
+    let folder = Folder::with_small();
+    let report = folder.run(&format!("{QUICK} -o out.png")).done().stdout;
+    let names: Vec<&str> = report.lines().filter_map(|line| line.split_whitespace().next()).collect();
+    let expected = ["picture", "scene", "camera", "light", "samples", "time"];
+    assert!(
+        names.len() >= 4 && expected.into_iter().filter(|name| names.contains(name)).eq(names.iter().copied()),
+        "{report}"
+    );
+    let all = folder.run(&format!("{QUICK} -o out.png -v")).done().stdout;
+    assert!(all.lines().count() > 12 && all.contains("not needed"), "{all}");
+    assert_eq!(folder.run(&format!("{QUICK} -o out.png -q")).done().stdout, "");
+}
+
 #[test]
 fn the_report_is_available_as_json() {
     let folder = Folder::with_small();

@@ -202,14 +202,14 @@ fn less_noise_takes_more_samples() {
         assert!(before < spent && spent < 4096.0, "{before} {facts}");
         before = spent;
     }
-    let text = folder.run(&format!("{NOISY} --spp 64 --noise 0.1 -o a.exr")).done().stdout;
+    let text = folder.run(&format!("{NOISY} --spp 64 --noise 0.1 -v -o a.exr")).done().stdout;
     assert!(text.contains("noise reached") && text.contains("mean samples per pixel"), "{text}");
 }
 
 #[test]
 fn spp_is_the_maximum() {
     let folder = Folder::with_small();
-    let one = folder.run(&format!("{NOISY} --spp 1 --noise 0.1 -o a.exr")).done().stdout;
+    let one = folder.run(&format!("{NOISY} --spp 1 --noise 0.1 -v -o a.exr")).done().stdout;
     assert!(one.lines().any(|line| line.starts_with("noise reached") && line.ends_with("unknown")), "{one}");
     let facts = folder.run(&format!("{NOISY} --spp 24 --noise 1e-6 --json -o a.exr")).done().json();
     assert!(number(&facts, "noise_reached") > 1e-6, "{facts}");

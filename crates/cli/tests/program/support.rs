@@ -68,8 +68,8 @@ impl Folder {
     pub(crate) fn command(&self, line: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_canted"));
         command.args(line.split_whitespace()).current_dir(self.0.path()).stdin(Stdio::null());
-        // Without a desktop, Mesa's device selection prints errors to standard error.
-        command.env("NODEVICE_SELECT", "1");
+        // Mesa's device selection reports its absence as an error, unless the program prevents it.
+        command.env_remove("XDG_RUNTIME_DIR");
         command
     }
 

@@ -128,6 +128,31 @@ impl ReadError {
     }
 }
 
+/// The format of a file name that is not read, and a way to one that is.
+fn converter(path: &Path) -> Option<(&'static str, &'static str)> {
+    const BLENDER: &str = "import it in Blender and export glTF";
+    let extension = path.extension()?.to_str()?.to_lowercase();
+    Some(match extension.as_str() {
+        "fbx" => ("FBX", "convert it with FBX2glTF, or import it in Blender and export glTF"),
+        "usd" | "usda" | "usdc" | "usdz" => ("USD", BLENDER),
+        "abc" => ("Alembic", BLENDER),
+        "blend" => ("a Blender file", "open it in Blender and export glTF"),
+        "dae" => ("COLLADA", "convert it with `assimp export in.dae out.glb`"),
+        "3ds" | "lwo" | "x3d" | "wrl" => {
+            ("this format", "convert it to .glb with `assimp export`, or import it in Blender and export glTF")
+        }
+        "3mf" => ("3MF", "convert it to STL with `prusa-slicer --export-stl`"),
+        "amf" => ("AMF", "convert it to STL with `prusa-slicer --export-stl`"),
+        "step" | "stp" | "iges" | "igs" => ("CAD data", "open it in FreeCAD and export glTF or STL"),
+        "xml" => ("a Mitsuba scene", "import it in Blender with the add-on mitsuba-blender and export glTF"),
+        "pbrt" => {
+            ("a pbrt scene", "write its meshes as PLY with `pbrt --toply`, and name them in a scene file (.toml)")
+        }
+        "vtk" | "vtu" | "msh" => ("a simulation mesh", "convert its surface to PLY with ParaView or meshio"),
+        _ => return None,
+    })
+}
+
 impl fmt::Display for ReadError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let file = self.path().display();
@@ -137,9 +162,10 @@ impl fmt::Display for ReadError {
         };
         let sentence = match self {
             Self::Io { source, .. } => format!("{file}: cannot read file: {source}"),
-            Self::UnknownFormat { .. } => {
-                format!("{file}: unsupported scene format; use OBJ, PLY, STL, OFF, glTF or GLB")
-            }
+            Self::UnknownFormat { path } => match converter(path) {
+                Some((format, way)) => format!("{file}: {format} is not supported; {way}"),
+                None => format!("{file}: unsupported scene format; use OBJ, PLY, STL, OFF, glTF or GLB"),
+            },
             Self::Malformed { location, message, .. } => format!("{file}: {location}: {message}"),
             Self::Unsupported { feature, .. } => format!("{file}: {feature} is not supported"),
             Self::UnknownAnimation { wanted, known, .. } => {

@@ -245,6 +245,19 @@ mod tests {
         assert!(matches!(file("b.gltf", obj), Err(ReadError::Malformed { .. })));
         assert!(matches!(file("b", obj), Err(ReadError::UnknownFormat { .. })));
         assert!(matches!(file("c.3ds", ""), Err(ReadError::UnknownFormat { .. })));
+        for (name, words) in [
+            ("c.FBX", "FBX is not supported; convert it with FBX2glTF"),
+            ("c.usdz", "USD is not supported; import it in Blender and export glTF"),
+            ("c.dae", "COLLADA is not supported; convert it with `assimp"),
+            ("c.3mf", "3MF is not supported; convert it to STL with `prusa-slicer"),
+            ("c.blend", "a Blender file is not supported; open it in Blender"),
+            ("c.xml", "a Mitsuba scene is not supported; import it in Blender"),
+            ("c.pbrt", "a pbrt scene is not supported; write its meshes as PLY"),
+            ("c.xyz", "unsupported scene format; use OBJ"),
+        ] {
+            let error = file(name, "").unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
+        }
     }
 
     #[test]

@@ -8,6 +8,7 @@ mod resume;
 mod source;
 
 use std::{
+    fs,
     path::PathBuf,
     time::{Duration, Instant},
 };
@@ -58,9 +59,15 @@ pub(super) fn run(job: &Job, [first, end]: [u32; 2]) -> Result<()> {
     let machine = &open_machine(job)?;
     let mut list = FrameList::read(names.list());
     let shared = resume::shared(job, source.unposed(), machine.name());
-    for &frame in &whole {
-        source.pose(job, job.sequence.time(frame)).map_err(|error| in_frame(frame, error))?;
-        resume::check(&names.path(frame), &list, &resume::of_frame(&shared, job, frame, &source.scene))?;
+    let sequence = Sequence { job, machine, names: &names, todo: &todo, shared: &shared, load_time: start.elapsed() };
+    let mut decisions = Decisions::default();
+    if list.path().exists() {
+        for &frame in &whole {
+            source.pose(job, job.sequence.time(frame)).map_err(|error| in_frame(frame, error))?;
+            resume::check(&names.path(frame), &list, &resume::of_frame(&shared, job, frame, &source.scene))?;
+        }
+    } else {
+        check_by_rendering(&sequence, &mut source, &whole, &mut decisions)?;
     }
     let n_kept = (end - first) as usize - todo.len();
     let mut facts = vec![
@@ -80,10 +87,9 @@ pub(super) fn run(job: &Job, [first, end]: [u32; 2]) -> Result<()> {
         }
         let paths: Vec<PathBuf> = todo.iter().map(|&frame| names.path(frame)).collect();
         list.forget(paths.iter().map(PathBuf::as_path))?;
-        let load_time = start.elapsed();
-        let sequence = Sequence { job, machine, names: &names, todo: &todo, shared: &shared, load_time };
-        facts.extend(render_all(&sequence, source, list)?);
+        facts.extend(render_all(&sequence, &mut source, &mut list, &mut decisions)?);
     }
+    list.remove()?;
     facts.extend(process::peak_bytes().map(|bytes| ("peak_memory_bytes", json!(bytes))));
     facts.push(("seconds", json!(start.elapsed().as_secs_f64())));
     facts::report(&facts, job.run.json)
@@ -119,8 +125,32 @@ fn on_device(job: &Job) -> DeviceFrames {
     }
 }
 
+/// Checks the whole pictures of a finished sequence, which has no list: renders the first and the last again, and compares the files.
+fn check_by_rendering(
+    sequence: &Sequence,
+    source: &mut Source,
+    whole: &[u32],
+    decisions: &mut Decisions,
+) -> Result<()> {
+    let (Some(&first), Some(&last)) = (whole.first(), whole.last()) else { return Ok(()) };
+    let frames = if first == last { vec![first] } else { vec![first, last] };
+    let names = &sequence.names.temporary();
+    let mut list = FrameList::read(names.list());
+    let rendered = render_all(&Sequence { names, todo: &frames, ..*sequence }, source, &mut list, decisions);
+    let same = frames.iter().map(|&frame| resume::check_same(&sequence.names.path(frame), &names.path(frame)));
+    let checked = rendered.and_then(|_| same.collect::<Result<()>>());
+    frames.iter().for_each(|&frame| drop(fs::remove_file(names.path(frame))));
+    list.remove()?;
+    checked
+}
+
 /// Renders the frames in order. Returns the facts of the whole sequence.
-fn render_all(sequence: &Sequence, mut source: Source, mut list: FrameList) -> Result<Vec<Fact>> {
+fn render_all(
+    sequence: &Sequence,
+    source: &mut Source,
+    list: &mut FrameList,
+    decisions: &mut Decisions,
+) -> Result<Vec<Fact>> {
     let mut progress = Progress {
         bvh: None,
         updates: Updates::default(),
@@ -130,9 +160,7 @@ fn render_all(sequence: &Sequence, mut source: Source, mut list: FrameList) -> R
             device: sequence.machine.has_gpu().then(|| on_device(sequence.job)),
             ..LastFrame::default()
         },
-        emission: None,
-        integrator: None,
-        look: sequence.job.plan.look.clone(),
+        decisions,
         #[cfg(feature = "gpu")]
         is_noted: false,
         is_dark: false,
@@ -141,7 +169,7 @@ fn render_all(sequence: &Sequence, mut source: Source, mut list: FrameList) -> R
     for (done, &frame) in sequence.todo.iter().enumerate() {
         let start = Instant::now();
         let (of_frame, record) =
-            render_frame(sequence, &mut source, &mut progress, frame, done).map_err(|error| in_frame(frame, error))?;
+            render_frame(sequence, source, &mut progress, frame, done).map_err(|error| in_frame(frame, error))?;
         list.add(&sequence.names.path(frame), record)?;
         facts = facts::sum(facts, of_frame);
         pictures.push(json!({
@@ -161,17 +189,23 @@ fn render_all(sequence: &Sequence, mut source: Source, mut list: FrameList) -> R
     Ok(facts)
 }
 
+/// What the first frame decides for all, so that a sequence does not flicker.
+#[derive(Default)]
+struct Decisions {
+    /// Whether emission lights the scene, and whether most of what is seen reflects light.
+    emission: Option<(LightSource, bool)>,
+    integrator: Option<Integrator>,
+    /// With the exposure.
+    look: Option<LookOptions>,
+}
+
 /// What one frame hands to the next.
-struct Progress {
+struct Progress<'a> {
     bvh: Option<SceneBvh>,
     updates: Updates,
     trace_time: Duration,
     last: LastFrame,
-    /// Whether emission lights the scene, and whether most of what is seen reflects light.
-    emission: Option<(LightSource, bool)>,
-    integrator: Option<Integrator>,
-    /// With the exposure that the first picture decided.
-    look: LookOptions,
+    decisions: &'a mut Decisions,
     /// Whether it was said that the device does not build the BVHs.
     #[cfg(feature = "gpu")]
     is_noted: bool,
@@ -183,7 +217,7 @@ struct Progress {
 fn render_frame(
     sequence: &Sequence,
     source: &mut Source,
-    progress: &mut Progress,
+    progress: &mut Progress<'_>,
     frame: u32,
     done: usize,
 ) -> Result<(Vec<Fact>, Record)> {
@@ -214,9 +248,8 @@ fn render_frame(
     let (bvh, mut staged) = setup::stage(scene, &own.plan, light, &mut build)?;
     let bvh = progress.bvh.insert(bvh);
     let (mut camera, of_camera) = own.plan.camera(scene, bvh, staged.as_ref())?;
-    // Decided once, so that a sequence does not flicker.
     if light == LightSource::Emission {
-        let (decided, reflects) = match progress.emission {
+        let (decided, reflects) = match progress.decisions.emission {
             Some(known) => known,
             None => {
                 let decided = setup::decided(scene, bvh, &camera, &own.plan, light, &mut staged)?;
@@ -226,17 +259,19 @@ fn render_frame(
         if let Some(staged) = &mut staged {
             staged.reflects = reflects;
         }
-        (light, progress.emission) = (decided, Some((decided, reflects)));
+        (light, progress.decisions.emission) = (decided, Some((decided, reflects)));
     }
     setup::settle(scene, bvh, &camera, &own.plan, light, staged.as_ref())?;
-    if let Some(integrator) = progress.integrator {
+    if let Some(integrator) = progress.decisions.integrator {
         own.plan.choose(integrator);
     }
-    own.plan.look = progress.look.clone();
+    if let Some(look) = &progress.decisions.look {
+        own.plan.look.clone_from(look);
+    }
     // By the camera at rest, so that a turntable does not flicker.
     let choice = setup::choose(scene, bvh, (&camera, of_camera), &mut own.plan, light, staged.as_ref())?;
-    progress.integrator = own.plan.integrator;
-    progress.look = own.plan.look.clone();
+    progress.decisions.integrator = own.plan.integrator;
+    progress.decisions.look = Some(own.plan.look.clone());
     own.output.look = own.plan.look.clone();
     if job.sequence.turntable.is_some() {
         camera = turned(camera, job.sequence.degrees(frame));

@@ -1,12 +1,12 @@
 //! The list of finished frames: what each picture of a sequence was rendered with, by which `--resume` keeps or rejects it.
 //!
-//! A text file beside the pictures, with a line of JSON for each: its name, a hash of its bytes, and a record of everything
-//! that determines its pixels. A line is added once the picture is whole. A line that cannot be read is no line.
+//! A text file beside the pictures of an unfinished sequence, with a line of JSON for each: its name, a hash of its bytes, and a record of
+//! everything that determines its pixels. A line is added once the picture is whole. A line that cannot be read is no line.
 
 use std::{
     collections::BTreeMap,
     fs::{self, OpenOptions},
-    io::Write,
+    io::{ErrorKind, Write},
     path::{Path, PathBuf},
 };
 
@@ -42,9 +42,19 @@ pub(super) fn is_whole(path: &Path, [width, height]: [u32; 2]) -> Result<bool> {
     }
 }
 
+const REMEDY: &str = "remove the picture, or render without --resume";
+
+/// Rejects a whole picture that differs from what was rendered now.
+pub(super) fn check_same(path: &Path, rendered: &Path) -> Result<()> {
+    if hash(path)? == hash(rendered)? {
+        return Ok(());
+    }
+    Err(anyhow!("{}: differs from the picture of these options and this scene; {REMEDY}", path.display()))
+}
+
 /// Rejects a whole picture that was not rendered with this record.
 pub(super) fn check(path: &Path, list: &FrameList, ours: &Record) -> Result<()> {
-    let (name, remedy) = (path.display(), "remove the picture, or render without --resume");
+    let (name, remedy) = (path.display(), REMEDY);
     let Some(theirs) = list.record_of(path) else {
         let list = list.path().display();
         return Err(anyhow!("{name}: {list} does not state what this picture was rendered with; {remedy}"));
@@ -133,9 +143,22 @@ impl FrameList {
         &self.path
     }
 
+    /// Removes the file.
+    pub(super) fn remove(&self) -> Result<()> {
+        match fs::remove_file(&self.path) {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                Err(anyhow!("{}: cannot remove file: {error}", self.path.display()))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Removes the lines of pictures that are about to be rendered.
     pub(super) fn forget<'a>(&mut self, pictures: impl Iterator<Item = &'a Path>) -> Result<()> {
         pictures.for_each(|picture| drop(self.lines.remove(&name(picture))));
+        if self.lines.is_empty() {
+            return self.remove();
+        }
         let text: String = self.lines.iter().map(|(name, line)| line.text(name)).collect();
         let mut file = AtomicFile::create(&self.path)?;
         file.write(|out| out.write_all(text.as_bytes()))?;
@@ -146,9 +169,15 @@ impl FrameList {
     pub(super) fn add(&mut self, picture: &Path, record: Record) -> Result<()> {
         let line = Line { bytes: hash(picture)?, record };
         let text = line.text(&name(picture));
-        let file = OpenOptions::new().append(true).open(&self.path);
-        let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
-        written.map_err(|error| anyhow!("{}: cannot write file: {error}", self.path.display()))
+        let is_new = !self.path.exists();
+        let file = OpenOptions::new().append(true).create(true).open(&self.path);
+        file.and_then(|mut file| file.write_all(text.as_bytes())).map_err(|error| {
+            if is_new {
+                // Without a line it states nothing.
+                let _ = self.remove();
+            }
+            anyhow!("{}: cannot write file: {error}", self.path.display())
+        })
     }
 }
 

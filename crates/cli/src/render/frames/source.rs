@@ -176,6 +176,18 @@ impl FrameNames {
         name.into()
     }
 
+    /// Names of hidden files in the same folder, of this process.
+    pub(super) fn temporary(&self) -> Self {
+        let before = format!(".canted-{}-{}", std::process::id(), self.before);
+        Self {
+            pattern: self.folder.join(&before),
+            folder: self.folder.clone(),
+            before,
+            width: self.width,
+            after: self.after.clone(),
+        }
+    }
+
     /// The file of a frame.
     pub(super) fn path(&self, frame: u32) -> PathBuf {
         self.folder.join(format!("{}{frame:0width$}{}", self.before, self.after, width = self.width))
