@@ -37,7 +37,6 @@ mod device;
 mod error;
 mod framing;
 mod heatmap;
-mod hit_filter;
 mod integrate;
 mod light;
 mod render;
@@ -68,13 +67,13 @@ pub use device::{
 pub use error::PrepareError;
 pub use framing::{Shown, Subject, frame, stands_on_z};
 pub use heatmap::{Heatmap, Measure, heatmap};
-pub use hit_filter::{CountedHitFilter, HitFilter};
+
 pub use light::{LightHit, LightId, LightSample, LightSampler, Lights, environment_of};
 pub use render::{Monitor, RenderError, render, resume, resume_with};
 pub use sampler::{Pattern, Sampler};
 pub use scene_bvh::{FlatBvh, Flattened, SceneBvh, SceneLevels, UnusedFeature, flatten};
 pub use settings::{Cull, FirstHit, Integrator, SampleSums, Settings};
-pub use surface::{SmoothSurface, Surface, Surfaces};
+pub use surface::{CountedHitFilter, HitFilter, SmoothSurface, Surface, Surfaces};
 pub use texture::{Cone, Lod, MipMaps};
 pub use update::{UpdateOptions, Updates};
 pub use update_policy::UpdatePolicy;

@@ -8,7 +8,7 @@ use canted_scene::{
     AlphaMode, Encoding, Magnification, Material, MaterialId, Mesh, Scene, Texture, TextureId, TextureRef, UvSet, Wrap,
 };
 
-use crate::hit_filter::is_single_sided;
+use crate::surface::hit_filter::is_single_sided;
 use crate::texture::{MipMap, Textures};
 use crate::{Cull, Integrator, Lod};
 

@@ -8,8 +8,9 @@ use super::geometry::{Geometry, PackedPlacement, PackedTriangle, Placed};
 use super::lights::SampledLights;
 use super::materials::{Columns, ImageHeads, Images, Materials, PackedMaterial, Slot, Texels, used_textures};
 use crate::light::{ListLight, is_shape};
+use crate::surface::hit_filter;
 use crate::texture::Textures;
-use crate::{Integrator, Lod, Settings, bsdf, hit_filter};
+use crate::{Integrator, Lod, Settings, bsdf};
 
 /// A scene on the GPU, without its acceleration structure.
 pub(super) struct PackedScene {

@@ -1,3 +1,4 @@
+pub(crate) mod hit_filter;
 mod hit_triangle;
 mod shading_normal;
 
@@ -10,7 +11,8 @@ use glam::DVec3;
 
 use crate::sampler::{mix, unit};
 use crate::texture::{MipMaps, Plane, Textures, filtered_textures};
-use crate::{Bsdf, Cone, Lod, hit_filter, narrow, wide};
+use crate::{Bsdf, Cone, Lod, narrow, wide};
+pub use hit_filter::{CountedHitFilter, HitFilter};
 #[cfg(feature = "gpu")]
 pub(crate) use hit_triangle::Pose;
 pub use hit_triangle::SmoothSurface;
