@@ -223,7 +223,8 @@ impl BoxEntry {
     /// Clips a ray's interval to three slabs, each given by its bounds relative to the origin and the ray's speed across it.
     fn within(ray: &Ray, slab: impl Fn(usize) -> ([BigInt; 2], BigInt)) -> Option<Self> {
         let mut first = number(ray.t_min);
-        let mut last = ray.t_max.is_finite().then(|| number(ray.t_max));
+        // No hit has a `t` that is not finite.
+        let mut last = Some(number(ray.t_max.min(f32::MAX)));
         for k in 0..3 {
             let ([low, high], rate) = slab(k);
             if low > high {
@@ -304,7 +305,7 @@ impl Piercing {
             && !v.is_negative()
             && u + v <= one
             && *t >= number(ray.t_min)
-            && (ray.t_max == f32::INFINITY || *t <= number(ray.t_max))
+            && *t <= number(ray.t_max.min(f32::MAX))
     }
 
     /// Errors of `t`, `u`, `v`: `t` in units in the last place of the true value, weights in those of one half.

@@ -25,6 +25,7 @@ pub(crate) fn line_length(bytes: &[u8]) -> usize {
 }
 
 /// The lines of a text file, with their line ends.
+#[cfg(any(feature = "stl", feature = "off", test))]
 pub(crate) fn physical_lines(mut bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     std::iter::from_fn(move || {
         let (line, rest) = bytes.split_at(line_length(bytes));
