@@ -13,7 +13,6 @@
 mod error;
 mod scene;
 #[path = "../../src/threads.rs"]
-#[expect(dead_code, reason = "shared with the queries, which use more of it")]
 mod threads;
 #[path = "../../src/work.rs"]
 #[expect(dead_code, reason = "shared with the queries, which use more of it")]
