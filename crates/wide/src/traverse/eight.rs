@@ -94,7 +94,7 @@ impl EightRays {
             simd.le(simd.abs(ox), largest) & simd.le(simd.abs(oy), largest) & simd.le(simd.abs(oz), largest);
         let finite_direction =
             simd.le(simd.abs(dx), largest) & simd.le(simd.abs(dy), largest) & simd.le(simd.abs(dz), largest);
-        let interval = simd.le(zero, t_min) & simd.le(t_min, t_max);
+        let interval = simd.le(zero, t_min) & simd.le(t_min, t_max) & simd.le(t_min, largest);
         let valid = finite_origin & finite_direction & interval & simd.lt(zero, greatest);
 
         let power = simd.power_of_two(greatest);
