@@ -105,7 +105,8 @@ impl ScaledRay {
         let finite = (x + y + z).is_finite() || (x.is_finite() && y.is_finite() && z.is_finite());
         let origin_finite = ray.origin.iter().all(|o| o.is_finite());
         // Negated to reject a NaN in the interval too.
-        if !(greatest > 0.0 && finite && origin_finite && ray.t_min >= 0.0 && ray.t_min <= ray.t_max && ray.mask != 0) {
+        let has_interval = ray.t_min >= 0.0 && ray.t_min <= ray.t_max && ray.t_min <= f32::MAX;
+        if !(greatest > 0.0 && finite && origin_finite && has_interval && ray.mask != 0) {
             return None;
         }
         let &Ray { origin, direction, t_min, time, mask, .. } = ray;
