@@ -229,6 +229,10 @@ fn intervals_are_rounded_inward() {
     assert_eq!(with(2.0_f32.powi(-10), 0.0, least).unwrap().t_max, 0.0);
     assert_eq!(with(2.0_f32.powi(-10), least, least), None);
     assert_eq!(with(2.0_f32.powi(100), 0.0, f32::MAX).unwrap().t_max, f32::MAX);
-    assert_eq!(with(2.0_f32.powi(100), 0.0, f32::INFINITY).unwrap().t_max, f32::INFINITY);
+    // An infinite interval ends at the greatest finite `t`, and one that begins beyond it is empty.
+    assert_eq!(with(2.0_f32.powi(100), 0.0, f32::INFINITY).unwrap().t_max, f32::MAX);
+    for length in [2.0_f32.powi(-10), 1.5, 2.0_f32.powi(100)] {
+        assert_eq!(with(length, f32::INFINITY, f32::INFINITY), None);
+    }
     assert_eq!(with(1.5, 0.5, 2.0).unwrap().t_min, 0.5);
 }
