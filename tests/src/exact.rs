@@ -224,7 +224,7 @@ impl BoxEntry {
     fn within(ray: &Ray, slab: impl Fn(usize) -> ([BigInt; 2], BigInt)) -> Option<Self> {
         let mut first = number(ray.t_min);
         // No hit has a `t` that is not finite.
-        let mut last = Some(number(ray.t_max.min(f32::MAX)));
+        let mut last = number(ray.t_max.min(f32::MAX));
         for k in 0..3 {
             let ([low, high], rate) = slab(k);
             if low > high {
@@ -239,9 +239,9 @@ impl BoxEntry {
             let ends = [low, high].map(|end| BigRational::new(end, rate.clone()));
             let [near, far] = if ends[0] <= ends[1] { ends } else { [ends[1].clone(), ends[0].clone()] };
             first = first.max(near);
-            last = Some(last.map_or_else(|| far.clone(), |last| last.min(far.clone())));
+            last = last.min(far);
         }
-        last.is_none_or(|last| first <= last).then_some(Self { t: first })
+        (first <= last).then_some(Self { t: first })
     }
 
     /// Whether the ray starts before the entry.

@@ -7,7 +7,7 @@
 //! | file | purpose |
 //! | --- | --- |
 //! | `arrays` | NumPy arrays of any layout as rows of three numbers, columns, indices |
-//! | `threads`, `work` | thread pools; jobs that Ctrl-C interrupts, and whom they tell how far they are |
+//! | `threads`, `work` | thread pools; jobs that Ctrl-C interrupts and that report their progress |
 //! | `query`, `overlaps` | queries of slices of rays; of regions |
 //! | `geometry`, `frame` | builds and refits; origins near a mesh |
 //! | `bvh`, `tlas`, `hits`, `nearest` | the classes of the package |

@@ -13,7 +13,7 @@ use crate::threads::Threads;
 /// How often a call lets Python handle signals.
 const PERIOD: Duration = Duration::from_millis(20);
 
-/// A call from Python: its threads, and whom it tells how far it is.
+/// A call from Python: its threads, and the function that is called with its progress.
 pub(crate) struct Call<'py> {
     pub(crate) py: Python<'py>,
     pub(crate) threads: Threads,
@@ -41,7 +41,7 @@ impl<'py> Call<'py> {
 
     /// Reports the finished fraction; an exception that the function raises ends the call.
     pub(crate) fn report(&self, fraction: f64) -> PyResult<()> {
-        tell(self.py, self.progress.as_ref(), fraction)
+        report_progress(self.py, self.progress.as_ref(), fraction)
     }
 
     /// Does `jobs`, in any order, until all are done, one fails, or a signal handler or the function of progress raises an exception.
@@ -57,7 +57,7 @@ impl<'py> Call<'py> {
         if threads.n() == 1 || n_jobs <= 1 {
             while !py.detach(|| queue.work(&job, Some(Instant::now() + PERIOD))) {
                 py.check_signals()?;
-                tell(py, progress, fraction())?;
+                report_progress(py, progress, fraction())?;
             }
         } else {
             let (done, n_ended) = (Condvar::new(), Mutex::new(0));
@@ -74,8 +74,9 @@ impl<'py> Call<'py> {
                             ended = done.wait_timeout(ended, PERIOD).unwrap_or_else(PoisonError::into_inner).0;
                             // Not while holding what the others need.
                             drop(ended);
-                            let watch =
-                                |py: Python<'_>| py.check_signals().and_then(|()| tell(py, progress, fraction()));
+                            let watch = |py: Python<'_>| {
+                                py.check_signals().and_then(|()| report_progress(py, progress, fraction()))
+                            };
                             if let Err(interrupt) = Python::attach(watch) {
                                 queue.is_stopped.store(true, Ordering::Relaxed);
                                 return Err(interrupt);
@@ -108,7 +109,7 @@ impl<'py> Call<'py> {
 }
 
 /// Calls a function of the finished fraction.
-fn tell(py: Python<'_>, progress: Option<&Py<PyAny>>, fraction: f64) -> PyResult<()> {
+fn report_progress(py: Python<'_>, progress: Option<&Py<PyAny>>, fraction: f64) -> PyResult<()> {
     progress.map_or(Ok(()), |progress| progress.call1(py, (fraction,)).map(drop))
 }
 

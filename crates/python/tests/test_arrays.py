@@ -77,7 +77,7 @@ def test_float64_is_rounded_once_after_the_origin_is_subtracted():
     assert (hits.t == local_hits.t).all() and (hits.primitive == local_hits.primitive).all() and hits.hit.sum() > 100
     hit = hits.hit
     assert np.array_equal(hits.position[hit], local_hits.position[hit] + shift)
-    # Without an origin, float32 cannot tell the vertices apart.
+    # Without an origin, the vertices are equal in float32.
     assert len(np.unique(canted.Bvh(vertices, triangles, origin=None).closest_hit(origins, directions).primitive)) < 10
     # The origin of a query replaces that of the BVH.
     assert (expected.closest_hit(origins, directions, origin=shift).t == hits.t).all()

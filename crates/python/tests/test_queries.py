@@ -21,7 +21,7 @@ def disagreements(hits, vertices, triangles, origins, directions):
         primitive, t = expected
         is_right = hits.primitive[i] == primitive
         if not is_right and primitive >= 0 and hits.primitive[i] >= 0:
-            # Equal triangles tie, the lowest wins; others are as near as float32 tells.
+            # Equal triangles tie, the lowest wins; others are as near in float32.
             is_right = abs(hits.t[i] - t) <= 1e-5 * max(abs(t), 1e-6)
         if not is_right:
             wrong.append(i)

@@ -221,17 +221,17 @@ def test_progress_is_reported_and_may_end_a_call():
     bvh = canted.Bvh(vertices, triangles, progress=told.append)
     assert told[0] == 0 and told[-1] == 1
     calls = [
-        lambda tell: bvh.closest_hit(origins, directions, progress=tell),
-        lambda tell: bvh.occluded(origins, directions, progress=tell, threads=1),
-        lambda tell: bvh.all_hits(origins, directions, progress=tell),
-        lambda tell: bvh.crossings(origins, directions, progress=tell),
-        lambda tell: bvh.nearest(origins, progress=tell),
-        lambda tell: bvh.k_nearest(origins, 3, progress=tell),
-        lambda tell: bvh.contains(origins, progress=tell),
-        lambda tell: bvh.winding_number(origins[:1000], progress=tell),
-        lambda tell: bvh.signed_distance(origins, "parity", progress=tell),
-        lambda tell: bvh.overlapping_sphere(origins[:1000], 0.1, progress=tell),
-        lambda tell: canted.Tlas([bvh]).closest_hit(origins, directions, progress=tell),
+        lambda report: bvh.closest_hit(origins, directions, progress=report),
+        lambda report: bvh.occluded(origins, directions, progress=report, threads=1),
+        lambda report: bvh.all_hits(origins, directions, progress=report),
+        lambda report: bvh.crossings(origins, directions, progress=report),
+        lambda report: bvh.nearest(origins, progress=report),
+        lambda report: bvh.k_nearest(origins, 3, progress=report),
+        lambda report: bvh.contains(origins, progress=report),
+        lambda report: bvh.winding_number(origins[:1000], progress=report),
+        lambda report: bvh.signed_distance(origins, "parity", progress=report),
+        lambda report: bvh.overlapping_sphere(origins[:1000], 0.1, progress=report),
+        lambda report: canted.Tlas([bvh]).closest_hit(origins, directions, progress=report),
     ]
     n_between = 0
     for call in calls:

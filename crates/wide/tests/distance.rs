@@ -259,7 +259,7 @@ fn signed_distances_of_a_sphere() {
     assert_eq!(bvh.signed_distance(fixtures::icosphere(4).positions[7]), -0.0);
 }
 
-/// The distance is zero exactly where the point is on the surface, however the faces lean.
+/// The distance is zero exactly where the point is on the surface, for faces of any orientation.
 #[test]
 fn signed_distances_are_zero_on_the_surface() {
     let mut rng = SplitMix64::new(6);

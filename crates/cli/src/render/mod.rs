@@ -17,7 +17,7 @@ mod setup;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow};
-use canted_film::{Record, Tile};
+use canted_film::{Film, Record, Tile};
 #[cfg(feature = "gpu")]
 use canted_renderer::DeviceFrames;
 use canted_renderer::{FirstHit, MipMaps, SampleSums, SceneBvh, Settings, Surfaces, heatmap, light_hash, scene_hash};
@@ -172,7 +172,7 @@ fn render_picture(frame: &Frame, job: &Job, machine: &Machine, last: &mut LastFr
         facts.push(("integrator_reason", json!(choice.integrator_reason)));
     }
     let start = Instant::now();
-    let mut checkpoint = None;
+    let (mut checkpoint, mut denoise_time) = (None, Duration::ZERO);
     let output = if let Some((measure, scale)) = job.plan.heatmap {
         let map = heatmap(&Surfaces::new(scene), bvh, camera, job.plan.size(), measure, scale)?;
         let [boxes, triangles] = map.mean();
@@ -202,9 +202,16 @@ fn render_picture(frame: &Frame, job: &Job, machine: &Machine, last: &mut LastFr
                 &cpu
             }
         };
-        film_of(frame, job, renderer, &cpu, &mut facts, &mut checkpoint)?
+        let (film, record) = film_of(frame, job, renderer, &cpu, &mut facts, &mut checkpoint)?;
+        let start = Instant::now();
+        let denoised = job.output.denoised(&film)?;
+        if denoised.is_some() {
+            denoise_time = start.elapsed();
+            facts.push(("denoise_seconds", json!(denoise_time.as_secs_f64())));
+        }
+        Output::Film(Box::new(film), record, denoised)
     };
-    let trace_time = start.elapsed();
+    let trace_time = start.elapsed() - denoise_time;
     let overlay = job.boxes.map(|level| Overlay::new(level, bvh, camera, job.plan.size())).transpose()?;
     facts.push(("trace_seconds", json!(trace_time.as_secs_f64())));
     facts.push(("threads", json!(rayon::current_num_threads())));
@@ -226,7 +233,7 @@ fn check_for_cpu(plan: &Plan) -> Result<()> {
     }
 }
 
-/// Renders a film and denoises it, from a checkpoint and with one if they are requested.
+/// Renders a film, from a checkpoint and with one if they are requested. Returns its record as well.
 fn film_of(
     frame: &Frame,
     job: &Job,
@@ -234,7 +241,7 @@ fn film_of(
     cpu: &CpuRenderer,
     facts: &mut Vec<Fact>,
     checkpoint: &mut Option<CheckpointWriter>,
-) -> Result<Output> {
+) -> Result<(Film, Record)> {
     let (start, settings) = (Instant::now(), &job.plan.settings);
     let needs_record = settings.part.is_some() || job.checkpoint.is_some();
     let record = if needs_record { record(frame, &job.plan, renderer.device()) } else { Record::new() };
@@ -260,12 +267,7 @@ fn film_of(
     if let Some(warning) = facts::dropped_samples(&film) {
         print::warn(&warning);
     }
-    let start = Instant::now();
-    let denoised = job.output.denoised(&film)?;
-    if denoised.is_some() {
-        facts.push(("denoise_seconds", json!(start.elapsed().as_secs_f64())));
-    }
-    Ok(Output::Film(Box::new(film), record, denoised))
+    Ok((film, record))
 }
 
 /// Everything that determines the value of a sample, by name. The device is included because devices round differently.

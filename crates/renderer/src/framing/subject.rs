@@ -140,7 +140,7 @@ fn join(parents: &mut [u32], a: u32, b: u32) {
     parents[a.max(b) as usize] = a.min(b);
 }
 
-/// The pieces without floors, and the floors: flat pieces below all others, and wider. A wall is left out only together with a floor.
+/// The pieces without floors, and the floors: flat pieces below all others, and wider. A wall is skipped only together with a floor.
 fn without_floors(pieces: Vec<Piece>) -> (Vec<Piece>, Vec<Piece>) {
     /// Thickness of a flat piece relative to its longest side.
     const FLAT: f64 = 0.03;
