@@ -25,6 +25,7 @@
 //! | [`traversal_module`] | `closest_hit` and `occluded` for a kernel of your own |
 //! | [`lint`] | divergent barriers, storage barriers, operations that may produce NaN or infinity |
 //! | [`kernels`], [`FILES`] | names and texts of all files |
+//! | [`variants`] | variants of a kernel that have every choice, for checks of all kernels |
 //!
 //! # Files
 //!
@@ -41,6 +42,7 @@ mod lint;
 mod module;
 mod reflection;
 mod source;
+mod variants;
 
 pub use error::ShaderError;
 pub use files::{FILES, kernels};
@@ -48,3 +50,4 @@ pub use lint::lint;
 pub use module::traversal_module;
 pub use reflection::{Binding, BindingKind, Entry, Layout, MAX_STORAGE_BUFFERS, Shader, ShaderStage};
 pub use source::{Variant, assemble};
+pub use variants::variants;

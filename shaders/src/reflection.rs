@@ -106,6 +106,18 @@ impl Shader {
         Ok(Self { name: name.to_owned(), source, overrides: chosen.overrides().to_vec(), entries, layouts })
     }
 
+    /// The kernel as words of SPIR-V, for a driver without `wgpu`. Loops are bounded as `wgpu` bounds them; indices are not checked.
+    ///
+    /// # Errors
+    /// A kernel that SPIR-V cannot express.
+    pub fn spirv(&self) -> Result<Vec<u32>, ShaderError> {
+        let (module, info) = specialized(&self.name, &self.source, &self.overrides)?;
+        // The version that every Vulkan 1.2 takes.
+        let options = naga::back::spv::Options { lang_version: (1, 3), ..Default::default() };
+        naga::back::spv::write_vec(&module, &info, &options, None)
+            .map_err(|error| ShaderError::Invalid { kernel: self.name.clone(), message: error.to_string() })
+    }
+
     /// The entry point of this name.
     #[must_use]
     pub fn entry(&self, name: &str) -> Option<&Entry> {

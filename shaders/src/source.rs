@@ -64,6 +64,11 @@ impl Variant {
         Ok(own)
     }
 
+    /// The slots with a choice, and the file or part that fills each, in the order of the calls.
+    pub fn parts(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.parts.iter().map(|(slot, part)| (&**slot, &**part))
+    }
+
     /// The overrides, in the form that a pipeline takes.
     #[must_use]
     pub fn overrides(&self) -> &[(String, f64)] {

@@ -1,50 +1,16 @@
 //! Every kernel with every choice for its slots: valid, free of lint findings, within the limits of every device.
 
 use canted_shaders::{
-    BindingKind, FILES, MAX_STORAGE_BUFFERS, Shader, ShaderError, ShaderStage, Variant, assemble, kernels, lint,
-    traversal_module,
+    BindingKind, MAX_STORAGE_BUFFERS, Shader, ShaderStage, Variant, kernels, lint, traversal_module, variants,
 };
-
-/// Stands in for constants that hosts set.
-const NUMBER: u32 = 16;
 
 /// Limits that every device supports: the defaults of WebGPU, except for storage buffers.
 const MAX_INVOCATIONS: u32 = 256;
 const MAX_WORKGROUP_BYTES: u32 = 16_384;
 
-/// Names of the parts that fill a slot.
-fn parts(slot: &str) -> Vec<String> {
-    let of_file = |(file, text): &(&'static str, &'static str)| {
-        let choices = text.lines().filter_map(|line| line.strip_prefix("// choice "));
-        choices.map(|choice| format!("{file}/{choice}")).collect::<Vec<_>>()
-    };
-    let fills = |name: &String| name.rsplit('/').nth(1) == Some(slot);
-    FILES.iter().flat_map(of_file).filter(fills).collect()
-}
-
-/// Choices for a kernel, so many that each part of each slot is in one. All combinations would be thousands.
+/// Choices for a kernel: each part of each slot is in one.
 fn choices(kernel: &str) -> Vec<Variant> {
-    let mut n_choices = 1;
-    let mut all = vec![];
-    while all.len() < n_choices {
-        let mut chosen = Variant::none();
-        while let Err(error) = assemble(kernel, &chosen) {
-            let ShaderError::MissingChoice { what, .. } = error else { panic!("{error}") };
-            // Alpha and faces need surfaces, which kernels that only trace do not have.
-            let only_traces = kernel.starts_with("trace/")
-                || kernel == "shared/traverse"
-                || ["check/moving", "check/triangle"].contains(&kernel);
-            let mut parts = parts(&what);
-            parts.retain(|part| !only_traces || !part.starts_with("shared/mask/") || part == "shared/mask/none");
-            n_choices = n_choices.max(parts.len());
-            chosen = match parts.get(all.len() % parts.len().max(1)) {
-                Some(part) => chosen.part(&what, part),
-                None => chosen.number(&what, NUMBER),
-            };
-        }
-        all.push(chosen);
-    }
-    all
+    variants(kernel).unwrap_or_else(|error| panic!("{error}"))
 }
 
 #[test]

@@ -13,7 +13,7 @@ use anyhow::{Context, Result, ensure};
 use crate::{
     browser,
     command::{self, cargo, has_cargo_command, say, succeeds},
-    looping,
+    kernels, looping,
     publish::{self, Outcome},
     python, test, tidy, window,
 };
@@ -34,7 +34,7 @@ impl End {
 
 type Step = (&'static str, fn() -> Result<End>);
 
-const STEPS: [Step; 12] = [
+const STEPS: [Step; 13] = [
     ("formatting", formatting),
     ("tidy", || tidy::run().map(End::of)),
     ("lints", lints),
@@ -45,6 +45,7 @@ const STEPS: [Step; 12] = [
     ("dependencies", dependencies),
     ("packages", packages),
     ("benches as tests", benches),
+    ("kernels", || kernels::check().map(ended)),
     ("a short render", short_render),
     ("window", window),
 ];
@@ -200,6 +201,15 @@ fn dependencies() -> Result<End> {
 /// Runs each benchmark once, in the profile of the tests.
 fn benches() -> Result<End> {
     succeeds(&mut cargo(&["test", "--workspace", "--bench", "obj"])).map(End::of)
+}
+
+/// Whether a driver makes of every kernel what is recorded, where the driver is installed.
+fn ended(outcome: kernels::Outcome) -> End {
+    match outcome {
+        kernels::Outcome::Well => End::Passed,
+        kernels::Outcome::Costlier(lines) => End::Failed(lines),
+        kernels::Outcome::Undecided(reason) => End::Skipped(reason),
+    }
 }
 
 /// Builds and tests the window of `canted view`, where that is requested.

@@ -8,6 +8,7 @@ mod browser;
 mod ci;
 mod circles;
 mod command;
+mod kernels;
 mod looping;
 mod publish;
 mod python;
@@ -39,6 +40,8 @@ What measures prints its result; with --keep it records it in benches/results. -
   bench [ARGS]      measure speed: nodes, kinds, wide, motion, picture [default: all]; --rounds N, --scenes A,B, --engines A,B,
                     --quick, --seed N; --device gpu|NAME measures that adapter only, compared with the CPU
   report [ARGS]     measure every choice and write target/report: boxes, kernels, sources, left-out [default: all]; --quick
+  kernels           compile every kernel with Mesa's RADV, without a device, and compare registers and spills with the recorded table;
+                    --json FILE writes the list
   results           write benches/RESULTS.md from benches/results/record.json
   python [RAYS [ROUNDS]]  measure the Python package and its peers: benches/PYTHON.md
   grazing           trace grazing rays; --rays N [default: 10 million]
@@ -62,6 +65,7 @@ fn main() -> ExitCode {
         ["tidy"] => tidy::run(),
         ["bench", ref args @ ..] => bench::run(args),
         ["report", ref args @ ..] => bench::report(args),
+        ["kernels", ref args @ ..] => kernels::run(args),
         ["results"] => results::run(),
         ["loop", out, fps, ref frames @ ..] => looping::run(out.as_ref(), fps, frames),
         ["fixtures"] => fixtures(&command::root().join("target/fixtures")),
