@@ -1,11 +1,12 @@
 // Triangle blocks of wide BVHs, in the layout of shared/triangle/blocks.
 // Reads: binary tree, items.
 // Writes: coordinates and number of the triangle of each leaf position.
-// Holds: coordinates are copies. A leaf is the largest subtree of at most `MAX_LEAF` triangles.
+// Holds: coordinates are copies, but for triangles without area, which nothing hits. A leaf is the largest subtree of at most `MAX_LEAF` triangles.
 // use shared/build/slice
 // use shared/build/tree
 // use shared/build/tree/forest
 // use shared/build/leaf
+// use shared/exact/flat
 // const MAX_LEAF
 
 @group(0) @binding(1) var<storage, read> nodes: array<Node>;
@@ -44,8 +45,13 @@ fn main(id: Invocation) {
     let stride = select(8u, 4u, is_four);
     at += select((i / 8u) * 2u * HALF_WORDS + (i & 7u), (i / 4u) * HALF_WORDS + (i & 3u), is_four);
     let item = leaves[position];
+    var words: array<u32, 9>;
     for (var row = 0u; row < 9u; row++) {
-        wide_blocks[at + row * stride] = corners[9u * item + row];
+        words[row] = corners[9u * item + row];
+    }
+    words = flat_as_edge(words);
+    for (var row = 0u; row < 9u; row++) {
+        wide_blocks[at + row * stride] = words[row];
     }
     wide_blocks[at + 9u * stride] = item - ranges[tree_of(item)].first;
 }

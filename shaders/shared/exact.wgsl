@@ -170,6 +170,79 @@ fn as_f32(a: Number) -> Number {
     return rounded(a, min(n_bits, F32_BITS));
 }
 
+// part flat
+// A triangle without area as an edge, which no ray hits: twin of `flat_as_edge` in `canted-obb`.
+//
+// Differs: a triangle with an edge of more than 32 bits in a coordinate counts as one with area.
+// use shared/exact/number
+
+/// A bound of the error of a projected area in f32, relative to its two products, with any rounding.
+const AREA_ERROR: f32 = 1e-5;
+
+fn is_equal(a: Number, b: Number) -> bool {
+    let is_zero = a.high == 0u && b.high == 0u;
+    return is_zero || (a.high == b.high && a.low == b.low && a.exponent == b.exponent && a.is_negative == b.is_negative);
+}
+
+/// Whether the vertices, nine words, are on a line or equal.
+fn is_flat(words: array<u32, 9>) -> bool {
+    var u: array<Number, 3>;
+    var v: array<Number, 3>;
+    var is_short = true;
+    for (var k = 0u; k < 3u; k++) {
+        let a = negated(from_f32(bitcast<f32>(words[k])));
+        u[k] = added(from_f32(bitcast<f32>(words[k + 3u])), a);
+        v[k] = added(from_f32(bitcast<f32>(words[k + 6u])), a);
+        is_short = is_short && (u[k].low | v[k].low) == 0u;
+    }
+    for (var k = 0u; k < 3u; k++) {
+        let next = (k + 1u) % 3u;
+        is_short = is_short && is_equal(multiplied(u[k], v[next]), multiplied(u[next], v[k]));
+    }
+    return is_short;
+}
+
+/// Whether a triangle has an area for sure, by f32.
+fn has_area(words: array<u32, 9>) -> bool {
+    let a = vec3<f32>(bitcast<f32>(words[0]), bitcast<f32>(words[1]), bitcast<f32>(words[2]));
+    let u = vec3<f32>(bitcast<f32>(words[3]), bitcast<f32>(words[4]), bitcast<f32>(words[5])) - a;
+    let v = vec3<f32>(bitcast<f32>(words[6]), bitcast<f32>(words[7]), bitcast<f32>(words[8])) - a;
+    let left = u * v.yzx;
+    let right = u.yzx * v;
+    return any(abs(left - right) > AREA_ERROR * (abs(left) + abs(right)));
+}
+
+/// A coordinate as an integer of the same order; -0.0 is 0.0.
+fn order_of(word: u32) -> u32 {
+    let magnitude = word & 0x7fffffffu;
+    return select(0x80000000u + magnitude, 0x80000000u - magnitude, word >= 0x80000000u);
+}
+
+/// The words of a triangle, or of the edge that it is.
+fn flat_as_edge(words: array<u32, 9>) -> array<u32, 9> {
+    var edge = words;
+    if has_area(words) || !is_flat(words) {
+        return edge;
+    }
+    for (var axis = 0u; axis < 3u; axis++) {
+        let a = order_of(words[axis]);
+        let b = order_of(words[axis + 3u]);
+        let c = order_of(words[axis + 6u]);
+        if a == b && b == c {
+            continue;
+        }
+        let is_first_between = (b < a && a < c) || (c < a && a < b);
+        let is_third_between = min(a, b) <= c && c <= max(a, b);
+        let replaced = select(select(1u, 2u, is_third_between), 0u, is_first_between);
+        let source = select(0u, 1u, is_first_between);
+        for (var k = 0u; k < 3u; k++) {
+            edge[3u * replaced + k] = words[3u * source + k];
+        }
+        break;
+    }
+    return edge;
+}
+
 // part triangle
 // Whether the CPU's watertight test hits a triangle, decided as the CPU decides it.
 //

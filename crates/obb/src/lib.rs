@@ -75,7 +75,7 @@ pub use fit::{Fit, FitError, fit};
 pub use frame::Frame;
 pub use moments::Moments;
 pub use obb::Obb;
-pub use orientation::{orient_2d, orient_3d};
+pub use orientation::{flat_as_edge, is_flat, orient_2d, orient_3d};
 pub use quaternion::Quaternion;
 
 /// Index of a primitive in the caller's array.

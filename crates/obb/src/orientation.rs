@@ -55,6 +55,52 @@ pub fn orient_3d(a: [f32; 3], b: [f32; 3], c: [f32; 3], d: [f32; 3]) -> Ordering
     exact.sign()
 }
 
+/// Whether the corners of a triangle lie on a line or in a point, exactly: whether it has no area.
+#[inline]
+#[must_use]
+pub fn is_flat(corners: [[f32; 3]; 3]) -> bool {
+    const PLANES: [[usize; 2]; 3] = [[0, 1], [1, 2], [2, 0]];
+    let [a, b, c] = corners.map(|corner| corner.map(f64::from));
+    // As in `orient_2d`, for all projections before any is computed exactly: those of an axis-parallel triangle are zero but one.
+    let has_area = |[i, j]: [usize; 2]| {
+        let (left, right) = ((a[i] - c[i]) * (b[j] - c[j]), (a[j] - c[j]) * (b[i] - c[i]));
+        (left - right).abs() > FILTER_ERROR * (left.abs() + right.abs())
+    };
+    !PLANES.into_iter().any(has_area) && is_exactly_flat(corners, PLANES)
+}
+
+#[cold]
+fn is_exactly_flat(corners: [[f32; 3]; 3], planes: [[usize; 2]; 3]) -> bool {
+    planes.into_iter().all(|[i, j]| {
+        let [a, b, c] = corners.map(|corner| [corner[i], corner[j]]);
+        orient_2d(a, b, c).is_eq()
+    })
+}
+
+/// The corners of a triangle; one without area ([`is_flat`]) becomes its longest edge: the corner between the ends, or equal to one of
+/// them, is replaced by the first corner, or if it is the first by the second.
+///
+/// So the first corner equals another, and one of the two edges that leave it is zero. Triangle tests then compute a determinant of
+/// exactly 0, and no ray hits the triangle; with three different corners on a line, the determinant would be made of roundings.
+#[inline]
+#[must_use]
+pub fn flat_as_edge(corners: [[f32; 3]; 3]) -> [[f32; 3]; 3] {
+    if is_flat(corners) { edge_of(corners) } else { corners }
+}
+
+#[cold]
+fn edge_of(corners: [[f32; 3]; 3]) -> [[f32; 3]; 3] {
+    let [v0, v1, v2] = corners;
+    // Points of a line have one order along all axes in which they differ.
+    let differ = (0..3).map(|axis| corners.map(|corner| corner[axis])).find(|[a, b, c]| a != b || b != c);
+    match differ {
+        None => corners,
+        Some([a, b, c]) if b < a && a < c || c < a && a < b => [v1, v1, v2],
+        Some([a, b, c]) if a.min(b) <= c && c <= a.max(b) => [v0, v1, v0],
+        Some(_) => [v0, v0, v2],
+    }
+}
+
 /// A sum of products held exactly as an unevaluated sum of `f64`, at most `N` of them.
 ///
 /// Exact as long as no product leaves the normal range of `f64`, which products of up to four `f32` do not.
@@ -134,6 +180,42 @@ mod tests {
             let other = orient_3d(plane(0.0, 0.0), plane(3.0, 1.0), plane(1.0, 4.0), [d[2], d[1], d[0]]);
             assert!(sign != Ordering::Equal && sign == other.reverse(), "{scale}: {sign:?} {other:?}");
             assert_eq!(orient_3d(plane(0.0, 0.0), plane(3.0, 1.0), plane(1.0, 4.0), plane(5.0, 2.0)), Ordering::Equal);
+        }
+    }
+
+    #[test]
+    fn flat_triangles_become_their_longest_edge() {
+        let line = |t: f32| [0.1 * 3.0 * t, 0.7 * t, -0.3 * t];
+        let (o, p) = ([0.0; 3], [1.0, 2.0, 3.0]);
+        let (a, b, c) = (line(1.0), line(2.0), line(4.0));
+        for (corners, want) in [
+            ([a, b, c], [a, a, c]),
+            ([b, a, c], [a, a, c]),
+            ([a, c, b], [a, c, a]),
+            ([c, b, a], [c, c, a]),
+            ([a, b, b], [a, b, a]),
+            ([a, a, b], [a, a, b]),
+            ([a, b, a], [a, b, a]),
+            ([o, o, o], [o, o, o]),
+        ] {
+            assert!(is_flat(corners), "{corners:?}");
+            let edge = flat_as_edge(corners);
+            assert_eq!(edge, want, "{corners:?}");
+            assert!(edge[0] == edge[1] || edge[0] == edge[2], "{edge:?}");
+        }
+        // The slightest area is one.
+        for scale in [1e-30_f32, 1.0, 1e7] {
+            let mut thin = [line(1.0), line(2.0), line(4.0)].map(|p| p.map(|x| x * scale));
+            thin[1][2] = thin[1][2].next_up();
+            assert!(!is_flat(thin), "{thin:?}");
+            assert_eq!(flat_as_edge(thin), thin);
+        }
+        assert!(!is_flat([o, p, [1.0, 2.0, 3.0_f32.next_up()]]));
+        assert!(!is_flat([o, [1e38, 0.0, 0.0], [-1e38, f32::from_bits(1), 0.0]]));
+        for axis in 0..3 {
+            let mut plane = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]];
+            plane.iter_mut().for_each(|corner| corner.rotate_right(axis));
+            assert!(!is_flat(plane), "{plane:?}");
         }
     }
 

@@ -17,7 +17,7 @@ use canted_tests::{
     variants::{agrees, binary, build, every_variant, few_variants, first_difference, loop_over_all},
 };
 use canted_trace::{Counts, Intersect, Ray, TriangleTest};
-use canted_wide::{Config, Preset};
+use canted_wide::{Config, MovingBvh, Preset};
 
 /// Binary, with axis-aligned boxes over Morton codes of this length.
 fn of_codes(mesh: &Mesh, bits: Bits, strategy: Strategy) -> Bvh2 {
@@ -223,6 +223,51 @@ fn degenerate_scenes_match_the_loop() {
             }
             agrees(TriangleTest::Watertight, &format!("{name}, {n}"), &mesh, &every_variant(), &rays);
         }
+    }
+}
+
+/// Triangles without area among others, in any structure: they are never hit, and the others are.
+#[test]
+fn triangles_without_area_are_never_hit() {
+    let mut mesh = soup(17, 300);
+    let n_whole = mesh.triangles.len();
+    // The middle of each edge is a vertex of a triangle that has the edge, too; halves of sums are exact there.
+    for triangle in mesh.triangles.clone() {
+        let [a, b, c] = triangle.map(|index| mesh.positions[index as usize].map(|x| (x * 1024.0).round() / 1024.0));
+        let first = u32::try_from(mesh.positions.len()).unwrap();
+        let middle: [f32; 3] = std::array::from_fn(|k| 0.5 * (a[k] + b[k]));
+        mesh.positions.extend([a, b, c, middle]);
+        let [a, b, c, middle] = [first, first + 1, first + 2, first + 3];
+        mesh.triangles.extend([[a, middle, b], [middle, b, a], [b, b, c], [c, a, c]]);
+    }
+    let mut rays = vec![];
+    for (i, triangle) in mesh.triangles.iter().enumerate().skip(n_whole) {
+        let [a, b, c] = triangle.map(|index| mesh.positions[index as usize]);
+        let (u, v) = ((i % 7) as f32 / 7.0, (i % 5) as f32 / 5.0);
+        let target: [f32; 3] = std::array::from_fn(|k| a[k] + 0.5 * (u * (b[k] - a[k]) + v * (c[k] - a[k])));
+        let origin = [(i % 11) as f32 - 5.0, (i % 13) as f32 - 6.0, (i % 17) as f32 - 8.0];
+        rays.push(Ray::new(origin, std::array::from_fn(|k| target[k] - origin[k])));
+    }
+    for test in TriangleTest::ALL {
+        let wants = loop_over_all(&mesh, test, &rays);
+        assert!(wants.iter().flatten().all(|hit| hit.primitive.index() < n_whole), "{test}");
+        agrees(test, "triangles without area", &mesh, &every_variant(), &rays);
+        for strategy in Strategy::ALL {
+            assert_eq!(first_difference(&binary(&mesh, strategy, test), &rays, &wants), None, "{strategy:?}, {test}");
+        }
+        let bih = Bih::build(&mesh.positions, &mesh.triangles, &BihConfig { test, ..BihConfig::default() }).unwrap();
+        assert_eq!(first_difference(&bih, &rays, &wants), None, "BIH, {test}");
+        let tree = KdTree::build(&mesh.positions, &mesh.triangles, &KdTreeConfig { test, ..KdTreeConfig::default() });
+        assert_eq!(first_difference(&tree.unwrap(), &rays, &wants), None, "kd-tree, {test}");
+        let still = MovingBvh::build(&mesh.positions, &mesh.positions, &mesh.triangles).unwrap();
+        let hits = rays.iter().filter_map(|ray| still.closest_hit(ray));
+        assert!(hits.into_iter().all(|hit| hit.primitive.index() < n_whole), "moving");
+        // After a refit that makes triangles flat, and one that restores them.
+        let raised: Vec<[f32; 3]> =
+            mesh.positions.iter().enumerate().map(|(i, &[x, y, z])| [x, y, z + (i % 3) as f32]).collect();
+        let mut bvh = build(&Mesh { positions: raised, ..mesh.clone() }, &Config { test, ..Config::default() });
+        bvh.refit(&mesh.positions, &mesh.triangles).unwrap();
+        assert_eq!(first_difference(&bvh, &rays, &wants), None, "refitted, {test}");
     }
 }
 

@@ -2,6 +2,7 @@ use super::moller_trumbore::{Weights, finish, norm};
 use super::{Axis, Kernel, TriangleHit};
 use crate::ScaledRay;
 use crate::rounding::{UNIT_ROUNDOFF, nearest};
+use canted_obb::flat_as_edge;
 use canted_obb::vector::{cross, reach, sub, to_f64};
 
 /// Error of the barycentric coordinates, relative to `F·S`, see below.
@@ -89,6 +90,7 @@ impl Kernel for BaldwinWeber {
     type Prepared = ();
 
     fn record(vertices: [[f32; 3]; 3]) -> BaldwinWeberRecord {
+        let vertices = flat_as_edge(vertices);
         let [v0, v1, v2] = vertices.map(to_f64);
         let (e1, e2) = (sub(v1, v0), sub(v2, v0));
         let normal = cross(e1, e2);

@@ -48,7 +48,8 @@ pub trait Kernel: Send + Sync + 'static {
     /// What is precomputed for a ray, in the space of the triangles.
     type Prepared: Copy;
 
-    /// The record of the triangle with these vertices, which must be finite.
+    /// The record of the triangle with these vertices, which must be finite. Nothing hits a triangle without area
+    /// ([`canted_obb::is_flat`]): its record is that of an edge ([`canted_obb::flat_as_edge`]).
     fn record(vertices: [[f32; 3]; 3]) -> Self::Record;
 
     /// Prepares `ray`.

@@ -1,6 +1,7 @@
 use super::{Kernel, TriangleHit};
 use crate::rounding::{UNIT_ROUNDOFF, nearest};
 use crate::{ScaledRay, Side};
+use canted_obb::flat_as_edge;
 use canted_obb::vector::{cross, dot, reach, sub, to_f64};
 
 /// Error of the barycentric coordinates, relative to `E·(S + E)`, see below.
@@ -56,7 +57,7 @@ impl Kernel for MollerTrumbore {
 
     #[inline]
     fn record(vertices: [[f32; 3]; 3]) -> Self::Record {
-        vertices
+        flat_as_edge(vertices)
     }
 
     #[inline]

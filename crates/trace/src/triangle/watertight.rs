@@ -3,6 +3,7 @@ use core::ops::{Mul, Sub};
 use super::{Kernel, TriangleHit};
 use crate::rounding::nearest;
 use crate::{ScaledRay, Side};
+use canted_obb::flat_as_edge;
 use canted_obb::vector::{sub, to_f64};
 
 /// The default kernel: no ray passes between the triangles of a closed mesh, in any direction, at any scale.
@@ -17,6 +18,10 @@ use canted_obb::vector::{sub, to_f64};
 /// inward as outward, and every crossing is a hit. An *isolated* fan or ribbon has no other side: where it is narrower than
 /// the error, for vertices at a distance of a few times their extent about 64 ulps of the coordinates, its image may be
 /// degenerate or lie beside the ray, and the ray misses it. No test in f32 coordinates can promise more.
+///
+/// A triangle without area is never hit, as it has no normal ([`canted_obb::is_flat`]). A mesh is closed here if it is without them: where one
+/// fills a T-junction, of an edge and the two edges along it, the images of these edges differ by roundings, and a ray between them misses
+/// the triangles on both sides.
 ///
 /// Source: Woop, Benthin, Wald 2013; instead of their fallback for zeros, every hit is computed exactly.
 ///
@@ -87,7 +92,7 @@ impl Kernel for Watertight {
 
     #[inline]
     fn record(vertices: [[f32; 3]; 3]) -> Self::Record {
-        vertices
+        flat_as_edge(vertices)
     }
 
     #[inline]

@@ -186,6 +186,44 @@ fn barycentric_coordinates_sides_and_interval_ends() {
     one_hit::<BaldwinWeber>();
 }
 
+/// Three different points of a line, exactly: multiples of a step that is an integer times a power of two.
+fn on_a_line(rng: &mut Rng) -> Triangle {
+    let scale = 2.0_f32.powi(i32::try_from(rng.below(40)).unwrap() - 20);
+    let mut small = || (rng.below(2001) as f32 - 1000.0) * scale;
+    let (start, step) = ([0; 3].map(|_| small()), [0; 3].map(|_| small()));
+    let mut places = [0.0, 3.0, 7.0];
+    places.rotate_left(rng.below(3));
+    places.map(|n| std::array::from_fn(|k| start[k] + n * step[k]))
+}
+
+/// Rays aimed at points of triangles without area, from everywhere, along and across them.
+#[test]
+fn triangles_without_area_are_never_hit() {
+    let mut rng = Rng(91);
+    let mut n_as_given = 0;
+    for _ in 0..5_000 {
+        let triangle = on_a_line(&mut rng);
+        let size = triangle.iter().map(|&v| reach(to_f64(v))).fold(0.0, f64::max) as f32;
+        let [a, b, c] = rng.weights();
+        let target: [f32; 3] = std::array::from_fn(|k| a * triangle[0][k] + b * triangle[1][k] + c * triangle[2][k]);
+        let distance = [0.01, 1.0, 100.0][rng.below(3)] * size;
+        let away = rng.vector(distance);
+        let origin: [f32; 3] = std::array::from_fn(|k| target[k] + away[k]);
+        let direction: [f32; 3] = std::array::from_fn(|k| target[k] - origin[k]);
+        let Some(ray) = ScaledRay::new(&Ray::new(origin, direction)) else { continue };
+        // The test of the three vertices as they are, which roundings move off their line.
+        let given = Watertight::intersect(&Watertight::prepare(&ray), &ray, &triangle, ray.t_max);
+        n_as_given += usize::from(given.is_some());
+        let found = [
+            hit::<Watertight>(&ray, &triangle),
+            hit::<MollerTrumbore>(&ray, &triangle),
+            hit::<BaldwinWeber>(&ray, &triangle),
+        ];
+        assert_eq!(found, [None; 3], "{triangle:?} {ray:?}");
+    }
+    assert!(n_as_given > 100, "the test is void: {n_as_given}");
+}
+
 /// Rays at edges and vertices: weights lie in [0, 1], and sum to at most 1 + 2^-21.
 #[test]
 fn weights_are_from_zero_to_one() {

@@ -3,7 +3,7 @@
 use std::ops::DerefMut;
 
 use canted_lbvh::{Child, ChildKind, Corners};
-use canted_obb::{Aabb, PrimId};
+use canted_obb::{Aabb, PrimId, flat_as_edge};
 use canted_trace::Slabs;
 
 use crate::build::layout::{Layout, NodeDraft, Source, SubtreeDraft, distinct, range};
@@ -74,7 +74,7 @@ pub(crate) fn write_triangles(
     let words: &mut [u32] = bytemuck::cast_slice_mut(out);
     for (i, (corners, id)) in triangles.enumerate() {
         let lane = LaneWords::of(i, n, part);
-        for (row, x) in corners.as_flattened().iter().enumerate() {
+        for (row, x) in flat_as_edge(corners).as_flattened().iter().enumerate() {
             words[lane.word(row)] = x.to_bits();
         }
         words[lane.word(LaneWords::ID_ROW)] = id.0;

@@ -1,7 +1,7 @@
 //! Leaves before and after a motion: blocks of triangles, and primitives of the caller.
 
 use canted_lbvh::Corners;
-use canted_obb::{Aabb, PrimId};
+use canted_obb::{Aabb, PrimId, flat_as_edge};
 
 use super::subtree::{Content, LeafState};
 use crate::build::item::{self, Item};
@@ -84,7 +84,7 @@ impl MovedTriangles<'_> {
         for (triangle, &id) in triangles.iter_mut().zip(ids) {
             *triangle = self.triangles[id as usize];
         }
-        let eight = Eight::gather(n, |i| triangles[i].map(|vertex| self.positions[vertex as usize]));
+        let eight = Eight::gather(n, |i| flat_as_edge(triangles[i].map(|vertex| self.positions[vertex as usize])));
         for (row, xs) in rows.iter_mut().zip(&eight.rows) {
             for (word, x) in row[lane..lane + n].iter_mut().zip(xs) {
                 *word = x.to_bits();
@@ -264,7 +264,8 @@ mod tests {
                 words[LaneWords::of(i, n, 0).word(LaneWords::ID_ROW)] = id.0;
             }
             // Replaced and read again; only used lanes change.
-            let moved: Vec<Corners> = read.corners.iter().map(|c| c.map(|p| p.map(|x| -x - 1.0))).collect();
+            // Squares are not on a line, unlike what was read: triangles without area would be stored as edges.
+            let moved: Vec<Corners> = read.corners.iter().map(|c| c.map(|p| p.map(|x| -x * x - 1.0))).collect();
             let mut triangles = [[u32::MAX; 3]; 37];
             for (first, id) in (0u32..).step_by(3).zip(&ids) {
                 triangles[id.index()] = [first, first + 1, first + 2];
