@@ -317,8 +317,9 @@ pub(crate) struct Triangles<'a> {
     pub(crate) triangles: &'a [[u32; 3]],
 }
 
-impl<'a> From<&'a Mesh> for Triangles<'a> {
-    fn from(Mesh { positions, close, triangles, .. }: &'a Mesh) -> Self {
+impl<'a> Triangles<'a> {
+    /// Triangles over the vertices of a mesh.
+    pub(crate) fn of(Mesh { positions, close, .. }: &'a Mesh, triangles: &'a [[u32; 3]]) -> Self {
         Self { positions, close: close.as_ref().map(|close| &close.positions[..]), triangles }
     }
 }

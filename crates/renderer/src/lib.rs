@@ -31,6 +31,7 @@ mod bottom_level;
 mod boxes;
 mod bsdf;
 mod camera;
+mod coincident;
 mod content;
 #[cfg(feature = "gpu")]
 mod device;

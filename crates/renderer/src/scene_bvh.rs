@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use crate::bottom_level::Triangles;
 use crate::update_policy::BvhCosts;
-use crate::{BottomLevel, BvhKind, Levels, PrepareError, SceneBvhConfig, light};
+use crate::{BottomLevel, BvhKind, Levels, PrepareError, SceneBvhConfig, coincident, light};
 
 /// A feature that a scene does not need, and for which nothing is built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -222,18 +222,20 @@ fn one_level(scene: &Scene, config: &SceneBvhConfig) -> Result<SceneLevels, Prep
     if let [instance] = &scene.instances[..]
         && instance.world_from_object == Affine::IDENTITY
     {
-        let Mesh { positions, triangles, .. } = &scene.meshes[instance.mesh.0 as usize];
-        let triangles = Triangles { positions, close: None, triangles };
+        let mesh = &scene.meshes[instance.mesh.0 as usize];
+        let triangles = coincident::of_mesh(scene, mesh);
+        let triangles = Triangles { positions: &mesh.positions, close: None, triangles: &triangles };
         return Ok(SceneLevels::One(FlatBvh { bvh: config.build(triangles)?, first: vec![0], mirrors: vec![false] }));
     }
-    let (positions, triangles, first) = flatten(scene)?;
+    let (positions, triangles, first) = coincident::of_scene(scene)?;
     let triangles = Triangles { positions: &positions, close: None, triangles: &triangles };
     Ok(SceneLevels::One(FlatBvh { bvh: config.build(triangles)?, first, mirrors: mirrors(scene) }))
 }
 
 /// Builds a BVH per mesh, and one over the instances.
 fn two_levels(scene: &Scene, config: &SceneBvhConfig) -> Result<SceneLevels, PrepareError> {
-    let meshes = scene.meshes.par_iter().map(|mesh| config.build(mesh.into()));
+    let meshes =
+        scene.meshes.par_iter().map(|mesh| config.build(Triangles::of(mesh, &coincident::of_mesh(scene, mesh))));
     let tlas = Tlas::new(meshes.collect::<Result<Vec<_>, _>>()?, &instances(scene), config.top())?;
     Ok(SceneLevels::Two(tlas))
 }
@@ -360,7 +362,7 @@ pub(crate) fn unused_features(levels: &SceneLevels, scene: &Scene, config: &Scen
     .collect()
 }
 
-/// Hashes of the vertices and of the triangles of a mesh: different ones are equal with probability 2^-64.
+/// Hashes of the vertices and of the triangles of a mesh, with what decides which of equal ones are kept: different ones are equal with probability 2^-64.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MeshKey {
     pub(crate) positions: u64,
@@ -368,12 +370,13 @@ pub(crate) struct MeshKey {
 }
 
 impl MeshKey {
-    pub(crate) fn of(mesh: &Mesh) -> Self {
+    pub(crate) fn of(scene: &Scene, mesh: &Mesh) -> Self {
         let [mut positions, mut triangles] = [Hash::default(); 2];
         positions.floats(&mesh.positions);
         // The number of positions is that of the first list.
         positions.floats(mesh.close.as_ref().map(|close| &close.positions[..]).unwrap_or_default());
         triangles.words(mesh.triangles.iter().flatten().copied());
+        triangles.words(coincident::kinds(scene, mesh));
         Self { positions: positions.finish(), triangles: triangles.finish() }
     }
 }
@@ -396,7 +399,7 @@ impl History {
         let shares = if one_level { vec![1.0] } else { triangle_shares(scene, |_| 1) };
         Self {
             config: *config,
-            meshes: scene.meshes.par_iter().map(MeshKey::of).collect(),
+            meshes: scene.meshes.par_iter().map(|mesh| MeshKey::of(scene, mesh)).collect(),
             instances: scene.instances.clone(),
             costs: shares.into_iter().map(|share| BvhCosts::built_in(share * seconds)).collect(),
             is_stale: false,

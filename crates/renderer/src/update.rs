@@ -13,10 +13,10 @@ use rayon::prelude::*;
 
 use crate::bottom_level::Triangles;
 use crate::scene_bvh::{
-    FlatBvh, MeshKey, SceneLevels, flatten, has_one_level, instances, mirrors, triangle_shares, unused_features,
+    FlatBvh, MeshKey, SceneLevels, has_one_level, instances, mirrors, triangle_shares, unused_features,
 };
 use crate::update_policy::{BvhCosts, UpdatePolicy};
-use crate::{BottomLevel, PrepareError, SceneBvh, SceneBvhConfig};
+use crate::{BottomLevel, PrepareError, SceneBvh, SceneBvhConfig, coincident};
 
 /// How to update.
 #[derive(Clone, Copy, Debug, Default)]
@@ -93,7 +93,7 @@ impl SceneBvh {
     /// As [`SceneBvh::build`]. The structure may then be a mixture of both states; the next update builds it again.
     pub fn update(&mut self, scene: &Scene, options: &UpdateOptions) -> Result<Updates, PrepareError> {
         let start = Instant::now();
-        let keys: Vec<MeshKey> = scene.meshes.par_iter().map(MeshKey::of).collect();
+        let keys: Vec<MeshKey> = scene.meshes.par_iter().map(|mesh| MeshKey::of(scene, mesh)).collect();
         let was_stale = std::mem::replace(&mut self.history.is_stale, true);
         let changed = if was_stale { None } else { self.update_levels(scene, &keys, options).ok().flatten() };
         let mut updates = match changed {
@@ -141,7 +141,7 @@ impl SceneBvh {
                     let same = |i: &Instance| (i.mesh, keys[i.mesh.0 as usize].triangles);
                     let before = |i: &Instance| (i.mesh, history.meshes[i.mesh.0 as usize].triangles);
                     let may_refit = scene.instances.iter().map(same).eq(history.instances.iter().map(before));
-                    let (positions, triangles, first) = flatten(scene)?;
+                    let (positions, triangles, first) = coincident::of_scene(scene)?;
                     let FlatBvh { bvh, first: old_first, mirrors: old_mirrors } = flat;
                     let triangles = Triangles { positions: &positions, close: None, triangles: &triangles };
                     update.apply(bvh, &mut history.costs[0], triangles, may_refit, 1.0)?;
@@ -156,7 +156,9 @@ impl SceneBvh {
                 for &i in &changed {
                     let (mesh, costs) = (&scene.meshes[i], &mut history.costs[i]);
                     let may_refit = keys[i].triangles == history.meshes[i].triangles;
-                    edit.update_blas(i as u32, |bvh| update.apply(bvh, costs, mesh.into(), may_refit, shares[i]))??;
+                    let triangles = coincident::of_mesh(scene, mesh);
+                    let triangles = Triangles::of(mesh, &triangles);
+                    edit.update_blas(i as u32, |bvh| update.apply(bvh, costs, triangles, may_refit, shares[i]))??;
                 }
                 let new = instances(scene);
                 let is_same_number = scene.instances.len() == history.instances.len();

@@ -17,7 +17,7 @@ use canted_scene::{Mesh, Scene};
 
 use super::DeviceError;
 use crate::UpdatePolicy;
-use crate::scene_bvh::flatten;
+use crate::coincident;
 
 /// What the frames of a sequence share on a device.
 ///
@@ -163,18 +163,19 @@ struct Frame<'a> {
 
 impl<'a> Frame<'a> {
     fn flat(scene: &'a Scene) -> Result<Self, DeviceError> {
-        let (positions, triangles, first) = flatten(scene)?;
+        let (positions, triangles, first) = coincident::of_scene(scene)?;
         let keys = vec![key(&positions, &triangles)];
         Ok(Self { meshes: vec![(positions.into(), triangles.into())], keys, first, transforms: None })
     }
 
     fn two_levels(scene: &'a Scene) -> Self {
-        let of = |mesh: &'a Mesh| ((&mesh.positions[..]).into(), (&mesh.triangles[..]).into());
+        let of = |mesh: &'a Mesh| ((&mesh.positions[..]).into(), coincident::of_mesh(scene, mesh));
         let transforms =
             scene.instances.iter().map(|instance| DeviceInstance::new(instance.mesh.0, &instance.world_from_object));
+        let meshes: Vec<MeshHere<'a>> = scene.meshes.iter().map(of).collect();
         Self {
-            meshes: scene.meshes.iter().map(of).collect(),
-            keys: scene.meshes.iter().map(|mesh| key(&mesh.positions, &mesh.triangles)).collect(),
+            keys: meshes.iter().map(|(positions, triangles)| key(positions, triangles)).collect(),
+            meshes,
             first: vec![],
             transforms: Some(transforms.collect()),
         }

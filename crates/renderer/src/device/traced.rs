@@ -9,9 +9,8 @@ use canted_scene::Scene;
 use canted_wide::TriangleBvh;
 
 use super::{DeviceError, DeviceFrames};
-use crate::scene_bvh::has_one_level;
-use crate::scene_bvh::{flatten, instances};
-use crate::{BottomLevel, PrepareError, SceneBvh, SceneBvhConfig, SceneLevels};
+use crate::scene_bvh::{has_one_level, instances};
+use crate::{BottomLevel, PrepareError, SceneBvh, SceneBvhConfig, SceneLevels, coincident};
 
 const DEFORMING: DeviceError = DeviceError::Unsupported { what: "meshes that deform while the shutter is open" };
 
@@ -118,11 +117,11 @@ pub fn built_scene(
 /// BVHs that the device builds, in one level or two.
 fn built(gpu: &Gpu, scene: &Scene, is_flat: bool, bvh: DeviceBvh) -> Result<TracedScene, DeviceError> {
     if is_flat {
-        let (positions, triangles, first) = flatten(scene)?;
+        let (positions, triangles, first) = coincident::of_scene(scene)?;
         let corners = corners(&positions, &triangles)?;
         return Ok(TracedScene::new(gpu, SceneInput::build([&corners], bvh).parts(&first))?);
     }
-    let meshes = scene.meshes.iter().map(|mesh| corners(&mesh.positions, &mesh.triangles));
+    let meshes = scene.meshes.iter().map(|mesh| corners(&mesh.positions, &coincident::of_mesh(scene, mesh)));
     let meshes = meshes.collect::<Result<Vec<_>, _>>()?;
     Ok(TracedScene::new(gpu, SceneInput::build(&meshes, bvh).instances(&instances(scene)))?)
 }

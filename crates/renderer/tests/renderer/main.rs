@@ -2,6 +2,7 @@
 
 mod bsdf;
 mod camera;
+mod coincident;
 mod common;
 mod cull;
 mod environment;
