@@ -1,5 +1,6 @@
 //! Films: the sums of all pixels of a picture, whole, under construction and unfinished, and their AOVs.
 
+use std::collections::VecDeque;
 use std::fmt;
 
 use exr::prelude::FlatSamples;
@@ -244,6 +245,8 @@ pub struct Partial {
     tiling: Tiling,
     /// Of each tile.
     is_finished: Vec<bool>,
+    /// Whether each tile was added with samples; what a crop does not show has none.
+    has_samples: Vec<bool>,
     picture: Picture,
     /// Sums of each pixel, stored only where AOVs are requested.
     sums: Vec<(Pixel, Guide)>,
@@ -257,8 +260,8 @@ impl Partial {
         let [width, height] = tiling.picture_size();
         let picture = Picture::filled(width, height, [0.0; 3]);
         let n_sums = if tiling.has_guides() { picture.pixels.len() } else { 0 };
-        let is_finished = vec![false; tiling.n_tiles()];
-        Self { tiling, is_finished, picture, sums: vec![Default::default(); n_sums], n_rays: 0 }
+        let [is_finished, has_samples] = [(); 2].map(|()| vec![false; tiling.n_tiles()]);
+        Self { tiling, is_finished, has_samples, picture, sums: vec![Default::default(); n_sums], n_rays: 0 }
     }
 
     /// Adds a finished tile.
@@ -269,6 +272,7 @@ impl Partial {
         assert!(self.tiling.fits(tile), "tile {} does not belong to this picture", tile.number);
         for (index, pixel, guide) in self.tiling.totals(tile) {
             self.picture.pixels[index] = pixel.rounded_mean();
+            self.has_samples[tile.number] |= pixel.n_taken() > 0;
             if let Some(sums) = self.sums.get_mut(index) {
                 *sums = (pixel, guide);
             }
@@ -288,6 +292,73 @@ impl Partial {
     pub fn placeholders(&self) -> Vec<Tile> {
         let numbers = (0..).zip(&self.is_finished).filter(|&(_, &is_finished)| is_finished);
         numbers.map(|(number, _)| self.tiling.tile(number)).collect()
+    }
+
+    /// Whether a tile with samples was added.
+    #[must_use]
+    pub fn has_samples(&self) -> bool {
+        self.has_samples.contains(&true)
+    }
+
+    /// Gives each tile that was not added the mean of the nearest tile with samples, as one sample of each pixel. Returns how many they
+    /// are; without any sample they stay black.
+    pub fn fill(&mut self) -> usize {
+        let nearest = self.nearest_with_samples();
+        let mut n_filled = 0;
+        for number in (0..nearest.len()).filter(|&number| !self.is_finished[number]) {
+            n_filled += 1;
+            let Some(source) = nearest[number] else { continue };
+            let (color, guide) = self.mean(source);
+            let width = self.tiling.size(number)[0] as usize;
+            for index in self.tiling.rows(number).flat_map(|first| first..first + width) {
+                self.picture.pixels[index] = color;
+                if let Some(sums) = self.sums.get_mut(index) {
+                    *sums = (Pixel::of(color), guide);
+                }
+            }
+        }
+        n_filled
+    }
+
+    /// For each tile the nearest one with samples, by steps to neighbors.
+    fn nearest_with_samples(&self) -> Vec<Option<usize>> {
+        let n = self.has_samples.len();
+        let n_columns = self.tiling.n_columns();
+        let mut nearest: Vec<Option<usize>> = (0..n).map(|number| self.has_samples[number].then_some(number)).collect();
+        let mut next: VecDeque<usize> = (0..n).filter(|&number| self.has_samples[number]).collect();
+        while let Some(number) = next.pop_front() {
+            let column = number % n_columns;
+            let neighbors = [
+                (column > 0).then(|| number - 1),
+                (column + 1 < n_columns).then(|| number + 1),
+                number.checked_sub(n_columns),
+                Some(number + n_columns),
+            ];
+            for neighbor in neighbors.into_iter().flatten().filter(|&neighbor| neighbor < n) {
+                if nearest[neighbor].is_none() {
+                    nearest[neighbor] = nearest[number];
+                    next.push_back(neighbor);
+                }
+            }
+        }
+        nearest
+    }
+
+    /// The mean of the pixels of a tile, and that of their guides as a guide of one sample.
+    fn mean(&self, number: usize) -> ([f32; 3], Guide) {
+        let width = self.tiling.size(number)[0] as usize;
+        let indices = || self.tiling.rows(number).flat_map(|first| first..first + width);
+        let n_pixels = indices().count() as f64;
+        let sum = indices()
+            .map(|index| self.picture.pixels[index].map(f64::from))
+            .reduce(|a, b| [0, 1, 2].map(|k| a[k] + b[k]));
+        let color = sum.unwrap_or_default().map(|x| (x / n_pixels) as f32);
+        let pixels = indices().filter_map(|index| self.sums.get(index));
+        let (n_taken, all) = pixels
+            .fold((0, Guide::default()), |(n, all), &(pixel, guide)| (n + u64::from(pixel.n_taken()), all + guide));
+        let is_hit = n_taken > 0 && 2 * u64::from(all.n_hits) >= n_taken;
+        let guide = Guide::from_sums(is_hit.into(), all.first, all.sums().map(|sum| sum / n_taken.max(1) as f64));
+        (color, if is_hit { guide } else { Guide { first: None, ..guide } })
     }
 
     /// The film, where AOVs are requested.
@@ -518,6 +589,46 @@ mod tests {
                 let at = picture.index(x, y);
                 assert_eq!(picture.pixels[at], [color; 3], "{x}, {y}");
                 assert!(film.iter().all(|film| film.guides()[at].depth == depth), "{x}, {y}");
+            }
+        }
+    }
+
+    /// Four columns and two rows of tiles. The second of the first row has samples; the third has none, as what a crop does not show.
+    #[test]
+    fn missing_tiles_get_the_mean_of_the_nearest_with_samples() {
+        for has_aovs in [false, true] {
+            let tiling = Tiling::new([30, 12], 8, None, has_aovs);
+            let mut partial = Partial::new(tiling.clone());
+            assert!(!partial.has_samples());
+            assert_eq!((partial.fill(), partial.picture().pixels[0]), (8, [0.0; 3]));
+            let with = |number, color: f32, depth| {
+                let mut tile = tiling.tile(number);
+                let half = tile.pixels.len() / 2;
+                tile.pixels[..half].fill(Pixel::of([0.0; 3]) + Pixel::of([color; 3]));
+                tile.pixels[half..].fill(Pixel::of([color; 3]) + Pixel::of([2.0 * color; 3]));
+                tile.guides.fill(Guide { n_hits: 2, first: Some([1, 2]), depth: 2.0 * depth, ..Guide::default() });
+                tile
+            };
+            partial.add(&with(1, 1.0, 3.0));
+            partial.add(&with(7, 4.0, 5.0));
+            partial.add(&tiling.tile(2));
+            assert_eq!(partial.fill(), 5);
+            let (picture, film) = (partial.picture(), partial.film());
+            // The mean of 0.5 and 1.5 times the color.
+            for (x, y, color, depth) in [
+                (0, 0, 1.0, 3.0),
+                (7, 11, 1.0, 3.0),
+                (8, 9, 1.0, 3.0),
+                (23, 7, 0.0, f64::INFINITY),
+                (23, 11, 4.0, 5.0),
+                (29, 0, 4.0, 5.0),
+            ] {
+                let at = picture.index(x, y);
+                assert_eq!(picture.pixels[at], [color; 3], "{x}, {y}");
+                for film in &film {
+                    assert_eq!(Aov::Depth.mean(0, &film.pixels()[at], &film.guides()[at]), depth, "{x}, {y}");
+                    assert_eq!(film.picture().pixels[at], [color; 3], "{x}, {y}");
+                }
             }
         }
     }

@@ -104,6 +104,11 @@ impl Tiling {
         self.columns as usize * self.rows as usize
     }
 
+    /// Tiles in a row.
+    pub(crate) fn n_columns(&self) -> usize {
+        self.columns as usize
+    }
+
     /// Sums stored per pixel.
     #[must_use]
     pub fn n_sums(&self) -> usize {

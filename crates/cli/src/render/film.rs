@@ -4,7 +4,12 @@
 use std::{
     fs,
     path::PathBuf,
-    sync::{Mutex, PoisonError, atomic::AtomicBool},
+    sync::{
+        Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicBool, Ordering},
+        mpsc::{self, RecvTimeoutError},
+    },
+    thread,
     time::{Duration, Instant},
 };
 
@@ -96,10 +101,10 @@ pub(super) fn render(renderer: &dyn FilmRenderer, job: &FilmJob, done: Vec<Tile>
     };
     // A noisy frame would look whole to `--resume`.
     let keeps_partial = settings.part.is_none() && checkpoint.is_none() && !job.is_frame;
-    let partial = keeps_partial.then(|| Mutex::new(Partial::new(settings.tiling())));
+    let tiles = keeps_partial.then(|| Tiles::new(Partial::new(settings.tiling())));
     let add = |tile: &Tile| {
-        if let Some(partial) = &partial {
-            partial.lock().unwrap_or_else(PoisonError::into_inner).add(tile);
+        if let Some(tiles) = &tiles {
+            tiles.lock().add(tile);
         }
     };
     done.iter().for_each(add);
@@ -116,31 +121,84 @@ pub(super) fn render(renderer: &dyn FilmRenderer, job: &FilmJob, done: Vec<Tile>
     if let Some(checkpoint) = checkpoint {
         checkpoint.save();
     }
-    let written = partial.map_or(Ok(()), |partial| {
-        let partial = partial.into_inner().unwrap_or_else(PoisonError::into_inner);
-        write_stopped(partial, job.cpu, file)
-    });
+    let written = tiles.map_or(Ok(()), |tiles| write_stopped(&tiles, job.cpu, file));
     Err(stopped(error, written))
 }
 
-/// Writes a picture that was stopped, with one sample per pixel where no tile is finished.
-fn write_stopped(partial: Partial, cpu: &CpuRenderer, file: &OutputFile) -> Result<()> {
-    let [n_done, n_tiles] = partial.n_tiles();
+/// The finished tiles of a picture, which any thread adds.
+struct Tiles(Mutex<Partial>);
+
+impl Tiles {
+    fn new(partial: Partial) -> Self {
+        Self(Mutex::new(partial))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Partial> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Writes a picture that was stopped, with one sample per pixel where no tile is finished, or the color of the nearest tile where samples
+/// take longer than [`COMPLETION`].
+fn write_stopped(tiles: &Tiles, cpu: &CpuRenderer, file: &OutputFile) -> Result<()> {
+    let [n_done, n_tiles] = tiles.lock().n_tiles();
     output::note(&format!(
         "finished {n_done} of {n_tiles} tiles; the others get 1 sample per pixel; interrupt again to end without a picture"
     ));
     let settings = Settings { samples: 1, noise: None, ..*cpu.settings };
-    let done = partial.placeholders();
-    let partial = Mutex::new(partial);
-    let lock = || partial.lock().unwrap_or_else(PoisonError::into_inner);
-    let monitor = Monitor {
-        progress: &|_, _| {},
-        finished: &|tile: &Tile| lock().add(tile),
-        // A second signal ends the process.
-        cancel: &AtomicBool::new(false),
-    };
-    resume_with(cpu.surfaces, cpu.bvh, cpu.camera, &settings, done, &monitor)?;
-    file.write_partial(&lock())
+    let done = tiles.lock().placeholders();
+    // A second signal ends the process.
+    let sampled = stopping_after(COMPLETION, &AtomicBool::new(true), tiles, |cancel| {
+        let monitor = Monitor { progress: &|_, _| {}, finished: &|tile: &Tile| tiles.lock().add(tile), cancel };
+        resume_with(cpu.surfaces, cpu.bvh, cpu.camera, &settings, done, &monitor)
+    });
+    match sampled {
+        Ok(_) => {}
+        Err(RenderError::Cancelled) => fill(tiles),
+        Err(error) => return Err(error.into()),
+    }
+    file.write_partial(&tiles.lock())
+}
+
+/// Fills the tiles that have no samples, and says so.
+fn fill(tiles: &Tiles) {
+    let n_tiles = tiles.lock().n_tiles()[1];
+    let n_filled = tiles.lock().fill();
+    output::warn(&if tiles.lock().has_samples() {
+        format!("{n_filled} of {n_tiles} tiles have no sample; they have the color of the nearest tile")
+    } else {
+        "the picture is black, as no tile has a sample".to_owned()
+    });
+}
+
+/// How long a picture that is stopped may take to become whole.
+const COMPLETION: Duration = Duration::from_secs(2);
+
+/// How long it may take where no tile has a sample yet.
+const FIRST_TILE: Duration = Duration::from_secs(8);
+
+/// Calls `run` with a flag that is set this time after `stop` is, or up to [`FIRST_TILE`] after it if no tile has a sample then.
+fn stopping_after<R>(time: Duration, stop: &AtomicBool, tiles: &Tiles, run: impl FnOnce(&AtomicBool) -> R) -> R {
+    let cancel = AtomicBool::new(false);
+    let (running, ended) = mpsc::channel::<()>();
+    thread::scope(|scope| {
+        let cancel = &cancel;
+        scope.spawn(move || {
+            let mut since = None;
+            while ended.recv_timeout(Duration::from_millis(20)) == Err(RecvTimeoutError::Timeout) {
+                if stop.load(Ordering::Relaxed) {
+                    let elapsed = since.get_or_insert_with(Instant::now).elapsed();
+                    if elapsed >= FIRST_TILE || elapsed >= time && tiles.lock().has_samples() {
+                        cancel.store(true, Ordering::Relaxed);
+                        return;
+                    }
+                }
+            }
+        });
+        // Dropped after the work, even if it panics.
+        let _running = running;
+        run(cancel)
+    })
 }
 
 /// The error to report for a stopped render. If it failed, a further failure to write the partial picture is only a warning.
@@ -187,20 +245,33 @@ impl Passes {
                 bar.set_position(done as u64);
             };
             bar.set_prefix(format!("samples {}..{} ", range[0], range[1]));
-            let of_signals = process::cancel_flag();
-            let cancel = if n_done == 0 { &AtomicBool::new(false) } else { of_signals };
-            let monitor = Monitor { progress: &progress, finished: &|_| {}, cancel };
             let of_pass = Settings { part: Some(range), ..*settings };
-            let film = renderer.pass(&of_pass, file.outside(&of_pass), &monitor).unwrap_or_else(|| {
-                let option = if self.budget.is_some() { "--seconds" } else { "--preview" };
-                Err(anyhow!("{option} renders in passes, which only the CPU does; use --device cpu"))
-            });
+            let done = file.outside(&of_pass);
+            // Of the first pass alone, which gives each pixel a sample.
+            let tiles = (n_done == 0).then(|| Tiles::new(Partial::new(of_pass.tiling())));
+            let finished = |tile: &Tile| tiles.iter().for_each(|tiles| tiles.lock().add(tile));
+            done.iter().for_each(finished);
+            let pass = |cancel: &AtomicBool| {
+                let monitor = Monitor { progress: &progress, finished: &finished, cancel };
+                renderer.pass(&of_pass, done, &monitor).unwrap_or_else(|| {
+                    let option = if self.budget.is_some() { "--seconds" } else { "--preview" };
+                    Err(anyhow!("{option} renders in passes, which only the CPU does; use --device cpu"))
+                })
+            };
+            let stop = process::cancel_flag();
+            let film = match &tiles {
+                Some(tiles) => stopping_after(COMPLETION, stop, tiles, pass),
+                None => pass(stop),
+            };
             let film = match film {
                 Err(error) if matches!(error.downcast_ref(), Some(RenderError::Cancelled)) => {
                     if let Some(part) = joined {
                         file.write_unfinished(whole(settings, part, n_rays)?)?;
                         let n = settings.samples;
                         output::warn(&format!("the picture has {n_done} of {n} samples per pixel"));
+                    } else if let Some(tiles) = tiles {
+                        fill(&tiles);
+                        file.write_partial(&tiles.lock())?;
                     }
                     return Err(error);
                 }

@@ -1,6 +1,7 @@
 //! Ctrl-C and the signals of schedulers: the process ends with 130 and leaves no half-written file. Peak memory, as the report states it.
 
 use std::{
+    io::Read,
     os::unix::process::ExitStatusExt,
     process::{Child, Command, Stdio},
     thread::sleep,
@@ -88,6 +89,40 @@ fn a_second_interruption_ends_the_program_at_once() {
     sleep(Duration::from_millis(300));
     assert_eq!(interrupt(&mut child), Some(130));
     assert_eq!(folder.names(), ["small.obj"]);
+}
+
+/// One sample in each pixel would take far longer than the two seconds that a picture may take to become whole.
+#[test]
+fn a_slow_picture_is_whole_soon_after_an_interruption() {
+    if is_ignored("a_slow_picture_is_whole_soon_after_an_interruption") {
+        return;
+    }
+    let folder = Folder::with_small();
+    for options in ["--spp 64", "--spp 64 --preview"] {
+        let line = format!(
+            "render small.obj --size 8192x4096 {options} --integrator path --env 1,1,1 --ground off --denoise off -o out.png \
+             --threads 1 --device cpu"
+        );
+        let mut child = folder.command(&line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        wait_until(|| catches("INT", &child).unwrap_or(true));
+        sleep(Duration::from_millis(1000));
+        let start = Instant::now();
+        assert_eq!(interrupt(&mut child), Some(130), "{options}");
+        // Encoding the file takes most of it.
+        assert!(start.elapsed() < Duration::from_secs(20), "{options}: {:?}", start.elapsed());
+        let mut stderr = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
+        assert!(
+            stderr.contains("tiles have no sample; they have the color of the nearest tile"),
+            "{options}: {stderr}"
+        );
+        let picture = image::open(folder.path("out.png")).unwrap().into_rgb8();
+        assert_eq!(picture.dimensions(), (8192, 4096));
+        // The environment is white all around.
+        assert!(picture.pixels().all(|pixel| pixel.0 != [0; 3]), "{options}");
+        std::fs::remove_file(folder.path("out.png")).unwrap();
+        assert_eq!(folder.names(), ["small.obj"], "{options}");
+    }
 }
 
 /// While the scene is read, as the bytes read by the process show, nothing polls the cancel flag.

@@ -26,7 +26,7 @@ pub struct Monitor<'a> {
     pub progress: &'a (dyn Fn(usize, usize) + Sync),
     /// Receives each tile as soon as it is finished.
     pub finished: &'a (dyn Fn(&Tile) + Sync),
-    /// Cancels the render once it is set: on the CPU after at most one pixel, on a GPU after the current dispatch.
+    /// Cancels the render once it is set: on the CPU after the samples that were begun, on a GPU after the current dispatch.
     pub cancel: &'a AtomicBool,
 }
 

@@ -25,7 +25,7 @@ const BATCH: usize = 64;
 
 /// Renders tiles, whatever the query that the scene needs.
 pub(crate) trait RenderTiles: Sync {
-    /// Renders a tile; `None` once `stop`, which is called before each pixel, returns true.
+    /// Renders a tile; `None` once `stop`, which is called before each sample, returns true.
     fn tile(&self, number: usize, stop: &dyn Fn() -> bool) -> Option<Tile>;
 
     /// Adds one sample of a pixel to its sums; returns the number of rays.
@@ -77,10 +77,10 @@ impl TileRenderer<'_> {
         let mut started = Vec::with_capacity(BATCH);
         loop {
             for (index, pixel) in pixels.clone().enumerate() {
-                if stop() {
-                    return None;
-                }
                 for sample in adaptive.next.clone() {
+                    if stop() {
+                        return None;
+                    }
                     started.push(self.start(pixel, sample, index, &mut sums[index]));
                     if started.len() == BATCH {
                         *n_rays += self.finish(&mut started, sums);
