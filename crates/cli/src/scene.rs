@@ -23,14 +23,22 @@ pub(crate) type Args = PictureArgs<SceneOutput>;
     after_help = "Examples:\n  canted scene room.glb -o room.toml\n  canted scene room.toml --spp 256 --eye 0,2,5 -o better.toml"
 )]
 pub(crate) struct SceneOutput {
-    /// Output scene file: .toml.
-    #[arg(short, long, help_heading = PICTURE, display_order = 3, default_value = "scene.toml", value_name = "FILE", allow_hyphen_values = true)]
-    output: PathBuf,
+    /// Output scene file: .toml. A file of this name is replaced [default: scene.toml]
+    #[arg(short, long, help_heading = PICTURE, display_order = 3, value_name = "FILE", allow_hyphen_values = true)]
+    output: Option<PathBuf>,
+    /// Without --output, replace scene.toml even if it was not written by canted.
+    #[arg(long, help_heading = PICTURE, display_order = 3)]
+    force: bool,
 }
+
+/// The output without `--output`.
+const DEFAULT_OUTPUT: &str = "scene.toml";
 
 /// Writes the scene file. `canted render` makes the same picture of it as of the same scene with the same options.
 pub(crate) fn run(args: Args) -> Result<()> {
-    let path = &args.own.output.clone();
+    let SceneOutput { output, force } = args.own.clone();
+    let keeps_others = output.is_none() && !force;
+    let path = &output.unwrap_or_else(|| DEFAULT_OUTPUT.into());
     if !load::is_scene_file(path) {
         return Err(output::unsupported(path, ".toml"));
     }
@@ -41,6 +49,12 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let outputs: [Named; 1] = [("--output", path)];
     output::check_distinct(&plan.inputs()?.named(), &outputs)?;
     output::probe(path)?;
+    if keeps_others && path.exists() && !SceneFile::is_own(path) {
+        let name = path.display();
+        return Err(anyhow!(
+            "{name} is not a scene file that canted wrote; use -o for another name, or --force to replace it"
+        ));
+    }
     options::use_threads(None)?;
     let mut file = match plan.source.scene.as_deref() {
         Some(scene) if load::is_scene_file(scene) => {
@@ -69,7 +83,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
     }
     let (mut scene, mut file) = file.load_explicit()?;
     load::check_outputs(plan.source.scene.as_deref(), &scene, &outputs)?;
-    load::warn(&scene.warnings);
+    load::report(&mut scene);
     set_view_and_light(&mut file, &mut scene, &mut plan)?;
     file.settings = plan.decided_settings().written();
     write(&file, path)

@@ -44,6 +44,24 @@ fn files_and_times_of_options_are_in_the_file() {
     folder.run("scene s.toml --time 1 -o t.toml").refused(&["s.toml", "--time"]);
 }
 
+/// Without -o, only scene files that the program wrote are replaced.
+#[test]
+fn scene_files_of_others_are_not_replaced() {
+    let folder = Folder::with_small();
+    let others = "[[assets]]\nname = \"a\"\nfile = \"small.obj\"\n";
+    folder.write("scene.toml", others);
+    folder.run("scene small.obj").refused(&["scene.toml", "not a scene file that canted wrote", "-o", "--force"]);
+    assert_eq!(folder.text("scene.toml"), others);
+    for line in ["scene small.obj --force", "scene small.obj --spp 3"] {
+        folder.run(line).done();
+    }
+    let own = folder.text("scene.toml");
+    assert!(own.contains("spp = 3"), "{own}");
+    folder.write("scene.toml", others);
+    folder.run("scene small.obj --spp 3 -o scene.toml").done();
+    assert_eq!(folder.text("scene.toml"), own);
+}
+
 #[test]
 fn the_command_line_overrides_the_file() {
     let folder = Folder::with_small();

@@ -1,14 +1,31 @@
 //! [`SceneFile`] to TOML text.
 
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
 use super::writer::{TomlWriter, number, quoted};
 use super::{Asset, AssetInstance, AssetSource, SceneFile, Setting, light, placement};
 
+/// The first line of what [`SceneFile::to_toml`] writes.
+const FIRST_LINE: &str =
+    "A canted scene. Lengths are in world units, colors in linear RGB, paths relative to this file.";
+
 impl SceneFile {
+    /// Whether a file begins as those that [`SceneFile::to_toml`] writes.
+    #[must_use]
+    pub fn is_own(path: &Path) -> bool {
+        let first = format!("# {FIRST_LINE}\n");
+        let mut start = vec![0; first.len()];
+        let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
+        read.is_ok() && start == first.as_bytes()
+    }
+
     /// TOML text with explanatory comments that parses back to this scene file.
     #[must_use]
     pub fn to_toml(&self) -> String {
         let mut out = TomlWriter::default();
-        out.comment("A canted scene. Lengths are in world units, colors in linear RGB, paths relative to this file.");
+        out.comment(FIRST_LINE);
         if !self.settings.is_empty() {
             out.heading("[settings]");
             out.comment("Options of `canted render`. The command line overrides them.");
