@@ -88,8 +88,8 @@ pub(crate) fn scene(path: Option<&Path>, options: &ReadOptions) -> Result<Scene>
     } else {
         canted_scene::read_with(path, options)
     };
-    let scene = scene?;
-    warn(&scene.warnings);
+    let mut scene = scene?;
+    report(&mut scene);
     Ok(scene)
 }
 
@@ -97,14 +97,14 @@ pub(crate) fn scene(path: Option<&Path>, options: &ReadOptions) -> Result<Scene>
 pub(crate) fn scene_in_shutter(path: &Path, times: [f32; 2], options: &ReadOptions) -> Result<Scene> {
     let options = ReadOptions { time: Some(times[0]), ..options.clone() };
     let (mut animated, mut scene) = AnimatedScene::open(path, &options)?;
-    let of_file = std::mem::take(&mut scene.warnings);
-    warn(&of_file);
+    let of_file = scene.warnings.clone();
+    report(&mut scene);
     if !animated.is_animated() {
         output::warn(&format!("{}: the file has no animation; the picture shows its rest pose", path.display()));
     }
     animated.pose_shutter(times, &mut scene)?;
     scene.warnings.retain(|warning| !of_file.contains(warning));
-    warn(&scene.warnings);
+    report(&mut scene);
     Ok(scene)
 }
 
@@ -128,9 +128,10 @@ pub(crate) fn check_asset_options(scene_file: &Path, read: &ReadOptions) -> Resu
     }
 }
 
-/// Prints what a reader repaired or skipped.
-pub(crate) fn warn(warnings: &[String]) {
-    warnings.iter().for_each(|warning| output::warn(warning));
+/// Prints what a reader repaired or skipped, and takes it from the scene.
+pub(crate) fn report(scene: &mut Scene) {
+    std::mem::take(&mut scene.warnings).iter().for_each(|warning| output::warn(warning));
+    std::mem::take(&mut scene.notes).iter().for_each(|note| output::skipped(note));
 }
 
 /// Reads a scene file without the files that it refers to.

@@ -91,6 +91,22 @@ pub(crate) fn note(text: &str) {
     }
 }
 
+/// Number of notes of skipped elements written.
+static N_SKIPPED: AtomicUsize = AtomicUsize::new(0);
+
+/// The number of notes of [`skipped`] elements that were written to standard error.
+pub(crate) fn n_skipped() -> usize {
+    N_SKIPPED.load(Ordering::Relaxed)
+}
+
+/// Writes a note about elements of a file that are not drawn, as [`note`].
+pub(crate) fn skipped(text: &str) {
+    if !is_collected(text) && !is_quiet() {
+        N_SKIPPED.fetch_add(1, Ordering::Relaxed);
+        to_stderr(&format!("note: {text}"));
+    }
+}
+
 /// Writes a note about a stage to standard error if `-v` is given.
 pub(crate) fn detail(text: impl FnOnce() -> String) {
     if is_verbose() {

@@ -71,8 +71,8 @@ fn film(source: &Source<'_>, options: &[(String, String)], monitor: &Monitor<'_>
     let plan = args.resolve(scene_file, &purpose)?;
     let mut scene = match source {
         Source::SceneFile(file) => {
-            let scene = file.load()?;
-            load::warn(&scene.warnings);
+            let mut scene = file.load()?;
+            load::report(&mut scene);
             scene
         }
         _ => load::scene(path, &plan.source.read_options(plan.source.time()))?,

@@ -12,9 +12,6 @@ use std::borrow::Cow;
 use canted_scene::{Material, Mesh, Scene};
 use rayon::prelude::*;
 
-use crate::PrepareError;
-use crate::scene_bvh::{Flattened, flatten, mirrors};
-
 /// Triangles that are sampled.
 const SAMPLE: usize = 4096;
 
@@ -38,7 +35,7 @@ fn kind_of(scene: &Scene, mesh: &Mesh, triangle: u32, mirrors: bool) -> Option<K
     kind(scene.materials.get(part.material.0 as usize)?, mirrors)
 }
 
-/// The kinds of the parts of a mesh, for [`MeshKey`](crate::scene_bvh::MeshKey).
+/// The kinds of the parts of a mesh, which decide what [`of_mesh`] keeps.
 pub(crate) fn kinds<'a>(scene: &'a Scene, mesh: &'a Mesh) -> impl Iterator<Item = u32> + 'a {
     mesh.parts.iter().flat_map(|part| {
         let kind = scene.materials.get(part.material.0 as usize).and_then(|material| kind(material, false));
@@ -58,21 +55,22 @@ pub(crate) fn of_mesh<'a>(scene: &Scene, mesh: &'a Mesh) -> Cow<'a, [[u32; 3]]> 
     kept.into()
 }
 
-/// All instances in world space, as [`flatten`], for one BVH.
-///
-/// # Errors
-/// As [`flatten`].
-pub(crate) fn of_scene(scene: &Scene) -> Result<Flattened, PrepareError> {
-    let (positions, mut triangles, first) = flatten(scene)?;
-    if has_stacks(&positions, &triangles) {
-        let mirrors = mirrors(scene);
-        flatten_copies(&positions, &mut triangles, |triangle| {
+/// Makes a point of each triangle of all instances in world space that has the corners and the kind of an earlier one, where there are stacks:
+/// given the first triangle of each instance, and whether it mirrors.
+pub(crate) fn in_scene(
+    scene: &Scene,
+    positions: &[[f32; 3]],
+    triangles: &mut [[u32; 3]],
+    first: &[u32],
+    mirrors: &[bool],
+) {
+    if has_stacks(positions, triangles) {
+        flatten_copies(positions, triangles, |triangle| {
             let instance = first.partition_point(|&first| first <= triangle) - 1;
             let mesh = &scene.meshes[scene.instances[instance].mesh.0 as usize];
             kind_of(scene, mesh, triangle - first[instance], mirrors[instance])
         });
     }
-    Ok((positions, triangles, first))
 }
 
 /// The bits of the corners of a triangle; `None` for an index out of range, which the build of the BVH reports.

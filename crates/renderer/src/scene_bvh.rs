@@ -227,7 +227,7 @@ fn one_level(scene: &Scene, config: &SceneBvhConfig) -> Result<SceneLevels, Prep
         let triangles = Triangles { positions: &mesh.positions, close: None, triangles: &triangles };
         return Ok(SceneLevels::One(FlatBvh { bvh: config.build(triangles)?, first: vec![0], mirrors: vec![false] }));
     }
-    let (positions, triangles, first) = coincident::of_scene(scene)?;
+    let (positions, triangles, first) = flatten_distinct(scene)?;
     let triangles = Triangles { positions: &positions, close: None, triangles: &triangles };
     Ok(SceneLevels::One(FlatBvh { bvh: config.build(triangles)?, first, mirrors: mirrors(scene) }))
 }
@@ -257,6 +257,16 @@ pub fn flatten(scene: &Scene) -> Result<Flattened, PrepareError> {
         positions.extend(mesh.positions.iter().map(|&p| instance.world_from_object.point(p)));
         triangles.extend(mesh.triangles.iter().map(|t| t.map(|i| base + i)));
     }
+    Ok((positions, triangles, first))
+}
+
+/// [`flatten`] for one BVH: of equal triangles in stacks, the later ones are points.
+///
+/// # Errors
+/// As [`flatten`].
+pub(crate) fn flatten_distinct(scene: &Scene) -> Result<Flattened, PrepareError> {
+    let (positions, mut triangles, first) = flatten(scene)?;
+    coincident::in_scene(scene, &positions, &mut triangles, &first, &mirrors(scene));
     Ok((positions, triangles, first))
 }
 

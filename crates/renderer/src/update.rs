@@ -13,7 +13,8 @@ use rayon::prelude::*;
 
 use crate::bottom_level::Triangles;
 use crate::scene_bvh::{
-    FlatBvh, MeshKey, SceneLevels, has_one_level, instances, mirrors, triangle_shares, unused_features,
+    FlatBvh, MeshKey, SceneLevels, flatten_distinct, has_one_level, instances, mirrors, triangle_shares,
+    unused_features,
 };
 use crate::update_policy::{BvhCosts, UpdatePolicy};
 use crate::{BottomLevel, PrepareError, SceneBvh, SceneBvhConfig, coincident};
@@ -141,7 +142,7 @@ impl SceneBvh {
                     let same = |i: &Instance| (i.mesh, keys[i.mesh.0 as usize].triangles);
                     let before = |i: &Instance| (i.mesh, history.meshes[i.mesh.0 as usize].triangles);
                     let may_refit = scene.instances.iter().map(same).eq(history.instances.iter().map(before));
-                    let (positions, triangles, first) = coincident::of_scene(scene)?;
+                    let (positions, triangles, first) = flatten_distinct(scene)?;
                     let FlatBvh { bvh, first: old_first, mirrors: old_mirrors } = flat;
                     let triangles = Triangles { positions: &positions, close: None, triangles: &triangles };
                     update.apply(bvh, &mut history.costs[0], triangles, may_refit, 1.0)?;

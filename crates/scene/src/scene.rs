@@ -31,6 +31,8 @@ pub struct Scene {
     pub camera_names: Vec<String>,
     /// What the reader repaired or skipped, one sentence each, without repetition.
     pub warnings: Vec<String>,
+    /// Elements of the file that are not surfaces and are not drawn, such as lines and points: one sentence.
+    pub notes: Vec<String>,
     /// Files that the scene's file references and that were read: material libraries, buffers and images.
     pub files: Vec<PathBuf>,
 }

@@ -13,7 +13,6 @@ use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    load,
     options::{Finite, Form, NotNegative, Numbers, Text, Value},
     output,
 };
@@ -179,7 +178,7 @@ impl EnvironmentArgs {
         if let Some((path, scale, turn_degrees)) = self.file() {
             let mut warnings = Vec::new();
             let image = canted_scene::read_environment(path, &mut warnings)?;
-            load::warn(&warnings);
+            warnings.iter().for_each(|warning| output::warn(warning));
             return Ok(Environment::Image(EnvironmentImage { scale, turn_degrees, ..image }));
         }
         let Some(Value(EnvironmentArg::Constant(radiance))) = &self.env else { return Ok([0.0; 3].into()) };

@@ -115,7 +115,7 @@ pub(crate) struct SampleArgs {
     #[arg(long, value_parser = aov, value_delimiter = ',', value_name = "LIST")]
     aovs: Vec<Aovs>,
     /// Remove noise with a filter guided by albedo, normals and depth: on or off; other channels are not filtered [default: on below 64
-    /// samples per pixel in formats of 8 bits, else off]
+    /// samples per pixel in formats of 8 bits, up to 2^24 pixels, else off]
     #[arg(long, value_parser = named::<bool>(), num_args = 0..=1, default_missing_value = "on", value_name = "on|off")]
     denoise: Option<bool>,
     /// Checkpoint file: continue from it if it exists, update it while rendering, remove it when the picture is written.

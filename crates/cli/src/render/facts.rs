@@ -201,7 +201,7 @@ pub(super) fn report(facts: &[Fact], as_json: bool) -> Result<()> {
         return Ok(());
     }
     if !output::is_verbose() {
-        let lines = Summary(facts).lines(output::n_warnings());
+        let lines = Summary(facts).lines([output::n_warnings(), output::n_skipped()]);
         return lines.iter().try_for_each(|(name, text)| output::to_stdout(&format!("{name:<9} {text}")));
     }
     for (key, value) in facts {
@@ -243,11 +243,14 @@ impl Summary<'_> {
     }
 
     /// At most eight lines, each with its name.
-    fn lines(&self, n_warnings: usize) -> Vec<(&'static str, String)> {
-        let ignored = (n_warnings > 0).then(|| match n_warnings {
-            1 => "see the warning above".to_owned(),
-            n => format!("see the {n} warnings above"),
-        });
+    fn lines(&self, [n_warnings, n_notes]: [usize; 2]) -> Vec<(&'static str, String)> {
+        let ignored = match [n_warnings, n_notes] {
+            [0, 0] => None,
+            [1, 0] => Some("see the warning above".to_owned()),
+            [0, 1] => Some("see the note above".to_owned()),
+            [n, 0] => Some(format!("see the {n} warnings above")),
+            [n, m] => Some(format!("see the {} warnings and notes above", n + m)),
+        };
         let all = [
             ("picture", self.picture()),
             ("scene", self.scene()),
@@ -426,7 +429,7 @@ mod tests {
             ("triangle_tests_per_ray", json!(2.5)),
             ("seconds", json!(2.004)),
         ];
-        let lines = Summary(&facts).lines(2);
+        let lines = Summary(&facts).lines([2, 0]);
         let text: Vec<String> = lines.iter().map(|(name, text)| format!("{name}: {text}")).collect();
         assert_eq!(
             text,
@@ -441,6 +444,7 @@ mod tests {
                 "ignored: see the 2 warnings above",
             ]
         );
-        assert_eq!(Summary(&facts[..2]).lines(0).len(), 2);
+        assert_eq!(Summary(&facts[..2]).lines([0, 0]).len(), 2);
+        assert_eq!(Summary(&[]).lines([0, 1]), [("ignored", "see the note above".to_owned())]);
     }
 }

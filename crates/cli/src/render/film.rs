@@ -20,7 +20,10 @@ use canted_scene::Camera;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
-use super::{facts::Fact, output::OutputFile};
+use super::{
+    facts::Fact,
+    output::{Denoising, OutputFile},
+};
 use crate::{output, process};
 
 /// Renders films on one kind of device.
@@ -153,15 +156,14 @@ fn write_stopped(tiles: &Tiles, cpu: &CpuRenderer, file: &OutputFile) -> Result<
         resume_with(cpu.surfaces, cpu.bvh, cpu.camera, &settings, done, &monitor)
     });
     match sampled {
-        Ok(_) => {}
-        Err(RenderError::Cancelled) => fill(tiles),
-        Err(error) => return Err(error.into()),
+        Ok(_) => file.write_partial(&tiles.lock()),
+        Err(RenderError::Cancelled) => write_filled(tiles, file),
+        Err(error) => Err(error.into()),
     }
-    file.write_partial(&tiles.lock())
 }
 
-/// Fills the tiles that have no samples, and says so.
-fn fill(tiles: &Tiles) {
+/// Fills the tiles that have no samples, says so, and writes the picture without denoising it, which may take long, too.
+fn write_filled(tiles: &Tiles, file: &OutputFile) -> Result<()> {
     let n_tiles = tiles.lock().n_tiles()[1];
     let n_filled = tiles.lock().fill();
     output::warn(&if tiles.lock().has_samples() {
@@ -169,6 +171,7 @@ fn fill(tiles: &Tiles) {
     } else {
         "the picture is black, as no tile has a sample".to_owned()
     });
+    OutputFile { denoising: Denoising::Off, ..file.clone() }.write_partial(&tiles.lock())
 }
 
 /// How long a picture that is stopped may take to become whole.
@@ -270,8 +273,7 @@ impl Passes {
                         let n = settings.samples;
                         output::warn(&format!("the picture has {n_done} of {n} samples per pixel"));
                     } else if let Some(tiles) = tiles {
-                        fill(&tiles);
-                        file.write_partial(&tiles.lock())?;
+                        write_filled(&tiles, file)?;
                     }
                     return Err(error);
                 }

@@ -121,7 +121,7 @@ impl SessionScene {
             self.scene.environment.clone_from(&self.environment);
             // Reading an environment map again is not needed.
             self.source = plan.light.apply_lights(&mut self.scene, plan.stage.light)?;
-            load::warn(&std::mem::take(&mut self.scene.warnings));
+            load::report(&mut self.scene);
         }
         Ok(self)
     }
@@ -244,11 +244,11 @@ fn read(options: &Options, plan: &Plan) -> Result<(Scene, Option<AnimatedScene>)
     if let Some(path) = path {
         let (animated, mut scene) = AnimatedScene::open(path, &of_file)?;
         if animated.is_animated() {
-            load::warn(&std::mem::take(&mut scene.warnings));
+            load::report(&mut scene);
             return Ok((scene, Some(animated)));
         }
         if plan.source.time().is_none() && plan.source.animation.is_none() {
-            load::warn(&std::mem::take(&mut scene.warnings));
+            load::report(&mut scene);
             return Ok((scene, None));
         }
     }

@@ -522,6 +522,19 @@ fn warnings_go_to_standard_error_and_results_to_standard_output() {
     assert!(!run.stdout.contains("warning"));
 }
 
+/// Lines and points of an OBJ file are noted, once, and the report refers to it.
+#[test]
+fn elements_that_are_not_drawn_are_noted() {
+    let folder = Folder::new();
+    folder.write("lines.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nl 1 2\nl 2 3\np 1\n");
+    let run = folder.run("render lines.obj -o out.png --size 8x8 --spp 1").done();
+    let notes: Vec<&str> = run.stderr.lines().filter(|line| line.contains("not faces")).collect();
+    assert_eq!(notes, ["note: skipping elements that are not faces: 2 lines, 1 point"], "{}", run.stderr);
+    assert_eq!(run.n_warnings(), 0, "{}", run.stderr);
+    assert!(run.stdout.contains("ignored   see the note above"), "{}", run.stdout);
+    assert_eq!(folder.run("render lines.obj -o out.png --size 8x8 --spp 1 -q").done().stderr, "");
+}
+
 /// No camera position is representable outside such a scene, so it is seen from its edge.
 #[test]
 fn coordinates_near_the_largest_float_are_rendered() {
@@ -546,10 +559,9 @@ fn table(folder: &Path) -> Vec<Row> {
     rows.map(|line| line.split('\t').collect::<Vec<_>>())
         .filter(|row| !row[0].starts_with("img/") || row[0].ends_with(".obj") || is_environment(Path::new(row[0])))
         .map(|mut row| {
-            // Superseded: sound geometry is drawn without the attributes that are not, lines, points and curves that are skipped are
-            // reported, and a file that requires Draco loads.
+            // Superseded: sound geometry is drawn without the attributes that are not, and a file that requires Draco loads.
             match row[0] {
-                "obj/vt_index_out_of_range.obj" | "obj/other_statements.obj" => (row[2], row[3]) = ("warn", "0"),
+                "obj/vt_index_out_of_range.obj" => (row[2], row[3]) = ("warn", "0"),
                 "gltf/draco_required.glb" => (row[2], row[3]) = ("load", "0"),
                 _ => {}
             }

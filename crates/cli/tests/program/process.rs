@@ -105,7 +105,7 @@ fn a_slow_picture_is_whole_soon_after_an_interruption() {
         );
         let mut child = folder.command(&line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         wait_until(|| catches("INT", &child).unwrap_or(true));
-        sleep(Duration::from_millis(1000));
+        sleep(Duration::from_millis(2000));
         let start = Instant::now();
         assert_eq!(interrupt(&mut child), Some(130), "{options}");
         // Encoding the file takes most of it.

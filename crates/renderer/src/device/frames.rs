@@ -18,6 +18,7 @@ use canted_scene::{Mesh, Scene};
 use super::DeviceError;
 use crate::UpdatePolicy;
 use crate::coincident;
+use crate::scene_bvh::flatten_distinct;
 
 /// What the frames of a sequence share on a device.
 ///
@@ -163,7 +164,7 @@ struct Frame<'a> {
 
 impl<'a> Frame<'a> {
     fn flat(scene: &'a Scene) -> Result<Self, DeviceError> {
-        let (positions, triangles, first) = coincident::of_scene(scene)?;
+        let (positions, triangles, first) = flatten_distinct(scene)?;
         let keys = vec![key(&positions, &triangles)];
         Ok(Self { meshes: vec![(positions.into(), triangles.into())], keys, first, transforms: None })
     }

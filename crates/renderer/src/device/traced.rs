@@ -9,7 +9,7 @@ use canted_scene::Scene;
 use canted_wide::TriangleBvh;
 
 use super::{DeviceError, DeviceFrames};
-use crate::scene_bvh::{has_one_level, instances};
+use crate::scene_bvh::{flatten_distinct, has_one_level, instances};
 use crate::{BottomLevel, PrepareError, SceneBvh, SceneBvhConfig, SceneLevels, coincident};
 
 const DEFORMING: DeviceError = DeviceError::Unsupported { what: "meshes that deform while the shutter is open" };
@@ -117,7 +117,7 @@ pub fn built_scene(
 /// BVHs that the device builds, in one level or two.
 fn built(gpu: &Gpu, scene: &Scene, is_flat: bool, bvh: DeviceBvh) -> Result<TracedScene, DeviceError> {
     if is_flat {
-        let (positions, triangles, first) = coincident::of_scene(scene)?;
+        let (positions, triangles, first) = flatten_distinct(scene)?;
         let corners = corners(&positions, &triangles)?;
         return Ok(TracedScene::new(gpu, SceneInput::build([&corners], bvh).parts(&first))?);
     }

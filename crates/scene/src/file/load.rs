@@ -286,6 +286,7 @@ impl<'a> Assembly<'a> {
             cameras,
             camera_names,
             warnings,
+            notes,
             files,
         } = own;
         for instance in &mut instances {
@@ -311,6 +312,7 @@ impl<'a> Assembly<'a> {
         self.scene.cameras.extend(cameras);
         self.scene.camera_names.extend(camera_names);
         self.scene.warnings.extend(warnings);
+        self.scene.notes.extend(notes);
         self.scene.files.extend(files);
         self.scene.environment = self.scene.environment.take().or(environment);
         Ok(())

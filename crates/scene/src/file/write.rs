@@ -62,7 +62,9 @@ impl SceneFile {
             }
             change.edits.write(&mut out);
         }
-        keys.text + &out.text
+        // After the first line.
+        let (first, rest) = out.text.split_once('\n').unwrap_or((&out.text, ""));
+        format!("{first}\n{}{rest}", keys.text)
     }
 }
 

@@ -121,9 +121,20 @@ impl Folder {
         self.found.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
     }
 
-    /// Reads the file `name`.
+    /// Reads the file `name`, or where there is none one whose name differs in the case of letters only.
     pub(crate) fn read(&self, name: &str) -> Result<Vec<u8>, String> {
-        fs::read(self.resolve(name)?).map_err(|error| error.to_string())
+        let path = self.resolve(name).or_else(|error| self.in_any_case(name).ok_or(error))?;
+        fs::read(path).map_err(|error| error.to_string())
+    }
+
+    /// A file below the folder by a name of this form without `..`.
+    fn in_any_case(&self, name: &str) -> Option<PathBuf> {
+        let name = name.replace('\\', "/");
+        let components: Vec<&str> = name.split('/').filter(|&component| component != ".").collect();
+        let is_below =
+            !has_drive(&name) && components.iter().all(|&component| !component.is_empty() && component != "..");
+        let path = is_below.then(|| self.similar(&self.root, &components))??;
+        self.within(&self.root, &path).ok()
     }
 
     /// Reads the file that [`Folder::find`] finds.

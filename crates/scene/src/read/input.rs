@@ -94,8 +94,14 @@ fn format_of(extension: Option<&OsStr>, bytes: &[u8], n_bytes: u64) -> Option<Fo
         (_, "obj") => Some(Format::Obj),
         (_, "stl") => Some(Format::Stl),
         (_, "off") => Some(Format::Off),
+        _ if is_gltf(head) => Some(Format::Gltf),
         _ => None,
     }
+}
+
+/// Whether the first bytes of a file without a known extension are glTF as JSON.
+fn is_gltf(head: &[u8]) -> bool {
+    text::after_mark(head).trim_ascii_start().starts_with(b"{") && head.windows(7).any(|word| word == b"\"asset\"")
 }
 
 /// Without the reader, STL is known by its extension only.

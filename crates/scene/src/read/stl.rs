@@ -24,8 +24,9 @@ const HEAD_BYTES: usize = 1024;
 pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
     let mut triangles = Triangles::new();
     let mut scene = Scene::default();
-    match ascii_start(bytes) {
-        Some(start) => read_ascii(path, Words { bytes, at: start }, &mut triangles, &mut scene.warnings)?,
+    let text = without_padding(bytes);
+    match ascii_start(text).filter(|_| !has_declared_size(bytes, bytes.len() as u64)) {
+        Some(start) => read_ascii(path, Words { bytes: text, at: start }, &mut triangles, &mut scene.warnings)?,
         None => read_binary(path, bytes, &mut triangles, &mut scene.warnings)?,
     }
     let Triangles { weld, triangles, checks } = triangles;
@@ -33,12 +34,18 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
     single_mesh(path, mesh, vec![Material::default()], checks, scene)
 }
 
-/// Where the statements of an ASCII file begin: at a line with `solid` or `facet`. `None` for a binary file, which has the size that it
-/// declares, or a zero byte.
+/// A file without the zeros and the DOS end of file (Ctrl-Z) after its text.
+fn without_padding(bytes: &[u8]) -> &[u8] {
+    let end = bytes.iter().rposition(|byte| !matches!(byte, 0 | 0x1a) && !byte.is_ascii_whitespace());
+    &bytes[..end.map_or(0, |last| last + 1)]
+}
+
+/// Where the statements of an ASCII file begin: at a line with `solid` or `facet`. `None` for a binary file, which has a
+/// zero byte.
 ///
 /// Headers of binary files may begin with `solid` too, but their triangle count has a zero byte up to 2^24 triangles.
 fn ascii_start(bytes: &[u8]) -> Option<usize> {
-    if has_declared_size(bytes, bytes.len() as u64) || bytes[..bytes.len().min(HEAD_BYTES)].contains(&0) {
+    if bytes[..bytes.len().min(HEAD_BYTES)].contains(&0) {
         return None;
     }
     let mut start = bytes.len() - text::after_mark(bytes).len();

@@ -97,6 +97,26 @@ pub(crate) fn unquoted(text: &[u8]) -> &[u8] {
     }
 }
 
+/// Bytes with percent escapes (RFC 3986) decoded; invalid ones are kept.
+pub(crate) fn unescaped(text: &str) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.as_bytes();
+    while let [first, tail @ ..] = rest {
+        let escaped = match tail {
+            [high, low, ..] if *first == b'%' => hex(*high).zip(hex(*low)).map(|(high, low)| high << 4 | low),
+            _ => None,
+        };
+        bytes.push(escaped.unwrap_or(*first));
+        rest = if escaped.is_some() { &tail[2..] } else { tail };
+    }
+    bytes
+}
+
+/// Value of a hexadecimal digit.
+fn hex(digit: u8) -> Option<u8> {
+    char::from(digit).to_digit(16).map(|value| value as u8)
+}
+
 /// Text after a byte order mark of UTF-8.
 pub(crate) fn after_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
@@ -151,6 +171,14 @@ mod tests {
         let got = read(text);
         let got: Vec<_> = got.iter().map(|(number, keyword, rest)| (*number, &keyword[..], &rest[..])).collect();
         assert_eq!(got, want, "{text:?}");
+    }
+
+    #[test]
+    fn decodes_percent_escapes() {
+        assert_eq!(unescaped("a%20b%C3%a9"), "a b\u{e9}".as_bytes());
+        assert_eq!(unescaped("100%"), b"100%");
+        assert_eq!(unescaped("%zz%4%%41"), b"%zz%4%A");
+        assert_eq!(unescaped("%ff"), [255]);
     }
 
     #[test]

@@ -223,11 +223,11 @@ fn disagreement(expected: &str, path: &Path, got: &Result<Vec<String>, ReadError
     (got.split(' ').next() != Some(expected)).then(|| format!("{file}: {expected} expected, got {got}"))
 }
 
-/// Outcomes that differ from the table: sound geometry is drawn without the attributes that are not, lines, points and curves that are skipped
-/// are reported, and the geometry of a file which requires Draco is plain.
+/// Outcomes that differ from the table: sound geometry is drawn without the attributes that are not, and the geometry of a file which requires
+/// Draco is plain.
 fn superseded(file: &str) -> Option<&'static str> {
     match file {
-        "obj/vt_index_out_of_range.obj" | "obj/other_statements.obj" => Some("warn"),
+        "obj/vt_index_out_of_range.obj" => Some("warn"),
         "gltf/draco_required.glb" => Some("load"),
         _ => None,
     }

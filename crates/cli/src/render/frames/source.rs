@@ -89,6 +89,8 @@ impl Source {
                 output::warn(&warning);
             }
         }
+        // Formats with poses have none.
+        std::mem::take(&mut self.scene.notes).iter().for_each(|note| output::skipped(note));
     }
 }
 

@@ -85,11 +85,10 @@ pub(super) fn load_image(uri: &str, folder: &Folder) -> Result<Vec<u8>, String> 
 
 /// Loads the bytes of a URI. Never accesses the network.
 pub(super) fn load_uri(uri: &str, folder: &Folder) -> Result<Vec<u8>, String> {
-    if let Some(data) = uri.strip_prefix("data:") {
-        let text = data.split_once(',').filter(|(media_type, _)| media_type.ends_with(";base64"));
-        return text.and_then(|(_, text)| base64(text.as_bytes())).ok_or("invalid base64 in data uri".to_owned());
-    }
     if let Some(scheme) = scheme(uri) {
+        if scheme.eq_ignore_ascii_case("data") {
+            return load_data(&uri[scheme.len() + 1..]);
+        }
         return Err(format!("unsupported uri scheme '{scheme}'; use a relative path or a data uri"));
     }
     let name = unescaped(uri).ok_or("the uri is not UTF-8")?;
@@ -103,34 +102,25 @@ fn scheme(uri: &str) -> Option<&str> {
     (scheme.starts_with(|c: char| c.is_ascii_alphabetic()) && scheme.chars().all(legal)).then_some(scheme)
 }
 
-/// Percent-decodes; invalid escapes are kept.
+/// The text of a URI; `None` if it is not UTF-8.
 fn unescaped(text: &str) -> Option<String> {
-    let mut bytes = Vec::with_capacity(text.len());
-    let mut rest = text.as_bytes();
-    while let [first, tail @ ..] = rest {
-        match (first, tail) {
-            (b'%', [high, low, tail @ ..]) if high.is_ascii_hexdigit() && low.is_ascii_hexdigit() => {
-                bytes.push(hex(*high) << 4 | hex(*low));
-                rest = tail;
-            }
-            _ => {
-                bytes.push(*first);
-                rest = tail;
-            }
-        }
-    }
-    String::from_utf8(bytes).ok()
+    String::from_utf8(text::unescaped(text)).ok()
 }
 
-/// Value of a hexadecimal digit.
-fn hex(digit: u8) -> u8 {
-    match digit {
-        b'0'..=b'9' => digit - b'0',
-        _ => (digit | 0x20) - b'a' + 10,
+/// The content of a URI of the scheme `data` (RFC 2397): base64, in which white space and the alphabet of URLs are accepted, or percent
+/// escapes.
+fn load_data(data: &str) -> Result<Vec<u8>, String> {
+    let (media_type, content) = data.split_once(',').ok_or("a data uri without ',', neither base64 nor text")?;
+    let mut bytes = text::unescaped(content);
+    let is_base64 = media_type.rsplit(';').next().is_some_and(|last| last.trim().eq_ignore_ascii_case("base64"));
+    if !is_base64 {
+        return Ok(bytes);
     }
+    bytes.retain(|byte| !byte.is_ascii_whitespace());
+    base64(&bytes).ok_or("invalid base64 in data uri".to_owned())
 }
 
-/// Decodes base64 (RFC 4648, section 4) with optional padding.
+/// Decodes base64 (RFC 4648, sections 4 and 5) with optional padding.
 fn base64(text: &[u8]) -> Option<Vec<u8>> {
     let n_padding = text.iter().rev().take(2).take_while(|&&byte| byte == b'=').count();
     let text = &text[..text.len() - n_padding];
@@ -156,8 +146,8 @@ fn base64_value(digit: u8) -> Option<u8> {
         b'A'..=b'Z' => Some(digit - b'A'),
         b'a'..=b'z' => Some(digit - b'a' + 26),
         b'0'..=b'9' => Some(digit - b'0' + 52),
-        b'+' => Some(62),
-        b'/' => Some(63),
+        b'+' | b'-' => Some(62),
+        b'/' | b'_' => Some(63),
         _ => None,
     }
 }
@@ -265,14 +255,6 @@ mod tests {
     }
 
     #[test]
-    fn decodes_percent_escapes() {
-        assert_eq!(unescaped("a%20b%C3%a9").unwrap(), "a b\u{e9}");
-        assert_eq!(unescaped("100%").unwrap(), "100%");
-        assert_eq!(unescaped("%zz%4").unwrap(), "%zz%4");
-        assert!(unescaped("%ff").is_none());
-    }
-
-    #[test]
     fn rejects_paths_outside_the_folder_and_schemes() {
         let temp = tempfile::tempdir().unwrap();
         std::fs::create_dir(temp.path().join("scene")).unwrap();
@@ -281,7 +263,16 @@ mod tests {
         let folder = Folder::of(&temp.path().join("scene/x.gltf"), &ReadOptions::default()).unwrap();
         assert_eq!(load_uri("a%20b.bin", &folder).unwrap(), b"in");
         assert_eq!(load_uri("./a b.bin", &folder).unwrap(), b"in");
-        for uri in ["../out.bin", "%2e%2e/out.bin", "%2E%2E%2Fout.bin", "..%5Cout.bin", "/out.bin"] {
+        assert_eq!(load_uri("A%20B.BIN", &folder).unwrap(), b"in", "a name in another case");
+        for uri in [
+            "../out.bin",
+            "../OUT.bin",
+            "scene/../../OUT.BIN",
+            "%2e%2e/out.bin",
+            "%2E%2E%2Fout.bin",
+            "..%5Cout.bin",
+            "/out.bin",
+        ] {
             assert!(load_uri(uri, &folder).unwrap_err().contains("outside the folder"), "{uri}");
         }
         for uri in ["http://example.invalid/a.bin", "file:///out.bin", "C:\\out.bin"] {
@@ -293,11 +284,22 @@ mod tests {
         assert!(load_image("http://example.invalid/a b.bin", &folder).unwrap_err().contains("uri scheme"));
     }
 
+    /// RFC 2397 has both forms; programs break lines and use the alphabet of URLs.
     #[test]
-    fn rejects_data_uris_without_base64() {
+    fn reads_data_uris() {
         let folder = Folder::of(Path::new("x.gltf"), &ReadOptions::default()).unwrap();
         assert_eq!(load_uri("data:application/octet-stream;base64,Zm9v", &folder).unwrap(), b"foo");
-        for uri in ["data:;base64", "data:text/plain,foo", "data:;base64,@@@"] {
+        for (uri, content) in [
+            ("DATA:;Base64,Zm9v", &b"foo"[..]),
+            ("data:image/png;charset=utf-8;base64,Zm\n 9v", b"foo"),
+            ("data:;base64,-_%2b%2F", b"\xfb\xff\xbf"),
+            ("data:text/plain,f%6fo", b"foo"),
+            ("data:,", b""),
+            ("data:application/octet-stream,%00%ff", b"\x00\xff"),
+        ] {
+            assert_eq!(load_uri(uri, &folder).as_deref(), Ok(content), "{uri}");
+        }
+        for uri in ["data:;base64", "data:;base64,@@@"] {
             assert!(load_uri(uri, &folder).unwrap_err().contains("base64"), "{uri}");
         }
     }

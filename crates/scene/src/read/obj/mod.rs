@@ -33,7 +33,8 @@ pub(super) fn parse(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<
         let reason = if bytes.contains(&0) { "not a text file".to_owned() } else { no_faces(&statements) };
         return Err(ReadError::empty(path, reason));
     }
-    let mut scene = Scene { warnings: std::mem::take(&mut statements.warnings), ..Scene::default() };
+    let (warnings, notes) = (std::mem::take(&mut statements.warnings), std::mem::take(&mut statements.notes));
+    let mut scene = Scene { warnings, notes, ..Scene::default() };
     materials::materials(path, options, &statements.libraries, &statements.materials, &mut scene)?;
     let colors = colors(&mut statements, &mut scene);
     let mut checks = MeshChecks::default();
@@ -322,13 +323,14 @@ mod tests {
     }
 
     #[test]
-    fn elements_that_are_not_faces_are_reported_once() {
+    fn elements_that_are_not_faces_are_noted_once() {
+        let notes = |text: &str, note: &str| assert_eq!(loads(square(text), 1).notes, [note]);
         let others =
             "l 1 2\nl 2 3\np 1\ncstype bezier\ncurv 0 1 1 2 3 4\ncurv2 1 2\nsurf 0 1 0 1 1 2 3 4\ncall a.obj\nend\n";
         let counted = "2 lines, 1 point, 3 curves and surfaces, 1 call of another file";
-        warns(square(&format!("{others}f 1 2 3")), 1, &format!("skipping elements that are not faces: {counted}"));
+        notes(&format!("{others}f 1 2 3"), &format!("skipping elements that are not faces: {counted}"));
         fails(square(others), &format!("model.obj: nothing to draw: no faces ({counted})"));
-        warns(square("l 1 2\nf 1 2 3"), 1, "skipping elements that are not faces: 1 line");
+        notes("l 1 2\nf 1 2 3", "skipping elements that are not faces: 1 line");
     }
 
     #[test]

@@ -56,7 +56,12 @@ pub(super) struct Statements<'a> {
     n_others: [usize; OTHERS.len()],
     /// What was ignored.
     pub(super) warnings: Vec<String>,
+    /// What is not drawn.
+    pub(super) notes: Vec<String>,
 }
+
+/// Keywords of what is read, which some programs write in capitals.
+const KEYWORDS: [&[u8]; 8] = [b"v", b"vt", b"vn", b"f", b"o", b"g", b"usemtl", b"mtllib"];
 
 /// Elements that are no faces: keywords, the name of one and the name of several.
 const OTHERS: [(&[&[u8]], &str, &str); 4] = [
@@ -92,7 +97,7 @@ pub(super) fn parse_statements<'a>(path: &Path, bytes: &'a [u8]) -> Result<State
     parser.check_indices(path)?;
     parser.drop_unusable_indices();
     if let Some(skipped) = parser.statements.skipped() {
-        parser.statements.warnings.push(format!("skipping elements that are not faces: {skipped}"));
+        parser.statements.notes.push(format!("skipping elements that are not faces: {skipped}"));
     }
     let n = parser.statements.positions.len();
     if !parser.statements.colors.is_empty() {
@@ -152,7 +157,11 @@ impl<'a> Parser<'a> {
             b"usemtl" => self.state.material = Some(line.rest).filter(|name| !name.is_empty()),
             b"mtllib" => self.statements.libraries.push(line.rest),
             other => {
-                if let Some(kind) = OTHERS.iter().position(|(keywords, ..)| keywords.contains(&other)) {
+                let is = |known: &&[u8]| known.eq_ignore_ascii_case(other);
+                if let Some(keyword) = KEYWORDS.into_iter().find(|known| is(known) && *known != other) {
+                    return self.line(&Line { keyword, ..*line });
+                }
+                if let Some(kind) = OTHERS.iter().position(|(keywords, ..)| keywords.iter().any(is)) {
                     self.statements.n_others[kind] += 1;
                 }
             }

@@ -29,6 +29,13 @@ pub(super) enum Scalar {
     F64,
 }
 
+impl Property<'_> {
+    /// Whether it has one of these names, in any case.
+    pub(super) fn is_one_of(&self, names: &[&[u8]]) -> bool {
+        names.iter().any(|name| name.eq_ignore_ascii_case(self.name))
+    }
+}
+
 impl Scalar {
     fn named(name: &[u8]) -> Option<Self> {
         Some(match name {
@@ -118,11 +125,10 @@ pub(super) fn header<'a>(path: &Path, bytes: &'a [u8]) -> Result<(Header<'a>, &'
         }
         let words: Vec<&[u8]> = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
         match words[..] {
-            [] | [b"obj_info", ..] => {}
-            [b"comment", name, _, ..] if name.eq_ignore_ascii_case(b"TextureFile") => {
+            [b"comment" | b"obj_info", name, _, ..] if is_texture_file(name) => {
                 header.textures.push(text::split_word(text::split_word(line).1).1.trim_ascii());
             }
-            [b"comment", ..] => {}
+            [] | [b"comment" | b"obj_info", ..] => {}
             [b"format", name, b"1.0", ..] => encoding = Some(encoding_named(name).map_err(malformed)?),
             [b"element", name, count, ..] => header.elements.push(element(&header, name, count).map_err(malformed)?),
             [b"property", ref words @ ..] => {
@@ -145,6 +151,11 @@ pub(super) fn header<'a>(path: &Path, bytes: &'a [u8]) -> Result<(Header<'a>, &'
         }
     }
     Err(ReadError::malformed(path, "header", "missing 'end_header'"))
+}
+
+/// Whether a comment that begins with this word names a texture.
+fn is_texture_file(word: &[u8]) -> bool {
+    word.strip_suffix(b":").unwrap_or(word).eq_ignore_ascii_case(b"TextureFile")
 }
 
 fn encoding_named(name: &[u8]) -> Result<Encoding, String> {

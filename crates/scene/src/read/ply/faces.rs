@@ -9,7 +9,7 @@ use crate::read::error::ReadError;
 use crate::read::mesh::MeshChecks;
 
 /// Property names of the vertex indices of a face.
-const INDICES: [&[u8]; 2] = [b"vertex_indices", b"vertex_index"];
+const INDICES: [&[u8]; 4] = [b"vertex_indices", b"vertex_index", b"vertex_indexes", b"indices"];
 
 /// Property names of the texture coordinates of the corners of a face: a list of u and v of each.
 const UVS: [&[u8]; 7] = [b"texcoord", b"texcoords", b"tex_coord", b"tex_coords", b"texture_coordinates", b"uv", b"uvs"];
@@ -44,7 +44,7 @@ impl Layout {
     pub(super) fn of(element: &Element) -> Result<Self, String> {
         let mut slots: Vec<Option<Slot>> = Vec::with_capacity(element.properties.len());
         for property in &element.properties {
-            let is = |names: &[&[u8]]| names.contains(&property.name);
+            let is = |names: &[&[u8]]| property.is_one_of(names);
             let slot = match property.kind {
                 Kind::List { .. } if is(&INDICES) => Some(Slot::Indices),
                 Kind::List { .. } if is(&UVS) => Some(Slot::Uvs),

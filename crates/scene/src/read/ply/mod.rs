@@ -211,8 +211,8 @@ const VERTEX: [&[&[u8]]; N_SLOTS] = [
     &[b"nx"],
     &[b"ny"],
     &[b"nz"],
-    &[b"u", b"s", b"texture_u", b"texture_s", b"texcoord_u", b"texcoord_s", b"tu", b"u0"],
-    &[b"v", b"t", b"texture_v", b"texture_t", b"texcoord_v", b"texcoord_t", b"tv", b"v0"],
+    &[b"u", b"s", b"texture_u", b"texture_s", b"texcoord_u", b"texcoord_s", b"tex_u", b"tex_s", b"tu", b"u0"],
+    &[b"v", b"t", b"texture_v", b"texture_t", b"texcoord_v", b"texcoord_t", b"tex_v", b"tex_t", b"tv", b"v0"],
     COLOR[0],
     COLOR[1],
     COLOR[2],
@@ -267,7 +267,7 @@ fn vertex_slots(element: &Element) -> Result<Vec<Option<usize>>, String> {
     let mut is_taken = [false; N_SLOTS];
     let slots = element.properties.iter().map(|property| {
         let is_scalar = matches!(property.kind, Kind::Scalar(_));
-        let slot = VERTEX.iter().position(|names| is_scalar && names.contains(&property.name));
+        let slot = VERTEX.iter().position(|names| is_scalar && property.is_one_of(names));
         slot.filter(|&slot| !std::mem::replace(&mut is_taken[slot], true))
     });
     let slots = slots.collect();

@@ -212,7 +212,9 @@ struct Requests<'a> {
 
 impl Requests<'_> {
     fn add(&mut self, map: &Map, role: Role, material: usize) -> Result<usize, String> {
-        let path = self.folder.find(&map.file)?;
+        let find = |name: &str| self.folder.find(name);
+        let path =
+            find(&map.file).or_else(|error| other_names(&map.file).find_map(|name| find(&name).ok()).ok_or(error))?;
         let (next, wrap) = (self.list.len(), map.wrap());
         // Both are colors.
         let role = if role == Role::Emission { Role::BaseColor } else { role };
@@ -222,6 +224,13 @@ impl Requests<'_> {
         }
         Ok(id)
     }
+}
+
+/// What a name that no file has may stand for: a name before a comment, and one with percent escapes.
+fn other_names(name: &str) -> impl Iterator<Item = String> {
+    let before = name.split_once(" #").map(|(before, _)| before.trim_end().to_owned());
+    let plain = String::from_utf8(text::unescaped(name)).ok().filter(|plain| plain != name);
+    before.into_iter().chain(plain)
 }
 
 /// Loads all textures into the scene; the id of each, or `None` with a warning.
@@ -552,7 +561,7 @@ enum Effect {
 }
 
 /// The options with their largest number of arguments. Trailing vector components are optional.
-const OPTIONS: [(&str, usize, Effect); 13] = [
+const OPTIONS: [(&str, usize, Effect); 14] = [
     ("-s", 3, Effect::Scale),
     ("-o", 3, Effect::Offset),
     ("-clamp", 1, Effect::Clamp),
@@ -566,6 +575,8 @@ const OPTIONS: [(&str, usize, Effect); 13] = [
     ("-imfchan", 1, Effect::Unsupported(&["l"])),
     ("-texres", 1, Effect::Ignored),
     ("-type", 1, Effect::Ignored),
+    // The content decides.
+    ("-colorspace", 1, Effect::Ignored),
 ];
 
 /// The texture of a statement and its unsupported options. The file name may be in quotes; options are before it, or after it.
