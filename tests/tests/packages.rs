@@ -15,7 +15,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("bih", &["obb", "trace", "lbvh"]),
     ("kdtree", &["obb", "trace", "lbvh"]),
     ("tlas", &["obb", "trace", "lbvh", "wide"]),
-    ("canted", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "scene", "gpu"]),
+    ("collide", &["obb", "trace", "wide"]),
+    ("canted", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "collide", "scene", "gpu"]),
     ("film", &[]),
     ("scene", &["obb"]),
     ("shaders", &[]),
@@ -28,10 +29,10 @@ const ALLOWED: &[(&str, &[&str])] = &[
 
 /// Further packages that tests alone may depend on; those of any package may use `fixtures`.
 const ALLOWED_IN_TESTS: &[(&str, &[&str])] =
-    &[("obb", &["obb"]), ("tlas", &["bvh2", "bih", "kdtree"]), ("renderer", &["shaders"])];
+    &[("obb", &["obb"]), ("tlas", &["bvh2", "bih", "kdtree"]), ("collide", &["lbvh"]), ("renderer", &["shaders"])];
 
 /// Crates with few dependencies, and those that they may have.
-const MINIMAL: &[&str] = &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "canted"];
+const MINIMAL: &[&str] = &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "collide", "canted"];
 const MINIMAL_DEPENDENCIES: &[&str] = &["glam", "bytemuck", "rayon", "libm", "memmap2"];
 
 /// Those of them that must be optional.

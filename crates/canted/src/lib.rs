@@ -41,6 +41,14 @@ pub mod file {
     pub use canted_wide::{LoadError, SavedPrimitive};
 }
 
+/// Bodies against bodies: touching pairs, distances, self-intersections and casts.
+pub mod collide {
+    pub use canted_collide::{
+        Body, Capsule, Distance, Hull, Pose, PrimitivePair, Segment, Shape, SphereContact, cast_sphere, closest_pairs,
+        distance, each_pair, overlaps, pairs, pairs_within, self_intersections,
+    };
+}
+
 /// How instances are placed, changed and moved.
 pub mod instance {
     pub use canted_tlas::{InstanceError, MAX_CONDITION, Motion, TlasEdit, TopConfig};

@@ -75,7 +75,7 @@ pub use fit::{Fit, FitError, fit};
 pub use frame::Frame;
 pub use moments::Moments;
 pub use obb::Obb;
-pub use orientation::{flat_as_edge, is_flat, orient_2d, orient_3d};
+pub use orientation::{flat_as_edge, is_flat, orient_2d, orient_2d_f64, orient_3d, orient_3d_f64};
 pub use quaternion::Quaternion;
 
 /// Index of a primitive in the caller's array.

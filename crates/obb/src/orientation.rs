@@ -16,7 +16,13 @@ const FILTER_ERROR: f64 = 8.0 * U;
 /// Source: Shewchuk 1997, with a static filter and expansions behind it.
 #[must_use]
 pub fn orient_2d(a: [f32; 2], b: [f32; 2], c: [f32; 2]) -> Ordering {
-    let [[ax, ay], [bx, by], [cx, cy]] = [a, b, c].map(|p| p.map(f64::from));
+    let [a, b, c] = [a, b, c].map(|p| p.map(f64::from));
+    orient_2d_f64(a, b, c)
+}
+
+/// As [`orient_2d`], of points in `f64`: exact where each coordinate is zero or between 2^-250 and 2^250 in magnitude.
+#[must_use]
+pub fn orient_2d_f64([ax, ay]: [f64; 2], [bx, by]: [f64; 2], [cx, cy]: [f64; 2]) -> Ordering {
     let (left, right) = ((ax - cx) * (by - cy), (ay - cy) * (bx - cx));
     let area = left - right;
     if area.abs() > FILTER_ERROR * (left.abs() + right.abs()) {
@@ -33,6 +39,12 @@ pub fn orient_2d(a: [f32; 2], b: [f32; 2], c: [f32; 2]) -> Ordering {
 #[must_use]
 pub fn orient_3d(a: [f32; 3], b: [f32; 3], c: [f32; 3], d: [f32; 3]) -> Ordering {
     let [a, b, c, d] = [a, b, c, d].map(|p| p.map(f64::from));
+    orient_3d_f64(a, b, c, d)
+}
+
+/// As [`orient_3d`], of points in `f64`: exact where each coordinate is zero or between 2^-250 and 2^250 in magnitude.
+#[must_use]
+pub fn orient_3d_f64(a: [f64; 3], b: [f64; 3], c: [f64; 3], d: [f64; 3]) -> Ordering {
     let [u, v, w] = [a, b, c].map(|p| [p[0] - d[0], p[1] - d[1], p[2] - d[2]]);
     let (mut volume, mut terms) = (0.0, 0.0);
     for [x, y, z] in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
@@ -43,14 +55,16 @@ pub fn orient_3d(a: [f32; 3], b: [f32; 3], c: [f32; 3], d: [f32; 3]) -> Ordering
     if volume.abs() > FILTER_ERROR * terms {
         return volume.total_cmp(&0.0);
     }
-    // Four determinants of three points each; a product of two f32 is exact in f64, a third factor leaves two parts.
-    let mut exact = ExactSum::<48>::new();
+    let is_exact = |p: [f64; 3]| (0..3).all(|k| two_sum(p[k], -d[k]).1 == 0.0);
+    if [a, b, c].into_iter().all(is_exact) {
+        let mut exact = ExactSum::<24>::new();
+        exact.add_determinant(u, v, w, 1.0);
+        return exact.sign();
+    }
+    // Four determinants of three points each.
+    let mut exact = ExactSum::<96>::new();
     for (points, sign) in [([a, b, c], 1.0), ([b, c, d], -1.0), ([c, d, a], 1.0), ([d, a, b], -1.0)] {
-        let [u, v, w] = points;
-        for [x, y, z] in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
-            exact.add_product(sign * u[x], v[y] * w[z]);
-            exact.add_product(-sign * u[x], v[z] * w[y]);
-        }
+        exact.add_determinant(points[0], points[1], points[2], sign);
     }
     exact.sign()
 }
@@ -120,6 +134,21 @@ impl<const N: usize> ExactSum<N> {
         let product = a * b;
         self.add(mul_add(a, b, -product));
         self.add(product);
+    }
+
+    /// Adds `sign · det(u, v, w)`: six products of three factors.
+    fn add_determinant(&mut self, u: [f64; 3], v: [f64; 3], w: [f64; 3], sign: f64) {
+        for [x, y, z] in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
+            for (first, second, third) in [(v[y], w[z], u[x]), (v[z], w[y], -u[x])] {
+                let product = first * second;
+                let rest = mul_add(first, second, -product);
+                // Products of two f32 leave none.
+                if rest != 0.0 {
+                    self.add_product(sign * third, rest);
+                }
+                self.add_product(sign * third, product);
+            }
+        }
     }
 
     /// Adds a number; zero parts are dropped (Shewchuk 1997, grow expansion with zero elimination).
@@ -228,6 +257,28 @@ mod tests {
         assert_eq!(orient_3d([0.0; 3], [1e30, 0.0, 0.0], [0.0, 1e30, 0.0], [1e30, 1e30, tiny]), Ordering::Less);
         assert_eq!(orient_3d([0.0; 3], [1e30, 0.0, 0.0], [0.0, 1e30, 0.0], [1e30, 1e30, -tiny]), Ordering::Greater);
         assert_eq!(orient_3d([0.0; 3], [1e30, 0.0, 0.0], [0.0, 1e30, 0.0], [1e30, 1e30, 0.0]), Ordering::Equal);
+    }
+
+    /// Numbers of 53 bits: neither differences nor products of two are exact.
+    #[test]
+    fn the_last_place_of_f64_decides() {
+        let up = |x: f64| x.next_up();
+        for scale in [1e-60, 1.0 / 3.0, 1e7, 1e60] {
+            let [a, b, c] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|p: [f64; 3]| p.map(|x| scale * x));
+            // In the plane of the others, as powers of two of one number.
+            let d = [0.25, 0.25, 0.5].map(|x| scale * x);
+            assert_eq!(orient_3d_f64(a, b, c, d), Ordering::Equal, "{scale}");
+            assert_eq!(orient_3d_f64(a, b, c, [d[0], d[1], up(d[2])]), Ordering::Less, "{scale}");
+            assert_eq!(orient_3d_f64(a, b, c, [d[0], d[1], d[2].next_down()]), Ordering::Greater, "{scale}");
+            let shifted = [a, b, c, d].map(|p| p.map(|x| x + 1e9 * scale));
+            let [a, b, c, d] = shifted;
+            let sign = orient_3d_f64(a, b, c, d);
+            assert_eq!([orient_3d_f64(b, a, c, d), orient_3d_f64(a, b, d, c)], [sign.reverse(); 2], "{scale}");
+            assert_eq!(
+                orient_2d_f64([scale, scale], [3.0 * scale, 3.0 * scale], [scale, up(scale)]),
+                Ordering::Greater
+            );
+        }
     }
 
     #[test]

@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyType};
 
 use crate::arrays::{Table, shaped};
+use crate::bodies::{self, Distance, Pair};
 use crate::error::invalid;
 use crate::file;
 use crate::frame::OriginArgument;
@@ -250,7 +251,8 @@ impl Bvh {
         let (geometry, call) = (self.geometry(), Call::new(py, threads, progress)?);
         let origin = geometry.origin(origin)?;
         let arrays = RayArrays::new(origins, directions, [t_min, t_max])?;
-        let columns = closest_hits(&call, &*geometry.mesh, &arrays.rays(origin, geometry.near()), false)?;
+        let (mesh, rays) = (&*geometry.mesh, arrays.rays(origin, geometry.near()));
+        let columns = closest_hits(&call, &|_, rays, hits| mesh.closest_hits(rays, hits), &rays, false)?;
         Hits::new(py, columns, Surface::Mesh { geometry, origin }, arrays.shape())
     }
 
@@ -553,6 +555,80 @@ impl Bvh {
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         self.overlaps(&Call::new(py, threads, progress)?, &Regions::frusta(near, far)?, origin)
+    }
+
+    /// pairs(b, pose=None)
+    ///
+    /// The pairs of triangles of this mesh and of b that share a point, touching included: (n, 2) int32, sorted by row.
+    ///
+    /// Decided exactly, for degenerate and coplanar triangles too: a degenerate one is the segment or the point that its vertices span. Vertices are
+    /// the float32 ones of both meshes; those of b are mapped by pose in float64, rounded there.
+    ///
+    /// Parameters
+    /// ----------
+    /// b : Bvh
+    ///     The other mesh.
+    /// pose : (4, 4) floats, optional
+    ///     Places b in the space of this mesh: rotated, scaled, mirrored or sheared. Default: both are in one space.
+    #[pyo3(signature = (b, pose=None))]
+    fn pairs(&self, py: Python<'_>, b: &Self, pose: Option<&Bound<'_, PyAny>>) -> PyResult<Py<PyAny>> {
+        Pair::new(self.geometry(), b.geometry(), pose)?.pairs(&Call::plain(py)?)
+    }
+
+    /// overlaps(b, pose=None)
+    ///
+    /// Whether a triangle of this mesh and one of b share a point: bool. Parameters and what is exact are those of pairs. A mesh inside of a closed
+    /// one does not overlap it, unless surfaces touch; contains of one of its vertices tells.
+    #[pyo3(name = "overlaps", signature = (b, pose=None))]
+    fn overlaps_mesh(&self, py: Python<'_>, b: &Self, pose: Option<&Bound<'_, PyAny>>) -> PyResult<bool> {
+        Pair::new(self.geometry(), b.geometry(), pose)?.overlaps(&Call::plain(py)?)
+    }
+
+    /// distance_to(b, pose=None)
+    ///
+    /// The distance of the surfaces of this mesh and of b, and their nearest points: Distance. 0 where overlaps is true. Parameters are those of
+    /// pairs.
+    #[pyo3(signature = (b, pose=None))]
+    fn distance_to(&self, py: Python<'_>, b: &Self, pose: Option<&Bound<'_, PyAny>>) -> PyResult<Distance> {
+        Pair::new(self.geometry(), b.geometry(), pose)?.distance(&Call::plain(py)?)
+    }
+
+    /// self_intersections()
+    ///
+    /// The pairs of triangles of this mesh that share a point, (n, 2) int32, the lower triangle first, sorted by row.
+    ///
+    /// Neighbors are not reported: pairs with one or two vertices at one place, whatever their indices. Two triangles with the same three vertices are.
+    fn self_intersections(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        bodies::self_intersections(&Call::plain(py)?, self.geometry())
+    }
+
+    /// cast_sphere(origins, directions, radius, t_max=inf, *, origin=None, threads=None, progress=None)
+    ///
+    /// The first contact of a sphere whose center moves along each ray, touching included: Hits.
+    ///
+    /// t is when the sphere touches, in units of the direction, 0 where it overlaps at the start; position the point of the triangle that is touched. A zero
+    /// direction is a sphere at rest. Other parameters and errors are those of closest_hit.
+    ///
+    /// Parameters
+    /// ----------
+    /// radius : float or (...,) floats
+    ///     0 or more.
+    #[pyo3(signature = (origins, directions, radius, t_max=None, *, origin=None, threads=None, progress=None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+    fn cast_sphere<'py>(
+        &self,
+        py: Python<'py>,
+        origins: &Bound<'py, PyAny>,
+        directions: &Bound<'py, PyAny>,
+        radius: &Bound<'py, PyAny>,
+        t_max: Option<&Bound<'py, PyAny>>,
+        origin: Option<&Bound<'py, PyAny>>,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Hits> {
+        let (geometry, call) = (self.geometry(), Call::new(py, threads, progress)?);
+        let (origin, arrays) = (geometry.origin(origin)?, RayArrays::new(origins, directions, [None, t_max])?);
+        bodies::cast_sphere(&call, geometry, &arrays, radius, origin)
     }
 
     /// refit(vertices, *, threads=None)

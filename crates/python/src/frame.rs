@@ -102,6 +102,11 @@ impl Near {
         Self { center: std::array::from_fn(|k| low[k] + half[k]), radius: dot(half, half).sqrt() }
     }
 
+    /// The sphere within which a sphere of this radius touches the mesh.
+    pub(crate) fn grown(self, by: f64) -> Self {
+        Self { radius: self.radius + by, ..self }
+    }
+
     /// The `t` at which a ray reaches the sphere; zero for one that starts there, or whose `t` is not finite.
     ///
     /// Rounding a direction to `f32` moves a hit by the distance times 2^-24: from near the mesh that is little.

@@ -11,6 +11,7 @@
 //! | `query`, `overlaps` | queries of slices of rays; of regions |
 //! | `geometry`, `frame` | builds and refits; origins near a mesh |
 //! | `bvh`, `tlas`, `hits`, `nearest` | the classes of the package |
+//! | `bodies` | meshes against meshes, and spheres that move |
 //! | `points` | positions and normals of hits |
 //! | `file` | BVHs as files |
 //!
@@ -19,6 +20,7 @@
 #![forbid(unsafe_code)]
 
 mod arrays;
+mod bodies;
 mod bvh;
 mod error;
 mod file;
@@ -43,5 +45,6 @@ fn _canted(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<bvh::Bvh>()?;
     module.add_class::<tlas::Tlas>()?;
     module.add_class::<hits::Hits>()?;
-    module.add_class::<nearest::Nearest>()
+    module.add_class::<nearest::Nearest>()?;
+    module.add_class::<bodies::Distance>()
 }

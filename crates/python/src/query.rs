@@ -143,10 +143,13 @@ fn signed(index: u32) -> i32 {
     i32::try_from(index).unwrap_or(i32::MAX)
 }
 
-/// The closest hit of each ray.
+/// What finds a hit of each ray of a slice, and gets the number of its first ray.
+pub(crate) type FindHits<'a> = dyn Fn(usize, &[Ray], &mut [Option<Hit>]) + Sync + 'a;
+
+/// One hit of each ray.
 pub(crate) fn closest_hits(
     call: &Call<'_>,
-    target: &dyn Intersect,
+    find: &FindHits<'_>,
     rays: &Rays<'_>,
     has_instances: bool,
 ) -> PyResult<Columns> {
@@ -171,7 +174,7 @@ pub(crate) fn closest_hits(
     call.for_jobs(jobs, |(first, ((((t, primitive), u), v), entering), (instance, starts))| {
         let read = rays.read(first..first + t.len());
         let mut hits = vec![None; t.len()];
-        target.closest_hits(&read.rays, &mut hits);
+        find(first, &read.rays, &mut hits);
         starts.copy_from_slice(&read.starts);
         for (i, hit) in hits.iter().enumerate() {
             let Some(hit) = hit else { continue };

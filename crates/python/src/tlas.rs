@@ -159,7 +159,8 @@ impl Tlas {
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Hits> {
         let (arrays, call) = (RayArrays::new(origins, directions, [t_min, t_max])?, Call::new(py, threads, progress)?);
-        let columns = closest_hits(&call, &*self.tlas, &self.rays(&arrays), true)?;
+        let columns =
+            closest_hits(&call, &|_, rays, hits| self.tlas.closest_hits(rays, hits), &self.rays(&arrays), true)?;
         Hits::new(py, columns, self.surface(), arrays.shape())
     }
 

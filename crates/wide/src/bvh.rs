@@ -1,10 +1,12 @@
+use canted_obb::vector::to_f32;
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::Triangles;
 
 use crate::config::Baseline;
 use crate::leaf::{LeafPrimitive, Triangle};
-use crate::node::{ALIGNED_LINES, ChildWord, DecodedWord, NodeKind, Nodes, ORIENTED_LINES, Row, node_words, rows};
+use crate::node::{ChildWord, DecodedWord, NodeKind, Nodes, node_words};
 use crate::simd::{AvailablePath, SimdPath};
+use crate::subtree::NodeBox;
 use crate::traverse::MeshFrame;
 
 /// A BVH of eight-wide nodes over primitives `P`: triangles ([`TriangleBvh`]), spheres, boxes, or any
@@ -141,21 +143,8 @@ impl<P: LeafPrimitive> WideBvh<P> {
 
     /// The box in a slot of a node.
     fn child_box(&self, kind: NodeKind, line: u32, i: usize) -> Option<Obb> {
-        let lane = |row: &Row| row[i];
-        let relative = match kind {
-            NodeKind::Aligned => {
-                let node: &[Row; 8] = rows::<ALIGNED_LINES, 8>(&self.nodes.lines, line);
-                let [lower, upper] = [0, 1].map(|side| std::array::from_fn(|k| lane(&node[2 * k + side])));
-                Obb::from_slabs(self.frame.rows, lower, upper)
-            }
-            NodeKind::Oriented => {
-                let node: &[Row; 16] = rows::<ORIENTED_LINES, 16>(&self.nodes.lines, line);
-                let axes = std::array::from_fn(|a| std::array::from_fn(|k| lane(&node[5 * a + k])));
-                let planes =
-                    |sign: f32| std::array::from_fn(|a| lane(&node[5 * a + 3]) + sign * lane(&node[5 * a + 4]));
-                Obb::from_slabs(axes, planes(-1.0), planes(1.0))
-            }
-        };
+        let NodeBox { rows, lo, hi } = NodeBox::of_slot(&self.nodes.lines, kind, line, i, self.frame.rows);
+        let relative = Obb::from_slabs(rows, to_f32(lo), to_f32(hi));
         Some(self.frame.reference.given_box(relative?))
     }
 }

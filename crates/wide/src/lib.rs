@@ -44,7 +44,8 @@
 //! | every hit; every crossing of a surface, once | [`Intersect::all_hits`](canted_trace::Intersect::all_hits), [`Crossings::crossings`](canted_trace::Crossings::crossings) |
 //! | only hits that a function accepts | [`Intersect::closest_hit_with`](canted_trace::Intersect::closest_hit_with) and an [`Accept`](canted_trace::Accept) |
 //! | slices, on one thread or on all | [`Intersect::closest_hits`](canted_trace::Intersect::closest_hits), [`Intersect::par_closest_hits`](canted_trace::Intersect::par_closest_hits), and similar |
-//! | which boxes a ray enters | [`WideBvh::traverse`] of a `WideBvh<Aabb>` |
+//! | which boxes a ray enters; which primitives come near it | [`WideBvh::traverse`] of a `WideBvh<Aabb>`; [`WideBvh::visit_along`] |
+//! | nodes and leaves, for a walk of your own | [`WideBvh::root`], [`WideBvh::lanes`], [`WideBvh::child`] |
 //! | distances, containment, overlaps | [`WideBvh::nearest_point`], [`TriangleBvh::contains`], [`TriangleBvh::winding_numbers`], [`WideBvh::overlapping`] |
 //! | moved primitives | [`TriangleBvh::refit`], which reports when to rebuild |
 //! | the primitives | [`TriangleBvh::triangle`], [`TriangleBvh::triangles`], `primitives` |
@@ -102,6 +103,7 @@ mod leaf;
 mod node;
 mod query;
 mod simd;
+mod subtree;
 mod traverse;
 mod update;
 
@@ -118,4 +120,5 @@ pub use leaf::{
 pub use node::{Flaw, MAX_PRIMITIVES, MAX_TRIANGLES, NodeKind};
 pub use query::{MovingBvh, Order, TraversalCounts};
 pub use simd::SimdPath;
+pub use subtree::{NodeBox, NodeLanes, Subtree};
 pub use update::{Refit, RefitError};

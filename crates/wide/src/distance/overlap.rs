@@ -8,7 +8,8 @@ use super::DistanceShape;
 use super::nearest::squared;
 use crate::bvh::WideBvh;
 use crate::leaf::LeafPrimitive;
-use crate::node::{ALIGNED_LINES, CacheLine, ChildWord, DecodedWord, NodeKind, ORIENTED_LINES, node_words, rows};
+use crate::node::{ChildWord, DecodedWord, node_words};
+use crate::subtree::NodeBox;
 use crate::traverse::LeafRange;
 
 /// Rounding of a box corner and its projections, relative to the coordinates: f32 rows, and sums in f64; eight u.
@@ -47,10 +48,10 @@ where
                 }
                 DecodedWord::Node(kind, line) => {
                     let words = *node_words(&self.nodes.lines, kind, line);
-                    let boxes = boxes(&self.nodes.lines, kind, line, self.frame.rows);
                     let reference = to_f64(self.frame.reference.point());
-                    for (word, (rows, lo, hi)) in words.into_iter().zip(boxes) {
-                        if word != ChildWord::EMPTY && may_overlap(region, reference, rows, lo, hi) {
+                    for (i, word) in words.into_iter().enumerate() {
+                        let slot = || NodeBox::of_slot(&self.nodes.lines, kind, line, i, self.frame.rows);
+                        if word != ChildWord::EMPTY && may_overlap(region, reference, &slot()) {
                             waiting.push(word);
                         }
                     }
@@ -76,34 +77,14 @@ where
     }
 }
 
-/// Rows of a box, and the lower and upper end of its interval along each.
-type BoxRows = ([[f32; 3]; 3], [f64; 3], [f64; 3]);
-
-/// The eight boxes of a node.
-fn boxes(lines: &[CacheLine], kind: NodeKind, line: u32, frame: [[f32; 3]; 3]) -> [BoxRows; 8] {
-    std::array::from_fn(|i| match kind {
-        NodeKind::Aligned => {
-            let rows = rows::<ALIGNED_LINES, 8>(lines, line);
-            let plane = |row: usize| f64::from(rows[row][i]);
-            (frame, [plane(0), plane(2), plane(4)], [plane(1), plane(3), plane(5)])
-        }
-        NodeKind::Oriented => {
-            let rows = rows::<ORIENTED_LINES, 16>(lines, line);
-            let interval = |k: usize, side: f64| f64::from(rows[5 * k + 3][i]) + side * f64::from(rows[5 * k + 4][i]);
-            let axes = std::array::from_fn(|k| std::array::from_fn(|axis| rows[5 * k + axis][i]));
-            (axes, [0, 1, 2].map(|k| interval(k, -1.0)), [0, 1, 2].map(|k| interval(k, 1.0)))
-        }
-    })
-}
-
 /// Whether a box `lo <= rows·(x - reference) <= hi` may share a point with the region.
 ///
 /// It looks for gaps only along axes that the tests of primitives use too, with more slack: so answers do not depend on
 /// the BVH. With R·Rᵀ = I + E and ‖E‖ <= 1/4 the transposed rows are the inverse up to 1.2·‖E‖; the length of a vector is at most √3
 /// times its greatest component. If they share a point, no coordinate of the reference exceeds the region's magnitude and √3 times the
 /// box's reach together, so [`CORNER_ERROR`] covers its projection in f64.
-fn may_overlap(region: &Convex, reference: [f64; 3], rows: [[f32; 3]; 3], lo: [f64; 3], hi: [f64; 3]) -> bool {
-    let rows = rows.map(|row| row.map(f64::from));
+fn may_overlap(region: &Convex, reference: [f64; 3], &NodeBox { rows, lo, hi }: &NodeBox) -> bool {
+    let rows = rows.map(to_f64);
     let reach = lo.iter().chain(&hi).fold(region.magnitude(), |most, x| most.max(x.abs()));
     let skew = 3.0 * (0..3).map(|k| deviation(rows, k)).sum::<f64>() + CORNER_ERROR;
     skew > 0.25

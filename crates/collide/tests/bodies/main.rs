@@ -1,0 +1,7 @@
+//! Bodies against bodies, compared with loops over all pairs.
+
+mod cast;
+mod common;
+mod distance;
+mod pairs;
+mod shapes;
