@@ -84,29 +84,36 @@ impl Pose {
         (dot(x, x) + dot(y, y) + dot(z, z)).sqrt()
     }
 
-    /// By how much lengths grow under a similarity: the cube root of the determinant's magnitude.
-    pub(crate) fn stretch(&self) -> f64 {
+    /// The columns of the linear part over their norm, so that no product overflows; `None` for a map to a point.
+    fn scaled(&self) -> Option<([Vector; 3], f64)> {
+        let [x, y, z, _] = self.columns;
+        let norm = self.norm();
+        (norm > 0.0).then(|| ([x, y, z].map(|column| scale(column, 1.0 / norm)), norm))
+    }
+
+    /// At most the least stretch of the map; that of a similarity, but for rounding.
+    pub(crate) fn least_stretch(&self) -> f64 {
         if *self == Self::IDENTITY {
             return 1.0;
         }
-        let [x, y, z, _] = self.columns;
-        dot(x, cross(y, z)).abs().cbrt()
+        let Some((columns, norm)) = self.scaled() else { return 0.0 };
+        let [x, y, z] = columns;
+        // The product of the singular values, over the square of the greatest.
+        let stretch = dot(x, cross(y, z)).abs() / squared_norm(&columns);
+        stretch * norm
     }
 
     /// Columns of the matrix that maps normals of planes, divided by a bound of its spectral norm; zero for a map to a line.
     pub(crate) fn of_normals(&self) -> [Vector; 3] {
-        let [x, y, z, _] = self.columns;
-        // First scaled, so that no product overflows.
-        let size = self.norm();
-        if size == 0.0 {
-            return [[0.0; 3]; 3];
-        }
-        let [x, y, z] = [x, y, z].map(|column| scale(column, 1.0 / size));
+        let Some(([x, y, z], _)) = self.scaled() else { return [[0.0; 3]; 3] };
         let columns = [cross(y, z), cross(z, x), cross(x, y)];
-        let row_sum = |a: Vector| columns.iter().map(|&b| dot(a, b).abs()).sum::<f64>();
-        let squared = columns.iter().map(|&column| row_sum(column)).fold(0.0, f64::max);
-        // The spectral norm is at most the root of the greatest row sum of the product with its transpose.
-        let bound = squared.sqrt() * (1.0 + 64.0 * f64::EPSILON);
+        let bound = squared_norm(&columns).sqrt() * (1.0 + 64.0 * f64::EPSILON);
         if bound > 0.0 { columns.map(|column| scale(column, 1.0 / bound)) } else { [[0.0; 3]; 3] }
     }
+}
+
+/// At least the square of the spectral norm: the greatest row sum of the product with the transpose.
+fn squared_norm(columns: &[Vector; 3]) -> f64 {
+    let row_sum = |a: Vector| columns.iter().map(|&b| dot(a, b).abs()).sum::<f64>();
+    columns.iter().map(|&column| row_sum(column)).fold(0.0, f64::max)
 }

@@ -12,8 +12,10 @@ pub trait Shape {
     /// Calls `visit` with each point, object space. A shape without points touches nothing.
     fn each_point(&self, visit: &mut dyn FnMut([f64; 3]));
 
-    /// How far the shape reaches beyond the hull of its points: finite, not negative. Under a pose it is multiplied by the cube root of the
-    /// determinant's magnitude, so only similarities map a shape with a radius exactly.
+    /// How far the shape reaches beyond the hull of its points: finite, not negative.
+    ///
+    /// Similarities map a shape with a radius exactly. Under another pose the radius is multiplied by at most the least stretch, so what is compared lies
+    /// in the image.
     fn radius(&self) -> f64 {
         0.0
     }

@@ -59,7 +59,7 @@ impl PlacedLeaf {
                 lo = std::array::from_fn(|k| if point[k] < lo[k] { point[k] } else { lo[k] });
                 hi = std::array::from_fn(|k| if point[k] > hi[k] { point[k] } else { hi[k] });
             }
-            let radius = shape.radius() * pose.stretch();
+            let radius = shape.radius() * pose.least_stretch();
             (placed.primitive, placed.radius) = (primitive, radius);
             (placed.lo, placed.hi) = (lo.map(|x| x - radius), hi.map(|x| x + radius));
             self.n += 1;

@@ -4,9 +4,8 @@ use canted_trace::Triangles;
 
 use crate::config::Baseline;
 use crate::leaf::{LeafPrimitive, Triangle};
-use crate::node::{ChildWord, DecodedWord, NodeKind, Nodes, node_words};
+use crate::node::{ChildWord, DecodedWord, NodeBox, NodeKind, Nodes, node_words};
 use crate::simd::{AvailablePath, SimdPath};
-use crate::subtree::NodeBox;
 use crate::traverse::MeshFrame;
 
 /// A BVH of eight-wide nodes over primitives `P`: triangles ([`TriangleBvh`]), spheres, boxes, or any

@@ -117,8 +117,8 @@ pub use file::{LoadError, RawBvh};
 pub use leaf::{
     LeafPrimitive, Primitive, PrimitiveHit, SavedPrimitive, Triangle, bounds_of_points, extent_of_box, extent_of_points,
 };
-pub use node::{Flaw, MAX_PRIMITIVES, MAX_TRIANGLES, NodeKind};
+pub use node::{Flaw, MAX_PRIMITIVES, MAX_TRIANGLES, NodeBox, NodeKind};
 pub use query::{MovingBvh, Order, TraversalCounts};
 pub use simd::SimdPath;
-pub use subtree::{NodeBox, NodeLanes, Subtree};
+pub use subtree::{NodeLanes, Subtree};
 pub use update::{Refit, RefitError};

@@ -6,7 +6,7 @@ use canted_trace::{Ray, ScaledRay, with_stack};
 
 use crate::bvh::WideBvh;
 use crate::leaf::LeafPrimitive;
-use crate::node::{ALIGNED_LINES, CacheLine, ChildWord, DecodedWord, NodeKind, ORIENTED_LINES, node_words, rows};
+use crate::node::{ALIGNED_LINES, ChildWord, DecodedWord, NodeBox, NodeKind, ORIENTED_LINES, node_words, rows};
 use crate::simd::{Simd, Task};
 use crate::traverse::{LeafRange, RayLanes, TracedRay, Visitor, walk};
 
@@ -19,40 +19,6 @@ impl Subtree {
     #[must_use]
     pub fn is_leaf(self) -> bool {
         matches!(self.0.kind(), DecodedWord::Leaf { .. })
-    }
-}
-
-/// A box around everything in a subtree: all points `x` with `lo <= rows·(x - reference) <= hi`, where `reference` is
-/// [`WideBvh::reference_point`].
-///
-/// Rows are unit vectors at right angles but for roundings; those of a file may be others. Planes include the padding that box tests of rays
-/// need, which is at least 2^-22 of the greatest coordinate of the content, relative to the reference point.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NodeBox {
-    /// Rows.
-    pub rows: [[f32; 3]; 3],
-    /// Least coordinates along the rows.
-    pub lo: [f64; 3],
-    /// Greatest coordinates along the rows.
-    pub hi: [f64; 3],
-}
-
-impl NodeBox {
-    /// The box in a slot of a node; `frame` has the rows of aligned nodes.
-    pub(crate) fn of_slot(lines: &[CacheLine], kind: NodeKind, line: u32, i: usize, frame: [[f32; 3]; 3]) -> Self {
-        match kind {
-            NodeKind::Aligned => {
-                let rows = rows::<ALIGNED_LINES, 8>(lines, line);
-                let plane = |row: usize| f64::from(rows[row][i]);
-                Self { rows: frame, lo: [plane(0), plane(2), plane(4)], hi: [plane(1), plane(3), plane(5)] }
-            }
-            NodeKind::Oriented => {
-                let rows = rows::<ORIENTED_LINES, 16>(lines, line);
-                let end = |k: usize, side: f64| f64::from(rows[5 * k + 3][i]) + side * f64::from(rows[5 * k + 4][i]);
-                let axes = std::array::from_fn(|k| std::array::from_fn(|axis| rows[5 * k + axis][i]));
-                Self { rows: axes, lo: [0, 1, 2].map(|k| end(k, -1.0)), hi: [0, 1, 2].map(|k| end(k, 1.0)) }
-            }
-        }
     }
 }
 

@@ -65,7 +65,12 @@ fn posed_shapes() {
     assert!(overlaps(&cube, Pose::IDENTITY, &cube, posed(2.4)) && !overlaps(&cube, Pose::IDENTITY, &cube, posed(2.42)));
     let grown = Pose::from(Affine::scale([2.0; 3]).then(&Affine::translation([5.0, 0.0, 0.0])));
     let ball = Sphere { center: [0.0; 3], radius: 1.0 };
-    assert_eq!(distance(&ball, Pose::IDENTITY, &ball, grown, 9.0).map(|found| found.distance), Some(2.0));
+    let found = distance(&ball, Pose::IDENTITY, &ball, grown, 9.0).expect("two balls");
+    assert!((found.distance - 2.0).abs() < 1e-12);
+    // Squeezed in y: what is compared is a ball within the ellipsoid.
+    let squeezed = Pose::from_rows([[1.0, 0.0, 0.0, 0.0], [0.0, 0.25, 0.0, 3.0], [0.0, 0.0, 1.0, 0.0]]);
+    let found = distance(&ball, Pose::IDENTITY, &ball, squeezed, 9.0).expect("two balls");
+    assert!((found.distance - 1.75).abs() < 1e-12);
 }
 
 /// BVHs of spheres and boxes give the pairs of a loop over single shapes.

@@ -8,8 +8,7 @@ use super::DistanceShape;
 use super::nearest::squared;
 use crate::bvh::WideBvh;
 use crate::leaf::LeafPrimitive;
-use crate::node::{ChildWord, DecodedWord, node_words};
-use crate::subtree::NodeBox;
+use crate::node::{ChildWord, DecodedWord, NodeBox, node_words};
 use crate::traverse::LeafRange;
 
 /// Rounding of a box corner and its projections, relative to the coordinates: f32 rows, and sums in f64; eight u.

@@ -22,6 +22,7 @@ use std::ops::Range;
 
 pub use flaw::Flaw;
 pub(crate) use records::Records;
+pub use rows::NodeBox;
 pub(crate) use rows::{NOWHERE, Row, node_words, rows, write_boxes, write_slabs};
 pub(crate) use units::{HALF_BLOCK_WORDS, HalfBlock, LaneWords, LeafLayout, PART_LANES, PARTS};
 

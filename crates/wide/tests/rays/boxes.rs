@@ -6,9 +6,9 @@ use std::ops::ControlFlow;
 use canted_fixtures::SplitMix64;
 use canted_obb::{Aabb, PrimId};
 use canted_trace::{Intersect, Ray, ScaledRay};
-use canted_wide::{Order, Preset, PrimitiveError, WideBvh};
+use canted_wide::{Config, NodeBox, NodeLanes, Order, Preset, PrimitiveError, TriangleBvh, WideBvh};
 
-use crate::common::paths;
+use crate::common::{paths, scenes};
 
 /// Half of `f32::EPSILON`: the relative error of one rounding.
 const U: f64 = 0.5 * f32::EPSILON as f64;
@@ -174,4 +174,46 @@ fn invalid_boxes_are_rejected_by_id() {
     let none = WideBvh::<Aabb>::over(vec![]).expect("no box is invalid");
     assert!(none.aabb().is_empty());
     none.traverse(&Ray::new([0.0; 3], [1.0; 3]), |_, _| panic!("nothing can be entered"));
+}
+
+/// A walk by hand finds every primitive, in boxes that contain it, and lanes hold the same boxes.
+#[test]
+fn subtrees_contain_their_primitives() {
+    for (name, mesh) in scenes() {
+        for aligned_node in [1.0, f32::INFINITY] {
+            let mut config = Config::preset(Preset::Quality);
+            config.costs.aligned_node = aligned_node;
+            let bvh = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config).unwrap();
+            let reference = bvh.reference_point().map(f64::from);
+            let contains = |NodeBox { rows, lo, hi }: &NodeBox, p: [f32; 3]| {
+                (0..3).all(|k| {
+                    let along: f64 = (0..3).map(|j| f64::from(rows[k][j]) * (f64::from(p[j]) - reference[j])).sum();
+                    lo[k] <= along && along <= hi[k]
+                })
+            };
+            let mut n_found = vec![0; mesh.triangles.len()];
+            let mut open: Vec<_> = bvh.root().map(|root| (root, bvh.root_box())).into_iter().collect();
+            while let Some((subtree, around)) = open.pop() {
+                bvh.for_each_in(subtree, |primitive, triangle| {
+                    n_found[primitive.index()] += 1;
+                    assert!(triangle.iter().all(|&vertex| contains(&around, vertex)), "{name}: {primitive}");
+                });
+                assert_eq!(bvh.lanes(subtree).is_none(), subtree.is_leaf());
+                let children = (0..8).filter_map(|lane| Some((lane, bvh.child(subtree, lane)?)));
+                for (lane, (child, slot)) in children {
+                    let (lo, hi) = match bvh.lanes(subtree) {
+                        Some(NodeLanes::Aligned(rows)) => (rows[2][lane], rows[3][lane]),
+                        Some(NodeLanes::Oriented(rows)) => {
+                            (rows[8][lane] - rows[9][lane], rows[8][lane] + rows[9][lane])
+                        }
+                        None => panic!("{name}: a leaf has no children"),
+                    };
+                    assert_eq!([lo, hi], [slot.lo[1] as f32, slot.hi[1] as f32], "{name}");
+                    open.push((child, slot));
+                }
+            }
+            assert!(n_found.iter().all(|&n| n > 0), "{name}");
+        }
+    }
+    assert!(TriangleBvh::build(&[[0.0_f32; 3]; 0], &[[0_u32; 3]; 0]).unwrap().root().is_none());
 }
