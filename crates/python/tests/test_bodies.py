@@ -59,12 +59,12 @@ def _rotation(angle):
 
 
 def test_pairs_are_those_of_a_loop():
-    (a, ta), (b, tb) = meshes.soup(120, 0), meshes.soup(120, 1)
+    (a, ta), (b, tb) = meshes.soup(350, 0), meshes.soup(350, 1)
     one, other = canted.Bvh(a, ta), canted.Bvh(b, tb)
     found = one.pairs(other)
     assert found.dtype == np.int32 and found.shape[1] == 2
     expected = _brute(a[ta].astype(np.float64), b[tb].astype(np.float64))
-    assert found.tolist() == expected and len(expected) > 50
+    assert found.tolist() == expected and len(expected) > 10
     assert one.overlaps(other) is True and one.distance_to(other).distance == 0
     mirrored = np.diag([-1.0, 1.0, 1.0, 1.0])
     assert one.pairs(other, pose=mirrored).tolist() == _brute(a[ta].astype(np.float64), _moved(b, mirrored)[tb])
@@ -183,7 +183,7 @@ def test_a_sphere_touches_when_the_mesh_is_as_near_as_its_radius():
     for origin, direction, t in zip(origins.astype(np.float64), directions.astype(np.float64), hits.t.astype(np.float64)):
         times = np.linspace(0, 3 if np.isinf(t) else t, 200)
         distance = bvh.nearest(origin + times[:, None] * direction).distance
-        assert (distance[:-1] > 0.2 - 1e-5).all()
+        assert t == 0 or (distance[:-1] > 0.2 - 1e-5).all()
         assert np.isinf(t) or distance[-1] <= 0.2 + 1e-5
 
 

@@ -43,7 +43,7 @@ pub(crate) fn needles(n: usize, seed: u64) -> Vec<Triangle> {
     let mut random = Random(seed);
     let needle = |random: &mut Random, i: usize| {
         let [start, end] = [random.point(), random.point()];
-        let third = if i % 10 == 0 { start } else { random.near(start, 2e-3) };
+        let third = if i.is_multiple_of(10) { start } else { random.near(start, 2e-3) };
         [start, end, third]
     };
     (0..n).map(|i| needle(&mut random, i)).collect()
