@@ -13,7 +13,7 @@ fn main() -> Result<(), GeometryError> {
 
     // A second one falls onto the first.
     let mut touching = vec![];
-    for height in [3.0, 2.0, 1.5] {
+    for height in [3.0_f32, 2.0, 1.5] {
         let pose = Affine::rotation([0.0, 0.0, 1.0], 0.5).then(&Affine::translation([0.0, 0.0, height]));
         pairs(&body, Pose::IDENTITY, &body, pose, &mut touching);
         let near = distance(&body, Pose::IDENTITY, &body, pose, f64::INFINITY).expect("neither is empty");

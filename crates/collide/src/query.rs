@@ -183,7 +183,8 @@ fn each_closest<A: Body, B: Body>(bodies: &Bodies<'_, A, B>, limit: f64, mut vis
 /// All pairs of primitives of one body that share a point, the lower primitive first, in ascending order. Replaces the contents of `found`.
 ///
 /// Primitives are adjacent, and not reported, if one or two of their points are equal: neighbors in a mesh, and fans around a vertex, whether or not they
-/// have indices in common. Two primitives with the same points coincide and are reported. All else is as for [`pairs`], without a pose.
+/// have indices in common. Two primitives with the same points coincide and are reported. A triangle without area has the ends of
+/// its longest edge for points. All else is as for [`pairs`], without a pose.
 pub fn self_intersections<A: Body>(body: &A, found: &mut Vec<PrimitivePair>) {
     found.clear();
     let bodies = Bodies { a: (body, Pose::IDENTITY), b: (body, Pose::IDENTITY) };
