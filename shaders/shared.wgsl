@@ -151,6 +151,46 @@ fn uniform_disk(square: vec2<f32>) -> vec2<f32> {
     return p.y * circle(0.25 - 0.125 * (p.x / p.y));
 }
 
+// choice hemisphere/cosine
+// Diffuse directions in proportion to the cosine to the normal.
+// use shared/sampling
+
+/// A direction around +z, from a point of the unit square.
+fn hemisphere_direction(square: vec2<f32>) -> vec3<f32> {
+    return cosine_hemisphere(square);
+}
+
+/// Density of `hemisphere_direction` for a cosine.
+fn hemisphere_density(cosine: f32) -> f32 {
+    return cosine_density(cosine);
+}
+
+/// Lambert's density over `hemisphere_density`.
+fn hemisphere_weight(cosine: f32) -> f32 {
+    return 1.0;
+}
+
+// choice hemisphere/uniform
+// Diffuse directions uniformly over the hemisphere.
+// use shared/numbers
+// use shared/angle
+
+/// A direction around +z, from a point of the unit square; never exactly at the horizon.
+fn hemisphere_direction(square: vec2<f32>) -> vec3<f32> {
+    // 1 - z^2 without cancellation.
+    return vec3(sqrt(square.x * (2.0 - square.x)) * circle(square.y), 1.0 - square.x);
+}
+
+/// Density of `hemisphere_direction` for a cosine.
+fn hemisphere_density(cosine: f32) -> f32 {
+    return select(0.0, 0.5 / PI, cosine > 0.0);
+}
+
+/// Lambert's density over `hemisphere_density`.
+fn hemisphere_weight(cosine: f32) -> f32 {
+    return 2.0 * cosine;
+}
+
 // part hash
 // 32-bit hashes and numbers of the unit interval.
 

@@ -2,7 +2,7 @@
 // hybrid integrator, whose documentation describes the estimate and its bias.
 //
 // `?film` is what is kept of samples, `?mask` which hits count, `?direct` and `?shape_lights` are the listed lights, `?sky` the background, `?time` the time of
-// rays, `?first` what is known of the first hits.
+// rays, `?hemisphere` how diffuse directions are sampled, `?first` what is known of the first hits.
 //
 // All rays of a path share one call site. Compilers inline functions at each call, and traversal is by far the largest.
 // use shared/invocation/index
@@ -13,6 +13,7 @@
 // use shared/sampling
 // use shared/surface
 // use ?traverse
+// use ?hemisphere
 // use ?shape_lights
 // use ?direct
 // use ?film
@@ -103,10 +104,10 @@ fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
         light.radiance += throughput * shadow.unshadowed;
         if !shadow.exists {
             // Continue in a cosine-sampled direction, whose weight is the albedo.
-            throughput *= surface.base_color;
-            let local = cosine_hemisphere(square(one, FIRST_BOUNCE + vertex));
+            let local = hemisphere_direction(square(one, FIRST_BOUNCE + vertex));
+            throughput *= surface.base_color * hemisphere_weight(local.z);
             ray = spawn_ray(surface, mirror_outward(surface, basis_about(surface.shading_normal) * local));
-            cone = scattered(surface.cone, cosine_density(local.z));
+            cone = scattered(surface.cone, hemisphere_density(local.z));
             ray_key = vertex_key;
             vertex += 1u;
         }

@@ -11,8 +11,7 @@ fn evaluate_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, incident: vec3<f32>) -> Evalua
         return no_evaluation();
     }
     if is_lambert(bsdf) {
-        let density = cosine_density(incident.z);
-        return Evaluation(bsdf.base_color * density, density);
+        return Evaluation(bsdf.base_color * cosine_density(incident.z), hemisphere_density(incident.z));
     }
     return evaluate_boundary(boundary_of(bsdf, outgoing), incident);
 }
@@ -23,8 +22,7 @@ fn sample_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) 
         return no_bsdf_sample();
     }
     if is_lambert(bsdf) {
-        let incident = cosine_hemisphere(square);
-        return BsdfSample(incident, cosine_density(incident.z), bsdf.base_color, false, false, true);
+        return lambert_sample(bsdf.base_color, square);
     }
     let boundary = boundary_of(bsdf, outgoing);
     var scattered = sample_boundary(boundary, square, choice);
@@ -64,8 +62,7 @@ fn evaluate_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, incident: vec3<f32>) -> Evalua
     if outgoing.z < MIN_COSINE || incident.z < MIN_COSINE {
         return no_evaluation();
     }
-    let density = cosine_density(incident.z);
-    return Evaluation(bsdf.base_color * density, density);
+    return Evaluation(bsdf.base_color * cosine_density(incident.z), hemisphere_density(incident.z));
 }
 
 /// Samples an incident direction from a point of the unit square.
@@ -73,8 +70,7 @@ fn sample_bsdf(bsdf: Bsdf, outgoing: vec3<f32>, square: vec2<f32>, choice: f32) 
     if outgoing.z < MIN_COSINE {
         return no_bsdf_sample();
     }
-    let incident = cosine_hemisphere(square);
-    return BsdfSample(incident, cosine_density(incident.z), bsdf.base_color, false, false, true);
+    return lambert_sample(bsdf.base_color, square);
 }
 
 /// Whether `evaluate_bsdf` is zero everywhere.
@@ -96,7 +92,8 @@ fn compression_of(bsdf: Bsdf) -> f32 {
 // Interface of BSDFs, implemented by the parts of `shared/bsdf`; twin of crates/renderer/src/bsdf.rs.
 //
 // Directions are unit vectors in a local frame. +z is the shading normal on the side of `outgoing`, which points towards the
-// viewer. Light comes from `incident`; it is transmitted if the z of `incident` is negative.
+// viewer. Light comes from `incident`; it is transmitted if the z of `incident` is negative. `?hemisphere` samples diffuse lobes.
+// use ?hemisphere
 
 /// Material at a hit, and the side that the ray came from.
 struct Bsdf {
@@ -141,6 +138,13 @@ fn no_evaluation() -> Evaluation {
 
 fn no_bsdf_sample() -> BsdfSample {
     return BsdfSample(vec3(0.0, 0.0, 1.0), 0.0, vec3(0.0), false, false, false);
+}
+
+/// A sample of a surface that is only diffuse.
+fn lambert_sample(color: vec3<f32>, square: vec2<f32>) -> BsdfSample {
+    let incident = hemisphere_direction(square);
+    let weight = color * hemisphere_weight(incident.z);
+    return BsdfSample(incident, hemisphere_density(incident.z), weight, false, false, true);
 }
 
 // part fresnel
@@ -306,7 +310,7 @@ fn evaluate_boundary(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
 /// Reflected light.
 fn reflected_by(boundary: Boundary, incident: vec3<f32>) -> Evaluation {
     let lambert = incident.z / PI;
-    let diffuse = Evaluation(base_of(boundary, incident.z) * lambert, boundary.diffuse_probability * lambert);
+    let diffuse = Evaluation(base_of(boundary, incident.z) * lambert, boundary.diffuse_probability * hemisphere_density(incident.z));
     if boundary.alpha == 0.0 {
         return diffuse;
     }
@@ -330,7 +334,7 @@ fn mirrored_by(boundary: Boundary, incident: vec3<f32>, is_through: bool) -> Eva
 /// Samples a direction from one lobe. The weight is set only for delta lobes.
 fn sample_boundary(boundary: Boundary, square: vec2<f32>, choice: f32) -> BsdfSample {
     if choice < boundary.diffuse_probability {
-        return into_lobe(cosine_hemisphere(square));
+        return into_lobe(hemisphere_direction(square));
     }
     // Reuse the rest of the random number.
     let left = (choice - boundary.diffuse_probability) / (1.0 - boundary.diffuse_probability);

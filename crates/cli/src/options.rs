@@ -10,8 +10,8 @@ use anyhow::{Result, anyhow, bail};
 use canted_film::{Aov, Filter, ToneMap};
 use canted_lbvh::Strategy;
 use canted_renderer::{
-    BoxLevel, Builder, BvhKind, Cull, FirstHit, Integrator, Levels, Lod, Measure, Pattern, SampleSums, SceneBvhConfig,
-    UpdatePolicy,
+    BoxLevel, Builder, BvhKind, Cull, FirstHit, Hemisphere, Integrator, Levels, Lod, Measure, Pattern, SampleSums,
+    SceneBvhConfig, UpdatePolicy,
 };
 use canted_scene::{Scene, suggestion};
 use canted_trace::TriangleTest;
@@ -126,7 +126,7 @@ macro_rules! named {
 }
 
 named! {
-    Aov Builder BvhKind Cull Filter FirstHit Integrator Levels Lod Measure Pattern Preset SampleSums Strategy ToneMap TriangleTest UpdatePolicy
+    Aov Builder BvhKind Cull Filter FirstHit Hemisphere Integrator Levels Lod Measure Pattern Preset SampleSums Strategy ToneMap TriangleTest UpdatePolicy
 }
 
 impl Named for bool {
@@ -428,7 +428,7 @@ pub(crate) struct StructureOptions {
     #[arg(long, default_value = "balanced", value_name = "PRESET")]
     preset: Option<Value<Preset>>,
     /// Builder of the binary tree that becomes the BVH. `auto` is the builder of the preset; with --volumes it is `ploc` on the CPU and `lbvh` on
-    /// a GPU. `sbvh` is `sah` with spatial splits. A GPU builds its BVHs itself with --volumes, `lbvh` and `ploc`; else the CPU does.
+    /// a GPU. `sbvh` is `sah` with spatial splits, `hlbvh` is `lbvh` below a top by `sah`, `midpoint` and `median` split the longest axis. A GPU builds its BVHs itself with --volumes, `lbvh` and `ploc`; else the CPU does.
     #[arg(long, default_value = "auto", value_name = "BUILDER")]
     builder: Option<Value<Option<Builder>>>,
     /// Bounding volumes. `auto` builds a wide BVH of axis-aligned and oriented nodes, or with --accel bvh2 axis-aligned boxes; the others

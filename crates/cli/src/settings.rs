@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, anyhow};
 use canted_film::{Aov, Aovs, Filter, Picture, ToneMap};
-use canted_renderer::{Cull, FirstHit, Integrator, Lod, Measure, Pattern, SceneBvh, Settings, stands_on_z};
+use canted_renderer::{Cull, FirstHit, Hemisphere, Integrator, Lod, Measure, Pattern, SceneBvh, Settings, stands_on_z};
 use canted_scene::{Camera, Material, ReadOptions, Scene, SceneFile, Setting, suggestion};
 use clap::Command;
 use serde::{Deserialize, Serialize};
@@ -175,6 +175,10 @@ pub(crate) struct RenderingOptions {
     /// comparison with renderers that scatter once; `hybrid` has no such surfaces.
     #[arg(long, default_value = "on", value_name = "on|off")]
     energy_compensation: Option<Value<bool>>,
+    /// Diffuse and ambient directions: `cosine` samples them in proportion to the cosine to the normal, `uniform` all alike, for comparison:
+    /// the same picture with more noise.
+    #[arg(long, default_value = "cosine", value_name = "uniform|cosine")]
+    hemisphere: Option<Value<Hemisphere>>,
     /// First hits of `hybrid` on a GPU: `raster` starts rays at what a raster pass saw, `trace` traces them, `auto` measures which is
     /// faster. The picture is the same.
     #[arg(long, default_value = "auto", value_name = "auto|raster|trace")]
@@ -533,6 +537,7 @@ fn settings(options: &PictureOptions, purpose: &Purpose) -> Result<Settings> {
         cull,
         clamp,
         energy_compensation,
+        hemisphere,
         first_hit: _,
     } = options.rendering;
     let default = Settings::default();
@@ -577,6 +582,7 @@ fn settings(options: &PictureOptions, purpose: &Purpose) -> Result<Settings> {
         cull: cull.map_or(default.cull, |cull| cull.0),
         clamp: clamp.and_then(|clamp| clamp.0.0),
         energy_compensation: energy_compensation.map_or(default.energy_compensation, |is_on| is_on.0),
+        hemisphere: hemisphere.map_or(default.hemisphere, |hemisphere| hemisphere.0),
         ao_radius: ao_radius.map(|radius| radius.0),
         ..default
     })

@@ -12,6 +12,16 @@ pub enum KdTraversal {
     Ropes,
 }
 
+/// Where a node of a [`KdTree`](crate::KdTree) is split.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum KdSplit {
+    /// At the plane of least SAH cost, if that is less than testing all triangles.
+    #[default]
+    Sah,
+    /// At the midpoint of the longest axis of its cell, while it has more than 5 triangles (Wald and Havran 2006, section 2): to compare with.
+    Midpoint,
+}
+
 /// How [`KdTree::build`](crate::KdTree::build) builds. No value changes a hit.
 ///
 /// A node over `n` triangles is split where that costs less than testing all of them. The cost of a split is
@@ -23,6 +33,8 @@ pub struct KdTreeConfig {
     pub traversal: KdTraversal,
     /// The triangle test.
     pub test: TriangleTest,
+    /// Where nodes are split.
+    pub split: KdSplit,
     /// Cost of one step through a node.
     pub traversal_cost: f64,
     /// Cost of one triangle test. At 0 nothing is split.
@@ -63,6 +75,7 @@ impl Default for KdTreeConfig {
         Self {
             traversal: KdTraversal::Stack,
             test: TriangleTest::Watertight,
+            split: KdSplit::Sah,
             traversal_cost: 2.5,
             intersection_cost: 1.0,
             empty_bonus: 0.2,

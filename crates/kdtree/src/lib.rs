@@ -30,6 +30,7 @@
 //! | [`KdTree`] | a kd-tree over triangles; [`Intersect`](canted_trace::Intersect) has its queries |
 //! | [`KdTreeConfig`] | costs, empty-space bonus, limits, triangle test |
 //! | [`KdTraversal`] | with a stack, or with ropes |
+//! | [`KdSplit`] | by cost, or at midpoints, to compare with |
 //! | [`KdNodes`] | planes and leaves without triangles: reports the triangles that a ray may hit; [`KdNodes::check`] |
 //! | [`KdTreeMemory`] | bytes of nodes, ropes, references and triangles |
 //!
@@ -69,6 +70,6 @@ mod sweep;
 mod traverse;
 
 pub use check::{KdTreeFlaw, KdTreeStats};
-pub use config::{KdTraversal, KdTreeConfig};
+pub use config::{KdSplit, KdTraversal, KdTreeConfig};
 pub use kdtree::KdTree;
 pub use nodes::{KdNodes, KdTreeMemory};

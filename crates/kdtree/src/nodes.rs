@@ -113,6 +113,34 @@ impl KdNodes {
         self.references.len()
     }
 
+    /// Cost by the surface area heuristic: of each node `traversal_cost`, of each leaf `intersection_cost` for each triangle, weighted by the
+    /// area of its cell relative to the root's. 0 if the root has no area.
+    ///
+    /// The bonus for empty cells is no part of it, so trees can be compared that were built with different ones.
+    #[must_use]
+    pub fn sah(&self, config: &KdTreeConfig) -> f64 {
+        let mut sum = 0.0;
+        let mut open = vec![(0, self.cell)];
+        while let Some((index, cell)) = open.pop() {
+            match self.nodes[index].kind() {
+                NodeKind::Leaf { first: None, .. } => {}
+                NodeKind::Leaf { first: Some(first), .. } => {
+                    let references = &self.references[first as usize..];
+                    let n = references.iter().position(|reference| reference.is_last()).map_or(0, |last| last + 1);
+                    sum += config.intersection_cost * n as f64 * cell.area();
+                }
+                NodeKind::Inner { axis, plane, upper } => {
+                    sum += config.traversal_cost * cell.area();
+                    let (mut above, mut below) = (cell, cell);
+                    (above.min[axis], below.max[axis]) = (plane, plane);
+                    open.extend([(upper as usize, above), (index + 1, below)]);
+                }
+            }
+        }
+        let area = self.cell.area();
+        if area > 0.0 { sum / area } else { 0.0 }
+    }
+
     /// Axis and coordinate of every plane, depth first.
     #[must_use]
     pub fn planes(&self) -> Vec<(usize, f32)> {

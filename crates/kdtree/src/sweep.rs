@@ -1,6 +1,6 @@
 use canted_obb::Aabb;
 
-use crate::KdTreeConfig;
+use crate::{KdSplit, KdTreeConfig};
 
 /// The part of a triangle in a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,12 +76,52 @@ impl Split {
     }
 }
 
+/// Triangles up to which [`KdSplit::Midpoint`] makes a leaf.
+const MIDPOINT_LEAF: usize = 5;
+
+/// How a cell is split, if it is: as [`cheapest_split`] and [`middle_split`].
+pub(crate) fn best_split(
+    events: &[Vec<Event>; 3],
+    n: usize,
+    cell: &Aabb,
+    budget: usize,
+    config: &KdTreeConfig,
+) -> Option<Split> {
+    match config.split {
+        KdSplit::Sah => cheapest_split(events, n, cell, budget, config),
+        KdSplit::Midpoint => middle_split(events, n, cell, budget),
+    }
+}
+
+/// The split at the midpoint of the cell's longest axis, if more than [`MIDPOINT_LEAF`] fragments and the budget permit it.
+fn middle_split(events: &[Vec<Event>; 3], n: usize, cell: &Aabb, budget: usize) -> Option<Split> {
+    let extent: [f64; 3] = std::array::from_fn(|k| f64::from(cell.max[k]) - f64::from(cell.min[k]));
+    let axis = (0..3).reduce(|a, b| if extent[b] > extent[a] { b } else { a })?;
+    let (min, max) = (cell.min[axis], cell.max[axis]);
+    let plane = min.midpoint(max);
+    if n <= MIDPOINT_LEAF || !(min < plane && plane < max) {
+        return None;
+    }
+    // As `Split::sides`: what ends at the plane is below it, what starts there above; what is in it below.
+    let (mut n_below, mut n_above) = (0, n);
+    for &event in &events[axis] {
+        let at = number_of((event >> 32) as u32);
+        match kind_of(event) {
+            START if at < plane => n_below += 1,
+            FLAT if at <= plane => (n_below, n_above) = (n_below + 1, n_above - 1),
+            END if at <= plane => n_above -= 1,
+            _ => {}
+        }
+    }
+    (n_below.max(1) + n_above.max(1) <= budget).then_some(Split { axis, plane, n: [n_below, n_above] })
+}
+
 /// The split of least cost, if it is cheaper than a leaf; the first of equals, by axis and coordinate.
 ///
 /// Reads: the sorted events of `n` fragments on each axis. A cell counts its fragments, at least one, towards `budget`.
 /// Source: Wald, Havran 2006, section 3; the cost after MacDonald, Booth 1990. Relative to the source of the bonus (Silva 2010),
 /// areas are divided by that of the node, so that scale does not matter.
-pub(crate) fn best_split(
+fn cheapest_split(
     events: &[Vec<Event>; 3],
     n: usize,
     cell: &Aabb,
@@ -163,7 +203,7 @@ mod tests {
     #[test]
     fn the_sweep_finds_the_cheapest_of_all_planes() {
         let mut rng = SplitMix64::new(3);
-        let (mut n_split, mut n_bonus) = (0, 0);
+        let (mut n_split, mut n_bonus, mut n_middle) = (0, 0, 0);
         for round in 0..2_000 {
             // Coordinates on a coarse grid: many are equal, and some fragments are flat.
             let cell = Aabb { min: [0.0, -4.0, 1.0], max: [8.0, 4.0, 9.0] };
@@ -190,7 +230,13 @@ mod tests {
             assert_eq!(split.n, n);
             n_split += 1;
             n_bonus += u32::from(n.contains(&0));
+            if let Some(middle) = middle_split(&events, boxes.len(), &cell, budget) {
+                let n = [0, 1].map(|side| boxes.iter().filter(|f| middle.sides(f)[side]).count());
+                assert_eq!((middle.axis, middle.plane, middle.n), (0, 4.0, n), "{boxes:?}");
+                n_middle += 1;
+            }
         }
+        assert!(n_middle > 100, "{n_middle} at the midpoint");
         assert!(n_split > 500 && n_bonus > 50, "{n_split} splits, {n_bonus} with an empty cell");
     }
 }

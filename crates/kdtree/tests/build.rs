@@ -3,7 +3,7 @@
 
 use canted_fixtures::kinds;
 use canted_fixtures::{Mesh, SplitMix64, equal_centroids, identical, outlier, soup};
-use canted_kdtree::{KdNodes, KdTraversal, KdTree, KdTreeConfig};
+use canted_kdtree::{KdNodes, KdSplit, KdTraversal, KdTree, KdTreeConfig};
 use canted_trace::{Intersect, Kernel, MollerTrumbore, Ray, TriangleTest};
 
 type Corners = [[f32; 3]; 3];
@@ -20,6 +20,7 @@ fn every_generated_kind_passes_the_checker() {
             for config in [
                 KdTreeConfig::default(),
                 KdTreeConfig { traversal: KdTraversal::Ropes, traversal_cost: 0.1, ..KdTreeConfig::default() },
+                KdTreeConfig { split: KdSplit::Midpoint, ..KdTreeConfig::default() },
             ] {
                 let tree = KdNodes::new(&corners, &config);
                 let stats = tree.check(&corners).unwrap_or_else(|flaw| panic!("{}: {flaw}", kind.name));
@@ -27,6 +28,43 @@ fn every_generated_kind_passes_the_checker() {
             }
         }
     }
+}
+
+/// Two groups of four triangles in the ends of a box of 8 x 1 x 1, split at x = 4: the cells have areas 34, 18 and 18.
+#[test]
+fn the_cost_is_that_of_each_cell_by_its_area() {
+    let mut corners: Vec<Corners> = vec![];
+    for x in [0.0, 7.0] {
+        corners.extend([[[x, 0.0, 0.0], [x + 1.0, 1.0, 0.0], [x, 0.0, 1.0]]; 4]);
+    }
+    let config = KdTreeConfig { split: KdSplit::Midpoint, ..KdTreeConfig::default() };
+    let nodes = KdNodes::new(&corners, &config);
+    assert_eq!(nodes.planes().iter().map(|(axis, _)| *axis).collect::<Vec<_>>(), [0]);
+    let [end, inner] = [18.0 / 34.0 * 4.0, 2.5];
+    let near = |cost: f64, want: f64| assert!((cost - want).abs() < 1e-4 * want, "{cost}, not {want}");
+    near(nodes.sah(&config), inner + 2.0 * end);
+    near(nodes.sah(&KdTreeConfig { traversal_cost: 0.0, intersection_cost: 3.0, ..config }), 6.0 * end);
+    let one = KdNodes::new(&corners, &KdTreeConfig { intersection_cost: 0.0, ..KdTreeConfig::default() });
+    near(one.sah(&config), 8.0);
+    assert_eq!(KdNodes::new(&[], &config).sah(&config), 0.0);
+}
+
+#[test]
+fn splits_of_least_cost_cost_less_than_midpoints() {
+    let mut n = 0;
+    for kind in kinds::all() {
+        for mesh in kind.generate(3_000, 2).meshes.iter().take(1).filter(|mesh| mesh.triangles.len() > 500) {
+            let corners = corners(mesh);
+            let cost = |split| {
+                let config = KdTreeConfig { split, ..KdTreeConfig::default() };
+                KdNodes::new(&corners, &config).sah(&config)
+            };
+            let (sah, midpoint) = (cost(KdSplit::Sah), cost(KdSplit::Midpoint));
+            assert!(sah < midpoint, "{}: {sah}, {midpoint} at midpoints", kind.name);
+            n += 1;
+        }
+    }
+    assert!(n > 20, "{n} kinds");
 }
 
 /// Areas are relative to the node's, and pads to coordinates: a power of two changes no decision.

@@ -5,7 +5,7 @@ use canted_bvh2::{Bvh2, Bvh2Boxes, Bvh2Config, PairOrder};
 use canted_kdtree::{KdTree, KdTreeConfig};
 use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig};
 use canted_obb::{Aabb, Obb, PrimId};
-use canted_sah::{SpatialConfig, TopDownConfig};
+use canted_sah::{Axes, SpatialConfig, Split, TopDownConfig};
 use canted_scene::Mesh;
 use canted_tlas::TopConfig;
 use canted_trace::{AcceptAt, Answers, HIT_ERROR, Hit, Intersect, Query, Ray, ScaledRay, TriangleTest, pad_aabb};
@@ -59,8 +59,14 @@ pub enum Builder {
     Ploc,
     /// The radix tree over Morton codes.
     Lbvh,
+    /// [`Builder::Lbvh`] below a tree by the surface area heuristic.
+    Hlbvh,
     /// Top down by the surface area heuristic.
     Sah,
+    /// Top down, at the midpoint of the longest axis.
+    Midpoint,
+    /// Top down, at the median along the longest axis.
+    Median,
     /// As [`Builder::Sah`], but triangles that cross a split may be in both children, each with the box of its part.
     Sbvh,
     /// The external crate `obvhs`, of which only the tree is used.
@@ -74,7 +80,10 @@ impl Builder {
         Self::Sah,
         Self::Sbvh,
         Self::Ploc,
+        Self::Hlbvh,
         Self::Lbvh,
+        Self::Midpoint,
+        Self::Median,
         #[cfg(feature = "baseline")]
         Self::Obvhs,
     ];
@@ -83,7 +92,10 @@ impl Builder {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
+            Self::Hlbvh => "hlbvh",
             Self::Sah => "sah",
+            Self::Midpoint => "midpoint",
+            Self::Median => "median",
             Self::Sbvh => "sbvh",
             Self::Ploc => "ploc",
             Self::Lbvh => "lbvh",
@@ -96,8 +108,11 @@ impl Builder {
     fn own(self) -> Option<canted_sah::Builder> {
         match self {
             Self::Lbvh => Some(canted_sah::Builder::Lbvh),
+            Self::Hlbvh => Some(canted_sah::Builder::Hybrid),
             Self::Ploc => Some(canted_sah::Builder::BALANCED),
             Self::Sah => Some(canted_sah::Builder::TopDown(TopDownConfig::BINNED, None)),
+            Self::Midpoint => Some(halved(Split::Midpoint)),
+            Self::Median => Some(halved(Split::Median)),
             Self::Sbvh => None,
             #[cfg(feature = "baseline")]
             Self::Obvhs => None,
@@ -121,6 +136,11 @@ impl Builder {
             }
         }
     }
+}
+
+/// Top down, along the longest axis alone.
+fn halved(split: Split) -> canted_sah::Builder {
+    canted_sah::Builder::TopDown(TopDownConfig { split, axes: Axes::Longest, ..TopDownConfig::BINNED }, None)
 }
 
 /// The topology of a BVH that `obvhs` builds over at least two triangles, one per leaf; volumes are fitted by our own code.

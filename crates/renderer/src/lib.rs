@@ -72,6 +72,7 @@ pub use heatmap::{Heatmap, Measure, heatmap};
 pub use light::{LightHit, LightId, LightSample, LightSampler, Lights, environment_of};
 pub use render::{Monitor, RenderError, render, resume, resume_with};
 pub use sampler::{Pattern, Sampler};
+pub use sampling::Hemisphere;
 pub use scene_bvh::{FlatBvh, Flattened, SceneBvh, SceneLevels, UnusedFeature, flatten};
 pub use settings::{Cull, FirstHit, Integrator, SampleSums, Settings};
 pub use surface::{CountedHitFilter, HitFilter, SmoothSurface, Surface, Surfaces};

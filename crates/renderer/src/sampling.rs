@@ -64,6 +64,72 @@ pub fn cosine_density(cosine: f32) -> f32 {
     cosine.max(0.0) / PI
 }
 
+/// A direction around +z with PDF `1/2π`, from a point of the unit square. Its z is always positive.
+#[must_use]
+pub fn uniform_hemisphere(square: [f32; 2]) -> [f32; 3] {
+    // 1 - z² without cancellation.
+    let (cosine, sine) = (1.0 - square[0], (square[0] * (2.0 - square[0])).sqrt());
+    let (s, c) = (TAU * square[1]).sin_cos();
+    [sine * c, sine * s, cosine]
+}
+
+/// How directions of diffuse lobes, and of ambient light, are sampled. Pictures differ in their noise alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Hemisphere {
+    /// In proportion to the cosine to the normal: every sample has the same weight.
+    #[default]
+    Cosine,
+    /// Uniformly: samples have the weight of their cosine. Noisier; to compare with.
+    Uniform,
+}
+
+impl Hemisphere {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Cosine, Self::Uniform];
+
+    /// Its name in options, scene files and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cosine => "cosine",
+            Self::Uniform => "uniform",
+        }
+    }
+
+    /// A direction around +z, from a point of the unit square. Its z is always positive.
+    #[must_use]
+    pub fn direction(self, square: [f32; 2]) -> [f32; 3] {
+        match self {
+            Self::Cosine => cosine_hemisphere(square),
+            Self::Uniform => uniform_hemisphere(square),
+        }
+    }
+
+    /// PDF of [`Self::direction`] at a cosine to +z.
+    #[must_use]
+    pub fn density(self, cosine: f32) -> f32 {
+        match self {
+            Self::Cosine => cosine_density(cosine),
+            Self::Uniform => {
+                if cosine > 0.0 {
+                    1.0 / TAU
+                } else {
+                    0.0
+                }
+            }
+        }
+    }
+
+    /// Lambert's `cosθ/π` over [`Self::density`].
+    #[must_use]
+    pub fn weight(self, cosine: f32) -> f32 {
+        match self {
+            Self::Cosine => 1.0,
+            Self::Uniform => 2.0 * cosine,
+        }
+    }
+}
+
 /// Maps a point of the unit square to a uniform point of the unit disk. The concentric map (Shirley and Chiu 1997)
 /// keeps strata compact.
 #[must_use]

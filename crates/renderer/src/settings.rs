@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use canted_film::{Aovs, Filter, Record, Tiling};
 
-use crate::{Lod, Pattern};
+use crate::{Hemisphere, Lod, Pattern};
 
 /// The rendering algorithm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -166,6 +166,8 @@ pub struct Settings {
     /// Whether `path` gives back the light that rough surfaces lose by multiple scattering between their microfacets. Renderers
     /// with single scattering give the picture without.
     pub energy_compensation: bool,
+    /// How diffuse and ambient directions are sampled.
+    pub hemisphere: Hemisphere,
     /// Ambient occlusion radius of the hybrid integrator in world units: occluders at this distance no longer darken. `None` for a
     /// tenth of the diagonal of the scene's bounds.
     pub ao_radius: Option<f32>,
@@ -197,6 +199,7 @@ impl Default for Settings {
             cull: Cull::default(),
             clamp: None,
             energy_compensation: true,
+            hemisphere: Hemisphere::Cosine,
             ao_radius: None,
             means_only: false,
             sums: SampleSums::Host,
@@ -244,6 +247,7 @@ impl Settings {
             cull,
             clamp,
             energy_compensation,
+            hemisphere,
             ao_radius,
             means_only: _,
             sums,
@@ -255,8 +259,9 @@ impl Settings {
             pattern => pattern.name().to_owned(),
         };
         let radius = ao_radius.map_or_else(|| "auto".to_owned(), |radius| radius.to_string());
-        // Not stated for the host, so that records without it keep their meaning.
+        // Defaults are not stated, so that records without them keep their meaning.
         let sums = (*sums == SampleSums::Device).then(|| ("sums", "device".to_owned()));
+        let hemisphere = (*hemisphere != Hemisphere::Cosine).then(|| ("hemisphere", hemisphere.name().to_owned()));
         [
             ("size", format!("{width}x{height}")),
             ("integrator", integrator.name().to_owned()),
@@ -272,6 +277,7 @@ impl Settings {
         ]
         .into_iter()
         .chain(sums)
+        .chain(hemisphere)
         .map(|(name, value)| (name.to_owned(), value))
         .collect()
     }

@@ -3,7 +3,9 @@
 use canted_lbvh::{Sorted, Tree, radix};
 use canted_obb::{Aabb, PrimId};
 
-use crate::{PlocConfig, ReinsertConfig, TopDownConfig, curve::along_curve, par, ploc, reinsert, top_down};
+use crate::{
+    PlocConfig, ReinsertConfig, TopDownConfig, curve::along_curve, hybrid::hybrid, par, ploc, reinsert, top_down,
+};
 
 /// A builder of a binary tree over boxes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,6 +15,8 @@ pub enum Builder {
     /// PLOC instead where a few distant primitives make the codes of many others equal: a radix tree would split these by
     /// their positions in the order, not in space.
     Lbvh,
+    /// [`Builder::Lbvh`] below a top-down SAH tree over its subtrees of at most 64 primitives.
+    Hybrid,
     /// [`Builder::Lbvh`] with reinsertion.
     Reinserted(ReinsertConfig),
     /// PLOC, optionally with reinsertion. Best for mixed large and small primitives.
@@ -50,8 +54,9 @@ const CHUNK: usize = 1 << 14;
 #[must_use]
 pub fn build(boxes: &[Aabb], bounds: &Aabb, builder: &Builder) -> Tree {
     match builder {
-        Builder::Lbvh => lbvh(boxes, bounds),
-        Builder::Reinserted(config) => improved(lbvh(boxes, bounds), boxes, Some(config)),
+        Builder::Lbvh => radix_tree(boxes, bounds),
+        Builder::Hybrid => hybrid(boxes, bounds),
+        Builder::Reinserted(config) => improved(radix_tree(boxes, bounds), boxes, Some(config)),
         Builder::Ploc(config, improvement) => {
             let (sorted, _) = along_curve(boxes, bounds);
             improved(over_sorted(sorted, boxes, config), boxes, improvement.as_ref())
@@ -60,7 +65,7 @@ pub fn build(boxes: &[Aabb], bounds: &Aabb, builder: &Builder) -> Tree {
     }
 }
 
-fn lbvh(boxes: &[Aabb], bounds: &Aabb) -> Tree {
+pub(crate) fn radix_tree(boxes: &[Aabb], bounds: &Aabb) -> Tree {
     let (sorted, is_coarse) = along_curve(boxes, bounds);
     if is_coarse { over_sorted(sorted, boxes, &PlocConfig::NEAR) } else { radix(sorted) }
 }

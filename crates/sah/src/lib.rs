@@ -30,7 +30,7 @@
 //! | [`reinsert`] | moves subtrees of any tree to reduce the sum of surface areas |
 //!
 //! ```text
-//! sorted leaves + boxes -> ploc -> Tree
+//! sorted leaves + boxes -> { ploc | radix tree, its top by SAH (hybrid) } -> Tree
 //! boxes -> references -> { midpoint, median, binned, sweep } -> assemble -> Tree          (top_down)
 //! boxes -> runs of neighbors -> { binned, codes } -> Tree over groups                      (grouped)
 //! corners -> fragments -> { object split, spatial split } -> clip -> Tree over references (spatial)
@@ -54,6 +54,7 @@ mod binned;
 mod builder;
 mod curve;
 mod grouped;
+mod hybrid;
 mod ploc;
 mod reference;
 mod reinsertion;

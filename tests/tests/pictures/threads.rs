@@ -69,6 +69,7 @@ const SETTINGS: Settings = Settings {
     cull: canted_renderer::Cull::Auto,
     clamp: None,
     energy_compensation: true,
+    hemisphere: canted_renderer::Hemisphere::Cosine,
     ao_radius: None,
     means_only: false,
     sums: canted_renderer::SampleSums::Host,

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use canted_film::{Aov, Aovs, Film, Guide};
 use canted_fixtures::device_tests::{Test, needs_device};
-use canted_renderer::{Cull, DevicePicture, Integrator, Levels, Pattern, Settings, Surfaces};
+use canted_renderer::{Cull, DevicePicture, Hemisphere, Integrator, Levels, Pattern, Settings, Surfaces};
 use canted_scene::{AlphaMode, Camera, Environment, Light, Material, Scene, SceneFile};
 use canted_tests::scenes as model_files;
 
@@ -17,6 +17,7 @@ pub(crate) fn tests() -> Vec<Test> {
     vec![
         needs_device(a_room_with_all_kinds_of_light),
         needs_device(back_faces_and_limits),
+        needs_device(uniform_directions),
         needs_device(metal_and_glass_before_a_sky),
         needs_device(motion_while_the_shutter_is_open),
         needs_device(the_motion_example),
@@ -88,6 +89,15 @@ fn of_all_materials() -> (Scene, Camera) {
     scene.meshes[1].parts[0].material.0 = 3;
     scene.meshes[2].parts[0].material.0 = 4;
     (scene, camera)
+}
+
+fn uniform_directions() {
+    let gpu = gpu();
+    let (scene, camera) = of_all_materials();
+    for integrator in Integrator::ALL {
+        let settings = Settings { integrator, hemisphere: Hemisphere::Uniform, ..small(4) };
+        compared(&gpu, &scene, &camera, Levels::One, &settings).check("uniform", [0.4, 0.02]);
+    }
 }
 
 fn metal_and_glass_before_a_sky() {

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use canted_bih::{Bih, BihConfig};
-use canted_kdtree::{KdTree, KdTreeConfig};
+use canted_kdtree::{KdSplit, KdTree, KdTreeConfig};
 use canted_scene::Scene;
 use serde_json::{Value, json};
 
@@ -25,11 +25,23 @@ struct Row {
     build_ms: f64,
 }
 
+/// Costs of kd-trees by the surface area heuristic; over several meshes, the mean weighted by root area.
+#[derive(Clone, Copy, Default)]
+struct Costs {
+    /// Of trees split where that costs least.
+    sah: f64,
+    /// Of the same triangles split at midpoints.
+    sah_midpoint: f64,
+    /// Sum of the root areas, the weights.
+    root_area: f64,
+}
+
 /// Both structures on one level.
 #[derive(Default)]
 struct Level {
     bih: Row,
     kd_tree: Row,
+    costs: Costs,
 }
 
 /// One level over all triangles in world space, and a structure per mesh.
@@ -45,6 +57,9 @@ pub(super) fn measure(scene: &Scene) -> Result<PlaneStats> {
     one.add(&positions, &triangles)?;
     for mesh in &scene.meshes {
         bottom.add(&mesh.positions, &mesh.triangles)?;
+    }
+    for Costs { sah, sah_midpoint, root_area } in [&mut one.costs, &mut bottom.costs] {
+        [sah, sah_midpoint].into_iter().for_each(|sum| *sum /= root_area.max(f64::MIN_POSITIVE));
     }
     Ok(PlaneStats { one, bottom })
 }
@@ -70,6 +85,13 @@ impl Level {
         row.node_bytes += memory.nodes + memory.ropes;
         row.reference_bytes += memory.references;
         row.triangle_bytes += memory.triangles;
+
+        let config = KdTreeConfig { split: KdSplit::Midpoint, ..KdTreeConfig::default() };
+        let midpoint = KdTree::build(positions, triangles, &config)?;
+        let area = kd_tree.nodes().cell().area();
+        self.costs.sah += kd_tree.nodes().sah(&config) * area;
+        self.costs.sah_midpoint += midpoint.nodes().sah(&config) * area;
+        self.costs.root_area += area;
         Ok(())
     }
 
@@ -79,7 +101,7 @@ impl Level {
 
     fn json(&self) -> Value {
         let row = |(name, row): (&str, &Row)| {
-            json!({
+            let mut facts = json!({
                 "accel": name,
                 "references": row.references,
                 "depth": row.depth,
@@ -87,7 +109,12 @@ impl Level {
                 "reference_bytes": row.reference_bytes,
                 "triangle_bytes": row.triangle_bytes,
                 "build_ms": row.build_ms,
-            })
+            });
+            if name == "kdtree" {
+                let Costs { sah, sah_midpoint, .. } = self.costs;
+                (facts["sah"], facts["sah_midpoint"]) = (json!(sah), json!(sah_midpoint));
+            }
+            facts
         };
         self.rows().into_iter().map(row).collect()
     }
@@ -121,6 +148,10 @@ impl PlaneStats {
                     row.build_ms
                 );
             }
+        }
+        for (level, Level { costs, .. }) in [("one level", &self.one), ("two levels, bottom", &self.bottom)] {
+            let Costs { sah, sah_midpoint, .. } = costs;
+            let _ = writeln!(out, "SAH cost of the kd-tree, {level}: {sah:.2}; split at midpoints {sah_midpoint:.2}");
         }
     }
 }

@@ -179,6 +179,12 @@ fn numbers_are_finite_and_consistent() {
     let one = assert_level(&json["one_level"], 799);
     assert_level(&json["two_level"]["bottom"], 2 * 399);
     assert_level(&json["two_level"]["top"], 1);
+    // Bars in space: planes where a split costs least divide them better than midpoints.
+    for level in ["one_level", "bottom"] {
+        let [bih, kd_tree] = [&json["planes"][level][0], &json["planes"][level][1]];
+        assert_eq!((&bih["accel"], &kd_tree["accel"], bih.get("sah")), (&"bih".into(), &"kdtree".into(), None));
+        assert!(1.0 < number(kd_tree, "sah") && number(kd_tree, "sah") < number(kd_tree, "sah_midpoint"), "{kd_tree}");
+    }
     let dop = &one[5];
     assert!(
         number(dop, "oriented_share") > 0.5 && number(dop, "area_ratio_to_aabb") < 0.95,
@@ -219,6 +225,7 @@ fn tables_contain_every_strategy() {
         "two levels",
         "Wide BVH",
         "balanced",
+        "split at midpoints",
     ] {
         assert!(text.contains(word), "{word} is not in {text}");
     }

@@ -19,7 +19,10 @@ pub(crate) const BUILDERS: &[&str] = &[
     "sah",
     "sbvh",
     "ploc",
+    "hlbvh",
     "lbvh",
+    "midpoint",
+    "median",
     #[cfg(feature = "baseline")]
     "obvhs",
 ];

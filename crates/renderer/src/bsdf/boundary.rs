@@ -8,7 +8,6 @@ use super::glass;
 use super::lobes::Lobes;
 use super::microfacet::{Ggx, fresnel, mean, mean_fresnel_below, reflect, refracted_cosine, schlick, unit};
 use super::{Bsdf, BsdfSample, Evaluation, MIN_COSINE, Scatterer};
-use crate::sampling::cosine_hemisphere;
 
 /// The minimum difference of `eta` from 1 at which a rough boundary refracts; below, light passes straight.
 ///
@@ -63,7 +62,7 @@ impl Scatterer for Boundary<'_> {
     /// Samples a direction from one of the lobes; `None` if the light is lost between microfacets.
     fn sample(&self, square: [f32; 2], choice: f32) -> Option<Choice> {
         if choice < self.diffuse_probability {
-            return Some(Choice::Direction(cosine_hemisphere(square).into()));
+            return Some(Choice::Direction(self.bsdf.hemisphere.direction(square).into()));
         }
         // Rescale the random number for the next choice.
         let choice = (choice - self.diffuse_probability) / (1.0 - self.diffuse_probability);
@@ -139,7 +138,10 @@ impl<'a> Boundary<'a> {
     fn reflected(&self, incident: Vec3) -> Evaluation {
         let lambert = incident.z / PI;
         let base = self.base(incident.z);
-        let diffuse = Evaluation { value: base.map(|c| c * lambert), density: self.diffuse_probability * lambert };
+        let diffuse = Evaluation {
+            value: base.map(|c| c * lambert),
+            density: self.diffuse_probability * self.bsdf.hemisphere.density(incident.z),
+        };
         let Some(facets) = self.facets else { return diffuse };
         let coat_reflectance = self.mirrored(facets, incident, |facet| (facet.reflected, facet.reflection_probability));
         Evaluation {

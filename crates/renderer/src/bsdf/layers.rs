@@ -30,6 +30,7 @@ pub(super) fn coat_of(bsdf: &Bsdf, lobes: &Lobes) -> Bsdf {
         roughness: lobes.clearcoat_roughness,
         specular: lobes.clearcoat,
         is_compensated: bsdf.is_compensated,
+        hemisphere: bsdf.hemisphere,
         ..Bsdf::lambert([0.0; 3])
     }
 }

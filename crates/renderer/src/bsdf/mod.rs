@@ -37,7 +37,8 @@ mod microfacet;
 
 use glam::Vec3;
 
-use crate::sampling::{cosine_density, cosine_hemisphere};
+use crate::Hemisphere;
+use crate::sampling::cosine_density;
 use boundary::{Boundary, Choice};
 use layers::Layers;
 pub use lobes::Lobes;
@@ -64,6 +65,8 @@ pub struct Bsdf {
     pub is_inside: bool,
     /// Whether the light that rough boundaries lose by multiple scattering is given back.
     pub is_compensated: bool,
+    /// How the diffuse lobe is sampled.
+    pub hemisphere: Hemisphere,
     /// Further lobes; `None` for most materials.
     pub lobes: Option<Lobes>,
 }
@@ -106,6 +109,7 @@ impl Bsdf {
             thin_walled: false,
             is_inside: false,
             is_compensated: false,
+            hemisphere: Hemisphere::Cosine,
             lobes: None,
         }
     }
@@ -119,8 +123,9 @@ impl Bsdf {
             return Evaluation::default();
         }
         if self.is_lambert() {
-            let density = cosine_density(incident[2]);
-            return Evaluation { value: self.base_color.map(|c| c * density), density };
+            let lambert = cosine_density(incident[2]);
+            let density = self.hemisphere.density(incident[2]);
+            return Evaluation { value: self.base_color.map(|c| c * lambert), density };
         }
         match &self.lobes {
             None => Boundary::new(self, outgoing.into()).evaluate(incident.into()),
@@ -137,9 +142,9 @@ impl Bsdf {
             return None;
         }
         if self.is_lambert() {
-            let incident = cosine_hemisphere(square);
-            let density = cosine_density(incident[2]);
-            let weight = self.base_color;
+            let incident = self.hemisphere.direction(square);
+            let density = self.hemisphere.density(incident[2]);
+            let weight = self.base_color.map(|c| c * self.hemisphere.weight(incident[2]));
             return Some(BsdfSample { incident, weight, density, is_delta: false, is_transmitted: false });
         }
         match &self.lobes {

@@ -146,10 +146,10 @@ impl<'a> DevicePicture<'a> {
         };
         let chosen = sky.specialize(shared("shared/count/none")).part("film", records::part(settings.sums));
         let (kernel, chosen, sampled) = match settings.integrator {
-            Integrator::Hybrid => ("render/hybrid", packed.specialize_hybrid(chosen), None),
+            Integrator::Hybrid => ("render/hybrid", packed.specialize_hybrid(chosen, settings), None),
             Integrator::Path => {
                 let sampled = SampledLights::new(gpu, cpu.light_sampler(), |instance| packed.slack_of(instance))?;
-                ("render/path", packed.specialize_path(chosen, &sampled, settings.energy_compensation), Some(sampled))
+                ("render/path", packed.specialize_path(chosen, &sampled, settings), Some(sampled))
             }
         };
         let guide = || {

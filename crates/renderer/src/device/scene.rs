@@ -10,7 +10,7 @@ use super::materials::{Columns, ImageHeads, Images, Materials, PackedMaterial, S
 use crate::light::{ListLight, is_shape};
 use crate::surface::hit_filter;
 use crate::texture::Textures;
-use crate::{Integrator, Lod, Settings, bsdf};
+use crate::{Hemisphere, Integrator, Lod, Settings, bsdf};
 
 /// A scene on the GPU, without its acceleration structure.
 pub(super) struct PackedScene {
@@ -183,13 +183,15 @@ impl PackedScene {
     }
 
     /// Selects the parts of the hybrid integrator.
-    pub(super) fn specialize_hybrid(&self, chosen: Variant) -> Variant {
+    pub(super) fn specialize_hybrid(&self, chosen: Variant, settings: &Settings) -> Variant {
+        let chosen = chosen.part("hemisphere", hemisphere(settings));
         let direct = if self.lights.is_some() { "shared/light/direct/list" } else { "shared/light/direct/none" };
         self.with_shape_lights(self.specialize(chosen)).part("direct", direct)
     }
 
     /// Selects the parts of the path integrator.
-    pub(super) fn specialize_path(&self, chosen: Variant, lights: &SampledLights, is_compensated: bool) -> Variant {
+    pub(super) fn specialize_path(&self, chosen: Variant, lights: &SampledLights, settings: &Settings) -> Variant {
+        let chosen = chosen.part("hemisphere", hemisphere(settings));
         let chosen = lights.specialize(self.with_shape_lights(self.specialize(chosen)));
         // Textured emission reads alpha even without an alpha test.
         let chosen = if lights.needs_textured_emission() && !self.has.masks { self.with_alpha(chosen) } else { chosen };
@@ -197,7 +199,7 @@ impl PackedScene {
             return self.with_material(chosen).part("bsdf", "shared/bsdf/lambert");
         }
         let through = if self.has.glass { "shared/bsdf/transmission/glass" } else { "shared/bsdf/transmission/none" };
-        let energy = match (is_compensated, self.has.compensated_glass) {
+        let energy = match (settings.energy_compensation, self.has.compensated_glass) {
             (false, _) => "shared/bsdf/energy/single",
             (true, false) => "shared/bsdf/energy/compensated",
             (true, true) => "shared/bsdf/energy/refracting",
@@ -239,6 +241,14 @@ impl PackedScene {
     /// Ray offset of an instance.
     pub(super) fn slack_of(&self, instance: InstanceId) -> f32 {
         self.slacks.get(instance.0 as usize).copied().unwrap_or(self.slack)
+    }
+}
+
+/// The part that samples diffuse directions.
+fn hemisphere(settings: &Settings) -> &'static str {
+    match settings.hemisphere {
+        Hemisphere::Cosine => "shared/hemisphere/cosine",
+        Hemisphere::Uniform => "shared/hemisphere/uniform",
     }
 }
 

@@ -9,7 +9,7 @@
 //! + ambient · albedo · (1 - exp(-t/r))             at the last vertex, whose ray hits at distance t
 //! ```
 //!
-//! One cosine-sampled ray per vertex, with weight `albedo`, serves the last three terms: it returns the environment,
+//! One cosine-sampled ray per vertex, with weight `albedo`, or a uniformly sampled one with `2·cosθ·albedo`, serves the last three terms: it returns the environment,
 //! the next vertex, or at the last vertex the ambient occlusion. If it hits a sphere or disk light the path ends with
 //! zero, because the shadow ray accounts for that light; camera rays see it directly.
 //!
@@ -40,7 +40,7 @@ use glam::{DVec3, Vec3};
 
 use super::{Path, Sample, Start, Transport};
 use crate::light::{IncomingLight, LightId, Lights};
-use crate::sampling::{Basis, cosine_density, cosine_hemisphere};
+use crate::sampling::Basis;
 use crate::{HitFilter, Surface, narrow, wide};
 
 /// Sampler dimensions: the position in the pixel first, then one per bounce.
@@ -86,11 +86,11 @@ impl Transport<'_> {
         accumulated.count_scattering(false);
 
         // The weight of a cosine-sampled direction is the albedo.
-        accumulated.throughput *= Vec3::from(surface.bsdf.base_color);
-        let local = cosine_hemisphere(self.sampler.pair(*pixel, *sample, FIRST_BOUNCE + n));
+        let local = self.hemisphere.direction(self.sampler.pair(*pixel, *sample, FIRST_BOUNCE + n));
+        accumulated.throughput *= Vec3::from(surface.bsdf.base_color) * self.hemisphere.weight(local[2]);
         let direction = Basis::about(narrow(surface.shading_normal.into())).direction(local);
         *ray = surface.spawn_ray(surface.mirror_outward(direction));
-        *cone = surface.cone.scattered(cosine_density(local[2]));
+        *cone = surface.cone.scattered(self.hemisphere.density(local[2]));
         true
     }
 

@@ -4,7 +4,7 @@ use canted_trace::{Hit, Intersect, Ray};
 use glam::Vec3;
 
 use crate::light::{LightSampler, Lights};
-use crate::{Cone, HitFilter, Sampler, Surfaces};
+use crate::{Cone, Hemisphere, HitFilter, Sampler, Surfaces};
 
 mod hybrid;
 mod path;
@@ -21,6 +21,8 @@ pub(crate) struct Transport<'a> {
     pub(crate) clamp: f32,
     /// Whether rough surfaces are compensated for multiple scattering; `hybrid` has none.
     pub(crate) is_compensated: bool,
+    /// How diffuse directions are sampled.
+    pub(crate) hemisphere: Hemisphere,
     pub(crate) method: Method<'a>,
 }
 

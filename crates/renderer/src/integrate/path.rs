@@ -79,8 +79,9 @@ struct Vertex {
 }
 
 impl Vertex {
-    fn new(mut surface: Surface, ray_direction: [f32; 3], is_compensated: bool) -> Self {
-        surface.bsdf.is_compensated = is_compensated;
+    fn new(mut surface: Surface, ray_direction: [f32; 3], transport: &Transport) -> Self {
+        surface.bsdf.is_compensated = transport.is_compensated;
+        surface.bsdf.hemisphere = transport.hemisphere;
         let along = surface.along;
         let viewer = wide(ray_direction).try_normalize().map_or([0.0, 0.0, 1.0], |v| narrow(-v));
         // If the shading normal faces away from the viewer, use the geometric normal.
@@ -186,7 +187,7 @@ impl Transport<'_> {
         if surface.emission != [0.0; 3] {
             accumulated.add(surface.emission, mis_weight(LightId::of_hit(&hit)));
         }
-        let vertex = &*previous.insert(Vertex::new(surface, ray.direction, self.is_compensated));
+        let vertex = &*previous.insert(Vertex::new(surface, ray.direction, self));
         if !vertex.bsdf().is_delta_only() {
             let shadows = query.keyed(1 + n).lighting(start.ray.time);
             self.add_light(accumulated, lights, vertex, n, shadows, start);

@@ -132,7 +132,8 @@ impl<'a> Rendering<'a> {
 
     /// Calls `then` with the tile renderer of the scene.
     pub(crate) fn with_tiles<R>(&self, then: impl FnOnce(&dyn RenderTiles) -> R) -> R {
-        let Settings { samples, bounces, seed, pattern, cull, clamp, energy_compensation, .. } = *self.settings;
+        let Settings { samples, bounces, seed, pattern, cull, clamp, energy_compensation, hemisphere, .. } =
+            *self.settings;
         let transport = Transport {
             bvh: self.bvh,
             surfaces: self.surfaces,
@@ -142,6 +143,7 @@ impl<'a> Rendering<'a> {
             bounces,
             clamp: clamp.unwrap_or(f32::INFINITY),
             is_compensated: energy_compensation,
+            hemisphere,
             method: match self.settings.integrator {
                 Integrator::Hybrid => Method::Hybrid { ao_radius: self.ao_radius },
                 Integrator::Path => Method::Path(self.light_sampler()),

@@ -11,7 +11,7 @@ use glam::DVec3;
 
 use crate::sampler::{mix, unit};
 use crate::texture::{MipMaps, Plane, Textures, filtered_textures};
-use crate::{Bsdf, Cone, Lod, narrow, wide};
+use crate::{Bsdf, Cone, Hemisphere, Lod, narrow, wide};
 pub use hit_filter::{CountedHitFilter, HitFilter};
 #[cfg(feature = "gpu")]
 pub(crate) use hit_triangle::Pose;
@@ -330,6 +330,7 @@ fn bsdf(material: &Material, tint: [f32; 4], is_front: bool, texel: impl Fn(&Opt
         is_inside: !is_front && transmission > 0.0 && !material.thin_walled,
         // A setting of the integrator.
         is_compensated: false,
+        hemisphere: Hemisphere::Cosine,
         lobes: None,
     }
 }

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, SQRT_2, TAU};
 
 use canted_film::Filter;
 use canted_obb::Affine;
-use canted_renderer::{Integrator, Pattern, Settings};
+use canted_renderer::{Hemisphere, Integrator, Pattern, Settings};
 use canted_scene::{Camera, Light, Material, Mesh, Projection, Scene};
 
 use crate::common::{
@@ -36,6 +36,24 @@ fn very_large_wall_occludes_half() {
     let corner = in_white_sky(scene(vec![floor(10.0, 0.0, 0), wall], vec![gray(1.0)]));
     let value = ambient(&corner, [2.0, 2.0, 0.0], [1e-3, 0.0, 0.0], f32::INFINITY, 4096);
     assert!((value - 0.5).abs() < 0.005, "{value}");
+}
+
+/// The same by uniform directions, of both integrators.
+#[test]
+fn uniform_directions_give_the_same_mean() {
+    let wall = parallelogram([0.0, 0.0, -1e6], [0.0, 1e6, 0.0], [0.0, 0.0, 2e6], 0);
+    let corner = in_white_sky(scene(vec![floor(10.0, 0.0, 0), wall], vec![gray(1.0)]));
+    let value = |integrator, hemisphere, samples| {
+        let settings = Settings { integrator, hemisphere, pattern: Pattern::Random, ..settings(1, 1, samples, 0) };
+        let ao_radius = Some(f32::INFINITY);
+        probe(&corner, [2.0, 2.0, 0.0], [1e-3, 0.0, 0.0], Settings { ao_radius, ..settings })[0]
+    };
+    for integrator in Integrator::ALL {
+        let [cosine, uniform] = Hemisphere::ALL.map(|hemisphere| value(integrator, hemisphere, 8192));
+        // Weights are at most 2, so four standard errors are at most 0.044.
+        assert!((cosine - 0.5).abs() < 0.044 && (uniform - 0.5).abs() < 0.044, "{integrator:?}: {cosine} {uniform}");
+        assert!(cosine != uniform, "{integrator:?}");
+    }
 }
 
 #[test]

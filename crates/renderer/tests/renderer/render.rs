@@ -30,6 +30,7 @@ const SETTINGS: Settings = Settings {
     filter: canted_film::Filter::BOX,
     lod: canted_renderer::Lod::Aniso,
     energy_compensation: true,
+    hemisphere: canted_renderer::Hemisphere::Cosine,
     ao_radius: None,
     cull: canted_renderer::Cull::Auto,
     clamp: None,

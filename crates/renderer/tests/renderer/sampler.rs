@@ -1,6 +1,4 @@
-use std::f32::consts::TAU;
-
-use canted_renderer::sampling::{Basis, cosine_density, cosine_hemisphere};
+use canted_renderer::sampling::{Basis, Hemisphere, cosine_density, cosine_hemisphere, uniform_hemisphere};
 use canted_renderer::{Pattern, Sampler};
 
 use crate::common::{U, cross, dot};
@@ -267,20 +265,6 @@ fn squares(n: u32) -> impl Iterator<Item = [f32; 2]> {
     (0..n).map(move |i| sampler.pair(i, 0, 0))
 }
 
-/// A direction around +z with PDF `1/(2π)`, from a point of the unit square.
-fn uniform_hemisphere(square: [f32; 2]) -> [f32; 3] {
-    let cosine = 1.0 - square[0];
-    // (1 - c)(1 + c) keeps its digits near the pole, 1 - c² does not.
-    let sine = (square[0] * (1.0 + cosine)).sqrt();
-    let (s, c) = (TAU * square[1]).sin_cos();
-    [sine * c, sine * s, cosine]
-}
-
-/// PDF of [`uniform_hemisphere`] at a polar cosine.
-fn uniform_density(cosine: f32) -> f32 {
-    if cosine >= 0.0 { 1.0 / TAU } else { 0.0 }
-}
-
 /// Midpoint rule in the polar cosine; the PDF does not depend on the azimuth.
 fn integral(density: impl Fn(f32) -> f32) -> f64 {
     const STEPS: u32 = 10_000;
@@ -294,7 +278,7 @@ const DENSITY_ERROR: f64 = 4.0 * U;
 
 #[test]
 fn pdfs_integrate_to_one() {
-    for density in [cosine_density, uniform_density] {
+    for density in Hemisphere::ALL.map(|hemisphere| move |cosine| hemisphere.density(cosine)) {
         assert!((integral(density) - 1.0).abs() < DENSITY_ERROR);
         assert_eq!(density(-0.5), 0.0);
     }
@@ -339,6 +323,17 @@ fn directions_are_unit_and_above_the_horizon() {
     }
 }
 
+/// A weight is Lambert's density over that of the direction.
+#[test]
+fn weights_are_quotients_of_densities() {
+    for hemisphere in Hemisphere::ALL {
+        for [_, _, z] in squares(N).map(|square| hemisphere.direction(square)) {
+            let (weight, want) = (hemisphere.weight(z), cosine_density(z) / hemisphere.density(z));
+            assert!((weight - want).abs() <= 2.0 * f32::EPSILON * want, "{hemisphere:?} {z}: {weight}, not {want}");
+        }
+    }
+}
+
 /// Both estimators of `(1/π) ∫ V·cosθ dω`, for the visibility past a wall, and their variances.
 #[test]
 fn estimators_agree_and_cosine_sampling_has_less_variance() {
@@ -348,11 +343,11 @@ fn estimators_agree_and_cosine_sampling_has_less_variance() {
         let mean = weights.iter().sum::<f64>() / n;
         (mean, weights.iter().map(|w| (w - mean).powi(2)).sum::<f64>() / (n - 1.0))
     };
-    let weight = |d: [f32; 3], density: f32| visible(d) * f64::from(d[2] / density) / std::f64::consts::PI;
-    let (cosine, cosine_variance) =
-        estimate(squares(N).map(cosine_hemisphere).map(|d| weight(d, cosine_density(d[2]))).collect());
-    let (uniform, uniform_variance) =
-        estimate(squares(N).map(uniform_hemisphere).map(|d| weight(d, uniform_density(d[2]))).collect());
+    let of = |hemisphere: Hemisphere| {
+        let weighed = |d: [f32; 3]| visible(d) * f64::from(hemisphere.weight(d[2]));
+        estimate(squares(N).map(|square| weighed(hemisphere.direction(square))).collect())
+    };
+    let [(cosine, cosine_variance), (uniform, uniform_variance)] = Hemisphere::ALL.map(of);
     // The visible part projects onto half a disk and half an ellipse: (1 + sin(atan(1/2)))/2.
     let exact = 0.5 * (1.0 + 1.0 / 5.0_f64.sqrt());
     for (mean, variance) in [(cosine, cosine_variance), (uniform, uniform_variance)] {

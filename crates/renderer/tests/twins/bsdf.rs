@@ -2,7 +2,7 @@ use bytemuck::{Pod, Zeroable};
 use canted_fixtures::device_tests::{Test, needs_device, needs_nothing};
 use canted_gpu::Variant;
 use canted_renderer::twins::glass_albedos;
-use canted_renderer::{Bsdf, BsdfSample, Evaluation};
+use canted_renderer::{Bsdf, BsdfSample, Evaluation, Hemisphere};
 
 use crate::{U, answers, compare, direction, gpu, number};
 
@@ -11,6 +11,7 @@ pub(crate) fn tests() -> Vec<Test> {
         needs_device(bsdfs_match_the_cpu),
         needs_device(compensated_bsdfs_match_the_cpu),
         needs_device(diffuse_bsdf_matches_the_full_one),
+        needs_device(uniform_diffuse_lobes_match_the_cpu),
         needs_device(opaque_bsdf_without_transmission_matches_the_full_one),
         needs_nothing(layouts_match_the_kernel),
     ]
@@ -46,8 +47,9 @@ struct Answer {
     _padding: [u32; 3],
 }
 
-/// Flag of a query that only the CPU reads: the kernel is specialized.
+/// Flags of a query that only the CPU reads: the kernel is specialized.
 const COMPENSATED: u32 = 4;
+const UNIFORM: u32 = 8;
 
 const FOUND: u32 = 1;
 const DELTA: u32 = 2;
@@ -73,6 +75,7 @@ impl Query {
             thin_walled: self.flags & 1 != 0,
             is_inside: self.flags & 2 != 0,
             is_compensated: self.flags & COMPENSATED != 0,
+            hemisphere: if self.flags & UNIFORM == 0 { Hemisphere::Cosine } else { Hemisphere::Uniform },
             lobes: None,
         }
     }
@@ -225,7 +228,11 @@ fn full() -> Variant {
 }
 
 fn glossy(transmission: &str, energy: &str) -> Variant {
-    Variant::none().part("bsdf", "shared/bsdf/full").part("transmission", transmission).part("energy", energy)
+    cosine().part("bsdf", "shared/bsdf/full").part("transmission", transmission).part("energy", energy)
+}
+
+fn cosine() -> Variant {
+    Variant::none().part("hemisphere", "shared/hemisphere/cosine")
 }
 
 fn bsdfs_match_the_cpu() {
@@ -272,13 +279,28 @@ fn diffuse_bsdf_matches_the_full_one() {
     let diffuse =
         |query: Query| Query { metallic: 0.0, specular: 0.0, transmission: 0.0, roughness: 1.0, flags: 0, ..query };
     let queries: Vec<Query> = queries(2000).into_iter().map(diffuse).collect();
-    let lambert = Variant::none().part("bsdf", "shared/bsdf/lambert");
+    let lambert = cosine().part("bsdf", "shared/bsdf/lambert");
     let [few, all] = [lambert, full()].map(|chosen| answers::<_, Answer>(&gpu, "check/bsdf", &chosen, &queries, &[]));
     compare(compare_one, &queries, &all).unwrap();
     for (few, all) in few.iter().zip(&all) {
         // Opaque materials do not use the transmission factor.
         assert_eq!((few.value, few.incident, few.weight, few.flags), (all.value, all.incident, all.weight, all.flags));
     }
+}
+
+fn uniform_diffuse_lobes_match_the_cpu() {
+    let gpu = gpu();
+    let uniform = |query: Query| Query { flags: query.flags | UNIFORM, ..query };
+    let queries: Vec<Query> = queries(20_000).into_iter().map(uniform).collect();
+    let chosen = Variant::none().part("hemisphere", "shared/hemisphere/uniform");
+    let chosen = chosen.part("bsdf", "shared/bsdf/full").part("transmission", "shared/bsdf/transmission/glass");
+    let chosen = chosen.part("energy", "shared/bsdf/energy/single");
+    let answers: Vec<Answer> = answers(&gpu, "check/bsdf", &chosen, &queries, &[]);
+    let [n_equal, n_else] = compare(compare_one, &queries, &answers).unwrap();
+    assert!(n_else * 1000 < n_equal, "{n_else} of {n_equal} fell to another side");
+    // The comparison detects a lobe that is sampled by the cosine.
+    let cosine: Vec<Query> = queries.iter().map(|query| Query { flags: query.flags & !UNIFORM, ..*query }).collect();
+    assert!(compare(compare_one, &cosine, &answers).is_err());
 }
 
 fn opaque_bsdf_without_transmission_matches_the_full_one() {

@@ -14,8 +14,9 @@ use canted_lbvh::{
 use canted_obb::Aabb;
 use canted_sah::{Builder, PlocConfig, ReinsertConfig, Split, TopDownConfig, build};
 
-const BUILDERS: [Builder; 7] = [
+const BUILDERS: [Builder; 8] = [
     Builder::Lbvh,
+    Builder::Hybrid,
     Builder::Reinserted(ReinsertConfig::FAST),
     Builder::FAST,
     Builder::BALANCED,
@@ -50,9 +51,11 @@ fn slower_presets_have_lower_cost() {
     for mesh in [fixtures::scaffold(1, true), fixtures::truss(4)] {
         let boxes = boxes(&corners(&mesh));
         let cost = |builder: &Builder| checked(&build(&boxes, &bounds(&boxes), builder), &boxes).1.sah;
-        let [lbvh, fast, balanced, quality] =
-            [Builder::Lbvh, Builder::FAST, Builder::BALANCED, Builder::QUALITY].map(|builder| cost(&builder));
+        let [lbvh, hybrid, fast, balanced, quality] =
+            [Builder::Lbvh, Builder::Hybrid, Builder::FAST, Builder::BALANCED, Builder::QUALITY]
+                .map(|builder| cost(&builder));
         assert!(fast < lbvh && balanced < fast && quality < balanced, "{lbvh} {fast} {balanced} {quality}");
+        assert!(hybrid < lbvh, "{hybrid}, {lbvh} without the top");
         let near = Builder::Ploc(PlocConfig::NEAR, Some(ReinsertConfig::FAST));
         assert!(cost(&near) < fast);
     }
