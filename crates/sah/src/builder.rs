@@ -55,7 +55,7 @@ const CHUNK: usize = 1 << 14;
 pub fn build(boxes: &[Aabb], bounds: &Aabb, builder: &Builder) -> Tree {
     match builder {
         Builder::Lbvh => radix_tree(boxes, bounds),
-        Builder::Hybrid => hybrid(boxes, bounds),
+        Builder::Hybrid => hybrid(radix_tree(boxes, bounds), boxes),
         Builder::Reinserted(config) => improved(radix_tree(boxes, bounds), boxes, Some(config)),
         Builder::Ploc(config, improvement) => {
             let (sorted, _) = along_curve(boxes, bounds);
@@ -65,7 +65,7 @@ pub fn build(boxes: &[Aabb], bounds: &Aabb, builder: &Builder) -> Tree {
     }
 }
 
-pub(crate) fn radix_tree(boxes: &[Aabb], bounds: &Aabb) -> Tree {
+fn radix_tree(boxes: &[Aabb], bounds: &Aabb) -> Tree {
     let (sorted, is_coarse) = along_curve(boxes, bounds);
     if is_coarse { over_sorted(sorted, boxes, &PlocConfig::NEAR) } else { radix(sorted) }
 }

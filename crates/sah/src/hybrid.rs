@@ -1,7 +1,7 @@
 use canted_lbvh::{Child, ChildKind, MAX_DEPTH, NodeId, Tree};
 use canted_obb::Aabb;
 
-use crate::{TopDownConfig, builder::radix_tree, par, top_down};
+use crate::{TopDownConfig, par, top_down};
 
 /// Most primitives of a subtree that stays a radix tree.
 const MOST: u32 = 64;
@@ -9,13 +9,12 @@ const MOST: u32 = 64;
 /// Parts per job.
 const CHUNK: usize = 1 << 8;
 
-/// A radix tree whose top, down to subtrees of at most [`MOST`] primitives, is replaced by a binned SAH tree.
+/// The tree `radix` whose top, down to subtrees of at most [`MOST`] primitives, is replaced by a binned SAH tree.
 ///
-/// Reads: finite boxes, and the bounds of all. Writes: a tree with its own leaf order. Holds: a depth of at most [`MAX_DEPTH`]; the
+/// Reads: a radix tree over finite boxes. Writes: a tree with its own leaf order. Holds: a depth of at most [`MAX_DEPTH`]; the
 /// same bits for any number of threads.
 /// Source: Lauterbach et al. 2009; Pantaleoni and Luebke 2010 for the SAH on top.
-pub(crate) fn hybrid(boxes: &[Aabb], bounds: &Aabb) -> Tree {
-    let radix = radix_tree(boxes, bounds);
+pub(crate) fn hybrid(radix: Tree, boxes: &[Aabb]) -> Tree {
     let parts = parts(&radix);
     if parts.len() < 2 {
         return radix;
