@@ -6,7 +6,7 @@ pub use canted_obb::{Aabb, Affine, PrimId};
 
 // Rays, hits, and what answers queries.
 pub use canted_trace::{
-    Accept, Crossings, Hit, InstanceId, Intersect, Ray, Side, Sphere, SurfacePoint, TriangleTest, Triangles,
+    Accept, Crossings, Hit, InstanceId, Intersect, Ray, Side, SurfacePoint, TriangleTest, Triangles,
 };
 
 // BVHs.
@@ -59,7 +59,7 @@ pub mod instance {
 pub mod kernel {
     pub use canted_trace::{
         AcceptAt, Answer, Answers, BaldwinWeber, Counts, HIT_ERROR, HitLists, Kernel, LeafTriangles, Leaves,
-        MollerTrumbore, Query, ReferencePoint, ScaledRay, SlabRay, Slabs, TriangleHit, Watertight, position_error,
+        MollerTrumbore, Query, ReferencePoint, ScaledRay, SlabRay, Slabs, Sphere, TriangleHit, Watertight, position_error,
         ray_aabb, ray_obb,
     };
     pub use canted_wide::{PrimitiveHit, TraversalCounts};

@@ -17,7 +17,7 @@ fn vectors_of_glam_pass_as_points_and_directions() {
 fn structures_are_send_and_sync() {
     fn check<T: Send + Sync + Clone + std::fmt::Debug>() {}
     check::<TriangleBvh>();
-    check::<WideBvh<canted::Sphere>>();
+    check::<WideBvh<canted::kernel::Sphere>>();
     check::<canted::Tlas<TriangleBvh>>();
     #[cfg(feature = "bvh2")]
     check::<canted::structure::Bvh2>();
@@ -25,7 +25,7 @@ fn structures_are_send_and_sync() {
 
 /// Modules included; a name that few programs need belongs into a module.
 #[test]
-fn the_root_has_about_thirty_names() {
+fn the_root_has_at_most_thirty_names() {
     // Lines of the root have no indentation, but for the lists of names.
     let source = include_str!("../src/lib.rs");
     let (mut n_names, mut in_module, mut in_list) = (0, false, false);
@@ -40,7 +40,7 @@ fn the_root_has_about_thirty_names() {
         in_list &= !line.ends_with(';');
         in_module &= line != "}";
     }
-    assert!((20..=32).contains(&n_names), "{n_names} names");
+    assert!((20..=30).contains(&n_names), "{n_names} names");
 }
 
 /// Cargo builds the examples beside the tests, except where it is asked for one test alone.
