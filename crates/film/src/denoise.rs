@@ -17,7 +17,10 @@
 
 use rayon::prelude::*;
 
-use crate::{Film, Guide, Picture, Pixel, Tile, Tiling};
+use crate::{
+    Film, Guide, Picture, Pixel, Tile, Tiling,
+    lanes::{self, Lanes},
+};
 
 /// Levels of the filter; level `i` has steps of `2^i` pixels.
 const LEVELS: u32 = 5;
@@ -184,37 +187,54 @@ const VARIANCE_RADIUS: u32 = 3;
 /// The variance of few samples is itself noisy: where all of four samples miss a small light, it is zero.
 fn estimate_variance(light: &mut [Light], features: &[Feature], size: [usize; 2], config: &Denoise) {
     let noisy: &[Light] = light;
-    let row =
-        |y: usize| -> Vec<f32> { (0..size[0]).map(|x| variance_at(noisy, features, size, [x, y], config)).collect() };
+    let row = |y| variances_of_row(noisy, features, size, y, config);
     let estimated: Vec<Vec<f32>> = (0..size[1]).into_par_iter().map(row).collect();
     for (light, variance) in light.iter_mut().zip(estimated.into_iter().flatten()) {
         light.variance = variance;
     }
 }
 
-fn variance_at(light: &[Light], features: &[Feature], size: [usize; 2], [x, y]: [usize; 2], config: &Denoise) -> f32 {
+/// The variances of a row of pixels.
+fn variances_of_row(light: &[Light], features: &[Feature], size: [usize; 2], y: usize, config: &Denoise) -> Vec<f32> {
+    let rows = Rows::around(light, features, size, y, VARIANCE_RADIUS as usize, 1);
+    let mut row = Vec::with_capacity(size[0]);
+    for x in (0..size[0]).step_by(lanes::N) {
+        let own = rows.center(x);
+        let slope = slopes(features, size, [x, y]);
+        let known = own.variance.is_not_negative();
+        let (mut sum, mut weights) = (own.variance.where_positive(known), known);
+        rows.for_each_tap(x, |other, offset| {
+            let known = other.variance.is_not_negative();
+            let weight = own.distance(&other, slope, offset, config).decay();
+            let weight = weight.where_positive(weight).where_positive(known);
+            sum = sum + (weight * other.variance).where_positive(weight);
+            weights = weights + weight;
+        });
+        for lane in 0..lanes::N.min(size[0] - x) {
+            let mean = sum.0[lane] / weights.0[lane];
+            let is_known = weights.0[lane] > 0.0;
+            let at = [x + lane, y];
+            row.push(if is_known { mean.max(own.variance.0[lane]) } else { spread(light, features, size, at, config) });
+        }
+    }
+    row
+}
+
+/// The variance of the colors of similar pixels.
+fn spread(light: &[Light], features: &[Feature], size: [usize; 2], [x, y]: [usize; 2], config: &Denoise) -> f32 {
     let p = y * size[0] + x;
-    let own = light[p].variance;
     let slope = slope(features, size, [x, y]);
-    let (mut sum, mut weights) = (own.max(0.0), f32::from(own >= 0.0));
     let (mut moments, mut n) = ([light[p].color, light[p].color.map(|c| c * c)], 1.0);
     for (q, offset) in taps(size, [x, y], VARIANCE_RADIUS as usize, 1) {
         let weight = (-distance(&features[p], &features[q], slope, offset, config)).exp();
         // False for NaN, too.
         if weight > 0.0 {
-            if light[q].variance >= 0.0 {
-                sum += weight * light[q].variance;
-                weights += weight;
-            }
             for (k, &c) in light[q].color.iter().enumerate() {
                 moments[0][k] += weight * c;
                 moments[1][k] += weight * c * c;
             }
             n += weight;
         }
-    }
-    if weights > 0.0 {
-        return (sum / weights).max(own);
     }
     let of_channel = |k: usize| (moments[1][k] / n - (moments[0][k] / n).powi(2)).max(0.0);
     (0..3).map(of_channel).sum::<f32>() / 3.0
@@ -242,50 +262,171 @@ fn filter_level(
     config: &Denoise,
 ) {
     next.par_chunks_mut(size[0].max(1)).enumerate().for_each(|(y, row)| {
-        for (x, out) in row.iter_mut().enumerate() {
-            *out = filtered(light, features, size, [x, y], step, config);
+        let rows = Rows::around(light, features, size, y, 2, step);
+        for (x, out) in (0..).step_by(lanes::N).zip(row.chunks_mut(lanes::N)) {
+            filter_pixels(light, features, &rows, out, size, [x, y], config);
         }
     });
 }
 
-fn filtered(
+/// Filters the pixels from `x` on, at most [`lanes::N`].
+fn filter_pixels(
     light: &[Light],
     features: &[Feature],
+    rows: &Rows,
+    out: &mut [Light],
     size: [usize; 2],
     [x, y]: [usize; 2],
-    step: usize,
     config: &Denoise,
-) -> Light {
-    let p = y * size[0] + x;
-    let (own, feature) = (light[p], features[p]);
-    if !feature.is_present {
-        return Light::default();
-    }
-    let slope = slope(features, size, [x, y]);
-    let brightest = own.color.into_iter().fold(0.0, |a: f32, c| a.max(c.abs()));
-    let tolerance = config.color * smoothed_variance(light, features, size, [x, y]).sqrt() + ROUNDING * brightest;
-    let center = SPLINE[0] * SPLINE[0];
+) {
+    let own = rows.center(x);
+    let slope = slopes(features, size, [x, y]);
+    let inverse_tolerance = per_lane(size[0], x, |x| {
+        let color = light[y * size[0] + x].color;
+        let brightest = color.into_iter().fold(0.0, |a: f32, c| a.max(c.abs()));
+        let tolerance = config.color * smoothed_variance(light, features, size, [x, y]).sqrt() + ROUNDING * brightest;
+        1.0 / tolerance.max(f32::MIN_POSITIVE)
+    });
+    let center = Lanes::splat(SPLINE[0] * SPLINE[0]);
     let (mut color, mut variance, mut weights) =
         (own.color.map(|c| center * c), center * center * own.variance, center);
-    for (q, offset) in taps(size, [x, y], 2, step) {
-        let of_color = difference(own.color, light[q].color) / tolerance.max(f32::MIN_POSITIVE);
-        let [i, j] = offset.map(|d| d.unsigned_abs() / step);
-        let edges = of_color + distance(&feature, &features[q], slope, offset, config);
-        let weight = SPLINE[i] * SPLINE[j] * (-edges).exp();
-        // False for NaN, too.
-        if weight > 0.0 {
-            color.iter_mut().zip(light[q].color).for_each(|(sum, c)| *sum += weight * c);
-            variance += weight * weight * light[q].variance;
-            weights += weight;
+    rows.for_each_tap(x, |other, offset| {
+        let of_color = (squares(own.color, other.color) * Lanes::splat(1.0 / 3.0)).sqrt() * inverse_tolerance;
+        let [i, j] = offset.map(|d| d.unsigned_abs() / rows.step);
+        let weight = (of_color + own.distance(&other, slope, offset, config)).decay();
+        let weight = (weight * Lanes::splat(SPLINE[i] * SPLINE[j])).where_positive(weight);
+        for (sum, c) in color.iter_mut().zip(other.color) {
+            *sum = *sum + (weight * c).where_positive(weight);
         }
+        variance = variance + (weight * weight * other.variance).where_positive(weight);
+        weights = weights + weight;
+    });
+    let (color, variance) = (color.map(|sum| sum / weights), variance / (weights * weights));
+    for (lane, out) in out.iter_mut().enumerate() {
+        let is_present = features[y * size[0] + x + lane].is_present;
+        let filtered = Light { color: color.map(|c| c.0[lane]), variance: variance.0[lane] };
+        *out = if is_present { filtered } else { Light::default() };
     }
-    Light { color: color.map(|sum| sum / weights), variance: variance / (weights * weights) }
 }
 
-/// Root mean square of the differences of the channels.
-fn difference(a: [f32; 3], b: [f32; 3]) -> f32 {
-    (squared(a, b) / 3.0).sqrt()
+/// A number for each of the pixels from `x` on; those beyond the last have its number.
+fn per_lane(width: usize, x: usize, number: impl Fn(usize) -> f32) -> Lanes {
+    Lanes(std::array::from_fn(|lane| number((x + lane).min(width - 1))))
 }
+
+/// [`slope`] of the pixels from `x` on.
+fn slopes(features: &[Feature], size: [usize; 2], [x, y]: [usize; 2]) -> [Lanes; 2] {
+    let each: [[f32; 2]; lanes::N] =
+        std::array::from_fn(|lane| slope(features, size, [(x + lane).min(size[0] - 1), y]));
+    [0, 1].map(|axis| Lanes(each.map(|slope| slope[axis])))
+}
+
+/// Sum of the squared differences of three numbers.
+fn squares(a: [Lanes; 3], b: [Lanes; 3]) -> Lanes {
+    let [x, y, z] = std::array::from_fn(|k| (a[k] - b[k]).squared());
+    x + y + z
+}
+
+/// Neighbors in a row, a number of all of them at once.
+#[derive(Clone, Copy)]
+struct Pixels {
+    color: [Lanes; 3],
+    variance: Lanes,
+    normal: [Lanes; 3],
+    depth: Lanes,
+    albedo: [Lanes; 3],
+}
+
+impl Pixels {
+    /// [`distance`] of each pair; NaN for pixels without samples.
+    #[inline(always)]
+    fn distance(&self, other: &Self, slope: [Lanes; 2], offset: [isize; 2], config: &Denoise) -> Lanes {
+        let [across, down] = offset.map(|d| Lanes::splat(d as f32));
+        let normal = squares(self.normal, other.normal) * Lanes::splat(1.0 / (config.normal * config.normal));
+        let albedo = squares(self.albedo, other.albedo) * Lanes::splat(1.0 / (3.0 * config.albedo * config.albedo));
+        let explained = (slope[0] * across + slope[1] * down).abs();
+        let scale = Lanes::splat(config.depth) * explained + Lanes::splat(FLAT) * self.depth;
+        let depth = (self.depth - other.depth).abs() / (scale + Lanes::splat(f32::MIN_POSITIVE));
+        normal + albedo + depth
+    }
+}
+
+/// The rows of the taps of a row, each with one array per number, and with pixels without samples on both sides.
+struct Rows {
+    /// Distance of the rows to the middle one, in pixels, and their numbers.
+    rows: Vec<(isize, Vec<f32>)>,
+    /// The index of the middle one.
+    n_above: usize,
+    /// Length of an array.
+    stride: usize,
+    /// Pixels before the first.
+    padding: usize,
+    radius: isize,
+    step: usize,
+}
+
+impl Rows {
+    /// The rows of a sparse square of this radius around row `y`, in steps of `step` pixels.
+    fn around(
+        light: &[Light],
+        features: &[Feature],
+        [width, height]: [usize; 2],
+        y: usize,
+        radius: usize,
+        step: usize,
+    ) -> Self {
+        let padding = radius * step;
+        let stride = width.next_multiple_of(lanes::N) + 2 * padding;
+        let radius = radius.cast_signed();
+        let row = |i: isize| {
+            let offset = i * step.cast_signed();
+            let y = y.checked_add_signed(offset).filter(|&y| y < height)?;
+            let mut numbers = vec![f32::NAN; N_NUMBERS * stride];
+            for x in 0..width {
+                let (light, feature) = (&light[y * width + x], &features[y * width + x]);
+                let [[r, g, b], [i, j, k], [u, v, w]] = [light.color, feature.normal, feature.albedo];
+                let all = [r, g, b, light.variance, i, j, k, feature.depth, u, v, w];
+                if feature.is_present {
+                    (0..).zip(all).for_each(|(n, number): (usize, f32)| numbers[n * stride + padding + x] = number);
+                }
+            }
+            Some((offset, numbers))
+        };
+        let rows: Vec<(isize, Vec<f32>)> = (-radius..=radius).filter_map(row).collect();
+        let n_above = rows.iter().filter(|(offset, _)| *offset < 0).count();
+        Self { rows, n_above, stride, padding, radius, step }
+    }
+
+    /// The pixels from `x` on in the middle row.
+    fn center(&self, x: usize) -> Pixels {
+        self.pixels(&self.rows[self.n_above].1, self.padding + x)
+    }
+
+    #[inline(always)]
+    fn pixels(&self, numbers: &[f32], at: usize) -> Pixels {
+        let number = |n: usize| Lanes::of(&numbers[n * self.stride + at..]);
+        let three = |n: usize| [number(n), number(n + 1), number(n + 2)];
+        Pixels { color: three(0), variance: number(3), normal: three(4), depth: number(7), albedo: three(8) }
+    }
+
+    /// Visits the neighbors of the pixels from `x` on, with their offsets.
+    #[inline(always)]
+    fn for_each_tap(&self, x: usize, mut visit: impl FnMut(Pixels, [isize; 2])) {
+        for (down, numbers) in &self.rows {
+            for i in -self.radius..=self.radius {
+                let across = i * self.step.cast_signed();
+                if let Some(at) = (self.padding + x).checked_add_signed(across)
+                    && [across, *down] != [0, 0]
+                {
+                    visit(self.pixels(numbers, at), [across, *down]);
+                }
+            }
+        }
+    }
+}
+
+/// Numbers of a pixel in [`Rows`].
+const N_NUMBERS: usize = 11;
 
 fn squared(a: [f32; 3], b: [f32; 3]) -> f32 {
     a.into_iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()

@@ -31,6 +31,7 @@ mod filter;
 mod flip;
 mod hash;
 mod heatmap;
+mod lanes;
 mod picture;
 mod picture_file;
 pub mod srgb;

@@ -119,6 +119,30 @@ fn the_ground_shows_shadows_and_no_edge() {
     assert_eq!(below["ground"], "off");
 }
 
+/// Where the ground ends it is as bright as the background, after denoising as well.
+#[test]
+fn the_edge_of_the_ground_is_not_seen() {
+    let folder = folder();
+    folder.run("render cube.obj --size 160x120 --device cpu -o a.png").done();
+    let image = image(&folder, "a.png");
+    let background = at(&image, 0.5, 0.0)[0];
+    let beside = (0..32).chain(128..160).flat_map(|x| (0..40).map(move |y| (x, y)));
+    for (x, y) in beside {
+        let found = image.get_pixel(x, y).0[0];
+        assert!(found.abs_diff(background) <= 4, "{x} {y}: {found} {background}");
+    }
+}
+
+/// A surface that faces the viewer is nearly as bright as one in white light, so that colors of textures look like they do elsewhere.
+#[test]
+fn the_studio_lights_what_faces_the_viewer() {
+    let folder = folder();
+    folder.run(&format!("render cube.obj {SIZE} --spp 128 --eye 0,0,6 --target 0,0,0 --ground off -o a.png")).done();
+    let linear = canted_film::srgb::decode(at(&image(&folder, "a.png"), 0.5, 0.5)[0]);
+    // The cube reflects 0.8.
+    assert!((0.65..0.9).contains(&(linear / 0.8)), "{linear}");
+}
+
 /// Alpha is the covered part of each pixel, and colors are those of what covers it.
 #[test]
 fn transparent_backgrounds_have_alpha() {

@@ -79,7 +79,7 @@ impl<'a> Boundary<'a> {
         let mut facets = Ggx::of_roughness(bsdf.roughness);
         let mut roughness = bsdf.roughness;
         if let Some(lobes) = bsdf.lobes.as_ref().filter(|lobes| lobes.anisotropy > 0.0) {
-            facets = facets.map(|facets| facets.stretched(lobes.anisotropy));
+            facets = Ggx::stretched(bsdf.roughness, lobes.anisotropy);
             roughness = facets.map_or(roughness, |facets| facets.effective_roughness(outgoing));
         }
         let lobes = bsdf.lobes.as_ref().filter(|lobes| lobes.is_colored() && !is_inside);

@@ -30,9 +30,12 @@ impl Ggx {
         (alpha >= MIN_ALPHA).then_some(Self { alpha, along: alpha })
     }
 
-    /// The distribution with longer highlights along x, as in `KHR_materials_anisotropy`.
-    pub(super) fn stretched(self, anisotropy: f32) -> Self {
-        Self { along: self.alpha + (1.0 - self.alpha) * anisotropy * anisotropy, ..self }
+    /// The distribution with longer highlights along x, as in `KHR_materials_anisotropy`; `None` for a perfect mirror, which is smooth along
+    /// both axes. A surface that is smooth across the highlights alone has the least width there.
+    pub(super) fn stretched(roughness: f32, anisotropy: f32) -> Option<Self> {
+        let alpha = roughness * roughness;
+        let along = alpha + (1.0 - alpha) * anisotropy * anisotropy;
+        (along >= MIN_ALPHA).then_some(Self { alpha: alpha.max(MIN_ALPHA), along })
     }
 
     /// The roughness of the isotropic distribution that loses about as much light in a direction.

@@ -172,7 +172,9 @@ impl Bsdf {
     pub fn is_delta_only(&self) -> bool {
         let is_smooth = |roughness| Ggx::of_roughness(roughness).is_none();
         let is_bare = self.lobes.is_none_or(|lobes| {
-            lobes.sheen_color == [0.0; 3] && (lobes.clearcoat == 0.0 || is_smooth(lobes.clearcoat_roughness))
+            lobes.sheen_color == [0.0; 3]
+                && (lobes.clearcoat == 0.0 || is_smooth(lobes.clearcoat_roughness))
+                && Ggx::stretched(self.roughness, lobes.anisotropy).is_none()
         });
         is_bare && is_smooth(self.roughness) && self.diffuse_color().iter().all(|&c| c == 0.0)
     }

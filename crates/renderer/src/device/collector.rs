@@ -272,7 +272,8 @@ impl Cell {
                     by_cpu.push_sample(sample, one.pixel.total());
                 }
                 if let Some(guide) = guide {
-                    sums.guide.push_sample(sample, if is_known { guide.into() } else { one.guide.total() });
+                    let guide = if is_known { tiles.kept(guide.into()) } else { one.guide.total() };
+                    sums.guide.push_sample(sample, guide);
                 }
             }
             if unfinished != 0 {

@@ -30,6 +30,10 @@ pub(crate) trait RenderTiles: Sync {
 
     /// Adds one sample of a pixel to its sums; returns the number of rays.
     fn sample(&self, pixel: [u32; 2], sample: u32, sums: &mut Sums) -> u64;
+
+    /// The AOVs of a sample that are kept: those of the ground that was added to a scene are those of a miss. It is as bright as the
+    /// background, and a denoiser that knew it from the background would show its edge.
+    fn kept(&self, guide: Guide) -> Guide;
 }
 
 /// What all tiles of a picture share.
@@ -59,6 +63,15 @@ impl RenderTiles for TileRenderer<'_> {
     fn sample(&self, pixel: [u32; 2], sample: u32, sums: &mut Sums) -> u64 {
         let started = self.start(pixel, sample, 0, sums);
         self.finish(&mut vec![started], std::slice::from_mut(sums))
+    }
+
+    fn kept(&self, guide: Guide) -> Guide {
+        match (guide.first, self.transport.surfaces.scene().ground) {
+            (Some([instance, _]), Some(ground)) if instance == ground => {
+                Guide { tests: guide.tests, ..Guide::default() }
+            }
+            _ => guide,
+        }
     }
 }
 
@@ -109,7 +122,7 @@ impl TileRenderer<'_> {
         let start = Start { ray, cone: self.view.cone(position, sample), pixel: number, sample };
         let hit = if self.tiling.has_guides() {
             let (hit, guide) = self.guide(&start);
-            sums.guide.push_sample(sample, guide);
+            sums.guide.push_sample(sample, self.kept(guide));
             hit
         } else {
             self.transport.bvh.closest_hit_with(&ray, &mut self.transport.camera_query(&start))

@@ -332,6 +332,10 @@ fn anisotropy_stretches_along_its_direction() {
     assert!((value(&y, across) - value(&x, along)).abs() < 1e-5);
     let none = Bsdf { lobes: Some(Lobes::default()), ..metal };
     assert_eq!(value(&none, along), value(&metal, along), "the isotropic distribution");
+    // Roughness 0 is smooth across the direction alone: by `KHR_materials_anisotropy` the roughness along it is the square of the strength.
+    let smooth = Bsdf { roughness: 0.0, ..x };
+    assert!(!smooth.is_delta_only() && value(&smooth, along) > 0.01 && value(&smooth, across) < 1e-3);
+    assert!(Bsdf { roughness: 0.0, ..none }.is_delta_only());
 }
 
 /// A film without thickness, or of the index of air, is not seen; one of 380 nm colors a metal.

@@ -68,6 +68,10 @@ pub(super) fn materials(
             continue;
         };
         scene.materials.push(surface(display_name, source));
+        if is_opaque_of_meshlab(source) {
+            let location = format!("material {}", text::quoted(name.unwrap_or_default()));
+            grouped.add("reading Tr 1 as opaque, as MeshLab writes it", &location);
+        }
         if scene.materials[k].is_invisible() {
             let location = format!("material {}", text::quoted(name.unwrap_or_default()));
             grouped.add("a fully transparent material is not seen", &location);
@@ -311,7 +315,8 @@ fn surface(name: String, source: &MtlMaterial) -> Material {
         }
         _ => {}
     }
-    let alpha = source.opacity.or_else(|| source.transparency.map(|transparency| 1.0 - transparency));
+    let of_transparency = || source.transparency.map(|transparency| 1.0 - transparency);
+    let alpha = source.opacity.or_else(|| of_transparency().filter(|_| !is_opaque_of_meshlab(source)));
     if let Some(alpha) = alpha.filter(|&alpha| alpha < 1.0 && source.mask.is_none()) {
         material.alpha = alpha;
         material.alpha_mode = AlphaMode::Blend;
@@ -322,6 +327,11 @@ fn surface(name: String, source: &MtlMaterial) -> Material {
 /// Whether the material is a mirror of color `Ks`, which replaces `Kd`.
 fn is_mirror(source: &MtlMaterial) -> bool {
     matches!(source.illumination, Some(3 | 5)) && source.metallic.is_none() && source.metallic_map.is_none()
+}
+
+/// Whether `Tr 1` is the opacity of an opaque material: MeshLab writes it in place of `d`, with an illumination model without transparency.
+fn is_opaque_of_meshlab(source: &MtlMaterial) -> bool {
+    source.opacity.is_none() && source.transparency == Some(1.0) && matches!(source.illumination, Some(0..=2))
 }
 
 /// Roughness from a shininess of 1000 (1 - roughness)², as Blender writes it; 1 if absent.
