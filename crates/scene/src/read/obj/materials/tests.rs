@@ -60,7 +60,6 @@ fn reads_colors_and_reports_invalid_ones() {
         ("Tr 2", plain, "clamping Tr '2' to the valid range|a fully transparent material is not seen: material 'a'"),
         ("Tr 0\nd 1", plain, ""),
         ("Tr 1\nillum 2", plain, "reading Tr 1 as opaque, as MeshLab writes it: material 'a'"),
-        ("Tr 1\nillum 4", plain, "a fully transparent material is not seen: material 'a'"),
         ("Ns 1e30\nKs 1 1 1\nfoo", plain, ""),
     ] {
         let (material, warnings) = only(line);
