@@ -1,8 +1,8 @@
 //! A studio: soft panels over a gradient with a horizon, without color.
 //!
 //! Panels give metal something to reflect: a key light from the left, above and in front, a fill from the right, and two rim lights from
-//! behind. All are rectangles with soft edges at an infinite distance. Panels are small and walls dark, so that glossy dark surfaces stay
-//! dark outside of highlights, and what stands on the ground has a shadow.
+//! behind. All are rectangles with soft edges at an infinite distance.
+//! The key is nearly in front, so that what faces the viewer is bright, and large: smaller ones make more noise.
 
 use glam::DVec3;
 
@@ -14,23 +14,23 @@ struct Panel {
 }
 
 const PANELS: [Panel; 4] = [
-    Panel { center: [-0.35, 0.85, 1.0], half: [0.5, 0.42], radiance: 5.6 },
-    Panel { center: [1.0, 0.25, 0.35], half: [0.22, 0.6], radiance: 1.8 },
-    Panel { center: [-0.35, 0.55, -1.0], half: [0.9, 0.2], radiance: 3.0 },
-    Panel { center: [0.9, 0.35, -0.75], half: [0.16, 0.6], radiance: 3.0 },
+    Panel { center: [-0.4, 0.85, 1.0], half: [0.75, 0.6], radiance: 2.75 },
+    Panel { center: [1.0, 0.2, 0.3], half: [0.3, 0.65], radiance: 1.1 },
+    Panel { center: [-0.35, 0.5, -1.0], half: [1.0, 0.22], radiance: 1.8 },
+    Panel { center: [0.9, 0.35, -0.75], half: [0.18, 0.6], radiance: 1.7 },
 ];
 
 /// Half the width of the soft edge of a panel, at distance 1.
 const EDGE: f64 = 0.12;
 
 /// Factor of all radiance, so that no direction lights a white surface to more than white: the greatest irradiance, on a surface that
-/// faces the key light, is 1.38 pi without it.
-const SCALE: f64 = 0.68;
+/// faces the key light, is 1.23 pi without it.
+const SCALE: f64 = 0.74;
 
 /// The radiance from a direction of unit length, with +y up and the viewer at +z.
 pub(super) fn radiance(direction: DVec3) -> DVec3 {
-    let wall = 0.16 + 0.12 * direction.y.max(0.0);
-    let floor = 0.13 + 0.05 * (-direction.y).max(0.0);
+    let wall = 0.20 + 0.32 * direction.y.max(0.0);
+    let floor = 0.17 + 0.08 * (-direction.y).max(0.0);
     let mut radiance = floor + (wall - floor) * smooth(-0.04, 0.06, direction.y);
     for Panel { center, half: [width, height], radiance: of_panel } in &PANELS {
         let center = DVec3::from(*center).normalize();
