@@ -2,7 +2,8 @@
 #![expect(clippy::print_stdout, reason = "an example prints its results")]
 
 use canted::collide::{Pose, cast_sphere, distance, overlaps, pairs};
-use canted::{Affine, GeometryError, Ray, Sphere, TriangleBvh};
+use canted::kernel::Sphere;
+use canted::{Affine, GeometryError, Ray, TriangleBvh};
 
 fn main() -> Result<(), GeometryError> {
     // An octahedron.
