@@ -1,6 +1,7 @@
 // choice full
 // All materials: metals, coated dielectrics, glass and thin walls.
 // use shared/sampling
+// use shared/bsdf/diffuse
 // use shared/bsdf/scattering
 // use shared/bsdf/boundary
 // use shared/bsdf/ggx
@@ -55,6 +56,7 @@ fn is_lambert(bsdf: Bsdf) -> bool {
 // choice lambert
 // Diffuse surfaces only.
 // use shared/sampling
+// use shared/bsdf/diffuse
 // use shared/bsdf/scattering
 
 /// Scattering from `incident` into `outgoing`.
@@ -92,8 +94,7 @@ fn compression_of(bsdf: Bsdf) -> f32 {
 // Interface of BSDFs, implemented by the parts of `shared/bsdf`; twin of crates/renderer/src/bsdf.rs.
 //
 // Directions are unit vectors in a local frame. +z is the shading normal on the side of `outgoing`, which points towards the
-// viewer. Light comes from `incident`; it is transmitted if the z of `incident` is negative. `?hemisphere` samples diffuse lobes.
-// use ?hemisphere
+// viewer. Light comes from `incident`; it is transmitted if the z of `incident` is negative.
 
 /// Material at a hit, and the side that the ray came from.
 struct Bsdf {
@@ -139,6 +140,11 @@ fn no_evaluation() -> Evaluation {
 fn no_bsdf_sample() -> BsdfSample {
     return BsdfSample(vec3(0.0, 0.0, 1.0), 0.0, vec3(0.0), false, false, false);
 }
+
+// part diffuse
+// Samples of diffuse surfaces; `?hemisphere` chooses directions.
+// use shared/bsdf/scattering
+// use ?hemisphere
 
 /// A sample of a surface that is only diffuse.
 fn lambert_sample(color: vec3<f32>, square: vec2<f32>) -> BsdfSample {
@@ -253,6 +259,7 @@ fn unit_of(v: vec3<f32>) -> vec3<f32> {
 // use shared/bsdf/scattering
 // use shared/bsdf/fresnel
 // use shared/bsdf/ggx
+// use ?hemisphere
 // use ?transmission
 // use ?energy
 

@@ -59,7 +59,6 @@ fn reads_colors_and_reports_invalid_ones() {
         ("Ni nan", plain, "ignoring Ni 'nan': expected a number"),
         ("Tr 2", plain, "clamping Tr '2' to the valid range|a fully transparent material is not seen: material 'a'"),
         ("Tr 0\nd 1", plain, ""),
-        ("Tr 1\nillum 2", plain, "reading Tr 1 as opaque, as MeshLab writes it: material 'a'"),
         ("Ns 1e30\nKs 1 1 1\nfoo", plain, ""),
     ] {
         let (material, warnings) = only(line);
@@ -71,6 +70,13 @@ fn reads_colors_and_reports_invalid_ones() {
         let (material, warnings) = only(&format!("illum 4\nNi {stated}"));
         assert_eq!((material.ior, warnings.len()), (kept, n_warnings), "{stated}: {warnings:?}");
     }
+    // Of MeshLab.
+    let (material, warnings) = only("Tr 1\nillum 2");
+    assert_eq!(
+        (material.alpha, &warnings[..]),
+        (1.0, &["reading Tr 1 as opaque, as MeshLab writes it: material 'a'".to_owned()][..])
+    );
+    assert!(only("Tr 1").0.is_invisible());
     assert_eq!(only("Ke 17 12 4").0.emission, [17.0, 12.0, 4.0]);
     assert_eq!(only("Ke -1 inf 4").0.emission, [0.0, f32::MAX, 4.0]);
     assert_eq!(only("Kd 0 0 0\nnewmtl a\nKd 1 1 1").0.base_color, [1.0; 3], "the last definition wins");

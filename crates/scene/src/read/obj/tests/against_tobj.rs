@@ -432,7 +432,7 @@ struct Rule {
 }
 
 /// All differences. "The format" is Wavefront's, appendix B1 of the Advanced Visualizer manual.
-static RULES: [Rule; 17] = [
+static RULES: [Rule; 18] = [
     Rule {
         what: "bytes that are not UTF-8, or a byte order mark",
         why: "ours: exporters write names in the code page of the system, and editors the mark",
@@ -444,6 +444,12 @@ static RULES: [Rule; 17] = [
         why: "ours: the format joins a line that ends with a backslash to the next",
         applies: |bytes| lines(bytes).any(|line| line.trim_end().ends_with('\\')),
         example: b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 \\\n 3\n",
+    },
+    Rule {
+        what: "keywords in capitals",
+        why: "ours: old exporters write them",
+        applies: |bytes| statements(bytes).any(|words| ["V", "VT", "VN", "F"].contains(&words[0])),
+        example: b"V 0 0 0\nV 1 0 0\nV 0 1 0\nF 1 2 3\n",
     },
     Rule {
         what: "a comment after a statement",
