@@ -79,20 +79,6 @@ impl Split {
 /// Triangles up to which [`KdSplit::Midpoint`] makes a leaf.
 const MIDPOINT_LEAF: usize = 5;
 
-/// How a cell is split, if it is: as [`cheapest_split`] and [`middle_split`].
-pub(crate) fn best_split(
-    events: &[Vec<Event>; 3],
-    n: usize,
-    cell: &Aabb,
-    budget: usize,
-    config: &KdTreeConfig,
-) -> Option<Split> {
-    match config.split {
-        KdSplit::Sah => cheapest_split(events, n, cell, budget, config),
-        KdSplit::Midpoint => middle_split(events, n, cell, budget),
-    }
-}
-
 /// The split at the midpoint of the cell's longest axis, if more than [`MIDPOINT_LEAF`] fragments and the budget permit it.
 fn middle_split(events: &[Vec<Event>; 3], n: usize, cell: &Aabb, budget: usize) -> Option<Split> {
     let extent: [f64; 3] = std::array::from_fn(|k| f64::from(cell.max[k]) - f64::from(cell.min[k]));
@@ -116,18 +102,22 @@ fn middle_split(events: &[Vec<Event>; 3], n: usize, cell: &Aabb, budget: usize) 
     (n_below.max(1) + n_above.max(1) <= budget).then_some(Split { axis, plane, n: [n_below, n_above] })
 }
 
-/// The split of least cost, if it is cheaper than a leaf; the first of equals, by axis and coordinate.
+/// The split of least cost, if it is cheaper than a leaf; the first of equals, by axis and coordinate. With [`KdSplit::Midpoint`] as
+/// [`middle_split`].
 ///
 /// Reads: the sorted events of `n` fragments on each axis. A cell counts its fragments, at least one, towards `budget`.
 /// Source: Wald, Havran 2006, section 3; the cost after MacDonald, Booth 1990. Relative to the source of the bonus (Silva 2010),
 /// areas are divided by that of the node, so that scale does not matter.
-fn cheapest_split(
+pub(crate) fn best_split(
     events: &[Vec<Event>; 3],
     n: usize,
     cell: &Aabb,
     budget: usize,
     config: &KdTreeConfig,
 ) -> Option<Split> {
+    if config.split == KdSplit::Midpoint {
+        return middle_split(events, n, cell, budget);
+    }
     let extent: [f64; 3] = std::array::from_fn(|k| f64::from(cell.max[k]) - f64::from(cell.min[k]));
     let half_area = extent[0] * extent[1] + extent[1] * extent[2] + extent[2] * extent[0];
     // The sum of area times number that a split must be below.
