@@ -149,7 +149,8 @@ impl<P: LeafPrimitive> WideBvh<P> {
 }
 
 impl TriangleBvh {
-    /// The vertices of a triangle, as they were given.
+    /// The vertices of a triangle, as they were given; those of one without area are the ends of its longest edge, one of them twice
+    /// ([`canted_obb::flat_as_edge`]): the same points, which no ray hits.
     ///
     /// The first call makes an index of four bytes for each triangle.
     ///
@@ -160,7 +161,7 @@ impl TriangleBvh {
         self.leaves.triangle(&self.nodes, self.n_primitives, id)
     }
 
-    /// The vertices of all triangles, in input order.
+    /// The vertices of all triangles, in input order, each as by [`Self::triangle`].
     #[must_use]
     pub fn triangles(&self) -> Vec<[[f32; 3]; 3]> {
         let mut triangles = vec![[[0.0; 3]; 3]; self.n_primitives];

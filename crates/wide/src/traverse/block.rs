@@ -112,7 +112,7 @@ impl<'a> Block<'a> {
         }
     }
 
-    /// Vertices of a triangle, as they were given.
+    /// Vertices of a triangle, as they are stored ([`canted_obb::flat_as_edge`] of those given).
     #[inline(always)]
     pub(crate) fn vertices(&self, lane: usize) -> [[f32; 3]; 3] {
         std::array::from_fn(|vertex| std::array::from_fn(|axis| self.value(3 * vertex + axis, lane)))

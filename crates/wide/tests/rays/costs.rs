@@ -126,10 +126,17 @@ fn traversal_counts_are_the_tests_that_a_query_counts() {
 }
 
 #[test]
-fn triangles_are_returned_as_they_were_given() {
+fn triangles_are_returned_as_they_were_given_and_those_without_area_as_edges() {
+    let (mut n_flat, mut n_others) = (0, 0);
     for (name, mesh) in scenes() {
-        let corners = |positions: &[[f32; 3]]| -> Vec<[[f32; 3]; 3]> {
-            mesh.triangles.iter().map(|t| t.map(|i| positions[i as usize])).collect()
+        let mut corners = |positions: &[[f32; 3]]| -> Vec<[[f32; 3]; 3]> {
+            let given = mesh.triangles.iter().map(|t| t.map(|i| positions[i as usize]));
+            let expected = given.map(|triangle| {
+                let is_flat = canted_obb::is_flat(triangle);
+                *(if is_flat { &mut n_flat } else { &mut n_others }) += 1;
+                if is_flat { canted_obb::flat_as_edge(triangle) } else { triangle }
+            });
+            expected.collect()
         };
         for preset in [Preset::Fast, Preset::Quality] {
             let mut bvh = build(&mesh, preset);
@@ -146,6 +153,7 @@ fn triangles_are_returned_as_they_were_given() {
             check(&bvh, &corners(&moved));
         }
     }
+    assert!(n_flat > 0 && n_others > 0, "{n_flat} {n_others}");
     let none = TriangleBvh::build::<[f32; 3], u32>(&[], &[]).unwrap();
     assert!(none.triangles().is_empty());
 }
