@@ -70,23 +70,28 @@ impl Sampler {
     /// has no limit.
     #[must_use]
     pub fn pair(&self, pixel: u32, sample: u32, dimension: u32) -> [f32; 2] {
-        // The permutations depend on pixel and dimension, the jitter also on the sample.
+        self.pairs(pixel, dimension).at(sample)
+    }
+
+    /// The points of all samples of a pixel in one dimension.
+    fn pairs(&self, pixel: u32, dimension: u32) -> Pairs {
         let key = self.key(pixel, dimension);
-        if self.pattern == Pattern::Sobol {
-            return net_pair(sample, [3, 4, 5].map(|salt| mix(key ^ salt))).map(|x| unit(x >> 8));
-        }
-        let jitter_x = mix(mix(key ^ 1) ^ sample);
-        let jitter_y = mix(jitter_x ^ 2);
-        if self.pattern == Pattern::Random {
-            return [unit(jitter_x >> 8), unit(jitter_y >> 8)];
-        }
-        let n = self.columns * self.rows;
-        let cell = permuted(sample % n, n, mix(key ^ 3));
-        let (column, row) = (cell % self.columns, cell / self.columns);
-        // Correlated multi-jitter: permute the columns within a row and the rows within a column.
-        let x_stratum = column * self.rows + permuted(row, self.rows, mix(key ^ 4));
-        let y_stratum = row * self.columns + permuted(column, self.columns, mix(key ^ 5));
-        [jittered(x_stratum, n, jitter_x), jittered(y_stratum, n, jitter_y)]
+        let salted = |salt: u32| mix(key ^ salt);
+        let pattern = match self.pattern {
+            Pattern::Random => PairPattern::Random,
+            Pattern::Sobol => PairPattern::Sobol([3, 4, 5].map(salted)),
+            Pattern::Stratified => PairPattern::Stratified {
+                cells: Permutation::new(self.columns * self.rows, salted(3)),
+                rows: Permutation::new(self.rows, salted(4)),
+                columns: Permutation::new(self.columns, salted(5)),
+            },
+        };
+        Pairs { pattern, jitter: salted(1) }
+    }
+
+    /// A sampler that is faster where samples of the same pixels follow each other.
+    pub(crate) fn remembering(self) -> RememberingSampler {
+        RememberingSampler { sampler: self, known: [None; KNOWN] }
     }
 
     /// A number in `[0, 1)`, independent of [`Sampler::pair`] of the same dimension.
@@ -99,7 +104,7 @@ impl Sampler {
         let n = self.columns * self.rows;
         match self.pattern {
             Pattern::Random => unit(jitter >> 8),
-            Pattern::Stratified => jittered(permuted(sample % n, n, mix(key ^ 7)), n, jitter),
+            Pattern::Stratified => jittered(Permutation::new(n, mix(key ^ 7)).of(sample % n), n, jitter),
             Pattern::Sobol => unit(net_single(sample, [8, 9].map(|salt| mix(key ^ salt))) >> 8),
         }
     }
@@ -113,6 +118,66 @@ impl Sampler {
     /// The hash of a pixel and dimension.
     fn key(&self, pixel: u32, dimension: u32) -> u32 {
         mix(mix(self.seed ^ pixel) ^ dimension)
+    }
+}
+
+/// Pairs of a dimension that a [`RememberingSampler`] keeps. An integrator needs two or three at a vertex.
+const KNOWN: usize = 4;
+
+/// A [`Sampler`] that keeps what depends on pixel and dimension alone: most of the arithmetic of a stratified pair.
+pub(crate) struct RememberingSampler {
+    sampler: Sampler,
+    /// Pixel, dimension and pairs, at the dimension modulo [`KNOWN`].
+    known: [Option<(u32, u32, Pairs)>; KNOWN],
+}
+
+impl RememberingSampler {
+    /// [`Sampler::pair`].
+    pub(crate) fn pair(&mut self, pixel: u32, sample: u32, dimension: u32) -> [f32; 2] {
+        let slot = &mut self.known[dimension as usize % KNOWN];
+        match slot {
+            Some((p, d, pairs)) if *p == pixel && *d == dimension => pairs.at(sample),
+            _ => slot.insert((pixel, dimension, self.sampler.pairs(pixel, dimension))).2.at(sample),
+        }
+    }
+}
+
+/// The points of all samples of a pixel in one dimension. Permutations depend on pixel and dimension, the jitter also on the sample.
+#[derive(Clone, Copy)]
+struct Pairs {
+    pattern: PairPattern,
+    jitter: u32,
+}
+
+#[derive(Clone, Copy)]
+enum PairPattern {
+    Random,
+    /// Seeds of [`net_pair`].
+    Sobol([u32; 3]),
+    /// Correlated multi-jitter: permutes the cells, the rows within a column and the columns within a row.
+    Stratified {
+        cells: Permutation,
+        rows: Permutation,
+        columns: Permutation,
+    },
+}
+
+impl Pairs {
+    fn at(&self, sample: u32) -> [f32; 2] {
+        if let PairPattern::Sobol(seeds) = self.pattern {
+            return net_pair(sample, seeds).map(|x| unit(x >> 8));
+        }
+        let jitter_x = mix(self.jitter ^ sample);
+        let jitter_y = mix(jitter_x ^ 2);
+        let PairPattern::Stratified { cells, rows, columns } = &self.pattern else {
+            return [jitter_x, jitter_y].map(|jitter| unit(jitter >> 8));
+        };
+        let n = cells.n;
+        let cell = cells.of(sample % n);
+        let (column, row) = (cell % columns.n, cell / columns.n);
+        let x_stratum = column * rows.n + rows.of(row);
+        let y_stratum = row * columns.n + columns.of(column);
+        [jittered(x_stratum, n, jitter_x), jittered(y_stratum, n, jitter_y)]
     }
 }
 
@@ -155,30 +220,45 @@ fn jittered(k: u32, n: u32, random: u32) -> f32 {
     unit(steps.min(STEPS - 1) as u32)
 }
 
-/// The image of `i < n` under a permutation of `0..n` selected by `key`.
+/// A permutation of `0..n` selected by a key.
 ///
 /// Each round is a bijection of `0..2^k` for the smallest `2^k >= n`. Values outside `0..n` are permuted again (cycle
 /// walking, Black and Rogaway 2002), less than twice on average. The final rotation of `0..n` makes every image equally
 /// likely for small `n` too.
-fn permuted(mut i: u32, n: u32, key: u32) -> u32 {
-    let bits = u32::BITS - (n - 1).leading_zeros();
-    let mask = if bits == u32::BITS { u32::MAX } else { (1 << bits) - 1 };
-    let shift = bits.div_ceil(2).max(1);
-    let keys = [mix(key), mix(key ^ 1), mix(key ^ 2)];
-    loop {
-        for key in keys {
-            // Addition and odd multiplication modulo 2^k, then xor-shift: all are invertible.
-            i = i.wrapping_add(key).wrapping_mul(key >> 16 | 1) & mask;
-            i ^= i >> shift;
-        }
-        if i < n {
-            break;
-        }
+#[derive(Clone, Copy)]
+struct Permutation {
+    n: u32,
+    /// One key a round.
+    keys: [u32; 3],
+    rotation: u32,
+}
+
+impl Permutation {
+    fn new(n: u32, key: u32) -> Self {
+        let rotation = ((u64::from(mix(key ^ 3)) * u64::from(n)) >> 32) as u32;
+        Self { n, keys: [mix(key), mix(key ^ 1), mix(key ^ 2)], rotation }
     }
-    let rotation = ((u64::from(mix(key ^ 3)) * u64::from(n)) >> 32) as u32;
-    // The sum modulo n, without overflow.
-    let remaining = n - rotation;
-    if i < remaining { i + rotation } else { i - remaining }
+
+    /// The image of `i < n`.
+    fn of(&self, mut i: u32) -> u32 {
+        let n = self.n;
+        let bits = u32::BITS - (n - 1).leading_zeros();
+        let mask = if bits == u32::BITS { u32::MAX } else { (1 << bits) - 1 };
+        let shift = bits.div_ceil(2).max(1);
+        loop {
+            for key in self.keys {
+                // Addition and odd multiplication modulo 2^k, then xor-shift: all are invertible.
+                i = i.wrapping_add(key).wrapping_mul(key >> 16 | 1) & mask;
+                i ^= i >> shift;
+            }
+            if i < n {
+                break;
+            }
+        }
+        // The sum modulo n, without overflow.
+        let remaining = n - self.rotation;
+        if i < remaining { i + self.rotation } else { i - remaining }
+    }
 }
 
 // Owen-scrambled (0,2)-sequences in base 2: of every aligned block of `2^m` samples, each elementary interval
@@ -238,12 +318,29 @@ mod tests {
     use super::*;
 
     #[test]
+    fn what_is_remembered_is_what_is_computed() {
+        for pattern in Pattern::ALL {
+            let sampler = Sampler::new(pattern, 12, 3);
+            let mut remembering = sampler.remembering();
+            for round in 0..2000_u32 {
+                // Pixels and dimensions return, some of them in the place of others.
+                let [pixel, sample, dimension] = [mix(round) % 3, round % 12, mix(round ^ 77) % 9];
+                let want = sampler.pair(pixel, sample, dimension);
+                assert_eq!(remembering.pair(pixel, sample, dimension), want, "{pattern:?} {pixel} {dimension}");
+            }
+        }
+    }
+
+    #[test]
     fn permutations_are_bijective() {
         for n in (1..=70).chain([97, 128, 1000, 1024, 1025]) {
             for key in 0..20 {
                 let mut seen = vec![false; n as usize];
                 for i in 0..n {
-                    assert!(!std::mem::replace(&mut seen[permuted(i, n, mix(key)) as usize], true), "n {n} key {key}");
+                    assert!(
+                        !std::mem::replace(&mut seen[Permutation::new(n, mix(key)).of(i) as usize], true),
+                        "n {n} key {key}"
+                    );
                 }
             }
         }
@@ -258,7 +355,7 @@ mod tests {
             for i in 0..n {
                 let mut counts = vec![0_u32; n as usize];
                 for key in 0..KEYS {
-                    counts[permuted(i, n, mix(key)) as usize] += 1;
+                    counts[Permutation::new(n, mix(key)).of(i) as usize] += 1;
                 }
                 let expected = f64::from(KEYS) / f64::from(n);
                 let statistic: f64 = counts.iter().map(|&c| (f64::from(c) - expected).powi(2) / expected).sum();
@@ -274,7 +371,7 @@ mod tests {
         for n in 2..=4_u32 {
             let mut counts = std::collections::HashMap::new();
             for key in 0..24_000 {
-                let image: Vec<u32> = (0..n).map(|i| permuted(i, n, mix(key))).collect();
+                let image: Vec<u32> = (0..n).map(|i| Permutation::new(n, mix(key)).of(i)).collect();
                 *counts.entry(image).or_insert(0_u32) += 1;
             }
             let n_permutations: u32 = (1..=n).product();

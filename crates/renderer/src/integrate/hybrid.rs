@@ -38,8 +38,9 @@ use std::f64::consts::PI;
 use canted_trace::{Hit, Intersect, Ray};
 use glam::{DVec3, Vec3};
 
-use super::{Path, Sample, Start, Transport};
+use super::{Path, Sample, Seen, Start, Transport};
 use crate::light::{IncomingLight, LightId, Lights};
+use crate::sampler::RememberingSampler;
 use crate::sampling::Basis;
 use crate::{HitFilter, Surface, narrow, wide};
 
@@ -51,17 +52,14 @@ const FIRST_LIGHT: u32 = 1 << 16;
 
 impl Transport<'_> {
     /// Samples of the hybrid integrator; see [`Transport::samples`].
-    pub(super) fn hybrid_samples(
-        &self,
-        camera_rays: impl Iterator<Item = (Start, Option<Hit>)>,
-        ao_radius: f64,
-    ) -> Vec<Sample> {
-        self.batch(camera_rays, |path: &mut Path<()>, n| self.hybrid_step(path, n, ao_radius))
+    pub(super) fn hybrid_samples(&self, seen: &[Seen], ao_radius: f64) -> Vec<Sample> {
+        let mut sampler = self.sampler.remembering();
+        self.batch(seen, |path: &mut Path<()>, n| self.hybrid_step(&mut sampler, path, n, ao_radius))
     }
 
     /// Shades the `n`-th vertex of a path; returns whether there is a next ray.
-    fn hybrid_step(&self, path: &mut Path<()>, n: u32, ao_radius: f64) -> bool {
-        let Path { start: Start { pixel, sample, .. }, query, ray, cone, hit, accumulated, .. } = path;
+    fn hybrid_step(&self, sampler: &mut RememberingSampler, path: &mut Path<()>, n: u32, ao_radius: f64) -> bool {
+        let Path { start: Start { pixel, sample, .. }, query, ray, cone, hit, first, accumulated, .. } = path;
         let hit = match (self.lights.intersect_nth(n, ray, hit.as_ref()), &*hit) {
             (None, Some(hit)) => hit,
             (light, _) => {
@@ -75,18 +73,25 @@ impl Transport<'_> {
             accumulated.add(self.lights.ambient(), unoccluded(ray, hit, ao_radius));
             return false;
         }
-        let surface = self.surfaces.at_time(hit, ray.direction, ray.time, *cone);
+        let computed;
+        let surface = match first.take() {
+            Some(surface) => surface,
+            None => {
+                computed = self.surfaces.at_time(hit, ray.direction, ray.time, *cone);
+                &computed
+            }
+        };
         accumulated.add(surface.emission, 1.0);
-        let square = |light| self.sampler.pair(*pixel, *sample, self.light_dimension(n, light));
+        let square = |light| sampler.pair(*pixel, *sample, self.light_dimension(n, light));
         let shadows = query.keyed(1 + n).lighting(surface.time);
-        let (radiance, n_shadow_rays) = direct(&self.lights, self.bvh, shadows, &surface, square);
+        let (radiance, n_shadow_rays) = direct(&self.lights, self.bvh, shadows, surface, square);
         // Shadow rays find no rare bright light, so none is clamped.
         accumulated.radiance += accumulated.throughput * radiance;
         accumulated.n_rays += n_shadow_rays;
         accumulated.count_scattering(false);
 
         // The weight of a cosine-sampled direction is the albedo.
-        let local = self.hemisphere.direction(self.sampler.pair(*pixel, *sample, FIRST_BOUNCE + n));
+        let local = self.hemisphere.direction(sampler.pair(*pixel, *sample, FIRST_BOUNCE + n));
         accumulated.throughput *= Vec3::from(surface.bsdf.base_color) * self.hemisphere.weight(local[2]);
         let direction = Basis::about(narrow(surface.shading_normal.into())).direction(local);
         *ray = surface.spawn_ray(surface.mirror_outward(direction));
@@ -121,7 +126,7 @@ pub(crate) fn direct(
     bvh: &dyn Intersect,
     query: HitFilter,
     surface: &Surface,
-    square: impl Fn(u32) -> [f32; 2],
+    mut square: impl FnMut(u32) -> [f32; 2],
 ) -> (Vec3, u64) {
     let mut radiance = Vec3::ZERO;
     let mut n_rays = 0;

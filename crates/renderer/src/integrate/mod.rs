@@ -4,7 +4,7 @@ use canted_trace::{Hit, Intersect, Ray};
 use glam::Vec3;
 
 use crate::light::{LightSampler, Lights};
-use crate::{Cone, Hemisphere, HitFilter, Sampler, Surfaces};
+use crate::{Cone, Hemisphere, HitFilter, Sampler, Surface, Surfaces};
 
 mod hybrid;
 mod path;
@@ -53,6 +53,15 @@ pub(crate) struct Start {
     pub(crate) sample: u32,
 }
 
+/// What a camera ray hits.
+pub(crate) struct Seen {
+    pub(crate) start: Start,
+    /// The closest hit.
+    pub(crate) hit: Option<Hit>,
+    /// The surface there, if it is known.
+    pub(crate) surface: Option<Surface>,
+}
+
 /// The result of one path.
 pub(crate) struct Sample {
     /// Linear RGB; not finite if the value of a light or material is not finite.
@@ -63,10 +72,10 @@ pub(crate) struct Sample {
 
 impl<'a> Transport<'a> {
     /// Radiance along camera rays whose closest hits are known, one sample each.
-    pub(crate) fn samples(&self, camera_rays: impl Iterator<Item = (Start, Option<Hit>)>) -> Vec<Sample> {
+    pub(crate) fn samples(&self, seen: &[Seen]) -> Vec<Sample> {
         match self.method {
-            Method::Hybrid { ao_radius } => self.hybrid_samples(camera_rays, ao_radius),
-            Method::Path(lights) => self.path_samples(camera_rays, lights),
+            Method::Hybrid { ao_radius } => self.hybrid_samples(seen, ao_radius),
+            Method::Path(lights) => self.path_samples(seen, lights),
         }
     }
 
@@ -97,6 +106,8 @@ struct Path<'a, W> {
     cone: Cone,
     /// The closest hit of the ray.
     hit: Option<Hit>,
+    /// The surface at the first hit, if it is known.
+    first: Option<&'a Surface>,
     accumulated: PathRadiance,
     /// State of the integrator.
     state: W,
@@ -142,25 +153,26 @@ impl PathRadiance {
     }
 }
 
-impl<'a> Transport<'a> {
+impl Transport<'_> {
     /// Traces paths from camera rays whose hits are known.
     ///
     /// `step` shades the `n`-th vertex, or ends the path, and returns whether there is a next ray.
-    fn batch<W: Default>(
-        &self,
-        camera_rays: impl Iterator<Item = (Start, Option<Hit>)>,
-        step: impl Fn(&mut Path<'a, W>, u32) -> bool,
+    fn batch<'a, W: Default>(
+        &'a self,
+        seen: &'a [Seen],
+        mut step: impl FnMut(&mut Path<'a, W>, u32) -> bool,
     ) -> Vec<Sample> {
-        let begin = |(start, hit): (Start, Option<Hit>)| Path {
+        let begin = |&Seen { start, hit, ref surface }: &'a Seen| Path {
             start,
             query: self.path_query(&start),
             ray: start.ray,
             cone: start.cone,
             hit,
+            first: surface.as_ref(),
             accumulated: PathRadiance::new(self.clamp),
             state: W::default(),
         };
-        let mut paths: Vec<Path<'a, W>> = camera_rays.map(begin).collect();
+        let mut paths: Vec<Path<'a, W>> = seen.iter().map(begin).collect();
         let mut active: Vec<usize> = (0..paths.len()).collect();
         for n in 0.. {
             // The hit of the last ray is not shaded.

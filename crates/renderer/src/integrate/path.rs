@@ -11,12 +11,13 @@
 //! direction and for the one folded onto it, so that no energy is lost and none leaks through the back of a triangle. Sampling and
 //! evaluation fold in the same way.
 
-use canted_trace::{Hit, Ray};
+use canted_trace::Ray;
 use glam::{DVec3, Vec3};
 
-use super::{Path, PathRadiance, Sample, Start, Transport};
+use super::{Path, PathRadiance, Sample, Seen, Start, Transport};
 use crate::bsdf::{Bsdf, Evaluation};
 use crate::light::{LightId, LightSampler};
+use crate::sampler::RememberingSampler;
 use crate::sampling::Basis;
 use crate::{HitFilter, Surface, narrow, wide};
 
@@ -148,22 +149,26 @@ impl Vertex {
 
 impl Transport<'_> {
     /// Samples of the path integrator; see [`Transport::samples`].
-    pub(super) fn path_samples(
-        &self,
-        camera_rays: impl Iterator<Item = (Start, Option<Hit>)>,
-        lights: &LightSampler,
-    ) -> Vec<Sample> {
-        self.batch(camera_rays, |path: &mut Path<PathState>, n| self.path_step(path, n, lights))
+    pub(super) fn path_samples(&self, seen: &[Seen], lights: &LightSampler) -> Vec<Sample> {
+        let mut sampler = self.sampler.remembering();
+        self.batch(seen, |path: &mut Path<PathState>, n| self.path_step(&mut sampler, path, n, lights))
     }
 
     /// Shades the `n`-th vertex of a path; returns whether there is a next ray.
-    fn path_step(&self, path: &mut Path<PathState>, n: u32, lights: &LightSampler) -> bool {
+    fn path_step(
+        &self,
+        sampler: &mut RememberingSampler,
+        path: &mut Path<PathState>,
+        n: u32,
+        lights: &LightSampler,
+    ) -> bool {
         let Path {
             start,
             query,
             ray,
             cone,
             hit,
+            first,
             accumulated,
             state: PathState { vertex: previous, density, compression },
         } = path;
@@ -178,7 +183,10 @@ impl Transport<'_> {
             return false;
         }
         let Some(hit) = hit.filter(|_| n <= self.bounces) else { return false };
-        let surface = self.surfaces.at_time(&hit, ray.direction, start.ray.time, *cone);
+        let surface = match first.take() {
+            Some(surface) => surface.clone(),
+            None => self.surfaces.at_time(&hit, ray.direction, start.ray.time, *cone),
+        };
         if let Some(lobes) = surface.bsdf.lobes.filter(|_| surface.bsdf.is_inside) {
             // Beer's law along the way through the solid.
             let way = (f64::from(hit.t) * wide(ray.direction).length()) as f32;
@@ -190,9 +198,9 @@ impl Transport<'_> {
         let vertex = &*previous.insert(Vertex::new(surface, ray.direction, self));
         if !vertex.bsdf().is_delta_only() {
             let shadows = query.keyed(1 + n).lighting(start.ray.time);
-            self.add_light(accumulated, lights, vertex, n, shadows, start);
+            self.add_light(sampler, accumulated, lights, vertex, n, shadows, start);
         }
-        let Some(next) = self.scatter(accumulated, compression, vertex, n, start) else { return false };
+        let Some(next) = self.scatter(sampler, accumulated, compression, vertex, n, start) else { return false };
         (*ray, *density) = next;
         *cone = density.map_or(vertex.surface.cone, |density| vertex.surface.cone.scattered(density));
         true
@@ -201,6 +209,7 @@ impl Transport<'_> {
     /// Adds a light sample at a vertex.
     fn add_light(
         &self,
+        sampler: &mut RememberingSampler,
         accumulated: &mut PathRadiance,
         lights: &LightSampler,
         vertex: &Vertex,
@@ -210,7 +219,7 @@ impl Transport<'_> {
     ) {
         let choice =
             if lights.has_choice() { self.sampler.single(pixel, sample, Dimension::LightChoice.at(n)) } else { 0.0 };
-        let square = self.sampler.pair(pixel, sample, Dimension::Light.at(n));
+        let square = sampler.pair(pixel, sample, Dimension::Light.at(n));
         let Some(light) = lights.sample(&vertex.surface, vertex.transmits(), choice, square) else { return };
         // Surface emission belongs to the vertex on the emitter, which here is beyond the last one.
         if matches!(light.light, LightId::Triangle(..)) && n == self.bounces {
@@ -235,6 +244,7 @@ impl Transport<'_> {
     /// Samples the BSDF: the next ray and its PDF, `None` for a delta lobe. Updates the throughput.
     fn scatter(
         &self,
+        sampler: &mut RememberingSampler,
         accumulated: &mut PathRadiance,
         compression: &mut f32,
         vertex: &Vertex,
@@ -245,7 +255,7 @@ impl Transport<'_> {
         if !survives(accumulated, *compression, n, choice) {
             return None;
         }
-        let square = self.sampler.pair(pixel, sample, Dimension::Scattering.at(n));
+        let square = sampler.pair(pixel, sample, Dimension::Scattering.at(n));
         let is_lambert = vertex.bsdf().is_lambert();
         let choice =
             if is_lambert { 0.0 } else { self.sampler.single(pixel, sample, Dimension::ScatteringChoice.at(n)) };

@@ -107,7 +107,14 @@ fn coordinates_of(image: &EnvironmentImage, DVec3 { x, y, z }: DVec3) -> [f64; 2
     // Turning the image counter-clockwise moves a fixed direction to the right in it.
     let longitude = x.atan2(-z) + f64::from(image.turn_degrees).to_radians();
     let across = longitude / TAU + 0.5;
-    [across - across.floor(), x.hypot(z).atan2(y) / PI]
+    // Squares of `f32` neither overflow nor vanish in `f64`.
+    [across - whole(across), (x * x + z * z).sqrt().atan2(y) / PI]
+}
+
+/// The greatest integer that is not above `x`, which is small; without SSE 4.1, `floor` is a call.
+fn whole(x: f64) -> f64 {
+    let towards_zero = x as i64 as f64;
+    if towards_zero > x { towards_zero - 1.0 } else { towards_zero }
 }
 
 /// The unit direction of a horizontal image coordinate and a cosine to +y.
@@ -131,12 +138,20 @@ fn lookup(image: &EnvironmentImage, [across, down]: [f64; 2]) -> [f32; 3] {
 /// The texels before and after a coordinate in 0..=1, and the weight of the second.
 fn neighbors(coordinate: f64, n: u32) -> ([i64; 2], f32) {
     let texels = coordinate * f64::from(n) - 0.5;
-    let first = texels.floor();
+    let first = whole(texels);
     ([first as i64, first as i64 + 1], (texels - first) as f32)
 }
 
+/// The index of a column at most one outside of the image, without a division.
 fn wrapped(i: i64, n: u32) -> usize {
-    i.rem_euclid(n.into()) as usize
+    let n = i64::from(n);
+    (if i < 0 {
+        i + n
+    } else if i < n {
+        i
+    } else {
+        i - n
+    }) as usize
 }
 
 fn clamped(i: i64, n: u32) -> usize {

@@ -5,10 +5,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use canted_film::{Aov, CELL, Film, FilmBuilder, FilterSampler, Guide, Pixel, Sums, Tile, Tiling};
-use canted_trace::{Counts, Hit};
+use canted_trace::Counts;
 
 use super::Adaptive;
-use crate::integrate::{Start, Transport};
+use crate::integrate::{Seen, Start, Transport};
+use crate::sampler::RememberingSampler;
 use crate::{CountedHitFilter, Monitor, RenderError, Sampler, Settings, View};
 
 /// Dimension of the sampler for the position in the pixel.
@@ -61,8 +62,9 @@ impl RenderTiles for TileRenderer<'_> {
     }
 
     fn sample(&self, pixel: [u32; 2], sample: u32, sums: &mut Sums) -> u64 {
-        let started = self.start(pixel, sample, 0, sums);
-        self.finish(&mut vec![started], std::slice::from_mut(sums))
+        let (seen, weight) = self.start(&mut self.transport.sampler.remembering(), pixel, sample, sums);
+        let mut started = Started { seen: vec![seen], places: vec![(0, weight)] };
+        self.finish(&mut started, std::slice::from_mut(sums))
     }
 
     fn kept(&self, guide: Guide) -> Guide {
@@ -87,15 +89,18 @@ impl TileRenderer<'_> {
         let sums = &mut sums[..pixels.len()];
         sums.iter_mut().for_each(Sums::clear);
         let mut adaptive = Adaptive::new(self.settings);
-        let mut started = Vec::with_capacity(BATCH);
+        let mut started = Started { seen: Vec::with_capacity(BATCH), places: Vec::with_capacity(BATCH) };
+        let mut sampler = self.transport.sampler.remembering();
         loop {
             for (index, pixel) in pixels.clone().enumerate() {
                 for sample in adaptive.next.clone() {
                     if stop() {
                         return None;
                     }
-                    started.push(self.start(pixel, sample, index, &mut sums[index]));
-                    if started.len() == BATCH {
+                    let (seen, weight) = self.start(&mut sampler, pixel, sample, &mut sums[index]);
+                    started.seen.push(seen);
+                    started.places.push((index, weight));
+                    if started.seen.len() == BATCH {
                         *n_rays += self.finish(&mut started, sums);
                     }
                 }
@@ -107,44 +112,47 @@ impl TileRenderer<'_> {
         }
     }
 
-    /// Traces the camera ray of a sample, and adds its AOVs to the sums of the pixel with this index in the cell.
-    fn start(&self, [x, y]: [u32; 2], sample: u32, index: usize, sums: &mut Sums) -> Started {
+    /// Traces the camera ray of a sample, and adds its AOVs to the sums of its pixel; returns its weight by the filter.
+    fn start(&self, sampler: &mut RememberingSampler, [x, y]: [u32; 2], sample: u32, sums: &mut Sums) -> (Seen, f32) {
         let number = y * self.settings.width + x;
-        let ([dx, dy], weight) = sample_offset(self.filter, &self.transport.sampler, number, sample);
+        let ([dx, dy], weight) = self.filter.sample(sampler.pair(number, sample, PIXEL_POSITION));
         let position = [f64::from(x) + 0.5 + dx, f64::from(y) + 0.5 + dy];
         let ray = if self.view.has_lens() {
-            self.view.ray_through_lens(position, self.transport.sampler.pair(number, sample, LENS))
+            self.view.ray_through_lens(position, sampler.pair(number, sample, LENS))
         } else {
             self.view.ray(position)
         };
         let time = if self.has_motion { self.transport.sampler.single(number, sample, TIME) } else { 0.0 };
         let ray = ray.at_time(time);
         let start = Start { ray, cone: self.view.cone(position, sample), pixel: number, sample };
-        let hit = if self.tiling.has_guides() {
-            let (hit, guide) = self.guide(&start);
+        let seen = if self.tiling.has_guides() {
+            let (seen, guide) = self.guide(start);
             sums.guide.push_sample(sample, self.kept(guide));
-            hit
+            seen
         } else {
-            self.transport.bvh.closest_hit_with(&ray, &mut self.transport.camera_query(&start))
+            let hit = self.transport.bvh.closest_hit_with(&ray, &mut self.transport.camera_query(&start));
+            Seen { start, hit, surface: None }
         };
-        Started { start, hit, index, weight }
+        (seen, weight)
     }
 
     /// Adds the radiance of samples, in order, to the sums of their cell; returns the number of rays.
-    fn finish(&self, started: &mut Vec<Started>, sums: &mut [Sums]) -> u64 {
+    fn finish(&self, started: &mut Started, sums: &mut [Sums]) -> u64 {
         let mut n_rays = 0;
-        let lights = self.transport.samples(started.iter().map(|started| (started.start, started.hit)));
-        for (Started { start, index, weight, .. }, light) in started.drain(..).zip(lights) {
-            sums[index].pixel.push_sample(start.sample, Pixel::weighted(light.radiance, weight));
+        let lights = self.transport.samples(&started.seen);
+        for ((seen, &(index, weight)), light) in started.seen.iter().zip(&started.places).zip(lights) {
+            sums[index].pixel.push_sample(seen.start.sample, Pixel::weighted(light.radiance, weight));
             n_rays += light.n_rays;
         }
+        started.seen.clear();
+        started.places.clear();
         n_rays
     }
 
-    /// The first hit of a camera ray, and its AOVs.
-    fn guide(&self, start: &Start) -> (Option<Hit>, Guide) {
-        let Start { ray, cone, .. } = start;
-        let query = self.transport.camera_query(start);
+    /// What a camera ray sees, and its AOVs.
+    fn guide(&self, start: Start) -> (Seen, Guide) {
+        let Start { ray, cone, .. } = &start;
+        let query = self.transport.camera_query(&start);
         let (hit, tests) = if self.settings.aovs.contains(Aov::Tests) {
             let mut counted = CountedHitFilter { filter: query, counts: Counts::default() };
             let hit = self.transport.bvh.closest_hit_with(ray, &mut counted);
@@ -156,7 +164,7 @@ impl TileRenderer<'_> {
             // A light has no albedo and no instance.
             let depth = self.view.depth(ray.at(t.into()));
             return (
-                hit,
+                Seen { start, hit, surface: None },
                 Guide {
                     n_hits: 1,
                     depth,
@@ -167,7 +175,9 @@ impl TileRenderer<'_> {
                 },
             );
         }
-        let Some(hit) = hit else { return (None, Guide { tests, ..Guide::default() }) };
+        let Some(hit) = hit else {
+            return (Seen { start, hit, surface: None }, Guide { tests, ..Guide::default() });
+        };
         let surface = self.transport.surfaces.at_time(&hit, ray.direction, ray.time, *cone);
         let guide = Guide {
             n_hits: 1,
@@ -178,7 +188,7 @@ impl TileRenderer<'_> {
             albedo: surface.bsdf.albedo().map(f64::from),
             tests,
         };
-        (Some(hit), guide)
+        (Seen { start, hit: Some(hit), surface: Some(surface) }, guide)
     }
 }
 
@@ -187,14 +197,11 @@ pub(crate) fn sample_offset(filter: &FilterSampler, sampler: &Sampler, pixel: u3
     filter.sample(sampler.pair(pixel, sample, PIXEL_POSITION))
 }
 
-/// A sample whose camera ray is traced.
+/// Samples whose camera rays are traced.
 struct Started {
-    start: Start,
-    hit: Option<Hit>,
-    /// Index of the pixel in its cell.
-    index: usize,
-    /// Weight by the filter.
-    weight: f32,
+    seen: Vec<Seen>,
+    /// For each, the index of its pixel in its cell and its weight by the filter.
+    places: Vec<(usize, f32)>,
 }
 
 // Distributes tiles among the threads of the CPU and a GPU.
