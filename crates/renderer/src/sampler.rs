@@ -131,7 +131,30 @@ pub(crate) struct RememberingSampler {
     known: [Option<(u32, u32, Pairs)>; KNOWN],
 }
 
+/// The numbers of one sample of a pixel.
+pub(crate) struct SampleNumbers<'a> {
+    sampler: &'a mut RememberingSampler,
+    pixel: u32,
+    sample: u32,
+}
+
+impl SampleNumbers<'_> {
+    /// [`Sampler::pair`].
+    pub(crate) fn pair(&mut self, dimension: u32) -> [f32; 2] {
+        self.sampler.pair(self.pixel, self.sample, dimension)
+    }
+
+    /// [`Sampler::single`].
+    pub(crate) fn single(&self, dimension: u32) -> f32 {
+        self.sampler.sampler.single(self.pixel, self.sample, dimension)
+    }
+}
+
 impl RememberingSampler {
+    pub(crate) fn of(&mut self, pixel: u32, sample: u32) -> SampleNumbers<'_> {
+        SampleNumbers { sampler: self, pixel, sample }
+    }
+
     /// [`Sampler::pair`].
     pub(crate) fn pair(&mut self, pixel: u32, sample: u32, dimension: u32) -> [f32; 2] {
         let slot = &mut self.known[dimension as usize % KNOWN];

@@ -14,10 +14,10 @@
 use canted_trace::Ray;
 use glam::{DVec3, Vec3};
 
-use super::{Path, PathRadiance, Sample, Seen, Start, Transport};
+use super::{Path, PathRadiance, Sample, Seen, Transport};
 use crate::bsdf::{Bsdf, Evaluation};
 use crate::light::{LightId, LightSampler};
-use crate::sampler::RememberingSampler;
+use crate::sampler::{RememberingSampler, SampleNumbers};
 use crate::sampling::Basis;
 use crate::{HitFilter, Surface, narrow, wide};
 
@@ -184,7 +184,7 @@ impl Transport<'_> {
         }
         let Some(hit) = hit.filter(|_| n <= self.bounces) else { return false };
         let surface = match first.take() {
-            Some(surface) => surface.clone(),
+            Some(surface) => *surface,
             None => self.surfaces.at_time(&hit, ray.direction, start.ray.time, *cone),
         };
         if let Some(lobes) = surface.bsdf.lobes.filter(|_| surface.bsdf.is_inside) {
@@ -195,12 +195,13 @@ impl Transport<'_> {
         if surface.emission != [0.0; 3] {
             accumulated.add(surface.emission, mis_weight(LightId::of_hit(&hit)));
         }
+        let mut numbers = sampler.of(start.pixel, start.sample);
         let vertex = &*previous.insert(Vertex::new(surface, ray.direction, self));
         if !vertex.bsdf().is_delta_only() {
             let shadows = query.keyed(1 + n).lighting(start.ray.time);
-            self.add_light(sampler, accumulated, lights, vertex, n, shadows, start);
+            self.add_light(&mut numbers, accumulated, lights, vertex, n, shadows);
         }
-        let Some(next) = self.scatter(sampler, accumulated, compression, vertex, n, start) else { return false };
+        let Some(next) = self.scatter(&mut numbers, accumulated, compression, vertex, n) else { return false };
         (*ray, *density) = next;
         *cone = density.map_or(vertex.surface.cone, |density| vertex.surface.cone.scattered(density));
         true
@@ -209,17 +210,15 @@ impl Transport<'_> {
     /// Adds a light sample at a vertex.
     fn add_light(
         &self,
-        sampler: &mut RememberingSampler,
+        numbers: &mut SampleNumbers,
         accumulated: &mut PathRadiance,
         lights: &LightSampler,
         vertex: &Vertex,
         n: u32,
         query: HitFilter,
-        &Start { pixel, sample, .. }: &Start,
     ) {
-        let choice =
-            if lights.has_choice() { self.sampler.single(pixel, sample, Dimension::LightChoice.at(n)) } else { 0.0 };
-        let square = sampler.pair(pixel, sample, Dimension::Light.at(n));
+        let choice = if lights.has_choice() { numbers.single(Dimension::LightChoice.at(n)) } else { 0.0 };
+        let square = numbers.pair(Dimension::Light.at(n));
         let Some(light) = lights.sample(&vertex.surface, vertex.transmits(), choice, square) else { return };
         // Surface emission belongs to the vertex on the emitter, which here is beyond the last one.
         if matches!(light.light, LightId::Triangle(..)) && n == self.bounces {
@@ -244,21 +243,19 @@ impl Transport<'_> {
     /// Samples the BSDF: the next ray and its PDF, `None` for a delta lobe. Updates the throughput.
     fn scatter(
         &self,
-        sampler: &mut RememberingSampler,
+        numbers: &mut SampleNumbers,
         accumulated: &mut PathRadiance,
         compression: &mut f32,
         vertex: &Vertex,
         n: u32,
-        &Start { pixel, sample, .. }: &Start,
     ) -> Option<(Ray, Option<f32>)> {
-        let choice = || self.sampler.single(pixel, sample, Dimension::Roulette.at(n));
+        let choice = || numbers.single(Dimension::Roulette.at(n));
         if !survives(accumulated, *compression, n, choice) {
             return None;
         }
-        let square = sampler.pair(pixel, sample, Dimension::Scattering.at(n));
+        let square = numbers.pair(Dimension::Scattering.at(n));
         let is_lambert = vertex.bsdf().is_lambert();
-        let choice =
-            if is_lambert { 0.0 } else { self.sampler.single(pixel, sample, Dimension::ScatteringChoice.at(n)) };
+        let choice = if is_lambert { 0.0 } else { numbers.single(Dimension::ScatteringChoice.at(n)) };
         let scattered = vertex.bsdf().sample(vertex.outgoing, square, choice)?;
         let direction = vertex.direction(scattered.incident);
         accumulated.throughput *= Vec3::from(scattered.weight);
