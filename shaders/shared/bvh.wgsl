@@ -186,8 +186,14 @@ fn quad(at: u32) -> vec4<f32> {
     return bitcast<vec4<f32>>(nodes[at]);
 }
 
+/// Scaled `t` where the ray enters and leaves four boxes.
+struct Spans {
+    near: vec4<f32>,
+    far: vec4<f32>,
+}
+
 /// Rows lo x, hi x, lo y, hi y, lo z, hi z in the mesh frame.
-fn enter_aligned(at: u32, half: u32, t_max: f32) -> vec4<u32> {
+fn aligned_spans(at: u32, t_max: f32) -> Spans {
     let q = vec3<u32>(at) + space.near_quads;
     let p = vec3<u32>(at) + (space.near_quads ^ vec3<u32>(2u));
     let near_x = quad(q.x) * space.recip.x - vec4<f32>(space.near.x);
@@ -198,14 +204,16 @@ fn enter_aligned(at: u32, half: u32, t_max: f32) -> vec4<u32> {
     let far_z = quad(p.z) * space.recip.z - vec4<f32>(space.far.z);
     let near = max(max(near_x, near_y), max(near_z, vec4<f32>(space.t_min)));
     let far = min(min(far_x, far_y), min(far_z, vec4<f32>(t_max)));
-    return keys(near, far, half);
+    return Spans(near, far);
 }
 
-fn keys(near: vec4<f32>, far: vec4<f32>, half: u32) -> vec4<u32> {
+/// Keys of four children of a node.
+fn enter(word: u32, half: u32, t_max: f32) -> vec4<u32> {
+    let spans = spans_of(word, half, t_max);
     let child = vec4<u32>(0u, 1u, 2u, 3u) + vec4<u32>(4u * half);
     // Entries are not negative, except for a negative zero.
-    let key = (bitcast<vec4<u32>>(abs(near)) & vec4<u32>(~7u)) | child;
-    return select(vec4<u32>(MISSED), key, near <= far);
+    let key = (bitcast<vec4<u32>>(abs(spans.near)) & vec4<u32>(~7u)) | child;
+    return select(vec4<u32>(MISSED), key, spans.near <= spans.far);
 }
 
 /// Indices of the entered children, three bits each with the nearest lowest, and their number from bit 24.
@@ -246,9 +254,9 @@ fn ordered(a: vec4<u32>, b: vec4<u32>) -> u32 {
 // BVHs with aligned nodes only.
 // use shared/bvh/node
 
-/// Keys of four children of a node.
-fn enter(word: u32, half: u32, t_max: f32) -> vec4<u32> {
-    return enter_aligned(quads_of(word) + half, half, t_max);
+/// Spans of four children of a node.
+fn spans_of(word: u32, half: u32, t_max: f32) -> Spans {
+    return aligned_spans(quads_of(word) + half, t_max);
 }
 
 /// The word of a child.
@@ -261,15 +269,15 @@ fn child_word(word: u32, child: u32) -> u32 {
 // use shared/bvh/node
 // use shared/invocation/iterations
 
-/// Keys of four children of a node.
-fn enter(word: u32, half: u32, t_max: f32) -> vec4<u32> {
+/// Spans of four children of a node.
+fn spans_of(word: u32, half: u32, t_max: f32) -> Spans {
     let at = quads_of(word) + half;
     switch word >> 29u {
         case 0u: {
-            return enter_aligned(at, half, t_max);
+            return aligned_spans(at, t_max);
         }
         default: {
-            return enter_oriented(at, half, t_max);
+            return oriented_spans(at, t_max);
         }
     }
 }
@@ -281,7 +289,7 @@ fn child_word(word: u32, child: u32) -> u32 {
 }
 
 /// For each axis: three components of the children's rows, centers, half-extents.
-fn enter_oriented(at: u32, half: u32, t_max: f32) -> vec4<u32> {
+fn oriented_spans(at: u32, t_max: f32) -> Spans {
     var near = vec4<f32>(space.t_min);
     var far = vec4<f32>(t_max);
     iterations += 4u;
@@ -298,7 +306,7 @@ fn enter_oriented(at: u32, half: u32, t_max: f32) -> vec4<u32> {
         near = max(-(h * a) - center, near);
         far = min(h * a - center, far);
     }
-    return keys(near, far, half);
+    return Spans(near, far);
 }
 
 /// `1/|d|`, bounded.

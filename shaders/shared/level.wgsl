@@ -213,3 +213,11 @@ fn moving_inverse(motion: u32) -> Inverse {
     }
     return inverse;
 }
+
+// choice one_level/single
+// The levels that shared/certain can trace through.
+// use shared/level/single
+
+// choice one_level/flat
+// The same, with several instances.
+// use shared/level/flat

@@ -184,6 +184,9 @@ fn across(p: vec3<f32>, q: vec3<f32>, r: vec3<f32>) -> vec4<f32> {
 // part blocks
 // Four triangles at once, from blocks of eight.
 
+/// Bits of a leaf word for its first triangle, in units of half a half-block.
+const LEAF_FIRST: u32 = 0x03ffffffu;
+
 /// Quads of a half-block: nine coordinates of four triangles, then their indices.
 const HALF_QUADS: u32 = 10u;
 
@@ -222,6 +225,31 @@ fn vertex(at: u32, stride: u32, corner: u32, lane: u32) -> vec3<f32> {
     let rows = vec3<u32>(at) + stride * (vec3<u32>(3u * corner) + shear.axes);
     let bits = vec3<u32>(triangle_blocks[rows.x][lane], triangle_blocks[rows.y][lane], triangle_blocks[rows.z][lane]);
     return bitcast<vec3<f32>>(bits);
+}
+
+// part blocks/walk
+// The blocks of a leaf. `four_triangles` tests four of its triangles.
+
+/// Tests the triangles of a leaf: blocks of eight, then one block of four. A leaf of two may use the second half of a block of
+/// four.
+fn leaf(word: u32) {
+    let first = word & LEAF_FIRST;
+    var n = ((word >> 26u) & 31u) + 1u;
+    var at = space.first_half + (first >> 1u) * HALF_QUADS;
+    var is_second = false;
+    count_triangles(n);
+    loop {
+        let stride = select(1u, 2u, is_second || n > 4u);
+        let first_quad = at + select(0u, 1u, is_second);
+        let filled = ((1u << min(n, 4u)) - 1u) << ((first & 1u) * 2u);
+        four_triangles(first_quad, stride, filled);
+        if n <= 4u {
+            break;
+        }
+        n -= 4u;
+        at += select(0u, 2u * HALF_QUADS, is_second);
+        is_second = !is_second;
+    }
 }
 
 // part leaf
@@ -273,32 +301,7 @@ fn is_hit_exactly(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
 
 // part leaf/blocks
 // Triangle tests of the leaves of wide BVHs.
-// use shared/triangle/blocks
-
-/// Bits of a leaf word for its first triangle, in units of half a half-block.
-const LEAF_FIRST: u32 = 0x03ffffffu;
-
-/// Tests the triangles of a leaf: blocks of eight, then one block of four. A leaf of two may use the second half of a block of
-/// four.
-fn leaf(word: u32) {
-    let first = word & LEAF_FIRST;
-    var n = ((word >> 26u) & 31u) + 1u;
-    var at = space.first_half + (first >> 1u) * HALF_QUADS;
-    var is_second = false;
-    count_triangles(n);
-    loop {
-        let stride = select(1u, 2u, is_second || n > 4u);
-        let first_quad = at + select(0u, 1u, is_second);
-        let filled = ((1u << min(n, 4u)) - 1u) << ((first & 1u) * 2u);
-        four_triangles(first_quad, stride, filled);
-        if n <= 4u {
-            break;
-        }
-        n -= 4u;
-        at += select(0u, 2u * HALF_QUADS, is_second);
-        is_second = !is_second;
-    }
-}
+// use shared/triangle/blocks/walk
 
 /// Tests those of four triangles that are set in `filled`.
 fn four_triangles(at: u32, stride: u32, filled: u32) {

@@ -68,6 +68,7 @@ pub const FILES: &[(&str, &str)] = files![
     "shared/build",
     "shared/bvh",
     "shared/camera",
+    "shared/certain",
     "shared/exact",
     "shared/level",
     "shared/light/direct",
@@ -89,7 +90,11 @@ pub const FILES: &[(&str, &str)] = files![
     "shared/traverse",
     "shared/triangle",
     "shared/volumes",
+    "trace/certain_closest",
+    "trace/certain_occluded",
     "trace/closest",
+    "trace/listed_closest",
+    "trace/listed_occluded",
     "trace/occluded",
 ];
 

@@ -2,6 +2,7 @@
 //!
 //! Not covered here: masks (`twins_render`), rejections other than for depth, and traversals ended early (`canted-gpu`).
 
+mod certain;
 mod deep;
 mod frames;
 mod moving;
@@ -15,6 +16,7 @@ pub(crate) use canted_tests::{
 
 fn main() -> std::process::ExitCode {
     canted_tests::device::run_tests([
+        certain::tests(),
         deep::tests(),
         frames::tests(),
         moving::tests(),

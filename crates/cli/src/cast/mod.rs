@@ -93,7 +93,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         output::probe(&args.hits)?;
     }
     let machine = Machine::open(&args.run.device, structure)?;
-    let (answers, seconds) = trace(&scene, &rays, args, structure, &machine)?;
+    let (answers, cost) = trace(&scene, &rays, args, structure, &machine)?;
     if is_stream(&args.hits) {
         let mut bytes = Vec::new();
         files::write(&mut bytes, format, &answers)?;
@@ -103,7 +103,15 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         out.write(|out| files::write(out, format, &answers))?;
         out.finish()?;
     }
-    report(&answers, seconds, args)
+    report(&answers, cost, args)
+}
+
+/// What tracing all rays took.
+#[derive(Clone, Copy)]
+struct Cost {
+    seconds: f64,
+    /// On a GPU, the rays that exact arithmetic decided there.
+    gpu_exact_rays: Option<u64>,
 }
 
 /// Whether a path stands for standard input or output.
@@ -112,7 +120,7 @@ fn is_stream(path: &Path) -> bool {
 }
 
 /// Reports the number of rays and the time: as a note on standard error, or as JSON on standard output.
-fn report(answers: &[Answer], seconds: f64, args: &Args) -> Result<()> {
+fn report(answers: &[Answer], Cost { seconds, gpu_exact_rays }: Cost, args: &Args) -> Result<()> {
     let n_rays = answers.len();
     let rate = n_rays as f64 / seconds.max(1e-9);
     if !args.run.json {
@@ -122,17 +130,20 @@ fn report(answers: &[Answer], seconds: f64, args: &Args) -> Result<()> {
         return Ok(());
     }
     let n_hits = answers.iter().filter(|answer| answer.is_hit()).count();
-    let facts = json!({
+    let mut facts = json!({
         "hits_file": args.hits.display().to_string(),
         "rays": n_rays,
         "hits": n_hits,
         "trace_seconds": seconds,
         "rays_per_second": rate,
     });
+    if let (Some(n), Some(facts)) = (gpu_exact_rays, facts.as_object_mut()) {
+        facts.insert("gpu_exact_rays".to_owned(), n.into());
+    }
     output::to_stdout(&facts.to_string())
 }
 
-/// All answers, and the seconds spent tracing.
+/// All answers, and what tracing took.
 #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "the CPU is the only machine"))]
 fn trace(
     scene: &Scene,
@@ -140,7 +151,7 @@ fn trace(
     args: &Args,
     structure: &Structure,
     machine: &Machine,
-) -> Result<(Vec<Answer>, f64)> {
+) -> Result<(Vec<Answer>, Cost)> {
     let config = structure.config_for(scene);
     let on_cpu = OnceCell::new();
     let bvh = || -> Result<&SceneBvh, PrepareError> {
@@ -158,10 +169,10 @@ fn trace(
         None => None,
     };
     #[cfg(feature = "gpu")]
-    if let Some((answers, seconds)) = &of_gpu
+    if let Some((answers, cost)) = &of_gpu
         && let Some(answers) = answers.iter().copied().collect::<Option<Vec<_>>>()
     {
-        return Ok((answers, *seconds));
+        return Ok((answers, *cost));
     }
     let built = bvh().map_err(|error| anyhow!("{}: {error}", args.scene.display()))?;
     let on_cpu = |ray: &Ray| {
@@ -180,19 +191,20 @@ fn trace(
             None if structure.built_on_gpu.is_some() => None,
             None => on_gpu(machine, scene, rays, args, structure, |gpu| traced_scene(gpu, scene, built))?,
         };
-        if let Some((answers, seconds)) = traced {
+        if let Some((answers, cost)) = traced {
             let start = Instant::now();
             let complete = |(ray, answer): (&Ray, Option<Answer>)| answer.unwrap_or_else(|| on_cpu(ray));
             let answers = rays.par_iter().zip(answers).map(complete).collect();
-            return Ok((answers, seconds + start.elapsed().as_secs_f64()));
+            let seconds = cost.seconds + start.elapsed().as_secs_f64();
+            return Ok((answers, Cost { seconds, ..cost }));
         }
     }
     let start = Instant::now();
     let answers = rays.par_iter().map(on_cpu).collect();
-    Ok((answers, start.elapsed().as_secs_f64()))
+    Ok((answers, Cost { seconds: start.elapsed().as_secs_f64(), gpu_exact_rays: None }))
 }
 
-/// Traces all rays; also returns the seconds spent tracing. Rays whose traversal the GPU does not complete have no answer. `None`
+/// Traces all rays; also returns what that took. Rays whose traversal the GPU does not complete have no answer. `None`
 /// where the CPU traces all rays. `make` brings the scene to the GPU.
 #[cfg(feature = "gpu")]
 fn on_gpu(
@@ -202,7 +214,7 @@ fn on_gpu(
     args: &Args,
     structure: &Structure,
     make: impl FnOnce(&Gpu) -> Result<TracedScene, DeviceError>,
-) -> Result<Option<(Vec<Option<Answer>>, f64)>> {
+) -> Result<Option<(Vec<Option<Answer>>, Cost)>> {
     let ready = machine.ready(structure, make).map_err(|error| match error.downcast_ref() {
         Some(DeviceError::Prepare(of_scene)) => anyhow!("{}: {of_scene}", args.scene.display()),
         _ => error,
@@ -221,7 +233,8 @@ fn on_gpu(
         traced.closest_hits(gpu, rays).map(|found| completed(&found, hit))
     };
     let answers = answers.map_err(|error| named(gpu, error.into()))?;
-    Ok(Some((answers, start.elapsed().as_secs_f64())))
+    let cost = Cost { seconds: start.elapsed().as_secs_f64(), gpu_exact_rays: Some(traced.n_exact_rays()) };
+    Ok(Some((answers, cost)))
 }
 
 #[cfg(feature = "gpu")]

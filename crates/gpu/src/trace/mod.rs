@@ -9,6 +9,8 @@
 
 mod layout;
 
+mod octants;
+
 mod instances;
 mod nodes;
 

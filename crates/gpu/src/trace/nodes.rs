@@ -405,7 +405,8 @@ impl WideNodes {
     }
 
     fn bindings(&self) -> Vec<NamedBinding<'_>> {
-        vec![("nodes", &self.nodes), ("triangle_blocks", &self.halves)]
+        // The same buffer in quads and in words.
+        vec![("nodes", &self.nodes), ("triangle_blocks", &self.halves), ("triangle_words", &self.halves)]
     }
 
     fn specialize(&self, chosen: Variant) -> Variant {

@@ -1,6 +1,7 @@
 //! Rays through a scene: batches of them, and traversal in a kernel of a program's own.
 
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use bytemuck::Pod;
@@ -10,7 +11,7 @@ use wgpu::{BindGroup, BindGroupLayout};
 
 use super::layout::{DeviceHit, DeviceRay, INCOMPLETE};
 use super::scene::TracedScene;
-use crate::commands::bind_groups;
+use crate::commands::{AsBinding, bind_groups};
 use crate::wait::{Instant, block_on};
 use crate::{Gpu, GpuError, Kernel};
 
@@ -48,9 +49,9 @@ impl TracedScene {
         gpu: &Gpu,
         rays: &[Ray],
     ) -> Result<Vec<Outcome<Option<DeviceHit>>>, GpuError> {
-        let kernel = self.kernel(gpu, "trace/closest")?;
+        let kernels = self.kernels(gpu, ["trace/closest", "trace/certain_closest", "trace/listed_closest"])?;
         let mut answers = Vec::with_capacity(rays.len());
-        self.in_slices(gpu, &kernel, "hits", rays, |slice, hits: Vec<DeviceHit>| {
+        self.in_slices(gpu, &kernels, "hits", rays, |slice, hits: Vec<DeviceHit>| {
             answers.extend(slice.iter().zip(hits).map(|(ray, hit)| match (hit.instance, ray) {
                 (INCOMPLETE, _) => Outcome::Incomplete,
                 (DeviceHit::NONE, _) | (_, None) => Outcome::Complete(None),
@@ -74,9 +75,9 @@ impl TracedScene {
     /// # Errors
     /// As for [`TracedScene::closest_hits`].
     pub async fn occluded_async(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<bool>>, GpuError> {
-        let kernel = self.kernel(gpu, "trace/occluded")?;
+        let kernels = self.kernels(gpu, ["trace/occluded", "trace/certain_occluded", "trace/listed_occluded"])?;
         let mut answers = Vec::with_capacity(rays.len());
-        self.in_slices(gpu, &kernel, "found", rays, |_, found: Vec<u32>| {
+        self.in_slices(gpu, &kernels, "found", rays, |_, found: Vec<u32>| {
             answers.extend(
                 found.iter().map(
                     |&found| if found == INCOMPLETE { Outcome::Incomplete } else { Outcome::Complete(found == 1) },
@@ -87,16 +88,23 @@ impl TracedScene {
         Ok(answers)
     }
 
-    fn kernel(&self, gpu: &Gpu, name: &str) -> Result<Arc<Kernel>, GpuError> {
+    /// The kernels of a query, by the names of those that trace all rays exactly, that decide what is certain, and that trace the others.
+    fn kernels(&self, gpu: &Gpu, [exact, certain, listed]: [&str; 3]) -> Result<Kernels, GpuError> {
         let chosen = Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
-        gpu.kernel(name, &self.specialize(chosen))
+        let all = self.specialize(chosen.clone());
+        Ok(match self.specialize_certain(certain, chosen)? {
+            None => Kernels::Exact(gpu.kernel(exact, &all)?),
+            Some(chosen) => {
+                Kernels::CertainFirst { certain: gpu.kernel(certain, &chosen)?, listed: gpu.kernel(listed, &all)? }
+            }
+        })
     }
 
     /// Traces rays in slices whose size adapts to the measured time, and passes the results to `take`.
     async fn in_slices<T: Pod>(
         &self,
         gpu: &Gpu,
-        kernel: &Kernel,
+        kernels: &Kernels,
         into: &str,
         rays: &[Ray],
         mut take: impl FnMut(&[Option<ScaledRay>], Vec<T>),
@@ -109,7 +117,7 @@ impl TracedScene {
             let device_rays: Vec<DeviceRay> =
                 scaled.iter().map(|ray| ray.as_ref().map_or(DeviceRay::NOTHING, DeviceRay::scaled)).collect();
             let start = Instant::now();
-            let answers = self.slice(gpu, kernel, into, &device_rays).await?;
+            let answers = self.slice(gpu, kernels, into, &device_rays).await?;
             take(&scaled, answers);
             n = next_size(n, start.elapsed()).min(most);
             waiting = rest;
@@ -120,7 +128,7 @@ impl TracedScene {
     async fn slice<T: Pod>(
         &self,
         gpu: &Gpu,
-        kernel: &Kernel,
+        kernels: &Kernels,
         into: &str,
         rays: &[DeviceRay],
     ) -> Result<Vec<T>, GpuError> {
@@ -131,10 +139,69 @@ impl TracedScene {
         bound.push((into, &answers));
         let mut commands = gpu.commands();
         let n_rays = u32::try_from(rays.len()).unwrap_or(u32::MAX);
-        commands.dispatch(kernel, &bound, kernel.groups(n_rays))?;
+        let undecided = match kernels {
+            Kernels::Exact(kernel) => {
+                commands.dispatch(kernel, &bound, kernel.groups(n_rays))?;
+                None
+            }
+            Kernels::CertainFirst { certain, listed } => {
+                let undecided = gpu.zeroed::<u32>("undecided rays", rays.len() + 1)?;
+                let groups = gpu.indirect::<[u32; 3]>("work-groups of undecided rays", 1)?;
+                bound.push(("undecided", &undecided));
+                let first = [&bound[..], &[("listed_groups", &groups)]].concat();
+                commands.dispatch(certain, &first, certain.groups(n_rays))?;
+                commands.dispatch_indirect(listed, &bound, &groups, 0)?;
+                Some(undecided)
+            }
+        };
         commands.run_async().await?;
+        let n_exact = match undecided {
+            None => n_rays,
+            Some(undecided) => gpu.read_first_async(&undecided, 1).await?[0],
+        };
+        self.n_exact_rays.fetch_add(n_exact.into(), Ordering::Relaxed);
         gpu.read_async(&answers).await
     }
+}
+
+impl TracedScene {
+    /// The first pass of [`Self::closest_hits`] alone, to test what it calls certain: hits in the units of [`DeviceRay::scaled`], and the indices of
+    /// the rays that it leaves to exact arithmetic. `bound_scale` multiplies the bounds of edges. `None` where there is no such pass.
+    ///
+    /// # Errors
+    /// As for [`TracedScene::closest_hits`].
+    #[doc(hidden)]
+    pub fn certain_hits(
+        &self,
+        gpu: &Gpu,
+        rays: &[DeviceRay],
+        bound_scale: f64,
+    ) -> Result<Option<(Vec<DeviceHit>, Vec<u32>)>, GpuError> {
+        let name = "trace/certain_closest";
+        let chosen = Variant::none().part("count", "shared/count/none").value("BOUND_SCALE", bound_scale);
+        let Some(chosen) = self.specialize_certain(name, chosen)? else { return Ok(None) };
+        let kernel = gpu.kernel(name, &chosen)?;
+        let rays_there = gpu.buffer("rays", rays)?;
+        let hits = gpu.zeroed::<DeviceHit>("hits", rays.len())?;
+        let undecided = gpu.zeroed::<u32>("undecided rays", rays.len() + 1)?;
+        let groups = gpu.indirect::<[u32; 3]>("work-groups of undecided rays", 1)?;
+        let mut bound = self.bindings();
+        bound.extend([("rays", &rays_there as &dyn AsBinding), ("hits", &hits)]);
+        bound.extend([("undecided", &undecided as &dyn AsBinding), ("listed_groups", &groups)]);
+        let mut commands = gpu.commands();
+        commands.dispatch(&kernel, &bound, kernel.groups(rays.len() as u32))?;
+        commands.run()?;
+        let listed = gpu.read(&undecided)?;
+        Ok(Some((gpu.read(&hits)?, listed[1..=listed[0] as usize].to_vec())))
+    }
+}
+
+/// The kernels of a query.
+enum Kernels {
+    /// Exact arithmetic for all rays.
+    Exact(Arc<Kernel>),
+    /// What the bounds of f32 decide, then exact arithmetic for the listed rest.
+    CertainFirst { certain: Arc<Kernel>, listed: Arc<Kernel> },
 }
 
 /// Maximum number of rays in a binding.

@@ -1,5 +1,7 @@
 //! A scene that rays can be traced through: the BVHs in device memory, and what is above them.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use canted_lbvh::Corners;
 use canted_obb::Aabb;
 use canted_tlas::Instance;
@@ -8,6 +10,7 @@ use canted_wide::{RawBvh, TriangleBvh};
 use super::instances::{Instances, Level, MeshBounds, Packing, TopLevel, placed_boxes};
 use super::layout::{BvhHeader, CENTER_REACH, HitError, check_coordinates};
 use super::nodes::{DEPTH_STEP, DeviceBvh, MAX_STACK, NewNodes, Nodes, WideNodes};
+use super::octants::by_octants;
 use crate::build::{BuildConfig, BuildEncoder, Built, Primitives};
 use crate::commands::{LONG_LOOP, longest_loop};
 use crate::{Buffer, Gpu, GpuError, NamedBinding, Variant, wait::block_on};
@@ -31,6 +34,8 @@ pub struct TracedScene {
     /// Maximum depth in nodes.
     pub(super) depth: u32,
     max_iterations: u32,
+    /// Rays that exact kernels traced.
+    pub(super) n_exact_rays: AtomicU64,
 }
 
 /// What a scene is made of: its BVHs, in one level or in two.
@@ -139,14 +144,15 @@ impl TracedScene {
 
     /// Uploads BVHs; builds and uploads one over the instances.
     async fn uploaded(gpu: &Gpu, meshes: &[(RawBvh<'_>, Aabb)], levels: Levels<'_>) -> Result<Self, GpuError> {
-        let bvhs = meshes.iter().map(|(words, _)| (words, HitError::of_triangles(words.reach)));
         let bounds = meshes.iter().map(|&(RawBvh { reach, .. }, aabb)| MeshBounds { reach, aabb });
         let deepest = meshes.iter().map(|(words, _)| words.depth).max().unwrap_or(0);
         let instances = match levels {
             Levels::One(first_triangles) => {
                 check_coordinates(|| "the scene".to_owned(), meshes[0].0.reach.into())?;
                 check_depth(deepest)?;
-                let (nodes, headers) = WideNodes::uploaded(gpu, &bvhs.collect::<Vec<_>>())?;
+                let words = &meshes[0].0;
+                let ordered = RawBvh { nodes: by_octants(words).into(), ..words.clone() };
+                let (nodes, headers) = WideNodes::uploaded(gpu, &[(&ordered, HitError::of_triangles(words.reach))])?;
                 let level = Level::flat(gpu, first_triangles)?;
                 return Self::over(gpu, Nodes::Wide(nodes), &headers, level, deepest).await;
             }
@@ -157,6 +163,7 @@ impl TracedScene {
         let depth = words.depth + deepest;
         check_depth(depth)?;
         let level = Level::Two(Instances::new(gpu, &outer.packing, &outer.order(&words))?);
+        let bvhs = meshes.iter().map(|(words, _)| (words, HitError::of_triangles(words.reach)));
         let all: Vec<_> = std::iter::once((&words, outer.packing.error)).chain(bvhs).collect();
         let (nodes, headers) = WideNodes::uploaded(gpu, &all)?;
         Self::over(gpu, Nodes::Wide(nodes), &headers, level, depth).await
@@ -219,7 +226,7 @@ impl TracedScene {
             // The device may write these.
             false => gpu.buffer("bvhs", headers)?,
         };
-        Ok(Self { nodes, bvhs, level, depth, max_iterations })
+        Ok(Self { nodes, bvhs, level, depth, max_iterations, n_exact_rays: AtomicU64::new(0) })
     }
 
     /// The headers of all BVHs.
@@ -257,6 +264,19 @@ impl TracedScene {
     pub fn specialize(&self, chosen: Variant) -> Variant {
         let chosen = chosen.part("level", self.level.part()).number("MAX_ITERATIONS", self.max_iterations);
         self.nodes.specialize(chosen).number("STACK_SIZE", self.depth.max(1))
+    }
+
+    /// `chosen` for a kernel of `shared/certain`; `None` where these BVHs need exact kernels for all rays: binary ones, and two levels.
+    pub(super) fn specialize_certain(&self, kernel: &str, chosen: Variant) -> Result<Option<Variant>, GpuError> {
+        let (Some(part), Nodes::Wide(_)) = (self.level.certain_part(), &self.nodes) else { return Ok(None) };
+        Ok(Some(self.specialize(chosen).part("one_level", part).of_kernel(kernel)?))
+    }
+
+    /// How many rays of [`Self::closest_hits`] and [`Self::occluded`] so far were decided by exact arithmetic: those that the bounds of f32 leave
+    /// undecided, or all where the scene has instances or binary BVHs.
+    #[must_use]
+    pub fn n_exact_rays(&self) -> u64 {
+        self.n_exact_rays.load(Ordering::Relaxed)
     }
 
     /// Size in device memory, in bytes.

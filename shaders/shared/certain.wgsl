@@ -1,0 +1,268 @@
+// Traversal of wide BVHs of one level that decides by f32 alone, and says which rays it cannot decide.
+//
+// An answer is final where no rounding can change it: then it is the CPU's hit. The other rays are undecided, and the exact kernels
+// (`trace/listed_closest`, `trace/listed_occluded`) trace them again. So this loop needs neither exact edge tests nor emulated arithmetic.
+//
+// # Order
+// The host stores the children of a node by octants: child `i` lies toward the corner of the node whose coordinates are high where bits
+// 0, 1, 2 of `i` are set. A ray takes the children in the order of `i ^ octant`, where `octant` has a bit for each negative component of
+// its direction (Ylitie, Karras and Laine 2017). Any order is correct. The pending children of a node are one mask, and the stack has one
+// entry, node and mask, for each level. So each node is read and tested once, nothing is sorted, and no distance is kept.
+//
+// # What is certain
+// Let E, M, g and the sheared coordinates be as in shared/triangle. An edge function of the CPU's triangle differs from the computed one
+// by at most `(g + 5 E M) (N + 2 g)` as derived there, where N may be the sum of the coordinates of the two vertices of its edge.
+// M is that of the triangle. If all three are beyond their bounds on the same side, the CPU hits; if two are beyond them on
+// different sides, it misses; otherwise the triangle is in doubt.
+//
+// *Point.* Weights in proportion to the edge functions describe a point of the plane of the computed triangle, `off` from the ray, which is
+// computed with an error of 6 E M; two roundings more and the sum of the weights are within 8 E M. If `off` is at most 20 E M, the point is
+// within 28 E M across, plus the 7.5 E M of the triangle, and 13 E M along the ray, less than the exact kernel's (shared/triangle,
+// *Error*). Otherwise the triangle, a long needle, is in doubt.
+//
+// *Distance.* The CPU reports a point within 10 E M in each coordinate of its triangle (`canted_trace::HIT_ERROR`), so within 20 E M across after
+// shear, and within 27.5 E M of a point of the plane of the computed triangle. So the two points of that plane differ by at most `off + 35.5 E M`
+// across, and their depths by that times the slope of the plane, the sum of its absolute components. The slope is the quotient of components of
+// the normal: the dividends err by 4 E of their terms, of which 8 are added, and the divisor, the sum of the edge functions, by less than a quarter,
+// because each is beyond its bound, of which its own roundings are less than a quarter; 1.4 covers that. Along the ray the
+// CPU's point errs by 10 E M and 1 E M, and the weighted sum of the `t_i = z_i / depth` by 13 E M: 24 E M.
+//
+// *Closest hit.* A hit is certain to be the first if the interval of its `t` ends before all others begin. Where it overlaps that of another triangle, or an
+// end of the ray, the ray is in doubt from there on. At the end a ray is undecided unless its hit ends before the first doubt.
+//
+// *Boxes* are thickened as for the exact kernel (shared/bvh), and the upper end of the best interval bounds them, so no hit is lost.
+// use shared/bvh/node
+// use shared/triangle/blocks
+// use ?one_level
+// use ?count
+// use shared/invocation/iterations
+// const STACK_SIZE
+// const MAX_ITERATIONS
+
+/// Scale of the bounds of edges. Tests set it to zero, and must then find wrong hits.
+override BOUND_SCALE: f32 = 1.0;
+
+/// Roundings of `t`, relative to M.
+const DISTANCE_ROUNDING: f32 = 24.0 * ROUNDING;
+
+/// Largest distance across the ray of the CPU's point from that of the weights, but for `off`, relative to M.
+const ACROSS_ROUNDING: f32 = 36.0 * ROUNDING;
+
+/// Roundings of the dividend of a slope, relative to its terms.
+const SLOPE_ROUNDING: f32 = 8.0 * ROUNDING;
+
+/// Bound of the divisor of a slope.
+const SLOPE_FACTOR: f32 = 1.4;
+
+/// Entries of the stack. Mesa's RADV keeps arrays of up to 256 bytes in registers, which other numbers need, and searches them.
+const ENTRIES: u32 = max(STACK_SIZE, 33u);
+
+/// Largest distance of a reported point from the ray, relative to M.
+const MOST_OFF: f32 = 20.0 * ROUNDING;
+
+/// Beyond all `t`.
+const NEVER: f32 = 3.4028235e38;
+
+/// Whether the exact kernel must trace the ray.
+var<private> is_undecided: bool;
+
+/// Interval of the `t` of the best hit; the end of the ray before there is one.
+var<private> best_first: f32;
+var<private> best_last: f32;
+
+/// The best hit: `t`, then the weights of its second and third vertex; number of the triangle, `NONE` for no hit.
+var<private> best_point: vec3<f32>;
+var<private> best_number: u32;
+
+/// Least `t` of what is in doubt.
+var<private> doubt: f32;
+
+/// The closest hit, or any hit; a miss if there is none.
+fn certain_hit(ray: Ray, any: bool) -> Hit {
+    var word = enter_top(ray);
+    best_last = scaled_t(ray.t_max);
+    best_first = best_last;
+    best_number = NONE;
+    doubt = NEVER;
+    var is_done = word == EMPTY;
+    let backward = select(vec3<u32>(0u), vec3<u32>(1u, 2u, 4u), space.recip < vec3<f32>(0.0));
+    let octant = (backward.x | backward.y) | backward.z;
+    var stack: array<vec2<u32>, ENTRIES>;
+    var n_entries = 0u;
+    // A node, and a mask of its pending children in the order of the ray.
+    var pending = vec2<u32>(0u);
+    loop {
+        iterations += 1u;
+        if is_done || iterations > MAX_ITERATIONS {
+            break;
+        }
+        if (word & LEAF) == 0u {
+            if pending.y != 0u {
+                stack[n_entries] = pending;
+                n_entries += 1u;
+            }
+            pending = vec2<u32>(word, entered(word, octant));
+            count_boxes(8u);
+        } else {
+            leaf(word);
+            is_done = any && best_number != NONE;
+        }
+        if pending.y == 0u {
+            if n_entries == 0u {
+                is_done = true;
+                break;
+            }
+            n_entries -= 1u;
+            pending = stack[n_entries];
+        }
+        let rank = firstTrailingBit(pending.y);
+        pending.y &= pending.y - 1u;
+        word = child_word(pending.x, rank ^ octant);
+    }
+    is_undecided = !is_done || doubt <= best_last;
+    if best_number == NONE {
+        return miss();
+    }
+    if any {
+        is_undecided = false;
+    }
+    return placed(Hit(caller_t(best_point.x), best_point.y, best_point.z, best_number, space.instance));
+}
+
+/// A mask of the children of a node that the ray enters, in its order.
+fn entered(word: u32, octant: u32) -> u32 {
+    var all = vec4<u32>(0u);
+    // One in which the loop ends.
+    iterations += 3u;
+    for (var half = 0u; half < 2u; half += 1u) {
+        let spans = spans_of(word, half, best_last);
+        let ranks = vec4<u32>(0u, 1u, 2u, 3u) ^ vec4<u32>(octant ^ (half << 2u));
+        all |= select(vec4<u32>(0u), vec4<u32>(1u) << ranks, spans.near <= spans.far);
+    }
+    return (all.x | all.y) | (all.z | all.w);
+}
+
+/// Words from one block of eight triangles to the next.
+const EIGHT_WORDS: u32 = 8u * HALF_QUADS;
+
+/// Tests the triangles of a leaf: blocks of eight, then one block of four. A leaf of two may use the second half of a block of
+/// four.
+fn leaf(word: u32) {
+    let first = word & LEAF_FIRST;
+    let n = ((word >> 26u) & 31u) + 1u;
+    let n_blocks_of_eight = (n + 3u) >> 3u;
+    let start = 4u * (space.first_half + (first >> 1u) * HALF_QUADS);
+    iterations += n + 1u;
+    count_triangles(n);
+    for (var i = 0u; i < n; i += 1u) {
+        let block = i >> 3u;
+        let is_of_eight = block < n_blocks_of_eight;
+        let lane = (i & 7u) + select((first & 1u) << 1u, 0u, is_of_eight);
+        decide(start + block * EIGHT_WORDS + lane, select(4u, 8u, is_of_eight));
+    }
+}
+
+/// The words of `triangle_blocks`: single words of quads would cost three more operations each.
+@group(0) @binding(1) var<storage, read> triangle_words: array<u32>;
+
+/// A vertex relative to the origin, with permuted axes, from three words.
+fn corner_of(words: vec3<u32>) -> vec3<f32> {
+    let bits = vec3<u32>(triangle_words[words.x], triangle_words[words.y], triangle_words[words.z]);
+    return bitcast<vec3<f32>>(bits) - shear.origin;
+}
+
+/// Tests the triangle whose first word is at `at`, in a block with rows of `stride` words, and keeps what is certain about its hit.
+fn decide(at: u32, stride: u32) {
+    let words = vec3<u32>(at) + stride * shear.axes;
+    let a = corner_of(words);
+    let b = corner_of(words + vec3<u32>(3u * stride));
+    let c = corner_of(words + vec3<u32>(6u * stride));
+    let m = max(greatest(a), max(greatest(b), greatest(c)));
+    // Edge functions, and their bounds.
+    let p = a.xy - shear.factors * a.z;
+    let q = b.xy - shear.factors * b.z;
+    let r = c.xy - shear.factors * c.z;
+    let edges = vec3<f32>(r.x * q.y - r.y * q.x, p.x * r.y - p.y * r.x, q.x * p.y - q.y * p.x);
+    let sizes = vec3<f32>(abs(p.x) + abs(p.y), abs(q.x) + abs(q.y), abs(r.x) + abs(r.y));
+    let apart = shear_error(m);
+    let bounds = (BOUND_SCALE * (apart + FILTER_ROUNDING * m)) * ((sizes.yzx + sizes.zxy) + vec3<f32>(2.0 * apart)) + vec3<f32>(TINY);
+    let low = edges - bounds;
+    let high = edges + bounds;
+    if max(low.x, max(low.y, low.z)) > 0.0 && min(high.x, min(high.y, high.z)) < 0.0 {
+        return;
+    }
+    let ts = vec3<f32>(a.z, b.z, c.z) * reciprocal(shear.depth);
+    let rounding = DISTANCE_ROUNDING * m + TINY;
+    let first = min(ts.x, min(ts.y, ts.z)) - rounding;
+    let last = max(ts.x, max(ts.y, ts.z)) + rounding;
+    if first > best_last || last < space.t_min {
+        return;
+    }
+    let inverse = guarded_quotient(1.0, (edges.x + edges.y) + edges.z);
+    let weights = edges * inverse;
+    let off = max(abs(weights.x * p.x + (weights.y * q.x + weights.z * r.x)), abs(weights.x * p.y + (weights.y * q.y + weights.z * r.y)));
+    let is_in = min(low.x, min(low.y, low.z)) > 0.0 || max(high.x, max(high.y, high.z)) < 0.0;
+    if !is_in || off > MOST_OFF * m {
+        doubt = min(doubt, first);
+        return;
+    }
+    let t = weights.x * ts.x + (weights.y * ts.y + weights.z * ts.z);
+    // The slope of the plane, by two edges.
+    let f = vec3<f32>(q - p, b.z - a.z);
+    let g = vec3<f32>(r - p, c.z - a.z);
+    let terms = f.yzzx * g.zyxz;
+    let slope = (abs(terms.x - terms.y) + abs(terms.z - terms.w)) + SLOPE_ROUNDING * ((abs(terms.x) + abs(terms.y)) + (abs(terms.z) + abs(terms.w)));
+    let error = rounding + (SLOPE_FACTOR * slope) * abs(inverse) * (off + ACROSS_ROUNDING * m);
+    keep(vec3<f32>(t, weights.yz), error, triangle_words[at + 9u * stride]);
+}
+
+/// Keeps a hit whose `t` is known within an error.
+fn keep(point: vec3<f32>, error: f32, number: u32) {
+    let first = point.x - error;
+    let last = point.x + error;
+    // A triangle may be in two leaves.
+    if first > best_last || last < space.t_min || number == best_number {
+        return;
+    }
+    if first < space.t_min {
+        doubt = min(doubt, first);
+        return;
+    }
+    if last >= best_first {
+        doubt = min(doubt, min(first, best_first));
+        if best_number == NONE {
+            // At the end of the ray.
+            return;
+        }
+    }
+    best_first = min(best_first, first);
+    best_last = min(best_last, last);
+    best_point = point;
+    best_number = number;
+}
+
+// part list
+// The rays that the exact kernels trace.
+
+/// Work-groups of 64 for the listed rays: the arguments of an indirect dispatch.
+struct Groups {
+    x: atomic<u32>,
+    y: u32,
+    z: u32,
+}
+
+/// The number of listed rays, then their indices.
+@group(1) @binding(2) var<storage, read_write> undecided: array<atomic<u32>>;
+@group(1) @binding(3) var<storage, read_write> listed_groups: Groups;
+
+/// Adds a ray.
+fn list(index: u32) {
+    let entry = atomicAdd(&undecided[0], 1u);
+    atomicStore(&undecided[entry + 1u], index);
+    if (entry & 63u) == 0u {
+        atomicAdd(&listed_groups.x, 1u);
+        // One row is enough for as many rays as a slice has.
+        listed_groups.y = 1u;
+        listed_groups.z = 1u;
+    }
+}

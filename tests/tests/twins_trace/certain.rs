@@ -1,0 +1,111 @@
+//! What the first pass on the device calls certain is the CPU's answer, bit for bit in triangle and miss; and it leaves few rays to exact
+//! arithmetic.
+
+use canted_fixtures::device_tests::{Test, needs_device};
+use canted_fixtures::{Hair, Mesh, displaced_icosphere, hair, object_views, scaffold, soup, truss};
+use canted_gpu::{DeviceHit, DeviceRay, Gpu, SceneInput, TracedScene};
+use canted_tests::rays;
+use canted_trace::{Intersect, Ray, ScaledRay};
+use canted_wide::{Config, NodeKind, TriangleBvh};
+
+use super::gpu;
+use super::setup::{build, of_one_kind};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(certain_hits_are_the_cpus),
+        needs_device(without_bounds_certain_hits_are_wrong),
+        needs_device(few_rays_are_undecided),
+    ]
+}
+
+/// Answers of the first pass.
+#[derive(Debug, Default)]
+struct Tally {
+    n_rays: usize,
+    n_certain_hits: usize,
+    n_undecided: usize,
+    /// Certain answers that are not the CPU's.
+    n_wrong: usize,
+}
+
+impl Tally {
+    fn add(&mut self, gpu: &Gpu, bvh: &TriangleBvh, rays: &[Ray], bound_scale: f64) {
+        let scene = TracedScene::new(gpu, SceneInput::upload([bvh])).unwrap();
+        let rays: Vec<_> = rays.iter().filter_map(|ray| Some((ray, ScaledRay::new(ray)?))).collect();
+        let there: Vec<DeviceRay> = rays.iter().map(|(_, scaled)| DeviceRay::scaled(scaled)).collect();
+        let (hits, undecided) = scene.certain_hits(gpu, &there, bound_scale).unwrap().unwrap();
+        self.n_rays += rays.len();
+        self.n_undecided += undecided.len();
+        for (i, ((ray, _), hit)) in rays.iter().zip(hits).enumerate() {
+            if undecided.contains(&(i as u32)) {
+                continue;
+            }
+            let device = (hit.instance != DeviceHit::NONE).then_some(hit.primitive);
+            self.n_certain_hits += usize::from(device.is_some());
+            self.n_wrong += usize::from(bvh.closest_hit(ray).map(|hit| hit.primitive.0) != device);
+        }
+    }
+}
+
+fn meshes() -> Vec<(&'static str, Mesh)> {
+    vec![
+        ("soup", soup(7, 500)),
+        ("displaced icosphere", displaced_icosphere(3, 3)),
+        ("scaffold", scaffold(1, true)),
+        ("scaffold, far away", scaffold(2, false).placed(|p| [p[0] + 3e3, p[1] - 7e3, p[2] + 1e3])),
+        ("truss", truss(4)),
+    ]
+}
+
+/// All grazing rays, and rays from afar, through BVHs of each kind of nodes.
+fn of_grazing_rays(bound_scale: f64, mut each: impl FnMut(&str, &Tally)) {
+    let gpu = gpu();
+    for (name, mesh) in meshes() {
+        let mut all = rays::of_all_classes(&mesh, 150, 11);
+        all.extend(rays::from_afar(&mesh, 100.0, 300, 12));
+        all.extend(rays::from_inside(&mesh, 300, 13));
+        let mut tally = Tally::default();
+        for config in [Config::default(), of_one_kind(NodeKind::Aligned), of_one_kind(NodeKind::Oriented)] {
+            tally.add(&gpu, &build(&mesh, &config), &all, bound_scale);
+        }
+        each(name, &tally);
+    }
+}
+
+#[expect(clippy::print_stderr, reason = "the counts are reported")]
+fn certain_hits_are_the_cpus() {
+    of_grazing_rays(1.0, |name, tally| {
+        eprintln!("{name}: {tally:?}");
+        assert_eq!(tally.n_wrong, 0, "{name}: {tally:?}");
+        assert!(tally.n_certain_hits > 100 && tally.n_undecided > 100, "{name}: {tally:?}");
+    });
+}
+
+/// The comparison must find hits that are called certain without reason.
+fn without_bounds_certain_hits_are_wrong() {
+    let mut n_wrong = 0;
+    of_grazing_rays(0.0, |_, tally| n_wrong += tally.n_wrong);
+    assert!(n_wrong > 20, "{n_wrong} wrong hits");
+}
+
+/// Views of whole objects, and the shares of rays that they may leave to exact arithmetic.
+#[expect(clippy::print_stderr, reason = "the counts are reported")]
+fn few_rays_are_undecided() {
+    let gpu = gpu();
+    for (name, mesh, most) in [
+        ("displaced icosphere", displaced_icosphere(3, 5), 0.01),
+        ("scaffold", scaffold(1, false), 0.01),
+        ("truss", truss(4), 0.05),
+        ("hair as tubes", hair(3, &Hair { n_strands: 1_000, ..Hair::THIN_TUBES }), 0.05),
+        ("hair as ribbons", hair(3, &Hair { n_strands: 1_000, ..Hair::RIBBONS }), 0.05),
+    ] {
+        let rays: Vec<Ray> = object_views(&mesh).iter().flat_map(|view| view.rays(96)).map(rays::endless).collect();
+        let mut tally = Tally::default();
+        tally.add(&gpu, &build(&mesh, &Config::default()), &rays, 1.0);
+        eprintln!("{name}: {tally:?}");
+        assert_eq!(tally.n_wrong, 0, "{name}: {tally:?}");
+        assert!(tally.n_certain_hits > 500, "{name}: {tally:?}");
+        assert!((tally.n_undecided as f64) < most * tally.n_rays as f64, "{name}: {tally:?}");
+    }
+}
