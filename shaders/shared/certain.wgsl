@@ -39,7 +39,7 @@
 // const STACK_SIZE
 // const MAX_ITERATIONS
 
-/// Scale of the bounds of edges. Tests set it to zero, and must then find wrong hits.
+/// Scale of the bounds of edges. Tests set it to -1, and must then find wrong hits.
 override BOUND_SCALE: f32 = 1.0;
 
 /// Roundings of `t`, relative to M.

@@ -2,7 +2,7 @@
 //! arithmetic.
 
 use canted_fixtures::device_tests::{Test, needs_device};
-use canted_fixtures::{Hair, Mesh, displaced_icosphere, hair, object_views, scaffold, soup, truss};
+use canted_fixtures::{Hair, Mesh, displaced_icosphere, grid, hair, object_views, scaffold, soup, truss};
 use canted_gpu::{DeviceHit, DeviceRay, Gpu, SceneInput, TracedScene};
 use canted_tests::rays;
 use canted_trace::{Intersect, Ray, ScaledRay};
@@ -14,7 +14,7 @@ use super::setup::{build, of_one_kind};
 pub(crate) fn tests() -> Vec<Test> {
     vec![
         needs_device(certain_hits_are_the_cpus),
-        needs_device(without_bounds_certain_hits_are_wrong),
+        needs_device(with_negative_bounds_certain_hits_are_wrong),
         needs_device(few_rays_are_undecided),
     ]
 }
@@ -82,10 +82,11 @@ fn certain_hits_are_the_cpus() {
     });
 }
 
-/// The comparison must find hits that are called certain without reason.
-fn without_bounds_certain_hits_are_wrong() {
+/// The comparison must find hits that are called certain without reason. Bounds of zero would not do: where a device rounds as the CPU does, the
+/// order of two rounded products is that of the exact ones.
+fn with_negative_bounds_certain_hits_are_wrong() {
     let mut n_wrong = 0;
-    of_grazing_rays(0.0, |_, tally| n_wrong += tally.n_wrong);
+    of_grazing_rays(-1.0, |_, tally| n_wrong += tally.n_wrong);
     assert!(n_wrong > 20, "{n_wrong} wrong hits");
 }
 
@@ -95,7 +96,8 @@ fn few_rays_are_undecided() {
     let gpu = gpu();
     for (name, mesh, most) in [
         ("displaced icosphere", displaced_icosphere(3, 5), 0.01),
-        ("scaffold", scaffold(1, false), 0.01),
+        ("terrain", grid(5, [60, 60]), 0.01),
+        ("scaffold", scaffold(1, false), 0.05),
         ("truss", truss(4), 0.05),
         ("hair as tubes", hair(3, &Hair { n_strands: 1_000, ..Hair::THIN_TUBES }), 0.05),
         ("hair as ribbons", hair(3, &Hair { n_strands: 1_000, ..Hair::RIBBONS }), 0.05),
@@ -105,7 +107,7 @@ fn few_rays_are_undecided() {
         tally.add(&gpu, &build(&mesh, &Config::default()), &rays, 1.0);
         eprintln!("{name}: {tally:?}");
         assert_eq!(tally.n_wrong, 0, "{name}: {tally:?}");
-        assert!(tally.n_certain_hits > 500, "{name}: {tally:?}");
+        assert!(tally.n_certain_hits > 300, "{name}: {tally:?}");
         assert!((tally.n_undecided as f64) < most * tally.n_rays as f64, "{name}: {tally:?}");
     }
 }
