@@ -16,9 +16,8 @@
 // different sides, it misses; otherwise the triangle is in doubt.
 //
 // *Point.* Weights in proportion to the edge functions describe a point of the plane of the computed triangle, `off` from the ray, which is
-// computed with an error of 6 E M; two roundings more and the sum of the weights are within 8 E M. If `off` is at most 20 E M, the point is
-// within 28 E M across, plus the 7.5 E M of the triangle, and 13 E M along the ray, less than the exact kernel's (shared/triangle,
-// *Error*). Otherwise the triangle, a long needle, is in doubt.
+// computed with an error of 6 E M; two roundings more and the sum of the weights are within 8 E M. It only bounds `t`: the hit is reported with the
+// weights of the exact kernel (shared/triangle, *Inside*), whose point is within 27 E M of the crossing.
 //
 // *Distance.* The CPU reports a point within 10 E M in each coordinate of its triangle (`canted_trace::HIT_ERROR`), so within 20 E M across after
 // shear, and within 27.5 E M of a point of the plane of the computed triangle. So the two points of that plane differ by at most `off + 35.5 E M`
@@ -57,9 +56,6 @@ const SLOPE_FACTOR: f32 = 1.4;
 /// Entries of the stack. Mesa's RADV keeps arrays of up to 256 bytes in registers, which other numbers need, and searches them.
 const ENTRIES: u32 = max(STACK_SIZE, 33u);
 
-/// Largest distance of a reported point from the ray, relative to M.
-const MOST_OFF: f32 = 20.0 * ROUNDING;
-
 /// Beyond all `t`.
 const NEVER: f32 = 3.4028235e38;
 
@@ -70,9 +66,9 @@ var<private> is_undecided: bool;
 var<private> best_first: f32;
 var<private> best_last: f32;
 
-/// The best hit: `t`, then the weights of its second and third vertex; number of the triangle, `NONE` for no hit.
-var<private> best_point: vec3<f32>;
+/// The best hit: number of its triangle, `NONE` for no hit, and the first word and the stride of that.
 var<private> best_number: u32;
+var<private> best_words: vec2<u32>;
 
 /// Least `t` of what is in doubt.
 var<private> doubt: f32;
@@ -125,8 +121,9 @@ fn certain_hit(ray: Ray, any: bool) -> Hit {
     }
     if any {
         is_undecided = false;
+        return Hit(0.0, 0.0, 0.0, best_number, space.instance);
     }
-    return placed(Hit(caller_t(best_point.x), best_point.y, best_point.z, best_number, space.instance));
+    return placed(reported());
 }
 
 /// A mask of the children of a node that the ray enters, in its order.
@@ -202,7 +199,7 @@ fn decide(at: u32, stride: u32) {
     let weights = edges * inverse;
     let off = max(abs(weights.x * p.x + (weights.y * q.x + weights.z * r.x)), abs(weights.x * p.y + (weights.y * q.y + weights.z * r.y)));
     let is_in = min(low.x, min(low.y, low.z)) > 0.0 || max(high.x, max(high.y, high.z)) < 0.0;
-    if !is_in || off > MOST_OFF * m {
+    if !is_in {
         doubt = min(doubt, first);
         return;
     }
@@ -213,13 +210,14 @@ fn decide(at: u32, stride: u32) {
     let terms = f.yzzx * g.zyxz;
     let slope = (abs(terms.x - terms.y) + abs(terms.z - terms.w)) + SLOPE_ROUNDING * ((abs(terms.x) + abs(terms.y)) + (abs(terms.z) + abs(terms.w)));
     let error = rounding + (SLOPE_FACTOR * slope) * abs(inverse) * (off + ACROSS_ROUNDING * m);
-    keep(vec3<f32>(t, weights.yz), error, triangle_words[at + 9u * stride]);
+    keep(t, error, at, stride);
 }
 
 /// Keeps a hit whose `t` is known within an error.
-fn keep(point: vec3<f32>, error: f32, number: u32) {
-    let first = point.x - error;
-    let last = point.x + error;
+fn keep(t: f32, error: f32, at: u32, stride: u32) {
+    let first = t - error;
+    let last = t + error;
+    let number = triangle_words[at + 9u * stride];
     // A triangle may be in two leaves.
     if first > best_last || last < space.t_min || number == best_number {
         return;
@@ -237,8 +235,24 @@ fn keep(point: vec3<f32>, error: f32, number: u32) {
     }
     best_first = min(best_first, first);
     best_last = min(best_last, last);
-    best_point = point;
     best_number = number;
+    best_words = vec2<u32>(at, stride);
+}
+
+/// The best hit with the bits of the exact kernel, which also interpolates between edges where it can.
+fn reported() -> Hit {
+    let stride = best_words.y;
+    let words = vec3<u32>(best_words.x) + stride * shear.axes;
+    let corners = array<vec3<f32>, 3>(
+        sheared(corner_of(words)),
+        sheared(corner_of(words + vec3<u32>(3u * stride))),
+        sheared(corner_of(words + vec3<u32>(6u * stride))),
+    );
+    let weights = inside(corners);
+    // It interpolates along an edge.
+    is_undecided = is_undecided || weights.w < 0.0;
+    let z = weights.x * corners[0].z + (weights.y * corners[1].z + weights.z * corners[2].z);
+    return Hit(caller_t(guarded_quotient(z, shear.depth)), weights.y, weights.z, best_number, space.instance);
 }
 
 // part list

@@ -157,13 +157,13 @@ fn inside(corners: array<vec3<f32>, 3>) -> vec4<f32> {
         return vec4<f32>(-1.0);
     }
     // The vertex that is alone on its side of x = 0, then the other two in order.
-    if right.y == right.z {
-        return across(corners[0], corners[1], corners[2]);
-    }
-    if right.x == right.z {
-        return across(corners[1], corners[2], corners[0]).zxyw;
-    }
-    return across(corners[2], corners[0], corners[1]).yzxw;
+    let is_first = right.y == right.z;
+    let is_second = right.x == right.z;
+    let p = select(select(corners[2], corners[1], is_second), corners[0], is_first);
+    let q = select(select(corners[0], corners[2], is_second), corners[1], is_first);
+    let r = select(select(corners[1], corners[0], is_second), corners[2], is_first);
+    let weights = across(p, q, r);
+    return select(select(weights.yzxw, weights.zxyw, is_second), weights, is_first);
 }
 
 /// The same with `p` alone: between the points where its edges cross x = 0.
