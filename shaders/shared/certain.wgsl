@@ -16,8 +16,8 @@
 // different sides, it misses; otherwise the triangle is in doubt.
 //
 // *Point.* Weights in proportion to the edge functions describe a point of the plane of the computed triangle, `off` from the ray, which is
-// computed with an error of 6 E M; two roundings more and the sum of the weights are within 8 E M. It only bounds `t`: the hit is reported with the
-// weights of the exact kernel (shared/triangle, *Inside*), whose point is within 27 E M of the crossing.
+// computed with an error of 6 E M; two roundings more and the sum of the weights are within 8 E M. It only bounds `t`: `trace/certain_weights`
+// reports the hit with the weights of the exact kernel (shared/triangle, *Inside*), whose point is within 27 E M of the crossing.
 //
 // *Distance.* The CPU reports a point within 10 E M in each coordinate of its triangle (`canted_trace::HIT_ERROR`), so within 20 E M across after
 // shear, and within 27.5 E M of a point of the plane of the computed triangle. So the two points of that plane differ by at most `off + 35.5 E M`
@@ -31,7 +31,7 @@
 //
 // *Boxes* are thickened as for the exact kernel (shared/bvh), and the upper end of the best interval bounds them, so no hit is lost.
 // use shared/bvh/node
-// use shared/triangle/blocks
+// use shared/triangle/blocks/single
 // use ?one_level
 // use ?count
 // use shared/invocation/iterations
@@ -59,22 +59,19 @@ const ENTRIES: u32 = max(STACK_SIZE, 33u);
 /// Beyond all `t`.
 const NEVER: f32 = 3.4028235e38;
 
-/// Whether the exact kernel must trace the ray.
-var<private> is_undecided: bool;
-
 /// Interval of the `t` of the best hit; the end of the ray before there is one.
 var<private> best_first: f32;
 var<private> best_last: f32;
 
-/// The best hit: number of its triangle, `NONE` for no hit, and the first word and the stride of that.
+/// The best hit: number of its triangle, `NONE` for no hit, and the first word of that and the stride of its rows.
 var<private> best_number: u32;
 var<private> best_words: vec2<u32>;
 
 /// Least `t` of what is in doubt.
 var<private> doubt: f32;
 
-/// The closest hit, or any hit; a miss if there is none.
-fn certain_hit(ray: Ray, any: bool) -> Hit {
+/// Finds the closest hit, or any hit: `best_number` and `best_words`. Returns whether the answer is certain.
+fn is_certain_hit(ray: Ray, any: bool) -> bool {
     var word = enter_top(ray);
     best_last = scaled_t(ray.t_max);
     best_first = best_last;
@@ -115,15 +112,7 @@ fn certain_hit(ray: Ray, any: bool) -> Hit {
         pending.y &= pending.y - 1u;
         word = child_word(pending.x, rank ^ octant);
     }
-    is_undecided = !is_done || doubt <= best_last;
-    if best_number == NONE {
-        return miss();
-    }
-    if any {
-        is_undecided = false;
-        return Hit(0.0, 0.0, 0.0, best_number, space.instance);
-    }
-    return placed(reported());
+    return is_done && doubt > best_last || any && best_number != NONE;
 }
 
 /// A mask of the children of a node that the ray enters, in its order.
@@ -157,15 +146,6 @@ fn leaf(word: u32) {
         let lane = (i & 7u) + select((first & 1u) << 1u, 0u, is_of_eight);
         decide(start + block * EIGHT_WORDS + lane, select(4u, 8u, is_of_eight));
     }
-}
-
-/// The words of `triangle_blocks`: single words of quads would cost three more operations each.
-@group(0) @binding(1) var<storage, read> triangle_words: array<u32>;
-
-/// A vertex relative to the origin, with permuted axes, from three words.
-fn corner_of(words: vec3<u32>) -> vec3<f32> {
-    let bits = vec3<u32>(triangle_words[words.x], triangle_words[words.y], triangle_words[words.z]);
-    return bitcast<vec3<f32>>(bits) - shear.origin;
 }
 
 /// Tests the triangle whose first word is at `at`, in a block with rows of `stride` words, and keeps what is certain about its hit.
@@ -237,46 +217,4 @@ fn keep(t: f32, error: f32, at: u32, stride: u32) {
     best_last = min(best_last, last);
     best_number = number;
     best_words = vec2<u32>(at, stride);
-}
-
-/// The best hit with the bits of the exact kernel, which also interpolates between edges where it can.
-fn reported() -> Hit {
-    let stride = best_words.y;
-    let words = vec3<u32>(best_words.x) + stride * shear.axes;
-    let corners = array<vec3<f32>, 3>(
-        sheared(corner_of(words)),
-        sheared(corner_of(words + vec3<u32>(3u * stride))),
-        sheared(corner_of(words + vec3<u32>(6u * stride))),
-    );
-    let weights = inside(corners);
-    // It interpolates along an edge.
-    is_undecided = is_undecided || weights.w < 0.0;
-    let z = weights.x * corners[0].z + (weights.y * corners[1].z + weights.z * corners[2].z);
-    return Hit(caller_t(guarded_quotient(z, shear.depth)), weights.y, weights.z, best_number, space.instance);
-}
-
-// part list
-// The rays that the exact kernels trace.
-
-/// Work-groups of 64 for the listed rays: the arguments of an indirect dispatch.
-struct Groups {
-    x: atomic<u32>,
-    y: u32,
-    z: u32,
-}
-
-/// The number of listed rays, then their indices.
-@group(1) @binding(2) var<storage, read_write> undecided: array<atomic<u32>>;
-@group(1) @binding(3) var<storage, read_write> listed_groups: Groups;
-
-/// Adds a ray.
-fn list(index: u32) {
-    let entry = atomicAdd(&undecided[0], 1u);
-    atomicStore(&undecided[entry + 1u], index);
-    if (entry & 63u) == 0u {
-        atomicAdd(&listed_groups.x, 1u);
-        // One row is enough for as many rays as a slice has.
-        listed_groups.y = 1u;
-        listed_groups.z = 1u;
-    }
 }

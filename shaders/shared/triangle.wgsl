@@ -252,6 +252,18 @@ fn leaf(word: u32) {
     }
 }
 
+// part blocks/single
+// Single triangles of the blocks.
+
+/// The words of `triangle_blocks`: single words of quads would cost three more operations each.
+@group(0) @binding(1) var<storage, read> triangle_words: array<u32>;
+
+/// A vertex relative to the origin, with permuted axes, from three words.
+fn corner_of(words: vec3<u32>) -> vec3<f32> {
+    let bits = vec3<u32>(triangle_words[words.x], triangle_words[words.y], triangle_words[words.z]);
+    return bitcast<vec3<f32>>(bits) - shear.origin;
+}
+
 // part leaf
 // The best hit of a traversal.
 // use shared/triangle

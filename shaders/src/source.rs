@@ -52,15 +52,16 @@ impl Variant {
         self
     }
 
-    /// The choices that kernel `name` uses. Lets kernels with different slots share one set of choices.
+    /// The choices and overrides that kernel `name` uses. Lets kernels with different slots share one set of choices.
     ///
     /// # Errors
     /// A name without a file, or a slot or constant without a choice.
     pub fn of_kernel(&self, name: &str) -> Result<Self, ShaderError> {
-        let open = joined(name, self)?.open;
+        let Joined { open, text, .. } = joined(name, self)?;
         let mut own = self.clone();
         own.parts.retain(|(name, _)| open.contains(name));
         own.numbers.retain(|(name, _)| open.contains(name));
+        own.overrides.retain(|(name, _)| text.contains(&format!("\noverride {name}:")));
         Ok(own)
     }
 

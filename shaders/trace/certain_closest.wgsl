@@ -1,9 +1,10 @@
-// The closest hit of each ray that f32 decides, and a list of the other rays, which `trace/listed_closest` traces.
-// use shared/certain/list
+// The triangle that each ray hits first, where f32 decides it, and a list of the other rays. `trace/certain_weights` completes the hits,
+// `trace/listed_closest` traces the listed rays.
+// use shared/certain
+// use shared/undecided/found
 // use shared/invocation/index
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
-@group(1) @binding(1) var<storage, read_write> hits: array<Hit>;
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
@@ -11,9 +12,10 @@ fn main(id: Invocation) {
     if index >= arrayLength(&rays) {
         return;
     }
-    let hit = certain_hit(rays[index], false);
-    hits[index] = hit;
-    if is_undecided {
+    let is_certain = is_certain_hit(rays[index], false);
+    let is_hit = is_certain && best_number != NONE;
+    hits[index] = Found(best_words.x, best_words.y, 0u, best_number, select(NONE, space.instance, is_hit));
+    if !is_certain {
         list(index);
     }
 }

@@ -1,5 +1,6 @@
 // Whether each ray hits anything, where f32 decides it, and a list of the other rays, which `trace/listed_occluded` traces.
-// use shared/certain/list
+// use shared/certain
+// use shared/undecided
 // use shared/invocation/index
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
@@ -12,9 +13,9 @@ fn main(id: Invocation) {
     if index >= arrayLength(&rays) {
         return;
     }
-    let hit = certain_hit(rays[index], true);
-    found[index] = u32(hit.instance != NONE);
-    if is_undecided {
+    let is_certain = is_certain_hit(rays[index], true);
+    found[index] = u32(best_number != NONE);
+    if !is_certain {
         list(index);
     }
 }

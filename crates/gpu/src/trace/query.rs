@@ -49,7 +49,7 @@ impl TracedScene {
         gpu: &Gpu,
         rays: &[Ray],
     ) -> Result<Vec<Outcome<Option<DeviceHit>>>, GpuError> {
-        let kernels = self.kernels(gpu, ["trace/closest", "trace/certain_closest", "trace/listed_closest"])?;
+        let kernels = self.kernels(gpu, &CLOSEST)?;
         let mut answers = Vec::with_capacity(rays.len());
         self.in_slices(gpu, &kernels, "hits", rays, |slice, hits: Vec<DeviceHit>| {
             answers.extend(slice.iter().zip(hits).map(|(ray, hit)| match (hit.instance, ray) {
@@ -75,7 +75,7 @@ impl TracedScene {
     /// # Errors
     /// As for [`TracedScene::closest_hits`].
     pub async fn occluded_async(&self, gpu: &Gpu, rays: &[Ray]) -> Result<Vec<Outcome<bool>>, GpuError> {
-        let kernels = self.kernels(gpu, ["trace/occluded", "trace/certain_occluded", "trace/listed_occluded"])?;
+        let kernels = self.kernels(gpu, &OCCLUDED)?;
         let mut answers = Vec::with_capacity(rays.len());
         self.in_slices(gpu, &kernels, "found", rays, |_, found: Vec<u32>| {
             answers.extend(
@@ -88,16 +88,27 @@ impl TracedScene {
         Ok(answers)
     }
 
-    /// The kernels of a query, by the names of those that trace all rays exactly, that decide what is certain, and that trace the others.
-    fn kernels(&self, gpu: &Gpu, [exact, certain, listed]: [&str; 3]) -> Result<Kernels, GpuError> {
+    fn kernels(&self, gpu: &Gpu, names: &Names) -> Result<Kernels, GpuError> {
         let chosen = Variant::none().part("mask", "shared/mask/none").part("count", "shared/count/none");
         let all = self.specialize(chosen.clone());
-        Ok(match self.specialize_certain(certain, chosen)? {
-            None => Kernels::Exact(gpu.kernel(exact, &all)?),
-            Some(chosen) => {
-                Kernels::CertainFirst { certain: gpu.kernel(certain, &chosen)?, listed: gpu.kernel(listed, &all)? }
-            }
+        Ok(match self.certain_kernels(gpu, names, &chosen)? {
+            None => Kernels::Exact(gpu.kernel(names.exact, &all)?),
+            Some(certain) => Kernels::CertainFirst { certain, listed: gpu.kernel(names.listed, &all)? },
         })
+    }
+
+    /// The kernels that decide what is certain; `None` where exact ones must trace all rays.
+    fn certain_kernels(
+        &self,
+        gpu: &Gpu,
+        names: &Names,
+        chosen: &Variant,
+    ) -> Result<Option<Vec<Arc<Kernel>>>, GpuError> {
+        let of = |name: &&str| {
+            let variant = self.specialize_certain(name, chosen.clone())?;
+            variant.map(|variant| gpu.kernel(name, &variant)).transpose()
+        };
+        names.certain.iter().map(of).collect()
     }
 
     /// Traces rays in slices whose size adapts to the measured time, and passes the results to `take`.
@@ -149,7 +160,9 @@ impl TracedScene {
                 let groups = gpu.indirect::<[u32; 3]>("work-groups of undecided rays", 1)?;
                 bound.push(("undecided", &undecided));
                 let first = [&bound[..], &[("listed_groups", &groups)]].concat();
-                commands.dispatch(certain, &first, certain.groups(n_rays))?;
+                for kernel in certain {
+                    commands.dispatch(kernel, &first, kernel.groups(n_rays))?;
+                }
                 commands.dispatch_indirect(listed, &bound, &groups, 0)?;
                 Some(undecided)
             }
@@ -177,10 +190,8 @@ impl TracedScene {
         rays: &[DeviceRay],
         bound_scale: f64,
     ) -> Result<Option<(Vec<DeviceHit>, Vec<u32>)>, GpuError> {
-        let name = "trace/certain_closest";
         let chosen = Variant::none().part("count", "shared/count/none").value("BOUND_SCALE", bound_scale);
-        let Some(chosen) = self.specialize_certain(name, chosen)? else { return Ok(None) };
-        let kernel = gpu.kernel(name, &chosen)?;
+        let Some(kernels) = self.certain_kernels(gpu, &CLOSEST, &chosen)? else { return Ok(None) };
         let rays_there = gpu.buffer("rays", rays)?;
         let hits = gpu.zeroed::<DeviceHit>("hits", rays.len())?;
         let undecided = gpu.zeroed::<u32>("undecided rays", rays.len() + 1)?;
@@ -189,19 +200,40 @@ impl TracedScene {
         bound.extend([("rays", &rays_there as &dyn AsBinding), ("hits", &hits)]);
         bound.extend([("undecided", &undecided as &dyn AsBinding), ("listed_groups", &groups)]);
         let mut commands = gpu.commands();
-        commands.dispatch(&kernel, &bound, kernel.groups(rays.len() as u32))?;
+        for kernel in &kernels {
+            commands.dispatch(kernel, &bound, kernel.groups(rays.len() as u32))?;
+        }
         commands.run()?;
         let listed = gpu.read(&undecided)?;
         Ok(Some((gpu.read(&hits)?, listed[1..=listed[0] as usize].to_vec())))
     }
 }
 
+/// Names of the kernels of a query.
+struct Names {
+    /// The one that traces all rays exactly.
+    exact: &'static str,
+    /// Those that decide what is certain, in order.
+    certain: &'static [&'static str],
+    /// The one that traces the listed others exactly.
+    listed: &'static str,
+}
+
+const CLOSEST: Names = Names {
+    exact: "trace/closest",
+    certain: &["trace/certain_closest", "trace/certain_weights"],
+    listed: "trace/listed_closest",
+};
+
+const OCCLUDED: Names =
+    Names { exact: "trace/occluded", certain: &["trace/certain_occluded"], listed: "trace/listed_occluded" };
+
 /// The kernels of a query.
 enum Kernels {
     /// Exact arithmetic for all rays.
     Exact(Arc<Kernel>),
-    /// What the bounds of f32 decide, then exact arithmetic for the listed rest.
-    CertainFirst { certain: Arc<Kernel>, listed: Arc<Kernel> },
+    /// What the bounds of f32 decide, by one kernel after another, then exact arithmetic for the listed rest.
+    CertainFirst { certain: Vec<Arc<Kernel>>, listed: Arc<Kernel> },
 }
 
 /// Maximum number of rays in a binding.

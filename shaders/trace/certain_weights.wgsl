@@ -1,0 +1,32 @@
+// `t` and weights of the hits of `trace/certain_closest`, with the bits of the exact kernels. They are apart from the loop, which is shorter so.
+// use shared/triangle/blocks/single
+// use shared/undecided/found
+// use ?one_level
+// use shared/invocation/index
+
+@group(1) @binding(0) var<storage, read> rays: array<Ray>;
+
+@compute @workgroup_size(64)
+fn main(id: Invocation) {
+    let index = invocation(id, 64u);
+    if index >= arrayLength(&rays) || hits[index].instance == NONE {
+        return;
+    }
+    let found = hits[index];
+    enter_top(rays[index]);
+    let words = vec3<u32>(found.at) + found.stride * shear.axes;
+    let corners = array<vec3<f32>, 3>(
+        sheared(corner_of(words)),
+        sheared(corner_of(words + vec3<u32>(3u * found.stride))),
+        sheared(corner_of(words + vec3<u32>(6u * found.stride))),
+    );
+    let weights = inside(corners);
+    if weights.w < 0.0 {
+        // The exact kernel interpolates along an edge.
+        list(index);
+    }
+    let z = weights.x * corners[0].z + (weights.y * corners[1].z + weights.z * corners[2].z);
+    let hit = placed(Hit(caller_t(guarded_quotient(z, shear.depth)), weights.y, weights.z, found.primitive, found.instance));
+    let numbers = bitcast<vec3<u32>>(vec3<f32>(hit.t, hit.u, hit.v));
+    hits[index] = Found(numbers.x, numbers.y, numbers.z, hit.primitive, hit.instance);
+}
