@@ -3,7 +3,7 @@
 
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_fixtures::{Hair, Mesh, displaced_icosphere, grid, hair, object_views, scaffold, soup, truss};
-use canted_gpu::{DeviceHit, DeviceRay, Gpu, SceneInput, TracedScene};
+use canted_gpu::{DeviceHit, DeviceRay, Gpu, Outcome, SceneInput, TracedScene};
 use canted_tests::rays;
 use canted_trace::{Intersect, Ray, ScaledRay};
 use canted_wide::{Config, NodeKind, TriangleBvh};
@@ -34,13 +34,12 @@ impl Tally {
         let scene = TracedScene::new(gpu, SceneInput::upload([bvh])).unwrap();
         let rays: Vec<_> = rays.iter().filter_map(|ray| Some((ray, ScaledRay::new(ray)?))).collect();
         let there: Vec<DeviceRay> = rays.iter().map(|(_, scaled)| DeviceRay::scaled(scaled)).collect();
-        let (hits, undecided) = scene.certain_hits(gpu, &there, bound_scale).unwrap().unwrap();
         self.n_rays += rays.len();
-        self.n_undecided += undecided.len();
-        for (i, ((ray, _), hit)) in rays.iter().zip(hits).enumerate() {
-            if undecided.contains(&(i as u32)) {
+        for ((ray, _), outcome) in rays.iter().zip(scene.certain_hits(gpu, &there, bound_scale).unwrap()) {
+            let Outcome::Complete(hit) = outcome else {
+                self.n_undecided += 1;
                 continue;
-            }
+            };
             let device = (hit.instance != DeviceHit::NONE).then_some(hit.primitive);
             self.n_certain_hits += usize::from(device.is_some());
             self.n_wrong += usize::from(bvh.closest_hit(ray).map(|hit| hit.primitive.0) != device);

@@ -23,11 +23,12 @@ pub(super) fn by_octants(bvh: &RawBvh<'_>) -> Vec<u32> {
         }
         let at = (word & 0x1fff_ffff) as usize * LINE;
         // The kind of a node, as in `shared/bvh/node_kinds`.
-        let (n_rows, centers): (_, fn(&[u32], usize, &[[f32; 3]; 3]) -> [f32; 3]) =
-            if word >> 29 == 0 { (7, aligned_center) } else { (16, oriented_center) };
+        let is_aligned = word >> 29 == 0;
+        let n_rows = if is_aligned { 7 } else { 16 };
         let node = &mut nodes[at..][..n_rows * WIDTH];
         let children: [u32; WIDTH] = std::array::from_fn(|i| node[(n_rows - 1) * WIDTH + i]);
-        let centers = std::array::from_fn(|i| (children[i] != EMPTY).then(|| centers(node, i, &bvh.frame)));
+        let center = |i| if is_aligned { aligned_center(node, i) } else { oriented_center(node, i, &bvh.frame) };
+        let centers = std::array::from_fn(|i| (children[i] != EMPTY).then(|| center(i)));
         let from = assigned(&centers);
         for row in node.chunks_exact_mut(WIDTH) {
             let old: [u32; WIDTH] = std::array::from_fn(|i| row[i]);
@@ -43,7 +44,7 @@ fn number(node: &[u32], row: usize, child: usize) -> f32 {
 }
 
 /// Twice the center of an axis-aligned child, in the frame of the mesh.
-fn aligned_center(node: &[u32], child: usize, _frame: &[[f32; 3]; 3]) -> [f32; 3] {
+fn aligned_center(node: &[u32], child: usize) -> [f32; 3] {
     [0, 2, 4].map(|row| number(node, row, child) + number(node, row + 1, child))
 }
 

@@ -178,20 +178,21 @@ impl TracedScene {
 }
 
 impl TracedScene {
-    /// The first pass of [`Self::closest_hits`] alone, to test what it calls certain: hits in the units of [`DeviceRay::scaled`], and the indices of
-    /// the rays that it leaves to exact arithmetic. `bound_scale` multiplies the bounds of edges. `None` where there is no such pass.
+    /// What [`Self::closest_hits`] decides by f32, to test it: hits in the units of [`DeviceRay::scaled`], incomplete where exact arithmetic
+    /// must decide. `bound_scale` multiplies the bounds of edges.
     ///
     /// # Errors
-    /// As for [`TracedScene::closest_hits`].
+    /// Exact kernels trace all rays of this scene; otherwise as for [`TracedScene::closest_hits`].
     #[doc(hidden)]
     pub fn certain_hits(
         &self,
         gpu: &Gpu,
         rays: &[DeviceRay],
         bound_scale: f64,
-    ) -> Result<Option<(Vec<DeviceHit>, Vec<u32>)>, GpuError> {
+    ) -> Result<Vec<Outcome<DeviceHit>>, GpuError> {
         let chosen = Variant::none().part("count", "shared/count/none").value("BOUND_SCALE", bound_scale);
-        let Some(kernels) = self.certain_kernels(gpu, &CLOSEST, &chosen)? else { return Ok(None) };
+        let kernels = self.certain_kernels(gpu, &CLOSEST, &chosen)?;
+        let kernels = kernels.ok_or_else(|| GpuError::Input { message: "exact kernels trace all rays".to_owned() })?;
         let rays_there = gpu.buffer("rays", rays)?;
         let hits = gpu.zeroed::<DeviceHit>("hits", rays.len())?;
         let undecided = gpu.zeroed::<u32>("undecided rays", rays.len() + 1)?;
@@ -204,8 +205,12 @@ impl TracedScene {
             commands.dispatch(kernel, &bound, kernel.groups(rays.len() as u32))?;
         }
         commands.run()?;
+        let mut outcomes: Vec<_> = gpu.read(&hits)?.into_iter().map(Outcome::Complete).collect();
         let listed = gpu.read(&undecided)?;
-        Ok(Some((gpu.read(&hits)?, listed[1..=listed[0] as usize].to_vec())))
+        for &ray in &listed[1..=listed[0] as usize] {
+            outcomes[ray as usize] = Outcome::Incomplete;
+        }
+        Ok(outcomes)
     }
 }
 
