@@ -114,7 +114,9 @@ mod tests {
     #[test]
     fn nodes_keep_their_children() {
         let positions: Vec<[f32; 3]> = (0..600u32)
-            .map(|i| [1, 7, 49].map(|k| ((i * k * 2_654_435_761_u32.wrapping_mul(i + 1)) % 1000) as f32 * 0.01))
+            .map(|i| {
+                [1, 7, 49].map(|k| ((i * k).wrapping_mul(2_654_435_761_u32.wrapping_mul(i + 1)) % 1000) as f32 * 0.01)
+            })
             .collect();
         let triangles: Vec<[u32; 3]> = (0..200).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         for [aligned_node, oriented_node] in [[0.01, 1e6], [1e6, 0.01]] {

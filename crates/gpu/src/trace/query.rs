@@ -13,7 +13,7 @@ use super::layout::{DeviceHit, DeviceRay, INCOMPLETE};
 use super::scene::TracedScene;
 use crate::commands::{AsBinding, bind_groups};
 use crate::wait::{Instant, block_on};
-use crate::{Gpu, GpuError, Kernel};
+use crate::{Buffer, Commands, Gpu, GpuError, Kernel};
 
 /// Result of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,7 +93,7 @@ impl TracedScene {
         let all = self.specialize(chosen.clone());
         Ok(match self.certain_kernels(gpu, names, &chosen)? {
             None => Kernels::Exact(gpu.kernel(names.exact, &all)?),
-            Some(certain) => Kernels::CertainFirst { certain, listed: gpu.kernel(names.listed, &all)? },
+            Some(certain) => Kernels::CertainFirst { certain, listed: Some(gpu.kernel(names.listed, &all)?) },
         })
     }
 
@@ -145,39 +145,82 @@ impl TracedScene {
     ) -> Result<Vec<T>, GpuError> {
         let rays_there = gpu.buffer("rays", rays)?;
         let answers = gpu.zeroed::<T>("answers", rays.len())?;
-        let mut bound = self.bindings();
-        bound.push(("rays", &rays_there));
-        bound.push((into, &answers));
         let mut commands = gpu.commands();
-        let n_rays = u32::try_from(rays.len()).unwrap_or(u32::MAX);
-        let undecided = match kernels {
-            Kernels::Exact(kernel) => {
-                commands.dispatch(kernel, &bound, kernel.groups(n_rays))?;
-                None
-            }
-            Kernels::CertainFirst { certain, listed } => {
-                let undecided = gpu.zeroed::<u32>("undecided rays", rays.len() + 1)?;
-                let groups = gpu.indirect::<[u32; 3]>("work-groups of undecided rays", 1)?;
-                bound.push(("undecided", &undecided));
-                let first = [&bound[..], &[("listed_groups", &groups)]].concat();
-                for kernel in certain {
-                    commands.dispatch(kernel, &first, kernel.groups(n_rays))?;
-                }
-                commands.dispatch_indirect(listed, &bound, &groups, 0)?;
-                Some(undecided)
-            }
-        };
+        let undecided = self.record(gpu, &mut commands, kernels, &rays_there, (into, &answers))?;
         commands.run_async().await?;
         let n_exact = match undecided {
-            None => n_rays,
+            None => u32::try_from(rays.len()).unwrap_or(u32::MAX),
             Some(undecided) => gpu.read_first_async(&undecided, 1).await?[0],
         };
         self.n_exact_rays.fetch_add(n_exact.into(), Ordering::Relaxed);
         gpu.read_async(&answers).await
     }
+
+    /// Adds the dispatches of a query. Returns the number of rays that exact kernels trace, followed by those; `None` where that is all.
+    fn record<T>(
+        &self,
+        gpu: &Gpu,
+        commands: &mut Commands<'_>,
+        kernels: &Kernels,
+        rays: &Buffer<DeviceRay>,
+        (into, answers): (&str, &Buffer<T>),
+    ) -> Result<Option<Buffer<u32>>, GpuError> {
+        let n_rays = u32::try_from(rays.len()).unwrap_or(u32::MAX);
+        let mut bound = self.bindings();
+        bound.extend([("rays", rays as &dyn AsBinding), (into, answers)]);
+        let (certain, listed) = match kernels {
+            Kernels::Exact(kernel) => {
+                commands.dispatch(kernel, &bound, kernel.groups(n_rays))?;
+                return Ok(None);
+            }
+            Kernels::CertainFirst { certain, listed } => (certain, listed),
+        };
+        let undecided = gpu.zeroed::<u32>("undecided rays", rays.len() + 1)?;
+        let groups = gpu.indirect::<[u32; 3]>("work-groups of undecided rays", 1)?;
+        bound.push(("undecided", &undecided));
+        let first = [&bound[..], &[("listed_groups", &groups)]].concat();
+        for kernel in certain {
+            commands.dispatch(kernel, &first, kernel.groups(n_rays))?;
+        }
+        if let Some(listed) = listed {
+            commands.dispatch_indirect(listed, &bound, &groups, 0)?;
+        }
+        Ok(Some(undecided))
+    }
 }
 
+/// Parts of queries, to test and to measure them.
+#[doc(hidden)]
 impl TracedScene {
+    /// Adds the dispatches of [`Self::closest_hits`], for rays and hits in the units of [`DeviceRay::scaled`]. Returns a buffer that then starts with
+    /// the number of rays that exact arithmetic decides; `None` if it decides all.
+    ///
+    /// # Errors
+    /// As for [`TracedScene::closest_hits`].
+    pub fn record_closest_hits(
+        &self,
+        gpu: &Gpu,
+        commands: &mut Commands<'_>,
+        rays: &Buffer<DeviceRay>,
+        hits: &Buffer<DeviceHit>,
+    ) -> Result<Option<Buffer<u32>>, GpuError> {
+        self.record(gpu, commands, &self.kernels(gpu, &CLOSEST)?, rays, ("hits", hits))
+    }
+
+    /// The same for [`Self::occluded`]: 1 for a hit, 0 for a miss, [`INCOMPLETE`].
+    ///
+    /// # Errors
+    /// As for [`TracedScene::closest_hits`].
+    pub fn record_occluded(
+        &self,
+        gpu: &Gpu,
+        commands: &mut Commands<'_>,
+        rays: &Buffer<DeviceRay>,
+        found: &Buffer<u32>,
+    ) -> Result<Option<Buffer<u32>>, GpuError> {
+        self.record(gpu, commands, &self.kernels(gpu, &OCCLUDED)?, rays, ("found", found))
+    }
+
     /// What [`Self::closest_hits`] decides by f32, to test it: hits in the units of [`DeviceRay::scaled`], incomplete where exact arithmetic
     /// must decide. `bound_scale` multiplies the bounds of edges.
     ///
@@ -192,23 +235,19 @@ impl TracedScene {
     ) -> Result<Vec<Outcome<DeviceHit>>, GpuError> {
         let chosen = Variant::none().part("count", "shared/count/none").value("BOUND_SCALE", bound_scale);
         let kernels = self.certain_kernels(gpu, &CLOSEST, &chosen)?;
-        let kernels = kernels.ok_or_else(|| GpuError::Input { message: "exact kernels trace all rays".to_owned() })?;
+        let certain = kernels.ok_or_else(|| GpuError::Input { message: "exact kernels trace all rays".to_owned() })?;
         let rays_there = gpu.buffer("rays", rays)?;
         let hits = gpu.zeroed::<DeviceHit>("hits", rays.len())?;
-        let undecided = gpu.zeroed::<u32>("undecided rays", rays.len() + 1)?;
-        let groups = gpu.indirect::<[u32; 3]>("work-groups of undecided rays", 1)?;
-        let mut bound = self.bindings();
-        bound.extend([("rays", &rays_there as &dyn AsBinding), ("hits", &hits)]);
-        bound.extend([("undecided", &undecided as &dyn AsBinding), ("listed_groups", &groups)]);
         let mut commands = gpu.commands();
-        for kernel in &kernels {
-            commands.dispatch(kernel, &bound, kernel.groups(rays.len() as u32))?;
-        }
+        let kernels = Kernels::CertainFirst { certain, listed: None };
+        let undecided = self.record(gpu, &mut commands, &kernels, &rays_there, ("hits", &hits))?;
         commands.run()?;
         let mut outcomes: Vec<_> = gpu.read(&hits)?.into_iter().map(Outcome::Complete).collect();
-        let listed = gpu.read(&undecided)?;
-        for &ray in &listed[1..=listed[0] as usize] {
-            outcomes[ray as usize] = Outcome::Incomplete;
+        if let Some(undecided) = undecided {
+            let listed = gpu.read(&undecided)?;
+            for &ray in &listed[1..=listed[0] as usize] {
+                outcomes[ray as usize] = Outcome::Incomplete;
+            }
         }
         Ok(outcomes)
     }
@@ -237,8 +276,8 @@ const OCCLUDED: Names =
 enum Kernels {
     /// Exact arithmetic for all rays.
     Exact(Arc<Kernel>),
-    /// What the bounds of f32 decide, by one kernel after another, then exact arithmetic for the listed rest.
-    CertainFirst { certain: Vec<Arc<Kernel>>, listed: Arc<Kernel> },
+    /// What the bounds of f32 decide, by one kernel after another, then exact arithmetic for the listed rest, unless a test wants to see that.
+    CertainFirst { certain: Vec<Arc<Kernel>>, listed: Option<Arc<Kernel>> },
 }
 
 /// Maximum number of rays in a binding.
