@@ -1,7 +1,7 @@
 // Hybrid integrator: direct light, diffuse bounces, ambient occlusion. One sample of one pixel per invocation. Twin of the CPU's
 // hybrid integrator, whose documentation describes the estimate and its bias.
 //
-// `?film` is what is kept of samples, `?mask` which hits count, `?direct` and `?shape_lights` are the listed lights, `?sky` the background, `?time` the time of
+// `?film` is what is kept of samples, `?components` what of their light in parts, `?mask` which hits count, `?direct` and `?shape_lights` are the listed lights, `?sky` the background, `?time` the time of
 // rays, `?hemisphere` how diffuse directions are sampled, `?first` what is known of the first hits.
 //
 // All rays of a path share one call site. Compilers inline functions at each call, and traversal is by far the largest.
@@ -17,6 +17,7 @@
 // use ?shape_lights
 // use ?direct
 // use ?film
+// use ?components
 // use ?mask
 // use ?sky
 // use ?time
@@ -24,6 +25,9 @@
 
 /// Sampler dimension of the first bounce.
 const FIRST_BOUNCE: u32 = 1u;
+
+/// Surfaces from which light is indirect.
+const INDIRECT: u32 = 2u;
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {
@@ -36,6 +40,7 @@ fn main(id: Invocation) {
         light = gathered(one, start.ray, start.cone);
     }
     keep(group, id.local, one, light.radiance, light.n_rays);
+    keep_components(group, id.local, one, light.radiance);
 }
 
 struct Light {
@@ -86,15 +91,21 @@ fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
             if hit.instance == NONE {
                 // Shadow rays find no rare bright light, so none is limited.
                 light.radiance += throughput * shadow.radiance;
+                add_component(vertex + 1u, throughput * shadow.radiance);
             }
         } else {
             let end = end_of(ray, hit, vertex);
-            light.radiance += limited(throughput * end.radiance, vertex);
+            let at_end = limited(throughput * end.radiance, vertex);
+            light.radiance += at_end;
+            // The ambient term stands for light of further bounces.
+            add_component(select(vertex, INDIRECT, hit.instance != NONE && vertex > picture.bounces), at_end);
             if end.ends {
                 break;
             }
             surface = surface_at(hit, ray.direction, cone);
-            light.radiance += limited(throughput * surface.emission, vertex);
+            let emitted = limited(throughput * surface.emission, vertex);
+            light.radiance += emitted;
+            add_component(vertex, emitted);
             vertex_key = derived_key(path_key, 1u + vertex);
             n_visited = 0u;
         }
@@ -102,6 +113,7 @@ fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
         n_visited = shadow.n_visited;
         ray = shadow.ray;
         light.radiance += throughput * shadow.unshadowed;
+        add_component(vertex + 1u, throughput * shadow.unshadowed);
         if !shadow.exists {
             // Continue in a cosine-sampled direction, whose weight is the albedo.
             let local = hemisphere_direction(square(one, FIRST_BOUNCE + vertex));

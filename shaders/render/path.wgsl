@@ -1,6 +1,6 @@
 // Path tracer: one sample of one pixel per invocation.
 //
-// `?film` is what is kept of samples, `?mask` which hits count, `?time` the time of rays. All rays of a path, including shadow rays, share one call site, and so does all shading.
+// `?film` is what is kept of samples, `?components` what of their light in parts, `?mask` which hits count, `?time` the time of rays. All rays of a path, including shadow rays, share one call site, and so does all shading.
 // Compilers inline functions at each call.
 // use shared/invocation/index
 // use shared/facing
@@ -8,6 +8,7 @@
 // use shared/ray
 // use ?traverse
 // use ?film
+// use ?components
 // use ?mask
 // use ?time
 
@@ -48,4 +49,5 @@ fn main(id: Invocation) {
         n_rays = path.n_rays;
     }
     keep(group, id.local, one, radiance, n_rays);
+    keep_components(group, id.local, one, radiance);
 }

@@ -307,3 +307,57 @@ fn add_lane(a: u32, b: u32) {
     lane_sums[a] += lane_sums[b];
     lane_counts[a] += lane_counts[b];
 }
+
+// part components
+// The light of a sample by how many surfaces scattered it on its way to the camera: none, one, or more.
+// use shared/picture
+
+// choice components/none
+// It is not kept.
+
+fn add_component(n_scattered: u32, light: vec3<f32>) {}
+
+fn keep_components(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>) {}
+
+// choice components/three
+// It is kept sample by sample; the host sums it in f64.
+
+/// Linear RGB of a sample.
+struct Components {
+    /// Light that no surface scattered.
+    emission: array<f32, 3>,
+    /// Light that one surface scattered.
+    direct: array<f32, 3>,
+    /// The rest.
+    indirect: array<f32, 3>,
+}
+
+/// 64 pixels per work-group, row by row.
+@group(1) @binding(5) var<storage, read_write> components: array<Components>;
+
+var<private> emission_light: vec3<f32>;
+var<private> direct_light: vec3<f32>;
+var<private> indirect_light: vec3<f32>;
+
+/// Adds light that this many surfaces scattered, mirrors and glass included.
+fn add_component(n_scattered: u32, light: vec3<f32>) {
+    emission_light += select(vec3(0.0), light, n_scattered == 0u);
+    direct_light += select(vec3(0.0), light, n_scattered == 1u);
+    indirect_light += select(vec3(0.0), light, n_scattered > 1u);
+}
+
+/// Stores the components of a sample, and zeros for one that is dropped because its radiance is not finite.
+fn keep_components(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>) {
+    if one.is_inside {
+        // Integers: compilers may assume that a float is finite.
+        let is_dropped = any((bitcast<vec3<u32>>(radiance) & vec3(0x7f800000u)) == vec3(0x7f800000u));
+        let emission = select(emission_light, vec3(0.0), is_dropped);
+        let direct = select(direct_light, vec3(0.0), is_dropped);
+        let indirect = select(indirect_light, vec3(0.0), is_dropped);
+        components[64u * group + local] = Components(
+            array<f32, 3>(emission.x, emission.y, emission.z),
+            array<f32, 3>(direct.x, direct.y, direct.z),
+            array<f32, 3>(indirect.x, indirect.y, indirect.z),
+        );
+    }
+}

@@ -3,7 +3,7 @@
 // A vertex scatters before its shadow ray is traced. So while a ray is traced, of the surface only the data for multiple
 // importance sampling is kept.
 //
-// `?shape_lights` and `?sky` are what rays may hit besides triangles.
+// `?shape_lights` and `?sky` are what rays may hit besides triangles, `?components` is what is kept of light in parts.
 // use shared/camera
 // use shared/picture
 // use shared/hash/ray_key
@@ -12,6 +12,7 @@
 // use shared/light/sampler
 // use ?shape_lights
 // use ?sky
+// use ?components
 
 /// Throughput from which a path always survives roulette.
 const SURVIVAL_THROUGHPUT: f32 = 0.5;
@@ -90,7 +91,7 @@ fn key_of(path: Path, one: PixelSample) -> u32 {
 /// Advances a path by the hit of its ray.
 fn advance(path: ptr<function, Path>, one: PixelSample, hit: Hit) {
     if (*path).stage == TO_LIGHT {
-        (*path).radiance += select(vec3(0.0), (*path).pending, hit.instance == NONE);
+        add_light(path, select(vec3(0.0), (*path).pending, hit.instance == NONE));
         continue_onward(path);
         return;
     }
@@ -151,7 +152,13 @@ fn ends(path: ptr<function, Path>, hit: Hit) -> bool {
 /// Adds light that the onward ray hit, weighted by the density with which light sampling finds its direction.
 fn gather(path: ptr<function, Path>, radiance: vec3<f32>, density: f32) {
     let weight = select(power_heuristic((*path).density, density), 1.0, (*path).density < 0.0);
-    (*path).radiance += limited((*path).throughput * radiance * weight, (*path).n_scattered);
+    add_light(path, limited((*path).throughput * radiance * weight, (*path).n_scattered));
+}
+
+/// Adds light that all vertices so far scattered.
+fn add_light(path: ptr<function, Path>, light: vec3<f32>) {
+    (*path).radiance += light;
+    add_component((*path).n_vertices, light);
 }
 
 /// The vertex that the onward ray left.
@@ -187,7 +194,7 @@ fn sample_direct(
     let is_near = light.incoming.shadow_ray == FINITE;
     let ray = towards(surface, select(light.incoming.to_light, light.incoming.position, is_near), is_near);
     if ray.t_max <= 0.0 {
-        (*path).radiance += contribution;
+        add_light(path, contribution);
         return false;
     }
     (*path).n_rays += 1u;

@@ -41,6 +41,21 @@ fn every_kernel_is_valid_and_within_the_limits_of_every_device() {
     }
 }
 
+#[test]
+fn light_in_parts_is_bound_only_where_it_is_kept() {
+    let mut n_kept = 0;
+    for kernel in ["render/hybrid", "render/path"] {
+        for chosen in choices(kernel) {
+            let is_kept = chosen.parts().any(|part| part == ("components", "shared/camera/components/three"));
+            let shader = Shader::new(kernel, &chosen).unwrap_or_else(|error| panic!("{error}"));
+            let binds = shader.entries.iter().flat_map(|entry| &entry.bindings).any(|bound| bound.name == "components");
+            assert_eq!(binds, is_kept, "{kernel}: {chosen:?}");
+            n_kept += u32::from(is_kept);
+        }
+    }
+    assert!(n_kept >= 2);
+}
+
 /// A user's kernel with names that the module also has inside.
 const USER: &str = "
 struct Node { near: f32 }

@@ -10,13 +10,14 @@ use std::path::Path;
 
 use crate::atomic_file::read_file;
 use crate::film_file::{Record, record_from_lines, record_lines};
-use crate::{AtomicFile, FileError, Guide, Hash, Pixel, Tile};
+use crate::{AtomicFile, Components, FileError, Guide, Hash, Pixel, Tile};
 
-const FORMAT: &str = "canted checkpoint 2\n";
+const FORMAT: &str = "canted checkpoint 3\n";
 
-/// Words of a pixel and of a guide.
+/// Words of a pixel, of a guide, and of components.
 const PIXEL_WORDS: usize = 8;
 const GUIDE_WORDS: usize = 14;
+const COMPONENT_WORDS: usize = 9;
 
 /// Finished tiles, encoded.
 #[derive(Clone, Debug)]
@@ -35,10 +36,12 @@ impl Checkpoint {
 
     /// Adds a finished tile.
     pub fn add(&mut self, tile: &Tile) {
-        let numbers = [tile.number, tile.pixels.len(), tile.guides.len()].map(|n| n as u64);
+        let numbers = [tile.number, tile.pixels.len(), tile.guides.len(), tile.components.len()].map(|n| n as u64);
         let words = numbers.into_iter().chain([tile.n_rays]);
         let words = words.chain(tile.pixels.iter().flat_map(pixel_words));
-        for word in words.chain(tile.guides.iter().flat_map(guide_words)) {
+        let components = tile.components.iter().flat_map(|components| components.sums.as_flattened());
+        let components = components.map(|sum| sum.to_bits());
+        for word in words.chain(tile.guides.iter().flat_map(guide_words)).chain(components) {
             self.bytes.extend(word.to_le_bytes());
         }
     }
@@ -122,9 +125,12 @@ fn decode(bytes: &[u8]) -> Result<(Record, Vec<Tile>), String> {
 /// Decodes a tile after its number; `None` if words are missing.
 fn tile(number: u64, words: &mut impl ExactSizeIterator<Item = u64>) -> Option<Tile> {
     let mut count = || usize::try_from(words.next()?).ok();
-    let (n_pixels, n_guides) = (count()?, count()?);
+    let counts @ [n_pixels, n_guides, n_components] = [count()?, count()?, count()?];
     let n_rays = words.next()?;
-    let n = n_pixels.checked_mul(PIXEL_WORDS)?.checked_add(n_guides.checked_mul(GUIDE_WORDS)?)?;
+    let mut n = 0_usize;
+    for (count, words) in counts.into_iter().zip([PIXEL_WORDS, GUIDE_WORDS, COMPONENT_WORDS]) {
+        n = n.checked_add(count.checked_mul(words)?)?;
+    }
     if n > words.len() {
         return None;
     }
@@ -143,7 +149,10 @@ fn tile(number: u64, words: &mut impl ExactSizeIterator<Item = u64>) -> Option<T
         let first = (ids != [u32::MAX; 2]).then_some(ids);
         Guide::from_sums(n_hits, first, std::array::from_fn(|_| f64::from_bits(next())))
     });
-    Some(Tile { number: usize::try_from(number).ok()?, pixels, guides: guides.collect(), n_rays })
+    let guides = guides.collect();
+    let components =
+        (0..n_components).map(|_| Components::from_numbers(std::array::from_fn(|_| f64::from_bits(next())))).collect();
+    Some(Tile { number: usize::try_from(number).ok()?, pixels, guides, components, n_rays })
 }
 
 #[cfg(test)]
@@ -158,6 +167,7 @@ mod tests {
             number,
             pixels: vec![pixel; 3],
             guides: vec![guide, Guide::default()],
+            components: vec![Components::weighted([[0.1, -0.0, 3.0], [1e-30, 7.0, 0.0], [2.0, 4.0, 8.0]], 1.0)],
             n_rays: u64::MAX,
         };
         (record, vec![tile(1), tile(0)])
@@ -194,7 +204,13 @@ mod tests {
     /// Wrong counts with a valid checksum.
     #[test]
     fn counts_that_exceed_the_file_are_rejected() {
-        for words in [[0, u64::MAX, 0, 0], [0, 0, u64::MAX / 14, 0], [0, 1, 0, 0]] {
+        for words in [
+            [0, u64::MAX, 0, 0, 0],
+            [0, 0, u64::MAX / 14, 0, 0],
+            [0, 0, 0, u64::MAX / 9, 0],
+            [0, 1, 0, 0, 0],
+            [0, 0, 0, 1, 0],
+        ] {
             let mut bytes = Checkpoint::new(&[]).bytes;
             bytes.extend(words.iter().flat_map(|word: &u64| word.to_le_bytes()));
             bytes.extend(checksum(&bytes).to_le_bytes());

@@ -20,6 +20,7 @@ use rayon::prelude::*;
 use crate::{
     Film, Guide, Picture, Pixel, Tile, Tiling,
     lanes::{self, Lanes},
+    tiling::Total,
 };
 
 /// Levels of the filter; level `i` has steps of `2^i` pixels.
@@ -143,7 +144,7 @@ impl Noisy {
     /// If the tile does not belong to a picture of this size.
     pub fn add(&mut self, tiling: &Tiling, tile: &Tile) {
         assert_eq!(tiling.picture_size(), [self.width, self.height], "a tile of this picture");
-        for (index, pixel, guide) in tiling.totals(tile) {
+        for Total { index, pixel, guide, .. } in tiling.totals(tile) {
             self.set(index, &pixel, &guide);
         }
     }

@@ -7,7 +7,8 @@ use exr::prelude::FlatSamples;
 
 use crate::picture::cropped;
 use crate::picture_file::canonical;
-use crate::sums::{Guide, Part, Pixel, total};
+use crate::sums::{Components, Guide, Part, Pixel, total};
+use crate::tiling::Total;
 use crate::{Picture, Tile, Tiling};
 
 /// The sample sums of a picture, row 0 at the top.
@@ -19,13 +20,14 @@ pub struct Film {
     pixels: Vec<Pixel>,
     means: Option<Means>,
     guides: Vec<Guide>,
+    components: Vec<Components>,
     part: Option<Part>,
     n_rays: u64,
 }
 
 impl Film {
     pub(crate) fn new(width: u32, height: u32, pixels: Vec<Pixel>, guides: Vec<Guide>, n_rays: u64) -> Self {
-        Self { width, height, pixels, means: None, guides, part: None, n_rays }
+        Self { width, height, pixels, means: None, guides, components: Vec::new(), part: None, n_rays }
     }
 
     /// The film of a part of all samples.
@@ -37,7 +39,8 @@ impl Film {
         let pixels: Vec<Pixel> = part.pixels().map(|sums| total(sums.iter().copied())).collect();
         assert_eq!(pixels.len(), width as usize * height as usize, "one pixel each");
         let guides = part.guides().map(|sums| total(sums.iter().copied())).collect();
-        Self { part: Some(part), ..Self::new(width, height, pixels, guides, n_rays) }
+        let components = part.components().map(|sums| total(sums.iter().copied())).collect();
+        Self { components, part: Some(part), ..Self::new(width, height, pixels, guides, n_rays) }
     }
 
     /// Pixels in a row.
@@ -62,6 +65,12 @@ impl Film {
     #[must_use]
     pub fn guides(&self) -> &[Guide] {
         &self.guides
+    }
+
+    /// The light of each pixel in its parts, row by row; empty where none is requested.
+    #[must_use]
+    pub fn components(&self) -> &[Components] {
+        &self.components
     }
 
     /// The sums block by block, if a range of samples was rendered.
@@ -127,7 +136,9 @@ impl Film {
         });
         let pixels = if means.is_some() { Vec::new() } else { cropped(&self.pixels, self.width, corner, size) };
         let guides = if self.guides.is_empty() { Vec::new() } else { cropped(&self.guides, self.width, corner, size) };
-        Self { means, ..Self::new(size[0], size[1], pixels, guides, self.n_rays) }
+        let has_components = !self.components.is_empty();
+        let components = if has_components { cropped(&self.components, self.width, corner, size) } else { Vec::new() };
+        Self { means, components, ..Self::new(size[0], size[1], pixels, guides, self.n_rays) }
     }
 
     /// The means as a picture.
@@ -186,6 +197,7 @@ pub struct FilmBuilder {
     tiling: Tiling,
     pixels: Vec<Pixel>,
     guides: Vec<Guide>,
+    components: Vec<Components>,
     means: Option<Means>,
     n_rays: u64,
 }
@@ -202,7 +214,8 @@ impl FilmBuilder {
         });
         let n = if means.is_some() { 0 } else { n_pixels * tiling.n_sums() };
         let guides = vec![Guide::default(); if tiling.has_guides() { n } else { 0 }];
-        Self { tiling, pixels: vec![Pixel::default(); n], guides, means, n_rays: 0 }
+        let components = vec![Components::default(); if tiling.has_components() { n } else { 0 }];
+        Self { tiling, pixels: vec![Pixel::default(); n], guides, components, means, n_rays: 0 }
     }
 
     /// Adds a finished tile, each once.
@@ -214,7 +227,7 @@ impl FilmBuilder {
         assert!(tiling.fits(tile), "tile {} does not belong to this picture", tile.number);
         self.n_rays += tile.n_rays;
         if let Some(means) = &mut self.means {
-            tiling.totals(tile).for_each(|(index, pixel, _)| means.set(index, &pixel));
+            tiling.totals(tile).for_each(|Total { index, pixel, .. }| means.set(index, &pixel));
             return;
         }
         let n_sums = tiling.n_sums();
@@ -223,7 +236,10 @@ impl FilmBuilder {
             let (row, all) = (row * run..(row + 1) * run, first * n_sums..first * n_sums + run);
             self.pixels[all.clone()].copy_from_slice(&tile.pixels[row.clone()]);
             if tiling.has_guides() {
-                self.guides[all].copy_from_slice(&tile.guides[row]);
+                self.guides[all.clone()].copy_from_slice(&tile.guides[row.clone()]);
+            }
+            if tiling.has_components() {
+                self.components[all].copy_from_slice(&tile.components[row]);
             }
         }
     }
@@ -231,11 +247,11 @@ impl FilmBuilder {
     /// The film; pixels of missing tiles have no sample.
     #[must_use]
     pub fn film(self) -> Film {
-        let Self { tiling, pixels, guides, means, n_rays } = self;
+        let Self { tiling, pixels, guides, components, means, n_rays } = self;
         let [width, height] = tiling.picture_size();
         match tiling.part() {
-            Some(range) => Film::of_part(width, height, Part::new(range, pixels, guides), n_rays),
-            None => Film { means, ..Film::new(width, height, pixels, guides, n_rays) },
+            Some(range) => Film::of_part(width, height, Part::new(range, pixels, guides, components), n_rays),
+            None => Film { means, components, ..Film::new(width, height, pixels, guides, n_rays) },
         }
     }
 }
@@ -250,6 +266,8 @@ pub struct Partial {
     picture: Picture,
     /// Sums of each pixel, stored only where AOVs are requested.
     sums: Vec<(Pixel, Guide)>,
+    /// The light of each pixel in its parts, likewise.
+    components: Vec<Components>,
     n_rays: u64,
 }
 
@@ -259,9 +277,11 @@ impl Partial {
     pub fn new(tiling: Tiling) -> Self {
         let [width, height] = tiling.picture_size();
         let picture = Picture::filled(width, height, [0.0; 3]);
-        let n_sums = if tiling.has_guides() { picture.pixels.len() } else { 0 };
+        let n_if = |is_stored: bool| if is_stored { picture.pixels.len() } else { 0 };
+        let sums = vec![Default::default(); n_if(tiling.has_guides())];
+        let components = vec![Components::default(); n_if(tiling.has_components())];
         let [is_finished, has_samples] = [(); 2].map(|()| vec![false; tiling.n_tiles()]);
-        Self { tiling, is_finished, has_samples, picture, sums: vec![Default::default(); n_sums], n_rays: 0 }
+        Self { tiling, is_finished, has_samples, picture, sums, components, n_rays: 0 }
     }
 
     /// Adds a finished tile.
@@ -270,11 +290,14 @@ impl Partial {
     /// If the tile does not [fit](Tiling::fits).
     pub fn add(&mut self, tile: &Tile) {
         assert!(self.tiling.fits(tile), "tile {} does not belong to this picture", tile.number);
-        for (index, pixel, guide) in self.tiling.totals(tile) {
+        for Total { index, pixel, guide, components } in self.tiling.totals(tile) {
             self.picture.pixels[index] = pixel.rounded_mean();
             self.has_samples[tile.number] |= pixel.n_taken() > 0;
             if let Some(sums) = self.sums.get_mut(index) {
                 *sums = (pixel, guide);
+            }
+            if let Some(sums) = self.components.get_mut(index) {
+                *sums = components;
             }
         }
         self.is_finished[tile.number] = true;
@@ -308,12 +331,15 @@ impl Partial {
         for number in (0..nearest.len()).filter(|&number| !self.is_finished[number]) {
             n_filled += 1;
             let Some(source) = nearest[number] else { continue };
-            let (color, guide) = self.mean(source);
+            let ((color, guide), components) = (self.mean(source), self.mean_components(source));
             let width = self.tiling.size(number)[0] as usize;
             for index in self.tiling.rows(number).flat_map(|first| first..first + width) {
                 self.picture.pixels[index] = color;
                 if let Some(sums) = self.sums.get_mut(index) {
                     *sums = (Pixel::of(color), guide);
+                }
+                if let Some(sums) = self.components.get_mut(index) {
+                    *sums = components;
                 }
             }
         }
@@ -361,12 +387,27 @@ impl Partial {
         (color, if is_hit { guide } else { Guide { first: None, ..guide } })
     }
 
+    /// The components of the mean of the pixels of a tile, as those of one sample; zero where none are stored.
+    fn mean_components(&self, number: usize) -> Components {
+        let width = self.tiling.size(number)[0] as usize;
+        let indices = self.tiling.rows(number).flat_map(|first| first..first + width);
+        let mut n_pixels = 0;
+        let means = indices.filter_map(|index| {
+            let (pixel, _) = self.sums.get(index)?;
+            n_pixels += 1;
+            Some(self.components.get(index)?.mean(pixel))
+        });
+        total(means).over(f64::from(n_pixels.max(1)))
+    }
+
     /// The film, where AOVs are requested.
     #[must_use]
     pub fn film(&self) -> Option<Film> {
         let (pixels, guides) = self.sums.iter().copied().unzip();
         let Picture { width, height, .. } = self.picture;
-        self.tiling.has_guides().then(|| Film::new(width, height, pixels, guides, self.n_rays))
+        let components = self.components.clone();
+        let film = || Film { components, ..Film::new(width, height, pixels, guides, self.n_rays) };
+        self.tiling.has_guides().then(film)
     }
 
     /// The picture.
@@ -376,7 +417,7 @@ impl Partial {
     }
 }
 
-/// Arbitrary output variable: a property of the first hit of camera rays.
+/// Arbitrary output variable: a property of the first hit of camera rays, or a part of the light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Aov {
     /// Distance along the view axis in world units: mean of the samples that hit, infinite without hits.
@@ -393,12 +434,32 @@ pub enum Aov {
     Primitive,
     /// Mean number of box and triangle tests of a camera ray.
     Tests,
+    /// Light that reaches the camera without a surface in between: lights, emissive surfaces and the environment as camera rays see them.
+    /// With [`Aov::Direct`] and [`Aov::Indirect`] it adds up to the picture.
+    Emission,
+    /// Light that one surface scatters from lights, emissive surfaces and the environment to the camera.
+    Direct,
+    /// The rest of the light.
+    Indirect,
 }
 
 impl Aov {
     /// All AOVs.
-    pub const ALL: [Self; 7] =
-        [Self::Depth, Self::Normal, Self::ShadingNormal, Self::Albedo, Self::Instance, Self::Primitive, Self::Tests];
+    pub const ALL: [Self; 10] = [
+        Self::Depth,
+        Self::Normal,
+        Self::ShadingNormal,
+        Self::Albedo,
+        Self::Instance,
+        Self::Primitive,
+        Self::Tests,
+        Self::Emission,
+        Self::Direct,
+        Self::Indirect,
+    ];
+
+    /// The parts of the light, in the order of [`Components::sums`].
+    pub const COMPONENTS: [Self; 3] = [Self::Emission, Self::Direct, Self::Indirect];
 
     /// The name on the command line.
     #[must_use]
@@ -411,6 +472,9 @@ impl Aov {
             Self::Instance => "instance",
             Self::Primitive => "primitive",
             Self::Tests => "tests",
+            Self::Emission => "emission",
+            Self::Direct => "direct",
+            Self::Indirect => "indirect",
         }
     }
 
@@ -425,11 +489,24 @@ impl Aov {
             Self::Instance => &["id.instance"],
             Self::Primitive => &["id.primitive"],
             Self::Tests => &["tests.boxes", "tests.triangles"],
+            Self::Emission => &["emission.R", "emission.G", "emission.B"],
+            Self::Direct => &["direct.R", "direct.G", "direct.B"],
+            Self::Indirect => &["indirect.R", "indirect.G", "indirect.B"],
         }
     }
 
-    /// The values of channel `k`, one per pixel.
-    pub(crate) fn values(self, k: usize, pixels: &[Pixel], guides: &[Guide]) -> FlatSamples {
+    /// Which part of the light it is.
+    fn component(self) -> Option<usize> {
+        Self::COMPONENTS.iter().position(|&component| component == self)
+    }
+
+    /// The values of channel `k`, one per pixel; none if the film does not store them.
+    pub(crate) fn values(self, k: usize, film: &Film) -> FlatSamples {
+        let Film { pixels, guides, components, .. } = film;
+        if let Some(part) = self.component() {
+            let means = components.iter().zip(pixels).map(|(components, pixel)| components.mean(pixel).sums[part][k]);
+            return FlatSamples::F32(means.map(|x| x as f32).collect());
+        }
         let ids =
             |k: usize| FlatSamples::U32(guides.iter().map(|guide| guide.first.map_or(u32::MAX, |id| id[k])).collect());
         let mean = |(pixel, guide)| self.mean(k, pixel, guide) as f32;
@@ -440,6 +517,7 @@ impl Aov {
         }
     }
 
+    /// The mean of a property of first hits.
     fn mean(self, k: usize, pixel: &Pixel, guide: &Guide) -> f64 {
         let sum = match self {
             // Zero would put the background in front of everything, and a mix with hits into the air.
@@ -449,8 +527,8 @@ impl Aov {
             Self::ShadingNormal => guide.shading_normal[k],
             Self::Albedo => guide.albedo[k],
             Self::Tests => guide.tests[k],
-            // Ids have no mean.
-            Self::Instance | Self::Primitive => 0.0,
+            // Ids have no mean, and light is no property of first hits.
+            Self::Instance | Self::Primitive | Self::Emission | Self::Direct | Self::Indirect => 0.0,
         };
         sum / f64::from(pixel.n_taken().max(1))
     }
@@ -466,17 +544,19 @@ pub enum AovValues {
 }
 
 impl Film {
-    /// The values of an AOV, the bits that [`write_film`](crate::write_film) writes; `None` if the film was rendered without AOVs.
+    /// The values of an AOV, the bits that [`write_film`](crate::write_film) writes; `None` if the film was rendered without AOVs, or without
+    /// parts of the light, of which each stores all.
     #[must_use]
     pub fn aov(&self, aov: Aov) -> Option<AovValues> {
-        if self.guides().is_empty() {
+        let n_stored = if aov.component().is_some() { self.components.len() } else { self.guides.len() };
+        if n_stored == 0 {
             return None;
         }
         let n = aov.channels().len();
         let mut ids = Vec::new();
-        let mut numbers = vec![0.0; n * self.guides().len()];
+        let mut numbers = vec![0.0; n * n_stored];
         for k in 0..n {
-            match aov.values(k, self.pixels(), self.guides()) {
+            match aov.values(k, self) {
                 FlatSamples::U32(values) => ids = values,
                 FlatSamples::F32(values) => {
                     values.iter().enumerate().for_each(|(i, &x)| numbers[n * i + k] = canonical(x));
@@ -490,7 +570,7 @@ impl Film {
 
 /// A set of AOVs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct Aovs(u8);
+pub struct Aovs(u16);
 
 impl Aovs {
     /// The empty set.
@@ -506,6 +586,12 @@ impl Aovs {
     #[must_use]
     pub fn contains(self, aov: Aov) -> bool {
         self.0 >> aov as u8 & 1 == 1
+    }
+
+    /// Whether a part of the light is in the set.
+    #[must_use]
+    pub fn has_components(self) -> bool {
+        Aov::COMPONENTS.iter().any(|&aov| self.contains(aov))
     }
 
     /// Whether the set is empty.
@@ -641,7 +727,8 @@ mod tests {
     fn misses_count_for_normals_but_not_for_depth() {
         let light = [[1.0; 3]; 4].map(Pixel::of).into_iter().reduce(|a, b| a + b).unwrap();
         let edge = Guide { n_hits: 2, first: Some([3, 9]), depth: 10.0, normal: [2.0, 0.0, 0.0], ..Guide::default() };
-        let values = |aov: Aov, k| aov.values(k, &[light; 2], &[edge, Guide::default()]);
+        let film = Film::new(2, 1, vec![light; 2], vec![edge, Guide::default()], 0);
+        let values = |aov: Aov, k| aov.values(k, &film);
         assert_eq!(f32s(values(Aov::Depth, 0)), [5.0, f32::INFINITY]);
         assert_eq!(f32s(values(Aov::Normal, 0)), [0.5, 0.0]);
         assert_eq!(f32s(values(Aov::Albedo, 2)), [0.0, 0.0]);

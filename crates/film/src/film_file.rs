@@ -17,7 +17,7 @@ use exr::prelude::{
 
 use crate::atomic_file::{read_file, write_file};
 use crate::picture_file::{ENCODING, canonical, check_exr_size};
-use crate::{Aov, Aovs, Block, FileError, Film, Guide, Hash, Part, Picture, Pixel};
+use crate::{Aov, Aovs, Block, Components, FileError, Film, Guide, Hash, Part, Picture, Pixel};
 
 /// Name of the attribute with the record, and of the lines that describe the film.
 const RECORD: &str = "canted";
@@ -72,7 +72,7 @@ pub fn write_film_as(
         // One attribute, because the order of several is not defined.
         let mut attributes = named("sums");
         attributes.other.insert(Text::from(RECORD), AttributeValue::Text(Text::from(text.as_str())));
-        let names = channel_names(part.blocks().len(), part.guides().next().is_some());
+        let names = Stored::of(part).channel_names(part.blocks().len());
         let channels = names.iter().zip(numbers).map(|(name, words)| channel(name, FlatSamples::U32(words)));
         layers.push(Layer::new(size, attributes, ENCODING, AnyChannels::sort(channels.collect())));
     }
@@ -100,7 +100,7 @@ fn picture_channels(picture: &Picture, alpha: Option<&[f32]>, film: &Film, aovs:
     channels.extend(alpha.map(|alpha| channel("A", FlatSamples::F32(alpha.iter().map(|&x| canonical(x)).collect()))));
     for aov in aovs.iter() {
         for (k, name) in aov.channels().iter().enumerate() {
-            let mut samples = aov.values(k, film.pixels(), film.guides());
+            let mut samples = aov.values(k, film);
             if let FlatSamples::F32(values) = &mut samples {
                 values.iter_mut().for_each(|x| *x = canonical(*x));
             }
@@ -110,33 +110,71 @@ fn picture_channels(picture: &Picture, alpha: Option<&[f32]>, film: &Film, aovs:
     channels
 }
 
-/// Names of the channels of sums: for each block the radiance, then the guide.
-fn channel_names(n_blocks: usize, is_guided: bool) -> Vec<String> {
-    let mut numbers = LIGHT.to_vec();
-    let mut counts = COUNTS.to_vec();
-    if is_guided {
-        numbers
-            .extend([Aov::Depth, Aov::Normal, Aov::ShadingNormal, Aov::Albedo, Aov::Tests].map(Aov::channels).concat());
-        counts.extend(["count.hits", "id.instance", "id.primitive"]);
-    }
-    let of_block = |block: usize| {
-        let halves = |name: &&str| ["high", "low"].map(|half| format!("{block:02}.{name}.{half}"));
-        let numbers = numbers.iter().flat_map(halves);
-        numbers.chain(counts.iter().map(|name| format!("{block:02}.{name}"))).collect::<Vec<_>>()
-    };
-    (0..n_blocks).flat_map(of_block).collect()
+/// What is stored of a block besides the radiance.
+#[derive(Clone, Copy)]
+struct Stored {
+    guide: bool,
+    components: bool,
 }
 
-/// The values of those channels.
+impl Stored {
+    fn of(part: &Part) -> Self {
+        Self { guide: part.guides().next().is_some(), components: part.components().next().is_some() }
+    }
+
+    /// Names of the channels of sums: for each block the radiance, then the guide, then the components.
+    fn channel_names(self, n_blocks: usize) -> Vec<String> {
+        let mut numbers = LIGHT.to_vec();
+        let mut counts = COUNTS.to_vec();
+        if self.guide {
+            let guide = [Aov::Depth, Aov::Normal, Aov::ShadingNormal, Aov::Albedo, Aov::Tests];
+            numbers.extend(guide.map(Aov::channels).concat());
+            counts.extend(["count.hits", "id.instance", "id.primitive"]);
+        }
+        if self.components {
+            numbers.extend(Aov::COMPONENTS.map(Aov::channels).concat());
+        }
+        let of_block = |block: usize| {
+            let halves = |name: &&str| ["high", "low"].map(|half| format!("{block:02}.{name}.{half}"));
+            let numbers = numbers.iter().flat_map(halves);
+            numbers.chain(counts.iter().map(|name| format!("{block:02}.{name}"))).collect::<Vec<_>>()
+        };
+        (0..n_blocks).flat_map(of_block).collect()
+    }
+
+    /// The sums of the words of one pixel and block, in the order of the channels.
+    fn decoded(self, words: &[u32]) -> (Pixel, Option<Guide>, Option<Components>) {
+        let double = |k: usize| f64::from_bits(u64::from(words[2 * k]) << 32 | u64::from(words[2 * k + 1]));
+        let of_components = LIGHT.len() + if self.guide { Guide::default().sums().len() } else { 0 };
+        let n_doubles = of_components + if self.components { 9 } else { 0 };
+        let counts = &words[2 * n_doubles..];
+        let pixel = Pixel {
+            sum: std::array::from_fn(double),
+            sum_of_squares: std::array::from_fn(|k| double(3 + k)),
+            n_samples: counts[0],
+            n_negative: counts[1],
+            n_dropped: counts[2],
+        };
+        let guide = self.guide.then(|| {
+            let ids = [counts[4], counts[5]];
+            let first = (ids != [u32::MAX; 2]).then_some(ids);
+            Guide::from_sums(counts[3], first, std::array::from_fn(|k| double(LIGHT.len() + k)))
+        });
+        let components = || Components::from_numbers(std::array::from_fn(|k| double(of_components + k)));
+        (pixel, guide, self.components.then(components))
+    }
+}
+
+/// The values of the channels of sums.
 fn numbers(part: &Part) -> Vec<Vec<u32>> {
-    let is_guided = part.guides().next().is_some();
-    let mut channels = vec![Vec::new(); channel_names(part.blocks().len(), is_guided).len()];
-    let mut guides = part.guides();
+    let mut channels = vec![Vec::new(); Stored::of(part).channel_names(part.blocks().len()).len()];
+    let (mut guides, mut components) = (part.guides(), part.components());
     for pixels in part.pixels() {
         let guides = guides.next().unwrap_or_default();
+        let components = components.next().unwrap_or_default();
         let mut next = channels.iter_mut();
         for (block, pixel) in pixels.iter().enumerate() {
-            let words = words(pixel, guides.get(block));
+            let words = words(pixel, guides.get(block), components.get(block));
             words.into_iter().zip(&mut next).for_each(|(word, channel)| channel.push(word));
         }
     }
@@ -144,9 +182,10 @@ fn numbers(part: &Part) -> Vec<Vec<u32>> {
 }
 
 /// The words of one pixel and block, in the order of the channels.
-fn words(pixel: &Pixel, guide: Option<&Guide>) -> Vec<u32> {
+fn words(pixel: &Pixel, guide: Option<&Guide>, components: Option<&Components>) -> Vec<u32> {
     let light = pixel.sum.into_iter().chain(pixel.sum_of_squares);
-    let doubles = light.chain(guide.into_iter().flat_map(Guide::sums)).map(f64::to_bits);
+    let components = components.into_iter().flat_map(|components| components.sums.as_flattened().iter().copied());
+    let doubles = light.chain(guide.into_iter().flat_map(Guide::sums)).chain(components).map(f64::to_bits);
     let mut words: Vec<u32> = doubles.flat_map(|bits| [(bits >> 32) as u32, bits as u32]).collect();
     words.extend([pixel.n_samples, pixel.n_negative, pixel.n_dropped]);
     if let Some(guide) = guide {
@@ -154,26 +193,6 @@ fn words(pixel: &Pixel, guide: Option<&Guide>) -> Vec<u32> {
         words.extend([guide.n_hits, instance, primitive]);
     }
     words
-}
-
-/// The pixel and the guide of those words.
-fn from_words(words: &[u32], is_guided: bool) -> (Pixel, Option<Guide>) {
-    let double = |k: usize| f64::from_bits(u64::from(words[2 * k]) << 32 | u64::from(words[2 * k + 1]));
-    let n_doubles = LIGHT.len() + if is_guided { Guide::default().sums().len() } else { 0 };
-    let counts = &words[2 * n_doubles..];
-    let pixel = Pixel {
-        sum: std::array::from_fn(double),
-        sum_of_squares: std::array::from_fn(|k| double(3 + k)),
-        n_samples: counts[0],
-        n_negative: counts[1],
-        n_dropped: counts[2],
-    };
-    let guide = is_guided.then(|| {
-        let ids = [counts[4], counts[5]];
-        let first = (ids != [u32::MAX; 2]).then_some(ids);
-        Guide::from_sums(counts[3], first, std::array::from_fn(|k| double(LIGHT.len() + k)))
-    });
-    (pixel, guide)
 }
 
 fn checksum(channels: &[Vec<u32>]) -> u64 {
@@ -219,9 +238,9 @@ fn decode(bytes: &[u8]) -> Result<(Film, Aovs, Record), String> {
         .ok_or_else(|| format!("its samples '{samples}' are not a range"))?;
     let aovs: Aovs = aovs.split(',').filter_map(|name| Aov::ALL.into_iter().find(|aov| aov.name() == name)).collect();
 
-    let is_guided = !aovs.is_empty();
+    let stored = Stored { guide: !aovs.is_empty(), components: aovs.has_components() };
     let blocks = Block::of(range.clone());
-    let names = channel_names(blocks.len(), is_guided);
+    let names = stored.channel_names(blocks.len());
     let mut channels = Vec::new();
     for name in &names {
         let found = layer.channel_data.list.iter().find(|channel| channel.name == **name);
@@ -235,11 +254,11 @@ fn decode(bytes: &[u8]) -> Result<(Film, Aovs, Record), String> {
         return Err(format!("its sums are damaged: their checksum is {found}, not {expected}"));
     }
     let n_words = names.len() / blocks.len();
-    let (mut pixels, mut guides) = (Vec::new(), Vec::new());
+    let (mut pixels, mut guides, mut components) = (Vec::new(), Vec::new(), Vec::new());
     for at in 0..layer.size.area() {
         let words: Vec<u32> = channels.iter().map(|words| words[at]).collect();
         for (block, words) in blocks.iter().zip(words.chunks(n_words)) {
-            let (pixel, guide) = from_words(words, is_guided);
+            let (pixel, guide, of_block) = stored.decoded(words);
             let hits = guide.as_ref().map_or(0, |guide: &Guide| guide.n_hits);
             let Pixel { n_samples, n_negative, n_dropped, .. } = pixel;
             if n_samples.checked_add(n_dropped) != Some(block.len) || n_negative > n_samples || hits > block.len {
@@ -247,10 +266,12 @@ fn decode(bytes: &[u8]) -> Result<(Film, Aovs, Record), String> {
             }
             pixels.push(pixel);
             guides.extend(guide);
+            components.extend(of_block);
         }
     }
     let side = |n: usize| u32::try_from(n).map_err(|_| format!("{n} pixels along one side are too many"));
-    let film = Film::of_part(side(layer.size.0)?, side(layer.size.1)?, Part::new(range, pixels, guides), 0);
+    let part = Part::new(range, pixels, guides, components);
+    let film = Film::of_part(side(layer.size.0)?, side(layer.size.1)?, part, 0);
     Ok((film, aovs, record))
 }
 

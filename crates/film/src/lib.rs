@@ -49,5 +49,5 @@ pub use hash::Hash;
 pub use heatmap::false_color;
 pub use picture::{Picture, ToneMap};
 pub use picture_file::{Format, encode, is_own_png, read_picture, write_exr, write_picture, write_png};
-pub use sums::{Block, Dyadic, Guide, JoinError, Part, Pixel};
+pub use sums::{Block, Components, Dyadic, Guide, JoinError, Part, Pixel};
 pub use tiling::{CELL, Sums, Tile, Tiling};

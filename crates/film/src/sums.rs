@@ -82,7 +82,7 @@ impl Pixel {
     }
 
     /// Sum of the weights; 1 where the sum is zero.
-    fn weight(&self) -> f64 {
+    pub(crate) fn weight(&self) -> f64 {
         let weight = f64::from(self.n_samples) - 2.0 * f64::from(self.n_negative);
         if weight == 0.0 { 1.0 } else { weight }
     }
@@ -191,6 +191,48 @@ impl Add for Guide {
     }
 }
 
+/// The light of one pixel by how many surfaces scattered it on its way to the camera: sums in `f64` of the samples in [`Pixel::sum`],
+/// with their weights, so that the three add up to that sum but for the roundings of single samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Components {
+    /// Linear RGB of emission, which no surface scattered, of direct light, which one surface scattered, and of indirect light.
+    pub sums: [[f64; 3]; 3],
+}
+
+impl Components {
+    /// The components of one sample with a weight of 1 or -1. A sample that [`Pixel::weighted`] drops has none.
+    #[must_use]
+    pub fn weighted(radiance: [[f32; 3]; 3], weight: f32) -> Self {
+        Self { sums: radiance.map(|part| part.map(|x| f64::from(weight) * f64::from(x))) }
+    }
+
+    /// The parts of the mean of a pixel that has these components, see [`Pixel::mean`].
+    #[must_use]
+    pub fn mean(&self, pixel: &Pixel) -> Self {
+        self.over(pixel.weight())
+    }
+
+    /// All sums divided by a number.
+    pub(crate) fn over(&self, divisor: f64) -> Self {
+        Self { sums: self.sums.map(|part| part.map(|x| x / divisor)) }
+    }
+
+    /// The sums with these 9 numbers in the order of the field.
+    pub(crate) fn from_numbers(numbers: [f64; 9]) -> Self {
+        let (sums, _) = numbers.as_chunks::<3>();
+        Self { sums: std::array::from_fn(|k| sums[k]) }
+    }
+}
+
+impl Add for Components {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        let add = |part: usize, k: usize| self.sums[part][k] + other.sums[part][k];
+        Self { sums: std::array::from_fn(|part| std::array::from_fn(|k| add(part, k))) }
+    }
+}
+
 /// The sample numbers `[first, first + len)`; `len` is a power of two that divides `first`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Block {
@@ -284,13 +326,15 @@ pub struct Part {
     pixels: Vec<Pixel>,
     /// The same for guides; empty without AOVs.
     guides: Vec<Guide>,
+    /// The same for components; empty where none is requested.
+    components: Vec<Components>,
 }
 
 impl Part {
-    /// A part from the sums of all blocks of each pixel; `guides` may be empty.
-    pub(crate) fn new(range: Range<u32>, pixels: Vec<Pixel>, guides: Vec<Guide>) -> Self {
+    /// A part from the sums of all blocks of each pixel; `guides` and `components` may be empty.
+    pub(crate) fn new(range: Range<u32>, pixels: Vec<Pixel>, guides: Vec<Guide>, components: Vec<Components>) -> Self {
         let blocks = Block::of(range.clone());
-        Self { range, blocks, pixels, guides }
+        Self { range, blocks, pixels, guides, components }
     }
 
     /// The sample numbers.
@@ -313,6 +357,11 @@ impl Part {
     /// The guides of each pixel's blocks, row by row; nothing without AOVs.
     pub fn guides(&self) -> impl Iterator<Item = &[Guide]> {
         self.guides.chunks(self.blocks.len().max(1))
+    }
+
+    /// The components of each pixel's blocks, row by row; nothing where none is requested.
+    pub fn components(&self) -> impl Iterator<Item = &[Components]> {
+        self.components.chunks(self.blocks.len().max(1))
     }
 
     /// Joins parts of one picture, given in any order.
@@ -338,7 +387,8 @@ impl Part {
         assert!(parts.iter().all(|part| part.n_pixels() == first.n_pixels()), "parts of one picture");
         let pixels = joined(&parts, |part| &part.pixels);
         let guides = joined(&parts, |part| &part.guides);
-        Ok(Self::new(range, pixels, guides))
+        let components = joined(&parts, |part| &part.components);
+        Ok(Self::new(range, pixels, guides, components))
     }
 
     fn n_pixels(&self) -> usize {
@@ -480,6 +530,20 @@ mod tests {
         assert_eq!((sum.albedo, sum.tests), ([114.0, 116.0, 118.0], [124.0, 123.0]));
     }
 
+    #[test]
+    fn components_are_weighted_as_their_pixel() {
+        let parts = [[1.0, 0.0, 8.0], [0.0, 2.0, 8.0], [4.0, 0.5, 0.25]];
+        let sample = |weight: f32| (Pixel::weighted([5.0, 2.5, 16.25], weight), Components::weighted(parts, weight));
+        let ((first, of_first), (second, of_second)) = (sample(1.0), sample(-1.0));
+        for (pixel, components) in
+            [(first, of_first), (second, of_second), (first + first + second, of_first + of_first + of_second)]
+        {
+            let [emission, direct, indirect] = components.sums;
+            // Sums of few bits are exact.
+            assert_eq!(std::array::from_fn(|k| emission[k] + direct[k] + indirect[k]), pixel.sum);
+        }
+    }
+
     /// The sum of a block by definition.
     fn by_halves(block: Block, value: &dyn Fn(u32) -> f64) -> f64 {
         if block.len == 1 {
@@ -570,7 +634,7 @@ mod tests {
             }
             pixels.extend(sums.values());
         }
-        Part::new(range, pixels, Vec::new())
+        Part::new(range, pixels, Vec::new(), Vec::new())
     }
 
     #[test]

@@ -9,7 +9,7 @@
 use std::ops::{Add, Range};
 
 use crate::sums::total;
-use crate::{Block, Dyadic, Guide, Pixel};
+use crate::{Block, Components, Dyadic, Guide, Pixel};
 
 /// Pixels along the side of a cell: the pixels of a cell stop together, whatever the size of the tiles.
 pub const CELL: u32 = 8;
@@ -23,6 +23,8 @@ pub struct Tile {
     pub pixels: Vec<Pixel>,
     /// The same for guides; empty without AOVs.
     pub guides: Vec<Guide>,
+    /// The same for components; empty where none is requested.
+    pub components: Vec<Components>,
     /// Rays traced.
     pub n_rays: u64,
 }
@@ -34,6 +36,8 @@ pub struct Sums {
     pub pixel: Dyadic<Pixel>,
     /// AOVs.
     pub guide: Dyadic<Guide>,
+    /// Radiance in its parts.
+    pub components: Dyadic<Components>,
 }
 
 impl Sums {
@@ -41,6 +45,7 @@ impl Sums {
     pub fn clear(&mut self) {
         self.pixel.clear();
         self.guide.clear();
+        self.components.clear();
     }
 }
 
@@ -55,6 +60,7 @@ pub struct Tiling {
     /// The sample range of which each block is stored.
     part: Option<Range<u32>>,
     has_guides: bool,
+    has_components: bool,
     means_only: bool,
 }
 
@@ -68,7 +74,7 @@ impl Tiling {
         let side = side.clamp(1, 1 << 16).next_multiple_of(CELL);
         let n_sums = part.clone().map_or(1, |range| Block::of(range).len());
         let [columns, rows] = size.map(|n| n.div_ceil(side));
-        Self { size, side, columns, rows, n_sums, part, has_guides, means_only: false }
+        Self { size, side, columns, rows, n_sums, part, has_guides, has_components: false, means_only: false }
     }
 
     /// The same tiles of a film that keeps only the mean of each pixel: 12 bytes instead of 64.
@@ -77,8 +83,18 @@ impl Tiling {
     /// If the film is a part of all samples or has AOVs, which are sums.
     #[must_use]
     pub fn means_only(self) -> Self {
-        assert!(self.part.is_none() && !self.has_guides, "parts and AOVs are sums");
+        assert!(self.part.is_none() && !self.has_guides && !self.has_components, "parts and AOVs are sums");
         Self { means_only: true, ..self }
+    }
+
+    /// The same tiles of a film that also stores the [`Components`] of each pixel.
+    ///
+    /// # Panics
+    /// If the film keeps only means.
+    #[must_use]
+    pub fn with_components(self) -> Self {
+        assert!(!self.means_only, "components are sums");
+        Self { has_components: true, ..self }
     }
 
     /// Whether a film of these tiles keeps only means.
@@ -121,6 +137,12 @@ impl Tiling {
         self.has_guides
     }
 
+    /// Whether components are stored.
+    #[must_use]
+    pub fn has_components(&self) -> bool {
+        self.has_components
+    }
+
     /// Column and row of the top left pixel of a tile.
     #[must_use]
     pub fn corner(&self, number: usize) -> [u32; 2] {
@@ -140,8 +162,13 @@ impl Tiling {
     pub fn tile(&self, number: usize) -> Tile {
         let [width, height] = self.size(number);
         let n = width as usize * height as usize * self.n_sums;
-        let n_guides = if self.has_guides { n } else { 0 };
-        Tile { number, pixels: vec![Pixel::default(); n], guides: vec![Guide::default(); n_guides], n_rays: 0 }
+        Tile {
+            number,
+            pixels: vec![Pixel::default(); n],
+            guides: vec![Guide::default(); if self.has_guides { n } else { 0 }],
+            components: vec![Components::default(); if self.has_components { n } else { 0 }],
+            n_rays: 0,
+        }
     }
 
     /// The pixels of each cell of a tile, by column and row in the tile.
@@ -160,6 +187,9 @@ impl Tiling {
             self.store_values(&sums.pixel, &mut tile.pixels[first..]);
             if self.has_guides {
                 self.store_values(&sums.guide, &mut tile.guides[first..]);
+            }
+            if self.has_components {
+                self.store_values(&sums.components, &mut tile.components[first..]);
             }
         }
     }
@@ -181,7 +211,10 @@ impl Tiling {
         }
         let [width, height] = self.size(tile.number).map(|n| n as usize);
         let n = width * height * self.n_sums;
-        tile.pixels.len() == n && tile.guides.len() == if self.has_guides { n } else { 0 }
+        let n_if = |is_stored: bool| if is_stored { n } else { 0 };
+        tile.pixels.len() == n
+            && tile.guides.len() == n_if(self.has_guides)
+            && tile.components.len() == n_if(self.has_components)
     }
 
     /// The index in the picture of the first pixel of each row of a tile.
@@ -190,16 +223,27 @@ impl Tiling {
         (y..y + height).map(move |y| y as usize * width as usize + x as usize)
     }
 
-    /// For each pixel of a tile, its index in the picture and its sums over all samples; default guides without AOVs.
-    pub(crate) fn totals<'a>(&self, tile: &'a Tile) -> impl Iterator<Item = (usize, Pixel, Guide)> + use<'a> {
+    /// The pixels of a tile, row by row.
+    pub(crate) fn totals<'a>(&self, tile: &'a Tile) -> impl Iterator<Item = Total> + use<'a> {
         let (width, n_sums) = (self.size(tile.number)[0] as usize, self.n_sums);
         let indices = self.rows(tile.number).flat_map(move |first| first..first + width);
-        let mut guides = tile.guides.chunks(n_sums);
-        indices.zip(tile.pixels.chunks(n_sums)).map(move |(index, pixels)| {
-            let guides = guides.next().unwrap_or_default();
-            (index, total(pixels.iter().copied()), total(guides.iter().copied()))
+        let (mut guides, mut components) = (tile.guides.chunks(n_sums), tile.components.chunks(n_sums));
+        indices.zip(tile.pixels.chunks(n_sums)).map(move |(index, pixels)| Total {
+            index,
+            pixel: total(pixels.iter().copied()),
+            guide: total(guides.next().unwrap_or_default().iter().copied()),
+            components: total(components.next().unwrap_or_default().iter().copied()),
         })
     }
+}
+
+/// A pixel of a tile with its sums over all samples; those that are not stored are zero.
+pub(crate) struct Total {
+    /// Index in the picture.
+    pub(crate) index: usize,
+    pub(crate) pixel: Pixel,
+    pub(crate) guide: Guide,
+    pub(crate) components: Components,
 }
 
 /// The cells along `n` pixels.

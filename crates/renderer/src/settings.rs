@@ -221,6 +221,7 @@ impl Settings {
     pub fn tiling(&self) -> Tiling {
         let Self { width, height, tile, part, aovs, noise, means_only, .. } = *self;
         let tiling = Tiling::new([width, height], tile, part.map(|[start, end]| start..end), !aovs.is_empty());
+        let tiling = if aovs.has_components() { tiling.with_components() } else { tiling };
         let needs_sums = part.is_some() || noise.is_some() || !aovs.is_empty();
         if means_only && !needs_sums { tiling.means_only() } else { tiling }
     }

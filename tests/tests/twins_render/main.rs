@@ -1,5 +1,6 @@
 //! Stages of the renderer on the device compared with those on the CPU.
 
+mod components;
 mod frames;
 mod paths;
 mod raster;
@@ -9,5 +10,11 @@ mod sums;
 pub(crate) use canted_tests::device::gpu;
 
 fn main() -> std::process::ExitCode {
-    canted_tests::device::run_tests([frames::tests(), paths::tests(), raster::tests(), sums::tests()])
+    canted_tests::device::run_tests([
+        components::tests(),
+        frames::tests(),
+        paths::tests(),
+        raster::tests(),
+        sums::tests(),
+    ])
 }

@@ -79,7 +79,7 @@ fn back_faces_and_limits() {
 }
 
 /// The room with a different material for each block.
-fn of_all_materials() -> (Scene, Camera) {
+pub(super) fn of_all_materials() -> (Scene, Camera) {
     let (mut scene, camera) = scenes::room();
     scene.environment = Some(scenes::sky());
     scene.materials.extend([

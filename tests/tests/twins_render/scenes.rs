@@ -164,7 +164,7 @@ pub(super) fn in_motion((mut scene, camera): (Scene, Camera)) -> (Scene, Camera)
 
 /// Relative difference of a pixel, above a floor of a twentieth of white, that rounding explains: ten bounces of 30 roundings of
 /// 2⁻²³ each are `2⁻¹⁵`; texture lookups with f32 coordinates may have eight times that.
-const ROUNDING: f64 = 1.0 / 4096.0;
+pub(super) const ROUNDING: f64 = 1.0 / 4096.0;
 
 /// Bound of `|Σd|/√Σd²`, exceeded by chance once in 10⁷ sums.
 const DRIFT: f64 = 6.0;

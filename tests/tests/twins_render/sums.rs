@@ -156,7 +156,7 @@ fn noise_and_channels_are_those_of_the_host() {
 }
 
 /// A film with sums of the device over BVHs that `make` changes.
-fn summed(
+pub(super) fn summed(
     gpu: &Gpu,
     (scene, camera): (&Scene, &Camera),
     bvh: &SceneBvh,

@@ -111,7 +111,8 @@ pub(crate) struct SampleArgs {
     /// Render on the CPU in passes for at most this time, up to --spp samples per pixel, if it is given. One sample is always taken.
     #[arg(long, value_parser = Positive::parse, value_name = "N", conflicts_with_all = ["samples", "noise", "checkpoint", "frames"])]
     seconds: Option<f32>,
-    /// Additional EXR channels: depth, normal, shading-normal, albedo, instance, primitive, tests, or all.
+    /// Additional EXR channels: depth, normal, shading-normal, albedo, instance, primitive, tests, or all; emission, direct and indirect are
+    /// the light in parts, whose sum is the picture that is not denoised.
     #[arg(long, value_parser = aov, value_delimiter = ',', value_name = "LIST")]
     aovs: Vec<Aovs>,
     /// Remove noise with a filter guided by albedo, normals and depth: on or off; other channels are not filtered [default: on below 64

@@ -108,6 +108,59 @@ fn channels_stay_and_frames_are_filtered() {
     frames.refused(&["f0.exr", "differs from the picture of these options"]);
 }
 
+/// `emission`, `direct` and `indirect` add up to the picture of the samples, whatever lies between the camera and the light.
+#[test]
+fn light_in_parts_adds_up_to_the_picture_of_the_samples() {
+    let folder = Folder::new();
+    let parts = ["emission", "direct", "indirect"];
+    let devices: &[&str] = match crate::gpu::adapter("light_in_parts_adds_up_to_the_picture_of_the_samples on gpu") {
+        Some(_) => &["cpu", "gpu"],
+        None => &["cpu"],
+    };
+    let numbers = |channel: &str| -> Vec<f32> {
+        exr_channel(&folder, "a.exr", channel).into_iter().map(f32::from_bits).collect()
+    };
+    // The greatest difference of a channel, relative to numbers above 1.
+    let apart = || {
+        let differences = ["R", "G", "B"].map(|color| {
+            let [emission, direct, indirect] = parts.map(|part| numbers(&format!("{part}.{color}")));
+            let of_pixel =
+                |(i, sum): (usize, f32)| (emission[i] + direct[i] + indirect[i] - sum).abs() / sum.abs().max(1.0);
+            numbers(color).into_iter().enumerate().map(of_pixel).fold(0.0, f32::max)
+        });
+        differences.into_iter().fold(0.0, f32::max)
+    };
+    let cases = [
+        "--integrator path",
+        "--integrator hybrid",
+        "--integrator path --background transparent --filter mitchell --clamp 0.5",
+        "--integrator hybrid --ground on --background 0.5,0.5,0.5 --aperture 0.1",
+    ];
+    for device in devices {
+        for options in cases {
+            let render = format!("render --size 40x30 --spp 4 --device {device} {options}");
+            folder.run(&format!("{render} --aovs emission,direct,indirect -o a.exr")).done();
+            assert!(apart() < 1e-5, "{device} {options}: {}", apart());
+            // Nothing shines into the camera before a transparent background.
+            let first = usize::from(options.contains("transparent"));
+            for part in &parts[first..] {
+                let n_lit = numbers(&format!("{part}.G")).into_iter().filter(|&light| light > 0.0).count();
+                assert!(n_lit > 20, "{device} {options}: {part} in {n_lit} pixels");
+            }
+        }
+    }
+    // One alone is written alone, and the filter changes the picture only.
+    let render = "render --size 40x30 --spp 4 --device cpu --integrator path";
+    folder.run(&format!("{render} --aovs emission,direct,indirect --denoise -o a.exr")).done();
+    let filtered = apart();
+    folder.run(&format!("{render} --aovs emission,direct,indirect -o a.exr")).done();
+    assert!(filtered > 1e-3 && apart() < 1e-5, "{filtered}");
+    let direct = numbers("direct.R");
+    folder.run(&format!("{render} --aovs direct -o a.exr")).done();
+    assert_eq!(numbers("direct.R"), direct);
+    assert!(!folder.bytes("a.exr").windows(11).any(|name| name == b"\0indirect.R"));
+}
+
 /// The bits of a channel.
 fn exr_channel(folder: &Folder, name: &str, channel: &str) -> Vec<u32> {
     use exr::prelude::{FlatSamples, ReadChannels, ReadLayers};

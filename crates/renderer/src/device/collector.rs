@@ -3,12 +3,12 @@
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
-use canted_film::{Block, CELL, Dyadic, Guide, Sums, Tile, Tiling};
+use canted_film::{Block, CELL, Components, Dyadic, Guide, Sums, Tile, Tiling};
 use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding};
 
 use super::picture::Slice;
 use super::records::{
-    CELL_PIXELS, PackedGuide, ReadyKernels, RenderKernels, SampleRecord, SampleRun, Taken, n_records,
+    CELL_PIXELS, PackedComponents, PackedGuide, ReadyKernels, RenderKernels, SampleRecord, SampleRun, Taken, n_records,
 };
 use crate::render::{Adaptive, RenderTiles};
 use crate::{RenderError, Settings};
@@ -22,6 +22,16 @@ const FIRST: u32 = 64;
 /// Maximum work-groups of a dispatch: 32 MiB of samples, if each is kept.
 const MAX: u32 = 1 << 15;
 
+/// What kernels found of the 64 pixels of a cell.
+pub(super) struct Found<'a, R> {
+    /// The samples of a block of each pixel.
+    records: &'a [R],
+    /// AOVs of each sample, pixel by pixel; empty where none is requested.
+    guides: &'a [PackedGuide],
+    /// The light of each sample in its parts, likewise.
+    components: &'a [PackedComponents],
+}
+
 /// Takes samples of cells on a GPU, and returns records of them.
 pub(super) struct SampleDispatcher<'a, R> {
     gpu: &'a Gpu,
@@ -30,6 +40,8 @@ pub(super) struct SampleDispatcher<'a, R> {
     records: Buffer<R>,
     /// AOVs of each sample, where they are requested.
     guides: Option<Buffer<PackedGuide>>,
+    /// The light of each sample in its parts, where they are requested.
+    components: Option<Buffer<PackedComponents>>,
     /// Work-groups of the next dispatch.
     n_groups: u32,
 }
@@ -41,8 +53,10 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
         let kernels = ReadyKernels::new(gpu, kernels, MAX);
         let n = kernels.max_groups;
         let records = gpu.zeroed(R::BINDING, n_records::<R>(gpu).min(n as usize * CELL_PIXELS))?;
-        let guides = kernels.has_guides().then(|| gpu.zeroed("guides", n as usize * CELL_PIXELS)).transpose()?;
-        Ok(Self { gpu, kernels, slice, records, guides, n_groups: FIRST.min(n) })
+        let n_samples = n as usize * CELL_PIXELS;
+        let guides = kernels.has_guides().then(|| gpu.zeroed("guides", n_samples)).transpose()?;
+        let components = kernels.has_components.then(|| gpu.zeroed("components", n_samples)).transpose()?;
+        Ok(Self { gpu, kernels, slice, records, guides, components, n_groups: FIRST.min(n) })
     }
 
     /// Cells that fill a dispatch if each takes `n_samples` samples.
@@ -52,8 +66,8 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
 
     /// Takes the samples of a run of each cell.
     ///
-    /// `each` receives the records of 64 pixels at a time, for one block of samples, and the AOVs of these samples if requested,
-    /// pixel by pixel; cell by cell in the order of blocks. It stops the work by returning false.
+    /// `each` receives what was found of 64 pixels at a time, for one block of samples; cell by cell in the order of blocks. It stops the
+    /// work by returning false.
     ///
     /// # Errors
     /// Errors of the device.
@@ -62,13 +76,13 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
         cells: &[u32],
         run: SampleRun,
         bindings: &[NamedBinding<'_>],
-        mut each: impl FnMut(&[R], &[PackedGuide]) -> bool,
+        mut each: impl FnMut(Found<'_, R>) -> bool,
     ) -> Result<(), GpuError> {
         let SampleRun { first: first_sample, n: n_samples, block } = run;
         let all = cells.len() as u64 * u64::from(n_samples);
         let mut done = 0;
         // A dispatch may end between the pixels of a cell.
-        let (mut taken, mut guides) = (Vec::new(), Vec::new());
+        let mut found = Downloads::default();
         while done < all {
             // In windows of whole cells, so that work-groups are counted in 32 bits.
             let (cell, start_group) = ((done / u64::from(n_samples)) as usize, (done % u64::from(n_samples)) as u32);
@@ -76,16 +90,13 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
             let end_group = start_group + n as u32;
             let window = &cells[cell..(cell + end_group.div_ceil(n_samples) as usize)];
             let slice = Slice { first_group: start_group, end_group, first_sample, n_samples, block };
-            self.dispatch(window, slice, bindings, &mut taken, &mut guides)?;
+            self.dispatch(window, slice, bindings, &mut found)?;
             done += n;
-            let mut of_samples = guides.chunks_exact(CELL_PIXELS * block as usize);
-            let whole = taken.chunks_exact(CELL_PIXELS);
-            let n_whole = whole.len();
-            if !whole.into_iter().all(|taken| each(taken, of_samples.next().unwrap_or_default())) {
+            let n_samples = CELL_PIXELS * block as usize;
+            if !found.whole(n_samples).all(&mut each) {
                 return Ok(());
             }
-            taken.drain(..n_whole * CELL_PIXELS);
-            guides.drain(..guides.len().min(n_whole * CELL_PIXELS * block as usize));
+            found.remove_whole(n_samples);
         }
         Ok(())
     }
@@ -95,32 +106,69 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
         (self.records.len() as u64 * u64::from(block) / CELL_PIXELS as u64).min(self.kernels.max_groups.into())
     }
 
-    /// Appends the records and AOVs of a dispatch.
+    /// Appends what a dispatch found.
     fn dispatch(
         &mut self,
         cells: &[u32],
         slice: Slice,
         bindings: &[NamedBinding<'_>],
-        taken: &mut Vec<R>,
-        guides: &mut Vec<PackedGuide>,
+        found: &mut Downloads<R>,
     ) -> Result<(), GpuError> {
         let start = Instant::now();
         let n = slice.end_group - slice.first_group;
         let cells = self.gpu.buffer("cells", cells)?;
         self.gpu.write(&self.slice, &[slice]);
         let own: [NamedBinding<'_>; 3] = [("slice", &self.slice), ("cells", &cells), (R::BINDING, &self.records)];
-        let guide_binding = self.guides.as_ref().map(|guides| -> NamedBinding<'_> { ("guides", guides) });
+        let guides = self.guides.as_ref().map(|guides| -> NamedBinding<'_> { ("guides", guides) });
+        let components = self.components.as_ref().map(|parts| -> NamedBinding<'_> { ("components", parts) });
         let bindings: Vec<NamedBinding<'_>> =
-            own.into_iter().chain(guide_binding).chain(bindings.iter().copied()).collect();
+            own.into_iter().chain(guides).chain(components).chain(bindings.iter().copied()).collect();
         self.kernels.run(self.gpu, &bindings, n)?;
         let time = start.elapsed();
         let n_samples = n as usize * CELL_PIXELS;
-        taken.extend(self.gpu.read_first(&self.records, n_samples / slice.block as usize)?);
-        if let Some(of_samples) = &self.guides {
-            guides.extend(self.gpu.read_first(of_samples, n_samples)?);
+        found.records.extend(self.gpu.read_first(&self.records, n_samples / slice.block as usize)?);
+        if let Some(guides) = &self.guides {
+            found.guides.extend(self.gpu.read_first(guides, n_samples)?);
+        }
+        if let Some(components) = &self.components {
+            found.components.extend(self.gpu.read_first(components, n_samples)?);
         }
         self.n_groups = next_size([n, self.n_groups], time, self.kernels.max_groups);
         Ok(())
+    }
+}
+
+/// What dispatches found that is not yet summed.
+struct Downloads<R> {
+    records: Vec<R>,
+    guides: Vec<PackedGuide>,
+    components: Vec<PackedComponents>,
+}
+
+impl<R> Default for Downloads<R> {
+    fn default() -> Self {
+        Self { records: Vec::new(), guides: Vec::new(), components: Vec::new() }
+    }
+}
+
+impl<R> Downloads<R> {
+    /// What was found of cells whose pixels have all their samples of a block, `n_samples` of a cell.
+    fn whole(&self, n_samples: usize) -> impl Iterator<Item = Found<'_, R>> {
+        let mut guides = self.guides.chunks_exact(n_samples);
+        let mut components = self.components.chunks_exact(n_samples);
+        self.records.chunks_exact(CELL_PIXELS).map(move |records| Found {
+            records,
+            guides: guides.next().unwrap_or_default(),
+            components: components.next().unwrap_or_default(),
+        })
+    }
+
+    /// Removes these cells.
+    fn remove_whole(&mut self, n_samples: usize) {
+        let n_whole = self.records.len() / CELL_PIXELS;
+        self.records.drain(..n_whole * CELL_PIXELS);
+        self.guides.drain(..self.guides.len().min(n_whole * n_samples));
+        self.components.drain(..self.components.len().min(n_whole * n_samples));
     }
 }
 
@@ -198,8 +246,8 @@ impl<R: SampleRecord> SampleCollector<'_, R> {
         for run in SampleRun::all(samples, R::MAX_BLOCK) {
             let end = run.first + run.n;
             let (mut cell, mut block) = (0, Block { first: run.first, len: run.block });
-            self.dispatcher.take(&positions, run, &self.bindings, |taken, guides| {
-                cells[cell].add(taken, guides, block, weight, tiles);
+            self.dispatcher.take(&positions, run, &self.bindings, |found| {
+                cells[cell].add(&found, block, weight, tiles);
                 block.first += block.len;
                 if block.first == end {
                     (cell, block.first) = (cell + 1, run.first);
@@ -244,8 +292,7 @@ impl Cell {
     /// Adds a block of samples of each pixel.
     fn add<R: SampleRecord>(
         &mut self,
-        taken: &[R],
-        guides: &[PackedGuide],
+        found: &Found<'_, R>,
         block: Block,
         weight: &dyn Fn([u32; 2], u32) -> f32,
         tiles: &dyn RenderTiles,
@@ -256,9 +303,11 @@ impl Cell {
             let index = (row * CELL + column) as usize;
             let pixel = [self.position[0] * CELL + column, self.position[1] * CELL + row];
             let Taken { pixel: mut of_block, n_rays, unfinished } =
-                taken[index].taken(block, |sample| weight(pixel, sample));
+                found.records[index].taken(block, |sample| weight(pixel, sample));
             self.n_rays += n_rays;
-            let guides = guides.chunks_exact(block.len as usize).nth(index).unwrap_or_default();
+            let n = block.len as usize;
+            let guides = found.guides.chunks_exact(n).nth(index).unwrap_or_default();
+            let components = found.components.chunks_exact(n).nth(index).unwrap_or_default();
             let mut by_cpu = Dyadic::default();
             for (k, sample) in (0..block.len).map(|k| (k as usize, block.first + k)) {
                 let is_unfinished = unfinished >> k & 1 == 1;
@@ -274,6 +323,11 @@ impl Cell {
                 if let Some(guide) = guide {
                     let guide = if is_known { tiles.kept(guide.into()) } else { one.guide.total() };
                     sums.guide.push_sample(sample, guide);
+                }
+                if let Some(&components) = components.get(k) {
+                    let by_device = || Components::weighted(components, weight(pixel, sample));
+                    let components = if is_unfinished { one.components.total() } else { by_device() };
+                    sums.components.push_sample(sample, components);
                 }
             }
             if unfinished != 0 {

@@ -145,6 +145,7 @@ impl<'a> DevicePicture<'a> {
             traced.specialize(picture::specialize(chosen, view, settings))
         };
         let chosen = sky.specialize(shared("shared/count/none")).part("film", records::part(settings.sums));
+        let chosen = chosen.part("components", records::components(settings.aovs));
         let (kernel, chosen, sampled) = match settings.integrator {
             Integrator::Hybrid => ("render/hybrid", packed.specialize_hybrid(chosen, settings), None),
             Integrator::Path => {

@@ -199,7 +199,7 @@ impl DevicePicture<'_> {
         let mut least = Duration::MAX;
         for round in 0..=ROUNDS {
             let start = Instant::now();
-            dispatcher.take(&cells, SampleRun { first: 0, n: 1, block: 1 }, &self.bindings(), |_, _| true)?;
+            dispatcher.take(&cells, SampleRun { first: 0, n: 1, block: 1 }, &self.bindings(), |_| true)?;
             if round > 0 {
                 least = least.min(start.elapsed());
             }

@@ -10,7 +10,7 @@
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use canted_film::{Block, Pixel};
+use canted_film::{Aovs, Block, Pixel};
 use canted_gpu::{Gpu, GpuError, Kernel, NamedBinding};
 
 use crate::SampleSums;
@@ -34,6 +34,9 @@ pub(super) struct PackedGuide {
     pub(super) instance: u32,
     padding: [u32; 2],
 }
+
+/// `Components` of `shared/camera/components`: the light of a sample in its parts.
+pub(super) type PackedComponents = [[f32; 3]; 3];
 
 /// Compiled kernels.
 #[derive(Clone)]
@@ -59,6 +62,8 @@ pub(super) struct ReadyKernels {
     kernels: RenderKernels,
     /// Work-groups of a dispatch.
     pub(super) max_groups: u32,
+    /// Whether the parts of the light are written.
+    pub(super) has_components: bool,
 }
 
 impl ReadyKernels {
@@ -67,7 +72,9 @@ impl ReadyKernels {
         let limit = gpu.limits().max_storage_buffer_binding_size;
         let fit = |bytes: usize| u32::try_from(limit / (CELL_PIXELS * bytes) as u64).unwrap_or(u32::MAX);
         let max = if kernels.guide.is_some() { max.min(fit(size_of::<PackedGuide>())) } else { max };
-        Self { kernels, max_groups: max }
+        let has_components = kernels.binds("components");
+        let max = if has_components { max.min(fit(size_of::<PackedComponents>())) } else { max };
+        Self { kernels, max_groups: max, has_components }
     }
 
     /// Whether AOVs are written.
@@ -168,6 +175,11 @@ pub(super) fn part(sums: SampleSums) -> &'static str {
         SampleSums::Host => PackedSample::PART,
         SampleSums::Device => PackedSum::PART,
     }
+}
+
+/// The part of the kernels that keeps the parts of the light, if they are requested.
+pub(super) fn components(aovs: Aovs) -> &'static str {
+    if aovs.has_components() { "shared/camera/components/three" } else { "shared/camera/components/none" }
 }
 
 /// How many records of `R` a binding holds.

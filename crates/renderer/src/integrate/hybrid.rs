@@ -38,7 +38,7 @@ use std::f64::consts::PI;
 use canted_trace::{Hit, Intersect, Ray};
 use glam::{DVec3, Vec3};
 
-use super::{Path, Sample, Seen, Start, Transport};
+use super::{INDIRECT, Path, Sample, Seen, Start, Transport};
 use crate::light::{IncomingLight, LightId, Lights};
 use crate::sampler::RememberingSampler;
 use crate::sampling::Basis;
@@ -64,13 +64,14 @@ impl Transport<'_> {
             (None, Some(hit)) => hit,
             (light, _) => {
                 let visible = light.filter(|light| n == 0 || light.light == LightId::Environment);
-                accumulated.add(visible.map_or([0.0; 3], |light| light.radiance), 1.0);
+                accumulated.add(n, visible.map_or([0.0; 3], |light| light.radiance), 1.0);
                 return false;
             }
         };
         // The ray of the last vertex.
         if n > self.bounces {
-            accumulated.add(self.lights.ambient(), unoccluded(ray, hit, ao_radius));
+            // It stands for light of further bounces.
+            accumulated.add(INDIRECT, self.lights.ambient(), unoccluded(ray, hit, ao_radius));
             return false;
         }
         let computed;
@@ -81,12 +82,12 @@ impl Transport<'_> {
                 &computed
             }
         };
-        accumulated.add(surface.emission, 1.0);
+        accumulated.add(n, surface.emission, 1.0);
         let square = |light| sampler.pair(*pixel, *sample, self.light_dimension(n, light));
         let shadows = query.keyed(1 + n).lighting(surface.time);
         let (radiance, n_shadow_rays) = direct(&self.lights, self.bvh, shadows, surface, square);
         // Shadow rays find no rare bright light, so none is clamped.
-        accumulated.radiance += accumulated.throughput * radiance;
+        accumulated.add_light(n + 1, accumulated.throughput * radiance);
         accumulated.n_rays += n_shadow_rays;
         accumulated.count_scattering(false);
 

@@ -66,6 +66,8 @@ pub(crate) struct Seen {
 pub(crate) struct Sample {
     /// Linear RGB; not finite if the value of a light or material is not finite.
     pub(crate) radiance: [f32; 3],
+    /// The same by how often it was scattered, as in [`canted_film::Components`].
+    pub(crate) components: [[f32; 3]; 3],
     /// Number of rays traced, including the camera ray.
     pub(crate) n_rays: u64,
 }
@@ -113,9 +115,14 @@ struct Path<'a, W> {
     state: W,
 }
 
+/// Index of indirect light, which at least two surfaces scattered, among the parts of the radiance.
+const INDIRECT: u32 = 2;
+
 /// The radiance that a path has accumulated.
 struct PathRadiance {
     radiance: Vec3,
+    /// The radiance in its parts: emission, direct and indirect light.
+    components: [Vec3; 3],
     /// Factor of light at the next vertex.
     throughput: Vec3,
     n_rays: u64,
@@ -127,24 +134,37 @@ struct PathRadiance {
 
 impl PathRadiance {
     fn new(clamp: f32) -> Self {
-        Self { radiance: Vec3::ZERO, throughput: Vec3::ONE, n_rays: 1, n_scattered: 0, clamp }
+        Self {
+            radiance: Vec3::ZERO,
+            components: [Vec3::ZERO; 3],
+            throughput: Vec3::ONE,
+            n_rays: 1,
+            n_scattered: 0,
+            clamp,
+        }
     }
 
-    /// Adds light that the last ray found.
-    fn add(&mut self, radiance: impl Into<Vec3>, weight: f32) {
-        self.add_after(self.n_scattered, radiance.into(), weight);
+    /// Adds light that the `n`-th ray found.
+    fn add(&mut self, n: u32, radiance: impl Into<Vec3>, weight: f32) {
+        self.add_after(n, self.n_scattered, radiance.into(), weight);
     }
 
-    /// Adds light that the surface scatters at which the last ray ended.
-    fn add_direct(&mut self, radiance: impl Into<Vec3>, weight: f32) {
-        self.add_after(self.n_scattered + 1, radiance.into(), weight);
+    /// Adds light that the surface scatters at which the `n`-th ray ended.
+    fn add_direct(&mut self, n: u32, radiance: impl Into<Vec3>, weight: f32) {
+        self.add_after(n + 1, self.n_scattered + 1, radiance.into(), weight);
     }
 
-    fn add_after(&mut self, n_scattered: u32, radiance: Vec3, weight: f32) {
+    fn add_after(&mut self, n: u32, n_scattered: u32, radiance: Vec3, weight: f32) {
         let light = self.throughput * radiance * weight;
         let greatest = light.max_element();
         let is_clamped = n_scattered > 1 && greatest > self.clamp;
-        self.radiance += if is_clamped { light * (self.clamp / greatest) } else { light };
+        self.add_light(n, if is_clamped { light * (self.clamp / greatest) } else { light });
+    }
+
+    /// Adds light after `n` vertices, mirrors and glass included.
+    fn add_light(&mut self, n: u32, light: Vec3) {
+        self.radiance += light;
+        self.components[n.min(INDIRECT) as usize] += light;
     }
 
     /// Counts a surface that scattered the path.
@@ -194,8 +214,11 @@ impl Transport<'_> {
                 };
             }
         }
-        let sample =
-            |path: Path<'a, W>| Sample { radiance: path.accumulated.radiance.into(), n_rays: path.accumulated.n_rays };
+        let sample = |Path { accumulated: PathRadiance { radiance, components, n_rays, .. }, .. }| Sample {
+            radiance: radiance.into(),
+            components: components.map(Into::into),
+            n_rays,
+        };
         paths.into_iter().map(sample).collect()
     }
 

@@ -179,7 +179,7 @@ impl Transport<'_> {
             })
         };
         if let Some(light) = lights.lights().intersect_nth(n, ray, hit.as_ref()) {
-            accumulated.add(light.radiance, mis_weight(light.light));
+            accumulated.add(n, light.radiance, mis_weight(light.light));
             return false;
         }
         let Some(hit) = hit.filter(|_| n <= self.bounces) else { return false };
@@ -193,7 +193,7 @@ impl Transport<'_> {
             accumulated.throughput *= (-Vec3::from(lobes.absorption) * way).exp();
         }
         if surface.emission != [0.0; 3] {
-            accumulated.add(surface.emission, mis_weight(LightId::of_hit(&hit)));
+            accumulated.add(n, surface.emission, mis_weight(LightId::of_hit(&hit)));
         }
         let mut numbers = sampler.of(start.pixel, start.sample);
         let vertex = &*previous.insert(Vertex::new(surface, ray.direction, self));
@@ -237,7 +237,7 @@ impl Transport<'_> {
         }
         // BSDF sampling never finds delta lights.
         let mis_weight = if light.is_delta { 1.0 } else { weight(light.density, density) };
-        accumulated.add_direct(Vec3::from(value) * Vec3::from(light.radiance), mis_weight);
+        accumulated.add_direct(n, Vec3::from(value) * Vec3::from(light.radiance), mis_weight);
     }
 
     /// Samples the BSDF: the next ray and its PDF, `None` for a delta lobe. Updates the throughput.

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use canted_film::{Aov, CELL, Film, FilmBuilder, FilterSampler, Guide, Pixel, Sums, Tile, Tiling};
+use canted_film::{Aov, CELL, Components, Film, FilmBuilder, FilterSampler, Guide, Pixel, Sums, Tile, Tiling};
 use canted_trace::Counts;
 
 use super::Adaptive;
@@ -141,7 +141,14 @@ impl TileRenderer<'_> {
         let mut n_rays = 0;
         let lights = self.transport.samples(&started.seen);
         for ((seen, &(index, weight)), light) in started.seen.iter().zip(&started.places).zip(lights) {
-            sums[index].pixel.push_sample(seen.start.sample, Pixel::weighted(light.radiance, weight));
+            let (pixel, sample) = (Pixel::weighted(light.radiance, weight), seen.start.sample);
+            sums[index].pixel.push_sample(sample, pixel);
+            if self.tiling.has_components() {
+                let is_kept = pixel.n_dropped == 0;
+                let components =
+                    if is_kept { Components::weighted(light.components, weight) } else { Components::default() };
+                sums[index].components.push_sample(sample, components);
+            }
             n_rays += light.n_rays;
         }
         started.seen.clear();

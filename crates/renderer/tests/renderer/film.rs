@@ -36,6 +36,7 @@ fn merged_parts_equal_the_film_of_all_samples() {
     for parts in [vec![part(0, 13)], vec![part(5, 13), part(0, 5)], vec![part(12, 13), part(0, 1), part(1, 12)]] {
         let joined = Film::of_part(SIZE[0], SIZE[1], Part::join(parts).unwrap(), 0);
         assert_eq!((joined.pixels(), joined.guides()), (whole.pixels(), whole.guides()));
+        assert!(!whole.components().is_empty() && joined.components() == whole.components());
     }
 }
 
@@ -125,6 +126,7 @@ fn aovs_that_are_not_requested_are_not_stored() {
     assert_eq!((plain.pixels(), plain.n_rays()), (guided.pixels(), guided.n_rays()), "no ray is traced twice");
     let uncounted = film(&stage, &view, &Settings { aovs: Aovs::NONE.with(Aov::Depth), ..sobol(4) });
     assert!(uncounted.guides().iter().all(|guide| guide.tests == [0.0; 2]));
+    assert!(uncounted.components().is_empty() && guided.components().len() == guided.pixels().len());
 }
 
 #[test]

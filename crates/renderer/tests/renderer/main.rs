@@ -4,6 +4,7 @@ mod bsdf;
 mod camera;
 mod coincident;
 mod common;
+mod components;
 mod cull;
 mod environment;
 mod film;

@@ -1,0 +1,133 @@
+//! The light in its parts on the device: their sum, and each compared with that of the CPU.
+
+use canted_film::{Aov, Aovs, Film, Filter};
+use canted_fixtures::device_tests::{Test, needs_device};
+use canted_renderer::{Cull, Integrator, Levels, SampleSums, Settings};
+use canted_scene::Environment;
+
+use crate::{
+    gpu,
+    paths::of_all_materials,
+    scenes::{self, on_cpu, on_device, scene_bvh},
+    sums::summed,
+};
+
+pub(crate) fn tests() -> Vec<Test> {
+    vec![
+        needs_device(parts_add_up_and_are_those_of_the_cpu),
+        needs_device(the_picture_is_the_same_with_and_without_parts),
+        needs_device(the_cpu_takes_parts_of_unfinished_samples),
+        needs_device(dropped_samples_have_no_parts),
+    ]
+}
+
+fn settings(integrator: Integrator) -> Settings {
+    let aovs = Aov::COMPONENTS.into_iter().collect();
+    Settings { width: 48, height: 27, samples: 4, integrator, bounces: 3, aovs, ..Settings::default() }
+}
+
+/// The roundings of a sample, and of the device's sums: a hundred additions of `f32`.
+const ROUNDINGS: f64 = 100.0 * f32::EPSILON as f64;
+
+/// The greatest difference between a pixel and the sum of its parts, relative to the sum of the absolute values of its samples.
+fn apart(film: &Film) -> f64 {
+    assert_eq!(film.components().len(), film.pixels().len());
+    let mut greatest = 0.0_f64;
+    for (components, pixel) in film.components().iter().zip(film.pixels()) {
+        let [emission, direct, indirect] = components.sums;
+        for k in 0..3 {
+            let difference = (emission[k] + direct[k] + indirect[k] - pixel.sum[k]).abs();
+            // At least the sum of absolute values (Cauchy-Schwarz).
+            let absolute = (f64::from(pixel.n_samples) * pixel.sum_of_squares[k]).sqrt();
+            greatest = greatest.max(difference / absolute.max(1e-3));
+        }
+    }
+    greatest
+}
+
+/// The share of pixels in which a part differs from one of another film by more than rounding explains, and the relative difference of the means.
+fn difference(ours: &Film, theirs: &Film, parts: [usize; 2]) -> (f64, f64) {
+    let (mut n_astray, mut sums) = (0, [0.0; 2]);
+    let all = ours.components().iter().zip(ours.pixels()).zip(theirs.components().iter().zip(theirs.pixels()));
+    for ((ours, our_pixel), (theirs, their_pixel)) in all {
+        let (a, b) = (ours.mean(our_pixel).sums[parts[0]], theirs.mean(their_pixel).sums[parts[1]]);
+        n_astray += u32::from((0..3).any(|k| (a[k] - b[k]).abs() > scenes::ROUNDING * (b[k].abs() + 0.05)));
+        sums[0] += a.iter().sum::<f64>();
+        sums[1] += b.iter().sum::<f64>();
+    }
+    assert!(sums[1] > 0.0, "there is light in part {}", parts[1]);
+    (f64::from(n_astray) / theirs.pixels().len() as f64, (sums[0] / sums[1] - 1.0).abs())
+}
+
+fn parts_add_up_and_are_those_of_the_cpu() {
+    let gpu = gpu();
+    let before_a_sky = of_all_materials();
+    let mut lit = scenes::in_motion(scenes::room());
+    lit.0.background = Some([0.9, 0.1, 0.4]);
+    for (name, (scene, camera)) in [("all materials", before_a_sky), ("motion before a background", lit)] {
+        let bvh = scene_bvh(&scene, Levels::Auto);
+        for integrator in Integrator::ALL {
+            let usual = settings(integrator);
+            let theirs = on_cpu(&scene, &bvh, &camera, &usual);
+            let ours = on_device(&gpu, &scene, &bvh, &camera, &usual);
+            assert!(apart(&ours) < ROUNDINGS, "{name}, {integrator:?}: {}", apart(&ours));
+            for part in 0..3 {
+                let (astray, of_means) = difference(&ours, &theirs, [part; 2]);
+                assert!(astray < 0.4 && of_means < 0.02, "{name}, {integrator:?}, part {part}: {astray}, {of_means}");
+            }
+            assert!(difference(&ours, &theirs, [1, 2]).0 > 0.5, "{name}, {integrator:?}: parts are told apart");
+        }
+    }
+    let (scene, camera) = of_all_materials();
+    let bvh = scene_bvh(&scene, Levels::One);
+    for integrator in Integrator::ALL {
+        let usual = Settings { width: 21, height: 13, ..settings(integrator) };
+        for settings in [
+            Settings { clamp: Some(0.2), cull: Cull::Back, filter: Filter::MITCHELL, ..usual },
+            Settings { sums: SampleSums::Device, samples: 70, bounces: 0, ..usual },
+        ] {
+            let ours = on_device(&gpu, &scene, &bvh, &camera, &settings);
+            assert!(apart(&ours) < ROUNDINGS, "{settings:?}: {}", apart(&ours));
+        }
+    }
+}
+
+fn the_picture_is_the_same_with_and_without_parts() {
+    let gpu = gpu();
+    let (scene, camera) = scenes::room();
+    let bvh = scene_bvh(&scene, Levels::One);
+    for integrator in Integrator::ALL {
+        let with = settings(integrator);
+        let without = Settings { aovs: Aovs::NONE.with(Aov::Depth), ..with };
+        let [ours, plain] = [with, without].map(|settings| on_device(&gpu, &scene, &bvh, &camera, &settings));
+        assert!(ours.pixels() == plain.pixels() && plain.components().is_empty(), "the picture is the same");
+    }
+}
+
+fn the_cpu_takes_parts_of_unfinished_samples() {
+    let gpu = gpu();
+    let (scene, camera) = scenes::room();
+    let bvh = scene_bvh(&scene, Levels::One);
+    for sums in SampleSums::ALL {
+        let settings = Settings { sums, ..settings(Integrator::Path) };
+        let theirs = on_cpu(&scene, &bvh, &camera, &settings);
+        let limited = |n| summed(&gpu, (&scene, &camera), &bvh, &settings, |traced| traced.with_max_iterations(n));
+        let (none, some) = (limited(0), limited(100));
+        assert!(none.components() == theirs.components());
+        assert!(some.components() != theirs.components() && apart(&some) < ROUNDINGS);
+    }
+}
+
+/// Light that the device finds and that is too bright for `f32`.
+fn dropped_samples_have_no_parts() {
+    let gpu = gpu();
+    let (mut scene, camera) = scenes::room();
+    scene.environment = Some(Environment::Constant([3e38; 3]));
+    scene.lights.clear();
+    let bvh = scene_bvh(&scene, Levels::One);
+    for sums in SampleSums::ALL {
+        let settings = Settings { sums, ..settings(Integrator::Hybrid) };
+        let ours = on_device(&gpu, &scene, &bvh, &camera, &settings);
+        assert!(apart(&ours) < ROUNDINGS, "{sums:?}: {}", apart(&ours));
+    }
+}
