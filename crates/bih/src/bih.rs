@@ -1,6 +1,6 @@
 use std::fmt;
 
-use canted_lbvh::{GeometryError, MAX_PRIMITIVES, par, triangle_corners};
+use canted_lbvh::{Corners, GeometryError, MAX_PRIMITIVES, flat_indices, par, triangle_corners};
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::{HIT_ERROR, Hit, Intersect, LeafTriangles, Query, ReferencePoint, ScaledRay, TriangleTest};
 
@@ -67,6 +67,15 @@ impl Bih {
             [positions[a as usize], positions[b as usize], positions[c as usize]]
         });
         Ok(Self { boxes, triangles: LeafTriangles::new(config.test, sorted, reference), bounds })
+    }
+
+    /// As [`Self::build`], over triangles that have their vertices themselves: the same tree as over any indexed form of them. In errors, vertex `3i + k` is
+    /// vertex `k` of triangle `i`.
+    ///
+    /// # Errors
+    /// As [`Self::build`].
+    pub fn build_flat(triangles: &[Corners], config: &BihConfig) -> Result<Self, GeometryError> {
+        Self::build(triangles.as_flattened(), &flat_indices(triangles.len())?, config)
     }
 
     /// What the nodes are relative to: a point near the triangles if these are far from the origin.

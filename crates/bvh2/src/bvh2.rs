@@ -62,6 +62,15 @@ impl Bvh2 {
         Ok(Self::in_order(tree, &corners, &bounds, config, PairOrder::Numbered))
     }
 
+    /// As [`Self::build`], over triangles that have their vertices themselves: the same tree as over any indexed form of them. In errors, vertex `3i + k` is
+    /// vertex `k` of triangle `i`.
+    ///
+    /// # Errors
+    /// As [`Self::build`].
+    pub fn build_flat(triangles: &[Corners], config: &Bvh2Config) -> Result<Self, GeometryError> {
+        Self::build(triangles.as_flattened(), &lbvh::flat_indices(triangles.len())?, config)
+    }
+
     /// Builds over the tree of another builder. `corners` are in the caller's order.
     #[must_use]
     pub fn over(tree: Tree, corners: &[Corners], bounds: &Aabb, config: &Bvh2Config) -> Self {

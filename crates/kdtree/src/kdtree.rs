@@ -51,6 +51,15 @@ impl KdTree {
         Ok(Self { nodes, triangles: LeafTriangles::new(config.test, sorted, reference), primitives, bounds })
     }
 
+    /// As [`Self::build`], over triangles that have their vertices themselves: the same tree as over any indexed form of them. In errors, vertex `3i + k` is
+    /// vertex `k` of triangle `i`.
+    ///
+    /// # Errors
+    /// As [`Self::build`].
+    pub fn build_flat(triangles: &[lbvh::Corners], config: &KdTreeConfig) -> Result<Self, GeometryError> {
+        Self::build(triangles.as_flattened(), &lbvh::flat_indices(triangles.len())?, config)
+    }
+
     /// The same tree for another traversal.
     #[must_use]
     pub fn with_traversal(self, traversal: KdTraversal) -> Self {

@@ -118,6 +118,18 @@ fn triangle_corners_at_most(
     Ok((corners, joined(&bounds).ok_or_else(|| first_flaw(positions, triangles))?))
 }
 
+/// The indices of triangles that have their vertices themselves: over `triangles.as_flattened()`, triangle `i` has the vertices `3i`, `3i + 1`
+/// and `3i + 2`.
+///
+/// # Errors
+/// More than [`MAX_PRIMITIVES`] triangles.
+pub fn flat_indices(n_triangles: usize) -> Result<Vec<[u32; 3]>, GeometryError> {
+    if n_triangles > MAX_PRIMITIVES {
+        return Err(GeometryError::TooMany { n_triangles });
+    }
+    Ok(par::from_fn(n_triangles, CHUNK, |i| [0, 1, 2].map(|k| 3 * i as u32 + k)))
+}
+
 /// The bounding box of indexed triangles, with the errors of [`triangle_corners`], without their vertices.
 ///
 /// # Errors

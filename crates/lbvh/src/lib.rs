@@ -63,8 +63,8 @@ pub use bottom_up::bottom_up;
 pub use check::{Flaw, Stats, check};
 pub use cost::{TreeCost, tree_cost};
 pub use leaf::{
-    BadPosition, Corners, GeometryError, Leaf, MAX_PRIMITIVES, as_positions, as_triangles, corners_of, in_leaf_order,
-    triangle_bounds, triangle_corners,
+    BadPosition, Corners, GeometryError, Leaf, MAX_PRIMITIVES, as_positions, as_triangles, corners_of, flat_indices,
+    in_leaf_order, triangle_bounds, triangle_corners,
 };
 pub use morton::{Bits, Domain, morton_codes, morton_codes_of_boxes};
 pub use radix::radix;

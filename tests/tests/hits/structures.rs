@@ -10,7 +10,10 @@ use canted_fixtures::{
     Grazing, Mesh, SplitMix64, coplanar_quads, fan, grazing, identical, outlier, slivers, soup, torus,
 };
 use canted_kdtree::{KdTraversal, KdTree, KdTreeConfig};
-use canted_lbvh::{Leaf, Strategy, VolumeConfig, check, in_leaf_order, triangle_corners, volumes};
+use canted_lbvh::{
+    Corners, GeometryError, Leaf, Strategy, VolumeConfig, check, corners_of, in_leaf_order, triangle_corners, volumes,
+};
+use canted_obb::{Obb, PrimId};
 use canted_tests::{
     brute::{self, in_order},
     rays::{self, endless},
@@ -81,6 +84,48 @@ fn other_triangle_tests_are_those_of_the_loop() {
         for test in [TriangleTest::MollerTrumbore, TriangleTest::BaldwinWeber] {
             agrees(case, test, 2);
         }
+    }
+}
+
+/// The boxes of a structure from the root on, each with its level and whether it is a leaf's.
+fn boxes_of(each_box: impl FnOnce(&mut dyn FnMut(Obb, u32, bool))) -> Vec<(Obb, u32, bool)> {
+    let mut all = vec![];
+    each_box(&mut |obb, level, is_leaf| all.push((obb, level, is_leaf)));
+    all
+}
+
+/// Vertices of triangles make the tree that indexed triangles make (Novak 2019, 4.1), and their errors name the triangle.
+#[test]
+fn triangles_without_indices_make_the_same_trees() {
+    let test = TriangleTest::Watertight;
+    for Case { name, mesh } in scenes::cases() {
+        let (positions, triangles) = (&mesh.positions[..], &mesh.triangles[..]);
+        let flat: Vec<Corners> = triangles.iter().map(|triangle| corners_of(positions, triangle)).collect();
+        for strategy in Strategy::ALL {
+            let volumes = VolumeConfig { strategy, fallback: true };
+            let config = Bvh2Config { volumes, test, ..Bvh2Config::default() };
+            let [a, b] = [Bvh2::build(positions, triangles, &config), Bvh2::build_flat(&flat, &config)]
+                .map(|bvh| boxes_of(|each| bvh.unwrap().pairs().each_box(each)));
+            assert!(a == b, "{name}: binary, {strategy:?}");
+        }
+        let config = BihConfig::default();
+        let [a, b] = [Bih::build(positions, triangles, &config), Bih::build_flat(&flat, &config)].map(Result::unwrap);
+        assert!(boxes_of(|each| a.boxes().each_box(each)) == boxes_of(|each| b.boxes().each_box(each)), "{name}: BIH");
+        assert_eq!(a.boxes().primitives(), b.boxes().primitives(), "{name}");
+        let config = KdTreeConfig::default();
+        let [a, b] =
+            [KdTree::build(positions, triangles, &config), KdTree::build_flat(&flat, &config)].map(Result::unwrap);
+        assert_eq!((a.nodes().planes(), a.primitives()), (b.nodes().planes(), b.primitives()), "{name}: kd-tree");
+    }
+    let bad = [[[0.0; 3]; 3], [[0.0; 3], [f32::NAN, 0.0, 0.0], [0.0; 3]]];
+    let errors = [
+        Bvh2::build_flat(&bad, &Bvh2Config::default()).err(),
+        Bih::build_flat(&bad, &BihConfig::default()).err(),
+        KdTree::build_flat(&bad, &KdTreeConfig::default()).err(),
+    ];
+    for error in errors {
+        let is_named = matches!(error, Some(GeometryError::NotFinite { triangle: PrimId(1), vertex: 4, .. }));
+        assert!(is_named, "{error:?}");
     }
 }
 
