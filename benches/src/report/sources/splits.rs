@@ -45,8 +45,8 @@ impl Way {
         }
     }
 
-    /// The tree, its leaves in leaf order as triangles, and the volumes of its nodes.
-    fn build(self, corners: &[Corners], bounds: &Aabb) -> (Tree, Volumes) {
+    /// The tree, its leaves in leaf order as triangles, the volumes of its nodes, and the boxes of its leaves where these are parts of triangles.
+    fn build(self, corners: &[Corners], bounds: &Aabb) -> (Tree, Volumes, Option<Vec<Obb>>) {
         let config = VolumeConfig { strategy: Strategy::Aabb, fallback: true };
         let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
         let tree = match self {
@@ -66,11 +66,11 @@ impl Way {
                 let parts: Vec<Obb> = tree.leaves.iter().map(part).collect();
                 let volumes = canted_lbvh::volumes(&tree, &parts, &config);
                 tree.leaves.iter_mut().for_each(|leaf| *leaf = references.primitives[leaf.index()]);
-                return (tree, volumes);
+                return (tree, volumes, Some(parts));
             }
         };
         let volumes = canted_lbvh::volumes(&tree, &canted_lbvh::in_leaf_order(corners, &tree.leaves), &config);
-        (tree, volumes)
+        (tree, volumes, None)
     }
 }
 
@@ -177,10 +177,13 @@ fn measure(model: &Model, ways: &[Way], effort: Effort) -> Result<Vec<Took>> {
     for round in 0..rounds {
         for (way, builds) in ways.iter().zip(&mut builds) {
             let ((bvh, sum), took) = timing::time(|| {
-                let (tree, volumes) = way.build(&corners, &bounds);
+                let (tree, volumes, parts) = way.build(&corners, &bounds);
                 let sorted = canted_lbvh::in_leaf_order(&corners, &tree.leaves);
-                let cost = (round == 0).then(|| {
-                    canted_lbvh::tree_cost(&tree, &volumes, &sorted, &Costs::default(), model.mesh.diagonal()).sah
+                let (costs, unit) = (Costs::default(), model.mesh.diagonal());
+                // A reference of a split triangle is charged for its part of the triangle.
+                let cost = (round == 0).then(|| match parts {
+                    Some(parts) => canted_lbvh::tree_cost(&tree, &volumes, &parts, &costs, unit).sah,
+                    None => canted_lbvh::tree_cost(&tree, &volumes, &sorted, &costs, unit).sah,
                 });
                 let n_references = tree.leaves.len();
                 let bvh = Bvh2::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst, TriangleTest::Watertight);
