@@ -27,7 +27,8 @@ def render(scene=None, size=None, spp=None, *, integrator=None, seed=None, aovs=
     seed : int, optional
         Of the random numbers.
     aovs : sequence of str
-        Additional channels: "depth", "normal", "shading-normal", "albedo", "instance", "primitive", "tests", or "all".
+        Additional channels: "depth", "normal", "shading-normal", "albedo", "instance", "primitive", "tests",
+        "emission", "direct", "indirect", or "all".
     threads : int, optional
         1 to 1024. Default: all processors. The picture does not depend on it.
     progress : callable, optional
