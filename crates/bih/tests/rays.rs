@@ -2,7 +2,7 @@
 //! triangles in the tests of the workspace.
 
 use canted_bih::{Bih, BihConfig, BoxBih, BoxBihError, LeafSize};
-use canted_fixtures::{Grazing, Mesh, SplitMix64, grazing, soup, torus};
+use canted_fixtures::{Grazing, Mesh, SplitMix64, grazing, kinds, soup, torus};
 use canted_lbvh::GeometryError;
 use canted_obb::{Aabb, PrimId};
 use canted_trace::{Counts, Intersect, Ray};
@@ -73,6 +73,38 @@ fn the_tight_box_rule_saves_visits() {
         .collect();
     let [with, without] = [1.3, f32::INFINITY].map(|factor| counted(&mesh, &config(2, factor), &rays));
     assert!(with.boxes + with.triangles < without.boxes + without.triangles, "{with:?}, {without:?} without");
+}
+
+/// Rays between random points in and around the box of a mesh.
+fn rays_through(mesh: &Mesh, n: usize) -> Vec<Ray> {
+    let bounds = Aabb::from_points(mesh.positions.iter().copied());
+    let mut numbers = SplitMix64::new(5);
+    let mut point = |around: f32| -> [f32; 3] {
+        let at = |k: usize, x: f32| bounds.min[k] + (bounds.max[k] - bounds.min[k]) * (0.5 + around * x);
+        std::array::from_fn(|k| at(k, numbers.signed() as f32))
+    };
+    let ray = |[from, to]: [[f32; 3]; 2]| Ray::new(from, std::array::from_fn(|k| to[k] - from[k]));
+    (0..n).map(|_| ray([point(0.8), point(0.5)])).collect()
+}
+
+/// The thesis has the factor 1.3 from empirical tests (3.2): it is within a fiftieth of the best of a sweep, in the mean over all kinds of scenes.
+#[test]
+fn the_tight_factor_of_the_thesis_is_near_the_best() {
+    const FACTORS: [f32; 6] = [1.1, 1.2, 1.3, 1.6, 2.0, f32::INFINITY];
+    let (mut logarithms, mut n) = ([0.0; FACTORS.len()], 0);
+    for kind in kinds::all() {
+        let scene = kind.generate(5_000, 2);
+        let Some(mesh) = scene.meshes.iter().find(|mesh| mesh.triangles.len() > 1_000) else { continue };
+        let rays = rays_through(mesh, 500);
+        let visits = FACTORS.map(|factor| counted(mesh, &config(1, factor), &rays).boxes);
+        if visits.iter().all(|&visits| visits > 0) {
+            (0..FACTORS.len()).for_each(|i| logarithms[i] += (visits[i] as f64 / visits[5] as f64).ln());
+            n += 1;
+        }
+    }
+    let means = logarithms.map(|sum| (sum / f64::from(n)).exp());
+    let least = means.into_iter().fold(f64::INFINITY, f64::min);
+    assert!(n > 30 && means[2] < 1.02 * least && means[2] < 0.7, "{means:?} of {n} kinds");
 }
 
 #[test]
