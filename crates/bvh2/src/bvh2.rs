@@ -147,6 +147,10 @@ impl Intersect for Bvh2 {
         self.bounds
     }
 
+    fn is_empty(&self) -> bool {
+        self.leaves.is_empty()
+    }
+
     fn hit_error(&self) -> f32 {
         HIT_ERROR
     }

@@ -22,8 +22,8 @@ pub mod build {
     pub use canted_obb::{self as obb, Moments, Obb};
     pub use canted_sah::{self as sah, Builder};
     pub use canted_wide::{
-        Costs, Flaw, MAX_PRIMITIVES, MAX_TRIANGLES, NodeKind, PredictedCost, PrimitiveError, Refit, RefitError,
-        SimdPath, Sizes, bounds_of_points, extent_of_box, extent_of_points,
+        Costs, EditError, Flaw, MAX_PRIMITIVES, MAX_TRIANGLES, NodeKind, PredictedCost, PrimitiveError, Refit,
+        RefitError, SimdPath, Sizes, bounds_of_points, extent_of_box, extent_of_points,
     };
 }
 

@@ -116,6 +116,10 @@ impl Intersect for KdTree {
         Obb::from_aabb(&self.bounds)
     }
 
+    fn is_empty(&self) -> bool {
+        self.n_triangles() == 0
+    }
+
     fn hit_error(&self) -> f32 {
         HIT_ERROR
     }

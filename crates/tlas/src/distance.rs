@@ -171,17 +171,19 @@ impl<B: Intersect + Borrow<TriangleBvh>> Tlas<B> {
     /// The instances that rays may see.
     fn placed(&self) -> impl Iterator<Item = Placed<'_, B>> {
         let all = self.instances.iter().zip(&self.placements).zip(&self.bounds).enumerate();
-        all.filter(|(_, ((_, placement), _))| placement.mask != 0).map(|(i, ((instance, _), bounds))| {
-            let columns = instance.world_from_object.columns.map(to_f64);
-            Placed {
-                instance: InstanceId(i as u32),
-                index: instance.blas,
-                blas: &self.blas[instance.blas as usize],
-                inverse: invert(&columns),
-                columns,
-                aabb: bounds.aabb,
-            }
-        })
+        all.filter(|(_, ((_, placement), bounds))| placement.mask != 0 && !bounds.is_empty()).map(
+            |(i, ((instance, _), bounds))| {
+                let columns = instance.world_from_object.columns.map(to_f64);
+                Placed {
+                    instance: InstanceId(i as u32),
+                    index: instance.blas,
+                    blas: &self.blas[instance.blas as usize],
+                    inverse: invert(&columns),
+                    columns,
+                    aabb: bounds.aabb,
+                }
+            },
+        )
     }
 }
 

@@ -2,17 +2,23 @@ use canted_lbvh::par;
 use canted_obb::Affine;
 use canted_trace::{InstanceId, Intersect};
 
-use crate::placement::{Bounds, JOB, Placement};
+use crate::placement::{Bounds, JOB, Placed, Placement};
 use crate::tlas::deepest;
 use crate::top::Top;
 use crate::{Instance, InstanceError, Tlas};
 
 /// Changes in place.
 ///
-/// A change costs what it touches: new bounds for the instances of a changed BVH, or for a moved instance, then one refit
-/// of the top level, which takes time linear in the number of instances; it is built again instead where an instance becomes
-/// so ill-conditioned, compared with the others, that it would slow rays that do not meet it. [`Tlas::edit`] makes several changes with one
-/// refit, or rebuilds the top level. Hits do not depend on it: after any change they are those of a new [`Tlas`].
+/// A change of one instance takes time that grows with the depth of a wide top level ([`TopConfig::Wide`](crate::TopConfig::Wide)), not with
+/// the number of instances: boxes above it are written, or it gets another place. The first one after a build prepares the top level for such
+/// changes, in linear time. [`Tlas::edit`] makes several changes with one update: few are made one by one; for more than a quarter of all
+/// instances every box is written, in linear time. Changes of a BVH look for its instances among all. Hits do not depend on how a TLAS was
+/// changed: they are those of a new [`Tlas`]. Rays become slower as the top level drifts from one that is built for the instances where they
+/// are: [`Tlas::drift`] measures it, [`Tlas::rebuild_advised`] tells when [`Tlas::rebuild`] is worth it. A clone may be built again on another
+/// thread while the frame goes on.
+///
+/// An instance whose transform is a scale by zero is hidden until it is moved: no ray hits it, and it has no bounds. So it is with those of a
+/// BVH without primitives.
 impl<B: Intersect> Tlas<B> {
     /// Starts several changes.
     ///
@@ -36,10 +42,62 @@ impl<B: Intersect> Tlas<B> {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn edit(&mut self) -> TlasEdit<'_, B> {
-        TlasEdit { tlas: self, bounds_changed: false }
+        TlasEdit { tlas: self, changed: vec![] }
     }
 
-    /// Moves an instance and refits the top level: see [`TlasEdit::set_transform`].
+    /// Adds an instance; returns its number: see [`TlasEdit::insert`].
+    ///
+    /// ```
+    /// use canted_obb::Affine;
+    /// use canted_tlas::{Instance, Tlas};
+    /// use canted_trace::{InstanceId, Intersect, Ray};
+    /// use canted_wide::TriangleBvh;
+    ///
+    /// let bvh = TriangleBvh::build(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]])?;
+    /// let at = |depth: f32| Affine::translation([0.0, 0.0, depth]);
+    /// let mut tlas = Tlas::new(vec![bvh], &[Instance::new(0, at(5.0)); 2], Default::default())?;
+    /// let ray = Ray::new([0.2, 0.2, 0.0], [0.0, 0.0, 1.0]);
+    ///
+    /// let near = tlas.insert(Instance::new(0, at(3.0)))?;
+    /// assert_eq!(tlas.closest_hit(&ray).map(|hit| (hit.t, hit.instance)), Some((3.0, near)));
+    /// tlas.set_transform(near, at(4.0))?;
+    /// assert_eq!(tlas.closest_hit(&ray).map(|hit| hit.t), Some(4.0));
+    /// tlas.remove(near)?;
+    /// assert_eq!(tlas.closest_hit(&ray).map(|hit| (hit.t, hit.instance)), Some((5.0, InstanceId(0))));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`TlasEdit::insert`].
+    pub fn insert(&mut self, instance: Instance) -> Result<InstanceId, InstanceError> {
+        self.edit().insert(instance)
+    }
+
+    /// Removes an instance and returns it: see [`TlasEdit::remove`].
+    ///
+    /// # Errors
+    /// As [`TlasEdit::remove`].
+    pub fn remove(&mut self, instance: InstanceId) -> Result<Instance, InstanceError> {
+        self.edit().remove(instance)
+    }
+
+    /// Replaces an instance: see [`TlasEdit::set_instance`].
+    ///
+    /// # Errors
+    /// As [`TlasEdit::set_instance`].
+    pub fn set_instance(&mut self, instance: InstanceId, new: Instance) -> Result<(), InstanceError> {
+        self.edit().set_instance(instance, new)
+    }
+
+    /// Changes which rays test an instance: see [`TlasEdit::set_mask`].
+    ///
+    /// # Errors
+    /// As [`TlasEdit::set_mask`].
+    pub fn set_mask(&mut self, instance: InstanceId, mask: u32) -> Result<(), InstanceError> {
+        self.edit().set_mask(instance, mask)
+    }
+
+    /// Moves an instance: see [`TlasEdit::set_transform`].
     ///
     /// # Errors
     /// As [`TlasEdit::set_transform`].
@@ -47,7 +105,7 @@ impl<B: Intersect> Tlas<B> {
         self.edit().set_transform(instance, world_from_object)
     }
 
-    /// Replaces a bottom-level BVH, refits the top level and returns the old BVH: see [`TlasEdit::replace_blas`].
+    /// Replaces a bottom-level BVH, updates the top level and returns the old BVH: see [`TlasEdit::replace_blas`].
     ///
     /// # Errors
     /// As [`TlasEdit::replace_blas`].
@@ -55,7 +113,7 @@ impl<B: Intersect> Tlas<B> {
         self.edit().replace_blas(index, blas)
     }
 
-    /// Changes a bottom-level BVH, refits the top level and returns the result of `change`: see
+    /// Changes a bottom-level BVH, updates the top level and returns the result of `change`: see
     /// [`TlasEdit::update_blas`].
     ///
     /// # Errors
@@ -69,7 +127,7 @@ impl<B: Intersect> Tlas<B> {
         self.edit().rebuild();
     }
 
-    /// How many times the predicted traversal cost of the top level has grown by refits since it was built.
+    /// How many times the predicted traversal cost of the top level has grown by changes since it was built.
     #[must_use]
     pub fn drift(&self) -> f32 {
         self.top.drift()
@@ -89,19 +147,56 @@ impl<B: Intersect> Tlas<B> {
     }
 }
 
-/// What traversal needs of an instance, and its bounds in world space.
-type Placed = (Placement, Bounds);
-
 /// Several changes to a [`Tlas`] that share one update of its top level.
 ///
 /// [`TlasEdit::refit`] and [`TlasEdit::rebuild`] finish it. Dropping it refits too.
 #[derive(Debug)]
 pub struct TlasEdit<'a, B: Intersect> {
     tlas: &'a mut Tlas<B>,
-    bounds_changed: bool,
+    /// Numbers of instances with other bounds.
+    changed: Vec<u32>,
 }
 
 impl<B: Intersect> TlasEdit<'_, B> {
+    /// Adds an instance; returns its number: that of the last instance that was removed, or of instances before if none is missing.
+    ///
+    /// # Errors
+    /// An instance that [`Tlas::new`] would reject, reported with its number, or one more than a top-level BVH can index. The TLAS is then
+    /// unchanged.
+    pub fn insert(&mut self, instance: Instance) -> Result<InstanceId, InstanceError> {
+        let tlas = &mut *self.tlas;
+        let n = tlas.instances.len();
+        let index = tlas.removed.last().map_or(n, |&index| index as usize);
+        if index >= tlas.config.max_instances() {
+            return Err(InstanceError::TooMany { n_instances: n + 1 });
+        }
+        let placed = tlas.place(index, &instance)?;
+        if tlas.removed.pop().is_none() {
+            tlas.instances.push(Instance::REMOVED);
+            tlas.placements.push(Placement::hidden(Instance::REMOVED.blas));
+            tlas.bounds.push(Bounds::EMPTY);
+            // One more, even if it cannot be hit.
+            self.changed.push(index as u32);
+        }
+        self.commit(index, placed);
+        self.tlas.instances[index] = instance;
+        Ok(InstanceId(index as u32))
+    }
+
+    /// Removes an instance and returns it. The others keep their numbers; its own is that of the next instance that is inserted, and until
+    /// then [`Instance::REMOVED`] is in its place.
+    ///
+    /// # Errors
+    /// An instance that does not exist.
+    pub fn remove(&mut self, instance: InstanceId) -> Result<Instance, InstanceError> {
+        let old = self.instance(instance)?;
+        let index = instance.index();
+        self.commit(index, (Placement::hidden(Instance::REMOVED.blas), Bounds::EMPTY));
+        self.tlas.instances[index] = Instance::REMOVED;
+        self.tlas.removed.push(instance.0);
+        Ok(old)
+    }
+
     /// Moves an instance. A moving instance becomes static; [`TlasEdit::set_instance`] gives it another motion.
     ///
     /// # Errors
@@ -215,7 +310,7 @@ impl<B: Intersect> TlasEdit<'_, B> {
         Ok(result)
     }
 
-    /// Fits the boxes of the top level to the changed instances, in the same topology.
+    /// Fits the boxes of the top level to the changed instances.
     pub fn refit(self) {
         drop(self);
     }
@@ -226,15 +321,15 @@ impl<B: Intersect> TlasEdit<'_, B> {
         // A topology that cannot be indexed leaves the old one, refitted.
         if let Ok(top) = Top::build(&tlas.bounds, &tlas.config, tlas.path) {
             tlas.top = top;
-            self.bounds_changed = false;
+            self.changed.clear();
         }
     }
 
     /// The instance of this index.
     fn instance(&self, instance: InstanceId) -> Result<Instance, InstanceError> {
-        let instances = &self.tlas.instances;
-        let error = || InstanceError::NoSuchInstance { instance: instance.index(), n_instances: instances.len() };
-        instances.get(instance.index()).copied().ok_or_else(error)
+        let (instances, n_instances) = (&self.tlas.instances, self.tlas.n_instances());
+        let error = || InstanceError::NoSuchInstance { instance: instance.index(), n_instances };
+        instances.get(instance.index()).filter(|instance| !instance.is_removed()).copied().ok_or_else(error)
     }
 
     /// The BVH of this index.
@@ -245,15 +340,16 @@ impl<B: Intersect> TlasEdit<'_, B> {
 
     /// Places all instances of a BVH as if `blas` were at its index.
     fn place_all(&self, index: u32, blas: &B) -> Result<Vec<(usize, Placed)>, InstanceError> {
-        let (bounds, hit_error) = (blas.bounds(), (blas.hit_error(), blas.has_local_error()));
         let of_blas = self.tlas.instances.iter().enumerate().filter(|(_, instance)| instance.blas == index);
         let of_blas: Vec<(usize, &Instance)> = of_blas.collect();
-        let place = |&(i, instance): &(usize, &Instance)| Ok((i, Placement::new(i, instance, &bounds, hit_error)?));
+        let place = |&(i, instance): &(usize, &Instance)| Ok((i, Placement::of(i, instance, blas)?));
         par::map(&of_blas, JOB, place).into_iter().collect()
     }
 
     fn commit(&mut self, index: usize, (placement, bounds): Placed) {
-        self.bounds_changed |= self.tlas.bounds[index] != bounds;
+        if self.tlas.bounds[index] != bounds {
+            self.changed.push(index as u32);
+        }
         self.tlas.placements[index] = placement;
         self.tlas.bounds[index] = bounds;
     }
@@ -261,9 +357,7 @@ impl<B: Intersect> TlasEdit<'_, B> {
 
 impl<B: Intersect> Drop for TlasEdit<'_, B> {
     fn drop(&mut self) {
-        if self.bounds_changed {
-            let Tlas { top, bounds, config, path, .. } = &mut *self.tlas;
-            top.refit(bounds, config, *path);
-        }
+        let Tlas { top, bounds, config, path, .. } = &mut *self.tlas;
+        top.update(&self.changed, bounds, config, *path);
     }
 }

@@ -9,7 +9,8 @@ use canted_wide::PrimitiveError;
 pub struct Instance {
     /// Index of the bottom-level BVH.
     pub blas: u32,
-    /// The transform, at the opening of the shutter if the instance moves: any invertible affine map.
+    /// The transform, at the opening of the shutter if the instance moves: any invertible affine map, or a scale by zero, which hides the
+    /// instance.
     pub world_from_object: Affine,
     /// The transform of a moving instance at the closing of the shutter; `None` if the instance is static.
     ///
@@ -21,6 +22,23 @@ pub struct Instance {
 }
 
 impl Instance {
+    /// What [`Tlas::remove`](crate::Tlas::remove) leaves in the place of an instance: no ray tests it, it has no bounds, and the next instance
+    /// that is inserted takes its number. [`Tlas::new`](crate::Tlas::new) accepts it, so that the other instances keep their numbers.
+    pub const REMOVED: Self =
+        Self { blas: u32::MAX, world_from_object: Affine::IDENTITY, world_from_object_close: None, mask: 0 };
+
+    /// Whether this is [`Instance::REMOVED`].
+    #[must_use]
+    pub fn is_removed(&self) -> bool {
+        *self == Self::REMOVED
+    }
+
+    /// Whether the transform maps everything to a point at all times, which hides the instance.
+    pub(crate) fn is_zero(&self) -> bool {
+        let is_zero = |map: &Affine| map.columns[..3].as_flattened().iter().all(|&x| x == 0.0);
+        is_zero(&self.world_from_object) && self.world_from_object_close.as_ref().is_none_or(is_zero)
+    }
+
     /// A static instance that every ray tests.
     #[must_use]
     pub fn new(blas: u32, world_from_object: Affine) -> Self {

@@ -60,6 +60,7 @@
 //! `parallel` (default): build and trace slices on all threads of the current rayon pool.
 #![forbid(unsafe_code)]
 
+mod around;
 mod distance;
 mod edit;
 mod file;

@@ -1,6 +1,6 @@
 use canted_obb::round::{down, up};
 use canted_obb::{Aabb, Affine, Obb, vector};
-use canted_trace::ReferencePoint;
+use canted_trace::{Intersect, ReferencePoint};
 
 use crate::instance::{MAX_CONDITION, Rows, condition, invert, row_sum_norm};
 use crate::ray::{ObjectRay, WorldRay};
@@ -45,6 +45,33 @@ pub(crate) struct Bounds {
     pub(crate) error: WorldError,
 }
 
+impl Bounds {
+    /// Of an instance that no ray can hit.
+    pub(crate) const EMPTY: Self = Self {
+        obb: Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [0.0; 3] },
+        aabb: Aabb::EMPTY,
+        error: WorldError { per_origin: 0.0, constant: 0.0, centers: Aabb::EMPTY },
+    };
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.aabb.is_empty()
+    }
+
+    /// The axis-aligned box that contains every hit but for `per_origin`, relative to `reference` and rounded outward; planes beyond the
+    /// range of `f32` are its greatest numbers.
+    pub(crate) fn grown(&self, reference: ReferencePoint) -> Aabb {
+        let Self { aabb: Aabb { min, max }, error, .. } = self;
+        let fixed = error.fixed(reference);
+        // Steps outward cover the roundings of both sums.
+        let grow = |x: f32, reference: f32| {
+            let moved = (f64::from(x) - f64::from(reference)).next_up();
+            up((moved + fixed).next_up()).min(f32::MAX)
+        };
+        let at = reference.point();
+        Aabb { min: [0, 1, 2].map(|k| -grow(-min[k], -at[k])), max: [0, 1, 2].map(|k| grow(max[k], at[k])) }
+    }
+}
+
 /// What traversal needs of an instance: two cache lines.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
@@ -59,6 +86,9 @@ pub(crate) struct Placement {
 }
 
 const _: () = assert!(size_of::<Placement>() == 128);
+
+/// What traversal needs of an instance, and its bounds in world space.
+pub(crate) type Placed = (Placement, Bounds);
 
 /// The inverse of a transform: three columns, then the translation, one after the other. Four numbers are read from the start of
 /// each, of which the last is not used.
@@ -98,6 +128,22 @@ impl Inverse {
 }
 
 impl Placement {
+    /// The placement of an instance, and its bounds in world space: empty if nothing can be hit.
+    pub(crate) fn of<B: Intersect>(index: usize, instance: &Instance, blas: &B) -> Result<Placed, InstanceError> {
+        let is_finite = instance.world_from_object.is_finite();
+        if is_finite && instance.is_zero() && instance.world_from_object_close.is_none_or(|close| close.is_finite()) {
+            return Ok((Self::hidden(instance.blas), Bounds::EMPTY));
+        }
+        let error = (blas.hit_error(), blas.has_local_error());
+        let (placement, bounds) = Self::new(index, instance, &blas.bounds(), error)?;
+        Ok((placement, if blas.is_empty() { Bounds::EMPTY } else { bounds }))
+    }
+
+    /// Of an instance that no ray can hit.
+    pub(crate) fn hidden(blas: u32) -> Self {
+        Self { object_from_world: Inverse([0.0; 13]), motion: None, blas, mask: 0 }
+    }
+
     /// Inverts the transform and bounds the error of hits. Also returns the bounds of the instance in world space;
     /// `bounds` and `hit_error` are those of the bottom-level BVH, and whether that is local.
     ///
@@ -126,12 +172,12 @@ impl Placement {
     /// [`Motion::residual`]. It moves a hit `P` by `φ·|P - c|`, and `|P - c| <= ‖M‖·ρ` but for the errors above: `2·φ·‖M‖·ρ` is
     /// added, and a rounding of the translation in `f64`, `4·2⁻⁵³·‖M‖·‖M⁻¹‖·|c|`, is within the `1.8u`. For a static
     /// instance products of entries are exact, and `‖I - M·X‖` is at most `20·2⁻⁵³·‖M‖·‖M⁻¹‖ < 2⁻²⁸`, within the `1.8u`.
-    pub(crate) fn new(
+    fn new(
         index: usize,
         instance: &Instance,
         bounds: &Obb,
         (hit_error, is_local): (f32, bool),
-    ) -> Result<(Self, Bounds), InstanceError> {
+    ) -> Result<Placed, InstanceError> {
         let open = &instance.world_from_object;
         // Equal transforms at both ends make a static instance.
         let close = instance.world_from_object_close.as_ref().filter(|close| *close != open);

@@ -43,6 +43,10 @@ impl<B: Intersect> Intersect for Tlas<B> {
         self.top.hit_error()
     }
 
+    fn is_empty(&self) -> bool {
+        self.top.aabb().is_empty()
+    }
+
     fn stack_len(&self) -> usize {
         self.top.stack_len() + self.bottom_stack_len
     }

@@ -5,14 +5,14 @@ use canted_obb::{Aabb, Obb};
 use canted_trace::Intersect;
 use canted_wide::SimdPath;
 
-use crate::placement::{Bounds, JOB, Placement};
+use crate::placement::{Bounds, JOB, Placed, Placement};
 use crate::top::{Top, TopConfig};
 use crate::{Instance, InstanceError};
 
 /// A two-level BVH: a top level over instances, each a bottom-level BVH under an affine transform.
 ///
 /// [`Intersect`] and [`Crossings`](canted_trace::Crossings) have the queries.
-/// The top level is built over the bounds of the bottom-level BVHs in world space. [`Tlas::set_transform`],
+/// The top level is built over the bounds of the bottom-level BVHs in world space. [`Tlas::insert`], [`Tlas::remove`], [`Tlas::set_transform`],
 /// [`Tlas::update_blas`], [`Tlas::replace_blas`] and [`Tlas::edit`] change a TLAS in place.
 ///
 /// # Several kinds in one TLAS
@@ -49,6 +49,8 @@ pub struct Tlas<B> {
     /// Entries of memory that the traversals of the bottom-level BVHs need.
     pub(crate) bottom_stack_len: usize,
     pub(crate) instances: Vec<Instance>,
+    /// Numbers of removed instances, the next one that is used again last.
+    pub(crate) removed: Vec<u32>,
     /// What traversal needs of each instance.
     pub(crate) placements: Vec<Placement>,
     /// Bounds of each instance, world space, and the error of its hits.
@@ -65,13 +67,14 @@ impl<B: Intersect> Tlas<B> {
     /// # Errors
     /// More instances than a top-level BVH can index, before any is checked; the first instance that refers to a
     /// bottom-level BVH that does not exist, or whose transform is not finite, has a condition number above
-    /// [`MAX_CONDITION`](crate::MAX_CONDITION), or moves its bounds out of the range of `f32`.
+    /// [`MAX_CONDITION`](crate::MAX_CONDITION), or moves its bounds out of the range of `f32`. A scale by zero hides an instance.
     pub fn new(blas: Vec<B>, instances: &[Instance], config: TopConfig) -> Result<Self, InstanceError> {
         let path = SimdPath::detect();
         let mut tlas = Self {
             bottom_stack_len: deepest(&blas),
             blas,
             instances: vec![],
+            removed: vec![],
             placements: vec![],
             bounds: vec![],
             top: Top::build(&[], &config, path)?,
@@ -102,22 +105,27 @@ impl<B: Intersect> Tlas<B> {
         if instances.len() > max {
             return Err(InstanceError::TooMany { n_instances: instances.len() });
         }
-        let placed = par::from_fn(instances.len(), JOB, |index| self.place(index, &instances[index]));
+        let placed = par::from_fn(instances.len(), JOB, |index| match &instances[index] {
+            removed if removed.is_removed() => Ok((Placement::hidden(removed.blas), Bounds::EMPTY)),
+            instance => self.place(index, instance),
+        });
         let (placements, bounds): (Vec<_>, Vec<_>) =
             placed.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
         self.top = Top::build(&bounds, &self.config, self.path)?;
         self.instances = instances.to_vec();
+        let removed = (0..instances.len() as u32).rev().filter(|&i| instances[i as usize].is_removed());
+        self.removed = removed.collect();
         self.placements = placements;
         self.bounds = bounds;
         Ok(())
     }
 
     /// The placement and the world-space bounds of an instance.
-    pub(crate) fn place(&self, index: usize, instance: &Instance) -> Result<(Placement, Bounds), InstanceError> {
+    pub(crate) fn place(&self, index: usize, instance: &Instance) -> Result<Placed, InstanceError> {
         let Some(blas) = self.blas.get(instance.blas as usize) else {
             return Err(InstanceError::NoSuchBlas { instance: index, blas: instance.blas });
         };
-        Placement::new(index, instance, &blas.bounds(), (blas.hit_error(), blas.has_local_error()))
+        Placement::of(index, instance, blas)
     }
 
     /// The bottom-level BVHs.
@@ -132,16 +140,16 @@ impl<B: Intersect> Tlas<B> {
         self.blas
     }
 
-    /// The instances.
+    /// The instances by number; those that were removed are [`Instance::REMOVED`].
     #[must_use]
     pub fn instances(&self) -> &[Instance] {
         &self.instances
     }
 
-    /// Number of instances.
+    /// Number of instances, without those that were removed.
     #[must_use]
     pub fn n_instances(&self) -> usize {
-        self.instances.len()
+        self.instances.len() - self.removed.len()
     }
 
     /// How the top level is built.
@@ -150,7 +158,7 @@ impl<B: Intersect> Tlas<B> {
         &self.config
     }
 
-    /// Box around all instances, world space; empty for none.
+    /// Box around all instances that can be hit, world space; empty for none.
     #[must_use]
     pub fn aabb(&self) -> Aabb {
         self.top.aabb()
@@ -165,7 +173,8 @@ impl<B: Intersect> Tlas<B> {
     /// Memory of the top level and of the instances, without the bottom-level BVHs.
     #[must_use]
     pub fn n_bytes(&self) -> usize {
-        let instances = size_of_val(&self.instances[..]) + size_of_val(&self.bounds[..]);
+        let instances =
+            size_of_val(&self.instances[..]) + size_of_val(&self.bounds[..]) + size_of_val(&self.removed[..]);
         self.top.n_bytes() + size_of_val(&self.placements[..]) + instances
     }
 }

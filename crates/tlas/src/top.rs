@@ -19,6 +19,7 @@ use canted_trace::{BoxBvh, InstanceId, Intersect, ReferencePoint, ScaledRay};
 use canted_wide::{Config, MAX_PRIMITIVES, Order, SimdPath, WideBvh};
 
 use crate::InstanceError;
+use crate::around::{Around, Boxes, around};
 use crate::placement::{Bounds, JOB};
 
 /// Builds a BVH over oriented boxes, which have their indices as numbers.
@@ -95,20 +96,38 @@ impl TopConfig {
 #[derive(Clone, Debug)]
 pub(crate) struct Top {
     classes: Vec<Class>,
-    /// World space.
-    aabb: Aabb,
-    /// The same with what of the error of hits does not depend on rays.
-    grown: Aabb,
     /// What the boxes of the classes are relative to.
     reference: ReferencePoint,
+    /// Around all instances in world space, without and with what of the error of hits does not depend on rays.
+    boxes: Boxes,
+    /// What changes of single instances need; from the first one on, until all boxes change.
+    changes: Option<Changes>,
 }
 
-/// The spread of `per_origin` in a class when it is built; in a refit four times as much is allowed.
+/// See [`Top`].
+#[derive(Clone, Debug)]
+struct Changes {
+    /// By instance.
+    places: Vec<Option<Place>>,
+    around: Around,
+}
+
+/// Where an instance is: its class, and its number there.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    class: u32,
+    number: u32,
+}
+
+/// The spread of `per_origin` in a class when it is built; as instances change four times as much is allowed.
 ///
 /// Boxes are then padded by at most 16 times what the best-conditioned instance needs: less than 400 u of the ray's origin,
 /// u = 2^-24, for instances of which one is a rotation.
 const SPREAD: f64 = 16.0;
-const SPREAD_OF_REFIT: f64 = 64.0;
+const SPREAD_OF_CHANGES: f64 = 64.0;
+
+/// Up to this part of all instances are changed one by one: a change of one takes about as long as a refit of as many.
+const FEW: usize = 4;
 
 impl Top {
     /// Builds over the bounds of instances.
@@ -117,7 +136,7 @@ impl Top {
         let reference = reference_of(bounds);
         let of_class = |ids| Class::build((bounds, reference), ids, config, path);
         let classes = classes.map(of_class).collect::<Result<_, _>>()?;
-        Ok(Self { classes, aabb: aabb_of(bounds), grown: grown_of(bounds), reference })
+        Ok(Self { classes, reference, boxes: around(bounds), changes: None })
     }
 
     /// The same BVHs traced on another path, if they are wide.
@@ -127,24 +146,26 @@ impl Top {
 
     /// Box around all instances; empty for none.
     pub(crate) fn aabb(&self) -> Aabb {
-        self.aabb
+        self.boxes[0]
     }
 
     /// Contains every hit but for [`Top::hit_error`]; a point at the origin for no instance.
     pub(crate) fn bounds(&self) -> Obb {
-        match self.grown.is_empty() {
+        let [_, grown] = &self.boxes;
+        match grown.is_empty() {
             true => Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [0.0; 3] },
-            false => Obb::from_aabb(&self.grown),
+            false => Obb::from_aabb(grown),
         }
     }
 
     /// The error of hits relative to the ray's origin.
     pub(crate) fn hit_error(&self) -> f32 {
-        up(self.classes.iter().map(|class| class.per_origin).fold(0.0, f64::max))
+        up(self.classes.iter().map(|class| class.per_origin[1]).fold(0.0, f64::max))
     }
 
     pub(crate) fn n_bytes(&self) -> usize {
-        self.classes.iter().map(Class::n_bytes).sum()
+        let of_changes = |changes: &Changes| size_of_val(&changes.places[..]) + changes.around.n_bytes();
+        self.classes.iter().map(Class::n_bytes).sum::<usize>() + self.changes.as_ref().map_or(0, of_changes)
     }
 
     /// Calls `visit` with the box of each node and leaf.
@@ -153,9 +174,86 @@ impl Top {
         self.classes.iter().for_each(|class| class.each_box(&mut in_world));
     }
 
+    /// Instances with these numbers have other bounds, or are new: few of a wide top level are changed one by one, else all boxes are
+    /// written.
+    pub(crate) fn update(&mut self, changed: &[u32], bounds: &[Bounds], config: &TopConfig, path: SimdPath) {
+        if changed.is_empty() {
+            return;
+        }
+        let is_wide = matches!(config, TopConfig::Wide(_));
+        let places = &self.changes(bounds).places;
+        let comes_or_goes = |&i: &u32| places[i as usize].is_some() == bounds[i as usize].is_empty();
+        let others: Vec<u32> = changed.iter().copied().filter(comes_or_goes).collect();
+        // The reference point is chosen near instances.
+        if self.aabb().is_empty() || !is_wide && !others.is_empty() {
+            if let Ok(top) = Self::build(bounds, config, path) {
+                *self = top;
+            }
+        } else if is_wide && changed.len() <= bounds.len() / FEW {
+            changed.iter().for_each(|&i| self.change(i, bounds, config, path));
+        } else {
+            others.iter().for_each(|&i| self.change(i, bounds, config, path));
+            self.refit(bounds, config, path);
+        }
+    }
+
+    /// What changes of single instances need.
+    fn changes(&mut self, bounds: &[Bounds]) -> &mut Changes {
+        let classes = &self.classes;
+        let changes = self.changes.get_or_insert_with(|| {
+            let mut places = vec![None; bounds.len()];
+            for (class, Class { ids, bvh, .. }) in (0..).zip(classes) {
+                match ids {
+                    // Instances that were added since have higher numbers.
+                    None => places[..bvh.n_boxes()]
+                        .iter_mut()
+                        .zip(0..)
+                        .for_each(|(place, number)| *place = Some(Place { class, number })),
+                    Some(ids) => {
+                        ids.iter()
+                            .zip(0..)
+                            .for_each(|(&id, number)| places[id as usize] = Some(Place { class, number }));
+                    }
+                }
+            }
+            Changes { places, around: Around::new(bounds) }
+        });
+        changes.places.resize(bounds.len(), None);
+        changes
+    }
+
+    /// One instance of a wide top level has other bounds; it gets a place, or loses it.
+    fn change(&mut self, i: u32, bounds: &[Bounds], config: &TopConfig, path: SimdPath) {
+        let Self { classes, reference, changes: Some(Changes { places, around }), boxes } = self else { return };
+        let new = &bounds[i as usize];
+        let is_taken = |class: &Class| !new.is_empty() && class.takes(new.error.per_origin);
+        match places[i as usize].map(|place| (place, &mut classes[place.class as usize])) {
+            Some((place, class)) if is_taken(class) => class.move_one(place.number, new, *reference),
+            known => {
+                if let Some((place, class)) = known {
+                    if let Some(last) = class.remove(place.number) {
+                        places[last as usize] = Some(place);
+                    }
+                    places[i as usize] = None;
+                }
+                if !new.is_empty() {
+                    let class = classes.iter().position(is_taken).unwrap_or_else(|| {
+                        let class = Class::build((bounds, *reference), Some(vec![]), config, path);
+                        classes.push(class.expect("no instance is too many"));
+                        classes.len() - 1
+                    });
+                    let number = classes[class].insert(i, new, *reference);
+                    places[i as usize] = Some(Place { class: class as u32, number });
+                }
+            }
+        }
+        around.update(i as usize, bounds);
+        *boxes = around.all();
+    }
+
     /// New bounds for the same instances, in the same topology; built again where the errors of a class have spread too far.
-    pub(crate) fn refit(&mut self, bounds: &[Bounds], config: &TopConfig, path: SimdPath) {
-        if self.classes.iter().any(|class| class.spread(bounds) > SPREAD_OF_REFIT)
+    fn refit(&mut self, bounds: &[Bounds], config: &TopConfig, path: SimdPath) {
+        if self.classes.iter().any(|class| class.spread(bounds) > SPREAD_OF_CHANGES)
             && let Ok(top) = Self::build(bounds, config, path)
         {
             *self = top;
@@ -163,12 +261,14 @@ impl Top {
         }
         self.reference = reference_of(bounds);
         self.classes.iter_mut().for_each(|class| class.refit(bounds, self.reference));
-        (self.aabb, self.grown) = (aabb_of(bounds), grown_of(bounds));
+        let around = Around::new(bounds);
+        self.boxes = around.all();
+        self.changes(bounds).around = around;
     }
 
     /// How many times the predicted traversal cost has grown since the build: the greatest growth of a class.
     pub(crate) fn drift(&self) -> f32 {
-        self.classes.iter().map(Class::drift).fold(1.0, f32::max)
+        self.classes.iter().map(|class| class.bvh.drift()).fold(1.0, f32::max)
     }
 
     /// Entries of memory for subtrees that wait.
@@ -209,46 +309,57 @@ impl Top {
 
 /// A point near the instances.
 fn reference_of(bounds: &[Bounds]) -> ReferencePoint {
-    ReferencePoint::near(bounds.len(), |i| bounds[i].aabb)
-}
-
-fn aabb_of(bounds: &[Bounds]) -> Aabb {
-    bounds.iter().fold(Aabb::EMPTY, |all, bounds| all.union(bounds.aabb))
-}
-
-/// The box around all instances and what of the error of their hits does not depend on the ray.
-fn grown_of(bounds: &[Bounds]) -> Aabb {
-    bounds.iter().fold(Aabb::EMPTY, |all, bounds| all.union(grown_aabb(bounds, ReferencePoint::ORIGIN)))
+    if !bounds.iter().any(Bounds::is_empty) {
+        return ReferencePoint::near(bounds.len(), |i| bounds[i].aabb);
+    }
+    let boxes: Vec<Aabb> = bounds.iter().filter(|bounds| !bounds.is_empty()).map(|bounds| bounds.aabb).collect();
+    ReferencePoint::near(boxes.len(), |i| boxes[i])
 }
 
 /// A BVH over some of the instances, whose hits have similar errors.
 #[derive(Clone, Debug)]
 struct Class {
     bvh: Bvh,
-    /// The instances, ascending; empty if they are all instances.
-    ids: Vec<u32>,
-    /// Error of hits relative to the ray's origin, the greatest of all instances.
-    per_origin: f64,
+    /// The instance of each box; none if all instances have one, in order.
+    ids: Option<Vec<u32>>,
+    /// Errors of hits relative to the ray's origin: at most the least, and at least the greatest, of all instances.
+    per_origin: [f64; 2],
 }
 
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "one for each class of instances, and there are few")]
 enum Bvh {
-    /// Over the instances' axis-aligned boxes; and the growth of the predicted traversal cost since the build.
-    Wide(WideBvh<Aabb>, f32),
-    /// Over the instances' oriented boxes.
-    Other(Arc<dyn BoxBvh>),
+    /// Over the instances' axis-aligned boxes.
+    Wide(WideBvh<Aabb>),
+    /// Over the instances' oriented boxes, of this number.
+    Other(Arc<dyn BoxBvh>, usize),
 }
 
-/// The instances in classes in which the greatest `per_origin` is at most `spread` times the least. At least one class; a single
-/// one is empty and stands for all instances.
-fn classify(bounds: &[Bounds], spread: f64) -> Vec<Vec<u32>> {
-    let error = |i: u32| bounds[i as usize].error.per_origin;
-    let (least, greatest) = range(bounds.iter());
-    if greatest <= spread * least || bounds.is_empty() {
-        return vec![vec![]];
+impl Bvh {
+    fn n_boxes(&self) -> usize {
+        match self {
+            Self::Wide(bvh) => bvh.n_primitives(),
+            Self::Other(_, n) => *n,
+        }
     }
-    let mut order: Vec<u32> = (0..bounds.len() as u32).collect();
+
+    fn drift(&self) -> f32 {
+        match self {
+            Self::Wide(bvh) => bvh.drift(),
+            Self::Other(bvh, _) => bvh.drift(),
+        }
+    }
+}
+
+/// The instances that can be hit, in classes in which the greatest `per_origin` is at most `spread` times the least. At least one class; a
+/// single one of all instances has no list.
+fn classify(bounds: &[Bounds], spread: f64) -> Vec<Option<Vec<u32>>> {
+    let error = |i: u32| bounds[i as usize].error.per_origin;
+    let [least, greatest] = range(bounds.iter());
+    let mut order: Vec<u32> = (0..bounds.len() as u32).filter(|&i| !bounds[i as usize].is_empty()).collect();
+    if order.len() == bounds.len() && (greatest <= spread * least || bounds.is_empty()) {
+        return vec![None];
+    }
     order.sort_by(|&a, &b| error(a).total_cmp(&error(b)));
     let mut classes: Vec<Vec<u32>> = vec![];
     let mut limit = f64::NEG_INFINITY;
@@ -260,88 +371,148 @@ fn classify(bounds: &[Bounds], spread: f64) -> Vec<Vec<u32>> {
         classes.last_mut().expect("the first instance makes a class").push(i);
     }
     classes.iter_mut().for_each(|ids| ids.sort_unstable());
-    classes
+    if classes.is_empty() {
+        classes.push(vec![]);
+    }
+    classes.into_iter().map(Some).collect()
 }
 
 /// Least and greatest `per_origin`.
-fn range<'a>(bounds: impl Iterator<Item = &'a Bounds>) -> (f64, f64) {
+fn range<'a>(bounds: impl Iterator<Item = &'a Bounds>) -> [f64; 2] {
     let errors = bounds.map(|bounds| bounds.error.per_origin);
-    errors.fold((f64::INFINITY, 0.0), |(least, greatest): (f64, f64), x| (least.min(x), greatest.max(x)))
+    errors.fold([f64::INFINITY, 0.0], |[least, greatest], x| [f64::min(least, x), f64::max(greatest, x)])
 }
 
 impl Class {
-    /// Builds over the instances `ids`, all if there are none; boxes are relative to `reference`.
+    /// Builds over the instances `ids`, or all; boxes are relative to `reference`.
     fn build(
         (bounds, reference): (&[Bounds], ReferencePoint),
-        ids: Vec<u32>,
+        ids: Option<Vec<u32>>,
         config: &TopConfig,
         path: SimdPath,
     ) -> Result<Self, InstanceError> {
+        let members: Vec<&Bounds> = match &ids {
+            None => bounds.iter().collect(),
+            Some(ids) => ids.iter().map(|&id| &bounds[id as usize]).collect(),
+        };
         let bvh = match config {
             TopConfig::Wide(config) => {
-                let bvh = WideBvh::over_with(grown_aabbs(&ids, bounds, reference), config.axis_aligned());
-                Bvh::Wide(bvh.map_err(|error| in_all(error.into(), &ids))?.with_path(path), 1.0)
+                let bvh = WideBvh::over_with(grown_aabbs(&members, reference), config.axis_aligned());
+                Bvh::Wide(bvh.map_err(|error| in_all(error.into(), ids.as_deref()))?.with_path(path))
             }
-            TopConfig::Other(build) => Bvh::Other(build(&grown_obbs(&ids, bounds, reference))),
+            TopConfig::Other(build) => Bvh::Other(build(&grown_obbs(&members, reference)), members.len()),
         };
-        let per_origin = range(members(&ids, bounds)).1;
+        let per_origin = range(members.into_iter());
         Ok(Self { bvh, ids, per_origin })
     }
 
     fn with_path(self, path: SimdPath) -> Self {
         let bvh = match self.bvh {
-            Bvh::Wide(bvh, drift) => Bvh::Wide(bvh.with_path(path), drift),
-            other @ Bvh::Other(_) => other,
+            Bvh::Wide(bvh) => Bvh::Wide(bvh.with_path(path)),
+            other @ Bvh::Other(..) => other,
         };
         Self { bvh, ..self }
     }
 
     fn n_bytes(&self) -> usize {
         let of_bvh = match &self.bvh {
-            Bvh::Wide(bvh, _) => bvh.n_bytes(),
-            Bvh::Other(bvh) => bvh.n_bytes(),
+            Bvh::Wide(bvh) => bvh.n_bytes(),
+            Bvh::Other(bvh, _) => bvh.n_bytes(),
         };
-        of_bvh + size_of_val(&self.ids[..])
+        of_bvh + self.ids.as_ref().map_or(0, |ids| size_of_val(&ids[..]))
     }
 
     fn each_box(&self, visit: &mut dyn FnMut(Obb, u32, bool)) {
         match &self.bvh {
-            Bvh::Wide(bvh, _) => bvh.each_box(visit),
-            Bvh::Other(bvh) => bvh.each_box(visit),
-        }
-    }
-
-    fn drift(&self) -> f32 {
-        match &self.bvh {
-            Bvh::Wide(_, drift) => *drift,
-            Bvh::Other(bvh) => bvh.drift(),
+            Bvh::Wide(bvh) => bvh.each_box(visit),
+            Bvh::Other(bvh, _) => bvh.each_box(visit),
         }
     }
 
     #[inline]
     fn stack_len(&self) -> usize {
         match &self.bvh {
-            Bvh::Wide(bvh, _) => bvh.stack_len(),
-            Bvh::Other(_) => 0,
+            Bvh::Wide(bvh) => bvh.stack_len(),
+            Bvh::Other(..) => 0,
+        }
+    }
+
+    /// The bounds of its instances.
+    fn members<'a>(&self, bounds: &'a [Bounds]) -> Vec<&'a Bounds> {
+        match &self.ids {
+            // An instance that cannot be hit may have been added since.
+            None => bounds[..self.bvh.n_boxes()].iter().collect(),
+            Some(ids) => ids.iter().map(|&id| &bounds[id as usize]).collect(),
         }
     }
 
     /// The greatest `per_origin` of the class over the least, with these bounds of all instances.
     fn spread(&self, bounds: &[Bounds]) -> f64 {
-        let (least, greatest) = range(members(&self.ids, bounds));
+        let [least, greatest] = range(self.members(bounds).into_iter());
         greatest / least
     }
 
     /// New bounds for the same instances.
     fn refit(&mut self, bounds: &[Bounds], reference: ReferencePoint) {
+        let members = self.members(bounds);
         match &mut self.bvh {
-            Bvh::Wide(bvh, drift) => {
-                let boxes = grown_aabbs(&self.ids, bounds, reference);
-                *drift = bvh.refit(boxes).expect("a finite box for each instance").drift;
+            Bvh::Wide(bvh) => {
+                bvh.refit(grown_aabbs(&members, reference)).expect("a finite box for each instance");
             }
-            Bvh::Other(bvh) => *bvh = bvh.refitted(&grown_obbs(&self.ids, bounds, reference)),
+            Bvh::Other(bvh, _) => *bvh = bvh.refitted(&grown_obbs(&members, reference)),
         }
-        self.per_origin = range(members(&self.ids, bounds)).1;
+        self.per_origin = range(members.into_iter());
+    }
+
+    /// Whether an instance with this `per_origin` may be in the class.
+    fn takes(&self, per_origin: f64) -> bool {
+        let [least, greatest] = self.per_origin;
+        self.bvh.n_boxes() == 0 || greatest.max(per_origin) <= SPREAD_OF_CHANGES * least.min(per_origin)
+    }
+
+    /// The BVH of a class that changes in place.
+    fn wide(&mut self) -> &mut WideBvh<Aabb> {
+        match &mut self.bvh {
+            Bvh::Wide(bvh) => bvh,
+            Bvh::Other(..) => unreachable!("only wide classes change one by one"),
+        }
+    }
+
+    /// Takes an instance that the class may have.
+    fn include(&mut self, per_origin: f64) {
+        let [least, greatest] = match self.bvh.n_boxes() {
+            0 => [per_origin; 2],
+            _ => self.per_origin,
+        };
+        self.per_origin = [least.min(per_origin), greatest.max(per_origin)];
+    }
+
+    /// New bounds for one of the instances.
+    fn move_one(&mut self, number: u32, bounds: &Bounds, reference: ReferencePoint) {
+        self.include(bounds.error.per_origin);
+        let moved = self.wide().move_one(PrimId(number), bounds.grown(reference));
+        moved.expect("a finite box for each instance");
+    }
+
+    /// Adds an instance; returns its number.
+    fn insert(&mut self, id: u32, bounds: &Bounds, reference: ReferencePoint) -> u32 {
+        self.include(bounds.error.per_origin);
+        self.list().push(id);
+        let PrimId(number) = self.wide().insert(bounds.grown(reference)).expect("a finite box for each instance");
+        number
+    }
+
+    /// Removes the instance of this number; returns that which has the number now.
+    fn remove(&mut self, number: u32) -> Option<u32> {
+        self.list().swap_remove(number as usize);
+        self.wide().remove(PrimId(number)).expect("each instance of the class has a box");
+        self.list().get(number as usize).copied()
+    }
+
+    /// The instance of each box.
+    fn list(&mut self) -> &mut Vec<u32> {
+        let n = self.bvh.n_boxes() as u32;
+        self.ids.get_or_insert_with(|| (0..n).collect())
     }
 
     /// The error of hits that boxes do not contain, of a ray relative to the reference point. Its origin was rounded, by 2^-24 of it, which
@@ -349,7 +520,7 @@ impl Class {
     #[inline]
     fn error(&self, ray: &ScaledRay) -> f64 {
         const ROUNDING: f64 = ReferencePoint::ROUNDING as f64;
-        (self.per_origin * (1.0 + 2.0 * ROUNDING) + ROUNDING) * f64::from(greatest(ray.origin.map(f32::abs)))
+        (self.per_origin[1] * (1.0 + 2.0 * ROUNDING) + ROUNDING) * f64::from(greatest(ray.origin.map(f32::abs)))
     }
 
     /// [`Top::traverse`] in the class; the ray is relative to the reference point.
@@ -360,59 +531,37 @@ impl Class {
         stack: &mut [u64],
         enter: &mut dyn FnMut(InstanceId, f32) -> f32,
     ) -> u32 {
-        let mut enter = |number: u32, t_max| {
-            enter(InstanceId(if self.ids.is_empty() { number } else { self.ids[number as usize] }), t_max)
-        };
+        let mut enter =
+            |number: u32, t_max| enter(InstanceId(self.ids.as_ref().map_or(number, |ids| ids[number as usize])), t_max);
         let error = self.error(ray);
         match &self.bvh {
-            Bvh::Wide(bvh, _) => {
+            Bvh::Wide(bvh) => {
                 bvh.traverse_scaled(ray, error, order, stack, &mut |PrimId(number), t_max| enter(number, t_max))
             }
-            Bvh::Other(bvh) => bvh.traverse(ray, error, order == Order::Nearest, &mut enter),
+            Bvh::Other(bvh, _) => bvh.traverse(ray, error, order == Order::Nearest, &mut enter),
         }
     }
-}
-
-/// The bounds of a class.
-fn members<'a>(ids: &'a [u32], bounds: &'a [Bounds]) -> impl Iterator<Item = &'a Bounds> {
-    let all = if ids.is_empty() { bounds } else { &[] };
-    all.iter().chain(ids.iter().map(|&id| &bounds[id as usize]))
 }
 
 /// An error about a number in a class, about an instance.
-fn in_all(error: InstanceError, ids: &[u32]) -> InstanceError {
-    match error {
-        InstanceError::OutOfRange { instance } if !ids.is_empty() => {
+fn in_all(error: InstanceError, ids: Option<&[u32]>) -> InstanceError {
+    match (error, ids) {
+        (InstanceError::OutOfRange { instance }, Some(ids)) => {
             InstanceError::OutOfRange { instance: ids[instance] as usize }
         }
-        other => other,
+        (other, _) => other,
     }
 }
 
-fn grown_aabbs(ids: &[u32], bounds: &[Bounds], reference: ReferencePoint) -> Vec<Aabb> {
-    let of_class: Vec<&Bounds> = members(ids, bounds).collect();
-    par::map(&of_class, JOB, |bounds| grown_aabb(bounds, reference))
+fn grown_aabbs(members: &[&Bounds], reference: ReferencePoint) -> Vec<Aabb> {
+    par::map(members, JOB, |bounds| bounds.grown(reference))
 }
 
-fn grown_obbs(ids: &[u32], bounds: &[Bounds], reference: ReferencePoint) -> Vec<Obb> {
-    let of_class: Vec<&Bounds> = members(ids, bounds).collect();
-    par::map(&of_class, JOB, |bounds| grown_obb(bounds, reference))
+fn grown_obbs(members: &[&Bounds], reference: ReferencePoint) -> Vec<Obb> {
+    par::map(members, JOB, |bounds| grown_obb(bounds, reference))
 }
 
-/// The axis-aligned box that contains every hit but for `per_origin`, relative to `reference` and rounded outward; planes beyond the
-/// range of `f32` are its greatest numbers.
-fn grown_aabb(Bounds { aabb: Aabb { min, max }, error, .. }: &Bounds, reference: ReferencePoint) -> Aabb {
-    let fixed = error.fixed(reference);
-    // Steps outward cover the roundings of both sums.
-    let grow = |x: f32, reference: f32| {
-        let moved = (f64::from(x) - f64::from(reference)).next_up();
-        up((moved + fixed).next_up()).min(f32::MAX)
-    };
-    let at = reference.point();
-    Aabb { min: [0, 1, 2].map(|k| -grow(-min[k], -at[k])), max: [0, 1, 2].map(|k| grow(max[k], at[k])) }
-}
-
-/// The same as an oriented box, or the axis-aligned one where that has less area.
+/// [`Bounds::grown`] as an oriented box, or the axis-aligned one where that has less area.
 fn grown_obb(bounds: &Bounds, reference: ReferencePoint) -> Obb {
     let center = reference.moved(bounds.obb.center);
     // The rounding of the center: a difference of two f32 is exact in f64 but for its last bit.
@@ -421,5 +570,5 @@ fn grown_obb(bounds: &Bounds, reference: ReferencePoint) -> Obb {
         most.max((exact - f64::from(center[k])).abs() + exact.abs() * f64::EPSILON)
     });
     let moved = Obb { center, ..bounds.obb };
-    moved.grown(bounds.error.fixed(reference) + rounding).or_aabb(&grown_aabb(bounds, reference))
+    moved.grown(bounds.error.fixed(reference) + rounding).or_aabb(&bounds.grown(reference))
 }

@@ -119,6 +119,11 @@ pub trait Intersect: Send + Sync {
         false
     }
 
+    /// Whether it is known that there is nothing to hit. Its instances in a TLAS then have no bounds.
+    fn is_empty(&self) -> bool {
+        false
+    }
+
     /// Number of stack entries that a traversal needs.
     fn stack_len(&self) -> usize {
         0
@@ -400,6 +405,10 @@ where
 
     fn has_local_error(&self) -> bool {
         (**self).has_local_error()
+    }
+
+    fn is_empty(&self) -> bool {
+        (**self).is_empty()
     }
 
     fn stack_len(&self) -> usize {

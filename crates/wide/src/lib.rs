@@ -98,6 +98,7 @@ mod build;
 mod bvh;
 mod config;
 mod distance;
+mod edit;
 mod file;
 mod leaf;
 mod node;
@@ -113,6 +114,7 @@ pub use build::PrimitiveError;
 pub use bvh::{PredictedCost, Sizes, TriangleBvh, WideBvh};
 pub use config::{Config, Costs, Preset};
 pub use distance::{ClosestPoint, DistanceShape, NearestPoint, WindingNumbers};
+pub use edit::EditError;
 pub use file::{LoadError, RawBvh};
 pub use leaf::{
     LeafPrimitive, Primitive, PrimitiveHit, SavedPrimitive, Triangle, bounds_of_points, extent_of_box, extent_of_points,

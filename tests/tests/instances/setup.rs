@@ -108,6 +108,10 @@ impl<B: Intersect> Intersect for Altered<B> {
         self.hit_error
     }
 
+    fn is_empty(&self) -> bool {
+        self.bvh.is_empty()
+    }
+
     fn stack_len(&self) -> usize {
         self.bvh.stack_len()
     }

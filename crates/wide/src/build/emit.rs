@@ -42,7 +42,7 @@ pub(crate) fn emit<U: Send, B: DerefMut<Target = [U]>>(
     let has_oriented = layout.pieces.iter().flat_map(|piece| &piece.nodes).any(|node| node.kind == NodeKind::Oriented);
     let (root, depth) = (layout.root.unwrap_or(ChildWord::EMPTY), layout.depth);
     let pieces = layout.pieces.iter().map(|piece| piece.of_memory(leaves.layout)).collect();
-    (Nodes { lines, root, depth, has_oriented, pieces }, units)
+    (Nodes { lines, root, depth, has_oriented, pieces, links: None }, units)
 }
 
 /// Writes the nodes and leaves of a piece into its own memory.

@@ -50,7 +50,7 @@ impl TriangleBvh {
     /// The SIMD path is not part of them: the reader chooses it.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        write(self, SIZES, self.leaves.test.hit_error(), [bytemuck::cast_slice(&self.leaves.halves), &[]])
+        write(self, &self.nodes, SIZES, self.leaves.test.hit_error(), [bytemuck::cast_slice(&self.leaves.halves), &[]])
     }
 
     /// The BVH that [`TriangleBvh::to_bytes`] wrote, bit for bit.
@@ -101,8 +101,11 @@ impl<P: SavedPrimitive> WideBvh<P> {
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let data: Vec<P::Data> = self.leaves.primitives.iter().map(P::to_data).collect();
-        let order: Vec<u32> = self.leaves.order.iter().map(|id| id.0).collect();
-        write(self, Self::SIZES, P::ERROR, [&order, bytemuck::cast_slice(&data)])
+        // Of a BVH that was changed in place, without what is not used.
+        let packed = self.nodes.packed(&self.leaves.order);
+        let (nodes, order) = packed.as_ref().map_or((&self.nodes, &self.leaves.order), |(nodes, order)| (nodes, order));
+        let order: Vec<u32> = order.iter().map(|id| id.0).collect();
+        write(self, nodes, Self::SIZES, P::ERROR, [&order, bytemuck::cast_slice(&data)])
     }
 
     /// The BVH that [`WideBvh::to_bytes`] wrote, bit for bit if [`Primitive::ERROR`](crate::Primitive::ERROR) is the same; bytes need not be
@@ -120,15 +123,21 @@ impl<P: SavedPrimitive> WideBvh<P> {
     }
 }
 
-/// A BVH with these units of leaves and primitives as bytes.
-fn write<P: LeafPrimitive>(bvh: &WideBvh<P>, sizes: [usize; 2], hit_error: f32, sections: [&[u32]; 2]) -> Vec<u8> {
+/// A BVH with these nodes, units of leaves and primitives as bytes.
+fn write<P: LeafPrimitive>(
+    bvh: &WideBvh<P>,
+    nodes: &Nodes,
+    sizes: [usize; 2],
+    hit_error: f32,
+    sections: [&[u32]; 2],
+) -> Vec<u8> {
     let [n_unit_bytes, n_primitive_bytes] = sizes.map(|n| n as u32);
     let header = Header {
-        n_lines: bvh.nodes.lines.len() as u64,
+        n_lines: nodes.lines.len() as u64,
         n_units: (size_of_val(sections[0]) / sizes[0]) as u64,
         n_primitives: bvh.n_primitives as u64,
-        root: bvh.nodes.root,
-        depth: bvh.nodes.depth,
+        root: nodes.root,
+        depth: nodes.depth,
         frame: bvh.frame.rows,
         reference: bvh.frame.reference.point(),
         bounds: bvh.bounds,
@@ -140,7 +149,7 @@ fn write<P: LeafPrimitive>(bvh: &WideBvh<P>, sizes: [usize; 2], hit_error: f32, 
     };
     let mut bytes = Vec::with_capacity(HEADER_BYTES + bvh.n_bytes() + CHECKSUM_BYTES);
     header.write(&mut bytes);
-    for words in [bytemuck::cast_slice(&bvh.nodes.lines), sections[0], sections[1]] {
+    for words in [bytemuck::cast_slice(&nodes.lines), sections[0], sections[1]] {
         bytes.extend(words.iter().flat_map(|word: &u32| word.to_le_bytes()));
     }
     let sum = checksum(&bytes);
@@ -202,7 +211,8 @@ fn read(bytes: &[u8], sizes: [usize; 2]) -> Result<(Header, Nodes, [&[u8]; 2]), 
     let (units, primitives) = rest.split_at(n_unit_bytes);
     // What the hierarchy of the checked records gives is added then.
     let (has_oriented, pieces) = (false, vec![]);
-    let nodes = Nodes { lines: words_of(lines).into(), root: header.root, depth: header.depth, has_oriented, pieces };
+    let (lines, root, depth) = (words_of(lines).into(), header.root, header.depth);
+    let nodes = Nodes { lines, root, depth, has_oriented, pieces, links: None };
     Ok((header, nodes, [units, primitives]))
 }
 

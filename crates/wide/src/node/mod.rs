@@ -13,6 +13,8 @@
 
 pub(crate) mod checked;
 mod flaw;
+mod links;
+mod packed;
 mod pod;
 mod records;
 mod rows;
@@ -21,9 +23,10 @@ mod units;
 use std::ops::Range;
 
 pub use flaw::Flaw;
+pub(crate) use links::{Content, Link, Links, NO_NODE};
 pub(crate) use records::Records;
 pub use rows::NodeBox;
-pub(crate) use rows::{NOWHERE, Row, node_words, rows, write_boxes, write_slabs};
+pub(crate) use rows::{NOWHERE, Row, node_words, rows, set_word, write_box, write_boxes, write_slabs};
 pub(crate) use units::{HALF_BLOCK_WORDS, HalfBlock, LaneWords, LeafLayout, PART_LANES, PARTS};
 
 /// A cache line of two eight-lane rows; nodes start on one.
@@ -165,6 +168,8 @@ pub(crate) struct Nodes {
     pub(crate) has_oriented: bool,
     /// Parts of nodes and leaves that threads can change on their own.
     pub(crate) pieces: Vec<SubtreeSlots>,
+    /// What changes of single primitives need; from the first one on, until all boxes change.
+    pub(crate) links: Option<Box<Links>>,
 }
 
 impl Nodes {
@@ -175,7 +180,7 @@ impl Nodes {
     }
 
     pub(crate) fn n_bytes(&self) -> usize {
-        size_of_val(&self.lines[..])
+        size_of_val(&self.lines[..]) + self.links.as_ref().map_or(0, |links| links.n_bytes())
     }
 
     /// In the order of [`NodeKind::ALL`].

@@ -36,6 +36,13 @@ impl<T: Pod> Records<T> {
         }
         Self(Memory::Heap(vec![T::zeroed(); n]))
     }
+
+    /// These records and zeros, `n` in all.
+    pub(crate) fn grown(&self, n: usize) -> Self {
+        let mut records = Self::zeroed(n);
+        records[..self.len()].copy_from_slice(self);
+        records
+    }
 }
 
 impl<T: Pod> Deref for Records<T> {

@@ -29,6 +29,16 @@ pub(crate) fn node_words(lines: &[CacheLine], kind: NodeKind, line: u32) -> &[Ch
     }
 }
 
+/// Replaces the child word in a slot of a node.
+pub(crate) fn set_word(lines: &mut [CacheLine], kind: NodeKind, line: usize, slot: usize, word: ChildWord) {
+    let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut lines[line..line + kind.n_lines()]);
+    let row = match kind {
+        NodeKind::Aligned => 6,
+        NodeKind::Oriented => 15,
+    };
+    rows[row][slot] = f32::from_bits(word.0);
+}
+
 /// A box around everything in a subtree: all points `x` with `lo <= rows·(x - reference) <= hi`, where `reference` is
 /// [`WideBvh::reference_point`](crate::WideBvh::reference_point).
 ///
@@ -66,14 +76,19 @@ impl NodeBox {
 /// Rows lower x, upper x, lower y and so on, of boxes with their pads; slots without a box hold one that no ray enters.
 pub(crate) fn write_boxes(rows: &mut [Row], padded: impl Fn(usize) -> Option<(Aabb, f64)>) {
     for i in 0..8 {
-        let (min, max) = match padded(i) {
-            Some((aabb, pad)) => (aabb.min.map(|x| lower(x, pad)), aabb.max.map(|x| -lower(-x, pad))),
-            None => ([NOWHERE; 3], [-NOWHERE; 3]),
-        };
-        for (k, planes) in rows.chunks_exact_mut(2).enumerate() {
-            planes[0][i] = min[k];
-            planes[1][i] = max[k];
-        }
+        write_box(rows, i, padded(i));
+    }
+}
+
+/// The same of one slot.
+pub(crate) fn write_box(rows: &mut [Row], i: usize, padded: Option<(Aabb, f64)>) {
+    let (min, max) = match padded {
+        Some((aabb, pad)) => (aabb.min.map(|x| lower(x, pad)), aabb.max.map(|x| -lower(-x, pad))),
+        None => ([NOWHERE; 3], [-NOWHERE; 3]),
+    };
+    for (k, planes) in rows.chunks_exact_mut(2).enumerate() {
+        planes[0][i] = min[k];
+        planes[1][i] = max[k];
     }
 }
 

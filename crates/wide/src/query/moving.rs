@@ -204,6 +204,10 @@ impl Intersect for MovingBvh {
         self.bvh.bounds()
     }
 
+    fn is_empty(&self) -> bool {
+        self.bvh.n_primitives() == 0
+    }
+
     fn hit_error(&self) -> f32 {
         HIT_ERROR
     }

@@ -14,6 +14,10 @@ impl<P: Primitive> Intersect for WideBvh<P> {
         Self::bounds(self)
     }
 
+    fn is_empty(&self) -> bool {
+        self.n_primitives == 0
+    }
+
     fn hit_error(&self) -> f32 {
         P::ERROR
     }

@@ -26,6 +26,10 @@ impl Intersect for TriangleBvh {
         Self::bounds(self)
     }
 
+    fn is_empty(&self) -> bool {
+        self.n_primitives == 0
+    }
+
     fn hit_error(&self) -> f32 {
         self.leaves.test.hit_error()
     }

@@ -3,10 +3,10 @@
 use canted_lbvh::Corners;
 use canted_obb::{Aabb, PrimId, flat_as_edge};
 
-use super::subtree::{Content, LeafState};
+use super::subtree::LeafState;
 use crate::build::item::{self, Item};
 use crate::leaf::{Placed, Primitive};
-use crate::node::{HALF_BLOCK_WORDS, HalfBlock, LaneWords, PART_LANES, PARTS};
+use crate::node::{Content, HALF_BLOCK_WORDS, HalfBlock, LaneWords, PART_LANES, PARTS};
 use crate::traverse::MeshFrame;
 
 /// Triangles of a mesh that has moved. Every index is valid.
@@ -137,20 +137,32 @@ impl<'a, P: Primitive> MovedPrimitives<'a, P> {
     /// A leaf of these primitives before the motion, or after it.
     pub(super) fn leaf(&self, state: usize, ids: &[PrimId], items: Option<&mut Vec<Placed<'a, P>>>) -> LeafState {
         let (primitives, frame) = (self.primitives[state], &self.frames[state]);
-        let (mut bounds, mut aligned, mut area) = (Aabb::EMPTY, Aabb::EMPTY, 0.0);
-        for id in ids {
-            let given = Placed::given(&primitives[id.index()]);
-            bounds = bounds.union(given.aabb());
-            area += given.area();
-            if !frame.is_identity {
-                aligned = aligned.union(item::rotated_box(&given.moved(frame.reference), &frame.rows));
-            }
-        }
+        let area = ids.iter().map(|id| Placed::given(&primitives[id.index()]).area()).sum();
         if let Some(items) = items {
             items.extend(ids.iter().map(|id| Placed::given(&primitives[id.index()]).moved(frame.reference)));
         }
-        LeafState { content: Content::new(bounds, aligned, frame), area }
+        LeafState { content: content_of(primitives, ids, frame), area }
     }
+}
+
+/// What the boxes around a leaf of these primitives depend on.
+pub(crate) fn content_of<P: Primitive>(primitives: &[P], ids: &[PrimId], frame: &MeshFrame) -> Content {
+    let (mut bounds, mut aligned) = (Aabb::EMPTY, Aabb::EMPTY);
+    for id in ids {
+        let given = Placed::given(&primitives[id.index()]);
+        bounds = bounds.union(given.aabb());
+        if !frame.is_identity {
+            aligned = aligned.union(item::rotated_box(&given.moved(frame.reference), &frame.rows));
+        }
+    }
+    content(bounds, aligned, frame)
+}
+
+/// Of items with these bounds; `aligned` is around them in a mesh frame that is not that of object space.
+fn content(bounds: Aabb, aligned: Aabb, frame: &MeshFrame) -> Content {
+    // Rounding is monotonic, so this is the box of all moved items.
+    let moved = frame.reference.moved_box(&bounds);
+    Content { bounds, aligned: if frame.is_identity { moved } else { aligned }, reach: moved.reach() }
 }
 
 /// From here on, what a leaf of 32 triangles loses by products below 2^-126 is less than 2^-14 of its area.
@@ -219,7 +231,7 @@ impl GrowingTriangles {
         } else {
             all.map(|corners| corners.area()).sum()
         };
-        LeafState { content: Content::new(bounds, self.aligned, &self.frame), area }
+        LeafState { content: content(bounds, self.aligned, &self.frame), area }
     }
 }
 

@@ -22,15 +22,17 @@ use crate::build::item::Item;
 use crate::build::{PrimitiveError, bounds_of, reference_of, reference_of_triangles};
 use crate::bvh::{TriangleBvh, WideBvh};
 use crate::config::{Baseline, RayCost};
-use crate::leaf::{Placed, Primitive};
+use crate::leaf::{LeafPrimitive, Placed, Primitive};
 use crate::node::checked::Hierarchy;
 use crate::node::{HalfBlock, Nodes, PARTS};
 use crate::par;
 use crate::traverse::{BoxPads, Pads};
 
 pub(crate) use boxes::{check_frame, check_row, compare, write as write_boxes};
+pub(crate) use leaves::content_of;
 use leaves::{MovedPrimitives, MovedTriangles};
-use subtree::{After, Before, Shared, State, Sums};
+use subtree::{After, Before, Shared, State};
+pub(crate) use subtree::{Sums, half_area, visit};
 
 /// What a refit has done to a BVH, in predicted traversal costs of a ray that enters the box around all primitives, relative
 /// to the test of an aligned node.
@@ -117,6 +119,24 @@ impl From<PrimitiveError> for RefitError {
     }
 }
 
+impl<P: LeafPrimitive> WideBvh<P> {
+    /// How many times as expensive the BVH is as when it was built, as [`Refit::drift`] after the last refit or change of a single primitive;
+    /// 1 before the first.
+    #[must_use]
+    pub fn drift(&self) -> f32 {
+        match (self.baseline.built, self.baseline.now) {
+            (Some(built), Some(now)) => Refit::between(built, now, now).drift,
+            _ => 1.0,
+        }
+    }
+
+    /// Whether the drift exceeds [`Refit::MAX_DRIFT`].
+    #[must_use]
+    pub fn rebuild_advised(&self) -> bool {
+        self.drift() > Refit::MAX_DRIFT
+    }
+}
+
 impl TriangleBvh {
     /// Updates the BVH to new vertices of the same triangles; object space, in the order of the build.
     ///
@@ -164,6 +184,10 @@ impl<P: Primitive> WideBvh<P> {
     pub fn refit(&mut self, primitives: Vec<P>) -> Result<Refit, RefitError> {
         check_number(self.n_primitives, primitives.len())?;
         bounds_of(&primitives)?;
+        if let Some((nodes, order)) = self.nodes.packed(&self.leaves.order) {
+            (self.nodes, self.leaves.order) = (nodes, order);
+        }
+        self.nodes.links = None;
         let reference = reference_of(&primitives);
         let old_frame = self.frame;
         self.frame.reference = reference;
@@ -233,10 +257,11 @@ impl Target<'_> {
         let shared = Shared { before, after, pads: &pads, costs: &costs, n_parts, is_oriented, measures_before };
         let (after, before) = subtree::update_all(nodes, units, &shared);
         let visit = subtree::visit(nodes.root, &costs);
-        let before = baseline.now.unwrap_or_else(|| predicted(before.as_ref(), visit, bounds));
+        let sums = |state: Option<&State<I>>| state.map_or_else(Sums::default, |state| state.sums);
+        let before = baseline.now.unwrap_or_else(|| predicted(sums(before.as_ref()), visit, bounds));
         let built = *baseline.built.get_or_insert(before);
         *bounds = after.as_ref().map_or(Aabb::EMPTY, |state| state.content.bounds);
-        let now = predicted(after.as_ref(), visit, bounds);
+        let now = predicted(sums(after.as_ref()), visit, bounds);
         baseline.now = Some(now);
         Refit::between(built, before, now)
     }
@@ -247,8 +272,7 @@ impl Target<'_> {
 /// A ray enters a convex body inside another with the probability of the ratio of their surface areas. Where `bounds` have no
 /// area, every ray enters all boxes. In a mesh frame that is not that of `bounds`, the boxes of a few nodes near the root may have
 /// a greater area, and count for it.
-fn predicted<I>(state: Option<&State<I>>, visit: f64, bounds: &Aabb) -> RayCost {
-    let Sums { area, weighted, visits } = state.map_or_else(Sums::default, |state| state.sums);
+pub(crate) fn predicted(Sums { area, weighted, visits }: Sums, visit: f64, bounds: &Aabb) -> RayCost {
     let all = 0.5 * bounds.area();
     let per_ray = visit + if all > 0.0 { weighted / all } else { visits };
     let per_primitive = if area > 0.0 { per_ray * all / area } else { 0.0 };

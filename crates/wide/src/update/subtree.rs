@@ -10,50 +10,21 @@ use super::boxes::frame_of;
 use crate::build::item::Item;
 use crate::config::Costs;
 use crate::node::{
-    CacheLine, ChildWord, DecodedWord, NodeKind, Nodes, Row, SubtreeSlots, node_words, write_boxes, write_slabs,
+    CacheLine, ChildWord, Content, DecodedWord, NodeKind, Nodes, Row, SubtreeSlots, node_words, write_boxes,
+    write_slabs,
 };
 use crate::par;
-use crate::traverse::{BoxPads, MeshFrame};
-
-/// What the boxes around a leaf or a node depend on.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Content {
-    /// Object space.
-    pub(super) bounds: Aabb,
-    /// The boxes of all items in the mesh frame, together, relative to the reference point.
-    pub(super) aligned: Aabb,
-    /// Greatest coordinate relative to the reference point.
-    pub(super) reach: f32,
-}
-
-impl Content {
-    pub(super) const EMPTY: Self = Self { bounds: Aabb::EMPTY, aligned: Aabb::EMPTY, reach: 0.0 };
-
-    /// Of items with these bounds; `aligned` is around them in a mesh frame that is not that of object space.
-    pub(super) fn new(bounds: Aabb, aligned: Aabb, frame: &MeshFrame) -> Self {
-        // Rounding is monotonic, so this is the box of all moved items.
-        let moved = frame.reference.moved_box(&bounds);
-        Self { bounds, aligned: if frame.is_identity { moved } else { aligned }, reach: moved.reach() }
-    }
-
-    pub(super) fn union(self, other: Self) -> Self {
-        Self {
-            bounds: self.bounds.union(other.bounds),
-            aligned: self.aligned.union(other.aligned),
-            reach: self.reach.max(other.reach),
-        }
-    }
-}
+use crate::traverse::BoxPads;
 
 /// What the predicted cost is computed from; sums of pieces add up.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Sums {
+pub(crate) struct Sums {
     /// Surface areas of all items.
-    pub(super) area: f64,
+    pub(crate) area: f64,
     /// Over all children of nodes: half of the area of the box, times the cost of a visit.
-    pub(super) weighted: f64,
+    pub(crate) weighted: f64,
     /// Costs of a visit to every child.
-    pub(super) visits: f64,
+    pub(crate) visits: f64,
 }
 
 impl Sums {
@@ -120,9 +91,14 @@ impl ChildBox {
             Self::Aligned(aabb) => (aabb.min, aabb.max),
             Self::Oriented(slabs) => (slabs.lo, slabs.hi),
         };
-        let [x, y, z]: [f64; 3] = std::array::from_fn(|k| (f64::from(hi[k]) - f64::from(lo[k])).max(0.0));
-        x * y + y * z + z * x
+        half_area(lo.map(f64::from), hi.map(f64::from))
     }
+}
+
+/// Half of the surface area of a box.
+pub(crate) fn half_area(lo: [f64; 3], hi: [f64; 3]) -> f64 {
+    let [x, y, z]: [f64; 3] = std::array::from_fn(|k| (hi[k] - lo[k]).max(0.0));
+    x * y + y * z + z * x
 }
 
 /// The children of a node, empty slots last or between.
@@ -176,7 +152,7 @@ fn write_node(kind: NodeKind, rows: &mut [Row], children: &Children, boxes: &[Op
 }
 
 /// Cost of a visit to what a word names.
-pub(super) fn visit(word: ChildWord, costs: &Costs) -> f64 {
+pub(crate) fn visit(word: ChildWord, costs: &Costs) -> f64 {
     match word.kind() {
         DecodedWord::Empty => 0.0,
         DecodedWord::Node(kind, _) => f64::from(costs.node(kind)),

@@ -4,5 +4,6 @@
 //! Not covered: shapes whose intersection contradicts their contract beyond the cases in `agree.rs`.
 
 mod agree;
+mod edits;
 mod saved;
 mod shape;
