@@ -42,6 +42,29 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("at {:?}, normal {:?}", point.position, point.normal);
     }
 
+    // Single changes take time that grows with the depth of the top level: one instance comes, is hidden by a scale of zero, and goes.
+    let near = tlas.insert(Instance::new(0, Affine::translation([-4.5, 0.0, 0.0])))?;
+    println!("after inserting instance {}: {}", near.0, describe(tlas.closest_hit(&ray)));
+    tlas.set_transform(near, Affine::scale([0.0; 3]))?;
+    println!("hidden: {}", describe(tlas.closest_hit(&ray)));
+    tlas.remove(near)?;
+
+    // Many change at once, on all threads, with one update: a row moves aside.
+    let row: Vec<(InstanceId, Instance)> = (0..10_u16)
+        .map(|i| {
+            let place = Affine::translation([3.0 * f32::from(i), 1.5, 0.0]);
+            (InstanceId(u32::from(i)), Instance::new(0, place))
+        })
+        .collect();
+    let mut edit = tlas.edit();
+    edit.set_each(&row)?;
+    edit.set_mask(InstanceId(999), 0)?;
+    edit.refit();
+    println!("after moving a row: {}", describe(tlas.closest_hit(&ray)));
+    if tlas.rebuild_advised() {
+        tlas.rebuild();
+    }
+
     // Replace the mesh of all instances by a smaller one.
     let smaller: Vec<[f32; 3]> = positions.iter().map(|p| p.map(|x| 0.5 * x)).collect();
     tlas.replace_blas(0, TriangleBvh::build(&smaller, &triangles)?)?;

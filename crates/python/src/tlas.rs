@@ -60,7 +60,7 @@ impl Tlas {
     }
 
     fn rays<'a>(&self, arrays: &'a RayArrays<'_>) -> Rays<'a> {
-        let near = (self.is_near && self.tlas.n_instances() > 0).then(|| Near::new(&self.tlas.aabb()));
+        let near = (self.is_near && !self.tlas.aabb().is_empty()).then(|| Near::new(&self.tlas.aabb()));
         arrays.rays(self.origin, near)
     }
 
@@ -411,21 +411,10 @@ impl Tlas {
     /// The least and the greatest coordinates, (2, 3) float64, world space; None without instances of meshes that have triangles.
     #[getter]
     fn bounds(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
-        let is_empty = |instance: &Instance| self.geometries[instance.blas as usize].mesh.n_primitives() == 0;
-        let instances = self.tlas.instances();
-        if instances.iter().all(is_empty) {
+        let aabb = self.tlas.aabb();
+        if aabb.is_empty() {
             return Ok(None);
         }
-        let aabb = if instances.iter().any(is_empty) {
-            // Those without triangles are points.
-            let corners = instances.iter().filter(|instance| !is_empty(instance)).flat_map(|instance| {
-                let aabb = self.geometries[instance.blas as usize].mesh.aabb();
-                aabb.corners().map(|corner| instance.world_from_object.point(corner))
-            });
-            canted::Aabb::from_points(corners)
-        } else {
-            self.tlas.aabb()
-        };
         let given = |end: [f32; 3]| -> [f64; 3] { std::array::from_fn(|k| f64::from(end[k]) + self.origin[k]) };
         Ok(Some(shaped(py, [given(aabb.min), given(aabb.max)].as_flattened().to_vec(), &[2], &[3])?))
     }

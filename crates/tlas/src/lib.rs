@@ -35,7 +35,9 @@
 //! | nearest points, overlaps, containment | [`Tlas::nearest_points`], [`Tlas::overlapping`], [`Tlas::contains`] |
 //! | masks, time | [`Ray::mask`](canted_trace::Ray::mask), [`Ray::time`](canted_trace::Ray::time) |
 //! | position and normal of a hit, rays that continue | [`Tlas::surface_point`] |
-//! | move, replace or refit | [`Tlas::set_transform`], [`Tlas::replace_blas`], [`Tlas::update_blas`], [`Tlas::edit`] |
+//! | add, remove, move, hide | [`Tlas::insert`], [`Tlas::remove`], [`Tlas::set_transform`], [`Tlas::set_instance`], [`Tlas::set_mask`] |
+//! | several changes, or other BVHs | [`Tlas::edit`], [`Tlas::replace_blas`], [`Tlas::update_blas`] |
+//! | when to build again | [`Tlas::drift`], [`Tlas::rebuild_advised`], [`Tlas::rebuild`] |
 //! | save, load | [`Tlas::to_bytes`], [`Tlas::from_bytes`] |
 //!
 //! # Guarantees
@@ -54,7 +56,8 @@
 //!
 //! # Cost
 //! An instance takes about 460 bytes: 108 as it was given, 252 for its inverse and its bounds, about 100 in a wide top level. Building is dominated by the
-//! bottom-level BVHs; [`Tlas::set_instances`] builds the top level alone, and a refit of it takes linear time.
+//! bottom-level BVHs; [`Tlas::set_instances`] builds the top level alone. A change of a single instance takes a few microseconds among
+//! 100,000, and the first one makes tables of about 40 bytes for each instance.
 //!
 //! # Features
 //! `parallel` (default): build and trace slices on all threads of the current rayon pool.

@@ -59,7 +59,7 @@ fn random_instance(rng: &mut SplitMix64) -> Instance {
 /// Rays through the world, from inside and outside.
 fn random_rays(rng: &mut SplitMix64, n: usize) -> Vec<Ray> {
     let ray = |i: usize| {
-        let far = if i % 2 == 0 { 3.0 } else { 1.0 };
+        let far = if i.is_multiple_of(2) { 3.0 } else { 1.0 };
         let [origin, aim] = [far * WORLD, 0.7 * WORLD].map(|reach| rng.signed3().map(|x| (reach * x) as f32));
         let ray = Ray::new(origin, [0, 1, 2].map(|k| aim[k] - origin[k]));
         ray.with_mask([1, 2, u32::MAX][i % 3]).at_time(rng.unit() as f32)
@@ -139,7 +139,6 @@ impl Model {
                 assert_eq!(tlas.remove(id), Ok(old));
                 self.placed[i] = Instance::REMOVED;
                 self.removed.push(i);
-                return;
             }
             3 => {
                 self.placed[i] = random_instance(rng);

@@ -48,6 +48,7 @@
 //! | nodes and leaves, for a walk of your own | [`WideBvh::root`], [`WideBvh::lanes`], [`WideBvh::child`] |
 //! | distances, containment, overlaps | [`WideBvh::nearest_point`], [`TriangleBvh::contains`], [`TriangleBvh::winding_numbers`], [`WideBvh::overlapping`] |
 //! | moved primitives | [`TriangleBvh::refit`], which reports when to rebuild |
+//! | single primitives that come, go and move | [`WideBvh::insert`], [`WideBvh::remove`], [`WideBvh::move_one`], [`WideBvh::drift`] |
 //! | the primitives | [`TriangleBvh::triangle`], [`TriangleBvh::triangles`], `primitives` |
 //! | counts of visited nodes and leaves | [`TriangleBvh::traversal_counts`] |
 //! | a BVH as bytes | [`TriangleBvh::to_bytes`], [`TriangleBvh::from_bytes`] |
@@ -84,6 +85,7 @@
 //! traverse   one ray through nodes, with scalar, avx2, avx512 or neon instructions; the proof that no hit is lost
 //! query      what becomes of hits: closest, any, all, crossings
 //! update     new boxes for primitives that have moved
+//! edit       changes of single primitives
 //! ```
 //!
 //! A ray goes from [`Intersect::closest_hit`](canted_trace::Intersect::closest_hit) to `closest_hit_scaled` in `query/triangles.rs`, to `walk` in `traverse/walk.rs` with the

@@ -1,7 +1,5 @@
 //! A subtree with short paths, where a path has become too long.
 
-use std::ops::Range;
-
 use super::tree::Tree;
 use crate::leaf::Primitive;
 use crate::node::{ALIGNED_LINES, ChildWord, Content, DecodedWord, NO_NODE, NodeKind};
@@ -86,9 +84,9 @@ impl<P: Primitive> Tree<'_, P> {
 
     /// Fills an empty node; returns its height, at most log₈ of the number of leaves, rounded up.
     fn fill(&mut self, node: u32, leaves: &mut [Leaf]) -> u32 {
-        let mut height = 1;
-        for (slot, range) in groups(leaves).into_iter().enumerate() {
-            let (word, content) = match &mut leaves[range] {
+        let (mut height, mut all) = (1, Content::EMPTY);
+        for (slot, group) in groups(leaves).into_iter().enumerate() {
+            let (word, content) = match group {
                 [leaf] => *leaf,
                 group => {
                     let child = self.new_node();
@@ -98,31 +96,26 @@ impl<P: Primitive> Tree<'_, P> {
                 }
             };
             self.set(node, slot, word, &content);
+            all = all.union(content);
         }
-        self.links.nodes[node as usize].content = leaves.iter().fold(Content::EMPTY, |all, leaf| all.union(leaf.1));
+        self.links.nodes[node as usize].content = all;
         height
     }
 }
 
 /// Up to eight groups: halves of halves of halves, each along the axis on which the centers spread most.
-fn groups(leaves: &mut [Leaf]) -> Vec<Range<usize>> {
+fn groups(leaves: &mut [Leaf]) -> Vec<&mut [Leaf]> {
     if leaves.len() <= 8 {
-        return (0..leaves.len()).map(|i| i..i + 1).collect();
+        return leaves.chunks_mut(1).collect();
     }
-    let mut groups = vec![0..leaves.len()];
+    let mut groups = vec![leaves];
     for _ in 0..3 {
-        let halves = |range: Range<usize>| {
-            let middle = range.start + range.len() / 2;
-            halve(&mut leaves[range.clone()]);
-            [range.start..middle, middle..range.end]
-        };
         groups = groups.into_iter().flat_map(halves).collect();
     }
     groups
 }
 
-/// Sorts leaves into two halves.
-fn halve(leaves: &mut [Leaf]) {
+fn halves(leaves: &mut [Leaf]) -> [&mut [Leaf]; 2] {
     let center = |leaf: &Leaf| leaf.1.aligned.center();
     let spread = |k: usize| {
         let ends = leaves.iter().map(|leaf| center(leaf)[k]);
@@ -132,6 +125,7 @@ fn halve(leaves: &mut [Leaf]) {
     let axis = (1..3).fold(0, |best, k| if spreads[k] > spreads[best] { k } else { best });
     let middle = leaves.len() / 2;
     leaves.select_nth_unstable_by(middle, |a, b| center(a)[axis].total_cmp(&center(b)[axis]));
+    leaves.split_at_mut(middle).into()
 }
 
 #[cfg(test)]
@@ -148,13 +142,11 @@ mod tests {
             (ChildWord::leaf(usize::from(i), 1), Content { bounds: aabb, aligned: aabb, reach: 0.0 })
         };
         let mut leaves: Vec<Leaf> = (0..101).map(leaf).collect();
-        let ranges = groups(&mut leaves);
-        assert_eq!(ranges.len(), 8);
-        let boxes: Vec<Aabb> = ranges
-            .iter()
-            .map(|range| leaves[range.clone()].iter().fold(Aabb::EMPTY, |all, leaf| all.union(leaf.1.aligned)))
-            .collect();
-        assert!(ranges.iter().all(|range| (12..=13).contains(&range.len())));
+        let groups = groups(&mut leaves);
+        assert_eq!(groups.len(), 8);
+        assert!(groups.iter().all(|group| (12..=13).contains(&group.len())));
+        let around = |group: &&mut [Leaf]| group.iter().fold(Aabb::EMPTY, |all, leaf| all.union(leaf.1.aligned));
+        let boxes: Vec<Aabb> = groups.iter().map(around).collect();
         assert!(boxes.windows(2).all(|pair| pair[0].max[0] < pair[1].min[0]));
     }
 }
