@@ -43,16 +43,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 
     // Single changes take time that grows with the depth of the top level: one instance comes, is hidden by a scale of zero, and goes.
-    let near = tlas.insert(Instance::new(0, Affine::translation([-4.5, 0.0, 0.0])))?;
+    let near = tlas.insert(Instance::new(0, smaller.then(&Affine::translation([-4.0, 0.0, 0.0]))))?;
     println!("after inserting instance {}: {}", near.0, describe(tlas.closest_hit(&ray)));
     tlas.set_transform(near, Affine::scale([0.0; 3]))?;
     println!("hidden: {}", describe(tlas.closest_hit(&ray)));
     tlas.remove(near)?;
 
-    // Many change at once, on all threads, with one update: a row moves aside.
+    // Many change at once, on all threads, with one update: a row moves back.
     let row: Vec<(InstanceId, Instance)> = (0..10_u16)
         .map(|i| {
-            let place = Affine::translation([3.0 * f32::from(i), 1.5, 0.0]);
+            let place = Affine::translation([3.0 * f32::from(i) + 0.5, 0.0, 0.0]);
             (InstanceId(u32::from(i)), Instance::new(0, place))
         })
         .collect();

@@ -29,7 +29,8 @@ type Inner = canted::Tlas<Arc<TriangleBvh>>;
 ///     chosen near a mesh, the Tlas has one too: rays then start near it, in float64, and t and distances of results are float64.
 /// instances : sequence of (int, (4, 4) floats), optional
 ///     For each instance the index of its mesh and world_from_object: points are columns, so the translation is the last column. Any
-///     invertible map, rounded to float32 after the origin is subtracted. Default: each mesh once, as it is.
+///     invertible map, rounded to float32 after the origin is subtracted; a scale by zero hides the instance. Default: each mesh once, as it
+///     is.
 ///
 /// Raises
 /// ------

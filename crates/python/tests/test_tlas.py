@@ -95,6 +95,14 @@ def test_bad_instances_are_value_errors_with_a_sentence(instances, sentence):
         canted.Tlas([3])
 
 
+def test_a_scale_by_zero_hides_an_instance():
+    bvh = canted.Bvh(*meshes.box())
+    tlas = canted.Tlas([bvh], [(0, np.diag([0, 0, 0, 1])), (0, transform(shift=(0, 0, -5)))])
+    hits = tlas.closest_hit([[0.25, 0.5, 3]], [[0, 0, -1]])
+    assert (hits.instance.tolist(), hits.t.tolist(), len(tlas)) == ([1], [7.0], 2)
+    assert tlas.bounds[1][2] < -3.9 and canted.Tlas([bvh], [(0, np.diag([0, 0, 0, 1]))]).bounds is None
+
+
 def world_mesh():
     """Instances, and the same mesh in world space, in order of (instance, triangle)."""
     box, ball = meshes.box((-1, -1, -1), (1, 1, 1)), meshes.sphere(2)

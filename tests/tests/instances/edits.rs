@@ -360,7 +360,9 @@ fn singular_transforms_are_rejected_at_any_scale() {
             let [x, y, z] = columns.map(|column| column.map(|c| c * scale));
             Affine { columns: [x, y, z, [0.0; 3]] }
         };
-        for columns in [[[0.0; 3]; 3], flat, [flat[0], flat[0], flat[1]], [flat[0], flat[1], [0.0; 3]]] {
+        // A scale by zero hides an instance.
+        assert_eq!(add(0, scaled([[0.0; 3]; 3])), Ok(()));
+        for columns in [flat, [flat[0], flat[0], flat[1]], [flat[0], flat[1], [0.0; 3]], [flat[0], [0.0; 3], [0.0; 3]]] {
             let error = add(0, scaled(columns)).unwrap_err();
             assert!(matches!(error, InstanceError::IllConditioned { instance: 2, .. }), "{scale:e}: {error}");
         }
@@ -388,7 +390,7 @@ fn error_messages_name_instance_and_limit() {
     let shift = Affine::translation([0.0, f32::NAN, 0.0]);
     assert_eq!(sentence(add(0, shift)), "the transform of instance 2 is not finite");
     assert_eq!(
-        sentence(add(0, Affine::scale([0.0; 3]))),
+        sentence(add(0, Affine::scale([1.0, 0.0, 0.0]))),
         "the transform of instance 2 is too close to singular: its condition number is inf, at most 1.048576e6 is supported"
     );
 }
