@@ -2,7 +2,7 @@ use canted_lbvh::par;
 use canted_obb::Affine;
 use canted_trace::{InstanceId, Intersect};
 
-use crate::placement::{Bounds, JOB, Placed, Placement};
+use crate::placement::{Bottom, Bounds, JOB, Placed, Placement};
 use crate::tlas::deepest;
 use crate::top::Top;
 use crate::{Instance, InstanceError, Tlas};
@@ -10,12 +10,13 @@ use crate::{Instance, InstanceError, Tlas};
 /// Changes in place.
 ///
 /// A change of one instance takes time that grows with the depth of a wide top level ([`TopConfig::Wide`](crate::TopConfig::Wide)), not with
-/// the number of instances: boxes above it are written, or it gets another place. The first one after a build prepares the top level for such
-/// changes, in linear time. [`Tlas::edit`] makes several changes with one update: few are made one by one; for more than a quarter of all
-/// instances every box is written, in linear time. Changes of a BVH look for its instances among all. Hits do not depend on how a TLAS was
-/// changed: they are those of a new [`Tlas`]. Rays become slower as the top level drifts from one that is built for the instances where they
-/// are: [`Tlas::drift`] measures it, [`Tlas::rebuild_advised`] tells when [`Tlas::rebuild`] is worth it. A clone may be built again on another
-/// thread while the frame goes on.
+/// the number of instances: boxes above it are written, or it gets another place. The first one after a build, or after all boxes were
+/// written, prepares the top level for that in linear time. [`Tlas::edit`] makes several changes with one update: few are made one by one; for
+/// more than a quarter of all instances every box is written, in linear time. Changes of a BVH look for its instances among all.
+///
+/// Hits do not depend on how a TLAS was changed: they are those of a new [`Tlas`]. Rays become slower as the top level drifts from one that is
+/// built for the instances where they are: [`Tlas::drift`] measures it, [`Tlas::rebuild_advised`] tells when [`Tlas::rebuild`] is worth it. A
+/// clone may be built again on another thread while the frame goes on.
 ///
 /// An instance whose transform is a scale by zero is hidden until it is moved: no ray hits it, and it has no bounds. So it is with those of a
 /// BVH without primitives.
@@ -342,7 +343,8 @@ impl<B: Intersect> TlasEdit<'_, B> {
     fn place_all(&self, index: u32, blas: &B) -> Result<Vec<(usize, Placed)>, InstanceError> {
         let of_blas = self.tlas.instances.iter().enumerate().filter(|(_, instance)| instance.blas == index);
         let of_blas: Vec<(usize, &Instance)> = of_blas.collect();
-        let place = |&(i, instance): &(usize, &Instance)| Ok((i, Placement::of(i, instance, blas)?));
+        let bottom = Bottom::of(blas);
+        let place = |&(i, instance): &(usize, &Instance)| Ok((i, Placement::of(i, instance, &bottom)?));
         par::map(&of_blas, JOB, place).into_iter().collect()
     }
 

@@ -56,8 +56,8 @@
 //!
 //! # Cost
 //! An instance takes about 460 bytes: 108 as it was given, 252 for its inverse and its bounds, about 100 in a wide top level. Building is dominated by the
-//! bottom-level BVHs; [`Tlas::set_instances`] builds the top level alone. A change of a single instance takes a few microseconds among
-//! 100,000, and the first one makes tables of about 40 bytes for each instance.
+//! bottom-level BVHs; [`Tlas::set_instances`] builds the top level alone. A change of a single instance takes a few microseconds,
+//! and the first one makes tables of about 80 bytes for each instance.
 //!
 //! # Features
 //! `parallel` (default): build and trace slices on all threads of the current rayon pool.

@@ -72,6 +72,21 @@ impl Bounds {
     }
 }
 
+/// What placing an instance needs of its bottom-level BVH.
+pub(crate) struct Bottom {
+    bounds: Obb,
+    /// The error of hits, and whether it is local.
+    error: (f32, bool),
+    is_empty: bool,
+}
+
+impl Bottom {
+    pub(crate) fn of<B: Intersect>(blas: &B) -> Self {
+        let error = (blas.hit_error(), blas.has_local_error());
+        Self { bounds: blas.bounds(), error, is_empty: blas.is_empty() }
+    }
+}
+
 /// What traversal needs of an instance: two cache lines.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
@@ -129,14 +144,13 @@ impl Inverse {
 
 impl Placement {
     /// The placement of an instance, and its bounds in world space: empty if nothing can be hit.
-    pub(crate) fn of<B: Intersect>(index: usize, instance: &Instance, blas: &B) -> Result<Placed, InstanceError> {
+    pub(crate) fn of(index: usize, instance: &Instance, blas: &Bottom) -> Result<Placed, InstanceError> {
         let is_finite = instance.world_from_object.is_finite();
         if is_finite && instance.is_zero() && instance.world_from_object_close.is_none_or(|close| close.is_finite()) {
             return Ok((Self::hidden(instance.blas), Bounds::EMPTY));
         }
-        let error = (blas.hit_error(), blas.has_local_error());
-        let (placement, bounds) = Self::new(index, instance, &blas.bounds(), error)?;
-        Ok((placement, if blas.is_empty() { Bounds::EMPTY } else { bounds }))
+        let (placement, bounds) = Self::new(index, instance, &blas.bounds, blas.error)?;
+        Ok((placement, if blas.is_empty { Bounds::EMPTY } else { bounds }))
     }
 
     /// Of an instance that no ray can hit.

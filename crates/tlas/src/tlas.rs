@@ -5,7 +5,7 @@ use canted_obb::{Aabb, Obb};
 use canted_trace::Intersect;
 use canted_wide::SimdPath;
 
-use crate::placement::{Bounds, JOB, Placed, Placement};
+use crate::placement::{Bottom, Bounds, JOB, Placed, Placement};
 use crate::top::{Top, TopConfig};
 use crate::{Instance, InstanceError};
 
@@ -125,7 +125,7 @@ impl<B: Intersect> Tlas<B> {
         let Some(blas) = self.blas.get(instance.blas as usize) else {
             return Err(InstanceError::NoSuchBlas { instance: index, blas: instance.blas });
         };
-        Placement::of(index, instance, blas)
+        Placement::of(index, instance, &Bottom::of(blas))
     }
 
     /// The bottom-level BVHs.

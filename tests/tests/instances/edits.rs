@@ -362,7 +362,8 @@ fn singular_transforms_are_rejected_at_any_scale() {
         };
         // A scale by zero hides an instance.
         assert_eq!(add(0, scaled([[0.0; 3]; 3])), Ok(()));
-        for columns in [flat, [flat[0], flat[0], flat[1]], [flat[0], flat[1], [0.0; 3]], [flat[0], [0.0; 3], [0.0; 3]]] {
+        for columns in [flat, [flat[0], flat[0], flat[1]], [flat[0], flat[1], [0.0; 3]], [flat[0], [0.0; 3], [0.0; 3]]]
+        {
             let error = add(0, scaled(columns)).unwrap_err();
             assert!(matches!(error, InstanceError::IllConditioned { instance: 2, .. }), "{scale:e}: {error}");
         }

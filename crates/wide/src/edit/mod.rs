@@ -3,7 +3,7 @@
 //! ```text
 //! insert     descent by the least growth -> a free slot, or a new node in place of a leaf -> boxes above
 //! remove     the slot -> a node whose children fit into the node above is dissolved -> boxes above
-//! move_one   the box of the leaf, or out and in again where that is better -> boxes above
+//! move_one   the box of the leaf; out and in again where it leaves its neighbors, and now and then -> boxes above
 //! ```
 //!
 //! Reads, writes: records of nodes, ids of leaves, and [`Links`](crate::node::Links), which the first change makes. Holds: every box is that

@@ -476,16 +476,21 @@ impl<'a, P: Primitive> Tree<'a, P> {
         self.bvh.leaves.primitives.swap_remove(id.index())
     }
 
-    /// Replaces a primitive; where it leaves its neighbors, it gets others.
+    /// Replaces a primitive; it gets other neighbors where it leaves its own, and now and then.
     pub(super) fn move_one(&mut self, id: PrimId, moved: P) -> P {
         let node = self.links.holders[id.index()];
         let Place { slot, .. } = self.place_of(id);
+        let words = self.words(node);
+        let before = self.content(words[slot]);
         self.add_area(id.index(), -1.0);
         let old = std::mem::replace(&mut self.bvh.leaves.primitives[id.index()], moved);
         self.add_area(id.index(), 1.0);
-        let words = self.words(node);
         let content = self.content(words[slot]);
-        if self.is_far(node, slot, &words, &content) {
+        self.links.n_moves = self.links.n_moves.wrapping_add(1);
+        // Neighbors that part step by step stay neighbors, so that all are looked for again in turn.
+        let is_due = self.links.n_moves.is_multiple_of(MOVES);
+        let around = self.links.nodes[node as usize].content.aligned;
+        if is_due || is_apart(&before.aligned, &content.aligned) || !around.contains_box(&content.aligned) {
             self.detach(id);
             self.attach(id);
         } else {
@@ -495,19 +500,12 @@ impl<'a, P: Primitive> Tree<'a, P> {
         }
         old
     }
+}
 
-    /// Whether the new content of a leaf grows its node so much that two nodes would cost less.
-    fn is_far(&self, node: u32, slot: usize, words: &[ChildWord; 8], content: &Content) -> bool {
-        let before = self.links.nodes[node as usize].content;
-        if before.aligned.contains_box(&content.aligned) {
-            return false;
-        }
-        let others = (0..8).filter(|&other| other != slot);
-        let rest = others.fold(Content::EMPTY, |all, other| all.union(self.content(words[other])));
-        if rest.aligned.is_empty() {
-            return false;
-        }
-        let area = |aabb: &Aabb| 0.5 * aabb.area();
-        area(&rest.aligned.union(content.aligned)) > 2.0 * (area(&rest.aligned) + area(&content.aligned))
-    }
+/// A primitive is taken out and inserted again at one of this many moves, wherever it moves to.
+const MOVES: u32 = 8;
+
+/// Whether two boxes have no point in common.
+fn is_apart(a: &Aabb, b: &Aabb) -> bool {
+    (0..3).any(|k| a.max[k] < b.min[k] || b.max[k] < a.min[k])
 }

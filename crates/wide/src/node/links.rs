@@ -63,6 +63,8 @@ pub(crate) struct Links {
     pub(crate) first_depth: u32,
     /// Most primitives since then.
     pub(crate) most_primitives: usize,
+    /// Moves so far.
+    pub(crate) n_moves: u32,
     /// Whether records may be anywhere, and some of them unused.
     pub(crate) is_scattered: bool,
 }
