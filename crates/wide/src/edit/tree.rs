@@ -286,20 +286,23 @@ impl<'a, P: Primitive> Tree<'a, P> {
         self.links.free_nodes.push(node);
     }
 
-    /// Writes the boxes above a node whose children have changed, until nothing changes.
+    /// Writes the boxes above a node whose children have changed, until nothing changes. Oriented boxes above depend on more than the
+    /// contents, on every primitive below: all of them become aligned.
     fn refit(&mut self, mut node: u32) {
         loop {
             let content = self.joined(node);
             let link = &mut self.links.nodes[node as usize];
-            if content == link.content || link.parent == NO_NODE {
-                link.content = content;
-                return;
-            }
+            let is_same = content == link.content;
             link.content = content;
             let parent = link.parent;
+            if parent == NO_NODE || is_same && !self.bvh.nodes.has_oriented {
+                return;
+            }
             self.align(parent);
-            let slot = self.slot_of(parent, node);
-            self.set(parent, slot, self.words(parent)[slot], &content);
+            if !is_same {
+                let slot = self.slot_of(parent, node);
+                self.set(parent, slot, self.words(parent)[slot], &content);
+            }
             node = parent;
         }
     }
