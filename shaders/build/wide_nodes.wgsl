@@ -3,24 +3,7 @@
 // Writes: one node for each.
 // Holds: boxes are copies of coordinates.
 // use shared/build/wide_target
-// use shared/build/ordered
-// use ?item
-
-/// The bits of three minima and three maxima of a child's box.
-fn box_of(child: u32) -> array<u32, 6> {
-    if (child & LEAF) != 0u {
-        let reach = item_reach(leaves[child & ~LEAF]);
-        return array<u32, 6>(
-            end_of(reach.low.x, 0u), end_of(reach.low.y, 1u), end_of(reach.low.z, 2u),
-            end_of(reach.high.x, 3u), end_of(reach.high.y, 4u), end_of(reach.high.z, 5u),
-        );
-    }
-    var box: array<u32, 6>;
-    for (var k = 0u; k < 6u; k++) {
-        box[k] = bitcast<u32>(aabbs[6u * child + k]);
-    }
-    return box;
-}
+// use shared/build/wide/box
 
 @compute @workgroup_size(64)
 fn main(id: Invocation) {

@@ -427,9 +427,36 @@ fn children_of(slot: u32) -> Children {
     return children;
 }
 
+// part wide/leaves
+// The items of leaves.
+
+@group(0) @binding(3) var<storage, read> leaves: array<u32>;
+
+// part wide/box
+// Boxes of children.
+// use shared/build/wide/leaves
+// use shared/build/ordered
+// use ?item
+
+/// The bits of three minima and three maxima of a child's box.
+fn box_of(child: u32) -> array<u32, 6> {
+    if (child & LEAF) != 0u {
+        let reach = item_reach(leaves[child & ~LEAF]);
+        return array<u32, 6>(
+            end_of(reach.low.x, 0u), end_of(reach.low.y, 1u), end_of(reach.low.z, 2u),
+            end_of(reach.high.x, 3u), end_of(reach.high.y, 4u), end_of(reach.high.z, 5u),
+        );
+    }
+    var box: array<u32, 6>;
+    for (var k = 0u; k < 6u; k++) {
+        box[k] = bitcast<u32>(aabbs[6u * child + k]);
+    }
+    return box;
+}
+
 // part wide_target
 // Where wide nodes are written.
-// use shared/build/wide
+// use shared/build/wide/leaves
 // use shared/build/wide_word
 // use shared/build/leaf
 
@@ -440,7 +467,6 @@ struct Level {
     is_top: u32,
 }
 
-@group(0) @binding(3) var<storage, read> leaves: array<u32>;
 /// The word of each wide node by slot.
 @group(0) @binding(4) var<storage, read> wide_words: array<u32>;
 /// The slot of each wide node by its first unit, plus one.

@@ -87,7 +87,7 @@ impl Boxed<'_> {
     }
 
     /// The children of each wide node, by slot, and the number of levels.
-    fn collapse(&self) -> (BTreeMap<u32, Vec<Child>>, u32) {
+    fn collapse(&self) -> (BTreeMap<u32, [Option<Child>; 8]>, u32) {
         let (mut nodes, mut depth) = (BTreeMap::new(), 0);
         let mut open = vec![(0, 1)];
         while let Some((slot, level)) = open.pop() {
@@ -101,9 +101,42 @@ impl Boxed<'_> {
                     open.push((id.0, level + 1));
                 }
             }
-            nodes.insert(slot, children);
+            nodes.insert(slot, self.placed(&children));
         }
         (nodes, depth)
+    }
+
+    /// Children toward the corners of their node: the lower half along the axis where twice their centers spread most, then the other half, and so on for
+    /// the other axes.
+    fn placed(&self, children: &[Child]) -> [Option<Child>; 8] {
+        let center = |&child: &Child| {
+            let Aabb { min, max } = self.aabb(child);
+            std::array::from_fn::<f32, 3, _>(|k| min[k] + max[k])
+        };
+        let centers: Vec<[f32; 3]> = children.iter().map(center).collect();
+        let spread = |k: usize| {
+            let along = || centers.iter().map(|center| center[k]);
+            along().fold(f32::NEG_INFINITY, f32::max) - along().fold(f32::INFINITY, f32::min)
+        };
+        let mut axes = [0, 1, 2];
+        axes.sort_by(|&i, &j| spread(j).total_cmp(&spread(i)));
+        let mut groups: Vec<(usize, Vec<usize>)> = vec![(0, (0..children.len()).collect())];
+        for axis in axes {
+            let halves = |(place, mut group): (usize, Vec<usize>)| {
+                // Stable, and both zeros are equal.
+                group.sort_by(|&i, &j| (centers[i][axis] + 0.0).total_cmp(&(centers[j][axis] + 0.0)));
+                let mut high = group.split_off(group.len().div_ceil(2));
+                high.sort_unstable();
+                group.sort_unstable();
+                [(place, group), (place | 1 << axis, high)]
+            };
+            groups = groups.into_iter().flat_map(halves).collect();
+        }
+        let mut placed = [None; 8];
+        for (place, group) in groups {
+            placed[place] = group.first().map(|&i| children[i]);
+        }
+        placed
     }
 }
 
@@ -136,9 +169,9 @@ fn expected(
         for (&slot, children) in wide {
             let at = 64 * unit(slot);
             for child in 0..8 {
-                let (word, Aabb { min, max }) = match children.get(child) {
+                let (word, Aabb { min, max }) = match children[child] {
                     None => (EMPTY, Aabb { min: [NOWHERE; 3], max: [-NOWHERE; 3] }),
-                    Some(&found) => {
+                    Some(found) => {
                         let (first, n) = boxed.range(found);
                         let word = match found.kind() {
                             ChildKind::Inner(id) if n > MAX_LEAF => u32::try_from(4 * unit(id.0)).unwrap(),
@@ -154,7 +187,7 @@ fn expected(
                 nodes.insert(at + 48 + child, word);
             }
         }
-        let leaves = wide.values().flatten().map(|&child| boxed.range(child)).filter(|&(_, n)| n <= MAX_LEAF);
+        let leaves = wide.values().flatten().flatten().map(|&child| boxed.range(child)).filter(|&(_, n)| n <= MAX_LEAF);
         let n = range.count;
         let alone = (1..=MAX_LEAF).contains(&n).then_some((0, n));
         for (first, n) in leaves.chain(alone) {

@@ -299,17 +299,18 @@ impl CollapsedLevel {
             ("wide_slots", &self.slots),
             ("nodes", &built.trees.nodes),
             ("aabbs", &built.aabbs),
+            ("leaves", &built.leaves),
             ("wide_children", &self.children),
         ]);
         build.stage("collapse", |dispatches| {
             let chosen = Variant::none().number("MAX_LEAF", self.capacity.max_leaf);
             if let Some(obbs) = built.obbs.as_ref().filter(|_| self.capacity.is_oriented) {
-                let more: [NamedBinding<'_>; 2] = [("leaves", &built.leaves), ("obbs", obbs)];
-                let bound = [&bound[..], &more].concat();
+                let bound = [&bound[..], &[("obbs", obbs)]].concat();
                 dispatches.range(&*gpu.kernel("build/wide_kinds", &chosen)?, &bound, range)?;
             }
             prefix_sums(dispatches, &self.units, &self.prefixes, range)?;
             dispatches.range(&*gpu.kernel("build/wide_slots", &chosen)?, &bound, range)?;
+            let chosen = built.primitives.part().number("MAX_LEAF", self.capacity.max_leaf);
             dispatches.range(&*gpu.kernel("build/wide_children", &chosen)?, &bound, self.capacity.units(trees))
         })
     }
