@@ -168,8 +168,8 @@ fn expected(
         let unit = |slot: u32| units[&(range.first + slot)];
         for (&slot, children) in wide {
             let at = 64 * unit(slot);
-            for child in 0..8 {
-                let (word, Aabb { min, max }) = match children[child] {
+            for (child, found) in children.iter().enumerate() {
+                let (word, Aabb { min, max }) = match *found {
                     None => (EMPTY, Aabb { min: [NOWHERE; 3], max: [-NOWHERE; 3] }),
                     Some(found) => {
                         let (first, n) = boxed.range(found);
