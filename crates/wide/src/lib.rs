@@ -34,7 +34,7 @@
 //! | --- | --- |
 //! | [`WideBvh`] | the BVH; `P` is what it is over |
 //! | [`TriangleBvh`], [`MovingBvh`] | `WideBvh<Triangle>`: over triangles; over triangles that move while the shutter is open |
-//! | [`Primitive`] | the trait of your own shapes; spheres and boxes implement it |
+//! | [`Primitive`] | the trait of your own shapes; spheres, round segments and boxes implement it |
 //! | [`Config`], [`Preset`], [`Costs`] | how a BVH is built, and its triangle test |
 //! | [`RawBvh`] | nodes and leaves as words, for devices |
 //!

@@ -55,6 +55,11 @@ impl Answer {
         Self { t, prim: i64::from(first) + i64::from(primitive), u, v, instance: instance.into() }
     }
 
+    /// A closest hit of a segment of lines.
+    pub(super) fn of_segment([t, u, v]: [f32; 3], segment: u32) -> Self {
+        Self { t, prim: segment.into(), u, v, instance: 0 }
+    }
+
     /// Whether the ray hits anything.
     pub(super) fn is_hit(&self) -> bool {
         self.prim >= 0

@@ -1,6 +1,7 @@
 //! `canted cast`: traces rays from a file.
 
 mod files;
+mod lines;
 
 use std::{
     cell::OnceCell,
@@ -15,7 +16,7 @@ use canted_gpu::{DeviceHit, Gpu, Outcome, TracedScene};
 #[cfg(feature = "gpu")]
 use canted_renderer::{DeviceError, traced_scene};
 use canted_renderer::{PrepareError, SceneBvh};
-use canted_scene::Scene;
+use canted_scene::{LineOptions, Scene};
 use canted_trace::{Hit, Intersect as _, Ray};
 use rayon::prelude::*;
 use serde_json::json;
@@ -36,8 +37,12 @@ use files::{Answer, Format};
 #[command(after_help = "Examples:\n  canted cast bunny.ply --rays rays.csv --hits hits.csv\n  \
                         scan | canted cast room.glb --rays - --hits - --format bin > hits.bin")]
 pub(crate) struct Args {
-    /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml).
+    /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, a scene file (.toml), or lines: .hair, .tck, .trk.
     scene: PathBuf,
+    /// Radius of lines for which the file states none; with an OBJ, its lines are traced in place of its faces [default for .tck and .trk: a
+    /// two-thousandth of the extent]
+    #[arg(long, value_parser = options::NotNegative::parse, value_name = "LENGTH")]
+    line_radius: Option<f32>,
     /// Time in the first animation of the file [default: rest pose]
     #[arg(long, value_parser = options::Finite::parse, value_name = "SECONDS", allow_hyphen_values = true)]
     time: Option<f32>,
@@ -52,7 +57,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
     rays: PathBuf,
     /// Output file for hits: .csv (t,prim,u,v,instance) or .bin (f32 t, i32 prim, f32 u, f32 v). t is in units of the
-    /// direction's length. prim counts the triangles of all instances, one instance after another; -1 is a miss. `-` is standard output.
+    /// direction's length. prim counts the triangles of all instances, one instance after another, or the segments of lines; -1 is a miss. `-` is standard output.
     #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
     hits: PathBuf,
     /// Format of rays and hits, in place of that of their file names; of `-`, csv.
@@ -87,13 +92,21 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     output::check_distinct(&inputs.named(), &outputs)?;
     args.run.start()?;
     let rays = files::read(&args.rays, args.format)?;
-    let scene = load::scene(Some(&args.scene), &args.files.read_options(args.time, args.animation.as_deref()))?;
-    load::check_outputs(Some(&args.scene), &scene, &outputs)?;
-    if !is_stream(&args.hits) {
-        output::probe(&args.hits)?;
-    }
-    let machine = Machine::open(&args.run.device, structure)?;
-    let (answers, cost) = trace(&scene, &rays, args, structure, &machine)?;
+    let (answers, cost) = if args.is_about_lines()? {
+        if !is_stream(&args.hits) {
+            output::probe(&args.hits)?;
+        }
+        let options = LineOptions { line_radius: args.line_radius };
+        lines::trace(&args.scene, &options, &rays, args.occluded, structure, &args.run.device)?
+    } else {
+        let scene = load::scene(Some(&args.scene), &args.files.read_options(args.time, args.animation.as_deref()))?;
+        load::check_outputs(Some(&args.scene), &scene, &outputs)?;
+        if !is_stream(&args.hits) {
+            output::probe(&args.hits)?;
+        }
+        let machine = Machine::open(&args.run.device, structure)?;
+        trace(&scene, &rays, args, structure, &machine)?
+    };
     if is_stream(&args.hits) {
         let mut bytes = Vec::new();
         files::write(&mut bytes, format, &answers)?;
@@ -112,6 +125,23 @@ struct Cost {
     seconds: f64,
     /// On a GPU, the rays that exact arithmetic decided there.
     gpu_exact_rays: Option<u64>,
+}
+
+impl Args {
+    /// Whether the rays are traced against lines.
+    ///
+    /// # Errors
+    /// Options that do not apply to the file.
+    fn is_about_lines(&self) -> Result<bool> {
+        let is_lines = canted_scene::is_lines(&self.scene);
+        if self.line_radius.is_some() && !is_lines && !output::has_extension(&self.scene, "obj") {
+            return Err(anyhow!("{}: --line-radius requires .hair, .tck, .trk or .obj", self.scene.display()));
+        }
+        if is_lines && self.time.is_some() {
+            return Err(anyhow!("{}: --time requires a file with an animation", self.scene.display()));
+        }
+        Ok(is_lines || self.line_radius.is_some())
+    }
 }
 
 /// Whether a path stands for standard input or output.

@@ -548,3 +548,44 @@ fn the_oracle_detects_changes() {
     // Equal codes are split by position.
     assert_ne!(nodes(&sorted), nodes(&[0; 100]));
 }
+
+/// Three strands in `.hair`, thick at the root; a polyline in OBJ.
+#[test]
+fn lines_are_numbered_by_segment() {
+    let folder = Folder::new();
+    let mut hair = b"HAIR".to_vec();
+    for number in [2_u32, 5, 1 | 2 | 4, 0, 1.0_f32.to_bits(), 0, 0, 0, 0] {
+        hair.extend(number.to_le_bytes());
+    }
+    hair.resize(128, 0);
+    hair.extend([2_u16, 1].iter().flat_map(|n| n.to_le_bytes()));
+    let points: [[f32; 3]; 5] = [[0.0; 3], [4.0, 0.0, 0.0], [8.0, 0.0, 0.0], [0.0, 9.0, 0.0], [4.0, 9.0, 0.0]];
+    let thickness = [1.0_f32, 1.0, 1.0, 2.0, 2.0];
+    hair.extend(points.as_flattened().iter().chain(&thickness).flat_map(|x| x.to_le_bytes()));
+    folder.write("a.hair", hair);
+    // Onto the middle of each segment; from inside the first one, along it; beside.
+    let rays = "1,0,5,0,0,-1,inf\n6,0,5,0,0,-2,inf\n3,9,5,0,0,-1,inf\n1,0,0,1,0,0,inf\n1,2,5,0,0,-1,inf\n";
+    folder.write("rays.csv", rays);
+    for device in ["cpu", "auto"] {
+        folder.run(&format!("cast a.hair --rays rays.csv --hits hits.csv --device {device}")).done();
+        let hits = rows(&folder.text("hits.csv"), HEADER);
+        // From inside, the first segment is left through the ball at its end, at 4.5; the second one is entered at its ball, at 3.5.
+        let want = [[4.5, 0.0, 0.25], [2.25, 1.0, 0.5], [4.0, 2.0, 0.75], [2.5, 1.0, 0.0], [f64::INFINITY, -1.0, 0.0]];
+        for (hit, want) in hits.iter().zip(want) {
+            assert_eq!([hit[0], hit[1], hit[2], hit[3]], [want[0], want[1], want[2], 0.0], "{hits:?}");
+        }
+    }
+    folder.write("b.obj", "v 0 0 0\nv 4 0 0\nv 8 0 0\nl 1 2 3\n");
+    folder.run("cast b.obj --line-radius 0.25 --rays rays.csv --hits hits.csv").done();
+    let hits = rows(&folder.text("hits.csv"), HEADER);
+    assert_eq!(
+        hits[..3].iter().map(|hit| [hit[0], hit[1]]).collect::<Vec<_>>(),
+        [[4.75, 0.0], [2.375, 1.0], [f64::INFINITY, -1.0]]
+    );
+    folder
+        .run("cast a.hair --rays rays.csv --hits hits.csv --accel kdtree")
+        .refused(&["a.hair", "lines are traced through a wide BVH"]);
+    folder
+        .run("render a.hair -o a.png")
+        .refused(&["a.hair: a picture of lines is not supported; trace rays against them with `canted cast`"]);
+}

@@ -148,6 +148,7 @@ fn converter(path: &Path) -> Option<(&'static str, &'static str)> {
         "pbrt" => {
             ("a pbrt scene", "write its meshes as PLY with `pbrt --toply`, and name them in a scene file (.toml)")
         }
+        "hair" | "tck" | "trk" => ("a picture of lines", "trace rays against them with `canted cast`"),
         "vtk" | "vtu" | "msh" => ("a simulation mesh", "convert its surface to PLY with ParaView or meshio"),
         _ => return None,
     })

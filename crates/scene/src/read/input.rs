@@ -80,6 +80,11 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Input, ReadErro
     Ok(Input { format, bytes })
 }
 
+/// All bytes of a file.
+pub(super) fn read_all(path: &Path) -> Result<Vec<u8>, ReadError> {
+    std::fs::read(path).map_err(ReadError::io(path))
+}
+
 /// The format by the first bytes of a file of `n_bytes`, then by extension.
 fn format_of(extension: Option<&OsStr>, bytes: &[u8], n_bytes: u64) -> Option<Format> {
     let head = &bytes[..bytes.len().min(HEAD_BYTES)];

@@ -9,6 +9,7 @@ mod image;
 mod input;
 #[cfg(feature = "ktx2")]
 mod ktx2;
+mod lines;
 mod mesh;
 mod obj;
 #[cfg(feature = "off")]
@@ -32,6 +33,7 @@ pub use environment::read_environment;
 pub use error::ReadError;
 pub(crate) use image::decode;
 pub use input::ReadOptions;
+pub use lines::{LineOptions, Lines, is_lines, read_lines};
 pub(crate) use text::{quoted, with_line_feeds};
 
 /// Reads an OBJ (with MTL), PLY, STL, OFF, glTF or GLB file with the buffers and images it references.

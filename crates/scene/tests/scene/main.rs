@@ -3,4 +3,5 @@
 mod files;
 mod flaw;
 mod gltf;
+mod lines;
 mod scene_file;

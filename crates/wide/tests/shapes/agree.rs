@@ -10,7 +10,7 @@ use canted_wide::{
     extent_of_box, extent_of_points,
 };
 
-use crate::shape::{Capsule, boxes, capsules, disks, loop_over_all, rays, spheres, struts};
+use crate::shape::{Capsule, boxes, capsules, disks, loop_over_all, rays, segments, spheres, struts};
 
 /// Presets with and without oriented nodes, and oriented nodes only.
 pub(crate) fn configs() -> Vec<(&'static str, Config)> {
@@ -84,6 +84,13 @@ fn spheres_and_boxes_are_hit_as_by_the_loop() {
     for (scale, offset) in PLACES {
         agrees("spheres", &spheres(200, scale, offset), 300);
         agrees("boxes", &boxes(200, scale, offset), 300);
+    }
+}
+
+#[test]
+fn round_segments_are_hit_as_by_the_loop() {
+    for (scale, offset) in PLACES {
+        assert!(agrees("segments", &segments(300, scale, offset), 400) > 0);
     }
 }
 

@@ -2,7 +2,7 @@
 
 use canted_fixtures::SplitMix64;
 use canted_obb::{Aabb, Moments, PrimId};
-use canted_trace::{Hit, InstanceId, Ray, ScaledRay, Side, Sphere};
+use canted_trace::{Hit, InstanceId, Ray, RoundSegment, ScaledRay, Side, Sphere};
 use canted_wide::{Primitive, PrimitiveHit, SavedPrimitive, bounds_of_points, extent_of_points};
 
 type Vector = [f64; 3];
@@ -234,6 +234,13 @@ pub(crate) fn disks(n: usize, scale: f32, offset: f32) -> Vec<Disk> {
 
 pub(crate) fn spheres(n: usize, scale: f32, offset: f32) -> Vec<Sphere> {
     capsules(n, scale, offset).iter().map(|c| Sphere { center: c.ends[0], radius: c.radius }).collect()
+}
+
+/// Segments of all kinds: cones, capsules, balls, one ball within the other, tips.
+pub(crate) fn segments(n: usize, scale: f32, offset: f32) -> Vec<RoundSegment> {
+    let other = |i: usize, radius: f32| [radius, 0.0, 0.1 * radius, 3.0 * radius, scale * 0.5][i / 3 % 5];
+    let segment = |(i, c): (usize, &Capsule)| RoundSegment { ends: c.ends, radii: [c.radius, other(i, c.radius)] };
+    capsules(n, scale, offset).iter().enumerate().map(segment).collect()
 }
 
 /// Boxes, some flat, some points.
