@@ -26,7 +26,8 @@ type Inner = canted::Tlas<Arc<TriangleBvh>>;
 /// ----------
 /// bvhs : sequence of Bvh
 ///     The meshes, as they are now: a later refit does not change the Tlas. An origin of a Bvh is part of its transforms. Where one was
-///     chosen near a mesh, the Tlas has one too: rays then start near it, in float64, and t and distances of results are float64.
+///     chosen near a mesh, or an instance is so far away that float32 does not hold it, the Tlas has one near its instances: rays then
+///     start near them, in float64, and t and distances of results are float64.
 /// instances : sequence of (int, (4, 4) floats), optional
 ///     For each instance the index of its mesh and world_from_object: points are columns, so the translation is the last column. Any
 ///     invertible map, rounded to float32 after the origin is subtracted; a scale by zero hides the instance. Default: each mesh once, as it
@@ -131,9 +132,11 @@ impl Tlas {
                 }
             }
         }
-        let is_near = geometries.iter().any(|geometry| geometry.is_near);
-        let corners = placed.iter().flat_map(|(index, matrix)| corners(matrix, &geometries[*index]));
-        let origin = if is_near { frame::origin_of(corners) } else { NO_ORIGIN };
+        let corners: Vec<_> = placed.iter().map(|(index, matrix)| corners(matrix, &geometries[*index])).collect();
+        let near = frame::origin_of(corners.iter().flatten().copied());
+        let is_near = geometries.iter().any(|geometry| geometry.is_near)
+            || near != NO_ORIGIN && corners.iter().any(|corners| frame::is_far(corners));
+        let origin = if is_near { near } else { NO_ORIGIN };
         let instances = placed.iter().map(|(index, matrix)| {
             let affine = affine(matrix, geometries[*index].origin, origin);
             Ok(Instance::new(u32::try_from(*index).map_err(invalid)?, affine))

@@ -128,3 +128,29 @@ def test_scenes_with_open3d_s_names():
     near = RaycastingScene()
     near.add_triangles(*meshes.box())
     assert near.cast_rays([[0.25, 0.5, 3, 0, 0, -1]])["t_hit"].dtype == near.compute_distance([[0, 0, 2]]).dtype == "float32"
+
+
+@pytest.mark.parametrize("shift", [1e3, 1e5, 4321987.654])
+def test_a_near_mesh_placed_far_away(shift):
+    """Distances from inside and outside of a cube of 10 cm, known without a computer."""
+    vertices, triangles = meshes.box()
+    box = canted.Bvh(0.1 * (vertices - 0.5), triangles)
+    center = np.array([shift + 0.0123, -shift, 0.3])
+    matrix = np.eye(4)
+    matrix[:3, 3] = center
+    far = canted.Tlas([box], [(0, matrix)])
+    assert far.signed_distance(center) == pytest.approx(-0.05, abs=1e-6)
+    assert far.contains(center + [0.049, 0, 0]) and not far.contains(center + [0.051, 0, 0])
+    assert far.nearest(center + [0.06, 0, 0]).distance == pytest.approx(0.01, abs=1e-6)
+    hit = far.closest_hit(center + [1, 0.02, 0.01], [-1, 0, 0])
+    assert hit.t == pytest.approx(0.95, abs=1e-6)
+
+
+def test_wide_scenes_and_near_ones_have_no_origin():
+    """Around zero no origin gains anything."""
+    vertices, triangles = meshes.box()
+    box = canted.Bvh(vertices - 0.5, triangles)
+    ends = [np.eye(4), np.eye(4)]
+    ends[0][0, 3], ends[1][0, 3] = -1e6, 1e6
+    for instances in ([(0, np.eye(4))], [(0, ends[0]), (0, ends[1])]):
+        assert canted.Tlas([box], instances).origin == (0, 0, 0)

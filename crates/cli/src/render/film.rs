@@ -123,8 +123,16 @@ pub(super) fn render(renderer: &dyn FilmRenderer, job: &FilmJob, done: Vec<Tile>
     let Err(error) = film else { return Ok((film?, facts)) };
     if let Some(checkpoint) = checkpoint {
         checkpoint.save();
+        output::note("the checkpoint has the finished tiles; the same command continues");
     }
-    let written = tiles.map_or(Ok(()), |tiles| write_stopped(&tiles, job.cpu, file));
+    let written = tiles.map_or(Ok(()), |tiles| {
+        write_stopped(&tiles, job.cpu, file)?;
+        if !file.is_stream {
+            let [width, height] = file.shown_size();
+            output::note(&format!("{} is the unfinished picture, {width} x {height}", file.path.display()));
+        }
+        Ok(())
+    });
     Err(stopped(error, written))
 }
 

@@ -568,7 +568,7 @@ fn lines_are_numbered_by_segment() {
     folder.write("rays.csv", rays);
     for device in ["cpu", "auto"] {
         folder.run(&format!("cast a.hair --rays rays.csv --hits hits.csv --device {device}")).done();
-        let hits = rows(&folder.text("hits.csv"), HEADER);
+        let hits: Vec<Vec<f64>> = rows(&folder.text("hits.csv"), HEADER);
         // From inside, the first segment is left through the ball at its end, at 4.5; the second one is entered at its ball, at 3.5.
         let want = [[4.5, 0.0, 0.25], [2.25, 1.0, 0.5], [4.0, 2.0, 0.75], [2.5, 1.0, 0.0], [f64::INFINITY, -1.0, 0.0]];
         for (hit, want) in hits.iter().zip(want) {
@@ -577,7 +577,7 @@ fn lines_are_numbered_by_segment() {
     }
     folder.write("b.obj", "v 0 0 0\nv 4 0 0\nv 8 0 0\nl 1 2 3\n");
     folder.run("cast b.obj --line-radius 0.25 --rays rays.csv --hits hits.csv").done();
-    let hits = rows(&folder.text("hits.csv"), HEADER);
+    let hits: Vec<Vec<f64>> = rows(&folder.text("hits.csv"), HEADER);
     assert_eq!(
         hits[..3].iter().map(|hit| [hit[0], hit[1]]).collect::<Vec<_>>(),
         [[4.75, 0.0], [2.375, 1.0], [f64::INFINITY, -1.0]]

@@ -51,12 +51,18 @@ pub(super) fn within(bounds: &Aabb) -> impl Fn(DVec3) -> bool {
     move |point| point.cmpge(min).all() && point.cmple(max).all()
 }
 
-/// Visits every vertex that triangles use, in world space, once per instance, with the instance and the number of the vertex. The ground
-/// that was added to a scene is not visited.
+/// Visits every vertex of triangles that can be seen, in world space, once per instance, with the instance and the number of the vertex. The
+/// ground that was added to a scene is not visited, nor are invisible materials unless there are no others.
 pub(super) fn for_each_vertex(scene: &Scene, mut visit: impl FnMut((usize, usize), DVec3)) {
+    let is_visible = |part: &canted_scene::Part| !scene.materials[part.material.0 as usize].is_invisible();
+    let all_count = !scene.meshes.iter().flat_map(|mesh| &mesh.parts).any(is_visible);
     let used = |mesh: &canted_scene::Mesh| {
         let mut is_used = vec![false; mesh.positions.len()];
-        mesh.triangles.as_flattened().iter().for_each(|&i| is_used[i as usize] = true);
+        for (k, part) in mesh.parts.iter().enumerate().filter(|(_, part)| all_count || is_visible(part)) {
+            let end = mesh.parts.get(k + 1).map_or(mesh.triangles.len(), |next| next.first_triangle as usize);
+            let triangles = &mesh.triangles[part.first_triangle as usize..end];
+            triangles.as_flattened().iter().for_each(|&i| is_used[i as usize] = true);
+        }
         is_used
     };
     let used: Vec<Vec<bool>> = scene.meshes.iter().map(used).collect();

@@ -102,7 +102,7 @@ impl Subject {
 
     /// Chooses a camera for an image whose width is `aspect` times its height.
     ///
-    /// Objects are viewed from direction (0.7, 0.5, 1), as large as the image allows; flat and upright ones from the front; interiors with
+    /// Objects are viewed from direction (0.7, 0.5, 1), or from a side where their single-sided surfaces are drawn, as large as the image allows; flat and upright ones from the front; interiors with
     /// one open side from outside, through it; closed interiors from inside, at two fifths of their height, from the point and direction
     /// with the best view. Directions are those of a scene with +y up. The result does not depend on the acceleration structure.
     #[must_use]
@@ -146,7 +146,7 @@ impl Subject {
         }
         match front_of_chart(&probe) {
             Some(front) => (from(front), Shown::Chart),
-            None => (from(THREE_QUARTERS), Shown::Object),
+            None => (from(side_of_fronts(&probe)), Shown::Object),
         }
     }
 
@@ -187,6 +187,13 @@ fn has_colors(scene: &Scene) -> bool {
     is_textured || scene.meshes.iter().any(|mesh| mesh.colors.is_some())
 }
 
+/// The direction from which objects are viewed, from above; from below or behind where only hidden backs are seen from there.
+fn side_of_fronts(probe: &Probe) -> DVec3 {
+    let others =
+        [[1.0, -1.0, 1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, -1.0]].map(|signs| DVec3::from(signs) * THREE_QUARTERS);
+    std::iter::once(THREE_QUARTERS).chain(others).find(|&from| probe.is_drawn_from(from)).unwrap_or(THREE_QUARTERS)
+}
+
 /// The horizontal axis along which a box is thin, if it is flat and upright.
 fn thin_axis(DVec3 { x, y, z }: DVec3) -> Option<DVec3> {
     /// Depth relative to the shorter of the other sides.
@@ -209,7 +216,7 @@ fn front_of_chart(probe: &Probe) -> Option<DVec3> {
         let from = probe.point_at(relative) + front * probe.extent().length();
         match probe.cast(from, -front) {
             RayResult::Front { .. } => n_front += 1,
-            RayResult::Back => n_back += 1,
+            RayResult::Back { .. } => n_back += 1,
             RayResult::Miss => {}
         }
     }

@@ -6,6 +6,7 @@ use canted_trace::{Hit, InstanceId, Intersect, Ray};
 use glam::DVec3;
 
 use super::turn::Turn;
+use crate::surface::hit_filter::is_single_sided;
 use crate::{narrow, wide};
 
 /// Casts rays in the bounding box of a scene whose up direction was turned to +y.
@@ -27,7 +28,10 @@ pub(super) enum RayResult {
         triangle: (InstanceId, PrimId),
     },
     /// The back of a triangle.
-    Back,
+    Back {
+        /// Whether its material is single-sided, so that it is not drawn.
+        is_hidden: bool,
+    },
     /// No hit.
     Miss,
 }
@@ -52,12 +56,35 @@ impl<'a> Probe<'a> {
         match self.bvh.closest_hit(&Ray::new(from, towards)) {
             None => RayResult::Miss,
             Some(hit) if Some(hit.instance.0) == self.scene.ground => RayResult::Miss,
-            Some(hit) if !is_front(self.scene, &hit, towards) => RayResult::Back,
+            Some(hit) if !is_front(self.scene, &hit, towards) => {
+                let mesh = &self.scene.meshes[self.scene.instances[hit.instance.0 as usize].mesh.0 as usize];
+                let material = mesh.material_of(hit.primitive.0);
+                let is_hidden = is_single_sided(&self.scene.materials[material.0 as usize], false);
+                RayResult::Back { is_hidden }
+            }
             Some(hit) => RayResult::Front {
                 distance: f64::from(hit.t) * direction.length(),
                 triangle: (hit.instance, hit.primitive),
             },
         }
+    }
+
+    /// Whether anything that is drawn is seen from far away in a direction; true where rays meet nothing.
+    pub(super) fn is_drawn_from(&self, direction: DVec3) -> bool {
+        const N_RAYS: u32 = 24;
+        let (right, up) = direction.normalize().any_orthonormal_pair();
+        let radius = 0.5 * self.extent().length();
+        let mut is_hidden = false;
+        for i in 0..N_RAYS * N_RAYS {
+            let [x, y] = [i % N_RAYS, i / N_RAYS].map(|k| (2.0 * f64::from(k) + 1.0) / f64::from(N_RAYS) - 1.0);
+            let from = DVec3::from(self.bounds.center()) + (right * x + up * y + direction.normalize() * 2.0) * radius;
+            match self.cast(from, -direction) {
+                RayResult::Miss => {}
+                RayResult::Back { is_hidden: true } => is_hidden = true,
+                RayResult::Front { .. } | RayResult::Back { .. } => return true,
+            }
+        }
+        !is_hidden
     }
 }
 

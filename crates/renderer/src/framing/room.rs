@@ -46,7 +46,7 @@ pub(super) fn is_closed_object(probe: &Probe) -> bool {
         let from = probe.point_at(quasirandom(i)) + direction * (-2.0 * distance);
         match probe.cast(from, direction) {
             RayResult::Front { .. } => n_front += 1,
-            RayResult::Back => n_back += 1,
+            RayResult::Back { .. } => n_back += 1,
             RayResult::Miss => {}
         }
     }
@@ -146,7 +146,7 @@ fn score(columns: &[[RayResult; ROWS]; COLUMNS], center: usize, half_width: f64,
     };
     let log_distance = |result: &RayResult| match result {
         RayResult::Front { distance, .. } => (distance / diagonal).max(BACK).ln(),
-        RayResult::Back => BACK.ln(),
+        RayResult::Back { .. } => BACK.ln(),
         RayResult::Miss => BACKGROUND.ln(),
     };
     let triangle =
