@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use canted_fixtures::skip;
 use canted_obb::Affine;
 use canted_renderer::{CameraError, Levels, SceneBvh, SceneBvhConfig, Shown, Subject, View, frame};
-use canted_scene::{Camera, Lens, Material, Mesh, Projection, Scene};
+use canted_scene::{AlphaMode, Camera, Lens, Material, Mesh, Projection, Scene};
 
 use crate::common::{
     BruteForce, U, Vector, cross, cuboid, dot, film, floor, gray, inside_out, parallelogram, place, scene, settings,
@@ -297,6 +297,41 @@ fn closed_objects_are_viewed_from_outside_whatever_their_winding() {
             let bvh = SceneBvh::build(scene, &SceneBvhConfig { levels, ..SceneBvhConfig::default() }).unwrap();
             assert_eq!(frame(scene, &bvh, 1.5), expected, "{name} {levels:?}");
         }
+    }
+}
+
+/// A single-sided sheet is seen from the side on which it is drawn: from below, or from behind.
+#[test]
+fn single_sided_sheets_are_viewed_from_their_fronts() {
+    let lying = parallelogram([0.0; 3], [0.0, 0.0, 2.0], [3.0, 0.0, 0.0], 0);
+    let leaning = parallelogram([0.0; 3], [3.0, 0.0, 0.0], [0.0, 2.0, -2.0], 0);
+    for (name, sheet, from) in [
+        ("up", lying.clone(), [0.7, 0.5, 1.0]),
+        ("down", inside_out(lying), [0.7, -0.5, 1.0]),
+        ("front", leaning.clone(), [0.7, 0.5, 1.0]),
+        ("back", inside_out(leaning), [-0.7, 0.5, -1.0]),
+    ] {
+        for double_sided in [false, true] {
+            let scene = scene(vec![sheet.clone()], vec![Material { double_sided, ..gray(0.5) }]);
+            let from = if double_sided { [0.7, 0.5, 1.0] } else { from };
+            let camera = framed(&scene, 1.5);
+            assert!(dot(forward(&camera), unit(from)) < -0.999_99, "{name} {double_sided}: {camera:?}");
+        }
+    }
+}
+
+/// What no ray hits does not make an object smaller in the picture, unless there is nothing else.
+#[test]
+fn invisible_materials_do_not_count() {
+    let ball = sphere([0.0, 0.5, 0.0], 0.5, 3, 0);
+    let alone = framed(&scene(vec![ball.clone()], vec![gray(0.5)]), 1.5);
+    for (alpha, alpha_mode) in [(0.0, AlphaMode::Blend), (0.2, AlphaMode::Mask { cutoff: 0.5 })] {
+        let hidden = Material { alpha, alpha_mode, ..gray(0.5) };
+        let around = cuboid([-40.0; 3], [40.0; 3], 1);
+        let both = scene(vec![ball.clone(), around], vec![gray(0.5), hidden.clone()]);
+        assert_eq!(framed(&both, 1.5), alone, "{alpha_mode:?}");
+        let only = scene(vec![cuboid([-1.0; 3], [1.0; 3], 0)], vec![hidden]);
+        assert!(fills(&only, &framed(&only, 1.5), 1.5));
     }
 }
 
