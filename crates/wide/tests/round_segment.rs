@@ -43,7 +43,7 @@ fn ray_at(segment: &RoundSegment, rng: &mut SplitMix64, i: usize) -> Ray {
     let reach = segment.radii[0].max(segment.radii[1]) * [0.0, 0.5, 1.0, 1.2][i / 4 % 4];
     let off = rng.on_sphere();
     let target: [f32; 3] = std::array::from_fn(|k| a[k] + s * (b[k] - a[k]) + reach * off[k] as f32);
-    let from = if i % 7 == 0 { std::array::from_fn(|k| f64::from(a[k] - b[k])) } else { rng.on_sphere() };
+    let from = if i.is_multiple_of(7) { std::array::from_fn(|k| f64::from(a[k] - b[k])) } else { rng.on_sphere() };
     let far = [0.0, 0.3, 5.0, 1e3][i / 3 % 4];
     let origin: [f32; 3] = std::array::from_fn(|k| target[k] + (far * from[k]) as f32);
     let mut direction: [f32; 3] = std::array::from_fn(|k| target[k] - origin[k]);
