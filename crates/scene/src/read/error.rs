@@ -150,6 +150,15 @@ fn converter(path: &Path) -> Option<(&'static str, &'static str)> {
         }
         "hair" | "tck" | "trk" => ("a picture of lines", "trace rays against them with `canted cast`"),
         "vtk" | "vtu" | "msh" => ("a simulation mesh", "convert its surface to PLY with ParaView or meshio"),
+        "drc" => ("Draco data without glTF", "convert it to PLY with `draco_decoder -i in.drc -o out.ply`"),
+        "splat" | "spz" | "ksplat" => {
+            ("a cloud of Gaussian splats", "it has no faces, so export a mesh of it as PLY, OBJ or glTF")
+        }
+        "dxf" => ("DXF", "import it in FreeCAD and export glTF or STL"),
+        "ifc" => ("IFC", "convert it with `IfcConvert in.ifc out.glb`"),
+        "skp" => ("a SketchUp file", "open it in SketchUp and export glTF, OBJ or STL"),
+        "max" => ("a 3ds Max file", "open it in 3ds Max and export glTF, OBJ or STL"),
+        "3dm" => ("a Rhino file", "open it in Rhino and export glTF, OBJ or STL"),
         _ => return None,
     })
 }

@@ -1,4 +1,4 @@
-//! A file to read: the options, and its format and content, decompressed.
+//! A file to read: the options, and its format and content, decompressed and with text in UTF-8.
 
 use std::ffi::OsStr;
 use std::fs::File;
@@ -46,7 +46,7 @@ pub(super) enum Format {
     Gltf,
 }
 
-/// A file in memory, decompressed.
+/// A file in memory, decompressed, with text in UTF-8.
 pub(super) struct Input {
     pub(super) format: Format,
     pub(super) bytes: Vec<u8>,
@@ -64,20 +64,31 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Input, ReadErro
     let mut file = File::open(path).map_err(&io_error)?;
     let mut bytes = Vec::new();
     (&mut file).take(HEAD_BYTES as u64).read_to_end(&mut bytes).map_err(&io_error)?;
+    let is_gz = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gz"));
     if bytes.starts_with(&GZIP) {
         file.read_to_end(&mut bytes).map_err(&io_error)?;
-        let bytes = decompress(path, &bytes)?;
+        let bytes = as_utf8(decompress(path, &bytes)?, None);
         // `model.obj.gz`: the format is that of the inner name.
-        let is_gz = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gz"));
         let inner = path.file_stem().filter(|_| is_gz).map_or(path, Path::new);
         let format = format_of(inner.extension(), &bytes, bytes.len() as u64);
         return format.map(|format| Input { format, bytes }).ok_or(ReadError::UnknownFormat { path: path.to_owned() });
     }
     let n_bytes = file.metadata().map_err(&io_error)?.len();
-    let format = format_of(path.extension(), &bytes, n_bytes);
-    let format = format.ok_or_else(|| ReadError::UnknownFormat { path: path.to_owned() })?;
+    let start = as_utf8(bytes.clone(), Some(n_bytes));
+    let format = format_of(path.extension(), &start, n_bytes);
+    let format = format.ok_or_else(|| match is_gz {
+        true => ReadError::malformed(path, "header", "not a gzip file"),
+        false => ReadError::UnknownFormat { path: path.to_owned() },
+    })?;
     file.read_to_end(&mut bytes).map_err(&io_error)?;
-    Ok(Input { format, bytes })
+    Ok(Input { format, bytes: as_utf8(bytes, Some(n_bytes)) })
+}
+
+/// The bytes of a file, or of its start where it has `n_bytes` in all, in UTF-8 if they are a text of UTF-16.
+fn as_utf8(bytes: Vec<u8>, n_bytes: Option<u64>) -> Vec<u8> {
+    // The first bytes of a binary STL file are anything.
+    let is_binary = is_stl(&bytes[..bytes.len().min(HEAD_BYTES)], n_bytes.unwrap_or(bytes.len() as u64));
+    if is_binary { bytes } else { text::from_utf16(bytes) }
 }
 
 /// All bytes of a file.

@@ -1,5 +1,6 @@
-//! What readers share about meshes: triangle checks, scenes of a single mesh, colors of vertices.
+//! What readers share about meshes: triangle checks, scenes of a single mesh, vertices split by attributes of faces, colors.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use canted_obb::Affine;
@@ -140,6 +141,52 @@ pub(crate) fn single_mesh(
     scene.instances.push(Instance { mesh, world_from_object, world_from_object_close: None, first_primitive: 0 });
     checks.finish(path, &mut scene)?;
     Ok(scene)
+}
+
+/// A corner of a triangle: its vertex, its number among the corners of all faces, and its face.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Corner {
+    pub(crate) vertex: u32,
+    pub(crate) number: u32,
+    pub(crate) face: u32,
+}
+
+/// A vertex where corners with equal attributes meet: its number in the file, and the bits of its texture coordinates and of its color.
+type Key = (u32, [u32; 2], [u32; 4]);
+
+/// Numbers vertices anew, so that each has one pair of texture coordinates and one color.
+#[derive(Default)]
+pub(crate) struct Split {
+    numbers: HashMap<Key, u32>,
+    /// By new number, a corner of the vertex.
+    pub(crate) corners: Vec<Corner>,
+}
+
+impl Split {
+    /// The triangles with new vertex numbers, in order of first use; `None` for more than 2^32 vertices.
+    pub(crate) fn triangles(
+        &mut self,
+        triangles: &[[Corner; 3]],
+        uvs: Option<&[[f32; 2]]>,
+        colors: Option<&[[f32; 4]]>,
+    ) -> Option<Vec<[u32; 3]>> {
+        let mut split = Vec::with_capacity(triangles.len());
+        for triangle in triangles {
+            let mut numbers = [0; 3];
+            for (corner, number) in triangle.iter().zip(&mut numbers) {
+                let uv = uvs.map_or([0.0; 2], |uvs| uvs[corner.number as usize]);
+                let color = colors.map_or([0.0; 4], |colors| colors[corner.face as usize]);
+                let next = u32::try_from(self.corners.len()).ok()?;
+                let key = (corner.vertex, uv.map(f32::to_bits), color.map(f32::to_bits));
+                *number = *self.numbers.entry(key).or_insert(next);
+                if *number == next {
+                    self.corners.push(*corner);
+                }
+            }
+            split.push(numbers);
+        }
+        Some(split)
+    }
 }
 
 /// The mark of a vertex without a color; it becomes white.

@@ -39,7 +39,7 @@ pub(crate) use text::{quoted, with_line_feeds};
 /// Reads an OBJ (with MTL), PLY, STL, OFF, glTF or GLB file with the buffers and images it references.
 ///
 /// The format is determined by the content (PLY, GLB, STL, OFF), else by the extension. Files compressed by gzip are
-/// decompressed first. Referenced files are only read from the
+/// decompressed first, and text in UTF-16 is read as in UTF-8. Referenced files are only read from the
 /// folder of `path` and below, unless [`ReadOptions`] permit more. Repairs and skipped elements are reported in [`Scene::warnings`]. Coordinates keep the file's
 /// unit.
 ///
@@ -255,6 +255,14 @@ mod tests {
             ("c.blend", "a Blender file is not supported; open it in Blender"),
             ("c.xml", "a Mitsuba scene is not supported; import it in Blender"),
             ("c.pbrt", "a pbrt scene is not supported; write its meshes as PLY"),
+            ("c.drc", "Draco data without glTF is not supported; convert it to PLY with `draco_decoder"),
+            ("c.splat", "a cloud of Gaussian splats is not supported; it has no faces"),
+            ("c.spz", "a cloud of Gaussian splats is not supported; it has no faces"),
+            ("c.dxf", "DXF is not supported; import it in"),
+            ("c.ifc", "IFC is not supported; convert it with `IfcConvert in.ifc out.glb`"),
+            ("c.skp", "a SketchUp file is not supported; open it in SketchUp"),
+            ("c.max", "a 3ds Max file is not supported; open it in 3ds Max"),
+            ("c.3dm", "a Rhino file is not supported; open it in Rhino"),
             ("c.xyz", "unsupported scene format; use OBJ"),
         ] {
             let error = file(name, "").unwrap_err().to_string();
@@ -269,6 +277,32 @@ mod tests {
         assert!(std::error::Error::source(&error).is_some());
         assert_eq!(error.path(), Path::new("absent/model.obj"));
         assert!(matches!(read(Path::new(".")), Err(ReadError::Io { .. })));
+    }
+
+    #[test]
+    fn text_may_be_utf16() {
+        let folder = tempfile::tempdir().unwrap();
+        for order in [u16::to_le_bytes, u16::to_be_bytes] {
+            let encoded = |text: &str| text.encode_utf16().flat_map(order).collect::<Vec<u8>>();
+            for mark in ["\u{feff}", ""] {
+                let write = |name: &str, text: &str| {
+                    let path = folder.path().join(name);
+                    std::fs::write(&path, encoded(&format!("{mark}{text}"))).unwrap();
+                    path
+                };
+                write("a.mtl", "newmtl c\nKd 1 0 0\n");
+                let scene = read(&write("a.obj", OBJ)).unwrap();
+                assert_eq!((scene.n_placed_triangles(), scene.materials[0].base_color), (3, [1.0, 0.0, 0.0]));
+                assert_eq!(scene.warnings, [""; 0]);
+                assert_eq!(read(&write("a.ply", PLY)).unwrap().n_placed_triangles(), 1);
+                #[cfg(feature = "stl")]
+                for name in ["a.stl", "b"] {
+                    assert_eq!(read(&write(name, STL)).unwrap().n_placed_triangles(), 1);
+                }
+                #[cfg(feature = "off")]
+                assert_eq!(read(&write("a.off", OFF)).unwrap().n_placed_triangles(), 3);
+            }
+        }
     }
 
     #[cfg(feature = "gzip")]
@@ -286,6 +320,7 @@ mod tests {
         assert_eq!(file("a.OBJ.GZ", &compressed(obj)).unwrap().n_placed_triangles(), 3);
         assert_eq!(file("a.obj", &compressed(obj)).unwrap().n_placed_triangles(), 3);
         assert_eq!(file("a.gz", &compressed(PLY.as_bytes())).unwrap().n_placed_triangles(), 1);
+        assert!(file("f.obj.gz", obj).unwrap_err().to_string().ends_with("f.obj.gz: header: not a gzip file"));
         let (a, b) = PLY.as_bytes().split_at(40);
         assert_eq!(file("b.gz", &[compressed(a), compressed(b)].concat()).unwrap().n_placed_triangles(), 1);
         assert!(matches!(file("c.gz", &compressed(obj)), Err(ReadError::UnknownFormat { .. })));

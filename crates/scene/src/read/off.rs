@@ -5,14 +5,14 @@
 //! ```
 //!
 //! Gives one mesh with one instance, in the file's order. Each vertex and each face is a line. Texture coordinates are
-//! skipped, as no texture goes with them; colors of faces are reported.
+//! skipped, as no texture goes with them. A vertex whose faces have other colors becomes one of each color.
 //!
 //! Source: Geomview manual, section "OFF Files".
 
 use std::path::Path;
 
 use super::error::{ReadError, WarningGroups};
-use super::mesh::{MeshChecks, NO_COLOR, linear_colors, single_mesh, unit_normal};
+use super::mesh::{Corner, MeshChecks, NO_COLOR, Split, linear_colors, single_mesh, unit_normal};
 use super::text::{self, quoted};
 use crate::{Material, Mesh, Scene};
 
@@ -57,16 +57,19 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Scene, ReadError> {
         vertices.add(path, &header, &next("vertex", k, header.n_vertices)?, &mut grouped)?;
     }
     let (mut checks, mut triangles) = (MeshChecks::default(), Vec::new());
-    let mut indices = Vec::new();
+    let (mut corners, mut colors) = (Vec::new(), FaceColors::default());
     for k in 0..header.n_faces {
-        face(path, &next("face", k, header.n_faces)?, vertices.positions.len(), &mut indices, &mut grouped)?;
-        checks.cut(&indices, |index| vertices.positions[index as usize], &mut triangles);
+        let line = next("face", k, header.n_faces)?;
+        colors.add(face(path, &line, vertices.positions.len(), &mut corners)?);
+        let face = u32::try_from(k).map_err(|_| ReadError::unsupported(path, "more than 2^32 faces"))?;
+        corners.iter_mut().for_each(|corner: &mut Corner| corner.face = face);
+        checks.cut(&corners, |corner| vertices.positions[corner.vertex as usize], &mut triangles);
     }
     if let Some(line) = lines.next() {
         grouped.add("ignoring lines after the last declared face", &format!("line {}", line.number));
     }
     grouped.finish(&mut scene.warnings);
-    let (mesh, material) = vertices.into_mesh(triangles, &mut scene.warnings);
+    let (mesh, material) = vertices.into_mesh(path, triangles, colors, &mut scene.warnings)?;
     single_mesh(path, mesh, vec![material], checks, scene)
 }
 
@@ -109,36 +112,57 @@ impl Vertices {
         Ok(())
     }
 
-    /// The mesh, and a material that is white under vertex colors.
-    fn into_mesh(self, triangles: Vec<[u32; 3]>, warnings: &mut Vec<String>) -> (Mesh, Material) {
+    /// The mesh, and a material that is white under colors.
+    fn into_mesh(
+        self,
+        path: &Path,
+        triangles: Vec<[Corner; 3]>,
+        of_faces: FaceColors,
+        warnings: &mut Vec<String>,
+    ) -> Result<(Mesh, Material), ReadError> {
         let Self { positions, normals, colors } = self;
-        let mut mesh = Mesh { positions, triangles, ..Mesh::default() };
-        let mut material = Material::default();
-        if !normals.is_empty() {
-            mesh.normals = Some(normals.into_iter().map(unit_normal).collect());
+        let has_colors = !colors.is_empty();
+        let colors = linear_colors("vertex", colors, None).map_err(|warning| warnings.push(warning)).ok();
+        let colors = colors.filter(|_| has_colors);
+        let normals: Vec<[f32; 3]> = normals.into_iter().map(unit_normal).collect();
+        let normals = Some(normals).filter(|normals| !normals.is_empty());
+        let mut of_faces = of_faces.linear(warnings);
+        if colors.is_some() && of_faces.take().is_some() {
+            warnings.push("ignoring colors of faces, as vertices have colors".to_owned());
         }
-        if !colors.is_empty() {
-            match linear_colors("vertex", colors, None) {
-                Ok(colors) => {
-                    mesh.colors = Some(colors);
-                    material.base_color = [1.0; 3];
-                }
-                Err(warning) => warnings.push(warning),
+        let mesh = match of_faces {
+            None => {
+                let triangles = triangles.into_iter().map(|corners| corners.map(|corner| corner.vertex)).collect();
+                Mesh { positions, triangles, normals, colors, ..Mesh::default() }
             }
+            Some(of_faces) => {
+                let mut split = Split::default();
+                let triangles = split.triangles(&triangles, None, Some(&of_faces));
+                let triangles = triangles.ok_or_else(|| ReadError::unsupported(path, "more than 2^32 vertices"))?;
+                let of_vertex = |all: Vec<[f32; 3]>| {
+                    split.corners.iter().map(|corner| all[corner.vertex as usize]).collect::<Vec<_>>()
+                };
+                let (positions, normals) = (of_vertex(positions), normals.map(of_vertex));
+                let colors = split.corners.iter().map(|corner| of_faces[corner.face as usize]).collect();
+                Mesh { positions, triangles, normals, colors: Some(colors), ..Mesh::default() }
+            }
+        };
+        let mut material = Material::default();
+        if mesh.colors.is_some() {
+            material.base_color = [1.0; 3];
         }
-        (mesh, material)
+        Ok((mesh, material))
     }
 }
 
-/// Reads a face: a count, that many indices, and an optional color.
-fn face(
+/// Reads a face, a count and that many indices; gives the words after them, which are a color.
+fn face<'a>(
     path: &Path,
-    line: &Line,
+    line: &'a Line,
     n_vertices: usize,
-    indices: &mut Vec<u32>,
-    grouped: &mut WarningGroups,
-) -> Result<(), ReadError> {
-    indices.clear();
+    face: &mut Vec<Corner>,
+) -> Result<&'a [&'a [u8]], ReadError> {
+    face.clear();
     let count = line.words[0];
     let n = text::integer(count).and_then(|n| usize::try_from(n).ok());
     let n = n.ok_or_else(|| line.malformed(path, format!("invalid number of corners {}", quoted(count))))?;
@@ -150,14 +174,45 @@ fn face(
         let index = text::integer(word)
             .ok_or_else(|| line.malformed(path, format!("invalid vertex index {}", quoted(word))))?;
         let in_range = u32::try_from(index).ok().filter(|&index| (index as usize) < n_vertices);
-        indices.push(in_range.ok_or_else(|| {
+        let vertex = in_range.ok_or_else(|| {
             line.malformed(path, format!("vertex index {index} out of range ({n_vertices} vertices)"))
-        })?);
+        })?;
+        face.push(Corner { vertex, number: 0, face: 0 });
     }
-    if !rest.is_empty() {
-        grouped.add("ignoring colors of faces", &format!("line {}", line.number));
+    Ok(rest)
+}
+
+/// Colors of faces, which any of them may have.
+#[derive(Default)]
+struct FaceColors {
+    /// One per face; [`NO_COLOR`] for one without.
+    list: Vec<[f32; 3]>,
+    /// Whether words follow the corners of any face.
+    is_used: bool,
+}
+
+impl FaceColors {
+    /// Adds the color of a face: `r g b` or `r g b a`. A single number would be an index into a color map that is not in the file.
+    fn add(&mut self, words: &[&[u8]]) {
+        let color = match *words {
+            [r, g, b] | [r, g, b, _] => [r, g, b].map(|word| text::float(word).unwrap_or(f32::NAN)),
+            _ => NO_COLOR,
+        };
+        self.list.push(color);
+        self.is_used |= !words.is_empty();
     }
-    Ok(())
+
+    /// The linear colors, if the file has usable ones.
+    fn linear(self, warnings: &mut Vec<String>) -> Option<Vec<[f32; 4]>> {
+        let n_without = self.list.iter().filter(|color| color.iter().any(|x| x.is_nan())).count();
+        if self.is_used && n_without > 0 {
+            warnings.push(format!("faces without a color of 3 or 4 numbers: {n_without}"));
+        }
+        if n_without == self.list.len() {
+            return None;
+        }
+        linear_colors("face", self.list, None).map_err(|warning| warnings.push(warning)).ok()
+    }
 }
 
 /// What each vertex has, and the declared counts.
@@ -268,12 +323,40 @@ mod tests {
     }
 
     #[test]
+    fn faces_have_colors() {
+        let (red, white) = ([1.0, 0.0, 0.0, 1.0], [1.0; 4]);
+        let colors = |scene: &Scene| -> Vec<[f32; 4]> {
+            let mesh = &scene.meshes[0];
+            mesh.triangles.iter().map(|t| mesh.colors.as_ref().unwrap()[t[0] as usize]).collect()
+        };
+        let square = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
+        for color in ["255 0 0", "1 0 0", "1.0 0.0 0.0 0.5", "255 0 0 255 # red"] {
+            let scene = off(format!("OFF\n4 2 0\n{square}3 0 1 2 {color}\n3 0 2 3 {color}\n")).unwrap();
+            assert_eq!((colors(&scene), &scene.warnings[..]), (vec![red, red], &[][..]), "{color}");
+            assert_eq!((scene.meshes[0].positions.len(), scene.materials[0].base_color), (4, [1.0; 3]));
+        }
+        let scene =
+            off(format!("NOFF\n4 2 0\n{}3 0 1 2 255 0 0\n3 0 2 3\n", square.replace('\n', " 0 0 2\n"))).unwrap();
+        assert_eq!(colors(&scene), [red, white]);
+        assert_eq!(scene.warnings, ["faces without a color of 3 or 4 numbers: 1"]);
+        let mesh = &scene.meshes[0];
+        assert_eq!((mesh.positions.len(), mesh.normals.as_ref().unwrap()), (6, &vec![[0.0, 0.0, 1.0]; 6]));
+        // A polygon has the same color in all its triangles.
+        let scene = off(CUBE.replace("4 4 5 7 6\n", "4 4 5 7 6 0 0 255\n").replace("5 4\n", "5 4 255 0 0\n")).unwrap();
+        assert_eq!(colors(&scene)[..6], [white, white, [0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 1.0, 1.0], red, red]);
+    }
+
+    #[test]
     fn repairs_are_reported() {
         is_cube(cube("OFF", " 7"), &["ignoring surplus numbers after a vertex: line 3 and 7 more"]);
         is_cube(cube("COFF", ""), &["vertices without a color of 3 or 4 numbers: line 3 and 7 more"]);
         is_cube(cube("NOFF", " 1"), &["vertices without a normal: line 3 and 7 more"]);
         is_cube(cube("COFF", " 0 -1 0"), &["ignoring vertex colors: negative value at vertex 0: 0 -1 0"]);
-        is_cube(off(CUBE.replace("7 6\n", "7 6 255 0 0\n")), &["ignoring colors of faces: line 11"]);
+        let unused = "faces without a color of 3 or 4 numbers: 6";
+        is_cube(off(CUBE.replace("7 6\n", "7 6 255\n")), &[unused]);
+        let both = format!("COFF\n{CUBE}").replace(" 1\n1 1 1\n", " 1 1 1 1\n1 1 1 1 1 1\n");
+        let both = off(both.replace("7 6\n", "7 6 255 0 0\n")).unwrap();
+        assert_eq!(both.warnings.last().unwrap(), "ignoring colors of faces, as vertices have colors");
         is_cube(off(format!("{CUBE}1 2\n")), &["ignoring lines after the last declared face: line 16"]);
         let scene = off(CUBE.replace("4 0 2 3 1", "2 0 1")).unwrap();
         assert_eq!(scene.warnings, ["skipping faces with fewer than 3 vertices: 1"]);

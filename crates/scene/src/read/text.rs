@@ -43,7 +43,11 @@ pub(crate) fn with_line_feeds(text: &str) -> Cow<'_, str> {
     text.replace("\r\r\n", "\n").replace("\r\n", "\n").replace('\r', "\n").into()
 }
 
-/// Logical lines of an OBJ or MTL file: `#` starts a comment, a trailing backslash continues a line, a byte order mark is skipped.
+/// The keyword of ZBrush's vertex colors in OBJ: a comment for other programs.
+pub(crate) const MRGB: &[u8] = b"#MRGB";
+
+/// Logical lines of an OBJ or MTL file: `#` starts a comment, except of [`MRGB`], a trailing backslash continues a line, a byte order mark
+/// is skipped.
 pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
     let mut bytes = after_mark(bytes);
     let mut n_lines = 0;
@@ -61,8 +65,8 @@ pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
             let (line, rest) = bytes.split_at(end);
             bytes = rest;
             let text = line.trim_ascii();
-            if !is_comment && !text.is_empty() {
-                let (keyword, rest) = split_word(text);
+            let (keyword, rest) = split_word(text);
+            if !text.is_empty() && (!is_comment || keyword == MRGB) {
                 return Some(Line { number, keyword, rest: rest.trim_ascii() });
             }
         }
@@ -115,6 +119,24 @@ pub(crate) fn unescaped(text: &str) -> Vec<u8> {
 /// Value of a hexadecimal digit.
 fn hex(digit: u8) -> Option<u8> {
     char::from(digit).to_digit(16).map(|value| value as u8)
+}
+
+/// A text of UTF-16, as some Windows programs write, in UTF-8; other bytes as they are. It is known by its byte order mark, else by four
+/// ASCII characters at its start.
+pub(crate) fn from_utf16(bytes: Vec<u8>) -> Vec<u8> {
+    let is_ascii = |byte: u8| byte.is_ascii_graphic() || byte.is_ascii_whitespace();
+    let starts = |text: usize| {
+        bytes.len() >= 8 && (0..8).all(|k| if k % 2 == text { is_ascii(bytes[k]) } else { bytes[k] == 0 })
+    };
+    let order: fn([u8; 2]) -> u16 = match bytes[..] {
+        [0xff, 0xfe, ..] => u16::from_le_bytes,
+        [0xfe, 0xff, ..] => u16::from_be_bytes,
+        _ if starts(0) => u16::from_le_bytes,
+        _ if starts(1) => u16::from_be_bytes,
+        _ => return bytes,
+    };
+    let units = bytes.chunks_exact(2).map(|pair| order([pair[0], pair[1]]));
+    char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect::<String>().into_bytes()
 }
 
 /// Text after a byte order mark of UTF-8.
@@ -208,7 +230,22 @@ mod tests {
     }
 
     #[test]
+    fn decodes_utf16() {
+        for order in [u16::to_le_bytes, u16::to_be_bytes] {
+            for text in ["v 1 2 3\n# \u{e9}\u{1f600}", "\u{feff}\u{e9}", "\u{feff}"] {
+                let bytes: Vec<u8> = text.encode_utf16().flat_map(order).collect();
+                assert_eq!(from_utf16(bytes), text.as_bytes());
+            }
+        }
+        assert_eq!(from_utf16(vec![0xff, 0xfe, 0, 0xd8, b'a']), "\u{feff}\u{fffd}".as_bytes());
+        for bytes in [&b"v 1 2 3\n"[..], b"", b"\xff", b"v\x001\x002\x003", b"\0\0\0\0\0\0\0\0", b"\xef\xbb\xbfv 1"] {
+            assert_eq!(from_utf16(bytes.to_vec()), bytes);
+        }
+    }
+
+    #[test]
     fn continues_lines_but_not_comments() {
+        is_lines("#MRGB 00ff\n#MRGBA\n #MRGB 11", &[(1, "#MRGB", "00ff"), (3, "#MRGB", "11")]);
         is_lines("f 1 \\\n 2\\\r\n3\nv 0", &[(1, "f", "1 \\\n 2\\\r\n3"), (4, "v", "0")]);
         is_lines("# C:\\\nv 0", &[(2, "v", "0")]);
         is_lines("v 0 \\", &[(1, "v", "0 \\")]);

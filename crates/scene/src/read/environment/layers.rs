@@ -7,7 +7,7 @@ use exr::meta::attribute::EnvironmentMap;
 use exr::prelude::{AnyChannel, Error, FlatSamples, MetaData, ReadChannels as _, ReadLayers as _, Vec2, read};
 
 use super::primaries::{self, Primaries};
-use super::{Decoded, MAX_PER_BYTE, MAX_TEXELS, Texels, chroma, cube};
+use super::{Decoded, MAX_PER_BYTE, MAX_TEXELS, Texels, chroma, cube, make_finite};
 
 /// Checks the sizes of all layers against the data before anything is allocated.
 fn check_size(bytes: &[u8]) -> Result<(), String> {
@@ -47,6 +47,7 @@ pub(super) fn decode(bytes: &[u8], warnings: &mut Vec<String>) -> Result<Texels,
         Some(image) => image?,
         None => decode_layers(bytes, warnings)?,
     };
+    make_finite(&mut texels.list, warnings);
     match primaries.map(Primaries::to_rec_709).transpose() {
         Ok(Some(Some(matrix))) => primaries::apply(&matrix, &mut texels.list),
         Ok(_) => {}

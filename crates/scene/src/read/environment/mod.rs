@@ -36,7 +36,7 @@ type Decoded = (Texels, Option<primaries::Primaries>, bool);
 ///
 /// Radiance files are divided by their `EXPOSURE` and `COLORCORR`. EXR files use the layer that is the image, by the names that programs
 /// give it: `R`, `G` and `B`, luminance and chroma, or only `Y`. Colors of other primaries are converted, the sides of a cube map are
-/// placed where their axes point to. Negative channels become 0, and texels that are not finite black, with a warning.
+/// placed where their axes point to. Negative channels and those that are not a number become 0, infinite ones 65504, with a warning.
 ///
 /// # Errors
 /// [`ReadError`] if the format is unknown, the data is truncated, or the size exceeds what the data can hold.
@@ -53,22 +53,29 @@ pub(super) fn parse(path: &Path, bytes: &[u8], warnings: &mut Vec<String>) -> Re
         _ => Err("unsupported format (expected Radiance HDR or OpenEXR)".to_owned()),
     }
     .map_err(|message| ReadError::malformed(path, "environment map", message))?;
-    let n_blackened = texels.iter_mut().filter_map(blacken).count();
+    make_finite(&mut texels, &mut own);
     let n_clamped = texels.as_flattened_mut().iter_mut().filter_map(clamp).count();
-    let counts = [
-        (n_blackened, "replacing texels that are not finite by black"),
-        (n_clamped, "replacing negative channels by 0"),
-    ];
-    let counted = counts.into_iter().filter(|&(n, _)| n > 0).map(|(n, what)| format!("{what}: {n}"));
+    if n_clamped > 0 {
+        own.push(format!("replacing negative channels by 0: {n_clamped}"));
+    }
     let name = path.display().to_string();
-    warnings.extend(own.into_iter().chain(counted).map(|warning| format!("{name}: {warning}")));
+    warnings.extend(own.into_iter().map(|warning| format!("{name}: {warning}")));
     Ok(EnvironmentImage { name, width, height, texels, scale: [1.0; 3], turn_degrees: 0.0 })
 }
 
-/// Sets a texel that is not finite to black; `None` for others.
-fn blacken(texel: &mut [f32; 3]) -> Option<()> {
-    let is_bad = !texel.iter().all(|x| x.is_finite());
-    is_bad.then(|| *texel = [0.0; 3])
+/// Largest number of half precision, which replaces infinity: most EXR files are of half precision, where brighter suns are infinite.
+const LARGEST: f32 = 65_504.0;
+
+/// Replaces channels that are not finite, with a warning; the other channels of their texels are sound.
+fn make_finite(texels: &mut [[f32; 3]], warnings: &mut Vec<String>) {
+    let mut n = 0;
+    for channel in texels.as_flattened_mut().iter_mut().filter(|channel| !channel.is_finite()) {
+        *channel = if *channel == f32::INFINITY { LARGEST } else { 0.0 };
+        n += 1;
+    }
+    if n > 0 {
+        warnings.push(format!("replacing channels that are not finite by {LARGEST} or 0: {n}"));
+    }
 }
 
 /// Sets a negative channel to 0; `None` for others. Filters and conversions of colors make them, and the other channels are sound.
@@ -226,6 +233,10 @@ mod tests {
         let (red, warning) = color([1.0, 0.0, 0.0], ap1);
         assert!((red[0] - 1.70505).abs() < 1e-4 && red[1..] == [0.0; 2], "{red:?}");
         assert_eq!(warning, "sky.hdr: replacing negative channels by 0: 16");
+        // An infinite channel is replaced before it meets the negative numbers of the matrix.
+        let (sun, warning) = color([f32::INFINITY; 3], ap1);
+        assert!(sun.iter().all(|x| (x - 65504.0).abs() < 1.0), "{sun:?}");
+        assert_eq!(warning, "sky.hdr: replacing channels that are not finite by 65504 or 0: 24");
         let (gray, _) = color([0.5; 3], ap1);
         assert!(gray.iter().all(|x| (x - 0.5).abs() < 1e-6), "{gray:?}");
         let (unchanged, warning) = color([0.5, 0.25, 0.125], named([[0.3, 0.3]; 4]));
@@ -331,17 +342,20 @@ mod tests {
     }
 
     #[test]
-    fn invalid_texels_become_black_and_negative_channels_zero() {
+    fn channels_that_are_not_finite_or_negative_are_replaced() {
         let mut red = plane(|_, _| 2.0);
         (red[0], red[1], red[2], red[3]) = (f32::NAN, f32::INFINITY, -1.0, -0.0);
         let ones = plane(|_, _| 1.0);
         let (image, warnings) =
             read_bytes(&exr_of(&[("R", red), ("G", ones.clone()), ("B", ones)], Encoding::UNCOMPRESSED));
         let image = image.unwrap();
-        assert_eq!(image.texels[..5], [[0.0; 3], [0.0; 3], [0.0, 1.0, 1.0], [0.0, 1.0, 1.0], [2.0, 1.0, 1.0]]);
+        assert_eq!(
+            image.texels[..5],
+            [[0.0, 1.0, 1.0], [65504.0, 1.0, 1.0], [0.0, 1.0, 1.0], [0.0, 1.0, 1.0], [2.0, 1.0, 1.0]]
+        );
         assert!(image.texels[3][0].is_sign_positive());
-        let black = "sky.hdr: replacing texels that are not finite by black: 2";
-        assert_eq!(warnings, [black, "sky.hdr: replacing negative channels by 0: 1"]);
+        let finite = "sky.hdr: replacing channels that are not finite by 65504 or 0: 2";
+        assert_eq!(warnings, [finite, "sky.hdr: replacing negative channels by 0: 1"]);
     }
 
     #[test]

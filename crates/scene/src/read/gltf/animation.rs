@@ -48,8 +48,10 @@ pub(super) fn pose(
             let location = format!("animation {number}, {} channels", dropped.n_without_node);
             grouped.add("ignoring channels without a target node", &location);
         }
-        for pointer in &dropped.pointers {
-            let what = "ignoring animated properties other than transforms and weights of nodes";
+        let others = "ignoring animated properties other than transforms and weights of nodes";
+        let absent = "ignoring animated properties of absent nodes";
+        let pointers = dropped.pointers.iter().map(|pointer| (others, pointer));
+        for (what, pointer) in pointers.chain(dropped.absent_nodes.iter().map(|pointer| (absent, pointer))) {
             grouped.add(what, &format!("animation {number}, {}", quoted(pointer.as_bytes())));
         }
     }

@@ -29,14 +29,16 @@ const ANIMATION_POINTER: &str = "KHR_animation_pointer";
 pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 /// Diffuse and specular color instead of base color and metallic.
 pub(super) const SPECULAR_GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
+/// Whether a node and those below it are seen.
+pub(super) const VISIBILITY: &str = "KHR_node_visibility";
 /// Other materials for the primitives of a file, by name.
 pub(super) const VARIANTS: &str = "KHR_materials_variants";
 
 /// Extensions that a file may require.
 ///
 /// Unsupported material extensions and image formats are included: ignoring them gives an approximate image but correct
-/// geometry, and a warning is reported.
-const SUPPORTED: [&str; 25] = [
+/// geometry, and a warning is reported. Metadata change nothing.
+const SUPPORTED: [&str; 27] = [
     DRACO,
     meshopt::NAMES[0],
     meshopt::NAMES[1],
@@ -59,8 +61,10 @@ const SUPPORTED: [&str; 25] = [
     VARIANTS,
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    VISIBILITY,
     "KHR_texture_basisu",
     "KHR_texture_transform",
+    "KHR_xmp_json_ld",
     "MSFT_texture_dds",
 ];
 
@@ -83,6 +87,8 @@ pub(super) struct DroppedChannels {
     pub(super) n_without_node: usize,
     /// Pointers of `KHR_animation_pointer` to something else than the transform or the weights of a node.
     pub(super) pointers: Vec<String>,
+    /// Those to nodes that are not in the file.
+    pub(super) absent_nodes: Vec<String>,
 }
 
 /// A file in memory.
@@ -361,6 +367,7 @@ fn completed(json: &[u8]) -> Result<(Value, UnparsedData, bool), Error> {
             is_changed = true;
         }
     }
+    let n_nodes = items(&value, "nodes").count();
     for animation in value.get_mut("animations").and_then(Value::as_array_mut).into_iter().flatten() {
         let mut dropped = DroppedChannels::default();
         if let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) {
@@ -368,7 +375,17 @@ fn completed(json: &[u8]) -> Result<(Value, UnparsedData, bool), Error> {
                 let Some(target) = channel.get_mut("target").and_then(Value::as_object_mut) else { return true };
                 if target.get("path").and_then(Value::as_str) == Some("pointer") {
                     is_changed = true;
-                    return follow(target).map_err(|pointer| dropped.pointers.push(pointer)).is_ok();
+                    return match follow(target) {
+                        Ok((node, _)) if (node as usize) < n_nodes => true,
+                        Ok((_, pointer)) => {
+                            dropped.absent_nodes.push(pointer);
+                            false
+                        }
+                        Err(pointer) => {
+                            dropped.pointers.push(pointer);
+                            false
+                        }
+                    };
                 }
                 let has_node = target.contains_key("node");
                 dropped.n_without_node += usize::from(!has_node);
@@ -388,11 +405,12 @@ fn completed(json: &[u8]) -> Result<(Value, UnparsedData, bool), Error> {
     Ok((value, unparsed, is_changed))
 }
 
-/// Replaces a pointer to the transform or the weights of a node in the target of an animation channel: `/nodes/4/rotation`.
+/// Replaces a pointer to the transform or the weights of a node in the target of an animation channel: `/nodes/4/rotation`. Gives the
+/// number of the node, and the pointer.
 ///
 /// # Errors
 /// A pointer to something else.
-fn follow(target: &mut Map<String, Value>) -> Result<(), String> {
+fn follow(target: &mut Map<String, Value>) -> Result<(u32, String), String> {
     let pointer = target.get("extensions").and_then(|all| all.get(ANIMATION_POINTER)?.get("pointer")?.as_str());
     let pointer = pointer.unwrap_or_default().to_owned();
     let property = pointer.strip_prefix("/nodes/").and_then(|rest| rest.split_once('/'));
@@ -401,7 +419,7 @@ fn follow(target: &mut Map<String, Value>) -> Result<(), String> {
         (Some(node), Some((_, path @ ("translation" | "rotation" | "scale" | "weights")))) => {
             target.insert("node".to_owned(), node.into());
             target.insert("path".to_owned(), path.into());
-            Ok(())
+            Ok((node, pointer))
         }
         _ => Err(pointer),
     }

@@ -90,10 +90,10 @@ fn finish(read: ReadMesh, checks: &mut MeshChecks, grouped: &mut WarningGroups) 
     read.mesh
 }
 
-/// The drawn nodes with a mesh: node index, node, mesh index.
+/// The visible nodes with a mesh: node index, node, mesh index.
 fn mesh_nodes<'a>(document: &'a Document<'_>, nodes: &Nodes) -> Result<Vec<(usize, &'a Node, usize)>, ReadError> {
     let mut mesh_nodes = Vec::new();
-    for &k in &nodes.drawn {
+    for &k in &nodes.visible {
         let node = &document.root.nodes[k];
         if let Some(mesh) = node.mesh {
             document.get(&document.root.meshes, mesh.value(), "mesh", &format!("node {k}"))?;

@@ -11,7 +11,7 @@ use gltf::json::extensions::scene::khr_lights_punctual::{Light as SourceLight, S
 use gltf::json::scene::Node;
 use gltf::json::validation::Checked;
 
-use super::document::Document;
+use super::document::{Document, VISIBILITY};
 use crate::read::error::{ReadError, WarningGroups};
 use crate::read::mesh::unit;
 use crate::{Camera, Light, Projection, Scene};
@@ -21,7 +21,9 @@ pub(super) struct Nodes {
     /// World transform of each node.
     pub(super) world_from_node: Vec<Matrix>,
     /// Nodes of the default scene, ascending.
-    pub(super) drawn: Vec<usize>,
+    drawn: Vec<usize>,
+    /// Those that are not hidden by `KHR_node_visibility`, which has no effect on cameras.
+    pub(super) visible: Vec<usize>,
 }
 
 /// Computes world transforms and finds the nodes of the default scene.
@@ -61,8 +63,25 @@ pub(super) fn read(document: &Document<'_>, grouped: &mut WarningGroups) -> Resu
             stack.extend(children(&nodes[node]));
         }
     }
-    let drawn = (0..nodes.len()).filter(|&k| is_drawn[k]).collect();
-    Ok(Nodes { world_from_node, drawn })
+    let drawn: Vec<usize> = (0..nodes.len()).filter(|&k| is_drawn[k]).collect();
+    let visible = visible(nodes, &drawn);
+    Ok(Nodes { world_from_node, drawn, visible })
+}
+
+/// The nodes among `drawn` that are not hidden, as none above them is.
+fn visible(nodes: &[Node], drawn: &[usize]) -> Vec<usize> {
+    let hides = |node: &Node| {
+        let extension = node.extensions.as_ref().and_then(|all| all.others.get(VISIBILITY));
+        extension.and_then(|extension| extension.get("visible")?.as_bool()) == Some(false)
+    };
+    let mut stack: Vec<usize> = (0..nodes.len()).filter(|&k| hides(&nodes[k])).collect();
+    let mut is_hidden = vec![false; nodes.len()];
+    while let Some(node) = stack.pop() {
+        if !std::mem::replace(&mut is_hidden[node], true) {
+            stack.extend(children(&nodes[node]));
+        }
+    }
+    drawn.iter().copied().filter(|&k| !is_hidden[k]).collect()
 }
 
 /// Visits all descendants of `roots`, parents first.
@@ -318,7 +337,7 @@ fn placed(world_from_node: &Matrix, projection: Projection) -> Result<Camera, St
         .ok_or_else(|| "its node has no orientation".to_owned())
 }
 
-/// Adds the lights of the default scene; skips invalid ones with a warning.
+/// Adds the visible lights of the default scene; skips invalid ones with a warning.
 pub(super) fn read_lights(
     document: &Document<'_>,
     nodes: &Nodes,
@@ -326,7 +345,7 @@ pub(super) fn read_lights(
     scene: &mut Scene,
 ) -> Result<(), ReadError> {
     let lights: &[SourceLight] = document.root.as_ref();
-    for &k in &nodes.drawn {
+    for &k in &nodes.visible {
         let extensions = document.root.nodes[k].extensions.as_ref();
         let Some(named) = extensions.and_then(|extensions| extensions.khr_lights_punctual.as_ref()) else { continue };
         let index = named.light.value();

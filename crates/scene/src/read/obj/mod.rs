@@ -55,7 +55,8 @@ fn colors(statements: &mut Statements, scene: &mut Scene) -> Option<Vec<[f32; 4]
     if colors.is_empty() {
         return None;
     }
-    let linear = linear_colors("vertex", colors, None).map_err(|warning| scene.warnings.push(warning)).ok()?;
+    let linear =
+        linear_colors("vertex", colors, statements.max_color).map_err(|warning| scene.warnings.push(warning)).ok()?;
     for (material, name) in scene.materials.iter_mut().zip(&statements.materials) {
         if name.is_none() {
             material.base_color = [1.0; 3];
@@ -331,6 +332,29 @@ mod tests {
         notes(&format!("{others}f 1 2 3"), &format!("skipping elements that are not faces: {counted}"));
         fails(square(others), &format!("model.obj: nothing to draw: no faces ({counted})"));
         notes("l 1 2\nf 1 2 3", "skipping elements that are not faces: 1 line");
+    }
+
+    #[test]
+    fn painted_colors_are_read() {
+        let colors = |scene: &Scene| scene.meshes[0].colors.clone().unwrap();
+        let (red, white) = ([1.0, 0.0, 0.0, 1.0], [1.0; 4]);
+        let face = "f 1 2 4 3\n";
+        let scene = loads(square(&format!("#MRGB ffff0000ffff0000ffff0000ffff0000\n{face}")), 2);
+        assert_eq!((colors(&scene), scene.materials[0].base_color), (vec![red; 4], [1.0; 3]));
+        // Over several lines, in the order of the vertices: the fourth is the third of the face. 1 of 255 is nearly black.
+        let scene = loads(square(&format!("{face}#MRGB 00FF000000000000\n#MRGB 00010101\n#MRGB 000000ff\n")), 2);
+        let nearly = 1.0 / 255.0 / 12.92;
+        let want = [red, [0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0], [nearly, nearly, nearly, 1.0]];
+        for (got, want) in colors(&scene).iter().zip(want) {
+            assert!(got.iter().zip(want).all(|(x, y)| (x - y).abs() < 1e-6), "{got:?} {want:?}");
+        }
+        let short = warns(square(&format!("{face}#MRGB ffff0000\n")), 2, "1 colors of #MRGB for 4 vertices");
+        assert_eq!(colors(&short), [red, white, white, white]);
+        let digits = "white for 1 colors of #MRGB that are not 8 hexadecimal digits, such as 'ffff00' in line 6";
+        let text = format!("{face}#MRGB ffff0000ffff0000ffff0000ffff00\n");
+        assert_eq!(colors(&warns(square(&text), 2, digits)), [red, red, white, red]);
+        let other = obj("v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\n#MRGB ff00ff00\nf 1 2 3\n");
+        assert_eq!(colors(&loads(other, 1)), [red; 3]);
     }
 
     #[test]

@@ -39,6 +39,8 @@ pub(super) struct Statements<'a> {
     pub(super) uvs: Vec<[f32; 2]>,
     /// The color of each position after its coordinates; empty if no position has one.
     pub(super) colors: Vec<[f32; 3]>,
+    /// The color value of full intensity; `None` where the range of the numbers decides.
+    pub(super) max_color: Option<f32>,
     /// Normals of any length.
     pub(super) normals: Vec<[f32; 3]>,
     /// Corners of all faces, concatenated.
@@ -100,6 +102,7 @@ pub(super) fn parse_statements<'a>(path: &Path, bytes: &'a [u8]) -> Result<State
         parser.statements.notes.push(format!("skipping elements that are not faces: {skipped}"));
     }
     let n = parser.statements.positions.len();
+    parser.use_painted(n);
     if !parser.statements.colors.is_empty() {
         parser.statements.colors.resize(n, NO_COLOR);
     }
@@ -138,6 +141,10 @@ struct Parser<'a> {
     max_indices: [MaxIndex; 3],
     /// Indices of texture coordinates and of normals that are out of range: how many, and the first.
     unusable: [(usize, String); 3],
+    /// The colors of [`text::MRGB`] statements, of consecutive vertices.
+    painted: Vec<[f32; 3]>,
+    /// Those that are not eight hexadecimal digits: how many, and the first.
+    unpainted: (usize, String),
     /// Face corners with more than three indices: how many, and the first.
     surplus: (usize, String),
 }
@@ -156,6 +163,7 @@ impl<'a> Parser<'a> {
             b"g" => self.state.group = line.rest,
             b"usemtl" => self.state.material = Some(line.rest).filter(|name| !name.is_empty()),
             b"mtllib" => self.statements.libraries.push(line.rest),
+            text::MRGB => self.paint(line),
             other => {
                 let is = |known: &&[u8]| known.eq_ignore_ascii_case(other);
                 if let Some(keyword) = KEYWORDS.into_iter().find(|known| is(known) && *known != other) {
@@ -177,6 +185,38 @@ impl<'a> Parser<'a> {
             colors.resize(self.statements.positions.len() - 1, NO_COLOR);
             colors.push([r, g, b]);
         }
+    }
+
+    /// Colors of ZBrush, `MMRRGGBB` each: a mask, which is no part of the look, and bytes of red, green and blue.
+    fn paint(&mut self, line: &Line) {
+        for digits in text::words(line.rest).flat_map(|word| word.chunks(8)) {
+            let number = std::str::from_utf8(digits).ok().filter(|text| text.len() == 8);
+            let number = number.and_then(|text| u32::from_str_radix(text, 16).ok());
+            let [_, red, green, blue] = number.unwrap_or(u32::MAX).to_be_bytes();
+            self.painted.push([red, green, blue].map(f32::from));
+            if number.is_none() {
+                count(&mut self.unpainted, || format!("{} in line {}", text::quoted(digits), line.number));
+            }
+        }
+    }
+
+    /// Gives the first of `n` vertices the colors of ZBrush, unless vertices have other colors; those after them are white.
+    fn use_painted(&mut self, n: usize) {
+        let statements = &mut self.statements;
+        if !statements.colors.is_empty() || self.painted.is_empty() {
+            return;
+        }
+        if self.unpainted.0 > 0 {
+            let (n, first) = &self.unpainted;
+            let warning = format!("white for {n} colors of #MRGB that are not 8 hexadecimal digits, such as {first}");
+            statements.warnings.push(warning);
+        }
+        if self.painted.len() != n {
+            statements.warnings.push(format!("{} colors of #MRGB for {n} vertices", self.painted.len()));
+        }
+        self.painted.truncate(n);
+        statements.colors = std::mem::take(&mut self.painted);
+        statements.max_color = Some(255.0);
     }
 
     fn face(&mut self, line: &Line) -> Result<(), String> {

@@ -30,6 +30,14 @@ pub(super) enum Scalar {
 }
 
 impl Property<'_> {
+    /// The type of a number; `None` for a list.
+    pub(super) fn scalar(&self) -> Option<Scalar> {
+        match self.kind {
+            Kind::Scalar(scalar) => Some(scalar),
+            Kind::List { .. } => None,
+        }
+    }
+
     /// Whether it has one of these names, in any case.
     pub(super) fn is_one_of(&self, names: &[&[u8]]) -> bool {
         names.iter().any(|name| name.eq_ignore_ascii_case(self.name))

@@ -1,12 +1,12 @@
 //! The faces of PLY: vertex indices, what files store for faces and their corners (texture coordinates, colors, the number of a texture),
 //! and the triangles of both.
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use super::body::{Body, Element, Kind, Scalar};
+use super::colors::{Colors, MATERIAL, RGB};
 use crate::read::error::ReadError;
-use crate::read::mesh::MeshChecks;
+use crate::read::mesh::{Corner, MeshChecks};
 
 /// Property names of the vertex indices of a face.
 const INDICES: [&[u8]; 4] = [b"vertex_indices", b"vertex_index", b"vertex_indexes", b"indices"];
@@ -17,16 +17,13 @@ const UVS: [&[u8]; 7] = [b"texcoord", b"texcoords", b"tex_coord", b"tex_coords",
 /// Property names of the texture of a face: a number of a `TextureFile`, from 0.
 pub(super) const TEXTURE: [&[u8]; 5] = [b"texnumber", b"tex_number", b"texture_number", b"texture_index", b"texid"];
 
-/// Property names of a color.
-pub(super) const COLOR: [&[&[u8]]; 3] =
-    [&[b"red", b"r", b"diffuse_red"], &[b"green", b"g", b"diffuse_green"], &[b"blue", b"b", b"diffuse_blue"]];
-
 /// What a property of a face means.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Slot {
     Indices,
     Uvs,
     Texture,
+    Material,
     Color(usize),
 }
 
@@ -34,9 +31,8 @@ enum Slot {
 pub(super) struct Layout {
     slots: Vec<Option<Slot>>,
     has_uvs: bool,
-    has_colors: bool,
-    /// As [`max_color`].
-    max_color: Option<f32>,
+    /// The type of the colors, if there are any.
+    colors: Option<Scalar>,
 }
 
 impl Layout {
@@ -49,7 +45,8 @@ impl Layout {
                 Kind::List { .. } if is(&INDICES) => Some(Slot::Indices),
                 Kind::List { .. } if is(&UVS) => Some(Slot::Uvs),
                 Kind::Scalar(_) if is(&TEXTURE) => Some(Slot::Texture),
-                Kind::Scalar(_) => COLOR.iter().position(|names| is(names)).map(Slot::Color),
+                Kind::Scalar(_) if is(&MATERIAL) => Some(Slot::Material),
+                Kind::Scalar(_) => RGB.iter().position(|names| is(names)).map(Slot::Color),
                 Kind::List { .. } => None,
             };
             // The first of several with the same meaning is used.
@@ -60,21 +57,12 @@ impl Layout {
             return Err("missing property 'vertex_indices'".into());
         }
         let red = slots.iter().position(|&slot| slot == Some(Slot::Color(0)));
+        let has_colors = (0..3).all(|k| has(Slot::Color(k)));
         Ok(Self {
             has_uvs: has(Slot::Uvs),
-            has_colors: (0..3).all(|k| has(Slot::Color(k))),
-            max_color: red.and_then(|red| max_color(element.properties[red].kind)),
+            colors: red.filter(|_| has_colors).and_then(|red| element.properties[red].scalar()),
             slots,
         })
-    }
-}
-
-/// The color value of full intensity of an integer type; `None` for other types, where the range of the numbers decides.
-pub(super) fn max_color(kind: Kind) -> Option<f32> {
-    match kind {
-        Kind::Scalar(Scalar::U8 | Scalar::I8) => Some(255.0),
-        Kind::Scalar(Scalar::U16 | Scalar::I16) => Some(65_535.0),
-        _ => None,
     }
 }
 
@@ -95,12 +83,12 @@ pub(super) struct Faces {
 pub(super) struct Attributes {
     /// One per corner of all faces.
     pub(super) uvs: Vec<[f32; 2]>,
-    /// One per face, each value from 0 to `max_color`.
-    pub(super) colors: Vec<[f32; 3]>,
+    /// One per face.
+    pub(super) colors: Colors,
     /// One per face.
     pub(super) textures: Vec<i64>,
-    /// As [`max_color`].
-    pub(super) max_color: Option<f32>,
+    /// One per face: the row of the element `material`.
+    pub(super) materials: Vec<i64>,
     /// Faces whose texture coordinates are not two numbers per corner; they are zero.
     pub(super) n_wrong_uvs: usize,
 }
@@ -114,19 +102,11 @@ struct Polygons {
     ends: Vec<usize>,
 }
 
-/// A corner of a triangle: its vertex, its number among the corners of all faces, and its face.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Corner {
-    pub(super) vertex: u32,
-    pub(super) number: u32,
-    pub(super) face: u32,
-}
-
 impl Faces {
     /// Makes room for `n` more triangles.
     pub(super) fn reserve(&mut self, n: usize, layout: &Layout) {
         self.triangles.reserve_exact(n);
-        self.attributes.max_color = layout.max_color;
+        self.attributes.colors.scalar = layout.colors;
     }
 
     /// Reads a face.
@@ -140,6 +120,7 @@ impl Faces {
                 (Kind::List { count, item }, Some(Slot::Indices)) => corners(body, count, item, &mut face)?,
                 (Kind::List { count, item }, Some(Slot::Uvs)) => self.attributes.read_uvs(body, count, item)?,
                 (Kind::Scalar(kind), Some(Slot::Texture)) => self.attributes.textures.push(body.integer(kind)?),
+                (Kind::Scalar(kind), Some(Slot::Material)) => self.attributes.materials.push(body.integer(kind)?),
                 (Kind::Scalar(kind), &Some(Slot::Color(k))) => color[k] = body.float(kind)?,
                 (kind, _) => body.skip(kind)?,
             }
@@ -147,8 +128,8 @@ impl Faces {
         if layout.has_uvs {
             self.attributes.check_uvs(first_uv, face.len());
         }
-        if layout.has_colors {
-            self.attributes.colors.push(color);
+        if layout.colors.is_some() {
+            self.attributes.colors.list.push(color);
         }
         self.push(&face);
         self.face = face;
@@ -209,10 +190,12 @@ impl Faces {
             None => (self.triangles.len(), 3 * self.triangles.len()),
         };
         let mut attributes = std::mem::take(&mut self.attributes);
-        let Attributes { uvs, colors, textures, .. } = &mut attributes;
+        let Attributes { uvs, colors, textures, materials, .. } = &mut attributes;
         uvs.truncate(if uvs.len() == n_corners { n_corners } else { 0 });
-        colors.truncate(if colors.len() == n_faces { n_faces } else { 0 });
-        textures.truncate(if textures.len() == n_faces { n_faces } else { 0 });
+        colors.list.truncate(if colors.list.len() == n_faces { n_faces } else { 0 });
+        for numbers in [textures, materials] {
+            numbers.truncate(if numbers.len() == n_faces { n_faces } else { 0 });
+        }
         attributes
     }
 
@@ -330,42 +313,4 @@ fn corners(body: &mut Body, count: Scalar, item: Scalar, face: &mut Vec<u32>) ->
         face.push(u32::try_from(index).map_err(|_| format!("invalid vertex index {index}"))?);
     }
     Ok(())
-}
-
-/// A vertex where corners with equal attributes meet: its number in the file, and the bits of its texture coordinates and of its color.
-type Key = (u32, [u32; 2], [u32; 3]);
-
-/// Numbers vertices anew, so that each has one pair of texture coordinates and one color.
-#[derive(Default)]
-pub(super) struct Split {
-    numbers: HashMap<Key, u32>,
-    /// By new number, a corner of the vertex.
-    pub(super) corners: Vec<Corner>,
-}
-
-impl Split {
-    /// The triangles with new vertex numbers, in order of first use; `None` for more than 2^32 vertices.
-    pub(super) fn triangles(
-        &mut self,
-        triangles: &[[Corner; 3]],
-        uvs: Option<&[[f32; 2]]>,
-        colors: Option<&[[f32; 3]]>,
-    ) -> Option<Vec<[u32; 3]>> {
-        let mut split = Vec::with_capacity(triangles.len());
-        for triangle in triangles {
-            let mut numbers = [0; 3];
-            for (corner, number) in triangle.iter().zip(&mut numbers) {
-                let uv = uvs.map_or([0.0; 2], |uvs| uvs[corner.number as usize]);
-                let color = colors.map_or([0.0; 3], |colors| colors[corner.face as usize]);
-                let next = u32::try_from(self.corners.len()).ok()?;
-                let key = (corner.vertex, uv.map(f32::to_bits), color.map(f32::to_bits));
-                *number = *self.numbers.entry(key).or_insert(next);
-                if *number == next {
-                    self.corners.push(*corner);
-                }
-            }
-            split.push(numbers);
-        }
-        Some(split)
-    }
 }

@@ -1,7 +1,7 @@
 //! Stanford PLY, ASCII and binary of both byte orders.
 //!
 //! ```text
-//! bytes -> header -> body (vertices and faces, others are skipped) -> mesh
+//! bytes -> header -> body (vertices, faces and materials, others are skipped) -> mesh
 //! ```
 //!
 //! Gives one mesh with one instance, in the file's vertex order, or in the order of first use where corners of faces have texture
@@ -9,16 +9,18 @@
 //! triangles.
 
 mod body;
+mod colors;
 mod faces;
 
 use std::path::Path;
 
 use body::{Body, Element, Header, Kind, header};
-use faces::{COLOR, Corner, Faces, Layout, Split, TEXTURE, max_color};
+use colors::{Colors, GRAY, MATERIAL, RGB, is_measured};
+use faces::{Faces, Layout, TEXTURE};
 
 use super::folder::Folder;
 use super::input::ReadOptions;
-use super::mesh::{MeshChecks, linear_colors, single_mesh, unit_normal, usable_uv};
+use super::mesh::{Corner, MeshChecks, Split, single_mesh, unit_normal, usable_uv};
 use super::text::{self, quoted};
 use super::{error::ReadError, image};
 use crate::{Material, MaterialId, Mesh, Part, Scene, TextureId, TextureRef};
@@ -43,6 +45,9 @@ pub(super) fn parse(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<
     let mut scene = Scene { warnings: header.warnings, ..Scene::default() };
     if !is_read_to_end {
         scene.warnings.push("ignoring bytes after the last declared element".into());
+    }
+    if table.is_measured {
+        scene.warnings.push("ignoring 'intensity' of vertices, which as a real number is no color".into());
     }
     let mut materials = materials(path, &header.textures, options, &mut scene);
     let mut checks = MeshChecks::default();
@@ -102,18 +107,32 @@ fn mesh(
         scene.warnings.push(format!("ignoring texture coordinates of faces that are not two per corner: {n}"));
     }
     let is_textured = !scene.textures.is_empty();
-    let mut linear = |of: &str, colors: Vec<[f32; 3]>, max: Option<f32>| {
-        let all = Some(colors).filter(|colors| !colors.is_empty())?;
-        linear_colors(of, all, max).map_err(|warning| scene.warnings.push(warning)).ok()
+    let has_materials = !table.materials.list.is_empty();
+    let of_materials =
+        |numbers: &[i64]| (has_materials && !numbers.is_empty()).then(|| table.materials.of_rows(numbers));
+    let own_or = |own: Colors, numbers: &[i64]| match own.list.is_empty() {
+        true => of_materials(numbers).unwrap_or(own),
+        false => own,
     };
-    let of_faces = linear("face", std::mem::take(&mut attributes.colors), attributes.max_color);
-    let colors = linear("vertex", table.colors.take().unwrap_or_default(), table.max_color);
+    let material_of_vertices = table.material_numbers.take().unwrap_or_default();
+    if has_materials && attributes.materials.is_empty() && material_of_vertices.is_empty() {
+        let warning = "ignoring the element 'material', as neither faces nor vertices have 'material_index'";
+        scene.warnings.push(warning.to_owned());
+    }
+    let of_faces = own_or(std::mem::take(&mut attributes.colors), &attributes.materials);
+    let of_faces = of_faces.linear("face", &mut scene.warnings);
+    let colors = own_or(std::mem::take(&mut table.colors), &material_of_vertices);
+    let colors = colors.linear("vertex", &mut scene.warnings);
     if colors.is_some() && of_faces.is_some() {
         scene.warnings.push("ignoring colors of faces, as vertices have colors".to_owned());
     }
     let of_faces = of_faces.filter(|_| colors.is_none());
     let of_corners = Some(attributes.uvs).filter(|uvs| is_textured && !uvs.is_empty());
-    let has_choice = materials.len() > 1 && (!attributes.textures.is_empty() || table.textures.is_some());
+    let numbers =
+        if attributes.textures.is_empty() { table.textures.as_deref() } else { Some(&attributes.textures[..]) };
+    // A single texture is that of all faces whose number is not that of none.
+    let has_choice =
+        numbers.is_some_and(|all| materials.len() > 1 || is_textured && all.iter().any(|&number| number < 0));
     if materials.len() > 1 && !has_choice {
         let n = materials.len();
         materials.truncate(1);
@@ -138,10 +157,8 @@ fn mesh(
     } else {
         Vec::new()
     };
-    let face_colors: Option<Vec<[f32; 3]>> =
-        of_faces.map(|colors| colors.into_iter().map(|[r, g, b, _]| [r, g, b]).collect());
     let mut split = Split::default();
-    let triangles = split.triangles(&corners, of_corners.as_deref(), face_colors.as_deref());
+    let triangles = split.triangles(&corners, of_corners.as_deref(), of_faces.as_deref());
     let triangles = triangles.ok_or_else(|| ReadError::unsupported(path, "more than 2^32 vertices"))?;
     Ok(Mesh {
         positions: split.corners.iter().map(|corner| positions[corner.vertex as usize]).collect(),
@@ -151,8 +168,8 @@ fn mesh(
             Some(all) => Some(split.corners.iter().map(|corner| usable_uv(all[corner.number as usize])).collect()),
             None => uvs.map(|all| split.corners.iter().map(|corner| all[corner.vertex as usize]).collect()),
         },
-        colors: match face_colors {
-            Some(all) => Some(split.corners.iter().map(|corner| opaque(all[corner.face as usize])).collect()),
+        colors: match of_faces {
+            Some(all) => Some(split.corners.iter().map(|corner| all[corner.face as usize]).collect()),
             None => colors.map(|all| split.corners.iter().map(|corner| all[corner.vertex as usize]).collect()),
         },
         parts,
@@ -160,17 +177,15 @@ fn mesh(
     })
 }
 
-fn opaque([r, g, b]: [f32; 3]) -> [f32; 4] {
-    [r, g, b, 1.0]
-}
-
 /// Runs of triangles with the same texture, whose number `of_face` gives. A number of no texture, as MeshLab's -1, is that of a plain
-/// material, which is added.
+/// material, which is added; a single texture has all others.
 fn parts(triangles: &[[Corner; 3]], of_face: impl Fn(Corner) -> i64, materials: &mut Vec<Material>) -> Vec<Part> {
     let n_textures = materials.len();
     let (mut parts, mut is_plain_used) = (Vec::<Part>::new(), false);
     for (first_triangle, &[corner, ..]) in (0..).zip(triangles) {
-        let number = usize::try_from(of_face(corner)).ok().filter(|&number| number < n_textures);
+        let number = usize::try_from(of_face(corner)).ok();
+        let number =
+            number.map(|number| if n_textures == 1 { 0 } else { number }).filter(|&number| number < n_textures);
         is_plain_used |= number.is_none();
         let material = MaterialId(number.unwrap_or(n_textures) as u32);
         if parts.last().is_none_or(|last| last.material != material) {
@@ -191,19 +206,25 @@ struct Table {
     normals: Option<Vec<[f32; 3]>>,
     /// One per position.
     uvs: Option<Vec<[f32; 2]>>,
-    /// One per position, each value from 0 to [`Table::max_color`].
-    colors: Option<Vec<[f32; 3]>>,
-    /// As of [`max_color`].
-    max_color: Option<f32>,
+    /// One per position, or none.
+    colors: Colors,
     /// One per position: the number of a texture.
     textures: Option<Vec<i64>>,
+    /// One per position: the number of a row of `materials`.
+    material_numbers: Option<Vec<i64>>,
+    /// The colors of the element `material`.
+    materials: Colors,
+    /// Whether the colors of vertices are gray values.
+    is_gray: bool,
+    /// Whether vertices have an intensity that is no color.
+    is_measured: bool,
     faces: Faces,
 }
 
 /// Number of entries of [`VERTEX`].
-const N_SLOTS: usize = 12;
+const N_SLOTS: usize = 14;
 
-/// Property names of position, normal, texture coordinates, color and texture.
+/// Property names of position, normal, texture coordinates, color, texture, material and gray value.
 const VERTEX: [&[&[u8]]; N_SLOTS] = [
     &[b"x"],
     &[b"y"],
@@ -213,10 +234,12 @@ const VERTEX: [&[&[u8]]; N_SLOTS] = [
     &[b"nz"],
     &[b"u", b"s", b"texture_u", b"texture_s", b"texcoord_u", b"texcoord_s", b"tex_u", b"tex_s", b"tu", b"u0"],
     &[b"v", b"t", b"texture_v", b"texture_t", b"texcoord_v", b"texcoord_t", b"tex_v", b"tex_t", b"tv", b"v0"],
-    COLOR[0],
-    COLOR[1],
-    COLOR[2],
+    RGB[0],
+    RGB[1],
+    RGB[2],
     &TEXTURE,
+    &MATERIAL,
+    &GRAY,
 ];
 
 /// Reads all elements; also whether the body ends after the last one.
@@ -232,8 +255,12 @@ fn table(path: &Path, header: &Header, bytes: &[u8]) -> Result<(Table, bool), Re
             b"vertex" => {
                 let slots = vertex_slots(element).map_err(of_element)?;
                 table.reserve_vertices(n_rows, &slots);
-                let red = slots.iter().position(|&slot| slot == Some(8));
-                table.max_color = red.and_then(|red| max_color(element.properties[red].kind));
+                table.is_measured = element.properties.iter().any(is_measured);
+                let of_slot = |wanted| slots.iter().position(|&slot| slot == Some(wanted));
+                let has_color = (8..11).all(|slot| of_slot(slot).is_some());
+                table.is_gray = !has_color;
+                let color = of_slot(if has_color { 8 } else { 13 });
+                table.colors.scalar = color.and_then(|property| element.properties[property].scalar());
                 for row in 0..n_rows {
                     table.vertex(&mut body, element, &slots).map_err(|message| of_row(row, message))?;
                 }
@@ -251,6 +278,11 @@ fn table(path: &Path, header: &Header, bytes: &[u8]) -> Result<(Table, bool), Re
                     table.faces.read(&mut body, element, &layout).map_err(|message| of_row(row, message))?;
                 }
             }
+            b"material" => {
+                for row in 0..n_rows {
+                    table.materials.read(&mut body, element).map_err(|message| of_row(row, message))?;
+                }
+            }
             _ => {
                 for row in 0..n_rows {
                     let mut properties = element.properties.iter();
@@ -266,8 +298,8 @@ fn table(path: &Path, header: &Header, bytes: &[u8]) -> Result<(Table, bool), Re
 fn vertex_slots(element: &Element) -> Result<Vec<Option<usize>>, String> {
     let mut is_taken = [false; N_SLOTS];
     let slots = element.properties.iter().map(|property| {
-        let is_scalar = matches!(property.kind, Kind::Scalar(_));
-        let slot = VERTEX.iter().position(|names| is_scalar && property.is_one_of(names));
+        let is_used = property.scalar().is_some() && !is_measured(property);
+        let slot = VERTEX.iter().position(|names| is_used && property.is_one_of(names));
         slot.filter(|&slot| !std::mem::replace(&mut is_taken[slot], true))
     });
     let slots = slots.collect();
@@ -283,8 +315,8 @@ impl Table {
         self.positions.reserve_exact(n);
         self.normals = has(3..6).then(|| Vec::with_capacity(n));
         self.uvs = has(6..8).then(|| Vec::with_capacity(n));
-        self.colors = has(8..11).then(|| Vec::with_capacity(n));
-        self.textures = has(11..N_SLOTS).then(|| Vec::with_capacity(n));
+        self.textures = has(11..12).then(|| Vec::with_capacity(n));
+        self.material_numbers = has(12..13).then(|| Vec::with_capacity(n));
     }
 
     fn vertex(&mut self, body: &mut Body, element: &Element, slots: &[Option<usize>]) -> Result<(), String> {
@@ -295,7 +327,7 @@ impl Table {
                 (kind, _) => body.skip(kind)?,
             }
         }
-        let [x, y, z, nx, ny, nz, u, v, r, g, b, texture] = numbers;
+        let [x, y, z, nx, ny, nz, u, v, r, g, b, texture, material, gray] = numbers;
         self.positions.push([x, y, z]);
         if let Some(normals) = &mut self.normals {
             normals.push([nx, ny, nz]);
@@ -303,11 +335,14 @@ impl Table {
         if let Some(uvs) = &mut self.uvs {
             uvs.push([u, v]);
         }
-        if let Some(colors) = &mut self.colors {
-            colors.push([r, g, b]);
+        if self.colors.scalar.is_some() {
+            self.colors.list.push(if self.is_gray { [gray; 3] } else { [r, g, b] });
         }
         if let Some(textures) = &mut self.textures {
             textures.push(texture as i64);
+        }
+        if let Some(numbers) = &mut self.material_numbers {
+            numbers.push(material as i64);
         }
         Ok(())
     }
@@ -538,6 +573,15 @@ mod tests {
                 assert!(scene.materials[2].base_color_texture.is_none());
                 assert_eq!(mesh.parts.len(), 3);
             }
+        }
+        for (numbers, want) in [([-1, -1], [1, 1]), ([0, -1], [0, 1]), ([0, 1], [0, 0])] {
+            let faces = ["3 0 1 2 6 0 0 1 0 1 1", "3 0 2 3 6 0 0 1 1 0 1"];
+            let faces = [0, 1].map(|k| format!("{} {}", faces[k], numbers[k]));
+            let properties = "property list uchar float texcoord\nproperty int texnumber\n";
+            let single = square("comment TextureFile a.png\n", properties, &[&faces[0], &faces[1]], "li");
+            let scene = textured(&single[0]);
+            assert_eq!([0, 1].map(|triangle| scene.meshes[0].material_of(triangle).0), want, "{numbers:?}");
+            assert!(scene.materials.get(1).is_none_or(|plain| plain.base_color_texture.is_none()));
         }
         let [unnumbered, _] = square(both, "property list uchar float texcoord\n", &["3 0 1 2 6 0 0 1 0 1 1"], "l");
         let scene = textured(&unnumbered);

@@ -213,10 +213,23 @@ fn checks_versions_and_required_extensions() {
         .rejected("required extension EXT_unheard_of is not supported");
     with("extensionsUsed", json!(["KHR_mesh_quantization", "KHR_lights_punctual"])).scene();
     with("extensionsUsed", json!(["EXT_unheard_of"])).warned("ignoring EXT_unheard_of (not supported): extensionsUsed");
-    let hidden = json!([{ "mesh": 0, "extensions": { "KHR_node_visibility": { "visible": false } } }]);
-    let mut file = with("nodes", hidden);
+    with("extensionsRequired", json!(["KHR_xmp_json_ld"])).scene();
+    let hidden = json!({ "KHR_node_visibility": { "visible": false } });
+    let shown = json!({ "KHR_node_visibility": { "visible": true } });
+    let mut file = with(
+        "nodes",
+        json!([
+            { "mesh": 0, "extensions": hidden, "children": [1] },
+            { "mesh": 0, "extensions": shown, "translation": [1, 0, 0] },
+            { "mesh": 0, "extensions": shown, "translation": [2, 0, 0] },
+        ]),
+    );
     file.json["extensionsUsed"] = json!(["KHR_node_visibility"]);
-    file.warned("ignoring KHR_node_visibility (not supported): node 0");
+    file.json["extensionsRequired"] = json!(["KHR_node_visibility"]);
+    file.json["scenes"] = json!([{ "nodes": [0, 2] }]);
+    let scene = file.scene();
+    let origins: Vec<_> = scene.instances.iter().map(|instance| instance.world_from_object.columns[3]).collect();
+    assert_eq!(origins, [[2.0, 0.0, 0.0]], "a hidden node hides those below");
 }
 
 #[test]

@@ -384,6 +384,10 @@ fn pointers_to_nodes_animate_them() {
         let what = "ignoring animated properties other than transforms and weights of nodes";
         let warnings = file.read_at(1.0).unwrap().warnings;
         assert_eq!(warnings, [format!("{what}: animation 0, '/materials/0/alphaCutoff'")]);
+        let target = &mut file.json["animations"][0]["channels"][0]["target"];
+        target["extensions"]["KHR_animation_pointer"]["pointer"] = json!(format!("/nodes/7/{path}"));
+        let warnings = file.read_at(1.0).unwrap().warnings;
+        assert_eq!(warnings, [format!("ignoring animated properties of absent nodes: animation 0, '/nodes/7/{path}'")]);
     }
     let mut weights = File::new();
     let (times, near) = (weights.reals("SCALAR", &[0.0, 1.0]), weights.reals("SCALAR", &[0.0, 1.0]));

@@ -135,7 +135,7 @@ fn library_files(folder: &Folder, statements: &[&[u8]], warnings: &mut Vec<Strin
                 continue;
             }
             match folder.read_image(name) {
-                Ok(bytes) => files.push((name.to_owned(), bytes)),
+                Ok(bytes) => files.push((name.to_owned(), text::from_utf16(bytes))),
                 Err(error) => {
                     warnings.push(format!("cannot read material library {}: {error}", text::quoted(name.as_bytes())))
                 }
