@@ -443,6 +443,10 @@ impl Intersect for BottomLevel {
         self.inner().has_local_error()
     }
 
+    fn is_empty(&self) -> bool {
+        self.inner().is_empty()
+    }
+
     fn stack_len(&self) -> usize {
         self.inner().stack_len()
     }
