@@ -70,14 +70,13 @@ pub(crate) fn is_rounding_harmful(vertices: &[[f64; 3]], triangles: &[[u32; 3]])
 /// Whether rounding to `f32` may move the corners of a box by more than [`HARMFUL`] of its longest side.
 pub(crate) fn is_far(corners: &[[f64; 3]]) -> bool {
     let of_axis = |k: usize| {
-        let (low, high) = corners.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), corner| {
-            (low.min(corner[k]), high.max(corner[k]))
-        });
+        let (low, high) = corners
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), corner| (low.min(corner[k]), high.max(corner[k])));
         (high - low, low.abs().max(high.abs()))
     };
-    let (side, reach) = [0, 1, 2].map(of_axis).into_iter().fold((0.0_f64, 0.0_f64), |all, axis| {
-        (all.0.max(axis.0), all.1.max(axis.1))
-    });
+    let (side, reach) =
+        [0, 1, 2].map(of_axis).into_iter().fold((0.0_f64, 0.0_f64), |all, axis| (all.0.max(axis.0), all.1.max(axis.1)));
     side > 0.0 && reach * f64::from(f32::EPSILON) / 2.0 > HARMFUL * side
 }
 
