@@ -57,6 +57,17 @@ impl Light {
     /// The names of all kinds, in the order of [`Light::kind`]: `type` in scene files.
     pub const KINDS: [&'static str; 5] = ["sun", "point", "spot", "sphere", "disk"];
 
+    /// Whether it is off: black in all channels.
+    #[must_use]
+    pub fn is_off(&self) -> bool {
+        let (Self::Sun { irradiance: color, .. }
+        | Self::Point { intensity: color, .. }
+        | Self::Spot { intensity: color, .. }
+        | Self::Sphere { radiance: color, .. }
+        | Self::Disk { radiance: color, .. }) = self;
+        color.iter().all(|&x| x <= 0.0)
+    }
+
     /// Its kind, as an index of [`Light::KINDS`].
     #[must_use]
     pub fn kind(&self) -> usize {

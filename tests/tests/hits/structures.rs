@@ -22,6 +22,7 @@ use canted_tests::{
     variants::{binary, every_bvh, first_difference, first_wrong_query, loop_over_all},
 };
 use canted_trace::{Accept, Counts, Hit, Intersect, Ray, ScaledRay, SlabRay, TriangleTest};
+use canted_wide::TriangleBvh;
 
 /// A structure by name.
 type Named = (String, Box<dyn Intersect>);
@@ -108,6 +109,8 @@ fn triangles_without_indices_make_the_same_trees() {
                 .map(|bvh| boxes_of(|each| bvh.unwrap().pairs().each_box(each)));
             assert!(a == b, "{name}: binary, {strategy:?}");
         }
+        let [a, b] = [TriangleBvh::build(positions, triangles), TriangleBvh::build_flat(&flat)].map(Result::unwrap);
+        assert!(a.to_bytes() == b.to_bytes(), "{name}: wide");
         let config = BihConfig::default();
         let [a, b] = [Bih::build(positions, triangles, &config), Bih::build_flat(&flat, &config)].map(Result::unwrap);
         assert!(boxes_of(|each| a.boxes().each_box(each)) == boxes_of(|each| b.boxes().each_box(each)), "{name}: BIH");
@@ -122,6 +125,7 @@ fn triangles_without_indices_make_the_same_trees() {
         Bvh2::build_flat(&bad, &Bvh2Config::default()).err(),
         Bih::build_flat(&bad, &BihConfig::default()).err(),
         KdTree::build_flat(&bad, &KdTreeConfig::default()).err(),
+        TriangleBvh::build_flat(&bad).err(),
     ];
     for error in errors {
         let is_named = matches!(error, Some(GeometryError::NotFinite { triangle: PrimId(1), vertex: 4, .. }));

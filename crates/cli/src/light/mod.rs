@@ -114,7 +114,7 @@ impl LightArgs {
     /// [`LightArgs::apply`] to a scene that has its environment.
     pub(crate) fn apply_lights(&self, scene: &mut Scene, preset: Option<Preset>) -> Result<LightSource> {
         if self.is_empty() {
-            if preset.is_none() && (!scene.lights.is_empty() || scene.environment.is_some()) {
+            if preset.is_none() && (scene.lights.iter().any(|light| !light.is_off()) || scene.environment.is_some()) {
                 return Ok(LightSource::Given);
             }
             if preset.is_none() && scene.materials.iter().any(Material::is_emissive) {

@@ -87,6 +87,26 @@ fn lights_are_chosen_by_name() {
 }
 
 /// The ground is as bright as the background, and darker at the foot of the object.
+/// Lights that are off are none.
+#[test]
+fn lights_that_are_off_leave_the_studio_on() {
+    let folder = Folder::new();
+    for (intensity, is_studio) in [("0", true), ("5", false)] {
+        let gltf = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],"nodes":[{"mesh":0},
+            {"translation":[0,0,3],"extensions":{"KHR_lights_punctual":{"light":0}}}],"extensionsUsed":["KHR_lights_punctual"],
+            "extensions":{"KHR_lights_punctual":{"lights":[{"type":"point","intensity":INTENSITY}]}},
+            "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
+            "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}],
+            "bufferViews":[{"buffer":0,"byteLength":36}],
+            "buffers":[{"byteLength":36,"uri":"data:application/octet-stream;base64,BYTES"}]}"#
+            .replace("INTENSITY", intensity)
+            .replace("BYTES", "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA");
+        folder.write("a.gltf", gltf);
+        let report = folder.run(&format!("render a.gltf {LINE} -o a.png --force --json")).done().json();
+        assert_eq!(report["light"] == "studio", is_studio, "{report}");
+    }
+}
+
 #[test]
 fn the_ground_shows_shadows_and_no_edge() {
     let folder = folder();

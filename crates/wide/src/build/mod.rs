@@ -108,6 +108,15 @@ impl TriangleBvh {
         Ok(over_indexed(&Limits::OF_WORDS, &positions, &triangles, &config.into())?.into())
     }
 
+    /// As [`TriangleBvh::build`], over triangles that have their vertices themselves: the same BVH as over any indexed form of them. In errors,
+    /// vertex `3i + k` is vertex `k` of triangle `i`.
+    ///
+    /// # Errors
+    /// As [`TriangleBvh::build`].
+    pub fn build_flat(triangles: &[[[f32; 3]; 3]]) -> Result<Self, GeometryError> {
+        Self::build(triangles.as_flattened(), &lbvh::flat_indices(triangles.len())?)
+    }
+
     /// Collapses a binary tree of any builder; `corners` in input order and finite, `bounds` around them.
     ///
     /// # Errors
