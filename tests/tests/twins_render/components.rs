@@ -75,7 +75,7 @@ fn parts_add_up_and_are_those_of_the_cpu() {
                 let (astray, of_means) = difference(&ours, &theirs, [part; 2]);
                 assert!(astray < 0.4 && of_means < 0.02, "{name}, {integrator:?}, part {part}: {astray}, {of_means}");
             }
-            assert!(difference(&ours, &theirs, [1, 2]).0 > 0.5, "{name}, {integrator:?}: parts are told apart");
+            assert!(difference(&ours, &theirs, [1, 2]).0 > 0.5, "{name}, {integrator:?}: parts differ");
         }
     }
     let (scene, camera) = of_all_materials();

@@ -304,12 +304,12 @@ fn closed_objects_are_viewed_from_outside_whatever_their_winding() {
 #[test]
 fn single_sided_sheets_are_viewed_from_their_fronts() {
     let lying = parallelogram([0.0; 3], [0.0, 0.0, 2.0], [3.0, 0.0, 0.0], 0);
-    let leaning = parallelogram([0.0; 3], [3.0, 0.0, 0.0], [0.0, 2.0, -2.0], 0);
+    let tilted = parallelogram([0.0; 3], [3.0, 0.0, 0.0], [0.0, 2.0, -2.0], 0);
     for (name, sheet, from) in [
         ("up", lying.clone(), [0.7, 0.5, 1.0]),
         ("down", inside_out(lying), [0.7, -0.5, 1.0]),
-        ("front", leaning.clone(), [0.7, 0.5, 1.0]),
-        ("back", inside_out(leaning), [-0.7, 0.5, -1.0]),
+        ("front", tilted.clone(), [0.7, 0.5, 1.0]),
+        ("back", inside_out(tilted), [-0.7, 0.5, -1.0]),
     ] {
         for double_sided in [false, true] {
             let scene = scene(vec![sheet.clone()], vec![Material { double_sided, ..gray(0.5) }]);
