@@ -494,7 +494,8 @@ impl Bvh {
     /// The triangles that overlap each axis-aligned box, touching included: a dict of region, the index of the box, int64, and primitive,
     /// int32, in order of both.
     ///
-    /// No overlap is missed; a gap below 2^-46 of the coordinates may be reported as an overlap. A box whose low exceeds its high is empty.
+    /// No overlap is missed; a gap below 2^-46 of the coordinates may be reported as an overlap. A box from inf to -inf is empty and overlaps nothing;
+    /// another one whose low exceeds its high is an error.
     ///
     /// Parameters
     /// ----------

@@ -4,7 +4,7 @@ use canted::distance::Convex;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{Column, Table, shaped, shown};
+use crate::arrays::{Column, NO_ORIGIN, Table, shaped, shown};
 use crate::error::invalid;
 use crate::work::Call;
 
@@ -31,6 +31,18 @@ impl<'py> Regions<'py> {
     pub(crate) fn boxes(low: &Bound<'py, PyAny>, high: &Bound<'py, PyAny>) -> PyResult<Self> {
         let (low, high) = (Table::of_any_shape(low, "low")?, Table::of_any_shape(high, "high")?);
         is_one_shape(["low", "high"], &low, &high)?;
+        let (least, greatest) = (low.rows(NO_ORIGIN), high.rows(NO_ORIGIN));
+        for i in 0..low.len() {
+            let (low, high) = (least.exact(i), greatest.exact(i));
+            // From infinity to minus infinity: empty on purpose.
+            let is_empty = low == [f64::INFINITY; 3] && high == [f64::NEG_INFINITY; 3];
+            if let Some(k) = (0..3).find(|&k| low[k] > high[k] && !is_empty) {
+                let (axis, low, high) = (["x", "y", "z"][k], low[k], high[k]);
+                return Err(invalid(format!(
+                    "box {i} is inverted: low is {low} in {axis}, high is {high}; exchange both, or use inf and -inf for an empty box"
+                )));
+            }
+        }
         Ok(Self::Boxes { low, high })
     }
 

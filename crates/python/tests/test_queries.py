@@ -238,8 +238,8 @@ def test_zeros_of_both_signs_are_equal():
 def test_regions_overlap_what_they_touch():
     vertices, triangles = meshes.box()
     bvh = canted.Bvh(vertices, triangles)
-    low, high = np.float32([[0.25, 0.25, 0.25], [0.25, 0.25, 1.0], [2, 2, 2], [1, 1, 1], [-9, -9, -9]]), np.float32([0.5, 0.5, 0.5])
-    found = bvh.overlapping_box(low, [high, [0.5, 0.5, 3], [3, 3, 3], [0, 0, 0], [9, 9, 9]])
+    low, high = np.float32([[0.25, 0.25, 0.25], [0.25, 0.25, 1.0], [2, 2, 2], [np.inf] * 3, [-9, -9, -9]]), np.float32([0.5, 0.5, 0.5])
+    found = bvh.overlapping_box(low, [high, [0.5, 0.5, 3], [3, 3, 3], [-np.inf] * 3, [9, 9, 9]])
     assert found["region"].dtype == "int64" and found["primitive"].dtype == "int32" and set(found) == {"region", "primitive"}
     count = np.bincount(found["region"], minlength=5)
     # Within the box there is no face; one touches the top; one is elsewhere; one is empty; one has all.
@@ -258,6 +258,9 @@ def test_regions_overlap_what_they_touch():
         above.overlapping_frustum(near[:3], far)
     with pytest.raises(ValueError, match=r"there are regions of shape \(5,\) in low, but of shape \(1,\) in high"):
         bvh.overlapping_box(low, high)
+    for answers in (bvh, canted.Tlas([bvh])):
+        with pytest.raises(ValueError, match="box 1 is inverted: low is 1 in y, high is 0.5; exchange both"):
+            answers.overlapping_box([[0, 0, 0], [0, 1, 0]], [[1, 1, 1], [1, 0.5, 1]])
 
 
 def test_the_k_nearest_are_those_of_a_loop():

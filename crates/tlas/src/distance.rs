@@ -1,4 +1,4 @@
-//! Distances to instances, overlaps with them, and whether points are inside of one.
+//! Distances to instances.
 //!
 //! Distances are those in world space, under any affine map: the triangles near the point are mapped and compared there, in `f64`. Moving
 //! instances are where they are as the shutter opens.
@@ -11,13 +11,21 @@
 
 use std::borrow::Borrow;
 
+use canted_lbvh::par;
 use canted_obb::vector::{add, dot, length, reach, sub, to_f64};
 use canted_obb::{Aabb, PrimId};
-use canted_trace::{Convex, InstanceId, Intersect, closest_to_zero};
+use canted_trace::{InstanceId, Intersect, closest_to_zero};
 use canted_wide::TriangleBvh;
 
 use crate::Tlas;
-use crate::instance::{Columns, Rows, invert, row_sum_norm};
+use crate::inside::{Placed, mapped};
+use crate::instance::{Columns, Rows, row_sum_norm};
+
+/// Points of one parallel job.
+const CHUNK: usize = 1 << 6;
+
+/// What roundings may add to the sum of two distances, relative to the coordinates.
+const STEP_ERROR: f64 = 64.0 * f64::EPSILON;
 
 /// A point of a triangle of an instance near a query point, world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,73 +90,84 @@ impl<B: Intersect + Borrow<TriangleBvh>> Tlas<B> {
         });
     }
 
-    /// All triangles at most `radius` away from `center`, by instance, then primitive. Replaces the contents of `found`.
-    pub fn overlapping_sphere(&self, center: impl Into<[f64; 3]>, radius: f64, found: &mut Vec<(InstanceId, PrimId)>) {
-        found.clear();
-        self.visit_near(center.into(), radius, &mut |near| {
-            found.push((near.instance, near.primitive));
-            radius
-        });
-        found.sort_unstable();
-        found.dedup();
-    }
-
-    /// All triangles that overlap a region of world space, by instance, then primitive. Replaces the contents of `found`.
+    /// The nearest triangle of each point; see [`Tlas::nearest_point`]. Points near their predecessors, as those of grids, take less time.
     ///
-    /// No overlap is missed; a gap below 2^-46 of the coordinates, times the condition number of the instance's map, may be reported as an
-    /// overlap.
-    pub fn overlapping(&self, region: &Convex, found: &mut Vec<(InstanceId, PrimId)>) {
-        found.clear();
-        let mut primitives = vec![];
-        for placed in self.placed() {
-            if region.overlaps_aabb(&placed.aabb) {
-                let columns = placed.columns;
-                let forward: Rows = std::array::from_fn(|k| std::array::from_fn(|j| columns[j][k]));
-                let bvh: &TriangleBvh = placed.blas.borrow();
-                bvh.overlapping(&region.transformed(&placed.inverse, &forward), &mut primitives);
-                found.extend(primitives.drain(..).map(|primitive| (placed.instance, primitive)));
-            }
+    /// # Panics
+    /// Where the slices differ in length.
+    pub fn nearest_point_many(&self, points: &[[f64; 3]], max_distance: f64, nearest: &mut [Option<NearestSurface>]) {
+        assert_eq!(points.len(), nearest.len(), "one answer for each point");
+        let mut last: Option<([f64; 3], f64)> = None;
+        let mut found = vec![];
+        for (&point, nearest) in points.iter().zip(nearest) {
+            // What is nearest to the predecessor is no farther away than that and the step.
+            let within = last.map_or(max_distance, |(other, distance)| {
+                let size = reach(point).max(reach(other)) + distance;
+                max_distance.min(length(sub(point, other)) + distance + STEP_ERROR * size)
+            });
+            self.nearest_points(point, 1, within, &mut found);
+            *nearest = found.pop();
+            last = nearest.map(|nearest| (point, nearest.distance));
         }
     }
 
-    /// Whether `point` is inside of any instance, or on one, by [`TriangleBvh::contains`].
-    #[must_use]
-    pub fn contains(&self, point: impl Into<[f64; 3]>) -> bool {
-        self.contains_with(point, |_, blas, point| {
-            let bvh: &TriangleBvh = blas.borrow();
-            bvh.contains(point)
-        })
+    /// [`Tlas::nearest_point_many`] on all threads.
+    pub fn par_nearest_point_many(&self, points: &[[f64; 3]], max_distance: f64, nearest: &mut [Option<NearestSurface>])
+    where
+        B: Sync,
+    {
+        assert_eq!(points.len(), nearest.len(), "one answer for each point");
+        par::for_chunks(nearest, CHUNK, |first, nearest| {
+            self.nearest_point_many(&points[first..first + nearest.len()], max_distance, nearest);
+        });
     }
 
-    /// Whether `is_inside` holds for the point in the object space of any instance, rounded to `f32`. It gets the index of the bottom-level
-    /// BVH, the BVH and the point.
+    /// Distance to the nearest surface of any instance: negative where [`Tlas::contains`] is true, infinite without triangles and for an infinite
+    /// point, NaN for a point with a NaN.
     #[must_use]
-    pub fn contains_with(
-        &self,
-        point: impl Into<[f64; 3]>,
-        mut is_inside: impl FnMut(u32, &B, [f32; 3]) -> bool,
-    ) -> bool {
-        let point = point.into();
-        self.placed().any(|placed| {
-            let is_near =
-                (0..3).all(|k| f64::from(placed.aabb.min[k]) <= point[k] && point[k] <= f64::from(placed.aabb.max[k]));
-            is_near && is_inside(placed.index, placed.blas, mapped(&placed.inverse, point).map(|x| x as f32))
-        })
+    pub fn signed_distance(&self, point: impl Into<[f64; 3]>) -> f64 {
+        let mut distance = [0.0];
+        self.signed_distance_many(&[point.into()], &mut distance);
+        distance[0]
+    }
+
+    /// The signed distance of each point; see [`Tlas::signed_distance`].
+    ///
+    /// # Panics
+    /// Where the slices differ in length.
+    pub fn signed_distance_many(&self, points: &[[f64; 3]], distances: &mut [f64]) {
+        let mut nearest = vec![None; points.len()];
+        self.nearest_point_many(points, f64::INFINITY, &mut nearest);
+        assert_eq!(points.len(), distances.len(), "one answer for each point");
+        for ((&point, nearest), distance) in points.iter().zip(nearest).zip(distances) {
+            let is_number = !point.iter().any(|x| x.is_nan());
+            let size = nearest.map_or(if is_number { f64::INFINITY } else { f64::NAN }, |nearest| nearest.distance);
+            *distance = if size > 0.0 && self.contains(point) { -size } else { size };
+        }
+    }
+
+    /// [`Tlas::signed_distance_many`] on all threads.
+    pub fn par_signed_distance_many(&self, points: &[[f64; 3]], distances: &mut [f64])
+    where
+        B: Sync,
+    {
+        assert_eq!(points.len(), distances.len(), "one answer for each point");
+        par::for_chunks(distances, CHUNK, |first, distances| {
+            self.signed_distance_many(&points[first..first + distances.len()], distances);
+        });
     }
 
     /// Calls `visit` with the closest point of each triangle that may be at most `limit` away; it returns the new limit. A triangle may come
     /// twice.
-    fn visit_near(&self, point: [f64; 3], mut limit: f64, visit: &mut dyn FnMut(NearestSurface) -> f64) {
-        if !point.iter().all(|x| x.is_finite()) {
+    pub(crate) fn visit_near(&self, point: [f64; 3], limit: f64, visit: &mut dyn FnMut(NearestSurface) -> f64) {
+        // Nothing is near a negative limit, or one that is NaN.
+        if !(point.iter().all(|x| x.is_finite()) && limit >= 0.0) {
             return;
         }
-        let mut near: Vec<(f64, Placed<'_, B>)> =
-            self.placed().map(|placed| (distance_to(&placed.aabb, point), placed)).collect();
-        near.retain(|(distance, _)| *distance <= limit);
-        near.sort_by(|a, b| a.0.total_cmp(&b.0));
-        for (distance, placed) in near {
-            if distance > limit {
-                return;
+        self.top.each_near(point, limit, &mut |number, limit| {
+            let Some(placed) = self.placed(InstanceId(number)) else { return limit };
+            let mut limit = limit;
+            if distance_to(&placed.aabb, point) > limit {
+                return limit;
             }
             let search = Search::new(&placed, point);
             let bvh: &TriangleBvh = placed.blas.borrow();
@@ -165,38 +184,9 @@ impl<B: Intersect + Borrow<TriangleBvh>> Tlas<B> {
                 limit = visit(NearestSurface { distance, position, primitive, instance: placed.instance });
                 search.bound(limit)
             });
-        }
+            limit
+        });
     }
-
-    /// The instances that rays may see.
-    fn placed(&self) -> impl Iterator<Item = Placed<'_, B>> {
-        let all = self.instances.iter().zip(&self.placements).zip(&self.bounds).enumerate();
-        all.filter(|(_, ((_, placement), bounds))| placement.mask != 0 && !bounds.is_empty()).map(
-            |(i, ((instance, _), bounds))| {
-                let columns = instance.world_from_object.columns.map(to_f64);
-                Placed {
-                    instance: InstanceId(i as u32),
-                    index: instance.blas,
-                    blas: &self.blas[instance.blas as usize],
-                    inverse: invert(&columns),
-                    columns,
-                    aabb: bounds.aabb,
-                }
-            },
-        )
-    }
-}
-
-/// An instance with its map.
-struct Placed<'a, B> {
-    instance: InstanceId,
-    /// Of the bottom-level BVH.
-    index: u32,
-    blas: &'a B,
-    columns: Columns,
-    inverse: Rows,
-    /// World space.
-    aabb: Aabb,
 }
 
 /// A search for triangles of an instance.
@@ -235,10 +225,6 @@ impl Search {
 /// The linear part of a map.
 fn linear([x, y, z, _]: &Columns, v: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| x[k] * v[0] + y[k] * v[1] + z[k] * v[2])
-}
-
-fn mapped(rows: &Rows, p: [f64; 3]) -> [f64; 3] {
-    rows.map(|[x, y, z, w]| x * p[0] + y * p[1] + z * p[2] + w)
 }
 
 /// An upper bound of the spectral norm of the linear part.

@@ -32,7 +32,8 @@
 //! | --- | --- |
 //! | hits, filters, counters, slices of rays | those of [`Intersect`](canted_trace::Intersect) |
 //! | crossings of surfaces | those of [`Crossings`](canted_trace::Crossings) |
-//! | nearest points, overlaps, containment | [`Tlas::nearest_points`], [`Tlas::overlapping`], [`Tlas::contains`] |
+//! | nearest points, signed distance, containment | [`Tlas::nearest_points`], [`Tlas::signed_distance`], [`Tlas::contains`] |
+//! | overlaps with regions | [`Tlas::overlapping`], [`Tlas::overlapping_sphere`], [`Tlas::each_instance_in`] |
 //! | masks, time | [`Ray::mask`](canted_trace::Ray::mask), [`Ray::time`](canted_trace::Ray::time) |
 //! | position and normal of a hit, rays that continue | [`Tlas::surface_point`] |
 //! | add, remove, move, hide | [`Tlas::insert`], [`Tlas::remove`], [`Tlas::set_transform`], [`Tlas::set_instance`], [`Tlas::set_mask`] |
@@ -67,8 +68,10 @@ mod around;
 mod distance;
 mod edit;
 mod file;
+mod inside;
 mod instance;
 mod motion;
+mod overlap;
 mod placement;
 mod query;
 mod ray;
@@ -79,6 +82,7 @@ pub use canted_trace::SaveBlas;
 pub use distance::NearestSurface;
 pub use edit::TlasEdit;
 pub use file::TlasLoadError;
+pub use inside::InstancePrimitive;
 pub use instance::{Instance, InstanceError, MAX_CONDITION, row_sum_norm};
 pub use motion::Motion;
 pub use tlas::Tlas;

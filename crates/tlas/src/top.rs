@@ -10,12 +10,14 @@
 //! similar conditions, and almost all scenes one class.
 
 use std::fmt;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use canted_lbvh::{self as lbvh, par};
-use canted_obb::round::{greatest, up};
+use canted_obb::round::{down, greatest, up};
+use canted_obb::vector::{length, reach, sub, to_f64};
 use canted_obb::{Aabb, Obb, PrimId};
-use canted_trace::{BoxBvh, InstanceId, Intersect, ReferencePoint, ScaledRay};
+use canted_trace::{BoxBvh, Convex, InstanceId, Intersect, ReferencePoint, ScaledRay};
 use canted_wide::{Config, MAX_PRIMITIVES, Order, SimdPath, WideBvh};
 
 use crate::InstanceError;
@@ -277,6 +279,26 @@ impl Top {
         self.classes.iter().map(Class::stack_len).fold(0, usize::max)
     }
 
+    /// Calls `visit` with each instance whose box shares a point with `aabb`, world space, and perhaps with others, until it breaks.
+    pub(crate) fn each_in(&self, aabb: &Aabb, visit: &mut dyn FnMut(u32) -> ControlFlow<()>) -> ControlFlow<()> {
+        let at = self.reference.point();
+        // Boxes are rounded outward, and so is this one.
+        let moved = |x: f32, k: usize| f64::from(x) - f64::from(at[k]);
+        let min = std::array::from_fn(|k| down(moved(aabb.min[k], k).next_down()).max(f32::MIN));
+        let max = std::array::from_fn(|k| up(moved(aabb.max[k], k).next_up()).min(f32::MAX));
+        let region = Convex::from_aabb(min, max);
+        self.classes.iter().try_for_each(|class| class.each_in(&region, visit))
+    }
+
+    /// Calls `visit` with the instances whose boxes may be at most `limit` away from `point`, world space, and with the limit; it returns the new
+    /// one. Nearer subtrees of a class come first.
+    pub(crate) fn each_near(&self, point: [f64; 3], mut limit: f64, visit: &mut dyn FnMut(u32, f64) -> f64) {
+        let moved = sub(point, to_f64(self.reference.point()));
+        for class in &self.classes {
+            limit = class.each_near(moved, limit, visit);
+        }
+    }
+
     /// Calls `enter` with each instance whose box `ray` enters at or before `t_max`; returns the number of box tests. Nearer subtrees of a
     /// class come first for [`Order::Nearest`].
     ///
@@ -515,6 +537,43 @@ impl Class {
         self.ids.get_or_insert_with(|| (0..n).collect())
     }
 
+    /// The instance of a box.
+    #[inline]
+    fn id(&self, number: u32) -> u32 {
+        self.ids.as_ref().map_or(number, |ids| ids[number as usize])
+    }
+
+    /// [`Top::each_in`]; the region is relative to the reference point.
+    fn each_in(&self, region: &Convex, visit: &mut dyn FnMut(u32) -> ControlFlow<()>) -> ControlFlow<()> {
+        let mut flow = ControlFlow::Continue(());
+        match &self.bvh {
+            Bvh::Wide(bvh) => bvh.each_overlapping(region, |PrimId(number)| {
+                flow = visit(self.id(number));
+                flow
+            }),
+            Bvh::Other(_, n) => flow = (0..*n as u32).try_for_each(|number| visit(self.id(number))),
+        }
+        flow
+    }
+
+    /// [`Top::each_near`]; the point is relative to the reference point. Returns the last limit.
+    fn each_near(&self, point: [f64; 3], mut limit: f64, visit: &mut dyn FnMut(u32, f64) -> f64) -> f64 {
+        let rounded = point.map(|x| x as f32);
+        match &self.bvh {
+            Bvh::Wide(bvh) if rounded.iter().all(|x| x.is_finite()) => {
+                // The search is around the rounded point; the difference has a rounding itself.
+                let moved = length(sub(point, to_f64(rounded))) + 4.0 * f64::EPSILON * reach(point);
+                let bound = |limit: f64| (limit + moved) * (limit + moved) * (1.0 + 16.0 * f64::EPSILON);
+                bvh.visit_near(rounded, bound(limit), |PrimId(number), _, _| {
+                    limit = visit(self.id(number), limit);
+                    bound(limit)
+                });
+            }
+            bvh => (0..bvh.n_boxes() as u32).for_each(|number| limit = visit(self.id(number), limit)),
+        }
+        limit
+    }
+
     /// The error of hits that boxes do not contain, of a ray relative to the reference point. Its origin was rounded, by 2^-24 of it, which
     /// moves the hit by as much.
     #[inline]
@@ -531,8 +590,7 @@ impl Class {
         stack: &mut [u64],
         enter: &mut dyn FnMut(InstanceId, f32) -> f32,
     ) -> u32 {
-        let mut enter =
-            |number: u32, t_max| enter(InstanceId(self.ids.as_ref().map_or(number, |ids| ids[number as usize])), t_max);
+        let mut enter = |number: u32, t_max| enter(InstanceId(self.id(number)), t_max);
         let error = self.error(ray);
         match &self.bvh {
             Bvh::Wide(bvh) => {

@@ -1,13 +1,43 @@
-use canted_obb::vector::{cross, dot, sub, to_f64};
+use core::{error, fmt};
+
+use canted_obb::round::{down, up};
+use canted_obb::vector::{cross, dot, length, sub, to_f64};
 use canted_obb::{Aabb, Obb};
 
+use crate::closest_point::closest_to_zero;
 use crate::rounding::UNIT_ROUNDOFF_F64;
 
 /// Rounding of a projection onto an axis, relative to the sum of the axis' absolute components times the greatest
 /// coordinate: three roundings touch a product, and four a corner of an oriented box; two projections are compared, doubled.
 const PROJECTION_ERROR: f64 = 32.0 * UNIT_ROUNDOFF_F64;
 
+/// How far beyond its radius a ball may be and count as touching, relative to the coordinates: far more than the error of distances.
+const BALL_ERROR: f64 = 1.0 / (1_u64 << 44) as f64;
+
 const COORDINATE_AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+/// A box whose least coordinate exceeds its greatest, or whose half-extent is negative.
+///
+/// [`Aabb::EMPTY`] is no such box: it is empty on purpose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InvertedBox {
+    /// Of the first coordinate or half-extent that is inverted: 0, 1 or 2.
+    pub axis: usize,
+    /// The least coordinate; the negative of the half-extent.
+    pub min: f32,
+    /// The greatest coordinate; the half-extent.
+    pub max: f32,
+}
+
+impl fmt::Display for InvertedBox {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { axis, min, max } = self;
+        let name = ["x", "y", "z"][*axis];
+        write!(f, "a box from {min} to {max} in {name} is inverted; exchange both, or use Aabb::EMPTY for an empty box")
+    }
+}
+
+impl error::Error for InvertedBox {}
 
 /// A convex region with eight corners: an axis-aligned box, an oriented box, or a frustum.
 ///
@@ -42,6 +72,30 @@ impl Convex {
         let region = Self::new(corners, twice(COORDINATE_AXES), &COORDINATE_AXES);
         let is_empty = (0..3).any(|k| min[k].is_nan() || max[k].is_nan() || min[k] > max[k]);
         Self { magnitude: if is_empty { f64::NAN } else { region.magnitude }, ..region }
+    }
+
+    /// [`Convex::from_aabb`] of a box that is not inverted. The empty box, from infinity to minus infinity, overlaps nothing.
+    ///
+    /// # Errors
+    /// A least coordinate that exceeds the greatest.
+    pub fn checked_aabb(min: impl Into<[f32; 3]>, max: impl Into<[f32; 3]>) -> Result<Self, InvertedBox> {
+        let (min, max) = (min.into(), max.into());
+        let is_empty = Aabb { min, max } == Aabb::EMPTY;
+        match (0..3).find(|&k| min[k] > max[k] && !is_empty) {
+            Some(axis) => Err(InvertedBox { axis, min: min[axis], max: max[axis] }),
+            None => Ok(Self::from_aabb(min, max)),
+        }
+    }
+
+    /// [`Convex::from_obb`] of a box that is not inverted.
+    ///
+    /// # Errors
+    /// A negative half-extent.
+    pub fn checked_obb(obb: &Obb) -> Result<Self, InvertedBox> {
+        match (0..3).find(|&k| obb.half_extents[k] < 0.0) {
+            Some(axis) => Err(InvertedBox { axis, min: -obb.half_extents[axis], max: obb.half_extents[axis] }),
+            None => Ok(Self::from_obb(obb)),
+        }
     }
 
     /// An oriented box.
@@ -123,6 +177,16 @@ impl Convex {
         interval(&self.corners, axis)
     }
 
+    /// A box around the region; empty for a region that overlaps nothing.
+    #[must_use]
+    pub fn bounds(&self) -> Aabb {
+        if !self.magnitude.is_finite() {
+            return Aabb::EMPTY;
+        }
+        let intervals = COORDINATE_AXES.map(|axis| self.interval(axis));
+        Aabb { min: intervals.map(|[min, _]| down(min)), max: intervals.map(|[_, max]| up(max)) }
+    }
+
     /// Axes along which every overlap test looks for a gap: across the faces, and the coordinate axes.
     #[must_use]
     pub fn axes(&self) -> &[[f64; 3]; 9] {
@@ -151,6 +215,55 @@ impl Convex {
     pub fn overlaps_aabb(&self, aabb: &Aabb) -> bool {
         let other = Self::from_aabb(aabb.min, aabb.max);
         !aabb.is_empty() && self.overlaps(&other.corners, &COORDINATE_AXES, &COORDINATE_AXES)
+    }
+
+    /// Whether the region and a solid ball share a point; touching counts.
+    ///
+    /// An overlap is never denied; a gap below 2^-44 of the coordinates may be reported as an overlap.
+    #[must_use]
+    pub fn overlaps_ball(&self, center: [f64; 3], radius: f64) -> bool {
+        let reach = center.iter().fold(self.magnitude, |most: f64, x| most.max(x.abs())) + radius;
+        if !(self.magnitude.is_finite() && reach.is_finite()) {
+            return false;
+        }
+        let beyond = |axis: [f64; 3]| {
+            let ([min, max], at) = (self.interval(axis), dot(axis, center));
+            ((min - at).max(at - max), slack(reach, axis))
+        };
+        let is_separated = self.axes.iter().any(|&axis| {
+            let (gap, slack) = beyond(axis);
+            gap > radius * length(axis) + slack
+        });
+        // A region with a volume is what is between its faces.
+        let is_inside = || !self.is_flat && self.axes.iter().all(|&axis| beyond(axis).0 <= 0.0);
+        !is_separated && (is_inside() || self.distance_to_triples(center) <= radius + BALL_ERROR * reach)
+    }
+
+    /// The distance of a point from the triangles of any three corners: of these the surface of the region consists, and the rest is
+    /// inside.
+    fn distance_to_triples(&self, point: [f64; 3]) -> f64 {
+        let corners = self.corners.map(|corner| sub(corner, point));
+        let triples = (0..8).flat_map(|i| (0..i).flat_map(move |j| (0..j).map(move |k| [i, j, k])));
+        let squared = |triple: [usize; 3]| closest_to_zero(&triple.map(|i| corners[i])).distance_squared;
+        canted_obb::vector::sqrt(triples.map(squared).fold(f64::INFINITY, f64::min))
+    }
+
+    /// Whether the region lies in the ball, without touching the sphere around it, but for a gap below 2^-44 of the coordinates.
+    #[must_use]
+    pub fn is_inside_ball(&self, center: [f64; 3], radius: f64) -> bool {
+        let reach = center.iter().fold(self.magnitude, |most: f64, x| most.max(x.abs())) + radius;
+        self.corners.iter().all(|&corner| length(sub(corner, center)) < radius - BALL_ERROR * reach)
+    }
+
+    /// Whether the region lies between the faces of a box, without touching them, but for a gap below 2^-46 of the coordinates.
+    #[must_use]
+    pub fn is_inside_aabb(&self, aabb: &Aabb) -> bool {
+        let reach = self.magnitude.max(f64::from(aabb.reach()));
+        (0..3).all(|k| {
+            let axis = COORDINATE_AXES[k];
+            let ([min, max], slack) = (self.interval(axis), slack(reach, axis));
+            min > f64::from(aabb.min[k]) + slack && max < f64::from(aabb.max[k]) - slack
+        })
     }
 
     fn overlaps(&self, points: &[[f64; 3]], normals: &[[f64; 3]], edges: &[[f64; 3]]) -> bool {

@@ -73,7 +73,7 @@ mod surface_point;
 mod triangle;
 
 pub use closest_point::{DISTANCE_ERROR, TrianglePoint, closest_point_on_triangle, closest_to_zero};
-pub use convex::Convex;
+pub use convex::{Convex, InvertedBox};
 pub use hit::{Hit, HitLists, InstanceId, Side};
 pub use intersect::{AcceptAt, Answer, Answers, Crossings, Intersect, Pointer, Triangles, alternate_sides};
 pub use leaf::{LeafTriangles, Leaves};

@@ -326,18 +326,20 @@ fn overlaps_are_those_of_a_loop() {
                     .map(|[x, y]| [point[0] + x, point[1] + y, point[2] + z])
             };
             let frustum = Convex::from_frustum(face(0.1 * size, 0.0), face(size, 5.0 * size));
-            bvh.overlapping_obb(&obb, &mut found);
+            bvh.overlapping_obb(&obb, &mut found).unwrap();
             let region = Convex::from_obb(&obb);
             assert_eq!(found, ids(&mesh, |i| region.overlaps_triangle(&corners(&mesh, i))), "{name}, {obb:?}");
             n_found += found.len();
             bvh.overlapping(&frustum, &mut found);
+            assert_eq!(bvh.first_overlapping(&frustum), found.first().copied());
+            assert_eq!((bvh.overlaps(&frustum), bvh.count_overlapping(&frustum)), (!found.is_empty(), found.len()));
             assert_eq!(
                 found,
                 ids(&mesh, |i| frustum.overlaps_triangle(&corners(&mesh, i))),
                 "{name}, frustum at {point:?}"
             );
             let (min, max) = (point.map(|x| x - size), point.map(|x| x + size));
-            bvh.overlapping_aabb(min, max, &mut found);
+            bvh.overlapping_aabb(min, max, &mut found).unwrap();
             let region = Convex::from_aabb(min, max);
             assert_eq!(
                 found,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use canted_fixtures::{Mesh, SplitMix64};
 use canted_obb::Affine;
 use canted_tlas::{Instance, NearestSurface, Tlas};
-use canted_trace::{Convex, closest_to_zero};
+use canted_trace::{Convex, InstanceId, closest_to_zero};
 use canted_wide::{Preset, TriangleBvh};
 
 use crate::oracle::affine;
@@ -138,6 +138,19 @@ fn overlaps_are_those_of_regions_in_object_space() {
             }
         }
         assert!(found.is_sorted());
+        assert_eq!(tlas.first_overlapping(&region), found.first().copied());
+        assert_eq!((tlas.overlaps(&region), tlas.count_overlapping(&region)), (!found.is_empty(), found.len()));
+        let mut near = vec![];
+        tlas.each_instance_in(&region.bounds(), |instance| {
+            near.push(instance);
+            std::ops::ControlFlow::Continue(())
+        });
+        near.sort_unstable();
+        let meets = |id: &InstanceId| {
+            let (own, other) = (tlas.instance_bounds(*id).unwrap(), region.bounds());
+            (0..3).all(|k| own.min[k] <= other.max[k] && other.min[k] <= own.max[k])
+        };
+        assert_eq!(near, (0..10).map(InstanceId).filter(meets).collect::<Vec<_>>());
     }
     assert!(counts[1] > 500, "{counts:?}");
 }
@@ -157,4 +170,62 @@ fn a_point_is_inside_of_any_instance() {
         // Only instances whose box has the point are asked.
         assert_eq!(tlas.contains_with([x, 0.0, 0.0], |_, _, _| true), expected, "{x}");
     }
+}
+
+/// Answers of slices are those of single points, and signs those of containment.
+#[test]
+fn slices_of_points() {
+    let mut rng = SplitMix64::new(40);
+    let (meshes, instances) = scene(&mut rng, 1.5);
+    let tlas = tlas_of(&meshes, &instances, Preset::Balanced);
+    // A coherent row, then points anywhere, some of them bad.
+    let mut points: Vec<[f64; 3]> = (0..200).map(|i| [0.02 * f64::from(i) - 2.0, 0.3, 0.1]).collect();
+    points.extend((0..200).map(|_| rng.signed3().map(|x| 3.0 * x)));
+    points[70] = [f64::NAN, 0.0, 0.0];
+    points[90] = [0.0, f64::INFINITY, 0.0];
+    for max_distance in [f64::INFINITY, 0.3] {
+        let (mut nearest, mut parallel) = (vec![None; points.len()], vec![None; points.len()]);
+        tlas.nearest_point_many(&points, max_distance, &mut nearest);
+        tlas.par_nearest_point_many(&points, max_distance, &mut parallel);
+        let singles: Vec<_> = points.iter().map(|&point| tlas.nearest_point(point, max_distance)).collect();
+        assert_eq!((&nearest, &parallel), (&singles, &singles));
+        assert!(nearest.iter().flatten().count() > 50);
+    }
+    let (mut inside, mut parallel) = (vec![false; points.len()], vec![false; points.len()]);
+    tlas.contains_many(&points, &mut inside);
+    tlas.par_contains_many(&points, &mut parallel);
+    assert_eq!(inside, points.iter().map(|&point| tlas.contains(point)).collect::<Vec<_>>());
+    assert!(inside == parallel && inside.contains(&true));
+    let (mut distances, mut parallel) = (vec![0.0; points.len()], vec![0.0; points.len()]);
+    tlas.signed_distance_many(&points, &mut distances);
+    tlas.par_signed_distance_many(&points, &mut parallel);
+    for (i, &point) in points.iter().enumerate() {
+        assert!(
+            distances[i].to_bits() == parallel[i].to_bits()
+                && distances[i].to_bits() == tlas.signed_distance(point).to_bits()
+        );
+        if let Some(nearest) = tlas.nearest_point(point, f64::INFINITY) {
+            assert_eq!(
+                (distances[i].abs(), distances[i] < 0.0),
+                (nearest.distance, inside[i] && nearest.distance > 0.0)
+            );
+        }
+    }
+    assert!(distances[70].is_nan() && distances[90] == f64::INFINITY);
+}
+
+/// Instances of a closed mesh that overlap wind twice; mirrored ones count negatively.
+#[test]
+fn winding_numbers_add_up() {
+    let meshes = [canted_fixtures::icosphere(2)];
+    let at = |x: f32, scale: [f32; 3]| Instance::new(0, Affine::scale(scale).then(&Affine::translation([x, 0.0, 0.0])));
+    let instances = [at(0.0, [1.0; 3]), at(1.0, [1.0, 2.0, 0.5]), at(5.0, [-1.0, 1.0, 1.0]), at(0.0, [0.0; 3])];
+    let tlas = tlas_of(&meshes, &instances, Preset::Balanced);
+    let winding = tlas.blas()[0].winding_numbers();
+    for (x, expected) in [(-0.5, 1.0), (0.5, 2.0), (1.5, 1.0), (3.0, 0.0), (5.0, -1.0)] {
+        let number = tlas.winding_number_with([x, 0.05, 0.02], |_, _, point| winding.number(point, 1e-9));
+        assert!((number - expected).abs() < 1e-7, "{x}: {number}, not {expected}");
+    }
+    assert!(tlas.winding_number_with([f64::NAN, 0.0, 0.0], |_, _, _| 1.0).is_nan());
+    assert_eq!(tlas.instance_bounds(InstanceId(3)), None, "a scale by zero hides");
 }

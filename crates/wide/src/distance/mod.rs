@@ -32,11 +32,11 @@ mod nearest;
 mod overlap;
 mod winding;
 
-use canted_obb::vector::{length, sub, to_f64};
+use canted_obb::Aabb;
+use canted_obb::vector::{dot as dot_f64, length, sub, to_f64};
 use canted_trace::lanes::{SQRT_3, UNIT_ROUNDOFF as U};
 use canted_trace::{Convex, Sphere, closest_point_on_triangle};
 
-use crate::leaf::Primitive;
 use crate::node::Row;
 use crate::simd::Simd;
 use crate::traverse::MeshFrame;
@@ -60,8 +60,23 @@ pub trait DistanceShape {
     /// The distance may fall short of the true one by at most 2^-40 of the coordinates; otherwise nearer primitives are lost.
     fn closest_point(&self, point: [f32; 3]) -> ClosestPoint;
 
-    /// Whether the shape and the region share a point. An overlap must not be denied.
+    /// Whether the shape and the region share a point. An overlap must not be denied. A solid overlaps what is inside of it.
     fn overlaps(&self, region: &Convex) -> bool;
+
+    /// Whether the surface of the shape and the region share a point: of a solid, not what is inside of it.
+    ///
+    /// The default is for shapes that have no inside.
+    fn surface_overlaps(&self, region: &Convex) -> bool {
+        self.overlaps(region)
+    }
+
+    /// Whether a point of the shape is at most `radius` away from `center`.
+    ///
+    /// The default is for shapes that have no inside, by their closest point.
+    fn overlaps_ball(&self, center: [f32; 3], radius: f32) -> bool {
+        let radius = f64::from(radius);
+        self.closest_point(center).distance_squared <= radius * radius
+    }
 }
 
 /// A triangle by its vertices.
@@ -79,7 +94,7 @@ impl DistanceShape for [[f32; 3]; 3] {
     }
 }
 
-/// Distances are to the surface. Overlaps are those of its bounding box.
+/// Distances are to the surface. Overlaps are those of the ball: the surface and what is inside of it.
 impl DistanceShape for Sphere {
     fn closest_point(&self, point: [f32; 3]) -> ClosestPoint {
         let (center, radius) = (to_f64(self.center), f64::from(self.radius));
@@ -92,7 +107,47 @@ impl DistanceShape for Sphere {
     }
 
     fn overlaps(&self, region: &Convex) -> bool {
-        region.overlaps_aabb(&self.bounds())
+        region.overlaps_ball(to_f64(self.center), self.radius.into())
+    }
+
+    fn surface_overlaps(&self, region: &Convex) -> bool {
+        self.overlaps(region) && !region.is_inside_ball(to_f64(self.center), self.radius.into())
+    }
+
+    fn overlaps_ball(&self, center: [f32; 3], radius: f32) -> bool {
+        length(sub(to_f64(center), to_f64(self.center))) <= f64::from(self.radius) + f64::from(radius)
+    }
+}
+
+/// Distances are to the surface. Overlaps are those of the solid box.
+impl DistanceShape for Aabb {
+    fn closest_point(&self, point: [f32; 3]) -> ClosestPoint {
+        let (point, [min, max]) = (to_f64(point), [self.min, self.max].map(to_f64));
+        let mut position: [f64; 3] = std::array::from_fn(|k| point[k].clamp(min[k], max[k].max(min[k])));
+        if position == point {
+            // From inside, the nearest face.
+            let faces = (0..3).flat_map(|k| [(k, min[k]), (k, max[k])]);
+            let depth = |&(k, plane): &(usize, f64)| (point[k] - plane).abs();
+            if let Some((k, plane)) = faces.min_by(|one, other| depth(one).total_cmp(&depth(other))) {
+                position[k] = plane;
+            }
+        }
+        let offset = sub(point, position);
+        ClosestPoint { distance_squared: dot_f64(offset, offset), position }
+    }
+
+    fn overlaps(&self, region: &Convex) -> bool {
+        region.overlaps_aabb(self)
+    }
+
+    fn surface_overlaps(&self, region: &Convex) -> bool {
+        self.overlaps(region) && !region.is_inside_aabb(self)
+    }
+
+    fn overlaps_ball(&self, center: [f32; 3], radius: f32) -> bool {
+        let (center, [min, max]) = (to_f64(center), [self.min, self.max].map(to_f64));
+        let gap: [f64; 3] = std::array::from_fn(|k| (min[k] - center[k]).max(center[k] - max[k]).max(0.0));
+        length(gap) <= f64::from(radius)
     }
 }
 

@@ -98,7 +98,7 @@ where
     }
 
     /// Calls `take` with every primitive that may be nearer than a bound, a squared distance; it returns the new bound.
-    pub(super) fn collect_near(&self, point: [f32; 3], bound: f64, mut take: impl FnMut(Found) -> f64) {
+    fn collect_near(&self, point: [f32; 3], bound: f64, mut take: impl FnMut(Found) -> f64) {
         self.visit_near(point, bound, |primitive, shape, _| {
             let ClosestPoint { distance_squared, position } = shape.closest_point(point);
             take((distance_squared, primitive, position))
