@@ -15,7 +15,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("bih", &["obb", "trace", "lbvh"]),
     ("kdtree", &["obb", "trace", "lbvh"]),
     ("tlas", &["obb", "trace", "lbvh", "wide"]),
-    ("collide", &["obb", "trace", "wide"]),
+    ("collide", &["obb", "trace", "wide", "tlas"]),
     ("canted", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "collide", "scene", "gpu"]),
     ("film", &[]),
     ("scene", &["obb"]),

@@ -1,5 +1,7 @@
 //! What queries are about: BVHs, and single shapes.
 
+use std::sync::Arc;
+
 use canted_obb::PrimId;
 use canted_obb::vector::{sub, to_f64};
 use canted_wide::{LeafPrimitive, NodeBox, NodeLanes, Subtree, WideBvh};
@@ -68,6 +70,38 @@ where
     #[inline]
     fn each_shape(&self, leaf: Subtree, mut visit: impl FnMut(PrimId, &dyn Shape)) {
         self.for_each_in(leaf, |primitive, shape| visit(primitive, shape));
+    }
+}
+
+/// What is shared, such as the bottom-level BVHs of several scenes.
+impl<B: Body> Body for Arc<B> {
+    type Node = B::Node;
+
+    fn root(&self) -> Option<(B::Node, NodeBox)> {
+        (**self).root()
+    }
+
+    fn reference_point(&self) -> [f64; 3] {
+        (**self).reference_point()
+    }
+
+    fn frame(&self) -> [[f32; 3]; 3] {
+        (**self).frame()
+    }
+
+    #[inline]
+    fn lanes(&self, node: B::Node) -> Option<NodeLanes<'_>> {
+        (**self).lanes(node)
+    }
+
+    #[inline]
+    fn child(&self, node: B::Node, lane: usize) -> Option<(B::Node, NodeBox)> {
+        (**self).child(node, lane)
+    }
+
+    #[inline]
+    fn each_shape(&self, leaf: B::Node, visit: impl FnMut(PrimId, &dyn Shape)) {
+        (**self).each_shape(leaf, visit);
     }
 }
 

@@ -17,6 +17,9 @@
 //! | --- | --- |
 //! | [`overlaps`], [`pairs`], [`each_pair`] | whether two bodies touch, and which primitives do |
 //! | [`distance`], [`closest_pairs`], [`pairs_within`] | how far apart they are, and where |
+//! | [`first_pair`], [`count_pairs`] | the lowest pair of touching primitives, and how many there are |
+//! | [`instance_pairs`], [`Contacts`], [`closest_instance_pairs`] | which instances of a scene touch, from frame to frame, and which are nearest |
+//! | [`touches`], [`touching`], [`first_touching`], [`count_touching`], [`each_touching`] | which primitives of a scene a body or a single shape touches |
 //! | [`self_intersections`] | which primitives of one body touch that are not neighbors |
 //! | [`cast_sphere`] | when a sphere that moves first touches a mesh |
 //! | [`Body`], [`Shape`] | what they are about: a `WideBvh` of triangles, spheres, boxes or your own shapes, or a single shape |
@@ -42,6 +45,7 @@ mod cast;
 mod closest;
 mod pose;
 mod query;
+mod scene;
 mod shape;
 mod touch;
 mod walk;
@@ -50,6 +54,11 @@ pub use body::Body;
 pub use cast::{SphereContact, cast_sphere};
 pub use pose::Pose;
 pub use query::{
-    Distance, PrimitivePair, closest_pairs, distance, each_pair, overlaps, pairs, pairs_within, self_intersections,
+    Distance, PrimitivePair, closest_pairs, count_pairs, distance, each_pair, first_pair, overlaps, pairs,
+    pairs_within, self_intersections,
+};
+pub use scene::{
+    ContactChanges, Contacts, InstanceDistance, InstancePair, closest_instance_pairs, count_touching, each_touching,
+    first_touching, instance_pairs, touches, touching,
 };
 pub use shape::{Capsule, Hull, Segment, Shape};

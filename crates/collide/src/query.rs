@@ -94,6 +94,30 @@ pub fn each_pair<A: Body, B: Body>(
     });
 }
 
+/// The lowest pair of primitives that share a point, as [`pairs`] lists them.
+#[must_use]
+pub fn first_pair<A: Body, B: Body>(
+    a: &A,
+    a_pose: impl Into<Pose>,
+    b: &B,
+    b_pose: impl Into<Pose>,
+) -> Option<PrimitivePair> {
+    let mut first: Option<PrimitivePair> = None;
+    each_pair(a, a_pose, b, b_pose, |pair| {
+        first = Some(first.map_or(pair, |first| first.min(pair)));
+        ControlFlow::Continue(())
+    });
+    first
+}
+
+/// How many pairs of primitives share a point, each counted once.
+#[must_use]
+pub fn count_pairs<A: Body, B: Body>(a: &A, a_pose: impl Into<Pose>, b: &B, b_pose: impl Into<Pose>) -> usize {
+    let mut found = vec![];
+    pairs(a, a_pose, b, b_pose, &mut found);
+    found.len()
+}
+
 /// All pairs of primitives at most `tolerance` apart, in ascending order. Replaces the contents of `found`.
 ///
 /// Distances are those of [`distance`]. Nothing is found for a negative tolerance.

@@ -7,7 +7,7 @@ use canted_lbvh::par;
 use canted_obb::round::{down, up};
 use canted_obb::vector::{cross, dot, to_f64};
 use canted_obb::{Aabb, PrimId};
-use canted_trace::{InstanceId, Intersect};
+use canted_trace::{InstanceId, Intersect, ReferencePoint};
 use canted_wide::TriangleBvh;
 
 use crate::Tlas;
@@ -28,16 +28,18 @@ impl<B: Intersect> Tlas<B> {
         (self.placements[instance.0 as usize].mask != 0 && !bounds.is_empty()).then_some(bounds.aabb)
     }
 
-    /// Calls `visit` with each instance whose bounds share a point with `aabb`, world space, in any order, until it breaks: the broad phase of
-    /// queries of your own. The cost grows with the instances near the box, not with their number.
+    /// Calls `visit` with each instance whose bounds share a point with `aabb`, world space, and perhaps with others that are no farther away than
+    /// hits may be wrong, in any order, until it breaks: the broad phase of queries of your own. The cost grows with the instances near the box.
     pub fn each_instance_in(&self, aabb: &Aabb, mut visit: impl FnMut(InstanceId) -> ControlFlow<()>) {
         if aabb.is_empty() {
             return;
         }
         let _ = self.top.each_in(aabb, &mut |number| {
-            let bounds = self.instance_bounds(InstanceId(number));
-            let is_near =
-                bounds.is_some_and(|own| (0..3).all(|k| own.min[k] <= aabb.max[k] && aabb.min[k] <= own.max[k]));
+            if self.instance_bounds(InstanceId(number)).is_none() {
+                return ControlFlow::Continue(());
+            }
+            let own = self.bounds[number as usize].grown(ReferencePoint::ORIGIN);
+            let is_near = (0..3).all(|k| own.min[k] <= aabb.max[k] && aabb.min[k] <= own.max[k]);
             if is_near { visit(InstanceId(number)) } else { ControlFlow::Continue(()) }
         });
     }

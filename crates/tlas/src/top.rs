@@ -17,7 +17,7 @@ use canted_lbvh::{self as lbvh, par};
 use canted_obb::round::{down, greatest, up};
 use canted_obb::vector::{length, reach, sub, to_f64};
 use canted_obb::{Aabb, Obb, PrimId};
-use canted_trace::{BoxBvh, Convex, InstanceId, Intersect, ReferencePoint, ScaledRay};
+use canted_trace::{BoxBvh, InstanceId, Intersect, ReferencePoint, ScaledRay};
 use canted_wide::{Config, MAX_PRIMITIVES, Order, SimdPath, WideBvh};
 
 use crate::InstanceError;
@@ -283,11 +283,11 @@ impl Top {
     pub(crate) fn each_in(&self, aabb: &Aabb, visit: &mut dyn FnMut(u32) -> ControlFlow<()>) -> ControlFlow<()> {
         let at = self.reference.point();
         // Boxes are rounded outward, and so is this one.
-        let moved = |x: f32, k: usize| f64::from(x) - f64::from(at[k]);
-        let min = std::array::from_fn(|k| down(moved(aabb.min[k], k).next_down()).max(f32::MIN));
-        let max = std::array::from_fn(|k| up(moved(aabb.max[k], k).next_up()).min(f32::MAX));
-        let region = Convex::from_aabb(min, max);
-        self.classes.iter().try_for_each(|class| class.each_in(&region, visit))
+        let from = |x: f32, k: usize| f64::from(x) - f64::from(at[k]);
+        let min = std::array::from_fn(|k| down(from(aabb.min[k], k).next_down()).max(f32::MIN));
+        let max = std::array::from_fn(|k| up(from(aabb.max[k], k).next_up()).min(f32::MAX));
+        let moved = Aabb { min, max };
+        self.classes.iter().try_for_each(|class| class.each_in(&moved, visit))
     }
 
     /// Calls `visit` with the instances whose boxes may be at most `limit` away from `point`, world space, and with the limit; it returns the new
@@ -543,11 +543,11 @@ impl Class {
         self.ids.as_ref().map_or(number, |ids| ids[number as usize])
     }
 
-    /// [`Top::each_in`]; the region is relative to the reference point.
-    fn each_in(&self, region: &Convex, visit: &mut dyn FnMut(u32) -> ControlFlow<()>) -> ControlFlow<()> {
+    /// [`Top::each_in`]; the box is relative to the reference point.
+    fn each_in(&self, aabb: &Aabb, visit: &mut dyn FnMut(u32) -> ControlFlow<()>) -> ControlFlow<()> {
         let mut flow = ControlFlow::Continue(());
         match &self.bvh {
-            Bvh::Wide(bvh) => bvh.each_overlapping(region, |PrimId(number)| {
+            Bvh::Wide(bvh) => bvh.visit_in(aabb, |PrimId(number), _| {
                 flow = visit(self.id(number));
                 flow
             }),

@@ -4,4 +4,5 @@ mod cast;
 mod common;
 mod distance;
 mod pairs;
+mod scene;
 mod shapes;

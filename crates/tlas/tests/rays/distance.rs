@@ -146,11 +146,12 @@ fn overlaps_are_those_of_regions_in_object_space() {
             std::ops::ControlFlow::Continue(())
         });
         near.sort_unstable();
-        let meets = |id: &InstanceId| {
+        let meets = |id: &InstanceId, by: f32| {
             let (own, other) = (tlas.instance_bounds(*id).unwrap(), region.bounds());
-            (0..3).all(|k| own.min[k] <= other.max[k] && other.min[k] <= own.max[k])
+            (0..3).all(|k| own.min[k] <= other.max[k] + by && other.min[k] <= own.max[k] + by)
         };
-        assert_eq!(near, (0..10).map(InstanceId).filter(meets).collect::<Vec<_>>());
+        assert!((0..10).map(InstanceId).filter(|id| meets(id, 0.0)).all(|id| near.contains(&id)));
+        assert!(near.iter().all(|id| meets(id, 1e-4)), "no instance that is far away");
     }
     assert!(counts[1] > 500, "{counts:?}");
 }

@@ -53,7 +53,7 @@ pub struct ClosestPoint {
     pub position: [f64; 3],
 }
 
-/// A shape with distance and overlap queries. Implement it for your own [`Primitive`] to use them.
+/// A shape with distance and overlap queries. Implement it for your own [`Primitive`](crate::Primitive) to use them.
 pub trait DistanceShape {
     /// The closest point of the shape.
     ///

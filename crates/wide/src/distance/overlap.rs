@@ -2,15 +2,16 @@
 
 use std::ops::ControlFlow;
 
+use canted_obb::round::{down, up};
 use canted_obb::vector::{dot, to_f64};
-use canted_obb::{Obb, PrimId};
+use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::{Convex, InvertedBox};
 
 use super::DistanceShape;
 use super::nearest::squared;
 use crate::bvh::WideBvh;
 use crate::leaf::LeafPrimitive;
-use crate::node::{ChildWord, DecodedWord, NodeBox, node_words};
+use crate::node::{ALIGNED_LINES, ChildWord, DecodedWord, NodeBox, NodeKind, node_words, rows};
 use crate::traverse::LeafRange;
 
 /// Rounding of a box corner and its projections, relative to the coordinates: f32 rows, and sums in f64; eight u.
@@ -26,7 +27,7 @@ where
     /// All primitives that overlap the axis-aligned box from `min` to `max`, in ascending order. Replaces the contents of `primitives`.
     ///
     /// # Errors
-    /// A least coordinate that exceeds the greatest, unless the box is [`Aabb::EMPTY`](canted_obb::Aabb::EMPTY), which overlaps nothing. Nothing is then found.
+    /// A least coordinate that exceeds the greatest, unless the box is [`Aabb::EMPTY`], which overlaps nothing. Nothing is then found.
     pub fn overlapping_aabb(
         &self,
         min: impl Into<[f32; 3]>,
@@ -149,6 +150,54 @@ where
                             waiting.push(word);
                         }
                     }
+                }
+            }
+        }
+    }
+}
+
+impl<P: LeafPrimitive> WideBvh<P> {
+    /// Calls `visit` with each primitive whose bounds may share a point with a box, in any order, and with its shape, until it breaks. Others may come, too,
+    /// and one may come twice.
+    pub fn visit_in(&self, aabb: &Aabb, mut visit: impl FnMut(PrimId, &P::Shape) -> ControlFlow<()>) {
+        let region = Convex::from_aabb(aabb.min, aabb.max);
+        let reference = to_f64(self.frame.reference.point());
+        let mut waiting = if region.magnitude().is_finite() { vec![self.nodes.root] } else { vec![] };
+        // Rounded outward, as the boxes are; a difference of two f32 is exact in f64 but for its last bit.
+        let moved = |x: f32, k: usize| f64::from(x) - reference[k];
+        let least: [f32; 3] = std::array::from_fn(|k| down(moved(aabb.min[k], k).next_down()));
+        let greatest: [f32; 3] = std::array::from_fn(|k| up(moved(aabb.max[k], k).next_up()));
+        while let Some(word) = waiting.pop() {
+            match word.kind() {
+                DecodedWord::Empty => {}
+                DecodedWord::Leaf { first, n } => {
+                    let mut flow = ControlFlow::Continue(());
+                    P::for_each_shape(&self.leaves, LeafRange::new(first, n), |primitive, shape| {
+                        if flow.is_continue() {
+                            flow = visit(primitive, shape);
+                        }
+                    });
+                    if flow.is_break() {
+                        return;
+                    }
+                }
+                DecodedWord::Node(kind, line) => {
+                    let lines = &self.nodes.lines;
+                    let may_overlap = |i: usize| {
+                        may_overlap(&region, reference, &NodeBox::of_slot(lines, kind, line, i, self.frame.rows))
+                    };
+                    let is_met: [bool; 8] = if kind == NodeKind::Aligned && self.frame.is_identity {
+                        let rows = rows::<ALIGNED_LINES, 8>(lines, line);
+                        std::array::from_fn(|i| {
+                            (0..3).all(|k| (rows[2 * k][i] <= greatest[k]) & (least[k] <= rows[2 * k + 1][i]))
+                        })
+                    } else {
+                        std::array::from_fn(may_overlap)
+                    };
+                    let children = node_words(lines, kind, line).iter().zip(is_met);
+                    waiting.extend(
+                        children.filter(|&(&word, is_met)| is_met && word != ChildWord::EMPTY).map(|(&word, _)| word),
+                    );
                 }
             }
         }
