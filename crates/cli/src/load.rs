@@ -34,7 +34,8 @@ impl FileArgs {
         // Without `..`, so that a new option cannot be forgotten.
         let Self { texture_path, allow_parent: _ } = self;
         let (animation, allow_parent) = (animation.map(str::to_owned), self.allows_parent());
-        ReadOptions { time, animation, variant: None, texture_paths: texture_path.clone(), allow_parent }
+        let texture_paths = texture_path.clone();
+        ReadOptions { time, animation, texture_paths, allow_parent, ..ReadOptions::default() }
     }
 }
 
@@ -110,13 +111,15 @@ pub(crate) fn scene_in_shutter(path: &Path, times: [f32; 2], options: &ReadOptio
 
 /// Rejects options for a scene file, which states them for each asset.
 pub(crate) fn check_asset_options(scene_file: &Path, read: &ReadOptions) -> Result<()> {
-    let ReadOptions { time, animation, variant, texture_paths, allow_parent } = read;
+    let ReadOptions { time, animation, variant, texture_paths, allow_parent, line_radius, point_radius } = read;
     let given = [
         ("time", "a glTF file", time.is_some()),
         ("animation", "a glTF file", animation.is_some()),
         ("variant", "a glTF file", variant.is_some()),
         ("texture_path", "the file of a model", !texture_paths.is_empty()),
         ("allow_parent", "the file of a model", *allow_parent),
+        ("line_radius", "the file of a model", line_radius.is_some()),
+        ("point_radius", "the file of a model", point_radius.is_some()),
     ];
     match given.into_iter().find(|&(.., is_given)| is_given) {
         None => Ok(()),

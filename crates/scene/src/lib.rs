@@ -84,9 +84,7 @@ pub use material::{
     AlphaMode, Encoding, Lobes, Magnification, Material, MaterialId, Texture, TextureId, TextureRef, UvSet,
     UvTransform, Wrap,
 };
-pub use read::{
-    AnimatedScene, LineOptions, Lines, ReadError, ReadOptions, is_lines, read, read_environment, read_lines, read_with,
-};
+pub use read::{AnimatedScene, Lines, ReadError, ReadOptions, is_lines, read, read_environment, read_lines, read_with};
 pub use scene::{Camera, Instance, Lens, Mesh, MeshClose, MeshId, Part, Projection, Scene};
 
 /// The features of this crate, and whether this build has them.

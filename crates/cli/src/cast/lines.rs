@@ -4,7 +4,7 @@ use std::{path::Path, time::Instant};
 
 use anyhow::{Result, anyhow, bail};
 use canted_renderer::BvhKind;
-use canted_scene::{LineOptions, Lines};
+use canted_scene::{Lines, ReadOptions};
 use canted_trace::{Hit, Intersect as _, Ray, RoundSegment};
 use canted_wide::{Config, WideBvh};
 use rayon::prelude::*;
@@ -15,7 +15,7 @@ use crate::{device::DeviceArg, options::Structure, output};
 /// Answers all rays; also returns what tracing took. `prim` numbers the segments, of one instance.
 pub(super) fn trace(
     path: &Path,
-    options: &LineOptions,
+    options: &ReadOptions,
     rays: &[Ray],
     is_occlusion: bool,
     structure: &Structure,

@@ -16,7 +16,7 @@ use canted_gpu::{DeviceHit, Gpu, Outcome, TracedScene};
 #[cfg(feature = "gpu")]
 use canted_renderer::{DeviceError, traced_scene};
 use canted_renderer::{PrepareError, SceneBvh};
-use canted_scene::{LineOptions, Scene};
+use canted_scene::{ReadOptions, Scene};
 use canted_trace::{Hit, Intersect as _, Ray};
 use rayon::prelude::*;
 use serde_json::json;
@@ -37,12 +37,16 @@ use files::{Answer, Format};
 #[command(after_help = "Examples:\n  canted cast bunny.ply --rays rays.csv --hits hits.csv\n  \
                         scan | canted cast room.glb --rays - --hits - --format bin > hits.bin")]
 pub(crate) struct Args {
-    /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, a scene file (.toml), or lines: .hair, .tck, .trk.
+    /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, a scene file (.toml), or lines: .hair, .tck, .trk, .pdb, .xyz, .gcode.
     scene: PathBuf,
-    /// Radius of lines for which the file states none; with an OBJ, its lines are traced in place of its faces [default for .tck and .trk: a
-    /// two-thousandth of the extent]
+    /// Radius of lines for which the file states none; with OBJ, PLY and glTF, lines are traced in place of faces [default: 0.2 for .gcode, 0.1
+    /// for .pdb and .xyz, a two-thousandth of the extent for .tck and .trk]
     #[arg(long, value_parser = options::NotNegative::parse, value_name = "LENGTH")]
     line_radius: Option<f32>,
+    /// Radius of points, which are traced as balls, and of lines without --line-radius; with OBJ, PLY and glTF, in place of faces [default for
+    /// .pdb and .xyz: half the covalent radius]
+    #[arg(long, value_parser = options::NotNegative::parse, value_name = "LENGTH")]
+    point_radius: Option<f32>,
     /// Time in the first animation of the file [default: rest pose]
     #[arg(long, value_parser = options::Finite::parse, value_name = "SECONDS", allow_hyphen_values = true)]
     time: Option<f32>,
@@ -96,10 +100,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         if !is_stream(&args.hits) {
             output::probe(&args.hits)?;
         }
-        let options = LineOptions { line_radius: args.line_radius };
+        let options = args.read_options();
         lines::trace(&args.scene, &options, &rays, args.occluded, structure, &args.run.device)?
     } else {
-        let scene = load::scene(Some(&args.scene), &args.files.read_options(args.time, args.animation.as_deref()))?;
+        let scene = load::scene(Some(&args.scene), &args.read_options())?;
         load::check_outputs(Some(&args.scene), &scene, &outputs)?;
         if !is_stream(&args.hits) {
             output::probe(&args.hits)?;
@@ -128,19 +132,28 @@ struct Cost {
 }
 
 impl Args {
+    fn read_options(&self) -> ReadOptions {
+        let Self { line_radius, point_radius, .. } = *self;
+        ReadOptions { line_radius, point_radius, ..self.files.read_options(self.time, self.animation.as_deref()) }
+    }
+
     /// Whether the rays are traced against lines.
     ///
     /// # Errors
     /// Options that do not apply to the file.
     fn is_about_lines(&self) -> Result<bool> {
-        let is_lines = canted_scene::is_lines(&self.scene);
-        if self.line_radius.is_some() && !is_lines && !output::has_extension(&self.scene, "obj") {
-            return Err(anyhow!("{}: --line-radius requires .hair, .tck, .trk or .obj", self.scene.display()));
+        let (is_lines, scene) = (canted_scene::is_lines(&self.scene), self.scene.display());
+        let given = [("--line-radius", self.line_radius), ("--point-radius", self.point_radius)];
+        let given = given.into_iter().find(|(_, radius)| radius.is_some());
+        if let Some((option, _)) = given.filter(|_| load::is_scene_file(&self.scene)) {
+            return Err(anyhow!(
+                "{scene}: {option} requires the file of a model; in a scene file, set it in [[assets]]"
+            ));
         }
         if is_lines && self.time.is_some() {
-            return Err(anyhow!("{}: --time requires a file with an animation", self.scene.display()));
+            return Err(anyhow!("{scene}: --time requires a file with an animation"));
         }
-        Ok(is_lines || self.line_radius.is_some())
+        Ok(is_lines || given.is_some())
     }
 }
 

@@ -582,6 +582,15 @@ fn lines_are_numbered_by_segment() {
         hits[..3].iter().map(|hit| [hit[0], hit[1]]).collect::<Vec<_>>(),
         [[4.75, 0.0], [2.375, 1.0], [f64::INFINITY, -1.0]]
     );
+    // Balls of the atoms, then the bond.
+    folder.write("c.xyz", "2\n\nC 1 0 0\nC 2.5 0 0\n");
+    folder.write("d.csv", "1,0,5,0,0,-1,inf\n1.75,0,5,0,0,-1,inf\n");
+    for (options, want) in [("", [4.62, 4.9]), ("--point-radius 0.5 --line-radius 0.25", [4.5, 4.75])] {
+        folder.run(&format!("cast c.xyz {options} --rays d.csv --hits hits.csv")).done();
+        let hits: Vec<Vec<f64>> = rows(&folder.text("hits.csv"), HEADER);
+        assert_eq!([hits[0][1], hits[1][1]], [0.0, 2.0], "{hits:?}");
+        assert!((0..2).all(|i| (hits[i][0] - want[i]).abs() < 1e-6), "{hits:?}");
+    }
     folder
         .run("cast a.hair --rays rays.csv --hits hits.csv --accel kdtree")
         .refused(&["a.hair", "lines are traced through a wide BVH"]);

@@ -32,7 +32,20 @@ impl SceneFile {
         };
         let (time, animation, variant, material) = (None, None, None, None);
         let (texture_path, allow_parent, line) = (Vec::new(), false, 0);
-        let asset = Asset { name, source, time, animation, variant, material, texture_path, allow_parent, line };
+        let (line_radius, point_radius) = (None, None);
+        let asset = Asset {
+            name,
+            source,
+            time,
+            animation,
+            variant,
+            material,
+            texture_path,
+            allow_parent,
+            line_radius,
+            point_radius,
+            line,
+        };
         Ok(Self { path: path.to_owned(), assets: vec![asset], ..Self::default() })
     }
 
@@ -246,6 +259,8 @@ impl<'a> Assembly<'a> {
                         variant: asset.variant.clone(),
                         texture_paths: asset.texture_path.iter().map(|path| self.file.resolve(path)).collect(),
                         allow_parent: asset.allow_parent,
+                        line_radius: asset.line_radius,
+                        point_radius: asset.point_radius,
                     };
                     let own = self.file.regular(file).and_then(|path| read_with(&path, &options));
                     own.map_err(|error| self.file.error_of(asset.line, "'file' in [[assets]]", error))?

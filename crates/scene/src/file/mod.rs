@@ -115,6 +115,10 @@ pub struct Asset {
     pub texture_path: Vec<String>,
     /// Whether the asset may refer to files outside its folder, see [`crate::ReadOptions::allow_parent`].
     pub allow_parent: bool,
+    /// Radius of lines, see [`crate::ReadOptions::line_radius`].
+    pub line_radius: Option<f32>,
+    /// Radius of points, see [`crate::ReadOptions::point_radius`].
+    pub point_radius: Option<f32>,
     /// Line in the file; 0 if not read from one.
     pub line: usize,
 }

@@ -11,7 +11,9 @@ use serde_spanned::Spanned;
 use super::light::{self, EnvironmentTable, LightTable};
 use super::material::MaterialTable;
 use super::placement::{self, CameraTable, Matrix, PlacementTable};
-use super::tables::{Direction, FileName, Finite, Folders, In, NotZero, OptionText, Point, Source, closest_match};
+use super::tables::{
+    Direction, FileName, Finite, Folders, In, NotNegative, NotZero, OptionText, Point, Source, closest_match,
+};
 use super::{Asset, AssetInstance, AssetSource, NewMaterial, Override, Placement, SceneFile, Setting};
 use crate::ReadError;
 use crate::read::{quoted, with_line_feeds};
@@ -139,12 +141,25 @@ struct AssetTable {
     texture_path: Folders,
     #[serde(default)]
     allow_parent: bool,
+    line_radius: Option<In<f32, NotNegative>>,
+    point_radius: Option<In<f32, NotNegative>>,
 }
 
 fn asset(table: Spanned<AssetTable>, source: &Source<'_>) -> Result<Asset, ReadError> {
     let at = table.span().start;
-    let AssetTable { name, file, builtin, time, animation, variant, material, texture_path, allow_parent } =
-        table.into_inner();
+    let AssetTable {
+        name,
+        file,
+        builtin,
+        time,
+        animation,
+        variant,
+        material,
+        texture_path,
+        allow_parent,
+        line_radius,
+        point_radius,
+    } = table.into_inner();
     let content = match (file, builtin.filter(|builtin| *builtin.get_ref())) {
         (Some(file), None) => AssetSource::File(file.0),
         (None, Some(_)) => AssetSource::Builtin,
@@ -155,7 +170,20 @@ fn asset(table: Spanned<AssetTable>, source: &Source<'_>) -> Result<Asset, ReadE
     };
     let line = source.line(at);
     let (time, texture_path) = (time.map(|time| time.0), texture_path.0);
-    Ok(Asset { name, source: content, time, animation, variant, material, texture_path, allow_parent, line })
+    let [line_radius, point_radius] = [line_radius, point_radius].map(|radius| radius.map(|radius| radius.0));
+    Ok(Asset {
+        name,
+        source: content,
+        time,
+        animation,
+        variant,
+        material,
+        texture_path,
+        allow_parent,
+        line_radius,
+        point_radius,
+        line,
+    })
 }
 
 /// A table of `[[instances]]`; its placement has the keys of [`PlacementTable`].

@@ -114,6 +114,12 @@ fn write_asset(asset: &Asset, out: &mut TomlWriter) {
     if asset.allow_parent {
         out.entry("allow_parent", "true", "the file may refer to files outside its folder");
     }
+    let radii = [("line_radius", asset.line_radius, "lines"), ("point_radius", asset.point_radius, "points")];
+    for (key, radius, of) in radii {
+        if let Some(radius) = radius {
+            out.entry(key, &number(radius), &format!("radius of {of}; with it, lines are read in place of faces"));
+        }
+    }
     if let Some(material) = &asset.material {
         out.entry("material", &quoted(material), "replaces all materials of the asset");
     }

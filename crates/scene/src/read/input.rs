@@ -28,6 +28,11 @@ pub struct ReadOptions {
     pub texture_paths: Vec<PathBuf>,
     /// Whether the file may refer to files outside its folder by `..` and by links.
     pub allow_parent: bool,
+    /// Radius of lines for which the file states none, in world units; `None` for a two-thousandth of their extent, in G-code for 0.2
+    /// and in molecules for 0.1.
+    pub line_radius: Option<f32>,
+    /// Radius of the balls that stand for points, in world units; `None` to skip points, in molecules for half the covalent radius.
+    pub point_radius: Option<f32>,
 }
 
 /// Bytes examined for signatures.

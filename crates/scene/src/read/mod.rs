@@ -18,6 +18,7 @@ mod ply;
 mod polygon;
 #[cfg(feature = "stl")]
 mod stl;
+mod strands;
 #[cfg(test)]
 mod testing;
 mod text;
@@ -33,7 +34,8 @@ pub use environment::read_environment;
 pub use error::ReadError;
 pub(crate) use image::decode;
 pub use input::ReadOptions;
-pub use lines::{LineOptions, Lines, is_lines, read_lines};
+pub use lines::{is_lines, read_lines};
+pub use strands::Lines;
 pub(crate) use text::{quoted, with_line_feeds};
 
 /// Reads an OBJ (with MTL), PLY, STL, OFF, glTF or GLB file with the buffers and images it references.
@@ -263,7 +265,7 @@ mod tests {
             ("c.skp", "a SketchUp file is not supported; open it in SketchUp"),
             ("c.max", "a 3ds Max file is not supported; open it in 3ds Max"),
             ("c.3dm", "a Rhino file is not supported; open it in Rhino"),
-            ("c.xyz", "unsupported scene format; use OBJ"),
+            ("c.abcd", "unsupported scene format; use OBJ"),
         ] {
             let error = file(name, "").unwrap_err().to_string();
             assert!(error.contains(words), "{error}");

@@ -1,13 +1,28 @@
 //! Lines with a thickness: what files hold, and files that are wrong. Bytes are written here after the documents that the readers name.
 
 use canted_fixtures::SplitMix64;
-use canted_scene::{LineOptions, Lines, ReadError, is_lines, read_lines};
+use canted_scene::{Lines, ReadError, ReadOptions, is_lines, read_lines};
 
 fn read(name: &str, bytes: &[u8], line_radius: Option<f32>) -> Result<Lines, ReadError> {
+    read_with(name, bytes, [line_radius, None])
+}
+
+/// With radii of lines and of points.
+fn read_with(name: &str, bytes: &[u8], [line_radius, point_radius]: [Option<f32>; 2]) -> Result<Lines, ReadError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     std::fs::write(&path, bytes).unwrap();
-    read_lines(&path, &LineOptions { line_radius })
+    read_lines(&path, &ReadOptions { line_radius, point_radius, ..ReadOptions::default() })
+}
+
+/// The ends and radii of a segment.
+fn segment(lines: &Lines, number: usize) -> [([f32; 3], f32); 2] {
+    lines.segments[number].map(|i| (lines.points[i as usize], lines.radii[i as usize]))
+}
+
+/// The ends of all segments.
+fn ends(lines: &Lines) -> Vec<[[f32; 3]; 2]> {
+    lines.segments.iter().map(|ends| ends.map(|i| lines.points[i as usize])).collect()
 }
 
 #[track_caller]
@@ -41,10 +56,11 @@ fn thickness_of_hair_is_a_diameter() {
     let own = read("a.HAIR", &own, None).unwrap();
     assert_eq!(own.segments, [[0, 1], [2, 3], [3, 4], [4, 5]]);
     assert_eq!(own.radii, [0.05, 0.1, 0.2, 0.4, 0.5, 0.0]);
-    // Colors and transparency follow, and are not read.
+    // Transparency follows, and is not read; then colors.
     let mut more = hair(2 | 8 | 16, 2, &POINTS, &[], &[0.5; 6]);
-    more.extend([0; 72]);
-    assert_eq!(read("a.hair", &more, None).unwrap().segments.len(), 4);
+    more.extend([0.25_f32, 0.5, 2.0].repeat(6).iter().flat_map(|x| x.to_le_bytes()));
+    let more = read("a.hair", &more, None).unwrap();
+    assert_eq!((more.segments.len(), more.colors.unwrap()), (4, vec![[0.25, 0.5, 1.0]; 6]));
 }
 
 #[test]
@@ -170,12 +186,170 @@ fn lines_of_obj_are_numbered_in_their_order() {
     is_error("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 1\n", "nothing to draw: no lines");
 }
 
+const GRAPH: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+    property uchar red\nproperty uchar green\nproperty uchar blue\nelement edge 2\nproperty int vertex1\nproperty int vertex2\n\
+    end_header\n0 0 0 255 0 0\n1 0 0 0 255 0\n1 2 0 0 0 255\n0 1\n2 1\n";
+
+#[test]
+fn points_of_ply_come_before_its_edges() {
+    let edges = read_with("a.ply", GRAPH.as_bytes(), [Some(0.1), None]).unwrap();
+    assert_eq!((&edges.segments[..], &edges.radii[..]), (&[[0, 1], [2, 1]][..], &[0.1; 3][..]));
+    assert_eq!(edges.colors.as_ref().unwrap()[1], [0.0, 1.0, 0.0]);
+    let both = read_with("a.ply", GRAPH.as_bytes(), [None, Some(0.3)]).unwrap();
+    assert_eq!(both.segments, [[0, 0], [1, 1], [2, 2], [0, 1], [2, 1]]);
+    assert_eq!(both.radii, [0.3; 3]);
+    let different = read_with("a.ply", GRAPH.as_bytes(), [Some(0.1), Some(0.3)]).unwrap();
+    assert_eq!(segment(&different, 1), [([1.0, 0.0, 0.0], 0.3); 2]);
+    assert_eq!(segment(&different, 4), [([1.0, 2.0, 0.0], 0.1), ([1.0, 0.0, 0.0], 0.1)]);
+    let cloud =
+        GRAPH.replace("element edge 2\nproperty int vertex1\nproperty int vertex2\n", "").replace("0 1\n2 1\n", "");
+    let own = cloud.replace("uchar red", "float radius").replace("255 0 0", "0.5 0 0").replace("0 0 255", "2.5 0 255");
+    assert_eq!(read_with("a.ply", own.as_bytes(), [None, Some(0.3)]).unwrap().radii, [0.5, 0.0, 2.5]);
+    let error = read_with("a.ply", cloud.as_bytes(), [Some(0.1), None]).unwrap_err().to_string();
+    assert!(error.ends_with("nothing to draw: no lines"), "{error}");
+    is_error(
+        "a.ply",
+        GRAPH.replace("2 1\n", "2 3\n").as_bytes(),
+        "edge 1: there are no vertices 2 and 3, the file has 3",
+    );
+    is_error("a.ply", GRAPH.replace("vertex2", "other").as_bytes(), "element 'edge': missing property 'vertex2'");
+}
+
+/// Two nodes: the second moves by (0, 10, 0) and doubles; lines of every mode, points, and a triangle.
+const MODES: &str = r#"{"asset": {"version": "2.0"}, "scenes": [{"nodes": [0, 1]}],
+    "nodes": [{"mesh": 0}, {"mesh": 1, "translation": [0, 10, 0], "scale": [2, 2, 2]}],
+    "meshes": [
+        {"primitives": [{"attributes": {"POSITION": 0}, "mode": 1}, {"attributes": {"POSITION": 0}, "mode": 2},
+                        {"attributes": {"POSITION": 0}, "mode": 4}]},
+        {"primitives": [{"attributes": {"POSITION": 0}, "mode": 3}, {"attributes": {"POSITION": 0}, "mode": 0}]}],
+    "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+    "bufferViews": [{"buffer": 0, "byteLength": 36}],
+    "buffers": [{"byteLength": 36,
+        "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAACAPwAAgD8AAAAA"}]}"#;
+
+#[test]
+fn lines_of_gltf_are_in_world_space_with_the_radius_of_the_option() {
+    let [a, b, c] = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]];
+    let [d, e, f] = [[0.0, 10.0, 0.0], [2.0, 10.0, 0.0], [2.0, 12.0, 0.0]];
+    let lines = read_with("a.gltf", MODES.as_bytes(), [Some(0.1), None]).unwrap();
+    let want = [[a, b], [a, b], [b, c], [c, a], [d, e], [e, f]];
+    assert_eq!(ends(&lines), want);
+    assert!(lines.radii.iter().all(|&radius| radius == 0.1));
+    assert_eq!(
+        lines.warnings,
+        [
+            "skipping triangles, as lines are read: mesh 0 primitive 2",
+            "skipping points, which --point-radius makes balls: mesh 1 primitive 1"
+        ]
+    );
+    let both = read_with("a.gltf", MODES.as_bytes(), [Some(0.1), Some(0.4)]).unwrap();
+    assert_eq!(ends(&both)[6..], [[d, d], [e, e], [f, f]]);
+    assert_eq!(segment(&both, 8), [(f, 0.4); 2]);
+    assert_eq!(segment(&both, 5), [(e, 0.1), (f, 0.1)]);
+}
+
+/// An ethylene fragment and an ion, with the columns of PDB.
+const MOLECULE: &str = "\
+HETATM    1  C1  LIG A   1       0.000   0.000   0.000  1.00  0.00           C
+HETATM    2  C2  LIG A   1       1.340   0.000   0.000  1.00  0.00           C
+HETATM    3  H1  LIG A   1      -0.600   0.900   0.000  1.00  0.00           H
+HETATM    4 NA    NA A   2       9.000   9.000   9.000
+";
+
+#[test]
+fn molecules_are_balls_then_sticks() {
+    let lines = read("a.pdb", MOLECULE.as_bytes(), None).unwrap();
+    assert_eq!(lines.segments.len(), 6);
+    // Half the covalent radii of Cordero et al. 2008.
+    let radii: Vec<f32> = (0..4).map(|atom| segment(&lines, atom)[1].1).collect();
+    assert_eq!(radii, [0.38, 0.38, 0.155, 0.83]);
+    let [c1, c2, h, _] = [0, 1, 2, 3].map(|atom| segment(&lines, atom)[0].0);
+    assert_eq!(ends(&lines)[4..], [[c1, c2], [c1, h]]);
+    assert_eq!(segment(&lines, 4).map(|end| end.1), [0.1; 2]);
+    let given = read_with("a.pdb", MOLECULE.as_bytes(), [Some(0.2), Some(0.5)]).unwrap();
+    assert_eq!((segment(&given, 3)[0].1, segment(&given, 5)[0].1), (0.5, 0.2));
+    // Each bond is stated twice; hydrogen has no record, so its bond is one by distance.
+    let stated = format!("{MOLECULE}CONECT    1    4    2    2\nCONECT    2    1\nCONECT    4    1    9\nEND\n");
+    let stated = read("a.ent", stated.as_bytes(), None).unwrap();
+    assert_eq!(ends(&stated)[4..].iter().map(|[_, to]| *to).collect::<Vec<_>>(), [[9.0; 3], c2, h]);
+    assert_eq!(stated.warnings, ["skipping bonds of atoms that the file has not: 1"]);
+    let xyz = "3\nwater\nO 0 0 0\n\nH1 0.757 0.586 0\n1 -0.757 0.586 0\n";
+    let xyz = read("a.xyz", xyz.as_bytes(), None).unwrap();
+    assert_eq!((xyz.segments.len(), segment(&xyz, 2)[0].1), (5, 0.155));
+}
+
+#[test]
+fn models_and_alternatives_after_the_first_are_skipped() {
+    let model = "MODEL        1\nATOM      1  CA AALA A   1       0.000   0.000   0.000\n\
+                 ATOM      2  CA BALA A   1       0.100   0.000   0.000\nATOM      3 HG11 ALA A   1       5.0     0.0     0.0\nENDMDL\n";
+    let lines = read("a.pdb", format!("{model}{}", model.replace("  1\n", "  2\n")).as_bytes(), None).unwrap();
+    assert_eq!((0..2).map(|atom| segment(&lines, atom)[0].1).collect::<Vec<_>>(), [0.38, 0.155]);
+    let skipped = ["skipping models after the first: 1", "skipping alternative places of atoms: 1"];
+    assert_eq!((lines.segments.len(), &lines.warnings[..]), (2, &skipped.map(str::to_owned)[..]));
+    is_error("a.pdb", model.replace("5.0  ", "x.0  ").as_bytes(), "line 4: 'x.0' is not a coordinate");
+    is_error("a.pdb", b"END\n", "nothing to draw: no atoms");
+    is_error("a.xyz", b"2\n\nC 0 0 0\n", "atoms: the file has 1 atoms, its first line says 2");
+    is_error("a.xyz", b"1\n\nC 0 0\n", "line 3: an atom has three coordinates");
+    is_error("a.xyz", b"C 0 0 0\n", "line 1: 'C 0 0 0' is not a number of atoms");
+    is_error("a.xyz", b"9999999999\n\n", "atoms: the file has 0 atoms, its first line says 9999999999");
+}
+
+/// Atoms in one place have no end of bonds.
+#[test]
+fn atoms_that_are_too_dense_have_no_bonds_by_distance() {
+    let atoms: String = (0..3000).map(|i| format!("C 0.{:03} 0.{:03} {}\n", i % 10, i / 10, i % 2)).collect();
+    let lines = read("a.xyz", format!("3000\n\n{atoms}").as_bytes(), None).unwrap();
+    assert_eq!((lines.segments.len(), &lines.warnings[0][..]), (3000, "atoms are too dense to find bonds by distance"));
+}
+
+#[test]
+fn moves_that_extrude_are_paths() {
+    let text = "; a test\nM82\nG92 E0\nN3 G0 X1 Y0 Z0.2 ; travel\nG1X2 E1*77\ng1 Y1 E2 F1200\nG1 E1 (retract)\nG1 X5 E1\nG1 E2\n\
+                M83\nG1 X6 E0.5\nG1 X7\nG91\nG1 X1 Y1 E.25\nG90\nM82\nG92 E0 X0\nG1 X1 E1\nM117 Hello G1 X9 E99\nG1 X2 E0.5\n";
+    let lines = read("a.gcode", text.as_bytes(), None).unwrap();
+    let z = 0.2;
+    let want = [
+        [[1.0, 0.0, z], [2.0, 0.0, z]],
+        [[2.0, 0.0, z], [2.0, 1.0, z]],
+        [[5.0, 1.0, z], [6.0, 1.0, z]],
+        [[7.0, 1.0, z], [8.0, 2.0, z]],
+        // The place is x = 0 now.
+        [[8.0, 2.0, z], [9.0, 2.0, z]],
+    ];
+    assert_eq!(ends(&lines), want);
+    assert!(lines.radii.iter().all(|&radius| radius == 0.2));
+    // A quarter of a circle around (0, 0), counter-clockwise, in inches.
+    let arc = read("a.gcode", b"G20\nG0 X1 Y0\nG3 X0 Y1 I-1 J0 E1\n", Some(0.5)).unwrap();
+    assert_eq!((arc.segments.len(), arc.radii[0]), (9, 0.5));
+    assert!(arc.points.iter().all(|[x, y, _]| (x.hypot(*y) - 25.4).abs() < 1e-5));
+    assert_eq!(arc.points[9], [0.0, 25.4, 0.0]);
+    let clockwise = read("a.gcode", b"G0 X1 Y0\nG2 X0 Y1 I-1 J0 E1\n", None).unwrap();
+    assert_eq!(clockwise.segments.len(), 27);
+    is_error("a.gcode", b"G28\nG1 X1\n", "nothing to draw: no moves that extrude");
+    let wrong = read("a.gcode", b"G1 X1 Y=1 E1\nG1 X1 E1\n", None).unwrap();
+    assert_eq!(wrong.warnings, ["skipping commands that are not numbers, as '=1 E1' in line 1"]);
+    is_error("a.gcode", format!("G1 X1{} E1\n", "0".repeat(400)).as_bytes(), "is not finite");
+}
+
+#[test]
+fn points_of_obj_are_balls() {
+    let text = b"v 0 0 0\nv 1 0 0\np 2\nl 1 2\n";
+    let lines = read_with("a.obj", text, [Some(0.1), Some(0.5)]).unwrap();
+    assert_eq!(ends(&lines), [[[1.0, 0.0, 0.0]; 2], [[0.0; 3], [1.0, 0.0, 0.0]]]);
+    assert_eq!((segment(&lines, 0)[0].1, segment(&lines, 1)[1].1), (0.5, 0.1));
+    assert_eq!(read("a.obj", text, None).unwrap().warnings[0], "skipping points, which --point-radius makes balls: 1");
+}
+
 #[test]
 fn formats_are_known_by_their_extensions() {
-    for (name, want) in [("a.hair", true), ("a.TCK", true), ("a.trk", true), ("a.obj", false), ("hair", false)] {
+    let names =
+        [("a.hair", true), ("a.TCK", true), ("a.trk", true), ("a.Xyz", true), ("a.gcode", true), ("a.pdb", true)];
+    for (name, want) in names.into_iter().chain([("a.obj", false), ("a.ply", false), ("hair", false)]) {
         assert_eq!(is_lines(name.as_ref()), want, "{name}");
     }
-    is_error("a.xyz", b"", "unsupported scene format; use OBJ, PLY, STL, OFF, glTF or GLB");
+    is_error("a.abcd", b"", "unsupported scene format; use OBJ, PLY, STL, OFF, glTF or GLB");
+    let stl = b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n";
+    is_error("a.stl", stl, "nothing to draw: no lines, as files of this format have faces alone");
 }
 
 /// Files with bytes overwritten, removed or repeated are read or rejected; what is read is valid.
@@ -185,11 +359,16 @@ fn mutated_files_are_read_or_rejected() {
         ("a.hair", hair(1 | 2 | 4, 2, &POINTS, &[1, 3], &[0.1; 6])),
         ("a.tck", tck("Float32LE", &tracks())),
         ("a.trk", trk(None, &POINTS[..3])),
-        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 1 1 0\nl 1 2 3\nl -1 1/7\n".to_vec()),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 1 1 0\nl 1 2 3\nl -1 1/7\np 2\n".to_vec()),
+        ("a.ply", GRAPH.as_bytes().to_vec()),
+        ("a.gltf", MODES.as_bytes().to_vec()),
+        ("a.pdb", format!("{MOLECULE}CONECT    1    2\n").into_bytes()),
+        ("a.xyz", b"3\nwater\nO 0 0 0\nH 0.757 0.586 0\nH -0.757 0.586 0\n".to_vec()),
+        ("a.gcode", b"G92 E0\nG1 X1.5 Y2 E1\nG91\nG3 X0 Y1 I-1 J0 E1\nM83\nG1 Z2 E.1\nG28 X\n".to_vec()),
     ];
     let mut rng = SplitMix64::new(9);
     let (mut n_read, mut n_rejected) = (0, 0);
-    for round in 0..3000 {
+    for round in 0..6000 {
         let (name, bytes) = &files[round % files.len()];
         let mut bytes = bytes.clone();
         for _ in 0..1 + rng.below(4) {
@@ -203,7 +382,7 @@ fn mutated_files_are_read_or_rejected() {
                 }
             }
         }
-        match read(name, &bytes, Some(0.5)) {
+        match read_with(name, &bytes, [Some(0.5), Some(0.7).filter(|_| round % 2 == 0)]) {
             Ok(lines) => {
                 n_read += 1;
                 assert_eq!(lines.points.len(), lines.radii.len());

@@ -91,7 +91,10 @@ fn finish(read: ReadMesh, checks: &mut MeshChecks, grouped: &mut WarningGroups) 
 }
 
 /// The visible nodes with a mesh: node index, node, mesh index.
-fn mesh_nodes<'a>(document: &'a Document<'_>, nodes: &Nodes) -> Result<Vec<(usize, &'a Node, usize)>, ReadError> {
+pub(super) fn mesh_nodes<'a>(
+    document: &'a Document<'_>,
+    nodes: &Nodes,
+) -> Result<Vec<(usize, &'a Node, usize)>, ReadError> {
     let mut mesh_nodes = Vec::new();
     for &k in &nodes.visible {
         let node = &document.root.nodes[k];
@@ -167,7 +170,7 @@ fn to_id(document: &Document<'_>, number: usize) -> Result<u32, ReadError> {
 }
 
 /// The pose of a node's mesh.
-fn pose_of<'a>(
+pub(super) fn pose_of<'a>(
     document: &'a Document<'_>,
     nodes: &Nodes,
     node: &'a Node,
@@ -182,12 +185,17 @@ fn pose_of<'a>(
 
 /// Instance transforms of a node; `None` for those that are not invertible.
 fn transforms(document: &Document<'_>, nodes: &Nodes, k: usize) -> Result<Vec<Option<Affine>>, ReadError> {
+    Ok(matrices(document, nodes, k)?.iter().map(Matrix::rounded).collect())
+}
+
+/// Instance transforms of a node in double precision.
+pub(super) fn matrices(document: &Document<'_>, nodes: &Nodes, k: usize) -> Result<Vec<Matrix>, ReadError> {
     // Joint transforms already map a skinned mesh to world space; the node's transform is ignored.
     if document.root.nodes[k].skin.is_some() {
-        return Ok(vec![Some(Affine::IDENTITY)]);
+        return Ok(vec![Matrix::IDENTITY]);
     }
     let node_from_instance = gpu_instances(document, k)?.unwrap_or_else(|| vec![Matrix::IDENTITY]);
-    Ok(node_from_instance.iter().map(|inner| nodes.world_from_node[k].after(inner).rounded()).collect())
+    Ok(node_from_instance.iter().map(|inner| nodes.world_from_node[k].after(inner)).collect())
 }
 
 /// Rejects a pose whose transform moves the first vertex of a mesh out of the range of `f32`.

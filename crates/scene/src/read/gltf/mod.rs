@@ -16,6 +16,7 @@ mod document;
 #[cfg(feature = "draco")]
 mod draco;
 mod instances;
+mod lines;
 mod material;
 mod meshopt;
 mod nodes;
@@ -32,6 +33,7 @@ use nodes::Nodes;
 use super::error::{ReadError, WarningGroups};
 use super::input::ReadOptions;
 use super::mesh::MeshChecks;
+use super::strands::Strands;
 use crate::{Material, Scene};
 
 /// Reads the content of a `.gltf` or `.glb` file with its buffers and images.
@@ -44,6 +46,21 @@ use crate::{Material, Scene};
 /// [`ReadError`] if the geometry is invalid or there is nothing to draw.
 pub(crate) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Scene, ReadError> {
     read_document(&mut open(path, bytes, options)?, options)
+}
+
+/// Reads the lines and points of a file, in world space.
+pub(super) fn read_lines(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Strands, ReadError> {
+    let mut document = open(path, bytes, options)?;
+    let mut grouped = WarningGroups::default();
+    let animation = options.animation.as_deref();
+    match options.time {
+        Some(time) => animation::pose(&mut document, animation, time, &mut grouped)?,
+        None => drop(document.animation(animation)?),
+    }
+    let nodes = nodes::read(&document, &mut grouped)?;
+    let mut strands = lines::read(&document, &nodes, options, &mut grouped)?;
+    grouped.finish(&mut strands.warnings);
+    Ok(strands)
 }
 
 /// Parses a file and loads its buffers; decompresses its geometry.

@@ -60,18 +60,8 @@ impl PrimitiveReader<'_, '_> {
         let Some(triangles) = self.triangles(primitive, positions.count(), warnings)? else {
             return Ok(Mesh::default());
         };
-        let skinning = self
-            .pose
-            .world_from_bind
-            .as_deref()
-            .map(|joints| Skinning::open(self.document, primitive, joints, positions.count(), location))
-            .transpose()?;
-        let transform = |vertex: usize| {
-            let world_from_bind = skinning.as_ref().map(|skinning| skinning.at(vertex)).transpose();
-            world_from_bind.map_err(|joint| {
-                self.document.malformed(location, format!("joint {joint} of vertex {vertex} is not in the skin"))
-            })
-        };
+        let skinning = self.skinning(primitive, positions.count())?;
+        let transform = |vertex: usize| self.skinned(skinning.as_ref(), vertex);
 
         let (primitive_mesh, vertices) = self.compact(triangles, &positions, &transform, checks)?;
         if let Some(skinning) = &skinning {
@@ -102,10 +92,22 @@ impl PrimitiveReader<'_, '_> {
         n_vertices: usize,
         warnings: &mut Warnings,
     ) -> Result<Option<Vec<[u32; 3]>>, ReadError> {
-        let (document, location) = (self.document, self.location);
         let Checked::Valid(mode) = primitive.mode else {
-            return Err(document.malformed(location, "unknown mode"));
+            return Err(self.document.malformed(self.location, "unknown mode"));
         };
+        let Some((triangles, n_unused)) = triangles(mode, &self.corners(primitive, n_vertices)?) else {
+            warnings.push(("skipping points and lines (not supported)".to_owned(), self.location.to_owned()));
+            return Ok(None);
+        };
+        if n_unused > 0 {
+            warnings.push((format!("ignoring {n_unused} trailing indices"), self.location.to_owned()));
+        }
+        Ok(Some(triangles))
+    }
+
+    /// The vertices in the order of the primitive, all of them below `n_vertices`.
+    fn corners(&self, primitive: &Primitive, n_vertices: usize) -> Result<Vec<u32>, ReadError> {
+        let (document, location) = (self.document, self.location);
         let corners: Vec<u32> = match primitive.indices {
             Some(index) => {
                 let indices =
@@ -122,14 +124,44 @@ impl PrimitiveReader<'_, '_> {
                 document.malformed(location, format!("index {k} is {index}, out of range ({n_vertices} vertices)"))
             );
         }
-        let Some((triangles, n_unused)) = triangles(mode, &corners) else {
-            warnings.push(("skipping points and lines (not supported)".to_owned(), location.to_owned()));
-            return Ok(None);
-        };
-        if n_unused > 0 {
-            warnings.push((format!("ignoring {n_unused} trailing indices"), location.to_owned()));
+        Ok(corners)
+    }
+
+    /// The joints and weights of a primitive of a skinned node.
+    fn skinning(&self, primitive: &Primitive, n_vertices: usize) -> Result<Option<Skinning<'_>>, ReadError> {
+        let joints = self.pose.world_from_bind.as_deref();
+        joints.map(|joints| Skinning::open(self.document, primitive, joints, n_vertices, self.location)).transpose()
+    }
+
+    /// The skinning transform of a vertex.
+    fn skinned(&self, skinning: Option<&Skinning<'_>>, vertex: usize) -> Result<Option<Matrix>, ReadError> {
+        skinning.map(|skinning| skinning.at(vertex)).transpose().map_err(|joint| {
+            self.document.malformed(self.location, format!("joint {joint} of vertex {vertex} is not in the skin"))
+        })
+    }
+
+    /// Positions and colors in the order of the primitive: what lines and points are made of. At most `n_max` of them.
+    pub(super) fn polyline(&self, primitive: &Primitive, n_max: usize) -> Result<(Vec<[f64; 3]>, Colors), ReadError> {
+        let position = primitive.attributes.get(&Checked::Valid(Semantic::Positions)).map(|index| index.value());
+        let Some(position) = position else { return Ok((Vec::new(), None)) };
+        let at = format!("{} POSITION", self.location);
+        let base = Accessor::open(self.document, position, &at, Type::Vec3, REALS)?;
+        let positions = MorphedAttribute::open(self, primitive, base, |target| target.positions, &at)?;
+        let skinning = self.skinning(primitive, positions.count())?;
+        let corners = self.corners(primitive, positions.count())?;
+        if corners.len() > n_max {
+            let message = format!("{} vertices of lines exceed what the file can hold", corners.len());
+            return Err(self.document.malformed(self.location, message));
         }
-        Ok(Some(triangles))
+        let vertices: Vec<usize> = corners.into_iter().map(|corner| corner as usize).collect();
+        let posed = |&vertex: &usize| {
+            let position = positions.at(vertex);
+            Ok(self.skinned(skinning.as_ref(), vertex)?.map_or(position, |transform| transform.point(position)))
+        };
+        let n_all = positions.count();
+        let (triangles, warnings) = (&[][..], &mut Warnings::new());
+        let attributes = Attributes { reader: self, primitive, n_all, vertices: &vertices, triangles, warnings };
+        Ok((vertices.iter().map(posed).collect::<Result<_, _>>()?, attributes.colors()?))
     }
 
     /// Rejects a pose that makes a vertex infinite or NaN; `posed` are the vertices from `first` on.
@@ -212,6 +244,9 @@ fn triangles(mode: Mode, corners: &[u32]) -> Option<(Vec<[u32; 3]>, usize)> {
         }
     }
 }
+
+/// RGBA colors, if not all are white.
+pub(super) type Colors = Option<Vec<[f32; 4]>>;
 
 /// Component types of colors; integers are normalized.
 const COLORS: &[ComponentType] = &[ComponentType::F32, ComponentType::U8, ComponentType::U16];
@@ -299,7 +334,7 @@ impl Attributes<'_> {
     }
 
     /// RGBA colors in 0..=1; `None` if all are white.
-    fn colors(&self) -> Result<Option<Vec<[f32; 4]>>, ReadError> {
+    fn colors(&self) -> Result<Colors, ReadError> {
         let Some(index) = self.find(Semantic::Colors(0)) else { return Ok(None) };
         let (document, location) = (self.reader.document, self.location("COLOR_0"));
         let source = document.get(&document.root.accessors, index, "accessor", &location)?;

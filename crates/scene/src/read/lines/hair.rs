@@ -1,7 +1,7 @@
 //! Hair models: the HAIR format of Cem Yuksel (cemyuksel.com/research/hairmodels, "HAIR File Format").
 //!
 //! A header of 128 bytes, then, as its flags say: numbers of segments of the strands, points, thickness, transparency and
-//! colors of the points. Thickness is a diameter. Transparency and colors are not read.
+//! colors of the points. Thickness is a diameter. Transparency is not read; colors are linear.
 
 use std::path::Path;
 
@@ -14,6 +14,8 @@ const HEADER_BYTES: usize = 128;
 const HAS_SEGMENTS: u32 = 1;
 const HAS_POINTS: u32 = 1 << 1;
 const HAS_THICKNESS: u32 = 1 << 2;
+const HAS_TRANSPARENCY: u32 = 1 << 3;
+const HAS_COLORS: u32 = 1 << 4;
 
 pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Strands, ReadError> {
     if !bytes.starts_with(b"HAIR") {
@@ -41,6 +43,14 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Strands, ReadError> {
         numbers.floats(n_points as usize, "the array of thickness")?
     };
     strands.radii = Some(thickness.into_iter().map(|diameter| 0.5 * diameter).collect());
+    if flags & HAS_TRANSPARENCY != 0 {
+        numbers.take((n_points as usize).saturating_mul(4), "the array of transparency")?;
+    }
+    if flags & HAS_COLORS != 0 {
+        let colors = numbers.points(n_points as usize, "the array of colors")?;
+        let usable = |x: f32| if x > 0.0 { x.min(1.0) } else { 0.0 };
+        strands.colors = Some(colors.into_iter().map(|color| color.map(usable)).collect());
+    }
     let mut first = 0_u32;
     for strand in 0..n_strands {
         let n_segments = of_strands.as_ref().map_or(usual_segments, |counts| counts[strand as usize]);

@@ -1,4 +1,4 @@
-//! Lines with a thickness: hair, tracks of fibers, lines of OBJ.
+//! Lines and points with a thickness: hair, tracks of fibers, molecules, paths of tools, and those of files of meshes.
 //!
 //! ```text
 //! bytes -> strands of points -> segments, numbered strand by strand
@@ -6,45 +6,29 @@
 //!
 //! Segments with a point that is not finite are dropped and have no number.
 
+mod elements;
+mod gcode;
 mod hair;
+mod molecule;
 mod obj;
 mod tracks;
 
 use std::path::Path;
 
 use super::error::ReadError;
-use super::input::read_all;
+use super::input::{Format as MeshFormat, Input, ReadOptions, open, read_all};
+use super::strands::{Lines, Strands, point_index};
+use super::{gltf, ply};
 
-/// Lines and balls with a thickness, in the file's unit and space.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Lines {
-    /// Positions, finite where a segment uses them.
-    pub points: Vec<[f32; 3]>,
-    /// The radius at each point, at least 0.
-    pub radii: Vec<f32>,
-    /// The ends of each segment as indices of points.
-    pub segments: Vec<[u32; 2]>,
-    /// What was repaired or skipped.
-    pub warnings: Vec<String>,
-}
-
-/// Options of [`read_lines`].
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LineOptions {
-    /// Radius of lines for which the file states none, in the file's unit; `None` for a two-thousandth of their extent.
-    pub line_radius: Option<f32>,
-}
-
-/// Radius relative to the diagonal of the bounds, where neither file nor options state one.
-const DEFAULT_RADIUS: f32 = 1.0 / 2000.0;
-
-/// A format of lines.
+/// A format of lines alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Hair,
     Tck,
     Trk,
-    Obj,
+    Pdb,
+    Xyz,
+    Gcode,
 }
 
 fn format_of(path: &Path) -> Option<Format> {
@@ -52,28 +36,33 @@ fn format_of(path: &Path) -> Option<Format> {
         "hair" => Some(Format::Hair),
         "tck" => Some(Format::Tck),
         "trk" => Some(Format::Trk),
-        "obj" => Some(Format::Obj),
+        "pdb" | "ent" => Some(Format::Pdb),
+        "xyz" => Some(Format::Xyz),
+        "gcode" | "gco" | "g" => Some(Format::Gcode),
         _ => None,
     }
 }
 
-/// Whether a file holds lines and no triangles, by its extension: `.hair`, `.tck`, `.trk`.
+/// Whether a file holds lines and no triangles, by its extension: `.hair`, `.tck`, `.trk`, `.pdb`, `.ent`, `.xyz`, `.gcode`, `.gco`, `.g`.
 #[must_use]
 pub fn is_lines(path: &Path) -> bool {
-    matches!(format_of(path), Some(Format::Hair | Format::Tck | Format::Trk))
+    format_of(path).is_some()
 }
 
-/// Reads the lines of a file, by its extension: `.hair` (Yuksel), `.tck` (MRtrix), `.trk` (TrackVis), `.obj` (`l` statements).
+/// Reads the lines and points of a file: `.hair` (Yuksel), `.tck` (MRtrix), `.trk` (TrackVis), `.pdb` and `.xyz` (molecules), `.gcode`
+/// (paths of an extruder), by their extension; and of a mesh file the lines of OBJ, PLY and glTF, and the points where
+/// [`ReadOptions::point_radius`] is given.
 ///
-/// Thickness in `.hair` is a diameter. Points of `.trk` are in millimeters of the space of its matrix.
+/// Thickness in `.hair` is a diameter. Points of `.trk` are in millimeters of the space of its matrix. Radii are in world units: transforms
+/// of glTF do not scale them.
 ///
 /// ```
 /// # let folder = tempfile::tempdir()?;
 /// # let path = folder.path().join("path.obj");
 /// # std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 1 1 0\nl 1 2 3")?;
-/// use canted_scene::{LineOptions, read_lines};
+/// use canted_scene::{ReadOptions, read_lines};
 ///
-/// let lines = read_lines(&path, &LineOptions { line_radius: Some(0.1) })?;
+/// let lines = read_lines(&path, &ReadOptions { line_radius: Some(0.1), ..ReadOptions::default() })?;
 /// assert_eq!(lines.segments, [[0, 1], [1, 2]]);
 /// assert_eq!(lines.radii, [0.1; 3]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -81,79 +70,32 @@ pub fn is_lines(path: &Path) -> bool {
 ///
 /// # Errors
 /// [`ReadError`] with file, location and value.
-pub fn read_lines(path: &Path, options: &LineOptions) -> Result<Lines, ReadError> {
-    let format = format_of(path).ok_or_else(|| ReadError::UnknownFormat { path: path.to_owned() })?;
-    let strands = match (format, read_all(path)?) {
-        (Format::Hair, bytes) => hair::parse(path, &bytes)?,
-        (Format::Tck, bytes) => tracks::parse_tck(path, &bytes)?,
-        (Format::Trk, bytes) => tracks::parse_trk(path, &bytes)?,
-        (Format::Obj, bytes) => obj::parse(path, &bytes)?,
+pub fn read_lines(path: &Path, options: &ReadOptions) -> Result<Lines, ReadError> {
+    let strands = match format_of(path) {
+        Some(format) => {
+            let bytes = read_all(path)?;
+            match format {
+                Format::Hair => hair::parse(path, &bytes)?,
+                Format::Tck => tracks::parse_tck(path, &bytes)?,
+                Format::Trk => tracks::parse_trk(path, &bytes)?,
+                Format::Pdb => molecule::parse_pdb(path, &bytes, options)?,
+                Format::Xyz => molecule::parse_xyz(path, &bytes, options)?,
+                Format::Gcode => gcode::parse(path, &bytes, options)?,
+            }
+        }
+        None => {
+            let Input { format, bytes } = open(path, options)?;
+            match format {
+                MeshFormat::Obj => obj::parse(path, &bytes, options)?,
+                MeshFormat::Ply => ply::lines::parse(path, &bytes, options)?,
+                MeshFormat::Gltf => gltf::read_lines(path, &bytes, options)?,
+                MeshFormat::Stl | MeshFormat::Off => {
+                    return Err(ReadError::empty(path, "no lines, as files of this format have faces alone"));
+                }
+            }
+        }
     };
     strands.into_lines(path, options)
-}
-
-/// Polylines, as a file holds them.
-#[derive(Debug, Default)]
-struct Strands {
-    points: Vec<[f32; 3]>,
-    /// Radii of the points, if the file states any.
-    radii: Option<Vec<f32>>,
-    segments: Vec<[u32; 2]>,
-    warnings: Vec<String>,
-}
-
-impl Strands {
-    /// Adds segments between consecutive points of a range.
-    fn add_polyline(&mut self, points: std::ops::Range<u32>) {
-        let others = points.start.saturating_add(1)..points.end;
-        self.segments.extend(points.zip(others).map(|(from, to)| [from, to]));
-    }
-
-    /// Drops what is not finite, and gives every point a radius.
-    fn into_lines(mut self, path: &Path, options: &LineOptions) -> Result<Lines, ReadError> {
-        let n = self.segments.len();
-        let is_finite = |&i: &u32| self.points[i as usize].iter().all(|x| x.is_finite());
-        self.segments.retain(|segment| segment.iter().all(is_finite));
-        let n_dropped = n - self.segments.len();
-        if n_dropped > 0 {
-            self.warnings.push(format!("skipping segments with points that are not finite: {n_dropped}"));
-        }
-        if self.segments.is_empty() {
-            let reason = if n == 0 {
-                "no lines".to_owned()
-            } else {
-                format!("all {n} segments have points that are not finite")
-            };
-            return Err(ReadError::empty(path, reason));
-        }
-        let radii = match self.radii {
-            Some(radii) => radii,
-            None => {
-                let radius = options.line_radius.unwrap_or_else(|| {
-                    let radius = DEFAULT_RADIUS * diagonal(&self.points, &self.segments);
-                    self.warnings.push(format!("the file states no thickness of lines: using a radius of {radius}"));
-                    radius
-                });
-                vec![radius; self.points.len()]
-            }
-        };
-        if let Some(i) = self.segments.iter().flatten().find(|&&i| !(0.0..f32::INFINITY).contains(&radii[i as usize])) {
-            let radius = radii[*i as usize];
-            return Err(ReadError::malformed(
-                path,
-                format!("point {i}"),
-                format!("the radius {radius} is not a length"),
-            ));
-        }
-        Ok(Lines { points: self.points, radii, segments: self.segments, warnings: self.warnings })
-    }
-}
-
-/// Diagonal of the box around the segments.
-fn diagonal(points: &[[f32; 3]], segments: &[[u32; 2]]) -> f32 {
-    let used = segments.iter().flatten().map(|&i| points[i as usize]);
-    let extent = canted_obb::Aabb::from_points(used).extent();
-    extent.iter().map(|x| x * x).sum::<f64>().sqrt() as f32
 }
 
 /// Numbers of a binary file, read in order.

@@ -1,14 +1,15 @@
-//! Lines of OBJ: the statements `v` and `l`.
+//! Lines and points of OBJ: the statements `v`, `l` and, with a radius of points, `p`.
 
 use std::path::Path;
 
 use super::Strands;
 use crate::read::error::ReadError;
+use crate::read::input::ReadOptions;
 use crate::read::text::{self, quoted};
 
-pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Strands, ReadError> {
+pub(super) fn parse(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Strands, ReadError> {
     let mut strands = Strands::default();
-    let mut n_faces = 0_usize;
+    let (mut n_faces, mut n_points) = (0_usize, 0_usize);
     // Vertices may be defined after use: the greatest index, and its line.
     let mut greatest = (0, 0);
     for line in text::lines(bytes) {
@@ -22,7 +23,8 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Strands, ReadError> {
                 };
                 strands.points.push([next()?, next()?, next()?]);
             }
-            b"l" => {
+            b"p" if options.point_radius.is_none() => n_points += text::words(line.rest).count(),
+            keyword @ (b"l" | b"p") => {
                 let n = strands.points.len() as i64;
                 let index = |word: &[u8]| {
                     // A texture coordinate may follow after a slash.
@@ -36,7 +38,11 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Strands, ReadError> {
                 };
                 let indices: Vec<u32> = text::words(line.rest).map(index).collect::<Result<_, _>>()?;
                 greatest = indices.iter().map(|&index| (index, line.number)).fold(greatest, Ord::max);
-                strands.segments.extend(indices.windows(2).map(|pair| [pair[0], pair[1]]));
+                if keyword == b"p" {
+                    strands.segments.extend(indices.iter().map(|&index| [index; 2]));
+                } else {
+                    strands.segments.extend(indices.windows(2).map(|pair| [pair[0], pair[1]]));
+                }
             }
             b"f" => n_faces += 1,
             _ => {}
@@ -46,6 +52,12 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Strands, ReadError> {
         let message =
             format!("there is no vertex {}, the file has {}", u64::from(greatest.0) + 1, strands.points.len());
         return Err(ReadError::malformed(path, format!("line {}", greatest.1), message));
+    }
+    if let Some(radius) = options.point_radius {
+        strands.thicken_points(radius, options.line_radius.unwrap_or(radius));
+    }
+    if n_points > 0 {
+        strands.warnings.push(format!("skipping points, which --point-radius makes balls: {n_points}"));
     }
     if n_faces > 0 {
         strands.warnings.push(format!("skipping faces, as lines are read: {n_faces}"));

@@ -4,14 +4,9 @@
 
 use std::path::Path;
 
-use super::{Numbers, Strands};
+use super::{Numbers, Strands, point_index};
 use crate::read::error::ReadError;
 use crate::read::text::{self, quoted};
-
-/// Most points; indices are 32 bits.
-fn point_index(path: &Path, n: usize) -> Result<u32, ReadError> {
-    u32::try_from(n).map_err(|_| ReadError::unsupported(path, "more than 2^32 points"))
-}
 
 /// Parses MRtrix tracks: a header of text up to `END`, then points at its offset. Three NaN end a track, three infinities the file.
 pub(super) fn parse_tck(path: &Path, bytes: &[u8]) -> Result<Strands, ReadError> {

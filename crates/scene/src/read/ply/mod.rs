@@ -11,6 +11,7 @@
 mod body;
 mod colors;
 mod faces;
+pub(super) mod lines;
 
 use std::path::Path;
 
