@@ -44,10 +44,10 @@ pub mod file {
 /// Bodies against bodies: touching pairs, distances, self-intersections and casts.
 pub mod collide {
     pub use canted_collide::{
-        Body, Capsule, ContactChanges, Contacts, Distance, Hull, InstanceDistance, InstancePair, Pose, PrimitivePair,
-        Segment, Shape, SphereContact, cast_sphere, closest_instance_pairs, closest_pairs, count_pairs, count_touching,
-        distance, each_pair, each_touching, first_pair, first_touching, instance_pairs, overlaps, pairs, pairs_within,
-        self_intersections, touches, touching,
+        Body, Capsule, Contact, ContactChanges, Contacts, Distance, Hull, InstanceDistance, InstancePair, Pose,
+        PrimitivePair, Segment, Shape, SphereContact, cast, cast_at_instances, cast_sphere, closest_instance_pairs,
+        closest_pairs, count_pairs, count_touching, distance, each_pair, each_touching, first_pair, first_touching,
+        instance_pairs, overlaps, pairs, pairs_within, self_intersections, touches, touching,
     };
 }
 

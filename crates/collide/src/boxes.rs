@@ -43,6 +43,9 @@ const GREATEST_SKEW: f64 = 0.25;
 /// Beyond this the lanes may overflow.
 const GREATEST_SIZE: f64 = 1e30;
 
+/// By how much times are farther out than they are, of themselves: more than a contact is early.
+const WIDER: f64 = 1.0 / (1_u64 << 39) as f64;
+
 /// Eight numbers.
 pub(crate) type Lanes = [f32; 8];
 
@@ -96,6 +99,12 @@ impl Frame {
     /// The size of a box, to compare with others.
     pub(crate) fn size_of(&self, NodeBox { lo, hi, .. }: &NodeBox) -> f64 {
         self.pose.norm() * (0..3).map(|k| hi[k] - lo[k]).fold(0.0, f64::max)
+    }
+
+    /// How far what is compared in `f64` may be off, for boxes of both bodies: much more than the roundings, and than `tolerance` of the
+    /// coordinates.
+    pub(crate) fn slack(&self, other: &Self, tolerance: f64) -> f64 {
+        self.far + other.far + (tolerance + 1024.0 * f64::EPSILON) * (self.scale() + other.scale())
     }
 
     /// A box of the body.
@@ -237,12 +246,40 @@ impl Frame {
 }
 
 impl PlacedBox {
+    /// When this box and another one that moves by `t·motion` may share a point: from the first `t` to the second, of all numbers. Empty where the first
+    /// exceeds the second.
+    ///
+    /// Along each axis of the separating-axis test without edges, and two across the motion, both are intervals of which one moves.
+    pub(crate) fn meeting(&self, other: &Self, motion: Vector, across: &[Vector; 2], slack: f64) -> [f64; 2] {
+        let slack = slack + self.error + other.error;
+        let between = sub(other.center, self.center);
+        let axes = self.normals.iter().chain(&other.normals).chain(across);
+        axes.fold([f64::NEG_INFINITY, f64::INFINITY], |[from, to], &axis| {
+            let halves = self.halves.iter().chain(&other.halves).map(|&half| dot(axis, half).abs()).sum::<f64>();
+            // No axis is longer than 1 by much.
+            let (at, reach) = (dot(axis, between), halves + 2.0 * slack);
+            let own = times(-reach - at, reach - at, dot(axis, motion));
+            [from.max(own[0]), to.min(own[1])]
+        })
+    }
+
     /// The center along an axis, and how far the box reaches from it, with the error of a gap.
     #[inline]
     fn along(&self, axis: Vector) -> (f32, f32) {
         let reach = self.halves.iter().map(|&half| dot(axis, half).abs()).sum::<f64>() + self.error;
         (dot(axis, self.center) as f32, reach as f32)
     }
+}
+
+/// When what moves at a speed is between two places, from the first time to the second, each of them farther out by 2^-39 of it.
+pub(crate) fn times(near: f64, far: f64, speed: f64) -> [f64; 2] {
+    if speed == 0.0 {
+        let is_empty = near > 0.0 || far < 0.0;
+        return if is_empty { [f64::INFINITY, f64::NEG_INFINITY] } else { [f64::NEG_INFINITY, f64::INFINITY] };
+    }
+    let (a, b) = (near / speed, far / speed);
+    let [from, to] = [a.min(b), a.max(b)];
+    [from - WIDER * from.abs(), to + WIDER * to.abs()]
 }
 
 /// Gaps as bounds of distances, for axes that are longer than 1 by the skew.

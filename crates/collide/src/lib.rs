@@ -21,7 +21,8 @@
 //! | [`instance_pairs`], [`Contacts`], [`closest_instance_pairs`] | which instances of a scene touch, from frame to frame, and which are nearest |
 //! | [`touches`], [`touching`], [`first_touching`], [`count_touching`], [`each_touching`] | which primitives of a scene a body or a single shape touches |
 //! | [`self_intersections`] | which primitives of one body touch that are not neighbors |
-//! | [`cast_sphere`] | when a sphere that moves first touches a mesh |
+//! | [`cast`], [`cast_at_instances`] | when a body that moves first touches another one, or a scene |
+//! | [`cast_sphere`] | when a sphere that moves along a ray first touches a mesh, in closed form |
 //! | [`Body`], [`Shape`] | what they are about: a `WideBvh` of triangles, spheres, boxes or your own shapes, or a single shape |
 //! | [`Pose`] | where a body is: any affine map |
 //!
@@ -47,6 +48,7 @@ mod pose;
 mod query;
 mod scene;
 mod shape;
+mod sweep;
 mod touch;
 mod walk;
 
@@ -62,3 +64,4 @@ pub use scene::{
     first_touching, instance_pairs, touches, touching,
 };
 pub use shape::{Capsule, Hull, Segment, Shape};
+pub use sweep::{Contact, cast, cast_at_instances};

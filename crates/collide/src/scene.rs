@@ -31,7 +31,7 @@ pub struct InstanceDistance {
 }
 
 /// The body of an instance, and where it is.
-fn placed<B: Intersect>(tlas: &Tlas<B>, instance: InstanceId) -> (&B, Pose) {
+pub(crate) fn placed<B: Intersect>(tlas: &Tlas<B>, instance: InstanceId) -> (&B, Pose) {
     let given = &tlas.instances()[instance.0 as usize];
     (&tlas.blas()[given.blas as usize], Pose::from(given.world_from_object))
 }
@@ -299,7 +299,7 @@ pub fn each_touching<B: Intersect + Body, S: Body>(
 }
 
 /// A box around a body under its pose; `None` without primitives and where it is nowhere.
-fn world_box<S: Body>(body: &S, pose: &Pose) -> Option<Aabb> {
+pub(crate) fn world_box<S: Body>(body: &S, pose: &Pose) -> Option<Aabb> {
     let (_, NodeBox { rows, lo, hi }) = body.root().filter(|_| pose.is_usable())?;
     let center = pose.point_f64(body.reference_point());
     let images = rows.map(|row| pose.vector(row.map(f64::from)));

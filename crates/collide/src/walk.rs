@@ -1,11 +1,11 @@
 //! A walk over the nodes of two bodies at once.
 
 use canted_obb::PrimId;
-use canted_obb::vector::Vector;
+use canted_obb::vector::{Vector, add};
 use canted_wide::NodeBox;
 
 use crate::body::Body;
-use crate::boxes::Frame;
+use crate::boxes::{Frame, times};
 use crate::pose::Pose;
 
 /// Roundings of distances and radii, relative to coordinates: far more than their error.
@@ -32,6 +32,25 @@ impl PlacedShape {
     }
 }
 
+impl PlacedShape {
+    /// The shape moved by a vector.
+    pub(crate) fn move_by(&mut self, by: Vector) {
+        for point in self.points.iter_mut().chain([&mut self.lo, &mut self.hi]) {
+            *point = add(*point, by);
+        }
+    }
+
+    /// When this shape and another one that moves by `t·motion` may share a point, by their boxes, as
+    /// [`PlacedBox::meeting`](crate::boxes::PlacedBox::meeting).
+    pub(crate) fn meeting(&self, other: &Self, motion: Vector, slack: f64) -> [f64; 2] {
+        (0..3).fold([f64::NEG_INFINITY, f64::INFINITY], |[from, to], k| {
+            // The other one is reached when its ends pass these.
+            let own = times(self.lo[k] - other.hi[k] - slack, self.hi[k] - other.lo[k] + slack, motion[k]);
+            [from.max(own[0]), to.min(own[1])]
+        })
+    }
+}
+
 /// The shapes of a leaf, in memory that is used again.
 #[derive(Default)]
 pub(crate) struct PlacedLeaf {
@@ -44,7 +63,7 @@ impl PlacedLeaf {
         &self.shapes[..self.n]
     }
 
-    fn fill<B: Body>(&mut self, body: &B, leaf: B::Node, pose: &Pose) {
+    pub(crate) fn fill<B: Body>(&mut self, body: &B, leaf: B::Node, pose: &Pose) {
         self.n = 0;
         body.each_shape(leaf, |primitive, shape| {
             if self.n == self.shapes.len() {

@@ -6,3 +6,4 @@ mod distance;
 mod pairs;
 mod scene;
 mod shapes;
+mod sweep;
