@@ -68,6 +68,15 @@ impl<'py> Table<'py> {
         Self::of_rows(argument, name, &[4, 3], "(..., 4, 3)")
     }
 
+    /// The argument `name`, of shape (..., k, 3), as rows: `k` for each item; and `k`.
+    pub(crate) fn of_groups(argument: &Bound<'py, PyAny>, name: &str) -> PyResult<(Self, usize)> {
+        let k = match as_array(argument, name)?.shape() {
+            [.., k, 3] => *k,
+            shape => return Err(invalid(format!("{name} has shape {}, not (..., k, 3)", shown(shape)))),
+        };
+        Ok((Self::of_rows(argument, name, &[k, 3], "(..., k, 3)")?, k))
+    }
+
     fn of_rows(argument: &Bound<'py, PyAny>, name: &str, last: &[usize], wanted: &str) -> PyResult<Self> {
         let array = as_array(argument, name)?;
         let is_one = array.shape() == last;

@@ -54,6 +54,55 @@ impl Distance {
     }
 }
 
+/// The first contact of a mesh that moves.
+///
+/// Attributes
+/// ----------
+/// t : float
+///     When the meshes touch, not after it, in units of the motion; the gap at t is below 2^-40 of the coordinates. 0 where they overlap at the start.
+/// position : (3,) float64
+///     The point of the mesh at rest that is touched, in its space.
+/// normal : (3,) float64
+///     Across the contact, from the mesh at rest to the one that moves, of unit length; zero where they overlap at the start.
+/// primitives : (2,) int32
+///     The triangles that touch; of several at one t the lowest.
+/// starts_inside : bool
+///     Whether they overlap at the start.
+#[pyclass(frozen, weakref, module = "canted", get_all)]
+pub(crate) struct Contact {
+    t: f64,
+    position: Py<PyAny>,
+    normal: Py<PyAny>,
+    primitives: Py<PyAny>,
+    starts_inside: bool,
+}
+
+#[pymethods]
+impl Contact {
+    #[classmethod]
+    fn _of_parts(
+        _class: &Bound<'_, PyType>,
+        t: f64,
+        position: Py<PyAny>,
+        normal: Py<PyAny>,
+        primitives: Py<PyAny>,
+        starts_inside: bool,
+    ) -> Self {
+        Self { t, position, normal, primitives, starts_inside }
+    }
+
+    /// For pickle and copy.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let parts = (self.t, &self.position, &self.normal, &self.primitives, self.starts_inside).into_pyobject(py)?;
+        Ok((py.get_type::<Self>().getattr("_of_parts")?, parts))
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let [a, b]: [i32; 2] = self.primitives.bind(py).call_method0("tolist")?.extract()?;
+        Ok(format!("Contact(t={}, triangles {a} and {b})", self.t))
+    }
+}
+
 /// Two meshes, and the pose of the second one, in the space of the first one less its origin.
 pub(crate) struct Pair {
     a: Arc<Geometry>,
@@ -107,6 +156,28 @@ impl Pair {
         self.run(call, |Self { a, b, pose }| collide::overlaps(&*a.mesh, Pose::IDENTITY, &*b.mesh, *pose))
     }
 
+    pub(crate) fn cast(self, call: &Call<'_>, motion: [f64; 3], t_max: f64) -> PyResult<Option<Contact>> {
+        if !(motion.iter().all(|x| x.is_finite()) && t_max >= 0.0) {
+            return Err(invalid(format!(
+                "the motion {motion:?} until {t_max} is not one; use finite numbers, and a t_max of 0 or more"
+            )));
+        }
+        let (py, origin) = (call.py, self.a.origin);
+        let found = self.run(call, move |Self { a, b, pose }| {
+            collide::cast(&*a.mesh, Pose::IDENTITY, &*b.mesh, *pose, motion, t_max)
+        })?;
+        let Some(found) = found else { return Ok(None) };
+        let position = std::array::from_fn::<_, 3, _>(|k| found.position[k] + origin[k]);
+        let primitives = found.primitives.map(|primitive| primitive.0.cast_signed());
+        Ok(Some(Contact {
+            t: found.t,
+            position: shaped(py, position.to_vec(), &[3], &[])?,
+            normal: shaped(py, found.normal.to_vec(), &[3], &[])?,
+            primitives: shaped(py, primitives.to_vec(), &[2], &[])?,
+            starts_inside: found.starts_inside,
+        }))
+    }
+
     pub(crate) fn distance(self, call: &Call<'_>) -> PyResult<Distance> {
         let (py, origin) = (call.py, self.a.origin);
         let found = self.run(call, |Self { a, b, pose }| {
@@ -139,8 +210,13 @@ pub(crate) fn self_intersections(call: &Call<'_>, geometry: Arc<Geometry>) -> Py
 
 /// Pairs as an array of shape (n, 2).
 fn rows(py: Python<'_>, found: &[collide::PrimitivePair]) -> PyResult<Py<PyAny>> {
-    let numbers = found.iter().flatten().map(|primitive| primitive.0.cast_signed()).collect::<Vec<i32>>();
-    shaped(py, numbers, &[found.len()], &[2])
+    numbers(py, found.iter().map(|pair| pair.map(|primitive| primitive.0)))
+}
+
+/// Pairs of numbers as an array of shape (n, 2).
+pub(crate) fn numbers(py: Python<'_>, pairs: impl ExactSizeIterator<Item = [u32; 2]>) -> PyResult<Py<PyAny>> {
+    let n = pairs.len();
+    shaped(py, pairs.flatten().map(u32::cast_signed).collect::<Vec<i32>>(), &[n], &[2])
 }
 
 /// The first contact of a sphere along each ray.

@@ -1,13 +1,16 @@
+#![expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+
 use std::path::PathBuf;
 use std::sync::{Arc, PoisonError, RwLock};
 
+use canted::collide::{Pose, each_pair};
 use canted::kernel::HitLists;
 use canted::{Config, Crossings, Intersect, Ray, TriangleTest};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyType};
 
 use crate::arrays::{Table, shaped};
-use crate::bodies::{self, Distance, Pair};
+use crate::bodies::{self, Contact, Distance, Pair};
 use crate::error::invalid;
 use crate::file;
 use crate::frame::OriginArgument;
@@ -15,7 +18,7 @@ use crate::geometry::{self, Geometry};
 use crate::hits::Hits;
 use crate::names::{self, Inside};
 use crate::nearest::{self, Nearest, Wanted, distances, of_points, rounded};
-use crate::overlaps::{Region, Regions};
+use crate::overlaps::{Form, Region, Regions};
 use crate::points::Surface;
 use crate::query::{RayArrays, all_hits, closest_hits, occluded};
 use crate::work::Call;
@@ -143,19 +146,21 @@ impl Bvh {
     fn overlaps<'py>(
         &self,
         call: &Call<'py>,
-        regions: &Regions<'_>,
+        (regions, form): (&Regions<'_>, &str),
         origin: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyDict>> {
+    ) -> PyResult<Bound<'py, PyAny>> {
         let geometry = self.geometry();
-        regions.overlaps(call, geometry.origin(origin)?, false, |region, pairs| {
-            let mut found = vec![];
-            match region {
-                Region::Convex(region) => geometry.mesh.overlapping(region, &mut found),
-                Region::Sphere { center, radius } => {
-                    geometry.mesh.overlapping_sphere(center.map(|x| x as f32), *radius as f32, &mut found);
-                }
+        let mesh = &*geometry.mesh;
+        regions.overlaps(call, geometry.origin(origin)?, (false, Form::of(form)?), |region, visit| match region {
+            Region::Convex(region) => mesh.each_overlapping(region, |primitive| visit((0, primitive.0))),
+            Region::Sphere { center, radius } => {
+                let mut found = vec![];
+                mesh.overlapping_sphere(center.map(|x| x as f32), *radius as f32, &mut found);
+                let _ = found.into_iter().try_for_each(|primitive| visit((0, primitive.0)));
             }
-            pairs.extend(found.into_iter().map(|primitive| (0, primitive.0)));
+            Region::Hull(hull) => {
+                each_pair(mesh, Pose::IDENTITY, hull, Pose::IDENTITY, |[primitive, _]| visit((0, primitive.0)));
+            }
         })
     }
 }
@@ -167,7 +172,6 @@ impl Bvh {
         signature = (vertices, triangles=None, preset="balanced", triangle_test="watertight", *, aligned=false, origin=OriginArgument::auto(), threads=None, progress=None),
         text_signature = "(vertices, triangles=None, preset='balanced', triangle_test='watertight', *, aligned=False, origin='auto', threads=None, progress=None)"
     )]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn new<'py>(
         py: Python<'py>,
         vertices: &Bound<'py, PyAny>,
@@ -191,7 +195,6 @@ impl Bvh {
         signature = (mesh, preset="balanced", triangle_test="watertight", *, aligned=false, origin=OriginArgument::auto(), threads=None, progress=None),
         text_signature = "(mesh, preset='balanced', triangle_test='watertight', *, aligned=False, origin='auto', threads=None, progress=None)"
     )]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn from_mesh<'py>(
         py: Python<'py>,
         mesh: &Bound<'py, PyAny>,
@@ -236,7 +239,6 @@ impl Bvh {
     /// ValueError
     ///     Wrong shapes or types, or different numbers of origins and directions.
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, origin=None, threads=None, progress=None))]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn closest_hit<'py>(
         &self,
         py: Python<'py>,
@@ -260,7 +262,6 @@ impl Bvh {
     ///
     /// Whether each ray hits anything: (...,) bool. Agrees with closest_hit, whose parameters and errors it has, and is faster.
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, origin=None, threads=None, progress=None))]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn occluded<'py>(
         &self,
         py: Python<'py>,
@@ -285,7 +286,6 @@ impl Bvh {
     /// Each triangle appears once for a ray, and all triangles around an edge or a vertex that a ray passes through appear;
     /// crossings counts surfaces instead. Parameters and errors are those of closest_hit.
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, origin=None, threads=None, progress=None))]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn all_hits<'py>(
         &self,
         py: Python<'py>,
@@ -315,7 +315,6 @@ impl Bvh {
     /// ValueError
     ///     As closest_hit, and for a BVH with another triangle test than "watertight".
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, origin=None, threads=None, progress=None))]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn crossings<'py>(
         &self,
         py: Python<'py>,
@@ -439,7 +438,6 @@ impl Bvh {
     /// max_distance : float
     ///     Triangles farther away are not found.
     #[pyo3(signature = (points, k, max_distance=f64::INFINITY, *, origin=None, threads=None, progress=None))]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn k_nearest<'py>(
         &self,
         py: Python<'py>,
@@ -489,7 +487,7 @@ impl Bvh {
         distances(py, found, geometry.is_near, &points.shape, &[])
     }
 
-    /// overlapping_box(low, high, *, origin=None, threads=None, progress=None)
+    /// overlapping_box(low, high, *, form='all', origin=None, threads=None, progress=None)
     ///
     /// The triangles that overlap each axis-aligned box, touching included: a dict of region, the index of the box, int64, and primitive,
     /// int32, in order of both.
@@ -501,20 +499,23 @@ impl Bvh {
     /// ----------
     /// low, high : (..., 3) floats
     ///     The corners of the boxes. float64 is rounded to float32 after origin is subtracted.
-    #[pyo3(signature = (low, high, *, origin=None, threads=None, progress=None))]
+    /// form : str
+    ///     "all"; "any" for (...,) bool, "count" for (...,) int64, or "first" for a dict of the lowest primitive, (...,) int32, -1 where there is none.
+    #[pyo3(signature = (low, high, *, form="all", origin=None, threads=None, progress=None))]
     fn overlapping_box<'py>(
         &self,
         py: Python<'py>,
         low: &Bound<'py, PyAny>,
         high: &Bound<'py, PyAny>,
+        form: &str,
         origin: Option<&Bound<'py, PyAny>>,
         threads: Option<i64>,
         progress: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        self.overlaps(&Call::new(py, threads, progress)?, &Regions::boxes(low, high)?, origin)
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.overlaps(&Call::new(py, threads, progress)?, (&Regions::boxes(low, high)?, form), origin)
     }
 
-    /// overlapping_sphere(center, radius, *, origin=None, threads=None, progress=None)
+    /// overlapping_sphere(center, radius, *, form='all', origin=None, threads=None, progress=None)
     ///
     /// The triangles at most radius away from each center: a dict as that of overlapping_box.
     ///
@@ -524,20 +525,21 @@ impl Bvh {
     ///     float64 is rounded to float32 after origin is subtracted.
     /// radius : float or (...,) floats
     ///     Nothing overlaps a sphere with a negative one.
-    #[pyo3(signature = (center, radius, *, origin=None, threads=None, progress=None))]
+    #[pyo3(signature = (center, radius, *, form="all", origin=None, threads=None, progress=None))]
     fn overlapping_sphere<'py>(
         &self,
         py: Python<'py>,
         center: &Bound<'py, PyAny>,
         radius: &Bound<'py, PyAny>,
+        form: &str,
         origin: Option<&Bound<'py, PyAny>>,
         threads: Option<i64>,
         progress: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        self.overlaps(&Call::new(py, threads, progress)?, &Regions::spheres(center, radius)?, origin)
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.overlaps(&Call::new(py, threads, progress)?, (&Regions::spheres(center, radius)?, form), origin)
     }
 
-    /// overlapping_frustum(near, far, *, origin=None, threads=None, progress=None)
+    /// overlapping_frustum(near, far, *, form='all', origin=None, threads=None, progress=None)
     ///
     /// The triangles that overlap each frustum, or any convex solid with six flat faces: a dict as that of overlapping_box.
     ///
@@ -545,17 +547,43 @@ impl Bvh {
     /// ----------
     /// near, far : (..., 4, 3) floats
     ///     The corners of the near face in order around it, and those of the far face in the same order; corners may coincide.
-    #[pyo3(signature = (near, far, *, origin=None, threads=None, progress=None))]
+    #[pyo3(signature = (near, far, *, form="all", origin=None, threads=None, progress=None))]
     fn overlapping_frustum<'py>(
         &self,
         py: Python<'py>,
         near: &Bound<'py, PyAny>,
         far: &Bound<'py, PyAny>,
+        form: &str,
         origin: Option<&Bound<'py, PyAny>>,
         threads: Option<i64>,
         progress: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        self.overlaps(&Call::new(py, threads, progress)?, &Regions::frusta(near, far)?, origin)
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.overlaps(&Call::new(py, threads, progress)?, (&Regions::frusta(near, far)?, form), origin)
+    }
+
+    /// overlapping_hull(points, radius=0, *, form='all', origin=None, threads=None, progress=None)
+    ///
+    /// The triangles that overlap what is within a radius of the hull of points: a capsule for two points, an oriented box for eight. A gap below
+    /// 2^-40 of the coordinates may be reported as an overlap.
+    ///
+    /// Parameters
+    /// ----------
+    /// points : (..., k, 3) floats
+    ///     The k points of each hull, in any order.
+    /// radius : float or (...,) floats
+    ///     0 or more.
+    #[pyo3(signature = (points, radius=None, *, form="all", origin=None, threads=None, progress=None))]
+    fn overlapping_hull<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+        radius: Option<&Bound<'py, PyAny>>,
+        form: &str,
+        origin: Option<&Bound<'py, PyAny>>,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.overlaps(&Call::new(py, threads, progress)?, (&Regions::hulls(points, radius)?, form), origin)
     }
 
     /// pairs(b, pose=None)
@@ -615,7 +643,6 @@ impl Bvh {
     /// radius : float or (...,) floats
     ///     0 or more.
     #[pyo3(signature = (origins, directions, radius, t_max=None, *, origin=None, threads=None, progress=None))]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn cast_sphere<'py>(
         &self,
         py: Python<'py>,
@@ -630,6 +657,26 @@ impl Bvh {
         let (geometry, call) = (self.geometry(), Call::new(py, threads, progress)?);
         let (origin, arrays) = (geometry.origin(origin)?, RayArrays::new(origins, directions, [None, t_max])?);
         bodies::cast_sphere(&call, geometry, &arrays, radius, origin)
+    }
+
+    /// cast(b, motion, pose=None, t_max=inf)
+    ///
+    /// The first contact of b, which moves by t times motion, with this mesh at rest, touching included: Contact, or None without one.
+    ///
+    /// Parameters
+    /// ----------
+    /// b, motion : Bvh, (3,) floats
+    ///     The mesh that moves, and its way in the time 1, in the space of this mesh. pose is that of pairs: where b is at the start.
+    #[pyo3(signature = (b, motion, pose=None, t_max=f64::INFINITY))]
+    fn cast(
+        &self,
+        py: Python<'_>,
+        b: &Self,
+        motion: [f64; 3],
+        pose: Option<&Bound<'_, PyAny>>,
+        t_max: f64,
+    ) -> PyResult<Option<Contact>> {
+        Pair::new(self.geometry(), b.geometry(), pose)?.cast(&Call::plain(py)?, motion, t_max)
     }
 
     /// refit(vertices, *, threads=None)

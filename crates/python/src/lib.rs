@@ -46,5 +46,6 @@ fn _canted(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<tlas::Tlas>()?;
     module.add_class::<hits::Hits>()?;
     module.add_class::<nearest::Nearest>()?;
+    module.add_class::<bodies::Contact>()?;
     module.add_class::<bodies::Distance>()
 }

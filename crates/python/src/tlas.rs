@@ -1,11 +1,16 @@
-use std::sync::Arc;
+#![expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 
+use std::sync::{Arc, PoisonError, RwLock};
+
+use canted::collide::{Pose, each_touching, instance_pairs};
+use canted::instance::InstanceError;
 use canted::kernel::HitLists;
-use canted::{Affine, Crossings, Instance, Intersect, Ray, TriangleBvh, TriangleTest};
+use canted::{Affine, Crossings, Instance, InstanceId, Intersect, Ray, TriangleBvh, TriangleTest};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 
 use crate::arrays::{NO_ORIGIN, Table, matrix, shaped};
+use crate::bodies;
 use crate::bvh::Bvh;
 use crate::error::invalid;
 use crate::frame::{self, Near};
@@ -13,7 +18,7 @@ use crate::geometry::{self, Geometry};
 use crate::hits::Hits;
 use crate::names::{self, Inside};
 use crate::nearest::{self, Found, Nearest, Wanted, distances, of_points};
-use crate::overlaps::{Region, Regions};
+use crate::overlaps::{Form, Region, Regions};
 use crate::points::Surface;
 use crate::query::{RayArrays, Rays, all_hits, closest_hits, occluded};
 use crate::work::Call;
@@ -40,6 +45,13 @@ type Inner = canted::Tlas<Arc<TriangleBvh>>;
 ///     close to singular.
 #[pyclass(frozen, weakref, module = "canted")]
 pub(crate) struct Tlas {
+    /// What queries of a call see, whatever is changed meanwhile.
+    place: RwLock<Arc<Scene>>,
+}
+
+/// Instances, and what they are instances of.
+#[derive(Clone)]
+struct Scene {
     tlas: Arc<Inner>,
     geometries: Vec<Arc<Geometry>>,
     /// What is subtracted from coordinates of the caller.
@@ -58,9 +70,22 @@ impl Tlas {
         let blas = geometries.iter().map(|geometry| Arc::clone(&geometry.mesh)).collect();
         let build = || Inner::new(blas, instances, Default::default());
         let tlas = Call::plain(py)?.run_short(build)?.map_err(invalid)?;
-        Ok(Self { tlas: Arc::new(tlas), geometries, origin, is_near })
+        Ok(Self { place: RwLock::new(Arc::new(Scene { tlas: Arc::new(tlas), geometries, origin, is_near })) })
     }
 
+    /// The scene as it is now.
+    fn scene(&self) -> Arc<Scene> {
+        Arc::clone(&self.place.read().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Changes the top level: in place, or a copy of it where a call or hits refer to it.
+    fn edit<R>(&self, change: impl FnOnce(&mut Inner) -> Result<R, InstanceError>) -> PyResult<R> {
+        let mut place = self.place.write().unwrap_or_else(PoisonError::into_inner);
+        change(Arc::make_mut(&mut Arc::make_mut(&mut place).tlas)).map_err(invalid)
+    }
+}
+
+impl Scene {
     fn rays<'a>(&self, arrays: &'a RayArrays<'_>) -> Rays<'a> {
         let near = (self.is_near && !self.tlas.aabb().is_empty()).then(|| Near::new(&self.tlas.aabb()));
         arrays.rays(self.origin, near)
@@ -105,15 +130,39 @@ impl Tlas {
     }
 
     /// Triangles that overlap regions.
-    fn overlaps<'py>(&self, call: &Call<'py>, regions: &Regions<'_>) -> PyResult<Bound<'py, PyDict>> {
-        regions.overlaps(call, self.origin, true, |region, pairs| {
-            let mut found = vec![];
-            match region {
-                Region::Convex(region) => self.tlas.overlapping(region, &mut found),
-                Region::Sphere { center, radius } => self.tlas.overlapping_sphere(*center, *radius, &mut found),
+    fn overlaps<'py>(&self, call: &Call<'py>, (regions, form): (&Regions<'_>, &str)) -> PyResult<Bound<'py, PyAny>> {
+        let tlas = &*self.tlas;
+        regions.overlaps(call, self.origin, (true, Form::of(form)?), |region, visit| match region {
+            Region::Convex(region) => {
+                tlas.each_overlapping(region, |(instance, primitive)| visit((instance.0, primitive.0)));
             }
-            pairs.extend(found.into_iter().map(|(instance, primitive)| (instance.0, primitive.0)));
+            Region::Sphere { center, radius } => {
+                let mut found = vec![];
+                tlas.overlapping_sphere(*center, *radius, &mut found);
+                let _ = found.into_iter().try_for_each(|(instance, primitive)| visit((instance.0, primitive.0)));
+            }
+            Region::Hull(hull) => {
+                each_touching(tlas, hull, Pose::IDENTITY, |(instance, primitive)| visit((instance.0, primitive.0)));
+            }
         })
+    }
+
+    /// A matrix of the caller as the transform of an instance of a mesh.
+    fn transform(&self, argument: &Bound<'_, PyAny>, index: usize) -> PyResult<Affine> {
+        let [x, y, z, last] = matrix(argument, "matrix")?;
+        if last != [0.0, 0.0, 0.0, 1.0] {
+            return Err(invalid(format!("matrix has the last row {last:?}, not 0, 0, 0, 1")));
+        }
+        Ok(affine(&[x, y, z], self.geometries[index].origin, self.origin))
+    }
+
+    /// An instance by its number, which must not be removed.
+    fn instance(&self, number: i64) -> PyResult<(InstanceId, Instance)> {
+        let known = u32::try_from(number).ok().and_then(|id| Some((id, *self.tlas.instances().get(id as usize)?)));
+        match known {
+            Some((id, instance)) if !instance.is_removed() => Ok((InstanceId(id), instance)),
+            _ => Err(invalid(format!("there is no instance {number}; the Tlas has {}", self.tlas.n_instances()))),
+        }
     }
 }
 
@@ -151,7 +200,6 @@ impl Tlas {
     ///
     /// Parameters and errors are those of Bvh.closest_hit; t is in units of the caller's direction.
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=None, progress=None))]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn closest_hit<'py>(
         &self,
         py: Python<'py>,
@@ -162,17 +210,17 @@ impl Tlas {
         threads: Option<i64>,
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Hits> {
+        let scene = self.scene();
         let (arrays, call) = (RayArrays::new(origins, directions, [t_min, t_max])?, Call::new(py, threads, progress)?);
         let columns =
-            closest_hits(&call, &|_, rays, hits| self.tlas.closest_hits(rays, hits), &self.rays(&arrays), true)?;
-        Hits::new(py, columns, self.surface(), arrays.shape())
+            closest_hits(&call, &|_, rays, hits| scene.tlas.closest_hits(rays, hits), &scene.rays(&arrays), true)?;
+        Hits::new(py, columns, scene.surface(), arrays.shape())
     }
 
     /// occluded(origins, directions, t_min=0, t_max=inf, *, threads=None, progress=None)
     ///
     /// Whether each ray hits anything: (...,) bool. Agrees with closest_hit, and is faster.
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=None, progress=None))]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn occluded<'py>(
         &self,
         py: Python<'py>,
@@ -183,15 +231,15 @@ impl Tlas {
         threads: Option<i64>,
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Py<PyAny>> {
+        let scene = self.scene();
         let (arrays, call) = (RayArrays::new(origins, directions, [t_min, t_max])?, Call::new(py, threads, progress)?);
-        shaped(py, occluded(&call, &*self.tlas, &self.rays(&arrays))?, arrays.shape(), &[])
+        shaped(py, occluded(&call, &*scene.tlas, &scene.rays(&arrays))?, arrays.shape(), &[])
     }
 
     /// all_hits(origins, directions, t_min=0, t_max=inf, *, threads=None, progress=None)
     ///
     /// Every hit of every ray: Hits with instance, one row for each hit, in order of ray, then t, then (instance, triangle).
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=None, progress=None))]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn all_hits<'py>(
         &self,
         py: Python<'py>,
@@ -202,7 +250,8 @@ impl Tlas {
         threads: Option<i64>,
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Hits> {
-        self.list(&Call::new(py, threads, progress)?, &RayArrays::new(origins, directions, [t_min, t_max])?, false)
+        let scene = self.scene();
+        scene.list(&Call::new(py, threads, progress)?, &RayArrays::new(origins, directions, [t_min, t_max])?, false)
     }
 
     /// crossings(origins, directions, t_min=0, t_max=inf, *, threads=None, progress=None)
@@ -217,7 +266,6 @@ impl Tlas {
     /// ValueError
     ///     As Bvh.closest_hit, and for a BVH with another triangle test than "watertight".
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, threads=None, progress=None))]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn crossings<'py>(
         &self,
         py: Python<'py>,
@@ -228,11 +276,12 @@ impl Tlas {
         threads: Option<i64>,
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Hits> {
-        let mut tests = self.geometries.iter().map(|geometry| geometry.mesh.test()).enumerate();
+        let scene = self.scene();
+        let mut tests = scene.geometries.iter().map(|geometry| geometry.mesh.test()).enumerate();
         if let Some((i, test)) = tests.find(|(_, test)| *test != TriangleTest::Watertight) {
             return Err(invalid(format!("crossings need triangle_test='watertight'; item {i} of bvhs has '{test}'")));
         }
-        self.list(&Call::new(py, threads, progress)?, &RayArrays::new(origins, directions, [t_min, t_max])?, true)
+        scene.list(&Call::new(py, threads, progress)?, &RayArrays::new(origins, directions, [t_min, t_max])?, true)
     }
 
     /// contains(points, mode=None, *, threads=None, progress=None)
@@ -249,11 +298,12 @@ impl Tlas {
         threads: Option<i64>,
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Py<PyAny>> {
+        let scene = self.scene();
         let (points, call) = (Table::of_any_shape(points, "points")?, Call::new(py, threads, progress)?);
-        let modes = self.inside(&call, mode)?;
-        let inside = of_points(&call, &points.rows(self.origin), false, |points, inside| {
+        let modes = scene.inside(&call, mode)?;
+        let inside = of_points(&call, &points.rows(scene.origin), false, |points, inside| {
             let each = points.iter().zip(inside);
-            each.for_each(|(&point, inside)| *inside = self.contains_point(point, &modes));
+            each.for_each(|(&point, inside)| *inside = scene.contains_point(point, &modes));
         })?;
         shaped(py, inside, &points.shape, &[])
     }
@@ -273,7 +323,8 @@ impl Tlas {
         threads: Option<i64>,
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Nearest> {
-        self.near(&Call::new(py, threads, progress)?, points, &Wanted::one(max_distance))
+        let scene = self.scene();
+        scene.near(&Call::new(py, threads, progress)?, points, &Wanted::one(max_distance))
     }
 
     /// k_nearest(points, k, max_distance=inf, *, threads=None, progress=None)
@@ -290,7 +341,8 @@ impl Tlas {
         threads: Option<i64>,
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Nearest> {
-        self.near(&Call::new(py, threads, progress)?, points, &Wanted::some(k, max_distance)?)
+        let scene = self.scene();
+        scene.near(&Call::new(py, threads, progress)?, points, &Wanted::some(k, max_distance)?)
     }
 
     /// signed_distance(points, mode=None, *, threads=None, progress=None)
@@ -306,64 +358,177 @@ impl Tlas {
         threads: Option<i64>,
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Py<PyAny>> {
+        let scene = self.scene();
         let (points, call) = (Table::of_any_shape(points, "points")?, Call::new(py, threads, progress)?);
-        let modes = self.inside(&call, mode)?;
-        let found = of_points(&call, &points.rows(self.origin), 0.0, |points, found| {
+        let modes = scene.inside(&call, mode)?;
+        let found = of_points(&call, &points.rows(scene.origin), 0.0, |points, found| {
             for (&point, distance) in points.iter().zip(found) {
-                let near = self.tlas.nearest_point(point, f64::INFINITY);
+                let near = scene.tlas.nearest_point(point, f64::INFINITY);
                 let is_number = !point.iter().any(|x| x.is_nan());
                 let size = near.map_or(if is_number { f64::INFINITY } else { f64::NAN }, |near| near.distance);
-                *distance = if size > 0.0 && self.contains_point(point, &modes) { -size } else { size };
+                *distance = if size > 0.0 && scene.contains_point(point, &modes) { -size } else { size };
             }
         })?;
-        distances(py, found, self.is_near, &points.shape, &[])
+        distances(py, found, scene.is_near, &points.shape, &[])
     }
 
-    /// overlapping_box(low, high, *, threads=None, progress=None)
+    /// overlapping_box(low, high, *, form='all', threads=None, progress=None)
     ///
     /// The triangles that overlap each axis-aligned box of world space, touching included: a dict of region, the index of the box, int64,
     /// instance and primitive, int32, in order of all three. Parameters are those of Bvh.overlapping_box.
-    #[pyo3(signature = (low, high, *, threads=None, progress=None))]
+    #[pyo3(signature = (low, high, *, form="all", threads=None, progress=None))]
     fn overlapping_box<'py>(
         &self,
         py: Python<'py>,
         low: &Bound<'py, PyAny>,
         high: &Bound<'py, PyAny>,
+        form: &str,
         threads: Option<i64>,
         progress: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        self.overlaps(&Call::new(py, threads, progress)?, &Regions::boxes(low, high)?)
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let scene = self.scene();
+        scene.overlaps(&Call::new(py, threads, progress)?, (&Regions::boxes(low, high)?, form))
     }
 
-    /// overlapping_sphere(center, radius, *, threads=None, progress=None)
+    /// overlapping_sphere(center, radius, *, form='all', threads=None, progress=None)
     ///
     /// The triangles at most radius away from each center, world space: a dict as that of overlapping_box.
-    #[pyo3(signature = (center, radius, *, threads=None, progress=None))]
+    #[pyo3(signature = (center, radius, *, form="all", threads=None, progress=None))]
     fn overlapping_sphere<'py>(
         &self,
         py: Python<'py>,
         center: &Bound<'py, PyAny>,
         radius: &Bound<'py, PyAny>,
+        form: &str,
         threads: Option<i64>,
         progress: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        self.overlaps(&Call::new(py, threads, progress)?, &Regions::spheres(center, radius)?)
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let scene = self.scene();
+        scene.overlaps(&Call::new(py, threads, progress)?, (&Regions::spheres(center, radius)?, form))
     }
 
-    /// overlapping_frustum(near, far, *, threads=None, progress=None)
+    /// overlapping_frustum(near, far, *, form='all', threads=None, progress=None)
     ///
     /// The triangles that overlap each frustum of world space: a dict as that of overlapping_box. Parameters are those of
     /// Bvh.overlapping_frustum.
-    #[pyo3(signature = (near, far, *, threads=None, progress=None))]
+    #[pyo3(signature = (near, far, *, form="all", threads=None, progress=None))]
     fn overlapping_frustum<'py>(
         &self,
         py: Python<'py>,
         near: &Bound<'py, PyAny>,
         far: &Bound<'py, PyAny>,
+        form: &str,
         threads: Option<i64>,
         progress: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        self.overlaps(&Call::new(py, threads, progress)?, &Regions::frusta(near, far)?)
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let scene = self.scene();
+        scene.overlaps(&Call::new(py, threads, progress)?, (&Regions::frusta(near, far)?, form))
+    }
+
+    /// overlapping_hull(points, radius=0, *, form='all', threads=None, progress=None)
+    ///
+    /// The triangles that overlap what is within a radius of the convex hull of some points of world space: a dict as that of overlapping_box.
+    /// Parameters are those of Bvh.overlapping_hull.
+    #[pyo3(signature = (points, radius=None, *, form="all", threads=None, progress=None))]
+    fn overlapping_hull<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+        radius: Option<&Bound<'py, PyAny>>,
+        form: &str,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.scene().overlaps(&Call::new(py, threads, progress)?, (&Regions::hulls(points, radius)?, form))
+    }
+
+    /// winding_number(points, tolerance=1e-6, *, threads=None, progress=None)
+    ///
+    /// How often the surfaces of all instances wind around each point: (...,) float64, the sum of those of the instances, of which mirrored ones count
+    /// negatively. NaN for a point that is not finite.
+    ///
+    /// Closed meshes have the same number under any matrix. That of a mesh with a border is exact where the matrix rotates, mirrors and scales all axes alike; else it is the
+    /// number in the space of the mesh. The time grows with the number of instances. tolerance is that of Bvh.winding_number, for each instance.
+    #[pyo3(signature = (points, tolerance=1e-6, *, threads=None, progress=None))]
+    fn winding_number<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+        tolerance: f64,
+        threads: Option<i64>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Py<PyAny>> {
+        if tolerance.is_nan() || tolerance < 0.0 {
+            return Err(invalid(format!("tolerance is {tolerance}; use a number of 0 or more")));
+        }
+        let (points, call, scene) =
+            (Table::of_any_shape(points, "points")?, Call::new(py, threads, progress)?, self.scene());
+        let numbers = of_points(&call, &points.rows(scene.origin), f64::NAN, |points, numbers| {
+            for (&point, number) in points.iter().zip(numbers) {
+                *number = scene.tlas.winding_number_with(point, |blas, _, point| {
+                    scene.geometries[blas as usize].winding().number(point, tolerance)
+                });
+            }
+        })?;
+        shaped(py, numbers, &points.shape, &[])
+    }
+
+    /// instance_pairs()
+    ///
+    /// The pairs of instances whose surfaces share a point, touching included: (n, 2) int32, the lower one first, sorted by row. Decided as Bvh.pairs, for
+    /// vertices that the matrices of both map to world space in float64. Hidden and removed instances touch nothing.
+    fn instance_pairs(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        let scene = self.scene();
+        let found = Call::plain(py)?.run(move || {
+            let mut found = vec![];
+            instance_pairs(&*scene.tlas, &mut found);
+            found
+        })?;
+        bodies::numbers(py, found.iter().map(|pair| pair.map(|instance| instance.0)))
+    }
+
+    /// insert(index, matrix)
+    ///
+    /// Adds an instance of the mesh bvhs[index] under world_from_object, (4, 4) floats; returns its number. That of a removed instance is used again.
+    ///
+    /// This and the other changes cost a few microseconds, whatever the number of instances, unless hits found before are still in use: these keep
+    /// a copy. The origin stays.
+    fn insert(&self, index: i64, matrix: &Bound<'_, PyAny>) -> PyResult<u32> {
+        let scene = self.scene();
+        let n = scene.geometries.len();
+        let known = usize::try_from(index).ok().filter(|&index| index < n);
+        let known = known.ok_or_else(|| invalid(format!("there is no BVH {index}; the list bvhs has {n}")))?;
+        let instance = Instance::new(u32::try_from(known).map_err(invalid)?, scene.transform(matrix, known)?);
+        drop(scene);
+        Ok(self.edit(|tlas| tlas.insert(instance))?.0)
+    }
+
+    /// remove(instance)
+    ///
+    /// Removes an instance; the others keep their numbers.
+    fn remove(&self, instance: i64) -> PyResult<()> {
+        let (id, _) = self.scene().instance(instance)?;
+        self.edit(|tlas| tlas.remove(id).map(drop))
+    }
+
+    /// set_transform(instance, matrix)
+    ///
+    /// Moves an instance: matrix is the new world_from_object, (4, 4) floats; a scale by zero hides it.
+    fn set_transform(&self, instance: i64, matrix: &Bound<'_, PyAny>) -> PyResult<()> {
+        let scene = self.scene();
+        let (id, known) = scene.instance(instance)?;
+        let new = scene.transform(matrix, known.blas as usize)?;
+        drop(scene);
+        self.edit(|tlas| tlas.set_transform(id, new))
+    }
+
+    /// set_mask(instance, mask)
+    ///
+    /// Hides an instance from all queries with the mask 0, and shows it with any other integer of 32 bits.
+    fn set_mask(&self, instance: i64, mask: i64) -> PyResult<()> {
+        let (id, _) = self.scene().instance(instance)?;
+        let mask = u32::try_from(mask).map_err(|_| invalid(format!("mask is {mask}; use 0 to 2^32 - 1")))?;
+        self.edit(|tlas| tlas.set_mask(id, mask))
     }
 
     #[classmethod]
@@ -371,12 +536,12 @@ impl Tlas {
         _class: &Bound<'_, PyType>,
         py: Python<'_>,
         bvhs: &Bound<'_, PyAny>,
-        instances: Vec<(u32, Vec<f32>)>,
+        instances: Vec<(u32, Vec<f32>, u32)>,
         origin: [f64; 3],
         is_near: bool,
     ) -> PyResult<Self> {
-        let instances = instances.into_iter().map(|(blas, columns)| match columns.as_chunks::<3>().0 {
-            &[x, y, z, w] => Ok(Instance::new(blas, Affine { columns: [x, y, z, w] })),
+        let instances = instances.into_iter().map(|(blas, columns, mask)| match columns.as_chunks::<3>().0 {
+            &[x, y, z, w] => Ok(Instance::new(blas, Affine { columns: [x, y, z, w] }).with_mask(mask)),
             _ => Err(invalid(format!("an instance has {} numbers, not 12", columns.len()))),
         });
         let instances = instances.collect::<PyResult<Vec<_>>>()?;
@@ -388,14 +553,14 @@ impl Tlas {
 
     /// For pickle and copy.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let bvhs = self.geometries.iter().map(|geometry| Py::new(py, Bvh::shared(Arc::clone(geometry))));
-        let instances = self
-            .tlas
-            .instances()
-            .iter()
-            .map(|instance| (instance.blas, instance.world_from_object.columns.as_flattened().to_vec()));
+        let scene = self.scene();
+        let bvhs = scene.geometries.iter().map(|geometry| Py::new(py, Bvh::shared(Arc::clone(geometry))));
+        let instances =
+            scene.tlas.instances().iter().map(|instance| {
+                (instance.blas, instance.world_from_object.columns.as_flattened().to_vec(), instance.mask)
+            });
         let (bvhs, instances) = (bvhs.collect::<PyResult<Vec<_>>>()?, instances.collect::<Vec<_>>());
-        let parts = (bvhs, instances, self.origin, self.is_near).into_pyobject(py)?;
+        let parts = (bvhs, instances, scene.origin, scene.is_near).into_pyobject(py)?;
         Ok((py.get_type::<Self>().getattr("_of_parts")?, parts))
     }
 
@@ -403,11 +568,12 @@ impl Tlas {
     ///
     /// Numbers about the Tlas, as a dict: bvhs, instances, triangles (of each mesh once), bytes (of the top level), origin.
     fn stats<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let scene = self.scene();
         let stats = PyDict::new(py);
-        stats.set_item("bvhs", self.tlas.blas().len())?;
-        stats.set_item("instances", self.tlas.n_instances())?;
-        stats.set_item("triangles", self.tlas.blas().iter().map(|mesh| mesh.n_primitives()).sum::<usize>())?;
-        stats.set_item("bytes", self.tlas.n_bytes())?;
+        stats.set_item("bvhs", scene.tlas.blas().len())?;
+        stats.set_item("instances", scene.tlas.n_instances())?;
+        stats.set_item("triangles", scene.tlas.blas().iter().map(|mesh| mesh.n_primitives()).sum::<usize>())?;
+        stats.set_item("bytes", scene.tlas.n_bytes())?;
         stats.set_item("origin", self.origin())?;
         Ok(stats)
     }
@@ -415,22 +581,25 @@ impl Tlas {
     /// The least and the greatest coordinates, (2, 3) float64, world space; None without instances of meshes that have triangles.
     #[getter]
     fn bounds(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
-        let aabb = self.tlas.aabb();
+        let scene = self.scene();
+        let aabb = scene.tlas.aabb();
         if aabb.is_empty() {
             return Ok(None);
         }
-        let given = |end: [f32; 3]| -> [f64; 3] { std::array::from_fn(|k| f64::from(end[k]) + self.origin[k]) };
+        let given = |end: [f32; 3]| -> [f64; 3] { std::array::from_fn(|k| f64::from(end[k]) + scene.origin[k]) };
         Ok(Some(shaped(py, [given(aabb.min), given(aabb.max)].as_flattened().to_vec(), &[2], &[3])?))
     }
 
     /// What is subtracted from coordinates, as a tuple of three floats.
     #[getter]
     fn origin(&self) -> (f64, f64, f64) {
-        self.origin.into()
+        let scene = self.scene();
+        scene.origin.into()
     }
 
     fn __len__(&self) -> usize {
-        self.tlas.n_instances()
+        let scene = self.scene();
+        scene.tlas.n_instances()
     }
 
     fn __bool__(&self) -> bool {
@@ -438,7 +607,8 @@ impl Tlas {
     }
 
     fn __repr__(&self) -> String {
-        format!("Tlas({} instances of {} meshes)", self.tlas.n_instances(), self.tlas.blas().len())
+        let scene = self.scene();
+        format!("Tlas({} instances of {} meshes)", scene.tlas.n_instances(), scene.tlas.blas().len())
     }
 }
 

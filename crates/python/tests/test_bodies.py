@@ -212,3 +212,103 @@ def test_distances_are_pickled():
     assert repr(near).startswith("Distance(2 between triangles ")
     for other in (pickle.loads(pickle.dumps(near)), copy.deepcopy(near)):
         assert other.distance == 2 and (other.points == near.points).all() and (other.primitives == near.primitives).all()
+
+
+def test_meshes_that_move():
+    box = canted.Bvh(*meshes.box())
+    pose = np.eye(4)
+    pose[:3, 3] = [3, 0.25, 0.25]
+    found = box.cast(box, [-1, 0, 0], pose)
+    assert found.t == pytest.approx(2) and found.normal.tolist() == [1, 0, 0] and found.position[0] == 1
+    assert found.starts_inside is False and found.primitives.dtype == np.int32 and found.primitives.shape == (2,)
+    assert box.cast(box, [-1, 0, 0], pose, t_max=1.9) is None and box.cast(box, [1, 0, 0], pose) is None
+    inside = box.cast(box, [-1, 0, 0])
+    assert inside.t == 0 and inside.starts_inside is True and inside.normal.tolist() == [0, 0, 0]
+    for other in (pickle.loads(pickle.dumps(found)), copy.copy(found)):
+        assert other.t == found.t and (other.normal == found.normal).all() and repr(other) == repr(found)
+    for motion, t_max in [([np.nan, 0, 0], 1), ([1, 0, 0], -1), ([1, 0, 0], np.nan)]:
+        with pytest.raises(ValueError, match="the motion"):
+            box.cast(box, motion, t_max=t_max)
+    # Exactly: nothing touches before, and the pair touches just after.
+    (a, ta), (b, tb) = meshes.soup(150, 5), meshes.soup(150, 6)
+    one, other = canted.Bvh(a, ta), canted.Bvh(b, tb)
+    pose[:3, 3] = start = np.array([9.0, 0.5, -0.25])
+    motion = np.array([-3.0, 0.1, 0.2])
+    found = one.cast(other, motion, pose)
+
+    def at(t):
+        moved = np.eye(4)
+        moved[:3, 3] = start + t * motion
+        return one.pairs(other, moved).tolist()
+
+    assert all(at(found.t * part) == [] for part in (0, 0.3, 0.7, 0.9, 0.99, 1 - 1e-9))
+    assert found.primitives.tolist() in at(found.t + 1e-7)
+    far = np.array([4e6 + 0.3, 5e5, 100.0])
+    home = canted.Bvh(meshes.box()[0] + far, meshes.box()[1])
+    pose[:3, 3] = [0, 0, 3]
+    found = home.cast(home, [0, 0, -1], pose)
+    assert found.t == pytest.approx(2, abs=1e-6) and found.position[2] - far[2] == pytest.approx(1, abs=1e-6)
+
+
+def _near_hull(triangles, points, radius, n=150):
+    """How far the hull of points is from each triangle, less the radius, by steps toward the nearest points (Gilbert 1966)."""
+    rows = np.arange(len(triangles))
+    a, b = triangles.mean(axis=1), np.repeat(points.mean(axis=0)[None], len(triangles), axis=0)
+    best = np.full(len(triangles), np.inf)
+    for _ in range(n):
+        to = b - a
+        best = np.minimum(best, np.linalg.norm(to, axis=1))
+        p = triangles[rows, np.einsum("nkc,nc->nk", triangles, to).argmax(axis=1)]
+        q = points[(to @ points.T).argmin(axis=1)]
+        step = (p - q) + to
+        length = (step * step).sum(axis=1)
+        part = np.clip((to * step).sum(axis=1) / np.where(length > 0, length, 1), 0, 1)[:, None]
+        a, b = a + part * (p - a), b + part * (q - b)
+    return best - radius
+
+
+def test_regions_in_all_forms():
+    vertices, triangles = meshes.soup(120, 8)
+    bvh = canted.Bvh(vertices, triangles)
+    random = np.random.default_rng(9)
+    hulls = random.uniform(-1.5, 1.5, (3, 4, 5, 3))
+    radius = random.uniform(0, 0.3, (3, 4))
+    found = bvh.overlapping_hull(hulls, radius)
+    loose = vertices[triangles].astype(np.float64)
+    for i, (points, r) in enumerate(zip(hulls.reshape(-1, 5, 3), radius.ravel())):
+        gaps = _near_hull(loose, points, r)
+        mine = set(found["primitive"][found["region"] == i])
+        assert set(np.nonzero(gaps < -0.05)[0]) <= mine and mine <= set(np.nonzero(gaps < 0.05)[0])
+    assert 20 < len(found["region"])
+    tlas = canted.Tlas([bvh])
+    low = random.uniform(-1.5, 1, (3, 4, 3)).astype(np.float32)
+    faces = np.float32([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
+    for answers in (bvh, tlas):
+        for query, arguments in [
+            (answers.overlapping_hull, (hulls, radius)),
+            (answers.overlapping_box, (low, low + np.float32(0.5))),
+            (answers.overlapping_sphere, (low, radius)),
+            (answers.overlapping_frustum, (low[..., None, :] + faces, low[..., None, :] + faces + np.float32([0.1, 0, 1]))),
+        ]:
+            rows = query(*arguments)
+            count = np.bincount(rows["region"], minlength=12).reshape(3, 4)
+            assert query(*arguments, form="count").tolist() == count.tolist() and count.sum() > 5
+            some = query(*arguments, form="any")
+            assert some.dtype == bool and some.tolist() == (count > 0).tolist()
+            first = query(*arguments, form="first")
+            assert set(first) == set(rows) - {"region"} and first["primitive"].shape == (3, 4)
+            for i in range(12):
+                mine = rows["primitive"][rows["region"] == i]
+                assert first["primitive"].ravel()[i] == (mine[0] if len(mine) else -1)
+            with pytest.raises(ValueError, match="form is 'some'; use 'all', 'any', 'first' or 'count'"):
+                query(*arguments, form="some")
+    # A capsule, and a hull without points.
+    capsule = [[0.5, 0.5, 2], [0.5, 0.5, 1.25]]
+    box = canted.Bvh(*meshes.box())
+    assert box.overlapping_hull(capsule, 0.25, form="any").tolist() == [True]
+    assert box.overlapping_hull(capsule, 0.24, form="any").tolist() == [False]
+    assert box.overlapping_hull(np.zeros((2, 0, 3)), form="count").tolist() == [0, 0]
+    with pytest.raises(ValueError, match="the radius of hull 0 is -1"):
+        box.overlapping_hull(capsule, -1)
+    with pytest.raises(ValueError, match=r"points has shape \(3,\), not \(..., k, 3\)"):
+        box.overlapping_hull([1.0, 2.0, 3.0])

@@ -1,5 +1,7 @@
 """Instances against the same meshes with transformed vertices."""
 
+import pickle
+
 import canted
 import meshes
 import numpy as np
@@ -182,3 +184,78 @@ def test_no_instances():
     tlas = canted.Tlas([], [])
     assert np.isinf(tlas.signed_distance([0, 0, 0]))[0] and not tlas.contains([0, 0, 0])[0] and tlas.nearest([0, 0, 0]).instance[0] == -1
     assert not tlas.occluded([[0, 0, 0]], [[0, 0, 1]])[0] and len(tlas.all_hits([[0, 0, 0]], [[0, 0, 1]])) == 0
+
+
+def _at(x, scale=1.0):
+    matrix = np.diag([scale, scale, scale, 1.0])
+    matrix[0, 3] = x
+    return matrix
+
+
+def test_instances_are_edited_in_place():
+    box, ball = canted.Bvh(*meshes.box()), canted.Bvh(*meshes.sphere(2))
+    instances = [(0, _at(0)), (1, _at(5)), (0, _at(10))]
+    tlas = canted.Tlas([box, ball], instances)
+    down = [[0.5, 0.5, 9]], [[0, 0, -1]]
+    before = tlas.closest_hit(*down)
+    tlas.set_transform(0, _at(50))
+    assert not tlas.closest_hit(*down).hit[0] and before.position[0].tolist() == [0.5, 0.5, 1], "hits keep their scene"
+    assert tlas.insert(1, _at(0.5)) == 3 and len(tlas) == 4
+    tlas.remove(1)
+    tlas.set_mask(2, 0)
+    assert len(tlas) == 3 and tlas.insert(0, _at(-4)) == 1, "the number of a removed instance is used again"
+    same = canted.Tlas([box, ball], [(0, _at(50)), (0, _at(-4)), (0, _at(10, 0.0)), (1, _at(0.5))])
+    random = np.random.default_rng(1)
+    origins = random.uniform([-6, -2, -2], [60, 2, 2], (2000, 3)).astype(np.float32)
+    directions = random.normal(size=(2000, 3)).astype(np.float32)
+    for one in (tlas, pickle.loads(pickle.dumps(tlas))):
+        hits, others = one.closest_hit(origins, directions), same.closest_hit(origins, directions)
+        assert (hits.t == others.t).all() and (hits.instance == others.instance).all() and 20 < hits.hit.sum()
+        assert (one.nearest(origins).distance == same.nearest(origins).distance).all()
+    tlas.set_mask(2, 1)
+    assert tlas.closest_hit([[10.5, 0.5, 9]], [[0, 0, -1]]).instance.tolist() == [2]
+    bad = np.eye(4)
+    bad[3, 0] = 1
+    for change, message in [
+        (lambda: tlas.set_transform(9, np.eye(4)), "there is no instance 9; the Tlas has 4"),
+        (lambda: tlas.remove(-1), "there is no instance -1"),
+        (lambda: tlas.insert(2, np.eye(4)), "there is no BVH 2; the list bvhs has 2"),
+        (lambda: tlas.set_transform(0, bad), "matrix has the last row"),
+        (lambda: tlas.set_transform(0, np.diag([1.0, 1.0, 1e-9, 1.0])), "instance 0"),
+        (lambda: tlas.set_mask(0, -1), "mask is -1; use 0 to 2\\^32 - 1"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            change()
+    assert len(tlas) == 4
+
+
+def test_touching_instances_are_those_of_pairs_of_meshes():
+    (a, ta), (b, tb) = meshes.soup(60, 1), meshes.soup(60, 2)
+    bvhs = [canted.Bvh(a, ta), canted.Bvh(b, tb)]
+    random = np.random.default_rng(5)
+    instances = []
+    for i in range(25):
+        matrix = _at(0, 0.4)
+        matrix[:3, 3] = random.uniform(-1.2, 1.2, 3)
+        instances.append((i % 2, matrix.astype(np.float32).astype(np.float64)))
+    tlas = canted.Tlas(bvhs, instances)
+
+    def touch(i, j):
+        (a, at), (b, to) = instances[i], instances[j]
+        return bvhs[a].overlaps(bvhs[b], np.linalg.inv(at) @ to)
+
+    found = tlas.instance_pairs()
+    expected = [[i, j] for i in range(25) for j in range(i + 1, 25) if touch(i, j)]
+    assert found.dtype == np.int32 and found.shape[1] == 2 and found.tolist() == expected and 3 < len(expected) < 280
+    tlas.set_mask(int(found[0, 0]), 0)
+    assert tlas.instance_pairs().tolist() == [pair for pair in expected if found[0, 0] not in pair]
+
+
+def test_winding_numbers_of_instances_add_up():
+    ball = canted.Bvh(*meshes.sphere(3))
+    tlas = canted.Tlas([ball], [(0, _at(0)), (0, _at(1)), (0, np.diag([-0.5, 0.5, 0.5, 1.0]))])
+    points = np.array([[0.1, 0, 0], [1.2, 0.1, 0], [-0.8, 0, 0.1], [5, 0, 0], [np.nan, 0, 0]])
+    numbers = tlas.winding_number(points)
+    # The mirrored one is counted negatively.
+    assert np.allclose(numbers[:4], [1, 1, 1, 0], atol=1e-5) and np.isnan(numbers[4])
+    assert np.allclose(tlas.winding_number([0.3, 0.1, 0.1]), 1, atol=1e-5)

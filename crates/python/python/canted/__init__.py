@@ -14,9 +14,9 @@ canted.open3d have the interfaces of these packages. render makes pictures; it n
 
 import importlib
 
-from ._canted import Bvh, Distance, Hits, Nearest, Tlas, __version__
+from ._canted import Bvh, Contact, Distance, Hits, Nearest, Tlas, __version__
 
-__all__ = ["Bvh", "Distance", "Heatmap", "Hits", "Nearest", "Tlas", "__version__", "open3d", "render", "trimesh"]
+__all__ = ["Bvh", "Contact", "Distance", "Heatmap", "Hits", "Nearest", "Tlas", "__version__", "open3d", "render", "trimesh"]
 
 # Loaded on first use, so that `import canted` takes milliseconds.
 _MODULES = ("open3d", "trimesh")

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from . import open3d as open3d
 from . import trimesh as trimesh
 from ._canted import Bvh as Bvh
+from ._canted import Contact as Contact
 from ._canted import Distance as Distance
 from ._canted import Hits as Hits
 from ._canted import Nearest as Nearest

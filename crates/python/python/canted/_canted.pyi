@@ -9,6 +9,7 @@ __version__: str
 
 _Preset = Literal["dynamic", "fast", "balanced", "quality"]
 _Test = Literal["watertight", "moller-trumbore", "baldwin-weber"]
+_Form = Literal["all", "any", "count", "first"]
 _Mode = Literal["winding", "parity"]
 _Progress = Callable[[float], object]
 _Reals = Union[NDArray[np.float32], NDArray[np.float64]]
@@ -58,6 +59,18 @@ class Distance:
     def points(self) -> NDArray[np.float64]: ...
     @property
     def primitives(self) -> NDArray[np.int32]: ...
+
+class Contact:
+    @property
+    def t(self) -> float: ...
+    @property
+    def position(self) -> NDArray[np.float64]: ...
+    @property
+    def normal(self) -> NDArray[np.float64]: ...
+    @property
+    def primitives(self) -> NDArray[np.int32]: ...
+    @property
+    def starts_inside(self) -> bool: ...
 
 class Bvh:
     def __init__(
@@ -178,28 +191,41 @@ class Bvh:
         low: ArrayLike,
         high: ArrayLike,
         *,
+        form: _Form = "all",
         origin: Optional[ArrayLike] = None,
         threads: Optional[int] = None,
         progress: Optional[_Progress] = None,
-    ) -> dict[str, NDArray[Any]]: ...
+    ) -> Union[dict[str, NDArray[Any]], NDArray[Any]]: ...
     def overlapping_sphere(
         self,
         center: ArrayLike,
         radius: ArrayLike,
         *,
+        form: _Form = "all",
         origin: Optional[ArrayLike] = None,
         threads: Optional[int] = None,
         progress: Optional[_Progress] = None,
-    ) -> dict[str, NDArray[Any]]: ...
+    ) -> Union[dict[str, NDArray[Any]], NDArray[Any]]: ...
     def overlapping_frustum(
         self,
         near: ArrayLike,
         far: ArrayLike,
         *,
+        form: _Form = "all",
         origin: Optional[ArrayLike] = None,
         threads: Optional[int] = None,
         progress: Optional[_Progress] = None,
-    ) -> dict[str, NDArray[Any]]: ...
+    ) -> Union[dict[str, NDArray[Any]], NDArray[Any]]: ...
+    def overlapping_hull(
+        self,
+        points: ArrayLike,
+        radius: Optional[ArrayLike] = None,
+        *,
+        form: _Form = "all",
+        origin: Optional[ArrayLike] = None,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> Union[dict[str, NDArray[Any]], NDArray[Any]]: ...
     def pairs(self, b: Bvh, pose: Optional[ArrayLike] = None) -> NDArray[np.int32]: ...
     def overlaps(self, b: Bvh, pose: Optional[ArrayLike] = None) -> bool: ...
     def distance_to(self, b: Bvh, pose: Optional[ArrayLike] = None) -> Distance: ...
@@ -215,6 +241,9 @@ class Bvh:
         threads: Optional[int] = None,
         progress: Optional[_Progress] = None,
     ) -> Hits: ...
+    def cast(
+        self, b: Bvh, motion: ArrayLike, pose: Optional[ArrayLike] = None, t_max: float = ...
+    ) -> Optional[Contact]: ...
     def refit(self, vertices: ArrayLike, *, threads: Optional[int] = None) -> dict[str, Any]: ...
     def save(self, path: Union[str, os.PathLike[str]]) -> None: ...
     @staticmethod
@@ -312,25 +341,50 @@ class Tlas:
         low: ArrayLike,
         high: ArrayLike,
         *,
+        form: _Form = "all",
         threads: Optional[int] = None,
         progress: Optional[_Progress] = None,
-    ) -> dict[str, NDArray[Any]]: ...
+    ) -> Union[dict[str, NDArray[Any]], NDArray[Any]]: ...
     def overlapping_sphere(
         self,
         center: ArrayLike,
         radius: ArrayLike,
         *,
+        form: _Form = "all",
         threads: Optional[int] = None,
         progress: Optional[_Progress] = None,
-    ) -> dict[str, NDArray[Any]]: ...
+    ) -> Union[dict[str, NDArray[Any]], NDArray[Any]]: ...
     def overlapping_frustum(
         self,
         near: ArrayLike,
         far: ArrayLike,
         *,
+        form: _Form = "all",
         threads: Optional[int] = None,
         progress: Optional[_Progress] = None,
-    ) -> dict[str, NDArray[Any]]: ...
+    ) -> Union[dict[str, NDArray[Any]], NDArray[Any]]: ...
+    def overlapping_hull(
+        self,
+        points: ArrayLike,
+        radius: Optional[ArrayLike] = None,
+        *,
+        form: _Form = "all",
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> Union[dict[str, NDArray[Any]], NDArray[Any]]: ...
+    def winding_number(
+        self,
+        points: ArrayLike,
+        tolerance: float = ...,
+        *,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> NDArray[np.float64]: ...
+    def instance_pairs(self) -> NDArray[np.int32]: ...
+    def insert(self, index: int, matrix: ArrayLike) -> int: ...
+    def remove(self, instance: int) -> None: ...
+    def set_transform(self, instance: int, matrix: ArrayLike) -> None: ...
+    def set_mask(self, instance: int, mask: int) -> None: ...
     def stats(self) -> dict[str, Any]: ...
     @property
     def bounds(self) -> Optional[NDArray[np.float64]]: ...
