@@ -95,7 +95,11 @@ fn packages() -> Result<bool> {
 
 /// Writes every procedural scene into `dir` and prints the paths.
 fn fixtures(dir: &Path) -> Result<bool> {
-    let paths = canted_fixtures::write_all(dir).with_context(|| format!("cannot write into {}", dir.display()))?;
+    let paths = [canted_fixtures::write_all, canted_fixtures::write_strands]
+        .into_iter()
+        .map(|write| write(dir).with_context(|| format!("cannot write into {}", dir.display())))
+        .collect::<Result<Vec<_>>>()?
+        .concat();
     paths.iter().for_each(|path| command::say(&path.display().to_string()));
     Ok(true)
 }

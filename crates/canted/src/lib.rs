@@ -61,8 +61,8 @@ pub mod instance {
 pub mod kernel {
     pub use canted_trace::{
         AcceptAt, Answer, Answers, BaldwinWeber, Counts, HIT_ERROR, HitLists, Kernel, LeafTriangles, Leaves,
-        MollerTrumbore, Query, ReferencePoint, RoundSegment, ScaledRay, SlabRay, Slabs, Sphere, TriangleHit,
-        Watertight, position_error, ray_aabb, ray_obb,
+        MollerTrumbore, Query, ReferencePoint, RoundCubic, RoundSegment, ScaledRay, SlabRay, Slabs, Sphere,
+        TriangleHit, Watertight, position_error, ray_aabb, ray_obb,
     };
     pub use canted_wide::{PrimitiveHit, TraversalCounts};
 }

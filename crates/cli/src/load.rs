@@ -7,7 +7,7 @@ use canted_scene::{AnimatedScene, ReadOptions, Scene, SceneFile};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    options::{self, Value},
+    options::{self, NotNegative, Value},
     output::{self, Named},
 };
 
@@ -21,6 +21,14 @@ pub(crate) struct FileArgs {
     /// Read files outside the folder of the scene, to which it refers by `../`: on or off [default: off]
     #[arg(long, requires = "scene", num_args = 0..=1, require_equals = true, default_missing_value = "on", value_name = "on|off")]
     pub(crate) allow_parent: Option<Value<bool>>,
+    /// Radius of lines for which the file states none; with OBJ, PLY and glTF, lines are read in place of faces [default: 0.2 for .gcode, 0.1
+    /// for .pdb and .xyz, a two-thousandth of the extent for .tck and .trk]
+    #[arg(long, requires = "scene", value_name = "LENGTH")]
+    pub(crate) line_radius: Option<Value<NotNegative>>,
+    /// Radius of points, which become balls, and of lines without --line-radius; with OBJ, PLY and glTF, in place of faces [default for .pdb and
+    /// .xyz: half the covalent radius]
+    #[arg(long, requires = "scene", value_name = "LENGTH")]
+    pub(crate) point_radius: Option<Value<NotNegative>>,
 }
 
 impl FileArgs {
@@ -32,10 +40,11 @@ impl FileArgs {
     /// How a file is read, in a pose.
     pub(crate) fn read_options(&self, time: Option<f32>, animation: Option<&str>) -> ReadOptions {
         // Without `..`, so that a new option cannot be forgotten.
-        let Self { texture_path, allow_parent: _ } = self;
+        let Self { texture_path, allow_parent: _, line_radius, point_radius } = self;
+        let [line_radius, point_radius] = [line_radius, point_radius].map(|radius| radius.map(|radius| radius.0));
         let (animation, allow_parent) = (animation.map(str::to_owned), self.allows_parent());
         let texture_paths = texture_path.clone();
-        ReadOptions { time, animation, texture_paths, allow_parent, ..ReadOptions::default() }
+        ReadOptions { time, animation, variant: None, texture_paths, allow_parent, line_radius, point_radius }
     }
 }
 

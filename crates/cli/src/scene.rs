@@ -78,6 +78,10 @@ pub(crate) fn run(args: Args) -> Result<()> {
     if plan.source.files.allows_parent() {
         file = file.with_allow_parent(true);
     }
+    let radii = [plan.source.files.line_radius, plan.source.files.point_radius];
+    if radii.iter().any(Option::is_some) {
+        file = file.with_radii(radii.map(|radius| radius.map(|radius| radius.0)));
+    }
     if let Some((image, scale, turn_degrees)) = plan.light.environment_file() {
         file = file.with_environment(image, scale, turn_degrees)?;
     }

@@ -68,7 +68,7 @@ pub(crate) struct PictureArgs<R: clap::Args> {
 #[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 #[command(next_help_heading = "Scene")]
 pub(crate) struct SceneArgs {
-    /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml) [default: the built-in scene]
+    /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, a scene file (.toml), or lines: .hair, .tck, .trk, .pdb, .xyz, .gcode [default: the built-in scene]
     #[arg(help_heading = None)]
     #[serde(skip)]
     pub(crate) scene: Option<PathBuf>,

@@ -6,10 +6,13 @@ use canted_kdtree::{KdTree, KdTreeConfig};
 use canted_lbvh::{self as lbvh, Corners, Leaf, Strategy, VolumeConfig};
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_sah::{Axes, SpatialConfig, Split, TopDownConfig};
-use canted_scene::Mesh;
+use canted_scene::{CurveSegments, Curves, Mesh};
 use canted_tlas::TopConfig;
-use canted_trace::{AcceptAt, Answers, HIT_ERROR, Hit, Intersect, Query, Ray, ScaledRay, TriangleTest, pad_aabb};
-use canted_wide::{Config, MAX_TRIANGLES, MovingBvh, Preset, RefitError, Sizes, TriangleBvh};
+use canted_trace::{
+    AcceptAt, Answers, HIT_ERROR, Hit, Intersect, Query, Ray, RoundCubic, RoundSegment, ScaledRay, TriangleTest,
+    pad_aabb,
+};
+use canted_wide::{Config, MAX_TRIANGLES, MovingBvh, Preset, RefitError, Sizes, TriangleBvh, WideBvh};
 
 use crate::PrepareError;
 
@@ -261,7 +264,10 @@ impl SceneBvhConfig {
 
     /// Builds the BVH of a mesh.
     pub(crate) fn build(&self, of: Triangles) -> Result<BottomLevel, PrepareError> {
-        let Triangles { positions, close, triangles } = of;
+        let Triangles { positions, close, triangles, curves } = of;
+        if let Some(curves) = curves {
+            return self.build_curves(positions, curves);
+        }
         if let Some(close) = close {
             if self.kind != BvhKind::Wide {
                 return Err(PrepareError::MovingTriangles);
@@ -280,6 +286,29 @@ impl SceneBvhConfig {
                 Ok(BottomLevel::KdTree(KdTree::build(positions, triangles, &config)?))
             }
         }
+    }
+
+    /// The BVH over the segments of curves.
+    fn build_curves(
+        &self,
+        positions: &[[f32; 3]],
+        Curves { radii, segments }: &Curves,
+    ) -> Result<BottomLevel, PrepareError> {
+        if self.kind != BvhKind::Wide || self.builder.is_some() {
+            return Err(PrepareError::Curves);
+        }
+        let point = |i: u32| positions[i as usize];
+        let radius = |i: u32| radii[i as usize];
+        Ok(match segments {
+            CurveSegments::Linear(list) => {
+                let segment = |ends: &[u32; 2]| RoundSegment { ends: ends.map(point), radii: ends.map(radius) };
+                BottomLevel::Segments(WideBvh::over_with(list.iter().map(segment).collect(), self.wide())?)
+            }
+            CurveSegments::Cubic(list) => {
+                let curve = |points: &[u32; 4]| RoundCubic { points: points.map(point), radii: points.map(radius) };
+                BottomLevel::Cubics(WideBvh::over_with(list.iter().map(curve).collect(), self.wide())?)
+            }
+        })
     }
 
     fn build_binary(&self, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Bvh2, PrepareError> {
@@ -335,12 +364,15 @@ pub(crate) struct Triangles<'a> {
     /// Positions at shutter close, if the vertices move.
     pub(crate) close: Option<&'a [[f32; 3]]>,
     pub(crate) triangles: &'a [[u32; 3]],
+    /// In place of triangles.
+    pub(crate) curves: Option<&'a Curves>,
 }
 
 impl<'a> Triangles<'a> {
     /// Triangles over the vertices of a mesh.
-    pub(crate) fn of(Mesh { positions, close, .. }: &'a Mesh, triangles: &'a [[u32; 3]]) -> Self {
-        Self { positions, close: close.as_ref().map(|close| &close.positions[..]), triangles }
+    pub(crate) fn of(Mesh { positions, close, curves, .. }: &'a Mesh, triangles: &'a [[u32; 3]]) -> Self {
+        let close = close.as_ref().map(|close| &close.positions[..]);
+        Self { positions, close, triangles, curves: curves.as_ref() }
     }
 }
 
@@ -356,6 +388,10 @@ pub enum BottomLevel {
     Bih(Bih),
     /// A kd-tree.
     KdTree(KdTree),
+    /// Eight-wide, over round segments.
+    Segments(WideBvh<RoundSegment>),
+    /// Eight-wide, over round cubic curves.
+    Cubics(WideBvh<RoundCubic>),
 }
 
 impl BottomLevel {
@@ -366,6 +402,8 @@ impl BottomLevel {
             Self::Bvh2(bvh, _) => bvh,
             Self::Bih(bih) => bih,
             Self::KdTree(tree) => tree,
+            Self::Segments(bvh) => bvh,
+            Self::Cubics(bvh) => bvh,
         }
     }
 
@@ -378,6 +416,8 @@ impl BottomLevel {
             Self::Bvh2(bvh, _) => bvh.n_bytes(),
             Self::Bih(bih) => bih.n_bytes(),
             Self::KdTree(tree) => tree.n_bytes(),
+            Self::Segments(bvh) => bvh.n_bytes(),
+            Self::Cubics(bvh) => bvh.n_bytes(),
         }
     }
 
@@ -385,11 +425,13 @@ impl BottomLevel {
     /// refitted.
     pub(crate) fn refit(
         &mut self,
-        Triangles { positions, close, triangles }: Triangles,
+        Triangles { positions, close, triangles, curves: _ }: Triangles,
     ) -> Result<Option<f32>, PrepareError> {
         let refit = match (self, close) {
             (Self::Wide(wide), None) => wide.refit(positions, triangles),
             (Self::Moving(moving), Some(close)) => moving.refit(positions, close, triangles),
+            // Curves are built again.
+            (Self::Segments(_) | Self::Cubics(_), _) => return Ok(None),
             (Self::Wide(_) | Self::Moving(_) | Self::Bvh2(..) | Self::Bih(_) | Self::KdTree(_), _) => return Ok(None),
         };
         match refit {
@@ -405,6 +447,8 @@ impl BottomLevel {
         match self {
             Self::Wide(bvh) => bvh.each_box(visit),
             Self::Moving(bvh) => bvh.each_box(visit),
+            Self::Segments(bvh) => bvh.each_box(visit),
+            Self::Cubics(bvh) => bvh.each_box(visit),
             Self::Bvh2(bvh, _) => {
                 bvh.pairs().each_box(|obb, level, is_leaf| visit(bvh.reference().given_box(obb), level, is_leaf));
             }
@@ -423,6 +467,8 @@ impl BottomLevel {
         match self {
             Self::Wide(wide) => of_wide(wide.sizes(), wide.frame()),
             Self::Moving(moving) => of_wide(moving.sizes(), moving.frame()),
+            Self::Segments(bvh) => of_wide(bvh.sizes(), bvh.frame()),
+            Self::Cubics(bvh) => of_wide(bvh.sizes(), bvh.frame()),
             Self::Bvh2(_, strategy) => *strategy != Strategy::Aabb,
             Self::Bih(_) | Self::KdTree(_) => false,
         }

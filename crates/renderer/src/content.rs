@@ -1,7 +1,7 @@
 //! Hashes of scenes, so that parts of different pictures are not joined.
 
 use canted_film::Hash;
-use canted_scene::{Environment, EnvironmentImage, Material, Mesh, MeshClose, Scene, Texture};
+use canted_scene::{Curves, Environment, EnvironmentImage, Material, Mesh, MeshClose, Scene, Texture};
 use rayon::prelude::*;
 
 /// A hash of everything in a scene that pictures depend on, except light: equal for different scenes with probability 2⁻⁶⁴.
@@ -59,7 +59,7 @@ pub fn light_hash(scene: &Scene) -> u64 {
 
 fn of_mesh(mesh: &Mesh) -> u64 {
     // Without `..`, so that a new field cannot be forgotten.
-    let Mesh { name: _, positions, triangles, normals, tangents, uvs, second_uvs, colors, parts, close } = mesh;
+    let Mesh { name: _, positions, triangles, normals, tangents, uvs, second_uvs, colors, parts, curves, close } = mesh;
     let mut hash = Hash::default();
     hash.floats(positions);
     hash.words(triangles.iter().flatten().copied());
@@ -69,6 +69,10 @@ fn of_mesh(mesh: &Mesh) -> u64 {
     hash.floats(second_uvs.as_deref().unwrap_or_default());
     hash.floats(colors.as_deref().unwrap_or_default());
     hash.debug(parts);
+    if let Some(Curves { radii, segments }) = curves {
+        hash.words(radii.iter().map(|radius| radius.to_bits()));
+        hash.debug(segments);
+    }
     if let Some(MeshClose { positions, normals, tangents }) = close {
         hash.floats(positions);
         hash.floats(normals.as_deref().unwrap_or_default());

@@ -2,6 +2,7 @@ use std::fmt;
 
 use canted_lbvh::{GeometryError, TopologyError};
 use canted_tlas::InstanceError;
+use canted_wide::PrimitiveError;
 
 /// Why a scene cannot be traced.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,6 +15,10 @@ pub enum PrepareError {
     Topology(TopologyError),
     /// A mesh deforms while the shutter is open, which only wide BVHs support.
     MovingTriangles,
+    /// A BVH over curves cannot be built.
+    Primitive(PrimitiveError),
+    /// Curves are traced through wide BVHs alone.
+    Curves,
     /// The scene has more triangles or vertices than one BVH can index.
     TooMany {
         /// Triangles of all instances.
@@ -32,6 +37,10 @@ impl fmt::Display for PrepareError {
             Self::MovingTriangles => {
                 f.write_str("a mesh deforms while the shutter is open; use --accel wide, without --volumes")
             }
+            Self::Primitive(error) => error.fmt(f),
+            Self::Curves => {
+                f.write_str("curves are traced through wide BVHs; use --accel wide, without --volumes and --builder")
+            }
             Self::TooMany { n_triangles, n_vertices } => {
                 write!(f, "{n_triangles} triangles with {n_vertices} vertices do not fit in one level")
             }
@@ -45,8 +54,15 @@ impl std::error::Error for PrepareError {
             Self::Geometry(error) => Some(error),
             Self::Instance(error) => Some(error),
             Self::Topology(error) => Some(error),
-            Self::TooMany { .. } | Self::MovingTriangles => None,
+            Self::Primitive(error) => Some(error),
+            Self::TooMany { .. } | Self::MovingTriangles | Self::Curves => None,
         }
+    }
+}
+
+impl From<PrimitiveError> for PrepareError {
+    fn from(error: PrimitiveError) -> Self {
+        Self::Primitive(error)
     }
 }
 

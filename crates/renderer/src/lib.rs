@@ -54,7 +54,7 @@ mod update_policy;
 pub use bottom_level::obvhs_tree;
 pub use bottom_level::{BottomLevel, Builder, BvhKind, Levels, SceneBvhConfig};
 pub use boxes::{BoxLevel, draw_boxes};
-pub use bsdf::{Bsdf, BsdfSample, Evaluation, Lobes};
+pub use bsdf::{Bsdf, BsdfSample, Evaluation, Hair, Lobes};
 pub use camera::{CameraError, View};
 pub use content::{geometry_hash, light_hash, material_hash, scene_hash};
 #[cfg(feature = "gpu")]

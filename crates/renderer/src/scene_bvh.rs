@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use canted_film::Hash;
 use canted_lbvh::Strategy;
 use canted_obb::{Affine, Obb, PrimId};
-use canted_scene::{Instance, Material, Mesh, Scene};
+use canted_scene::{CurveSegments, Curves, Instance, Material, Mesh, Scene};
 use canted_tlas::Tlas;
 use canted_trace::{HIT_ERROR, Hit, InstanceId, Intersect, Query, ScaledRay, Side};
 use rayon::prelude::*;
@@ -224,11 +224,11 @@ fn one_level(scene: &Scene, config: &SceneBvhConfig) -> Result<SceneLevels, Prep
     {
         let mesh = &scene.meshes[instance.mesh.0 as usize];
         let triangles = coincident::of_mesh(scene, mesh);
-        let triangles = Triangles { positions: &mesh.positions, close: None, triangles: &triangles };
+        let triangles = Triangles { positions: &mesh.positions, close: None, triangles: &triangles, curves: None };
         return Ok(SceneLevels::One(FlatBvh { bvh: config.build(triangles)?, first: vec![0], mirrors: vec![false] }));
     }
     let (positions, triangles, first) = flatten_distinct(scene)?;
-    let triangles = Triangles { positions: &positions, close: None, triangles: &triangles };
+    let triangles = Triangles { positions: &positions, close: None, triangles: &triangles, curves: None };
     Ok(SceneLevels::One(FlatBvh { bvh: config.build(triangles)?, first, mirrors: mirrors(scene) }))
 }
 
@@ -325,7 +325,7 @@ fn has_one_level_in(capacity: Capacity, scene: &Scene, config: &SceneBvhConfig) 
     let n_triangles = scene.n_placed_triangles();
     let fits = capacity.check(scene);
     let one = match config.levels {
-        _ if scene.has_motion() => false,
+        _ if scene.has_motion() || scene.has_curves() => false,
         // One level traces faster: no bounds of whole meshes that overlap, and no transforms.
         Levels::Auto => fits.is_ok() && n_triangles as f64 <= WORTH_FLATTENING * scene.n_unique_triangles() as f64,
         Levels::One => true,
@@ -387,6 +387,11 @@ impl MeshKey {
         positions.floats(mesh.close.as_ref().map(|close| &close.positions[..]).unwrap_or_default());
         triangles.words(mesh.triangles.iter().flatten().copied());
         triangles.words(coincident::kinds(scene, mesh));
+        if let Some(Curves { radii, segments }) = &mesh.curves {
+            triangles.word(1 + u64::from(matches!(segments, CurveSegments::Cubic(_))));
+            triangles.words(segments.indices().iter().copied());
+            triangles.words(radii.iter().map(|radius| radius.to_bits()));
+        }
         Self { positions: positions.finish(), triangles: triangles.finish() }
     }
 }
@@ -419,7 +424,7 @@ impl History {
 
 /// For each mesh, the fraction of all triangles that is in it, if mesh `i` counts `weight(i)` times.
 pub(crate) fn triangle_shares(scene: &Scene, weight: impl Fn(usize) -> usize) -> Vec<f64> {
-    let weighted = |(i, mesh): (usize, &Mesh)| (mesh.triangles.len() * weight(i)) as f64;
+    let weighted = |(i, mesh): (usize, &Mesh)| (mesh.n_primitives() * weight(i)) as f64;
     let all: Vec<f64> = scene.meshes.iter().enumerate().map(weighted).collect();
     let sum = all.iter().sum::<f64>().max(1.0);
     all.into_iter().map(|n| n / sum).collect()

@@ -144,7 +144,8 @@ impl SceneBvh {
                     let may_refit = scene.instances.iter().map(same).eq(history.instances.iter().map(before));
                     let (positions, triangles, first) = flatten_distinct(scene)?;
                     let FlatBvh { bvh, first: old_first, mirrors: old_mirrors } = flat;
-                    let triangles = Triangles { positions: &positions, close: None, triangles: &triangles };
+                    let triangles =
+                        Triangles { positions: &positions, close: None, triangles: &triangles, curves: None };
                     update.apply(bvh, &mut history.costs[0], triangles, may_refit, 1.0)?;
                     (*old_first, *old_mirrors) = (first, mirrors(scene));
                 }

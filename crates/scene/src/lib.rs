@@ -76,16 +76,16 @@ mod scene;
 
 pub use builtin::builtin;
 pub use file::{
-    Asset, AssetInstance, AssetSource, EnvironmentSource, MaterialEdits, NewMaterial, Override, Placement, SceneFile,
-    Setting, closest_match, suggestion,
+    Asset, AssetInstance, AssetSource, CurveBasis, CurveTable, EnvironmentSource, MaterialEdits, NewMaterial, Override,
+    Placement, SceneFile, Setting, closest_match, suggestion,
 };
 pub use light::{Environment, EnvironmentImage, Light};
 pub use material::{
-    AlphaMode, Encoding, Lobes, Magnification, Material, MaterialId, Texture, TextureId, TextureRef, UvSet,
+    AlphaMode, Encoding, Hair, Lobes, Magnification, Material, MaterialId, Texture, TextureId, TextureRef, UvSet,
     UvTransform, Wrap,
 };
 pub use read::{AnimatedScene, Lines, ReadError, ReadOptions, is_lines, read, read_environment, read_lines, read_with};
-pub use scene::{Camera, Instance, Lens, Mesh, MeshClose, MeshId, Part, Projection, Scene};
+pub use scene::{Camera, CurveSegments, Curves, Instance, Lens, Mesh, MeshClose, MeshId, Part, Projection, Scene};
 
 /// The features of this crate, and whether this build has them.
 pub const FEATURES: [(&str, bool); 9] = [

@@ -68,6 +68,8 @@ pub struct Material {
     pub double_sided: bool,
     /// Further lobes; `None` for most materials.
     pub lobes: Option<Box<Lobes>>,
+    /// The scattering of hair, on curves; `None` for other materials.
+    pub hair: Option<Box<Hair>>,
 }
 
 impl Default for Material {
@@ -94,7 +96,32 @@ impl Default for Material {
             alpha_texture: None,
             double_sided: true,
             lobes: None,
+            hair: None,
         }
+    }
+}
+
+/// How hair scatters light: Chiang et al. 2016. Its index of refraction is that of the material.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hair {
+    /// Whether the material is hair.
+    pub is_on: bool,
+    /// Concentration of eumelanin, at least 0: 0.3 is blond, 1.3 brown, 8 black. Where both concentrations are 0, hair has the base color.
+    pub melanin: f32,
+    /// Concentration of pheomelanin, which makes hair red, at least 0.
+    pub pheomelanin: f32,
+    /// Roughness along the hair, in 0..=1.
+    pub roughness: f32,
+    /// Roughness around the hair, in 0..=1.
+    pub roughness_around: f32,
+    /// Angle of the scales, degrees.
+    pub tilt_degrees: f32,
+}
+
+impl Default for Hair {
+    /// Values of human hair; not on.
+    fn default() -> Self {
+        Self { is_on: false, melanin: 0.0, pheomelanin: 0.0, roughness: 0.3, roughness_around: 0.3, tilt_degrees: 2.0 }
     }
 }
 
@@ -121,6 +148,11 @@ impl Material {
     /// The further lobes, to change them; creates them.
     pub fn lobes_mut(&mut self) -> &mut Lobes {
         self.lobes.get_or_insert_default()
+    }
+
+    /// The scattering of hair, to change it; creates it.
+    pub fn hair_mut(&mut self) -> &mut Hair {
+        self.hair.get_or_insert_default()
     }
 
     /// All texture slots.

@@ -50,6 +50,19 @@ impl Scene {
         self.instances.iter().map(|instance| self.meshes[instance.mesh.0 as usize].triangles.len()).sum()
     }
 
+    /// Whether any mesh has curves.
+    #[must_use]
+    pub fn has_curves(&self) -> bool {
+        self.meshes.iter().any(|mesh| mesh.curves.is_some())
+    }
+
+    /// Segments of the curves of all instances.
+    #[must_use]
+    pub fn n_placed_segments(&self) -> usize {
+        let n = |mesh: &Mesh| mesh.curves.as_ref().map_or(0, |curves| curves.segments.len());
+        self.instances.iter().map(|instance| n(&self.meshes[instance.mesh.0 as usize])).sum()
+    }
+
     /// Whether any instance moves, or any mesh deforms, while the shutter is open.
     #[must_use]
     pub fn has_motion(&self) -> bool {
@@ -69,6 +82,21 @@ impl Scene {
         for (number, instance) in (0..).zip(&self.instances) {
             if self.ground == Some(number) {
                 continue;
+            }
+            if let Some(curves) = &self.meshes[instance.mesh.0 as usize].curves {
+                let mesh = &self.meshes[instance.mesh.0 as usize];
+                for &index in curves.segments.indices() {
+                    let (position, radius) = (mesh.positions[index as usize], curves.radii[index as usize]);
+                    for placed in
+                        [Some(instance.world_from_object), instance.world_from_object_close].into_iter().flatten()
+                    {
+                        let center = placed.point(position);
+                        let [a, b, c, _] = placed.columns;
+                        let reach: [f32; 3] = std::array::from_fn(|k| radius * (a[k].hypot(b[k])).hypot(c[k]));
+                        bounds.grow(std::array::from_fn(|k| center[k] - reach[k]));
+                        bounds.grow(std::array::from_fn(|k| center[k] + reach[k]));
+                    }
+                }
             }
             for &position in &used[instance.mesh.0 as usize] {
                 bounds.grow(instance.world_from_object.point(position));
@@ -127,11 +155,63 @@ pub struct Mesh {
     pub colors: Option<Vec<[f32; 4]>>,
     /// Parts in ascending order; the first starts at triangle 0.
     pub parts: Vec<Part>,
+    /// Curves in place of triangles: positions are their points.
+    pub curves: Option<Curves>,
     /// The vertices at shutter close of a mesh that deforms while the shutter is open; the lists above are those at shutter open.
     pub close: Option<MeshClose>,
 }
 
+/// Round curves, tubes with spherical ends. Each segment is a solid of its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curves {
+    /// The radius at each position, at least 0 and finite.
+    pub radii: Vec<f32>,
+    /// The segments.
+    pub segments: CurveSegments,
+}
+
+/// Segments of curves by the indices of their points.
+#[derive(Clone, Debug, PartialEq)]
+pub enum CurveSegments {
+    /// Cones with spherical ends; equal indices make a ball.
+    Linear(Vec<[u32; 2]>),
+    /// Tubes along cubic Bézier curves, by their control points.
+    Cubic(Vec<[u32; 4]>),
+}
+
+impl CurveSegments {
+    /// Number of segments.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Linear(list) => list.len(),
+            Self::Cubic(list) => list.len(),
+        }
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The indices of all segments.
+    #[must_use]
+    pub fn indices(&self) -> &[u32] {
+        match self {
+            Self::Linear(list) => list.as_flattened(),
+            Self::Cubic(list) => list.as_flattened(),
+        }
+    }
+}
+
 impl Mesh {
+    /// Number of triangles, or of segments of curves.
+    #[must_use]
+    pub fn n_primitives(&self) -> usize {
+        self.triangles.len() + self.curves.as_ref().map_or(0, |curves| curves.segments.len())
+    }
+
     /// Texture coordinates of the given set.
     #[must_use]
     pub fn uv_set(&self, set: UvSet) -> Option<&[[f32; 2]]> {
@@ -144,7 +224,8 @@ impl Mesh {
     /// Positions referenced by triangles, each once; those at shutter close too.
     fn used_positions(&self) -> Vec<[f32; 3]> {
         let mut is_used = vec![false; self.positions.len()];
-        for &index in self.triangles.iter().flatten() {
+        let of_curves = self.curves.iter().flat_map(|curves| curves.segments.indices());
+        for &index in self.triangles.as_flattened().iter().chain(of_curves) {
             is_used[index as usize] = true;
         }
         let close = self.close.as_ref().map(|close| &close.positions);

@@ -32,7 +32,7 @@
 //! | [`BoxBvh`], [`SaveBlas`] | the top level of a TLAS; bottom levels that it can save |
 //! | [`SlabRay`], [`Slabs`], [`pad_aabb`] | ray-box tests, axis-aligned and oriented, for a traversal |
 //! | [`ReferencePoint`] | boxes near a mesh that is far from the origin |
-//! | [`ray_aabb`], [`ray_obb`], [`Sphere`], [`RoundSegment`], [`segment_overlaps_aabb`] | single tests |
+//! | [`ray_aabb`], [`ray_obb`], [`Sphere`], [`RoundSegment`], [`RoundCubic`], [`segment_overlaps_aabb`] | single tests |
 //!
 //! # Guarantees
 //! A triangle kernel reports points within [`HIT_ERROR`] of the exact triangle. A box test reports every ray that comes
@@ -64,6 +64,7 @@ mod moving;
 mod query;
 mod ray;
 mod reference;
+mod round_cubic;
 mod round_segment;
 mod rounding;
 mod shapes;
@@ -82,6 +83,7 @@ pub use moving::position_at;
 pub use query::{Accept, Counts, Query};
 pub use ray::{Ray, ScaledRay};
 pub use reference::ReferencePoint;
+pub use round_cubic::{CurvePoint, RoundCubic};
 pub use round_segment::{RoundSegment, SegmentPoint};
 pub use shapes::{Sphere, segment_overlaps_aabb};
 pub use slab::{AABB_PAD, MIN_DIRECTION, SLABS_PAD, SlabRay, Slabs, pad_aabb, ray_aabb, ray_obb};

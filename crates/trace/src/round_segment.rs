@@ -1,6 +1,6 @@
 //! A line segment with a radius at each end: all points of the balls whose center and radius vary linearly along it.
 
-use canted_obb::vector::{cross, dot, length, sqrt, sub, to_f64};
+use canted_obb::vector::{Vector, cross, dot, length, sqrt, sub, to_f64};
 
 use crate::ScaledRay;
 use crate::rounding::nearest;
@@ -50,54 +50,58 @@ impl RoundSegment {
     #[doc(hidden)]
     #[must_use]
     pub fn span_scaled(&self, ray: &ScaledRay) -> Option<[SegmentPoint; 2]> {
-        let d = to_f64(ray.direction);
         let [p0, p1] = self.ends.map(to_f64);
-        let [r0, r1] = self.radii.map(f64::from);
-        let (a, delta) = (sub(p1, p0), r0 - r1);
-        let d_squared = dot(d, d);
-        let (axis_squared, is_cone) = (dot(a, a), dot(a, a) > delta * delta);
-        // The point of the line nearest to the middle, then, within the size of the segment, that nearest to the axis.
-        let from_origin = sub(to_f64(ray.origin), p0);
-        let middle_t = (0.5 * dot(a, d) - dot(from_origin, d)) / d_squared;
-        let at = |t: f64| core::array::from_fn(|k| from_origin[k] + t * d[k]);
-        let across = cross(d, a);
-        let mut base_t = middle_t;
-        if is_cone && dot(across, across) > 0.0 {
-            let reach = (sqrt(axis_squared) + r0.max(r1)) / sqrt(d_squared);
-            let to_axis = -dot(cross(at(middle_t), a), across) / dot(across, across);
-            base_t += to_axis.clamp(-reach, reach);
-        }
-        let m: [f64; 3] = at(base_t);
-        let mut span = Span { entry: (f64::INFINITY, 0.0), exit: (f64::NEG_INFINITY, 0.0) };
-        for (u, to_ray, radius) in [(0.0, m, r0), (1.0, sub(m, a), r1)] {
-            // As `Sphere::roots_scaled`.
-            let closest = -dot(to_ray, d) / d_squared;
-            let distance = length(core::array::from_fn(|k| to_ray[k] + closest * d[k]));
-            let half_chord = sqrt((radius - distance) * (radius + distance) / d_squared);
-            span.add(closest - half_chord, u);
-            span.add(closest + half_chord, u);
-        }
-        if is_cone {
-            let (e, moment) = (axis_squared - delta * delta, cross(m, a));
-            let (along_m, along_d) = (dot(m, a), dot(d, a));
-            let a2 = dot(across, across) - delta * delta * d_squared;
-            let b = dot(moment, across) - delta * delta * dot(m, d) + r0 * delta * along_d;
-            let c =
-                dot(moment, moment) - delta * delta * dot(m, m) - axis_squared * r0 * r0 + 2.0 * r0 * delta * along_m;
-            // Roots of a2·t² + 2·b·t + c without cancellation. NaN for a miss, and at infinity where the line is parallel to the surface.
-            let root = sqrt(b * b - a2 * c);
-            let q = if b < 0.0 { root - b } else { -root - b };
-            for t in [q / a2, c / q] {
-                let s = (along_m + t * along_d - r0 * delta) / e;
-                if (0.0..=1.0).contains(&s) {
-                    span.add(t, s);
-                }
+        let from_end = sub(to_f64(ray.origin), p0);
+        let points = span(from_end, to_f64(ray.direction), sub(p1, p0), self.radii.map(f64::from))?;
+        Some(points.map(|(t, u)| SegmentPoint { t: nearest(t), u: u as f32 }))
+    }
+}
+
+/// Where the line `from_origin + t·d`, relative to the first end, enters and leaves the segment along `a`: `t`, and the position along
+/// the segment. See [`RoundSegment::span_scaled`].
+pub(crate) fn span(from_origin: Vector, d: Vector, a: Vector, [r0, r1]: [f64; 2]) -> Option<[(f64, f64); 2]> {
+    let delta = r0 - r1;
+    let d_squared = dot(d, d);
+    let (axis_squared, is_cone) = (dot(a, a), dot(a, a) > delta * delta);
+    // The point of the line nearest to the middle, then, within the size of the segment, that nearest to the axis.
+    let middle_t = (0.5 * dot(a, d) - dot(from_origin, d)) / d_squared;
+    let at = |t: f64| core::array::from_fn(|k| from_origin[k] + t * d[k]);
+    let across = cross(d, a);
+    let mut base_t = middle_t;
+    if is_cone && dot(across, across) > 0.0 {
+        let reach = (sqrt(axis_squared) + r0.max(r1)) / sqrt(d_squared);
+        let to_axis = -dot(cross(at(middle_t), a), across) / dot(across, across);
+        base_t += to_axis.clamp(-reach, reach);
+    }
+    let m: [f64; 3] = at(base_t);
+    let mut span = Span { entry: (f64::INFINITY, 0.0), exit: (f64::NEG_INFINITY, 0.0) };
+    for (u, to_ray, radius) in [(0.0, m, r0), (1.0, sub(m, a), r1)] {
+        // As `Sphere::roots_scaled`.
+        let closest = -dot(to_ray, d) / d_squared;
+        let distance = length(core::array::from_fn(|k| to_ray[k] + closest * d[k]));
+        let half_chord = sqrt((radius - distance) * (radius + distance) / d_squared);
+        span.add(closest - half_chord, u);
+        span.add(closest + half_chord, u);
+    }
+    if is_cone {
+        let (e, moment) = (axis_squared - delta * delta, cross(m, a));
+        let (along_m, along_d) = (dot(m, a), dot(d, a));
+        let a2 = dot(across, across) - delta * delta * d_squared;
+        let b = dot(moment, across) - delta * delta * dot(m, d) + r0 * delta * along_d;
+        let c = dot(moment, moment) - delta * delta * dot(m, m) - axis_squared * r0 * r0 + 2.0 * r0 * delta * along_m;
+        // Roots of a2·t² + 2·b·t + c without cancellation. NaN for a miss, and at infinity where the line is parallel to the surface.
+        let root = sqrt(b * b - a2 * c);
+        let q = if b < 0.0 { root - b } else { -root - b };
+        for t in [q / a2, c / q] {
+            let s = (along_m + t * along_d - r0 * delta) / e;
+            if (0.0..=1.0).contains(&s) {
+                span.add(t, s);
             }
         }
-        let Span { entry, exit } = span;
-        // Also false where no part is hit.
-        (entry.0 <= exit.0).then(|| [entry, exit].map(|(t, u)| SegmentPoint { t: nearest(base_t + t), u: u as f32 }))
     }
+    let Span { entry, exit } = span;
+    // Also false where no part is hit.
+    (entry.0 <= exit.0).then(|| [entry, exit].map(|(t, u)| (base_t + t, u)))
 }
 
 /// First and last root, each with the position along the segment.

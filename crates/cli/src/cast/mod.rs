@@ -39,14 +39,6 @@ use files::{Answer, Format};
 pub(crate) struct Args {
     /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, a scene file (.toml), or lines: .hair, .tck, .trk, .pdb, .xyz, .gcode.
     scene: PathBuf,
-    /// Radius of lines for which the file states none; with OBJ, PLY and glTF, lines are traced in place of faces [default: 0.2 for .gcode, 0.1
-    /// for .pdb and .xyz, a two-thousandth of the extent for .tck and .trk]
-    #[arg(long, value_parser = options::NotNegative::parse, value_name = "LENGTH")]
-    line_radius: Option<f32>,
-    /// Radius of points, which are traced as balls, and of lines without --line-radius; with OBJ, PLY and glTF, in place of faces [default for
-    /// .pdb and .xyz: half the covalent radius]
-    #[arg(long, value_parser = options::NotNegative::parse, value_name = "LENGTH")]
-    point_radius: Option<f32>,
     /// Time in the first animation of the file [default: rest pose]
     #[arg(long, value_parser = options::Finite::parse, value_name = "SECONDS", allow_hyphen_values = true)]
     time: Option<f32>,
@@ -133,8 +125,7 @@ struct Cost {
 
 impl Args {
     fn read_options(&self) -> ReadOptions {
-        let Self { line_radius, point_radius, .. } = *self;
-        ReadOptions { line_radius, point_radius, ..self.files.read_options(self.time, self.animation.as_deref()) }
+        self.files.read_options(self.time, self.animation.as_deref())
     }
 
     /// Whether the rays are traced against lines.
@@ -142,18 +133,11 @@ impl Args {
     /// # Errors
     /// Options that do not apply to the file.
     fn is_about_lines(&self) -> Result<bool> {
-        let (is_lines, scene) = (canted_scene::is_lines(&self.scene), self.scene.display());
-        let given = [("--line-radius", self.line_radius), ("--point-radius", self.point_radius)];
-        let given = given.into_iter().find(|(_, radius)| radius.is_some());
-        if let Some((option, _)) = given.filter(|_| load::is_scene_file(&self.scene)) {
-            return Err(anyhow!(
-                "{scene}: {option} requires the file of a model; in a scene file, set it in [[assets]]"
-            ));
-        }
+        let is_lines = canted_scene::is_lines(&self.scene);
         if is_lines && self.time.is_some() {
-            return Err(anyhow!("{scene}: --time requires a file with an animation"));
+            return Err(anyhow!("{}: --time requires a file with an animation", self.scene.display()));
         }
-        Ok(is_lines || given.is_some())
+        Ok(is_lines || !load::is_scene_file(&self.scene) && self.read_options().reads_lines())
     }
 }
 

@@ -537,6 +537,7 @@ mod tests {
             "variant" | "camera" => ("red", "a.glb"),
             "texture_path" => ("maps", "a.glb"),
             "allow_parent" => ("on", "a.glb"),
+            "line_radius" | "point_radius" => ("0.25", "a.glb"),
             "eye" | "target" | "up" | "env" => ("1,2,3", ""),
             "fov" | "ortho" | "focus" => ("33", ""),
             "aperture" => ("0.25", ""),

@@ -32,7 +32,10 @@ pub(super) fn of_structure(scene: &Scene, scene_bvh: &SceneBvh) -> Vec<Fact> {
         ("structure_bytes", json!(scene_bvh.n_bytes())),
         ("build_seconds", json!(scene_bvh.build_time.as_secs_f64())),
     ];
-    if bvhs.iter().any(|bvh| matches!(bvh, BottomLevel::Wide(_) | BottomLevel::Moving(_))) {
+    if scene.has_curves() {
+        facts.push(("placed_segments", json!(scene.n_placed_segments())));
+    }
+    if bvhs.iter().any(|bvh| !matches!(bvh, BottomLevel::Bvh2(..) | BottomLevel::Bih(_) | BottomLevel::KdTree(_))) {
         facts.push(("simd", json!(SimdPath::detect().name())));
     }
     facts
@@ -160,6 +163,8 @@ fn volumes_of(bvhs: &[BottomLevel]) -> String {
             BottomLevel::KdTree(_) => return "kd-tree cells".to_owned(),
             BottomLevel::Wide(wide) => add(wide.sizes().nodes, wide.frame()),
             BottomLevel::Moving(moving) => add(moving.sizes().nodes, moving.frame()),
+            BottomLevel::Segments(bvh) => add(bvh.sizes().nodes, bvh.frame()),
+            BottomLevel::Cubics(bvh) => add(bvh.sizes().nodes, bvh.frame()),
         }
     }
     let n: usize = nodes.iter().sum();
@@ -283,7 +288,10 @@ impl Summary<'_> {
         let plural = |n: u64, what: &str| format!("{} {what}{}", grouped(n), if n == 1 { "" } else { "s" });
         let instances = self.get("instances").and_then(Value::as_u64).filter(|&n| n > 1);
         let instances = instances.map(|n| format!(" in {}", plural(n, "instance"))).unwrap_or_default();
-        Some(format!("{name}, {}{instances}", plural(n, "triangle")))
+        let segments = self.get("placed_segments").and_then(Value::as_u64).map(|n| plural(n, "segment"));
+        let triangles = (n > 0 || segments.is_none()).then(|| plural(n, "triangle"));
+        let parts: Vec<String> = [triangles, segments].into_iter().flatten().collect();
+        Some(format!("{name}, {}{instances}", parts.join(", ")))
     }
 
     /// Where the camera comes from, its position and what it looks at.

@@ -32,7 +32,7 @@ use crate::{
     after_help = "Examples:\n  canted stats kitchen.glb\n  canted stats eiffel.obj --presets fast,quality --json > eiffel.json"
 )]
 pub(crate) struct Args {
-    /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, or a scene file (.toml) [default: the built-in scene]
+    /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, a scene file (.toml), or lines: .hair, .tck, .trk, .pdb, .xyz, .gcode [default: the built-in scene]
     scene: Option<PathBuf>,
     /// Time in the first animation of the file [default: rest pose]
     #[arg(long, value_parser = options::Finite::parse, value_name = "SECONDS", requires = "scene", allow_hyphen_values = true)]

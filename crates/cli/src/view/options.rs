@@ -116,6 +116,8 @@ impl Options {
             ("--variant", source.variant.is_some()),
             ("--texture-path", !source.files.texture_path.is_empty()),
             ("--allow-parent", source.files.allow_parent.is_some()),
+            ("--line-radius", source.files.line_radius.is_some()),
+            ("--point-radius", source.files.point_radius.is_some()),
             ("--camera", camera.camera.is_some()),
         ];
         if let Some((option, _)) = of_scene.into_iter().find(|&(_, is_given)| is_given && source.scene.is_none()) {

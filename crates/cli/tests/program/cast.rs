@@ -594,7 +594,17 @@ fn lines_are_numbered_by_segment() {
     folder
         .run("cast a.hair --rays rays.csv --hits hits.csv --accel kdtree")
         .refused(&["a.hair", "lines are traced through a wide BVH"]);
+    folder.run("render a.hair -o a.png --size 8x6 --spp 1").done();
     folder
-        .run("render a.hair -o a.png")
-        .refused(&["a.hair: a picture of lines is not supported; trace rays against them with `canted cast`"]);
+        .run("render a.hair -o a.png --accel kdtree")
+        .refused(&["curves are traced through wide BVHs; use --accel wide"]);
+    // Segments of curves are numbered after the triangles of assets.
+    folder.write("t.obj", "v 50 0 0\nv 51 0 0\nv 50 1 0\nf 1 2 3\n");
+    let tables = "[[assets]]\nname = \"t\"\nfile = \"t.obj\"\n[[curves]]\nradii = 0.5\npoints = [[0, 0, 0], [4, 0, 0], [8, 0, 0]]\n\
+                  [[curves]]\nbasis = \"bezier\"\nradii = 1\npoints = [[0, 9, 0], [2, 9, 0], [4, 9, 0], [6, 9, 0]]\n";
+    folder.write("c.toml", tables);
+    folder.run("cast c.toml --rays rays.csv --hits hits.csv").done();
+    let hits: Vec<Vec<f64>> = rows(&folder.text("hits.csv"), HEADER);
+    let want = [[4.5, 1.0, 0.25, 0.0, 1.0], [2.25, 2.0, 0.5, 0.0, 1.0], [4.0, 3.0, 0.5, 0.0, 2.0]];
+    assert_eq!(hits[..3], want.map(|row| row.to_vec()));
 }

@@ -31,6 +31,7 @@
 
 mod boundary;
 pub(crate) mod glass;
+mod hair;
 mod layers;
 mod lobes;
 mod microfacet;
@@ -40,6 +41,7 @@ use glam::Vec3;
 use crate::Hemisphere;
 use crate::sampling::cosine_density;
 use boundary::{Boundary, Choice};
+pub use hair::Hair;
 use layers::Layers;
 pub use lobes::Lobes;
 use microfacet::{Ggx, fresnel};
@@ -69,6 +71,8 @@ pub struct Bsdf {
     pub hemisphere: Hemisphere,
     /// Further lobes; `None` for most materials.
     pub lobes: Option<Lobes>,
+    /// The scattering of hair in place of all else.
+    pub hair: Option<Hair>,
 }
 
 /// Value and PDF of the BSDF for two directions, without delta lobes.
@@ -111,6 +115,7 @@ impl Bsdf {
             is_compensated: false,
             hemisphere: Hemisphere::Cosine,
             lobes: None,
+            hair: None,
         }
     }
 
@@ -121,6 +126,10 @@ impl Bsdf {
     pub fn evaluate(&self, outgoing: [f32; 3], incident: [f32; 3]) -> Evaluation {
         if outgoing[2] < MIN_COSINE || incident[2].abs() < MIN_COSINE {
             return Evaluation::default();
+        }
+        if let Some(hair) = &self.hair {
+            let turn = Turn(hair.direction);
+            return hair.evaluate(turn.to(outgoing).into(), turn.to(incident).into());
         }
         if self.is_lambert() {
             let lambert = cosine_density(incident[2]);
@@ -140,6 +149,11 @@ impl Bsdf {
     pub fn sample(&self, outgoing: [f32; 3], square: [f32; 2], choice: f32) -> Option<BsdfSample> {
         if outgoing[2] < MIN_COSINE {
             return None;
+        }
+        if let Some(hair) = &self.hair {
+            let turn = Turn(hair.direction);
+            let sample = hair.sample(turn.to(outgoing).into(), square, choice)?;
+            return Some(BsdfSample { incident: turn.back(sample.incident), ..sample });
         }
         if self.is_lambert() {
             let incident = self.hemisphere.direction(square);
@@ -170,6 +184,9 @@ impl Bsdf {
     /// Whether [`Self::evaluate`] is zero everywhere, so that light sampling is not needed.
     #[must_use]
     pub fn is_delta_only(&self) -> bool {
+        if self.hair.is_some() {
+            return false;
+        }
         let is_smooth = |roughness| Ggx::of_roughness(roughness).is_none();
         let is_bare = self.lobes.is_none_or(|lobes| {
             lobes.sheen_color == [0.0; 3]
@@ -195,7 +212,7 @@ impl Bsdf {
     /// Scale of radiance that is transmitted towards `outgoing`; see the section Radiance of the module.
     #[must_use]
     pub fn compression(&self) -> f32 {
-        match (self.thin_walled, self.is_inside) {
+        match (self.thin_walled || self.hair.is_some(), self.is_inside) {
             (true, _) => 1.0,
             // From air into the denser medium, or the reverse.
             (false, false) => 1.0 / (self.ior * self.ior),
@@ -205,7 +222,11 @@ impl Bsdf {
 
     /// Whether there is only the diffuse lobe, so that `choice` has no effect.
     pub(crate) fn is_lambert(&self) -> bool {
-        self.metallic == 0.0 && self.specular == 0.0 && self.transmission == 0.0 && self.lobes.is_none()
+        self.metallic == 0.0
+            && self.specular == 0.0
+            && self.transmission == 0.0
+            && self.lobes.is_none()
+            && self.hair.is_none()
     }
 
     /// Albedo of the diffuse base without the coat.

@@ -12,6 +12,8 @@ use super::{DeviceError, DeviceFrames};
 use crate::scene_bvh::{flatten_distinct, has_one_level, instances};
 use crate::{BottomLevel, PrepareError, SceneBvh, SceneBvhConfig, SceneLevels, coincident};
 
+const CURVES: DeviceError = DeviceError::Unsupported { what: "curves" };
+
 const DEFORMING: DeviceError = DeviceError::Unsupported { what: "meshes that deform while the shutter is open" };
 
 /// What the device traces.
@@ -111,6 +113,9 @@ pub fn built_scene(
     if scene.meshes.iter().any(|mesh| mesh.close.is_some()) {
         return Err(DEFORMING);
     }
+    if scene.has_curves() {
+        return Err(CURVES);
+    }
     built(gpu, scene, has_one_level(scene, config)?, bvh)
 }
 
@@ -135,6 +140,7 @@ fn kind(bvhs: &[BottomLevel]) -> Result<Kind<'_>, DeviceError> {
             BottomLevel::Moving(_) => return Err(DEFORMING),
             BottomLevel::Bih(_) => return Err(DeviceError::Unsupported { what: "a bounding interval hierarchy" }),
             BottomLevel::KdTree(_) => return Err(DeviceError::Unsupported { what: "a kd-tree" }),
+            BottomLevel::Segments(_) | BottomLevel::Cubics(_) => return Err(CURVES),
         }
     }
     Ok(Kind::Wide(meshes))

@@ -60,8 +60,11 @@ pub(super) fn for_each_vertex(scene: &Scene, mut visit: impl FnMut((usize, usize
         let mut is_used = vec![false; mesh.positions.len()];
         for (k, part) in mesh.parts.iter().enumerate().filter(|(_, part)| all_count || is_visible(part)) {
             let end = mesh.parts.get(k + 1).map_or(mesh.triangles.len(), |next| next.first_triangle as usize);
-            let triangles = &mesh.triangles[part.first_triangle as usize..end];
+            let triangles =
+                if mesh.curves.is_some() { &[][..] } else { &mesh.triangles[part.first_triangle as usize..end] };
             triangles.as_flattened().iter().for_each(|&i| is_used[i as usize] = true);
+            let of_curves = mesh.curves.iter().flat_map(|curves| curves.segments.indices());
+            of_curves.for_each(|&i| is_used[i as usize] = true);
         }
         is_used
     };

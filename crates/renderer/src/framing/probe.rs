@@ -93,6 +93,10 @@ impl<'a> Probe<'a> {
 pub(super) fn is_front(scene: &Scene, hit: &Hit, direction: [f32; 3]) -> bool {
     let instance = &scene.instances[hit.instance.0 as usize];
     let mesh = &scene.meshes[instance.mesh.0 as usize];
+    // Curves are solids.
+    if mesh.curves.is_some() {
+        return hit.side == canted_trace::Side::Front;
+    }
     let corner = |i: u32| {
         let position = wide(mesh.positions[i as usize]);
         DVec3::from(instance.world_from_object.point_f64(position.into()))

@@ -87,7 +87,8 @@ struct Connected {
 impl Connected {
     fn new(mesh: &Mesh) -> Self {
         let mut parents: Vec<u32> = (0..mesh.positions.len() as u32).collect();
-        let is_divided = mesh.triangles.len() <= MAX_TRIANGLES;
+        // Curves are one piece.
+        let is_divided = mesh.triangles.len() <= MAX_TRIANGLES && mesh.curves.is_none();
         if !is_divided {
             parents.fill(0);
         } else if mesh.positions.len() <= MAX_WELDED {
@@ -116,6 +117,15 @@ impl Connected {
             let label = labels[root];
             let [a, b, c] = triangle.map(|i| wide(mesh.positions[i as usize]));
             areas[label as usize] += 0.5 * (b - a).cross(c - a).length();
+        }
+        if let Some(curves) = &mesh.curves {
+            labels.fill(0);
+            // The area of the shadow of each chord, twice: that of a cylinder but for pi.
+            let radius = |i: u32| f64::from(curves.radii[i as usize]);
+            let chord = |i: u32, k: u32| wide(mesh.positions[i as usize]).distance(wide(mesh.positions[k as usize]));
+            let indices = curves.segments.indices().windows(2).map(|pair| chord(pair[0], pair[1]) * radius(pair[0]));
+            areas.push(indices.sum());
+            return Self { labels, areas };
         }
         for vertex in 0..parents.len() as u32 {
             labels[vertex as usize] = labels[root(&mut parents, vertex) as usize];

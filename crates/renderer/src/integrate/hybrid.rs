@@ -78,7 +78,7 @@ impl Transport<'_> {
         let surface = match first.take() {
             Some(surface) => surface,
             None => {
-                computed = self.surfaces.at_time(hit, ray.direction, ray.time, *cone);
+                computed = self.surfaces.at_ray(hit, ray, *cone);
                 &computed
             }
         };

@@ -98,6 +98,13 @@ impl Vertex {
                 lobes.direction = [x / length, y / length];
             }
         }
+        if let Some((hair, along)) = surface.bsdf.hair.as_mut().zip(along) {
+            let [x, y, _] = basis.coordinates(narrow(along.into()));
+            let length = x.hypot(y);
+            if length > 0.0 {
+                hair.direction = [x / length, y / length];
+            }
+        }
         let horizon = surface.horizon();
         let outgoing = basis.coordinates(viewer);
         Self { surface, basis, outgoing, horizon: horizon.into(), is_perturbed: normal != horizon }
@@ -109,7 +116,7 @@ impl Vertex {
 
     /// Whether light from behind the triangle counts.
     fn transmits(&self) -> bool {
-        self.bsdf().transmission > 0.0
+        self.bsdf().transmission > 0.0 || self.bsdf().hair.is_some()
     }
 
     /// Evaluates the BSDF for a world-space direction and for the direction folded onto it.
@@ -185,7 +192,7 @@ impl Transport<'_> {
         let Some(hit) = hit.filter(|_| n <= self.bounces) else { return false };
         let surface = match first.take() {
             Some(surface) => *surface,
-            None => self.surfaces.at_time(&hit, ray.direction, start.ray.time, *cone),
+            None => self.surfaces.at_ray(&hit, ray, *cone),
         };
         if let Some(lobes) = surface.bsdf.lobes.filter(|_| surface.bsdf.is_inside) {
             // Beer's law along the way through the solid.

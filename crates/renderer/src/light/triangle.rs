@@ -52,7 +52,9 @@ impl<'a> Emitters<'a> {
                 }
                 let start = part.first_triangle as usize;
                 let end = mesh.parts.get(i + 1).map_or(mesh.triangles.len(), |next| next.first_triangle as usize);
-                for (primitive, triangle) in (part.first_triangle..).map(PrimId).zip(&mesh.triangles[start..end]) {
+                for (primitive, triangle) in
+                    (part.first_triangle..).map(PrimId).zip(mesh.triangles.get(start..end).unwrap_or_default())
+                {
                     let corner = |i: u32| instance.world_from_object.point(mesh.positions[i as usize]);
                     let corners = triangle.map(corner);
                     let Some(triangle_light) = TriangleLight::new(corners) else { continue };

@@ -185,7 +185,7 @@ impl TileRenderer<'_> {
         let Some(hit) = hit else {
             return (Seen { start, hit, surface: None }, Guide { tests, ..Guide::default() });
         };
-        let surface = self.transport.surfaces.at_time(&hit, ray.direction, ray.time, *cone);
+        let surface = self.transport.surfaces.at_ray(&hit, ray, *cone);
         let guide = Guide {
             n_hits: 1,
             first: Some([hit.instance.0, hit.primitive.0]),

@@ -27,6 +27,8 @@ use crate::{Cull, Surfaces, View};
 pub struct HitFilter<'a> {
     surfaces: &'a Surfaces<'a>,
     uses_alpha: bool,
+    /// Whether any material is hair. Rays that start in one leave it without a hit: its BSDF is that of the whole tube.
+    has_hair: bool,
     key: u32,
     /// `None` where no face is culled.
     culling: Option<Culling>,
@@ -59,7 +61,8 @@ impl<'a> HitFilter<'a> {
     #[must_use]
     pub fn new(surfaces: &'a Surfaces<'a>) -> Self {
         let uses_alpha = uses_alpha(surfaces.scene());
-        Self { surfaces, uses_alpha, key: 0, culling: None, rays: Rays::Seen }
+        let has_hair = surfaces.scene().materials.iter().any(|material| material.hair.is_some());
+        Self { surfaces, uses_alpha, has_hair, key: 0, culling: None, rays: Rays::Seen }
     }
 
     /// The same for rays from the eye of a view, which pass the faces that `cull` says.
@@ -112,7 +115,7 @@ impl<'a> HitFilter<'a> {
 
 impl Query for HitFilter<'_> {
     fn may_reject(&self) -> bool {
-        self.uses_alpha || self.culling.is_some() && self.rays != Rays::Scattered
+        self.uses_alpha || self.has_hair || self.culling.is_some() && self.rays != Rays::Scattered
     }
 
     fn counts(&self) -> bool {
@@ -120,7 +123,8 @@ impl Query for HitFilter<'_> {
     }
 
     fn accepts(&mut self, hit: &Hit) -> bool {
-        !self.passes(hit) && (!self.uses_alpha || self.surfaces.is_present(hit, self.key))
+        let leaves_hair = self.has_hair && hit.side == Side::Back && self.surfaces.is_hair(hit);
+        !leaves_hair && !self.passes(hit) && (!self.uses_alpha || self.surfaces.is_present(hit, self.key))
     }
 }
 

@@ -1,3 +1,4 @@
+mod curve;
 pub(crate) mod hit_filter;
 mod hit_triangle;
 mod shading_normal;
@@ -177,7 +178,18 @@ impl<'a> Surfaces<'a> {
         self.at_time(hit, direction, 0.0, Cone::ZERO)
     }
 
-    /// The surface at a hit of a world-space ray along `direction` at shutter time `time` in 0..=1. `cone` is the ray
+    /// The surface at a hit of a ray in world space. `cone` is the ray cone at its origin.
+    #[must_use]
+    pub fn at_ray(&self, hit: &Hit, ray: &Ray, cone: Cone) -> Surface {
+        let instance = &self.scene.instances[hit.instance.0 as usize];
+        let mesh = &self.scene.meshes[instance.mesh.0 as usize];
+        match &mesh.curves {
+            Some(curves) => self.on_curve(hit, ray, cone, mesh, curves),
+            None => self.at_time(hit, ray.direction, ray.time, cone),
+        }
+    }
+
+    /// The surface of a triangle at a hit of a world-space ray along `direction` at shutter time `time` in 0..=1. `cone` is the ray
     /// cone at the origin.
     ///
     /// The point is interpolated from the vertices, not computed from `t`, whose rounding would move it along the ray.
@@ -262,6 +274,9 @@ impl<'a> Surfaces<'a> {
         let material = self.material(mesh.material_of(hit.primitive.0));
         match material.alpha_mode {
             AlphaMode::Opaque => 1.0,
+            // Curves have no textures.
+            AlphaMode::Mask { cutoff } if mesh.curves.is_some() => f32::from(u8::from(material.alpha >= cutoff)),
+            AlphaMode::Blend if mesh.curves.is_some() => material.alpha,
             AlphaMode::Mask { cutoff } => {
                 let is_opaque = self.alpha(material, &HitTriangle::new(mesh, hit, 0.0)) >= cutoff;
                 if is_opaque { 1.0 } else { 0.0 }
@@ -270,10 +285,16 @@ impl<'a> Surfaces<'a> {
         }
     }
 
+    /// Whether the material at a hit is hair.
+    pub(crate) fn is_hair(&self, hit: &Hit) -> bool {
+        let mesh = &self.scene.meshes[self.scene.instances[hit.instance.0 as usize].mesh.0 as usize];
+        mesh.curves.is_some() && self.material(mesh.material_of(hit.primitive.0)).hair.is_some()
+    }
+
     /// Whether the material at a hit is single-sided, or may be where `all` are, see [`hit_filter::is_single_sided`].
     pub(crate) fn is_single_sided(&self, hit: &Hit, all: bool) -> bool {
         // Fast path.
-        if !(all || self.is_single_sided[hit.instance.0 as usize]) {
+        if !(all || self.is_single_sided[hit.instance.0 as usize]) || self.is_curve(hit) {
             return false;
         }
         let instance = &self.scene.instances[hit.instance.0 as usize];
@@ -332,6 +353,7 @@ fn bsdf(material: &Material, tint: [f32; 4], is_front: bool, texel: impl Fn(&Opt
         is_compensated: false,
         hemisphere: Hemisphere::Cosine,
         lobes: None,
+        hair: None,
     }
 }
 
@@ -345,7 +367,13 @@ fn max_coordinate(mesh: &Mesh) -> f32 {
     let reach = |positions: &Vec<[f32; 3]>| {
         Aabb::from_points(mesh.triangles.iter().flatten().map(|&i| positions[i as usize])).reach()
     };
-    reach(&mesh.positions).max(mesh.close.as_ref().map_or(0.0, |close| reach(&close.positions)))
+    let of_curves = mesh.curves.iter().flat_map(|curves| {
+        let indices = curves.segments.indices().iter().map(|&i| i as usize);
+        indices.map(|i| mesh.positions[i].iter().fold(0.0, |most: f32, x| most.max(x.abs())) + curves.radii[i])
+    });
+    of_curves
+        .fold(reach(&mesh.positions), f32::max)
+        .max(mesh.close.as_ref().map_or(0.0, |close| reach(&close.positions)))
 }
 
 // Prefetching of the memory that shading reads.
@@ -358,6 +386,7 @@ impl Surfaces<'_> {
     /// would wait for them one by one. Texels are read only for lookups in level 0: smaller mip levels are mostly in
     /// the cache.
     pub(crate) fn prefetch<'h>(&self, hits: impl Iterator<Item = &'h Hit>) {
+        let hits = hits.filter(|hit| !self.is_curve(hit));
         let triangles: Vec<(HitTriangle, u32)> = hits.map(|hit| (self.hit_triangle(hit), hit.primitive.0)).collect();
         for (triangle, _) in &triangles {
             triangle.prefetch();
@@ -380,6 +409,10 @@ impl Surfaces<'_> {
         for four in texels {
             black_box(four.map(|row| row.map(|texel| texel[0])));
         }
+    }
+
+    fn is_curve(&self, hit: &Hit) -> bool {
+        self.scene.meshes[self.scene.instances[hit.instance.0 as usize].mesh.0 as usize].curves.is_some()
     }
 
     fn hit_triangle(&self, hit: &Hit) -> HitTriangle<'_> {

@@ -431,6 +431,7 @@ impl Dice {
             is_compensated: self.number() < 0.5,
             hemisphere: Hemisphere::ALL[usize::from(self.number() < 0.5)],
             lobes: (self.number() < 0.5).then(|| self.lobes()),
+            hair: None,
         }
     }
 

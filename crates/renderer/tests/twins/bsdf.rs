@@ -77,6 +77,7 @@ impl Query {
             is_compensated: self.flags & COMPENSATED != 0,
             hemisphere: if self.flags & UNIFORM == 0 { Hemisphere::Cosine } else { Hemisphere::Uniform },
             lobes: None,
+            hair: None,
         }
     }
 

@@ -7,14 +7,18 @@ use std::io;
 use std::ops::Range;
 use std::path::{Component, Path, PathBuf};
 
+use canted_obb::Affine;
+
 use super::placement::after;
 use super::read::unknown;
 use super::tables::error_at;
-use super::{Asset, AssetInstance, AssetSource, EnvironmentSource, MaterialEdits, Override, Placement, SceneFile};
+use super::{
+    Asset, AssetInstance, AssetSource, CurveTable, EnvironmentSource, MaterialEdits, Override, Placement, SceneFile,
+};
 use crate::read::quoted;
 use crate::{
-    Encoding, Environment, EnvironmentImage, Instance, Material, MaterialId, Part, ReadError, ReadOptions, Scene,
-    Texture, TextureId, builtin, read_environment, read_with,
+    Encoding, Environment, EnvironmentImage, Instance, Material, MaterialId, Mesh, MeshId, Part, ReadError,
+    ReadOptions, Scene, Texture, TextureId, builtin, read_environment, read_with,
 };
 
 impl SceneFile {
@@ -85,6 +89,15 @@ impl SceneFile {
     #[must_use]
     pub fn with_allow_parent(mut self, is_allowed: bool) -> Self {
         self.assets.iter_mut().for_each(|asset| asset.allow_parent = is_allowed);
+        self
+    }
+
+    /// Gives all assets a radius of lines and of points, see [`ReadOptions::line_radius`].
+    #[must_use]
+    pub fn with_radii(mut self, [line_radius, point_radius]: [Option<f32>; 2]) -> Self {
+        for asset in &mut self.assets {
+            (asset.line_radius, asset.point_radius) = (line_radius, point_radius);
+        }
         self
     }
 
@@ -173,6 +186,7 @@ impl SceneFile {
             assembly.add(asset, names.contains(&asset.name[..]))?;
         }
         placed.iter().for_each(|instance| assembly.add_instance(instance));
+        self.curves.iter().try_for_each(|curves| assembly.add_curves(curves))?;
         assembly.change_materials()?;
         assembly.add_new_materials()?;
         let scene = &mut assembly.scene;
@@ -282,8 +296,8 @@ impl<'a> Assembly<'a> {
         let (mesh_shift, texture_shift) = (shift(first_mesh)?, shift(self.scene.textures.len())?);
         let material_shift = shift(self.scene.materials.len())?;
         let mut ends = own.instances.iter().map(|instance| {
-            let n_triangles = own.meshes[instance.mesh.0 as usize].triangles.len();
-            u32::try_from(n_triangles).ok()?.checked_add(instance.first_primitive)
+            let n_primitives = own.meshes[instance.mesh.0 as usize].n_primitives();
+            u32::try_from(n_primitives).ok()?.checked_add(instance.first_primitive)
         });
         let n_primitives = ends.try_fold(0, |most: u32, n| Some(most.max(n?)));
         let all = n_primitives.and_then(|n| self.n_primitives.checked_add(n)).ok_or_else(too_many)?;
@@ -348,6 +362,29 @@ impl<'a> Assembly<'a> {
         }
     }
 
+    /// Adds curves as a mesh with one instance.
+    fn add_curves(&mut self, table: &'a CurveTable) -> Result<(), ReadError> {
+        let too_many = || error_at(&self.file.path, table.line, "too many segments of curves (limit: 2^32)");
+        let mesh = u32::try_from(self.scene.meshes.len()).map_err(|_| too_many())?;
+        let material = u32::try_from(self.scene.materials.len()).map_err(|_| too_many())?;
+        let own = table.mesh();
+        let n = u32::try_from(own.n_primitives()).ok().and_then(|n| self.n_primitives.checked_add(n));
+        let next = n.ok_or_else(too_many)?;
+        match &table.material {
+            Some(name) => self.material_overrides.push((self.scene.meshes.len()..self.scene.meshes.len() + 1, name)),
+            None => self.scene.materials.push(table.own_material()),
+        }
+        self.scene.meshes.push(Mesh { parts: vec![Part { first_triangle: 0, material: MaterialId(material) }], ..own });
+        self.scene.instances.push(Instance {
+            mesh: MeshId(mesh),
+            world_from_object: Affine::IDENTITY,
+            world_from_object_close: None,
+            first_primitive: self.n_primitives,
+        });
+        self.n_primitives = next;
+        Ok(())
+    }
+
     /// Applies the overrides in order.
     fn change_materials(&mut self) -> Result<(), ReadError> {
         let file = self.file;
@@ -400,9 +437,8 @@ impl<'a> Assembly<'a> {
         let mut changed = self.scene.materials[material].clone();
         edits.apply(&mut changed, |file, encoding| self.texture(file, encoding, line))?;
         if edits.adds_texture() {
-            let lacks = |mesh: &&crate::Mesh| {
-                mesh.uvs.is_none() && mesh.parts.iter().any(|part| part.material.0 as usize == material)
-            };
+            let lacks =
+                |mesh: &&Mesh| mesh.uvs.is_none() && mesh.parts.iter().any(|part| part.material.0 as usize == material);
             if let Some(mesh) = self.scene.meshes.iter().find(lacks) {
                 let [material, mesh] = [&changed.name, &mesh.name].map(|name| quoted(name.as_bytes()));
                 let message = format!("cannot texture material {material}: mesh {mesh} has no texture coordinates");

@@ -18,7 +18,7 @@ enum Field {
 }
 
 /// All material keys in the order in which they are applied: key, field, comment.
-const FIELDS: [(&str, Field, &str); 30] = [
+const FIELDS: [(&str, Field, &str); 36] = [
     (
         "base_color",
         Field::Color(Bounds::Fraction, |m| &mut m.base_color),
@@ -81,6 +81,24 @@ const FIELDS: [(&str, Field, &str); 30] = [
         Field::Color(Bounds::NotNegative, |m| &mut m.lobes_mut().absorption),
         "inside a transmissive solid, per unit of length",
     ),
+    ("hair", Field::Flag(|m| &mut m.hair_mut().is_on), "scattering of hair, on curves"),
+    (
+        "melanin",
+        Field::Number(Bounds::NotNegative, |m| &mut m.hair_mut().melanin),
+        "of hair: 0.3 blond, 1.3 brown, 8 black",
+    ),
+    (
+        "pheomelanin",
+        Field::Number(Bounds::NotNegative, |m| &mut m.hair_mut().pheomelanin),
+        "of hair: makes it red; without both, base_color",
+    ),
+    ("hair_roughness", Field::Number(Bounds::Fraction, |m| &mut m.hair_mut().roughness), "along the hair, 0 to 1"),
+    (
+        "hair_roughness_around",
+        Field::Number(Bounds::Fraction, |m| &mut m.hair_mut().roughness_around),
+        "around the hair, 0 to 1",
+    ),
+    ("hair_tilt_degrees", Field::Number(Bounds::Finite, |m| &mut m.hair_mut().tilt_degrees), "angle of the scales"),
 ];
 
 static ALPHA_MODES: [&str; 3] = ["opaque", "mask", "blend"];
@@ -136,6 +154,7 @@ impl MaterialEdits {
             }
         }
         material.lobes = material.lobes.take().filter(|lobes| **lobes != Lobes::default());
+        material.hair = material.hair.take().filter(|hair| hair.is_on);
         Ok(())
     }
 

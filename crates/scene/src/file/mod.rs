@@ -1,10 +1,11 @@
 //! Scene files in TOML: assets, instances, camera, lights, environment, materials, render settings.
 //!
 //! ```text
-//! text -> tables {light, material, placement} -> read -> SceneFile -> load -> Scene
+//! text -> tables {curves, light, material, placement} -> read -> SceneFile -> load -> Scene
 //! SceneFile -> write -> text
 //! ```
 
+mod curves;
 mod light;
 mod load;
 mod material;
@@ -19,6 +20,7 @@ use std::sync::Arc;
 
 use crate::{Camera, Light, Scene};
 
+pub use curves::{CurveBasis, CurveTable};
 pub use light::EnvironmentSource;
 pub use material::MaterialEdits;
 pub use placement::Placement;
@@ -64,6 +66,8 @@ pub struct SceneFile {
     pub assets: Vec<Asset>,
     /// Instances of assets; `None`: one per asset, untransformed.
     pub instances: Option<Vec<AssetInstance>>,
+    /// Curves, each of them an instance after those of the assets.
+    pub curves: Vec<CurveTable>,
     /// The camera; `None`: that of the assets.
     pub camera: Option<Camera>,
     /// Lights; `None`: those of the assets; empty: none.

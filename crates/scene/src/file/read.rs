@@ -8,6 +8,7 @@ use std::path::Path;
 use serde::Deserialize;
 use serde_spanned::Spanned;
 
+use super::curves::{self, CurveRows};
 use super::light::{self, EnvironmentTable, LightTable};
 use super::material::MaterialTable;
 use super::placement::{self, CameraTable, Matrix, PlacementTable};
@@ -48,7 +49,8 @@ impl SceneFile {
         let text = with_line_feeds(text);
         let source = Source::new(path, &text);
         let document: Document = source.read()?;
-        let Document { assets, instances, camera, lights, environment, materials, overrides, settings } = document;
+        let Document { assets, instances, curves, camera, lights, environment, materials, overrides, settings } =
+            document;
         let each = |instances: Vec<_>| instances.into_iter().map(|table| instance(table, &source)).collect();
         let mut settings: Vec<(String, Spanned<OptionText>)> = settings.into_iter().collect();
         settings.sort_by_key(|(_, value)| value.span().start);
@@ -57,6 +59,7 @@ impl SceneFile {
             given: Vec::new(),
             assets: assets.into_iter().map(|table| asset(table, &source)).collect::<Result<_, _>>()?,
             instances: instances.map(each).transpose()?,
+            curves: curves.into_iter().map(|table| curves::read(table, &source)).collect::<Result<_, _>>()?,
             camera: camera.map(|table| placement::camera(&table, &source)).transpose()?,
             lights: lights
                 .map(|lights| lights.into_iter().map(|table| light::light(table, &source)).collect())
@@ -89,6 +92,7 @@ impl SceneFile {
             return fail(line, unknown("asset", name, assets));
         }
         let used = self.assets.iter().filter_map(|asset| Some((asset.material.as_ref()?, asset.line)));
+        let used = used.chain(self.curves.iter().filter_map(|curves| Some((curves.material.as_ref()?, curves.line))));
         if let Some((name, line)) = used.into_iter().find(|(name, _)| !materials.contains(&&name[..])) {
             return fail(line, unknown("material", name, materials));
         }
@@ -119,6 +123,7 @@ fn repeated<'a>(names: &[&'a str], lines: impl Iterator<Item = usize>) -> Option
 struct Document {
     assets: Vec<Spanned<AssetTable>>,
     instances: Option<Vec<Spanned<InstanceTable>>>,
+    curves: Vec<Spanned<CurveRows>>,
     camera: Option<Spanned<CameraTable>>,
     lights: Option<Vec<LightTable>>,
     environment: Option<Spanned<EnvironmentTable>>,

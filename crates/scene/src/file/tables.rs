@@ -587,7 +587,7 @@ macro_rules! ranges {
     };
 }
 
-ranges! { Finite NotZero NotNegative Positive FieldOfView ConeAngle }
+ranges! { Finite NotZero NotNegative Positive Fraction FieldOfView ConeAngle }
 
 impl<'de, T: Number, R: Range> Deserialize<'de> for In<T, R> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {

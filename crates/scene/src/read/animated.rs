@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::error::ReadError;
 use super::input::{Format, Input, ReadOptions, open};
-use super::{gltf, read_static};
+use super::{gltf, is_lines, lines, read_static};
 use crate::{Instance, Mesh, MeshClose, Scene};
 
 /// An open file that poses its scene at any time of an animation, without reading materials and images again.
@@ -32,6 +32,9 @@ impl AnimatedScene {
     /// # Errors
     /// As [`read_with`](super::read_with), and [`ReadError::VertexNotFinite`].
     pub fn open(path: &Path, options: &ReadOptions) -> Result<(Self, Scene), ReadError> {
+        if is_lines(path) || options.reads_lines() {
+            return Ok((Self(None), lines::scene(path, options)?));
+        }
         let Input { format, bytes } = open(path, options)?;
         if format == Format::Gltf {
             let (poses, scene) = gltf::Poses::open(path, &bytes, options)?;

@@ -148,9 +148,6 @@ fn converter(path: &Path) -> Option<(&'static str, &'static str)> {
         "pbrt" => {
             ("a pbrt scene", "write its meshes as PLY with `pbrt --toply`, and name them in a scene file (.toml)")
         }
-        "hair" | "tck" | "trk" | "pdb" | "ent" | "xyz" | "gcode" | "gco" => {
-            ("a picture of lines", "trace rays against them with `canted cast`")
-        }
         "vtk" | "vtu" | "msh" => ("a simulation mesh", "convert its surface to PLY with ParaView or meshio"),
         "drc" => ("Draco data without glTF", "convert it to PLY with `draco_decoder -i in.drc -o out.ply`"),
         "splat" | "spz" | "ksplat" => {

@@ -38,7 +38,8 @@ pub use lines::{is_lines, read_lines};
 pub use strands::Lines;
 pub(crate) use text::{quoted, with_line_feeds};
 
-/// Reads an OBJ (with MTL), PLY, STL, OFF, glTF or GLB file with the buffers and images it references.
+/// Reads an OBJ (with MTL), PLY, STL, OFF, glTF or GLB file with the buffers and images it references, or the curves of
+/// a file of lines, as [`read_lines`] reads it.
 ///
 /// The format is determined by the content (PLY, GLB, STL, OFF), else by the extension. Files compressed by gzip are
 /// decompressed first, and text in UTF-16 is read as in UTF-8. Referenced files are only read from the
@@ -56,6 +57,9 @@ pub fn read(path: &Path) -> Result<Scene, ReadError> {
 /// # Errors
 /// As [`read`].
 pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError> {
+    if is_lines(path) || options.reads_lines() {
+        return lines::scene(path, options);
+    }
     let Input { format, bytes } = open(path, options)?;
     if format == Format::Gltf {
         return gltf::read(path, &bytes, options);

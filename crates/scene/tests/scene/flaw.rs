@@ -25,7 +25,7 @@ pub(crate) fn is_numbered(scene: &Scene) -> bool {
     let mut next = 0;
     scene.instances.iter().all(|instance| {
         let first = next;
-        next += scene.meshes[instance.mesh.0 as usize].triangles.len();
+        next += scene.meshes[instance.mesh.0 as usize].n_primitives();
         instance.first_primitive as usize == first
     })
 }
@@ -57,7 +57,9 @@ fn flaw_of_mesh(mesh: &Mesh, scene: &Scene) -> Option<String> {
         ("colors", mesh.colors.as_ref().is_none_or(are_colors)),
         ("first part", mesh.parts.first().is_some_and(|part| part.first_triangle == 0)),
         ("parts", mesh.parts.is_sorted_by(|a, b| a.first_triangle < b.first_triangle)),
-        ("last part", mesh.parts.last().is_some_and(|part| (part.first_triangle as usize) < mesh.triangles.len())),
+        ("last part", mesh.parts.last().is_some_and(|part| (part.first_triangle as usize) < mesh.n_primitives())),
+        ("curves", mesh.curves.as_ref().is_none_or(|curves| curves.segments.indices().iter().all(is_usable))),
+        ("radii", mesh.curves.as_ref().is_none_or(|c| c.radii.len() == n && c.radii.iter().all(|r| *r >= 0.0))),
         ("materials", mesh.parts.iter().all(|part| (part.material.0 as usize) < scene.materials.len())),
     ];
     fits.into_iter().find(|(_, fits)| !fits).map(|(what, _)| format!("mesh {:?}: {what} are invalid", mesh.name))

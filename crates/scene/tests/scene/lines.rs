@@ -395,3 +395,71 @@ fn mutated_files_are_read_or_rejected() {
     }
     assert!(n_read > 300 && n_rejected > 300, "{n_read} {n_rejected}");
 }
+
+fn scene_file(text: &str) -> Result<canted_scene::Scene, ReadError> {
+    canted_scene::SceneFile::parse(text.as_bytes(), "a.toml".as_ref())?.load()
+}
+
+/// Control points of the first segment of each basis, after the textbook formulas, and the number of segments.
+#[test]
+fn curves_of_scene_files_have_five_bases() {
+    let straight = "points = [[0, 0, 0], [3, 0, 0], [6, 0, 0], [9, 0, 0]]";
+    for (basis, text, want, n) in [
+        ("bezier", straight, [0.0, 3.0, 6.0, 9.0], 1),
+        ("bspline", straight, [3.0, 4.0, 5.0, 6.0], 1),
+        ("catmull-rom", "points = [[0, 0, 0], [3, 0, 0], [6, 0, 0], [9, 0, 0], [12, 0, 0]]", [3.0, 4.0, 5.0, 6.0], 2),
+        ("hermite", "points = [[0, 0, 0], [3, 0, 0], [9, 0, 0], [6, 0, 0]]", [0.0, 1.0, 7.0, 9.0], 1),
+    ] {
+        let file = format!("[[curves]]\nbasis = \"{basis}\"\n{text}\nradii = 0.5\n");
+        let scene = scene_file(&file).unwrap();
+        let curves = scene.meshes[0].curves.as_ref().unwrap();
+        let canted_scene::CurveSegments::Cubic(segments) = &curves.segments else { panic!("{basis} is cubic") };
+        let xs = segments[0].map(|i| scene.meshes[0].positions[i as usize][0]);
+        assert_eq!((xs, segments.len(), curves.radii[0]), (want, n, 0.5), "{basis}");
+        let again = canted_scene::SceneFile::parse(file.as_bytes(), "a.toml".as_ref()).unwrap().to_toml();
+        assert_eq!(scene_file(&again).unwrap().meshes[0].positions, scene.meshes[0].positions, "{again}");
+    }
+    let scene = scene_file(
+        "[[curves]]\nname = \"a\"\npoints = [[0, 0, 0], [1, 0, 0], [1, 1, 0]]\nradii = [0.1, 0.2, 0.3]\ncolor = [1, 0, 0]\n\
+         [[curves]]\npoints = [[0, 0, 0], [1, 0, 0]]\nradii = [0.1, 0]\nmaterial = \"m\"\ncolors = [[1, 0, 0], [0, 1, 0]]\n\
+         [[materials]]\nname = \"m\"\nbase_color = [0, 1, 0]\n",
+    );
+    let scene = scene.unwrap();
+    assert_eq!(scene.instances.iter().map(|instance| instance.first_primitive).collect::<Vec<_>>(), [0, 2]);
+    let color = |mesh: usize| scene.materials[scene.meshes[mesh].material_of(0).0 as usize].base_color;
+    assert_eq!([color(0), color(1)], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    assert_eq!(scene.meshes[0].curves.as_ref().unwrap().radii, [0.1, 0.2, 0.3]);
+    assert_eq!((scene.bounds_world().min, scene.n_placed_segments()), ([-0.1, -0.2, -0.3], 3));
+}
+
+#[test]
+fn curves_of_scene_files_that_are_wrong_are_errors() {
+    for (keys, want) in [
+        ("points = [[0, 0, 0]]\nradii = 1", "line 2: 1 points in [[curves]] of the basis linear: expected at least 2"),
+        (
+            "basis = \"bezier\"\npoints = [[0, 0, 0], [1, 0, 0], [2, 0, 0]]\nradii = 1",
+            "line 3: 3 points in [[curves]] of the basis bezier: expected 4, 7, 10 and so on",
+        ),
+        (
+            "points = [[0, 0, 0], [1, 0, 0]]\nradii = [1, 2, 3]",
+            "line 3: 3 radii for 2 points in [[curves]]: expected one number, or one for each point",
+        ),
+        (
+            "points = [[0, 0, 0], [1, 0, 0]]\nradii = [1, -2]",
+            "line 3: radius 1 in [[curves]] is -2: expected 0 or more",
+        ),
+        ("points = [[0, 0, 0], [1, 0, 0]]", "line 1: missing key 'radii' in [[curves]]"),
+        (
+            "points = [[0, 0, 0], [1, 0, 0]]\nradii = 1\nmaterial = \"none\"",
+            "line 1: unknown material 'none'; none is defined",
+        ),
+    ] {
+        let error = scene_file(&format!("[[curves]]\n{keys}\n")).unwrap_err().to_string();
+        assert!(error.ends_with(want), "{error}");
+    }
+    let error = scene_file("[[curves]]\nbasis = \"nurbs\"\npoints = []\nradii = 1\n").unwrap_err().to_string();
+    assert!(
+        error.contains("line 2") && error.contains("expected one of linear, bezier, bspline, catmull-rom, hermite"),
+        "{error}"
+    );
+}

@@ -30,6 +30,22 @@ pub fn extent_of_points(points: impl IntoIterator<Item = [f32; 3]>, radius: f32,
     [down(lo), up(hi)]
 }
 
+/// As [`extent_of_points`], over balls of different radii (center and radius) and their convex hull. Centers may be off by
+/// three roundings of f64, which the error covers four times over.
+pub(super) fn extent_of_balls(balls: &[[f64; 4]], direction: [f32; 3]) -> [f32; 2] {
+    let d = direction.map(f64::from);
+    let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+    let (mut lo, mut hi) = (f64::MAX, f64::MIN);
+    for [x, y, z, radius] in balls {
+        let (terms, reach) = ([d[0] * x, d[1] * y, d[2] * z], radius * length);
+        let at = terms[0] + terms[1] + terms[2];
+        let error = 4.0 * EXTENT_ERROR * (terms[0].abs() + terms[1].abs() + terms[2].abs() + reach);
+        lo = lo.min(at - reach - error);
+        hi = hi.max(at + reach + error);
+    }
+    [down(lo), up(hi)]
+}
+
 /// The interval of `direction·x` over a box, rounded outward.
 #[must_use]
 pub fn extent_of_box(aabb: &Aabb, direction: [f32; 3]) -> [f32; 2] {

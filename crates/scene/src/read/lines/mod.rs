@@ -15,10 +15,13 @@ mod tracks;
 
 use std::path::Path;
 
+use canted_obb::Affine;
+
 use super::error::ReadError;
 use super::input::{Format as MeshFormat, Input, ReadOptions, open, read_all};
 use super::strands::{Lines, Strands, point_index};
 use super::{gltf, ply};
+use crate::{CurveSegments, Curves, Instance, Material, MaterialId, Mesh, MeshId, Part, Scene};
 
 /// A format of lines alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,6 +99,36 @@ pub fn read_lines(path: &Path, options: &ReadOptions) -> Result<Lines, ReadError
         }
     };
     strands.into_lines(path, options)
+}
+
+/// A scene of one mesh of curves, named after the file.
+pub(super) fn scene(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError> {
+    if let Some(wanted) = options.animation.as_ref().filter(|_| is_lines(path)) {
+        return Err(ReadError::UnknownAnimation { path: path.to_owned(), wanted: wanted.clone(), known: Vec::new() });
+    }
+    let Lines { points, radii, colors, segments, warnings } = read_lines(path, options)?;
+    let mut scene = Scene { warnings, ..Scene::default() };
+    if let Some(time) = options.time.filter(|_| is_lines(path)) {
+        scene.warnings.push(format!("ignoring time {time}: files of lines have no animation"));
+    }
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let base_color = if colors.is_some() { [1.0; 3] } else { Material::default().base_color };
+    scene.materials = vec![Material { name: name.clone(), base_color, ..Material::default() }];
+    scene.meshes.push(Mesh {
+        name,
+        positions: points,
+        colors: colors.map(|colors| colors.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect()),
+        parts: vec![Part { first_triangle: 0, material: MaterialId(0) }],
+        curves: Some(Curves { radii, segments: CurveSegments::Linear(segments) }),
+        ..Mesh::default()
+    });
+    scene.instances.push(Instance {
+        mesh: MeshId(0),
+        world_from_object: Affine::IDENTITY,
+        world_from_object_close: None,
+        first_primitive: 0,
+    });
+    Ok(scene)
 }
 
 /// Numbers of a binary file, read in order.
