@@ -16,13 +16,20 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("kdtree", &["obb", "trace", "lbvh"]),
     ("tlas", &["obb", "trace", "lbvh", "wide"]),
     ("collide", &["obb", "trace", "wide", "tlas"]),
-    ("canted", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "collide", "scene", "gpu"]),
+    ("tiles", &["obb", "trace", "lbvh", "wide", "tlas"]),
+    (
+        "canted",
+        &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "collide", "tiles", "scene", "gpu"],
+    ),
     ("film", &[]),
     ("scene", &["obb"]),
     ("shaders", &[]),
     ("gpu", &["obb", "trace", "lbvh", "wide", "tlas", "shaders"]),
     ("renderer", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "film", "scene", "gpu"]),
-    ("cli", &["obb", "trace", "lbvh", "wide", "bvh2", "bih", "kdtree", "tlas", "film", "scene", "gpu", "renderer"]),
+    (
+        "cli",
+        &["obb", "trace", "lbvh", "wide", "bvh2", "bih", "kdtree", "tlas", "tiles", "film", "scene", "gpu", "renderer"],
+    ),
     ("python", &["canted"]),
     ("elastic", &["obb", "trace", "lbvh", "wide", "film", "scene", "renderer"]),
 ];

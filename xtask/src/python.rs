@@ -30,7 +30,7 @@ const PROGRAMS: [&str; 3] = ["python3", "python", "py"];
 const IS_RECENT: &str = "import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 9))";
 
 /// What the tests need, and peers whose answers some tests record.
-const NEEDED: [&str; 3] = ["pytest", "numpy", "trimesh"];
+const NEEDED: [&str; 6] = ["pytest", "numpy", "trimesh", "dask", "distributed", "fsspec"];
 const PEERS: [&str; 2] = ["embreex", "rtree"];
 
 /// Peers that are measured only: large downloads.

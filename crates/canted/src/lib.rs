@@ -82,6 +82,10 @@ pub mod structure {
 #[cfg(feature = "scene")]
 pub use canted_scene as scene;
 
+/// Meshes that are larger than memory: folders of tiles that answer as one BVH.
+#[cfg(feature = "tiles")]
+pub use canted_tiles as tiles;
+
 /// Construction and traversal on GPUs.
 #[cfg(feature = "gpu")]
 pub use canted_gpu as gpu;

@@ -25,6 +25,7 @@ mod render;
 mod scene;
 mod settings;
 mod stats;
+mod tiles;
 mod tree;
 mod view;
 
@@ -35,7 +36,7 @@ use canted_renderer::RenderError;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use command_line::{Words, picture_of};
-pub use picture::{Picture, Source, picture};
+pub use picture::{Picture, Source, picture, picture_part};
 
 /// Ray tracing with oriented bounding boxes.
 ///
@@ -70,6 +71,8 @@ enum Command {
     Stats(stats::Args),
     /// Trace rays from a file.
     Cast(cast::Args),
+    /// Write a store of tiles, for scenes larger than memory.
+    Tiles(tiles::Args),
     /// Write Morton codes and the topology of the radix tree, for verification.
     Tree(tree::Args),
     /// Compare two pictures.
@@ -101,6 +104,7 @@ fn run() -> Result<ExitCode> {
         Some(Command::Scene(args)) => scene::run(*args)?,
         Some(Command::Stats(args)) => stats::run(&args)?,
         Some(Command::Cast(args)) => cast::run(&args)?,
+        Some(Command::Tiles(args)) => tiles::run(&args)?,
         Some(Command::Tree(args)) => tree::run(&args)?,
         Some(Command::Compare(args)) => return compare::run(&args),
         Some(Command::Devices(args)) => device::list(&args)?,

@@ -287,6 +287,26 @@ impl Text for BoxLevel {
     }
 }
 
+/// A number of bytes, with K, M, G or T for powers of 1024.
+pub(crate) enum Bytes {}
+
+impl Bytes {
+    pub(crate) fn parse(text: &str) -> Result<u64, String> {
+        let trimmed = text.trim().trim_end_matches(['b', 'B']).trim_end_matches('i');
+        let (digits, shift) = match trimmed.char_indices().last() {
+            Some((at, unit)) if !unit.is_ascii_digit() => {
+                let power = ['k', 'm', 'g', 't'].iter().position(|known| unit.to_ascii_lowercase() == *known);
+                (&trimmed[..at], power.map(|power| 10 * (power + 1)))
+            }
+            _ => (trimmed, Some(0)),
+        };
+        let number = digits.trim().parse::<f64>().ok().filter(|x| x.is_finite() && *x > 0.0);
+        let bytes = number.zip(shift).map(|(number, shift)| number * (1_u64 << shift) as f64);
+        let bytes = bytes.filter(|bytes| *bytes < (1_u64 << 60) as f64 && *bytes >= 1.0);
+        bytes.map(|bytes| bytes as u64).ok_or_else(|| format!("'{text}' is not a number of bytes, such as 500M or 2G"))
+    }
+}
+
 /// A number of threads from 1 to 1024.
 pub(crate) fn threads(text: &str) -> Result<usize, String> {
     let n = text.parse().ok().filter(|n| (1..=1024).contains(n));

@@ -46,7 +46,21 @@ pub enum Source<'a> {
 /// # Errors
 /// One sentence: an unknown option, an invalid value, a file that cannot be read, or a cancelled render.
 pub fn picture(source: &Source<'_>, options: &[(String, String)], monitor: &Monitor<'_>) -> Result<Picture> {
-    let (rendered, warnings) = output::collecting(|| film(source, options, monitor));
+    picture_part(source, options, None, monitor)
+}
+
+/// As [`picture()`], of the samples from the first to one before the last of `part` alone: the film is then a part, which
+/// [`canted_film::Part::join`] joins with others.
+///
+/// # Errors
+/// As [`picture()`]; samples beyond those of the picture.
+pub fn picture_part(
+    source: &Source<'_>,
+    options: &[(String, String)],
+    part: Option<[u32; 2]>,
+    monitor: &Monitor<'_>,
+) -> Result<Picture> {
+    let (rendered, warnings) = output::collecting(|| film(source, options, part, monitor));
     let (film, aovs) = rendered?;
     Ok(Picture { film, aovs, warnings })
 }
@@ -59,7 +73,12 @@ struct Channels {
     aovs: Vec<Aovs>,
 }
 
-fn film(source: &Source<'_>, options: &[(String, String)], monitor: &Monitor<'_>) -> Result<(Film, Aovs)> {
+fn film(
+    source: &Source<'_>,
+    options: &[(String, String)],
+    part: Option<[u32; 2]>,
+    monitor: &Monitor<'_>,
+) -> Result<(Film, Aovs)> {
     let path = if let Source::File(path) = source { Some(*path) } else { None };
     let read = settings::scene_file(path)?;
     let scene_file = if let Source::SceneFile(file) = source { Some(*file) } else { read.as_ref() };
@@ -67,7 +86,7 @@ fn film(source: &Source<'_>, options: &[(String, String)], monitor: &Monitor<'_>
     let of_files = options::names::<LookOptions>();
     let args: PictureArgs<Channels> = parse(path, options, |name| !of_files.iter().any(|other| other == name))?;
     let aovs = render::union(&args.own.aovs);
-    let purpose = Purpose { aovs, is_linear: true, shows_data: !aovs.is_empty(), ..Purpose::default() };
+    let purpose = Purpose { part, aovs, is_linear: true, shows_data: !aovs.is_empty(), ..Purpose::default() };
     let plan = args.resolve(scene_file, &purpose)?;
     let mut scene = match source {
         Source::SceneFile(file) => {

@@ -81,6 +81,8 @@ impl Hits {
         };
         let instance = match &surface {
             Surface::Mesh { .. } => None,
+            Surface::Tiles { bvh, .. } if bvh.is_one_mesh() => None,
+            Surface::Tiles { .. } => Some(shaped(py, columns.instance, shape, &[])?),
             Surface::Tlas { .. } => Some(shaped(py, columns.instance, shape, &[])?),
         };
         Ok(Self {

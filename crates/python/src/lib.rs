@@ -10,7 +10,7 @@
 //! | `threads`, `work` | thread pools; jobs that Ctrl-C interrupts and that report their progress |
 //! | `query`, `overlaps` | queries of slices of rays; of regions |
 //! | `geometry`, `frame` | builds and refits; origins near a mesh |
-//! | `bvh`, `tlas`, `hits`, `nearest` | the classes of the package |
+//! | `bvh`, `tlas`, `tiles`, `hits`, `nearest` | the classes of the package |
 //! | `bodies` | meshes against meshes, and spheres that move |
 //! | `points` | positions and normals of hits |
 //! | `file` | BVHs as files |
@@ -33,6 +33,7 @@ mod overlaps;
 mod points;
 mod query;
 mod threads;
+mod tiles;
 mod tlas;
 mod work;
 
@@ -44,6 +45,7 @@ fn _canted(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_class::<bvh::Bvh>()?;
     module.add_class::<tlas::Tlas>()?;
+    module.add_class::<tiles::Tiles>()?;
     module.add_class::<hits::Hits>()?;
     module.add_class::<nearest::Nearest>()?;
     module.add_class::<bodies::Contact>()?;

@@ -188,6 +188,38 @@ pub(crate) fn nearest(
     })
 }
 
+/// The nearest triangles to each point, which were found; `points` are relative to the origin.
+pub(crate) fn of_lists(
+    py: Python<'_>,
+    points: &[[f32; 3]],
+    found: &[Vec<NearestPoint>],
+    origin: [f64; 3],
+    wanted: &Wanted,
+    shape: &[usize],
+) -> PyResult<Nearest> {
+    let k = wanted.k.unwrap_or(1);
+    let n = points.len().saturating_mul(k);
+    let (mut distance, mut primitive) = (filled(n, f64::INFINITY)?, filled(n, -1)?);
+    let mut position = filled(n.saturating_mul(3), f64::NAN)?;
+    for (i, (point, found)) in points.iter().zip(found).enumerate() {
+        if point.iter().any(|x| x.is_nan()) {
+            distance[i * k..(i + 1) * k].fill(f64::NAN);
+        }
+        for (row, found) in (i * k..(i + 1) * k).zip(found.iter().map(|near| Found::from(*near))) {
+            distance[row] = found.distance;
+            primitive[row] = i32::try_from(found.primitive).unwrap_or(i32::MAX);
+            position[3 * row..3 * row + 3].copy_from_slice(&[0, 1, 2].map(|axis| found.position[axis] + origin[axis]));
+        }
+    }
+    let inner = wanted.k.as_slice();
+    Ok(Nearest {
+        distance: distances(py, distance, false, shape, inner)?,
+        primitive: shaped(py, primitive, shape, inner)?,
+        instance: None,
+        position: shaped(py, position, shape, &[inner, &[3]].concat())?,
+    })
+}
+
 /// Distances as an array of `float64`, or else of `float32`.
 pub(crate) fn distances(
     py: Python<'_>,

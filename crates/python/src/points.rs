@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use canted::tiles::TiledBvh;
 use canted::{Hit, InstanceId, PrimId, Side, SurfacePoint, TriangleBvh};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
@@ -19,6 +20,7 @@ const HITS_OF_JOB: usize = 4096;
 pub(crate) enum Surface {
     Mesh { geometry: Arc<Geometry>, origin: [f64; 3] },
     Tlas { tlas: Arc<canted::Tlas<Arc<TriangleBvh>>>, origin: [f64; 3], is_near: bool },
+    Tiles { bvh: Arc<TiledBvh>, origin: [f64; 3] },
 }
 
 /// The arrays that say which points.
@@ -38,17 +40,27 @@ impl Surface {
         match self {
             Self::Mesh { geometry, .. } => geometry.is_near,
             Self::Tlas { is_near, .. } => *is_near,
+            Self::Tiles { .. } => false,
         }
     }
 
-    /// The point of a hit, in the space of the caller; an error names what does not exist.
-    fn point(&self, hit: &Hit) -> Option<SurfacePoint> {
+    /// The vertices of hits on tiles, which were read before; none of what is in memory.
+    fn read(&self, primitive: impl Iterator<Item = i32>) -> PyResult<Vec<Option<[[f32; 3]; 3]>>> {
+        let Self::Tiles { bvh, .. } = self else { return Ok(vec![]) };
+        // Of a miss, no triangle has the number.
+        let numbers: Vec<u32> = primitive.map(|number| u32::try_from(number).unwrap_or(u32::MAX)).collect();
+        bvh.try_triangles(&numbers).map_err(invalid)
+    }
+
+    /// The point of a hit, in the space of the caller; an error names what does not exist. `read` are its vertices on tiles.
+    fn point(&self, hit: &Hit, read: Option<[[f32; 3]; 3]>) -> Option<SurfacePoint> {
         let vertices =
             |mesh: &TriangleBvh| (hit.primitive.index() < mesh.n_primitives()).then(|| mesh.triangle(hit.primitive));
         let (point, origin) = match self {
             Self::Mesh { geometry, origin } => {
                 (SurfacePoint::new(hit, vertices(&geometry.mesh)?, geometry.mesh.aabb().reach()), origin)
             }
+            Self::Tiles { bvh, origin } => (SurfacePoint::new(hit, read?, bvh.aabb().reach()), origin),
             Self::Tlas { tlas, origin, .. } => {
                 let instance = tlas.instances().get(hit.instance.0 as usize)?;
                 let mesh = tlas.blas().get(instance.blas as usize)?;
@@ -65,6 +77,7 @@ impl Surface {
         let (primitive, u, v) = (places.primitive.as_array(), places.u.as_array(), places.v.as_array());
         let instance = places.instance.as_ref().map(|array| array.as_array());
         let n = primitive.len();
+        let read = self.read(primitive.iter().copied())?;
         let mut points = [filled(3 * n, f64::NAN)?, filled(3 * n, f64::NAN)?];
         let [position, normal] = &mut points;
         let flaw = std::sync::Mutex::new(None);
@@ -84,7 +97,7 @@ impl Surface {
                     instance: InstanceId(instance),
                     side: Side::Front,
                 };
-                match self.point(&hit) {
+                match self.point(&hit, read.get(i).copied().flatten()) {
                     Some(point) => (*position, *normal) = (point.position, point.normal),
                     None => *flaw.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = Some(i),
                 }

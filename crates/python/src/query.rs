@@ -95,6 +95,11 @@ impl Rays<'_> {
         self.n
     }
 
+    /// All rays, of which none starts near a mesh.
+    pub(crate) fn all(&self) -> Vec<Ray> {
+        self.read(0..self.n).rays
+    }
+
     /// The rays of a range.
     fn read(&self, range: Range<usize>) -> Read {
         let [first_origin, first_direction] = [&self.origins, &self.directions].map(|rows| usize::from(rows.len() > 1));

@@ -73,7 +73,7 @@ pub use light::{LightHit, LightId, LightSample, LightSampler, Lights, environmen
 pub use render::{Monitor, RenderError, render, resume, resume_with};
 pub use sampler::{Pattern, Sampler};
 pub use sampling::Hemisphere;
-pub use scene_bvh::{FlatBvh, Flattened, SceneBvh, SceneLevels, UnusedFeature, flatten};
+pub use scene_bvh::{FlatBvh, Flattened, SceneBvh, SceneLevels, UnusedFeature, flatten, has_one_level};
 pub use settings::{Cull, FirstHit, Integrator, SampleSums, Settings};
 pub use surface::{CountedHitFilter, HitFilter, SmoothSurface, Surface, Surfaces};
 pub use texture::{Cone, Lod, MipMaps};

@@ -317,7 +317,7 @@ pub(crate) fn instances(scene: &Scene) -> Vec<canted_tlas::Instance> {
 ///
 /// # Errors
 /// One level was requested, and the scene exceeds what one BVH can index.
-pub(crate) fn has_one_level(scene: &Scene, config: &SceneBvhConfig) -> Result<bool, PrepareError> {
+pub fn has_one_level(scene: &Scene, config: &SceneBvhConfig) -> Result<bool, PrepareError> {
     has_one_level_in(Capacity::of(config), scene, config)
 }
 

@@ -84,7 +84,10 @@ pub use material::{
     AlphaMode, Encoding, Hair, Lobes, Magnification, Material, MaterialId, Texture, TextureId, TextureRef, UvSet,
     UvTransform, Wrap,
 };
-pub use read::{AnimatedScene, Lines, ReadError, ReadOptions, is_lines, read, read_environment, read_lines, read_with};
+pub use read::{
+    AnimatedScene, Lines, ReadError, ReadOptions, is_lines, read, read_environment, read_lines, read_with,
+    stream_triangles,
+};
 pub use scene::{Camera, CurveSegments, Curves, Instance, Lens, Mesh, MeshClose, MeshId, Part, Projection, Scene};
 
 /// The features of this crate, and whether this build has them.

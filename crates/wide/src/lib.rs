@@ -115,14 +115,14 @@ use canted_lbvh::par;
 pub use build::PrimitiveError;
 pub use bvh::{PredictedCost, Sizes, TriangleBvh, WideBvh};
 pub use config::{Config, Costs, Preset};
-pub use distance::{ClosestPoint, DistanceShape, NearestPoint, WindingNumbers};
+pub use distance::{ClosestPoint, DistanceShape, NearestPoint, Place, WindingNumbers};
 pub use edit::EditError;
-pub use file::{LoadError, RawBvh};
+pub use file::{LoadError, RawBvh, checksum};
 pub use leaf::{
     LeafPrimitive, Primitive, PrimitiveHit, SavedPrimitive, Triangle, bounds_of_points, extent_of_box, extent_of_points,
 };
 pub use node::{Flaw, MAX_PRIMITIVES, MAX_TRIANGLES, NodeBox, NodeKind};
-pub use query::{MovingBvh, Order, TraversalCounts};
+pub use query::{CrossingParts, MovingBvh, Order, TraversalCounts};
 pub use simd::SimdPath;
 pub use subtree::{NodeLanes, Subtree};
 pub use update::{Refit, RefitError};

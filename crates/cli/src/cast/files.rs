@@ -55,6 +55,11 @@ impl Answer {
         Self { t, prim: i64::from(first) + i64::from(primitive), u, v, instance: instance.into() }
     }
 
+    /// A closest hit of a triangle by its number among all instances.
+    pub(super) fn in_whole([t, u, v]: [f32; 3], number: u64, instance: u32) -> Self {
+        Self { t, prim: i64::try_from(number).unwrap_or(i64::MAX), u, v, instance: instance.into() }
+    }
+
     /// A closest hit of a segment of lines.
     pub(super) fn of_segment([t, u, v]: [f32; 3], segment: u32) -> Self {
         Self { t, prim: segment.into(), u, v, instance: 0 }

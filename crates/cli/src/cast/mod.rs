@@ -2,6 +2,7 @@
 
 mod files;
 mod lines;
+mod tiles;
 
 use std::{
     cell::OnceCell,
@@ -37,7 +38,8 @@ use files::{Answer, Format};
 #[command(after_help = "Examples:\n  canted cast bunny.ply --rays rays.csv --hits hits.csv\n  \
                         scan | canted cast room.glb --rays - --hits - --format bin > hits.bin")]
 pub(crate) struct Args {
-    /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, a scene file (.toml), or lines: .hair, .tck, .trk, .pdb, .xyz, .gcode.
+    /// Scene: OBJ, PLY, STL, OFF, glTF, GLB, a scene file (.toml), lines: .hair, .tck, .trk, .pdb, .xyz, .gcode, or
+    /// the folder of a store of `canted tiles`.
     scene: PathBuf,
     /// Time in the first animation of the file [default: rest pose]
     #[arg(long, value_parser = options::Finite::parse, value_name = "SECONDS", allow_hyphen_values = true)]
@@ -47,6 +49,9 @@ pub(crate) struct Args {
     animation: Option<String>,
     #[command(flatten)]
     files: FileArgs,
+    /// Memory of tiles that are held, of a store of `canted tiles`: bytes, with K, M, G or T for powers of 1024 [default: 2G]
+    #[arg(long, value_name = "BYTES", value_parser = options::Bytes::parse)]
+    memory: Option<u64>,
     /// Rays in world space: .csv (ox,oy,oz,dx,dy,dz,tmax) or .bin (seven little-endian f32 per ray). tmax is in units of the
     /// direction's length.
     /// `-` is standard input.
@@ -88,7 +93,22 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     output::check_distinct(&inputs.named(), &outputs)?;
     args.run.start()?;
     let rays = files::read(&args.rays, args.format)?;
-    let (answers, cost) = if args.is_about_lines()? {
+    if args.memory.is_some() && !args.scene.is_dir() {
+        return Err(anyhow!("{}: --memory requires the folder of a store of `canted tiles`", args.scene.display()));
+    }
+    let (answers, cost) = if args.scene.is_dir() {
+        if args.time.is_some() || args.files.line_radius.is_some() || args.files.point_radius.is_some() {
+            return Err(anyhow!(
+                "{}: --time, --line-radius and --point-radius are for scenes, not for tiles",
+                args.scene.display()
+            ));
+        }
+        if !is_stream(&args.hits) {
+            output::probe(&args.hits)?;
+        }
+        let memory = args.memory.unwrap_or(2 << 30);
+        tiles::trace(&args.scene, memory, &rays, args.occluded, structure, &args.run.device)?
+    } else if args.is_about_lines()? {
         if !is_stream(&args.hits) {
             output::probe(&args.hits)?;
         }

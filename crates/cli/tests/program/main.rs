@@ -19,6 +19,7 @@ mod slurm;
 mod stage;
 mod stats;
 mod support;
+mod tiles;
 mod view;
 #[cfg(all(feature = "view", target_os = "linux"))]
 mod window;

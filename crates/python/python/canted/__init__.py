@@ -8,18 +8,19 @@
 >>> hits.t[0].item(), hits.primitive[0].item(), hits.position[0].tolist()
 (1.0, 0, [0.25, 0.5, 0.0])
 
-Every answer is that of a loop over all triangles; there is no epsilon. Bvh, also of a mesh of trimesh or Open3D, and Tlas answer queries. canted.trimesh and
+Every answer is that of a loop over all triangles; there is no epsilon. Bvh, also of a mesh of trimesh or Open3D, and Tlas answer queries, and so
+does Tiles, of a mesh larger than memory. canted.distributed asks on Dask. canted.trimesh and
 canted.open3d have the interfaces of these packages. render makes pictures; it needs the package canted_render.
 """
 
 import importlib
 
-from ._canted import Bvh, Contact, Distance, Hits, Nearest, Tlas, __version__
+from ._canted import Bvh, Contact, Distance, Hits, Nearest, Tiles, Tlas, __version__
 
-__all__ = ["Bvh", "Contact", "Distance", "Heatmap", "Hits", "Nearest", "Tlas", "__version__", "open3d", "render", "trimesh"]
+__all__ = ["Bvh", "Contact", "Distance", "Heatmap", "Hits", "Nearest", "Tiles", "Tlas", "__version__", "distributed", "open3d", "render", "trimesh"]
 
 # Loaded on first use, so that `import canted` takes milliseconds.
-_MODULES = ("open3d", "trimesh")
+_MODULES = ("distributed", "open3d", "trimesh")
 
 
 def render(scene=None, size=None, spp=None, **options):

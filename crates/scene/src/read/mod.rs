@@ -19,6 +19,7 @@ mod polygon;
 #[cfg(feature = "stl")]
 mod stl;
 mod strands;
+mod stream;
 #[cfg(test)]
 mod testing;
 mod text;
@@ -36,6 +37,7 @@ pub(crate) use image::decode;
 pub use input::ReadOptions;
 pub use lines::{is_lines, read_lines};
 pub use strands::Lines;
+pub use stream::stream_triangles;
 pub(crate) use text::{quoted, with_line_feeds};
 
 /// Reads an OBJ (with MTL), PLY, STL, OFF, glTF or GLB file with the buffers and images it references, or the curves of

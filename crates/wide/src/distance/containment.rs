@@ -39,6 +39,13 @@ impl TriangleBvh {
         self.each_place(points, &mut |i, place| inside[i] = place != Place::Outside);
     }
 
+    /// Where each point is, by parity alone: for meshes whose triangles are in several BVHs, of which an odd number says
+    /// [`Place::Inside`] where the point is inside of the whole.
+    pub fn places(&self, points: &[[f32; 3]], places: &mut [Place]) {
+        assert_eq!(points.len(), places.len(), "one answer per point");
+        self.each_place(points, &mut |i, place| places[i] = place);
+    }
+
     /// Calls `answer` with the index of each point and its place.
     fn each_place(&self, points: &[[f32; 3]], answer: &mut dyn FnMut(usize, Place)) {
         with_stack(self.nodes.stack_len(), |stack| {
@@ -84,10 +91,12 @@ impl TriangleBvh {
 
 /// Where a point is, relative to a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Place {
+pub enum Place {
     /// On a triangle.
     On,
+    /// An odd number of triangles is above it.
     Inside,
+    /// An even number of triangles is above it.
     Outside,
 }
 

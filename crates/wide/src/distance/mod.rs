@@ -41,6 +41,7 @@ use crate::node::Row;
 use crate::simd::Simd;
 use crate::traverse::MeshFrame;
 
+pub use containment::Place;
 pub use nearest::NearestPoint;
 pub use winding::WindingNumbers;
 

@@ -37,7 +37,8 @@ use crate::simd::AvailablePath;
 
 use check::{Expected, check_shapes, check_triangles};
 pub use error::LoadError;
-use header::{CHECKSUM_BYTES, HEADER_BYTES, Header, checksum};
+pub use header::checksum;
+use header::{CHECKSUM_BYTES, HEADER_BYTES, Header};
 pub use raw::RawBvh;
 
 /// Changes with what the bytes mean.

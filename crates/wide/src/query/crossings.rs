@@ -8,6 +8,7 @@
 //! Source: the rule is that of rasterizers for shared edges, by the perturbation of Edelsbrunner & Mücke 1990; reporting
 //! the lowest primitive is ours.
 
+use canted_obb::PrimId;
 use canted_trace::{
     Answer, Answers, Crossings, Hit, HitLists, Intersect, Ray, ScaledRay, Shear, Side, alternate_sides, with_stack,
 };
@@ -57,14 +58,65 @@ impl Task for CrossingsOf<'_> {
         let first = crossings.len();
         let mut sink = CrossingSink { inner: &mut *crossings, on_edges: &mut *on_edges };
         pass_hits::<S, _, true>(simd, bvh, ray, stack, &mut sink);
+        finish(&ray.scaled, on_edges, crossings, first);
+    }
+}
+
+/// Makes crossings of the hits from `first` on, which are inside of triangles, and of those on edges.
+fn finish(ray: &ScaledRay, on_edges: &mut Vec<EdgeHit>, crossings: &mut Vec<Hit>, first: usize) {
+    sort_from(crossings, first);
+    if !on_edges.is_empty() {
+        once_each(on_edges, crossings);
+        on_edges.clear();
         sort_from(crossings, first);
-        if !on_edges.is_empty() {
-            once_each(on_edges, crossings);
-            on_edges.clear();
-            sort_from(crossings, first);
-        }
-        to_caller(&ray.scaled, &mut crossings[first..]);
-        alternate_sides(&mut crossings[first..]);
+    }
+    to_caller(ray, &mut crossings[first..]);
+    alternate_sides(&mut crossings[first..]);
+}
+
+/// The crossings of a ray with one mesh whose triangles are in several BVHs: those of one BVH over all of them.
+///
+/// Triangles around an edge may be in different BVHs, so hits are gathered before edges are decided.
+#[derive(Clone, Debug, Default)]
+pub struct CrossingParts {
+    inner: Vec<Hit>,
+    on_edges: Vec<EdgeHit>,
+}
+
+impl CrossingParts {
+    /// Adds what the ray hits in one of the BVHs; `number` is the number in the mesh of a triangle of the BVH.
+    pub fn add(&mut self, bvh: &TriangleBvh, ray: &ScaledRay, number: impl Fn(PrimId) -> PrimId) {
+        let (inner, on_edges) = (self.inner.len(), self.on_edges.len());
+        let ray = &bvh.prepare(ray);
+        with_stack(bvh.stack_len(), |stack| bvh.path.run(HitsOf { bvh, ray, stack, parts: self }));
+        self.inner[inner..].iter_mut().for_each(|hit| hit.primitive = number(hit.primitive));
+        self.on_edges[on_edges..].iter_mut().for_each(|on_edge| on_edge.hit.primitive = number(on_edge.hit.primitive));
+    }
+
+    /// Appends the crossings of all BVHs that were added, in the order of [`Crossings::crossings`]; `ray` is that of [`Self::add`].
+    pub fn finish(mut self, ray: &ScaledRay, crossings: &mut Vec<Hit>) {
+        let first = crossings.len();
+        crossings.append(&mut self.inner);
+        finish(ray, &mut self.on_edges, crossings, first);
+    }
+}
+
+/// Gathers the hits of a ray.
+struct HitsOf<'a> {
+    bvh: &'a TriangleBvh,
+    ray: &'a TracedRay,
+    stack: &'a mut [u64],
+    parts: &'a mut CrossingParts,
+}
+
+impl Task for HitsOf<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) {
+        let Self { bvh, ray, stack, parts } = self;
+        let mut sink = CrossingSink { inner: &mut parts.inner, on_edges: &mut parts.on_edges };
+        pass_hits::<S, _, true>(simd, bvh, ray, stack, &mut sink);
     }
 }
 

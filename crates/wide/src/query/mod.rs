@@ -19,5 +19,6 @@ mod triangles;
 mod tests;
 
 pub use boxes::Order;
+pub use crossings::CrossingParts;
 pub use moving::MovingBvh;
 pub use sink::TraversalCounts;

@@ -9,5 +9,6 @@
 from ._canted_render import __version__
 from .picture import Picture
 from .call import render
+from .parts import merge_parts, picture_of_part, render_part, samples_per_pixel
 
-__all__ = ["Picture", "__version__", "render"]
+__all__ = ["Picture", "__version__", "merge_parts", "picture_of_part", "render", "render_part", "samples_per_pixel"]

@@ -61,19 +61,9 @@ def render(scene=None, size=None, spp=None, *, integrator=None, seed=None, aovs=
 
     Warnings of the program are Python's warnings.
     """
-    if isinstance(aovs, str):
-        aovs = aovs.split(",")
-    named = {"size": _size(size), "spp": spp, "integrator": integrator, "seed": seed, **options}
-    named["aovs"] = ",".join(str(name).replace("_", "-") for name in aovs) or None
-    words = [(name, word) for name, value in named.items() for word in _words(name, value)]
     if progress is not None and not callable(progress):
         raise ValueError("progress is not callable")
-    path = text = None
-    meshes = []
-    if isinstance(scene, (str, os.PathLike)):
-        path = os.fspath(scene)
-    elif scene is not None:
-        text, meshes = scene_file(scene)
+    path, text, meshes, words = _request(scene, size, spp, {"integrator": integrator, "seed": seed, "aovs": aovs, **options})
     try:
         pixels, by_name = _canted_render.render(path, text, meshes, words, threads, progress)
     except ValueError as error:
@@ -82,6 +72,23 @@ def render(scene=None, size=None, spp=None, *, integrator=None, seed=None, aovs=
         # The text is ours: its lines say nothing.
         raise ValueError(re.sub(r"\bscene: line \d+: ", "scene: ", str(error))) from None
     return Picture(pixels, {name: values[..., 0] if values.shape[2] == 1 else values for name, values in by_name.items()})
+
+
+def _request(scene, size, spp, options):
+    """The scene as a path, or as the text of a scene file with meshes; options as words of the program."""
+    aovs = options.get("aovs") or ()
+    if isinstance(aovs, str):
+        aovs = aovs.split(",")
+    named = {"size": _size(size), "spp": spp, **options}
+    named["aovs"] = ",".join(str(name).replace("_", "-") for name in aovs) or None
+    words = [(name, word) for name, value in named.items() for word in _words(name, value)]
+    path = text = None
+    meshes = []
+    if isinstance(scene, (str, os.PathLike)):
+        path = os.fspath(scene)
+    elif scene is not None:
+        text, meshes = scene_file(scene)
+    return path, text, meshes, words
 
 
 def _size(size):

@@ -1,0 +1,191 @@
+"""canted.distributed: the bits of the local call, for any chunks and workers."""
+
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+
+import canted
+from test_tiles import rays, soup
+
+dask = pytest.importorskip("dask", reason="dask is not installed")
+da = pytest.importorskip("dask.array", reason="dask.array is not installed")
+distributed = pytest.importorskip("distributed", reason="distributed is not installed")
+cd = pytest.importorskip("canted.distributed")
+
+HITS = ("ray", "t", "primitive", "u", "v", "entering", "hit", "position", "normal")
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1") as cluster:
+        with distributed.Client(cluster) as client:
+            yield client
+
+
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory):
+    """One mesh as a Bvh, as its file, as its URL, and as tiles."""
+    folder = tmp_path_factory.mktemp("sources")
+    vertices, triangles = soup()
+    bvh = canted.Bvh(vertices, triangles)
+    bvh.save(folder / "mesh.bvh")
+    tiles = canted.Tiles.build(vertices, triangles, folder / "store", tile_triangles=150)
+    urls = [(folder / name).as_uri() for name in ("mesh.bvh", "store")]
+    return bvh, [bvh, folder / "mesh.bvh", str(folder / "store"), tiles, *urls]
+
+
+def check(bvh, source):
+    origins, directions = rays()
+    for chunk in (200, 10_000):
+        hits = cd.closest_hit(source, origins, directions, chunk=chunk)
+        local = bvh.closest_hit(origins, directions)
+        found = hits.compute(*HITS)
+        for name in HITS:
+            assert isinstance(getattr(hits, name), da.Array) and getattr(hits, name).shape == getattr(local, name).shape
+            np.testing.assert_array_equal(found[name], getattr(local, name))
+            assert found[name].dtype == getattr(local, name).dtype == getattr(hits, name).dtype
+        assert hits.instance is None
+    t_max = 5 * np.random.default_rng(3).random(origins.shape[:-1])
+    lazy = [da.from_array(array, chunks=(13, 17, 2)) for array in (origins, directions)]
+    np.testing.assert_array_equal(cd.occluded(source, *lazy, 0.0, t_max).compute(), bvh.occluded(origins, directions, 0.0, t_max))
+    np.testing.assert_array_equal(
+        cd.closest_hit(source, lazy[0], directions, t_max=da.from_array(t_max)).t.compute(), bvh.closest_hit(origins, directions, t_max=t_max).t
+    )
+    flat = origins.reshape(-1, 3), directions.reshape(-1, 3)
+    for name in ("all_hits", "crossings"):
+        found = getattr(cd, name)(source, *flat, chunk=333).compute(*HITS)
+        for field in HITS:
+            np.testing.assert_array_equal(found[field], getattr(getattr(bvh, name)(*flat), field), err_msg=f"{name} {field}")
+    np.testing.assert_array_equal(cd.contains(source, origins, "parity", chunk=99).compute(), bvh.contains(origins, "parity"))
+    np.testing.assert_array_equal(cd.signed_distance(source, lazy[0], "parity").compute(), bvh.signed_distance(origins, "parity"))
+    near = cd.nearest(source, origins, 0.4, chunk=150)
+    local = bvh.nearest(origins, 0.4)
+    for name, values in near.compute("distance", "primitive", "position").items():
+        np.testing.assert_array_equal(values, getattr(local, name))
+
+
+def test_answers_on_a_cluster(cluster, sources):
+    bvh, all_sources = sources
+    for source in all_sources:
+        check(bvh, source)
+
+
+def test_answers_on_threads(sources):
+    bvh, all_sources = sources
+    with dask.config.set(scheduler="threads"):
+        check(bvh, all_sources[0])
+        check(bvh, all_sources[2])
+
+
+def test_one_origin_serves_all_rays(sources):
+    bvh, _ = sources
+    _, directions = rays()
+    with dask.config.set(scheduler="threads"):
+        found = cd.closest_hit(bvh, [5.0, 5.0, 5.0], directions, chunk=100).t.compute()
+        np.testing.assert_array_equal(found, bvh.closest_hit([5.0, 5.0, 5.0], directions).t)
+        np.testing.assert_array_equal(cd.closest_hit(bvh, [5, 5, 5], [0, 0, 1]).t.compute(), bvh.closest_hit([5, 5, 5], [0, 0, 1]).t)
+
+
+def test_a_bvh_with_an_origin_near_it_gives_float64(tmp_path):
+    vertices, triangles = soup(200)
+    bvh = canted.Bvh(vertices.astype(np.float64) + 1e7, triangles, origin="near")
+    bvh.save(tmp_path / "near.bvh")
+    origins, directions = rays()
+    with dask.config.set(scheduler="threads"):
+        for source in (bvh, tmp_path / "near.bvh"):
+            found = cd.closest_hit(source, origins + 1e7, directions, chunk=300).t
+            assert found.dtype == np.float64 == found.compute().dtype
+            np.testing.assert_array_equal(found.compute(), bvh.closest_hit(origins + 1e7, directions).t)
+
+
+def test_persisted_queries_run_once(cluster, sources):
+    bvh, all_sources = sources
+    origins, directions = rays()
+    hits = cd.closest_hit(all_sources[2], origins, directions, chunk=300).persist()
+    local = bvh.closest_hit(origins, directions)
+    np.testing.assert_array_equal(hits.t.compute(), local.t)
+    np.testing.assert_array_equal(hits.position.compute(), local.position)
+
+
+def test_a_killed_worker_costs_its_tasks_only(sources):
+    bvh, all_sources = sources
+    origins, directions = rays(shape=(20_000,))
+    local = bvh.all_hits(origins, directions)
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1") as cluster:
+        with distributed.Client(cluster) as client:
+            for source in (all_sources[0], all_sources[2]):
+                workers = {worker.pid for worker in _workers(client)}
+                hits = cd.all_hits(source, origins, directions, chunk=100)
+                futures = client.compute([hits.t, hits.primitive])
+                time.sleep(0.3)
+                os.kill(workers.pop(), signal.SIGKILL)
+                t, primitive = client.gather(futures)
+                np.testing.assert_array_equal(t, local.t)
+                np.testing.assert_array_equal(primitive, local.primitive)
+                client.wait_for_workers(2, timeout=60)
+
+
+def _workers(client):
+    class Worker:
+        def __init__(self, pid):
+            self.pid = pid
+
+    return [Worker(pid) for pid in client.run(os.getpid).values()]
+
+
+def test_errors_reach_the_client(cluster, sources, tmp_path, monkeypatch):
+    origins, directions = rays()
+    with pytest.raises((OSError, ValueError), match="absent"):
+        cd.closest_hit(tmp_path / "absent.bvh", origins, directions).t.compute()
+    vertices, triangles = soup(300)
+    canted.Tiles.build(vertices, triangles, tmp_path / "store", tile_triangles=50)
+    (tmp_path / "store" / "000003.bvh").write_bytes(b"CANTWIDE")
+    with pytest.raises(ValueError, match="000003.bvh"):
+        cd.closest_hit(tmp_path / "store", origins, directions).t.compute()
+    with pytest.raises(TypeError, match="bvh is a int"):
+        cd.closest_hit(3, origins, directions)
+    with pytest.raises(ValueError, match="the last axis must have 3 numbers"):
+        cd.contains(sources[0], np.zeros((4, 2)))
+    with pytest.raises(ValueError, match="origins of shape"):
+        cd.occluded(sources[0], origins, directions[:-1])
+    monkeypatch.setattr(cd, "__version__", "9.9.9")
+    with pytest.raises(RuntimeError, match="the client 9.9.9"):
+        cd.occluded(sources[0], origins, directions).compute()
+
+
+def test_the_model_of_costs():
+    small = cd.cost(10**7, 10**6, 1)
+    assert small["seconds"] == pytest.approx(10, rel=0.1) and small["limit"] == "trace" and small["tasks"] == 10
+    assert cd.cost(10**7, 10**6, 2)["seconds"] == pytest.approx(small["seconds"] / 2, rel=0.05)
+    # With a thousand workers, ten chunks keep ten of them busy.
+    assert cd.cost(10**7, 10**6, 1000)["seconds"] >= small["seconds"] / 10
+    huge = cd.cost(10**12, 10**10, 1000)
+    assert huge["tasks"] == 10**6 and huge["limit"] == "move"
+    assert cd.cost(10**9, 10**10, 10, coherent=False)["read_bytes"] > 10 * cd.cost(10**9, 10**10, 10)["read_bytes"]
+    # Chunks of a thousand rays are more tasks than a scheduler starts in time.
+    assert cd.cost(10**9, 10**6, 1000, chunk=1000, network=10**12)["limit"] == "schedule"
+
+
+def test_pictures_are_those_of_one_machine(cluster):
+    canted_render = pytest.importorskip("canted_render")
+    for options in ({}, {"integrator": "path", "aovs": ["depth"]}):
+        whole = canted_render.render(size=(32, 18), spp=6, **options)
+        for parts in (1, 2, 5):
+            progress = []
+            picture = cd.render(size=(32, 18), spp=6, parts=parts, client=cluster, progress=progress.append, **options)
+            np.testing.assert_array_equal(picture, whole)
+            assert progress[0] == 0 and progress[-1] == 1 and picture.shape == (18, 32, 3)
+            assert_same_aovs(picture, whole)
+    with pytest.raises(ValueError, match="parts is 0"):
+        cd.render(size=(4, 4), parts=0)
+    with pytest.raises(ValueError, match="sise"):
+        cd.render(sise=(4, 4), client=cluster)
+
+
+def assert_same_aovs(picture, whole):
+    assert picture.aovs.keys() == whole.aovs.keys()
+    for name, values in whole.aovs.items():
+        np.testing.assert_array_equal(picture.aovs[name], values)

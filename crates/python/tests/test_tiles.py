@@ -1,0 +1,102 @@
+"""Tiles against Bvh, bit for bit."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import canted
+
+HIT_FIELDS = ("ray", "t", "primitive", "u", "v", "entering", "hit", "position", "normal")
+
+
+def soup(n=2000, seed=1):
+    """Triangles of which a tenth occurs twice, so that rays hit equal t."""
+    rng = np.random.default_rng(seed)
+    corners = (10 * rng.random((n, 1, 3)) + rng.random((n, 3, 3))).astype(np.float32)
+    corners[-n // 10 :] = corners[: n // 10]
+    return corners.reshape(-1, 3), np.arange(3 * n).reshape(-1, 3)
+
+
+def rays(seed=2, shape=(40, 50)):
+    rng = np.random.default_rng(seed)
+    return 12 * rng.random((*shape, 3)), rng.random((*shape, 3)) - 0.5
+
+
+def assert_same(one, other, names):
+    for name in names:
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+        assert getattr(one, name).dtype == getattr(other, name).dtype
+
+
+@pytest.mark.parametrize("tile_triangles, memory", [(2000, "2G"), (300, "2G"), (31, 10_000)])
+def test_answers_are_those_of_a_bvh(tmp_path, tile_triangles, memory):
+    vertices, triangles = soup()
+    bvh = canted.Bvh(vertices, triangles)
+    built = canted.Tiles.build(vertices, triangles, tmp_path / "store", tile_triangles=tile_triangles)
+    assert len(built) == 2000 and built.stats()["tiles"] == -(-2000 // tile_triangles)
+    tiles = canted.Tiles(tmp_path / "store", memory=memory)
+    np.testing.assert_array_equal(tiles.bounds, bvh.bounds)
+    origins, directions = rays()
+    for name in ("closest_hit", "all_hits", "crossings"):
+        found = getattr(tiles, name)(origins, directions, 0.0, 9.0)
+        assert_same(found, getattr(bvh, name)(origins, directions, 0.0, 9.0), HIT_FIELDS)
+        assert found.instance is None
+    np.testing.assert_array_equal(tiles.occluded(origins, directions, 0, 2.0), bvh.occluded(origins, directions, 0, 2.0))
+    np.testing.assert_array_equal(tiles.contains(origins), bvh.contains(origins, "parity"))
+    np.testing.assert_array_equal(tiles.signed_distance(origins), bvh.signed_distance(origins, "parity"))
+    fields = ("distance", "primitive", "position")
+    assert_same(tiles.nearest(origins), bvh.nearest(origins), fields)
+    assert_same(tiles.k_nearest(origins, 3, 0.5), bvh.k_nearest(origins, 3, 0.5), fields)
+    assert (tiles.closest_hit(*rays(shape=(5000,))).primitive >= 1800).sum() == 0, "of copies, the lower number is hit"
+
+
+def test_arrays_may_be_memory_maps(tmp_path):
+    vertices, triangles = soup(500)
+    np.save(tmp_path / "v.npy", vertices)
+    np.save(tmp_path / "t.npy", triangles)
+    maps = [np.load(tmp_path / name, mmap_mode="r") for name in ("v.npy", "t.npy")]
+    one = canted.Tiles.build(*maps, tmp_path / "a", tile_triangles=60)
+    other = canted.Tiles.build(vertices.reshape(-1, 3, 3), None, tmp_path / "b", tile_triangles=60)
+    for name in ("000000.bvh", "000008.numbers", "manifest.json"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    assert repr(one).startswith("Tiles(500 triangles in 9 tiles") and len(other) == 500
+
+
+def test_origin_and_pickle(tmp_path):
+    vertices, triangles = soup(300)
+    far = vertices.astype(np.float64) + [1e6, 0, 0]
+    tiles = canted.Tiles.build(far, triangles, tmp_path / "store", tile_triangles=50, origin=(1e6, 0, 0))
+    bvh = canted.Bvh(far, triangles, origin=(1e6, 0, 0))
+    copy = pickle.loads(pickle.dumps(tiles))
+    origins, directions = rays()
+    assert_same(copy.closest_hit(origins + [1e6, 0, 0], directions), bvh.closest_hit(origins + [1e6, 0, 0], directions), HIT_FIELDS)
+    assert tiles.origin == (1e6, 0.0, 0.0) and str(copy.path) == str(tmp_path / "store")
+
+
+def test_errors_name_what_is_wrong(tmp_path):
+    vertices, triangles = soup(300)
+    with pytest.raises(ValueError, match="it has no manifest.json"):
+        canted.Tiles(tmp_path)
+    store = tmp_path / "store"
+    tiles = canted.Tiles.build(vertices, triangles, store, tile_triangles=50)
+    for mode in ("winding", "other"):
+        with pytest.raises(ValueError, match=f"mode is '{mode}'"):
+            tiles.contains([[0, 0, 0]], mode)
+    with pytest.raises(ValueError, match="triangle 1 has vertex index 900, but there are 900 vertices"):
+        canted.Tiles.build(vertices, [[0, 1, 2], [0, 1, 900]], tmp_path / "other")
+    with pytest.raises(ValueError, match="triangle 0 has a vertex that is not finite"):
+        canted.Tiles.build(np.full((3, 3), np.nan), [[0, 1, 2]], tmp_path / "other")
+    with pytest.raises(ValueError, match="tile_triangles is 0"):
+        canted.Tiles.build(vertices, triangles, tmp_path / "other", tile_triangles=0)
+    with pytest.raises(ValueError, match="memory is '2Q'"):
+        canted.Tiles(store, "2Q")
+    assert not list(tmp_path.glob("other*"))
+    for name in ("000002.bvh", "000004.numbers"):
+        whole = (store / name).read_bytes()
+        for part in (whole[:-1], bytes([whole[0] ^ 1]) + whole[1:], None):
+            (store / name).unlink() if part is None else (store / name).write_bytes(part)
+            with pytest.raises(ValueError, match=name):
+                canted.Tiles(store)
+        (store / name).write_bytes(whole)
+    tiles.check()

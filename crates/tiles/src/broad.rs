@@ -1,0 +1,167 @@
+//! Which tiles a ray may hit, and from which `t` on; which tiles may be near a point.
+
+use canted_obb::{Aabb, Obb, PrimId};
+use canted_tlas::{Instance, Tlas};
+use canted_trace::{Hit, InstanceId, Intersect, Query, Ray, ScaledRay, Side, TriangleTest, with_stack};
+use canted_wide::WideBvh;
+
+use crate::manifest::Manifest;
+
+/// The bounds of a tile, which answer as its BVH would if it were hit where a ray enters the padded bounds.
+///
+/// A hit lies within [`Intersect::hit_error`] of the bounds: each coordinate of `o + t·d` is off by at most `e·(|o|∞ + ρ∞)`. So its `t` lies in the
+/// interval of the bounds padded by as much. The interval is computed in `f64`: differences and quotients have errors below 2^-51 of
+/// `|o|∞ + ρ∞` along each axis, for which the pad is larger by a thousandth, and the entry is rounded down twice: once to `f32`, once for
+/// the `t` that an instance rounds.
+#[derive(Clone, Debug)]
+pub(crate) struct TileBounds(pub(crate) Aabb);
+
+/// More than the roundings of an entry.
+const SLACK: f64 = 1.001;
+
+impl TileBounds {
+    /// Where a ray enters the padded bounds, not above the `t` of any hit in the tile.
+    fn entry(&self, ray: &ScaledRay) -> Option<f32> {
+        let size = f64::from(reach(ray.origin)) + f64::from(reach(self.0.min).max(reach(self.0.max)));
+        let pad = SLACK * f64::from(self.hit_error()) * size + f64::from(f32::MIN_POSITIVE);
+        let (mut entry, mut exit) = (f64::from(ray.t_min), f64::from(ray.t_max));
+        for k in 0..3 {
+            let [o, d] = [ray.origin[k], ray.direction[k]].map(f64::from);
+            let (low, high) = (f64::from(self.0.min[k]) - pad - o, f64::from(self.0.max[k]) + pad - o);
+            if d == 0.0 {
+                if low > 0.0 || high < 0.0 {
+                    return None;
+                }
+                continue;
+            }
+            let (a, b) = (low / d, high / d);
+            entry = entry.max(a.min(b));
+            exit = exit.min(a.max(b));
+        }
+        // The slack of the pad covers the rounding of both ends, also of one that was given.
+        (entry <= exit).then(|| ((entry as f32).next_down().next_down()).max(0.0))
+    }
+}
+
+impl Intersect for TileBounds {
+    fn bounds(&self) -> Obb {
+        Obb::from_aabb(&self.0)
+    }
+
+    fn hit_error(&self) -> f32 {
+        TriangleTest::Watertight.hit_error()
+    }
+
+    fn has_local_error(&self) -> bool {
+        true
+    }
+
+    fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    fn closest_hit_scaled(&self, ray: &ScaledRay, _: &mut dyn Query, _: &mut [u64]) -> Option<Hit> {
+        let t = self.entry(ray)?;
+        Some(Hit { t, u: 0.0, v: 0.0, primitive: PrimId(0), instance: InstanceId(0), side: Side::Front })
+    }
+
+    fn occluded_scaled(&self, ray: &ScaledRay, _: &mut dyn Query, _: &mut [u64]) -> bool {
+        self.entry(ray).is_some()
+    }
+
+    fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>) {
+        hits.extend(self.closest_hit_scaled(ray, query, stack));
+    }
+}
+
+/// A tile that a ray may hit: from which `t` on, and its number. In the order of visits.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub(crate) struct Entry(pub(crate) f32, pub(crate) u32);
+
+/// The bounds of all tiles, wherever they are placed.
+pub(crate) struct Broad {
+    rays: Tlas<TileBounds>,
+    /// The tile of each instance of `rays`.
+    tile_of: Vec<u32>,
+    points: WideBvh<Aabb>,
+    /// The greatest coordinate of the bounds.
+    reach: f32,
+}
+
+impl Broad {
+    /// Of a manifest that was checked.
+    pub(crate) fn new(manifest: &Manifest) -> Result<Self, String> {
+        let boxes: Vec<Aabb> = manifest.tiles.iter().map(|tile| tile.aabb()).collect();
+        let bounds = boxes.iter().map(|aabb| TileBounds(*aabb)).collect();
+        let (mut instances, mut tile_of) = (vec![], vec![]);
+        for placement in &manifest.placements {
+            let [first, n] = manifest.meshes[placement.mesh as usize].tiles;
+            for tile in first..first + n {
+                instances.push(Instance::new(tile, placement.affine()));
+                tile_of.push(tile);
+            }
+        }
+        let rays = Tlas::new(bounds, &instances, Default::default()).map_err(|error| error.to_string())?;
+        let greatest = boxes.iter().flat_map(|aabb| [aabb.min, aabb.max]).map(reach).fold(0.0, f32::max);
+        let points = WideBvh::over(boxes).map_err(|error| error.to_string())?;
+        Ok(Self { rays, tile_of, points, reach: greatest })
+    }
+
+    /// Bounds of everything, and how far a hit may lie outside of them.
+    pub(crate) fn bounds(&self) -> (Obb, f32) {
+        (self.rays.bounds(), self.rays.hit_error())
+    }
+
+    pub(crate) fn aabb(&self) -> Aabb {
+        self.rays.aabb()
+    }
+
+    /// The tiles that a ray may hit, in order; `ray` is scaled. Replaces the content of `entries`; `hits` is memory to use.
+    pub(crate) fn entries(&self, ray: &Ray, hits: &mut Vec<Hit>, entries: &mut Vec<Entry>) {
+        entries.clear();
+        hits.clear();
+        if let Some(ray) = ScaledRay::new(ray) {
+            with_stack(self.rays.stack_len(), |stack| self.rays.all_hits_scaled(&ray, &mut (), stack, hits));
+        }
+        entries.extend(hits.iter().map(|hit| Entry(hit.t, self.tile_of[hit.instance.index()])));
+        entries.sort_unstable_by(|a, b| (a.1, a.0).partial_cmp(&(b.1, b.0)).unwrap_or(std::cmp::Ordering::Equal));
+        // Of a tile with several placements, the first that the ray enters.
+        entries.dedup_by_key(|entry| entry.1);
+        entries.sort_unstable_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+    }
+
+    /// The tile nearest to a point, by the distance to its bounds, after `last`, of those that may hold a triangle at most `limit` away: the
+    /// squared distance of the bounds, and the tile. `limit` is a squared distance.
+    ///
+    /// Distances of triangles fall short of the true ones by at most 2^-40 of the coordinates, for which the limit is larger.
+    pub(crate) fn nearest(&self, point: [f32; 3], last: Option<(f64, u32)>, limit: f64) -> Option<(f64, u32)> {
+        let size = f64::from(reach(point).max(self.reach)) * 2.0;
+        let far = limit.sqrt() + size / (1_u64 << 38) as f64;
+        let limit = far * far * (1.0 + 1e-12);
+        let mut best: Option<(f64, u32)> = None;
+        self.points.visit_near(point, limit, |tile, aabb, bound| {
+            let found = (squared_distance(point, aabb), tile.0);
+            let is_next = found.0 <= limit && last.is_none_or(|last| last < found) && best.is_none_or(|b| found < b);
+            if is_next {
+                best = Some(found);
+            }
+            best.map_or(bound, |(distance, _)| distance.min(bound))
+        });
+        best
+    }
+}
+
+/// The greatest coordinate.
+fn reach(corner: [f32; 3]) -> f32 {
+    corner.iter().fold(0.0_f32, |most, x| most.max(x.abs()))
+}
+
+/// The squared distance to a box.
+fn squared_distance(point: [f32; 3], aabb: &Aabb) -> f64 {
+    let gap = |k: usize| {
+        let x = f64::from(point[k]);
+        (f64::from(aabb.min[k]) - x).max(x - f64::from(aabb.max[k])).max(0.0)
+    };
+    let [x, y, z] = [gap(0), gap(1), gap(2)];
+    x * x + y * y + z * z
+}
