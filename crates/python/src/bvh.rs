@@ -470,12 +470,14 @@ impl Bvh {
         let origin = geometry.origin(origin)?;
         let mode = geometry::inside(&call, &geometry, mode)?;
         let found = of_points(&call, &points.rows(origin), 0.0, |points, found| {
-            for (&point, distance) in points.iter().zip(found) {
-                let rounded = point.map(|x| x as f32);
-                let signed = match mode {
-                    Inside::Parity => geometry.mesh.signed_distance(rounded),
-                    Inside::Winding => geometry.winding().signed_distance(&geometry.mesh, rounded),
-                };
+            let (rounded, mut signed) = (rounded(points), vec![0.0; points.len()]);
+            match mode {
+                Inside::Parity => geometry.mesh.signed_distance_many(&rounded, &mut signed),
+                Inside::Winding => {
+                    geometry.winding().signed_distance_many(&geometry.mesh, &rounded, &mut signed);
+                }
+            }
+            for ((&point, signed), distance) in points.iter().zip(signed).zip(found) {
                 *distance = f64::from(signed);
                 // Its size by the point that is not rounded.
                 let is_inexact = geometry.is_near && signed.is_finite() && signed != 0.0;

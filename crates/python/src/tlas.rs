@@ -362,8 +362,9 @@ impl Tlas {
         let (points, call) = (Table::of_any_shape(points, "points")?, Call::new(py, threads, progress)?);
         let modes = scene.inside(&call, mode)?;
         let found = of_points(&call, &points.rows(scene.origin), 0.0, |points, found| {
-            for (&point, distance) in points.iter().zip(found) {
-                let near = scene.tlas.nearest_point(point, f64::INFINITY);
+            let mut nearest = vec![None; points.len()];
+            scene.tlas.nearest_point_many(points, f64::INFINITY, &mut nearest);
+            for ((&point, near), distance) in points.iter().zip(nearest).zip(found) {
                 let is_number = !point.iter().any(|x| x.is_nan());
                 let size = near.map_or(if is_number { f64::INFINITY } else { f64::NAN }, |near| near.distance);
                 *distance = if size > 0.0 && scene.contains_point(point, &modes) { -size } else { size };

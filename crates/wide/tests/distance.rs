@@ -551,3 +551,35 @@ fn regions_without_volume_have_the_overlaps_of_a_loop() {
     }
     assert!(n_found > 500, "{n_found}");
 }
+
+/// Answers of slices are those of single points, to the bit: of rows of a grid, and of points anywhere, bad ones too.
+#[test]
+fn slices_of_points() {
+    for (name, mesh) in meshes() {
+        let bvh = build(&mesh, Preset::Balanced);
+        let mut all = points(&mesh, 5, 300);
+        let ([min, max], first) = (mesh.bounds(), all[0]);
+        all.extend((0..300).map(|i| {
+            std::array::from_fn(|k| if k == 0 { first[0] + (max[0] - min[0]) * i as f32 / 300.0 } else { first[k] })
+        }));
+        all.extend([[f32::NAN, 0.0, 0.0], [0.0, f32::INFINITY, 0.0], first]);
+        for max_distance in [f32::INFINITY, 0.1 * mesh.diagonal() as f32, -1.0] {
+            let (mut nearest, mut parallel) = (vec![None; all.len()], vec![None; all.len()]);
+            bvh.nearest_point_many(&all, max_distance, &mut nearest);
+            bvh.par_nearest_point_many(&all, max_distance, &mut parallel);
+            let singles: Vec<_> = all.iter().map(|&point| bvh.nearest_point(point, max_distance)).collect();
+            assert!(nearest == singles && parallel == singles, "{name}");
+        }
+        let bits = |distances: &[f32]| distances.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        let (mut signed, mut parallel) = (vec![0.0; all.len()], vec![0.0; all.len()]);
+        bvh.signed_distance_many(&all, &mut signed);
+        bvh.par_signed_distance_many(&all, &mut parallel);
+        let singles: Vec<f32> = all.iter().map(|&point| bvh.signed_distance(point)).collect();
+        assert!(bits(&signed) == bits(&singles) && bits(&parallel) == bits(&singles), "{name}");
+        let winding = bvh.winding_numbers();
+        winding.signed_distance_many(&bvh, &all, &mut signed);
+        winding.par_signed_distance_many(&bvh, &all, &mut parallel);
+        let singles: Vec<f32> = all.iter().map(|&point| winding.signed_distance(&bvh, point)).collect();
+        assert!(bits(&signed) == bits(&singles) && bits(&parallel) == bits(&singles), "{name}");
+    }
+}

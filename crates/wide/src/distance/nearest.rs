@@ -1,14 +1,22 @@
 //! Nearest and k nearest primitives.
 
 use canted_obb::PrimId;
+use canted_obb::vector::{length, reach, sub, to_f64};
 use canted_trace::with_stack;
 
 use super::{ClosestPoint, DistanceShape, PointLanes};
 use crate::bvh::WideBvh;
 use crate::leaf::LeafPrimitive;
 use crate::node::{ALIGNED_LINES, ChildWord, DecodedWord, NodeKind, Nodes, ORIENTED_LINES, node_words, rows};
+use crate::par;
 use crate::simd::{Simd, Task};
 use crate::traverse::{LeafRange, MeshFrame};
+
+/// Points of one parallel job.
+const CHUNK: usize = 1 << 8;
+
+/// What roundings may add to a sum of two distances, relative to the coordinates, and to its square.
+const STEP_ERROR: f64 = 64.0 * f64::EPSILON;
 
 /// A primitive near a query point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +31,12 @@ pub struct NearestPoint {
 
 /// A primitive that was found: squared distance, number, closest point.
 type Found = (f64, PrimId, [f64; 3]);
+
+impl From<Found> for NearestPoint {
+    fn from((distance_squared, primitive, position): Found) -> Self {
+        Self { distance: distance_squared.sqrt() as f32, position: position.map(|x| x as f32), primitive }
+    }
+}
 
 /// The `k` nearest primitives, in order: least distance, then lowest primitive.
 struct Nearest {
@@ -90,11 +104,44 @@ where
             collector.take(found);
             collector.bound()
         });
-        nearest.extend(collector.found.into_iter().map(|(distance_squared, primitive, position)| NearestPoint {
-            distance: distance_squared.sqrt() as f32,
-            position: position.map(|x| x as f32),
-            primitive,
-        }));
+        nearest.extend(collector.found.into_iter().map(NearestPoint::from));
+    }
+
+    /// The nearest primitive of each point; see [`WideBvh::nearest_point`]. Points near their predecessors, as those of grids, take less time: the search
+    /// starts with what the predecessor found.
+    ///
+    /// # Panics
+    /// Where the slices differ in length.
+    pub fn nearest_point_many(&self, points: &[[f32; 3]], max_distance: f32, nearest: &mut [Option<NearestPoint>]) {
+        assert_eq!(points.len(), nearest.len(), "one answer for each point");
+        nearest.fill(None);
+        let Some(limit) = squared(max_distance) else { return };
+        let mut last: Option<([f32; 3], f64)> = None;
+        for (&point, nearest) in points.iter().zip(nearest) {
+            // What is nearest to the predecessor is no farther away than that and the step.
+            let within = last.map_or(limit, |(other, distance)| {
+                let (other, point) = (to_f64(other), to_f64(point));
+                let sum =
+                    length(sub(point, other)) + distance + STEP_ERROR * (reach(point).max(reach(other)) + distance);
+                limit.min(sum * sum * (1.0 + STEP_ERROR))
+            });
+            let mut collector = Nearest { found: vec![], k: 1, limit: within };
+            self.collect_near(point, within, |found| {
+                collector.take(found);
+                collector.bound()
+            });
+            let found = collector.found.pop();
+            last = found.map(|found| (point, found.0.sqrt()));
+            *nearest = found.map(NearestPoint::from);
+        }
+    }
+
+    /// [`WideBvh::nearest_point_many`] on all threads.
+    pub fn par_nearest_point_many(&self, points: &[[f32; 3]], max_distance: f32, nearest: &mut [Option<NearestPoint>]) {
+        assert_eq!(points.len(), nearest.len(), "one answer for each point");
+        par::for_chunks(nearest, CHUNK, |first, nearest| {
+            self.nearest_point_many(&points[first..first + nearest.len()], max_distance, nearest);
+        });
     }
 
     /// Calls `take` with every primitive that may be nearer than a bound, a squared distance; it returns the new bound.
@@ -127,7 +174,7 @@ impl<P: LeafPrimitive> WideBvh<P> {
 ///
 /// Where numbers are not normal, the three squares, their scale and the quotient of a lower bound are rounded by half the least number each, and
 /// the sum of the squares is exact: less than four least numbers in all.
-fn reach(bound: f64) -> f32 {
+fn limit_of(bound: f64) -> f32 {
     /// The least number greater than zero.
     const LEAST: f32 = f32::from_bits(1);
     (bound as f32).next_up() + 4.0 * LEAST
@@ -162,7 +209,7 @@ impl Task for Search<'_> {
                         NodeKind::Aligned => lanes.aligned(simd, rows::<ALIGNED_LINES, 8>(lines, line)),
                         NodeKind::Oriented => lanes.oriented(simd, rows::<ORIENTED_LINES, 16>(lines, line)),
                     };
-                    let limit = simd.splat(reach(bound));
+                    let limit = simd.splat(limit_of(bound));
                     let mut mask = simd.le(bounds, limit);
                     let bounds = simd.store(bounds);
                     let base = n_waiting;
@@ -185,7 +232,7 @@ impl Task for Search<'_> {
                 }
                 n_waiting -= 1;
                 let key = stack[n_waiting];
-                if f32::from_bits((key >> 32) as u32) <= reach(bound) {
+                if f32::from_bits((key >> 32) as u32) <= limit_of(bound) {
                     word = ChildWord(key as u32);
                     break;
                 }

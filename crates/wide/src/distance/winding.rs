@@ -199,6 +199,24 @@ impl WindingNumbers {
         bvh.distance_at(point, self.place(point))
     }
 
+    /// The signed distance of each point, by its winding number; see [`WindingNumbers::signed_distance`].
+    ///
+    /// # Panics
+    /// Where the slices differ in length.
+    pub fn signed_distance_many(&self, bvh: &TriangleBvh, points: &[[f32; 3]], distances: &mut [f32]) {
+        assert_eq!(points.len(), distances.len(), "one answer for each point");
+        let places: Vec<Place> = points.iter().map(|&point| self.place(point)).collect();
+        bvh.distances_at(points, &places, distances);
+    }
+
+    /// [`WindingNumbers::signed_distance_many`] on all threads.
+    pub fn par_signed_distance_many(&self, bvh: &TriangleBvh, points: &[[f32; 3]], distances: &mut [f32]) {
+        assert_eq!(points.len(), distances.len(), "one answer for each point");
+        par::for_chunks(distances, CHUNK, |first, distances| {
+            self.signed_distance_many(bvh, &points[first..first + distances.len()], distances);
+        });
+    }
+
     /// Whether each point is inside; see [`WindingNumbers::contains`]. Panics where the slices differ in length.
     pub fn contains_many(&self, points: &[[f32; 3]], inside: &mut [bool]) {
         assert_eq!(points.len(), inside.len(), "one answer for each point");
