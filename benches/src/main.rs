@@ -4,6 +4,7 @@
 
 #![forbid(unsafe_code)]
 
+mod bodies;
 mod device;
 mod kinds;
 mod models;
@@ -52,6 +53,9 @@ fn main() -> Result<()> {
     }
     if options.wants("wide") {
         wide::section(&mut out, &options)?;
+    }
+    if options.wants("bodies") {
+        bodies::section(&mut out, &options)?;
     }
     if options.wants("kinds") {
         kinds::section(&mut out, &options)?;

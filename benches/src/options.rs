@@ -7,7 +7,7 @@ use canted_gpu::Choice;
 pub(crate) const TRIAL: &str = "tinybvh-trial";
 
 /// The sections, in the order of the report.
-const SECTIONS: [&str; 5] = ["nodes", "kinds", "wide", "motion", "picture"];
+const SECTIONS: [&str; 6] = ["nodes", "kinds", "wide", "motion", "picture", "bodies"];
 
 /// The options of the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -37,7 +37,7 @@ const USAGE: &str = "usage: cargo xtask TASK
 
 What measures prints its result; with --keep it records it in benches/results. --peers adds Embree and tinybvh:
 
-  bench [ARGS]      measure speed: nodes, kinds, wide, motion, picture [default: all]; --rounds N, --scenes A,B, --engines A,B,
+  bench [ARGS]      measure speed: nodes, kinds, wide, motion, picture, bodies [default: all]; --rounds N, --scenes A,B, --engines A,B,
                     --quick, --seed N; --device gpu|NAME measures that adapter only, compared with the CPU
   report [ARGS]     measure every choice and write target/report: boxes, kernels, sources, left-out [default: all]; --quick
   kernels           compile every kernel with Mesa's RADV, without a device, and compare registers and spills with the recorded table;
