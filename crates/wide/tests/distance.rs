@@ -5,7 +5,7 @@
 use canted_fixtures::{self as fixtures, Mesh, SplitMix64};
 use canted_obb::{Obb, PrimId};
 use canted_trace::{Convex, Sphere, closest_point_on_triangle};
-use canted_wide::{NearestPoint, Preset, SimdPath, TriangleBvh, WideBvh};
+use canted_wide::{Config, NearestPoint, Preset, SimdPath, TriangleBvh, WideBvh};
 
 fn corners(mesh: &Mesh, triangle: usize) -> [[f32; 3]; 3] {
     mesh.triangles[triangle].map(|vertex| mesh.positions[vertex as usize])
@@ -94,6 +94,23 @@ fn nearest_triangles_are_those_of_a_loop() {
                 );
             }
         }
+    }
+}
+
+/// Leaves for distances hold at most two triangles; the answers are the same.
+#[test]
+fn nearest_answers_do_not_depend_on_the_leaves() {
+    for (name, mesh) in meshes() {
+        let usual = build(&mesh, Preset::Balanced);
+        let bvh = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, Config::for_distances()).unwrap();
+        let points = points(&mesh, 19, 100);
+        let (mut nearest, mut others) = (vec![None; points.len()], vec![None; points.len()]);
+        usual.nearest_point_many(&points, f32::INFINITY, &mut nearest);
+        bvh.nearest_point_many(&points, f32::INFINITY, &mut others);
+        assert_eq!(nearest, others, "{name}");
+        let mut n_leaves = 0;
+        bvh.each_box(|_, _, is_leaf| n_leaves += usize::from(is_leaf));
+        assert!(2 * n_leaves >= mesh.triangles.len(), "{name}: {n_leaves} leaves");
     }
 }
 
