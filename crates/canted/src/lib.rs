@@ -60,9 +60,9 @@ pub mod instance {
 /// Tests of single primitives, their error bounds, and what implementors of [`Intersect`] and [`Primitive`] need.
 pub mod kernel {
     pub use canted_trace::{
-        AcceptAt, Answer, Answers, BaldwinWeber, Counts, HIT_ERROR, HitLists, Kernel, LeafTriangles, Leaves,
-        MollerTrumbore, Query, ReferencePoint, RoundCubic, RoundSegment, ScaledRay, SlabRay, Slabs, Sphere,
-        TriangleHit, Watertight, position_error, ray_aabb, ray_obb,
+        AcceptAt, Answer, Answers, BaldwinWeber, Cone, Counts, Disk, Ellipsoid, HIT_ERROR, HitLists, Kernel,
+        LeafTriangles, Leaves, MollerTrumbore, Query, ReferencePoint, RoundCubic, RoundSegment, ScaledRay, SlabRay,
+        Slabs, Sphere, TriangleHit, Watertight, position_error, ray_aabb, ray_obb,
     };
     pub use canted_wide::{PrimitiveHit, TraversalCounts};
 }

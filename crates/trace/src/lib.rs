@@ -32,7 +32,7 @@
 //! | [`BoxBvh`], [`SaveBlas`] | the top level of a TLAS; bottom levels that it can save |
 //! | [`SlabRay`], [`Slabs`], [`pad_aabb`] | ray-box tests, axis-aligned and oriented, for a traversal |
 //! | [`ReferencePoint`] | boxes near a mesh that is far from the origin |
-//! | [`ray_aabb`], [`ray_obb`], [`Sphere`], [`RoundSegment`], [`RoundCubic`], [`segment_overlaps_aabb`] | single tests |
+//! | [`ray_aabb`], [`ray_obb`], [`Sphere`], [`RoundSegment`], [`RoundCubic`], [`Disk`], [`Cone`], [`Ellipsoid`], [`segment_overlaps_aabb`] | single tests |
 //!
 //! # Guarantees
 //! A triangle kernel reports points within [`HIT_ERROR`] of the exact triangle. A box test reports every ray that comes
@@ -61,6 +61,7 @@ mod intersect;
 mod leaf;
 mod levels;
 mod moving;
+mod quadrics;
 mod query;
 mod ray;
 mod reference;
@@ -80,6 +81,7 @@ pub use intersect::{AcceptAt, Answer, Answers, Crossings, Intersect, Pointer, Tr
 pub use leaf::{LeafTriangles, Leaves};
 pub use levels::{BoxBvh, SaveBlas};
 pub use moving::position_at;
+pub use quadrics::{Cone, Disk, Ellipsoid};
 pub use query::{Accept, Counts, Query};
 pub use ray::{Ray, ScaledRay};
 pub use reference::ReferencePoint;

@@ -136,22 +136,35 @@ fn bounds_contain_the_balls() {
     assert!((lo + 0.5).abs() < 1e-6 && (hi - 3.5).abs() < 1e-6);
 }
 
-/// The loop over all curves gives the same bits.
+/// The loop over all curves gives the same bits: of usual size, far away, and tiny.
 #[test]
 fn hits_do_not_depend_on_the_bvh() {
     let mut rng = SplitMix64::new(13);
     let all: Vec<RoundCubic> = (0..6).flat_map(|_| curves(&mut rng)).collect();
-    let rays: Vec<Ray> = (0..400).map(|i| ray_at(&all[i % all.len()], &mut rng, i)).collect();
+    let rays: Vec<Ray> = (0..300).map(|i| ray_at(&all[i % all.len()], &mut rng, i)).collect();
+    for (scale, shift) in [(1.0, 0.0), (1024.0, 1e7), (1e-6, 0.0)] {
+        let point = |p: [f32; 3]| p.map(|x| scale * x + shift);
+        let moved =
+            |curve: &RoundCubic| RoundCubic { points: curve.points.map(point), radii: curve.radii.map(|r| scale * r) };
+        let rays: Vec<Ray> = rays.iter().map(|ray| Ray::new(point(ray.origin), ray.direction)).collect();
+        is_complete(&all.iter().map(moved).collect::<Vec<_>>(), &rays);
+    }
+}
+
+fn is_complete(all: &[RoundCubic], rays: &[Ray]) {
+    let mut n_hits = 0;
     for config in [Config::default(), Config::default().axis_aligned()] {
-        let bvh = WideBvh::over_with(all.clone(), config).unwrap();
-        for ray in &rays {
+        let bvh = WideBvh::over_with(all.to_vec(), config).unwrap();
+        for ray in rays {
             let scaled = ScaledRay::new(ray).unwrap();
             let alone =
                 all.iter().enumerate().filter_map(|(i, curve)| Some((curve.event_scaled(&scaled, f32::INFINITY)?, i)));
             let want = alone.min_by(|a, b| a.0.t.total_cmp(&b.0.t).then(a.1.cmp(&b.1)));
             let want = want.map(|(point, i)| (scaled.caller_t(point.t).to_bits(), point.u.to_bits(), i as u32));
             let hit = bvh.closest_hit(ray).map(|hit| (hit.t.to_bits(), hit.u.to_bits(), hit.primitive.0));
+            n_hits += usize::from(want.is_some());
             assert_eq!(hit, want, "{ray:?}");
         }
     }
+    assert!(n_hits > 100, "{n_hits}");
 }

@@ -39,6 +39,7 @@ impl Report<'_> {
             "vertices": n_vertices(scene),
             "unique_triangles": scene.n_unique_triangles(),
             "placed_triangles": scene.n_placed_triangles(),
+            "placed_segments": scene.n_placed_segments(),
             "one_level": level_json(&binary.one),
             "two_level": { "bottom": level_json(&binary.bottom), "top": level_json(&binary.top) },
             "wide": wide::json(wide),
@@ -61,12 +62,16 @@ impl Report<'_> {
         // Writing to a String cannot fail.
         let _ = writeln!(
             out,
-            "{name}: {} meshes, {} instances, {} vertices, {} triangles ({} with instances)",
+            "{name}: {} meshes, {} instances, {} vertices, {} triangles ({} with instances){}",
             scene.meshes.len(),
             scene.instances.len(),
             n_vertices(scene),
             scene.n_unique_triangles(),
-            scene.n_placed_triangles()
+            scene.n_placed_triangles(),
+            match scene.n_placed_segments() {
+                0 => String::new(),
+                n => format!(", {n} segments of curves"),
+            }
         );
         volumes(&mut out, "one level", &binary.one);
         volumes(&mut out, "two levels, bottom", &binary.bottom);

@@ -3,9 +3,11 @@
 use std::{fmt::Write, time::Instant};
 
 use anyhow::Result;
-use canted_obb::Obb;
-use canted_scene::Scene;
-use canted_wide::{NodeKind, Preset, SimdPath, TriangleBvh};
+use canted_obb::{Affine, Obb};
+use canted_renderer::{BottomLevel, SceneBvh, SceneBvhConfig};
+use canted_scene::{Instance, MeshId, Scene};
+use canted_trace::Intersect as _;
+use canted_wide::{LeafPrimitive, NodeKind, Preset, SimdPath, TriangleBvh, WideBvh};
 use serde_json::{Value, json};
 
 use crate::process;
@@ -28,7 +30,7 @@ struct Row {
     node_bytes: usize,
     /// Memory of the triangle blocks.
     block_bytes: usize,
-    /// Triangles of all BVHs.
+    /// Triangles, or segments of curves, of all BVHs.
     n_triangles: usize,
     /// Nodes on the longest path from a root.
     depth: u32,
@@ -51,6 +53,8 @@ pub(super) struct WideStats {
     one: Level,
     /// One BVH per mesh.
     bottom: Level,
+    /// One BVH per mesh of curves, if there are any.
+    curves: Option<Level>,
 }
 
 impl Row {
@@ -70,7 +74,7 @@ impl Row {
         (self.node_bytes + self.block_bytes) as f64 / (self.n_triangles as f64).max(1.0)
     }
 
-    fn add(&mut self, wide: &TriangleBvh, area: f64, build_ms: f64) {
+    fn add<P: LeafPrimitive>(&mut self, wide: &WideBvh<P>, area: f64, build_ms: f64) {
         let (sizes, predicted) = (wide.sizes(), wide.predicted());
         for (sum, n) in self.nodes.iter_mut().zip(sizes.nodes) {
             *sum += n;
@@ -100,13 +104,48 @@ pub(super) fn measure(scene: &Scene, presets: &[Preset]) -> Result<WideStats> {
     for (i, mesh) in scene.meshes.iter().enumerate() {
         add_mesh(&mut bottom, &mesh.positions, &mesh.triangles, super::world_scale(scene, i))?;
     }
-    for (_, row) in one.rows.iter_mut().chain(&mut bottom.rows) {
+    let mut curves = if scene.has_curves() { Some(empty()) } else { None };
+    if let Some(level) = &mut curves {
+        add_curves(level, scene)?;
+    }
+    let of_curves = curves.iter_mut().flat_map(|level| &mut level.rows);
+    for (_, row) in one.rows.iter_mut().chain(&mut bottom.rows).chain(of_curves) {
         // Without any area, the costs are zero.
         let area = row.root_area.max(f64::MIN_POSITIVE);
         row.aligned_cost /= area;
         row.cost /= area;
     }
-    Ok(WideStats { one, bottom })
+    Ok(WideStats { one, bottom, curves })
+}
+
+/// Adds the BVHs of all meshes of curves.
+fn add_curves(level: &mut Level, scene: &Scene) -> Result<()> {
+    for (i, mesh) in scene.meshes.iter().enumerate().filter(|(_, mesh)| mesh.curves.is_some()) {
+        level.n_bvhs += 1;
+        let instance = Instance {
+            mesh: MeshId(0),
+            world_from_object: Affine::IDENTITY,
+            world_from_object_close: None,
+            first_primitive: 0,
+        };
+        let alone = Scene {
+            meshes: vec![mesh.clone()],
+            instances: vec![instance],
+            materials: scene.materials.clone(),
+            ..Scene::default()
+        };
+        let scale = super::world_scale(scene, i);
+        for (preset, row) in &mut level.rows {
+            let bvh = SceneBvh::build(&alone, &SceneBvhConfig { preset: *preset, ..SceneBvhConfig::default() })?;
+            let (area, build_ms) = (bvh.bounds().area() * scale * scale, bvh.build_time.as_secs_f64() * 1e3);
+            match &bvh.bottom()[0] {
+                BottomLevel::Segments(wide) => row.add(wide, area, build_ms),
+                BottomLevel::Cubics(wide) => row.add(wide, area, build_ms),
+                _ => {}
+            }
+        }
+    }
+    Ok(())
 }
 
 fn add_mesh(level: &mut Level, positions: &[[f32; 3]], triangles: &[[u32; 3]], world_scale: f64) -> Result<()> {
@@ -147,11 +186,15 @@ const ABOUT_EQUAL: f64 = 1.05;
 
 /// The levels as JSON.
 pub(super) fn json(stats: &WideStats) -> Value {
-    json!({
+    let mut all = json!({
         "simd": SimdPath::detect().name(),
         "one_level": level_json(&stats.one),
         "two_level": level_json(&stats.bottom),
-    })
+    });
+    if let Some(curves) = &stats.curves {
+        all["curves"] = level_json(curves);
+    }
+    all
 }
 
 fn level_json(level: &Level) -> Value {
@@ -186,6 +229,9 @@ fn rows(level: &Level) -> impl Iterator<Item = (&'static str, &Row)> {
 pub(super) fn text(out: &mut String, stats: &WideStats) {
     level_text(out, "one level", &stats.one);
     level_text(out, "two levels, bottom", &stats.bottom);
+    if let Some(curves) = &stats.curves {
+        level_text(out, "curves, segments for triangles", curves);
+    }
 }
 
 fn level_text(out: &mut String, title: &str, level: &Level) {

@@ -51,7 +51,7 @@ pub(super) fn within(bounds: &Aabb) -> impl Fn(DVec3) -> bool {
     move |point| point.cmpge(min).all() && point.cmple(max).all()
 }
 
-/// Visits every vertex of triangles that can be seen, in world space, once per instance, with the instance and the number of the vertex. The
+/// Visits every vertex of triangles and every ball of curves that can be seen, in world space, once per instance, with the instance and the number of the vertex. The
 /// ground that was added to a scene is not visited, nor are invisible materials unless there are no others.
 pub(super) fn for_each_vertex(scene: &Scene, mut visit: impl FnMut((usize, usize), DVec3)) {
     let is_visible = |part: &canted_scene::Part| !scene.materials[part.material.0 as usize].is_invisible();
@@ -76,7 +76,15 @@ pub(super) fn for_each_vertex(scene: &Scene, mut visit: impl FnMut((usize, usize
         let mesh = instance.mesh.0 as usize;
         for (vertex, &position) in scene.meshes[mesh].positions.iter().enumerate() {
             if used[mesh][vertex] {
-                visit((number, vertex), instance.world_from_object.point_f64(wide(position).into()).into());
+                let placed =
+                    |offset: DVec3| DVec3::from(instance.world_from_object.point_f64((wide(position) + offset).into()));
+                visit((number, vertex), placed(DVec3::ZERO));
+                // The tips of the ball around a point of a curve.
+                let radius = scene.meshes[mesh].curves.as_ref().map(|curves| f64::from(curves.radii[vertex]));
+                for tip in radius.into_iter().flat_map(|radius| DVec3::AXES.map(|axis| axis * radius)) {
+                    visit((number, vertex), placed(tip));
+                    visit((number, vertex), placed(-tip));
+                }
             }
         }
     }

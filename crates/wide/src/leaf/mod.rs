@@ -2,6 +2,7 @@
 
 mod extents;
 mod primitive;
+mod quadrics;
 mod shapes;
 mod triangles;
 

@@ -196,7 +196,7 @@ impl SavedPrimitive for Aabb {
 
 /// The first of two points, each with its `u`, in the interval.
 #[inline]
-fn entry_or_exit([entry, exit]: [(f32, f32); 2], t_min: f32, t_max: f32) -> Option<PrimitiveHit> {
+pub(super) fn entry_or_exit([entry, exit]: [(f32, f32); 2], t_min: f32, t_max: f32) -> Option<PrimitiveHit> {
     let ((t, u), side) = if entry.0 >= t_min { (entry, Side::Front) } else { (exit, Side::Back) };
     (t_min <= t && t <= t_max).then_some(PrimitiveHit { t, u, v: 0.0, side })
 }
