@@ -721,9 +721,15 @@ impl Bvh {
         Call::plain(py)?.run(move || file::save(&path, &geometry))?
     }
 
-    /// load(path)
+    /// load(path, mmap=False)
     ///
     /// The BVH that save wrote. A file of the Rust library (WideBvh::to_bytes of triangles) is read as a watertight one, which has no refit.
+    ///
+    /// Parameters
+    /// ----------
+    /// mmap : bool
+    ///     Rays are traced from the pages of the file, without a copy; several processes share them. The file is checked once, and must not be written
+    ///     or truncated while the BVH exists: replace it by renaming another one, as save does. A refit copies it first.
     ///
     /// Raises
     /// ------
@@ -732,8 +738,9 @@ impl Bvh {
     /// ValueError
     ///     The file is not a BVH, or is damaged.
     #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        Ok(Self::of(Call::plain(py)?.run(move || file::load(&path))??))
+    #[pyo3(signature = (path, mmap=false), text_signature = "(path, mmap=False)")]
+    fn load(py: Python<'_>, path: PathBuf, mmap: bool) -> PyResult<Self> {
+        Ok(Self::of(Call::plain(py)?.run(move || if mmap { file::map(&path) } else { file::load(&path) })??))
     }
 
     #[classmethod]

@@ -3,19 +3,21 @@
 //! ```text
 //! offset   bytes        content
 //! 0        8            "CANTEDPY"
-//! 8        4            version, 1
+//! 8        4            version, 2
 //! 12       4, 4         triangle test and preset, by their order; the number of presets: unknown
 //! 20       4            bit 0: whether there are indices; bit 1: whether the origin was chosen near the mesh
 //! 24       24           origin
 //! 48       8, 8         vertices; triangles
 //! 64       12 each      indices
 //!          8            checksum of all before: FNV-1a
+//!                       zeros up to a multiple of 64, so that the BVH may be mapped
 //!                       the BVH as `WideBvh::to_bytes` writes it, with a checksum of its own
 //! ```
 //!
 //! All numbers have the least byte first.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -27,8 +29,11 @@ use crate::error::{invalid, of_file};
 use crate::geometry::Geometry;
 
 const MAGIC: &[u8; 8] = b"CANTEDPY";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const HEADER_BYTES: usize = 64;
+
+/// Of a BVH in a file.
+const ALIGNMENT: usize = 64;
 
 /// How files of the Rust library start.
 const RUST_MAGIC: &[u8; 8] = b"CANTWIDE";
@@ -70,15 +75,46 @@ pub(crate) fn to_bytes(geometry: &Geometry) -> Vec<u8> {
     bytes.extend(triangles.as_flattened().iter().flat_map(|index| index.to_le_bytes()));
     let sum = checksum(&bytes);
     bytes.extend(sum.to_le_bytes());
+    bytes.resize(bytes.len().next_multiple_of(ALIGNMENT), 0);
     bytes.extend(geometry.mesh.to_bytes());
     bytes
 }
 
 /// The BVH, or a sentence about what is wrong.
 pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Geometry, String> {
+    parse(bytes, bytes.len() as u64, |first, test| {
+        let bytes = usize::try_from(first).ok().and_then(|first| bytes.get(first..)).unwrap_or_default();
+        TriangleBvh::from_bytes_with(bytes, test).map_err(|error| error.to_string())
+    })
+}
+
+/// Reads a file of `save`, or of the Rust library, whose BVH stays in the file.
+pub(crate) fn map(path: &Path) -> PyResult<Geometry> {
+    let mut file = File::open(path).map_err(|error| of_file(path, &error))?;
+    let n_bytes = file.metadata().map_err(|error| of_file(path, &error))?.len();
+    let mut head = vec![];
+    let mut read = |n: u64| (&mut file).take(n).read_to_end(&mut head).map_err(|error| of_file(path, &error));
+    read(HEADER_BYTES as u64)?;
+    let n_triangles = head.get(56..64).and_then(|bytes| bytes.try_into().ok()).map_or(0, u64::from_le_bytes);
+    if head.starts_with(MAGIC) {
+        let mut read = |n: u64| (&mut file).take(n).read_to_end(&mut head).map_err(|error| of_file(path, &error));
+        read(n_triangles.saturating_mul(12).saturating_add(8))?;
+    }
+    let named = |sentence: String| invalid(format!("{}: {sentence}", path.display()));
+    parse(&head, n_bytes, |first, test| {
+        TriangleBvh::map_part(path, first, Some(test)).map_err(|error| error.to_string())
+    })
+    .map_err(named)
+}
+
+/// What `bytes` say, the start of a file, and the BVH that `load` reads from a place on.
+fn parse(
+    bytes: &[u8],
+    n_bytes: u64,
+    load: impl Fn(u64, TriangleTest) -> Result<TriangleBvh, String>,
+) -> Result<Geometry, String> {
     if bytes.starts_with(RUST_MAGIC) {
-        let mesh = TriangleBvh::from_bytes_with(bytes, TriangleTest::Watertight).map_err(|error| error.to_string())?;
-        let mesh = Arc::new(mesh);
+        let mesh = Arc::new(load(0, TriangleTest::Watertight)?);
         let winding = Arc::default();
         let n_vertices = 0;
         return Ok(Geometry {
@@ -91,7 +127,7 @@ pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Geometry, String> {
             winding,
         });
     }
-    let short = || format!("the file has {} bytes and ends too early", bytes.len());
+    let short = || format!("the file has {n_bytes} bytes and ends too early");
     let (header, rest) = bytes.split_at_checked(HEADER_BYTES).ok_or_else(short)?;
     if !header.starts_with(MAGIC) {
         return Err("the file is not a BVH: it starts with other bytes than CANTEDPY or CANTWIDE".to_owned());
@@ -104,13 +140,13 @@ pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Geometry, String> {
     }
     let n_index_bytes = u64::from_le_bytes(doubles[7]).checked_mul(12).and_then(|n| usize::try_from(n).ok());
     let (indices, rest) = n_index_bytes.and_then(|n| rest.split_at_checked(n)).ok_or_else(short)?;
-    let (stored, rest) = rest.split_first_chunk::<8>().ok_or_else(short)?;
+    let (stored, _) = rest.split_first_chunk::<8>().ok_or_else(short)?;
     if u64::from_le_bytes(*stored) != checksum(&bytes[..HEADER_BYTES + indices.len()]) {
         return Err("the file is damaged: its checksum is wrong".to_owned());
     }
     let test =
         TriangleTest::ALL.get(word(3) as usize).ok_or_else(|| format!("the file has triangle test {}", word(3)))?;
-    let mesh = TriangleBvh::from_bytes_with(rest, *test).map_err(|error| error.to_string())?;
+    let mesh = load((HEADER_BYTES + indices.len() + 8).next_multiple_of(ALIGNMENT) as u64, *test)?;
     let origin = std::array::from_fn(|k| f64::from_le_bytes(doubles[3 + k]));
     let n_vertices = u64::from_le_bytes(doubles[6]);
     let triangles: Vec<[u32; 3]> =

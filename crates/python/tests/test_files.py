@@ -97,3 +97,20 @@ def test_files_of_the_rust_library(tmp_path):
         loaded.refit(VERTICES)
     loaded.save(path)
     assert same(bvh, canted.Bvh.load(path)) and Path(path).read_bytes() != content
+
+
+def test_a_mapped_bvh_is_the_saved_one(tmp_path):
+    bvh = canted.Bvh(VERTICES, TRIANGLES, origin=(0.5, 0, -1))
+    path = tmp_path / "a.bvh"
+    bvh.save(path)
+    content = path.read_bytes()
+    mapped = canted.Bvh.load(path, mmap=True)
+    assert mapped.stats() == bvh.stats() and same(bvh, mapped)
+    assert mapped.refit(VERTICES * 2) == bvh.refit(VERTICES * 2) and same(bvh, mapped)
+    assert path.read_bytes() == content
+    path.write_bytes(content[content.index(b"CANTWIDE") :])
+    assert len(canted.Bvh.load(path, mmap=True)) == len(bvh)
+    for part in (b"", content[:50], content[:-1], content[:1000] + b"x" + content[1001:], b"other" * 30):
+        path.write_bytes(part)
+        with pytest.raises(ValueError, match="a.bvh: "):
+            canted.Bvh.load(path, mmap=True)

@@ -80,6 +80,8 @@ struct Use {
     /// Of each tile when it was last used, and its bytes; 0 where it is not held.
     last: Vec<u64>,
     bytes: Vec<u64>,
+    /// Whether it passed all checks.
+    is_known: Vec<bool>,
     counts: TileCounts,
 }
 
@@ -121,7 +123,7 @@ impl Cache {
             mesh_of,
             limit,
             slots: (0..n).map(|_| Mutex::new(None)).collect(),
-            used: Mutex::new(Use { last: vec![0; n], bytes: vec![0; n], ..Use::default() }),
+            used: Mutex::new(Use { last: vec![0; n], bytes: vec![0; n], is_known: vec![false; n], ..Use::default() }),
         }
     }
 
@@ -204,8 +206,13 @@ impl Cache {
         let entry = &self.entries[index];
         let path = self.folder.join(&entry.bvh);
         let bytes = self.check_file(index, true)?;
-        let bvh = TriangleBvh::from_bytes(&bytes).map_err(|error| TileError::damaged(&path, error))?;
+        let sum = bytes.last_chunk().map_or(0, |sum| u64::from_le_bytes(*sum));
+        // Boxes are compared once; the checksum is that of the manifest, and of the content, every time.
+        let is_known = locked(&self.used).is_known[index];
+        let bvh = if is_known { TriangleBvh::from_known_bytes(&bytes, sum) } else { TriangleBvh::from_bytes(&bytes) };
+        let bvh = bvh.map_err(|error| TileError::damaged(&path, error))?;
         drop(bytes);
+        locked(&self.used).is_known[index] = true;
         if bvh.n_primitives() != entry.triangles as usize || bvh.aabb() != entry.aabb() {
             return Err(TileError::damaged(
                 &path,

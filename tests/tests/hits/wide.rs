@@ -378,7 +378,7 @@ fn checksum(bytes: &[u8]) -> [u8; 8] {
 /// Box planes moved inward in a file with a correct checksum: the reader rejects it.
 #[test]
 fn files_with_boxes_too_small_by_a_millionth_are_rejected() {
-    const HEADER: usize = 176;
+    const HEADER: usize = 192;
     let mesh = torus(12, 6);
     let config = of_one_kind(canted_wide::NodeKind::Aligned);
     let config = Config { rotate_mesh: false, ..config };

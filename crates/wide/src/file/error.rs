@@ -1,4 +1,4 @@
-use std::{error::Error, fmt};
+use std::{error::Error, fmt, io};
 
 use canted_obb::Aabb;
 
@@ -122,5 +122,45 @@ impl Error for LoadError {
 impl From<Flaw> for LoadError {
     fn from(flaw: Flaw) -> Self {
         Self::Flaw(flaw)
+    }
+}
+
+/// Why a file was not mapped.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum MapError {
+    /// The system did not read or map it.
+    System(io::Error),
+    /// It is not a BVH.
+    Load(LoadError),
+}
+
+impl fmt::Display for MapError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::System(error) => error.fmt(f),
+            Self::Load(error) => error.fmt(f),
+        }
+    }
+}
+
+impl Error for MapError {
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        match self {
+            Self::System(error) => Some(error),
+            Self::Load(error) => Some(error),
+        }
+    }
+}
+
+impl From<io::Error> for MapError {
+    fn from(error: io::Error) -> Self {
+        Self::System(error)
+    }
+}
+
+impl From<LoadError> for MapError {
+    fn from(error: LoadError) -> Self {
+        Self::Load(error)
     }
 }

@@ -9,7 +9,9 @@ use crate::node::{CacheLine, ChildWord, MAX_LEAF};
 pub(super) const MAGIC: [u8; 8] = *b"CANTWIDE";
 
 /// Bytes before the first node.
-pub(super) const HEADER_BYTES: usize = 176;
+///
+/// A multiple of a cache line, so that nodes of a mapped file start on one.
+pub(super) const HEADER_BYTES: usize = 192;
 
 /// Bytes of the header that are in use.
 const USED_BYTES: usize = 164;

@@ -3,7 +3,7 @@
 //! ```text
 //! offset   bytes        content
 //! 0        8            "CANTWIDE"
-//! 8        4            version, 5
+//! 8        4            version, 6
 //! 12       4, 4, 4      root word; depth; most primitives of a leaf
 //! 24       8, 8, 8      cache lines of nodes; units of leaves; primitives
 //! 48       36           rows of the mesh frame
@@ -12,19 +12,22 @@
 //! 140      4, 4         bytes of a unit: 160 of a half-block of triangles, 4 of an id; bytes of a primitive: 0 of triangles
 //! 148      4            error of hits that boxes are padded for, relative to the coordinates
 //! 152      12           reference point, which boxes are relative to
-//! 164      12           unused, zero
-//! 176      64 a line    nodes
+//! 164      28           unused, zero
+//! 192      64 a line    nodes
 //!                       units of leaves
 //!                       primitives in input order
 //!          8            checksum of all before
 //! ```
 //!
-//! All of it is 32-bit words with the least byte first, on every machine.
+//! All of it is 32-bit words with the least byte first, on every machine. Nodes and leaves are those of memory, so a file may be mapped.
 
 mod check;
 mod error;
 mod header;
 mod raw;
+
+use std::ops::Range;
+use std::path::Path;
 
 use bytemuck::Pod;
 use canted_obb::PrimId;
@@ -32,17 +35,19 @@ use canted_trace::{SaveBlas, TriangleTest};
 
 use crate::bvh::{TriangleBvh, WideBvh};
 use crate::leaf::{Blocks, LeafPrimitive, SavedPrimitive, Shapes};
-use crate::node::{HalfBlock, Nodes, Records};
+#[cfg(any(unix, windows))]
+use crate::node::Map;
+use crate::node::{CacheLine, HalfBlock, Nodes, Records};
 use crate::simd::AvailablePath;
 
-use check::{Expected, check_shapes, check_triangles};
-pub use error::LoadError;
+use check::{Expected, check_shapes, check_triangles, complete_triangles};
+pub use error::{LoadError, MapError};
 pub use header::checksum;
 use header::{CHECKSUM_BYTES, HEADER_BYTES, Header};
 pub use raw::RawBvh;
 
 /// Changes with what the bytes mean.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 impl TriangleBvh {
     /// The BVH with its triangles as bytes, for [`TriangleBvh::from_bytes`]: about as many as [`WideBvh::n_bytes`], the same on
@@ -64,8 +69,7 @@ impl TriangleBvh {
     /// # Errors
     /// The first thing in `bytes` that is not part of a valid BVH over triangles.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
-        let is_of = |test: &TriangleTest, header: &Header| test.hit_error() == header.hit_error;
-        Self::read(bytes, |header| TriangleTest::ALL.into_iter().find(|test| is_of(test, header)).unwrap_or_default())
+        Self::read(bytes, test_of)
     }
 
     /// As [`TriangleBvh::from_bytes`], with a triangle test of the reader's choice. Where its error differs from that of the writer's test,
@@ -77,14 +81,85 @@ impl TriangleBvh {
         Self::read(bytes, |_| test)
     }
 
-    fn read(bytes: &[u8], test: impl FnOnce(&Header) -> TriangleTest) -> Result<Self, LoadError> {
-        let (header, mut nodes, [units, _]) = read(bytes, SIZES)?;
-        let test = test(&header);
-        let leaves = Blocks::new(Records::from(words_of::<HalfBlock>(units)), test);
-        let expected = Expected::of(&header, test.hit_error(), true)?;
-        check_triangles(&mut nodes, &leaves.halves, &expected)?;
+    /// As [`TriangleBvh::from_bytes`], of bytes that it accepted before, in this process, with this checksum at their end: boxes are not compared again, which
+    /// takes most of the time.
+    ///
+    /// # Errors
+    /// As [`TriangleBvh::from_bytes`]; another checksum.
+    #[doc(hidden)]
+    pub fn from_known_bytes(bytes: &[u8], sum: u64) -> Result<Self, LoadError> {
+        let (header, [lines, units, _]) = sections(bytes, SIZES)?;
+        let computed = bytes.last_chunk().map_or(0, |sum| u64::from_le_bytes(*sum));
+        if computed != sum {
+            return Err(LoadError::Checksum { stored: sum, computed });
+        }
+        let mut nodes = nodes_of(&header, words_of(&bytes[lines]).into());
+        let leaves = Blocks::new(words_of(&bytes[units]).into(), test_of(&header));
+        let expected = Expected::of(&header, header.hit_error, true)?;
+        complete_triangles(&mut nodes, &leaves.halves, &expected)?;
         Ok(loaded(&header, nodes, leaves, expected))
     }
+
+    /// The BVH in a file that holds the bytes of [`TriangleBvh::to_bytes`], without a copy: rays are traced from the pages of the file.
+    ///
+    /// The whole file is read and checked once, as [`TriangleBvh::from_bytes`] does, which takes memory in proportion to it for a moment. A refit or an edit
+    /// copies it into memory first. On systems without memory maps, and where the least byte is not first, the file is read.
+    ///
+    /// # A file that changes
+    /// The file must not be written or truncated while the BVH exists: replace it by renaming another one, as programs do that write atomically; the BVH then keeps
+    /// the old one. No system gives a map that is safe from other processes. Where a file is written in place, answers are wrong, or a query panics or does not end; where it is
+    /// truncated, Linux ends the process by SIGBUS.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or that is not a valid BVH over triangles.
+    pub fn map(path: impl AsRef<Path>) -> Result<Self, MapError> {
+        Self::map_part(path.as_ref(), 0, None)
+    }
+
+    /// As [`TriangleBvh::map`], of a file in which the BVH starts at a byte, a multiple of 64, and ends with the file; with a triangle test of the reader's
+    /// choice.
+    ///
+    /// # Errors
+    /// As [`TriangleBvh::map`].
+    pub fn map_part(path: &Path, first: u64, test: Option<TriangleTest>) -> Result<Self, MapError> {
+        #[cfg(any(unix, windows))]
+        if let Some(map) = Map::open(path)? {
+            let first = usize::try_from(first).unwrap_or(usize::MAX).min(map.bytes().len());
+            let (header, [lines, units, _]) = sections(&map.bytes()[first..], SIZES)?;
+            let of_file = |section: &Range<usize>| section.start + first..section.end + first;
+            // Elsewhere than at a multiple of 64, it is copied.
+            if let Some((lines, units)) = map.records(of_file(&lines)).zip(map.records(of_file(&units))) {
+                return Ok(Self::of_records(&header, lines, units, test.unwrap_or_else(|| test_of(&header)))?);
+            }
+        }
+        let bytes = std::fs::read(path)?;
+        let bytes = bytes.get(usize::try_from(first).unwrap_or(usize::MAX)..).unwrap_or_default();
+        Ok(test.map_or_else(|| Self::from_bytes(bytes), |test| Self::from_bytes_with(bytes, test))?)
+    }
+
+    fn read(bytes: &[u8], test: impl FnOnce(&Header) -> TriangleTest) -> Result<Self, LoadError> {
+        let (header, [lines, units, _]) = sections(bytes, SIZES)?;
+        let (lines, units) = (words_of(&bytes[lines]).into(), words_of(&bytes[units]).into());
+        Self::of_records(&header, lines, units, test(&header))
+    }
+
+    fn of_records(
+        header: &Header,
+        lines: Records<CacheLine>,
+        units: Records<HalfBlock>,
+        test: TriangleTest,
+    ) -> Result<Self, LoadError> {
+        let mut nodes = nodes_of(header, lines);
+        let leaves = Blocks::new(units, test);
+        let expected = Expected::of(header, test.hit_error(), true)?;
+        check_triangles(&mut nodes, &leaves.halves, &expected)?;
+        Ok(loaded(header, nodes, leaves, expected))
+    }
+}
+
+/// The test whose hits have the error that boxes are padded for.
+fn test_of(header: &Header) -> TriangleTest {
+    TriangleTest::ALL.into_iter().find(|test| test.hit_error() == header.hit_error).unwrap_or_default()
 }
 
 /// Bytes of a half-block of triangles, and of what is stored for a triangle in addition.
@@ -115,9 +190,11 @@ impl<P: SavedPrimitive> WideBvh<P> {
     /// # Errors
     /// The first thing in `bytes` that is not part of a valid BVH over these primitives.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
-        let (header, mut nodes, [units, primitives]) = read(bytes, Self::SIZES)?;
-        let order = words_of(units).into_iter().map(PrimId).collect();
-        let leaves = Shapes { order, primitives: words_of::<P::Data>(primitives).iter().map(P::from_data).collect() };
+        let (header, [lines, units, primitives]) = sections(bytes, Self::SIZES)?;
+        let mut nodes = nodes_of(&header, words_of(&bytes[lines]).into());
+        let order = words_of(&bytes[units]).into_iter().map(PrimId).collect();
+        let primitives = words_of::<P::Data>(&bytes[primitives]).iter().map(P::from_data).collect();
+        let leaves = Shapes { order, primitives };
         let expected = Expected::of(&header, P::ERROR, P::IS_LOCAL)?;
         check_shapes(&mut nodes, &leaves, &expected)?;
         Ok(loaded(&header, nodes, leaves, expected))
@@ -189,8 +266,8 @@ fn loaded<P: LeafPrimitive>(header: &Header, nodes: Nodes, leaves: P::Leaves, ex
     WideBvh { nodes, leaves, frame, bounds, n_primitives, predicted, baseline, path }
 }
 
-/// The header, the nodes, and the bytes of leaves and primitives.
-fn read(bytes: &[u8], sizes: [usize; 2]) -> Result<(Header, Nodes, [&[u8]; 2]), LoadError> {
+/// The header, and where nodes, leaves and primitives are.
+fn sections(bytes: &[u8], sizes: [usize; 2]) -> Result<(Header, [Range<usize>; 3]), LoadError> {
     let header = Header::read(bytes)?;
     if header.n_bytes() != bytes.len() as u64 {
         return Err(LoadError::Length { n_bytes: bytes.len(), n_expected: header.n_bytes() });
@@ -208,13 +285,14 @@ fn read(bytes: &[u8], sizes: [usize; 2]) -> Result<(Header, Nodes, [&[u8]; 2]), 
     }
     // The file has the length by the header, so all sections fit into memory.
     let [n_line_bytes, n_unit_bytes, _] = header.section_bytes().map(|n| n as usize);
-    let (lines, rest) = content[HEADER_BYTES..].split_at(n_line_bytes);
-    let (units, primitives) = rest.split_at(n_unit_bytes);
-    // What the hierarchy of the checked records gives is added then.
+    let (units, primitives) = (HEADER_BYTES + n_line_bytes, HEADER_BYTES + n_line_bytes + n_unit_bytes);
+    Ok((header, [HEADER_BYTES..units, units..primitives, primitives..content.len()]))
+}
+
+/// Nodes of these lines; what the hierarchy of the checked records gives is added then.
+fn nodes_of(header: &Header, lines: Records<CacheLine>) -> Nodes {
     let (has_oriented, pieces) = (false, vec![]);
-    let (lines, root, depth) = (words_of(lines).into(), header.root, header.depth);
-    let nodes = Nodes { lines, root, depth, has_oriented, pieces, links: None };
-    Ok((header, nodes, [units, primitives]))
+    Nodes { lines, root: header.root, depth: header.depth, has_oriented, pieces, links: None }
 }
 
 /// Records made of 32-bit words, least byte first.

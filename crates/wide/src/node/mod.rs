@@ -14,6 +14,8 @@
 pub(crate) mod checked;
 mod flaw;
 mod links;
+#[cfg(any(unix, windows))]
+mod mapped;
 mod packed;
 mod pod;
 mod records;
@@ -24,6 +26,8 @@ use std::ops::Range;
 
 pub use flaw::Flaw;
 pub(crate) use links::{Content, Link, Links, NO_NODE};
+#[cfg(any(unix, windows))]
+pub(crate) use mapped::Map;
 pub(crate) use records::Records;
 pub use rows::NodeBox;
 pub(crate) use rows::{NOWHERE, Row, node_words, rows, set_word, write_box, write_boxes, write_slabs};

@@ -1,4 +1,4 @@
-//! Memory of nodes and leaves, in huge pages where the system offers them.
+//! Memory of nodes and leaves, in huge pages where the system offers them, or in a mapped file.
 //!
 //! A ray jumps through memory. With pages of 4 KiB nearly every jump in a large BVH misses the cache of page addresses; one
 //! page of 2 MiB replaces 512 of them.
@@ -8,6 +8,9 @@ use std::ops::{Deref, DerefMut};
 
 use bytemuck::Pod;
 
+#[cfg(any(unix, windows))]
+use super::mapped::MappedRecords;
+
 /// Records of a BVH: a slice that may lie in huge pages.
 pub(crate) struct Records<T>(Memory<T>);
 
@@ -15,6 +18,8 @@ enum Memory<T> {
     Heap(Vec<T>),
     #[cfg(target_os = "linux")]
     Huge(huge::Pages<T>),
+    #[cfg(any(unix, windows))]
+    File(MappedRecords<T>),
 }
 
 impl<T: Pod> From<Vec<T>> for Records<T> {
@@ -28,6 +33,12 @@ impl<T: Pod> From<Vec<T>> for Records<T> {
 }
 
 impl<T: Pod> Records<T> {
+    /// Records in a file, which are copied before they are changed.
+    #[cfg(any(unix, windows))]
+    pub(super) fn mapped(records: MappedRecords<T>) -> Self {
+        Self(Memory::File(records))
+    }
+
     /// `n` records of zeros. In huge pages the system clears them, by whichever thread writes to a page first.
     pub(crate) fn zeroed(n: usize) -> Self {
         #[cfg(target_os = "linux")]
@@ -54,16 +65,24 @@ impl<T: Pod> Deref for Records<T> {
             Memory::Heap(records) => records,
             #[cfg(target_os = "linux")]
             Memory::Huge(pages) => pages.records(),
+            #[cfg(any(unix, windows))]
+            Memory::File(file) => file.records(),
         }
     }
 }
 
 impl<T: Pod> DerefMut for Records<T> {
     fn deref_mut(&mut self) -> &mut [T] {
+        #[cfg(any(unix, windows))]
+        if let Memory::File(file) = &self.0 {
+            *self = file.records().to_vec().into();
+        }
         match &mut self.0 {
             Memory::Heap(records) => records,
             #[cfg(target_os = "linux")]
             Memory::Huge(pages) => pages.records_mut(),
+            #[cfg(any(unix, windows))]
+            Memory::File(_) => unreachable!("copied above"),
         }
     }
 }

@@ -151,3 +151,61 @@ fn coordinates_of_any_size_are_saved() {
         }
     }
 }
+
+/// A file of the test, removed on drop.
+struct File(std::path::PathBuf);
+
+impl File {
+    fn of(name: &str, bytes: &[u8]) -> Self {
+        let path = std::env::temp_dir().join(format!("canted-wide-{}-{name}.bvh", std::process::id()));
+        std::fs::write(&path, bytes).unwrap();
+        Self(path)
+    }
+}
+
+impl Drop for File {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+/// From the start of a file, and behind 64 bytes of something else; where it is not aligned, it is copied.
+#[test]
+fn a_mapped_bvh_answers_as_the_one_that_was_written() {
+    for (name, mesh) in meshes() {
+        let bvh = build(&mesh, Preset::Balanced);
+        let bytes = bvh.to_bytes();
+        for first in [0, 64, 4] {
+            let file = File::of(&format!("{name}-{first}"), &[vec![7; first], bytes.clone()].concat());
+            let mut mapped = TriangleBvh::map_part(&file.0, first as u64, None).unwrap();
+            assert_eq!(mapped.to_bytes(), bytes, "{name}");
+            for ray in grazing_rays(&mesh, 20, 1) {
+                assert_eq!(mapped.closest_hit(&ray), bvh.closest_hit(&ray), "{name} {ray:?}");
+            }
+            // A refit copies what it changes; the file stays as it is.
+            mapped.refit(&mesh.positions, &mesh.triangles).unwrap();
+            let moved: Vec<[f32; 3]> = mesh.positions.iter().map(|[x, y, z]| [x + 1.0, *y, *z]).collect();
+            mapped.refit(&moved, &mesh.triangles).unwrap();
+            drop(mapped);
+            assert_eq!(TriangleBvh::map_part(&file.0, first as u64, None).unwrap().to_bytes(), bytes, "{name}");
+        }
+    }
+}
+
+#[test]
+fn damaged_files_are_not_mapped() {
+    let bytes = build(&fixtures::soup(2, 100), Preset::Balanced).to_bytes();
+    let mut flipped = bytes.clone();
+    flipped[bytes.len() / 2] ^= 1;
+    for (name, content, what) in [
+        ("flipped", &flipped[..], "checksum mismatch"),
+        ("short", &bytes[..bytes.len() - 1], "expected"),
+        ("empty", &[], "0 bytes"),
+        ("other", b"OFF\n3 1 0", "not a BVH file"),
+    ] {
+        let file = File::of(name, content);
+        let error = TriangleBvh::map(&file.0).unwrap_err().to_string();
+        assert!(error.contains(what), "{name}: {error}");
+    }
+    assert!(TriangleBvh::map("absent.bvh").is_err());
+}

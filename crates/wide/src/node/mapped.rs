@@ -1,0 +1,58 @@
+//! Records in files, without a copy.
+#![expect(unsafe_code, reason = "the one call that maps a file")]
+
+use std::io;
+use std::marker::PhantomData;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+use bytemuck::Pod;
+
+use super::Records;
+
+/// A file in memory; several records share it.
+#[derive(Clone)]
+pub(crate) struct Map(Arc<memmap2::Mmap>);
+
+impl Map {
+    /// `None` where records in memory are not those of files.
+    pub(crate) fn open(path: &Path) -> io::Result<Option<Self>> {
+        if cfg!(target_endian = "big") {
+            return Ok(None);
+        }
+        let file = std::fs::File::open(path)?;
+        if file.metadata()?.len() == 0 {
+            // Nothing to map; the check of the empty file reports it.
+            return Ok(None);
+        }
+        // SAFETY: The map is private and only read, and every bit pattern is a record. It is sound while no process writes or truncates the
+        // file, which `TriangleBvh::map` demands of its caller; no system has maps without that condition.
+        let map = unsafe { memmap2::MmapOptions::new().map_copy_read_only(&file) }?;
+        Ok(Some(Self(Arc::new(map))))
+    }
+
+    pub(crate) fn bytes(&self) -> &[u8] {
+        &self.0
+    }
+
+    /// Records in a range of bytes; `None` where it does not start at a multiple of their alignment, as maps start on a page.
+    pub(crate) fn records<T: Pod>(&self, bytes: Range<usize>) -> Option<Records<T>> {
+        bytemuck::try_cast_slice::<u8, T>(&self.0[bytes.clone()]).ok()?;
+        Some(Records::mapped(MappedRecords { map: self.clone(), bytes, records: PhantomData }))
+    }
+}
+
+/// Records in a file.
+pub(super) struct MappedRecords<T> {
+    map: Map,
+    bytes: Range<usize>,
+    records: PhantomData<T>,
+}
+
+impl<T: Pod> MappedRecords<T> {
+    #[inline]
+    pub(super) fn records(&self) -> &[T] {
+        bytemuck::cast_slice(&self.map.0[self.bytes.clone()])
+    }
+}
