@@ -1,5 +1,7 @@
 """Ranges of the samples of a picture, rendered apart and joined: the bits of the whole."""
 
+import re
+
 from . import _canted_render
 from .call import _request
 from .picture import Picture
@@ -7,7 +9,9 @@ from .picture import Picture
 
 def render_part(scene, size, spp, first, last, *, threads=None, **options):
     """The samples from first to before last of a picture, as bytes for merge_parts; other parameters are those of render."""
-    path, text, meshes, words = _request(scene, size, spp, options)
+    # The pattern of the whole, which depends on the number of samples for one sampler only: that is not stated for the others.
+    sampler = options.pop("sampler", None) or _setting(scene, "sampler", r'"?([a-z-]+)') or "stratified"
+    path, text, meshes, words = _request(scene, size, spp if sampler == "stratified" else None, {"sampler": sampler, **options})
     return _canted_render.render_part(path, text, meshes, words, first, last, threads)
 
 
@@ -33,14 +37,15 @@ def _picture(pixels, by_name):
 
 def samples_per_pixel(scene, spp):
     """Samples per pixel: spp, else that of a scene file or dict, else 16."""
-    if spp is not None:
-        return int(spp)
-    if isinstance(scene, dict):
-        return int(dict(scene.get("settings", {})).get("spp", 16))
-    if scene is not None and str(scene).endswith(".toml"):
-        import re
+    return int(spp if spp is not None else _setting(scene, "spp", r"(\d+)") or 16)
 
-        with open(scene, encoding="utf-8") as file:
-            found = re.search(r"^\s*spp\s*=\s*(\d+)", file.read(), re.MULTILINE)
-        return int(found.group(1)) if found else 16
-    return 16
+
+def _setting(scene, name, value):
+    """A setting of a dict or of a scene file; None where it states none."""
+    if isinstance(scene, dict):
+        return dict(scene.get("settings", {})).get(name)
+    if scene is None or not str(scene).endswith(".toml"):
+        return None
+    with open(scene, encoding="utf-8") as file:
+        found = re.search(rf"^\s*{name}\s*=\s*{value}", file.read(), re.MULTILINE)
+    return found.group(1) if found else None
