@@ -723,13 +723,8 @@ impl Bvh {
 
     /// load(path, mmap=False)
     ///
-    /// The BVH that save wrote. A file of the Rust library (WideBvh::to_bytes of triangles) is read as a watertight one, which has no refit.
-    ///
-    /// Parameters
-    /// ----------
-    /// mmap : bool
-    ///     Rays are traced from the pages of the file, without a copy; several processes share them. The file is checked once, and must not be written
-    ///     or truncated while the BVH exists: replace it by renaming another one, as save does. A refit copies it first.
+    /// The BVH that save wrote, or the Rust library (WideBvh::to_bytes of triangles): a watertight one, which has no refit. With mmap, rays are traced from
+    /// the pages of the file, which is checked once and must not be written or truncated meanwhile: rename another file onto it, as save does.
     ///
     /// Raises
     /// ------

@@ -129,6 +129,7 @@ impl TriangleBvh {
             let of_file = |section: &Range<usize>| section.start + first..section.end + first;
             // Elsewhere than at a multiple of 64, it is copied.
             if let Some((lines, units)) = map.records(of_file(&lines)).zip(map.records(of_file(&units))) {
+                let (lines, units) = (Records::mapped(lines), Records::mapped(units));
                 return Ok(Self::of_records(&header, lines, units, test.unwrap_or_else(|| test_of(&header)))?);
             }
         }

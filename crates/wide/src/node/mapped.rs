@@ -9,8 +9,6 @@ use std::sync::Arc;
 
 use bytemuck::Pod;
 
-use super::Records;
-
 /// A file in memory; several records share it.
 #[derive(Clone)]
 pub(crate) struct Map(Arc<memmap2::Mmap>);
@@ -37,14 +35,14 @@ impl Map {
     }
 
     /// Records in a range of bytes; `None` where it does not start at a multiple of their alignment, as maps start on a page.
-    pub(crate) fn records<T: Pod>(&self, bytes: Range<usize>) -> Option<Records<T>> {
+    pub(crate) fn records<T: Pod>(&self, bytes: Range<usize>) -> Option<MappedRecords<T>> {
         bytemuck::try_cast_slice::<u8, T>(&self.0[bytes.clone()]).ok()?;
-        Some(Records::mapped(MappedRecords { map: self.clone(), bytes, records: PhantomData }))
+        Some(MappedRecords { map: self.clone(), bytes, records: PhantomData })
     }
 }
 
 /// Records in a file.
-pub(super) struct MappedRecords<T> {
+pub(crate) struct MappedRecords<T> {
     map: Map,
     bytes: Range<usize>,
     records: PhantomData<T>,

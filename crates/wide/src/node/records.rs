@@ -35,7 +35,7 @@ impl<T: Pod> From<Vec<T>> for Records<T> {
 impl<T: Pod> Records<T> {
     /// Records in a file, which are copied before they are changed.
     #[cfg(any(unix, windows))]
-    pub(super) fn mapped(records: MappedRecords<T>) -> Self {
+    pub(crate) fn mapped(records: MappedRecords<T>) -> Self {
         Self(Memory::File(records))
     }
 
