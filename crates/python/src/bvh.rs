@@ -728,10 +728,8 @@ impl Bvh {
     ///
     /// Raises
     /// ------
-    /// OSError
-    ///     The file cannot be read.
-    /// ValueError
-    ///     The file is not a BVH, or is damaged.
+    /// OSError, ValueError
+    ///     The file cannot be read; it is not a BVH, or is damaged.
     #[staticmethod]
     #[pyo3(signature = (path, mmap=false), text_signature = "(path, mmap=False)")]
     fn load(py: Python<'_>, path: PathBuf, mmap: bool) -> PyResult<Self> {
