@@ -209,9 +209,10 @@ fn unit_interval(steps: u32) -> f32 {
 }
 
 // part hash/ray_key
-// A key per ray, for stochastic alpha.
+// A key per ray and the sample of the pixel, for stochastic alpha.
 
 var<private> ray_key: u32;
+var<private> ray_sample: u32;
 
 /// Sampler dimension of ray keys, separate from those that are counted up.
 const ALPHA_DIMENSION: u32 = 0xfffffffdu;
@@ -522,6 +523,7 @@ fn front_of(triangle: Triangle, instance: u32) -> vec3<f32> {
 // use shared/hash
 // use ?alpha
 // use shared/hash/ray_key
+// use shared/sampler/net
 
 fn is_present(hit: Hit) -> bool {
     let triangle = triangles[triangle_of(hit)];
@@ -530,8 +532,9 @@ fn is_present(hit: Hit) -> bool {
         return true;
     }
     let opacity = presence(material, triangle.vertices, vec3(1.0 - hit.u - hit.v, hit.u, hit.v));
-    // Independent of traversal order: depends only on key, instance and triangle.
-    return unit_interval(mix_bits(mix_bits(ray_key ^ hit.instance) ^ hit.primitive) >> 8u) < opacity;
+    // Independent of traversal order: depends only on key, sample, instance and triangle.
+    let seed = mix_bits(mix_bits(ray_key ^ hit.instance) ^ hit.primitive);
+    return unit_interval(net_single(ray_sample, seed) >> 8u) < opacity;
 }
 
 // part picture

@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 mod bodies;
+mod claims;
 mod device;
 mod kinds;
 mod models;
@@ -59,6 +60,9 @@ fn main() -> Result<()> {
     }
     if options.wants("kinds") {
         kinds::section(&mut out, &options)?;
+    }
+    if options.wants(options::CLAIMS) {
+        claims::section(&mut out)?;
     }
     std::io::stdout().write_all(options.titled(&out).as_bytes())?;
     Ok(())

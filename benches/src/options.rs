@@ -1,13 +1,21 @@
 //! Command line options.
 
+use std::{
+    path::PathBuf,
+    time::{SystemTime, UNIX_EPOCH},
+};
+
 use anyhow::{Result, anyhow};
 use canted_gpu::Choice;
 
 /// The section that this program runs in a separate process, to check whether tinybvh survives a scene.
 pub(crate) const TRIAL: &str = "tinybvh-trial";
 
+/// The section that compares README with a measurement; measured only if it is named.
+pub(crate) const CLAIMS: &str = "claims";
+
 /// The sections, in the order of the report.
-const SECTIONS: [&str; 6] = ["nodes", "kinds", "wide", "motion", "picture", "bodies"];
+const SECTIONS: [&str; 7] = ["nodes", "kinds", "wide", "motion", "picture", "bodies", CLAIMS];
 
 /// The options of the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -24,11 +32,15 @@ pub(crate) struct Options {
     pub(crate) is_quick: bool,
     /// Seed of the generated kinds of scenes and their rays.
     pub(crate) seed: u64,
+    /// Kinds whose forms follow from the seed, in place of the fifty.
+    pub(crate) is_fresh: bool,
+    /// A folder whose files are measured as kinds are.
+    pub(crate) models: Option<PathBuf>,
 }
 
 impl Options {
     /// Reads the arguments, without the program's name.
-    pub(crate) fn read(mut args: impl Iterator<Item = String>) -> Result<Self> {
+    pub(crate) fn read(args: impl Iterator<Item = String>) -> Result<Self> {
         let mut options = Self {
             sections: vec![],
             rounds: 5,
@@ -37,7 +49,10 @@ impl Options {
             device: None,
             is_quick: false,
             seed: 1,
+            is_fresh: false,
+            models: None,
         };
+        let mut args = args.peekable();
         while let Some(arg) = args.next() {
             let mut value = || args.next().ok_or_else(|| anyhow!("{arg} needs a value"));
             match arg.as_str() {
@@ -50,6 +65,14 @@ impl Options {
                     let value = value()?;
                     options.seed = value.parse().map_err(|_| anyhow!("--seed '{value}' is not a whole number"))?;
                 }
+                "--fresh" => {
+                    options.is_fresh = true;
+                    options.seed = match args.next_if(|word| word.bytes().all(|byte| byte.is_ascii_digit())) {
+                        Some(seed) => seed.parse().map_err(|_| anyhow!("--fresh '{seed}' is not a seed below 2^64"))?,
+                        None => drawn_seed(),
+                    };
+                }
+                "--models" => options.models = Some(value()?.into()),
                 "--scenes" => options.scenes = list(&value()?),
                 "--engines" => options.engines = list(&value()?),
                 "--device" => {
@@ -62,7 +85,7 @@ impl Options {
                     let sections = SECTIONS.join(", ");
                     return Err(anyhow!(
                         "unknown argument '{arg}'; use {sections}, --rounds N, --scenes A,B, --engines A,B, --device gpu|NAME, --quick, \
-                         --seed N"
+                         --seed N, --fresh [SEED], --models FOLDER"
                     ));
                 }
             }
@@ -72,7 +95,7 @@ impl Options {
 
     /// Whether a section is measured: all are if neither a section nor a device is named.
     pub(crate) fn wants(&self, section: &str) -> bool {
-        (self.sections.is_empty() && self.device.is_none()) || self.sections.iter().any(|wanted| wanted == section)
+        (self.sections.is_empty() && self.device.is_none() && section != CLAIMS) || self.sections.iter().any(|wanted| wanted == section)
     }
 
     /// Whether this process is the trial of a peer.
@@ -85,12 +108,15 @@ impl Options {
         if self.scenes.is_empty() { default.iter().map(|&name| name.to_owned()).collect() } else { self.scenes.clone() }
     }
 
-    /// Adds the named scenes to the titles of sections, so that a run of some scenes does not replace a run of all.
+    /// Adds what was selected to the titles of sections, so that a run of some scenes does not replace a run of all.
     pub(crate) fn titled(&self, sections: &str) -> String {
-        if self.scenes.is_empty() {
+        let fresh = self.is_fresh.then(|| "fresh kinds".to_owned());
+        let models = self.models.is_some().then(|| "models".to_owned());
+        let selected: Vec<String> = fresh.into_iter().chain(models).chain(self.scenes.iter().cloned()).collect();
+        if selected.is_empty() {
             return sections.to_owned();
         }
-        let of_scenes = format!(": {}", self.scenes.join(", "));
+        let of_scenes = format!(": {}", selected.join(", "));
         let title = |line: &str| if line.starts_with("## ") || line.starts_with("### ") { &of_scenes[..] } else { "" };
         sections.lines().map(|line| format!("{line}{}\n", title(line))).collect()
     }
@@ -100,6 +126,12 @@ impl Options {
         let name = name.to_lowercase();
         self.engines.is_empty() || self.engines.iter().any(|word| name.contains(&word.to_lowercase()))
     }
+}
+
+/// A seed that no earlier run had: the time in nanoseconds, below 10^9 so that it can be typed again.
+fn drawn_seed() -> u64 {
+    let time = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    (time.as_secs() ^ u64::from(time.subsec_nanos())) % 1_000_000_000
 }
 
 fn list(value: &str) -> Vec<String> {
@@ -120,6 +152,10 @@ mod tests {
         assert_eq!((options.rounds, options.is_quick), (3, true));
         assert_eq!(options.scenes(&["grid"]), ["truss", "bunny"]);
         assert_eq!((options.seed, read("kinds --seed 7").unwrap().seed), (1, 7));
+        let fresh = read("kinds --fresh 12 --quick").unwrap();
+        assert_eq!((fresh.is_fresh, fresh.seed, fresh.is_quick), (true, 12, true));
+        let drawn = read("kinds --fresh --models cars").unwrap();
+        assert!(drawn.is_fresh && drawn.is_quick != fresh.is_quick && drawn.models == Some("cars".into()));
         assert!(options.wants("wide") && !options.wants("kinds"));
         assert!(options.wants_engine("Embree 4.4 high") && !options.wants_engine("obvhs BVH2"));
     }
@@ -128,6 +164,7 @@ mod tests {
     fn titles_name_the_selected_scenes() {
         let sections = "\n## Trees\n\nText.\n\n### Table\n| a |\n";
         assert_eq!(read("wide").unwrap().titled(sections), sections);
+        assert_eq!(read("kinds --fresh 3").unwrap().titled("## Kinds\n"), "## Kinds: fresh kinds\n");
         let titled = read("wide --scenes truss,grid").unwrap().titled(sections);
         assert_eq!(titled, "\n## Trees: truss, grid\n\nText.\n\n### Table: truss, grid\n| a |\n");
     }
@@ -135,7 +172,7 @@ mod tests {
     #[test]
     fn everything_is_measured_by_default() {
         let options = read("").unwrap();
-        assert!(SECTIONS.iter().all(|section| options.wants(section)) && options.wants_engine("obvhs"));
+        assert!(SECTIONS.iter().all(|&section| options.wants(section) != (section == CLAIMS)) && options.wants_engine("obvhs"));
         assert_eq!(options.scenes(&["grid"]), ["grid"]);
     }
 

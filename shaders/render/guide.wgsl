@@ -39,7 +39,8 @@ fn main(id: Invocation) {
     if one.is_inside {
         choose_time(one);
         // Key of the first ray of a path.
-        ray_key = derived_key(derived_key(0u, bits(picture.sampler, one.pixel, one.sample, ALPHA_DIMENSION)), 0u);
+        ray_key = derived_key(derived_key(0u, bits(picture.sampler, one.pixel, 0u, ALPHA_DIMENSION)), 0u);
+        ray_sample = one.sample;
         var guide = guide_of(camera_ray(one));
         guide.primitive = select(guide.primitive, INCOMPLETE, is_incomplete);
         guides[64u * group + id.local] = guide;

@@ -51,7 +51,8 @@ struct Light {
 
 /// Radiance along a camera ray.
 fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
-    let path_key = derived_key(0u, bits(picture.sampler, one.pixel, one.sample, ALPHA_DIMENSION));
+    let path_key = derived_key(0u, bits(picture.sampler, one.pixel, 0u, ALPHA_DIMENSION));
+    ray_sample = one.sample;
     var light = Light(vec3(0.0), 0u);
     var throughput = vec3(1.0);
     var ray = camera;

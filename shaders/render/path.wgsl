@@ -25,6 +25,7 @@ fn main(id: Invocation) {
         var hidden = miss();
         loop {
             ray_key = key_of(path, one);
+            ray_sample = one.sample;
             let is_scattered = path.stage == ONWARD && path.n_scattered > 0u;
             let is_arriving = path.stage == TO_LIGHT || hidden.instance != NONE;
             face_along(path.ray.direction, select(select(SEEN, SCATTERED, is_scattered), ARRIVING, is_arriving));

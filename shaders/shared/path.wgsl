@@ -83,7 +83,7 @@ fn path_from(start: CameraRay) -> Path {
 
 /// Key of the ray that is traced now, derived from the vertex that it leaves.
 fn key_of(path: Path, one: PixelSample) -> u32 {
-    let all = derived_key(0u, bits(picture.sampler, one.pixel, one.sample, ALPHA_DIMENSION));
+    let all = derived_key(0u, bits(picture.sampler, one.pixel, 0u, ALPHA_DIMENSION));
     let onward = derived_key(all, path.n_vertices);
     return select(onward, derived_key(onward, 0u), path.stage == TO_LIGHT);
 }

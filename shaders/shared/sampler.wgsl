@@ -39,6 +39,7 @@ fn single(sampler: Sampler, pixel: u32, sample: u32, dimension: u32) -> f32 {
 
 // choice pattern/sobol
 // A scrambled (0,2)-sequence in base 2 (Burley 2020).
+// use shared/sampler/net
 
 fn pair(sampler: Sampler, pixel: u32, sample: u32, dimension: u32) -> vec2<f32> {
     let use_key = key(sampler, pixel, dimension);
@@ -49,18 +50,7 @@ fn pair(sampler: Sampler, pixel: u32, sample: u32, dimension: u32) -> vec2<f32> 
 }
 
 fn single(sampler: Sampler, pixel: u32, sample: u32, dimension: u32) -> f32 {
-    let use_key = key(sampler, pixel, dimension);
-    return unit_interval(scrambled(shuffled(sample, mix_bits(use_key ^ 8u)), mix_bits(use_key ^ 9u)) >> 8u);
-}
-
-/// The position of sample `index` in the sequence. Maps each aligned run of `2^m` samples to an aligned run of `2^m`.
-fn shuffled(index: u32, seed: u32) -> u32 {
-    return reverseBits(laine_karras(reverseBits(index), seed));
-}
-
-/// The scrambled coordinate with these reversed bits.
-fn scrambled(mirrored: u32, seed: u32) -> u32 {
-    return reverseBits(laine_karras(mirrored, seed));
+    return unit_interval(net_single(sample, key(sampler, pixel, dimension)) >> 8u);
 }
 
 /// Reversed second coordinate of point `index` before scrambling; the first is `index` itself.
@@ -71,16 +61,6 @@ fn second_coordinate(index: u32) -> u32 {
     y ^= (y >> 4u) & 0x0f0f0f0fu;
     y ^= (y >> 8u) & 0x00ff00ffu;
     return y ^ ((y >> 16u) & 0x0000ffffu);
-}
-
-/// A bijection in which each bit depends only on itself and lower bits (Laine and Karras 2011, with the constants of Vegdahl
-/// 2021).
-fn laine_karras(bits: u32, seed: u32) -> u32 {
-    var x = bits ^ (bits * 0x3d20adeau);
-    x += seed;
-    x *= (seed >> 16u) | 1u;
-    x ^= x * 0x05526c56u;
-    return x ^ (x * 0x53a22864u);
 }
 
 // choice pattern/stratified
@@ -160,4 +140,33 @@ fn permuted(i: u32, n: u32, permutation: u32) -> u32 {
 fn permutation_round(value: u32, round: u32, mask: u32, shift: u32) -> u32 {
     let mixed = ((value + round) * ((round >> 16u) | 1u)) & mask;
     return mixed ^ (mixed >> shift);
+}
+
+// part net
+// One coordinate of a scrambled and shuffled sequence in base 2.
+// use shared/hash
+
+/// Coordinate of a sample in the sequence of a key, in units of 2^-32.
+fn net_single(sample: u32, key: u32) -> u32 {
+    return scrambled(shuffled(sample, mix_bits(key ^ 8u)), mix_bits(key ^ 9u));
+}
+
+/// The position of sample `index` in the sequence. Maps each aligned run of `2^m` samples to an aligned run of `2^m`.
+fn shuffled(index: u32, seed: u32) -> u32 {
+    return reverseBits(laine_karras(reverseBits(index), seed));
+}
+
+/// The scrambled coordinate with these reversed bits.
+fn scrambled(mirrored: u32, seed: u32) -> u32 {
+    return reverseBits(laine_karras(mirrored, seed));
+}
+
+/// A bijection in which each bit depends only on itself and lower bits (Laine and Karras 2011, with the constants of Vegdahl
+/// 2021).
+fn laine_karras(bits: u32, seed: u32) -> u32 {
+    var x = bits ^ (bits * 0x3d20adeau);
+    x += seed;
+    x *= (seed >> 16u) | 1u;
+    x ^= x * 0x05526c56u;
+    return x ^ (x * 0x53a22864u);
 }

@@ -16,6 +16,8 @@ use crate::{
 
 /// The argument that adds peers written in other languages.
 const PEERS: &str = "--peers";
+/// The section that compares README with a measurement of the peers.
+const CLAIMS: &str = "claims";
 /// The argument that records the results in the repository.
 pub(crate) const KEEP: &str = "--keep";
 
@@ -32,11 +34,11 @@ pub(crate) fn run(args: &[&str]) -> Result<bool> {
     let mut command = program(args);
     command.args(own(args));
     let output = command.stderr(Stdio::inherit()).output().context("cannot start cargo")?;
+    let measured = String::from_utf8(output.stdout).context("canted-bench wrote invalid UTF-8")?;
+    say(measured.trim_end());
     if !output.status.success() {
         bail!("canted-bench failed: {}", output.status);
     }
-    let measured = String::from_utf8(output.stdout).context("canted-bench wrote invalid UTF-8")?;
-    say(measured.trim_end());
     if args.contains(&KEEP) {
         results::keep(&measured, facts, &words("bench", args, variable))?;
     } else {
@@ -79,7 +81,7 @@ fn own<'a>(args: &[&'a str]) -> impl Iterator<Item = &'a str> {
 fn program(args: &[&str]) -> Command {
     let mut command = cargo(&["run", "--release", "--package", "canted-benches"]);
     command.env("CARGO_PROFILE_RELEASE_LTO", "thin");
-    if args.contains(&PEERS) {
+    if args.contains(&PEERS) || args.contains(&CLAIMS) {
         command.args(["--features", "canted-benches/peers"]);
     }
     command.arg("--");

@@ -26,6 +26,10 @@ pub(crate) fn warn(text: &str) {
 pub(crate) fn program(name: impl Into<OsString>, args: &[&str]) -> Command {
     let mut command = Command::new(name.into());
     command.args(args).current_dir(root()).stdin(Stdio::null());
+    // A layer of Mesa's Vulkan driver asks Wayland for the default adapter, and reports a missing folder as an error.
+    if cfg!(target_os = "linux") && std::env::var_os("XDG_RUNTIME_DIR").is_none() {
+        command.env("XDG_RUNTIME_DIR", std::env::temp_dir());
+    }
     command
 }
 

@@ -39,7 +39,7 @@ What measures prints its result; with --keep it records it in benches/results. -
 
   bench [ARGS]      measure speed: nodes, kinds, wide, motion, picture, bodies [default: all]; --rounds N, --scenes A,B, --engines A,B,
                     --quick, --seed N; --device gpu|NAME measures that adapter only, compared with the CPU
-  report [ARGS]     measure every choice and write target/report: boxes, kernels, sources, left-out [default: all]; --quick
+  report [ARGS]     measure every choice and write target/report: boxes, kernels, sources, unused [default: all]; --quick
   kernels           compile every kernel with Mesa's RADV, without a device, and compare registers and spills with the recorded table;
                     --json FILE writes the list
   results           write benches/RESULTS.md from benches/results/record.json

@@ -7,11 +7,14 @@
 mod checked;
 mod tables;
 
-use std::io::Write;
+use std::{
+    io::Write,
+    path::{Path, PathBuf},
+};
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use canted_fixtures::{
-    Mesh,
+    Mesh, SplitMix64,
     kinds::{self, Family, Kind, RayKind, Scene},
 };
 use canted_obb::Affine;
@@ -33,15 +36,21 @@ use crate::{
 
 /// Triangles of kinds that are not ordinary, and with `--quick`.
 const SIZE: [usize; 2] = [100_000, 10_000];
-/// Least and greatest number of triangles of ordinary kinds; the sizes between are in geometric progression.
+/// Least and greatest number of triangles of ordinary kinds, in geometric progression, and of fresh ones, drawn.
 const ORDINARY_SIZES: [f64; 2] = [40_000.0, 1_000_000.0];
 
 /// Measures and writes the section.
 pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
     let mut record = Record::create("kinds.jsonl")?;
     let mut tables = Tables::default();
-    for (kind, size) in chosen(options)? {
-        let subject = Subject::new(kind, size, options)?;
+    if options.is_fresh {
+        writeln!(std::io::stderr(), "seed {}: `kinds --fresh {0}` measures the same scenes", options.seed)?;
+    }
+    let chosen = chosen(options)?;
+    let generated = chosen.into_iter().map(|(kind, size)| Subject::generated(kind, size, options));
+    let files = model_files(options)?;
+    for subject in generated.chain(files.iter().map(|file| Subject::of_file(file, options))) {
+        let subject = subject?;
         // A pool of one thread builds and traces everything on one thread.
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
         let measured = one.install(|| subject.measure(options))?;
@@ -54,40 +63,66 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
     Ok(())
 }
 
-/// The kinds to measure with their sizes: all, or those that `--scenes` names by themselves or by their family.
+/// The kinds to measure with their sizes: the fifty or the fresh ones, all or those that `--scenes` names by themselves or by their family.
+/// A folder of models is measured alone, unless `--fresh` or kinds are named.
 fn chosen(options: &Options) -> Result<Vec<(&'static Kind, usize)>> {
     let words = options.scenes(&[]);
     let is_known = |word: &str| kinds::named(word).is_some() || Family::ALL.iter().any(|family| family.name() == word);
     if let Some(unknown) = words.iter().find(|word| !is_known(word)) {
         bail!("there is no kind or family '{unknown}'");
     }
+    if options.models.is_some() && !options.is_fresh && words.is_empty() {
+        return Ok(vec![]);
+    }
     let is_chosen = |kind: &Kind| words.is_empty() || words.iter().any(|w| w == kind.name || w == kind.family.name());
-    let sized = kinds::all().iter().map(|kind| (kind, size(kind, options.is_quick)));
+    let all = if options.is_fresh { kinds::fresh() } else { kinds::all() };
+    let mut rng = SplitMix64::new(options.seed);
+    let sized = all.iter().map(|kind| (kind, size(kind, options.is_quick, &mut rng)));
     Ok(sized.filter(|(kind, _)| is_chosen(kind)).collect())
 }
 
+/// The files of the folder of `--models`, by name.
+fn model_files(options: &Options) -> Result<Vec<PathBuf>> {
+    let Some(folder) = &options.models else { return Ok(vec![]) };
+    let entries = std::fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let paths = entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<PathBuf>>>()?;
+    let mut files: Vec<PathBuf> = paths.into_iter().filter(|path| path.is_file()).collect();
+    files.sort();
+    Ok(files)
+}
+
 /// The number of triangles asked of a kind.
-fn size(kind: &Kind, is_quick: bool) -> usize {
+fn size(kind: &Kind, is_quick: bool, rng: &mut SplitMix64) -> usize {
+    let drawn = rng.unit();
     if is_quick {
         return SIZE[1];
+    }
+    if kind.family == Family::Fresh {
+        return between_sizes(drawn);
     }
     let ordinary: Vec<&str> =
         kinds::all().iter().filter(|kind| kind.family == Family::Ordinary).map(|kind| kind.name).collect();
     // Steps of seven, coprime to their number, so that neighbors of one kind of geometry differ in size.
     let place = ordinary.iter().position(|name| *name == kind.name).map(|place| place * 7 % ordinary.len());
-    place.map_or(SIZE[0], |place| {
-        let fraction = place as f64 / (ordinary.len() - 1) as f64;
-        let [least, greatest] = ORDINARY_SIZES;
-        (least * (greatest / least).powf(fraction)).round() as usize
-    })
+    place.map_or(SIZE[0], |place| between_sizes(place as f64 / (ordinary.len() - 1) as f64))
+}
+
+/// The size at a fraction of the range of ordinary sizes, in geometric progression.
+fn between_sizes(fraction: f64) -> usize {
+    let [least, greatest] = ORDINARY_SIZES;
+    (least * (greatest / least).powf(fraction)).round() as usize
 }
 
 /// Rays of each kind, and with `--quick`.
 const N_RAYS: [usize; 2] = [65_536, 16_384];
 
+/// What files of others are called where kinds have a family.
+pub(super) const MODELS: &str = "models";
+
 /// A scene, ready for measuring.
 pub(super) struct Subject {
-    pub(super) kind: &'static Kind,
+    pub(super) name: String,
+    family: &'static str,
     pub(super) model: Model,
     n_triangles: usize,
     pub(super) sets: Vec<(RayKind, Vec<Ray>)>,
@@ -95,12 +130,22 @@ pub(super) struct Subject {
 
 impl Subject {
     /// Generates the scene and its rays.
-    pub(super) fn new(kind: &'static Kind, size: usize, options: &Options) -> Result<Self> {
-        let scene = kind.generate(size, options.seed);
+    pub(super) fn generated(kind: &'static Kind, size: usize, options: &Options) -> Result<Self> {
+        Self::new(kind.name.to_owned(), kind.family.name(), kind.generate(size, options.seed), options)
+    }
+
+    /// Reads a file as one mesh.
+    fn of_file(path: &Path, options: &Options) -> Result<Self> {
+        let (positions, triangles, _) = canted_renderer::flatten(&canted_scene::read(path)?)?;
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Self::new(name, MODELS, Scene::of_mesh(Mesh { positions, triangles }), options)
+    }
+
+    fn new(name: String, family: &'static str, scene: Scene, options: &Options) -> Result<Self> {
         let n_rays = N_RAYS[usize::from(options.is_quick)];
         let rays = |kind| scene.rays(kind, n_rays, options.seed).iter().map(models::ray).collect();
         let sets = RayKind::ALL.map(|kind| (kind, rays(kind))).into();
-        Ok(Self { kind, n_triangles: scene.n_triangles(), sets, model: model(scene)? })
+        Ok(Self { name, family, n_triangles: scene.n_triangles(), sets, model: model(scene)? })
     }
 
     /// Builds every engine and traces every set, on this thread.
@@ -110,7 +155,7 @@ impl Subject {
         let (engines, built): (Vec<_>, Vec<_>) = engine::build_all(&entries, true)?.into_iter().unzip();
         let sets = self.sets.iter().map(|(kind, rays)| Set::measure(*kind, rays, &engines, options.rounds)).collect();
         let engines = entries.iter().map(|entry| entry.name.clone()).zip(built).collect();
-        Ok(Measured { kind: self.kind, n_triangles: self.n_triangles, engines, sets, checks: vec![] })
+        Ok(Measured { name: self.name.clone(), family: self.family, n_triangles: self.n_triangles, engines, sets, checks: vec![] })
     }
 }
 
@@ -156,7 +201,9 @@ impl Set {
 
 /// All measurements of one scene.
 pub(super) struct Measured {
-    pub(super) kind: &'static Kind,
+    pub(super) name: String,
+    /// Of kinds the name of their family; else [`MODELS`].
+    pub(super) family: &'static str,
     pub(super) n_triangles: usize,
     pub(super) engines: Vec<(String, Built)>,
     pub(super) sets: Vec<Set>,
@@ -212,8 +259,8 @@ pub(super) fn add_record(record: &mut Record, measured: &Measured, seed: u64) ->
             json!({ "looped": check.n_looped, "differences": differences.collect::<Vec<_>>() })
         });
         record.line(&json!({
-            "kind": measured.kind.name,
-            "family": measured.kind.family.name(),
+            "kind": measured.name,
+            "family": measured.family,
             "seed": seed,
             "triangles": measured.n_triangles,
             "engine": name,
@@ -242,6 +289,18 @@ mod tests {
         assert_eq!(names("kinds").len(), 50);
         assert_eq!(names("kinds --scenes gears,far"), ["gears", "far_1e4", "far_1e6", "far_1e7"]);
         assert!(chosen(&options("kinds --scenes gears,sponza")).unwrap_err().to_string().contains("'sponza'"));
+    }
+
+    #[test]
+    fn fresh_kinds_have_drawn_sizes() {
+        let drawn = |args: &str| chosen(&options(args)).unwrap();
+        let [first, again, other] = ["kinds --fresh 5", "kinds --fresh 5", "kinds --fresh 6"].map(drawn);
+        let sizes = |chosen: &[(&Kind, usize)]| chosen.iter().map(|&(_, size)| size).collect::<Vec<_>>();
+        assert!(first.len() >= 8 && first.iter().all(|(kind, _)| kind.family == Family::Fresh));
+        assert_eq!(sizes(&first), sizes(&again));
+        assert_ne!(sizes(&first), sizes(&other));
+        assert!(sizes(&first).iter().all(|size| (40_000..=1_000_000).contains(size)));
+        assert!(drawn("kinds --models cars").is_empty());
     }
 
     #[test]

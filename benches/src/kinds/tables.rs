@@ -8,7 +8,7 @@ use std::fmt::Write;
 use canted_fixtures::kinds::{Family, RayKind};
 
 use crate::{
-    kinds::{Difference, Measured, OURS, Set},
+    kinds::{Difference, MODELS, Measured, OURS, Set},
     options::Options,
     timing::{median, ratio},
     wide::{
@@ -106,7 +106,7 @@ impl Measured {
 
     /// The table's row of one of our engines.
     fn row(&self, i: usize) -> String {
-        let mut row = format!("| {} | {} | {} |", self.kind.name, self.n_triangles, self.preset(i));
+        let mut row = format!("| {} | {} | {} |", self.name, self.n_triangles, self.preset(i));
         for rays in RayKind::ALL {
             let cell = match self.speed(i, rays, Mode::Medium) {
                 Some(speed) => format!("{speed:.2}"),
@@ -155,7 +155,7 @@ fn wrong(out: &mut String, measured: &Measured, i: usize) {
         let _ = writeln!(
             out,
             "* {}, {}, {} ray {index}: {ray:?}; loop {truth:?}; found {found}",
-            measured.kind.name,
+            measured.name,
             measured.preset(i),
             rays.name(),
         );
@@ -199,40 +199,42 @@ impl Tables {
                 let _ = writeln!(out, "{}", measured.row(i));
             }
         }
-        self.means(out);
+        for family in [Family::Ordinary.name(), Family::Fresh.name(), MODELS] {
+            self.means(out, family);
+        }
         self.below(out);
         self.plans(out);
         self.wrongs(out);
     }
 
-    /// Geometric means over the ordinary kinds.
-    fn means(&self, out: &mut String) {
-        let ordinary: Vec<&Measured> =
-            self.measured.iter().filter(|measured| measured.kind.family == Family::Ordinary).collect();
-        let Some(first) = ordinary.first().filter(|first| first.embree(Mode::Medium).is_some()) else { return };
+    /// Geometric means over a family.
+    fn means(&self, out: &mut String, family: &str) {
+        let all: Vec<&Measured> = self.measured.iter().filter(|measured| measured.family == family).collect();
+        let Some(first) = all.first().filter(|first| first.embree(Mode::Medium).is_some()) else { return };
         let _ = writeln!(
             out,
-            "\n### Geometric means over {} ordinary kinds\n\nCells of rays: relative to Embree default, in brackets to Embree \
+            "\n### Geometric means over {} {family}{}\n\nCells of rays: relative to Embree default, in brackets to Embree \
              robust. Builds on one thread, in brackets on two.\n\n| engine | camera | bounce | occlusion | random | least of all \
              | build / medium | build / high | B a triangle |\n|{}",
-            ordinary.len(),
+            all.len(),
+            if family == MODELS { "" } else { " kinds" },
             " --- |".repeat(9),
         );
         for i in 0..first.engines.len() {
             let _ = write!(out, "| {} |", first.engines[i].0);
             for rays in RayKind::ALL {
-                let speed = |mode| number(mean(ordinary.iter().map(|m| m.speed(i, rays, mode))), 2);
+                let speed = |mode| number(mean(all.iter().map(|m| m.speed(i, rays, mode))), 2);
                 let _ = write!(out, " {} ({}) |", speed(Mode::Medium), speed(Mode::Robust));
             }
-            let all =
-                ordinary.iter().flat_map(|m| RayKind::ALL.map(|rays| (m.speed(i, rays, Mode::Medium), m.kind.name)));
-            let least = all.filter_map(|(speed, name)| Some((speed?, name))).min_by(|a, b| a.0.total_cmp(&b.0));
+            let speeds =
+                all.iter().flat_map(|m| RayKind::ALL.map(|rays| (m.speed(i, rays, Mode::Medium), &m.name)));
+            let least = speeds.filter_map(|(speed, name)| Some((speed?, name))).min_by(|a, b| a.0.total_cmp(&b.0));
             let _ = write!(out, " {} |", least.map_or_else(dash, |(speed, name)| format!("{speed:.2} {name}")));
             for mode in [Mode::Medium, Mode::High] {
-                let build = |n_threads| number(mean(ordinary.iter().map(|m| m.build(i, mode, n_threads))), 2);
+                let build = |n_threads| number(mean(all.iter().map(|m| m.build(i, mode, n_threads))), 2);
                 let _ = write!(out, " {} ({}) |", build(1), build(2));
             }
-            let _ = writeln!(out, " {} |", number(mean(ordinary.iter().map(|m| m.bytes(i))), 0));
+            let _ = writeln!(out, " {} |", number(mean(all.iter().map(|m| m.bytes(i))), 0));
         }
     }
 
@@ -246,7 +248,7 @@ impl Tables {
         for (i, preset) in presets.into_iter().enumerate() {
             let slow = self.measured.iter().filter_map(|measured| {
                 let rays = measured.slow(i);
-                (!rays.is_empty()).then(|| format!("{} ({})", measured.kind.name, rays.join(", ")))
+                (!rays.is_empty()).then(|| format!("{} ({})", measured.name, rays.join(", ")))
             });
             let slow: Vec<String> = slow.collect();
             let kinds = if slow.is_empty() { "none".to_owned() } else { slow.join("; ") };
@@ -256,7 +258,7 @@ impl Tables {
 
     /// Whether oriented nodes are used where they pay: the better of two plans is the one with them or the one without.
     fn plans(&self, out: &mut String) {
-        let plans = self.measured.iter().filter_map(|m| Some((m.kind.name, m.plan()?)));
+        let plans = self.measured.iter().filter_map(|m| Some((&*m.name, m.plan()?)));
         let plans: Vec<(&str, f64)> = plans.collect();
         let Some(all) = mean(plans.iter().map(|&(_, speed)| Some(speed))) else { return };
         let text = |chosen: Vec<&(&str, f64)>| {

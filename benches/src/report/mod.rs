@@ -34,7 +34,7 @@ const CHAPTERS: [(&str, Measure); 4] = [
     ("boxes", boxes::chapter),
     ("kernels", kernels::chapter),
     ("sources", sources::chapter),
-    ("left-out", unused::chapter),
+    ("unused", unused::chapter),
 ];
 
 /// Measures the requested chapters and writes the files.

@@ -42,7 +42,7 @@ const SPONZA: &str = "sponza";
 
 /// Measures the chapter.
 pub(super) fn chapter(effort: Effort) -> Result<Chapter> {
-    let mut chapter = Chapter { id: "left-out", title: "Cost of unused features", ..Chapter::default() };
+    let mut chapter = Chapter { id: "unused", title: "Cost of unused features", ..Chapter::default() };
     let mut scenes = vec![("built-in", canted_scene::builtin()), ("terrain under a sun alone", one_light())];
     for name in effort.pick(&[][..], &["bunny"], &["bunny", "truss", SPONZA]) {
         let scene = match *name {

@@ -19,12 +19,13 @@ use std::io::Write;
 use anyhow::Result;
 use canted_trace::Ray;
 use canted_wide::TriangleBvh;
-use subject::Subject;
 use tables::Tables;
 
 use crate::{models, options::Options};
 
+pub(crate) use engine::Promise;
 pub(crate) use peers::{methods as peers, skipped as skipped_peers};
+pub(crate) use subject::{Measured, Subject};
 pub(crate) use tables::Record;
 
 /// Traces the named scenes with tinybvh, if this build includes it.

@@ -65,6 +65,12 @@ impl Measured {
         self.in_table(promise).into_iter().filter(is_peer).collect()
     }
 
+    /// The modes of Embree with a guarantee.
+    pub(crate) fn embree(&self, promise: Promise) -> Vec<usize> {
+        let is_one = |c: &Contestant| c.owner == Owner::Peer && c.promise == promise && c.name.starts_with("Embree");
+        (0..self.contestants.len()).filter(|&i| is_one(&self.contestants[i])).collect()
+    }
+
     /// A progress line for each set and guarantee.
     pub(crate) fn summary(&self) -> String {
         let mut text = format!("{}, {} triangles\n", self.scene, self.n_triangles);

@@ -105,7 +105,7 @@ impl Sampler {
         match self.pattern {
             Pattern::Random => unit(jitter >> 8),
             Pattern::Stratified => jittered(Permutation::new(n, mix(key ^ 7)).of(sample % n), n, jitter),
-            Pattern::Sobol => unit(net_single(sample, [8, 9].map(|salt| mix(key ^ salt))) >> 8),
+            Pattern::Sobol => unit(net_single(sample, key) >> 8),
         }
     }
 
@@ -299,9 +299,10 @@ fn net_pair(sample: u32, seeds: [u32; 3]) -> [u32; 2] {
     [scrambled(index, seeds[1]), scrambled(second(index), seeds[2])]
 }
 
-/// One coordinate of a sequence.
-fn net_single(sample: u32, seeds: [u32; 2]) -> u32 {
-    scrambled(shuffled(sample, seeds[0]), seeds[1])
+/// One coordinate of the sequence of a key, in units of 2⁻³².
+pub(crate) fn net_single(sample: u32, key: u32) -> u32 {
+    let [shuffle, scramble] = [8, 9].map(|salt| mix(key ^ salt));
+    scrambled(shuffled(sample, shuffle), scramble)
 }
 
 /// Shuffles sample indices; every aligned block of `2^m` maps to an aligned block.
@@ -454,8 +455,7 @@ mod tests {
                 for key in 0..20 {
                     let points: Vec<_> = samples().map(|i| net_pair(i, seeds(key))).collect();
                     assert!(is_net(&points), "m {m} block {block} key {key}");
-                    let [shuffle, scramble, _] = seeds(key);
-                    let line = samples().map(|i| u64::from(net_single(i, [shuffle, scramble])));
+                    let line = samples().map(|i| u64::from(net_single(i, key)));
                     let mut columns: Vec<u64> = line.map(|x| x >> (32 - m)).collect();
                     columns.sort_unstable();
                     assert!(columns.into_iter().eq(0..1 << m), "m {m} block {block} key {key}");

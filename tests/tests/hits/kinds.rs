@@ -72,7 +72,7 @@ fn looped(scene: &Scene, rays: &[Ray]) -> Vec<Option<Hit>> {
 
 #[test]
 fn every_structure_hits_what_the_loop_hits() {
-    kinds::all().par_iter().for_each(|kind| {
+    kinds::all().par_iter().chain(kinds::fresh()).for_each(|kind| {
         for seed in [1, 2] {
             let scene = kind.generate(SIZE, seed);
             let rays = rays(&scene, seed);

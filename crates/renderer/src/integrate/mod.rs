@@ -88,7 +88,7 @@ impl<'a> Transport<'a> {
 
     /// The query of a path; each ray derives its own key.
     fn path_query(&self, start: &Start) -> HitFilter<'a> {
-        self.filter.keyed(self.sampler.bits(start.pixel, start.sample, ALPHA_DIMENSION))
+        self.filter.sampled(start.sample).keyed(self.sampler.bits(start.pixel, 0, ALPHA_DIMENSION))
     }
 }
 

@@ -10,7 +10,7 @@ use canted_scene::{AlphaMode, Material, MaterialId, Mesh, Scene, TextureRef};
 use canted_trace::{Hit, InstanceId, Ray, SurfacePoint};
 use glam::DVec3;
 
-use crate::sampler::{mix, unit};
+use crate::sampler::{mix, net_single, unit};
 use crate::texture::{MipMaps, Plane, Textures, filtered_textures};
 use crate::{Bsdf, Cone, Hemisphere, Lod, narrow, wide};
 pub use hit_filter::{CountedHitFilter, HitFilter};
@@ -254,12 +254,12 @@ impl<'a> Surfaces<'a> {
 
     /// Whether the surface at a hit is opaque to a ray with this key, by alpha.
     ///
-    /// A blended surface is opaque with probability alpha over all keys; each ray should have its own key. The answer
-    /// depends only on key, instance and triangle, and so not on the traversal.
+    /// A blended surface is opaque with probability alpha over all keys, and in a fraction alpha of each aligned block of `2^m` samples of
+    /// a key. The answer depends only on key, sample, instance and triangle, and so not on the traversal.
     #[must_use]
-    pub fn is_present(&self, hit: &Hit, key: u32) -> bool {
+    pub fn is_present(&self, hit: &Hit, key: u32, sample: u32) -> bool {
         let presence = self.presence(hit);
-        presence >= 1.0 || alpha_threshold(key, hit) < presence
+        presence >= 1.0 || alpha_threshold(key, sample, hit) < presence
     }
 
     /// Probability that the surface at a hit is opaque: alpha if blended, else 0 or 1.
@@ -357,9 +357,10 @@ fn bsdf(material: &Material, tint: [f32; 4], is_front: bool, texel: impl Fn(&Opt
     }
 }
 
-/// A uniform number in `[0, 1)` for a ray and a triangle.
-fn alpha_threshold(key: u32, hit: &Hit) -> f32 {
-    unit(mix(mix(key ^ hit.instance.0) ^ hit.primitive.0) >> 8)
+/// A uniform number in `[0, 1)` for a ray and a triangle, stratified over the samples of a key.
+fn alpha_threshold(key: u32, sample: u32, hit: &Hit) -> f32 {
+    let seed = mix(mix(key ^ hit.instance.0) ^ hit.primitive.0);
+    unit(net_single(sample, seed) >> 8)
 }
 
 /// Maximum absolute coordinate of the vertices that triangles use, at any shutter time.

@@ -257,6 +257,28 @@ fn bound(fraction: f64, n: f64) -> f64 {
 }
 
 #[test]
+fn samples_of_a_pixel_are_stratified_over_alpha() {
+    let scene = sheets(&[0.375]);
+    let (tracer, surfaces) = (BruteForce::new(&scene), Surfaces::new(&scene));
+    let ray = Ray { t_max: 9.5, ..Ray::new([0.3, 10.0, 0.2], [0.0, -1.0, 0.0]) };
+    for pixel in 0..500 {
+        let query = HitFilter::new(&surfaces).keyed(pixel);
+        let passing = |samples: std::ops::Range<u32>| {
+            samples.filter(|&sample| !tracer.occluded_with(&ray, &mut query.sampled(sample))).count()
+        };
+        // Five of eight, as 1 - 0.375 = 5 / 8.
+        assert_eq!([passing(0..8), passing(8..16), passing(64..96)], [5, 5, 20], "pixel {pixel}");
+    }
+    // Two sheets are independent: over many pixels the mean of their products is the product of their means.
+    let scene = sheets(&[0.5, 0.5]);
+    let (tracer, surfaces) = (BruteForce::new(&scene), Surfaces::new(&scene));
+    let n = (0..N)
+        .filter(|&n| !tracer.occluded_with(&ray, &mut HitFilter::new(&surfaces).keyed(n / 16).sampled(n % 16)))
+        .count() as f64;
+    assert!((n / f64::from(N) - 0.25).abs() < bound(0.25, f64::from(N)), "{n} of {N}");
+}
+
+#[test]
 fn transmittance_is_one_minus_alpha() {
     for alpha in [0.0, 0.1, 0.25, 0.5, 0.9, 1.0] {
         let expected = 1.0 - f64::from(alpha);
