@@ -80,7 +80,8 @@ fn ensure_none(out: &str, exaggerated: &[String]) -> Result<()> {
 
 /// The rows of the table.
 fn claims(readme: &str) -> Result<Vec<Claim>> {
-    let rows = readme.lines().skip_while(|line| !line.starts_with(HEAD)).skip(2).take_while(|line| line.starts_with('|'));
+    let rows =
+        readme.lines().skip_while(|line| !line.starts_with(HEAD)).skip(2).take_while(|line| line.starts_with('|'));
     let claims = rows.map(claim).collect::<Result<Vec<_>>>()?;
     ensure!(!claims.is_empty(), "README.md has no table that starts with '{HEAD}'");
     Ok(claims)
@@ -88,7 +89,9 @@ fn claims(readme: &str) -> Result<Vec<Claim>> {
 
 fn claim(row: &str) -> Result<Claim> {
     let cells: Vec<&str> = row.split('|').map(str::trim).collect();
-    let [_, name, robust, default, _] = cells[..] else { bail!("README.md: the row '{row}' does not have three cells") };
+    let [_, name, robust, default, _] = cells[..] else {
+        bail!("README.md: the row '{row}' does not have three cells")
+    };
     let scene = SCENES.iter().find(|(words, _)| name.starts_with(words));
     let (_, scene) = scene.with_context(|| format!("README.md: no scene is known as '{name}'"))?;
     Ok(Claim { scene, ratios: [triple(robust)?, triple(default)?] })
@@ -107,7 +110,8 @@ fn found(measured: &Measured) -> Result<[[f64; 3]; 2]> {
     for (column, promise) in found.iter_mut().zip(COLUMNS) {
         let peers = measured.embree(promise);
         for (ratio, set) in column.iter_mut().zip(&measured.sets) {
-            let of_set = set.ratio(ours, &peers).context("Embree is not found: see `CANTED_EMBREE` in CONTRIBUTING.md")?;
+            let of_set =
+                set.ratio(ours, &peers).context("Embree is not found: see `CANTED_EMBREE` in CONTRIBUTING.md")?;
             *ratio = of_set.median;
         }
     }
@@ -144,10 +148,10 @@ mod tests {
         let stated = claim("| Sponza, 1 M | 1.20 / 1.10 / 1.00 | 0.90 / 0.80 / 0.70 |").unwrap();
         assert_eq!(stated.scene, "sponza");
         assert_eq!(too_high(&stated, &[[1.15, 1.2, 1.0], [0.9, 0.8, 0.7]]), [""; 0]);
-        assert_eq!(too_high(&stated, &[[1.14, 1.2, 1.0], [0.9, 0.8, 0.66]]), [
-            "sponza 1.20, found 1.14",
-            "sponza 0.70, found 0.66"
-        ]);
+        assert_eq!(
+            too_high(&stated, &[[1.14, 1.2, 1.0], [0.9, 0.8, 0.66]]),
+            ["sponza 1.20, found 1.14", "sponza 0.70, found 0.66"]
+        );
         assert!(claim("| nowhere | 1 / 1 / 1 | 1 / 1 / 1 |").unwrap_err().to_string().contains("'nowhere'"));
         assert!(claim("| poles | 1 / x / 1 | 1 / 1 / 1 |").unwrap_err().to_string().contains("three numbers"));
     }

@@ -95,7 +95,8 @@ impl Options {
 
     /// Whether a section is measured: all are if neither a section nor a device is named.
     pub(crate) fn wants(&self, section: &str) -> bool {
-        (self.sections.is_empty() && self.device.is_none() && section != CLAIMS) || self.sections.iter().any(|wanted| wanted == section)
+        (self.sections.is_empty() && self.device.is_none() && section != CLAIMS)
+            || self.sections.iter().any(|wanted| wanted == section)
     }
 
     /// Whether this process is the trial of a peer.
@@ -172,7 +173,10 @@ mod tests {
     #[test]
     fn everything_is_measured_by_default() {
         let options = read("").unwrap();
-        assert!(SECTIONS.iter().all(|&section| options.wants(section) != (section == CLAIMS)) && options.wants_engine("obvhs"));
+        assert!(
+            SECTIONS.iter().all(|&section| options.wants(section) != (section == CLAIMS))
+                && options.wants_engine("obvhs")
+        );
         assert_eq!(options.scenes(&["grid"]), ["grid"]);
     }
 

@@ -39,6 +39,8 @@ What measures prints its result; with --keep it records it in benches/results. -
 
   bench [ARGS]      measure speed: nodes, kinds, wide, motion, picture, bodies [default: all]; --rounds N, --scenes A,B, --engines A,B,
                     --quick, --seed N; --device gpu|NAME measures that adapter only, compared with the CPU
+  bench kinds --fresh [SEED]   kinds whose forms a seed draws, a new one unless it is given; --models FOLDER measures files
+  bench claims      measure what README's table states, and fail if a figure is more than 5 % too high
   report [ARGS]     measure every choice and write target/report: boxes, kernels, sources, unused [default: all]; --quick
   kernels           compile every kernel with Mesa's RADV, without a device, and compare registers and spills with the recorded table;
                     --json FILE writes the list

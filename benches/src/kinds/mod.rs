@@ -155,7 +155,14 @@ impl Subject {
         let (engines, built): (Vec<_>, Vec<_>) = engine::build_all(&entries, true)?.into_iter().unzip();
         let sets = self.sets.iter().map(|(kind, rays)| Set::measure(*kind, rays, &engines, options.rounds)).collect();
         let engines = entries.iter().map(|entry| entry.name.clone()).zip(built).collect();
-        Ok(Measured { name: self.name.clone(), family: self.family, n_triangles: self.n_triangles, engines, sets, checks: vec![] })
+        Ok(Measured {
+            name: self.name.clone(),
+            family: self.family,
+            n_triangles: self.n_triangles,
+            engines,
+            sets,
+            checks: vec![],
+        })
     }
 }
 

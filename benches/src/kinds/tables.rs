@@ -226,8 +226,7 @@ impl Tables {
                 let speed = |mode| number(mean(all.iter().map(|m| m.speed(i, rays, mode))), 2);
                 let _ = write!(out, " {} ({}) |", speed(Mode::Medium), speed(Mode::Robust));
             }
-            let speeds =
-                all.iter().flat_map(|m| RayKind::ALL.map(|rays| (m.speed(i, rays, Mode::Medium), &m.name)));
+            let speeds = all.iter().flat_map(|m| RayKind::ALL.map(|rays| (m.speed(i, rays, Mode::Medium), &m.name)));
             let least = speeds.filter_map(|(speed, name)| Some((speed?, name))).min_by(|a, b| a.0.total_cmp(&b.0));
             let _ = write!(out, " {} |", least.map_or_else(dash, |(speed, name)| format!("{speed:.2} {name}")));
             for mode in [Mode::Medium, Mode::High] {
