@@ -56,6 +56,7 @@ mod morton;
 pub mod par;
 mod radix;
 mod sort;
+pub mod stages;
 mod tree;
 mod volumes;
 

@@ -10,6 +10,9 @@ use std::ops::Range;
 #[cfg(feature = "parallel")]
 use std::sync::{Mutex, PoisonError};
 
+#[cfg(feature = "parallel")]
+use crate::stages;
+
 /// Items of one job in [`for_pieces`].
 const CHUNK: usize = 256;
 
@@ -53,7 +56,7 @@ fn take<T>(place: &Mutex<Option<T>>) -> Option<T> {
 #[cfg(feature = "parallel")]
 fn each_index(n: usize, work: &(dyn Fn(usize) + Sync)) {
     use rayon::prelude::*;
-    (0..n).into_par_iter().for_each(work);
+    stages::parallel(n > 1, || (0..n).into_par_iter().for_each(work));
 }
 
 /// Calls `work` for consecutive chunks of `out`, with the index of the first element of each.
@@ -80,7 +83,7 @@ pub fn map<I: Sync, T: Send>(items: &[I], chunk: usize, f: impl Fn(&I) -> T + Sy
     #[cfg(feature = "parallel")]
     {
         use rayon::prelude::*;
-        items.par_iter().with_min_len(chunk).map(f).collect()
+        stages::parallel(items.len() > chunk, || items.par_iter().with_min_len(chunk).map(f).collect())
     }
     #[cfg(not(feature = "parallel"))]
     {
@@ -94,7 +97,7 @@ pub fn from_fn<T: Send>(n: usize, chunk: usize, f: impl Fn(usize) -> T + Sync + 
     #[cfg(feature = "parallel")]
     {
         use rayon::prelude::*;
-        (0..n).into_par_iter().with_min_len(chunk).map(f).collect()
+        stages::parallel(n > chunk, || (0..n).into_par_iter().with_min_len(chunk).map(f).collect())
     }
     #[cfg(not(feature = "parallel"))]
     {
@@ -162,10 +165,15 @@ pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> 
     }
 }
 
+/// As [`join`], of two works that have stages of their own: one after the other where the build is recorded.
+pub fn join_stages<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+    if crate::stages::is_recording() { (a(), b()) } else { join(a, b) }
+}
+
 /// Calls both, on two threads where one is free.
 #[cfg(feature = "parallel")]
 fn join_both(a: &mut (dyn FnMut() + Send), b: &mut (dyn FnMut() + Send)) {
-    rayon::join(a, b);
+    stages::parallel(true, || rayon::join(a, b));
 }
 
 /// Threads of the current rayon pool; 1 without the feature.

@@ -1,6 +1,6 @@
 //! The entry point for all builders over boxes.
 
-use canted_lbvh::{Sorted, Tree, radix};
+use canted_lbvh::{Sorted, Tree, radix, stages::stage};
 use canted_obb::{Aabb, PrimId};
 
 use crate::{
@@ -58,10 +58,13 @@ pub fn build(boxes: &[Aabb], bounds: &Aabb, builder: &Builder) -> Tree {
         Builder::Hybrid => hybrid(radix_tree(boxes, bounds), boxes),
         Builder::Reinserted(config) => improved(radix_tree(boxes, bounds), boxes, Some(config)),
         Builder::Ploc(config, improvement) => {
-            let (sorted, _) = along_curve(boxes, bounds);
-            improved(over_sorted(sorted, boxes, config), boxes, improvement.as_ref())
+            let (sorted, _) = stage("sorting along a curve", || along_curve(boxes, bounds));
+            let tree = stage("merging", || over_sorted(sorted, boxes, config));
+            improved(tree, boxes, improvement.as_ref())
         }
-        Builder::TopDown(config, improvement) => improved(top_down(boxes, config), boxes, improvement.as_ref()),
+        Builder::TopDown(config, improvement) => {
+            improved(stage("splitting", || top_down(boxes, config)), boxes, improvement.as_ref())
+        }
     }
 }
 

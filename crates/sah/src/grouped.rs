@@ -3,7 +3,7 @@
 //! Meshes list neighbors one after the other: the triangles of a quad, of a strip, of a row of a grid. A run whose box is
 //! small is one reference, so that there are fewer references to sort into bins and to move.
 
-use canted_lbvh::{Child, Node, NodeId, Sorted, Task, Tree};
+use canted_lbvh::{Child, Node, NodeId, Sorted, Task, Tree, stages::stage};
 use canted_obb::{Aabb, PrimId};
 
 use crate::{
@@ -76,7 +76,7 @@ pub struct Groups {
 /// Source: Wald 2007, with parallel subtrees; Karras 2012 for splits by Morton codes.
 #[must_use]
 pub fn grouped(boxes: impl AsRef<[Aabb]>, config: &GroupConfig) -> (Tree, Groups) {
-    let (tree, groups) = divided(boxes.as_ref(), config);
+    let (tree, groups) = stage("splitting", || divided(boxes.as_ref(), config));
     // Boxes that are handed over are freed before groups move.
     drop(boxes);
     improved(tree, groups, config.improvement.as_ref())

@@ -1,6 +1,6 @@
 //! Reinsertion: pairs of sibling boxes -> { select -> search -> apply } per iteration -> tree.
 
-use canted_lbvh::{Child, ChildKind, MAX_DEPTH, NodeId, Tree};
+use canted_lbvh::{Child, ChildKind, MAX_DEPTH, NodeId, Tree, stages::stage};
 use canted_obb::Aabb;
 
 use crate::{
@@ -57,7 +57,7 @@ pub fn reinsert(tree: &Tree, leaf_boxes: &[Aabb], config: &ReinsertConfig) -> Tr
     if tree.nodes.len() < 2 {
         return tree.clone();
     }
-    let mut pairs = Pairs::new(tree, leaf_boxes, scale);
+    let mut pairs = stage("reinsertion: set-up", || Pairs::new(tree, leaf_boxes, scale));
     let mut sum = pairs.sum_of_areas();
     let max_depth = tree.depth.max(MAX_DEPTH);
     let mut moved = false;
@@ -72,21 +72,27 @@ pub fn reinsert(tree: &Tree, leaf_boxes: &[Aabb], config: &ReinsertConfig) -> Tr
     if !moved {
         return tree.clone();
     }
-    let children = pairs.children(tree);
-    drop(pairs);
-    Tree::from_children(&children).expect("moving a subtree keeps the tree valid")
+    stage("reinsertion: new order", || {
+        let children = pairs.children(tree);
+        drop(pairs);
+        Tree::from_children(&children).expect("moving a subtree keeps the tree valid")
+    })
 }
 
 /// One iteration over the `n` largest boxes; returns the reduction of the sum of half areas.
 fn improve(pairs: &mut Pairs, n: usize, max_depth: u32) -> f64 {
-    let slots = largest(pairs, n);
-    let found = par::map_chunks(&slots, CHUNK, |_, slots| {
-        let mut stack = vec![];
-        slots.iter().filter_map(|&slot| best_move(pairs, slot, &mut stack)).collect::<Vec<_>>()
+    let mut moves = stage("reinsertion: search", || {
+        let slots = largest(pairs, n);
+        let found = par::map_chunks(&slots, CHUNK, |_, slots| {
+            let mut stack = vec![];
+            slots.iter().filter_map(|&slot| best_move(pairs, slot, &mut stack)).collect::<Vec<_>>()
+        });
+        found.concat()
     });
-    let mut moves = found.concat();
-    moves.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    moves.iter().filter_map(|found| pairs.apply(found, max_depth)).sum()
+    stage("reinsertion: moves", || {
+        moves.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        moves.iter().filter_map(|found| pairs.apply(found, max_depth)).sum()
+    })
 }
 
 /// Number of subtrees searched in an iteration.

@@ -12,7 +12,7 @@ use super::{
     planes::PlaneStats,
     wide::{self, WideStats},
 };
-use crate::{process, render};
+use crate::{output, process, render};
 
 /// Everything that `canted stats` prints.
 pub(super) struct Report<'a> {
@@ -77,6 +77,9 @@ impl Report<'_> {
         volumes(&mut out, "two levels, bottom", &binary.bottom);
         volumes(&mut out, "two levels, top", &binary.top);
         wide::text(&mut out, wide);
+        if output::is_verbose() {
+            wide::stages_text(&mut out, wide);
+        }
         planes.text(&mut out);
         passes(&mut out, binary);
         let _ = writeln!(out, "\nNot needed to render the scene: {}", render::parts_text(not_needed));

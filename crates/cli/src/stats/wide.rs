@@ -1,8 +1,9 @@
 //! Wide BVHs of presets, and their tables as text and as JSON.
 
-use std::{fmt::Write, time::Instant};
+use std::fmt::Write;
 
 use anyhow::Result;
+use canted_lbvh::stages::{self, Stage};
 use canted_obb::{Affine, Obb};
 use canted_renderer::{BottomLevel, SceneBvh, SceneBvhConfig};
 use canted_scene::{Instance, MeshId, Scene};
@@ -13,7 +14,7 @@ use serde_json::{Value, json};
 use crate::process;
 
 /// One preset on one level of BVHs.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Default)]
 struct Row {
     /// Nodes of each kind, in the order of [`NodeKind::ALL`].
     nodes: [usize; NodeKind::ALL.len()],
@@ -38,6 +39,8 @@ struct Row {
     build_ms: f64,
     /// Sum of the root areas, the weights of the costs.
     root_area: f64,
+    /// Stages of the builds; those of the same name are one.
+    stages: Vec<Stage>,
 }
 
 /// All presets on one level of BVHs.
@@ -91,6 +94,19 @@ impl Row {
         self.depth = self.depth.max(sizes.depth);
         self.build_ms += build_ms;
         self.root_area += area;
+    }
+
+    /// Adds the stages of a build.
+    fn add_stages(&mut self, stages: &[Stage]) {
+        for stage in stages {
+            match self.stages.iter_mut().find(|known| known.name == stage.name) {
+                Some(known) => {
+                    known.seconds += stage.seconds;
+                    known.serial_seconds += stage.serial_seconds;
+                }
+                None => self.stages.push(*stage),
+            }
+        }
     }
 }
 
@@ -151,10 +167,11 @@ fn add_curves(level: &mut Level, scene: &Scene) -> Result<()> {
 fn add_mesh(level: &mut Level, positions: &[[f32; 3]], triangles: &[[u32; 3]], world_scale: f64) -> Result<()> {
     level.n_bvhs += 1;
     for (preset, row) in &mut level.rows {
-        let start = Instant::now();
-        let wide = TriangleBvh::build_with(positions, triangles, *preset)?;
-        let build_ms = start.elapsed().as_secs_f64() * 1e3;
+        let (wide, stages) = stages::recorded(|| TriangleBvh::build_with(positions, triangles, *preset));
+        let wide = wide?;
+        let build_ms = stages.iter().map(|stage| stage.seconds).sum::<f64>() * 1e3;
         row.add(&wide, wide.bounds().area() * world_scale * world_scale, build_ms);
+        row.add_stages(&stages);
     }
     Ok(())
 }
@@ -214,11 +231,17 @@ fn level_json(level: &Level) -> Value {
                 "block_bytes": row.block_bytes,
                 "bytes_per_triangle": row.bytes_per_triangle(),
                 "build_ms": row.build_ms,
+                "stages": stages_json(&row.stages),
                 "reason": reason(level, row),
             })
         })
         .collect();
     json!({ "bvhs": level.n_bvhs, "presets": presets })
+}
+
+fn stages_json(stages: &[Stage]) -> Vec<Value> {
+    let stage = |stage: &Stage| json!({ "stage": stage.name, "seconds": stage.seconds, "serial_seconds": stage.serial_seconds });
+    stages.iter().map(stage).collect()
 }
 
 fn rows(level: &Level) -> impl Iterator<Item = (&'static str, &Row)> {
@@ -231,6 +254,17 @@ pub(super) fn text(out: &mut String, stats: &WideStats) {
     level_text(out, "two levels, bottom", &stats.bottom);
     if let Some(curves) = &stats.curves {
         level_text(out, "curves, segments for triangles", curves);
+    }
+}
+
+/// The stages of the builds of one level, and how much of each only one thread can do.
+pub(super) fn stages_text(out: &mut String, stats: &WideStats) {
+    for (name, row) in rows(&stats.one) {
+        let _ = writeln!(out, "\n{:<28}{:>12}{:>17}", format!("Build stages, {name}"), "milliseconds", "of it serial");
+        for stage in &row.stages {
+            let _ =
+                writeln!(out, "  {:<26}{:>12.2}{:>17.2}", stage.name, 1e3 * stage.seconds, 1e3 * stage.serial_seconds);
+        }
     }
 }
 
@@ -317,21 +351,21 @@ mod tests {
 
     #[test]
     fn the_reason_follows_the_numbers() {
-        let row = Row { nodes: [10, 90], aligned_cost: 39.0, cost: 10.0, ..Row::default() };
+        let row = || Row { nodes: [10, 90], aligned_cost: 39.0, cost: 10.0, ..Row::default() };
         let many = "aligned nodes alone would cost 3.9 times as much: 90 % of nodes are oriented";
-        assert_eq!(reason_of(row), many);
-        let rotated = Row { n_rotated: 1, max_angle_rad: 0.5, nodes: [100, 0], cost: 39.0, ..row };
+        assert_eq!(reason_of(row()), many);
+        let rotated = Row { n_rotated: 1, max_angle_rad: 0.5, nodes: [100, 0], cost: 39.0, ..row() };
         let none = "aligned nodes are cheapest: no node is oriented; the mesh is rotated by 29 degrees";
         assert_eq!(reason_of(rotated), none);
-        assert_eq!(reason_of(Row { nodes: [0; 2], ..row }), "the root is a leaf");
+        assert_eq!(reason_of(Row { nodes: [0; 2], ..row() }), "the root is a leaf");
     }
 
     #[test]
     fn a_small_gain_is_a_percentage() {
-        let row = Row { nodes: [999, 1], aligned_cost: 100.0, ..Row::default() };
+        let row = || Row { nodes: [999, 1], aligned_cost: 100.0, ..Row::default() };
         let few = "aligned nodes alone would cost 4.9 % more: less than 1 % of nodes are oriented";
-        assert_eq!(reason_of(Row { cost: 100.0 / 1.049, ..row }), few);
-        let above = reason_of(Row { cost: 94.0, ..row });
+        assert_eq!(reason_of(Row { cost: 100.0 / 1.049, ..row() }), few);
+        let above = reason_of(Row { cost: 94.0, ..row() });
         assert!(above.starts_with("aligned nodes alone would cost 1.1 times as much: "), "{above}");
     }
 

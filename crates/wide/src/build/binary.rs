@@ -9,7 +9,7 @@
 
 use std::ops::Range;
 
-use canted_lbvh::{Child, ChildKind, NodeId, Tree};
+use canted_lbvh::{Child, ChildKind, NodeId, Tree, stages::stage};
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_sah::{Axes, Builder, GroupConfig, Groups, Split, TopDownConfig};
 
@@ -75,7 +75,7 @@ impl<'a, I: Item> Chosen<'a, I> {
         };
         let (aligned_tables, oriented) = (vec![], None);
         let mut chosen = Self { items, tree, groups, is_shared: false, rows, aligned, aligned_tables, oriented };
-        chosen.aligned_tables = chosen.tables_of_aligned(costs);
+        chosen.aligned_tables = stage("plan", || chosen.tables_of_aligned(costs));
         chosen
     }
 
@@ -87,10 +87,11 @@ impl<'a, I: Item> Chosen<'a, I> {
     fn fit(&mut self, config: &Config, scale: f32) {
         let areas = BoxAreas { inner: &self.aligned.inner_areas, leaf: &self.aligned.leaf_areas };
         let sorted = self.sorted(0..self.primitives().len());
-        let fits = frames::fit(&self.tree, &I::fitted(&sorted, scale), self.rows, &areas, &FrameConfig::default());
+        let fitted = || frames::fit(&self.tree, &I::fitted(&sorted, scale), self.rows, &areas, &FrameConfig::default());
+        let fits = stage("frames of nodes", fitted);
         let inner = |id: NodeId| both(self.aligned.inner_areas[id.index()], fits.inner[id.index()].half_area);
         let leaf = |i: usize| both(self.aligned.leaf_areas[i], fits.leaf[i].half_area);
-        let tables = tables(&self.tree, self.members(), inner, leaf, &config.costs);
+        let tables = stage("plan", || tables(&self.tree, self.members(), inner, leaf, &config.costs));
         self.oriented = Some(Oriented { sorted, fits, tables });
     }
 
@@ -168,7 +169,8 @@ pub(crate) fn choose<'a, I: Item>(items: Items<'a, I>, bounds: &Aabb, config: &C
         vec![]
     };
     let boxes_along = |rows: &[[f32; 3]; 3]| item::boxes(items, *rows);
-    let (rows, boxes) = match rotation(candidates, &unrotated, &boxes_along, scale, config) {
+    let turned = stage("frame of the mesh", || rotation(candidates, &unrotated, &boxes_along, scale, config));
+    let (rows, boxes) = match turned {
         Some(rows) => (rows, boxes_along(&rows)),
         None => (Obb::IDENTITY_FRAME, unrotated),
     };
@@ -177,7 +179,9 @@ pub(crate) fn choose<'a, I: Item>(items: Items<'a, I>, bounds: &Aabb, config: &C
         // Boxes are made again in the few cases that need them: they take half the memory of a BVH.
         let (tree, groups) = canted_sah::grouped(boxes, &limited(groups, costs));
         let coarse = Chosen::of((tree, Some(groups)), items, &[], rows, scale, costs);
-        if !config.oriented || sampled_cost(&coarse, config, scale) > MAX_SAMPLED_COST {
+        if !config.oriented
+            || stage("sample of oriented nodes", || sampled_cost(&coarse, config, scale)) > MAX_SAMPLED_COST
+        {
             return coarse;
         }
         let full = full(items, &boxes_along(&rows), rows, scale, config);
@@ -223,7 +227,7 @@ pub(crate) fn full<'a, I: Item>(
     let first = || built(&config.builder);
     let Some(alternative) = &config.alternative_builder else { return first() };
     // Each has serial parts of its own.
-    let (first, alternative) = par::join(first, || built(alternative));
+    let (first, alternative) = par::join_stages(first, || built(alternative));
     // Compared as they would be built: at their leaf sizes, with their frames.
     if alternative.cost(&config.costs) < first.cost(&config.costs) { alternative } else { first }
 }

@@ -15,7 +15,7 @@ mod tree_tests;
 use std::fmt;
 use std::ops::DerefMut;
 
-use canted_lbvh::{self as lbvh, Child, ChildKind, Corners, GeometryError, Tree};
+use canted_lbvh::{self as lbvh, Child, ChildKind, Corners, GeometryError, Tree, stages::stage};
 use canted_obb::{Aabb, Obb, PrimId};
 use canted_trace::ReferencePoint;
 
@@ -356,7 +356,8 @@ fn collapse<I: Item, U: Send, B: DerefMut<Target = [U]>>(
     };
     // The box of a part may reach less far than the triangle, to whose reach the errors of hits are relative.
     let own_boxes = (*rows == Obb::IDENTITY_FRAME && !chosen.is_shared).then_some(aligned);
-    let reaches = SubtreeReaches::of_tree(tree, members, chosen.primitives(), *items, own_boxes);
+    let reaches = || SubtreeReaches::of_tree(tree, members, chosen.primitives(), *items, own_boxes);
+    let reaches = stage("reaches", reaches);
     let source = Source {
         tree,
         members,
@@ -382,15 +383,15 @@ fn collapse<I: Item, U: Send, B: DerefMut<Target = [U]>>(
         })
     };
     let (Some(Oriented { tables, .. }), Some(root)) = (oriented, tree.root()) else {
-        let layout = layout(&source, &plan, limits, leaves.layout)?;
+        let layout = stage("layout", || layout(&source, &plan, limits, leaves.layout))?;
         // They take half the memory of a BVH, and records are only now allocated.
         drop(aligned_tables);
-        let (nodes, units) = emit(&source, &layout, leaves);
+        let (nodes, units) = stage("records", || emit(&source, &layout, leaves));
         return Ok((nodes, units, predicted(None)));
     };
     drop(aligned_tables);
     let plan = Plan { tree, members, costs: *costs, tables, leaf_areas: &both_areas };
-    let layout = layout(&source, &plan, limits, leaves.layout)?;
-    let (nodes, units) = emit(&source, &layout, leaves);
+    let layout = stage("layout", || layout(&source, &plan, limits, leaves.layout))?;
+    let (nodes, units) = stage("records", || emit(&source, &layout, leaves));
     Ok((nodes, units, predicted(Some(plan.cost(root)))))
 }
