@@ -72,7 +72,7 @@ impl core::error::Error for FitError {}
 /// bad triangle.
 pub fn fit(points: &[[f32; 3]], triangles: &[[u32; 3]], method: Fit) -> Result<Obb, FitError> {
     check(points, triangles)?;
-    let aabb = Aabb::from_points(points.iter().copied());
+    let aabb = Aabb::from_points(each(points));
     let frame: Frame = match method {
         Fit::Aabb => return Ok(Obb::from_aabb(&aabb)),
         Fit::Pca => principal_axes(points),
@@ -80,12 +80,24 @@ pub fn fit(points: &[[f32; 3]], triangles: &[[u32; 3]], method: Fit) -> Result<O
         Fit::Dito => ditetrahedron_frame(points),
         Fit::Dop => fixed_frame(points),
     };
-    Ok(bound(frame, points.iter().copied()).or_aabb(&aabb))
+    Ok(bound(frame, each(points)).or_aabb(&aabb))
 }
+
+/// Every point, once. All passes of [`fit`] over the points are made with it, so that a test can count them.
+fn each(points: &[[f32; 3]]) -> impl Iterator<Item = [f32; 3]> + Clone + '_ {
+    points.iter().inspect(|_| count_visit()).copied()
+}
+
+#[cfg(not(test))]
+#[inline(always)]
+fn count_visit() {}
+
+#[cfg(test)]
+use tests::count_visit;
 
 /// Principal axes of the points, longest first.
 fn principal_axes(points: &[[f32; 3]]) -> Frame {
-    Moments::from_points(points.iter().copied()).axes(FULL_PRECISION)
+    Moments::from_points(each(points)).axes(FULL_PRECISION)
 }
 
 /// Principal axes of the surface, longest first; of the points where it has no area.
@@ -99,14 +111,14 @@ fn surface_axes(points: &[[f32; 3]], triangles: &[[u32; 3]]) -> Frame {
 /// The best of the fixed frames, by extents relative to the first point, for precision far from the origin.
 fn fixed_frame(points: &[[f32; 3]]) -> Frame {
     let [x, y, z] = points[0];
-    Dop::from_points(points.iter().map(|p| [p[0] - x, p[1] - y, p[2] - z])).best().0
+    Dop::from_points(each(points).map(|p| [p[0] - x, p[1] - y, p[2] - z])).best().0
 }
 
 fn check(points: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<(), FitError> {
     if points.is_empty() {
         return Err(FitError::Empty);
     }
-    if let Some(index) = points.iter().position(|p| p.iter().any(|x| !x.is_finite())) {
+    if let Some(index) = each(points).position(|p| p.iter().any(|x| !x.is_finite())) {
         return Err(FitError::NotFinite { index });
     }
     for (triangle, corners) in triangles.iter().enumerate() {
@@ -142,7 +154,7 @@ const FLAT: f64 = 6.0 * f32::EPSILON as f64;
 fn ditetrahedron_frame(points: &[[f32; 3]]) -> Frame {
     // Relative to the first point, for precision far from the origin.
     let origin = vector::to_f64(points[0]);
-    let points = || points.iter().map(|&p| sub(vector::to_f64(p), origin));
+    let points = || each(points).map(|p| sub(vector::to_f64(p), origin));
     let spans = DIRECTIONS.map(|direction| extremes(points(), direction));
     let [p, q] = spans.into_iter().fold(spans[0], |longest, span| {
         if square(sub(span[1], span[0])) > square(sub(longest[1], longest[0])) { span } else { longest }
@@ -216,4 +228,44 @@ fn extremes(points: impl Iterator<Item = Vector>, direction: Vector) -> [Vector;
 
 fn square(v: Vector) -> f64 {
     dot(v, v)
+}
+
+#[cfg(test)]
+mod tests {
+    use core::cell::Cell;
+
+    use super::*;
+
+    std::thread_local! {
+        static N_VISITS: Cell<usize> = const { Cell::new(0) };
+    }
+
+    pub(super) fn count_visit() {
+        N_VISITS.set(N_VISITS.get() + 1);
+    }
+
+    /// Visits of points while a box is fitted to `n` points of a flattened, rotated cloud.
+    fn visits(n: usize, method: Fit) -> usize {
+        let point = |i: usize| {
+            // Additive recurrence with the plastic number: no two points are equal.
+            let [a, b, c] = [0.819_172_5, 0.671_043_6, 0.549_700_5].map(|step: f64| (step * i as f64).fract() - 0.5);
+            [(a + 0.5 * b) as f32, (0.3 * b - 0.2 * a) as f32, (0.1 * c + 0.4 * a) as f32]
+        };
+        let points: std::vec::Vec<[f32; 3]> = (0..n).map(point).collect();
+        N_VISITS.set(0);
+        fit(&points, &[], method).expect("the points are finite");
+        N_VISITS.get()
+    }
+
+    /// Each method looks at every point the same number of times, however many there are: the time is linear.
+    #[test]
+    fn the_number_of_passes_does_not_depend_on_the_number_of_points() {
+        for method in [Fit::Aabb, Fit::Pca, Fit::AreaPca, Fit::Dito, Fit::Dop] {
+            let passes = visits(1_000, method) / 1_000;
+            assert!((1..=16).contains(&passes), "{method:?}: {passes}");
+            for n in [1_000, 10_000, 100_000, 1_000_000] {
+                assert_eq!(visits(n, method), passes * n, "{method:?} of {n}");
+            }
+        }
+    }
 }
