@@ -120,7 +120,12 @@ impl Builder<'_> {
 /// Moves groups where that saves area; renumbers them in leaf order.
 fn improved(tree: Tree, groups: Groups, config: Option<&ReinsertConfig>) -> (Tree, Groups) {
     let Some(config) = config else { return (tree, groups) };
-    let mut tree = reinsert(&tree, &groups.boxes, config);
+    let tree = reinsert(&tree, &groups.boxes, config);
+    stage("reinsertion: new groups", || reordered(tree, groups))
+}
+
+/// Groups in the order of the leaves of a tree, whose leaves are renumbered by that.
+fn reordered(mut tree: Tree, groups: Groups) -> (Tree, Groups) {
     let mut moved = Groups {
         primitives: par::filled(groups.primitives.len(), PrimId(0)),
         starts: vec![0; groups.starts.len()],

@@ -162,7 +162,7 @@ fn both(aligned: f32, oriented: f32) -> Areas<BOTH> {
 /// Builds the binary tree over `items`, which `bounds` enclose.
 pub(crate) fn choose<'a, I: Item>(items: Items<'a, I>, bounds: &Aabb, config: &Config) -> Chosen<'a, I> {
     let scale = subtrees::unit_scale(bounds);
-    let unrotated = item::boxes(items, Obb::IDENTITY_FRAME);
+    let unrotated = stage("boxes", || item::boxes(items, Obb::IDENTITY_FRAME));
     let candidates = if config.rotate_mesh {
         mesh_frame::candidates(items.n(), &|i| items.get(i).edges(), &MeshFrameConfig::default())
     } else {

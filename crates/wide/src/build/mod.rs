@@ -280,11 +280,11 @@ fn over_indexed(
     config: &Config,
 ) -> Result<Built<Blocks>, GeometryError> {
     check_number(triangles.len(), limits)?;
-    let bounds = lbvh::triangle_bounds(positions, triangles)?;
+    let bounds = stage("bounds", || lbvh::triangle_bounds(positions, triangles))?;
     let config = config.usable();
     let n = triangles.len();
     let given = |i: usize| lbvh::corners_of(positions, &triangles[i]);
-    let reference = reference_of_triangles(n, given);
+    let reference = stage("reference point", || reference_of_triangles(n, given));
     let moved = |i: usize| given(i).moved(reference);
     let (given, moved) = (Items::Made(n, &given), Items::Made(n, &moved));
     let items = if reference.is_origin() { given } else { moved };
