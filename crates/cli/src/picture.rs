@@ -100,7 +100,7 @@ fn film(
 }
 
 fn render(scene: &mut Scene, mut plan: Plan, monitor: &Monitor<'_>) -> Result<(Film, Aovs)> {
-    let source = plan.light.apply(scene, plan.stage.light)?;
+    let source = plan.apply_light(scene)?;
     let Setup { bvh, camera, .. } = render::setup(scene, &mut plan, source)?;
     let settings = &plan.settings;
     let surfaces = Surfaces::with_lod(scene, settings.lod);

@@ -50,6 +50,11 @@ pub(crate) fn cancel_flag() -> &'static AtomicBool {
     &CANCEL
 }
 
+/// Whether a signal has stopped the work.
+pub(crate) fn is_interrupted() -> bool {
+    CANCEL.load(Ordering::Relaxed)
+}
+
 /// Ends the process without exit handlers: those of a GPU driver would destroy what another thread still initializes.
 #[cfg(unix)]
 fn exit() -> ! {

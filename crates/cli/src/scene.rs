@@ -95,7 +95,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
 
 /// Sets the camera, the lights and the environment of the file.
 fn set_view_and_light(file: &mut SceneFile, scene: &mut Scene, plan: &mut Plan) -> Result<()> {
-    let source = plan.light.apply(scene, plan.stage.light)?;
+    let source = plan.apply_light(scene)?;
     let Setup { camera, choice, .. } = render::setup(scene, plan, source)?;
     let [width, height] = plan.size();
     View::new(&camera, width, height)?;

@@ -14,13 +14,13 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, anyhow};
 use canted_film::{Aov, Aovs, Filter, Picture, ToneMap};
 use canted_renderer::{Cull, FirstHit, Hemisphere, Integrator, Lod, Measure, Pattern, SceneBvh, Settings, stands_on_z};
-use canted_scene::{Camera, Material, ReadOptions, Scene, SceneFile, Setting, suggestion};
+use canted_scene::{Camera, Environment, Material, ReadOptions, Scene, SceneFile, Setting, suggestion};
 use clap::Command;
 use serde::{Deserialize, Serialize};
 
 use crate::{
     camera::{CAMERA, CameraArgs, CameraSource, Staged},
-    light::{Background, EnvironmentArgs, LightArgs, Preset, StageOptions},
+    light::{Background, EnvironmentArgs, LightArgs, LightSource, Preset, StageOptions},
     load::{self, FileArgs},
     options::{
         self, Finite, Form, Given, Length, Named, Positive, Size, Structure, StructureOptions, Text, Value, Whole,
@@ -163,12 +163,12 @@ pub(crate) struct RenderingOptions {
     /// diagonal]
     #[arg(long, value_name = "LENGTH", allow_hyphen_values = true)]
     ao_radius: Option<Value<Length>>,
-    /// Back faces: `auto` passes those of materials that their glTF file calls single-sided, for the camera and for the light that
-    /// arrives through them; `off` shows both sides of all, `back` one side of all. Glass always has both.
+    /// Back-face culling: with `auto` the backs of materials that a glTF file calls single-sided are invisible, and rays of the camera and
+    /// of light pass through them; `back` does so for all materials, `off` for none. Glass always has both sides.
     #[arg(long, default_value = "auto", value_name = "auto|off|back")]
     cull: Option<Value<Cull>>,
-    /// Limit of the radiance that a sample brings from light scattered by two surfaces or more, or `off`. Removes bright specks, and some
-    /// light with them.
+    /// Limit of the radiance that a sample brings from light scattered by two surfaces or more, or `off`. Removes fireflies (bright specks), and
+    /// some light with them.
     #[arg(long, default_value = "off", value_name = "VALUE|off", allow_hyphen_values = true)]
     clamp: Option<Value<Clamp>>,
     /// Give back the light that rough metal, coats and glass lose between their microfacets: on or off. `off` is for
@@ -626,6 +626,23 @@ impl Plan {
     /// Whether the scene is a file of a model, whose cameras and lights may be leftovers; those of scene files are there on purpose.
     fn is_model(&self) -> bool {
         self.source.scene.as_deref().is_some_and(|path| !load::is_scene_file(path))
+    }
+
+    /// Sets the lights of the scene, and reports those of a scene file that are not used.
+    pub(crate) fn apply_light(&self, scene: &mut Scene) -> Result<LightSource> {
+        let has_lights = scene.lights.iter().any(|light| !light.is_off())
+            || match &scene.environment {
+                None => false,
+                Some(Environment::Constant(radiance)) => *radiance != [0.0; 3],
+                Some(Environment::Image(_)) => true,
+            };
+        if let (Some(preset), true, false) = (self.stage.light, has_lights, self.is_model()) {
+            output::note(&format!(
+                "the light '{}' replaces the lights and the environment of the scene; without `light` in [settings] and --light they are used",
+                preset.name()
+            ));
+        }
+        self.light.apply(scene, self.stage.light)
     }
 
     /// Whether the unit of the scene is the meter, as in glTF files.

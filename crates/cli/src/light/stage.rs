@@ -21,10 +21,12 @@ pub(crate) struct StageOptions {
     #[arg(long, value_name = "LIGHT")]
     pub(crate) light: Option<Value<Preset>>,
     /// What the camera sees behind the scene: a color (R,G,B in linear RGB, #RRGGBB, white, gray or black), `environment`, or
-    /// `transparent` for .png, .webp and .exr [default: gray in studio light, else the environment]
+    /// `transparent` for .png, .webp and .exr [default: gray for
+    /// objects in studio or white light; the environment for rooms, in `sky`, and in the lights of the file]
     #[arg(long, value_name = "COLOR|environment|transparent", allow_hyphen_values = true)]
     pub(crate) background: Option<Value<Background>>,
-    /// Ground that receives the shadow of an object: `auto` for objects in --light, without rooms and transparent backgrounds.
+    /// Ground that receives the shadow of an object (shadow catcher): `auto` below an object in the light of --light, chosen or by default; not
+    /// in rooms, nor with a transparent background.
     #[arg(long, default_value = "auto", value_name = "auto|on|off")]
     pub(crate) ground: Option<Value<Option<bool>>>,
 }

@@ -30,7 +30,8 @@ pub(crate) type Args = PictureArgs<RenderArgs>;
 #[derive(clap::Args, Clone)]
 #[command(mut_arg("device", |arg| arg.help(DEVICE)))]
 #[command(after_help = "Examples:\n  canted render helmet.glb -o helmet.png --size 1920x1080 --spp 64\n  \
-                        canted render fox.glb --frames 0..48 -o fox_%04d.png --env studio.hdr")]
+                        canted render fox.glb --frames 0..48 -o fox_%04d.png --env studio.hdr\n\n\
+                        Ctrl-C leaves a whole, noisier picture, or the frames that are finished; a second one ends at once without.")]
 pub(crate) struct RenderArgs {
     /// Output image: .png, .jpg, .webp (sRGB), .hdr or .exr (linear); `-` is standard output. A file of this name is replaced
     /// [default: canted.png]

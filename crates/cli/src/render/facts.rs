@@ -69,6 +69,7 @@ pub(super) fn of_view(scene: &Scene, camera: &Camera, choice: &Choice) -> Vec<Fa
         ("eye", json!(camera.eye)),
         ("target", json!(camera.target)),
         ("light", json!(light)),
+        ("light_reason", json!(choice.light_reason)),
         ("background", background),
         ("ground", json!(if scene.ground.is_some() { "on" } else { "off" })),
     ];
@@ -308,8 +309,11 @@ impl Summary<'_> {
     }
 
     fn light(&self) -> Option<String> {
-        let exposure = self.get("exposure").map(|stops| format!(", --exposure {stops}")).unwrap_or_default();
-        self.text("light").map(|text| text + &exposure)
+        // An f32, which as JSON has all digits of an f64.
+        let exposure =
+            self.get("exposure").and_then(Value::as_f64).map(|stops| format!(", --exposure {}", stops as f32));
+        let reason = self.text("light_reason").map(|reason| format!(" ({reason})"));
+        self.text("light").map(|text| text + &reason.unwrap_or_default() + &exposure.unwrap_or_default())
     }
 
     fn samples(&self) -> Option<String> {

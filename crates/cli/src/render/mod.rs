@@ -86,7 +86,7 @@ fn one(mut job: Job) -> Result<()> {
     let start = Instant::now();
     let mut scene = read(&job)?;
     load::check_outputs(job.plan.source.scene.as_deref(), &scene, &job.outputs())?;
-    let source = job.plan.light.apply(&mut scene, job.plan.stage.light)?;
+    let source = job.plan.apply_light(&mut scene)?;
     let load_time = start.elapsed();
     print::detail(|| format!("scene read in {:.3} s", load_time.as_secs_f64()));
     let machine = open_machine(&job)?;

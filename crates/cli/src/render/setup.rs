@@ -32,6 +32,8 @@ pub(crate) struct Choice {
     pub(crate) source: LightSource,
     /// The light that needs no file, and its strength, if it is used.
     pub(crate) default_light: Option<(Preset, f32)>,
+    /// Why it was chosen, where that is not obvious.
+    pub(crate) light_reason: Option<&'static str>,
     /// The exposure in stops, where one was chosen other than 0.
     pub(crate) exposure: Option<f32>,
     /// Why the integrator was chosen.
@@ -181,7 +183,14 @@ pub(crate) fn choose(
     let is_free = plan.integrator.is_none();
     let mut integrator_reason = plan.choose_integrator(scene, source == LightSource::Emission);
     let background = plan.stage.background;
-    let mut choice = Choice { camera: of_camera, source, default_light: None, exposure: None, integrator_reason };
+    let mut choice = Choice {
+        camera: of_camera,
+        source,
+        default_light: None,
+        light_reason: None,
+        exposure: None,
+        integrator_reason,
+    };
     if source != LightSource::Default || plan.heatmap.is_some() {
         scene.background = background.and_then(Background::color);
         ground::paint(scene, plan.up());
@@ -191,7 +200,11 @@ pub(crate) fn choose(
         return Ok(choice);
     }
     let is_room = staged.is_some_and(|staged| staged.framed.1 == Shown::Room);
-    let is_outdoors = is_room || staged.is_some_and(|staged| is_landscape(plan, &staged.subject));
+    let is_wide = staged.is_some_and(|staged| is_landscape(plan, &staged.subject));
+    let is_outdoors = is_room || is_wide;
+    if plan.stage.light.is_none() && is_wide && !is_room {
+        choice.light_reason = Some("wider than 40 m; --light studio shows it as an object");
+    }
     let preset = plan.stage.light.unwrap_or(if is_outdoors { Preset::Sky } else { Preset::Studio });
     let has_environment = preset == Preset::Sky || is_room;
     let usual = if has_environment { Background::Environment } else { Background::DEFAULT };

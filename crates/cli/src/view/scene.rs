@@ -60,7 +60,7 @@ impl SessionScene {
     /// Reads the scene and builds the structure.
     pub(super) fn open(options: &Options, plan: &Plan) -> Result<Self> {
         let (mut scene, animated) = read(options, plan)?;
-        let source = plan.light.apply(&mut scene, plan.stage.light)?;
+        let source = plan.apply_light(&mut scene)?;
         let environment = scene.environment.clone().filter(|_| source == LightSource::Given);
         let is_z_up = plan.shows_z_up(&scene);
         let mut plan = plan.clone();

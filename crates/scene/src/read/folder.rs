@@ -9,7 +9,7 @@ use std::sync::{Mutex, PoisonError};
 use super::input::ReadOptions;
 
 const OUTSIDE: &str = "the path is outside the folder of the scene";
-const ABOVE: &str = "the path is outside the folder of the scene; allow_parent permits it";
+const ABOVE: &str = "the path is outside the folder of the scene; --allow-parent permits it";
 
 /// Last components of a path by which an image is searched for.
 const MAX_COMPONENTS: usize = 16;

@@ -168,8 +168,12 @@ fn render_all(
     let (mut facts, mut pictures) = (Vec::new(), Vec::new());
     for (done, &frame) in sequence.todo.iter().enumerate() {
         let start = Instant::now();
-        let (of_frame, record) =
-            render_frame(sequence, source, &mut progress, frame, done).map_err(|error| in_frame(frame, error))?;
+        let rendered = render_frame(sequence, source, &mut progress, frame, done);
+        if crate::process::is_interrupted() {
+            let n = sequence.todo.len();
+            output::note(&format!("{done} of {n} frames are finished; --resume continues with frame {frame}"));
+        }
+        let (of_frame, record) = rendered.map_err(|error| in_frame(frame, error))?;
         list.add(&sequence.names.path(frame), record)?;
         facts = facts::sum(facts, of_frame);
         pictures.push(json!({

@@ -467,7 +467,7 @@ mod tests {
         assert_eq!(scene.materials[0].base_color_texture, Some(TextureRef::new(TextureId(0))));
         assert_eq!(
             named("../a.png").warnings,
-            ["skipping texture '../a.png': the path is outside the folder of the scene; allow_parent permits it"]
+            ["skipping texture '../a.png': the path is outside the folder of the scene; --allow-parent permits it"]
         );
     }
 
