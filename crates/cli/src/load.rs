@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, anyhow};
-use canted_scene::{AnimatedScene, ReadOptions, Scene, SceneFile};
+use canted_scene::{AnimatedScene, ReadError, ReadOptions, Scene, SceneFile};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -98,9 +98,20 @@ pub(crate) fn scene(path: Option<&Path>, options: &ReadOptions) -> Result<Scene>
     } else {
         canted_scene::read_with(path, options)
     };
-    let mut scene = scene?;
+    let mut scene = scene.map_err(with_remedy)?;
     report(&mut scene);
     Ok(scene)
+}
+
+/// The error with the options that read lines and points, where the file may have those and no faces.
+fn with_remedy(error: ReadError) -> anyhow::Error {
+    let is_of_format = |path: &Path| ["obj", "ply", "gltf", "glb"].iter().any(|known| output::has_extension(path, known));
+    match &error {
+        ReadError::Empty { path, .. } if is_of_format(path) => {
+            anyhow!("{error}; --line-radius and --point-radius show the lines and the points of a file")
+        }
+        _ => error.into(),
+    }
 }
 
 /// As [`scene`], for a shutter that is open between two times in seconds.

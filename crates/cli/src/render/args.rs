@@ -221,10 +221,11 @@ impl Args {
             budget: samples.seconds.map(|time| Duration::try_from_secs_f32(time).unwrap_or(Duration::MAX)),
             is_shown: samples.preview && !is_stream,
         });
-        if plan.is_transparent() && (!format.has_alpha() || samples.samples.is_some()) {
-            return Err(anyhow!(
-                "--background transparent requires a .png, .webp or .exr output, and all samples in one picture"
-            ));
+        if plan.is_transparent() && !format.has_alpha() {
+            return Err(anyhow!("--background transparent requires a .png, .webp or .exr output"));
+        }
+        if plan.is_transparent() && samples.samples.is_some() {
+            return Err(anyhow!("--background transparent and --samples cannot be used together"));
         }
         samples.check(&purpose, format == Format::Exr, has_noise)?;
         if let Some(ignored) = ignored.filter(|ignored| !ignored.is_empty()) {
