@@ -105,7 +105,8 @@ pub(crate) fn scene(path: Option<&Path>, options: &ReadOptions) -> Result<Scene>
 
 /// The error with the options that read lines and points, where the file may have those and no faces.
 fn with_remedy(error: ReadError) -> anyhow::Error {
-    let is_of_format = |path: &Path| ["obj", "ply", "gltf", "glb"].iter().any(|known| output::has_extension(path, known));
+    let is_of_format =
+        |path: &Path| ["obj", "ply", "gltf", "glb"].iter().any(|known| output::has_extension(path, known));
     match &error {
         ReadError::Empty { path, .. } if is_of_format(path) => {
             anyhow!("{error}; --line-radius and --point-radius show the lines and the points of a file")

@@ -182,9 +182,11 @@ fn transparent_backgrounds_have_alpha() {
         let straight = canted_film::srgb::decode(red).min(1.0) * f32::from(alpha) / 255.0;
         assert!(red == 255 || (straight - color[0]).abs() < 0.01, "{pixel:?} {color:?}");
     }
-    for options in ["-o a.jpg", "-o a.hdr", "-o a.exr --samples 0..4"] {
+    for (options, word) in
+        [("-o a.jpg", ".png, .webp or .exr"), ("-o a.hdr", ".exr"), ("-o a.exr --samples 0..4", "--samples cannot")]
+    {
         let line = format!("render red.obj --size 8x8 --background transparent {options}");
-        folder.run(&line).refused(&["--background transparent", ".png, .webp or .exr"]);
+        folder.run(&line).refused(&["--background transparent", word]);
     }
     folder.run("render red.obj --background clear").refused(&["--background", "clear", "transparent"]);
 }
@@ -221,6 +223,27 @@ fn scene_files_keep_light_background_and_ground() {
 }
 
 // The view.
+
+#[test]
+fn lights_of_a_scene_file_that_its_light_replaces_are_named() {
+    let folder = folder();
+    folder.run("scene cube.obj --size 64x48 --spp 1 -o cube.toml").done();
+    let unused = |text: &str| {
+        folder.write("edited.toml", text);
+        folder
+            .run("render edited.toml --device cpu -o a.png")
+            .done()
+            .stderr
+            .contains("the light 'studio' replaces the lights")
+    };
+    let text = folder.text("cube.toml");
+    assert!(!unused(&text), "what the program wrote is used");
+    assert!(unused(&text.replace("constant = [0.0, 0.0, 0.0]", "constant = [1.0, 0.0, 0.0]")), "{text}");
+    let light = "[[lights]]\ntype = \"sun\"\ndirection = [0.0, -1.0, 0.0]\nirradiance = [1.0, 1.0, 1.0]\n";
+    let lit = format!("{}{light}", text.replace("lights = []", ""));
+    assert!(unused(&lit));
+    assert!(!unused(&lit.replace("\nlight = \"studio\"", "")), "without it the lights are used");
+}
 
 #[test]
 fn the_report_names_camera_and_light() {

@@ -134,9 +134,7 @@ impl Query for HitFilter<'_> {
 
     fn accepts(&mut self, hit: &Hit) -> bool {
         let leaves_hair = self.has_hair && hit.side == Side::Back && self.surfaces.is_hair(hit);
-        !leaves_hair
-            && !self.passes(hit)
-            && (!self.uses_alpha || self.surfaces.is_present(hit, self.key, self.sample))
+        !leaves_hair && !self.passes(hit) && (!self.uses_alpha || self.surfaces.is_present(hit, self.key, self.sample))
     }
 }
 
