@@ -1,4 +1,4 @@
-//! Bodies that touch, distances and casts: `canted-collide` and the distance queries of `WideBvh`, beside parry3d with `--peers`.
+//! Bodies that touch, distances and casts: `canted-collide` and the distance queries of `WideBvh`, compared with parry3d by `--peers`.
 //!
 //! ```text
 //! two meshes, a pose -> touching pairs, distance;  points -> nearest;  a sphere -> first contact

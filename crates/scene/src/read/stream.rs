@@ -15,7 +15,7 @@ const TRIANGLE_BYTES: usize = 50;
 /// Triangles of a part.
 const PART: usize = 1 << 14;
 
-/// Calls `visit` with the triangles of a file in order, in parts, those with a vertex that is not finite left out, as
+/// Calls `visit` with the triangles of a file in order, in parts, without those that have a vertex that is not finite, as
 /// [`read`](crate::read) leaves them out. Returns how many were; `None` without a call where the file cannot be read in parts.
 ///
 /// # Errors
