@@ -84,7 +84,8 @@ fn unpacked(packages: &Path) -> Result<PathBuf> {
     ensure!(!files.is_empty(), "cargo publish left no package in {}", packages.display());
     let mut manifest = "[workspace]\nresolver = \"3\"\nmembers = [\"*\"]\n\n[patch.crates-io]\n".to_owned();
     for file in files {
-        let mut tar = command::program("tar", &["-xzf"]);
+        // With the time of now: files in packages all have the same time, by which cargo would take those of another build for unchanged.
+        let mut tar = command::program("tar", &["-xmzf"]);
         tar.arg(&file).arg("-C").arg(&folder);
         ensure!(succeeds(&mut tar)?, "{} cannot be unpacked", file.display());
         // `canted-obb-0.1.0`: the version is behind the last hyphen.

@@ -34,8 +34,10 @@ pub mod distance {
     pub use canted_wide::{ClosestPoint, DistanceShape, NearestPoint, WindingNumbers};
 }
 
-/// BVHs as bytes.
+/// BVHs as bytes; with the feature `tiles`, meshes that are larger than memory as folders of tiles, which answer as one BVH.
 pub mod file {
+    #[cfg(feature = "tiles")]
+    pub use canted_tiles as tiles;
     pub use canted_tlas::TlasLoadError;
     pub use canted_trace::SaveBlas;
     pub use canted_wide::{LoadError, SavedPrimitive};
@@ -81,10 +83,6 @@ pub mod structure {
 /// Loaders for OBJ, PLY, STL, OFF and glTF files.
 #[cfg(feature = "scene")]
 pub use canted_scene as scene;
-
-/// Meshes that are larger than memory: folders of tiles that answer as one BVH.
-#[cfg(feature = "tiles")]
-pub use canted_tiles as tiles;
 
 /// Construction and traversal on GPUs.
 #[cfg(feature = "gpu")]

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use canted::tiles::TiledBvh;
+use canted::file::tiles::TiledBvh;
 use canted::{Hit, InstanceId, PrimId, Side, SurfacePoint, TriangleBvh};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;

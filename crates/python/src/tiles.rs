@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use canted::file::tiles::{OpenOptions, TileError, TileErrorKind, TileWriter, TiledBvh, WriteOptions};
 use canted::kernel::HitLists;
-use canted::tiles::{OpenOptions, TileError, TileErrorKind, TileWriter, TiledBvh, WriteOptions};
 use canted::{Config, Hit, Ray, Side};
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
