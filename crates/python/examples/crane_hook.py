@@ -110,6 +110,7 @@ def main(path=None):
     start = np.eye(4)
     start[:3, 3] = [0.55, 0.8, 9.0]
     contact = at_rest.cast(moving, [0, 0, -1], start)
+    print(f"{len(bridge[1])} triangles of the bridge, {len(load[1])} of the hook")
     print(f"the hook touches the bridge after {contact.t:.4f} m, at {np.round(contact.position, 3)}")
     assert not at_rest.overlaps(moving, start)
     end = start.copy()

@@ -27,7 +27,8 @@ const VERSION: u32 = 1;
 pub(crate) struct Manifest {
     format: String,
     version: u32,
-    /// What was subtracted from the coordinates of the caller.
+    /// What was subtracted from the coordinates of the caller; as texts, which are read without an error.
+    #[serde(with = "exact")]
     pub(crate) origin: [f64; 3],
     pub(crate) meshes: Vec<MeshEntry>,
     pub(crate) placements: Vec<PlacementEntry>,
@@ -37,6 +38,23 @@ pub(crate) struct Manifest {
     pub(crate) tiles: Vec<TileEntry>,
     /// Checksum of the manifest with an empty one.
     sum: String,
+}
+
+/// Numbers as texts: a reader of JSON may round what is written as a number once more.
+mod exact {
+    use serde::{Deserialize as _, Deserializer, Serialize as _, Serializer, de::Error as _};
+
+    pub(super) fn serialize<S: Serializer>(numbers: &[f64; 3], serializer: S) -> Result<S::Ok, S::Error> {
+        numbers.map(|number| number.to_string()).serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 3], D::Error> {
+        let mut numbers = [0.0; 3];
+        for (number, text) in numbers.iter_mut().zip(<[String; 3]>::deserialize(deserializer)?) {
+            *number = text.parse().map_err(D::Error::custom)?;
+        }
+        Ok(numbers)
+    }
 }
 
 /// A mesh in its own space.

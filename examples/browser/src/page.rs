@@ -1,6 +1,7 @@
 //! The page: runs everything and shows pictures, times and differences.
 
 use canted_gpu::{Choice, Gpu, Outcome};
+use canted_trace::Intersect as _;
 use serde_json::{Value, json};
 use wasm_bindgen::{Clamped, JsCast, JsValue};
 use wasm_bindgen_futures::JsFuture;

@@ -5,8 +5,8 @@ use canted_lbvh::{Corners, Strategy, triangle_corners};
 use canted_obb::vector::{Vector, add, cross, dot, scale, sub, to_f32, to_f64, unit};
 use canted_scene::{Light, Projection, Scene, builtin};
 use canted_tlas::{Instance, Tlas, TopConfig};
-use canted_trace::{Hit, Ray, SurfacePoint, Watertight};
-use canted_wide::{Config, Preset, TriangleBvh};
+use canted_trace::{Hit, Ray, SurfacePoint};
+use canted_wide::{Preset, TriangleBvh};
 
 use crate::Failure;
 
@@ -49,9 +49,9 @@ impl View {
     }
 
     /// Both levels, built on the CPU.
-    pub(crate) fn on_cpu(&self) -> Result<Tlas<TriangleBvh<Watertight>>, Failure> {
-        let config = Config::preset(Preset::Fast);
-        let meshes = self.scene.meshes.iter().map(|mesh| TriangleBvh::build(&mesh.positions, &mesh.triangles, &config));
+    pub(crate) fn on_cpu(&self) -> Result<Tlas<TriangleBvh>, Failure> {
+        let build = |mesh: &canted_scene::Mesh| TriangleBvh::build_with(&mesh.positions, &mesh.triangles, Preset::Fast);
+        let meshes = self.scene.meshes.iter().map(build);
         Ok(Tlas::new(meshes.collect::<Result<_, _>>()?, &self.instances, TopConfig::default())?)
     }
 

@@ -61,7 +61,7 @@ pub(super) fn materials(
     let mut requests = Requests { folder: &folder, list: Vec::new(), ids: HashMap::new() };
     let (mut wanted, mut grouped) = (Vec::new(), WarningGroups::default());
     for (k, &name) in names.iter().enumerate() {
-        let source = name.and_then(|name| find(&library, name, &mut grouped));
+        let source = name.and_then(|name| find(&library, name, &mut scene.warnings));
         let display_name = String::from_utf8_lossy(name.unwrap_or_default()).into_owned();
         let Some(source) = source else {
             scene.materials.push(Material { name: display_name, ..Material::default() });
@@ -104,18 +104,19 @@ pub(super) fn materials(
 fn find<'a>(
     library: &'a HashMap<&[u8], MtlMaterial>,
     name: &[u8],
-    grouped: &mut WarningGroups,
+    warnings: &mut Vec<String>,
 ) -> Option<&'a MtlMaterial> {
     if let Some(material) = library.get(name) {
         return Some(material);
     }
     let wanted = text::quoted(name);
     let similar = library.iter().filter(|(known, _)| known.eq_ignore_ascii_case(name)).min_by_key(|&(known, _)| known);
-    let (kind, instead) = match similar {
-        None => ("unknown material", "the default material".to_owned()),
-        Some((known, _)) => ("material of another case", format!("{}, whose case differs", text::quoted(known))),
-    };
-    grouped.add_sentence(kind, &format!("material {wanted} not found in any library; using {instead}"));
+    warnings.push(similar.map_or_else(
+        || format!("material {wanted} not found in any library; using the default material"),
+        |(known, _)| {
+            format!("material {wanted} not found in any library; using {}, whose case differs", text::quoted(known))
+        },
+    ));
     similar.map(|(_, material)| material)
 }
 
