@@ -101,7 +101,8 @@ fn of_triangles(a: [Vector; 3], b: [Vector; 3]) -> Closest {
         }
     }
     if !triangles_touch(a, b) {
-        return Closest { distance: nearest.squared.sqrt(), points: nearest.points };
+        // A gap that roundings close is one nevertheless.
+        return Closest { distance: nearest.squared.sqrt().max(f64::MIN_POSITIVE), points: nearest.points };
     }
     for edge in edges(a) {
         nearest.piercing(edge, b);

@@ -41,7 +41,7 @@ pub fn overlaps<A: Body, B: Body>(a: &A, a_pose: impl Into<Pose>, b: &B, b_pose:
 /// All pairs of primitives that share a point, touching included, in ascending order. Replaces the contents of `found`.
 ///
 /// Pairs of triangles, segments and points are exact for vertices as [`Pose`] maps them: none is lost and none invented, of degenerate triangles and of
-/// those in one plane too. Other shapes are compared by their distance in `f64`: no pair is lost, and a gap below 2^-40 of the coordinates may count as
+/// those in one plane too. A triangle without area is the segment between its outer vertices. Other shapes are compared by their distance in `f64`: no pair is lost, and a gap below 2^-40 of the coordinates may count as
 /// touching.
 ///
 /// ```
@@ -141,8 +141,8 @@ pub fn pairs_within<A: Body, B: Body>(
 
 /// The nearest points of two bodies at most `max_distance` apart; `None` if there are none. Ties go to the lowest pair.
 ///
-/// Whether bodies touch is decided as by [`overlaps`]; the distance is then 0. Other distances and points are computed in `f64`, with errors below 2^-46 of
-/// the coordinates; between edges and faces of triangles that are thinner than 2^-24 of their length below 2^-26 of it.
+/// Whether bodies touch is decided as by [`overlaps`]; the distance is 0 then, and only then. Other distances and points are computed in `f64`, with errors below
+/// 2^-46 of the coordinates; between edges and faces of triangles that are thinner than 2^-24 of their length below 2^-26 of it.
 #[must_use]
 pub fn distance<A: Body, B: Body>(
     a: &A,

@@ -117,3 +117,36 @@ fn empty_bodies_and_limits() {
     let near = distance(&face, Pose::IDENTITY, &through, Pose::IDENTITY, f64::INFINITY).expect("they touch");
     assert_eq!((near.distance, near.points), (0.0, [[1.0, 1.0, 0.0]; 2]));
 }
+
+/// Triangles that touch in real numbers, and with the roundings of the pose do not: the distance, which is all roundings, is not 0.
+#[test]
+fn only_what_touches_has_the_distance_zero() {
+    let cases: [(Triangle, Triangle, [[f64; 3]; 3]); 3] = [
+        (
+            [[1.0, -1.0, 1.0], [-2.0, 2.0, 1.0], [-1.0, 0.0, 2.0]],
+            [[-2.0, -2.0, -2.0], [0.0, -2.0, 2.0], [-2.0, 0.0, -2.0]],
+            [[0.8, 0.1, -0.1], [0.1, -0.5, -0.5], [0.5, -0.4, 0.3]],
+        ),
+        (
+            [[-2.0, -2.0, 2.0], [-2.0, 1.0, -1.0], [-2.0, -2.0, 2.0]],
+            [[0.0, 0.0, -1.0], [-1.0, 0.0, 1.0], [0.0, -1.0, -2.0]],
+            [[0.0, 0.2, 0.9], [0.6, 0.3, -0.5], [0.2, -0.9, 0.8]],
+        ),
+        (
+            [[1.0, -1.0, 2.0], [-2.0, -1.0, -2.0], [1.0, 0.0, 1.0]],
+            [[1.0, 1.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, -1.0]],
+            [[-0.9, -0.1, -0.5], [0.4, -0.6, 0.7], [-0.2, 0.1, 0.0]],
+        ),
+    ];
+    for (a, b, [x, y, z]) in cases {
+        let row = |[x, y, z]: [f64; 3]| [x, y, z, 0.0];
+        let pose = Pose::from_rows([row(x), row(y), row(z)]);
+        assert!(!overlaps(&a, Pose::IDENTITY, &b, pose));
+        let near = distance(&a, Pose::IDENTITY, &b, pose, f64::INFINITY).expect("two triangles");
+        assert!(near.distance > 0.0 && near.distance < 1e-15, "{near:?}");
+        assert_eq!(distance(&a, Pose::IDENTITY, &b, pose, 0.0), None);
+        let mut found = vec![];
+        pairs_within(&a, Pose::IDENTITY, &b, pose, 0.0, &mut found);
+        assert!(found.is_empty());
+    }
+}
