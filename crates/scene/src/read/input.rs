@@ -69,20 +69,17 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Input, ReadErro
     let mut file = File::open(path).map_err(&io_error)?;
     let mut bytes = Vec::new();
     (&mut file).take(HEAD_BYTES as u64).read_to_end(&mut bytes).map_err(&io_error)?;
-    let is_gz = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gz"));
     if bytes.starts_with(&GZIP) {
         file.read_to_end(&mut bytes).map_err(&io_error)?;
         let bytes = as_utf8(decompress(path, &bytes)?, None);
-        // `model.obj.gz`: the format is that of the inner name.
-        let inner = path.file_stem().filter(|_| is_gz).map_or(path, Path::new);
-        let format = format_of(inner.extension(), &bytes, bytes.len() as u64);
+        let format = format_of(inner_name(path).extension(), &bytes, bytes.len() as u64);
         return format.map(|format| Input { format, bytes }).ok_or(ReadError::UnknownFormat { path: path.to_owned() });
     }
     let n_bytes = file.metadata().map_err(&io_error)?.len();
     let start = as_utf8(bytes.clone(), Some(n_bytes));
     let format = format_of(path.extension(), &start, n_bytes);
-    let format = format.ok_or_else(|| match is_gz {
-        true => ReadError::malformed(path, "header", "not a gzip file"),
+    let format = format.ok_or_else(|| match is_gz(path) {
+        true => not_gzip(path),
         false => ReadError::UnknownFormat { path: path.to_owned() },
     })?;
     file.read_to_end(&mut bytes).map_err(&io_error)?;
@@ -96,9 +93,28 @@ fn as_utf8(bytes: Vec<u8>, n_bytes: Option<u64>) -> Vec<u8> {
     if is_binary { bytes } else { text::from_utf16(bytes) }
 }
 
-/// All bytes of a file.
+/// All bytes of a file, decompressed.
 pub(super) fn read_all(path: &Path) -> Result<Vec<u8>, ReadError> {
-    std::fs::read(path).map_err(ReadError::io(path))
+    let bytes = std::fs::read(path).map_err(ReadError::io(path))?;
+    match bytes.starts_with(&GZIP) {
+        true => decompress(path, &bytes),
+        false if is_gz(path) => Err(not_gzip(path)),
+        false => Ok(bytes),
+    }
+}
+
+/// Whether a file is compressed by its name.
+fn is_gz(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gz"))
+}
+
+/// The name whose extension is that of the content: `model.obj` of `model.obj.gz`.
+pub(super) fn inner_name(path: &Path) -> &Path {
+    path.file_stem().filter(|_| is_gz(path)).map_or(path, Path::new)
+}
+
+fn not_gzip(path: &Path) -> ReadError {
+    ReadError::malformed(path, "header", "not a gzip file")
 }
 
 /// The format by the first bytes of a file of `n_bytes`, then by extension.

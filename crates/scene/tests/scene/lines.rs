@@ -325,6 +325,16 @@ fn moves_that_extrude_are_paths() {
     assert_eq!(arc.points[9], [0.0, 25.4, 0.0]);
     let clockwise = read("a.gcode", b"G0 X1 Y0\nG2 X0 Y1 I-1 J0 E1\n", None).unwrap();
     assert_eq!(clockwise.segments.len(), 27);
+    // By the radius: a quarter of the circle around zero, then, with a negative one, three quarters around (1, 1), clockwise and counter-clockwise.
+    let quarter = read("a.gcode", b"G0 X1 Y0\nG3 X0 Y1 R1 E1\n", None).unwrap();
+    assert_eq!(quarter.segments.len(), 9);
+    assert!(quarter.points.iter().all(|p| (p[0].hypot(p[1]) - 1.0).abs() < 1e-6), "{:?}", quarter.points);
+    let long = read("a.gcode", b"G0 X1 Y0\nG2 X0 Y1 R-1 E1\n", None).unwrap();
+    assert!(long.segments.len() == 27 && long.points.iter().all(|p| (p[0].hypot(p[1]) - 1.0).abs() < 1e-6));
+    let other = read("a.gcode", b"G0 X1 Y0\nG3 X0 Y1 R-1 E1\n", None).unwrap();
+    assert!(
+        other.segments.len() == 27 && other.points.iter().all(|p| ((p[0] - 1.0).hypot(p[1] - 1.0) - 1.0).abs() < 1e-6)
+    );
     is_error("a.gcode", b"G28\nG1 X1\n", "nothing to draw: no moves that extrude");
     let wrong = read("a.gcode", b"G1 X1 Y=1 E1\nG1 X1 E1\n", None).unwrap();
     assert_eq!(wrong.warnings, ["skipping commands that are not numbers, as '=1 E1' in line 1"]);
@@ -353,6 +363,30 @@ fn formats_are_known_by_their_extensions() {
 }
 
 /// Files with bytes overwritten, removed or repeated are read or rejected; what is read is valid.
+#[cfg(feature = "gzip")]
+#[test]
+fn compressed_files_are_those_in_them() {
+    use std::io::Write as _;
+
+    let compressed = |bytes: &[u8]| {
+        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+        encoder.write_all(bytes).unwrap();
+        encoder.finish().unwrap()
+    };
+    let gcode = b"G1 X1 E1\nG1 X1 Y2 E2\n".to_vec();
+    for (name, bytes) in
+        [("a.hair", hair(2, 2, &POINTS, &[], &[])), ("a.tck", tck("Float32LE", &tracks())), ("a.GCODE", gcode)]
+    {
+        let plain = read(name, &bytes, None).unwrap();
+        for other in [format!("{name}.gz"), format!("{name}.GZ"), name.to_owned()] {
+            assert_eq!(read(&other, &compressed(&bytes), None).unwrap(), plain, "{other}");
+            assert!(is_lines(other.as_ref()));
+        }
+    }
+    is_error("a.xyz.gz", b"1\nx\nC 0 0 0\n", "a.xyz.gz: header: not a gzip file");
+    assert!(!is_lines("a.ply.gz".as_ref()) && !is_lines("gz".as_ref()));
+}
+
 #[test]
 fn mutated_files_are_read_or_rejected() {
     let files = [

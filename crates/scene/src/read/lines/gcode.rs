@@ -2,7 +2,8 @@
 //!
 //! Modes: `G90` and `G91` (absolute or relative coordinates), `M82` and `M83` (of the extruder), `G92` (new coordinates of where the tool is),
 //! `G20` and `G21` (inches, millimeters), `G28` (home is the origin). The extruder is relative after `M83`, and after `G91`, until
-//! `M82` and `G90`. Arcs in the plane of x and y become chords of at most ten degrees. Other commands do not move.
+//! `M82` and `G90`. Arcs in the plane of x and y, by the offset of their center or by their radius, become chords of at most ten degrees. Other commands do not
+//! move.
 
 use std::path::Path;
 
@@ -106,7 +107,8 @@ impl Machine {
         let [x, y, z, _] = self.at;
         let end = [target[0], target[1], target[2]];
         let center = match [words.get(b'I'), words.get(b'J')] {
-            [None, None] => None,
+            [None, None] => (turn.zip(words.get(b'R')))
+                .and_then(|(sign, radius)| center_by_radius([end[0] - x, end[1] - y], radius * self.unit, sign)),
             offsets => Some(offsets.map(|offset| offset.unwrap_or(0.0) * self.unit)),
         };
         let (Some(sign), Some([i, j])) = (turn, center) else { return vec![end] };
@@ -125,6 +127,17 @@ impl Machine {
         });
         inner.chain([end]).collect()
     }
+}
+
+/// The center of an arc relative to its start, by its radius and the vector to its end; `turn` is 1 for counter-clockwise, -1 for clockwise. A negative radius is
+/// that of the longer arc. `None` for an end that is the start.
+fn center_by_radius([dx, dy]: [f64; 2], radius: f64, turn: f64) -> Option<[f64; 2]> {
+    let half = 0.5 * dx.hypot(dy);
+    let side = if radius < 0.0 { -turn } else { turn };
+    // A radius that is too small for the ends is half of their distance.
+    let height = ((radius.abs() - half) * (radius.abs() + half)).max(0.0).sqrt();
+    let part = 0.5 * side * height / half;
+    (half > 0.0).then(|| [0.5 * dx - part * dy, 0.5 * dy + part * dx])
 }
 
 /// Parses the moves.

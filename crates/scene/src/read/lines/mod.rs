@@ -18,7 +18,7 @@ use std::path::Path;
 use canted_obb::Affine;
 
 use super::error::ReadError;
-use super::input::{Format as MeshFormat, Input, ReadOptions, open, read_all};
+use super::input::{Format as MeshFormat, Input, ReadOptions, inner_name, open, read_all};
 use super::strands::{Lines, Strands, point_index};
 use super::{gltf, ply};
 use crate::{CurveSegments, Curves, Instance, Material, MaterialId, Mesh, MeshId, Part, Scene};
@@ -35,7 +35,7 @@ enum Format {
 }
 
 fn format_of(path: &Path) -> Option<Format> {
-    match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+    match inner_name(path).extension()?.to_str()?.to_ascii_lowercase().as_str() {
         "hair" => Some(Format::Hair),
         "tck" => Some(Format::Tck),
         "trk" => Some(Format::Trk),
@@ -46,7 +46,8 @@ fn format_of(path: &Path) -> Option<Format> {
     }
 }
 
-/// Whether a file holds lines and no triangles, by its extension: `.hair`, `.tck`, `.trk`, `.pdb`, `.ent`, `.xyz`, `.gcode`, `.gco`, `.g`.
+/// Whether a file holds lines and no triangles, by its extension: `.hair`, `.tck`, `.trk`, `.pdb`, `.ent`, `.xyz`, `.gcode`, `.gco`, `.g`, or one of these with
+/// `.gz`.
 #[must_use]
 pub fn is_lines(path: &Path) -> bool {
     format_of(path).is_some()
@@ -111,7 +112,7 @@ pub(super) fn scene(path: &Path, options: &ReadOptions) -> Result<Scene, ReadErr
     if let Some(time) = options.time.filter(|_| is_lines(path)) {
         scene.warnings.push(format!("ignoring time {time}: files of lines have no animation"));
     }
-    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let name = inner_name(path).file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let base_color = if colors.is_some() { [1.0; 3] } else { Material::default().base_color };
     scene.materials = vec![Material { name: name.clone(), base_color, ..Material::default() }];
     scene.meshes.push(Mesh {
