@@ -49,22 +49,48 @@ impl OriginArgument<'_> {
     }
 }
 
-/// Whether rounding to `f32` moves a vertex by more than [`HARMFUL`] of the smallest edge that has a length.
-pub(crate) fn is_rounding_harmful(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> bool {
-    let squared = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum::<f64>();
-    let (mut greatest, mut smallest) = (0.0_f64, f64::INFINITY);
-    for triangle in triangles {
-        // A build reports indices that are out of range.
-        let [Some(&a), Some(&b), Some(&c)] = triangle.map(|index| vertices.get(index as usize)) else { return false };
+/// How far rounding to `f32` moves vertices, relative to edges.
+#[derive(Clone, Copy)]
+pub(crate) struct Rounding {
+    /// Squared.
+    greatest: f64,
+    /// Squared, of the edges that have a length.
+    smallest_edge: f64,
+}
+
+impl Default for Rounding {
+    fn default() -> Self {
+        Self { greatest: 0.0, smallest_edge: f64::INFINITY }
+    }
+}
+
+impl Rounding {
+    pub(crate) fn add(&mut self, [a, b, c]: [[f64; 3]; 3]) {
+        let squared = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum::<f64>();
         for (start, end) in [(a, b), (b, c), (c, a)] {
-            greatest = greatest.max(squared(start, start.map(|x| f64::from(x as f32))));
+            self.greatest = self.greatest.max(squared(start, start.map(|x| f64::from(x as f32))));
             let edge = squared(start, end);
             if edge > 0.0 {
-                smallest = smallest.min(edge);
+                self.smallest_edge = self.smallest_edge.min(edge);
             }
         }
     }
-    smallest.is_finite() && greatest > HARMFUL * HARMFUL * smallest
+
+    /// Whether a vertex moves by more than [`HARMFUL`] of the smallest edge that has a length.
+    pub(crate) fn is_harmful(&self) -> bool {
+        self.smallest_edge.is_finite() && self.greatest > HARMFUL * HARMFUL * self.smallest_edge
+    }
+}
+
+/// Whether rounding to `f32` is harmful to a mesh.
+pub(crate) fn is_rounding_harmful(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> bool {
+    let mut rounding = Rounding::default();
+    for triangle in triangles {
+        // A build reports indices that are out of range.
+        let [Some(&a), Some(&b), Some(&c)] = triangle.map(|index| vertices.get(index as usize)) else { return false };
+        rounding.add([a, b, c]);
+    }
+    rounding.is_harmful()
 }
 
 /// Whether rounding to `f32` may move the corners of a box by more than [`HARMFUL`] of its longest side.
@@ -80,25 +106,43 @@ pub(crate) fn is_far(corners: &[[f64; 3]]) -> bool {
     side > 0.0 && reach * f64::from(f32::EPSILON) / 2.0 > HARMFUL * side
 }
 
-/// A point to subtract from vertices before they are rounded to `f32`.
-///
-/// It is within one extent of them, so that an error of `f32` is relative to the extent and not to the distance from zero. It is a multiple
-/// of a power of two above the extent, so that integers and other short numbers stay exact, and zero for a mesh around zero.
-pub(crate) fn origin_of(vertices: impl IntoIterator<Item = [f64; 3]>) -> [f64; 3] {
-    let finite = vertices.into_iter().filter(|vertex| vertex.iter().all(|x| x.is_finite()));
-    let bounds = finite.map(|vertex| [vertex; 2]).reduce(|[low, high], [vertex, _]| {
-        [std::array::from_fn(|k| low[k].min(vertex[k])), std::array::from_fn(|k| high[k].max(vertex[k]))]
-    });
-    let Some([low, high]) = bounds else { return arrays::NO_ORIGIN };
-    let extent = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
-    if extent == 0.0 {
-        // All vertices at one point, which becomes zero.
-        return low;
+/// Bounds of finite vertices.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Extent(Option<[[f64; 3]; 2]>);
+
+impl Extent {
+    pub(crate) fn add(&mut self, vertex: [f64; 3]) {
+        if !vertex.iter().all(|x| x.is_finite()) {
+            return;
+        }
+        let [low, high] = self.0.unwrap_or([vertex; 2]);
+        self.0 =
+            Some([std::array::from_fn(|k| low[k].min(vertex[k])), std::array::from_fn(|k| high[k].max(vertex[k]))]);
     }
-    let unit = extent.log2().ceil().exp2();
-    let near: [f64; 3] = std::array::from_fn(|k| ((low[k] / 2.0 + high[k] / 2.0) / unit).round_ties_even() * unit);
-    // Not so where the extent overflows.
-    if near.iter().all(|x| x.is_finite()) { near } else { arrays::NO_ORIGIN }
+
+    /// A point to subtract from the vertices before they are rounded to `f32`.
+    ///
+    /// It is within one extent of them, so that an error of `f32` is relative to the extent and not to the distance from zero. It is a multiple
+    /// of a power of two above the extent, so that integers and other short numbers stay exact, and zero for a mesh around zero.
+    pub(crate) fn origin(&self) -> [f64; 3] {
+        let Some([low, high]) = self.0 else { return arrays::NO_ORIGIN };
+        let extent = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
+        if extent == 0.0 {
+            // All vertices at one point, which becomes zero.
+            return low;
+        }
+        let unit = extent.log2().ceil().exp2();
+        let near: [f64; 3] = std::array::from_fn(|k| ((low[k] / 2.0 + high[k] / 2.0) / unit).round_ties_even() * unit);
+        // Not so where the extent overflows.
+        if near.iter().all(|x| x.is_finite()) { near } else { arrays::NO_ORIGIN }
+    }
+}
+
+/// The origin of [`Extent::origin`] for vertices.
+pub(crate) fn origin_of(vertices: impl IntoIterator<Item = [f64; 3]>) -> [f64; 3] {
+    let mut extent = Extent::default();
+    vertices.into_iter().for_each(|vertex| extent.add(vertex));
+    extent.origin()
 }
 
 /// The sphere around a mesh, relative to its origin.

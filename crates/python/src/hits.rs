@@ -74,7 +74,9 @@ impl Hits {
             let _ = ray.set(py, shaped(py, rays, shape, &[])?);
         }
         let t = if surface.is_near() {
-            let sums = columns.t.iter().zip(&columns.starts).map(|(&t, start)| f64::from(t) + start);
+            // Near nothing, no ray starts later.
+            let starts = columns.starts.into_iter().chain(std::iter::repeat(0.0));
+            let sums = columns.t.iter().zip(starts).map(|(&t, start)| f64::from(t) + start);
             shaped(py, sums.collect(), shape, &[])?
         } else {
             shaped(py, columns.t, shape, &[])?

@@ -1,4 +1,3 @@
-use canted::TriangleBvh;
 use canted::distance::{NearestPoint, NearestSurface, closest_to_zero};
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
@@ -111,28 +110,43 @@ pub(crate) fn of_mesh(geometry: &Geometry, point: [f64; 3], k: usize, max_distan
     let mut near = vec![];
     if geometry.is_near {
         // The point is rounded only to find the triangles.
-        let reach = max_distance as f32;
-        let reach = if f64::from(reach) < max_distance { reach.next_up() } else { reach };
         let at = point.map(|x| x as f32);
-        let rounding = (0..3).map(|i| (point[i] - f64::from(at[i])).abs()).sum::<f64>();
-        geometry.mesh.nearest_points(at, k, (f64::from(reach) + rounding) as f32, &mut near);
-        let mut found: Vec<Found> = near.iter().map(|near| exact(&geometry.mesh, near, point)).collect();
-        found.retain(|found| found.distance <= max_distance);
-        found.sort_by(|a, b| a.distance.total_cmp(&b.distance));
-        found
+        geometry.mesh.nearest_points(at, k, reach_from(&[point], max_distance), &mut near);
+        let triangle = |near: &NearestPoint| (near.primitive.0, geometry.mesh.triangle(near.primitive));
+        exact(near.iter().map(triangle), point, max_distance)
     } else {
         geometry.mesh.nearest_points(point.map(|x| x as f32), k, max_distance as f32, &mut near);
         near.into_iter().map(Found::from).collect()
     }
 }
 
-/// The closest point of a triangle that was found, in `f64`.
-fn exact(mesh: &TriangleBvh, near: &NearestPoint, point: [f64; 3]) -> Found {
-    let triangle = mesh.triangle(near.primitive).map(|vertex| std::array::from_fn(|k| f64::from(vertex[k]) - point[k]));
-    let closest = closest_to_zero(&triangle);
-    let [a, b, c]: [[f64; 3]; 3] = triangle;
-    let position = std::array::from_fn(|k| point[k] + (a[k] + (closest.u * (b[k] - a[k]) + closest.v * (c[k] - a[k]))));
-    Found { distance: closest.distance_squared.sqrt(), primitive: near.primitive.0, instance: 0, position }
+/// A distance from points rounded to `f32` within which everything is that is within `max_distance` of the points.
+pub(crate) fn reach_from(points: &[[f64; 3]], max_distance: f64) -> f32 {
+    let reach = max_distance as f32;
+    let reach = if f64::from(reach) < max_distance { reach.next_up() } else { reach };
+    let rounding = |point: &[f64; 3]| point.iter().map(|&x| (x - f64::from(x as f32)).abs()).sum::<f64>();
+    // Of a point that is not finite, nothing is at a distance.
+    let greatest = points.iter().map(rounding).filter(|x| x.is_finite()).fold(0.0, f64::max);
+    (f64::from(reach) + greatest) as f32
+}
+
+/// The closest points, in `f64`, of triangles that were found, nearest first.
+pub(crate) fn exact(
+    triangles: impl Iterator<Item = (u32, [[f32; 3]; 3])>,
+    point: [f64; 3],
+    max_distance: f64,
+) -> Vec<Found> {
+    let closest = |(primitive, vertices): (u32, [[f32; 3]; 3])| {
+        let triangle = vertices.map(|vertex| std::array::from_fn(|k| f64::from(vertex[k]) - point[k]));
+        let closest = closest_to_zero(&triangle);
+        let [a, b, c]: [[f64; 3]; 3] = triangle;
+        let position =
+            std::array::from_fn(|k| point[k] + (a[k] + (closest.u * (b[k] - a[k]) + closest.v * (c[k] - a[k]))));
+        Found { distance: closest.distance_squared.sqrt(), primitive, instance: 0, position }
+    };
+    let mut found: Vec<Found> = triangles.map(closest).filter(|found| found.distance <= max_distance).collect();
+    found.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+    found
 }
 
 /// The nearest triangles to each point, by `find`, which gets a point relative to `origin` and how many to find.
@@ -191,10 +205,10 @@ pub(crate) fn nearest(
 /// The nearest triangles to each point, which were found; `points` are relative to the origin.
 pub(crate) fn of_lists(
     py: Python<'_>,
-    points: &[[f32; 3]],
-    found: &[Vec<NearestPoint>],
+    (points, found): (&[[f64; 3]], &[Vec<Found>]),
     origin: [f64; 3],
     wanted: &Wanted,
+    is_near: bool,
     shape: &[usize],
 ) -> PyResult<Nearest> {
     let k = wanted.k.unwrap_or(1);
@@ -205,7 +219,7 @@ pub(crate) fn of_lists(
         if point.iter().any(|x| x.is_nan()) {
             distance[i * k..(i + 1) * k].fill(f64::NAN);
         }
-        for (row, found) in (i * k..(i + 1) * k).zip(found.iter().map(|near| Found::from(*near))) {
+        for (row, found) in (i * k..(i + 1) * k).zip(found) {
             distance[row] = found.distance;
             primitive[row] = i32::try_from(found.primitive).unwrap_or(i32::MAX);
             position[3 * row..3 * row + 3].copy_from_slice(&[0, 1, 2].map(|axis| found.position[axis] + origin[axis]));
@@ -213,7 +227,7 @@ pub(crate) fn of_lists(
     }
     let inner = wanted.k.as_slice();
     Ok(Nearest {
-        distance: distances(py, distance, false, shape, inner)?,
+        distance: distances(py, distance, is_near, shape, inner)?,
         primitive: shaped(py, primitive, shape, inner)?,
         instance: None,
         position: shaped(py, position, shape, &[inner, &[3]].concat())?,

@@ -40,7 +40,7 @@ impl Surface {
         match self {
             Self::Mesh { geometry, .. } => geometry.is_near,
             Self::Tlas { is_near, .. } => *is_near,
-            Self::Tiles { .. } => false,
+            Self::Tiles { bvh, .. } => bvh.is_near(),
         }
     }
 

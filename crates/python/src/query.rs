@@ -84,10 +84,10 @@ pub(crate) struct Rays<'a> {
 
 /// Some of the rays.
 #[derive(Default)]
-struct Read {
-    rays: Vec<Ray>,
+pub(crate) struct Read {
+    pub(crate) rays: Vec<Ray>,
     /// The `t` at which each starts; none without a mesh near which they start.
-    starts: Vec<f64>,
+    pub(crate) starts: Vec<f64>,
 }
 
 impl Rays<'_> {
@@ -95,9 +95,9 @@ impl Rays<'_> {
         self.n
     }
 
-    /// All rays, of which none starts near a mesh.
-    pub(crate) fn all(&self) -> Vec<Ray> {
-        self.read(0..self.n).rays
+    /// All rays.
+    pub(crate) fn all(&self) -> Read {
+        self.read(0..self.n)
     }
 
     /// The rays of a range.

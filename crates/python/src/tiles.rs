@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use canted::distance::NearestPoint;
 use canted::file::tiles::{OpenOptions, TileError, TileErrorKind, TileWriter, TiledBvh, WriteOptions};
 use canted::kernel::HitLists;
 use canted::{Config, Hit, Ray, Side};
@@ -12,11 +13,12 @@ use pyo3::types::{PyDict, PyTuple, PyType};
 
 use crate::arrays::{self, NO_ORIGIN, Table, shaped};
 use crate::error::invalid;
+use crate::frame::{Extent, Near, Origin, OriginArgument, Rounding};
 use crate::hits::Hits;
 use crate::names::{self, Inside};
-use crate::nearest::{self, Nearest, Wanted, distances};
+use crate::nearest::{self, Found, Nearest, Wanted, distances};
 use crate::points::Surface;
-use crate::query::{Columns, RayArrays};
+use crate::query::{Columns, RayArrays, Read};
 use crate::work::{Call, run_watched};
 
 /// Rays or points of a call without the lock: as many wait at tiles at once.
@@ -30,29 +32,30 @@ fn raised(error: TileError) -> PyErr {
     }
 }
 
-/// A number of bytes: an integer, or a text such as "2G".
-#[derive(FromPyObject)]
-pub(crate) enum Memory {
-    /// Bytes.
-    Bytes(i64),
-    /// With K, M, G or T for powers of 1024.
-    Text(String),
+/// A point, how many triangles are asked for, within which distance of the point rounded to `f32`, and of itself.
+type Asked = ([f64; 3], usize, f32, f64);
+
+/// Bytes where a call does not say how many.
+const MEMORY: u64 = 2 << 30;
+
+/// The argument `memory`: a number of bytes, or a text such as "2G".
+fn memory_of(argument: Option<&Bound<'_, PyAny>>) -> PyResult<u64> {
+    let Some(argument) = argument else { return Ok(MEMORY) };
+    let bytes = match argument.extract::<String>() {
+        Ok(text) => of_text(&text),
+        Err(_) => argument.extract::<f64>().ok().and_then(whole_bytes),
+    };
+    match bytes {
+        Some(bytes) => Ok(bytes),
+        None => {
+            let shown = argument.repr()?;
+            Err(invalid(format!("memory is {shown}; use a number of bytes, or a text such as '500M' or '2G'")))
+        }
+    }
 }
 
-impl Memory {
-    fn bytes(&self) -> PyResult<u64> {
-        let bytes = match self {
-            Self::Bytes(bytes) => u64::try_from(*bytes).ok().filter(|&n| n > 0),
-            Self::Text(text) => of_text(text),
-        };
-        let shown = match self {
-            Self::Bytes(bytes) => bytes.to_string(),
-            Self::Text(text) => format!("'{text}'"),
-        };
-        bytes.ok_or_else(|| {
-            invalid(format!("memory is {shown}; use a number of bytes, or a text such as '500M' or '2G'"))
-        })
-    }
+fn whole_bytes(bytes: f64) -> Option<u64> {
+    (bytes >= 1.0 && bytes < (1_u64 << 60) as f64).then_some(bytes as u64)
 }
 
 fn of_text(text: &str) -> Option<u64> {
@@ -60,8 +63,7 @@ fn of_text(text: &str) -> Option<u64> {
     let unit = text.chars().last()?.to_ascii_lowercase();
     let power = ['k', 'm', 'g', 't'].iter().position(|known| unit == *known);
     let (digits, shift) = power.map_or((text, 0), |power| (&text[..text.len() - 1], 10 * (power + 1)));
-    let bytes = digits.trim().parse::<f64>().ok()? * (1_u64 << shift) as f64;
-    (bytes >= 1.0 && bytes < (1_u64 << 60) as f64).then_some(bytes as u64)
+    whole_bytes(digits.trim().parse::<f64>().ok()? * (1_u64 << shift) as f64)
 }
 
 /// A mesh in a folder of tiles, larger than memory: the queries and the answers of Bvh, bit for bit.
@@ -73,7 +75,7 @@ fn of_text(text: &str) -> Option<u64> {
 /// ----------
 /// path : path
 ///     A folder that Tiles.build or `canted tiles` wrote.
-/// memory : int or str
+/// memory : number or str
 ///     Bytes of tiles that are held, such as "2G"; at least one tile is.
 ///
 /// Raises
@@ -120,6 +122,12 @@ impl Tiles {
         call.report(1.0)
     }
 
+    /// What rays start near, if they do.
+    fn rays_start(&self) -> Option<Near> {
+        let aabb = self.bvh.aabb();
+        (self.bvh.is_near() && !aabb.is_empty()).then(|| Near::new(&aabb))
+    }
+
     fn surface(&self, origin: [f64; 3]) -> Surface {
         Surface::Tiles { bvh: Arc::clone(&self.bvh), origin }
     }
@@ -133,13 +141,15 @@ impl Tiles {
         answer: fn(&TiledBvh, &[Ray]) -> Result<HitLists, TileError>,
     ) -> PyResult<Hits> {
         let mut columns = Columns { ray: Some(vec![]), ..Columns::default() };
+        let read = arrays.rays(origin, self.rays_start()).all();
         let mut n = 0;
-        self.batches(call, &arrays.rays(origin, None).all(), answer, |lists| {
+        self.batches(call, &read.rays, answer, |lists| {
             for hits in lists.of_rays() {
                 for hit in hits {
                     columns.add(hit, self.numbers(hit), self.has_instances());
+                    columns.starts.extend(read.starts.get(n));
                     if let Some(rays) = &mut columns.ray {
-                        rays.push(n);
+                        rays.push(n as i64);
                     }
                 }
                 n += 1;
@@ -156,18 +166,37 @@ impl Tiles {
         origin: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Nearest> {
         let (points, origin) = (Table::of_any_shape(points, "points")?, self.origin(origin)?);
-        let (k, max_distance) = (wanted.k.unwrap_or(1), wanted.max_distance as f32);
-        let all: Vec<[f32; 3]> = points.rows(origin).all()?;
-        let mut found = vec![];
+        let all = points.rows(origin).all_exact()?;
+        let found = self.nearest_triangles(call, &all, wanted)?;
+        nearest::of_lists(call.py, (&all, &found), origin, wanted, self.bvh.is_near(), &points.shape)
+    }
+
+    /// The nearest triangles to each point, which is relative to the origin.
+    fn nearest_triangles(&self, call: &Call<'_>, points: &[[f64; 3]], wanted: &Wanted) -> PyResult<Vec<Vec<Found>>> {
+        let (k, is_near) = (wanted.k.unwrap_or(1), self.bvh.is_near());
+        let reach = if is_near { nearest::reach_from(points, wanted.max_distance) } else { wanted.max_distance as f32 };
         // What differs from call to call travels with each point.
-        let items: Vec<([f32; 3], usize, f32)> = all.iter().map(|&point| (point, k, max_distance)).collect();
-        let answer = |bvh: &TiledBvh, items: &[([f32; 3], usize, f32)]| {
-            let (points, mut near) = (items.iter().map(|item| item.0).collect::<Vec<_>>(), vec![vec![]; items.len()]);
-            let (k, max_distance) = items.first().map_or((1, 0.0), |item| (item.1, item.2));
-            bvh.try_nearest_points(&points, k, max_distance, &mut near).map(|()| near)
+        let items: Vec<Asked> = points.iter().map(|&point| (point, k, reach, wanted.max_distance)).collect();
+        let answer = |bvh: &TiledBvh, items: &[Asked]| {
+            let points: Vec<[f32; 3]> = items.iter().map(|item| item.0.map(|x| x as f32)).collect();
+            let mut near = vec![vec![]; items.len()];
+            let (k, reach, max_distance) = items.first().map_or((1, 0.0, 0.0), |item| (item.1, item.2, item.3));
+            bvh.try_nearest_points(&points, k, reach, &mut near)?;
+            if !bvh.is_near() {
+                return Ok(near.into_iter().map(|near| near.into_iter().map(Found::from).collect()).collect());
+            }
+            let numbers: Vec<u32> = near.iter().flatten().map(|near| near.primitive.0).collect();
+            let mut triangles = bvh.try_triangles(&numbers)?.into_iter();
+            let of_point = |(item, near): (&Asked, Vec<NearestPoint>)| {
+                let triangles =
+                    near.iter().zip(&mut triangles).filter_map(|(near, triangle)| Some((near.primitive.0, triangle?)));
+                nearest::exact(triangles, item.0, max_distance)
+            };
+            Ok(items.iter().zip(near).map(of_point).collect())
         };
-        self.batches(call, &items, answer, |near| found.extend(near))?;
-        nearest::of_lists(call.py, &all, &found, origin, wanted, &points.shape)
+        let mut found = vec![];
+        self.batches(call, &items, answer, |part: Vec<Vec<Found>>| found.extend(part))?;
+        Ok(found)
     }
 }
 
@@ -182,15 +211,15 @@ fn check_mode(mode: Option<&str>) -> PyResult<()> {
 #[pymethods]
 impl Tiles {
     #[new]
-    #[pyo3(signature = (path, memory=Memory::Bytes(2 << 30)), text_signature = "(path, memory='2G')")]
-    fn new(py: Python<'_>, path: PathBuf, memory: Memory) -> PyResult<Self> {
-        let memory = memory.bytes()?;
+    #[pyo3(signature = (path, memory=None), text_signature = "(path, memory='2G')")]
+    fn new(py: Python<'_>, path: PathBuf, memory: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let memory = memory_of(memory)?;
         let (folder, options) = (path.clone(), OpenOptions { memory, ..OpenOptions::default() });
         let bvh = Call::plain(py)?.run(move || TiledBvh::open(folder, options))?.map_err(raised)?;
         Ok(Self { bvh: Arc::new(bvh), path, memory })
     }
 
-    /// build(vertices, triangles, path, tile_triangles=262144, *, memory='2G', preset='balanced', origin=None, threads=None, progress=None)
+    /// build(vertices, triangles, path, tile_triangles=262144, *, memory='2G', preset='balanced', origin='auto', threads=None, progress=None)
     ///
     /// Writes a store and opens it: Tiles.
     ///
@@ -207,18 +236,18 @@ impl Tiles {
     ///     The folder.
     /// tile_triangles : int
     ///     The most triangles of a tile, each of which takes about 60 bytes.
-    /// memory : int or str
+    /// memory : number or str
     ///     Bytes to take, about.
     /// preset : "dynamic", "fast", "balanced" or "quality"
     ///     As that of Bvh.
-    /// origin : (3,) floats or None
-    ///     Subtracted in float64 from vertices, and from origins and points of queries. float64 vertices are then rounded to float32.
+    /// origin : "auto", "near", (3,) floats or None
+    ///     As that of Bvh. To choose it, float64 arrays are read once more.
     /// threads, progress
     ///     As those of Bvh.
     #[staticmethod]
     #[pyo3(
-        signature = (vertices, triangles, path, tile_triangles=262_144, *, memory=Memory::Bytes(2 << 30), preset="balanced", origin=None, threads=None, progress=None),
-        text_signature = "(vertices, triangles, path, tile_triangles=262144, *, memory='2G', preset='balanced', origin=None, threads=None, progress=None)"
+        signature = (vertices, triangles, path, tile_triangles=262_144, *, memory=None, preset="balanced", origin=OriginArgument::auto(), threads=None, progress=None),
+        text_signature = "(vertices, triangles, path, tile_triangles=262144, *, memory='2G', preset='balanced', origin='auto', threads=None, progress=None)"
     )]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn build(
@@ -227,9 +256,9 @@ impl Tiles {
         triangles: Option<&Bound<'_, PyAny>>,
         path: PathBuf,
         tile_triangles: i64,
-        memory: Memory,
+        memory: Option<&Bound<'_, PyAny>>,
         preset: &str,
-        origin: Option<&Bound<'_, PyAny>>,
+        origin: OriginArgument<'_>,
         threads: Option<i64>,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
@@ -237,12 +266,23 @@ impl Tiles {
         let Some(tile_triangles) = usize::try_from(tile_triangles).ok().filter(|&n| n > 0) else {
             return Err(invalid(format!("tile_triangles is {tile_triangles}; use 1 or more")));
         };
-        let (config, bytes) = (Config::preset(names::preset(preset)?), memory.bytes()?);
-        let origin = arrays::origin(origin)?.unwrap_or(NO_ORIGIN);
-        let options = WriteOptions { tile_triangles, memory: bytes, config, origin };
+        let (config, bytes) = (Config::preset(names::preset(preset)?), memory_of(memory)?);
+        let python = py.import("canted.tiles")?;
+        let (origin, is_near) = match origin.read()? {
+            Origin::At(origin) => (origin, false),
+            chosen => {
+                let survey = Bound::new(py, Survey::default())?;
+                let is_near = chosen == Origin::Near;
+                python.call_method1("survey", (&survey, vertices, triangles, is_near))?;
+                let (extent, rounding) = *lock(&survey.get().seen);
+                let is_near = is_near || rounding.is_harmful();
+                (if is_near { extent.origin() } else { NO_ORIGIN }, is_near)
+            }
+        };
+        let options = WriteOptions { tile_triangles, memory: bytes, config, origin, is_near };
         let writer = Mutex::new(Some(TileWriter::create(&path, options).map_err(raised)?));
         let writer = Bound::new(py, Writer { writer, origin })?;
-        py.import("canted.tiles")?.call_method1("push", (&writer, vertices, triangles))?;
+        python.call_method1("push", (&writer, vertices, triangles))?;
         let writer = lock(&writer.get().writer).take();
         let Some(writer) = writer else { return Err(invalid("the writer has ended")) };
         let done = Arc::new(Mutex::new(0.0));
@@ -272,12 +312,13 @@ impl Tiles {
     ) -> PyResult<Hits> {
         let (call, origin) = (Call::new(py, threads, progress)?, self.origin(origin)?);
         let arrays = RayArrays::new(origins, directions, [t_min, t_max])?;
-        let mut columns = Columns::default();
+        let Read { rays, starts } = arrays.rays(origin, self.rays_start()).all();
+        let mut columns = Columns { starts, ..Columns::default() };
         let answer = |bvh: &TiledBvh, rays: &[Ray]| {
             let mut hits = vec![None; rays.len()];
             bvh.try_closest_hits(rays, &mut hits).map(|()| hits)
         };
-        self.batches(&call, &arrays.rays(origin, None).all(), answer, |hits| {
+        self.batches(&call, &rays, answer, |hits| {
             for hit in hits {
                 match hit {
                     Some(hit) => columns.add(&hit, self.numbers(&hit), self.has_instances()),
@@ -311,7 +352,8 @@ impl Tiles {
             let mut occluded = vec![false; rays.len()];
             bvh.try_occluded(rays, &mut occluded).map(|()| occluded)
         };
-        self.batches(&call, &arrays.rays(origin, None).all(), answer, |part| occluded.extend(part))?;
+        let rays = arrays.rays(origin, self.rays_start()).all().rays;
+        self.batches(&call, &rays, answer, |part| occluded.extend(part))?;
         shaped(py, occluded, arrays.shape(), &[])
     }
 
@@ -422,7 +464,7 @@ impl Tiles {
 
     /// signed_distance(points, mode=None, *, origin=None, threads=None, progress=None)
     ///
-    /// Distance of each point to the surface of a closed mesh, (...,) float32, negative inside by parity: as Bvh.signed_distance with mode "parity".
+    /// Distance of each point to the surface of a closed mesh, (...,) floats, negative inside by parity: as Bvh.signed_distance with mode "parity".
     #[pyo3(signature = (points, mode=None, *, origin=None, threads=None, progress=None))]
     fn signed_distance<'py>(
         &self,
@@ -440,9 +482,16 @@ impl Tiles {
             let mut signed = vec![0.0; points.len()];
             bvh.try_signed_distances(points, &mut signed).map(|()| signed)
         };
-        let all = points.rows(self.origin(origin)?).all()?;
-        self.batches(&call, &all, answer, |part| signed.extend(part.into_iter().map(f64::from)))?;
-        distances(py, signed, false, &points.shape, &[])
+        let all = points.rows(self.origin(origin)?).all_exact()?;
+        self.batches(&call, &nearest::rounded(&all), answer, |part| signed.extend(part.into_iter().map(f64::from)))?;
+        if self.bvh.is_near() {
+            // Their sizes by the points that are not rounded.
+            let found = self.nearest_triangles(&call, &all, &Wanted::one(f64::INFINITY))?;
+            for (signed, found) in signed.iter_mut().zip(found).filter(|(x, _)| x.is_finite() && **x != 0.0) {
+                *signed = found.first().map_or(*signed, |near| near.distance.copysign(*signed));
+            }
+        }
+        distances(py, signed, self.bvh.is_near(), &points.shape, &[])
     }
 
     /// check()
@@ -511,6 +560,34 @@ impl Tiles {
     /// For pickle and copy: the path, which another process must be able to read.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
         Ok((py.get_type::<Self>(), (&self.path, self.memory).into_pyobject(py)?))
+    }
+}
+
+/// Takes triangles and vertices of Python, by which an origin is chosen.
+#[pyclass(frozen, module = "canted._canted")]
+#[derive(Default)]
+pub(crate) struct Survey {
+    seen: Mutex<(Extent, Rounding)>,
+}
+
+#[pymethods]
+impl Survey {
+    /// Adds triangles as rows of vertices, three for each.
+    fn triangles(&self, corners: &Bound<'_, PyAny>) -> PyResult<()> {
+        let corners = Table::new(corners, "vertices")?.rows(NO_ORIGIN).all_exact()?;
+        let (extent, rounding) = &mut *lock(&self.seen);
+        for &triangle in corners.as_chunks::<3>().0 {
+            rounding.add(triangle);
+            triangle.into_iter().for_each(|vertex| extent.add(vertex));
+        }
+        Ok(())
+    }
+
+    /// Adds vertices.
+    fn vertices(&self, vertices: &Bound<'_, PyAny>) -> PyResult<()> {
+        let (vertices, mut seen) = (Table::new(vertices, "vertices")?.rows(NO_ORIGIN).all_exact()?, lock(&self.seen));
+        vertices.into_iter().for_each(|vertex| seen.0.add(vertex));
+        Ok(())
     }
 }
 

@@ -111,6 +111,22 @@ def test_touching_counts_and_degenerate_triangles_have_answers():
         assert base.pairs(other).tolist() == ([[0, 0]] if touch else [])
 
 
+def test_only_what_touches_has_the_distance_zero():
+    """Roundings of a pose part what would touch in real numbers: the distance is roundings, and not 0."""
+    random = np.random.default_rng(5)
+    n_apart = 0
+    for _ in range(1000):
+        a, b = random.integers(-2, 3, (2, 1, 3, 3)).astype(np.float32)
+        pose = np.eye(4)
+        pose[:3, :3] = random.integers(-9, 10, (3, 3)) / 10
+        one, other = canted.Bvh(a), canted.Bvh(b)
+        near, pairs = one.distance_to(other, pose), one.pairs(other, pose).tolist()
+        assert (near.distance == 0) is bool(pairs)
+        assert not pairs or near.primitives.tolist() == pairs[0], "of several the lowest"
+        n_apart += 0 < near.distance < 1e-14
+    assert n_apart > 3
+
+
 def test_empty_meshes():
     empty, one = canted.Bvh(np.zeros((0, 3)), np.zeros((0, 3), int)), canted.Bvh(*meshes.box())
     for a, b in [(empty, one), (one, empty), (empty, empty)]:
@@ -118,6 +134,9 @@ def test_empty_meshes():
         near = a.distance_to(b)
         assert near.distance == np.inf and np.isnan(near.points).all() and near.primitives.tolist() == [-1, -1]
     assert empty.self_intersections().shape == (0, 2)
+    near = canted.Bvh(np.zeros((0, 3)), np.zeros((0, 3), int), origin="near")
+    hits = near.closest_hit(np.zeros((5, 3)), [0, 0, 1])
+    assert hits.t.tolist() == [np.inf] * 5 and hits.t.dtype == np.float64 and np.isnan(hits.position).all()
     assert not empty.cast_sphere([[0, 0, 0]], [[0, 0, 1]], 1.0).hit.any()
 
 

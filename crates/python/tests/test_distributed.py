@@ -101,6 +101,55 @@ def test_a_bvh_with_an_origin_near_it_gives_float64(tmp_path):
             np.testing.assert_array_equal(found.compute(), bvh.closest_hit(origins + 1e7, directions).t)
 
 
+def test_tiles_with_an_origin_near_them_give_float64(tmp_path):
+    vertices, triangles = soup(200)
+    far = vertices.astype(np.float64) + 1e7
+    bvh = canted.Bvh(far, triangles)
+    tiles = canted.Tiles.build(far, triangles, tmp_path / "store", tile_triangles=30)
+    origins, directions = rays()
+    with dask.config.set(scheduler="threads"):
+        for source in (tiles, str(tmp_path / "store") + "/", (tmp_path / "store").as_uri()):
+            found = cd.closest_hit(source, origins + 1e7, directions, chunk=300).t
+            assert found.dtype == np.float64 == found.compute().dtype
+            np.testing.assert_array_equal(found.compute(), bvh.closest_hit(origins + 1e7, directions).t)
+            signed = cd.signed_distance(source, origins + 1e7, chunk=300)
+            assert signed.dtype == np.float64
+            np.testing.assert_array_equal(signed.compute(), bvh.signed_distance(origins + 1e7, "parity"))
+
+
+def test_intervals_and_sizes(sources):
+    bvh, _ = sources
+    origins, directions = (array.reshape(-1, 3) for array in rays())
+    some = origins[:, 0] > 0
+    with dask.config.set(scheduler="threads"):
+        found = cd.closest_hit(bvh, origins, directions, None, None, chunk=100)
+        np.testing.assert_array_equal(found.t.compute(), bvh.closest_hit(origins, directions).t)
+        for t_max in ([1.0, 2.0], np.ones((3, 5)), da.ones(7)):
+            with pytest.raises(ValueError, match=r"t_max has shape \(.*\); the rays have shape"):
+                cd.closest_hit(bvh, origins, directions, t_max=t_max)
+        # Of rays that are chosen by a condition, Dask knows no number.
+        chosen = [da.from_array(array, chunks=(100, 3))[da.from_array(some, chunks=100)] for array in (origins, directions)]
+        up = [0.0, 0.1, 1.0]
+        local = bvh.all_hits(origins[some], up)
+        np.testing.assert_array_equal(cd.all_hits(bvh, chosen[0], up).t.compute(), local.t)
+        for wrong in (
+            lambda: cd.all_hits(bvh, chosen[0], up).ray,
+            lambda: cd.closest_hit(bvh, chosen[0], up).ray,
+            lambda: cd.closest_hit(bvh, *chosen),
+            lambda: cd.closest_hit(bvh, chosen[0], up, t_max=np.ones(int(some.sum()))),
+        ):
+            with pytest.raises(ValueError, match="chunks of unknown sizes; call their compute_chunk_sizes"):
+                wrong()
+        known = [array.compute_chunk_sizes() for array in chosen]
+        local = bvh.all_hits(origins[some], directions[some])
+        found = cd.all_hits(bvh, *known).compute()
+        assert set(found) == {"ray", "t", "primitive", "u", "v", "entering", "hit"}
+        for name, values in found.items():
+            np.testing.assert_array_equal(values, getattr(local, name))
+        with pytest.raises(AttributeError, match="has no field 'triangle'; it has ray, t, primitive"):
+            cd.all_hits(bvh, *known).triangle
+
+
 def test_persisted_queries_run_once(cluster, sources):
     bvh, all_sources = sources
     origins, directions = rays()
@@ -179,8 +228,16 @@ def test_pictures_are_those_of_one_machine(cluster):
             np.testing.assert_array_equal(picture, whole)
             assert progress[0] == 0 and progress[-1] == 1 and picture.shape == (18, 32, 3)
             assert_same_aovs(picture, whole)
-    with pytest.raises(ValueError, match="parts is 0"):
-        cd.render(size=(4, 4), parts=0)
+    for options, message in [
+        ({"parts": 0}, "parts is 0"),
+        ({"spp": 0}, "spp is 0; use a whole number of 1 or more"),
+        ({"spp": 2.5}, "spp is 2.5"),
+        ({"spp": "many"}, "spp is 'many'"),
+        ({"threads": 2}, "threads is given; a task has one thread"),
+        ({"noise": 0.1}, "noise needs all samples"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            cd.render(size=(4, 4), **options)
     with pytest.raises(ValueError, match="sise"):
         cd.render(sise=(4, 4), client=cluster)
 

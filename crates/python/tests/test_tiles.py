@@ -74,6 +74,49 @@ def test_origin_and_pickle(tmp_path):
     assert tiles.origin == (1e6, 0.0, 0.0) and str(copy.path) == str(tmp_path / "store")
 
 
+@pytest.mark.parametrize("origin", ["auto", "near", None])
+@pytest.mark.parametrize("shift", [(0, 0, 0), (4e6 + 0.3, 5e5, 100.0)])
+def test_far_meshes_have_the_origin_of_a_bvh(tmp_path, origin, shift):
+    """float64 coordinates that float32 does not hold: t and distances are float64, and the bits those of a Bvh."""
+    vertices, triangles = soup(400)
+    # Those that no triangle has count for the origin.
+    far = np.concatenate([vertices.astype(np.float64), [[900.0, 0, 0]]]) + shift
+    bvh = canted.Bvh(far, triangles, origin=origin)
+    is_near = origin == "near" or origin == "auto" and shift[0] > 0
+    canted.Tiles.build(far, triangles, tmp_path / "store", tile_triangles=30, origin=origin)
+    tiles = canted.Tiles(tmp_path / "store", memory=10_000)
+    assert tiles.origin == bvh.origin and (tiles.origin != (0, 0, 0)) is (is_near and shift[0] > 0)
+    origins, directions = rays()
+    origins = origins.astype(np.float64) * 3 + shift
+    for name in ("closest_hit", "all_hits", "crossings"):
+        for interval in ((), (0.25, 5.0)):
+            found = getattr(tiles, name)(origins, directions, *interval)
+            assert found.t.dtype == (np.float64 if is_near else np.float32)
+            assert_same(found, getattr(bvh, name)(origins, directions, *interval), HIT_FIELDS)
+    np.testing.assert_array_equal(tiles.occluded(origins, directions, 0, 2.0), bvh.occluded(origins, directions, 0, 2.0))
+    np.testing.assert_array_equal(tiles.contains(origins), bvh.contains(origins, "parity"))
+    signed = tiles.signed_distance(origins)
+    np.testing.assert_array_equal(signed, bvh.signed_distance(origins, "parity"))
+    assert signed.dtype == tiles.nearest(origins).distance.dtype == bvh.nearest(origins).distance.dtype
+    fields = ("distance", "primitive", "position")
+    assert_same(tiles.nearest(origins, 2.5), bvh.nearest(origins, 2.5), fields)
+    assert_same(tiles.k_nearest(origins, 4), bvh.k_nearest(origins, 4), fields)
+    loose = canted.Tiles.build(far[triangles], None, tmp_path / "loose", tile_triangles=30, origin=origin)
+    assert loose.origin == canted.Bvh(far[triangles], origin=origin).origin
+
+
+def test_memory_is_a_number_or_a_text(tmp_path):
+    store = tmp_path / "store"
+    canted.Tiles.build(*soup(90), store, tile_triangles=30, memory=1e9)
+    for memory in (2e9, 2**31, np.int64(4096), np.float32(4096), "2G", "1.5 MiB", "100000", None):
+        assert len(canted.Tiles(store, memory=memory)) == 90
+    for memory, shown in [(0, "0"), (-1.5, "-1.5"), (2**70, str(2**70)), (np.inf, "inf"), (np.nan, "nan"), ("2Q", "'2Q'"), ([], r"\[\]")]:
+        with pytest.raises(ValueError, match=f"^memory is {shown}; use a number of bytes, or a text such as '500M' or '2G'$"):
+            canted.Tiles(store, memory=memory)
+        with pytest.raises(ValueError, match=f"^memory is {shown}; use"):
+            canted.Tiles.build(*soup(90), tmp_path / "other", memory=memory)
+
+
 def test_errors_name_what_is_wrong(tmp_path):
     vertices, triangles = soup(300)
     with pytest.raises(ValueError, match="it has no manifest.json"):

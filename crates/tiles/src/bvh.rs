@@ -112,6 +112,12 @@ impl TiledBvh {
         self.manifest.origin
     }
 
+    /// Whether the writer's caller chose the origin near the triangles.
+    #[must_use]
+    pub fn is_near(&self) -> bool {
+        self.manifest.is_near
+    }
+
     /// Axis-aligned box around everything; empty for none. Exact for a store without placements, else around the bounds of the tiles.
     #[must_use]
     pub fn aabb(&self) -> Aabb {

@@ -30,6 +30,9 @@ pub(crate) struct Manifest {
     /// What was subtracted from the coordinates of the caller; as texts, which are read without an error.
     #[serde(with = "exact")]
     pub(crate) origin: [f64; 3],
+    /// Whether that was chosen near the triangles, by which a caller decides how it answers.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub(crate) is_near: bool,
     pub(crate) meshes: Vec<MeshEntry>,
     pub(crate) placements: Vec<PlacementEntry>,
     /// Of each instance, of which a placement may hold several, the place of its first triangle among those of all placements, and the number
@@ -113,14 +116,15 @@ pub(crate) fn hex(sum: u64) -> String {
 
 impl Manifest {
     pub(crate) fn new(
-        origin: [f64; 3],
+        (origin, is_near): ([f64; 3], bool),
         meshes: Vec<MeshEntry>,
         placements: Vec<PlacementEntry>,
         instances: Vec<[u64; 2]>,
         tiles: Vec<TileEntry>,
     ) -> Self {
         let (format, version) = (FORMAT.to_owned(), VERSION);
-        let mut manifest = Self { format, version, origin, meshes, placements, instances, tiles, sum: String::new() };
+        let sum = String::new();
+        let mut manifest = Self { format, version, origin, is_near, meshes, placements, instances, tiles, sum };
         manifest.sum = manifest.own_sum();
         manifest
     }

@@ -12,6 +12,7 @@ from ._canted import Contact as Contact
 from ._canted import Distance as Distance
 from ._canted import Hits as Hits
 from ._canted import Nearest as Nearest
+from ._canted import Tiles as Tiles
 from ._canted import Tlas as Tlas
 from .heatmap import Heatmap as Heatmap
 

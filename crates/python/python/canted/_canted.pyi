@@ -1,5 +1,6 @@
 import os
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any, Literal, Optional, Union
 
 import numpy as np
@@ -253,6 +254,112 @@ class Bvh:
     def vertices(self) -> NDArray[np.float64]: ...
     @property
     def triangles(self) -> NDArray[np.int64]: ...
+    @property
+    def bounds(self) -> Optional[NDArray[np.float64]]: ...
+    @property
+    def origin(self) -> tuple[float, float, float]: ...
+    def __len__(self) -> int: ...
+
+class Tiles:
+    def __init__(self, path: Union[str, os.PathLike[str]], memory: Union[float, str, None] = ...) -> None: ...
+    @staticmethod
+    def build(
+        vertices: Any,
+        triangles: Optional[ArrayLike],
+        path: Union[str, os.PathLike[str]],
+        tile_triangles: int = 262_144,
+        *,
+        memory: Union[float, str, None] = ...,
+        preset: _Preset = "balanced",
+        origin: Union[Literal["auto", "near"], ArrayLike, None] = "auto",
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> Tiles: ...
+    def closest_hit(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        t_min: Optional[ArrayLike] = None,
+        t_max: Optional[ArrayLike] = None,
+        *,
+        origin: Optional[ArrayLike] = None,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> Hits: ...
+    def occluded(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        t_min: Optional[ArrayLike] = None,
+        t_max: Optional[ArrayLike] = None,
+        *,
+        origin: Optional[ArrayLike] = None,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> NDArray[np.bool_]: ...
+    def all_hits(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        t_min: Optional[ArrayLike] = None,
+        t_max: Optional[ArrayLike] = None,
+        *,
+        origin: Optional[ArrayLike] = None,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> Hits: ...
+    def crossings(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        t_min: Optional[ArrayLike] = None,
+        t_max: Optional[ArrayLike] = None,
+        *,
+        origin: Optional[ArrayLike] = None,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> Hits: ...
+    def contains(
+        self,
+        points: ArrayLike,
+        mode: Optional[_Mode] = None,
+        *,
+        origin: Optional[ArrayLike] = None,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> NDArray[np.bool_]: ...
+    def nearest(
+        self,
+        points: ArrayLike,
+        max_distance: float = ...,
+        *,
+        origin: Optional[ArrayLike] = None,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> Nearest: ...
+    def k_nearest(
+        self,
+        points: ArrayLike,
+        k: int,
+        max_distance: float = ...,
+        *,
+        origin: Optional[ArrayLike] = None,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> Nearest: ...
+    def signed_distance(
+        self,
+        points: ArrayLike,
+        mode: Optional[_Mode] = None,
+        *,
+        origin: Optional[ArrayLike] = None,
+        threads: Optional[int] = None,
+        progress: Optional[_Progress] = None,
+    ) -> _Reals: ...
+    def check(self) -> None: ...
+    def stats(self) -> dict[str, Any]: ...
+    @property
+    def path(self) -> Path: ...
     @property
     def bounds(self) -> Optional[NDArray[np.float64]]: ...
     @property

@@ -17,6 +17,7 @@ docs/cluster.md has complete ways to start a cluster, and what larger queries ta
 """
 
 import hashlib
+import json
 import os
 import tempfile
 import threading
@@ -157,19 +158,23 @@ def _delayed(name, graph):
 
 
 def _type_of_file(path):
-    """float64 for a saved Bvh whose origin was chosen near it, else float32."""
+    """float64 for a saved Bvh or for tiles whose origin was chosen near them, else float32."""
     try:
-        if "://" in path:
-            with _fsspec().open(path, "rb") as file:
-                head = file.read(24)
-        else:
-            with open(path, "rb") as file:
-                head = file.read(24)
+        head = _start_of(path, 24)
+        is_near = head[:8] == b"CANTEDPY" and len(head) == 24 and head[20] & 2
     except OSError:
-        # A folder of tiles, or what only workers see.
-        return np.dtype(np.float32)
-    is_near = head[:8] == b"CANTEDPY" and len(head) == 24 and head[20] & 2
+        try:
+            # A folder of tiles.
+            is_near = json.loads(_start_of(path.rstrip("/") + "/manifest.json")).get("is_near", False)
+        except (OSError, ValueError, AttributeError):
+            # What only workers see, or what they find to be damaged.
+            is_near = False
     return np.dtype(np.float64 if is_near else np.float32)
+
+
+def _start_of(path, n=-1):
+    with _fsspec().open(path, "rb") if "://" in path else open(path, "rb") as file:
+        return file.read(n)
 
 
 def _ask(block, *others, source, version, method, given):
@@ -197,14 +202,15 @@ class _Result:
     """Fields of the answers of all chunks, as Dask arrays. Ask for all that you need in one call of dask.compute, or persist() the result: the query then runs
     once."""
 
-    _FIELDS = ()
+    # Fields that the answers of chunks do not have.
+    _COUNTED = ()
 
     def __init__(self, answers, **types):
         self._answers, self._types = answers, types
 
     def __getattr__(self, name):
         if name.startswith("_") or name not in self._types:
-            raise AttributeError(f"{type(self).__name__} has no field {name!r}; it has {', '.join(self.__dict__.get('_types', ()))}")
+            raise AttributeError(f"{type(self).__name__} has no field {name!r}; it has {', '.join([*self._COUNTED, *self.__dict__.get('_types', ())])}")
         dtype, inner = self._types[name]
         if dtype is None:
             return None
@@ -231,7 +237,8 @@ class _Result:
 
     def compute(self, *names, **options):
         """The named fields, or all but position and normal, as a dict of NumPy arrays: one run of the query."""
-        names = names or [name for name, (dtype, _) in self._types.items() if dtype is not None and name not in ("position", "normal")]
+        own = [name for name, (dtype, _) in self._types.items() if dtype is not None and name not in ("position", "normal")]
+        names = names or [*self._COUNTED, *own]
         return dict(zip(names, dask.compute(*(getattr(self, name) for name in names), **options)))
 
     def __dir__(self):
@@ -243,6 +250,8 @@ class Hits(_Result):
 
     For all_hits and crossings, the number of rows is known only when they are computed.
     """
+
+    _COUNTED = ("ray",)
 
 
 class Nearest(_Result):
@@ -273,13 +282,14 @@ def _rays(bvh, method, origins, directions, t_min, t_max, origin, memory, chunk,
     own = [array for array, given in zip(arrays, (origins, directions)) if array.ndim > 1 and isinstance(given, da.Array)]
     shape = (own or [array for array in arrays if array.ndim > 1])[0]
     if all(array.ndim > 1 for array in arrays) and arrays[0].shape != arrays[1].shape:
+        _check_sizes(arrays[0].shape + arrays[1].shape, "origins or directions")
         raise ValueError(f"there are origins of shape {arrays[0].shape}, but directions of shape {arrays[1].shape}")
     if is_list and shape.ndim > 2:
         # Rays are numbered row by row, so chunks must be in this order.
         arrays = [array.reshape(-1, 3) if array.ndim > 1 else array for array in arrays]
         shape = shape.reshape(-1, 3)
     arrays = [array.rechunk(shape.chunks) if array.ndim > 1 else array for array in arrays]
-    ends = [_end(end, name, shape) for end, name in ((t_min, "t_min"), (t_max, "t_max"))]
+    ends = [_end(end, name, shape, default) for end, name, default in ((t_min, "t_min", 0.0), (t_max, "t_max", np.inf))]
     given = {} if origin is None else {"origin": origin}
     options = dict(source=source, version=__version__, method=method, given=given)
     parts = [array if isinstance(array, da.Array) else np.asarray(array) for array in arrays]
@@ -293,13 +303,24 @@ def _whole_rows(*blocks, source, version, method, given):
     return _ask_rays(*blocks, source=source, version=version, method=method, given=given)
 
 
-def _end(end, name, shape):
+def _check_sizes(sizes, name):
+    """Refuses what needs the sizes of chunks that are not known before they are computed."""
+    if np.isnan(sizes).any():
+        raise ValueError(f"{name} have chunks of unknown sizes; call their compute_chunk_sizes() first")
+
+
+def _end(end, name, shape, default):
     """An end of the interval: a number, or rows in the chunks of the rays with an axis more."""
+    if end is None:
+        return default
     if np.ndim(end) == 0 and not isinstance(end, da.Array):
         return float(end)
-    end = end if isinstance(end, da.Array) else da.from_array(np.asarray(end), chunks=shape.chunks[:-1])
+    end = end if isinstance(end, da.Array) else np.asarray(end)
+    _check_sizes(end.shape + shape.shape, f"{name} or the rays")
     if end.size != int(np.prod(shape.shape[:-1])):
         raise ValueError(f"{name} has shape {end.shape}; the rays have shape {shape.shape[:-1]}")
+    if not isinstance(end, da.Array):
+        end = da.from_array(end.reshape(shape.shape[:-1]), chunks=shape.chunks[:-1])
     return end.reshape(shape.shape[:-1]).rechunk(shape.chunks[:-1])[..., None]
 
 
@@ -342,6 +363,7 @@ class _Closest(Hits):
     def ray(self):
         """The index of each ray, counted row by row."""
         shape = self._answers.shape
+        _check_sizes(shape, "the rays")
         return da.arange(int(np.prod(shape)), dtype=np.int64).reshape(shape).rechunk(self._answers.chunks)
 
 
@@ -350,6 +372,7 @@ class _Listed(Hits):
     def ray(self):
         """The index of the ray of each hit."""
         sizes = self._sizes
+        _check_sizes(sizes, "the rays")
         starts = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
         return self._of("ray", np.int64, ()) + _per_block(starts, self._answers.chunks)
 
@@ -442,6 +465,8 @@ def render(scene=None, size=None, spp=None, *, parts=None, client=None, progress
 
     if options.get("noise") is not None:
         raise ValueError("noise needs all samples of a pixel in one place; use spp")
+    if options.pop("threads", None) is not None:
+        raise ValueError("threads is given; a task has one thread, so start workers with as many threads as tasks are to run at once")
     spp = canted_render.samples_per_pixel(scene, spp)
     if client is None:
         client = _current_client()

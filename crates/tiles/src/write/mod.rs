@@ -26,11 +26,13 @@ pub struct WriteOptions {
     pub config: Config,
     /// What the caller has subtracted from coordinates: recorded only.
     pub origin: [f64; 3],
+    /// Whether the caller chose it near the triangles: recorded only.
+    pub is_near: bool,
 }
 
 impl Default for WriteOptions {
     fn default() -> Self {
-        Self { tile_triangles: 1 << 18, memory: 2 << 30, config: Config::default(), origin: [0.0; 3] }
+        Self { tile_triangles: 1 << 18, memory: 2 << 30, config: Config::default(), origin: [0.0; 3], is_near: false }
     }
 }
 
@@ -107,8 +109,9 @@ impl TileWriter {
         let needed = 2 * BUILD_BYTES * options.tile_triangles as u64;
         if needed > options.memory {
             let most = options.memory / (2 * BUILD_BYTES);
+            let remedy = if most > 0 { format!("tiles of at most {most} triangles") } else { "more memory".to_owned() };
             return Err(TileError::input(format!(
-                "tiles of {} triangles take about {} MiB of memory to build, {} MiB are allowed; use tiles of at most {most} triangles",
+                "tiles of {} triangles take about {} MiB of memory to build, {} MiB are allowed; use {remedy}",
                 options.tile_triangles,
                 needed.div_ceil(1 << 20),
                 options.memory >> 20
@@ -256,7 +259,7 @@ impl TileWriter {
             bytes: tiles.iter().map(|tile| tile.bytes + 4 * u64::from(tile.triangles)).sum(),
         };
         let (placements, instances) = (std::mem::take(&mut self.placements), std::mem::take(&mut self.instances));
-        let manifest = Manifest::new(self.options.origin, meshes, placements, instances, tiles);
+        let manifest = Manifest::new((self.options.origin, self.options.is_near), meshes, placements, instances, tiles);
         journal.remove()?;
         self.complete(&manifest)?;
         progress(1.0);
@@ -265,7 +268,7 @@ impl TileWriter {
 
     /// What the tiles depend on.
     fn key(&self) -> String {
-        let Self { options: WriteOptions { tile_triangles, memory, config, origin }, meshes, placements, .. } = self;
+        let Self { options: WriteOptions { tile_triangles, memory, config, origin, .. }, meshes, placements, .. } = self;
         let counts: Vec<u64> = meshes.iter().map(|(_, n)| *n).collect();
         let text = format!("{tile_triangles} {memory} {config:?} {origin:?} {counts:?} {placements:?} {}", self.sum);
         hex(checksum(text.as_bytes()))

@@ -24,6 +24,22 @@ fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
     all
 }
 
+/// What the caller subtracted, exactly, and whether it chose that; a manifest that does not say the latter is one that did not.
+#[test]
+fn the_origin_is_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = folder.path().join("store");
+    for (origin, is_near) in [([0.0; 3], false), ([4e6 + 0.3, -1.0 / 3.0, 5e-324], true)] {
+        let mut writer = TileWriter::create(&store, WriteOptions { origin, is_near, ..options(1 << 10) }).unwrap();
+        writer.push(&corners(&soup(1, 100))).unwrap();
+        writer.finish(&mut |_| ()).unwrap();
+        let tiled = open(&store, 1 << 30);
+        assert_eq!((tiled.origin(), tiled.is_near()), (origin, is_near));
+        let manifest = fs::read_to_string(store.join("manifest.json")).unwrap();
+        assert_eq!(manifest.contains("is_near"), is_near);
+    }
+}
+
 /// Every triangle is in one tile, whatever the memory: with little, parts are divided on disk first.
 #[test]
 fn triangles_are_neither_lost_nor_doubled() {

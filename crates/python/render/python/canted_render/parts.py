@@ -37,7 +37,10 @@ def _picture(pixels, by_name):
 
 def samples_per_pixel(scene, spp):
     """Samples per pixel: spp, else that of a scene file or dict, else 16."""
-    return int(spp if spp is not None else _setting(scene, "spp", r"(\d+)") or 16)
+    spp = spp if spp is not None else _setting(scene, "spp", r"(\d+)") or 16
+    if not re.fullmatch("0*[1-9][0-9]*", str(spp)):
+        raise ValueError(f"spp is {spp!r}; use a whole number of 1 or more")
+    return int(spp)
 
 
 def _setting(scene, name, value):
