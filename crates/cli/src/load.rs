@@ -103,13 +103,19 @@ pub(crate) fn scene(path: Option<&Path>, options: &ReadOptions) -> Result<Scene>
     Ok(scene)
 }
 
-/// The error with the options that read lines and points, where the file may have those and no faces.
-fn with_remedy(error: ReadError) -> anyhow::Error {
+/// The error with the options that read lines and points, where the file may have those and no faces; or that a folder is a store of tiles.
+pub(crate) fn with_remedy(error: ReadError) -> anyhow::Error {
     let is_of_format =
         |path: &Path| ["obj", "ply", "gltf", "glb"].iter().any(|known| output::has_extension(path, known));
     match &error {
         ReadError::Empty { path, .. } if is_of_format(path) => {
             anyhow!("{error}; --line-radius and --point-radius show the lines and the points of a file")
+        }
+        ReadError::Io { path, .. } if canted_tiles::is_store(path) => {
+            let path = path.display();
+            anyhow!(
+                "{path}: a store of tiles, which `canted cast` traces; this command reads the scenes that it was made of"
+            )
         }
         _ => error.into(),
     }

@@ -121,7 +121,7 @@ impl Placed {
             writer.push(triangles).map_err(StreamError::Tiles)
         });
         match streamed {
-            Err(StreamError::Read(error)) => return Err(error.into()),
+            Err(StreamError::Read(error)) => return Err(load::with_remedy(error)),
             Err(StreamError::Tiles(error)) => return Err(error.into()),
             Ok(Some(n_dropped)) => {
                 if n_dropped > 0 {

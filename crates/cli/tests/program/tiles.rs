@@ -93,6 +93,9 @@ fn middle(folder: &Folder) -> String {
 fn bad_stores_and_options_are_refused() {
     let folder = folder();
     folder.run("tiles soup.obj -o store --tile-triangles 100").done();
+    for command in ["render store -o out.png", "store -o out.png", "stats store", "tiles store -o other"] {
+        folder.run(command).refused(&["store: a store of tiles", "canted cast", "the scenes that it was made of"]);
+    }
     let tile = folder.path("store").join("000002.bvh");
     let bytes = fs::read(&tile).unwrap();
     let mut flipped = bytes.clone();
@@ -109,6 +112,7 @@ fn bad_stores_and_options_are_refused() {
     folder.run("tiles soup.obj -o store").refused(&["store", "not a store of tiles", "another name"]);
     folder.run("tiles soup.obj absent.obj -o other").refused(&["absent.obj"]);
     folder.run("tiles soup.obj -o other --memory 1M").refused(&["262144 triangles", "at most 819 triangles"]);
+    folder.run("tiles soup.obj -o other --memory 512").refused(&["262144 triangles", "use more memory"]);
     folder.run("tiles soup.obj -o soup.obj").refused(&["soup.obj"]);
     folder.run("cast soup.obj --rays rays.csv --hits hits.csv --memory 1G").refused(&["--memory", "canted tiles"]);
     assert!(!folder.names().iter().any(|name| name.contains("other") || name == "hits.csv"), "{:?}", folder.names());
