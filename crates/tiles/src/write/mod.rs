@@ -268,7 +268,8 @@ impl TileWriter {
 
     /// What the tiles depend on.
     fn key(&self) -> String {
-        let Self { options: WriteOptions { tile_triangles, memory, config, origin, .. }, meshes, placements, .. } = self;
+        let Self { options: WriteOptions { tile_triangles, memory, config, origin, .. }, meshes, placements, .. } =
+            self;
         let counts: Vec<u64> = meshes.iter().map(|(_, n)| *n).collect();
         let text = format!("{tile_triangles} {memory} {config:?} {origin:?} {counts:?} {placements:?} {}", self.sum);
         hex(checksum(text.as_bytes()))

@@ -137,7 +137,7 @@ fn center_by_radius([dx, dy]: [f64; 2], radius: f64, turn: f64) -> Option<[f64; 
     // A radius that is too small for the ends is half of their distance.
     let height = ((radius.abs() - half) * (radius.abs() + half)).max(0.0).sqrt();
     let part = 0.5 * side * height / half;
-    (half > 0.0).then(|| [0.5 * dx - part * dy, 0.5 * dy + part * dx])
+    (half > 0.0).then_some([0.5 * dx - part * dy, 0.5 * dy + part * dx])
 }
 
 /// Parses the moves.
