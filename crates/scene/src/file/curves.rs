@@ -229,7 +229,7 @@ impl CurveTable {
             };
             let first = positions.len() as u32;
             let axes = [0, 1, 2].map(|axis| of(&|i| self.points[i][axis]));
-            // Splines through points may have control values below zero.
+            // Splines through points may have control values below zero; the bounds of a segment are those of its control balls.
             let own_radii = of(&radius).map(|radius| radius.max(0.0));
             positions.extend((0..4).map(|k| axes.map(|axis| axis[k])));
             radii.extend(own_radii);
