@@ -4,6 +4,7 @@
 
 #![forbid(unsafe_code)]
 
+mod blemishes;
 mod bodies;
 mod claims;
 mod device;

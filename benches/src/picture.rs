@@ -3,26 +3,29 @@
 use std::{fmt::Write, sync::atomic::AtomicBool, time::Instant};
 
 use anyhow::Result;
-use canted_renderer::{SceneBvh, SceneBvhConfig, Settings, frame, render};
+use canted_renderer::{SceneBvh, SceneBvhConfig, Settings, View, frame, render};
 use canted_scene::{Light, Scene};
 
-use crate::models;
+use crate::{
+    blemishes::{Blemishes, FACTOR},
+    models,
+};
 
-const SIZE: [u32; 2] = [1920, 1080];
+pub(crate) const SIZE: [u32; 2] = [1920, 1080];
 
 /// A picture of the dissertation, and what is rendered in its place.
-struct Row {
-    theirs: &'static str,
-    samples: u32,
+pub(crate) struct Row {
+    pub(crate) theirs: &'static str,
+    pub(crate) samples: u32,
     their_seconds: f64,
     /// Our model, named as in [`models`].
-    model: &'static str,
+    pub(crate) model: &'static str,
     /// Whether their scene is not available and ours is a different one.
-    is_replaced: bool,
+    pub(crate) is_replaced: bool,
 }
 
 /// In the order of the figures.
-const ROWS: [Row; 6] = [
+pub(crate) const ROWS: [Row; 6] = [
     row("Breakfast room", 24, 300.0, "country_kitchen", true),
     row("Buddha", 6, 14.0, "dragon_res2", true),
     row("Dragon", 16, 24.0, "dragon_871k", false),
@@ -36,13 +39,14 @@ const fn row(theirs: &'static str, samples: u32, their_seconds: f64, model: &'st
 }
 
 /// The measurement of one picture.
-struct Rendered {
+pub(crate) struct Rendered {
     n_triangles: usize,
     build_seconds: f64,
-    seconds: f64,
+    pub(crate) seconds: f64,
     n_rays: u64,
     /// Samples that were not finite.
-    n_dropped: u64,
+    pub(crate) n_dropped: u64,
+    pub(crate) blemishes: Blemishes,
 }
 
 /// Renders each once and writes the section.
@@ -54,9 +58,11 @@ pub(crate) fn section(out: &mut String) -> Result<()> {
         "\n## The dissertation's pictures, {width} x {height}, 2 bounces, all threads\n\nRendered once on {} threads, each under a \
          sun and a sky so that every vertex casts a shadow ray, the kitchen under a sky and a lamp. A path is a sample with all its \
          bounces; million rays per second count all rays, including shading and shadow rays. Where their scene is not available, \
-         another one replaces it, whose seconds cannot be compared. Theirs: Sabino 2020, on a TITAN Xp.\n\n\
-         | theirs | ours | triangles | samples | build | seconds | M paths/s | M rays/s | theirs, seconds | theirs, M paths/s | not finite |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+         another one replaces it, whose seconds cannot be compared. Gaps: pixels whose central ray misses everything while those of its eight \
+         neighbors hit; lost: a loop over all triangles finds a hit. Bright and dark: pixels that differ from all of their neighbors by a factor \
+         of {FACTOR}. Theirs: Sabino 2020, on a TITAN Xp.\n\n\
+         | theirs | ours | triangles | samples | build | seconds | M paths/s | M rays/s | theirs, seconds | theirs, M paths/s | not finite | gaps and \
+         speckle |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
         rayon::current_num_threads()
     );
     let mut all = vec![];
@@ -65,7 +71,7 @@ pub(crate) fn section(out: &mut String) -> Result<()> {
             let _ = writeln!(out, "| {} | {}: not available |", row.theirs, row.model);
             continue;
         };
-        let rendered = rendered(row, &scene)?;
+        let rendered = rendered(row, &scene, SIZE)?;
         out.push_str(&line(row, &rendered));
         all.push((row, rendered));
     }
@@ -73,8 +79,8 @@ pub(crate) fn section(out: &mut String) -> Result<()> {
     Ok(())
 }
 
-fn rendered(row: &Row, scene: &Scene) -> Result<Rendered> {
-    let [width, height] = SIZE;
+/// Renders a picture of a row in another size, and looks for flaws.
+pub(crate) fn rendered(row: &Row, scene: &Scene, [width, height]: [u32; 2]) -> Result<Rendered> {
     let start = Instant::now();
     let prepared = SceneBvh::build(scene, &SceneBvhConfig::default())?;
     let build_seconds = start.elapsed().as_secs_f64();
@@ -85,18 +91,19 @@ fn rendered(row: &Row, scene: &Scene) -> Result<Rendered> {
     let film = render(scene, &prepared, &camera, &settings, &|_, _| {}, &AtomicBool::new(false))?;
     let seconds = start.elapsed().as_secs_f64();
     let (n_rays, n_dropped) = (film.n_rays(), film.n_dropped());
-    Ok(Rendered { n_triangles: scene.n_placed_triangles(), build_seconds, seconds, n_rays, n_dropped })
+    let blemishes = Blemishes::of(&film, scene, &prepared, &View::new(&camera, width, height)?)?;
+    Ok(Rendered { n_triangles: scene.n_placed_triangles(), build_seconds, seconds, n_rays, n_dropped, blemishes })
 }
 
 /// The line of one picture.
 fn line(row: &Row, rendered: &Rendered) -> String {
     let [width, height] = SIZE.map(f64::from);
     let paths_millions = width * height * f64::from(row.samples) * 1e-6;
-    let &Rendered { n_triangles, build_seconds, seconds, n_rays, n_dropped } = rendered;
+    let &Rendered { n_triangles, build_seconds, seconds, n_rays, n_dropped, blemishes } = rendered;
     let rays_millions = n_rays as f64 * 1e-6;
     let is_replaced = if row.is_replaced { " (replacement)" } else { "" };
     format!(
-        "| {} | {}{is_replaced} | {n_triangles} | {} | {build_seconds:.2} | {seconds:.1} | {:.2} | {:.2} | {} | {:.2} | {n_dropped} |\n",
+        "| {} | {}{is_replaced} | {n_triangles} | {} | {build_seconds:.2} | {seconds:.1} | {:.2} | {:.2} | {} | {:.2} | {n_dropped} | {blemishes} |\n",
         row.theirs,
         row.model,
         row.samples,
@@ -122,7 +129,7 @@ fn verdict(all: &[(&Row, Rendered)]) -> String {
 }
 
 /// A model with suitable lights; `None` if it is not available.
-fn lit(model: &str) -> Result<Option<Scene>> {
+pub(crate) fn lit(model: &str) -> Result<Option<Scene>> {
     match model {
         "sponza" => sponza(),
         "country_kitchen" => kitchen(),
@@ -157,8 +164,16 @@ pub(crate) fn sponza() -> Result<Option<Scene>> {
 mod tests {
     use super::*;
 
-    const RENDERED: Rendered =
-        Rendered { n_triangles: 7, build_seconds: 0.5, seconds: 66.0, n_rays: 132_000_000, n_dropped: 0 };
+    const RENDERED: Rendered = Rendered {
+        n_triangles: 7,
+        build_seconds: 0.5,
+        seconds: 66.0,
+        n_rays: 132_000_000,
+        n_dropped: 0,
+        blemishes: BLEMISHES,
+    };
+
+    const BLEMISHES: Blemishes = Blemishes { gaps: 3, lost: 1, bright: 2, dark: 5 };
 
     #[test]
     fn every_row_names_a_known_model() {
@@ -175,7 +190,10 @@ mod tests {
     #[test]
     fn a_line_shows_rates_and_replaced_scenes() {
         let text = line(&ROWS[3], &RENDERED);
-        assert_eq!(text, "| Sponza | sponza | 7 | 24 | 0.50 | 66.0 | 0.75 | 2.00 | 132 | 0.38 | 0 |\n");
+        assert_eq!(
+            text,
+            "| Sponza | sponza | 7 | 24 | 0.50 | 66.0 | 0.75 | 2.00 | 132 | 0.38 | 0 | 3, of which 1 lost; 2 bright, 5 dark |\n"
+        );
         assert!(line(&ROWS[4], &RENDERED).starts_with("| Pirate ship | eiffel (replacement) |"));
     }
 

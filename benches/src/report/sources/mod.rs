@@ -3,6 +3,8 @@
 //! Their machines differ from ours: only shares, ratios and orders are comparable.
 
 mod dissertation;
+mod frame;
+mod meshes;
 mod silva;
 mod splits;
 mod structures;
@@ -27,10 +29,14 @@ const SOURCES: [(&str, &[Part]); 4] = [
             dissertation::tests_per_ray,
             dissertation::on_cpu,
             dissertation::on_device,
+            meshes::passes_by_size,
+            meshes::one_dispatch,
+            meshes::per_triangle,
+            frame::six_pictures,
         ],
     ),
-    ("the BIH thesis", &[structures::rebuilt]),
-    ("Novak's thesis", &[structures::builders, splits::add]),
+    ("the BIH thesis", &[structures::rebuilt, structures::from_boxes]),
+    ("Novak's thesis", &[structures::builders, splits::add, splits::one_table, frame::by_stage]),
     ("Silva's study", &[silva::paths, silva::hierarchy, silva::threads]),
 ];
 
@@ -95,13 +101,15 @@ const METHOD: [&str; 6] = [
      numbers are skipped.",
 ];
 
-const ABSENT: [&str; 7] = [
+const ABSENT: [&str; 8] = [
     "Tables 3 to 5, Breakfast room, Buddha, Pirate ship and Sibenik: these models are not available.",
     "Figure 11 is table 5 in bars; figures 12 and 13 are pictures of box tests without numbers: ours are plots of box tests over camera rays.",
     "Table 5, unbounded principal axes on a device: they took more than a minute in the dissertation; `cargo xtask bench --device gpu` \
      and `canted stats --device gpu` measure ours.",
     "Chart 2 of the BIH thesis for Dino, Bunny and Alien: its bars are lost.",
-    "Novak's chart of a profile of nanoRT: it has no numbers.",
+    "Novak's chart of a profile of nanoRT has no numbers; ours of a frame by stage stands alone.",
+    "Box tests of a traversal by links without a stack (Novak's 4.4): it no longer exists here. By links or by bits, rays had 0.64 to 0.81 times the rate of a \
+     stack on every scene (`benches/TRIED.md`, On devices), so both were removed; their box tests were not recorded.",
     "Novak's uniform grid and octree (4.1), which he describes and does not measure: neither is built here. A grid has cells of one size for dense and \
      empty parts of a scene, and an octree is a kd-tree whose planes are midpoints of all three axes; `canted stats --json` has the SAH cost of a \
      kd-tree with midpoints beside that with planes by cost.",
@@ -179,6 +187,17 @@ fn scaffold(log2: u32) -> Model {
     models::of_mesh(scaffold_of(1, false, scaffold_nodes(log2)))
 }
 
+/// The exponent of the power law through points, by least squares of logarithms, with its standard error.
+fn exponent(points: &[[f64; 2]]) -> String {
+    let logs: Vec<[f64; 2]> = points.iter().map(|point| point.map(f64::ln)).collect();
+    let n = logs.len() as f64;
+    let [mean_x, mean_y] = [0, 1].map(|k| logs.iter().map(|log| log[k]).sum::<f64>() / n);
+    let squares: f64 = logs.iter().map(|[x, _]| (x - mean_x).powi(2)).sum();
+    let slope = logs.iter().map(|[x, y]| (x - mean_x) * (y - mean_y)).sum::<f64>() / squares;
+    let residual: f64 = logs.iter().map(|[x, y]| (y - mean_y - slope * (x - mean_x)).powi(2)).sum();
+    format!("{slope:.2} ±{:.2}", (residual / (n - 2.0) / squares).sqrt())
+}
+
 /// Runs on a pool of one thread.
 fn one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T> {
     Ok(rayon::ThreadPoolBuilder::new().num_threads(1).build()?.install(work))
@@ -198,6 +217,11 @@ mod tests {
             "{text}"
         );
         assert!(text.ends_with("4 have the same order here (a: 3 of 4, c: 1 of 1)."), "{text}");
+    }
+
+    #[test]
+    fn the_exponent_of_a_power_law_is_found() {
+        assert_eq!(exponent(&[[1.0, 3.0], [2.0, 12.0], [4.0, 48.0]]), "2.00 ±0.00");
     }
 
     #[test]

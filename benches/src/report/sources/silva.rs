@@ -8,7 +8,7 @@ use canted_tests::brute;
 use canted_trace::{Hit, Intersect, Kernel, Ray, Watertight};
 use canted_wide::{Config, Preset, SimdPath, TriangleBvh};
 
-use super::{Found, one_thread, scaffold, scenes};
+use super::{Found, exponent, one_thread, scaffold, scenes};
 use crate::{
     models,
     report::{
@@ -291,25 +291,4 @@ fn on_device(gpu: &Gpu, mesh: &canted_fixtures::Mesh, rays: &[Ray], effort: Effo
         rate(rays.len(), trace + transfer),
     ];
     Ok(texts.map(Cell::text).to_vec())
-}
-
-/// The exponent of the power law through points, by least squares of logarithms, with its standard error.
-fn exponent(points: &[[f64; 2]]) -> String {
-    let logs: Vec<[f64; 2]> = points.iter().map(|point| point.map(f64::ln)).collect();
-    let n = logs.len() as f64;
-    let [mean_x, mean_y] = [0, 1].map(|k| logs.iter().map(|log| log[k]).sum::<f64>() / n);
-    let squares: f64 = logs.iter().map(|[x, _]| (x - mean_x).powi(2)).sum();
-    let slope = logs.iter().map(|[x, y]| (x - mean_x) * (y - mean_y)).sum::<f64>() / squares;
-    let residual: f64 = logs.iter().map(|[x, y]| (y - mean_y - slope * (x - mean_x)).powi(2)).sum();
-    format!("{slope:.2} ±{:.2}", (residual / (n - 2.0) / squares).sqrt())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_exponent_of_a_power_law_is_found() {
-        assert_eq!(exponent(&[[1.0, 3.0], [2.0, 12.0], [4.0, 48.0]]), "2.00 ±0.00");
-    }
 }

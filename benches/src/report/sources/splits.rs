@@ -2,12 +2,15 @@
 
 use anyhow::Result;
 use canted_bvh2::{Bvh2, PairOrder};
-use canted_lbvh::{Corners, Costs, Leaf, Strategy, Tree, VolumeConfig, Volumes};
+use canted_lbvh::{
+    Corners, Costs, Leaf, Strategy, Tree, VolumeConfig, Volumes,
+    stages::{self, Stage},
+};
 use canted_obb::{Aabb, Obb};
-use canted_sah::{Axes, Builder, SpatialConfig, Split, TopDownConfig};
+use canted_sah::{Axes, Builder, PlocConfig, SpatialConfig, Split, TopDownConfig};
 use canted_trace::{Hit, TriangleTest, pad_aabb};
 
-use super::{Found, one_thread, scenes};
+use super::{Found, one_thread, scaffold, scenes};
 use crate::{
     models::{self, Model},
     report::{
@@ -23,6 +26,7 @@ use crate::{
 enum Way {
     Object(Split, Axes),
     Radix,
+    Clustered,
     Reinserted,
     SahTop,
     Spatial,
@@ -39,6 +43,7 @@ impl Way {
                 format!("{split}, {} axes", format!("{axes:?}").to_lowercase())
             }
             Self::Radix => "radix tree".to_owned(),
+            Self::Clustered => "clustering (PLOC)".to_owned(),
             Self::Reinserted => "radix tree, reinserted".to_owned(),
             Self::SahTop => "radix trees below an SAH top".to_owned(),
             Self::Spatial => "spatial splits (sbvh)".to_owned(),
@@ -47,16 +52,24 @@ impl Way {
 
     /// The tree, its leaves in leaf order as triangles, the volumes of its nodes, and the boxes of its leaves where these are parts of triangles.
     fn build(self, corners: &[Corners], bounds: &Aabb) -> (Tree, Volumes, Option<Vec<Obb>>) {
-        let config = VolumeConfig { strategy: Strategy::Aabb, fallback: true };
         let boxes: Vec<Aabb> = corners.iter().map(Leaf::aabb).collect();
-        let tree = match self {
-            Self::Object(split, axes) => {
-                let config = TopDownConfig { split, axes, ..TopDownConfig::BINNED };
-                canted_sah::build(&boxes, bounds, &Builder::TopDown(config, None))
-            }
-            Self::Radix => canted_sah::build(&boxes, bounds, &Builder::Lbvh),
-            Self::Reinserted => canted_sah::build(&boxes, bounds, &Builder::Reinserted(Default::default())),
-            Self::SahTop => canted_sah::build(&boxes, bounds, &Builder::Hybrid),
+        let (tree, parts) = stages::stage(STAGES[0], || self.tree(corners, &boxes, bounds));
+        let config = VolumeConfig { strategy: Strategy::Aabb, fallback: true };
+        let volumes = stages::stage(STAGES[1], || match &parts {
+            Some(parts) => canted_lbvh::volumes(&tree, parts, &config),
+            None => canted_lbvh::volumes(&tree, &canted_lbvh::in_leaf_order(corners, &tree.leaves), &config),
+        });
+        (tree, volumes, parts)
+    }
+
+    /// The tree, and the boxes of its leaves where these are parts of triangles.
+    fn tree(self, corners: &[Corners], boxes: &[Aabb], bounds: &Aabb) -> (Tree, Option<Vec<Obb>>) {
+        let builder = match self {
+            Self::Object(split, axes) => Builder::TopDown(TopDownConfig { split, axes, ..TopDownConfig::BINNED }, None),
+            Self::Radix => Builder::Lbvh,
+            Self::Clustered => Builder::Ploc(PlocConfig::NEAR, None),
+            Self::Reinserted => Builder::Reinserted(Default::default()),
+            Self::SahTop => Builder::Hybrid,
             Self::Spatial => {
                 let (mut tree, references) = canted_sah::spatial(corners, &SpatialConfig::default());
                 let part = |leaf: &canted_obb::PrimId| {
@@ -64,25 +77,30 @@ impl Way {
                     Obb::from_aabb(&pad_aabb(&references.boxes[leaf.index()], reach))
                 };
                 let parts: Vec<Obb> = tree.leaves.iter().map(part).collect();
-                let volumes = canted_lbvh::volumes(&tree, &parts, &config);
                 tree.leaves.iter_mut().for_each(|leaf| *leaf = references.primitives[leaf.index()]);
-                return (tree, volumes, Some(parts));
+                return (tree, Some(parts));
             }
         };
-        let volumes = canted_lbvh::volumes(&tree, &canted_lbvh::in_leaf_order(corners, &tree.leaves), &config);
-        (tree, volumes, None)
+        (canted_sah::build(boxes, bounds, &builder), None)
     }
 }
+
+/// The stages of a build: the topology, the boxes of its nodes, and the form that rays traverse.
+const STAGES: [&str; 3] = ["tree", "boxes", "layout"];
 
 /// The measurements of one way.
 struct Took {
     way: Way,
     build: Samples,
-    /// Milliseconds of camera rays and of diffuse rays.
-    rays: [Samples; 2],
+    /// Milliseconds of each of [`STAGES`].
+    stages: [Samples; 3],
+    /// Milliseconds of camera rays, diffuse rays and occlusion rays, and how many there are.
+    rays: [Samples; 3],
+    n_rays: [usize; 3],
     sah: f64,
     /// References per triangle.
     references: f64,
+    n_bytes: usize,
 }
 
 const SPLITS: [Split; 3] = [Split::Midpoint, Split::Median, Split::Sweep];
@@ -155,7 +173,7 @@ pub(super) fn add(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
 }
 
 fn row(scene: &str, n: usize, took: &Took) -> Vec<Cell> {
-    let [camera, diffuse] = took.rays.each_ref().map(|ms| Cell::measured(ms.clone(), "ms"));
+    let [camera, diffuse, _] = took.rays.each_ref().map(|ms| Cell::measured(ms.clone(), "ms"));
     vec![
         Cell::text(scene),
         Cell::text(n.to_string()),
@@ -169,48 +187,80 @@ fn row(scene: &str, n: usize, took: &Took) -> Vec<Cell> {
     ]
 }
 
+/// Milliseconds of each of [`STAGES`]; builders record stages of their own inside of the first.
+fn by_stage(recorded: &[Stage]) -> [f64; 3] {
+    let ms =
+        |name: &str| recorded.iter().filter(|stage| stage.name == name).map(|stage| stage.seconds * 1e3).sum::<f64>();
+    let others = ["the rest", STAGES[1], STAGES[2]].map(ms);
+    let all: f64 = recorded.iter().map(|stage| stage.seconds * 1e3).sum();
+    [all - others.iter().sum::<f64>(), others[1], others[2]]
+}
+
+/// A BVH with what is known of its tree.
+struct Built {
+    bvh: Bvh2,
+    sah: f64,
+    references: f64,
+}
+
+fn built(way: Way, (corners, bounds): (&[Corners], &Aabb), unit: f64, wants_cost: bool) -> Built {
+    let (tree, volumes, parts) = way.build(corners, bounds);
+    let sorted = canted_lbvh::in_leaf_order(corners, &tree.leaves);
+    let costs = Costs::default();
+    // A reference of a split triangle is charged for its part of the triangle.
+    let sah = match parts {
+        _ if !wants_cost => f64::NAN,
+        Some(parts) => canted_lbvh::tree_cost(&tree, &volumes, &parts, &costs, unit).sah,
+        None => canted_lbvh::tree_cost(&tree, &volumes, &sorted, &costs, unit).sah,
+    };
+    let references = tree.leaves.len() as f64 / corners.len() as f64;
+    let layout = || Bvh2::new(tree, &volumes, sorted, bounds, PairOrder::DepthFirst, TriangleTest::Watertight);
+    Built { bvh: stages::stage(STAGES[2], layout), sah, references }
+}
+
 fn measure(model: &Model, ways: &[Way], effort: Effort) -> Result<Vec<Took>> {
     let (corners, bounds) = canted_lbvh::triangle_corners(&model.mesh.positions, &model.mesh.triangles)?;
-    let rounds = effort.pick(2, 3, 5);
+    let (rounds, unit) = (effort.pick(2, 3, 5), model.mesh.diagonal());
     let mut builds = vec![vec![]; ways.len()];
-    let (mut engines, mut sums): (Vec<Box<dyn Engine>>, _) = (vec![], vec![]);
+    let mut of_stages: Vec<[Vec<f64>; 3]> = vec![Default::default(); ways.len()];
+    let (mut engines, mut known): (Vec<Box<dyn Engine>>, _) = (vec![], vec![]);
     for round in 0..rounds {
-        for (way, builds) in ways.iter().zip(&mut builds) {
-            let ((bvh, sum), took) = timing::time(|| {
-                let (tree, volumes, parts) = way.build(&corners, &bounds);
-                let sorted = canted_lbvh::in_leaf_order(&corners, &tree.leaves);
-                let (costs, unit) = (Costs::default(), model.mesh.diagonal());
-                // A reference of a split triangle is charged for its part of the triangle.
-                let cost = (round == 0).then(|| match parts {
-                    Some(parts) => canted_lbvh::tree_cost(&tree, &volumes, &parts, &costs, unit).sah,
-                    None => canted_lbvh::tree_cost(&tree, &volumes, &sorted, &costs, unit).sah,
-                });
-                let n_references = tree.leaves.len();
-                let bvh = Bvh2::new(tree, &volumes, sorted, &bounds, PairOrder::DepthFirst, TriangleTest::Watertight);
-                (bvh, cost.map(|cost| (cost, n_references as f64 / corners.len() as f64)))
-            });
+        for ((&way, builds), of_stages) in ways.iter().zip(&mut builds).zip(&mut of_stages) {
+            let ((built, recorded), took) =
+                timing::time(|| stages::recorded(|| built(way, (&corners, &bounds), unit, round == 0)));
             // The first round also computes costs.
-            if let Some(sum) = sum {
-                sums.push(sum);
-                engines.push(Box::new(bvh));
-            } else {
-                builds.push(took.cpu * 1e3);
+            if round == 0 {
+                known.push((built.sah, built.references, built.bvh.n_bytes()));
+                engines.push(Box::new(built.bvh));
+                continue;
+            }
+            builds.push(took.cpu * 1e3);
+            for (stage, ms) in by_stage(&recorded).into_iter().zip(of_stages) {
+                ms.push(stage);
             }
         }
     }
     let camera = models::camera(model, effort.pick(16, 128, 128));
     let (of_camera, hits) = engine::closest(&engines, &camera, rounds);
     same_hits(ways, &hits)?;
-    let [diffuse, _] = models::secondary(model, &camera, &hits[0]);
+    let [diffuse, occlusion] = models::secondary(model, &camera, &hits[0]);
     let (of_diffuse, hits) = engine::closest(&engines, &diffuse, rounds);
     same_hits(ways, &hits)?;
-    let ms = |seconds: &[timing::Seconds]| Samples::from(seconds.iter().map(|s| s.cpu * 1e3).collect::<Vec<_>>());
-    let took = ways.iter().zip(builds).zip(sums).enumerate().map(|(i, ((&way, build), (sah, references)))| Took {
+    let (of_occlusion, answers) = engine::answers(&engines, &occlusion, rounds, true);
+    for (way, answers_of_way) in ways.iter().zip(&answers) {
+        anyhow::ensure!(*answers_of_way == answers[0], "occlusion with '{}' differs", way.name());
+    }
+    let ms = |seconds: &[timing::Seconds]| Samples::from(engine::cpu(seconds)).scaled(1e3);
+    let took = ways.iter().zip(builds).zip(of_stages).zip(known).enumerate();
+    let took = took.map(|(i, (((&way, build), of_stages), (sah, references, n_bytes)))| Took {
         way,
         build: build.into(),
-        rays: [ms(&of_camera[i]), ms(&of_diffuse[i])],
+        stages: of_stages.map(Samples::from),
+        rays: [ms(&of_camera[i]), ms(&of_diffuse[i]), ms(&of_occlusion[i])],
+        n_rays: [&camera, &diffuse, &occlusion].map(Vec::len),
         sah,
         references,
+        n_bytes,
     });
     Ok(took.collect())
 }
@@ -222,4 +272,93 @@ fn same_hits(ways: &[Way], hits: &[Vec<Option<Hit>>]) -> Result<()> {
         anyhow::ensure!(n == 0, "{n} hits with '{}' differ from those with '{}'", way.name(), ways[0].name());
     }
     Ok(())
+}
+
+/// The builders of the one table, the fast ones first.
+const BUILDERS: [Way; 9] = [
+    Way::Radix,
+    Way::SahTop,
+    Way::Clustered,
+    Way::Reinserted,
+    Way::Object(Split::Median, Axes::Longest),
+    Way::Object(Split::Midpoint, Axes::Longest),
+    BINNED,
+    Way::Object(Split::Sweep, Axes::All),
+    Way::Spatial,
+];
+
+/// All builders on each scene: stages, rays of each type, bytes, SAH cost and hits (Novak 34).
+pub(super) fn one_table(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
+    let mut table = Table::new(
+        "Builders in one table (Novak's chapter 7): stages, rays by type, bytes, SAH cost, hits; million rays per second, one thread",
+        &[
+            "scene",
+            "triangles",
+            "builder",
+            "tree",
+            "boxes",
+            "layout",
+            "camera",
+            "diffuse",
+            "occlusion",
+            "bytes per triangle",
+            "SAH cost",
+            "hits",
+        ],
+    );
+    let mut subjects = vec![("scaffold", scaffold(effort.pick(8, 17, 17)))];
+    let names = effort.pick(&[][..], &["sponza"], &["bunny", "sponza", "dragon_871k", "country_kitchen"]);
+    if !names.is_empty() {
+        subjects.extend(scenes(effort, names, chapter)?);
+    }
+    if effort == Effort::Full {
+        subjects.push(("large scaffold", scaffold(21)));
+    }
+    let mut found = vec![];
+    for (name, model) in &subjects {
+        let n = model.mesh.triangles.len();
+        let took = one_thread(|| measure(model, &BUILDERS, effort))??;
+        for took in &took {
+            let rates = took.rays.iter().zip(took.n_rays);
+            let mut row = [*name, &n.to_string(), &took.way.name()].map(Cell::text).to_vec();
+            row.extend(took.stages.iter().map(|ms| Cell::measured(ms.clone(), "ms")));
+            row.extend(rates.map(|(ms, n)| Cell::text(number(n as f64 * 1e-3 / ms.median()))));
+            let bytes = took.n_bytes as f64 / n as f64;
+            row.extend([number(bytes), number(took.sah), "equal".to_owned()].map(Cell::text));
+            table.rows.push(row);
+        }
+        let best = |of: &dyn Fn(&Took) -> f64| {
+            took.iter().min_by(|a, b| of(a).total_cmp(&of(b))).map_or_else(String::new, |took| took.way.name())
+        };
+        found.push(format!(
+            "{name} of {n} triangles: built first by {}, least SAH cost by {}, fastest camera rays by {}",
+            best(&|took| took.build.median()),
+            best(&|took| took.sah),
+            best(&|took| took.rays[0].median())
+        ));
+    }
+    table.says = format!(
+        "Novak promises times by stage and gives none, counts rays of one type, and gives no SAH cost. Every builder has the same hits here. {}.",
+        found.join("; ")
+    );
+    chapter.tables.push(table);
+    Ok(Found::default())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stages_inside_of_the_tree_count_as_the_tree() {
+        let stage = |name, ms: f64| Stage { name, seconds: ms * 1e-3, serial_seconds: 0.0 };
+        let recorded = [
+            stage("tree", 1.0),
+            stage("splitting", 8.0),
+            stage("boxes", 2.0),
+            stage("layout", 4.0),
+            stage("the rest", 32.0),
+        ];
+        assert_eq!(by_stage(&recorded).map(f64::round), [9.0, 2.0, 4.0]);
+    }
 }
