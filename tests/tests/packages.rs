@@ -24,7 +24,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("film", &[]),
     ("scene", &["obb"]),
     ("shaders", &[]),
-    ("gpu", &["obb", "trace", "lbvh", "wide", "tlas", "shaders"]),
+    ("gpu", &["obb", "trace", "lbvh", "wide", "bvh2", "tlas", "shaders"]),
     ("renderer", &["obb", "trace", "lbvh", "sah", "wide", "bvh2", "bih", "kdtree", "tlas", "film", "scene", "gpu"]),
     (
         "cli",

@@ -83,6 +83,7 @@
 //! | [`InstancedScene`], [`InstanceBuffer`] | the same with instances, whose transforms are in a buffer of the program |
 //! | [`DeviceBvh`] | which BVH: eight-wide or binary, and its boxes |
 //! | [`TracedScene`], [`SceneInput`] | BVHs and instances in device memory, for ray batches and for kernels of a program |
+//! | [`TracedScene::download`], [`DownloadedBvh`] | a BVH of the device as one of the CPU, checked |
 //! | [`build`] | BVH construction on the device, stage by stage |
 //! | [`Buffer`], [`Kernel`], [`Commands`] | typed buffers, compiled kernels, dispatches |
 //! | [`RasterPipeline`], [`Draw`] | raster passes into integer targets |
@@ -215,7 +216,7 @@ pub use kernel::Kernel;
 pub use memory::Traffic;
 pub use raster::{Draw, N_TARGETS, RasterOutput, RasterPipeline};
 pub use trace::{
-    BufferConfig, BufferScene, DeviceBvh, DeviceHit, DeviceRay, HIT_ERROR, InstancedScene, MAX_CONDITION,
-    MAX_COORDINATE, MotionPolynomials, Outcome, SceneInput, TracedScene,
+    BufferConfig, BufferScene, DeviceBvh, DeviceHit, DeviceRay, DownloadedBvh, HIT_ERROR, InstancedScene,
+    MAX_CONDITION, MAX_COORDINATE, MotionPolynomials, Outcome, SceneInput, TracedScene,
 };
 pub use wgpu::{self, Limits};

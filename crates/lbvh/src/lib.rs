@@ -71,4 +71,4 @@ pub use morton::{Bits, Domain, morton_codes, morton_codes_of_boxes};
 pub use radix::radix;
 pub use sort::{Sorted, sort_by_code};
 pub use tree::{Child, ChildKind, MAX_DEPTH, Node, NodeId, Task, TopologyError, Tree};
-pub use volumes::{Costs, Strategy, Volume, VolumeConfig, Volumes, volumes};
+pub use volumes::{Costs, Strategy, Volume, VolumeConfig, Volumes, volumes, volumes_along};

@@ -205,6 +205,17 @@ pub fn volumes<L: Leaf>(tree: &Tree, leaves: &[L], config: &VolumeConfig) -> Vol
     volumes
 }
 
+/// As [`volumes`], with oriented boxes along given frames, one for each node, around all points below; takes time proportional to the sum of all
+/// subtree sizes. For a tree whose boxes were found elsewhere.
+#[must_use]
+pub fn volumes_along<L: Leaf>(tree: &Tree, leaves: &[L], frames: &[canted_obb::Frame]) -> Volumes {
+    let aabb = VolumeConfig { strategy: Strategy::Aabb, fallback: true };
+    let mut volumes = volumes(tree, leaves, &aabb);
+    volumes.obbs = from_points(tree, leaves, |id| frames[id.index()]);
+    volumes.choose(tree, leaves, true);
+    volumes
+}
+
 /// Boxes along `frame_of` each node of every point below it; takes time proportional to the sum of all subtree sizes.
 fn from_points<L: Leaf>(tree: &Tree, leaves: &[L], frame_of: impl Fn(NodeId) -> canted_obb::Frame + Sync) -> Vec<Obb> {
     let mut obbs = vec![UNSET; tree.nodes.len()];

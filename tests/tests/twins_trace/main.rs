@@ -4,6 +4,7 @@
 
 mod certain;
 mod deep;
+mod download;
 mod frames;
 mod moving;
 mod small;
@@ -18,6 +19,7 @@ fn main() -> std::process::ExitCode {
     canted_tests::device::run_tests([
         certain::tests(),
         deep::tests(),
+        download::tests(),
         frames::tests(),
         moving::tests(),
         small::tests(),

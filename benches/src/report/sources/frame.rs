@@ -26,7 +26,7 @@ use crate::{
 
 /// Holes and speckle of the six pictures.
 pub(super) fn six_pictures(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
-    let [width, height] = effort.pick([32, 18], [480, 270], picture::SIZE);
+    let [width, height] = effort.pick([32, 18], [320, 180], picture::SIZE);
     let title = format!("Holes and speckle of the dissertation's six pictures (4.4), {width} x {height}, 2 bounces");
     let head = ["theirs", "ours", "samples", "seconds", "not finite", "gaps", "of them lost", "bright", "dark"];
     let mut table = Table::new(title, &head);
@@ -97,12 +97,12 @@ pub(super) fn by_stage(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
             let [scene, stage, n, share] = [name, stage, &n, &share].map(Cell::text);
             table.rows.push(vec![scene, stage, n, Cell::measured(ms, "ms"), share]);
         }
-        let [scene, stage, n, share] = [name, "the same rays by the renderer", "–", "–"].map(Cell::text);
+        let [scene, stage, n, share] = [name, "for comparison: a picture by the renderer", "–", "–"].map(Cell::text);
         table.rows.push(vec![scene, stage, n, Cell::measured(complete, "ms"), share]);
     }
     table.says = format!(
         "Novak's profile, without numbers, has the search for hits as nearly all of a frame; the BIH thesis says 95 %. Here, the search takes: {}. The last row of a \
-         scene is a picture of the renderer with one sample and one bounce: it also weights samples, filters pixels and keeps tiles.",
+         scene is a picture of the renderer with one sample and one bounce: it also lights the surface after the bounce, weights samples, filters pixels and keeps tiles.",
         found.join(", ")
     );
     chapter.tables.push(table);

@@ -3,6 +3,7 @@
 //! ```text
 //! TriangleBvh, or one per mesh + instances -> upload ------------> TracedScene -> closest hits, occlusion; bindings of other kernels
 //! corners of meshes + instances            -> build on the device -^   binary, or collapsed into wide nodes
+//!                                                    TracedScene -> download -> a BVH of the CPU
 //! ```
 //!
 //! A module imports only those above it.
@@ -16,12 +17,14 @@ mod nodes;
 
 mod scene;
 
+mod download;
 mod query;
 
 mod buffer_scene;
 mod instanced_scene;
 
 pub use buffer_scene::{BufferConfig, BufferScene};
+pub use download::DownloadedBvh;
 pub use instanced_scene::InstancedScene;
 pub use instances::{MAX_CONDITION, MotionPolynomials};
 pub use layout::{DeviceHit, DeviceRay, HIT_ERROR, MAX_COORDINATE};

@@ -268,10 +268,10 @@ impl Nodes {
 
 /// Binary trees in the form that rays traverse: `build/pairs`.
 pub(super) struct Pairs {
-    pairs: Buffer<Quad>,
+    pub(super) pairs: Buffer<Quad>,
     /// Vertices of the triangles.
-    corners: Arc<Buffer<Corners>>,
-    is_oriented: bool,
+    pub(super) corners: Arc<Buffer<Corners>>,
+    pub(super) is_oriented: bool,
     /// First node of the second level.
     first_top_node: u32,
 }
@@ -352,8 +352,8 @@ impl Pairs {
 
 /// Nodes and triangle blocks of wide BVHs.
 pub(super) struct WideNodes {
-    nodes: Buffer<Quad>,
-    halves: Buffer<Quad>,
+    pub(super) nodes: Buffer<Quad>,
+    pub(super) halves: Buffer<Quad>,
     /// Whether all nodes are aligned.
     is_aligned: bool,
     /// What it takes to write them again, where the device does.

@@ -226,7 +226,7 @@ impl SubtreeDraft {
             base: Base::default(),
             depth: root.depth,
         };
-        let mut units = Units { layout: leaf_layout, n: 0, free: None };
+        let mut units = Units::new(leaf_layout);
         let mut open = vec![Waiting { slot: None, ..root }];
         while let Some(Waiting { child, parent, slot, depth }) = open.pop() {
             let word = match plan.form(child, parent) {
@@ -279,16 +279,20 @@ impl SubtreeDraft {
 }
 
 /// Assigns units to the leaves of a subtree.
-struct Units<'a> {
+pub(crate) struct Units<'a> {
     layout: &'a LeafLayout,
-    n: usize,
+    pub(crate) n: usize,
     /// The second part of a unit whose first is taken.
     free: Option<usize>,
 }
 
-impl Units<'_> {
+impl<'a> Units<'a> {
+    pub(crate) fn new(layout: &'a LeafLayout) -> Self {
+        Self { layout, n: 0, free: None }
+    }
+
     /// The part that a leaf of `n` primitives starts with.
-    fn next(&mut self, n: usize) -> usize {
+    pub(crate) fn next(&mut self, n: usize) -> usize {
         if let Some(part) = self.free.take_if(|_| n <= self.layout.in_part) {
             return part;
         }

@@ -5,7 +5,7 @@ mod collapse;
 mod emit;
 pub(crate) mod frames;
 pub(crate) mod item;
-mod layout;
+pub(crate) mod layout;
 pub(crate) mod subtrees;
 #[cfg(test)]
 mod tests;

@@ -1,16 +1,17 @@
 //! Whether records read from a file are those that a build makes.
 
 use canted_lbvh::Corners;
+use canted_obb::vector::{dot, to_f64};
 use canted_obb::{Aabb, PrimId};
-use canted_trace::ReferencePoint;
+use canted_trace::{ReferencePoint, TriangleTest};
 
 use super::error::LoadError;
 use super::header::Header;
 use crate::build::item::Item;
-use crate::build::{PrimitiveError, bounds_of};
+use crate::build::{PrimitiveError, bounds_of, reference_of_triangles};
 use crate::leaf::{self, Primitive, Shapes, StoredTriangles};
-use crate::node::checked::Hierarchy;
-use crate::node::{Flaw, HalfBlock, LeafLayout, NodeKind, Nodes, checked};
+use crate::node::checked::{CheckedNode, Hierarchy};
+use crate::node::{CacheLine, Flaw, HalfBlock, LeafLayout, NodeBox, NodeKind, Nodes, Row, checked};
 use crate::traverse::{BoxPads, MeshFrame, Pads};
 use crate::update::{self, by_place, ids_by_place};
 
@@ -99,10 +100,16 @@ fn hierarchy(
     layout: &LeafLayout,
     expected: &Expected,
 ) -> Result<Hierarchy, LoadError> {
-    let hierarchy = Hierarchy::of(nodes, n_units, layout)?;
+    let hierarchy = completed(nodes, n_units, layout)?;
     if hierarchy.depth != expected.depth {
         return Err(LoadError::Depth { expected: expected.depth, found: hierarchy.depth });
     }
+    Ok(hierarchy)
+}
+
+/// The hierarchy of the records; completes `nodes` by it, except for the depth.
+fn completed(nodes: &mut Nodes, n_units: usize, layout: &LeafLayout) -> Result<Hierarchy, LoadError> {
+    let hierarchy = Hierarchy::of(nodes, n_units, layout)?;
     let oriented = hierarchy.nodes.iter().filter(|node| node.kind == NodeKind::Oriented);
     let n_inside = oriented.map(|node| node.places.len() as u64).sum();
     let most = MOST_NESTED.saturating_mul(hierarchy.n_places as u64);
@@ -160,4 +167,86 @@ fn check_boxes<I: Item>(
         update::write_boxes(hierarchy, items, &expected.frame, traced, &mut nodes.lines);
     }
     Ok(())
+}
+
+/// Completes records that were made elsewhere, in object space and without the pads of this crate.
+///
+/// Boxes must hold the triangles below them. Then they are written as a refit writes them, along the same axes.
+pub(super) fn complete_made(
+    nodes: &mut Nodes,
+    blocks: &[HalfBlock],
+    frame: [[f32; 3]; 3],
+    test: TriangleTest,
+) -> Result<Expected, LoadError> {
+    frame.iter().try_for_each(|&row| update::check_row(row, None))?;
+    let hierarchy = completed(nodes, blocks.len(), &LeafLayout::BLOCKS)?;
+    nodes.depth = hierarchy.depth;
+    let StoredTriangles { corners, ids } = StoredTriangles::read(&hierarchy, blocks);
+    if let Some((&primitive, _)) = ids.iter().zip(&corners).find(|(_, corners)| !is_finite(corners)) {
+        return Err(Flaw::NotFinite { primitive }.into());
+    }
+    let bounds = Aabb::from_points(corners.iter().flatten().copied());
+    hierarchy
+        .nodes
+        .iter()
+        .try_for_each(|node| check_held(&hierarchy, node, (&nodes.lines, frame), &corners, &bounds))?;
+    hierarchy.nodes.iter().for_each(|node| shorten_rows(node, &mut nodes.lines));
+    hierarchy.nodes.iter().try_for_each(|node| update::check_frame(node, &nodes.lines))?;
+    let reference = reference_of_triangles(corners.len(), |i| corners[i]);
+    let frame = MeshFrame::new(frame, reference);
+    let pads = BoxPads::new(Pads::of(test.hit_error()), frame.is_identity);
+    let mut sorted = ids.clone();
+    sorted.sort_unstable();
+    sorted.dedup();
+    if let Some((primitive, _)) = (0..).map(PrimId).zip(&sorted).find(|(primitive, found)| primitive != *found) {
+        return Err(Flaw::Missing { primitive }.into());
+    }
+    let n_primitives = sorted.len();
+    update::write_boxes(&hierarchy, &corners, &frame, &pads, &mut nodes.lines);
+    let expected = Expected { n_primitives, depth: hierarchy.depth, bounds, frame, pads: [pads; 2] };
+    let bits = |corners: &Corners| corners.map(|vertex| vertex.map(f32::to_bits));
+    check_ids(&ids, &expected, |a, b| bits(&corners[a]) == bits(&corners[b]))?;
+    Ok(expected)
+}
+
+/// Whether the boxes of a node hold the triangles below them, but for a rounding of their numbers.
+fn check_held(
+    hierarchy: &Hierarchy,
+    node: &CheckedNode,
+    (lines, frame): (&[CacheLine], [[f32; 3]; 3]),
+    corners: &[Corners],
+    bounds: &Aabb,
+) -> Result<(), Flaw> {
+    let slack = f64::from(f32::EPSILON) * f64::from(bounds.reach());
+    for (i, &slot) in node.slots.iter().enumerate() {
+        let NodeBox { rows, lo, hi } = NodeBox::of_slot(lines, node.kind, node.line as u32, i, frame);
+        let holds = |vertex: &[f32; 3]| {
+            (0..3).all(|k| {
+                let at = dot(to_f64(rows[k]), to_f64(*vertex));
+                // False for NaN, too.
+                lo[k] - slack <= at && at <= hi[k] + slack
+            })
+        };
+        if !corners[hierarchy.places(slot)].iter().flatten().all(holds) {
+            return Err(Flaw::Box { line: node.line, slot: i });
+        }
+    }
+    Ok(())
+}
+
+/// Divides rows that are longer than those of a build by their length: devices divide less exactly.
+fn shorten_rows(node: &CheckedNode, lines: &mut [CacheLine]) {
+    if node.kind == NodeKind::Aligned {
+        return;
+    }
+    let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut lines[node.line..node.line + node.kind.n_lines()]);
+    for i in 0..8 {
+        for k in 0..3 {
+            let row: [f32; 3] = std::array::from_fn(|axis| rows[5 * k + axis][i]);
+            let length = dot(to_f64(row), to_f64(row)).sqrt();
+            if update::check_row(row, None).is_err() && length.is_finite() {
+                (0..3).for_each(|axis| rows[5 * k + axis][i] = (f64::from(row[axis]) / length) as f32);
+            }
+        }
+    }
 }

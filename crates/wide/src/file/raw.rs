@@ -4,11 +4,21 @@ use std::borrow::Cow;
 
 use canted_obb::PrimId;
 use canted_obb::vector::{dot, to_f64};
+use canted_trace::TriangleTest;
 use canted_trace::lanes::lower;
 
-use crate::bvh::WideBvh;
-use crate::leaf::LeafPrimitive;
-use crate::node::{CacheLine, DecodedWord, NOWHERE, NodeKind, Nodes, Row};
+use super::LoadError;
+use super::check::{Expected, complete_made};
+use crate::build::layout::Units;
+use crate::bvh::{PredictedCost, TriangleBvh, WideBvh};
+use crate::config::{Baseline, Costs};
+use crate::leaf::{Blocks, LeafPrimitive};
+use crate::node::checked::Claims;
+use crate::node::{
+    CacheLine, ChildWord, DecodedWord, Flaw, HALF_BLOCK_WORDS, HalfBlock, LaneWords, LeafLayout, NOWHERE, NodeKind,
+    Nodes, Row, node_words, set_word,
+};
+use crate::simd::AvailablePath;
 use crate::traverse::MeshFrame;
 
 /// The records of a BVH as words, for traversal without this crate: by a kernel on another device.
@@ -59,6 +69,83 @@ impl<P: LeafPrimitive> WideBvh<P> {
             depth: self.nodes.depth,
             frame: self.frame.rows,
             reach: self.bounds.reach(),
+        }
+    }
+}
+
+impl TriangleBvh {
+    /// The BVH of records that another device made, or of [`WideBvh::raw`]: with the same hierarchy, leaves and axes of boxes. Records may be
+    /// anywhere, with others between them. [`RawBvh::depth`] and [`RawBvh::reach`] are not used.
+    ///
+    /// Each box must hold what is below it, but for a rounding. Boxes are then written anew with the padding of a build, so hits are those of any BVH
+    /// over the triangles. The records may be damaged: a BVH that is returned cannot panic, loop or lose a hit. Its predicted costs are
+    /// not known ([`PredictedCost::default`]).
+    ///
+    /// # Errors
+    /// The first thing in the records that is not part of a valid BVH over triangles.
+    pub fn from_raw(raw: &RawBvh<'_>, test: TriangleTest) -> Result<Self, LoadError> {
+        let (mut nodes, halves) = compact(raw)?;
+        let Expected { n_primitives, bounds, frame, .. } = complete_made(&mut nodes, &halves, raw.frame, test)?;
+        let baseline = Baseline { costs: Costs::default(), built: None, now: None };
+        let (leaves, predicted) = (Blocks::new(halves.into(), test), PredictedCost::default());
+        Ok(Self { nodes, leaves, frame, bounds, n_primitives, predicted, baseline, path: AvailablePath::detect() })
+    }
+}
+
+const LAYOUT: &LeafLayout = &LeafLayout::BLOCKS;
+
+/// The records below the root, depth first and without gaps.
+fn compact(raw: &RawBvh<'_>) -> Result<(Nodes, Vec<HalfBlock>), Flaw> {
+    let (lines, _) = raw.nodes.as_chunks::<16>();
+    let n_halves = raw.blocks.len() / HALF_BLOCK_WORDS;
+    let mut claimed = Claims::new("line", lines.len());
+    let mut claimed_parts = Claims::new(LAYOUT.part_name, LAYOUT.n_parts * n_halves);
+    let (mut made, mut halves, mut units) = (vec![], vec![], Units::new(LAYOUT));
+    let mut root = ChildWord::EMPTY;
+    let mut open = vec![(ChildWord(raw.root), None)];
+    while let Some((word, slot)) = open.pop() {
+        let new = match word.kind() {
+            DecodedWord::Empty if word == ChildWord::EMPTY => word,
+            DecodedWord::Empty => return Err(Flaw::Word { word: word.0 }),
+            DecodedWord::Leaf { first, n } => {
+                let (first, n) = (first as usize, n as usize);
+                if n > LAYOUT.in_part && !first.is_multiple_of(LAYOUT.n_parts) {
+                    return Err(Flaw::Word { word: word.0 });
+                }
+                claimed_parts.claim(first, LAYOUT.n_parts_of(n))?;
+                let to = units.next(n);
+                halves.resize(units.n, HalfBlock([0; HALF_BLOCK_WORDS]));
+                copy_leaf(raw.blocks, first, n, &mut halves, to);
+                ChildWord::leaf(to, n)
+            }
+            DecodedWord::Node(kind, line) => {
+                claimed.claim(line as usize, kind.n_lines())?;
+                let to = made.len();
+                made.extend(lines[line as usize..line as usize + kind.n_lines()].iter().map(|&line| CacheLine(line)));
+                let words = node_words(&made, kind, to as u32);
+                // The stack returns the last entry first.
+                open.extend(words.iter().enumerate().rev().map(|(i, &word)| (word, Some((kind, to, i)))));
+                ChildWord::node(kind, to)
+            }
+        };
+        match slot {
+            None => root = new,
+            Some((kind, line, i)) => set_word(&mut made, kind, line, i, new),
+        }
+    }
+    let (has_oriented, pieces) = (false, vec![]);
+    Ok((Nodes { lines: made.into(), root, depth: 0, has_oriented, pieces, links: None }, halves))
+}
+
+/// Copies the triangles of a leaf that starts at part `first` of `blocks` to part `to` of `halves`.
+fn copy_leaf(blocks: &[u32], first: usize, n: usize, halves: &mut [HalfBlock], to: usize) {
+    let out: &mut [u32] = bytemuck::cast_slice_mut(halves);
+    let at = |part: usize| (part / LAYOUT.n_parts * HALF_BLOCK_WORDS, part % LAYOUT.n_parts);
+    let [(from_word, from_part), (to_word, to_part)] = [first, to].map(at);
+    for i in 0..n {
+        let [from, to] = [from_part, to_part].map(|part| LaneWords::of(i, n, part));
+        for row in 0..=LaneWords::ID_ROW {
+            out[to_word + to.word(row)] = blocks[from_word + from.word(row)];
         }
     }
 }
@@ -153,6 +240,75 @@ mod tests {
             }
         }
         assert!(n_kinds.iter().all(|&n| n > 8), "{n_kinds:?}");
+    }
+
+    /// A BVH of the records of another traces the same hits, also through records that lie apart; its boxes are those of the build.
+    #[test]
+    fn records_give_their_bvh_again() {
+        for mesh in [
+            fixtures::scaffold_of(1, true, 3),
+            fixtures::coplanar_quads(20).off_axis(),
+            fixtures::soup(3, 1),
+            fixtures::soup(3, 0),
+        ] {
+            for config in [Config::default(), Config::default().axis_aligned()] {
+                let bvh: TriangleBvh = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, config).unwrap();
+                let raw = bvh.raw();
+                let again = TriangleBvh::from_raw(&raw, TriangleTest::Watertight).unwrap();
+                assert_eq!((&again.nodes.lines, again.nodes.root), (&bvh.nodes.lines, bvh.nodes.root));
+                assert_eq!((&again.leaves.halves, again.n_primitives), (&bvh.leaves.halves, bvh.n_primitives));
+                assert_eq!(again.nodes.pieces, bvh.nodes.pieces);
+                let apart = spread(&raw);
+                let again = TriangleBvh::from_raw(&apart, TriangleTest::Watertight).unwrap();
+                assert_eq!((&again.nodes.lines, &again.leaves.halves), (&bvh.nodes.lines, &bvh.leaves.halves));
+                // What is loaded may be saved.
+                assert!(TriangleBvh::from_bytes(&again.to_bytes()).is_ok());
+            }
+        }
+    }
+
+    /// The same nodes with as much room before each line of a node.
+    fn spread<'a>(raw: &RawBvh<'a>) -> RawBvh<'a> {
+        let mut nodes = vec![7; 4 * 16];
+        nodes.extend_from_slice(&raw.nodes);
+        let moved = |word: u32| match ChildWord(word).kind() {
+            DecodedWord::Node(kind, line) => ChildWord::node(kind, line as usize + 4).0,
+            _ => word,
+        };
+        let mut open = vec![moved(raw.root)];
+        while let Some(word) = open.pop() {
+            let DecodedWord::Node(kind, line) = ChildWord(word).kind() else { continue };
+            let first = 16 * line as usize + if kind == NodeKind::Aligned { 48 } else { 120 };
+            nodes[first..first + 8].iter_mut().for_each(|word| *word = moved(*word));
+            open.extend_from_slice(&nodes[first..first + 8]);
+        }
+        RawBvh { nodes: nodes.into(), root: moved(raw.root), ..raw.clone() }
+    }
+
+    #[test]
+    fn damaged_records_are_refused() {
+        let mesh = fixtures::scaffold_of(1, true, 3);
+        let bvh: TriangleBvh = TriangleBvh::build(&mesh.positions, &mesh.triangles).unwrap();
+        let raw = bvh.raw();
+        let root = 16 * (raw.root & 0x1fff_ffff) as usize;
+        let word_row = root + if raw.root >> 29 == 0 { 48 } else { 120 };
+        let refused = |change: &dyn Fn(&mut Vec<u32>, &mut Vec<u32>)| {
+            let (mut nodes, mut blocks) = (raw.nodes.to_vec(), raw.blocks.to_vec());
+            change(&mut nodes, &mut blocks);
+            let damaged = RawBvh { nodes: nodes.into(), blocks: &blocks, ..raw.clone() };
+            TriangleBvh::from_raw(&damaged, TriangleTest::Watertight).unwrap_err().to_string()
+        };
+        assert!(refused(&|nodes, _| nodes[word_row] = nodes[word_row + 1]).contains("two records"));
+        assert!(refused(&|nodes, _| nodes[word_row] = raw.root).contains("two records"));
+        assert!(refused(&|nodes, _| nodes[word_row] = 0x1fff_fff0).contains("line 5368"));
+        assert!(refused(&|nodes, _| nodes[word_row] = 0x7000_0000).contains("0x70000000"));
+        assert!(refused(&|nodes, _| nodes[word_row] = ChildWord::EMPTY.0).contains("is in no leaf"));
+        for (row, value) in [(0, 1e9), (0, f32::NAN)] {
+            let named = refused(&|nodes, _| nodes[root + row] = value.to_bits());
+            assert!(named.contains("box 0 of the node") || named.contains("length"), "{named}");
+        }
+        assert!(refused(&|_, blocks| blocks[0] = f32::INFINITY.to_bits()).contains("is not finite"));
+        assert!(refused(&|_, blocks| blocks[36] = u32::MAX - 1).contains("is in no leaf"));
     }
 
     /// In f64, whose roundings are far below the pads of the boxes.

@@ -155,17 +155,17 @@ impl Hierarchy {
 }
 
 /// Which units of an array belong to a record.
-struct Claims {
+pub(crate) struct Claims {
     unit: &'static str,
     taken: Vec<bool>,
 }
 
 impl Claims {
-    fn new(unit: &'static str, n: usize) -> Self {
+    pub(crate) fn new(unit: &'static str, n: usize) -> Self {
         Self { unit, taken: vec![false; n] }
     }
 
-    fn claim(&mut self, first: usize, n: usize) -> Result<(), Flaw> {
+    pub(crate) fn claim(&mut self, first: usize, n: usize) -> Result<(), Flaw> {
         let n_units = self.taken.len();
         let Some(own) = self.taken.get_mut(first..first + n) else {
             return Err(Flaw::Outside { unit: self.unit, at: first + n - 1, n_units });
