@@ -114,17 +114,19 @@ fn line(row: &Row, rendered: &Rendered) -> String {
     )
 }
 
-/// Reports samples that were NaN or infinite.
+/// Reports samples that were NaN or infinite, and hits that were lost.
 fn verdict(all: &[(&Row, Rendered)]) -> String {
-    let broken: Vec<String> = all
-        .iter()
-        .filter(|(_, rendered)| rendered.n_dropped > 0)
-        .map(|(row, rendered)| format!("{} of {}", rendered.n_dropped, row.model))
-        .collect();
-    if broken.is_empty() {
-        format!("No sample of these {} pictures was NaN or infinite.", all.len())
-    } else {
-        format!("ERROR: samples were NaN or infinite: {}.", broken.join(", "))
+    let broken = |of: &dyn Fn(&Rendered) -> u64| {
+        let counts = all.iter().map(|(row, rendered)| (of(rendered), row.model)).filter(|(n, _)| *n > 0);
+        counts.map(|(n, model)| format!("{n} of {model}")).collect::<Vec<_>>().join(", ")
+    };
+    let [not_finite, lost] =
+        [broken(&|rendered| rendered.n_dropped), broken(&|rendered| rendered.blemishes.lost as u64)];
+    let n = all.len();
+    match (not_finite.is_empty(), lost.is_empty()) {
+        (true, true) => format!("No sample of these {n} pictures was NaN or infinite, and no gap is a lost hit."),
+        (false, _) => format!("ERROR: samples were NaN or infinite: {not_finite}."),
+        (true, false) => format!("ERROR: camera rays miss what a loop over all triangles hits: {lost}."),
     }
 }
 
@@ -198,9 +200,14 @@ mod tests {
     }
 
     #[test]
-    fn non_finite_samples_are_reported() {
-        let of = |n_dropped| [(&ROWS[0], RENDERED), (&ROWS[5], Rendered { n_dropped, ..RENDERED })];
-        assert_eq!(verdict(&of(0)), "No sample of these 2 pictures was NaN or infinite.");
-        assert!(verdict(&of(3)).contains("3 of bunny"), "{}", verdict(&of(3)));
+    fn non_finite_samples_and_lost_hits_are_reported() {
+        let of = |n_dropped, lost| {
+            let blemishes = Blemishes { lost, ..BLEMISHES };
+            let rendered = |n_dropped| Rendered { n_dropped, blemishes, ..RENDERED };
+            verdict(&[(&ROWS[0], rendered(0)), (&ROWS[5], rendered(n_dropped))])
+        };
+        assert_eq!(of(0, 0), "No sample of these 2 pictures was NaN or infinite, and no gap is a lost hit.");
+        assert!(of(3, 0).contains("3 of bunny"), "{}", of(3, 0));
+        assert!(of(0, 2).contains("2 of country_kitchen, 2 of bunny"), "{}", of(0, 2));
     }
 }

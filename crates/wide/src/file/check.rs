@@ -240,6 +240,7 @@ fn shorten_rows(node: &CheckedNode, lines: &mut [CacheLine]) {
         return;
     }
     let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut lines[node.line..node.line + node.kind.n_lines()]);
+    #[expect(clippy::needless_range_loop, reason = "a lane of several rows")]
     for i in 0..8 {
         for k in 0..3 {
             let row: [f32; 3] = std::array::from_fn(|axis| rows[5 * k + axis][i]);

@@ -114,6 +114,9 @@ fn compact(raw: &RawBvh<'_>) -> Result<(Nodes, Vec<HalfBlock>), Flaw> {
                 }
                 claimed_parts.claim(first, LAYOUT.n_parts_of(n))?;
                 let to = units.next(n);
+                if to >= ChildWord::MAX_FIRST {
+                    return Err(Flaw::Outside { unit: LAYOUT.part_name, at: to, n_units: ChildWord::MAX_FIRST });
+                }
                 halves.resize(units.n, HalfBlock([0; HALF_BLOCK_WORDS]));
                 copy_leaf(raw.blocks, first, n, &mut halves, to);
                 ChildWord::leaf(to, n)
