@@ -311,7 +311,13 @@ mod tests {
             assert!(named.contains("box 0 of the node") || named.contains("length"), "{named}");
         }
         assert!(refused(&|_, blocks| blocks[0] = f32::INFINITY.to_bits()).contains("is not finite"));
-        assert!(refused(&|_, blocks| blocks[36] = u32::MAX - 1).contains("is in no leaf"));
+        // The number of the only triangle of a leaf.
+        let one: TriangleBvh = TriangleBvh::build(&mesh.positions, &mesh.triangles[..1]).unwrap();
+        let mut blocks = one.raw().blocks.to_vec();
+        blocks[36] = u32::MAX - 1;
+        let damaged = RawBvh { blocks: &blocks, ..one.raw() };
+        let error = TriangleBvh::from_raw(&damaged, TriangleTest::Watertight).unwrap_err();
+        assert_eq!(error.to_string(), "primitive 0 is in no leaf");
     }
 
     /// In f64, whose roundings are far below the pads of the boxes.
