@@ -32,6 +32,23 @@ fn every_chapter_has_a_sentence_tables_and_plots() {
             assert!(rows.iter().all(|row| row.as_array().unwrap().len() == n_columns), "{title}: {table}");
         }
     }
+    // A row of the sources each.
+    for title in [
+        "Box passes by size of mesh",
+        "Camera rays by meshes per triangle",
+        "Holes and speckle of the dissertation's six pictures",
+        "A BIH from boxes alone, and builds from primitives",
+        "Builders in one table",
+        "A frame by stage",
+    ] {
+        let rows = markdown
+            .split(&format!("### {title}"))
+            .nth(1)
+            .map(|after| after.lines().skip(1).take_while(|line| !line.starts_with('#')));
+        let n_rows = rows.map_or(0, |lines| lines.filter(|line| line.starts_with("| ")).count());
+        assert!(n_rows > 2, "{title}: {n_rows} rows");
+    }
+    assert!(markdown.contains("Box tests of a traversal by links"));
     let n_plots: usize = chapters.iter().map(|chapter| chapter["plots"].as_array().unwrap().len()).sum();
     let last = read(&format!("plots/{:02}.svg", n_plots - 1));
     assert!(last.contains("<circle") && last.ends_with("</svg>\n"), "{last}");
