@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use canted::file::tiles::TiledBvh;
-use canted::{Hit, InstanceId, PrimId, Side, SurfacePoint, TriangleBvh};
+use canted::{Affine, Hit, InstanceId, PrimId, Side, SurfacePoint, TriangleBvh};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
@@ -15,12 +15,30 @@ use crate::work::Call;
 /// Hits of a job.
 const HITS_OF_JOB: usize = 4096;
 
+/// An instance that was hit.
+pub(crate) struct Placed {
+    pub(crate) id: InstanceId,
+    pub(crate) mesh: Arc<TriangleBvh>,
+    pub(crate) world_from_object: Affine,
+}
+
 /// What was hit, as it was then: a refit makes a copy.
 #[derive(Clone)]
 pub(crate) enum Surface {
-    Mesh { geometry: Arc<Geometry>, origin: [f64; 3] },
-    Tlas { tlas: Arc<canted::Tlas<Arc<TriangleBvh>>>, origin: [f64; 3], is_near: bool },
-    Tiles { bvh: Arc<TiledBvh>, origin: [f64; 3] },
+    Mesh {
+        geometry: Arc<Geometry>,
+        origin: [f64; 3],
+    },
+    /// The instances that were hit, in ascending order: the top level may change, and is not copied for that.
+    Tlas {
+        placed: Arc<[Placed]>,
+        origin: [f64; 3],
+        is_near: bool,
+    },
+    Tiles {
+        bvh: Arc<TiledBvh>,
+        origin: [f64; 3],
+    },
 }
 
 /// The arrays that say which points.
@@ -61,11 +79,11 @@ impl Surface {
                 (SurfacePoint::new(hit, vertices(&geometry.mesh)?, geometry.mesh.aabb().reach()), origin)
             }
             Self::Tiles { bvh, origin } => (SurfacePoint::new(hit, read?, bvh.aabb().reach()), origin),
-            Self::Tlas { tlas, origin, .. } => {
-                let instance = tlas.instances().get(hit.instance.0 as usize)?;
-                let mesh = tlas.blas().get(instance.blas as usize)?;
+            Self::Tlas { placed, origin, .. } => {
+                let place = placed.binary_search_by_key(&hit.instance.0, |placed| placed.id.0).ok()?;
+                let Placed { mesh, world_from_object, .. } = &placed[place];
                 let reach = mesh.aabb().reach();
-                (SurfacePoint::in_instance(hit, vertices(mesh)?, reach, &instance.world_from_object), origin)
+                (SurfacePoint::in_instance(hit, vertices(mesh)?, reach, world_from_object), origin)
             }
         };
         let position = std::array::from_fn(|k| point.position[k] + origin[k]);

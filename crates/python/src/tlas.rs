@@ -19,8 +19,8 @@ use crate::hits::Hits;
 use crate::names::{self, Inside};
 use crate::nearest::{self, Found, Nearest, Wanted, distances, of_points};
 use crate::overlaps::{Form, Region, Regions};
-use crate::points::Surface;
-use crate::query::{RayArrays, Rays, all_hits, closest_hits, occluded};
+use crate::points::{Placed, Surface};
+use crate::query::{Columns, RayArrays, Rays, all_hits, closest_hits, occluded};
 use crate::work::Call;
 
 type Inner = canted::Tlas<Arc<TriangleBvh>>;
@@ -78,7 +78,7 @@ impl Tlas {
         Arc::clone(&self.place.read().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Changes the top level: in place, or a copy of it where a call or hits refer to it.
+    /// Changes the top level: in place, or a copy of it where a call on another thread refers to it.
     fn edit<R>(&self, change: impl FnOnce(&mut Inner) -> Result<R, InstanceError>) -> PyResult<R> {
         let mut place = self.place.write().unwrap_or_else(PoisonError::into_inner);
         change(Arc::make_mut(&mut Arc::make_mut(&mut place).tlas)).map_err(invalid)
@@ -91,8 +91,18 @@ impl Scene {
         arrays.rays(self.origin, near)
     }
 
-    fn surface(&self) -> Surface {
-        Surface::Tlas { tlas: Arc::clone(&self.tlas), origin: self.origin, is_near: self.is_near }
+    /// The instances that were hit.
+    fn surface(&self, columns: &Columns) -> Surface {
+        // Negative for a miss.
+        let mut ids: Vec<u32> = columns.instance.iter().filter_map(|&id| u32::try_from(id).ok()).collect();
+        ids.sort_unstable();
+        ids.dedup();
+        let placed = |id: u32| {
+            let Instance { blas, world_from_object, .. } = self.tlas.instances()[id as usize];
+            Placed { id: InstanceId(id), mesh: Arc::clone(&self.tlas.blas()[blas as usize]), world_from_object }
+        };
+        let placed = ids.into_iter().map(placed).collect();
+        Surface::Tlas { placed, origin: self.origin, is_near: self.is_near }
     }
 
     /// All hits, or the crossings.
@@ -102,7 +112,8 @@ impl Scene {
             false => self.tlas.all_hits_listed(rays, lists),
         };
         let columns = all_hits(call, &list, &self.rays(arrays), true)?;
-        Hits::new(call.py, columns, self.surface(), arrays.shape())
+        let surface = self.surface(&columns);
+        Hits::new(call.py, columns, surface, arrays.shape())
     }
 
     /// What inside means for each mesh.
@@ -214,7 +225,8 @@ impl Tlas {
         let (arrays, call) = (RayArrays::new(origins, directions, [t_min, t_max])?, Call::new(py, threads, progress)?);
         let columns =
             closest_hits(&call, &|_, rays, hits| scene.tlas.closest_hits(rays, hits), &scene.rays(&arrays), true)?;
-        Hits::new(py, columns, scene.surface(), arrays.shape())
+        let surface = scene.surface(&columns);
+        Hits::new(py, columns, surface, arrays.shape())
     }
 
     /// occluded(origins, directions, t_min=0, t_max=inf, *, threads=None, progress=None)
@@ -492,8 +504,7 @@ impl Tlas {
     ///
     /// Adds an instance of the mesh bvhs[index] under world_from_object, (4, 4) floats; returns its number. That of a removed instance is used again.
     ///
-    /// This and the other changes cost a few microseconds, whatever the number of instances, unless hits found before are still in use: these keep
-    /// a copy. The origin stays.
+    /// This and the other changes cost a few microseconds, whatever the number of instances. Hits found before stay as they are. The origin stays.
     fn insert(&self, index: i64, matrix: &Bound<'_, PyAny>) -> PyResult<u32> {
         let scene = self.scene();
         let n = scene.geometries.len();

@@ -229,6 +229,26 @@ def test_instances_are_edited_in_place():
     assert len(tlas) == 4
 
 
+def test_hits_stay_as_they_are_when_instances_change():
+    """Positions and normals are computed later, of what was hit then."""
+    box, ball = canted.Bvh(*meshes.box((-1, -1, -1), (1, 1, 1))), canted.Bvh(*meshes.sphere(2))
+    matrices = [transform(shift=(4, 0, 0)), transform([[2, 1, 0], [0, 1, 0], [0, 0, -0.5]]), transform(shift=(-3, 1, 0))]
+    origins, directions = meshes.rays(500, scale=3.0)
+    for name in ("closest_hit", "all_hits", "crossings"):
+        tlas = canted.Tlas([box, ball], list(zip((0, 0, 1), matrices)))
+        before, expected = (getattr(tlas, name)(origins, directions) for _ in range(2))
+        expected.position, expected.normal
+        assert len(np.unique(expected.instance[expected.instance >= 0])) == 3
+        tlas.set_transform(0, transform(shift=(0, 9, 0)))
+        tlas.remove(1)
+        assert tlas.insert(1, transform(shift=(5, 5, 5))) == 1
+        tlas.set_mask(2, 0)
+        one = before[before.hit][3]
+        for hits, mine in ((before, expected), (pickle.loads(pickle.dumps(before)), expected), (one, expected[expected.hit][3])):
+            assert np.array_equal(hits.position, mine.position, equal_nan=True)
+            assert np.array_equal(hits.normal, mine.normal, equal_nan=True)
+
+
 def test_touching_instances_are_those_of_pairs_of_meshes():
     (a, ta), (b, tb) = meshes.soup(60, 1), meshes.soup(60, 2)
     bvhs = [canted.Bvh(a, ta), canted.Bvh(b, tb)]
