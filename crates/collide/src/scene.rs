@@ -32,7 +32,7 @@ pub struct InstanceDistance {
 
 /// The body of an instance, and where it is.
 pub(crate) fn placed<B: Intersect>(tlas: &Tlas<B>, instance: InstanceId) -> (&B, Pose) {
-    let given = &tlas.instances()[instance.0 as usize];
+    let given = tlas.instance(instance).expect("an instance of the TLAS");
     (&tlas.blas()[given.blas as usize], Pose::from(given.world_from_object))
 }
 
@@ -59,7 +59,7 @@ fn grown_bounds<B: Intersect>(tlas: &Tlas<B>, instance: InstanceId) -> Option<Aa
 /// What [`overlaps`] says of each two instances under their transforms: surfaces that touch. A mesh inside of a closed one does not touch it.
 pub fn instance_pairs<B: Intersect + Body>(tlas: &Tlas<B>, found: &mut Vec<InstancePair>) {
     found.clear();
-    for id in (0..tlas.instances().len() as u32).map(InstanceId) {
+    for id in (0..tlas.n_numbers() as u32).map(InstanceId) {
         each_partner(tlas, id, |other| {
             // The other one finds this pair.
             if id < other && instances_touch(tlas, [id, other]) {
@@ -180,7 +180,7 @@ pub fn closest_instance_pairs<B: Intersect + Body>(
     nearest: &mut Vec<InstanceDistance>,
 ) {
     nearest.clear();
-    let ids: Vec<InstanceId> = (0..tlas.instances().len() as u32).map(InstanceId).collect();
+    let ids: Vec<InstanceId> = (0..tlas.n_numbers() as u32).map(InstanceId).collect();
     let (ids, boxes): (Vec<_>, Vec<_>) = ids.into_iter().filter_map(|id| Some((id, grown_bounds(tlas, id)?))).unzip();
     let Ok(boxes) = WideBvh::over(boxes) else { return };
     if k == 0 || max_distance.is_nan() || max_distance < 0.0 {

@@ -41,10 +41,19 @@ pub fn reciprocal_of_power(x: f64) -> f64 {
 }
 
 /// [`up`] for `x >= 0` without a branch: the next positive float has the next bit pattern.
-#[inline]
-pub(crate) fn magnitude_up(x: f64) -> f32 {
+#[inline(always)]
+#[must_use]
+pub fn magnitude_up(x: f64) -> f32 {
     let nearest = x as f32;
     f32::from_bits(nearest.to_bits() + u32::from(f64::from(nearest) < x))
+}
+
+/// [`down`] for `x >= 0` without a branch.
+#[inline(always)]
+#[must_use]
+pub fn magnitude_down(x: f64) -> f32 {
+    let nearest = x as f32;
+    f32::from_bits(nearest.to_bits() - u32::from(f64::from(nearest) > x))
 }
 
 /// Least `f32` that is at least the exact `a - b`.
@@ -79,10 +88,11 @@ mod tests {
 
     #[test]
     fn up_never_rounds_down() {
-        for x in [0.0, 1.0, 1.0 + f64::EPSILON, 0.1, 1e-50, 16_777_217.0, 3.0e38, -1.0 - f64::EPSILON] {
+        for x in [0.0, 1.0, 1.0 + f64::EPSILON, 0.1, 1e-50, 16_777_217.0, 3.0e38, 1e39, -1.0 - f64::EPSILON] {
             let bound = up(x);
             assert!(f64::from(bound) >= x && f64::from(bound.next_down()) < x, "{x}");
             assert_eq!(magnitude_up(x.abs()), up(x.abs()), "{x}");
+            assert_eq!(magnitude_down(x.abs()), down(x.abs()), "{x}");
             let bound = down(x);
             assert!(f64::from(bound) <= x && f64::from(bound.next_up()) > x, "{x}");
         }

@@ -98,7 +98,7 @@ impl Scene {
         ids.sort_unstable();
         ids.dedup();
         let placed = |id: u32| {
-            let Instance { blas, world_from_object, .. } = self.tlas.instances()[id as usize];
+            let Instance { blas, world_from_object, .. } = self.tlas.instance(InstanceId(id)).expect("an instance that was hit");
             Placed { id: InstanceId(id), mesh: Arc::clone(&self.tlas.blas()[blas as usize]), world_from_object }
         };
         let placed = ids.into_iter().map(placed).collect();
@@ -169,9 +169,9 @@ impl Scene {
 
     /// An instance by its number, which must not be removed.
     fn instance(&self, number: i64) -> PyResult<(InstanceId, Instance)> {
-        let known = u32::try_from(number).ok().and_then(|id| Some((id, *self.tlas.instances().get(id as usize)?)));
+        let known = u32::try_from(number).ok().map(InstanceId).and_then(|id| Some((id, self.tlas.instance(id)?)));
         match known {
-            Some((id, instance)) if !instance.is_removed() => Ok((InstanceId(id), instance)),
+            Some((id, instance)) if !instance.is_removed() => Ok((id, instance)),
             _ => Err(invalid(format!("there is no instance {number}; the Tlas has {}", self.tlas.n_instances()))),
         }
     }
@@ -568,7 +568,7 @@ impl Tlas {
         let scene = self.scene();
         let bvhs = scene.geometries.iter().map(|geometry| Py::new(py, Bvh::shared(Arc::clone(geometry))));
         let instances =
-            scene.tlas.instances().iter().map(|instance| {
+            (0..scene.tlas.n_numbers() as u32).filter_map(|i| scene.tlas.instance(InstanceId(i))).map(|instance| {
                 (instance.blas, instance.world_from_object.columns.as_flattened().to_vec(), instance.mask)
             });
         let (bvhs, instances) = (bvhs.collect::<PyResult<Vec<_>>>()?, instances.collect::<Vec<_>>());

@@ -9,6 +9,7 @@ use std::str::FromStr;
 
 use canted_film::Picture;
 use canted_obb::Obb;
+use canted_trace::InstanceId;
 use glam::{DVec3, Vec3};
 
 use crate::{SceneBvh, SceneLevels, View};
@@ -64,7 +65,7 @@ impl SceneBvh {
             SceneLevels::Two(tlas) => {
                 tlas.each_box(|obb, level, _| keep(&|| obb, level, false));
                 let first = self.n_top_levels();
-                for instance in tlas.instances() {
+                for instance in (0..tlas.n_numbers() as u32).filter_map(|i| tlas.instance(InstanceId(i))) {
                     let to_world = &instance.world_from_object;
                     tlas.blas()[instance.blas as usize].each_box(|obb, level, is_leaf| {
                         keep(&|| obb.transformed(to_world), first + level, is_leaf);

@@ -7,7 +7,7 @@
 //! Let `M` be the map of an instance, `q` the point of object space where the search starts, an `f32` near `M⁻¹p`, and `r = p - M·q`. A
 //! triangle with a point `x` has `x - q = M⁻¹(M·x - p) + M⁻¹·r`. So within the distance `d` of `p` are only triangles within
 //! `‖M⁻¹‖·(d + |r|)` of `q`. The spectral norm of a matrix `A` is at most the root of the greatest row sum of `A·Aᵀ` or `Aᵀ·A`; for rotations with a
-//! scale it is that. The computed inverse is wrong by less than 2^-28 of its norm (`Placement::new`).
+//! scale it is that. The computed inverse is wrong by less than 2^-28 of its norm (`Placed::new`).
 
 use std::borrow::Borrow;
 

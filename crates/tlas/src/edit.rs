@@ -1,11 +1,13 @@
+use std::sync::OnceLock;
+
 use canted_lbvh::par;
 use canted_obb::Affine;
-use canted_trace::{InstanceId, Intersect};
+use canted_trace::{InstanceId, Intersect, ObjectMap};
 
-use crate::placement::{Bottom, Bounds, JOB, Placed, Placement};
+use crate::placement::{Bottom, JOB, Placed};
 use crate::tlas::deepest;
 use crate::top::Top;
-use crate::{Instance, InstanceError, Tlas};
+use crate::{Instance, InstanceError, Tlas, TopConfig};
 
 /// Changes in place.
 ///
@@ -143,7 +145,7 @@ impl<B: Intersect> Tlas<B> {
     /// Hides the instances of a BVH until they are placed again.
     fn hide(&mut self, index: u32) {
         for placement in self.placements.iter_mut().filter(|placement| placement.blas == index) {
-            placement.mask = 0;
+            placement.map = ObjectMap::hidden(&placement.map.world_from_object());
         }
     }
 }
@@ -166,21 +168,23 @@ impl<B: Intersect> TlasEdit<'_, B> {
     /// unchanged.
     pub fn insert(&mut self, instance: Instance) -> Result<InstanceId, InstanceError> {
         let tlas = &mut *self.tlas;
-        let n = tlas.instances.len();
+        let n = tlas.n_numbers();
         let index = tlas.removed.last().map_or(n, |&index| index as usize);
         if index >= tlas.config.max_instances() {
             return Err(InstanceError::TooMany { n_instances: n + 1 });
         }
         let placed = tlas.place(index, &instance)?;
         if tlas.removed.pop().is_none() {
-            tlas.instances.push(Instance::REMOVED);
-            tlas.placements.push(Placement::hidden(Instance::REMOVED.blas));
-            tlas.bounds.push(Bounds::EMPTY);
+            let Placed { placement, bounds, obb, .. } = Placed::hidden(&Instance::REMOVED);
+            tlas.placements.push(placement);
+            tlas.bounds.push(bounds);
+            if matches!(tlas.config, TopConfig::Other(_)) {
+                tlas.obbs.push(obb);
+            }
             // One more, even if it cannot be hit.
             self.changed.push(index as u32);
         }
         self.commit(index, placed);
-        self.tlas.instances[index] = instance;
         Ok(InstanceId(index as u32))
     }
 
@@ -192,8 +196,7 @@ impl<B: Intersect> TlasEdit<'_, B> {
     pub fn remove(&mut self, instance: InstanceId) -> Result<Instance, InstanceError> {
         let old = self.instance(instance)?;
         let index = instance.index();
-        self.commit(index, (Placement::hidden(Instance::REMOVED.blas), Bounds::EMPTY));
-        self.tlas.instances[index] = Instance::REMOVED;
+        self.commit(index, Placed::hidden(&Instance::REMOVED));
         self.tlas.removed.push(instance.0);
         Ok(old)
     }
@@ -225,7 +228,6 @@ impl<B: Intersect> TlasEdit<'_, B> {
         let index = instance.index();
         let placed = self.tlas.place(index, &new)?;
         self.commit(index, placed);
-        self.tlas.instances[index] = new;
         Ok(())
     }
 
@@ -257,10 +259,8 @@ impl<B: Intersect> TlasEdit<'_, B> {
         if let Some(Err(error)) = placed.iter().find(|placed| placed.is_err()) {
             return Err(*error);
         }
-        for ((id, new), placed) in changes.iter().zip(placed) {
-            let index = id.index();
-            self.commit(index, placed?);
-            self.tlas.instances[index] = *new;
+        for ((id, _), placed) in changes.iter().zip(placed) {
+            self.commit(id.index(), placed?);
         }
         Ok(())
     }
@@ -272,7 +272,9 @@ impl<B: Intersect> TlasEdit<'_, B> {
     /// stays.
     pub fn replace_blas(&mut self, index: u32, blas: B) -> Result<B, InstanceError> {
         self.blas(index)?;
-        let placed = self.place_all(index, &blas)?;
+        let supports = OnceLock::new();
+        let placed = self.place_all(index, &Bottom::of(&blas, &supports))?;
+        self.tlas.supports[index as usize] = supports;
         let old = std::mem::replace(&mut self.tlas.blas[index as usize], blas);
         self.tlas.bottom_stack_len = deepest(&self.tlas.blas);
         placed.into_iter().for_each(|(instance, placed)| self.commit(instance, placed));
@@ -304,9 +306,11 @@ impl<B: Intersect> TlasEdit<'_, B> {
     pub fn update_blas<R>(&mut self, index: u32, change: impl FnOnce(&mut B) -> R) -> Result<R, InstanceError> {
         self.blas(index)?;
         self.tlas.hide(index);
+        self.tlas.supports[index as usize] = OnceLock::new();
         let result = change(&mut self.tlas.blas[index as usize]);
         self.tlas.bottom_stack_len = deepest(&self.tlas.blas);
-        let placed = self.place_all(index, &self.tlas.blas[index as usize])?;
+        let Tlas { blas, supports, .. } = &*self.tlas;
+        let placed = self.place_all(index, &Bottom::of(&blas[index as usize], &supports[index as usize]))?;
         placed.into_iter().for_each(|(instance, placed)| self.commit(instance, placed));
         Ok(result)
     }
@@ -320,7 +324,7 @@ impl<B: Intersect> TlasEdit<'_, B> {
     pub fn rebuild(mut self) {
         let tlas = &mut *self.tlas;
         // A topology that cannot be indexed leaves the old one, refitted.
-        if let Ok(top) = Top::build(&tlas.bounds, &tlas.config, tlas.path) {
+        if let Ok(top) = Top::build(&tlas.bounds, &tlas.obbs, &tlas.config, tlas.path) {
             tlas.top = top;
             self.changed.clear();
         }
@@ -328,9 +332,9 @@ impl<B: Intersect> TlasEdit<'_, B> {
 
     /// The instance of this index.
     fn instance(&self, instance: InstanceId) -> Result<Instance, InstanceError> {
-        let (instances, n_instances) = (&self.tlas.instances, self.tlas.n_instances());
+        let n_instances = self.tlas.n_instances();
         let error = || InstanceError::NoSuchInstance { instance: instance.index(), n_instances };
-        instances.get(instance.index()).filter(|instance| !instance.is_removed()).copied().ok_or_else(error)
+        self.tlas.instance(instance).filter(|instance| !instance.is_removed()).ok_or_else(error)
     }
 
     /// The BVH of this index.
@@ -339,27 +343,41 @@ impl<B: Intersect> TlasEdit<'_, B> {
         self.tlas.blas.get(index as usize).ok_or(InstanceError::UnknownBlas { blas: index, n_blas })
     }
 
-    /// Places all instances of a BVH as if `blas` were at its index.
-    fn place_all(&self, index: u32, blas: &B) -> Result<Vec<(usize, Placed)>, InstanceError> {
-        let of_blas = self.tlas.instances.iter().enumerate().filter(|(_, instance)| instance.blas == index);
-        let of_blas: Vec<(usize, &Instance)> = of_blas.collect();
-        let bottom = Bottom::of(blas);
-        let place = |&(i, instance): &(usize, &Instance)| Ok((i, Placement::of(i, instance, &bottom)?));
+    /// Places all instances of a BVH as if `bottom` were at its index.
+    fn place_all(&self, index: u32, bottom: &Bottom<'_, B>) -> Result<Vec<(usize, Placed)>, InstanceError> {
+        let all = self.tlas.placements.iter().enumerate();
+        let of_blas: Vec<InstanceId> =
+            all.filter(|(_, placement)| placement.blas == index).map(|(i, _)| InstanceId(i as u32)).collect();
+        let place = |id: &InstanceId| {
+            let given = self.tlas.instance(*id).unwrap_or(Instance::REMOVED);
+            Ok((id.index(), Placed::of(id.index(), &given, bottom)?))
+        };
         par::map(&of_blas, JOB, place).into_iter().collect()
     }
 
-    fn commit(&mut self, index: usize, (placement, bounds): Placed) {
-        if self.tlas.bounds[index] != bounds {
+    fn commit(&mut self, index: usize, Placed { placement, moving, bounds, obb }: Placed) {
+        let tlas = &mut *self.tlas;
+        if tlas.bounds[index] != bounds || tlas.obbs.get(index).is_some_and(|known| *known != obb) {
             self.changed.push(index as u32);
         }
-        self.tlas.placements[index] = placement;
-        self.tlas.bounds[index] = bounds;
+        tlas.placements[index] = placement;
+        tlas.bounds[index] = bounds;
+        if let Some(known) = tlas.obbs.get_mut(index) {
+            *known = obb;
+        }
+        if moving.is_some() && tlas.moving.len() <= index {
+            tlas.moving.resize_with(tlas.placements.len(), || None);
+        }
+        if let Some(known) = tlas.moving.get_mut(index) {
+            *known = moving;
+        }
+        tlas.listed = OnceLock::new();
     }
 }
 
 impl<B: Intersect> Drop for TlasEdit<'_, B> {
     fn drop(&mut self) {
-        let Tlas { top, bounds, config, path, .. } = &mut *self.tlas;
-        top.update(&self.changed, bounds, config, *path);
+        let Tlas { top, bounds, obbs, config, path, .. } = &mut *self.tlas;
+        top.update(&self.changed, (bounds, obbs), config, *path);
     }
 }

@@ -16,8 +16,7 @@ use std::error::Error;
 use std::fmt;
 
 use canted_obb::Affine;
-use canted_trace::Intersect;
-use canted_trace::SaveBlas;
+use canted_trace::{InstanceId, Intersect, SaveBlas};
 
 use crate::{Instance, InstanceError, Tlas, TopConfig};
 
@@ -46,14 +45,14 @@ impl<B: Intersect + SaveBlas> Tlas<B> {
     /// ```
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        let mut bytes = Vec::with_capacity(HEADER_BYTES + self.instances.len() * INSTANCE_BYTES + CHECKSUM_BYTES);
+        let mut bytes = Vec::with_capacity(HEADER_BYTES + self.n_numbers() * INSTANCE_BYTES + CHECKSUM_BYTES);
         bytes.extend(MAGIC);
         bytes.extend([VERSION, 0].map(u32::to_le_bytes).as_flattened());
-        for count in [self.blas.len(), self.instances.len()] {
+        for count in [self.blas.len(), self.n_numbers()] {
             bytes.extend((count as u64).to_le_bytes());
         }
-        for instance in &self.instances {
-            write_instance(instance, &mut bytes);
+        for instance in (0..self.n_numbers() as u32).filter_map(|i| self.instance(InstanceId(i))) {
+            write_instance(&instance, &mut bytes);
         }
         for blas in &self.blas {
             let of_blas = blas.to_bytes();

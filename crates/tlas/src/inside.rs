@@ -25,7 +25,8 @@ impl<B: Intersect> Tlas<B> {
     #[must_use]
     pub fn instance_bounds(&self, instance: InstanceId) -> Option<Aabb> {
         let bounds = self.bounds.get(instance.0 as usize)?;
-        (self.placements[instance.0 as usize].mask != 0 && !bounds.is_empty()).then_some(bounds.aabb)
+        let placement = &self.placements[instance.index()];
+        (placement.mask != 0 && !placement.map.is_hidden() && !bounds.is_empty()).then_some(bounds.aabb)
     }
 
     /// Calls `visit` with each instance whose bounds share a point with `aabb`, world space, and perhaps with others that are no farther away than
@@ -75,7 +76,7 @@ impl<B: Intersect> Tlas<B> {
         if !point.iter().all(|x| x.is_finite()) {
             return f64::NAN;
         }
-        let all = (0..self.instances.len() as u32).filter_map(|id| self.placed(InstanceId(id)));
+        let all = (0..self.n_numbers() as u32).filter_map(|id| self.placed(InstanceId(id)));
         all.map(|placed| {
             let [x, y, z, _] = placed.columns;
             let own = number(placed.index, placed.blas, mapped(&placed.inverse, point).map(|x| x as f32));
@@ -100,10 +101,9 @@ impl<B: Intersect> Tlas<B> {
     /// An instance that rays may see, where it is as the shutter opens.
     pub(crate) fn placed(&self, instance: InstanceId) -> Option<Placed<'_, B>> {
         let aabb = self.instance_bounds(instance)?;
-        let Self { instances, blas, .. } = self;
-        let given = &instances[instance.0 as usize];
-        let columns = given.world_from_object.columns.map(to_f64);
-        let blas = &blas[given.blas as usize];
+        let given = &self.placements[instance.index()];
+        let columns = given.map.world_from_object().columns.map(to_f64);
+        let blas = &self.blas[given.blas as usize];
         Some(Placed { instance, index: given.blas, blas, inverse: invert(&columns), columns, aabb })
     }
 }

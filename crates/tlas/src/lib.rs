@@ -56,7 +56,7 @@
 //!   condition number of [`MAX_CONDITION`].
 //!
 //! # Cost
-//! An instance takes about 460 bytes: 108 as it was given, 252 for its inverse and its bounds, about 100 in a wide top level. Building is dominated by the
+//! An instance takes about 190 bytes: a cache line that rays read, 56 for its bounds, about 70 in a wide top level; a moving one 300 more. Building is dominated by the
 //! bottom-level BVHs; [`Tlas::set_instances`] builds the top level alone. A change of a single instance takes a few microseconds,
 //! and the first one makes tables of about 80 bytes for each instance.
 //!
@@ -74,7 +74,7 @@ mod motion;
 mod overlap;
 mod placement;
 mod query;
-mod ray;
+mod support;
 mod tlas;
 mod top;
 

@@ -1,5 +1,6 @@
-use canted_obb::vector::{cross, dot};
+use canted_obb::vector::{cross, dot, to_f64};
 use canted_obb::{Affine, round::U as U64};
+use canted_trace::{ObjectRay, WorldRay};
 
 use crate::instance::{Columns, Rows, invert, row_sum_norm};
 
@@ -31,6 +32,14 @@ impl Motion {
     #[inline]
     pub(crate) fn object_from_world(&self, time: f32) -> Rows {
         self.inverse(within_shutter(time))
+    }
+
+    /// The world ray in object space, at its time, up to the scaled `t_max`. `None` where its interval is empty.
+    pub(crate) fn ray_object(&self, ray: &WorldRay<'_>, t_max: f64) -> Option<ObjectRay> {
+        let rows = self.object_from_world(ray.ray.time);
+        let linear = |v: [f32; 3]| rows.map(|[x, y, z, _]| dot([x, y, z], to_f64(v)));
+        let (origin, direction) = (linear(ray.ray.origin), linear(ray.ray.direction));
+        ray.in_object(std::array::from_fn(|k| origin[k] + rows[k][3]), direction, t_max)
     }
 
     #[inline]

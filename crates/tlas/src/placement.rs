@@ -1,9 +1,11 @@
+use std::sync::OnceLock;
+
 use canted_obb::round::{down, up};
 use canted_obb::{Aabb, Affine, Obb, vector};
-use canted_trace::{Intersect, ReferencePoint};
+use canted_trace::{Intersect, ObjectMap, ReferencePoint};
 
-use crate::instance::{MAX_CONDITION, Rows, condition, invert, row_sum_norm};
-use crate::ray::{ObjectRay, WorldRay};
+use crate::instance::{MAX_CONDITION, condition, invert, row_sum_norm};
+use crate::support::{Supports, keeps_axes};
 use crate::{Instance, InstanceError, Motion};
 
 /// Half of `f32::EPSILON`: the relative error of one rounding to `f32`.
@@ -13,12 +15,12 @@ const U: f64 = 1.0 / 16_777_216.0;
 pub(crate) const JOB: usize = 256;
 
 /// A bound on the error of a hit in world space, in each coordinate: `per_origin · |o - r|∞ + fixed(r)`, `o` the ray's origin, for every
-/// point `r`.
+/// point `r`. Each number is rounded up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct WorldError {
-    pub(crate) per_origin: f64,
+    pub(crate) per_origin: f32,
     /// What does not depend on `r`.
-    constant: f64,
+    constant: f32,
     /// Contains the image of the center of the bounds at all times.
     centers: Aabb,
 }
@@ -28,7 +30,7 @@ impl WorldError {
     pub(crate) fn fixed(&self, r: ReferencePoint) -> f64 {
         let reach = vector::reach(vector::to_f64(r.point()));
         let from_center = f64::from(r.moved_box(&self.centers).reach().next_up());
-        self.constant + self.per_origin * (from_center + F64_ROUNDINGS * reach)
+        f64::from(self.constant) + f64::from(self.per_origin) * (from_center + F64_ROUNDINGS * reach)
     }
 }
 
@@ -39,19 +41,17 @@ const F64_ROUNDINGS: f64 = 1.0 / (1_u64 << 26) as f64;
 /// Bounds of an instance in world space, at all times, and how far hits may lie outside.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Bounds {
-    pub(crate) obb: Obb,
-    /// Around `obb`.
     pub(crate) aabb: Aabb,
     pub(crate) error: WorldError,
 }
 
+/// The oriented box around an instance that no ray can hit.
+pub(crate) const NO_BOX: Obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [0.0; 3] };
+
 impl Bounds {
     /// Of an instance that no ray can hit.
-    pub(crate) const EMPTY: Self = Self {
-        obb: Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAME, half_extents: [0.0; 3] },
-        aabb: Aabb::EMPTY,
-        error: WorldError { per_origin: 0.0, constant: 0.0, centers: Aabb::EMPTY },
-    };
+    pub(crate) const EMPTY: Self =
+        Self { aabb: Aabb::EMPTY, error: WorldError { per_origin: 0.0, constant: 0.0, centers: Aabb::EMPTY } };
 
     pub(crate) fn is_empty(&self) -> bool {
         self.aabb.is_empty()
@@ -73,93 +73,86 @@ impl Bounds {
 }
 
 /// What placing an instance needs of its bottom-level BVH.
-pub(crate) struct Bottom {
+pub(crate) struct Bottom<'a, B> {
+    blas: &'a B,
+    /// Its supports, from the first instance on that does not keep its axes.
+    supports: &'a OnceLock<Box<Supports>>,
     bounds: Obb,
     /// The error of hits, and whether it is local.
     error: (f32, bool),
     is_empty: bool,
 }
 
-impl Bottom {
-    pub(crate) fn of<B: Intersect>(blas: &B) -> Self {
+impl<'a, B: Intersect> Bottom<'a, B> {
+    pub(crate) fn of(blas: &'a B, supports: &'a OnceLock<Box<Supports>>) -> Self {
         let error = (blas.hit_error(), blas.has_local_error());
-        Self { bounds: blas.bounds(), error, is_empty: blas.is_empty() }
+        Self { blas, supports, bounds: blas.bounds(), error, is_empty: blas.is_empty() }
+    }
+
+    /// `aabb`, which is around the image of the BVH, or the part of it that contains the image.
+    fn tightened(&self, aabb: Aabb, map: &Affine) -> Aabb {
+        if keeps_axes(map) || !aabb.is_finite() {
+            return aabb;
+        }
+        let Aabb { min, max } = self.supports.get_or_init(|| Box::new(Supports::of(self.blas))).image(map);
+        Aabb { min: [0, 1, 2].map(|k| min[k].max(aabb.min[k])), max: [0, 1, 2].map(|k| max[k].min(aabb.max[k])) }
     }
 }
 
-/// What traversal needs of an instance: two cache lines.
-#[derive(Clone, Debug)]
-#[repr(align(64))]
+/// What traversal needs of an instance, and all that is known of one that does not move: a cache line.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
 pub(crate) struct Placement {
-    /// `f64`, so only the result is rounded.
-    object_from_world: Inverse,
-    /// The motion of a moving instance, which replaces `object_from_world`.
-    motion: Option<Box<Motion>>,
+    pub(crate) map: ObjectMap,
     pub(crate) blas: u32,
-    /// The instance's mask; zero hides an instance whose bounds are not known.
     pub(crate) mask: u32,
 }
 
-const _: () = assert!(size_of::<Placement>() == 128);
+const _: () = assert!(size_of::<Placement>() == 64);
 
-/// What traversal needs of an instance, and its bounds in world space.
-pub(crate) type Placed = (Placement, Bounds);
-
-/// The inverse of a transform: three columns, then the translation, one after the other. Four numbers are read from the start of
-/// each, of which the last is not used.
-#[derive(Clone, Copy, Debug)]
-struct Inverse([f64; 13]);
-
-impl Inverse {
-    #[inline(always)]
-    fn new(rows: &Rows) -> Self {
-        let mut columns = [0.0; 13];
-        for k in 0..4 {
-            for (i, row) in rows.iter().enumerate() {
-                columns[3 * k + i] = row[k];
-            }
-        }
-        Self(columns)
-    }
-
-    /// The linear map of `v`. Lanes are independent, so that the compiler may use vectors of any width for the same bits.
-    #[inline(always)]
-    fn linear(&self, v: [f64; 3]) -> [f64; 4] {
-        let [x, y, z] = [self.column(0), self.column(1), self.column(2)];
-        let lane = |i: usize| (x[i] * v[0] + y[i] * v[1]) + z[i] * v[2];
-        [lane(0), lane(1), lane(2), lane(3)]
-    }
-
-    #[inline(always)]
-    fn point(&self, v: [f64; 3]) -> [f64; 4] {
-        let ([a, b, c, d], [x, y, z, w]) = (self.linear(v), self.column(3));
-        [a + x, b + y, c + z, d + w]
-    }
-
-    #[inline(always)]
-    fn column(&self, k: usize) -> [f64; 4] {
-        [self.0[3 * k], self.0[3 * k + 1], self.0[3 * k + 2], self.0[3 * k + 3]]
-    }
+/// What is known of an instance with a second transform.
+#[derive(Clone, Debug)]
+pub(crate) struct Moving {
+    /// The transform as the shutter closes.
+    pub(crate) close: Affine,
+    /// None if both transforms are equal.
+    pub(crate) motion: Option<Motion>,
 }
 
-impl Placement {
-    /// The placement of an instance, and its bounds in world space: empty if nothing can be hit.
-    pub(crate) fn of(index: usize, instance: &Instance, blas: &Bottom) -> Result<Placed, InstanceError> {
+/// An instance as it is kept.
+#[derive(Clone, Debug)]
+pub(crate) struct Placed {
+    pub(crate) placement: Placement,
+    pub(crate) moving: Option<Box<Moving>>,
+    pub(crate) bounds: Bounds,
+    /// A box around it, for top levels of oriented boxes.
+    pub(crate) obb: Obb,
+}
+
+impl Placed {
+    /// An instance that no ray can hit.
+    pub(crate) fn hidden(instance: &Instance) -> Self {
+        let map = ObjectMap::hidden(&instance.world_from_object);
+        let placement = Placement { map, blas: instance.blas, mask: instance.mask };
+        let moving = instance.world_from_object_close.map(|close| Box::new(Moving { close, motion: None }));
+        Self { placement, moving, bounds: Bounds::EMPTY, obb: NO_BOX }
+    }
+
+    /// The instance with its bounds in world space: empty if nothing can be hit.
+    pub(crate) fn of<B: Intersect>(
+        index: usize,
+        instance: &Instance,
+        bottom: &Bottom<'_, B>,
+    ) -> Result<Self, InstanceError> {
         let is_finite = instance.world_from_object.is_finite();
         if is_finite && instance.is_zero() && instance.world_from_object_close.is_none_or(|close| close.is_finite()) {
-            return Ok((Self::hidden(instance.blas), Bounds::EMPTY));
+            return Ok(Self::hidden(instance));
         }
-        let (placement, bounds) = Self::new(index, instance, &blas.bounds, blas.error)?;
-        Ok((placement, if blas.is_empty { Bounds::EMPTY } else { bounds }))
+        let placed = Self::new(index, instance, bottom)?;
+        Ok(if bottom.is_empty { Self { bounds: Bounds::EMPTY, obb: NO_BOX, ..placed } } else { placed })
     }
 
-    /// Of an instance that no ray can hit.
-    pub(crate) fn hidden(blas: u32) -> Self {
-        Self { object_from_world: Inverse([0.0; 13]), motion: None, blas, mask: 0 }
-    }
-
-    /// Inverts the transform and bounds the error of hits. Also returns the bounds of the instance in world space;
-    /// `bounds` and `hit_error` are those of the bottom-level BVH, and whether that is local.
+    /// Inverts the transform and bounds the error of hits.
     ///
     /// A world ray `o + t·d` is traced as the object ray `o' = fl(M⁻¹(o - c))`, `d' = fl(M⁻¹d)`, but for a power of two in `d` and
     /// `t`: computed in `f64`, each component rounded once, by at most `u` relative. A hit accepted at `t` lies within `e·(|o'| + ρ)` of the bounds in
@@ -186,12 +179,8 @@ impl Placement {
     /// [`Motion::residual`]. It moves a hit `P` by `φ·|P - c|`, and `|P - c| <= ‖M‖·ρ` but for the errors above: `2·φ·‖M‖·ρ` is
     /// added, and a rounding of the translation in `f64`, `4·2⁻⁵³·‖M‖·‖M⁻¹‖·|c|`, is within the `1.8u`. For a static
     /// instance products of entries are exact, and `‖I - M·X‖` is at most `20·2⁻⁵³·‖M‖·‖M⁻¹‖ < 2⁻²⁸`, within the `1.8u`.
-    fn new(
-        index: usize,
-        instance: &Instance,
-        bounds: &Obb,
-        (hit_error, is_local): (f32, bool),
-    ) -> Result<Placed, InstanceError> {
+    fn new<B: Intersect>(index: usize, instance: &Instance, bottom: &Bottom<'_, B>) -> Result<Placed, InstanceError> {
+        let (bounds, (hit_error, is_local)) = (&bottom.bounds, bottom.error);
         let open = &instance.world_from_object;
         // Equal transforms at both ends make a static instance.
         let close = instance.world_from_object_close.as_ref().filter(|close| *close != open);
@@ -200,7 +189,7 @@ impl Placement {
             return Err(InstanceError::NotFinite { instance: index });
         }
         let inverse = invert(&open.columns.map(|column| column.map(f64::from)));
-        let motion = close.map(|close| Box::new(Motion::new(open, close)));
+        let motion = close.map(|close| Motion::new(open, close));
         let greatest = |of: &dyn Fn(&Affine) -> f64| matrices().map(of).fold(0.0, f64::max);
         let forward = greatest(&Affine::row_sum_norm);
         let backward = match &motion {
@@ -229,49 +218,35 @@ impl Placement {
         let relative = hit_error + 4.0 * U + if hit_error > 0.125 { 4.0 * U * hit_error } else { 0.0 };
         let residual = motion.as_ref().map_or(0.0, |_| Motion::residual(condition(forward, backward)));
         let error = WorldError {
-            per_origin: relative * (forward * backward),
-            constant: relative * forward * spread
+            per_origin: up(relative * (forward * backward)),
+            constant: up(relative * forward * spread
                 + 2.0 * U * forward * vector::reach(center)
                 + 2.0 * residual * forward * reach
                 + (2.0 * U + relative * forward * backward * F64_ROUNDINGS) * translation
-                + UNDERFLOW * forward,
+                + UNDERFLOW * forward),
             centers,
         };
-        let bounds_world = swept_bounds(bounds, open, close);
-        let aabb = bounds_world.aabb();
+        let (obb, aabb) = swept_bounds(bottom, open, close);
         if !aabb.is_finite() {
             return Err(InstanceError::OutOfRange { instance: index });
         }
-        let placement =
-            Self { object_from_world: Inverse::new(&inverse), motion, blas: instance.blas, mask: instance.mask };
-        Ok((placement, Bounds { obb: bounds_world, aabb, error }))
-    }
-
-    /// The world ray in object space, at its time, up to the scaled `t_max`. `None` where its interval is empty.
-    #[inline(always)]
-    pub(crate) fn ray_object(&self, ray: &WorldRay, t_max: f64) -> Option<ObjectRay> {
-        let moved;
-        let inverse = match &self.motion {
-            None => &self.object_from_world,
-            Some(motion) => {
-                moved = Inverse::new(&motion.object_from_world(ray.top.time));
-                &moved
-            }
-        };
-        let [origin, direction] = [ray.top.origin, ray.top.direction].map(|v| v.map(f64::from));
-        let ([ox, oy, oz, _], [dx, dy, dz, _]) = (inverse.point(origin), inverse.linear(direction));
-        ray.in_object([ox, oy, oz], [dx, dy, dz], t_max)
+        let placement = Placement { map: ObjectMap::new(open), blas: instance.blas, mask: instance.mask };
+        let moving = instance.world_from_object_close.map(|close| Box::new(Moving { close, motion }));
+        Ok(Self { placement, moving, bounds: Bounds { aabb, error }, obb })
     }
 }
 
 /// What underflow in object space moves a hit by at most, 2⁻¹²⁵.
 const UNDERFLOW: f64 = 2.0 * f32::MIN_POSITIVE as f64;
 
-/// A box around the image of `bounds` at all times between `open` and `close`.
+/// Boxes around the image of a BVH at all times between `open` and `close`; the second is around the intersection of the image and the first.
 ///
-/// Each corner moves along a straight line between its positions at the ends. A convex set that contains the boxes of
-/// both ends contains these lines, and so the hull of the corners at any time: the axis-aligned box of both is one.
-fn swept_bounds(bounds: &Obb, open: &Affine, close: Option<&Affine>) -> Obb {
-    let at_open = bounds.transformed(open);
-    close.map_or(at_open, |close| Obb::from_aabb(&at_open.aabb().union(bounds.transformed(close).aabb())))
+/// Each point moves along a straight line between its positions at the ends. A convex set that contains both contains this line, and so the
+/// image at any time: the axis-aligned box of both ends is one.
+fn swept_bounds<B: Intersect>(bottom: &Bottom<'_, B>, open: &Affine, close: Option<&Affine>) -> (Obb, Aabb) {
+    let at_open = bottom.bounds.transformed(open);
+    let (aabb, tight) = (at_open.aabb(), bottom.tightened(at_open.aabb(), open));
+    let Some(close) = close else { return (at_open, tight) };
+    let at_close = bottom.bounds.transformed(close).aabb();
+    (Obb::from_aabb(&aabb.union(at_close)), tight.union(bottom.tightened(at_close, close)))
 }

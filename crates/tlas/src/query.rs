@@ -1,9 +1,12 @@
 use canted_obb::Obb;
 use canted_obb::round::up;
-use canted_trace::{Crossings, Hit, InstanceId, Intersect, Query, ScaledRay, SurfacePoint, Triangles, alternate_sides};
+use canted_trace::{
+    Crossings, Hit, InstanceId, Intersect, ObjectRay, PlacedRay, Query, ScaledRay, SurfacePoint, Triangles, WorldRay,
+    alternate_sides,
+};
 use canted_wide::Order;
 
-use crate::ray::{ObjectRay, WorldRay};
+use crate::placement::Placement;
 use crate::{Motion, Tlas};
 
 /// Appends what a ray finds on one instance.
@@ -56,12 +59,19 @@ impl<B: Intersect> Intersect for Tlas<B> {
         let (top, bottom) = stack.split_at_mut(self.top.stack_len());
         // With its scaled `t`, which is exact.
         let mut best: Option<(f64, Hit)> = None;
-        let n_boxes = self.top.traverse(&ray.top, Order::Nearest, top, &mut |instance, t_max| {
+        let n_boxes = self.top.traverse(&ray, Order::Nearest, top, &mut |instance, t_max| {
+            let Some((blas, placement)) = self.seen(instance, &ray) else { return t_max };
             let limit = best.map_or(ray.t_max, |(t, _)| t);
-            let Some((blas, object)) = self.enter(instance, &ray, limit) else { return t_max };
-            let hit = object.ask(query, instance, |query| blas.closest_hit_scaled(&object.ray, query, bottom));
-            let Some(hit) = hit.map(|hit| Hit { instance, ..hit }) else { return t_max };
-            let t = object.world_t(hit.t);
+            let found = match self.motion(instance) {
+                None => {
+                    let ray = PlacedRay { world: &ray, map: &placement.map, t_max: limit };
+                    blas.closest_hit_placed(&ray, instance, query, bottom)
+                }
+                Some(motion) => {
+                    motion.ray_object(&ray, limit).and_then(|object| object.closest_hit(blas, instance, query, bottom))
+                }
+            };
+            let Some((t, hit)) = found else { return t_max };
             let order = |t: f64, hit: &Hit| (t, hit.instance, hit.primitive);
             if best.is_none_or(|(best_t, best)| order(t, &hit) < order(best_t, &best)) {
                 best = Some((t, hit));
@@ -77,9 +87,17 @@ impl<B: Intersect> Intersect for Tlas<B> {
         let ray = WorldRay::new(ray);
         let (top, bottom) = stack.split_at_mut(self.top.stack_len());
         let mut found = false;
-        let n_boxes = self.top.traverse(&ray.top, Order::Any, top, &mut |instance, t_max| {
-            let Some((blas, object)) = self.enter(instance, &ray, ray.t_max) else { return t_max };
-            found = object.ask(query, instance, |query| blas.occluded_scaled(&object.ray, query, bottom));
+        let n_boxes = self.top.traverse(&ray, Order::Any, top, &mut |instance, t_max| {
+            let Some((blas, placement)) = self.seen(instance, &ray) else { return t_max };
+            found = match self.motion(instance) {
+                None => {
+                    let ray = PlacedRay { world: &ray, map: &placement.map, t_max: ray.t_max };
+                    blas.occluded_placed(&ray, instance, query, bottom)
+                }
+                Some(motion) => motion
+                    .ray_object(&ray, ray.t_max)
+                    .is_some_and(|object| object.occluded(blas, instance, query, bottom)),
+            };
             if found { -1.0 } else { t_max }
         });
         query.boxes(n_boxes);
@@ -162,7 +180,7 @@ impl<B: Triangles> Tlas<B> {
     /// If there is no such instance or triangle.
     #[must_use]
     pub fn surface_point_at(&self, hit: &Hit, time: f32) -> SurfacePoint {
-        let instance = &self.instances[hit.instance.index()];
+        let instance = self.instance(hit.instance).expect("a hit of this TLAS");
         let blas = &self.blas[instance.blas as usize];
         let (vertices, reach) = (blas.triangle(hit.primitive), blas.bounds().aabb().reach());
         let open = &instance.world_from_object;
@@ -177,14 +195,30 @@ impl<B: Triangles> Tlas<B> {
 }
 
 impl<B: Intersect> Tlas<B> {
-    /// The BVH of an instance, and the ray in its object space up to the scaled `t_max`; `None` if the ray does not see it.
+    /// The BVH of an instance and its placement; `None` if the ray does not see it.
     #[inline(always)]
-    fn enter(&self, instance: InstanceId, ray: &WorldRay, t_max: f64) -> Option<(&B, ObjectRay)> {
+    fn seen(&self, instance: InstanceId, ray: &WorldRay) -> Option<(&B, &Placement)> {
         let placement = &self.placements[instance.index()];
-        if placement.mask & ray.top.mask == 0 {
+        if placement.mask & ray.ray.mask == 0 || placement.map.is_hidden() {
             return None;
         }
-        Some((&self.blas[placement.blas as usize], placement.ray_object(ray, t_max)?))
+        Some((&self.blas[placement.blas as usize], placement))
+    }
+
+    /// The motion of an instance that moves.
+    #[inline(always)]
+    fn motion(&self, instance: InstanceId) -> Option<&Motion> {
+        self.moving(instance.index()).and_then(|moving| moving.motion.as_ref())
+    }
+
+    /// The BVH of an instance, and the ray in its object space; `None` if the ray does not see it.
+    fn enter(&self, instance: InstanceId, ray: &WorldRay) -> Option<(&B, ObjectRay)> {
+        let (blas, placement) = self.seen(instance, ray)?;
+        let object = match self.motion(instance) {
+            None => PlacedRay { world: ray, map: &placement.map, t_max: ray.t_max }.object(),
+            Some(motion) => motion.ray_object(ray, ray.t_max),
+        };
+        Some((blas, object?))
     }
 
     /// Appends what `trace` finds on each instance that the ray may hit, in order. Returns the number of box tests.
@@ -192,8 +226,8 @@ impl<B: Intersect> Tlas<B> {
         let ray = WorldRay::new(ray);
         let (top, bottom) = stack.split_at_mut(self.top.stack_len());
         let (mut of_instance, mut with_t): (Vec<Hit>, Vec<(f64, Hit)>) = (vec![], vec![]);
-        let n_boxes = self.top.traverse(&ray.top, Order::Any, top, &mut |instance, t_max| {
-            if let Some((blas, object)) = self.enter(instance, &ray, ray.t_max) {
+        let n_boxes = self.top.traverse(&ray, Order::Any, top, &mut |instance, t_max| {
+            if let Some((blas, object)) = self.enter(instance, &ray) {
                 trace(blas, &object, instance, bottom, &mut of_instance);
                 with_t.extend(of_instance.drain(..).map(|hit| (object.world_t(hit.t), Hit { instance, ..hit })));
             }

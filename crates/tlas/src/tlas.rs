@@ -1,11 +1,13 @@
 use std::fmt;
+use std::sync::OnceLock;
 
 use canted_lbvh::par;
 use canted_obb::{Aabb, Obb};
-use canted_trace::Intersect;
+use canted_trace::{InstanceId, Intersect};
 use canted_wide::SimdPath;
 
-use crate::placement::{Bottom, Bounds, JOB, Placed, Placement};
+use crate::placement::{Bottom, Bounds, JOB, Moving, Placed, Placement};
+use crate::support::Supports;
 use crate::top::{Top, TopConfig};
 use crate::{Instance, InstanceError};
 
@@ -46,15 +48,22 @@ use crate::{Instance, InstanceError};
 #[derive(Clone)]
 pub struct Tlas<B> {
     pub(crate) blas: Vec<B>,
+    /// How far each reaches, once an instance needs that.
+    pub(crate) supports: Vec<OnceLock<Box<Supports>>>,
     /// Entries of memory that the traversals of the bottom-level BVHs need.
     pub(crate) bottom_stack_len: usize,
-    pub(crate) instances: Vec<Instance>,
     /// Numbers of removed instances, the next one that is used again last.
     pub(crate) removed: Vec<u32>,
     /// What traversal needs of each instance.
     pub(crate) placements: Vec<Placement>,
+    /// Of each instance what moves it; none if no instance moves.
+    pub(crate) moving: Vec<Option<Box<Moving>>>,
     /// Bounds of each instance, world space, and the error of its hits.
     pub(crate) bounds: Vec<Bounds>,
+    /// Oriented boxes of each instance; none where the top level is over axis-aligned ones.
+    pub(crate) obbs: Vec<Obb>,
+    /// The instances as they were given, from the first request on.
+    pub(crate) listed: OnceLock<Vec<Instance>>,
     pub(crate) top: Top,
     pub(crate) config: TopConfig,
     /// The SIMD path of the top level.
@@ -72,12 +81,15 @@ impl<B: Intersect> Tlas<B> {
         let path = SimdPath::detect();
         let mut tlas = Self {
             bottom_stack_len: deepest(&blas),
+            supports: blas.iter().map(|_| OnceLock::new()).collect(),
             blas,
-            instances: vec![],
             removed: vec![],
             placements: vec![],
+            moving: vec![],
             bounds: vec![],
-            top: Top::build(&[], &config, path)?,
+            obbs: vec![],
+            listed: OnceLock::new(),
+            top: Top::build(&[], &[], &config, path)?,
             config,
             path,
         };
@@ -106,17 +118,21 @@ impl<B: Intersect> Tlas<B> {
             return Err(InstanceError::TooMany { n_instances: instances.len() });
         }
         let placed = par::from_fn(instances.len(), JOB, |index| match &instances[index] {
-            removed if removed.is_removed() => Ok((Placement::hidden(removed.blas), Bounds::EMPTY)),
+            removed if removed.is_removed() => Ok(Placed::hidden(removed)),
             instance => self.place(index, instance),
         });
-        let (placements, bounds): (Vec<_>, Vec<_>) =
-            placed.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
-        self.top = Top::build(&bounds, &self.config, self.path)?;
-        self.instances = instances.to_vec();
+        let placed = placed.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let bounds: Vec<Bounds> = placed.iter().map(|placed| placed.bounds).collect();
+        let is_oriented = matches!(self.config, TopConfig::Other(_));
+        let obbs: Vec<Obb> = placed.iter().filter(|_| is_oriented).map(|placed| placed.obb).collect();
+        self.top = Top::build(&bounds, &obbs, &self.config, self.path)?;
         let removed = (0..instances.len() as u32).rev().filter(|&i| instances[i as usize].is_removed());
         self.removed = removed.collect();
-        self.placements = placements;
-        self.bounds = bounds;
+        (self.bounds, self.obbs) = (bounds, obbs);
+        self.placements = placed.iter().map(|placed| placed.placement).collect();
+        let moves = placed.iter().any(|placed| placed.moving.is_some());
+        self.moving = placed.into_iter().filter(|_| moves).map(|placed| placed.moving).collect();
+        self.listed = OnceLock::new();
         Ok(())
     }
 
@@ -125,7 +141,7 @@ impl<B: Intersect> Tlas<B> {
         let Some(blas) = self.blas.get(instance.blas as usize) else {
             return Err(InstanceError::NoSuchBlas { instance: index, blas: instance.blas });
         };
-        Placement::of(index, instance, &Bottom::of(blas))
+        Placed::of(index, instance, &Bottom::of(blas, &self.supports[instance.blas as usize]))
     }
 
     /// The bottom-level BVHs.
@@ -141,15 +157,46 @@ impl<B: Intersect> Tlas<B> {
     }
 
     /// The instances by number; those that were removed are [`Instance::REMOVED`].
+    ///
+    /// The first call after a change makes a list of 112 bytes for each; [`Tlas::instance`] and [`Tlas::n_numbers`] need none.
     #[must_use]
     pub fn instances(&self) -> &[Instance] {
-        &self.instances
+        self.listed.get_or_init(|| (0..self.placements.len()).map(|i| self.given(i)).collect())
+    }
+
+    /// The instance of a number, [`Instance::REMOVED`] if it was removed; `None` if there never was one.
+    #[must_use]
+    pub fn instance(&self, instance: InstanceId) -> Option<Instance> {
+        (instance.index() < self.placements.len()).then(|| self.given(instance.index()))
+    }
+
+    /// How many numbers of instances there are, with those of removed instances.
+    #[must_use]
+    pub fn n_numbers(&self) -> usize {
+        self.placements.len()
+    }
+
+    /// The instance of a number that there is, as it was given.
+    fn given(&self, index: usize) -> Instance {
+        let Placement { map, blas, mask } = &self.placements[index];
+        Instance {
+            blas: *blas,
+            world_from_object: map.world_from_object(),
+            world_from_object_close: self.moving(index).map(|moving| moving.close),
+            mask: *mask,
+        }
+    }
+
+    /// What moves an instance.
+    #[inline]
+    pub(crate) fn moving(&self, index: usize) -> Option<&Moving> {
+        self.moving.get(index).and_then(|moving| moving.as_deref())
     }
 
     /// Number of instances, without those that were removed.
     #[must_use]
     pub fn n_instances(&self) -> usize {
-        self.instances.len() - self.removed.len()
+        self.placements.len() - self.removed.len()
     }
 
     /// How the top level is built.
@@ -173,9 +220,16 @@ impl<B: Intersect> Tlas<B> {
     /// Memory of the top level and of the instances, without the bottom-level BVHs.
     #[must_use]
     pub fn n_bytes(&self) -> usize {
-        let instances =
-            size_of_val(&self.instances[..]) + size_of_val(&self.bounds[..]) + size_of_val(&self.removed[..]);
-        self.top.n_bytes() + size_of_val(&self.placements[..]) + instances
+        let n_moving = self.moving.iter().flatten().count();
+        let instances = size_of_val(&self.moving[..])
+            + n_moving * size_of::<Moving>()
+            + size_of_val(&self.bounds[..])
+            + size_of_val(&self.obbs[..])
+            + size_of_val(&self.removed[..])
+            + self.listed.get().map_or(0, |listed| size_of_val(&listed[..]));
+        let n_supports = self.supports.iter().filter(|supports| supports.get().is_some()).count();
+        let supports = size_of_val(&self.supports[..]) + n_supports * size_of::<Supports>();
+        self.top.n_bytes() + size_of_val(&self.placements[..]) + instances + supports
     }
 }
 
@@ -223,5 +277,25 @@ mod tests {
         }
         assert_eq!(TopConfig::default().max_instances(), 1 << 26);
         assert_eq!(binary().max_instances(), 1 << 30);
+    }
+
+    /// A cache line for rays, the bounds and the top level; lists that were asked for are counted too.
+    #[test]
+    fn an_instance_takes_two_hundred_bytes() {
+        let positions = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let bvh = TriangleBvh::build(&positions, &[[0, 1, 2]]).unwrap();
+        let at = |i: u16| {
+            let columns = Affine::rotation([0.0, 0.6, 0.8], f64::from(i)).columns;
+            let place = [i / 100, i / 10 % 10, i % 10].map(|x| 2.0 * f32::from(x));
+            Instance::new(0, Affine { columns: [columns[0], columns[1], columns[2], place] })
+        };
+        let instances: Vec<Instance> = (0..1000).map(at).collect();
+        let tlas = Tlas::new(vec![bvh], &instances, TopConfig::default()).unwrap();
+        let n_bytes = tlas.n_bytes();
+        assert!(n_bytes <= 200 * instances.len(), "{n_bytes}");
+        assert_eq!(tlas.instances(), instances);
+        assert_eq!(tlas.n_bytes(), n_bytes + size_of_val(&instances[..]));
+        assert_eq!(tlas.clone().instance(InstanceId(7)), Some(instances[7]));
+        assert_eq!((tlas.instance(InstanceId(1000)), tlas.n_numbers()), (None, 1000));
     }
 }

@@ -17,7 +17,7 @@ use canted_lbvh::{self as lbvh, par};
 use canted_obb::round::{down, greatest, up};
 use canted_obb::vector::{length, reach, sub, to_f64};
 use canted_obb::{Aabb, Obb, PrimId};
-use canted_trace::{BoxBvh, InstanceId, Intersect, ReferencePoint, ScaledRay};
+use canted_trace::{BoxBvh, InstanceId, Intersect, Ray, ReferencePoint, ScaledRay, WorldRay};
 use canted_wide::{Config, MAX_PRIMITIVES, Order, SimdPath, WideBvh};
 
 use crate::InstanceError;
@@ -128,15 +128,23 @@ struct Place {
 const SPREAD: f64 = 16.0;
 const SPREAD_OF_CHANGES: f64 = 64.0;
 
+/// Bounds of all instances, and their oriented boxes; none of a wide top level.
+type Known<'a> = (&'a [Bounds], &'a [Obb]);
+
 /// Up to this part of all instances are changed one by one: a change of one takes about as long as a refit of as many.
 const FEW: usize = 4;
 
 impl Top {
-    /// Builds over the bounds of instances.
-    pub(crate) fn build(bounds: &[Bounds], config: &TopConfig, path: SimdPath) -> Result<Self, InstanceError> {
+    /// Builds over the bounds of instances, and their oriented boxes where `config` is about these.
+    pub(crate) fn build(
+        bounds: &[Bounds],
+        obbs: &[Obb],
+        config: &TopConfig,
+        path: SimdPath,
+    ) -> Result<Self, InstanceError> {
         let classes = classify(bounds, SPREAD).into_iter();
         let reference = reference_of(bounds);
-        let of_class = |ids| Class::build((bounds, reference), ids, config, path);
+        let of_class = |ids| Class::build((bounds, obbs, reference), ids, config, path);
         let classes = classes.map(of_class).collect::<Result<_, _>>()?;
         Ok(Self { classes, reference, boxes: around(bounds), changes: None })
     }
@@ -178,7 +186,7 @@ impl Top {
 
     /// Instances with these numbers have other bounds, or are new: few of a wide top level are changed one by one, else all boxes are
     /// written.
-    pub(crate) fn update(&mut self, changed: &[u32], bounds: &[Bounds], config: &TopConfig, path: SimdPath) {
+    pub(crate) fn update(&mut self, changed: &[u32], (bounds, obbs): Known<'_>, config: &TopConfig, path: SimdPath) {
         if changed.is_empty() {
             return;
         }
@@ -188,14 +196,14 @@ impl Top {
         let others: Vec<u32> = changed.iter().copied().filter(comes_or_goes).collect();
         // The reference point is chosen near instances.
         if self.aabb().is_empty() || !is_wide && !others.is_empty() {
-            if let Ok(top) = Self::build(bounds, config, path) {
+            if let Ok(top) = Self::build(bounds, obbs, config, path) {
                 *self = top;
             }
         } else if is_wide && changed.len() <= bounds.len() / FEW {
             changed.iter().for_each(|&i| self.change(i, bounds, config, path));
         } else {
             others.iter().for_each(|&i| self.change(i, bounds, config, path));
-            self.refit(bounds, config, path);
+            self.refit((bounds, obbs), config, path);
         }
     }
 
@@ -228,7 +236,7 @@ impl Top {
     fn change(&mut self, i: u32, bounds: &[Bounds], config: &TopConfig, path: SimdPath) {
         let Self { classes, reference, changes: Some(Changes { places, around }), boxes } = self else { return };
         let new = &bounds[i as usize];
-        let is_taken = |class: &Class| !new.is_empty() && class.takes(new.error.per_origin);
+        let is_taken = |class: &Class| !new.is_empty() && class.takes(new.error.per_origin.into());
         match places[i as usize].map(|place| (place, &mut classes[place.class as usize])) {
             Some((place, class)) if is_taken(class) => class.move_one(place.number, new, *reference),
             known => {
@@ -240,7 +248,7 @@ impl Top {
                 }
                 if !new.is_empty() {
                     let class = classes.iter().position(is_taken).unwrap_or_else(|| {
-                        let class = Class::build((bounds, *reference), Some(vec![]), config, path);
+                        let class = Class::build((bounds, &[], *reference), Some(vec![]), config, path);
                         classes.push(class.expect("no instance is too many"));
                         classes.len() - 1
                     });
@@ -254,15 +262,15 @@ impl Top {
     }
 
     /// New bounds for the same instances, in the same topology; built again where the errors of a class have spread too far.
-    fn refit(&mut self, bounds: &[Bounds], config: &TopConfig, path: SimdPath) {
+    fn refit(&mut self, (bounds, obbs): Known<'_>, config: &TopConfig, path: SimdPath) {
         if self.classes.iter().any(|class| class.spread(bounds) > SPREAD_OF_CHANGES)
-            && let Ok(top) = Self::build(bounds, config, path)
+            && let Ok(top) = Self::build(bounds, obbs, config, path)
         {
             *self = top;
             return;
         }
         self.reference = reference_of(bounds);
-        self.classes.iter_mut().for_each(|class| class.refit(bounds, self.reference));
+        self.classes.iter_mut().for_each(|class| class.refit((bounds, obbs), self.reference));
         let around = Around::new(bounds);
         self.boxes = around.all();
         self.changes(bounds).around = around;
@@ -307,12 +315,14 @@ impl Top {
     /// hits of equal `t`.
     pub(crate) fn traverse(
         &self,
-        ray: &ScaledRay,
+        ray: &WorldRay<'_>,
         order: Order,
         stack: &mut [u64],
         enter: &mut dyn FnMut(InstanceId, f32) -> f32,
     ) -> u32 {
-        let mut ray = self.reference.moved_ray(ray);
+        let ([t_min, t_max], &ScaledRay { origin, direction, time, mask, .. }) = (ray.interval(), ray.ray);
+        let moved = Ray { origin: self.reference.moved(origin), direction, t_min, t_max, time, mask };
+        let mut ray = ScaledRay::from_parts(&moved, [t_min, t_max], 1.0);
         let mut n_boxes = 0;
         for class in &self.classes {
             let mut t_max = ray.t_max;
@@ -376,7 +386,7 @@ impl Bvh {
 /// The instances that can be hit, in classes in which the greatest `per_origin` is at most `spread` times the least. At least one class; a
 /// single one of all instances has no list.
 fn classify(bounds: &[Bounds], spread: f64) -> Vec<Option<Vec<u32>>> {
-    let error = |i: u32| bounds[i as usize].error.per_origin;
+    let error = |i: u32| f64::from(bounds[i as usize].error.per_origin);
     let [least, greatest] = range(bounds.iter());
     let mut order: Vec<u32> = (0..bounds.len() as u32).filter(|&i| !bounds[i as usize].is_empty()).collect();
     if order.len() == bounds.len() && (greatest <= spread * least || bounds.is_empty()) {
@@ -401,28 +411,28 @@ fn classify(bounds: &[Bounds], spread: f64) -> Vec<Option<Vec<u32>>> {
 
 /// Least and greatest `per_origin`.
 fn range<'a>(bounds: impl Iterator<Item = &'a Bounds>) -> [f64; 2] {
-    let errors = bounds.map(|bounds| bounds.error.per_origin);
+    let errors = bounds.map(|bounds| f64::from(bounds.error.per_origin));
     errors.fold([f64::INFINITY, 0.0], |[least, greatest], x| [f64::min(least, x), f64::max(greatest, x)])
 }
 
 impl Class {
     /// Builds over the instances `ids`, or all; boxes are relative to `reference`.
     fn build(
-        (bounds, reference): (&[Bounds], ReferencePoint),
+        (bounds, obbs, reference): (&[Bounds], &[Obb], ReferencePoint),
         ids: Option<Vec<u32>>,
         config: &TopConfig,
         path: SimdPath,
     ) -> Result<Self, InstanceError> {
-        let members: Vec<&Bounds> = match &ids {
-            None => bounds.iter().collect(),
-            Some(ids) => ids.iter().map(|&id| &bounds[id as usize]).collect(),
-        };
+        let members = of_ids(bounds, ids.as_deref());
         let bvh = match config {
             TopConfig::Wide(config) => {
                 let bvh = WideBvh::over_with(grown_aabbs(&members, reference), config.axis_aligned());
                 Bvh::Wide(bvh.map_err(|error| in_all(error.into(), ids.as_deref()))?.with_path(path))
             }
-            TopConfig::Other(build) => Bvh::Other(build(&grown_obbs(&members, reference)), members.len()),
+            TopConfig::Other(build) => {
+                let obbs = of_ids(obbs, ids.as_deref());
+                Bvh::Other(build(&grown_obbs(&members, &obbs, reference)), members.len())
+            }
         };
         let per_origin = range(members.into_iter());
         Ok(Self { bvh, ids, per_origin })
@@ -461,11 +471,9 @@ impl Class {
 
     /// The bounds of its instances.
     fn members<'a>(&self, bounds: &'a [Bounds]) -> Vec<&'a Bounds> {
-        match &self.ids {
-            // An instance that cannot be hit may have been added since.
-            None => bounds[..self.bvh.n_boxes()].iter().collect(),
-            Some(ids) => ids.iter().map(|&id| &bounds[id as usize]).collect(),
-        }
+        // An instance that cannot be hit may have been added since.
+        let known = if self.ids.is_none() { &bounds[..self.bvh.n_boxes()] } else { bounds };
+        of_ids(known, self.ids.as_deref())
     }
 
     /// The greatest `per_origin` of the class over the least, with these bounds of all instances.
@@ -475,13 +483,17 @@ impl Class {
     }
 
     /// New bounds for the same instances.
-    fn refit(&mut self, bounds: &[Bounds], reference: ReferencePoint) {
+    fn refit(&mut self, (bounds, obbs): Known<'_>, reference: ReferencePoint) {
         let members = self.members(bounds);
         match &mut self.bvh {
             Bvh::Wide(bvh) => {
                 bvh.refit(grown_aabbs(&members, reference)).expect("a finite box for each instance");
             }
-            Bvh::Other(bvh, _) => *bvh = bvh.refitted(&grown_obbs(&members, reference)),
+            Bvh::Other(bvh, n) => {
+                let known = if self.ids.is_none() { &obbs[..*n] } else { obbs };
+                let obbs = of_ids(known, self.ids.as_deref());
+                *bvh = bvh.refitted(&grown_obbs(&members, &obbs, reference));
+            }
         }
         self.per_origin = range(members.into_iter());
     }
@@ -511,14 +523,14 @@ impl Class {
 
     /// New bounds for one of the instances.
     fn move_one(&mut self, number: u32, bounds: &Bounds, reference: ReferencePoint) {
-        self.include(bounds.error.per_origin);
+        self.include(bounds.error.per_origin.into());
         let moved = self.wide().move_one(PrimId(number), bounds.grown(reference));
         moved.expect("a finite box for each instance");
     }
 
     /// Adds an instance; returns its number.
     fn insert(&mut self, id: u32, bounds: &Bounds, reference: ReferencePoint) -> u32 {
-        self.include(bounds.error.per_origin);
+        self.include(bounds.error.per_origin.into());
         self.list().push(id);
         let PrimId(number) = self.wide().insert(bounds.grown(reference)).expect("a finite box for each instance");
         number
@@ -601,6 +613,11 @@ impl Class {
     }
 }
 
+/// Those of these numbers, or all.
+fn of_ids<'a, T>(all: &'a [T], ids: Option<&[u32]>) -> Vec<&'a T> {
+    ids.map_or_else(|| all.iter().collect(), |ids| ids.iter().map(|&id| &all[id as usize]).collect())
+}
+
 /// An error about a number in a class, about an instance.
 fn in_all(error: InstanceError, ids: Option<&[u32]>) -> InstanceError {
     match (error, ids) {
@@ -615,18 +632,18 @@ fn grown_aabbs(members: &[&Bounds], reference: ReferencePoint) -> Vec<Aabb> {
     par::map(members, JOB, |bounds| bounds.grown(reference))
 }
 
-fn grown_obbs(members: &[&Bounds], reference: ReferencePoint) -> Vec<Obb> {
-    par::map(members, JOB, |bounds| grown_obb(bounds, reference))
+fn grown_obbs(members: &[&Bounds], obbs: &[&Obb], reference: ReferencePoint) -> Vec<Obb> {
+    par::from_fn(members.len(), JOB, |i| grown_obb(members[i], obbs[i], reference))
 }
 
 /// [`Bounds::grown`] as an oriented box, or the axis-aligned one where that has less area.
-fn grown_obb(bounds: &Bounds, reference: ReferencePoint) -> Obb {
-    let center = reference.moved(bounds.obb.center);
+fn grown_obb(bounds: &Bounds, obb: &Obb, reference: ReferencePoint) -> Obb {
+    let center = reference.moved(obb.center);
     // The rounding of the center: a difference of two f32 is exact in f64 but for its last bit.
     let rounding = (0..3).fold(0.0, |most: f64, k| {
-        let exact = f64::from(bounds.obb.center[k]) - f64::from(reference.point()[k]);
+        let exact = f64::from(obb.center[k]) - f64::from(reference.point()[k]);
         most.max((exact - f64::from(center[k])).abs() + exact.abs() * f64::EPSILON)
     });
-    let moved = Obb { center, ..bounds.obb };
+    let moved = Obb { center, ..*obb };
     moved.grown(bounds.error.fixed(reference) + rounding).or_aabb(&bounds.grown(reference))
 }

@@ -3,7 +3,7 @@ use alloc::{boxed::Box, sync::Arc, vec::Vec};
 use canted_obb::{Obb, PrimId};
 
 use crate::stack::with_stack;
-use crate::{Accept, Hit, HitLists, Query, Ray, ScaledRay, Side, SurfacePoint};
+use crate::{Accept, Hit, HitLists, InstanceId, PlacedRay, Query, Ray, ScaledRay, Side, SurfacePoint};
 
 /// Rays that a thread takes at a time.
 const CHUNK: usize = 1024;
@@ -107,6 +107,13 @@ pub trait Intersect: Send + Sync {
     /// A box around everything, object space.
     fn bounds(&self) -> Obb;
 
+    /// At least the product of `direction` with each point that can be hit, but for [`Intersect::hit_error`]; finite.
+    ///
+    /// Provided: that of [`Intersect::bounds`]. Where it is less, rotated instances in a TLAS have smaller boxes.
+    fn support(&self, direction: [f64; 3]) -> f64 {
+        self.bounds().support(direction)
+    }
+
     /// How far a hit may lie outside of the bounds: each coordinate of `o + t·d`, in real arithmetic, by at most
     /// `hit_error·(|o|∞ + ρ∞)`, with `|o|∞` the greatest coordinate of the ray's origin and `ρ∞` that of the bounds.
     ///
@@ -141,6 +148,24 @@ pub trait Intersect: Send + Sync {
     /// Appends every hit that the query accepts, each once: least `t` first, then lowest (instance, primitive). The query may see a
     /// hit twice.
     fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>);
+
+    /// The closest hit of an instance, with its scaled world `t`. Replaced where the ray is better mapped with the instructions of a path.
+    #[doc(hidden)]
+    fn closest_hit_placed(
+        &self,
+        ray: &PlacedRay,
+        instance: InstanceId,
+        query: &mut dyn Query,
+        stack: &mut [u64],
+    ) -> Option<(f64, Hit)> {
+        ray.object()?.closest_hit(self, instance, query, stack)
+    }
+
+    /// Whether an instance is hit; agrees with `closest_hit_placed`.
+    #[doc(hidden)]
+    fn occluded_placed(&self, ray: &PlacedRay, instance: InstanceId, query: &mut dyn Query, stack: &mut [u64]) -> bool {
+        ray.object().is_some_and(|object| object.occluded(self, instance, query, stack))
+    }
 
     /// Answers the rays of a slice, of which the first has the index `first`; without `accept`, every hit is accepted.
     ///
@@ -399,6 +424,10 @@ where
         (**self).bounds()
     }
 
+    fn support(&self, direction: [f64; 3]) -> f64 {
+        (**self).support(direction)
+    }
+
     fn hit_error(&self) -> f32 {
         (**self).hit_error()
     }
@@ -427,6 +456,22 @@ where
 
     fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>) {
         (**self).all_hits_scaled(ray, query, stack, hits);
+    }
+
+    #[inline]
+    fn closest_hit_placed(
+        &self,
+        ray: &PlacedRay,
+        instance: InstanceId,
+        query: &mut dyn Query,
+        stack: &mut [u64],
+    ) -> Option<(f64, Hit)> {
+        (**self).closest_hit_placed(ray, instance, query, stack)
+    }
+
+    #[inline]
+    fn occluded_placed(&self, ray: &PlacedRay, instance: InstanceId, query: &mut dyn Query, stack: &mut [u64]) -> bool {
+        (**self).occluded_placed(ray, instance, query, stack)
     }
 
     fn answer(&self, rays: &[Ray], first: usize, accept: Option<&AcceptAt>, answers: Answers) {

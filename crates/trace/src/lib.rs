@@ -61,6 +61,7 @@ mod intersect;
 mod leaf;
 mod levels;
 mod moving;
+mod placed;
 mod quadrics;
 mod query;
 mod ray;
@@ -81,6 +82,8 @@ pub use intersect::{AcceptAt, Answer, Answers, Crossings, Intersect, Pointer, Tr
 pub use leaf::{LeafTriangles, Leaves};
 pub use levels::{BoxBvh, SaveBlas};
 pub use moving::position_at;
+#[doc(hidden)]
+pub use placed::{ObjectMap, ObjectRay, PlacedRay, WorldRay};
 pub use quadrics::{Cone, Disk, Ellipsoid};
 pub use query::{Accept, Counts, Query};
 pub use ray::{Ray, ScaledRay};

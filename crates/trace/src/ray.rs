@@ -1,6 +1,4 @@
-use canted_obb::round::{greatest, power_below, reciprocal_of_power};
-
-use crate::rounding::{down, up};
+use canted_obb::round::{greatest, magnitude_down, magnitude_up, power_below, reciprocal_of_power};
 
 /// A ray `origin + t · direction` over the closed interval `t_min <= t <= t_max`.
 ///
@@ -118,7 +116,8 @@ impl ScaledRay {
         }
         let to_scaled = power_below(greatest.into());
         let from_scaled = reciprocal_of_power(to_scaled);
-        let (t_min, t_max) = (up(f64::from(t_min) * to_scaled), down(f64::from(t_max) * to_scaled));
+        let t_min = magnitude_up(f64::from(t_min) * to_scaled);
+        let t_max = magnitude_down(f64::from(t_max) * to_scaled);
         let direction = direction.map(|d| (f64::from(d) * from_scaled) as f32);
         // No f32 lies between both ends where they underflow.
         (t_min <= t_max).then_some(Self { origin, direction, t_min, t_max, time, mask, interval, to_scaled })

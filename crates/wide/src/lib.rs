@@ -107,6 +107,7 @@ mod node;
 mod query;
 mod simd;
 mod subtree;
+mod support;
 mod traverse;
 mod update;
 

@@ -10,7 +10,7 @@ use crate::bvh::WideBvh;
 use crate::leaf::Primitive;
 use crate::node::{NodeKind, Nodes};
 use crate::simd::{AvailablePath, Simd, Task};
-use crate::traverse::{LeafRange, Pads, RayLanes, TracedRay, Visitor, walk};
+use crate::traverse::{LeafRange, Pads, RayLanes, RayNumbers, TracedRay, Visitor, walk};
 
 /// In which order a traversal visits what a ray enters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,8 +85,28 @@ impl WideBvh<Aabb> {
         stack: &mut [u64],
         visit: &mut dyn FnMut(PrimId, f32) -> f32,
     ) -> u32 {
-        let ray = TracedRay::within(ray, &self.frame, error);
-        self.visit(&ray, order, stack, visit).n_boxes()
+        self.path.run(TraverseBoxes { bvh: self, ray, error, order, stack, visit }).n_boxes()
+    }
+}
+
+/// [`WideBvh::traverse_scaled`]: the ray is prepared with the instructions of the path.
+struct TraverseBoxes<'a> {
+    bvh: &'a WideBvh<Aabb>,
+    ray: &'a ScaledRay,
+    error: f64,
+    order: Order,
+    stack: &'a mut [u64],
+    visit: &'a mut dyn FnMut(PrimId, f32) -> f32,
+}
+
+impl Task for TraverseBoxes<'_> {
+    type Output = Visits;
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) -> Visits {
+        let Self { bvh, ray, error, order, stack, visit } = self;
+        let numbers = RayNumbers::within(ray, &bvh.frame, error);
+        visit_leaves(simd, (&bvh.nodes, &bvh.leaves.order), (&numbers, ray.t_max), order, stack, visit)
     }
 }
 
@@ -118,14 +138,27 @@ impl Task for VisitPrimitives<'_> {
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Visits {
         let Self { nodes, ids, ray, order, stack, visit } = self;
-        let lanes = RayLanes::new(simd, &ray.numbers);
-        let mut called = CalledForIds { ids, visit, visits: Visits::default() };
-        match order {
-            Order::Nearest => walk::<S, true>(simd, nodes, &lanes, ray.scaled.t_max, stack, &mut called),
-            Order::Any => walk::<S, false>(simd, nodes, &lanes, ray.scaled.t_max, stack, &mut called),
-        }
-        called.visits
+        visit_leaves(simd, (nodes, ids), (&ray.numbers, ray.scaled.t_max), order, stack, visit)
     }
+}
+
+/// Calls `visit` with the ids of each leaf that a ray enters. Must be inlined, like all callers of [`Simd`].
+#[inline(always)]
+fn visit_leaves<S: Simd>(
+    simd: S,
+    (nodes, ids): (&Nodes, &[PrimId]),
+    (numbers, t_max): (&RayNumbers<f32>, f32),
+    order: Order,
+    stack: &mut [u64],
+    visit: &mut dyn FnMut(PrimId, f32) -> f32,
+) -> Visits {
+    let lanes = RayLanes::new(simd, numbers);
+    let mut called = CalledForIds { ids, visit, visits: Visits::default() };
+    match order {
+        Order::Nearest => walk::<S, true>(simd, nodes, &lanes, t_max, stack, &mut called),
+        Order::Any => walk::<S, false>(simd, nodes, &lanes, t_max, stack, &mut called),
+    }
+    called.visits
 }
 
 /// Calls a function for each primitive of a leaf.

@@ -6,7 +6,8 @@
 
 use canted_obb::Obb;
 use canted_trace::{
-    Accept, AcceptAt, Answer, Answers, Hit, Intersect, Query, Ray, ScaledRay, TriangleTest, with_stack,
+    Accept, AcceptAt, Answer, Answers, Hit, InstanceId, Intersect, PlacedRay, Query, Ray, ScaledRay, TriangleTest,
+    with_stack,
 };
 
 use super::sink::{AllHits, AnyHit, BestHit, HitSink, TraversalCounts, Visits};
@@ -15,7 +16,7 @@ use crate::leaf::hit;
 use crate::node::{HalfBlock, NodeKind, PART_LANES, PARTS};
 use crate::simd::{Simd, Task};
 use crate::traverse::{
-    Block, EightRays, LeafRange, Pads, RayLanes, RayTriangles, TracedRay, Visitor, for_each_of_eight, walk,
+    Block, EightRays, LeafRange, Pads, RayLanes, RayNumbers, RayTriangles, TracedRay, Visitor, for_each_of_eight, walk,
 };
 
 /// Pads for the default triangle test.
@@ -28,6 +29,10 @@ impl Intersect for TriangleBvh {
 
     fn is_empty(&self) -> bool {
         self.n_primitives == 0
+    }
+
+    fn support(&self, direction: [f64; 3]) -> f64 {
+        self.farthest_along(direction)
     }
 
     fn hit_error(&self) -> f32 {
@@ -54,6 +59,26 @@ impl Intersect for TriangleBvh {
             return self.path.run(PlainOccluded { bvh: self, ray, stack });
         }
         self.occluded_by(&self.prepare(ray), query, stack)
+    }
+
+    fn closest_hit_placed(
+        &self,
+        ray: &PlacedRay,
+        instance: InstanceId,
+        query: &mut dyn Query,
+        stack: &mut [u64],
+    ) -> Option<(f64, Hit)> {
+        if self.is_plain(query) {
+            return self.path.run(PlacedClosest { bvh: self, ray, instance, stack });
+        }
+        ray.object()?.closest_hit(self, instance, query, stack)
+    }
+
+    fn occluded_placed(&self, ray: &PlacedRay, instance: InstanceId, query: &mut dyn Query, stack: &mut [u64]) -> bool {
+        if self.is_plain(query) {
+            return self.path.run(PlacedOccluded { bvh: self, ray, stack });
+        }
+        ray.object().is_some_and(|object| object.occluded(self, instance, query, stack))
     }
 
     fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>) {
@@ -182,11 +207,52 @@ impl Task for PlainClosest<'_> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> Option<Hit> {
-        let ray = TracedRay::new(self.ray, &self.bvh.frame, PADS);
         let mut query = ();
         let mut best = BestHit::<true>::new(&mut query);
-        pass_hits::<S, _, true>(simd, self.bvh, &ray, self.stack, &mut best);
+        pass_plain(simd, self.bvh, self.ray, self.stack, &mut best);
         best.hit(self.ray)
+    }
+}
+
+/// The closest hit of an instance under a query that is plain.
+struct PlacedClosest<'a> {
+    bvh: &'a TriangleBvh,
+    ray: &'a PlacedRay<'a>,
+    instance: InstanceId,
+    stack: &'a mut [u64],
+}
+
+impl Task for PlacedClosest<'_> {
+    type Output = Option<(f64, Hit)>;
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) -> Option<(f64, Hit)> {
+        let object = self.ray.object()?;
+        let mut query = ();
+        let mut best = BestHit::<true>::new(&mut query);
+        pass_plain(simd, self.bvh, &object.ray, self.stack, &mut best);
+        let hit = best.best?;
+        Some((object.world_t(hit.t), Hit { instance: self.instance, ..hit }))
+    }
+}
+
+/// Whether an instance is hit under a query that is plain.
+struct PlacedOccluded<'a> {
+    bvh: &'a TriangleBvh,
+    ray: &'a PlacedRay<'a>,
+    stack: &'a mut [u64],
+}
+
+impl Task for PlacedOccluded<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn on<S: Simd>(self, simd: S) -> bool {
+        let Some(object) = self.ray.object() else { return false };
+        let mut query = ();
+        let mut any = AnyHit::<true>::new(&mut query);
+        pass_plain(simd, self.bvh, &object.ray, self.stack, &mut any);
+        any.found()
     }
 }
 
@@ -202,10 +268,9 @@ impl Task for PlainOccluded<'_> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) -> bool {
-        let ray = TracedRay::new(self.ray, &self.bvh.frame, PADS);
         let mut query = ();
         let mut any = AnyHit::<true>::new(&mut query);
-        pass_hits::<S, _, true>(simd, self.bvh, &ray, self.stack, &mut any);
+        pass_plain(simd, self.bvh, self.ray, self.stack, &mut any);
         any.found()
     }
 }
@@ -338,7 +403,25 @@ pub(super) fn pass_hits<S: Simd, T: HitSink, const WATERTIGHT: bool>(
 ) {
     // Two values instead of one in memory: the kernels index the direction, and what is indexed stays in memory.
     let TracedRay { scaled, numbers } = *ray;
-    let (scaled, numbers) = (&scaled, &numbers);
+    pass_prepared::<S, T, WATERTIGHT>(simd, bvh, (&scaled, &numbers), stack, sink);
+}
+
+/// [`pass_hits`] of a ray that is prepared here, with the default triangle test.
+#[inline(always)]
+fn pass_plain<S: Simd, T: HitSink>(simd: S, bvh: &TriangleBvh, ray: &ScaledRay, stack: &mut [u64], sink: &mut T) {
+    let numbers = RayNumbers::relative(ray, &bvh.frame, PADS);
+    pass_prepared::<S, T, true>(simd, bvh, (ray, &numbers), stack, sink);
+}
+
+/// The work of [`pass_hits`].
+#[inline(always)]
+fn pass_prepared<S: Simd, T: HitSink, const WATERTIGHT: bool>(
+    simd: S,
+    bvh: &TriangleBvh,
+    (scaled, numbers): (&ScaledRay, &RayNumbers<f32>),
+    stack: &mut [u64],
+    sink: &mut T,
+) {
     let (halves, prepared) = (&bvh.leaves.halves[..], RayTriangles::new(simd, scaled));
     let mut leaves = TriangleLeaves::<S, T, WATERTIGHT> { simd, halves, prepared, ray: scaled, sink };
     let lanes = RayLanes::new(simd, numbers);

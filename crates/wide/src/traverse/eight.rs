@@ -5,7 +5,7 @@ use crate::simd::{AvailablePath, Simd, Task};
 
 /// Up to eight rays, prepared at once: each row holds one number of each.
 ///
-/// The arithmetic is that of [`ScaledRay::new`], `ReferencePoint::moved_ray`, [`Pads::along`] and [`RayNumbers::new`], so every number has the same bits.
+/// The arithmetic is that of [`ScaledRay::new`], `ReferencePoint::moved`, [`Pads::along`] and [`RayNumbers::new`], so every number has the same bits.
 /// Products of directions with a power of two round as these do in `f64`: once, and only where they over- or underflow.
 pub(crate) struct EightRays {
     /// Rays that can hit.
@@ -63,8 +63,7 @@ impl EightRays {
             self.beyond &= self.beyond - 1;
             match rays.get(i).and_then(ScaledRay::new) {
                 Some(ray) => {
-                    let moved = frame.reference.moved_ray(&ray);
-                    self.set(i, &ray, &RayNumbers::new(&moved, frame, &pads.along(&moved)));
+                    self.set(i, &ray, &RayNumbers::relative(&ray, frame, pads));
                 }
                 None => self.valid &= !(1 << i),
             }

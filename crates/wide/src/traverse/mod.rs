@@ -71,6 +71,6 @@ mod walk;
 
 pub(crate) use block::{Block, RayTriangles};
 pub(crate) use eight::{EightRays, for_each_of_eight};
-pub(crate) use ray::{BoxPads, MeshFrame, Pads, RayLanes, TracedRay};
+pub(crate) use ray::{BoxPads, MeshFrame, Pads, RayLanes, RayNumbers, TracedRay};
 pub(crate) use walk::LeafRange;
 pub(crate) use walk::{Visitor, walk};

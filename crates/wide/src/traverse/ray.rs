@@ -24,27 +24,25 @@ impl Pads {
         Self { aligned: error + 6.0 * U, rotated: SQRT_3 * (error + 9.0 * U), oriented: SQRT_3 * (error + 14.0 * U) }
     }
 
-    /// The ray's part of relative pads, in units of the space; `ray` is relative to the reference point.
+    /// The ray's part of relative pads, in units of the space; its origin is relative to the reference point.
     #[inline(always)]
-    pub(crate) fn along(self, ray: &ScaledRay) -> Self {
-        let scale = greatest(ray.origin.map(f32::abs));
+    pub(crate) fn along(self, [x, y, z]: [f32; 3]) -> Self {
+        let scale = greatest([x.abs(), y.abs(), z.abs()]);
         let pad = |relative: f32| relative * scale + f32::MIN_POSITIVE;
         Self { aligned: pad(self.aligned), rotated: pad(self.rotated), oriented: pad(self.oriented) }
     }
 
-    /// The ray's part of the pads, in units of the space, for hits within `error` of what the boxes bound, in those units; `ray` is
+    /// The ray's part of the pads, in units of the space, for hits within `error` of what the boxes bound, in those units; its origin is
     /// relative to the reference point.
     ///
-    /// The hit is farther by the error, so roundings are relative to `S + e` instead of `S`.
+    /// The hit is farther by the error, so roundings are relative to `S + e` instead of `S`. Those here are fewer than eight of the part of
+    /// the error, and those of the other part are what pads have to spare.
     #[inline(always)]
-    pub(crate) fn within(error: f64, ray: &ScaledRay) -> Self {
-        let scale = f64::from(greatest(ray.origin.map(f32::abs))) + error;
+    pub(crate) fn within(error: f64, [x, y, z]: [f32; 3]) -> Self {
+        let error = error as f32 * (1.0 + 8.0 * U);
+        let scale = greatest([x.abs(), y.abs(), z.abs()]) + error;
         let Self { aligned, rotated, oriented } = const { Self::of(0.0) };
-        let pad = |roundings: f32, stretch: f32| {
-            let nearest = (f64::from(stretch) * error + f64::from(roundings) * scale) as f32;
-            // The next number, without the branches of `next_up`; infinite after the greatest.
-            f32::from_bits(nearest.min(f32::MAX).to_bits() + 1) + f32::MIN_POSITIVE
-        };
+        let pad = |roundings: f32, stretch: f32| stretch * error + roundings * scale + f32::MIN_POSITIVE;
         Self { aligned: pad(aligned, 1.0), rotated: pad(rotated, SQRT_3), oriented: pad(oriented, SQRT_3) }
     }
 }
@@ -116,13 +114,15 @@ pub(crate) struct RayNumbers<N> {
 }
 
 impl RayNumbers<f32> {
-    /// The numbers of `ray`, which is relative to the reference point, thickened by `pads` in units of the space.
+    /// The numbers of `ray` from `moved`, its origin relative to the reference point, thickened by `pads` in units of the space.
+    ///
+    /// Not of a moved copy of the ray: what was just written number by number is not read as a whole before all of it has arrived.
     #[inline(always)]
-    pub(crate) fn new(ray: &ScaledRay, frame: &MeshFrame, pads: &Pads) -> Self {
+    pub(crate) fn new(ray: &ScaledRay, moved: [f32; 3], frame: &MeshFrame, pads: &Pads) -> Self {
         let (origin, direction, pad) = if frame.is_identity {
-            (ray.origin, ray.direction, pads.aligned)
+            (moved, ray.direction, pads.aligned)
         } else {
-            (frame.rotate(ray.origin), frame.rotate(ray.direction), pads.rotated)
+            (frame.rotate(moved), frame.rotate(ray.direction), pads.rotated)
         };
         // Component by component: arrays that loops fill stay in memory, and reading them in lanes has to wait for the stores.
         let [x, y, z] = direction;
@@ -134,8 +134,22 @@ impl RayNumbers<f32> {
         ];
         let (near, far) = ([near_x, near_y, near_z], [far_x, far_y, far_z]);
         let Pads { oriented: pad_oriented, .. } = *pads;
-        let ScaledRay { origin, direction, t_min, .. } = *ray;
-        Self { recip, near, far, t_min, origin, direction, pad_oriented }
+        let &ScaledRay { direction, t_min, .. } = ray;
+        Self { recip, near, far, t_min, origin: moved, direction, pad_oriented }
+    }
+
+    /// The numbers of a ray with its part of these relative pads.
+    #[inline(always)]
+    pub(crate) fn relative(ray: &ScaledRay, frame: &MeshFrame, pads: Pads) -> Self {
+        let moved = frame.reference.moved(ray.origin);
+        Self::new(ray, moved, frame, &pads.along(moved))
+    }
+
+    /// The numbers of a ray that enters boxes which lie within `error` of a hit, in units of the space.
+    #[inline(always)]
+    pub(crate) fn within(ray: &ScaledRay, frame: &MeshFrame, error: f64) -> Self {
+        let moved = frame.reference.moved(ray.origin);
+        Self::new(ray, moved, frame, &Pads::within(error, moved))
     }
 }
 
@@ -195,15 +209,13 @@ impl TracedRay {
     /// A ray with its part of these relative pads.
     #[inline(always)]
     pub(crate) fn new(ray: &ScaledRay, frame: &MeshFrame, pads: Pads) -> Self {
-        let moved = frame.reference.moved_ray(ray);
-        Self { scaled: *ray, numbers: RayNumbers::new(&moved, frame, &pads.along(&moved)) }
+        Self { scaled: *ray, numbers: RayNumbers::relative(ray, frame, pads) }
     }
 
     /// A ray that enters boxes which lie within `error` of a hit, in units of the space.
     #[inline(always)]
     pub(crate) fn within(ray: &ScaledRay, frame: &MeshFrame, error: f64) -> Self {
-        let moved = frame.reference.moved_ray(ray);
-        Self { scaled: *ray, numbers: RayNumbers::new(&moved, frame, &Pads::within(error, &moved)) }
+        Self { scaled: *ray, numbers: RayNumbers::within(ray, frame, error) }
     }
 }
 
