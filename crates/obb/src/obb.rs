@@ -109,19 +109,6 @@ impl Obb {
         core::array::from_fn(|a| vector::scale(vector::to_f64(self.frame[a]), 2.0 * f64::from(self.half_extents[a])))
     }
 
-    /// At least the product of `direction` with each point of the box, by a few roundings of `f64`.
-    #[must_use]
-    pub fn support(&self, direction: [f64; 3]) -> f64 {
-        let axes: [f64; 3] = core::array::from_fn(|a| {
-            vector::dot(direction, vector::to_f64(self.frame[a])).abs() * f64::from(self.half_extents[a])
-        });
-        let size: f64 =
-            (0..3).map(|a| vector::reach(vector::to_f64(self.frame[a])) * f64::from(self.half_extents[a])).sum();
-        let reach = vector::reach(vector::to_f64(self.center)) + size;
-        let error = 64.0 * U * 3.0 * vector::reach(direction) * reach;
-        vector::dot(direction, vector::to_f64(self.center)) + axes.iter().sum::<f64>() + error
-    }
-
     /// Smallest axis-aligned box that contains the eight exact corners, rounded outward; infinite where a corner exceeds
     /// the range of `f32`.
     #[must_use]

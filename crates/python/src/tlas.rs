@@ -98,7 +98,8 @@ impl Scene {
         ids.sort_unstable();
         ids.dedup();
         let placed = |id: u32| {
-            let Instance { blas, world_from_object, .. } = self.tlas.instance(InstanceId(id)).expect("an instance that was hit");
+            let Instance { blas, world_from_object, .. } =
+                self.tlas.instance(InstanceId(id)).expect("an instance that was hit");
             Placed { id: InstanceId(id), mesh: Arc::clone(&self.tlas.blas()[blas as usize]), world_from_object }
         };
         let placed = ids.into_iter().map(placed).collect();
@@ -567,10 +568,9 @@ impl Tlas {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let scene = self.scene();
         let bvhs = scene.geometries.iter().map(|geometry| Py::new(py, Bvh::shared(Arc::clone(geometry))));
-        let instances =
-            (0..scene.tlas.n_numbers() as u32).filter_map(|i| scene.tlas.instance(InstanceId(i))).map(|instance| {
-                (instance.blas, instance.world_from_object.columns.as_flattened().to_vec(), instance.mask)
-            });
+        let instances = (0..scene.tlas.n_numbers() as u32)
+            .filter_map(|i| scene.tlas.instance(InstanceId(i)))
+            .map(|instance| (instance.blas, instance.world_from_object.columns.as_flattened().to_vec(), instance.mask));
         let (bvhs, instances) = (bvhs.collect::<PyResult<Vec<_>>>()?, instances.collect::<Vec<_>>());
         let parts = (bvhs, instances, scene.origin, scene.is_near).into_pyobject(py)?;
         Ok((py.get_type::<Self>().getattr("_of_parts")?, parts))

@@ -9,8 +9,8 @@ use canted_sah::{Axes, SpatialConfig, Split, TopDownConfig};
 use canted_scene::{CurveSegments, Curves, Mesh};
 use canted_tlas::TopConfig;
 use canted_trace::{
-    AcceptAt, Answers, HIT_ERROR, Hit, Intersect, Query, Ray, RoundCubic, RoundSegment, ScaledRay, TriangleTest,
-    pad_aabb,
+    AcceptAt, Answers, HIT_ERROR, Hit, InstanceId, Intersect, PlacedRay, Query, Ray, RoundCubic, RoundSegment,
+    ScaledRay, TriangleTest, pad_aabb,
 };
 use canted_wide::{Config, MAX_TRIANGLES, MovingBvh, Preset, RefitError, Sizes, TriangleBvh, WideBvh};
 
@@ -491,6 +491,30 @@ impl Intersect for BottomLevel {
 
     fn is_empty(&self) -> bool {
         self.inner().is_empty()
+    }
+
+    fn support(&self, direction: [f64; 3]) -> Option<f64> {
+        self.inner().support(direction)
+    }
+
+    fn closest_hit_placed(
+        &self,
+        ray: &PlacedRay<'_>,
+        instance: InstanceId,
+        query: &mut dyn Query,
+        stack: &mut [u64],
+    ) -> Option<(f64, Hit)> {
+        self.inner().closest_hit_placed(ray, instance, query, stack)
+    }
+
+    fn occluded_placed(
+        &self,
+        ray: &PlacedRay<'_>,
+        instance: InstanceId,
+        query: &mut dyn Query,
+        stack: &mut [u64],
+    ) -> bool {
+        self.inner().occluded_placed(ray, instance, query, stack)
     }
 
     fn stack_len(&self) -> usize {

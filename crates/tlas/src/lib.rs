@@ -56,7 +56,7 @@
 //!   condition number of [`MAX_CONDITION`].
 //!
 //! # Cost
-//! An instance takes about 190 bytes: a cache line that rays read, 56 for its bounds, about 70 in a wide top level; a moving one 300 more. Building is dominated by the
+//! An instance takes about 190 bytes: a cache line that rays read, 48 for its bounds, 70 to 85 in a wide top level; a moving one 300 more. Building is dominated by the
 //! bottom-level BVHs; [`Tlas::set_instances`] builds the top level alone. A change of a single instance takes a few microseconds,
 //! and the first one makes tables of about 80 bytes for each instance.
 //!

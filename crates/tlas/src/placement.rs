@@ -1,11 +1,9 @@
-use std::sync::OnceLock;
-
 use canted_obb::round::{down, up};
 use canted_obb::{Aabb, Affine, Obb, vector};
 use canted_trace::{Intersect, ObjectMap, ReferencePoint};
 
 use crate::instance::{MAX_CONDITION, condition, invert, row_sum_norm};
-use crate::support::{Supports, keeps_axes};
+use crate::support::{KnownSupports, Supports, keeps_axes};
 use crate::{Instance, InstanceError, Motion};
 
 /// Half of `f32::EPSILON`: the relative error of one rounding to `f32`.
@@ -21,15 +19,17 @@ pub(crate) struct WorldError {
     pub(crate) per_origin: f32,
     /// What does not depend on `r`.
     constant: f32,
-    /// Contains the image of the center of the bounds at all times.
-    centers: Aabb,
+    /// The image of the center of the bounds is at all times within `radius` of it, in each coordinate.
+    center: [f32; 3],
+    radius: f32,
 }
 
 impl WorldError {
     /// See the type.
     pub(crate) fn fixed(&self, r: ReferencePoint) -> f64 {
-        let reach = vector::reach(vector::to_f64(r.point()));
-        let from_center = f64::from(r.moved_box(&self.centers).reach().next_up());
+        let (point, center) = (vector::to_f64(r.point()), vector::to_f64(self.center));
+        let reach = vector::reach(point);
+        let from_center = (vector::reach(vector::sub(center, point)) + f64::from(self.radius)) * (1.0 + F64_ROUNDINGS);
         f64::from(self.constant) + f64::from(self.per_origin) * (from_center + F64_ROUNDINGS * reach)
     }
 }
@@ -51,7 +51,7 @@ pub(crate) const NO_BOX: Obb = Obb { center: [0.0; 3], frame: Obb::IDENTITY_FRAM
 impl Bounds {
     /// Of an instance that no ray can hit.
     pub(crate) const EMPTY: Self =
-        Self { aabb: Aabb::EMPTY, error: WorldError { per_origin: 0.0, constant: 0.0, centers: Aabb::EMPTY } };
+        Self { aabb: Aabb::EMPTY, error: WorldError { per_origin: 0.0, constant: 0.0, center: [0.0; 3], radius: 0.0 } };
 
     pub(crate) fn is_empty(&self) -> bool {
         self.aabb.is_empty()
@@ -76,7 +76,7 @@ impl Bounds {
 pub(crate) struct Bottom<'a, B> {
     blas: &'a B,
     /// Its supports, from the first instance on that does not keep its axes.
-    supports: &'a OnceLock<Box<Supports>>,
+    supports: &'a KnownSupports,
     bounds: Obb,
     /// The error of hits, and whether it is local.
     error: (f32, bool),
@@ -84,7 +84,7 @@ pub(crate) struct Bottom<'a, B> {
 }
 
 impl<'a, B: Intersect> Bottom<'a, B> {
-    pub(crate) fn of(blas: &'a B, supports: &'a OnceLock<Box<Supports>>) -> Self {
+    pub(crate) fn of(blas: &'a B, supports: &'a KnownSupports) -> Self {
         let error = (blas.hit_error(), blas.has_local_error());
         Self { blas, supports, bounds: blas.bounds(), error, is_empty: blas.is_empty() }
     }
@@ -94,7 +94,8 @@ impl<'a, B: Intersect> Bottom<'a, B> {
         if keeps_axes(map) || !aabb.is_finite() {
             return aabb;
         }
-        let Aabb { min, max } = self.supports.get_or_init(|| Box::new(Supports::of(self.blas))).image(map);
+        let supports = self.supports.get_or_init(|| Supports::of(self.blas).map(Box::new));
+        let Some(Aabb { min, max }) = supports.as_ref().map(|supports| supports.image(map)) else { return aabb };
         Aabb { min: [0, 1, 2].map(|k| min[k].max(aabb.min[k])), max: [0, 1, 2].map(|k| max[k].min(aabb.max[k])) }
     }
 }
@@ -213,6 +214,10 @@ impl Placed {
         let centers = matrices().map(|matrix| matrix.point_f64(center)).fold(Aabb::EMPTY, |all, at| {
             all.union(Aabb { min: at.map(|x| down(x.next_down())), max: at.map(|x| up(x.next_up())) })
         });
+        let middle = vector::to_f32(centers.center());
+        let ends = [centers.min, centers.max].map(vector::to_f64);
+        let from_middle =
+            ends.map(|end| vector::reach(vector::sub(end, vector::to_f64(middle)))).into_iter().fold(0.0, f64::max);
         let translation = greatest(&|m| m.columns[3].iter().map(|c| f64::from(c.abs())).fold(0.0, f64::max));
         let hit_error = f64::from(hit_error);
         let relative = hit_error + 4.0 * U + if hit_error > 0.125 { 4.0 * U * hit_error } else { 0.0 };
@@ -224,7 +229,8 @@ impl Placed {
                 + 2.0 * residual * forward * reach
                 + (2.0 * U + relative * forward * backward * F64_ROUNDINGS) * translation
                 + UNDERFLOW * forward),
-            centers,
+            center: middle,
+            radius: up(from_middle.next_up()),
         };
         let (obb, aabb) = swept_bounds(bottom, open, close);
         if !aabb.is_finite() {

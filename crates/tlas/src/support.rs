@@ -1,5 +1,7 @@
 //! Boxes around the images of a bottom-level BVH, smaller than those around the images of its box.
 
+use std::sync::OnceLock;
+
 use canted_obb::round::{down, up};
 use canted_obb::vector::{reach, scale};
 use canted_obb::{Aabb, Affine};
@@ -28,17 +30,18 @@ pub(crate) struct Supports {
 }
 
 impl Supports {
-    pub(crate) fn of<B: Intersect>(blas: &B) -> Self {
+    /// `None` where the BVH knows none.
+    pub(crate) fn of<B: Intersect>(blas: &B) -> Option<Self> {
         let mut values = [0.0; SIDE * SIDE * SIDE];
         let mut greatest = 0.0_f64;
         for (i, value) in values.iter_mut().enumerate() {
             let point = [i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE].map(|x| x as f64 - STEPS as f64);
             if reach(point) == STEPS as f64 {
-                *value = blas.support(point);
+                *value = blas.support(point)?;
                 greatest = greatest.max(value.abs());
             }
         }
-        Self { values, greatest }
+        Some(Self { values, greatest })
     }
 
     /// At least the support of `direction`.
@@ -83,6 +86,9 @@ impl Supports {
     }
 }
 
+/// The supports of a BVH that knows them, from the first request on.
+pub(crate) type KnownSupports = OnceLock<Option<Box<Supports>>>;
+
 /// Whether the map takes axes to axes: then no box around an image is smaller than that of the box.
 pub(crate) fn keeps_axes(map: &Affine) -> bool {
     (0..3).all(|k| (0..3).filter(|&j| map.columns[j][k] != 0.0).count() <= 1)
@@ -104,7 +110,7 @@ mod tests {
             let at = |p: [f64; 3]| std::array::from_fn::<f32, 3, _>(|k| (p[k] + center[k]) as f32);
             let positions: Vec<[f32; 3]> = (0..3000).map(|_| at(rng.on_sphere())).collect();
             let triangles: Vec<[u32; 3]> = (0..1000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-            let supports = Supports::of(&TriangleBvh::build(&positions, &triangles).unwrap());
+            let supports = Supports::of(&TriangleBvh::build(&positions, &triangles).unwrap()).unwrap();
             for _ in 0..200 {
                 let columns = [(); 4].map(|()| rng.signed3().map(|x| x as f32));
                 let map = Affine { columns };
@@ -126,7 +132,7 @@ mod tests {
         let ends: [[f32; 3]; 2] = [[-1.0, -2.0, -3.0], [1.0, 2.0, 3.0]];
         let corners: Vec<[f32; 3]> = (0..8).map(|i| [0, 1, 2].map(|k| ends[i >> k & 1][k])).collect();
         let triangles: Vec<[u32; 3]> = (0..6).map(|i| [i, i + 1, i + 2]).collect();
-        let supports = Supports::of(&TriangleBvh::build(&corners, &triangles).unwrap());
+        let supports = Supports::of(&TriangleBvh::build(&corners, &triangles).unwrap()).unwrap();
         let map = Affine { columns: [[0.5, 0.25, -0.5], [1.0, -0.5, 0.125], [-0.25, 2.0, 0.0], [7.0, 8.0, 9.0]] };
         let Aabb { min, max } = supports.image(&map);
         for k in 0..3 {

@@ -7,7 +7,7 @@ use canted_trace::{InstanceId, Intersect};
 use canted_wide::SimdPath;
 
 use crate::placement::{Bottom, Bounds, JOB, Moving, Placed, Placement};
-use crate::support::Supports;
+use crate::support::{KnownSupports, Supports};
 use crate::top::{Top, TopConfig};
 use crate::{Instance, InstanceError};
 
@@ -49,7 +49,7 @@ use crate::{Instance, InstanceError};
 pub struct Tlas<B> {
     pub(crate) blas: Vec<B>,
     /// How far each reaches, once an instance needs that.
-    pub(crate) supports: Vec<OnceLock<Box<Supports>>>,
+    pub(crate) supports: Vec<KnownSupports>,
     /// Entries of memory that the traversals of the bottom-level BVHs need.
     pub(crate) bottom_stack_len: usize,
     /// Numbers of removed instances, the next one that is used again last.
@@ -227,7 +227,7 @@ impl<B: Intersect> Tlas<B> {
             + size_of_val(&self.obbs[..])
             + size_of_val(&self.removed[..])
             + self.listed.get().map_or(0, |listed| size_of_val(&listed[..]));
-        let n_supports = self.supports.iter().filter(|supports| supports.get().is_some()).count();
+        let n_supports = self.supports.iter().filter_map(KnownSupports::get).flatten().count();
         let supports = size_of_val(&self.supports[..]) + n_supports * size_of::<Supports>();
         self.top.n_bytes() + size_of_val(&self.placements[..]) + instances + supports
     }

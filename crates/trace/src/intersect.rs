@@ -107,11 +107,13 @@ pub trait Intersect: Send + Sync {
     /// A box around everything, object space.
     fn bounds(&self) -> Obb;
 
-    /// At least the product of `direction` with each point that can be hit, but for [`Intersect::hit_error`]; finite.
+    /// At least the product of `direction` with each point that can be hit, but for [`Intersect::hit_error`]; finite. `None` for every direction
+    /// where nothing is known but [`Intersect::bounds`].
     ///
-    /// Provided: that of [`Intersect::bounds`]. Where it is less, rotated instances in a TLAS have smaller boxes.
-    fn support(&self, direction: [f64; 3]) -> f64 {
-        self.bounds().support(direction)
+    /// Rotated instances in a TLAS have smaller boxes where it is known.
+    fn support(&self, direction: [f64; 3]) -> Option<f64> {
+        let _ = direction;
+        None
     }
 
     /// How far a hit may lie outside of the bounds: each coordinate of `o + t·d`, in real arithmetic, by at most
@@ -424,7 +426,7 @@ where
         (**self).bounds()
     }
 
-    fn support(&self, direction: [f64; 3]) -> f64 {
+    fn support(&self, direction: [f64; 3]) -> Option<f64> {
         (**self).support(direction)
     }
 

@@ -31,8 +31,8 @@ impl Intersect for TriangleBvh {
         self.n_primitives == 0
     }
 
-    fn support(&self, direction: [f64; 3]) -> f64 {
-        self.farthest_along(direction)
+    fn support(&self, direction: [f64; 3]) -> Option<f64> {
+        Some(self.farthest_along(direction))
     }
 
     fn hit_error(&self) -> f32 {
