@@ -7,6 +7,7 @@
 mod blemishes;
 mod bodies;
 mod claims;
+mod curves;
 mod device;
 mod kinds;
 mod models;
@@ -58,6 +59,9 @@ fn main() -> Result<()> {
     }
     if options.wants("bodies") {
         bodies::section(&mut out, &options)?;
+    }
+    if options.wants("curves") {
+        curves::section(&mut out, &options)?;
     }
     if options.wants("kinds") {
         kinds::section(&mut out, &options)?;

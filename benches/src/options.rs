@@ -15,7 +15,7 @@ pub(crate) const TRIAL: &str = "tinybvh-trial";
 pub(crate) const CLAIMS: &str = "claims";
 
 /// The sections, in the order of the report.
-const SECTIONS: [&str; 7] = ["nodes", "kinds", "wide", "motion", "picture", "bodies", CLAIMS];
+const SECTIONS: [&str; 8] = ["nodes", "kinds", "wide", "motion", "picture", "bodies", "curves", CLAIMS];
 
 /// The options of the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,10 +1,12 @@
-//! Embree, versions 3 and 4: triangle meshes, instances, closest and any hit for single rays.
+//! Embree, versions 3 and 4: triangle meshes, round curves, instances, closest and any hit for single rays.
 //!
-//! `library`, `scene` and `moving` contain the unsafe code of the C interface.
+//! `library`, `scene` and `curves` contain the unsafe code of the C interface.
 
+mod curves;
 mod library;
 mod scene;
 
+pub use curves::{CurveKind, Curves};
 pub use library::{Library, LoadError, libraries};
 pub use scene::{MovingInstances, MovingMesh, Scene, SceneError, Update};
 

@@ -48,12 +48,12 @@ impl Error for SceneError {}
 /// A device and the number of bytes it has allocated.
 pub(super) struct Device {
     pub(super) library: Library,
-    handle: Handle,
+    pub(super) handle: Handle,
     n_bytes: Box<AtomicIsize>,
 }
 
 impl Device {
-    fn new(library: &Library, n_threads: usize) -> Result<Self, SceneError> {
+    pub(super) fn new(library: &Library, n_threads: usize) -> Result<Self, SceneError> {
         let config = CString::new(format!("threads={n_threads}")).expect("no zero byte in it");
         let n_bytes = Box::new(AtomicIsize::new(0));
         let f = &library.functions;
@@ -97,13 +97,17 @@ unsafe extern "C" fn count_bytes(count: *mut c_void, bytes: isize, _after: bool)
 pub(super) struct Buffers {
     /// Followed by one float, because Embree reads 16 bytes at each vertex.
     pub(super) positions: Vec<f32>,
-    triangles: Vec<[u32; 3]>,
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// The first point of each segment of curves.
+    pub(super) firsts: Vec<u32>,
+    /// See [`Curves`](super::Curves).
+    pub(super) neighbors: Vec<u8>,
 }
 
 impl Buffers {
     fn new(mesh: &Mesh<'_>) -> Self {
         let positions = mesh.positions.as_flattened().iter().copied().chain([0.0]).collect();
-        Self { positions, triangles: mesh.triangles.to_vec() }
+        Self { positions, triangles: mesh.triangles.to_vec(), firsts: vec![], neighbors: vec![] }
     }
 }
 
@@ -207,7 +211,7 @@ impl Scene {
     }
 
     /// Adds an empty scene.
-    fn start(&mut self, options: &Options) {
+    pub(super) fn start(&mut self, options: &Options) {
         let f = &self.device.library.functions;
         let quality = quality(options);
         // SAFETY: the device is alive; the scene is released in `drop`.
@@ -223,7 +227,7 @@ impl Scene {
 
     fn attach_mesh(&self, scene: usize, mesh: usize, options: &Options) {
         let f = &self.device.library.functions;
-        let Buffers { positions, triangles } = &self.buffers[mesh];
+        let Buffers { positions, triangles, .. } = &self.buffers[mesh];
         // SAFETY: the buffers live as long as this scene and hold what the counts say; the vertices are padded to
         // 16 bytes past the last one. The scene keeps the geometry after it is released here.
         unsafe {
@@ -302,7 +306,7 @@ impl RayHit {
     }
 }
 
-fn quality(options: &Options) -> i32 {
+pub(super) fn quality(options: &Options) -> i32 {
     match options.quality {
         Quality::Low => QUALITY_LOW,
         Quality::Refit => QUALITY_REFIT,

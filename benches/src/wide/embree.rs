@@ -8,7 +8,7 @@ use super::engine::{Engine, Entry, Owner, Promise};
 use crate::models::Model;
 
 /// A scene of Embree.
-struct Embree(Scene);
+pub(crate) struct Embree(pub(crate) Scene);
 
 impl Engine for Embree {
     fn closest(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {

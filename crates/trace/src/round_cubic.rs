@@ -3,7 +3,7 @@
 use canted_obb::vector::{Vector, dot, length, sqrt, sub, to_f64};
 
 use crate::ScaledRay;
-use crate::round_segment::span;
+use crate::round_segment::{passes, size, span};
 use crate::rounding::nearest;
 
 /// A round cubic curve: the tube that a ball sweeps along a Bézier curve, with its ends. It is solid.
@@ -64,7 +64,8 @@ impl RoundCubic {
             let [x, y, z] = sub(to_f64(self.points[i]), origin);
             [x, y, z, f64::from(self.radii[i])]
         });
-        let walk = Walk { d, depth: depth(&whole), interval: [f64::from(ray.t_min), f64::from(t_max)] };
+        let (depth, bend) = halvings(&whole);
+        let walk = Walk { d, depth, bend, interval: [f64::from(ray.t_min), f64::from(t_max)] };
         let mut spans = walk.spans(&whole, true);
         // Where the ray starts inside, entries into other parts are inside as well, and what comes after them counts.
         if spans.contain(walk.interval[0], walk.interval[0]) {
@@ -110,6 +111,8 @@ struct Walk {
     /// Direction; parts are relative to the origin.
     d: Vector,
     depth: u32,
+    /// The greatest length of a second difference of the control points.
+    bend: f64,
     interval: [f64; 2],
 }
 
@@ -121,7 +124,7 @@ impl Walk {
         let d_squared = dot(d, d);
         // Parts that wait, each with its interval, the number of its level and its place in it.
         let mut stack = [(*whole, [0.0; 2], 0_u32, 0_u32); MAX_DEPTH as usize + 1];
-        let mut n_waiting = usize::from(interval(whole, d, d_squared).is_some_and(|interval| {
+        let mut n_waiting = usize::from(interval(whole, self.bend, d, d_squared).is_some_and(|interval| {
             stack[0].1 = interval;
             true
         }));
@@ -145,7 +148,9 @@ impl Walk {
                 continue;
             }
             let mut next = [0, 1].map(|half| (half, 2 * place + half as u32));
-            let both = halves(&part).map(|half| (half, interval(&half, d, d_squared)));
+            // Those of a half are a quarter.
+            let bend = self.bend / f64::from(1_u32 << (2 * level + 2));
+            let both = halves(&part).map(|half| (half, interval(&half, bend, d, d_squared)));
             // The half that begins first is taken first.
             let begin = |half: usize| both[half].1.map_or(f64::INFINITY, |[start, _]| start);
             if begin(0) < begin(1) {
@@ -162,8 +167,8 @@ impl Walk {
     }
 }
 
-/// Halvings after which parts are as good as straight.
-fn depth(whole: &Control) -> u32 {
+/// Halvings after which parts are as good as straight, and the greatest second difference, of the radii as well.
+fn halvings(whole: &Control) -> (u32, f64) {
     let (mut size, mut bend) = (0.0_f64, 0.0_f64);
     // Of the curve, not of its control points: by balls at four parameters.
     let [a, b, c, d] = whole;
@@ -182,7 +187,7 @@ fn depth(whole: &Control) -> u32 {
         deviation *= 0.25;
         depth += 1;
     }
-    depth
+    (depth, bend)
 }
 
 /// De Casteljau's halves.
@@ -195,20 +200,28 @@ fn halves(part: &Control) -> [Control; 2] {
     [[*a, ab, abc, middle], [middle, bcd, cd, *d]]
 }
 
-/// The interval in which the ray passes through the ball around the control balls of a part, and so through its chord. `None` for a miss.
-fn interval(part: &Control, d: Vector, d_squared: f64) -> Option<[f64; 2]> {
-    let center: Vector = core::array::from_fn(|k| 0.5 * (part[0][k] + part[3][k]));
-    let mut reach = 0.0_f64;
-    for [x, y, z, radius] in part {
-        reach = reach.max(length(sub([*x, *y, *z], center)) + radius);
-    }
+/// The interval in which the ray passes through a ball around a part and its chord. `None` where it misses that, or the tube around the chord that contains the part.
+///
+/// The inner control points are within `bend`, the greatest length of a second difference, of the points at a third and two thirds of the chord, whose difference
+/// is `(2·D0 + D1)/3` or `(D0 + 2·D1)/3` of both second differences.
+fn interval(part: &Control, bend: f64, d: Vector, d_squared: f64) -> Option<[f64; 2]> {
+    let [p0, p3] = [part[0], part[3]].map(|[x, y, z, _]| [x, y, z]);
+    let chord = sub(p3, p0);
+    let radius = part[1..].iter().fold(part[0][3], |radius, ball| radius.max(ball[3]));
+    let center: Vector = core::array::from_fn(|k| 0.5 * (p0[k] + p3[k]));
     // Far more than the roundings of f64.
-    reach += 1e-12 * (reach + center[0].abs() + center[1].abs() + center[2].abs());
+    let margin = 1e-12 * (bend + radius + size(p0) + size(p3));
+    let around = bend + radius + margin;
+    if passes(p0, d, chord, around) {
+        return None;
+    }
+    let reach = 0.5 * length(chord) + around;
     let closest = dot(center, d) / d_squared;
-    let off = length(core::array::from_fn(|k| center[k] - closest * d[k]));
-    let half = sqrt(((reach - off) * (reach + off)).max(0.0) / d_squared);
+    let off: Vector = core::array::from_fn(|k| center[k] - closest * d[k]);
+    let squared = reach * reach - dot(off, off);
+    let half = sqrt(squared.max(0.0) / d_squared);
     let margin = 1e-12 * (closest.abs() + half);
-    (off <= reach).then_some([closest - half - margin, closest + half + margin])
+    (squared >= 0.0).then_some([closest - half - margin, closest + half + margin])
 }
 
 /// An interval of the ray inside of the curve: `t` and the parameter, at its start and at its end.

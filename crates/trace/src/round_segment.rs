@@ -59,34 +59,35 @@ impl RoundSegment {
 
 /// Where the line `from_origin + t·d`, relative to the first end, enters and leaves the segment along `a`: `t`, and the position along
 /// the segment. See [`RoundSegment::span_scaled`].
+#[inline]
 pub(crate) fn span(from_origin: Vector, d: Vector, a: Vector, [r0, r1]: [f64; 2]) -> Option<[(f64, f64); 2]> {
     let delta = r0 - r1;
     let d_squared = dot(d, d);
-    let (axis_squared, is_cone) = (dot(a, a), dot(a, a) > delta * delta);
+    let axis_squared = dot(a, a);
+    let is_cone = axis_squared > delta * delta;
+    let across = cross(d, a);
+    let across_squared = dot(across, across);
+    let greatest = r0.max(r1);
+    // So it is with most lines.
+    if passes(from_origin, d, a, greatest) {
+        return None;
+    }
     // The point of the line nearest to the middle, then, within the size of the segment, that nearest to the axis.
     let middle_t = (0.5 * dot(a, d) - dot(from_origin, d)) / d_squared;
     let at = |t: f64| core::array::from_fn(|k| from_origin[k] + t * d[k]);
-    let across = cross(d, a);
     let mut base_t = middle_t;
-    if is_cone && dot(across, across) > 0.0 {
-        let reach = (sqrt(axis_squared) + r0.max(r1)) / sqrt(d_squared);
-        let to_axis = -dot(cross(at(middle_t), a), across) / dot(across, across);
+    if is_cone && across_squared > 0.0 {
+        let reach = (sqrt(axis_squared) + greatest) / sqrt(d_squared);
+        let to_axis = -dot(cross(at(middle_t), a), across) / across_squared;
         base_t += to_axis.clamp(-reach, reach);
     }
     let m: [f64; 3] = at(base_t);
     let mut span = Span { entry: (f64::INFINITY, 0.0), exit: (f64::NEG_INFINITY, 0.0) };
-    for (u, to_ray, radius) in [(0.0, m, r0), (1.0, sub(m, a), r1)] {
-        // As `Sphere::roots_scaled`.
-        let closest = -dot(to_ray, d) / d_squared;
-        let distance = length(core::array::from_fn(|k| to_ray[k] + closest * d[k]));
-        let half_chord = sqrt((radius - distance) * (radius + distance) / d_squared);
-        span.add(closest - half_chord, u);
-        span.add(closest + half_chord, u);
-    }
+    let mut n_lateral = 0;
     if is_cone {
         let (e, moment) = (axis_squared - delta * delta, cross(m, a));
         let (along_m, along_d) = (dot(m, a), dot(d, a));
-        let a2 = dot(across, across) - delta * delta * d_squared;
+        let a2 = across_squared - delta * delta * d_squared;
         let b = dot(moment, across) - delta * delta * dot(m, d) + r0 * delta * along_d;
         let c = dot(moment, moment) - delta * delta * dot(m, m) - axis_squared * r0 * r0 + 2.0 * r0 * delta * along_m;
         // Roots of a2·t² + 2·b·t + c without cancellation. NaN for a miss, and at infinity where the line is parallel to the surface.
@@ -96,13 +97,43 @@ pub(crate) fn span(from_origin: Vector, d: Vector, a: Vector, [r0, r1]: [f64; 2]
             let s = (along_m + t * along_d - r0 * delta) / e;
             if (0.0..=1.0).contains(&s) {
                 span.add(t, s);
+                n_lateral += 1;
             }
+        }
+    }
+    // The hull is convex: where both points are on the lateral surface, the balls are between them.
+    if n_lateral < 2 {
+        for (u, to_ray, radius) in [(0.0, m, r0), (1.0, sub(m, a), r1)] {
+            // As `Sphere::roots_scaled`.
+            let closest = -dot(to_ray, d) / d_squared;
+            let distance = length(core::array::from_fn(|k| to_ray[k] + closest * d[k]));
+            let half_chord = sqrt((radius - distance) * (radius + distance) / d_squared);
+            span.add(closest - half_chord, u);
+            span.add(closest + half_chord, u);
         }
     }
     let Span { entry, exit } = span;
     // Also false where no part is hit.
     (entry.0 <= exit.0).then(|| [entry, exit].map(|(t, u)| (base_t + t, u)))
 }
+
+/// Whether the line `from_origin + t·d` certainly passes the line of `a` through the origin at a distance greater than `radius`: the triple
+/// product, over the length of `d × a`.
+#[inline]
+pub(crate) fn passes(from_origin: Vector, d: Vector, a: Vector, radius: f64) -> bool {
+    let across = cross(d, a);
+    let apart = dot(from_origin, across).abs() - ROUNDINGS * size(from_origin) * size(d) * size(a);
+    apart > 0.0 && apart * apart > radius * radius * dot(across, across) * (1.0 + ROUNDINGS)
+}
+
+/// The sum of the absolute components.
+#[inline]
+pub(crate) fn size(v: Vector) -> f64 {
+    v[0].abs() + v[1].abs() + v[2].abs()
+}
+
+/// More than all roundings of a triple product, relative to the product of the sizes: ten of 2^-53, and those of squares.
+const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
 
 /// First and last root, each with the position along the segment.
 struct Span {

@@ -201,7 +201,8 @@ impl<P: Primitive> WideBvh<P> {
             return Err(PrimitiveError::TooMany { n_primitives });
         }
         let bounds = bounds_of(&primitives)?;
-        let costs = Costs { max_leaf: config.costs.max_leaf.min(P::MAX_LEAF), ..config.costs };
+        let Costs { max_leaf, block, .. } = config.costs;
+        let costs = Costs { max_leaf: max_leaf.min(P::MAX_LEAF), block: block * P::COST, ..config.costs };
         let config = Config { costs, ..*config }.usable();
         let reference = reference_of(&primitives);
         let place = |i: usize| Placed { primitive: &primitives[i], reference };

@@ -32,6 +32,7 @@ pub fn extent_of_points(points: impl IntoIterator<Item = [f32; 3]>, radius: f32,
 
 /// As [`extent_of_points`], over balls of different radii (center and radius) and their convex hull. Centers may be off by
 /// three roundings of f64, which the error covers four times over.
+#[inline]
 pub(super) fn extent_of_balls(balls: &[[f64; 4]], direction: [f32; 3]) -> [f32; 2] {
     let d = direction.map(f64::from);
     let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
@@ -49,12 +50,14 @@ pub(super) fn extent_of_balls(balls: &[[f64; 4]], direction: [f32; 3]) -> [f32; 
 /// The interval of `direction·x` over a box, rounded outward.
 #[must_use]
 pub fn extent_of_box(aabb: &Aabb, direction: [f32; 3]) -> [f32; 2] {
-    let ends = |least: bool| {
-        // The corner that is farthest along the direction, or against it.
-        let corner = std::array::from_fn(|k| if (direction[k] < 0.0) == least { aabb.max[k] } else { aabb.min[k] });
-        extent_of_points([corner], 0.0, direction)
-    };
-    [ends(true)[0], ends(false)[1]]
+    let (mut lo, mut hi, mut size) = ([0.0; 3], [0.0; 3], 0.0);
+    for k in 0..3 {
+        let [a, b] = [aabb.min[k], aabb.max[k]].map(|x| f64::from(direction[k]) * f64::from(x));
+        (lo[k], hi[k]) = if b < a { (b, a) } else { (a, b) };
+        size += a.abs().max(b.abs());
+    }
+    let error = EXTENT_ERROR * size;
+    [down(lo[0] + lo[1] + lo[2] - error), up(hi[0] + hi[1] + hi[2] + error)]
 }
 
 /// The box around all points within `radius` of `points`, rounded outward; [`Aabb::EMPTY`] for none, and NaN, which builds

@@ -96,6 +96,10 @@ pub trait Primitive: Send + Sync {
     /// expensive the test, the fewer.
     const MAX_LEAF: usize = 2;
 
+    /// How many times as long as a block of eight triangles the tests of a leaf take: the more expensive, the more oriented nodes pay, which keep rays
+    /// away from leaves that they miss.
+    const COST: f32 = 1.0;
+
     /// A box around the primitive, object space: finite, not empty.
     fn bounds(&self) -> Aabb;
 
@@ -125,6 +129,7 @@ impl<P: Primitive> Primitive for &P {
     const ERROR: f32 = P::ERROR;
     const IS_LOCAL: bool = P::IS_LOCAL;
     const MAX_LEAF: usize = P::MAX_LEAF;
+    const COST: f32 = P::COST;
 
     fn bounds(&self) -> Aabb {
         P::bounds(self)

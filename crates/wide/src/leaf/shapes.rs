@@ -52,6 +52,8 @@ impl SavedPrimitive for Sphere {
 /// surface by `h <= sqrt(2^-48)·S`, less for thick segments. Rounding `t` adds u·S: two units in all of the 20 that are stated.
 impl Primitive for RoundSegment {
     const IS_LOCAL: bool = true;
+    const MAX_LEAF: usize = 4;
+    const COST: f32 = 20.0;
 
     fn bounds(&self) -> Aabb {
         let [a, b] = [0, 1].map(|end| bounds_of_points([self.ends[end]], self.radii[end]));
@@ -66,8 +68,7 @@ impl Primitive for RoundSegment {
     }
 
     fn extent_along(&self, direction: [f32; 3]) -> [f32; 2] {
-        let [a, b] = [0, 1].map(|end| extent_of_points([self.ends[end]], self.radii[end], direction));
-        [a[0].min(b[0]), a[1].max(b[1])]
+        extent_of_balls(&self.to_data().map(|ball| ball.map(f64::from)), direction)
     }
 
     fn moments(&self) -> Moments {
@@ -104,6 +105,7 @@ impl SavedPrimitive for RoundSegment {
 impl Primitive for RoundCubic {
     const IS_LOCAL: bool = true;
     const MAX_LEAF: usize = 1;
+    const COST: f32 = 40.0;
 
     fn bounds(&self) -> Aabb {
         if !self.points.as_flattened().iter().chain(&self.radii).all(|x| x.is_finite()) {

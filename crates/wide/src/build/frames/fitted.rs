@@ -6,7 +6,7 @@ use canted_obb::{Moments, eigen};
 use glam::{Vec3A, Vec4};
 
 use super::vector::{frame, to_glam};
-use crate::leaf::{Placed, Primitive, extents_within};
+use crate::leaf::{Placed, Primitive};
 use crate::par;
 
 /// A primitive, scaled so that the largest extent of the scene is about one.
@@ -179,8 +179,16 @@ impl<P: Primitive> Fitted for ScaledShape<'_, P> {
 
     fn extents<const N: usize>(shapes: &[Self], stride: usize, rows: &[Vec3A; N]) -> [f32; N] {
         let Some(first) = shapes.first() else { return [0.0; N] };
-        let primitives = shapes.iter().step_by(stride).map(|shape| shape.placed);
-        let [lo, hi] = extents_within(&rows.map(|row| row.to_array()), primitives);
+        let rows = rows.map(|row| row.to_array());
+        let (mut lo, mut hi) = ([f32::MAX; N], [f32::MIN; N]);
+        // What boxes contain is decided later, so primitives are believed, and their intervals not moved.
+        for shape in shapes.iter().step_by(stride) {
+            for k in 0..N {
+                let [least, greatest] = shape.placed.primitive.extent_along(rows[k]);
+                lo[k] = lo[k].min(least);
+                hi[k] = hi[k].max(greatest);
+            }
+        }
         std::array::from_fn(|k| (hi[k] - lo[k]) * first.scale)
     }
 }
