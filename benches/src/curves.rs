@@ -10,7 +10,8 @@ use std::fmt::Write;
 
 use anyhow::Result;
 use canted_fixtures::{
-    DIFFUSE_SEED, Mesh, OCCLUSION_SEED, Strands, SurfacePoint, diffuse, head_of_hair, object_views, occlusion, streamlines,
+    DIFFUSE_SEED, Mesh, OCCLUSION_SEED, Strands, SurfacePoint, diffuse, head_of_hair, object_views, occlusion,
+    streamlines,
 };
 use canted_trace::{Hit, Ray, RoundCubic, RoundSegment, Sphere};
 use canted_wide::{Config, Preset, Primitive, TriangleBvh, WideBvh};
@@ -140,9 +141,8 @@ fn across(axis: [f32; 3]) -> [[f32; 3]; 2] {
         let length = v.iter().map(|x| x * x).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
         v.map(|x| x / length)
     };
-    let cross = |a: [f32; 3], b: [f32; 3]| {
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    };
+    let cross =
+        |a: [f32; 3], b: [f32; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let u = unit(cross(axis, std::array::from_fn(|k| f32::from(u8::from(k == least)))));
     [u, unit(cross(axis, u))]
 }
@@ -262,7 +262,8 @@ fn measure(
     // Its bounds are those of the points that triangles use.
     let cloud = Mesh { triangles: (0..positions.len() as u32).map(|i| [i; 3]).collect(), positions };
     let resolution = canted_fixtures::RESOLUTION / if options.is_quick { 2 } else { 1 };
-    let camera: Vec<Ray> = object_views(&cloud).iter().flat_map(|view| view.rays(resolution)).map(|data| ray(&data)).collect();
+    let camera: Vec<Ray> =
+        object_views(&cloud).iter().flat_map(|view| view.rays(resolution)).map(|data| ray(&data)).collect();
     let mut hits = vec![None; camera.len()];
     engines[0].closest(&camera, &mut hits);
     let points = surface(form, parts, &camera, &hits);

@@ -43,6 +43,7 @@ fn every_promise_holds() {
         "triangle",
         "triangle BVH",
         "instance",
+        "curve",
         "film",
     ];
     for stage in stages {

@@ -73,7 +73,16 @@ impl Scene {
             let points = positions.as_ptr().cast();
             (f.set_shared_buffer)(geometry, BUFFER_VERTEX, 0, FORMAT_FLOAT4, points, 0, 16, positions.len() / 4);
             if kind != CurveKind::Sphere {
-                (f.set_shared_buffer)(geometry, BUFFER_INDEX, 0, FORMAT_UINT, firsts.as_ptr().cast(), 0, 4, firsts.len());
+                (f.set_shared_buffer)(
+                    geometry,
+                    BUFFER_INDEX,
+                    0,
+                    FORMAT_UINT,
+                    firsts.as_ptr().cast(),
+                    0,
+                    4,
+                    firsts.len(),
+                );
             }
             if kind == CurveKind::RoundLinear {
                 let flags = neighbors.as_ptr().cast();

@@ -8,6 +8,7 @@
 //! holds; `cargo xtask extremes` writes all rows, with the results of peers on the same input, and the report shows them. Nothing
 //! depends on a clock: every run gives the same rows. Not covered: run time (`hits/degenerate.rs`, the benches).
 
+pub mod curves;
 mod film;
 mod fit;
 pub mod hierarchy;
@@ -47,6 +48,7 @@ pub fn rows(effort: usize, methods: &[Method]) -> Vec<Row> {
         hierarchy::rows_of_invalid_rays(methods),
         instance::rows(effort, &placed),
         instance::rows_of_many(effort),
+        curves::rows(effort),
         film::rows(),
     ]
     .concat();
