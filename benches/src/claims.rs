@@ -9,7 +9,7 @@ use std::{fmt::Write, io::Write as _, path::Path};
 use anyhow::{Context, Result, bail, ensure};
 
 use crate::{
-    models,
+    curves, models,
     options::Options,
     wide::{Measured, Promise, Subject},
 };
@@ -22,7 +22,7 @@ const HEAD: &str = "| scene | Embree robust mode |";
 const COLUMNS: [Promise; 2] = [Promise::Watertight, Promise::Fast];
 
 /// README's names of scenes, by their first words, and the scenes of this program.
-const SCENES: [(&str, &str); 8] = [
+const SCENES: [(&str, &str); 9] = [
     ("trusses and lattice towers", "truss"),
     ("poles", "poles"),
     ("Sponza, rotated", "sponza_rotated"),
@@ -31,7 +31,11 @@ const SCENES: [(&str, &str); 8] = [
     ("kitchen", "country_kitchen"),
     ("bunny scan", "bunny"),
     ("2.3 M triangles in 401 instances", "tower_field"),
+    ("hair of round segments", HAIR),
 ];
+
+/// The scene of curves.
+const HAIR: &str = "hair";
 
 /// A row of the table: rays a second relative to the peers of each column, for each kind of rays.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,14 +58,18 @@ pub(crate) fn section(out: &mut String) -> Result<()> {
     );
     let mut exaggerated = vec![];
     for claim in claims(&readme)? {
-        let Some(model) = models::load(claim.scene)? else {
-            let _ = writeln!(out, "| {} | not available here | |", claim.scene);
-            continue;
-        };
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-        let subject = Subject::new(claim.scene.to_owned(), model, &options)?;
-        let measured = one.install(|| subject.measure(&options))?;
-        let found = found(&measured)?;
+        let found = if claim.scene == HAIR {
+            let ratios = one.install(|| curves::of_hair(&options))?;
+            ratios.context("Embree is not found: see `CANTED_EMBREE` in CONTRIBUTING.md")?
+        } else {
+            let Some(model) = models::load(claim.scene)? else {
+                let _ = writeln!(out, "| {} | not available here | |", claim.scene);
+                continue;
+            };
+            let subject = Subject::new(claim.scene.to_owned(), model, &options)?;
+            found(&one.install(|| subject.measure(&options))?)?
+        };
         let row = row(&claim, &found);
         std::io::stderr().write_all(row.as_bytes())?;
         out.push_str(&row);

@@ -18,7 +18,7 @@ use canted_wide::{Config, Preset, Primitive, TriangleBvh, WideBvh};
 
 use crate::models::{Kind, ray};
 use crate::options::Options;
-use crate::timing::{ratio, time};
+use crate::timing::{median, ratio, time};
 use crate::wide::engine::{self, Answers, Build, Engine, Entry, Owner, Promise, WithBytes, cpu};
 
 /// Sides of the tubes.
@@ -236,6 +236,54 @@ fn surface(form: Form, parts: &Parts, rays: &[Ray], hits: &[Option<Hit>]) -> Vec
     rays.iter().zip(hits).filter_map(point).collect()
 }
 
+/// One kind of rays through all engines.
+struct Set {
+    kind: Kind,
+    n_rays: usize,
+    /// Of each engine, in each round.
+    seconds: Vec<Vec<f64>>,
+    answers: Vec<Answers>,
+}
+
+/// Traces rays of every kind; diffuse and occlusion rays start where the first engine hits.
+fn traced(form: Form, parts: &Parts, engines: &[Box<dyn Engine>], options: &Options) -> Vec<Set> {
+    let positions: Vec<_> = parts.points.iter().map(|&[x, y, z, _]| [x, y, z]).collect();
+    // Its bounds are those of the points that triangles use.
+    let cloud = Mesh { triangles: (0..positions.len() as u32).map(|i| [i; 3]).collect(), positions };
+    let resolution = canted_fixtures::RESOLUTION / if options.is_quick { 2 } else { 1 };
+    let views = object_views(&cloud);
+    let camera: Vec<Ray> = views.iter().flat_map(|view| view.rays(resolution)).map(|data| ray(&data)).collect();
+    let mut hits = vec![None; camera.len()];
+    engines[0].closest(&camera, &mut hits);
+    let points = surface(form, parts, &camera, &hits);
+    let diagonal = cloud.diagonal();
+    let [diffuse, occlusion] = [diffuse(&points, diagonal, DIFFUSE_SEED), occlusion(&points, diagonal, OCCLUSION_SEED)]
+        .map(|rays| rays.iter().map(ray).collect::<Vec<_>>());
+    let set = |(kind, rays): (Kind, Vec<Ray>)| {
+        let (seconds, answers) = engine::answers(engines, &rays, options.rounds, kind == Kind::Occlusion);
+        Set { kind, n_rays: rays.len(), seconds: seconds.iter().map(|seconds| cpu(seconds)).collect(), answers }
+    };
+    Kind::ALL.into_iter().zip([camera, diffuse, occlusion]).map(set).collect()
+}
+
+/// Rays a second of `quality` through round linear segments of hair, relative to Embree's robust mode and to its default mode, for each
+/// kind of rays; `None` where Embree is not found.
+pub(crate) fn of_hair(options: &Options) -> Result<Option<[[f64; 3]; 2]>> {
+    let parts = Parts::new(&head_of_hair(options.seed, 20_000), Form::Linear);
+    let mut entries = entries(Form::Linear, &parts);
+    entries.retain(|entry| ["quality", "robust", "high"].contains(&entry.name.as_str()));
+    if entries.len() < 3 {
+        return Ok(None);
+    }
+    let engines = entries.iter().map(|entry| (entry.build)(1)).collect::<Result<Vec<_>>>()?;
+    let sets = traced(Form::Linear, &parts, &engines, options);
+    let of = |name: &str| -> [f64; 3] {
+        let i = entries.iter().position(|entry| entry.name == name).expect("all three are there");
+        std::array::from_fn(|kind| ratio(&sets[kind].seconds[i], &sets[kind].seconds[0]))
+    };
+    Ok(Some([of("robust"), of("high")]))
+}
+
 fn measure(
     out: &mut String,
     builds: &mut String,
@@ -258,26 +306,12 @@ fn measure(
         );
         engines.push(built);
     }
-    let positions: Vec<_> = parts.points.iter().map(|&[x, y, z, _]| [x, y, z]).collect();
-    // Its bounds are those of the points that triangles use.
-    let cloud = Mesh { triangles: (0..positions.len() as u32).map(|i| [i; 3]).collect(), positions };
-    let resolution = canted_fixtures::RESOLUTION / if options.is_quick { 2 } else { 1 };
-    let camera: Vec<Ray> =
-        object_views(&cloud).iter().flat_map(|view| view.rays(resolution)).map(|data| ray(&data)).collect();
-    let mut hits = vec![None; camera.len()];
-    engines[0].closest(&camera, &mut hits);
-    let points = surface(form, parts, &camera, &hits);
-    let diagonal = cloud.diagonal();
-    let [diffuse, occlusion] = [diffuse(&points, diagonal, DIFFUSE_SEED), occlusion(&points, diagonal, OCCLUSION_SEED)]
-        .map(|rays| rays.iter().map(ray).collect::<Vec<_>>());
-    for (kind, rays) in Kind::ALL.into_iter().zip([camera, diffuse, occlusion]) {
-        let (seconds, answers) = engine::answers(&engines, &rays, options.rounds, kind == Kind::Occlusion);
-        let seconds: Vec<Vec<f64>> = seconds.iter().map(|seconds| cpu(seconds)).collect();
+    for Set { kind, n_rays, seconds, answers } in traced(form, parts, &engines, options) {
         let find = |name: &str| entries.iter().position(|entry| entry.name == name);
-        let speed = |i: usize| rays.len() as f64 / 1e6 / crate::timing::median(&seconds[i]);
+        let speed = |i: usize| n_rays as f64 / 1e6 / median(&seconds[i]);
         let ratio = |name| find(name).map_or_else(String::new, |i| format!("{:.2}", ratio(&seconds[i], &seconds[0])));
         let differing = find("robust").map_or_else(String::new, |i| {
-            format!("{:.0}", 1e6 * n_differing(&answers[0], &answers[i]) as f64 / rays.len() as f64)
+            format!("{:.0}", 1e6 * n_differing(&answers[0], &answers[i]) as f64 / n_rays as f64)
         });
         let _ = writeln!(
             out,
