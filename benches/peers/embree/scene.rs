@@ -150,7 +150,7 @@ impl Scene {
     ) -> Result<Self, SceneError> {
         let device = Device::new(library, options.n_threads)?;
         let buffers = meshes.iter().map(Buffers::new).collect();
-        let mut scene = Self { scenes: vec![], device, buffers: buffers };
+        let mut scene = Self { scenes: vec![], device, buffers };
         scene.start(options);
         for mesh in 0..meshes.len() {
             scene.start(options);

@@ -109,8 +109,11 @@ fn segments(rng: &mut SplitMix64, place: Place, length: f64, radii: [f32; 2]) ->
     (0..120).map(segment).collect()
 }
 
-/// Kinds of cubic curves: control points of one from random ones.
-const CUBICS: [(&str, fn([[f32; 3]; 4]) -> [[f32; 3]; 4], [f32; 4]); 5] = [
+/// Control points of a curve from random ones.
+type Form = fn([[f32; 3]; 4]) -> [[f32; 3]; 4];
+
+/// Kinds of cubic curves, with their radii.
+const CUBICS: [(&str, Form, [f32; 4]); 5] = [
     ("curves with loops", |[a, b, c, _]| [a, b, c, a], [0.02; 4]),
     ("curves with a cusp", |[a, b, _, d]| [a, d, b, a], [0.01, 0.05, 0.05, 0.01]),
     ("curves of coincident control points", |[a, ..]| [a; 4], [0.1, 0.1, 0.05, 0.05]),
@@ -118,12 +121,7 @@ const CUBICS: [(&str, fn([[f32; 3]; 4]) -> [[f32; 3]; 4], [f32; 4]); 5] = [
     ("curves, radius 1e-6 of the length", |points| points, [1e-6; 4]),
 ];
 
-fn cubics(
-    rng: &mut SplitMix64,
-    place: Place,
-    form: fn([[f32; 3]; 4]) -> [[f32; 3]; 4],
-    radii: [f32; 4],
-) -> Vec<RoundCubic> {
+fn cubics(rng: &mut SplitMix64, place: Place, form: Form, radii: [f32; 4]) -> Vec<RoundCubic> {
     let curve = |_| {
         let points = form(std::array::from_fn(|_| point(rng, place, 1.0)));
         RoundCubic { points, radii: radii.map(|radius| place.scale * radius) }
