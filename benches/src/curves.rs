@@ -70,7 +70,8 @@ struct Parts {
     points: Vec<[f32; 4]>,
     /// The first point of each segment.
     firsts: Vec<u32>,
-    /// Whether a segment has one before it (1) and after it (2).
+    /// Whether a segment has one before it (1) and after it (2), for Embree.
+    #[cfg_attr(not(feature = "peers"), expect(dead_code, reason = "peers alone need it"))]
     neighbors: Vec<u8>,
 }
 
