@@ -67,9 +67,9 @@ impl<B: Intersect> Intersect for Tlas<B> {
                     let ray = PlacedRay { world: &ray, map: &placement.map, t_max: limit };
                     blas.closest_hit_placed(&ray, instance, query, bottom)
                 }
-                Some(motion) => {
-                    motion.ray_object(&ray, limit).and_then(|object| object.closest_hit(blas, instance, query, bottom))
-                }
+                Some(motion) => motion.ray_object(&ray, limit).and_then(|object| {
+                    object.closest_hit(query, instance, |ray, query| blas.closest_hit_scaled(ray, query, bottom))
+                }),
             };
             let Some((t, hit)) = found else { return t_max };
             let order = |t: f64, hit: &Hit| (t, hit.instance, hit.primitive);
@@ -94,9 +94,9 @@ impl<B: Intersect> Intersect for Tlas<B> {
                     let ray = PlacedRay { world: &ray, map: &placement.map, t_max: ray.t_max };
                     blas.occluded_placed(&ray, instance, query, bottom)
                 }
-                Some(motion) => motion
-                    .ray_object(&ray, ray.t_max)
-                    .is_some_and(|object| object.occluded(blas, instance, query, bottom)),
+                Some(motion) => motion.ray_object(&ray, ray.t_max).is_some_and(|object| {
+                    object.occluded(query, instance, |ray, query| blas.occluded_scaled(ray, query, bottom))
+                }),
             };
             if found { -1.0 } else { t_max }
         });

@@ -160,13 +160,15 @@ pub trait Intersect: Send + Sync {
         query: &mut dyn Query,
         stack: &mut [u64],
     ) -> Option<(f64, Hit)> {
-        ray.object()?.closest_hit(self, instance, query, stack)
+        ray.object()?.closest_hit(query, instance, |ray, query| self.closest_hit_scaled(ray, query, stack))
     }
 
     /// Whether an instance is hit; agrees with `closest_hit_placed`.
     #[doc(hidden)]
     fn occluded_placed(&self, ray: &PlacedRay, instance: InstanceId, query: &mut dyn Query, stack: &mut [u64]) -> bool {
-        ray.object().is_some_and(|object| object.occluded(self, instance, query, stack))
+        ray.object().is_some_and(|object| {
+            object.occluded(query, instance, |ray, query| self.occluded_scaled(ray, query, stack))
+        })
     }
 
     /// Answers the rays of a slice, of which the first has the index `first`; without `accept`, every hit is accepted.

@@ -19,7 +19,7 @@ use canted_obb::Affine;
 use canted_obb::round::{greatest, magnitude_down, magnitude_up, power_below, reciprocal_of_power};
 use canted_obb::vector::{cross, dot, to_f64};
 
-use crate::{Hit, InstanceId, Intersect, Query, Ray, ScaledRay};
+use crate::{Hit, InstanceId, Query, Ray, ScaledRay};
 
 /// The map of an instance, and what its inverse needs.
 ///
@@ -224,29 +224,27 @@ impl ObjectRay {
         ask(&mut InInstance { query, instance, to_caller: self.to_caller })
     }
 
-    /// The closest hit of the instance, with its scaled world `t`.
+    /// The closest hit of the instance, with its scaled world `t`; `find` looks for it in object space.
     #[inline]
-    pub fn closest_hit<B: Intersect + ?Sized>(
+    pub fn closest_hit(
         &self,
-        blas: &B,
-        instance: InstanceId,
         query: &mut dyn Query,
-        stack: &mut [u64],
+        instance: InstanceId,
+        find: impl FnOnce(&ScaledRay, &mut dyn Query) -> Option<Hit>,
     ) -> Option<(f64, Hit)> {
-        let hit = self.ask(query, instance, |query| blas.closest_hit_scaled(&self.ray, query, stack))?;
+        let hit = self.ask(query, instance, |query| find(&self.ray, query))?;
         Some((self.world_t(hit.t), Hit { instance, ..hit }))
     }
 
-    /// Whether the instance is hit.
+    /// Whether the instance is hit, which `find` finds out in object space.
     #[inline]
-    pub fn occluded<B: Intersect + ?Sized>(
+    pub fn occluded(
         &self,
-        blas: &B,
-        instance: InstanceId,
         query: &mut dyn Query,
-        stack: &mut [u64],
+        instance: InstanceId,
+        find: impl FnOnce(&ScaledRay, &mut dyn Query) -> bool,
     ) -> bool {
-        self.ask(query, instance, |query| blas.occluded_scaled(&self.ray, query, stack))
+        self.ask(query, instance, |query| find(&self.ray, query))
     }
 }
 

@@ -71,14 +71,16 @@ impl Intersect for TriangleBvh {
         if self.is_plain(query) {
             return self.path.run(PlacedClosest { bvh: self, ray, instance, stack });
         }
-        ray.object()?.closest_hit(self, instance, query, stack)
+        ray.object()?.closest_hit(query, instance, |ray, query| self.closest_hit_scaled(ray, query, stack))
     }
 
     fn occluded_placed(&self, ray: &PlacedRay, instance: InstanceId, query: &mut dyn Query, stack: &mut [u64]) -> bool {
         if self.is_plain(query) {
             return self.path.run(PlacedOccluded { bvh: self, ray, stack });
         }
-        ray.object().is_some_and(|object| object.occluded(self, instance, query, stack))
+        ray.object().is_some_and(|object| {
+            object.occluded(query, instance, |ray, query| self.occluded_scaled(ray, query, stack))
+        })
     }
 
     fn all_hits_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64], hits: &mut Vec<Hit>) {
