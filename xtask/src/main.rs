@@ -37,7 +37,7 @@ const USAGE: &str = "usage: cargo xtask TASK
 
 What measures prints its result; with --keep it records it in benches/results. --peers adds Embree and tinybvh:
 
-  bench [ARGS]      measure speed: nodes, kinds, wide, motion, picture, bodies [default: all]; --rounds N, --scenes A,B, --engines A,B,
+  bench [ARGS]      measure speed: nodes, kinds, wide, motion, picture, bodies, curves [default: all]; --rounds N, --scenes A,B, --engines A,B,
                     --quick, --seed N; --device gpu|NAME measures that adapter only, compared with the CPU
   bench kinds --fresh [SEED]   kinds whose forms a seed draws, a new one unless it is given; --models FOLDER measures files
   bench claims      measure what README's table states, and fail if a figure is more than 5 % too high
