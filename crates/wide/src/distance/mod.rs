@@ -153,7 +153,7 @@ impl DistanceShape for Aabb {
 }
 
 /// What roundings may add to a squared lower bound.
-const SHRINK: f32 = 1.0 - 32.0 * U;
+pub(crate) const SHRINK: f32 = 1.0 - 32.0 * U;
 
 /// A query point in all lanes.
 #[derive(Clone, Copy)]

@@ -6,8 +6,10 @@ use canted_trace::with_stack;
 
 use super::{ClosestPoint, DistanceShape, PointLanes};
 use crate::bvh::WideBvh;
-use crate::leaf::LeafPrimitive;
-use crate::node::{ALIGNED_LINES, ChildWord, DecodedWord, NodeKind, Nodes, ORIENTED_LINES, node_words, rows};
+use crate::leaf::{LeafPrimitive, near};
+use crate::node::{
+    ALIGNED_LINES, ChildWord, DecodedWord, HalfBlock, NodeKind, Nodes, ORIENTED_LINES, node_words, rows,
+};
 use crate::par;
 use crate::simd::{Simd, Task};
 use crate::traverse::{LeafRange, MeshFrame};
@@ -160,11 +162,18 @@ impl<P: LeafPrimitive> WideBvh<P> {
         let (path, nodes, frame) = (self.path, &self.nodes, &self.frame);
         if point.iter().all(|x| x.is_finite()) {
             with_stack(nodes.stack_len(), |stack| {
-                let leaf = &mut |leaf: LeafRange, mut bound| {
-                    P::for_each_shape(&self.leaves, leaf, |primitive, shape| bound = visit(primitive, shape, bound));
+                let leaf = &mut |leaf: LeafRange, near: u32, mut bound| {
+                    let mut place = 0;
+                    P::for_each_shape(&self.leaves, leaf, |primitive, shape| {
+                        if near >> place & 1 == 1 {
+                            bound = visit(primitive, shape, bound);
+                        }
+                        place += 1;
+                    });
                     bound
                 };
-                path.run(Search { nodes, frame, stack, point, bound, leaf });
+                let halves = bytemuck::cast_slice(P::leaf_data(&self.leaves).blocks);
+                path.run(Search { nodes, frame, halves, stack, point, bound, leaf });
             });
         }
     }
@@ -180,14 +189,16 @@ fn limit_of(bound: f64) -> f32 {
     (bound as f32).next_up() + 4.0 * LEAST
 }
 
-/// Visits leaves nearer than a bound, nearest first. `leaf` gets the bound and returns the new one.
+/// Visits leaves nearer than a bound, nearest first. `leaf` gets the primitives that may be as near, by place in the leaf, and the bound, and returns the new one.
 struct Search<'a> {
     nodes: &'a Nodes,
     frame: &'a MeshFrame,
+    /// The triangles; none for other primitives, all of which may be near.
+    halves: &'a [HalfBlock],
     stack: &'a mut [u64],
     point: [f32; 3],
     bound: f64,
-    leaf: &'a mut dyn FnMut(LeafRange, f64) -> f64,
+    leaf: &'a mut dyn FnMut(LeafRange, u32, f64) -> f64,
 }
 
 impl Task for Search<'_> {
@@ -195,13 +206,22 @@ impl Task for Search<'_> {
 
     #[inline(always)]
     fn on<S: Simd>(self, simd: S) {
-        let Self { nodes, frame, stack, point, mut bound, leaf } = self;
+        let Self { nodes, frame, halves, stack, point, mut bound, leaf } = self;
         let lanes = PointLanes::new(simd, point, frame);
+        let [x, y, z] = point;
+        let given = [simd.splat(x), simd.splat(y), simd.splat(z)];
         let mut n_waiting = 0;
         let mut word = nodes.root;
         loop {
             match word.kind() {
-                DecodedWord::Leaf { first, n } => bound = leaf(LeafRange::new(first, n), bound),
+                DecodedWord::Leaf { first, n } => {
+                    let range = LeafRange::new(first, n);
+                    let all = halves.is_empty();
+                    let near = if all { u32::MAX } else { near(simd, halves, range, given, limit_of(bound)) };
+                    if near != 0 {
+                        bound = leaf(range, near, bound);
+                    }
+                }
                 DecodedWord::Node(kind, line) => {
                     let lines = &nodes.lines;
                     let words = node_words(lines, kind, line);

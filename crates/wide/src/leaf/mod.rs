@@ -13,7 +13,7 @@ pub use extents::{bounds_of_points, extent_of_box, extent_of_points};
 pub(crate) use primitive::{Placed, Shapes, extents_within};
 pub use primitive::{Primitive, PrimitiveHit, SavedPrimitive};
 pub use triangles::Triangle;
-pub(crate) use triangles::{Blocks, StoredTriangles, unused_lanes_are_zero};
+pub(crate) use triangles::{Blocks, StoredTriangles, near, unused_lanes_are_zero};
 
 use crate::traverse::LeafRange;
 

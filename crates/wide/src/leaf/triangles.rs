@@ -10,6 +10,7 @@ use super::{LeafData, LeafPrimitive};
 use crate::node::checked::{CheckedLeaf, Hierarchy};
 use crate::node::{DecodedWord, HALF_BLOCK_WORDS, HalfBlock, LaneWords, LeafLayout, Nodes, PART_LANES, PARTS, Records};
 use crate::par;
+use crate::simd::Simd;
 use crate::traverse::{Block, LeafRange};
 
 /// A triangle, as the primitive of a [`TriangleBvh`](crate::TriangleBvh).
@@ -31,6 +32,24 @@ impl LeafPrimitive for Triangle {
         let n_bytes = size_of_val(&halves[..]) + lanes.get().map_or(0, |lanes| size_of_val(&lanes[..]));
         LeafData { blocks: bytemuck::cast_slice(halves), order: &[], n_bytes }
     }
+}
+
+/// Those of a leaf's triangles, by place in the leaf, that may be at most the root of `limit` away from a point; see [`Block::near`].
+#[inline(always)]
+pub(crate) fn near<S: Simd>(
+    simd: S,
+    halves: &[HalfBlock],
+    LeafRange { first, n, .. }: LeafRange,
+    point: [S::F; 3],
+    limit: f32,
+) -> u32 {
+    let (half, part) = (first as usize / PARTS, first as usize % PARTS);
+    let mut near = 0;
+    for block in 0..n.div_ceil(8) {
+        let mask = Block::at(halves, half + 2 * block as usize, n - 8 * block).near(simd, point, limit);
+        near |= (mask >> (part * PART_LANES)) << (8 * block);
+    }
+    near
 }
 
 /// The blocks and lanes of a leaf's triangles.
