@@ -2,7 +2,7 @@
 
 use canted_obb::PrimId;
 use canted_trace::Ray;
-use canted_wide::{ClosestPoint, DistanceShape as _, NearestPoint, Place};
+use canted_wide::{ClosestPoint, DistanceShape as _, Found, NearestList, NearestPoint, Place};
 
 use crate::broad::Entry;
 use crate::bvh::TiledBvh;
@@ -13,52 +13,29 @@ use crate::schedule::{Item, Memory};
 /// Points that wait at once.
 const BATCH: usize = 1 << 20;
 
-/// A triangle that was found: squared distance, number in the mesh, closest point.
-type Found = (f64, PrimId, [f64; 3]);
-
 /// A point on its way to the nearest triangles.
 struct Near {
     index: u32,
     point: [f32; 3],
-    k: usize,
-    /// Squared.
-    limit: f64,
-    /// The nearest so far, in order.
-    found: Vec<Found>,
+    /// Those so far, with their numbers in the mesh.
+    nearest: NearestList,
     last: Option<(f64, u32)>,
 }
 
 impl Near {
-    /// The squared distance beyond which nothing is searched for.
-    fn bound(&self) -> f64 {
-        if self.found.len() < self.k { self.limit } else { self.found[self.k - 1].0 }
-    }
-
-    /// Takes a triangle; it may come twice.
-    fn take(&mut self, found: Found) {
-        if found.0.is_nan() || found.0 > self.bound() {
-            return;
-        }
-        let order = |entry: &Found| entry.0.total_cmp(&found.0).then(entry.1.cmp(&found.1));
-        if let Err(index) = self.found.binary_search_by(order) {
-            self.found.insert(index, found);
-            self.found.truncate(self.k);
-        }
-    }
-
     fn visit(&mut self, tile: &Tile) {
         let point = self.point;
-        tile.bvh().visit_near(point, self.bound(), |primitive, shape, _| {
+        tile.bvh().visit_near(point, self.nearest.bound(), |primitive, shape, _| {
             let ClosestPoint { distance_squared, position } = shape.closest_point(point);
-            self.take((distance_squared, tile.number(primitive), position));
-            self.bound()
+            self.nearest.take((distance_squared, tile.number(primitive), position));
+            self.nearest.bound()
         });
     }
 }
 
 impl Item for Near {
     fn next(&mut self, bvh: &TiledBvh, _: &mut Memory) -> Option<u32> {
-        let next = bvh.broad.nearest(self.point, self.last, self.bound())?;
+        let next = bvh.broad.nearest(self.point, self.last, self.nearest.bound())?;
         self.last = Some(next);
         Some(next.1)
     }
@@ -119,11 +96,7 @@ impl TiledBvh {
         assert_eq!(points.len(), nearest.len(), "one answer for each point");
         nearest.iter_mut().for_each(Vec::clear);
         self.find_nearest(points, k, max_distance, &mut |i, found| {
-            nearest[i].extend(found.iter().map(|&(distance_squared, primitive, position)| NearestPoint {
-                distance: distance_squared.sqrt() as f32,
-                position: position.map(|x| x as f32),
-                primitive,
-            }));
+            nearest[i].extend(found.iter().copied().map(NearestPoint::from));
         })
     }
 
@@ -144,13 +117,13 @@ impl TiledBvh {
             let item = |(i, &point): (usize, &[f32; 3])| {
                 let index = i as u32;
                 let is_finite = point.iter().all(|x| x.is_finite());
-                is_finite.then(|| Near { index, point, k, limit, found: vec![], last: None })
+                is_finite.then(|| Near { index, point, nearest: NearestList::new(k, limit), last: None })
             };
             let items = points.iter().enumerate().filter_map(item).collect();
             let done = self.run(items, &|tile, chunk: &mut [&mut Near]| {
                 chunk.iter_mut().for_each(|item| item.visit(tile));
             })?;
-            done.iter().for_each(|item| answer(batch * BATCH + item.index as usize, &item.found));
+            done.iter().for_each(|item| answer(batch * BATCH + item.index as usize, item.nearest.found()));
         }
         Ok(())
     }

@@ -116,7 +116,7 @@ use canted_lbvh::par;
 pub use build::PrimitiveError;
 pub use bvh::{PredictedCost, Sizes, TriangleBvh, WideBvh};
 pub use config::{Config, Costs, Preset};
-pub use distance::{ClosestPoint, DistanceShape, NearestPoint, Place, WindingNumbers};
+pub use distance::{ClosestPoint, DistanceShape, Found, NearestList, NearestPoint, Place, WindingNumbers};
 pub use edit::EditError;
 pub use file::{LoadError, MapError, RawBvh, checksum};
 pub use leaf::{

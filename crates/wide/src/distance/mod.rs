@@ -42,7 +42,7 @@ use crate::simd::Simd;
 use crate::traverse::MeshFrame;
 
 pub use containment::Place;
-pub use nearest::NearestPoint;
+pub use nearest::{Found, NearestList, NearestPoint};
 pub use winding::WindingNumbers;
 
 /// The point of a primitive that is closest to a query point.

@@ -32,7 +32,7 @@ pub struct NearestPoint {
 }
 
 /// A primitive that was found: squared distance, number, closest point.
-type Found = (f64, PrimId, [f64; 3]);
+pub type Found = (f64, PrimId, [f64; 3]);
 
 impl From<Found> for NearestPoint {
     fn from((distance_squared, primitive, position): Found) -> Self {
@@ -41,20 +41,34 @@ impl From<Found> for NearestPoint {
 }
 
 /// The `k` nearest primitives, in order: least distance, then lowest primitive.
-struct Nearest {
+#[derive(Clone, Debug)]
+pub struct NearestList {
     found: Vec<Found>,
     k: usize,
     limit: f64,
 }
 
-impl Nearest {
+impl NearestList {
+    /// Of `k` primitives, one at least, whose squared distance is at most `limit`.
+    #[must_use]
+    pub fn new(k: usize, limit: f64) -> Self {
+        Self { found: vec![], k, limit }
+    }
+
+    /// The primitives so far.
+    #[must_use]
+    pub fn found(&self) -> &[Found] {
+        &self.found
+    }
+
     /// Squared distance beyond which nothing is searched for.
-    fn bound(&self) -> f64 {
+    #[must_use]
+    pub fn bound(&self) -> f64 {
         if self.found.len() < self.k { self.limit } else { self.found[self.k - 1].0 }
     }
 
     /// Takes a primitive; it may come twice.
-    fn take(&mut self, found: Found) {
+    pub fn take(&mut self, found: Found) {
         if found.0.is_nan() || found.0 > self.bound() {
             return;
         }
@@ -101,7 +115,7 @@ where
     ) {
         nearest.clear();
         let Some(limit) = squared(max_distance).filter(|_| k > 0) else { return };
-        let mut collector = Nearest { found: vec![], k, limit };
+        let mut collector = NearestList::new(k, limit);
         self.collect_near(point.into(), limit, |found| {
             collector.take(found);
             collector.bound()
@@ -127,7 +141,7 @@ where
                     length(sub(point, other)) + distance + STEP_ERROR * (reach(point).max(reach(other)) + distance);
                 limit.min(sum * sum * (1.0 + STEP_ERROR))
             });
-            let mut collector = Nearest { found: vec![], k: 1, limit: within };
+            let mut collector = NearestList::new(1, within);
             self.collect_near(point, within, |found| {
                 collector.take(found);
                 collector.bound()
