@@ -341,10 +341,15 @@ impl Summary<'_> {
         let stages = [
             ("load_seconds", "reading"),
             ("build_seconds", "building"),
+            ("choice_seconds", "choosing view and light"),
             ("trace_seconds", "tracing"),
             ("denoise_seconds", "denoising"),
+            ("write_seconds", "writing"),
         ];
-        let stages = stages.iter().filter_map(|(key, name)| Some(format!("{name} {}", self.seconds(key)?)));
+        // What takes no time is not named.
+        let takes_time = |key: &str| self.get(key).and_then(Value::as_f64).is_some_and(|seconds| seconds >= 0.005);
+        let stages = stages.iter().filter(|(key, _)| takes_time(key));
+        let stages = stages.filter_map(|(key, name)| Some(format!("{name} {}", self.seconds(key)?)));
         let stages = stages.collect::<Vec<_>>().join(", ");
         Some(format!("{}{}", self.seconds("seconds")?, if stages.is_empty() { stages } else { format!(" ({stages})") }))
     }
@@ -435,6 +440,8 @@ mod tests {
             ("samples_per_pixel", json!(16)),
             ("device", json!("cpu")),
             ("load_seconds", json!(0.5)),
+            ("write_seconds", json!(0.001)),
+            ("choice_seconds", json!(0.02)),
             ("trace_seconds", json!(1.254)),
             ("denoise_seconds", json!(0.25)),
             ("box_tests_per_ray", json!(1.0)),
@@ -452,7 +459,7 @@ mod tests {
                 "light: studio, --exposure -1.5",
                 "samples: 16 per pixel, --integrator path, denoised, on cpu",
                 "tests: 1.00 of boxes and 2.50 of triangles per ray",
-                "time: 2.00 s (reading 0.50 s, tracing 1.25 s, denoising 0.25 s)",
+                "time: 2.00 s (reading 0.50 s, choosing view and light 0.02 s, tracing 1.25 s, denoising 0.25 s)",
                 "ignored: see the 2 warnings above",
             ]
         );

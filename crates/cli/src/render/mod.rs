@@ -94,7 +94,9 @@ fn one(mut job: Job) -> Result<()> {
     if let Some(warning) = rendered.darkness(&job.output) {
         print::warn(&warning);
     }
+    let before_writing = Instant::now();
     let of_render = rendered.write(&job.output)?;
+    let write_time = before_writing.elapsed();
     let mut facts = vec![
         ("scene", json!(load::name(job.plan.source.scene.as_deref()))),
         ("picture", json!(job.output.path.display().to_string())),
@@ -103,6 +105,7 @@ fn one(mut job: Job) -> Result<()> {
     ];
     facts.extend(of_render);
     facts.push(("load_seconds", json!(load_time.as_secs_f64())));
+    facts.push(("write_seconds", json!(write_time.as_secs_f64())));
     facts.extend(process::peak_bytes().map(|bytes| ("peak_memory_bytes", json!(bytes))));
     facts.push(("seconds", json!(start.elapsed().as_secs_f64())));
     if job.output.is_stream {
@@ -131,10 +134,14 @@ fn open_machine(job: &Job) -> Result<Machine> {
 }
 
 fn render(scene: &mut Scene, job: &mut Job, machine: &Machine, source: LightSource) -> Result<Rendered> {
+    let start = Instant::now();
     let Setup { bvh, camera, choice } = setup(scene, &mut job.plan, source)?;
+    let choice_time = start.elapsed().saturating_sub(bvh.build_time);
     job.output.look = job.plan.look.clone();
     let view = Frame { scene, bvh: &bvh, camera: &camera, choice, label: "" };
-    Ok(render_picture(&view, job, machine, &mut LastFrame::default())?.rendered)
+    let mut rendered = render_picture(&view, job, machine, &mut LastFrame::default())?.rendered;
+    rendered.facts.push(("choice_seconds", json!(choice_time.as_secs_f64())));
+    Ok(rendered)
 }
 
 /// A rendered picture.
