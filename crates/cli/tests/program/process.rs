@@ -91,6 +91,25 @@ fn a_second_interruption_ends_the_program_at_once() {
     assert_eq!(folder.names(), ["small.obj"]);
 }
 
+#[test]
+fn an_interrupted_sequence_says_where_it_goes_on() {
+    if is_ignored("an_interrupted_sequence_says_where_it_goes_on") {
+        return;
+    }
+    let folder = Folder::with_small();
+    let line =
+        "render small.obj --size 256x256 --spp 32 --turntable --frames 0..900 -o f_%03d.png --threads 1 --device cpu";
+    let mut child = folder.command(line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    wait_until(|| folder.names().contains(&"f_001.png".to_owned()));
+    assert_eq!(interrupt(&mut child), Some(130));
+    let mut stderr = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
+    let n = folder.names().iter().filter(|name| name.ends_with(".png")).count();
+    let note = |n: usize| format!("{n} of 900 frames are finished; --resume continues with frame {n}");
+    // The frame that was interrupted may be whole.
+    assert!((n - 1..=n).any(|n| stderr.contains(&note(n))), "{n} pictures: {stderr}");
+}
+
 /// One sample in each pixel would take far longer than the two seconds that a picture may take to become whole.
 #[test]
 fn a_slow_picture_is_whole_soon_after_an_interruption() {

@@ -53,6 +53,21 @@ fn sides_of_an_object_have_shades_that_differ_from_the_background() {
     assert_eq!(at(&image, 0.98, 0.98), at(&image, 0.02, 0.02), "the background has one color");
 }
 
+/// A landscape is not an object on a table: beyond 40 m there is a sky, and the report says why.
+#[test]
+fn wide_scenes_have_a_sky_and_the_report_says_why() {
+    let folder = folder();
+    folder.write("wide.obj", "v -30 0 -30\nv 30 0 -30\nv 30 5 30\nv -30 0 30\nf 1 3 2\nf 1 4 3\n");
+    let line = |file: &str| format!("render {file} {SIZE} --spp 1 -o a.png --json");
+    let report = folder.run(&line("wide.obj")).done().json();
+    assert_eq!(report["light"], "sky", "{report}");
+    assert_eq!(report["light_reason"], "wider than 40 m; --light studio shows it as an object");
+    let report = folder.run(&line("cube.obj")).done().json();
+    assert_eq!((&report["light"], report["light_reason"].is_null()), (&"studio".into(), true), "{report}");
+    let report = folder.run(&format!("{} --light studio", line("wide.obj"))).done().json();
+    assert_eq!((&report["light"], report["light_reason"].is_null()), (&"studio".into(), true), "{report}");
+}
+
 #[test]
 fn mirrors_show_the_studio() {
     let folder = folder();
