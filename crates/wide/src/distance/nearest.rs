@@ -186,7 +186,9 @@ impl<P: LeafPrimitive> WideBvh<P> {
                     });
                     bound
                 };
-                let halves = bytemuck::cast_slice(P::leaf_data(&self.leaves).blocks);
+                let blocks = P::leaf_data(&self.leaves).blocks;
+                // An empty slice need not be aligned.
+                let halves: &[HalfBlock] = if blocks.is_empty() { &[] } else { bytemuck::cast_slice(blocks) };
                 path.run(Search { nodes, frame, halves, stack, point, bound, leaf });
             });
         }
