@@ -97,8 +97,7 @@ fn an_interrupted_sequence_says_where_it_goes_on() {
         return;
     }
     let folder = Folder::with_small();
-    let line =
-        "render small.obj --size 256x256 --spp 32 --turntable 360 --frames 0..900 -o f_%03d.png --threads 1 --device cpu";
+    let line = "render small.obj --size 256x256 --spp 32 --turntable 360 --frames 0..900 -o f_%03d.png --threads 1 --device cpu";
     let mut child = folder.command(line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     wait_until(|| folder.names().contains(&"f_001.png".to_owned()));
     assert_eq!(interrupt(&mut child), Some(130));

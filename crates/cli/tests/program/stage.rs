@@ -58,13 +58,17 @@ fn sides_of_an_object_have_shades_that_differ_from_the_background() {
 fn wide_scenes_have_a_sky_and_the_report_says_why() {
     let folder = folder();
     folder.write("wide.obj", "v -30 0 -30\nv 30 0 -30\nv 30 5 30\nv -30 0 30\nf 1 3 2\nf 1 4 3\n");
+    folder.write("wide.toml", "[[assets]]\nname = \"wide\"\nfile = \"wide.obj\"\n");
     let line = |file: &str| format!("render {file} {SIZE} --spp 1 -o a.png --json");
-    let report = folder.run(&line("wide.obj")).done().json();
+    let report = folder.run(&line("wide.toml")).done().json();
     assert_eq!(report["light"], "sky", "{report}");
     assert_eq!(report["light_reason"], "wider than 40 m; --light studio shows it as an object");
-    let report = folder.run(&line("cube.obj")).done().json();
-    assert_eq!((&report["light"], report["light_reason"].is_null()), (&"studio".into(), true), "{report}");
-    let report = folder.run(&format!("{} --light studio", line("wide.obj"))).done().json();
+    // The unit of an OBJ file is not known.
+    for file in ["cube.obj", "wide.obj"] {
+        let report = folder.run(&line(file)).done().json();
+        assert_eq!((&report["light"], report["light_reason"].is_null()), (&"studio".into(), true), "{report}");
+    }
+    let report = folder.run(&format!("{} --light studio", line("wide.toml"))).done().json();
     assert_eq!((&report["light"], report["light_reason"].is_null()), (&"studio".into(), true), "{report}");
 }
 
@@ -101,7 +105,6 @@ fn lights_are_chosen_by_name() {
     folder.run("render cube.obj --light sky --env 1,1,1").refused(&["--light", "--env"]);
 }
 
-/// The ground is as bright as the background, and darker at the foot of the object.
 /// Lights that are off are none.
 #[test]
 fn lights_that_are_off_leave_the_studio_on() {
@@ -122,6 +125,7 @@ fn lights_that_are_off_leave_the_studio_on() {
     }
 }
 
+/// The ground is as bright as the background, and darker at the foot of the object.
 #[test]
 fn the_ground_shows_shadows_and_no_edge() {
     let folder = folder();

@@ -39,7 +39,7 @@ use canted_trace::{Convex, Sphere, closest_point_on_triangle};
 
 use crate::node::Row;
 use crate::simd::Simd;
-use crate::traverse::MeshFrame;
+use crate::traverse::{MeshFrame, SHRINK};
 
 pub use containment::Place;
 pub use nearest::{Found, NearestList, NearestPoint};
@@ -151,9 +151,6 @@ impl DistanceShape for Aabb {
         length(gap) <= f64::from(radius)
     }
 }
-
-/// What roundings may add to a squared lower bound.
-pub(crate) const SHRINK: f32 = 1.0 - 32.0 * U;
 
 /// A query point in all lanes.
 #[derive(Clone, Copy)]

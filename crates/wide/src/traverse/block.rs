@@ -6,9 +6,11 @@ use canted_trace::lanes::{UNIT_ROUNDOFF as U, WEIGHTS_ERROR, WEIGHTS_HEADROOM};
 use canted_trace::{Kernel, MollerTrumbore, ScaledRay, Shear, TriangleHit, Watertight};
 
 use super::ray::splat3;
-use crate::distance::SHRINK;
 use crate::node::{HALF_BLOCK_WORDS, HalfBlock};
 use crate::simd::Simd;
+
+/// What roundings may add to a squared lower bound.
+pub(crate) const SHRINK: f32 = 1.0 - 32.0 * U;
 
 /// What the lanes' filters need of a ray.
 #[derive(Clone, Copy)]

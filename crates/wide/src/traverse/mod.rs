@@ -69,7 +69,7 @@ mod eight;
 mod ray;
 mod walk;
 
-pub(crate) use block::{Block, RayTriangles};
+pub(crate) use block::{Block, RayTriangles, SHRINK};
 pub(crate) use eight::{EightRays, for_each_of_eight};
 pub(crate) use ray::{BoxPads, MeshFrame, Pads, RayLanes, RayNumbers, TracedRay};
 pub(crate) use walk::LeafRange;
