@@ -1,7 +1,7 @@
 // Hybrid integrator: direct light, diffuse bounces, ambient occlusion. One sample of one pixel per invocation. Twin of the CPU's
 // hybrid integrator, whose documentation describes the estimate and its bias.
 //
-// `?film` is what is kept of samples, `?components` what of their light in parts, `?mask` which hits count, `?direct` and `?shape_lights` are the listed lights, `?sky` the background, `?time` the time of
+// `?film` is what is kept of samples, `?components` what of their light in parts, `?first_light` what of that at the first surface, `?mask` which hits count, `?direct` and `?shape_lights` are the listed lights, `?sky` the background, `?time` the time of
 // rays, `?hemisphere` how diffuse directions are sampled, `?first` what is known of the first hits.
 //
 // All rays of a path share one call site. Compilers inline functions at each call, and traversal is by far the largest.
@@ -18,6 +18,7 @@
 // use ?direct
 // use ?film
 // use ?components
+// use ?first_light
 // use ?mask
 // use ?sky
 // use ?time
@@ -41,6 +42,7 @@ fn main(id: Invocation) {
     }
     keep(group, id.local, one, light.radiance, light.n_rays);
     keep_components(group, id.local, one, light.radiance);
+    keep_first_light(group, id.local, one, light.radiance);
 }
 
 struct Light {
@@ -93,9 +95,16 @@ fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
                 // Shadow rays find no rare bright light, so none is limited.
                 light.radiance += throughput * shadow.radiance;
                 add_component(vertex + 1u, throughput * shadow.radiance);
+                add_arriving(vertex, throughput * shadow.radiance);
             }
         } else {
             let end = end_of(ray, hit, vertex);
+            if KEEPS_FIRST_LIGHT && vertex == 1u {
+                // At the last bounce, the mean stands in for the environment of a direction that is occluded.
+                let is_mean = end.is_surface && end.ends;
+                let unoccluded = throughput * select(sky_radiance(ray.direction), picture.ambient, is_mean);
+                keep_ambient(unoccluded, throughput * select(vec3(0.0), end.radiance, end.ends));
+            }
             let at_end = limited(throughput * end.radiance, vertex);
             light.radiance += at_end;
             // The ambient term stands for light of further bounces.
@@ -115,6 +124,11 @@ fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
         ray = shadow.ray;
         light.radiance += throughput * shadow.unshadowed;
         add_component(vertex + 1u, throughput * shadow.unshadowed);
+        // In the order in which light arrives, so that both sums are the same where all arrives.
+        add_arriving(vertex, throughput * shadow.unshadowed);
+        add_diffuse(vertex, throughput * shadow.unshadowed);
+        add_diffuse(vertex, throughput * shadow.radiance);
+        add_diffuse(vertex, throughput * shadow.hidden);
         if !shadow.exists {
             // Continue in a cosine-sampled direction, whose weight is the albedo.
             let local = hemisphere_direction(square(one, FIRST_BOUNCE + vertex));
@@ -132,6 +146,8 @@ fn gathered(one: PixelSample, camera: Ray, camera_cone: Cone) -> Light {
 struct End {
     ends: bool,
     radiance: vec3<f32>,
+    /// Whether the ray hits a surface before any light.
+    is_surface: bool,
 }
 
 /// The end of a ray after `n_vertices` vertices: a shape light, the background, or ambient light at the last bounce.
@@ -140,16 +156,16 @@ fn end_of(ray: Ray, hit: Hit, n_vertices: u32) -> End {
     let light_hit = intersect_shape_lights(Ray(ray.origin, ray.t_min, ray.direction, select(hit.t, ray.t_max, is_miss)));
     if light_hit.is_hit {
         // Behind a surface, shadow rays have already added this light.
-        return End(true, select(vec3(0.0), light_hit.radiance, n_vertices == 0u));
+        return End(true, select(vec3(0.0), light_hit.radiance, n_vertices == 0u), false);
     }
     if is_miss {
         let sees_background = n_vertices == 0u && picture.has_background != 0u;
-        return End(true, select(sky_radiance(ray.direction), picture.background, sees_background));
+        return End(true, select(sky_radiance(ray.direction), picture.background, sees_background), false);
     }
     if n_vertices > picture.bounces {
-        return End(true, picture.ambient * unoccluded(hit.t * length(ray.direction)));
+        return End(true, picture.ambient * unoccluded(hit.t * length(ray.direction)), true);
     }
-    return End(false, vec3(0.0));
+    return End(false, vec3(0.0), true);
 }
 
 /// Fraction of the ambient light that passes an occluder at this distance: 0 at contact, near 1 beyond the radius.

@@ -308,6 +308,82 @@ fn add_lane(a: u32, b: u32) {
     lane_counts[a] += lane_counts[b];
 }
 
+// part first_light
+// What the first surface reflects of the listed lights and of the environment, as if nothing occluded them, and what arrives of both.
+// use shared/picture
+
+// choice first_light/none
+// It is not kept.
+
+const KEEPS_FIRST_LIGHT: bool = false;
+
+fn add_diffuse(vertex: u32, light: vec3<f32>) {}
+
+fn add_arriving(vertex: u32, light: vec3<f32>) {}
+
+fn keep_ambient(unoccluded: vec3<f32>, arriving: vec3<f32>) {}
+
+fn keep_first_light(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>) {}
+
+// choice first_light/four
+// It is kept sample by sample; the host sums it in f64.
+
+const KEEPS_FIRST_LIGHT: bool = true;
+
+/// Linear RGB of a sample.
+struct FirstLight {
+    /// Listed lights as if nothing occluded them.
+    diffuse: array<f32, 3>,
+    /// What arrives of it.
+    shadowed: array<f32, 3>,
+    /// The environment as if nothing occluded it.
+    ambient: array<f32, 3>,
+    /// What arrives of it.
+    occluded: array<f32, 3>,
+}
+
+/// 64 pixels per work-group, row by row.
+@group(1) @binding(13) var<storage, read_write> first_light: array<FirstLight>;
+
+var<private> diffuse_light: vec3<f32>;
+var<private> shadowed_light: vec3<f32>;
+var<private> ambient_light: vec3<f32>;
+var<private> occluded_light: vec3<f32>;
+
+/// Adds light of a listed light at a vertex, of which the first counts.
+fn add_diffuse(vertex: u32, light: vec3<f32>) {
+    diffuse_light += select(vec3(0.0), light, vertex == 0u);
+}
+
+/// Adds what arrives of it.
+fn add_arriving(vertex: u32, light: vec3<f32>) {
+    shadowed_light += select(vec3(0.0), light, vertex == 0u);
+}
+
+/// Keeps light of the environment, and what arrives of it.
+fn keep_ambient(unoccluded: vec3<f32>, arriving: vec3<f32>) {
+    ambient_light = unoccluded;
+    occluded_light = arriving;
+}
+
+/// Stores the light of a sample, and zeros for one that is dropped because its radiance is not finite.
+fn keep_first_light(group: u32, local: u32, one: PixelSample, radiance: vec3<f32>) {
+    if one.is_inside {
+        // Integers: compilers may assume that a float is finite.
+        let is_dropped = any((bitcast<vec3<u32>>(radiance) & vec3(0x7f800000u)) == vec3(0x7f800000u));
+        let diffuse = select(diffuse_light, vec3(0.0), is_dropped);
+        let shadowed = select(shadowed_light, vec3(0.0), is_dropped);
+        let ambient = select(ambient_light, vec3(0.0), is_dropped);
+        let occluded = select(occluded_light, vec3(0.0), is_dropped);
+        first_light[64u * group + local] = FirstLight(
+            array<f32, 3>(diffuse.x, diffuse.y, diffuse.z),
+            array<f32, 3>(shadowed.x, shadowed.y, shadowed.z),
+            array<f32, 3>(ambient.x, ambient.y, ambient.z),
+            array<f32, 3>(occluded.x, occluded.y, occluded.z),
+        );
+    }
+}
+
 // part components
 // The light of a sample by how many surfaces scattered it on its way to the camera: none, one, or more.
 // use shared/picture

@@ -54,6 +54,12 @@ fn light_in_parts_is_bound_only_where_it_is_kept() {
         }
     }
     assert!(n_kept >= 2);
+    for chosen in choices("render/hybrid") {
+        let is_kept = chosen.parts().any(|part| part == ("first_light", "shared/camera/first_light/four"));
+        let shader = Shader::new("render/hybrid", &chosen).unwrap_or_else(|error| panic!("{error}"));
+        let binds = shader.entries.iter().flat_map(|entry| &entry.bindings).any(|bound| bound.name == "first_light");
+        assert_eq!(binds, is_kept, "{chosen:?}");
+    }
 }
 
 /// A user's kernel with names that the module also has inside.

@@ -317,6 +317,17 @@ mod tests {
         }
     }
 
+    /// As many triangles as the thesis asks for.
+    #[test]
+    fn a_hundred_thousand_triangles_pass_the_checker() {
+        let boxes = boxes(&soup(1, 100_000));
+        for (leaf_size, factor) in [(1, 1.3), (10, f32::INFINITY)] {
+            let bih = BoxBih::build(&boxes, &config(leaf_size, factor)).unwrap();
+            let stats = check(&bih, &boxes).unwrap();
+            assert!((12..=40).contains(&stats.depth) && stats.n_splits < boxes.len(), "{stats:?}");
+        }
+    }
+
     /// Each halving of space separates one box from the others: without halving by count, hundreds of levels.
     fn geometric(n: usize) -> Vec<Aabb> {
         let mut boxes = vec![];

@@ -86,7 +86,8 @@ fn film(
     let of_files = options::names::<LookOptions>();
     let args: PictureArgs<Channels> = parse(path, options, |name| !of_files.iter().any(|other| other == name))?;
     let aovs = render::union(&args.own.aovs);
-    let purpose = Purpose { part, aovs, is_linear: true, shows_data: !aovs.is_empty(), ..Purpose::default() };
+    let factor = render::factor(&args.own.aovs);
+    let purpose = Purpose { part, aovs, factor, is_linear: true, shows_data: !aovs.is_empty(), ..Purpose::default() };
     let plan = args.resolve(scene_file, &purpose)?;
     let mut scene = match source {
         Source::SceneFile(file) => {

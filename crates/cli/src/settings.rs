@@ -418,6 +418,8 @@ pub(crate) struct Purpose {
     pub(crate) has_time_limit: bool,
     /// Additional channels.
     pub(crate) aovs: Aovs,
+    /// A channel of light at the first surface that is asked for by name, which needs the integrator `hybrid`.
+    pub(crate) factor: Option<Aov>,
     /// A heat map in place of light, and the tests of its brightest color.
     pub(crate) heatmap: Option<(Measure, u32)>,
     /// Whether the picture has no exposure and no tone curve.
@@ -436,6 +438,8 @@ pub(crate) struct Plan {
     pub(crate) look: LookOptions,
     /// Up in world space, unless the camera says otherwise.
     up_axis: [f32; 3],
+    /// A channel that only the integrator `hybrid` has, if one is asked for by name.
+    factor: Option<Aov>,
     pub(crate) heatmap: Option<(Measure, u32)>,
     /// With the integrator that was chosen last.
     pub(crate) settings: Settings,
@@ -505,6 +509,7 @@ impl<R: clap::Args> PictureArgs<R> {
             heatmap: purpose.heatmap,
             settings: settings(&options.picture, purpose)?,
             integrator,
+            factor: purpose.factor,
             first_hit: first_hit.map_or(FirstHit::default(), |first_hit| first_hit.0),
             is_linear: purpose.is_linear,
             shows_data: purpose.shows_data || purpose.heatmap.is_some(),
@@ -515,6 +520,9 @@ impl<R: clap::Args> PictureArgs<R> {
         if plan.is_transparent() {
             // Where it has hits, the picture is opaque.
             plan.settings.aovs = plan.settings.aovs.with(Aov::Depth);
+        }
+        if let (Some(aov), Some(Integrator::Path)) = (plan.factor, plan.integrator) {
+            return Err(anyhow!("--aovs {} requires --integrator hybrid", aov.name()));
         }
         plan.set_integrator(plan.integrator.unwrap_or(Integrator::Hybrid));
         Ok(plan)
@@ -682,6 +690,9 @@ impl Plan {
     /// Sets the integrator, and its bounces unless they are given.
     fn set_integrator(&mut self, integrator: Integrator) {
         self.settings.integrator = integrator;
+        // What `all` names beyond it is not rendered.
+        let of_integrator = integrator.aovs();
+        self.settings.aovs = self.settings.aovs.iter().filter(|&aov| of_integrator.contains(aov)).collect();
         let bounces = self.options.picture.rendering.bounces;
         self.settings.bounces = bounces.map_or(integrator.bounces(), |bounces| bounces.0);
     }
@@ -706,6 +717,7 @@ impl Plan {
         let (integrator, reason) = match self.integrator {
             Some(given) => (given, "given"),
             None if self.settings.ao_radius.is_some() => (Integrator::Hybrid, "--ao-radius is given"),
+            None if self.factor.is_some() => (Integrator::Hybrid, "--aovs names light at the first surface"),
             None if is_lit_by_emission => (Integrator::Path, "surfaces light the scene"),
             None if scene.materials.iter().any(is_shiny) => (Integrator::Path, "some surfaces reflect or transmit"),
             None => (Integrator::Hybrid, "all surfaces are diffuse"),

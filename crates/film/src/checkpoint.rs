@@ -12,12 +12,12 @@ use crate::atomic_file::read_file;
 use crate::film_file::{Record, record_from_lines, record_lines};
 use crate::{AtomicFile, Components, FileError, Guide, Hash, Pixel, Tile};
 
-const FORMAT: &str = "canted checkpoint 3\n";
+const FORMAT: &str = "canted checkpoint 4\n";
 
-/// Words of a pixel, of a guide, and of components.
+/// Words of a pixel, of a guide, and of components, whose first says whether the light at the first surface is stored.
 const PIXEL_WORDS: usize = 8;
 const GUIDE_WORDS: usize = 14;
-const COMPONENT_WORDS: usize = 9;
+const COMPONENT_WORDS: usize = 22;
 
 /// Finished tiles, encoded.
 #[derive(Clone, Debug)]
@@ -39,8 +39,7 @@ impl Checkpoint {
         let numbers = [tile.number, tile.pixels.len(), tile.guides.len(), tile.components.len()].map(|n| n as u64);
         let words = numbers.into_iter().chain([tile.n_rays]);
         let words = words.chain(tile.pixels.iter().flat_map(pixel_words));
-        let components = tile.components.iter().flat_map(|components| components.sums.as_flattened());
-        let components = components.map(|sum| sum.to_bits());
+        let components = tile.components.iter().flat_map(component_words);
         for word in words.chain(tile.guides.iter().flat_map(guide_words)).chain(components) {
             self.bytes.extend(word.to_le_bytes());
         }
@@ -86,6 +85,10 @@ fn guide_words(guide: &Guide) -> [u64; GUIDE_WORDS] {
         1 => pair(ids),
         _ => sums[k - 2].to_bits(),
     })
+}
+
+fn component_words(components: &Components) -> impl Iterator<Item = u64> {
+    [u64::from(components.first.is_some())].into_iter().chain(components.numbers().map(f64::to_bits))
 }
 
 fn pair([high, low]: [u32; 2]) -> u64 {
@@ -150,8 +153,13 @@ fn tile(number: u64, words: &mut impl ExactSizeIterator<Item = u64>) -> Option<T
         Guide::from_sums(n_hits, first, std::array::from_fn(|_| f64::from_bits(next())))
     });
     let guides = guides.collect();
-    let components =
-        (0..n_components).map(|_| Components::from_numbers(std::array::from_fn(|_| f64::from_bits(next())))).collect();
+    let components = (0..n_components).map(|_| {
+        let has_first = next() != 0;
+        let numbers: [f64; COMPONENT_WORDS - 1] = std::array::from_fn(|_| f64::from_bits(next()));
+        let mut numbers = numbers.into_iter();
+        Components::from_numbers(|| numbers.next().unwrap_or_default(), has_first)
+    });
+    let components = components.collect();
     Some(Tile { number: usize::try_from(number).ok()?, pixels, guides, components, n_rays })
 }
 
@@ -167,7 +175,9 @@ mod tests {
             number,
             pixels: vec![pixel; 3],
             guides: vec![guide, Guide::default()],
-            components: vec![Components::weighted([[0.1, -0.0, 3.0], [1e-30, 7.0, 0.0], [2.0, 4.0, 8.0]], 1.0)],
+            components: [None, Some([[0.5, 0.25, 1.0], [-0.0, 3.0, 1e-30], [7.0; 3], [1.0, 2.0, 4.0]])]
+                .map(|first| Components::weighted([[0.1, -0.0, 3.0], [1e-30, 7.0, 0.0], [2.0, 4.0, 8.0]], first, 1.0))
+                .to_vec(),
             n_rays: u64::MAX,
         };
         (record, vec![tile(1), tile(0)])
@@ -207,7 +217,7 @@ mod tests {
         for words in [
             [0, u64::MAX, 0, 0, 0],
             [0, 0, u64::MAX / 14, 0, 0],
-            [0, 0, 0, u64::MAX / 9, 0],
+            [0, 0, 0, u64::MAX / 22, 0],
             [0, 1, 0, 0, 0],
             [0, 0, 0, 1, 0],
         ] {

@@ -30,7 +30,7 @@ const LIGHT: [&str; 6] = ["sum.R", "sum.G", "sum.B", "squares.R", "squares.G", "
 /// Names of its counts.
 const COUNTS: [&str; 3] = ["count.summed", "count.negative", "count.dropped"];
 
-/// Writes a film as an EXR: R, G, B, the channels of `aovs`, and for a part its exact sums and `record`.
+/// Writes a film as an EXR: R, G, B, the channels of those of `aovs` that the film [stores](Film::stored), and for a part its exact sums and `record`.
 ///
 /// Names and values of the record must not contain line breaks, names no colons. The file is written atomically.
 ///
@@ -57,6 +57,7 @@ pub fn write_film_as(
     record: &[(String, String)],
 ) -> Result<(), FileError> {
     assert_eq!([picture.width, picture.height], [film.width(), film.height()], "the picture of this film");
+    let aovs = film.stored(aovs);
     let size = Vec2(film.width() as usize, film.height() as usize);
     let named = |name: &str| LayerAttributes { layer_name: Some(Text::from(name)), ..LayerAttributes::default() };
     let picture = AnyChannels::sort(picture_channels(picture, alpha, film, aovs).into_iter().collect());
@@ -115,11 +116,18 @@ fn picture_channels(picture: &Picture, alpha: Option<&[f32]>, film: &Film, aovs:
 struct Stored {
     guide: bool,
     components: bool,
+    /// Whether the components have the light at the first surface.
+    first: bool,
 }
 
 impl Stored {
     fn of(part: &Part) -> Self {
-        Self { guide: part.guides().next().is_some(), components: part.components().next().is_some() }
+        let has_first = |components: &Components| components.first.is_some();
+        Self {
+            guide: part.guides().next().is_some(),
+            components: part.components().next().is_some(),
+            first: part.components().flatten().any(has_first),
+        }
     }
 
     /// Names of the channels of sums: for each block the radiance, then the guide, then the components.
@@ -134,6 +142,9 @@ impl Stored {
         if self.components {
             numbers.extend(Aov::COMPONENTS.map(Aov::channels).concat());
         }
+        if self.first {
+            numbers.extend(Aov::FACTORS.map(Aov::channels).concat());
+        }
         let of_block = |block: usize| {
             let halves = |name: &&str| ["high", "low"].map(|half| format!("{block:02}.{name}.{half}"));
             let numbers = numbers.iter().flat_map(halves);
@@ -142,11 +153,20 @@ impl Stored {
         (0..n_blocks).flat_map(of_block).collect()
     }
 
+    /// Sums of the components of a pixel and block.
+    fn n_of_components(self) -> usize {
+        match (self.components, self.first) {
+            (false, _) => 0,
+            (true, false) => 9,
+            (true, true) => 21,
+        }
+    }
+
     /// The sums of the words of one pixel and block, in the order of the channels.
     fn decoded(self, words: &[u32]) -> (Pixel, Option<Guide>, Option<Components>) {
         let double = |k: usize| f64::from_bits(u64::from(words[2 * k]) << 32 | u64::from(words[2 * k + 1]));
         let of_components = LIGHT.len() + if self.guide { Guide::default().sums().len() } else { 0 };
-        let n_doubles = of_components + if self.components { 9 } else { 0 };
+        let n_doubles = of_components + self.n_of_components();
         let counts = &words[2 * n_doubles..];
         let pixel = Pixel {
             sum: std::array::from_fn(double),
@@ -160,21 +180,23 @@ impl Stored {
             let first = (ids != [u32::MAX; 2]).then_some(ids);
             Guide::from_sums(counts[3], first, std::array::from_fn(|k| double(LIGHT.len() + k)))
         });
-        let components = || Components::from_numbers(std::array::from_fn(|k| double(of_components + k)));
+        let mut numbers = (of_components..n_doubles).map(double);
+        let components = || Components::from_numbers(|| numbers.next().unwrap_or_default(), self.first);
         (pixel, guide, self.components.then(components))
     }
 }
 
 /// The values of the channels of sums.
 fn numbers(part: &Part) -> Vec<Vec<u32>> {
-    let mut channels = vec![Vec::new(); Stored::of(part).channel_names(part.blocks().len()).len()];
+    let stored = Stored::of(part);
+    let mut channels = vec![Vec::new(); stored.channel_names(part.blocks().len()).len()];
     let (mut guides, mut components) = (part.guides(), part.components());
     for pixels in part.pixels() {
         let guides = guides.next().unwrap_or_default();
         let components = components.next().unwrap_or_default();
         let mut next = channels.iter_mut();
         for (block, pixel) in pixels.iter().enumerate() {
-            let words = words(pixel, guides.get(block), components.get(block));
+            let words = words(pixel, guides.get(block), components.get(block), stored);
             words.into_iter().zip(&mut next).for_each(|(word, channel)| channel.push(word));
         }
     }
@@ -182,9 +204,9 @@ fn numbers(part: &Part) -> Vec<Vec<u32>> {
 }
 
 /// The words of one pixel and block, in the order of the channels.
-fn words(pixel: &Pixel, guide: Option<&Guide>, components: Option<&Components>) -> Vec<u32> {
+fn words(pixel: &Pixel, guide: Option<&Guide>, components: Option<&Components>, stored: Stored) -> Vec<u32> {
     let light = pixel.sum.into_iter().chain(pixel.sum_of_squares);
-    let components = components.into_iter().flat_map(|components| components.sums.as_flattened().iter().copied());
+    let components = components.into_iter().flat_map(Components::numbers).take(stored.n_of_components());
     let doubles = light.chain(guide.into_iter().flat_map(Guide::sums)).chain(components).map(f64::to_bits);
     let mut words: Vec<u32> = doubles.flat_map(|bits| [(bits >> 32) as u32, bits as u32]).collect();
     words.extend([pixel.n_samples, pixel.n_negative, pixel.n_dropped]);
@@ -238,7 +260,7 @@ fn decode(bytes: &[u8]) -> Result<(Film, Aovs, Record), String> {
         .ok_or_else(|| format!("its samples '{samples}' are not a range"))?;
     let aovs: Aovs = aovs.split(',').filter_map(|name| Aov::ALL.into_iter().find(|aov| aov.name() == name)).collect();
 
-    let stored = Stored { guide: !aovs.is_empty(), components: aovs.has_components() };
+    let stored = Stored { guide: !aovs.is_empty(), components: aovs.has_components(), first: aovs.has_factors() };
     let blocks = Block::of(range.clone());
     let names = stored.channel_names(blocks.len());
     let mut channels = Vec::new();

@@ -21,6 +21,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod aov;
 mod atomic_file;
 mod checkpoint;
 mod compare;
@@ -38,10 +39,11 @@ pub mod srgb;
 mod sums;
 mod tiling;
 
+pub use aov::{Aov, AovValues, Aovs};
 pub use atomic_file::{AtomicFile, Discarded, FileError, discard_unfinished};
 pub use checkpoint::Checkpoint;
 pub use compare::{CompareError, Comparison, REL_MSE_FLOOR, compare};
-pub use film::{Aov, AovValues, Aovs, Film, FilmBuilder, Partial};
+pub use film::{Film, FilmBuilder, Partial};
 pub use film_file::{Record, read_part, write_film, write_film_as};
 pub use filter::{Filter, FilterSampler};
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip, flip_hdr};

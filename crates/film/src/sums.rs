@@ -197,13 +197,20 @@ impl Add for Guide {
 pub struct Components {
     /// Linear RGB of emission, which no surface scattered, of direct light, which one surface scattered, and of indirect light.
     pub sums: [[f64; 3]; 3],
+    /// Linear RGB that the first surface reflects, in the order of [`Aov::FACTORS`](crate::Aov::FACTORS): of the listed lights if nothing
+    /// occluded them, and what arrives of it; of the environment likewise. `None` where it is not requested.
+    pub first: Option<[[f64; 3]; 4]>,
 }
 
 impl Components {
     /// The components of one sample with a weight of 1 or -1. A sample that [`Pixel::weighted`] drops has none.
     #[must_use]
-    pub fn weighted(radiance: [[f32; 3]; 3], weight: f32) -> Self {
-        Self { sums: radiance.map(|part| part.map(|x| f64::from(weight) * f64::from(x))) }
+    pub fn weighted(radiance: [[f32; 3]; 3], first: Option<[[f32; 3]; 4]>, weight: f32) -> Self {
+        let weighted = |part: [f32; 3]| part.map(|x| f64::from(weight) * f64::from(x));
+        // What is occluded may be infinite in a sample that is kept.
+        let is_finite = |parts: &[[f32; 3]; 4]| parts.as_flattened().iter().all(|x| x.is_finite());
+        let first = first.map(|parts| if is_finite(&parts) { parts } else { [[0.0; 3]; 4] });
+        Self { sums: radiance.map(weighted), first: first.map(|parts| parts.map(weighted)) }
     }
 
     /// The parts of the mean of a pixel that has these components, see [`Pixel::mean`].
@@ -214,22 +221,42 @@ impl Components {
 
     /// All sums divided by a number.
     pub(crate) fn over(&self, divisor: f64) -> Self {
-        Self { sums: self.sums.map(|part| part.map(|x| x / divisor)) }
+        let divided = |part: [f64; 3]| part.map(|x| x / divisor);
+        Self { sums: self.sums.map(divided), first: self.first.map(|parts| parts.map(divided)) }
     }
 
-    /// The sums with these 9 numbers in the order of the field.
-    pub(crate) fn from_numbers(numbers: [f64; 9]) -> Self {
-        let (sums, _) = numbers.as_chunks::<3>();
-        Self { sums: std::array::from_fn(|k| sums[k]) }
+    /// The part of the light at the first surface that arrives, for the sums of all of it; 1 where there is none.
+    pub(crate) fn arriving(all: f64, arrives: f64) -> f64 {
+        if all == 0.0 { 1.0 } else { arrives / all }
     }
+
+    /// The sums in the order of the fields; what is not requested is zero.
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = f64> {
+        self.sums.into_iter().chain(self.first.unwrap_or_default()).flatten()
+    }
+
+    /// The sums of these numbers; those of the first surface only if they are requested.
+    pub(crate) fn from_numbers(mut next: impl FnMut() -> f64, has_first: bool) -> Self {
+        let mut three = || std::array::from_fn(|_| next());
+        let sums = std::array::from_fn(|_| three());
+        Self { sums, first: has_first.then(|| std::array::from_fn(|_| three())) }
+    }
+}
+
+/// The sums of two lists of parts.
+fn added<const N: usize>(a: [[f64; 3]; N], b: [[f64; 3]; N]) -> [[f64; 3]; N] {
+    std::array::from_fn(|part| std::array::from_fn(|k| a[part][k] + b[part][k]))
 }
 
 impl Add for Components {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
-        let add = |part: usize, k: usize| self.sums[part][k] + other.sums[part][k];
-        Self { sums: std::array::from_fn(|part| std::array::from_fn(|k| add(part, k))) }
+        let first = match (self.first, other.first) {
+            (Some(a), Some(b)) => Some(added(a, b)),
+            (a, b) => a.or(b),
+        };
+        Self { sums: added(self.sums, other.sums), first }
     }
 }
 
@@ -533,7 +560,9 @@ mod tests {
     #[test]
     fn components_are_weighted_as_their_pixel() {
         let parts = [[1.0, 0.0, 8.0], [0.0, 2.0, 8.0], [4.0, 0.5, 0.25]];
-        let sample = |weight: f32| (Pixel::weighted([5.0, 2.5, 16.25], weight), Components::weighted(parts, weight));
+        let at_first = Some([[4.0; 3], [3.0; 3], [2.0; 3], [0.0; 3]]);
+        let sample =
+            |weight: f32| (Pixel::weighted([5.0, 2.5, 16.25], weight), Components::weighted(parts, at_first, weight));
         let ((first, of_first), (second, of_second)) = (sample(1.0), sample(-1.0));
         for (pixel, components) in
             [(first, of_first), (second, of_second), (first + first + second, of_first + of_first + of_second)]
@@ -541,7 +570,10 @@ mod tests {
             let [emission, direct, indirect] = components.sums;
             // Sums of few bits are exact.
             assert_eq!(std::array::from_fn(|k| emission[k] + direct[k] + indirect[k]), pixel.sum);
+            assert_eq!(components.first.map(|[diffuse, ..]| diffuse), Some([4.0 * pixel.weight(); 3]));
         }
+        // A dropped sample has none.
+        assert_eq!((of_first + Components::default()).first, of_first.first);
     }
 
     /// The sum of a block by definition.

@@ -1,6 +1,6 @@
 use std::ops::Range;
 
-use canted_film::{Aovs, Filter, Record, Tiling};
+use canted_film::{Aov, Aovs, Filter, Record, Tiling};
 
 use crate::{Hemisphere, Lod, Pattern};
 
@@ -25,6 +25,16 @@ impl Integrator {
         match self {
             Self::Hybrid => "hybrid",
             Self::Path => "path",
+        }
+    }
+
+    /// The AOVs that it computes: all of them, but that `path` does not separate the light at the first surface.
+    #[must_use]
+    pub fn aovs(self) -> Aovs {
+        let all: Aovs = Aov::ALL.into_iter().collect();
+        match self {
+            Self::Hybrid => all,
+            Self::Path => all.without_factors(),
         }
     }
 

@@ -15,6 +15,7 @@
 use std::{error::Error, fmt};
 
 use glam::{DMat3, DVec3};
+use rayon::prelude::*;
 
 use crate::neighbors::{Link, links, outer, radii_of_action, vector};
 
@@ -31,6 +32,8 @@ pub struct Body {
     pub(crate) rest: Vec<DVec3>,
     pub(crate) radii: Vec<f64>,
     pub(crate) links: Vec<Vec<Link>>,
+    /// The links that end at each phyxel, as phyxel and position in its list, in ascending order.
+    incoming: Vec<Vec<[u32; 2]>>,
     pub(crate) displacements: Vec<DVec3>,
     pub(crate) velocities: Vec<DVec3>,
     /// Elastic and viscous forces, once a step has computed them.
@@ -126,6 +129,10 @@ impl Body {
             n_neighbors,
             radius: radii[phyxel],
         })?;
+        let mut incoming = vec![Vec::new(); rest.len()];
+        for (from, links) in (0..).zip(&links) {
+            (0..).zip(links).for_each(|(position, link)| incoming[link.to as usize].push([from, position]));
+        }
         Ok(Self {
             material: *material,
             volume,
@@ -133,6 +140,7 @@ impl Body {
             rest: rest.iter().copied().map(vector).collect(),
             radii,
             links,
+            incoming,
             displacements: vec![DVec3::ZERO; rest.len()],
             velocities: vec![DVec3::ZERO; rest.len()],
             forces: None,
@@ -233,6 +241,9 @@ impl Material {
     }
 }
 
+/// Phyxels of a task: fewer take less time than its start.
+const MIN_PHYXELS: usize = 32;
+
 /// Stiffness against motion that is not affine, relative to that of the material.
 const NON_AFFINE: f64 = 0.2;
 
@@ -265,8 +276,7 @@ impl Body {
     /// torque on the body. Both are skipped where the material has no viscosity.
     pub(crate) fn forces_at(&self, velocities: &[DVec3]) -> Vec<DVec3> {
         let retardation = self.material.viscosity_s;
-        let mut forces = vec![DVec3::ZERO; self.n_phyxels()];
-        for (i, links) in self.links.iter().enumerate() {
+        let of_links = |(i, links): (usize, &Vec<Link>)| -> Vec<DVec3> {
             let gradient = self.gradient(i, &self.displacements);
             let deformation = DMat3::IDENTITY + gradient;
             let mut strain = strain(gradient);
@@ -276,7 +286,7 @@ impl Body {
                 strain += 0.5 * retardation * (product + product.transpose());
             }
             let pull = self.volume * (deformation * self.stress(strain));
-            for link in links {
+            let of_link = |link: &Link| {
                 let to = link.to as usize;
                 let mut residual = self.residual(i, link, gradient, &self.displacements);
                 if retardation > 0.0 {
@@ -284,12 +294,20 @@ impl Body {
                     residual += retardation
                         * (velocities[to] - velocities[i]).project_onto_normalized(line.normalize_or_zero());
                 }
-                let force = pull * link.gradient + self.stiffness(link) * residual;
-                forces[to] -= force;
-                forces[i] += force;
-            }
-        }
-        forces
+                pull * link.gradient + self.stiffness(link) * residual
+            };
+            links.iter().map(of_link).collect()
+        };
+        let of_links: Vec<Vec<DVec3>> =
+            self.links.par_iter().enumerate().with_min_len(MIN_PHYXELS).map(of_links).collect();
+        // Each phyxel gathers, in the order of the phyxels at the other ends, so that the bits do not depend on threads.
+        let gathered = |(i, incoming): (usize, &Vec<[u32; 2]>)| {
+            let (before, after) = incoming.split_at(incoming.partition_point(|[from, _]| (*from as usize) < i));
+            let pulled = |force, [from, position]: &[u32; 2]| force - of_links[*from as usize][*position as usize];
+            let own = of_links[i].iter().fold(before.iter().fold(DVec3::ZERO, pulled), |force, own| force + own);
+            after.iter().fold(own, pulled)
+        };
+        self.incoming.par_iter().enumerate().with_min_len(MIN_PHYXELS).map(gathered).collect()
     }
 
     /// Gradient at phyxel `i`, by rest position, of a field given at all phyxels.

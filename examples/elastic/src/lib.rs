@@ -1,7 +1,7 @@
 //! An elastic body that is simulated without a mesh of tetrahedra, and carries a triangle mesh.
 //!
 //! ```text
-//! mesh -> phyxels (lattice) -> grid (Morton codes, sort) -> neighbors -> Body
+//! mesh -> phyxels (lattice) -> grid (Morton codes, sort, hash) -> neighbors -> Body
 //! Body -> forces -> leapfrog, floor -> displacements -> Surface -> mesh -> BVH: refit or rebuild -> picture
 //! ```
 //!
@@ -12,8 +12,8 @@
 //!
 //! The body does not collide with itself, and neither breaks nor flows.
 //!
-//! Units are meters, kilograms and seconds; y is up. All arithmetic of the simulation is `f64` and serial, so that a
-//! sequence has the same bits on every run.
+//! Units are meters, kilograms and seconds; y is up. All arithmetic of the simulation is `f64`, on all threads, and each
+//! phyxel adds its forces in the same order, so that a sequence has the same bits on every run.
 //!
 //! ```
 //! use elastic::{Body, Material};
@@ -35,4 +35,4 @@ mod simulation;
 
 pub use body::{Body, BodyError, Floor, Material};
 pub use neighbors::Grid;
-pub use simulation::{Simulation, Surface, TriangleMesh, lattice_inside, torus};
+pub use simulation::{Simulation, Surface, TriangleMesh, lattice_inside, normals, torus};

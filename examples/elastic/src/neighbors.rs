@@ -126,12 +126,23 @@ const BITS: Bits = Bits::B30;
 /// Points, hashed by space: finds those near a point.
 ///
 /// Space is divided into cells at least as wide as the radius of a query. The points are sorted by the Morton code of their
-/// cell, so the points of a cell are a range of the sorted codes, and a query reads 27 ranges.
+/// cell, so the points of a cell are a range of the sorted ones. A table that is addressed by a hash of the code has the ranges, and a query
+/// looks up 27 of them, however many points there are (Teschner et al. 2003).
 pub struct Grid<'a> {
     points: &'a [[f32; 3]],
     radius: f64,
     domain: Domain,
     sorted: Sorted,
+    /// A power of two of entries, at least twice as many as cells with points; the others are empty ranges.
+    table: Vec<Cell>,
+}
+
+/// The points of a cell, as a range of the sorted ones.
+#[derive(Clone, Copy, Default)]
+struct Cell {
+    code: u64,
+    start: u32,
+    end: u32,
 }
 
 impl<'a> Grid<'a> {
@@ -154,7 +165,8 @@ impl<'a> Grid<'a> {
         let domain = Domain { offset: bounds.min.map(|x| 2.0 * x), scale, bits: BITS };
         let boxes: Vec<Aabb> = points.iter().map(|&point| Aabb { min: point, max: point }).collect();
         let sorted = sort_by_code(&morton_codes_of_boxes(&domain, &boxes), BITS);
-        Self { points, radius, domain, sorted }
+        let table = table(&sorted.codes);
+        Self { points, radius, domain, sorted, table }
     }
 
     /// Indices of all points at most `radius` from `center`, ascending; the radius is at most that of the grid.
@@ -172,11 +184,10 @@ impl<'a> Grid<'a> {
         found
     }
 
-    /// The points of a cell, as a range of the sorted codes.
+    /// The points of a cell, as a range of the sorted ones.
     fn range(&self, code: u64) -> Range<usize> {
-        let codes = &self.sorted.codes;
-        let start = codes.partition_point(|&c| c < code);
-        start..start + codes[start..].partition_point(|&c| c == code)
+        let Cell { start, end, .. } = self.table[slot(&self.table, code)];
+        start as usize..end as usize
     }
 
     /// Morton codes of the cell of a point and of those around it.
@@ -201,7 +212,71 @@ impl<'a> Grid<'a> {
     }
 }
 
+/// The table of the cells of sorted codes.
+fn table(codes: &[u64]) -> Vec<Cell> {
+    let cells = codes.chunk_by(|a, b| a == b);
+    let mut table = vec![Cell::default(); (2 * cells.clone().count()).next_power_of_two().max(2)];
+    let mut start = 0;
+    for cell in cells {
+        // Points are numbered in 32 bits.
+        let end = start + cell.len() as u32;
+        let slot = slot(&table, cell[0]);
+        table[slot] = Cell { code: cell[0], start, end };
+        start = end;
+    }
+    table
+}
+
+/// The entry of a cell, or the empty one where it belongs: the first at or after the hash of its code.
+fn slot(table: &[Cell], code: u64) -> usize {
+    // Multiplicative hashing by the golden ratio: neighbors in space are spread.
+    let hash = code.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> (u64::BITS - table.len().ilog2());
+    let mut slot = hash as usize;
+    while table[slot].end > 0 && table[slot].code != code {
+        #[cfg(test)]
+        tests::N_STEPS.set(tests::N_STEPS.get() + 1);
+        slot = (slot + 1) & (table.len() - 1);
+    }
+    slot
+}
+
 /// Squared distance; the differences are exact up to one rounding of `f64`.
 pub(crate) fn distance_squared(a: [f32; 3], b: [f32; 3]) -> f64 {
     (0..3).map(|k| f64::from(a[k]) - f64::from(b[k])).map(|x| x * x).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::*;
+
+    thread_local! {
+        /// Entries of tables that were passed.
+        pub(super) static N_STEPS: Cell<u64> = const { Cell::new(0) };
+    }
+
+    /// Entries passed and points read by a query, on average over the points of a cubic lattice.
+    fn mean_work(side: u16) -> [f64; 2] {
+        let cells = (0..side).flat_map(|x| (0..side).flat_map(move |y| (0..side).map(move |z| [x, y, z])));
+        let points: Vec<[f32; 3]> = cells.map(|cell| cell.map(|k| 0.1 * f32::from(k))).collect();
+        let grid = Grid::new(&points, 0.2);
+        N_STEPS.set(0);
+        let mut n_read = 0;
+        for &point in &points {
+            n_read += grid.cells_around(point).into_iter().map(|code| grid.range(code).len()).sum::<usize>();
+        }
+        let n = points.len() as f64;
+        [N_STEPS.get() as f64 / n, n_read as f64 / n]
+    }
+
+    /// Entries passed depend on how full the table is, a quarter to a half; points read on the share of points at the surface.
+    #[test]
+    fn the_work_of_a_query_does_not_grow_with_the_number_of_points() {
+        for side in [10, 22, 46] {
+            let [steps, read] = mean_work(side);
+            assert!(steps < 27.0, "{side}: {steps} entries passed for 27 cells");
+            assert!(read < 27.0 * 8.0 * 1.01, "{side}: {read} points read");
+        }
+    }
 }

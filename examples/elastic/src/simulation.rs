@@ -9,6 +9,7 @@ use canted_renderer::{SceneBvh, SceneBvhConfig, UpdateOptions, Updates};
 use canted_scene::{Camera, Instance, Light, Material as Paint, MaterialId, Mesh, MeshId, Part, Scene};
 use canted_wide::{Preset, TriangleBvh};
 use glam::{DMat3, DVec3, Vec3};
+use rayon::prelude::*;
 
 use crate::{
     Floor, Material,
@@ -56,11 +57,24 @@ impl Simulation {
     /// # Errors
     /// A simulation that diverged; a scene that cannot be traced.
     pub fn advance(&mut self, seconds: f64, options: &UpdateOptions) -> Result<(u32, Updates)> {
-        let n_steps = self.body.advance(seconds, GRAVITY, Some(self.floor))?;
+        let n_steps = self.step(seconds)?;
+        self.carry();
+        Ok((n_steps, self.prepared.update(&self.scene, options)?))
+    }
+
+    /// Moves the body alone. Returns the number of time steps.
+    ///
+    /// # Errors
+    /// [`BodyError::Diverged`].
+    pub fn step(&mut self, seconds: f64) -> Result<u32, BodyError> {
+        self.body.advance(seconds, GRAVITY, Some(self.floor))
+    }
+
+    /// Moves the mesh to where the body is, with its normals.
+    pub fn carry(&mut self) {
         let mesh = &mut self.scene.meshes[0];
         mesh.positions = self.surface.positions(&self.body);
         mesh.normals = Some(normals(&mesh.positions, &mesh.triangles));
-        Ok((n_steps, self.prepared.update(&self.scene, options)?))
     }
 }
 
@@ -122,7 +136,8 @@ fn floor() -> Mesh {
 }
 
 /// Unit vertex normals, weighted by the area of the triangles around; zero, for the geometric normal, where they cancel.
-fn normals(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
+#[must_use]
+pub fn normals(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
     let mut sums = vec![Vec3::ZERO; positions.len()];
     for triangle in triangles {
         let [a, b, c] = triangle.map(|i| Vec3::from(positions[i as usize]));
@@ -243,8 +258,9 @@ impl Surface {
     /// affine motion of the phyxels moves the surfels alike.
     #[must_use]
     pub fn positions(&self, body: &Body) -> Vec<[f32; 3]> {
-        let gradients: Vec<DMat3> = (0..body.n_phyxels()).map(|i| body.gradient(i, &body.displacements)).collect();
-        let moved = self.rest.iter().zip(&self.anchors).map(|(&rest, anchors)| {
+        let gradient = |i| body.gradient(i, &body.displacements);
+        let gradients: Vec<DMat3> = (0..body.n_phyxels()).into_par_iter().map(gradient).collect();
+        let moved = self.rest.par_iter().zip(&self.anchors).map(|(&rest, anchors)| {
             let displacement: DVec3 = anchors
                 .iter()
                 .map(|&Anchor { phyxel, weight, offset }| {

@@ -6,7 +6,9 @@ use canted_obb::PrimId;
 use canted_renderer::{UpdateOptions, UpdatePolicy};
 use canted_scene::Scene;
 use canted_trace::{Hit, InstanceId, Intersect, Kernel, Ray, ScaledRay, Watertight};
-use elastic::{Body, BodyError, Floor, Grid, Material, Simulation, Surface, torus};
+use elastic::{
+    Body, BodyError, Floor, Grid, Material, Simulation, Surface, TriangleMesh, lattice_inside, normals, torus,
+};
 
 /// Without losses.
 const ELASTIC: Material = Material { viscosity_s: 0.0, ..Material::RUBBER };
@@ -469,7 +471,81 @@ fn a_run_repeats_bit_for_bit() {
         }
         body.displacements().map(|u| u.map(f64::to_bits)).collect::<Vec<_>>()
     };
-    assert_eq!(run(), run());
+    let on = |n_threads| rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap().install(run);
+    for n_threads in [2, 3, 7] {
+        assert_eq!(on(1), on(n_threads), "{n_threads} threads");
+    }
+}
+
+/// Stretched and at rest, a viscous body returns to its shape, wherever it is then.
+#[test]
+fn a_stretched_body_recovers_its_shape() {
+    let mut body = body(5, &Material { viscosity_s: 1e-2, ..Material::RUBBER });
+    let points = lattice(5, [0.3, -0.2, 0.1]).iter().map(|point| point.map(f64::from)).collect::<Vec<_>>();
+    // By a fifth along x, half of it against y, sheared along z.
+    body.set_state(|[x, y, _]| [[0.2 * x, -0.1 * y, 0.3 * x], [0.0; 3]]);
+    // The greatest change of a distance between two phyxels, relative to it.
+    let strain = |body: &Body| {
+        let now: Vec<[f64; 3]> =
+            body.displacements().zip(&points).map(|(u, p)| [0, 1, 2].map(|k| u[k] + p[k])).collect();
+        let pairs = (0..points.len()).flat_map(|i| (0..i).map(move |j| [i, j]));
+        let change = |[i, j]: [usize; 2]| {
+            let rest = length(sub(points[i], points[j]));
+            (length(sub(now[i], now[j])) - rest).abs() / rest
+        };
+        pairs.map(change).fold(0.0, f64::max)
+    };
+    assert!(strain(&body) > 0.15, "it is deformed: {}", strain(&body));
+    body.advance(2.0, NO_GRAVITY, None).unwrap();
+    assert!(strain(&body) < 1e-3, "it has its shape again: {}", strain(&body));
+    assert!(energy(&body) < 1e-6 * body.mass(), "it is at rest: {} J", energy(&body));
+}
+
+/// A sphere that its phyxels shear and stretch has the normals of the ellipsoid: those of the sphere times the inverse transposed map.
+#[test]
+fn normals_of_a_deformed_sphere_are_those_of_the_ellipsoid() {
+    let mesh = sphere(96);
+    let mut body = Body::new(&lattice_inside(&mesh, 0.15).unwrap(), 0.15_f64.powi(3), &ELASTIC).unwrap();
+    let surface = Surface::new(&body, &mesh.positions).unwrap();
+    // x' = 1.4 x + 0.3 y, y' = 0.8 y, z' = 0.7 z.
+    body.set_state(|[x, y, z]| [[0.4 * x + 0.3 * y, -0.2 * y, -0.3 * z], [0.0; 3]]);
+    let normals = normals(&surface.positions(&body), &mesh.triangles);
+    let mut greatest = 0.0_f64;
+    for (&[x, y, z], normal) in mesh.positions.iter().zip(normals) {
+        let [x, y, z] = [x, y, z].map(f64::from);
+        // The inverse transposed: x'' = x / 1.4, y'' = (y - 0.3 x'') / 0.8, z'' = z / 0.7.
+        let along = x / 1.4;
+        let want = [along, (y - 0.3 * along) / 0.8, z / 0.7];
+        let cosine = (0..3).map(|k| want[k] * f64::from(normal[k])).sum::<f64>() / length(want);
+        greatest = greatest.max(cosine.min(1.0).acos().to_degrees());
+    }
+    assert!(greatest < 1.0, "{greatest} degrees");
+    // The normals of the sphere would be seen.
+    let unit = [0.5_f64.sqrt(), 0.5_f64.sqrt(), 0.0];
+    assert!((unit[0] / 1.4 * unit[0] + unit[1] * (unit[1] - 0.3 * unit[0] / 1.4) / 0.8).acos().to_degrees() > 5.0);
+}
+
+/// A sphere of radius 1, of `n` rings of twice as many vertices.
+fn sphere(n: u32) -> TriangleMesh {
+    let mut mesh = TriangleMesh { positions: vec![[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]], triangles: vec![] };
+    let around = 2 * n;
+    for ring in 0..n {
+        let (sin, cos) = (std::f64::consts::PI * f64::from(ring + 1) / f64::from(n + 1)).sin_cos();
+        for k in 0..around {
+            let (y, x) = (std::f64::consts::TAU * f64::from(k) / f64::from(around)).sin_cos();
+            mesh.positions.push([sin * x, cos, sin * y].map(|x| x as f32));
+        }
+    }
+    let index = |ring: u32, k: u32| 2 + ring * around + k % around;
+    for k in 0..around {
+        mesh.triangles.push([0, index(0, k + 1), index(0, k)]);
+        mesh.triangles.push([1, index(n - 1, k), index(n - 1, k + 1)]);
+        for ring in 1..n {
+            let [a, b, c, d] = [index(ring - 1, k), index(ring - 1, k + 1), index(ring, k), index(ring, k + 1)];
+            mesh.triangles.extend([[a, b, c], [b, d, c]]);
+        }
+    }
+    mesh
 }
 
 /// The oracle: every point, in `f64`.

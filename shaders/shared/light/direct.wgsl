@@ -11,10 +11,12 @@ struct ShadowRay {
     n_visited: u32,
     /// Reflected radiance from lights too close for an occluder in between.
     unshadowed: vec3<f32>,
+    /// Reflected radiance from lights that shape lights occlude, as if they did not.
+    hidden: vec3<f32>,
 }
 
 const NO_RAY: Ray = Ray(vec3<f32>(), 0.0, vec3<f32>(), 0.0);
-const NO_SHADOW_RAY: ShadowRay = ShadowRay(false, vec3<f32>(), NO_RAY, 0u, vec3<f32>());
+const NO_SHADOW_RAY: ShadowRay = ShadowRay(false, vec3<f32>(), NO_RAY, 0u, vec3<f32>(), vec3<f32>());
 
 // choice list
 // One shadow ray for each listed light. A Lambertian surface of reflectance r reflects r/pi of its irradiance in every
@@ -45,7 +47,9 @@ fn next_shadow_ray(one: PixelSample, vertex: u32, surface: Surface, vertex_key: 
         let ray = towards(surface, select(incoming.to_light, incoming.position, is_near), is_near);
         if ray.t_max <= 0.0 {
             shadow.unshadowed += reflected;
-        } else if !shape_light_occludes(ray, number) {
+        } else if shape_light_occludes(ray, number) {
+            shadow.hidden += reflected;
+        } else {
             shadow.exists = true;
             shadow.radiance = reflected;
             shadow.ray = ray;

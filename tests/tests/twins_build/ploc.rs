@@ -105,7 +105,7 @@ fn the_bunny_is_clustered_as_on_the_cpu() {
 }
 
 /// Builds compared with the first.
-const ROUNDS: usize = 20;
+const ROUNDS: usize = 50;
 
 /// Words of buffers by name.
 pub(crate) type Words = Vec<(&'static str, Vec<u32>)>;

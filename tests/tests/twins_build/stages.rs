@@ -11,6 +11,7 @@ use canted_fixtures::{
 use canted_gpu::{
     Gpu, NamedBinding, Variant,
     build::{self, BuildConfig, BuildEncoder, Built, Codes, Grid, Node, Primitives, STRATEGIES, Sorter, Trees},
+    loop_iterations,
 };
 use canted_lbvh::{self as lbvh, Bits, Child, ChildKind, Leaf, Tree, VolumeConfig, sort_by_code};
 use canted_tests::scenes;
@@ -301,11 +302,13 @@ fn rows(n: usize) -> Vec<Vec<u32>> {
     (0..ROWS).map(|row| (0..n).map(|_| u32::try_from(rng.below(1 << (10 * (row + 1)))).unwrap()).collect()).collect()
 }
 
-/// Up to the tiles of 67 million keys, but not a million numbers: llvmpipe ends a kernel's loops after some 65,535 iterations in
-/// total, which corresponds to 600,000 numbers.
+/// Up to the tiles of 67 million keys, and a million numbers where a device can: llvmpipe before version 23 ends a kernel's loops after
+/// 65,535 iterations in total, which corresponds to 600,000 numbers.
 fn sums_match_the_cpu_at_every_length() {
+    const LONG: u32 = 100_000;
     let gpu = gpu();
-    for n in [0, 1, 2, 63, 64, 65, 255, 256, 257, 65_537] {
+    let million = (loop_iterations(&gpu, LONG).unwrap() == LONG).then_some(1 << 20);
+    for n in [0, 1, 2, 63, 64, 65, 255, 256, 257, 65_537].into_iter().chain(million) {
         let rows = rows(n);
         for group in [64, 256] {
             assert!(scanned(&gpu, group, &rows) == scanned_by_cpu(&rows), "{n} numbers, {group} invocations");

@@ -1,6 +1,6 @@
 //! The light in its parts on the device: their sum, and each compared with that of the CPU.
 
-use canted_film::{Aov, Aovs, Film, Filter};
+use canted_film::{Aov, Aovs, Components, Film, Filter};
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_renderer::{Cull, Integrator, Levels, SampleSums, Settings};
 use canted_scene::Environment;
@@ -15,6 +15,7 @@ use crate::{
 pub(crate) fn tests() -> Vec<Test> {
     vec![
         needs_device(parts_add_up_and_are_those_of_the_cpu),
+        needs_device(light_at_the_first_surface_is_that_of_the_cpu),
         needs_device(the_picture_is_the_same_with_and_without_parts),
         needs_device(the_cpu_takes_parts_of_unfinished_samples),
         needs_device(dropped_samples_have_no_parts),
@@ -88,6 +89,61 @@ fn parts_add_up_and_are_those_of_the_cpu() {
         ] {
             let ours = on_device(&gpu, &scene, &bvh, &camera, &settings);
             assert!(apart(&ours) < ROUNDINGS, "{settings:?}: {}", apart(&ours));
+        }
+    }
+}
+
+/// The greatest difference between direct light and what arrives at the first surface, relative to the sum of the pixel; without emission.
+fn apart_from_direct(film: &Film) -> f64 {
+    let of_pixel = |components: &Components| {
+        let [_, shadowed, _, occluded] = components.first.unwrap_or_default();
+        let [_, direct, _] = components.sums;
+        let difference = |k: usize| (shadowed[k] + occluded[k] - direct[k]).abs() / direct[k].abs().max(1e-3);
+        (0..3).map(difference).fold(0.0, f64::max)
+    };
+    film.components().iter().map(of_pixel).fold(0.0, f64::max)
+}
+
+/// Pixels in which one of the four sums at the first surface differs by more than rounding explains, as a share, and the greatest
+/// relative difference of a mean over the picture.
+fn difference_at_first(ours: &Film, theirs: &Film) -> (f64, f64) {
+    let (mut n_astray, mut sums) = (0, [[0.0; 2]; 4]);
+    for (ours, theirs) in ours.components().iter().zip(theirs.components()) {
+        let [a, b] = [ours, theirs].map(|components| components.first.unwrap());
+        let is_apart = |(a, b): (&f64, &f64)| (a - b).abs() > scenes::ROUNDING * (b.abs() + 0.05);
+        n_astray += u32::from(a.as_flattened().iter().zip(b.as_flattened()).any(is_apart));
+        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(&b)) {
+            *sum = [sum[0] + a.iter().sum::<f64>(), sum[1] + b.iter().sum::<f64>()];
+        }
+    }
+    assert!(sums.iter().all(|[_, theirs]| *theirs > 0.0), "{sums:?}");
+    let of_means = sums.iter().map(|[ours, theirs]| (ours / theirs - 1.0).abs()).fold(0.0, f64::max);
+    (f64::from(n_astray) / theirs.pixels().len() as f64, of_means)
+}
+
+fn light_at_the_first_surface_is_that_of_the_cpu() {
+    let gpu = gpu();
+    let mut dark = scenes::room();
+    dark.0.materials.iter_mut().for_each(|material| material.emission = [0.0; 3]);
+    for (name, (scene, camera), bounces, sums) in [
+        ("in motion, the last bounce", scenes::in_motion(scenes::room()), 0, SampleSums::Host),
+        ("without emission", dark, 2, SampleSums::Device),
+    ] {
+        let bvh = scene_bvh(&scene, Levels::Auto);
+        let settings = Settings { bounces, sums, aovs: Integrator::Hybrid.aovs(), ..settings(Integrator::Hybrid) };
+        let theirs = on_cpu(&scene, &bvh, &camera, &settings);
+        let ours = on_device(&gpu, &scene, &bvh, &camera, &settings);
+        let (astray, of_means) = difference_at_first(&ours, &theirs);
+        assert!(astray < 0.1 && of_means < 0.02, "{name}: {astray}, {of_means}");
+        let other = on_cpu(&scene, &bvh, &camera, &Settings { seed: 1, ..settings });
+        assert!(difference_at_first(&other, &theirs).0 > 0.3, "{name}: samples differ");
+        if bounces > 0 {
+            for film in [&ours, &theirs] {
+                assert!(apart_from_direct(film) < ROUNDINGS, "{name}: {}", apart_from_direct(film));
+            }
+            let depth = Aovs::NONE.with(Aov::Depth);
+            let plain = on_device(&gpu, &scene, &bvh, &camera, &Settings { aovs: depth, ..settings });
+            assert!(ours.pixels() == plain.pixels(), "{name}: the picture is the same");
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use canted_film::{Aov, Aovs, Film, Guide};
+use canted_film::{Aov, Film, Guide};
 use canted_fixtures::device_tests::{Test, needs_device};
 use canted_renderer::{Cull, DevicePicture, Hemisphere, Integrator, Levels, Pattern, Settings, Surfaces};
 use canted_scene::{AlphaMode, Camera, Environment, Light, Material, Scene, SceneFile};
@@ -261,7 +261,6 @@ fn apart(ours: &Film, theirs: &Film) -> f64 {
 
 fn guides_match_the_cpu_for_both_integrators() {
     let gpu = gpu();
-    let all: Aovs = Aov::ALL.into_iter().collect();
     for (scene, camera) in [scenes::textured(), scenes::in_motion(scenes::room())] {
         let bvh = scene_bvh(&scene, Levels::Auto);
         for integrator in [Integrator::Hybrid, Integrator::Path] {
@@ -270,7 +269,7 @@ fn guides_match_the_cpu_for_both_integrators() {
                 height: 35,
                 samples: 4,
                 bounces: 1,
-                aovs: all,
+                aovs: integrator.aovs(),
                 integrator,
                 ..Settings::default()
             };

@@ -113,7 +113,8 @@ pub(crate) struct SampleArgs {
     #[arg(long, value_parser = Positive::parse, value_name = "N", conflicts_with_all = ["samples", "noise", "checkpoint", "frames"])]
     seconds: Option<f32>,
     /// Additional EXR channels: depth, normal, shading-normal, albedo, instance, primitive, tests, or all; emission, direct and indirect are
-    /// the light in parts, whose sum is the picture that is not denoised.
+    /// the light in parts, whose sum is the picture that is not denoised; with the integrator hybrid, diffuse and shadow, ambient and
+    /// occlusion are the light at the first surface and the parts of it that arrive.
     #[arg(long, value_parser = aov, value_delimiter = ',', value_name = "LIST")]
     aovs: Vec<Aovs>,
     /// Remove noise with a filter guided by albedo, normals and depth: on or off; other channels are not filtered [default: on below 64
@@ -200,6 +201,7 @@ impl Args {
             part: samples.samples,
             has_time_limit: samples.seconds.is_some(),
             aovs: samples.shown(),
+            factor: factor(&samples.aovs),
             heatmap,
             is_linear: format.is_linear(),
             shows_data: !samples.aovs.is_empty() || diagram.measure().is_some() || diagram.boxes().is_some(),
@@ -374,6 +376,13 @@ impl SampleArgs {
             Some(false) | None => Denoising::Off,
         }
     }
+}
+
+/// A channel of light at the first surface that lists name; `all` names none.
+pub(crate) fn factor(lists: &[Aovs]) -> Option<Aov> {
+    let all: Aovs = Aov::ALL.into_iter().collect();
+    let mut named = lists.iter().filter(|list| **list != all).flat_map(|list| list.iter());
+    named.find(|aov| Aov::FACTORS.contains(aov))
 }
 
 /// All channels of lists.

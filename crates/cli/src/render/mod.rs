@@ -32,7 +32,7 @@ use crate::{
     settings::Plan,
 };
 use args::Job;
-pub(crate) use args::{Args, DiagramArgs, aov, union};
+pub(crate) use args::{Args, DiagramArgs, aov, factor, union};
 use facts::Fact;
 pub(crate) use facts::dropped_samples;
 pub(crate) use facts::{not_needed, parts_text};

@@ -204,7 +204,7 @@ impl Seen {
 }
 
 /// Shows a channel of a film: depth as gray, near bright; normals as colors from -1 to 1; ids as a color each; tests in false color; albedo and light
-/// as they are.
+/// as they are. Black where the integrator has no such channel.
 pub(super) fn channel(film: &Film, aov: Aov) -> Picture {
     let size = [film.width(), film.height()];
     let black = || Picture::filled(size[0], size[1], [0.0; 3]);
@@ -216,12 +216,10 @@ pub(super) fn channel(film: &Film, aov: Aov) -> Picture {
             let boxes = numbers.chunks(2).map(|tests| tests[0] as u64);
             return false_color(boxes, size, 128);
         }
-        (Some(AovValues::Numbers(numbers)), Aov::Albedo | Aov::Emission | Aov::Direct | Aov::Indirect) => {
-            numbers.chunks(3).map(|c| [c[0], c[1], c[2]]).collect()
-        }
-        (Some(AovValues::Numbers(numbers)), _) => {
+        (Some(AovValues::Numbers(numbers)), Aov::Normal | Aov::ShadingNormal) => {
             numbers.chunks(3).map(|c| [c[0], c[1], c[2]].map(|x| linear(0.5 + 0.5 * x))).collect()
         }
+        (Some(AovValues::Numbers(numbers)), _) => numbers.chunks(3).map(|c| [c[0], c[1], c[2]]).collect(),
     };
     Picture { pixels, ..black() }
 }

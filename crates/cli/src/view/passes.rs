@@ -230,7 +230,9 @@ impl Renderer {
 
 /// The settings of the film, with the channel that is shown.
 fn settings(plan: &Plan, options: &Options) -> Result<Settings> {
-    let aovs = options.aov.map_or(Aovs::NONE, |aov| Aovs::NONE.with(aov));
+    let of_integrator = plan.settings.integrator.aovs();
+    let aov = options.aov.filter(|&aov| of_integrator.contains(aov));
+    let aovs = aov.map_or(Aovs::NONE, |aov| Aovs::NONE.with(aov));
     Ok(Settings { aovs, ..plan.settings })
 }
 

@@ -262,7 +262,9 @@ impl Session {
                 self.set(|options| options.args.options.0.rendering.integrator = Some(Value(next)))?;
             }
             Key::NextChannel => {
-                let (all, now) = (Aov::ALL.iter(), self.options.aov);
+                let integrator = self.frame.as_ref().map_or(Integrator::Hybrid, |frame| frame.view.integrator);
+                let of_integrator = integrator.aovs();
+                let (all, now) = (Aov::ALL.iter().filter(|&&aov| of_integrator.contains(aov)), self.options.aov);
                 let next = all.skip_while(|aov| now.is_some_and(|now| now != **aov)).nth(now.is_some().into());
                 self.set(|options| options.aov = next.copied())?;
             }

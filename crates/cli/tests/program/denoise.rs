@@ -161,6 +161,45 @@ fn light_in_parts_adds_up_to_the_picture_of_the_samples() {
     assert!(!folder.bytes("a.exr").windows(11).any(|name| name == b"\0indirect.R"));
 }
 
+/// What lights and sky would bring to the first surface, times what arrives of it, is direct light; `path` does not separate it.
+#[test]
+fn light_at_the_first_surface_multiplies_to_direct_light() {
+    let folder = Folder::new();
+    let render = "render --size 40x30 --spp 4 --device cpu";
+    let names = "direct,diffuse,shadow,ambient,occlusion";
+    let numbers = |channel: &str| -> Vec<f32> {
+        exr_channel(&folder, "a.exr", channel).into_iter().map(f32::from_bits).collect()
+    };
+    // The integrator is chosen by the channels.
+    folder.run(&format!("{render} --aovs {names} -o a.exr")).done();
+    for color in ["R", "G", "B"] {
+        let of = |name: &str| numbers(&format!("{name}.{color}"));
+        let [direct, diffuse, shadow, ambient, occlusion] =
+            ["direct", "diffuse", "shadow", "ambient", "occlusion"].map(of);
+        let product = |i: usize| diffuse[i] * shadow[i] + ambient[i] * occlusion[i];
+        assert!((0..direct.len()).all(|i| (product(i) - direct[i]).abs() < 1e-5 * direct[i].max(1.0)), "{color}");
+        for factor in [shadow, occlusion] {
+            assert!(factor.iter().any(|&x| x < 0.9) && factor.iter().all(|x| (0.0..=1.0).contains(x)), "{color}");
+        }
+    }
+    // Parts keep the sums, so that the quotients of the whole are theirs.
+    let part = |samples: &str, name: &str| {
+        folder.run(&format!("render --size 40x30 --device cpu --samples {samples} --aovs {names} -o {name}")).done();
+    };
+    part("0..3", "1.exr");
+    part("3..8", "2.exr");
+    part("0..8", "whole.exr");
+    folder.run("merge 2.exr 1.exr -o merged.exr").done();
+    assert!(folder.bytes("merged.exr") == folder.bytes("whole.exr"));
+    // `all` is what the integrator has.
+    folder.run(&format!("{render} --integrator path --aovs all -o a.exr")).done();
+    assert!(!folder.bytes("a.exr").windows(9).any(|name| name == b"\0shadow.R"));
+    folder.run(&format!("{render} --integrator hybrid --aovs all -o a.exr")).done();
+    assert!(numbers("shadow.R").iter().any(|&x| x < 1.0));
+    let refused = folder.run(&format!("{render} --integrator path --aovs depth,shadow -o b.exr"));
+    refused.refused(&["--aovs shadow requires --integrator hybrid"]);
+}
+
 /// The bits of a channel.
 fn exr_channel(folder: &Folder, name: &str, channel: &str) -> Vec<u32> {
     use exr::prelude::{FlatSamples, ReadChannels, ReadLayers};

@@ -8,7 +8,8 @@ use canted_gpu::{Buffer, Gpu, GpuError, NamedBinding};
 
 use super::picture::Slice;
 use super::records::{
-    CELL_PIXELS, PackedComponents, PackedGuide, ReadyKernels, RenderKernels, SampleRecord, SampleRun, Taken, n_records,
+    CELL_PIXELS, PackedComponents, PackedFirstLight, PackedGuide, ReadyKernels, RenderKernels, SampleRecord, SampleRun,
+    Taken, n_records,
 };
 use crate::render::{Adaptive, RenderTiles};
 use crate::{RenderError, Settings};
@@ -30,6 +31,8 @@ pub(super) struct Found<'a, R> {
     guides: &'a [PackedGuide],
     /// The light of each sample in its parts, likewise.
     components: &'a [PackedComponents],
+    /// What the first surface reflects in each sample, likewise.
+    first_light: &'a [PackedFirstLight],
 }
 
 /// Takes samples of cells on a GPU, and returns records of them.
@@ -42,6 +45,8 @@ pub(super) struct SampleDispatcher<'a, R> {
     guides: Option<Buffer<PackedGuide>>,
     /// The light of each sample in its parts, where they are requested.
     components: Option<Buffer<PackedComponents>>,
+    /// What the first surface reflects in each sample, where it is requested.
+    first_light: Option<Buffer<PackedFirstLight>>,
     /// Work-groups of the next dispatch.
     n_groups: u32,
 }
@@ -56,7 +61,8 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
         let n_samples = n as usize * CELL_PIXELS;
         let guides = kernels.has_guides().then(|| gpu.zeroed("guides", n_samples)).transpose()?;
         let components = kernels.has_components.then(|| gpu.zeroed("components", n_samples)).transpose()?;
-        Ok(Self { gpu, kernels, slice, records, guides, components, n_groups: FIRST.min(n) })
+        let first_light = kernels.has_first_light.then(|| gpu.zeroed("first_light", n_samples)).transpose()?;
+        Ok(Self { gpu, kernels, slice, records, guides, components, first_light, n_groups: FIRST.min(n) })
     }
 
     /// Cells that fill a dispatch if each takes `n_samples` samples.
@@ -121,8 +127,9 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
         let own: [NamedBinding<'_>; 3] = [("slice", &self.slice), ("cells", &cells), (R::BINDING, &self.records)];
         let guides = self.guides.as_ref().map(|guides| -> NamedBinding<'_> { ("guides", guides) });
         let components = self.components.as_ref().map(|parts| -> NamedBinding<'_> { ("components", parts) });
-        let bindings: Vec<NamedBinding<'_>> =
-            own.into_iter().chain(guides).chain(components).chain(bindings.iter().copied()).collect();
+        let first_light = self.first_light.as_ref().map(|parts| -> NamedBinding<'_> { ("first_light", parts) });
+        let kept = guides.into_iter().chain(components).chain(first_light);
+        let bindings: Vec<NamedBinding<'_>> = own.into_iter().chain(kept).chain(bindings.iter().copied()).collect();
         self.kernels.run(self.gpu, &bindings, n)?;
         let time = start.elapsed();
         let n_samples = n as usize * CELL_PIXELS;
@@ -132,6 +139,9 @@ impl<'a, R: SampleRecord> SampleDispatcher<'a, R> {
         }
         if let Some(components) = &self.components {
             found.components.extend(self.gpu.read_first(components, n_samples)?);
+        }
+        if let Some(first_light) = &self.first_light {
+            found.first_light.extend(self.gpu.read_first(first_light, n_samples)?);
         }
         self.n_groups = next_size([n, self.n_groups], time, self.kernels.max_groups);
         Ok(())
@@ -143,11 +153,12 @@ struct Downloads<R> {
     records: Vec<R>,
     guides: Vec<PackedGuide>,
     components: Vec<PackedComponents>,
+    first_light: Vec<PackedFirstLight>,
 }
 
 impl<R> Default for Downloads<R> {
     fn default() -> Self {
-        Self { records: Vec::new(), guides: Vec::new(), components: Vec::new() }
+        Self { records: Vec::new(), guides: Vec::new(), components: Vec::new(), first_light: Vec::new() }
     }
 }
 
@@ -156,10 +167,12 @@ impl<R> Downloads<R> {
     fn whole(&self, n_samples: usize) -> impl Iterator<Item = Found<'_, R>> {
         let mut guides = self.guides.chunks_exact(n_samples);
         let mut components = self.components.chunks_exact(n_samples);
+        let mut first_light = self.first_light.chunks_exact(n_samples);
         self.records.chunks_exact(CELL_PIXELS).map(move |records| Found {
             records,
             guides: guides.next().unwrap_or_default(),
             components: components.next().unwrap_or_default(),
+            first_light: first_light.next().unwrap_or_default(),
         })
     }
 
@@ -169,6 +182,7 @@ impl<R> Downloads<R> {
         self.records.drain(..n_whole * CELL_PIXELS);
         self.guides.drain(..self.guides.len().min(n_whole * n_samples));
         self.components.drain(..self.components.len().min(n_whole * n_samples));
+        self.first_light.drain(..self.first_light.len().min(n_whole * n_samples));
     }
 }
 
@@ -308,6 +322,7 @@ impl Cell {
             let n = block.len as usize;
             let guides = found.guides.chunks_exact(n).nth(index).unwrap_or_default();
             let components = found.components.chunks_exact(n).nth(index).unwrap_or_default();
+            let first_light = found.first_light.chunks_exact(n).nth(index).unwrap_or_default();
             let mut by_cpu = Dyadic::default();
             for (k, sample) in (0..block.len).map(|k| (k as usize, block.first + k)) {
                 let is_unfinished = unfinished >> k & 1 == 1;
@@ -325,7 +340,8 @@ impl Cell {
                     sums.guide.push_sample(sample, guide);
                 }
                 if let Some(&components) = components.get(k) {
-                    let by_device = || Components::weighted(components, weight(pixel, sample));
+                    let by_device =
+                        || Components::weighted(components, first_light.get(k).copied(), weight(pixel, sample));
                     let components = if is_unfinished { one.components.total() } else { by_device() };
                     sums.components.push_sample(sample, components);
                 }

@@ -147,7 +147,10 @@ impl<'a> DevicePicture<'a> {
         let chosen = sky.specialize(shared("shared/count/none")).part("film", records::part(settings.sums));
         let chosen = chosen.part("components", records::components(settings.aovs));
         let (kernel, chosen, sampled) = match settings.integrator {
-            Integrator::Hybrid => ("render/hybrid", packed.specialize_hybrid(chosen, settings), None),
+            Integrator::Hybrid => {
+                let chosen = chosen.part("first_light", records::first_light(settings.aovs));
+                ("render/hybrid", packed.specialize_hybrid(chosen, settings), None)
+            }
             Integrator::Path => {
                 let sampled = SampledLights::new(gpu, cpu.light_sampler(), |instance| packed.slack_of(instance))?;
                 ("render/path", packed.specialize_path(chosen, &sampled, settings), Some(sampled))

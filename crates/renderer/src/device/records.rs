@@ -35,6 +35,9 @@ pub(super) struct PackedGuide {
     padding: [u32; 2],
 }
 
+/// `FirstLight` of `shared/camera/first_light`: what the first surface reflects in a sample.
+pub(super) type PackedFirstLight = [[f32; 3]; 4];
+
 /// `Components` of `shared/camera/components`: the light of a sample in its parts.
 pub(super) type PackedComponents = [[f32; 3]; 3];
 
@@ -64,6 +67,8 @@ pub(super) struct ReadyKernels {
     pub(super) max_groups: u32,
     /// Whether the parts of the light are written.
     pub(super) has_components: bool,
+    /// Whether the light at the first surface is written.
+    pub(super) has_first_light: bool,
 }
 
 impl ReadyKernels {
@@ -74,7 +79,9 @@ impl ReadyKernels {
         let max = if kernels.guide.is_some() { max.min(fit(size_of::<PackedGuide>())) } else { max };
         let has_components = kernels.binds("components");
         let max = if has_components { max.min(fit(size_of::<PackedComponents>())) } else { max };
-        Self { kernels, max_groups: max, has_components }
+        let has_first_light = kernels.binds("first_light");
+        let max = if has_first_light { max.min(fit(size_of::<PackedFirstLight>())) } else { max };
+        Self { kernels, max_groups: max, has_components, has_first_light }
     }
 
     /// Whether AOVs are written.
@@ -180,6 +187,11 @@ pub(super) fn part(sums: SampleSums) -> &'static str {
 /// The part of the kernels that keeps the parts of the light, if they are requested.
 pub(super) fn components(aovs: Aovs) -> &'static str {
     if aovs.has_components() { "shared/camera/components/three" } else { "shared/camera/components/none" }
+}
+
+/// The part of the kernel of `hybrid` that keeps the light at the first surface, if it is requested.
+pub(super) fn first_light(aovs: Aovs) -> &'static str {
+    if aovs.has_factors() { "shared/camera/first_light/four" } else { "shared/camera/first_light/none" }
 }
 
 /// How many records of `R` a binding holds.

@@ -16,6 +16,19 @@
 //! `environment` is the radiance along the ray, so an environment map with a sun is noisy here. `ambient` is its mean
 //! over all directions and approximates indirect light of unknown direction.
 //!
+//! # Light at the first surface
+//!
+//! `diffuse` and `ambient` are what the first vertex adds if nothing stands between it and the light, and the factors of what arrives are
+//! quotients of sums. So `diffuse · shadow` is its direct lighting. Of the ray that leaves it, `ambient` is the environment in the direction of the
+//! ray, and what arrives is that on a miss, and nothing on a hit. Where that ray is the last, a hit brings `ambient · (1 - exp(-t/r))`, which
+//! stands in for the environment: there both take the mean of the environment, without and with the factor of the distance, so that no factor
+//! exceeds 1. So
+//!
+//! ```text
+//! diffuse · shadow + ambient · occlusion + emission found by the ray = direct               with bounces
+//!                                                                    = direct + indirect    without
+//! ```
+//!
 //! # Departures from the source
 //!
 //! The source adds the environment on a miss and again as ambient times occlusion; here each ray adds it once. Its
@@ -38,7 +51,7 @@ use std::f64::consts::PI;
 use canted_trace::{Hit, Intersect, Ray};
 use glam::{DVec3, Vec3};
 
-use super::{INDIRECT, Path, Sample, Seen, Start, Transport};
+use super::{INDIRECT, Path, PathRadiance, Sample, Seen, Start, Transport};
 use crate::light::{IncomingLight, LightId, Lights};
 use crate::sampler::RememberingSampler;
 use crate::sampling::Basis;
@@ -63,6 +76,8 @@ impl Transport<'_> {
         let hit = match (self.lights.intersect_nth(n, ray, hit.as_ref()), &*hit) {
             (None, Some(hit)) => hit,
             (light, _) => {
+                let is_sky = light.is_some_and(|light| light.light == LightId::Environment);
+                self.add_ambient(n, ray, accumulated, is_sky);
                 let visible = light.filter(|light| n == 0 || light.light == LightId::Environment);
                 accumulated.add(n, visible.map_or([0.0; 3], |light| light.radiance), 1.0);
                 return false;
@@ -70,10 +85,16 @@ impl Transport<'_> {
         };
         // The ray of the last vertex.
         if n > self.bounces {
+            let passes = unoccluded(ray, hit, ao_radius);
+            if let Some([.., ambient, arriving]) = accumulated.first.as_mut().filter(|_| n == 1) {
+                let mean = accumulated.throughput * Vec3::from(self.lights.ambient());
+                (*ambient, *arriving) = (mean, mean * passes);
+            }
             // It stands for light of further bounces.
-            accumulated.add(INDIRECT, self.lights.ambient(), unoccluded(ray, hit, ao_radius));
+            accumulated.add(INDIRECT, self.lights.ambient(), passes);
             return false;
         }
+        self.add_ambient(n, ray, accumulated, false);
         let computed;
         let surface = match first.take() {
             Some(surface) => surface,
@@ -85,10 +106,13 @@ impl Transport<'_> {
         accumulated.add(n, surface.emission, 1.0);
         let square = |light| sampler.pair(*pixel, *sample, self.light_dimension(n, light));
         let shadows = query.keyed(1 + n).lighting(surface.time);
-        let (radiance, n_shadow_rays) = direct(&self.lights, self.bvh, shadows, surface, square);
+        let Reflected { radiance, unoccluded, n_rays } = direct(&self.lights, self.bvh, shadows, surface, square);
+        if let Some([diffuse, arriving, ..]) = accumulated.first.as_mut().filter(|_| n == 0) {
+            (*diffuse, *arriving) = (unoccluded, radiance);
+        }
         // Shadow rays find no rare bright light, so none is clamped.
         accumulated.add_light(n + 1, accumulated.throughput * radiance);
-        accumulated.n_rays += n_shadow_rays;
+        accumulated.n_rays += n_rays;
         accumulated.count_scattering(false);
 
         // The weight of a cosine-sampled direction is the albedo.
@@ -98,6 +122,15 @@ impl Transport<'_> {
         *ray = surface.spawn_ray(surface.mirror_outward(direction));
         *cone = surface.cone.scattered(self.hemisphere.density(local[2]));
         true
+    }
+
+    /// Keeps the environment in the direction of the ray that left the first surface, and the part of it that arrives.
+    fn add_ambient(&self, n: u32, ray: &Ray, accumulated: &mut PathRadiance, arrives: bool) {
+        let throughput = accumulated.throughput;
+        if let Some([.., ambient, arriving]) = accumulated.first.as_mut().filter(|_| n == 1) {
+            *ambient = throughput * Vec3::from(self.lights.radiance_from_afar(ray.direction));
+            *arriving = if arrives { *ambient } else { Vec3::ZERO };
+        }
     }
 
     fn light_dimension(&self, vertex: u32, light: u32) -> u32 {
@@ -113,8 +146,17 @@ fn unoccluded(ray: &Ray, occluder: &Hit, ao_radius: f64) -> f32 {
     -(-distance / ao_radius).exp_m1() as f32
 }
 
-/// Direct lighting of a diffuse surface by the lights of the scene file, one shadow ray each; returns the number of
-/// shadow rays.
+/// What a surface reflects of the lights of the scene file.
+pub(crate) struct Reflected {
+    /// Radiance of the lights that nothing occludes.
+    pub(crate) radiance: Vec3,
+    /// Radiance of all lights as if nothing occluded them.
+    pub(crate) unoccluded: Vec3,
+    /// Shadow rays.
+    pub(crate) n_rays: u64,
+}
+
+/// Direct lighting of a diffuse surface by the lights of the scene file, one shadow ray each.
 ///
 /// The shadow ray to light `k` has number `k` below `query`.
 ///
@@ -128,23 +170,24 @@ pub(crate) fn direct(
     query: HitFilter,
     surface: &Surface,
     mut square: impl FnMut(u32) -> [f32; 2],
-) -> (Vec3, u64) {
-    let mut radiance = Vec3::ZERO;
-    let mut n_rays = 0;
+) -> Reflected {
+    let mut sum = Reflected { radiance: Vec3::ZERO, unoccluded: Vec3::ZERO, n_rays: 0 };
     for (index, light) in (0..).zip(lights.list()) {
         let Some(incoming) = IncomingLight::of(light, surface, || square(index)) else { continue };
         let cosine = DVec3::from(surface.shading_normal).dot(incoming.to_light);
         if cosine <= 0.0 || DVec3::from(surface.horizon()).dot(incoming.to_light) <= 0.0 {
             continue;
         }
+        let reflected = (incoming.radiance * (cosine / PI)).as_vec3();
+        let light = Vec3::from(surface.bsdf.base_color) * reflected;
+        sum.unoccluded += light;
         if let Some(ray) = incoming.shadow_ray {
-            n_rays += 1;
+            sum.n_rays += 1;
             if !lights.is_unoccluded(&ray, LightId::Light(index), bvh, &mut query.keyed(index)) {
                 continue;
             }
         }
-        let reflected = (incoming.radiance * (cosine / PI)).as_vec3();
-        radiance += Vec3::from(surface.bsdf.base_color) * reflected;
+        sum.radiance += light;
     }
-    (radiance, n_rays)
+    sum
 }

@@ -23,6 +23,8 @@ pub(crate) struct Transport<'a> {
     pub(crate) is_compensated: bool,
     /// How diffuse directions are sampled.
     pub(crate) hemisphere: Hemisphere,
+    /// Whether the light at the first surface is kept.
+    pub(crate) keeps_first: bool,
     pub(crate) method: Method<'a>,
 }
 
@@ -68,6 +70,8 @@ pub(crate) struct Sample {
     pub(crate) radiance: [f32; 3],
     /// The same by how often it was scattered, as in [`canted_film::Components`].
     pub(crate) components: [[f32; 3]; 3],
+    /// What the first surface reflects of lights and environment, as in [`canted_film::Components`]; `path` does not separate it.
+    pub(crate) first: Option<[[f32; 3]; 4]>,
     /// Number of rays traced, including the camera ray.
     pub(crate) n_rays: u64,
 }
@@ -123,6 +127,8 @@ struct PathRadiance {
     radiance: Vec3,
     /// The radiance in its parts: emission, direct and indirect light.
     components: [Vec3; 3],
+    /// What the first surface reflects: light of the listed lights, what arrives of it, and both of the environment.
+    first: Option<[Vec3; 4]>,
     /// Factor of light at the next vertex.
     throughput: Vec3,
     n_rays: u64,
@@ -133,10 +139,11 @@ struct PathRadiance {
 }
 
 impl PathRadiance {
-    fn new(clamp: f32) -> Self {
+    fn new(clamp: f32, keeps_first: bool) -> Self {
         Self {
             radiance: Vec3::ZERO,
             components: [Vec3::ZERO; 3],
+            first: keeps_first.then_some([Vec3::ZERO; 4]),
             throughput: Vec3::ONE,
             n_rays: 1,
             n_scattered: 0,
@@ -189,7 +196,7 @@ impl Transport<'_> {
             cone: start.cone,
             hit,
             first: surface.as_ref(),
-            accumulated: PathRadiance::new(self.clamp),
+            accumulated: PathRadiance::new(self.clamp, self.keeps_first),
             state: W::default(),
         };
         let mut paths: Vec<Path<'a, W>> = seen.iter().map(begin).collect();
@@ -214,9 +221,10 @@ impl Transport<'_> {
                 };
             }
         }
-        let sample = |Path { accumulated: PathRadiance { radiance, components, n_rays, .. }, .. }| Sample {
+        let sample = |Path { accumulated: PathRadiance { radiance, components, first, n_rays, .. }, .. }| Sample {
             radiance: radiance.into(),
             components: components.map(Into::into),
+            first: first.map(|parts| parts.map(Into::into)),
             n_rays,
         };
         paths.into_iter().map(sample).collect()

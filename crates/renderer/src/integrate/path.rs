@@ -336,7 +336,7 @@ mod tests {
                 let mut n_left = 0;
                 for choice in 0..N {
                     let rgb = Vec3::new(throughput, 0.5 * throughput, 0.0);
-                    let mut path = PathRadiance { throughput: rgb, ..PathRadiance::new(f32::INFINITY) };
+                    let mut path = PathRadiance { throughput: rgb, ..PathRadiance::new(f32::INFINITY, false) };
                     if survives(&mut path, compression, n, || (choice as f32 + 0.5) / N as f32) {
                         n_left += 1;
                         sum += path.throughput[0];

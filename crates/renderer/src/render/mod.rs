@@ -8,7 +8,7 @@ use std::ops::Range;
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
-use canted_film::{Film, FilterSampler, Sums, Tile};
+use canted_film::{Aov, Film, FilterSampler, Sums, Tile};
 use canted_scene::{Camera, Scene};
 use canted_trace::Intersect;
 
@@ -144,6 +144,7 @@ impl<'a> Rendering<'a> {
             clamp: clamp.unwrap_or(f32::INFINITY),
             is_compensated: energy_compensation,
             hemisphere,
+            keeps_first: self.settings.aovs.has_factors(),
             method: match self.settings.integrator {
                 Integrator::Hybrid => Method::Hybrid { ao_radius: self.ao_radius },
                 Integrator::Path => Method::Path(self.light_sampler()),
@@ -176,7 +177,7 @@ fn ao_radius(scene: &Scene, settings: &Settings) -> f64 {
 
 /// Rejects settings that no picture can have.
 pub(crate) fn check(settings: &Settings) -> Result<(), RenderError> {
-    let Settings { width, height, samples, ao_radius, part, noise, clamp, .. } = *settings;
+    let Settings { width, height, samples, ao_radius, part, noise, clamp, aovs, integrator, .. } = *settings;
     // Pixels are numbered in 32 bits.
     if u64::from(width) * u64::from(height) > u64::from(u32::MAX) || width == 0 || height == 0 {
         return Err(RenderError::Size { width, height });
@@ -194,6 +195,9 @@ pub(crate) fn check(settings: &Settings) -> Result<(), RenderError> {
     }
     if let Some(clamp) = clamp.filter(|clamp| clamp.is_nan() || *clamp <= 0.0) {
         return Err(RenderError::Clamp { clamp });
+    }
+    if let Some(aov) = aovs.iter().find(|&aov| !integrator.aovs().contains(aov)) {
+        return Err(RenderError::Aov { aov, integrator });
     }
     match ao_radius {
         Some(radius) if radius.is_nan() || radius <= 0.0 => Err(RenderError::AoRadius { radius }),
@@ -285,6 +289,13 @@ pub enum RenderError {
         /// The limit.
         clamp: f32,
     },
+    /// The integrator does not compute one of [`crate::Settings::aovs`].
+    Aov {
+        /// The AOV.
+        aov: Aov,
+        /// The integrator.
+        integrator: Integrator,
+    },
     /// The radius of the pixel filter is not finite and positive.
     FilterRadius {
         /// The radius in pixels.
@@ -309,6 +320,9 @@ impl fmt::Display for RenderError {
             Self::NoSamples => write!(f, "a picture needs at least one sample per pixel"),
             Self::Clamp { clamp } => write!(f, "a limit of radiance of {clamp} is not above zero"),
             Self::AoRadius { radius } => write!(f, "ambient occlusion radius {radius} is not above zero"),
+            Self::Aov { aov, integrator } => {
+                write!(f, "the channel {} is not one of the integrator {}", aov.name(), integrator.name())
+            }
             Self::FilterRadius { radius } => write!(f, "pixel filter radius {radius} is not finite and above zero"),
             Self::Camera(error) => error.fmt(f),
             Self::Cancelled => write!(f, "rendering was cancelled"),

@@ -144,9 +144,10 @@ impl TileRenderer<'_> {
             let (pixel, sample) = (Pixel::weighted(light.radiance, weight), seen.start.sample);
             sums[index].pixel.push_sample(sample, pixel);
             if self.tiling.has_components() {
-                let is_kept = pixel.n_dropped == 0;
-                let components =
-                    if is_kept { Components::weighted(light.components, weight) } else { Components::default() };
+                let components = match pixel.n_dropped {
+                    0 => Components::weighted(light.components, light.first, weight),
+                    _ => Components::default(),
+                };
                 sums[index].components.push_sample(sample, components);
             }
             n_rays += light.n_rays;

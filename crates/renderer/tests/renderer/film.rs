@@ -37,6 +37,7 @@ fn merged_parts_equal_the_film_of_all_samples() {
         let joined = Film::of_part(SIZE[0], SIZE[1], Part::join(parts).unwrap(), 0);
         assert_eq!((joined.pixels(), joined.guides()), (whole.pixels(), whole.guides()));
         assert!(!whole.components().is_empty() && joined.components() == whole.components());
+        assert!(whole.components().iter().any(|components| components.first.is_some_and(|first| first[1][0] > 0.0)));
     }
 }
 

@@ -9,6 +9,7 @@ mod cull;
 mod curves;
 mod environment;
 mod film;
+mod first_light;
 mod hair;
 mod hybrid;
 mod light;
