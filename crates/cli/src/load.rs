@@ -108,7 +108,7 @@ pub(crate) fn with_remedy(error: ReadError) -> anyhow::Error {
     let is_of_format =
         |path: &Path| ["obj", "ply", "gltf", "glb"].iter().any(|known| output::has_extension(path, known));
     match &error {
-        ReadError::Empty { path, .. } if is_of_format(path) => {
+        ReadError::Empty { path, reason } if is_of_format(path) && reason.starts_with("no ") => {
             anyhow!("{error}; --line-radius and --point-radius show the lines and the points of a file")
         }
         ReadError::Io { path, .. } if canted_tiles::is_store(path) => {

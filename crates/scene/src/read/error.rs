@@ -153,6 +153,7 @@ fn converter(path: &Path) -> Option<(&'static str, &'static str)> {
         "splat" | "spz" | "ksplat" => {
             ("a cloud of Gaussian splats", "it has no faces, so export a mesh of it as PLY, OBJ or glTF")
         }
+        "zip" | "7z" | "rar" | "tar" | "tgz" => ("an archive", "unpack it, and name the model in it"),
         "dxf" => ("DXF", "import it in FreeCAD and export glTF or STL"),
         "ifc" => ("IFC", "convert it with `IfcConvert in.ifc out.glb`"),
         "skp" => ("a SketchUp file", "open it in SketchUp and export glTF, OBJ or STL"),

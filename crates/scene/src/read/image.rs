@@ -5,6 +5,7 @@ use std::io::Cursor;
 
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
+use super::text;
 use crate::{Encoding, Texture};
 
 /// Largest number of texels: 1 GiB as RGBA.
@@ -38,7 +39,9 @@ fn format_of(name: &str, bytes: &[u8]) -> Result<(ImageFormat, u64), String> {
         Ok(ImageFormat::Tiff) => other(ImageFormat::Tiff, "tiff", cfg!(feature = "tiff")),
         Ok(ImageFormat::WebP) => other(ImageFormat::WebP, "webp", cfg!(feature = "webp")),
         _ if name.to_lowercase().ends_with(".tga") => other(ImageFormat::Tga, "tga", cfg!(feature = "tga")),
-        _ => Err("unsupported image format (expected PNG, JPEG, BMP, TGA, TIFF, WebP or KTX2)".to_owned()),
+        _ => Err(text::other_content(bytes)
+            .unwrap_or("unsupported image format (expected PNG, JPEG, BMP, TGA, TIFF, WebP or KTX2)")
+            .to_owned()),
     }
 }
 

@@ -51,6 +51,19 @@ pub(super) enum Format {
     Gltf,
 }
 
+impl Format {
+    /// Its name in messages.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Obj => "OBJ",
+            Self::Ply => "PLY",
+            Self::Stl => "STL",
+            Self::Off => "OFF",
+            Self::Gltf => "glTF",
+        }
+    }
+}
+
 /// A file in memory, decompressed, with text in UTF-8.
 pub(super) struct Input {
     pub(super) format: Format,
@@ -73,6 +86,7 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Input, ReadErro
         file.read_to_end(&mut bytes).map_err(&io_error)?;
         let bytes = as_utf8(decompress(path, &bytes)?, None);
         let format = format_of(inner_name(path).extension(), &bytes, bytes.len() as u64);
+        check_content(path, format, &bytes, bytes.len() as u64)?;
         return format.map(|format| Input { format, bytes }).ok_or(ReadError::UnknownFormat { path: path.to_owned() });
     }
     let n_bytes = file.metadata().map_err(&io_error)?.len();
@@ -82,8 +96,19 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Input, ReadErro
         true => not_gzip(path),
         false => ReadError::UnknownFormat { path: path.to_owned() },
     })?;
+    check_content(path, Some(format), &start, n_bytes)?;
     file.read_to_end(&mut bytes).map_err(&io_error)?;
     Ok(Input { format, bytes: as_utf8(bytes, Some(n_bytes)) })
+}
+
+/// Rejects a file whose name is that of a format and whose content clearly is something else.
+fn check_content(path: &Path, format: Option<Format>, bytes: &[u8], n_bytes: u64) -> Result<(), ReadError> {
+    if n_bytes == 0 && format.is_some() {
+        return Err(ReadError::malformed(path, "content", "the file is empty"));
+    }
+    let head = &bytes[..bytes.len().min(HEAD_BYTES)];
+    let found = text::other_content(head).filter(|_| format.is_some() && !is_stl(head, n_bytes));
+    found.map_or(Ok(()), |found| Err(ReadError::malformed(path, "content", found)))
 }
 
 /// The bytes of a file, or of its start where it has `n_bytes` in all, in UTF-8 if they are a text of UTF-16.

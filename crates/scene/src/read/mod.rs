@@ -68,7 +68,7 @@ pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError>
     }
     let mut scene = read_static(path, format, &bytes, options)?;
     if let Some(time) = options.time {
-        scene.warnings.push(format!("ignoring time {time}: {format:?} files have no animation"));
+        scene.warnings.push(format!("ignoring time {time}: {} files have no animation", format.name()));
     }
     Ok(scene)
 }
@@ -271,10 +271,40 @@ mod tests {
             ("c.skp", "a SketchUp file is not supported; open it in SketchUp"),
             ("c.max", "a 3ds Max file is not supported; open it in 3ds Max"),
             ("c.3dm", "a Rhino file is not supported; open it in Rhino"),
+            ("c.zip", "an archive is not supported; unpack it"),
             ("c.abcd", "unsupported scene format; use OBJ"),
         ] {
             let error = file(name, "").unwrap_err().to_string();
             assert!(error.contains(words), "{error}");
+        }
+    }
+
+    /// What people find in place of a file, whatever its name.
+    #[test]
+    fn other_content_is_named() {
+        let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n";
+        for (content, words) in [
+            (pointer.as_bytes(), "content: a pointer of Git LFS in place of the file"),
+            ("\u{feff}\n<!DOCTYPE HTML>\n<html>".as_bytes(), "content: a web page in place of the file"),
+            (b"PK\x03\x04\x14\0\0\0", "content: a ZIP archive"),
+            (b"\x89PNG\r\n\x1a\n", "content: an image in place of a model"),
+        ] {
+            for name in ["a.obj", "a.ply", "a.stl", "a.off", "a.gltf", "a.glb"] {
+                let error = file(name, content).unwrap_err().to_string();
+                assert!(error.contains(words), "{name}: {error}");
+            }
+            assert!(matches!(file("a", content), Err(ReadError::UnknownFormat { .. })));
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        write("a.png", pointer);
+        write("a.mtl", "newmtl c\nmap_Kd a.png\n");
+        write("a.obj", "mtllib a.mtl\nusemtl c\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n");
+        let warnings = read(&folder.path().join("a.obj")).unwrap().warnings;
+        assert!(warnings.len() == 1 && warnings[0].contains("a pointer of Git LFS"), "{warnings:?}");
+        for empty in ["a.obj", "a.gltf"] {
+            let error = file(empty, b"").unwrap_err().to_string();
+            assert!(error.ends_with(": the file is empty"), "{error}");
         }
     }
 

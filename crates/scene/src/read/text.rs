@@ -179,6 +179,25 @@ pub(crate) fn quoted(bytes: &[u8]) -> String {
     format!("'{}{more}'", printable(&short))
 }
 
+/// What a file that is neither a model nor an image is by its first bytes, with what to do: what people find in place of the file that they
+/// wanted.
+pub(super) fn other_content(head: &[u8]) -> Option<&'static str> {
+    let text = after_mark(head).trim_ascii_start();
+    let starts = |word: &str| text.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word.as_bytes()));
+    match head {
+        _ if starts("version https://git-lfs.github.com/") => {
+            Some("a pointer of Git LFS in place of the file; run `git lfs pull` in its folder")
+        }
+        _ if starts("<!doctype html") || starts("<html") => {
+            Some("a web page in place of the file; download the file itself")
+        }
+        [b'P', b'K', 3, 4, ..] => Some("a ZIP archive; unpack it first"),
+        [0x89, b'P', b'N', b'G', ..] | [0xff, 0xd8, 0xff, ..] => Some("an image in place of a model"),
+        [b'%', b'P', b'D', b'F', ..] => Some("a PDF document"),
+        _ => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
