@@ -306,11 +306,32 @@ impl Partial {
         [self.is_finished.iter().filter(|&&is_finished| is_finished).count(), self.tiling.n_tiles()]
     }
 
-    /// An empty tile in place of each that was added: a render that begins with these takes samples of the others alone.
+    /// The numbers of the tiles that were added. A render that begins with an empty tile for each takes samples of the others alone.
     #[must_use]
-    pub fn placeholders(&self) -> Vec<Tile> {
-        let numbers = (0..).zip(&self.is_finished).filter(|&(_, &is_finished)| is_finished);
-        numbers.map(|(number, _)| self.tiling.tile(number)).collect()
+    pub fn finished(&self) -> Vec<usize> {
+        (0..self.is_finished.len()).filter(|&number| self.is_finished[number]).collect()
+    }
+
+    /// Whether tiles have guides.
+    #[must_use]
+    pub fn keeps_guides(&self) -> bool {
+        self.tiling.has_guides()
+    }
+
+    /// The picture of these tiles, and of `others` elsewhere.
+    ///
+    /// # Panics
+    /// If `others` is of another size, or there is no such tile.
+    #[must_use]
+    pub fn with_others(&self, tiles: &[usize], mut others: Picture) -> Picture {
+        assert_eq!(self.tiling.picture_size(), [others.width, others.height], "a picture of this size");
+        for &number in tiles {
+            let width = self.tiling.size(number)[0] as usize;
+            for first in self.tiling.rows(number) {
+                others.pixels[first..first + width].copy_from_slice(&self.picture.pixels[first..first + width]);
+            }
+        }
+        others
     }
 
     /// Whether a tile with samples was added.

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     film::Passes,
-    output::{Denoising, FEW_SAMPLES, OutputFile},
+    output::{Denoising, FEW_SAMPLES, GUIDES, OutputFile},
 };
 use crate::{
     device::{DeviceArg, RunArgs},
@@ -129,9 +129,6 @@ pub(crate) struct SampleArgs {
     checkpoint_every: u32,
 }
 
-/// The channels that guide the filter.
-const GUIDES: [Aov; 3] = [Aov::Albedo, Aov::ShadingNormal, Aov::Depth];
-
 /// Options about frames.
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Frames", next_display_order = 30, group = ArgGroup::new("timed").args(["frames", "shutter"]).multiple(true))]
@@ -214,7 +211,7 @@ impl Args {
         let mut plan = self.resolve(file.as_ref(), &purpose)?;
         plan.options.structure.warn_ignored_preset(&given);
         let denoising = samples.denoising(&plan.settings, &purpose);
-        if denoising != Denoising::Off {
+        if matches!(denoising, Denoising::OfFewSamples | Denoising::On) {
             plan.settings.aovs = GUIDES.into_iter().fold(plan.settings.aovs, Aovs::with);
         }
         let has_noise = plan.settings.noise.is_some();
@@ -369,10 +366,13 @@ impl SampleArgs {
         /// Pixels up to which pictures are denoised without an option: what guides the filter takes 300 bytes of each.
         const MOST_PIXELS: u64 = 1 << 24;
         let n_pixels = u64::from(settings.width) * u64::from(settings.height);
-        let is_small = n_pixels <= MOST_PIXELS && (purpose.has_time_limit || settings.samples < FEW_SAMPLES);
+        let is_picture = n_pixels <= MOST_PIXELS && !purpose.is_linear && purpose.heatmap.is_none();
+        // The first passes have few samples, too.
+        let may_have_few = purpose.has_time_limit || self.preview || settings.samples < FEW_SAMPLES;
         match self.denoise {
             Some(true) => Denoising::On,
-            None if is_small && !purpose.is_linear && purpose.heatmap.is_none() => Denoising::OfFewSamples,
+            None if is_picture && may_have_few => Denoising::OfFewSamples,
+            None if is_picture => Denoising::IfStopped,
             Some(false) | None => Denoising::Off,
         }
     }

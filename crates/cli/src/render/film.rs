@@ -14,7 +14,10 @@ use std::{
 };
 
 use anyhow::{Result, anyhow};
-use canted_film::{Checkpoint, Film, Part, Partial, Record, Tile};
+use canted_film::{
+    Aovs, Checkpoint, Film, Part, Partial, Record, Tile,
+    denoise::{Denoise, Noisy, denoise},
+};
 use canted_renderer::{Monitor, RenderError, SceneBvh, Settings, Surfaces, resume_with};
 use canted_scene::Camera;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -22,7 +25,7 @@ use serde_json::json;
 
 use super::{
     facts::Fact,
-    output::{Denoising, OutputFile},
+    output::{Denoising, GUIDES, OutputFile},
 };
 use crate::{output, process};
 
@@ -121,6 +124,11 @@ pub(super) fn render(renderer: &dyn FilmRenderer, job: &FilmJob, done: Vec<Tile>
     let film = renderer.render(done, &monitor, &mut facts);
     bar.finish_and_clear();
     let Err(error) = film else { return Ok((film?, facts)) };
+    let is_stopped = matches!(error.downcast_ref(), Some(RenderError::Cancelled));
+    if !is_stopped && !tiles.as_ref().is_some_and(|tiles| tiles.lock().has_samples()) {
+        // A camera without a direction, for example: there is nothing to rescue.
+        return Err(error);
+    }
     if let Some(checkpoint) = checkpoint {
         checkpoint.save();
         output::note("the checkpoint has the finished tiles; the same command continues");
@@ -156,15 +164,34 @@ fn write_stopped(tiles: &Tiles, cpu: &CpuRenderer, file: &OutputFile) -> Result<
     output::note(&format!(
         "finished {n_done} of {n_tiles} tiles; the others get 1 sample per pixel; interrupt again to end without a picture"
     ));
-    let settings = Settings { samples: 1, noise: None, ..*cpu.settings };
-    let done = tiles.lock().placeholders();
+    let filters = file.denoising == Denoising::IfStopped;
+    let aovs = if filters { GUIDES.into_iter().fold(cpu.settings.aovs, Aovs::with) } else { cpu.settings.aovs };
+    let settings = Settings { samples: 1, noise: None, aovs, ..*cpu.settings };
+    let (tiling, was_finished) = (settings.tiling(), tiles.lock().finished());
+    let done = was_finished.iter().map(|&number| tiling.tile(number)).collect();
+    let noisy = Mutex::new(Noisy::new(if filters { file.size } else { [0; 2] }));
+    let finished = |tile: &Tile| {
+        if filters {
+            noisy.lock().unwrap_or_else(PoisonError::into_inner).add(&tiling, tile);
+        }
+        let mut tiles = tiles.lock();
+        match tiles.keeps_guides() {
+            true => tiles.add(tile),
+            false => tiles.add(&Tile { guides: Vec::new(), ..tile.clone() }),
+        }
+    };
     // A second signal ends the process.
     let sampled = stopping_after(COMPLETION, &AtomicBool::new(true), tiles, |cancel| {
-        let monitor = Monitor { progress: &|_, _| {}, finished: &|tile: &Tile| tiles.lock().add(tile), cancel };
+        let monitor = Monitor { progress: &|_, _| {}, finished: &finished, cancel };
         resume_with(cpu.surfaces, cpu.bvh, cpu.camera, &settings, done, &monitor)
     });
     match sampled {
-        Ok(_) => file.write_partial(&tiles.lock()),
+        Ok(_) if filters => {
+            let noisy = noisy.into_inner().unwrap_or_else(PoisonError::into_inner);
+            let picture = tiles.lock().with_others(&was_finished, denoise(noisy, &Denoise::default()));
+            file.write_partial(&tiles.lock(), Some(picture))
+        }
+        Ok(_) => file.write_partial(&tiles.lock(), None),
         Err(RenderError::Cancelled) => write_filled(tiles, file),
         Err(error) => Err(error.into()),
     }
@@ -179,7 +206,7 @@ fn write_filled(tiles: &Tiles, file: &OutputFile) -> Result<()> {
     } else {
         "the picture is black, as no tile has a sample".to_owned()
     });
-    OutputFile { denoising: Denoising::Off, ..file.clone() }.write_partial(&tiles.lock())
+    OutputFile { denoising: Denoising::Off, ..file.clone() }.write_partial(&tiles.lock(), None)
 }
 
 /// How long a picture that is stopped may take to become whole.
@@ -407,28 +434,33 @@ pub(crate) fn difference(a: &Record, b: &Record) -> Option<(String, String, Stri
 mod tests {
     use std::sync::atomic::AtomicBool;
 
-    use canted_film::{Aovs, Format, read_picture};
+    use canted_film::{Format, read_picture};
     use canted_renderer::{SceneBvhConfig, frame, resume};
 
     use super::*;
     use crate::{render::output::Denoising, settings::LookOptions};
 
-    /// Stands for the loss of a device, which a test cannot provoke: every failure after the first tile takes this path.
-    #[test]
-    fn a_failure_writes_the_finished_tiles_and_is_reported() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = OutputFile {
-            path: folder.path().join("out.exr"),
+    /// An OpenEXR file without a name.
+    fn exr(size: [u32; 2]) -> OutputFile {
+        OutputFile {
+            path: PathBuf::new(),
             format: Format::Exr,
             is_stream: false,
             keeps_others: false,
             crop: None,
-            size: [16, 8],
+            size,
             aovs: Aovs::NONE,
             denoising: Denoising::Off,
             is_transparent: false,
             look: LookOptions::default(),
-        };
+        }
+    }
+
+    /// Stands for the loss of a device, which a test cannot provoke: every failure after the first tile takes this path.
+    #[test]
+    fn a_failure_writes_the_finished_tiles_and_is_reported() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = OutputFile { path: folder.path().join("out.exr"), ..exr([16, 8]) };
         let settings = Settings { width: 16, height: 8, samples: 1, tile: 8, ..Settings::default() };
         let scene = canted_scene::builtin();
         let bvh = SceneBvh::build(&scene, &SceneBvhConfig::default()).unwrap();
@@ -439,7 +471,7 @@ mod tests {
         let complete = resume(&scene, &bvh, &camera, &settings, Vec::new(), &monitor).unwrap().picture();
         let mut partial = Partial::new(settings.tiling());
         tiles.lock().unwrap().iter().filter(|tile| tile.number == 1).for_each(|tile| partial.add(tile));
-        let error = stopped(anyhow!("the device is lost"), file.write_partial(&partial));
+        let error = stopped(anyhow!("the device is lost"), file.write_partial(&partial, None));
         assert_eq!(error.to_string(), "the device is lost");
         let left = read_picture(&file.path).unwrap();
         for (x, y) in (0..8).flat_map(|y| (0..16).map(move |x| (x, y))) {
@@ -447,10 +479,48 @@ mod tests {
             assert_eq!(left.pixels[at], if x < 8 { [0.0; 3] } else { complete.pixels[at] }, "{x}, {y}");
         }
         let nowhere = OutputFile { path: folder.path().join("no/out.exr"), ..file };
-        let error = stopped(anyhow!("the device is lost"), nowhere.write_partial(&partial));
+        let error = stopped(anyhow!("the device is lost"), nowhere.write_partial(&partial, None));
         assert_eq!(error.to_string(), "the device is lost");
-        let error = stopped(RenderError::Cancelled.into(), nowhere.write_partial(&partial));
+        let error = stopped(RenderError::Cancelled.into(), nowhere.write_partial(&partial, None));
         assert!(error.to_string().starts_with("cannot write"), "{error}");
+    }
+
+    /// What has one sample per pixel is filtered as a finished picture of one sample is; finished tiles of many samples stay as they are.
+    #[test]
+    fn a_stopped_picture_of_many_samples_is_filtered_where_it_has_few() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, denoising| OutputFile { path: folder.path().join(name), denoising, ..exr([48, 32]) };
+        let scene = canted_scene::builtin();
+        let bvh = SceneBvh::build(&scene, &SceneBvhConfig::default()).unwrap();
+        let camera = frame(&scene, &bvh, 1.5);
+        let surfaces = Surfaces::new(&scene);
+        let settings =
+            Settings { width: 48, height: 32, samples: 100, tile: 16, means_only: true, ..Settings::default() };
+        let written = |name: &str, denoising, finished: Option<&Tile>| {
+            let tiles = Tiles::new(Partial::new(settings.tiling()));
+            finished.iter().for_each(|tile| tiles.lock().add(tile));
+            let cpu = CpuRenderer { surfaces: &surfaces, bvh: &bvh, camera: &camera, settings: &settings };
+            write_stopped(&tiles, &cpu, &file(name, denoising)).unwrap();
+            read_picture(&folder.path().join(name)).unwrap()
+        };
+        let one = Settings { samples: 1, aovs: GUIDES.into_iter().collect(), means_only: false, ..settings };
+        let monitor = Monitor { progress: &|_, _| (), finished: &|_| (), cancel: &AtomicBool::new(false) };
+        let film = resume_with(&surfaces, &bvh, &camera, &one, Vec::new(), &monitor).unwrap();
+        let filtered = denoise(Noisy::of_film(&film).unwrap(), &Denoise::default());
+        assert_eq!(written("off.exr", Denoising::Off, None), film.picture());
+        assert_eq!(written("filtered.exr", Denoising::IfStopped, None), filtered);
+        let mut tile = settings.tiling().tile(2);
+        tile.pixels.fill(canted_film::Pixel::of([0.25; 3]));
+        let mixed = written("mixed.exr", Denoising::IfStopped, Some(&tile));
+        for (x, y) in (0..32).flat_map(|y| (0..48).map(move |x| (x, y))) {
+            let at = mixed.index(x, y);
+            if x >= 32 && y < 16 {
+                assert_eq!(mixed.pixels[at], [0.25; 3], "{x} {y}");
+            } else {
+                assert_ne!(mixed.pixels[at], [0.25; 3], "{x} {y}");
+            }
+        }
+        assert_ne!(mixed.pixels, filtered.pixels);
     }
 
     #[test]

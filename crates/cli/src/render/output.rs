@@ -4,7 +4,7 @@ use std::{borrow::Cow, path::PathBuf};
 
 use anyhow::{Result, anyhow};
 use canted_film::{
-    Aovs, Film, Format, Partial, Picture, Record, Tile,
+    Aov, Aovs, Film, Format, Partial, Picture, Record, Tile,
     denoise::{Denoise, Noisy, REACH, denoise},
     encode, is_own_png, write_film_as,
 };
@@ -39,6 +39,8 @@ pub(super) struct OutputFile {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Denoising {
     Off,
+    /// Only what a picture that is stopped has with a single sample per pixel.
+    IfStopped,
     /// If it has fewer than [`FEW_SAMPLES`] samples per pixel, which a time limit may decide.
     OfFewSamples,
     On,
@@ -48,12 +50,16 @@ impl Denoising {
     /// Its name in messages.
     pub(super) fn name(self) -> &'static str {
         match self {
-            Self::Off => "off",
+            // Of a finished picture.
+            Self::Off | Self::IfStopped => "off",
             Self::OfFewSamples => "for few samples",
             Self::On => "on",
         }
     }
 }
+
+/// The channels that guide the filter.
+pub(super) const GUIDES: [Aov; 3] = [Aov::Albedo, Aov::ShadingNormal, Aov::Depth];
 
 /// Pictures with fewer samples per pixel are denoised without an option.
 pub(super) const FEW_SAMPLES: u32 = 64;
@@ -102,7 +108,7 @@ impl OutputFile {
     pub(super) fn outside(&self, settings: &canted_renderer::Settings) -> Vec<Tile> {
         let Some(crop) = self.crop else { return Vec::new() };
         let [left, top, width, height] = match self.denoising {
-            Denoising::Off => crop,
+            Denoising::Off | Denoising::IfStopped => crop,
             Denoising::OfFewSamples | Denoising::On => with_margin(crop, self.size),
         };
         let tiling = settings.tiling();
@@ -128,20 +134,23 @@ impl OutputFile {
         self.write_film(film, denoised, &Record::new(), None)
     }
 
-    /// Writes the tiles of a picture that were added.
-    pub(super) fn write_partial(&self, partial: &Partial) -> Result<()> {
-        if let Some(film) = partial.film() {
-            return self.write_unfinished(film);
+    /// Writes the tiles of a picture that were added, or the picture that is made of them.
+    pub(super) fn write_partial(&self, partial: &Partial, made: Option<Picture>) -> Result<()> {
+        let shown = |picture: &Picture| match self.crop {
+            Some([x, y, width, height]) => picture.cropped([x, y], [width, height]),
+            None => picture.clone(),
+        };
+        match (partial.film(), made) {
+            (Some(film), None) => self.write_unfinished(film),
+            (Some(film), Some(made)) => self.write_film(film, Some(shown(&made)), &Record::new(), None),
+            (None, made) => self.write_picture(shown(made.as_ref().unwrap_or(partial.picture())), None, None),
         }
-        let picture = partial.picture();
-        let shown = self.crop.map(|[x, y, width, height]| picture.cropped([x, y], [width, height]));
-        self.write_picture(shown.unwrap_or_else(|| picture.clone()), None, None)
     }
 
     /// The denoised picture of a film, if it is to be denoised.
     pub(super) fn denoised(&self, film: &Film) -> Result<Option<Picture>> {
         let is_denoised = match self.denoising {
-            Denoising::Off => false,
+            Denoising::Off | Denoising::IfStopped => false,
             Denoising::OfFewSamples => film.pixels().iter().all(|pixel| pixel.n_taken() < FEW_SAMPLES),
             Denoising::On => true,
         };
