@@ -7,6 +7,7 @@ use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    light,
     options::{Fov, Length, NotNegative, Numbers, Positive, Text as _, Value},
     output,
 };
@@ -136,8 +137,10 @@ impl CameraArgs {
         if let Some(Value(target)) = self.target {
             camera.target = target;
         }
-        if let Some(Value(up)) = self.up {
-            camera.up = up;
+        match self.up {
+            Some(Value(up)) => camera.up = up,
+            None if is_given => camera.up = upright(&camera),
+            None => {}
         }
         if let Some(Value(fov_degrees)) = self.fov {
             camera.projection = Projection::Perspective { fov_degrees };
@@ -159,6 +162,8 @@ pub(crate) struct Staged {
     pub(crate) subject: Subject,
     /// The camera that frames the subject, and what it shows.
     pub(crate) framed: (Camera, Shown),
+    /// Whether the subject is a landscape, which has sky and sun and no ground.
+    pub(crate) is_landscape: bool,
     /// Whether most of what is seen reflects light: surfaces that are pictures of themselves cast no shadow.
     pub(crate) reflects: bool,
 }
@@ -201,6 +206,19 @@ impl LensArgs {
         let focus_distance = self.focus.map_or(own.focus_distance, |focus| focus.0);
         (radius > 0.0).then_some(Lens { radius, focus_distance })
     }
+}
+
+/// The up direction of a camera, or where it looks straight down or up, one that shows the front of the scene at the bottom of the picture.
+fn upright(camera: &Camera) -> [f32; 3] {
+    /// Sine of the angle between directions that count as parallel.
+    const PARALLEL: f64 = 1e-6;
+    let [eye, target, up] = [camera.eye, camera.target, camera.up].map(|v| Vec3::from(v).as_dvec3());
+    let (forward, up) = ((target - eye).normalize_or_zero(), up.normalize_or_zero());
+    if forward == DVec3::ZERO || up == DVec3::ZERO || forward.cross(up).length() > PARALLEL {
+        return camera.up;
+    }
+    let [_, _, back] = light::axes(camera.up);
+    (back * forward.dot(up).signum()).as_vec3().into()
 }
 
 /// `v` rotated about a unit axis by an angle with this sine and cosine, counter-clockwise seen from its tip (Rodrigues).

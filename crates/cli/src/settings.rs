@@ -13,7 +13,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, anyhow};
 use canted_film::{Aov, Aovs, Filter, Picture, ToneMap};
-use canted_renderer::{Cull, FirstHit, Hemisphere, Integrator, Lod, Measure, Pattern, SceneBvh, Settings, stands_on_z};
+use canted_renderer::{
+    Cull, FirstHit, FlatBase, Hemisphere, Integrator, Lod, Measure, Pattern, SceneBvh, Settings, stands_on_z,
+};
 use canted_scene::{Camera, Environment, Material, ReadOptions, Scene, SceneFile, Setting, suggestion};
 use clap::Command;
 use serde::{Deserialize, Serialize};
@@ -124,7 +126,7 @@ pub(crate) struct PictureOptions {
     #[serde(flatten)]
     pub(crate) stage: StageOptions,
     /// Up axis of the scene: `z` for files of CAD and GIS programs. Sets the view that frames the scene and the default light
-    /// [default: y; z for an STL, PLY or OFF file that clearly stands on a flat base across z]
+    /// [default: y; z for an STL, PLY, OFF or OBJ file that clearly stands on a flat base across z]
     #[arg(long, help_heading = CAMERA, display_order = 93, value_name = "AXIS")]
     pub(crate) up_axis: Option<Value<UpAxis>>,
 }
@@ -661,14 +663,21 @@ impl Plan {
 
     /// Whether z is up because the scene shows it, where neither options nor the format say which axis is.
     pub(crate) fn shows_z_up(&self, scene: &Scene) -> bool {
-        /// Least area of a flat base relative to that of the box. Programs for printing, which write STL, have z up more often than others.
-        const BASES: [(&str, f64); 3] = [("stl", 0.05), ("ply", 0.3), ("off", 0.3)];
+        /// Programs for printing, which write STL, have z up more often than others; those that write OBJ mostly have y up, and furniture of
+        /// theirs has a flat back.
+        const BASES: [(&[&str], FlatBase); 4] = [
+            (&["stl"], FlatBase { least: 0.05, other: 0.25, top: f64::INFINITY }),
+            (&["ply", "off"], FlatBase { least: 0.3, other: 0.25, top: f64::INFINITY }),
+            (&["ply", "off"], FlatBase { least: 0.1, other: 0.01, top: 0.25 }),
+            (&["obj"], FlatBase { least: 0.5, other: 0.01, top: 0.1 }),
+        ];
         let Some(path) = self.source.scene.clone().filter(|_| self.options.picture.up_axis.is_none()) else {
             return false;
         };
         let inner = if output::has_extension(&path, "gz") { path.with_extension("") } else { path };
-        let least = BASES.iter().find(|(known, _)| output::has_extension(&inner, known)).map(|&(_, least)| least);
-        self.camera.up.is_none() && least.is_some_and(|least| stands_on_z(scene, least))
+        let is_of = |known: &[&str]| known.iter().any(|known| output::has_extension(&inner, known));
+        let clear: Vec<FlatBase> = BASES.iter().filter(|(known, _)| is_of(known)).map(|&(_, clear)| clear).collect();
+        self.camera.up.is_none() && stands_on_z(scene, &clear)
     }
 
     /// Makes z the up axis.

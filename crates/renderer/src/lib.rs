@@ -66,7 +66,7 @@ pub use device::{
     traced_frame, traced_scene,
 };
 pub use error::PrepareError;
-pub use framing::{Shown, Subject, frame, stands_on_z};
+pub use framing::{FlatBase, Shown, Subject, frame, stands_on_z};
 pub use heatmap::{Heatmap, Measure, heatmap};
 
 pub use light::{LightHit, LightId, LightSample, LightSampler, Lights, environment_of};

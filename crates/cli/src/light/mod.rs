@@ -18,7 +18,7 @@ use crate::{
 };
 
 use stage::LIGHT;
-pub(crate) use stage::{Background, Preset, StageOptions, set_light};
+pub(crate) use stage::{Background, Preset, StageOptions, axes, set_light};
 
 /// Lights from the command line. They replace all lights of the file and its environment.
 #[derive(clap::Args, Clone, Debug, Default, Deserialize, PartialEq, Serialize)]

@@ -162,7 +162,7 @@ fn image(name: &str, strength: f32, radiance: impl Fn(DVec3) -> DVec3) -> Enviro
 }
 
 /// The axes of a scene with this up direction: right, up and towards the viewer, as in the views that frame a scene.
-fn axes(up: [f32; 3]) -> [DVec3; 3] {
+pub(crate) fn axes(up: [f32; 3]) -> [DVec3; 3] {
     let up = Vec3::from(up).as_dvec3().try_normalize().unwrap_or(DVec3::Y);
     let right = if up.x.abs() < 0.9 { DVec3::X } else { DVec3::Z };
     let back = right.cross(up).try_normalize().unwrap_or(DVec3::Z);

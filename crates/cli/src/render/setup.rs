@@ -73,20 +73,23 @@ pub(crate) fn stage(
         return Ok((build(scene)?, None));
     }
     let subject = Subject::new(scene, plan.up());
-    if may_have_ground(scene, plan, source, &subject) {
+    if may_have_ground(scene, plan, source, &subject, is_wide(plan, &subject)) {
         ground::add(scene, &subject, plan.up());
     }
     let bvh = build(scene)?;
-    let framed = subject.frame(scene, &bvh, plan.aspect());
-    Ok((bvh, Some(Staged { subject, framed, reflects: true })))
+    let staged = of_subject(scene, &bvh, plan, subject);
+    Ok((bvh, Some(staged)))
 }
 
 /// What a scene is about, whose structure is built; `None` if neither the camera nor the light depends on it.
 pub(crate) fn staged(scene: &Scene, bvh: &SceneBvh, plan: &Plan, source: LightSource) -> Option<Staged> {
-    is_needed(scene, plan, source).then(|| {
-        let subject = Subject::new(scene, plan.up());
-        Staged { subject, framed: subject.frame(scene, bvh, plan.aspect()), reflects: true }
-    })
+    is_needed(scene, plan, source).then(|| of_subject(scene, bvh, plan, Subject::new(scene, plan.up())))
+}
+
+fn of_subject(scene: &Scene, bvh: &SceneBvh, plan: &Plan, subject: Subject) -> Staged {
+    let framed = subject.frame(scene, bvh, plan.aspect());
+    let is_landscape = is_wide(plan, &subject) && !subject.has_underside(scene, bvh);
+    Staged { subject, framed, is_landscape, reflects: true }
 }
 
 /// Whether camera or light depend on what the scene is about.
@@ -95,12 +98,12 @@ fn is_needed(scene: &Scene, plan: &Plan, source: LightSource) -> bool {
 }
 
 /// Whether a scene has a ground, before its view is known.
-fn may_have_ground(scene: &Scene, plan: &Plan, source: LightSource, subject: &Subject) -> bool {
+fn may_have_ground(scene: &Scene, plan: &Plan, source: LightSource, subject: &Subject, is_landscape: bool) -> bool {
     let is_empty = scene.instances.len() == usize::from(scene.ground.is_some()) || subject.extent() == [0.0; 3];
     match plan.stage.ground {
         Some(is_wanted) => is_wanted && !is_empty,
         None => {
-            let is_object = !is_empty && !subject.is_chart() && !subject.has_floor && !is_landscape(plan, subject);
+            let is_object = !is_empty && !subject.is_chart() && !subject.has_floor && !is_landscape;
             is_object && source == LightSource::Default && !plan.shows_data && !plan.is_transparent()
         }
     }
@@ -115,9 +118,10 @@ pub(crate) fn settle(
     source: LightSource,
     staged: Option<&Staged>,
 ) -> Result<bool> {
-    let Some(Staged { subject, framed: (_, shown), reflects }) = staged else { return Ok(false) };
+    let Some(Staged { subject, framed: (_, shown), is_landscape, reflects }) = staged else { return Ok(false) };
     let is_seen = *shown != Shown::Room && *reflects && subject.height_of(camera.eye) > 0.0;
-    let has_ground = may_have_ground(scene, plan, source, subject) && (is_seen || plan.stage.ground.is_some());
+    let may_have = may_have_ground(scene, plan, source, subject, *is_landscape);
+    let has_ground = may_have && (is_seen || plan.stage.ground.is_some());
     if has_ground == scene.ground.is_some() {
         return Ok(false);
     }
@@ -129,8 +133,9 @@ pub(crate) fn settle(
     Ok(true)
 }
 
-/// Whether a scene is a landscape: wide, and of outdoor size in a format whose unit is the meter.
-fn is_landscape(plan: &Plan, subject: &Subject) -> bool {
+/// Whether a scene is wide, and of outdoor size in a format whose unit is the meter. It is a landscape unless it has an underside, as objects have
+/// in files whose unit is the millimeter all the same.
+fn is_wide(plan: &Plan, subject: &Subject) -> bool {
     /// Meters, and width relative to height.
     const SIZE: f64 = 40.0;
     const WIDE: f64 = 4.0;
@@ -200,9 +205,9 @@ pub(crate) fn choose(
         return Ok(choice);
     }
     let is_room = staged.is_some_and(|staged| staged.framed.1 == Shown::Room);
-    let is_wide = staged.is_some_and(|staged| is_landscape(plan, &staged.subject));
-    let is_outdoors = is_room || is_wide;
-    if plan.stage.light.is_none() && is_wide && !is_room {
+    let is_landscape = staged.is_some_and(|staged| staged.is_landscape);
+    let is_outdoors = is_room || is_landscape;
+    if plan.stage.light.is_none() && is_landscape && !is_room {
         choice.light_reason = Some("wider than 40 m; --light studio shows it as an object");
     }
     let preset = plan.stage.light.unwrap_or(if is_outdoors { Preset::Sky } else { Preset::Studio });

@@ -440,6 +440,29 @@ fn cameras_are_chosen_by_name_and_number() {
     folder.run(&format!("render {file} --ortho 2 --fov 30")).refused(&["--fov"]);
 }
 
+#[test]
+fn a_camera_looks_straight_down_and_an_impossible_one_is_one_sentence() {
+    let folder = Folder::with_small();
+    let picture = |camera: &str| {
+        folder.run(&format!("render small.obj {LINE} -o a.png {camera}")).done();
+        folder.bytes("a.png")
+    };
+    // The front of the scene is at the bottom of the picture, from below at its top, as in a view that is a little off.
+    for (camera, near) in [("--eye 0,5,0", "--eye 0,5,0.001"), ("--eye 0,-5,0", "--eye 0,-5,0.001")] {
+        let [a, b] = [camera, near].map(|eye| {
+            let bytes = picture(&format!("{eye} --target 0,0,0"));
+            image::load_from_memory(&bytes).unwrap().to_rgb8()
+        });
+        let n_far = a.pixels().zip(b.pixels()).filter(|(a, b)| a.0[0].abs_diff(b.0[0]) > 40).count();
+        assert!(n_far < a.pixels().len() / 50, "{camera}: {n_far} pixels differ");
+    }
+    for (camera, words) in [("--target 1,2,3 --eye 1,2,3", "coincide"), ("--eye 0,5,0 --target 0,0,0 --up 0,1,0", "up")]
+    {
+        let run = folder.run(&format!("render small.obj {LINE} -o b.png {camera}")).refused(&["camera", words]);
+        assert_eq!(run.stderr.lines().count(), 1, "{}", run.stderr);
+    }
+}
+
 /// A scene with z up, framed for it, looks as the turned scene with y up.
 #[test]
 fn the_up_axis_turns_camera_and_light() {

@@ -72,6 +72,30 @@ fn wide_scenes_have_a_sky_and_the_report_says_why() {
     assert_eq!((&report["light"], report["light_reason"].is_null()), (&"studio".into(), true), "{report}");
 }
 
+/// A file in millimeters: a board of 150 x 75 x 8 is no landscape, as it is closed below, also where parts stand on it.
+#[test]
+fn objects_in_millimeters_are_in_the_studio() {
+    let folder = folder();
+    let slab = |[x, y, z]: [f32; 3], [w, h, d]: [f32; 3]| {
+        let corner = |i: u32| {
+            let half = |k: u32| if i >> k & 1 == 1 { 0.5 } else { -0.5 };
+            format!("v {} {} {}\n", x + w * half(0), y + h * half(1), z + d * half(2))
+        };
+        let faces = "f -8 -6 -5 -7\nf -4 -3 -1 -2\nf -8 -7 -3 -4\nf -6 -2 -1 -5\nf -8 -4 -2 -6\nf -7 -5 -1 -3\n";
+        (0..8).map(corner).collect::<String>() + faces
+    };
+    let board = slab([0.0; 3], [150.0, 8.0, 75.0]);
+    folder.write("board.obj", &board);
+    folder.write("parts.obj", board + &slab([30.0, 6.0, 0.0], [10.0, 4.0, 10.0]));
+    // The same seen from above without what closes it below.
+    folder.write("sheet.obj", "v -75 0 -37\nv 75 0 -37\nv 75 8 37\nv -75 0 37\nf 1 3 2\nf 1 4 3\n");
+    for (name, light, ground) in [("board", "studio", "on"), ("parts", "studio", "on"), ("sheet", "sky", "off")] {
+        folder.write("a.toml", format!("[[assets]]\nname = \"a\"\nfile = \"{name}.obj\"\n"));
+        let report = folder.run(&format!("render a.toml {SIZE} --spp 1 -o a.png --json")).done().json();
+        assert_eq!((&report["light"], &report["ground"]), (&light.into(), &ground.into()), "{name}: {report}");
+    }
+}
+
 #[test]
 fn mirrors_show_the_studio() {
     let folder = folder();
@@ -294,7 +318,8 @@ fn a_camera_that_does_not_show_the_subject_is_not_used() {
     let folder = Folder::new();
     let corners = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
     folder.write("numbers.bin", corners.into_iter().flat_map(f32::to_le_bytes).collect::<Vec<u8>>());
-    for (offset, shows) in [("0", true), ("9", false), ("-500", false)] {
+    // In front of it, behind the camera, far away, and a hundredth in front of it.
+    for (offset, shows) in [("0", true), ("9", false), ("-500", false), ("4.99", false)] {
         folder.write("a.gltf", CAMERA.replace("OFFSET", offset));
         let run = folder.run(&format!("render a.gltf {LINE} -o a.png --json")).done();
         let camera = if shows { "camera 0 of the file" } else { "frames the scene" };
@@ -338,4 +363,52 @@ fn a_base_across_z_shows_that_z_is_up() {
     folder.write("a.stl", stl(false));
     let run = folder.run(&format!("render a.stl {LINE} -o a.png --json --up-axis y")).done();
     assert!(!run.stderr.contains("z is up") && run.json()["eye"] != z_up.1);
+}
+
+/// A pyramid as OBJ and PLY, closed below or cut off there, and things that only look as if z were up.
+#[test]
+fn z_is_up_where_the_geometry_clearly_shows_it() {
+    let folder = Folder::new();
+    let base = [[-1.0_f32, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
+    let sides = "f 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n";
+    let corners = |[x, y, z]: [f32; 3], [i, j, k]: [usize; 3]| {
+        let all = base.iter().copied().chain([[x, y, z]]);
+        all.map(|p| format!("v {} {} {}\n", p[i], p[j], p[k])).collect::<String>()
+    };
+    let (upright, cyclic) = ([0, 1, 2], [1, 2, 0]);
+    let pyramid = |order| corners([0.0, 0.0, 2.0], order) + sides;
+    let closed = |order| pyramid(order) + "f 4 3 2 1\n";
+    // A roof of a house without a floor: its gables are flat and across z.
+    let house = "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nv 0 2 -1\nv 0 2 1\nf 1 5 2\nf 4 3 6\nf 1 4 6 5\nf 2 5 6 3\n";
+    // A poster in the plane z = 0, and a sofa on feet with a flat back.
+    let poster = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
+    for (name, text, is_z) in [
+        ("closed.obj", closed(upright), true),
+        ("open.obj", pyramid(upright), true),
+        ("y up.obj", closed(cyclic), false),
+        ("open, y up.obj", pyramid(cyclic), false),
+        ("house.obj", house.to_owned(), false),
+        ("cube.obj", cube([0.0; 3]), false),
+        ("poster.obj", poster.to_owned(), false),
+    ] {
+        folder.write("a.obj", &text);
+        let run = folder.run(&format!("render a.obj {LINE} -o a.png")).done();
+        assert_eq!(run.stderr.contains("note: z is up"), is_z, "{name}: {}", run.stderr);
+        let vertices: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("v ")).collect();
+        let faces: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("f ")).collect();
+        let mut ply = format!(
+            "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\nelement face {}\n\
+             property list uchar int vertex_indices\nend_header\n{}\n",
+            vertices.len(),
+            faces.len(),
+            vertices.join("\n")
+        );
+        for face in faces {
+            let indices: Vec<String> = face.split(' ').map(|i| (i.parse::<u32>().unwrap() - 1).to_string()).collect();
+            ply += &format!("{} {}\n", indices.len(), indices.join(" "));
+        }
+        folder.write("a.ply", ply);
+        let run = folder.run(&format!("render a.ply {LINE} -o a.png")).done();
+        assert_eq!(run.stderr.contains("note: z is up"), is_z, "{name} as PLY: {}", run.stderr);
+    }
 }

@@ -18,6 +18,8 @@ mod subject;
 mod turn;
 mod up;
 
+use std::collections::BTreeSet;
+
 use canted_obb::Aabb;
 use canted_scene::{Camera, Scene};
 use canted_trace::Intersect;
@@ -28,7 +30,7 @@ use fit::{fit, within};
 use probe::{Probe, RayResult, is_front};
 use subject::{Rest, rest};
 use turn::Turn;
-pub use up::stands_on_z;
+pub use up::{FlatBase, stands_on_z};
 
 /// The direction from which objects are viewed: 35 degrees to the right of the front, which is +z in glTF files, and 22 degrees above.
 const THREE_QUARTERS: DVec3 = DVec3::new(0.7, 0.5, 1.0);
@@ -100,6 +102,20 @@ impl Subject {
         thin_axis(self.extent().into()).is_some()
     }
 
+    /// Whether rays from straight below meet fronts in at least half of the box: objects are closed there, landscapes are not.
+    #[must_use]
+    pub fn has_underside(&self, scene: &Scene, bvh: &dyn Intersect) -> bool {
+        const SIDE: u32 = 32;
+        let probe = self.of_bounds(scene, bvh, self.bounds);
+        let below = DVec3::Y * probe.extent().length();
+        let is_front = |i: &u32| {
+            let [x, z] = [i % SIDE, i / SIDE].map(|k| (f64::from(k) + 0.5) / f64::from(SIDE));
+            let from = probe.point_at(DVec3::new(x, 0.0, z)) - below;
+            matches!(probe.cast(from, DVec3::Y), RayResult::Front { .. })
+        };
+        2 * (0..SIDE * SIDE).filter(is_front).count() >= (SIDE * SIDE) as usize
+    }
+
     /// Chooses a camera for an image whose width is `aspect` times its height.
     ///
     /// Objects are viewed from direction (0.7, 0.5, 1), or from a side where their single-sided surfaces are drawn, as large as the image allows; flat and upright ones from the front; interiors with
@@ -119,8 +135,8 @@ impl Subject {
         (self.turn.camera(&camera), shown)
     }
 
-    /// Whether a camera shows it: at least a hundredth of an image whose width is `aspect` times its height is filled by it, and the camera
-    /// is not inside of it.
+    /// Whether a camera shows it: at least a hundredth of an image whose width is `aspect` times its height is filled by it, the camera
+    /// is not inside of it, and does not nearly touch it.
     #[must_use]
     pub fn is_shown_by(&self, scene: &Scene, bvh: &dyn Intersect, camera: &Camera, aspect: f64) -> bool {
         scene.instances.is_empty() || self.is_seen(scene, bvh, camera, aspect)
@@ -158,20 +174,31 @@ impl Subject {
         const SEEN: f64 = 0.01;
         /// Part of the rays that meet backs where the camera is inside of an object.
         const INSIDE: f64 = 0.95;
+        /// What a camera that nearly touches a surface shows: few triangles, and a small part of the subject.
+        const FEW: usize = 8;
+        const SMALL: f64 = 0.03;
         let longest = aspect.max(1.0);
         let [width, height] = [aspect / longest, 1.0 / longest].map(|side| ((N_RAYS * side) as u32).max(1));
         let Ok(view) = View::new(camera, width, height) else { return false };
         let is_inside = within(&self.bounds);
         let (mut n_seen, mut n_back) = (0_u32, 0_u32);
+        let (mut region, mut triangles) = (Aabb::EMPTY, BTreeSet::new());
         for i in 0..width * height {
             let ray = view.ray([f64::from(i % width) + 0.5, f64::from(i / width) + 0.5]);
             let Some(hit) = bvh.closest_hit(&ray) else { continue };
             n_back += u32::from(!is_front(scene, &hit, ray.direction));
             let point = wide(ray.origin) + wide(ray.direction) * f64::from(hit.t);
-            n_seen += u32::from(Some(hit.instance.0) != scene.ground && is_inside(self.turn.to_local(point)));
+            let point = self.turn.to_local(point);
+            if Some(hit.instance.0) != scene.ground && is_inside(point) {
+                n_seen += 1;
+                region.grow(narrow(point));
+                triangles.insert((hit.instance, hit.primitive));
+            }
         }
+        let diagonal = |bounds: &Aabb| DVec3::from(bounds.extent()).length();
+        let is_patch = triangles.len() <= FEW && diagonal(&region) < SMALL * diagonal(&self.bounds);
         let n_rays = f64::from(width * height);
-        f64::from(n_seen) >= SEEN * n_rays && f64::from(n_back) < INSIDE * n_rays
+        !is_patch && f64::from(n_seen) >= SEEN * n_rays && f64::from(n_back) < INSIDE * n_rays
     }
 }
 
