@@ -1,7 +1,9 @@
 //! The camera: from the options, else from the scene, else one that frames the scene.
 
+use std::path::Path;
+
 use anyhow::{Result, anyhow};
-use canted_renderer::{SceneBvh, Shown, Subject};
+use canted_renderer::{FlatBase, SceneBvh, Shown, Subject};
 use canted_scene::{Camera, Lens, Projection, Scene};
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -154,6 +156,22 @@ impl CameraArgs {
         }
         Ok((camera, source))
     }
+}
+
+/// How clearly a file of this format must stand on a flat base across z, so that z is up.
+///
+/// Programs for printing, which write STL, have z up more often than others; those that write OBJ mostly have y up, and furniture of theirs has
+/// a flat back.
+pub(crate) fn flat_bases(path: &Path) -> Vec<FlatBase> {
+    const BASES: [(&[&str], FlatBase); 4] = [
+        (&["stl"], FlatBase { least: 0.05, other: 0.25, top: f64::INFINITY }),
+        (&["ply", "off"], FlatBase { least: 0.3, other: 0.25, top: f64::INFINITY }),
+        (&["ply", "off"], FlatBase { least: 0.1, other: 0.01, top: 0.25 }),
+        (&["obj"], FlatBase { least: 0.5, other: 0.01, top: 0.1 }),
+    ];
+    let inner = if output::has_extension(path, "gz") { path.with_extension("") } else { path.to_owned() };
+    let is_of = |known: &[&str]| known.iter().any(|known| output::has_extension(&inner, known));
+    BASES.iter().filter(|(known, _)| is_of(known)).map(|&(_, clear)| clear).collect()
 }
 
 /// What a scene is about, and the view that frames it.

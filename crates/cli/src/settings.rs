@@ -13,15 +13,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, anyhow};
 use canted_film::{Aov, Aovs, Filter, Picture, ToneMap};
-use canted_renderer::{
-    Cull, FirstHit, FlatBase, Hemisphere, Integrator, Lod, Measure, Pattern, SceneBvh, Settings, stands_on_z,
-};
+use canted_renderer::{Cull, FirstHit, Hemisphere, Integrator, Lod, Measure, Pattern, SceneBvh, Settings, stands_on_z};
 use canted_scene::{Camera, Environment, Material, ReadOptions, Scene, SceneFile, Setting, suggestion};
 use clap::Command;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    camera::{CAMERA, CameraArgs, CameraSource, Staged},
+    camera::{CAMERA, CameraArgs, CameraSource, Staged, flat_bases},
     light::{Background, EnvironmentArgs, LightArgs, LightSource, Preset, StageOptions},
     load::{self, FileArgs},
     options::{
@@ -663,21 +661,10 @@ impl Plan {
 
     /// Whether z is up because the scene shows it, where neither options nor the format say which axis is.
     pub(crate) fn shows_z_up(&self, scene: &Scene) -> bool {
-        /// Programs for printing, which write STL, have z up more often than others; those that write OBJ mostly have y up, and furniture of
-        /// theirs has a flat back.
-        const BASES: [(&[&str], FlatBase); 4] = [
-            (&["stl"], FlatBase { least: 0.05, other: 0.25, top: f64::INFINITY }),
-            (&["ply", "off"], FlatBase { least: 0.3, other: 0.25, top: f64::INFINITY }),
-            (&["ply", "off"], FlatBase { least: 0.1, other: 0.01, top: 0.25 }),
-            (&["obj"], FlatBase { least: 0.5, other: 0.01, top: 0.1 }),
-        ];
         let Some(path) = self.source.scene.clone().filter(|_| self.options.picture.up_axis.is_none()) else {
             return false;
         };
-        let inner = if output::has_extension(&path, "gz") { path.with_extension("") } else { path };
-        let is_of = |known: &[&str]| known.iter().any(|known| output::has_extension(&inner, known));
-        let clear: Vec<FlatBase> = BASES.iter().filter(|(known, _)| is_of(known)).map(|&(_, clear)| clear).collect();
-        self.camera.up.is_none() && stands_on_z(scene, &clear)
+        self.camera.up.is_none() && stands_on_z(scene, &flat_bases(&path))
     }
 
     /// Makes z the up axis.
