@@ -7,7 +7,7 @@ use canted_lbvh::Strategy;
 use canted_obb::{Affine, Obb, PrimId};
 use canted_scene::{CurveSegments, Curves, Instance, Material, Mesh, Scene};
 use canted_tlas::Tlas;
-use canted_trace::{HIT_ERROR, Hit, InstanceId, Intersect, Query, ScaledRay, Side};
+use canted_trace::{HIT_ERROR, Hit, InstanceId, Intersect, Mapped, Query, ScaledRay, Side};
 use rayon::prelude::*;
 
 use crate::bottom_level::Triangles;
@@ -74,33 +74,10 @@ impl FlatBvh {
         };
         Hit { instance: InstanceId(instance as u32), primitive, side, ..hit }
     }
-}
 
-/// Passes hits of the flat BVH on to `query` by instance.
-struct InInstance<'a> {
-    flat: &'a FlatBvh,
-    query: &'a mut dyn Query,
-}
-
-impl Query for InInstance<'_> {
-    fn may_reject(&self) -> bool {
-        self.query.may_reject()
-    }
-
-    fn counts(&self) -> bool {
-        self.query.counts()
-    }
-
-    fn boxes(&mut self, n: u32) {
-        self.query.boxes(n);
-    }
-
-    fn triangles(&mut self, n: u32) {
-        self.query.triangles(n);
-    }
-
-    fn accepts(&mut self, hit: &Hit) -> bool {
-        self.query.accepts(&self.flat.in_instance(*hit))
+    /// Passes hits of the flat BVH on to `query` by instance.
+    fn of_instances<'a>(&'a self, query: &'a mut dyn Query) -> Mapped<'a, impl Fn(&Hit) -> Hit> {
+        Mapped { query, map: |hit: &Hit| self.in_instance(*hit) }
     }
 }
 
@@ -184,7 +161,7 @@ impl Intersect for SceneBvh {
         match &self.levels {
             SceneLevels::One(flat) => {
                 let hit = if query.may_reject() {
-                    flat.bvh.closest_hit_scaled(ray, &mut InInstance { flat, query }, stack)
+                    flat.bvh.closest_hit_scaled(ray, &mut flat.of_instances(query), stack)
                 } else {
                     flat.bvh.closest_hit_scaled(ray, query, stack)
                 };
@@ -197,7 +174,7 @@ impl Intersect for SceneBvh {
     fn occluded_scaled(&self, ray: &ScaledRay, query: &mut dyn Query, stack: &mut [u64]) -> bool {
         match &self.levels {
             SceneLevels::One(flat) if query.may_reject() => {
-                flat.bvh.occluded_scaled(ray, &mut InInstance { flat, query }, stack)
+                flat.bvh.occluded_scaled(ray, &mut flat.of_instances(query), stack)
             }
             SceneLevels::One(flat) => flat.bvh.occluded_scaled(ray, query, stack),
             SceneLevels::Two(tlas) => tlas.occluded_scaled(ray, query, stack),
@@ -208,7 +185,7 @@ impl Intersect for SceneBvh {
         match &self.levels {
             SceneLevels::One(flat) => {
                 let start = hits.len();
-                flat.bvh.all_hits_scaled(ray, &mut InInstance { flat, query }, stack, hits);
+                flat.bvh.all_hits_scaled(ray, &mut flat.of_instances(query), stack, hits);
                 hits[start..].iter_mut().for_each(|hit| *hit = flat.in_instance(*hit));
             }
             SceneLevels::Two(tlas) => tlas.all_hits_scaled(ray, query, stack, hits),

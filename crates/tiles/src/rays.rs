@@ -1,7 +1,7 @@
 //! Rays: hits of all tiles, in the order of one BVH.
 
 use canted_obb::Obb;
-use canted_trace::{Crossings, Hit, HitLists, Intersect, Query, Ray, ScaledRay, TriangleTest, with_stack};
+use canted_trace::{Crossings, Hit, HitLists, Intersect, Mapped, Query, Ray, ScaledRay, TriangleTest, with_stack};
 use canted_wide::CrossingParts;
 
 use crate::broad::Entry;
@@ -229,34 +229,13 @@ fn found<T>(result: Result<T, TileError>) -> T {
     result.unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Passes hits of a tile on to a query: with the numbers of the whole, and the caller's `t`.
-struct InTile<'a> {
-    tile: &'a Tile,
-    ray: &'a ScaledRay,
-    query: &'a mut dyn Query,
-}
-
-impl Query for InTile<'_> {
-    fn may_reject(&self) -> bool {
-        self.query.may_reject()
-    }
-
-    fn counts(&self) -> bool {
-        self.query.counts()
-    }
-
-    fn boxes(&mut self, n: u32) {
-        self.query.boxes(n);
-    }
-
-    fn triangles(&mut self, n: u32) {
-        self.query.triangles(n);
-    }
-
-    fn accepts(&mut self, hit: &Hit) -> bool {
-        let hit = self.tile.in_whole(*hit);
-        self.query.accepts(&Hit { t: self.ray.caller_t(hit.t), ..hit })
-    }
+/// Passes hits of a tile on to `query`: with the numbers of the whole, and the caller's `t`.
+fn in_whole<'a>(tile: &'a Tile, ray: &'a ScaledRay, query: &'a mut dyn Query) -> Mapped<'a, impl Fn(&Hit) -> Hit> {
+    let map = |hit: &Hit| {
+        let hit = tile.in_whole(*hit);
+        Hit { t: ray.caller_t(hit.t), ..hit }
+    };
+    Mapped { query, map }
 }
 
 /// One ray at a time; slices of rays read each tile few times. Panics where a tile cannot be read.
@@ -287,7 +266,7 @@ impl Intersect for TiledBvh {
                 break;
             }
             let (tile, scaled) = (found(self.cache.get(tile)), ScaledRay::new(&way.ray)?);
-            let (target, query) = (tile.target(), &mut InTile { tile: &tile, ray, query });
+            let (target, query) = (tile.target(), &mut in_whole(&tile, ray, query));
             let hit = with_stack(target.stack_len(), |stack| target.closest_hit_scaled(&scaled, query, stack));
             hit.into_iter().for_each(|hit| way.take(tile.in_whole(hit)));
         }
@@ -299,7 +278,7 @@ impl Intersect for TiledBvh {
         let Some(scaled) = ScaledRay::new(&plain) else { return false };
         self.entries(&plain).into_iter().any(|Entry(_, tile)| {
             let tile = found(self.cache.get(tile));
-            let (target, query) = (tile.target(), &mut InTile { tile: &tile, ray, query });
+            let (target, query) = (tile.target(), &mut in_whole(&tile, ray, query));
             with_stack(target.stack_len(), |stack| target.occluded_scaled(&scaled, query, stack))
         })
     }
@@ -310,7 +289,7 @@ impl Intersect for TiledBvh {
         let first = hits.len();
         for Entry(_, tile) in self.entries(&plain) {
             let tile = found(self.cache.get(tile));
-            let (target, of_tile, query) = (tile.target(), hits.len(), &mut InTile { tile: &tile, ray, query });
+            let (target, of_tile, query) = (tile.target(), hits.len(), &mut in_whole(&tile, ray, query));
             with_stack(target.stack_len(), |stack| target.all_hits_scaled(&scaled, query, stack, hits));
             hits[of_tile..].iter_mut().for_each(|hit| *hit = tile.in_whole(*hit));
         }

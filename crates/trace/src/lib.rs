@@ -85,7 +85,7 @@ pub use moving::position_at;
 #[doc(hidden)]
 pub use placed::{ObjectMap, ObjectRay, PlacedRay, WorldRay};
 pub use quadrics::{Cone, Disk, Ellipsoid};
-pub use query::{Accept, Counts, Query};
+pub use query::{Accept, Counts, Mapped, Query};
 pub use ray::{Ray, ScaledRay};
 pub use reference::ReferencePoint;
 pub use round_cubic::{CurvePoint, RoundCubic};

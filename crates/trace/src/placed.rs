@@ -19,7 +19,7 @@ use canted_obb::Affine;
 use canted_obb::round::{greatest, magnitude_down, magnitude_up, power_below, reciprocal_of_power};
 use canted_obb::vector::{cross, dot, to_f64};
 
-use crate::{Hit, InstanceId, Query, Ray, ScaledRay};
+use crate::{Hit, InstanceId, Mapped, Query, Ray, ScaledRay};
 
 /// The map of an instance, and what its inverse needs.
 ///
@@ -221,7 +221,8 @@ impl ObjectRay {
         if !query.may_reject() {
             return ask(query);
         }
-        ask(&mut InInstance { query, instance, to_caller: self.to_caller })
+        let map = |hit: &Hit| Hit { t: (f64::from(hit.t) * self.to_caller) as f32, instance, ..*hit };
+        ask(&mut Mapped { query, map })
     }
 
     /// The closest hit of the instance, with its scaled world `t`; `find` looks for it in object space.
@@ -245,31 +246,5 @@ impl ObjectRay {
         find: impl FnOnce(&ScaledRay, &mut dyn Query) -> bool,
     ) -> bool {
         self.ask(query, instance, |query| find(&self.ray, query))
-    }
-}
-
-/// Passes hits with the instance and the caller's `t` on to a query.
-struct InInstance<'a> {
-    query: &'a mut dyn Query,
-    instance: InstanceId,
-    to_caller: f64,
-}
-
-impl Query for InInstance<'_> {
-    fn counts(&self) -> bool {
-        self.query.counts()
-    }
-
-    fn boxes(&mut self, n: u32) {
-        self.query.boxes(n);
-    }
-
-    fn triangles(&mut self, n: u32) {
-        self.query.triangles(n);
-    }
-
-    fn accepts(&mut self, hit: &Hit) -> bool {
-        let t = (f64::from(hit.t) * self.to_caller) as f32;
-        self.query.accepts(&Hit { t, instance: self.instance, ..*hit })
     }
 }

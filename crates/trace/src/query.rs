@@ -57,6 +57,37 @@ impl Query for () {
     }
 }
 
+/// Passes hits on to a query as a function maps them: those of a structure inside of another, which has other numbers.
+#[doc(hidden)]
+pub struct Mapped<'a, F> {
+    /// The query of the outer structure.
+    pub query: &'a mut dyn Query,
+    /// The hit of the outer structure.
+    pub map: F,
+}
+
+impl<F: Fn(&Hit) -> Hit> Query for Mapped<'_, F> {
+    fn may_reject(&self) -> bool {
+        self.query.may_reject()
+    }
+
+    fn counts(&self) -> bool {
+        self.query.counts()
+    }
+
+    fn boxes(&mut self, n: u32) {
+        self.query.boxes(n);
+    }
+
+    fn triangles(&mut self, n: u32) {
+        self.query.triangles(n);
+    }
+
+    fn accepts(&mut self, hit: &Hit) -> bool {
+        self.query.accepts(&(self.map)(hit))
+    }
+}
+
 /// A query that accepts the hits for which a function returns `true`.
 ///
 /// The function must decide by the hit alone: it is called for some of the hits only, in an order that depends on the BVH.

@@ -52,8 +52,9 @@ impl SavedPrimitive for Sphere {
 /// surface by `h <= sqrt(2^-48)·S`, less for thick segments. Rounding `t` adds u·S: two units in all of the 20 that are stated.
 impl Primitive for RoundSegment {
     const IS_LOCAL: bool = true;
-    const MAX_LEAF: usize = 4;
-    const COST: f32 = 20.0;
+    const MAX_LEAF: usize = 8;
+    const COST: f32 = 6.0;
+    const HULL: Option<fn(&Self) -> RoundSegment> = Some(|segment| *segment);
 
     fn bounds(&self) -> Aabb {
         let [a, b] = [0, 1].map(|end| bounds_of_points([self.ends[end]], self.radii[end]));

@@ -310,7 +310,7 @@ fn dot<S: Simd>(simd: S, a: [S::F; 3], b: [S::F; 3]) -> S::F {
 
 /// Sum of absolute components.
 #[inline(always)]
-fn norm<S: Simd>(simd: S, a: [S::F; 3]) -> S::F {
+pub(super) fn norm<S: Simd>(simd: S, a: [S::F; 3]) -> S::F {
     simd.add(simd.add(simd.abs(a[0]), simd.abs(a[1])), simd.abs(a[2]))
 }
 

@@ -66,11 +66,13 @@
 
 mod block;
 mod eight;
+mod hulls;
 mod ray;
 mod walk;
 
 pub(crate) use block::{Block, RayTriangles, SHRINK};
 pub(crate) use eight::{EightRays, for_each_of_eight};
+pub(crate) use hulls::{RayLine, numbers};
 pub(crate) use ray::{BoxPads, MeshFrame, Pads, RayLanes, RayNumbers, TracedRay};
 pub(crate) use walk::LeafRange;
 pub(crate) use walk::{Visitor, walk};

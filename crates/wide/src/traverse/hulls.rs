@@ -1,0 +1,226 @@
+//! Eight round segments at once: which of them a ray may come near.
+
+use canted_trace::lanes::UNIT_ROUNDOFF as U;
+use canted_trace::{RoundSegment, ScaledRay};
+
+use super::block::norm;
+use super::ray::splat3;
+use crate::simd::Simd;
+
+/// How much of the squared radius counts: 9/8, and the roundings of the comparison.
+const RADIUS: f32 = 1.126;
+
+/// Nine times the squared error of the distance, relative to the sizes, and more; see [`RayLine::near`].
+pub(crate) const ERROR: f32 = 16384.0 * U * U;
+
+/// More than all roundings of a position along the line, relative to the sizes.
+const ALONG: f32 = 32.0 * U;
+
+/// Squares from here on lose nothing by underflow.
+const LEAST: f32 = f32::from_bits((127 - 100) << 23);
+
+/// The line of a ray, in every lane.
+pub(crate) struct RayLine<S: Simd> {
+    origin: [S::F; 3],
+    direction: [S::F; 3],
+    direction_squared: f32,
+    /// At least the length of the direction.
+    length: S::F,
+    /// Where the ray starts, times the square of the direction.
+    start: S::F,
+    /// See [`ERROR`].
+    error: S::F,
+}
+
+impl<S: Simd> RayLine<S> {
+    #[inline(always)]
+    pub(crate) fn new(simd: S, ray: &ScaledRay) -> Self {
+        Self::with_error(simd, ray, ERROR)
+    }
+
+    /// As [`RayLine::new`], with another error than [`ERROR`].
+    #[inline(always)]
+    pub(crate) fn with_error(simd: S, ray: &ScaledRay, error: f32) -> Self {
+        let [x, y, z] = ray.direction;
+        let direction_squared = x * x + y * y + z * z;
+        Self {
+            origin: splat3(simd, ray.origin),
+            direction: splat3(simd, ray.direction),
+            direction_squared,
+            length: simd.splat(direction_squared.sqrt() * (1.0 + 4.0 * U)),
+            start: simd.splat(ray.t_min * direction_squared),
+            error: simd.splat(error),
+        }
+    }
+
+    /// Lanes whose round segment the ray may come near at `t_min <= t <= t_max`; rows as [`numbers`] has them.
+    ///
+    /// # Method
+    /// Relative to the origin of the ray, let `f` be the first end, `a` the vector to the second one, `d` the direction, `m = f × d` and
+    /// `c = a × d`. The point at `s` of the axis is `|m + s·c|/|d|` from the line, least at `s = -m·c/c²`, or at the nearer end. Where that exceeds
+    /// the greater radius `r`, the line passes the segment. Along the line, the segment is between the ends, but for the radius.
+    ///
+    /// # Error
+    /// Let `F`, `A` and `D` be the lengths of `f`, `a` and `d`, and `R = A·D/|c|`, which is at least 1. Two roundings of inputs and products and
+    /// one of a difference put `m` off by 4.3 u·F·D and `c` by 4.3 u·A·D. So `m·c` is off by u·F·D·(7.4·|c| + 4.3·A·D), `c²` by
+    /// u·|c|·(8.6·A·D + 3.1·|c|), and `s·|c|`, as far as it is between the ends, by u·D·(11.7·F·R + 13.6·A). The sum `m + s·c` is off by another
+    /// 6.3 u·D·(F + A). In all its length exceeds the least one by at most `E = 24 u·D·R·(F + A)`, second order included: for R
+    /// from 2^18 on, `E` exceeds every such vector, and no lane is left out. With `2·(F² + A²)` for `(F + A)²`,
+    /// `(r·D + E)² <= 9/8·r²·D² + 9·E²`, where 9·E² is at most 10368 u²·D²·R²·(F² + A²). The rest of [`ERROR`] is
+    /// 18 u·R·(F + A) of distance, more than the test of a primitive may be off by. A ball, whose ends are equal, has `c = 0` and
+    /// `s = 0`, and the same error with R = 1.
+    ///
+    /// A segment with `c²` below 2^-100 is kept, unless it is a ball. Then all squares but those of a point near the line are normal, and the smallest
+    /// normal number that is added covers these. What overflows or is NaN is kept.
+    ///
+    /// A position along the line, `f·d` or `f·d + a·d`, is off by less than 6 u·D·(F + A), and the ends of the interval, which count only where
+    /// they are as near, by 3 u of theirs; [`ALONG`] is more than both, and more than the test may be off by.
+    #[inline(always)]
+    pub(crate) fn near(&self, simd: S, rows: [S::F; 8], t_max: f32) -> u32 {
+        let [ax, ay, az, bx, by, bz, r0, r1] = rows;
+        let [zero, one] = [0.0, 1.0].map(|x| simd.splat(x));
+        let sub = |a: [S::F; 3], b: [S::F; 3]| [simd.sub(a[0], b[0]), simd.sub(a[1], b[1]), simd.sub(a[2], b[2])];
+        let dot = |a: [S::F; 3], b: [S::F; 3]| simd.mul_add(a[0], b[0], simd.mul_add(a[1], b[1], simd.mul(a[2], b[2])));
+        let across_line = |a: [S::F; 3]| {
+            let d = self.direction;
+            let minor = |i: usize, j: usize| simd.mul_sub(a[i], d[j], simd.mul(a[j], d[i]));
+            [minor(1, 2), minor(2, 0), minor(0, 1)]
+        };
+        let (from_origin, radius) = (sub([ax, ay, az], self.origin), simd.max(r0, r1));
+        let axis = sub([bx, by, bz], [ax, ay, az]);
+        let (moment, across) = (across_line(from_origin), across_line(axis));
+        let (across_squared, axis_squared) = (dot(across, across), dot(axis, axis));
+        let squared = simd.splat(self.direction_squared);
+
+        let recip = simd.div(one, simd.max(across_squared, simd.splat(LEAST)));
+        let at = simd.sub(zero, simd.mul(dot(moment, across), recip));
+        let at = simd.min(simd.max(at, zero), one);
+        let apart = [
+            simd.mul_add(at, across[0], moment[0]),
+            simd.mul_add(at, across[1], moment[1]),
+            simd.mul_add(at, across[2], moment[2]),
+        ];
+        let slant = simd.max(simd.mul(simd.mul(axis_squared, squared), recip), one);
+        let sizes = simd.mul(simd.add(dot(from_origin, from_origin), axis_squared), self.error);
+        let reach = simd.mul_add(simd.mul(radius, radius), simd.splat(RADIUS), simd.mul(sizes, slant));
+        let reach = simd.add(simd.mul(reach, squared), simd.splat(f32::MIN_POSITIVE));
+        let axis_size = norm(simd, axis);
+        let is_usable = simd.lt(simd.splat(LEAST), across_squared) | simd.le(axis_size, zero);
+        let passes = simd.lt(reach, dot(apart, apart)) & is_usable;
+
+        let [first, step] = [dot(from_origin, self.direction), dot(axis, self.direction)];
+        let second = simd.add(first, step);
+        let size = simd.add(simd.add(norm(simd, from_origin), axis_size), radius);
+        let pad = simd.mul(self.length, simd.add(radius, simd.mul(simd.splat(ALONG), size)));
+        let pad = simd.add(pad, simd.splat(f32::MIN_POSITIVE));
+        let is_before = simd.lt(simd.add(simd.max(first, second), pad), self.start);
+        let end = simd.splat(t_max * self.direction_squared);
+        let is_after = simd.lt(end, simd.sub(simd.min(first, second), pad));
+        !(passes | is_before | is_after) & 0xff
+    }
+}
+
+/// The numbers of a round segment: the coordinates of the first end, those of the second, the radii.
+#[inline(always)]
+pub(crate) fn numbers(segment: &RoundSegment) -> [f32; 8] {
+    let RoundSegment { ends: [[ax, ay, az], [bx, by, bz]], radii: [r0, r1] } = *segment;
+    [ax, ay, az, bx, by, bz, r0, r1]
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_fixtures::SplitMix64;
+    use canted_trace::Ray;
+
+    use super::*;
+    use crate::SimdPath;
+    use crate::simd::Task;
+
+    /// Whether a ray may come near a segment, by a filter with this error.
+    struct Near<'a>(&'a RoundSegment, &'a ScaledRay, f32);
+
+    impl Task for Near<'_> {
+        type Output = bool;
+
+        #[inline(always)]
+        fn on<S: Simd>(self, simd: S) -> bool {
+            let Self(segment, ray, error) = self;
+            let line = RayLine::with_error(simd, ray, error);
+            let rows = numbers(segment).map(|x| simd.splat(x));
+            let lanes = line.near(simd, rows, ray.t_max);
+            assert!(lanes == 0 || lanes == 0xff, "equal lanes have equal answers");
+            lanes != 0
+        }
+    }
+
+    /// Segments and balls of many forms and places, and rays that graze them, some of which end or begin at the hit.
+    fn cases(n: usize) -> impl Iterator<Item = (RoundSegment, ScaledRay)> {
+        let mut rng = SplitMix64::new(11);
+        let mut unit = move || (rng.next_u64() >> 40) as f32 / (1 << 23) as f32 - 1.0;
+        (0..n).filter_map(move |i| {
+            let scale = [1.0, 1e-6, 1e6, 1e-24, 1e13][i % 5];
+            let offset = [0.0, 1.0, 1e4, 1e7][i / 5 % 4];
+            let length = [1.0, 1e-3, 0.0, 1e-6][i / 20 % 4];
+            let place = [unit() * offset, unit() * offset, unit() * offset];
+            let a = [0, 1, 2].map(|k| scale * (place[k] + unit()));
+            let b = [0, 1, 2].map(|k| a[k] + scale * length * unit());
+            let radius = scale * [0.1, 1e-4, 0.0, 1e-7][i / 80 % 4];
+            let segment = RoundSegment { ends: [a, b], radii: [radius, radius * unit().abs()] };
+            // Towards a point of the surface, from near, far, or along the axis.
+            let away = scale * [1.0, 1e3, 1e-2][i / 320 % 3];
+            let mut origin = [0, 1, 2].map(|k| a[k] + away * unit());
+            if i % 7 == 0 {
+                origin = [0, 1, 2].map(|k| a[k] - 10.0 * (b[k] - a[k]) + radius * unit());
+            }
+            let target = [0, 1, 2].map(|k| a[k] + 0.5 * (b[k] - a[k]) + radius * unit());
+            let given = Ray::new(origin, [0, 1, 2].map(|k| target[k] - origin[k]));
+            let mut ray = ScaledRay::new(&given)?;
+            let [entry, exit] = segment.span_scaled(&ray)?;
+            match i % 11 {
+                0 => (ray.t_min, ray.t_max) = (0.0, entry.t.max(0.0)),
+                1 => (ray.t_min, ray.t_max) = (exit.t.max(0.0), f32::MAX),
+                _ => (),
+            }
+            (ray.t_min <= exit.t && entry.t <= ray.t_max).then_some((segment, ray))
+        })
+    }
+
+    #[test]
+    fn no_segment_that_a_ray_hits_is_left_out() {
+        let mut n = 0;
+        for (segment, ray) in cases(200_000) {
+            n += 1;
+            for path in SimdPath::ALL.into_iter().filter(|path| path.is_available()) {
+                assert!(path.available().run(Near(&segment, &ray, ERROR)), "{}: {segment:?} {ray:?}", path.name());
+            }
+        }
+        assert!(n > 50_000, "{n} hits");
+    }
+
+    #[test]
+    fn without_the_error_some_are() {
+        let lost = |(segment, ray)| !SimdPath::Scalar.available().run(Near(&segment, &ray, 0.0));
+        assert!(cases(200_000).filter(|&(segment, ray)| lost((segment, ray))).count() > 100);
+    }
+
+    #[test]
+    fn most_segments_that_a_ray_misses_are_left_out() {
+        let mut rng = SplitMix64::new(12);
+        let mut unit = || (rng.next_u64() >> 40) as f32 / (1 << 23) as f32 - 1.0;
+        let (mut n_missed, mut n_kept) = (0, 0);
+        for _ in 0..20_000 {
+            let a = [unit(), unit(), unit()];
+            let segment = RoundSegment { ends: [a, a.map(|x| x + 0.1 * unit())], radii: [1e-3, 2e-3] };
+            let target = a.map(|x| x + 0.1 * unit());
+            let origin = [3.0 * unit(), 3.0 * unit(), 3.0 * unit()];
+            let Some(ray) = ScaledRay::new(&Ray::new(origin, [0, 1, 2].map(|k| target[k] - origin[k]))) else {
+                continue;
+            };
+            if segment.span_scaled(&ray).is_none() {
+                n_missed += 1;
+                n_kept += u32::from(SimdPath::detect().available().run(Near(&segment, &ray, ERROR)));
+            }
+        }
+        assert!(n_missed > 15_000 && n_kept < n_missed / 100, "{n_kept} of {n_missed}");
+    }
+}
