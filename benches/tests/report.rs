@@ -40,6 +40,8 @@ fn every_chapter_has_a_sentence_tables_and_plots() {
         "A BIH from boxes alone, and builds from primitives",
         "Builders in one table",
         "A frame by stage",
+        "kd-trees by the bonus of planes that cut off empty space",
+        "A falling elastic body by stage of a frame",
     ] {
         let rows = markdown
             .split(&format!("### {title}"))

@@ -139,9 +139,23 @@ pub(super) fn measure(effort: Effort, rounds: usize, device: Option<&Device>) ->
     let (paths, on_device) = others.split_at(n_paths);
     let mut says = vec![least(single)];
     says.extend(single.iter().map(Sum::sentence));
+    says.push(bytes());
     says.push(of_paths(paths));
     says.extend(on_device.iter().map(Sum::sentence));
     Ok(Found { tables: [table, on_paths], plots, says })
+}
+
+/// What is stored for a triangle.
+fn bytes() -> String {
+    let [watertight, moller_trumbore, baldwin_weber] = [
+        size_of::<<Watertight as Kernel>::Record>(),
+        size_of::<<MollerTrumbore as Kernel>::Record>(),
+        size_of::<<BaldwinWeber as Kernel>::Record>(),
+    ];
+    format!(
+        "A triangle takes {watertight} bytes in the watertight test, {moller_trumbore} in that of Möller and Trumbore, and {baldwin_weber} in that of \
+         Baldwin and Weber, which stores a map beside the vertices."
+    )
 }
 
 /// A kernel over all cases, a value per case.

@@ -63,7 +63,7 @@ pub(super) fn six_pictures(chapter: &mut Chapter, effort: Effort) -> Result<Foun
 }
 
 /// The stages of a frame: with a search, or without.
-const STAGES: [(&str, bool); 7] = [
+pub(super) const STAGES: [(&str, bool); 7] = [
     ("camera rays made", false),
     ("camera rays searched", true),
     ("surfaces at their hits", false),
@@ -151,7 +151,7 @@ fn measured(scene: &Scene, [width, height]: [u32; 2], rounds: usize) -> Result<(
 }
 
 /// Rays and seconds of each of [`STAGES`], once.
-fn stages(
+pub(super) fn stages(
     scene: &Scene,
     surfaces: &Surfaces<'_>,
     bvh: &SceneBvh,

@@ -3,6 +3,7 @@
 //! Their machines differ from ours: only shares, ratios and orders are comparable.
 
 mod dissertation;
+mod elastic;
 mod frame;
 mod meshes;
 mod silva;
@@ -35,9 +36,9 @@ const SOURCES: [(&str, &[Part]); 4] = [
             frame::six_pictures,
         ],
     ),
-    ("the BIH thesis", &[structures::rebuilt, structures::from_boxes]),
+    ("the BIH thesis", &[structures::rebuilt, structures::from_boxes, elastic::by_stage]),
     ("Novak's thesis", &[structures::builders, splits::add, splits::one_table, frame::by_stage]),
-    ("Silva's study", &[silva::paths, silva::hierarchy, silva::threads]),
+    ("Silva's study", &[silva::paths, silva::hierarchy, silva::empty_space, silva::threads]),
 ];
 
 /// Measures the chapter.

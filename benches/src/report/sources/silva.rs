@@ -3,9 +3,11 @@
 use std::time::Instant;
 
 use anyhow::Result;
+use canted_fixtures::Mesh;
 use canted_gpu::{AdapterKind, Choice, Gpu, SceneInput, TracedScene};
+use canted_kdtree::{KdTree, KdTreeConfig};
 use canted_tests::brute;
-use canted_trace::{Hit, Intersect, Kernel, Ray, Watertight};
+use canted_trace::{Counts, Hit, Intersect, Kernel, Ray, Watertight};
 use canted_wide::{Config, Preset, SimdPath, TriangleBvh};
 
 use super::{Found, exponent, one_thread, scaffold, scenes};
@@ -114,14 +116,15 @@ pub(super) fn hierarchy(chapter: &mut Chapter, effort: Effort) -> Result<Found> 
         &["triangles", NAMES[0], NAMES[1], "gain"],
     );
     let mut points: [Vec<(usize, Samples)>; 2] = Default::default();
-    for &log2 in effort.pick(&[7, 8, 9][..], &[8, 10, 12], &[8, 10, 12, 14]) {
+    for &log2 in effort.pick(&[7, 8, 9][..], &[8, 10, 12], &[8, 10, 12, 14, 17, 20]) {
         let model = scaffold(log2);
         let mesh = &model.mesh;
         let n = mesh.triangles.len();
         let tree = TriangleBvh::build_with(&mesh.positions, &mesh.triangles, Config::preset(Preset::Balanced))?;
         let every = Every(brute::records::<Watertight>(&mesh.positions, &mesh.triangles));
         let engines: [Box<dyn Engine>; 2] = [Box::new(every), Box::new(tree)];
-        let rays = models::camera(&model, effort.pick(8, 48, 48));
+        // Fewer rays at more triangles: a loop over a million takes milliseconds a ray.
+        let rays = models::camera(&model, effort.pick(8, 48, 48 >> (u32::saturating_sub(log2, 14) / 2)));
         let (seconds, _) = engine::closest(&engines, &rays, effort.pick(2, 5, 7));
         let ns = |i: usize| -> Samples {
             seconds[i].iter().map(|s| s.cpu * 1e9 / rays.len() as f64).collect::<Vec<_>>().into()
@@ -171,6 +174,46 @@ pub(super) fn hierarchy(chapter: &mut Chapter, effort: Effort) -> Result<Found> 
     Ok(Found::from(format!(
         "The time per ray grows as triangles to the power {every} without a hierarchy, and {tree} with a BVH."
     )))
+}
+
+/// Bonuses of planes that cut off empty space.
+const BONUSES: [f64; 5] = [0.0, 0.2, 0.5, 0.8, 0.9];
+
+/// Predicted cost, references and visits of kd-trees by the bonus of empty space, which Silva leaves to the reader.
+pub(super) fn empty_space(chapter: &mut Chapter, effort: Effort) -> Result<Found> {
+    let mut table = Table::new(
+        "kd-trees by the bonus of planes that cut off empty space (Silva's cost function)",
+        &["scene", "bonus", "SAH cost", "references per triangle", "nodes a ray", "triangles a ray"],
+    );
+    let mut least = vec![];
+    for (name, model) in scenes(effort, effort.pick(&[][..], &["bunny"], &["bunny", "truss", "sponza"]), chapter)? {
+        let Mesh { positions, triangles, .. } = &model.mesh;
+        let rays = models::camera(&model, effort.pick(8, 64, 128));
+        let mut best: Option<(f64, f64)> = None;
+        for empty_bonus in BONUSES {
+            let config = KdTreeConfig { empty_bonus, ..KdTreeConfig::default() };
+            let tree = KdTree::build(positions, triangles, &config)?;
+            let mut counts = Counts::default();
+            for ray in &rays {
+                tree.closest_hit_with(ray, &mut counts);
+            }
+            let a_ray = |n: u64| n as f64 / rays.len() as f64;
+            let references = tree.nodes().n_references() as f64 / triangles.len() as f64;
+            let cells = [tree.nodes().sah(&config), references, a_ray(counts.boxes), a_ray(counts.triangles)];
+            // Both are tests of a ray.
+            let tests = cells[2] + cells[3];
+            if best.is_none_or(|(_, least)| tests < least) {
+                best = Some((empty_bonus, tests));
+            }
+            let names = [Cell::text(name), Cell::text(number(empty_bonus))];
+            table.rows.push(names.into_iter().chain(cells.map(|x| Cell::text(number(x)))).collect());
+        }
+        least.extend(best.map(|(bonus, _)| format!("{name} {}", number(bonus))));
+    }
+    table.says = format!("The bonus with the fewest nodes and triangles a ray: {}.", least.join(", "));
+    let says = table.says.clone();
+    chapter.tables.push(table);
+    Ok(Found::from(says))
 }
 
 /// Rays of one job.
