@@ -163,7 +163,7 @@ impl Args {
 
 /// Whether a path stands for standard input or output.
 fn is_stream(path: &Path) -> bool {
-    path == "-"
+    path.as_os_str() == "-"
 }
 
 /// Reports the number of rays and the time: as a note on standard error, or as JSON on standard output.
