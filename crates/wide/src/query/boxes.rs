@@ -164,6 +164,18 @@ fn visit_leaves<S: Simd>(
     called.visits
 }
 
+/// Calls `visit` with each of `ids` until it returns a negative number; the last number.
+#[inline(always)]
+fn visit_each(ids: &[PrimId], mut t_max: f32, visit: &mut dyn FnMut(PrimId, f32) -> f32) -> f32 {
+    for &id in ids {
+        t_max = visit(id, t_max);
+        if t_max < 0.0 {
+            break;
+        }
+    }
+    t_max
+}
+
 /// Calls a function for each primitive of a leaf.
 struct CalledForIds<'a> {
     ids: &'a [PrimId],
@@ -173,15 +185,9 @@ struct CalledForIds<'a> {
 
 impl Visitor for CalledForIds<'_> {
     #[inline(always)]
-    fn leaf(&mut self, LeafRange { first, n, mut t_max }: LeafRange) -> f32 {
+    fn leaf(&mut self, LeafRange { first, n, t_max }: LeafRange) -> f32 {
         self.visits.leaf(n);
-        for &id in &self.ids[first as usize..(first + n) as usize] {
-            t_max = (self.visit)(id, t_max);
-            if t_max < 0.0 {
-                break;
-            }
-        }
-        t_max
+        visit_each(&self.ids[first as usize..(first + n) as usize], t_max, self.visit)
     }
 
     #[inline(always)]
@@ -238,13 +244,7 @@ impl<S: Simd, P: Primitive> Visitor for NearLeaves<'_, S, P> {
         let hull = P::HULL.expect("leaves of other primitives are visited whole");
         let ids = &self.ids[first as usize..(first + n) as usize];
         if ids.len() <= FEW {
-            for &id in ids {
-                t_max = (self.visit)(id, t_max);
-                if t_max < 0.0 {
-                    break;
-                }
-            }
-            return t_max;
+            return visit_each(ids, t_max, self.visit);
         }
         for ids in ids.chunks(8) {
             let mut rows = [self.simd.splat(0.0); 8];

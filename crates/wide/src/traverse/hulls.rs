@@ -65,7 +65,7 @@ impl<S: Simd> RayLine<S> {
     /// one of a difference put `m` off by 4.3 u·F·D and `c` by 4.3 u·A·D. So `m·c` is off by u·F·D·(7.4·|c| + 4.3·A·D), `c²` by
     /// u·|c|·(8.6·A·D + 3.1·|c|), and `s·|c|`, as far as it is between the ends, by u·D·(11.7·F·R + 13.6·A). The sum `m + s·c` is off by another
     /// 6.3 u·D·(F + A). In all its length exceeds the least one by at most `E = 24 u·D·R·(F + A)`, second order included: for R
-    /// from 2^18 on, `E` exceeds every such vector, and no lane is left out. With `2·(F² + A²)` for `(F + A)²`,
+    /// from 2^18 on, `E` exceeds every such vector, and no lane is skipped. With `2·(F² + A²)` for `(F + A)²`,
     /// `(r·D + E)² <= 9/8·r²·D² + 9·E²`, where 9·E² is at most 10368 u²·D²·R²·(F² + A²). The rest of [`ERROR`] is
     /// 18 u·R·(F + A) of distance, more than the test of a primitive may be off by. A ball, whose ends are equal, has `c = 0` and
     /// `s = 0`, and the same error with R = 1.
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn no_segment_that_a_ray_hits_is_left_out() {
+    fn no_segment_that_a_ray_hits_is_skipped() {
         let mut n = 0;
         for (segment, ray) in cases(200_000) {
             n += 1;
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn most_segments_that_a_ray_misses_are_left_out() {
+    fn most_segments_that_a_ray_misses_are_skipped() {
         let mut rng = SplitMix64::new(12);
         let mut unit = || (rng.next_u64() >> 40) as f32 / (1 << 23) as f32 - 1.0;
         let (mut n_missed, mut n_kept) = (0, 0);
