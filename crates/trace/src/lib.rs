@@ -27,7 +27,7 @@
 //! | [`Intersect`], [`Crossings`] | the queries of everything that rays can hit, in all their forms |
 //! | [`Ray`], [`Hit`], [`Query`] | input and output of every query; hit filters and counters |
 //! | [`SurfacePoint`] | rays that continue from a hit without hitting the same surface again |
-//! | [`Kernel`]: [`Watertight`], [`MollerTrumbore`], [`BaldwinWeber`]; [`TriangleTest`] | ray-triangle tests; the choice of one |
+//! | [`Kernel`]: [`Watertight`], [`MollerTrumbore`], [`BaldwinWeber`], [`Projected`]; [`TriangleTest`] | ray-triangle tests; the choice of one |
 //! | [`Leaves`], [`LeafTriangles`] | queries of a BVH with a triangle at each leaf position |
 //! | [`BoxBvh`], [`SaveBlas`] | the top level of a TLAS; bottom levels that it can save |
 //! | [`SlabRay`], [`Slabs`], [`pad_aabb`] | ray-box tests, axis-aligned and oriented, for a traversal |
@@ -96,8 +96,8 @@ pub use slab::{AABB_PAD, MIN_DIRECTION, SLABS_PAD, SlabRay, Slabs, pad_aabb, ray
 pub use stack::with_stack;
 pub use surface_point::{SurfacePoint, position_error};
 pub use triangle::{
-    Axis, BaldwinWeber, BaldwinWeberRecord, HIT_ERROR, Kernel, MollerTrumbore, Shear, TriangleHit, TriangleTest,
-    UnknownTriangleTest, Watertight,
+    Axis, BaldwinWeber, BaldwinWeberRecord, HIT_ERROR, Kernel, MollerTrumbore, Projected, ProjectedRecord, Shear,
+    TriangleHit, TriangleTest, UnknownTriangleTest, Watertight,
 };
 
 /// Constants and scalar steps that the SIMD kernels repeat lane by lane, so that one proof covers both. Not part of the
@@ -110,4 +110,5 @@ pub mod lanes {
     pub use crate::triangle::moller_trumbore::{
         ERROR as WEIGHTS_ERROR, HEADROOM as WEIGHTS_HEADROOM, Weights, finish, weights as moller_trumbore_weights,
     };
+    pub use crate::triangle::projected::weights as projected_weights;
 }

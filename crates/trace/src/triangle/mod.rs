@@ -6,10 +6,12 @@
 
 pub(crate) mod baldwin_weber;
 pub(crate) mod moller_trumbore;
+pub(crate) mod projected;
 mod watertight;
 
 pub use baldwin_weber::{BaldwinWeber, BaldwinWeberRecord};
 pub use moller_trumbore::MollerTrumbore;
+pub use projected::{Projected, ProjectedRecord};
 pub use watertight::{Axis, Shear, Watertight};
 
 use core::fmt;
@@ -22,7 +24,7 @@ use crate::{ScaledRay, Side};
 ///
 /// `M` is the greatest `|v - o|∞` of the vertices `v` and the ray's origin `o`: the error does not depend on where both are
 /// in their space. For every point `c` it is at most `|o - c|∞ + ρ∞`, ρ∞ the greatest `|v - c|∞`. With u = 2^-24 the
-/// watertight kernel needs 6.1 u (proof at [`Watertight`]), the other two 18.1 u (proof at `moller_trumbore::finish`); the rest
+/// watertight kernel needs 6.1 u (proof at [`Watertight`]), the other three 18.1 u (proof at `moller_trumbore::finish`); the rest
 /// allows the caller one more rounding of the point.
 pub const HIT_ERROR: f32 = 20.0 * UNIT_ROUNDOFF;
 

@@ -1,7 +1,7 @@
 use canted_obb::{Aabb, Obb};
 use canted_trace::{
-    BaldwinWeber, Kernel, MollerTrumbore, Ray, ScaledRay, SlabRay, Slabs, Watertight, lanes::UNIT_ROUNDOFF, ray_aabb,
-    ray_obb,
+    BaldwinWeber, Kernel, MollerTrumbore, Projected, Ray, ScaledRay, SlabRay, Slabs, Watertight, lanes::UNIT_ROUNDOFF,
+    ray_aabb, ray_obb,
 };
 use num_traits::Signed;
 
@@ -169,6 +169,7 @@ fn boxes_of_hit_triangles_are_entered_before_the_hit() {
     boxes_are_entered_before_hits::<Watertight>("watertight");
     boxes_are_entered_before_hits::<MollerTrumbore>("moller-trumbore");
     boxes_are_entered_before_hits::<BaldwinWeber>("baldwin-weber");
+    boxes_are_entered_before_hits::<Projected>("projected");
 }
 
 #[test]

@@ -6,7 +6,9 @@ use canted_obb::{
     Aabb, Affine, PrimId,
     vector::{Vector, add, cross, dot, length, scale, sub, to_f32, to_f64},
 };
-use canted_trace::{BaldwinWeber, Hit, InstanceId, Kernel, MollerTrumbore, Ray, Side, SurfacePoint, Watertight};
+use canted_trace::{
+    BaldwinWeber, Hit, InstanceId, Kernel, MollerTrumbore, Projected, Ray, Side, SurfacePoint, Watertight,
+};
 
 use crate::{
     inputs::Triangle,
@@ -80,6 +82,7 @@ fn no_kernel_hits_the_triangle_that_a_ray_leaves() {
     leaves_convex_bodies::<Watertight>();
     leaves_convex_bodies::<MollerTrumbore>();
     leaves_convex_bodies::<BaldwinWeber>();
+    leaves_convex_bodies::<Projected>();
 }
 
 #[test]

@@ -1,6 +1,6 @@
 use canted_trace::{
-    BaldwinWeber, Kernel, ScaledRay,
-    lanes::{Weights, baldwin_weber_weights, finish, moller_trumbore_weights},
+    BaldwinWeber, Kernel, Projected, ScaledRay,
+    lanes::{Weights, baldwin_weber_weights, finish, moller_trumbore_weights, projected_weights},
 };
 use num_traits::{Signed, Zero};
 
@@ -8,9 +8,10 @@ use crate::inputs::{self, Q, Rng, SETTINGS, Setting, TWO_POW_60, Triangle, any_b
 
 type Filter = fn(&ScaledRay, &Triangle) -> Weights;
 
-const FILTERS: [(&str, Filter); 2] = [
+const FILTERS: [(&str, Filter); 3] = [
     ("moller-trumbore", moller_trumbore_weights),
     ("baldwin-weber", |ray, triangle| baldwin_weber_weights(ray, &BaldwinWeber::record(*triangle))),
+    ("projected", |ray, triangle| projected_weights(ray, &Projected::record(*triangle))),
 ];
 
 /// Triangles up to 10^4 edges from the coordinate origin, with ray origins near, equally far, or farther.
@@ -53,8 +54,8 @@ fn filters_reject_no_line_that_hits_the_triangle() {
 }
 
 /// How many hits of `finish` each filter rejects if its error is multiplied by `factor`.
-fn rejected(factor: f32) -> ([u32; 2], u32) {
-    let (mut lost, mut n_hits) = ([0; 2], 0);
+fn rejected(factor: f32) -> ([u32; 3], u32) {
+    let (mut lost, mut n_hits) = ([0; 3], 0);
     for (triangle, ray) in cases(41, 20_000).filter(|(triangle, ray)| finish(ray, triangle, ray.t_max).is_some()) {
         n_hits += 1;
         for (lost, (_, filter)) in lost.iter_mut().zip(FILTERS) {
@@ -69,7 +70,7 @@ fn rejected(factor: f32) -> ([u32; 2], u32) {
 fn filters_reject_nothing_that_finish_accepts() {
     let (lost, n_hits) = rejected(1.0);
     assert!(n_hits > 50_000, "{n_hits}");
-    assert_eq!(lost, [0; 2]);
+    assert_eq!(lost, [0; 3]);
 }
 
 #[test]
@@ -96,10 +97,11 @@ fn scale(triangle: &Triangle) -> Q {
 
 #[test]
 fn weights_lie_within_their_error() {
-    let mut n_checked = [0; 2];
+    let mut n_checked = [0; 3];
     for (triangle, ray) in cases(42, 500) {
         let exact = exact_weights(&ray, &triangle);
-        let scales = [q(1.0), scale(&triangle)];
+        // Minus the determinant of Möller and Trumbore is that of the projection.
+        let scales = [q(1.0), scale(&triangle), q(-1.0)];
         for (((name, filter), scale), n) in FILTERS.into_iter().zip(scales).zip(&mut n_checked) {
             let weights = filter(&ray, &triangle);
             if !weights.error.is_finite() {
@@ -119,7 +121,7 @@ fn weights_lie_within_their_error() {
 fn filters_reject_most_misses() {
     // Most rays towards other triangles within 20 edges are rejected by the filter.
     let mut rng = Rng(43);
-    let mut n_passed = [0; 2];
+    let mut n_passed = [0; 3];
     let n_rays = 10_000;
     for _ in 0..n_rays {
         let around = rng.vector(300.0);

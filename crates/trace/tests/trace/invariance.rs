@@ -1,7 +1,7 @@
 use canted_obb::{Aabb, Affine, Dop, Enclosure, Moments, Obb, PrimId, bound};
 use canted_trace::{
-    BaldwinWeber, Hit, InstanceId, Kernel, MollerTrumbore, Ray, ScaledRay, Side, SlabRay, Slabs, SurfacePoint,
-    Watertight, segment_overlaps_aabb,
+    BaldwinWeber, Hit, InstanceId, Kernel, MollerTrumbore, Projected, Ray, ScaledRay, Side, SlabRay, Slabs,
+    SurfacePoint, Watertight, segment_overlaps_aabb,
 };
 
 use crate::{
@@ -51,6 +51,7 @@ fn a_power_of_two_in_the_direction_changes_no_bit() {
     direction_length::<Watertight>();
     direction_length::<MollerTrumbore>();
     direction_length::<BaldwinWeber>();
+    direction_length::<Projected>();
 }
 
 fn negative_zeros<K: Kernel>() {
@@ -74,6 +75,7 @@ fn the_sign_of_zero_changes_no_bit() {
     negative_zeros::<Watertight>();
     negative_zeros::<MollerTrumbore>();
     negative_zeros::<BaldwinWeber>();
+    negative_zeros::<Projected>();
 }
 
 #[test]

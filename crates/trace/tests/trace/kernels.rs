@@ -1,6 +1,6 @@
 use canted_obb::vector::{cross, dot, reach, sub, to_f64};
 use canted_trace::{
-    BaldwinWeber, HIT_ERROR, Kernel, MollerTrumbore, Ray, ScaledRay, Side, TriangleHit, Watertight,
+    BaldwinWeber, HIT_ERROR, Kernel, MollerTrumbore, Projected, Ray, ScaledRay, Side, TriangleHit, Watertight,
     lanes::UNIT_ROUNDOFF,
 };
 use num_traits::{Signed, Zero};
@@ -70,6 +70,7 @@ fn hits_are_within_the_bound_of_the_exact_triangle() {
     points_lie_near::<Watertight>("watertight", 10.1);
     points_lie_near::<MollerTrumbore>("moller-trumbore", 20.0);
     points_lie_near::<BaldwinWeber>("baldwin-weber", 20.0);
+    points_lie_near::<Projected>("projected", 20.0);
 }
 
 /// `(t, barycentric coordinates, their error in f32)` of a well-posed case, in f64.
@@ -127,6 +128,7 @@ fn kernels_agree_with_f64() {
         agrees_with_f64::<Watertight>("watertight"),
         agrees_with_f64::<MollerTrumbore>("moller-trumbore"),
         agrees_with_f64::<BaldwinWeber>("baldwin-weber"),
+        agrees_with_f64::<Projected>("projected"),
     ] {
         assert!(hits > 10_000 && misses > 10_000, "{hits} hits, {misses} misses");
     }
@@ -138,8 +140,12 @@ fn filtered_kernels_share_their_bits() {
     let mut n_hits = 0;
     for i in 0..100_000 {
         let (triangle, ray) = inputs::case(&mut rng, &SETTINGS[i % SETTINGS.len()]);
-        let found = [hit::<MollerTrumbore>(&ray, &triangle), hit::<BaldwinWeber>(&ray, &triangle)];
-        assert_eq!(found[0].map(bits), found[1].map(bits), "{ray:?} {triangle:?}");
+        let found = [
+            hit::<MollerTrumbore>(&ray, &triangle),
+            hit::<BaldwinWeber>(&ray, &triangle),
+            hit::<Projected>(&ray, &triangle),
+        ];
+        assert_eq!(found.map(|hit| hit.map(bits)), [found[0].map(bits); 3], "{ray:?} {triangle:?}");
         n_hits += u32::from(found[0].is_some());
     }
     assert!(n_hits > 20_000, "{n_hits}");
@@ -184,6 +190,7 @@ fn barycentric_coordinates_sides_and_interval_ends() {
     one_hit::<Watertight>();
     one_hit::<MollerTrumbore>();
     one_hit::<BaldwinWeber>();
+    one_hit::<Projected>();
 }
 
 /// Three different points of a line, exactly: multiples of a step that is an integer times a power of two.
@@ -218,8 +225,9 @@ fn triangles_without_area_are_never_hit() {
             hit::<Watertight>(&ray, &triangle),
             hit::<MollerTrumbore>(&ray, &triangle),
             hit::<BaldwinWeber>(&ray, &triangle),
+            hit::<Projected>(&ray, &triangle),
         ];
-        assert_eq!(found, [None; 3], "{triangle:?} {ray:?}");
+        assert_eq!(found, [None; 4], "{triangle:?} {ray:?}");
     }
     assert!(n_as_given > 100, "the test is void: {n_as_given}");
 }
@@ -242,6 +250,7 @@ fn weights_are_from_zero_to_one() {
             let found = [
                 MollerTrumbore::intersect(&(), &ray, &MollerTrumbore::record(triangle), ray.t_max),
                 BaldwinWeber::intersect(&(), &ray, &BaldwinWeber::record(triangle), ray.t_max),
+                Projected::intersect(&(), &ray, &Projected::record(triangle), ray.t_max),
                 Watertight::intersect(&Watertight::prepare(&ray), &ray, &Watertight::record(triangle), ray.t_max),
             ];
             for hit in found.into_iter().flatten() {

@@ -5,7 +5,7 @@ use canted_obb::{
     vector::{Vector, add, cross, dot, scale, sub, to_f32, unit},
 };
 use canted_trace::{
-    BaldwinWeber, Hit, InstanceId, Kernel, MollerTrumbore, Ray, ScaledRay, Watertight, lanes::UNIT_ROUNDOFF,
+    BaldwinWeber, Hit, InstanceId, Kernel, MollerTrumbore, Projected, Ray, ScaledRay, Watertight, lanes::UNIT_ROUNDOFF,
 };
 use num_traits::{Signed, Zero};
 
@@ -98,7 +98,7 @@ fn cracked_meshes_leak() {
             [a, b, c].map(|p| std::array::from_fn(|k| p[k] + 1e-4 * (middle[k] - p[k])))
         })
         .collect();
-    for leaks in [leaks::<Watertight>, leaks::<MollerTrumbore>, leaks::<BaldwinWeber>] {
+    for leaks in [leaks::<Watertight>, leaks::<MollerTrumbore>, leaks::<BaldwinWeber>, leaks::<Projected>] {
         assert!(leaks(&cracked, center, 0.2, &mut rng) > 0, "the oracle sees no leak where some must be");
     }
 }
