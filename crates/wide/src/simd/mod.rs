@@ -12,6 +12,8 @@ mod avx512;
 mod neon;
 mod path;
 mod scalar;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+mod simd128;
 
 #[cfg(test)]
 mod tests;
@@ -25,6 +27,8 @@ pub(crate) use neon::Neon;
 pub(crate) use path::AvailablePath;
 pub use path::SimdPath;
 pub(crate) use scalar::Scalar;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+pub(crate) use simd128::Simd128;
 
 /// Work that runs over lanes; see [`Simd::run`].
 pub(crate) trait Task {

@@ -4,8 +4,8 @@
 use std::arch::aarch64::{
     float32x4_t, float32x4x2_t, uint32x4_t, vabsq_f32, vaddq_f32, vaddvq_u16, vandq_u16, vandq_u32, vbslq_f32,
     vcgtq_f32, vcleq_f32, vcltq_f32, vcombine_u16, vdivq_f32, vdupq_n_f32, vdupq_n_u32, veorq_u32, vfmaq_f32,
-    vfmsq_f32, vld1q_f32, vld1q_u16, vmovn_u32, vmulq_f32, vnegq_f32, vreinterpretq_f32_u32, vreinterpretq_u32_f32,
-    vst1q_f32, vsubq_f32,
+    vfmsq_f32, vld1q_f32, vld1q_u16, vmovn_u32, vmulq_f32, vnegq_f32, vreinterpretq_f32_f64, vreinterpretq_f32_u32,
+    vreinterpretq_f64_f32, vreinterpretq_u32_f32, vst1q_f32, vsubq_f32, vtrn1q_f32, vtrn1q_f64, vtrn2q_f32, vtrn2q_f64,
 };
 use std::arch::is_aarch64_feature_detected;
 
@@ -34,6 +34,22 @@ impl Neon {
             let lanes = vcombine_u16(vmovn_u32(low), vmovn_u32(high));
             vaddvq_u16(vandq_u16(lanes, vld1q_u16(BITS.as_ptr())))
         })
+    }
+
+    /// Four rows of four lanes, transposed.
+    #[inline(always)]
+    fn transposed(self, [a, b, c, d]: [float32x4_t; 4]) -> [float32x4_t; 4] {
+        // SAFETY: the token proves NEON.
+        unsafe {
+            let halves = |a, b| [vreinterpretq_f64_f32(vtrn1q_f32(a, b)), vreinterpretq_f64_f32(vtrn2q_f32(a, b))];
+            let ([ab_even, ab_odd], [cd_even, cd_odd]) = (halves(a, b), halves(c, d));
+            [
+                vreinterpretq_f32_f64(vtrn1q_f64(ab_even, cd_even)),
+                vreinterpretq_f32_f64(vtrn1q_f64(ab_odd, cd_odd)),
+                vreinterpretq_f32_f64(vtrn2q_f64(ab_even, cd_even)),
+                vreinterpretq_f32_f64(vtrn2q_f64(ab_odd, cd_odd)),
+            ]
+        }
     }
 }
 
@@ -74,6 +90,7 @@ impl Simd for Neon {
         fn mul_sub(a, b, c) = vfmaq_f32(vnegq_f32(c), a, b);
         fn neg_mul_sub(a, b, c) = vfmsq_f32(vnegq_f32(c), a, b);
         fn abs(a) = vabsq_f32(a);
+        fn power_of_two(a) = vreinterpretq_f32_u32(vandq_u32(vreinterpretq_u32_f32(a), vdupq_n_u32(0x7f80_0000)));
         fn xor_sign(a, b) = vreinterpretq_f32_u32(veorq_u32(
             vreinterpretq_u32_f32(a),
             vandq_u32(vreinterpretq_u32_f32(b), vdupq_n_u32(1 << 31)),
@@ -110,6 +127,16 @@ impl Simd for Neon {
             vst1q_f32(out[1].as_mut_ptr(), a.1);
         }
         bytemuck::cast(out)
+    }
+    #[inline(always)]
+    fn transpose(self, rows: [float32x4x2_t; 8]) -> [float32x4x2_t; 8] {
+        let [a, b, c, d, e, f, g, h] = rows;
+        // A row of the result: lanes of the first four rows, then of the others.
+        let [low_first, high_first] = [[a.0, b.0, c.0, d.0], [a.1, b.1, c.1, d.1]].map(|block| self.transposed(block));
+        let [low_last, high_last] = [[e.0, f.0, g.0, h.0], [e.1, f.1, g.1, h.1]].map(|block| self.transposed(block));
+        let [[a, b, c, d], [e, f, g, h]] = [low_first, high_first];
+        let [[i, j, k, l], [m, n, o, p]] = [low_last, high_last];
+        [(a, i), (b, j), (c, k), (d, l), (e, m), (f, n), (g, o), (h, p)].map(|(low, high)| float32x4x2_t(low, high))
     }
     #[inline(always)]
     fn lt(self, a: float32x4x2_t, b: float32x4x2_t) -> u32 {

@@ -11,16 +11,19 @@ pub enum SimdPath {
     Avx512,
     /// NEON, `aarch64`.
     Neon,
+    /// 128-bit vectors of WebAssembly: modules compiled with `-C target-feature=+simd128`.
+    Simd128,
 }
 
 impl SimdPath {
     /// All paths, including those of other machines.
-    pub const ALL: [Self; 4] = [Self::Scalar, Self::Avx2, Self::Avx512, Self::Neon];
+    pub const ALL: [Self; 5] = [Self::Scalar, Self::Avx2, Self::Avx512, Self::Neon, Self::Simd128];
 
     /// The fastest path, by measurement, of those that this machine has.
     #[must_use]
     pub fn detect() -> Self {
-        [Self::Avx512, Self::Avx2, Self::Neon].into_iter().find(|path| path.is_available()).unwrap_or(Self::Scalar)
+        let fastest_first = [Self::Avx512, Self::Avx2, Self::Neon, Self::Simd128];
+        fastest_first.into_iter().find(|path| path.is_available()).unwrap_or(Self::Scalar)
     }
 
     /// Whether this machine has the instructions.
@@ -38,6 +41,7 @@ impl SimdPath {
             Self::Neon => super::Neon::new().is_some(),
             #[cfg(not(target_arch = "aarch64"))]
             Self::Neon => false,
+            Self::Simd128 => cfg!(all(target_arch = "wasm32", target_feature = "simd128")),
         }
     }
 
@@ -49,6 +53,7 @@ impl SimdPath {
             Self::Avx2 => "avx2",
             Self::Avx512 => "avx512",
             Self::Neon => "neon",
+            Self::Simd128 => "simd128",
         }
     }
 
@@ -66,6 +71,10 @@ impl SimdPath {
             Self::Neon => super::Neon::new().map(AvailablePath::Neon),
             #[cfg(not(target_arch = "aarch64"))]
             Self::Neon => None,
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Self::Simd128 => Some(AvailablePath::Simd128(super::Simd128)),
+            #[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
+            Self::Simd128 => None,
         }
         .unwrap_or(AvailablePath::Scalar)
     }
@@ -81,6 +90,8 @@ pub(crate) enum AvailablePath {
     Avx512(super::Avx512),
     #[cfg(target_arch = "aarch64")]
     Neon(super::Neon),
+    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    Simd128(super::Simd128),
 }
 
 impl AvailablePath {
@@ -99,6 +110,8 @@ impl AvailablePath {
             Self::Avx512(_) => SimdPath::Avx512,
             #[cfg(target_arch = "aarch64")]
             Self::Neon(_) => SimdPath::Neon,
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Self::Simd128(_) => SimdPath::Simd128,
         }
     }
 
@@ -114,6 +127,8 @@ impl AvailablePath {
             Self::Avx512(simd) => simd.run(task),
             #[cfg(target_arch = "aarch64")]
             Self::Neon(simd) => simd.run(task),
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Self::Simd128(simd) => simd.run(task),
         }
     }
 }

@@ -129,6 +129,27 @@ fn every_operation_gives_the_scalar_twins_bits() {
     }
 }
 
+/// Most machines compile only some of the paths.
+#[test]
+fn every_path_has_every_operation() {
+    let names = |source: &'static str| source.split("fn ").skip(1).filter_map(|text| text.split(['(', '<']).next());
+    let (_, operations) = include_str!("mod.rs").split_once("trait Simd").unwrap();
+    let operations: Vec<&str> = names(operations).collect();
+    assert!(operations.len() > 18 && operations.contains(&"transpose"), "{operations:?}");
+    let paths = [
+        ("avx2", include_str!("avx2.rs")),
+        ("avx512", include_str!("avx512.rs")),
+        ("neon", include_str!("neon.rs")),
+        ("scalar", include_str!("scalar.rs")),
+        ("simd128", include_str!("simd128.rs")),
+    ];
+    for (path, source) in paths {
+        let missing: Vec<_> =
+            operations.iter().filter(|operation| !names(source).any(|name| name == **operation)).collect();
+        assert!(missing.is_empty(), "{path} lacks {missing:?}");
+    }
+}
+
 #[test]
 fn the_scalar_twin_is_plain_arithmetic() {
     let (a, b) = ([1.0, -2.0, 0.0, -0.0, 5.0, f32::NAN, 3.0, 8.0], [2.0, -3.0, -0.0, 0.0, 5.0, 1.0, f32::NAN, -8.0]);
