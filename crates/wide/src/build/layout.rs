@@ -188,14 +188,15 @@ pub(crate) fn layout<const KINDS: usize>(
 
 /// A node whose children have no words yet, larger children first.
 fn draft<const KINDS: usize>(plan: &Plan<'_, KINDS>, child: Child, kind: NodeKind, line: usize) -> NodeDraft {
-    let mut sized: Vec<(Child, f32)> =
+    let mut rest: Vec<(Child, f32)> =
         plan.children(child, kind).into_iter().map(|child| (child, plan.area(child, kind))).collect();
-    sized.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let mut children = [(child, ChildWord::EMPTY); WIDTH];
-    for (slot, &(child, _)) in children.iter_mut().zip(&sized) {
-        slot.0 = child;
+    let (n_children, mut children) = (rest.len(), [(child, ChildWord::EMPTY); WIDTH]);
+    // At most eight children: a sort of the standard library takes several kB of every program. Of equals the first comes first.
+    for slot in &mut children[..n_children] {
+        let larger = |most: usize, i: usize| if rest[i].1.total_cmp(&rest[most].1).is_gt() { i } else { most };
+        slot.0 = rest.remove((1..rest.len()).fold(0, larger)).0;
     }
-    NodeDraft { kind, line, n_children: sized.len(), children }
+    NodeDraft { kind, line, n_children, children }
 }
 
 /// Pushes the children of node `index` so that the first is popped first.
