@@ -2,7 +2,7 @@
 #![expect(clippy::print_stdout, reason = "an example prints its results")]
 
 use canted::TriangleBvh;
-use canted::distance::Convex;
+use canted::distance::{Convex, Overlaps};
 
 fn main() -> Result<(), canted::GeometryError> {
     // An octahedron.

@@ -30,7 +30,7 @@ pub mod build {
 /// Distances, containment and overlaps: what their queries take and return.
 pub mod distance {
     pub use canted_tlas::{InstancePrimitive, NearestSurface};
-    pub use canted_trace::{Convex, InvertedBox, TrianglePoint, closest_point_on_triangle, closest_to_zero};
+    pub use canted_trace::{Convex, InvertedBox, Overlaps, TrianglePoint, closest_point_on_triangle, closest_to_zero};
     pub use canted_wide::{ClosestPoint, DistanceShape, NearestPoint, WindingNumbers};
 }
 

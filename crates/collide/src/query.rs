@@ -3,7 +3,8 @@
 use std::ops::ControlFlow;
 
 use canted_obb::PrimId;
-use canted_obb::vector::Vector;
+use canted_obb::vector::{Vector, normalized, sub};
+use canted_trace::forms;
 
 use crate::body::Body;
 use crate::closest::{Closest, closest_points, touch};
@@ -30,12 +31,7 @@ pub struct Distance {
 /// The answer is that of a loop over all pairs of primitives; see [`pairs`] for what is exact.
 #[must_use]
 pub fn overlaps<A: Body, B: Body>(a: &A, a_pose: impl Into<Pose>, b: &B, b_pose: impl Into<Pose>) -> bool {
-    let mut is_found = false;
-    each_pair(a, a_pose, b, b_pose, |_| {
-        is_found = true;
-        ControlFlow::Break(())
-    });
-    is_found
+    forms::is_any(|visit| each_pair(a, a_pose, b, b_pose, visit))
 }
 
 /// All pairs of primitives that share a point, touching included, in ascending order. Replaces the contents of `found`.
@@ -64,13 +60,7 @@ pub fn pairs<A: Body, B: Body>(
     b_pose: impl Into<Pose>,
     found: &mut Vec<PrimitivePair>,
 ) {
-    found.clear();
-    each_pair(a, a_pose, b, b_pose, |pair| {
-        found.push(pair);
-        ControlFlow::Continue(())
-    });
-    found.sort_unstable();
-    found.dedup();
+    forms::all(found, |visit| each_pair(a, a_pose, b, b_pose, visit));
 }
 
 /// Calls `visit` with all pairs of primitives that share a point, in any order, until it breaks. A pair may come twice.
@@ -102,20 +92,13 @@ pub fn first_pair<A: Body, B: Body>(
     b: &B,
     b_pose: impl Into<Pose>,
 ) -> Option<PrimitivePair> {
-    let mut first: Option<PrimitivePair> = None;
-    each_pair(a, a_pose, b, b_pose, |pair| {
-        first = Some(first.map_or(pair, |first| first.min(pair)));
-        ControlFlow::Continue(())
-    });
-    first
+    forms::first(|visit| each_pair(a, a_pose, b, b_pose, visit))
 }
 
 /// How many pairs of primitives share a point, each counted once.
 #[must_use]
 pub fn count_pairs<A: Body, B: Body>(a: &A, a_pose: impl Into<Pose>, b: &B, b_pose: impl Into<Pose>) -> usize {
-    let mut found = vec![];
-    pairs(a, a_pose, b, b_pose, &mut found);
-    found.len()
+    forms::count(|visit| each_pair(a, a_pose, b, b_pose, visit))
 }
 
 /// All pairs of primitives at most `tolerance` apart, in ascending order. Replaces the contents of `found`.
@@ -189,12 +172,15 @@ fn each_closest<A: Body, B: Body>(bodies: &Bodies<'_, A, B>, limit: f64, mut vis
     if limit.is_nan() || limit < 0.0 {
         return;
     }
+    // Bodies that are apart are so along much the same axis wherever they are near.
+    let mut axis = [0.0; 3];
     bodies.walk(limit, true, |a, b, mut limit| {
         for one in a.shapes() {
             for other in b.shapes() {
-                if one.is_near(other, limit) {
+                if one.is_near(other, limit) && one.is_near_along(other, axis, limit) {
                     let Closest { distance, points } = closest_points(one, other);
                     if distance <= limit {
+                        axis = normalized(sub(points[1], points[0])).unwrap_or(axis);
                         limit = visit(Distance { distance, points, primitives: [one.primitive, other.primitive] });
                     }
                 }

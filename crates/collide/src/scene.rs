@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 use canted_obb::Aabb;
 use canted_obb::round::{down, up};
 use canted_tlas::{InstancePrimitive, Tlas};
-use canted_trace::{InstanceId, Intersect};
+use canted_trace::{InstanceId, Intersect, forms};
 use canted_wide::{NodeBox, WideBvh};
 
 use crate::body::Body;
@@ -235,24 +235,13 @@ pub fn touching<B: Intersect + Body, S: Body>(
     pose: impl Into<Pose>,
     found: &mut Vec<InstancePrimitive>,
 ) {
-    found.clear();
-    each_touching(tlas, body, pose, |one| {
-        found.push(one);
-        ControlFlow::Continue(())
-    });
-    found.sort_unstable();
-    found.dedup();
+    forms::all(found, |visit| each_touching(tlas, body, pose, visit));
 }
 
 /// Whether any instance shares a point with a body.
 #[must_use]
 pub fn touches<B: Intersect + Body, S: Body>(tlas: &Tlas<B>, body: &S, pose: impl Into<Pose>) -> bool {
-    let mut is_any = false;
-    each_touching(tlas, body, pose, |_| {
-        is_any = true;
-        ControlFlow::Break(())
-    });
-    is_any
+    forms::is_any(|visit| each_touching(tlas, body, pose, visit))
 }
 
 /// The lowest (instance, primitive) that shares a point with a body.
@@ -262,20 +251,13 @@ pub fn first_touching<B: Intersect + Body, S: Body>(
     body: &S,
     pose: impl Into<Pose>,
 ) -> Option<InstancePrimitive> {
-    let mut first: Option<InstancePrimitive> = None;
-    each_touching(tlas, body, pose, |one| {
-        first = Some(first.map_or(one, |first| first.min(one)));
-        ControlFlow::Continue(())
-    });
-    first
+    forms::first(|visit| each_touching(tlas, body, pose, visit))
 }
 
 /// How many primitives of instances share a point with a body.
 #[must_use]
 pub fn count_touching<B: Intersect + Body, S: Body>(tlas: &Tlas<B>, body: &S, pose: impl Into<Pose>) -> usize {
-    let mut found = vec![];
-    touching(tlas, body, pose, &mut found);
-    found.len()
+    forms::count(|visit| each_touching(tlas, body, pose, visit))
 }
 
 /// Calls `visit` with each primitive of an instance that shares a point with a body, in any order, until it breaks. A primitive may come twice.

@@ -1,7 +1,7 @@
 //! A walk over the nodes of two bodies at once.
 
 use canted_obb::PrimId;
-use canted_obb::vector::{Vector, add};
+use canted_obb::vector::{Vector, add, dot, reach};
 use canted_wide::NodeBox;
 
 use crate::body::Body;
@@ -25,10 +25,28 @@ impl PlacedShape {
     /// Whether the shapes may be at most `distance` apart, by their boxes.
     #[inline]
     pub(crate) fn is_near(&self, other: &Self, distance: f64) -> bool {
-        (0..3).all(|k| {
+        let gaps = [0, 1, 2].map(|k| {
             let slack = ROUNDING * (self.lo[k].abs() + self.hi[k].abs() + other.lo[k].abs() + other.hi[k].abs());
-            (self.lo[k] - other.hi[k]).max(other.lo[k] - self.hi[k]) <= distance + slack
-        })
+            ((self.lo[k] - other.hi[k]).max(other.lo[k] - self.hi[k]) - slack).max(0.0)
+        });
+        // Squares are off by a few roundings, and by less than the smallest normal number where they underflow.
+        dot(gaps, gaps) <= distance * distance * (1.0 + 16.0 * f64::EPSILON) + f64::MIN_POSITIVE
+    }
+
+    /// Whether the shapes may be at most `distance` apart, by their ends along an axis of unit length.
+    #[inline]
+    pub(crate) fn is_near_along(&self, other: &Self, axis: Vector, distance: f64) -> bool {
+        let ends = |shape: &Self| {
+            shape.points.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], &point| {
+                let at = dot(point, axis);
+                [if at < least { at } else { least }, if at > most { at } else { most }]
+            })
+        };
+        let ([a, a_end], [b, b_end]) = (ends(self), ends(other));
+        let coordinates = |shape: &Self| reach(shape.lo) + reach(shape.hi);
+        let slack = ROUNDING * (coordinates(self) + coordinates(other));
+        let gap = (b - a_end).max(a - b_end) - (self.radius + other.radius);
+        gap.is_nan() || gap <= distance * (1.0 + 16.0 * f64::EPSILON) + slack
     }
 }
 
@@ -172,5 +190,49 @@ impl<A: Body, B: Body> Bodies<'_, A, B> {
                 waiting[base..].sort_by(|one, other| other.gap.total_cmp(&one.gap));
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use canted_obb::vector::{normalized, sub};
+
+    use super::*;
+    use crate::closest::closest_points;
+
+    /// A point of the cube from -1 to 1.
+    fn point(state: &mut u64) -> Vector {
+        std::array::from_fn(|_| {
+            *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (*state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+        })
+    }
+
+    fn triangle(state: &mut u64, [size, at]: [f64; 2]) -> PlacedShape {
+        let points: Vec<Vector> = (0..3).map(|_| point(state).map(|x| at + size * x)).collect();
+        let end = |of: fn(f64, f64) -> f64| [0, 1, 2].map(|k| of(of(points[0][k], points[1][k]), points[2][k]));
+        PlacedShape { primitive: PrimId(0), lo: end(f64::min), hi: end(f64::max), points, radius: 0.0 }
+    }
+
+    /// At the distance itself, so that a bound without its roundings skips some.
+    #[test]
+    fn nothing_within_the_distance_is_skipped() {
+        let mut state = 4;
+        let (mut n_skipped, mut n_lost) = (0, 0);
+        for round in 0..20_000 {
+            let [size, at] = [[1.0, 0.0], [1e-3, 0.0], [1.0, 1e7], [1e6, 0.0]][round % 4];
+            let (a, b) = (triangle(&mut state, [size, at]), triangle(&mut state, [size, at + 2.5 * size]));
+            let near = closest_points(&a, &b);
+            let random = normalized(point(&mut state)).unwrap_or([1.0, 0.0, 0.0]);
+            let axis = normalized(sub(near.points[1], near.points[0])).unwrap_or(random);
+            assert!(a.is_near(&b, near.distance), "round {round}");
+            assert!([axis, random].iter().all(|&axis| a.is_near_along(&b, axis, near.distance)), "round {round}");
+            n_skipped += usize::from(!a.is_near_along(&b, axis, 0.99 * near.distance));
+            // The same without what roundings may add.
+            let gap = b.points.iter().map(|&p| dot(p, axis)).fold(f64::INFINITY, f64::min)
+                - a.points.iter().map(|&p| dot(p, axis)).fold(f64::NEG_INFINITY, f64::max);
+            n_lost += usize::from(gap > near.distance);
+        }
+        assert!(n_skipped > 15_000 && n_lost > 100, "{n_skipped} skipped, {n_lost} lost without the bound");
     }
 }

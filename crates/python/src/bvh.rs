@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, PoisonError, RwLock};
 
 use canted::collide::{Pose, each_pair};
+use canted::distance::Overlaps;
 use canted::kernel::HitLists;
 use canted::{Config, Crossings, Intersect, Ray, TriangleTest};
 use pyo3::prelude::*;

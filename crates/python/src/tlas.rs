@@ -3,6 +3,7 @@
 use std::sync::{Arc, PoisonError, RwLock};
 
 use canted::collide::{Pose, each_touching, instance_pairs};
+use canted::distance::Overlaps;
 use canted::instance::InstanceError;
 use canted::kernel::HitLists;
 use canted::{Affine, Crossings, Instance, InstanceId, Intersect, Ray, TriangleBvh, TriangleTest};

@@ -1,4 +1,4 @@
-//! Distances to instances.
+//! Distances to instances, and triangles of instances that overlap regions of world space.
 //!
 //! Distances are those in world space, under any affine map: the triangles near the point are mapped and compared there, in `f64`. Moving
 //! instances are where they are as the shutter opens.
@@ -10,15 +10,16 @@
 //! scale it is that. The computed inverse is wrong by less than 2^-28 of its norm (`Placed::new`).
 
 use std::borrow::Borrow;
+use std::ops::ControlFlow;
 
 use canted_lbvh::par;
 use canted_obb::vector::{add, dot, length, reach, sub, to_f64};
 use canted_obb::{Aabb, PrimId};
-use canted_trace::{InstanceId, Intersect, closest_to_zero};
+use canted_trace::{Convex, InstanceId, Intersect, Overlaps, closest_to_zero, forms};
 use canted_wide::TriangleBvh;
 
 use crate::Tlas;
-use crate::inside::{Placed, mapped};
+use crate::inside::{InstancePrimitive, Placed, mapped};
 use crate::instance::{Columns, Rows, row_sum_norm};
 
 /// Points of one parallel job.
@@ -246,6 +247,44 @@ fn distance_to(aabb: &Aabb, point: [f64; 3]) -> f64 {
     let gap = |k: usize| (f64::from(aabb.min[k]) - point[k]).max(point[k] - f64::from(aabb.max[k])).max(0.0);
     let rounding = 8.0 * f64::EPSILON * (reach(point) + f64::from(aabb.reach()));
     (length([gap(0), gap(1), gap(2)]) - rounding).max(0.0)
+}
+
+/// Triangles, by instance, then primitive. Only instances near the region are looked at.
+///
+/// Capsules, convex hulls and whole bodies as questions, and instances of other primitives: `canted_collide`.
+impl<B: Intersect + Borrow<TriangleBvh>> Overlaps for Tlas<B> {
+    type Found = InstancePrimitive;
+
+    fn each_overlapping(&self, region: &Convex, mut visit: impl FnMut(InstancePrimitive) -> ControlFlow<()>) {
+        self.each_instance_in(&region.bounds(), |id| {
+            let Some(placed) = self.placed(id).filter(|placed| region.overlaps_aabb(&placed.aabb)) else {
+                return ControlFlow::Continue(());
+            };
+            let columns = placed.columns;
+            let forward: Rows = std::array::from_fn(|k| std::array::from_fn(|j| columns[j][k]));
+            let (bvh, mut flow): (&TriangleBvh, _) = (placed.blas.borrow(), ControlFlow::Continue(()));
+            bvh.each_overlapping(&region.transformed(&placed.inverse, &forward), |primitive| {
+                flow = visit((id, primitive));
+                flow
+            });
+            flow
+        });
+    }
+}
+
+/// # Overlaps
+/// [`Overlaps`] has the questions about convex regions.
+impl<B: Intersect + Borrow<TriangleBvh>> Tlas<B> {
+    /// All triangles at most `radius` away from `center`, by instance, then primitive. Replaces the contents of `found`. Nothing is found for a negative
+    /// radius.
+    pub fn overlapping_sphere(&self, center: impl Into<[f64; 3]>, radius: f64, found: &mut Vec<InstancePrimitive>) {
+        forms::all(found, |visit| {
+            self.visit_near(center.into(), radius, &mut |near| {
+                let _ = visit((near.instance, near.primitive));
+                radius
+            });
+        });
+    }
 }
 
 #[cfg(test)]

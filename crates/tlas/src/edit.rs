@@ -7,6 +7,7 @@ use canted_trace::{InstanceId, Intersect, ObjectMap};
 use crate::placement::{Bottom, JOB, Placed};
 use crate::tlas::deepest;
 use crate::top::Top;
+use crate::users::Users;
 use crate::{Instance, InstanceError, Tlas, TopConfig};
 
 /// Changes in place.
@@ -14,7 +15,8 @@ use crate::{Instance, InstanceError, Tlas, TopConfig};
 /// A change of one instance takes time that grows with the depth of a wide top level ([`TopConfig::Wide`](crate::TopConfig::Wide)), not with
 /// the number of instances: boxes above it are written, or it gets another place. The first one after a build, or after all boxes were
 /// written, prepares the top level for that in linear time. [`Tlas::edit`] makes several changes with one update: few are made one by one; for
-/// more than a quarter of all instances every box is written, in linear time. Changes of a BVH look for its instances among all.
+/// more than a quarter of all instances every box is written, in linear time. A change of a BVH takes as long as changes of its instances; the first
+/// one lists the instances of each BVH, in linear time.
 ///
 /// Hits do not depend on how a TLAS was changed: they are those of a new [`Tlas`]. Rays become slower as the top level drifts from one that is
 /// built for the instances where they are: [`Tlas::drift`] measures it, [`Tlas::rebuild_advised`] tells when [`Tlas::rebuild`] is worth it. A
@@ -142,9 +144,15 @@ impl<B: Intersect> Tlas<B> {
         self.drift() > canted_wide::Refit::MAX_DRIFT
     }
 
-    /// Hides the instances of a BVH until they are placed again.
-    fn hide(&mut self, index: u32) {
-        for placement in self.placements.iter_mut().filter(|placement| placement.blas == index) {
+    /// The instances of a BVH.
+    fn users(&mut self, index: u32) -> Vec<InstanceId> {
+        self.users.get_or_insert_with(|| Users::new(self.blas.len(), &self.placements)).of(index)
+    }
+
+    /// Hides instances until they are placed again.
+    fn hide(&mut self, instances: &[InstanceId]) {
+        for id in instances {
+            let placement = &mut self.placements[id.index()];
             placement.map = ObjectMap::hidden(&placement.map.world_from_object());
         }
     }
@@ -273,10 +281,11 @@ impl<B: Intersect> TlasEdit<'_, B> {
     pub fn replace_blas(&mut self, index: u32, blas: B) -> Result<B, InstanceError> {
         self.blas(index)?;
         let supports = OnceLock::new();
-        let placed = self.place_all(index, &Bottom::of(&blas, &supports))?;
+        let instances = self.tlas.users(index);
+        let placed = self.place_all(&instances, &Bottom::of(&blas, &supports))?;
         self.tlas.supports[index as usize] = supports;
         let old = std::mem::replace(&mut self.tlas.blas[index as usize], blas);
-        self.tlas.bottom_stack_len = deepest(&self.tlas.blas);
+        self.needs_stack_of(index);
         placed.into_iter().for_each(|(instance, placed)| self.commit(instance, placed));
         Ok(old)
     }
@@ -305,12 +314,13 @@ impl<B: Intersect> TlasEdit<'_, B> {
     /// ```
     pub fn update_blas<R>(&mut self, index: u32, change: impl FnOnce(&mut B) -> R) -> Result<R, InstanceError> {
         self.blas(index)?;
-        self.tlas.hide(index);
+        let instances = self.tlas.users(index);
+        self.tlas.hide(&instances);
         self.tlas.supports[index as usize] = OnceLock::new();
         let result = change(&mut self.tlas.blas[index as usize]);
-        self.tlas.bottom_stack_len = deepest(&self.tlas.blas);
+        self.needs_stack_of(index);
         let Tlas { blas, supports, .. } = &*self.tlas;
-        let placed = self.place_all(index, &Bottom::of(&blas[index as usize], &supports[index as usize]))?;
+        let placed = self.place_all(&instances, &Bottom::of(&blas[index as usize], &supports[index as usize]))?;
         placed.into_iter().for_each(|(instance, placed)| self.commit(instance, placed));
         Ok(result)
     }
@@ -323,6 +333,7 @@ impl<B: Intersect> TlasEdit<'_, B> {
     /// Builds the top level again: slower than a refit, and faster to trace once instances have moved far.
     pub fn rebuild(mut self) {
         let tlas = &mut *self.tlas;
+        tlas.bottom_stack_len = deepest(&tlas.blas);
         // A topology that cannot be indexed leaves the old one, refitted.
         if let Ok(top) = Top::build(&tlas.bounds, &tlas.obbs, &tlas.config, tlas.path) {
             tlas.top = top;
@@ -343,22 +354,32 @@ impl<B: Intersect> TlasEdit<'_, B> {
         self.tlas.blas.get(index as usize).ok_or(InstanceError::UnknownBlas { blas: index, n_blas })
     }
 
-    /// Places all instances of a BVH as if `bottom` were at its index.
-    fn place_all(&self, index: u32, bottom: &Bottom<'_, B>) -> Result<Vec<(usize, Placed)>, InstanceError> {
-        let all = self.tlas.placements.iter().enumerate();
-        let of_blas: Vec<InstanceId> =
-            all.filter(|(_, placement)| placement.blas == index).map(|(i, _)| InstanceId(i as u32)).collect();
+    /// A BVH is another one: traversals may need more memory than before.
+    fn needs_stack_of(&mut self, index: u32) {
+        let tlas = &mut *self.tlas;
+        tlas.bottom_stack_len = tlas.bottom_stack_len.max(tlas.blas[index as usize].stack_len());
+    }
+
+    /// Places instances as if `bottom` were their BVH.
+    fn place_all(
+        &self,
+        instances: &[InstanceId],
+        bottom: &Bottom<'_, B>,
+    ) -> Result<Vec<(usize, Placed)>, InstanceError> {
         let place = |id: &InstanceId| {
             let given = self.tlas.instance(*id).unwrap_or(Instance::REMOVED);
             Ok((id.index(), Placed::of(id.index(), &given, bottom)?))
         };
-        par::map(&of_blas, JOB, place).into_iter().collect()
+        par::map(instances, JOB, place).into_iter().collect()
     }
 
     fn commit(&mut self, index: usize, Placed { placement, moving, bounds, obb }: Placed) {
         let tlas = &mut *self.tlas;
         if tlas.bounds[index] != bounds || tlas.obbs.get(index).is_some_and(|known| *known != obb) {
             self.changed.push(index as u32);
+        }
+        if let Some(users) = &mut tlas.users {
+            users.change(index as u32, tlas.placements[index].blas, placement.blas);
         }
         tlas.placements[index] = placement;
         tlas.bounds[index] = bounds;

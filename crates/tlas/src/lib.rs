@@ -33,7 +33,7 @@
 //! | hits, filters, counters, slices of rays | those of [`Intersect`](canted_trace::Intersect) |
 //! | crossings of surfaces | those of [`Crossings`](canted_trace::Crossings) |
 //! | nearest points, signed distance, containment | [`Tlas::nearest_points`], [`Tlas::signed_distance`], [`Tlas::contains`] |
-//! | overlaps with regions | [`Tlas::overlapping`], [`Tlas::overlapping_sphere`], [`Tlas::each_instance_in`] |
+//! | overlaps with regions | those of [`Overlaps`](canted_trace::Overlaps), [`Tlas::overlapping_sphere`], [`Tlas::each_instance_in`] |
 //! | masks, time | [`Ray::mask`](canted_trace::Ray::mask), [`Ray::time`](canted_trace::Ray::time) |
 //! | position and normal of a hit, rays that continue | [`Tlas::surface_point`] |
 //! | add, remove, move, hide | [`Tlas::insert`], [`Tlas::remove`], [`Tlas::set_transform`], [`Tlas::set_instance`], [`Tlas::set_mask`] |
@@ -71,12 +71,12 @@ mod file;
 mod inside;
 mod instance;
 mod motion;
-mod overlap;
 mod placement;
 mod query;
 mod support;
 mod tlas;
 mod top;
+mod users;
 
 pub use canted_trace::SaveBlas;
 pub use distance::NearestSurface;

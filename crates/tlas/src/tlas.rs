@@ -9,6 +9,7 @@ use canted_wide::SimdPath;
 use crate::placement::{Bottom, Bounds, JOB, Moving, Placed, Placement};
 use crate::support::{KnownSupports, Supports};
 use crate::top::{Top, TopConfig};
+use crate::users::Users;
 use crate::{Instance, InstanceError};
 
 /// A two-level BVH: a top level over instances, each a bottom-level BVH under an affine transform.
@@ -50,8 +51,10 @@ pub struct Tlas<B> {
     pub(crate) blas: Vec<B>,
     /// How far each reaches, once an instance needs that.
     pub(crate) supports: Vec<KnownSupports>,
-    /// Entries of memory that the traversals of the bottom-level BVHs need.
+    /// Entries of memory that the traversals of the bottom-level BVHs need, or more.
     pub(crate) bottom_stack_len: usize,
+    /// The instances of each bottom-level BVH, from the first change of one on.
+    pub(crate) users: Option<Users>,
     /// Numbers of removed instances, the next one that is used again last.
     pub(crate) removed: Vec<u32>,
     /// What traversal needs of each instance.
@@ -83,6 +86,7 @@ impl<B: Intersect> Tlas<B> {
             bottom_stack_len: deepest(&blas),
             supports: blas.iter().map(|_| OnceLock::new()).collect(),
             blas,
+            users: None,
             removed: vec![],
             placements: vec![],
             moving: vec![],
@@ -128,6 +132,7 @@ impl<B: Intersect> Tlas<B> {
         self.top = Top::build(&bounds, &obbs, &self.config, self.path)?;
         let removed = (0..instances.len() as u32).rev().filter(|&i| instances[i as usize].is_removed());
         self.removed = removed.collect();
+        self.users = None;
         (self.bounds, self.obbs) = (bounds, obbs);
         self.placements = placed.iter().map(|placed| placed.placement).collect();
         let moves = placed.iter().any(|placed| placed.moving.is_some());
@@ -226,6 +231,7 @@ impl<B: Intersect> Tlas<B> {
             + size_of_val(&self.bounds[..])
             + size_of_val(&self.obbs[..])
             + size_of_val(&self.removed[..])
+            + self.users.as_ref().map_or(0, Users::n_bytes)
             + self.listed.get().map_or(0, |listed| size_of_val(&listed[..]));
         let n_supports = self.supports.iter().filter_map(KnownSupports::get).flatten().count();
         let supports = size_of_val(&self.supports[..]) + n_supports * size_of::<Supports>();

@@ -176,6 +176,7 @@ fn many_changes_equal_a_new_tlas() {
     let (mut n_hits, mut n_bytes) = (0, 0);
     let n_checks = (n_edits / 20_000).max(8);
     for round in 0..n_checks {
+        tlas.replace_blas(0, bvh(&soup(round as u64, 12))).unwrap();
         for i in 0..n_edits / n_checks {
             model.change(&mut tlas, &mut rng);
             if i % 100 == 0 {
@@ -248,6 +249,9 @@ fn small_scenes_equal_a_new_tlas() {
                     edit.set_each(&new).unwrap();
                     new.iter().for_each(|(id, instance)| model.placed[id.index()] = *instance);
                     drop(edit);
+                } else if step % 11 == 3 {
+                    // Instances of the empty mesh appear, or others disappear.
+                    tlas.replace_blas(rng.below(3) as u32, meshes().swap_remove(rng.below(3))).unwrap();
                 } else {
                     model.change(&mut tlas, &mut rng);
                 }

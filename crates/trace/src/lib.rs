@@ -25,6 +25,7 @@
 //! | item | purpose |
 //! |---|---|
 //! | [`Intersect`], [`Crossings`] | the queries of everything that rays can hit, in all their forms |
+//! | [`Overlaps`], [`Convex`] | what overlaps a region, in all forms of the question |
 //! | [`Ray`], [`Hit`], [`Query`] | input and output of every query; hit filters and counters |
 //! | [`SurfacePoint`] | rays that continue from a hit without hitting the same surface again |
 //! | [`Kernel`]: [`Watertight`], [`MollerTrumbore`], [`BaldwinWeber`], [`Projected`]; [`TriangleTest`] | ray-triangle tests; the choice of one |
@@ -61,6 +62,7 @@ mod intersect;
 mod leaf;
 mod levels;
 mod moving;
+mod overlaps;
 mod placed;
 mod quadrics;
 mod query;
@@ -82,6 +84,9 @@ pub use intersect::{AcceptAt, Answer, Answers, Crossings, Intersect, Pointer, Tr
 pub use leaf::{LeafTriangles, Leaves};
 pub use levels::{BoxBvh, SaveBlas};
 pub use moving::position_at;
+pub use overlaps::Overlaps;
+#[doc(hidden)]
+pub use overlaps::forms;
 #[doc(hidden)]
 pub use placed::{ObjectMap, ObjectRay, PlacedRay, WorldRay};
 pub use quadrics::{Cone, Disk, Ellipsoid};

@@ -46,7 +46,7 @@
 //! | slices, on one thread or on all | [`Intersect::closest_hits`](canted_trace::Intersect::closest_hits), [`Intersect::par_closest_hits`](canted_trace::Intersect::par_closest_hits), and similar |
 //! | which boxes a ray enters; which primitives come near it | [`WideBvh::traverse`] of a `WideBvh<Aabb>`; [`WideBvh::visit_along`] |
 //! | nodes and leaves, for a walk of your own | [`WideBvh::root`], [`WideBvh::lanes`], [`WideBvh::child`] |
-//! | distances, containment, overlaps | [`WideBvh::nearest_point`], [`TriangleBvh::contains`], [`TriangleBvh::winding_numbers`], [`WideBvh::overlapping`] |
+//! | distances, containment, overlaps | [`WideBvh::nearest_point`], [`TriangleBvh::contains`], [`TriangleBvh::winding_numbers`], those of [`Overlaps`](canted_trace::Overlaps) |
 //! | moved primitives | [`TriangleBvh::refit`], which reports when to rebuild |
 //! | single primitives that come, go and move | [`WideBvh::insert`], [`WideBvh::remove`], [`WideBvh::move_one`], [`WideBvh::drift`] |
 //! | the primitives | [`TriangleBvh::triangle`], [`TriangleBvh::triangles`], `primitives` |

@@ -4,7 +4,7 @@
 
 use canted_fixtures::{self as fixtures, Mesh, SplitMix64};
 use canted_obb::{Obb, PrimId};
-use canted_trace::{Convex, Sphere, closest_point_on_triangle};
+use canted_trace::{Convex, Overlaps, Sphere, closest_point_on_triangle};
 use canted_wide::{Config, NearestPoint, Preset, SimdPath, TriangleBvh, WideBvh};
 
 fn corners(mesh: &Mesh, triangle: usize) -> [[f32; 3]; 3] {

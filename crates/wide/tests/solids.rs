@@ -2,7 +2,7 @@
 
 use canted_fixtures::SplitMix64;
 use canted_obb::{Aabb, Obb, PrimId};
-use canted_trace::{Convex, Sphere};
+use canted_trace::{Convex, Overlaps, Sphere};
 use canted_wide::{DistanceShape, WideBvh};
 
 /// The least and the greatest distance of points of a box from a point, by coordinates in its frame, which is orthonormal.

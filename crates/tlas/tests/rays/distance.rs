@@ -5,7 +5,7 @@ use std::sync::Arc;
 use canted_fixtures::{Mesh, SplitMix64};
 use canted_obb::Affine;
 use canted_tlas::{Instance, NearestSurface, Tlas};
-use canted_trace::{Convex, InstanceId, closest_to_zero};
+use canted_trace::{Convex, InstanceId, Overlaps, closest_to_zero};
 use canted_wide::{Preset, TriangleBvh};
 
 use crate::oracle::affine;

@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 
 use canted_obb::round::{down, up};
 use canted_obb::vector::{dot, to_f64};
-use canted_obb::{Aabb, Obb, PrimId};
-use canted_trace::{Convex, InvertedBox};
+use canted_obb::{Aabb, PrimId};
+use canted_trace::{Convex, Overlaps, forms};
 
 use super::DistanceShape;
 use super::nearest::squared;
@@ -17,106 +17,43 @@ use crate::traverse::LeafRange;
 /// Rounding of a box corner and its projections, relative to the coordinates: f32 rows, and sums in f64; eight u.
 const CORNER_ERROR: f64 = 8.0 / 16_777_216.0;
 
+/// Primitives, in ascending order. A solid, such as a sphere or a box, overlaps what is inside of it; a triangle has no inside.
+impl<P: LeafPrimitive> Overlaps for WideBvh<P>
+where
+    P::Shape: DistanceShape,
+{
+    type Found = PrimId;
+
+    fn each_overlapping(&self, region: &Convex, visit: impl FnMut(PrimId) -> ControlFlow<()>) {
+        self.each_in(region, P::Shape::overlaps, visit);
+    }
+}
+
 /// # Overlaps
-/// A solid, such as a sphere or a box, overlaps what is inside of it; a triangle has no inside. Touching counts. No overlap is missed; a gap below 2^-46
-/// of the coordinates, of spheres below 2^-44, may be reported as an overlap.
+/// [`Overlaps`] has the questions about convex regions; these are about shells and balls.
 impl<P: LeafPrimitive> WideBvh<P>
 where
     P::Shape: DistanceShape,
 {
-    /// All primitives that overlap the axis-aligned box from `min` to `max`, in ascending order. Replaces the contents of `primitives`.
-    ///
-    /// # Errors
-    /// A least coordinate that exceeds the greatest, unless the box is [`Aabb::EMPTY`], which overlaps nothing. Nothing is then found.
-    pub fn overlapping_aabb(
-        &self,
-        min: impl Into<[f32; 3]>,
-        max: impl Into<[f32; 3]>,
-        primitives: &mut Vec<PrimId>,
-    ) -> Result<(), InvertedBox> {
-        primitives.clear();
-        Convex::checked_aabb(min, max).map(|region| self.overlapping(&region, primitives))
-    }
-
-    /// All primitives that overlap an oriented box; see [`WideBvh::overlapping_aabb`].
-    ///
-    /// # Errors
-    /// A negative half-extent.
-    pub fn overlapping_obb(&self, obb: &Obb, primitives: &mut Vec<PrimId>) -> Result<(), InvertedBox> {
-        primitives.clear();
-        Convex::checked_obb(obb).map(|region| self.overlapping(&region, primitives))
-    }
-
-    /// All primitives that overlap a frustum or another convex solid, in ascending order. Replaces the contents of `primitives`.
-    pub fn overlapping(&self, region: &Convex, primitives: &mut Vec<PrimId>) {
-        self.all_in(region, P::Shape::overlaps, primitives);
-    }
-
     /// All primitives whose surface overlaps a region, in ascending order: of solids those whose shell does. Replaces the contents of `primitives`.
     pub fn overlapping_surfaces(&self, region: &Convex, primitives: &mut Vec<PrimId>) {
-        self.all_in(region, P::Shape::surface_overlaps, primitives);
-    }
-
-    /// Whether any primitive overlaps a region.
-    #[must_use]
-    pub fn overlaps(&self, region: &Convex) -> bool {
-        let mut is_any = false;
-        self.each_overlapping(region, |_| {
-            is_any = true;
-            ControlFlow::Break(())
-        });
-        is_any
-    }
-
-    /// The lowest primitive that overlaps a region.
-    #[must_use]
-    pub fn first_overlapping(&self, region: &Convex) -> Option<PrimId> {
-        let mut first: Option<PrimId> = None;
-        self.each_overlapping(region, |primitive| {
-            first = Some(first.map_or(primitive, |first| first.min(primitive)));
-            ControlFlow::Continue(())
-        });
-        first
-    }
-
-    /// How many primitives overlap a region.
-    #[must_use]
-    pub fn count_overlapping(&self, region: &Convex) -> usize {
-        let mut primitives = vec![];
-        self.overlapping(region, &mut primitives);
-        primitives.len()
-    }
-
-    /// Calls `visit` with each primitive that overlaps a region, in any order, until it breaks. A primitive may come twice.
-    pub fn each_overlapping(&self, region: &Convex, visit: impl FnMut(PrimId) -> ControlFlow<()>) {
-        self.each_in(region, P::Shape::overlaps, visit);
+        forms::all(primitives, |visit| self.each_in(region, P::Shape::surface_overlaps, visit));
     }
 
     /// All primitives at most `radius` away from `center`, in ascending order. Replaces the contents of `primitives`.
     ///
     /// A solid is 0 away from what is inside of it; [`WideBvh::nearest_points`] measures from its surface. Nothing is found for a negative radius.
     pub fn overlapping_sphere(&self, center: impl Into<[f32; 3]>, radius: f32, primitives: &mut Vec<PrimId>) {
-        primitives.clear();
         let center = center.into();
-        let Some(limit) = squared(radius) else { return };
-        self.visit_near(center, limit, |primitive, shape, limit| {
-            if shape.overlaps_ball(center, radius) {
-                primitives.push(primitive);
-            }
-            limit
+        forms::all(primitives, |visit| {
+            let Some(limit) = squared(radius) else { return };
+            self.visit_near(center, limit, |primitive, shape, limit| {
+                if shape.overlaps_ball(center, radius) {
+                    let _ = visit(primitive);
+                }
+                limit
+            });
         });
-        primitives.sort_unstable();
-        primitives.dedup();
-    }
-
-    fn all_in(&self, region: &Convex, test: impl Fn(&P::Shape, &Convex) -> bool, primitives: &mut Vec<PrimId>) {
-        primitives.clear();
-        self.each_in(region, test, |primitive| {
-            primitives.push(primitive);
-            ControlFlow::Continue(())
-        });
-        primitives.sort_unstable();
-        primitives.dedup();
     }
 
     /// Calls `visit` with each primitive for which a test holds, which implies that its bounds overlap the region.
