@@ -12,7 +12,7 @@ use std::hint::black_box;
 
 use anyhow::Result;
 use canted_collide::{Pose, cast_sphere, distance, pairs};
-use canted_fixtures::{Mesh, Rotation, SplitMix64, displaced_icosphere, grid, scaffold, torus, truss};
+use canted_fixtures::{Mesh, Rotation, SplitMix64, displaced_icosphere, grid, icosphere, scaffold, torus, truss};
 use canted_trace::Ray;
 use canted_wide::TriangleBvh;
 
@@ -80,8 +80,32 @@ pub(crate) fn section(out: &mut String, options: &Options) -> Result<()> {
         for Scene { name, mesh } in scenes() {
             of_scene(out, name, &mesh, options)?;
         }
-        Ok(())
+        contacts(out, options)
     })
+}
+
+/// Times of large meshes that touch more and more: they should follow the pairs, not the triangles.
+fn contacts(out: &mut String, options: &Options) -> Result<()> {
+    let mut all = vec![];
+    for level in if options.is_quick { [4, 6] } else { [6, 8] } {
+        let mesh = icosphere(level);
+        let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles)?;
+        for depth in [1e-4, 1e-3, 1e-2, 1e-1] {
+            let pose = Pose::translation([2.0 - depth, 0.0, 0.0]);
+            let (mut times, mut found) = (Times::default(), vec![]);
+            (0..=options.rounds).for_each(|_| times.add(|| pairs(&bvh, Pose::IDENTITY, &bvh, pose, &mut found)));
+            all.push((mesh.triangles.len(), depth, found.len(), times.median()));
+        }
+    }
+    let _ = writeln!(
+        out,
+        "\n### Contacts of large meshes\n\nA sphere and a copy of it that overlap by a part of the radius, one thread.\n\n| triangles of each | overlap | pairs | ms | µs a pair |\n\
+         | --- | --- | --- | --- | --- |"
+    );
+    for (n, depth, n_pairs, ms) in all {
+        let _ = writeln!(out, "| {n} | {depth} | {n_pairs} | {ms:.3} | {:.2} |", 1e3 * ms / n_pairs.max(1) as f64);
+    }
+    Ok(())
 }
 
 fn of_scene(out: &mut String, name: &str, mesh: &Mesh, options: &Options) -> Result<()> {

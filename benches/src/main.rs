@@ -6,6 +6,7 @@
 
 mod blemishes;
 mod bodies;
+mod changes;
 mod claims;
 mod curves;
 mod device;
@@ -59,6 +60,7 @@ fn main() -> Result<()> {
     }
     if options.wants("bodies") {
         bodies::section(&mut out, &options)?;
+        changes::section(&mut out, &options)?;
     }
     if options.wants("curves") {
         curves::section(&mut out, &options)?;

@@ -148,10 +148,20 @@ impl Scene {
         placements: &[Placement],
         options: &Options,
     ) -> Result<Self, SceneError> {
+        Self::of_levels(library, meshes, placements, [options; 2])
+    }
+
+    /// [`Scene::of_instances`] with options of the instances and of the meshes.
+    fn of_levels(
+        library: &Library,
+        meshes: &[Mesh<'_>],
+        placements: &[Placement],
+        [top, options]: [&Options; 2],
+    ) -> Result<Self, SceneError> {
         let device = Device::new(library, options.n_threads)?;
         let buffers = meshes.iter().map(Buffers::new).collect();
         let mut scene = Self { scenes: vec![], device, buffers };
-        scene.start(options);
+        scene.start(top);
         for mesh in 0..meshes.len() {
             scene.start(options);
             scene.attach_mesh(mesh + 1, mesh, options);
@@ -368,29 +378,42 @@ impl MovingMesh {
 }
 
 /// Instances in a scene of Embree's default quality.
-pub struct MovingInstances(Scene);
+pub struct MovingInstances(Scene, u32);
 
 impl MovingInstances {
-    /// Builds the meshes, and a level of instances above.
+    /// Builds the meshes with high quality, and a level of instances above with another one.
     ///
     /// # Errors If Embree reports an error.
     pub fn new(
         library: &Library,
         meshes: &[Mesh<'_>],
         placements: &[Placement],
-        n_threads: usize,
+        (n_threads, quality): (usize, Quality),
     ) -> Result<Self, SceneError> {
-        let options = Options { quality: Quality::Low, is_robust: false, n_threads };
-        Ok(Self(Scene::of_instances(library, meshes, placements, &options)?))
+        let [top, bottom] = [quality, Quality::High].map(|quality| Options { quality, is_robust: false, n_threads });
+        let n_instances = placements.len() as u32;
+        Ok(Self(Scene::of_levels(library, meshes, placements, [&top, &bottom])?, n_instances))
     }
 
-    /// Moves every instance and updates the scene.
+    /// The scene, for rays.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.0
+    }
+
+    /// Moves instances, each given by its number, and updates the scene.
     ///
     /// # Errors If Embree reports an error.
-    pub fn update(&mut self, transforms: &[[[f32; 3]; 4]]) -> Result<(), SceneError> {
+    ///
+    /// # Panics If there is no instance of a number.
+    pub fn update<'a>(
+        &mut self,
+        transforms: impl IntoIterator<Item = (u32, &'a [[f32; 3]; 4])>,
+    ) -> Result<(), SceneError> {
         let f = &self.0.device.library.functions;
-        for (id, matrix) in (0u32..).zip(transforms) {
-            // SAFETY: instances were attached in this order, so the scene holds this geometry; the matrix is copied.
+        for (id, matrix) in transforms {
+            assert!(id < self.1, "instance {id} of {}", self.1);
+            // SAFETY: instances were attached in order, so the scene holds this geometry; the matrix is copied.
             unsafe {
                 let geometry = (f.get_geometry)(self.0.scenes[0], id);
                 (f.set_transform)(geometry, 0, FORMAT_FLOAT3X4_COLUMN_MAJOR, (&raw const *matrix).cast());

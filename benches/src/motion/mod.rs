@@ -333,17 +333,17 @@ fn placed_by_embree<'a>(
     n_threads: usize,
     all: &mut Vec<Updated<'a>>,
 ) -> Result<()> {
-    use canted_peers::embree::{self, MovingInstances, Placement};
+    use canted_peers::embree::{self, MovingInstances, Placement, Quality};
 
     let mesh = embree::Mesh { positions: &mesh.positions, triangles: &mesh.triangles };
     for library in embree::libraries().into_iter().take(1) {
         let placement = |at: &Affine| Placement { mesh: 0, world_from_object: at.columns };
         let placements: Vec<_> = frames[0].iter().map(placement).collect();
-        let mut moving = MovingInstances::new(&library, &[mesh], &placements, n_threads)?;
+        let mut moving = MovingInstances::new(&library, &[mesh], &placements, (n_threads, Quality::Low))?;
         let matrices = [0, 1].map(|frame: usize| frames[frame].iter().map(|at| at.columns).collect::<Vec<_>>());
         let version = library.version();
         let name = format!("Embree {}.{} dynamic, low quality", version / 10_000, version / 100 % 100);
-        all.push(Updated::new(name, move |frame| Ok(moving.update(&matrices[frame % 2])?)));
+        all.push(Updated::new(name, move |frame| Ok(moving.update((0..).zip(&matrices[frame % 2]))?)));
     }
     Ok(())
 }
