@@ -7,7 +7,6 @@
 //! All work on one thread, in turn.
 
 use std::fmt::Write;
-use std::hint::black_box;
 
 use anyhow::Result;
 use canted_fixtures::{Mesh, Rotation, SplitMix64, displaced_icosphere, torus};
@@ -254,6 +253,8 @@ fn engine<'a>(
 
 #[cfg(feature = "peers")]
 mod peer {
+    use std::hint::black_box;
+
     use canted_fixtures::Mesh;
     use canted_obb::Aabb;
     use canted_peers::embree::{self, MovingInstances, Placement, Quality};
