@@ -148,7 +148,7 @@ def grid(vertices, n=96):
 def signed(mesh, n_threads):
     """Calls for signed distances of a grid."""
     points, bvh = grid(mesh[0]), canted.Bvh(*mesh)
-    calls = {"canted": lambda: bvh.signed_distance(points, threads=n_threads)}
+    calls = {f"canted, {mode}": lambda mode=mode: bvh.signed_distance(points, mode=mode, threads=n_threads) for mode in ("winding", "parity")}
     try:
         import open3d
     except ImportError:
