@@ -437,7 +437,7 @@ impl<A: Args> FromArgMatches for Given<A> {
 #[command(next_help_heading = "Acceleration structure", next_display_order = 110)]
 #[serde(default)]
 pub(crate) struct StructureOptions {
-    /// BVH levels. `auto` uses two levels where instancing saves memory, else one.
+    /// BVH levels. `auto` uses two levels where one would copy many triangles or is predicted to cost rays much more, else one.
     #[arg(long, default_value = "auto", value_name = "LEVELS")]
     levels: Option<Value<Levels>>,
     /// Acceleration structure: eight-wide BVH, binary BVH, bounding interval hierarchy or kd-tree [default: wide, or bvh2 with --volumes

@@ -180,7 +180,7 @@ pub fn obvhs_tree(corners: &[Corners], params: obvhs::BvhBuildParams) -> Result<
 /// How many levels of BVHs a scene gets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Levels {
-    /// Two where instances multiply the number of triangles or exceed what one BVH can index; else one.
+    /// Two where one level would copy many triangles, exceeds what one BVH can index, or is predicted to cost rays much more; else one.
     #[default]
     Auto,
     /// One BVH over all triangles in world space; two levels all the same where an instance moves.

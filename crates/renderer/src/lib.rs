@@ -39,6 +39,7 @@ mod error;
 mod framing;
 mod heatmap;
 mod integrate;
+mod levels;
 mod light;
 mod render;
 mod sampler;
@@ -69,6 +70,7 @@ pub use error::PrepareError;
 pub use framing::{FlatBase, Shown, Subject, frame, stands_on_z};
 pub use heatmap::{Heatmap, Measure, heatmap};
 
+pub use levels::{LevelChoice, LevelReason, PredictedCosts};
 pub use light::{LightHit, LightId, LightSample, LightSampler, Lights, environment_of};
 pub use render::{Monitor, RenderError, render, resume, resume_with};
 pub use sampler::{Pattern, Sampler};

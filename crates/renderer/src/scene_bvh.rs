@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use crate::bottom_level::Triangles;
 use crate::update_policy::BvhCosts;
-use crate::{BottomLevel, BvhKind, Levels, PrepareError, SceneBvhConfig, coincident, light};
+use crate::{BottomLevel, BvhKind, LevelChoice, LevelReason, PrepareError, SceneBvhConfig, coincident, light};
 
 /// A feature that a scene does not need, and for which nothing is built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +29,8 @@ pub struct UnusedFeature {
 /// `primitive` a triangle index in the mesh of that instance.
 pub struct SceneBvh {
     pub(crate) levels: SceneLevels,
+    /// The number of levels, and why.
+    pub choice: LevelChoice,
     /// What the scene does not need.
     pub unused: Vec<UnusedFeature>,
     /// Time to build all levels, or of the last update.
@@ -81,9 +83,6 @@ impl FlatBvh {
     }
 }
 
-/// Triangles in world space for each one in a mesh up to which one level is faster and its memory acceptable.
-const WORTH_FLATTENING: f64 = 1.5;
-
 impl SceneBvh {
     /// Builds what a scene needs for tracing, and nothing else.
     ///
@@ -96,11 +95,12 @@ impl SceneBvh {
     /// [`SceneBvh::build`] with the capacity of one BVH.
     fn build_in(capacity: Capacity, scene: &Scene, config: &SceneBvhConfig) -> Result<Self, PrepareError> {
         let start = Instant::now();
-        let one = has_one_level_in(capacity, scene, config)?;
+        let choice = LevelChoice::of(scene, config, capacity.check(scene))?;
+        let one = choice.is_one;
         let levels = if one { one_level(scene, config)? } else { two_levels(scene, config)? };
-        let unused = unused_features(&levels, scene, config);
+        let unused = unused_features(&levels, &choice, scene, config);
         let build_time = start.elapsed();
-        Ok(Self { levels, unused, build_time, history: History::new(scene, config, one, build_time) })
+        Ok(Self { levels, choice, unused, build_time, history: History::new(scene, config, one, build_time) })
     }
 
     /// One level or two.
@@ -295,27 +295,21 @@ pub(crate) fn instances(scene: &Scene) -> Vec<canted_tlas::Instance> {
 /// # Errors
 /// One level was requested, and the scene exceeds what one BVH can index.
 pub fn has_one_level(scene: &Scene, config: &SceneBvhConfig) -> Result<bool, PrepareError> {
-    has_one_level_in(Capacity::of(config), scene, config)
+    level_choice(scene, config).map(|choice| choice.is_one)
 }
 
-fn has_one_level_in(capacity: Capacity, scene: &Scene, config: &SceneBvhConfig) -> Result<bool, PrepareError> {
-    let n_triangles = scene.n_placed_triangles();
-    let fits = capacity.check(scene);
-    let one = match config.levels {
-        _ if scene.has_motion() || scene.has_curves() => false,
-        // One level traces faster: no bounds of whole meshes that overlap, and no transforms.
-        Levels::Auto => fits.is_ok() && n_triangles as f64 <= WORTH_FLATTENING * scene.n_unique_triangles() as f64,
-        Levels::One => true,
-        Levels::Two => false,
-    };
-    if one {
-        fits?;
-    }
-    Ok(one)
+/// The number of levels that [`SceneBvh::build`] gives a scene, and why.
+pub(crate) fn level_choice(scene: &Scene, config: &SceneBvhConfig) -> Result<LevelChoice, PrepareError> {
+    LevelChoice::of(scene, config, Capacity::of(config).check(scene))
 }
 
 /// Features that `scene` does not need in this structure.
-pub(crate) fn unused_features(levels: &SceneLevels, scene: &Scene, config: &SceneBvhConfig) -> Vec<UnusedFeature> {
+pub(crate) fn unused_features(
+    levels: &SceneLevels,
+    choice: &LevelChoice,
+    scene: &Scene,
+    config: &SceneBvhConfig,
+) -> Vec<UnusedFeature> {
     let aligned = match config.kind {
         BvhKind::Bvh2 if config.volumes == Strategy::Aabb => Some("axis-aligned boxes were requested"),
         BvhKind::Bih | BvhKind::KdTree => Some("the requested structure has none"),
@@ -325,11 +319,11 @@ pub(crate) fn unused_features(levels: &SceneLevels, scene: &Scene, config: &Scen
             (!has_any).then_some("no gain in predicted cost")
         }
     };
-    let one_level = match config.levels {
-        _ if !matches!(levels, SceneLevels::One(_)) => None,
-        Levels::One => Some("one level was requested"),
-        _ => Some("few meshes have several instances"),
-    };
+    let one_level = choice.is_one.then_some(match choice.reason {
+        LevelReason::Requested => "one level was requested",
+        LevelReason::OneInstance => "there is at most one instance",
+        _ => "one level is predicted to cost rays less",
+    });
     let any_material = |has: fn(&Material) -> bool| scene.materials.iter().any(has);
     let unless = |needed: bool, reason| (!needed).then_some(reason);
     [
@@ -413,6 +407,7 @@ mod tests {
     use canted_scene::{Instance, Mesh, MeshId};
 
     use super::*;
+    use crate::Levels;
 
     /// Two triangles over four vertices; `is_bad` where one has an invalid index.
     fn mesh(is_bad: bool) -> Mesh {

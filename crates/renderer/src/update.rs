@@ -13,8 +13,7 @@ use rayon::prelude::*;
 
 use crate::bottom_level::Triangles;
 use crate::scene_bvh::{
-    FlatBvh, MeshKey, SceneLevels, flatten_distinct, has_one_level, instances, mirrors, triangle_shares,
-    unused_features,
+    FlatBvh, MeshKey, SceneLevels, flatten_distinct, instances, level_choice, mirrors, triangle_shares, unused_features,
 };
 use crate::update_policy::{BvhCosts, UpdatePolicy};
 use crate::{BottomLevel, PrepareError, SceneBvh, SceneBvhConfig, coincident};
@@ -99,7 +98,7 @@ impl SceneBvh {
         let changed = if was_stale { None } else { self.update_levels(scene, &keys, options).ok().flatten() };
         let mut updates = match changed {
             Some(updates) => {
-                self.unused = unused_features(&self.levels, scene, &self.history.config);
+                self.unused = unused_features(&self.levels, &self.choice, scene, &self.history.config);
                 updates
             }
             None => {
@@ -127,12 +126,17 @@ impl SceneBvh {
         keys: &[MeshKey],
         options: &UpdateOptions,
     ) -> Result<Option<Updates>, PrepareError> {
-        let Self { levels, history, .. } = self;
-        let is_one = matches!(levels, SceneLevels::One(_));
-        if is_one != has_one_level(scene, &history.config)? || keys.len() != history.meshes.len() {
+        let Self { levels, choice, history, .. } = self;
+        if keys.len() != history.meshes.len() {
             return Ok(None);
         }
         let changed: Vec<usize> = (0..keys.len()).filter(|&i| keys[i] != history.meshes[i]).collect();
+        if !changed.is_empty() || scene.instances != history.instances {
+            *choice = level_choice(scene, &history.config)?;
+        }
+        if choice.is_one != matches!(levels, SceneLevels::One(_)) {
+            return Ok(None);
+        }
         let mut update = BvhUpdate { config: history.config, options, updates: Updates::default() };
         match levels {
             SceneLevels::One(flat) => {

@@ -80,13 +80,14 @@ fn report<'a>(name: &'a str, scene: &'a Scene, args: &Args, machine: &Machine) -
     let config = Structure::default().config_for(scene);
     let bvh = SceneBvh::build(scene, &config)?;
     let not_needed = render::not_needed(&bvh.unused, false);
+    let levels = bvh.choice;
     let first = args.time.unwrap_or(0.0);
     let motion = motion::measure(args.scene.as_deref(), first, &args.read_options(Some(first)), &config)?;
     #[cfg(feature = "gpu")]
     let gpu = gpu::measure(machine, scene, &bvh)?;
     #[cfg(not(feature = "gpu"))]
     let gpu = None;
-    Ok(tables::Report { name, scene, binary, wide, planes, not_needed, motion, gpu })
+    Ok(tables::Report { name, scene, binary, wide, planes, not_needed, levels, motion, gpu })
 }
 
 /// The scale from a mesh to the world, by its first instance.

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use canted_lbvh::Strategy;
+use canted_renderer::{LevelChoice, LevelReason};
 use canted_scene::Scene;
 use serde_json::{Value, json};
 
@@ -22,6 +23,8 @@ pub(super) struct Report<'a> {
     pub(super) wide: WideStats,
     pub(super) planes: PlaneStats,
     pub(super) not_needed: Value,
+    /// How many levels `canted render` gives the scene, and why.
+    pub(super) levels: LevelChoice,
     /// Updates between frames of an animated file.
     pub(super) motion: Option<Motion>,
     /// Measurements on a GPU as JSON and as tables.
@@ -31,7 +34,7 @@ pub(super) struct Report<'a> {
 impl Report<'_> {
     /// One JSON object.
     pub(super) fn json(&self) -> String {
-        let Self { name, scene, binary, wide, planes, not_needed, motion, gpu } = self;
+        let Self { name, scene, binary, wide, planes, not_needed, levels, motion, gpu } = self;
         let mut all = json!({
             "scene": name,
             "meshes": scene.meshes.len(),
@@ -45,6 +48,7 @@ impl Report<'_> {
             "wide": wide::json(wide),
             "planes": planes.json(),
             "not_needed": not_needed,
+            "levels": levels_json(levels),
         });
         if let Some(motion) = motion {
             all["motion"] = motion.json();
@@ -57,7 +61,7 @@ impl Report<'_> {
 
     /// Tables.
     pub(super) fn text(&self) -> String {
-        let Self { name, scene, binary, wide, planes, not_needed, motion, gpu } = self;
+        let Self { name, scene, binary, wide, planes, not_needed, levels, motion, gpu } = self;
         let mut out = String::new();
         // Writing to a String cannot fail.
         let _ = writeln!(
@@ -82,7 +86,8 @@ impl Report<'_> {
         }
         planes.text(&mut out);
         passes(&mut out, binary);
-        let _ = writeln!(out, "\nNot needed to render the scene: {}", render::parts_text(not_needed));
+        let _ = writeln!(out, "\nLevels of BVHs to render the scene: {levels}");
+        let _ = writeln!(out, "Not needed to render the scene: {}", render::parts_text(not_needed));
         if let Some(motion) = motion {
             out.push_str(&motion.text());
         }
@@ -131,6 +136,15 @@ fn ratio(a: f64, b: f64) -> f64 {
 
 fn n_vertices(scene: &Scene) -> usize {
     scene.meshes.iter().map(|mesh| mesh.positions.len()).sum()
+}
+
+/// The number of levels, why, and what was predicted.
+fn levels_json(choice: &LevelChoice) -> Value {
+    let mut levels = json!({ "number": if choice.is_one { 1 } else { 2 }, "reason": choice.reason.name() });
+    if let LevelReason::Predicted(costs) = choice.reason {
+        levels["predicted"] = json!({ "one": costs.one, "two": costs.two });
+    }
+    levels
 }
 
 /// Sums and costs of each strategy, then the ratio of the volume sums of each pair.

@@ -126,7 +126,7 @@ fn reported_parts_are_not_needed() {
         facts["not_needed"].as_array().unwrap().iter().map(|u| (text(&u["part"]), text(&u["reason"]))).collect()
     };
     let has = |parts: &[(String, String)], part: &str, reason: &str| parts.contains(&(part.into(), reason.into()));
-    assert!(has(&parts(""), "top-level BVH", "few meshes have several instances"));
+    assert!(has(&parts(""), "top-level BVH", "one level is predicted to cost rays less"));
     assert!(has(&parts("--levels one"), "top-level BVH", "one level was requested"));
     // Shadow rays sample the sky although the scene has no lights.
     let sky = parts("--integrator path --env 1,1,1");

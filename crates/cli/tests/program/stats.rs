@@ -115,6 +115,17 @@ fn diagonal_bars_give_oriented_nodes() {
 }
 
 #[test]
+fn the_number_of_levels_is_reported_with_its_reason() {
+    let folder = Folder::new();
+    folder.write("lattice.obj", lattice(200));
+    let levels = &folder.run("stats lattice.obj --presets fast --json").done().json()["levels"];
+    assert_eq!((&levels["number"], &levels["reason"]), (&1.into(), &"predicted cost".into()), "{levels}");
+    assert!(number(&levels["predicted"], "one") < number(&levels["predicted"], "two"), "{levels}");
+    let text = folder.run("stats lattice.obj --presets fast").done().stdout;
+    assert!(text.contains("Levels of BVHs to render the scene: one level: predicted cost "), "{text}");
+}
+
+#[test]
 fn a_grid_gives_aligned_nodes() {
     let folder = Folder::new();
     let mut obj = String::new();
